@@ -8,12 +8,11 @@ use crate::math::Vec3;
 /// Largest ratio of the square roots of the two alphas that the table reaches.
 pub const LARGEST_ROOT_RATIO: f32 = 4.0;
 
-/// Nodes along the table's axes: the square root r of the smaller alpha, from the least on; how far the root of the larger
-/// one is from it on the way to four times as much, or 1; how far the root of the alpha along the azimuth is from the
-/// first on the way to the second; and [`cosine_axis`].
+/// Nodes along the table's axes: the square root r of the smaller alpha; the root of the larger alpha, as a position between r and
+/// min(4 r, 1); the root of the alpha along the azimuth, as a position between these two roots; and [`cosine_axis`].
 const NODES: [usize; 4] = [16, 13, 11, 28];
 
-/// No number of the table is larger.
+/// Largest number of the table.
 const LARGEST: f32 = 6.5;
 
 /// Added to both shares before ratios are taken, so that tiny ones don't matter.
@@ -62,8 +61,7 @@ const KINK: f32 = 1.0 / LARGEST_ROOT_RATIO;
 const AT_KINK: f32 = 0.4;
 const _: () = assert!((NODES[0] - 1).is_multiple_of(5));
 
-/// The alpha of isotropic facets that look alike: as rough as those along the azimuth at grazing incidence, as both in
-/// the quadratic mean from above. `squared` is the squared cosine of the azimuth to the direction of `along`.
+/// The alpha of similar isotropic facets: that along the azimuth at grazing incidence, the quadratic mean of both from above. `squared` is the squared cosine of the azimuth to the direction of `along`.
 #[inline(always)]
 fn equivalent_alpha(cosine: f32, squared: f32, [along, across]: [f32; 2]) -> f32 {
     let upright = cosine * cosine * (2.0 - cosine * cosine);
@@ -79,10 +77,10 @@ fn cosine_axis(cosine: f32, equivalent: f32) -> f32 {
     0.7 * root * (1.0 + roughness) / (root + roughness) + 0.3 * cosine
 }
 
-/// A direction above facets of two roughnesses, and the facets of one that look alike.
+/// A direction above facets of two roughnesses, and the similar isotropic facets.
 struct EquivalentFacets {
     cosine: f32,
-    /// Alpha of the facets that look alike.
+    /// Alpha of the similar isotropic facets.
     equivalent: f32,
     /// How far the larger alpha is from the smaller one, 0 to 1.
     spread: f32,
@@ -111,8 +109,8 @@ impl EquivalentFacets {
         EquivalentFacets { cosine, equivalent, spread, lost, grazing }
     }
 
-    /// Light of a Fresnel term's rise, by that of the facets that look alike. More by the larger errors, so that not too
-    /// much is left to what is below.
+    /// Light of a Fresnel term's rise, by that of the similar isotropic facets. A bound on the error is added, so that not too much
+    /// light reaches the layer below.
     #[inline(always)]
     fn rise(&self, isotropic: f32, error: f32) -> f32 {
         (isotropic + FLOOR) * self.grazing - FLOOR + error * self.spread
@@ -125,13 +123,13 @@ pub fn anisotropic_albedo(wo: Vec3, alpha: [f32; 2]) -> DirectionalAlbedo {
     let seen = EquivalentFacets::new(wo, alpha);
     let isotropic = DirectionalAlbedo::at(seen.cosine, seen.equivalent);
     let lost = (1.0 - isotropic.full + FLOOR) * seen.lost - FLOOR;
-    // In doubt too much by the larger errors between nodes, so that compensation adds no light.
+    // A bound on the error between nodes is added, so that compensation adds no light.
     let full = (1.0 - lost + seen.spread * (0.002 + 0.001 * (lost - seen.cosine))).clamp(1e-3, 1.0);
     DirectionalAlbedo { full, grazing: seen.rise(isotropic.grazing, 0.002).clamp(0.0, full) }
 }
 
-/// The part of it that the curve of a dielectric weighs. It stands to that of isotropic facets as the parts by Schlick's
-/// weight do, which are much alike: for alphas of 0.001 to 1 and indices of 1.02 to 3.5 the exact part is up to 0.0026
+/// The part of it weighted by the curve of a dielectric. Its ratio to that of isotropic facets is taken from the parts by Schlick's
+/// weight, which are similar: for alphas of 0.001 to 1 and indices of 1.02 to 3.5 the exact part is up to 0.0026
 /// larger than what that gives, and in one of a hundred places more than 0.0036 smaller.
 #[inline]
 pub fn anisotropic_dielectric_grazing(wo: Vec3, alpha: [f32; 2], curve: DielectricCurve) -> f32 {

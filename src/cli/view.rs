@@ -345,7 +345,7 @@ impl Model {
     /// Loads the scene again, as the wish of a number asks for.
     ///
     /// # Errors
-    /// As [`Model::load`]; it is then as it was.
+    /// As [`Model::load`]; the scene then stays as it was.
     pub fn reload(
         &mut self,
         args: &ViewArgs,
@@ -353,16 +353,16 @@ impl Model {
         cancel: &CancelHandle,
         loads: u64,
     ) -> Result<()> {
-        // Whatever comes of it, it was tried.
+        // Also if it fails: it is tried once.
         self.loads = loads;
         *self = Model { loads, ..Model::load(args, files, cancel)? };
         Ok(())
     }
 
-    /// Brings it to what is wanted.
+    /// Adjusts and compiles the scene for a request.
     ///
     /// # Errors
-    /// As compiling has them; it is then as it was.
+    /// Those of compiling; the scene then stays as it was.
     pub fn follow(&mut self, wish: &ViewRequest) -> Result<()> {
         let camera = wish.pose.camera();
         let wanted = wish.rotation.or(self.own_rotation);
@@ -459,7 +459,7 @@ fn render_wishes(
             let taken = loaded.and_then(|()| take_over(args, &model, &mut order.wish, shared));
             broken = taken.err().map_or(String::new(), |error| error.to_string());
         }
-        // Whatever went wrong, what was there before is still there and continues.
+        // After an error the earlier scene stays and is rendered.
         let followed = model.follow(&order.wish);
         report_trouble(shared, followed.err().map_or(broken.clone(), |error| error.to_string()));
         if let Err(error) = render(&model, &order, shared, &mut speed) {
@@ -494,7 +494,7 @@ fn take_over(args: &ViewArgs, model: &Model, wish: &mut ViewRequest, shared: &Sh
     Ok(())
 }
 
-/// Shows what went wrong, unless it is shown.
+/// Shows an error, unless it is shown already.
 fn report_trouble(shared: &Shared, trouble: String) {
     if shared.lock().trouble != trouble {
         shared.show(|state| state.trouble = trouble);
@@ -517,7 +517,7 @@ fn render(model: &Model, order: &RenderRequest, shared: &Shared, speed: &mut f64
     Ok(())
 }
 
-/// Renders at the size divided by a scale. Returns whether nothing came between.
+/// Renders at the size divided by a scale. Returns false if a newer request cancelled it.
 fn render_at(
     model: &Model,
     order: &RenderRequest,
@@ -559,7 +559,7 @@ fn render_at(
         }
         let is_done = outcome != PassOutcome::Progressed;
         let frame = Frame { scale, ..Frame::of(&rendering, is_done && is_last, order.number) };
-        // One that came late would take the place of a newer one.
+        // A late frame would replace a newer one.
         if order.cancel.is_cancelled() {
             return Ok(false);
         }

@@ -1,4 +1,4 @@
-//! Reconstruction filters by importance sampling: instead of weighting a sample by the filter, its place is drawn from
+//! Reconstruction filters by importance sampling: instead of weighting a sample by the filter, its position is drawn from
 //! the filter (Ernst, Stamminger, Greiner 2006, "Filter Importance Sampling"). Every sample then counts the same and
 //! belongs to one pixel, which needs no border around tiles.
 
@@ -89,8 +89,8 @@ impl FilterSampler {
         self.radius
     }
 
-    /// The filter at an offset, per pixel: the density of [`FilterSampler::sample`], for light that arrives at places of
-    /// its own choice.
+    /// The filter at an offset, per pixel: the density of [`FilterSampler::sample`], for splats, whose positions
+    /// are not drawn from the filter.
     #[inline]
     pub fn value(&self, offset: f32) -> f32 {
         let place = offset.abs() / self.radius * VALUES as f32;

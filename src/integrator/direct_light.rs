@@ -494,7 +494,7 @@ impl<C: VertexClass, T: Horizon> Kernel for Direct<'_, C, T> {
             let mut weight = light_pdf.mis_weight_over_pdf(pdf) * self.counts.share;
             let mut eval = eval;
             if T::SOFTENS && !C::Closure::IN_MEDIUM && !closure.crosses(wi) {
-                weight *= self.horizon.kept(v, i, [ns * side, ng * side], side, wi);
+                weight *= self.horizon.light_factor(v, i, [ns * side, ng * side], side, wi);
                 let relief;
                 (eval, relief) = closure.on_relief(self.horizon, (v, i), (ns * side, side), (wi, eval));
                 weight *= relief;

@@ -9,12 +9,12 @@
 //!
 //! So that no light counts twice, rays that compete with light samples pass with the same transmittance, and their emission is weighted
 //! by the same densities. A ray that does not pass is reflected, with the reflectance of the whole body, r = R + T^2 R a^2 / (1 - R^2 a^2).
-//! Rays that don't compete (from the camera, from mirrors) meet the two faces as those of any other solid.
+//! Rays that don't compete (from the camera, from mirrors) treat the two faces as those of any other solid.
 //!
 //! Neglected: light reflected k times within the body leaves it shifted by 2 k d tan(theta') more, d being the thickness: for
 //! glass this moves some 0.2 % of the light by some two thicknesses. Occluders between a vertex and a pane are tested along the straight
-//! connection to lights that are not at infinity: edges of shadows move by less than the thickness. Light reflected to and fro between
-//! two panes is found by scattered rays.
+//! connection to lights that are not at infinity: edges of shadows move by less than the thickness. Multiple reflections between
+//! two panes are found by scattered rays.
 
 use super::Integrator;
 use super::guiding::Guided;
@@ -143,7 +143,7 @@ impl Integrator<'_> {
         interior == Interior::AIR || self.scene.media[usize::from(interior.medium())].adds_up
     }
 
-    /// Forgets the panes that the rays of the bounce before passed.
+    /// Clears the panes passed at the bounce before.
     pub(super) fn start_crossings(&self, w: &mut Workspace) {
         w.crossings.clear();
         if self.scene.features.panes {
@@ -255,7 +255,7 @@ impl Integrator<'_> {
         }));
     }
 
-    /// The shadow ray of vertex `i` behind the pane that it hit; `None` if it is none. Turns light samples at a finite distance to the
+    /// The shadow ray of vertex `i` behind the pane that it hit; `None` if the hit is no pane. Turns light samples at a finite distance to the
     /// refracted connection.
     pub(super) fn shadow_ray_passes_pane(
         &self,

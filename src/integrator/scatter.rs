@@ -135,8 +135,11 @@ impl<C: VertexClass, T: Horizon> Kernel for Scatter<'_, C, T> {
                     let dimmed = sample_on_relief(&closure, self.horizon, (v, i), (ns * side, side), &s);
                     throughput = get_rgb(&path.throughput, i) * if is_whole { s.weight } else { dimmed };
                 }
-                throughput *=
-                    if is_whole { 1.0 } else { self.horizon.kept(v, i, [ns * side, ng * side], side, wi) };
+                throughput *= if is_whole {
+                    1.0
+                } else {
+                    self.horizon.light_factor(v, i, [ns * side, ng * side], side, wi)
+                };
             }
             if !C::Closure::OPAQUE {
                 path.roulette_scale[i] *= s.eta * s.eta;

@@ -247,7 +247,7 @@ pub(super) trait Horizon: Copy + Sync {
 
     /// The factor on light from `wi` at vertex `i`, whose shading normal is `ns` and geometric one `ng`, both on the side of `wi`; `side` is -1 where those
     /// of the vertex are on the other side.
-    fn kept(self, v: &Vertices, i: usize, normals: [Vec3; 2], side: f32, wi: Vec3) -> f32;
+    fn light_factor(self, v: &Vertices, i: usize, normals: [Vec3; 2], side: f32, wi: Vec3) -> f32;
 
     /// The factor on the diffuse part besides, with `ns` and `side` as above.
     #[inline(always)]
@@ -318,14 +318,14 @@ impl Horizon for Sharp {
     const SOFTENS: bool = false;
 
     #[inline(always)]
-    fn kept(self, _: &Vertices, _: usize, _: [Vec3; 2], _: f32, _: Vec3) -> f32 {
+    fn light_factor(self, _: &Vertices, _: usize, _: [Vec3; 2], _: f32, _: Vec3) -> f32 {
         1.0
     }
 }
 
 impl Horizon for Soft {
     #[inline(always)]
-    fn kept(self, _: &Vertices, _: usize, [ns, ng]: [Vec3; 2], _: f32, wi: Vec3) -> f32 {
+    fn light_factor(self, _: &Vertices, _: usize, [ns, ng]: [Vec3; 2], _: f32, wi: Vec3) -> f32 {
         terminator(ns, ng, wi)
     }
 }
@@ -334,7 +334,7 @@ impl Horizon for Relief {
     const HAS_RELIEF: bool = true;
 
     #[inline(always)]
-    fn kept(self, v: &Vertices, i: usize, [ns, ng]: [Vec3; 2], side: f32, wi: Vec3) -> f32 {
+    fn light_factor(self, v: &Vertices, i: usize, [ns, ng]: [Vec3; 2], side: f32, wi: Vec3) -> f32 {
         terminator_at(v.relief[i], [ns, get(&v.smooth, i) * side, ng], wi)
     }
 

@@ -332,10 +332,10 @@ pub(super) fn eval_at_horizon<C: Closure>(
     let normals = [ns * side, ng * side];
     match terminator {
         Terminator::Sharp => (eval, 1.0),
-        Terminator::Soft => (eval, Soft.kept(v, i, normals, side, wi)),
+        Terminator::Soft => (eval, Soft.light_factor(v, i, normals, side, wi)),
         Terminator::Relief => {
             let (eval, relief) = closure.on_relief(Relief, (v, i), (ns * side, side), (wi, eval));
-            (eval, Relief.kept(v, i, normals, side, wi) * relief)
+            (eval, Relief.light_factor(v, i, normals, side, wi) * relief)
         }
         Terminator::SharpRelief => closure.on_relief(SharpRelief, (v, i), (ns * side, side), (wi, eval)),
     }

@@ -103,11 +103,6 @@ impl Shape for Disk {
     }
 
     #[inline(always)]
-    fn is_flat(&self) -> bool {
-        true
-    }
-
-    #[inline(always)]
     fn normal(&self) -> Option<Vec3> {
         Some(self.unit_normal())
     }
@@ -224,19 +219,9 @@ impl Shape for FacingDisk {
         (self.center, self.radius)
     }
 
-    fn bounds(&self) -> Bounds3 {
-        let half = Vec3::splat(self.radius);
-        Bounds3 { min: self.center - half, max: self.center + half }
-    }
-
     #[inline(always)]
     fn is_flat(&self) -> bool {
         true
-    }
-
-    #[inline(always)]
-    fn normal(&self) -> Option<Vec3> {
-        None
     }
 
     #[inline(always)]

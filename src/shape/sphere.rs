@@ -77,21 +77,6 @@ impl Shape for Sphere {
         (self.center, self.radius)
     }
 
-    fn bounds(&self) -> Bounds3 {
-        let half = Vec3::splat(self.radius);
-        Bounds3 { min: self.center - half, max: self.center + half }
-    }
-
-    #[inline(always)]
-    fn is_flat(&self) -> bool {
-        false
-    }
-
-    #[inline(always)]
-    fn normal(&self) -> Option<Vec3> {
-        None
-    }
-
     #[inline(always)]
     fn intersect(&self, ray: &PreparedRay, t_min: f32, t_max: f32) -> Option<f32> {
         let [near, far] = self.roots(ray)?;
@@ -317,16 +302,6 @@ impl Shape for Shell {
 
     fn bounds(&self) -> Bounds3 {
         self.0.bounds()
-    }
-
-    #[inline(always)]
-    fn is_flat(&self) -> bool {
-        self.0.is_flat()
-    }
-
-    #[inline(always)]
-    fn normal(&self) -> Option<Vec3> {
-        self.0.normal()
     }
 
     #[inline(always)]

@@ -9,13 +9,22 @@ pub trait Shape {
     fn center_and_radius(&self) -> (Vec3, f32);
 
     /// Its bounding box, up to rounding to nearest.
-    fn bounds(&self) -> Bounds3;
+    fn bounds(&self) -> Bounds3 {
+        let (center, radius) = self.center_and_radius();
+        Bounds3 { min: center - Vec3::splat(radius), max: center + Vec3::splat(radius) }
+    }
 
     /// Has it two sides, so that no ray that leaves it intersects it again?
-    fn is_flat(&self) -> bool;
+    #[inline(always)]
+    fn is_flat(&self) -> bool {
+        self.normal().is_some()
+    }
 
     /// The front's unit normal, if it is the same everywhere.
-    fn normal(&self) -> Option<Vec3>;
+    #[inline(always)]
+    fn normal(&self) -> Option<Vec3> {
+        None
+    }
 
     /// The smallest parameter in `t_min < t <= t_max` at which a ray intersects it.
     fn intersect(&self, ray: &PreparedRay, t_min: f32, t_max: f32) -> Option<f32>;

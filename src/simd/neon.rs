@@ -1,5 +1,5 @@
-//! The NEON level of [`Wide`]: eight lanes are two registers of four. No instruction here looks at what a lane that is not
-//! asked for holds, and none is fused but the box test's.
+//! The NEON level of [`Wide`]: eight lanes are two registers of four. Results don't depend on the contents of masked lanes, and only the
+//! box test has fused instructions.
 
 use super::boxes::{self, BoxRay, Entry, LANES_OF_MASK, Planes};
 use super::wide::{Lanes, WIDEN_UNITS, Wide};

@@ -62,7 +62,7 @@ fn decode_images(loaded: &mut Loaded) -> Result<()> {
     Ok(())
 }
 
-// The answer for programs.
+// Output as JSON.
 
 /// One object with everything.
 #[derive(Serialize)]
@@ -278,12 +278,12 @@ fn warning(warning: &Warning) -> WarningEntry<'_> {
     WarningEntry { file, place: &warning.place, message: &warning.message }
 }
 
-// The objects of a scene for programs.
+// The objects of a scene as JSON.
 
 /// The lower and the upper corner.
 pub type Bounds = [[f64; 3]; 2];
 
-/// The bounds of what has any.
+/// The bounds of a non-empty extent.
 pub fn bounds(extent: Extent) -> Option<Bounds> {
     extent.0.map(|(low, high)| [low.to_array(), high.to_array()])
 }

@@ -18,8 +18,7 @@ const MAX_BYTES: usize = 1 << 16;
 const READING: Duration = Duration::from_secs(5);
 /// How long an answer may take to leave.
 const WRITING: Duration = Duration::from_secs(30);
-/// How much and how long is read on of a request that was refused: a socket that is closed before would take the answer
-/// with it.
+/// Bytes and time for reading the rest of a refused request: closing the socket earlier would discard the response.
 const LINGERING: (usize, Duration) = (1 << 20, Duration::from_millis(500));
 /// Between two tries to accept a connection where the system has no room for it.
 const PAUSE: Duration = Duration::from_millis(50);
@@ -82,7 +81,7 @@ pub(super) fn serve(listener: &TcpListener, is_over: &AtomicBool, answer: &Arc<A
             // A client that is gone is no loss.
             let _ = converse(stream, &slot, &*answer);
         };
-        // Where there is no thread to be had, the connection and its slot are dropped with the closure.
+        // If no thread can be started, the connection and its slot are dropped with the closure.
         let _ = std::thread::Builder::new().name("page".to_string()).spawn(work);
     }
 }
@@ -184,7 +183,7 @@ fn receive(stream: &mut TcpStream, until: Instant) -> Result<Request, Flaw> {
     }
     let length = request.header("content-length").map_or(Some(0), |text| {
         let is_number = !text.is_empty() && text.bytes().all(|b| b.is_ascii_digit());
-        // A length beyond all numbers is one, too.
+        // A length that overflows is too long.
         is_number.then(|| text.parse().unwrap_or(usize::MAX))
     });
     let length = length.ok_or(Flaw::Refused(400, "the body's length is no number"))?;
@@ -291,7 +290,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn requests_are_taken_apart() {
+    fn requests_are_parsed() {
         let request =
             parse(b"POST /set?a=1 HTTP/1.1\r\nHost: a\r\nX-Y:\t b c \r\nEmpty:").expect("a request");
         assert_eq!((request.method.as_str(), request.target.as_str()), ("POST", "/set?a=1"));
@@ -301,7 +300,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_request_is_refused() {
+    fn malformed_requests_are_refused() {
         for text in [
             "",
             "GET /",

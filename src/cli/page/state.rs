@@ -54,7 +54,7 @@ impl ViewRequest {
         }
     }
 
-    /// Brings it to a scene that was loaded again, which is shown as `own` says at first; before, there were these sizes.
+    /// Adjusts the request to a scene that was loaded again: `own` is its initial request, `sizes_before` were the sizes to choose from.
     pub fn fit(&mut self, own: &ViewRequest, sizes_before: &[(u32, u32)], facts: &SceneInfo, poses: &[Pose]) {
         if !facts.sizes.contains(&self.size) {
             let place = sizes_before.iter().position(|size| *size == self.size);
@@ -226,7 +226,7 @@ impl Shared {
         state.frame.clone().filter(|_| !state.is_over)
     }
 
-    /// Waits until there is more to show than `version`; gives up after a while.
+    /// Waits for a newer version than `version`, at most for `most`.
     pub fn wait_for_news(&self, version: u64, most: Duration) -> MutexGuard<'_, State> {
         let is_old =
             |state: &mut State| (state.version <= version || state.frame.is_none()) && !state.is_over;

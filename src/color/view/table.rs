@@ -1,4 +1,4 @@
-//! Views as tables: a curve a channel, then a lattice of colours; from files of the format cinespace (`.csp`), as OpenColorIO
+//! View transforms as tables: a curve per channel, then a 3D lattice of colours; from files of the format cinespace (`.csp`), as OpenColorIO
 //! writes it (`ociobakelut --format cinespace`), and from those of the exporter of Blender's scenes (`.view`).
 //!
 //! A `.view` file has, in little-endian order: the eight bytes of [`MAGIC`]; the number of knots (`u32`), the knots and their

@@ -59,9 +59,9 @@ pub(in super::super) fn scatter<T: Horizon>(
     range: Range<usize>,
     wave: &mut Wave,
 ) {
-    dispatch(Choose { params, guide, range: range.clone(), wave });
-    let judge = Judge { floor: guide.floor, uses_adjoint_roulette };
-    dispatch(GoOn { horizon, params, judge, range, wave });
+    dispatch(SampleLambert { params, guide, range: range.clone(), wave });
+    let roulette = AdjointRoulette { floor: guide.floor, uses_adjoint_roulette };
+    dispatch(ScatterLambert { horizon, params, roulette, range, wave });
 }
 
 /// Scatters at vertices of opaque glTF materials, whose diffuse lobes are guided.
@@ -76,21 +76,21 @@ pub(in super::super) fn scatter_metal_rough<T: Horizon>(
     if range.is_empty() {
         return;
     }
-    let judge = Judge { floor: guide.floor, uses_adjoint_roulette };
-    dispatch(ChooseLobe { params, guide, range: range.clone(), wave });
-    dispatch(GoOnRough { horizon, params, judge, densities: guide.densities(), range, wave });
+    let roulette = AdjointRoulette { floor: guide.floor, uses_adjoint_roulette };
+    dispatch(SampleMetalRough { params, guide, range: range.clone(), wave });
+    dispatch(ScatterMetalRough { horizon, params, roulette, densities: guide.densities(), range, wave });
 }
 
 /// Ends paths by what is expected of them.
 #[derive(Clone, Copy)]
-struct Judge {
+struct AdjointRoulette {
     /// Luminance against which paths are judged at least.
     floor: f32,
     /// May paths end by that?
     uses_adjoint_roulette: bool,
 }
 
-impl Judge {
+impl AdjointRoulette {
     /// Does a path continue of which so much is expected, and the factor that makes up for those that don't? Where the cell's mean is not
     /// known, or no reference, as `plain` says. `reference` is what was expected at the path's first guided vertex, 0 before.
     #[inline(always)]
@@ -116,16 +116,16 @@ impl Judge {
     }
 }
 
-/// Chooses points of the square of directions, and gets roulette's number and the mean of the cell: into the first four lanes of the
-/// scratch memory.
-struct Choose<'a> {
+/// Samples points of the square of directions, and reads the number for roulette and the mean of the cell, into the first four lanes
+/// of the scratch memory.
+struct SampleLambert<'a> {
     params: ScatterParams<'a>,
     guide: &'a Guide,
     range: Range<usize>,
     wave: &'a mut Wave,
 }
 
-impl Kernel for Choose<'_> {
+impl Kernel for SampleLambert<'_> {
     type Output = ();
 
     #[inline(always)]
@@ -144,16 +144,16 @@ impl Kernel for Choose<'_> {
     }
 }
 
-/// Makes directions of the chosen points, and plays roulette.
-struct GoOn<'a, T> {
+/// Scatters into the directions of the sampled points, with Russian roulette.
+struct ScatterLambert<'a, T> {
     horizon: T,
     params: ScatterParams<'a>,
-    judge: Judge,
+    roulette: AdjointRoulette,
     range: Range<usize>,
     wave: &'a mut Wave,
 }
 
-impl<T: Horizon> Kernel for GoOn<'_, T> {
+impl<T: Horizon> Kernel for ScatterLambert<'_, T> {
     type Output = ();
 
     #[inline(always)]
@@ -168,13 +168,14 @@ impl<T: Horizon> Kernel for GoOn<'_, T> {
             let throughput_luminance = before.luminance();
             v.guided.throughput_luminance[i] = throughput_luminance;
             let density = v.guided.density[i];
-            let kept = self.horizon.kept(v, i, [ns, ng], 1.0, wi) * self.horizon.relief(v, i, ns, 1.0, wi);
+            let kept =
+                self.horizon.light_factor(v, i, [ns, ng], 1.0, wi) * self.horizon.relief(v, i, ns, 1.0, wi);
             let throughput = before * (1.0 / density) * kept;
             let roulette_scale = path.roulette_scale[i];
             let plain = survival(throughput, roulette_scale, chances[i], self.params.roulette);
             let expected = throughput_luminance * roulette_scale * means[i];
             let (survives, scale) =
-                self.judge.survival(expected, means[i], &mut paths.reference[i], chances[i], plain);
+                self.roulette.survival(expected, means[i], &mut paths.reference[i], chances[i], plain);
             set_rgb(&mut path.throughput, i, throughput * scale);
             set(&mut v.next_origin, i, offset_along(get(&v.p, i), ng, v.offset[i]));
             set(&mut v.next_direction, i, wi);
@@ -185,15 +186,15 @@ impl<T: Horizon> Kernel for GoOn<'_, T> {
     }
 }
 
-/// As [`Choose`], for the diffuse lobes of opaque glTF materials: the points of others stay; the lobe's number into a fifth lane.
-struct ChooseLobe<'a> {
+/// As [`SampleLambert`], for the diffuse lobes of opaque glTF materials: the points of others stay; the lobe's number into a fifth lane.
+struct SampleMetalRough<'a> {
     params: ScatterParams<'a>,
     guide: &'a Guide,
     range: Range<usize>,
     wave: &'a mut Wave,
 }
 
-impl Kernel for ChooseLobe<'_> {
+impl Kernel for SampleMetalRough<'_> {
     type Output = ();
 
     #[inline(always)]
@@ -215,17 +216,17 @@ impl Kernel for ChooseLobe<'_> {
     }
 }
 
-/// Makes directions of the chosen points and lobes, and plays roulette.
-struct GoOnRough<'a, T> {
+/// Scatters into the directions of the sampled points and lobes, with Russian roulette.
+struct ScatterMetalRough<'a, T> {
     horizon: T,
     params: ScatterParams<'a>,
-    judge: Judge,
+    roulette: AdjointRoulette,
     densities: Table<'a, f32>,
     range: Range<usize>,
     wave: &'a mut Wave,
 }
 
-impl<T: Horizon> Kernel for GoOnRough<'_, T> {
+impl<T: Horizon> Kernel for ScatterMetalRough<'_, T> {
     type Output = ();
 
     #[inline(always)]
@@ -244,7 +245,7 @@ impl<T: Horizon> Kernel for GoOnRough<'_, T> {
             // The value over the cosine lobe's: the expected contribution of this direction by the mean of the cell.
             let over_cosine = s.pdf_solid_angle * PI / s.wi.dot(ns);
             v.guided.throughput_luminance[i] = (before * s.weight).luminance() * over_cosine;
-            let kept = if s.is_specular { 1.0 } else { self.horizon.kept(v, i, [ns, ng], 1.0, s.wi) };
+            let kept = if s.is_specular { 1.0 } else { self.horizon.light_factor(v, i, [ns, ng], 1.0, s.wi) };
             let weight = match T::HAS_RELIEF && !s.is_specular {
                 true => sample_on_relief(&closure, self.horizon, (v, i), (ns, 1.0), &s),
                 false => s.weight,
@@ -257,7 +258,7 @@ impl<T: Horizon> Kernel for GoOnRough<'_, T> {
             let mean = if is_diffuse { means[i] } else { NO_MEAN };
             let expected = (before * closure.diffuse_weight()).luminance() * roulette_scale * mean;
             let mut reference = paths.reference[i];
-            let (survives, scale) = self.judge.survival(expected, mean, &mut reference, chances[i], plain);
+            let (survives, scale) = self.roulette.survival(expected, mean, &mut reference, chances[i], plain);
             paths.reference[i] = if is_diffuse { reference } else { paths.reference[i] };
             set_rgb(&mut path.throughput, i, throughput * scale);
             set(&mut v.next_origin, i, offset_along(get(&v.p, i), ng, v.offset[i]));

@@ -272,7 +272,7 @@ impl<C: VertexClass, T: Horizon> Kernel for Connect<'_, C, T> {
                 let eval = closure.eval(wi);
                 let cosine = -wi.dot(get(&pairs.ng, i));
                 let geometry = cosine / squared;
-                let kept = horizon.kept(v, i, [ns, ng], 1.0, wi);
+                let kept = horizon.light_factor(v, i, [ns, ng], 1.0, wi);
                 let (eval, relief) = closure.on_relief(horizon, (v, i), (ns, 1.0), (wi, eval));
                 let value = get_rgb(&prefixes.throughput, i) * eval.f_cos * (kept * relief);
                 let faces = (cosine > 0.0) & (wi.dot(ng) > 0.0) & (eval.pdf_solid_angle > 0.0);

@@ -1,5 +1,5 @@
-"""Whether light that one facet of a rough surface mirrors into others is lost, which each shader of Cycles chooses: so it is in files from before
-Blender 4.0, and in all that grew from them."""
+"""Multiple scattering between the facets of rough surfaces: each shader of Cycles keeps that light or loses it. It is lost in files from before
+Blender 4.0, and in files made from such."""
 
 from . import shaders, trees
 
@@ -8,7 +8,7 @@ KINDS = (
     "ShaderNodeBsdfMetallic",
 )  # fmt: skip
 
-# Smoother surfaces lose nothing that one sees.
+# Smoother surfaces lose no visible amount.
 LEAST_ROUGHNESS = 0.15
 
 
@@ -20,7 +20,7 @@ def keeps_all(node):
 
 
 def model(holders):
-    """`microfacet` of [render] that most shaders want, which are faster than the others; None for the one that loses nothing."""
+    """The value of `microfacet` of [render] for most shaders; None for multiple scattering, the default."""
     kept = lost = 0
     for material in trees.of_materials(holders):
         if not material.use_nodes or material.node_tree is None:

@@ -13,7 +13,7 @@ class Glb:
     """The two chunks of a .glb file."""
 
     def __init__(self):
-        # By its generator the loader knows that the exporter told what was lost.
+        # The generator, by which the loader leaves warnings about losses to the exporter.
         self.json = {"asset": {"version": "2.0", "generator": "Blender I/O, oscura"}, "scene": 0}
         self.binary = bytearray()
 
@@ -72,12 +72,12 @@ def _split(of):
 
 
 class Nodes:
-    """The nodes of the model: those that move have their matrices at all moments."""
+    """The nodes of the model: those that move have their matrices at all times."""
 
     def __init__(self, glb, moves):
         self.glb, self.moves = glb, moves
         self.nodes = []
-        self.moving = []  # (number of the node, its parts at all moments)
+        self.moving = []  # (number of the node, its parts at all times)
 
     def add(self, node, matrix, mark):
         """Adds a node at a matrix."""
@@ -122,7 +122,7 @@ def write(path, found, cameras, empties, moves):
 
 
 def _animate(glb, moves, nodes):
-    """Writes the animation: nodes with their matrices at all moments."""
+    """Writes the animation: nodes with their matrices at all times."""
     if moves is None or not nodes:
         return
     animation = {"channels": [], "samplers": []}
@@ -136,5 +136,5 @@ def _animate(glb, moves, nodes):
 
 
 def _mark_of(name, found):
-    """What tells the light of an empty node apart; its name begins with its number."""
+    """The mark of the light of an empty node, whose name begins with its number."""
     return found.light_marks[int(name.split(":")[0].removeprefix("light "))]

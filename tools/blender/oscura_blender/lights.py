@@ -20,18 +20,18 @@ SKEW = 1e-4
 
 
 def entries(obj, node, light, exposure, links, corners, folder, report):
-    """The entries of [[lights]] for a light at a node (its name and matrix), times the film's exposure: none for what shines not, several
-    where its tree shines by pictures. Profiles and pictures go to the folder. `corners` are those of the boxes around all that
-    is shown."""
+    """The entries of [[lights]] for a light at a node (its name and matrix), times the film's exposure: none for lights without power, several
+    where its node tree emits by pictures. Profiles and pictures go to the folder. `corners` are those of the boxes around all visible
+    objects."""
     if light.type == "AREA" and light.cycles.is_portal:
         return []
     found, (name, matrix) = [], node
-    for strength, color, more in _shining(obj, name, light, corners, folder, report):
+    for strength, color, more in _parts(obj, name, light, corners, folder, report):
         energy = light.energy * strength * exposure
         if energy == 0 or not any(color):
             continue
         if energy < 0 or min(color) < 0:
-            report.warn(obj.name, "light that takes light away is not supported: it is left out")
+            report.warn(obj.name, "light of negative strength is not supported: it is left out")
             continue
         kind, values = _shape(obj, (name, matrix.to_scale()), light, energy, more, folder, report)
         common = {"name": obj.name + more.get("end", ""), "color": color, **_common(obj, light, links)}
@@ -40,7 +40,7 @@ def entries(obj, node, light, exposure, links, corners, folder, report):
 
 
 def _common(obj, light, links):
-    """What entries have for lights of all kinds."""
+    """Keys of all kinds of lights."""
     found = {}
     if group := light_group(obj):
         found["group"] = group
@@ -181,8 +181,8 @@ def _area_factor(light, area):
     return 1 if getattr(light, "normalize", True) or area == 0 else area
 
 
-def _shining(obj, name, light, corners, folder, report):
-    """The lights that one is: for each a factor on its energy, its colour, and what its shape has by its nodes: the node or the
+def _parts(obj, name, light, corners, folder, report):
+    """The parts of a light, each a light of its own: a factor on the energy, a colour, and further keys by its nodes: the node or the
     file of a profile, or a picture."""
     factor = 2.0 ** getattr(light, "exposure", 0.0)
     color = list(light.color)

@@ -1,5 +1,5 @@
 """Node trees as graphs that oscura evaluates: each node of Blender becomes one of the file of settings, with groups, reroutes and muted
-nodes resolved. What has no counterpart is baked (`bakes.py`), and shaders without one become the likest."""
+nodes resolved. Nodes without a counterpart are baked (`bakes.py`), and shaders without one become the most similar one."""
 
 from . import bakes, facets, image_files, mesh_files, shaders
 

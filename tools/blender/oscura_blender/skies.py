@@ -26,7 +26,7 @@ def has_sun(node):
 
 
 def file(node, target, number):
-    """The file of a picture of a sky node without its sun, unless it is kept."""
+    """Writes the picture of a sky node without its sun, from the cache if it is there; gives the file's name."""
     name = f"{target.name}.sky{number}.exr"
     path = os.path.join(target.folder, name)
 
@@ -59,7 +59,7 @@ def sun(world, node, target):
 
 
 def _irradiance(world, to_sun, angle):
-    """What a disk in a direction brings to a surface that faces it beyond what is around it, in three colours; 0 where there is no disk."""
+    """Irradiance of a surface that faces a disk in a direction, without the light around the disk, in three colours; 0 where there is no disk."""
     scene = context.new_scene("oscura sun")
     own = world.copy()
     try:
@@ -79,7 +79,7 @@ def _irradiance(world, to_sun, angle):
 
 
 def _kept(key, target, make):
-    """An array, unless it is kept."""
+    """An array from the cache, else made and cached."""
     kept = target.store.get(key.hexdigest())
     if kept is None:
         kept = {"made": make()}
