@@ -345,8 +345,7 @@ fn shoot(
     let Prepared { scene, labels, camera, resolved, how, kept_aovs, png, build, load_s, .. } = prepared;
     let Prepared { mut notes, mut warnings, left_out, .. } = prepared;
     let log: Vec<Warning> = warnings.iter().chain(&build.notes).cloned().collect();
-    let (size, seed) = ((resolved.options.width, resolved.options.height), resolved.options.seed);
-    check_size(&targets, moving.as_ref(), size)?;
+    check_size(&targets, moving.as_ref(), &resolved.options)?;
     begin(&args, cancel, printed, (&notes, &warnings, &left_out))?;
     let denoising = Denoising::of(&args, &targets, kept_aovs);
     let encode = |shot: FinishedPicture| Pictures::encode(&how, &targets, shot, &png, &log);
@@ -368,8 +367,8 @@ fn shoot(
         load_s,
         denoise_s,
         write_s: 0.0,
-        size,
-        seed,
+        size: (resolved.options.width, resolved.options.height),
+        seed: resolved.options.seed,
         quality: args.quality,
         compiled: build,
         statistics: *picture.statistics(),
@@ -406,7 +405,8 @@ fn begin(
 }
 
 /// Checks that the outputs can store pictures of this size.
-fn check_size(targets: &Targets, moving: Option<&AnimationFiles>, (width, height): (u32, u32)) -> Result<()> {
+fn check_size(targets: &Targets, moving: Option<&AnimationFiles>, options: &RenderOptions) -> Result<()> {
+    let RenderOptions { width, height, .. } = *options;
     targets.check_size(width, height)?;
     moving.map_or(Ok(()), |moving| moving.check_size(width, height))
 }

@@ -147,23 +147,6 @@ impl NoisyLayers {
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.parts.iter().flatten().map(|(name, _)| name.as_str())
     }
-
-    /// A frame of a sequence, denoised by itself, with its motion vectors.
-    pub fn frame(&self, motion: [Vec<f32>; 4]) -> temporal::Frame {
-        let [width, height] = self.size;
-        let squared = |planes: &[Vec<f32>; 3]| {
-            planes.each_ref().map(|plane| plane.iter().map(|v| v * v).collect::<Vec<f32>>())
-        };
-        temporal::Frame {
-            width,
-            height,
-            noisy: self.color.clone(),
-            variance: self.deviations.as_ref().map(squared).or_else(|| self.variance.clone()),
-            normal: self.normal.clone(),
-            motion,
-            denoised: self.denoised(),
-        }
-    }
 }
 
 /// A picture without noise.

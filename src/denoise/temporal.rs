@@ -10,9 +10,8 @@
 //! where their samples do: what remains of their errors, which flickers, falls with the number of frames. Each frame
 //! depends on those near it alone, so that parts of a sequence can be denoised anywhere.
 
-use super::Denoised;
-use super::add_up;
 use super::residual::{Color, slices, smoothed};
+use super::{Denoised, NoisyLayers, add_up};
 use rayon::prelude::*;
 use std::collections::{BTreeSet, VecDeque};
 use std::ops::RangeInclusive;
@@ -51,6 +50,25 @@ pub struct Frame {
     pub motion: [Vec<f32>; 4],
     /// The picture without noise.
     pub denoised: Denoised,
+}
+
+impl NoisyLayers {
+    /// A frame of a sequence, denoised by itself, with its motion vectors.
+    pub fn frame(&self, motion: [Vec<f32>; 4]) -> Frame {
+        let [width, height] = self.size;
+        let squared = |planes: &[Vec<f32>; 3]| {
+            planes.each_ref().map(|plane| plane.iter().map(|v| v * v).collect::<Vec<f32>>())
+        };
+        Frame {
+            width,
+            height,
+            noisy: self.color.clone(),
+            variance: self.deviations.as_ref().map(squared).or_else(|| self.variance.clone()),
+            normal: self.normal.clone(),
+            motion,
+            denoised: self.denoised(),
+        }
+    }
 }
 
 impl Frame {

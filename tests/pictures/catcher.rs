@@ -1,9 +1,10 @@
 //! Shadow catchers over a plate against what the plate shows is really there.
 
 use crate::spectral::pixels;
-use crate::support::{camera, material, options, picture, quad, sphere};
+use crate::support::{camera, material, options, picture, quad, rendering, sphere};
+use oscura::film::AovSet;
 use oscura::math::DVec3;
-use oscura::render::RenderOptions;
+use oscura::render::{PassOutcome, RenderOptions, denoising_guides};
 use oscura::scene::{CatcherOutput, Environment, Light, Material, ObjectTraits, Scene};
 
 const SEEDS: u32 = 10;
@@ -141,4 +142,24 @@ fn shadows_alone_have_no_colour() {
         // The ball is red.
         assert!(all[0] > 1e-3 && all[3] > only[3] + 1e-3, "{all:?} {only:?}");
     }
+}
+
+/// Denoising changes the light on catchers, not the share of samples that hit them.
+#[test]
+fn denoised_shadows_are_as_dark() {
+    let mut scene = scene(true, 0.0);
+    scene.set_object_traits("floor", ObjectTraits { is_shadow_catcher: true, ..ObjectTraits::default() });
+    scene.cameras[0] = camera(DVec3::new(1.1, 2.0, 0.4), DVec3::new(1.1, 0.0, 0.4), DVec3::Z, 50.0);
+    let options = options(32, 64, 4).catchers(true).halves(true).aovs(denoising_guides());
+    let alpha = |is_denoised: bool| {
+        let mut rendering = rendering(&scene, &options);
+        assert_eq!(rendering.run(), PassOutcome::Done);
+        if is_denoised {
+            rendering.denoise(AovSet::NONE);
+        }
+        let film = rendering.into_picture().into_film();
+        film.rgba().iter().map(|pixel| f64::from(pixel[3])).sum::<f64>() / 1024.0
+    };
+    let (noisy, denoised) = (alpha(false), alpha(true));
+    assert!(noisy > 0.05 && (denoised / noisy - 1.0).abs() < 0.05, "{noisy} {denoised}");
 }
