@@ -304,7 +304,7 @@ impl Horizon for SharpRelief {
     const HAS_RELIEF: bool = true;
 
     #[inline(always)]
-    fn kept(self, _: &Vertices, _: usize, _: [Vec3; 2], _: f32, _: Vec3) -> f32 {
+    fn light_factor(self, _: &Vertices, _: usize, _: [Vec3; 2], _: f32, _: Vec3) -> f32 {
         1.0
     }
 
