@@ -3,8 +3,8 @@
 
 use super::args::RenderArgs;
 use super::page::{
-    Edits, Frame, Page, PageDisplay, Pose, RECORDED, RenderRequest, SceneInfo, Shared, ViewRequest, bind,
-    own_command, strengthen,
+    Edits, Frame, LightInfo, Page, PageDisplay, Pose, RECORDED, RenderRequest, SceneInfo, Shared,
+    ViewRequest, bind, own_command, strengthen,
 };
 use super::parsers::whole;
 use super::process::{Outcome, cancel_by_signals};
@@ -24,7 +24,7 @@ use oscura::load::{LoadOptions, Loaded, SavedFiles, Up, leaves_up_open};
 use oscura::math::DVec3;
 use oscura::output::PngOptions;
 use oscura::render::{CancelHandle, Guiding, Labels, PassOutcome, Rendering, ResolvedOptions, in_pool};
-use oscura::scene::{Camera, Environment, Material, Scene, instance_extents, scene_extent};
+use oscura::scene::{Camera, Environment, Light, Material, Scene, instance_extents, scene_extent};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -176,6 +176,8 @@ pub(crate) fn refuse_unused(
 const SAMPLES: u32 = 1024;
 /// Maximum number of pixels that a picture has at first, unless the arguments say so.
 const PIXELS: u64 = 640_000;
+/// Maximum number of lights that pages list.
+const MOST_LIGHTS: usize = 512;
 
 struct Model {
     pub loaded: Loaded,
@@ -195,8 +197,10 @@ struct Model {
     /// Strength of the environment as it was loaded, if it has one that could be another.
     own_strength: Option<f64>,
     strength: Option<f64>,
-    /// The materials as they were loaded, and what was changed of them.
+    /// The materials and lights as they were loaded, and what was changed of them.
     own_materials: Arc<[Material]>,
+    own_lights: Vec<Light>,
+    light_infos: Arc<[LightInfo]>,
     edits: Edits,
 }
 
@@ -238,6 +242,8 @@ impl Model {
         let own_rotation = rotation(&loaded.scene.environment);
         let own_strength = strength(&loaded.scene.environment, args.env_strength);
         let own_materials = loaded.scene.materials.clone().into();
+        let own_lights = loaded.scene.lights.clone();
+        let light_infos = LightInfo::all(&loaded.scene).into_iter().take(MOST_LIGHTS).collect();
         Ok(Model {
             loaded,
             resolved,
@@ -253,6 +259,8 @@ impl Model {
             own_strength,
             strength: own_strength,
             own_materials,
+            own_lights,
+            light_infos,
             edits: Edits::default(),
         })
     }
@@ -301,6 +309,7 @@ impl Model {
             sidecar: sidecar.as_ref().and_then(|path| Some(path.file_name()?.to_string_lossy().into_owned())),
             sidecar_path: sidecar,
             materials: self.own_materials.clone(),
+            lights: self.light_infos.clone(),
             samples: self.samples,
             passes: self.passes(),
             up: leaves_up_open(&args.picture.scene).then(|| args.picture.stage.up.name()),
@@ -393,6 +402,7 @@ impl Model {
         }
         if *edits != self.edits {
             self.loaded.scene.materials = edits.applied(&self.own_materials);
+            edits.change_lights(&mut self.loaded.scene, &self.own_lights);
         }
         (self.rotation, self.strength, self.edits) = (rotation, strength, edits.clone());
     }

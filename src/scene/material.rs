@@ -141,6 +141,8 @@ pub struct Material {
     pub index: u32,
     /// The group of lights that what it emits belongs to, which pictures may hold apart; empty for the default one.
     pub light_group: String,
+    /// It is the surface of a light of the file, whose name it has, and none of the file's materials.
+    pub is_light: bool,
 }
 
 impl Material {
@@ -164,6 +166,7 @@ impl Material {
             emitter_traits: None,
             index: 0,
             light_group: String::new(),
+            is_light: false,
         }
     }
 
@@ -190,7 +193,7 @@ impl Parameters for EmitterTraits {}
 parameters_of_fields! {
     Material {
         name, model, emission, double_sided, alpha_mode, alpha, passing, normal_map, normal, bumped_normal, use_vertex_colors,
-        medium, displacement, priority, emitter_traits, index, light_group,
+        medium, displacement, priority, emitter_traits, index, light_group, is_light,
     }
     Displacement { texture, scale, midlevel, edge }
     Emission { radiance, two_sided }

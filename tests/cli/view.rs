@@ -364,6 +364,58 @@ fn scene_files_show_the_lines_and_the_environment_gets_stronger() {
     assert_command_renders(&view, view.wait(|state| state["strength"] == 0.5 && state["finished"] == true));
 }
 
+/// A wall before the camera and a green lamp in front of it.
+const LIT: &str = r#"{
+    "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0, 1, 2]}],
+    "extensionsUsed": ["KHR_lights_punctual"],
+    "extensions": {"KHR_lights_punctual": {"lights": [{"type": "point", "intensity": 1000, "color": [0, 1, 0]}]}},
+    "nodes": [{"mesh": 0, "scale": [9, 9, 1], "translation": [-3, -3, 0]}, {"camera": 0, "translation": [0, 0, 5]},
+        {"name": "bulb", "translation": [0, 0, 2], "extensions": {"KHR_lights_punctual": {"light": 0}}}],
+    "cameras": [{"type": "perspective", "perspective": {"yfov": 0.7, "znear": 0.1}}],
+    "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+    "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0]}],
+    "bufferViews": [{"buffer": 0, "byteLength": 36}],
+    "buffers": [{"byteLength": 36, "uri": "data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA"}]
+}"#;
+
+#[test]
+fn lamps_are_changed_and_saved_beside_the_model() {
+    let sidecar = "[[lights]]\nname = \"key\"\narea = { center = [0, 0, 4], target = [0, 0, 0], size = [1, 1], power = 1 }\n";
+    let files = [("room.gltf", LIT), ("room.oscura.toml", sidecar)];
+    let view = View::of(&files, &["view", "room.gltf", "--no-open", "--spp", "4"]);
+    let (state, before) = view.finished();
+    let lights: Vec<_> =
+        state["lights"].as_array().unwrap().iter().map(|l| (&l["name"], &l["unit"])).collect();
+    assert_eq!(lights, [(&"bulb".into(), &"W/sr".into()), (&"key".into(), &"W/sr/m²".into())], "{state}");
+    let strength = state["lights"][0]["strength"].as_f64().unwrap();
+
+    let is_shown = |undo: u64| move |state: &Value| state["undo"] == undo && state["finished"] == true;
+    view.post("/set", r#"{"light": ["bulb", {"strength": 0}]}"#);
+    let (_, off) = view.wait(is_shown(1));
+    let green = |pixels: &[u8]| pixel(pixels, 32, 24)[1];
+    assert!(green(&off) < green(&before), "{} {}", green(&off), green(&before));
+    let half = 0.5 * strength;
+    view.post("/set", &format!(r#"{{"light": ["bulb", {{"strength": {half}, "color": [1, 0, 0]}}]}}"#));
+    view.post("/set", r#"{"light": ["key", {"strength": 0}]}"#);
+    let (state, red) = view.wait(is_shown(3));
+    let [r, g, b, _] = pixel(&red, 32, 24);
+    assert!(r > 100 && g == b && g == 0, "red alone: {r} {g} {b}");
+    assert_eq!(state["lights"][0]["color"], serde_json::json!([1.0, 0.0, 0.0]));
+
+    // Saved, a render shows the same; undone, all is as it was.
+    view.post("/save", "");
+    let text = fs::read_to_string(view.folder.path().join("room.oscura.toml")).unwrap();
+    let added = text.strip_prefix(sidecar).expect("the light is as it was");
+    assert!(added.contains("[[lights]]\nname = \"key\"\nradiance = 0.0\n"), "{added}");
+    assert!(added.contains("name = \"bulb\"\nintensity = ") && added.contains("color = [1.0, 0.0, 0.0]"));
+    assert_command_renders(&view, view.wait(is_shown(0)));
+    for nonsense in
+        [r#"{"light": ["bulb", {"strength": -1}]}"#, r#"{"light": ["bulb", {"color": [2, 0, 0]}]}"#]
+    {
+        assert_eq!(view.ask("POST", "/set", nonsense, &[]).0, 400, "{nonsense}");
+    }
+}
+
 #[test]
 fn passes_have_small_pictures() {
     let view = View::new(&[]);

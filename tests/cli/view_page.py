@@ -31,6 +31,9 @@ sky = { nadir = [0, 0, 0], zenith = [1, 1.5, 3] }
 [materials.ball]
 type = "lambert"
 color = [0.8, 0.1, 0.1]
+[[lights]]
+name = "lamp"
+point = { position = [2, 3, 3], power = 100 }
 [[objects]]
 sphere = { center = [0.4, 0.5, 0], radius = 0.5 }
 material = "ball"
@@ -120,6 +123,23 @@ def check_material(page, box, pictures):
     wait_for(page, f"document.getElementById('base_color').value === '{before}'", "the colour as it was")
 
 
+def check_lamp(page):
+    """The lamp's slider and colour change it, and undo takes that back."""
+    shown = "document.getElementById('lamp-strength-value').textContent"
+    before = page.evaluate(shown)
+    assert before == "7.96 W/sr", before
+    page.locator("#lamp-strength").fill("1")
+    wait_for(page, f"{shown} === '15.9 W/sr'", "a lamp of twice the strength")
+    page.locator("#lamp-color").fill("#ff8040")
+    wait_for(page, "document.getElementById('toml').value.includes('color = [1.0, ')", "the lamp's colour as a line")
+    page.locator("#lamp-strength").fill("-8")
+    wait_for(page, f"{shown} === 'off'", "a lamp that is off")
+    while page.locator("#undo").is_enabled():
+        page.keyboard.press("Control+z")
+        page.wait_for_timeout(200)
+    wait_for(page, f"{shown} === '{before}'", "the lamp as it was")
+
+
 def check_panel(page, pictures):
     """Denoising, passes, outlines, the help, and what screen readers announce."""
     page.locator("#denoise").check()
@@ -141,6 +161,7 @@ def check_panel(page, pictures):
     page.keyboard.press("o")
     wait_for(page, "!document.getElementById('outline').getAttribute('d')", "no outline")
     check_material(page, box, pictures)
+    check_lamp(page)
     page.keyboard.press("d")
     wait_for(page, "!document.getElementById('denoise').checked && document.body.dataset.denoised === '0'", "noise")
     page.keyboard.press("?")

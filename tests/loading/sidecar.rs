@@ -124,6 +124,41 @@ fn an_area_light_stands_where_the_exporter_left_an_empty_node() {
 }
 
 #[test]
+fn a_light_without_a_shape_changes_those_of_its_name() {
+    let changed = |more: &str| with_sidecar(&format!("{FULL}[[lights]]\nname = \"key\"\n{more}"));
+    let radiance = |more: &str| {
+        let scene = changed(more).unwrap_or_else(|e| panic!("{e}")).scene;
+        scene.materials[scene.quads[0].material.index()].emission.expect("it emits").radiance.factor
+    };
+    let own = (10.0 / PI) as f32;
+    assert_eq!(radiance("radiance = 4"), [4.0, 2.0, 0.0]);
+    assert_eq!(radiance("color = [0, 1, 1]"), [0.0, own, own]);
+    assert_eq!(radiance("color = [0, 0.5, 1]\nradiance = 2"), [0.0, 1.0, 2.0]);
+    assert_eq!(radiance("intensity = 2"), [own, own * 0.5, 0.0], "that of points");
+    let sun = "[[lights]]\nname = \"sun\"\nsun = { direction = [0, -1, 0], irradiance = 3 }\n";
+    let point = "[[lights]]\nname = \"sun\"\npoint = { position = [0, 1, 0], intensity = 3 }\n";
+    let change = "[[lights]]\nname = \"sun\"\nirradiance = 5\n";
+    let scene = with_sidecar(&format!("{sun}{point}{change}")).unwrap_or_else(|e| panic!("{e}")).scene;
+    assert_eq!([scene.lights[0].intensity, scene.lights[1].intensity], [[5.0; 3], [3.0; 3]]);
+    for (more, part) in [
+        (
+            "[[lights]]\nname = \"kye\"\ncolor = 1",
+            "there is no light 'kye' that could be changed (did you mean 'key'?)",
+        ),
+        (
+            "[[lights]]\nname = \"new\"",
+            "there is no light 'new' that could be changed (a new light has one of area, point, spot, sun)",
+        ),
+        ("pont = {}", "has no key 'pont' (did you mean 'point'?)"),
+        ("radiance = -1", "radiance"),
+        ("group = \"a\"", "has no key 'group'"),
+    ] {
+        let error = changed(more).expect_err(part).to_string();
+        assert!(error.contains(part), "{error}");
+    }
+}
+
+#[test]
 fn sidecars_can_be_left_alone() {
     let model = MODEL.replace("IMAGE", PIXEL);
     let files = [("model.gltf", model.as_str()), ("model.oscura.toml", "this is no TOML")];

@@ -1,6 +1,8 @@
-//! Changes of pages to a scene's materials and environment, their undo, and how they are written into a scene file or a sidecar.
+//! Changes of pages to a scene's materials, lights and environment, their undo, and how they are written into a scene file or a sidecar.
 
-use oscura::scene::{ColorSlot, Emission, Environment, FloatSlot, Material, Model, PbrMaterial, Scene};
+use oscura::scene::{
+    ColorSlot, Emission, Environment, FloatSlot, Light, Material, Model, PbrMaterial, Scene,
+};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -52,12 +54,14 @@ pub(crate) struct MaterialInfo {
     pub textures: Vec<&'static str>,
     /// Can it be changed?
     pub is_editable: bool,
+    /// It is the surface of a light.
+    pub is_light: bool,
 }
 
 impl MaterialInfo {
     pub fn of(material: &Material) -> MaterialInfo {
         let own = pbr(material);
-        let is_editable = own.is_some() && !material.name.is_empty();
+        let is_editable = own.is_some() && !material.name.is_empty() && !material.is_light;
         let model = own.unwrap_or_default();
         let radiance = material.emission.as_ref().map(|emission| emission.radiance);
         let textured = [
@@ -74,6 +78,7 @@ impl MaterialInfo {
             emission: radiance.map_or(0.0, |radiance| largest(radiance.factor)),
             textures: textured.into_iter().filter(|(_, is)| *is).map(|(key, _)| key).collect(),
             is_editable,
+            is_light: material.is_light,
         }
     }
 }
@@ -112,10 +117,90 @@ fn radiance(material: &Material, strength: f32) -> [f32; 3] {
     }
 }
 
-/// All changes, by the names of materials.
+/// What one light becomes; what is `None` stays.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub(crate) struct LightEdit {
+    /// In the light's unit, times `color`.
+    pub strength: Option<f32>,
+    /// Linear Rec. 709, 0..1.
+    pub color: Option<[f32; 3]>,
+}
+
+impl LightEdit {
+    /// Are all numbers in range?
+    pub fn is_valid(&self) -> bool {
+        self.color.iter().flatten().all(|v| (0.0..=1.0).contains(v))
+            && self.strength.is_none_or(|v| (0.0..=1e12).contains(&v))
+    }
+
+    /// This one after an earlier one.
+    fn after(self, earlier: LightEdit) -> LightEdit {
+        LightEdit { strength: self.strength.or(earlier.strength), color: self.color.or(earlier.color) }
+    }
+}
+
+/// What a page shows of the lights of a name: the first of them.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(crate) struct LightInfo {
+    pub name: String,
+    /// The largest component.
+    pub strength: f32,
+    /// Linear, its largest component 1.
+    pub color: [f32; 3],
+    pub unit: &'static str,
+    /// What files call the strength.
+    #[serde(skip)]
+    key: &'static str,
+}
+
+impl LightInfo {
+    fn new(name: &str, value: [f32; 3], (key, unit): (&'static str, &'static str)) -> LightInfo {
+        let strength = largest(value);
+        let color = if strength > 0.0 { value.map(|v| v / strength) } else { [1.0; 3] };
+        LightInfo { name: name.to_string(), strength, color, unit, key }
+    }
+
+    /// All lights with a name; the environment's sun is the environment's.
+    pub fn all(scene: &Scene) -> Vec<LightInfo> {
+        let is_own = |(i, _): &(usize, &Light)| scene.environment_sun != Some(*i as u32);
+        let punctual = scene.lights.iter().enumerate().filter(is_own).map(|(_, light)| {
+            let quantity =
+                if light.kind.position().is_some() { ("intensity", "W/sr") } else { ("irradiance", "W/m²") };
+            LightInfo::new(&light.name, light.intensity, quantity)
+        });
+        let surfaces = scene.materials.iter().filter(|material| material.is_light).filter_map(|material| {
+            let value = material.emission.as_ref()?.radiance.factor;
+            Some(LightInfo::new(&material.name, value, ("radiance", "W/sr/m²")))
+        });
+        let mut all: Vec<LightInfo> = Vec::new();
+        for light in punctual.chain(surfaces) {
+            if !light.name.is_empty() && all.iter().all(|other| other.name != light.name) {
+                all.push(light);
+            }
+        }
+        all
+    }
+
+    /// It with a change.
+    fn changed(&self, edit: LightEdit) -> LightInfo {
+        let (strength, color) = (edit.strength.unwrap_or(self.strength), edit.color.unwrap_or(self.color));
+        LightInfo { strength, color, ..self.clone() }
+    }
+
+    /// What a file says of a change.
+    fn table(&self, edit: LightEdit) -> Table {
+        let strength = edit.strength.map(|v| (self.key, number(v)));
+        let lines = strength.into_iter().chain(edit.color.map(|rgb| ("color", color(rgb)))).collect();
+        Table { header: "[[lights]]".to_string(), name: Some(format!("{:?}", self.name)), lines }
+    }
+}
+
+/// All changes, by the names of materials and lights.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Edits {
     materials: BTreeMap<String, MaterialEdit>,
+    lights: BTreeMap<String, LightEdit>,
 }
 
 impl Edits {
@@ -129,23 +214,69 @@ impl Edits {
         *own = edit.after(*own);
     }
 
-    /// The materials with the changes.
+    pub fn change_light(&mut self, name: String, edit: LightEdit) {
+        let own = self.lights.entry(name).or_default();
+        *own = edit.after(*own);
+    }
+
+    /// The materials with the changes, surfaces of lights among them.
     pub fn applied(&self, own: &[Material]) -> Vec<Material> {
-        let changed = |material: &Material| match self.materials.get(&material.name) {
-            Some(edit) => changed(material, *edit),
-            None => material.clone(),
+        let changed = |material: &Material| match (material.is_light, self.materials.get(&material.name)) {
+            (true, _) => self.changed_surface(material),
+            (false, Some(edit)) => changed(material, *edit),
+            (false, None) => material.clone(),
         };
         own.iter().map(changed).collect()
     }
 
-    /// The tables of a scene file that say the same; `own` are the materials as they were.
-    pub fn tables(&self, own: &[Material]) -> Vec<Table> {
-        let table = |(name, edit): (&String, &MaterialEdit)| {
-            let material = own.iter().find(|material| material.name == *name)?;
-            Some(Table { header: format!("[materials.{}]", key(name)), lines: lines(material, *edit) })
-        };
-        self.materials.iter().filter_map(table).collect()
+    fn changed_surface(&self, own: &Material) -> Material {
+        let mut material = own.clone();
+        if let (Some(edit), Some(emission)) = (self.lights.get(&own.name), &mut material.emission) {
+            emission.radiance.factor = changed_light(emission.radiance.factor, *edit);
+        }
+        material
     }
+
+    /// Changes lights without a surface, which were `own` before, but not the sun of the environment.
+    pub fn change_lights(&self, scene: &mut Scene, own: &[Light]) {
+        let sun = scene.environment_sun;
+        for (i, (light, own)) in scene.lights.iter_mut().zip(own).enumerate() {
+            if sun != Some(i as u32) {
+                let edit = self.lights.get(&own.name).copied().unwrap_or_default();
+                light.intensity = changed_light(own.intensity, edit);
+            }
+        }
+    }
+
+    /// The lights with the changes.
+    pub fn light_infos(&self, own: &[LightInfo]) -> Vec<LightInfo> {
+        let changed =
+            |light: &LightInfo| light.changed(self.lights.get(&light.name).copied().unwrap_or_default());
+        own.iter().map(changed).collect()
+    }
+
+    /// The tables of a scene file that say the same; `own` are the materials and lights as they were.
+    pub fn tables(&self, own: &[Material], lights: &[LightInfo]) -> Vec<Table> {
+        let of_material = |(name, edit): (&String, &MaterialEdit)| {
+            let material = own.iter().find(|material| material.name == *name && !material.is_light)?;
+            let header = format!("[materials.{}]", key(name));
+            Some(Table { header, name: None, lines: lines(material, *edit) })
+        };
+        let of_light = |(name, edit): (&String, &LightEdit)| {
+            Some(lights.iter().find(|light| light.name == *name)?.table(*edit))
+        };
+        let materials = self.materials.iter().filter_map(of_material);
+        materials.chain(self.lights.iter().filter_map(of_light)).collect()
+    }
+}
+
+/// The colour of a light with a change, as files have it.
+fn changed_light(own: [f32; 3], edit: LightEdit) -> [f32; 3] {
+    if edit == LightEdit::default() {
+        return own;
+    }
+    let light = LightInfo::new("", own, ("", "")).changed(edit);
+    light.color.map(|v| v * light.strength)
 }
 
 fn changed(material: &Material, edit: MaterialEdit) -> Material {
@@ -176,14 +307,45 @@ fn changed(material: &Material, edit: MaterialEdit) -> Material {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Table {
     header: String,
+    /// Of an entry of a list: the value of its key `name`.
+    name: Option<String>,
     lines: Vec<(&'static str, String)>,
 }
 
 impl Table {
     fn text(&self) -> String {
+        let name = self.name.iter().map(|name| format!("name = {name}\n"));
         let lines = self.lines.iter().map(|(key, value)| format!("{key} = {value}\n"));
-        format!("{}\n{}", self.header, lines.collect::<String>())
+        format!("{}\n{}", self.header, name.chain(lines).collect::<String>())
     }
+
+    /// The line of a file at which it begins.
+    fn place(&self, lines: &[String]) -> Option<usize> {
+        let is_header = |line: &String| line.split('#').next().unwrap_or("").trim() == self.header;
+        let mut places = (0..lines.len()).filter(|&at| is_header(&lines[at]));
+        let Some(name) = &self.name else { return places.next() };
+        // An entry that only changes a light, not one that adds it.
+        places.find(|&at| {
+            let end = end_of(lines, at);
+            let own = |key: &str| lines[at + 1..end].iter().find_map(|line| value_of(line, key));
+            let is_added = ["area", "point", "spot", "sun"].iter().any(|shape| {
+                let table = format!("[lights.{shape}]");
+                own(shape).is_some() || lines.get(end).is_some_and(|line| line.trim() == table)
+            });
+            own("name").is_some_and(|own| own.split('#').next().unwrap_or("").trim() == name) && !is_added
+        })
+    }
+}
+
+/// The line after a table whose header is the line `at`.
+fn end_of(lines: &[String], at: usize) -> usize {
+    let next = lines[at + 1..].iter().position(|line| line.trim_start().starts_with('['));
+    next.map_or(lines.len(), |n| at + 1 + n)
+}
+
+/// What a line of a file says of a key.
+fn value_of<'l>(line: &'l str, key: &str) -> Option<&'l str> {
+    line.split_once('=').filter(|(own, _)| own.trim() == key).map(|(_, value)| value)
 }
 
 /// All tables as text.
@@ -191,10 +353,16 @@ pub(crate) fn text(tables: &[Table]) -> String {
     tables.iter().map(Table::text).collect::<Vec<_>>().join("\n")
 }
 
+fn number(v: f32) -> String {
+    format!("{v:?}")
+}
+
+fn color(rgb: [f32; 3]) -> String {
+    format!("[{:?}, {:?}, {:?}]", rgb[0], rgb[1], rgb[2])
+}
+
 /// The keys of a changed material; all of them where the file has no material of that kind.
 fn lines(material: &Material, edit: MaterialEdit) -> Vec<(&'static str, String)> {
-    let number = |v: f32| format!("{v:?}");
-    let color = |rgb: [f32; 3]| format!("[{:?}, {:?}, {:?}]", rgb[0], rgb[1], rgb[2]);
     let changed = changed(material, edit);
     let mut lines: Vec<(&'static str, String)> = Vec::new();
     let is_other = !matches!(material.model, Model::Pbr(_));
@@ -235,7 +403,7 @@ fn key(name: &str) -> String {
 pub(crate) fn merged(file: &str, tables: &[Table]) -> String {
     let mut lines: Vec<String> = file.lines().map(str::to_string).collect();
     for table in tables {
-        match lines.iter().position(|line| line.split('#').next().unwrap_or("").trim() == table.header) {
+        match table.place(&lines) {
             Some(at) => put(&mut lines, at, table),
             None => {
                 if lines.last().is_some_and(|line| !line.trim().is_empty()) {
@@ -251,11 +419,8 @@ pub(crate) fn merged(file: &str, tables: &[Table]) -> String {
 /// Replaces and adds keys of the table whose header is the line `at`.
 fn put(lines: &mut Vec<String>, at: usize, table: &Table) {
     for (key, value) in &table.lines {
-        let end = lines[at + 1..]
-            .iter()
-            .position(|line| line.trim_start().starts_with('['))
-            .map_or(lines.len(), |n| at + 1 + n);
-        let is_it = |line: &String| line.split_once('=').is_some_and(|(own, _)| own.trim() == *key);
+        let end = end_of(lines, at);
+        let is_it = |line: &String| value_of(line, key).is_some();
         let own = lines[at + 1..end].iter().position(is_it).map(|n| at + 1 + n);
         let new = format!("{key} = {value}");
         match own {
@@ -287,6 +452,8 @@ pub(crate) fn strengthen(scene: &mut Scene, before: f64, wanted: f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use oscura::math::DVec3;
+    use oscura::scene::LightKind;
 
     fn edits(name: &str, edit: MaterialEdit) -> Edits {
         let mut edits = Edits::default();
@@ -308,7 +475,7 @@ mod tests {
         assert_eq!((model.roughness.factor, model.metallic.factor), (0.25, 1.0));
         assert_eq!(after[1].model, Model::Lambert { albedo: ColorSlot::constant([1.0, 0.0, 0.0]) });
         assert_eq!(Edits::default().applied(&own), own);
-        let words = text(&both.tables(&own));
+        let words = text(&both.tables(&own, &[]));
         assert_eq!(
             words,
             "[materials.a]\nmetallic = 1.0\nroughness = 0.25\n\n[materials.b]\ntype = \"lambert\"\ncolor = [1.0, 0.0, 0.0]\n"
@@ -322,7 +489,7 @@ mod tests {
             "a b",
             MaterialEdit { roughness: Some(0.5), emission: Some(2.0), ..MaterialEdit::default() },
         );
-        let tables = edits.tables(&own);
+        let tables = edits.tables(&own, &[]);
         let file =
             "# Mine.\n[materials.\"a b\"] # paint\nroughness = 0.1\nior = 1.6\n\n[render]\nsamples = 4\n";
         let text = merged(file, &tables);
@@ -336,6 +503,64 @@ mod tests {
                 .ends_with("\n\n[materials.\"a b\"]\nroughness = 0.5\nemission = [2.0, 2.0, 2.0]\n")
         );
         assert_eq!(merged("", &tables), super::text(&tables));
+    }
+
+    #[test]
+    fn lights_change_by_name_and_entries_that_add_them_stay() {
+        let lamp = |name: &str, direction: Option<DVec3>, intensity| {
+            let kind = match direction {
+                Some(direction) => LightKind::Directional { direction },
+                None => LightKind::Point { position: DVec3::ZERO },
+            };
+            Light { name: name.to_string(), ..Light::new(kind, intensity) }
+        };
+        let lights = vec![
+            lamp("a", None, [4.0, 2.0, 1.0]),
+            lamp("a", None, [1.0, 1.0, 1.0]),
+            lamp("sky", Some(DVec3::NEG_Y), [3.0; 3]),
+            lamp("sun", Some(DVec3::NEG_Y), [0.0; 3]),
+        ];
+        let surface = Material { is_light: true, ..Material::emitter("key", [2.0, 2.0, 1.0], false) };
+        let own = [Material::emitter("key", [1.0; 3], false), surface];
+        let scene = Scene {
+            lights: lights.clone(),
+            materials: own.to_vec(),
+            environment_sun: Some(2),
+            ..Scene::default()
+        };
+        let infos = LightInfo::all(&scene);
+        let found: Vec<_> = infos.iter().map(|i| (i.name.as_str(), i.strength, i.color[1], i.key)).collect();
+        assert_eq!(
+            found,
+            [("a", 4.0, 0.5, "intensity"), ("sun", 0.0, 1.0, "irradiance"), ("key", 2.0, 1.0, "radiance")]
+        );
+
+        let mut edits = Edits::default();
+        edits.change_light("a".to_string(), LightEdit { strength: Some(8.0), color: None });
+        edits.change_light("key".to_string(), LightEdit { strength: Some(1.0), color: None });
+        edits.change_light("key".to_string(), LightEdit { strength: None, color: Some([1.0, 0.0, 0.5]) });
+        edits.change_light("sky".to_string(), LightEdit { strength: Some(1.0), color: None });
+        let mut after = scene.clone();
+        edits.change_lights(&mut after, &lights);
+        let intensities: Vec<_> = after.lights.iter().map(|light| light.intensity).collect();
+        assert_eq!(
+            intensities,
+            [[8.0, 4.0, 2.0], [8.0, 8.0, 8.0], [3.0; 3], [0.0; 3]],
+            "the environment's sun stays"
+        );
+        let materials = edits.applied(&own);
+        assert_eq!(materials[0], own[0], "of the same name, but none of a light");
+        assert_eq!(materials[1].emission.as_ref().unwrap().radiance.factor, [1.0, 0.0, 0.5]);
+
+        let tables = edits.tables(&own, &infos);
+        let a = "[[lights]]\nname = \"a\"\nintensity = 8.0\n";
+        let key = "[[lights]]\nname = \"key\"\nradiance = 1.0\ncolor = [1.0, 0.0, 0.5]\n";
+        assert_eq!(text(&tables), format!("{a}\n{key}"));
+        let file = "[[lights]]\nname = \"key\"\narea = { node = \"Area\" }\n[[lights]]\nname = \"a\"\n[lights.point]\npower = 3\n";
+        let saved = merged(file, &tables);
+        assert_eq!(saved, format!("{file}\n{a}\n{key}"), "changes come after what they change");
+        assert_eq!(merged(&saved, &tables), saved, "once more changes nothing");
+        assert_eq!(merged(&saved.replace("8.0", "2"), &tables), saved);
     }
 
     #[test]

@@ -9,7 +9,7 @@ mod server;
 mod state;
 
 use super::args::RenderArgs;
-pub(super) use edits::{Edits, strengthen};
+pub(super) use edits::{Edits, LightInfo, strengthen};
 use oscura::error::Result;
 use oscura::film::Aov;
 use oscura::output::PngOptions;

@@ -2,14 +2,15 @@
 // sent to it, and come back with the next picture, so that several pages stay alike.
 
 import { listen } from "./hands.js";
-import { materials } from "./materials.js";
+import { lamps, materials } from "./materials.js";
 import { decode, drawHistogram, outliner, put, thumbnails } from "./picture.js";
 
 const $ = (id) => document.getElementById(id);
 const canvas = $("picture");
 const outline = outliner($("overlay"), $("outline"), $("object"));
 const showThumbnails = thumbnails($("thumbnails"), canvas, (pass) => set({ pass }));
-const material = materials({ heldLive, post: (url) => post(url), copy });
+const lamp = lamps({ heldLive, fill });
+const material = materials({ heldLive, post: (url) => post(url), copy, chooseLamp: lamp.choose });
 let status = null, namesObjects = true;
 
 /** Values that every picture has besides the pass that is shown. */
@@ -128,6 +129,7 @@ function showStatus() {
   $("rotation-row").hidden = facts.rotation === null;
   $("strength-row").hidden = facts.strength === null;
   slide("strength", Math.log2(status.strength ?? 1), (status.strength ?? 1).toPrecision(3));
+  lamp.update(status.lights);
   material.update(status);
   slide("rotation", status.rotation ?? 0, `${Math.round(status.rotation ?? 0)}°`);
   fill($("view"), status.views.map((name) => [name, name]), status.view);
@@ -136,7 +138,8 @@ function showStatus() {
   const named = (names) => names.map((name) => [name, name]);
   $("stage-row").hidden = status.stage === null;
   $("up-row").hidden = status.up === null;
-  $("light").hidden = status.stage === null && status.up === null && facts.rotation === null && facts.strength === null;
+  $("light").hidden = status.stage === null && status.up === null && facts.rotation === null && facts.strength === null
+    && status.lights.length === 0;
   fill($("stage-light"), named(facts.stages), status.stage);
   fill($("up"), named(facts.ups), status.up);
   fill($("camera"), facts.cameras.map((name, i) => [String(i), name]), String(status.camera));

@@ -5,7 +5,7 @@
 //!
 //! Pages show denoised pictures while the rendering goes on.
 
-use super::edits::{MaterialEdit, MaterialInfo, merged};
+use super::edits::{LightEdit, MaterialEdit, MaterialInfo, merged};
 use super::http;
 use super::http::{Answering, Request, Response};
 use super::pixels::{Outline, Pixels};
@@ -338,6 +338,8 @@ struct Settings {
     strength: Option<f64>,
     /// A material by its name, and what becomes of it.
     material: Option<(String, MaterialEdit)>,
+    /// The lights of a name, and what becomes of them.
+    light: Option<(String, LightEdit)>,
     /// This and the change before are one, as of a slider that is still held.
     is_same: bool,
     size: Option<(u32, u32)>,
@@ -422,7 +424,7 @@ fn set(settings: Settings, shared: &Shared) -> std::result::Result<(), String> {
     let stage = stage.transpose()?;
     let loads = up.is_some() || stage.is_some();
     let is_lens = settings.size.is_some() || settings.defocus.is_some();
-    let is_edit = settings.strength.is_some() || settings.material.is_some();
+    let is_edit = settings.strength.is_some() || settings.material.is_some() || settings.light.is_some();
     let is_wish = settings.rotation.is_some() || is_lens || loads || is_edit;
     if is_wish && !shared.lock().facts.is_live {
         return Err(LOOK_ON.to_string());
@@ -456,6 +458,7 @@ fn set(settings: Settings, shared: &Shared) -> std::result::Result<(), String> {
             }
             state.wish.strength = settings.strength.or(state.wish.strength);
             settings.material.into_iter().for_each(|(name, edit)| state.wish.edits.change(name, edit));
+            settings.light.into_iter().for_each(|(name, edit)| state.wish.edits.change_light(name, edit));
             (state.wish.up, state.wish.stage) = (up.or(state.wish.up), stage.or(state.wish.stage));
             state.wish.loads += u64::from(loads);
             state.wish.aov = aov.filter(|aov| !RECORDED.contains(*aov)).or(state.wish.aov);
@@ -467,7 +470,7 @@ fn set(settings: Settings, shared: &Shared) -> std::result::Result<(), String> {
     Ok(())
 }
 
-/// Takes the last change of materials or of the environment's strength back.
+/// Takes the last change of materials, lights or of the environment's strength back.
 fn undo(shared: &Shared) -> std::result::Result<(), String> {
     if shared.lock().before.is_empty() {
         return Err("there is nothing to undo".to_string());
@@ -480,14 +483,14 @@ fn undo(shared: &Shared) -> std::result::Result<(), String> {
     Ok(())
 }
 
-/// Writes the changes of materials into the model's sidecar, which keeps all else that it has.
+/// Writes the changes of materials and lights into the model's sidecar, which keeps all else that it has.
 fn save(shared: &Shared) -> std::result::Result<(), String> {
     let (path, tables) = {
         let state = shared.lock();
         let path = state.facts.sidecar_path.clone();
         (
-            path.ok_or("the scene's own file has its materials: copy the lines")?,
-            state.wish.edits.tables(&state.facts.materials),
+            path.ok_or("the scene's own file has its materials and lights: copy the lines")?,
+            state.wish.edits.tables(&state.facts.materials, &state.facts.lights),
         )
     };
     let before = text_of(&path).map_err(|error| error.to_string())?.unwrap_or_default();
@@ -495,7 +498,7 @@ fn save(shared: &Shared) -> std::result::Result<(), String> {
     if let Err(error) = toml::de::DeTable::parse(&after) {
         let message = error.message();
         return Err(format!(
-            "{} has these materials in another form ({message}): copy the lines",
+            "{} has these materials or lights in another form ({message}): copy the lines",
             path.display()
         ));
     }
@@ -509,6 +512,7 @@ fn check_numbers(settings: &Settings) -> std::result::Result<(), String> {
         && settings.rotation.is_none_or(f64::is_finite)
         && settings.strength.is_none_or(|strength| (1e-3..=1e4).contains(&strength))
         && settings.material.as_ref().is_none_or(|(_, edit)| edit.is_valid())
+        && settings.light.as_ref().is_none_or(|(_, edit)| edit.is_valid())
         && settings.split.is_none_or(|split| (0.0..=1.0).contains(&split));
     fits.then_some(()).ok_or("a number is out of range".to_string())
 }

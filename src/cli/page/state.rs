@@ -1,6 +1,6 @@
 //! Requested and shown pictures; shared by the threads that serve them and the one that renders.
 
-use super::edits::{Edits, MaterialInfo, text};
+use super::edits::{Edits, LightInfo, MaterialInfo, text};
 use super::pose::Pose;
 use crate::cli::process;
 use crate::cli::scene_args::StageArg;
@@ -26,7 +26,7 @@ pub(crate) struct ViewRequest {
     pub rotation: Option<f64>,
     /// The environment's strength, as `--env-strength` has it; without, as the scene has it.
     pub strength: Option<f64>,
-    /// Changed materials.
+    /// Changed materials and lights.
     pub edits: Edits,
     /// Further AOV to record, besides colour and depth.
     pub aov: Option<Aov>,
@@ -83,13 +83,16 @@ pub(crate) struct SceneInfo {
     pub rotation: Option<f64>,
     /// The environment's strength; none without an environment.
     pub strength: Option<f64>,
-    /// The file beside the model that changes of materials are written to; none where the scene's own file has them.
+    /// The file beside the model that changes of materials and lights are written to; none where the scene's own file has them.
     pub sidecar: Option<String>,
     #[serde(skip)]
     pub sidecar_path: Option<PathBuf>,
     /// The materials as they were loaded, by number.
     #[serde(skip)]
     pub materials: Arc<[Material]>,
+    /// The lights as they were loaded.
+    #[serde(skip)]
+    pub lights: Arc<[LightInfo]>,
     /// Samples of the finished picture.
     pub samples: u32,
     /// Passes that may be shown, with what they are.
@@ -121,7 +124,7 @@ pub(crate) struct State {
     pub facts: SceneInfo,
     /// The scene's cameras.
     pub poses: Vec<Pose>,
-    /// Materials and the environment's strength before each unsaved change.
+    /// Materials, lights and the environment's strength before each unsaved change.
     pub before: Vec<(Edits, Option<f64>)>,
     /// The latest picture.
     pub frame: Option<Arc<Frame>>,
@@ -261,7 +264,8 @@ pub(super) fn state_json(state: &State, frame: &Frame) -> Value {
         "rotation": state.wish.rotation.or(state.facts.rotation),
         "strength": state.wish.strength.or(state.facts.strength),
         "edited": edited(state),
-        "toml": text(&state.wish.edits.tables(&state.facts.materials)),
+        "lights": state.wish.edits.light_infos(&state.facts.lights),
+        "toml": text(&state.wish.edits.tables(&state.facts.materials, &state.facts.lights)),
         "undo": state.before.len(),
         "defocus": state.wish.pose.defocus(),
         "exposure": png.exposure,

@@ -431,7 +431,7 @@ impl AreaLight {
     pub fn add_to(self, scene: &mut Scene) {
         let AreaLight { name, radiance, group, emitter_traits, form, world_from_unit } = self;
         let mut emitter = Material::emitter(&name, radiance, false);
-        emitter.light_group = group;
+        (emitter.light_group, emitter.is_light) = (group, true);
         emitter.emitter_traits =
             Some(emitter_traits).filter(|emitter_traits| *emitter_traits != EmitterTraits::default());
         let material = scene.add_material(emitter);

@@ -24,6 +24,9 @@
 //! the model, and of area lights the scale, as Blender exports its lights; it emits along the node's -z, and moves along with
 //! the node while the shutter is open.
 //!
+//! An entry with a `name` and none of these changes the lights of that name that the model has, or that come before it: `color`, and by the kind of
+//! light `radiance` (area lights, and others with a radius), `intensity` (points and spots) or `irradiance` (suns).
+//!
 //! Power is in watts of the visible spectrum: an area light of area A has the radiance P / (pi A), a point the intensity
 //! P / (4 pi), and so has a spot of the same power, as in Blender. Radiance is in W/sr/m2, intensity in W/sr,
 //! irradiance in W/m2 across the light. Area lights, and points and spots with a radius, are surfaces. With
@@ -31,7 +34,7 @@
 //! take theirs along once, and spheres light what is within them. Blender's are so. All other lights have no surface; mirrors show suns with an angle.
 
 use super::builder::SceneFileBuilder;
-use super::fields::Fields;
+use super::fields::{Fields, nearest};
 use super::textures::read_image;
 use super::traits::{LightTraits, group, positive, strength, visible_to};
 use super::transform::{MovingPlacement, Placement, at_node, direction, placed};
@@ -42,8 +45,8 @@ use crate::load::{files, ies};
 use crate::math::{DAffine3, DMat3, DQuat, DVec3, Vec2};
 use crate::scene::{
     Beam, EmitterTraits, Instance, Interpolation, Keyframes, Light, LightKind, LightProfile, Mapping,
-    Material, MaterialId, Mesh, MeshId, MeshPart, Motion, ObjectTraits, Quad, RayKinds, Shape, ShapeKind,
-    SpotFade, Texture, TextureId, TextureTransform, Wrap,
+    Material, MaterialId, Mesh, MeshId, MeshPart, Motion, ObjectTraits, Quad, RayKinds, Scene, Shape,
+    ShapeKind, SpotFade, Texture, TextureId, TextureTransform, Wrap,
 };
 use crate::shape::mesh_of;
 use std::f64::consts::{FRAC_PI_4, PI};
@@ -61,6 +64,10 @@ pub(super) fn read(build: &mut SceneFileBuilder, root: &Fields) {
         };
         let number = format!("light {}", i + 1);
         let fields = Fields::new(&number, table, value.span(), root.problems);
+        if fields.has("name") && !SHAPES.iter().any(|shape| table.contains_key(*shape)) {
+            change(build, &fields);
+            continue;
+        }
         let name = fields.string("name").map_or(number, |n| n.value.to_string());
         let color = fields.color("color").map_or([1.0; 3], |c| c.value);
         let group = group(&fields, "group");
@@ -95,6 +102,58 @@ pub(super) fn read(build: &mut SceneFileBuilder, root: &Fields) {
         }
         fields.finish();
     }
+}
+
+/// Changes the lights of a name that are there already.
+fn change(build: &mut SceneFileBuilder, fields: &Fields) {
+    let color = fields.color("color").map(|c| c.value);
+    let strengths =
+        ["radiance", "intensity", "irradiance"].map(|key| positive(fields, key).map(|v| v as f32));
+    // Of a shape that is written otherwise.
+    fields.know(&SHAPES);
+    if let Some(name) = fields.string("name")
+        && !change_all(&mut build.loaded.scene, name.value, strengths, color)
+    {
+        let scene = &build.loaded.scene;
+        let surfaces = scene.materials.iter().filter(|material| material.is_light).map(|m| m.name.as_str());
+        let names = scene.lights.iter().map(|light| light.name.as_str()).chain(surfaces);
+        let message = format!("there is no light '{}' that could be changed", name.value);
+        let help = match nearest(name.value, names) {
+            Some(near) => format!("did you mean '{near}'?"),
+            None => format!("a new light has one of {}", SHAPES.join(", ")),
+        };
+        fields.problems.push_help(name.span, message, help);
+    }
+    fields.finish();
+}
+
+/// Changes all lights of a name. Returns whether there are any.
+fn change_all(
+    scene: &mut Scene,
+    name: &str,
+    [radiance, intensity, irradiance]: [Option<f32>; 3],
+    color: Option<[f32; 3]>,
+) -> bool {
+    let mut has_some = false;
+    for light in scene.lights.iter_mut().filter(|light| light.name == name) {
+        let strength = if light.kind.position().is_some() { intensity } else { irradiance };
+        light.intensity = changed(light.intensity, strength, color);
+        has_some = true;
+    }
+    for material in scene.materials.iter_mut().filter(|m| m.is_light && m.name == name) {
+        if let Some(emission) = &mut material.emission {
+            emission.radiance.factor = changed(emission.radiance.factor, radiance, color);
+            has_some = true;
+        }
+    }
+    has_some
+}
+
+/// A light's colour with another largest component, another hue, or both.
+fn changed(own: [f32; 3], strength: Option<f32>, color: Option<[f32; 3]>) -> [f32; 3] {
+    let largest = own.into_iter().fold(0.0, f32::max);
+    let hue = color.unwrap_or(if largest > 0.0 { own.map(|v| v / largest) } else { [1.0; 3] });
+    hue.map(|v| v * strength.unwrap_or(largest))
 }
 
 fn add(build: &mut SceneFileBuilder, shape: &str, fields: &Fields, traits: LightTraits) {
@@ -404,7 +463,7 @@ fn add_surface(
     }
     emitter.emitter_traits = Some(EmitterTraits { is_obstacle, beam, ..emitter_traits })
         .filter(|emitter_traits| *emitter_traits != EmitterTraits::default());
-    emitter.light_group = group;
+    (emitter.light_group, emitter.is_light) = (group, true);
     scene.materials.push(emitter);
     match surface {
         Surface::Rectangle { corner, edge_u, edge_v } => {

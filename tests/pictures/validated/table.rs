@@ -92,7 +92,7 @@ structs! {
     ObjectInfo { color, index, random }
     Material {
         name, model, emission, double_sided, alpha_mode, alpha, passing, normal_map, normal, bumped_normal, use_vertex_colors, medium, displacement,
-        priority, emitter_traits, index, light_group,
+        priority, emitter_traits, index, light_group, is_light,
     }
     Displacement { texture, scale, midlevel, edge }
     Emission { radiance, two_sided }
