@@ -15,6 +15,7 @@
 //! | light a scene by an environment picture | [`load::image::load_environment`], [`scene::Environment::Image`] |
 //! | render | [`Renderer`]; [`Renderer::start`] to render pass by pass |
 //! | record depth, normals and the like (AOVs) | [`Renderer::aovs`], [`film::Aov`] |
+//! | denoise | [`Renderer::denoise`]; [`render::Rendering::denoise`] between passes |
 //! | read pixels | [`Picture::film`], [`film::Film`] |
 //! | write EXR and PNG | [`Picture::save`], [`Picture::save_with`] |
 //! | understand what went wrong | [`Error`], [`Picture::warnings`] |

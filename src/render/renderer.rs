@@ -1,9 +1,10 @@
 //! From a scene to a picture in one line, or pass by pass.
 
 use super::options::{
-    BvhQuality, Caustics, Guiding, PathReuse, RequestedOptions, Splitting, parameter, render_settings,
+    BvhQuality, Caustics, Guiding, PathReuse, RenderOptions, RequestedOptions, Splitting, parameter,
+    render_settings,
 };
-use super::picture::{Labels, Picture};
+use super::picture::{Labels, Picture, denoising_guides};
 use super::progress::{CancelHandle, Event, Listener};
 use super::rendering::Rendering;
 use crate::compile::Compiler;
@@ -40,6 +41,7 @@ pub struct Renderer {
     cancel: CancelHandle,
     listener: Option<Box<Listener>>,
     texture_memory: Option<u64>,
+    denoises: bool,
 }
 
 /// The method of [`Renderer`] for a setting.
@@ -88,7 +90,7 @@ impl Renderer {
     /// A renderer for a scene that is rendered several times: nothing of it is copied.
     pub fn shared(loaded: Arc<Loaded>) -> Renderer {
         let (requested, cancel) = (RequestedOptions::default(), CancelHandle::new());
-        Renderer { loaded, requested, cancel, listener: None, texture_memory: None }
+        Renderer { loaded, requested, cancel, listener: None, texture_memory: None, denoises: false }
     }
 
     /// Width and height in pixels.
@@ -105,6 +107,21 @@ impl Renderer {
     /// Height in pixels. The width, unless it is given as well, follows by the aspect ratio of the scene or its camera.
     pub fn height(mut self, height: u32) -> Renderer {
         self.requested.settings.height = Some(height);
+        self
+    }
+
+    /// Denoises what [`Renderer::render`] renders, by the network of Intel's Open Image Denoise, which is built in. The picture keeps the
+    /// AOVs that are asked for; pixels share no paths unless that is asked for. What [`Renderer::start`] begins records what
+    /// [`Rendering::denoise`] needs.
+    ///
+    /// ```no_run
+    /// # use oscura::Renderer;
+    /// let scene = oscura::load("assets/cornell-box.gltf")?;
+    /// Renderer::new(scene).samples(32).denoise(true).render()?.save("cornell.png")?;
+    /// # Ok::<(), oscura::Error>(())
+    /// ```
+    pub fn denoise(mut self, denoise: bool) -> Renderer {
+        self.denoises = denoise;
         self
     }
 
@@ -169,9 +186,18 @@ impl Renderer {
     /// A usage error for a camera that does not exist and for a picture with too many pixels; an input error for a scene
     /// without a camera, with broken references or with more triangles than can be addressed.
     pub fn start(self) -> Result<Rendering> {
+        Ok(self.begin()?.0)
+    }
+
+    /// The same, and the AOVs that are asked for.
+    fn begin(self) -> Result<(Rendering, AovSet)> {
         let Loaded { scene, warnings, offset, .. } = &*self.loaded;
         let mut warnings = warnings.clone();
-        let resolved = self.requested.resolve(scene)?;
+        let mut resolved = self.requested.resolve(scene)?;
+        let asked = resolved.options.aovs;
+        if self.denoises {
+            resolved.options = with_denoising(resolved.options);
+        }
         let camera = resolved.camera(scene)?;
         let size = (resolved.options.width, resolved.options.height);
         let mut compiler = Compiler::single();
@@ -184,7 +210,7 @@ impl Renderer {
         let labels = Labels::of(scene, &resolved.options);
         let rendering = Rendering::labelled(compiled, labels, camera, resolved.options)?;
         let rendering = rendering.placed(scene.backdrop.clone(), *offset);
-        Ok(rendering.with(warnings, resolved.display, self.cancel, self.listener))
+        Ok((rendering.with(warnings, resolved.display, self.cancel, self.listener), asked))
     }
 
     /// Renders all samples.
@@ -193,10 +219,25 @@ impl Renderer {
     /// As for [`Renderer::start`]. Being stopped by a [`CancelHandle`] or the time limit is no error: the picture's
     /// statistics report it.
     pub fn render(self) -> Result<Picture> {
-        let mut rendering = self.start()?;
+        let denoises = self.denoises;
+        let (mut rendering, asked) = self.begin()?;
         rendering.run();
+        if denoises {
+            rendering.denoise(asked);
+        }
         Ok(rendering.into_picture())
     }
+}
+
+/// The options of a picture that is to be denoised.
+fn with_denoising(options: RenderOptions) -> RenderOptions {
+    let path_reuse = match options.path_reuse {
+        // Denoising takes noise that pixels share for detail.
+        PathReuse::Auto => PathReuse::Off,
+        chosen => chosen,
+    };
+    let aovs = options.aovs.union(denoising_guides());
+    options.aovs(aovs).halves(true).path_reuse(path_reuse)
 }
 
 // The threads that everything parallel runs on.

@@ -418,3 +418,21 @@ fn denoising_sees_into_mirrors() {
         }
     }
 }
+
+/// Denoised pictures are nearer to the converged one, have the passes that were asked for, and no others.
+#[test]
+fn renderers_denoise_and_keep_what_is_asked_for() {
+    let scene = std::sync::Arc::new(room().into());
+    let render = |samples, denoise| {
+        let renderer = Renderer::shared(std::sync::Arc::clone(&scene)).size(48, 48).samples(samples);
+        renderer.aovs([Aov::Depth, Aov::DenoisingAlbedo]).denoise(denoise).render().expect("it renders")
+    };
+    let [exact, noisy, clean] = [(1024, false), (8, false), (8, true)].map(|(n, denoise)| render(n, denoise));
+    let error = |picture: &oscura::Picture| {
+        let pairs = picture.film().rgba().into_iter().zip(exact.film().rgba());
+        pairs.map(|(a, b)| (0..3).map(|c| (a[c] - b[c]).abs().min(1.0)).sum::<f32>()).sum::<f32>()
+    };
+    assert!(error(&clean) < 0.6 * error(&noisy), "{} {}", error(&clean), error(&noisy));
+    let has = |aov| clean.film().aov(aov).is_some();
+    assert!(has(Aov::Depth) && has(Aov::DenoisingAlbedo) && !has(Aov::DenoisingNormal));
+}

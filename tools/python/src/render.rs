@@ -7,7 +7,7 @@ use super::scene::Scene;
 use super::watch::{Progress, watched};
 use oscura::Renderer;
 use oscura::film::{Aov, AovSet};
-use oscura::render::{CancelHandle, Event, denoising_guides, in_pool};
+use oscura::render::{CancelHandle, Event, in_pool};
 use pyo3::prelude::*;
 use std::sync::mpsc::Sender;
 use std::time::Duration;
@@ -21,12 +21,7 @@ fn aov_set(names: &[String]) -> PyResult<AovSet> {
 }
 
 /// Renders until it is done or stopped.
-fn run(
-    renderer: Renderer,
-    denoise: bool,
-    kept: AovSet,
-    news: Sender<Progress>,
-) -> oscura::Result<oscura::Picture> {
+fn run(renderer: Renderer, news: Sender<Progress>) -> oscura::Result<oscura::Picture> {
     let renderer = renderer.on_event(move |event| {
         if let Event::Progress { samples_done, samples_total, elapsed, .. } = event {
             let share = (samples_done as f64 / samples_total.max(1) as f64).min(1.0);
@@ -34,13 +29,7 @@ fn run(
             let _ = news.send(Progress { share, elapsed });
         }
     });
-    if !denoise {
-        return renderer.render();
-    }
-    let mut rendering = renderer.aovs(kept.union(denoising_guides())).halves(true).start()?;
-    rendering.run();
-    rendering.denoise(kept);
-    Ok(rendering.into_picture())
+    renderer.render()
 }
 
 /// Renders a picture of a scene.
@@ -86,10 +75,10 @@ pub fn render(
     }
     let time_limit = time_limit.map(Duration::try_from_secs_f64).transpose();
     let time_limit = time_limit.map_err(|_| usage("time_limit must be seconds, 0 or more"))?;
-    let kept = aov_set(&aovs)?;
     let cancel = CancelHandle::new();
     let mut renderer = Renderer::shared(loaded)
-        .aovs(kept)
+        .aovs(aov_set(&aovs)?)
+        .denoise(denoise)
         .light_groups(light_groups)
         .matte_levels(crypto_levels)
         .caustics(parsed("caustics", caustics)?)
@@ -108,7 +97,7 @@ pub fn render(
         renderer = renderer.camera(camera.str()?.to_cow()?);
     }
     let picture = watched(py, &cancel, progress.as_ref(), |news| {
-        in_pool(threads, || run(renderer, denoise, kept, news)).and_then(|picture| picture)
+        in_pool(threads, || run(renderer, news)).and_then(|picture| picture)
     })?;
     Ok(Picture::of(picture.map_err(raised)?, is_filmic))
 }
