@@ -149,6 +149,36 @@ fn a_failing_program_fails_the_recipe_for_packages() {
     }
 }
 
+/// What `cargo binstall` and Homebrew take is in a release.
+#[cfg(target_os = "linux")]
+fn check_recipes(release: &Path, root: &str) {
+    let manifest = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("Cargo.toml")).unwrap();
+    let header = "[package.metadata.binstall.overrides.x86_64-unknown-linux-gnu]";
+    let table = manifest.split(header).nth(1).expect(header);
+    let filled = |key: &str| {
+        let value = table.lines().find_map(|line| line.strip_prefix(key)?.strip_prefix(" = ")).expect(key);
+        let text = value.trim_matches('"').replace("{ version }", env!("CARGO_PKG_VERSION"));
+        text.replace("{ target-arch }", std::env::consts::ARCH).replace("{ bin }", "oscura")
+    };
+    let address = filled("pkg-url");
+    let archive = address.rsplit('/').next().expect("a name");
+    assert!(release.join(archive).is_file(), "{address}");
+    assert_eq!(filled("bin-dir"), format!("{root}/bin/oscura"));
+    let formula = fs::read_to_string(release.join("oscura.rb")).expect("a formula");
+    let sources = format!("oscura-{}.tar.gz", env!("CARGO_PKG_VERSION"));
+    let sums = fs::read_to_string(release.join("SHA256SUMS")).expect("sums");
+    let sum = sums
+        .lines()
+        .find(|line| line.ends_with(&sources))
+        .and_then(|line| line.split(' ').next())
+        .expect("a sum");
+    assert!(formula.contains(&format!("sha256 \"{sum}\"")) && !formula.contains('@'), "{formula}");
+    assert!(formula.contains(&format!(
+        "https://example.org/oscura/releases/download/v{}/{sources}",
+        env!("CARGO_PKG_VERSION")
+    )));
+}
+
 /// The files of a release: archive and Debian package hold a program that runs, the sums are those of the files, and all crates are listed.
 #[test]
 #[cfg(target_os = "linux")]
@@ -163,7 +193,10 @@ fn releases_hold_the_program() {
     let make = |name: &str| {
         let mut command = Command::new(&script);
         command.arg(env!("CARGO_BIN_EXE_oscura")).arg(folder.path().join(name)).env("XZ_LEVEL", "0");
-        command.env("MAINTAINER", "Someone <someone@example.org>").env("SOURCE_DATE_EPOCH", "1700000000");
+        command
+            .env("MAINTAINER", "Someone <someone@example.org>")
+            .env("REPOSITORY", "https://example.org/oscura");
+        command.env("SOURCE_DATE_EPOCH", "1700000000");
         let output = command.output().expect("a shell");
         assert!(output.status.success(), "{}", stderr(&output));
         fs::read_to_string(folder.path().join(name).join("SHA256SUMS")).unwrap()
@@ -184,7 +217,8 @@ fn releases_hold_the_program() {
     let version = env!("CARGO_PKG_VERSION");
     let root = format!("oscura-{version}-{}-linux", std::env::consts::ARCH);
     unpack(Command::new("tar").arg("-xf").arg(file(".tar.xz")).arg("-C").arg(folder.path()));
-    runs(&folder.path().join(root).join("bin/oscura"));
+    runs(&folder.path().join(&root).join("bin/oscura"));
+    check_recipes(&a, &root);
     let installed = folder.path().join("installed");
     unpack(Command::new("dpkg-deb").arg("-x").arg(file(".deb")).arg(&installed));
     runs(&installed.join("usr/bin/oscura"));

@@ -1,8 +1,9 @@
 #!/bin/sh
 # Makes the files of a release from a built program, best the static one (tools/packaging/static.sh):
-#   [MAINTAINER="Name <mail>"] tools/packaging/release.sh PROGRAM FOLDER
-# FOLDER gets a compressed archive for any Linux, a package for Debian and Ubuntu (with MAINTAINER, where dpkg-deb is installed), a list of all
-# components (CycloneDX) and the SHA-256 sums of these. The same program gives the same bytes.
+#   [MAINTAINER="Name <mail>"] [REPOSITORY=https://...] tools/packaging/release.sh PROGRAM FOLDER
+# FOLDER gets a compressed archive for any Linux, a package for Debian and Ubuntu (with MAINTAINER, where dpkg-deb is installed), the sources of
+# the last commit, with REPOSITORY a formula for Homebrew that takes them from its releases, a list of all components (CycloneDX) and the SHA-256
+# sums of these. The same program gives the same bytes.
 set -eu
 
 program=${1:?the built program, such as target/x86_64-unknown-linux-gnu/release/oscura}
@@ -45,6 +46,14 @@ if [ -n "${MAINTAINER:-}" ] && command -v dpkg-deb > /dev/null; then
         printf ' Renders scenes with one command to EXR with passes for compositing, and to PNG.\n'
     } > "$package/DEBIAN/control"
     dpkg-deb --root-owner-group -Zxz "-z${XZ_LEVEL:-9}" --build "$package" "$folder/oscura_${version}_$architecture.deb" > /dev/null
+fi
+
+source=oscura-$version.tar.gz
+git -C "$sources" archive --prefix="oscura-$version/" HEAD | gzip -9n > "$folder/$source"
+if [ -n "${REPOSITORY:-}" ]; then
+    sum=$(sha256sum "$folder/$source" | cut -d' ' -f1)
+    sed -e "s|@URL@|$REPOSITORY/releases/download/v$version/$source|" -e "s|@REPOSITORY@|$REPOSITORY|" -e "s|@SHA256@|$sum|" \
+        "$sources/tools/packaging/oscura.rb.in" > "$folder/oscura.rb"
 fi
 
 python3 "$sources/tools/packaging/components.py" > "$folder/oscura-$version.cdx.json"
