@@ -221,9 +221,16 @@ fn conversion_hint(extension: &str) -> String {
         "3ds" | "max" | "ma" | "mb" | "c4d" | "skp" | "step" | "stp" | "x3d" | "wrl" | "lwo" => {
             "export .glb (glTF), .usd or .fbx from the program that wrote it"
         }
+        "xyz" | "pts" | "ptx" | "asc" | "pcd" | "las" | "laz" | "e57" => {
+            "CloudCompare saves point clouds as .ply"
+        }
+        "off" | "ctm" | "iv" | "vtk" | "vtp" => "MeshLab or ParaView saves it as .ply",
         "exr" | "hdr" | "png" | "jpg" | "jpeg" => "it is a picture, not a scene",
         _ => {
-            return format!("oscura renders models ({}) and scene files (.toml)", formats::models_in_words());
+            return format!(
+                "oscura renders models ({}), scene files (.toml) and, through Blender, .blend, .usd, .fbx and .abc",
+                formats::models_in_words()
+            );
         }
     };
     way.to_string()
