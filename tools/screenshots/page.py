@@ -19,7 +19,7 @@ CHROMIUM = os.environ.get("CHROMIUM", "/usr/bin/chromium")
 SWITCHES = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
             "--disable-component-update", "--disable-sync"]
 # Name, size of the screen, pixels of the picture for one of the screen, theme.
-SCREENS = [("desktop", (1280, 800), 1, "dark"), ("phone", (390, 844), 2, "light")]
+SCREENS = [("desktop", (1280, 800), 1, "dark"), ("material", (1280, 800), 1, "dark"), ("phone", (390, 844), 2, "light")]
 SAMPLES = 16
 LARGEST = 200_000
 
@@ -46,13 +46,21 @@ def shoot(browser, address, screen, folder):
     page.goto(address)
     wait_for(page, f"Number(document.body.dataset.denoised) >= {SAMPLES}")
     # Before and after the denoiser, and the outline of what the mouse points at.
-    page.locator("#split").fill("0" if is_phone else "0.35")
-    wait_for(page, f"document.getElementById('split-line').hidden === {str(is_phone).lower()}")
+    is_split = name == "desktop"
+    page.locator("#split").fill("0.35" if is_split else "0")
+    wait_for(page, f"document.getElementById('split-line').hidden === {str(not is_split).lower()}")
     wait_for(page, "document.querySelector('#thumbnails button:nth-child(2) canvas').width > 100")
     if not is_phone:
         box = page.locator("#picture").bounding_box()
         page.mouse.move(box["x"] + 0.55 * box["width"], box["y"] + 0.45 * box["height"])
         wait_for(page, "document.getElementById('outline').getAttribute('d')?.length > 0")
+    if name == "material":
+        page.mouse.click(box["x"] + 0.3 * box["width"], box["y"] + 0.7 * box["height"])
+        wait_for(page, "!document.getElementById('material-fields').hidden")
+        page.locator("#base_color").fill("#3a6fb0")
+        page.locator("#lamp-strength").fill("0.5")
+        page.locator("#toml").scroll_into_view_if_needed()
+        wait_for(page, f"Number(document.body.dataset.denoised) >= {SAMPLES}")
     page.evaluate("document.activeElement.blur()")
     page.wait_for_timeout(500)
     path = folder / f"page-{name}.jpg"
