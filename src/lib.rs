@@ -22,6 +22,33 @@
 //!
 //! `examples/` has programs that do these things.
 //!
+//! ## In your `Cargo.toml`
+//!
+//! Without the command line, and without the decoders of Draco, Basis Universal, TIFF and WebP (`features = ["decoders"]`), less is built. The
+//! profiles of this package don't reach programs that use it: they are to be repeated there. Unoptimised, rendering takes thirty times as long.
+//!
+//! ```toml
+//! [dependencies]
+//! oscura = { version = "0.1", default-features = false }
+//!
+//! [profile.dev.package."*"]
+//! opt-level = 3
+//!
+//! [profile.release.package."*"]
+//! codegen-units = 1
+//! [profile.release.package.oscura]
+//! codegen-units = 4
+//! # Large, and nothing that takes time happens in them.
+//! [profile.release.package.gltf]
+//! opt-level = 0
+//! [profile.release.package.gltf-json]
+//! opt-level = 0
+//! [profile.release.package.moxcms]
+//! opt-level = 0
+//! [profile.release.package.pxfm]
+//! opt-level = 0
+//! ```
+//!
 //! ## Conventions
 //! - Metres, seconds, radians (names end in `_rad` where degrees could be meant; scene files use degrees).
 //! - Right-handed, y up; cameras look down -z, as in glTF.

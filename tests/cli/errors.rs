@@ -130,7 +130,8 @@ fn broken_inputs() -> Vec<(&'static str, Vec<u8>, &'static [&'static str])> {
             &["no_such_key", "look_form"],
         ),
         ("syntax.toml", b"[camera\n".to_vec(), &["1"]),
-        ("scene.xyz", b"?".to_vec(), &[".gltf"]),
+        ("scene.abcd", b"?".to_vec(), &[".gltf", ".blend"]),
+        ("scene.xyz", b"0 0 0\n".to_vec(), &["CloudCompare", ".ply"]),
         ("folder.glb", Vec::new(), &[]),
     ]
 }

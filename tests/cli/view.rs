@@ -380,7 +380,7 @@ const LIT: &str = r#"{
 
 #[test]
 fn lamps_are_changed_and_saved_beside_the_model() {
-    let sidecar = "[[lights]]\nname = \"key\"\narea = { center = [0, 0, 4], target = [0, 0, 0], size = [1, 1], power = 1 }\n";
+    let sidecar = "[[lights]]\nname = \"key\"\narea = { center = [3, 3, 4], target = [0, 0, 0], size = [1, 1], power = 1 }\n";
     let files = [("room.gltf", LIT), ("room.oscura.toml", sidecar)];
     let view = View::of(&files, &["view", "room.gltf", "--no-open", "--spp", "4"]);
     let (state, before) = view.finished();

@@ -11,6 +11,7 @@ import re
 import signal
 import subprocess
 import sys
+import time
 
 from PIL import Image
 from playwright.sync_api import sync_playwright
@@ -34,7 +35,10 @@ def start(program, model):
 
 
 def wait_for(page, condition):
+    end = time.monotonic() + 120
     while not page.evaluate(condition):
+        if time.monotonic() > end:
+            sys.exit(f"waited in vain for {condition}")
         page.wait_for_timeout(100)
 
 
@@ -55,11 +59,13 @@ def shoot(browser, address, screen, folder):
         page.mouse.move(box["x"] + 0.55 * box["width"], box["y"] + 0.45 * box["height"])
         wait_for(page, "document.getElementById('outline').getAttribute('d')?.length > 0")
     if name == "material":
-        page.mouse.click(box["x"] + 0.3 * box["width"], box["y"] + 0.7 * box["height"])
+        page.mouse.click(box["x"] + 0.26 * box["width"], box["y"] + 0.27 * box["height"])
         wait_for(page, "!document.getElementById('material-fields').hidden")
         page.locator("#base_color").fill("#3a6fb0")
         page.locator("#lamp-strength").fill("0.5")
         page.locator("#toml").scroll_into_view_if_needed()
+        # The picture of before the changes stays for a moment.
+        wait_for(page, f"Number(document.body.dataset.denoised) < {SAMPLES}")
         wait_for(page, f"Number(document.body.dataset.denoised) >= {SAMPLES}")
     page.evaluate("document.activeElement.blur()")
     page.wait_for_timeout(500)

@@ -45,14 +45,14 @@ def scan(program, model, folder, path):
 
 
 def denoiser(program, folder, path):
-    scene, size = ROOT / "scenes/rings.toml", ["--size", "720x405"]
+    scene, size = ROOT / "scenes/rings.toml", ["--size", "480x270"]
     names = [("16 samples per pixel", ["--spp", "16", "--no-denoise"]), ("the same, denoised", ["--spp", "16", "--denoise"])]
     pictures = []
     for i, (name, how) in enumerate(names):
         png = folder / f"{i}.png"
         run(program, scene, "-o", png, *size, *how)
         picture = Image.open(png).convert("RGB")
-        ImageDraw.Draw(picture).text((10, 385), name, fill="white", stroke_width=2, stroke_fill="black")
+        ImageDraw.Draw(picture).text((8, 252), name, fill="white", stroke_width=2, stroke_fill="black")
         pictures.append(picture)
     strip(pictures, path)
 
