@@ -399,7 +399,7 @@ fn lamps_are_changed_and_saved_beside_the_model() {
     view.post("/set", r#"{"light": ["key", {"strength": 0}]}"#);
     let (state, red) = view.wait(is_shown(3));
     let [r, g, b, _] = pixel(&red, 32, 24);
-    assert!(r > 100 && g == b && g == 0, "red alone: {r} {g} {b}");
+    assert!(r > 30 && g == 0 && b == 0, "red alone: {r} {g} {b}");
     assert_eq!(state["lights"][0]["color"], serde_json::json!([1.0, 0.0, 0.0]));
 
     // Saved, a render shows the same; undone, all is as it was.
