@@ -549,6 +549,9 @@ class BesideTest(SceneTest):
         found = self.export()[1]["render"]
         self.assertLessEqual(names, set(found))
         self.assertEqual((found["microfacet"], found["caught"], found["terminator"]), ("single", "shadows", "lifted"))
+        for obj in self.scene.objects:
+            obj.cycles.shadow_terminator_geometry_offset = 0.0
+        self.assertEqual(self.export()[1]["render"]["terminator"], "off")
         # As the add-on registers it, so that Blender keeps its name.
         bpy.utils.register_class(context.Engine)
         self.addCleanup(bpy.utils.unregister_class, context.Engine)

@@ -67,12 +67,18 @@ def read(scene, found, folder, name, report):
             entries.update(_limits(cycles, report))
         if any("is_shadow_catcher" in extras for extras in found.extras.values()):
             entries["caught"] = "shadows"
-        entries["terminator"] = "lifted"
+        entries["terminator"] = _terminator(scene)
         entries["microfacet"] = facets.model([h for h in found.objects.values() if h is not None])
     entries.update(view(scene, folder, name, report))
     entries["crop"] = _crop(scene.render, width, height)
     _tell_of_the_rest(scene, report)
     return entries
+
+
+def _terminator(scene):
+    """Whether shadow rays start at the surface that triangles stand for: unless no object has an offset for it."""
+    offsets = [getattr(getattr(obj, "cycles", None), "shadow_terminator_geometry_offset", 0.1) for obj in scene.objects if obj.type == "MESH"]
+    return "lifted" if any(offset > 0 for offset in offsets) else "off"
 
 
 def view(scene, folder, name, report):
