@@ -223,7 +223,7 @@ pub struct Prefixes {
     pub class: Words,
     /// Number of earlier bounces of the path.
     pub bounce: Words,
-    /// Only prefixes with equal keys share suffixes: see [`super::connect`].
+    /// Only prefixes with equal keys share suffixes: see the file `connect.rs`.
     pub keys: Words,
     /// First bounce of the path, diffuse for prefixes that end there. Used with light passes only.
     pub first_bounces: FirstBounces,
