@@ -42,6 +42,15 @@ class ShapesTest(SceneTest):
             lens.lens = focal_length
             self.assertTrue(0 < camera.gltf(lens, self.scene)["perspective"]["yfov"] < math.pi, focal_length)
 
+    def test_sensors_of_fisheyes_have_the_shape_of_the_picture(self):
+        """By pixels that are wider than high, too."""
+        render, data = self.scene.render, self.scene.camera.data
+        render.resolution_x, render.resolution_y, render.pixel_aspect_x = 200, 100, 1.5
+        data.type, data.sensor_fit, data.sensor_height = "PANO", "VERTICAL", 20
+        settings = data if hasattr(data, "panorama_type") else data.cycles
+        settings.panorama_type = "FISHEYE_EQUISOLID"
+        self.assertEqual(self.export()[1]["camera"][0]["sensor"], [60, 20])
+
     def test_keys_and_modifiers_that_make_vertices(self):
         """A key that widens a cube, then a subdivision: the model is as wide as the evaluated mesh, once."""
         cube = self.add("cube", "Cube", self.patterned(), size=2)
@@ -103,6 +112,18 @@ class ShapesTest(SceneTest):
         np.testing.assert_allclose(extent, [(-3, 0, 0), (1, 1, 1)], atol=1e-6)
         self.assertEqual([scene.name for scene in bpy.data.scenes], [self.scene.name])
         self.assertEqual(len(bpy.data.objects), 7)
+
+    def test_shader_to_rgb_is_none_as_in_cycles(self):
+        material, tree, shader, made = shader_tree("toon", "ShaderToRGB")
+        glow = tree.nodes.new("ShaderNodeEmission")
+        tree.links.new(glow.outputs[0], made.inputs[0])
+        tree.links.new(made.outputs[0], shader.inputs["Base Color"])
+        shader.inputs["Base Color"].default_value = (0.25, 0.5, 0.75, 1)
+        self.add("cube", "Cube", material)
+        _, settings, answer = self.export()
+        found = next(node for node in settings["materials"]["toon"]["nodes"].values() if node["type"] == "principled_bsdf")
+        self.assertEqual(found["base_color"], [0.25, 0.5, 0.75])
+        self.assertTrue(any("Shader to RGB" in str(warning) for warning in answer["warnings"]), answer)
 
     def test_patterns_do_not_follow_what_deforms(self):
         """The left half is red, the right one green, of a mesh of two faces whose right edge is moved away."""

@@ -98,7 +98,7 @@ def entries(obj, camera, scene, corners, report):
     """The entries of [[camera]] for a camera of the model; the corners are those of `boxes`."""
     width, height = frame(scene)
     by_width = is_fitted_by_width(camera, width, height)
-    panorama = _panorama(obj, camera, resolution(scene), report) if camera.type == "PANO" else {}
+    panorama = _panorama(obj, camera, (width, height), report) if camera.type == "PANO" else {}
     if panorama:
         # Of either edge, whatever the sensor.
         across, down = resolution(scene)

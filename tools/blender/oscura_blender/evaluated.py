@@ -2,7 +2,7 @@
 
 import os
 
-from . import bakes, geometry, instances, media, mesh_files, node_graph, panes, relief, report as reports, sidecar, shaders, skins
+from . import bakes, geometry, instances, media, mesh_files, node_graph, panes, relief, report as reports, sidecar, shaders, skins, trees
 from .glb import Y_UP
 
 # Tables of the materials of faces without one, and of what has no surface.
@@ -108,6 +108,8 @@ class Materials:
         if end is None:
             return Material(graph, whole=BLACK)
         self._add_bumps(graph, material)
+        if any(node.outputs[0].is_linked for _, node in trees.nodes_with_trees(material.node_tree, (node_graph.SHADER_TO_RGB,))):
+            baker.warn("Shader to RGB is left out, as Cycles does: inputs that it is linked to have their own values")
         medium, is_lost = None, False
         try:
             filling = media.read(end.inputs["Volume"], exposure)

@@ -174,6 +174,10 @@ class Feed:
         return self.output.node if self.output is not None else None
 
 
+# A node that Cycles doesn't have: inputs that it is linked to have their own values.
+SHADER_TO_RGB = "ShaderNodeShaderToRGB"
+
+
 def feed(socket, groups=()):
     """What feeds an input, past reroutes, muted nodes and the borders of groups."""
     while True:
@@ -201,6 +205,8 @@ def feed(socket, groups=()):
             if inner is None:
                 return Feed(value=_zero(output), groups=groups)
             socket, groups = inner, (*groups, node)
+        elif node.bl_idname == SHADER_TO_RGB:
+            return Feed(value=_default(socket), groups=groups, type=socket.type)
         elif node.bl_idname in ("ShaderNodeTexImage", "ShaderNodeTexEnvironment") and _is_even(node):
             return Feed(value=_without_image(node.image, output), groups=groups, type=output.type)
         else:
