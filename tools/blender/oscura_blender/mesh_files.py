@@ -43,7 +43,8 @@ class MeshFile:
         self.mesh, self.vertices = mesh, meshes.corner_vertices(mesh)
         self.triangles, faces = meshes.triangles(mesh)
         self.last = max(len(mesh.materials) - 1, 0)
-        self.materials = meshes.material_slots(mesh)[faces]
+        self.materials = meshes.material_slots(mesh)[faces] if self.last > 0 else None
+        del faces
         tangents = brushed.tangents(mesh, axes, self.vertices)
         if tangents is None and has_maps and not mesh.uv_layers:
             tangents = brushed.on_sphere(mesh, self.triangles, self.vertices)
@@ -51,7 +52,7 @@ class MeshFile:
         self.first = None  # the first corner of each vertex of the file, where corners of a vertex differ
         of_corners = [column.values for column in self.columns if not column.is_of_vertices]
         if of_corners:
-            self.first, welded = _welded(self.vertices, np.concatenate(of_corners, 1).astype(np.float32), len(mesh.vertices))
+            self.first, welded = _welded(self.vertices, np.concatenate(of_corners, 1, dtype=np.float32), len(mesh.vertices))
             self.triangles = welded[self.triangles]
         else:
             self.triangles = self.vertices[self.triangles]
@@ -89,8 +90,8 @@ class MeshFile:
             faces["material"] = self.materials
         with open(path, "wb") as file:
             file.write("\n".join([*head, "end_header\n"]).encode())
-            file.write(np.ascontiguousarray(rows, "<f4").tobytes())
-            file.write(faces.tobytes())
+            file.write(np.ascontiguousarray(rows, "<f4").data)
+            file.write(faces.view("u1").data)
 
 
 def _columns(mesh, names, tangents):
@@ -139,7 +140,10 @@ def _welded(vertices, values, count):
     bits = np.ascontiguousarray(values).view(np.uint32)
     some = np.full(count, -1, np.int32)
     some[vertices] = np.arange(len(vertices), dtype=np.int32)
-    differs = (bits != bits[some[vertices]]).any(1)
+    differs, representative = np.zeros(len(vertices), bool), some[vertices]
+    for column in bits.T:
+        differs |= column != column[representative]
+    del representative
     used = some >= 0
     number = np.cumsum(used, dtype=np.int32) - 1
     welded = number[vertices]
