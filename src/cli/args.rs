@@ -2,13 +2,13 @@
 
 use super::camera_args::{CameraArgs, ShutterArgs};
 use super::parsers::{
-    AovParser, FRAME_RATE, Frames, PreviewArg, ShowArg, bounce_limits, clamp, frames_per_second, number,
-    region, stops, whole,
+    AovParser, FRAME_RATE, Frames, PreviewArg, ShowArg, bounce_limits, clamp, frames_per_second, named,
+    number, region, stops, whole,
 };
 use super::picture_args::{ExrArgs, PictureArgs, Quality, views};
 use super::progress::ProgressArg;
 use super::scene_args::{AssetArgs, BlenderArgs, StageArgs};
-use clap::builder::{OsStringValueParser, PossibleValue, TypedValueParser};
+use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use oscura::film::{AovSet, AovSpace};
 use oscura::output::ViewTransform;
@@ -124,25 +124,6 @@ pub struct SequenceFrame {
     pub is_averaged: bool,
     /// Not written: a neighbour of one that is.
     pub is_neighbour: bool,
-}
-
-/// Shadow terminator of meshes with shading normals.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct TerminatorArg(pub ShadowTerminator);
-
-impl ValueEnum for TerminatorArg {
-    fn value_variants<'a>() -> &'a [TerminatorArg] {
-        const ALL: [TerminatorArg; 3] = [
-            TerminatorArg(ShadowTerminator::Soft),
-            TerminatorArg(ShadowTerminator::Lifted),
-            TerminatorArg(ShadowTerminator::Off),
-        ];
-        &ALL
-    }
-
-    fn to_possible_value(&self) -> Option<PossibleValue> {
-        Some(PossibleValue::new(self.0.name()))
-    }
 }
 
 #[derive(Args, Clone, Debug)]
@@ -287,8 +268,8 @@ pub(crate) struct RenderArgs {
     /// Spectral rendering: sample wavelengths instead of red, green and blue.
     #[arg(long)]
     pub spectral: bool,
-    #[arg(long, help = setting_help("terminator"))]
-    pub terminator: Option<TerminatorArg>,
+    #[arg(long, help = setting_help("terminator"), value_parser = named(&ShadowTerminator::NAMED, |(name, _)| name, |_| "").map(|(_, terminator)| terminator))]
+    pub terminator: Option<ShadowTerminator>,
     #[arg(long, help = setting_help("path_reuse"), value_name = "REUSE", default_value = "auto", hide_default_value = true)]
     pub path_reuse: PathReuse,
     #[arg(long, help = setting_help("splitting"), value_name = "PATHS", default_value = "auto", hide_default_value = true)]

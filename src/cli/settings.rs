@@ -1,6 +1,6 @@
 //! From arguments to settings: choices, preparation of the scene, memory limits, options without effect.
 
-use super::args::{CRYPTO_LEVELS, FilterArg, FresnelArg, MicrofacetArg, RenderArgs, TerminatorArg, TreeArg};
+use super::args::{CRYPTO_LEVELS, FilterArg, FresnelArg, MicrofacetArg, RenderArgs, TreeArg};
 use super::checkpoint::cropped;
 use super::parsers::FRAME_RATE;
 use super::picture_args::{Framed, Preset, Quality};
@@ -65,7 +65,7 @@ pub(crate) fn requested(args: &RenderArgs) -> RequestedOptions {
             clamp: args.clamp.or(args.unbiased.then_some(Clamp::NONE)),
             filter_glossy: args.filter_glossy.or(args.unbiased.then_some(0.0)),
             skip_caustics: args.unbiased.then_some(SkippedCaustics::NONE),
-            terminator: args.terminator.map(|TerminatorArg(terminator)| terminator),
+            terminator: args.terminator,
             seed: args.seed,
             filter,
             energy_compensation,

@@ -324,15 +324,14 @@ impl Geometries {
         if attributes.normals.is_empty() {
             return None;
         }
-        let positions = map_each(corners_at(shapes, t, time), Vec3::from_array);
+        let positions = self.world_corners(hit, time)?;
         let normals = map_each(attributes.normals_at(t, time), Vec3::from_array);
         let Some(i) = hit.instance.checked_sub(1) else { return Some([positions, normals]) };
         let placement = &self.placements[i as usize];
-        let Transform { linear, translation, normal_from_object } = match placement.moves {
-            true => Transform::of(&self.world_from_object(placement, time)),
-            false => placement.world_from_object,
+        let normal_from_object = match placement.moves {
+            true => Transform::of(&self.world_from_object(placement, time)).normal_from_object,
+            false => placement.world_from_object.normal_from_object,
         };
-        let positions = map_each(positions, |p| linear * p + translation);
         Some([positions, map_each(normals, |n| (normal_from_object * n).normalize_or_zero())])
     }
 

@@ -74,7 +74,6 @@ def _repeat(attribute, mesh, corners):
     if attribute.name in SHAPE or attribute.name.startswith(".") or attribute.data_type not in KINDS:
         return
     key, size, kind = KINDS[attribute.data_type]
-    values = np.empty(size * len(attribute.data), kind)
-    attribute.data.foreach_get(key, values)
+    values = meshes.read(attribute.data, key, size, kind)
     own = mesh.attributes.new(attribute.name, attribute.data_type, "POINT")
-    own.data.foreach_set(key, np.repeat(values.reshape(-1, size), corners, axis=0).ravel())
+    own.data.foreach_set(key, np.repeat(values, corners, axis=0).ravel())
