@@ -17,7 +17,7 @@ use super::{
 };
 use crate::accel::{Accel, BuildStats};
 use crate::error::{Problem, Result, Warning};
-use crate::light::{EnvironmentLight, LightMotions, Lights, PunctualLight};
+use crate::light::{EnvironmentLight, LightMotions, Lights, PunctualLight, VolumeLight};
 use crate::math::DVec3;
 use crate::scene::{Camera, Environment, Model, RayKinds, Scene, ShadingModel};
 use crate::texture::CompiledTextures;
@@ -165,7 +165,9 @@ fn compile_after(
     let emitters = emitters::find(&geometries, &materials, &textures, &objects);
     let sky = environment(scene, kept.environment.take(), anchor, &mut report.warnings);
     let surfaces = (&emitters, &geometries, &materials[..]);
-    let (lights, tables) = lights((scene, &plan.numbers, options.shading), anchor, sky, surfaces, &textures)?;
+    let others = (media::volume_lights(&media), sky);
+    let named = (scene, &plan.numbers, options.shading);
+    let (lights, tables) = lights(named, anchor, others, surfaces, &textures)?;
     report.lights = lights.len() as u64;
     let refracted_lights = RefractedLights::find(scene, &materials, anchor, (&lights, &textures));
     let features = features(scene, (&geometries, &accel, anchor), &materials, &textures, &media)
@@ -216,7 +218,7 @@ fn warn_of_far_surfaces(compiled: &CompiledScene, warnings: &mut Vec<Warning>) {
 fn lights(
     (scene, numbers, shading): (&Scene, &ObjectMaterials, ShadingModel),
     anchor: DVec3,
-    environment: Option<EnvironmentLight>,
+    (volumes, environment): (Vec<VolumeLight>, Option<EnvironmentLight>),
     surfaces: (&Emitters, &Geometries, &[CompiledMaterial]),
     textures: &CompiledTextures,
 ) -> Result<(Lights, LightTables)> {
@@ -224,7 +226,8 @@ fn lights(
     let punctual = scene.lights.iter().map(|l| PunctualLight::new(l, anchor)).collect();
     let motions =
         LightMotions { area: emitters.moving.clone(), punctual: motion::moving_lights(scene, anchor) };
-    let mut lights = Lights::moving((emitters.lights.clone(), punctual), motions, environment, textures);
+    let listed = (emitters.lights.clone(), punctual, volumes);
+    let mut lights = Lights::moving(listed, motions, environment, textures);
     let tables = LightTables::new((scene, numbers, shading), &lights, surfaces);
     let links = &tables.links;
     check(links.problems())?;

@@ -198,17 +198,6 @@ impl DensityGrid {
         self.integral_of(ray, [from, to], salt, 0.0, |density, _| density)
     }
 
-    /// The integral with a factor on the density that depends on the ray parameter.
-    pub fn integral_times(
-        &self,
-        ray: &GridRay,
-        way: [f32; 2],
-        salt: u32,
-        factor: impl Fn(f32) -> Rgb,
-    ) -> Rgb {
-        self.integral_of(ray, way, salt, Rgb::ZERO, |density, t| factor(t) * density)
-    }
-
     /// The integral of a function of the density and the ray parameter; `zero` is its value where the density is 0.
     #[inline]
     pub(super) fn integral_of<T: Add<Output = T> + Mul<f32, Output = T>>(
@@ -380,6 +369,8 @@ impl BlockTraversal {
 
 /// Tabulated temperatures; colours are linear between them.
 const COLORS: usize = 1024;
+/// Cells of a grid that is a light, at most.
+const MAX_CELLS: usize = 1 << 18;
 
 /// Factor on the emission of a medium.
 #[derive(Clone, Debug, PartialEq)]
@@ -440,6 +431,49 @@ impl CompiledEmissionGrid {
         }
     }
 
+    /// The box of the grid: a corner and the edges from there, metres.
+    pub(super) fn parallelepiped(&self) -> (Vec3, Mat3) {
+        let DensityGrid { corner, voxels_from_world, size, .. } = &*self.grid;
+        let edges = Vec3::from_array(size.map(|n| n as f32));
+        (*corner, voxels_from_world.inverse() * Mat3::from_diagonal(edges))
+    }
+
+    /// The mean of a function of the emission factor over each of at most [`MAX_CELLS`] cells of the grid, x fastest, and the number of
+    /// cells along each axis.
+    pub(super) fn cells(&self, of: impl Fn(Rgb) -> f32) -> ([usize; 3], Vec<f32>) {
+        let voxels = self.grid.size.map(|n| n as usize);
+        let cells = |edge: usize| voxels.map(|n| n.div_ceil(edge));
+        let mut edge = 1;
+        while cells(edge).iter().product::<usize>() > MAX_CELLS {
+            edge += 1;
+        }
+        let size = cells(edge);
+        let cell = |axis: usize, voxel: usize| (2 * voxel + 1) * size[axis] / (2 * voxels[axis]);
+        let mut sums = vec![(0.0, 0.0f32); size.iter().product()];
+        for (i, &value) in self.grid.values.iter().enumerate() {
+            let [x, y, z] = [i % voxels[0], i / voxels[0] % voxels[1], i / (voxels[0] * voxels[1])];
+            let (sum, count) = &mut sums[(cell(2, z) * size[1] + cell(1, y)) * size[0] + cell(0, x)];
+            let center = Vec3::new(x as f32, y as f32, z as f32) + 0.5;
+            (*sum, *count) = (*sum + of(self.factor(value, center, None)), *count + 1.0);
+        }
+        let mut means: Vec<f32> = sums.iter().map(|(sum, count)| sum / count.max(1.0)).collect();
+        // Interpolation brings an eighth of the values of neighbouring voxels.
+        for (axis, stride) in [1, size[0], size[0] * size[1]].into_iter().enumerate() {
+            blur(&mut means, (size[axis], stride), 0.125 / edge as f32);
+        }
+        (size, means)
+    }
+
+    /// The emission factor at a point of the world; 0 outside of the grid.
+    pub fn at(&self, p: Vec3, waves: Option<&Wavelengths>) -> Rgb {
+        let voxel = self.grid.voxels_from_world * (p - self.grid.corner);
+        let is_inside = (0..3).all(|axis| (0.0..=self.grid.size[axis] as f32).contains(&voxel[axis]));
+        if !is_inside {
+            return Rgb::ZERO;
+        }
+        self.factor(self.grid.density(voxel), voxel, waves)
+    }
+
     /// An estimate of the integral of the emission factor between two points of a ray, over metres; see
     /// [`DensityGrid::integral`].
     pub fn integral(&self, way: (Vec3, Vec3), span: [f32; 2], salt: u32, waves: Option<&Wavelengths>) -> Rgb {
@@ -462,21 +496,32 @@ impl CompiledEmissionGrid {
         factor: impl Fn(f32) -> Rgb,
     ) -> Rgb {
         let ray: GridRay = self.grid.ray(origin, direction, 1.0);
+        let at = |value: f32, t: f32| factor(t) * self.factor(value, ray.at(t), waves);
+        self.grid.integral_of(&ray, way, salt, Rgb::ZERO, at)
+    }
+
+    /// The emission factor at a point in voxels where the grid has a value.
+    #[inline]
+    fn factor(&self, value: f32, p: Vec3, waves: Option<&Wavelengths>) -> Rgb {
         match &self.kind {
-            EmissionKind::Factors => self.grid.integral_times(&ray, way, salt, factor),
+            EmissionKind::Factors => Rgb::splat(value),
             EmissionKind::Channels([green, blue]) => {
-                let at = |r: f32, t: f32| {
-                    let p = ray.at(t);
-                    let emission = Rgb::new(r, green.density(p), blue.density(p));
-                    factor(t) * waves.map_or(emission, |waves| Spectrum::of_light(emission).at(waves))
-                };
-                self.grid.integral_of(&ray, way, salt, Rgb::ZERO, at)
+                let emission = Rgb::new(value, green.density(p), blue.density(p));
+                waves.map_or(emission, |waves| Spectrum::of_light(emission).at(waves))
             }
-            EmissionKind::Heat(heat) => {
-                let at = |value: f32, t: f32| heat.at(value, waves) * factor(t);
-                self.grid.integral_of(&ray, way, salt, Rgb::ZERO, at)
-            }
+            EmissionKind::Heat(heat) => heat.at(value, waves),
         }
+    }
+}
+
+/// Gives a share of each value to both neighbours along an axis, with so many values at a distance of `stride`; the outermost keep theirs.
+fn blur(values: &mut [f32], (count, stride): (usize, usize), share: f32) {
+    let before = values.to_vec();
+    for (i, value) in values.iter_mut().enumerate() {
+        let at = i / stride % count;
+        let below = if at > 0 { before[i - stride] } else { before[i] };
+        let above = if at + 1 < count { before[i + stride] } else { before[i] };
+        *value = before[i] * (1.0 - 2.0 * share) + (below + above) * share;
     }
 }
 

@@ -1,5 +1,5 @@
 //! Tables indexed by light: light groups, light links, ray visibility and spectra. Lights are numbered as in [`Lights`]: area lights,
-//! lights without a surface, the environment.
+//! lights without a surface, emissive media, the environment.
 
 use super::emitters::Emitters;
 use super::geometry::Geometries;
@@ -36,9 +36,9 @@ impl LightTables {
     ) -> LightTables {
         let (emitters, geometries, materials) = surfaces;
         LightTables {
-            groups: LightGroups::of((scene, numbers), emitters, geometries),
+            groups: LightGroups::of((scene, numbers), lights, (emitters, geometries)),
             links: Links::of(scene, lights, surfaces),
-            spectra: spectra(scene, surfaces, shading),
+            spectra: spectra((scene, shading), lights, surfaces),
             ray_kinds: ray_kinds(scene, lights, surfaces),
             caught: caught(emitters, geometries, materials),
         }
@@ -59,6 +59,9 @@ pub struct LightGroups {
 /// Marks objects without a light group of their own.
 const NONE: u16 = u16::MAX;
 
+/// The group of what media emit.
+const MEDIA: u16 = 0;
+
 /// Further groups count as the last.
 const MAX_GROUPS: usize = NONE as usize - 1;
 
@@ -66,8 +69,8 @@ impl LightGroups {
     /// The groups of the lights that were found in a scene; empty where all are in one group.
     pub(super) fn of(
         (scene, numbers): (&Scene, &ObjectMaterials),
-        emitters: &Emitters,
-        geometries: &Geometries,
+        all: &Lights,
+        (emitters, geometries): (&Emitters, &Geometries),
     ) -> LightGroups {
         let names = scene.light_groups();
         if names.len() < 2 {
@@ -87,6 +90,7 @@ impl LightGroups {
             lights[light] = groups.of_surface(object, numbers.original(material));
         }
         lights.extend(scene.lights.iter().map(|light| number(&light.group)));
+        lights.extend(all.volumes().iter().map(|_| MEDIA));
         lights.push(number(&scene.environment_group));
         groups.lights = lights;
         groups
@@ -132,6 +136,7 @@ impl Links {
             }
         }
         of_lights.extend(scene.lights.iter().map(|light| light.links));
+        of_lights.extend(lights.volumes().iter().map(|_| LightLinks::ALL));
         of_lights.extend(lights.environment().map(|_| LightLinks::ALL));
         // Emission that light samples do not know is linked, too.
         let is_linked = |links: &LightLinks| *links != LightLinks::ALL;
@@ -203,9 +208,9 @@ impl Links {
 
 /// The spectra of uniform coloured lights, by light; empty unless the renderer is spectral.
 fn spectra(
-    scene: &Scene,
+    (scene, shading): (&Scene, ShadingModel),
+    lights: &Lights,
     (emitters, geometries, materials): (&Emitters, &Geometries, &[CompiledMaterial]),
-    shading: ShadingModel,
 ) -> Vec<Option<Arc<Spectrum>>> {
     if !shading.spectral {
         return Vec::new();
@@ -219,6 +224,7 @@ fn spectra(
         spectra[light].clone_from(&materials[material as usize].light_spectrum);
     }
     spectra.extend(scene.lights.iter().map(|light| of_color(light.intensity)));
+    spectra.extend(lights.volumes().iter().map(|_| None));
     // The environment is the last one.
     spectra.extend(match scene.environment {
         Environment::Constant(rgb) => Some(of_color(rgb)),
@@ -238,6 +244,7 @@ fn ray_kinds(
         kinds[light] = materials[material as usize].visible_to();
     }
     kinds.extend(scene.lights.iter().map(|light| light.visible_to));
+    kinds.extend(lights.volumes().iter().map(|_| RayKinds::ALL));
     if lights.environment().is_some() {
         kinds.push(scene.environment_visible_to);
     }

@@ -7,6 +7,7 @@ use super::medium::{Ball, Density, GridMedium, Medium, Scattering, ScatteringSpe
 use super::objects::part_materials;
 use crate::color::Rgb;
 use crate::error::Warning;
+use crate::light::VolumeLight;
 use crate::math::{DAffine3, DVec3};
 use crate::scene::{
     self, ColorSlot, Environment, FloatSlot, Fog, GridId, Instance, Keyframes, Material, MaterialId,
@@ -198,6 +199,17 @@ fn density(medium: &scene::Medium, scene: &Scene, grids: &[Arc<DensityGrid>]) ->
         None => CompiledEmissionGrid::of_density(&density),
     });
     Density::Grid(GridMedium { density, extinction, scattering, emission })
+}
+
+/// The media on grids that emit, as lights. Bodies with a surface are left out: no light sample passes it.
+pub(super) fn volume_lights(media: &[Medium]) -> Vec<VolumeLight> {
+    let light = |(index, medium): (usize, &Medium)| {
+        let scattering = medium.scattering.as_ref().filter(|s| s.emission.max_element() > 0.0)?;
+        let grid = scattering.grid().filter(|_| medium.is_boundary)?;
+        let (size, emission) = grid.emission.cells(|factor| (scattering.emission * factor).luminance());
+        VolumeLight::new(index as u16, grid.emission.parallelepiped(), size, &emission)
+    };
+    media.iter().enumerate().filter_map(light).collect()
 }
 
 /// Is its transmittance to infinity 0 in all channels?

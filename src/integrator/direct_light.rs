@@ -314,6 +314,9 @@ impl Integrator<'_> {
             if self.is_spectral() {
                 self.uplift_light_samples(sorted, w);
             }
+            if !self.scene.lights.volumes().is_empty() {
+                self.evaluate_volume_lights(sorted, w);
+            }
             self.leave_light_samples(bounce, sorted, w);
             self.direct_light(bounce, sorted, w);
         }

@@ -9,6 +9,9 @@
 //! weights of all segments: scattering in one medium, passing the others. This is unbiased, since the mean of each factor is
 //! the transmittance of its medium, whatever the others are, coloured or on grids. Emission of one medium is attenuated
 //! by the others likewise, point by point.
+//!
+//! Emissive media on grids are lights as well ([`VolumeLight`](crate::light::VolumeLight)): light samples find points in them, and
+//! what scattered rays find on their way is weighted against these, point by point.
 
 use super::Integrator;
 use super::interior::Interior;
@@ -16,12 +19,13 @@ use super::medium_segment::{BoundaryCrossing, MediumSegment, ShadowSegment};
 use super::radiance_buffer::{PathClass, RadianceOrigin, class_of_path};
 use super::sampling::{Purpose, RandomChoice};
 use super::shading_groups::SortedVertices;
-use super::wave::{LightLanes, Wave, get_rgb, set, set_rgb};
+use super::visibility::class;
+use super::wave::{LightLanes, Wave, get, get_rgb, set, set_rgb};
 use super::workspace::Workspace;
 use crate::color::Rgb;
 use crate::color::spectral::Wavelengths;
 use crate::compile::Scattering;
-use crate::light::Receiver;
+use crate::light::{LightSource, Receiver};
 use crate::math::{Hit, Ray, Vec3};
 use crate::sampling::hash::{hash32, unit};
 use crate::sampling::sampler::SobolPoint;
@@ -173,7 +177,55 @@ impl Integrator<'_> {
         let path = &w.arriving.state;
         let throughput = get_rgb(&path.throughput, i);
         let medium = (scattering, w.times.wavelengths(path.radiance_index[i]));
-        segment.emission(medium, &w.rays[i], throughput, (to, salt), others)
+        let emission = |factor: Option<&dyn Fn(f32) -> Rgb>| {
+            segment.emission(medium, &w.rays[i], throughput, (to, salt), factor)
+        };
+        match (others, self.medium_emission_weight(segment.medium, i, w)) {
+            (others, None) => emission(others),
+            (None, Some(weight)) => emission(Some(&|t| Rgb::splat(weight(t)))),
+            (Some(others), Some(weight)) => emission(Some(&|t| others(t) * weight(t))),
+        }
+    }
+
+    /// The MIS weight of what a medium emits along the ray of path `i`, by distance; `None` where light samples don't find it.
+    fn medium_emission_weight<'w>(
+        &'w self,
+        medium: u16,
+        i: usize,
+        w: &'w Workspace,
+    ) -> Option<impl Fn(f32) -> f32 + use<'w>> {
+        let pdf = w.arriving.state.pdf[i];
+        let (index, volume) = self.scene.lights.volume_of_medium(medium).filter(|_| pdf.competes())?;
+        let p = self.start_of_ray(i, w);
+        let receiver = Receiver { p, normal: get(&w.arriving.receiver_normal, i) };
+        let class = class(i, &w.arriving, self.scene.features.links);
+        let pdf_discrete = self.scene.lights.pdf_discrete(class, &receiver, index);
+        let is_shadowed = self.is_shadowed(i, &w.arriving);
+        Some(move |t: f32| {
+            let to = w.rays[i].at(t);
+            let through_panes = || self.pane_density_ratio(i, (p, to), Vec3::ZERO, w);
+            let light_pdf = || volume.pdf_solid_angle(p, to) * pdf_discrete * through_panes();
+            if is_shadowed { 0.0 } else { pdf.mis_weight(light_pdf) }
+        })
+    }
+
+    /// Gives light samples of emissive media the emission at their targets.
+    pub(super) fn evaluate_volume_lights(&self, sorted: &SortedVertices, w: &mut Workspace) {
+        let Workspace { wave, times, .. } = w;
+        let (light, path) = (&mut wave.vertices.light, &wave.paths.state);
+        for i in sorted.lit().filter(|&i| !light.pdf[i].is_none()) {
+            let Some(volume) = self.scene.lights.volume(light.index[i]) else { continue };
+            let medium = self.scene.media[usize::from(volume.medium())].scattering.as_ref();
+            let wavelengths = times.wavelengths(path.radiance_index[i]);
+            let emission = medium.map_or(Rgb::ZERO, |s| s.emission_at(get(&light.target, i), wavelengths));
+            set_rgb(&mut light.radiance, i, emission * volume.depth());
+        }
+    }
+
+    /// Do the coefficients of a medium count where a path has entered some solids?
+    fn counts_in(&self, interior: Interior, medium: u16) -> bool {
+        interior.medium() == medium
+            || self.scene.features.overlaps && interior.overlapping(&self.scene.media).any(|m| m == medium)
     }
 
     /// Adds the emission of a medium to the radiance of path `i`.
@@ -331,6 +383,12 @@ impl Integrator<'_> {
         let (light, path) = (&mut wave.vertices.light, &wave.paths.state);
         for (k, span) in shadow_segments.iter().enumerate().filter(|&(k, _)| !occluded[k]) {
             let (ray, i) = (&shadow_rays[k], shadow_vertices[k] as usize);
+            // Outside of its boundary a medium emits nothing.
+            let volume = self.scene.lights.volume(light.index[i]);
+            if volume.is_some_and(|volume| !self.counts_in(span.interior, volume.medium())) {
+                set_rgb(&mut light.contribution, i, Rgb::ZERO);
+                continue;
+            }
             let (stretch, wavelengths) = ([span.from, ray.t_max], times.wavelengths(path.radiance_index[i]));
             let left =
                 self.transmittance_between(span.interior, (ray.origin, ray.direction), stretch, wavelengths);

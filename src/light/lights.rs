@@ -2,7 +2,7 @@
 
 use super::{
     AreaLight, Descent, EnvironmentLight, LightBounds, LightSample, LightSource, LightTree, PunctualLight,
-    PunctualSource, RECTANGLE_NUMBERS, Receiver, Sun, UniformRectangle,
+    PunctualSource, RECTANGLE_NUMBERS, Receiver, Sun, UniformRectangle, VolumeLight,
 };
 use crate::math::{Vec3, gamma, offset_ray_origin, segment};
 use crate::sampling::AliasTable;
@@ -10,13 +10,15 @@ use crate::texture::CompiledTextures;
 use std::collections::BTreeMap;
 use std::f32::consts::PI;
 
-/// All lights; their indices run through the area lights, the punctual lights, then the environment.
+/// All lights; their indices run through the area lights, the punctual lights, the emissive media, then the environment.
 ///
 /// See `LightSampler` for the choice of one of them.
 #[derive(Clone, Debug)]
 pub struct Lights {
     area: Vec<AreaLight>,
     punctual: Vec<PunctualLight>,
+    /// In the order of their media.
+    volumes: Vec<VolumeLight>,
     environment: Option<EnvironmentLight>,
     /// Chooses for receivers of class 0: among all lights, unless some are linked.
     sampler: LightSampler,
@@ -51,12 +53,12 @@ impl Lights {
         environment: Option<EnvironmentLight>,
         textures: &CompiledTextures,
     ) -> Lights {
-        Lights::moving((area, punctual), LightMotions::default(), environment, textures)
+        Lights::moving((area, punctual, Vec::new()), LightMotions::default(), environment, textures)
     }
 
     /// Lights some of which move.
     pub fn moving(
-        (area, punctual): (Vec<AreaLight>, Vec<PunctualLight>),
+        (area, punctual, volumes): (Vec<AreaLight>, Vec<PunctualLight>, Vec<VolumeLight>),
         motions: LightMotions,
         environment: Option<EnvironmentLight>,
         textures: &CompiledTextures,
@@ -64,8 +66,18 @@ impl Lights {
         let (suns, rectangles, linked) = (Vec::new(), Vec::new(), Vec::new());
         let sampler = LightSampler::new(&[], 0, &[], false);
         let emits_by_hit = area.iter().any(AreaLight::emits_by_hit);
-        let mut lights =
-            Lights { area, punctual, environment, sampler, linked, suns, rectangles, motions, emits_by_hit };
+        let mut lights = Lights {
+            area,
+            punctual,
+            volumes,
+            environment,
+            sampler,
+            linked,
+            suns,
+            rectangles,
+            motions,
+            emits_by_hit,
+        };
         lights.sampler = lights.sampler_of(textures, |_| true);
         lights.suns = lights.find_suns();
         lights.rectangles = lights.find_rectangles();
@@ -77,6 +89,7 @@ impl Lights {
         let samplers = std::iter::once(&self.sampler).chain(&self.linked);
         size_of_val(&self.area[..])
             + size_of_val(&self.punctual[..])
+            + self.volumes.iter().map(VolumeLight::bytes).sum::<usize>()
             + size_of_val(&self.rectangles[..])
             + samplers.map(|sampler| sampler.tree.bytes()).sum::<usize>()
             + self.environment.as_ref().map_or(0, EnvironmentLight::bytes)
@@ -130,8 +143,13 @@ impl Lights {
                 _ => {}
             }
         }
+        for (i, volume) in self.volumes.iter().enumerate() {
+            let is_there = has(self.first_volume() + i as u32);
+            bounds.push(is_there.then(|| volume.bounds(textures)).flatten().unwrap_or(LightBounds::DARK));
+            near += usize::from(is_there);
+        }
         // The irradiance of a hemisphere of its mean radiance.
-        let index = (self.area.len() + self.punctual.len()) as u32;
+        let index = self.first_volume() + self.volumes.len() as u32;
         let sampled = self.environment.iter().filter(|e| e.is_sampled() && has(index));
         far.extend(sampled.map(|e| (index, e.mean_luminance() * PI)));
         LightSampler::new(&bounds, near, &far, self.count_sampled() == 1)
@@ -189,12 +207,12 @@ impl Lights {
 
     /// How many there are, the environment included.
     pub fn len(&self) -> usize {
-        self.area.len() + self.punctual.len() + usize::from(self.environment.is_some())
+        self.area.len() + self.punctual.len() + self.volumes.len() + usize::from(self.environment.is_some())
     }
 
     /// Number of lights that light samples are taken of.
     fn count_sampled(&self) -> usize {
-        self.area.len() + self.punctual.len() + usize::from(self.samples_environment())
+        self.area.len() + self.punctual.len() + self.volumes.len() + usize::from(self.samples_environment())
     }
 
     /// Emissive surfaces.
@@ -206,6 +224,31 @@ impl Lights {
     /// Lights without a surface.
     pub fn punctual(&self) -> &[PunctualLight] {
         &self.punctual
+    }
+
+    /// Emissive media.
+    #[inline(always)]
+    pub fn volumes(&self) -> &[VolumeLight] {
+        &self.volumes
+    }
+
+    /// The index of the first emissive medium.
+    #[inline(always)]
+    pub fn first_volume(&self) -> u32 {
+        (self.area.len() + self.punctual.len()) as u32
+    }
+
+    /// The light that a medium is, with its index.
+    #[inline]
+    pub fn volume_of_medium(&self, medium: u16) -> Option<(u32, &VolumeLight)> {
+        let at = self.volumes.binary_search_by_key(&medium, VolumeLight::medium).ok()?;
+        Some((self.first_volume() + at as u32, &self.volumes[at]))
+    }
+
+    /// The emissive medium of this index; `None` for other lights.
+    #[inline(always)]
+    pub fn volume(&self, index: u32) -> Option<&VolumeLight> {
+        self.volumes.get(index.checked_sub(self.first_volume())? as usize)
     }
 
     /// The suns among the punctual lights.
@@ -305,7 +348,7 @@ impl Lights {
         })
     }
 
-    /// The probability of choosing an area light for a receiver of a class.
+    /// The probability of choosing an area light or an emissive medium for a receiver of a class.
     #[inline(always)]
     pub fn pdf_discrete(&self, class: u32, receiver: &Receiver, index: u32) -> f32 {
         self.sampler_of_class(class).pdf_discrete(receiver, index)
@@ -329,7 +372,10 @@ impl Lights {
         let index = index as usize;
         match self.area.get(index) {
             Some(light) => Some(light.middle()),
-            None => self.punctual.get(index - self.area.len())?.position(),
+            None => match self.volume(index as u32) {
+                Some(volume) => Some(volume.middle()),
+                None => self.punctual.get(index - self.area.len())?.position(),
+            },
         }
     }
 
@@ -381,6 +427,9 @@ impl Lights {
         }
         if let Some(light) = self.punctual.get(index - self.area.len()) {
             return light.sample(textures, reference, u);
+        }
+        if let Some(volume) = self.volume(index as u32) {
+            return volume.sample(textures, reference, u);
         }
         let Some(environment) = &self.environment else { return LightSample::NONE };
         LightSource::sample(environment, textures, reference, u)

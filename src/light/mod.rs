@@ -9,6 +9,7 @@ mod lights;
 mod portals;
 mod punctual;
 mod traits;
+mod volume;
 
 use crate::color::Rgb;
 use crate::math::{DVec3, Vec3};
@@ -24,6 +25,7 @@ pub use lights::{LightMotions, Lights, MovingLight, SelectedLight, SelectedSun};
 pub use punctual::Sun;
 use punctual::{Directional, Point, Profiled, Spot};
 pub use traits::{LightBounds, LightOrigin, LightSample, LightSource, PunctualSource};
+pub use volume::VolumeLight;
 
 // The table of lights without a surface (KHR_lights_punctual, measured profiles and suns).
 

@@ -79,6 +79,7 @@ fn obstacle_to_sharing(target: &Target<'_>) -> Option<&'static str> {
         (scene.shading.spectral, "they carry wavelengths of their own"),
         // Connections would have to estimate transmittance. Other media are within surfaces, which end connections.
         (scene.media.first().is_some_and(Medium::does_anything), "a medium fills the scene"),
+        (!scene.lights.volumes().is_empty(), "light samples find the emission of media"),
         (options.catchers, "the scene has shadow catchers"),
         // Connections don't have the ray kind of the paths that they replace.
         (features.links, "lights of the scene are linked to some objects only"),

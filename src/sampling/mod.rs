@@ -4,6 +4,7 @@
 //! Conventions: `u` is uniform in `[0, 1)` per component. Densities name their measure. Samplers are free of libm and
 //! (apart from table searches) of data-dependent branches, so that loops over paths vectorise.
 
+mod cells;
 #[doc(hidden)]
 pub mod chi2;
 pub mod distribution;
@@ -11,6 +12,7 @@ pub mod hash;
 pub mod sampler;
 pub mod warp;
 
+pub use cells::CellDistribution;
 pub use distribution::AliasTable;
 pub use distribution::{BilinearMap, MapSample, MapSamples};
 pub use sampler::{MAX_Z_ORDER_SPP, UnevenSamples, ZSobolOrder};

@@ -1,6 +1,6 @@
 //! Media by grids that stand anyhow, and whose colours go different ways, against closed forms and quadrature.
 
-use crate::support::{assert_radiance, camera, material, options, picture, sphere};
+use crate::support::{assert_radiance, camera, grey_floor, material, options, picture, sphere, walls};
 use oscura::compile::{CompileOptions, compile};
 use oscura::math::{DAffine3, DMat3, DVec3};
 use oscura::render::RenderOptions;
@@ -105,6 +105,50 @@ fn colored_media_on_grids() {
     let uneven = grid(&|i| (i % 7) as f32 * 3.0);
     let furnace = ball(medium(extinction, 1.0), uneven, 1.0, 1.0);
     assert_channels("furnace", &furnace, &options(32, 128, 3000), [1.0; 3], 1e-2);
+}
+
+/// A ball of a medium on a turned grid that is larger than it, of emission 1 times the grid's values.
+fn burning_ball(scene: &mut Scene, center: DVec3, radius: f64, values: [f32; 8], of: Medium) {
+    let turned = DMat3::from_rotation_y(0.4) * DMat3::from_rotation_x(0.7) * (1.1 * radius);
+    let world_from_voxels = DAffine3::from_mat3_translation(turned, center - turned * DVec3::ONE);
+    let grid =
+        Grid { name: "fire".into(), size: [2; 3], values: Arc::new(values.to_vec()), world_from_voxels };
+    let medium = Some(Medium { grid: Some(scene.add_grid(grid)), emission: [1.0, 0.5, 0.25], ..of });
+    let fire = material(scene, Material { medium, ..Material::new("fire", Model::Boundary {}) });
+    sphere(scene, center.to_array(), radius, fire);
+}
+
+/// A clear ball that emits evenly lights a floor as a point in its middle would (Newton's shell theorem: its elements send their light as
+/// masses attract). Light samples find it: the noise is that of the part of the grid outside of the ball.
+#[test]
+fn burning_balls_light_a_floor() {
+    for (what, center, radius) in [
+        ("from afar", DVec3::new(2.0, 5.0, -1.0), 0.1),
+        ("nearby", DVec3::new(0.3, 0.6, 0.2), 0.5),
+        ("next to it", DVec3::new(0.1, 0.4, 0.1), 0.399),
+    ] {
+        let mut scene = grey_floor();
+        burning_ball(&mut scene, center, radius, [2.0; 8], medium([0.0; 3], 0.0));
+        let emitted = 2.0 * 4.0 / 3.0 * PI * radius.powi(3);
+        let truth = 0.8 / PI * emitted * center.y / center.length().powi(3);
+        assert_radiance(what, &scene, &options(16, 16, 1), 0.5 * truth, 8e-3);
+    }
+}
+
+/// In a closed white room all is as bright as a black body in it, whatever it scatters and wherever it is denser: what it emits is what it
+/// absorbs.
+#[test]
+fn rooms_are_as_bright_as_what_burns_in_them() {
+    for albedo in [0.0, 0.6] {
+        let mut scene = Scene::default();
+        let white = material(&mut scene, Material::lambert("white", [1.0; 3]));
+        walls(&mut scene, [2.0; 3], |_, _| white);
+        let extinction = [2.0, 1.0, 0.5].map(|e| e / (1.0 - albedo));
+        let values = [3.0, 1.0, 0.5, 2.0, 1.0, 4.0, 2.0, 1.0];
+        burning_ball(&mut scene, DVec3::new(-0.5, 0.2, 0.0), 1.2, values, medium(extinction, albedo));
+        scene.cameras.push(camera(DVec3::new(1.5, -1.5, 1.0), DVec3::new(-1.0, 0.0, -1.0), DVec3::Y, 60.0));
+        assert_radiance(&format!("albedo {albedo}"), &scene, &options(16, 16, 300), 0.5, 6e-3);
+    }
 }
 
 /// A grid stays where it is in the world, and what moves with a medium on it is told by name.

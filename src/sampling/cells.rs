@@ -1,0 +1,177 @@
+//! A density on the unit cube that is constant in each cell of a grid.
+//!
+//! Cells are found by a walk down the pyramid of their sums, which halves the choice along one axis after another (hierarchical sample
+//! warping: Clarberg et al. 2005, "Wavelet Importance Sampling", section 4.1, here in three dimensions). It keeps stratified numbers
+//! stratified along each axis.
+
+/// One level of the pyramid: the sums of eight cells that share a cell of the level above, x fastest.
+#[derive(Clone, Debug, PartialEq)]
+struct Level {
+    /// Groups of eight along each axis.
+    groups: [usize; 3],
+    sums: Vec<[f32; 8]>,
+}
+
+impl Level {
+    /// The group of a cell, and its place there.
+    #[inline]
+    fn place(&self, [x, y, z]: [usize; 3]) -> (usize, usize) {
+        (self.group([x / 2, y / 2, z / 2]), x % 2 + y % 2 * 2 + z % 2 * 4)
+    }
+
+    #[inline]
+    fn group(&self, [x, y, z]: [usize; 3]) -> usize {
+        (z * self.groups[1] + y) * self.groups[0] + x
+    }
+
+    /// A level of some cells.
+    fn new(size: [usize; 3], of: impl Fn([usize; 3]) -> f32) -> Level {
+        let groups = size.map(|n| n.div_ceil(2));
+        let mut level = Level { groups, sums: vec![[0.0; 8]; groups.iter().product()] };
+        for z in 0..size[2] {
+            for y in 0..size[1] {
+                for x in 0..size[0] {
+                    let (group, place) = level.place([x, y, z]);
+                    level.sums[group][place] = of([x, y, z]);
+                }
+            }
+        }
+        level
+    }
+}
+
+/// A density on the unit cube that is constant in each cell of a grid.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CellDistribution {
+    size: [usize; 3],
+    /// From single cells to the level of one group.
+    levels: Vec<Level>,
+}
+
+impl CellDistribution {
+    /// From one weight a cell, x fastest; negative and non-finite ones count as 0. `None` if nothing is left.
+    pub fn new(size: [usize; 3], weights: &[f32]) -> Option<CellDistribution> {
+        let sum: f64 = weights.iter().filter(|w| w.is_finite() && **w > 0.0).map(|w| f64::from(*w)).sum();
+        if sum <= 0.0 || weights.len() != size.iter().product::<usize>() {
+            return None;
+        }
+        let share = |[x, y, z]: [usize; 3]| {
+            let weight = weights[(z * size[1] + y) * size[0] + x];
+            if weight.is_finite() && weight > 0.0 { (f64::from(weight) / sum) as f32 } else { 0.0 }
+        };
+        let mut levels = vec![Level::new(size, share)];
+        while let Some(last) = levels.last().filter(|level| level.sums.len() > 1) {
+            let above = Level::new(last.groups, |cell| last.sums[last.group(cell)].iter().sum());
+            levels.push(above);
+        }
+        Some(CellDistribution { size, levels })
+    }
+
+    /// Cells along each axis.
+    pub fn size(&self) -> [usize; 3] {
+        self.size
+    }
+
+    /// The probability of a cell.
+    #[inline]
+    pub fn probability(&self, cell: [usize; 3]) -> f32 {
+        let (group, place) = self.levels[0].place(cell);
+        self.levels[0].sums[group][place]
+    }
+
+    /// Bytes that it takes.
+    pub fn bytes(&self) -> usize {
+        self.levels.iter().map(|level| size_of_val(&level.sums[..])).sum()
+    }
+
+    /// The density at a point of the unit cube; 0 outside.
+    #[inline]
+    pub fn pdf_volume(&self, point: [f32; 3]) -> f32 {
+        let mut cell = [0; 3];
+        for axis in 0..3 {
+            if !(0.0..=1.0).contains(&point[axis]) {
+                return 0.0;
+            }
+            cell[axis] = ((point[axis] * self.size[axis] as f32) as usize).min(self.size[axis] - 1);
+        }
+        self.probability(cell) * self.size.iter().product::<usize>() as f32
+    }
+
+    /// A point of the unit cube, by three numbers in 0..1.
+    #[inline]
+    pub fn sample(&self, mut u: [f32; 3]) -> [f32; 3] {
+        let mut cell = [0; 3];
+        for level in self.levels.iter().rev() {
+            let of = &level.sums[level.group(cell)];
+            let rows = [of[0] + of[1], of[2] + of[3], of[4] + of[5], of[6] + of[7]];
+            let z = half(&mut u[2], rows[0] + rows[1], rows[2] + rows[3]);
+            let y = half(&mut u[1], rows[2 * z], rows[2 * z + 1]);
+            let first = 4 * z + 2 * y;
+            let x = half(&mut u[0], of[first], of[first + 1]);
+            cell = [2 * cell[0] + x, 2 * cell[1] + y, 2 * cell[2] + z];
+        }
+        std::array::from_fn(|axis| (cell[axis] as f32 + u[axis]) / self.size[axis] as f32)
+    }
+}
+
+/// Chooses one of two in proportion to their sums, by a number that is uniform in 0..1 again afterwards.
+#[inline(always)]
+fn half(u: &mut f32, a: f32, b: f32) -> usize {
+    let share = if a + b > 0.0 { a / (a + b) } else { 1.0 };
+    let is_first = *u < share;
+    *u = if is_first { *u / share } else { (*u - share) / (1.0 - share) };
+    *u = u.min(1.0f32.next_down());
+    usize::from(!is_first)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampling::chi2::Random;
+
+    fn uneven(size: [usize; 3]) -> CellDistribution {
+        let mut random = Random::new(5);
+        let weight = |_| (random.next() * 2.0 - 0.6).max(0.0).powi(3);
+        let weights: Vec<f32> = (0..size.iter().product()).map(weight).collect();
+        CellDistribution::new(size, &weights).expect("some are positive")
+    }
+
+    #[test]
+    fn cells_are_chosen_as_often_as_their_density_says() {
+        const N: u32 = 200_000;
+        for size in [[1, 1, 1], [5, 1, 1], [3, 4, 2], [1, 7, 3]] {
+            let (cells, mut random) = (uneven(size), Random::new(9));
+            let mut counts = vec![0u32; size.iter().product()];
+            for _ in 0..N {
+                let p = cells.sample([random.next(), random.next(), random.next()]);
+                let at: [usize; 3] = std::array::from_fn(|a| (p[a] * size[a] as f32) as usize);
+                counts[(at[2] * size[1] + at[1]) * size[0] + at[0]] += 1;
+                assert!(cells.pdf_volume(p) > 0.0, "{p:?}");
+            }
+            // The chi-square statistic has a mean of its degrees of freedom and a variance of twice that.
+            let mut statistic = 0.0;
+            for (at, &count) in counts.iter().enumerate() {
+                let cell = [at % size[0], at / size[0] % size[1], at / (size[0] * size[1])];
+                let expected = f64::from(cells.probability(cell)) * f64::from(N);
+                let off = f64::from(count) - expected;
+                statistic += if expected > 0.0 { off * off / expected } else { f64::from(count) * 1e9 };
+            }
+            let freedom = counts.len() as f64;
+            assert!(statistic < freedom + 5.0 * (2.0 * freedom).sqrt(), "{size:?}: {statistic}");
+        }
+    }
+
+    #[test]
+    fn densities_integrate_to_one_and_vanish_outside() {
+        let cells = uneven([6, 5, 4]);
+        let centers = (0..6 * 5 * 4).map(|i| {
+            let at = [i % 6, i / 6 % 5, i / 30].map(|c| c as f32 + 0.5);
+            cells.pdf_volume([at[0] / 6.0, at[1] / 5.0, at[2] / 4.0])
+        });
+        let mean = centers.map(f64::from).sum::<f64>() / 120.0;
+        assert!((mean - 1.0).abs() < 1e-5, "{mean}");
+        assert_eq!(cells.pdf_volume([0.5, 1.1, 0.5]), 0.0);
+        assert_eq!(cells.pdf_volume([-0.1, 0.5, 0.5]), 0.0);
+        assert_eq!(CellDistribution::new([2, 1, 1], &[0.0, f32::NAN]), None);
+    }
+}
