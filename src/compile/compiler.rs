@@ -165,7 +165,7 @@ fn compile_after(
     let emitters = emitters::find(&geometries, &materials, &textures, &objects);
     let sky = environment(scene, kept.environment.take(), anchor, &mut report.warnings);
     let surfaces = (&emitters, &geometries, &materials[..]);
-    let others = (media::volume_lights(&media), sky);
+    let others = (media::volume_lights(scene, &materials, &media, anchor), sky);
     let named = (scene, &plan.numbers, options.shading);
     let (lights, tables) = lights(named, anchor, others, surfaces, &textures)?;
     report.lights = lights.len() as u64;

@@ -8,7 +8,7 @@ use super::objects::part_materials;
 use crate::color::Rgb;
 use crate::error::Warning;
 use crate::light::VolumeLight;
-use crate::math::{DAffine3, DVec3};
+use crate::math::{DAffine3, DVec3, Mat3, Vec3};
 use crate::scene::{
     self, ColorSlot, Environment, FloatSlot, Fog, GridId, Instance, Keyframes, Material, MaterialId,
     MaterialUses, Model, Motion, Scene, Watertightness, instance_extents,
@@ -201,11 +201,31 @@ fn density(medium: &scene::Medium, scene: &Scene, grids: &[Arc<DensityGrid>]) ->
     Density::Grid(GridMedium { density, extinction, scattering, emission })
 }
 
-/// The media on grids that emit, as lights. Bodies with a surface are left out: no light sample passes it.
-pub(super) fn volume_lights(media: &[Medium]) -> Vec<VolumeLight> {
+/// The media that emit, as lights: those on grids, and homogeneous ones of which there is one body, by the box around it. Bodies with a
+/// surface are left out: no light sample passes it.
+pub(super) fn volume_lights(
+    scene: &Scene,
+    materials: &[CompiledMaterial],
+    media: &[Medium],
+    anchor: DVec3,
+) -> Vec<VolumeLight> {
     let light = |(index, medium): (usize, &Medium)| {
         let scattering = medium.scattering.as_ref().filter(|s| s.emission.max_element() > 0.0)?;
-        let grid = scattering.grid().filter(|_| medium.is_boundary)?;
+        if !medium.is_boundary {
+            return None;
+        }
+        let Some(grid) = scattering.grid() else {
+            let is_of_medium = |m: &CompiledMaterial| usize::from(m.medium_index) == index;
+            let body = only_body(scene, |id| materials.get(id.index()).is_some_and(is_of_medium))?;
+            let edges = Mat3::from_diagonal((body.high - body.low).as_vec3());
+            let corner = (body.low - anchor).as_vec3();
+            return VolumeLight::new(
+                index as u16,
+                (corner, edges),
+                [1; 3],
+                &[scattering.emission.luminance()],
+            );
+        };
         let (size, emission) = grid.emission.cells(|factor| (scattering.emission * factor).luminance());
         VolumeLight::new(index as u16, grid.emission.parallelepiped(), size, &emission)
     };
@@ -267,10 +287,38 @@ fn bodies(scene: &Scene, materials: &[CompiledMaterial]) -> Vec<Bounds> {
     let is_body = |id: MaterialId| {
         materials.get(id.index()).is_some_and(|material| material.is_boundary && material.medium_index != 0)
     };
-    let has_body = |instance: &Instance| {
-        let mesh = scene.meshes.get(instance.mesh.index());
-        mesh.is_some_and(|mesh| part_materials(mesh, instance).any(is_body))
-    };
+    let mut found = boxes_of_shapes(scene, is_body);
+    let has_body = |&i: &usize| has_part(scene, &scene.instances[i], is_body);
+    let placed: Vec<usize> = (0..scene.instances.len()).filter(has_body).collect();
+    if found.len() + placed.len() > OVERLAP_LIMIT {
+        let extents = instance_extents(scene);
+        found.extend(placed.into_iter().filter_map(|i| extents[i].0).map(|(low, high)| Bounds { low, high }));
+    }
+    found
+}
+
+/// Has a part of an instance a material for which `is_body` holds?
+fn has_part(scene: &Scene, instance: &Instance, is_body: impl Fn(MaterialId) -> bool) -> bool {
+    let mesh = scene.meshes.get(instance.mesh.index());
+    mesh.is_some_and(|mesh| part_materials(mesh, instance).any(is_body))
+}
+
+/// The box around the only object with such a material; `None` if there are several.
+fn only_body(scene: &Scene, is_body: impl Fn(MaterialId) -> bool) -> Option<Bounds> {
+    let shapes = boxes_of_shapes(scene, &is_body);
+    let mut placed = scene.instances.iter().filter(|instance| has_part(scene, instance, &is_body));
+    match (&shapes[..], placed.next(), placed.next()) {
+        ([body], None, _) => Some(*body),
+        ([], Some(instance), None) => {
+            let place = |&p: &[f32; 3]| instance.world_from_object.transform_point3(Vec3::from(p).as_dvec3());
+            Some(Bounds::of(scene.meshes[instance.mesh.index()].positions.iter().map(place)))
+        }
+        _ => None,
+    }
+}
+
+/// The boxes around the shapes and the groups of quads that have such materials.
+fn boxes_of_shapes(scene: &Scene, is_body: impl Fn(MaterialId) -> bool) -> Vec<Bounds> {
     // Quads of one material belong together.
     let mut of_quads: BTreeMap<MaterialId, Bounds> = BTreeMap::new();
     for quad in scene.quads.iter().filter(|quad| is_body(quad.material)) {
@@ -279,13 +327,7 @@ fn bodies(scene: &Scene, materials: &[CompiledMaterial]) -> Vec<Bounds> {
     }
     let shapes = scene.shapes.iter().filter(|shape| is_body(shape.material));
     let shapes = shapes.map(|s| Bounds { low: s.center - s.half_extent(), high: s.center + s.half_extent() });
-    let mut found: Vec<Bounds> = of_quads.into_values().chain(shapes).collect();
-    let placed: Vec<usize> = (0..scene.instances.len()).filter(|&i| has_body(&scene.instances[i])).collect();
-    if found.len() + placed.len() > OVERLAP_LIMIT {
-        let extents = instance_extents(scene);
-        found.extend(placed.into_iter().filter_map(|i| extents[i].0).map(|(low, high)| Bounds { low, high }));
-    }
-    found
+    of_quads.into_values().chain(shapes).collect()
 }
 
 /// A point in more than `most` boxes. If there is one, then there is one whose coordinates are those of lower corners of boxes.

@@ -344,7 +344,7 @@ impl Scattering {
         }
     }
 
-    /// The emitted radiance per metre at a point of the world, of a medium on a grid, at a path's wavelengths.
+    /// The emitted radiance per metre at a point of the world within the medium, at a path's wavelengths.
     #[inline]
     pub fn emission_at(&self, p: Vec3, waves: Option<&Wavelengths>) -> Rgb {
         let factor = self.grid().map_or(Rgb::ONE, |grid| grid.emission.at(p, waves));

@@ -132,6 +132,9 @@ fn burning_balls_light_a_floor() {
         let emitted = 2.0 * 4.0 / 3.0 * PI * radius.powi(3);
         let truth = 0.8 / PI * emitted * center.y / center.length().powi(3);
         assert_radiance(what, &scene, &options(16, 16, 1), 0.5 * truth, 8e-3);
+        let Some(fire) = scene.materials.iter_mut().find(|m| m.name == "fire") else { panic!("it burns") };
+        fire.medium = fire.medium.map(|medium| Medium { grid: None, emission: [2.0, 1.0, 0.5], ..medium });
+        assert_radiance(&format!("{what}, homogeneous"), &scene, &options(16, 16, 1), 0.5 * truth, 8e-3);
     }
 }
 
