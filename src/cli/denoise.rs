@@ -4,11 +4,12 @@ use super::parsers::Frames;
 use super::picture_args::DenoiseArgs;
 use super::process::Outcome;
 use oscura::denoise::temporal::{Averaged, Frame, Sequence, with_neighbours};
-use oscura::denoise::{Denoised, NAME, Noise, NoisyLayers};
+use oscura::denoise::{Denoised, NAME, Noise, NoisyLayers, slices};
 use oscura::error::{Error, Result};
 use oscura::load::image::{Layered, load_layered};
 use oscura::output::{DENOISED, Format, check_target, encode_layered, is_same_target, write_atomically};
 use oscura::render::in_pool;
+use std::borrow::Cow;
 use std::path::Path;
 use std::time::Instant;
 
@@ -41,13 +42,15 @@ fn denoise_file(args: &DenoiseArgs) -> Result<Outcome> {
     let noisy = NoisyFile::load(&args.picture, args.other_seed.as_deref())?;
     let load_s = start.elapsed().as_secs_f64();
     let start = Instant::now();
-    let result = noisy.layers.denoised();
+    let layers = noisy.layers();
+    let (guides, noise) = (layers.guides().names(), name_of(&layers.noise()));
+    let result = layers.denoised();
+    drop(layers);
     let denoise_s = start.elapsed().as_secs_f64();
-    let by = noisy.description();
-    noisy.write(&result, &by, &args.output)?;
+    noisy.write(&result, &description(guides, noise), &args.output)?;
     if !args.quiet {
         args.denoiser.notes().iter().for_each(|note| say!("note: {note}"));
-        say!("guides   {}; noise {}", noisy.layers.guides().names(), name_of(&noisy.layers.noise()));
+        say!("guides   {guides}; noise {noise}");
         say!("time     load {load_s:.3} s, denoise {denoise_s:.3} s");
         say!("wrote    {}", args.output.display());
     }
@@ -59,7 +62,8 @@ struct NoisyFile {
     file: Layered,
     /// The part with the picture.
     part: usize,
-    layers: NoisyLayers,
+    /// From another seed.
+    deviations: Option<[Vec<f32>; 3]>,
 }
 
 impl NoisyFile {
@@ -76,24 +80,27 @@ impl NoisyFile {
         if let Some(second) = &second {
             average(&mut file, second);
         }
-        let layer = |names: [&str; 3]| file.triple(file.part_with(part, names[0])?, names);
-        let layers = NoisyLayers::read(file.size(part), deviations, part_names(&file, part), layer);
-        let layers = layers.ok_or_else(|| without_color(path))?;
-        Ok(NoisyFile { file, part, layers })
+        Ok(NoisyFile { file, part, deviations })
     }
 
-    /// Denoiser, guides and noise estimate, for the header.
-    fn description(&self) -> String {
-        format!("{NAME}; guides {}; noise {}", self.layers.guides().names(), name_of(&self.layers.noise()))
+    /// What denoising reads of it.
+    fn layers(&self) -> NoisyLayers<'_> {
+        let NoisyFile { file, part, deviations } = self;
+        let layer = |names: [&str; 3]| file.planes(file.part_with(*part, names[0])?, names);
+        let deviations =
+            deviations.as_ref().map(|planes| slices(planes).map(Cow::Borrowed));
+        let layers = NoisyLayers::read(file.size(*part), deviations, part_names(file, *part), layer);
+        layers.expect("the part has a picture")
     }
 
     /// Writes the file with the denoised pictures.
-    fn write(&self, result: &Denoised, by: &str, target: &Path) -> Result<()> {
-        let mut file = self.file.clone();
-        for (prefix, values) in result.named(self.layers.names()) {
-            for (letter, values) in RGB.iter().zip(values) {
+    fn write(self, result: &Denoised, by: &str, target: &Path) -> Result<()> {
+        let names: Vec<String> = self.layers().names().map(str::to_string).collect();
+        let NoisyFile { mut file, part, .. } = self;
+        for (prefix, planes) in result.named(names.iter().map(String::as_str)) {
+            for (letter, values) in RGB.iter().zip(planes) {
                 let name = format!("{prefix}{letter}");
-                let Some(part) = file.part_with(self.part, &name) else { continue };
+                let Some(part) = file.part_with(part, &name) else { continue };
                 file.set_values(part, &name, values);
             }
         }
@@ -115,7 +122,7 @@ impl NoisyFile {
             return Err(Error::input(path, "has no motion vectors")
                 .with_help("render frames with --aov denoising_albedo,denoising_normal,variance,motion"));
         };
-        Ok(self.layers.frame([a, b, c, d]))
+        Ok(self.layers().frame([a, b, c, d]))
     }
 }
 
@@ -157,7 +164,10 @@ fn denoise_sequence(args: &DenoiseArgs) -> Result<Outcome> {
 /// Writes a frame of a sequence.
 fn write_frame(args: &DenoiseArgs, frame: Averaged<NoisyFile>) -> Result<()> {
     let Averaged { number, item: file, picture, frames } = frame;
-    let by = format!("{}; frames {}-{}", file.description(), frames.start(), frames.end());
+    let layers = file.layers();
+    let of_one = description(layers.guides().names(), name_of(&layers.noise()));
+    drop(layers);
+    let by = format!("{of_one}; frames {}-{}", frames.start(), frames.end());
     let target = Frames::file(&args.output, number);
     file.write(&picture, &by, &target)?;
     if !args.quiet {
@@ -179,6 +189,11 @@ fn part_names(file: &Layered, part: usize) -> Vec<String> {
     };
     let all = (0..file.len()).filter(|&other| file.size(other) == file.size(part)).flat_map(names_in);
     all.filter_map(|name| Some(name.strip_suffix('R')?.to_string())).filter(is_light).collect()
+}
+
+/// Denoiser, guides and noise estimate, for the header.
+fn description(guides: &str, noise: &str) -> String {
+    format!("{NAME}; guides {guides}; noise {noise}")
 }
 
 fn name_of(noise: &Noise) -> &'static str {

@@ -66,34 +66,37 @@ pub struct Noisy<'a> {
     pub parts: Vec<Vec<Color<'a>>>,
 }
 
+/// Three planes that may be another's.
+pub type Planes<'a> = [Cow<'a, [f32]>; 3];
+
 /// The layers of a film or a file that denoising reads.
 #[derive(Clone, Debug)]
-pub struct NoisyLayers {
+pub struct NoisyLayers<'a> {
     /// Pixels in a row, and rows.
     pub size: [usize; 2],
     /// The picture.
-    pub color: [Vec<f32>; 3],
+    pub color: Planes<'a>,
     /// See [`Noise::Deviations`]; they count before the variance.
-    pub deviations: Option<[Vec<f32>; 3]>,
+    pub deviations: Option<Planes<'a>>,
     /// See [`Noise::Variance`].
-    pub variance: Option<[Vec<f32>; 3]>,
+    pub variance: Option<Planes<'a>>,
     /// See [`Guides`].
-    pub albedo: Option<[Vec<f32>; 3]>,
+    pub albedo: Option<Planes<'a>>,
     /// See [`Guides`].
-    pub normal: Option<[Vec<f32>; 3]>,
+    pub normal: Option<Planes<'a>>,
     /// Light groups, and light passes, in the order of their names (the part before `R`): each of the two sets sums to the picture.
-    pub parts: [Vec<(String, [Vec<f32>; 3])>; 2],
+    pub parts: [Vec<(String, Planes<'a>)>; 2],
 }
 
-impl NoisyLayers {
+impl<'a> NoisyLayers<'a> {
     /// Reads them by `layer`, which has three planes by the names of channels; the names of parts end before `R`. `None` without
     /// colour.
     pub fn read(
         size: [usize; 2],
-        deviations: Option<[Vec<f32>; 3]>,
+        deviations: Option<Planes<'a>>,
         parts: Vec<String>,
-        layer: impl Fn([&str; 3]) -> Option<[Vec<f32>; 3]>,
-    ) -> Option<NoisyLayers> {
+        layer: impl Fn([&str; 3]) -> Option<Planes<'a>>,
+    ) -> Option<NoisyLayers<'a>> {
         let part = |name: String| {
             let [r, g, b] = ["R", "G", "B"].map(|letter| format!("{name}{letter}"));
             layer([&r, &g, &b]).map(|planes| (name, planes))
@@ -193,21 +196,22 @@ pub fn denoise(noisy: &Noisy) -> Denoised {
         [albedo, normal.expect("one of them is there")]
     });
     let color = noisy.color.map(finite);
-    let color = color.each_ref().map(|plane| &**plane);
-    let deviations = deviations(noisy, color);
-    let deviations = deviations.each_ref().map(|plane| &**plane);
-    let known = (!matches!(noisy.noise, Noise::Unknown)).then_some(deviations);
-    let factors = factors(width, height, color, known);
-    let run = |color: Color, deviations: Color| {
-        let proposed = network.run(width, height, color, &factors, guides);
-        residual::restored(width, height, color, deviations, proposed)
+    let color = slices(&color);
+    let factors = {
+        let known = (!matches!(noisy.noise, Noise::Unknown)).then(|| deviations(noisy, color));
+        factors(width, height, color, known.as_ref().map(slices))
     };
-    let result = run(color, deviations);
+    // Deviations are made up anew where they are needed: they aren't in memory while the network is.
+    let run = |color: Color, deviations: &dyn Fn() -> [Vec<f32>; 3]| {
+        let proposed = network.run(width, height, color, &factors, guides);
+        residual::restored(width, height, color, deviations(), proposed)
+    };
+    let result = run(color, &|| deviations(noisy, color).map(Cow::into_owned));
     let parts = noisy.parts.iter().map(|set| {
         let of = |part: &Color| {
             let part = part.map(finite);
-            let part = part.each_ref().map(|plane| &**plane);
-            run(part, slices(&deviations_of_part(color, deviations, part)))
+            let part = slices(&part);
+            run(part, &|| deviations_of_part(color, slices(&deviations(noisy, color)), part))
         };
         let mut parts: Vec<_> = set.iter().map(of).collect();
         add_up(color, set, &result, &mut parts);
@@ -272,7 +276,8 @@ const LIMIT: f32 = 10.0;
 /// there.
 pub(super) fn factors(width: usize, height: usize, color: Color, deviations: Option<Color>) -> Vec<f32> {
     let at = |planes: Color, i: usize| luminance([planes[0][i], planes[1][i], planes[2][i]]);
-    let brightness: Vec<f32> = (0..width * height).map(|i| at(color, i)).collect();
+    let brightness: Vec<f32> =
+        (0..width * height).into_par_iter().with_min_len(4096).map(|i| at(color, i)).collect();
     let factor = |x: usize, y: usize| {
         let own = brightness[y * width + x];
         let mut largest = [0.0f32; RANK];

@@ -20,6 +20,7 @@
 //! scale, which may be correlated between pixels.
 
 use rayon::prelude::*;
+use std::ops::Deref;
 
 /// How much more than noise a residual must be: by the root of this it is not kept at all.
 const CAUTION: f32 = 3.0;
@@ -59,40 +60,44 @@ pub(super) fn restored(
     width: usize,
     height: usize,
     noisy: Color,
-    deviations: Color,
-    mut proposed: [Vec<f32>; 3],
+    mut deviation: [Vec<f32>; 3],
+    proposed: [Vec<f32>; 3],
 ) -> [Vec<f32>; 3] {
     let mean = |plane: &&[f32]| plane.iter().map(|v| f64::from(*v)).sum::<f64>() / plane.len() as f64;
     let least = (MIN as f64 * noisy.iter().map(mean).sum::<f64>() / 3.0) as f32;
     let least = least.max(1e-20);
-    let weight = proposed.each_ref().map(|plane| plane.iter().map(|v| v + least).collect::<Vec<f32>>());
-    let relative = |c: usize, value: &dyn Fn(usize) -> f32| -> Vec<f32> {
-        (0..weight[c].len()).map(|i| value(i) / weight[c][i]).collect()
-    };
-    let residual = [0, 1, 2].map(|c| relative(c, &|i| noisy[c][i] - proposed[c][i]));
-    let deviation = [0, 1, 2].map(|c| relative(c, &|i| deviations[c][i]));
-    let independent = (0..width * height).map(|i| power_at(&deviation, i)).collect();
-    let contrast = contrast(width, height, &weight);
-    let first = Scale { level: 0, width, height, residual, deviation, weight, independent, contrast };
-    let correction = first.kept();
-    for c in 0..3 {
-        for ((to, w), k) in proposed[c].iter_mut().zip(&first.weight[c]).zip(&correction[c]) {
-            *to = (*to + w * k).max(0.0);
-        }
+    let residual = [0, 1, 2].map(|c| {
+        let pixels = noisy[c].par_iter().zip(&proposed[c]).with_min_len(MIN_PER_THREAD);
+        pixels.map(|(noisy, proposed)| (noisy - proposed) / (proposed + least)).collect::<Vec<f32>>()
+    });
+    for (plane, proposed) in deviation.iter_mut().zip(&proposed) {
+        let pixels = plane.par_iter_mut().zip(proposed).with_min_len(MIN_PER_THREAD);
+        pixels.for_each(|(v, proposed)| *v /= proposed + least);
     }
-    proposed
+    let independent = each(width * height, |i| power_at(&deviation, i));
+    let contrast = contrast(width, height, &proposed, least);
+    let first =
+        Scale { level: 0, width, height, residual, deviation, weight: proposed, least, independent, contrast };
+    let correction = first.kept();
+    let mut result = first.weight;
+    for (plane, correction) in result.iter_mut().zip(&correction) {
+        let pixels = plane.par_iter_mut().zip(correction).with_min_len(MIN_PER_THREAD);
+        pixels.for_each(|(to, k)| *to = (*to + (*to + least) * k).max(0.0));
+    }
+    result
 }
 
 /// The variance of the values around each pixel, relative to their power, summed over the channels.
-fn contrast(width: usize, height: usize, weight: &[Vec<f32>; 3]) -> Vec<f32> {
+fn contrast(width: usize, height: usize, proposed: &[Vec<f32>; 3], least: f32) -> Vec<f32> {
     let mut sum = vec![0.0f32; width * height];
-    for plane in weight {
-        let squares: Vec<f32> = plane.iter().map(|v| v * v).collect();
-        let (mean, power) =
-            (smoothed(width, height, plane, NARROW), smoothed(width, height, &squares, NARROW));
-        for (sum, (mean, power)) in sum.iter_mut().zip(mean.iter().zip(&power)) {
-            *sum += (1.0 - mean * mean / power).max(0.0);
-        }
+    for plane in proposed {
+        let values = each(width * height, |i| plane[i] + least);
+        let mean = smoothed(width, height, &values, NARROW);
+        let squares = each(width * height, |i| values[i] * values[i]);
+        drop(values);
+        let power = smoothed(width, height, &squares, NARROW);
+        let pixels = sum.par_iter_mut().zip(mean.par_iter().zip(&power)).with_min_len(MIN_PER_THREAD);
+        pixels.for_each(|(sum, (mean, power))| *sum += (1.0 - mean * mean / power).max(0.0));
     }
     sum.iter_mut().for_each(|v| *v = v.min(LARGEST_CONTRAST));
     sum
@@ -107,8 +112,9 @@ struct Scale {
     /// Relative residuals and deviations: weighted means.
     residual: [Vec<f32>; 3],
     deviation: [Vec<f32>; 3],
-    /// Sums of weights.
+    /// Sums of weights, less this number: [`Scale::weight_at`].
     weight: [Vec<f32>; 3],
+    least: f32,
     /// The power of the deviations, summed over the channels, if those of pixels had nothing to do with each other.
     independent: Vec<f32>,
     /// Mean contrast; empty from [`SCALES`] on.
@@ -116,6 +122,10 @@ struct Scale {
 }
 
 impl Scale {
+    fn weight_at(&self, c: usize, i: usize) -> f32 {
+        self.weight[c][i] + self.least
+    }
+
     /// The next one, of half the resolution.
     fn halved(&self) -> Scale {
         let (width, height) = (self.width.div_ceil(2), self.height.div_ceil(2));
@@ -126,25 +136,26 @@ impl Scale {
                 let row = |y: usize| y * self.width + x..y * self.width + (x + 2).min(self.width);
                 rows.map(|y| row(y).map(value).sum::<f32>()).sum()
             };
-            (0..width * height).into_par_iter().with_min_len(4096).map(of).collect()
+            each(width * height, of)
         };
-        let of = |i: usize| self.weight[0][i] + self.weight[1][i] + self.weight[2][i];
+        let of = |i: usize| self.weight_at(0, i) + self.weight_at(1, i) + self.weight_at(2, i);
         let (all, squared) = (sums(&of), sums(&|i| of(i) * of(i) * self.independent[i]));
         let independent = squared.iter().zip(&all).map(|(v, weight)| v / (weight * weight)).collect();
         let contrast = match self.level + 1 < SCALES {
             true => sums(&|i| of(i) * self.contrast[i]).iter().zip(&all).map(|(v, w)| v / w).collect(),
             false => Vec::new(),
         };
-        let weight = [0, 1, 2].map(|c| sums(&|i| self.weight[c][i]));
+        let weight = [0, 1, 2].map(|c| sums(&|i| self.weight_at(c, i)));
         let means = |value: &[Vec<f32>; 3]| {
             [0, 1, 2].map(|c| {
-                let mut plane = sums(&|i| self.weight[c][i] * value[c][i]);
+                let mut plane = sums(&|i| self.weight_at(c, i) * value[c][i]);
                 plane.iter_mut().zip(&weight[c]).for_each(|(v, weight)| *v /= weight);
                 plane
             })
         };
         let (residual, deviation) = (means(&self.residual), means(&self.deviation));
-        Scale { level: self.level + 1, width, height, residual, deviation, weight, independent, contrast }
+        let level = self.level + 1;
+        Scale { level, width, height, residual, deviation, weight, least: 0.0, independent, contrast }
     }
 
     /// The accepted residual at this scale and all larger ones.
@@ -154,25 +165,26 @@ impl Scale {
             let next = self.halved();
             kept = next.kept().map(|plane| next.doubled(&plane, self.width, self.height));
         }
-        let signal: Vec<f32> = (0..self.width * self.height)
-            .into_par_iter()
-            .with_min_len(4096)
-            .map(|i| {
-                (0..3).map(|c| (self.residual[c][i] - kept[c][i]) * (self.residual[c][i] - kept[c][i])).sum()
-            })
-            .collect();
+        let signal = each(self.width * self.height, |i| {
+            (0..3).map(|c| (self.residual[c][i] - kept[c][i]) * (self.residual[c][i] - kept[c][i])).sum()
+        });
         let (signal, noise) = self.powers(&signal);
         let side = |length: usize| length.min(2 * RADIUS + 1) as f32;
         let caution = CAUTION + CAUTION_OF_ONE / (side(self.width) * side(self.height));
         let bias = if self.level < LARGE_SCALE { MIN_BIAS } else { MIN_BIAS_OF_LARGE };
-        for (i, (signal, noise)) in signal.iter().zip(&noise).enumerate() {
+        let share = each(signal.len(), |i| {
+            let (signal, noise) = (signal[i], noise[i]);
             let ratio = noise / signal.max(1e-30);
             let of_contrast = self.contrast.get(i).map_or(0.0, |v| SHARE_OF_CONTRAST * SHARE_OF_CONTRAST * v);
             let bias = bias + of_contrast;
             let least = bias / (bias + noise);
             let caution = caution + CAUTION_OF_NOISE * noise.min(1.0);
-            let share = (1.0 - caution * ratio * ratio).max(least);
-            (0..3).for_each(|c| kept[c][i] += share * (self.residual[c][i] - kept[c][i]));
+            (1.0 - caution * ratio * ratio).max(least)
+        });
+        drop((signal, noise));
+        for (kept, residual) in kept.iter_mut().zip(&self.residual) {
+            let pixels = kept.par_iter_mut().zip(residual).zip(&share).with_min_len(MIN_PER_THREAD);
+            pixels.for_each(|((kept, residual), share)| *kept += share * (residual - *kept));
         }
         kept
     }
@@ -180,27 +192,27 @@ impl Scale {
     /// The powers of the residual and of the noise around each pixel, from the residual's of each pixel.
     fn powers(&self, signal: &[f32]) -> (Vec<f32>, Vec<f32>) {
         let mean = |plane: &[f32], radius: usize| smoothed(self.width, self.height, plane, radius);
-        let deviations: Vec<f32> = (0..self.independent.len())
-            .map(|i| power_at(&self.deviation, i).max(self.independent[i]))
-            .collect();
-        let (mut signal_near, mut noise) = (mean(signal, RADIUS), mean(&deviations, RADIUS));
-        let capped: Vec<f32> = noise.iter().map(|v| v.min(LARGEST_WIDE)).collect();
-        let wide = mean(&capped, WIDE);
+        let deviations =
+            each(signal.len(), |i| power_at(&self.deviation, i).max(self.independent[i]));
+        let noise = mean(&deviations, RADIUS);
+        let wide = mean(&each(noise.len(), |i| noise[i].min(LARGEST_WIDE)), WIDE);
         let much = |wide: f32| wide / (wide + LITTLE);
-        if self.level == 0 {
-            let narrow = [(&mut signal_near, mean(signal, NARROW)), (&mut noise, mean(&deviations, NARROW))];
-            for (near, narrow) in narrow {
-                for (near, (narrow, wide)) in near.iter_mut().zip(narrow.iter().zip(&wide)) {
-                    *near = narrow + much(*wide) * (*near - narrow);
-                }
+        let near = |mut near: Vec<f32>, plane: &[f32]| {
+            if self.level == 0 {
+                let narrow = mean(plane, NARROW);
+                let pixels = near.par_iter_mut().zip(&narrow).zip(&wide).with_min_len(MIN_PER_THREAD);
+                pixels.for_each(|((near, narrow), wide)| *near = narrow + much(*wide) * (*near - narrow));
             }
-        }
-        for (near, wide) in noise.iter_mut().zip(&wide) {
+            near
+        };
+        let mut noise = near(noise, &deviations);
+        drop(deviations);
+        noise.par_iter_mut().zip(&wide).with_min_len(MIN_PER_THREAD).for_each(|(near, wide)| {
             let much = much(*wide);
             let least = SHARE_OF_WIDE * wide * much;
             *near = near.max(least) * (LEAST_SHARE_OF_HALVES + (1.0 - LEAST_SHARE_OF_HALVES) * much);
-        }
-        (signal_near, noise)
+        });
+        (near(mean(signal, RADIUS), signal), noise)
     }
 
     /// A plane of this scale at the resolution of the one before: linear between the middles of its pixels.
@@ -224,6 +236,14 @@ impl Scale {
     }
 }
 
+/// Fewest pixels of a thread.
+const MIN_PER_THREAD: usize = 4096;
+
+/// A plane of values by pixel.
+fn each(pixels: usize, value: impl Fn(usize) -> f32 + Sync + Send) -> Vec<f32> {
+    (0..pixels).into_par_iter().with_min_len(MIN_PER_THREAD).map(value).collect()
+}
+
 /// The power of a pixel's values, summed over the channels.
 fn power_at(values: &[Vec<f32>; 3], i: usize) -> f32 {
     values.iter().map(|plane| plane[i] * plane[i]).sum()
@@ -233,8 +253,8 @@ fn power_at(values: &[Vec<f32>; 3], i: usize) -> f32 {
 pub type Color<'a> = [&'a [f32]; 3];
 
 /// Three planes as a [`Color`].
-pub fn slices(planes: &[Vec<f32>; 3]) -> [&[f32]; 3] {
-    planes.each_ref().map(Vec::as_slice)
+pub fn slices<P: Deref<Target = [f32]>>(planes: &[P; 3]) -> [&[f32]; 3] {
+    planes.each_ref().map(P::deref)
 }
 
 /// Box blur: means over squares of a radius, of the pixels inside of the picture.

@@ -11,7 +11,7 @@
 //! depends on those near it alone, so that parts of a sequence can be denoised anywhere.
 
 use super::residual::{Color, slices, smoothed};
-use super::{Denoised, NoisyLayers, add_up};
+use super::{Denoised, NoisyLayers, Planes, add_up};
 use rayon::prelude::*;
 use std::collections::{BTreeSet, VecDeque};
 use std::ops::RangeInclusive;
@@ -52,19 +52,19 @@ pub struct Frame {
     pub denoised: Denoised,
 }
 
-impl NoisyLayers {
+impl NoisyLayers<'_> {
     /// A frame of a sequence, denoised by itself, with its motion vectors.
     pub fn frame(&self, motion: [Vec<f32>; 4]) -> Frame {
         let [width, height] = self.size;
-        let squared = |planes: &[Vec<f32>; 3]| {
-            planes.each_ref().map(|plane| plane.iter().map(|v| v * v).collect::<Vec<f32>>())
-        };
+        let squared =
+            |planes: &Planes| planes.each_ref().map(|plane| plane.iter().map(|v| v * v).collect::<Vec<f32>>());
+        let owned = |planes: &Planes| planes.each_ref().map(|plane| plane.to_vec());
         Frame {
             width,
             height,
-            noisy: self.color.clone(),
-            variance: self.deviations.as_ref().map(squared).or_else(|| self.variance.clone()),
-            normal: self.normal.clone(),
+            noisy: owned(&self.color),
+            variance: self.deviations.as_ref().map(squared).or_else(|| self.variance.as_ref().map(owned)),
+            normal: self.normal.as_ref().map(owned),
             motion,
             denoised: self.denoised(),
         }

@@ -10,6 +10,7 @@ use crate::error::{Error, Result, Warning};
 use crate::film::{Aov, AovSet, Channel, Film, Layout, MatteIds, Source, Values, matte_id};
 use crate::output::{Format, Matte, OutputOptions, encode, write_atomically};
 use crate::scene::{RayKinds, Scene};
+use std::borrow::Cow;
 use std::ops::RangeInclusive;
 use std::path::Path;
 
@@ -193,9 +194,11 @@ fn denoise_channels(film: &mut Film) -> &'static str {
 }
 
 /// The channels of a film that denoising reads.
-fn noisy_layers(film: &Film, deviations: Option<[Vec<f32>; 3]>) -> Option<NoisyLayers> {
+fn noisy_layers(film: &Film, deviations: Option<[Vec<f32>; 3]>) -> Option<NoisyLayers<'static>> {
     let size = [film.width() as usize, film.height() as usize];
-    NoisyLayers::read(size, deviations, part_names(film), |names| floats(film.components(&names)))
+    let owned = |planes: [Vec<f32>; 3]| planes.map(Cow::Owned);
+    let layer = |names: [&str; 3]| floats(film.components(&names)).map(owned);
+    NoisyLayers::read(size, deviations.map(owned), part_names(film), layer)
 }
 
 /// Names of the light groups and light passes.

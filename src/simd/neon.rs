@@ -376,6 +376,24 @@ impl Lanes for NeonLanes {
     }
 
     #[inline(always)]
+    fn add(self, a: Self::F16, b: Self::F16) -> Self::F16 {
+        // SAFETY: registers only.
+        std::array::from_fn(|k| unsafe { vaddq_f32(a[k], b[k]) })
+    }
+
+    #[inline(always)]
+    fn sub(self, a: Self::F16, b: Self::F16) -> Self::F16 {
+        // SAFETY: registers only.
+        std::array::from_fn(|k| unsafe { vsubq_f32(a[k], b[k]) })
+    }
+
+    #[inline(always)]
+    fn store(self, v: Self::F16, to: &mut [f32; 16]) {
+        // SAFETY: see above.
+        (0..4).for_each(|k| unsafe { vst1q_f32(to.as_mut_ptr().add(4 * k), v[k]) });
+    }
+
+    #[inline(always)]
     fn store_positive(self, v: Self::F16, to: &mut [f32; 16]) {
         // SAFETY: see above.
         unsafe {

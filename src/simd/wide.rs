@@ -180,6 +180,12 @@ pub trait Lanes: Copy {
     fn splat(self, number: f32) -> Self::F16;
     /// `a * b + c`, rounded once.
     fn mul_add(self, a: Self::F16, b: Self::F16, c: Self::F16) -> Self::F16;
+    /// `a + b`.
+    fn add(self, a: Self::F16, b: Self::F16) -> Self::F16;
+    /// `a - b`.
+    fn sub(self, a: Self::F16, b: Self::F16) -> Self::F16;
+    /// Writes all lanes.
+    fn store(self, v: Self::F16, to: &mut [f32; 16]);
     /// Writes what is above 0, and 0 in all other lanes (NaN too).
     fn store_positive(self, v: Self::F16, to: &mut [f32; 16]);
 }
@@ -214,6 +220,21 @@ impl Lanes for ScalarLanes {
     #[inline(always)]
     fn mul_add(self, a: [f32; 16], b: [f32; 16], c: [f32; 16]) -> [f32; 16] {
         std::array::from_fn(|i| a[i].mul_add(b[i], c[i]))
+    }
+
+    #[inline(always)]
+    fn add(self, a: [f32; 16], b: [f32; 16]) -> [f32; 16] {
+        std::array::from_fn(|i| a[i] + b[i])
+    }
+
+    #[inline(always)]
+    fn sub(self, a: [f32; 16], b: [f32; 16]) -> [f32; 16] {
+        std::array::from_fn(|i| a[i] - b[i])
+    }
+
+    #[inline(always)]
+    fn store(self, v: [f32; 16], to: &mut [f32; 16]) {
+        *to = v;
     }
 
     #[inline(always)]

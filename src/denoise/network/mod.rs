@@ -12,8 +12,10 @@
 
 use crate::color::luminance;
 use rayon::prelude::*;
-use stage::{Archive, Convolution, Input, Picture, Stage, Tensor};
+use convolution::Convolution;
+use stage::{Archive, Input, Picture, Stage, Tensor};
 
+mod convolution;
 mod stage;
 
 /// The weights for pictures with albedo and normals, and for those without.

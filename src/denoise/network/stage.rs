@@ -4,15 +4,14 @@
 //! Their weights are in the container that Open Image Denoise publishes: little-endian, a table of tensors by
 //! name at the end ("Tensor Archive", `.tza`, version 2; Open Image Denoise, `core/tza.cpp` and `training/tza.py`).
 
-#![allow(clippy::needless_range_loop)]
-
-use crate::simd::{Lanes, LanesKernel, dispatch_lanes};
+use super::convolution::{BLOCK, Channels, Convolution, Convolve, Scratch, Tile, blocks};
+use crate::simd::dispatch_lanes;
 use half::f16;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Columns of a tile: with the margin of two further convolutions, a multiple of the inner loop's step.
-const TILE_WIDTH: usize = 128;
+/// Columns of a tile: with the margin of two further convolutions, a multiple of the squares that convolutions take at a time.
+const TILE_WIDTH: usize = 140;
 /// Maximum number of rows of a band.
 const BAND_HEIGHT: usize = 64;
 /// Minimum number of bands, to keep threads busy.
@@ -85,6 +84,14 @@ impl Picture<'_> {
     }
 }
 
+/// Memory of a thread.
+#[derive(Default)]
+struct Tiles {
+    from: Tile,
+    to: Tile,
+    scratch: Scratch,
+}
+
 /// Convolutions, one after the other, of inputs whose channels are concatenated.
 pub(super) struct Stage<'a> {
     /// The padded picture's size at the stage's resolution.
@@ -105,7 +112,7 @@ impl Stage<'_> {
     ) {
         let even = rows.len().div_ceil(MIN_BANDS).clamp(MIN_HEIGHT, BAND_HEIGHT).next_multiple_of(2);
         let bands = out.par_chunks_mut(even / 2 * values_of_pair).enumerate();
-        bands.for_each_init(Default::default, |tiles, (band, out)| {
+        bands.for_each_init(Tiles::default, |tiles, (band, out)| {
             let y0 = rows.start + band * even;
             let y1 = rows.end.min(y0 + even);
             for x0 in (0..self.size[0]).step_by(TILE_WIDTH) {
@@ -116,12 +123,12 @@ impl Stage<'_> {
     }
 
     /// The stage's output for a rectangle.
-    fn tile<'t>(&self, x: Range<usize>, y: Range<usize>, tiles: &'t mut [Tile; 2]) -> &'t Tile {
-        let [from, to] = tiles;
+    fn tile<'t>(&self, x: Range<usize>, y: Range<usize>, tiles: &'t mut Tiles) -> &'t Tile {
+        let Tiles { from, to, scratch } = tiles;
         let margin = self.layers.len();
         self.gather(&x, &y, margin, from);
         for (k, layer) in self.layers.iter().enumerate() {
-            dispatch_lanes(Convolve { layer, from, to });
+            dispatch_lanes(Convolve { layer, from, to, scratch });
             let margin = margin - k - 1;
             // Each convolution pads the picture with zeros.
             let inside = |range: &Range<usize>, size: usize| {
@@ -212,175 +219,6 @@ impl Stage<'_> {
     }
 }
 
-// 3x3 convolutions of a tile, whose rows lie in memory so that the inner loop runs over consecutive pixels.
-
-// Loops over vectors are written by index: adaptors of iterators may stay calls, which are not compiled for the CPU's level.
-
-/// Maximum number of pixels that are computed beyond a row's end, and read beyond those.
-const SLACK: usize = 12 + 2;
-
-/// Sixteen channels of a pixel.
-pub(super) type Channels = [f32; BLOCK];
-
-/// Some channels of a rectangle of pixels: row by row, block by block of channels.
-#[derive(Default)]
-pub(super) struct Tile {
-    pub width: usize,
-    pub height: usize,
-    blocks: usize,
-    stride: usize,
-    data: Vec<Channels>,
-}
-
-impl Tile {
-    /// Another size; the content is unspecified (but finite).
-    pub fn resize(&mut self, width: usize, height: usize, blocks: usize) {
-        (self.width, self.height, self.blocks, self.stride) = (width, height, blocks, width + SLACK);
-        let length = self.stride * height * blocks;
-        if self.data.len() < length {
-            self.data.resize(length, [0.0; BLOCK]);
-        }
-    }
-
-    /// The pixels of a row.
-    pub fn row(&self, y: usize, block: usize) -> &[Channels] {
-        &self.data[(y * self.blocks + block) * self.stride..][..self.width]
-    }
-
-    /// A row to write to.
-    pub fn row_mut(&mut self, y: usize, block: usize) -> &mut [Channels] {
-        &mut self.data[(y * self.blocks + block) * self.stride..][..self.width]
-    }
-
-    /// Writes zeros outside of a rectangle.
-    pub fn clear_outside(&mut self, columns: Range<usize>, rows: Range<usize>) {
-        if columns == (0..self.width) && rows == (0..self.height) {
-            return;
-        }
-        for y in 0..self.height {
-            for block in 0..self.blocks {
-                let row = self.row_mut(y, block);
-                let inside = if rows.contains(&y) { columns.clone() } else { 0..0 };
-                row[..inside.start].fill([0.0; BLOCK]);
-                row[inside.end..].fill([0.0; BLOCK]);
-            }
-        }
-    }
-}
-
-/// A convolution of a tile: the output is two pixels narrower and lower.
-pub(super) struct Convolve<'a> {
-    pub layer: &'a Convolution,
-    pub from: &'a Tile,
-    pub to: &'a mut Tile,
-}
-
-impl LanesKernel for Convolve<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<L: Lanes>(self, lanes: L) {
-        let Convolve { layer, from, to } = self;
-        let count = blocks(layer.outputs);
-        to.resize(from.width - 2, from.height - 2, count);
-        for y in 0..to.height {
-            let mut block = 0;
-            while block < count {
-                if L::HAS_MANY_REGISTERS && block + 2 <= count {
-                    convolve_row::<L, 2, 12>(lanes, layer, from, to, y, block);
-                    block += 2;
-                } else if L::HAS_MANY_REGISTERS {
-                    convolve_row::<L, 1, 12>(lanes, layer, from, to, y, block);
-                    block += 1;
-                } else {
-                    convolve_row::<L, 1, 6>(lanes, layer, from, to, y, block);
-                    block += 1;
-                }
-            }
-        }
-    }
-}
-
-/// A row of some blocks of the output, `PIXELS` at a time. Terms are added by block of inputs, row, column, input.
-#[inline(always)]
-fn convolve_row<L: Lanes, const BLOCKS: usize, const PIXELS: usize>(
-    lanes: L,
-    layer: &Convolution,
-    from: &Tile,
-    to: &mut Tile,
-    y: usize,
-    block: usize,
-) {
-    let length = from.blocks * 9 * BLOCK;
-    let mut weights = [&layer.weights[..0]; BLOCKS];
-    for o in 0..BLOCKS {
-        weights[o] = &layer.weights[(block + o) * length..][..length];
-    }
-    for x in (0..to.width).step_by(PIXELS) {
-        let mut sums = [[lanes.load(&layer.bias[block]); PIXELS]; BLOCKS];
-        for o in 1..BLOCKS {
-            sums[o] = [lanes.load(&layer.bias[block + o]); PIXELS];
-        }
-        let mut at = 0;
-        let (mut input, mut left) = (0, layer.inputs[0]);
-        for b in 0..from.blocks {
-            let channels = if left < BLOCK { left } else { BLOCK };
-            for ky in 0..3 {
-                let start = ((y + ky) * from.blocks + b) * from.stride + x;
-                let row = &from.data[start..start + PIXELS + 2];
-                for kx in 0..3 {
-                    let pixels = &row[kx..kx + PIXELS];
-                    for i in 0..channels {
-                        let mut weight = [lanes.load(&weights[0][at + i]); BLOCKS];
-                        for o in 1..BLOCKS {
-                            weight[o] = lanes.load(&weights[o][at + i]);
-                        }
-                        for p in 0..PIXELS {
-                            let value = lanes.splat(pixels[p][i % BLOCK]);
-                            for o in 0..BLOCKS {
-                                sums[o][p] = lanes.mul_add(value, weight[o], sums[o][p]);
-                            }
-                        }
-                    }
-                    at += BLOCK;
-                }
-            }
-            left -= channels;
-            if left == 0 && b + 1 < from.blocks {
-                input += 1;
-                left = layer.inputs[input];
-            }
-        }
-        for o in 0..BLOCKS {
-            let start = (y * to.blocks + block + o) * to.stride + x;
-            let out = &mut to.data[start..start + PIXELS];
-            for p in 0..PIXELS {
-                lanes.store_positive(sums[o][p], &mut out[p]);
-            }
-        }
-    }
-}
-
-/// Channels are stored in blocks of this size.
-pub(super) const BLOCK: usize = 16;
-
-/// Number of blocks of some channels.
-pub(super) fn blocks(channels: usize) -> usize {
-    channels.div_ceil(BLOCK)
-}
-
-/// A 3x3 convolution with a bias, followed by a rectifier.
-pub(super) struct Convolution {
-    /// Channels of each input, which are concatenated.
-    pub inputs: Vec<usize>,
-    /// Channels of the output.
-    pub outputs: usize,
-    /// For each block of outputs, block of inputs, row, column and input in the block: the weights of the block's outputs.
-    pub weights: Vec<[f32; BLOCK]>,
-    /// Biases, by block of outputs.
-    pub bias: Vec<[f32; BLOCK]>,
-}
-
 /// A file of weights.
 pub(super) struct Archive<'a> {
     bytes: &'a [u8],
@@ -448,24 +286,7 @@ impl<'a> Archive<'a> {
         let (shape, values) = self.tensor(&format!("{name}.weight"));
         let [outputs, total, 3, 3] = *shape else { panic!("{name}: a 3x3 convolution") };
         assert_eq!(total, inputs.iter().sum::<usize>(), "{name}: channels");
-        let input_blocks: usize = inputs.iter().map(|&channels| blocks(channels)).sum();
-        let mut weights = vec![[0.0; BLOCK]; blocks(outputs) * input_blocks * 9 * BLOCK];
-        for output in 0..outputs {
-            let (mut channel, mut block) = (0, output / BLOCK * input_blocks);
-            for &count in inputs {
-                for i in 0..count {
-                    for k in 0..9 {
-                        let at = ((block + i / BLOCK) * 9 + k) * BLOCK + i % BLOCK;
-                        weights[at][output % BLOCK] = values[(output * total + channel + i) * 9 + k];
-                    }
-                }
-                channel += count;
-                block += blocks(count);
-            }
-        }
-        let (_, values) = self.tensor(&format!("{name}.bias"));
-        let mut bias = vec![[0.0; BLOCK]; blocks(outputs)];
-        (0..outputs).for_each(|output| bias[output / BLOCK][output % BLOCK] = values[output]);
-        Convolution { inputs: inputs.to_vec(), outputs, weights, bias }
+        let (_, bias) = self.tensor(&format!("{name}.bias"));
+        Convolution::new(inputs, outputs, &values, &bias)
     }
 }

@@ -12,6 +12,7 @@ use exr::meta::attribute::{AttributeValue, Chromaticities, Text};
 use exr::meta::header::Header;
 use exr::prelude::{ReadChannels, ReadLayers, f16};
 use image::ImageFormat;
+use std::borrow::Cow;
 use std::io::Cursor;
 use std::ops::Range;
 use std::path::Path;
@@ -567,6 +568,16 @@ impl Layered {
             let other = &mut self.file.layer_data[part].attributes.other;
             other.insert(name, AttributeValue::Text(value));
         }
+    }
+
+    /// Three channels of a part, if it has them all, without a copy where they are floats.
+    pub fn planes(&self, part: usize, names: [&str; 3]) -> Option<[Cow<'_, [f32]>; 3]> {
+        let list = &self.file.layer_data[part].channel_data.list;
+        let [a, b, c] = names.map(|name| match &list[self.index_of(part, name)?].sample_data {
+            FlatSamples::F32(values) => Some(Cow::Borrowed(values.as_slice())),
+            others => Some(others.values_as_f32().collect()),
+        });
+        Some([a?, b?, c?])
     }
 
     /// Three channels of a part, if it has them all.
