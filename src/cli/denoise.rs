@@ -87,8 +87,7 @@ impl NoisyFile {
     fn layers(&self) -> NoisyLayers<'_> {
         let NoisyFile { file, part, deviations } = self;
         let layer = |names: [&str; 3]| file.planes(file.part_with(*part, names[0])?, names);
-        let deviations =
-            deviations.as_ref().map(|planes| slices(planes).map(Cow::Borrowed));
+        let deviations = deviations.as_ref().map(|planes| slices(planes).map(Cow::Borrowed));
         let layers = NoisyLayers::read(file.size(*part), deviations, part_names(file, *part), layer);
         layers.expect("the part has a picture")
     }

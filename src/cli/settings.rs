@@ -14,9 +14,9 @@ use oscura::denoise::temporal::REACH;
 use oscura::error::{Error, Result, Warning};
 use oscura::film::{Aov, AovSet, AovSpace, Source};
 use oscura::image::Image;
-use oscura::load::Loaded;
 use oscura::load::image::load_environment_within;
 use oscura::load::stage::middle;
+use oscura::load::{Loaded, asks_for_denoising};
 use oscura::output::part::{PartHeader, Region};
 use oscura::output::{Format, PngOptions, ViewTransform};
 use oscura::render::{
@@ -332,12 +332,13 @@ fn quality_of(args: &RenderArgs, settings: &Settings) -> Option<Quality> {
     args.quality.or((!has_end && !of_scene && !is_part).then_some(Quality::Normal))
 }
 
-/// Are frames denoised with those around them? What scenes say of denoising isn't known before they are loaded.
+/// Are frames denoised with those around them?
 pub(super) fn averages_frames(args: &RenderArgs) -> bool {
     let is_sequence = args.orbit.is_some() || args.frames.is_some_and(|frames| frames.are_consecutive());
     let is_denoised = || {
+        let of_scene = || asks_for_denoising(&args.scene);
         let quality = quality_of(args, &Settings::default());
-        args.picture.denoise || quality.is_some_and(|quality| quality.preset().denoise)
+        args.picture.denoise || quality.map_or_else(of_scene, |quality| quality.preset().denoise)
     };
     is_sequence && !args.picture.no_denoise && !args.picture.denoise_alone && is_denoised()
 }

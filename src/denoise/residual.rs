@@ -39,9 +39,12 @@ const MIN_BIAS_OF_LARGE: f32 = 3.0 * 0.05 * 0.05;
 const SHARE_OF_CONTRAST: f32 = 0.15;
 const SCALES: u32 = 2;
 const LARGEST_CONTRAST: f32 = 0.3;
-/// Radius of the squares over which powers are averaged, pixels of the scale, and where pixels have little noise.
-const RADIUS: usize = 3;
+/// Powers are averaged over squares of this radius, pixels of the scale, twice: what counts less with its distance leaves no edges. Where
+/// pixels have little noise they are averaged once, over narrow squares.
+const TENT: usize = 2;
 const NARROW: usize = 1;
+/// Radius of the squares in which light may be lost.
+const RADIUS: usize = 3;
 /// The relative power of the noise, summed over the channels, below which it is little, and the least share of the halves'
 /// differences that it is taken for there.
 const LITTLE: f32 = 0.004;
@@ -50,6 +53,9 @@ const LEAST_SHARE_OF_HALVES: f32 = 1.0 / 7.0;
 /// show no noise.
 const WIDE: usize = 12;
 const SHARE_OF_WIDE: f32 = 0.25;
+/// The light that is lost there, relative to the proposal and summed over the channels, from which on it is that much, and less of it where
+/// less is lost: what has its light has been sampled.
+const ALL_LOST: f32 = 3.0 * 0.3;
 /// Larger powers, of fireflies, count as this, with which the share is the power of pixels that are black by chance.
 const LARGEST_WIDE: f32 = 3.0 / SHARE_OF_WIDE;
 /// Values are compared relative to themselves and this fraction of the picture's mean.
@@ -76,8 +82,17 @@ pub(super) fn restored(
     }
     let independent = each(width * height, |i| power_at(&deviation, i));
     let contrast = contrast(width, height, &proposed, least);
-    let first =
-        Scale { level: 0, width, height, residual, deviation, weight: proposed, least, independent, contrast };
+    let first = Scale {
+        level: 0,
+        width,
+        height,
+        residual,
+        deviation,
+        weight: proposed,
+        least,
+        independent,
+        contrast,
+    };
     let correction = first.kept();
     let mut result = first.weight;
     for (plane, correction) in result.iter_mut().zip(&correction) {
@@ -192,9 +207,8 @@ impl Scale {
     /// The powers of the residual and of the noise around each pixel, from the residual's of each pixel.
     fn powers(&self, signal: &[f32]) -> (Vec<f32>, Vec<f32>) {
         let mean = |plane: &[f32], radius: usize| smoothed(self.width, self.height, plane, radius);
-        let deviations =
-            each(signal.len(), |i| power_at(&self.deviation, i).max(self.independent[i]));
-        let noise = mean(&deviations, RADIUS);
+        let deviations = each(signal.len(), |i| power_at(&self.deviation, i).max(self.independent[i]));
+        let noise = mean(&mean(&deviations, TENT), TENT);
         let wide = mean(&each(noise.len(), |i| noise[i].min(LARGEST_WIDE)), WIDE);
         let much = |wide: f32| wide / (wide + LITTLE);
         let near = |mut near: Vec<f32>, plane: &[f32]| {
@@ -207,12 +221,15 @@ impl Scale {
         };
         let mut noise = near(noise, &deviations);
         drop(deviations);
-        noise.par_iter_mut().zip(&wide).with_min_len(MIN_PER_THREAD).for_each(|(near, wide)| {
+        let lost =
+            mean(&each(signal.len(), |i| -self.residual.iter().map(|plane| plane[i]).sum::<f32>()), RADIUS);
+        let pixels = noise.par_iter_mut().zip(&wide).zip(&lost).with_min_len(MIN_PER_THREAD);
+        pixels.for_each(|((near, wide), lost)| {
             let much = much(*wide);
-            let least = SHARE_OF_WIDE * wide * much;
+            let least = SHARE_OF_WIDE * wide * much * (lost / ALL_LOST).clamp(0.0, 1.0);
             *near = near.max(least) * (LEAST_SHARE_OF_HALVES + (1.0 - LEAST_SHARE_OF_HALVES) * much);
         });
-        (near(mean(signal, RADIUS), signal), noise)
+        (near(mean(&mean(signal, TENT), TENT), signal), noise)
     }
 
     /// A plane of this scale at the resolution of the one before: linear between the middles of its pixels.

@@ -56,8 +56,9 @@ impl NoisyLayers<'_> {
     /// A frame of a sequence, denoised by itself, with its motion vectors.
     pub fn frame(&self, motion: [Vec<f32>; 4]) -> Frame {
         let [width, height] = self.size;
-        let squared =
-            |planes: &Planes| planes.each_ref().map(|plane| plane.iter().map(|v| v * v).collect::<Vec<f32>>());
+        let squared = |planes: &Planes| {
+            planes.each_ref().map(|plane| plane.iter().map(|v| v * v).collect::<Vec<f32>>())
+        };
         let owned = |planes: &Planes| planes.each_ref().map(|plane| plane.to_vec());
         Frame {
             width,

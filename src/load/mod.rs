@@ -215,6 +215,12 @@ pub fn is_scene(path: impl AsRef<Path>) -> bool {
     is_named_as_scene(path) && (!matches!(formats::of(path), Format::SceneFile) || scene_file::is_scene(path))
 }
 
+/// Does a scene file ask for denoising (`denoise` of `[render]`)? What it names is not read.
+pub fn asks_for_denoising(path: impl AsRef<Path>) -> bool {
+    let path = path.as_ref();
+    matches!(formats::of(path), Format::SceneFile) && scene_file::asks_for_denoising(path)
+}
+
 /// How to get a scene from a file of another program, by its extension.
 fn conversion_hint(extension: &str) -> String {
     let way = match extension {

@@ -199,4 +199,9 @@ fn moving_pictures_are_denoised() {
     assert!(bytes("clean.apng") == bytes("only.apng") && bytes("only.apng") != bytes("noisy.apng"));
     run(folder, &format!("{fixed} --denoise --denoise-alone -o alone.#.png"));
     assert!(bytes("clean.1.png") != bytes("alone.1.png"));
+    // A scene that asks for denoising is as good as the option.
+    let scene = std::fs::read_to_string(folder.join("scene.toml")).unwrap();
+    std::fs::write(folder.join("scene.toml"), format!("[render]\ndenoise = true\n{scene}")).unwrap();
+    run(folder, &format!("{fixed} -o asked.#.png"));
+    assert!(bytes("asked.1.png") == bytes("clean.1.png"));
 }

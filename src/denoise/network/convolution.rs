@@ -75,7 +75,6 @@ impl Tile {
     }
 }
 
-
 /// A 3x3 convolution with a bias, followed by a rectifier.
 pub(super) struct Convolution {
     /// Channels of each input, which are concatenated.
@@ -99,7 +98,8 @@ impl Convolution {
             for &count in inputs {
                 for i in 0..count {
                     let first = (output * total + channel + i) * 9;
-                    for (place, weight) in transformed_weights(&weights[first..first + 9]).iter().enumerate() {
+                    for (place, weight) in transformed_weights(&weights[first..first + 9]).iter().enumerate()
+                    {
                         let row = (output / BLOCK * PLACES + place) * input_blocks + block;
                         transformed[row * BLOCK + i][output % BLOCK] = *weight;
                     }
@@ -170,7 +170,16 @@ impl LanesKernel for Convolve<'_> {
                 }
                 for o in 0..group {
                     let product = &product[o * PLACES * stride..];
-                    transform_product(lanes, product, squares, stride, &layer.bias[block + o], to, y, block + o);
+                    transform_product(
+                        lanes,
+                        product,
+                        squares,
+                        stride,
+                        &layer.bias[block + o],
+                        to,
+                        y,
+                        block + o,
+                    );
                 }
                 block += group;
             }
@@ -276,7 +285,6 @@ fn multiply<L: Lanes, const BLOCKS: usize, const SQUARES: usize>(
 
 /// `A^T m A` of the squares of a pair of rows, with the bias, rectified.
 #[inline(always)]
-#[expect(clippy::too_many_arguments, reason = "a loop's body")]
 fn transform_product<L: Lanes>(
     lanes: L,
     product: &[Channels],

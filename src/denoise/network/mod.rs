@@ -11,8 +11,8 @@
 //! perceptually uniform, as in Open Image Denoise 2 (`core/color.h`, `core/autoexposure`): the network was trained with both.
 
 use crate::color::luminance;
-use rayon::prelude::*;
 use convolution::Convolution;
+use rayon::prelude::*;
 use stage::{Archive, Input, Picture, Stage, Tensor};
 
 mod convolution;
@@ -25,7 +25,7 @@ const WITHOUT_GUIDES: &[u8] = include_bytes!("../../../assets/denoiser/rt_hdr.tz
 /// Number of halvings of the resolution.
 const LEVELS: usize = 4;
 /// Rows of the picture that the last layers work on at a time.
-const STRIP: usize = 256;
+const STRIP: usize = 128;
 
 /// Three planes of a picture, row by row from the top.
 type Planes<'a> = [&'a [f32]; 3];

@@ -203,6 +203,14 @@ pub(super) fn is_scene(path: &Path) -> bool {
     ["objects", "curves"].iter().any(|name| file.root.get_ref().contains_key(*name))
 }
 
+/// Does a file ask for denoising? Whatever is wrong with it shows when it is loaded.
+pub(super) fn asks_for_denoising(path: &Path) -> bool {
+    let Ok(text) = TomlText::read(path, &LoadOptions::default()) else { return false };
+    let file = TomlFile::parse(&text);
+    let render = file.root.get_ref().get("render").and_then(|table| table.get_ref().as_table());
+    render.and_then(|table| table.get("denoise")?.get_ref().as_bool()) == Some(true)
+}
+
 // Sidecars.
 
 /// The sidecar's path for a model: its name with `.oscura.toml` for the extension.
