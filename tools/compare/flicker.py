@@ -37,7 +37,7 @@ def moving(out, name):
     with open(os.path.join(ROOT, scene)) as file:
         text = file.read().replace("[camera]\n", f"[camera]\nmotion = {{ translate = {step} }}\n", 1)
     for folder in ("meshes", "textures", "curves"):
-        text = text.replace(f'"{folder}/', f'"{ROOT}/scenes/{folder}/')
+        text = text.replace(f'"../{folder}/', f'"{folder}/').replace(f'"{folder}/', f'"{ROOT}/scenes/{folder}/')
     with open(path, "w") as file:
         file.write(text)
     return path
