@@ -89,6 +89,9 @@ pub enum LayerFresnel {
 }
 
 impl LayerFresnel {
+    /// Reflectance is the same at all angles: what is as dense as its outside has no curve.
+    pub const EVEN: LayerFresnel = LayerFresnel::Exact(DielectricCurve { amplitude: 0.0 });
+
     /// The Fresnel term of a layer by a model and its index of refraction (see [`DielectricCurve::of_ior`]).
     #[inline(always)]
     pub fn new(model: FresnelModel, ior: f32) -> LayerFresnel {

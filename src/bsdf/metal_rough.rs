@@ -281,7 +281,11 @@ impl MetalRoughProgram {
             specular_color: pbr.specular_color,
             // KHR_materials_ior: 0 means that all light is reflected.
             normal: if pbr.ior == 0.0 { 1.0 } else { fresnel::f0_from_eta(pbr.ior) },
-            layer_fresnel: LayerFresnel::new(shading.fresnel, pbr.ior),
+            layer_fresnel: if pbr.reflects_evenly {
+                LayerFresnel::EVEN
+            } else {
+                LayerFresnel::new(shading.fresnel, pbr.ior)
+            },
             energy_compensation: shading.energy_compensation,
         }
     }

@@ -332,7 +332,8 @@ impl BsdfProgram {
     fn of_pbr(pbr: &PbrMaterial, shading: ShadingModel) -> BsdfProgram {
         let energy_compensation = pbr.energy_compensation.unwrap_or(shading.energy_compensation);
         // The vectorised loops have one choice for all vertices.
-        let is_as_others = energy_compensation == shading.energy_compensation;
+        let has_curve = !pbr.reflects_evenly || shading.fresnel == FresnelModel::Exact;
+        let is_as_others = energy_compensation == shading.energy_compensation && has_curve;
         let shading = ShadingModel { energy_compensation, ..shading };
         let layered = || LayeredProgram::new(pbr, shading).into();
         let is_dielectric = always(&pbr.metallic, 0.0);

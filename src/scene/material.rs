@@ -519,6 +519,8 @@ pub struct PbrMaterial {
     pub specular: FloatSlot,
     /// Its colour at normal incidence.
     pub specular_color: ColorSlot,
+    /// It is the same at all angles, as of the Glossy BSDF of Cycles, not white at grazing incidence.
+    pub reflects_evenly: bool,
     /// Share of light that passes instead of scattering diffusely (KHR_materials_transmission).
     pub transmission: FloatSlot,
     /// Is there a volume behind the surface (KHR_materials_volume with thickness above 0)? Otherwise it is thin-walled.
@@ -645,6 +647,7 @@ impl Default for PbrMaterial {
             ior: 1.5,
             specular: FloatSlot::constant(1.0),
             specular_color: ColorSlot::constant([1.0; 3]),
+            reflects_evenly: false,
             transmission: FloatSlot::constant(0.0),
             has_volume: false,
             tints_once: false,
@@ -667,8 +670,8 @@ impl Default for PbrMaterial {
 parameters_of_fields! {
     MixComponent { weight, material }
     PbrMaterial {
-        base_color, metallic, roughness, diffuse_roughness, ior, specular, specular_color, transmission, has_volume,
-        tints_once, keeps_radiance, glass_reflection, energy_compensation, is_beckmann, attenuation_color, attenuation_distance, dispersion, clearcoat,
+        base_color, metallic, roughness, diffuse_roughness, ior, specular, specular_color, reflects_evenly, transmission,
+        has_volume, tints_once, keeps_radiance, glass_reflection, energy_compensation, is_beckmann, attenuation_color, attenuation_distance, dispersion, clearcoat,
         sheen, anisotropy, iridescence, diffuse_transmission,
     }
     Clearcoat { factor, roughness, normal_map }

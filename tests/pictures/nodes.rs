@@ -302,8 +302,13 @@ fn normals_of_graphs_light_surfaces_as_maps_do() {
 
 /// The mean of a small picture of a ball of radius 1 that fills it, in white light.
 fn in_white_light(shader: &str, height: f64) -> f64 {
+    in_white_light_by(shader, height, "exact")
+}
+
+/// The same, with a Fresnel term of glTF's layers.
+fn in_white_light_by(shader: &str, height: f64, fresnel: &str) -> f64 {
     let text = format!(
-        "[camera]\nlook_from = [0, 0, 5]\nlook_at = [0, 0, 0]\ntype = \"orthographic\"\nview_height = {height}\n\
+        "[render]\nfresnel = \"{fresnel}\"\n[camera]\nlook_from = [0, 0, 5]\nlook_at = [0, 0, 0]\ntype = \"orthographic\"\nview_height = {height}\n\
          [environment]\nbackground = 1\n[materials.shown]\ntype = \"nodes\"\nsurface = \"shader\"\nvolume = true\n\
          [materials.shown.nodes]\nshader = {{ {shader} }}\n[[objects]]\nsphere = {{ center = [0, 0, 0], radius = 1 }}\nmaterial = \"shown\"\n"
     );
@@ -326,13 +331,15 @@ fn dark_bodies_hide_light_that_passes_them_unscattered() {
     }
 }
 
-/// Grey glossy shaders reflect as much at all angles.
+/// Glossy shaders reflect as much at all angles, whatever their colour and the Fresnel term of other layers.
 #[test]
 fn glossy_shaders_have_the_same_reflectance_at_all_angles() {
-    for (shader, precision) in [("", 1e-3), (", beckmann = 1", 1e-3)] {
-        let shader = format!("type = \"glossy_bsdf\", color = 0.3, roughness = 0{shader}");
-        // The square within the ball's outline, most of which is seen at an angle.
-        let found = in_white_light(&shader, 1.4);
-        assert!((found / 0.3 - 1.0).abs() < precision, "{shader}: {found}");
+    for shader in ["color = 0.3", "color = [0.7, 0.15, 0.05]", "color = [0.7, 0.15, 0.05], beckmann = 1"] {
+        for fresnel in ["exact", "schlick"] {
+            let shader = format!("type = \"glossy_bsdf\", {shader}, roughness = 0");
+            // The square within the ball's outline, most of which is seen at an angle.
+            let found = in_white_light_by(&shader, 1.4, fresnel);
+            assert!((found / 0.3 - 1.0).abs() < 1e-3, "{shader}, {fresnel}: {found}");
+        }
     }
 }

@@ -43,6 +43,22 @@ class NodesTest(SceneTest):
         self.assertTrue(noise["vector"].endswith(".object"))
         self.assertEqual(settings["objects"][0]["materials"], ["rust"])
 
+    def test_textures_have_mappings_of_their_own(self):
+        material, tree, shader, noise, place = shader_tree("old", "TexNoise", "TexCoord")
+        tree.links.new(place.outputs["Object"], noise.inputs["Vector"])
+        tree.links.new(noise.outputs[0], shader.inputs["Base Color"])
+        noise.texture_mapping.vector_type, noise.texture_mapping.scale = "TEXTURE", (10, 10, 5)
+        noise.texture_mapping.mapping_y, noise.texture_mapping.mapping_z = "X", "NONE"
+        self.add_plane(material)
+        table = self.export()["materials"]["old"]
+        nodes = table["nodes"]
+        fed = lambda node, key: nodes[node[key].split(".")[0]]
+        mapping = fed(fed(nodes[table["surface"]], "base_color"), "vector")
+        self.assertEqual((mapping["type"], mapping["vector_type"], mapping["scale"]), ("mapping", "texture", [10.0, 10.0, 5.0]))
+        axes = fed(mapping, "vector")
+        self.assertEqual([axes[axis] for axis in "xyz"], [axes["x"], axes["x"], 0.0])
+        self.assertTrue(fed({"x": axes["x"]}, "x")["vector"].endswith(".object"))
+
     def test_constant_colours_are_numbers_by_their_luminance(self):
         material, tree, shader, color = shader_tree("one", "RGB")
         color.outputs[0].default_value = (1.0, 0.5, 0.0, 1.0)

@@ -22,6 +22,10 @@ def _same(*names):
 
 
 COORDINATES = "texture_coordinate"
+
+# Inputs of the node Mapping by the properties of a mapping that a texture node has of its own.
+MAPPING = {"location": "translation", "rotation": "rotation", "scale": "scale"}
+
 FACTOR = {"Color": "color", "Fac": "factor", "Factor": "factor"}
 TEXTURE = {"Vector": "vector", "Scale": "scale"}
 
@@ -552,7 +556,22 @@ class Graph:
             entries = self._plain(node, groups)
         else:
             raise Unsupported(node.bl_label)
+        if getattr(node, "texture_mapping", None) is not None and "vector" in entries:
+            entries["vector"] = self._mapped(entries["vector"], node.texture_mapping)
         self._add(node, groups, entries)
+
+    def _mapped(self, place, mapping):
+        """A place by the mapping that texture nodes have of their own, which only files of old versions and scripts set: it chooses
+        axes, then it moves, turns and scales as a node Mapping does."""
+        axes = [mapping.mapping_x, mapping.mapping_y, mapping.mapping_z]
+        if axes != list("XYZ"):
+            parts = self.made({"type": "separate_xyz", "vector": place})
+            chosen = {out: 0.0 if axis == "NONE" else f"{parts}.{axis.lower()}" for out, axis in zip("xyz", axes)}
+            place = f"{self.made({'type': 'combine_xyz', **chosen})}.vector"
+        steps = {key: list(getattr(mapping, name)) for key, name in MAPPING.items()}
+        if steps == {"location": [0.0] * 3, "rotation": [0.0] * 3, "scale": [1.0] * 3}:
+            return place
+        return f"{self.made({'type': 'mapping', 'vector_type': mapping.vector_type.lower(), 'vector': place, **steps})}.vector"
 
     def _plain(self, node, groups):
         kind = KINDS[node.bl_idname]

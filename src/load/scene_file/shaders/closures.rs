@@ -125,40 +125,25 @@ impl Lowering<'_, '_, '_> {
         (self.color_slot(color), self.float_slot(size), self.float_slot(smooth))
     }
 
-    /// A layer that reflects its colour at all angles: total reflection, whose index is 0 in glTF.
+    /// A layer of total reflection that has its colour at all angles.
     fn glossy(&mut self, index: usize) -> Model {
         let color = self.color(index, "color", [0.8; 3]);
+        let color = self.color_slot(color);
         let is_even = self.number(index, "anisotropy", 0.0) == NodeInput::Value([0.0; 3]);
         if is_even && self.constant(index, "beckmann", 0.0) > 0.0 {
             let roughness = self.number(index, "roughness", 0.2);
-            return Model::Beckmann { color: self.color_slot(color), roughness: self.float_slot(roughness) };
+            return Model::Beckmann { color, roughness: self.float_slot(roughness) };
         }
-        // Reflectances rise to the specular factor: with the brightest channel as that, greys are the same at all angles.
-        let brightest = self.brightest(color);
-        let tint = self.quotient(color, brightest);
         let mut pbr = PbrMaterial {
             ior: 0.0,
-            specular: self.float_slot(brightest),
-            specular_color: self.color_slot(tint),
+            specular: if is_black(&color) { NONE } else { FloatSlot::constant(1.0) },
+            specular_color: color,
+            reflects_evenly: true,
             energy_compensation: self.energy_compensation(index),
             ..bare()
         };
         self.set_roughness(index, &mut pbr, "anisotropy", "rotation");
         Model::Pbr(Box::new(pbr))
-    }
-
-    /// The largest channel of a colour, as a number.
-    fn brightest(&mut self, color: NodeInput) -> NodeInput {
-        if let NodeInput::Value([r, g, b]) = color {
-            return NodeInput::Value([r.max(g).max(b); 3]);
-        }
-        let NodeInput::Link { node, .. } = self.push(NodeKind::SeparateXyz {}, &[color]) else {
-            return color;
-        };
-        let channel = |output| NodeInput::Link { node, output };
-        let maximum = || NodeKind::Math { operation: MathOperation::Maximum, use_clamp: false };
-        let larger = self.push(maximum(), &[channel(0), channel(1)]);
-        self.push(maximum(), &[larger, channel(2)])
     }
 
     fn metal(&mut self, index: usize) -> Model {
