@@ -254,8 +254,13 @@ impl ImageReading {
             self.taps(x, 1).iter().filter(|tap| tap.texel.is_some()).map(|tap| tap.weight).sum()
         };
         let share = share_along(uv[0]) * share_along(1.0 - uv[1]);
-        let blended =
-            |c: f32| if self.is_data { c * share } else { linear_from_srgb(srgb_from_linear(c) * share) };
+        // Where alpha is read, colours are divided by it, and by the share with it.
+        let is_divided = self.reads_alpha && self.associates() && share > 0.0;
+        let blended = |c: f32| match (is_divided, self.is_data) {
+            (true, _) => c,
+            (false, true) => c * share,
+            (false, false) => linear_from_srgb(srgb_from_linear(c) * share),
+        };
         let [r, g, b, alpha] = self.with_alpha(color);
         let alpha = if self.alpha_mode == AlphaMode::None { 1.0 } else { alpha * share };
         [blended(r), blended(g), blended(b), alpha]
@@ -429,6 +434,11 @@ mod tests {
         for (u, code) in [(0.5, 1.0), (0.75, 0.75), (1.0, 0.5), (1.25, 0.25), (1.5, 0.0), (-3.0, 0.0)] {
             assert!((red(clipped, [u, 0.5]) - linear_from_srgb(code)).abs() < 1e-5, "{u}");
         }
+        // Alpha that is read falls in the place of the colour.
+        let divided = ImageReading { reads_alpha: true, ..clipped };
+        let [color, _, _, alpha] = divided.constant([1.0, 0.0, 1.0, 1.0], [0.75, 0.5]);
+        assert_eq!((color, alpha), (1.0, 0.75));
+        assert_eq!(divided.constant([1.0; 4], [-3.0, 0.5]), [0.0; 4]);
         let cubic = reading(ImageInterpolation::Smart, Extension::Clip);
         assert!((red(cubic, [0.5, 0.5]) - linear_from_srgb(4.0 / 9.0)).abs() < 1e-5);
         let closest = reading(ImageInterpolation::Closest, Extension::Clip);

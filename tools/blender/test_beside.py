@@ -128,6 +128,18 @@ class BesideTest(SceneTest):
         self.assertGreater(np.ptp(found["z"]), 0.5)
         np.testing.assert_allclose(found["nz"], 1, atol=1e-3)
 
+    def test_flat_faces_that_are_bumped_and_displaced_have_the_normals_of_their_vertices(self):
+        material, tree, _, relief = shader_tree("hilly", "Displacement")
+        relief.inputs["Height"].default_value = 0.7
+        tree.links.new(relief.outputs[0], tree.nodes["Material Output"].inputs["Displacement"])
+        material.displacement_method = "BOTH"
+        bpy.ops.mesh.primitive_cube_add()
+        bpy.context.object.data.materials.append(material)
+        _, settings, _ = self.export()
+        found = self.mesh(settings, "Cube")
+        normals = np.stack([found["nx"], found["ny"], found["nz"]], -1)
+        np.testing.assert_allclose(np.abs(normals), 3**-0.5, atol=1e-3)
+
     def test_bumps_alone_leave_the_vertices(self):
         found, bump = self.relief("BUMP")
         self.assertEqual((bump["type"], bump["object_scale"], np.ptp(found["z"])), ("bump", 1.0, 0))

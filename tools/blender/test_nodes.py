@@ -93,6 +93,28 @@ class NodesTest(SceneTest):
         self.export("--cache", str(cache))
         self.assertNotEqual(picture.read_bytes(), first)
 
+    def test_pictures_of_what_is_seen_and_of_what_lights_are_two(self):
+        world = bpy.data.worlds.new("paper")
+        bpy.context.scene.world = world
+        world.use_nodes = True
+        tree = world.node_tree
+        place, path, mix = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("TexCoord", "LightPath", "MixShader"))
+        shown = tree.nodes["Background"]
+        tree.links.new(place.outputs["Window"], shown.inputs["Color"])
+        tree.links.new(path.outputs["Is Camera Ray"], mix.inputs[0])
+        dim = tree.nodes.new("ShaderNodeBackground")
+        tree.links.new(place.outputs["Window"], dim.inputs["Color"])
+        dim.inputs["Strength"].default_value = 0.1
+        tree.links.new(dim.outputs[0], mix.inputs[1])
+        tree.links.new(shown.outputs[0], mix.inputs[2])
+        tree.links.new(mix.outputs[0], tree.nodes["World Output"].inputs["Surface"])
+        self.add_plane(bpy.data.materials.new("plain"))
+        environment = self.export()["environment"]
+        self.assertNotEqual(environment["image"], environment["seen"]["image"])
+        files = [self.folder / name for name in (environment["image"], environment["seen"]["image"])]
+        lit, seen = (bpy.data.images.load(str(file)) for file in files)
+        self.assertAlmostEqual(np.mean(lit.pixels[:][0::4]) / np.mean(seen.pixels[:][0::4]), 0.1, places=2)
+
     def test_worlds_are_textures(self):
         world = bpy.data.worlds.new("sky")
         bpy.context.scene.world = world
@@ -182,9 +204,17 @@ class NodesTest(SceneTest):
         lit, tree, _, color = shader_tree("lit", "RGB")
         color.outputs[0].default_value = (0.1, 0.5, 0.9, 1)
         tree.links.new(color.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
+        read, read_tree, shader, noise, mix = shader_tree("read", "TexNoise", "MixShader")
+        read_tree.links.new(noise.outputs["Color"], shader.inputs["Base Color"])
+        read_tree.links.new(noise.outputs["Color"], mix.inputs[2])
+        read_tree.links.new(shader.outputs[0], mix.inputs[1])
+        read_tree.links.new(mix.outputs[0], read_tree.nodes["Material Output"].inputs["Surface"])
         self.add_plane(bare, "Bare")
         self.add_plane(lit, "Lit")
+        self.add_plane(read, "Read")
         materials = self.export()["materials"]
+        nodes = materials["read"]["nodes"]
+        self.assertEqual(nodes[nodes[materials["read"]["surface"]]["b"]]["type"], "emission")
         self.assertEqual(materials["bare"], {"type": "lambert", "color": [0.0, 0.0, 0.0]})
         shown = materials["lit"]["nodes"][materials["lit"]["surface"]]
         self.assertEqual(shown["type"], "emission")

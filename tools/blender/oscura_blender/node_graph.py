@@ -288,7 +288,7 @@ class Graph:
         node = found.node
         if node is None:
             return None
-        if (node, found.groups) in self._known:
+        if (node, found.groups) in self._known and found.output.type == "SHADER":
             return self._known[(node, found.groups)]
         if node.bl_idname == "ShaderNodeMixShader":
             factor, first, second = node.inputs[0], node.inputs[1], node.inputs[2]

@@ -1,5 +1,6 @@
 """Displacement: heights, or vectors where it isn't along the mesh's normals, are evaluated by Cycles at the vertices of a mesh, which is
-how Cycles displaces, and move them. Where it is meant as both, normals stay those of the mesh before it is displaced, of flat faces too, and bumps are a node of the surface's graph."""
+how Cycles displaces, and move them. Where it is meant as both, normals stay those of the mesh before it is displaced, of flat faces those
+of their vertices, and bumps are a node of the surface's graph."""
 
 import bpy
 import numpy as np
@@ -107,7 +108,10 @@ def _move(mesh, offsets):
 def _kept_normals(mesh):
     """The normals of corners that stay as they are; 0 for others."""
     stays = np.array([material is not None and material.displacement_method == "BOTH" for material in mesh.materials])
-    return meshes.corner_normals(mesh) * np.repeat(stays[meshes.material_slots(mesh)], meshes.face_sizes(mesh))[:, None]
+    # Cycles takes them at vertices, as if all faces were smooth, where all are flat.
+    is_flat = mesh.normals_domain == "FACE"
+    normals = meshes.vertex_normals(mesh)[meshes.corner_vertices(mesh)] if is_flat else meshes.corner_normals(mesh)
+    return normals * np.repeat(stays[meshes.material_slots(mesh)], meshes.face_sizes(mesh))[:, None]
 
 
 def _shine(material, matrix, feed):

@@ -7,7 +7,7 @@ import shutil
 import bpy
 import numpy as np
 
-from . import cache, context, fingerprint, geometry, media, shaders, sidecar, skies, stills, world_graph
+from . import cache, context, fingerprint, geometry, media, shaders, sidecar, skies, stills, trees, world_graph
 from .node_graph import Unsupported, feed
 from .settings import film_exposure
 
@@ -16,6 +16,9 @@ LINEAR = ("Linear Rec.709", "Linear", "Linear BT.709", "Non-Color", "Raw", "Gene
 
 # Kinds of rays that a world may be hidden from besides those of the camera, and what Cycles calls them.
 RAYS = {"diffuse": "diffuse", "glossy": "glossy", "transmission": "transmission", "volume": "scatter"}
+
+# Outputs of coordinates that go by the camera of the scene.
+OF_CAMERAS = ("Window", "Camera")
 
 # Width of pictures made of node trees, and the width of the largest made of a picture.
 WIDTH = 2048
@@ -31,13 +34,18 @@ class _Target:
 
     def __init__(self, folder, name, store, images):
         self.folder, self.name, self.store, self.images = folder, name, store, images
-        self.textures, self.skies = [], 0
+        self.textures, self.skies, self.pictures = [], 0, 0
 
     def texture(self, entries):
         """The name of a texture, which is a table of its own."""
         name = TEXTURE if not self.textures else f"{TEXTURE} {len(self.textures) + 1}"
         self.textures.append((f"[textures.{sidecar.value(name)}]", entries))
         return name
+
+    def picture(self, ending):
+        """The name of another picture: what the camera sees and what lights the scene may be two."""
+        self.pictures += 1
+        return f"{self.name}.world{self.pictures if self.pictures > 1 else ''}{ending}"
 
     def sky(self, node):
         self.skies += 1
@@ -110,6 +118,8 @@ def _parts(world, target, is_hidden, report):
     """The entries of what cameras see, if that is something else and not hidden from them, and of what lights the scene."""
     tree = world.node_tree if world is not None and world.use_nodes else None
     asked = _light_path_outputs(tree) if tree else set()
+    if tree and any(node.outputs[name].is_linked for _, node in trees.nodes_with_trees(tree, ("ShaderNodeTexCoord",)) for name in OF_CAMERAS):
+        report.warn(world.name, "coordinates of the window or the camera are those of a panorama in the world")
     if not asked:
         return None, _light(world, target)
     if asked != {"Is Camera Ray"}:
@@ -182,15 +192,15 @@ def _picture(feeding, target):
     ending = os.path.splitext(image.filepath_raw or image.name)[1].lower()
     if ending not in (".exr", ".hdr"):
         return None
-    file = f"{target.name}.world{ending}"
+    path = bpy.path.abspath(image.filepath_raw, library=image.library)
+    if not image.packed_file and not os.path.isfile(path):
+        return None
+    file = target.picture(ending)
     destination = os.path.join(target.folder, file)
     if image.packed_file:
         with open(destination, "wb") as out:
             out.write(image.packed_file.data)
     else:
-        path = bpy.path.abspath(image.filepath_raw, library=image.library)
-        if not os.path.isfile(path):
-            return None
         shutil.copyfile(path, destination)
     return {"image": file, "rotation": math.degrees(turn)} if turn else {"image": file}
 
@@ -221,7 +231,7 @@ def _turn(vector):
 
 def _rendered(world, target):
     """Renders what the world shows to a picture around the origin, unless it is kept; gives its name."""
-    file = f"{target.name}.world.exr"
+    file = target.picture(".exr")
     digest = cache.digest()
     digest.update(b"world")
     fingerprint.add_tree(digest, world.node_tree)
