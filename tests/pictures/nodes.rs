@@ -334,7 +334,7 @@ fn dark_bodies_hide_light_that_passes_them_unscattered() {
 /// Glossy shaders reflect as much at all angles, whatever their colour and the Fresnel term of other layers.
 #[test]
 fn glossy_shaders_have_the_same_reflectance_at_all_angles() {
-    for shader in ["color = 0.3", "color = [0.7, 0.15, 0.05]", "color = [0.7, 0.15, 0.05], beckmann = 1"] {
+    for shader in ["color = 0.3", "color = [0.7, 0.3, 0.05]", "color = [0.7, 0.3, 0.05], beckmann = 1"] {
         for fresnel in ["exact", "schlick"] {
             let shader = format!("type = \"glossy_bsdf\", {shader}, roughness = 0");
             // The square within the ball's outline, most of which is seen at an angle.
