@@ -132,7 +132,8 @@ mod tests {
     fn uneven(size: [usize; 3]) -> CellDistribution {
         let mut random = Random::new(5);
         let weight = |_| (random.next() * 2.0 - 0.6).max(0.0).powi(3);
-        let weights: Vec<f32> = (0..size.iter().product()).map(weight).collect();
+        let mut weights: Vec<f32> = (0..size.iter().product()).map(weight).collect();
+        weights[0] = 0.5;
         CellDistribution::new(size, &weights).expect("some are positive")
     }
 
