@@ -71,12 +71,13 @@ fn limits<const N: usize>(text: &str, names: [&str; N]) -> Result<[Option<f64>; 
 
 /// Maximum numbers of bounces by kind.
 pub(super) fn bounce_limits(text: &str) -> Result<BounceLimits, String> {
-    let found = limits(text, ["diffuse", "glossy", "transmission", "volume"])?;
+    let found = limits(text, ["diffuse", "glossy", "transmission", "volume", "transparent"])?;
     if let Some(value) = found.iter().flatten().find(|v| v.fract() != 0.0 || **v > f64::from(u32::MAX)) {
         return Err(format!("{value} is no number of bounces"));
     }
-    let [diffuse, glossy, transmission, volume] = found.map(|v| v.map_or(u32::MAX, |v| v as u32));
-    Ok(BounceLimits { diffuse, glossy, transmission, volume })
+    let [diffuse, glossy, transmission, volume, transparent] =
+        found.map(|v| v.map_or(u32::MAX, |v| v as u32));
+    Ok(BounceLimits { diffuse, glossy, transmission, volume, transparent })
 }
 
 /// Maximum light of a path.

@@ -17,7 +17,7 @@ use super::{
 };
 use crate::accel::{Accel, BuildStats};
 use crate::error::{Problem, Result, Warning};
-use crate::light::{EnvironmentLight, LightMotions, Lights, PunctualLight, VolumeLight};
+use crate::light::{EnvironmentLight, LightMotions, Lights, PunctualLight};
 use crate::math::DVec3;
 use crate::scene::{Camera, Environment, Model, RayKinds, Scene, ShadingModel};
 use crate::texture::CompiledTextures;
@@ -163,16 +163,14 @@ fn compile_after(
     report_accel(accel.stats(), &mut report, || plan::count_degenerate(scene, &plan));
     let objects = objects::of(scene, &materials, anchor);
     let emitters = emitters::find(&geometries, &materials, &textures, &objects);
-    let sky = environment(scene, kept.environment.take(), anchor, &mut report.warnings);
+    let others = (&media[..], environment(scene, kept.environment.take(), anchor, &mut report.warnings));
     let surfaces = (&emitters, &geometries, &materials[..]);
-    let others = (media::volume_lights(scene, &materials, &media, anchor), sky);
-    let named = (scene, &plan.numbers, options.shading);
-    let (lights, tables) = lights(named, anchor, others, surfaces, &textures)?;
-    report.lights = lights.len() as u64;
+    let (lights, tables) =
+        lights((scene, &plan.numbers, options.shading), anchor, others, surfaces, &textures)?;
     let refracted_lights = RefractedLights::find(scene, &materials, anchor, (&lights, &textures));
     let features = features(scene, (&geometries, &accel, anchor), &materials, &textures, &media)
         .with_lights(!tables.ray_kinds.is_empty(), tables.links.are_used());
-    report.build_s = begin.elapsed().as_secs_f64();
+    (report.lights, report.build_s) = (lights.len() as u64, begin.elapsed().as_secs_f64());
     let compiled = CompiledScene {
         anchor,
         accel,
@@ -218,7 +216,7 @@ fn warn_of_far_surfaces(compiled: &CompiledScene, warnings: &mut Vec<Warning>) {
 fn lights(
     (scene, numbers, shading): (&Scene, &ObjectMaterials, ShadingModel),
     anchor: DVec3,
-    (volumes, environment): (Vec<VolumeLight>, Option<EnvironmentLight>),
+    (media, environment): (&[Medium], Option<EnvironmentLight>),
     surfaces: (&Emitters, &Geometries, &[CompiledMaterial]),
     textures: &CompiledTextures,
 ) -> Result<(Lights, LightTables)> {
@@ -226,6 +224,7 @@ fn lights(
     let punctual = scene.lights.iter().map(|l| PunctualLight::new(l, anchor)).collect();
     let motions =
         LightMotions { area: emitters.moving.clone(), punctual: motion::moving_lights(scene, anchor) };
+    let volumes = media::volume_lights(scene, surfaces.2, media, anchor);
     let listed = (emitters.lights.clone(), punctual, volumes);
     let mut lights = Lights::moving(listed, motions, environment, textures);
     let tables = LightTables::new((scene, numbers, shading), &lights, surfaces);
@@ -341,6 +340,7 @@ fn features(
     let mapped_normals = materials.iter().any(|m| m.normal_map.is_some() || m.normal.is_some());
     Features {
         alpha: materials.iter().any(CompiledMaterial::may_be_absent),
+        transparency: materials.iter().any(CompiledMaterial::is_transparent),
         panes: materials.iter().any(|m| m.pane_thickness > 0.0),
         normals: geometries.has_normals(),
         bent_normals: geometries.has_normals() || mapped_normals,

@@ -482,6 +482,12 @@ impl CompiledMaterial {
             || self.is_boundary
     }
 
+    /// May rays pass its surface because of its alpha?
+    #[inline(always)]
+    pub fn is_transparent(&self) -> bool {
+        self.alpha.is_some() && !self.is_boundary
+    }
+
     /// Is it smooth glass, whatever textures show?
     pub fn is_smooth_glass(&self) -> bool {
         self.program.is_smooth_glass()

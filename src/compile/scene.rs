@@ -151,6 +151,8 @@ pub struct CompiledScene {
 pub struct Features {
     /// Some surface has alpha or is invisible to some rays.
     pub alpha: bool,
+    /// Some surface has an alpha of its own.
+    pub transparency: bool,
     /// Some bodies are panes of glass, which light samples pass.
     pub panes: bool,
     /// Some vertices have shading normals.

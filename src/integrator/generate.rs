@@ -119,6 +119,9 @@ impl Integrator<'_> {
         if self.optional.depth {
             paths.depth[..count].fill(0);
         }
+        if self.optional.transparent_count {
+            paths.transparent_count[..count].fill(0);
+        }
         if self.optional.bounce_counts {
             paths.bounce_counts[..count].fill(BounceCounts::default());
         }

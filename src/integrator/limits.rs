@@ -23,9 +23,11 @@ impl Integrator<'_> {
         let mut counts = ShadingGroupCounts::new();
         for (i, group) in w.groups.iter_mut().enumerate() {
             let is_deep = self.optional.depth && w.arriving.depth[i] >= self.options.max_depth;
-            if is_deep
-                || self.optional.bounce_counts && w.arriving.bounce_counts[i].reach(&self.options.bounces)
-            {
+            let limits = &self.options.bounces;
+            let is_at_limit = self.optional.bounce_counts && w.arriving.bounce_counts[i].reach(limits);
+            let has_passed_all =
+                self.optional.transparent_count && w.arriving.transparent_count[i] >= limits.transparent;
+            if is_deep || is_at_limit || has_passed_all {
                 *group = ShadingGroup::None;
             }
             counts.add(*group);

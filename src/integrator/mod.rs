@@ -175,7 +175,8 @@ impl<'a> Integrator<'a> {
             optional: OptionalState::of(&StateConditions {
                 features: &scene.features,
                 selects_by_normal: scene.lights.use_tree(),
-                bounce_limits: options.bounces != BounceLimits::NONE,
+                bounce_limits: options.bounces.limit_scattering(),
+                transparent_limit: options.bounces.transparent < u32::MAX && scene.features.transparency,
                 filter_glossy: options.filter_glossy > 0.0,
                 skips_caustics: options.skip_caustics != SkippedCaustics::NONE,
                 light_passes: layers.has_passes(),

@@ -304,7 +304,7 @@ pub(super) const ARRIVE: &[Stage] = &[
     },
     Stage {
         name: "bounce limits",
-        condition: |i| i.optional.depth || i.optional.bounce_counts,
+        condition: |i| i.optional.depth || i.optional.bounce_counts || i.optional.transparent_count,
         bounces: Bounces::All,
         reads: &[Paths, Groups],
         writes: &[Groups],

@@ -106,6 +106,14 @@ impl Integrator<'_> {
                         || self.passes_pane(at, crossing, pass, (path, interior), (crossings, waves))
                 }
                 HitResponse::Passes => {
+                    if self.counts_as_transparent(&hits[i]) {
+                        if arriving.transparent_count[i] >= self.options.bounces.transparent {
+                            set_rgb(&mut arriving.state.throughput, i, Rgb::ZERO);
+                            return false;
+                        }
+                        arriving.transparent_count[i] += 1;
+                    }
+                    let path = &arriving.state;
                     let waves = times.wavelengths(path.radiance_index[i]);
                     if let Some(color) = self.passing((&rays[i], &hits[i], time), kind, waves) {
                         let throughput = get_rgb(&arriving.state.throughput, i);
@@ -119,6 +127,13 @@ impl Integrator<'_> {
                 }
             }
         });
+    }
+
+    /// Does passing the surface of a hit count towards the limit of transparent surfaces, if there is one?
+    #[inline(always)]
+    fn counts_as_transparent(&self, hit: &Hit) -> bool {
+        self.optional.transparent_count
+            && self.scene.materials[self.scene.geometries.material(hit) as usize].is_transparent()
     }
 
     /// Finds the materials of all hits; those that may be absent are pending.
@@ -175,6 +190,9 @@ impl Integrator<'_> {
         let Wave { paths, vertices: Vertices { light, .. }, .. } = &mut **wave;
         let mut coincident: Vec<(usize, Hit, f32)> = Vec::new();
         let mut passes = 0..MAX_PASSED_SURFACES;
+        // Of surfaces that the shadow rays have passed by their alpha.
+        let mut transparent_counts =
+            vec![0; if self.optional.transparent_count { shadow_rays.len() } else { 0 }];
         while let Some(pass) = passes.next().filter(|_| !pending.is_empty()) {
             rays.clear();
             rays.extend(pending.iter().map(|&k| shadow_rays[k as usize]));
@@ -207,6 +225,14 @@ impl Integrator<'_> {
                 let uniform = || RandomChoice::ShadowAlpha { surface: pass }.uniform(path, i, bounce);
                 let response = self.response(&shadow_rays[k], &hit, time, LIGHT_SAMPLE_KINDS, uniform);
                 let (crossing, mut next) = ((&shadow_rays[k], &hit, time), None);
+                if matches!(response, HitResponse::Passes) && self.counts_as_transparent(&hit) {
+                    transparent_counts[k] += 1;
+                    if paths.transparent_count[i] + transparent_counts[k] >= self.options.bounces.transparent
+                    {
+                        occluded[k] = true;
+                        return false;
+                    }
+                }
                 if let HitResponse::Passes = response
                     && let Some(color) = self.passing(crossing, LIGHT_SAMPLE_KINDS, waves)
                 {

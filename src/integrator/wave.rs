@@ -199,6 +199,8 @@ pub struct StateConditions<'a> {
     pub selects_by_normal: bool,
     /// Bounces are limited by kind.
     pub bounce_limits: bool,
+    /// The number of surfaces that paths pass by their alpha is limited.
+    pub transparent_limit: bool,
     /// The glossy filter is on.
     pub filter_glossy: bool,
     /// Some caustics are left out.
@@ -288,6 +290,8 @@ path_state! {
     visibility: [RayVisibility; LENGTH], if |c| c.features.ray_kinds || c.bounce_limits || c.skips_caustics;
     /// Number of bounces so far, by kind.
     bounce_counts: [BounceCounts; LENGTH], if |c| c.bounce_limits;
+    /// Number of surfaces passed so far because of their alpha.
+    transparent_count: Words, if |c| c.transparent_limit;
     /// Smallest density of a sampled direction so far, 1/sr, for the glossy filter.
     least_pdf: Lanes, if |c| c.filter_glossy;
     /// Factor of the throughput for the component that was selected at the last hit on a mix; 1 at others.

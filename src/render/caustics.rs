@@ -92,7 +92,7 @@ impl Technique for LightTracing {
             (features.ray_kinds, "objects or lights of the scene are visible to some kinds of rays only"),
             (features.holdouts || options.catchers, "the scene has holdouts or shadow catchers"),
             (
-                options.limits_paths(),
+                options.limits_paths() || options.bounces.transparent < u32::MAX && features.transparency,
                 "bounces are limited by kind, light is clamped, glossy surfaces are filtered, or caustics are left out",
             ),
             (options.max_depth < 2, "there is no indirect light with so few bounces"),

@@ -78,12 +78,25 @@ pub struct BounceLimits {
     pub transmission: u32,
     /// Scattering in media, other than beneath the surface of solids.
     pub volume: u32,
+    /// Surfaces that a path passes because of their alpha: behind the last one it ends at the next surface. Shadow rays pass one less, with
+    /// those that their path has passed.
+    pub transparent: u32,
 }
 
 impl BounceLimits {
     /// No limits.
-    pub const NONE: BounceLimits =
-        BounceLimits { diffuse: u32::MAX, glossy: u32::MAX, transmission: u32::MAX, volume: u32::MAX };
+    pub const NONE: BounceLimits = BounceLimits {
+        diffuse: u32::MAX,
+        glossy: u32::MAX,
+        transmission: u32::MAX,
+        volume: u32::MAX,
+        transparent: u32::MAX,
+    };
+
+    /// Is scattering of some kind limited?
+    pub fn limit_scattering(&self) -> bool {
+        BounceLimits { transparent: u32::MAX, ..*self } != BounceLimits::NONE
+    }
 }
 
 impl Default for BounceLimits {

@@ -8,9 +8,11 @@ use oscura::Renderer;
 use oscura::math::DVec3;
 use oscura::render::{Caustics, Guiding, PathReuse, RenderOptions, Splitting};
 use oscura::scene::{
-    BounceLimits, Clamp, Clearcoat, ColorSlot, Emission, EnergyCompensation, Environment, FloatSlot, Fog,
-    FresnelModel, Light, Material, Medium, Model, PbrMaterial, Scene, SkippedCaustics,
+    AlphaMode, BounceLimits, Clamp, Clearcoat, ColorSlot, Emission, EnergyCompensation, Environment,
+    FloatSlot, Fog, FresnelModel, Light, LightKind, Material, Medium, Model, PbrMaterial, Scene,
+    SkippedCaustics,
 };
+use std::f64::consts::PI;
 
 const FREE: BounceLimits = BounceLimits::NONE;
 
@@ -43,6 +45,34 @@ fn diffuse_bounces_end_where_they_are_limited() {
         let film = |o: RenderOptions| bits(&picture(&scene, &o));
         assert!(film(limited) == film(plain(8, 256).max_depth(diffuse)), "as few bounces in all");
         assert!(film(plain(8, 256).bounces(other)) == film(plain(8, 256)), "other kinds");
+    }
+}
+
+/// Sheets of alpha 0.5: camera rays pass as many as the limit says and end at the next surface; shadow rays pass one less.
+#[test]
+fn transparent_surfaces_are_limited_by_their_number() {
+    let stack = |scene: &mut Scene, sheets: u32| {
+        let (alpha_mode, alpha) = (AlphaMode::Blend, FloatSlot::constant(0.5));
+        let sheet = material(scene, Material { alpha_mode, alpha, ..Material::lambert("sheet", [0.0; 3]) });
+        for y in (0..sheets).map(|k| 2.0 + f64::from(k)) {
+            quad(scene, [-9.0, y, 9.0], [18.0, 0.0, 0.0], [0.0, 0.0, -18.0], sheet);
+        }
+    };
+    for sheets in [2, 4] {
+        let mut sky = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
+        stack(&mut sky, sheets);
+        sky.cameras.push(camera(DVec3::ZERO, DVec3::Y, DVec3::X, 1.0));
+        let mut lit = grey_floor();
+        stack(&mut lit, sheets);
+        lit.lights.push(Light::new(LightKind::Directional { direction: DVec3::NEG_Y }, [PI as f32; 3]));
+        let left = 0.5f64.powi(sheets as i32);
+        for (transparent, seen, shone) in
+            [(sheets - 1, 0.0, 0.0), (sheets, left, 0.0), (sheets + 1, left, 0.8 * left)]
+        {
+            let limited = plain(16, 64).max_depth(1).bounces(BounceLimits { transparent, ..FREE });
+            assert_radiance(&format!("{transparent} of {sheets}, seen"), &sky, &limited, seen, 0.02);
+            assert_radiance(&format!("{transparent} of {sheets}, lit"), &lit, &limited, shone, 0.02);
+        }
     }
 }
 

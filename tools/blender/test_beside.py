@@ -534,12 +534,12 @@ class BesideTest(SceneTest):
         names = ("depth", "bounces", "clamp", "filter_glossy", "skip_caustics", "microfacet", "caught")
         cycles = self.scene.cycles
         found = lambda: {name: value for name, value in self.export()[1]["render"].items() if name in names}
-        for kind, limit in (("", 12), ("diffuse_", 4), ("glossy_", 4), ("transmission_", 12), ("volume_", 0)):
+        for kind, limit in (("", 12), ("diffuse_", 4), ("glossy_", 4), ("transmission_", 12), ("volume_", 0), ("transparent_max_", 8)):
             self.assertEqual(cycles.bl_rna.properties[f"{kind or 'max_'}bounces"].default, limit)
             setattr(cycles, f"{kind or 'max_'}bounces", limit)
         self.assertEqual((cycles.sample_clamp_direct, cycles.sample_clamp_indirect, cycles.blur_glossy), (0, 10, 1))
         # Cycles doesn't count the last bounce.
-        usual = {"depth": 13, "bounces": {"diffuse": 5, "glossy": 5, "volume": 1}, "clamp": {"indirect": 10.0}, "filter_glossy": 1.0}
+        usual = {"depth": 13, "bounces": {"diffuse": 5, "glossy": 5, "volume": 1, "transparent": 9}, "clamp": {"indirect": 10.0}, "filter_glossy": 1.0}
         self.assertEqual(found(), usual)
         self.scene.render.engine = "BLENDER_EEVEE"
         self.assertEqual(found(), usual)
@@ -547,7 +547,7 @@ class BesideTest(SceneTest):
         # Clamps are before the film's exposure there, and of what is seen here.
         cycles.film_exposure, cycles.sample_clamp_direct = 2.0, 3.0
         cycles.max_bounces, cycles.blur_glossy = 4, 0.0
-        few = {"depth": 5, "bounces": {"volume": 1}, "clamp": {"direct": 6.0, "indirect": 20.0}}
+        few = {"depth": 5, "bounces": {"volume": 1, "transparent": 9}, "clamp": {"direct": 6.0, "indirect": 20.0}}
         self.assertEqual(found(), few)
         cycles.caustics_refractive = False
         self.assertEqual(found(), {**few, "skip_caustics": {"refractive": True}})

@@ -126,9 +126,14 @@ fn settings(scene: &Scene) -> Vec<String> {
     ];
     let mut shown: Vec<String> =
         numbers.iter().filter_map(|(name, value)| Some(format!("{name} {}", (*value)?))).collect();
-    let limits = |BounceLimits { diffuse, glossy, transmission, volume }| {
-        let kinds =
-            [("diffuse", diffuse), ("glossy", glossy), ("transmission", transmission), ("volume", volume)];
+    let limits = |BounceLimits { diffuse, glossy, transmission, volume, transparent }| {
+        let kinds = [
+            ("diffuse", diffuse),
+            ("glossy", glossy),
+            ("transmission", transmission),
+            ("volume", volume),
+            ("transparent", transparent),
+        ];
         let limited = kinds.iter().filter(|(_, limit)| *limit < u32::MAX);
         format!("bounces {}", join(limited.map(|(kind, limit)| format!("{kind}={limit}"))))
     };

@@ -73,7 +73,7 @@ impl Integrator<'_> {
 
     /// The key of a prefix that ends at vertex `i`: what decides which paths may continue there, and which of their light counts. That is
     /// the number of bounces, whether suffixes leave out light that light paths find, and, where they are in use, the count of bounces
-    /// without random walks and those by kind. What limits and left-out caustics do to a suffix depends on the kind of its first
+    /// without random walks, those by kind, and that of transparent surfaces. What limits and left-out caustics do to a suffix depends on the kind of its first
     /// ray, which its owner draws; then classes, which draw alike, share only among themselves.
     fn prefix_key(&self, bounce: u32, i: usize, class: u32, paths: &Paths) -> u32 {
         let mut key = bounce << 1 | u32::from(self.optional.chains && leaves_light(paths.chains[i]));
@@ -82,6 +82,9 @@ impl Integrator<'_> {
         }
         if self.optional.bounce_counts {
             key = key << 8 | paths.bounce_counts[i].bits();
+        }
+        if self.optional.transparent_count {
+            key = key << 8 | paths.transparent_count[i].min(255);
         }
         if self.optional.visibility {
             key = key << 2 | class;

@@ -65,12 +65,13 @@ fn check_settings(settings: &Settings, findings: &mut Findings) {
             findings.require(false, PLACE, field, value, "a number above 0");
         }
     }
-    if let Some(BounceLimits { diffuse, glossy, transmission, volume }) = settings.bounces {
+    if let Some(BounceLimits { diffuse, glossy, transmission, volume, transparent }) = settings.bounces {
         for (field, limit) in [
             ("bounces.diffuse", diffuse),
             ("bounces.glossy", glossy),
             ("bounces.transmission", transmission),
             ("bounces.volume", volume),
+            ("bounces.transparent", transparent),
         ] {
             findings.require(limit > 0, PLACE, field, limit, "at least 1");
         }

@@ -104,7 +104,13 @@ pub const TABLES: &[Table] = &[
     lines(
         "bounces",
         "[materials]\na = { type = \"lambert\" }\n[render.bounces]\n",
-        &[("diffuse", "1", "2"), ("glossy", "1", "2"), ("transmission", "1", "2"), ("volume", "1", "2")],
+        &[
+            ("diffuse", "1", "2"),
+            ("glossy", "1", "2"),
+            ("transmission", "1", "2"),
+            ("volume", "1", "2"),
+            ("transparent", "1", "2"),
+        ],
     ),
     lines(
         "clamp",

@@ -176,16 +176,18 @@ def _limits(cycles, report):
     """The limits of paths. Cycles doesn't count the last bounce."""
     kinds = {kind: getattr(cycles, f"{kind}_bounces") for kind in ("diffuse", "glossy", "transmission", "volume")}
     bounces = {kind: limit + 1 for kind, limit in kinds.items() if limit < cycles.max_bounces}
+    bounces["transparent"] = cycles.transparent_max_bounces + 1
     clamps = {"direct": cycles.sample_clamp_direct, "indirect": cycles.sample_clamp_indirect}
     clamp = {which: limit * cycles.film_exposure for which, limit in clamps.items() if limit > 0 and cycles.film_exposure > 0}
     words = [f"{kind} {limit}" for kind, limit in kinds.items() if limit < cycles.max_bounces]
+    words.append(f"{cycles.transparent_max_bounces} transparent surfaces")
     limited = ", ".join([f"{cycles.max_bounces} in all", *words])
     clamped = "".join(f", {which} light clamped at {clamps[which]:.4g}" for which in clamp)
     filtered = f", glossy filter {cycles.blur_glossy:.4g}" if cycles.blur_glossy > 0 else ""
     skipped = {kind: True for kind in ("reflective", "refractive") if not getattr(cycles, f"caustics_{kind}")}
     without = f", no {' and no '.join(skipped)} caustics" if skipped else ""
     report.note("", f"light ends where Cycles ends it (bounces: {limited}{clamped}{filtered}{without}); --unbiased lifts the limits")
-    limits = {"depth": cycles.max_bounces + 1, "bounces": bounces or None, "clamp": clamp or None}
+    limits = {"depth": cycles.max_bounces + 1, "bounces": bounces, "clamp": clamp or None}
     return {**limits, "filter_glossy": cycles.blur_glossy or None, "skip_caustics": skipped or None}
 
 
