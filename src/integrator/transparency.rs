@@ -18,7 +18,7 @@ use super::shading_groups::SortedVertices;
 use super::slabs::{ShadowCrossings, behind_pane};
 use super::stages::Stages;
 use super::visibility::LIGHT_SAMPLE_KINDS;
-use super::wave::{LightLanes, OptionalState, PathState, Vertices, Wave, get, get_rgb, set_rgb};
+use super::wave::{LightLanes, OptionalState, PathState, Paths, Vertices, Wave, get, get_rgb, set_rgb};
 use super::workspace::{SampleTimes, Workspace};
 use crate::bsdf::Bsdf;
 use crate::color::Rgb;
@@ -190,9 +190,7 @@ impl Integrator<'_> {
         let Wave { paths, vertices: Vertices { light, .. }, .. } = &mut **wave;
         let mut coincident: Vec<(usize, Hit, f32)> = Vec::new();
         let mut passes = 0..MAX_PASSED_SURFACES;
-        // Of surfaces that the shadow rays have passed by their alpha.
-        let mut transparent_counts =
-            vec![0; if self.optional.transparent_count { shadow_rays.len() } else { 0 }];
+        let mut counts = vec![0; if self.optional.transparent_count { shadow_rays.len() } else { 0 }];
         while let Some(pass) = passes.next().filter(|_| !pending.is_empty()) {
             rays.clear();
             rays.extend(pending.iter().map(|&k| shadow_rays[k as usize]));
@@ -222,17 +220,8 @@ impl Integrator<'_> {
                     return true;
                 }
                 let waves = times.wavelengths(path.radiance_index[i]);
-                let uniform = || RandomChoice::ShadowAlpha { surface: pass }.uniform(path, i, bounce);
-                let response = self.response(&shadow_rays[k], &hit, time, LIGHT_SAMPLE_KINDS, uniform);
                 let (crossing, mut next) = ((&shadow_rays[k], &hit, time), None);
-                if matches!(response, HitResponse::Passes) && self.counts_as_transparent(&hit) {
-                    transparent_counts[k] += 1;
-                    if paths.transparent_count[i] + transparent_counts[k] >= self.options.bounces.transparent
-                    {
-                        occluded[k] = true;
-                        return false;
-                    }
-                }
+                let response = self.shadow_response(crossing, (bounce, pass, i), paths, counts.get_mut(k));
                 if let HitResponse::Passes = response
                     && let Some(color) = self.passing(crossing, LIGHT_SAMPLE_KINDS, waves)
                 {
@@ -251,6 +240,27 @@ impl Integrator<'_> {
                 true
             });
         }
+    }
+
+    /// Whether the shadow ray of vertex `i` ends at its hit. Counts the transparent surfaces that it passes: it ends at one too many.
+    fn shadow_response(
+        &self,
+        (ray, hit, time): (&Ray, &Hit, f32),
+        (bounce, surface, i): (u32, u32, usize),
+        paths: &Paths,
+        count: Option<&mut u32>,
+    ) -> HitResponse {
+        let uniform = || RandomChoice::ShadowAlpha { surface }.uniform(&paths.state, i, bounce);
+        let response = self.response(ray, hit, time, LIGHT_SAMPLE_KINDS, uniform);
+        if let (HitResponse::Passes, Some(count)) = (&response, count)
+            && self.counts_as_transparent(hit)
+        {
+            *count += 1;
+            if paths.transparent_count[i] + *count >= self.options.bounces.transparent {
+                return HitResponse::Stops;
+            }
+        }
+        response
     }
 
     /// Tests shadow rays; those that hit surfaces which may be absent are pending.
