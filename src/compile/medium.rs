@@ -259,7 +259,7 @@ pub struct Ball {
 }
 
 impl GridMedium {
-    /// The factors on the extinction over those of the density, at a point in voxels where that isn't 0. In pictures by wavelength all are
+    /// The factors on the extinction over those of the density, at a point in voxels; 0 where nothing is. In pictures by wavelength all are
     /// their mean.
     #[inline]
     pub fn relative_extinction(&self, p: Vec3, waves: Option<&Wavelengths>) -> Rgb {
@@ -278,6 +278,9 @@ impl GridMedium {
 
     fn relative(&self, channels: &[Arc<DensityGrid>; 3], p: Vec3) -> Rgb {
         let density = self.density.density(p);
+        if density <= 0.0 {
+            return Rgb::ZERO;
+        }
         Rgb::from_array([0, 1, 2].map(|c| (channels[c].density(p) / density).clamp(0.0, 1.0)))
     }
 }

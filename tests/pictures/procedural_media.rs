@@ -108,3 +108,18 @@ fn absorption_and_emission_of_many_colors() {
     let shone = [1.0 - (-2.0f64).exp(), 2.0 * (1.0 - (-1.0f64).exp()) / 0.5, 3.0 * last];
     assert_close("emission", found, [0, 1, 2].map(|c| left[c] + shone[c]), 1e-2);
 }
+
+/// Shadow rays through the empty part of a medium whose colour differs from place to place.
+#[test]
+fn nothing_is_lost_where_nothing_is() {
+    let medium = "density = \"absorbed.vector\"\ncolor = 0\nresolution = 16\nnodes.place = { type = \"geometry\" }\n\
+                  nodes.shift = { type = \"vector_math\", operation = \"add\", a = \"place.position\", b = [-0.5, -0.5, 0] }\n\
+                  nodes.absorbed = { type = \"vector_math\", operation = \"maximum\", a = \"shift.vector\", b = [0, 0, 0] }\n";
+    let floor = "[materials.floor]\ntype = \"lambert\"\ncolor = 0.5\n[[lights]]\n\
+                 sun = { direction = [0, 0, -1], irradiance = 3.14159265 }\n[[objects]]\nmaterial = \"floor\"\n\
+                 quad = { corner = [-9, -9, -2], u = [18, 0, 0], v = [0, 18, 0] }\n";
+    let dark = in_box(medium).replace("background = 1", "background = 0");
+    // The last channel goes from 0 to 1 in the upper half, which light passes twice.
+    let (found, _) = seen(&format!("{dark}{floor}"), &options(16, 1024, 4));
+    assert_close("floor", found, [0.5, 0.5, 0.5 * (-1.0f64).exp()], 8e-3);
+}
