@@ -205,7 +205,7 @@ fn name_of(noise: &Noise) -> &'static str {
 
 /// The first part with a picture.
 fn part_with_color(file: &Layered, path: &Path) -> Result<usize> {
-    let has = |part: &usize| file.triple(*part, RGB).is_some();
+    let has = |part: &usize| file.planes(*part, RGB).is_some();
     (0..file.len()).find(has).ok_or_else(|| without_color(path))
 }
 
@@ -217,7 +217,7 @@ fn without_color(path: &Path) -> Error {
 fn load_other_seed(path: &Path, first: &Layered, part: usize) -> Result<Layered> {
     let other = load_layered(path)?;
     let fits =
-        part < other.len() && other.size(part) == first.size(part) && other.triple(part, RGB).is_some();
+        part < other.len() && other.size(part) == first.size(part) && other.planes(part, RGB).is_some();
     match fits {
         true => Ok(other),
         false => Err(Error::input(path, "doesn't have the same size and layers")
@@ -227,9 +227,9 @@ fn load_other_seed(path: &Path, first: &Layered, part: usize) -> Result<Layered>
 
 /// Half the difference of two pictures.
 fn half_difference(first: &Layered, second: &Layered, part: usize) -> Option<[Vec<f32>; 3]> {
-    let (first, second) = (first.triple(part, RGB)?, second.triple(part, RGB)?);
+    let (first, second) = (first.planes(part, RGB)?, second.planes(part, RGB)?);
     let half = |(a, b): (&f32, &f32)| 0.5 * (a - b);
-    Some([0, 1, 2].map(|c| first[c].iter().zip(&second[c]).map(half).collect()))
+    Some([0, 1, 2].map(|c| first[c].iter().zip(second[c].iter()).map(half).collect()))
 }
 
 /// Averages all channels of floats that both have.

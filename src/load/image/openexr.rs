@@ -580,10 +580,9 @@ impl Layered {
         Some([a?, b?, c?])
     }
 
-    /// Three channels of a part, if it has them all.
+    /// [`Layered::planes`] to change.
     pub fn triple(&self, part: usize, names: [&str; 3]) -> Option<[Vec<f32>; 3]> {
-        let [a, b, c] = names.map(|name| self.values(part, name));
-        Some([a?, b?, c?])
+        self.planes(part, names).map(|planes| planes.map(Cow::into_owned))
     }
 
     /// The file in the types of the crate that writes it.
