@@ -320,11 +320,12 @@ fn materials(
         false => CompiledMaterial::new(m, textures, shading),
     };
     let mut materials: Vec<CompiledMaterial> = replaced.map(compiled).collect();
-    let media = media::number(scene, anchor, &mut materials, shading.spectral, warnings);
+    let mut media = media::number(scene, anchor, &mut materials, shading.spectral, warnings);
     media::warn_of_overlaps(scene, &materials, warnings);
     panes::mark(scene, &mut materials);
     let mut numbers = ObjectMaterials::of(scene);
     numbers.extend(&mut materials);
+    media::mark_enclosed(scene, &materials, &mut media);
     (materials, media, numbers)
 }
 

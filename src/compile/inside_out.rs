@@ -10,7 +10,7 @@ use super::material::CompiledMaterial;
 use super::objects::part_materials;
 use crate::error::{Warning, listed};
 use crate::math::{DAffine3, DVec3};
-use crate::scene::{Instance, MaterialId, Mesh, Scene, Shape, instance_extents, is_closed};
+use crate::scene::{Instance, MaterialId, Mesh, Scene, Shape, encloses, instance_extents};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 use std::sync::OnceLock;
@@ -29,7 +29,7 @@ pub(super) fn find(scene: &Scene, materials: &[CompiledMaterial], warnings: &mut
     let is_suspect = |&index: &usize| {
         let mesh = &scene.meshes[index];
         let is_used = !placed[index].is_empty() && placed[index].iter().all(is_whole);
-        is_used && volume(mesh) < 0.0 && is_closed(mesh)
+        is_used && is_inverted(mesh) && encloses(mesh)
     };
     let suspects: Vec<usize> = (0..scene.meshes.len()).into_par_iter().filter(is_suspect).collect();
     if suspects.is_empty() {
@@ -66,15 +66,22 @@ fn part_materials_of<'a>(scene: &'a Scene, instance: &'a Instance) -> impl Itera
     part_materials(&scene.meshes[instance.mesh.index()], instance)
 }
 
-/// Six times the volume within a mesh; negative where its triangles run clockwise seen from outside.
-fn volume(mesh: &Mesh) -> f64 {
-    // From a point of the mesh: far from the origin sums cancel.
-    let Some([first, ..]) = mesh.triangles.first().map(|t| mesh.corners_f64(*t)) else { return 0.0 };
-    let of_triangle = |t: &[u32; 3]| {
-        let [a, b, c] = mesh.corners_f64(*t);
-        (a - first).dot((b - first).cross(c - first))
-    };
-    mesh.triangles.iter().map(of_triangle).sum()
+/// Do most triangles of a body run clockwise, seen from outside? Then its volume is negative, by more than the rounding of sheets without
+/// thickness.
+fn is_inverted(mesh: &Mesh) -> bool {
+    /// The least volume, over the surface to the power of 3/2; a pane of glass of 1 m and 1 mm has 3.5e-4.
+    const LEAST: f64 = 1e-6;
+    let corners = mesh.triangles.iter().map(|t| mesh.corners_f64(*t));
+    // From a point among them: far from the origin sums cancel, and where some triangles run the wrong way their share is small.
+    let count = 3 * mesh.triangles.len().max(1);
+    let middle = corners.clone().flatten().sum::<DVec3>() / count as f64;
+    let (mut volume, mut area) = (0.0, 0.0);
+    for [a, b, c] in corners {
+        let normal = (b - a).cross(c - a);
+        volume += (a - middle).dot(normal) / 6.0;
+        area += normal.length() / 2.0;
+    }
+    volume < -LEAST * area * area.sqrt()
 }
 
 /// Solids that may contain others: instances, then closed shapes.
@@ -280,7 +287,7 @@ mod tests {
         let bodies = Bodies::of(&scene);
         assert!((0..1000).all(|i| !bodies.have_hole(i)));
         assert!(bodies.windings.iter().all(|winding| winding.get().is_none()));
-        assert!(volume(&scene.meshes[0]) < 0.0 && is_closed(&scene.meshes[0]));
+        assert!(is_inverted(&scene.meshes[0]) && encloses(&scene.meshes[0]));
     }
 
     #[test]

@@ -83,6 +83,33 @@ pub(super) fn number(
     media
 }
 
+/// Finds the media of solids that surfaces enclose through which no light sample passes.
+pub(super) fn mark_enclosed(scene: &Scene, materials: &[CompiledMaterial], media: &mut [Medium]) {
+    let mut is_open = vec![false; media.len()];
+    let mut open = |material: &CompiledMaterial| {
+        let parts = material.components.iter().map(|part| &materials[part.index as usize]);
+        parts.chain([material]).for_each(|m| is_open[usize::from(m.medium_index)] = true);
+    };
+    materials.iter().filter(|m| m.may_be_absent()).for_each(&mut open);
+    // A body may have different materials where it is entered and left.
+    for instance in &scene.instances {
+        let parts = || {
+            part_materials(&scene.meshes[instance.mesh.index()], instance).map(|id| &materials[id.index()])
+        };
+        if parts().any(CompiledMaterial::may_be_absent) {
+            parts().for_each(&mut open);
+        }
+    }
+    if scene.quads.iter().any(|quad| materials[quad.material.index()].may_be_absent()) {
+        scene.quads.iter().for_each(|quad| open(&materials[quad.material.index()]));
+    }
+    for (medium, is_open) in media.iter_mut().zip(is_open) {
+        if let Some(scattering) = &mut medium.scattering {
+            scattering.is_enclosed = !scattering.counts && !is_open;
+        }
+    }
+}
+
 /// Numbers the media of a mix beside its own: what scatters beneath the surface is kept apart from clear glass. Gives how many found
 /// no number.
 fn number_parts(mix: &mut CompiledMaterial, priority: i32, media: &mut Vec<Medium>) -> usize {
@@ -258,6 +285,7 @@ fn surrounding(fog: Option<&Fog>, anchor: DVec3, is_spectral: bool) -> Medium {
         anisotropy: fog.medium.anisotropy,
         density: fog_density(fog, anchor),
         counts: true,
+        is_enclosed: false,
         spectra: if is_spectral {
             ScatteringSpectra::of(&fog.medium, None, false).map(Arc::new)
         } else {

@@ -209,6 +209,8 @@ pub struct Scattering {
     pub density: Density,
     /// Scattering counts as bounces; false for subsurface scattering.
     pub counts: bool,
+    /// Light samples from outside never reach it: surfaces that scatter or refract enclose it.
+    pub is_enclosed: bool,
     /// The coefficients by wavelength; where pictures are rendered by wavelength and they are coloured.
     pub spectra: Option<Arc<ScatteringSpectra>>,
 }
@@ -297,10 +299,16 @@ impl Scattering {
         let extinction = extinction + absorption.unwrap_or(Rgb::ZERO);
         let is_emissive = emission.max_element() > 0.0;
         let does_anything = scattered.max_element() > 0.0 || is_emissive || medium.grid.is_some();
-        let anisotropy = medium.anisotropy;
-        let (density, counts, spectra) = (Density::Homogeneous, true, None);
-        let medium = Scattering { extinction, scattered, emission, anisotropy, density, counts, spectra };
-        does_anything.then_some(medium)
+        does_anything.then_some(Scattering {
+            extinction,
+            scattered,
+            emission,
+            anisotropy: medium.anisotropy,
+            density: Density::Homogeneous,
+            counts: true,
+            is_enclosed: false,
+            spectra: None,
+        })
     }
 
     /// The medium with its coefficients at a path's wavelengths.

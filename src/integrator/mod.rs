@@ -24,6 +24,7 @@ mod mis;
 mod mixes;
 mod panes;
 mod radiance_buffer;
+mod random_walks;
 mod refracted_lights;
 pub mod reuse;
 mod sampling;
@@ -52,6 +53,7 @@ use crate::sampling::sampler::Dimensions;
 use crate::scene::{BounceLimits, Clamp, ShadowTerminator, SkippedCaustics};
 use interior::CameraInterior;
 use radiance_buffer::Layers;
+use random_walks::RandomWalks;
 use reuse::Tiling;
 use sampling::Purpose;
 use shading_geometry::Terminator;
@@ -140,6 +142,8 @@ pub struct Integrator<'a> {
     layers: Layers,
     /// Solids around the camera.
     camera_interior: CameraInterior,
+    /// Media in which paths walk at random from surface to surface.
+    random_walks: RandomWalks,
     /// Optional path state in use.
     optional: OptionalState,
     /// The scene's light, where it has a single one with a vectorised sampler.
@@ -172,6 +176,7 @@ impl<'a> Integrator<'a> {
             first_hits: options.aovs.of(Source::FirstHit),
             layers,
             camera_interior: CameraInterior::of(scene, view),
+            random_walks: RandomWalks::of(scene),
             optional: OptionalState::of(&StateConditions {
                 features: &scene.features,
                 selects_by_normal: scene.lights.use_tree(),

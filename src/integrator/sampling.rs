@@ -211,6 +211,8 @@ pub(super) enum RandomChoice {
     MediumEmission,
     /// Emission in one of several overlapping media.
     OverlappingEmission { medium: u32 },
+    /// Directions, distances and Russian roulette of a random walk.
+    RandomWalk,
     /// Kind of the next ray at a surface with several lobes.
     RayKind,
     /// Channel of the path behind a dispersive interface.
@@ -234,6 +236,7 @@ impl RandomChoice {
             RandomChoice::MediumBoundary { surface } => common.wrapping_add(surface) ^ 0x1f83_d9ab,
             RandomChoice::MediumEmission => common ^ 0x3c6e_f372,
             RandomChoice::OverlappingEmission { medium } => common ^ medium,
+            RandomChoice::RandomWalk => common ^ 0x9b05_688c,
             RandomChoice::RayKind => common ^ 0x27d4_eb2f,
             RandomChoice::LightLobe => common ^ 0x165667b1,
             RandomChoice::DispersionChannel => {

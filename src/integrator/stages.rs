@@ -9,7 +9,7 @@
 use super::sampling::{Block, CameraSamples};
 use super::shading_groups::{ShadingGroupCounts, SortedVertices};
 use super::workspace::Workspace;
-use super::{Integrator, PathSample};
+use super::{Integrator, PathSample, random_walks};
 
 /// The data that stages pass to each other, in [`Workspace`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,10 +42,6 @@ pub(super) enum Data {
 
 /// Number of bounces between checks for interruption; few paths reach the first.
 const STOP_INTERVAL: u32 = 64;
-
-/// Maximum number of scattering events within solids: nearly all paths leave a body without absorption even where it is a
-/// hundred mean free paths thick, after some ten thousand steps at most.
-const MAX_WALK_STEPS: u32 = 1 << 16;
 
 /// One step of all paths of a wave.
 #[cfg_attr(not(test), expect(dead_code, reason = "name, reads and writes are for readers and tests"))]
@@ -163,7 +159,7 @@ impl Integrator<'_> {
 
     /// Traces the paths of a wave to their ends; false if `stop` interrupted it.
     pub(super) fn trace_paths(&self, stages: &Stages, w: &mut Workspace, stop: &dyn Fn() -> bool) -> bool {
-        let max_walk_steps = if self.optional.depth { MAX_WALK_STEPS } else { 0 };
+        let max_walk_steps = if self.optional.depth { random_walks::MAX_STEPS } else { 0 };
         let last = self.options.max_depth.saturating_add(max_walk_steps);
         for number in 0..=last {
             if number % STOP_INTERVAL == STOP_INTERVAL - 1 && stop() {
@@ -217,6 +213,14 @@ pub(super) const ARRIVE: &[Stage] = &[
         reads: &[Rays],
         writes: &[Hits],
         run: |i, _, w| w.intersect(&i.scene.accel),
+    },
+    Stage {
+        name: "random walks",
+        condition: |i| i.random_walks.exist(),
+        bounces: Bounces::All,
+        reads: &[Rays, Hits, Segments, Paths],
+        writes: &[Rays, Hits, Segments, Paths],
+        run: |i, b, w| i.follow_random_walks(b.number, w),
     },
     Stage {
         name: "caustics: arrival",

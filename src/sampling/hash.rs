@@ -43,6 +43,13 @@ impl SplitMix64 {
         mix64(self.0)
     }
 
+    /// The next two numbers, uniform in [0, 1) with 24 bits.
+    #[inline]
+    pub fn next_pair(&mut self) -> [f32; 2] {
+        let bits = self.next_bits();
+        [unit(bits as u32), unit((bits >> u32::BITS) as u32)]
+    }
+
     /// The next number, uniform in [0, 1) with 53 bits.
     #[inline]
     pub fn next_unit(&mut self) -> f64 {

@@ -108,21 +108,6 @@ pub(crate) fn encloses(mesh: &Mesh) -> bool {
     open.length() <= LARGEST_OPENING * area
 }
 
-/// Do all faces of a mesh meet others at their edges, and run around the same way?
-pub(crate) fn is_closed(mesh: &Mesh) -> bool {
-    let mut sum = 0u64;
-    for triangle in &mesh.triangles {
-        let [a, b, c] = mesh.corners(*triangle);
-        let [a, b, c] = [key(a), key(b), key(c)];
-        for (a, b) in [(a, b), (b, c), (c, a)] {
-            // Each edge is run through once in each direction.
-            let both = of_edge(a, b);
-            sum = if a < b { sum.wrapping_add(both) } else { sum.wrapping_sub(if a > b { both } else { 0 }) };
-        }
-    }
-    sum == 0 && !mesh.triangles.is_empty()
-}
-
 /// The exclusive or of a number for each edge: 0 if each belongs to an even number of faces (by chance once in 2^64).
 #[derive(Default)]
 struct EdgeHash {
