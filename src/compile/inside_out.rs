@@ -1,4 +1,4 @@
-//! Closed meshes of solids whose triangles are oriented inwards: their orientation is flipped.
+//! Meshes of solids that enclose a volume and whose triangles are oriented inwards: their orientation is flipped.
 //!
 //! Which side of a surface is inside decides what light is refracted by. The sign of the volume of a closed mesh shows it, the sum of the
 //! tetrahedra between its triangles and a point (Zhang, Chen 2001, "Efficient Feature Extraction for 2D/3D Objects in Mesh
@@ -49,11 +49,11 @@ fn warning(names: &[&str]) -> Option<Warning> {
     let message = match names {
         [] => return None,
         [name] => format!(
-            "the normals of mesh '{name}' point inwards: it is closed and lets light pass, and is taken as turned around; turn \
+            "the normals of mesh '{name}' point inwards: it encloses a volume and lets light pass, and is taken as turned around; turn \
              its faces in the file"
         ),
         _ => format!(
-            "the normals of {} meshes point inwards ({}): they are closed and let light pass, and are taken as turned around; turn \
+            "the normals of {} meshes point inwards ({}): they enclose volumes and let light pass, and are taken as turned around; turn \
              their faces in the file",
             names.len(),
             listed(names)
@@ -301,6 +301,19 @@ mod tests {
         assert_eq!(holes(&scene), [false; 4]);
         scene.shapes.push(Shape::sphere([-1.0; 3], 2.0, MaterialId(0)));
         assert_eq!(holes(&scene), [false, false, false, true]);
+    }
+
+    /// Most triangles decide; sheets without thickness have no inside.
+    #[test]
+    fn bodies_may_have_some_triangles_that_run_the_other_way() {
+        let mut mesh = inverted(0, 1.0);
+        assert!(is_inverted(&mesh));
+        mesh.triangles[2].swap(0, 1);
+        assert!(is_inverted(&mesh) && encloses(&mesh));
+        mesh.triangles.iter_mut().for_each(|t| t.swap(0, 1));
+        assert!(!is_inverted(&mesh));
+        let doubled = vec![[0, 1, 2], [0, 2, 1]];
+        assert!(!is_inverted(&Mesh { triangles: doubled, ..mesh }));
     }
 
     #[test]

@@ -493,6 +493,7 @@ mod tests {
             anisotropy: 0.0,
             density,
             counts: true,
+            is_enclosed: false,
             spectra: None,
         }
     }

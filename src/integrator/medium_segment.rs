@@ -13,10 +13,12 @@
 //! Rendering Heterogeneous Volumes", section 4).
 
 use super::interior::Interior;
+use super::walk_guide::WalkGuide;
+use crate::bsdf::phase::{henyey_greenstein, sample_henyey_greenstein};
 use crate::color::Rgb;
 use crate::color::spectral::Wavelengths;
 use crate::compile::{GridMedium, GridRay, Scattering};
-use crate::math::{Ray, Vec3, poly};
+use crate::math::{Frame, Ray, Vec3, poly};
 use crate::sampling::hash::{hash32, unit};
 use crate::simd::map_each;
 
@@ -33,6 +35,8 @@ pub(super) struct MediumSegment {
     /// Selection probabilities of the channels; all 0 where no distance is sampled.
     shares: [f32; 3],
     equiangular: Option<EquiangularSampling>,
+    /// The part of the mixture that leads walks to the surface.
+    guided: Option<GuidedPart>,
     /// Distance of the scattering event along the ray, metres; infinite without one.
     pub scatter_t: f32,
     /// Does the path scatter there, without a hit before?
@@ -89,6 +93,7 @@ impl MediumSegment {
             extent,
             shares: [0.0; 3],
             equiangular: None,
+            guided: None,
             scatter_t: f32::INFINITY,
             scatters: false,
             tracked: None,
@@ -181,6 +186,9 @@ impl MediumSegment {
     #[inline]
     fn ungridded_passing_weight(&self, medium: &Scattering, to: f32) -> Rgb {
         let left = self.transmittance(medium, to);
+        if let Some(guided) = &self.guided {
+            return over(left, self.of_channels(left) + guided.beyond(to));
+        }
         if self.draws() { over(left, self.mixed(left, |equiangular| equiangular.beyond(to))) } else { left }
     }
 
@@ -191,6 +199,10 @@ impl MediumSegment {
             return tracked.weight;
         }
         let left = self.transmittance(medium, self.scatter_t);
+        if let Some(guided) = &self.guided {
+            let density = self.of_channels(left * medium.extinction) + guided.density(self.scatter_t);
+            return over(left * medium.scattered, density);
+        }
         let density = self.mixed(left * medium.extinction, |equiangular| equiangular.density(self.scatter_t));
         over(left * medium.scattered, density)
     }
@@ -314,17 +326,91 @@ impl MediumSegment {
         if span > 0.0 { medium.transmittance(span) } else { Rgb::ONE }
     }
 
+    /// The mixture of the densities of the channels.
+    #[inline(always)]
+    fn of_channels(&self, densities: Rgb) -> f32 {
+        let [r, g, b] = densities.to_array();
+        self.shares[0] * r + self.shares[1] * g + self.shares[2] * b
+    }
+
     /// The mixture of the densities of the channels and of equiangular sampling.
     #[inline(always)]
     fn mixed(&self, of_channels: Rgb, of_guide: impl Fn(&EquiangularSampling) -> f32) -> f32 {
-        let [r, g, b] = of_channels.to_array();
-        let sum = self.shares[0] * r + self.shares[1] * g + self.shares[2] * b;
+        let sum = self.of_channels(of_channels);
         match &self.equiangular {
             Some(equiangular) => {
                 EQUIANGULAR_PROBABILITY * of_guide(equiangular) + (1.0 - EQUIANGULAR_PROBABILITY) * sum
             }
             None => sum,
         }
+    }
+}
+
+/// The guided part of the mixture of a segment, whose directions are chosen as well, over the density of the phase function.
+#[derive(Clone, Copy, Debug)]
+struct GuidedPart {
+    /// By channel.
+    weights: [f32; 3],
+    /// Exponential rates of the distances, 1/m.
+    rates: [f32; 3],
+}
+
+impl GuidedPart {
+    /// Density of a distance, 1/m.
+    #[inline(always)]
+    fn density(&self, t: f32) -> f32 {
+        (0..3).map(|c| self.weights[c] * self.rates[c] * falling(self.rates[c] * t)).sum()
+    }
+
+    /// The probability of larger distances.
+    #[inline(always)]
+    fn beyond(&self, t: f32) -> f32 {
+        (0..3).map(|c| self.weights[c] * falling(self.rates[c] * t)).sum()
+    }
+}
+
+impl MediumSegment {
+    /// Samples the direction and the distance of a step of a random walk in a homogeneous medium. `axis` points to the surface. Of the random
+    /// numbers three select the strategy, the channel and the distance, two the direction.
+    #[inline]
+    pub fn draw_step(
+        (index, medium): (u16, &Scattering),
+        (wo, axis): (Vec3, Vec3),
+        guide: &WalkGuide,
+        throughput: Rgb,
+        ([strategy, choice, distance], direction): ([f32; 3], [f32; 2]),
+    ) -> (Vec3, MediumSegment) {
+        let mut segment = MediumSegment::straight(index, [0.0, f32::INFINITY]);
+        let shares = shares(medium, throughput);
+        let channel = usize::from(choice >= shares[0]) + usize::from(choice >= shares[0] + shares[1]);
+        let is_guided = strategy < guide.share;
+        let wi = if is_guided {
+            let cosine = guide.sample(channel, direction[0]);
+            let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
+            let (sin_phi, cos_phi) = poly::sin_cos_turns(direction[1]);
+            Frame::from_normal(axis).to_world(Vec3::new(sine * cos_phi, sine * sin_phi, cosine))
+        } else {
+            sample_henyey_greenstein(medium.anisotropy, wo, direction)
+        };
+        let extinction = medium.extinction.to_array();
+        if guide.share > 0.0 {
+            let cosine = wi.dot(axis).clamp(-1.0, 1.0);
+            let phase = henyey_greenstein(medium.anisotropy, -wo.dot(wi));
+            let of = |c: usize| guide.share * shares[c] * guide.density(c, cosine) / phase;
+            segment.guided = Some(GuidedPart {
+                weights: [of(0), of(1), of(2)],
+                rates: [0, 1, 2].map(|c| extinction[c] * (1.0 - cosine / guide.lengths[c])),
+            });
+            segment.shares = map_each(shares, |s| s * (1.0 - guide.share));
+        } else {
+            segment.shares = shares;
+        }
+        let rate = match &segment.guided {
+            Some(guided) if is_guided => guided.rates[channel],
+            _ => extinction[channel],
+        };
+        segment.scatter_t = -poly::ln(1.0 - distance) / rate;
+        (wi, segment)
     }
 }
 

@@ -37,6 +37,7 @@ mod surface;
 mod transparency;
 mod visibility;
 mod volumes;
+mod walk_guide;
 mod wave;
 mod workspace;
 
@@ -53,11 +54,11 @@ use crate::sampling::sampler::Dimensions;
 use crate::scene::{BounceLimits, Clamp, ShadowTerminator, SkippedCaustics};
 use interior::CameraInterior;
 use radiance_buffer::Layers;
-use random_walks::RandomWalks;
 use reuse::Tiling;
 use sampling::Purpose;
 use shading_geometry::Terminator;
 use shading_groups::{ShadingGroup, groups_of};
+use walk_guide::RandomWalks;
 use wave::{OptionalState, StateConditions};
 
 /// Options that concern paths.

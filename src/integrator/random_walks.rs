@@ -2,20 +2,17 @@
 //!
 //! No light sample reaches the inside of such a body: its surface scatters, refracts or absorbs, and no light lies within. So nothing
 //! happens between two surfaces but scattering, and a stage of its own follows each path through all its scattering events: it samples a
-//! direction and a distance, and traces the ray up to there. The last segment, which hits a surface, is left to the stages that follow. What
-//! is emitted from within such a body and yet found counts in full.
+//! direction and a distance, often by a [`WalkGuide`] to the surface, and traces the ray up to there. The last segment, which hits a
+//! surface, is left to the stages that follow. Emission that a walk hits counts in full.
 
 use super::Integrator;
-use super::interior::Interior;
 use super::medium_segment::MediumSegment;
 use super::mis::DirectionPdf;
 use super::sampling::{RandomChoice, survival};
-use super::wave::{get_rgb, set, set_rgb};
+use super::walk_guide::WalkGuide;
+use super::wave::{get, get_rgb, set, set_rgb};
 use super::workspace::Workspace;
-use crate::bsdf::phase::sample_henyey_greenstein;
 use crate::color::Rgb;
-use crate::compile::{CompiledScene, Density, Scattering};
-use crate::light::{LightBounds, LightSource};
 use crate::math::{Hit, Ray, Vec3};
 use crate::sampling::hash::SplitMix64;
 use crate::scene::RayKinds;
@@ -24,66 +21,8 @@ use crate::scene::RayKinds;
 /// hundred mean free paths thick, after some ten thousand steps at most.
 pub(super) const MAX_STEPS: u32 = 1 << 16;
 
-/// Maximum number of emissive surfaces that are tested for lying within a body. More light is sampled by hits alone there.
-const TESTED_AREA_LIGHTS: usize = 256;
-
-/// The media whose scattering events this stage follows.
-#[derive(Clone, Debug, Default)]
-pub(super) struct RandomWalks {
-    /// By medium; empty if there are none.
-    by_medium: Vec<bool>,
-}
-
-impl RandomWalks {
-    /// Those of a scene.
-    pub fn of(scene: &CompiledScene) -> RandomWalks {
-        let is_walked = |s: &Scattering| {
-            s.is_enclosed && s.density == Density::Homogeneous && s.emission.max_element() <= 0.0
-        };
-        let mut by_medium: Vec<bool> =
-            scene.media.iter().map(|m| m.scattering.as_ref().is_some_and(is_walked)).collect();
-        if by_medium.contains(&true) {
-            leave_out_lit(scene, &mut by_medium);
-        }
-        if !by_medium.contains(&true) {
-            by_medium.clear();
-        }
-        RandomWalks { by_medium }
-    }
-
-    /// Are there any?
-    pub fn exist(&self) -> bool {
-        !self.by_medium.is_empty()
-    }
-
-    /// Is this one of the media?
-    #[inline(always)]
-    fn contain(&self, medium: u16) -> bool {
-        self.by_medium[usize::from(medium)]
-    }
-}
-
-/// Leaves out media that have lights in them.
-fn leave_out_lit(scene: &CompiledScene, by_medium: &mut [bool]) {
-    let lights = &scene.lights;
-    let middle = |bounds: LightBounds| bounds.bounds.center();
-    let points = lights.punctual().iter().filter_map(|light| light.bounds(&scene.textures)).map(middle);
-    let points: Vec<Vec3> = points.collect();
-    if !points.is_empty() && scene.is_moving() {
-        // They may come in at any time.
-        return by_medium.fill(false);
-    }
-    let area = lights.area();
-    let step = area.len().div_ceil(TESTED_AREA_LIGHTS).max(1);
-    let middles = area.iter().step_by(step).filter_map(|light| light.bounds(&scene.textures)).map(middle);
-    for p in points.into_iter().chain(middles) {
-        let around = Interior::around(scene, p, 0.0);
-        by_medium
-            .iter_mut()
-            .enumerate()
-            .for_each(|(m, walks)| *walks &= m == 0 || !around.contains(m as u16));
-    }
-}
+/// Throughput below which Russian roulette begins: steps cost little beside what follows a walk.
+const FAINT: f32 = 0.1;
 
 impl Integrator<'_> {
     /// Follows the paths within bodies to the surfaces that they hit.
@@ -115,13 +54,16 @@ impl Integrator<'_> {
         let segment = &w.medium_segments[i];
         !w.hits[i].is_hit()
             && segment.scatter_t.is_finite()
-            && self.random_walks.contain(segment.medium)
+            && self.random_walks.guide(segment.medium).is_some()
             && segment.is_alone()
     }
 
     /// What follows a walk doesn't depend on the vertex before it.
     fn begin_random_walk(&self, i: usize, w: &mut Workspace) {
         let (paths, optional) = (&mut w.arriving, self.optional);
+        let normal = get(&paths.entry_normal, i);
+        let side = if normal.dot(w.rays[i].direction) < 0.0 { 1.0 } else { -1.0 };
+        set(&mut paths.entry_normal, i, normal * side);
         paths.state.pdf[i] = DirectionPdf::SPECULAR;
         if optional.receiver_normal {
             set(&mut paths.receiver_normal, i, Vec3::ZERO);
@@ -147,19 +89,25 @@ impl Integrator<'_> {
         let mut random = SplitMix64::new(u64::from(key) << u32::BITS | u64::from(step));
         let throughput = get_rgb(&path.throughput, i) * segment.weight_of_scattering(medium);
         let [roulette, distance] = random.next_pair();
-        let (survives, scale) = survival(throughput, path.roulette_scale[i], roulette, true);
+        let (survives, scale) = survival(throughput, path.roulette_scale[i] / FAINT, roulette, true);
         if !survives {
             end_walk(i, w);
             return false;
         }
         let throughput = throughput * scale;
         set_rgb(&mut path.throughput, i, throughput);
-        let wi = sample_henyey_greenstein(medium.anisotropy, -ray.direction, random.next_pair());
+        let [strategy, channel] = random.next_pair();
+        let own = wavelengths.map(|_| WalkGuide::of(medium));
+        let Some(guide) = own.as_ref().or(self.random_walks.guide(segment.medium)) else { return false };
+        let axis = get(&w.arriving.entry_normal, i);
+        let (wi, next) = MediumSegment::draw_step(
+            (segment.medium, medium),
+            (-ray.direction, axis),
+            guide,
+            throughput,
+            ([strategy, channel, distance], random.next_pair()),
+        );
         let ray = Ray::new(ray.at(segment.scatter_t), wi);
-        let in_medium = (segment.medium, medium, wavelengths);
-        let line = (ray.origin, wi);
-        let [channel, _] = random.next_pair();
-        let next = MediumSegment::draw(in_medium, line, 0.0, throughput, None, [distance, channel]);
         w.rays[i] = Ray { t_max: next.scatter_t.min(ray.t_max), ..ray };
         w.medium_segments[i] = next;
         true

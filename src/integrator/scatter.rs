@@ -85,6 +85,9 @@ impl Integrator<'_> {
                     let pdf = if is_guided { self.unguided(pdf, &w.wave, i) } else { pdf };
                     widen(&mut w.arriving.footprints.spread[k], pdf);
                 }
+                if self.optional.entry_normal {
+                    set(&mut w.arriving.entry_normal, k, get(&v.ng, i));
+                }
                 let ray = Ray::new(get(&v.next_origin, i), get(&v.next_direction, i));
                 w.rays.push(Ray { origin_primitive: v.origin_primitives[i], ..ray });
             }

@@ -282,6 +282,8 @@ path_state! {
     receiver_normal: Lanes3, if |c| c.selects_by_normal;
     /// Solids that the path is within.
     interior: [Interior; LENGTH], if |c| c.features.media;
+    /// Geometric normal of the last vertex, where random walks start.
+    entry_normal: Lanes3, if |c| c.features.subsurface;
     /// Number of bounces so far, except for random walks within solids.
     depth: Words, if |c| c.features.subsurface;
     /// The first scattering event.

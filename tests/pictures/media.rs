@@ -227,24 +227,28 @@ fn grids_shine_by_other_grids() {
     }
 }
 
+/// The material of bodies that scatter light within and whose surface lets all of it in and out, diffusely.
+fn translucent(scene: &mut Scene, medium: Medium) -> MaterialId {
+    use oscura::scene::{DiffuseTransmission, FloatSlot, PbrMaterial};
+    let (factor, white) = (FloatSlot::constant(1.0), ColorSlot::constant([1.0; 3]));
+    let wax = PbrMaterial {
+        metallic: FloatSlot::constant(0.0),
+        specular: FloatSlot::constant(0.0),
+        ior: 1.0,
+        has_volume: true,
+        diffuse_transmission: Some(DiffuseTransmission { factor, color: white }),
+        ..PbrMaterial::default()
+    };
+    material(scene, Material { medium: Some(medium), ..Material::gltf("wax", wax) })
+}
+
 /// Colours of thick bodies come out as `subsurface` asks for, without a reflecting surface around them; walks within do not
 /// count as bounces.
 #[test]
 fn subsurface_has_its_color() {
-    use oscura::scene::{DiffuseTransmission, FloatSlot, PbrMaterial};
     for (color, anisotropy) in [(0.2, 0.0), (0.5, 0.5), (0.9, 0.0)] {
         let mut scene = lit_all_around();
-        let (factor, white) = (FloatSlot::constant(1.0), ColorSlot::constant([1.0; 3]));
-        let wax = PbrMaterial {
-            metallic: FloatSlot::constant(0.0),
-            specular: FloatSlot::constant(0.0),
-            ior: 1.0,
-            has_volume: true,
-            diffuse_transmission: Some(DiffuseTransmission { factor, color: white }),
-            ..PbrMaterial::default()
-        };
-        let medium = Some(Medium::subsurface([color; 3], [0.01; 3], anisotropy));
-        let wax = material(&mut scene, Material { medium, ..Material::gltf("wax", wax) });
+        let wax = translucent(&mut scene, Medium::subsurface([color; 3], [0.01; 3], anisotropy));
         sphere(&mut scene, [0.0; 3], 1.0, wax);
         scene.cameras.push(beam([0.0, 0.0, 5.0]));
         let film = picture(&scene, &options(32, 64, 4));
@@ -252,6 +256,35 @@ fn subsurface_has_its_color() {
         println!("subsurface {color} {anisotropy}: {mean}");
         // Van de Hulst's fit is that good.
         assert!((mean - f64::from(color)).abs() < 0.02, "{color}: {mean}");
+    }
+}
+
+/// A white ball around a lamp without size sends out all of its light: Lambert's law with I / (pi r^2) everywhere, whatever the
+/// mean free path and the anisotropy.
+#[test]
+fn lamps_within_bodies_light_them() {
+    for (extinction, anisotropy) in [(2.0, 0.0), (8.0, 0.0), (8.0, 0.5)] {
+        let mut scene = Scene::default();
+        let wax = translucent(&mut scene, medium(extinction, 1.0, anisotropy));
+        sphere(&mut scene, [0.0; 3], 1.0, wax);
+        scene.lights.push(Light::new(LightKind::Point { position: DVec3::ZERO }, [4.0; 3]));
+        scene.cameras.push(beam([0.0, 0.0, 5.0]));
+        let what = format!("a lamp in {extinction}, {anisotropy}");
+        assert_radiance(&what, &scene, &options(16, 256, 4), 4.0 / PI, 0.01);
+    }
+}
+
+/// In a white furnace a white body that scatters evenly, or to one side, can't be seen, whatever its mean free path: walks of some steps, of
+/// hundreds, and guided ones.
+#[test]
+fn white_bodies_vanish_in_a_white_furnace() {
+    for (extinction, anisotropy) in [(0.5, 0.0), (20.0, 0.0), (20.0, 0.7), (5.0, -0.4)] {
+        let mut scene = lit_all_around();
+        let wax = translucent(&mut scene, medium(extinction, 1.0, anisotropy));
+        sphere(&mut scene, [0.0; 3], 1.0, wax);
+        scene.cameras.push(beam([0.0, 0.0, 5.0]));
+        let what = format!("a white body of {extinction}, {anisotropy}");
+        assert_radiance(&what, &scene, &options(16, 64, 4), 1.0, 0.01);
     }
 }
 
