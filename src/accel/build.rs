@@ -5,7 +5,7 @@ use super::binary_tree::{self, Binary, Effort, NormalizedSpace, Workspace, media
 use super::chunked_build::{self, Threads, TreePart, append, empty_buffer};
 use super::input::{
     AccelInput, AccelInstance, BuildOptions, Estimate, Geometry, Primitive, PrimitiveKind, Reuse, TooLarge,
-    TreeQuality, collect_primitives, is_in_reach,
+    TreeQuality, collect_primitives, is_valid_position,
 };
 use super::layout::{BufferFull, DONE, InstanceRecord};
 use super::motion::{self, Motions};
@@ -330,7 +330,7 @@ impl<'a> Builder<'a> {
             keys => keys.iter().fold(Bounds3::EMPTY, around),
         };
         let fits = record.object_from_world.as_flattened().iter().all(|x| x.is_finite());
-        if !(fits && is_in_reach(bounds.min) && is_in_reach(bounds.max)) {
+        if !(fits && is_valid_position(bounds.min) && is_valid_position(bounds.max)) {
             return Err(InvalidInstance);
         }
         Ok(Some((record, bounds)))

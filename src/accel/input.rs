@@ -110,7 +110,7 @@ impl AccelInput<'_> {
 pub struct BuildOptions<'a> {
     /// Quality of the trees.
     pub quality: TreeQuality,
-    /// Counts finished primitives, each twice: when chunks are cut and when trees are built.
+    /// Counts finished primitives twice: when they are divided into chunks and when trees are built.
     pub counter: Option<&'a WorkCounter>,
 }
 
@@ -303,12 +303,12 @@ impl Dropped {
 }
 
 /// Largest coordinate of a primitive, metres: the areas of boxes, sums of products of two extents, must not overflow.
-pub const REACH: f32 = 1e18;
+pub const MAX_COORDINATE: f32 = 1e18;
 
 /// Is a point usable as a vertex?
-pub fn is_in_reach(p: Vec3) -> bool {
+pub fn is_valid_position(p: Vec3) -> bool {
     // False for NaN.
-    p.abs().max_element() <= REACH && p.is_finite()
+    p.abs().max_element() <= MAX_COORDINATE && p.is_finite()
 }
 
 /// Kind of a primitive of the builder.
@@ -349,7 +349,7 @@ pub fn vertices_of(positions: &[[f32; 3]], [a, b, c]: [u32; 3]) -> Option<[Vec3;
 
 fn triangle_bounds(geometry: &Geometry, index: usize) -> Result<Bounds3, PrimitiveKind> {
     let vertices = triangle_vertices(geometry, index).ok_or(PrimitiveKind::NotFinite)?;
-    if !vertices.into_iter().all(is_in_reach) {
+    if !vertices.into_iter().all(is_valid_position) {
         return Err(PrimitiveKind::NotFinite);
     }
     if !geometry.keys.is_empty() {
@@ -361,12 +361,12 @@ fn triangle_bounds(geometry: &Geometry, index: usize) -> Result<Bounds3, Primiti
     }
 }
 
-/// Around a triangle at all times: its vertices move along straight lines from key to key.
+/// The bounds of a triangle over all times: its vertices move along straight lines from key to key.
 fn moving_bounds(geometry: &Geometry, index: usize) -> Result<Bounds3, PrimitiveKind> {
     let (mut bounds, mut is_degenerate) = (Bounds3::EMPTY, true);
     for positions in &geometry.keys {
         let vertices = vertices_of(positions, geometry.triangles[index]).ok_or(PrimitiveKind::NotFinite)?;
-        if !vertices.into_iter().all(is_in_reach) {
+        if !vertices.into_iter().all(is_valid_position) {
             return Err(PrimitiveKind::NotFinite);
         }
         is_degenerate &= triangle::is_collapsed(vertices);
@@ -375,14 +375,14 @@ fn moving_bounds(geometry: &Geometry, index: usize) -> Result<Bounds3, Primitive
     if is_degenerate { Err(PrimitiveKind::Degenerate) } else { Ok(widened(bounds)) }
 }
 
-/// Outwards by what the interpolation of a vertex may be rounded by.
+/// The box expanded by the rounding error of interpolated vertices.
 fn widened(bounds: Bounds3) -> Bounds3 {
     let slack = bounds.min.abs().max(bounds.max.abs()) * (4.0 * f32::EPSILON);
     Bounds3 { min: bounds.min - slack, max: bounds.max + slack }
 }
 
 fn quad_bounds(quad: &Quad) -> Result<Bounds3, PrimitiveKind> {
-    if !quad.corners().into_iter().all(is_in_reach) {
+    if !quad.corners().into_iter().all(is_valid_position) {
         return Err(PrimitiveKind::NotFinite);
     }
     if quad.is_collapsed() { Err(PrimitiveKind::Degenerate) } else { Ok(quad.bounds()) }
@@ -390,7 +390,7 @@ fn quad_bounds(quad: &Quad) -> Result<Bounds3, PrimitiveKind> {
 
 fn analytic_bounds(shape: &Analytic) -> Result<Bounds3, PrimitiveKind> {
     let (center, radius) = shape.center_and_radius();
-    if !(is_in_reach(center) && radius.abs() <= REACH) {
+    if !(is_valid_position(center) && radius.abs() <= MAX_COORDINATE) {
         return Err(PrimitiveKind::NotFinite);
     }
     if radius <= 0.0 {
@@ -400,8 +400,8 @@ fn analytic_bounds(shape: &Analytic) -> Result<Bounds3, PrimitiveKind> {
 }
 
 fn curve_bounds(segment: &CurveSegment) -> Result<Bounds3, PrimitiveKind> {
-    let has_radii = segment.radii.iter().all(|r| (0.0..=REACH).contains(r));
-    if !(segment.ends.into_iter().all(is_in_reach) && has_radii) {
+    let has_radii = segment.radii.iter().all(|r| (0.0..=MAX_COORDINATE).contains(r));
+    if !(segment.ends.into_iter().all(is_valid_position) && has_radii) {
         return Err(PrimitiveKind::NotFinite);
     }
     if segment.radii == [0.0; 2] {
@@ -412,14 +412,14 @@ fn curve_bounds(segment: &CurveSegment) -> Result<Bounds3, PrimitiveKind> {
 
 fn splat_bounds(splats: &SplatCloud, index: usize) -> Result<Bounds3, PrimitiveKind> {
     let bounds = splats.bounds_of(index).ok_or(PrimitiveKind::Degenerate)?;
-    if is_in_reach(bounds.min) && is_in_reach(bounds.max) {
+    if is_valid_position(bounds.min) && is_valid_position(bounds.max) {
         Ok(rounded_outwards(bounds))
     } else {
         Err(PrimitiveKind::NotFinite)
     }
 }
 
-/// Outwards by one step each, which covers the rounding of sums.
+/// The box expanded by one ulp, which covers the rounding of sums.
 fn rounded_outwards(bounds: Bounds3) -> Bounds3 {
     let low = bounds.min.to_array().map(f32::next_down);
     let high = bounds.max.to_array().map(f32::next_up);

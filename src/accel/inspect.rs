@@ -52,7 +52,9 @@ impl Accel {
                     continue;
                 }
                 if bounds.union(child) != bounds {
-                    return Err(format!("node {reference}: the box of child {lane} sticks out"));
+                    return Err(format!(
+                        "node {reference}: the box of child {lane} exceeds the box of its parent"
+                    ));
                 }
                 stack.push((node.child[lane], child, depth + 1));
             }
@@ -125,7 +127,7 @@ impl Accel {
 fn validate_curves(packet: &CurvePacket, bounds: &Bounds3, found: &mut Found) -> Result<(), String> {
     for lane in 0..packet.lanes() {
         if bounds.union(packet.segment(lane).bounds()) != *bounds {
-            return Err(format!("primitive {} sticks out of its box", packet.id[lane]));
+            return Err(format!("primitive {} exceeds its box", packet.id[lane]));
         }
         found.ids.push(packet.id[lane]);
     }
@@ -135,7 +137,7 @@ fn validate_curves(packet: &CurvePacket, bounds: &Bounds3, found: &mut Found) ->
 fn validate_splats(packet: &SplatPacket, bounds: &Bounds3, found: &mut Found) -> Result<(), String> {
     for lane in (0..LANES).filter(|lane| packet.id[*lane] != u32::MAX) {
         if bounds.with(packet.center(lane)) != *bounds {
-            return Err(format!("primitive {} sticks out of its box", packet.id[lane]));
+            return Err(format!("primitive {} exceeds its box", packet.id[lane]));
         }
         found.ids.push(packet.id[lane]);
     }
@@ -148,7 +150,7 @@ fn validate_triangles(packet: &TrianglePacket, bounds: &Bounds3, found: &mut Fou
             let at = |axis: usize| packet.rows[4 * axis + vertex][lane];
             let point = Vec3::new(at(0), at(1), at(2));
             if bounds.with(point) != *bounds {
-                return Err(format!("primitive {} sticks out of its box", packet.id(lane)));
+                return Err(format!("primitive {} exceeds its box", packet.id(lane)));
             }
         }
         if packet.part(lane) != PART_QUAD_SECOND {
@@ -228,9 +230,10 @@ fn curves_distance(packet: &CurvePacket, p: Vec3) -> f32 {
     let one = |lane: usize| {
         let segment = packet.segment(lane);
         let [a, b] = segment.ends;
-        let way = b - a;
-        let along = ((p - a).dot(way) / way.length_squared().max(f32::MIN_POSITIVE)).clamp(0.0, 1.0);
-        (p.distance(a + way * along) - segment.radii[0].max(segment.radii[1])).max(0.0)
+        let along_segment = b - a;
+        let along = ((p - a).dot(along_segment) / along_segment.length_squared().max(f32::MIN_POSITIVE))
+            .clamp(0.0, 1.0);
+        (p.distance(a + along_segment * along) - segment.radii[0].max(segment.radii[1])).max(0.0)
     };
     (0..packet.lanes()).map(one).fold(f32::INFINITY, f32::min)
 }

@@ -1,7 +1,8 @@
 //! The layout of a BVH in memory: nodes and packets of primitives in a buffer of cache lines of 64 bytes.
 //!
 //! A reference is 32 bits: an inner node is its line number; anything else has [`LEAF`] set, its kind in bits 29 and 30
-//! and its line number below. Bit 30 is clear for triangles alone. Packets name the next packet of their leaf, so a leaf has any length and mixes kinds.
+//! and its line number below. Bit 30 is 0 for triangles and 1 for all other kinds. Each packet refers to the next
+//! packet of its leaf, so a leaf has any length and may mix kinds.
 
 use crate::math::{DAffine3, Ray, Vec3};
 use crate::shape::triangle::{LANES, TriangleRows, Weights};
@@ -30,7 +31,7 @@ pub const MAX_LINE: usize = (1 << 29) - 2;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BufferFull;
 
-/// The reference to a leaf part.
+/// The reference to a packet of a leaf.
 pub fn leaf_ref(kind: u32, line: usize) -> u32 {
     LEAF | (kind << 29) | line as u32
 }
@@ -70,16 +71,16 @@ pub struct Node {
     pub padding: [u32; 8],
 }
 
-/// Kinds of lanes of a [`TrianglePacket`].
+/// Part of a lane of a [`TrianglePacket`]: a triangle of a mesh.
 pub const PART_TRIANGLE: u32 = 0;
 /// The half `corner, corner + u, corner + u + v` of a quad.
 pub const PART_QUAD_FIRST: u32 = 1;
 /// The half `corner, corner + u + v, corner + v` of a quad.
 pub const PART_QUAD_SECOND: u32 = 2;
 
-/// The parameters of a triangle's hit on the triangle or quad that it is a part of.
+/// Barycentric weights on a lane's triangle converted to (u, v) on its primitive: the triangle itself, or the quad that it is half of.
 #[inline(always)]
-pub fn on_primitive(part: u32, weights: Weights) -> (f32, f32) {
+pub fn primitive_uv(part: u32, weights: Weights) -> (f32, f32) {
     let Weights { u, v } = weights;
     match part {
         PART_TRIANGLE => (u, v),
@@ -107,7 +108,7 @@ impl TrianglePacket {
         packet
     }
 
-    /// Four triangles or fewer, with their ids and what they are.
+    /// A packet of up to four triangles, each with its id and part ([`PART_TRIANGLE`], ...).
     pub fn of(triangles: &[([Vec3; 3], u32, u32)], next: u32) -> TrianglePacket {
         let mut packet = TrianglePacket::empty();
         packet.rows[11] = [f32::from_bits(next); LANES];
@@ -135,7 +136,7 @@ impl TrianglePacket {
         self.rows[3][lane].to_bits()
     }
 
-    /// The kind of a lane.
+    /// The part that a lane holds.
     #[inline(always)]
     pub fn part(&self, lane: usize) -> u32 {
         self.rows[7][lane].to_bits()
@@ -148,8 +149,8 @@ impl TrianglePacket {
     }
 }
 
-/// Kind of the first lane of a head of moving triangles: a [`TrianglePacket`] follows for each key of the geometry. The number of
-/// keys is in place of the first lane's id.
+/// `kind[0]` of the header of a packet of moving triangles. One [`TrianglePacket`] per motion key follows the header, whose `id[0]`
+/// is the number of keys.
 pub const MOVING_TRIANGLES: u8 = u8::MAX;
 
 /// Four analytic shapes.
@@ -160,7 +161,7 @@ pub struct AnalyticPacket {
     pub numbers: [[f32; 6]; LANES],
     /// Primitive ids.
     pub id: [u32; LANES],
-    /// Which shapes they are; 0 in unused lanes.
+    /// Kinds of the shapes ([`Packed::kind`]); 0 in unused lanes.
     pub kind: [u8; LANES],
     /// The next packet of the leaf, or [`DONE`].
     pub next: u32,
@@ -182,7 +183,7 @@ pub const CURVE_SEGMENTS: u8 = u8::MAX - 1;
 /// Curve segments in a packet.
 pub const CURVES: usize = 2;
 
-/// Two curve segments. What is at `kind` and `next` is where [`AnalyticPacket`] has it.
+/// Two curve segments. `kind` and `next` have the offsets that they have in [`AnalyticPacket`].
 #[repr(C, align(64))]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct CurvePacket {
@@ -232,10 +233,10 @@ impl CurvePacket {
     }
 }
 
-/// Kind of the first lane of a [`SplatPacket`]. What is less is an analytic shape.
+/// Kind of the first lane of a [`SplatPacket`]; smaller kinds are analytic shapes.
 pub const SPLATS: u8 = u8::MAX - 2;
 
-/// Four Gaussian splats. What is at `kind` and `next` is where [`AnalyticPacket`] has it.
+/// Four Gaussian splats. `kind` and `next` have the offsets that they have in [`AnalyticPacket`].
 #[repr(C, align(64))]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct SplatPacket {
@@ -249,7 +250,7 @@ pub struct SplatPacket {
     padding: [u32; 2],
     /// The other numbers of the matrices.
     last_rows: [[f32; LANES]; 2],
-    /// Middles: x, y, z.
+    /// Centres, metres: x, y, z.
     center: [[f32; LANES]; 3],
     /// Opacities; 0 in unused lanes.
     opacity: [f32; LANES],
@@ -264,7 +265,7 @@ impl SplatPacket {
     pub fn of(splats: impl Iterator<Item = (Splat, u32)>, next: u32) -> SplatPacket {
         let kind = [SPLATS; LANES];
         let mut packet = SplatPacket { kind, next, id: [u32::MAX; LANES], ..SplatPacket::zeroed() };
-        // A ray finds the peak of an unused lane at a number.
+        // The identity matrix in unused lanes, so that rays find finite peaks.
         packet.first_rows[0] = [1.0; LANES];
         packet.first_rows[4] = [1.0; LANES];
         packet.last_rows[1] = [1.0; LANES];
@@ -280,7 +281,7 @@ impl SplatPacket {
         packet
     }
 
-    /// The splats.
+    /// The lanes as a structure of arrays.
     #[inline(always)]
     pub fn lanes(&self) -> SplatLanes<'_> {
         let [a, b, c, d, e, f, g] = &self.first_rows;
@@ -289,7 +290,7 @@ impl SplatPacket {
         SplatLanes { center: [x, y, z], rows: [a, b, c, d, e, f, g, h, i], opacity: &self.opacity }
     }
 
-    /// The middle of a lane.
+    /// The centre of a lane's splat.
     pub fn center(&self, lane: usize) -> Vec3 {
         Vec3::new(self.center[0][lane], self.center[1][lane], self.center[2][lane])
     }
@@ -299,7 +300,7 @@ impl SplatPacket {
 pub enum LeafPacket<'a> {
     /// Triangles and halves of quads.
     Triangles(&'a TrianglePacket),
-    /// The line of a head of triangles whose vertices move, and the number of keys, whose packets follow.
+    /// Moving triangles: the line of the header, and the number of motion keys, one packet each after it.
     MovingTriangles(usize, usize),
     /// Analytic shapes.
     Analytic(&'a AnalyticPacket),
@@ -311,7 +312,7 @@ pub enum LeafPacket<'a> {
     Instance(&'a InstanceRecord),
 }
 
-/// The packets of a leaf in order, for walks outside of rendering. A reference that leads to no packet is an error and the end.
+/// The packets of a leaf in order, for walks outside of rendering. An invalid reference yields an error and ends the iteration.
 pub fn leaf_packets(lines: &[Line], first: u32) -> impl Iterator<Item = Result<LeafPacket<'_>, u32>> {
     let mut reference = first;
     std::iter::from_fn(move || {
@@ -368,11 +369,11 @@ pub struct InstanceRecord {
     pub object_from_world: [[f32; 4]; 3],
     /// Where the geometry's BVH starts.
     pub root: u32,
-    /// The instance's number in hits.
+    /// [`crate::math::Hit::instance`] of its hits.
     pub instance: u32,
     /// The next packet of the leaf, or [`DONE`].
     pub next: u32,
-    /// The largest absolute coordinate of the geometry.
+    /// The largest absolute coordinate of the geometry, object space.
     pub reach: f32,
 }
 
@@ -418,7 +419,7 @@ impl InstanceRecord {
         [row(0), row(1), row(2)]
     }
 
-    /// A world ray in object space. The direction keeps its parametrisation.
+    /// A world ray in object space. The direction is not normalised, so that ray parameters are the same in both spaces.
     #[inline(always)]
     pub fn transform(&self, ray: &PreparedRay, t_min: f32, t_max: f32) -> Ray {
         let [o, d] = [ray.origin, ray.direction];
@@ -457,9 +458,9 @@ impl Plane {
     pub fn parameter(&self, ray: &PreparedRay) -> f32 {
         let (n, a) = (self.normal, widen(self.vertex));
         let (o, d) = (widen(ray.origin), widen(ray.direction));
-        let below = n[0] * d[0] + n[1] * d[1] + n[2] * d[2];
-        let above = n[0] * (a[0] - o[0]) + n[1] * (a[1] - o[1]) + n[2] * (a[2] - o[2]);
-        (above / below) as f32
+        let denominator = n[0] * d[0] + n[1] * d[1] + n[2] * d[2];
+        let numerator = n[0] * (a[0] - o[0]) + n[1] * (a[1] - o[1]) + n[2] * (a[2] - o[2]);
+        (numerator / denominator) as f32
     }
 }
 

@@ -32,7 +32,7 @@ mod wide_tree;
 
 pub use input::{
     AccelInput, AccelInstance, Dropped, Estimate, Geometry, MovingInstance, Reuse, TooLarge, TreeQuality,
-    is_in_reach,
+    is_valid_position,
 };
 pub use point_visibility::{PointVisibility, PointVisibilityQuery, SetBits};
 
@@ -53,7 +53,9 @@ pub struct Accel {
     motions: Motions,
     /// Bounding box of everything.
     bounds: Bounds3,
+    /// The largest absolute coordinate, metres.
     reach: f32,
+    /// Entries of the traversal stack that the tree needs.
     stack_size: usize,
     expected: Vec<TreeSummary>,
     stats: BuildStats,
@@ -139,7 +141,7 @@ impl Accel {
         hit[0]
     }
 
-    /// The hit of a ray after another one in the order of [`Accel::closest`], of any number at the same distance; at a time, if
+    /// The hit that follows another one in the order of [`Accel::closest`], also among several at the same distance; at a time, if
     /// things move. Curves have no such order: of coincident ones some are missed.
     pub fn next_one(&self, ray: &Ray, hit: &Hit, time: f32) -> Hit {
         let ray = Ray { t_min: hit.t.next_down(), origin_primitive: hit.into(), ..*ray };
@@ -158,7 +160,7 @@ impl Accel {
         let &Accel { ref lines, root, reach, ref motions, .. } = self;
         let times = TimeByRay { times, motions };
         WORKSPACE.with(|workspace| {
-            // One depth of stacks for all: less code.
+            // One stack size for all: less code is compiled.
             let slots = &mut workspace.borrow_mut().deep;
             dispatch_wide_at(best_level(), RayStream { lines, root, reach, rays, times, output, slots });
         });

@@ -11,7 +11,7 @@
 use super::layout::{
     ANALYTIC_LINES, AnalyticPacket, CurvePacket, DONE, INSTANCE_LINES, InstanceRecord, KIND_ANALYTIC,
     LEAVE_INSTANCE, MOVING_TRIANGLES, NODE_LINES, Node, SPLAT_LINES, SPLATS, SplatPacket, TRIANGLE_LINES,
-    TrianglePacket, curves_at, kind_of, line_of, on_primitive, view,
+    TrianglePacket, curves_at, kind_of, line_of, primitive_uv, view,
 };
 use super::motion::{RayTimes, triangles_at};
 use crate::math::{Hit, NO_HIT, OriginPrimitive, Ray};
@@ -617,7 +617,7 @@ impl<const N: usize> Slot<N> {
     #[inline(always)]
     fn triangle(&mut self, packet: &TrianglePacket, lane: usize, t: f32, before: Option<OriginPrimitive>) {
         let Some(weights) = triangle::weights(&packet.rows, lane, &self.ray, &self.boxes) else { return };
-        let (u, v) = on_primitive(packet.part(lane), weights);
+        let (u, v) = primitive_uv(packet.part(lane), weights);
         self.offer(t, u, v, packet.id(lane), before);
     }
 

@@ -1,8 +1,8 @@
 //! The glTF material with all layers: clearcoat and sheen over a thin film over metal, diffuse base and glass.
 //!
-//! Layers follow the glTF 2.0 appendix and its extensions with one deviation: a layer takes from what is below it its
-//! directional albedo E(wo) rather than its Fresnel term 1 - F(v.h) for each light, so that layered white returns
-//! exactly the light that arrives. From the top: coat, sheen, then the base.
+//! Layers follow the glTF 2.0 appendix and its extensions with one deviation: a layer attenuates the layers below by
+//! 1 - E(wo), its directional albedo, rather than by the Fresnel term 1 - F(v.h) of each light, so that a layered white surface
+//! reflects exactly the incident light. From the top: coat, sheen, then the base.
 //!
 //! The base mixes glass (share transmission (1 - metallic)) with the opaque material of the same interface, of which a part may
 //! let light pass diffusely. The inside of a solid sees the base alone, not the layers on the outside: light on its way out is
@@ -36,11 +36,11 @@ pub struct Layered {
     pub opaque: MetalRough<Microsurface>,
     /// Roughness 0..1 of the diffuse base by [`OrenNayar`]; 0 is Lambert's law.
     pub diffuse_roughness: f32,
-    /// Factor on light that leaves diffusely on the other side, under the same interface.
+    /// Colour of diffuse transmission, under the same interface.
     pub through: Rgb,
     /// Light that passes the interface.
     pub glass: RoughDielectric,
-    /// Share of `glass`; the opaque material and `through` have the rest.
+    /// Weight of `glass`; that of the opaque material and of `through` is 1 minus it.
     pub glass_share: f32,
     /// A film on the interface.
     pub film: ThinFilm,
@@ -72,7 +72,7 @@ const PARTS: usize = 6;
 const GLASS: usize = 5;
 
 impl Layered {
-    /// Takes glossy reflection or transmission away; sheen and what is diffuse stay.
+    /// Removes glossy reflection or transmission; sheen and diffuse parts remain.
     pub(super) fn leave_out(&mut self, lobes: SkippedCaustics) {
         if lobes.reflective {
             self.opaque.leave_out_reflection();
@@ -94,35 +94,35 @@ impl Layered {
         let rough = self.take_rough(&mut opaque);
         let opaque_closure = opaque.closure(above);
         // Layers lie on the outside of solids.
-        let lets_in = self.glass_share > 0.0 || self.through != Rgb::ZERO;
-        let is_inside = wo.z < 0.0 && lets_in && self.glass.walls == Walls::Solid;
-        let (mut coat, mut sheen, mut left) = (0.0, Rgb::ZERO, 1.0);
+        let transmits_light = self.glass_share > 0.0 || self.through != Rgb::ZERO;
+        let is_inside = wo.z < 0.0 && transmits_light && self.glass.walls == Walls::Solid;
+        let (mut coat, mut sheen, mut remaining) = (0.0, Rgb::ZERO, 1.0);
         if !is_inside && self.coat.factor > 0.0 {
-            let taken;
-            [coat, taken] = self.coat.shares(wo);
-            left -= taken;
+            let attenuation;
+            [coat, attenuation] = self.coat.shares(wo);
+            remaining -= attenuation;
         }
         if !is_inside && self.sheen.color != Rgb::ZERO {
             let albedo = self.sheen.albedo(above.z);
-            sheen = self.sheen.color * (left * albedo);
-            left *= 1.0 - self.sheen.color.max_element() * albedo;
+            sheen = self.sheen.color * (remaining * albedo);
+            remaining *= 1.0 - self.sheen.color.max_element() * albedo;
         }
-        let of_opaque = left * (1.0 - self.glass_share);
-        let through = self.through * (opaque_closure.rest * of_opaque);
-        let of_rough = opaque_closure.rest * of_opaque;
-        // Where light is refracted as well, radiance inside is of the denser medium for all that arrives there.
+        let opaque_weight = remaining * (1.0 - self.glass_share);
+        let through = self.through * (opaque_closure.rest * opaque_weight);
+        let rough_weight = opaque_closure.rest * opaque_weight;
+        // If the surface also refracts, all radiance inside is scaled to the denser medium.
         let refracts = self.glass_share > 0.0 && self.glass.walls == Walls::Solid;
         let crossing = self.glass.refraction.at(if refracts { self.glass.eta(wo) } else { 1.0 });
-        let of_glass = left * self.glass_share;
+        let glass_weight = remaining * self.glass_share;
         let strength = self.coat.factor * f32::from(u8::from(!is_inside));
         let shares = [
             coat,
             sheen.mean(),
-            of_opaque * opaque_closure.albedo,
+            opaque_weight * opaque_closure.albedo,
             through.mean(),
-            rough.color.mean() * of_rough,
-            // Where all light is reflected there is no glass, and its index means nothing.
-            if of_glass > 0.0 { of_glass * glass.albedo_estimate(above.z, wo.z < 0.0) } else { 0.0 },
+            rough.color.mean() * rough_weight,
+            // Without glass its index may be invalid.
+            if glass_weight > 0.0 { glass_weight * glass.albedo_estimate(above.z, wo.z < 0.0) } else { 0.0 },
         ];
         let total: f32 = shares.iter().sum();
         let scale = if total > MIN_ALBEDO { 1.0 / total } else { 0.0 };
@@ -130,10 +130,10 @@ impl Layered {
             weights: [
                 Rgb::splat(strength),
                 sheen,
-                Rgb::splat(of_opaque),
+                Rgb::splat(opaque_weight),
                 through * crossing.weight,
-                Rgb::splat(of_rough),
-                Rgb::splat(of_glass),
+                Rgb::splat(rough_weight),
+                Rgb::splat(glass_weight),
             ],
             crossing,
             probabilities: shares.map(|s| s * scale),
@@ -165,7 +165,7 @@ impl Layered {
         rough
     }
 
-    /// The diffuse part of what [`Lobe::eval`] gives: of the base, of sheen, and of what passes diffusely.
+    /// The diffuse part of [`Lobe::eval`]: base, sheen and diffuse transmission.
     pub(super) fn eval_diffuse(&self, wo: Vec3, wi: Vec3) -> Rgb {
         let closure = self.closure(wo);
         let has = |part: usize| closure.probabilities[part] > 0.0;
@@ -433,7 +433,7 @@ impl LayeredProgram {
         }
     }
 
-    /// Is it glass in places?
+    /// Is any part of the surface glass?
     pub fn has_glass(&self) -> bool {
         self.transmission.is_some()
     }
@@ -459,21 +459,21 @@ impl MaterialProgram for LayeredProgram {
         let dielectric = 1.0 - opaque.metallic;
         let transmission = self.transmission.as_ref().map_or(0.0, |slot| slots.share(slot));
         let glass_share = dielectric * transmission;
-        // Shares of what is not glass.
+        // Weights relative to the part that is not glass.
         let rest = 1.0 / (1.0 - glass_share).max(f32::MIN_POSITIVE);
         let diffuse = (dielectric * (1.0 - transmission) * rest).min(1.0);
         opaque.metallic = (opaque.metallic * rest).min(1.0);
-        let (passing, color) = self
+        let (diffuse_transmission, color) = self
             .diffuse_transmission
             .as_ref()
             .map_or((0.0, Rgb::ZERO), |d| (slots.share(&d.factor), slots.share_by_channel(&d.color)));
-        opaque.diffuse = base * (diffuse * (1.0 - passing));
+        opaque.diffuse = base * (diffuse * (1.0 - diffuse_transmission));
         let tint = tint_of_crossing(base, self.tints_once);
         let (ior, walls, refraction) = (self.ior, self.walls, self.refraction);
         Layered {
             opaque,
             diffuse_roughness: slots.share(&self.diffuse_roughness),
-            through: color * (diffuse * passing),
+            through: color * (diffuse * diffuse_transmission),
             glass: RoughDielectric {
                 surface,
                 ior,
@@ -539,7 +539,7 @@ pub struct Coat {
     pub normal: Vec3,
     /// How its reflectance rises from 0.04 to 1; see [`Coat::fresnel`].
     pub fresnel: LayerFresnel,
-    /// Whether the energy that single scattering loses is given back.
+    /// Compensation of the energy that single scattering loses.
     pub energy_compensation: EnergyCompensation,
 }
 
@@ -573,9 +573,8 @@ impl Coat {
         self.lobe().is_mirror()
     }
 
-    /// Share of light from a direction that the layer reflects, and share that it takes from what is below, its strength
-    /// included. Without compensation it takes more: light that facets mirror into each other is lost (as in
-    /// [`super::MetalRough`]).
+    /// Directional albedo of the layer, and attenuation of the layers below, both times its strength. Without compensation the
+    /// attenuation is larger: light that facets reflect to each other is lost (as in [`super::MetalRough`]).
     #[inline(always)]
     pub fn shares(&self, wo: Vec3) -> [f32; 2] {
         let cosine = wo.dot(self.normal).abs().clamp(ggx::MIN_COS, 1.0);

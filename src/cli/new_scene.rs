@@ -6,7 +6,7 @@ use super::process::Outcome;
 use super::report::{PrintedMessages, name_options_in_error, print_line};
 use super::scene_args::check_scene_path;
 use oscura::error::{Error, ErrorKind, Problem, Result};
-use oscura::load::blender::{BlenderOptions, clear, default_cache, export, kept};
+use oscura::load::blender::{BlenderOptions, cache_size, clear_cache, default_cache, export};
 use oscura::load::gltf::GltfOptions;
 use oscura::load::scene_file::sidecar_path;
 use oscura::load::{BlenderExport, LoadOptions, Loaded, is_of_blender, load};
@@ -303,8 +303,8 @@ pub(crate) fn run_cache(args: &CacheArgs) -> Result<Outcome> {
         return Err(error.with_help("name a folder by --cache"));
     };
     let (found, verb) = match args.clear {
-        true => (clear(&folder)?, "deleted"),
-        false => (kept(&folder)?, "kept"),
+        true => (clear_cache(&folder)?, "deleted"),
+        false => (cache_size(&folder)?, "kept"),
     };
     let mib = found.bytes as f64 / f64::from(1 << 20);
     print_line(&format!("{}: {} files of {mib:.1} MiB {verb}", folder.display(), found.files));

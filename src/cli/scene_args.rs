@@ -265,7 +265,7 @@ impl StageArgs {
             vfov_degrees: self.fov.unwrap_or(StageOptions::default().vfov_degrees),
             aspect,
             is_orbit: false,
-            is_foretold: false,
+            is_dry_run: false,
         })
     }
 }

@@ -53,11 +53,11 @@ pub(super) fn draw(args: &RenderArgs, film: &Film, png: &PngOptions) {
         // Only for terminals known to support it; pictures that PNG can't hold are drawn as blocks.
         ShowArg::Kitty => match encode_png(film, &PngOptions { deep: false, ..png.clone() }) {
             Ok(encoded) => kitty_text(&encoded.bytes, cells((film.width(), film.height()), room)),
-            Err(_) => block_text(&fitting(&picture(), (room.0, room.1 * 2)), has_all_colors()),
+            Err(_) => block_text(&downscaled(&picture(), (room.0, room.1 * 2)), has_all_colors()),
         },
-        ShowArg::Sixel => sixel_text(&fitting(&picture(), (room.0 * CELL.0, room.1 * CELL.1))),
+        ShowArg::Sixel => sixel_text(&downscaled(&picture(), (room.0 * CELL.0, room.1 * CELL.1))),
         ShowArg::Blocks | ShowArg::Auto => {
-            block_text(&fitting(&picture(), (room.0, room.1 * 2)), has_all_colors())
+            block_text(&downscaled(&picture(), (room.0, room.1 * 2)), has_all_colors())
         }
     };
     let mut output = std::io::stdout().lock();
@@ -91,12 +91,12 @@ impl Variable {
 /// Graphics protocol of the terminal. Multiplexers don't pass graphics through.
 fn chosen(how: ShowArg) -> ShowArg {
     let (term, program) = (variable("TERM"), variable("TERM_PROGRAM"));
-    let is_shared = !variable("TMUX").0.is_empty() || term.begins_with(&["screen", "tmux"]);
+    let is_multiplexed = !variable("TMUX").0.is_empty() || term.begins_with(&["screen", "tmux"]);
     let is_kitty = !variable("KITTY_WINDOW_ID").0.is_empty()
         || term.begins_with(&["xterm-kitty", "xterm-ghostty"])
         || program.begins_with(&["ghostty", "WezTerm"]);
     match how {
-        ShowArg::Auto if is_shared => ShowArg::Blocks,
+        ShowArg::Auto if is_multiplexed => ShowArg::Blocks,
         ShowArg::Auto if is_kitty => ShowArg::Kitty,
         ShowArg::Auto if term.begins_with(&["foot", "mlterm", "yaft"]) => ShowArg::Sixel,
         ShowArg::Auto => ShowArg::Blocks,
@@ -112,19 +112,19 @@ fn has_all_colors() -> bool {
 // The terminal graphics protocol of kitty.
 
 /// Maximum number of characters of a chunk.
-const PIECE: usize = 4096;
+const MAX_CHUNK: usize = 4096;
 
 /// A PNG, drawn over `columns` and `rows`; the terminal's response is suppressed.
 fn kitty_text(png: &[u8], (columns, rows): (u32, u32)) -> String {
     let encoded = STANDARD.encode(png);
-    let pieces: Vec<&str> =
-        encoded.as_bytes().chunks(PIECE).filter_map(|piece| std::str::from_utf8(piece).ok()).collect();
+    let chunks: Vec<&str> =
+        encoded.as_bytes().chunks(MAX_CHUNK).filter_map(|chunk| std::str::from_utf8(chunk).ok()).collect();
     let mut text = String::new();
-    for (i, piece) in pieces.iter().enumerate() {
+    for (i, chunk) in chunks.iter().enumerate() {
         let first = if i == 0 { format!("f=100,a=T,q=2,c={columns},r={rows},") } else { String::new() };
-        let more = u8::from(i + 1 < pieces.len());
-        // Text that grows can't fail.
-        let _ = write!(text, "\x1b_G{first}m={more};{piece}\x1b\\");
+        let more = u8::from(i + 1 < chunks.len());
+        // Writing to a string can't fail.
+        let _ = write!(text, "\x1b_G{first}m={more};{chunk}\x1b\\");
     }
     text.push('\n');
     text
@@ -163,7 +163,7 @@ fn fitted_size((width, height): (u32, u32), room: (u32, u32)) -> (u32, u32) {
 }
 
 /// The picture scaled down to fit into `room`: each pixel is the linear mean of those that it covers.
-fn fitting(picture: &Pixels, room: (u32, u32)) -> Pixels {
+fn downscaled(picture: &Pixels, room: (u32, u32)) -> Pixels {
     let size = fitted_size(picture.size, room);
     let range = |at: u32, count: u32, of: u32| {
         let edge = |at: u32| (u64::from(at) * u64::from(of) / u64::from(count)) as u32;
@@ -218,7 +218,7 @@ fn block_text(picture: &Pixels, has_all_colors: bool) -> String {
                 (false, false) => ("0".to_string(), ' '),
             };
             if code != last {
-                // Text that grows can't fail.
+                // Writing to a string can't fail.
                 let _ = write!(text, "\x1b[{code}m");
                 last = code;
             }
@@ -324,11 +324,11 @@ mod tests {
     #[test]
     fn pieces_are_marked() {
         let text = kitty_text(&[7; 4000], (40, 12));
-        let pieces: Vec<&str> = text.trim_end().split_inclusive("\x1b\\").collect();
-        assert_eq!(pieces.len(), 2);
-        assert!(pieces[0].starts_with("\x1b_Gf=100,a=T,q=2,c=40,r=12,m=1;"));
-        assert!(pieces[1].starts_with("\x1b_Gm=0;"));
-        let data: String = pieces.iter().map(|p| p[..p.len() - 2].split(';').next_back().unwrap()).collect();
+        let chunks: Vec<&str> = text.trim_end().split_inclusive("\x1b\\").collect();
+        assert_eq!(chunks.len(), 2);
+        assert!(chunks[0].starts_with("\x1b_Gf=100,a=T,q=2,c=40,r=12,m=1;"));
+        assert!(chunks[1].starts_with("\x1b_Gm=0;"));
+        let data: String = chunks.iter().map(|p| p[..p.len() - 2].split(';').next_back().unwrap()).collect();
         assert_eq!(STANDARD.decode(data).unwrap(), [7; 4000]);
     }
 }
@@ -347,7 +347,7 @@ mod scaled_tests {
     #[test]
     fn small_pixels_are_means_of_light() {
         let rgba = [[255, 255, 255, 255], [0, 0, 0, 255], [255, 0, 0, 255], [9, 9, 9, 0]].concat();
-        let small = fitting(&Pixels { size: (4, 1), rgba }, (2, 9));
+        let small = downscaled(&Pixels { size: (4, 1), rgba }, (2, 9));
         // Half the light of white has the code 188; what is transparent adds no colour.
         assert_eq!((small.size, small.at(0, 0)), ((2, 1), [188, 188, 188, 255]));
         assert_eq!((small.at(1, 0), small.at(2, 0)), ([255, 0, 0, 128], [0; 4]));

@@ -20,7 +20,7 @@ use oscura::compile::{CompiledScene, Compiler, ObjectId, View};
 use oscura::error::{Error, Result, Warning};
 use oscura::film::Aov;
 use oscura::load::scene_file::sidecar_path;
-use oscura::load::{LoadOptions, Loaded, SavedFiles, Up, leaves_up_open};
+use oscura::load::{LoadOptions, Loaded, SavedFiles, Up, has_ambiguous_up};
 use oscura::math::DVec3;
 use oscura::output::PngOptions;
 use oscura::render::{CancelHandle, Guiding, Labels, PassOutcome, Rendering, ResolvedOptions, in_pool};
@@ -212,7 +212,7 @@ impl Model {
     pub fn load(args: &ViewArgs, files: &SavedFiles, cancel: &CancelHandle) -> Result<Model> {
         let newer = SavedFiles::default();
         let model = Model::read(&args.picture, &newer, cancel);
-        files.take_over(&newer, model.is_err());
+        files.replace_by(&newer, model.is_err());
         model
     }
 
@@ -312,7 +312,7 @@ impl Model {
             lights: self.light_infos.clone(),
             samples: self.samples,
             passes: self.passes(),
-            up: leaves_up_open(&args.picture.scene).then(|| args.picture.stage.up.name()),
+            up: has_ambiguous_up(&args.picture.scene).then(|| args.picture.stage.up.name()),
             stage: has_stage.then(|| args.picture.stage.stage.unwrap_or(StageArg::Studio).name()),
             ups: Up::ALL.map(Up::name).to_vec(),
             stages: StageArg::value_variants().iter().map(|stage| stage.name()).collect(),
@@ -466,7 +466,7 @@ fn render_wishes(
         if order.wish.loads != model.loads {
             let args = &chosen(args, &order.wish);
             let loaded = model.reload(args, files, cancel, order.wish.loads);
-            let taken = loaded.and_then(|()| take_over(args, &model, &mut order.wish, shared));
+            let taken = loaded.and_then(|()| replace_by(args, &model, &mut order.wish, shared));
             broken = taken.err().map_or(String::new(), |error| error.to_string());
         }
         // After an error the earlier scene stays and is rendered.
@@ -491,7 +491,7 @@ fn chosen(args: &ViewArgs, wish: &ViewRequest) -> ViewArgs {
 }
 
 /// Shows the facts of a scene that was loaded again, and adjusts the request to it.
-fn take_over(args: &ViewArgs, model: &Model, wish: &mut ViewRequest, shared: &Shared) -> Result<()> {
+fn replace_by(args: &ViewArgs, model: &Model, wish: &mut ViewRequest, shared: &Shared) -> Result<()> {
     let (facts, poses) = (model.facts(args), model.poses(args));
     let own = model.wish(args, &facts, &poses)?;
     shared.show(|state| {

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 struct Solid {
     /// The box around it, in the world.
     bounds: Bounds,
-    /// It has several materials that light passes.
+    /// It has several transmissive materials.
     has_several: bool,
     surface: SolidSurface,
 }
@@ -23,9 +23,9 @@ enum SolidSurface {
         mesh: usize,
         placed: DAffine3,
     },
-    /// A corner and the edges that leave it.
+    /// A corner and both edges from it.
     Quad([DVec3; 3]),
-    /// A shape of the middle and this size.
+    /// An analytic shape: centre and radius.
     Shape(DVec3, f64),
 }
 
@@ -38,22 +38,22 @@ pub(super) fn exist(
 ) -> bool {
     let solids = Solids::of(scene, materials);
     let at = SurfaceQuery { materials, geometries, accel, anchor };
-    let mut pieces = Vec::new();
+    let mut triangles = Vec::new();
     for i in 0..solids.all.len() {
         if !solids.any_near(i, &solids.all[i].bounds, |_| true) {
             continue;
         }
-        let own = solids.pieces(i, scene);
-        if accel.is_moving() || solids.is_touched(i, &own, &at) {
+        let own = solids.candidates(i, scene);
+        if accel.is_moving() || solids.touches_shape(i, &own, &at) {
             return true;
         }
-        pieces.extend(own);
+        triangles.extend(own);
     }
     let may_touch = |a: u32, b: u32| a != b || solids.all[a as usize].has_several;
-    any_overlap(pieces, may_touch, |point, normal| at.are_two_at(point, normal))
+    any_overlap(triangles, may_touch, |point, normal| at.are_two_at(point, normal))
 }
 
-/// Where surfaces are looked for.
+/// The compiled data that tests for coincidence query.
 struct SurfaceQuery<'a> {
     materials: &'a [CompiledMaterial],
     geometries: &'a Geometries,
@@ -62,7 +62,7 @@ struct SurfaceQuery<'a> {
 }
 
 impl SurfaceQuery<'_> {
-    /// Do the surfaces of two solids lie at a point with this normal?
+    /// Are there surfaces of two solids at a point with this normal?
     fn are_two_at(&self, p: DVec3, normal: DVec3) -> bool {
         let reach = (p.abs().max_element() + (p - self.anchor).abs().max_element()) * f64::from(gamma(32));
         let origin = (p - self.anchor + normal * reach).as_vec3();
@@ -107,7 +107,7 @@ fn rounding(bounds: &Bounds) -> f64 {
 /// All transmissive solids.
 struct Solids {
     all: Vec<Solid>,
-    /// The boxes around them, as far as they may be off.
+    /// Their bounds, expanded by rounding errors.
     boxes: Vec<NumberedBox>,
     tree: BoxTree,
 }
@@ -125,7 +125,7 @@ impl Solids {
         Solids { all, boxes, tree }
     }
 
-    /// Shows the solids that a part in a box of solid `i` may touch, until one is found.
+    /// Calls `is_found` with the solids that a part of solid `i` in a box may touch, until it returns true.
     fn any_near(&self, i: usize, bounds: &Bounds, mut is_found: impl FnMut(&Solid) -> bool) -> bool {
         let rounding = self.all[i].rounding();
         self.tree.any(&bounds.widened(rounding), |place| {
@@ -137,7 +137,7 @@ impl Solids {
     }
 
     /// The triangles of solid `i` that reach into the boxes around others.
-    fn pieces(&self, i: usize, scene: &Scene) -> Vec<SolidTriangle> {
+    fn candidates(&self, i: usize, scene: &Scene) -> Vec<SolidTriangle> {
         /// Up to this number of candidates, each is tested without the tree.
         const FEW: usize = 8;
         let (solid, mut few) = (&self.all[i], Vec::new());
@@ -145,7 +145,7 @@ impl Solids {
             few.push(other.bounds.widened(solid.rounding().max(other.rounding())));
             few.len() > FEW
         });
-        let least = solid.least_rounding(scene);
+        let least = solid.typical_rounding(scene);
         let near = |corners: [DVec3; 3]| {
             let bounds = Bounds::of(corners);
             let is_near = match has_many {
@@ -171,8 +171,8 @@ impl Solids {
         }
     }
 
-    /// Does a shape without triangles lie on the surface of solid `i`?
-    fn is_touched(&self, i: usize, pieces: &[SolidTriangle], at: &SurfaceQuery) -> bool {
+    /// Does an analytic shape coincide with the surface of solid `i`?
+    fn touches_shape(&self, i: usize, triangles: &[SolidTriangle], at: &SurfaceQuery) -> bool {
         let solid = &self.all[i];
         if let SolidSurface::Shape(middle, size) = solid.surface {
             return self.any_near(i, &solid.bounds, |other| match other.surface {
@@ -184,8 +184,8 @@ impl Solids {
         }
         let is_shape = |other: &Solid| matches!(other.surface, SolidSurface::Shape(..));
         self.any_near(i, &solid.bounds, is_shape)
-            && pieces.par_iter().any(|piece| {
-                let [a, b, c] = piece.corners;
+            && triangles.par_iter().any(|triangle| {
+                let [a, b, c] = triangle.corners;
                 let middle = (a + b + c) / 3.0;
                 let normal = (b - a).cross(c - a).normalize_or_zero();
                 self.any_near(i, &Bounds { low: middle, high: middle }, is_shape)
@@ -195,8 +195,8 @@ impl Solids {
 }
 
 impl Solid {
-    /// Bound on the rounding error of most of its vertices: a few distant ones don't make the others less precise.
-    fn least_rounding(&self, scene: &Scene) -> f64 {
+    /// Bound on the rounding error of 90 % of its vertices: a few distant ones don't make the others less precise.
+    fn typical_rounding(&self, scene: &Scene) -> f64 {
         let SolidSurface::Mesh { mesh, placed } = self.surface else { return self.rounding() };
         let size = |p: &[f32; 3]| placed.transform_point3(p.map(f64::from).into()).abs().max_element();
         let mut sizes: Vec<f64> = scene.meshes[mesh].positions.iter().map(size).collect();
@@ -301,7 +301,7 @@ impl SolidTriangle {
         (height(middle).abs() <= reach).then(|| (middle - normal * height(middle), normal))
     }
 
-    /// The part of a polygon over it, seen along its normal (Sutherland, Hodgman 1974).
+    /// A polygon clipped to the triangle along its normal (Sutherland, Hodgman 1974).
     fn clipped(&self, normal: DVec3, polygon: &[DVec3]) -> Vec<DVec3> {
         let mut left = polygon.to_vec();
         for k in 0..3 {
@@ -325,20 +325,19 @@ impl SolidTriangle {
     }
 }
 
-/// Do two triangles that `may_touch`, by the numbers of their solids, lie on each other at a point and a normal that
-/// `is_touched` agrees to?
+/// Do two triangles overlap whose solids `may_touch`, and does `is_touched` confirm it at a point of the common area, with the normal?
 fn any_overlap(
-    mut pieces: Vec<SolidTriangle>,
+    mut triangles: Vec<SolidTriangle>,
     may_touch: impl Fn(u32, u32) -> bool + Sync,
     is_touched: impl Fn(DVec3, DVec3) -> bool + Sync,
 ) -> bool {
-    let tree = BoxTree::sort(&mut pieces);
-    pieces.par_iter().enumerate().any(|(number, piece)| {
-        tree.any(&piece.bounds(), |k| {
-            let other = &pieces[k];
+    let tree = BoxTree::sort(&mut triangles);
+    triangles.par_iter().enumerate().any(|(number, triangle)| {
+        tree.any(&triangle.bounds(), |k| {
+            let other = &triangles[k];
             k > number
-                && may_touch(piece.solid, other.solid)
-                && piece.overlap(other).is_some_and(|(point, normal)| is_touched(point, normal))
+                && may_touch(triangle.solid, other.solid)
+                && triangle.overlap(other).is_some_and(|(point, normal)| is_touched(point, normal))
         })
     })
 }
@@ -348,7 +347,7 @@ mod tests {
     use super::*;
     use crate::scene::Mesh;
 
-    /// A vertex far away makes the triangles of others no less precise, so that they meet no others that are not near.
+    /// One distant vertex doesn't increase the rounding error that is assumed for the others.
     #[test]
     fn a_vertex_far_away_leaves_others_as_precise_as_they_are() {
         let mut scene = Scene::default();
@@ -360,10 +359,10 @@ mod tests {
             Solid { bounds: Bounds::of(points), has_several: false, surface }
         };
         let before = solid(&scene);
-        assert_eq!(before.least_rounding(&scene), before.rounding());
+        assert_eq!(before.typical_rounding(&scene), before.rounding());
         scene.meshes[0].positions[7] = [1e6, 0.0, 0.0];
         let after = solid(&scene);
-        assert_eq!(after.least_rounding(&scene), before.rounding());
+        assert_eq!(after.typical_rounding(&scene), before.rounding());
         assert!(after.rounding() > 1e5 * before.rounding());
     }
 }
@@ -373,7 +372,7 @@ mod overlaps_tests {
     use super::*;
     use std::f64::consts::TAU;
 
-    fn piece(solid: u32, corners: [[f64; 3]; 3]) -> SolidTriangle {
+    fn triangle(solid: u32, corners: [[f64; 3]; 3]) -> SolidTriangle {
         SolidTriangle { corners: corners.map(DVec3::from), solid, rounding: 1e-6 }
     }
 
@@ -381,7 +380,7 @@ mod overlaps_tests {
     fn square(solid: u32, [x, y, z]: [f64; 3]) -> Vec<SolidTriangle> {
         let at = |dx: f64, dy: f64| [x + dx, y + dy, z];
         let (a, b, c, d) = (at(-1.0, -1.0), at(1.0, -1.0), at(1.0, 1.0), at(-1.0, 1.0));
-        vec![piece(solid, [a, b, c]), piece(solid, [a, c, d])]
+        vec![triangle(solid, [a, b, c]), triangle(solid, [a, c, d])]
     }
 
     /// A disk of `count` triangles around its middle, facing down.
@@ -390,11 +389,11 @@ mod overlaps_tests {
             let angle = TAU * f64::from(i) / f64::from(count);
             [radius * angle.cos(), radius * angle.sin(), z]
         };
-        (0..count).map(|i| piece(solid, [[0.0, 0.0, z], rim(i + 1), rim(i)])).collect()
+        (0..count).map(|i| triangle(solid, [[0.0, 0.0, z], rim(i + 1), rim(i)])).collect()
     }
 
-    fn touch(pieces: &[Vec<SolidTriangle>]) -> bool {
-        any_overlap(pieces.concat(), |a, b| a != b, |_, _| true)
+    fn touch(triangles: &[Vec<SolidTriangle>]) -> bool {
+        any_overlap(triangles.concat(), |a, b| a != b, |_, _| true)
     }
 
     #[test]
@@ -419,13 +418,13 @@ mod overlaps_tests {
         }
         // One solid is not asked about itself, and triangles that cross share no area.
         assert!(!touch(&[square(0, [0.0; 3]), square(0, [0.5, 0.5, 0.0])]));
-        let upright = vec![piece(1, [[-1.0, 0.0, -1.0], [1.0, 0.0, -1.0], [0.0, 0.0, 1.0]])];
+        let upright = vec![triangle(1, [[-1.0, 0.0, -1.0], [1.0, 0.0, -1.0], [0.0, 0.0, 1.0]])];
         assert!(!touch(&[square(0, [0.0; 3]), upright]));
     }
 
-    /// The points to test lie in both.
+    /// Points at which the caller tests lie in both triangles.
     #[test]
-    fn the_caller_has_the_last_word() {
+    fn points_to_confirm_lie_in_both_triangles() {
         let both = [square(0, [0.0; 3]), square(1, [1.5, 1.5, 0.0])].concat();
         let asked = std::sync::Mutex::new(Vec::new());
         let found = any_overlap(
@@ -454,16 +453,16 @@ mod overlaps_tests {
                 .flat_map(|k| {
                     let (i, j) = (k % n, k / n);
                     let (a, b, c, d) = (at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1));
-                    [piece(solid, [a, b, c]), piece(solid, [a, c, d])]
+                    [triangle(solid, [a, b, c]), triangle(solid, [a, c, d])]
                 })
                 .collect()
         };
-        let mut pieces = [grid(0, 0.0), grid(1, 0.0)].concat();
-        let count = pieces.len();
-        let tree = BoxTree::sort(&mut pieces);
+        let mut triangles = [grid(0, 0.0), grid(1, 0.0)].concat();
+        let count = triangles.len();
+        let tree = BoxTree::sort(&mut triangles);
         let mut looked = 0;
-        for piece in &pieces {
-            tree.any(&piece.bounds(), |_| {
+        for triangle in &triangles {
+            tree.any(&triangle.bounds(), |_| {
                 looked += 1;
                 false
             });

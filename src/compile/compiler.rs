@@ -299,7 +299,7 @@ fn environment(
         }
         None if scene.portals.is_empty() => {}
         None => {
-            let message = "portals change nothing: there is no environment to come through them";
+            let message = "portals have no effect: there is no environment";
             warnings.push(Warning::general(message));
         }
     }

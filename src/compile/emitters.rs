@@ -9,7 +9,7 @@ use super::hit_reader::{HitReader, SurfaceHit, point_reader};
 use super::material::{CompiledEmission, CompiledMaterial};
 use super::objects::{ObjectId, part_materials};
 use crate::accel;
-use crate::accel::is_in_reach;
+use crate::accel::is_valid_position;
 use crate::bsdf::Slots;
 use crate::color::Rgb;
 use crate::error::{Warning, listed};
@@ -336,7 +336,7 @@ fn area_shape(shapes: &accel::Geometry, prim: u32, key: Option<&Key>) -> Option<
 
 /// Has a light an area, and can rays reach it? The accelerator drops primitives that they can't reach.
 fn is_usable(shape: &AreaShape) -> bool {
-    let is_reached = |bounds: Bounds3| is_in_reach(bounds.min) && is_in_reach(bounds.max);
+    let is_reached = |bounds: Bounds3| is_valid_position(bounds.min) && is_valid_position(bounds.max);
     match shape {
         AreaShape::Triangle(e) | AreaShape::Parallelogram(e) | AreaShape::Rectangle(e) => {
             let area = e.edge_u.cross(e.edge_v).length();

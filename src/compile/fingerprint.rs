@@ -21,33 +21,36 @@ impl Fingerprint {
     /// The fingerprint of no data.
     pub const START: Fingerprint = Fingerprint(0x5851_f42d_4c95_7f2d);
 
-    /// With a number more.
+    /// Appends a number.
     pub fn with(self, number: u64) -> Fingerprint {
         Fingerprint(mix64((self.0 ^ number).wrapping_mul(FACTOR).wrapping_add(number)))
     }
 
-    /// As a number.
+    /// The hash as a number.
     pub fn value(self) -> u64 {
         self.0
     }
 
-    /// With another fingerprint.
-    pub fn with_print(self, other: Fingerprint) -> Fingerprint {
+    /// Appends another fingerprint.
+    pub fn with_fingerprint(self, other: Fingerprint) -> Fingerprint {
         self.with(other.0)
     }
 
-    /// With a list more: its length and its bytes. Blocks of long ones are summed on all threads, and joined in their order.
+    /// Appends a list: its length and its bytes. Long lists are hashed in blocks on all threads, which are joined in order.
     pub fn with_all<T: Pod>(self, list: &[T]) -> Fingerprint {
         let bytes: &[u8] = bytemuck::cast_slice(list);
         if bytes.len() <= BLOCK {
             return self.with_block(bytes);
         }
         let blocks = bytes.par_chunks(BLOCK).map(|block| Fingerprint::START.with_block(block));
-        blocks.collect::<Vec<_>>().into_iter().fold(self.with(bytes.len() as u64), Fingerprint::with_print)
+        blocks
+            .collect::<Vec<_>>()
+            .into_iter()
+            .fold(self.with(bytes.len() as u64), Fingerprint::with_fingerprint)
     }
 
     fn with_block(self, bytes: &[u8]) -> Fingerprint {
-        // Four lanes at a time: each waits for its own multiplication only.
+        // Four independent lanes hide the latency of multiplications.
         let mut lanes = [1u64, 2, 3, 4];
         let mut blocks = bytes.chunks_exact(32);
         for block in &mut blocks {
@@ -60,18 +63,18 @@ impl Fingerprint {
         blocks.remainder().iter().fold(whole, |sum, &byte| sum.with(u64::from(byte)))
     }
 
-    /// With a point or vector more.
+    /// Appends a point or vector.
     pub fn with_vector(self, v: DVec3) -> Fingerprint {
         v.to_array().into_iter().fold(self, |sum, x| sum.with(x.to_bits()))
     }
 
-    /// With a transform more.
+    /// Appends a transform.
     pub fn with_transform(self, transform: &DAffine3) -> Fingerprint {
         transform.to_cols_array().into_iter().fold(self, |sum, x| sum.with(x.to_bits()))
     }
 }
 
-/// Everything of a mesh but its name.
+/// The fingerprint of a mesh without its name.
 pub fn of_mesh(mesh: &Mesh) -> Fingerprint {
     let lists = Fingerprint::START
         .with_all(&mesh.positions)
@@ -94,7 +97,7 @@ pub fn of_mesh(mesh: &Mesh) -> Fingerprint {
     })
 }
 
-/// Everything of curves but their name and traits.
+/// The fingerprint of curves without their name and traits.
 pub fn of_curves(curves: &Curves) -> Fingerprint {
     Fingerprint::START
         .with(curves.basis as u64)
@@ -106,11 +109,11 @@ pub fn of_curves(curves: &Curves) -> Fingerprint {
         .with(u64::from(curves.material.0))
 }
 
-/// A hash of all material properties that affect geometry. `normal_sets` has the set of texture coordinates that the normal map
-/// of each uses.
+/// A hash of all material properties that affect geometry. `normal_sets` holds, by material, the set of texture
+/// coordinates of its normal map.
 pub(super) fn of_materials(materials: &[CompiledMaterial], normal_sets: &[Option<usize>]) -> Fingerprint {
     materials.iter().zip(normal_sets).fold(Fingerprint::START, |sum, (material, set)| {
-        let facts = [
+        let flags = [
             material.is_invisible(),
             material.uses_normals(),
             material.uses_tangents(),
@@ -119,7 +122,7 @@ pub(super) fn of_materials(materials: &[CompiledMaterial], normal_sets: &[Option
             material.reads_hit,
             material.emission.is_some(),
         ];
-        let bits = facts.into_iter().fold(1u64, |bits, fact| bits << 1 | u64::from(fact));
+        let bits = flags.into_iter().fold(1u64, |bits, fact| bits << 1 | u64::from(fact));
         sum.with(bits).with(set.map_or(u64::MAX, |set| set as u64))
     })
 }

@@ -4,7 +4,7 @@
 use super::medium::{Medium, is_transmissive_interface};
 use crate::bsdf::{Bsdf, BsdfClass, BsdfProgram, Factors, LocalFrame, ShadingModel, Slots};
 use crate::color::Rgb;
-use crate::color::spectral::{Spectrum, Wavelengths, uplifted_share};
+use crate::color::spectral::{Spectrum, Wavelengths, uplift_reflectance};
 use crate::light::Beam;
 use crate::math::{Frame, Mat3, Vec3};
 use crate::scene::{
@@ -171,7 +171,7 @@ impl Slots for ByWavelength<'_> {
     fn color(&self, slot: &ColorSlot) -> Rgb {
         let factor = Rgb::from_array(slot.factor);
         match slot.texture {
-            None => uplifted_share(factor, self.waves),
+            None => uplift_reflectance(factor, self.waves),
             Some(id) => self.slots.by_wavelength(id, factor, self.waves),
         }
     }
@@ -525,7 +525,7 @@ impl CompiledMaterial {
             return bsdf;
         }
         let bsdf = self.program.evaluate(&ByWavelength { slots, waves }, frame);
-        if self.uses_vertex_colors { bsdf.tinted(uplifted_share(vertex_color, waves)) } else { bsdf }
+        if self.uses_vertex_colors { bsdf.tinted(uplift_reflectance(vertex_color, waves)) } else { bsdf }
     }
 
     /// The shading normal at a point, from the normal map if there is one, and whether a graph's normal points into the surface: it is laid into
@@ -741,7 +741,7 @@ pub(super) fn with_spectra(material: &Material, textures: &mut CompiledTextures)
     uplifted.model.visit_mut("", &mut |_, parameter| {
         if let ParameterMut::Color(slot) = parameter {
             let folded = fold_color(*slot, textures);
-            let spectrum = Spectrum::of_share(Rgb::from_array(folded.factor));
+            let spectrum = Spectrum::of_reflectance(Rgb::from_array(folded.factor));
             *slot = match (folded.texture, spectrum) {
                 (None, spectrum @ Spectrum::Uplifted { .. }) => {
                     ColorSlot::texture(textures.add_spectrum(spectrum))

@@ -94,7 +94,7 @@ impl Medium {
             // The way whose colour the file gives; else that after which some third is left.
             let given = pbr.map_or(0.0, |pbr| pbr.attenuation_distance);
             let way = if given > 0.0 && given.is_finite() { given } else { 1.0 / absorption.mean() };
-            (Spectrum::of_share((absorption * -way).map(poly::exp)), way)
+            (Spectrum::of_reflectance((absorption * -way).map(poly::exp)), way)
         };
         if let (Some(scattering), Some(filling)) = (&mut self.scattering, filling) {
             let absorption = pbr.filter(|pbr| pbr.has_volume).and_then(absorption);
@@ -275,7 +275,7 @@ impl GridMedium {
     pub fn relative_scattering(&self, p: Vec3, waves: Option<&Wavelengths>) -> Rgb {
         let Some(channels) = &self.scattering else { return self.relative_extinction(p, waves) };
         let relative = self.relative(channels, p);
-        waves.map_or(relative, |waves| Spectrum::of_share(relative).at(waves))
+        waves.map_or(relative, |waves| Spectrum::of_reflectance(relative).at(waves))
     }
 
     fn relative(&self, channels: &[Arc<DensityGrid>; 3], p: Vec3) -> Rgb {
@@ -456,8 +456,10 @@ impl ScatteringSpectra {
             return None;
         }
         let albedo = match is_body {
-            true => Albedo::OfBody(Spectrum::of_share(Rgb::from_array(medium.color())), medium.anisotropy),
-            false => Albedo::Own(Spectrum::of_share(Rgb::from_array(medium.albedo))),
+            true => {
+                Albedo::OfBody(Spectrum::of_reflectance(Rgb::from_array(medium.color())), medium.anisotropy)
+            }
+            false => Albedo::Own(Spectrum::of_reflectance(Rgb::from_array(medium.albedo))),
         };
         let [extinction, _, emission] = own.map(|rgb| Spectrum::of_light(Rgb::from_array(rgb)));
         Some(ScatteringSpectra { extinction, left, albedo, emission })

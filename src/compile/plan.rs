@@ -224,7 +224,7 @@ impl Plan {
             .map(|(&m, traits)| {
                 let used =
                     scene.meshes[m].parts.iter().map(|part| self.numbers.number(part.material, traits));
-                let sum = of_materials.with_print(of_meshes[m]);
+                let sum = of_materials.with_fingerprint(of_meshes[m]);
                 if self.numbers.are_own() { sum } else { used.fold(sum, |sum, n| sum.with(u64::from(n))) }
             })
             .collect();
@@ -239,7 +239,7 @@ impl Plan {
                 .with(u64::from(step.mode == InstanceMode::Merged))
                 .with(instance.material.map_or(u64::MAX, number))
                 .with_transform(&step.world_from_object)
-                .with_print(of_meshes[instance.mesh.index()]);
+                .with_fingerprint(of_meshes[instance.mesh.index()]);
             if !self.numbers.are_own() {
                 world = mesh.parts.iter().fold(world, |sum, part| sum.with(number(part.material)));
             }
@@ -271,7 +271,7 @@ fn with_shapes(mut sum: Fingerprint, scene: &Scene) -> Fingerprint {
         sum = rotation.into_iter().fold(sum, |sum, x| sum.with(x.to_bits()));
         sum = sum.with(u64::from(shape.material.0));
     }
-    sum = scene.curves.iter().fold(sum, |sum, curves| sum.with_print(fingerprint::of_curves(curves)));
+    sum = scene.curves.iter().fold(sum, |sum, curves| sum.with_fingerprint(fingerprint::of_curves(curves)));
     sum.with(scene.quads.len() as u64).with(scene.instances.len() as u64)
 }
 

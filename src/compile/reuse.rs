@@ -15,7 +15,7 @@ use crate::texture::CompiledTextures;
 use crate::work_counter::WorkCounter;
 use std::sync::Arc;
 
-/// The inputs of a compiled scene whose results the next frame may reuse.
+/// Inputs of a compiled scene, to find out which results the next frame may reuse.
 pub(super) struct Sources {
     keys: Option<Keys>,
     textures: Vec<Texture>,
@@ -34,7 +34,7 @@ impl Sources {
         }
     }
 
-    /// Is geometry made of them kept?
+    /// Is geometry kept for the next frame?
     pub fn keep_geometry(&self) -> bool {
         self.keys.is_some()
     }
@@ -49,7 +49,7 @@ impl Sources {
     }
 }
 
-/// Parts of the frame before that a frame may reuse.
+/// Results of the previous frame that a frame may reuse.
 #[derive(Default)]
 pub(super) struct Reusable {
     /// The compiled textures, if they are the same.
@@ -66,7 +66,7 @@ pub(super) struct BuiltGeometry {
 }
 
 impl Reusable {
-    /// Geometry of an earlier time, made of `sources`, that a scene can reuse.
+    /// The results of the previous frame, compiled from `sources`, that `scene` may reuse.
     pub fn of(
         sources: Sources,
         (accel, geometries): (Accel, Geometries),
@@ -84,7 +84,7 @@ impl Reusable {
         }
     }
 
-    /// The geometry of a scene, as much of it as can be from the earlier time.
+    /// The geometry of a scene, with unchanged parts of the previous frame.
     pub fn geometry(
         &mut self,
         scene: &Scene,

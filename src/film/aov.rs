@@ -1,4 +1,4 @@
-//! The table of the channels that users may ask for.
+//! The table of AOVs (arbitrary output variables).
 //!
 //! A further channel is a row of the table here, and the line that fills it: in `integrator/first_hit.rs` if it shows first
 //! hits, in `integrator/radiance_buffer.rs` if it is a part of the radiance. The command line, the film and the files walk the table.
@@ -22,7 +22,7 @@ pub struct AovInfo {
     pub about: &'static str,
     /// Names of the components in files.
     pub names: &'static [&'static str],
-    /// How files store it.
+    /// Type of its values in files.
     pub pixel_type: PixelType,
     /// Where its values come from.
     pub source: Source,
@@ -31,7 +31,7 @@ pub struct AovInfo {
 }
 
 impl AovInfo {
-    /// How many numbers each sample has.
+    /// Number of values per sample.
     pub const fn components(&self) -> usize {
         components(self.reduction, self.names.len())
     }
@@ -74,7 +74,7 @@ macro_rules! matte {
 /// reduction, meaning.
 macro_rules! table {
     ($($name:ident $option:literal $names:expr, $pixel_type:ident $source:ident $reduction:expr; $about:literal)+) => {
-        /// An arbitrary output variable: what a picture may carry besides colour.
+        /// An arbitrary output variable: a channel of a picture besides colour.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
         #[non_exhaustive]
         pub enum Aov {
@@ -168,8 +168,8 @@ pub enum AovSpace {
     /// The scene's world: right-handed, y up, metres.
     #[default]
     World,
-    /// The camera's: from where it stands at the moment of the frame, x to its right, y up, z towards the viewer (what is
-    /// seen has negative z), metres.
+    /// The camera's at the time of the frame: origin at the camera, x to its right, y up, z backwards (visible points have negative
+    /// z), metres.
     Camera,
 }
 
@@ -182,7 +182,7 @@ impl AovSpace {
         }
     }
 
-    /// Is a channel of this name one that depends on it?
+    /// Does the channel of this name depend on the space?
     pub fn concerns(channel: &str) -> bool {
         ["P.", "N.", "Ng.", "denoising_normal."].iter().any(|layer| channel.starts_with(layer))
     }
@@ -202,11 +202,11 @@ impl FromStr for AovSpace {
     }
 }
 
-/// Names that an AOV had before.
+/// Former names of AOVs.
 const ALIASES: [(&str, &str); 4] =
     [("nearest", "depth_min"), ("material", "material_id"), ("z", "depth"), ("normals", "normal")];
 
-/// Ranks of a matte unless others are asked for.
+/// Default number of ranks of a Cryptomatte.
 pub const MATTE_LEVELS: u32 = 6;
 
 impl Aov {
@@ -215,7 +215,7 @@ impl Aov {
         &TABLE[self as usize]
     }
 
-    /// The one of this name on the command line.
+    /// The AOV of a name on the command line.
     pub fn from_option(name: &str) -> Option<Aov> {
         let name = ALIASES.iter().find(|(old, _)| *old == name).map_or(name, |(_, new)| new);
         Aov::ALL.iter().copied().find(|aov| aov.info().option == name)
@@ -266,7 +266,7 @@ impl From<Aov> for Channel {
 
 // Sets of AOVs.
 
-/// Which AOVs a picture carries. What isn't asked for is neither stored nor computed.
+/// The AOVs of a picture. Others are neither stored nor computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct AovSet(u64);
 

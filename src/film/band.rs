@@ -1,4 +1,4 @@
-//! The bands of a film: some rows each, to which threads add without meeting those that add to others (`shared.rs`).
+//! Bands of a film: groups of rows with a lock each, so that threads add to different bands at once (`shared.rs`).
 
 use super::channel::{
     Accumulator, AccumulatorData, Channel, Counts, Layout, Reduction, Source, Values, reciprocal,
@@ -7,7 +7,7 @@ use super::exact_sum::{HalfSum, add_exact, on_grid};
 use super::splats::{Splat, Splats};
 use super::tile::{FilmTile, Rect, TileSums};
 
-/// Some rows of a film: all that is kept of their pixels.
+/// All sums of some rows of a film.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Band {
     pub sums: Sums,
@@ -16,7 +16,7 @@ pub(super) struct Band {
 }
 
 impl Band {
-    /// Without samples; `None` if the memory isn't there.
+    /// A band without samples; `None` if memory runs out.
     pub fn try_new(pixels: usize, layout: &Layout) -> Option<Band> {
         Some(Band { sums: Sums::try_new(pixels, layout)?, splats: None })
     }
@@ -25,21 +25,21 @@ impl Band {
         self.sums.count.len()
     }
 
-    /// The sums of splats, from now on there.
+    /// The sums of splats, created by the first call.
     pub fn splats(&mut self, layout: &Layout) -> &mut Splats {
         self.splats.get_or_insert_with(|| Splats::new(self.sums.count.len(), layout))
     }
 
-    /// Adds what of a tile is within the band, which stands at a place of the picture.
+    /// Adds the part of a tile that overlaps the band, whose rectangle in the picture is `own`.
     pub fn add_tile(&mut self, own: Rect, tile: &FilmTile) {
-        for (at, from, length) in own.rows_of(tile.place()) {
+        for (at, from, length) in own.common_rows(tile.rect()) {
             self.sums.add_tile_row(at, &tile.sums, from, length, &tile.layout);
         }
     }
 
-    /// Adds what of another band is within this one.
+    /// Adds the part of another band, at `place` in the picture, that overlaps this one.
     pub fn add_band(&mut self, own: Rect, other: &Band, place: Rect, layout: &Layout) {
-        for (at, from, length) in own.rows_of(place) {
+        for (at, from, length) in own.common_rows(place) {
             self.sums.add_row(at, &other.sums, from, length, layout);
             if let Some(theirs) = &other.splats {
                 let ours = self.splats(layout);
@@ -75,7 +75,7 @@ impl Band {
         self.sums.mean_rgba_with(pixel, of_splats)
     }
 
-    /// The means of a pixel's halves, and of how many samples they are.
+    /// The means of both halves of a pixel's samples, and the number of samples in each.
     pub fn halves(&self, pixel: usize) -> ([[f32; 3]; 2], [u32; 2]) {
         let (means, counts) = self.sums.halves(pixel);
         let splats = self.splats.as_ref().map_or([[0.0; 3]; 2], |splats| splats.halves(pixel));
@@ -83,7 +83,7 @@ impl Band {
         ([0, 1].map(|half| [0, 1, 2].map(|c| with(half, c))), counts)
     }
 
-    /// The values of a channel beyond colour, which is this one of the layers if it is one.
+    /// The values of a channel beyond colour; `layer` is its index among the parts of colour if it is one of them.
     pub fn planes(&self, index: usize, channel: &Channel, layer: usize) -> Vec<Values> {
         let mut planes = self.sums.planes(index, channel);
         let Some(splats) = &self.splats else { return planes };
@@ -96,7 +96,7 @@ impl Band {
     }
 }
 
-/// Adds values to those of planes, as many a pixel as there are planes.
+/// Adds values to planes, one component to each.
 fn add(planes: &mut [Values], values: impl Iterator<Item = [f64; 3]>) {
     for (pixel, values) in values.enumerate() {
         for (plane, value) in planes.iter_mut().zip(values) {
@@ -118,16 +118,16 @@ pub(super) struct Sums {
     pub(super) rgb_low: Vec<[f32; 3]>,
     /// Samples of each pixel.
     pub count: Vec<u32>,
-    /// Samples that hit something, by pixel; empty where no channel asks for it.
+    /// Samples that hit something, by pixel; empty where no channel needs it.
     pub(super) hits: Vec<u32>,
     /// One for each channel beyond colour.
     pub(super) further: Vec<Accumulator>,
-    /// Empty where halves are not kept apart.
+    /// Sums over the first half of the samples; empty where the film keeps no halves.
     pub(super) first_half: Vec<HalfSum>,
 }
 
 impl Sums {
-    /// Empty sums; `None` if the memory isn't there.
+    /// Empty sums; `None` if memory runs out.
     pub fn try_new(pixels: usize, layout: &Layout) -> Option<Sums> {
         let counts = |pixels| bytemuck::try_zeroed_vec(pixels).ok();
         let further = layout.further().iter().map(|channel| Accumulator::try_new(channel, pixels, true));
@@ -220,7 +220,7 @@ impl Sums {
         }
     }
 
-    /// Sets the means of colour over all samples, by lists of at least as many.
+    /// Sets the mean colours of all pixels, from one list a component, which may be longer.
     pub fn set_color(&mut self, color: [&[f32]; 3]) {
         for (pixel, sum) in self.rgba.iter_mut().enumerate() {
             let count = f64::from(self.count[pixel]);
@@ -234,17 +234,17 @@ impl Sums {
         self.further[further].set_means(values, &self.count);
     }
 
-    /// Takes a channel beyond colour away.
+    /// Removes a channel beyond colour.
     pub fn remove(&mut self, further: usize) {
         self.further.remove(further);
     }
 
-    /// Takes the counts of first hits away.
-    pub fn forget_hits(&mut self) {
+    /// Removes the counts of first hits.
+    pub fn remove_hit_counts(&mut self) {
         self.hits = Vec::new();
     }
 
-    /// Mean colour and alpha of a pixel, with colour from elsewhere.
+    /// Mean colour and alpha of a pixel, plus a mean of splats.
     pub fn mean_rgba_with(&self, pixel: usize, [r, g, b]: [f64; 3]) -> [f32; 4] {
         let scale = reciprocal(self.count[pixel]);
         let sum = self.rgba[pixel];

@@ -1,9 +1,8 @@
 //! Order-independent sums: parts of a picture that are added in any order give the same bits.
 //!
-//! A sum is a pair of numbers: the sum rounded to an f64, and what that leaves out. Both together are exact, and the pair is
-//! the only one of its sum, as long as addends are multiples of a grid and sums don't grow beyond [`LARGEST`]: addends are
-//! rounded to the grid first, which is so fine that rounding is below the precision of f32 addends of 1e-6. Beyond, sums
-//! depend on the order in the last digit of an f64.
+//! A sum is a pair of numbers: the sum rounded to f64, and the rounding error. Their total is exact, and the pair of a sum is unique,
+//! while addends are multiples of a grid and sums stay below [`LARGEST`]. Addends are rounded to the grid first, whose spacing is
+//! below the precision of f32 addends of 1e-6. Beyond, sums depend on the order in the last digit of an f64.
 
 use crate::simd::{Kernel, dispatch};
 use bytemuck::{Pod, Zeroable};
@@ -14,7 +13,7 @@ const GRID_BITS: i32 = 44;
 /// Adding and subtracting this rounds numbers below [`ROUNDED`] to the grid.
 const ROUNDER: f64 = 1.5 * (1u64 << (52 - GRID_BITS)) as f64;
 
-/// From here on, an f64 has no digits beyond half of the grid.
+/// From here on, f64 values have no bits finer than half the grid.
 const ROUNDED: f64 = (1u64 << (51 - GRID_BITS)) as f64;
 
 /// Sums are exact below this.
@@ -42,7 +41,7 @@ pub(super) fn add_exact(high: &mut f64, low: &mut f32, value: f64) {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct SumList {
     pub high: Vec<f64>,
-    /// Lower parts of the sums; empty in tiles.
+    /// Rounding errors of `high`; empty in tiles.
     pub low: Vec<f32>,
 }
 

@@ -4,21 +4,20 @@
 //! These are objects that appear only by what the rest of the scene changes on them.
 //!
 //! For samples whose camera rays hit a catcher first, the film stores as means over all samples of the pixel: their
-//! radiance W with the whole scene, their radiance O with nothing but catchers and lights, and their share c. What is seen
-//! by these samples becomes, channel by channel,
+//! radiance W with the whole scene, their radiance O with nothing but catchers and lights, and their share c. The colour of
+//! these samples becomes, channel by channel,
 //!
 //! ```text
 //! rgb = W - (1 - a) O,    alpha = a c,    with a = 1 - min(1, least of W / O over the channels).
 //! ```
 //!
-//! Laid over a plate P, that is rgb + (c - alpha) P, where the plate stands for O / c. If it is just that, the sum is W: what
-//! the catcher would show as an object like others, whatever a is, and so without bias of the ratio of two estimates. With
-//! this a, rgb is nowhere negative, a grey shadow has no rgb and darkens any plate by its factor, and what is brighter than
-//! without the scene is added. The factors W / O, which darken or brighten each channel of any plate, are a layer of their
-//! own, as Cycles has them ("shadow catcher" pass, to be multiplied).
+//! Composited over a plate P, the result is rgb + (c - alpha) P, where the plate replaces O / c. For P = O / c it is W, the radiance of
+//! the catcher as an ordinary object, for every a, so that the ratio of two estimates causes no bias. With this a, rgb is never
+//! negative, a grey shadow has no rgb and darkens any plate by its factor, and additional light is added. The factors W / O, by which
+//! each channel of a plate may be multiplied, are a layer of their own, as in Cycles ("shadow catcher" pass).
 //!
-//! Cycles' own pictures have nothing but alpha there: a = 1 - min(1, mean of W / O over the channels) and no rgb, so that colours that
-//! objects cast are grey, and what is brighter than without the scene is lost ([`CatcherOutput::Shadows`]).
+//! Cycles' combined picture has alpha only, a = 1 - min(1, mean of W / O over the channels), and no rgb, so that coloured shadows are
+//! grey, and additional light is lost ([`CatcherOutput::Shadows`]).
 
 use super::aov::{Aov, AovSet};
 use super::band::Band;
@@ -37,7 +36,7 @@ use std::sync::Arc;
 pub struct Film {
     width: u32,
     height: u32,
-    /// Where its first pixel stands in the picture that it is a part of.
+    /// Position of its first pixel in the whole picture.
     origin: (u32, u32),
     pub(super) layout: Arc<Layout>,
     /// Rows, [`BAND_ROWS`] in each but the last.
@@ -50,7 +49,7 @@ pub struct Film {
 pub struct Plane<'a> {
     /// Its name: `R`, `Z`, `albedo.G`.
     pub name: &'a str,
-    /// How files store it.
+    /// Type of its values in files.
     pub pixel_type: PixelType,
     /// The values, row by row from the top.
     pub values: Values,
@@ -73,7 +72,7 @@ impl Film {
         Film::of_layout(width, height, Layout::new(further))
     }
 
-    /// An empty film that holds what the layout says.
+    /// An empty film with the channels of a layout.
     ///
     /// # Errors
     /// As for [`Film::try_new`].
@@ -90,7 +89,7 @@ impl Film {
         Ok(Film { width, height, origin: (0, 0), layout: Arc::new(layout), bands, invalid_samples: 0 })
     }
 
-    /// Its bands; `None` if the memory isn't there.
+    /// Its bands; `None` if memory runs out.
     fn try_bands((width, height): (u32, u32), layout: &Layout) -> Option<Vec<Band>> {
         // Systems refuse a large block that would not fit, but may promise many small ones.
         let bytes = u64::from(width).checked_mul(u64::from(height))?.checked_mul(layout.bytes_per_pixel())?;
@@ -106,14 +105,14 @@ impl Film {
         Film { width: 0, height: 0, origin: (0, 0), layout, bands, invalid_samples: 0 }
     }
 
-    /// This film as a part of a larger picture, in which its first pixel stands at (`x0`, `y0`): tiles have their places in
-    /// that picture, and only what is within the part is taken.
+    /// This film as a part of a larger picture, whose first pixel is at (`x0`, `y0`). Tiles have positions in the whole picture; their
+    /// pixels outside the film are ignored.
     #[must_use]
     pub fn at(self, x0: u32, y0: u32) -> Film {
         Film { origin: (x0, y0), ..self }
     }
 
-    /// Where its first pixel stands in the picture that it is a part of.
+    /// Position of its first pixel in the whole picture.
     pub fn origin(&self) -> (u32, u32) {
         self.origin
     }
@@ -166,8 +165,8 @@ impl Film {
     pub fn merge(&mut self, tile: FilmTile) {
         let is_ours = Arc::ptr_eq(&tile.layout, &self.layout) || tile.layout == self.layout;
         assert!(is_ours, "a tile has other channels than the film");
-        let place = self.place();
-        for number in place.bands_over(tile.place()) {
+        let place = self.rect();
+        for number in place.overlapping_bands(tile.rect()) {
             self.bands[number].add_tile(place.band(number), &tile);
         }
         self.invalid_samples += tile.invalid_samples;
@@ -185,15 +184,15 @@ impl Film {
     }
 
     /// Counts the samples that were left out, by pixel.
-    pub fn count_invalid(&mut self, taken: u32) {
-        let taken = u64::from(taken) * u64::from(self.width) * u64::from(self.height);
+    pub fn count_invalid(&mut self, samples: u32) {
+        let all = u64::from(samples) * u64::from(self.width) * u64::from(self.height);
         let valid: u64 = self.counts().map(u64::from).sum();
-        self.invalid_samples = taken.saturating_sub(valid);
+        self.invalid_samples = all.saturating_sub(valid);
     }
 
     /// Adds the bands of another film, as far as they lie within this one.
     fn add_bands(&mut self, other: &Film) {
-        let (place, theirs) = (self.place(), other.place());
+        let (place, theirs) = (self.rect(), other.rect());
         // All bands have splats, or none.
         let has_splats = other.bands.iter().any(|band| band.splats.is_some());
         for (number, band) in self.bands.iter_mut().enumerate() {
@@ -201,14 +200,14 @@ impl Film {
                 band.splats(&self.layout);
             }
             let own = place.band(number);
-            for at in theirs.bands_over(own) {
+            for at in theirs.overlapping_bands(own) {
                 band.add_band(own, &other.bands[at], theirs.band(at), &self.layout);
             }
         }
     }
 
     /// Its rectangle in the picture.
-    pub(super) fn place(&self) -> Rect {
+    pub(super) fn rect(&self) -> Rect {
         Rect::new(self.origin, (self.width, self.height))
     }
 
@@ -217,15 +216,15 @@ impl Film {
         self.bands.iter().flat_map(|band| &band.sums.count).copied()
     }
 
-    /// The band of a pixel, and its place there.
-    fn place_of(&self, pixel: usize) -> (usize, usize) {
+    /// The band of a pixel, and its index there.
+    fn band_and_index(&self, pixel: usize) -> (usize, usize) {
         let of_band = BAND_ROWS as usize * self.width as usize;
         (pixel / of_band, pixel % of_band)
     }
 
     /// Sums of colour and alpha of a pixel, and how many samples it has.
     pub(super) fn color_of(&mut self, pixel: usize) -> (&mut [f64; 4], f64) {
-        let (band, pixel) = self.place_of(pixel);
+        let (band, pixel) = self.band_and_index(pixel);
         let sums = &mut self.bands[band].sums;
         (&mut sums.rgba[pixel], f64::from(sums.count[pixel]))
     }
@@ -254,7 +253,7 @@ impl Film {
 
     /// Mean colour and alpha of a pixel, premultiplied; zero where there are no samples yet.
     pub fn mean_rgba(&self, x: u32, y: u32) -> [f32; 4] {
-        let (band, pixel) = self.place_of(self.index(x, y));
+        let (band, pixel) = self.band_and_index(self.index(x, y));
         self.bands[band].mean(pixel)
     }
 
@@ -267,8 +266,8 @@ impl Film {
         self.layout.has_halves().then(|| [of(0), of(1)])
     }
 
-    /// How far each pixel's mean colour may be off, by its halves: half the difference of their means where they have as many
-    /// samples, signed; red, green and blue. NaN where a half has no samples. `None` unless the film keeps halves apart.
+    /// Estimated signed error of each pixel's mean colour (red, green, blue) from its halves: half the difference of their means if they
+    /// have the same number of samples. NaN where a half has no samples. `None` unless the film keeps halves apart.
     pub fn deviations(&self) -> Option<[Vec<f32>; 3]> {
         let of = |band: &Band, pixel: usize, c: usize| {
             let ([first, second], counts) = band.halves(pixel);
@@ -291,11 +290,11 @@ impl Film {
 
     /// Valid samples that a pixel has.
     pub fn samples(&self, x: u32, y: u32) -> u32 {
-        let (band, pixel) = self.place_of(self.index(x, y));
+        let (band, pixel) = self.band_and_index(self.index(x, y));
         self.bands[band].sums.count[pixel]
     }
 
-    /// All components of all channels, each computed when its turn comes.
+    /// All components of all channels, computed lazily.
     pub fn planes(&self) -> impl Iterator<Item = Plane<'_>> {
         self.channels().iter().enumerate().flat_map(|(index, channel)| self.planes_of_channel(index, channel))
     }
@@ -380,7 +379,7 @@ impl Film {
 // Changes of finished films: denoised values replace rendered ones, and single pixels are extracted.
 
 impl Film {
-    /// One pixel as a film of its own: its numbers without those of all others.
+    /// One pixel as a film of its own.
     ///
     /// # Errors
     /// As for [`Film::try_new`].
@@ -396,7 +395,7 @@ impl Film {
         Ok(film)
     }
 
-    /// Puts other colours in place of the mean colours, rows from the top. Alpha and numbers of samples stay.
+    /// Replaces the mean colours, rows from the top. Alpha and numbers of samples are unchanged.
     ///
     /// # Panics
     /// If there are fewer values than pixels.
@@ -409,8 +408,8 @@ impl Film {
         }
     }
 
-    /// Puts other values in place of those of a channel that has means over all samples, given by the name of its first
-    /// component. Does nothing if there is none.
+    /// Replaces the values of a channel of means over all samples, given by the name of its first component. Does nothing without such
+    /// a channel.
     ///
     /// # Panics
     /// If there are fewer values than pixels.
@@ -430,12 +429,12 @@ impl Film {
     }
 
     /// Removes AOVs that only denoising needed.
-    pub fn forget(&mut self, aovs: impl IntoIterator<Item = Aov>) {
-        self.forget_channels(aovs.into_iter().map(|aov| aov.info().names[0]));
+    pub fn remove_aovs(&mut self, aovs: impl IntoIterator<Item = Aov>) {
+        self.remove_channels(aovs.into_iter().map(|aov| aov.info().names[0]));
     }
 
     /// Removes channels by the names of their first components.
-    pub(super) fn forget_channels<'a>(&mut self, first_names: impl IntoIterator<Item = &'a str>) {
+    pub(super) fn remove_channels<'a>(&mut self, first_names: impl IntoIterator<Item = &'a str>) {
         for name in first_names {
             let Some(index) = self.channels().iter().position(|c| c.names[0] == name) else { continue };
             let layer = self.layer_of(index);
@@ -454,7 +453,7 @@ impl Film {
                 }
                 band.sums.remove(index - 1);
                 if !self.layout.has_first_hits {
-                    band.sums.forget_hits();
+                    band.sums.remove_hit_counts();
                 }
             }
         }
@@ -465,14 +464,14 @@ impl Film {
 
 impl Film {
     /// Adds splats, in any order. Those outside the film are left out; those that are not finite, too, and counted as invalid
-    /// samples. [`Film::count_splats`] says of how many samples they are.
+    /// samples. [`Film::count_splats`] adds the number of samples that they belong to.
     ///
     /// # Panics
     /// If there is no memory for them.
     pub fn add_splats(&mut self, splats: &[Splat], is_of_first_half: bool) {
-        let place = self.place();
+        let place = self.rect();
         for splat in splats {
-            for number in place.bands_over(Rect::new((splat.x, splat.y), (1, 1))) {
+            for number in place.overlapping_bands(Rect::new((splat.x, splat.y), (1, 1))) {
                 let one = std::slice::from_ref(splat);
                 let band = &mut self.bands[number];
                 self.invalid_samples +=
@@ -517,7 +516,7 @@ impl Film {
     }
 }
 
-/// The colour of an image at a place in pixels from its corner, blended from the four around it.
+/// Bilinear lookup of an image at a position in pixels from its corner.
 fn bilinear(image: &Image, x: f64, y: f64) -> [f32; 3] {
     let low = |v: f64, size: u32| (v - 0.5).clamp(0.0, f64::from(size - 1));
     let (x, y) = (low(x, image.width), low(y, image.height));
@@ -528,15 +527,15 @@ fn bilinear(image: &Image, x: f64, y: f64) -> [f32; 3] {
     std::array::from_fn(|k| (a[k] * (1.0 - u) + b[k] * u) * (1.0 - v) + (c[k] * (1.0 - u) + d[k] * u) * v)
 }
 
-/// Names of the layer of factors, and of the channels that are removed with the last step.
+/// Names of the layer of factors, and of the channels that [`Film::resolve_catchers`] removes.
 const LAYER: [&str; 3] = ["ShadowCatcher.R", "ShadowCatcher.G", "ShadowCatcher.B"];
 const WITHOUT: [&str; 3] = ["catcher_without.R", "catcher_without.G", "catcher_without.B"];
 const SHARE: [&str; 1] = ["catcher_share.V"];
 
-/// Parts of a sample for shadow catchers: radiance with the scene, without, and whether it was one.
+/// Number of parts of a sample for shadow catchers: radiance with the scene, radiance without it, and whether it hit a catcher.
 pub const CATCHER_PARTS: usize = 3;
 
-/// Less light than this counts as none: nothing to compare with.
+/// Radiance below this counts as zero: a ratio to it is undefined.
 const DARK: f32 = 1e-12;
 
 impl Channel {
@@ -569,20 +568,20 @@ impl Film {
             };
             let (sum, count) = self.color_of(pixel);
             for c in 0..3 {
-                let taken = match caught {
+                let subtracted = match caught {
                     CatcherOutput::All => least * without[c],
                     CatcherOutput::Shadows => with[c],
                 };
-                let left = sum[c] / count.max(1.0) - f64::from(taken);
-                // Nothing but rounding.
-                let is_nothing = left.abs() <= f64::from(1e-6 * taken.max(without[c]));
-                sum[c] = if is_nothing { 0.0 } else { left * count };
+                let left = sum[c] / count.max(1.0) - f64::from(subtracted);
+                // Zero up to rounding.
+                let is_zero = left.abs() <= f64::from(1e-6 * subtracted.max(without[c]));
+                sum[c] = if is_zero { 0.0 } else { left * count };
                 factors[c].push(1.0 + share * (ratio(c) - 1.0));
             }
             sum[3] += f64::from((1.0 - least) * share) * count;
         }
         self.set_means(LAYER[0], [&factors[0], &factors[1], &factors[2]]);
-        self.forget_channels([WITHOUT[0], SHARE[0]]);
+        self.remove_channels([WITHOUT[0], SHARE[0]]);
     }
 }
 

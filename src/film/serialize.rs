@@ -1,5 +1,5 @@
-//! The sums of a film as bytes, and back: for partial renders and checkpoints. Each list has the
-//! pixels of the whole film, whatever bands it is data in.
+//! The sums of a film as bytes, and back: for partial renders and checkpoints. Each list covers the
+//! whole film, independent of its division into bands.
 
 use super::Film;
 use super::band::Band;
@@ -32,11 +32,10 @@ impl Film {
         if splats.is_empty() { Ok(()) } else { write_splats(writer, &splats) }
     }
 
-    /// Reads sums that [`Film::write_sums`] wrote, in place of those that there are. Nothing is allocated beyond what the
-    /// reader has.
+    /// Replaces the sums by those that [`Film::write_sums`] wrote. Allocates no more than the reader holds.
     ///
     /// # Errors
-    /// Those of the reader, and of invalid data; the film is of no use then.
+    /// Those of the reader, and of invalid data; the sums are unspecified then.
     pub fn read_sums(&mut self, reader: &mut dyn Read) -> io::Result<()> {
         let mut invalid = [0u64];
         read(reader, [&mut invalid[..]])?;
@@ -167,10 +166,10 @@ fn read_splats(reader: &mut dyn Read, mut parts: Vec<&mut Splats>) -> io::Result
     read(reader, parts.iter_mut().map(|splats| &mut splats.all[..]))?;
     read(reader, parts.iter_mut().map(|splats| &mut splats.first_half[..]))?;
     for layer in 0..parts.first().map_or(0, |splats| splats.layers.len()) {
-        // Earlier versions left out layers that had nothing.
-        let mut is_there = [0u8];
-        read(reader, [&mut is_there[..]])?;
-        if is_there[0] != 0 {
+        // Earlier versions omitted empty layers.
+        let mut is_present = [0u8];
+        read(reader, [&mut is_present[..]])?;
+        if is_present[0] != 0 {
             read_sums(reader, &mut parts, |splats| Some(&mut splats.layers[layer]))?;
         }
     }
@@ -185,7 +184,7 @@ fn write_sums<'a>(
     write(writer, lists.map(|list| &list.low[..]))
 }
 
-/// Reads the sums that each of some parts has, if it has some.
+/// Reads the list of sums of each part that has one.
 fn read_sums<T: WithSums>(
     reader: &mut dyn Read,
     parts: &mut [&mut T],

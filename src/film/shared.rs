@@ -35,7 +35,7 @@ struct SharedBand {
 impl Film {
     /// The film in parts that threads add to, until [`SharedFilm::into_film`].
     pub fn into_shared(mut self) -> SharedFilm {
-        let place = self.place();
+        let place = self.rect();
         let share = |(number, band): (usize, _)| {
             let place = place.band(number);
             Mutex::new(SharedBand { band, place, pass: 0, left: place.area(), waiting: Vec::new() })
@@ -56,7 +56,7 @@ impl SharedFilm {
         assert!(is_ours, "a tile has other channels than the film");
         self.invalid.fetch_add(tile.invalid_samples, Ordering::Relaxed);
         let tile = Arc::new(tile);
-        for band in &self.bands[self.place.bands_over(tile.place())] {
+        for band in &self.bands[self.place.overlapping_bands(tile.rect())] {
             lock(band).take(pass, &tile);
         }
         Arc::into_inner(tile)
@@ -64,7 +64,7 @@ impl SharedFilm {
 
     /// How many pixels of a rectangle of the picture are within the film.
     pub fn pixels_within(&self, x0: u32, y0: u32, width: u32, height: u32) -> u64 {
-        self.place.and(Rect::new((x0, y0), (width, height))).area()
+        self.place.intersection(Rect::new((x0, y0), (width, height))).area()
     }
 
     /// Adds all splats of a sample, lists of which each is sorted by [`SharedFilm::sort`].
@@ -123,7 +123,7 @@ impl SharedBand {
 
     fn add(&mut self, tile: &FilmTile) {
         self.band.add_tile(self.place, tile);
-        self.left = self.left.saturating_sub(self.place.and(tile.place()).area());
+        self.left = self.left.saturating_sub(self.place.intersection(tile.rect()).area());
     }
 }
 
@@ -195,7 +195,7 @@ mod tests {
             assert!(shared.merge(0, FilmTile::new(0, y0, 64, 16, layout)).is_some());
         }
         drop(held);
-        let locks = |y0, height| shared.place.bands_over(Rect::new((0, y0), (16, height))).len();
+        let locks = |y0, height| shared.place.overlapping_bands(Rect::new((0, y0), (16, height))).len();
         assert_eq!(
             [locks(0, 16), locks(48, 16), locks(8, 16), locks(32, 32), locks(64, 16)],
             [1, 1, 2, 2, 0]

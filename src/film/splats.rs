@@ -1,5 +1,5 @@
-//! Light that arrives at pixels from elsewhere than their own samples: paths from lights, which end at whatever pixel shows
-//! where they do. Its mean is added to that of the pixels' samples.
+//! Splats: contributions of light tracing, whose paths from lights arrive at arbitrary pixels. Their mean is added to the mean of the
+//! pixels' own samples.
 
 use super::channel::{Layout, Reduction, reciprocal};
 use super::exact_sum::{HalfSum, SumList, add_exact, on_grid};
@@ -11,16 +11,16 @@ pub struct Splat {
     pub x: u32,
     /// See `x`.
     pub y: u32,
-    /// Radiance, linear, as its share of the mean over all paths from lights that stand for one sample of each pixel.
+    /// Linear radiance. A pixel's light is the sum of its splats divided by the number of samples per pixel.
     pub rgb: [f32; 3],
-    /// The parts of it that belong to layers, if there are some: two light passes at most, and a group of lights.
+    /// Its contributions to layers, if there are any: at most two light passes and one light group.
     pub parts: Option<Box<[SplatPart; 3]>>,
 }
 
-/// The share of a layer in a splat.
+/// Contribution of a splat to a layer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SplatPart {
-    /// Which of the channels whose source is `Source::PartOfColor`, in their order; beyond them: none.
+    /// Index among the channels of `Source::PartOfColor`; none if out of range.
     pub layer: u16,
     /// See [`Splat::rgb`].
     pub rgb: [f32; 3],
@@ -31,12 +31,12 @@ impl SplatPart {
     pub const NONE: SplatPart = SplatPart { layer: u16::MAX, rgb: [0.0; 3] };
 }
 
-/// The sums of splats by pixel. Each counts for itself, so that their order does not matter.
+/// The sums of splats by pixel. They are exact, so that the order of splats does not matter.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Splats {
     /// Over all samples.
     pub all: Vec<HalfSum>,
-    /// Over those of the first half; empty where halves are not kept apart.
+    /// Over the first half of the samples; empty where the film keeps no halves.
     pub first_half: Vec<HalfSum>,
     /// Sums of each layer, three numbers per pixel.
     pub layers: Vec<SumList>,
@@ -45,7 +45,7 @@ pub(super) struct Splats {
 }
 
 impl Splats {
-    /// None yet. Panics if there is no memory for them.
+    /// Without splats. Panics if memory runs out.
     pub fn new(pixels: usize, layout: &Layout) -> Splats {
         let zeros = |count| vec![HalfSum::default(); count];
         let has_variance = layout.further().iter().any(|c| c.reduction == Reduction::VarianceOfMean);
@@ -84,7 +84,7 @@ impl Splats {
         true
     }
 
-    /// Counts samples of each pixel all splats of which were added.
+    /// Counts samples of each pixel whose splats have all been added.
     pub fn count(&mut self, samples: u32, is_of_first_half: bool) {
         let halves = if is_of_first_half { &mut self.first_half[..] } else { &mut [] };
         for sum in self.all.iter_mut().chain(halves) {
@@ -92,7 +92,7 @@ impl Splats {
         }
     }
 
-    /// Adds a pixel of others, which are of the same layout.
+    /// Adds the sums of a pixel of other splats of the same layout.
     pub fn merge(&mut self, pixel: usize, other: &Splats, from: usize) {
         self.all[pixel].merge(&other.all[from], false);
         if let Some((sum, more)) = self.first_half.get_mut(pixel).zip(other.first_half.get(from)) {
@@ -107,7 +107,7 @@ impl Splats {
         }
     }
 
-    /// Forgets the light of colour, in place of which other values were put.
+    /// Clears the sums of colour, after other values replaced the colour.
     pub fn clear_color(&mut self) {
         let zero = |sum: &mut HalfSum| *sum = HalfSum { count: sum.count, ..HalfSum::default() };
         self.all.iter_mut().for_each(zero);
@@ -129,7 +129,7 @@ impl Splats {
         }))
     }
 
-    /// Variances of the means: sums of squares of splats that are rare and independent. `None` where they are not kept.
+    /// Variances of the means: sums of squares of splats that are rare and independent. `None` if the film keeps no variance.
     pub fn variances(&self) -> Option<impl Iterator<Item = [f64; 3]>> {
         let squares = self.squares.as_ref()?;
         Some(self.all.iter().zip(squares.high.as_chunks::<3>().0).map(|(all, squares)| {
@@ -238,7 +238,7 @@ mod tests {
         film.set_means(first, [&[7.0; 2]; 3]);
         assert_eq!((plane(&film, "R"), plane(&film, first)), (vec![5.0; 2], vec![7.0; 2]));
         assert_eq!(of(&film, Aov::GlossyDirect)[0], [1.0, 0.0]);
-        film.forget([Aov::DiffuseIndirect]);
+        film.remove_aovs([Aov::DiffuseIndirect]);
         assert_eq!(of(&film, Aov::GlossyDirect)[0], [1.0, 0.0]);
         // A file keeps them.
         let mut bytes = Vec::new();

@@ -21,36 +21,36 @@ pub struct FilmTile {
     pub(super) invalid_samples: u64,
 }
 
-/// Plain sums of the samples of a tile. The numbers of a sample for a source stand together, so that they are
-/// added in one go.
+/// Plain f64 sums of the samples of a tile. The values of one source are contiguous for each pixel, so that a sample is added in one
+/// loop.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct TileSums {
     /// Red, green, blue, alpha.
     pub rgba: Vec<[f64; 4]>,
     /// Samples of each pixel.
     pub count: Vec<u32>,
-    /// Samples that hit something, by pixel; empty where no channel asks for it.
+    /// Samples that hit something, by pixel; empty where no channel needs it.
     pub hits: Vec<u32>,
-    /// Empty where halves are not kept apart.
+    /// Sums over the first half of the samples; empty where the film keeps no halves.
     pub first_half: Vec<HalfSum>,
-    /// All numbers of first hits, pixel by pixel; of channels that are not summed they are of no use.
+    /// Values of all channels of first hits, pixel by pixel; those of channels that are not summed are unused.
     pub first_hits: Vec<f64>,
-    /// The parts of colour, three numbers for each.
+    /// Parts of the colour (light groups, lobes), RGB each, pixel by pixel.
     pub parts: Vec<f64>,
-    /// The channels beyond colour that are not summed, with their places among these.
+    /// Accumulators of the channels beyond colour that are not plain sums, with their indices in [`Layout::further`].
     pub others: Vec<(usize, Accumulator)>,
 }
 
 impl TileSums {
-    /// Empties them for `pixels` pixels and keeps the memory. False if there is not enough.
+    /// Resets the sums for `pixels` pixels and reuses their memory; false if memory runs out.
     fn restart(&mut self, pixels: usize, layout: &Layout) -> bool {
         fn zeros<T: bytemuck::Zeroable + Clone>(list: &mut Vec<T>, count: usize) -> bool {
             list.clear();
-            let is_there = list.try_reserve_exact(count).is_ok();
-            if is_there {
+            let is_allocated = list.try_reserve_exact(count).is_ok();
+            if is_allocated {
                 list.resize(count, T::zeroed());
             }
-            is_there
+            is_allocated
         }
         let further = layout.further().iter().enumerate().filter(|(_, channel)| !channel.is_summed());
         let others = further.map(|(k, c)| Some((k, Accumulator::try_new(c, pixels, false)?)));
@@ -117,19 +117,19 @@ impl FilmTile {
         empty.restarted(x0, y0, width, height, layout)
     }
 
-    /// An empty tile in the memory of one that is no longer needed.
+    /// An empty tile that reuses the memory of this one.
     ///
     /// # Panics
     /// If there is no memory for it.
     #[must_use]
     pub fn restarted(mut self, x0: u32, y0: u32, width: u32, height: u32, layout: &Arc<Layout>) -> FilmTile {
-        let is_there = self.sums.restart(width as usize * height as usize, layout);
-        assert!(is_there, "there is no memory for a tile");
+        let is_allocated = self.sums.restart(width as usize * height as usize, layout);
+        assert!(is_allocated, "there is no memory for a tile");
         FilmTile { x0, y0, width, height, layout: layout.clone(), invalid_samples: 0, ..self }
     }
 
-    /// Its rectangle in the picture.
-    pub(super) fn place(&self) -> Rect {
+    /// The rectangle of the picture that it covers.
+    pub(super) fn rect(&self) -> Rect {
         Rect::new((self.x0, self.y0), (self.width, self.height))
     }
 
@@ -161,7 +161,7 @@ impl FilmTile {
     }
 
     /// Adds samples with the parts of the colour for the channels that show them, red, green and blue of each, in the order of
-    /// the film's channels. Films that keep the halves of their samples apart need to know which one it belongs to.
+    /// the film's channels. `is_of_first_half` matters only to films that keep halves.
     pub fn add_with_parts(
         &mut self,
         pixel: u32,
@@ -182,7 +182,7 @@ impl FilmTile {
     }
 }
 
-// Rectangles of pictures, and the bands that they are divided into.
+// Rectangles of a picture and their division into bands.
 
 /// Rows of a band.
 pub(super) const BAND_ROWS: u32 = 16;
@@ -197,7 +197,7 @@ pub(super) struct Rect {
 }
 
 impl Rect {
-    /// By its corner and size.
+    /// A rectangle by its top left corner and its size.
     pub fn new((x0, y0): (u32, u32), (width, height): (u32, u32)) -> Rect {
         Rect { x0, y0, x1: x0.saturating_add(width), y1: y0.saturating_add(height) }
     }
@@ -214,9 +214,9 @@ impl Rect {
         u64::from(self.width()) * u64::from(self.height())
     }
 
-    /// The intersection of both.
+    /// The intersection of two rectangles.
     #[must_use]
-    pub fn and(self, other: Rect) -> Rect {
+    pub fn intersection(self, other: Rect) -> Rect {
         Rect {
             x0: self.x0.max(other.x0),
             y0: self.y0.max(other.y0),
@@ -225,16 +225,16 @@ impl Rect {
         }
     }
 
-    /// Its band of this number.
+    /// The band of this index, counted from the top.
     #[must_use]
     pub fn band(self, number: usize) -> Rect {
         let y0 = self.y0 + number as u32 * BAND_ROWS;
         Rect { y0, y1: y0.saturating_add(BAND_ROWS).min(self.y1), ..self }
     }
 
-    /// The numbers of its bands that have something of another one.
-    pub fn bands_over(self, other: Rect) -> Range<usize> {
-        let both = self.and(other);
+    /// Indices of the bands that overlap another rectangle.
+    pub fn overlapping_bands(self, other: Rect) -> Range<usize> {
+        let both = self.intersection(other);
         if both.area() == 0 {
             return 0..0;
         }
@@ -242,9 +242,9 @@ impl Rect {
         number(both.y0)..number(both.y1 - 1) + 1
     }
 
-    /// The rows of what is within both, each by its first pixel in this one and in the other, and its length.
-    pub fn rows_of(self, other: Rect) -> impl Iterator<Item = (usize, usize, usize)> {
-        let both = self.and(other);
+    /// The rows of the intersection: the index of the first pixel in either rectangle, and the length.
+    pub fn common_rows(self, other: Rect) -> impl Iterator<Item = (usize, usize, usize)> {
+        let both = self.intersection(other);
         let rows = if both.x0 < both.x1 { both.y0..both.y1 } else { 0..0 };
         let place =
             move |of: Rect, y: u32| (y - of.y0) as usize * of.width() as usize + (both.x0 - of.x0) as usize;

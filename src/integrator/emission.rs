@@ -17,7 +17,7 @@ use super::wave::{LENGTH, Paths, Scratch, WAVE, Wave, get, get_rgb, set_rgb};
 use super::workspace::Workspace;
 use crate::bsdf::{Bsdf, Slots};
 use crate::color::Rgb;
-use crate::color::spectral::{Spectrum, Wavelengths, uplifted_light};
+use crate::color::spectral::{Spectrum, Wavelengths, uplift_emission};
 use crate::light::{
     AreaLight, EnvironmentLight, ImageMap, LightSource, Lights, Radiance, Receiver, SelectedSun,
     TexelPosition, solid_angle_density,
@@ -336,7 +336,7 @@ impl Integrator<'_> {
         let Some(wavelengths) = wavelengths else { return rgb };
         match light.and_then(|light| self.scene.spectrum_of_light(light)) {
             Some(spectrum) => scaled(spectrum, rgb, wavelengths),
-            None => uplifted_light(rgb, wavelengths),
+            None => uplift_emission(rgb, wavelengths),
         }
     }
 
@@ -400,7 +400,7 @@ impl Integrator<'_> {
         match (wavelengths, &material.light_spectrum) {
             (None, _) => rgb,
             (Some(wavelengths), Some(spectrum)) => scaled(spectrum, rgb, wavelengths),
-            (Some(wavelengths), None) => uplifted_light(rgb, wavelengths),
+            (Some(wavelengths), None) => uplift_emission(rgb, wavelengths),
         }
     }
 

@@ -226,10 +226,10 @@ impl AreaLight {
         is_in_plane(reference, center, self.normal, self.point_error)
     }
 
-    /// How far behind its origin a ray of its light starts for a receiver on the ray, if it does: see [`Shape::starts_behind`].
-    pub fn starts_behind(&self, receiver: Vec3, ray: &Ray) -> Option<f32> {
+    /// How far behind its origin a ray of its light starts for a receiver on the ray, if it does: see [`Shape::emission_offset`].
+    pub fn emission_offset(&self, receiver: Vec3, ray: &Ray) -> Option<f32> {
         match &self.shape {
-            AreaShape::Analytic(shape) => shape.starts_behind(receiver, ray),
+            AreaShape::Analytic(shape) => shape.emission_offset(receiver, ray),
             _ => Some(0.0),
         }
     }

@@ -1,10 +1,10 @@
 //! Sampling of the environment through windows: directions by luminance among those from a point through a
 //! portal (Bitterli, Novak, Jarosz 2015, "Portal-Masked Environment Map Sampling").
 //!
-//! In the frame of a portal directions have two angles, the arc tangents of their slopes. A rectangle as seen from any point is
-//! a rectangle of these angles, so a table of sums over them gives what comes through it, and inverts to directions. Of
-//! several portals one is chosen by what comes through each. A point in front of none samples the whole environment; what
-//! no portal shows is left to scattered rays, which multiple importance sampling weighs fully there.
+//! Directions are parametrised in the frame of a portal by two angles, the arc tangents of their slopes. A portal seen from any
+//! point is then an axis-aligned rectangle, so a summed-area table of luminance gives the light through it, and is inverted to
+//! sample directions. One of several portals is chosen by the light through each. Points in front of no portal sample the whole
+//! environment. Light that comes through no portal is found by BSDF sampling, whose MIS weight is then 1.
 
 use crate::color::{Rgb, luminance};
 use crate::math::{DVec3, Vec3, poly};
@@ -13,9 +13,9 @@ use rayon::prelude::*;
 use std::f32::consts::FRAC_1_PI;
 use std::sync::Arc;
 
-/// Steps of each of the two angles over half a turn: a third of a degree.
+/// Texels along each of the two angles, which cover 180 degrees: a third of a degree each.
 const SIZE: usize = 512;
-/// Texels of this share of the mean are chosen at least: what is darker may have a bright spot between the samples.
+/// Minimum value of a texel relative to the mean: a darker one may hide a bright spot between its sample points.
 const MIN_SHARE: f64 = 1e-3;
 
 /// The portals of a scene, ready for rendering.
@@ -40,35 +40,36 @@ struct Axes {
     out: Vec3,
 }
 
-/// The rectangle of angles that a portal subtends from a point.
+/// The rectangle that a portal subtends from a point, in texels of its table.
 #[derive(Clone, Copy, Debug)]
 struct Window {
     low: [f64; 2],
     high: [f64; 2],
-    /// The sum over it.
+    /// Luminance summed over it.
     sum: f64,
 }
 
-/// Sums of luminance from the first texel up to each corner of texels.
+/// Summed-area table of luminance, by corners of texels.
 #[derive(Debug)]
 struct SummedArea {
     sums: Vec<f64>,
-    /// Sums of each column from its first texel up to each corner, one column after another.
+    /// Prefix sums within each column, one column after another.
     columns: Vec<f64>,
 }
 
 impl Portals {
-    /// Places portals before an environment of a radiance by direction; the world's origin moves to `anchor`. Tables of `before`
-    /// that fit are used again.
+    /// Portals before an environment with a radiance by direction; their positions become relative to `anchor`. Tables of
+    /// `previous` portals with the same axes are reused.
     pub fn new(
         portals: &[scene::Portal],
         radiance: impl Fn(Vec3) -> Rgb + Sync,
         anchor: DVec3,
-        before: &Portals,
+        previous: &Portals,
     ) -> Portals {
         let place = |portal: &scene::Portal| {
             let axes = Axes::of(portal)?;
-            let known = before.list.iter().find(|other| other.axes == axes).map(|other| other.table.clone());
+            let known =
+                previous.list.iter().find(|other| other.axes == axes).map(|other| other.table.clone());
             Some(Portal {
                 corner: (portal.corner - anchor).as_vec3(),
                 size: [portal.edge_u.length() as f32, portal.edge_v.length() as f32],
@@ -89,8 +90,8 @@ impl Portals {
             let window = only.window(p).filter(|window| window.sum > 0.0)?;
             let place = [f64::from(u[0]) * window.sum, f64::from(u[1])];
             let (at, value) = only.table.sample(&window, place);
-            let (direction, stretch) = only.axes.direction(at);
-            let pdf = (value / window.sum * PER_ANGLE) as f32 / stretch;
+            let (direction, jacobian) = only.axes.direction(at);
+            let pdf = (value / window.sum * PER_ANGLE) as f32 / jacobian;
             return Some((direction, if pdf.is_finite() { pdf } else { 0.0 }));
         }
         let total = self.total(p);
@@ -106,8 +107,8 @@ impl Portals {
         let (portal, window) = chosen.filter(|_| total > 0.0)?;
         let (at, _) = portal.table.sample(&window, [rest, f64::from(u[1])]);
         let (direction, _) = portal.axes.direction(at);
-        // That of all portals which show the direction.
-        let pdf = self.pdf_of(p, direction, total);
+        // The density of the mixture over all portals that the direction leads through.
+        let pdf = self.mixture_pdf(p, direction, total);
         Some((direction, if pdf.is_finite() { pdf } else { 0.0 }))
     }
 
@@ -115,19 +116,21 @@ impl Portals {
     pub fn pdf_solid_angle(&self, p: Vec3, direction: Vec3) -> Option<f32> {
         if let [only] = &self.list[..] {
             let window = only.window(p).filter(|window| window.sum > 0.0)?;
-            return Some((only.share(&window, direction) / window.sum) as f32);
+            return Some((only.unnormalized_pdf(&window, direction) / window.sum) as f32);
         }
         let total = self.total(p);
-        (total > 0.0).then(|| self.pdf_of(p, direction, total))
+        (total > 0.0).then(|| self.mixture_pdf(p, direction, total))
     }
 
     fn total(&self, p: Vec3) -> f64 {
         self.list.iter().filter_map(|portal| portal.window(p)).map(|window| window.sum).sum()
     }
 
-    fn pdf_of(&self, p: Vec3, direction: Vec3, total: f64) -> f32 {
-        let share = |portal: &Portal| portal.window(p).map_or(0.0, |window| portal.share(&window, direction));
-        (self.list.iter().map(share).sum::<f64>() / total) as f32
+    fn mixture_pdf(&self, p: Vec3, direction: Vec3, total: f64) -> f32 {
+        let pdf = |portal: &Portal| {
+            portal.window(p).map_or(0.0, |window| portal.unnormalized_pdf(&window, direction))
+        };
+        (self.list.iter().map(pdf).sum::<f64>() / total) as f32
     }
 }
 
@@ -135,7 +138,7 @@ impl Portals {
 const PER_ANGLE: f64 = (SIZE * SIZE) as f64 / (std::f64::consts::PI * std::f64::consts::PI);
 
 impl Portal {
-    /// `None` behind the portal and in its plane.
+    /// The rectangle that the portal subtends; `None` behind it and in its plane.
     fn window(&self, p: Vec3) -> Option<Window> {
         let to = self.corner - p;
         let depth = to.dot(self.axes.out);
@@ -155,11 +158,11 @@ impl Portal {
 }
 
 impl Portal {
-    /// Density of a direction in a window's sum, per solid angle; 0 where it misses the window.
-    fn share(&self, window: &Window, direction: Vec3) -> f64 {
-        let Some((at, stretch)) = self.axes.angles(direction) else { return 0.0 };
+    /// Unnormalised density per solid angle: its integral is the window's sum; 0 where the direction misses the window.
+    fn unnormalized_pdf(&self, window: &Window, direction: Vec3) -> f64 {
+        let Some((at, jacobian)) = self.axes.angles(direction) else { return 0.0 };
         let is_inside = (0..2).all(|k| window.low[k] <= at[k] && at[k] <= window.high[k]);
-        if is_inside { self.table.texel(at) * PER_ANGLE / f64::from(stretch) } else { 0.0 }
+        if is_inside { self.table.texel(at) * PER_ANGLE / f64::from(jacobian) } else { 0.0 }
     }
 }
 
@@ -178,11 +181,11 @@ impl Axes {
         let (x, y, z) = (sine_x * cosine_y, sine_y * cosine_x, cosine_x * cosine_y);
         // With 1 + u^2 = 1 / cos^2, see below; the length of (x, y, z) is that of (u, v, 1) times both cosines.
         let length = (x * x + y * y + z * z).sqrt();
-        let stretch = z / (length * length * length);
-        ((self.x * x + self.y * y + self.out * z) / length, stretch)
+        let jacobian = z / (length * length * length);
+        ((self.x * x + self.y * y + self.out * z) / length, jacobian)
     }
 
-    /// The angles of a direction in steps, and the solid angle per square radian there; `None` for the half that leads inwards.
+    /// The angles of a direction in steps, and the solid angle per square radian there; `None` for directions that lead inwards.
     ///
     /// With slopes u and v the solid angle of du dv is (1 + u^2 + v^2)^(-3/2), and du is 1 + u^2 times the angle's step.
     fn angles(&self, direction: Vec3) -> Option<([f64; 2], f32)> {
@@ -193,9 +196,9 @@ impl Axes {
         let steps = |x: f32| f64::from((poly::atan2(x, local[2]) * FRAC_1_PI + 0.5) * SIZE as f32);
         let (u, v) = (local[0] / local[2], local[1] / local[2]);
         let square = 1.0 + u * u + v * v;
-        let stretch = (1.0 + u * u) * (1.0 + v * v) / (square * square.sqrt());
-        let is_usable = stretch.is_finite() && stretch > 0.0;
-        is_usable.then_some(([steps(local[0]), steps(local[1])], stretch))
+        let jacobian = (1.0 + u * u) * (1.0 + v * v) / (square * square.sqrt());
+        let is_usable = jacobian.is_finite() && jacobian > 0.0;
+        is_usable.then_some(([steps(local[0]), steps(local[1])], jacobian))
     }
 }
 
@@ -205,8 +208,8 @@ impl SummedArea {
             let (column, row) = (i % SIZE, i / SIZE);
             let points = [[0.25, 0.25], [0.75, 0.25], [0.25, 0.75], [0.75, 0.75]];
             let values = points.map(|[x, y]| {
-                let (direction, stretch) = axes.direction([column as f64 + x, row as f64 + y]);
-                f64::from(luminance(radiance(direction).to_array())) * f64::from(stretch.max(0.0))
+                let (direction, jacobian) = axes.direction([column as f64 + x, row as f64 + y]);
+                f64::from(luminance(radiance(direction).to_array())) * f64::from(jacobian.max(0.0))
             });
             values.iter().sum::<f64>() / 4.0
         };
@@ -237,22 +240,22 @@ impl SummedArea {
         self.sums[row * (SIZE + 1) + column]
     }
 
-    fn up_to(&self, column: usize, row: usize) -> f64 {
+    fn column_prefix(&self, column: usize, row: usize) -> f64 {
         self.columns[column * (SIZE + 1) + row]
     }
 
-    /// The sum over a column of texels between two heights.
+    /// The sum over a column between two rows, which may be fractional.
     fn column(&self, column: usize, low: f64, high: f64) -> f64 {
         let up_to = |y: f64| {
             let row = (y as usize).min(SIZE - 1);
-            let (a, b) = (self.up_to(column, row), self.up_to(column, row + 1));
+            let (a, b) = (self.column_prefix(column, row), self.column_prefix(column, row + 1));
             a + (b - a) * (y - row as f64)
         };
         up_to(high) - up_to(low)
     }
 
-    /// The sum over all texels left of `x`, where it lies at a column, between two heights.
-    fn left(&self, x: usize, low: f64, high: f64) -> f64 {
+    /// The sum over the columns before column `x`, between two rows.
+    fn sum_before(&self, x: usize, low: f64, high: f64) -> f64 {
         let up_to = |y: f64| {
             let row = (y as usize).min(SIZE - 1);
             let (a, b) = (self.corner(x, row), self.corner(x, row + 1));
@@ -261,38 +264,41 @@ impl SummedArea {
         up_to(high) - up_to(low)
     }
 
-    /// The integral over what is left of `x`, between two heights.
-    fn left_of(&self, x: f64, low: f64, high: f64) -> f64 {
+    /// The integral over all that is before `x`, which may lie within a column, between two rows.
+    fn integral_before(&self, x: f64, low: f64, high: f64) -> f64 {
         let column = (x as usize).min(SIZE - 1);
-        self.left(column, low, high) + self.column(column, low, high) * (x - column as f64)
+        self.sum_before(column, low, high) + self.column(column, low, high) * (x - column as f64)
     }
 
     fn sum(&self, low: [f64; 2], high: [f64; 2]) -> f64 {
-        let sum = self.left_of(high[0], low[1], high[1]) - self.left_of(low[0], low[1], high[1]);
+        let sum =
+            self.integral_before(high[0], low[1], high[1]) - self.integral_before(low[0], low[1], high[1]);
         sum.max(0.0)
     }
 
-    /// The value of the texel at a place.
+    /// The value of the texel at a point.
     fn texel(&self, at: [f64; 2]) -> f64 {
         let [column, row] = at.map(|x| (x as usize).min(SIZE - 1));
-        self.up_to(column, row + 1) - self.up_to(column, row)
+        self.column_prefix(column, row + 1) - self.column_prefix(column, row)
     }
 
-    /// A place of a window, by the sum to the left of it, and a number in 0..1; and the value of its texel.
+    /// The point of a window before which the integral is `left`, at the fraction `u` of the integral over its column; and the value of
+    /// its texel.
     fn sample(&self, window: &Window, [left, u]: [f64; 2]) -> ([f64; 2], f64) {
         let Window { low, high, .. } = *window;
-        let wanted = self.left_of(low[0], low[1], high[1]) + left;
+        let target_sum = self.integral_before(low[0], low[1], high[1]) + left;
         let (mut first, mut last) = (low[0] as usize, (high[0] as usize).min(SIZE - 1));
         while first < last {
             let middle = (first + last).div_ceil(2);
-            match self.left(middle, low[1], high[1]) <= wanted {
+            match self.sum_before(middle, low[1], high[1]) <= target_sum {
                 true => first = middle,
                 false => last = middle - 1,
             }
         }
         let column = first;
         let whole = self.column(column, low[1], high[1]);
-        let share = if whole > 0.0 { (wanted - self.left(column, low[1], high[1])) / whole } else { 0.5 };
+        let share =
+            if whole > 0.0 { (target_sum - self.sum_before(column, low[1], high[1])) / whole } else { 0.5 };
         let x = (column as f64 + share).clamp(low[0], high[0]);
         let target = u * whole;
         let (mut first, mut last) = (low[1] as usize, (high[1] as usize).min(SIZE - 1));
@@ -450,10 +456,10 @@ mod tests {
             let angle = |k: i32| ((f64::from(k) + 0.5) / f64::from(n) * 2.0 - 1.0) * widest;
             let at = [i % n, i / n].map(|k| (angle(k) / std::f64::consts::PI + 0.5) * SIZE as f64);
             let (direction, density) = axes.direction(at);
-            let (back, stretch) = axes.angles(direction).expect("outwards");
+            let (back, jacobian) = axes.angles(direction).expect("outwards");
             assert!((0..2).all(|k| (back[k] - at[k]).abs() < 2e-2), "{at:?} {back:?}");
-            assert!((density / stretch - 1.0).abs() < 1e-3, "{density} {stretch}");
-            total += f64::from(stretch) * (2.0 * widest / f64::from(n)).powi(2);
+            assert!((density / jacobian - 1.0).abs() < 1e-3, "{density} {jacobian}");
+            total += f64::from(jacobian) * (2.0 * widest / f64::from(n)).powi(2);
         }
         let truth = 4.0 * widest.sin().powi(2).asin();
         assert!((total / truth - 1.0).abs() < 1e-4, "{total} {truth}");

@@ -1,8 +1,8 @@
-//! Files that other files name: found beside the file that names them, with the spellings of other systems forgiven, and
-//! read only if they are regular files of bearable size. A model may come from anywhere, also to a file manager's thumbnailer:
-//! what it names must neither block (pipes), nor never end (devices), nor lie outside its folder.
+//! Files that other files refer to: they are searched next to the referring file, with tolerance for spellings of other systems, and
+//! read only if they are regular files of acceptable size. Models may come from untrusted sources, also to the thumbnailer of a file
+//! manager: references must neither block (pipes), nor be endless (devices), nor lie outside the folder.
 //!
-//! [`content_of`] tells by its first bytes what a file holds that can't be read in another's place, for messages.
+//! [`content_of`] identifies a file by its first bytes, for errors about files of the wrong type.
 
 use super::LoadOptions;
 use crate::error::{Choice, Error};
@@ -18,32 +18,34 @@ pub(super) const MAX_TEXT: u64 = 1 << 28;
 /// Maximum number of bytes of any other file: images, buffers, grids.
 pub(super) const MAX_DATA: u64 = 1 << 35;
 
-/// Last parts of names that are looked for.
-const MAX_ENDS: usize = 64;
+/// Maximum number of trailing parts of a path that are tried as relative paths.
+const MAX_TRAILING: usize = 64;
 
-/// Reads a regular file of at most `most` bytes.
+/// Reads a regular file of at most `max_bytes` bytes.
 ///
 /// # Errors
-/// Says in words why it can't be read.
-pub(super) fn read(path: &Path, most: u64) -> Result<Vec<u8>, String> {
+/// A message why it can't be read.
+pub(super) fn read(path: &Path, max_bytes: u64) -> Result<Vec<u8>, String> {
     let file = open(path)?;
     let length = file.metadata().map_or(0, |data| data.len());
-    if length > most {
-        return Err(format!("can't be read: it has {length} bytes, of which at most {most} are accepted"));
+    if length > max_bytes {
+        return Err(format!(
+            "can't be read: it has {length} bytes, of which at most {max_bytes} are accepted"
+        ));
     }
     let mut bytes = Vec::new();
     bytes
         .try_reserve_exact(usize::try_from(length).unwrap_or(usize::MAX))
         .map_err(|_| format!("can't be read: there is no memory for its {length} bytes"))?;
-    // The length is that of a moment; what has none may hold bytes all the same (files of the kernel).
-    file.take(most + 1).read_to_end(&mut bytes).map_err(unreadable)?;
-    match bytes.len() as u64 > most {
-        true => Err(format!("can't be read: it has more than {most} bytes")),
+    // The file may grow meanwhile; files of the kernel have the length 0 whatever they contain.
+    file.take(max_bytes + 1).read_to_end(&mut bytes).map_err(unreadable)?;
+    match bytes.len() as u64 > max_bytes {
+        true => Err(format!("can't be read: it has more than {max_bytes} bytes")),
         false => Ok(bytes),
     }
 }
 
-/// All bytes of the file of a model, which a person named, and which may be a pipe; of a compressed one (gzip), those that it holds.
+/// All bytes of a model file that the user named, which may be a pipe; gzip is decompressed.
 pub(super) fn read_model(path: &Path) -> crate::error::Result<Vec<u8>> {
     let fail = |e: std::io::Error| Error::input(path, unreadable(e));
     let mut file = File::open(path).map_err(fail)?;
@@ -61,10 +63,10 @@ pub(super) fn read_model(path: &Path) -> crate::error::Result<Vec<u8>> {
     Ok(unpacked.unwrap_or(bytes))
 }
 
-/// The bytes that compressed ones (gzip) hold; others as they are.
+/// Decompresses gzip; returns other bytes unchanged.
 ///
 /// # Errors
-/// Says in words why they can't be unpacked.
+/// A message why they can't be unpacked.
 pub(super) fn inflated(bytes: &[u8]) -> Result<Cow<'_, [u8]>, String> {
     if !bytes.starts_with(GZIP) {
         return Ok(Cow::Borrowed(bytes));
@@ -75,7 +77,7 @@ pub(super) fn inflated(bytes: &[u8]) -> Result<Cow<'_, [u8]>, String> {
     Ok(Cow::Owned(unpacked))
 }
 
-/// The file of a model that is read piece by piece, more than once.
+/// A model file that is read sequentially, several times.
 pub(super) enum ModelReader {
     Plain(File),
     /// It was compressed.
@@ -100,7 +102,7 @@ impl ModelReader {
         }
     }
 
-    /// Its length, bytes; 0 where that isn't known.
+    /// Its length in bytes; 0 if unknown.
     pub fn length(&self) -> u64 {
         match self {
             ModelReader::Plain(file) => file.metadata().map_or(0, |data| data.len()),
@@ -130,10 +132,10 @@ impl Seek for ModelReader {
 /// The beginning of files compressed by gzip.
 pub(super) const GZIP: &[u8] = b"\x1f\x8b";
 
-/// Longest text that is changed by programs, bytes.
+/// Maximum size of a text file that the program edits, bytes.
 const LONGEST_TEXT: u64 = 1 << 24;
 
-/// The text of a file that is about to be changed; `None` where there is none.
+/// The text of a file that is about to be edited; `None` if it does not exist.
 ///
 /// # Errors
 /// An input error if it can't be read or isn't UTF-8.
@@ -159,9 +161,9 @@ pub fn names_in(folder: &Path) -> crate::error::Result<Vec<String>> {
 /// Opens a regular file.
 ///
 /// # Errors
-/// Says in words why it can't be read.
+/// A message why it can't be read.
 pub(super) fn open(path: &Path) -> Result<File, String> {
-    // Opening a pipe would wait for its writer, so that the kind is asked first.
+    // Opening a pipe would wait for its writer, so the type is checked first.
     check_kind(&std::fs::metadata(path).map_err(unreadable)?)?;
     let file = File::open(path).map_err(unreadable)?;
     check_kind(&file.metadata().map_err(unreadable)?)?;
@@ -175,7 +177,7 @@ fn unreadable(error: std::io::Error) -> String {
     }
 }
 
-/// Refuses what is no regular file.
+/// Fails unless it is a regular file.
 fn check_kind(of: &std::fs::Metadata) -> Result<(), String> {
     match (of.is_file(), of.is_dir()) {
         (true, _) => Ok(()),
@@ -184,20 +186,20 @@ fn check_kind(of: &std::fs::Metadata) -> Result<(), String> {
     }
 }
 
-/// The file that `name` means relative to `file`: as written, with `\` for `/`, its last parts alone (for paths of another
-/// machine; the more, the better), and each of these in other capitals.
+/// The file that `name` refers to, relative to `file`: the path as written, with `\` as a separator, then its trailing parts alone
+/// (for paths of another machine; longer ones first), each also with another case.
 ///
 /// # Errors
-/// Says why there is none.
+/// The reason why there is none.
 pub(super) fn find(file: &Path, name: &str, options: &LoadOptions) -> Result<PathBuf, String> {
-    // Some writers quote names, or escape their blanks.
+    // Some programs quote names, or escape spaces.
     let quoted = name.strip_prefix('"').and_then(|rest| rest.strip_suffix('"')).unwrap_or(name);
     let mut names = vec![name.to_string(), quoted.to_string(), quoted.replace("\\ ", " ")];
     names.dedup();
     let found = find_any(file, &names, options.allow_external);
     match &found {
         Ok(path) => options.files.note(path),
-        // It may come.
+        // The file may be created later.
         Err(_) => options.files.note(beside(file, &name.replace('\\', "/"))),
     }
     found
@@ -208,23 +210,23 @@ pub(super) fn beside(file: &Path, name: &str) -> PathBuf {
     file.parent().unwrap_or(Path::new("")).join(name)
 }
 
-/// The file that one of several readings of a name means; earlier ones come first.
+/// The first file that exists among several interpretations of a name.
 ///
 /// # Errors
-/// Says why there is none, by the first reading.
+/// The reason why there is none, by the first interpretation.
 pub(super) fn find_any(file: &Path, names: &[String], allow_external: bool) -> Result<PathBuf, String> {
     let slashed: Vec<String> = names.iter().map(|name| name.replace('\\', "/")).collect();
     let each = names.iter().zip(&slashed).flat_map(|(name, slashed)| [name.as_str(), slashed.as_str()]);
     let ends = slashed.iter().flat_map(|name| name.match_indices('/').map(|(slash, _)| &name[slash + 1..]));
-    let mut leads_out = false;
-    for wanted in each.chain(ends.take(MAX_ENDS)) {
+    let mut is_outside = false;
+    for wanted in each.chain(ends.take(MAX_TRAILING)) {
         let relative = Path::new(wanted);
         if wanted.is_empty() || wanted.contains('\0') {
             continue;
         }
         let path = beside(file, wanted);
-        if !allow_external && leaves(relative) {
-            leads_out |= path.is_file();
+        if !allow_external && leads_outside(relative) {
+            is_outside |= path.is_file();
             continue;
         }
         if path.is_file() {
@@ -235,14 +237,14 @@ pub(super) fn find_any(file: &Path, names: &[String], allow_external: bool) -> R
         }
     }
     let name = names.first().map_or("", String::as_str);
-    Err(match leads_out {
-        true => format!("'{name}' leads out of the folder; permit it by {}", Choice::AllowExternal),
+    Err(match is_outside {
+        true => format!("'{name}' is outside the folder; permit it by {}", Choice::AllowExternal),
         false => format!("'{name}' does not exist"),
     })
 }
 
-/// Does a relative path climb above where it starts, or start elsewhere?
-pub(super) fn leaves(path: &Path) -> bool {
+/// Does a path lead outside the folder that it is relative to?
+pub(super) fn leads_outside(path: &Path) -> bool {
     let mut depth = 0i64;
     path.components().any(|part| {
         match part {
@@ -255,7 +257,7 @@ pub(super) fn leaves(path: &Path) -> bool {
     })
 }
 
-/// The only file of that name if capitals don't count.
+/// The file of that name regardless of case, if there is exactly one.
 fn in_other_capitals(path: &Path) -> Option<PathBuf> {
     let name = path.file_name()?.to_str()?.to_lowercase();
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
@@ -279,9 +281,9 @@ const UNPACK: &str = "unpack it first";
 const FETCH: &str = "fetch the file itself: git lfs pull";
 const DOWNLOAD: &str = "download the file itself: the server sent a page about it, or an error";
 
-/// Beginnings of files.
+/// First bytes of file types, with a description and a remedy.
 const SIGNATURES: &[(&[u8], &str, &str)] = &[
-    (b"version https://git-lfs.github.com/", "a pointer of Git LFS that stands for the file", FETCH),
+    (b"version https://git-lfs.github.com/", "a Git LFS pointer instead of the file", FETCH),
     (b"PK\x03\x04", "a ZIP archive", UNPACK),
     (b"\x1f\x8b", "compressed by gzip", UNPACK),
     (b"7z\xbc\xaf\x27\x1c", "a 7z archive", UNPACK),
@@ -308,7 +310,7 @@ const SIGNATURES: &[(&[u8], &str, &str)] = &[
 const AVIF: [&[u8]; 2] = [b"avif", b"avis"];
 const HEIC: [&[u8]; 8] = [b"heic", b"heix", b"hevc", b"hevx", b"heim", b"heis", b"mif1", b"msf1"];
 
-/// Bytes of a text that are searched for its first words.
+/// Number of bytes in which the first words of HTML, SVG and XML are searched.
 pub(super) const HEAD: usize = 512;
 
 /// The content of a file, if it is known.

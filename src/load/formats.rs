@@ -10,25 +10,25 @@ pub(super) struct ModelFormat {
     extensions: &'static [&'static str],
     /// Reads a file.
     pub load: fn(&Path, &LoadOptions) -> Result<Loaded>,
-    /// Is it glTF, which choices about glTF assets are about, and which has times?
+    /// Is it glTF, which has animations and options of its own?
     pub is_gltf: bool,
-    /// Files don't say which of their axes points up.
-    pub leaves_up_open: bool,
+    /// Its files do not define which axis points up.
+    pub has_ambiguous_up: bool,
 }
 
-/// All of them.
+/// All model formats.
 const MODELS: &[ModelFormat] = &[
     ModelFormat {
         extensions: &["gltf", "glb", "vrm"],
         load: gltf::load,
         is_gltf: true,
-        leaves_up_open: false,
+        has_ambiguous_up: false,
     },
-    ModelFormat { extensions: &["obj"], load: obj::load, is_gltf: false, leaves_up_open: true },
-    ModelFormat { extensions: &["ply"], load: ply::load, is_gltf: false, leaves_up_open: true },
-    ModelFormat { extensions: &["spz"], load: splats::load, is_gltf: false, leaves_up_open: true },
-    ModelFormat { extensions: &[THREE_MF], load: threemf::load, is_gltf: false, leaves_up_open: true },
-    ModelFormat { extensions: &["stl"], load: stl::load, is_gltf: false, leaves_up_open: true },
+    ModelFormat { extensions: &["obj"], load: obj::load, is_gltf: false, has_ambiguous_up: true },
+    ModelFormat { extensions: &["ply"], load: ply::load, is_gltf: false, has_ambiguous_up: true },
+    ModelFormat { extensions: &["spz"], load: splats::load, is_gltf: false, has_ambiguous_up: true },
+    ModelFormat { extensions: &[THREE_MF], load: threemf::load, is_gltf: false, has_ambiguous_up: true },
+    ModelFormat { extensions: &["stl"], load: stl::load, is_gltf: false, has_ambiguous_up: true },
 ];
 
 /// The extension of 3MF files, which are archives themselves.
@@ -41,7 +41,7 @@ const SCENE_FILE: &str = "toml";
 const BLENDER: &str = "blend";
 
 /// Extensions of files of other programs, which Blender imports.
-const OF_OTHERS: [&str; 7] = ["usd", "usda", "usdc", "usdz", "fbx", "abc", "dae"];
+const IMPORTED_BY_BLENDER: [&str; 7] = ["usd", "usda", "usdc", "usdz", "fbx", "abc", "dae"];
 
 /// The extension of archives that hold models.
 const ARCHIVE: &str = "zip";
@@ -67,7 +67,7 @@ pub(super) fn of(path: &Path) -> Format {
     if extension == SCENE_FILE {
         return Format::SceneFile;
     }
-    if extension == BLENDER || OF_OTHERS.contains(&extension.as_str()) {
+    if extension == BLENDER || IMPORTED_BY_BLENDER.contains(&extension.as_str()) {
         return Format::Blender;
     }
     let model = MODELS.iter().find(|format| format.extensions.contains(&extension.as_str()));
@@ -87,22 +87,22 @@ pub(super) fn extension(path: &Path) -> String {
     }
 }
 
-/// Is a file one of other programs that Blender imports?
-pub(super) fn is_of_others(path: &Path) -> bool {
-    OF_OTHERS.contains(&extension(path).as_str())
+/// Is it a file of another program, which Blender imports?
+pub(super) fn is_imported_by_blender(path: &Path) -> bool {
+    IMPORTED_BY_BLENDER.contains(&extension(path).as_str())
 }
 
-/// Does the name say that a file is an archive?
+/// Is it an archive, by its extension?
 pub(super) fn is_named_as_archive(path: &Path) -> bool {
     extension(path) == ARCHIVE
 }
 
-/// Does the name say that a file is an archive which is one model as a whole?
+/// Is it an archive that is one model as a whole, by its extension?
 pub(super) fn is_package(path: &Path) -> bool {
     extension(path) == THREE_MF
 }
 
-/// The rank of a file among the models of an archive, the least first; `None` for what is no model.
+/// The priority of a file among the models of an archive, lowest first; `None` if it is not a model.
 pub(super) fn rank_in_archives(path: &Path) -> Option<usize> {
     let extension = extension(path);
     MODELS.iter().position(|format| format.extensions.contains(&extension.as_str()))
@@ -110,7 +110,7 @@ pub(super) fn rank_in_archives(path: &Path) -> Option<usize> {
 
 /// The extensions of models and last those of archives, of scene files, of Blender's and of those that it imports.
 pub fn extensions() -> impl Iterator<Item = &'static str> {
-    model_extensions().chain([ARCHIVE, SCENE_FILE, BLENDER]).chain(OF_OTHERS)
+    model_extensions().chain([ARCHIVE, SCENE_FILE, BLENDER]).chain(IMPORTED_BY_BLENDER)
 }
 
 /// `.gltf, .glb, ...`: the extensions of models for a message.

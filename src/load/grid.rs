@@ -19,11 +19,11 @@ pub(super) struct GridChoice<'a> {
     pub name: Option<&'a str>,
     /// The file's z points up, and becomes y.
     pub is_z_up: bool,
-    /// Values fall to nothing over a voxel around its box.
+    /// Values fall off to 0 over one voxel around the box.
     pub has_margin: bool,
 }
 
-/// Reads a grid file; an error is a sentence.
+/// Reads a grid file; an error is a message.
 pub(super) fn read(path: &Path, choice: GridChoice) -> Result<Grid, String> {
     let name = path.display().to_string();
     let extension = path.extension().map_or_else(String::new, |e| e.to_string_lossy().to_lowercase());
@@ -34,7 +34,7 @@ pub(super) fn read(path: &Path, choice: GridChoice) -> Result<Grid, String> {
             Err("is a file of NanoVDB, which is not read: convert it by nanovdb_convert to .vdb".into())
         }
         _ if choice.name.is_some() || choice.is_z_up => {
-            Err("is no .vdb file, which 'grid_name' and 'up' are about".into())
+            Err("is not a .vdb file: 'grid_name' and 'up' apply to those only".into())
         }
         _ => parse(&bytes, &name),
     };
@@ -46,7 +46,7 @@ fn parse(bytes: &[u8], name: &str) -> Result<Grid, String> {
         return Err(format!("has {} bytes, but the header of a .vol file has {HEADER}", bytes.len()));
     };
     if &header[..3] != b"VOL" {
-        return Err("is no .vol file: it does not begin with 'VOL'".into());
+        return Err("is not a .vol file: it does not begin with 'VOL'".into());
     }
     if header[3] != 3 {
         return Err(format!("is of version {}, but only version 3 is read", header[3]));

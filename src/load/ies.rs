@@ -1,8 +1,8 @@
 //! Files of luminaires: IES LM-63 of 1986, 1991, 1995, 2002 and 2019, photometry of type C.
 //!
-//! After lines of text, of which the last begins with `TILT=`, numbers follow: ten and three of the luminaire, its vertical and its
+//! Header lines, the last of which begins with `TILT=`, are followed by numbers: thirteen about the luminaire, the vertical and the
 //! horizontal angles, and candelas for each pair of them. Candelas are multiplied by the candela multiplier and the two ballast
-//! factors; tilts, the losses of lamps by their orientation, are not.
+//! factors. The TILT table (losses of lamps by their orientation) is ignored.
 
 use crate::scene::LightProfile;
 
@@ -12,7 +12,7 @@ const MAX_NUMBERS: usize = 1 << 22;
 /// Luminous efficacy of monochromatic light of 540 THz, lm/W (the SI's definition of the candela): scenes want W/sr.
 pub(super) const LUMENS_PER_WATT: f64 = 683.0;
 
-/// A profile with the largest value 1, and what that was.
+/// The profile scaled to a maximum of 1, and its former maximum.
 pub(super) fn relative(profile: LightProfile) -> (LightProfile, f64) {
     let peak = profile.peak();
     let values = profile.values.iter().map(|value| value / peak).collect();
@@ -51,7 +51,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<LightProfile, String> {
     let candela = numbers.take(rows.saturating_mul(columns), "candelas")?;
     let mut values: Vec<f32> = candela.iter().map(|c| (c * factor) as f32).collect();
     let [first, last] = [horizontal_deg[0], horizontal_deg[columns - 1]];
-    // Files that leave out where the circle closes: what is missing is one step.
+    // Some files omit the angle 360: the gap is then one step.
     let widest = horizontal_deg.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f32::max);
     let is_open = last > 180.0 && last < 360.0 && columns > 2 && 360.0 - last <= 1.5 * widest;
     if first == 0.0 && is_open {
@@ -87,7 +87,7 @@ fn numbers<'t>(lines: impl Iterator<Item = (usize, &'t str)>) -> Result<Vec<f64>
     Ok(list)
 }
 
-/// The numbers that are still to be read.
+/// A cursor over the numbers.
 struct Numbers {
     list: Vec<f64>,
     at: usize,

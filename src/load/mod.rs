@@ -79,8 +79,7 @@ pub fn load_times(
     load_each(path.as_ref(), options, times.into_iter().map(Some), each)
 }
 
-/// The loader of all functions above; without a time (`None`) animations don't play. Archives are unpacked for as long as it
-/// takes.
+/// Loads a file at several times; `None` is the rest pose. Archives are unpacked to a temporary folder.
 fn load_each(
     path: &Path,
     options: &LoadOptions,
@@ -93,24 +92,24 @@ fn load_each(
     options.files.note(path);
     let unpacked = unpack::Unpacked::new(path)?;
     let inner = LoadOptions { files: SavedFiles::default(), ..options.clone() };
-    let of_archive = |file: &mut Option<PathBuf>| {
+    let report_archive = |file: &mut Option<PathBuf>| {
         if unpacked.holds(file.as_ref()) {
             *file = Some(path.to_path_buf());
         }
     };
     let loaded = load_file(&unpacked.model, &inner, times, &mut |loaded| {
         let messages = loaded.warnings.iter_mut().chain(&mut loaded.notes);
-        messages.for_each(|warning| of_archive(&mut warning.file));
+        messages.for_each(|warning| report_archive(&mut warning.file));
         unpacked.keep_for(loaded);
         each(loaded)
     });
     loaded.map_err(|mut error| {
-        of_archive(&mut error.file);
+        report_archive(&mut error.file);
         error
     })
 }
 
-/// Is a file an archive with a model, whatever model its name promises? What else can't be a model is refused by its name.
+/// Is a file an archive with a model, whatever its extension? Known file types that are no models are errors.
 fn is_archive(path: &Path) -> Result<bool> {
     let format = formats::of(path);
     let is_named_so = formats::is_named_as_archive(path);
@@ -123,8 +122,9 @@ fn is_archive(path: &Path) -> Result<bool> {
     if zip::is_archive(&start) {
         return Ok(!formats::is_package(path));
     }
-    let is_meant = matches!(format, Format::Model(model) if model.is_gltf) && start.starts_with(b"glTF");
-    match files::content_of(&start).filter(|_| !is_meant && !start.starts_with(files::GZIP)) {
+    let is_binary_gltf =
+        matches!(format, Format::Model(model) if model.is_gltf) && start.starts_with(b"glTF");
+    match files::content_of(&start).filter(|_| !is_binary_gltf && !start.starts_with(files::GZIP)) {
         Some(files::Content { what, remedy }) => {
             Err(Error::input(path, format!("is {what}")).with_help(remedy))
         }
@@ -133,7 +133,7 @@ fn is_archive(path: &Path) -> Result<bool> {
     }
 }
 
-/// Loads a file that is no archive.
+/// Loads a file that is not an archive.
 fn load_file(
     path: &Path,
     options: &LoadOptions,
@@ -199,12 +199,12 @@ pub fn load_frames(
     Ok(())
 }
 
-/// Does its name say that a file is one of Blender, or one that Blender imports (USD, FBX, Alembic, Collada)?
+/// Is it a Blender file, or one that Blender imports (USD, FBX, Alembic, Collada), by its extension?
 pub fn is_of_blender(path: impl AsRef<Path>) -> bool {
     matches!(formats::of(path.as_ref()), Format::Blender)
 }
 
-/// Does its name say that a file is a scene?
+/// Is it a scene, by its extension?
 pub fn is_named_as_scene(path: impl AsRef<Path>) -> bool {
     !matches!(formats::of(path.as_ref()), Format::Other) || formats::is_named_as_archive(path.as_ref())
 }
@@ -215,13 +215,13 @@ pub fn is_scene(path: impl AsRef<Path>) -> bool {
     is_named_as_scene(path) && (!matches!(formats::of(path), Format::SceneFile) || scene_file::is_scene(path))
 }
 
-/// Does a scene file ask for denoising (`denoise` of `[render]`)? What it names is not read.
+/// Does a scene file ask for denoising (`denoise` of `[render]`)? Only the scene file itself is read.
 pub fn asks_for_denoising(path: impl AsRef<Path>) -> bool {
     let path = path.as_ref();
     matches!(formats::of(path), Format::SceneFile) && scene_file::asks_for_denoising(path)
 }
 
-/// How to get a scene from a file of another program, by its extension.
+/// How to convert a file of another program, by its extension: the help text of an error.
 fn conversion_hint(extension: &str) -> String {
     let way = match extension {
         "3ds" | "max" | "ma" | "mb" | "c4d" | "skp" | "step" | "stp" | "x3d" | "wrl" | "lwo" => {
@@ -253,14 +253,14 @@ fn smoothed(path: &Path, options: &LoadOptions, is_of_meshes: bool, loaded: &mut
             true => "all meshes have normals of their own",
             false => "it is for OBJ and PLY files; scene files have the key 'smooth' of objects",
         };
-        let message = format!("{} changes nothing: {why}", Choice::Smooth);
+        let message = format!("{} has no effect: {why}", Choice::Smooth);
         loaded.warnings.push(Warning::new(path, "", ("unused-option", message)));
     }
 }
 
-/// Do files of this format leave open which axis points up?
-pub fn leaves_up_open(path: impl AsRef<Path>) -> bool {
-    matches!(formats::of(path.as_ref()), Format::Model(model) if model.leaves_up_open)
+/// Do files of this format not define which axis points up?
+pub fn has_ambiguous_up(path: impl AsRef<Path>) -> bool {
+    matches!(formats::of(path.as_ref()), Format::Model(model) if model.has_ambiguous_up)
 }
 
 /// The steps that follow reading, for all formats: options that apply to meshes, the sidecar, the up axis, displacement, procedural media,
@@ -280,11 +280,11 @@ fn complete(
     warn_of_unused_options(path, options, is_mesh_file, loaded);
     subdivided::all(path, options, is_mesh_file, loaded)?;
     smoothed(path, options, is_mesh_file, loaded);
-    let leaves_up_open = model.is_some_and(|model| model.leaves_up_open);
-    if leaves_up_open {
-        upright::turn_as_asked(options, loaded);
+    let has_ambiguous_up = model.is_some_and(|model| model.has_ambiguous_up);
+    if has_ambiguous_up {
+        upright::apply_up_option(options, loaded);
     } else if !matches!(options.up, Up::Auto | Up::Y) {
-        let message = ("unused-option", "the choice of the axis that points up changes nothing here");
+        let message = ("unused-option", format!("{} has no effect on files of this type", Choice::Up));
         loaded.warnings.push(Warning::new(path, "", message));
     }
     match sidecar {
@@ -292,14 +292,14 @@ fn complete(
         None if model.is_some() && !options.no_sidecar => gltf::warn_of_losses(path, loaded),
         None => {}
     }
-    if leaves_up_open {
-        upright::turn_as_guessed(path, options, loaded);
+    if has_ambiguous_up {
+        upright::apply_guessed_up(path, options, loaded);
     }
     // Subdivision is complete; the meshes of the next time differ.
     loaded.polygons = subdivide::Polygons::default();
     displace::apply(loaded);
     procedural_media::apply(loaded)?;
-    loaded.is_model = model.is_some() || formats::is_of_others(path);
+    loaded.is_model = model.is_some() || formats::is_imported_by_blender(path);
     stage::complete(loaded, &options.stage, options.brings_environment);
     let problems = loaded.scene.validate();
     if problems.is_empty() { Ok(()) } else { Err(Error::input_problems(path, problems)) }
@@ -309,13 +309,15 @@ fn complete(
 fn warn_of_unused_options(path: &Path, options: &LoadOptions, is_mesh_file: bool, loaded: &mut Loaded) {
     let mut warn = |message: &str| loaded.warnings.push(Warning::new(path, "", message));
     if is_of_blender(path) && options.shutter.is_open() {
-        warn("what moves in files of Blender is not blurred: it is exported at one time");
+        warn("motion in Blender files is not blurred: they are exported at one time");
     }
     if is_mesh_file && options.gltf.time_s.is_some() {
-        warn("nothing moves in files of this type: every frame or time is the same picture");
+        warn("files of this type have no animations: all frames are the same picture");
     }
     let of_assets = gltf::GltfOptions { time_s: None, ..options.gltf.clone() };
     if is_mesh_file && of_assets != gltf::GltfOptions::default() {
-        warn("choices about glTF assets (a scene, a node, a variant, lights, glass) change nothing here");
+        warn(
+            "options for glTF assets (scene, node, variant, lights, glass) have no effect on files of this type",
+        );
     }
 }

@@ -1,6 +1,4 @@
-//! Options and result of loading.
-//!
-//! Shutter interval and number of motion keys.
+//! Options and result of loading; the shutter interval and the number of motion keys.
 
 use super::stage::{StageOptions, Turntable};
 use super::subdivide::{Polygons, Subdivision};
@@ -127,7 +125,7 @@ impl From<Scene> for Loaded {
     }
 }
 
-// Choices about files of Blender.
+// Options for files of Blender.
 
 /// Options for files of Blender.
 #[derive(Clone, Debug, Default)]
@@ -148,7 +146,7 @@ pub struct BlenderOptions {
 
 // Options for glTF assets.
 
-/// Choices about one glTF asset; the defaults show what the file says is shown, at rest.
+/// Options of a glTF asset; the defaults are the default scene of the file in its rest pose.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct GltfOptions {
     /// The time of its animations, seconds; `None` shows the rest pose.
@@ -183,20 +181,20 @@ pub enum LightUnits {
 }
 
 /// Interpretation of materials with transmission and without a volume (thickness 0). Where they become solids, their
-/// colour is that of light that has passed the whole body, as in Blender; the colour of solids that the file declares is
-/// met at each crossing of their surface, as the specification says.
+/// colour applies once to light that has passed the whole body, as in Blender; the colour of solids that the file declares applies at
+/// each crossing of their surface, as the specification says.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Glass {
     /// Solid in files by Blender, which leaves the volume out for ordinary glass, where the meshes enclose bodies; thin
-    /// where they don't, and in all other files, as the specification says. In what was exported of files of Blender here all
-    /// is solid, as in Blender, but for open sheets, which bend light all the same.
+    /// where they don't, and in all other files, as the specification says. In Blender files all is solid, as in
+    /// Blender, except open sheets, which refract nevertheless.
     #[default]
     Auto,
     /// They refract like the surface of a solid body.
     Solid,
     /// As [`Glass::Auto`]; and flat closed meshes, the panes of windows, become single sheets, whether a volume is declared or
-    /// not: light samples pass those, where a solid leaves light behind it to chance. They don't bend light and have no
-    /// edges. So do the open sheets of what was exported of files of Blender.
+    /// not. Light samples pass sheets, whereas light behind a solid is found by BSDF sampling only. Sheets don't refract and have no
+    /// edges. The same applies to open sheets of Blender files.
     Panes,
     /// They are thin walls that do not refract, as the specification says.
     Thin,
@@ -230,7 +228,7 @@ pub enum Up {
     Auto,
     /// x.
     X,
-    /// y, as everywhere here.
+    /// y, as in scenes.
     #[default]
     Y,
     /// z, as in Blender and most scans and CAD.
@@ -256,7 +254,7 @@ impl Up {
     /// All of them.
     pub const ALL: [Up; 7] = [Up::Auto, Up::X, Up::Y, Up::Z, Up::NegX, Up::NegY, Up::NegZ];
 
-    /// As users write it.
+    /// Its name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Up::Auto => "auto",
@@ -287,7 +285,7 @@ impl Up {
 
 // Which files a scene was made of, and when they were saved.
 
-/// When a file was saved and its bytes; `None` for one that isn't there.
+/// Modification time and size of a file; `None` if it does not exist.
 type Stamp = Option<(Option<SystemTime>, u64)>;
 
 /// The files that loading has read or not found. Clones are the same list.
@@ -312,8 +310,8 @@ impl SavedFiles {
         has_any
     }
 
-    /// Takes the files of a newer load: all in place of these, or, where that failed, besides these.
-    pub fn take_over(&self, newer: &SavedFiles, has_failed: bool) {
+    /// Replaces the list by that of a newer load, or, if that load failed, adds to it.
+    pub fn replace_by(&self, newer: &SavedFiles, has_failed: bool) {
         let newer = newer.lock().clone();
         let mut own = self.lock();
         if !has_failed {
@@ -388,9 +386,9 @@ mod saved_tests {
         let (own, newer) = (SavedFiles::default(), SavedFiles::default());
         own.note("a");
         newer.note("b");
-        own.take_over(&newer, true);
+        own.replace_by(&newer, true);
         assert_eq!(own.paths().len(), 2);
-        own.take_over(&newer, false);
+        own.replace_by(&newer, false);
         assert_eq!(own.paths(), [PathBuf::from("b")]);
     }
 }
@@ -462,7 +460,7 @@ impl ShutterOptions {
     }
 
     /// Are samples at other times needed?
-    pub fn wants_motion(&self) -> bool {
+    pub fn needs_motion(&self) -> bool {
         self.is_open() || self.vectors
     }
 
@@ -483,64 +481,64 @@ impl ShutterOptions {
         (0..keys).map(move |key| options.frame_at(key as f64 / last))
     }
 
-    /// Number of keys that objects need whose transforms at a frame are `places(frame)` (always as many): so many that they are between
-    /// keys where interpolation has them, within the tolerance. And are these enough?
-    pub fn keys_for(&self, places: &mut dyn FnMut(f64) -> Vec<DAffine3>) -> (usize, bool) {
+    /// Number of keys for objects whose transforms at a frame are `transforms(frame)`, such that interpolation between keys is within the
+    /// tolerance; and whether it is within it at the maximum number of keys.
+    pub fn keys_for(&self, transforms: &mut dyn FnMut(f64) -> Vec<DAffine3>) -> (usize, bool) {
         if !self.is_open() {
             return (0, true);
         }
         if let Some(keys) = self.keys {
             return (keys as usize, true);
         }
-        let ways = self.ways(places);
+        let path_lengths = self.path_lengths(transforms);
         let mut steps = 1;
         while steps + 1 < MAX_KEYS {
-            if self.is_even(steps, places, &ways, TOLERANCE) {
+            if self.is_accurate(steps, transforms, &path_lengths, TOLERANCE) {
                 return (steps + 1, true);
             }
             steps *= 2;
         }
-        (steps + 1, self.is_even(steps, places, &ways, LAST_TOLERANCE))
+        (steps + 1, self.is_accurate(steps, transforms, &path_lengths, LAST_TOLERANCE))
     }
 
     /// Approximate lengths of the trajectories in the shutter interval.
-    fn ways(&self, places: &mut dyn FnMut(f64) -> Vec<DAffine3>) -> Vec<f64> {
+    fn path_lengths(&self, transforms: &mut dyn FnMut(f64) -> Vec<DAffine3>) -> Vec<f64> {
         const STEPS: u32 = 8;
-        let mut before = places(self.frame_at(0.0));
-        let mut ways = vec![0.0; before.len()];
+        let mut before = transforms(self.frame_at(0.0));
+        let mut path_lengths = vec![0.0; before.len()];
         for step in 1..=STEPS {
-            let next = places(self.frame_at(f64::from(step) / f64::from(STEPS)));
-            for (way, (from, to)) in ways.iter_mut().zip(before.iter().zip(&next)) {
-                *way += from.translation.distance(to.translation);
+            let next = transforms(self.frame_at(f64::from(step) / f64::from(STEPS)));
+            for (path_length, (from, to)) in path_lengths.iter_mut().zip(before.iter().zip(&next)) {
+                *path_length += from.translation.distance(to.translation);
             }
             before = next;
         }
-        ways
+        path_lengths
     }
 
-    /// Is interpolation between this number of steps within the tolerance?
-    fn is_even(
+    /// Is interpolation over this number of steps within the tolerance?
+    fn is_accurate(
         &self,
         steps: usize,
-        places: &mut dyn FnMut(f64) -> Vec<DAffine3>,
-        ways: &[f64],
+        transforms: &mut dyn FnMut(f64) -> Vec<DAffine3>,
+        path_lengths: &[f64],
         tolerance: f64,
     ) -> bool {
         // Some per step, at irregular times: periodic motion must not alias.
         let between = (7 / steps).max(2);
         let inner = |k: usize| (k as f64 + 0.9) / (between as f64 + 0.8);
-        let (mut from, mut is_even) = (places(self.frame_at(0.0)), true);
+        let (mut from, mut is_accurate) = (transforms(self.frame_at(0.0)), true);
         for step in 0..steps {
             let at = |inner: f64| self.frame_at((step as f64 + inner) / steps as f64);
-            let to = places(at(1.0));
+            let to = transforms(at(1.0));
             for share in (0..between).map(inner) {
-                let sampled = places(at(share));
-                let all = from.iter().zip(&to).zip(sampled.iter().zip(ways));
-                is_even &= all.into_iter().all(|((from, to), (sampled, way))| {
-                    is_near(&mix(from, to, share), sampled, tolerance, *way)
+                let sampled = transforms(at(share));
+                let all = from.iter().zip(&to).zip(sampled.iter().zip(path_lengths));
+                is_accurate &= all.into_iter().all(|((from, to), (sampled, path_length))| {
+                    is_near(&mix(from, to, share), sampled, tolerance, *path_length)
                 });
             }
-            if !is_even {
+            if !is_accurate {
                 return false;
             }
             from = to;
@@ -549,13 +547,13 @@ impl ShutterOptions {
     }
 }
 
-/// Does a transform approximate another within the tolerance? `way` is the length of the trajectory.
-fn is_near(found: &DAffine3, sampled: &DAffine3, tolerance: f64, way: f64) -> bool {
+/// Does a transform approximate another within the tolerance? `path_length` is the length of the trajectory.
+fn is_near(found: &DAffine3, sampled: &DAffine3, tolerance: f64, path_length: f64) -> bool {
     let axes = |m: &DAffine3| [m.matrix3.x_axis, m.matrix3.y_axis, m.matrix3.z_axis];
     let is_near =
         |(found, sampled): (DVec3, DVec3)| (found - sampled).length() <= tolerance * sampled.length();
     // Motion below the precision of f64 counts as none.
-    let distance = tolerance * way + 1e-12 * sampled.translation.length();
+    let distance = tolerance * path_length + 1e-12 * sampled.translation.length();
     let is_placed = found.translation.distance(sampled.translation) <= distance;
     is_placed && axes(found).into_iter().zip(axes(sampled)).all(is_near)
 }

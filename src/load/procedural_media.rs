@@ -1,5 +1,5 @@
 //! Media whose coefficients are textures in space: when a scene is loaded, they are evaluated on grids in the boxes around the solids that
-//! they fill, so that what follows knows of grids only.
+//! they fill, so that all later stages see grids only.
 
 use super::Loaded;
 use crate::error::{Error, Warning};
@@ -14,14 +14,14 @@ use crate::texture::{
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// Voxels of a grid, and at most along its longest edge, where the medium doesn't say how many.
+/// Default maximum of the voxels of a grid, and of those along its longest edge.
 const VOXELS: f64 = (1u64 << 21) as f64;
 const MAX_RESOLUTION: u32 = 512;
 
 /// Maximum number of voxels of all grids of a material; where there would be more, they are coarser.
 const MAX_VOXELS: f64 = (1u64 << 26) as f64;
 
-/// Evaluates the textures of all media; none are left.
+/// Replaces the textures of all media by grids.
 ///
 /// # Errors
 /// That of a damaged image of such a texture.
@@ -33,12 +33,12 @@ pub(super) fn apply(loaded: &mut Loaded) -> Result<(), Error> {
         }
     }
     let Loaded { scene, warnings, .. } = loaded;
-    scene.materials.iter_mut().for_each(|material| leave_out_of_mixes(material, warnings));
+    scene.materials.iter_mut().for_each(|material| remove_from_mixes(material, warnings));
     Ok(())
 }
 
-/// Components of mixes have no grids: their media are even.
-fn leave_out_of_mixes(material: &mut Material, warnings: &mut Vec<Warning>) {
+/// Removes the textures of media in components of mixes, with a warning: those media are homogeneous.
+fn remove_from_mixes(material: &mut Material, warnings: &mut Vec<Warning>) {
     let Model::Mix { components } = &mut material.model else { return };
     for part in components.iter_mut().map(|component| &mut component.material) {
         let Some(medium) = part.medium.as_mut().filter(|medium| !medium.textures.is_empty()) else {
@@ -63,10 +63,10 @@ fn evaluate(loaded: &mut Loaded, id: MaterialId, medium: Medium) -> Result<(), E
     let (compiled, report) =
         CompiledTextures::of_some(&loaded.scene.textures, &loaded.scene.images, &used.collect::<Vec<_>>())?;
     loaded.warnings.extend(report.warnings);
-    let affordable = MAX_VOXELS / solids.len() as f64;
+    let max_voxels = MAX_VOXELS / solids.len() as f64;
     let (resolution, most) = match textures.resolution {
-        0 => (MAX_RESOLUTION, VOXELS.min(affordable)),
-        wanted => (wanted, affordable),
+        0 => (MAX_RESOLUTION, VOXELS.min(max_voxels)),
+        wanted => (wanted, max_voxels),
     };
     let camera_from_world = loaded
         .scene
@@ -91,13 +91,13 @@ fn evaluate(loaded: &mut Loaded, id: MaterialId, medium: Medium) -> Result<(), E
             loaded.scene.materials[id.index()] = filled;
         } else {
             let copy = loaded.scene.add_material(filled);
-            solid.give(&mut loaded.scene, copy);
+            solid.set_material(&mut loaded.scene, copy);
         }
     }
     if is_cut {
         let name = &loaded.scene.materials[id.index()].name;
         let message =
-            format!("material '{name}' is denser in places than can be traced: it is cut off there");
+            format!("material '{name}': its medium is too dense in places, where its density is clamped");
         loaded.warnings.push(Warning::general(("medium-too-dense", message)));
     }
     Ok(())
@@ -105,8 +105,8 @@ fn evaluate(loaded: &mut Loaded, id: MaterialId, medium: Medium) -> Result<(), E
 
 /// A solid that a medium fills.
 struct Solid {
-    /// Its number in the list of its kind; the first of several that share a grid.
-    which: Which,
+    /// The object of the scene.
+    object: SolidObject,
     data: ObjectData,
     /// From the space of the box to the world.
     world_from_box: DAffine3,
@@ -116,15 +116,15 @@ struct Solid {
 }
 
 #[derive(Clone, Copy)]
-enum Which {
+enum SolidObject {
     Instance(usize),
     Shape(usize),
-    /// Objects of which no single one can have a material of its own.
+    /// Objects that share one grid, since none can have a material of its own.
     Several,
 }
 
 impl Solid {
-    /// The solids of a material: instances and shapes that can have a material of their own, and all others together.
+    /// The solids of a material: each instance and shape that can have a material of its own, and one for all others.
     fn all(scene: &Scene, id: MaterialId) -> Vec<Solid> {
         let has = |instance: &Instance, mesh: &Mesh| {
             instance.material.map_or_else(|| mesh.parts.iter().any(|p| p.material == id), |own| own == id)
@@ -145,7 +145,7 @@ impl Solid {
             if is_single(instance, mesh) {
                 let world_from_box = instance.world_from_object;
                 let (low, high) = (low.as_dvec3(), high.as_dvec3());
-                solids.push(Solid { which: Which::Instance(index), data, world_from_box, low, high });
+                solids.push(Solid { object: SolidObject::Instance(index), data, world_from_box, low, high });
             } else if let Some(extent) = extents[index].0 {
                 join(&mut others, data, extent);
             }
@@ -160,7 +160,7 @@ impl Solid {
             let (low, high) = (shape.center - shape.half_extent(), shape.center + shape.half_extent());
             let data = ObjectData::of_shape(shape, DVec3::ZERO);
             solids.push(Solid {
-                which: Which::Shape(index),
+                object: SolidObject::Shape(index),
                 data,
                 world_from_box: DAffine3::IDENTITY,
                 low,
@@ -171,12 +171,12 @@ impl Solid {
         others.into_iter().chain(solids).collect()
     }
 
-    /// Gives it a material.
-    fn give(&self, scene: &mut Scene, material: MaterialId) {
-        match self.which {
-            Which::Instance(index) => scene.instances[index].material = Some(material),
-            Which::Shape(index) => scene.shapes[index].material = material,
-            Which::Several => {}
+    /// Assigns a material to its object.
+    fn set_material(&self, scene: &mut Scene, material: MaterialId) {
+        match self.object {
+            SolidObject::Instance(index) => scene.instances[index].material = Some(material),
+            SolidObject::Shape(index) => scene.shapes[index].material = material,
+            SolidObject::Several => {}
         }
     }
 }
@@ -185,8 +185,8 @@ impl Solid {
 fn join(others: &mut Option<Solid>, data: ObjectData, (low, high): (DVec3, DVec3)) {
     let (world_from_object, object_from_world) = (DAffine3::IDENTITY, DAffine3::IDENTITY);
     let data = ObjectData { world_from_object, object_from_world, location: Vec3::ZERO, ..data };
-    let (which, world_from_box) = (Which::Several, DAffine3::IDENTITY);
-    let all = others.get_or_insert(Solid { which, data, world_from_box, low, high });
+    let (object, world_from_box) = (SolidObject::Several, DAffine3::IDENTITY);
+    let all = others.get_or_insert(Solid { object, data, world_from_box, low, high });
     (all.low, all.high) = (all.low.min(low), all.high.max(high));
     all.data.generated = ObjectData::generated(all.low.as_vec3(), all.high.as_vec3());
 }
@@ -198,8 +198,8 @@ struct Voxels {
 }
 
 impl Voxels {
-    /// So many along the longest edge, and at most so many in all.
-    fn of(solid: &Solid, resolution: u32, most: f64) -> Voxels {
+    /// `resolution` voxels along the longest edge, but at most `max_voxels` in all.
+    fn of(solid: &Solid, resolution: u32, max_voxels: f64) -> Voxels {
         let longest = (solid.high - solid.low).max_element();
         let extent = (solid.high - solid.low).max(DVec3::splat(1e-6 * longest));
         let columns = solid.world_from_box.matrix3;
@@ -208,7 +208,7 @@ impl Voxels {
         let share = along / along.max_element().max(f64::MIN_POSITIVE);
         let counted = |n: f64| (share * n - 1e-3).ceil().max(DVec3::ONE);
         let mut counts = counted(resolution.into());
-        while counts.element_product() > most && counts.max_element() > 1.0 {
+        while counts.element_product() > max_voxels && counts.max_element() > 1.0 {
             counts = counted((0.97 * counts.max_element()).floor());
         }
         let step = (extent / counts).max(DVec3::splat(1e-12));
@@ -217,7 +217,7 @@ impl Voxels {
         Voxels { size, world_from_voxels: solid.world_from_box * place }
     }
 
-    /// Colours of a texture in the middles of voxels; negative and infinite numbers are 0.
+    /// Colours of a texture in the middles of voxels; negative and non-finite numbers become 0.
     fn values(
         &self,
         solid: &Solid,
@@ -247,8 +247,8 @@ impl Voxels {
         }
     }
 
-    /// A grid of one voxel, 1 everywhere in the box.
-    fn even(&self, name: &str) -> Grid {
+    /// A uniform grid: one voxel of value 1 that covers the box.
+    fn uniform_grid(&self, name: &str) -> Grid {
         let size = DVec3::from_array(self.size.map(f64::from));
         let world_from_voxels = self.world_from_voxels * DAffine3::from_scale(size);
         Grid { name: name.to_string(), size: [1; 3], values: Arc::new(vec![1.0]), world_from_voxels }
@@ -285,7 +285,7 @@ fn color(
     PointReader::new(textures, point).with_hit(Some(&hit)).eval(texture)
 }
 
-/// Values of textures on voxels; `None` for what has no texture.
+/// Values of textures on voxels; `None` where the medium has no texture.
 struct Values {
     density: Option<Vec<[f32; 3]>>,
     color: Option<Vec<[f32; 3]>>,
@@ -293,7 +293,7 @@ struct Values {
 }
 
 impl Values {
-    /// The medium with grids in place of textures; was a density cut off?
+    /// The medium with grids in place of textures, and whether densities were clamped.
     fn medium(self, scene: &mut Scene, medium: Medium, voxels: &Voxels, name: &str) -> (Medium, bool) {
         let mut filling = Medium { textures: MediumTextures::default(), ..medium };
         let whole = match (self.density, &self.color) {
@@ -301,12 +301,12 @@ impl Values {
             (None, Some(color)) => vec![[1.0; 3]; color.len()],
             (None, None) => Vec::new(),
         };
-        let (mut density, tint) = scalar(&whole);
+        let (mut density, tint) = factor_tint(&whole);
         filling.extinction = [0, 1, 2].map(|c| medium.extinction[c] * tint.map_or(1.0, |tint| tint[c]));
-        let thickest = filling.extinction.into_iter().fold(0.0, f32::max);
-        // A little below what a scene may have.
-        let paths = voxels.even(name).longest_diagonal() * f64::from(thickest);
-        let most = (0.9 * Grid::MAX_MEAN_FREE_PATHS / paths) as f32;
+        let max_extinction = filling.extinction.into_iter().fold(0.0, f32::max);
+        // Slightly below the maximum that validation allows.
+        let mean_free_paths = voxels.uniform_grid(name).longest_diagonal() * f64::from(max_extinction);
+        let most = (0.9 * Grid::MAX_MEAN_FREE_PATHS / mean_free_paths) as f32;
         let is_cut = density.iter().any(|&d| d > most);
         density.iter_mut().for_each(|d| *d = d.min(most));
         let density = &density;
@@ -324,10 +324,11 @@ impl Values {
             filling.scattering_grids = Some(add(&|i, c| extinction(i, c) * color[i][c].min(1.0)));
         }
         let is_even = density.is_empty();
-        let grid = if is_even { voxels.even(name) } else { voxels.grid(name, density.iter().copied()) };
+        let grid =
+            if is_even { voxels.uniform_grid(name) } else { voxels.grid(name, density.iter().copied()) };
         filling.grid = Some(scene.add_grid(grid));
         if medium.emission != [0.0; 3] {
-            let (grids, tint) = glow(self.emission, scene, voxels, name);
+            let (grids, tint) = emission_grids(self.emission, scene, voxels, name);
             filling.emission = [0, 1, 2].map(|c| medium.emission[c] * tint[c]);
             filling.glow = Some(grids);
         }
@@ -335,18 +336,18 @@ impl Values {
     }
 }
 
-/// The grids of the emission and a factor on it by channel.
-fn glow(
+/// The grids of the emission, and a factor by channel.
+fn emission_grids(
     values: Option<Vec<[f32; 3]>>,
     scene: &mut Scene,
     voxels: &Voxels,
     name: &str,
 ) -> (EmissionGrid, [f32; 3]) {
     let Some(values) = values else {
-        return (EmissionGrid::Factors(scene.add_grid(voxels.even(name))), [1.0; 3]);
+        return (EmissionGrid::Factors(scene.add_grid(voxels.uniform_grid(name))), [1.0; 3]);
     };
     let mut add = |values: Vec<f32>| scene.add_grid(voxels.grid(name, values.into_iter()));
-    match scalar(&values) {
+    match factor_tint(&values) {
         (factors, Some(tint)) => (EmissionGrid::Factors(add(factors)), tint),
         (_, None) => {
             let channel = |c: usize| values.iter().map(|value| value[c]).collect();
@@ -355,9 +356,9 @@ fn glow(
     }
 }
 
-/// Colours as numbers times one colour, whose largest channel is 1; where they have several, there is no such colour, and the numbers are the
-/// largest channels.
-fn scalar(values: &[[f32; 3]]) -> (Vec<f32>, Option<[f32; 3]>) {
+/// Colours as scalars times a common tint, whose largest channel is 1. If there is none (hues differ), the scalars are the largest
+/// channels.
+fn factor_tint(values: &[[f32; 3]]) -> (Vec<f32>, Option<[f32; 3]>) {
     const CLOSE: f32 = 1e-3;
     let sums = values.iter().fold([0.0f64; 3], |sums, v| [0, 1, 2].map(|c| sums[c] + f64::from(v[c])));
     let brightest = (0..3).max_by(|&a, &b| sums[a].total_cmp(&sums[b])).unwrap_or(0);

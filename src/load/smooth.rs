@@ -6,7 +6,7 @@ use crate::math::DVec3;
 use crate::scene::Mesh;
 use rayon::prelude::*;
 
-/// Where no vertex follows.
+/// End of a chain of vertices.
 const NONE: u32 = u32::MAX;
 
 /// Adds smooth normals to a mesh without normals; `crease_rad` is the angle between the normals of two faces up to which the
@@ -21,13 +21,13 @@ pub(super) fn smooth(mesh: &mut Mesh, crease_rad: f64) -> bool {
     let least_cos = crease_rad.cos() - 1e-9;
     let normals: Vec<Vec<(u32, [f32; 3])>> = (0..around.starts.len() - 1)
         .into_par_iter()
-        .map(|point| of_point(mesh, &faces, &around, point, least_cos))
+        .map(|point| point_normals(mesh, &faces, &around, point, least_cos))
         .collect();
     let mut corners = vec![[0.0f32; 3]; 3 * mesh.triangles.len()];
     for (corner, normal) in normals.into_iter().flatten() {
         corners[corner as usize] = normal;
     }
-    give(mesh, &corners);
+    assign_normals(mesh, &corners);
     true
 }
 
@@ -49,7 +49,7 @@ fn face_normal(mesh: &Mesh, triangle: &[u32; 3]) -> DVec3 {
     (b - a).cross(c - a).normalize_or_zero()
 }
 
-/// Corners of triangles, three a triangle, by the points that they are at.
+/// Corners of triangles (three a triangle) grouped by point: vertices with the same position are one point.
 struct VertexFaces {
     /// The number of the point of each vertex.
     points: Vec<u32>,
@@ -90,8 +90,8 @@ impl VertexFaces {
     }
 }
 
-/// The normals of the corners at a point: those of faces are added up that hang together by edges without a crease.
-fn of_point(
+/// The normals of the corners at a point: sums over groups of faces that are connected by smooth edges.
+fn point_normals(
     mesh: &Mesh,
     faces: &[DVec3],
     around: &VertexFaces,
@@ -104,7 +104,7 @@ fn of_point(
         |corner: u32, step: u32| mesh.triangles[corner as usize / 3][((corner % 3 + step) % 3) as usize];
     // The edges that leave the point, by their other ends, with the corners that they belong to.
     let end = |corner: u32, step: u32| around.points[vertex(corner, step) as usize];
-    // Triangles without area, as at poles, have no part in it.
+    // Triangles without area, as at poles, are skipped.
     let with_area = corners.iter().enumerate().filter(|(_, c)| face(**c) != DVec3::ZERO);
     let mut edges: Vec<(u32, usize)> =
         with_area.flat_map(|(i, &c)| [1, 2].map(|step| (end(c, step), i))).collect();
@@ -127,7 +127,7 @@ fn of_point(
     corners.iter().enumerate().map(|(i, &corner)| (corner, normal(i, corner))).collect()
 }
 
-/// Sets that are joined, each known by its least member.
+/// Disjoint sets (union-find); the smallest member of a set is its root.
 struct Groups(Vec<usize>);
 
 impl Groups {
@@ -146,17 +146,17 @@ impl Groups {
         let (a, b) = (self.root(i), self.root(j));
         let (low, high) = (a.min(b), a.max(b));
         self.0[high] = low;
-        // Short ways for those who ask again.
+        // Path compression.
         (self.0[i], self.0[j]) = (low, low);
     }
 }
 
-/// Gives the corners their normals; a vertex with several becomes as many. Corners of triangles without area take what there
-/// is.
-fn give(mesh: &mut Mesh, corners: &[[f32; 3]]) {
+/// Assigns the normals of corners to vertices. A vertex whose corners have different normals is duplicated; corners of triangles
+/// without area use any of its copies.
+fn assign_normals(mesh: &mut Mesh, corners: &[[f32; 3]]) {
     let count = mesh.positions.len();
     let (mut normals, mut is_used) = (vec![[0.0, 0.0, 1.0]; count], vec![false; count]);
-    // Other vertices at the place of one, in a chain, and what they are copies of.
+    // The next copy of a vertex, and the vertex that each is a copy of.
     let (mut next, mut origins) = (vec![NONE; count], (0..count as u32).collect::<Vec<_>>());
     for (vertex, &normal) in mesh.triangles.as_flattened_mut().iter_mut().zip(corners) {
         if normal == [0.0; 3] {
@@ -176,18 +176,18 @@ fn give(mesh: &mut Mesh, corners: &[[f32; 3]]) {
         }
         (normals[at], is_used[at], *vertex) = (normal, true, at as u32);
     }
-    copy(&mut mesh.positions, &origins[count..]);
-    mesh.uv_sets.iter_mut().for_each(|set| copy(set, &origins[count..]));
-    copy(&mut mesh.tangents, &origins[count..]);
-    copy(&mut mesh.colors, &origins[count..]);
+    append_copies(&mut mesh.positions, &origins[count..]);
+    mesh.uv_sets.iter_mut().for_each(|set| append_copies(set, &origins[count..]));
+    append_copies(&mut mesh.tangents, &origins[count..]);
+    append_copies(&mut mesh.colors, &origins[count..]);
     for attribute in &mut mesh.attributes {
         origins[count..].iter().for_each(|&origin| attribute.push_copy(origin as usize));
     }
     mesh.normals = normals;
 }
 
-/// Appends copies of entries; nothing to an attribute that isn't there.
-fn copy<T: Copy>(list: &mut Vec<T>, origins: &[u32]) {
+/// Appends copies of entries, unless the list is empty.
+fn append_copies<T: Copy>(list: &mut Vec<T>, origins: &[u32]) {
     if !list.is_empty() {
         list.reserve(origins.len());
         origins.iter().for_each(|&origin| list.push(list[origin as usize]));

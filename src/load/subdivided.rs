@@ -27,7 +27,7 @@ pub(super) fn all(
                 "it is for OBJ and PLY files; objects of scene files, and beside models, have the key 'subdivide'"
             }
         };
-        let message = ("unused-option", format!("{} changes nothing: {why}", Choice::Subdivide));
+        let message = ("unused-option", format!("{} has no effect: {why}", Choice::Subdivide));
         loaded.warnings.push(Warning::new(path, "", message));
         return Ok(());
     }

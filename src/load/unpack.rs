@@ -1,6 +1,4 @@
-//! Models inside ZIP archives, which are unpacked into a temporary folder.
-//!
-//! Temporary folders that scenes are read from: they stay for as long as images may be decoded from them.
+//! Models inside ZIP archives: they are unpacked into a temporary folder, which exists as long as images may be decoded from it.
 
 use super::zip::{Archive, MAX_BYTES};
 use super::{Loaded, files, formats};
@@ -10,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use tempfile::TempDir;
 
-/// The contents of an archive, in a folder that goes when this is dropped.
+/// The contents of an archive in a temporary folder, which is deleted when this is dropped.
 #[derive(Debug)]
 pub(super) struct Unpacked {
     folder: Arc<TempDir>,
@@ -33,7 +31,7 @@ impl Unpacked {
         let (mut total, mut models) = (0, Vec::new());
         for entry in archive.entries().iter().filter(|e| !e.name.ends_with('/')) {
             let relative = entry.name.replace('\\', "/");
-            if relative.is_empty() || files::leaves(Path::new(&relative)) {
+            if relative.is_empty() || files::leads_outside(Path::new(&relative)) {
                 let message = format!("holds a file whose path leads out of it: '{}'", entry.name);
                 return Err(fail(message).with_code("path-outside"));
             }

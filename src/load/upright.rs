@@ -8,7 +8,7 @@ use crate::scene::{Environment, Scene};
 use std::path::Path;
 
 /// Rotates a model from an up axis to y up.
-pub(super) fn stand(scene: &mut Scene, up: Up) {
+pub(super) fn rotate_to_y_up(scene: &mut Scene, up: Up) {
     if matches!(up, Up::Auto | Up::Y) {
         return;
     }
@@ -28,21 +28,20 @@ pub(super) fn stand(scene: &mut Scene, up: Up) {
 }
 
 /// Rotates a model with its offset.
-fn stand_all(loaded: &mut Loaded, up: Up) {
-    stand(&mut loaded.scene, up);
+fn rotate_loaded(loaded: &mut Loaded, up: Up) {
+    rotate_to_y_up(&mut loaded.scene, up);
     loaded.offset = up.rotation() * loaded.offset;
 }
 
-/// Turns a model to the up axis of the options, before the sidecar is added, whose coordinates are those of the turned
-/// model.
-pub(super) fn turn_as_asked(options: &LoadOptions, loaded: &mut Loaded) {
+/// Rotates a model by the up axis of the options, before the sidecar is applied, whose coordinates are those of the rotated model.
+pub(super) fn apply_up_option(options: &LoadOptions, loaded: &mut Loaded) {
     if options.up != Up::Auto {
-        stand_all(loaded, options.up);
+        rotate_loaded(loaded, options.up);
     }
 }
 
-/// Turns a model whose up axis neither the options say nor a camera, a light or an environment implies.
-pub(super) fn turn_as_guessed(path: &Path, options: &LoadOptions, loaded: &mut Loaded) {
+/// Rotates a model by a guess of its up axis, unless the options define it or a camera, light or environment implies it.
+pub(super) fn apply_guessed_up(path: &Path, options: &LoadOptions, loaded: &mut Loaded) {
     let scene = &loaded.scene;
     let is_bare = scene.cameras.is_empty() && scene.lights.is_empty();
     if options.up != Up::Auto || !is_bare || scene.environment != Environment::Black {
@@ -52,22 +51,22 @@ pub(super) fn turn_as_guessed(path: &Path, options: &LoadOptions, loaded: &mut L
     if up != Up::Y {
         let message = ("up-guessed", format!("{} points up, by {why} ({} decides)", up.name(), Choice::Up));
         loaded.notes.push(Warning::new(path, "", message));
-        stand_all(loaded, up);
+        rotate_loaded(loaded, up);
     } else if let Some(why) = Some(why).filter(|why| !why.is_empty()) {
         let message = ("up-guessed", format!("y points up, by {why} ({} decides)", Choice::Up));
         loaded.notes.push(Warning::new(path, "", message));
     }
 }
 
-// A guess which axis of a model points up: y or z, the only two that are common.
+// A guess of the up axis: y or z, the only common ones.
 //
 // In the spirit of Fu, Cohen-Or, Dror, Sheffer 2008, "Upright Orientation of Man-Made Objects": things stand on flat or
 // wide bases below their middle, and are mirrored left and right, not up and down. Weights and thresholds here were set by
 // a dozen models and their copies turned on their backs.
 
-/// Maximum number of triangles that are looked at.
+/// Maximum number of triangles that are examined.
 const MAX_TRIANGLES: usize = 200_000;
-/// Share of the height that counts as the base.
+/// Fraction of the height that counts as the base.
 const BASE: f64 = 0.03;
 /// Cells along each axis of the grid for the symmetry test.
 const CELLS: usize = 16;
@@ -99,15 +98,15 @@ fn up(loaded: &Loaded) -> (Up, &'static str) {
     match lead > LEAD[usize::from(!is_mostly_y)] {
         true => (Up::Z, "its shape: base and symmetry"),
         false if lead < -LEAD[1] => (Up::Y, "its shape: base and symmetry"),
-        false => (Up::Y, "custom, as its shape says nothing"),
+        false => (Up::Y, "convention, as its shape gives no evidence"),
     }
 }
 
 /// Some faces of a model.
 struct Surface {
-    /// Middles of faces and of their edges, or the points of a cloud.
+    /// Vertices and centres of faces and edges, or the points of a cloud.
     points: Vec<DVec3>,
-    /// Middles and area vectors of faces.
+    /// Centres and area vectors of faces.
     faces: Vec<(DVec3, DVec3)>,
     min: DVec3,
     size: DVec3,
@@ -138,7 +137,7 @@ impl Surface {
         Surface { points, faces, min, size: (max - min).max(DVec3::splat(1e-300)) }
     }
 
-    /// Nearly all of an open surface looks along one axis.
+    /// The up axis if the model is a terrain: an open surface whose normals mostly point along one axis.
     fn terrain(&self) -> Option<Up> {
         let all: f64 = self.faces.iter().map(|f| f.1.length()).sum();
         let sum: DVec3 = self.faces.iter().map(|f| f.1).sum();
@@ -156,12 +155,12 @@ impl Surface {
         2.0 * self.flat_base(axis) + self.support(axis) - 1.5 * self.mirrored(axis)
     }
 
-    /// The two other axes.
+    /// The coordinates along the two other axes.
     fn across(&self, p: DVec3, axis: usize) -> DVec2 {
         DVec2::new(p[(axis + 1) % 3], p[(axis + 2) % 3])
     }
 
-    /// Share of the box's floor that faces cover which lie at the bottom and look down.
+    /// Fraction of the bounding box's floor that is covered by downward faces at the bottom.
     fn flat_base(&self, axis: usize) -> f64 {
         let top = self.min[axis] + BASE * self.size[axis];
         let down = self
@@ -173,8 +172,8 @@ impl Surface {
         (down.map(|f| -f.1[axis]).sum::<f64>() * step / (floor.x * floor.y)).min(1.0)
     }
 
-    /// The base: the hull of the lowest points as a share of the box's floor, where the center is above
-    /// it; less than nothing where it would fall over.
+    /// Stability of the base: the convex hull of the lowest points as a fraction of the box's floor if the centre is above it;
+    /// low or negative if the model would tip over.
     fn support(&self, axis: usize) -> f64 {
         let top = self.min[axis] + BASE * self.size[axis];
         let low = self.points.iter().filter(|p| p[axis] <= top).map(|&p| self.across(p, axis)).collect();
@@ -192,8 +191,7 @@ impl Surface {
         if is_inside { 0.4 + share } else { 0.5 * share - 0.3 }
     }
 
-    /// Mirror symmetry of the model along an axis, 0 to 1: cells that both fill, of those that
-    /// either does.
+    /// Mirror symmetry of the model along an axis, 0 to 1: intersection over union of the occupied cells and their mirror image.
     fn mirrored(&self, axis: usize) -> f64 {
         let scale = self.size.max_element();
         let cells = (self.size / scale * CELLS as f64).max(DVec3::ONE);

@@ -1,10 +1,8 @@
 //! Rays, bounds, frames, transforms and error-bounded arithmetic, on top of glam.
 //!
-//! Keyframes at equal steps of the shutter interval, with linear interpolation in between.
-//!
-//! Transforms are interpolated number by number. Every point then moves along straight lines from key to key, as the vertices
-//! of a mesh do that is given by its shapes at the keys, and boxes around what it is at the keys hold it at all times. A
-//! rotation by an angle a between two keys draws what it turns nearer by up to 1 - cos(a / 2).
+//! Motion is given by keyframes at equal steps of the shutter interval. Transforms are interpolated linearly, element by element, so
+//! each point moves along straight lines between keys, like the vertices of a deforming mesh, and the union of the bounds at two
+//! keys holds an object between them. A rotation by an angle a between two keys shrinks an object by up to 1 - cos(a / 2).
 
 pub use glam::{DAffine3, DMat3, DMat4, DQuat, DVec2, DVec3, DVec4, Mat3, Quat, Vec2, Vec3, Vec4};
 pub use ray::{
@@ -23,8 +21,7 @@ pub fn select(condition: bool, yes: Vec3, no: Vec3) -> Vec3 {
     Vec3::new(pick(yes.x, no.x), pick(yes.y, no.y), pick(yes.z, no.z))
 }
 
-/// Are all numbers finite? Those that are not have the exponent of infinity. There is no branch, so that many are looked at
-/// in one step.
+/// Are all numbers finite? NaN and infinities have the largest exponent. Branch-free, so that the loop vectorises.
 pub fn all_finite(numbers: &[f32]) -> bool {
     const EXPONENT: u32 = f32::INFINITY.to_bits();
     let is_bad = |x: &f32| u32::from(x.to_bits() & EXPONENT == EXPONENT);
@@ -90,7 +87,7 @@ pub struct Bounds3 {
 }
 
 impl Bounds3 {
-    /// The box that holds nothing.
+    /// The empty box.
     pub const EMPTY: Bounds3 = Bounds3 { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
 
     /// The smallest box around some points.
@@ -115,7 +112,7 @@ impl Bounds3 {
         !self.min.cmple(self.max).all()
     }
 
-    /// The middle.
+    /// The centre.
     pub fn center(&self) -> Vec3 {
         self.min * 0.5 + self.max * 0.5
     }
@@ -154,7 +151,7 @@ mod frame_tests {
 /// Transforms at equal steps of time.
 pub type TransformKeys = Arc<[DAffine3]>;
 
-/// The key before a time in 0..1 of `keys` keys, and the share of the way to the next one.
+/// The key before a time in 0..1, of `keys` keys, and the interpolation weight of the next one.
 #[inline]
 pub fn segment(keys: usize, time: f32) -> (usize, f32) {
     let steps = keys.saturating_sub(1);

@@ -11,7 +11,7 @@ pub struct Ray {
     pub origin: Vec3,
     /// Hits at or before this parameter don't count; at least 0.
     pub t_min: f32,
-    /// Where it goes.
+    /// The direction, of any length.
     pub direction: Vec3,
     /// Hits at or after this parameter don't count; may be infinite.
     pub t_max: f32,
@@ -33,7 +33,7 @@ pub struct OriginPrimitive {
 }
 
 impl OriginPrimitive {
-    /// Nothing in particular.
+    /// No primitive.
     pub const NONE: OriginPrimitive = OriginPrimitive { prim: NO_HIT, instance: 0 };
 
     /// The primitive, where it belongs to an instance, else [`NO_HIT`].

@@ -39,10 +39,10 @@ pub fn identity(scene: &mut Scene, resolved: &ResolvedOptions) -> Result<Identit
     let (materials, textures) = (take(&mut rest.materials), take(&mut rest.textures));
     let (lights, environment) = (take(&mut rest.lights), take(&mut rest.environment));
     let camera_environment = take(&mut rest.camera_environment);
-    let of_meshes = meshes.iter().fold(Fingerprint::START, |sum, mesh| sum.with_print(of_mesh(mesh)));
+    let of_meshes = meshes.iter().fold(Fingerprint::START, |sum, mesh| sum.with_fingerprint(of_mesh(mesh)));
     let curves = take(&mut rest.curves);
     let of_curves = curves.iter().fold(of_meshes, |sum, curves| {
-        sum.with_print(of_curves(curves)).with_print(of_debug(&(&curves.name, &curves.traits)))
+        sum.with_fingerprint(of_curves(curves)).with_fingerprint(of_debug(&(&curves.name, &curves.traits)))
     });
     let of_images = images.iter().fold(Fingerprint::START, with_image);
     let of_backdrop = match &backdrop {
@@ -51,11 +51,11 @@ pub fn identity(scene: &mut Scene, resolved: &ResolvedOptions) -> Result<Identit
     };
     let prints = [
         ("the camera", camera),
-        ("the geometry", of_curves.with_print(of_debug(&rest))),
-        ("the materials", of_debug(&materials).with_print(of_debug(&textures))),
+        ("the geometry", of_curves.with_fingerprint(of_debug(&rest))),
+        ("the materials", of_debug(&materials).with_fingerprint(of_debug(&textures))),
         ("the textures", of_images),
-        ("the light", of_debug(&lights).with_print(of_debug(&environment))),
-        ("the background", of_backdrop.with_print(of_debug(&camera_environment))),
+        ("the light", of_debug(&lights).with_fingerprint(of_debug(&environment))),
+        ("the background", of_backdrop.with_fingerprint(of_debug(&camera_environment))),
     ];
     *scene = Scene {
         name,
@@ -103,7 +103,7 @@ fn options(resolved: &ResolvedOptions) -> impl Iterator<Item = (String, String)>
 /// Adds an image, without its name.
 fn with_image(sum: Fingerprint, image: &Image) -> Fingerprint {
     let sum = [image.width, image.height, image.channels].into_iter().fold(sum, |sum, n| sum.with(n.into()));
-    let sum = sum.with_print(of_debug(&image.encoding));
+    let sum = sum.with_fingerprint(of_debug(&image.encoding));
     match &*image.pixels {
         Pixels::U8(values) => sum.with(8).with_all(values),
         Pixels::U16(values) => sum.with(16).with_all(values),

@@ -176,7 +176,7 @@ pub fn denoising_guides() -> AovSet {
 pub fn denoise_film(film: &mut Film, keep: AovSet) -> String {
     let guides = denoise_channels(film);
     let is_extra = |aov: &Aov| denoising_guides().contains(*aov) && !keep.contains(*aov);
-    film.forget(Aov::ALL.iter().copied().filter(is_extra));
+    film.remove_aovs(Aov::ALL.iter().copied().filter(is_extra));
     format!("{NAME}; guides {guides}")
 }
 
@@ -245,7 +245,7 @@ impl Picture {
         put(&mut self.film, result);
         let needed = denoising_guides().union(sequence_guides());
         let is_extra = |aov: &Aov| needed.contains(*aov) && !keep.contains(*aov);
-        self.film.forget(Aov::ALL.iter().copied().filter(is_extra));
+        self.film.remove_aovs(Aov::ALL.iter().copied().filter(is_extra));
         let (first, last) = (frames.start(), frames.end());
         let by = format!("{NAME}; guides albedo, normal; noise from the variance; frames {first}-{last}");
         self.output.metadata.denoised = Some(by);

@@ -1,8 +1,8 @@
 //! The chi-square test that every sampler passes: do the samples follow the density that is claimed for them?
 //!
 //! Samples are counted in cells of the unit square; the density, integrated adaptively over each cell, says how many to
-//! expect. Cells with few expected samples are pooled (at least [`MIN_EXPECTED`]); what falls nowhere (absorbed, or
-//! outside the square's image) is a cell of its own, so that the density's total is tested as well. The significance
+//! expect. Cells with few expected samples are pooled (at least [`MIN_EXPECTED`]); samples outside (absorbed, or
+//! beyond the square's image) are a cell of their own, so that the density's total is tested as well. The significance
 //! is divided by the number of tests that run together (Bonferroni). Seeds are fixed.
 
 use crate::math::{DVec3, Vec3};
@@ -82,13 +82,13 @@ pub struct Chi2 {
     tests: usize,
     cells: [usize; 2],
     samples: usize,
-    least_splits: u32,
+    min_splits: u32,
 }
 
 impl Chi2 {
     /// A test, and how many run in its group.
     pub fn new(name: &str, tests: usize) -> Chi2 {
-        Chi2 { name: name.to_string(), tests, cells: [24, 24], samples: 200_000, least_splits: 0 }
+        Chi2 { name: name.to_string(), tests, cells: [24, 24], samples: 200_000, min_splits: 0 }
     }
 
     /// Another grid (24 x 24 by default).
@@ -103,10 +103,9 @@ impl Chi2 {
         self
     }
 
-    /// Splits every cell that often along both axes before its integral is believed (0 by default), for densities that
-    /// may hide inside a cell.
-    pub fn least_splits(mut self, splits: u32) -> Chi2 {
-        self.least_splits = splits;
+    /// Minimum number of splits of a cell along both axes (0 by default), for densities with features smaller than a cell.
+    pub fn min_splits(mut self, splits: u32) -> Chi2 {
+        self.min_splits = splits;
         self
     }
 
@@ -201,7 +200,7 @@ impl Chi2 {
             .map(|i| {
                 let low = [(i % columns) as f64 * size[0], (i / columns) as f64 * size[1]];
                 let whole = lobatto(density, low, size);
-                refine(density, low, size, whole, tolerance, [2 * self.least_splits, MAX_SPLITS])
+                refine(density, low, size, whole, tolerance, [2 * self.min_splits, MAX_SPLITS])
             })
             .collect()
     }
@@ -225,8 +224,8 @@ impl Chi2 {
     }
 }
 
-/// Gauss-Lobatto quadrature with 5 x 5 nodes (exact up to the 7th power), those of the border included: what ends
-/// between the border and the next node is seen. They are just inside, where it is clear which side counts.
+/// Gauss-Lobatto quadrature with 5 x 5 nodes (exact up to the 7th power), border nodes included, which detect
+/// densities that end between the border and the next node. They are slightly inside the cell, so that its own side counts.
 fn lobatto(f: &impl Fn([f64; 2]) -> f64, low: [f64; 2], size: [f64; 2]) -> f64 {
     const INSET: f64 = 1e-5;
     const X: [f64; 5] = [INSET, 0.172_673_164_646_011_43, 0.5, 0.827_326_835_353_988_6, 1.0 - INSET];

@@ -1,4 +1,4 @@
-//! Hashes that scatter bits, and the numbers made of them: the same on every machine.
+//! Integer hashes and random numbers made of them: the same on every machine.
 
 /// A well mixed hash of 32 bits that does not map zero to zero (the mixer is Wellons' lowbias32).
 #[inline(always)]
@@ -11,7 +11,7 @@ pub fn hash32(mut x: u32) -> u32 {
     x ^ (x >> 16)
 }
 
-/// A number in 0..1 from a hash: its upper 24 bits, so that 1 can't come out.
+/// A number in [0, 1) from the upper 24 bits of a hash.
 #[inline(always)]
 pub fn unit(hash: u32) -> f32 {
     // Through i32, which every CPU converts in one step.

@@ -2,15 +2,15 @@
 //! at a time.
 //!
 //! Dimensions come in sets of four. Every set consists of the first four Sobol dimensions, whose projections are the
-//! best, with a shuffle and a scramble of its own ("padding", as Burley recommends). A set is that of the crate
-//! `sobol_burley` for the set's seed, to the last bit that it gives, from its own direction vectors. What differs is the
-//! shape of the computation: a fixed number of steps without a branch or a table lookup that depends on the path, so
-//! that a loop over paths vectorises.
+//! best, with a shuffle and a scramble of its own ("padding", as Burley recommends). A set agrees bit for bit
+//! with the crate `sobol_burley` for the set's seed (which returns 23 of our 24 bits), whose direction vectors it uses. Unlike
+//! there, the number of steps is fixed, without branches or table lookups that depend on the path, so that loops over paths
+//! vectorise.
 
 use super::hash::{hash32, unit};
 use std::sync::OnceLock;
 
-/// Samples that one seed offers; beyond them, a new seed starts over.
+/// Number of samples per seed; further samples use another seed.
 pub const SAMPLES_PER_SEED: u32 = 1 << 16;
 
 /// The direction vectors of the third and fourth dimension, bits reversed: `vectors[bit][dimension]`.
@@ -38,7 +38,7 @@ impl SobolPoint {
         SobolPoint::of_branches(seed, index, 0)
     }
 
-    /// The point where each sample has 2^`branch_bits` branches, each with its own range of the sequence.
+    /// The point of a sample with 2^`branch_bits` branches, which are consecutive points of the sequence.
     #[inline(always)]
     pub fn of_branches(seed: u32, index: u32, branch_bits: u32) -> SobolPoint {
         let bits = SAMPLES_PER_SEED.trailing_zeros() - branch_bits;
@@ -59,7 +59,7 @@ impl SobolPoint {
         SobolPoint { index_rev: self.index_rev << branch_bits, ..self }
     }
 
-    /// The two numbers that the point is made of, for storage.
+    /// The two numbers that represent the point, for storage.
     #[inline(always)]
     pub fn to_parts(self) -> (u32, u32) {
         (self.seed, self.index_rev)
@@ -158,8 +158,9 @@ pub const MAX_Z_ORDER_SPP: u32 = 256;
 /// other: their samples complement each other, and the error of the mean over such a block is lower (Ahmed, Wonka 2020,
 /// "Screen-Space Blue-Noise Diffusion of Monte Carlo Sampling Error via Hierarchical Ordering of Pixels").
 ///
-/// Regions have 16x16 pixels, fewer where so many runs do not fit into one sequence (from 257 points per pixel on, those of
-/// all paths of its samples), and each a seed of its own. They lie at fixed places of the picture, so that samples depend on nothing but their pixel.
+/// Regions have 16x16 pixels, fewer where so many runs do not fit into one sequence (from 257 points per pixel on, all
+/// branches included), and each has a seed of its own. Their positions in the picture are fixed, so that samples depend on their pixel
+/// only.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ZSobolOrder {
     seed: u32,
@@ -202,10 +203,10 @@ pub(super) fn morton(x: u32, y: u32) -> u32 {
 /// Distinguishes these sequences from those of [`ZSobolOrder`] with the same seed.
 const SEED: u32 = 0x5f3a_9c41;
 
-/// Numbers of samples of pixels, each with its own.
+/// A number of samples for each pixel.
 ///
 /// As in [`ZSobolOrder`], the pixels of a region of 16x16 take runs of one Sobol sequence in Morton
-/// order, each as long as its samples are many; a run of points that follow each other is well spread wherever it begins.
+/// order, each as long as the number of its samples; any run of consecutive points is well distributed.
 #[derive(Clone, Debug)]
 pub struct UnevenSamples {
     seed: u32,
@@ -242,9 +243,9 @@ impl UnevenSamples {
                     continue;
                 }
                 let at = (y * width + x) as usize;
-                let wanted = f64::from(samples[at]) + rest;
-                let count = wanted.floor().max(0.0);
-                rest = wanted - count;
+                let target = f64::from(samples[at]) + rest;
+                let count = target.floor().max(0.0);
+                rest = target - count;
                 (map.counts[at], map.starts[at]) = (count as u32, next);
                 next += count as u32;
             }

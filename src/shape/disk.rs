@@ -63,14 +63,15 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// From a ray's origin to the middle of a disk.
+/// The vector from a ray's origin to the centre of a disk.
 #[inline(always)]
 fn to_center(center: Vec3, ray: &PreparedRay) -> [f64; 3] {
     let center = center.to_array();
     std::array::from_fn(|k| f64::from(center[k]) - f64::from(ray.origin[k]))
 }
 
-/// Where a ray intersects a disk across `axis`, of any length, with its middle at `f` from the ray's origin.
+/// Ray parameter of the intersection with a disk perpendicular to `axis` (of any length), whose centre is at `f` from the ray's
+/// origin.
 #[inline(always)]
 fn intersect_plane(ray: &PreparedRay, f: [f64; 3], axis: [f64; 3], squared_radius: f64) -> Option<f32> {
     let d = map_each(ray.direction, f64::from);
@@ -95,7 +96,7 @@ impl Shape for Disk {
     }
 
     fn bounds(&self) -> Bounds3 {
-        // Along x it reaches as far as its axis does across x: r^2 - x^2 = y^2 + z^2.
+        // The half extent along x is sqrt(r^2 - x^2) = sqrt(y^2 + z^2) for the axis (x, y, z).
         let a = self.axis.as_dvec3();
         let across = |a: f64, b: f64| ((a * a + b * b).sqrt() as f32).next_up();
         let half = Vec3::new(across(a.y, a.z), across(a.z, a.x), across(a.x, a.y));
@@ -201,10 +202,10 @@ impl FacingDisk {
         icosphere(6)
     }
 
-    /// 1 - the cosine of the half angle of the cone that it is, seen from a point at this distance.
+    /// 1 - the cosine of the half angle of the cone that it subtends at this distance.
     #[inline(always)]
     fn one_minus_cos(&self, distance: f32) -> f32 {
-        // As shares of the larger, so that no square overflows.
+        // Relative to the larger of both, so that no square overflows.
         let larger = if distance > self.radius { distance } else { self.radius };
         let (d, r) = (distance / larger, self.radius / larger);
         let squares = d * d + r * r;
@@ -262,7 +263,7 @@ impl Shape for FacingDisk {
         (reference - self.center).normalize_or(Vec3::Z)
     }
 
-    /// A point of the sphere that holds it.
+    /// A point of its bounding sphere.
     fn point_by_area(&self, u: [f32; 2]) -> Vec3 {
         self.center + warp::uniform_sphere(u) * self.radius
     }
@@ -274,7 +275,7 @@ impl Shape for FacingDisk {
         let omc = self.one_minus_cos(distance);
         let local = warp::uniform_cone(u, omc);
         let frame = Frame::from_normal(if distance > 0.0 { axis / distance } else { Vec3::Z });
-        // From the middle, so that points far away keep their places.
+        // From the centre, so that distant disks lose no precision.
         let along = distance / if local.z > 1e-9 { local.z } else { 1e-9 };
         let point = self.center + (frame.s * local.x + frame.t * local.y) * along;
         LightPoint { point, pdf_solid_angle: warp::uniform_cone_pdf_solid_angle(omc) }
@@ -290,9 +291,9 @@ impl Shape for FacingDisk {
         true
     }
 
-    /// Rays of light start where they are nearest to the middle. The disk that faces the receiver is a little further back, except
-    /// in its middle.
-    fn starts_behind(&self, receiver: Vec3, ray: &Ray) -> Option<f32> {
+    /// Emitted rays start at their point nearest to the centre. The disk that faces the receiver intersects them a little further
+    /// back, except at its centre.
+    fn emission_offset(&self, receiver: Vec3, ray: &Ray) -> Option<f32> {
         let to_middle = (self.center - receiver).as_dvec3();
         let along = -to_middle.dot(ray.direction.as_dvec3());
         let (squared, r) = (to_middle.length_squared(), f64::from(self.radius));
@@ -458,7 +459,7 @@ mod facing_disk_tests {
             let mut back = PreparedRay::NONE;
             let range = back.set_line(&Ray::new(receiver, -direction)).expect("a line").0;
             let seen = disk.intersect(&back, range.0, range.1).map(|t| t * back.unscale);
-            let behind = disk.starts_behind(receiver, &ray);
+            let behind = disk.emission_offset(receiver, &ray);
             if let (Some(seen), Some(behind)) = (seen, behind) {
                 let t = receiver.distance(origin) + behind;
                 assert!((t - seen).abs() < 1e-5 * t.max(1.0), "{seen} {t}");

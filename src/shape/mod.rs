@@ -3,8 +3,6 @@
 //! Triangles and [`Quad`]s share a vectorised test of four triangles at a time. All other shapes implement [`Shape`] and are
 //! rows of the table of [`Analytic`]; curve segments ([`CurveSegment`]) and Gaussian splats
 //! ([`SplatCloud`]) have packets of their own.
-//!
-//! The table of shapes other than triangles.
 
 use crate::math::{Bounds3, Mat3, Ray, Vec2, Vec3};
 use crate::scene;
@@ -27,8 +25,8 @@ mod splat;
 mod traits;
 pub mod triangle;
 
-/// Makes [`Analytic`], and what is done with each shape alike, of a table: the type of each shape, named like its kind in
-/// scenes, and the numbers of that kind. The type has `of_scene` and `mesh` beside [`Shape`].
+/// Generates [`Analytic`] and its dispatch from a table: the type of each shape, named like its kind in scenes, and the parameters
+/// of that kind. Beside [`Shape`] the type implements `of_scene`, `unpack` and `mesh`.
 macro_rules! shapes {
     ($($shape:ident $({ $($number:ident),* })?,)*) => {
         /// A shape that is no triangle.
@@ -72,7 +70,7 @@ macro_rules! shapes {
             }
         }
 
-        /// Does the same with each shape.
+        /// Dispatches to the shape.
         macro_rules! each {
             ($analytic:expr, $inner:ident => $result:expr) => {
                 match $analytic {
@@ -172,8 +170,8 @@ impl Shape for Analytic {
         each!(self, shape => shape.is_facing())
     }
 
-    fn starts_behind(&self, receiver: Vec3, ray: &Ray) -> Option<f32> {
-        each!(self, shape => shape.starts_behind(receiver, ray))
+    fn emission_offset(&self, receiver: Vec3, ray: &Ray) -> Option<f32> {
+        each!(self, shape => shape.emission_offset(receiver, ray))
     }
 
     fn numbers(&self) -> [f32; 6] {

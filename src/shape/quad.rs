@@ -9,7 +9,7 @@ use crate::math::{Bounds3, Vec3, poly};
 use crate::simd::map_each;
 
 /// A parallelogram: the points `corner + u edge_u + v edge_v` with u and v from 0 to 1. Its corners are rounded to f32,
-/// and it intersects without gaps what shares two of them.
+/// and primitives that share two of them leave no gap.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quad {
     /// Where u and v are 0.
@@ -120,8 +120,8 @@ pub struct SphericalRectangle {
     axis_u: Vec3,
     axis_v: Vec3,
     normal: Vec3,
-    /// Position of the corner along the axes relative to the reference point, the edges' lengths, and the distance to
-    /// the plane.
+    /// Position of the corner along the axes relative to the reference point, lengths of the edges, and distance of the plane from
+    /// the reference point, all in metres.
     u0: f32,
     v0: f32,
     length_u: f32,
@@ -152,7 +152,7 @@ impl SphericalRectangle {
         let (u1, v1) = (u0 + length_u, v0 + length_v);
         let distance = to_corner.dot(normal).abs();
         let d2 = distance * distance;
-        // Tiny, so that a reference point in the rectangle's plane gives numbers.
+        // A tiny term keeps the results finite for a reference point in the rectangle's plane.
         let inverse_root = |x: f32| 1.0 / (x * x + d2 + 1e-37).sqrt();
         let (inverse_v0, inverse_v1, inverse_u0) = (inverse_root(v0), inverse_root(v1), inverse_root(u0));
         let complement = |inverse: f32| (distance * inverse) * (distance * inverse);
@@ -257,7 +257,7 @@ fn sum_of_arc_sines(values: [f32; 2], complements: [f32; 2]) -> (f32, f32) {
     let magnitudes = map_each(values, f32::abs);
     let roots = map_each(complements, f32::sqrt);
     let near_right_angle = magnitudes[0] > roots[0] && magnitudes[1] > roots[1];
-    // The arc sine, or what it lacks to a right angle.
+    // The arc sine, or the right angle minus it.
     let arc = |i: usize| {
         let (y, x) = if near_right_angle { (roots[i], magnitudes[i]) } else { (magnitudes[i], roots[i]) };
         poly::atan2(y, x).copysign(values[i])

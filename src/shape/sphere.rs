@@ -10,8 +10,8 @@ use crate::simd::map_each;
 use std::collections::HashMap;
 use std::f32::consts::{FRAC_1_PI, PI, SQRT_2};
 
-/// Smallest radius relative to the coordinates of the center for which normals follow from points. A smaller sphere is seen as one
-/// that faces the viewer.
+/// Minimum radius relative to the coordinates of the centre for which normals are computed from points. The normals of a smaller
+/// sphere face the viewer.
 const MIN_RADIUS: f32 = 1e-5;
 
 /// A sphere.
@@ -129,7 +129,7 @@ impl Shape for Sphere {
 
     #[inline(always)]
     fn normal_at(&self, point: Vec3, reference: Vec3) -> Vec3 {
-        // Below that the rounding of points, up to 6e-8 of their coordinates, would turn normals by more than a hundredth.
+        // The rounding error of points, up to 6e-8 of their coordinates, would change these normals by more than 1 %.
         if self.radius < MIN_RADIUS * self.center.abs().max_element() && reference != point {
             return (reference - self.center).normalize_or_zero();
         }
@@ -231,14 +231,14 @@ impl SphereSampler {
     #[inline(always)]
     pub fn sample(&self, u: [f32; 2]) -> LightPoint {
         let on_cone = self.center + self.outward_normal_in_cone(u) * self.radius;
-        let anywhere = self.inside_at(warp::uniform_sphere(u));
+        let anywhere = self.exit_point(warp::uniform_sphere(u));
         let point = if self.inside { anywhere } else { on_cone };
         LightPoint { point, pdf_solid_angle: self.pdf_solid_angle() }
     }
 
     /// Where a ray from inside in a direction of unit length intersects the sphere.
     #[inline(always)]
-    fn inside_at(&self, direction: Vec3) -> Vec3 {
+    fn exit_point(&self, direction: Vec3) -> Vec3 {
         let f = self.reference - self.center;
         let b = f.dot(direction);
         let across = f - direction * b;
@@ -353,11 +353,11 @@ impl Shape for Shell {
         self.0.pdf_solid_angle(reference, point)
     }
 
-    /// Light that goes inwards counts within only: beyond, it is that of the near side.
-    fn starts_behind(&self, receiver: Vec3, ray: &Ray) -> Option<f32> {
+    /// Light emitted inwards reaches receivers inside only: those beyond the far side see the near side's outward light.
+    fn emission_offset(&self, receiver: Vec3, ray: &Ray) -> Option<f32> {
         let Sphere { center, radius } = self.0;
-        let goes_inwards = ray.direction.dot(ray.origin - center) < 0.0;
-        (!goes_inwards || receiver.distance(center) <= radius).then_some(0.0)
+        let is_inward = ray.direction.dot(ray.origin - center) < 0.0;
+        (!is_inward || receiver.distance(center) <= radius).then_some(0.0)
     }
 
     fn numbers(&self) -> [f32; 6] {

@@ -69,7 +69,7 @@ impl SplatCloud {
         // An ellipsoid's half extents: the lengths of the rows of the matrix that makes it of a sphere.
         let half = |k: usize| {
             let row = Vec3::new(axes.x_axis[k], axes.y_axis[k], axes.z_axis[k]) * scales;
-            // Rounding of the square root, and of the test at the border.
+            // A margin for the rounding of the square root and of the opacity test.
             row.length() * radius * (1.0 + 1e-5)
         };
         let half = Vec3::new(half(0), half(1), half(2));
@@ -168,8 +168,8 @@ pub struct SplatLanes<'a> {
 }
 
 impl SplatLanes<'_> {
-    /// Where a ray is most opaque within each splat, and the square of its distance from the middle there, in the space where the splat
-    /// is a sphere of standard deviation 1: the point that is nearest to the middle.
+    /// The ray parameter of the largest opacity of each splat, and the squared distance from its centre there, in the space where the
+    /// splat is a sphere of standard deviation 1.
     #[inline(always)]
     pub fn peaks(&self, ray: &PreparedRay) -> ([f32; 4], [f32; 4]) {
         let (o, d) = (ray.origin, ray.direction);
@@ -177,7 +177,7 @@ impl SplatLanes<'_> {
         let (mut t, mut squared) = ([0.0; 4], [0.0; 4]);
         for k in 0..4 {
             let from = [o[0] - self.center[0][k], o[1] - self.center[1][k], o[2] - self.center[2][k]];
-            // From the point of the ray next to the middle on, so that its origin's distance costs no precision.
+            // Relative to the ray's point nearest to the centre, so that a distant origin costs no precision.
             let near = -(from[0] * d[0] + from[1] * d[1] + from[2] * d[2]) * per_length;
             let from = [from[0] + d[0] * near, from[1] + d[1] * near, from[2] + d[2] * near];
             let row = |r: usize, v: [f32; 3]| {

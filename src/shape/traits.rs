@@ -51,7 +51,7 @@ pub trait Shape {
     /// A point of the surface, uniform by area; of facing shapes, of the sphere around it.
     fn point_by_area(&self, u: [f32; 2]) -> Vec3;
 
-    /// A point of it as a light seen from `reference`.
+    /// Samples a point of it as a light that illuminates `reference`.
     fn sample(&self, reference: Vec3, u: [f32; 2]) -> LightPoint;
 
     /// Density per solid angle with which [`Shape::sample`] returns a point that is seen from `reference`.
@@ -64,7 +64,7 @@ pub trait Shape {
 
     /// Distance behind its origin at which an emitted ray leaves the surface as seen from a receiver on the ray; `None` if the line
     /// does not intersect the surface as seen from there.
-    fn starts_behind(&self, _receiver: Vec3, _ray: &Ray) -> Option<f32> {
+    fn emission_offset(&self, _receiver: Vec3, _ray: &Ray) -> Option<f32> {
         Some(0.0)
     }
 
@@ -75,18 +75,18 @@ pub trait Shape {
 /// Parametrization of a surface by texture coordinates.
 #[derive(Clone, Copy, Debug)]
 pub struct Parametrization {
-    /// Where u grows, along the surface; any length.
+    /// Direction of increasing u on the surface; any length.
     pub tangent: Vec3,
     /// 1 if the image's up is `n x tangent`, else -1.
     pub handedness: f32,
-    /// How much the coordinates change over a metre.
+    /// Change of the coordinates per metre.
     pub uv_per_metre: f32,
 }
 
 /// A shape as a kind and parameters.
 #[derive(Clone, Copy, Debug)]
 pub struct Packed {
-    /// Which shape: above 0.
+    /// Kind of the shape, above 0.
     pub kind: u8,
     /// Its parameters.
     pub numbers: [f32; 6],

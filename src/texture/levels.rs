@@ -1,4 +1,4 @@
-//! Mip levels of texture images: which of them stay in memory, and how texels of the others are found on demand.
+//! Mip levels of texture images: which are resident in memory, and lookups in the others on demand.
 
 use super::by_rows::{LevelsByRows, MadeLevels};
 use super::packed::{PackedLevel, SIDE};
@@ -17,7 +17,7 @@ use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 pub(super) struct Level {
     /// Its size and its texels, which are [encoded](crate::image::Pixels::Encoded) where the level is not in memory.
     pub image: Image,
-    /// Where the texels come from then.
+    /// Source of the texels of a level that is not in memory.
     pub paged: Option<Arc<PagedLevel>>,
 }
 
@@ -27,12 +27,12 @@ impl Level {
         Level { image, paged: None }
     }
 
-    /// Bytes of memory that it takes as it is, not compressed.
+    /// Bytes of its uncompressed texels in memory.
     pub fn bytes(&self) -> usize {
         if self.paged.is_some() { 0 } else { self.image.bytes() }
     }
 
-    /// Lets `task` work on the texels.
+    /// Runs a task on the texels.
     #[inline(always)]
     pub fn with_texels<T: WithTexels>(&self, task: T) -> T::Output {
         with_common_texels(&self.image, task, |task| task.run(OtherTexels(self)))
@@ -54,29 +54,28 @@ impl Texels for OtherTexels<'_> {
     }
 }
 
-// Levels that are not resident: they are compressed, in memory or in a temporary file ([`Store`]), and each of their texels is found
-// there, the very one that a level in memory has. A level that was not expected to be needed is compressed when the first lookup asks for
-// it: the whole image is decoded then, since JPEG and PNG can't be read in parts (EXR and HDR come row by row), and with that level the coarser ones are kept that are
-// not in memory. Nothing is decoded twice for the same level.
+// Levels that are not resident: they are compressed, in memory or in a temporary file ([`Store`]), where lookups
+// find the same texels as in resident levels. A level that was not expected to be needed is compressed by the first lookup: it decodes the
+// whole image, since JPEG and PNG can't be read in parts (EXR and HDR are read by rows), and compresses all missing coarser levels, too.
+// No image is decoded twice for the same level.
 //
-// Nothing here waits for other work of the thread pool: a thread that waits there may begin another tile of the picture and ask for
-// what it holds itself.
+// Nothing here waits for jobs of the thread pool: a waiting thread may begin another tile and deadlock on a lock that it holds itself.
 
 /// A level whose texels are found in its compressed form.
 #[derive(Debug)]
 pub(super) struct PagedLevel {
-    /// No other level of any image has it.
+    /// Unique among the levels of all images.
     id: u64,
     level: usize,
     width: u32,
-    of: Arc<PagedImage>,
+    image: Arc<PagedImage>,
 }
 
 impl PagedLevel {
     /// Level `level` of an image.
-    pub fn new(of: &Arc<PagedImage>, level: usize, width: u32) -> PagedLevel {
+    pub fn new(image: &Arc<PagedImage>, level: usize, width: u32) -> PagedLevel {
         static NEXT: AtomicU64 = AtomicU64::new(0);
-        PagedLevel { id: NEXT.fetch_add(1, Ordering::Relaxed), level, width, of: of.clone() }
+        PagedLevel { id: NEXT.fetch_add(1, Ordering::Relaxed), level, width, image: image.clone() }
     }
 
     /// The texel at a position in the level, counted row by row, as linear RGBA.
@@ -84,11 +83,11 @@ impl PagedLevel {
     pub fn texel(&self, at: usize) -> [f32; 4] {
         let width = self.width as usize;
         let (x, y) = ((at % width) as u32, (at / width) as u32);
-        self.of.packed(self.level).texel(x, y, self.id, &self.of.store)
+        self.image.packed(self.level).texel(x, y, self.id, &self.image.store)
     }
 }
 
-/// An image some of whose levels are not in memory as they are.
+/// An image some of whose levels are not resident.
 #[derive(Debug)]
 pub(super) struct PagedImage {
     /// Still encoded.
@@ -99,7 +98,7 @@ pub(super) struct PagedImage {
     decoding: Mutex<()>,
     /// Levels from here on are in memory.
     resident_from: usize,
-    /// Shown where the image can't be decoded any more: a coarse copy.
+    /// A coarse copy, in case the image can't be decoded any more.
     fallback: Image,
     store: Arc<Store>,
 }
@@ -126,7 +125,7 @@ impl PagedImage {
 
     /// Keeps the texels of a level, compressed.
     pub fn keep(&self, level: usize, packed: PackedLevel) {
-        // If it is there, it is the same.
+        // A level that is already set is the same.
         let _ = self.packed[level].set(packed);
     }
 
@@ -144,21 +143,21 @@ impl PagedImage {
         }
     }
 
-    /// Decodes the image and keeps the coarser levels that are not in memory beside the one that is asked for.
+    /// Decodes the image, and compresses the level that is asked for and all missing coarser ones.
     #[cold]
-    fn decode(&self, asked: usize) -> &PackedLevel {
+    fn decode(&self, requested: usize) -> &PackedLevel {
         let alone = lock(&self.decoding);
-        if self.packed[asked].get().is_none() {
-            self.store.decode(self.image.decoding_bytes(), || self.keep_from(asked));
+        if self.packed[requested].get().is_none() {
+            self.store.decode(self.image.decoding_bytes(), || self.keep_from(requested));
         }
         drop(alone);
-        self.packed[asked].get_or_init(|| PackedLevel::new(&self.fallback(asked), &self.store))
+        self.packed[requested].get_or_init(|| PackedLevel::new(&self.fallback(requested), &self.store))
     }
 
-    fn keep_from(&self, asked: usize) {
+    fn keep_from(&self, requested: usize) {
         let mut warnings = Vec::new();
         if let Some((source, _)) = self.image.rows() {
-            let missing = (asked..self.resident_from.max(asked + 1))
+            let missing = (requested..self.resident_from.max(requested + 1))
                 .filter(|&level| self.packed[level].get().is_none());
             let mut levels =
                 LevelsByRows::new(&self.image, &missing.collect(), None, Threads::This, &self.store);
@@ -177,11 +176,11 @@ impl PagedImage {
             Ok(image) => Image { encoding: self.image.encoding, ..image },
             Err(damage) => return self.store.warn_of_damage(&self.image, damage),
         };
-        for _ in 0..asked {
+        for _ in 0..requested {
             image = halved_by_one_thread(&image);
         }
-        self.keep(asked, PackedLevel::new(&image, &self.store));
-        for level in asked + 1..self.resident_from {
+        self.keep(requested, PackedLevel::new(&image, &self.store));
+        for level in requested + 1..self.resident_from {
             image = halved_by_one_thread(&image);
             if self.packed[level].get().is_none() {
                 self.keep(level, PackedLevel::new(&image, &self.store));
@@ -189,7 +188,7 @@ impl PagedImage {
         }
     }
 
-    /// A level made of the coarse copy.
+    /// A level resampled from the coarse copy.
     fn fallback(&self, level: usize) -> Image {
         let [width, height] = sizes(self.image.width, self.image.height).nth(level).unwrap_or([1, 1]);
         resized(&self.fallback, width, height, self.image.encoding)
@@ -220,10 +219,10 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 
 // Choice of resident levels, and decoding.
 //
-// Levels that no lookup is expected to ask for are left out, and the finest of those that are, where they take more than the limit, are
-// compressed. Images are decoded a few at a time, so that not much more is in memory than what stays there.
+// Levels that no lookup is expected to need are omitted. If the others take more than the limit, the finest are compressed. Images are
+// decoded a few at a time, to limit the memory of the decoders.
 
-/// The levels of images that a picture needs.
+/// The mip levels of images that a picture needs.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TextureNeeds {
     /// The finest level of each image that lookups are expected to ask for, where 0 is the image itself; `None` where none is expected
@@ -240,7 +239,7 @@ impl TextureNeeds {
         self.finest.get(image).copied().unwrap_or(Some(0))
     }
 
-    /// Does what was made for these needs do for others as well?
+    /// Do levels made for these needs suffice for others?
     pub fn cover(&self, other: &TextureNeeds) -> bool {
         let finest = |needs: &TextureNeeds, image| needs.finest(image).unwrap_or(u32::MAX);
         let images = self.finest.len().max(other.finest.len());
@@ -258,7 +257,7 @@ impl TextureNeeds {
 pub struct TextureReport {
     /// Images that were decoded.
     pub decoded: u64,
-    /// Images that were not, since nothing in the picture needs them.
+    /// Images that were not decoded, since nothing in the picture needs them.
     pub unneeded: u64,
     /// Images whose finest levels were left out.
     pub reduced: u64,
@@ -270,7 +269,7 @@ pub struct TextureReport {
     pub file_bytes: u64,
     /// Bytes that all levels of all images would take.
     pub all_bytes: u64,
-    /// About what images hold, and damaged ones.
+    /// Warnings about contents of images and damaged ones.
     pub warnings: Vec<Warning>,
 }
 
@@ -280,7 +279,7 @@ impl TextureReport {
         const MIB: f64 = 1_048_576.0;
         let mut list = Vec::new();
         if self.unneeded > 0 {
-            let message = "images of textures: nothing that is placed has them; not decoded";
+            let message = "images of textures: not decoded, as no object uses them";
             list.push(format!("{} {message}", self.unneeded));
         }
         if self.reduced > 0 {
@@ -300,7 +299,7 @@ impl TextureReport {
 pub(super) struct Levels {
     /// The image itself.
     pub finest: Level,
-    /// Its pyramid; empty unless some texture wants it.
+    /// Its mip pyramid; empty unless a texture is filtered.
     pub coarser: Arc<[Level]>,
 }
 
@@ -322,7 +321,7 @@ impl Levels {
     fn bytes(&self) -> u64 {
         // All that are compressed belong to one image.
         let paged = self.all().find_map(|level| level.paged.as_ref());
-        let packed = paged.map_or(0, |paged| paged.of.bytes());
+        let packed = paged.map_or(0, |paged| paged.image.bytes());
         (packed + self.all().map(Level::bytes).sum::<usize>()) as u64
     }
 }
@@ -332,9 +331,9 @@ impl Levels {
 pub(super) struct Images {
     /// By image; `None` for damaged ones.
     pub levels: BTreeMap<ImageId, Option<Levels>>,
-    /// Finds what is not in memory.
+    /// Levels that are not resident.
     store: Option<Arc<Store>>,
-    /// The needs that they are made for.
+    /// The needs that the levels were made for.
     pub needs: TextureNeeds,
 }
 
@@ -349,7 +348,7 @@ impl Images {
         self.levels.values().flatten().map(Levels::bytes).sum()
     }
 
-    /// The levels of an image, if they do for other needs as well.
+    /// The levels of an image, if they suffice for other needs.
     fn sufficient(&self, id: ImageId, needs: &TextureNeeds) -> Option<&Option<Levels>> {
         let finest = |needs: &TextureNeeds| needs.finest(id.index()).unwrap_or(u32::MAX);
         self.levels
@@ -368,7 +367,7 @@ pub(super) fn of(
     let earlier = earlier.unwrap_or_default();
     let mut plans = plans(textures, images, &needs);
     let resident = within_limit(&mut plans, needs.limit);
-    warn_of(&plans, report);
+    count_images(&plans, report);
     let left = needs.limit.map_or(u64::MAX, |limit| limit.saturating_sub(resident));
     let new_store = || Arc::new(Store::new(left, needs.decoding()));
     let store = earlier.store.clone().unwrap_or_else(new_store);
@@ -398,7 +397,7 @@ pub(super) fn of(
             levels.insert(id, built);
         }
     }
-    // They were made for what was needed then.
+    // Reused levels were made for earlier needs.
     for id in kept {
         if let Some(finest) = needs.finest.get_mut(id.index()) {
             *finest = earlier.needs.finest(id.index());
@@ -409,8 +408,8 @@ pub(super) fn of(
     Ok(made)
 }
 
-/// Counts what becomes of images.
-fn warn_of(plans: &[LevelPlan], report: &mut TextureReport) {
+/// Counts decoded, unneeded, reduced and paged images.
+fn count_images(plans: &[LevelPlan], report: &mut TextureReport) {
     let count = |is_one: &dyn Fn(&LevelPlan) -> bool| plans.iter().filter(|plan| is_one(plan)).count() as u64;
     report.decoded = count(&|plan| plan.is_decoded());
     report.unneeded = count(&|plan| plan.image.is_encoded() && !plan.is_decoded());
@@ -451,7 +450,7 @@ impl LevelPlan<'_> {
 }
 
 fn plans<'a>(textures: &[Texture], images: &'a [Image], needs: &TextureNeeds) -> Vec<LevelPlan<'a>> {
-    // By image: do some textures want its pyramid?
+    // By image: does a texture need its mip pyramid?
     let mut uses: BTreeMap<ImageId, bool> = BTreeMap::new();
     for texture in textures {
         if let Texture::Image { image, interpolation, .. } = texture {
@@ -473,8 +472,8 @@ fn plans<'a>(textures: &[Texture], images: &'a [Image], needs: &TextureNeeds) ->
     uses.into_iter().filter_map(plan).collect()
 }
 
-/// Compresses the largest levels where all together take more than the limit; half of that is for what is compressed.
-/// Gives the bytes that stay.
+/// Plans to compress the largest levels if all take more than the limit, half of which is reserved for compressed levels. Returns the
+/// resident bytes.
 fn within_limit(plans: &mut [LevelPlan], limit: Option<u64>) -> u64 {
     let mut resident: u64 =
         plans.iter().filter(|plan| plan.image.is_encoded()).map(LevelPlan::resident_bytes).sum();
@@ -493,7 +492,7 @@ fn within_limit(plans: &mut [LevelPlan], limit: Option<u64>) -> u64 {
     resident
 }
 
-/// Images that are decoded together: those with the same pixels at once, and several as long as they don't take too much.
+/// Batches of images that are decoded at the same time: groups with the same pixels, as many as fit into `most` bytes.
 fn batches(plans: Vec<LevelPlan>, most: u64) -> Vec<Vec<Vec<LevelPlan>>> {
     let mut numbers: HashMap<*const (), usize> = HashMap::new();
     let mut groups: Vec<Vec<LevelPlan>> = Vec::new();
@@ -507,7 +506,7 @@ fn batches(plans: Vec<LevelPlan>, most: u64) -> Vec<Vec<Vec<LevelPlan>>> {
     }
     let (mut batches, mut bytes) = (vec![Vec::new()], 0);
     for group in groups {
-        // Pixels that stay take no more memory while they are decoded.
+        // Resident levels take no additional memory while they are decoded.
         let is_passing = |plan: &LevelPlan| plan.is_decoded() && plan.resident_from > 0;
         let own = if group.iter().any(is_passing) { group[0].image.decoding_bytes() as u64 } else { 0 };
         if bytes + own > most && bytes > 0 {
@@ -548,7 +547,7 @@ fn build(group: Vec<LevelPlan>, store: &Arc<Store>) -> (Vec<Built>, Vec<Warning>
     let count = group.len();
     let mut made = Vec::with_capacity(count);
     for (i, plan) in group.into_iter().enumerate() {
-        // The last one may free the pixels as soon as the next coarser level is made.
+        // The last image may free the pixels as soon as its next level is made.
         let full = if i + 1 == count { decoded.take() } else { decoded.clone() };
         let encoding = plan.image.encoding;
         let full = full.map(|full| Image { encoding, name: plan.image.name.clone(), ..full });

@@ -12,7 +12,7 @@ mod pyramid;
 mod store;
 
 use crate::color::Rgb;
-use crate::color::spectral::{Spectrum, Wavelengths, uplifted_share};
+use crate::color::spectral::{Spectrum, Wavelengths, uplift_reflectance};
 use crate::error::Error;
 use crate::image::Image;
 use crate::math::{Vec2, Vec3};
@@ -546,13 +546,13 @@ impl<'a> PointReader<'a> {
                     at = TextureId(if is_odd { *odd } else { *even });
                 }
                 Some(Compiled::Spectrum(spectrum)) => {
-                    return spectrum.at(waves) * uplifted_share(factor, waves);
+                    return spectrum.at(waves) * uplift_reflectance(factor, waves);
                 }
                 _ => break,
             }
         }
         let [r, g, b, _] = self.eval(id);
-        uplifted_share(factor * Rgb::new(r, g, b), waves)
+        uplift_reflectance(factor * Rgb::new(r, g, b), waves)
     }
 
     fn look_up(&self, id: TextureId) -> [f32; 4] {

@@ -215,13 +215,13 @@ fn choices_about_the_stage_are_refused_or_reported_to_change_nothing() {
     let output = oscura(folder.path(), &[&["render", &scene][..], &size, &more].concat());
     assert_eq!(code(&output), 0, "{}", stderr(&output));
     for option in ["--view-from", "--ground"] {
-        let part = format!("{option} changes nothing");
+        let part = format!("{option} has no effect");
         assert!(stderr(&output).contains(&part), "'{part}' is not in {}", stderr(&output));
     }
     let more = ["--stage", "sky", "--env", "", "--zoom", "2"];
     let output = oscura(folder.path(), &[&["render", &scene][..], &size, &more].concat());
     for option in ["--stage", "--zoom"] {
-        let part = format!("{option} changes nothing");
+        let part = format!("{option} has no effect");
         assert!(stderr(&output).contains(&part), "'{part}' is not in {}", stderr(&output));
     }
 }
@@ -248,7 +248,7 @@ fn facets_become_smooth_on_demand() {
     assert!(smooth.0 <= facets.0, "{} {}", smooth.0, facets.0);
     let sharp = steps("c.png", &["--smooth=5"]);
     assert!(fs::read(folder.path().join("a.png")).unwrap() == fs::read(folder.path().join("c.png")).unwrap());
-    assert!(!sharp.1.contains("changes nothing"), "{}", sharp.1);
+    assert!(!sharp.1.contains("has no effect"), "{}", sharp.1);
     let other = oscura(
         folder.path(),
         &["render", &cornell(), "--width", "8", "--spp", "1", "-o", "d.png", "--smooth"],
@@ -311,7 +311,7 @@ fn a_part_that_glows_takes_no_light_from_a_scene_with_a_camera() {
     assert!(messages.contains("soft default sky") && messages.contains("--env none"), "{messages}");
     assert!(lit.get_pixel(16, 16)[0] > 100, "{:?}", lit.get_pixel(16, 16));
     let (messages, _, staged) = shoot("staged.png", &["--stage", "studio"]);
-    assert!(messages.contains("studio light") && !messages.contains("changes nothing"), "{messages}");
+    assert!(messages.contains("studio light") && !messages.contains("has no effect"), "{messages}");
     assert!(staged.get_pixel(16, 16)[0] > 60, "{:?}", staged.get_pixel(16, 16));
     let (_, has_alpha, dark) = shoot("dark.png", &["--env", ""]);
     assert!(!has_alpha && dark.get_pixel(16, 16)[0] < 30, "{:?}", dark.get_pixel(16, 16));

@@ -104,7 +104,7 @@ fn properties_of_ply_files_that_are_not_read() {
     assert_eq!(stray.0, ["line 3 of the header, 'made by hand', which means nothing: left out"]);
     let quality = said(ply("", "property float quality\n", "0.5", "", ""));
     assert!(quality.0.is_empty());
-    assert_eq!(quality.1, ["property 'quality' of 'vertex': no picture shows it"]);
+    assert_eq!(quality.1, ["property 'quality' of 'vertex': has no effect on pictures"]);
     assert!(said(ply("", &color, "1 2 3 255", "", "")).0.is_empty());
     let clear = said(ply("", &color, "1 2 3 100", "", ""));
     assert_eq!(clear.0, ["the alpha of 3 vertex colours, which are taken as opaque: left out"]);

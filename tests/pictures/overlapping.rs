@@ -337,9 +337,9 @@ fn lumps(shares: &[f32], with_fog: bool) -> Scene {
     let value = |i: usize| ((i * 7 % 5) as f32 + (i % 3) as f32) * 0.6;
     let values: Vec<f32> = (0..size.iter().product::<u32>() as usize).map(value).collect();
     for &share in shares {
-        let of_share = Arc::new(values.iter().map(|v| v * share).collect());
+        let of_reflectance = Arc::new(values.iter().map(|v| v * share).collect());
         let (low, high) = (DVec3::splat(-1.0), DVec3::splat(1.0));
-        let grid = scene.add_grid(Grid::in_box("smoke".into(), size, of_share, low, high));
+        let grid = scene.add_grid(Grid::in_box("smoke".into(), size, of_reflectance, low, high));
         let own = Medium { grid: Some(grid), emission: [0.3, 0.2, 0.1], ..medium([0.7; 3], 0.85, 0.3) };
         let ball = Ball { kind: Kind::Grid, center: [0.0; 3], radius: 1.8, medium: own };
         body(&mut scene, &ball, own, 0);

@@ -130,7 +130,7 @@ fn colours_look_like_themselves() {
 #[test]
 fn measured_spectra_look_as_their_integrals_say() {
     let nodes = [(400.0, 0.1), (480.0, 0.9), (530.0, 0.1), (640.0, 0.7)];
-    let curve = Arc::new(Curve::share(&nodes));
+    let curve = Arc::new(Curve::reflectance(&nodes));
     let emitter_traits = Arc::new(Curve::black_body(2700.0, 1.0));
     let scene = in_furnace([1.0; 3], |scene| {
         scene.textures.push(Texture::Spectrum(curve.clone()));

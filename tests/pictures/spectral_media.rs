@@ -27,7 +27,7 @@ fn coefficient(rgb: [f32; 3]) -> impl Fn(f64) -> f64 {
 }
 
 fn share(rgb: [f32; 3]) -> impl Fn(f64) -> f64 {
-    let spectrum = Spectrum::of_share(Rgb::from_array(rgb));
+    let spectrum = Spectrum::of_reflectance(Rgb::from_array(rgb));
     move |nm| at(&spectrum, nm).min(1.0)
 }
 

@@ -32,7 +32,7 @@ pub(crate) fn run(args: &InspectArgs) -> Result<Outcome> {
         blender: args.blender.options(),
         gltf: args.asset.options(),
         // Additions of 'render' are listed, though they are not in the file.
-        stage: StageOptions { is_foretold: true, ..StageOptions::studio() },
+        stage: StageOptions { is_dry_run: true, ..StageOptions::studio() },
         ..LoadOptions::default()
     };
     let mut loaded = load(&args.scene, &options)?;

@@ -318,7 +318,7 @@ fn picture(format: Format, name: &'static str, shared: &Shared) -> Answer {
         }
         None => frame.film.clone(),
     };
-    film.forget(denoising_guides().iter());
+    film.remove_aovs(denoising_guides().iter());
     match encode(&film, format, &options, name) {
         Ok(encoded) => Answer { name: Some(name), ..Answer::bytes(encoded.bytes) },
         Err(error) => Answer::text(500, &error.to_string()),

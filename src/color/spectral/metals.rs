@@ -391,7 +391,7 @@ fn indices() -> &'static [Index] {
     INDICES.get_or_init(|| {
         let curve = |nodes: &[[f32; 3]], part: usize| {
             let nodes: Vec<_> = nodes.iter().map(|n| (f64::from(n[0]), f64::from(n[part]))).collect();
-            Curve::share(&nodes)
+            Curve::reflectance(&nodes)
         };
         METALS.iter().map(|(_, nodes)| Index([curve(nodes, 1), curve(nodes, 2)])).collect()
     })

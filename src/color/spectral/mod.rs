@@ -1,30 +1,27 @@
 //! Spectra for spectral rendering.
 //!
-//! Light is counted relative to daylight, the illuminant D65 of the CIE: what is 1 at all wavelengths is the white of Rec. 709.
-//! A path carries [`LANES`] wavelengths side by side, where it carries red, green and blue otherwise (hero wavelength
-//! sampling: Wilkie et al. 2014). What arrives at them becomes linear Rec. 709 by the observer of 1931 ([`Wavelengths::rgb`]).
-//! Colours of Rec. 709 get smooth spectra by the method of Jakob and Hanika (2019, "A Low-Dimensional Function Space for
-//! Efficient Spectral Upsampling"), of [`Sigmoid`]s.
-//!
-//! Hero wavelength sampling (Wilkie et al. 2014, "Hero Wavelength Spectral Sampling"), the CIE 1931 observer, and measured spectra.
+//! Spectra are relative to daylight, the CIE illuminant D65: the constant 1 is the white of Rec. 709. A path has [`LANES`]
+//! wavelengths in place of red, green and blue (Wilkie et al. 2014, "Hero Wavelength Spectral Sampling"). Their radiance is converted
+//! to linear Rec. 709 by the CIE 1931 observer ([`Wavelengths::rgb`]). Colours of Rec. 709 are converted to smooth spectra, which are
+//! [`Sigmoid`]s (Jakob, Hanika 2019, "A Low-Dimensional Function Space for Efficient Spectral Upsampling").
 
 mod metals;
 mod uplift;
 
 pub use metals::Metal;
-pub use uplift::{Sigmoid, Spectrum, uplifted_light, uplifted_share};
+pub use uplift::{Sigmoid, Spectrum, uplift_emission, uplift_reflectance};
 
 use crate::color::{Primaries, Rgb, luminance};
 use std::sync::OnceLock;
 
-/// The first wavelength that is seen, nanometres.
+/// The shortest visible wavelength, nanometres.
 pub const FIRST_NM: f32 = 380.0;
-/// The last one.
+/// The longest visible wavelength, nanometres.
 pub const LAST_NM: f32 = 780.0;
-/// Wavelengths of a path.
+/// Number of wavelengths of a path.
 pub const LANES: usize = 3;
 
-/// Between the nodes of the observer's tables, nanometres.
+/// Distance of the nodes of the observer's tables, nanometres.
 const STEP_NM: f32 = 5.0;
 const NODES: usize = MATCHING.len();
 
@@ -96,8 +93,8 @@ fn observer() -> &'static Observer {
     })
 }
 
-/// The nodes and the middles between them with the weights of Simpson's rule on what light there looks like: the sum of a
-/// function's values times these is what light of that spectrum, relative to D65, looks like.
+/// Quadrature by Simpson's rule: wavelengths (nodes and midpoints) with weights in linear Rec. 709. The weighted sum of a spectrum's
+/// values, relative to D65, is its colour.
 pub(super) fn quadrature() -> &'static [(f64, [f64; 3])] {
     static POINTS: OnceLock<Vec<(f64, [f64; 3])>> = OnceLock::new();
     POINTS.get_or_init(|| {
@@ -116,8 +113,7 @@ pub(super) fn quadrature() -> &'static [(f64, [f64; 3])] {
     })
 }
 
-/// Linear Rec. 709 of a spectrum relative to D65: of a reflectance what it looks like in daylight. May be negative where the
-/// colour is beyond the gamut.
+/// Linear Rec. 709 of a spectrum relative to D65; of a reflectance, its colour in daylight. Components are negative outside the gamut.
 pub fn rgb_of(spectrum: impl Fn(f64) -> f64) -> [f64; 3] {
     let mut sum = [0.0; 3];
     for (nm, weight) in quadrature() {
@@ -140,7 +136,7 @@ pub(super) fn daylight(nm: f64) -> f64 {
 pub struct Wavelengths {
     /// By lane, nanometres.
     pub nm: [f32; LANES],
-    /// By lane: linear Rec. 709 of what is 1 there, over the density.
+    /// By lane: linear Rec. 709 of unit radiance at the wavelength, divided by the density and [`LANES`].
     rgb: [[f32; 3]; LANES],
 }
 
@@ -151,8 +147,8 @@ impl Wavelengths {
         let observer = observer();
         let mut drawn = Wavelengths { nm: [0.0; LANES], rgb: [[0.0; 3]; LANES] };
         for lane in 0..LANES {
-            let turned = u + lane as f32 / LANES as f32;
-            let at = if turned >= 1.0 { turned - 1.0 } else { turned };
+            let rotated = u + lane as f32 / LANES as f32;
+            let at = if rotated >= 1.0 { rotated - 1.0 } else { rotated };
             (drawn.nm[lane], drawn.rgb[lane]) = observer.draw(at);
         }
         drawn
@@ -173,7 +169,7 @@ impl Wavelengths {
 }
 
 impl Observer {
-    /// The wavelength at a share of the distribution, and what light of it looks like over density and number of lanes.
+    /// The wavelength at a value of the cumulative distribution, and its linear Rec. 709 divided by the density and [`LANES`].
     #[inline]
     fn draw(&self, u: f32) -> (f32, [f32; 3]) {
         let above = self.cumulative.partition_point(|&c| c <= u);
@@ -193,23 +189,23 @@ impl Observer {
 
 // Measured spectra.
 
-/// Nanometres from one value to the next.
+/// Distance of the values of a curve, nanometres.
 const CURVE_STEP_NM: f32 = 1.0;
 const VALUES: usize = ((LAST_NM - FIRST_NM) / CURVE_STEP_NM) as usize + 1;
 
 /// Second radiation constant, nanometres times kelvins (CODATA 2018).
 pub const SECOND_RADIATION_CONSTANT: f64 = 1.438_776_877e7;
 
-/// A measured spectrum: straight between the values measured, and constant beyond the first and the last. That of a light is
-/// relative to D65.
+/// A measured spectrum, linear between the measured values, and constant beyond the first and the last. Spectra of lights are relative
+/// to D65.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Curve {
-    /// At every nanometre of the visible.
+    /// By wavelength, from [`FIRST_NM`] to [`LAST_NM`].
     values: Vec<f32>,
     rgb: [f32; 3],
 }
 
-/// The value at a wavelength of a list of wavelengths, in order, with values.
+/// Linear interpolation in a list of (wavelength, value), sorted by wavelength.
 fn between(measured: &[(f64, f64)], nm: f64) -> f64 {
     let above = measured.partition_point(|(at, _)| *at <= nm);
     match (above.checked_sub(1).map(|i| measured[i]), measured.get(above)) {
@@ -221,7 +217,7 @@ fn between(measured: &[(f64, f64)], nm: f64) -> f64 {
 
 impl Curve {
     /// A reflectance by wavelength, in nanometres and in rising order.
-    pub fn share(measured: &[(f64, f64)]) -> Curve {
+    pub fn reflectance(measured: &[(f64, f64)]) -> Curve {
         Curve::new(|nm| between(measured, nm))
     }
 
@@ -239,7 +235,7 @@ impl Curve {
         Curve::new(|nm| power(nm) / daylight(nm)).of_luminance(of_luminance)
     }
 
-    /// By a function of the wavelength.
+    /// The curve of a function of the wavelength.
     pub(super) fn new(value: impl Fn(f64) -> f64) -> Curve {
         let values =
             (0..VALUES).map(|i| value(f64::from(FIRST_NM) + i as f64 * f64::from(CURVE_STEP_NM)) as f32);
@@ -329,7 +325,7 @@ mod curve_tests {
 
     #[test]
     fn curves_are_straight_between_and_constant_beyond() {
-        let curve = Curve::share(&[(400.0, 0.2), (500.0, 0.4), (600.0, 0.0)]);
+        let curve = Curve::reflectance(&[(400.0, 0.2), (500.0, 0.4), (600.0, 0.0)]);
         for (nm, value) in
             [(380.0, 0.2), (400.0, 0.2), (450.5, 0.301), (500.0, 0.4), (575.0, 0.1), (700.0, 0.0)]
         {

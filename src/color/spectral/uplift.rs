@@ -28,15 +28,15 @@ impl Sigmoid {
     }
 }
 
-/// The place of a wavelength between -1 and 1.
-pub(super) fn place(nm: f64) -> f64 {
+/// A wavelength mapped to -1..1.
+pub(super) fn normalized(nm: f64) -> f64 {
     (nm - f64::from(MIDDLE_NM)) / f64::from(HALF_NM)
 }
 
 // Fit of a sigmoid to a colour.
 
 /// The fit stops at this error relative to the brightest channel.
-const WANTED: f64 = 1e-6;
+const TARGET_ERROR: f64 = 1e-6;
 const MAX_STEPS: usize = 60;
 /// Largest polynomial coefficient: with larger ones a spectrum is a step between two wavelengths.
 const MAX_COEFFICIENT: f64 = 300.0;
@@ -45,7 +45,7 @@ const MAX_COEFFICIENT: f64 = 300.0;
 fn color_of([a, b, c]: [f64; 3]) -> ([f64; 3], [[f64; 3]; 3]) {
     let (mut rgb, mut slopes) = ([0.0; 3], [[0.0; 3]; 3]);
     for (nm, weight) in quadrature() {
-        let t = place(*nm);
+        let t = normalized(*nm);
         let x = (a * t + b) * t + c;
         let s = (1.0 + x * x).sqrt();
         let tail = 0.5 / (s * (s + x.abs()));
@@ -72,17 +72,17 @@ pub(super) fn fit(rgb: [f64; 3], start: [f64; 3]) -> ([f64; 3], f64) {
     let scale = 1.0 / rgb.into_iter().fold(1e-9, f64::max);
     let mut best = start;
     let (mut found, mut slopes) = color_of(best);
-    let (mut now, mut damping) = (error(found, rgb, scale), 1e-6);
+    let (mut current_error, mut damping) = (error(found, rgb, scale), 1e-6);
     for _ in 0..MAX_STEPS {
-        if now < WANTED {
+        if current_error < TARGET_ERROR {
             break;
         }
         let Some(step) = step(&slopes, found, rgb, damping) else { break };
         let next = [0, 1, 2].map(|i| (best[i] - step[i]).clamp(-MAX_COEFFICIENT, MAX_COEFFICIENT));
         let (found_next, slopes_next) = color_of(next);
         let error_next = error(found_next, rgb, scale);
-        if error_next < now {
-            (best, found, slopes, now) = (next, found_next, slopes_next, error_next);
+        if error_next < current_error {
+            (best, found, slopes, current_error) = (next, found_next, slopes_next, error_next);
             damping = f64::max(damping * 0.2, 1e-12);
         } else {
             damping *= 8.0;
@@ -91,7 +91,7 @@ pub(super) fn fit(rgb: [f64; 3], start: [f64; 3]) -> ([f64; 3], f64) {
             }
         }
     }
-    (best, now)
+    (best, current_error)
 }
 
 /// Solves the damped normal equations.
@@ -142,7 +142,7 @@ fn ratios() -> [f64; NODES] {
     std::array::from_fn(|i| smooth(i as f64 / (NODES - 1) as f64))
 }
 
-/// The table, made when it is first asked for: in some tenths of a second.
+/// The table, computed by the first call, in some tenths of a second.
 pub(super) fn table() -> &'static Table {
     static TABLE: OnceLock<Table> = OnceLock::new();
     TABLE.get_or_init(|| {
@@ -198,7 +198,7 @@ impl Table {
         let [r, g, b] = rgb;
         let m = if r >= g && r >= b { 0 } else { 1 + usize::from(b > g) };
         let most = rgb[m];
-        // The node before a value, and the share of the next one.
+        // The node before a value, and the interpolation weight of the next one.
         let split = |nodes: &[f32; NODES], value: f32| {
             let i = nodes.partition_point(|&node| node <= value).clamp(1, NODES - 1) - 1;
             (i, (value - nodes[i]) / (nodes[i + 1] - nodes[i]))
@@ -238,23 +238,23 @@ pub enum Spectrum {
         /// Its shape.
         shape: Sigmoid,
     },
-    /// A measured one.
+    /// A measured spectrum.
     Measured(Arc<Curve>),
 }
 
 /// Colours of lights are scaled so that their brightest channel has this value, where sigmoids are smoothest.
 const MIDDLE: f32 = 0.5;
 
-/// Divisor that scales a colour into 0..1: shares of light stay as they are.
+/// Divisor that scales a colour into 0..1; reflectances are unchanged.
 #[inline(always)]
-fn scale_of_share(most: f32) -> f32 {
+fn reflectance_scale(most: f32) -> f32 {
     if most > 1.0 { most / MIDDLE } else { 1.0 }
 }
 
 impl Spectrum {
     /// The spectrum of a reflectance or another colour in 0..1.
-    pub fn of_share(rgb: Rgb) -> Spectrum {
-        Spectrum::of(rgb, scale_of_share(rgb.max_element()))
+    pub fn of_reflectance(rgb: Rgb) -> Spectrum {
+        Spectrum::of(rgb, reflectance_scale(rgb.max_element()))
     }
 
     /// The spectrum of the colour of a light: white is D65.
@@ -303,15 +303,15 @@ fn uplifted(rgb: Rgb, scale: f32, waves: &Wavelengths) -> Rgb {
 
 /// The uplifted spectrum of a reflectance or transmittance at a path's wavelengths, by the table. The tests of this file bound the error.
 #[inline]
-pub fn uplifted_share(rgb: Rgb, waves: &Wavelengths) -> Rgb {
+pub fn uplift_reflectance(rgb: Rgb, waves: &Wavelengths) -> Rgb {
     let rgb = rgb.max(Rgb::ZERO);
     let (most, least) = (rgb.max_element(), rgb.min_element());
-    if most == least { rgb } else { uplifted(rgb, scale_of_share(most), waves) }
+    if most == least { rgb } else { uplifted(rgb, reflectance_scale(most), waves) }
 }
 
 /// The values of the spectrum of a light's colour at a path's wavelengths.
 #[inline]
-pub fn uplifted_light(rgb: Rgb, waves: &Wavelengths) -> Rgb {
+pub fn uplift_emission(rgb: Rgb, waves: &Wavelengths) -> Rgb {
     let rgb = rgb.max(Rgb::ZERO);
     let (most, least) = (rgb.max_element(), rgb.min_element());
     // Infinite light stays infinite, and is counted as invalid.
@@ -323,7 +323,7 @@ mod tests {
     use super::super::rgb_of;
     use super::*;
 
-    /// All colours of a grid, and what their spectra look like.
+    /// Mean and maximum error of the colours of a grid after conversion to spectra and back.
     fn round_trip(steps: u32, look: impl Fn([f32; 3]) -> [f64; 3]) -> (f64, f64, [f32; 3]) {
         let (mut sum, mut most, mut worst) = (0.0, 0.0, [0.0; 3]);
         let level = |i: u32| (i as f32 + 0.5) / steps as f32;
@@ -341,7 +341,7 @@ mod tests {
 
     #[test]
     fn constant_colours_look_like_themselves() {
-        let look = |rgb: [f32; 3]| match Spectrum::of_share(Rgb::from_array(rgb)) {
+        let look = |rgb: [f32; 3]| match Spectrum::of_reflectance(Rgb::from_array(rgb)) {
             Spectrum::Uplifted { scale, shape, .. } => {
                 rgb_of(|nm| f64::from(shape.at(nm as f32)) * f64::from(scale))
             }
@@ -368,8 +368,8 @@ mod tests {
         let waves = Wavelengths::draw(0.3);
         for value in [0.0, 1e-6, 0.18, 1.0, 40.0] {
             let grey = Rgb::splat(value);
-            assert_eq!(uplifted_share(grey, &waves), grey);
-            assert_eq!(uplifted_light(grey, &waves), grey);
+            assert_eq!(uplift_reflectance(grey, &waves), grey);
+            assert_eq!(uplift_emission(grey, &waves), grey);
             assert_eq!(Spectrum::of_light(grey).at(&waves), grey);
         }
     }
@@ -377,8 +377,8 @@ mod tests {
     #[test]
     fn lights_keep_their_colour_at_any_strength() {
         let waves = Wavelengths::draw(0.1);
-        let dim = uplifted_light(Rgb::new(0.02, 0.01, 0.004), &waves);
-        let bright = uplifted_light(Rgb::new(20.0, 10.0, 4.0), &waves);
+        let dim = uplift_emission(Rgb::new(0.02, 0.01, 0.004), &waves);
+        let bright = uplift_emission(Rgb::new(20.0, 10.0, 4.0), &waves);
         let off = (bright / 1000.0 - dim).abs().max_element();
         assert!(off < 1e-6, "{dim} {bright}");
     }

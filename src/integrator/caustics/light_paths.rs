@@ -145,7 +145,7 @@ impl Integrator<'_> {
     /// Does the light of a path on its first ray reach the hit? The ray may start a little too near.
     fn is_lit_along(&self, path: &LightPath, hit: &Hit, salt: u32, w: &mut Workspace) -> bool {
         let Some(emitter) = self.scene.lights.area().get(path.light as usize) else { return true };
-        let Some(behind) = emitter.starts_behind(path.ray.at(hit.t), &path.ray) else { return false };
+        let Some(behind) = emitter.emission_offset(path.ray.at(hit.t), &path.ray) else { return false };
         let start = Ray::segment(path.ray.origin, path.ray.direction * -behind);
         behind == 0.0 || !self.blocked(&[start], &[salt], false, w)[0]
     }

@@ -19,10 +19,10 @@ use tempfile::TempDir;
 
 mod process;
 
-/// An export in a folder of its own, which goes when this is dropped.
+/// An export in a temporary folder, which is deleted when this is dropped.
 #[derive(Debug)]
 pub struct Exported {
-    /// The files.
+    /// The folder of the exported files.
     pub folder: PathBuf,
     /// The model among them.
     pub model: PathBuf,
@@ -31,8 +31,8 @@ pub struct Exported {
     /// Notes of the export.
     pub notes: Vec<Warning>,
     /// The picture's time in the model's animations, seconds, if something moves.
-    pub moment: Option<f64>,
-    /// Frames a second in them.
+    pub time_s: Option<f64>,
+    /// Frames per second of the animations.
     pub fps: Option<f64>,
     parent: Arc<TempDir>,
 }
@@ -45,9 +45,9 @@ pub fn export(path: &Path, options: &LoadOptions, parent: &Path) -> Result<Expor
     exported(path, options, parent, false)
 }
 
-/// The same, with links to pictures in the place of copies.
+/// As [`export`]; with `links`, images are symbolic links instead of copies.
 fn exported(path: &Path, options: &LoadOptions, parent: &Path, links: bool) -> Result<Exported> {
-    // Blender's own folder of work is another.
+    // Blender runs in another working directory.
     let path = fs::canonicalize(path).map_err(|e| Error::input(path, format!("can't be read: {e}")))?;
     let host = process::find(&path, options.blender.program.as_deref())?;
     let made = tempfile::Builder::new().prefix(".oscura-").tempdir_in(parent).and_then(|work| {
@@ -63,7 +63,7 @@ fn exported(path: &Path, options: &LoadOptions, parent: &Path, links: bool) -> R
         folder,
         warnings: exported.warnings.into_iter().map(of_file).collect(),
         notes: exported.notes.into_iter().map(of_file).collect(),
-        moment: exported.moment,
+        time_s: exported.moment,
         fps: exported.fps,
         parent: Arc::new(work),
     })
@@ -74,7 +74,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     options.files.note(path);
     let exported = exported(path, options, &env::temp_dir(), true)?;
     // Blender has applied these options already.
-    let chosen = gltf::GltfOptions { time_s: exported.moment, scene: None, ..options.gltf.clone() };
+    let chosen = gltf::GltfOptions { time_s: exported.time_s, scene: None, ..options.gltf.clone() };
     // The exported files are temporary.
     let fps = exported.fps.filter(|fps| *fps > 0.0).unwrap_or(options.shutter.fps);
     let shutter = ShutterOptions { fps, ..options.shutter };
@@ -92,7 +92,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
             warning.file = Some(path.to_path_buf());
         }
     }
-    if formats::is_of_others(path) {
+    if formats::is_imported_by_blender(path) {
         leave_out_defaults(&mut loaded);
     }
     loaded.scene.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
@@ -102,7 +102,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     Ok(loaded)
 }
 
-/// Takes out what an import has by Blender's defaults: a black world, and settings of pictures.
+/// Removes the defaults of Blender's empty scene from an import: a black world, and render settings.
 fn leave_out_defaults(loaded: &mut Loaded) {
     let scene = &mut loaded.scene;
     if scene.environment == Environment::Constant([0.0; 3]) {
@@ -112,7 +112,7 @@ fn leave_out_defaults(loaded: &mut Loaded) {
 }
 
 fn read(exported: &Exported, options: &LoadOptions) -> Result<Loaded> {
-    // A fresh export may name the pictures where they are.
+    // The exporter itself wrote these paths.
     let options = &LoadOptions { allow_external: true, ..options.clone() };
     let text = sidecar_text(&exported.model, options)?;
     let sidecar = text.as_ref().map(Sidecar::parse);
@@ -130,9 +130,9 @@ fn read(exported: &Exported, options: &LoadOptions) -> Result<Loaded> {
 /// The extension of the files.
 const EXTENSION: &str = "oscura";
 
-/// Size of the cache.
+/// Size of a cache of the exporter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Kept {
+pub struct CacheSize {
     /// Number of files.
     pub files: u64,
     /// Their size in bytes.
@@ -155,17 +155,17 @@ pub fn default_cache() -> Option<PathBuf> {
 ///
 /// # Errors
 /// An input error for a folder that can't be read.
-pub fn kept(folder: &Path) -> Result<Kept> {
+pub fn cache_size(folder: &Path) -> Result<CacheSize> {
     let files = files(folder).map_err(|e| Error::input(folder, format!("can't be read: {e}")))?;
-    Ok(Kept { files: files.len() as u64, bytes: files.iter().map(|(_, bytes)| bytes).sum() })
+    Ok(CacheSize { files: files.len() as u64, bytes: files.iter().map(|(_, bytes)| bytes).sum() })
 }
 
-/// Deletes what a folder keeps, and no other file; says how much that was.
+/// Deletes the files of a cache and no others; returns their number and size.
 ///
 /// # Errors
 /// An output error for files that can't be deleted.
-pub fn clear(folder: &Path) -> Result<Kept> {
-    let before = kept(folder)?;
+pub fn clear_cache(folder: &Path) -> Result<CacheSize> {
+    let before = cache_size(folder)?;
     let files = files(folder).map_err(|e| Error::input(folder, format!("can't be read: {e}")))?;
     for (path, _) in files {
         fs::remove_file(&path).map_err(|e| Error::output(&path, format!("can't be deleted: {e}")))?;
@@ -206,9 +206,9 @@ mod tests {
         let ours = folder.path().join(format!("{}.oscura", "0123456789abcdef".repeat(2)));
         let others = ["notes.txt", "scene.oscura", "0123.oscura"].map(|name| folder.path().join(name));
         others.iter().chain([&ours]).for_each(|path| fs::write(path, "text").expect("written"));
-        assert_eq!(kept(folder.path()).expect("read"), Kept { files: 1, bytes: 4 });
-        assert_eq!(clear(folder.path()).expect("cleared"), Kept { files: 1, bytes: 4 });
+        assert_eq!(cache_size(folder.path()).expect("read"), CacheSize { files: 1, bytes: 4 });
+        assert_eq!(clear_cache(folder.path()).expect("cleared"), CacheSize { files: 1, bytes: 4 });
         assert!(!ours.exists() && others.iter().all(|path| path.exists()));
-        assert_eq!(kept(&folder.path().join("missing")).expect("no folder"), Kept::default());
+        assert_eq!(cache_size(&folder.path().join("missing")).expect("no folder"), CacheSize::default());
     }
 }

@@ -62,17 +62,17 @@ const PACKAGE: &[(&str, &str)] = &[
     ("world_graph.py", include_str!("../../../tools/blender/oscura_blender/world_graph.py")),
 ];
 
-/// Script that starts it.
+/// The script that runs the exporter.
 const SCRIPT: &str = include_str!("../../../tools/blender/export.py");
 
-/// Script that starts it for files of other programs, and the messages of their import.
+/// The script that imports files of other programs and runs the exporter, and its messages about the import.
 const IMPORT: &str = include_str!("../../../tools/blender/import.py");
 const IMPORTED: &str = "imported.json";
 
-/// Lines of what a failed child printed that an error shows.
-const SHOWN: usize = 12;
+/// Maximum number of lines of the output of a failed process in an error.
+const MAX_LOG_LINES: usize = 12;
 
-/// Exports a file into `folder`, where pictures may be `links`; what else it takes goes to `work`.
+/// Exports a file into `folder`; with `links`, images there may be symbolic links. `work` is for temporary files.
 pub(super) fn run(
     host: &Host,
     file: &Path,
@@ -82,12 +82,12 @@ pub(super) fn run(
     links: bool,
 ) -> Result<Report> {
     let unwritable = |e: std::io::Error| Error::output(work, format!("can't be written: {e}"));
-    let script = unpack(work, formats::is_of_others(file)).map_err(unwritable)?;
+    let script = unpack(work, formats::is_imported_by_blender(file)).map_err(unwritable)?;
     let (log, answer) = (work.join("log.txt"), work.join("report.json"));
     let output = File::create(&log).and_then(|f| Ok((f.try_clone()?, f))).map_err(unwritable)?;
     let mut command = command(host, &script);
     command.arg("--").arg(file).arg(folder).arg(MODEL).arg(&answer);
-    for (option, value) in choices(options) {
+    for (option, value) in arguments(options) {
         command.arg(option).arg(value);
     }
     if links {
@@ -101,7 +101,7 @@ pub(super) fn run(
         Some(mut report) if status.success() && report.error.is_none() => {
             let imported = fs::read(work.join(IMPORTED)).ok().and_then(|bytes| Report::parse(&bytes));
             if let Some(imported) = imported {
-                // Models from elsewhere need no camera, and Blender's defaults are none of their settings.
+                // Imported models need no camera, and the settings of Blender's empty scene don't matter to them.
                 report.warnings.retain(|(_, message)| message != "has no active camera");
                 report.notes.retain(|(_, message)| !message.starts_with("Cycles"));
                 report.warnings.splice(0..0, imported.warnings);
@@ -116,12 +116,12 @@ pub(super) fn run(
     }
 }
 
-/// Writes the exporter; gives what to run.
-fn unpack(work: &Path, is_of_others: bool) -> std::io::Result<PathBuf> {
+/// Writes the files of the exporter to `work`; returns the script to run.
+fn unpack(work: &Path, is_imported_by_blender: bool) -> std::io::Result<PathBuf> {
     let package = work.join("oscura_blender");
     fs::create_dir(&package)?;
     PACKAGE.iter().try_for_each(|(name, text)| fs::write(package.join(name), text))?;
-    let (name, text) = if is_of_others { ("import.py", IMPORT) } else { ("export.py", SCRIPT) };
+    let (name, text) = if is_imported_by_blender { ("import.py", IMPORT) } else { ("export.py", SCRIPT) };
     let script = work.join(name);
     fs::write(&script, text)?;
     Ok(script)
@@ -137,14 +137,14 @@ fn command(host: &Host, script: &Path) -> Command {
     command
 }
 
-/// The user's options, as arguments.
-fn choices(options: &LoadOptions) -> Vec<(&'static str, OsString)> {
+/// Options of the user as arguments of the script.
+fn arguments(options: &LoadOptions) -> Vec<(&'static str, OsString)> {
     let frame = options.blender.frame.map(|frame| ("--frame", frame.to_string().into()));
     let time =
         options.gltf.time_s.filter(|_| frame.is_none()).map(|time| ("--time", format!("{time:?}").into()));
     let scene = options.gltf.scene.clone().map(|scene| ("--scene", scene.into()));
     let layer = options.blender.view_layer.clone().map(|layer| ("--view-layer", layer.into()));
-    // Blender's own folder of work is another; where there is no current one, relative names mean nothing.
+    // The process has another working directory. A relative path stays if there is no current one.
     let absolute = |folder: &PathBuf| absolute(folder).unwrap_or_else(|_| folder.clone());
     let cache = options.blender.cache.as_ref().map(|f| ("--cache", absolute(f).into_os_string()));
     let bake = options.blender.bake.map(|edge| ("--bake", edge.to_string().into()));
@@ -162,7 +162,7 @@ fn failure(host: &Host, file: &Path, status: ExitStatus, log: &Path) -> Error {
     let text = fs::read(log).unwrap_or_default();
     let text = String::from_utf8_lossy(&text);
     let lines: Vec<&str> = text.lines().map(str::trim_end).filter(|line| !line.is_empty()).collect();
-    let last = lines[lines.len().saturating_sub(SHOWN)..].join("\n    ");
+    let last = lines[lines.len().saturating_sub(MAX_LOG_LINES)..].join("\n    ");
     let message = match last.is_empty() {
         true => "and printed nothing".to_string(),
         false => format!("and printed:\n    {last}"),
@@ -188,7 +188,7 @@ const VARIABLE: &str = "OSCURA_BLENDER";
 /// The oldest Blender that the exporter works with.
 const OLDEST: [u32; 2] = [4, 2];
 
-/// The help text where there is none.
+/// The help text of errors about a missing Blender.
 fn remedy() -> String {
     format!(
         "install Blender 4.2 or newer (blender.org), or its Python module by 'pip install bpy'; if it is installed already, \
@@ -215,14 +215,14 @@ impl Host {
     }
 }
 
-/// Finds what runs the exporter for a file; `asked` is what the user named.
-pub(super) fn find(file: &Path, asked: Option<&Path>) -> Result<Host> {
+/// Finds what runs the exporter for a file; `user_path` is what the user named.
+pub(super) fn find(file: &Path, user_path: Option<&Path>) -> Result<Host> {
     let variable = || env::var_os(VARIABLE).filter(|v| !v.is_empty()).map(PathBuf::from);
-    let named = asked
+    let named = user_path
         .map(|p| (p.to_path_buf(), Choice::Blender.to_string()))
         .or_else(|| variable().map(|p| (p, VARIABLE.to_string())));
     if let Some((path, by)) = named {
-        return identify(&inside(&path)).map_err(|what| {
+        return identify(&executable_at(&path)).map_err(|what| {
             Error::input(file, format!("needs Blender, but {} ({by}) {what}", path.display()))
                 .with_help(remedy())
         });
@@ -276,8 +276,8 @@ fn output(program: &Path, arguments: &[&str]) -> std::result::Result<String, Str
     }
 }
 
-/// The program that a path means: itself, or the one in a folder or in an application of macOS.
-fn inside(path: &Path) -> PathBuf {
+/// The executable that a path names: itself, or one in a folder or in a macOS application.
+fn executable_at(path: &Path) -> PathBuf {
     let names = ["blender", "blender.exe", "Contents/MacOS/Blender", "bin/python3", "Scripts/python.exe"];
     let found = || names.iter().map(|name| path.join(name)).find(|p| p.is_file());
     if path.is_dir() { found().unwrap_or_else(|| path.to_path_buf()) } else { path.to_path_buf() }
@@ -301,7 +301,7 @@ fn programs() -> Vec<PathBuf> {
         .for_each(&mut look);
     folders.sort_by_key(|folder| folder.file_name().map(version_in));
     folders.reverse();
-    let installed = folders.iter().map(|folder| inside(folder)).filter(|p| p.is_file());
+    let installed = folders.iter().map(|folder| executable_at(folder)).filter(|p| p.is_file());
     on_path(&"blender").into_iter().chain(installed).collect()
 }
 
@@ -331,20 +331,20 @@ type Messages = Vec<(String, String)>;
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct Report {
-    /// Why there is no export.
+    /// The reason if the export failed.
     pub error: Option<String>,
-    /// The picture's time in the model's animations, seconds, if it has any.
+    /// Time of the picture in the animations, seconds, if there are any.
     pub moment: Option<f64>,
-    /// Frames a second in them.
+    /// Frames per second of the animations.
     pub fps: Option<f64>,
     /// Losses of the export.
     pub warnings: Messages,
-    /// Notes about choices.
+    /// Notes about choices of the exporter.
     pub notes: Messages,
 }
 
 impl Report {
-    /// Reads the answer; `None` if it is none.
+    /// Parses the report; `None` if it is not valid.
     pub fn parse(bytes: &[u8]) -> Option<Report> {
         serde_json::from_slice(bytes).ok()
     }

@@ -180,10 +180,7 @@ pub(super) fn pose(doc: &Document, time_s: f64, report: &mut Report) -> Pose {
         report.warn("/animations", ("channels-without-node", message));
     }
     if count == 0 {
-        report.warn(
-            "",
-            "nothing moves: the file has no animations, and every frame or time is the same picture",
-        );
+        report.warn("", "the file has no animations: all frames are the same picture");
     }
     Pose { animations: count, ..reader.pose }
 }

@@ -480,9 +480,9 @@ pub(super) fn resolve_uri(uri: &str, asset: &Path, allow_external: bool) -> Resu
     if path.is_empty() || path.contains('\0') {
         return Err(format!("'{}' names no file", shortened(uri)));
     }
-    if !allow_external && files::leaves(Path::new(&path)) {
+    if !allow_external && files::leads_outside(Path::new(&path)) {
         return Err(format!(
-            "'{}' leads out of the asset's folder; move the file beside the asset, or permit it by {}",
+            "'{}' is outside the asset's folder; move the file next to the asset, or permit it by {}",
             shortened(uri),
             Choice::AllowExternal
         ));
@@ -628,9 +628,9 @@ mod tests {
             assert_eq!(found(uri), Ok(Target::File(folder.join(name))), "{uri}");
         }
         for (uri, why) in [
-            ("../secret.bin", "leads out"),
-            ("%2e%2e/secret.bin", "leads out"),
-            ("/etc/passwd", "leads out"),
+            ("../secret.bin", "outside"),
+            ("%2e%2e/secret.bin", "outside"),
+            ("/etc/passwd", "outside"),
             ("http://a/b", "scheme 'http:'"),
             ("file:///b", "scheme 'file:'"),
             ("%ff", "not UTF-8"),

@@ -43,7 +43,7 @@ impl ShutterSamples {
         shared: &mut SharedAssets,
         report: &mut Report,
     ) -> Option<ShutterSamples> {
-        if !shutter.wants_motion() || doc.count("animations") == 0 {
+        if !shutter.needs_motion() || doc.count("animations") == 0 {
             return None;
         }
         if time_s.is_none() && shutter.is_open() {

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use std::io::Read;
 use std::ops::Range;
 
-/// Bytes of numbers that are decoded by one thread.
+/// Maximum number of bytes that one thread decodes alone.
 const ONE_THREAD: usize = 1 << 20;
 
 /// A part of a file, its largest resolution.
@@ -75,8 +75,7 @@ impl<'a> Part<'a> {
             * 4
     }
 
-    /// The numbers of some rows of blocks, those of a pixel together; `finish` has the last word about each pixel row. Other threads
-    /// help if they may.
+    /// Decodes rows of blocks to interleaved channels; `finish` post-processes each row of pixels. Uses all threads if `in_parallel`.
     pub fn rows(
         &mut self,
         rows: Range<usize>,
@@ -114,10 +113,10 @@ impl<'a> Part<'a> {
         Ok(numbers)
     }
 
-    /// A block by its place.
+    /// A block by its index, row by row.
     fn chunk(&mut self, at: usize) -> Result<Chunk> {
         let chunk = self.read(self.positions[at])?;
-        if self.place(&chunk)? == Some(at) {
+        if self.block_index(&chunk)? == Some(at) {
             return Ok(chunk);
         }
         self.sort()?;
@@ -128,8 +127,8 @@ impl<'a> Part<'a> {
         Chunk::read(&mut self.source.reader(position), self.meta)
     }
 
-    /// The place that a block names itself, if it is one of this part's largest resolution.
-    fn place(&self, chunk: &Chunk) -> Result<Option<usize>> {
+    /// The index of a block by its own coordinates; `None` if it belongs to another part or resolution.
+    fn block_index(&self, chunk: &Chunk) -> Result<Option<usize>> {
         if chunk.layer_index != self.index {
             return Ok(None);
         }
@@ -139,12 +138,12 @@ impl<'a> Part<'a> {
         Ok(is_inside.then_some(y * self.blocks[0] + x))
     }
 
-    /// Some programs list blocks in the order in which they wrote them: what the blocks say counts then.
+    /// Sorts the offset table by the coordinates in the blocks: some programs write it in the order of writing.
     fn sort(&mut self) -> Result<()> {
         let mut sorted = vec![None; self.blocks[0] * self.blocks[1]];
         if !self.is_sorted {
             for &position in &self.positions {
-                if let Some(at) = self.place(&self.read(position)?)? {
+                if let Some(at) = self.block_index(&self.read(position)?)? {
                     sorted[at] = Some(position);
                 }
             }
@@ -170,7 +169,7 @@ struct Scratch {
 }
 
 impl Scratch {
-    /// Puts line `y` of a block where it belongs in a line of the part.
+    /// Copies line `y` of a block to its position in a line of the part.
     fn fill(
         &mut self,
         block: &UncompressedBlock,
@@ -219,7 +218,7 @@ impl Scratch {
         }
     }
 
-    /// Puts the numbers of each pixel together.
+    /// Interleaves the channels.
     fn interleave<const N: usize>(&self, line: &mut [f32]) {
         let pixels = line.as_chunks_mut::<N>().0;
         let planes: [&[f32]; N] = std::array::from_fn(|c| &self.planes[c][..pixels.len()]);

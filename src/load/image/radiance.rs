@@ -42,8 +42,8 @@ struct Header {
     length: usize,
 }
 
-/// Bytes of numbers that are handed over together.
-const TOGETHER: usize = 1 << 23;
+/// Number of bytes of decoded rows that are passed on at once.
+const CHUNK_BYTES: usize = 1 << 23;
 
 /// The layout that [`decode`] will give, by the header.
 pub(super) fn layout(source: &Source) -> Result<Layout> {
@@ -52,7 +52,7 @@ pub(super) fn layout(source: &Source) -> Result<Layout> {
     Ok(Layout { size: header.size(), channels: 3, bits: 32, rows })
 }
 
-/// Decodes a file, and says what its header asked for.
+/// Decodes a file, with warnings about factors in its header.
 ///
 /// # Errors
 /// An input error for a damaged file.
@@ -80,7 +80,7 @@ pub(super) fn rows(
     Ok(())
 }
 
-/// The error of a decoder, in words that say what to do where that is known.
+/// The error of a decoder, with a remedy if one is known.
 pub(super) fn broken(source: &Source, error: &ImageError) -> crate::error::Error {
     match error {
         ImageError::IoError(e) if e.kind() == ErrorKind::UnexpectedEof => source
@@ -110,7 +110,7 @@ impl Header {
     fn each(&self, source: &Source, take: &mut dyn FnMut(Vec<f32>)) -> Result<()> {
         let [rows, columns] = self.axes.map(|axis| axis.2);
         let mut file = source.reader(self.length as u64);
-        let step = (TOGETHER as u64 / (u64::from(columns) * BYTES_A_PIXEL)).max(1);
+        let step = (CHUNK_BYTES as u64 / (u64::from(columns) * BYTES_A_PIXEL)).max(1);
         for first in (0..rows).step_by(step as usize) {
             let some = u64::from(rows - first).min(step);
             // The decoder reads plain headers alone, and not a byte more than its rows.
@@ -130,14 +130,13 @@ impl Header {
         Ok(())
     }
 
-    /// Says what the numbers were divided by.
+    /// Warns of factors that the values were divided by.
     fn warn(&self, source: &Source, warnings: &mut Vec<Warning>) {
         let [r, g, b] = self.factors;
         if self.factors != [1.0; 3] {
             let shown = if r == g && g == b { r.to_string() } else { format!("{r} {g} {b}") };
-            let message = format!(
-                "its numbers are divided by what they were multiplied by (EXPOSURE, COLORCORR): {shown}"
-            );
+            let message =
+                format!("its values are divided by the factors of its header (EXPOSURE, COLORCORR): {shown}");
             warnings.push(source.warning(message));
         }
     }
@@ -158,7 +157,7 @@ impl Header {
             let line = String::from_utf8_lossy(line);
             let line = line.trim();
             if is_over {
-                header.axes = axes(line).ok_or_else(|| fail("its header doesn't say how large it is"))?;
+                header.axes = axes(line).ok_or_else(|| fail("its header lacks the size of the image"))?;
                 return Ok(header);
             }
             is_over = line.is_empty();
@@ -167,7 +166,7 @@ impl Header {
         Err(fail("it ends inside its header"))
     }
 
-    /// A variable of the header; those that mean nothing are skipped.
+    /// Reads a variable of the header; unknown ones are skipped.
     fn note(&mut self, line: &str) {
         let Some((name, value)) = line.split_once('=') else { return };
         let numbers = || value.split_whitespace().filter_map(|word| word.parse::<f32>().ok());
@@ -197,12 +196,12 @@ impl Header {
         }
         let mut out = vec![0.0; rgb.len()];
         let pixels = rgb.as_chunks::<3>().0;
-        let turned = |i: u32, count: u32, is_turned: bool| if is_turned { count - 1 - i } else { i };
+        let position = |i: u32, count: u32, is_reversed: bool| if is_reversed { count - 1 - i } else { i };
         for (at, pixel) in pixels.iter().enumerate() {
             let (i, j) = (at as u32 / columns, at as u32 % columns);
             let (x, y) = match first_is_x {
-                true => (turned(i, rows, !first_grows), turned(j, columns, second_grows)),
-                false => (turned(j, columns, !second_grows), turned(i, rows, first_grows)),
+                true => (position(i, rows, !first_grows), position(j, columns, second_grows)),
+                false => (position(j, columns, !second_grows), position(i, rows, first_grows)),
             };
             let place = (y as usize * width as usize + x as usize) * 3;
             out[place..place + 3].copy_from_slice(pixel);
@@ -292,7 +291,7 @@ mod tests {
         let source = Source::new(&bytes, (Path::new("a.hdr"), ""), None);
         let mut parts = Vec::new();
         rows(&source, &mut Vec::new(), &mut |rows| parts.push(rows)).expect("it is read");
-        assert!(parts.len() > 1 && parts.iter().all(|rows| rows.len() * 4 <= TOGETHER), "{}", parts.len());
+        assert!(parts.len() > 1 && parts.iter().all(|rows| rows.len() * 4 <= CHUNK_BYTES), "{}", parts.len());
         assert!(parts.concat() == whole.into_rgb32f().into_raw());
         bytes.truncate(bytes.len() - 1);
         let source = Source::new(&bytes, (Path::new("a.hdr"), ""), None);

@@ -9,7 +9,7 @@ use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
-/// The use of an image, which decides about its colour encoding.
+/// The use of an image, which determines its colour encoding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Use {
     /// Colour: integers are sRGB-encoded, floats linear.
@@ -23,7 +23,7 @@ pub(crate) enum Use {
 }
 
 impl Use {
-    /// Is a photograph meant, not something that texture coordinates refer to? Then its orientation and its colour profile count.
+    /// Is it a photograph rather than a texture? Its orientation tag and its colour profile are applied then.
     pub fn is_photograph(self) -> bool {
         matches!(self, Use::Environment | Use::Picture)
     }
@@ -34,7 +34,7 @@ impl Use {
     }
 }
 
-/// An image file in memory, and what is known of it.
+/// An image file in memory, with its metadata.
 pub(crate) struct ImageFile<'a> {
     pub bytes: Cow<'a, [u8]>,
     /// The file that holds the image and nothing else, if there is one: it is read again when the image is decoded. Other bytes stay in
@@ -111,7 +111,7 @@ impl<'a> Source<'a> {
         Error::input_problems(self.file, vec![Problem::new(self.pointer, message)])
     }
 
-    /// The build lacks what it takes to decode the image.
+    /// The error for an image whose decoder is not part of this build.
     pub fn lacks(&self, decoder: Decoder) -> Error {
         let message = format!("can't be read: {}", decoder.lack());
         self.error(message).with_help(format!("{}, or convert the image to PNG", decoder.remedy()))
@@ -128,7 +128,7 @@ impl<'a> Source<'a> {
     }
 }
 
-/// Reads a file from a position on, wherever others that share it have read before.
+/// Reads a file from a position on, independent of other readers of the same handle.
 struct FileReader<'a> {
     file: &'a File,
     position: u64,
@@ -143,7 +143,7 @@ impl Read for FileReader<'_> {
     }
 }
 
-// From a file to its bytes, and from them to what they hold.
+// Reading bytes and identifying formats.
 
 /// Decoders return errors for damaged files; should one panic all the same, that is an error, too.
 pub(super) fn guarded<T>(source: &Source, decode: impl FnOnce() -> Result<T>) -> Result<T> {
@@ -165,18 +165,18 @@ pub(super) fn signature(bytes: &[u8]) -> Option<ImageFormat> {
 // Limits of image sizes by the size of the file.
 
 /// Pixels that any file may claim: some codecs store a uniform picture of any size in a few bytes.
-const ALWAYS: u64 = 1 << 24;
+const ALWAYS_ALLOWED: u64 = 1 << 24;
 /// Maximum number of pixels per byte: deflate packs at most 1032 bytes into one, and a byte holds 8 bilevel pixels.
 const PER_BYTE: u64 = 1032 * 8;
 /// Maximum number of pixels of an image, whatever its file: 32,768 x 16,384.
-const MAX: u64 = 1 << 29;
+const MAX_PIXELS: u64 = 1 << 29;
 
 /// Maximum number of pixels that a file of this length can justify.
 pub(super) fn pixels(file_length: u64) -> u64 {
-    file_length.saturating_mul(PER_BYTE).clamp(ALWAYS, MAX)
+    file_length.saturating_mul(PER_BYTE).clamp(ALWAYS_ALLOWED, MAX_PIXELS)
 }
 
-/// Refuses sizes of zero and beyond what the file's length can justify.
+/// Fails for sizes of zero and beyond what the file's length can justify.
 pub(super) fn check(source: &Source, width: u64, height: u64) -> Result<()> {
     let most = pixels(source.length);
     match width.checked_mul(height) {
@@ -190,7 +190,7 @@ pub(super) fn check(source: &Source, width: u64, height: u64) -> Result<()> {
     }
 }
 
-/// Refuses an image whose pixels take more memory than is allowed, before they are decoded.
+/// Fails if the pixels take more memory than is allowed, before they are decoded.
 pub(super) fn check_memory(source: &Source, width: u64, height: u64, bytes: u64) -> Result<()> {
     let Some(limit) = source.memory_limit.filter(|limit| bytes > *limit) else { return Ok(()) };
     let mib = |bytes: u64| bytes.div_ceil(1 << 20);
@@ -215,7 +215,7 @@ pub(super) fn be(bytes: &[u8], at: usize, length: usize) -> Option<usize> {
     usize::try_from(digits.iter().fold(0u64, |n, &b| n << 8 | u64::from(b))).ok()
 }
 
-// Numbers that images must not have.
+// Repair of invalid values.
 
 /// Sets NaN, infinite and, in environments, negative numbers to 0, and counts them.
 pub(super) struct Repair {

@@ -33,10 +33,10 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Indices of refraction that count.
+/// Accepted indices of refraction.
 const IORS: std::ops::RangeInclusive<f32> = 1.0..=10.0;
 
-/// Roughness of `Ps`, which has none of its own.
+/// Roughness of the sheen of `Ps`, which MTL does not define.
 const SHEEN_ROUGHNESS: f32 = 0.3;
 
 /// Converts one material of the library `library`, reading its images.
@@ -114,7 +114,7 @@ impl Conversion<'_, '_> {
         }))
     }
 
-    /// Is there a picture for ambient light and none for the colour?
+    /// Is there a `map_Ka` without a `map_Kd`?
     fn is_ambient_alone(&self) -> bool {
         self.source.map("map_Kd").is_none() && self.source.map("map_Ka").is_some()
     }
@@ -198,7 +198,8 @@ impl Conversion<'_, '_> {
 
     fn warn_of_maps(&mut self) {
         if self.source.map("disp").is_some_and(|map| !map.has_bump) {
-            let message = "is ignored: it doesn't say by '-bm' how high white lies over black, in the units of the model";
+            let message =
+                "is ignored: '-bm', the height of white over black in units of the model, is missing";
             self.warn_of_map("disp", message);
         }
         for key in ["map_Ns", "map_Tr", "decal", "refl", "map_RMA"] {
@@ -219,7 +220,7 @@ impl Conversion<'_, '_> {
         }
     }
 
-    /// Warns of what is clamped to 0..1, and of an invalid index of refraction.
+    /// Warns of values that are clamped to 0..1, and of an invalid index of refraction.
     fn warn_of_ranges(&mut self) {
         let source = self.source;
         let is_share = |x: &f32| (0.0..=1.0).contains(x);
@@ -331,7 +332,7 @@ impl<'a> Maps<'a> {
                         loaded.warnings.push(warning);
                         return None;
                     }
-                    // Damage of these files leaves nothing but textures out.
+                    // Damaged texture files are never fatal.
                     Err(Damage::Fatal(_)) => return None,
                 };
                 let id = made.map(|normals| loaded.scene.add_image(normals));

@@ -2,8 +2,8 @@
 //! "PBR extension"), checked before `tobj` reads them.
 //!
 //! `tobj` panics on colours of fewer than three numbers, stops at the first number it can't parse, knows
-//! keywords in one spelling only, and has no lines. It gets valid statements in its own spelling; before the file name of
-//! a texture stands its line number.
+//! keywords in one spelling only, and reports no line numbers. Therefore it is fed validated statements in its own spelling, in
+//! which the file name of a texture is preceded by its line number.
 
 use super::lines::{LineFilter, Words, by_tobj, decoded, float};
 use crate::error::Warning;
@@ -12,7 +12,7 @@ use crate::load::words::is_utf_16;
 use std::io::{Read, Seek};
 use std::path::Path;
 
-/// A material as the file says.
+/// A material of a library, not yet converted.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Mtl {
     pub name: String,
@@ -80,7 +80,7 @@ pub(super) struct Map {
     pub channel: Option<u8>,
 }
 
-/// Keywords of colours, of numbers and of textures as they are spelt for `tobj`; files use any capitals.
+/// Keywords of colours, of numbers and of textures in the spelling of `tobj`; in files their case is ignored.
 const COLORS: [&str; 4] = ["Kd", "Ks", "Ke", "Tf"];
 const NUMBERS: [&str; 12] =
     ["Ns", "Ni", "d", "Tr", "illum", "Pr", "Pm", "Ps", "Pc", "Pcr", "aniso", "anisor"];
@@ -130,7 +130,7 @@ fn take_as_opacity(all: &mut [Mtl], is_by_meshlab: bool) -> Option<String> {
     (count > 0).then(|| format!("'Tr' of {count} materials is taken as their opacity, {why}"))
 }
 
-/// Is it a comment that names MeshLab or its library?
+/// Is it a comment that mentions MeshLab or its library?
 fn names_meshlab(text: &[u8]) -> bool {
     let text = text.trim_ascii_start();
     text.starts_with(b"#") && {
@@ -182,7 +182,7 @@ impl LineFilter for Library {
     }
 }
 
-/// A statement as `tobj` gets it, and its unsupported options; the error says why it is ignored.
+/// A statement in the spelling of `tobj`, and its unsupported options; the error is the reason to ignore it.
 fn clean(
     keyword: &str,
     words: Words,
@@ -265,7 +265,7 @@ fn options<'t>(map: &mut Map, text: &'t str, ignored: &mut Vec<String>) -> &'t s
     let mut rest = text;
     while rest.starts_with('-') {
         let (option, after) = rest.split_once(char::is_whitespace).unwrap_or((rest, ""));
-        // How many values follow at most; several ones are all numbers.
+        // Maximum number of values; several ones are all numbers.
         let most = match option {
             "-o" | "-s" | "-t" => 3,
             "-mm" => 2,
@@ -312,10 +312,10 @@ fn apply(map: &mut Map, option: &str, values: &[&str]) -> bool {
             };
             return matches!(values, ["r" | "g" | "b" | "m" | "l"]);
         }
-        // They control filtering, for which the renderer has its own settings.
+        // Filtering is controlled by settings of the renderer.
         "-blendu" | "-blendv" | "-boost" | "-texres" => {}
         "-cc" => return values == ["off"],
-        // The purpose of each map decides already.
+        // The colour space follows from the keyword.
         "-colorspace" => {
             return values.first().is_some_and(|v| COLOR_SPACES.contains(&v.to_ascii_lowercase().as_str()));
         }

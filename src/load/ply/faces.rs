@@ -156,20 +156,20 @@ fn add_strip(mesh: &mut Mesh, indices: &[i64]) {
 }
 
 // Attributes per face corner ("wedges" in MeshLab): texture coordinates, of which a vertex has
-// different ones where a seam runs through it, and the picture that a face shows.
+// different ones where a seam runs through it, and the texture that a face shows.
 
 /// Wedges of all triangles so far.
 #[derive(Default)]
 pub(super) struct Wedges {
     /// Texture coordinates; v grows downwards.
     corners: Vec<[[f32; 2]; 3]>,
-    /// Numbers of pictures.
-    pictures: Vec<i64>,
+    /// Numbers of textures.
+    textures: Vec<i64>,
     /// Faces whose list has not two numbers a corner.
     pub odd: usize,
 }
 
-/// Triangles in a row that show the same picture, or have the same material.
+/// Triangles in a row that show the same texture, or have the same material.
 pub(super) struct Run {
     pub number: i64,
     pub triangles: Vec<[u32; 3]>,
@@ -187,13 +187,13 @@ impl Wedges {
             _ => [0.0; 2],
         };
         self.corners.extend(cut.iter().map(|t| t.map(uv)));
-        self.pictures.resize(self.corners.len(), if face.wedges.is_empty() { -1 } else { face.picture });
+        self.textures.resize(self.corners.len(), if face.wedges.is_empty() { -1 } else { face.texture });
     }
 
     /// Triangles up to this number that have no wedges: those of strips.
     pub fn pad(&mut self, triangles: usize) {
         self.corners.resize(triangles, [[0.0; 2]; 3]);
-        self.pictures.resize(triangles, -1);
+        self.textures.resize(triangles, -1);
     }
 
     /// Splits vertices with several texture coordinates.
@@ -224,10 +224,10 @@ impl Wedges {
         mesh.uv_sets = vec![uvs];
     }
 
-    /// The mesh's triangles by picture, of which those below 0 and from `pictures` on are none, as -1; the first comes first.
-    pub fn runs(&self, triangles: &[[u32; 3]], pictures: usize) -> Vec<Run> {
-        let is_there = |picture: i64| usize::try_from(picture).is_ok_and(|picture| picture < pictures);
-        runs(triangles, self.pictures.iter().map(|&picture| if is_there(picture) { picture } else { -1 }))
+    /// The mesh's triangles by texture, of which those below 0 and from `textures` on are none, as -1; the first comes first.
+    pub fn runs(&self, triangles: &[[u32; 3]], textures: usize) -> Vec<Run> {
+        let is_there = |texture: i64| usize::try_from(texture).is_ok_and(|texture| texture < textures);
+        runs(triangles, self.textures.iter().map(|&texture| if is_there(texture) { texture } else { -1 }))
     }
 }
 
@@ -250,8 +250,8 @@ pub(super) fn runs(triangles: &[[u32; 3]], numbers: impl Iterator<Item = i64>) -
 mod tests {
     use super::*;
 
-    fn face(indices: &[i64], wedges: &[f32], picture: i64) -> Face {
-        Face { indices: indices.to_vec(), wedges: wedges.to_vec(), picture, material: 0, color: [1.0; 4] }
+    fn face(indices: &[i64], wedges: &[f32], texture: i64) -> Face {
+        Face { indices: indices.to_vec(), wedges: wedges.to_vec(), texture, material: 0, color: [1.0; 4] }
     }
 
     #[test]

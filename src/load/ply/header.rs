@@ -102,11 +102,11 @@ impl VertexLayout {
 
 /// Parts of a file that are not read, for warnings.
 pub(super) struct Unread {
-    /// Data that would change the picture.
-    pub shown: Vec<String>,
-    /// Other data.
-    pub rest: Vec<String>,
-    /// Pictures that comments name.
+    /// Data whose absence is visible: a warning.
+    pub visible: Vec<String>,
+    /// Data that no picture depends on: a note.
+    pub irrelevant: Vec<String>,
+    /// Texture files that comments name.
     pub texture_files: Vec<String>,
     /// The axis that the file's writer has up.
     pub writer_up: Option<(Up, &'static str)>,
@@ -239,14 +239,14 @@ impl<'a> Source<'a> {
             || vertex.is_some_and(|v| v.properties.get("x").is_some_and(|p| is_double(&p.data_type)))
     }
 
-    /// Properties that nothing is taken from, with their element: what the file has that shows in a picture, and the rest.
-    /// Also lines of the header that mean nothing.
+    /// Properties that are not read, with their elements, and unknown lines of the header.
     pub fn unread(&self, layout: &VertexLayout) -> Unread {
         let incomplete = layout.incomplete.iter();
-        let shown = incomplete.map(|what| format!("{what} of which a property is missing")).collect();
+        let visible = incomplete.map(|what| format!("{what} of which a property is missing")).collect();
         let texture_files = self.texture_files();
         let (writer_up, has_exact_positions) = (self.writer_up(), self.has_exact_positions());
-        let mut unread = Unread { shown, rest: Vec::new(), texture_files, writer_up, has_exact_positions };
+        let mut unread =
+            Unread { visible, irrelevant: Vec::new(), texture_files, writer_up, has_exact_positions };
         let has_wedges = self.has_wedges();
         let is_named = |index: u8| self.attributes.iter().any(|attribute| attribute.index == index);
         let known = |element: &str, name: &str, data: &PropertyType| match (element, data) {
@@ -256,7 +256,7 @@ impl<'a> Source<'a> {
             },
             ("face", PropertyType::List(..)) => Face::new().list(name).is_some(),
             ("face", PropertyType::Scalar(_)) => match Face::slot(name) {
-                Some(Slot::Picture) => has_wedges,
+                Some(Slot::Texture) => has_wedges,
                 Some(Slot::Color(_) | Slot::Alpha) => layout.face_color,
                 slot => slot.is_some(),
             },
@@ -270,10 +270,10 @@ impl<'a> Source<'a> {
             for (name, _) in properties.filter(|(name, p)| !known(element, name, &p.data_type)) {
                 let what = format!("property '{name}' of '{element}'");
                 let is_shown = name.contains("texcoord") || element == "face" && Vertex::slot(name).is_some();
-                if is_shown { unread.shown.push(what) } else { unread.rest.push(what) }
+                if is_shown { unread.visible.push(what) } else { unread.irrelevant.push(what) }
             }
         }
-        unread.shown.extend(self.strays.iter().cloned());
+        unread.visible.extend(self.strays.iter().cloned());
         unread
     }
 
@@ -382,7 +382,7 @@ fn header_text(bytes: &[u8]) -> Result<HeaderText> {
         let first = words.next().unwrap_or_default();
         if !KEYWORDS.contains(&first) {
             let shown: String = line.chars().take(40).collect();
-            strays.push(format!("line {lines} of the header, '{shown}', which means nothing"));
+            strays.push(format!("line {lines} of the header, '{shown}', is unknown"));
             continue;
         }
         if let Some(attribute) = NamedAttribute::of(content) {

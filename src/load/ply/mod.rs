@@ -57,14 +57,14 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     if let Some(wedges) = &faces.wedges {
         wedges.split(&mut mesh);
     }
-    let by_picture = |wedges: &Wedges| wedges.runs(&mesh.triangles, left_out.texture_files.len());
+    let by_texture = |wedges: &Wedges| wedges.runs(&mesh.triangles, left_out.texture_files.len());
     let (runs, pictures) = match &faces.materials {
         Some(materials) => {
             let runs = faces::runs(&mesh.triangles, materials.iter().copied());
             (Some(Runs { runs, are_materials: true }), texture_numbers(None, &left_out.texture_files))
         }
         None => {
-            let runs = faces.wedges.as_ref().map(by_picture);
+            let runs = faces.wedges.as_ref().map(by_texture);
             let pictures = texture_numbers(runs.as_deref(), &left_out.texture_files);
             (runs.map(|runs| Runs { runs, are_materials: false }), pictures)
         }
@@ -73,8 +73,10 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     loaded.up_hint = UpHint { writer: left_out.writer_up, ..UpHint::default() };
     add_textures(path, &left_out.texture_files, &pictures, options, &mut loaded);
     let warning = |what| Warning::new(path, "", format!("{what}: left out"));
-    loaded.warnings.extend(left_out.shown.into_iter().map(warning));
-    loaded.left_out.extend(left_out.rest.into_iter().map(|what| format!("{what}: no picture shows it")));
+    loaded.warnings.extend(left_out.visible.into_iter().map(warning));
+    loaded
+        .left_out
+        .extend(left_out.irrelevant.into_iter().map(|what| format!("{what}: has no effect on pictures")));
     loaded.scene.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     Ok(loaded)
 }
@@ -121,15 +123,15 @@ fn parse(path: &Path, bytes: &[u8], origin: DVec3, options: &LoadOptions) -> Res
             _ => {
                 source.read(&definition, |_, _: &SkippedElement| {}).map_err(fail)?;
                 let message = format!("{} of the element '{name}', which is no surface", definition.count);
-                left_out.shown.extend((definition.count > 0).then_some(message));
+                left_out.visible.extend((definition.count > 0).then_some(message));
             }
         }
     }
     if defined.uv {
         mesh.uv_sets = vec![uv];
     }
-    left_out.shown.extend(faces.left_out());
-    left_out.shown.extend(unused_alpha(&mesh));
+    left_out.visible.extend(faces.left_out());
+    left_out.visible.extend(unused_alpha(&mesh));
     mesh.attributes = attributes.lists;
     take_tangents(&mut mesh);
     if let Some(colors) = faces.colors.take() {
@@ -155,28 +157,28 @@ fn take_tangents(mesh: &mut Mesh) {
     }
 }
 
-/// Errors of the faces: those with missing vertices are left out where others are there.
+/// Errors of the faces. Faces with missing vertices are errors only if no other face remains.
 fn problems(mesh: &Mesh, faces: &mut Faces) -> Vec<Problem> {
     let mut problems = faces.problems();
     if !mesh.triangles.is_empty() {
         problems.clear();
     }
-    problems.extend(faces.materials.as_deref().and_then(odd_material));
+    problems.extend(faces.materials.as_deref().and_then(invalid_material));
     problems
 }
 
 /// Largest number of a face's material.
 const LAST_MATERIAL: i64 = 65_535;
 
-fn odd_material(materials: &[i64]) -> Option<Problem> {
+fn invalid_material(materials: &[i64]) -> Option<Problem> {
     let odd = materials.iter().find(|material| !(0..=LAST_MATERIAL).contains(*material))?;
     let message = format!("a face has the 'material_index' {odd}, but it must be 0 to {LAST_MATERIAL}");
     Some(Problem::new("", message))
 }
 
-/// The named attributes that somebody reads.
+/// Named vertex attributes that node graphs read.
 struct Attributes {
-    /// Their numbers in the header.
+    /// Their indices in the header.
     numbers: Vec<u8>,
     lists: Vec<VertexAttribute>,
 }
@@ -186,9 +188,9 @@ impl Attributes {
         let mut attributes = Attributes { numbers: Vec::new(), lists: Vec::new() };
         for named in source.attributes() {
             if options.attributes.as_ref().is_some_and(|wanted| !wanted.contains(&named.name)) {
-                left_out.rest.push(format!("the attribute '{}', which no node reads", named.name));
+                left_out.irrelevant.push(format!("the attribute '{}', which no node reads", named.name));
             } else if attributes.lists.iter().any(|known| known.name == named.name) {
-                left_out.shown.push(format!("a second attribute '{}'", named.name));
+                left_out.visible.push(format!("a second attribute '{}'", named.name));
             } else {
                 attributes.numbers.push(named.index);
                 attributes.lists.push(VertexAttribute::new(named.name.clone(), named.count.into()));
@@ -197,7 +199,7 @@ impl Attributes {
         attributes
     }
 
-    /// Adds those of a vertex.
+    /// Appends the attributes of a vertex.
     #[inline]
     fn push(&mut self, vertex: &Vertex) {
         for (&number, list) in self.numbers.iter().zip(&mut self.lists) {
@@ -207,7 +209,7 @@ impl Attributes {
     }
 }
 
-/// Runs of triangles with a material of their own, and whether their numbers are those of the materials.
+/// Runs of triangles with one material each; if `are_materials`, their numbers are indices of materials, else of textures.
 struct Runs {
     runs: Vec<Run>,
     are_materials: bool,
@@ -239,7 +241,7 @@ fn finish(
         mesh_tools::place_at_origin(path, origin, &mut loaded);
         return Ok(loaded);
     }
-    let counts = runs.map(|runs| in_runs(&mut mesh, runs));
+    let counts = runs.map(|runs| sort_by_run(&mut mesh, runs));
     let mut repairs = Repairs::default();
     repairs.make(&mut mesh);
     loaded.warnings.extend(repairs.warnings(path));
@@ -270,8 +272,8 @@ fn finish(
     Ok(loaded)
 }
 
-/// Sorts a mesh's triangles by run; returns the material of each, and how many will remain after repairs.
-fn in_runs(mesh: &mut Mesh, runs: Runs) -> Vec<(u32, u32)> {
+/// Sorts a mesh's triangles by run; returns for each run its material and the number of triangles that repairs will keep.
+fn sort_by_run(mesh: &mut Mesh, runs: Runs) -> Vec<(u32, u32)> {
     mesh.triangles.clear();
     let finite = |t: &&[u32; 3]| t.iter().all(|&i| mesh.positions[i as usize].iter().all(|x| x.is_finite()));
     let are_materials = runs.are_materials;
@@ -283,9 +285,9 @@ fn in_runs(mesh: &mut Mesh, runs: Runs) -> Vec<(u32, u32)> {
     runs.runs.into_iter().enumerate().map(count).collect()
 }
 
-// The pictures that comments of a PLY file name.
+// Texture files that comments of a PLY file name.
 
-/// By material of the mesh: which of the files is on it, if any.
+/// For each material of the mesh the index of its texture file, if any.
 fn texture_numbers(runs: Option<&[Run]>, files: &[String]) -> Vec<Option<usize>> {
     match runs {
         None => vec![(!files.is_empty()).then_some(0)],
@@ -323,7 +325,7 @@ fn left_out(name: &str, why: &str) -> String {
     format!("the texture '{name}' of a comment: left out{why}")
 }
 
-/// Why its image can't be read.
+/// The error of an image as the end of a sentence.
 fn reason(error: Error) -> String {
     let messages: Vec<String> = error.problems.into_iter().map(|p| p.message).collect();
     format!("since it {}", messages.join("; "))

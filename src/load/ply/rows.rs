@@ -7,7 +7,7 @@ use ply_rs::ply::{ElementDef, Property, PropertyAccess, PropertyType, ScalarType
 
 /// The record of a row of an element.
 pub(super) trait Record {
-    /// A record with defaults for what the file lacks.
+    /// A record with default values.
     fn new() -> Self;
     /// The field of a scalar property, if it is read.
     fn slot(name: &str) -> Option<Slot>;
@@ -23,7 +23,7 @@ pub(super) enum List<'a> {
     Numbers(&'a mut Vec<f32>),
 }
 
-/// Which number of a vertex.
+/// A field of a record.
 #[derive(Clone, Copy)]
 pub(super) enum Slot {
     Position(usize),
@@ -33,8 +33,8 @@ pub(super) enum Slot {
     Alpha,
     /// A component of an attribute: the attribute's number and the component.
     Attribute(u8, u8),
-    /// The number of a face's picture.
-    Picture,
+    /// The index of a face's texture file.
+    Texture,
     /// The number of a face's material.
     Material,
     /// A value of a row of splats, by its place.
@@ -91,7 +91,7 @@ impl Record for Vertex {
                 }
                 self.attributes[i][usize::from(component)] = unit(value);
             }
-            Slot::Picture | Slot::Material | Slot::Value(_) => {}
+            Slot::Texture | Slot::Material | Slot::Value(_) => {}
         }
     }
 
@@ -106,9 +106,9 @@ pub(super) struct Face {
     pub indices: Vec<i64>,
     /// Texture coordinates of its corners, u and v in turn, as in the file: v grows upwards.
     pub wedges: Vec<f32>,
-    /// Which of the file's pictures is on it.
-    pub picture: i64,
-    /// Which of the object's materials it has.
+    /// Index of its texture file.
+    pub texture: i64,
+    /// Index of its material.
     pub material: i64,
     /// Linear RGBA.
     pub color: [f32; 4],
@@ -123,12 +123,12 @@ fn attribute_slot(name: &str) -> Option<Slot> {
 
 impl Record for Face {
     fn new() -> Face {
-        Face { indices: Vec::new(), wedges: Vec::new(), picture: 0, material: 0, color: [1.0; 4] }
+        Face { indices: Vec::new(), wedges: Vec::new(), texture: 0, material: 0, color: [1.0; 4] }
     }
 
     fn slot(name: &str) -> Option<Slot> {
         match name {
-            "texnumber" => Some(Slot::Picture),
+            "texnumber" => Some(Slot::Texture),
             "material_index" => Some(Slot::Material),
             _ => Vertex::slot(name).filter(|slot| matches!(slot, Slot::Color(_) | Slot::Alpha)),
         }
@@ -137,7 +137,7 @@ impl Record for Face {
     fn set(&mut self, slot: Slot, value: &Property) {
         // `as` saturates; NaN becomes 0, the first one.
         match slot {
-            Slot::Picture => self.picture = exact(value) as i64,
+            Slot::Texture => self.texture = exact(value) as i64,
             Slot::Material => self.material = exact(value) as i64,
             Slot::Color(channel) => self.color[channel] = color(value),
             Slot::Alpha => self.color[3] = unit(value),
@@ -155,7 +155,7 @@ impl Record for Face {
     }
 }
 
-/// An element that nothing is taken from.
+/// An element that is skipped.
 pub(super) struct SkippedElement;
 
 impl Record for SkippedElement {
@@ -174,7 +174,7 @@ impl Record for SkippedElement {
     }
 }
 
-/// The parser of the header needs a type of rows.
+/// The parser of `ply-rs` needs a type of rows, also for headers.
 impl PropertyAccess for SkippedElement {
     fn new() -> SkippedElement {
         SkippedElement
@@ -344,7 +344,7 @@ impl<'a> Iterator for Words<'a> {
     }
 }
 
-/// A number of a type; those of whole types that are out of range count as their type's limits.
+/// A number of a type; integers out of range are clamped.
 /// Positions keep all digits that are written.
 #[inline]
 fn scalar(kind: &ScalarType, slot: Slot, word: &[u8]) -> Option<Property> {
@@ -363,7 +363,7 @@ fn scalar(kind: &ScalarType, slot: Slot, word: &[u8]) -> Option<Property> {
     })
 }
 
-/// A number; NaN where a program has written that there is none.
+/// A number; NaN for words such as `nan` that programs write for a missing value.
 fn real(text: &str) -> Option<f64> {
     text.parse().ok().or_else(|| is_no_number(text.as_bytes()).then_some(f64::NAN))
 }

@@ -52,8 +52,8 @@ impl<'a> SceneFileBuilder<'a> {
     /// The path of a file that may be read: a sidecar comes along with a model, maybe of a stranger, and names files of its
     /// folder alone, unless others are permitted. What is refused is noted as a problem.
     pub fn readable_path(&self, name: &str, span: Range<usize>) -> Option<PathBuf> {
-        if self.is_sidecar && !self.options.allow_external && files::leaves(Path::new(name)) {
-            let message = ("path-outside", format!("'{name}' leads out of the folder of the model"));
+        if self.is_sidecar && !self.options.allow_external && files::leads_outside(Path::new(name)) {
+            let message = ("path-outside", format!("'{name}' is outside the folder of the model"));
             let help = format!("move the file there, or permit it by {}", Choice::AllowExternal);
             self.problems.push_help(span, message, help);
             return None;

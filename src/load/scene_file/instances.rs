@@ -157,11 +157,11 @@ impl MeshKeys {
             let scene = &mut build.loaded.scene;
             let mesh = &mut scene.meshes[id.index()];
             (mesh.positions, mesh.normals) = (shape.positions, shape.normals);
-            if shutter.wants_motion() {
+            if shutter.needs_motion() {
                 scene.motion.meshes.insert(id.index(), Keyframes { keys, neighbours });
             }
         }
-        if !shutter.wants_motion() || matches!(motion, Motion::Keyed(_)) {
+        if !shutter.needs_motion() || matches!(motion, Motion::Keyed(_)) {
             return Ok(motion);
         }
         let instances = &mut build.loaded.scene.motion.instances;

@@ -481,7 +481,7 @@ fn read_spectrum(fields: &Fields) -> Option<Curve> {
         let help = "divide by the largest, or add light = true";
         fields.problems.push_help(fields.span(), "shares of light are at most 1", help);
     }
-    Some(Curve::share(&values))
+    Some(Curve::reflectance(&values))
 }
 
 /// Pairs of a wavelength and a value.

@@ -204,7 +204,7 @@ pub(super) fn read_motion(
     let back = at_time.inverse();
     let moved = |frames: f64| track.at(now + frames) * back;
     let shutter = build.shutter;
-    if !shutter.wants_motion() {
+    if !shutter.needs_motion() {
         warn_of_closed_shutter(build);
         return Some(EvaluatedMotion { at_time, onwards: None });
     }

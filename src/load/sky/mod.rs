@@ -1,6 +1,6 @@
 //! The clear sky of Hosek and Wilkie (2012, "An Analytic Model for Full Spectral Sky-Dome Radiance") with the sun that belongs
-//! to it (2013, "Adding a Solar-Radiance Function to the Hosek-Wilkie Skylight Model"), in one unit: W/sr/m2 of the visible
-//! spectrum, of which one is 683 cd/m2.
+//! to it (2013, "Adding a Solar-Radiance Function to the Hosek-Wilkie Skylight Model"), both in W/sr/m2 of the visible
+//! spectrum; 1 W/sr/m2 is 683 cd/m2.
 //!
 //! The sky becomes an environment picture, the sun a light with a size. `dataset.bin` holds the coefficients of
 //! both; `tools/sky` writes it from the published ones, and says how it is arranged.
@@ -16,7 +16,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 const WIDTH: usize = 1024;
 /// Texels from straight up to straight down.
 const HEIGHT: usize = 512;
-/// Rows and columns a quadrant by which the light of the sky on the ground is summed.
+/// Quadrature steps per quadrant, in elevation and in azimuth, for the irradiance of the sky on the ground.
 const STEPS: usize = 64;
 /// Diameter of the sun seen from the earth, radians: that of the model's data.
 pub const SUN_ANGLE_RAD: f64 = 0.5358 * PI / 180.0;
@@ -107,7 +107,7 @@ impl PhysicalSky {
             ((1e-5..PI).contains(&self.sun_angle_rad), "sun_angle_rad must be from 1e-5 to pi"),
             ((0.0..=f64::from(f32::MAX)).contains(&self.strength), "strength must be from 0 up"),
         ];
-        match checks.iter().find(|(is_met, _)| !is_met) {
+        match checks.iter().find(|(is_valid, _)| !is_valid) {
             Some((_, message)) => Err(Error::usage(format!("physical sky: {message}"))),
             None => Ok(()),
         }
@@ -127,7 +127,7 @@ pub fn add_sun(scene: &mut Scene, direction: DVec3, angle_rad: f64, irradiance: 
 struct Dome {
     channels: [Channel; 3],
     to_sun: DVec3,
-    /// Irradiance across the sun's light.
+    /// Irradiance of the sun on a surface that faces it.
     sun: [f64; 3],
     /// Radiance of the ground.
     ground: [f64; 3],
@@ -192,7 +192,7 @@ static DATASET: &[u8] = include_bytes!("dataset.bin");
 const TURBIDITIES: usize = 10;
 const CONTROL_POINTS: usize = 6;
 const PARAMETERS: usize = 9;
-/// Pieces of the sun's radiance by its elevation.
+/// Intervals of elevation; the sun's radiance is a cubic in each.
 const SEGMENTS: usize = 45;
 const POWERS: usize = 4;
 
@@ -200,8 +200,8 @@ const SHAPES: usize = TURBIDITIES * 2 * CONTROL_POINTS * 3 * PARAMETERS;
 const MEANS: usize = TURBIDITIES * 2 * CONTROL_POINTS * 3;
 const SUNS: usize = TURBIDITIES * SEGMENTS * 3 * POWERS;
 
-/// Its number at an index. The three arrays follow each other.
-fn at(index: usize) -> f64 {
+/// The number of the data set at an index; its three arrays (shapes, means, suns) follow each other.
+fn coefficient(index: usize) -> f64 {
     let mut bytes = [0; 4];
     bytes.copy_from_slice(&DATASET[4 * index..4 * index + 4]);
     f64::from(f32::from_le_bytes(bytes))
@@ -209,7 +209,7 @@ fn at(index: usize) -> f64 {
 
 const _: () = assert!(SHAPES == 3240 && SHAPES + MEANS + SUNS == 9000);
 
-/// The two values of turbidity around one from 1 to 10, with their shares.
+/// The two tabulated turbidities around a value of 1 to 10: indices and interpolation weights.
 fn turbidities(turbidity: f64) -> [(usize, f64); 2] {
     let lower = (turbidity.floor() as usize).clamp(1, TURBIDITIES) - 1;
     let share = (turbidity - 1.0 - lower as f64).clamp(0.0, 1.0);
@@ -220,7 +220,7 @@ fn turbidities(turbidity: f64) -> [(usize, f64); 2] {
 struct Channel {
     /// A to I of equation 8.
     shape: [f64; PARAMETERS],
-    /// The mean that the shape is multiplied by.
+    /// Mean radiance, the factor on the shape.
     mean: f64,
 }
 
@@ -234,13 +234,13 @@ fn sky_channel(turbidity: f64, albedo: f64, elevation_rad: f64, channel: usize) 
     });
     let (mut shape, mut mean) = ([0.0; PARAMETERS], 0.0);
     for (level, share) in turbidities(turbidity) {
-        for (ground, of_ground) in [(0, 1.0 - albedo), (1, albedo)] {
+        for (ground, ground_weight) in [(0, 1.0 - albedo), (1, albedo)] {
             for (point, basis) in bernstein.iter().enumerate() {
-                let weight = share * of_ground * basis;
+                let weight = share * ground_weight * basis;
                 let index = ((level * 2 + ground) * CONTROL_POINTS + point) * 3 + channel;
-                mean += weight * at(SHAPES + index);
+                mean += weight * coefficient(SHAPES + index);
                 for (k, parameter) in shape.iter_mut().enumerate() {
-                    *parameter += weight * at(index * PARAMETERS + k);
+                    *parameter += weight * coefficient(index * PARAMETERS + k);
                 }
             }
         }
@@ -268,7 +268,7 @@ fn sun_radiance(turbidity: f64, elevation_rad: f64) -> [f64; 3] {
     std::array::from_fn(|c| {
         let cubic = |level: usize| {
             let first = SHAPES + MEANS + ((level * SEGMENTS + segment) * 3 + c) * POWERS;
-            (0..POWERS).rev().fold(0.0, |sum, k| sum * x + at(first + k))
+            (0..POWERS).rev().fold(0.0, |sum, k| sum * x + coefficient(first + k))
         };
         turbidities(turbidity).into_iter().map(|(level, share)| share * cubic(level)).sum::<f64>().max(0.0)
     })

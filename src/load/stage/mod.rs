@@ -27,7 +27,7 @@ const SOFT_SKY: ([f32; 3], [f32; 3]) = ([0.064, 0.06, 0.056], [1.056, 1.14, 1.22
 /// Emissive parts light a scene with a camera, unless it is a model ([`Loaded::is_model`]) whose parts only glow; a model
 /// without a camera is to be looked at, and is lit, too. Light that the caller chose takes the place of an environment.
 pub fn complete(loaded: &mut Loaded, options: &StageOptions, brings_environment: bool) {
-    if options.is_foretold {
+    if options.is_dry_run {
         return foretell(loaded, options, brings_environment);
     }
     let scene = &loaded.scene;
@@ -62,7 +62,7 @@ fn foretell(loaded: &mut Loaded, options: &StageOptions, brings_environment: boo
     let (images, textures, shapes) = (scene.images.len(), scene.textures.len(), scene.shapes.len());
     let environment = (scene.environment.clone(), scene.environment_visible_to);
     let backdrop = scene.backdrop.clone();
-    complete(loaded, &StageOptions { is_foretold: false, ..options.clone() }, brings_environment);
+    complete(loaded, &StageOptions { is_dry_run: false, ..options.clone() }, brings_environment);
     let scene = &mut loaded.scene;
     (scene.environment, scene.environment_visible_to) = environment;
     (scene.backdrop, scene.materials, loaded.stand_ins) = (backdrop, materials, stand_ins);
@@ -191,9 +191,7 @@ fn soften(loaded: &mut Loaded) {
 fn warn_of_unused(loaded: &mut Loaded, options: &StageOptions, brings_environment: bool) {
     let mut say = |is_unused: bool, what: Choice, why: &str| {
         if is_unused {
-            loaded
-                .warnings
-                .push(Warning::general(("unused-option", format!("{what} changes nothing: {why}"))));
+            loaded.warnings.push(Warning::general(("unused-option", format!("{what} has no effect: {why}"))));
         }
     };
     let own_camera = "the scene has a camera of its own";
@@ -373,7 +371,7 @@ mod tests {
     fn what_would_be_added_is_reported_and_left_out() {
         let mut loaded = ball(DVec3::ZERO, 1.0, grey());
         loaded.stand_ins.push(MaterialId(0));
-        complete(&mut loaded, &StageOptions { is_foretold: true, ..StageOptions::studio() }, false);
+        complete(&mut loaded, &StageOptions { is_dry_run: true, ..StageOptions::studio() }, false);
         let scene = &loaded.scene;
         assert!(loaded.notes[0].code == "stage", "{:?}", loaded.notes);
         assert_eq!((scene.shapes.len(), scene.images.len(), scene.cameras.len()), (1, 0, 1));

@@ -8,7 +8,7 @@ use std::str::FromStr;
 /// The lighting of scenes without lights.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum StageLight {
-    /// A soft sky that keeps the model's own look, without a stage. For programs that use the scene further.
+    /// A soft sky without ground and backdrop, for programs that use the scene further.
     #[default]
     Soft,
     /// A large key light from the camera's left, a fill and a rim light, as soft boxes far away.
@@ -24,7 +24,7 @@ pub enum StageLight {
 }
 
 impl StageLight {
-    /// Does it come with ground and material?
+    /// Does it add a ground and default materials?
     pub(super) fn is_stage(self) -> bool {
         !matches!(self, StageLight::Soft | StageLight::None)
     }
@@ -58,14 +58,14 @@ impl fmt::Display for StageLight {
 pub enum Ground {
     /// Nothing.
     None,
-    /// A ground of the background's colour: only shadows and a trace of reflection show that it is there.
+    /// A ground of the background's colour, visible only by shadows and a faint reflection.
     Shadow,
     /// A darker, shiny floor.
     Floor,
 }
 
 impl Ground {
-    /// Behind a comma, for the note about the stage.
+    /// Its part of the note about the stage, with a comma in front.
     pub(super) fn in_words(self) -> &'static str {
         match self {
             Ground::None => "",
@@ -107,10 +107,10 @@ pub struct StageOptions {
     pub vfov_degrees: f64,
     /// Width over height of the picture, where the caller decides it; else the scene's settings do, else 16:9.
     pub aspect: Option<f64>,
-    /// The camera will go around the model, which is to stay in view all the time.
+    /// The camera will orbit the model, which must remain in view.
     pub is_orbit: bool,
-    /// Report only what would be added next to an existing camera.
-    pub is_foretold: bool,
+    /// Only report what would be added next to an existing camera.
+    pub is_dry_run: bool,
 }
 
 impl Default for StageOptions {
@@ -127,7 +127,7 @@ impl Default for StageOptions {
             vfov_degrees: 30.0,
             aspect: None,
             is_orbit: false,
-            is_foretold: false,
+            is_dry_run: false,
         }
     }
 }

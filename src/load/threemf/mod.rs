@@ -1,7 +1,7 @@
 //! 3MF: a ZIP package (ECMA-376, part 2) with an XML model, its objects placed by build items, in real units, z up.
 //!
 //! Read: meshes, components, several model parts (production extension), base materials, colours of corners, textures. Left out with a
-//! warning: beams, slices, composite materials and layered properties. What only prints (supports) is not shown.
+//! warning: beams, slices, composite materials and layered properties. Support objects, which matter only to printing, are left out.
 
 mod model;
 
@@ -26,10 +26,10 @@ use std::sync::Arc;
 const START: &str = "3D/3dmodel.model";
 /// The type of the relation to the start part.
 const START_TYPE: &str = "/3dmodel";
-/// Levels of components, and objects that a file may place.
-const DEEPEST: usize = 64;
+/// Maximum depth of nested components, and maximum number of placed objects.
+const MAX_DEPTH: usize = 64;
 const MAX_INSTANCES: usize = 1 << 20;
-/// The linear grey of what has no colour beside what has one.
+/// Linear grey of triangles without a colour in a mesh where others have one.
 const GREY: [f32; 4] = [0.8, 0.8, 0.8, 1.0];
 
 /// Reads a 3MF file.
@@ -54,7 +54,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     }
     unread.iter().for_each(|what| warn(format!("{what} are not read")));
     if supports > 0 {
-        loaded.left_out.push(format!("{supports} objects that support others while they are printed"));
+        loaded.left_out.push(format!("{supports} support objects, which matter only to printing"));
     }
     if loaded.scene.instances.is_empty() {
         let what =
@@ -67,7 +67,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     Ok(loaded)
 }
 
-/// How triangles look.
+/// Appearance of triangles.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 enum Appearance {
     Plain,
@@ -84,7 +84,7 @@ struct Reader<'a> {
     models: HashMap<String, Rc<Model>>,
     /// The meshes of objects by part and number; `None` for those without triangles.
     meshes: HashMap<(String, u32), Option<MeshId>>,
-    /// Materials by part and look.
+    /// Materials by part and appearance.
     materials: HashMap<(String, Appearance), MaterialId>,
     repairs: Repairs,
     unread: Vec<String>,
@@ -151,7 +151,7 @@ impl<'a> Reader<'a> {
         let Some(object) = model.objects.get(&what.object) else {
             return Err(self.fail(&place, ("object-undefined", "is placed, but not defined")));
         };
-        if depth > DEEPEST {
+        if depth > MAX_DEPTH {
             return Err(
                 self.fail(&place, ("object-cycle", "contains itself, or components beyond 64 levels"))
             );
@@ -174,13 +174,13 @@ impl<'a> Reader<'a> {
         object.components.iter().try_for_each(|component| self.place(part, component, world, depth + 1))
     }
 
-    /// The mesh of an object, made once.
+    /// The mesh of an object, from the cache if it was built before.
     fn mesh(&mut self, part: &str, model: &Model, id: u32, object: &Object) -> Result<Option<MeshId>> {
         if let Some(known) = self.meshes.get(&(part.to_string(), id)) {
             return Ok(*known);
         }
         self.broken += object.broken;
-        let built = built(model, object);
+        let built = build_mesh(model, object);
         let mesh = match built.mesh.triangles.is_empty() {
             true => None,
             false => {
@@ -202,10 +202,10 @@ impl<'a> Reader<'a> {
         Ok(mesh)
     }
 
-    /// Repairs a mesh of parts.
+    /// Repairs a mesh and updates its parts.
     fn finish(&mut self, mesh: &mut Mesh) {
         let is_whole = mesh.positions.as_flattened().iter().all(|x| x.is_finite());
-        // Triangles that go must leave the right parts.
+        // Removed triangles are subtracted from the parts that they belong to.
         if !is_whole {
             let usable =
                 |t: &[u32; 3]| t.iter().all(|&i| mesh.positions[i as usize].iter().all(|x| x.is_finite()));
@@ -302,25 +302,25 @@ fn in_words(error: Error) -> String {
     error.problems.into_iter().map(|p| p.message).collect::<Vec<_>>().join("; ")
 }
 
-/// A mesh whose triangles are sorted by their look, with the number of each.
+/// A mesh whose triangles are sorted by appearance, and the number of triangles of each.
 struct Built {
     mesh: Mesh,
     parts: Vec<(Appearance, u32)>,
 }
 
-/// The looks of a corner.
+/// Colour and texture coordinates of a corner.
 #[derive(Clone, Copy, PartialEq)]
 struct Corner {
     color: [f32; 4],
-    place: [f32; 2],
+    uv: [f32; 2],
 }
 
-/// Vertices are split where triangles give them several colours or places in a texture.
-fn built(model: &Model, object: &Object) -> Built {
+/// Vertices are split where triangles give them several colours or texture coordinates.
+fn build_mesh(model: &Model, object: &Object) -> Built {
     let appearances: Vec<(Appearance, [Corner; 3])> =
         object.triangles.iter().map(|t| appearance_of(model, object, t)).collect();
     let has_colors = appearances.iter().any(|(appearance, _)| *appearance == Appearance::Colors);
-    let has_places = appearances.iter().any(|(appearance, _)| matches!(appearance, Appearance::Texture(_)));
+    let has_uv = appearances.iter().any(|(appearance, _)| matches!(appearance, Appearance::Texture(_)));
     // Parts without colour are grey next to coloured ones.
     let as_shown = |appearance: Appearance| {
         if has_colors && appearance == Appearance::Plain { Appearance::Colors } else { appearance }
@@ -331,7 +331,7 @@ fn built(model: &Model, object: &Object) -> Built {
         .enumerate()
         .for_each(|(i, (appearance, _))| sorted.entry(as_shown(*appearance)).or_default().push(i));
     let mut mesh = Mesh { positions: object.vertices.clone(), ..Mesh::default() };
-    if !has_colors && !has_places {
+    if !has_colors && !has_uv {
         mesh.triangles = object.triangles.iter().map(|t| t.corners).collect();
         let count = mesh.triangles.len() as u32;
         return Built { mesh, parts: vec![(Appearance::Plain, count)] };
@@ -357,12 +357,12 @@ fn built(model: &Model, object: &Object) -> Built {
             mesh.triangles.push(triangle);
         }
     }
-    let corner = |of: &Option<Corner>| of.unwrap_or(Corner { color: GREY, place: [0.0; 2] });
+    let corner = |of: &Option<Corner>| of.unwrap_or(Corner { color: GREY, uv: [0.0; 2] });
     if has_colors {
         mesh.colors = corners.iter().map(|of| corner(of).color).collect();
     }
-    if has_places {
-        mesh.uv_sets = vec![corners.iter().map(|of| corner(of).place).collect()];
+    if has_uv {
+        mesh.uv_sets = vec![corners.iter().map(|of| corner(of).uv).collect()];
     }
     Built { mesh, parts }
 }
@@ -370,14 +370,14 @@ fn built(model: &Model, object: &Object) -> Built {
 impl Corner {
     fn bits(self) -> [u32; 6] {
         let [r, g, b, a] = self.color;
-        let [u, v] = self.place;
+        let [u, v] = self.uv;
         [r, g, b, a, u, v].map(f32::to_bits)
     }
 }
 
-/// How a triangle looks, by its own property or that of its object.
+/// Appearance of a triangle, by its own property or that of its object.
 fn appearance_of(model: &Model, object: &Object, triangle: &Triangle) -> (Appearance, [Corner; 3]) {
-    let plain = Corner { color: GREY, place: [0.0; 2] };
+    let plain = Corner { color: GREY, uv: [0.0; 2] };
     let Property { group, index } = object.property;
     let has_own = triangle.indices[0] != model::NONE;
     let number = if triangle.group == model::NONE { group } else { triangle.group };
@@ -388,10 +388,10 @@ fn appearance_of(model: &Model, object: &Object, triangle: &Triangle) -> (Appear
     match model.groups.get(&number) {
         Some(Group::Materials(list)) => colored([list.get(indices[0] as usize); 3]),
         Some(Group::Colors(list)) => colored(indices.map(|i| list.get(i as usize))),
-        Some(Group::Places { texture, places }) => {
+        Some(Group::TextureCoordinates { texture, list }) => {
             // Rows of images grow downwards.
-            let place = |i: u32| places.get(i as usize).map_or([0.0; 2], |[u, v]| [*u, 1.0 - v]);
-            (Appearance::Texture(*texture), indices.map(|i| Corner { place: place(i), color: [1.0; 4] }))
+            let uv = |i: u32| list.get(i as usize).map_or([0.0; 2], |[u, v]| [*u, 1.0 - v]);
+            (Appearance::Texture(*texture), indices.map(|i| Corner { uv: uv(i), color: [1.0; 4] }))
         }
         None => (Appearance::Plain, [plain; 3]),
     }

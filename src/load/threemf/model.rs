@@ -78,8 +78,8 @@ pub(super) enum Group {
     Materials(Vec<[f32; 4]>),
     /// Colours of corners.
     Colors(Vec<[f32; 4]>),
-    /// Places in a texture, from the lower left.
-    Places { texture: u32, places: Vec<[f32; 2]> },
+    /// Texture coordinates, from the lower left.
+    TextureCoordinates { texture: u32, list: Vec<[f32; 2]> },
 }
 
 /// An image in the package.
@@ -156,14 +156,14 @@ impl Parser {
             "colorgroup" => self.group = Some((id(element)?, Group::Colors(Vec::new()))),
             "texture2dgroup" => {
                 let texture = index(&require(element, "texid")?)?;
-                self.group = Some((id(element)?, Group::Places { texture, places: Vec::new() }));
+                self.group = Some((id(element)?, Group::TextureCoordinates { texture, list: Vec::new() }));
             }
             "base" => self.color(element, "displaycolor")?,
             "color" => self.color(element, "color")?,
             "tex2coord" => {
                 let [u, v] = [number(&require(element, "u")?)?, number(&require(element, "v")?)?];
-                if let Some((_, Group::Places { places, .. })) = &mut self.group {
-                    places.push([u, v].map(|x| x as f32));
+                if let Some((_, Group::TextureCoordinates { list, .. })) = &mut self.group {
+                    list.push([u, v].map(|x| x as f32));
                 }
             }
             "texture2d" => {

@@ -48,17 +48,17 @@ macro_rules! options {
         impl Setting for $name {
             fn set(&mut self, value: &SettingValue) -> Result<(), String> {
                 const NAMES: &[(&str, $name)] = &[($first_text, $name::$first), $(($text, $name::$option),)*];
-                let SettingValue::Text(text) = value else { return Err("must be a text".to_string()) };
+                let SettingValue::Text(text) = value else { return Err("must be a string".to_string()) };
                 let found = NAMES.iter().find(|(name, _)| name == text);
                 let names = || NAMES.iter().map(|(name, _)| *name).collect::<Vec<_>>().join(", ");
-                *self = found.ok_or_else(|| format!("'{text}' is none of {}", names()))?.1;
+                *self = found.ok_or_else(|| format!("must be one of {}, not '{text}'", names()))?.1;
                 Ok(())
             }
         }
     )*};
 }
 
-/// A value of a setting as files have it.
+/// A value of a setting in a scene file.
 #[derive(Clone, Debug, PartialEq)]
 pub enum SettingValue {
     /// `true` or `false`.
@@ -77,7 +77,7 @@ pub enum SettingValue {
 
 /// A setting of a node that can be read from a file.
 pub(crate) trait Setting {
-    /// Takes a value over; the error says what is expected.
+    /// Sets it from a value; the error says what is expected.
     fn set(&mut self, value: &SettingValue) -> Result<(), String>;
 }
 
@@ -91,7 +91,7 @@ impl Setting for bool {
 
 impl Setting for String {
     fn set(&mut self, value: &SettingValue) -> Result<(), String> {
-        let SettingValue::Text(text) = value else { return Err("must be a text".to_string()) };
+        let SettingValue::Text(text) = value else { return Err("must be a string".to_string()) };
         self.clone_from(text);
         Ok(())
     }
@@ -172,7 +172,7 @@ options! {
         Ceil = "ceil", Fraction = "fraction", Modulo = "modulo", Wrap = "wrap", Snap = "snap", Sine = "sine", Cosine = "cosine",
         Tangent = "tangent",
     }
-    /// How two colours mix.
+    /// Blend modes of two colours.
     BlendMode {
         Mix = "mix", Darken = "darken", Multiply = "multiply", Burn = "burn", Lighten = "lighten", Screen = "screen",
         Dodge = "dodge", Add = "add", Overlay = "overlay", SoftLight = "soft_light", LinearLight = "linear_light",
@@ -181,9 +181,9 @@ options! {
     }
     /// Type of the values of a mix node.
     MixType { Float = "float", Vector = "vector", Color = "rgba", }
-    /// Whether one factor or one for each component mixes vectors.
+    /// Factors of a mix of vectors: one, or one per component.
     FactorMode { Uniform = "uniform", NonUniform = "non_uniform", }
-    /// How values between the ends of a range map.
+    /// Interpolation between the ends of a range.
     RangeInterpolation { Linear = "linear", Stepped = "stepped", SmoothStep = "smoothstep", SmootherStep = "smootherstep", }
     /// Order of the ends of a clamp.
     ClampType { MinMax = "minmax", Range = "range", }
@@ -191,14 +191,14 @@ options! {
     MappingType { Point = "point", Texture = "texture", Vector = "vector", Normal = "normal", }
     /// Components of a colour.
     ColorModel { Rgb = "rgb", Hsv = "hsv", Hsl = "hsl", }
-    /// By what a vector is rotated.
+    /// Representations of a rotation.
     RotationType { AxisAngle = "axis_angle", X = "x_axis", Y = "y_axis", Z = "z_axis", Euler = "euler_xyz", }
     /// Fractal sums of noise.
     NoiseType {
         Fbm = "fbm", Multifractal = "multifractal", Ridged = "ridged_multifractal", Hybrid = "hybrid_multifractal",
         HeteroTerrain = "hetero_terrain",
     }
-    /// In how many dimensions a texture varies.
+    /// Number of dimensions of a texture.
     Dimensions { Three = "3d", One = "1d", Two = "2d", Four = "4d", }
     /// Output of a Voronoi texture.
     VoronoiFeature {
@@ -219,22 +219,22 @@ options! {
         Linear = "linear", Quadratic = "quadratic", Easing = "easing", Diagonal = "diagonal", Spherical = "spherical",
         QuadraticSphere = "quadratic_sphere", Radial = "radial",
     }
-    /// How images continue outside.
+    /// Continuation of images beyond texture coordinates 0..1.
     Extension { Repeat = "repeat", Extend = "extend", Clip = "clip", Mirror = "mirror", }
-    /// Between texels; smart is cubic.
+    /// Interpolation between texels; smart is cubic.
     ImageInterpolation { Linear = "linear", Closest = "closest", Cubic = "cubic", Smart = "smart", }
-    /// How images lie on surfaces.
+    /// Projections of images onto surfaces.
     ImageProjection { Flat = "flat", Box = "box", Sphere = "sphere", Tube = "tube", }
-    /// How images of surroundings lie on the sphere of directions.
+    /// Projections of environment images.
     EnvironmentProjection { Equirectangular = "equirectangular", MirrorBall = "mirror_ball", }
     /// Colour space of an image: colours as its file has them, or data.
     ColorSpace { Srgb = "srgb", Linear = "linear", NonColor = "non-color", }
-    /// Alpha of an image: of the file's colours, which it isn't multiplied into yet, or is; nothing to colours that are data
-    /// of their own; or nothing at all.
+    /// Alpha of an image: colours are not yet multiplied by it (`Straight`), are (`Premul`), or are independent of it
+    /// (`ChannelPacked`); `None` ignores it.
     AlphaMode { Straight = "straight", Premul = "premul", ChannelPacked = "channel_packed", None = "none", }
-    /// In what space normals of a map are.
+    /// Spaces of the normals of a normal map.
     NormalSpace { Tangent = "tangent", Object = "object", World = "world", BlenderObject = "blender_object", BlenderWorld = "blender_world", }
-    /// How tangents run.
+    /// Directions of tangents: around an axis, or along u.
     TangentType { Radial = "radial", UvMap = "uv_map", }
     /// Axes.
     Axis { Z = "z", X = "x", Y = "y", }
@@ -242,7 +242,7 @@ options! {
     TransformType { Vector = "vector", Point = "point", Normal = "normal", }
     /// Spaces of vectors.
     Space { World = "world", Object = "object", Camera = "camera", }
-    /// How a ramp goes from stop to stop.
+    /// Interpolation between the stops of a colour ramp.
     RampInterpolation { Linear = "linear", Constant = "constant", }
 }
 
@@ -330,7 +330,7 @@ macro_rules! nodes {
             /// Changes a setting.
             ///
             /// # Errors
-            /// A sentence: there is no such setting, or what it expects.
+            /// A message: there is no such setting, or what value it expects.
             pub fn set(&mut self, setting: &str, value: &SettingValue) -> Result<(), String> {
                 match self {$(
                     #[allow(unused_variables, reason = "some have no settings")]
@@ -359,8 +359,7 @@ nodes! {
     /// Coordinates of the surface. `object_matrix` takes points of the world to the space of another object.
     TextureCoordinate "texture_coordinate" { object_matrix: Matrix = Matrix::default() }
         () -> (uv: vector, generated: vector, normal: vector, object: vector, camera: vector, window: vector, reflection: vector);
-    /// The surface: the point in world space in metres, its normals there on the viewer's side, and what the mesh has as attributes of these
-    /// names.
+    /// The hit point: its position in world space (metres), the normals on the viewer's side, and mesh attributes of these names.
     Geometry "geometry" {} ()
         -> (position: vector, true_normal: vector, normal: vector, tangent: vector, incoming: vector, parametric: vector, backfacing: float, pointiness: float, random_per_island: float);
     /// An attribute of the mesh's vertices by its name; 0 without one.
@@ -373,19 +372,19 @@ nodes! {
     ObjectInfo "object_info" {} () -> (location: vector, color: color, alpha: float, object_index: float, material_index: float, random: float);
     /// The point as the camera sees it: the direction in its space, along its axis, and from it, metres.
     CameraData "camera_data" {} () -> (view_vector: vector, view_z_depth: float, view_distance: float);
-    /// The path that arrives.
+    /// The kind, length and depth of the ray that hits the surface.
     LightPath "light_path" {} ()
         -> (is_camera_ray: float, is_shadow_ray: float, is_diffuse_ray: float, is_glossy_ray: float, is_singular_ray: float, is_reflection_ray: float, is_transmission_ray: float, is_volume_scatter_ray: float, ray_length: float, ray_depth: float);
     /// The strand that is hit.
     HairInfo "hair_info" {} () -> (is_strand: float, intercept: float, length: float, thickness: float, tangent_normal: vector, random: float);
-    /// A direction along the surface: around an axis of the object, or where the first texture coordinates grow.
+    /// A tangent: around an axis of the object, or along u of the first texture coordinates.
     Tangent "tangent" { direction_type: TangentType = TangentType::Radial, axis: Axis = Axis::Z } () -> (tangent: vector);
-    /// A normal from a map of normals: (n + 1) / 2 in the space of tangents of texture coordinates, the first without a name, or of the
-    /// object or the world.
+    /// A normal map: (n + 1) / 2 in tangent space of a set of texture coordinates (without a name the first), or in object or world
+    /// space.
     NormalMap "normal_map" { space: NormalSpace = NormalSpace::Tangent, uv_map: String = String::new() }
         (strength: float 1.0, color: color [0.5, 0.5, 1.0]) -> (normal: vector);
-    /// A normal that leans as the slope of heights does, which are read at distances of `filter_width` pixels. The distance is multiplied by
-    /// the scale of the object along the normal to the power of `object_scale`: 1 for heights in object space.
+    /// A bump map: the normal of the surface displaced by `height` times `distance`; slopes are differences over `filter_width` pixels. The
+    /// distance is multiplied by the object's scale along the normal, to the power of `object_scale`: 1 for heights in object space.
     Bump "bump" { invert: bool = false, filter_width: f32 = 0.1, object_scale: f32 = 0.0 }
         (strength: float 1.0, distance: float 0.001, height: float 1.0, normal: normal) -> (normal: vector);
     /// A direction, and its cosine with a normal.
@@ -395,11 +394,11 @@ nodes! {
     /// A vector from one space to another: of the world, the object or the camera.
     VectorTransform "vector_transform" { vector_type: TransformType = TransformType::Vector, convert_from: Space = Space::World, convert_to: Space = Space::Object }
         (vector: vector [0.5; 3]) -> (vector: vector);
-    /// An image: `file` beside the scene file. Where `vector` is a set of texture coordinates, scaled or not, texels are averaged over what a
-    /// path sees.
+    /// An image: `file` beside the scene file. Where `vector` is a set of texture coordinates, scaled or not, texels are filtered over
+    /// the footprint of the path.
     ImageTexture "image_texture" { file: String = String::new(), interpolation: ImageInterpolation = ImageInterpolation::Linear, extension: Extension = Extension::Repeat, projection: ImageProjection = ImageProjection::Flat, blend: f32 = 0.0, color_space: ColorSpace = ColorSpace::Srgb, alpha_mode: AlphaMode = AlphaMode::Straight }
         (vector: uv) -> (color: color, alpha: float);
-    /// An image of surroundings in a direction.
+    /// An environment image in a direction.
     EnvironmentTexture "environment_texture" { file: String = String::new(), interpolation: ImageInterpolation = ImageInterpolation::Linear, projection: EnvironmentProjection = EnvironmentProjection::Equirectangular, color_space: ColorSpace = ColorSpace::Srgb }
         (vector: position) -> (color: color);
     /// A number.
@@ -418,7 +417,7 @@ nodes! {
     /// Values of one range mapped to another.
     MapRange "map_range" { clamp: bool = true, interpolation_type: RangeInterpolation = RangeInterpolation::Linear }
         (value: vector [1.0; 3], from_min: vector [0.0; 3], from_max: vector [1.0; 3], to_min: vector [0.0; 3], to_max: vector [1.0; 3], steps: vector [4.0; 3]) -> (result: vector);
-    /// A value held between two others.
+    /// A value clamped to a range.
     Clamp "clamp" { clamp_type: ClampType = ClampType::MinMax } (value: float 1.0, min: float 0.0, max: float 1.0) -> (result: float);
     /// A vector moved, rotated (XYZ angles, radians) and scaled.
     Mapping "mapping" { vector_type: MappingType = MappingType::Point }
@@ -440,7 +439,7 @@ nodes! {
     BrightnessContrast "brightness_contrast" {} (color: color [1.0; 3], brightness: float 0.0, contrast: float 0.0) -> (color: color);
     /// A power of each component.
     Gamma "gamma" {} (color: color [1.0; 3], gamma: float 1.0) -> (color: color);
-    /// One less each component.
+    /// 1 minus each component.
     Invert "invert" {} (factor: float 1.0, color: color [0.0; 3]) -> (color: color);
     /// Luminance.
     RgbToBw "rgb_to_bw" {} (color: color [0.5; 3]) -> (value: float);
@@ -450,7 +449,7 @@ nodes! {
     /// Functions of red, green and blue: `table` has rows of their values, evenly spaced over `min`..`max`.
     RgbCurves "rgb_curves" { table: Rows = Rows::default(), min: f32 = 0.0, max: f32 = 1.0, extrapolate: bool = true }
         (factor: float 1.0, color: color [1.0; 3]) -> (color: color);
-    /// Functions of the components of a vector, as the curves of colours.
+    /// Functions of the components of a vector, like `rgb_curves`.
     VectorCurves "vector_curves" { table: Rows = Rows::default(), min: f32 = -1.0, max: f32 = 1.0, extrapolate: bool = true }
         (factor: float 1.0, vector: vector [0.0; 3]) -> (vector: vector);
     /// A function of a number: `table` has rows of one value.
@@ -469,20 +468,20 @@ nodes! {
     /// Bands or rings.
     WaveTexture "wave_texture" { wave_type: WaveType = WaveType::Bands, bands_direction: BandsDirection = BandsDirection::X, rings_direction: RingsDirection = RingsDirection::X, wave_profile: WaveProfile = WaveProfile::Sine }
         (vector: position, scale: float 5.0, distortion: float 0.0, detail: float 2.0, detail_scale: float 1.0, detail_roughness: float 0.5, phase_offset: float 0.0) -> (color: color, factor: float);
-    /// Folded sines.
+    /// Nested sines: the magic texture.
     MagicTexture "magic_texture" { turbulence_depth: u32 = 2 } (vector: position, scale: float 5.0, distortion: float 1.0) -> (color: color, factor: float);
     /// A gradient.
     GradientTexture "gradient_texture" { gradient_type: GradientType = GradientType::Linear } (vector: position) -> (color: color, factor: float);
-    /// Cells of two colours.
+    /// A checkerboard of two colours.
     CheckerTexture "checker_texture" {} (vector: position, color1: color [0.8; 3], color2: color [0.2; 3], scale: float 5.0) -> (color: color, factor: float);
-    /// A wall.
+    /// A brick wall.
     BrickTexture "brick_texture" { offset: f32 = 0.5, offset_frequency: u32 = 2, squash: f32 = 1.0, squash_frequency: u32 = 2 }
         (vector: position, color1: color [0.8; 3], color2: color [0.2; 3], mortar: color [0.0; 3], scale: float 5.0, mortar_size: float 0.02, mortar_smooth: float 0.1, bias: float 0.0, brick_width: float 0.5, row_height: float 0.25) -> (color: color, factor: float);
-    /// The colour of a black body, kelvin.
+    /// The colour of a black body by its temperature, kelvin.
     Blackbody "blackbody" {} (temperature: float 1500.0) -> (color: color);
     /// The colour of a wavelength, nanometres.
     Wavelength "wavelength" {} (wavelength: float 500.0) -> (color: color);
-    /// Waves in patches: `dimensions` are 2d or 3d; orientations are an angle in radians and a direction.
+    /// Gabor noise in `2d` or `3d`; `orientation_2d` is an angle in radians, `orientation_3d` a direction.
     GaborTexture "gabor_texture" { dimensions: Dimensions = Dimensions::Two }
         (vector: position, scale: float 5.0, frequency: float 2.0, anisotropy: float 1.0, orientation_2d: float std::f32::consts::FRAC_PI_4, orientation_3d: vector [std::f32::consts::SQRT_2, std::f32::consts::SQRT_2, 0.0]) -> (value: float, phase: float, intensity: float);
     /// Independent random values.

@@ -57,9 +57,9 @@ pub enum Operation {
     /// Cosine between two vectors, of both sides alike.
     Cosine,
     /// An image at a vector, averaged over a width; with the normal in the object's space for projections of a box.
-    Image { texture: TextureId, reading: ImageReading, lies: ImageProjection, blend: f32 },
+    Image { texture: TextureId, reading: ImageReading, projection: ImageProjection, blend: f32 },
     /// An image of surroundings in a direction.
-    Environment { texture: TextureId, reading: ImageReading, lies: EnvironmentProjection },
+    Environment { texture: TextureId, reading: ImageReading, projection: EnvironmentProjection },
     /// The first of two squared distances is at most half a width.
     IsNear { in_pixels: bool },
     /// The mean of three numbers.
@@ -248,9 +248,9 @@ fn load<const LANES: usize>(step: &Compiled, points: &Points<'_>, r: &mut Regist
 pub fn run<const LANES: usize>(step: &Compiled, points: &Points<'_>, r: &mut Registers<LANES>) {
     match &step.operation {
         Operation::Load(_) | Operation::LoadMoved { .. } => load(step, points, r),
-        Operation::NormalMap(space) => r.each(step, |v: [f32; 30]| math::mapped(*space, &v)),
+        Operation::NormalMap(space) => r.each(step, |v: [f32; 30]| math::normal_map(*space, &v)),
         Operation::Bump { invert, filter_width } => {
-            r.each(step, |v: [f32; 14]| math::bumped(*invert, *filter_width, &v));
+            r.each(step, |v: [f32; 14]| math::bump(*invert, *filter_width, &v));
         }
         Operation::Transform(TransformType::Point) => {
             r.each(step, |v: [f32; 15]| affine(&v[3..], [v[0], v[1], v[2]], 1.0))
@@ -267,12 +267,13 @@ pub fn run<const LANES: usize>(step: &Compiled, points: &Points<'_>, r: &mut Reg
             let half = 0.5 * size * if *in_pixels { pixel } else { 1.0 };
             [if squared < half * half { 1.0 } else { 0.0 }]
         }),
-        Operation::Image { texture, reading, lies, blend } => r.each(step, |v: [f32; 7]| {
+        Operation::Image { texture, reading, projection, blend } => r.each(step, |v: [f32; 7]| {
             let at = |uv, footprint| (points.images)(*texture, reading, uv, footprint);
-            math::image(*lies, *blend, v, at)
+            math::image(*projection, *blend, v, at)
         }),
-        Operation::Environment { texture, reading, lies } => r.each(step, |direction: [f32; 3]| {
-            let [r, g, b, _] = (points.images)(*texture, reading, math::environment(*lies, direction), 0.0);
+        Operation::Environment { texture, reading, projection } => r.each(step, |direction: [f32; 3]| {
+            let [r, g, b, _] =
+                (points.images)(*texture, reading, math::environment(*projection, direction), 0.0);
             [r, g, b]
         }),
         Operation::Mean => r.each(step, |[x, y, z]: [f32; 3]| [(x + y + z) * (1.0 / 3.0)]),

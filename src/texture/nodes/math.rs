@@ -1,8 +1,5 @@
-//! Arithmetic of numbers and vectors, with results for all arguments.
-//!
-//! Normals of maps and bumps, as Cycles has them.
-//!
-//! How images lie on surfaces and on the sphere of directions, as in Cycles. The axis of spheres and tubes is z.
+//! Functions of Cycles' shader nodes: scalar and vector math (defined for all arguments), normal maps and bump maps, and the
+//! projections of image textures onto surfaces and onto the sphere of directions. The axis of spheres and tubes is z.
 
 use crate::math::{Vec3, poly};
 use crate::scene::nodes::{
@@ -71,7 +68,7 @@ fn cos(x: f32) -> f32 {
 
 fn hyperbolic(x: f32) -> (f32, f32) {
     let (up, down) = (poly::exp(x), poly::exp(-x));
-    // Differences of what is nearly the same by their series.
+    // Taylor series near 0, where the difference of the exponentials cancels.
     let sinh = if x.abs() < 0.1 { x + x * x * x / 6.0 * (1.0 + x * x / 20.0) } else { (up - down) / 2.0 };
     (sinh, (up + down) / 2.0)
 }
@@ -342,8 +339,8 @@ pub fn map_range(
         }
     };
     let result = to[0] + factor * (to[1] - to[0]);
-    let is_open = matches!(kind, RangeInterpolation::Linear | RangeInterpolation::Stepped);
-    if clamp && is_open { result.max(to[0].min(to[1])).min(to[0].max(to[1])) } else { result }
+    let is_unbounded = matches!(kind, RangeInterpolation::Linear | RangeInterpolation::Stepped);
+    if clamp && is_unbounded { result.max(to[0].min(to[1])).min(to[0].max(to[1])) } else { result }
 }
 
 /// Reflectance of unpolarised light by a dielectric, from outside.
@@ -374,9 +371,9 @@ fn mixed(a: Vec3, b: Vec3, share: f32) -> Vec3 {
     a + (b - a) * share
 }
 
-/// A normal from a map: of strength, colour, tangent frame with its presence, shading normal, rows of the transform from the world to the
-/// object, and the side that is seen.
-pub fn mapped(space: NormalSpace, v: &[f32; 30]) -> [f32; 3] {
+/// The normal map node. `v` holds the strength, the colour (3), the tangent frame (9) and 1 if there is one, the shading normal (3), the
+/// rows of the transform from world to object space (12), and 1 if the back is seen.
+pub fn normal_map(space: NormalSpace, v: &[f32; 30]) -> [f32; 3] {
     let (strength, color, frame, own, rows) = (v[0], &v[1..4], &v[4..14], to_vec3(&v[14..17]), &v[17..29]);
     let side = if v[29] != 0.0 { -1.0 } else { 1.0 };
     let mut n = to_vec3(color) * 2.0 - Vec3::ONE;
@@ -402,32 +399,33 @@ pub fn mapped(space: NormalSpace, v: &[f32; 30]) -> [f32; 3] {
     if normal == Vec3::ZERO { own.to_array() } else { normal.to_array() }
 }
 
-/// A normal that leans by the slope of heights: of strength, distance, the heights here and beside both ways, the normal, and the two steps
-/// (Mikkelsen 2010, "Bump Mapping Unparametrized Surfaces on the GPU").
-pub fn bumped(invert: bool, filter_width: f32, v: &[f32; 14]) -> [f32; 3] {
+/// The bump node (Mikkelsen 2010, "Bump Mapping Unparametrized Surfaces on the GPU"). `v` holds the strength, the distance, the heights
+/// at the point and one step further in two directions, the normal (3) and the two steps (3 each).
+pub fn bump(invert: bool, filter_width: f32, v: &[f32; 14]) -> [f32; 3] {
     let (strength, distance) = (v[0].max(0.0), if invert { -v[1] } else { v[1] });
     let (here, along_a, along_b) = (v[2], v[3], v[4]);
     let (n, a, b) = (to_vec3(&v[5..8]), to_vec3(&v[8..11]), to_vec3(&v[11..14]));
     let (ra, rb) = (b.cross(n), n.cross(a));
     let determinant = a.dot(ra);
     let gradient = ra * (along_a - here) + rb * (along_b - here);
-    let leaning = n * (filter_width * determinant.abs()) - gradient * (distance * determinant.signum());
-    let leaning = Vec3::from_array(normalize(leaning.to_array()));
-    if leaning == Vec3::ZERO || !leaning.is_finite() {
+    let perturbed = n * (filter_width * determinant.abs()) - gradient * (distance * determinant.signum());
+    let perturbed = Vec3::from_array(normalize(perturbed.to_array()));
+    if perturbed == Vec3::ZERO || !perturbed.is_finite() {
         return n.to_array();
     }
-    mixed(n, leaning, strength).normalize_or_zero().to_array()
+    mixed(n, perturbed, strength).normalize_or_zero().to_array()
 }
 
-/// Linear RGBA of an image at a vector: `v` is that, the footprint, and the normal in the object's space; `at` looks up coordinates.
+/// The image texture node: linear RGBA for a vector (3), the width of the footprint, and the normal in object space (3). `at` looks up
+/// texture coordinates with a footprint.
 pub fn image(
-    lies: ImageProjection,
+    projection: ImageProjection,
     blend: f32,
     [x, y, z, footprint, nx, ny, nz]: [f32; 7],
     at: impl Fn([f32; 2], f32) -> [f32; 4],
 ) -> [f32; 4] {
     let around = [x, y, z].map(|c| 2.0 * c - 1.0);
-    match lies {
+    match projection {
         ImageProjection::Flat => at([x, y], footprint),
         ImageProjection::Sphere => at(on_sphere(around), 0.0),
         ImageProjection::Tube => at(on_tube(around), 0.0),
@@ -462,7 +460,7 @@ fn on_tube([x, y, z]: [f32; 3]) -> [f32; 2] {
     }
 }
 
-/// The shares of the sides along x, y and z by the parts of a normal: one side alone, or two or three where they meet.
+/// Weights of the projections along x, y and z for the absolute components of a normal; `blend` is the width of the transitions.
 fn box_weights(n: [f32; 3], blend: f32) -> [f32; 3] {
     let sum = n[0] + n[1] + n[2];
     let [x, y, z] = n.map(|c| c / sum);
@@ -495,13 +493,13 @@ fn box_weights(n: [f32; 3], blend: f32) -> [f32; 3] {
     [x, y, z].map(|c| ((2.0 - limit) * c + (limit - 1.0)) / (2.0 * limit - 1.0))
 }
 
-/// Coordinates of a direction in an image of surroundings.
-pub fn environment(lies: EnvironmentProjection, direction: [f32; 3]) -> [f32; 2] {
+/// Texture coordinates of a direction in an environment image.
+pub fn environment(projection: EnvironmentProjection, direction: [f32; 3]) -> [f32; 2] {
     let [x, y, z] = normalize(direction);
-    match lies {
+    match projection {
         EnvironmentProjection::Equirectangular => {
-            let level = (x * x + y * y).sqrt();
-            [0.5 - poly::atan2(y, x) / (2.0 * PI), poly::atan2(z, level) / PI + 0.5]
+            let horizontal = (x * x + y * y).sqrt();
+            [0.5 - poly::atan2(y, x) / (2.0 * PI), poly::atan2(z, horizontal) / PI + 0.5]
         }
         EnvironmentProjection::MirrorBall => {
             let y = y - 1.0;

@@ -348,10 +348,10 @@ impl Builder<'_> {
             return vec![[Number::of(0.0); 3]; node.kind.outputs().len()];
         };
         if let NodeKind::EnvironmentTexture { projection, .. } = &node.kind {
-            let operation = Operation::Environment { texture, reading, lies: *projection };
+            let operation = Operation::Environment { texture, reading, projection: *projection };
             return vec![three(&self.step(operation, vector.to_vec(), 3))];
         }
-        let (lies, blend) = match &node.kind {
+        let (projection, blend) = match &node.kind {
             NodeKind::ImageTexture { projection, blend, .. } => (*projection, *blend),
             _ => (ImageProjection::Flat, 0.0),
         };
@@ -359,18 +359,18 @@ impl Builder<'_> {
         let mut flat = vector.to_vec();
         flat.push(match graph.texture_coordinates(&node.inputs[0]) {
             // Heights are those of points, as in Cycles: slopes are steeper than those of averages.
-            Some((name, factor)) if lies == ImageProjection::Flat && self.bumps == 0 => {
+            Some((name, factor)) if projection == ImageProjection::Flat && self.bumps == 0 => {
                 let footprint = self.load(Source::Footprint(self.attribute(name)));
                 let scale = NodeKind::Math { operation: MathOperation::Multiply, use_clamp: false };
                 self.step(Operation::of(&scale), vec![footprint[0], Number::of(factor), zero], 1)[0]
             }
             _ => zero,
         });
-        flat.extend(match lies {
+        flat.extend(match projection {
             ImageProjection::Box => self.load_vector(Source::ObjectNormal),
             _ => [zero; 3],
         });
-        let own = self.step(Operation::Image { texture, reading, lies, blend }, flat, 4);
+        let own = self.step(Operation::Image { texture, reading, projection, blend }, flat, 4);
         vec![three(&own), one(own[3])]
     }
 

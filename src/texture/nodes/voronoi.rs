@@ -346,7 +346,7 @@ impl Voronoi {
         to(left).min(to(right))
     }
 
-    /// Radius of the largest sphere about the nearest point that touches that of its own nearest point.
+    /// Half the distance between the nearest random point and the random point nearest to that one.
     fn sphere_radius<const N: usize>(&self, p: [f32; N]) -> f32 {
         let (cell, local) = split(p);
         let nearest_to = |from: [f32; N], cell: [f32; N], skip_own: bool| {
@@ -370,8 +370,8 @@ impl Voronoi {
         nearest_to(own, other, true).0 / 2.0
     }
 
-    /// Largest distance within a cell.
-    fn most<const N: usize>(&self) -> f32 {
+    /// Maximum distance from a point to the nearest random point.
+    fn max_distance<const N: usize>(&self) -> f32 {
         self.distance([0.0; N], [0.5 + 0.5 * self.randomness; N])
     }
 
@@ -379,7 +379,7 @@ impl Voronoi {
         self.detail == 0.0 || self.roughness == 0.0 || self.lacunarity == 0.0
     }
 
-    /// Octaves with their weights: a last one that is not whole has less than 1.
+    /// Weights of the octaves: 1, and a fraction for the last one.
     fn octaves(&self) -> impl Iterator<Item = f32> {
         let whole = self.detail.floor();
         let rest = self.detail - whole;
@@ -408,7 +408,7 @@ impl Voronoi {
             }
         }
         if self.normalize {
-            sum.distance /= most * reach * self.most::<N>();
+            sum.distance /= most * reach * self.max_distance::<N>();
             sum.color = sum.color.map(|c| c / most);
         }
         sum

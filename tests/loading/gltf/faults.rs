@@ -56,8 +56,8 @@ fn pictures_that_cannot_be_reached_cost_no_more_than_themselves() {
         ("https://example.org/p.jpg", "'https:'"),
         ("file:///C:/textures/other.png", "'file:'"),
         ("C:\\textures\\other.png", "is missing"),
-        ("/textures/other.png", "leads out"),
-        ("../other.png", "leads out"),
+        ("/textures/other.png", "outside"),
+        ("../other.png", "outside"),
         ("100%.png", "is missing"),
         ("data:image/png;base64,@@", "base64"),
     ] {

@@ -108,7 +108,7 @@ impl Mutate for ViewTransform {
 
 impl Mutate for Curve {
     fn fresh(_: &mut Dice) -> Curve {
-        Curve::share(&[(400.0, 0.2), (700.0, 0.8)])
+        Curve::reflectance(&[(400.0, 0.2), (700.0, 0.8)])
     }
 
     fn mutate(&mut self, dice: &mut Dice) {
@@ -116,7 +116,7 @@ impl Mutate for Curve {
         *self = match dice.below(3) {
             0 => Curve::light(&[(500.0, 0.0), (501.0, 1.0), (502.0, 0.0)], luminance),
             1 => Curve::black_body(dice.pick(&[100.0, 2700.0, 1e5]), luminance),
-            _ => Curve::share(&[(1.0, 0.0)]),
+            _ => Curve::reflectance(&[(1.0, 0.0)]),
         };
         dice.note(format!("= a curve of luminance {luminance}"));
     }

@@ -30,7 +30,7 @@ fn samples_follow_the_density_in(cases: &Cases) {
         Chi2::new(&format!("{name} from {cosine}"), pairs.len())
             .cells(32, 32)
             .samples(100_000)
-            .least_splits(splits)
+            .min_splits(splits)
             .assert_directions(
                 &Square::sphere(),
                 |u| {
