@@ -1,4 +1,4 @@
-//! Errors and warnings: what is wrong, where, and what would mend it. Nothing here prints.
+//! Errors and warnings: message, location and remedy. Nothing here prints.
 
 use std::fmt;
 use std::ops::Range;
@@ -70,7 +70,7 @@ impl Problem {
         Problem { place: place.into(), message: text, help: None, span: None, code }
     }
 
-    /// Adds what would mend it.
+    /// Adds a remedy.
     pub fn with_help(mut self, help: impl Into<String>) -> Problem {
         self.help = Some(help.into());
         self

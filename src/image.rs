@@ -42,7 +42,7 @@ pub struct Encoded {
 pub trait ImageSource: Debug + Send + Sync {
     /// The decoded image; its name and its encoding are those of the image that asks.
     ///
-    /// Adds warnings about what only the pixels show.
+    /// Adds warnings that depend on the pixels.
     ///
     /// # Errors
     /// [`Damage`] if the image can't be decoded, or has another size than it had when the scene was loaded.
@@ -54,7 +54,7 @@ pub trait ImageSource: Debug + Send + Sync {
     }
 
     /// Hands over the numbers of an image of floats, some rows at a time from the top down. Other threads help if they may. With an
-    /// error, what was handed over is void.
+    /// error, the rows passed on before are void.
     ///
     /// # Errors
     /// As for [`ImageSource::decode`].

@@ -278,7 +278,7 @@ pub fn flip(a: &Image, reference: &Image) -> Flip {
 
 /// A picture as the eye has it.
 struct Seen {
-    /// L*, a*, b* of what remains visible, a* and b* weakened in the dark (Hunt's effect).
+    /// L*, a*, b* of the filtered picture; a* and b* are reduced in the dark (Hunt effect).
     lab: Vec<[f64; 3]>,
     /// Strength of edges, and of points.
     features: [Vec<f32>; 2],
@@ -301,7 +301,7 @@ impl Seen {
     }
 }
 
-/// Takes out what is too fine to be seen.
+/// Filters by the contrast sensitivity of the eye.
 fn filtered(plane: &[f32], width: usize, gaussians: &[(f64, f64); 2]) -> Vec<f32> {
     let radius = (3.0 * (LARGEST_WIDTH / (2.0 * PI * PI)).sqrt() * PIXELS_A_DEGREE).ceil() as isize;
     let mut sum = vec![0.0f32; plane.len()];

@@ -130,7 +130,7 @@ fn order(bvh: &Bvh2, primitives: &[Primitive]) -> Binary {
 }
 
 /// Boxes as the builder sees them: mapped to the unit cube, so that areas neither overflow nor underflow, with a logarithmic scale
-/// for what lies far outside of most of the scene, and no two boxes equal.
+/// for primitives far outside of most of the scene, and no two boxes equal.
 pub struct NormalizedSpace {
     /// Bounds of all primitives, in scene space.
     pub bounds: Bounds3,

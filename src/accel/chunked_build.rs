@@ -4,7 +4,7 @@
 //! Bounding Volume Hierarchies"), builds a tree over each chunk and joins these by a small tree over them. Each thread works on
 //! one chunk at a time, which fits its caches. Peak memory: 32 bytes per primitive for the boxes and 66 to 78 for the tree, with 15
 //! more for what two threads work on at 2 million triangles, and 1.5 at 20 million. The README of `tools/rays` has the
-//! measurements, and what was tried and lost.
+//! measurements, and attempts that did not pay.
 //!
 //! [`append`] lets threads build trees in buffers of their own and appends these to one buffer in order, whatever the number of
 //! threads. A lock is held only while ranges of lines are assigned; references are relocated and lines copied outside of it, so

@@ -1,4 +1,4 @@
-//! Walks over a finished BVH outside of rendering: validation of what traversal relies on, and the distance of a point from the
+//! Walks over a finished BVH outside of rendering: validation of the invariants of traversal, and the distance of a point from the
 //! geometry.
 
 use super::layout::{
@@ -20,7 +20,7 @@ struct Found {
 }
 
 impl Accel {
-    /// Checks that all references stay in the buffer, that each child's box holds what is below it, that each primitive
+    /// Checks that all references stay in the buffer, that each child's box bounds its subtree, that each primitive
     /// and instance is reached exactly once, and that no path is deeper than the stacks allow.
     pub fn validate(&self) -> Result<(), String> {
         let roots: HashSet<u32> = self.expected.iter().map(|tree| tree.root).collect();

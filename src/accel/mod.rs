@@ -68,7 +68,7 @@ thread_local! {
 }
 
 impl Accel {
-    /// Time, memory and what was dropped.
+    /// Time, memory and dropped primitives.
     pub fn stats(&self) -> &BuildStats {
         &self.stats
     }
@@ -211,7 +211,7 @@ pub struct BuildStats {
 }
 
 impl BuildStats {
-    /// Adds what is in a tree.
+    /// Adds the contents of a tree.
     fn add(&mut self, tree: &BuildStats) {
         self.triangles += tree.triangles;
         self.quads += tree.quads;

@@ -243,7 +243,7 @@ impl<'a> QueryState<'a> {
         Some(self.stack[self.top % STACK])
     }
 
-    /// Tests what a leaf holds.
+    /// Tests the primitives of a leaf.
     #[inline(always)]
     fn leaf(&mut self, lines: &[Line], first: u32, is_uncertain: &impl Fn(u32) -> bool) {
         let mut reference = first;
@@ -649,7 +649,7 @@ mod tests {
                     accel.point_visibility_at(level, &query, |_| false);
                 assert_eq!(occluded_rays, expected & !unknown, "{number} {}", level.name());
                 known_rays += (rays & !unknown).count_ones() as usize;
-                // Without any certain primitive nothing is occluded_rays, and what is occluded_rays else is in doubt.
+                // Without a certain primitive no ray is certainly occluded; all other occlusions are uncertain.
                 let doubted = accel.point_visibility_at(level, &query, |_| true);
                 assert!(doubted.occluded_rays == 0 && expected & !doubted.unknown == 0, "{number}");
             }

@@ -517,7 +517,7 @@ fn ties_do_not_depend_on_the_tree() {
     }
 }
 
-/// A ground thousands of times as large as what stands on it, whose triangles are then next to nothing.
+/// A ground thousands of times larger than the objects on it, whose triangles are tiny in comparison.
 #[test]
 fn a_large_ground_does_not_spoil_the_tree() {
     let alone = sheet(400);

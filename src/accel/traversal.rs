@@ -264,7 +264,7 @@ impl<C: RayTimes, const N: usize> RaysInFlight<'_, C, N> {
         waiting
     }
 
-    /// The first ray of a set and what it visits; some ray if the set is empty.
+    /// The first ray of a set and the reference that it visits; any ray if the set is empty.
     #[inline(always)]
     fn first(&self, rays: Rays) -> (usize, u32) {
         let id = lowest(rays);
@@ -658,7 +658,7 @@ impl<const N: usize> Slot<N> {
     fn accept(&mut self, t: f32, opacity: f32, id: u32, (world, time): (&Ray, f32)) {
         let splat = u64::from(self.instance) << 32 | u64::from(id);
         let random = mix64(key_of(world, time) ^ mix64(splat + 1));
-        // An opacity of 0 accepts nothing: numbers are from 0 up, and 1 is none of them.
+        // Random numbers are in [0, 1), so an opacity of 0 accepts nothing and 1 all.
         if unit((random >> 32) as u32) < opacity {
             let [u, v] = octahedral(self.ray.direction);
             self.offer(t, u, v, id, None);

@@ -8,7 +8,7 @@ use crate::math::Vec3;
 use crate::scene::ColorSlot;
 use std::f32::consts::FRAC_1_PI;
 
-/// The sum of two BSDFs, each times a weight: what mixing and adding shaders gives. Samples choose one of them in proportion to what
+/// The weighted sum of two BSDFs: a mix or an addition of shaders. Samples choose one of them in proportion to what
 /// it reflects and are weighted by the density of both (one-sample MIS, balance heuristic; Veach 1997, section 9.2.4).
 #[derive(Clone, Copy, Debug)]
 pub struct Blend {

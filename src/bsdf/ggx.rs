@@ -130,7 +130,7 @@ impl DirectionalAlbedo {
         DirectionalAlbedo { full, grazing: full * value(1, root) }
     }
 
-    /// The factor that gives back what single scattering loses (Turquin 2019, eq. 16).
+    /// The factor that compensates the loss of single scattering (Turquin 2019, eq. 16).
     #[inline(always)]
     pub fn compensation(&self, f0: Rgb) -> Rgb {
         Rgb::ONE + f0 * ((1.0 - self.full) / self.full)

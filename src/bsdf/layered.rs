@@ -145,7 +145,7 @@ impl Layered {
         }
     }
 
-    /// The diffuse base beneath its layers as `wo` sees it, and its share of what `wo` sees.
+    /// The diffuse base beneath its layers for `wo`, and its fraction of the directional albedo.
     pub(super) fn base(&self, wo: Vec3) -> (OrenNayar, f32) {
         let LayeredClosure { opaque_closure, rough, weights, probabilities, .. } = self.closure(wo);
         if self.diffuse_roughness > 0.0 {
@@ -401,9 +401,9 @@ pub struct LayeredProgram {
     walls: Walls,
     refraction: Refraction,
     tints_once: bool,
-    /// Colour of what the glass reflects.
+    /// Colour of the glass's reflection.
     reflection: GlassReflection,
-    /// The glass reflects what its index of refraction says.
+    /// The reflectance of the glass follows from its index of refraction.
     is_plain: bool,
     coat_fresnel: LayerFresnel,
     clearcoat: Option<Clearcoat>,
@@ -636,7 +636,7 @@ mod tests {
     use crate::bsdf::{Bsdf, Isotropic};
     use crate::sampling::chi2::Random;
 
-    /// The diffuse part of a material with a layer is what the material would be without its facets.
+    /// The diffuse part of a material with a layer is the material without its facets.
     #[test]
     fn the_parts_of_glossy_materials_add_up() {
         let m = MetalRough {

@@ -34,14 +34,14 @@ pub trait Lobe: Copy {
     /// Colours and roughness for the AOVs of compositing.
     fn appearance(&self) -> Appearance;
 
-    /// The diffuse part of what [`Lobe::eval`] gives for these directions, for the AOVs of direct and indirect diffuse light. Sheen and
+    /// The diffuse part of [`Lobe::eval`] for these directions, for the AOVs of direct and indirect diffuse light. Sheen and
     /// diffuse transmission count as diffuse, as in Cycles.
     fn diffuse_part(&self, _wo: Vec3, _wi: Vec3) -> Rgb {
         Rgb::ZERO
     }
 }
 
-/// Colours and roughness of a surface whatever the light: what AOVs for compositing show.
+/// Colours and roughness of a surface, independent of the light: for AOVs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Appearance {
     /// Diffuse colour.

@@ -192,7 +192,7 @@ impl Conductor {
         Rgb::from_array([0, 1, 2].map(|c| fresnel::conductor(cosine, eta[c], k[c])))
     }
 
-    /// The factor that gives back what single scattering loses.
+    /// The factor that compensates the loss of single scattering.
     #[inline(always)]
     fn compensation(&self, above: Vec3) -> Rgb {
         match self.energy_compensation {

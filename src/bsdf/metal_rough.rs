@@ -41,7 +41,7 @@ pub struct MetalRough<S = Isotropic> {
 /// The closure of a [`MetalRough`] for one view direction.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct MetalRoughClosure {
-    /// Diffuse colour under what the layer leaves.
+    /// Diffuse colour, before attenuation by the layer.
     pub diffuse: Rgb,
     /// Share of light that the dielectric layer transmits to the layer below.
     pub rest: f32,

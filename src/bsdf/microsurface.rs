@@ -66,7 +66,7 @@ impl Facets for Isotropic {
 }
 
 /// Facets whose slopes are normally distributed, of a root mean square slope alpha. They are sampled as if they were those of GGX, whose
-/// albedos they have, too: nothing gives back what these lose.
+/// albedos they have, too: their loss is not compensated.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BeckmannFacets(pub Isotropic);
 

@@ -126,7 +126,7 @@ impl Bsdf {
         }
     }
 
-    /// The diffuse base as `wo` sees it, what lies above it, and the share 0..1 of the base in what `wo` sees.
+    /// The diffuse base for `wo`, the layers above it, and the base's fraction 0..1 of the directional albedo.
     pub fn split_base(self, wo: Vec3) -> (Bsdf, Bsdf, f32) {
         match self {
             base if base.is_base() => (base, Bsdf::Black, 1.0),

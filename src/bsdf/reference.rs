@@ -1,4 +1,4 @@
-//! Directional albedos by quadrature in double precision: what the tables are made of and tested against.
+//! Directional albedos by quadrature in double precision: the source and the reference of the tables.
 //!
 //! Written from the formulas rather than from the lobes, so that a mistake in one shows in the other.
 
@@ -97,7 +97,7 @@ fn quadrature_is_exact_where_the_integral_is_known() {
     }
 }
 
-// Light's way among the facets of rough glass until it leaves them: what solid glass is measured by.
+// Random walks among the facets of rough glass: the reference of solid glass.
 //
 // The random walk of Heitz, Hanika, d'Eon, Dachsbacher 2016, "Multiple-Scattering Microfacet BSDFs with the Smith Model",
 // for uniformly distributed heights (which do not matter) and dielectric facets, in double precision and written from
@@ -219,7 +219,7 @@ mod tests {
         })
     }
 
-    /// The share of light that comes from the side of `wo`, of what is not lost.
+    /// The fraction of light from the side of `wo`, relative to all that is not lost.
     fn reflected(bsdf: &Bsdf, wo: DVec3, random: &mut Random) -> f64 {
         let (mut same, mut all) = (0.0, 0.0);
         for _ in 0..SAMPLES {

@@ -48,7 +48,7 @@ pub enum GlassReflectance {
 /// A facet splits light by Fresnel's equations between a mirrored and a refracted direction. Other facets shadow both:
 /// reflection by the height-correlated Smith term as on metals, transmission by the separable one, which is nearer to the
 /// exact beta function of Heitz et al. 2016, "Multiple-Scattering Microfacet BSDFs with the Smith Model", eq. 20. With
-/// [`EnergyCompensation::Off`] what is shadowed is lost.
+/// [`EnergyCompensation::Off`] shadowed light is lost.
 ///
 /// With [`EnergyCompensation::On`] it is not. On walks among facets (the model of that paper) most of it ends in the denser
 /// medium, where total reflection holds it. So of what is shadowed on the rarer side a share stays there, and the rest joins
@@ -221,7 +221,7 @@ pub struct RoughDielectricProgram {
     pub tint: ColorSlot,
     /// The tint is that of both crossings of a solid together.
     pub tints_once: bool,
-    /// Colour of what it reflects.
+    /// Colour of its reflection.
     pub reflection: GlassReflection,
     /// See [`RoughDielectric::energy_compensation`].
     pub energy_compensation: EnergyCompensation,

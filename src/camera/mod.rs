@@ -140,7 +140,7 @@ impl Camera {
 
     /// The ray of a panorama; `None` outside of its image, and for other cameras.
     ///
-    /// The lens is a disk across the direction of the film point, and what is in focus lies on a sphere (as in Cycles).
+    /// The lens is a disk across the direction of the film point; points in focus lie on a sphere (as in Cycles).
     pub fn panoramic_ray(&self, x: f32, y: f32, lens: [f32; 2]) -> Option<Ray> {
         let ahead = self.to_world(self.panorama.as_ref()?.direction(x, y)?);
         if !self.has_lens() {
@@ -516,7 +516,7 @@ pub struct FilmConnection {
     /// Distance to there, metres.
     pub distance: f32,
     /// Film area, in square pixels, that a surface of one square metre at the point covers if it faces the ray. Times the
-    /// filter of a pixel and the radiance along the ray it is the density per area of what the pixel shows.
+    /// filter of a pixel and the radiance along the ray it is the density per area of the pixel's footprint.
     pub pixels_per_area: f32,
 }
 

@@ -53,7 +53,7 @@ impl Panorama {
         Panorama { law, corner, step: step.map(|s| s as f32), widest: widest as f32 }
     }
 
-    /// The width of a pixel in the middle of the picture, radians: the root of what it covers.
+    /// The width of a pixel in the centre of the picture, radians: the square root of its solid angle.
     pub fn pixel_rad(&self) -> f32 {
         (self.step[0] * self.step[1]).abs().sqrt()
     }
@@ -217,7 +217,7 @@ mod tests {
                 count += 1;
                 let p = ray.at(0.5 + 0.02 * i as f32);
                 if !camera.has_lens() {
-                    // Rows beyond a pole show what lies behind it.
+                    // Rows beyond a pole show the other side.
                     let near = |[fx, fy]: [f32; 2]| (fx - x).abs() + (fy - y).abs() < 4e-3;
                     let found = camera.film_point(p);
                     assert!(camera.equivalent_film_points(found).any(near), "{k}: {x} {y} {found:?}");

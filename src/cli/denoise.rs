@@ -83,7 +83,7 @@ impl NoisyFile {
         Ok(NoisyFile { file, part, deviations })
     }
 
-    /// What denoising reads of it.
+    /// The planes that denoising reads.
     fn layers(&self) -> NoisyLayers<'_> {
         let NoisyFile { file, part, deviations } = self;
         let layer = |names: [&str; 3]| file.planes(file.part_with(*part, names[0])?, names);

@@ -1,4 +1,4 @@
-//! `oscura info`: what is in an EXR file.
+//! `oscura info`: the contents of an EXR file.
 
 use super::json;
 use super::picture_args::InfoArgs;

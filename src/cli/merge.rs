@@ -145,7 +145,7 @@ fn denoise(
     Ok(Some(denoise_film(film, kept)))
 }
 
-/// The film of all parts, and what lies behind it.
+/// The film of all parts, and its background.
 fn sum(parts: &[(PathBuf, PartHeader)]) -> Result<(Film, Option<oscura::scene::Backdrop>)> {
     let (file, first) = &parts[0];
     let layout =

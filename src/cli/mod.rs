@@ -1,5 +1,5 @@
 //! The command line: arguments become options, options run. The only place that prints. Reports go to standard error;
-//! standard output is for what `--json` and `compare` and `inspect` answer.
+//! standard output is for results: `--json`, `compare` and `inspect`.
 
 use command_line::{Arguments, Command};
 use oscura::error::Error;

@@ -8,6 +8,7 @@ use oscura::output::part::Region;
 use oscura::render::ALL_AOVS;
 use oscura::scene::{BounceLimits, Clamp};
 use std::borrow::Cow;
+use std::collections::HashMap;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -53,16 +54,16 @@ pub(super) fn region(text: &str) -> Result<Region, String> {
 // Limits by name.
 
 /// Reads `name=value,name=value`; each name may be given once.
-fn limits<const N: usize>(text: &str, names: [&str; N]) -> Result<[Option<f64>; N], String> {
-    let mut found = [None; N];
+fn limits(text: &str, names: &'static [&'static str]) -> Result<HashMap<&'static str, f64>, String> {
+    let mut found = HashMap::new();
     for entry in text.split(',') {
         let (name, value) = entry
             .split_once('=')
             .ok_or_else(|| format!("'{entry}' is not a limit such as {}=5", names.join("=5,")))?;
-        let at = names.iter().position(|known| *known == name.trim());
-        let at = at.ok_or_else(|| format!("'{name}' is none of {}", names.join(", ")))?;
+        let known = names.iter().find(|known| **known == name.trim());
+        let known = known.ok_or_else(|| format!("'{name}' is not one of {}", names.join(", ")))?;
         let value = number(value.trim(), |v| v > 0.0, "a number above 0")?;
-        if found[at].replace(value).is_some() {
+        if found.insert(*known, value).is_some() {
             return Err(format!("'{name}' is given twice"));
         }
     }
@@ -71,20 +72,17 @@ fn limits<const N: usize>(text: &str, names: [&str; N]) -> Result<[Option<f64>; 
 
 /// Maximum numbers of bounces by kind.
 pub(super) fn bounce_limits(text: &str) -> Result<BounceLimits, String> {
-    let found = limits(text, ["diffuse", "glossy", "transmission", "volume", "transparent"])?;
-    if let Some(value) = found.iter().flatten().find(|v| v.fract() != 0.0 || **v > f64::from(u32::MAX)) {
-        return Err(format!("{value} is no number of bounces"));
+    let found = limits(text, BounceLimits::NAMES)?;
+    if let Some(value) = found.values().find(|v| v.fract() != 0.0 || **v > f64::from(u32::MAX)) {
+        return Err(format!("{value} is not a number of bounces"));
     }
-    let [diffuse, glossy, transmission, volume, transparent] =
-        found.map(|v| v.map_or(u32::MAX, |v| v as u32));
-    Ok(BounceLimits { diffuse, glossy, transmission, volume, transparent })
+    Ok(BounceLimits::by_name(|name| found.get(name).map(|limit| *limit as u32)))
 }
 
 /// Maximum light of a path.
 pub(super) fn clamp(text: &str) -> Result<Clamp, String> {
-    let [direct, indirect] =
-        limits(text, ["direct", "indirect"])?.map(|v| v.map_or(f32::INFINITY, |v| v as f32));
-    Ok(Clamp { direct, indirect })
+    let found = limits(text, Clamp::NAMES)?;
+    Ok(Clamp::by_name(|name| found.get(name).map(|limit| *limit as f32)))
 }
 
 // Arguments that are one of some names of the library's.
@@ -330,7 +328,7 @@ impl TypedValueParser for AovParser {
     }
 }
 
-/// The table, if that is what was asked for.
+/// The table, if it was requested.
 pub(super) fn aov_table_requested(error: &clap::Error) -> Option<&str> {
     match (error.kind(), error.get(ContextKind::ValidValue)) {
         (ErrorKind::DisplayHelp, Some(ContextValue::String(table))) => Some(table),

@@ -23,7 +23,7 @@ pub(super) enum Preview {
 }
 
 impl Preview {
-    /// Begins to show what is asked for.
+    /// Starts the requested preview.
     ///
     /// # Errors
     /// If the page or the viewer isn't there.
@@ -72,7 +72,7 @@ impl Preview {
 
 /// To wait for a connection, and for a viewer that takes nothing for a while.
 const PATIENCE: Duration = Duration::from_secs(5);
-/// Between two pictures, and between them as a multiple of what sending one took.
+/// Between two pictures, or a multiple of the time that sending one took.
 const PAUSE: Duration = Duration::from_millis(500);
 const SHARE: u32 = 10;
 

@@ -168,7 +168,7 @@ pub(crate) enum Outcome {
     Done,
     /// `compare` found that the pictures disagree.
     Disagreement,
-    /// Stopped by a signal; what was there is written.
+    /// Stopped by a signal; partial results are written.
     Interrupted,
     /// Some of many failed, and the errors are printed; the exit code of the worst.
     Failed(u8),

@@ -147,7 +147,7 @@ pub(crate) fn note_stdout(written: std::io::Result<()>) {
     }
 }
 
-/// The exit code of a run, of which what was printed on standard output may be lost.
+/// The exit code of a run, whose standard output may have failed.
 pub(crate) fn code_with_stdout(code: u8) -> u8 {
     // The rest of the buffer.
     note_stdout(std::io::stdout().flush());

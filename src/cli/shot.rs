@@ -42,7 +42,7 @@ impl RunState {
         })
     }
 
-    /// Writes what waits for further frames, and the animation files.
+    /// Writes pending frames, and the animation files.
     pub fn finish(mut self, args: &RenderArgs) -> Result<()> {
         let last = self.sequence.finish();
         last.into_iter().try_for_each(|frame| self.write(frame))?;
@@ -56,7 +56,7 @@ impl RunState {
         shot.write(&mut self.printed, self.moving.as_mut()).map(drop)
     }
 
-    /// Says what is not written because the run ended early.
+    /// Reports files that are not written because the run ended early.
     pub fn print_unfinished(&self, args: &RenderArgs) {
         let waiting: Vec<String> = self.sequence.waiting().map(|number| number.to_string()).collect();
         if !args.quiet && !waiting.is_empty() {
@@ -66,7 +66,7 @@ impl RunState {
     }
 }
 
-/// A picture that is to be written, with what the report says of it.
+/// A picture to write, with its entry in the report.
 pub(super) struct Shot {
     pub args: RenderArgs,
     pub targets: Targets,

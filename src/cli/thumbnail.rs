@@ -224,7 +224,7 @@ pub(crate) struct ThumbnailerArgs {
 // `oscura install-thumbnailer`: the files by which file managers find out that `oscura thumb` makes small pictures of models
 // (the thumbnailers of GNOME and Xfce, and the shared MIME database of freedesktop.org).
 
-/// Types of models: name, what people call it, extension, and what such files begin with, if that is the same for all.
+/// Types of models: name, description, extension, and the first bytes of such files, if they have a signature.
 const TYPES: [(&str, &str, &str, Option<&str>); 7] = [
     ("model/gltf-binary", "glTF model (binary)", "glb", Some("glTF")),
     ("model/gltf+json", "glTF model", "gltf", None),
@@ -295,7 +295,7 @@ pub(crate) fn install(args: &ThumbnailerArgs) -> Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-/// Says what else is to know.
+/// Prints further notes.
 fn explain(is_removal: bool, is_updated: bool, mime: &Path) {
     if !is_updated {
         say!("next     {UPDATE} {} (it was not found or failed; types show after it)", mime.display());

@@ -197,7 +197,7 @@ struct Model {
     /// Strength of the environment as it was loaded, if it has one that could be another.
     own_strength: Option<f64>,
     strength: Option<f64>,
-    /// The materials and lights as they were loaded, and what was changed of them.
+    /// The materials and lights as loaded, and their changes.
     own_materials: Arc<[Material]>,
     own_lights: Vec<Light>,
     light_infos: Arc<[LightInfo]>,
@@ -438,7 +438,7 @@ fn strength(environment: &Environment, given: Option<f32>) -> Option<f64> {
     Some(own).filter(|strength| *strength > 0.0)
 }
 
-// Renders what the pages want: small at first, then in full, pass by pass.
+// Renders the requests of pages: a small picture first, then the full one, pass by pass.
 
 /// How long a small first picture may take, seconds.
 const PREVIEW_S: f64 = 0.06;
@@ -482,7 +482,7 @@ fn render_wishes(
     Ok(())
 }
 
-/// The arguments with what pages chose of them.
+/// The arguments with the choices of pages.
 fn chosen(args: &ViewArgs, wish: &ViewRequest) -> ViewArgs {
     let mut args = args.clone();
     args.picture.stage.up = wish.up.unwrap_or(args.picture.stage.up);

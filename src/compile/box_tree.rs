@@ -55,7 +55,7 @@ pub(super) trait Boxed {
     }
 }
 
-/// A box with the number of what it is around.
+/// A box with the number of its object.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct NumberedBox {
     pub bounds: Bounds,

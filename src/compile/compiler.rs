@@ -1,4 +1,4 @@
-//! Compiles a scene, or the frames of a sequence, each of which takes over what did not change since the frame before.
+//! Compiles a scene, or the frames of a sequence, each of which reuses unchanged results of the previous one.
 
 use super::emitters::Emitters;
 use super::geometry::Geometries;

@@ -50,7 +50,7 @@ pub fn find(
     emitters
 }
 
-/// How light samples get what a material emits.
+/// Evaluation of a material's emission for light samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Sampling {
     /// Not at all: paths that hit it find it.
@@ -74,7 +74,7 @@ fn sampling_of(material: &CompiledMaterial) -> Sampling {
     }
 }
 
-/// Estimates what surfaces emit.
+/// Estimates the emission of surfaces.
 struct EmissionReader<'a> {
     geometries: &'a Geometries,
     textures: &'a CompiledTextures,
@@ -205,7 +205,7 @@ impl Emitters {
         self.moving.insert(index, MovingLight(keys));
     }
 
-    /// Each light with an object and a material of what it is the light of.
+    /// Each light with the object and the material that it belongs to.
     pub(super) fn owners(&self, geometries: &Geometries) -> impl Iterator<Item = (usize, ObjectId, u32)> {
         let world = &geometries.world;
         let still = self.light_of_primitive.iter().map(|&(prim, light)| {

@@ -50,7 +50,7 @@ impl LightTables {
 pub struct LightGroups {
     /// By light.
     lights: Vec<u16>,
-    /// By material: that of what it emits.
+    /// By material: the light group of its emission.
     materials: Vec<u16>,
     /// By object, [`NONE`] where its materials decide; those of instances, or none where materials always do.
     objects: Vec<u16>,
@@ -59,7 +59,7 @@ pub struct LightGroups {
 /// Marks objects without a light group of their own.
 const NONE: u16 = u16::MAX;
 
-/// The group of what media emit.
+/// The light group of the emission of media.
 const MEDIA: u16 = 0;
 
 /// Further groups count as the last.
@@ -101,7 +101,7 @@ impl LightGroups {
         self.lights.get(light as usize).copied().unwrap_or(0)
     }
 
-    /// The group of what a surface emits.
+    /// The light group of the emission of a surface.
     pub fn of_surface(&self, object: ObjectId, material: u32) -> u16 {
         let own = self.objects.get(object.0 as usize).copied().filter(|&group| group != NONE);
         own.or_else(|| self.materials.get(material as usize).copied()).unwrap_or(0)

@@ -64,7 +64,7 @@ pub struct CompiledMaterial {
     pub index: f32,
     /// Some graph of it reads tangents.
     reads_tangents: bool,
-    /// Some texture of it asks what path arrives.
+    /// Some texture of it depends on the incident path.
     pub reads_path: bool,
     /// Texture coordinates are needed.
     pub uses_uv: bool,
@@ -332,7 +332,7 @@ impl CompiledMaterial {
             }));
             self.components.push(CompiledComponent { weight: *weight, reflectance, index: 0, material });
         }
-        // Weights are a part of what a component sends.
+        // Weights are part of a component's radiance.
         for component in self.components.iter_mut().filter_map(|c| c.material.as_deref_mut()) {
             component.depends_on_viewer |= self.depends_on_viewer;
             component.reads_path |= self.reads_path;
@@ -382,7 +382,7 @@ impl CompiledMaterial {
         }
     }
 
-    /// Needs of hits what another one needs, too.
+    /// Adds the hit data that another material needs.
     fn unite_needs(&mut self, other: &CompiledMaterial) {
         self.uses_vertex_colors |= other.uses_vertex_colors;
         self.uses_uv |= other.uses_uv;
@@ -422,7 +422,7 @@ impl CompiledMaterial {
         placed
     }
 
-    /// Does what it sends from a point into a direction depend on the path that arrives, or do its parameters on the viewer?
+    /// Does its outgoing radiance depend on the incident path, or do its parameters depend on the viewer?
     pub fn depends_on_path(&self) -> bool {
         self.depends_on_viewer || self.reads_path || self.alpha.is_some_and(|alpha| alpha.depends_on_viewer)
     }

@@ -214,7 +214,7 @@ fn warn_of_still_grids(scene: &Scene, warnings: &mut Vec<Warning>) {
     }
 }
 
-/// The kind of what fills a solid.
+/// The kind of the medium inside a solid.
 fn density(medium: &scene::Medium, scene: &Scene, grids: &[Arc<DensityGrid>]) -> Density {
     let Some(grid) = medium.grid else { return Density::Homogeneous };
     let ready = |id: GridId| grids[id.index()].clone();

@@ -11,7 +11,7 @@ use crate::scene::{Model, PbrMaterial, Transmission};
 use std::borrow::Cow;
 use std::sync::Arc;
 
-/// The interior of a transmissive solid, or what surrounds the scene.
+/// The interior of a transmissive solid, or the medium around the scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Medium {
     /// Index of refraction of the red, green and blue channel, relative to air; `None` where the surface reflects all
@@ -245,7 +245,7 @@ pub struct GridMedium {
     pub density: Arc<DensityGrid>,
     /// Factors on the extinction by channel, where they aren't those of the density. All grids but that of the emission have the same voxels.
     pub extinction: Option<Arc<[Arc<DensityGrid>; 3]>>,
-    /// Factors on what is scattered by channel, likewise.
+    /// Factors on scattering by channel, likewise.
     pub scattering: Option<Arc<[Arc<DensityGrid>; 3]>>,
     /// Factors on the emission.
     pub emission: Arc<CompiledEmissionGrid>,
@@ -270,7 +270,7 @@ impl GridMedium {
         if waves.is_some() { Rgb::splat(relative.mean()) } else { relative }
     }
 
-    /// The factors on what is scattered, likewise.
+    /// The factors on scattering, likewise.
     #[inline]
     pub fn relative_scattering(&self, p: Vec3, waves: Option<&Wavelengths>) -> Rgb {
         let Some(channels) = &self.scattering else { return self.relative_extinction(p, waves) };

@@ -189,7 +189,7 @@ pub struct Features {
     pub ray_kinds: bool,
     /// Lights are linked to some objects only.
     pub links: bool,
-    /// Some textures ask what path arrives.
+    /// Some textures depend on the incident path.
     pub paths: bool,
     /// Some materials are mixes.
     pub mixes: bool,

@@ -199,7 +199,7 @@ impl Viewpoint {
         Viewpoint { positions, lens_radius, cone: [start.into(), growth.into()] }
     }
 
-    /// Minimum width of what is seen in the box around points.
+    /// Minimum footprint width in the box around points.
     fn width(&self, points: impl IntoIterator<Item = DVec3>) -> f64 {
         let empty = [DVec3::INFINITY, DVec3::NEG_INFINITY];
         let [low, high] = points.into_iter().fold(empty, |[low, high], p| [low.min(p), high.max(p)]);

@@ -20,9 +20,9 @@ use std::borrow::Cow;
 #[derive(Clone, Copy, Debug)]
 pub enum Noise<'a> {
     /// Half of what two pictures differ by whose mean is the picture, signed: an estimate of its error that has nothing to do
-    /// with the errors of other pixels. What is not finite is not known.
+    /// with the errors of other pixels. Non-finite values are unknown.
     Deviations(Color<'a>),
-    /// The variance of each value, from which such differences are made up. What is not finite is not known.
+    /// The variance of each value, from which such differences are derived. Non-finite values are unknown.
     Variance(Color<'a>),
     /// Nothing: what differs from the neighbouring pixels is taken for noise, so that sharp details of light are lost.
     Unknown,
@@ -155,7 +155,7 @@ impl<'a> NoisyLayers<'a> {
 /// A picture without noise.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Denoised {
-    /// The picture; what would be negative is 0.
+    /// The picture; negative values become 0.
     pub color: [Vec<f32>; 3],
     /// Its parts.
     pub parts: Vec<Vec<[Vec<f32>; 3]>>,
@@ -230,7 +230,7 @@ fn deviations_of_part(color: Color, deviations: Color, part: Color) -> [Vec<f32>
     })
 }
 
-/// A plane without what is not finite.
+/// A plane with 0 in place of non-finite values.
 fn finite(plane: &[f32]) -> Cow<'_, [f32]> {
     match plane.iter().all(|v| v.is_finite()) {
         true => Cow::Borrowed(plane),

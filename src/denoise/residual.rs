@@ -61,7 +61,7 @@ const LARGEST_WIDE: f32 = 3.0 / SHARE_OF_WIDE;
 /// Values are compared relative to themselves and this fraction of the picture's mean.
 const MIN: f32 = 0.02;
 
-/// The proposal with what stands out of the residual.
+/// The proposal plus the significant part of the residual.
 pub(super) fn restored(
     width: usize,
     height: usize,

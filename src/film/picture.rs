@@ -1,7 +1,7 @@
 //! A film: its channels for every pixel, in bands of rows.
 //!
 //! # Shadow catchers
-//! These are objects that appear only by what the rest of the scene changes on them.
+//! Objects of which only the effects of other objects are visible: their shadows and reflections.
 //!
 //! For samples whose camera rays hit a catcher first, the film stores as means over all samples of the pixel: their
 //! radiance W with the whole scene, their radiance O with nothing but catchers and lights, and their share c. The colour of
@@ -44,7 +44,7 @@ pub struct Film {
     pub(super) invalid_samples: u64,
 }
 
-/// One component of a channel for all pixels: what a file holds under one name.
+/// One component of a channel for all pixels: a channel of a file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plane<'a> {
     /// Its name: `R`, `Z`, `albedo.G`.

@@ -64,7 +64,7 @@ impl TileSums {
             && zeros(&mut self.parts, pixels * 3 * layout.parts)
     }
 
-    /// Adds what the channels beyond colour take from a sample whose colour was added.
+    /// Adds a sample, whose colour was added before, to the channels beyond colour.
     fn add_further(
         &mut self,
         pixel: usize,

@@ -551,7 +551,7 @@ impl Integrator<'_> {
             && self.scene.lights.environment().is_some_and(is_found_by_scattering)
     }
 
-    /// Records what of such a sky arrives at the first surfaces: the rays that they scattered.
+    /// Records the light of such a sky at the first surfaces: the rays that they scattered.
     pub(super) fn record_sky_shadows(&self, bounce: u32, w: &mut Workspace) {
         let Some(environment) = self.scene.lights.environment() else { return };
         if bounce != 1 || w.excludes_casters {

@@ -198,7 +198,7 @@ impl FirstHits {
         let own = &mut self.values[sample * stride..(sample + 1) * stride];
         let common = hit.common(self.aovs, aov_context.scene);
         for &(aov, place) in &self.places {
-            // The next one overwrites what this one doesn't have.
+            // The next sample overwrites missing values.
             if let Some(own) = own[place..].first_chunk_mut() {
                 *own = hit.values(aov, &common, aov_context);
             }

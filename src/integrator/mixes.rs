@@ -120,7 +120,7 @@ impl Integrator<'_> {
 /// Probability of either part at least, where there are both: light samples of narrow highlights vary less by that.
 const MIN_PROBABILITY: f32 = 0.25;
 
-/// The probability of selecting the base that has this share of what the viewer sees.
+/// The probability of selecting the base, for its fraction of the directional albedo.
 #[inline]
 fn probability(share: f32) -> f32 {
     if share <= 0.0 || share >= 1.0 {

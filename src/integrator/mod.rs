@@ -90,19 +90,19 @@ pub struct IntegratorOptions<'a> {
     pub catchers: bool,
     /// Make samples transparent that see where nothing is through clear glass.
     pub transparent_glass: bool,
-    /// What becomes of light near the horizon of triangles with shading normals.
+    /// Softening of the shadow terminator of triangles with shading normals.
     pub terminator: ShadowTerminator,
     /// Which samples share their paths, if any. Blocks are a wave then, and end where regions do.
     pub reuse: Option<Tiling>,
     /// How many paths continue from the first surface of each sample; a power of two, and 1 where samples share paths.
     pub branches: u32,
-    /// Keep what samples have alone, without sharing and splitting.
+    /// Keep the estimates without sharing and splitting, too.
     pub keeps_plain: bool,
     /// Which light is left to paths from lights, if any.
     pub caustics: Option<&'a CausticPlan>,
     /// Guides the paths, if any.
     pub guide: Option<&'a Guide>,
-    /// Record what paths find, to train a guide: with one, blank or not. Paths are neither shared nor split then.
+    /// Record the radiance that paths find, to train a guide, which may be empty. Paths are neither shared nor split then.
     pub records_training: bool,
 }
 

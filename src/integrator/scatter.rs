@@ -303,7 +303,7 @@ fn divide(path: &mut PathState, count: usize, branches: u32) {
     }
 }
 
-/// Repeats what scattering reads of vertices.
+/// Repeats the inputs of scattering for each copy of a vertex.
 fn repeat_vertices(
     v: &mut Vertices,
     sorted: &SortedVertices,

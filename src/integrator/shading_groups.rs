@@ -354,7 +354,7 @@ pub(super) fn sample_on_relief<C: Closure, T: Horizon>(
     let eval = BsdfEval { f_cos: sample.weight * pdf_solid_angle, pdf_solid_angle };
     let (dimmed, relief) = closure.on_relief(horizon, at, (ns, side), (sample.wi, eval));
     let inverse = 1.0 / if pdf_solid_angle > 0.0 { pdf_solid_angle } else { 1.0 };
-    // Without a part that isn't diffuse the value stays what it is.
+    // A purely diffuse value is unchanged.
     (if C::IS_DIFFUSE { sample.weight } else { dimmed.f_cos * inverse }) * relief
 }
 

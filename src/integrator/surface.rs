@@ -180,7 +180,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// Records what light samples ask of a vertex beside its surface, in scenes that need it.
+    /// Records data of a vertex for light samples beside its surface, in scenes that need it.
     fn record_receiver(&self, i: usize, k: usize, w: &mut Workspace) {
         if self.scene.features.links {
             self.record_receiver_class(i, k, w);
@@ -333,7 +333,7 @@ impl Integrator<'_> {
         self.record(bounce, w.arriving.state.radiance_index[i], &hit, &mut w.first_hits);
     }
 
-    /// Records what AOVs show of a vertex for the sample with a radiance index.
+    /// Records the AOVs of a vertex for the sample with a radiance index.
     fn record(&self, bounce: u32, radiance_index: u32, hit: &FirstHit<'_>, first_hits: &mut FirstHits) {
         match bounce {
             0 => first_hits.record(radiance_index as usize, hit, &self.aov_context()),
@@ -454,7 +454,7 @@ fn store_general(v: &mut Vertices, k: usize, vertex: &Vertex, evaluated: &Evalua
     v.beyond[k] = vertex.beyond;
 }
 
-/// Stores what a map or a bump did to the shading normal.
+/// Stores the change of the shading normal by a normal map or a bump map.
 #[inline(always)]
 fn store_relief(v: &mut Vertices, k: usize, relief: f32, smooth: Vec3) {
     v.relief[k] = relief;

@@ -271,7 +271,7 @@ impl ImageMap {
         }
         let mean = mean_luminance(width, &texels) as f32;
         if mis_compensation {
-            // Rounding leaves specks of a constant image: only what is clearly brighter counts.
+            // Rounding leaves small residues of a constant image: only clearly brighter texels count.
             let brighter: Vec<f32> = light.iter().map(|l| (l - mean).max(0.0)).collect();
             if brighter.iter().any(|&l| l > 1e-4 * mean) {
                 light = brighter;
@@ -345,7 +345,7 @@ impl ImageMap {
         TexelPosition { first: j * (width + 1) + i, shares: [x - i as f32, y - j as f32] }
     }
 
-    /// Prefetches what [`ImageMap::read`] will read from a texel on.
+    /// Prefetches the texels that [`ImageMap::read`] will read.
     #[inline(always)]
     pub fn prefetch(&self, first: u32) {
         let texels = Table::new(&self.texels);

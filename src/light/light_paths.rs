@@ -1,5 +1,5 @@
 //! Light paths start: a light is chosen, a point of it and a direction, or of lights at infinity a direction and a point. Rays are
-//! aimed at spheres around what they are to reach first.
+//! aimed at bounding spheres of the objects that they should hit first.
 //!
 //! [`SmallLight`]: in which direction, or where, most of the light of a scene starts, where that is narrow.
 

@@ -358,7 +358,7 @@ impl Node {
         self.weight[i] = b.weight;
         self.cos_normals[i] = poly::sin_cos(b.normals_rad).1;
         let lit_rad = b.normals_rad + b.emission_rad;
-        // A little wider, for rounding: what is cut off must be dark.
+        // Slightly wider, for rounding: light outside of the bounds must be 0.
         self.cos_lit[i] = if lit_rad < PI { poly::sin_cos(lit_rad).1 - ROUNDING } else { -2.0 };
         self.child[i] = child;
     }

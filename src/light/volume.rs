@@ -46,10 +46,9 @@ impl VolumeLight {
         if !(volume.is_normal() && (1.0 / volume).is_normal()) {
             return None;
         }
-        let (mut sum, mut squares) = (0.0f64, 0.0f64);
-        for value in emission.iter().map(|&e| f64::from(e)).filter(|e| e.is_finite() && *e > 0.0) {
-            (sum, squares) = (sum + value, squares + value * value);
-        }
+        let sum = cells.sum();
+        let positive = emission.iter().map(|&e| f64::from(e)).filter(|e| e.is_finite() && *e > 0.0);
+        let squares = positive.fold(0.0, |squares, value| squares + value * value);
         let volume_of_cell = f64::from(volume) / emission.len() as f64;
         Some(VolumeLight {
             medium,

@@ -37,7 +37,7 @@ pub(super) struct CurveFile {
     pub ignored: Option<&'static str>,
 }
 
-/// Reads a file; an error is a sentence.
+/// Reads a file; the error is a message.
 pub(super) fn read(path: &Path) -> Result<CurveFile, String> {
     let name = path.display();
     let bytes = files::read(path, MAX_BYTES).map_err(|e| format!("{name}: {e}"))?;
@@ -143,7 +143,7 @@ impl CurveFile {
     }
 }
 
-/// Keeps what a list says.
+/// Keeps the entries at the indices of a list.
 fn retain<T>(values: &mut Vec<T>, is_kept: &[bool]) {
     let mut kept = is_kept.iter();
     values.retain(|_| kept.next() == Some(&true));

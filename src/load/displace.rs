@@ -1,5 +1,5 @@
 //! Displacement: meshes whose materials have height maps are subdivided and moved along their normals when a scene is loaded, so that
-//! what follows knows of triangles only.
+//! all later stages see triangles only.
 //!
 //! Triangles cut in halves until no edge is longer than wanted. Whether an edge is cut depends on its ends alone, so that triangles
 //! on both sides of it agree and no cracks open.

@@ -50,7 +50,7 @@ pub(super) fn read_model(path: &Path) -> crate::error::Result<Vec<u8>> {
     let fail = |e: std::io::Error| Error::input(path, unreadable(e));
     let mut file = File::open(path).map_err(fail)?;
     let mut bytes = Vec::new();
-    // The length is a guess only: what the file really holds is read.
+    // The length is a guess only: the file is read to its end.
     let length = file.metadata().map_or(0, |m| m.len());
     if bytes.try_reserve_exact(usize::try_from(length).unwrap_or(0)).is_ok() {
         prefer_huge_pages(&mut bytes);

@@ -74,7 +74,7 @@ pub(super) fn of(path: &Path) -> Format {
     model.map_or(Format::Other, Format::Model)
 }
 
-/// A file's extension in lower case; empty without one. Of compressed files it is that of what they hold.
+/// A file's extension in lower case; empty without one. Of compressed files it is the extension of the contents.
 pub(super) fn extension(path: &Path) -> String {
     let last =
         |path: &Path| path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();

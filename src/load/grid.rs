@@ -23,7 +23,7 @@ pub(super) struct GridChoice<'a> {
     pub has_margin: bool,
 }
 
-/// Reads a grid file; an error is a message.
+/// Reads a grid file; the error is a message.
 pub(super) fn read(path: &Path, choice: GridChoice) -> Result<Grid, String> {
     let name = path.display().to_string();
     let extension = path.extension().map_or_else(String::new, |e| e.to_string_lossy().to_lowercase());

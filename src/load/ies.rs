@@ -19,7 +19,7 @@ pub(super) fn relative(profile: LightProfile) -> (LightProfile, f64) {
     (LightProfile { values, ..profile }, f64::from(peak))
 }
 
-/// Reads a profile, in candela; an error is a sentence about the file.
+/// Reads a profile, in candela; the error is a message about the file.
 pub(super) fn parse(bytes: &[u8]) -> Result<LightProfile, String> {
     // Text before the numbers may have any encoding.
     let text = String::from_utf8_lossy(bytes);

@@ -60,7 +60,7 @@ pub struct LoadOptions {
 pub struct Loaded {
     /// The scene; loaders have validated it.
     pub scene: Scene,
-    /// Warnings about what was ignored, approximated or repaired.
+    /// Warnings about ignored, approximated or repaired data.
     pub warnings: Vec<Warning>,
     /// Notes about choices made and files found, where nothing is wrong.
     pub notes: Vec<Warning>,
@@ -104,7 +104,7 @@ pub struct EmptyNode {
 /// Signs in a glTF file by Blender that its exporter dropped something. All by name.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BlenderExport {
-    /// Empty nodes with names of lights: what becomes of area lights.
+    /// Empty nodes with names of lights: the exporter turns area lights into these.
     pub lights: Vec<String>,
     /// Materials that are pure white and without a texture, as those become whose colour comes from other nodes.
     pub white: Vec<String>,

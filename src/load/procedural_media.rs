@@ -191,7 +191,7 @@ fn join(others: &mut Option<Solid>, data: ObjectData, (low, high): (DVec3, DVec3
     all.data.generated = ObjectData::generated(all.low.as_vec3(), all.high.as_vec3());
 }
 
-/// The voxels of a box, with one more on each side so that what lies on its faces is interpolated.
+/// The voxels of a box, with one more on each side, so that points on its faces are interpolated.
 struct Voxels {
     size: [u32; 3],
     world_from_voxels: DAffine3,

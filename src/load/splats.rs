@@ -1,4 +1,4 @@
-//! Gaussian splats of files: what all formats share. Splats that are damaged or invisible are left out or repaired, with counts.
+//! Gaussian splats of files: code shared by all formats. Splats that are damaged or invisible are left out or repaired, with counts.
 //!
 //! SPZ: compressed Gaussian splats of Niantic Labs (the format's description and sizes: its README, versions 2 to 4). Versions 2 and 3
 //! are one gzip stream; version 4 has a plain header and a Zstandard stream for each attribute. Numbers are whole: positions of 24
@@ -104,7 +104,7 @@ impl SplatList {
         self.splats.is_linear = is_linear;
     }
 
-    /// Messages about what was left out or repaired, and about invisible splats.
+    /// Messages about skipped, repaired and invisible splats.
     pub fn messages(&self) -> (Vec<(&'static str, String)>, Option<String>) {
         let mut messages = Vec::new();
         let mut add = |count: usize, code: &'static str, what: &str| {
@@ -285,7 +285,7 @@ impl Header {
     }
 }
 
-/// The splats of a file, and what is left out.
+/// The splats of a file, and a list of unread data.
 pub(in crate::load) fn read(bytes: &[u8]) -> std::result::Result<(SplatList, Option<String>), Problem> {
     let header = Header::of(bytes)?;
     let streams = if header.version >= 4 { packed(&header, bytes)? } else { plain(&header, bytes)? };

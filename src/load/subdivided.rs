@@ -1,4 +1,4 @@
-//! Subdivision of the meshes of what has been loaded.
+//! Subdivision of the meshes of a loaded scene.
 
 use super::subdivide::Subdivision;
 use super::{LoadOptions, Loaded};

@@ -212,7 +212,7 @@ pub fn move_folder(files: &Path, folder: &Path) -> Result<Vec<String>> {
     moved.map_err(|e| Error::output(folder, format!("can't be written: {e}")))
 }
 
-/// A picture as the bytes of its file, and what was lost on the way.
+/// A picture as the bytes of its file, and the losses of the conversion.
 #[derive(Clone, Debug)]
 pub struct Encoded {
     /// The whole file.

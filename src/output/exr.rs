@@ -188,7 +188,7 @@ fn overflow(clamped: u64) -> Warning {
     ))
 }
 
-/// The attribute that says what took the noise out of a picture.
+/// The attribute that names the denoiser of a picture.
 pub const DENOISED: &str = "denoised";
 
 /// Attributes of a part. The first has all; others those that say what their channels are.

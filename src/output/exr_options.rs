@@ -230,7 +230,7 @@ pub enum WorkingSpace {
     /// Linear Rec. 709.
     #[default]
     Rec709,
-    /// ACEScg: what was rendered is converted.
+    /// ACEScg, converted from the rendering space.
     AcesCg,
 }
 

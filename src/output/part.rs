@@ -128,7 +128,7 @@ pub fn read_part(path: &Path) -> Result<PartFile> {
         Behind::Picture(width, height) => (u64::from(width) * u64::from(height)).checked_mul(16),
         _ => Some(0),
     };
-    // Before anything is allocated by what the head says.
+    // Before memory is allocated by sizes in the header.
     let needed = pixels.checked_mul(layout.bytes_per_pixel()).and_then(|n| n.checked_add(behind?));
     let needed = needed.and_then(|n| n.checked_add(header.further_bytes));
     if needed.is_none_or(|needed| needed > left) {
@@ -430,7 +430,7 @@ pub struct PartHeader {
     pub effort: Effort,
     /// How pictures are written.
     pub finish: Finish,
-    /// Bytes of what follows the sums and the picture behind.
+    /// Size of the data after the sums and the background picture, bytes.
     pub further_bytes: u64,
 }
 
@@ -461,7 +461,7 @@ fn words(&[(x0, x1), (y0, y1), (from, to)]: &Bounds) -> String {
     format!("samples {from}..{to} of the pixels {}", Region { x0, y0, x1, y1 })
 }
 
-/// Checks that all parts belong to the same picture and none has what another has. Returns what no part has.
+/// Checks that all parts belong to the same picture and do not overlap. Returns the missing samples.
 ///
 /// # Errors
 /// An input error that lists all that are wrong.

@@ -52,7 +52,7 @@ pub fn encode_png(film: &Film, options: &PngOptions) -> Result<Encoded, String> 
     Ok(Encoded { bytes: encode_shown(&picture, Format::Png, options)?, warnings: vec![] })
 }
 
-/// Encodes pixels in a format for looking at. What has no alpha there stands before black.
+/// Encodes pixels in a display format. Formats without alpha are composited over black.
 ///
 /// # Errors
 /// The message of the encoder.

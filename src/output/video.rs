@@ -15,7 +15,7 @@ use tempfile::NamedTempFile;
 /// The program.
 const PROGRAM: &str = "ffmpeg";
 
-/// Lines of what a failed encoder printed that an error shows.
+/// Maximum number of lines of a failed encoder's output in an error.
 const SHOWN: usize = 6;
 
 /// Filters for displays: even sizes, and the colour matrix of HDTV instead of the one that old players fall back to.
@@ -28,7 +28,7 @@ const COLORS: [&str; 8] =
 /// The kinds of files of video.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum VideoFormat {
-    /// H.264 in MP4, opaque: what is transparent stands before black.
+    /// H.264 in MP4, opaque: composited over black.
     Mp4,
     /// VP9 in WebM, transparent where the first frame is anywhere.
     WebM,
@@ -125,7 +125,7 @@ impl Video {
     /// Adds a picture as PNGs would show it; all must have one size.
     ///
     /// # Errors
-    /// A usage error for a size that no video has, an output error with what the encoder says.
+    /// A usage error for a size that no video has, or an output error with the encoder's message.
     pub fn add(&mut self, picture: &Linear, options: &PngOptions) -> Result<()> {
         let size = (picture.width, picture.height);
         if self.running.is_none() {
@@ -151,7 +151,7 @@ impl Video {
     /// Waits for the encoder and puts the file in its place; nothing without frames.
     ///
     /// # Errors
-    /// An output error with what the encoder says; no file is left then, and an older one unharmed.
+    /// An output error with the encoder's message; no file is created then, and an older one is unchanged.
     pub fn finish(mut self) -> Result<()> {
         let Some(running) = &mut self.running else { return Ok(()) };
         running.frames = None;

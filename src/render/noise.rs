@@ -20,7 +20,7 @@
 //!
 //! Errors are relative to the values of pixels, which are estimated as well ([`BrightestPass`]).
 //!
-//! Light that few paths carry: what the estimate of the noise can't know of.
+//! Light that few paths find, which the estimate of the noise misses.
 //!
 //! Where a path is improbable but bright, as through glass to a small light, a picture of few samples lacks its light or has it in single
 //! pixels. The variance of such pixels is that of the paths that were found, and says nothing of those that weren't. They show by what
@@ -161,7 +161,7 @@ impl Noise {
         bytes
     }
 
-    /// Restores what [`Noise::to_bytes`] gave for this number of pixels; starts from nothing for any other bytes.
+    /// Restores the result of [`Noise::to_bytes`] for this number of pixels; any other bytes give an empty estimate.
     pub fn restore(&mut self, bytes: &[u8], pixels: usize) {
         *self = Noise::read(bytes, pixels).unwrap_or_default();
     }

@@ -358,7 +358,7 @@ macro_rules! from_words {
             fn from_str(text: &str) -> Result<$type> {
                 match text {
                     $($word => Ok($type::$value),)*
-                    _ => Err(Error::usage(format!("'{text}' is none of {}", [$($word),*].join(", ")))),
+                    _ => Err(Error::usage(format!("'{text}' is not one of {}", [$($word),*].join(", ")))),
                 }
             }
         }
@@ -373,7 +373,7 @@ const DEFAULT_ASPECT: f64 = 16.0 / 9.0;
 /// Maximum number of pixels of a picture, of which parts may be rendered alone. Memory is another limit, which the machine knows.
 const PIXEL_LIMIT: u64 = u32::MAX as u64;
 
-/// A user's choices. What they leave open the scene decides; then the defaults of [`RenderOptions`] hold.
+/// A user's choices. The scene decides the others, else the defaults of [`RenderOptions`].
 #[doc(hidden)]
 #[derive(Clone, Debug, Default)]
 pub struct RequestedOptions {
@@ -491,7 +491,7 @@ fn aovs_of(settings: &Settings) -> Result<AovSet> {
 /// The name of all AOVs in lists of them.
 pub const ALL_AOVS: &str = "all";
 
-/// Assumed camera rays per second under a time limit: about what two cores trace of simple scenes.
+/// Assumed camera rays per second under a time limit: about the speed of two cores in simple scenes.
 const RAYS_A_SECOND: f64 = 1e6;
 
 impl ResolvedOptions {

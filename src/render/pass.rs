@@ -194,7 +194,7 @@ impl<'a> PassWork<'a> {
         self.of_first_half(&pixel) > 0
     }
 
-    /// Options of paths of the picture, with what techniques add for all paths.
+    /// Options of the paths of the picture, with those of the techniques.
     fn paths(&self) -> IntegratorOptions<'a> {
         let options = self.target.options;
         let mut paths = IntegratorOptions {

@@ -356,7 +356,7 @@ impl Errors {
         (CONNECTION_COST * single as f64 + FAN_CONNECTION_COST * in_fans as f64) / others
     }
 
-    /// Ratio of the squared errors with and without what was tried.
+    /// Ratio of the squared errors with and without the technique on trial.
     fn error_ratio(&self) -> f64 {
         if self.plain > 0.0 { self.tried / self.plain } else { 1.0 }
     }

@@ -242,7 +242,7 @@ fn with_denoising(options: RenderOptions) -> RenderOptions {
 
 // The threads that everything parallel runs on.
 
-/// Stack of each thread, bytes: what a main thread usually has.
+/// Stack of each thread, bytes: the usual size of a main thread's.
 const STACK: usize = 8 << 20;
 
 /// Runs `work` on a pool of its own with this many threads (`None`: one per core): loading and rendering inside it use

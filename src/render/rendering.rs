@@ -133,7 +133,7 @@ impl Rendering {
         })
     }
 
-    /// A rendering with what a [`Renderer`](super::Renderer) has compiled.
+    /// A rendering of the compiled scene of a [`Renderer`](super::Renderer).
     pub(super) fn with(
         self,
         earlier: Vec<Warning>,
@@ -208,7 +208,7 @@ impl Rendering {
         &self.film
     }
 
-    /// The picture so far, as files show it: with what lies behind it.
+    /// The picture so far, composited over its background, as in files.
     pub fn shown(&self) -> Cow<'_, Film> {
         if self.backdrop.is_none() && !self.options.catchers {
             return Cow::Borrowed(&self.film);
@@ -343,7 +343,7 @@ impl Rendering {
     }
 }
 
-// Passes: what is decided before them, which of them overlap, and what is done after them.
+// Passes: decisions before them, their overlap, and updates after them.
 
 impl Rendering {
     /// Renders at most this many passes, until `is_due` asks to begin no more.

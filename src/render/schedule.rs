@@ -168,7 +168,7 @@ impl RenderOptions {
             return Err(Error::usage(message).with_help(help));
         }
         if let Some((from, until)) = self.sample_range.filter(|(a, b)| a >= b || *b > self.samples) {
-            let message = format!("the range of samples {from}..{until} is none of the picture's");
+            let message = format!("the range of samples {from}..{until} is outside of the picture's");
             return Err(Error::usage(message).with_help(format!("it has the samples 0..{}", self.samples)));
         }
         if self.sample_range.is_some() && (self.noise.is_some() || self.time_limit.is_some()) {

@@ -68,10 +68,10 @@ pub(super) trait Technique {
         Some(Vec::new())
     }
 
-    /// Adds to the options of all paths what was decided.
+    /// Applies the decision to the options of all paths.
     fn configure<'a>(&'a self, _paths: &mut IntegratorOptions<'a>) {}
 
-    /// Adds to the options of the camera paths of a pass what was decided.
+    /// Applies the decision to the options of the camera paths of a pass.
     fn configure_pass(&self, _pass: Pass, _options: &RenderOptions, _paths: &mut IntegratorOptions<'_>) {}
 
     /// Must the film be complete between two passes?
@@ -79,7 +79,7 @@ pub(super) trait Technique {
         false
     }
 
-    /// Adds what it does to the statistics.
+    /// Adds its statistics.
     fn report(&self, statistics: &mut Statistics);
 }
 
@@ -234,7 +234,7 @@ impl BlockTally {
     }
 }
 
-/// Sums of relative squared errors of some pixels, with and without what is tried, and their rays.
+/// Sums of relative squared errors of some pixels, with and without the technique on trial, and their rays.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Errors {
     pub tried: f64,

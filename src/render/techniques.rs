@@ -11,7 +11,7 @@ use crate::error::Warning;
 use crate::integrator::{Block, CausticPlan, IntegratorOptions};
 
 /// Makes [`Techniques`] of a list in the order in which they decide: a technique sees in its trial what those before it add. A row: a
-/// field, its type and what makes one.
+/// field, its type and its constructor.
 macro_rules! techniques {
     ($($(#[$doc:meta])* $visibility:vis $name:ident: $technique:ty = $new:expr,)*) => {
         /// All techniques.
@@ -71,7 +71,7 @@ impl Techniques {
         Ok(())
     }
 
-    /// Adds to the options of the paths of a picture what all techniques add.
+    /// Applies all techniques to the options of the paths of a picture.
     pub fn configure<'a>(&'a self, paths: &mut IntegratorOptions<'a>) {
         self.list().iter().for_each(|technique| technique.configure(paths));
     }
@@ -87,7 +87,7 @@ impl Techniques {
         self.list().iter().any(|technique| technique.is_open())
     }
 
-    /// Adds to the options of the camera paths of a pass what all techniques add.
+    /// Applies all techniques to the options of the camera paths of a pass.
     pub fn configure_pass(&self, pass: Pass, options: &RenderOptions, paths: &mut IntegratorOptions<'_>) {
         self.list().iter().for_each(|technique| technique.configure_pass(pass, options, paths));
     }
@@ -112,7 +112,7 @@ impl Techniques {
         self.list().iter().filter_map(|technique| warning(*technique, target)).collect()
     }
 
-    /// Adds what techniques do to the statistics.
+    /// Adds the statistics of all techniques.
     pub fn report(&self, statistics: &mut Statistics) {
         self.list().iter().for_each(|technique| technique.report(statistics));
     }

@@ -13,7 +13,7 @@ struct Level {
 }
 
 impl Level {
-    /// The group of a cell, and its place there.
+    /// The group of a cell, and its index there.
     #[inline]
     fn place(&self, [x, y, z]: [usize; 3]) -> (usize, usize) {
         (self.group([x / 2, y / 2, z / 2]), x % 2 + y % 2 * 2 + z % 2 * 4)
@@ -24,7 +24,7 @@ impl Level {
         (z * self.groups[1] + y) * self.groups[0] + x
     }
 
-    /// A level of some cells.
+    /// A level with the value `of` each cell.
     fn new(size: [usize; 3], of: impl Fn([usize; 3]) -> f32) -> Level {
         let groups = size.map(|n| n.div_ceil(2));
         let mut level = Level { groups, sums: vec![[0.0; 8]; groups.iter().product()] };
@@ -44,27 +44,34 @@ impl Level {
 #[derive(Clone, Debug, PartialEq)]
 pub struct CellDistribution {
     size: [usize; 3],
+    /// Sum of all weights.
+    sum: f64,
     /// From single cells to the level of one group.
     levels: Vec<Level>,
 }
 
 impl CellDistribution {
-    /// From one weight a cell, x fastest; negative and non-finite ones count as 0. `None` if nothing is left.
+    /// From one weight a cell, x fastest; negative and non-finite ones count as 0. `None` if none is positive.
     pub fn new(size: [usize; 3], weights: &[f32]) -> Option<CellDistribution> {
         let sum: f64 = weights.iter().filter(|w| w.is_finite() && **w > 0.0).map(|w| f64::from(*w)).sum();
         if sum <= 0.0 || weights.len() != size.iter().product::<usize>() {
             return None;
         }
-        let share = |[x, y, z]: [usize; 3]| {
+        let probability = |[x, y, z]: [usize; 3]| {
             let weight = weights[(z * size[1] + y) * size[0] + x];
             if weight.is_finite() && weight > 0.0 { (f64::from(weight) / sum) as f32 } else { 0.0 }
         };
-        let mut levels = vec![Level::new(size, share)];
+        let mut levels = vec![Level::new(size, probability)];
         while let Some(last) = levels.last().filter(|level| level.sums.len() > 1) {
             let above = Level::new(last.groups, |cell| last.sums[last.group(cell)].iter().sum());
             levels.push(above);
         }
-        Some(CellDistribution { size, levels })
+        Some(CellDistribution { size, sum, levels })
+    }
+
+    /// The sum of all positive weights.
+    pub fn sum(&self) -> f64 {
+        self.sum
     }
 
     /// Cells along each axis.

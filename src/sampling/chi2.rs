@@ -242,7 +242,7 @@ fn lobatto(f: &impl Fn([f64; 2]) -> f64, low: [f64; 2], size: [f64; 2]) -> f64 {
 /// Splits a cell in two until the parts agree with the whole, along the axis where they agree less: a density that ends
 /// along a row or a column is followed to its end without splitting the other axis. `depths` counts splits.
 ///
-/// The parts are not equal: a symmetric rule over a density that ends near the centre says just what two halves say.
+/// The parts are not equal: a symmetric rule over a density that ends near the centre gives the same as its two halves.
 fn refine(
     f: &impl Fn([f64; 2]) -> f64,
     low: [f64; 2],

@@ -382,7 +382,7 @@ mod arrangement_tests {
         assert_eq!(ZSobolOrder::new(1, 256, 1).edge_bits, 4);
         assert_eq!(ZSobolOrder::new(1, 256, 2).edge_bits, 3);
         assert_eq!(ZSobolOrder::new(1, 70_000, 1).edge_bits, 0);
-        // From there on, what is planned doesn't matter.
+        // From there on, the planned number of samples doesn't matter.
         let [some, more] = [257, 5000].map(|samples| ZSobolOrder::new(1, samples, 4).first(5, 6));
         assert_eq!(some, more);
     }

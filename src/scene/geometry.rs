@@ -58,7 +58,7 @@ pub struct Instance {
     pub traits: ObjectTraits,
     /// Properties for node graphs.
     pub info: ObjectInfo,
-    /// The group of lights of what it emits, in place of those of its materials; empty for the default one.
+    /// The light group of its emission, in place of those of its materials; empty for the default group.
     pub light_group: Option<String>,
 }
 
@@ -354,7 +354,7 @@ impl VertexAttribute {
     }
 }
 
-// Gaussian splats: what radiance fields of photographs are made of (Kerbl, Kopanas, Leimkuehler, Drettakis 2023, "3D Gaussian
+// Gaussian splats, the primitives of radiance fields from photographs (Kerbl, Kopanas, Leimkuehler, Drettakis 2023, "3D Gaussian
 // Splatting for Real-Time Radiance Field Rendering").
 
 /// Gaussians around the vertices of a mesh, one a vertex. With `c` the vertex, `R` the rotation and `S` the diagonal matrix of

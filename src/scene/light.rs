@@ -1,6 +1,6 @@
 //! Lights without a surface, measured light profiles, and light groups.
 //!
-//! The environment: what rays that hit nothing see, its sun, and portals.
+//! The environment: radiance of rays that hit nothing, its sun, and portals.
 
 use super::ImageId;
 use super::motion::Keyframes;
@@ -249,7 +249,7 @@ fn mix(a: f32, b: f32, share: f32) -> f32 {
     a + (b - a) * share
 }
 
-/// The group of what has no other.
+/// The default light group.
 pub const DEFAULT_GROUP: &str = "default";
 
 /// The key of `extras` in glTF files that names a group.

@@ -139,7 +139,7 @@ pub struct Material {
     pub emitter_traits: Option<EmitterTraits>,
     /// A number that graphs of nodes know it by.
     pub index: u32,
-    /// The group of lights that what it emits belongs to, which pictures may hold apart; empty for the default one.
+    /// The light group of its emission; empty for the default group.
     pub light_group: String,
     /// It is the surface of a light of the file, whose name it has, and none of the file's materials.
     pub is_light: bool,
@@ -415,7 +415,7 @@ models! {
             ior: f32,
             /// Angle by which the scales of its surface are tilted towards the root, radians.
             tilt_rad: f32,
-            /// How much less rough is what its surface reflects, 0..1.
+            /// Reduction of the roughness of its surface reflection, 0..1.
             coat: FloatSlot,
         }
         /// Glass of any roughness.
@@ -532,7 +532,7 @@ pub struct PbrMaterial {
     /// towards the side of the viewer. A surface without a volume is then no thin wall, but one sheet that bends light by
     /// the sides of its normal, as the surface of a solid does, with nothing behind.
     pub keeps_radiance: bool,
-    /// Colour of what the interface reflects where light may pass it.
+    /// Colour of the interface's reflection where light may pass it.
     pub glass_reflection: GlassReflection,
     /// Whether the energy that single scattering between its facets loses is given back; `None`: as in all of the picture.
     pub energy_compensation: Option<EnergyCompensation>,
@@ -556,7 +556,7 @@ pub struct PbrMaterial {
     pub diffuse_transmission: Option<DiffuseTransmission>,
 }
 
-/// Colour of what glass reflects, total reflection included.
+/// Colour of the reflection of glass, total reflection included.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum GlassReflection {
     /// White, as physics has it.
@@ -681,7 +681,7 @@ parameters_of_fields! {
     DiffuseTransmission { factor, color }
 }
 
-// The colour of hair, by what a fibre absorbs: Chiang, Bitterli, Tappan, Burley 2016, eq. 9.
+// The colour of hair by the absorption of a fibre: Chiang, Bitterli, Tappan, Burley 2016, eq. 9.
 
 /// Hair is no less rough around its fibre.
 const MIN_ROUGHNESS: f32 = 0.01;

@@ -21,7 +21,7 @@ pub struct Medium {
     pub grid: Option<GridId>,
     /// Factors on the extinction by channel, in place of `grid`: nowhere above its values, on the same voxels.
     pub extinction_grids: Option<[GridId; 3]>,
-    /// Factors on what the extinction scatters, likewise, and nowhere above the extinction.
+    /// Scattering coefficients, likewise, and nowhere above the extinction.
     pub scattering_grids: Option<[GridId; 3]>,
     /// Grids of the emission, in place of `grid`.
     pub glow: Option<EmissionGrid>,
@@ -29,7 +29,7 @@ pub struct Medium {
     pub textures: MediumTextures,
 }
 
-/// Textures in space that say what a medium is from place to place.
+/// Textures in space for the coefficients of a medium.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MediumTextures {
     /// Factors on the extinction.

@@ -102,7 +102,7 @@ pub struct ObjectTraits {
     pub is_shadow_catcher: bool,
     /// The sets that it is in, to which lights are linked.
     pub sets: ObjectSets,
-    /// Light linking and shadow linking of what it emits.
+    /// Light linking and shadow linking of its emission.
     pub links: LightLinks,
 }
 

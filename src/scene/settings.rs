@@ -65,64 +65,75 @@ pub struct ShadingModel {
     pub spectral: bool,
 }
 
-/// Maximum numbers of scattering events of a path by kind, `u32::MAX` without a limit: a path ends after the event that reaches
-/// one, with the light sampled there and what its last ray hits. Pictures lose light by it. (As the numbers of bounces of Cycles, which
-/// don't count the last event: its 0 is 1 here.)
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct BounceLimits {
-    /// Diffuse reflection.
-    pub diffuse: u32,
-    /// Glossy and mirror reflection.
-    pub glossy: u32,
-    /// Refraction and diffuse transmission.
-    pub transmission: u32,
-    /// Scattering in media, other than beneath the surface of solids.
-    pub volume: u32,
-    /// Surfaces that a path passes because of their alpha: behind the last one it ends at the next surface. Shadow rays pass one less, with
-    /// those that their path has passed.
-    pub transparent: u32,
+/// Defines limits with names: a struct of numbers, which are `$unlimited` where there is no limit. Its names serve the command line, scene
+/// files, validation and `oscura inspect`.
+macro_rules! named_limits {
+    ($(#[$doc:meta])* $limits:ident: $number:ty = $unlimited:expr; {$($(#[$about:meta])* $name:ident,)*}) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug, PartialEq)]
+        pub struct $limits {$($(#[$about])* pub $name: $number,)*}
+
+        impl $limits {
+            /// No limits.
+            pub const NONE: $limits = $limits { $($name: $unlimited,)* };
+            /// Names of the limits.
+            pub const NAMES: &[&str] = &[$(stringify!($name),)*];
+
+            /// Limits by their names; `None` is no limit.
+            pub fn by_name(mut limit: impl FnMut(&'static str) -> Option<$number>) -> $limits {
+                $limits { $($name: limit(stringify!($name)).unwrap_or($unlimited),)* }
+            }
+
+            /// The limits that are set, with their names.
+            pub fn iter(&self) -> impl Iterator<Item = (&'static str, $number)> {
+                let all = [$((stringify!($name), self.$name),)*];
+                all.into_iter().filter(|(_, limit)| *limit != $unlimited)
+            }
+        }
+
+        impl Default for $limits {
+            fn default() -> $limits {
+                $limits::NONE
+            }
+        }
+    };
+}
+
+named_limits! {
+    /// Maximum numbers of scattering events of a path by kind, `u32::MAX` without a limit: a path ends after the event that reaches
+    /// one, with the light sampled there and the emission that its last ray hits. Pictures lose light by it. (Cycles' numbers of bounces
+    /// don't count the last event: its 0 is 1 here.)
+    #[derive(Eq)]
+    BounceLimits: u32 = u32::MAX; {
+        /// Diffuse reflection.
+        diffuse,
+        /// Glossy and mirror reflection.
+        glossy,
+        /// Refraction and diffuse transmission.
+        transmission,
+        /// Scattering in media, other than beneath the surface of solids.
+        volume,
+        /// Surfaces that a path passes because of their alpha: behind the last one it ends at the next surface. Shadow rays pass one
+        /// less, with those that their path has passed.
+        transparent,
+    }
+}
+
+named_limits! {
+    /// Clamping of the light of single paths: the weighted contribution of one is scaled down to a mean of its three channels of at
+    /// most this; infinite without clamping. Removes fireflies and, with them, light.
+    Clamp: f32 = f32::INFINITY; {
+        /// Light that reaches the camera after at most one scattering event.
+        direct,
+        /// Light that reaches it after several.
+        indirect,
+    }
 }
 
 impl BounceLimits {
-    /// No limits.
-    pub const NONE: BounceLimits = BounceLimits {
-        diffuse: u32::MAX,
-        glossy: u32::MAX,
-        transmission: u32::MAX,
-        volume: u32::MAX,
-        transparent: u32::MAX,
-    };
-
     /// Is scattering of some kind limited?
     pub fn limit_scattering(&self) -> bool {
         BounceLimits { transparent: u32::MAX, ..*self } != BounceLimits::NONE
-    }
-}
-
-impl Default for BounceLimits {
-    fn default() -> BounceLimits {
-        BounceLimits::NONE
-    }
-}
-
-/// Clamping of the light of single paths: the weighted contribution of one is scaled down to a mean of its three channels of at most this;
-/// infinite without clamping. Removes fireflies and, with them, light.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Clamp {
-    /// Light that reaches the camera after at most one scattering event.
-    pub direct: f32,
-    /// Light that reaches it after several.
-    pub indirect: f32,
-}
-
-impl Clamp {
-    /// No clamping.
-    pub const NONE: Clamp = Clamp { direct: f32::INFINITY, indirect: f32::INFINITY };
-}
-
-impl Default for Clamp {
-    fn default() -> Clamp {
-        Clamp::NONE
     }
 }
 

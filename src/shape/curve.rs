@@ -209,7 +209,7 @@ impl CurveSegment {
         let turned = turn(own, self.chord(), self.tangent(hit.u as f32));
         let wo = -direction.normalize_or_zero();
         let ns = facing(if turned.dot(own) > 0.0 { turned } else { own }, wo);
-        // Half an ulp of the sum, and what double precision loses between the ray's origin and the point.
+        // Half an ulp of the sum, plus the rounding error in double precision between the ray's origin and the point.
         let far = (origin - p).abs().max_element() * 1e-14;
         let p_error = p.abs() * gamma(2) + Vec3::splat(self.radius(hit.u as f32) * gamma(4) + far);
         Surface { p, p_error, ng: own, ns, material: 0 }

@@ -129,7 +129,7 @@ pub fn shading_normal(normals: [[f32; 3]; 3], u: f32, w: f32, ng: Vec3) -> Vec3 
 /// Below this solid angle (sr) triangles and parallelograms are sampled by area.
 pub const MIN_TRIANGLE_SOLID_ANGLE: f32 = 1e-4;
 
-/// Three points on the unit sphere around the reference point with what sampling needs.
+/// Three points on the unit sphere around the reference point, prepared for sampling.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Directions {
     a: Vec3,

@@ -186,7 +186,7 @@ pub trait Lanes: Copy {
     fn sub(self, a: Self::F16, b: Self::F16) -> Self::F16;
     /// Writes all lanes.
     fn store(self, v: Self::F16, to: &mut [f32; 16]);
-    /// Writes what is above 0, and 0 in all other lanes (NaN too).
+    /// Writes positive values, and 0 in all other lanes (NaN included).
     fn store_positive(self, v: Self::F16, to: &mut [f32; 16]);
 }
 

@@ -72,7 +72,7 @@ unsafe fn sort8(keys: __m256i) -> __m256i {
 /// The lanes of a packet in which three edge functions, four lanes each, are all at least 0 or all at most 0.
 #[inline(always)]
 fn same_sign(not_negative: u32, not_positive: u32) -> u32 {
-    // Both at once: what moves from one half to the other is not looked at.
+    // Both halves at once: elements that cross from one half to the other are not used.
     let both = not_negative | (not_positive << 16);
     let all = both & (both >> 4) & (both >> 8);
     (all | (all >> 16)) & 15

@@ -298,7 +298,7 @@ pub struct HitData<'a> {
     pub strand: Option<StrandData>,
 }
 
-/// Shortest step over a surface, metres, where no path says what it sees.
+/// Step over a surface without a footprint, metres.
 const MIN_STEP: f32 = 1e-4;
 
 impl<'a> HitData<'a> {

@@ -263,7 +263,7 @@ pub struct TextureReport {
     pub reduced: u64,
     /// Images of which levels that are needed are compressed.
     pub paged: u64,
-    /// Bytes of what stays in memory, the images that scenes hold decoded included.
+    /// Bytes of resident levels, including images that the scene itself holds decoded.
     pub bytes: u64,
     /// Bytes in a temporary file.
     pub file_bytes: u64,
@@ -343,7 +343,7 @@ impl Images {
         self.store.as_ref().map_or_else(TexturesOnDemand::default, |store| store.on_demand())
     }
 
-    /// Bytes of what stays in memory.
+    /// Bytes of resident levels.
     pub fn bytes(&self) -> u64 {
         self.levels.values().flatten().map(Levels::bytes).sum()
     }

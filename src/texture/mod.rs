@@ -129,7 +129,7 @@ impl CompiledTextures {
         self.lost.contains(&id)
     }
 
-    /// Are they made for what another picture needs as well?
+    /// Do they suffice for another picture?
     pub fn suit(&self, needs: &TextureNeeds) -> bool {
         self.images.needs.limit == needs.limit && self.images.needs.cover(needs)
     }
@@ -518,7 +518,7 @@ impl<'a> PointReader<'a> {
         PointReader { textures, point, hit: None, last: Cell::new((u32::MAX, [0.0; 4])), taps }
     }
 
-    /// With what graphs of nodes read of a hit.
+    /// With the data of a hit that node graphs read.
     #[inline(always)]
     pub fn with_hit(self, hit: Option<&'a HitData<'a>>) -> PointReader<'a> {
         PointReader { hit, ..self }

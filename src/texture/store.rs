@@ -18,7 +18,7 @@ const SHARDS: usize = 64;
 /// Tiles in the cache of each thread.
 const AT_HAND: usize = 64;
 
-/// A tile and what it is of.
+/// A tile, its level and its position.
 type KnownTile = (TileKey, Arc<[u8]>);
 
 thread_local! {
@@ -44,7 +44,7 @@ pub(super) enum TileRow {
     File(u64),
 }
 
-/// Keeps compressed levels, and decides how much of what is done at once.
+/// Keeps compressed levels, and limits concurrent decoding.
 #[derive(Debug)]
 pub(super) struct Store {
     /// Bytes of compressed tiles that may yet stay in memory.
@@ -59,7 +59,7 @@ pub(super) struct Store {
     decoding: Mutex<usize>,
     decoded: Condvar,
     counts: StoreCounts,
-    /// By what they are about: an image, or the temporary file.
+    /// By subject: an image, or the temporary file.
     warnings: Mutex<Vec<(String, Warning)>>,
 }
 
@@ -300,7 +300,7 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-// A temporary file for what does not fit into memory; it has no name, and is gone with the process.
+// An unnamed temporary file for data that does not fit into memory; it disappears with the process.
 
 /// A temporary file that grows; several threads read it at once.
 #[derive(Debug)]
@@ -334,7 +334,7 @@ impl ScratchFile {
         Ok(start)
     }
 
-    /// Reads what was appended.
+    /// Reads appended data.
     ///
     /// # Errors
     /// That of the system.

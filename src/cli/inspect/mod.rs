@@ -1,4 +1,4 @@
-//! `oscura inspect`: what is in a scene, and what would not be rendered.
+//! `oscura inspect`: the contents of a scene, and unused parts of it.
 
 use super::args::InspectArgs;
 use super::json;

@@ -126,24 +126,10 @@ fn settings(scene: &Scene) -> Vec<String> {
     ];
     let mut shown: Vec<String> =
         numbers.iter().filter_map(|(name, value)| Some(format!("{name} {}", (*value)?))).collect();
-    let limits = |BounceLimits { diffuse, glossy, transmission, volume, transparent }| {
-        let kinds = [
-            ("diffuse", diffuse),
-            ("glossy", glossy),
-            ("transmission", transmission),
-            ("volume", volume),
-            ("transparent", transparent),
-        ];
-        let limited = kinds.iter().filter(|(_, limit)| *limit < u32::MAX);
-        format!("bounces {}", join(limited.map(|(kind, limit)| format!("{kind}={limit}"))))
-    };
-    shown.extend(s.bounces.map(limits));
-    let clamps = |Clamp { direct, indirect }| {
-        let clamps = [("direct", direct), ("indirect", indirect)];
-        let finite = clamps.iter().filter(|(_, limit)| limit.is_finite());
-        format!("clamp {}", join(finite.map(|(which, limit)| format!("{which}={limit}"))))
-    };
-    shown.extend(s.clamp.map(clamps));
+    let limits = |b: BounceLimits| join(b.iter().map(|(kind, limit)| format!("{kind}={limit}")));
+    shown.extend(s.bounces.map(|bounces| format!("bounces {}", limits(bounces))));
+    let clamps = |c: Clamp| join(c.iter().map(|(kind, limit)| format!("{kind}={limit}")));
+    shown.extend(s.clamp.map(|clamp| format!("clamp {}", clamps(clamp))));
     let skipped = |c: SkippedCaustics| {
         let kinds = [("reflective", c.reflective), ("refractive", c.refractive)];
         format!(

@@ -117,7 +117,7 @@ fn radiance(material: &Material, strength: f32) -> [f32; 3] {
     }
 }
 
-/// What one light becomes; what is `None` stays.
+/// New values of a light; `None` is unchanged.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct LightEdit {
@@ -140,7 +140,7 @@ impl LightEdit {
     }
 }
 
-/// What a page shows of the lights of a name: the first of them.
+/// Values of the lights of a name on a page: those of the first one.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(crate) struct LightInfo {
     pub name: String,
@@ -149,7 +149,7 @@ pub(crate) struct LightInfo {
     /// Linear, its largest component 1.
     pub color: [f32; 3],
     pub unit: &'static str,
-    /// What files call the strength.
+    /// Key of the strength in files.
     #[serde(skip)]
     key: &'static str,
 }
@@ -188,7 +188,7 @@ impl LightInfo {
         LightInfo { strength, color, ..self.clone() }
     }
 
-    /// What a file says of a change.
+    /// A change as keys of a file.
     fn table(&self, edit: LightEdit) -> Table {
         let strength = edit.strength.map(|v| (self.key, number(v)));
         let lines = strength.into_iter().chain(edit.color.map(|rgb| ("color", color(rgb)))).collect();
@@ -343,7 +343,7 @@ fn end_of(lines: &[String], at: usize) -> usize {
     next.map_or(lines.len(), |n| at + 1 + n)
 }
 
-/// What a line of a file says of a key.
+/// The value of a key in a line of a file.
 fn value_of<'l>(line: &'l str, key: &str) -> Option<&'l str> {
     line.split_once('=').filter(|(own, _)| own.trim() == key).map(|(_, value)| value)
 }

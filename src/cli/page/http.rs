@@ -198,7 +198,7 @@ fn receive(stream: &mut TcpStream, until: Instant) -> Result<Request, Flaw> {
     Ok(request)
 }
 
-/// Adds what arrives next.
+/// Appends received bytes.
 fn more(stream: &mut TcpStream, bytes: &mut Vec<u8>, until: Instant) -> Result<(), Flaw> {
     stream.set_read_timeout(Some(left(until)?))?;
     let mut chunk = [0; 4096];

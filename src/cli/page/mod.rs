@@ -1,4 +1,4 @@
-//! A page in the browser that shows a picture while it renders: what it asks for and how it is served. [`state`] is shared by
+//! A page in the browser that shows a picture while it renders: its requests and its server. [`state`] is shared by
 //! the threads that answer requests and the one that renders.
 
 mod edits;

@@ -106,7 +106,7 @@ impl Pose {
         self.is_moved = true;
     }
 
-    /// Height of what the picture shows at a distance, metres.
+    /// Height of the field of view at a distance, metres.
     fn visible_height(&self, distance: f64) -> f64 {
         match self.camera.projection {
             Projection::Perspective { vfov_rad } => 2.0 * distance * (0.5 * vfov_rad).tan(),

@@ -1,4 +1,4 @@
-//! Serves the page and what it asks for, on this machine only.
+//! Serves the page and its requests, on this machine only.
 //!
 //! Requests must name this machine as their host, so that no foreign name that leads here is served, must not come from
 //! another site's pages, and must have the page's key in their path, which other users of this machine don't know.
@@ -36,7 +36,7 @@ const HEADERS: [(&str, &str); 5] = [
     ),
 ];
 
-/// A port of this machine that is taken, and the key of what is to be served there.
+/// A bound port of this machine, and the access key of the page.
 pub(crate) struct Server {
     listener: TcpListener,
     address: SocketAddr,
@@ -336,9 +336,9 @@ struct Settings {
     rotation: Option<f64>,
     /// Strength of the environment.
     strength: Option<f64>,
-    /// A material by its name, and what becomes of it.
+    /// A material by its name, and its new values.
     material: Option<(String, MaterialEdit)>,
-    /// The lights of a name, and what becomes of them.
+    /// The lights of a name, and their new values.
     light: Option<(String, LightEdit)>,
     /// This and the change before are one, as of a slider that is still held.
     is_same: bool,

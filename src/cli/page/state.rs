@@ -95,7 +95,7 @@ pub(crate) struct SceneInfo {
     pub lights: Arc<[LightInfo]>,
     /// Samples of the finished picture.
     pub samples: u32,
-    /// Passes that may be shown, with what they are.
+    /// Passes that may be shown, with their descriptions.
     pub passes: Vec<(&'static str, &'static str)>,
     /// The axis that points up, where that may be chosen.
     pub up: Option<&'static str>,
@@ -181,7 +181,7 @@ impl Shared {
         self.state.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
     }
 
-    /// Changes what is wanted: what is being rendered stops.
+    /// Changes the request and cancels the current rendering.
     pub fn wish(&self, change: impl FnOnce(&mut State)) {
         let mut state = self.lock();
         change(&mut state);
@@ -191,7 +191,7 @@ impl Shared {
         self.changed.notify_all();
     }
 
-    /// Changes what is shown.
+    /// Changes the displayed pass.
     pub fn show(&self, change: impl FnOnce(&mut State)) {
         let mut state = self.lock();
         change(&mut state);
@@ -285,14 +285,14 @@ fn edited(state: &State) -> Value {
 }
 
 impl State {
-    /// The denoised picture of what is shown, if there is one and it is wanted.
+    /// The denoised picture of the displayed pass, if there is one and it is requested.
     pub fn denoised_frame(&self) -> Option<&Denoised> {
         let order = self.frame.as_ref()?.order;
         self.denoised.as_ref().filter(|denoised| self.display.denoise && denoised.order == order)
     }
 }
 
-/// The command that renders what is shown.
+/// The command that renders the displayed picture.
 fn command(state: &State) -> String {
     let mut words = state.facts.command.clone();
     if !state.facts.is_live {
@@ -326,7 +326,7 @@ fn command(state: &State) -> String {
     words.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" ")
 }
 
-/// The command by which `render` does what this process does, but for what pages set.
+/// The `render` command of this process, without the settings of pages.
 pub(crate) fn own_command() -> Vec<String> {
     let words = ["oscura", "render"].map(str::to_string);
     words.into_iter().chain(given(arguments())).collect()

@@ -12,7 +12,7 @@ pub use table::ViewTable;
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub enum ViewTransform {
-    /// The sRGB transfer function; what is above 1 is clipped.
+    /// The sRGB transfer function; values above 1 are clipped.
     #[default]
     Srgb,
     /// A filmic curve that rolls highlights off: Narkowicz 2016, "ACES Filmic Tone Mapping Curve", with the 0.6
@@ -27,14 +27,14 @@ pub enum ViewTransform {
     /// Stops of luminance from middle grey (0.18) as colours: blue below -4.5, then cyan, green, grey around 0, yellow, orange,
     /// red above 3.5; black below -10, white above 6.5.
     FalseColor,
-    /// A power of 1 / 2.2; what is above 1 is clipped.
+    /// A power of 1 / 2.2; values above 1 are clipped.
     Gamma,
     /// A table of a file.
     Table(Arc<ViewTable>),
 }
 
 impl ViewTransform {
-    /// All that have names, with these and what they do.
+    /// All named views, with descriptions.
     pub const NAMED: [(ViewTransform, &'static str, &'static str); 7] = [
         (ViewTransform::Srgb, "srgb", "sRGB; values above 1 are clipped"),
         (ViewTransform::Filmic, "filmic", "A filmic curve (Narkowicz 2016)"),

@@ -1,4 +1,4 @@
-//! Lambertian vertices scatter by a guide, and paths end by what is expected of them.
+//! Guided scattering at Lambertian vertices, and Russian roulette by the expected contribution of paths.
 
 use super::super::mis::DirectionPdf;
 use super::guide::{Guide, NO_MEAN};
@@ -15,7 +15,7 @@ use crate::simd::{Kernel, Table, dispatch};
 use std::f32::consts::{FRAC_1_PI, PI};
 use std::ops::Range;
 
-/// The first bounce after which a path may be ended by what is expected of it.
+/// The first bounce after which a path may end by its expected contribution.
 const FIRST_JUDGED: u32 = 1;
 
 /// Minimum probability with which a path continues.
@@ -43,7 +43,7 @@ impl<C: VertexClass> VertexClass for Guided<C> {
 }
 
 impl Integrator<'_> {
-    /// May paths end at a bounce by what is expected of them? Where they are shared, not before their prefixes end.
+    /// May paths end at a bounce by their expected contribution? Shared paths may not before their prefixes end.
     pub(in super::super) fn uses_adjoint_roulette(&self, bounce: u32) -> bool {
         let first = if self.options.reuse.is_some() { FIRST_ROULETTE } else { FIRST_JUDGED };
         bounce >= first
@@ -81,7 +81,7 @@ pub(in super::super) fn scatter_metal_rough<T: Horizon>(
     dispatch(ScatterMetalRough { horizon, params, roulette, densities: guide.densities(), range, wave });
 }
 
-/// Ends paths by what is expected of them.
+/// Russian roulette by the expected contribution of paths.
 #[derive(Clone, Copy)]
 struct AdjointRoulette {
     /// Luminance against which paths are judged at least.

@@ -40,7 +40,7 @@ pub struct Exported {
 /// Exports a file of Blender into a new folder within `parent`.
 ///
 /// # Errors
-/// An input error if there is no Blender, or with what Blender says.
+/// An input error if there is no Blender, or Blender's own error.
 pub fn export(path: &Path, options: &LoadOptions, parent: &Path) -> Result<Exported> {
     exported(path, options, parent, false)
 }

@@ -215,7 +215,7 @@ impl Host {
     }
 }
 
-/// Finds what runs the exporter for a file; `user_path` is what the user named.
+/// Finds the program that runs the exporter for a file; `user_path` is the user's choice.
 pub(super) fn find(file: &Path, user_path: Option<&Path>) -> Result<Host> {
     let variable = || env::var_os(VARIABLE).filter(|v| !v.is_empty()).map(PathBuf::from);
     let named = user_path

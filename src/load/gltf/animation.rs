@@ -355,10 +355,8 @@ impl<'d, 'a> Samplers<'d, 'a> {
             Some(Some("STEP")) => Interpolation::Step,
             Some(Some("CUBICSPLINE")) => Interpolation::Cubic,
             Some(_) => {
-                return Err(report.problem(
-                    at,
-                    "has a sampler whose interpolation is none of LINEAR, STEP and CUBICSPLINE",
-                ));
+                return Err(report
+                    .problem(at, "has a sampler whose interpolation is not LINEAR, STEP or CUBICSPLINE"));
             }
         };
         let from = format!("{}/samplers/{index}", at.split("/channels").next().unwrap_or_default());

@@ -232,7 +232,7 @@ pub(super) fn punctual_light(doc: &Document, node: &Node, index: usize, report: 
             })
         }
         _ => {
-            return Err(report.problem(format!("{at}/type"), "is none of point, spot and directional"));
+            return Err(report.problem(format!("{at}/type"), "must be point, spot or directional"));
         }
     };
     let Some(kind) = kind else {

@@ -63,9 +63,7 @@ impl Layout {
             Some("TRIANGLES") => Mode::Triangles,
             Some("INDICES") => Mode::Indices,
             _ => {
-                return Err(
-                    report.problem(format!("{at}/mode"), "is none of ATTRIBUTES, TRIANGLES and INDICES")
-                );
+                return Err(report.problem(format!("{at}/mode"), "must be ATTRIBUTES, TRIANGLES or INDICES"));
             }
         };
         let filter = match packed.get("filter").map(|f| f.as_str().unwrap_or_default()) {

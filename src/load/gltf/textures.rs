@@ -256,7 +256,7 @@ struct Source<'d> {
     on_damage: OnDamage,
 }
 
-/// Decodes what is needed, in the order of the needs. Problems are noted; the list is complete only without any.
+/// Decodes the needed images, in the order of the needs. Problems are reported; the list is complete only without any.
 pub(super) fn read(doc: &Document, needs: &[ImageNeed], report: &mut Report) -> Vec<Image> {
     let (images, unreadable) = read_what_can_be(doc, needs, false, report);
     unreadable.into_iter().for_each(|(_, problem)| {

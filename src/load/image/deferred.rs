@@ -25,7 +25,7 @@ const BEGINNING: usize = 1 << 16;
 /// Bytes that are read, or numbers that are decoded, together.
 const AT_ONCE: usize = 1 << 23;
 
-/// Decides what happens to a scene with a damaged image.
+/// Decides whether a damaged image is fatal for the scene.
 pub(crate) type OnDamage = Arc<dyn Fn(Error) -> Damage + Send + Sync>;
 
 /// The image of a texture: decoded if it is small or of a format that has no plain header, else encoded.
@@ -124,7 +124,7 @@ fn common_layout(
     format: ImageFormat,
     warnings: &mut Vec<Warning>,
 ) -> Result<Option<Layout>> {
-    // The decoder of JPEG copies what it is given.
+    // The decoder of JPEG copies its input.
     let beginning = &source.bytes[..source.bytes.len().min(BEGINNING)];
     let found = match format {
         ImageFormat::Jpeg => size_and_type(source, beginning, format).ok(),

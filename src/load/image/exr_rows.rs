@@ -230,7 +230,7 @@ impl Scratch {
     }
 }
 
-/// Files of every layout, compared with what the crate reads at once.
+/// Files of every layout, compared with whole files read by the crate.
 #[cfg(test)]
 mod tests {
     use super::*;

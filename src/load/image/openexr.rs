@@ -100,7 +100,7 @@ struct Reading {
     together: usize,
 }
 
-/// A file whose headers were read, and what is taken of it.
+/// A file whose headers were read, and its selected channels.
 struct Picture<'a> {
     source: &'a Source<'a>,
     meta: MetaData,
@@ -284,7 +284,7 @@ struct Window {
     size: [u32; 2],
 }
 
-/// Refuses what the decoder doesn't read, by its name.
+/// Fails for features that the decoder lacks, naming them.
 fn check_kind(source: &Source, meta: &MetaData) -> Result<()> {
     if meta.headers.iter().any(|header| header.deep) {
         return Err(source

@@ -1,4 +1,4 @@
-//! An image before it is decoded: its bytes, where they come from, and what it is for.
+//! An image before it is decoded: its bytes, their source, and its use.
 
 use crate::error::{Choice, Error, Message, Problem, Result, Warning};
 use crate::load::decoders::Decoder;
@@ -176,7 +176,7 @@ pub(super) fn pixels(file_length: u64) -> u64 {
     file_length.saturating_mul(PER_BYTE).clamp(ALWAYS_ALLOWED, MAX_PIXELS)
 }
 
-/// Fails for sizes of zero and beyond what the file's length can justify.
+/// Fails for sizes of zero and that are implausible for the length of the file.
 pub(super) fn check(source: &Source, width: u64, height: u64) -> Result<()> {
     let most = pixels(source.length);
     match width.checked_mul(height) {

@@ -1,5 +1,5 @@
 //! Lines of OBJ and MTL files as the formats mean them: without a byte order mark, with any kind of line end, and
-//! joined where a `\` says that a line continues; and what is made of them, for `tobj` to read.
+//! joined where a `\` says that a line continues; and a filter between them and `tobj`.
 
 use crate::load::decoders;
 use crate::load::files::ModelReader;

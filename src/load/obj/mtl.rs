@@ -89,7 +89,7 @@ const MAPS: [&str; 16] = [
     "map_Ns", "disp", "decal", "refl", "map_RMA",
 ];
 
-/// The materials of a library; adds to the warnings what was ignored.
+/// The materials of a library, with warnings about ignored statements.
 ///
 /// # Errors
 /// The error message about an unreadable file.
@@ -139,7 +139,7 @@ fn names_meshlab(text: &[u8]) -> bool {
     }
 }
 
-/// Checks statements and records what is ignored.
+/// Checks statements and records ignored ones.
 #[derive(Default)]
 struct Library {
     /// The materials' names, which may be empty.
@@ -221,7 +221,7 @@ fn clean(
     }
 }
 
-/// Values of `-colorspace` that match what is done anyway: colours are sRGB, numbers linear.
+/// Values of `-colorspace` that agree with the defaults: colours are sRGB, numbers linear.
 const COLOR_SPACES: [&str; 4] = ["srgb", "srgb_texture", "auto", "raw"];
 
 /// Three numbers, or one for grey.

@@ -31,7 +31,7 @@ enum Passes {
     Faces,
 }
 
-/// Checks statements and records what `tobj` drops.
+/// Checks statements and records those that `tobj` drops.
 #[derive(Default)]
 pub(super) struct Statements {
     /// The models that `tobj` returns, in order.

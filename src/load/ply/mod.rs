@@ -81,7 +81,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     Ok(loaded)
 }
 
-/// Reads the content of a PLY file around an origin, and what it leaves out; `path` is for messages.
+/// Reads the content of a PLY file relative to an origin, and lists unread data; `path` is for messages.
 fn parse(path: &Path, bytes: &[u8], origin: DVec3, options: &LoadOptions) -> Result<(Mesh, Faces, Unread)> {
     let fail = |problem: Problem| Error::input_problems(path, vec![problem]);
     let mut source = Source::open(bytes, &options.counter).map_err(fail)?;

@@ -22,7 +22,7 @@ const ALPHA: usize = 26;
 const RANDOM: usize = 27;
 const INDEX: usize = 28;
 
-/// Where a copy stands, and what its nodes of type `object_info` give.
+/// The transform of a copy, and the outputs of its `object_info` nodes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::load) struct Place {
     /// Moves the object there.

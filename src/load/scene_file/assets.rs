@@ -128,7 +128,7 @@ impl Assets {
         Ok(())
     }
 
-    /// Repeats what is noted about the `count` instances from `first` on for each of their copies, which follow in order.
+    /// Repeats the records about the `count` instances from `first` on for each of their copies, which follow in order.
     pub fn repeat_listed(&mut self, first: usize, count: usize, copies: usize) {
         let own: Vec<ListedMaterials> =
             self.listed.iter().filter(|listed| listed.instance >= first).cloned().collect();

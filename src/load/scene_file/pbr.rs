@@ -84,7 +84,7 @@ pub(super) fn material(name: &str, medium: Option<Medium>, slots: &mut Slots) ->
     Material { model: Model::Pbr(Box::new(model)), ..material }
 }
 
-/// Changes a glTF material and its model in what the keys say; all else stays.
+/// Changes the properties of a glTF material that the keys define.
 pub(super) fn adjust(
     (material, model): (&mut Material, &mut PbrMaterial),
     medium: Option<Medium>,
@@ -177,7 +177,7 @@ fn sheet(slots: &Slots, model: &mut PbrMaterial) {
     model.tints_once &= model.has_volume || model.keeps_radiance;
 }
 
-/// Reads what fills the solid.
+/// Reads the medium inside the solid.
 fn filling(fields: &Fields, material: &mut Material, model: &mut PbrMaterial, medium: Option<Medium>) {
     if let Some(medium) = medium {
         if !model.has_volume {

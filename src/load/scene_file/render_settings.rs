@@ -54,14 +54,7 @@ fn number(fields: &Fields, key: &'static str, range: Range<f64>) -> Option<f32> 
 /// Maximum numbers of bounces by kind.
 fn bounces(fields: &Fields) -> Option<BounceLimits> {
     let fields = fields.table("bounces")?;
-    let limit = |kind| fields.integer(kind, 1, u32::MAX).unwrap_or(u32::MAX);
-    let found = BounceLimits {
-        diffuse: limit("diffuse"),
-        glossy: limit("glossy"),
-        transmission: limit("transmission"),
-        volume: limit("volume"),
-        transparent: limit("transparent"),
-    };
+    let found = BounceLimits::by_name(|kind| fields.integer(kind, 1, u32::MAX));
     fields.finish();
     Some(found)
 }
@@ -69,11 +62,8 @@ fn bounces(fields: &Fields) -> Option<BounceLimits> {
 /// Maximum light of a path.
 fn clamp(fields: &Fields) -> Option<Clamp> {
     let fields = fields.table("clamp")?;
-    let limit = |which| number(&fields, which, f64::from(f32::MIN_POSITIVE)..f64::from(f32::MAX));
-    let found = Clamp {
-        direct: limit("direct").unwrap_or(f32::INFINITY),
-        indirect: limit("indirect").unwrap_or(f32::INFINITY),
-    };
+    let range = f64::from(f32::MIN_POSITIVE)..f64::from(f32::MAX);
+    let found = Clamp::by_name(|kind| number(&fields, kind, range.clone()));
     fields.finish();
     Some(found)
 }

@@ -534,7 +534,7 @@ impl Turntable {
         Turntable { middle, turns_light }
     }
 
-    /// The middle of what is turned.
+    /// The centre of the rotating objects.
     pub fn middle(&self) -> DVec3 {
         self.middle
     }

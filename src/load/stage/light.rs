@@ -242,7 +242,7 @@ fn inside(scene: &Scene) -> f64 {
     (2.0 * (size.x * size.y + size.y * size.z + size.z * size.x)).max(f64::MIN_POSITIVE)
 }
 
-/// Mean luminance of what a slot holds; that of an image all over, wherever the surface has it.
+/// Mean luminance of a slot; of a texture, over its whole image.
 fn mean(scene: &Scene, slot: &ColorSlot) -> f64 {
     let texture = slot.texture.map_or([1.0; 3], |id| mean_of_texture(scene, id));
     f64::from(luminance(std::array::from_fn(|c| slot.factor[c] * texture[c])))

@@ -22,7 +22,7 @@ pub use options::{Background, Ground, StageLight, StageOptions};
 /// (0.6 + 0.54 * 2 / 3) = 0.96 times their albedo: white ones are not burnt out in a PNG.
 const SOFT_SKY: ([f32; 3], [f32; 3]) = ([0.064, 0.06, 0.056], [1.056, 1.14, 1.224]);
 
-/// Adds what a scene lacks, with notes: a camera that frames the model, unless there is one; light, unless anything
+/// Completes a scene, with notes: a camera that frames the model, unless there is one; light, unless anything
 /// lights it or the caller has an environment; ground and material by [`StageOptions`], where there is no camera either.
 /// Emissive parts light a scene with a camera, unless it is a model ([`Loaded::is_model`]) whose parts only glow; a model
 /// without a camera is to be looked at, and is lit, too. Light that the caller chose takes the place of an environment.
@@ -55,7 +55,7 @@ pub fn complete(loaded: &mut Loaded, options: &StageOptions, brings_environment:
     background(loaded, options);
 }
 
-/// Reports what would be added, and adds cameras only.
+/// Reports additions, but adds only cameras.
 fn foretell(loaded: &mut Loaded, options: &StageOptions, brings_environment: bool) {
     let scene = &loaded.scene;
     let (materials, stand_ins) = (scene.materials.clone(), loaded.stand_ins.clone());
@@ -187,7 +187,7 @@ fn soften(loaded: &mut Loaded) {
     loaded.warnings.push(Warning::general(("default-sky", message)));
 }
 
-/// Warns of stage options without effect, as the scene or the caller defines what they set.
+/// Warns of stage options without effect, as the scene or the caller overrides them.
 fn warn_of_unused(loaded: &mut Loaded, options: &StageOptions, brings_environment: bool) {
     let mut say = |is_unused: bool, what: Choice, why: &str| {
         if is_unused {

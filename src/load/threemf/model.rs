@@ -27,7 +27,7 @@ pub(super) struct Model {
     pub transparent: usize,
 }
 
-/// An object: a mesh, or what others make up.
+/// An object: a mesh, or components, which are other objects.
 #[derive(Default)]
 pub(super) struct Object {
     pub name: String,

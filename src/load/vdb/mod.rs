@@ -32,7 +32,7 @@ struct Entry {
     at: i64,
 }
 
-/// Reads the grid of a name, or `density`, or the only one, of a world whose y or z points up; an error is a sentence.
+/// Reads the grid of a name, or `density`, or the only one, of a world whose y or z points up; the error is a message.
 ///
 /// Without a margin the box ends where its active voxels do.
 pub(super) fn parse(
@@ -108,7 +108,7 @@ fn chosen<'a>(entries: &'a [Entry], wanted: Option<&str>) -> Result<&'a Entry, S
     }
 }
 
-/// Reads what a grid's entry says is there.
+/// Reads the tree of a grid at the position of its entry.
 fn grid(from: &mut Bytes, entry: &Entry) -> Result<(DAffine3, Vec<Cube>), String> {
     let number = match entry.kind.as_str() {
         "Tree_float_5_4_3" => Number::Float,
@@ -179,7 +179,7 @@ fn dense(map: &DAffine3, cubes: &[Cube], name: String, has_margin: bool) -> Resu
             positive += u64::from(value > 0.0);
         }
     }
-    // Filters leave a few below 0 around what is dense.
+    // Filters leave some negative values around dense voxels.
     if negative > positive {
         return Err(format!(
             "{name} holds more negative values than positive ones, as distances do, not densities"
@@ -223,7 +223,7 @@ fn skip_vectors(from: &mut Bytes, count: usize) -> Result<(), String> {
     (0..count).try_for_each(|_| from.vector().map(|_| ()))
 }
 
-/// A matrix whose rows are what the axes become, and the origin.
+/// A matrix whose rows are the images of the axes and of the origin.
 fn affine(from: &mut Bytes) -> Result<DAffine3, String> {
     let mut rows = [[0.0; 4]; 4];
     for value in rows.as_flattened_mut() {
@@ -408,7 +408,7 @@ mod tests {
         }
     }
 
-    /// Transforms as OpenVDB writes them: rows are what the axes become.
+    /// Transforms as OpenVDB writes them: rows are the images of the axes.
     #[test]
     fn grids_stand_as_their_maps_say() {
         let map = |kind: &str, numbers: &[f64]| {

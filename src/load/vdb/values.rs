@@ -248,7 +248,7 @@ const WIDEST_SPLIT: usize = 16;
 /// and only if they hold this many numbers.
 const SHORTEST_SPLIT: usize = 128;
 
-/// Unpacks a buffer that holds `wanted` bytes; an error is a sentence.
+/// Unpacks a buffer that holds `wanted` bytes; the error is a message.
 pub(super) fn unpack(packed: &[u8], wanted: usize) -> Result<Vec<u8>, String> {
     if packed.len() < HEADER {
         return Err(DAMAGED.into());

@@ -65,21 +65,11 @@ fn check_settings(settings: &Settings, findings: &mut Findings) {
             findings.require(false, PLACE, field, value, "a number above 0");
         }
     }
-    if let Some(BounceLimits { diffuse, glossy, transmission, volume, transparent }) = settings.bounces {
-        for (field, limit) in [
-            ("bounces.diffuse", diffuse),
-            ("bounces.glossy", glossy),
-            ("bounces.transmission", transmission),
-            ("bounces.volume", volume),
-            ("bounces.transparent", transparent),
-        ] {
-            findings.require(limit > 0, PLACE, field, limit, "at least 1");
-        }
+    for (kind, limit) in settings.bounces.iter().flat_map(BounceLimits::iter) {
+        findings.require(limit > 0, format!("{PLACE}, bounces"), kind, limit, "at least 1");
     }
-    if let Some(Clamp { direct, indirect }) = settings.clamp {
-        for (field, limit) in [("clamp.direct", direct), ("clamp.indirect", indirect)] {
-            findings.require(limit > 0.0, PLACE, field, limit, "a number above 0");
-        }
+    for (kind, limit) in settings.clamp.iter().flat_map(Clamp::iter) {
+        findings.require(limit > 0.0, format!("{PLACE}, clamp"), kind, limit, "a number above 0");
     }
     if let Some(strength) = settings.filter_glossy {
         let is_valid = strength.is_finite() && strength >= 0.0;

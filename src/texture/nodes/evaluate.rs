@@ -216,7 +216,7 @@ fn affine(rows: &[f32], [x, y, z]: [f32; 3], w: f32) -> [f32; 3] {
     std::array::from_fn(|i| rows[4 * i] * x + rows[4 * i + 1] * y + rows[4 * i + 2] * z + rows[4 * i + 3] * w)
 }
 
-/// Loads what points give.
+/// Loads the data of points.
 fn load<const LANES: usize>(step: &Compiled, points: &Points<'_>, r: &mut Registers<LANES>) {
     for lane in 0..points.points.len() {
         let texture = |id| (points.textures)(id, lane);

@@ -1,4 +1,4 @@
-//! Graphs of nodes as flat programs: common parts once, what is constant folded, what nothing needs left out, registers reused.
+//! Node graphs as flat programs: common subexpressions once, constants folded, unused steps removed, registers reused.
 
 mod color;
 mod evaluate;
@@ -91,7 +91,7 @@ impl Program {
         self.sources().any(|source| matches!(source, Source::UvTangent | Source::Frame(FIRST_SET)))
     }
 
-    /// Does it ask what path arrives?
+    /// Does it depend on the incident path?
     pub fn reads_path(&self) -> bool {
         self.sources().any(|source| source == Source::Path)
     }
@@ -590,7 +590,7 @@ impl Builder<'_> {
         }
     }
 
-    /// Leaves out what the result doesn't need, and gives registers, which later steps reuse.
+    /// Removes unused steps and allocates registers, which later steps reuse.
     fn finish(self, result: [Number; 3]) -> Program {
         let last_reads = last_reads(&self.steps, result);
         let mut registers = Assignment::default();
@@ -620,7 +620,7 @@ impl Builder<'_> {
     }
 }
 
-/// By step and output: the last step that reads it; the number of steps for the result, `None` for what nothing reads.
+/// By step and output: the last step that reads it; the number of steps for the result, `None` for unused outputs.
 fn last_reads(steps: &[Step], result: [Number; 3]) -> Vec<Vec<Option<usize>>> {
     let mut last: Vec<Vec<Option<usize>>> =
         steps.iter().map(|step| vec![None; step.outputs as usize]).collect();

@@ -20,7 +20,7 @@ pub enum Source {
     Reflection,
     /// The first set of texture coordinates; v grows upwards.
     Uv,
-    /// Width of what a path sees in texture coordinates: those of the attribute of a number, or the first set.
+    /// Width of the path's footprint in texture coordinates: an attribute by its number, or the first set.
     Footprint(u16),
     /// The attribute of a number: red, green, blue, alpha, factor; 0 without one.
     Attribute(u16),
@@ -44,7 +44,7 @@ pub enum Source {
     UvTangent,
     /// Tangent, bitangent and normal of the texture coordinates of an attribute, or of the first set; and 1 where there are some.
     Frame(u16),
-    /// Two steps over the surface as wide as what a path sees.
+    /// Two steps over the surface, as long as the path's footprint is wide.
     Steps,
     /// Weights of the first two vertices of a triangle.
     Parametric,
@@ -259,7 +259,7 @@ fn first_uv(point: &TexturePoint) -> Numbers {
     filled([point.uv[0].x, 1.0 - point.uv[0].y])
 }
 
-/// The width of what a path sees in these.
+/// The width of the path's footprint in these coordinates.
 fn footprint(point: &TexturePoint) -> Numbers {
     filled([point.width * point.uv_per_metre[0]])
 }

@@ -348,7 +348,7 @@ impl MaterialBuilder<'_, '_> {
             }
             Checked::Invalid => {
                 let at = format!("{}/alphaMode", self.at);
-                self.report.problem(at, "is none of OPAQUE, MASK and BLEND");
+                self.report.problem(at, "must be OPAQUE, MASK or BLEND");
                 AlphaMode::Opaque
             }
         }
