@@ -511,7 +511,7 @@ fn noise_warning(args: &RenderArgs, statistics: &Statistics) -> Option<Warning> 
         }
         None => "there are too few samples to estimate the noise: at least 16 a pixel are needed".to_string(),
     };
-    Some(Warning::general(message))
+    Some(Warning::general(("noise-not-reached", message)))
 }
 
 /// Prints the notes and warnings of loading, and with --explain what was left out.

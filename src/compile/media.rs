@@ -144,10 +144,11 @@ pub(super) fn without_bodies(scene: &Scene, warnings: &mut Vec<Warning>) -> Vec<
             return None;
         }
         let name = &material.name;
-        warnings.push(Warning::general(format!(
+        let message = format!(
             "material '{name}' has no body for its subsurface scattering: its surfaces have edges, and get a diffuse base of \
              its colour; close the mesh"
-        )));
+        );
+        warnings.push(Warning::general(("subsurface-open", message)));
         let (color, slot) = (medium.color(), through.color);
         let mut model = pbr.clone();
         model.base_color = ColorSlot { factor: [0, 1, 2].map(|c| slot.factor[c] * color[c]), ..slot };

@@ -9,7 +9,6 @@ mod files;
 mod formats;
 pub mod gltf;
 mod grid;
-mod heights;
 mod ies;
 pub mod image;
 mod mesh_tools;
@@ -25,7 +24,6 @@ mod splats;
 pub mod stage;
 mod stl;
 pub mod subdivide;
-mod subdivided;
 mod threemf;
 mod unpack;
 mod upright;
@@ -42,6 +40,7 @@ pub use options::{
 pub use upright::{Up, UpHint};
 
 use crate::error::{Choice, Error, Result, Warning};
+use crate::scene::MeshId;
 use formats::Format;
 use scene_file::{Sidecar, sidecar_text};
 use std::fs::File;
@@ -258,6 +257,34 @@ fn smoothed(path: &Path, options: &LoadOptions, is_of_meshes: bool, loaded: &mut
     }
 }
 
+/// Subdivides all meshes of an OBJ or PLY file if requested; warns where that has no effect.
+///
+/// # Errors
+/// If they would have too many triangles.
+fn subdivide_all(path: &Path, options: &LoadOptions, is_of_meshes: bool, loaded: &mut Loaded) -> Result<()> {
+    let Some(how) = options.subdivision else { return Ok(()) };
+    if !is_of_meshes || loaded.scene.meshes.is_empty() {
+        let why = match is_of_meshes {
+            true => "there are no meshes",
+            false => {
+                "it is for OBJ and PLY files; objects of scene files, and beside models, have the key 'subdivide'"
+            }
+        };
+        let message = ("unused-option", format!("{} has no effect: {why}", Choice::Subdivide));
+        loaded.warnings.push(Warning::new(path, "", message));
+        return Ok(());
+    }
+    let Loaded { scene, polygons, .. } = loaded;
+    for id in (0..scene.meshes.len() as u32).map(MeshId) {
+        if let Some(mesh) =
+            polygons.subdivided(scene, id, how).map_err(|message| Error::input(path, message))?
+        {
+            scene.meshes[id.index()] = mesh;
+        }
+    }
+    Ok(())
+}
+
 /// Do files of this format not define which axis points up?
 pub fn has_ambiguous_up(path: impl AsRef<Path>) -> bool {
     matches!(formats::of(path.as_ref()), Format::Model(model) if model.has_ambiguous_up)
@@ -278,7 +305,7 @@ fn complete(
     };
     let is_mesh_file = model.is_some_and(|model| !model.is_gltf);
     warn_of_unused_options(path, options, is_mesh_file, loaded);
-    subdivided::all(path, options, is_mesh_file, loaded)?;
+    subdivide_all(path, options, is_mesh_file, loaded)?;
     smoothed(path, options, is_mesh_file, loaded);
     let has_ambiguous_up = model.is_some_and(|model| model.has_ambiguous_up);
     if has_ambiguous_up {

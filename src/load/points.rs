@@ -59,7 +59,7 @@ impl Cloud<'_> {
         }
         if dropped > 0 {
             let message = format!("{dropped} points that are not finite numbers were dropped");
-            loaded.warnings.push(Warning::new(path, "", message));
+            loaded.warnings.push(Warning::new(path, "", ("points-not-finite", message)));
         }
         Ok(())
     }
@@ -72,7 +72,7 @@ impl Cloud<'_> {
             self.positions.len(),
             Choice::PointRadius
         );
-        loaded.notes.push(Warning::new(path, "", message));
+        loaded.notes.push(Warning::new(path, "", ("point-cloud", message)));
         radius
     }
 

@@ -222,7 +222,7 @@ fn read_backdrop(reader: &mut dyn Read, behind: &Behind) -> io::Result<Option<Ba
 }
 
 fn damaged(path: &Path, what: &str) -> Error {
-    Error::input(path, format!("is damaged: {what}")).with_help("render it again")
+    Error::input(path, ("part-damaged", format!("is damaged: {what}"))).with_help("render it again")
 }
 
 // Header of part files.

@@ -265,8 +265,14 @@ pub(super) fn of_film(film: &Film, has_stopped: bool) -> Vec<Warning> {
     let unsampled = if has_stopped { film.unsampled_pixels() } else { 0 };
     let all = u64::from(film.width()) * u64::from(film.height());
     let messages = [
-        (invalid, format!("{invalid} samples were NaN or infinite and were left out")),
-        (unsampled, format!("{unsampled} of {all} pixels have no sample and are black and transparent")),
+        (invalid, ("samples-invalid", format!("{invalid} samples were NaN or infinite and were left out"))),
+        (
+            unsampled,
+            (
+                "pixels-unsampled",
+                format!("{unsampled} of {all} pixels have no sample and are black and transparent"),
+            ),
+        ),
     ];
     messages.into_iter().filter(|(count, _)| *count > 0).map(|(_, text)| Warning::general(text)).collect()
 }

@@ -1,6 +1,6 @@
 //! Cameras: projections, thin lens, panoramas.
 
-use super::motion::Keyframes;
+use super::geometry::Keyframes;
 use crate::math::{DAffine3, DMat3, DVec3};
 use std::f64::consts::{FRAC_PI_2, PI};
 

@@ -3,7 +3,7 @@
 //! The environment: radiance of rays that hit nothing, its sun, and portals.
 
 use super::ImageId;
-use super::motion::Keyframes;
+use super::geometry::Keyframes;
 use super::object_traits::{LightLinks, RayKinds};
 use crate::image::Image;
 use crate::math::{DQuat, DVec3, poly};

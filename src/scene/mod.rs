@@ -22,7 +22,6 @@ mod ids;
 mod light;
 mod material;
 mod medium;
-mod motion;
 pub mod nodes;
 mod object_traits;
 mod settings;
@@ -34,8 +33,8 @@ mod watertightness;
 pub use bounds::{Extent, MeshHulls, instance_extents, scene_extent};
 pub use camera::{Aperture, Camera, Panorama, Projection, ThinLens, looking_at};
 pub use geometry::{
-    CurveBasis, Curves, Instance, Mesh, MeshPart, Motion, Quad, Shape, ShapeKind, ShapeTag, Splats,
-    VertexAttribute, f16,
+    CurveBasis, Curves, Instance, Keyframes, Mesh, MeshPart, Motion, Quad, SceneMotion, Shape, ShapeKind,
+    ShapeTag, Splats, VertexAttribute, Vertices, f16,
 };
 pub use ids::{GridId, ImageId, MaterialId, MeshId, ProfileId, TextureId};
 pub use light::{
@@ -48,7 +47,6 @@ pub use material::{
     PbrMaterial, Sheen, Transmission, hair_color, hair_color_scale,
 };
 pub use medium::{EmissionGrid, Fog, Grid, Medium, MediumTextures, coefficients};
-pub use motion::{Keyframes, SceneMotion, Vertices};
 pub use object_traits::{LightLinks, Link, ObjectInfo, ObjectSet, ObjectSets, ObjectTraits, RayKinds};
 pub use settings::{
     BounceLimits, CatcherOutput, Clamp, Filter, Settings, ShadingModel, ShadowTerminator, SkippedCaustics,

@@ -166,12 +166,14 @@ fn a_file_that_fails_leaves_the_others() {
 fn noise_that_is_not_reached_is_reported() {
     let folder = tempfile::tempdir().unwrap();
     let scene = cornell();
-    let messages = |spp| {
-        let args = ["render", &scene, "-o", "a.exr", "--width", "48", "--noise", "0.1", "--spp", spp];
-        stderr(&oscura(folder.path(), &args))
-    };
-    assert!(messages("64").contains("0.1 %"), "{}", messages("64"));
-    assert!(messages("8").contains("too few samples"), "{}", messages("8"));
+    for (spp, part) in [("64", "0.1 %"), ("8", "16")] {
+        let args =
+            ["render", &scene, "-o", "a.exr", "--width", "48", "--noise", "0.1", "--spp", spp, "--json"];
+        let output = oscura(folder.path(), &args);
+        let codes = &report(&output)["warning_codes"];
+        assert!(codes.as_array().is_some_and(|codes| codes.contains(&"noise-not-reached".into())), "{codes}");
+        assert!(stderr(&output).contains(part), "{spp}: {}", stderr(&output));
+    }
 }
 
 /// A small lamp over a ball of glass in a closed room: without light paths from the lamp few paths find what it focuses.

@@ -226,7 +226,7 @@ fn glass_is_transparent_where_the_world_is() {
     assert!(opaque.iter().zip(&clear).all(|(opaque, clear)| clear <= opaque && *clear >= 0.0));
     let output = shoot(&["--transparent-glass"]);
     assert_eq!(code(&output), 2);
-    assert!(stderr(&output).contains("add --transparent"), "{}", stderr(&output));
+    assert!(stderr(&output).contains("--background"), "{}", stderr(&output));
 }
 
 /// Passes of places and directions say which space they are in, through merging too; others say nothing.

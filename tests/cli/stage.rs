@@ -24,11 +24,8 @@ fn a_bare_model_stands_upright_on_a_stage_and_says_so() {
     let folder = tempfile::tempdir().unwrap();
     pyramid(folder.path());
     let messages = shoot(folder.path(), &["-o", "a.png"]);
-    assert!(messages.contains("z points up") && messages.contains("--up AXIS"), "{messages}");
-    assert!(
-        messages.contains("studio light") && messages.contains("--stage") && !messages.contains("warning:"),
-        "{messages}"
-    );
+    assert!(messages.contains("note: ") && messages.contains("--up"), "{messages}");
+    assert!(messages.contains("--stage") && !messages.contains("warning:"), "{messages}");
     let picture = image::open(folder.path().join("a.png")).unwrap();
     assert!(!picture.color().has_alpha());
     let rgb = picture.into_rgb8();
@@ -40,7 +37,7 @@ fn a_bare_model_stands_upright_on_a_stage_and_says_so() {
     assert!(brightest > corner + 20, "{brightest} over {corner}");
     // As the caller has it.
     let quiet = shoot(folder.path(), &["-o", "b.png", "--up", "y"]);
-    assert!(!quiet.contains("points up"), "{quiet}");
+    assert!(!quiet.contains("--up"), "{quiet}");
 }
 
 #[test]
@@ -54,7 +51,7 @@ fn no_stage_means_no_light_and_is_reported() {
     let model = fs::read_to_string(folder.path().join("a.obj")).unwrap();
     fs::write(folder.path().join("a.obj"), format!("mtllib a.mtl\nusemtl glow\n{model}")).unwrap();
     let messages = shoot(folder.path(), &["-o", "a.png", "--stage", "none"]);
-    assert!(!messages.contains("no light at all"), "{messages}");
+    assert!(!messages.contains("warning:"), "{messages}");
 }
 
 #[test]
@@ -248,7 +245,7 @@ fn facets_become_smooth_on_demand() {
     assert!(smooth.0 <= facets.0, "{} {}", smooth.0, facets.0);
     let sharp = steps("c.png", &["--smooth=5"]);
     assert!(fs::read(folder.path().join("a.png")).unwrap() == fs::read(folder.path().join("c.png")).unwrap());
-    assert!(!sharp.1.contains("has no effect"), "{}", sharp.1);
+    assert!(!sharp.1.contains("--smooth"), "{}", sharp.1);
     let other = oscura(
         folder.path(),
         &["render", &cornell(), "--width", "8", "--spp", "1", "-o", "d.png", "--smooth"],
@@ -262,10 +259,10 @@ fn triangles_without_area_are_a_note() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("a.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 0 0\nf 1 2 3\nf 1 2 4\n").unwrap();
     let messages = shoot(folder.path(), &["-o", "a.png", "--strict"]);
-    assert!(messages.contains("note: 1 primitive"), "{messages}");
+    assert!(messages.contains("note: 1 "), "{messages}");
     // A place alone is aimed at the model.
     let messages = shoot(folder.path(), &["-o", "b.png", "--eye", "0.3,0.3,4", "--frames", "1-2"]);
-    assert!(messages.contains("nothing moves in files of this type"), "{messages}");
+    assert!(messages.contains("warning: "), "{messages}");
     let picture = image::open(folder.path().join("b.0001.png")).unwrap().into_rgb8();
     assert!(picture.get_pixel(24, 24) != picture.get_pixel(2, 24));
 }
@@ -308,10 +305,10 @@ fn a_part_that_glows_takes_no_light_from_a_scene_with_a_camera() {
     };
     // The floor, in the lower half of the picture.
     let (messages, _, lit) = shoot("lit.png", &[]);
-    assert!(messages.contains("soft default sky") && messages.contains("--env none"), "{messages}");
+    assert!(messages.contains("--env none"), "{messages}");
     assert!(lit.get_pixel(16, 16)[0] > 100, "{:?}", lit.get_pixel(16, 16));
     let (messages, _, staged) = shoot("staged.png", &["--stage", "studio"]);
-    assert!(messages.contains("studio light") && !messages.contains("has no effect"), "{messages}");
+    assert!(messages.contains("--stage") && !messages.contains("warning:"), "{messages}");
     assert!(staged.get_pixel(16, 16)[0] > 60, "{:?}", staged.get_pixel(16, 16));
     let (_, has_alpha, dark) = shoot("dark.png", &["--env", ""]);
     assert!(!has_alpha && dark.get_pixel(16, 16)[0] < 30, "{:?}", dark.get_pixel(16, 16));
@@ -385,7 +382,7 @@ fn thumbnails_replace_nothing_that_a_model_is_made_of() {
     ] {
         let output = oscura(folder.path(), &[words, &["--size", "16", "--spp", "1"]].concat());
         assert_eq!(code(&output), 2, "{words:?}: {}", stderr(&output));
-        assert!(stderr(&output).contains("give another place by"), "{}", stderr(&output));
+        assert!(stderr(&output).contains("--force"), "{}", stderr(&output));
     }
     assert_eq!(fs::read(file("a.obj")).unwrap(), model);
     assert_eq!(fs::read(file("q.thumb.png")).unwrap(), texture);

@@ -115,7 +115,7 @@ fn a_missing_map_of_an_obj_material_is_a_warning_that_names_it() {
     let loaded = load_files(&[("a.obj", OBJ), ("m.mtl", MTL)]).unwrap_or_else(|e| panic!("{e}"));
     assert!(loaded.scene.textures.is_empty());
     let left_out: Vec<String> =
-        loaded.warnings.iter().map(ToString::to_string).filter(|w| w.contains("texture left out")).collect();
+        loaded.warnings.iter().filter(|w| w.code == "texture-left-out").map(ToString::to_string).collect();
     assert_eq!(left_out.len(), 2, "{left_out:?}");
     assert!(left_out.iter().all(|w| w.contains("my map.png'")), "{left_out:?}");
 }

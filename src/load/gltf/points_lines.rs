@@ -324,7 +324,7 @@ pub(super) fn read_splats(
         (Some(view), _) => compressed(doc, view, at, report)?,
         (None, Some(inner)) => {
             let names: Vec<&str> = inner.keys().map(String::as_str).collect();
-            let message = format!("is compressed by {}, which is not read_splats", names.join(", "));
+            let message = format!("is compressed by {}, which is not supported", names.join(", "));
             return Err(report.warn(at, message));
         }
         (None, None) => plain(doc, raw, at, report)?,

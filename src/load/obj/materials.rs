@@ -19,8 +19,8 @@
 use super::mtl::{Map, Mtl};
 use crate::error::{Error, Warning};
 use crate::image::Damage;
+use crate::load::displace::{BUMP_HEIGHT, holds_normals, normals_of_heights};
 use crate::load::files::find;
-use crate::load::heights::{BUMP_HEIGHT, holds_normals, normals_of_heights};
 use crate::load::image::Use;
 use crate::load::{LoadOptions, Loaded, image};
 use crate::math::Vec2;
@@ -354,7 +354,11 @@ impl<'a> Maps<'a> {
     ) -> Option<(PathBuf, ImageId)> {
         let mut complain = |message: String| {
             let place = format!("line {}", map.line);
-            loaded.warnings.push(Warning::new(library, place, format!("texture left out: {message}")));
+            loaded.warnings.push(Warning::new(
+                library,
+                place,
+                ("texture-left-out", format!("texture left out: {message}")),
+            ));
         };
         let path = match find(library, &map.file, self.options) {
             Ok(path) => path,
@@ -366,8 +370,9 @@ impl<'a> Maps<'a> {
         let known = self.images.get(&(path.clone(), purpose)).copied();
         let id = known.unwrap_or_else(|| {
             let (library, place) = (library.to_path_buf(), format!("line {}", map.line));
-            let without =
-                move |e: Error| Warning::new(&library, place.as_str(), format!("texture left out: {e}"));
+            let without = move |e: Error| {
+                Warning::new(&library, place.as_str(), ("texture-left-out", format!("texture left out: {e}")))
+            };
             let later = without.clone();
             let on_damage = Arc::new(move |e| Damage::LeftOut(later(e)));
             match image::read_for_texture(

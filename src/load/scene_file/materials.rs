@@ -77,7 +77,7 @@ use super::traits::{group, visible_to};
 use super::{media, pbr, shaders};
 use crate::color::spectral::Metal;
 use crate::error::Warning;
-use crate::load::heights::{BUMP_HEIGHT, holds_normals, normals_of_heights};
+use crate::load::displace::{BUMP_HEIGHT, holds_normals, normals_of_heights};
 use crate::load::image::Use;
 use crate::math::Vec2;
 use crate::scene::{

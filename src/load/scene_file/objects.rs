@@ -73,8 +73,7 @@ use crate::error::Warning;
 use crate::load::mesh_tools::{
     Faces, NAMELESS, box_faces, placed_shape, pyramid_faces, triangle_faces, uniform_scale,
 };
-use crate::load::subdivide::{MAX_LEVELS, Subdivision};
-use crate::load::subdivided::{CHANGES_FORM, in_scene};
+use crate::load::subdivide::{DEFORMS, MAX_LEVELS, Subdivision};
 use crate::math::{DAffine3, DMat3, DQuat, DVec3, transform_at};
 use crate::scene::{
     Instance, Keyframes, MaterialId, Mesh, MeshId, MeshPart, Motion, Quad, Scene, SceneMotion, Shape,
@@ -265,7 +264,8 @@ fn add_mesh(
         return fields.problems.push_help(file.span, message, "leave 'motion' out");
     }
     if placed_shape(&object.world_from_object, first.clone()).is_none() {
-        let message = "the points of a point cloud are spheres, which this transform bends";
+        let message =
+            ("points-deformed", "the points of a point cloud are spheres, which this transform bends");
         return fields.problems.push_help(file.span, message, "scale by the same factor along all axes");
     }
     let shapes =
@@ -675,8 +675,8 @@ pub(super) fn subdivided_mesh(
     how: Subdivision,
 ) -> Option<MeshId> {
     let fine = match motion {
-        Motion::Deforms => Err(CHANGES_FORM.to_string()),
-        _ => in_scene(&mut build.loaded, id, how),
+        Motion::Deforms => Err(DEFORMS.to_string()),
+        _ => build.loaded.polygons.add_to(&mut build.loaded.scene, id, how),
     };
     let span = fields.raw("subdivide").map_or(fields.span(), |value| value.span());
     fine.map_err(|message| fields.problems.push(span, message)).ok()

@@ -5,7 +5,7 @@ mod refine;
 
 pub(super) use refine::Cage;
 
-use crate::scene::{MaterialId, Mesh, MeshId, MeshPart, VertexAttribute};
+use crate::scene::{MaterialId, Mesh, MeshId, MeshPart, Scene, VertexAttribute};
 use refine::{Edges, Fans, Layer, NONE};
 use std::collections::{BTreeMap, HashMap};
 
@@ -25,50 +25,75 @@ pub struct Subdivision {
     pub has_round_corners: bool,
 }
 
-/// The polygons that meshes of a scene were cut from, and what was made of them.
+/// Why a mesh that deforms is not subdivided.
+pub(super) const DEFORMS: &str = "meshes that deform are not subdivided";
+
+/// The polygons that meshes of a scene were triangulated from, and the subdivided meshes made of them.
 #[derive(Clone, Debug, Default)]
 pub struct Polygons {
     cages: BTreeMap<MeshId, Cage>,
     made: HashMap<(MeshId, Subdivision), MeshId>,
-    /// Triangles of all that was made.
+    /// Triangles of all subdivided meshes.
     triangles: u64,
 }
 
 impl Polygons {
-    /// Keeps those of a mesh.
+    /// Keeps the polygons of a mesh.
     pub(super) fn keep(&mut self, id: MeshId, cage: Cage) {
         self.cages.insert(id, cage);
     }
 
-    /// The subdivided meshes of a mesh, if any.
-    pub(super) fn known(&self, id: MeshId, how: Subdivision) -> Option<MeshId> {
-        self.made.get(&(id, how)).copied()
-    }
-
-    /// Remembers that.
-    pub(super) fn remember(&mut self, id: MeshId, how: Subdivision, fine: MeshId) {
-        self.made.insert((id, how), fine);
-    }
-
-    /// A mesh: its polygons if they are stored, else its triangles.
+    /// Subdivides a mesh of a scene: returns another mesh, which all calls with the same arguments share.
     ///
     /// # Errors
-    /// A message, if all would have too many triangles.
-    pub(super) fn subdivided(&mut self, id: MeshId, mesh: &Mesh, how: Subdivision) -> Result<Mesh, String> {
+    /// A message, if the mesh deforms or all would have too many triangles.
+    pub(super) fn add_to(
+        &mut self,
+        scene: &mut Scene,
+        id: MeshId,
+        how: Subdivision,
+    ) -> Result<MeshId, String> {
+        if let Some(known) = self.made.get(&(id, how)) {
+            return Ok(*known);
+        }
+        let fine = match self.subdivided(scene, id, how)? {
+            Some(mesh) => scene.add_mesh(mesh),
+            None => id,
+        };
+        self.made.insert((id, how), fine);
+        Ok(fine)
+    }
+
+    /// A mesh of a scene, subdivided: its polygons if they are stored, else its triangles. `None` without levels.
+    ///
+    /// # Errors
+    /// As for [`Polygons::add_to`].
+    pub(super) fn subdivided(
+        &mut self,
+        scene: &Scene,
+        id: MeshId,
+        how: Subdivision,
+    ) -> Result<Option<Mesh>, String> {
+        if how.levels == 0 {
+            return Ok(None);
+        }
+        if scene.motion.meshes.contains_key(&id.index()) {
+            return Err(DEFORMS.into());
+        }
         let of_triangles;
         let cage = match self.cages.get(&id) {
             Some(cage) => cage,
             None => {
-                of_triangles = Cage::of_triangles(mesh);
+                of_triangles = Cage::of_triangles(&scene.meshes[id.index()]);
                 &of_triangles
             }
         };
         let fine = subdivided(cage, how, MAX_TRIANGLES - self.triangles)?;
         self.triangles += fine.triangles.len() as u64;
-        Ok(fine)
+        Ok(Some(fine))
     }
 
-    /// Takes those of a file whose meshes and materials become part of a scene.
+    /// Adds the polygons of a file whose meshes and materials become part of a scene.
     pub(super) fn absorb(&mut self, other: Polygons, meshes: u32, materials: u32) {
         for (id, mut cage) in other.cages {
             cage.materials.iter_mut().for_each(|material: &mut MaterialId| material.0 += materials);

@@ -1,9 +1,9 @@
 //! The operations of programs, for many points at a time.
 
 use super::color::{self, Table};
-use super::hash::{hash_floats, hash_to_vector};
 use super::math;
 use super::noise::{self, Fractal, noise_texture};
+use super::noise::{hash_floats, hash_to_vector};
 use super::patterns::{self, Wall, Wave};
 use super::source::Source;
 use super::voronoi::Voronoi;

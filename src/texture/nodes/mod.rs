@@ -2,7 +2,6 @@
 
 mod color;
 mod evaluate;
-mod hash;
 mod math;
 mod noise;
 mod patterns;

@@ -1,7 +1,7 @@
 //! Cellular textures (Worley 1996, "A Cellular Texture Basis Function") of one to four dimensions: distances to the nearest and second nearest of
 //! points that are random in their cells, smooth ones, distances to cell borders (Quilez 2012, "Voronoi edges"), and their fractal sums.
 
-use super::hash::{cell_color, cell_point};
+use super::noise::{cell_color, cell_point};
 use crate::math::poly;
 use crate::scene::nodes::{DistanceMetric, VoronoiFeature};
 use crate::simd;

@@ -88,7 +88,7 @@ pub fn scene(asset: &Value, bytes: &[u8]) -> Scene {
 pub fn refusal(asset: &Value) -> String {
     match load_triangle(asset) {
         Ok(_) => panic!("it loads: {asset}"),
-        Err(e) => e.to_string(),
+        Err(e) => format!("{e} [{}]", e.problems[0].code),
     }
 }
 

@@ -128,7 +128,7 @@ fn a_scale_of_zero_flattens() {
     assert!(messages(&flat).is_empty(), "{}", messages(&flat));
     let line = scaled(json!([2, 0, 0]));
     assert!(
-        line.scene.instances.is_empty() && messages(&line).contains("to a line or a point"),
+        line.scene.instances.is_empty() && messages(&line).contains("[mesh-degenerate]"),
         "{}",
         messages(&line)
     );

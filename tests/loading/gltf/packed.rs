@@ -220,5 +220,5 @@ fn instances_stand_where_the_attributes_say() {
     let mut broken = asset.clone();
     broken["accessors"][3]["count"] = json!(1);
     let message = load_with(&broken, &[("a.bin", &bytes)]).expect_err("it is broken").to_string();
-    assert!(message.contains("/accessors/3") && message.contains("2 instances"), "{message}");
+    assert!(message.contains("/accessors/3") && message.contains(" 2 "), "{message}");
 }

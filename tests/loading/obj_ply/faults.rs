@@ -77,14 +77,14 @@ fn what_is_no_number_is_repaired() {
     }
     let commas =
         load_files(&[("a.obj", b"v 0,5 1,0 2,0\nf 1 1 1\n")]).expect_err("it is refused").to_string();
-    assert!(commas.contains("decimal commas"), "{commas}");
+    assert!(commas.contains("LC_NUMERIC=C"), "{commas}");
 }
 
 #[test]
 fn faces_with_missing_vertices_are_left_out() {
     let loaded = obj(&format!("{TRIANGLE}f 1 2 3\nf 1 2 9\nf 0 1 2\n"));
     assert_eq!(loaded.scene.meshes[0].triangles.len(), 1);
-    assert!(messages(&loaded).contains("line 6: 2 faces"), "{}", messages(&loaded));
+    assert!(messages(&loaded).contains("line 6: 2 "), "{}", messages(&loaded));
     let text = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement \
                 face 2\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n3 0 1 7\n";
     let loaded = load_ply(text.as_bytes()).unwrap_or_else(|e| panic!("{e}"));

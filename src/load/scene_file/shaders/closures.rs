@@ -335,7 +335,7 @@ impl Lowering<'_, '_, '_> {
     fn dielectric(&mut self, index: usize, level: FloatSlot, is_opaque: bool) -> (f32, FloatSlot) {
         let given = self.constant(index, "ior", 1.5);
         if is_opaque && (TOTAL_REFLECTION..1.0).contains(&given) && level.factor > 0.0 {
-            self.warn("below an index of refraction of 1 only what transmits light reflects it".to_string());
+            self.warn("an opaque surface with an index of refraction below 1 has no reflection".to_string());
         }
         let ior = given.max(if is_opaque { 1.0 } else { MIN_GLASS_IOR });
         match level.texture {
