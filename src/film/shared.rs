@@ -2,7 +2,7 @@
 //!
 //! Each band has its own lock, which is hardly ever contended: tiles that are traced at the same time lie in different bands, as
 //! tiles are ordered column by column. Where passes overlap, a tile of a later pass waits in its bands until the earlier
-//! one is complete there, so that each pixel gets its samples in one order.
+//! one is complete there, so that the samples of each pixel are added in a fixed order.
 
 use super::band::Band;
 use super::picture::Film;
@@ -12,19 +12,19 @@ use rayon::prelude::*;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};
 
-/// A film in parts that threads add to.
+/// A film in bands, to which threads add concurrently.
 pub struct SharedFilm {
-    /// All but the bands.
+    /// The film without its bands.
     film: Film,
-    place: Rect,
+    rect: Rect,
     bands: Vec<Mutex<SharedBand>>,
-    /// Samples that were left out meanwhile.
+    /// Number of invalid samples that were left out.
     invalid: AtomicU64,
 }
 
 struct SharedBand {
     band: Band,
-    place: Rect,
+    rect: Rect,
     /// The pass that is being added, and the number of its pixels that are missing.
     pass: usize,
     left: u64,
@@ -35,13 +35,13 @@ struct SharedBand {
 impl Film {
     /// The film in parts that threads add to, until [`SharedFilm::into_film`].
     pub fn into_shared(mut self) -> SharedFilm {
-        let place = self.rect();
+        let rect = self.rect();
         let share = |(number, band): (usize, _)| {
-            let place = place.band(number);
-            Mutex::new(SharedBand { band, place, pass: 0, left: place.area(), waiting: Vec::new() })
+            let rect = rect.band(number);
+            Mutex::new(SharedBand { band, rect, pass: 0, left: rect.area(), waiting: Vec::new() })
         };
         let bands = std::mem::take(&mut self.bands).into_iter().enumerate().map(share).collect();
-        SharedFilm { film: self, place, bands, invalid: AtomicU64::new(0) }
+        SharedFilm { film: self, rect, bands, invalid: AtomicU64::new(0) }
     }
 }
 
@@ -56,26 +56,26 @@ impl SharedFilm {
         assert!(is_ours, "a tile has other channels than the film");
         self.invalid.fetch_add(tile.invalid_samples, Ordering::Relaxed);
         let tile = Arc::new(tile);
-        for band in &self.bands[self.place.overlapping_bands(tile.rect())] {
+        for band in &self.bands[self.rect.overlapping_bands(tile.rect())] {
             lock(band).take(pass, &tile);
         }
         Arc::into_inner(tile)
     }
 
-    /// How many pixels of a rectangle of the picture are within the film.
+    /// Number of pixels of a rectangle of the picture that are within the film.
     pub fn pixels_within(&self, x0: u32, y0: u32, width: u32, height: u32) -> u64 {
-        self.place.intersection(Rect::new((x0, y0), (width, height))).area()
+        self.rect.intersection(Rect::new((x0, y0), (width, height))).area()
     }
 
     /// Adds all splats of a sample, lists of which each is sorted by [`SharedFilm::sort`].
     pub fn add_splats(&self, lists: &[Vec<Splat>], is_of_first_half: bool) {
         self.bands.par_iter().for_each(|band| {
-            let SharedBand { band, place, .. } = &mut *lock(band);
+            let SharedBand { band, rect, .. } = &mut *lock(band);
             let mut invalid = 0;
             for splats in lists {
-                let from = splats.partition_point(|splat| splat.y < place.y0);
-                let until = from + splats[from..].partition_point(|splat| splat.y < place.y1);
-                invalid += band.add_splats(*place, &splats[from..until], is_of_first_half, &self.film.layout);
+                let from = splats.partition_point(|splat| splat.y < rect.y0);
+                let until = from + splats[from..].partition_point(|splat| splat.y < rect.y1);
+                invalid += band.add_splats(*rect, &splats[from..until], is_of_first_half, &self.film.layout);
             }
             band.splats(&self.film.layout).count(1, is_of_first_half);
             self.invalid.fetch_add(invalid, Ordering::Relaxed);
@@ -99,13 +99,13 @@ impl SharedFilm {
 impl SharedBand {
     fn finish(band: Mutex<SharedBand>) -> Band {
         let band = band.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
-        let SharedBand { mut band, place, mut waiting, .. } = band;
+        let SharedBand { mut band, rect, mut waiting, .. } = band;
         waiting.sort_by_key(|(pass, tile)| (*pass, tile.y0, tile.x0));
-        waiting.iter().for_each(|(_, tile)| band.add_tile(place, tile));
+        waiting.iter().for_each(|(_, tile)| band.add_tile(rect, tile));
         band
     }
 
-    /// Adds a tile when its pass is the one that is added now, and then all that waited for that.
+    /// Adds a tile if its pass is the current one, and then the tiles that waited for it.
     fn take(&mut self, pass: usize, tile: &Arc<FilmTile>) {
         if pass != self.pass {
             self.waiting.push((pass, tile.clone()));
@@ -113,7 +113,7 @@ impl SharedBand {
         }
         self.add(tile);
         while self.left == 0 {
-            (self.pass, self.left) = (self.pass + 1, self.place.area());
+            (self.pass, self.left) = (self.pass + 1, self.rect.area());
             let pass = self.pass;
             for (_, tile) in self.waiting.extract_if(.., |(of, _)| *of == pass).collect::<Vec<_>>() {
                 self.add(&tile);
@@ -122,8 +122,8 @@ impl SharedBand {
     }
 
     fn add(&mut self, tile: &FilmTile) {
-        self.band.add_tile(self.place, tile);
-        self.left = self.left.saturating_sub(self.place.intersection(tile.rect()).area());
+        self.band.add_tile(self.rect, tile);
+        self.left = self.left.saturating_sub(self.rect.intersection(tile.rect()).area());
     }
 }
 
@@ -195,7 +195,7 @@ mod tests {
             assert!(shared.merge(0, FilmTile::new(0, y0, 64, 16, layout)).is_some());
         }
         drop(held);
-        let locks = |y0, height| shared.place.overlapping_bands(Rect::new((0, y0), (16, height))).len();
+        let locks = |y0, height| shared.rect.overlapping_bands(Rect::new((0, y0), (16, height))).len();
         assert_eq!(
             [locks(0, 16), locks(48, 16), locks(8, 16), locks(32, 32), locks(64, 16)],
             [1, 1, 2, 2, 0]

@@ -546,7 +546,8 @@ impl Integrator<'_> {
 
     /// Is there an even sky without light samples, and the shadow AOV?
     pub(super) fn records_sky_shadows(&self) -> bool {
-        let is_found_by_scattering = |sky: &EnvironmentLight| sky.is_even() && !sky.is_sampled();
+        let is_found_by_scattering =
+            |sky: &EnvironmentLight| sky.is_constant_or_linear() && !sky.is_sampled();
         self.first_hits.contains(Aov::Shadow)
             && self.scene.lights.environment().is_some_and(is_found_by_scattering)
     }

@@ -178,7 +178,7 @@ impl BounceCounts {
         counts.into_iter().fold(0, |bits, count| bits << 2 | u32::from(count.min(3)))
     }
 
-    /// Counts an event that sent a ray of a kind.
+    /// Counts an event whose scattered ray is of a kind.
     pub fn count(&mut self, kind: RayKinds) {
         let count = match kind {
             RayKinds::DIFFUSE => &mut self.diffuse,
@@ -421,10 +421,10 @@ pub struct GuidedLanes {
     pub throughput_luminance: Lanes,
 }
 
-/// The curved surface that the triangles of vertices stand for.
+/// The smooth surface that triangles with vertex normals approximate.
 #[derive(Zeroable)]
 pub struct LiftLanes {
-    /// Its unit normal; zero where shadow rays start at the triangle.
+    /// Unit normal; zero where shadow rays start at the triangle.
     pub normal: Lanes3,
     /// From the triangle to where shadow rays start on the side of that normal, and on the other one, metres.
     pub above: Lanes3,
@@ -445,9 +445,9 @@ pub struct Vertices {
     pub ng: Lanes3,
     /// Shading normal, on the side of the geometric one.
     pub ns: Lanes3,
-    /// How relief shadows light: [`super::shading_geometry::RELIEF`] and the like.
+    /// Shadowing by normal maps: [`super::shading_geometry::RELIEF`] and the like.
     pub relief: Lanes,
-    /// The normal that maps count against, on the same side; where `relief` isn't 0.
+    /// The normal that normal maps perturb, on the same side; where `relief` isn't 0.
     pub smooth: Lanes3,
     /// Offset of ray origins along the normal, metres.
     pub offset: Lanes,

@@ -32,7 +32,7 @@ pub struct EnvironmentLight {
     pub(super) portals: Portals,
     /// May light samples be taken?
     is_sampled: bool,
-    /// Light samples are taken of even skies as well.
+    /// Light samples are taken of constant and linear skies as well.
     decides_shadows: bool,
 }
 
@@ -52,9 +52,9 @@ enum EnvironmentKind {
 pub struct ImageMap {
     width: usize,
     height: usize,
-    /// Linear RGB times the strength and the sampling density per area of the unit square, row by row from the top. The
-    /// first texel of each row comes again at its end, and the last row once more, so that the neighbours of all are where
-    /// those of others are.
+    /// Linear RGB times the strength and the sampling density per area of the unit square, row by row from the top. Padded
+    /// by the first texel of each row at its end and by a copy of the last row, so that all texels have right and lower
+    /// neighbours.
     texels: Vec<Vec4>,
     mean_luminance: f32,
     map: BilinearMap,
@@ -73,7 +73,7 @@ pub struct TexelPosition {
 }
 
 impl EnvironmentLight {
-    /// Bytes that the picture takes, if it is one.
+    /// Memory of the image, if it is one, bytes.
     pub fn bytes(&self) -> usize {
         match &self.kind {
             EnvironmentKind::Constant(_) | EnvironmentKind::Gradient { .. } => 0,
@@ -81,12 +81,12 @@ impl EnvironmentLight {
         }
     }
 
-    /// Nothing for a black environment (or one that is black throughout).
+    /// Returns nothing for a black environment.
     ///
     /// `mis_compensation` leaves out of the sampling density what is darker than the average (Karlík, Šik, Vévoda,
     /// Skřivan, Křivánek 2019, "MIS Compensation"): less noise where directions are also sampled by the BSDF and both
     /// are combined by multiple importance sampling, wrong where they are not. It is ignored for images of one colour.
-    /// `images` are the scene's; an image that is missing there counts as black. Negative and non-finite texels do too.
+    /// `images` are the scene's; an image that is missing counts as black, and so do negative and non-finite texels.
     pub fn new(
         environment: &Environment,
         images: &[Image],
@@ -180,15 +180,15 @@ impl EnvironmentLight {
         (self.is_sampled, self.decides_shadows) = (is_sampled, decides_shadows);
     }
 
-    /// Are light samples taken? None of an even sky, unless they decide about shadows: BSDF samples find its light with little noise
-    /// wherever it counts, and light samples are left for other lights.
+    /// Are light samples taken? Not of a constant or linear sky, unless shadow rays see other objects than scattered rays: BSDF samples
+    /// find its light with little noise, and light samples are better spent on other lights.
     #[inline(always)]
     pub fn is_sampled(&self) -> bool {
-        self.is_sampled && (self.decides_shadows || !self.is_even())
+        self.is_sampled && (self.decides_shadows || !self.is_constant_or_linear())
     }
 
-    /// Is it a constant or linear sky without portals?
-    pub fn is_even(&self) -> bool {
+    /// Is its radiance constant or linear in y, without portals?
+    pub fn is_constant_or_linear(&self) -> bool {
         self.image_map().is_none() && !self.has_portals()
     }
 
@@ -296,7 +296,7 @@ impl ImageMap {
     /// Map coordinates of a direction, both in 0..1.
     #[inline(always)]
     pub fn uv(&self, d: Vec3) -> [f32; 2] {
-        // Turning the environment counter-clockwise seen from above turns the direction clockwise.
+        // Rotating the environment counter-clockwise seen from above rotates the direction clockwise.
         let x = d.x * self.cosine - d.z * self.sine;
         let z = d.x * self.sine + d.z * self.cosine;
         let sine = (d.x * d.x + d.z * d.z).sqrt();

@@ -1,7 +1,7 @@
 //! Displacement: meshes whose materials have height maps are subdivided and moved along their normals when a scene is loaded, so that
 //! all later stages see triangles only; and normal maps from height maps.
 //!
-//! Triangles cut in halves until no edge is longer than wanted. Whether an edge is cut depends on its ends alone, so that triangles
+//! Triangles are bisected until no edge is longer than requested. Whether an edge is cut depends on its ends alone, so that triangles
 //! on both sides of it agree and no cracks open.
 
 use super::Loaded;
@@ -17,10 +17,10 @@ use std::sync::Arc;
 
 /// Maximum number of triangles that all displaced meshes of a scene may have together.
 const MAX_TRIANGLES: usize = 16_000_000;
-/// Edges of this share of a mesh's diagonal, where the material gives no length.
+/// Default edge length, as a fraction of a mesh's diagonal.
 const DEFAULT_EDGE: f32 = 1.0 / 256.0;
 
-/// Applies the displacement of all materials to the meshes that have them; no material keeps one.
+/// Applies the displacement of all materials to the meshes that have them, and removes it from the materials.
 pub(super) fn apply(loaded: &mut Loaded) {
     if loaded.scene.materials.iter().all(|m| m.displacement.is_none()) {
         return;
@@ -77,7 +77,7 @@ fn quads_to_meshes(scene: &mut Scene, heights: &AllHeights, warnings: &mut Vec<W
     }
 }
 
-/// Gives all instances with displaced materials displaced meshes, each made once.
+/// Replaces the meshes of all instances with displaced materials; instances that share a mesh share the displaced one, too.
 fn instances(scene: &mut Scene, heights: &AllHeights, warnings: &mut Vec<Warning>) {
     let mut made: HashMap<(MeshId, Option<MaterialId>), Option<MeshId>> = HashMap::new();
     let mut triangles = 0;
@@ -91,7 +91,7 @@ fn instances(scene: &mut Scene, heights: &AllHeights, warnings: &mut Vec<Warning
         }
         let deforms = motion == Motion::Deforms || scene.motion.meshes.contains_key(&mesh.index());
         if deforms {
-            warn(warnings, name, "is not displaced: its mesh changes its form");
+            warn(warnings, name, "is not displaced: its mesh deforms");
             continue;
         }
         let key = (mesh, material.filter(|id| heights.contains_key(id)));
@@ -134,7 +134,7 @@ fn displaced(own: &Mesh, parts: &Parts, budget: usize, warnings: &mut Vec<Warnin
         );
         warn(warnings, &own.name, message);
     }
-    Some(lifted(fine, parts))
+    Some(displace_vertices(fine, parts))
 }
 
 /// Limits edges that are far too short: where their triangles exceed the budget by far, subdividing up to it gains nothing.
@@ -181,7 +181,7 @@ fn diagonal(mesh: &Mesh) -> f32 {
 /// Displacement and height map of each part of a mesh.
 type Parts<'a> = Vec<Option<(&'a Displacement, &'a Heights)>>;
 
-/// The values of a channel, bilinear between the middles of texels.
+/// The values of a channel, bilinear between the centres of texels.
 struct Heights {
     size: [usize; 2],
     values: Vec<f32>,
@@ -191,7 +191,7 @@ struct Heights {
 }
 
 impl Heights {
-    /// The heights of a texture, which must be an image by texture coordinates; else the reason.
+    /// The heights of a texture, which must be an image mapped by texture coordinates; else the reason why it isn't.
     pub fn of(scene: &Scene, (id, channel): (TextureId, u8)) -> Result<Heights, String> {
         let texture = scene.textures.get(id.index());
         let Some(Texture::Image { image, wrap_u, wrap_v, mapping: Mapping::Uv { set, transform }, .. }) =
@@ -202,7 +202,7 @@ impl Heights {
         let image = scene.images.get(image.index()).ok_or("is displaced by an image that is not there")?;
         let image =
             image.decoded(&mut Vec::new()).map_err(|_| "is displaced by an image that can't be decoded")?;
-        // Heights are no colours, whatever else the image is used for.
+        // Heights are linear data, even if the image is used as colours elsewhere.
         let image = Image { encoding: Encoding::Linear, ..image };
         let size = [image.width as usize, image.height as usize];
         let texel =
@@ -216,7 +216,7 @@ impl Heights {
         })
     }
 
-    /// The set of texture coordinates that it takes.
+    /// Index of the set of texture coordinates that it uses.
     pub fn set(&self) -> usize {
         self.set as usize
     }
@@ -267,25 +267,26 @@ fn key(p: [f32; 3]) -> Key {
 #[derive(Clone, Copy, Default)]
 struct Place {
     direction: Vec3,
-    /// Sum of the lengths of what `direction` is the sum of.
+    /// Sum of the lengths of the vectors that were added to `direction`.
     length: f32,
     heights: f32,
     count: f32,
 }
 
 impl Place {
-    /// The way of a vertex whose own direction is given. The sides of a card cancel each other: each goes its own way.
+    /// The displacement direction of a vertex with this normal: that of the place, or the vertex's own where the normals of the place
+    /// cancel each other, as on the two sides of a card.
     fn direction_of(&self, own: Vec3) -> Vec3 {
         let is_shared = self.direction.length() > SHARED * self.length;
         if is_shared { self.direction.normalize_or_zero() } else { own.normalize_or_zero() }
     }
 }
 
-/// How long the sum of the directions of a place must be, as a share of all their lengths, for its vertices to move as one.
+/// Minimum length of the sum of the directions of a place, as a fraction of the sum of their lengths, for its vertices to move as one.
 const SHARED: f32 = 0.1;
 
 /// The mesh with the vertices of its displaced parts moved along their normals.
-fn lifted(mut mesh: Mesh, parts: &Parts) -> Mesh {
+fn displace_vertices(mut mesh: Mesh, parts: &Parts) -> Mesh {
     let over = vertices_over(&mesh, parts);
     let own = directions(&mesh);
     let mut places: HashMap<Key, Place> = HashMap::new();
@@ -302,7 +303,7 @@ fn lifted(mut mesh: Mesh, parts: &Parts) -> Mesh {
             place.length += direction.length();
         }
     }
-    // Normals are smooth where they were: where vertices of one place had the same. Flat meshes become smooth.
+    // Normals stay smooth where vertices of one place had the same normal. Flat meshes become smooth.
     let smooth: Vec<(Key, Key)> = (0..mesh.positions.len())
         .map(|v| (key(mesh.positions[v]), mesh.normals.get(v).map_or([0; 3], |n| key(*n))))
         .collect();
@@ -330,7 +331,7 @@ fn vertices_over(mesh: &Mesh, parts: &Parts) -> Vec<Option<usize>> {
     over
 }
 
-/// Normals of vertices, or where there are none those of the triangles around, weighted by their areas.
+/// Vertex normals; without them the means of the normals of adjacent triangles, weighted by area.
 fn directions(mesh: &Mesh) -> Vec<Vec3> {
     if !mesh.normals.is_empty() {
         return mesh.normals.iter().map(|n| Vec3::from_array(*n)).collect();
@@ -350,7 +351,7 @@ fn face_normals(mesh: &Mesh) -> impl Iterator<Item = Vec3> + '_ {
     })
 }
 
-/// Means of the normals of the triangles around, weighted by their areas.
+/// Sets vertex normals to the means of the normals of adjacent triangles, weighted by area.
 fn set_normals(mesh: &mut Mesh, over: &[Option<usize>], smooth: &[(Key, Key)]) {
     let mut sums: HashMap<(Key, Key), Vec3> = HashMap::new();
     for (triangle, normal) in mesh.triangles.iter().zip(face_normals(mesh)) {
@@ -370,8 +371,8 @@ fn set_normals(mesh: &mut Mesh, over: &[Option<usize>], smooth: &[(Key, Key)]) {
     mesh.normals = normals.collect();
 }
 
-/// The mesh, without tangents, its parts cut to the lengths that are given; and the longest edge that is left where it would have
-/// more triangles than allowed.
+/// The mesh without tangents, its parts subdivided to the given edge lengths; and its longest edge, if the limit of triangles stopped
+/// the subdivision.
 fn subdivided(mesh: &Mesh, edges: &[Option<f32>], most: usize) -> (Mesh, Option<f32>) {
     let mut fine = Mesh { tangents: Vec::new(), triangles: Vec::new(), parts: Vec::new(), ..mesh.clone() };
     let mut longest = None;
@@ -429,7 +430,7 @@ fn length(mesh: &Mesh, a: u32, b: u32) -> f32 {
 }
 
 /// Is an edge longer than wanted, and are its halves shorter? Far from the origin neighbouring numbers may be farther apart
-/// than edges are to be, and the middle rounds to an end.
+/// than edges should be, and the midpoint rounds to an end.
 fn is_cut(mesh: &Mesh, [a, b]: [u32; 2], edge: f32) -> bool {
     let whole = length(mesh, a, b);
     if whole <= edge {
@@ -447,10 +448,10 @@ fn cut(mesh: &mut Mesh, triangles: &[[u32; 3]], edge: f32) -> Vec<[u32; 3]> {
     for triangle in triangles {
         let middle = sides(triangle).map(|[a, b]| {
             is_cut(mesh, [a, b], edge)
-                .then(|| *middles.entry([a.min(b), a.max(b)]).or_insert_with(|| add_middle(mesh, a, b)))
+                .then(|| *middles.entry([a.min(b), a.max(b)]).or_insert_with(|| add_midpoint(mesh, a, b)))
         });
         let middle: Vec<Option<u32>> = middle.collect();
-        // Turned so that cut sides come first.
+        // Rotated so that cut sides come first.
         let turn = match [middle[0].is_some(), middle[1].is_some(), middle[2].is_some()] {
             [false, true, _] => 1,
             [_, false, true] => 2,
@@ -470,8 +471,8 @@ fn cut(mesh: &mut Mesh, triangles: &[[u32; 3]], edge: f32) -> Vec<[u32; 3]> {
     finer
 }
 
-/// A vertex half way between two.
-fn add_middle(mesh: &mut Mesh, a: u32, b: u32) -> u32 {
+/// Adds the midpoint of two vertices.
+fn add_midpoint(mesh: &mut Mesh, a: u32, b: u32) -> u32 {
     let (a, b) = (a as usize, b as usize);
     let index = mesh.positions.len() as u32;
     mesh.positions.push(mean(mesh.positions[a], mesh.positions[b]));
@@ -496,7 +497,7 @@ fn mean<const N: usize>(a: [f32; N], b: [f32; N]) -> [f32; N] {
 
 // Normal maps from height maps.
 
-/// Height of a bump map's white over its black, as a share of the texture's width, where its factor (`-bm` in MTL files) is 1. The
+/// Height of a bump map's white over its black, as a fraction of the texture's width, where its factor (`-bm` in MTL files) is 1. The
 /// formats leave the unit open.
 pub(super) const BUMP_HEIGHT: f32 = 0.01;
 
@@ -697,7 +698,7 @@ mod tests {
         assert!([0.0, 1.0, 2.0, 3.0].iter().all(|n| steps.clone().any(|step| step == *n)));
     }
 
-    /// The sides of a card share their places, and their normals cancel: each goes its own way.
+    /// The sides of a card share their places, and their normals cancel: each is displaced along its own.
     #[test]
     fn both_sides_of_a_card_are_displaced() {
         let mut scene = Scene::default();

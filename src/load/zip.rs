@@ -44,7 +44,7 @@ impl Archive {
     /// The bytes of an entry, up to a maximum.
     ///
     /// # Errors
-    /// Says what is wrong with it, to follow its name.
+    /// A message that follows the name of the archive.
     pub fn data(&self, entry: &Entry, most: u64) -> std::result::Result<Vec<u8>, String> {
         entry.data(&self.bytes, most)
     }
@@ -58,7 +58,7 @@ impl Archive {
     /// begin with a slash.
     ///
     /// # Errors
-    /// Says what is wrong with it, to follow its name.
+    /// A message that follows the name of the archive.
     pub fn file(&self, name: &str) -> std::result::Result<Vec<u8>, String> {
         let plain = |name: &str| name.trim_start_matches('/').replace('\\', "/");
         let wanted = plain(name);

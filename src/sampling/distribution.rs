@@ -5,15 +5,15 @@ use crate::simd::Table;
 /// One entry of an [`AliasTable`].
 #[derive(Clone, Copy, Debug)]
 struct AliasEntry {
-    /// Probability to stay.
+    /// Probability of keeping this index.
     threshold: f32,
-    /// Where to go otherwise.
+    /// The index that is chosen otherwise.
     alias: u32,
     /// Probability of this index.
     pdf_discrete: f32,
 }
 
-/// An index with the random number that is left after choosing it.
+/// A chosen index with a remapped random number.
 #[derive(Clone, Copy, Debug)]
 pub struct DiscreteSample {
     /// The index.
@@ -56,12 +56,12 @@ impl AliasTable {
         AliasTable { entries }
     }
 
-    /// How many indices.
+    /// Number of indices.
     pub fn len(&self) -> usize {
         self.entries.len()
     }
 
-    /// Never: a table has at least one index.
+    /// Always false: a table has at least one index.
     pub fn is_empty(&self) -> bool {
         self.entries.is_empty()
     }
@@ -95,7 +95,7 @@ impl AliasTable {
     }
 }
 
-/// Weights as f64 without negative or non-finite values; all ones if nothing is left. Never empty.
+/// Weights as f64 without negative or non-finite values; all ones if none is positive. Never empty.
 fn cleaned(weights: &[f32]) -> Vec<f64> {
     let clean: Vec<f64> =
         weights.iter().map(|&w| if w.is_finite() && w > 0.0 { f64::from(w) } else { 0.0 }).collect();
@@ -194,13 +194,13 @@ impl BilinearMap {
         [self.width as usize, self.height as usize]
     }
 
-    /// The densities at the texel centres of a row; the first one comes again at the end.
+    /// The densities at the texel centres of a row; the first one is repeated at the end.
     pub fn row(&self, y: usize) -> &[f32] {
         let stride = self.width as usize + 1;
         &self.values[y * stride..(y + 1) * stride]
     }
 
-    /// Bytes that it takes.
+    /// Memory in bytes.
     pub fn bytes(&self) -> usize {
         4 * (self.values.len() + self.coarse.len() + self.rows.len() + self.row_cumulative.len())
     }
@@ -346,7 +346,7 @@ impl BilinearMap {
     }
 }
 
-/// Two rows, and the share of the second one.
+/// Two rows, and the weight of the second one.
 #[derive(Clone, Copy, Default)]
 struct RowPair {
     low: u32,

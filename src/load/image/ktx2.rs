@@ -1,7 +1,5 @@
-//! KTX2 to pixels: Basis Universal textures (ETC1S, UASTC and their relatives, KHR_texture_basisu), and plain 8-bit
+//! KTX2 to pixels: Basis Universal textures (ETC1S, UASTC and their relatives, KHR_texture_basisu) by `basisu`, and plain 8-bit
 //! pixels, also deflated by Zstandard or ZLIB. The first level of the first layer is read.
-//!
-//! Basis Universal textures in KTX2 files (ETC1S, UASTC and their relatives), by `basisu`.
 
 use super::source;
 use super::source::{Layout, Source, Use};
@@ -40,7 +38,7 @@ struct Header {
 /// Size, channels and bits of a channel of the image that [`decode`] gives, without its pixels; `None` where they are floats.
 ///
 /// # Errors
-/// Those of [`decode`] that the header shows.
+/// The errors of [`decode`] that can be found in the header.
 pub(super) fn layout(source: &Source, warnings: &mut Vec<Warning>) -> Result<Option<Layout>> {
     let header = checked_header(source, warnings)?;
     let size = [header.width, header.height.max(1)];
@@ -49,12 +47,12 @@ pub(super) fn layout(source: &Source, warnings: &mut Vec<Warning>) -> Result<Opt
         Some(channels) => Some(channels),
         None => channels(source)?,
     };
-    // A truncated file is best decoded, and reported, at once.
+    // Decoding reports a truncated file.
     let [offset, length, inflated] = header.level;
     let pixels = u64::from(size[0]) * u64::from(size[1]);
     let least = match (plain, header.supercompression) {
         (Some(channels), _) => pixels * u64::from(channels),
-        // BasisLZ doesn't know; the widest blocks of the others hold 6 x 6 pixels in 16 bytes.
+        // The size is unknown for BasisLZ; the largest blocks of the others hold 6 x 6 pixels in 16 bytes.
         (None, BASIS_LZ) => 0,
         (None, _) => pixels * 16 / 36,
     };
@@ -92,7 +90,7 @@ fn checked_header(source: &Source, warnings: &mut Vec<Warning>) -> Result<Header
     if header.level[2] > 16 * width * height + 4096 {
         return Err(source.error(format!("claims {} bytes for {width} x {height} pixels", header.level[2])));
     }
-    // 0 layers mark what is no list of textures.
+    // 0 layers: not an array texture.
     if header.layers > 1 || header.faces > 1 {
         let (layers, faces) = (header.layers.max(1), header.faces);
         warnings.push(

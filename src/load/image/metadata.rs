@@ -1,11 +1,10 @@
-//! Metadata of image files: orientation, colour profile; and what is left out with a warning, such as further frames and pages.
+//! Metadata of image files: orientation and colour profile; and features that are ignored with a warning, such as further frames and pages.
 //!
 //! Pixels of textures are taken as they are stored. glTF demands it (2.0, section 3.8.2: embedded ICC profiles, gamma and animation "MUST
-//! be ignored", and JPEG is JFIF, which knows no orientation), and the texture coordinates of OBJ files and scene files were
-//! made by programs that do the same. Environments and backgrounds are photographs: orientation and profile are applied
-//!. Layouts: ISO 10918-1 (JPEG), PNG third edition, RFC 9649 (WebP), TIFF 6.0 and BigTIFF, ICC.1:2022.
+//! be ignored", and JPEG is JFIF, which has no orientation), and the texture coordinates of OBJ files and scene files were
+//! made by programs that do the same. Environments and backgrounds are photographs: orientation and profile are applied.
 //!
-//! Metadata of photographs: their orientation (EXIF) and their colour profile (ICC.1:2022).
+//! Layouts: ISO 10918-1 (JPEG), PNG third edition, RFC 9649 (WebP), TIFF 6.0 and BigTIFF, ICC.1:2022.
 //!
 //! Profiles of cameras, telephones and displays are three primaries with tone curves, or one curve for grey: these are applied.
 //! Those of printers are tables (`A2B0`), which are not read.
@@ -24,7 +23,7 @@ use std::io::Cursor;
 pub(super) struct Metadata<'a> {
     pub orientation: Option<Orientation>,
     profile: Option<Cow<'a, [u8]>>,
-    /// Exponent that encoded the colours, where no profile says more.
+    /// Encoding gamma of the colours, used without a profile.
     gamma: Option<f64>,
     /// Frames of an animation; 0 for a still picture.
     frames: usize,
@@ -66,7 +65,7 @@ pub(super) fn messages(source: &Source, format: ImageFormat, purpose: Use) -> Ve
 }
 
 impl Metadata<'_> {
-    /// Colours are taken as sRGB: says so where a file means others.
+    /// The warning that colours are taken as sRGB where the file says otherwise.
     fn profile_message(&self, purpose: Use) -> Option<String> {
         let Some(profile) = &self.profile else {
             // 1 / 2.2 means sRGB (PNG third edition, annex on gamma).
@@ -98,7 +97,7 @@ fn of_jpeg(bytes: &[u8]) -> Metadata<'_> {
     while let Some(&[0xff, marker]) = bytes.get(at..at + 2) {
         at += match marker {
             0xff => 1,
-            // Scans begin; or the end.
+            // Start of scan, or end of image.
             0xda | 0xd9 => break,
             0x01 | 0xd0..=0xd7 => 2,
             _ => {
@@ -281,13 +280,13 @@ impl Profile {
         }
     }
 
-    /// The picture in linear Rec. 709, cut off at 0; `None` if the profile is for pictures of another kind.
+    /// The picture in linear Rec. 709, negative values clamped to 0; `None` if the profile is for grey and the picture isn't, or the other way round, and for floats.
     pub fn apply(&self, picture: &DynamicImage) -> Option<DynamicImage> {
         let color = picture.color();
         if color.has_color() == self.is_grey || matches!(color, ColorType::Rgb32F | ColorType::Rgba32F) {
             return None;
         }
-        // Integers have few values: each is looked up.
+        // Integers have few values: tables are faster.
         let levels = if color.bytes_per_pixel() / color.channel_count() == 1 { 256 } else { 65_536 };
         let tables = self.curves.each_ref().map(|curve| {
             let linear = |level: usize| {

@@ -21,13 +21,13 @@ use std::sync::Arc;
 /// Maximum number of unused layers and channels that are named.
 const LISTED: usize = 8;
 
-/// Bytes of numbers that are decoded together where all of an image is wanted, and where rows are.
+/// Bytes of samples that are decoded at a time: for a whole image, and for rows.
 const OF_ALL: usize = 1 << 26;
 const OF_ROWS: usize = 1 << 23;
 
 /// Decodes the first layer with channels R, G and B, or else with Y (grey). Where `alpha` is wanted and there is a
-/// channel A, colour, which EXR stores multiplied by alpha, is divided by it. Where the numbers are colours (`is_color`), those of
-/// another space that the header names become linear Rec. 709. Warns of other layers and channels.
+/// channel A, premultiplied colours are divided by it. Colours (`is_color`) are converted from the space that the header
+/// names to linear Rec. 709. Warns of other layers and channels.
 pub(super) fn decode(
     source: &Source,
     is_color: bool,
@@ -52,8 +52,8 @@ pub(super) fn layout(source: &Source, alpha: bool) -> Result<Layout> {
     Ok(Layout { size, channels: picture.channels().len() as u32, bits: 32, rows: Some(rows as u32) })
 }
 
-/// An EXR within its display window: black and transparent where the file has no pixels, without those beyond it. Renderers write
-/// what isn't empty, and pictures from elsewhere margins.
+/// An EXR fitted to its display window: black and transparent where the file has no pixels, and cropped to it. Renderers often write
+/// only the non-empty pixels, and other programs write overscan.
 pub(super) fn displayed(
     source: &Source,
     is_color: bool,
@@ -65,7 +65,7 @@ pub(super) fn displayed(
     let mut numbers = Vec::new();
     let reading = Reading { is_color, in_parallel: true, together: OF_ALL };
     picture.each_displayed(&reading, warnings, &mut |rows| match numbers.is_empty() {
-        // Small images come at once.
+        // Small images are read at once.
         true if rows.len() == size[0] as usize * size[1] as usize * picture.channels().len() => {
             numbers = rows
         }
@@ -78,7 +78,7 @@ pub(super) fn displayed(
     Ok(picture.image(size, numbers))
 }
 
-/// The same, handed over some rows at a time, from the top down.
+/// The same, in chunks of rows from the top down.
 pub(super) fn displayed_rows(
     source: &Source,
     (is_color, alpha): (bool, bool),
@@ -96,7 +96,7 @@ struct Reading {
     is_color: bool,
     /// Other threads may help.
     in_parallel: bool,
-    /// Bytes of numbers that are read together.
+    /// Bytes of samples that are read at a time.
     together: usize,
 }
 
@@ -151,7 +151,7 @@ impl<'a> Picture<'a> {
         Image { name, width, height, channels, encoding: Encoding::Linear, pixels }
     }
 
-    /// Hands over rows of the data window, some at a time.
+    /// Visits rows of the data window, some at a time.
     fn each(&self, lines: Range<usize>, reading: &Reading, take: &mut dyn FnMut(Vec<f32>)) -> Result<()> {
         let channels = self.channels();
         let (count, width) = (channels.len(), self.header().layer_size.0);
@@ -167,7 +167,7 @@ impl<'a> Picture<'a> {
         for first in (lines.start / height..last).step_by(step) {
             let rows = first..(first + step).min(last);
             let mut numbers = part.rows(rows.clone(), reading.in_parallel, finish).map_err(fail)?;
-            // Blocks may begin before what is wanted, and end after it.
+            // Blocks may overlap the first and the last row of the range.
             let at = rows.start * height;
             numbers.truncate((lines.end - at).saturating_mul(width * count));
             numbers.drain(..lines.start.saturating_sub(at) * width * count);
@@ -176,7 +176,7 @@ impl<'a> Picture<'a> {
         Ok(())
     }
 
-    /// Hands over rows of the display window, some at a time.
+    /// Visits rows of the display window, some at a time.
     fn each_displayed(
         &self,
         reading: &Reading,
@@ -245,7 +245,7 @@ fn names<'a>(channels: impl Iterator<Item = &'a Text>) -> Vec<String> {
     channels.map(Text::to_string).collect()
 }
 
-/// Where pixels lie along an axis of a rectangle of another size: the first pixel, the first place and how many.
+/// The overlap of pixels with a rectangle of another size along an axis: the first pixel, its position in the rectangle, and the count.
 struct Span {
     from: usize,
     to: usize,
@@ -325,7 +325,7 @@ impl Colour {
         found.ok_or_else(|| source.error("has no layer with channels R, G and B or Y"))
     }
 
-    /// Channels of plain letters, or else the first whose names have a part before them; colour before grey.
+    /// Channels of plain letters, or else the first group with a prefix; colour before grey.
     fn find(names: &[String]) -> Option<Colour> {
         let prefixed = names.iter().filter_map(|name| Some(name[..=name.rfind('.')?].to_string()));
         let prefixes: Vec<String> = std::iter::once(String::new()).chain(prefixed).collect();
@@ -335,7 +335,7 @@ impl Colour {
         [&["R", "G", "B"][..], &["Y"]].into_iter().find_map(|letters| {
             prefixes.iter().find_map(|prefix| {
                 let color = letters.iter().map(|letter| channel(prefix, letter)).collect::<Option<_>>()?;
-                // Grey comes without.
+                // Grey is read without alpha.
                 let alpha = channel(prefix, "A").filter(|_| letters.len() == 3);
                 Some(Colour { color, alpha, prefix: prefix.clone() })
             })
@@ -387,7 +387,7 @@ pub(super) fn check_sizes(source: &Source, meta: &MetaData) -> Result<()> {
             )));
         }
     }
-    // Channels make numbers many: a large file may hold as many as it has bits.
+    // The limit for many channels: large files may hold one number per bit.
     let bytes = source.length;
     if samples > source::pixels(bytes).saturating_mul(4).max(bytes.saturating_mul(8)) {
         return Err(source.error(format!("claims {samples} numbers in {bytes} bytes, which is too many")));
@@ -418,7 +418,7 @@ impl Layered {
         self.file.layer_data.len()
     }
 
-    /// Has it none?
+    /// Are there no parts?
     pub fn is_empty(&self) -> bool {
         self.file.layer_data.is_empty()
     }
@@ -438,7 +438,7 @@ impl Layered {
             i64::from(corner.1) - i64::from(shown.position.1),
         ];
         let room = [shown.size.0, shown.size.1];
-        // A value that a file of that size can't justify stays as it is.
+        // An implausibly large display window is ignored.
         if room[0].saturating_mul(room[1]) > pixels.len().saturating_mul(64).max(1 << 24) {
             return ([size.0, size.1], pixels.to_vec());
         }
@@ -471,7 +471,7 @@ impl Layered {
         format!("{blocks}, {:?}", encoding.compression)
     }
 
-    /// The attributes of a part's header that say something about the picture, as text, by name.
+    /// The attributes of a part's header that describe the picture, as text, by name.
     pub fn attributes(&self, part: usize) -> Vec<(String, String)> {
         let (file, own) = (&self.file.attributes, &self.file.layer_data[part].attributes);
         let window = file.display_window;
@@ -503,7 +503,7 @@ impl Layered {
         list
     }
 
-    /// The space of the file's colours, if it says one.
+    /// The colour space of the file, if its header names one.
     pub fn primaries(&self) -> Option<Primaries> {
         self.file.attributes.chromaticities.map(|c| primaries(&c))
     }
@@ -580,7 +580,7 @@ impl Layered {
         Some([a?, b?, c?])
     }
 
-    /// [`Layered::planes`] to change.
+    /// [`Layered::planes`], mutable.
     pub fn triple(&self, part: usize, names: [&str; 3]) -> Option<[Vec<f32>; 3]> {
         self.planes(part, names).map(|planes| planes.map(Cow::into_owned))
     }

@@ -13,7 +13,7 @@ use std::sync::mpsc::{Receiver, sync_channel};
 /// Bytes that are read at a time, so that the whole file is never in memory.
 const CHUNK: usize = 1 << 18;
 
-/// Pieces that the cleaner may be ahead of `tobj`.
+/// Maximum number of chunks that the filter may be ahead of `tobj`.
 const AHEAD: usize = 4;
 
 /// A reader that reports progress.
@@ -25,7 +25,7 @@ pub(super) struct CountedReader<'a> {
 impl<'a> CountedReader<'a> {
     /// The file from its current position.
     pub fn new(file: ModelReader, counter: &'a WorkCounter) -> CountedReader<'a> {
-        // A pipe has no length, and no share that is done.
+        // A pipe has no length, and so no progress.
         counter.begin(file.length());
         CountedReader { file, counter }
     }
@@ -47,7 +47,7 @@ impl Seek for CountedReader<'_> {
 
 /// Filters a line before `tobj` reads it.
 pub(super) trait LineFilter {
-    /// Appends to `out` what the line with this number (that of its first, where lines are joined; from 1) becomes.
+    /// Appends the filtered line to `out`. The number is that of its first line where lines are joined, from 1.
     fn line(&mut self, number: usize, text: &[u8], out: &mut Vec<u8>);
 
     /// Should reading stop?
@@ -55,7 +55,7 @@ pub(super) trait LineFilter {
         false
     }
 
-    /// The file has ended: should it be read once more?
+    /// Called at the end of the file: is a second pass needed?
     fn again(&mut self) -> bool {
         false
     }
@@ -67,7 +67,7 @@ struct Cleaning<R, C> {
     cleaner: C,
     /// Lines taken so far.
     number: usize,
-    /// A line that continues in the next, so far, and the number of its first.
+    /// The beginning of a line that continues in the next, and the number of its first line.
     joined: (usize, Vec<u8>),
     out: Vec<u8>,
 }
@@ -166,21 +166,21 @@ pub(super) fn each_line<C: LineFilter>(file: impl Read + Seek, cleaner: C) -> Re
     Ok(cleaning.cleaner)
 }
 
-/// Pieces of a file from another thread.
-pub(super) struct Pieces {
-    pieces: Receiver<Vec<u8>>,
-    piece: Vec<u8>,
+/// Reads the chunks of a file that another thread filters.
+pub(super) struct FilteredChunks {
+    chunks: Receiver<Vec<u8>>,
+    chunk: Vec<u8>,
     at: usize,
 }
 
-impl BufRead for Pieces {
+impl BufRead for FilteredChunks {
     fn fill_buf(&mut self) -> Result<&[u8]> {
-        while self.at == self.piece.len() {
-            // The other end is gone when all has been read.
-            let Ok(piece) = self.pieces.recv() else { break };
-            (self.piece, self.at) = (piece, 0);
+        while self.at == self.chunk.len() {
+            // An error means that the filter has finished.
+            let Ok(chunk) = self.chunks.recv() else { break };
+            (self.chunk, self.at) = (chunk, 0);
         }
-        Ok(&self.piece[self.at..])
+        Ok(&self.chunk[self.at..])
     }
 
     fn consume(&mut self, count: usize) {
@@ -188,7 +188,7 @@ impl BufRead for Pieces {
     }
 }
 
-impl Read for Pieces {
+impl Read for FilteredChunks {
     fn read(&mut self, out: &mut [u8]) -> Result<usize> {
         let count = self.fill_buf()?.read(out)?;
         self.consume(count);
@@ -206,19 +206,19 @@ type Parsed<T> = std::result::Result<T, tobj::LoadError>;
 pub(super) fn by_tobj<C: LineFilter + Send, T>(
     file: impl Read + Seek + Send,
     cleaner: C,
-    parse: impl FnOnce(&mut Pieces) -> Parsed<T>,
+    parse: impl FnOnce(&mut FilteredChunks) -> Parsed<T>,
 ) -> std::result::Result<(Parsed<T>, C), String> {
-    let (sender, pieces) = sync_channel(AHEAD);
+    let (sender, chunks) = sync_channel(AHEAD);
     let mut cleaning = Cleaning::new(file, cleaner);
     let (parsed, read) = std::thread::scope(|scope| {
         let cleaning = &mut cleaning;
         let read = scope.spawn(move || {
-            cleaning.run(|piece| {
-                // Should `tobj` give up, the cleaner continues: it knows all that is wrong.
-                let _ = sender.send(piece);
+            cleaning.run(|chunk| {
+                // If `tobj` gives up, the filter continues, to report all problems.
+                let _ = sender.send(chunk);
             })
         });
-        let parsed = decoders::catch(|| parse(&mut Pieces { pieces, piece: Vec::new(), at: 0 }));
+        let parsed = decoders::catch(|| parse(&mut FilteredChunks { chunks, chunk: Vec::new(), at: 0 }));
         (parsed, read.join().unwrap_or_else(|panic| resume_unwind(panic)))
     });
     read.map_err(|e| format!("can't be read: {e}"))?;
@@ -255,7 +255,7 @@ impl<'a> Iterator for Words<'a> {
     }
 }
 
-/// The number that a word is.
+/// Parses a number.
 #[inline]
 pub(super) fn float(word: &[u8]) -> Option<f32> {
     std::str::from_utf8(word).ok()?.parse().ok()
@@ -304,7 +304,7 @@ mod tests {
     fn echo(bytes: &[u8], again: bool) -> String {
         let mut text = Vec::new();
         let mut cleaning = Cleaning::new(Drops(Cursor::new(bytes)), Echo(again));
-        cleaning.run(|piece| text.extend(piece)).expect("it can be read");
+        cleaning.run(|chunk| text.extend(chunk)).expect("it can be read");
         decoded(&text)
     }
 

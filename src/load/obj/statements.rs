@@ -23,11 +23,12 @@ const PIECE: usize = 1 << 15;
 /// The pass over the file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Passes {
-    /// Once.
+    /// The only pass.
     #[default]
     One,
-    /// For its vertices, and then for all else.
+    /// The first of two, for vertices.
     Vertices,
+    /// The second of two, for all other statements.
     Faces,
 }
 
@@ -45,7 +46,7 @@ pub(super) struct Statements {
     pub corners: Vec<u32>,
     /// Colours of the first positions as in the file, white where there is none.
     pub colors: Vec<[f32; 3]>,
-    /// How many of the colours stand in comments.
+    /// Number of colours in `#MRGB` comments.
     polypaint: usize,
     /// The first positions as in the file, in double precision, where they may be far from the origin; else no numbers.
     pub precise: Vec<[f64; 3]>,
@@ -64,7 +65,7 @@ pub(super) struct Statements {
     totals: [usize; 3],
     /// Numbers of positions, texture coordinates and normals so far.
     counts: [usize; 3],
-    /// Lines of vertices that are broken.
+    /// Lines of malformed vertices.
     broken: HashSet<usize>,
     faces: usize,
     face: Vec<Corner>,
@@ -120,7 +121,7 @@ impl Statements {
         Statements { passes, keeps_polygons, ..Statements::default() }
     }
 
-    /// Are the positions of a piece's corners noted?
+    /// Are the positions of a piece's corners recorded?
     pub fn notes_corners(&self, group: Option<u32>) -> bool {
         group.is_some() || !self.colors.is_empty() || !self.precise.is_empty() || self.keeps_polygons
     }
@@ -199,9 +200,10 @@ impl Statements {
         }
     }
 
-    /// The positions of corners are noted from now on, perhaps `for_once`. Those of faces that went by are lost.
-    fn needs_corners(&mut self, for_once: bool) {
-        self.needs_two_passes |= for_once && self.passes == Passes::One && self.faces > 0;
+    /// Called at a vertex whose colour or precise position needs the positions of corners. If faces came before the first one, whose corners
+    /// were not recorded, a second pass is needed.
+    fn needs_corners(&mut self, is_first: bool) {
+        self.needs_two_passes |= is_first && self.passes == Passes::One && self.faces > 0;
     }
 
     /// `p v1 v2 ...`.
@@ -237,7 +239,7 @@ impl Statements {
             | b"hole" | b"scrv" | b"sp" | b"end" | b"con" | b"vp" => {
                 self.ignore(line, "statements of free-form curves and surfaces");
             }
-            // They concern how other programs draw.
+            // Display attributes of other programs.
             b"mg" | b"bevel" | b"c_interp" | b"d_interp" | b"lod" | b"shadow_obj" | b"trace_obj"
             | b"ctech" | b"stech" => {}
             _ => {
@@ -313,7 +315,7 @@ impl Statements {
         true
     }
 
-    /// Counts the current face to the last piece, or begins another.
+    /// Adds the current face to the last piece, or begins another.
     fn continue_piece(&mut self, has_uvs: bool, has_normals: bool, out: &mut Vec<u8>) {
         if self.objects.is_empty() {
             self.begin();
@@ -337,8 +339,8 @@ impl Statements {
         self.faces += 1;
     }
 
-    /// `v`, `v/t`, `v//n` or `v/t/n`; negative indices count back from the last statement, and 0 is none that exists. What is not
-    /// in the file as it is returned is not plain.
+    /// `v`, `v/t`, `v//n` or `v/t/n`; negative indices count back from the last statement, and 0 is invalid. A corner is plain if
+    /// it is returned as it is in the file.
     #[inline]
     fn corner(&mut self, line: usize, word: &[u8], is_plain: &mut bool) -> Result<Corner, String> {
         if let Some((corner, [])) = plain_corner(word)
@@ -346,7 +348,7 @@ impl Statements {
         {
             return Ok(corner);
         }
-        let broken = || format!("'{}' is no corner of a face", decoded(&word[..word.len().min(40)]));
+        let broken = || format!("'{}' is not a corner of a face", decoded(&word[..word.len().min(40)]));
         let mut corner = [0; 3];
         for (kind, digits) in word.split(|&b| b == b'/').enumerate() {
             if kind == 3 || digits.is_empty() && kind == 0 {
@@ -390,7 +392,7 @@ impl Statements {
         };
     }
 
-    /// The faces from here on belong to another object.
+    /// Begins another object.
     fn begin(&mut self) {
         let parts = [&self.object, &self.group_name];
         let names: Vec<&str> = parts.into_iter().filter(|n| !n.is_empty()).map(String::as_str).collect();
@@ -539,7 +541,7 @@ pub(super) fn write_corner([position, uv, normal]: Corner, out: &mut Vec<u8>) {
 
 // The statements that `tobj` gets as one model.
 
-/// Consecutive faces that are alike, which `tobj` returns as one model.
+/// Consecutive faces with the same object, kinds of indices and smoothing group, which `tobj` returns as one model.
 pub(super) struct Piece {
     /// Index of its object's name.
     pub object: usize,
@@ -549,7 +551,7 @@ pub(super) struct Piece {
     pub has_normals: bool,
     /// The smoothing group that its normals come from; `None` if they are given, or flat.
     pub group: Option<u32>,
-    /// How many.
+    /// Number of faces.
     pub faces: usize,
 }
 
@@ -559,7 +561,7 @@ impl Piece {
         !self.has_normals && self.group.is_none()
     }
 
-    /// Can faces of another one be part of it?
+    /// Can it be merged with another one?
     pub fn is_like(&self, other: &Piece) -> bool {
         let key = |p: &Piece| (p.object, p.has_uvs, p.has_normals, p.group);
         key(self) == key(other)

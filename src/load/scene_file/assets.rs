@@ -1,5 +1,5 @@
-//! Mesh files that a scene file refers to: each is read once, however often it is placed, and only what the scene uses
-//! of it: materials where an object doesn't replace them, everything but cameras where it isn't placed.
+//! Mesh files that a scene file refers to: each is read once, however often it is placed. Parts that the scene doesn't use are
+//! left out: materials that all objects replace, and everything but cameras in files that no object places.
 
 use super::builder::SceneFileBuilder;
 use crate::error::{Error, Result, Warning};
@@ -48,7 +48,7 @@ pub(super) struct Assets {
     with_polygons: HashSet<PathBuf>,
     /// Copies of meshes with smooth normals, by the mesh and the bits of the angle of creases.
     smooth: HashMap<(MeshId, u64), MeshId>,
-    /// Attributes of vertices that something may read.
+    /// Vertex attributes that materials or textures may read.
     attributes: Arc<BTreeSet<String>>,
     /// Materials of instances that list them.
     listed: Vec<ListedMaterials>,
@@ -57,7 +57,7 @@ pub(super) struct Assets {
 }
 
 impl Assets {
-    /// None yet; `attributes` are those of vertices that something may read.
+    /// No files yet; `attributes` are the vertex attributes that materials or textures may read.
     pub fn new(attributes: BTreeSet<String>) -> Assets {
         Assets { attributes: Arc::new(attributes), ..Assets::default() }
     }
@@ -72,8 +72,8 @@ impl Assets {
         self.with_polygons.insert(key(&build.resolve_path(name)));
     }
 
-    /// The contents of a file, with smooth normals by a crease angle in radians; `None` where it has problems, which have been
-    /// noted.
+    /// The contents of a file, with smooth normals by a crease angle in radians; `None` if it has problems, which have been
+    /// reported.
     pub fn get(
         &mut self,
         build: &mut SceneFileBuilder,
@@ -106,7 +106,7 @@ impl Assets {
         self.files.get(&key)?.as_ref()
     }
 
-    /// Notes that the faces of the instance that comes next have the materials of a list by their numbers.
+    /// Records a list of materials for the next instance, by which its faces are numbered.
     ///
     /// # Errors
     /// A message, where faces have a number beyond the list.
@@ -141,8 +141,8 @@ impl Assets {
         }
     }
 
-    /// Gives instances that list materials of faces meshes with these. Call it when all objects have been read.
-    pub fn give_listed_materials(&mut self, scene: &mut Scene) {
+    /// Replaces the meshes of instances with listed materials by meshes with these. Call it when all objects have been read.
+    pub fn apply_listed_materials(&mut self, scene: &mut Scene) {
         let listed = std::mem::take(&mut self.listed);
         if listed.is_empty() {
             return;
@@ -179,7 +179,7 @@ impl Assets {
     /// Does a mesh have its `mesh_keys` already? A mesh has the same at all objects.
     ///
     /// # Errors
-    /// A message, where another object says others.
+    /// A message, if another object has different keys for it.
     pub fn has_mesh_keys(&mut self, mesh: MeshId, label: &str) -> std::result::Result<bool, String> {
         match self.deformed.get(&mesh) {
             Some(known) if known == label => Ok(true),
@@ -249,7 +249,7 @@ impl Assets {
     }
 }
 
-/// A copy of a mesh with smooth normals; itself where it has some, or changes its form.
+/// A copy of a mesh with smooth normals; the mesh itself if it has normals or deforms.
 fn smoothed(scene: &mut Scene, id: MeshId, crease_rad: f64) -> MeshId {
     let mesh = &scene.meshes[id.index()];
     if !mesh.normals.is_empty() || scene.motion.meshes.contains_key(&id.index()) {

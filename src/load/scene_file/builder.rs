@@ -1,4 +1,4 @@
-//! A scene in the making.
+//! The scene under construction while a scene file is read.
 
 use super::fields::{Fields, Problems};
 use crate::error::Choice;
@@ -24,7 +24,7 @@ pub(super) struct SceneFileBuilder<'a> {
     pub linking: Linking,
     /// The nodes of the model by their names.
     pub nodes: NodeIndex,
-    /// The materials that mixes are made of, which are no unused ones.
+    /// Materials that are inputs of mixes, and therefore not unused.
     pub components: HashSet<String>,
     /// The scene so far.
     pub loaded: Loaded,
@@ -49,8 +49,8 @@ impl<'a> SceneFileBuilder<'a> {
         self.file.parent().unwrap_or(self.file).join(name)
     }
 
-    /// The path of a file that may be read: a sidecar comes along with a model, maybe of a stranger, and names files of its
-    /// folder alone, unless others are permitted. What is refused is noted as a problem.
+    /// The path of a file that may be read: a sidecar may come with a model from an untrusted source, and may name only files of its
+    /// folder, unless others are permitted. Reports a problem otherwise.
     pub fn readable_path(&self, name: &str, span: Range<usize>) -> Option<PathBuf> {
         if self.is_sidecar && !self.options.allow_external && files::leads_outside(Path::new(name)) {
             let message = ("path-outside", format!("'{name}' is outside the folder of the model"));
@@ -67,7 +67,7 @@ impl<'a> SceneFileBuilder<'a> {
     }
 }
 
-/// Is a name, or several joined by slashes, on the way of names to a node? With a slash before them the way begins so.
+/// Is a name, or several joined by slashes, part of a node's path? With a leading slash they must be its beginning.
 pub(super) fn is_on_path(name: &str, path: &str) -> bool {
     let begins = |at: usize, name: &str| {
         let rest = path[at..].strip_prefix(name);
@@ -79,17 +79,17 @@ pub(super) fn is_on_path(name: &str, path: &str) -> bool {
     }
 }
 
-/// Names, of which those on the way to a node are found without asking each.
+/// A set of names, of which those that are part of a node's path are found by hashing.
 pub(super) struct NamesOnPaths<'n> {
     relative: HashSet<&'n str>,
     /// Absolute names (with a leading slash), by the rest.
     absolute: HashMap<&'n str, &'n str>,
-    /// Parts of the one with the most.
+    /// Maximum number of parts of a name.
     most_parts: usize,
 }
 
 impl<'n> NamesOnPaths<'n> {
-    /// For some names.
+    /// The set of these names.
     pub fn of(names: impl Iterator<Item = &'n str> + Clone) -> NamesOnPaths<'n> {
         NamesOnPaths {
             relative: names.clone().filter(|name| !name.starts_with('/')).collect(),
@@ -125,7 +125,7 @@ pub(super) struct NodeIndex {
 }
 
 impl NodeIndex {
-    /// Adds what has come to a scene since.
+    /// Adds instances and lights that were added to the scene since.
     pub fn update(&mut self, scene: &Scene) {
         let [instances, lights] = self.counts;
         for (index, instance) in scene.instances.iter().enumerate().skip(instances) {
@@ -137,7 +137,7 @@ impl NodeIndex {
         self.counts = [scene.instances.len(), scene.lights.len()];
     }
 
-    /// The instances on whose paths a name is.
+    /// The instances whose paths contain a name.
     pub fn instances(&self, name: &str, scene: &Scene) -> Vec<usize> {
         let first = name.strip_prefix('/').unwrap_or(name).split('/').next().unwrap_or_default();
         let listed = self.instances.get(first).into_iter().flatten().copied();
@@ -151,13 +151,13 @@ impl NodeIndex {
         listed.filter(|i| !self.hidden[1].contains(i)).collect()
     }
 
-    /// Hides some.
+    /// Hides instances and lights until they are removed.
     pub fn hide(&mut self, instances: &[usize], lights: &[usize]) {
         self.hidden[0].extend(instances);
         self.hidden[1].extend(lights);
     }
 
-    /// Removes what is hidden from the scene, after which this knows nothing.
+    /// Removes hidden instances and lights from the scene, and resets the index.
     pub fn remove_hidden(&mut self, scene: &mut Scene) {
         let [instances, lights] = std::mem::take(self).hidden;
         let mut index = 0..;

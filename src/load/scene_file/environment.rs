@@ -4,39 +4,39 @@
 //! - `sky = { nadir = [r, g, b], zenith = [r, g, b] }`: a vertical blend (default: white below, `[.5, .7, 1]` above),
 //! - `sky = { sun_elevation = 30 }`: a clear sky with its sun (Hosek, Wilkie 2012), see below,
 //! - `image = "file"`: equirectangular, with `rotation` (degrees counter-clockwise seen from above; 0) and `strength` (1),
-//! - `texture = "NAME"`: what a texture is at the points of the unit sphere, such as one of `type = "nodes"`, with `rotation`, `strength` and the
+//! - `texture = "NAME"`: the values of a texture at the points of the unit sphere, such as one of `type = "nodes"`, with `rotation`, `strength` and the
 //!   `resolution` of the equirectangular image that is made of it (its width, 16 to 16384 texels; that of the largest image which the texture reads, from 2048 to 8192).
 //!
 //! The clear sky is given by `sun_elevation` (degrees above the horizon, 0 to 90) and, optionally, `sun_azimuth` (degrees clockwise
 //! seen from above, from -z towards x; 0), `turbidity` (1 is the clearest air, 3 a clear day, 10 haze; 3), `ground_albedo` (a colour from 0 to
-//! 1, also what is seen below the horizon; 0.2), `sun` (`false` leaves the disk out, not its glow), `sun_size` (its diameter in degrees; 0.5358;
+//! 1, also of the ground below the horizon; 0.2), `sun` (`false` leaves the disk out, not its glow), `sun_size` (its diameter in degrees; 0.5358;
 //! larger ones soften shadows at the same irradiance) and `strength` (1: W/sr/m2, 683 cd/m2 each). At strength 1 a white wall in
 //! the sun has a radiance of some 50: `exposure = -5` in `[render]` suits it. The sun is a light of its own, which cameras and
 //! mirrors see.
 //!
-//! `sun = { direction = [x, y, z], angle = 0.5358, irradiance = [r, g, b] }` adds a sun to an image, a texture or an even environment that shows none: parallel light
-//! that travels that way, of a disk of a diameter of so many degrees, which cameras and mirrors see; the irradiance of a surface that faces it is in W/m2.
+//! `sun = { direction = [x, y, z], angle = 0.5358, irradiance = [r, g, b] }` adds a sun to an image, a texture or a constant environment without one: parallel light
+//! that travels in `direction`, from a disk with a diameter of `angle` degrees that cameras and mirrors see; the irradiance of a surface that faces it is in W/m2.
 //!
 //! `fog = { density = 0.1 }` fills the space around all solids (see `media`), and may stand alone.
 //!
-//! `seen = { background = [r, g, b] }` is what cameras see in place of it, which lights nothing: an even radiance, or an `image` or a `texture`
+//! `seen = { background = [r, g, b] }` is what cameras see instead, without lighting the scene: a constant radiance, or an `image` or a `texture`
 //! with `rotation` and `strength` as above.
 //!
-//! A `group` names the group of lights that it is in. With `visible_to_camera = false` it lights the scene, but cameras see nothing of it: the picture is transparent there;
+//! A `group` names the group of lights that it is in. With `visible_to_camera = false` it lights the scene, but is invisible to cameras: the picture is transparent there;
 //! `visible_to` lists the kinds of rays that see it, as for objects. With `sampled = false` only paths that leave the scene find its light,
-//! as in Cycles that of an even world: what objects hide of it from others is what those see that are scattered there, not what
-//! shadow rays see.
+//! as in Cycles for a constant world: its occlusion is decided by the visibility of objects to scattered rays, not to shadow
+//! rays.
 //!
 //! # portals
 //!
-//! `[[portals]]`: windows and other rectangles through which light of the environment is looked for from within a room. They are no
-//! surfaces and change no light, only the noise of it: what comes through no portal is still found, with more noise. A picture
-//! around the scene that is seen through a window is where they help most.
+//! `[[portals]]`: windows and other rectangles through which the environment is sampled from within a room. They are no
+//! surfaces and change only noise: light that comes through no portal is still found, with more noise. They help most where an
+//! environment image is seen through a window.
 //!
 //! | Key | Value |
 //! |---|---|
 //! | `name` | for reports |
-//! | `center`, `target` or `direction`, `up`, `size` | where the middle is, the way light comes in, and width and height, as of an area light |
+//! | `center`, `target` or `direction`, `up`, `size` | the centre, the direction in which light comes in, and width and height, as of an area light |
 //! | `corner`, `u`, `v` | or a corner and the edges from there, at right angles; light comes in along u x v |
 //!
 //! Beside a model, `node = "NAME"` and `size` place one at an empty node, where light comes in along the node's -z: as Blender's area lights
@@ -62,9 +62,9 @@ use std::ops::RangeInclusive;
 pub(super) fn read<'a>(build: &mut SceneFileBuilder, fields: &Fields<'a>, textures: &mut Textures<'a>) {
     let sky = fields.table("sky");
     let given = ["background", "sky", "image", "texture"].map(|key| fields.has(key));
-    let light = even_or_image(build, fields, textures);
+    let light = constant_or_image(build, fields, textures);
     if let Some(seen) = fields.table("seen") {
-        build.loaded.scene.camera_environment = seen_by_camera(build, &seen, textures);
+        build.loaded.scene.camera_environment = read_camera_background(build, &seen, textures);
     }
     build.loaded.scene.environment_visible_to = visible_to(fields, RayKinds::ALL);
     build.loaded.scene.environment_unsampled = !fields.flag("sampled", true);
@@ -100,7 +100,7 @@ pub(super) fn read<'a>(build: &mut SceneFileBuilder, fields: &Fields<'a>, textur
 }
 
 /// A constant environment, an image or a texture.
-fn even_or_image<'a>(
+fn constant_or_image<'a>(
     build: &mut SceneFileBuilder,
     fields: &Fields<'a>,
     textures: &mut Textures<'a>,
@@ -137,12 +137,12 @@ fn even_or_image<'a>(
     Some(Environment::Image { image, strength, rotation_rad })
 }
 
-fn seen_by_camera<'a>(
+fn read_camera_background<'a>(
     build: &mut SceneFileBuilder,
     fields: &Fields<'a>,
     textures: &mut Textures<'a>,
 ) -> Option<Environment> {
-    let seen = even_or_image(build, fields, textures);
+    let seen = constant_or_image(build, fields, textures);
     fields.finish();
     if ["background", "image", "texture"].iter().filter(|key| fields.has(key)).count() != 1 {
         fields
@@ -242,18 +242,18 @@ fn by_middle(build: &mut SceneFileBuilder, fields: &Fields) -> Option<[DVec3; 3]
     Some([center - (edge_u + edge_v) / 2.0, edge_u, edge_v])
 }
 
-/// Widths that may be asked for, texels.
+/// Range of `resolution`, texels.
 pub const WIDTHS: RangeInclusive<u32> = 16..=16384;
 
 /// Default widths: of textures without images, and at most of those with images, which are as wide as the widest of these.
 const DEFAULT_WIDTH: u32 = 2048;
 const MAX_DEFAULT_WIDTH: u32 = 8192;
 
-/// The environment that a texture of a scene makes: the texture is evaluated at the points of the unit sphere around the origin. Its
-/// image is added to the scene; `width` is that in texels, twice the height.
+/// Makes an environment of a texture of a scene: the texture is evaluated at the points of the unit sphere around the origin. Its
+/// image is added to the scene; `width` is that of the image in texels, twice its height.
 ///
 /// # Errors
-/// That of a damaged image of the texture.
+/// An image of the texture is damaged.
 pub fn environment(
     scene: &mut Scene,
     texture: TextureId,
@@ -276,7 +276,7 @@ pub fn environment(
     Ok(Environment::Image { image, strength, rotation_rad })
 }
 
-/// The texture in all directions: at the middles of texels, and where `refined` at four points of those whose neighbours differ.
+/// The texture in all directions: at the centres of texels, and if `is_refined` at four points of those whose neighbours differ.
 fn evaluated(textures: &CompiledTextures, texture: TextureId, width: u32, is_refined: bool) -> Image {
     let height = (width / 2).max(1);
     let size = [width, height];
@@ -311,7 +311,7 @@ fn rows([width, height]: [u32; 2], value: impl Fn(u32, u32) -> [f32; 3] + Sync) 
     values
 }
 
-/// Does a texel differ from one beside it by more than a share of the brighter one?
+/// Does a texel differ from one beside it by more than a fraction of the brighter one?
 fn has_edge(values: &[[f32; 3]], [width, height]: [u32; 2], [x, y]: [u32; 2]) -> bool {
     /// Below it, texels are interpolated well enough.
     const EVEN: f32 = 0.1;

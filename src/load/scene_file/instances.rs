@@ -1,4 +1,4 @@
-//! `instances` of `[[objects]]`: copies of an object at the places of a file.
+//! `instances` of `[[objects]]`: copies of an object at the transforms of a PLY file.
 //!
 //! `mesh_keys` of objects: meshes that deform, by files with the same vertices at other frames.
 
@@ -15,7 +15,7 @@ use crate::scene::{Instance, Keyframes, MeshId, Motion, ObjectInfo, Scene, Verti
 use ply::places::{Place, Places};
 use std::ops::Range;
 
-/// Files may not be larger, bytes.
+/// Maximum size of a file of transforms, bytes.
 const MAX_BYTES: u64 = 1 << 36;
 
 /// Reads the places of an object's copies; `None` without the key or after a problem.
@@ -96,7 +96,7 @@ fn copied(scene: &mut Scene, instance: &Instance, number: usize, place: &Place) 
     Instance { world_from_object, motion, info: info(&instance.info, number, place), ..instance.clone() }
 }
 
-/// Values of a copy for node graphs: those of its place, else those of the object, and random numbers of its own.
+/// Attributes of a copy for node graphs: those of its transform in the file, else those of the object, and random numbers of its own.
 fn info(of_object: &ObjectInfo, number: usize, place: &Place) -> ObjectInfo {
     ObjectInfo {
         color: place.color.unwrap_or(of_object.color),
@@ -108,7 +108,7 @@ fn info(of_object: &ObjectInfo, number: usize, place: &Place) -> ObjectInfo {
 /// The vertices of a mesh at frames, in the order of time.
 pub(super) struct MeshKeys {
     keys: Vec<(f64, Vertices)>,
-    /// The table's frames and files, by which two objects have the same keys.
+    /// Frames and files of the table, to compare the keys of objects.
     label: String,
 }
 
@@ -125,11 +125,11 @@ impl MeshKeys {
         Some(MeshKeys { keys, label })
     }
 
-    /// Gives a mesh its shape at the picture's time and at the keys of the shutter interval, and its instance the keys that a mesh
-    /// that deforms must have.
+    /// Sets the vertices of a mesh to those at the picture's time and at the keys of the shutter interval, and adds the keys of the
+    /// transform that the instance of a deforming mesh needs.
     ///
     /// # Errors
-    /// A message, where the files have other vertices than the mesh.
+    /// A message, if the number of vertices differs from the mesh's.
     pub fn give(
         &self,
         build: &mut SceneFileBuilder,
@@ -150,7 +150,7 @@ impl MeshKeys {
         let (now, shutter) = (build.frame(), build.shutter);
         let still = Keyframes { keys: vec![place; 2], neighbours: shutter.vectors.then_some([place; 2]) };
         if !is_known {
-            let (keys, _) = shutter.keys_for(&mut |frames| self.shares(now + frames));
+            let (keys, _) = shutter.keys_for(&mut |frames| self.key_weights(now + frames));
             let keys: Vec<Vertices> = shutter.key_frames(keys).map(|f| self.at(now + f)).collect();
             let neighbours = shutter.vectors.then(|| [self.at(now - 1.0), self.at(now + 1.0)]);
             let shape = self.at(now);
@@ -169,26 +169,26 @@ impl MeshKeys {
         Ok(Motion::Keyed(instances.len() as u32 - 1))
     }
 
-    /// The share of each key at a frame, as shears, so that the tolerance of transforms applies to them.
-    fn shares(&self, frame: f64) -> Vec<DAffine3> {
-        let (before, share) = segment(&self.keys, frame);
-        let share = share.unwrap_or(0.0);
+    /// The weight of each key at a frame, as shears, so that the tolerance of transforms applies to them.
+    fn key_weights(&self, frame: f64) -> Vec<DAffine3> {
+        let (before, weight) = segment(&self.keys, frame);
+        let weight = weight.unwrap_or(0.0);
         let of = |key: usize| match key {
-            key if key == before => 1.0 - share,
-            key if key == before + 1 => share,
+            key if key == before => 1.0 - weight,
+            key if key == before + 1 => weight,
             _ => 0.0,
         };
-        let shear = |share: f64| DMat3::from_cols(DVec3::new(1.0, share, 0.0), DVec3::Y, DVec3::Z);
+        let shear = |weight: f64| DMat3::from_cols(DVec3::new(1.0, weight, 0.0), DVec3::Y, DVec3::Z);
         (0..self.keys.len()).map(|key| DAffine3::from_mat3(shear(of(key)))).collect()
     }
 
     /// The vertices at a frame.
     fn at(&self, frame: f64) -> Vertices {
-        let (before, share) = segment(&self.keys, frame);
+        let (before, weight) = segment(&self.keys, frame);
         let from = &self.keys[before].1;
-        let Some(share) = share.filter(|share| *share > 0.0) else { return from.clone() };
+        let Some(weight) = weight.filter(|weight| *weight > 0.0) else { return from.clone() };
         let to = &self.keys[before + 1].1;
-        let mix = |a: &[f32; 3], b: &[f32; 3]| Vec3::from(*a).lerp(Vec3::from(*b), share as f32);
+        let mix = |a: &[f32; 3], b: &[f32; 3]| Vec3::from(*a).lerp(Vec3::from(*b), weight as f32);
         let positions = from.positions.iter().zip(&to.positions).map(|(a, b)| mix(a, b).to_array());
         let normals = from.normals.iter().zip(&to.normals);
         let normals = normals.map(|(a, b)| mix(a, b).normalize_or(Vec3::from(*a)).to_array());

@@ -12,44 +12,44 @@
 //! `smooth = 30` gives a `mesh` without normals smooth ones, of any type; edges where faces meet at more degrees stay sharp.
 //!
 //! `mesh_keys = [{ frame = -0.5, mesh = "before.ply" }, { frame = 0.5, mesh = "after.ply" }]` deforms a `mesh`: each file has its vertices, in
-//! their order, at a frame (see `motion`); in between they move evenly. All objects of a mesh have the same `mesh_keys`.
+//! their order, at a frame (see `motion`); in between they move linearly. All objects of a mesh have the same `mesh_keys`.
 //!
-//! `instances = "leaves.ply"` places copies of the object, its transform included, by the vertices of a PLY file. Its properties: the place `x y z`;
+//! `instances = "leaves.ply"` places copies of the object, its transform included, by the vertices of a PLY file. Its properties: the position `x y z`;
 //! optionally a rotation, the quaternion `qx qy qz qw` or a normal `nx ny nz` to which the object's y axis turns; a factor `scale` or one for each
-//! axis, `sx sy sz`; in place of these the matrix `m00` to `m22`, row by row; and `red green blue alpha`, `index` and `random`, which nodes of type
-//! `object_info` give. All copies have the object's name. They take 0.1 to 0.2 KiB each; triangles are kept once.
+//! axis, `sx sy sz`; in place of these the matrix `m00` to `m22`, row by row; and `red green blue alpha`, `index` and `random`, the outputs of nodes of type
+//! `object_info`. All copies have the object's name. They take 0.1 to 0.2 KiB each; triangles are kept once.
 //!
 //! `subdivide = 2` makes smooth surfaces of the polygons of a `mesh` (`oscura help subdivision`).
 //!
 //! `visible_to = ["camera", "diffuse", "glossy", "transmission", "volume", "shadow"]` lists the kinds of rays that see an
-//! object, by default all: rays of other kinds pass it, and get no light of it. `visible_to_camera = false` leaves out
-//! the camera. What `shadow` rays don't see casts no shadow. With `holdout = true` the picture is transparent where the
+//! object, by default all: other rays pass through, and get no light from it. `visible_to_camera = false` removes
+//! `camera`. Without `shadow` an object casts no shadow. With `holdout = true` the picture is transparent where the
 //! camera sees the object. With `shadow_catcher = true` the camera sees only what other objects change on it, to be laid
 //! over a photograph; the layer `ShadowCatcher` has the factors by channel.
 //!
-//! `color = [r, g, b]` or `[r, g, b, alpha]` (white), `index` (0) and `random` (from 0 to 1; by default it follows from the name) are what nodes
-//! of type `object_info` give.
+//! `color = [r, g, b]` or `[r, g, b, alpha]` (white), `index` (0) and `random` (from 0 to 1; by default it follows from the name) are the outputs of nodes
+//! of type `object_info`.
 //!
-//! `light_link` and `shadow_link` of an emissive object say which objects its light reaches, and which cast shadows in it
+//! `light_link` and `shadow_link` of an emissive object select the objects that it lights, and those that cast shadows in its light
 //! (`oscura help lights`).
 //!
-//! Shapes without a material take `[materials.default]`. Quads stay what they are under every transform.
+//! Shapes without a material take `[materials.default]`. Quads remain quads under every transform.
 //!
-//! Shapes with a middle and a radius:
+//! Shapes with a centre and a radius:
 //!
 //! | Shape | Value |
 //! |---|---|
 //! | `sphere` | `{ center, radius }` |
 //! | `disk` | `{ center, normal, radius }`; flat, its front where `normal` points (default y, up) |
 //!
-//! They stay what they are under rotation, translation and even scaling, and become meshes, with a warning, under any other
+//! They remain spheres and disks under rotation, translation and uniform scaling, and become meshes, with a warning, under any other
 //! transform (a sphere one of 81,920 triangles), and so do emissive spheres where their motion bends them. A texture on a disk touches its edge; its top points up (of a level disk
 //! to -z) and turns with it.
 //!
 //! # subdivision
 //!
 //! `subdivide = 2`, or `subdivide = { levels = 2 }`, subdivides the meshes of an object when they are loaded, by Catmull and Clark: quads of OBJ
-//! files become smooth surfaces, as modellers mean them. Vertices lie on the limit surface and have its normals. Meshes of other files
+//! files become smooth surfaces, as in modelling programs. Vertices lie on the limit surface and have its normals. Meshes of other files
 //! are subdivided by their triangles.
 //!
 //! | Subdivision | Default | Meaning |
@@ -139,13 +139,13 @@ pub(super) fn read<'a>(
     build.nodes.remove_hidden(&mut build.loaded.scene);
 }
 
-/// Numbers of instances, quads and shapes.
+/// The current counts of instances, quads and shapes.
 fn counts(build: &SceneFileBuilder) -> [usize; 3] {
     let scene = &build.loaded.scene;
     [scene.instances.len(), scene.quads.len(), scene.shapes.len()]
 }
 
-/// Applies an object's visibility and links to what it added to the scene.
+/// Applies an object's visibility and links to the instances, quads and shapes that it added to the scene.
 fn give_traits(build: &mut SceneFileBuilder, fields: &Fields, [instances, quads, shapes]: [usize; 3]) {
     let given = TraitOverrides::read(build, fields);
     let scene = &mut build.loaded.scene;
@@ -206,7 +206,7 @@ fn read_object<'a>(
             None
         }
     };
-    // The shape's own problems are noted even where its material has one.
+    // Problems of the shape are reported even if its material has some.
     let id = material.unwrap_or(MaterialId(0));
     match shape {
         "quad" => add_quad(build, fields, object, id),
@@ -309,7 +309,7 @@ fn face_materials<'a>(
 ) -> Option<Vec<MaterialId>> {
     let list = fields.list("materials")?;
     if fields.has("material") {
-        fields.problems.push(fields.span(), "'material' and 'materials' say the same: leave one out");
+        fields.problems.push(fields.span(), "'material' and 'materials' exclude each other: leave one out");
     }
     if list.len() != count {
         let message = format!("'materials' names {} materials, but the shape has {count} faces", list.len());
@@ -490,8 +490,8 @@ pub(super) fn override_objects<'a>(
     }
 }
 
-/// Changes what a node of the model shows, and what the nodes below it show: `hidden`, another `material`,
-/// the `light_group` of what they emit and what that is linked to, subdivided meshes; to which rays (see [`super::traits`]).
+/// Changes the objects of a node of the model and of the nodes below it: `hidden`, another `material`, the `light_group` of their
+/// emission and its links, subdivision, and visibility (see [`super::traits`]).
 pub(super) fn override_object<'a>(
     build: &mut SceneFileBuilder,
     fields: &Fields<'a>,
@@ -541,11 +541,11 @@ pub(super) fn override_object<'a>(
     }
 }
 
-/// Reads the keys of a kind of shapes that not all have: the kind with its numbers, and how it is turned. `None` where
-/// there is a problem, which has been noted.
+/// Reads the keys that are specific to a kind of shape: its parameters and its rotation. `None` if there is a problem, which has
+/// been reported.
 type ReadKind = fn(&Fields) -> Option<(ShapeKind, DQuat)>;
 
-/// The kinds of shapes by their key.
+/// The kinds of shapes by their keys.
 const KINDS: &[(&str, ReadKind)] = &[
     ("sphere", |_| Some((ShapeKind::Sphere, DQuat::IDENTITY))),
     ("disk", |fields| Some((ShapeKind::Disk, facing_normal(fields)?))),
@@ -606,8 +606,7 @@ fn facing(normal: DVec3) -> DQuat {
     DQuat::from_mat3(&DMat3::from_cols(right, normal.cross(right), normal)).normalize()
 }
 
-/// Is it a sphere that emits light, and that its motion stretches more along one axis than along another? What samples the light of
-/// spheres asks for round ones.
+/// Is it an emissive sphere whose motion scales it non-uniformly? Only round spheres can be sampled as lights.
 fn is_stretched_light(build: &SceneFileBuilder, object: &Object, shape: &Shape) -> bool {
     let material = build.loaded.scene.materials.get(shape.material.index());
     let is_emissive = material.is_some_and(|material| material.emission.is_some());
@@ -615,7 +614,7 @@ fn is_stretched_light(build: &SceneFileBuilder, object: &Object, shape: &Shape) 
     is_emissive && shape.kind == ShapeKind::Sphere && object.motion.as_ref().is_some_and(stretches)
 }
 
-/// Adds a shape under the transform of its object; as a mesh, with a warning, where that bends it.
+/// Adds a shape under the transform of its object; as a mesh, with a warning, if that makes it an ellipsoid or an ellipse.
 fn add_shape(build: &mut SceneFileBuilder, object: &Object, shape: Shape) {
     let (is_stretched, kind) = (is_stretched_light(build, object, &shape), shape.kind.tag().name());
     let reason = if is_stretched { "motion stretches the emissive" } else { "transform bends the" };
@@ -636,7 +635,7 @@ fn add_shape(build: &mut SceneFileBuilder, object: &Object, shape: Shape) {
     add_placed(build, object, mesh, object.world_from_object * unit);
 }
 
-/// Does some object ask for it, of whatever kind of file?
+/// Does an object have the key `subdivide`?
 pub(super) fn is_subdivision_asked(root: &Fields) -> bool {
     let asks = |value: &DeValue| value.as_table().is_some_and(|table| table.contains_key("subdivide"));
     match root.raw("objects").map(|objects| objects.get_ref()) {
@@ -666,7 +665,7 @@ fn read_subdivision(fields: &Fields) -> Option<Subdivision> {
     Some(Subdivision { levels: levels?, has_round_corners: corners.unwrap_or(false) })
 }
 
-/// A mesh of the scene as it is asked for; `None` where it can't be, which is a problem of the key.
+/// The subdivided mesh; `None` if it can't be subdivided, which is reported as a problem of the key.
 pub(super) fn subdivided_mesh(
     build: &mut SceneFileBuilder,
     fields: &Fields,

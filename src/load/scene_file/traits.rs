@@ -1,16 +1,16 @@
 //! Which rays see objects and lights: `visible_to`, a list of kinds of rays, among `camera`, `diffuse`, `glossy`,
-//! `transmission`, `volume` and `shadow`; by default all. Rays of other kinds pass as if nothing was there, and get no light
-//! of it. `visible_to_camera = false` leaves the camera out of them. What `shadow` rays don't see casts no shadow. With
+//! `transmission`, `volume` and `shadow`; by default all. Other rays pass through objects, and lights are
+//! invisible to them. `visible_to_camera = false` removes `camera`. Without `shadow` an object casts no shadow. With
 //! `holdout = true` the picture is transparent where the camera sees the object; with `shadow_catcher = true` it shows there only
 //! what other objects change.
 //!
-//! `color = [r, g, b]` or `[r, g, b, alpha]` (white), `index` (0) and `random` (a number from 0 to 1 that follows from the name) are what nodes of
-//! type `object_info` give.
+//! `color = [r, g, b]` or `[r, g, b, alpha]` (white), `index` (0) and `random` (a number from 0 to 1 that follows from the name) are the outputs of nodes of
+//! type `object_info`.
 //!
 //! # linking
 //!
-//! `light_link = { include = ["Figure"] }` has a light shine on these objects only, `{ exclude = ["Floor"] }` on all but these;
-//! `shadow_link` says in the same way which objects cast shadows in its light. With both lists, those of the first that
+//! `light_link = { include = ["Figure"] }` restricts a light to these objects, `{ exclude = ["Floor"] }` to all others;
+//! `shadow_link` selects in the same way the objects that cast shadows in its light. With both lists, those of the first that
 //! are not in the second. Lights have them, and emissive objects. Names are those of objects of the file or of nodes of a model, and
 //! mean all below these; with a slash before it, that of a node without a parent.
 //!
@@ -27,7 +27,7 @@ use crate::scene::{
 };
 use std::collections::{HashMap, HashSet};
 
-/// The rays that see something; `own` where the file has no key for it.
+/// The kinds of rays for which something is visible; `own` if the table has no key for it.
 pub(super) fn visible_to(fields: &Fields, own: RayKinds) -> RayKinds {
     let listed = fields.list("visible_to").map(|list| {
         list.iter().fold(RayKinds::NONE, |sum, value| {
@@ -56,7 +56,7 @@ pub(super) struct TraitOverrides {
 }
 
 impl TraitOverrides {
-    /// Reads them.
+    /// Reads the keys of a table.
     pub fn read(build: &mut SceneFileBuilder, fields: &Fields) -> TraitOverrides {
         TraitOverrides { own: traits(fields), links: read_links(build, fields) }
     }
@@ -137,7 +137,7 @@ fn names(fields: &Fields, key: &'static str) -> Option<Names> {
     Some(list.iter().filter_map(name).collect())
 }
 
-/// Finds the objects of the names, once all are there.
+/// Resolves the names of linked objects, after all objects were read.
 pub(super) fn resolve_links(build: &mut SceneFileBuilder) {
     let sets = build.linking.take();
     if sets.is_empty() {
@@ -172,7 +172,7 @@ pub(super) fn resolve_links(build: &mut SceneFileBuilder) {
     build.loaded.scene.object_traits_mut().for_each(|(name, traits)| traits.sets = of_object(name));
 }
 
-/// The names of all that may be linked to; lights may be, and nothing is lit of those without a surface.
+/// The names of all objects and lights: lights with a surface may be receivers, too.
 fn names_of(scene: &Scene) -> impl Iterator<Item = &str> {
     scene.object_names().chain(scene.lights.iter().map(|light| light.name.as_str()))
 }

@@ -6,13 +6,13 @@ use crate::scene::{
     Camera, Curves, Environment, Extent, MeshHulls, Projection, Scene, Settings, Shape, scene_extent,
 };
 
-/// Share of the picture's shorter side that stays free on each side of the model.
+/// Margin on each side of the model, as a fraction of the picture's shorter side.
 const MARGIN: f64 = 0.1;
 
 /// A camera and where it looks, relative to the outline's coordinates.
 pub(super) struct Framed {
     pub camera: Camera,
-    /// The middle of the model.
+    /// The centre of the model.
     pub target: DVec3,
 }
 
@@ -55,10 +55,10 @@ pub(super) fn frame(outline: &Outline, options: &StageOptions, settings: &Settin
     Framed { camera, target: on_grid(center, size) }
 }
 
-/// The outline's points, turned about the vertical axis through its middle in 48 steps.
+/// The outline's points, rotated about the vertical axis through its middle in 48 steps.
 fn swept(outline: &Outline) -> Vec<DVec3> {
     let center = outline.center();
-    // All that counts is how far points are from the axis, at each height.
+    // Only the distance from the axis at each height matters.
     const HEIGHTS: usize = 128;
     let height = (outline.max.y - outline.min.y).max(1e-300);
     let mut rings: Vec<Option<DVec3>> = vec![None; HEIGHTS];
@@ -165,12 +165,12 @@ impl Outline {
         let mut far = Farthest::new((min + max) * 0.5, (max - min) * 0.5);
         visit(&mut |p| far.add(p - offset));
         let points = far.points();
-        // Meshes of one point are no reason for a division by zero.
+        // Meshes of one point must not lead to a division by zero.
         let points = if points.is_empty() { corners(min, max).to_vec() } else { points };
         Outline { points, min, max, stray: limit.map(|limit| limit.beyond) }
     }
 
-    /// The middle of the box.
+    /// The centre of the box.
     pub fn center(&self) -> DVec3 {
         (self.min + self.max) * 0.5
     }
@@ -202,13 +202,13 @@ fn visit_shape(shape: &Shape, count: usize, add: &mut dyn FnMut(DVec3)) {
     }
 }
 
-/// The farthest point from a middle in each cell of directions. What others hide differs from the true hull by less than
-/// a cell is wide, a few percent of the model's size where it is smooth, nothing at its corners.
+/// The farthest point from a middle in each cell of directions. The error relative to the true hull is less than
+/// the width of a cell, a few percent of the model's size where it is smooth, nothing at its corners.
 struct Farthest {
     middle: DVec3,
-    /// Factors that make the box around all a cube, so that its sides have equally many cells.
+    /// Scale that makes the bounding box a cube, so that its sides have equally many cells.
     scale: DVec3,
-    /// All points, while they are fewer than cells.
+    /// All points, as long as they are fewer than the cells.
     few: Vec<DVec3>,
     cells: Vec<Option<(f64, DVec3)>>,
 }
@@ -260,14 +260,14 @@ pub(super) fn on_grid(p: DVec3, size: f64) -> DVec3 {
 
 /// Objects this many times as far from the center as all nearer ones, with nothing between, are outliers.
 const GAP: f64 = 20.0;
-/// Share of the scene that must be nearer than a gap, by numbers of triangles; all other shapes weigh as much together as all
+/// Fraction of the scene that must be nearer than a gap, by number of triangles; all other shapes together have the weight of all
 /// triangles.
 const MAX: f64 = 0.9;
 /// Maximum number of triangles considered; of larger scenes every second, third, ... one of each mesh is.
 const MAX_TRIANGLES: usize = 1 << 19;
-/// Middles of triangles that the median is taken of, at most.
+/// Maximum number of triangle centres in the median.
 const MEDIAN: usize = 50_000;
-/// Names in a message.
+/// Maximum number of names in a message.
 const LISTED: usize = 3;
 
 /// A part of a scene.
@@ -330,7 +330,7 @@ fn limit(scene: &Scene, extents: &[Extent]) -> Option<Limit> {
     None
 }
 
-/// Items whose distance from a middle has the same exponent.
+/// Items in an octave of distances from the centre.
 #[derive(Clone, Copy)]
 struct Bin {
     /// Distance of the nearest box.
@@ -344,12 +344,12 @@ impl Bin {
     const EMPTY: Bin = Bin { near: f64::INFINITY, far: 0.0, weight: 0.0 };
 }
 
-/// Splats that the extent of a scan is taken of, at most.
+/// Maximum number of splats that determine the extent of a scan.
 const MAX_SPLATS: usize = 100_000;
-/// Share of the splats that are near the middle of what was photographed, and how much farther away from it others count.
+/// Fraction of the splats that are near the centre of the scanned subject, and the factor of their distance up to which others count.
 const NEAR_SPLATS: (f64, f64) = (0.9, 1.5);
 
-/// Scans have some splats, or all of their surroundings, far away from what was photographed, without a gap.
+/// Scans have some splats, or all of their surroundings, far away from the scanned subject, without a gap.
 fn limit_of_splats(scene: &Scene) -> Option<Limit> {
     let placed = scene.instances.iter().filter_map(|i| Some((i, scene.meshes.get(i.mesh.index())?)));
     let placed = placed.filter(|(_, mesh)| mesh.splats.is_some());
@@ -379,14 +379,14 @@ fn limit_of_splats(scene: &Scene) -> Option<Limit> {
     })
 }
 
-/// The parts of a scene that have a place, visited without a list of them: there may be many.
+/// Visits the parts of a scene that have a position, without allocating a list.
 struct Items<'s> {
     scene: &'s Scene,
     /// Every `step`-th triangle is an item.
     step: usize,
-    /// Weight of each of the others.
+    /// Weight of an item that is not a triangle.
     weight: f64,
-    /// Number of items, those without a finite place included.
+    /// Number of items, including those without a finite position.
     count: usize,
     boxes_of_curves: Vec<(DVec3, DVec3)>,
 }
@@ -524,7 +524,7 @@ fn beyond(scene: &Scene, extents: &[Extent], middle: DVec3, distance: f64, near:
 pub struct Turntable {
     /// A point of the vertical axis.
     middle: DVec3,
-    /// The stage's light goes with the camera, as if the model turned.
+    /// The stage's light moves with the camera, as if the model rotated.
     turns_light: bool,
 }
 

@@ -23,37 +23,37 @@ const REACH: f64 = 60.0;
 const GAP: f64 = 2e-4;
 /// Roughness of the ground: slightly reflective.
 const ROUGHNESS: f32 = 0.4;
-/// Strength of its gloss: less than that of glass.
+/// Specular level of the ground: less than that of glass.
 const SPECULAR: f32 = 0.45;
 /// Luminance of grounds above which their gloss has its whole strength.
 const GLOSSY: f32 = 0.3;
-/// Where its gloss ends, in radii of the model: farther away it is seen at grazing angles, where it would mirror the lights
+/// Radius of its gloss, in radii of the model: farther away it is seen at grazing angles, where it would mirror the lights
 /// of the stage and so look unlike the background.
 const GLOSS_REACH: f64 = 3.0;
 /// Roughness and colour of a floor.
 const FLOOR: (f32, [f32; 3]) = (0.12, [0.16, 0.16, 0.165]);
-/// Where a ground ends that doesn't have the background's colour, in radii of the model: it becomes ever more transparent up
-/// to there, so that no horizon is seen.
+/// Radius of a ground that doesn't have the background's colour, in radii of the model: it fades out towards there, so that no
+/// horizon is seen.
 const FADE_REACH: f64 = 30.0;
 /// Texels along each side of the picture by which something fades.
 const FADE_TEXELS: u32 = 128;
-/// Share of the way up to where something fades out on which nothing is lost.
+/// Fraction of the radius of a fade within which nothing fades.
 const FADE_START: f64 = 0.2;
 /// Maximum reflectance of a ground.
 const WHITEST: f64 = 0.95;
 
 /// The blending of a ground into the background.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Melting {
+enum Blending {
     /// It has the background's colour in the light of the stage.
     Color,
-    /// It catches shadows, and is transparent else: behind it may be anything.
+    /// A shadow catcher, transparent elsewhere, for any background.
     Catcher,
-    /// It becomes transparent far away.
+    /// It fades out with distance.
     Fading,
 }
 
-/// Adds the ground that the options ask for, and gives the background the colour that it melts into.
+/// Adds the ground that the options ask for, and sets the background to its colour where they blend.
 pub(super) fn add(loaded: &mut Loaded, options: &StageOptions, outline: &Outline, is_lit: bool) {
     let ground = options.ground_for(is_lit);
     let is_stage = options.light.is_stage() && !is_lit;
@@ -78,7 +78,7 @@ pub(super) fn add(loaded: &mut Loaded, options: &StageOptions, outline: &Outline
     let center = on_grid(below, size) + loaded.offset;
     let mut disk = Shape::disk(center, DVec3::Y, REACH * size, material);
     disk.name = own_name(&loaded.scene);
-    if melting == Melting::Catcher {
+    if melting == Blending::Catcher {
         disk.traits = ObjectTraits { is_shadow_catcher: true, ..ObjectTraits::default() };
     }
     loaded.scene.shapes.push(disk);
@@ -86,31 +86,31 @@ pub(super) fn add(loaded: &mut Loaded, options: &StageOptions, outline: &Outline
 
 /// The blending of a ground into the background, and its colour.
 ///
-/// Catchers cost more: what they catch is found by tracing paths twice, and techniques that need to know all of a picture
-/// rest. So they are for backgrounds that no ground can look like: pictures, none, and those brighter than white in the
+/// Shadow catchers cost more: their shadows are found by tracing paths twice, and techniques that need the whole picture
+/// are off. So they are for backgrounds that no ground can look like: pictures, none, and those brighter than white in the
 /// light of the stage.
-fn melting(options: &StageOptions, ground: Ground, is_stage: bool) -> (Melting, [f32; 3]) {
+fn melting(options: &StageOptions, ground: Ground, is_stage: bool) -> (Blending, [f32; 3]) {
     if ground == Ground::Floor {
-        return (Melting::Fading, FLOOR.1);
+        return (Blending::Fading, FLOOR.1);
     }
     let wanted = match (&options.background, is_stage) {
-        (None, false) => return (Melting::Fading, [0.5; 3]),
+        (None, false) => return (Blending::Fading, [0.5; 3]),
         (Some(Background::Transparent | Background::Picture(_)), _) | (_, false) => {
-            return (Melting::Catcher, [0.5; 3]);
+            return (Blending::Catcher, [0.5; 3]);
         }
         _ => options.backdrop(),
     };
     let white = light::reflected(options.light, wanted, DVec3::Y);
     let color: [f64; 3] = std::array::from_fn(|c| f64::from(wanted[c]) / white[c].max(1e-3));
     let melting = match color.iter().any(|&v| v > WHITEST) {
-        true => Melting::Catcher,
-        false => Melting::Color,
+        true => Blending::Catcher,
+        false => Blending::Color,
     };
     (melting, color.map(|v| v.clamp(0.0, WHITEST) as f32))
 }
 
 /// The material of a ground.
-fn material(scene: &mut Scene, ground: Ground, melting: Melting, color: [f32; 3]) -> Material {
+fn material(scene: &mut Scene, ground: Ground, melting: Blending, color: [f32; 3]) -> Material {
     // White lights mirrored in a ground of a strong or dark colour would hide that colour.
     let gloss = SPECULAR * (luminance(color) / GLOSSY).min(1.0);
     let most = color.iter().copied().fold(1e-3, f32::max);
@@ -128,20 +128,20 @@ fn material(scene: &mut Scene, ground: Ground, melting: Melting, color: [f32; 3]
         ..PbrMaterial::default()
     };
     let mut material = Material::gltf("ground", parameters);
-    if melting == Melting::Fading {
+    if melting == Blending::Fading {
         (material.alpha_mode, material.alpha) = (AlphaMode::Blend, fading(scene, FADE_REACH));
     }
     material
 }
 
-/// A texture that is 1 in the middle of the ground and fades to 0 at `reach` radii of the model.
+/// A texture that is 1 in the centre of the ground and fades to 0 at `reach` radii of the model.
 fn fading(scene: &mut Scene, reach: f64) -> FloatSlot {
     let place = |i: u32| (f64::from(i) + 0.5) / f64::from(FADE_TEXELS) * 2.0 - 1.0;
     let mut rgb = Vec::with_capacity((FADE_TEXELS * FADE_TEXELS * 3) as usize);
     for row in 0..FADE_TEXELS {
         for column in 0..FADE_TEXELS {
             let away = place(row).hypot(place(column));
-            // The outermost texels continue for ever.
+            // The outermost texels repeat beyond the image.
             let end = 1.0 - 2.0 / f64::from(FADE_TEXELS);
             rgb.extend([(1.0 - light::smooth(FADE_START, end, away)) as f32; 3]);
         }
@@ -170,7 +170,7 @@ fn own_name(scene: &Scene) -> String {
     names.into_iter().find(|name| !is_taken(name)).unwrap_or_default()
 }
 
-/// Lets cameras see nothing of the environment.
+/// Makes the environment invisible to cameras.
 pub(super) fn hide_environment(scene: &mut Scene) {
     scene.environment_visible_to = scene.environment_visible_to.without(RayKinds::CAMERA);
 }

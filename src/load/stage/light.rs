@@ -1,5 +1,5 @@
-//! The light of stages: small generated environment pictures, which a distribution over their texels samples with little
-//! noise, and which are independent of the model's size.
+//! The light of stages: small generated environment images, which are sampled with little noise and don't depend on the
+//! model's size.
 
 use super::options::{StageLight, StageOptions};
 use crate::color::luminance;
@@ -26,7 +26,7 @@ struct SoftBox {
     elevation: f64,
     /// Half its width and height, as angles in degrees.
     half: [f64; 2],
-    /// Radiance in its middle.
+    /// Radiance at its centre.
     radiance: f64,
 }
 
@@ -66,8 +66,8 @@ fn picture(options: &StageOptions) -> Image {
     Image::from_linear_rgb("stage", WIDTH, HEIGHT, rgb)
 }
 
-/// Radiance from a direction; the camera is on the side of z. The horizon and all below it have the background's colour:
-/// what the ground reflects of it at grazing angles, and the ground's own light from below.
+/// Radiance from a direction; the camera is on the side of z. The horizon and everything below it have the background's colour,
+/// for reflections at grazing angles and light from the ground.
 fn radiance(light: StageLight, horizon: [f32; 3], direction: DVec3) -> Rgb {
     let horizon = horizon.map(f64::from);
     let elevation = elevation_degrees(direction);
@@ -165,7 +165,7 @@ pub(super) fn reflected(light: StageLight, horizon: [f32; 3], normal: DVec3) -> 
 /// walls of at least this radiance. A PNG shows it as 38 of 255; the soft sky makes some 30 times of it.
 const MIN_WALL_RADIANCE: f64 = 0.02;
 
-/// Texels of an image, along each side, that its mean is taken of at most.
+/// Maximum number of texels along each side of an image for its mean.
 const TEXELS: u32 = 256;
 
 /// The role of emissive surfaces in a scene's lighting.
@@ -173,7 +173,7 @@ const TEXELS: u32 = 256;
 pub(super) enum EmittedLight {
     /// There are none.
     None,
-    /// They glow: they are seen, but light nothing noticeably. None is brighter than white paper in full
+    /// They glow, without lighting the scene noticeably. None is brighter than white paper in full
     /// light, as those of glTF are that use no `KHR_materials_emissive_strength`.
     Glow,
     /// Lamps of little power.
@@ -223,7 +223,7 @@ pub(super) fn of(scene: &Scene) -> EmittedLight {
         return EmittedLight::None;
     }
     match power / inside(scene) {
-        // Areas that are not finite are no reason to light anything.
+        // Areas that are not finite don't count.
         radiance if radiance.is_nan() || radiance >= MIN_WALL_RADIANCE => EmittedLight::Light,
         _ if strongest <= 1.0 => EmittedLight::Glow,
         _ => EmittedLight::Dim,
@@ -256,7 +256,7 @@ fn mean_of_texture(scene: &Scene, id: TextureId) -> [f32; 3] {
             image.as_ref().map_or([1.0; 3], mean_of_image)
         }
         Some(Texture::Solid(color)) => *color,
-        // Patterns are made to be seen.
+        // Procedural textures count as white.
         _ => [1.0; 3],
     }
 }

@@ -8,7 +8,7 @@ use quick_xml::events::{BytesStart, Event};
 use quick_xml::{Reader, XmlVersion};
 use std::collections::{BTreeSet, HashMap};
 
-/// The part that a group or a triangle has no property of.
+/// The index of a property that is not given.
 pub(super) const NONE: u32 = u32::MAX;
 
 /// A model part.
@@ -31,9 +31,9 @@ pub(super) struct Model {
 #[derive(Default)]
 pub(super) struct Object {
     pub name: String,
-    /// It supports others while they are printed.
+    /// Is it a support structure for printing?
     pub is_support: bool,
-    /// The group and the index in it that triangles without a property of their own have.
+    /// Default property of triangles.
     pub property: Property,
     pub vertices: Vec<[f32; 3]>,
     pub triangles: Vec<Triangle>,
@@ -45,7 +45,7 @@ pub(super) struct Object {
 #[derive(Clone, Copy)]
 pub(super) struct Triangle {
     pub corners: [u32; 3],
-    /// The group and, for each corner, the index in it; [`NONE`] where the object decides.
+    /// The group and, for each corner, the index in it; [`NONE`] for the object's default.
     pub group: u32,
     pub indices: [u32; 3],
 }
@@ -63,10 +63,10 @@ impl Default for Property {
     }
 }
 
-/// An object in its place.
+/// A reference to an object, with its transform.
 pub(super) struct Reference {
     pub object: u32,
-    /// The part that holds it, if not this one.
+    /// The part that contains the object, if not this one.
     pub part: Option<String>,
     /// In units of the file.
     pub transform: DAffine3,
@@ -103,7 +103,7 @@ const UNREAD: [(&str, &str); 6] = [
 /// Reads the text of a part.
 ///
 /// # Errors
-/// Says what is wrong, with its place.
+/// A problem with its line.
 pub(super) fn parse(text: &str) -> Result<Model, Problem> {
     let mut reader = Reader::from_str(text);
     let mut parser = Parser::default();
@@ -244,7 +244,7 @@ impl Parser {
         };
         let text = attribute(element, key)?;
         let color =
-            text.as_deref().map(|text| color_of(text).ok_or_else(|| format!("'{text}' is no colour")));
+            text.as_deref().map(|text| color_of(text).ok_or_else(|| format!("'{text}' is not a colour")));
         let color = color.transpose()?.unwrap_or([0.8, 0.8, 0.8, 1.0]);
         self.model.transparent += usize::from(color[3] < 1.0);
         colors.push(color);
@@ -276,10 +276,10 @@ fn reference(element: &BytesStart) -> Result<Reference, String> {
 fn affine(text: &str) -> Result<DAffine3, String> {
     let numbers: Vec<f64> = text.split_whitespace().map(number).collect::<Result<_, _>>()?;
     let rows = numbers.as_chunks::<3>().0;
-    let &[x, y, z, moved] = rows else { return Err(format!("'{text}' is no transform of 12 numbers")) };
+    let &[x, y, z, moved] = rows else { return Err(format!("'{text}' is not a transform of 12 numbers")) };
     let transform =
         DAffine3 { matrix3: DMat3::from_cols(x.into(), y.into(), z.into()), translation: DVec3::from(moved) };
-    if transform.is_finite() { Ok(transform) } else { Err(format!("'{text}' is no transform")) }
+    if transform.is_finite() { Ok(transform) } else { Err(format!("'{text}' is not a finite transform")) }
 }
 
 fn unit(element: &BytesStart) -> Result<f64, String> {
@@ -290,7 +290,7 @@ fn unit(element: &BytesStart) -> Result<f64, String> {
         Some("inch") => 0.0254,
         Some("foot") => 0.3048,
         Some("meter") => 1.0,
-        Some(other) => return Err(format!("'{other}' is no unit of length of 3MF")),
+        Some(other) => return Err(format!("'{other}' is not a unit of 3MF")),
     })
 }
 
@@ -311,11 +311,11 @@ fn id(element: &BytesStart) -> Result<u32, String> {
 
 fn index(text: &str) -> Result<u32, String> {
     let number = text.trim().parse().ok().filter(|number| *number != NONE);
-    number.ok_or_else(|| format!("'{text}' is no number of a resource"))
+    number.ok_or_else(|| format!("'{text}' is not a resource id"))
 }
 
 fn number(text: &str) -> Result<f64, String> {
-    text.trim().parse().map_err(|_| format!("'{text}' is no number"))
+    text.trim().parse().map_err(|_| format!("'{text}' is not a number"))
 }
 
 fn require(element: &BytesStart, key: &str) -> Result<String, String> {

@@ -1,6 +1,6 @@
-//! OpenVDB files (`.vdb`), in the versions 222 to 224 that OpenVDB writes since 2013: one grid of floats, with its values stored plainly, or
-//! packed by zlib or Blosc, as f64, f32 or f16. It becomes a dense grid over the box of its active voxels, one wider on each
-//! side: nothing is outside, and values fall to it over the distance of two voxels.
+//! OpenVDB files (`.vdb`), in the versions 222 to 224 that OpenVDB writes since 2013: one grid of floats, uncompressed or
+//! compressed by zlib or Blosc, as f64, f32 or f16. It becomes a dense grid over the box of its active voxels, with a margin of a voxel on each
+//! side: values fall to 0 over the distance of two voxels.
 
 mod values;
 
@@ -14,7 +14,7 @@ const MAGIC: i64 = 0x5644_4220;
 const VERSIONS: std::ops::RangeInclusive<u32> = 222..=224;
 /// Maximum number of voxels of the box: two GiB.
 const MAX_VOXELS: u64 = 1 << 29;
-/// Makes z y, and y -z.
+/// Rotation from z up to y up.
 const Z_UP: DAffine3 = DAffine3 {
     matrix3: DMat3 { x_axis: DVec3::X, y_axis: DVec3::NEG_Z, z_axis: DVec3::Y },
     translation: DVec3::ZERO,
@@ -27,12 +27,12 @@ struct Entry {
     name: String,
     /// The type of the tree, such as `Tree_float_5_4_3`.
     kind: String,
-    /// It shares the tree of another.
+    /// Name of the grid whose tree it shares; empty for none.
     instance_of: String,
     at: i64,
 }
 
-/// Reads the grid of a name, or `density`, or the only one, of a world whose y or z points up; the error is a message.
+/// Reads the grid of a name, or `density`, or the only one, from a world with y or z up; the error is a message.
 ///
 /// Without a margin the box ends where its active voxels do.
 pub(super) fn parse(
@@ -52,7 +52,7 @@ pub(super) fn parse(
 /// The grids of the file.
 fn entries(from: &mut Bytes) -> Result<Vec<Entry>, String> {
     if from.i64().unwrap_or(0) != MAGIC {
-        return Err("is no OpenVDB file: it does not begin with its magic number".into());
+        return Err("is not an OpenVDB file: it does not begin with its magic number".into());
     }
     let version = from.u32()?;
     if !VERSIONS.contains(&version) {
@@ -74,7 +74,7 @@ fn entries(from: &mut Bytes) -> Result<Vec<Entry>, String> {
         // Grids of the same name have a number after a separator.
         let name = name.split('\u{1e}').next().unwrap_or_default().to_string();
         entries.push(Entry { name, kind, instance_of, at });
-        // Entries follow each other, or a small file could name billions of them.
+        // Entries must be in order, or a small file could refer to billions of them.
         from.skip_to(end)?;
     }
     Ok(entries)
@@ -126,7 +126,7 @@ fn grid(from: &mut Bytes, entry: &Entry) -> Result<(DAffine3, Vec<Cube>), String
     let compression = from.u32()?;
     let about = metadata(from)?;
     if about.iter().any(|(key, value)| key == "class" && value == "level set") {
-        return Err(format!("has a level set in '{}', which are distances and no densities", entry.name));
+        return Err(format!("has a level set in '{}', which holds distances, not densities", entry.name));
     }
     let map = read_map(from)?;
     let mut values = Values { number, compression, background: 0.0 };
@@ -143,7 +143,7 @@ fn box_of(cubes: &[Cube], margin: i64) -> Result<([i64; 3], [u64; 3]), String> {
         }
     }
     if cubes.is_empty() {
-        // Before smoke rises there is none.
+        // Empty grids occur in the first frames of a simulation.
         return Ok(([0; 3], [1; 3]));
     }
     let low = low.map(|c| c - margin);
@@ -172,7 +172,7 @@ fn dense(map: &DAffine3, cubes: &[Cube], name: String, has_margin: bool) -> Resu
                 Voxels::Each(all) => all[(i * edge + j) * edge + k],
             };
             if !value.is_finite() {
-                return Err(format!("{name} holds values that are no numbers"));
+                return Err(format!("{name} holds values that are not finite"));
             }
             values[((z + k) * along_y + y + j) * along_x + x + i] = value.max(0.0);
             negative += u64::from(value < 0.0);
@@ -192,7 +192,7 @@ fn dense(map: &DAffine3, cubes: &[Cube], name: String, has_margin: bool) -> Resu
 
 // The maps of OpenVDB (transforms from index space to world space).
 
-/// Reads the transform of a grid: from voxels, whose middles are at whole numbers, to the file's world.
+/// Reads the transform of a grid: from voxels, whose centres are at integers, to the file's world.
 fn read_map(from: &mut Bytes) -> Result<DAffine3, String> {
     let kind = from.text()?;
     let scaled = |scale, origin| DAffine3::from_mat3_translation(DMat3::from_diagonal(scale), origin);
@@ -214,11 +214,11 @@ fn read_map(from: &mut Bytes) -> Result<DAffine3, String> {
     let volume = map.matrix3.determinant();
     match map.is_finite() && volume != 0.0 && volume.is_finite() {
         true => Ok(map),
-        false => Err("has a transform that flattens it or is no number".into()),
+        false => Err("has a transform that is singular or not finite".into()),
     }
 }
 
-/// The rest of the header depends on the scale.
+/// Skips vectors: the rest of a scale's header is redundant.
 fn skip_vectors(from: &mut Bytes, count: usize) -> Result<(), String> {
     (0..count).try_for_each(|_| from.vector().map(|_| ()))
 }
@@ -563,11 +563,11 @@ mod tests {
         endless[ENTRY - 4..ENTRY].fill(255);
         endless[ENTRY + 51..ENTRY + 59].copy_from_slice(&(ENTRY as i64).to_le_bytes());
         for (bytes, wanted, words) in [
-            (b"nonsense".to_vec(), None, "is no OpenVDB file"),
-            (endless, None, "lies before its own"),
+            (b"nonsense".to_vec(), None, "is not an OpenVDB file"),
+            (endless, None, "a position before itself"),
             (with(ORIGIN, 8), None, "nodes overlap"),
             (written(Form { sign: -1.0, ..PLAIN }), None, "more negative values"),
-            (Vec::new(), None, "is no OpenVDB file"),
+            (Vec::new(), None, "is not an OpenVDB file"),
             (with(8, 221), None, "version 221"),
             (with(20, 0), None, "streamed"),
             (written(PLAIN), Some("heat"), "no grid 'heat', but 'density'"),

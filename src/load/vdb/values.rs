@@ -1,4 +1,4 @@
-//! The values of a node: only those that are active where the file leaves out the others, packed by zlib or Blosc.
+//! The values of a node: only those that are active where the file leaves out the others, compressed by zlib or Blosc.
 //!
 //! Buffers of the library Blosc (format 1 and 2), in which OpenVDB stores values: blocks of bytes that are sorted by their position in a
 //! number (byte shuffle), split by that position, and compressed with LZ4.
@@ -23,21 +23,21 @@ pub(super) enum Number {
 /// The parameters for reading values of a grid.
 pub(super) struct Values {
     pub number: Number,
-    /// Flags: packed by zlib (1), active values only (2), packed by Blosc (4).
+    /// Flags: compressed by zlib (1), active values only (2), compressed by Blosc (4).
     pub compression: u32,
-    /// The value where nothing is.
+    /// The background value.
     pub background: f64,
 }
 
 /// The inactive values of a node, which it may omit.
 mod inactive {
-    /// They are the background; negated it is 1.
+    /// All have the background value; or its negative.
     pub const MINUS_BACKGROUND: u8 = 1;
     pub const ONE: u8 = 2;
     pub const MASKED_SIGNS: u8 = 3;
     pub const MASKED_ONE: u8 = 4;
     pub const MASKED_TWO: u8 = 5;
-    /// All are there.
+    /// None is omitted.
     pub const ALL: u8 = 6;
 }
 
@@ -84,7 +84,7 @@ impl Values {
         Ok((0..active.len()).map(value).collect())
     }
 
-    /// Numbers as they are packed.
+    /// Compressed numbers.
     fn numbers(&self, from: &mut Bytes, count: usize) -> Result<Vec<f32>, String> {
         let width = match self.number {
             Number::Half => 2,
@@ -126,7 +126,7 @@ impl Values {
         let unpacked = ZlibDecoder::new(packed).take(wanted as u64 + 1).read_to_end(&mut bytes);
         match unpacked {
             Ok(length) if length == wanted => Ok(bytes),
-            _ => Err("holds values that zlib can't unpack".into()),
+            _ => Err("holds values that zlib can't inflate".into()),
         }
     }
 }
@@ -147,7 +147,7 @@ impl<'a> Bytes<'a> {
     /// Skips to an offset from the beginning that does not lie before what has been read.
     pub fn skip_to(&mut self, to: i64) -> Result<(), String> {
         if usize::try_from(to).is_ok_and(|to| to < self.at) {
-            return Err("names a place that lies before its own".into());
+            return Err("has an entry that refers to a position before itself".into());
         }
         self.seek(to)
     }
