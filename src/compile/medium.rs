@@ -497,6 +497,7 @@ mod tests {
             counts: true,
             is_enclosed: false,
             spectra: None,
+            is_enclosed: false,
         }
     }
 

@@ -101,7 +101,7 @@ fn properties_of_ply_files_that_are_not_read() {
     let missing = said(ply("comment TextureFile wall.png\n", coordinates, "0.5 0.5", "", ""));
     assert_eq!(missing.0, ["the texture 'wall.png' of a comment: left out, 'wall.png' does not exist"]);
     let stray = said(ply("made by hand\n", "", "", "", ""));
-    assert_eq!(stray.0, ["line 3 of the header, 'made by hand', which means nothing: left out"]);
+    assert!(stray.0.len() == 1 && stray.0[0].contains("line 3") && stray.0[0].contains("'made by hand'"));
     let quality = said(ply("", "property float quality\n", "0.5", "", ""));
     assert!(quality.0.is_empty());
     assert_eq!(quality.1, ["property 'quality' of 'vertex': has no effect on pictures"]);
@@ -178,7 +178,7 @@ fn corners_of_ply_faces_have_coordinates_and_pictures_of_their_own() {
     for name in ["text.ply", "binary.ply"] {
         let loaded = load(folder.path().join(name), &LoadOptions::default()).expect("loaded");
         assert!(
-            loaded.warnings.iter().all(|w| w.code == "mesh-repaired" || w.code.is_empty()),
+            loaded.warnings.iter().all(|w| w.code == "default-sky"),
             "{:?}",
             loaded.warnings
         );

@@ -453,7 +453,7 @@ fn indices_below_one_are_those_of_what_transmits() {
         load_text(&with_nodes("p", "p = { type = \"principled_bsdf\", ior = 0.7 }")).expect("a scene");
     let warnings: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
     assert_eq!(warnings.len(), 1, "{warnings:?}");
-    assert!(warnings[0].contains("'p'"), "{warnings:?}");
+    assert!(warnings[0].contains("'m'"), "{warnings:?}");
 }
 
 /// An index of 0 reflects all, as in Cycles; one of 1 nothing.

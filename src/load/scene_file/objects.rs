@@ -135,7 +135,7 @@ pub(super) fn read<'a>(
             instances::copy(build, fields.span(), before, &places, assets);
         }
     }
-    assets.give_listed_materials(&mut build.loaded.scene);
+    assets.apply_listed_materials(&mut build.loaded.scene);
     build.nodes.remove_hidden(&mut build.loaded.scene);
 }
 
