@@ -177,11 +177,7 @@ fn corners_of_ply_faces_have_coordinates_and_pictures_of_their_own() {
     std::fs::write(folder.path().join("binary.ply"), binary).expect("written");
     for name in ["text.ply", "binary.ply"] {
         let loaded = load(folder.path().join(name), &LoadOptions::default()).expect("loaded");
-        assert!(
-            loaded.warnings.iter().all(|w| w.code == "default-sky"),
-            "{:?}",
-            loaded.warnings
-        );
+        assert!(loaded.warnings.iter().all(|w| w.code == "default-sky"), "{:?}", loaded.warnings);
         let mesh = &loaded.scene.meshes[0];
         let parts: Vec<(u32, u32)> =
             mesh.parts.iter().map(|p| (p.first_triangle, p.triangle_count)).collect();
