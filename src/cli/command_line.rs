@@ -5,6 +5,7 @@ use super::args::{
 };
 use super::merge::MergeArgs;
 use super::option_groups::group;
+use super::other_names::known_as;
 use super::picture_args::{ConvertArgs, DenoiseArgs, InfoArgs};
 use super::process::remember_words;
 use super::scene_args::scenes_named;
@@ -16,6 +17,7 @@ use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use std::ffi::OsString;
 use std::path::Path;
+use strsim::levenshtein;
 
 const AFTER: &str = "Exit codes: 0 done, 1 compare found disagreement, 2 usage, 3 bad input, 4 output failed, \
 130 interrupted. A setting comes from the command line, else from the scene file, else from its default. 'oscura help \
@@ -161,10 +163,25 @@ fn of_command(error: clap::Error, command: &mut clap::Command) -> clap::Error {
     command.error(ErrorKind::InvalidSubcommand, format!("'{word}' is neither a command nor a file{tip}"))
 }
 
-/// An option of another command.
+/// An option of another name or of another command, or of the program itself; never that a dash could begin a file's name.
 fn of_option(mut error: clap::Error, command: &clap::Command) -> clap::Error {
     let Some(option) = context(&error, ContextKind::InvalidArg) else { return error };
     let name = option.trim_start_matches('-');
+    error.remove(ContextKind::Suggested);
+    let tip = |mut error: clap::Error, text: String| {
+        error.remove(ContextKind::SuggestedArg);
+        error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![StyledStr::from(text)]));
+        error
+    };
+    if let Some(known) = known_as(name) {
+        return tip(error, known.to_string());
+    }
+    if ["version", "help"].iter().any(|own| levenshtein(name, own) <= own.len() / 3) {
+        return tip(
+            error,
+            "'oscura --version' and 'oscura --help' are the program's own options".to_string(),
+        );
+    }
     let has_option = |command: &&clap::Command| {
         let mut arguments = command.get_arguments().filter(|arg| !arg.is_hide_set());
         arguments.any(|arg| arg.get_long_and_visible_aliases().is_some_and(|names| names.contains(&name)))
@@ -175,9 +192,7 @@ fn of_option(mut error: clap::Error, command: &clap::Command) -> clap::Error {
         .map(|command| format!("'oscura {}'", command.get_name()))
         .collect();
     if !others.is_empty() {
-        let tip = format!("'{option}' is an option of {}", others.join(", "));
-        error.remove(ContextKind::SuggestedArg);
-        error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![StyledStr::from(tip)]));
+        return tip(error, format!("'{option}' is an option of {}", others.join(", ")));
     }
     error
 }

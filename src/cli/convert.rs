@@ -18,13 +18,11 @@ pub(crate) fn run(args: &ConvertArgs) -> Result<Outcome> {
     if is_moving(&args.output) {
         return animate(args);
     }
-    let format = Format::of(&args.output)?;
+    const ENDINGS: &str = "end the name in .png, .jpg, .tif, .webp or .hdr";
+    let format = Format::of(&args.output).map_err(|error| error.with_help(ENDINGS))?;
     if format == Format::Exr {
-        return Err(Error::usage(format!(
-            "{}: is an EXR, which 'convert' does not write",
-            args.output.display()
-        ))
-        .with_help("end the name in .png, .jpg, .tif, .webp or .hdr"));
+        let message = format!("{}: is an EXR, which 'convert' does not write", args.output.display());
+        return Err(Error::usage(message).with_help(ENDINGS));
     }
     if args.sheet && format == Format::Hdr {
         return Err(

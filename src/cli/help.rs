@@ -100,13 +100,16 @@ fn meant(word: &str) -> &str {
 /// The heading of options of a word.
 fn heading(word: &str) -> Option<&'static str> {
     let word = match word {
-        "size" | "resolution" | "exposure" | "tone-mapping" | "alpha" => "image",
+        "size" | "resolution" | "exposure" | "tone-mapping" | "tonemap" | "color" | "colour" | "alpha" => {
+            "image"
+        }
         "video" | "gif" | "turntable" | "sequence" | "motion-blur" | "frame" => "animation",
         "hdri" | "environment" | "stage" => "light",
         "gltf" | "glb" | "obj" | "ply" | "stl" | "3mf" | "scan" | "asset" => "model",
         "blender" | "blend" | "bpy" => "blender files",
         "noise" | "sampling" | "quality" | "sample" | "firefly" | "fireflie" => "sampling and quality",
-        "aov" | "pass" | "layer" | "channel" | "cryptomatte" => "passes",
+        "aov" | "pass" | "layer" | "channel" | "cryptomatte" | "nuke" | "natron" | "fusion"
+        | "compositing" | "comp" => "passes",
         "denoiser" | "oidn" | "denoise" => "denoising",
         "checkpoint" | "farm" | "time" | "interruption" | "part" | "tile" => "long renders",
         "exr" | "png" | "format" | "file" => "output",

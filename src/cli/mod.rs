@@ -28,6 +28,7 @@ mod json;
 mod merge;
 mod new_scene;
 mod option_groups;
+mod other_names;
 mod page;
 mod parsers;
 mod picture_args;

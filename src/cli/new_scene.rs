@@ -28,7 +28,10 @@ pub(crate) fn run(args: &NewArgs) -> Result<Outcome> {
         (None, None) => return Err(Error::usage("name the file to write")),
     };
     if path.extension().is_none_or(|e| !e.eq_ignore_ascii_case("toml")) {
-        return Err(Error::usage(format!("{}: scene files end in .toml", path.display())));
+        let message = format!("{}: scene files end in .toml", path.display());
+        return Err(
+            Error::usage(message).with_help(format!("oscura new {}", path.with_extension("toml").display()))
+        );
     }
     if path.exists() && !args.force {
         let message = format!("{} exists already", path.display());

@@ -76,7 +76,8 @@ const ELSEWHERE: &str = "name the picture by -o FILE, which may replace a file";
 /// Says where a picture without `-o` goes, and what else could be done.
 fn print_default_output(args: &RenderArgs) {
     if args.mark.is_some() && !args.quiet {
-        let (file, scene) = (args.output[0].display(), args.scene.display());
+        let (file, scene) = (args.output[0].display(), args.scene.display().to_string());
+        let scene = if scene.contains(' ') { format!("\"{scene}\"") } else { scene };
         say!("note: without -o, the picture is {file} ('oscura view {scene}' shows it live in a browser)");
     }
 }

@@ -215,6 +215,12 @@ impl Run {
         if words.is_empty() { String::new() } else { format!(": {}", words.join(", ")) }
     }
 
+    /// Samples per pixel, not an integer if the render was stopped early.
+    fn samples_in_words(&self) -> String {
+        let samples = (self.statistics.samples_per_pixel * 100.0).round() / 100.0;
+        format!("{samples} sample{} per pixel", if samples == 1.0 { "" } else { "s" })
+    }
+
     /// The line at the end: of a frame of a sequence, or of a single picture.
     pub fn print_end(&self, frame: Option<&str>) {
         let s = &self.statistics;
@@ -224,12 +230,10 @@ impl Run {
             say!("stopped  by --time-limit: another run may stop elsewhere and give other pixels");
         }
         let noise = s.error.map(|error| format!(", noise {:.1} %", error * 100.0)).unwrap_or_default();
-        // Not an integer if stopped early.
-        let samples = (s.samples_per_pixel * 100.0).round() / 100.0;
         let (outputs, time) = (self.outputs.join(", "), readable_time(self.total_s));
         let denoised = if self.denoise_s.is_some() { ", denoised" } else { "" };
         let facts =
-            format!("{}x{}, {samples} samples per pixel{noise}{denoised}, {time}", self.size.0, self.size.1);
+            format!("{}x{}, {}{noise}{denoised}, {time}", self.size.0, self.size.1, self.samples_in_words());
         match (frame, self.outputs.is_empty()) {
             (Some(frame), true) => say!("{frame}: {facts}"),
             (Some(frame), false) => say!("{frame}: {outputs}, {facts}"),
@@ -261,11 +265,10 @@ impl Run {
         let guided = if s.guide_cells.is_some() { ", guided" } else { "" };
         let caustics = if s.light_paths.is_some() { ", caustics by light tracing" } else { "" };
         say!(
-            "picture  {} x {}, {} samples per pixel, {}{branches}{shared}{guided}{caustics}, {}",
+            "picture  {} x {}, {}, {}{branches}{shared}{guided}{caustics}, {}",
             self.size.0,
             self.size.1,
-            // Not an integer if stopped early.
-            (s.samples_per_pixel * 100.0).round() / 100.0,
+            self.samples_in_words(),
             counted(s.samples, "path"),
             counted(s.rays, "ray")
         );

@@ -37,13 +37,22 @@ pub(super) fn run(args: &ThumbArgs) -> Result<Outcome> {
     in_pool(threads, || all(args, &targets, &cancel))?
 }
 
+/// The picture's file, if it is named: by `--file`, or by `-o NAME.png`.
+fn named_file(args: &ThumbArgs) -> Option<&PathBuf> {
+    let is_picture =
+        |path: &&PathBuf| Format::of(path).is_ok_and(|format| format == Format::Png) && !path.is_dir();
+    args.file.as_ref().or_else(|| args.output.as_ref().filter(is_picture))
+}
+
 /// Where each picture goes.
 fn targets(args: &ThumbArgs) -> Result<Vec<PathBuf>> {
-    if let Some(file) = &args.file {
+    if let Some(file) = named_file(args) {
         return match args.models.len() {
             1 => Ok(vec![file.clone()]),
-            many => Err(Error::usage(format!("--file is the picture of one model, not of {many}"))
-                .with_help("give a folder by -o")),
+            many => {
+                Err(Error::usage(format!("{} is the picture of one model, not of {many}", file.display()))
+                    .with_help("give a folder by -o"))
+            }
         };
     }
     if let Some(folder) = &args.output {
@@ -107,7 +116,7 @@ fn one(args: &ThumbArgs, model: &Path, target: &Path, cancel: &CancelHandle) -> 
     check_target(target)?;
     refuse_part(model, target, &[model.to_path_buf()], ELSEWHERE)?;
     let mark = mark("thumb", model);
-    if args.file.is_none() && !args.force {
+    if named_file(args).is_none() && !args.force {
         check(target, &mark, ELSEWHERE)?;
     }
     let stage = args.stage.options(Some(1.0), args.memory_limit, &mut Vec::new())?;
@@ -174,7 +183,7 @@ pub(crate) struct ThumbArgs {
     /// Models or scenes: .gltf, .glb, .vrm, .obj, .ply, .spz, .stl, .3mf, .zip, .toml or .blend.
     #[arg(required = true, value_name = "MODEL")]
     pub models: Vec<PathBuf>,
-    /// Output folder for the thumbnails, MODEL.png each [default: MODEL.thumb.png next to each model].
+    /// Output folder for the thumbnails, MODEL.png each, or NAME.png for a single one [default: MODEL.thumb.png next to each model].
     #[arg(short, long, value_name = "FOLDER")]
     pub output: Option<PathBuf>,
     /// Output file for a single model; always a PNG, whatever its extension.

@@ -28,6 +28,10 @@ const CAUTION: f32 = 3.0;
 const CAUTION_OF_ONE: f32 = 5.0;
 /// Added to [`CAUTION`] where there is more noise than light: few bright samples decide there.
 const CAUTION_OF_NOISE: f32 = 12.0;
+/// Added to [`CAUTION`] for each power of the noise above 1 in wide squares. Such light comes from few samples, and some pixels have
+/// one in each half by chance: they show no noise, and a handful of them looks like a detail. There the noise of the wide
+/// square counts in place of theirs.
+const CAUTION_OF_RARE: f32 = 8.0;
 /// The power of the proposal's relative bias, summed over the channels, that is taken for granted: 0.7 % of each.
 const MIN_BIAS: f32 = 3.0 * 0.007 * 0.007;
 /// [`MIN_BIAS`] from this scale on, where a pixel has 32 x 32 of the picture: 5 % of each channel. Proposals darken large regions by
@@ -183,20 +187,21 @@ impl Scale {
         let signal = each(self.width * self.height, |i| {
             (0..3).map(|c| (self.residual[c][i] - kept[c][i]) * (self.residual[c][i] - kept[c][i])).sum()
         });
-        let (signal, noise) = self.powers(&signal);
+        let (signal, noise, wide) = self.powers(&signal);
         let side = |length: usize| length.min(2 * RADIUS + 1) as f32;
         let caution = CAUTION + CAUTION_OF_ONE / (side(self.width) * side(self.height));
         let bias = if self.level < LARGE_SCALE { MIN_BIAS } else { MIN_BIAS_OF_LARGE };
         let share = each(signal.len(), |i| {
-            let (signal, noise) = (signal[i], noise[i]);
+            let rare = (wide[i] - 1.0).max(0.0);
+            let (signal, noise) = (signal[i], noise[i].max(rare));
             let ratio = noise / signal.max(1e-30);
             let of_contrast = self.contrast.get(i).map_or(0.0, |v| SHARE_OF_CONTRAST * SHARE_OF_CONTRAST * v);
             let bias = bias + of_contrast;
             let least = bias / (bias + noise);
-            let caution = caution + CAUTION_OF_NOISE * noise.min(1.0);
+            let caution = caution + CAUTION_OF_NOISE * noise.min(1.0) + CAUTION_OF_RARE * rare;
             (1.0 - caution * ratio * ratio).max(least)
         });
-        drop((signal, noise));
+        drop((signal, noise, wide));
         for (kept, residual) in kept.iter_mut().zip(&self.residual) {
             let pixels = kept.par_iter_mut().zip(residual).zip(&share).with_min_len(MIN_PER_THREAD);
             pixels.for_each(|((kept, residual), share)| *kept += share * (residual - *kept));
@@ -204,8 +209,9 @@ impl Scale {
         kept
     }
 
-    /// The powers of the residual and of the noise around each pixel, from the residual's of each pixel.
-    fn powers(&self, signal: &[f32]) -> (Vec<f32>, Vec<f32>) {
+    /// The powers of the residual and of the noise around each pixel, and that of the noise in wide squares, from the
+    /// residual's of each pixel.
+    fn powers(&self, signal: &[f32]) -> (Vec<f32>, Vec<f32>, Vec<f32>) {
         let mean = |plane: &[f32], radius: usize| smoothed(self.width, self.height, plane, radius);
         let deviations = each(signal.len(), |i| power_at(&self.deviation, i).max(self.independent[i]));
         let noise = mean(&mean(&deviations, TENT), TENT);
@@ -229,7 +235,7 @@ impl Scale {
             let least = SHARE_OF_WIDE * wide * much * (lost / ALL_LOST).clamp(0.0, 1.0);
             *near = near.max(least) * (LEAST_SHARE_OF_HALVES + (1.0 - LEAST_SHARE_OF_HALVES) * much);
         });
-        (near(mean(&mean(signal, TENT), TENT), signal), noise)
+        (near(mean(&mean(signal, TENT), TENT), signal), noise, wide)
     }
 
     /// A plane of this scale at the resolution of the one before: linear between the middles of its pixels.
@@ -292,4 +298,36 @@ pub(super) fn smoothed(width: usize, height: usize, plane: &[f32], radius: usize
         },
     );
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampling::hash::SplitMix64;
+
+    /// Pixels that have rare light in both halves by chance show no noise: a few of them close together are no detail.
+    #[test]
+    fn light_that_few_samples_find_leaves_no_specks() {
+        const SIZE: usize = 192;
+        const SHARE: f64 = 0.065;
+        for seed in 0..3 {
+            let mut random = SplitMix64::new(seed);
+            let mut half = || -> Vec<f32> {
+                let mut value = || if random.next_unit() < SHARE { (1.0 / SHARE) as f32 } else { 0.0 };
+                (0..SIZE * SIZE).map(|_| value()).collect()
+            };
+            let (a, b) = (half(), half());
+            let combined =
+                |sign: f32| -> Vec<f32> { a.iter().zip(&b).map(|(a, b)| 0.5 * (a + sign * b)).collect() };
+            let (noisy, deviation) = (combined(1.0), combined(-1.0));
+            let proposed = vec![1.0; SIZE * SIZE];
+            let three = |plane: &Vec<f32>| [0; 3].map(|_| plane.clone());
+            let [result, ..] =
+                restored(SIZE, SIZE, [&noisy; 3].map(Vec::as_slice), three(&deviation), three(&proposed));
+            let (least, largest) = result.iter().fold((f32::MAX, 0.0f32), |(l, h), v| (l.min(*v), h.max(*v)));
+            assert!(least > 0.7 && largest < 1.4, "{seed}: {least} to {largest}");
+            let mean = |plane: &[f32]| plane.iter().sum::<f32>() / (SIZE * SIZE) as f32;
+            assert!((mean(&result) - mean(&noisy)).abs() < 0.01, "{seed}: {}", mean(&result));
+        }
+    }
 }

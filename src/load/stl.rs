@@ -104,12 +104,12 @@ fn indexed(corners: &[[f64; 3]], origin: DVec3) -> Mesh {
     mesh
 }
 
-/// Is it text? Headers of binary files begin with `solid`, too; then their lengths fit their counts.
+/// Is it text? Headers of binary files begin with `solid`, too; then their lengths fit their counts, or they have zeros.
 fn is_ascii(bytes: &[u8]) -> bool {
     let start = bytes.trim_ascii_start();
     let has_word = start.len() >= 5 && start[..5].eq_ignore_ascii_case(b"solid");
     let fits = count(bytes).is_some_and(|n| HEADER as u64 + n * FACET as u64 == bytes.len() as u64);
-    has_word && !fits
+    has_word && !fits && !bytes.contains(&0)
 }
 
 /// The number of triangles that a binary header promises.
@@ -253,6 +253,14 @@ mod tests {
             assert_eq!((mesh.positions.len(), &mesh.triangles[..]), (4, &[[0, 1, 2], [0, 2, 3]][..]));
             assert!(mesh.colors.is_empty() && loaded.warnings.is_empty());
         }
+    }
+
+    #[test]
+    fn binary_files_cut_short_are_no_text() {
+        let whole = file(b"solid by some program", &[([0, 1, 2], 0), ([0, 2, 3], 0)]);
+        let loaded = read(&whole[..whole.len() - 20]).unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(loaded.scene.meshes[0].triangles, [[0, 1, 2]]);
+        assert!(loaded.warnings[0].to_string().contains("promises 2 triangles, but holds 1"));
     }
 
     #[test]

@@ -265,6 +265,11 @@ impl Format {
             "hdr" => Format::Hdr,
             _ => {
                 let what = match extension.as_str() {
+                    "" if path.is_dir() || path.as_os_str().to_string_lossy().ends_with('/') => {
+                        return Err(Error::usage(format!("{} is a folder", path.display())).with_help(
+                            "name the picture in it, such as -o FOLDER/room.png or -o 'FOLDER/{stem}.png'",
+                        ));
+                    }
                     "" => "has no extension, which gives the format of the picture".to_string(),
                     other => format!("pictures can't be written as '.{other}'"),
                 };

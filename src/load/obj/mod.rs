@@ -62,6 +62,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let mut palette = Palette {
         file: path,
         names: &materials,
+        is_missing_told: libraries.is_empty() && !statements.libraries.is_empty(),
         // The first of several materials with one name counts.
         libraries: libraries
             .iter()
@@ -210,6 +211,8 @@ struct Palette<'a> {
     file: &'a Path,
     /// The names that the file uses, with their lines.
     names: &'a [(String, usize)],
+    /// Did a warning say that there are no libraries, so that all materials are missing?
+    is_missing_told: bool,
     /// All materials by name, with their library's file.
     libraries: HashMap<&'a str, (&'a Path, &'a Mtl)>,
     maps: Maps<'a>,
@@ -227,8 +230,10 @@ impl Palette<'_> {
         let mut material = match (found, used) {
             (Some((library, mtl)), _) => materials::convert(mtl, library, &mut self.maps, loaded),
             (None, Some((name, line))) => {
-                let message = format!("there is no material '{name}'; what it should cover is grey");
-                loaded.warnings.push(Warning::new(self.file, format!("line {line}"), message));
+                if !self.is_missing_told {
+                    let message = format!("there is no material '{name}'; what it should cover is grey");
+                    loaded.warnings.push(Warning::new(self.file, format!("line {line}"), message));
+                }
                 Material::lambert(name, [0.8; 3])
             }
             // Vertex colours alone are the whole colour.

@@ -71,6 +71,10 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     TomlFile::parse(&text).add_to(loaded, options, false)
 }
 
+/// The tables of a scene file.
+const TABLES: [&str; 9] =
+    ["camera", "curves", "environment", "lights", "materials", "objects", "portals", "render", "textures"];
+
 /// The text of a scene file or a sidecar.
 pub(in crate::load) struct TomlText {
     path: PathBuf,
@@ -119,6 +123,12 @@ impl TomlFile<'_> {
         Fields::new(what, self.root.get_ref(), 0..0, problems)
     }
 
+    /// Is it the TOML of another program? One or two unknown keys are misspelt ones.
+    fn is_foreign(&self) -> bool {
+        let names = || self.root.get_ref().iter().map(|(key, _)| key.get_ref().as_ref());
+        names().count() > 2 && !names().any(|name: &str| TABLES.contains(&name))
+    }
+
     /// Adds the contents of the file to a scene: an empty one, or that of the model which a sidecar belongs to.
     ///
     /// # Errors
@@ -129,6 +139,11 @@ impl TomlFile<'_> {
             push_syntax_errors(self.text, &self.errors, &problems);
             problems.into_result(self.path, self.text)?;
             return Ok(loaded);
+        }
+        if !is_sidecar && self.is_foreign() {
+            let message = "is no scene file: it has other tables, and none of a scene's";
+            return Err(Error::input(self.path, message)
+                .with_help("'oscura new first.toml' writes one to start from"));
         }
         let root = self.root(is_sidecar, &problems);
         let model_settings = std::mem::take(&mut loaded.scene.settings);

@@ -121,12 +121,14 @@ fn set_up(loaded: &mut Loaded, options: &StageOptions, is_lit: bool) {
         let lights = lights_in_words(&loaded.scene);
         loaded.scene.environment = light::environment(&mut loaded.scene, options);
         let message = format!(
-            "no camera{}: shown from {}, {}{lights}{} ({} and the options beside it change that)",
+            "no camera{}: shown from {}, {}{lights}{} ({}, {} and {} change that)",
             if lights.is_empty() { " and no light" } else { "" },
             options.view,
             options.light,
             ground.in_words(),
-            Choice::Stage
+            Choice::ViewFrom,
+            Choice::Stage,
+            Choice::Ground
         );
         loaded.notes.push(Warning::general(("stage", message)));
     }

@@ -1,0 +1,108 @@
+//! Options as other renderers and programs call them: the message of an unknown option names ours.
+
+/// What an option of another name is here: other names, without their dashes, and what to write.
+const NAMES: [(&[&str], &str); 26] = [
+    (&["s", "n", "sample", "samples-per-pixel", "num-samples"], "--spp N sets the samples per pixel"),
+    (&["t", "j", "thread", "num-threads", "nthreads", "cpus"], "--threads N sets the number of threads"),
+    (
+        &["W", "H", "w", "x", "y", "res", "resx", "resy", "dimensions"],
+        "--size WxH sets the size, such as --size 1920x1080",
+    ),
+    (&["scale", "percent", "resolution-percentage"], "--size WxH sets the size in pixels"),
+    (
+        &["f", "frame", "a", "anim", "animation", "render-frame", "render-anim"],
+        "--frames A-B renders frames, --frames N one of them",
+    ),
+    (
+        &["F", "format", "render-format", "file-format"],
+        "the extension of -o FILE sets the format, such as -o room.exr",
+    ),
+    (&["out", "outfile", "output-file", "render-output"], "-o FILE names the picture"),
+    (&["outdir", "output-dir", "output-folder", "dir"], "-o FOLDER/FILE names the picture with its folder"),
+    (
+        &["hdri", "hdr", "envmap", "environment", "environment-map", "ibl", "skybox", "world"],
+        "--env FILE lights the scene by an environment map",
+    ),
+    (&["passes", "pass", "aovs", "layers", "render-passes"], "--aov LIST adds passes ('oscura help passes')"),
+    (&["cryptomatte", "crypto"], "--aov crypto_object,crypto_material,crypto_asset adds Cryptomatte"),
+    (
+        &["max-bounces", "max-depth", "ray-depth", "maxdepth", "path-depth"],
+        "--depth N sets the bounces of all kinds, --bounces those of each",
+    ),
+    (
+        &["tonemap", "tone-map", "tonemapping", "tone-mapping", "view-transform", "look", "ocio"],
+        "--view NAME sets the view transform, such as --view agx",
+    ),
+    (&["gamma"], "--view gamma shows a power of 1 / 2.2"),
+    (
+        &["alpha", "film-transparent", "transparent-background", "no-background"],
+        "--transparent leaves the background out",
+    ),
+    (
+        &["gpu", "cuda", "optix", "metal", "device", "cycles-device", "engine", "E"],
+        "oscura renders on the processor ('oscura help gpu')",
+    ),
+    (
+        &["adaptive", "adaptive-threshold", "noise-threshold", "error", "noise-level"],
+        "--noise P stops at an estimated noise of P percent",
+    ),
+    (&["timeout", "max-time", "render-time"], "--time-limit S stops after S seconds"),
+    (&["log-level", "loglevel", "debug", "log", "V"], "-v prints details, -q errors only"),
+    (
+        &["fireflies", "firefly", "clamping", "clamp-indirect", "clamp-direct"],
+        "--clamp indirect=10 takes fireflies out, with their light",
+    ),
+    (&["turntable", "spin"], "--orbit N renders a turntable of N frames"),
+    (
+        &["dof", "aperture", "f-stop", "fstop", "lens-radius"],
+        "--defocus and --focus give depth of field ('oscura help camera')",
+    ),
+    (
+        &["from", "camera-position", "position", "origin", "lookfrom", "look-from"],
+        "--eye X,Y,Z places the camera, --view-from NAME a model's",
+    ),
+    (&["lookat", "look-at", "at", "to"], "--target X,Y,Z is what the camera looks at"),
+    (
+        &["tile", "tiles", "bucket", "rect", "cropwindow", "crop-window", "window"],
+        "--crop X0,Y0,X1,Y1 renders a part of the picture",
+    ),
+    (
+        &["ui", "gui", "interactive", "live", "viewer"],
+        "'oscura view SCENE' shows a scene live in the browser",
+    ),
+];
+
+/// What an option of this name, without its dashes, is here.
+pub(super) fn known_as(name: &str) -> Option<&'static str> {
+    let name = name.replace('_', "-");
+    NAMES.iter().find(|(names, _)| names.contains(&&*name)).map(|(_, tip)| *tip)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::command_line::Arguments;
+    use super::*;
+
+    #[test]
+    fn tips_name_options_that_there_are_by_names_that_there_are_not() {
+        let whole = Arguments::whole();
+        let render = whole.find_subcommand("render").expect("a command");
+        let has = |word: &str| {
+            let mut arguments = render.get_arguments();
+            arguments.any(|arg| {
+                let longs = arg.get_long_and_visible_aliases().unwrap_or_default();
+                longs.contains(&word) || word.len() == 1 && arg.get_short() == word.chars().next()
+            })
+        };
+        for (names, tip) in NAMES {
+            for name in names {
+                assert!(!has(name), "{name}");
+            }
+            for word in
+                tip.split(|c: char| !c.is_alphanumeric() && c != '-').filter(|word| word.starts_with('-'))
+            {
+                assert!(has(word.trim_start_matches('-')), "{word}");
+            }
+        }
+    }
+}
