@@ -169,6 +169,8 @@ fn of_option(mut error: clap::Error, command: &clap::Command) -> clap::Error {
     let name = option.trim_start_matches('-');
     error.remove(ContextKind::Suggested);
     let tip = |mut error: clap::Error, text: String| {
+        // It shows the option that was suggested.
+        error.remove(ContextKind::Usage);
         error.remove(ContextKind::SuggestedArg);
         error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![StyledStr::from(text)]));
         error
