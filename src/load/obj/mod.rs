@@ -63,12 +63,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
         file: path,
         names: &materials,
         is_missing_told: libraries.is_empty() && !statements.libraries.is_empty(),
-        // The first of several materials with one name counts.
-        libraries: libraries
-            .iter()
-            .rev()
-            .map(|(file, mtl)| (mtl.name.as_str(), (file.as_path(), mtl)))
-            .collect(),
+        libraries: by_name(&libraries),
         maps: Maps::new(options),
         ids: HashMap::new(),
     };
@@ -218,6 +213,11 @@ struct Palette<'a> {
     maps: Maps<'a>,
     /// By name and by whether vertex colours multiply it.
     ids: HashMap<(MaterialName, bool), MaterialId>,
+}
+
+/// Materials by name: the first of several with one name counts.
+fn by_name(libraries: &[(PathBuf, Mtl)]) -> HashMap<&str, (&Path, &Mtl)> {
+    libraries.iter().rev().map(|(file, mtl)| (mtl.name.as_str(), (file.as_path(), mtl))).collect()
 }
 
 impl Palette<'_> {
