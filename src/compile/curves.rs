@@ -1,6 +1,6 @@
 //! Subdivision of curves into round cone segments.
 //!
-//! Cubic strands are cut evenly in their parameter. A segment deviates from its strand by at most [`ERROR`] of the radius: the distance of a
+//! Cubic strands are cut evenly in their parameter. A segment deviates from its strand by at most [`ERROR`] of the radius (more in scenes of many millions): the distance of a
 //! cubic from its chord is at most an eighth of its largest second derivative, which falls with the square of the number of
 //! pieces. Points are moved outwards of bends by two thirds of that distance, so that segments deviate equally to both sides of the curve. Diagonal segments are shortened until their boxes, which rays are tested against, are not much larger than they
 //! are, as far as memory allows. Tangents are those of the curve, so that shading is smooth.
@@ -23,9 +23,10 @@ const ERROR: f64 = 0.05;
 const OUTWARDS: f64 = 2.0 / 3.0;
 /// Largest square root of the area of a segment's bounding box (without the radius), over the radius.
 const LARGEST_BOX: f64 = 12.0;
-/// Larger boxes are allowed, up to [`LARGEST_BOX`] times this, where there would be more segments than [`MANY_SEGMENTS`].
-const LARGEST_FACTOR: f64 = 8.0;
+/// Scenes with more segments get longer ones, up to [`COARSEST`] times: their number falls by that factor, and the largest error grows with its
+/// square, to 0.8 of the radius. (100,000 hairs of 8 spans on a ball, 0.0015 radii thick.)
 const MANY_SEGMENTS: usize = 4_000_000;
+const COARSEST: f64 = 4.0;
 /// Maximum number of segments of one Bezier span.
 const MAX_SEGMENTS: usize = 64;
 /// Strands of one parallel task.
@@ -93,8 +94,8 @@ fn spans(basis: CurveBasis, n: &[ControlPoint]) -> Vec<[ControlPoint; 4]> {
     }
 }
 
-/// Number of segments of a Bezier span.
-fn segment_count(span: &[ControlPoint; 4], largest_box: f64) -> usize {
+/// Number of segments of a Bezier span, which [`coarseness`] divides.
+fn segment_count(span: &[ControlPoint; 4], coarseness: f64) -> usize {
     let radius = span.iter().map(|n| n.radius).fold(0.0, f64::max);
     let bend = |a: ControlPoint, b: ControlPoint, c: ControlPoint| {
         let of_radius = (a.radius - 2.0 * b.radius + c.radius).abs();
@@ -104,10 +105,10 @@ fn segment_count(span: &[ControlPoint; 4], largest_box: f64) -> usize {
     let bend = bend(span[0], span[1], span[2]).max(bend(span[1], span[2], span[3]));
     let of_error = (6.0 / 8.0 * OUTWARDS * bend / (ERROR * radius)).sqrt();
     let way = (span[3].p - span[0].p).abs();
-    let of_box = (way.x * way.y + way.y * way.z + way.z * way.x).sqrt() / (largest_box * radius);
+    let of_box = (way.x * way.y + way.y * way.z + way.z * way.x).sqrt() / (LARGEST_BOX * radius);
     let most = MAX_SEGMENTS as f64;
     // NaN, of a strand without radius, gives one.
-    of_error.max(of_box).min(most).ceil().max(1.0) as usize
+    (of_error.max(of_box) / coarseness).min(most).ceil().max(1.0) as usize
 }
 
 fn bezier(span: &[ControlPoint; 4], t: f64) -> ControlPoint {
@@ -126,12 +127,12 @@ fn moved_outwards(cuts: &[(ControlPoint, f64)], i: usize) -> DVec3 {
 
 impl CutStrands {
     /// Appends a strand.
-    fn strand(&mut self, basis: CurveBasis, nodes: &[ControlPoint], has_colors: bool, largest_box: f64) {
+    fn strand(&mut self, basis: CurveBasis, nodes: &[ControlPoint], has_colors: bool, coarseness: f64) {
         let spans = spans(basis, nodes);
         let first = self.segments.points.len();
         let mut cuts = Vec::new();
         for (i, span) in spans.iter().enumerate() {
-            let count = segment_count(span, largest_box);
+            let count = segment_count(span, coarseness);
             for k in 0..count {
                 let t = k as f64 / count as f64;
                 cuts.push((bezier(span, t), (i as f64 + t) / spans.len() as f64));
@@ -192,34 +193,31 @@ fn strands(curves: &Curves, origin: DVec3) -> impl IndexedParallelIterator<Item 
     ranges.collect::<Vec<_>>().into_par_iter().map(move |range| range.map(node).collect())
 }
 
-/// The largest boxes of segments, so that there are not many more than [`MANY_SEGMENTS`].
-fn largest_box<'a>(curves: impl Iterator<Item = &'a Curves> + Clone) -> f64 {
-    let count = |largest_box: f64| -> usize {
+/// How many times longer segments are than in scenes with fewer than [`MANY_SEGMENTS`].
+fn coarseness<'a>(curves: impl Iterator<Item = &'a Curves> + Clone) -> f64 {
+    let count = |coarseness: f64| -> usize {
         let of_strand = |basis: CurveBasis, nodes: &[ControlPoint]| -> usize {
-            spans(basis, nodes).iter().map(|span| segment_count(span, largest_box)).sum()
+            spans(basis, nodes).iter().map(|span| segment_count(span, coarseness)).sum()
         };
         let of = |c: &Curves| -> usize { strands(c, DVec3::ZERO).map(|n| of_strand(c.basis, &n)).sum() };
         curves.clone().map(of).sum()
     };
-    let mut factor = 1.0;
-    while factor < LARGEST_FACTOR && count(factor * LARGEST_BOX) > MANY_SEGMENTS {
-        factor *= 2.0;
+    let mut coarseness = 1.0;
+    while coarseness < COARSEST && count(coarseness) > MANY_SEGMENTS {
+        coarseness *= 2.0;
     }
-    if let Ok(x) = std::env::var("OSC_BOX") {
-        factor = x.parse().unwrap();
-    }
-    factor * LARGEST_BOX
+    coarseness
 }
 
 /// Subdivides curves, relative to `origin`.
 ///
 /// # Errors
 /// If their points exceed 32-bit indices.
-fn cut(curves: &Curves, origin: DVec3, has_colors: bool, largest_box: f64) -> Result<CutStrands> {
+fn cut(curves: &Curves, origin: DVec3, has_colors: bool, coarseness: f64) -> Result<CutStrands> {
     let one = |strands: Vec<Vec<ControlPoint>>| {
         let mut cut = CutStrands::default();
         for nodes in &strands {
-            cut.strand(curves.basis, nodes, has_colors, largest_box);
+            cut.strand(curves.basis, nodes, has_colors, coarseness);
         }
         cut
     };
@@ -249,13 +247,13 @@ impl Space {
             scene.curves.iter().filter(is_seen).any(|curves| {
                 !curves.colors.is_empty() && materials[curves.material.index()].uses_vertex_colors
             });
-        let largest_box = largest_box(scene.curves.iter().filter(is_seen));
+        let coarseness = coarseness(scene.curves.iter().filter(is_seen));
         let mut all = CutStrands::default();
         for (i, curves) in scene.curves.iter().enumerate().filter(|(_, curves)| is_seen(curves)) {
             let materials = &mut self.attributes.materials;
             self.owners.begin(materials.len(), numbering.curves(i));
             let before = all.segments.len();
-            let cut = cut(curves, origin, has_colors, largest_box)?;
+            let cut = cut(curves, origin, has_colors, coarseness)?;
             limits::check_cut_points(all.segments.points.len() + cut.segments.points.len())?;
             all.append(cut);
             let count = all.segments.len() - before;

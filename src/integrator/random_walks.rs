@@ -34,7 +34,8 @@ impl Integrator<'_> {
         for &i in &walking {
             self.begin_random_walk(i as usize, w);
         }
-        for step in 0..MAX_STEPS {
+        let most = self.options.bounces.subsurface.saturating_sub(1).min(MAX_STEPS);
+        for step in 0..most {
             if walking.is_empty() {
                 break;
             }

@@ -130,7 +130,7 @@ macro_rules! render_settings {
             "Random seed", "0" => seed: u32 = 0, named("seed"), scene(seed);
             "Maximum number of bounces of a path; 0 renders directly visible emission only", "100" =>
                 max_depth: u32 = 100, named("depth"), scene(depth);
-            "Maximum numbers of bounces by kind, such as diffuse=5,glossy=5,transmission=13,volume=1,transparent=9 (transparent: surfaces passed by their alpha); the image loses the light of longer paths", "no limits" =>
+            "Maximum numbers of bounces by kind, such as diffuse=5,glossy=5,transmission=13,volume=1,transparent=9,subsurface=256 (transparent: surfaces passed by their alpha; subsurface: scattering beneath a surface in a row); the image loses the light of longer paths", "no limits" =>
                 bounces: BounceLimits = BounceLimits::NONE, hashed, scene(bounces);
             "Clamp the contribution of a single path, mean of the channels, such as direct=50,indirect=10 (direct: after at most one bounce). Removes fireflies and, with them, light", "off" =>
                 clamp: Clamp = Clamp::NONE, hashed, scene(clamp);

@@ -116,6 +116,8 @@ named_limits! {
         /// Surfaces that a path passes because of their alpha: behind the last one it ends at the next surface. Shadow rays pass one
         /// less, with those that their path has passed.
         transparent,
+        /// Scattering beneath the surface of a solid in a row. (Counted where no light lies within it.)
+        subsurface,
     }
 }
 
@@ -133,7 +135,7 @@ named_limits! {
 impl BounceLimits {
     /// Is scattering of some kind limited?
     pub fn limit_scattering(&self) -> bool {
-        BounceLimits { transparent: u32::MAX, ..*self } != BounceLimits::NONE
+        BounceLimits { transparent: u32::MAX, subsurface: u32::MAX, ..*self } != BounceLimits::NONE
     }
 }
 

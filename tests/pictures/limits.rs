@@ -2,7 +2,8 @@
 
 use crate::support::differences::{assert_same_bits, bits};
 use crate::support::{
-    assert_radiance, camera, grey_floor, material, mean, measure, options, pbr, picture, quad, sphere, walls,
+    assert_radiance, camera, grey_floor, material, mean, measure, options, pbr, picture, quad, sphere,
+    translucent, walls,
 };
 use oscura::Renderer;
 use oscura::math::DVec3;
@@ -45,6 +46,23 @@ fn diffuse_bounces_end_where_they_are_limited() {
         let film = |o: RenderOptions| bits(&picture(&scene, &o));
         assert!(film(limited) == film(plain(8, 256).max_depth(diffuse)), "as few bounces in all");
         assert!(film(plain(8, 256).bounces(other)) == film(plain(8, 256)), "other kinds");
+    }
+}
+
+/// A white ball of radius 1 in a white furnace that light enters and leaves by Lambert's law: with one event as the limit what crosses a chord
+/// 2 cos without scattering is left, the integral of 2 cos exp(-2 s cos) over the cosine; with many all of it.
+#[test]
+fn scattering_beneath_surfaces_is_limited_by_its_number() {
+    for (extinction, subsurface) in [(0.5f64, 1), (2.0, 1), (2.0, 10_000)] {
+        let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
+        let medium = Medium { albedo: [1.0; 3], ..Medium::scattering([extinction as f32; 3]) };
+        let wax = translucent(&mut scene, medium);
+        sphere(&mut scene, [0.0; 3], 1.0, wax);
+        scene.cameras.push(camera(DVec3::new(0.0, 0.0, 50.0), DVec3::ZERO, DVec3::Y, 1.0));
+        let d = 2.0 * extinction;
+        let truth = if subsurface == 1 { 2.0 * (1.0 - (-d).exp() * (1.0 + d)) / (d * d) } else { 1.0 };
+        let limited = plain(16, 256).bounces(BounceLimits { subsurface, ..FREE });
+        assert_radiance(&format!("{extinction}, {subsurface} events"), &scene, &limited, truth, 0.01);
     }
 }
 

@@ -1,7 +1,9 @@
 //! Media that scatter, absorb and shine, against closed forms and quadrature.
 
 use crate::support::differences::{assert_same_bits, assert_same_means, bits};
-use crate::support::{assert_radiance, camera, material, measure, options, picture, sphere, walls};
+use crate::support::{
+    assert_radiance, camera, material, measure, options, picture, sphere, translucent, walls,
+};
 use oscura::math::DVec3;
 use oscura::scene::{
     Camera, ColorSlot, Environment, Fog, FresnelModel, Grid, Light, LightKind, Material, MaterialId, Medium,
@@ -225,21 +227,6 @@ fn grids_shine_by_other_grids() {
         let is_close = |c: usize| (found[c] - truth[c]).abs() < 4e-3 * truth[0];
         assert!((0..3).all(is_close) && truth[0] > 0.1, "{found:?} {truth:?}");
     }
-}
-
-/// The material of bodies that scatter light within and whose surface lets all of it in and out, diffusely.
-fn translucent(scene: &mut Scene, medium: Medium) -> MaterialId {
-    use oscura::scene::{DiffuseTransmission, FloatSlot, PbrMaterial};
-    let (factor, white) = (FloatSlot::constant(1.0), ColorSlot::constant([1.0; 3]));
-    let wax = PbrMaterial {
-        metallic: FloatSlot::constant(0.0),
-        specular: FloatSlot::constant(0.0),
-        ior: 1.0,
-        has_volume: true,
-        diffuse_transmission: Some(DiffuseTransmission { factor, color: white }),
-        ..PbrMaterial::default()
-    };
-    material(scene, Material { medium: Some(medium), ..Material::gltf("wax", wax) })
 }
 
 /// Colours of thick bodies come out as `subsurface` asks for, without a reflecting surface around them; walks within do not

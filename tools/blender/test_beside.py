@@ -539,7 +539,8 @@ class BesideTest(SceneTest):
             setattr(cycles, f"{kind or 'max_'}bounces", limit)
         self.assertEqual((cycles.sample_clamp_direct, cycles.sample_clamp_indirect, cycles.blur_glossy), (0, 10, 1))
         # Cycles doesn't count the last bounce.
-        usual = {"depth": 13, "bounces": {"diffuse": 5, "glossy": 5, "volume": 1, "transparent": 9}, "clamp": {"indirect": 10.0}, "filter_glossy": 1.0}
+        bounces = {"diffuse": 5, "glossy": 5, "volume": 1, "transparent": 9, "subsurface": 256}
+        usual = {"depth": 13, "bounces": bounces, "clamp": {"indirect": 10.0}, "filter_glossy": 1.0}
         self.assertEqual(found(), usual)
         self.scene.render.engine = "BLENDER_EEVEE"
         self.assertEqual(found(), usual)
@@ -547,7 +548,7 @@ class BesideTest(SceneTest):
         # Clamps are before the film's exposure there, and of what is seen here.
         cycles.film_exposure, cycles.sample_clamp_direct = 2.0, 3.0
         cycles.max_bounces, cycles.blur_glossy = 4, 0.0
-        few = {"depth": 5, "bounces": {"volume": 1, "transparent": 9}, "clamp": {"direct": 6.0, "indirect": 20.0}}
+        few = {"depth": 5, "bounces": {"volume": 1, "transparent": 9, "subsurface": 256}, "clamp": {"direct": 6.0, "indirect": 20.0}}
         self.assertEqual(found(), few)
         cycles.caustics_refractive = False
         self.assertEqual(found(), {**few, "skip_caustics": {"refractive": True}})

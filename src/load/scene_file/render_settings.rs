@@ -5,7 +5,7 @@
 //! | `width`, `height` | image size in pixels | 1 to 65,536 |
 //! | `samples` | samples per pixel | at least 1 |
 //! | `depth` | maximum number of bounces of a path; 0 renders directly visible emission only | |
-//! | `bounces` | maximum numbers of bounces by kind: `{ diffuse = 5, glossy = 5, transmission = 13, volume = 1, transparent = 9 }`, of which some may be left out; `transparent` counts surfaces passed by their alpha; the picture loses the light of longer paths | at least 1 |
+//! | `bounces` | maximum numbers of bounces by kind: `{ diffuse = 5, glossy = 5, transmission = 13, volume = 1, transparent = 9, subsurface = 256 }`, of which some may be left out; `transparent` counts surfaces passed by their alpha, `subsurface` scattering beneath a surface in a row; the picture loses the light of longer paths | at least 1 |
 //! | `clamp` | maximum contribution of a single path, mean of the channels: `{ direct = 50, indirect = 10 }`, either may be left out; direct is after at most one bounce. Removes fireflies and, with them, light | above 0 |
 //! | `filter_glossy` | glossy filter, as Cycles' Filter Glossy: what paths hit after a rough bounce is roughened, which blurs caustics; 0 is off, 1 is Cycles' default | 0 to 1000 |
 //! | `skip_caustics` | caustics to leave out, as where Cycles' Reflective or Refractive Caustics are off: `{ reflective = true, refractive = true }`: on rays that a surface scattered diffusely, surfaces have no glossy reflection, or no transmission | |

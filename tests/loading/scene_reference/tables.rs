@@ -110,6 +110,7 @@ pub const TABLES: &[Table] = &[
             ("transmission", "1", "2"),
             ("volume", "1", "2"),
             ("transparent", "1", "2"),
+            ("subsurface", "1", "2"),
         ],
     ),
     lines(

@@ -9,8 +9,8 @@ use oscura::film::Film;
 use oscura::math::{DAffine3, DMat3, DVec3};
 use oscura::render::{PassOutcome, RenderOptions, Rendering};
 use oscura::scene::{
-    Camera, ColorSlot, Filter, FloatSlot, Material, MaterialId, Model, PbrMaterial, Projection, Quad, Scene,
-    Shape,
+    Camera, ColorSlot, DiffuseTransmission, Filter, FloatSlot, Material, MaterialId, Medium, Model,
+    PbrMaterial, Projection, Quad, Scene, Shape,
 };
 use std::sync::Arc;
 
@@ -112,6 +112,20 @@ pub fn assert_radiance(what: &str, scene: &Scene, options: &RenderOptions, truth
 /// Adds a material.
 pub fn material(scene: &mut Scene, material: Material) -> MaterialId {
     scene.add_material(material)
+}
+
+/// The material of bodies that scatter light within and whose surface lets all of it in and out, diffusely.
+pub fn translucent(scene: &mut Scene, medium: Medium) -> MaterialId {
+    let (factor, white) = (FloatSlot::constant(1.0), ColorSlot::constant([1.0; 3]));
+    let wax = PbrMaterial {
+        metallic: FloatSlot::constant(0.0),
+        specular: FloatSlot::constant(0.0),
+        ior: 1.0,
+        has_volume: true,
+        diffuse_transmission: Some(DiffuseTransmission { factor, color: white }),
+        ..PbrMaterial::default()
+    };
+    material(scene, Material { medium: Some(medium), ..Material::gltf("wax", wax) })
 }
 
 /// Adds a quad.

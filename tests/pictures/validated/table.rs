@@ -124,7 +124,7 @@ structs! {
         width, height, samples, depth, seed, filter, energy_compensation, fresnel, spectral, exposure, view, white_balance, noise, caught,
         denoise, crop, aovs, bounces, clamp, filter_glossy, skip_caustics, terminator,
     }
-    BounceLimits { diffuse, glossy, transmission, volume, transparent }
+    BounceLimits { diffuse, glossy, transmission, volume, transparent, subsurface }
     Clamp { direct, indirect }
     SkippedCaustics { reflective, refractive }
 }

@@ -12,6 +12,9 @@ REC709 = "Linear Rec.709"
 # The view that is the same here, by Blender's name, and the one whose steps no table can hold. The others become tables.
 VIEWS = {"Standard": "srgb", "False Color": "false-color"}
 
+# Scattering beneath a surface after which Cycles ends a path.
+SUBSURFACE_STEPS = 256
+
 # Passes of view layers, with the channels that they stand for here.
 PASSES = {
     "use_pass_z": "depth",
@@ -177,6 +180,7 @@ def _limits(cycles, report):
     kinds = {kind: getattr(cycles, f"{kind}_bounces") for kind in ("diffuse", "glossy", "transmission", "volume")}
     bounces = {kind: limit + 1 for kind, limit in kinds.items() if limit < cycles.max_bounces}
     bounces["transparent"] = cycles.transparent_max_bounces + 1
+    bounces["subsurface"] = SUBSURFACE_STEPS
     clamps = {"direct": cycles.sample_clamp_direct, "indirect": cycles.sample_clamp_indirect}
     clamp = {which: limit * cycles.film_exposure for which, limit in clamps.items() if limit > 0 and cycles.film_exposure > 0}
     words = [f"{kind} {limit}" for kind, limit in kinds.items() if limit < cycles.max_bounces]
