@@ -497,7 +497,6 @@ mod tests {
             counts: true,
             is_enclosed: false,
             spectra: None,
-            is_enclosed: false,
         }
     }
 

@@ -48,8 +48,12 @@ impl RandomWalks {
     }
 }
 
-/// Leaves out media that have lights in them.
+/// Leaves out media that have lights in them, or to which light is refracted in known directions.
 fn leave_out_lit(scene: &CompiledScene, by_medium: &mut [bool]) {
+    let refracted = &scene.refracted_lights;
+    if !refracted.lights.is_empty() {
+        refracted.bodies.iter().for_each(|body| by_medium[usize::from(body.medium)] = false);
+    }
     let lights = &scene.lights;
     let middle = |bounds: LightBounds| bounds.bounds.center();
     let points = lights.punctual().iter().filter_map(|light| light.bounds(&scene.textures)).map(middle);
