@@ -599,7 +599,7 @@ pub(super) fn unused_option_warnings(args: &RenderArgs, scene: &Scene, prepared:
 pub(super) fn idle_option_notes(args: &RenderArgs, scene: &Scene) -> Vec<Warning> {
     let has_groups = scene.light_groups().len() > 1;
     let is_idle = args.light_groups && Made::of(args).exr && !has_groups;
-    let message = "the scene has no light groups: all its light is in RGBA_default";
+    let message = "--light-groups: the scene has no light groups, and all its light is in RGBA_default";
     let groups = is_idle.then(|| Warning::general(message));
     let range = args.long.sample_range.and_then(|range| block_note(range, args.spp));
     groups.into_iter().chain(range).collect()

@@ -1,9 +1,10 @@
 //! Subdivision of curves into round cone segments.
 //!
-//! Cubic strands are cut evenly in their parameter. A segment deviates from its strand by at most [`ERROR`] of the radius (more in scenes of many millions): the distance of a
-//! cubic from its chord is at most an eighth of its largest second derivative, which falls with the square of the number of
-//! pieces. Points are moved outwards of bends by two thirds of that distance, so that segments deviate equally to both sides of the curve. Diagonal segments are shortened until their boxes, which rays are tested against, are not much larger than they
-//! are, as far as memory allows. Tangents are those of the curve, so that shading is smooth.
+//! Cubic strands are cut evenly in their parameter. A segment deviates from its strand by at most [`ERROR`] of the radius (more in scenes
+//! of many millions): the distance of a cubic from its chord is at most an eighth of its largest second derivative, which falls with
+//! the square of the number of segments. Points are moved outwards of bends by two thirds of that distance, so that segments deviate
+//! equally to both sides of the curve. Diagonal segments are shortened until their boxes, which rays are tested against, are not much
+//! larger than they are. Tangents are those of the curve, so that shading is smooth.
 
 use super::geometry::{CurveAttributes, Space, SurfaceCoordinates, frame_of};
 use super::limits;

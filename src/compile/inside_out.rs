@@ -10,7 +10,7 @@ use super::material::CompiledMaterial;
 use super::objects::part_materials;
 use crate::error::{Warning, listed};
 use crate::math::{DAffine3, DVec3};
-use crate::scene::{Instance, MaterialId, Mesh, Scene, Shape, encloses, instance_extents};
+use crate::scene::{Instance, MaterialId, Mesh, Scene, Shape, encloses, has_no_border, instance_extents};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 use std::sync::OnceLock;
@@ -29,7 +29,7 @@ pub(super) fn find(scene: &Scene, materials: &[CompiledMaterial], warnings: &mut
     let is_suspect = |&index: &usize| {
         let mesh = &scene.meshes[index];
         let is_used = !placed[index].is_empty() && placed[index].iter().all(is_whole);
-        is_used && is_inverted(mesh) && encloses(mesh)
+        is_used && is_inverted(mesh) && (encloses(mesh) || has_no_border(mesh))
     };
     let suspects: Vec<usize> = (0..scene.meshes.len()).into_par_iter().filter(is_suspect).collect();
     if suspects.is_empty() {
@@ -309,9 +309,11 @@ mod tests {
         let mut mesh = inverted(0, 1.0);
         assert!(is_inverted(&mesh));
         mesh.triangles[2].swap(0, 1);
-        assert!(is_inverted(&mesh) && encloses(&mesh));
+        assert!(is_inverted(&mesh) && encloses(&mesh) && has_no_border(&mesh));
         mesh.triangles.iter_mut().for_each(|t| t.swap(0, 1));
         assert!(!is_inverted(&mesh));
+        let open = Mesh { triangles: mesh.triangles[..3].to_vec(), ..mesh.clone() };
+        assert!(!has_no_border(&open));
         let doubled = vec![[0, 1, 2], [0, 2, 1]];
         assert!(!is_inverted(&Mesh { triangles: doubled, ..mesh }));
     }

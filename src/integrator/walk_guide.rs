@@ -182,7 +182,7 @@ mod tests {
             });
             let sampled = sampled.count() as f32 / n as f32;
             let steps = (0..1000).map(|i| guide.density(0, low + (i as f32 + 0.5) / 4000.0));
-            let expected = steps.sum::<f32>() * std::f32::consts::TAU / 4000.0;
+            let expected = steps.sum::<f32>() * TAU / 4000.0;
             assert!((sampled - expected).abs() < 1e-4, "{low}: {sampled} {expected}");
         }
     }

@@ -53,8 +53,8 @@ pub use settings::{
 };
 pub use slot::{ColorSlot, FloatSlot, NormalMap, Parameter, ParameterMut, Parameters};
 pub use texture::{Interpolation, MAX_TEXTURE_NESTING, Mapping, NoiseKind, Texture, TextureTransform, Wrap};
-pub(crate) use watertightness::encloses;
 pub use watertightness::{MaterialUses, Watertightness};
+pub(crate) use watertightness::{encloses, has_no_border};
 
 use crate::image::Image;
 use std::sync::Arc;

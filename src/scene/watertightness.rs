@@ -108,6 +108,17 @@ pub(crate) fn encloses(mesh: &Mesh) -> bool {
     open.length() <= LARGEST_OPENING * area
 }
 
+/// Does each edge of a mesh belong to several faces? They may be doubled, and run around in any way.
+pub(crate) fn has_no_border(mesh: &Mesh) -> bool {
+    let sides = mesh.triangles.iter().flat_map(|triangle| {
+        let [a, b, c] = mesh.corners(*triangle).map(key);
+        [(a, b), (b, c), (c, a)]
+    });
+    let mut edges: Vec<u64> = sides.filter(|(a, b)| a != b).map(|(a, b)| of_edge(a, b)).collect();
+    edges.sort_unstable();
+    !edges.is_empty() && edges.chunk_by(u64::eq).all(|faces| faces.len() > 1)
+}
+
 /// The exclusive or of a number for each edge: 0 if each belongs to an even number of faces (by chance once in 2^64).
 #[derive(Default)]
 struct EdgeHash {

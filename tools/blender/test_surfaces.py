@@ -249,11 +249,19 @@ class SurfacesTest(SceneTest):
         bmesh.ops.delete(work, geom=[work.faces[0]], context="FACES_ONLY")
         work.to_mesh(ball.data)
         work.free()
+        return ball.data
 
     def test_holes_of_bodies_of_one_colour_are_closed(self):
+        self.closes_hole(lambda mesh: None)
+
+    def test_holes_of_bodies_that_face_inwards_are_closed(self):
+        self.closes_hole(lambda mesh: mesh.flip_normals())
+
+    def closes_hole(self, change):
+        """A body with a hole, changed, is closed by faces that run around as those beside them."""
         wax, _, shader = shader_tree("wax")
         shader.inputs["Subsurface Weight"].default_value = 1.0
-        self.with_hole(wax)
+        change(self.with_hole(wax))
         _, settings, answer = self.export()
         self.assertIn("1 holes, which are closed", "".join(message for _, message in answer["notes"]))
         self.assertIs(settings["materials"]["wax"]["volume"], True)
@@ -262,7 +270,9 @@ class SurfacesTest(SceneTest):
         places = np.stack([vertices[name] for name in "xyz"], 1)
         _, number = np.unique(places.round(5), axis=0, return_inverse=True)
         corners = number.ravel()[faces["corners"]]
-        edges = np.sort(np.concatenate([corners[:, [k, (k + 1) % 3]] for k in range(3)]), axis=1)
+        sides = np.concatenate([corners[:, [k, (k + 1) % 3]] for k in range(3)])
+        self.assertEqual(set(np.unique(sides, axis=0, return_counts=True)[1].tolist()), {1})
+        edges = np.sort(sides, axis=1)
         self.assertEqual(set(np.unique(edges, axis=0, return_counts=True)[1].tolist()), {2})
 
     def test_lights_and_objects_that_shine_are_linked_to_nodes(self):
