@@ -246,21 +246,6 @@ fn subsurface_has_its_color() {
     }
 }
 
-/// A white ball around a lamp without size sends out all of its light: Lambert's law with I / (pi r^2) everywhere, whatever the
-/// mean free path and the anisotropy.
-#[test]
-fn lamps_within_bodies_light_them() {
-    for (extinction, anisotropy) in [(2.0, 0.0), (8.0, 0.0), (8.0, 0.5)] {
-        let mut scene = Scene::default();
-        let wax = translucent(&mut scene, medium(extinction, 1.0, anisotropy));
-        sphere(&mut scene, [0.0; 3], 1.0, wax);
-        scene.lights.push(Light::new(LightKind::Point { position: DVec3::ZERO }, [4.0; 3]));
-        scene.cameras.push(beam([0.0, 0.0, 5.0]));
-        let what = format!("a lamp in {extinction}, {anisotropy}");
-        assert_radiance(&what, &scene, &options(16, 256, 4), 4.0 / PI, 0.01);
-    }
-}
-
 /// In a white furnace a white body that scatters evenly, or to one side, can't be seen, whatever its mean free path: walks of some steps, of
 /// hundreds, and guided ones.
 #[test]
