@@ -5,7 +5,8 @@
 //! angle at which the light sees the ray (equiangular sampling: Kulla, Fajardo 2012, "Importance Sampling Techniques
 //! for Path Tracing in Participating Media", section 3.1). The weight is the value over the density of the whole
 //! mixture (one-sample balance heuristic, Veach 1997): at most one over a channel's share, or two where a light guides.
-//! The guiding light is drawn independently and contributes nothing by this.
+//! The guiding light is drawn independently and contributes nothing by this. Steps of random walks are drawn with their directions, from a
+//! mixture with densities that lead to the surface ([`WalkGuide`]).
 //!
 //! On density grids segments end at collisions (delta tracking), which need no weight where all channels have the same
 //! extinction. Else collisions follow the channel of the largest extinction, a random number decides between scattering and a
@@ -32,7 +33,7 @@ pub(super) struct MediumSegment {
     pub overlapping: [u32; 2],
     /// Start and end of the medium along the ray, metres.
     pub extent: [f32; 2],
-    /// Selection probabilities of the channels; all 0 where no distance is sampled.
+    /// Selection probabilities of the channels, without those of guided steps; all 0 where no distance is sampled.
     shares: [f32; 3],
     equiangular: Option<EquiangularSampling>,
     /// The part of the mixture that leads walks to the surface.
@@ -162,7 +163,8 @@ impl MediumSegment {
 
     /// Is the weight of passing 1 everywhere?
     pub fn is_unweighted(&self, medium: &Scattering) -> bool {
-        let ends_by_chance = self.tracked.is_some() || self.draws() && self.equiangular.is_none();
+        let is_guided = self.equiangular.is_some() || self.guided.is_some();
+        let ends_by_chance = self.tracked.is_some() || self.draws() && !is_guided;
         medium.is_grey() && (ends_by_chance || medium.extinction.r == 0.0)
     }
 
@@ -409,7 +411,8 @@ impl MediumSegment {
             Some(guided) if is_guided => guided.rates[channel],
             _ => extinction[channel],
         };
-        segment.scatter_t = -poly::ln(1.0 - distance) / rate;
+        let scatter_t = -poly::ln(1.0 - distance) / rate;
+        segment.scatter_t = if scatter_t < f32::INFINITY { scatter_t } else { f32::INFINITY };
         (wi, segment)
     }
 }

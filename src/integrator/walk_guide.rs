@@ -93,8 +93,8 @@ const GUIDED_SHARE: f32 = 0.75;
 impl WalkGuide {
     /// The guide of a medium.
     pub fn of(medium: &Scattering) -> WalkGuide {
-        /// Albedos beyond these have densities with poles.
-        const ALBEDOS: [f32; 2] = [0.1, 0.9999];
+        /// Beyond these albedos lengths are 1 or infinite by rounding.
+        const ALBEDOS: [f32; 2] = [0.2, 0.9999];
         let (scattered, extinction) = (medium.scattered.to_array(), medium.extinction.to_array());
         let lengths = [0, 1, 2].map(|c| {
             let albedo = (scattered[c] / extinction[c].max(f32::MIN_POSITIVE)).clamp(ALBEDOS[0], ALBEDOS[1]);
@@ -165,6 +165,25 @@ mod tests {
         holed.materials[0].alpha_mode = AlphaMode::Blend;
         holed.materials[0].alpha = FloatSlot::constant(0.5);
         assert!(!walks(&holed));
+    }
+
+    /// Lengths are above 1 and finite, whatever the albedo.
+    #[test]
+    fn guides_of_black_and_white_media_are_finite() {
+        for albedo in [0.0, 0.1, 0.5, 1.0] {
+            let filling =
+                crate::scene::Medium { albedo: [albedo; 3], ..crate::scene::Medium::scattering([2.0; 3]) };
+            let mut scene = scene([0.0, 2.0, 0.0]);
+            scene.materials[0].medium = Some(filling);
+            let (compiled, _) = compile(&scene, &CompileOptions::default()).expect("valid");
+            for guide in RandomWalks::of(&compiled).guides.iter().flatten() {
+                let [length, log] = [guide.lengths[0], guide.logs[0]];
+                assert!(
+                    length > 1.00001 && length < 1e3 && log > 1e-3 && log < 20.0,
+                    "{albedo}: {length} {log}"
+                );
+            }
+        }
     }
 
     /// Guided directions have the density that they are weighted by.
