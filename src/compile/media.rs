@@ -85,6 +85,9 @@ pub(super) fn number(
 
 /// Finds the media of solids that surfaces enclose through which no light sample passes.
 pub(super) fn mark_enclosed(scene: &Scene, materials: &[CompiledMaterial], media: &mut [Medium]) {
+    if !media.iter().filter_map(|m| m.scattering.as_ref()).any(|s| !s.counts) {
+        return;
+    }
     let mut is_open = vec![false; media.len()];
     let mut open = |material: &CompiledMaterial| {
         let parts = material.components.iter().map(|part| &materials[part.index as usize]);

@@ -62,9 +62,11 @@ impl Integrator<'_> {
     /// What follows a walk doesn't depend on the vertex before it.
     fn begin_random_walk(&self, i: usize, w: &mut Workspace) {
         let (paths, optional) = (&mut w.arriving, self.optional);
-        let normal = get(&paths.entry_normal, i);
-        let side = if normal.dot(w.rays[i].direction) < 0.0 { 1.0 } else { -1.0 };
-        set(&mut paths.entry_normal, i, normal * side);
+        let (normal, direction) = (get(&paths.entry_normal, i), w.rays[i].direction);
+        // Vertices in media have no normal: cameras may be within bodies.
+        let outwards =
+            if normal == Vec3::ZERO { direction } else { normal * -normal.dot(direction).signum() };
+        set(&mut paths.entry_normal, i, outwards);
         paths.state.pdf[i] = DirectionPdf::SPECULAR;
         if optional.receiver_normal {
             set(&mut paths.receiver_normal, i, Vec3::ZERO);

@@ -260,6 +260,16 @@ fn white_bodies_vanish_in_a_white_furnace() {
     }
 }
 
+/// A camera in the middle of a white body in a white furnace sees the furnace.
+#[test]
+fn cameras_may_be_within_bodies() {
+    let mut scene = lit_all_around();
+    let wax = translucent(&mut scene, medium(3.0, 1.0, 0.0));
+    sphere(&mut scene, [0.0; 3], 1.0, wax);
+    scene.cameras.push(camera(DVec3::new(0.1, 0.2, 0.3), DVec3::X, DVec3::Y, 60.0));
+    assert_radiance("from within", &scene, &options(16, 64, 4), 1.0, 0.01);
+}
+
 /// Light through a plate of Random Walk (Skin), 0.2 m thick, of a radius of 0.5 m: Cycles' (Blender 5.0.1), where it enters as a
 /// refracted ray; here it enters diffusely, and a tenth less comes through. By the mean free paths of Random Walk it would be a
 /// seventieth of the blue.
