@@ -29,10 +29,15 @@ pub fn sample_henyey_greenstein(anisotropy: f32, wo: Vec3, u: [f32; 2]) -> Vec3 
         let s = (1.0 - g * g) / (1.0 - g + 2.0 * g * u[0]);
         (1.0 + g * g - s * s) / (2.0 * g)
     };
-    let cosine = cosine.clamp(-1.0, 1.0);
+    direction_around(-wo, cosine.clamp(-1.0, 1.0), u[1])
+}
+
+/// The direction at a cosine from -1 to 1 to an axis of unit length, turned around it by an angle in turns.
+#[inline(always)]
+pub fn direction_around(axis: Vec3, cosine: f32, turns: f32) -> Vec3 {
     let sine = (1.0 - cosine * cosine).sqrt();
-    let (sin_phi, cos_phi) = poly::sin_cos_turns(u[1]);
-    Frame::from_normal(-wo).to_world(Vec3::new(sine * cos_phi, sine * sin_phi, cosine))
+    let (sin_phi, cos_phi) = poly::sin_cos_turns(turns);
+    Frame::from_normal(axis).to_world(Vec3::new(sine * cos_phi, sine * sin_phi, cosine))
 }
 
 #[cfg(test)]

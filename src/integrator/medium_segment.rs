@@ -15,11 +15,11 @@
 
 use super::interior::Interior;
 use super::walk_guide::WalkGuide;
-use crate::bsdf::phase::{henyey_greenstein, sample_henyey_greenstein};
+use crate::bsdf::phase::{direction_around, henyey_greenstein, sample_henyey_greenstein};
 use crate::color::Rgb;
 use crate::color::spectral::Wavelengths;
 use crate::compile::{GridMedium, GridRay, Scattering};
-use crate::math::{Frame, Ray, Vec3, poly};
+use crate::math::{Ray, Vec3, poly};
 use crate::sampling::hash::{hash32, unit};
 use crate::simd::map_each;
 
@@ -387,10 +387,7 @@ impl MediumSegment {
         let channel = usize::from(choice >= shares[0]) + usize::from(choice >= shares[0] + shares[1]);
         let is_guided = strategy < guide.share;
         let wi = if is_guided {
-            let cosine = guide.sample(channel, direction[0]);
-            let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
-            let (sin_phi, cos_phi) = poly::sin_cos_turns(direction[1]);
-            Frame::from_normal(axis).to_world(Vec3::new(sine * cos_phi, sine * sin_phi, cosine))
+            direction_around(axis, guide.sample(channel, direction[0]), direction[1])
         } else {
             sample_henyey_greenstein(medium.anisotropy, wo, direction)
         };

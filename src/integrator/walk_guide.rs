@@ -67,10 +67,7 @@ fn leave_out_lit(scene: &CompiledScene, by_medium: &mut [bool]) {
     let middles = area.iter().step_by(step).filter_map(|light| light.bounds(&scene.textures)).map(middle);
     for p in points.into_iter().chain(middles) {
         let around = Interior::around(scene, p, 0.0);
-        by_medium
-            .iter_mut()
-            .enumerate()
-            .for_each(|(m, walks)| *walks &= m == 0 || !around.contains(m as u16));
+        by_medium.iter_mut().enumerate().for_each(|(m, walks)| *walks &= !around.contains(m as u16));
     }
 }
 
