@@ -19,6 +19,7 @@ use super::metal_rough::{MetalRough, MetalRoughClosure, MetalRoughProgram};
 use super::microsurface::{Facets, Isotropic, Microsurface, MicrosurfaceProgram};
 use super::rough_dielectric::{GlassReflectance, RoughDielectric, Walls};
 use super::sheen::Sheen;
+use super::subsurface::Body;
 use super::thin_film::ThinFilm;
 use super::{Appearance, BsdfEval, BsdfSample, Lobe, Refraction, Transmissive, ggx};
 use crate::color::Rgb;
@@ -38,6 +39,8 @@ pub struct Layered {
     pub diffuse_roughness: f32,
     /// Colour of diffuse transmission, under the same interface.
     pub through: Rgb,
+    /// The body that scatters the transmitted light; `None` without subsurface scattering.
+    pub body: Option<Body>,
     /// Light that passes the interface.
     pub glass: RoughDielectric,
     /// Weight of `glass`; that of the opaque material and of `through` is 1 minus it.
@@ -79,6 +82,12 @@ impl Layered {
             (self.coat.factor, self.film.factor) = (0.0, 0.0);
         }
         self.glass.leave_out(lobes);
+    }
+
+    /// Value of the transmission that `through` colours.
+    #[inline(always)]
+    fn eval_through(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
+        self.body.map_or_else(|| DiffuseThrough.eval(wo, wi), |body| body.eval(wo, wi))
     }
 
     #[inline]
@@ -172,7 +181,7 @@ impl Layered {
         let mut sum = Rgb::ZERO;
         if (wo.z < 0.0) != (wi.z < 0.0) {
             if has(3) {
-                sum += closure.weights[3] * DiffuseThrough.eval(wo, wi).f_cos;
+                sum += closure.weights[3] * self.eval_through(wo, wi).f_cos;
             }
             return sum;
         }
@@ -217,7 +226,7 @@ impl Layered {
                 add(4, closure.rough.eval(wo, wi));
             }
         } else if has(3) {
-            add(3, DiffuseThrough.eval(wo, wi));
+            add(3, self.eval_through(wo, wi));
         }
         if has(GLASS) {
             add(GLASS, closure.glass.eval(wo, wi));
@@ -247,7 +256,9 @@ impl Lobe for Layered {
             2 => closure.opaque_closure.sample(&closure.opaque.surface, wo, closure.above, u),
             3 => {
                 let Refracted { eta, flux, .. } = closure.crossing;
-                BsdfSample { eta, flux, ..DiffuseThrough.sample(wo, u) }
+                let sample =
+                    self.body.map_or_else(|| DiffuseThrough.sample(wo, u), |body| body.sample(wo, u));
+                BsdfSample { eta, flux, ..sample }
             }
             4 => closure.rough.sample(wo, u),
             _ => closure.glass.sample(wo, u),
@@ -433,6 +444,12 @@ impl LayeredProgram {
         }
     }
 
+    /// The body of subsurface scattering, with the facets of the surface.
+    fn body(&self, facets: Microsurface) -> Option<Body> {
+        let through = self.diffuse_transmission.as_ref()?;
+        through.subsurface.map(|entry| Body::new(entry, facets))
+    }
+
     /// Is any part of the surface glass?
     pub fn has_glass(&self) -> bool {
         self.transmission.is_some()
@@ -474,6 +491,7 @@ impl MaterialProgram for LayeredProgram {
             opaque,
             diffuse_roughness: slots.share(&self.diffuse_roughness),
             through: color * (diffuse * diffuse_transmission),
+            body: self.body(surface),
             glass: RoughDielectric {
                 surface,
                 ior,
@@ -653,6 +671,7 @@ mod tests {
             opaque: m.on(Microsurface::isotropic(0.3)),
             diffuse_roughness: 0.0,
             through: Rgb::ZERO,
+            body: None,
             glass: RoughDielectric {
                 surface: Microsurface::isotropic(0.3),
                 ior: 1.5,

@@ -178,6 +178,27 @@ impl Microsurface {
         let ratio = half.length_squared() / spread.max(1e-30);
         ax * ay * ratio * ratio * (1.0 / PI)
     }
+
+    /// The unit normal of the facets that refract `wo` to `wi` (Walter et al. 2007, eq. 16), and the density of `wi` where
+    /// the visible normals of `wo` are sampled, 1/sr; `None` where no visible facet does. All are in the frame of the axis,
+    /// `wo` with its [`Microsurface::smith_root`]; `eta` is the index of refraction of the other side over that of `wo`.
+    #[inline(always)]
+    pub fn refraction(&self, (wo, root): (Vec3, f32), wi: Vec3, eta: f32) -> Option<(Vec3, f32)> {
+        // wo + eta wi, turned to the side of wo, so that the digits stay for eta near 1.
+        let half = ((wo + wi) + wi * (eta - 1.0)) * if eta > 1.0 { -1.0 } else { 1.0 };
+        let length = half.length();
+        if half.z <= 0.0 {
+            return None;
+        }
+        let (cos_o, cos_i) = (wo.dot(half) / length, wi.dot(half) / length);
+        if cos_o <= 0.0 || cos_i >= 0.0 {
+            return None;
+        }
+        // D G1(wo) |wo.h| / wo.z times dh / dwi = eta^2 |wi.h| / |wo + eta wi|^2.
+        let stretch = cos_o * -cos_i * (eta / length) * (eta / length);
+        let density = self.distribution(half) * 2.0 / (wo.z + root) * stretch;
+        Some((half / length, density))
+    }
 }
 
 impl Facets for Microsurface {

@@ -25,6 +25,7 @@ pub mod phase;
 mod reference;
 mod rough_dielectric;
 mod sheen;
+mod subsurface;
 mod thin_film;
 
 pub use crate::scene::ShadingModel;
@@ -201,6 +202,11 @@ impl Bsdf {
             Bsdf::Layered(layered) => layered.leave_out(lobes),
             _ => {}
         }
+    }
+
+    /// Does light that crosses the surface enter or leave a body with subsurface scattering?
+    pub fn has_body(&self) -> bool {
+        matches!(self, Bsdf::Layered(layered) if layered.body.is_some())
     }
 
     /// Makes facets at least this rough (GGX alpha), those of exact mirrors and smooth solid glass included.

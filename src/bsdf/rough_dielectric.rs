@@ -734,22 +734,12 @@ impl SolidGlassClosure<'_> {
     /// Open and lifted light that facets refract along a direction.
     #[inline(always)]
     fn refracted(&self, wi: Vec3) -> [FacetLight; 2] {
-        let (wo, eta) = (self.wo, self.eta);
-        // Walter et al. 2007, eq. 16, turned to the side of wo: wo + eta wi, so that the digits stay for eta near 1.
-        let half = ((wo + wi) + wi * (eta - 1.0)) * if eta > 1.0 { -1.0 } else { 1.0 };
-        let length = half.length();
-        if half.z <= 0.0 {
+        let Some((normal, density)) = self.glass.surface.refraction((self.wo, self.root), wi, self.eta)
+        else {
             return [FacetLight::NONE; 2];
-        }
-        let (cos_o, cos_i) = (wo.dot(half) / length, wi.dot(half) / length);
-        if cos_o <= 0.0 || cos_i >= 0.0 {
-            return [FacetLight::NONE; 2];
-        }
-        let [_, part] = self.split(half / length, [None, Some(wi)]);
-        // D G1(wo) |wo.h| / wo.z times dh / dwi = eta^2 |wi.h| / |wo + eta wi|^2.
-        let stretch = cos_o * -cos_i * (eta / length) * (eta / length);
-        let density = self.glass.surface.distribution(half) * 2.0 / (wo.z + self.root) * stretch;
-        let part = self.by_distribution(part, half);
+        };
+        let [_, part] = self.split(normal, [None, Some(wi)]);
+        let part = self.by_distribution(part, normal);
         [part.open.times(density), part.lifted.times(density)]
     }
 }

@@ -44,11 +44,11 @@ impl Integrator<'_> {
         }
     }
 
-    /// Counts the scattered rays of all sorted vertices by kind, except within solids.
+    /// Counts the scattered rays of all sorted vertices by kind, except those within solids that scatter light.
     pub(super) fn count_bounces_by_kind(&self, sorted: &SortedVertices, w: &mut Workspace) {
-        let (paths, in_media) = (&mut w.wave.paths, sorted.medium());
+        let paths = &mut w.wave.paths;
         for i in sorted.all() {
-            if !(in_media.contains(&i) && self.is_in_walk(i, paths)) {
+            if !self.is_in_walk(i, paths) {
                 paths.bounce_counts[i].count(paths.visibility[i].kind());
             }
         }
@@ -56,6 +56,9 @@ impl Integrator<'_> {
 
     /// Is path `i` on a random walk within a solid?
     fn is_in_walk(&self, i: usize, paths: &Paths) -> bool {
+        if !self.optional.interior {
+            return false;
+        }
         let medium = &self.scene.media[usize::from(paths.interior[i].medium())];
         medium.scattering.as_ref().is_some_and(|s| !s.counts)
     }

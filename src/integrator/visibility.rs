@@ -314,7 +314,8 @@ impl FirstBounce {
     /// For a BSDF with shading normal `ns` and geometric normal `ng`, without specular lobes.
     pub fn of(bsdf: &Bsdf, [ns, ng]: [Vec3; 2], wo: Vec3, wi: Vec3) -> FirstBounce {
         let frame = Frame::from_normal(ns);
-        let crosses = wi.dot(ng) * wo.dot(ng) < 0.0;
+        // Subsurface scattering is diffuse reflection on the whole.
+        let crosses = wi.dot(ng) * wo.dot(ng) < 0.0 && !bsdf.has_body();
         let (wo, wi) = (local_viewer(&frame, wo, ng), frame.to_local(wi));
         FirstBounce { diffuse: share(bsdf.diffuse_part(wo, wi), bsdf.eval(wo, wi).f_cos), crosses }
     }

@@ -140,7 +140,7 @@ mod tests {
         let mut scene = Scene::default();
         let factor = FloatSlot::constant(1.0);
         let color = crate::scene::ColorSlot::constant([1.0; 3]);
-        let through = Some(DiffuseTransmission { factor, color });
+        let through = Some(DiffuseTransmission { factor, color, subsurface: None });
         let wax = PbrMaterial { has_volume: true, diffuse_transmission: through, ..PbrMaterial::default() };
         let medium = Some(crate::scene::Medium::subsurface([0.8; 3], [0.1; 3], 0.0));
         scene.add_material(Material { medium, ..Material::gltf("wax", wax) });

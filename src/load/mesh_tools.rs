@@ -4,7 +4,7 @@ use super::Loaded;
 use crate::color::linear_from_srgb;
 use crate::error::Warning;
 use crate::math::{DAffine3, DMat3, DQuat, DVec3, Vec2, all_finite};
-use crate::scene::{Mesh, Shape};
+use crate::scene::{Mesh, MeshId, Motion, Scene, Shape};
 use std::collections::HashMap;
 use std::path::Path;
 
@@ -165,9 +165,32 @@ pub(super) fn color_triangles(mesh: &mut Mesh, colors: &[[f32; 4]]) {
     mesh.colors = own.into_iter().map(|color| color.unwrap_or([1.0; 4])).collect();
 }
 
+/// Gives placements without an inverse (a scale of 0 along one axis) copies of their meshes that are flat themselves.
+/// Placements that leave a line or a point are left out with a warning.
+pub(super) fn flatten_placements(path: &Path, loaded: &mut Loaded) {
+    let Loaded { scene, warnings, .. } = loaded;
+    let Scene { meshes, instances, .. } = scene;
+    instances.retain_mut(|instance| {
+        let placed = &mut instance.world_from_object;
+        if placed.matrix3.determinant() != 0.0 || matches!(instance.motion, Motion::Keyed(_)) {
+            return true;
+        }
+        let flat = flattened(&meshes[instance.mesh.index()], &placed.matrix3);
+        if flat.triangles.is_empty() {
+            let message = "shrinks its mesh to a line or a point (a scale of 0); it is left out";
+            warnings.push(Warning::new(path, &instance.name, ("mesh-degenerate", message)));
+            return false;
+        }
+        instance.mesh = MeshId(meshes.len() as u32);
+        *placed = DAffine3::from_translation(placed.translation);
+        meshes.push(flat);
+        true
+    });
+}
+
 /// A mesh under a transform that has no inverse, without its triangles that have no area then. What is flat has the normals
 /// of its faces.
-pub(super) fn flattened(mesh: &Mesh, transform: &DMat3) -> Mesh {
+fn flattened(mesh: &Mesh, transform: &DMat3) -> Mesh {
     let moved = |p: &[f32; 3]| *transform * DVec3::from(p.map(f64::from));
     let positions: Vec<[f32; 3]> = mesh.positions.iter().map(|p| moved(p).as_vec3().to_array()).collect();
     let (normals, tangents) = (Vec::new(), Vec::new());

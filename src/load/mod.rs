@@ -324,6 +324,7 @@ fn complete(
     }
     // Subdivision is complete; the meshes of the next time differ.
     loaded.polygons = subdivide::Polygons::default();
+    mesh_tools::flatten_placements(path, loaded);
     displace::apply(loaded);
     procedural_media::apply(loaded)?;
     loaded.is_model = model.is_some() || formats::is_imported_by_blender(path);

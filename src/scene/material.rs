@@ -635,6 +635,25 @@ pub struct DiffuseTransmission {
     pub factor: FloatSlot,
     /// Its colour, in place of the base colour.
     pub color: ColorSlot,
+    /// How light enters a solid with subsurface scattering; `None` without it.
+    pub subsurface: Option<SubsurfaceEntry>,
+}
+
+/// Directions in which light enters a solid with subsurface scattering. It leaves by Lambert's law.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SubsurfaceEntry {
+    /// By Lambert's law.
+    Diffuse,
+    /// Half of it by Lambert's law, half refracted by facets of GGX alpha 1 (Cycles' Random Walk (Skin)).
+    Skin {
+        /// Index of refraction of the solid, above 1.
+        ior: f32,
+    },
+    /// Refracted by the facets of the surface (Cycles' Random Walk).
+    Refraction {
+        /// Index of refraction of the solid, above 1.
+        ior: f32,
+    },
 }
 
 impl Default for PbrMaterial {
@@ -678,8 +697,10 @@ parameters_of_fields! {
     Sheen { color, roughness }
     Anisotropy { strength, rotation_rad, texture }
     Iridescence { factor, ior, thickness_min_nm, thickness_max_nm, thickness_texture }
-    DiffuseTransmission { factor, color }
+    DiffuseTransmission { factor, color, subsurface }
 }
+
+impl Parameters for SubsurfaceEntry {}
 
 // The colour of hair by the absorption of a fibre: Chiang, Bitterli, Tappan, Burley 2016, eq. 9.
 

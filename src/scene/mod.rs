@@ -44,7 +44,7 @@ pub use light::{
 pub use material::{
     AlphaMode, Anisotropy, Beam, Clearcoat, DiffuseTransmission, Displacement, Emission, EmitterTraits,
     EnergyCompensation, FresnelModel, GlassReflection, Iridescence, Material, MixComponent, Model,
-    PbrMaterial, Sheen, Transmission, hair_color, hair_color_scale,
+    PbrMaterial, Sheen, SubsurfaceEntry, Transmission, hair_color, hair_color_scale,
 };
 pub use medium::{EmissionGrid, Fog, Grid, Medium, MediumTextures, coefficients};
 pub use object_traits::{LightLinks, Link, ObjectInfo, ObjectSet, ObjectSets, ObjectTraits, RayKinds};

@@ -219,7 +219,8 @@ impl ImageReading {
     /// How a node of a graph reads its image; `None` of nodes without one.
     pub fn of(graph: &NodeGraph, node: usize) -> Option<ImageReading> {
         let mut inputs = graph.nodes.iter().flat_map(|node| &node.inputs).chain([&graph.result]);
-        let reads_alpha = inputs.any(|input| *input == NodeInput::Link { node, output: 1 });
+        let is_linked = inputs.any(|input| *input == NodeInput::Link { node, output: 1 });
+        let reads_alpha = is_linked || graph.nodes.get(node)?.reads_alpha;
         let (interpolation, extension, alpha_mode, color_space) = match &graph.nodes.get(node)?.kind {
             NodeKind::ImageTexture { interpolation, extension, alpha_mode, color_space, .. } => {
                 (*interpolation, *extension, *alpha_mode, *color_space)

@@ -3,9 +3,12 @@
 use crate::codes::code_of;
 use oscura::error::Error;
 use oscura::load::{LoadOptions, Loaded, load};
-use oscura::math::DVec3;
+use oscura::math::{DAffine3, DVec3};
 use oscura::sampling::hash::SplitMix64;
-use oscura::scene::{AlphaMode, ColorSlot, EnergyCompensation, FloatSlot, Material, Model, Projection};
+use oscura::scene::nodes::{NodeInput, NodeKind};
+use oscura::scene::{
+    AlphaMode, ColorSlot, EnergyCompensation, FloatSlot, Material, Model, Projection, Texture,
+};
 use std::path::{Path, PathBuf};
 
 fn scenes() -> PathBuf {
@@ -366,6 +369,58 @@ fn material_of_nodes(surface: &str, nodes: &str) -> Material {
     let loaded = load_text(&with_nodes(surface, nodes)).unwrap_or_else(|e| panic!("{e}"));
     assert!(loaded.warnings.is_empty(), "{:?}", loaded.warnings);
     loaded.scene.materials.into_iter().find(|m| m.name == "m").expect("the material")
+}
+
+/// Diffuse colours above 1 reflect more than arrives, as in Cycles: a second closure reflects the rest.
+#[test]
+fn diffuse_colours_above_one_are_not_cut_off() {
+    for shader in ["diffuse_bsdf\", color", "principled_bsdf\", base_color"] {
+        let nodes = format!("d = {{ type = \"{shader} = [9, 1.5, 0.5] }}\n");
+        let loaded = load_text(&with_nodes("d", &nodes)).unwrap_or_else(|e| panic!("{e}"));
+        let material = loaded.scene.materials.into_iter().find(|m| m.name == "m").expect("the material");
+        let [excess, _] = material.model.components() else { panic!("{shader}") };
+        assert_eq!(excess.weight, ColorSlot::constant([8.0, 0.5, 0.0]));
+        assert_eq!(excess.material.model, Model::Lambert { albedo: ColorSlot::constant([1.0; 3]) });
+    }
+}
+
+/// The graph of a colour knows that another one reads the alpha of its image.
+#[test]
+fn graphs_know_whose_alpha_is_read() {
+    for (alpha, is_read) in [("\"i.alpha\"", true), ("1", false)] {
+        let picture = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/references/nodes/picture.png");
+        let nodes = format!(
+            "i = {{ type = \"image_texture\", file = {picture:?}, extension = \"clip\" }}\n\
+             d = {{ type = \"principled_bsdf\", base_color = \"i.color\", alpha = {alpha} }}\n"
+        );
+        let scene = load_text(&with_nodes("d", &nodes)).unwrap_or_else(|e| panic!("{e}")).scene;
+        let colors = scene.textures.iter().filter_map(|texture| match texture {
+            Texture::Nodes(graph) if matches!(graph.result, NodeInput::Link { output: 0, .. }) => {
+                graph.nodes.iter().find(|node| matches!(node.kind, NodeKind::ImageTexture { .. }))
+            }
+            _ => None,
+        });
+        assert!(colors.clone().count() > 0);
+        assert!(colors.into_iter().all(|node| node.reads_alpha == is_read), "{alpha}");
+    }
+}
+
+/// A scale of 0 along one axis leaves something flat of a mesh, and nothing of a shape.
+#[test]
+fn meshes_may_be_flat() {
+    let placed = |shape: &str, scale: &str| {
+        let object = format!(
+            "[[objects]]\n{shape}\ntransform = [{{ scale = {scale} }}, {{ translate = [0, 0, 3] }}]\n"
+        );
+        load_text(&with_camera(&object))
+    };
+    let flat = placed("mesh = \"a.obj\"", "[2, 1, 0]").unwrap_or_else(|e| panic!("{e}")).scene;
+    let instance = &flat.instances[0];
+    assert_eq!(flat.meshes[instance.mesh.index()].positions, [[0.0; 3], [2.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+    assert_eq!(instance.world_from_object, DAffine3::from_translation(DVec3::new(0.0, 0.0, 3.0)));
+    let line = placed("mesh = \"a.obj\"", "[2, 0, 0]").unwrap_or_else(|e| panic!("{e}"));
+    assert!(line.scene.instances.is_empty() && line.warnings.iter().any(|w| w.code == "mesh-degenerate"));
+    assert!(placed("sphere = { center = [0, 0, 0], radius = 1 }", "[2, 1, 0]").is_err());
 }
 
 #[test]

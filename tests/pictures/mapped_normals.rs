@@ -13,7 +13,7 @@ fn shaded(material: Material, normal: [f32; 3]) -> Scene {
     let none = NodeInput::Value([0.0; 3]);
     let inputs = vec![NodeInput::Value(normal), none, none, none];
     let kind = NodeKind::VectorMath { operation: VectorOperation::Add };
-    let nodes = vec![Node { kind, inputs, image: None }];
+    let nodes = vec![Node { kind, inputs, image: None, reads_alpha: false }];
     let graph = NodeGraph { nodes, result: NodeInput::Link { node: 0, output: 0 }, is_z_up: false };
     let normal = scene.add_texture(Texture::Nodes(Arc::new(graph)));
     scene.materials[0].normal = Some(normal);
@@ -85,8 +85,8 @@ fn leaning_ball(rings: u32) -> Scene {
     let add = NodeKind::VectorMath { operation: VectorOperation::Add };
     let geometry = NodeKind::from_name("geometry").expect("a node");
     let nodes = vec![
-        Node { kind: geometry, inputs: Vec::new(), image: None },
-        Node { kind: add, inputs: vec![normal, lean, none, none], image: None },
+        Node { kind: geometry, inputs: Vec::new(), image: None, reads_alpha: false },
+        Node { kind: add, inputs: vec![normal, lean, none, none], image: None, reads_alpha: false },
     ];
     let graph = NodeGraph { nodes, result: NodeInput::Link { node: 1, output: 0 }, is_z_up: false };
     let normal = scene.add_texture(Texture::Nodes(Arc::new(graph)));

@@ -130,7 +130,7 @@ fn bodies_and_glass_are_kept_apart() {
 #[test]
 fn weights_read_the_hit() {
     let mut scene = in_even_light(grey(0.0));
-    let node = Node { kind: NodeKind::Geometry {}, inputs: Vec::new(), image: None };
+    let node = Node { kind: NodeKind::Geometry {}, inputs: Vec::new(), image: None, reads_alpha: false };
     let outputs = node.kind.outputs();
     let output = outputs.iter().position(|socket| socket.name == "normal").expect("an output");
     let result = NodeInput::Link { node: 0, output };

@@ -172,7 +172,7 @@ fn node(name: &str, settings: &[(&str, SettingValue)], inputs: &[NodeInput]) -> 
     }
     let mut all = vec![NodeInput::Default; kind.inputs().len()];
     all[..inputs.len()].copy_from_slice(inputs);
-    Node { kind, inputs: all, image: None }
+    Node { kind, inputs: all, image: None, reads_alpha: false }
 }
 
 /// What the letters stand for: a point, its coordinates, their absolute values and fractions, whole numbers.

@@ -44,12 +44,12 @@ class BesideTest(SceneTest):
 
     def test_scattering_of_skin_is_told_by_its_index_of_refraction(self):
         material, _, principled = shader_tree("skin")
-        for method, ior in (("RANDOM_WALK", 0.0), ("RANDOM_WALK_SKIN", 1.4)):
+        for method, skin, ior in (("RANDOM_WALK", None, None), ("RANDOM_WALK_SKIN", 1.4, None), ("BURLEY", None, 0.0)):
             principled.subsurface_method = method
             principled.inputs["Subsurface Weight"].default_value = 1.0
             self.add_plane(material)
             surface = self.surface(self.export()[1]["materials"]["skin"])[0]
-            self.assertAlmostEqual(surface.get("subsurface_skin_ior", 0.0), ior, places=6)
+            np.testing.assert_array_equal([surface.get("subsurface_skin_ior"), surface.get("subsurface_ior")], [skin and np.float32(skin), ior])
 
     def relief(self, method, is_smooth=True):
         """A roof over a plane that a displacement makes."""

@@ -17,6 +17,7 @@ use std::sync::Arc;
 use std::{env, fs, io};
 use tempfile::TempDir;
 
+mod coincident_faces;
 mod process;
 
 /// An export in a temporary folder, which is deleted when this is dropped.
@@ -92,8 +93,9 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
             warning.file = Some(path.to_path_buf());
         }
     }
-    if formats::is_imported_by_blender(path) {
-        leave_out_defaults(&mut loaded);
+    match formats::is_imported_by_blender(path) {
+        true => leave_out_defaults(&mut loaded),
+        false => coincident_faces::tell(path, &mut loaded),
     }
     loaded.scene.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let given = |w: &Warning| Warning { file: Some(path.to_path_buf()), ..w.clone() };

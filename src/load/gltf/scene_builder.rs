@@ -11,7 +11,6 @@ use super::report::{Report, Valid};
 use super::vertices::{Deformation, SkinPose};
 use super::{lights, textures, vertices};
 use crate::image::Image;
-use crate::load::mesh_tools;
 use crate::math::DAffine3;
 use crate::scene::{Instance, Mesh, MeshId, Motion, Scene};
 use serde_json::Value;
@@ -145,10 +144,6 @@ impl<'b, 'a> SceneBuilder<'b, 'a> {
         }
         for (i, &world_from_object) in placements.iter().enumerate() {
             for &mesh in &meshes {
-                let Ok((mesh, world_from_object)) = self.unflattened(mesh, world_from_object, node, report)
-                else {
-                    continue;
-                };
                 let name = if node.instances.is_some() { format!("{name}/{i}") } else { name.clone() };
                 let (light_group, placed) = (group.clone(), Instance::new(mesh, world_from_object));
                 self.scene.instances.push(Instance { name, motion, traits, light_group, ..placed });
@@ -190,30 +185,6 @@ impl<'b, 'a> SceneBuilder<'b, 'a> {
         let ids: Vec<MeshId> = (first..self.scene.meshes.len() as u32).map(MeshId).collect();
         self.meshes_by_key.insert(key, ids.clone());
         ids
-    }
-
-    /// A mesh and its placement; where that is flat (a scale of 0 on an axis) and has no inverse, a copy of the
-    /// mesh that is flat itself.
-    fn unflattened(
-        &mut self,
-        mesh: MeshId,
-        world_from_object: DAffine3,
-        node: &Node,
-        report: &mut Report,
-    ) -> Valid<(MeshId, DAffine3)> {
-        if world_from_object.matrix3.determinant() != 0.0 {
-            return Ok((mesh, world_from_object));
-        }
-        let flat = mesh_tools::flattened(&self.scene.meshes[mesh.index()], &world_from_object.matrix3);
-        if flat.triangles.is_empty() {
-            return Err(report.warn(
-                node.pointer(),
-                ("mesh-degenerate", "shrinks its mesh to a line or a point (a scale of 0); it is left out"),
-            ));
-        }
-        self.scene.meshes.push(flat);
-        let placed = DAffine3::from_translation(world_from_object.translation);
-        Ok((MeshId(self.scene.meshes.len() as u32 - 1), placed))
     }
 
     /// How a node's mesh changes over time.

@@ -179,7 +179,7 @@ pub(in crate::load) fn read(bytes: &[u8], counter: &WorkCounter) -> Result<Place
             let place = layout.place(row);
             if !place.world_from_object.is_finite() {
                 bad.get_or_insert(number);
-            } else if place.world_from_object.matrix3.determinant() == 0.0 {
+            } else if is_nothing(&place.world_from_object.matrix3) {
                 places.flat += 1;
             } else {
                 places.list.push(place);
@@ -190,6 +190,12 @@ pub(in crate::load) fn read(bytes: &[u8], counter: &WorkCounter) -> Result<Place
         Some(number) => Err(Problem::new(format!("vertex {number}"), "its numbers give no finite transform")),
         None => Ok(places),
     }
+}
+
+/// Does a transform leave a line or a point of an object?
+fn is_nothing(m: &DMat3) -> bool {
+    let [x, y, z] = [m.x_axis, m.y_axis, m.z_axis];
+    [x.cross(y), y.cross(z), z.cross(x)].iter().all(|area| area.length_squared() == 0.0)
 }
 
 #[cfg(test)]

@@ -391,7 +391,7 @@ mod tests {
         let kind = NodeKind::from_name("environment_texture").unwrap();
         assert_eq!(kind.outputs()[0].kind, SocketType::Color);
         let inputs = vec![NodeInput::Default; kind.inputs().len()];
-        let nodes = vec![Node { kind, inputs, image: Some(read) }];
+        let nodes = vec![Node { kind, inputs, image: Some(read), reads_alpha: false }];
         let graph = NodeGraph { nodes, result: NodeInput::Link { node: 0, output: 0 }, is_z_up: true };
         let graph = scene.add_texture(Texture::Nodes(Arc::new(graph)));
         let made = environment(&mut scene, graph, Some(64), 1.0, 0.0, &mut Vec::new()).unwrap();

@@ -33,7 +33,7 @@ pub(super) fn read(build: &mut SceneFileBuilder, fields: &Fields, name: &str) ->
     match read {
         Ok(Places { list, flat }) => {
             if flat > 0 {
-                let message = format!("{flat} copies of '{name}' without a volume were left out");
+                let message = format!("{flat} copies of '{name}' without an area were left out");
                 build.loaded.warnings.push(Warning::new(&path, "", message));
             }
             Some(list)

@@ -64,6 +64,7 @@ use crate::load::grid;
 use crate::math::{DAffine3, DMat3, DVec3};
 use crate::scene::{
     ColorSlot, DiffuseTransmission, EmissionGrid, FloatSlot, Fog, Grid, Medium, MediumTextures, PbrMaterial,
+    SubsurfaceEntry,
 };
 use std::path::Path;
 
@@ -355,7 +356,9 @@ pub(super) fn subsurface(fields: &Fields, model: &mut PbrMaterial) -> Option<Med
     model.has_volume = true;
     // The tint by a model's material on light's way in and out.
     let tint = model.diffuse_transmission.map_or(ColorSlot::constant([1.0; 3]), |through| through.color);
-    model.diffuse_transmission = Some(DiffuseTransmission { factor: FloatSlot::constant(1.0), color: tint });
+    let subsurface = Some(SubsurfaceEntry::Diffuse);
+    model.diffuse_transmission =
+        Some(DiffuseTransmission { factor: FloatSlot::constant(1.0), color: tint, subsurface });
     let radius = radius.map(|r| (f64::from(r) * scale).clamp(1e-9, 1e9) as f32);
     Some(Medium::subsurface(color, radius, anisotropy))
 }

@@ -141,7 +141,7 @@ impl<'a> Textures<'a> {
         let mut nodes = Vec::new();
         for ((name, value), (_, kind)) in tables.iter().zip(&mut named) {
             let inputs = node(build, &mut links, name, value, kind);
-            nodes.push(Node { kind: kind.clone(), inputs: inputs?, image: None });
+            nodes.push(Node { kind: kind.clone(), inputs: inputs?, image: None, reads_alpha: false });
         }
         let mut graph = NodeGraph { nodes, result: NodeInput::Default, is_z_up: false };
         for (index, table) in tables.iter().enumerate() {

@@ -241,10 +241,17 @@ fn layers(model: &mut PbrMaterial, slots: &mut Slots) {
     model.anisotropy = (anisotropy.strength > 0.0).then_some(anisotropy);
     film(fields, model);
     let white = ColorSlot::constant([1.0; 3]);
-    let through = model.diffuse_transmission.unwrap_or(DiffuseTransmission { factor: NONE, color: white });
+    let through = model.diffuse_transmission.unwrap_or(DiffuseTransmission {
+        factor: NONE,
+        color: white,
+        subsurface: None,
+    });
     let factor = share(fields, "diffuse_transmission", through.factor);
-    let through =
-        DiffuseTransmission { factor, color: slots.color("diffuse_transmission_color", through.color) };
+    let through = DiffuseTransmission {
+        factor,
+        color: slots.color("diffuse_transmission_color", through.color),
+        ..through
+    };
     model.diffuse_transmission = (through.factor.factor > 0.0).then_some(through);
 }
 

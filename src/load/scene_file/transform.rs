@@ -41,7 +41,9 @@ pub(super) fn read(object: &Fields) -> DAffine3 {
         total = read_step(&fields).unwrap_or(DAffine3::IDENTITY) * total;
     }
     let determinant = total.matrix3.determinant();
-    if !total.is_finite() || determinant == 0.0 || !determinant.is_finite() {
+    // Meshes may become flat.
+    let is_flat = determinant == 0.0 && !object.has("mesh");
+    if !total.is_finite() || is_flat || !determinant.is_finite() {
         let span = object.raw("transform").map_or(object.span(), |t| t.span());
         object.problems.push(span, "the transform flattens the object or is not finite");
         return DAffine3::IDENTITY;

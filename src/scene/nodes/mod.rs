@@ -46,6 +46,8 @@ pub struct Node {
     pub inputs: Vec<NodeInput>,
     /// The image that a node of images reads: a texture of one.
     pub image: Option<TextureId>,
+    /// Another graph of the material reads the alpha of the image, so that colours aren't multiplied by it in this one either.
+    pub reads_alpha: bool,
 }
 
 /// Functions of a surface point, made of nodes whose outputs feed inputs.

@@ -174,7 +174,7 @@ def _write(made, holder, known, told, report):
     shared = {"mesh": file, "materials": listed, **traits, **({"mesh_keys": keys} if keys else {}), **({"light_group": group} if group else {})}
     still = {}  # matrices and infos by name
     for (name, matrix), info, mark in zip(found.placements[holder.name], found.infos[holder.name], found.marks[holder.name]):
-        if abs(matrix.to_3x3().determinant()) < 1e-30:
+        if _is_nothing(matrix):
             continue
         info, motion = info if asks_object else {}, _motion(mark, moves)
         if motion is None:
@@ -187,6 +187,12 @@ def _write(made, holder, known, told, report):
             made.objects.append({**entries, "instances": instances.write(made, copies)})
         else:
             made.objects += ({**entries, "transform": sidecar.placed(Y_UP @ matrix), **info} for matrix, info in copies)
+
+
+def _is_nothing(matrix):
+    """Does a matrix leave a line or a point of an object? A scale of 0 along one axis leaves something flat."""
+    x, y, z = matrix.to_3x3().col
+    return all(a.cross(b).length < 1e-30 for a, b in ((x, y), (y, z), (z, x)))
 
 
 def _motion(mark, moves):

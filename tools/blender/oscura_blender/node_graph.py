@@ -149,7 +149,7 @@ KNOWN = {
     "velvet_bsdf": "Color,Roughness",
     "toon_bsdf": "Color,Size,Smooth",
     "toon_highlight_bsdf": "Color,Size,Smooth",
-    "subsurface_scattering": "Color,Scale,Radius,Anisotropy",
+    "subsurface_scattering": "Color,Roughness,Scale,Radius,IOR,Anisotropy",
     "emission": "Color,Strength",
 }
 
@@ -345,10 +345,14 @@ class Graph:
         return self._with_body(node, entries, groups)
 
     def _as_skin(self, node, entries, groups):
-        """The index of refraction of Random Walk (Skin), which says what its radius means."""
+        """The index of refraction of Random Walk (Skin), which says what its radius means; 0 of Christensen-Burley, where light enters diffusely."""
         is_principled = entries["type"] == "principled_bsdf"
         method, prefix = ("subsurface_method", "Subsurface ") if is_principled else ("falloff", "")
-        if getattr(node, method, "") == "RANDOM_WALK_SKIN" and (not is_principled or entries.get("subsurface_weight", 0.0) != 0.0):
+        if is_principled and entries.get("subsurface_weight", 0.0) == 0.0:
+            return
+        if getattr(node, method, "") == "BURLEY":
+            entries["subsurface_ior" if is_principled else "ior"] = 0.0
+        if getattr(node, method, "") == "RANDOM_WALK_SKIN":
             socket = node.inputs[f"{prefix}IOR"]
             found = feed(socket, groups)
             value = self._constant(node, socket, found)

@@ -124,7 +124,7 @@ impl MaterialBuilder<'_, '_> {
         let factor = self.float(factor, texture.as_ref(), 3, &at);
         let texture = self.info(from, "diffuseTransmissionColorTexture");
         let color = self.color(color, texture.as_ref(), &format!("{place}/diffuseTransmissionColorTexture"));
-        Some(DiffuseTransmission { factor, color })
+        Some(DiffuseTransmission { factor, color, subsurface: None })
     }
 }
 
@@ -268,6 +268,7 @@ impl MaterialBuilder<'_, '_> {
         model.diffuse_transmission = (share > 0.0).then_some(DiffuseTransmission {
             factor: FloatSlot { factor: share, texture },
             color: scatter.color,
+            subsurface: None,
         });
         // It is thin, whatever glass like it would be.
         (model.has_volume, model.tints_once, self.needs.body) = (false, false, false);

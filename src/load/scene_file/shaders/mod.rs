@@ -304,7 +304,7 @@ impl Lowering<'_, '_, '_> {
     fn push(&mut self, kind: NodeKind, inputs: &[NodeInput]) -> NodeInput {
         let mut all = vec![NodeInput::Default; kind.inputs().len()];
         all[..inputs.len()].copy_from_slice(inputs);
-        self.graph.nodes.push(Node { kind, inputs: all, image: None });
+        self.graph.nodes.push(Node { kind, inputs: all, image: None, reads_alpha: false });
         NodeInput::Link { node: self.graph.nodes.len() - 1, output: 0 }
     }
 
@@ -421,9 +421,18 @@ impl Lowering<'_, '_, '_> {
         let nodes = order.iter().map(|&old| {
             let node = &whole.nodes[old];
             let inputs = node.inputs.iter().copied().map(moved).collect();
-            Node { kind: node.kind.clone(), inputs, image: node.image }
+            Node { kind: node.kind.clone(), inputs, image: node.image, reads_alpha: self.reads_alpha(old) }
         });
         NodeGraph { nodes: nodes.collect(), result: moved(result), is_z_up: whole.is_z_up }
+    }
+
+    /// Does anything in the material read the second output of a node, which is the alpha of images?
+    fn reads_alpha(&self, node: usize) -> bool {
+        let alpha = NodeInput::Link { node, output: 1 };
+        let mut inputs = self.graph.nodes.iter().flat_map(|node| &node.inputs);
+        let mut shaders = self.shaders.iter().flat_map(|shader| &shader.inputs);
+        inputs.any(|input| *input == alpha)
+            || shaders.any(|input| matches!(input, ShaderInput::Value(value) if *value == alpha))
     }
 
     fn color_slot(&mut self, input: NodeInput) -> ColorSlot {
@@ -542,7 +551,7 @@ shaders! {
     /// Disney's and Autodesk's material.
     Principled "principled_bsdf" (
         base_color, metallic, roughness, ior, alpha, normal, diffuse_roughness, subsurface_weight, subsurface_radius,
-        subsurface_scale, subsurface_anisotropy, subsurface_skin_ior, subsurface_body, specular_ior_level, specular_tint,
+        subsurface_scale, subsurface_ior, subsurface_anisotropy, subsurface_skin_ior, subsurface_body, specular_ior_level, specular_tint,
         anisotropic, anisotropic_rotation, transmission_weight, coat_weight, coat_roughness, coat_ior, coat_tint, sheen_weight, sheen_roughness, sheen_tint,
         emission_color, emission_strength, thin_film_thickness, thin_film_ior, multiscatter
     );
@@ -569,7 +578,7 @@ shaders! {
     /// Light in steps, around the mirror direction.
     ToonHighlight "toon_highlight_bsdf" (color, size, smooth, normal);
     /// A body that scatters light within.
-    Subsurface "subsurface_scattering" (color, scale, radius, anisotropy, skin_ior, body, normal);
+    Subsurface "subsurface_scattering" (color, roughness, scale, radius, ior, anisotropy, skin_ior, body, normal);
     /// Emitted light.
     Emission "emission" (color, strength);
     /// Two shaders mixed.
