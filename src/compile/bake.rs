@@ -1,4 +1,4 @@
-//! Makes the geometry that a plan asks for: the world's own, and a space of its own for each mesh that is not copied.
+//! Builds the geometry of a plan: the world with merged meshes, and a separate space for each shared (instanced) mesh.
 
 use super::geometry::{Attributes, Geometries, Placement, Space, Transform, normal_matrix};
 use super::material::CompiledMaterial;
@@ -19,25 +19,23 @@ use rayon::prelude::*;
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
-/// Where geometry ended up.
+/// The geometry of a scene, and the instances for its BVH.
 #[derive(Debug)]
 pub(super) struct Baked {
-    /// All of it.
     pub geometries: Geometries,
-    /// For the accelerator, in the order of the placements.
+    /// Instances, in the order of the placements.
     pub instances: Vec<AccelInstance>,
-    /// The first of these that moves.
+    /// Index of the first moving instance.
     pub first_moving: usize,
-    /// Instances that move while the shutter is open.
+    /// Motion of the instances that move while the shutter is open.
     pub moving: Vec<MovingInstance>,
 }
 
-/// Geometry of an earlier time that is used again.
+/// Geometry of an earlier frame to be reused.
 #[derive(Debug, Default)]
 pub(super) struct EarlierSpaces {
-    /// The world.
     pub world: Option<Arc<Space>>,
-    /// The meshes that are not copied and don't change; all or none.
+    /// Shared meshes without deformation; all or none.
     pub shared: Vec<Arc<Space>>,
 }
 
@@ -51,10 +49,10 @@ struct Needs {
     attributes: bool,
 }
 
-/// Makes geometry for a scene whose world's origin moves to `origin`.
+/// Builds the geometry of a scene, relative to `origin` (world space).
 ///
 /// # Errors
-/// If curves are cut into more points than can be numbered.
+/// If the points of subdivided curves exceed 32-bit indices.
 pub(super) fn bake(
     scene: &Scene,
     materials: &[CompiledMaterial],
@@ -65,20 +63,21 @@ pub(super) fn bake(
     let numbering = Numbering::of(scene);
     let mut shared: Vec<Option<Arc<Space>>> = kept.shared.into_iter().map(Some).collect();
     shared.resize(plan.meshes.len(), None);
-    let wanted = wanted(plan, kept.world.is_some(), &shared);
-    let tangents = tangents(scene, &wanted);
+    let missing = missing_steps(plan, kept.world.is_some(), &shared);
+    let tangents = tangents(scene, &missing);
     let mesh = |step: &Step| {
         let id = scene.instances[step.instance].mesh;
-        let made = tangents.get(&id.index()).filter(|(first, _)| *first <= step.instance);
-        made.map_or(&scene.meshes[id.index()], |(_, mesh)| mesh)
+        let with_tangents = tangents.get(&id.index()).filter(|(first, _)| *first <= step.instance);
+        with_tangents.map_or(&scene.meshes[id.index()], |(_, mesh)| mesh)
     };
     let of_shared = Needs::of_shared(materials, plan.keeps_uv);
-    let spaces = wanted.par_iter().filter(|step| step.mode != InstanceMode::Merged).map(|step| {
+    let spaces = missing.par_iter().filter(|step| step.mode != InstanceMode::Merged).map(|step| {
         let id = scene.instances[step.instance].mesh;
         let number = |id: MaterialId| plan.numbers.number(id, &plan.mesh_traits[step.geometry]);
-        let mut space = share((mesh(step), plan.is_inside_out(id)), number, (of_shared, &plan.attributes));
+        let mut space =
+            shared_space((mesh(step), plan.is_inside_out(id)), number, (of_shared, &plan.attributes));
         if step.mode == InstanceMode::Moving {
-            space.take_keys(scene, id);
+            space.set_keys(scene, id);
         }
         (step.geometry, Arc::new(space))
     });
@@ -90,7 +89,7 @@ pub(super) fn bake(
         None => {
             let mut world = Space::EMPTY;
             let is_hidden = |id: MaterialId| materials[id.index()].is_invisible();
-            for step in wanted.iter().filter(|step| step.mode == InstanceMode::Merged) {
+            for step in missing.iter().filter(|step| step.mode == InstanceMode::Merged) {
                 let instance = &scene.instances[step.instance];
                 let mesh = mesh(step);
                 let mut needs = needs_of(part_materials(mesh, instance), materials);
@@ -113,30 +112,30 @@ pub(super) fn bake(
     Ok(with_motion(baked, scene, materials, (origin, &numbering), plan))
 }
 
-/// Steps whose geometry is not there: all into the world, and the first of each mesh that is not copied.
-fn wanted<'a>(plan: &'a Plan, has_world: bool, shared: &[Option<Arc<Space>>]) -> Vec<&'a Step> {
-    let mut is_there: Vec<bool> = shared.iter().map(Option::is_some).collect();
-    let is_wanted = |step: &&Step| match step.mode {
+/// Steps whose geometry must be built: all merged into the world, and the first of each shared mesh.
+fn missing_steps<'a>(plan: &'a Plan, has_world: bool, shared: &[Option<Arc<Space>>]) -> Vec<&'a Step> {
+    let mut exists: Vec<bool> = shared.iter().map(Option::is_some).collect();
+    let is_missing = |step: &&Step| match step.mode {
         InstanceMode::Merged => !has_world,
-        _ => !std::mem::replace(&mut is_there[step.geometry], true),
+        _ => !std::mem::replace(&mut exists[step.geometry], true),
     };
-    plan.steps.iter().filter(is_wanted).collect()
+    plan.steps.iter().filter(is_missing).collect()
 }
 
-/// Meshes with tangents, by index, where a normal map asks for those of its set of texture coordinates and none came with the
-/// mesh; each with the instance from which on it is used.
-fn tangents(scene: &Scene, wanted: &[&Step]) -> BTreeMap<usize, (usize, Mesh)> {
+/// Meshes with generated tangents, by index, for meshes without tangents under normal maps; each with the index of the first
+/// instance that uses it.
+fn tangents(scene: &Scene, steps: &[&Step]) -> BTreeMap<usize, (usize, Mesh)> {
     let mut sets: BTreeMap<usize, Vec<(usize, usize)>> = BTreeMap::new();
-    for step in wanted {
+    for step in steps {
         let instance = &scene.instances[step.instance];
         let mesh = &scene.meshes[instance.mesh.index()];
-        // New tangents may come with new vertices, whose motion nobody knows: hits find their own then.
+        // Tangents may split vertices, for which a deforming mesh has no keys: tangents are computed at hits instead.
         if !motion::deforms(scene, instance.mesh)
             && let Some(set) = normal_map_set(part_materials(mesh, instance), scene)
         {
-            let known = sets.entry(instance.mesh.index()).or_default();
-            if known.iter().all(|(_, other)| *other != set) {
-                known.push((step.instance, set));
+            let sets_of_mesh = sets.entry(instance.mesh.index()).or_default();
+            if sets_of_mesh.iter().all(|(_, other)| *other != set) {
+                sets_of_mesh.push((step.instance, set));
             }
         }
     }
@@ -147,7 +146,7 @@ fn tangents(scene: &Scene, wanted: &[&Step]) -> BTreeMap<usize, (usize, Mesh)> {
     made.collect()
 }
 
-/// With the shapes that move while the picture is taken.
+/// Adds the shapes that move while the shutter is open.
 fn with_motion(
     mut baked: Baked,
     scene: &Scene,
@@ -162,7 +161,7 @@ fn with_motion(
     baked
 }
 
-/// The placements that move while the picture is taken.
+/// The motion of placements that move while the shutter is open.
 fn moving(geometries: &Geometries) -> Vec<MovingInstance> {
     let keys = |(instance, p): (usize, &Placement)| {
         Some(MovingInstance { instance, keys: geometries.motions[p.motion? as usize].clone() })
@@ -170,7 +169,7 @@ fn moving(geometries: &Geometries) -> Vec<MovingInstance> {
     geometries.placements.iter().enumerate().filter_map(keys).collect()
 }
 
-/// Adds the placements: static ones, then moving ones.
+/// Adds the placements of shared meshes: static ones, then moving ones.
 fn place(scene: &Scene, plan: &Plan, numbering: &Numbering, mut geometries: Geometries) -> Baked {
     let (mut instances, mut first_moving) = (Vec::new(), 0);
     for mode in [InstanceMode::Shared, InstanceMode::Moving] {
@@ -183,7 +182,7 @@ fn place(scene: &Scene, plan: &Plan, numbering: &Numbering, mut geometries: Geom
             placed.moves |= geometries.shared.get(step.geometry).is_some_and(has_keys);
             geometries.placements.push(placed);
             instances.push(AccelInstance {
-                // The accelerator counts the world, too.
+                // Geometry 0 of the BVH is the world.
                 geometry: step.geometry as u32 + 1,
                 world_from_object: step.world_from_object,
             });
@@ -216,7 +215,7 @@ fn needs_of(used: impl Iterator<Item = MaterialId>, materials: &[CompiledMateria
 }
 
 impl Needs {
-    /// The attributes that a shared mesh needs: every instance may have its own material.
+    /// The attributes of a shared mesh: those of all materials, as any instance may have its own material.
     fn of_shared(materials: &[CompiledMaterial], keeps_uv: bool) -> Needs {
         let any = |f: fn(&CompiledMaterial) -> bool| materials.iter().any(f);
         Needs {
@@ -229,15 +228,15 @@ impl Needs {
     }
 }
 
-/// A mesh in a space of its own.
-fn share(
+/// The separate space of a shared mesh.
+fn shared_space(
     (mesh, is_inside_out): (&Mesh, bool),
     number: impl Fn(MaterialId) -> u32,
     needs: (Needs, &[String]),
 ) -> Space {
     let mut space = Space::EMPTY;
     match &mesh.splats {
-        Some(splats) => space.take_splats(mesh, splats, number),
+        Some(splats) => space.set_splats(mesh, splats, number),
         None => space.append(mesh, (None, number), (&DAffine3::IDENTITY, is_inside_out), needs, |_| false),
     }
     space.measure();
@@ -245,7 +244,7 @@ fn share(
 }
 
 impl Baked {
-    /// Adds a shape that moves, behind all other placements.
+    /// Adds a moving shape after all other placements.
     fn add_shape(&mut self, shape: MovingShape) {
         let geometries = &mut self.geometries;
         let (geometry, motion) = (geometries.shared.len() as u32, geometries.motions.len() as u32);
@@ -259,14 +258,13 @@ impl Baked {
             moves: true,
             motion: Some(motion),
         });
-        // The accelerator counts the world, too.
+        // Geometry 0 of the BVH is the world.
         self.instances
             .push(AccelInstance { geometry: geometry + 1, world_from_object: shape.world_from_object });
     }
 }
 
 impl Space {
-    /// Nothing.
     pub(super) const EMPTY: Space = Space {
         shapes: accel::Geometry {
             positions: Vec::new(),
@@ -283,7 +281,7 @@ impl Space {
         owners: Owners::EMPTY,
     };
 
-    /// Finds the box around the shapes.
+    /// Computes the bounds.
     pub(super) fn measure(&mut self) {
         let positions = self.shapes.positions.iter().chain(self.shapes.keys.iter().flatten());
         let positions = positions.map(|&p| Vec3::from_array(p));
@@ -297,14 +295,14 @@ impl Space {
         self.bounds = bounds.union(self.shapes.curves.bounds()).union(self.shapes.splats.bounds());
     }
 
-    /// Takes the splats of a mesh, which are all that is in this space.
-    fn take_splats(&mut self, mesh: &Mesh, splats: &Arc<Splats>, number: impl Fn(MaterialId) -> u32) {
+    /// Sets the splats of a mesh as the only content.
+    fn set_splats(&mut self, mesh: &Mesh, splats: &Arc<Splats>, number: impl Fn(MaterialId) -> u32) {
         let material = mesh.parts.first().map_or(0, |part| number(part.material));
         self.attributes.materials = vec![material; mesh.positions.len()];
         self.shapes.splats = SplatCloud { centers: mesh.positions.clone(), splats: Some(splats.clone()) };
     }
 
-    /// Appends a placed mesh, which may be inside out, to the world's own geometry.
+    /// Appends a mesh under a transform; `is_inside_out` reverses its triangles.
     fn append(
         &mut self,
         mesh: &Mesh,
@@ -315,9 +313,9 @@ impl Space {
     ) {
         let (shapes, attributes) = (&mut self.shapes, &mut self.attributes);
         let first = shapes.positions.len() as u32;
-        let as_is = *placed == DAffine3::IDENTITY;
+        let is_identity = *placed == DAffine3::IDENTITY;
         let position = |p: &[f32; 3]| {
-            if as_is {
+            if is_identity {
                 *p
             } else {
                 placed.transform_point3(DVec3::from(p.map(f64::from))).as_vec3().to_array()
@@ -325,9 +323,9 @@ impl Space {
         };
         reserve_on_huge_pages(&mut shapes.positions, mesh.positions.len());
         shapes.positions.extend(mesh.positions.iter().map(position));
-        // Mirroring turns counter-clockwise into clockwise; the front stays the front.
+        // Mirroring reverses the winding: swapping two vertices keeps the front side.
         let mirrors = placed.matrix3.determinant() < 0.0;
-        let turned = |&[a, b, c]: &[u32; 3]| {
+        let with_winding = |&[a, b, c]: &[u32; 3]| {
             if mirrors != is_inside_out {
                 [a + first, c + first, b + first]
             } else {
@@ -340,14 +338,14 @@ impl Space {
             let id = material.unwrap_or(part.material);
             if !is_hidden(id) {
                 let triangles = mesh.triangles.iter().skip(part.first_triangle as usize);
-                shapes.triangles.extend(triangles.take(part.triangle_count as usize).map(turned));
+                shapes.triangles.extend(triangles.take(part.triangle_count as usize).map(with_winding));
                 attributes.materials.resize(shapes.triangles.len(), number(id));
             }
         }
         attributes.append(mesh, (placed, is_inside_out), needs, first as usize, names);
     }
 
-    /// Appends quads and analytic shapes to the world's own geometry.
+    /// Appends static quads and analytic shapes to the world.
     fn append_shapes(
         &mut self,
         scene: &Scene,
@@ -357,13 +355,13 @@ impl Space {
         plan: &Plan,
     ) {
         let (shapes, attributes) = (&mut self.shapes, &mut self.attributes);
-        let is_seen = |id: MaterialId| !materials[id.index()].is_invisible();
-        let stays =
+        let is_visible = |id: MaterialId| !materials[id.index()].is_invisible();
+        let is_static =
             |moving: &BTreeMap<usize, Keyframes<_>>, i: usize| !moving.get(&i).is_some_and(Keyframes::blurs);
         let shifted =
             |p: DVec3, shifts: &BTreeMap<usize, DVec3>, i: usize| shifts.get(&i).map_or(p, |by| p + *by);
         let (motion, quads) = (&scene.motion, scene.quads.iter().enumerate());
-        for (i, quad) in quads.filter(|(i, quad)| is_seen(quad.material) && stays(&motion.quads, *i)) {
+        for (i, quad) in quads.filter(|(i, quad)| is_visible(quad.material) && is_static(&motion.quads, *i)) {
             self.owners.begin(attributes.materials.len(), numbering.quad(i));
             shapes.quads.push(Quad {
                 corner: (shifted(quad.corner, &plan.shifts.quads, i) - origin).as_vec3(),
@@ -372,14 +370,15 @@ impl Space {
             });
             attributes.materials.push(plan.numbers.number(quad.material, &quad.traits));
         }
-        let turns = plan.keeps_uv || scene.shapes.iter().any(|s| materials[s.material.index()].uses_uv);
-        let shown = scene.shapes.iter().enumerate();
-        for (i, shape) in shown.filter(|(i, s)| is_seen(s.material) && stays(&motion.shapes, *i)) {
+        let needs_rotation =
+            plan.keeps_uv || scene.shapes.iter().any(|s| materials[s.material.index()].uses_uv);
+        let indexed = scene.shapes.iter().enumerate();
+        for (i, shape) in indexed.filter(|(i, s)| is_visible(s.material) && is_static(&motion.shapes, *i)) {
             self.owners.begin(attributes.materials.len(), numbering.shape(i));
             let center = shifted(shape.center, &plan.shifts.shapes, i) - origin;
             shapes.analytic.push(Analytic::of_scene(shape, center.as_vec3()));
             attributes.materials.push(plan.numbers.number(shape.material, &shape.traits));
-            if turns {
+            if needs_rotation {
                 attributes.object_from_world.push(Mat3::from_quat(shape.rotation.inverse().as_quat()));
             }
         }
@@ -387,8 +386,8 @@ impl Space {
 }
 
 impl Attributes {
-    /// Appends what is needed of a mesh's attributes; `before` vertices precede it. A list starts, filled with zeros
-    /// (white for colours), at the first mesh that needs it.
+    /// Appends the needed attributes of a mesh; `before` vertices precede it. A list is empty until the first mesh that needs
+    /// it, and filled with zeros (white for colours) for others.
     fn append(
         &mut self,
         mesh: &Mesh,
@@ -407,9 +406,9 @@ impl Attributes {
             let source = mesh.uv_sets.get(set).map_or(&[][..], Vec::as_slice);
             extend(&mut self.uv[set], needs.uv[set], [0.0; 2], before, total, source.iter().copied());
         }
-        // Normals that are turned around turn the third axis of tangents.
-        let is_turned = is_inside_out && has_normals_of_faces(mesh);
-        let handedness = if (placed.matrix3.determinant() < 0.0) != is_turned { -1.0 } else { 1.0 };
+        // Flipped normals flip the bitangent.
+        let is_flipped = is_inside_out && normals_agree_with_faces(mesh);
+        let handedness = if (placed.matrix3.determinant() < 0.0) != is_flipped { -1.0 } else { 1.0 };
         let tangents = mesh.tangents.iter().map(|&[x, y, z, w]| {
             let [x, y, z] = (linear * glam([x, y, z])).normalize_or_zero().to_array();
             [x, y, z, w * handedness]
@@ -417,14 +416,14 @@ impl Attributes {
         extend(&mut self.tangents, needs.tangents, [0.0; 4], before, total, tangents);
         extend(&mut self.colors, needs.colors, [1.0; 4], before, total, mesh.colors.iter().copied());
         for (list, name) in self.named.iter_mut().zip(names) {
-            let known = mesh.attributes.iter().find(|own| needs.attributes && own.name == *name);
-            list.append(known.map(|own| (own.width as usize, &own.values[..])), before, total);
+            let attribute = mesh.attributes.iter().find(|a| needs.attributes && a.name == *name);
+            list.append(attribute.map(|a| (a.width as usize, &a.values[..])), before, total);
         }
     }
 }
 
-/// Do the normals of a mesh's vertices point where those of its faces do?
-fn has_normals_of_faces(mesh: &Mesh) -> bool {
+/// Do vertex normals agree with face normals?
+fn normals_agree_with_faces(mesh: &Mesh) -> bool {
     let agreement = |&[a, b, c]: &[u32; 3]| {
         let [p, q, r] = [a, b, c].map(|i| glam(mesh.positions[i as usize]));
         mesh.normals.get(a as usize).map_or(0.0, |&normal| (q - p).cross(r - p).dot(glam(normal)))
@@ -436,7 +435,7 @@ fn glam(v: [f32; 3]) -> Vec3 {
     v.into()
 }
 
-/// Brings a list to `total` entries: values if they are needed, fillers otherwise, nothing while nobody needed any.
+/// Extends a list to `total` entries: with values if needed, else with `filler`; a list without values stays empty.
 fn extend<T: Copy>(
     list: &mut Vec<T>,
     needed: bool,
@@ -457,10 +456,10 @@ fn extend<T: Copy>(
     list.resize(total, filler);
 }
 
-// Tangents for normal maps of meshes without tangents, by Mikkelsen's algorithm (MikkTSpace), which normal-map bakers use.
+// Tangents for normal maps by MikkTSpace (Mikkelsen 2008, "Simulation of Wrinkled Surfaces Revisited"), as baking tools use.
 
-/// The mesh with tangents that follow one of its sets of texture coordinates; `None` if it has tangents already, or
-/// lacks normals or that set. Vertices where the triangles around them disagree (at seams and mirror lines) are split.
+/// The mesh with tangents by one of its UV sets; `None` if it has tangents, or lacks normals or the UV set. Vertices with
+/// different tangents in adjacent triangles (at seams and mirror lines) are split.
 pub(super) fn with_tangents(mesh: &Mesh, uv_set: usize) -> Option<Mesh> {
     let uv = mesh.uv_sets.get(uv_set)?;
     if uv.is_empty() || mesh.normals.is_empty() || !mesh.tangents.is_empty() {
@@ -472,7 +471,7 @@ pub(super) fn with_tangents(mesh: &Mesh, uv_set: usize) -> Option<Mesh> {
     Some(split(mesh, &corners.tangents))
 }
 
-/// The triangles as the algorithm sees them.
+/// Input and output of MikkTSpace.
 struct TangentMesh<'a> {
     mesh: &'a Mesh,
     uv: &'a [[f32; 2]],
@@ -515,7 +514,7 @@ impl Geometry<Exact> for TangentMesh<'_> {
         self.mesh.normals[self.vertex(face, corner)]
     }
 
-    /// Upwards, as normal maps mean it; ours grow downwards.
+    /// MikkTSpace expects v to point up; here it points down.
     fn tex_coord(&self, face: usize, corner: usize) -> [f32; 2] {
         let [u, v] = self.uv[self.vertex(face, corner)];
         [u, -v]
@@ -528,16 +527,16 @@ impl Geometry<Exact> for TangentMesh<'_> {
     }
 }
 
-/// Gives each vertex its tangent; a vertex with several becomes several.
+/// Assigns tangents to vertices; vertices with several tangents are split.
 fn split(mesh: &Mesh, tangents: &[[[f32; 4]; 3]]) -> Mesh {
     let mut result = Mesh { tangents: vec![[0.0; 4]; mesh.positions.len()], ..mesh.clone() };
-    let mut is_taken = vec![false; mesh.positions.len()];
+    let mut has_tangent = vec![false; mesh.positions.len()];
     let mut copies: HashMap<(u32, [u32; 4]), u32> = HashMap::new();
     for (triangle, of_corners) in result.triangles.iter_mut().zip(tangents) {
         for (index, &tangent) in triangle.iter_mut().zip(of_corners) {
             let vertex = *index as usize;
-            if !is_taken[vertex] {
-                is_taken[vertex] = true;
+            if !has_tangent[vertex] {
+                has_tangent[vertex] = true;
                 result.tangents[vertex] = tangent;
             } else if result.tangents[vertex] != tangent {
                 let next = result.positions.len() as u32;
@@ -564,13 +563,13 @@ fn split(mesh: &Mesh, tangents: &[[[f32; 4]; 3]]) -> Mesh {
 mod tests {
     use super::*;
 
-    /// Two triangles of a square; the image is mirrored on the second.
+    /// Two triangles of a square; the texture is mirrored on the second.
     fn mirrored_halves() -> Mesh {
         Mesh {
             positions: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]],
             triangles: vec![[0, 1, 2], [1, 3, 2]],
             normals: vec![[0.0, 0.0, 1.0]; 4],
-            // Image upright on the first: u to the right, v downwards. Folded at the diagonal.
+            // Upright on the first triangle: u to the right, v down. Mirrored at the diagonal.
             uv_sets: vec![vec![[0.0, 1.0], [1.0, 1.0], [0.0, 0.0], [0.0, 1.0]]],
             colors: vec![[1.0; 4]; 4],
             ..Mesh::default()
@@ -582,7 +581,7 @@ mod tests {
         let mesh = with_tangents(&mirrored_halves(), 0).expect("has all it needs");
         let [a, ..] = mesh.triangles[0];
         assert_eq!(mesh.tangents[a as usize], [1.0, 0.0, 0.0, 1.0]);
-        // On the second u falls to the right and v rises to the top: handedness flips, and the fold is split.
+        // On the second u decreases to the right and v increases to the top: the handedness flips, and the diagonal is split.
         let [_, b, _] = mesh.triangles[1];
         assert_eq!(mesh.tangents[b as usize][3], -1.0);
         assert_eq!(mesh.positions.len(), 6);
@@ -596,7 +595,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_missing_or_there_already_changes_nothing() {
+    fn tangents_need_normals_and_uv_and_are_not_replaced() {
         let whole = mirrored_halves();
         assert!(with_tangents(&whole, 1).is_none());
         assert!(with_tangents(&Mesh { normals: Vec::new(), ..whole.clone() }, 0).is_none());

@@ -1,11 +1,12 @@
-//! A binary tree of axis-aligned boxes, split at the median along the longest side: overlap queries between objects at compile time.
+//! A bounding volume hierarchy of axis-aligned boxes with median splits along the longest axis, for overlap queries between
+//! objects at compile time.
 
 use crate::math::DVec3;
 
-/// Maximum number of items of a leaf.
+/// Maximum number of items per leaf.
 const LEAF: usize = 8;
 
-/// A box: its least and its greatest corner.
+/// An axis-aligned box, world space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Bounds {
     pub low: DVec3,
@@ -13,49 +14,46 @@ pub(super) struct Bounds {
 }
 
 impl Bounds {
-    /// Around nothing.
-    pub const NONE: Bounds = Bounds { low: DVec3::INFINITY, high: DVec3::NEG_INFINITY };
+    pub const EMPTY: Bounds = Bounds { low: DVec3::INFINITY, high: DVec3::NEG_INFINITY };
 
-    /// Around two boxes.
-    pub fn around(self, other: Bounds) -> Bounds {
+    pub fn union(self, other: Bounds) -> Bounds {
         Bounds { low: self.low.min(other.low), high: self.high.max(other.high) }
     }
 
-    /// Around points.
+    /// The bounds of points.
     pub fn of(points: impl IntoIterator<Item = DVec3>) -> Bounds {
         let with = |b: Bounds, p: DVec3| Bounds { low: b.low.min(p), high: b.high.max(p) };
-        points.into_iter().fold(Bounds::NONE, with)
+        points.into_iter().fold(Bounds::EMPTY, with)
     }
 
-    /// Larger by `by` on all sides.
-    pub fn widened(self, by: f64) -> Bounds {
+    /// The box expanded by `by` on all sides.
+    pub fn expanded(self, by: f64) -> Bounds {
         Bounds { low: self.low - by, high: self.high + by }
     }
 
     /// Do two boxes overlap?
-    pub fn meets(&self, other: &Bounds) -> bool {
+    pub fn overlaps(&self, other: &Bounds) -> bool {
         self.low.cmple(other.high).all() && other.low.cmple(self.high).all()
     }
 
-    /// Does it contain another box?
-    pub fn holds(&self, other: &Bounds) -> bool {
+    /// Does the box contain another one?
+    pub fn contains(&self, other: &Bounds) -> bool {
         self.low.cmple(other.low).all() && other.high.cmple(self.high).all()
     }
 }
 
 /// An item of a [`BoxTree`].
 pub(super) trait Boxed {
-    /// The box around it.
     fn bounds(&self) -> Bounds;
 
-    /// Its sort key along an axis: twice the centre unless overridden.
-    fn middle(&self, axis: usize) -> f64 {
+    /// Sort key along an axis, by default twice the centre.
+    fn sort_key(&self, axis: usize) -> f64 {
         let Bounds { low, high } = self.bounds();
         low[axis] + high[axis]
     }
 }
 
-/// A box with the number of its object.
+/// A box with the index of its object.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct NumberedBox {
     pub bounds: Bounds,
@@ -68,31 +66,31 @@ impl Boxed for NumberedBox {
     }
 }
 
-/// An inner node with two children, or a leaf with a range of items.
+/// A BVH node.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Node {
     pub bounds: Bounds,
     /// Index of the second child; the first child follows this node. 0 for leaves.
     second: u32,
-    /// First item, and one past the last.
+    /// First item of the subtree, and one past the last.
     range: [u32; 2],
 }
 
 impl Node {
-    /// The indices of its items.
+    /// The indices of the subtree's items.
     pub fn items(&self) -> std::ops::Range<usize> {
         self.range[0] as usize..self.range[1] as usize
     }
 }
 
-/// A tree over a list of items.
+/// A BVH over a list of items.
 #[derive(Debug, Default)]
 pub(super) struct BoxTree {
     pub nodes: Vec<Node>,
 }
 
 impl BoxTree {
-    /// Builds the tree and sorts the items into its order.
+    /// Builds the tree and sorts the items into leaf order.
     pub fn sort<T: Boxed>(items: &mut [T]) -> BoxTree {
         let mut nodes = Vec::new();
         if !items.is_empty() {
@@ -101,11 +99,11 @@ impl BoxTree {
         BoxTree { nodes }
     }
 
-    /// Calls `is_found` with the indices of items in leaves that overlap a box, until it returns true.
+    /// Calls `is_found` with the items of leaves that overlap a box, until it returns true.
     pub fn any(&self, bounds: &Bounds, mut is_found: impl FnMut(usize) -> bool) -> bool {
         let mut is_one_found = false;
         self.walk(|_, node, is_leaf| {
-            if is_one_found || !node.bounds.meets(bounds) {
+            if is_one_found || !node.bounds.overlaps(bounds) {
                 return false;
             }
             is_one_found = is_leaf && node.items().any(&mut is_found);
@@ -114,8 +112,8 @@ impl BoxTree {
         is_one_found
     }
 
-    /// Visits nodes depth first, with their indices and whether they are leaves; descends below a node if `goes_down` returns true.
-    pub fn walk(&self, mut goes_down: impl FnMut(usize, &Node, bool) -> bool) {
+    /// Visits nodes depth first with their index and whether they are leaves; descends if `descend` returns true.
+    pub fn walk(&self, mut descend: impl FnMut(usize, &Node, bool) -> bool) {
         if self.nodes.is_empty() {
             return;
         }
@@ -123,16 +121,16 @@ impl BoxTree {
         while let Some(at) = pending.pop() {
             let node = &self.nodes[at as usize];
             let is_leaf = node.second == 0;
-            if goes_down(at as usize, node, is_leaf) && !is_leaf {
+            if descend(at as usize, node, is_leaf) && !is_leaf {
                 pending.extend([node.second, at + 1]);
             }
         }
     }
 }
 
-/// Appends the subtree of the items that start at index `start`.
+/// Appends the subtree of items, the first of which has the index `start`.
 fn build<T: Boxed>(items: &mut [T], start: usize, nodes: &mut Vec<Node>) {
-    let bounds = items.iter().fold(Bounds::NONE, |bounds, item| bounds.around(item.bounds()));
+    let bounds = items.iter().fold(Bounds::EMPTY, |bounds, item| bounds.union(item.bounds()));
     let at = nodes.len();
     let range = [start as u32, (start + items.len()) as u32];
     nodes.push(Node { bounds, second: 0, range });
@@ -142,7 +140,7 @@ fn build<T: Boxed>(items: &mut [T], start: usize, nodes: &mut Vec<Node>) {
     let size = bounds.high - bounds.low;
     let axis = (0..3).fold(0, |best, k| if size[k] > size[best] { k } else { best });
     let half = items.len() / 2;
-    items.select_nth_unstable_by(half, |a, b| a.middle(axis).total_cmp(&b.middle(axis)));
+    items.select_nth_unstable_by(half, |a, b| a.sort_key(axis).total_cmp(&b.sort_key(axis)));
     let (first, second) = items.split_at_mut(half);
     build(first, start, nodes);
     nodes[at].second = nodes.len() as u32;
@@ -153,9 +151,9 @@ fn build<T: Boxed>(items: &mut [T], start: usize, nodes: &mut Vec<Node>) {
 mod tests {
     use super::*;
 
-    /// A box that covers all others hides none of them from each other, and makes none ask all others.
+    /// A box that contains all others doesn't degrade queries.
     #[test]
-    fn few_boxes_are_looked_into_beside_one_that_covers_all() {
+    fn queries_test_few_boxes_despite_one_that_covers_all() {
         let cube = |k: u32| {
             let low = DVec3::new(f64::from(k % 50), f64::from(k / 50 % 50), f64::from(k / 2500));
             NumberedBox { bounds: Bounds { low, high: low + 1.0 }, number: k }
@@ -166,18 +164,18 @@ mod tests {
             number: 25_000,
         });
         let tree = BoxTree::sort(&mut boxes);
-        let mut looked = 0;
+        let mut tested = 0;
         for item in boxes.iter().filter(|item| item.number < 25_000) {
-            let (mut others, inner) = (Vec::new(), item.bounds.widened(-0.25));
+            let (mut others, inner) = (Vec::new(), item.bounds.expanded(-0.25));
             tree.any(&inner, |place| {
-                looked += 1;
-                others.extend(boxes[place].bounds.meets(&inner).then_some(boxes[place].number));
+                tested += 1;
+                others.extend(boxes[place].bounds.overlaps(&inner).then_some(boxes[place].number));
                 false
             });
             others.sort_unstable();
             assert_eq!(others, [item.number, 25_000]);
         }
-        assert!(looked < 100 * boxes.len(), "{looked}");
-        assert!(!BoxTree::default().any(&Bounds::NONE, |_| true));
+        assert!(tested < 100 * boxes.len(), "{tested}");
+        assert!(!BoxTree::default().any(&Bounds::EMPTY, |_| true));
     }
 }

@@ -1,4 +1,4 @@
-//! Materials that cast and that receive caustics, and bounding spheres of the casters for light tracing.
+//! Caustic casters and receivers, and bounding spheres of the casters as targets of light tracing.
 
 use super::geometry::{Placement, Space};
 use super::material::CompiledMaterial;
@@ -10,7 +10,7 @@ use crate::scene::FloatSlot;
 use crate::shape::Shape;
 use std::collections::BTreeMap;
 
-/// Metals up to this perceptual roughness (the square root of GGX alpha) cast caustics.
+/// Maximum perceptual roughness (square root of GGX alpha) of metals that cast caustics.
 const MAX_CASTER_ROUGHNESS: f32 = 0.25;
 
 /// Maximum number of bounding spheres of casters.
@@ -19,18 +19,18 @@ const MAX_TARGETS: usize = 16;
 /// The role of a material in caustics.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CausticRole {
-    /// It casts caustics: smooth glass, mirrors, polished metals.
+    /// Casts caustics: smooth glass, mirrors, polished metals.
     Caster,
-    /// Scatters light into all directions, so that caustics are visible on it.
+    /// Receives caustics with all lobes: diffuse and rough surfaces.
     Receiver,
-    /// Only its diffuse lobes do so; others are smooth or as smooth as textures say.
+    /// Receives caustics with its diffuse lobes only: others are smooth or have textured roughness.
     DiffuseReceiver,
-    /// Neither in all cases.
+    /// Neither, or varying over the surface.
     Neither,
 }
 
 impl CompiledMaterial {
-    /// Its role, the same at all points.
+    /// Caustic role of the material, constant over its surface.
     pub fn role(&self) -> CausticRole {
         use BsdfClass::{
             Beckmann, Black, Conductor, Dielectric, Lambert, Layered, MetalRough, OrenNayar, RoughDielectric,
@@ -42,35 +42,35 @@ impl CompiledMaterial {
             Black => CausticRole::Neither,
             Dielectric | RoughDielectric if self.is_smooth_glass() => CausticRole::Caster,
             MetalRough | SchlickMetal | Beckmann | Conductor
-                if self.is_polished() || self.is_painted_metal() =>
+                if self.is_polished() || self.is_textured_polished_metal() =>
             {
                 CausticRole::Caster
             }
             MetalRough | SchlickMetal | Beckmann | Conductor if self.is_rough() => CausticRole::Receiver,
             MetalRough => CausticRole::DiffuseReceiver,
-            Layered if self.medium_index == 0 && !self.lets_light_pass() => match self.alike() {
+            Layered if self.medium_index == 0 && !self.has_glass_layer() => match self.alike() {
                 Some(bsdf) if bsdf.is_specular() => CausticRole::Caster,
                 _ => CausticRole::DiffuseReceiver,
             },
             _ => match self.alike() {
-                Some(bsdf) if bsdf.is_specular() && self.is_the_same_in_solids(bsdf) => CausticRole::Caster,
+                Some(bsdf) if bsdf.is_specular() && self.is_specular_in_media(bsdf) => CausticRole::Caster,
                 _ => CausticRole::Neither,
             },
         }
     }
 
-    /// A BSDF that is smooth in air need not be within another solid.
-    fn is_the_same_in_solids(&self, bsdf: Bsdf) -> bool {
+    /// Is a BSDF that is specular in air also specular inside another medium?
+    fn is_specular_in_media(&self, bsdf: Bsdf) -> bool {
         self.medium_index == 0 || bsdf.with_ior(2.0).is_specular()
     }
 
     fn is_polished(&self) -> bool {
-        let look = self.alike().map(|bsdf| bsdf.appearance());
-        look.is_some_and(|look| look.diffuse.max_element() <= 0.0 && look.roughness <= MAX_CASTER_ROUGHNESS)
+        let appearance = self.alike().map(|bsdf| bsdf.appearance());
+        appearance.is_some_and(|a| a.diffuse.max_element() <= 0.0 && a.roughness <= MAX_CASTER_ROUGHNESS)
     }
 
-    /// Is it a metal as smooth as that, whatever colours its textures show?
-    fn is_painted_metal(&self) -> bool {
+    /// Is it a polished metal with any colour texture?
+    fn is_textured_polished_metal(&self) -> bool {
         let is_smooth =
             |roughness: FloatSlot| roughness.texture.is_none() && roughness.factor <= MAX_CASTER_ROUGHNESS;
         match &self.program {
@@ -84,7 +84,7 @@ impl CompiledMaterial {
         }
     }
 
-    /// Are its facets rougher than those of casters, whatever its textures show?
+    /// Is the roughness above the maximum of casters, for all colour textures?
     fn is_rough(&self) -> bool {
         let roughness = match &self.program {
             BsdfProgram::MetalRough(program) => program.roughness(),
@@ -96,19 +96,19 @@ impl CompiledMaterial {
         roughness.texture.is_none() && roughness.factor > MAX_CASTER_ROUGHNESS
     }
 
-    /// May light pass a layered material as glass?
-    fn lets_light_pass(&self) -> bool {
+    /// Is it a layered material with a glass layer?
+    fn has_glass_layer(&self) -> bool {
         matches!(&self.program, BsdfProgram::Layered(program) if program.has_glass())
     }
 }
 
 impl CompiledScene {
-    /// The role of each material.
+    /// The caustic role of each material.
     pub fn roles(&self) -> Vec<CausticRole> {
         self.materials.iter().map(CompiledMaterial::role).collect()
     }
 
-    /// Bounding spheres of all casters: one for each object, or for neighbouring ones together.
+    /// Bounding spheres of all casters, one per object or group of neighbouring objects.
     pub fn targets(&self, roles: &[CausticRole]) -> TargetSpheres {
         let casters = Casters::of(self, roles);
         let mut boxes: BTreeMap<u32, Bounds3> = BTreeMap::new();
@@ -119,7 +119,7 @@ impl CompiledScene {
         let mut groups: Vec<(Bounds3, Vec<u32>)> =
             boxes.into_iter().map(|(object, b)| (b, vec![object])).collect();
         while groups.len() > MAX_TARGETS {
-            unite_neighbours(&mut groups);
+            merge_neighbours(&mut groups);
         }
         let group_of = |(group, (_, objects)): (usize, &(Bounds3, Vec<u32>))| -> Vec<(u32, usize)> {
             objects.iter().map(|&object| (object, group)).collect()
@@ -137,7 +137,7 @@ impl CompiledScene {
         TargetSpheres::new(balls)
     }
 
-    /// Radius of a ball about the origin that holds all that rays can hit.
+    /// Radius of the scene's bounding sphere about the anchor, metres.
     pub fn reach(&self) -> f32 {
         let of_box = |bounds: &Bounds3| bounds.corners().map(|p| p.length()).into_iter().fold(0.0, f32::max);
         let world =
@@ -153,18 +153,18 @@ impl CompiledScene {
     }
 }
 
-/// Points and balls whose bounds hold all primitives of casters.
+/// Points and spheres that bound all primitives of casters.
 struct Casters<'s> {
     /// Positions of all vertices.
     positions: &'s [[f32; 3]],
-    /// Vertices of triangles, each once in a run.
+    /// Vertices of triangles, without duplicates in a run.
     vertices: Vec<u32>,
-    /// Balls of all other primitives.
+    /// Spheres that bound all other primitives.
     balls: Vec<TargetSphere>,
     runs: Vec<CasterRun>,
 }
 
-/// Casters of one object; the next run begins where this one ends.
+/// Start of the casters of one object; they end where the next run begins.
 struct CasterRun {
     object: u32,
     first_vertex: usize,
@@ -183,7 +183,7 @@ impl<'s> Casters<'s> {
 
     fn add_world(&mut self, world: &Space, roles: &[CausticRole]) {
         let casters = world.attributes.materials.iter().enumerate().filter(|(_, m)| casts(roles, **m));
-        // Primitives of an object follow each other: its number is looked up once.
+        // Primitives of an object are consecutive: it is looked up once.
         let mut end = 0;
         // The run that each vertex was last visited for.
         let mut visited: Vec<u32> = Vec::new();
@@ -226,7 +226,7 @@ impl<'s> Casters<'s> {
         self.runs.push(CasterRun { object, first_vertex, first_ball });
     }
 
-    /// Visits the vertices and balls of a run.
+    /// Visits the vertices and spheres of a run.
     fn visit(&self, index: usize, mut visit: impl FnMut(TargetSphere)) {
         let first = &self.runs[index];
         let (vertices, balls) = self.runs.get(index + 1).map_or_else(
@@ -240,7 +240,7 @@ impl<'s> Casters<'s> {
     }
 }
 
-/// The corners of the bounds of a shared geometry where it is placed.
+/// The corners of a shared mesh's bounds in world space.
 fn placed_corners(placement: &Placement, bounds: &Bounds3) -> [Vec3; 8] {
     let place = placement.world_from_object;
     bounds.corners().map(|p| place.linear * p + place.translation)
@@ -251,7 +251,7 @@ fn casts(roles: &[CausticRole], material: u32) -> bool {
     roles.get(material as usize) == Some(&CausticRole::Caster)
 }
 
-/// Bounds that hold a ball, too. Most balls are vertices of triangles.
+/// The bounds extended by a sphere, which often has the radius 0.
 fn with_ball(bounds: Bounds3, ball: TargetSphere) -> Bounds3 {
     if ball.radius == 0.0 {
         return bounds.with(ball.center);
@@ -260,12 +260,12 @@ fn with_ball(bounds: Bounds3, ball: TargetSphere) -> Bounds3 {
     bounds.with(ball.center - r).with(ball.center + r)
 }
 
-/// A ball without size.
+/// A sphere of radius 0.
 fn point(center: Vec3) -> TargetSphere {
     TargetSphere { center, radius: 0.0 }
 }
 
-/// Calls `visit` with balls: any sphere around them holds the primitive, which is no triangle.
+/// Calls `visit` with spheres whose convex hull contains a primitive other than a triangle.
 fn visit_primitive(space: &Space, prim: usize, mut visit: impl FnMut(TargetSphere)) {
     let shapes = &space.shapes;
     let prim = prim - shapes.triangles.len();
@@ -282,28 +282,28 @@ fn visit_primitive(space: &Space, prim: usize, mut visit: impl FnMut(TargetSpher
     if let Some(splat) = prim.checked_sub(shapes.curves.len()) {
         return visit(point(Vec3::from_array(shapes.splats.centers[splat])));
     }
-    let piece = shapes.curves.get(prim);
-    piece
+    let segment = shapes.curves.get(prim);
+    segment
         .ends
         .into_iter()
-        .zip(piece.radii)
+        .zip(segment.radii)
         .for_each(|(center, radius)| visit(TargetSphere { center, radius }));
 }
 
-/// Merges pairs of groups that are neighbours along the axis in which all groups are spread most.
-fn unite_neighbours(groups: &mut Vec<(Bounds3, Vec<u32>)>) {
+/// Merges pairs of neighbouring groups along the axis of largest extent.
+fn merge_neighbours(groups: &mut Vec<(Bounds3, Vec<u32>)>) {
     let spread = Bounds3::of(groups.iter().map(|(bounds, _)| bounds.center())).extent();
     let axis = (0..3).fold(0, |best, c| if spread[c] > spread[best] { c } else { best });
     groups.sort_by(|(a, _), (b, _)| a.center()[axis].total_cmp(&b.center()[axis]));
-    let mut united: Vec<(Bounds3, Vec<u32>)> = Vec::with_capacity(groups.len() / 2 + 1);
+    let mut merged: Vec<(Bounds3, Vec<u32>)> = Vec::with_capacity(groups.len() / 2 + 1);
     for (at, (bounds, objects)) in groups.drain(..).enumerate() {
-        match united.last_mut().filter(|_| at % 2 == 1) {
+        match merged.last_mut().filter(|_| at % 2 == 1) {
             Some(last) => {
                 last.0 = last.0.union(bounds);
                 last.1.extend(objects);
             }
-            None => united.push((bounds, objects)),
+            None => merged.push((bounds, objects)),
         }
     }
-    *groups = united;
+    *groups = merged;
 }

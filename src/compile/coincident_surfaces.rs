@@ -1,4 +1,4 @@
-//! Detects whether surfaces of transmissive solids coincide. Only then does the integrator look for coincident surfaces at hits.
+//! Detects coincident surfaces of transmissive solids. The integrator tests hits for them only if there are any.
 
 use super::box_tree::{Bounds, BoxTree, Boxed, NumberedBox};
 use super::geometry::Geometries;
@@ -11,9 +11,9 @@ use rayon::prelude::*;
 
 /// A transmissive solid.
 struct Solid {
-    /// The box around it, in the world.
+    /// World space.
     bounds: Bounds,
-    /// It has several transmissive materials.
+    /// Has it several transmissive materials?
     has_several: bool,
     surface: SolidSurface,
 }
@@ -23,14 +23,14 @@ enum SolidSurface {
         mesh: usize,
         placed: DAffine3,
     },
-    /// A corner and both edges from it.
+    /// Corner and both edges.
     Quad([DVec3; 3]),
     /// An analytic shape: centre and radius.
     Shape(DVec3, f64),
 }
 
-/// Do surfaces of two solids coincide? Tested by rays where triangles of two solids overlap in a plane, and at the centre of each
-/// triangle within the box of an analytic shape. With motion blur, solids with overlapping boxes count as coincident.
+/// Do surfaces of two solids coincide? Tested by rays where coplanar triangles of two solids overlap, and at the centres of
+/// triangles inside the bounds of an analytic shape. With motion blur, solids with overlapping bounds count as coincident.
 pub(super) fn exist(
     scene: &Scene,
     materials: &[CompiledMaterial],
@@ -43,17 +43,17 @@ pub(super) fn exist(
         if !solids.any_near(i, &solids.all[i].bounds, |_| true) {
             continue;
         }
-        let own = solids.candidates(i, scene);
-        if accel.is_moving() || solids.touches_shape(i, &own, &at) {
+        let candidates = solids.candidates(i, scene);
+        if accel.is_moving() || solids.touches_shape(i, &candidates, &at) {
             return true;
         }
-        triangles.extend(own);
+        triangles.extend(candidates);
     }
     let may_touch = |a: u32, b: u32| a != b || solids.all[a as usize].has_several;
     any_overlap(triangles, may_touch, |point, normal| at.are_two_at(point, normal))
 }
 
-/// The compiled data that tests for coincidence query.
+/// Compiled geometry for ray tests of coincidence.
 struct SurfaceQuery<'a> {
     materials: &'a [CompiledMaterial],
     geometries: &'a Geometries,
@@ -62,7 +62,7 @@ struct SurfaceQuery<'a> {
 }
 
 impl SurfaceQuery<'_> {
-    /// Are there surfaces of two solids at a point with this normal?
+    /// Are there surfaces of two solids at a point with a given normal?
     fn are_two_at(&self, p: DVec3, normal: DVec3) -> bool {
         let reach = (p.abs().max_element() + (p - self.anchor).abs().max_element()) * f64::from(gamma(32));
         let origin = (p - self.anchor + normal * reach).as_vec3();
@@ -76,9 +76,9 @@ impl SurfaceQuery<'_> {
             return false;
         }
         let [a, b] = [&first, &second].map(|hit| &self.materials[self.geometries.material(hit) as usize]);
-        let is_another = a.medium_index != b.medium_index
+        let is_other_solid = a.medium_index != b.medium_index
             || self.geometries.object(&first) != self.geometries.object(&second);
-        is_another && is_solid(a) && is_solid(b)
+        is_other_solid && is_solid(a) && is_solid(b)
     }
 }
 
@@ -92,10 +92,10 @@ impl Solid {
         rounding(&self.bounds)
     }
 
-    /// Does a part in a box, of a solid whose coordinates may be off by `rounding`, reach into the box around this one?
+    /// Do bounds, whose coordinates have the error `rounding`, overlap those of this solid?
     fn is_near(&self, bounds: &Bounds, rounding: f64) -> bool {
         let reach = rounding.max(self.rounding());
-        bounds.meets(&self.bounds.widened(reach))
+        bounds.overlaps(&self.bounds.expanded(reach))
     }
 }
 
@@ -117,7 +117,7 @@ impl Solids {
         let mut all = solids(scene, materials);
         all.sort_by(|a, b| a.bounds.low.x.total_cmp(&b.bounds.low.x));
         let numbered = |(number, solid): (usize, &Solid)| NumberedBox {
-            bounds: solid.bounds.widened(solid.rounding()),
+            bounds: solid.bounds.expanded(solid.rounding()),
             number: number as u32,
         };
         let mut boxes: Vec<NumberedBox> = all.iter().enumerate().map(numbered).collect();
@@ -125,10 +125,10 @@ impl Solids {
         Solids { all, boxes, tree }
     }
 
-    /// Calls `is_found` with the solids that a part of solid `i` in a box may touch, until it returns true.
+    /// Calls `is_found` with the solids that may touch the part of solid `i` inside `bounds`, until it returns true.
     fn any_near(&self, i: usize, bounds: &Bounds, mut is_found: impl FnMut(&Solid) -> bool) -> bool {
         let rounding = self.all[i].rounding();
-        self.tree.any(&bounds.widened(rounding), |place| {
+        self.tree.any(&bounds.expanded(rounding), |place| {
             let k = self.boxes[place].number as usize;
             (k != i || self.all[i].has_several)
                 && self.all[k].is_near(bounds, rounding)
@@ -136,36 +136,36 @@ impl Solids {
         })
     }
 
-    /// The triangles of solid `i` that reach into the boxes around others.
+    /// The triangles of solid `i` that overlap the bounds of others.
     fn candidates(&self, i: usize, scene: &Scene) -> Vec<SolidTriangle> {
-        /// Up to this number of candidates, each is tested without the tree.
+        /// Maximum number of candidates to test without the tree.
         const FEW: usize = 8;
         let (solid, mut few) = (&self.all[i], Vec::new());
         let has_many = self.any_near(i, &solid.bounds, |other| {
-            few.push(other.bounds.widened(solid.rounding().max(other.rounding())));
+            few.push(other.bounds.expanded(solid.rounding().max(other.rounding())));
             few.len() > FEW
         });
-        let least = solid.typical_rounding(scene);
-        let near = |corners: [DVec3; 3]| {
+        let typical_rounding = solid.typical_rounding(scene);
+        let candidate = |corners: [DVec3; 3]| {
             let bounds = Bounds::of(corners);
             let is_near = match has_many {
                 true => self.any_near(i, &bounds, |_| true),
-                false => few.iter().any(|other| bounds.meets(other)),
+                false => few.iter().any(|other| bounds.overlaps(other)),
             };
             is_near.then(|| SolidTriangle {
                 corners,
                 solid: i as u32,
-                rounding: rounding(&bounds).max(least),
+                rounding: rounding(&bounds).max(typical_rounding),
             })
         };
         match solid.surface {
             SolidSurface::Mesh { mesh, placed } => {
                 let mesh = &scene.meshes[mesh];
                 let corners = |t: &[u32; 3]| mesh.corners_f64(*t).map(|p| placed.transform_point3(p));
-                mesh.triangles.par_iter().filter_map(|t| near(corners(t))).collect()
+                mesh.triangles.par_iter().filter_map(|t| candidate(corners(t))).collect()
             }
             SolidSurface::Quad([a, u, v]) => {
-                [[a, a + u, a + u + v], [a, a + u + v, a + v]].into_iter().filter_map(near).collect()
+                [[a, a + u, a + u + v], [a, a + u + v, a + v]].into_iter().filter_map(candidate).collect()
             }
             SolidSurface::Shape(..) => Vec::new(),
         }
@@ -195,13 +195,13 @@ impl Solids {
 }
 
 impl Solid {
-    /// Bound on the rounding error of 90 % of its vertices: a few distant ones don't make the others less precise.
+    /// Bound on the rounding error of 90 % of the vertices, which a few distant ones don't affect.
     fn typical_rounding(&self, scene: &Scene) -> f64 {
         let SolidSurface::Mesh { mesh, placed } = self.surface else { return self.rounding() };
         let size = |p: &[f32; 3]| placed.transform_point3(p.map(f64::from).into()).abs().max_element();
         let mut sizes: Vec<f64> = scene.meshes[mesh].positions.iter().map(size).collect();
-        let most = sizes.len() * 9 / 10;
-        let (_, size, _) = sizes.select_nth_unstable_by(most, f64::total_cmp);
+        let percentile_90 = sizes.len() * 9 / 10;
+        let (_, size, _) = sizes.select_nth_unstable_by(percentile_90, f64::total_cmp);
         *size * f64::from(gamma(64))
     }
 }
@@ -211,8 +211,8 @@ fn solids(scene: &Scene, materials: &[CompiledMaterial]) -> Vec<Solid> {
     let meshes = scene.instances.par_iter().filter_map(|instance| {
         let mesh = &scene.meshes[instance.mesh.index()];
         let placed = instance.world_from_object;
-        let is_of_one = part_materials(mesh, instance).any(is_solid) && !mesh.positions.is_empty();
-        is_of_one.then(|| {
+        let has_solid_material = part_materials(mesh, instance).any(is_solid) && !mesh.positions.is_empty();
+        has_solid_material.then(|| {
             let points = mesh.positions.iter().map(|&p| placed.transform_point3(p.map(f64::from).into()));
             let bounds = Bounds::of(points);
             let mut ids: Vec<MaterialId> =
@@ -246,39 +246,39 @@ fn solids(scene: &Scene, materials: &[CompiledMaterial]) -> Vec<Solid> {
     meshes.collect::<Vec<Solid>>().into_iter().chain(quads).chain(shapes).collect()
 }
 
-// Coplanar triangles with a common area, found by a tree of boxes.
+// Overlapping coplanar triangles.
 
-/// Cosine between the normals of triangles that lie on each other.
+/// Minimum cosine between the normals of coplanar triangles.
 const PARALLEL: f64 = 0.9999;
 
 /// A triangle of a solid.
 #[derive(Clone, Copy, Debug)]
 struct SolidTriangle {
     pub corners: [DVec3; 3],
-    /// Number of the solid.
+    /// Index of the solid.
     pub solid: u32,
-    /// Bound on the rounding error of its coordinates.
+    /// Bound on the rounding error of coordinates.
     pub rounding: f64,
 }
 
 impl Boxed for SolidTriangle {
     fn bounds(&self) -> Bounds {
-        Bounds::of(self.corners).widened(self.rounding)
+        Bounds::of(self.corners).expanded(self.rounding)
     }
 
-    fn middle(&self, axis: usize) -> f64 {
+    fn sort_key(&self, axis: usize) -> f64 {
         self.corners.iter().map(|corner| corner[axis]).sum()
     }
 }
 
 impl SolidTriangle {
-    /// Its normal, as long as twice its area.
+    /// The normal; its length is twice the area.
     fn normal(&self) -> DVec3 {
         let [a, b, c] = self.corners;
         (b - a).cross(c - a)
     }
 
-    /// A point of the common area of two triangles, and the normal there, if they lie on each other.
+    /// A point of the intersection of two coplanar triangles, and the normal; `None` if they don't overlap.
     pub fn overlap(&self, other: &SolidTriangle) -> Option<(DVec3, DVec3)> {
         let normal = self.normal().try_normalize()?;
         let is_parallel = other.normal().try_normalize()?.dot(normal).abs() >= PARALLEL;
@@ -293,7 +293,7 @@ impl SolidTriangle {
         let (first, rest) = common.split_first()?;
         let area: DVec3 = rest.windows(2).map(|w| (w[0] - first).cross(w[1] - first)).sum();
         let longest = rest.iter().map(|p| p.distance(*first)).fold(0.0, f64::max);
-        // A triangle as narrow as the rounding error is an edge.
+        // An intersection as narrow as the rounding error is a shared edge.
         if area.length() <= 4.0 * reach * longest {
             return None;
         }
@@ -301,16 +301,16 @@ impl SolidTriangle {
         (height(middle).abs() <= reach).then(|| (middle - normal * height(middle), normal))
     }
 
-    /// A polygon clipped to the triangle along its normal (Sutherland, Hodgman 1974).
+    /// A polygon clipped to the prism over the triangle (Sutherland and Hodgman 1974, "Reentrant Polygon Clipping").
     fn clipped(&self, normal: DVec3, polygon: &[DVec3]) -> Vec<DVec3> {
-        let mut left = polygon.to_vec();
+        let mut remaining = polygon.to_vec();
         for k in 0..3 {
             let (start, end) = (self.corners[k], self.corners[(k + 1) % 3]);
             let inwards = normal.cross(end - start);
             let depth = |p: DVec3| (p - start).dot(inwards);
-            let mut within = Vec::with_capacity(left.len() + 1);
-            for (i, &p) in left.iter().enumerate() {
-                let q = left[(i + 1) % left.len()];
+            let mut within = Vec::with_capacity(remaining.len() + 1);
+            for (i, &p) in remaining.iter().enumerate() {
+                let q = remaining[(i + 1) % remaining.len()];
                 let (at_p, at_q) = (depth(p), depth(q));
                 if at_p >= 0.0 {
                     within.push(p);
@@ -319,13 +319,14 @@ impl SolidTriangle {
                     within.push(p + (q - p) * (at_p / (at_p - at_q)));
                 }
             }
-            left = within;
+            remaining = within;
         }
-        left
+        remaining
     }
 }
 
-/// Do two triangles overlap whose solids `may_touch`, and does `is_touched` confirm it at a point of the common area, with the normal?
+/// Do any triangles overlap whose solids pass `may_touch`, confirmed by `is_touched` at a point of the intersection with the
+/// normal?
 fn any_overlap(
     mut triangles: Vec<SolidTriangle>,
     may_touch: impl Fn(u32, u32) -> bool + Sync,
@@ -347,9 +348,8 @@ mod tests {
     use super::*;
     use crate::scene::Mesh;
 
-    /// One distant vertex doesn't increase the rounding error that is assumed for the others.
     #[test]
-    fn a_vertex_far_away_leaves_others_as_precise_as_they_are() {
+    fn a_distant_vertex_does_not_increase_the_typical_rounding() {
         let mut scene = Scene::default();
         let positions = (0..100).map(|k| [k as f32 * 0.01, 1.0, 0.0]).collect();
         scene.meshes.push(Mesh { positions, ..Mesh::default() });
@@ -383,7 +383,7 @@ mod overlaps_tests {
         vec![triangle(solid, [a, b, c]), triangle(solid, [a, c, d])]
     }
 
-    /// A disk of `count` triangles around its middle, facing down.
+    /// A disk of `count` triangles around its centre, facing down.
     fn fan(solid: u32, count: u32, radius: f64, z: f64) -> Vec<SolidTriangle> {
         let rim = |i: u32| {
             let angle = TAU * f64::from(i) / f64::from(count);
@@ -397,55 +397,55 @@ mod overlaps_tests {
     }
 
     #[test]
-    fn triangles_that_share_an_area_are_found() {
+    fn overlapping_coplanar_triangles_are_found() {
         for (first, second, expected) in [
             (square(0, [0.0; 3]), fan(1, 64, 0.3, 0.0), true),
             (fan(0, 64, 5.0, 0.0), square(1, [0.0; 3]), true),
-            // No triangle's middle lies on the other square.
+            // No triangle's centroid lies on the other square.
             (square(0, [0.0; 3]), square(1, [1.9, 1.9, 0.0]), true),
             (square(0, [0.0; 3]), square(1, [1.95, 0.3, 0.0]), true),
-            // Edge to edge, corner to corner, beside each other.
+            // Shared edge, shared corner, disjoint.
             (square(0, [0.0; 3]), square(1, [2.0, 0.3, 0.0]), false),
             (square(0, [0.0; 3]), square(1, [2.0, 2.0, 0.0]), false),
             (square(0, [0.0; 3]), square(1, [2.1, 0.0, 0.0]), false),
-            // Above each other.
+            // At a distance above each other.
             (square(0, [0.0; 3]), fan(1, 64, 0.3, 1e-4), false),
-            // As far as numbers are precise.
+            // At a distance within the rounding error.
             (square(0, [0.0; 3]), fan(1, 64, 0.3, 1e-6), true),
         ] {
             assert_eq!(touch(&[first.clone(), second.clone()]), expected);
             assert_eq!(touch(&[second, first]), expected);
         }
-        // One solid is not asked about itself, and triangles that cross share no area.
+        // Triangles of one solid, and crossing triangles, don't count.
         assert!(!touch(&[square(0, [0.0; 3]), square(0, [0.5, 0.5, 0.0])]));
         let upright = vec![triangle(1, [[-1.0, 0.0, -1.0], [1.0, 0.0, -1.0], [0.0, 0.0, 1.0]])];
         assert!(!touch(&[square(0, [0.0; 3]), upright]));
     }
 
-    /// Points at which the caller tests lie in both triangles.
+    /// Points passed to `is_touched` lie in both triangles.
     #[test]
     fn points_to_confirm_lie_in_both_triangles() {
         let both = [square(0, [0.0; 3]), square(1, [1.5, 1.5, 0.0])].concat();
-        let asked = std::sync::Mutex::new(Vec::new());
+        let queried = std::sync::Mutex::new(Vec::new());
         let found = any_overlap(
             both.clone(),
             |a, b| a != b,
             |point, normal| {
-                asked.lock().expect("no panic").push((point, normal));
+                queried.lock().expect("no panic").push((point, normal));
                 false
             },
         );
-        let asked = asked.into_inner().expect("no panic");
-        assert!(!found && !asked.is_empty());
-        for (point, normal) in asked {
+        let queried = queried.into_inner().expect("no panic");
+        assert!(!found && !queried.is_empty());
+        for (point, normal) in queried {
             assert!((0.5..=1.0).contains(&point.x) && (0.5..=1.0).contains(&point.y), "{point}");
             assert!(point.z == 0.0 && normal.z.abs() == 1.0);
         }
     }
 
-    /// In two fine grids with a small gap, each triangle is tested against few others.
+    /// In two coincident fine grids each triangle is tested against few others.
     #[test]
-    fn few_boxes_are_looked_into() {
+    fn queries_test_few_triangles() {
         let n = 60;
         let grid = |solid: u32, z: f64| -> Vec<SolidTriangle> {
             let at = |i: i32, j: i32| [f64::from(i), f64::from(j), z];
@@ -460,13 +460,13 @@ mod overlaps_tests {
         let mut triangles = [grid(0, 0.0), grid(1, 0.0)].concat();
         let count = triangles.len();
         let tree = BoxTree::sort(&mut triangles);
-        let mut looked = 0;
+        let mut tested = 0;
         for triangle in &triangles {
             tree.any(&triangle.bounds(), |_| {
-                looked += 1;
+                tested += 1;
                 false
             });
         }
-        assert!(looked < 120 * count, "{looked} of {count}");
+        assert!(tested < 120 * count, "{tested} of {count}");
     }
 }

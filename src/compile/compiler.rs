@@ -1,4 +1,4 @@
-//! Compiles a scene, or the frames of a sequence, each of which reuses unchanged results of the previous one.
+//! Compiles a scene, or the frames of a sequence, which reuse unchanged results of the previous frame.
 
 use super::emitters::Emitters;
 use super::geometry::Geometries;
@@ -25,27 +25,26 @@ use crate::work_counter::WorkCounter;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Compiles scenes, the times of a sequence one after another. What does not change is compiled once: textures, the
-/// environment, and in scenes of many triangles the world that stands still and the meshes that move in it as they are.
-/// Only what moves is placed again then, and meshes that change their shape are built. (Where something moves, pictures of
-/// such scenes may differ from single ones by rounding: a single picture has all in one world.)
+/// Compiles scenes, or the frames of a sequence in order. Frames reuse textures, the environment and, in scenes with many
+/// triangles, static geometry and undeformed moving meshes; only transforms and deformed meshes are updated. (Pictures of
+/// such frames may differ from single pictures by rounding, because a single picture merges all meshes into the world.)
 pub struct Compiler {
     is_sequence: bool,
     latest: Option<Arc<CompiledScene>>,
     tree: Tree,
     keeps_uv: bool,
     texture_memory: Option<u64>,
-    is_free: bool,
+    has_other_cameras: bool,
     counter: WorkCounter,
 }
 
 impl Compiler {
-    /// For one time, or for several that have nothing to do with each other.
+    /// A compiler of independent scenes.
     pub fn single() -> Compiler {
         Compiler::new(false)
     }
 
-    /// For the times of a sequence.
+    /// A compiler of the frames of a sequence.
     pub fn sequence() -> Compiler {
         Compiler::new(true)
     }
@@ -58,41 +57,41 @@ impl Compiler {
             tree,
             keeps_uv: false,
             texture_memory: None,
-            is_free: false,
+            has_other_cameras: false,
             counter,
         }
     }
 
-    /// Reports the progress of building.
+    /// Progress of the build.
     pub fn counter(&self) -> &WorkCounter {
         &self.counter
     }
 
-    /// Chooses how good the trees are that rays walk. Default [`Tree::Full`].
+    /// Sets the quality of the BVH. Default [`Tree::Full`].
     pub fn set_tree(&mut self, tree: Tree) {
         self.tree = tree;
     }
 
-    /// Keeps texture coordinates that no material asks for.
+    /// Keeps texture coordinates that no material uses.
     pub fn keep_uv(&mut self, keeps_uv: bool) {
         self.keeps_uv = keeps_uv;
     }
 
-    /// Limits the bytes that the images of textures take; see [`CompileOptions::texture_memory`].
+    /// Limits the memory of texture images, bytes; see [`CompileOptions::texture_memory`].
     pub fn set_texture_memory(&mut self, bytes: Option<u64>) {
         self.texture_memory = bytes;
     }
 
-    /// Other cameras will look at the same scene: images of textures are kept as they are.
+    /// Keeps the full resolution of textures, as other cameras will render the same scene.
     pub fn expect_other_cameras(&mut self) {
-        self.is_free = true;
+        self.has_other_cameras = true;
     }
 
-    /// Compiles a frame for a camera's picture of `width` x `height` pixels. The anchor of the frame before is kept as long as single
-    /// precision suffices.
+    /// Compiles a frame for a camera and a picture of `width` x `height` pixels. The anchor of the previous frame is kept as long
+    /// as single precision suffices.
     ///
     /// # Errors
-    /// As for [`super::compile`], and what [`Camera::validate`] finds.
+    /// As for [`super::compile`], and the problems of [`Camera::validate`].
     pub fn compile(
         &mut self,
         scene: &Scene,
@@ -101,20 +100,21 @@ impl Compiler {
         (width, height): (u32, u32),
     ) -> Result<(Arc<CompiledScene>, CompileReport)> {
         check(scene.validate())?;
-        // It need not be the scene's.
+        // The camera may not be one of the scene's.
         check(camera.validate())?;
-        let suits = |s: &&Arc<CompiledScene>| {
+        let keeps_anchor = |s: &&Arc<CompiledScene>| {
             let keeps = s.sources.as_ref().is_some_and(Sources::keep_geometry);
             keeps && !View::new(s, camera, width, height).needs_new_anchor(s)
         };
         let earlier = self.latest.take();
-        let anchor = earlier.as_ref().filter(suits).map(|s| s.anchor);
+        let anchor = earlier.as_ref().filter(keeps_anchor).map(|s| s.anchor);
         let anchor = Some(anchor.unwrap_or(camera.world_from_camera.translation));
         let (tree, keeps_uv, counter) = (self.tree, self.keeps_uv, self.counter.clone());
-        let picture = (!self.is_free).then(|| ExpectedPicture { camera: camera.clone(), width, height });
+        let picture =
+            (!self.has_other_cameras).then(|| ExpectedPicture { camera: camera.clone(), width, height });
         let texture_memory = self.texture_memory;
         let options = CompileOptions { shading, anchor, tree, keeps_uv, counter, picture, texture_memory };
-        // Who still renders the earlier time keeps it.
+        // Reuse is impossible while the earlier frame is still being rendered.
         let earlier = earlier.and_then(|scene| Arc::try_unwrap(scene).ok());
         let (compiled, report) = compile_after(earlier, scene, &options, self.is_sequence)?;
         let compiled = Arc::new(compiled);
@@ -128,8 +128,8 @@ impl Compiler {
 /// Compiles a scene.
 ///
 /// # Errors
-/// An input error with all that [`Scene::validate`] finds, for an anchor that is not finite, or for a scene with more of
-/// something than can be numbered or addressed.
+/// An input error with the problems of [`Scene::validate`], for a non-finite anchor, or for a scene that exceeds the limits
+/// of indices or addresses.
 pub fn compile(scene: &Scene, options: &CompileOptions) -> Result<(CompiledScene, CompileReport)> {
     check(scene.validate())?;
     if let Some(anchor) = options.anchor.filter(|anchor| !anchor.is_finite()) {
@@ -138,7 +138,7 @@ pub fn compile(scene: &Scene, options: &CompileOptions) -> Result<(CompiledScene
     compile_after(None, scene, options, false)
 }
 
-/// Compiles a validated scene; `earlier` is the frame before it of a sequence, whose unchanged parts it takes over.
+/// Compiles a validated scene and reuses unchanged parts of `earlier`, the previous frame of a sequence.
 fn compile_after(
     earlier: Option<CompiledScene>,
     scene: &Scene,
@@ -200,19 +200,19 @@ fn compile_after(
     Ok((compiled, report))
 }
 
-/// Distance from the camera in metres from which on the squared area of a triangle may be too large for single precision.
-const FARTHEST: f32 = 4e9;
+/// Distance from the camera, metres, above which squared triangle areas may overflow single precision.
+const MAX_DISTANCE: f32 = 4e9;
 
 fn warn_of_far_surfaces(compiled: &CompiledScene, warnings: &mut Vec<Warning>) {
     let reach = compiled.reach();
-    if reach > FARTHEST {
+    if reach > MAX_DISTANCE {
         warnings.push(Warning::general(format!(
-            "surfaces are up to {reach:.1e} m away: triangles and quads longer than {FARTHEST:.0e} m are black; scale the scene down"
+            "surfaces are up to {reach:.1e} m away: triangles and quads longer than {MAX_DISTANCE:.0e} m are black; scale the scene down"
         )));
     }
 }
 
-/// All lights with the tables that are indexed by them. Lights infinitely far away are removed if opaque fog fills the world.
+/// All lights with the tables indexed by light. Infinitely distant lights are removed if opaque fog fills the world.
 fn lights(
     (scene, numbers, shading): (&Scene, &ObjectMaterials, ShadingModel),
     anchor: DVec3,
@@ -241,20 +241,20 @@ fn lights(
     Ok((lights, tables))
 }
 
-/// In spectral rendering the spectrum of a metal given by three indices of refraction is interpolated.
+/// Warns of metals given by three indices of refraction, which spectral rendering interpolates.
 fn warn_of_interpolated_metals(scene: &Scene, shading: ShadingModel, warnings: &mut Vec<Warning>) {
     for material in scene.materials.iter().filter(|_| shading.spectral) {
         if let Model::Conductor { metal: None, .. } = material.model {
             let name = &material.name;
             warnings.push(Warning::general(format!(
-                "the index of refraction of metal '{name}' is known for three wavelengths only: others lie between; name \
-                 a measured metal"
+                "the index of refraction of metal '{name}' is known for three wavelengths only and interpolated; name \
+                a measured metal"
             )));
         }
     }
 }
 
-/// The textures; `kept` are those of an earlier time, if they are the same.
+/// The textures; `kept` are those of the earlier frame, if unchanged.
 fn textures(
     kept: Option<CompiledTextures>,
     scene: &Scene,
@@ -266,23 +266,23 @@ fn textures(
         Some(textures) if textures.suit(&needs) => textures.moved(anchor.as_vec3()),
         earlier => {
             let (list, images) = (&scene.textures, &scene.images);
-            let made = CompiledTextures::after(earlier, list, images, anchor.as_vec3(), needs);
-            let (textures, mut said) = made?;
-            report.warnings.append(&mut said.warnings);
-            report.left_out.extend(said.left_out());
-            report.textures = said;
+            let compiled = CompiledTextures::after(earlier, list, images, anchor.as_vec3(), needs);
+            let (textures, mut messages) = compiled?;
+            report.warnings.append(&mut messages.warnings);
+            report.left_out.extend(messages.left_out());
+            report.textures = messages;
             textures
         }
     };
     Ok(textures.with_profiles(&scene.profiles).with_spectra(&scene.textures, options.shading.spectral))
 }
 
-/// The environment that camera rays see, if it differs from the one that lights the scene.
+/// The background of camera rays, if it differs from the environment that lights the scene.
 fn camera_environment(scene: &Scene) -> Option<EnvironmentLight> {
     scene.camera_environment.as_ref().and_then(|seen| EnvironmentLight::new(seen, &scene.images, false))
 }
 
-/// The environment with its portals; `kept` is that of an earlier time, if it is the same.
+/// The environment with its portals; `kept` is that of the earlier frame, if unchanged.
 fn environment(
     scene: &Scene,
     kept: Option<Option<EnvironmentLight>>,
@@ -306,14 +306,14 @@ fn environment(
     environment
 }
 
-/// The materials, with the copies that objects have for themselves; the media of solids; and the numbers that objects have.
+/// The materials, including copies for single objects; the media of solids; and the material indices of objects.
 fn materials(
     scene: &Scene,
     (anchor, textures): (DVec3, &mut CompiledTextures),
     shading: ShadingModel,
     warnings: &mut Vec<Warning>,
 ) -> (Vec<CompiledMaterial>, Vec<Medium>, ObjectMaterials) {
-    let replaced = media::without_bodies(scene, warnings);
+    let replaced = media::replace_open_subsurface(scene, warnings);
     let replaced = scene.materials.iter().zip(&replaced).map(|(m, other)| other.as_ref().unwrap_or(m));
     let compiled = |m| match shading.spectral {
         true => CompiledMaterial::new(&material::with_spectra(m, textures), textures, shading),
@@ -374,12 +374,12 @@ fn default_anchor(scene: &Scene) -> DVec3 {
     scene.cameras.first().map_or(DVec3::ZERO, |camera| camera.world_from_camera.translation)
 }
 
-fn report_accel(stats: &BuildStats, report: &mut CompileReport, flat: impl Fn() -> u64) {
+fn report_accel(stats: &BuildStats, report: &mut CompileReport, count_degenerate: impl Fn() -> u64) {
     (report.tree, report.bytes) = (stats.quality, stats.bytes);
     (report.triangles, report.quads, report.analytic) = (stats.triangles, stats.quads, stats.analytic);
     (report.curves, report.splats) = (stats.curves, stats.splats);
     let dropped = stats.dropped;
-    let say = |list: &mut Vec<Warning>, count: u64, what: &str, with: &str| {
+    let report_dropped = |list: &mut Vec<Warning>, count: u64, what: &str, with: &str| {
         let message = match count {
             0 => return,
             1 => format!("1 {what} {with} was dropped"),
@@ -388,11 +388,11 @@ fn report_accel(stats: &BuildStats, report: &mut CompileReport, flat: impl Fn() 
         list.push(Warning::general(message));
     };
     let far = "with coordinates that are not finite or beyond 1e18 m";
-    say(&mut report.warnings, dropped.not_finite, "primitive", far);
-    // The poles of spheres have such triangles, and nothing of them could be seen.
-    let without_area = if dropped.degenerate > 0 { flat().min(dropped.degenerate) } else { 0 };
-    say(&mut report.notes, without_area, "primitive", "without area");
-    let lost = "too small for single precision so far from the camera or the middle of its mesh";
-    say(&mut report.warnings, dropped.degenerate - without_area, "primitive", lost);
-    say(&mut report.warnings, dropped.instances, "placement", "with singular transforms");
+    report_dropped(&mut report.warnings, dropped.not_finite, "primitive", far);
+    // Only a note: meshes such as the poles of spheres have degenerate triangles, which are invisible.
+    let without_area = if dropped.degenerate > 0 { count_degenerate().min(dropped.degenerate) } else { 0 };
+    report_dropped(&mut report.notes, without_area, "primitive", "without area");
+    let lost = "too small for single precision at its distance from the camera or the centre of its mesh";
+    report_dropped(&mut report.warnings, dropped.degenerate - without_area, "primitive", lost);
+    report_dropped(&mut report.warnings, dropped.instances, "placement", "with singular transforms");
 }

@@ -1,10 +1,11 @@
 //! Subdivision of curves into round cone segments.
 //!
-//! Cubic strands are cut evenly in their parameter. A segment deviates from its strand by at most [`ERROR`] of the radius (more in scenes
-//! of many millions): the distance of a cubic from its chord is at most an eighth of its largest second derivative, which falls with
-//! the square of the number of segments. Points are moved outwards of bends by two thirds of that distance, so that segments deviate
-//! equally to both sides of the curve. Diagonal segments are shortened until their boxes, which rays are tested against, are not much
-//! larger than they are. Tangents are those of the curve, so that shading is smooth.
+//! Cubic strands are divided uniformly in their parameter. A segment deviates from its strand by at most [`MAX_ERROR`] of the
+//! radius (more in scenes with many millions of segments): the distance of a cubic from its chord is at most 1/8 of its
+//! maximum second derivative, which decreases with the square of the number of segments. Points are displaced towards the
+//! outside of bends by two thirds of that distance, so that segments deviate equally to both sides of the curve. Diagonal
+//! segments are shortened until their bounding boxes are not much larger than the segments. Tangents are those of the curve,
+//! for smooth shading.
 
 use super::geometry::{CurveAttributes, Space, SurfaceCoordinates, frame_of};
 use super::limits;
@@ -18,19 +19,20 @@ use crate::shape::{CurveSegment, CurveSegments, Surface};
 use crate::texture::StrandData;
 use rayon::prelude::*;
 
-/// Largest distance of a segment from its curve, as a share of the largest radius.
-const ERROR: f64 = 0.05;
-/// Displacement of points to the outside of bends, as a share of the distance between chord and curve.
+/// Maximum distance of a segment from its curve, as a fraction of the maximum radius.
+const MAX_ERROR: f64 = 0.05;
+/// Displacement of points to the outside of bends, as a fraction of the distance between chord and curve.
 const OUTWARDS: f64 = 2.0 / 3.0;
-/// Largest square root of the area of a segment's bounding box (without the radius), over the radius.
-const LARGEST_BOX: f64 = 12.0;
-/// Scenes with more segments get longer ones, up to [`COARSEST`] times: their number falls by that factor, and the largest error grows with its
-/// square, to 0.8 of the radius. (100,000 hairs of 8 spans on a ball, 0.0015 radii thick.)
+/// Maximum square root of the area of a segment's bounding box (without the radius), relative to the radius.
+const MAX_BOX: f64 = 12.0;
+/// Number of segments above which they are lengthened.
 const MANY_SEGMENTS: usize = 4_000_000;
-const COARSEST: f64 = 4.0;
+/// Maximum factor on the length of segments. Their number decreases by this factor, and the maximum error increases with its
+/// square, to 0.8 of the radius. (100,000 hairs of 8 spans on a sphere, 0.0015 radii thick.)
+const MAX_COARSENESS: f64 = 4.0;
 /// Maximum number of segments of one Bezier span.
 const MAX_SEGMENTS: usize = 64;
-/// Strands of one parallel task.
+/// Number of strands of a parallel task.
 const CHUNK: usize = 256;
 
 /// A control point of a strand.
@@ -95,21 +97,22 @@ fn spans(basis: CurveBasis, n: &[ControlPoint]) -> Vec<[ControlPoint; 4]> {
     }
 }
 
-/// Number of segments of a Bezier span, which [`coarseness`] divides.
+/// Number of segments of a Bezier span.
 fn segment_count(span: &[ControlPoint; 4], coarseness: f64) -> usize {
     let radius = span.iter().map(|n| n.radius).fold(0.0, f64::max);
     let bend = |a: ControlPoint, b: ControlPoint, c: ControlPoint| {
         let of_radius = (a.radius - 2.0 * b.radius + c.radius).abs();
         (a.p - 2.0 * b.p + c.p).length().max(of_radius)
     };
-    // The second derivative of a cubic is 6 times the mix of these.
+    // The second derivative of a cubic is 6 times an interpolation of these differences.
     let bend = bend(span[0], span[1], span[2]).max(bend(span[1], span[2], span[3]));
-    let of_error = (6.0 / 8.0 * OUTWARDS * bend / (ERROR * radius)).sqrt();
-    let way = (span[3].p - span[0].p).abs();
-    let of_box = (way.x * way.y + way.y * way.z + way.z * way.x).sqrt() / (LARGEST_BOX * radius);
-    let most = MAX_SEGMENTS as f64;
-    // NaN, of a strand without radius, gives one.
-    (of_error.max(of_box) / coarseness).min(most).ceil().max(1.0) as usize
+    let of_error = (6.0 / 8.0 * OUTWARDS * bend / (MAX_ERROR * radius)).sqrt();
+    let extent = (span[3].p - span[0].p).abs();
+    let of_box =
+        (extent.x * extent.y + extent.y * extent.z + extent.z * extent.x).sqrt() / (MAX_BOX * radius);
+    let max = MAX_SEGMENTS as f64;
+    // `max` turns the NaN of strands without radius into one segment.
+    (of_error.max(of_box) / coarseness).min(max).ceil().max(1.0) as usize
 }
 
 fn bezier(span: &[ControlPoint; 4], t: f64) -> ControlPoint {
@@ -117,9 +120,9 @@ fn bezier(span: &[ControlPoint; 4], t: f64) -> ControlPoint {
     ControlPoint::mix(*span, [s * s * s, 3.0 * s * s * t, 3.0 * s * t * t, t * t * t])
 }
 
-/// A point of a strand, moved out of the bend by [`OUTWARDS`] of the chords' distance from the strand, an eighth of the second
-/// difference.
-fn moved_outwards(cuts: &[(ControlPoint, f64)], i: usize) -> DVec3 {
+/// A point of a strand, displaced to the outside of the bend by [`OUTWARDS`] times the distance of the chords from the strand
+/// (1/8 of the second difference).
+fn displaced_outwards(cuts: &[(ControlPoint, f64)], i: usize) -> DVec3 {
     let here = cuts[i].0.p;
     let neighbours = i.checked_sub(1).and_then(|before| cuts.get(before)).zip(cuts.get(i + 1));
     neighbours
@@ -142,7 +145,7 @@ impl CutStrands {
         cuts.extend(spans.last().map(|span| (span[3], 1.0)));
         let is_straight = basis == CurveBasis::Linear;
         for (i, (node, along)) in cuts.iter().enumerate() {
-            let p = if is_straight { node.p } else { moved_outwards(&cuts, i) };
+            let p = if is_straight { node.p } else { displaced_outwards(&cuts, i) };
             let [x, y, z] = p.as_vec3().to_array();
             self.segments.points.push([x, y, z, node.radius.max(0.0) as f32]);
             self.along.push(*along as f32);
@@ -152,10 +155,10 @@ impl CutStrands {
         }
         let points = &self.segments.points[first..];
         self.segments.tangents.extend((0..points.len()).map(|i| tangent(points, i)));
-        // Without radius there is nothing to see.
-        let is_there = |i: &usize| points[*i][3] > 0.0 || points[i + 1][3] > 0.0;
-        let there = (0..points.len().saturating_sub(1)).filter(is_there);
-        self.segments.segments.extend(there.map(|i| (first + i) as u32));
+        // Segments without radius are invisible.
+        let is_visible = |i: &usize| points[*i][3] > 0.0 || points[i + 1][3] > 0.0;
+        let visible = (0..points.len().saturating_sub(1)).filter(is_visible);
+        self.segments.segments.extend(visible.map(|i| (first + i) as u32));
     }
 
     /// Appends other strands.
@@ -169,7 +172,7 @@ impl CutStrands {
     }
 }
 
-/// The direction halfway between those to a point and from it; zero at the ends of a strand, and where it turns back.
+/// The mean direction of the segments before and after a point; zero at the ends of a strand and at reversals.
 fn tangent(points: &[[f32; 4]], i: usize) -> [f32; 3] {
     let at = |i: usize| points.get(i).map(|&[x, y, z, _]| Vec3::new(x, y, z));
     let before = i.checked_sub(1).and_then(at);
@@ -194,17 +197,18 @@ fn strands(curves: &Curves, origin: DVec3) -> impl IndexedParallelIterator<Item 
     ranges.collect::<Vec<_>>().into_par_iter().map(move |range| range.map(node).collect())
 }
 
-/// How many times longer segments are than in scenes with fewer than [`MANY_SEGMENTS`].
+/// Factor on the length of segments, so that their number is at most [`MANY_SEGMENTS`] if possible.
 fn coarseness<'a>(curves: impl Iterator<Item = &'a Curves> + Clone) -> f64 {
     let count = |coarseness: f64| -> usize {
         let of_strand = |basis: CurveBasis, nodes: &[ControlPoint]| -> usize {
             spans(basis, nodes).iter().map(|span| segment_count(span, coarseness)).sum()
         };
-        let of = |c: &Curves| -> usize { strands(c, DVec3::ZERO).map(|n| of_strand(c.basis, &n)).sum() };
-        curves.clone().map(of).sum()
+        let segment_count_of =
+            |c: &Curves| -> usize { strands(c, DVec3::ZERO).map(|n| of_strand(c.basis, &n)).sum() };
+        curves.clone().map(segment_count_of).sum()
     };
     let mut coarseness = 1.0;
-    while coarseness < COARSEST && count(coarseness) > MANY_SEGMENTS {
+    while coarseness < MAX_COARSENESS && count(coarseness) > MANY_SEGMENTS {
         coarseness *= 2.0;
     }
     coarseness
@@ -223,7 +227,7 @@ fn cut(curves: &Curves, origin: DVec3, has_colors: bool, coarseness: f64) -> Res
         cut
     };
     let parts: Vec<CutStrands> = strands(curves, origin).chunks(CHUNK).map(one).collect();
-    limits::check_cut_points(parts.iter().map(|part| part.segments.points.len()).sum())?;
+    limits::check_curve_points(parts.iter().map(|part| part.segments.points.len()).sum())?;
     Ok(parts.into_iter().fold(CutStrands::default(), |mut all, part| {
         all.append(part);
         all
@@ -231,7 +235,7 @@ fn cut(curves: &Curves, origin: DVec3, has_colors: bool, coarseness: f64) -> Res
 }
 
 impl Space {
-    /// Appends all curves that are seen to the world's own geometry.
+    /// Appends all visible curves to the world.
     ///
     /// # Errors
     /// If their points exceed 32-bit indices.
@@ -243,19 +247,19 @@ impl Space {
         numbering: &Numbering,
         numbers: &ObjectMaterials,
     ) -> Result<()> {
-        let is_seen = |curves: &&Curves| !materials[curves.material.index()].is_invisible();
+        let is_visible = |curves: &&Curves| !materials[curves.material.index()].is_invisible();
         let has_colors =
-            scene.curves.iter().filter(is_seen).any(|curves| {
+            scene.curves.iter().filter(is_visible).any(|curves| {
                 !curves.colors.is_empty() && materials[curves.material.index()].uses_vertex_colors
             });
-        let coarseness = coarseness(scene.curves.iter().filter(is_seen));
+        let coarseness = coarseness(scene.curves.iter().filter(is_visible));
         let mut all = CutStrands::default();
-        for (i, curves) in scene.curves.iter().enumerate().filter(|(_, curves)| is_seen(curves)) {
+        for (i, curves) in scene.curves.iter().enumerate().filter(|(_, curves)| is_visible(curves)) {
             let materials = &mut self.attributes.materials;
             self.owners.begin(materials.len(), numbering.curves(i));
             let before = all.segments.len();
             let cut = cut(curves, origin, has_colors, coarseness)?;
-            limits::check_cut_points(all.segments.points.len() + cut.segments.points.len())?;
+            limits::check_curve_points(all.segments.points.len() + cut.segments.points.len())?;
             all.append(cut);
             let count = all.segments.len() - before;
             let material = numbers.number(curves.material, &curves.traits);
@@ -268,7 +272,7 @@ impl Space {
 }
 
 impl CurveAttributes {
-    /// The strand at sphere `u` of a segment; `first` is the segment's first point.
+    /// Data of the strand at parameter `u` of a segment, for texture nodes; `first` is the index of the segment's first point.
     pub(super) fn strand(
         &self,
         all: &CurveSegments,
@@ -294,8 +298,8 @@ impl CurveAttributes {
         StrandData { intercept, length, thickness, tangent: segment.tangent(u).normalize_or_zero(), random }
     }
 
-    /// Texture coordinates, colour and tangents where sphere `u` of a segment touches a point of its surface; `first` is the segment's
-    /// first point. Texture u grows along the curve, from root to tip, and v around it.
+    /// Texture coordinates, colour and tangents at a point of the surface with parameter `u` of a segment; `first` is the index
+    /// of the segment's first point. The texture's u increases from root to tip, v around the curve.
     pub(super) fn coordinates(
         &self,
         first: u32,

@@ -1,10 +1,9 @@
-//! Density grids for delta tracking and ratio tracking, with a majorant for each block of voxels.
+//! Density grids for delta tracking and ratio tracking, with a majorant per block of voxels.
 //!
-//! Rays meet tentative collisions in proportion to the bounds, block by block, and each is real with the probability of the density
-//! there over the bound (Woodcock et al. 1965; with a grid of bounds Szirmay-Kalos et al. 2011, "Free path sampling in high
-//! resolution inhomogeneous participating media"). What is left of light is the product over tentative
-//! collisions of the probabilities that they are none (Novak et al. 2014, "Residual ratio tracking for estimating attenuation in
-//! participating media", section 3.1).
+//! Delta tracking (Woodcock et al. 1965; with a grid of majorants Szirmay-Kalos et al. 2011, "Free path sampling in high
+//! resolution inhomogeneous participating media"): tentative collisions are sampled with the majorant, and a collision is real
+//! with the probability density / majorant. Ratio tracking (Novak et al. 2014, "Residual ratio tracking for estimating
+//! attenuation in participating media", section 3.1): the transmittance is the product of the probabilities of null collisions.
 
 use crate::color::spectral::{Curve, SECOND_RADIATION_CONSTANT, Spectrum, Wavelengths, rgb_of};
 use crate::color::{Rgb, luminance};
@@ -15,10 +14,10 @@ use crate::scene::{Grid, GridId};
 use std::ops::{Add, Mul};
 use std::sync::Arc;
 
-/// Voxels along an edge of a block.
+/// Edge length of a block, voxels.
 const BLOCK: u32 = 8;
 
-/// A grid of densities, ready for rendering.
+/// A compiled grid of densities.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DensityGrid {
     size: [u32; 3],
@@ -26,8 +25,8 @@ pub struct DensityGrid {
     /// Voxel coordinates are `voxels_from_world * (p - corner)`.
     corner: Vec3,
     voxels_from_world: Mat3,
-    /// The majorant of each block: an upper bound of interpolated values.
-    bounds: Vec<f32>,
+    /// Majorant of each block: an upper bound of interpolated values.
+    majorants: Vec<f32>,
     blocks: [u32; 3],
 }
 
@@ -36,12 +35,12 @@ pub struct DensityGrid {
 pub struct GridRay {
     origin: Vec3,
     direction: Vec3,
-    /// Extinction per unit of density and of the parameter.
+    /// Extinction per unit of density and of the ray parameter.
     scale: f32,
 }
 
 impl GridRay {
-    /// A point in voxels.
+    /// A point of the ray, voxel coordinates.
     #[inline]
     pub fn at(&self, t: f32) -> Vec3 {
         self.origin + self.direction * t
@@ -49,7 +48,7 @@ impl GridRay {
 }
 
 impl DensityGrid {
-    /// Prepares a grid; the world's origin moves to `anchor`.
+    /// Compiles a grid; world space is relative to `anchor`.
     pub(super) fn new(grid: &Grid, anchor: DVec3) -> DensityGrid {
         let size = grid.size;
         let blocks = size.map(|n| n.div_ceil(BLOCK));
@@ -58,22 +57,22 @@ impl DensityGrid {
             values: grid.values.clone(),
             corner: (grid.world_from_voxels.translation - anchor).as_vec3(),
             voxels_from_world: grid.world_from_voxels.matrix3.inverse().as_mat3(),
-            bounds: Vec::new(),
+            majorants: Vec::new(),
             blocks,
         };
         for z in 0..blocks[2] {
             for y in 0..blocks[1] {
                 for x in 0..blocks[0] {
-                    let bound = prepared.largest_near([x, y, z]);
-                    prepared.bounds.push(bound);
+                    let majorant = prepared.largest_in_block([x, y, z]);
+                    prepared.majorants.push(majorant);
                 }
             }
         }
         prepared
     }
 
-    /// The largest value of a block and the adjacent voxels.
-    fn largest_near(&self, block: [u32; 3]) -> f32 {
+    /// The maximum value of a block and the adjacent voxels.
+    fn largest_in_block(&self, block: [u32; 3]) -> f32 {
         let range = |axis: usize| {
             let first = (block[axis] * BLOCK).saturating_sub(1);
             first..((block[axis] + 1) * BLOCK + 1).min(self.size[axis])
@@ -86,7 +85,7 @@ impl DensityGrid {
                 }
             }
         }
-        // Interpolation may round upwards.
+        // Interpolation may round up.
         largest * 1.000_001
     }
 
@@ -95,7 +94,7 @@ impl DensityGrid {
         self.values[(z as usize * ny + y as usize) * nx + x as usize]
     }
 
-    /// A ray in voxels, of an extinction per metre where the density is 1.
+    /// A ray in voxel coordinates; `extinction` (1/m) is that of density 1.
     #[inline]
     pub fn ray(&self, origin: Vec3, direction: Vec3, extinction: f32) -> GridRay {
         GridRay {
@@ -105,7 +104,7 @@ impl DensityGrid {
         }
     }
 
-    /// The density at a point in voxels; values lie in the middles of voxels.
+    /// The trilinearly interpolated density at a point in voxel coordinates; values are at voxel centres.
     #[inline]
     pub fn density(&self, p: Vec3) -> f32 {
         let (mut lower, mut upper, mut weights) = ([0; 3], [0; 3], [0.0; 3]);
@@ -119,24 +118,25 @@ impl DensityGrid {
         let mix = |a: f32, b: f32, w: f32| a + (b - a) * w;
         let [wx, wy, wz] = weights;
         let row = |y: u32, z: u32| mix(self.voxel(lower[0], y, z), self.voxel(upper[0], y, z), wx);
-        let sheet = |z: u32| mix(row(lower[1], z), row(upper[1], z), wy);
-        mix(sheet(lower[2]), sheet(upper[2]), wz)
+        let slice = |z: u32| mix(row(lower[1], z), row(upper[1], z), wy);
+        mix(slice(lower[2]), slice(upper[2]), wz)
     }
 
-    /// Where a ray collides between two of its points, by numbers that follow `salt` and a first one in 0..1, at the first collision
-    /// that `ends` it, given its ray parameter and another number in 0..1; infinite if nowhere.
+    /// Samples a collision by delta tracking within a range of ray parameters; infinity if there is none. `first` is the first
+    /// random number in 0..1, `salt` seeds the others. A real collision counts if `ends` returns true for its ray parameter and
+    /// a random number in 0..1.
     #[inline]
     pub fn collision(
         &self,
         ray: &GridRay,
-        way: [f32; 2],
+        range: [f32; 2],
         first: f32,
         salt: u32,
         mut ends: impl FnMut(f32, f32) -> bool,
     ) -> f32 {
         let mut found = f32::INFINITY;
         let mut numbers = RandomSequence(salt);
-        self.tentative(ray, way, first, &mut numbers, |t, share, numbers| {
+        self.tentative_collisions(ray, range, first, &mut numbers, |t, share, numbers| {
             let number = numbers.next();
             let collides = number < share && ends(t, number / share);
             if collides {
@@ -150,10 +150,18 @@ impl DensityGrid {
     /// An unbiased estimate of the transmittance between two points of a ray, by ratio tracking.
     #[inline]
     pub fn transmittance(&self, ray: &GridRay, from: f32, to: f32, salt: u32) -> f32 {
-        self.ratio_tracking(ray, [from, to], salt, 1.0, |left, _, share| left * (1.0 - share), |left| left)
+        self.ratio_tracking(
+            ray,
+            [from, to],
+            salt,
+            1.0,
+            |transmittance, _, share| transmittance * (1.0 - share),
+            |transmittance| transmittance,
+        )
     }
 
-    /// Transmittance by channel; `relative` is the extinction of each channel at a ray parameter over that of the ray there, at most 1.
+    /// Transmittance per channel by ratio tracking; `relative` is the extinction of each channel at a ray parameter, relative to
+    /// that of the ray, at most 1.
     pub fn transmittance_by_channel(
         &self,
         ray: &GridRay,
@@ -161,44 +169,47 @@ impl DensityGrid {
         salt: u32,
         relative: impl Fn(f32) -> Rgb,
     ) -> Rgb {
-        let take = |left: Rgb, t: f32, share: f32| left * (Rgb::ONE - relative(t) * share);
-        self.ratio_tracking(ray, [from, to], salt, Rgb::ONE, take, |left| left.max_element())
+        let collide =
+            |transmittance: Rgb, t: f32, share: f32| transmittance * (Rgb::ONE - relative(t) * share);
+        self.ratio_tracking(ray, [from, to], salt, Rgb::ONE, collide, |transmittance| {
+            transmittance.max_element()
+        })
     }
 
-    /// Ratio tracking of a value that starts as `all`; `take` applies a tentative collision at a ray parameter, of some probability, and `largest` measures
-    /// the rest for Russian roulette.
+    /// Ratio tracking of a transmittance that starts with `one`; `collide` applies a tentative collision at a ray parameter with
+    /// its probability of being real, and `largest` returns the maximum channel for Russian roulette.
     #[inline]
     fn ratio_tracking<T: Copy + Mul<f32, Output = T>>(
         &self,
         ray: &GridRay,
-        way: [f32; 2],
+        range: [f32; 2],
         salt: u32,
-        all: T,
-        take: impl Fn(T, f32, f32) -> T,
+        one: T,
+        collide: impl Fn(T, f32, f32) -> T,
         largest: impl Fn(T) -> f32,
     ) -> T {
-        /// Below this, Russian roulette with a survival probability of 1/4.
-        const LITTLE: f32 = 0.1;
-        let mut left = all;
+        /// Transmittance below which Russian roulette applies, with a survival probability of 1/4.
+        const ROULETTE: f32 = 0.1;
+        let mut transmittance = one;
         let mut numbers = RandomSequence(salt);
         let first = numbers.next();
-        self.tentative(ray, way, first, &mut numbers, |t, share, numbers| {
-            left = take(left, t, share);
-            if largest(left) < LITTLE {
-                left = left * if numbers.next() < 0.25 { 4.0 } else { 0.0 };
+        self.tentative_collisions(ray, range, first, &mut numbers, |t, share, numbers| {
+            transmittance = collide(transmittance, t, share);
+            if largest(transmittance) < ROULETTE {
+                transmittance = transmittance * if numbers.next() < 0.25 { 4.0 } else { 0.0 };
             }
-            largest(left) > 0.0
+            largest(transmittance) > 0.0
         });
-        left
+        transmittance
     }
 
-    /// An estimate of the integral of the ray's extinction between two of its points: by one point of each of a few steps, which follow
-    /// `salt`. (Extinction 1 gives the integral of the density over metres.)
+    /// An estimate of the optical depth between two ray parameters, by stratified sampling (ray marching) with random numbers
+    /// seeded by `salt`. (With extinction 1 the integral of the density over metres.)
     pub fn integral(&self, ray: &GridRay, from: f32, to: f32, salt: u32) -> f32 {
         self.integral_of(ray, [from, to], salt, 0.0, |density, _| density)
     }
 
-    /// The integral of a function of the density and the ray parameter; `zero` is its value where the density is 0.
+    /// As [`DensityGrid::integral`], of a function of the density and the ray parameter; `zero` is its value for density 0.
     #[inline]
     pub(super) fn integral_of<T: Add<Output = T> + Mul<f32, Output = T>>(
         &self,
@@ -208,22 +219,23 @@ impl DensityGrid {
         zero: T,
         of: impl Fn(f32, f32) -> T,
     ) -> T {
-        /// Voxels that a step crosses, and most steps.
+        /// Length of a step, voxels.
         const STRIDE: f32 = 4.0;
+        /// Maximum number of steps.
         const MAX: f32 = 32.0;
         let Some([begin, end]) = self.entry(ray, from, to) else { return zero };
-        let (start, way) = (ray.origin + ray.direction * begin, end - begin);
-        let steps = (ray.direction.length() * way / STRIDE).ceil().clamp(1.0, MAX);
+        let (start, length) = (ray.origin + ray.direction * begin, end - begin);
+        let steps = (ray.direction.length() * length / STRIDE).ceil().clamp(1.0, MAX);
         let mut numbers = RandomSequence(salt);
         let mut sum = zero;
         for step in 0..steps as u32 {
-            let t = (step as f32 + numbers.next()) / steps * way;
+            let t = (step as f32 + numbers.next()) / steps * length;
             sum = sum + of(self.density(start + ray.direction * t), begin + t);
         }
-        sum * (ray.scale * way / steps)
+        sum * (ray.scale * length / steps)
     }
 
-    /// The ray parameters within a range at which a ray enters and leaves the grid; `None` if it misses the grid.
+    /// The part of a range of ray parameters inside the grid; `None` if the ray misses it.
     fn entry(&self, ray: &GridRay, from: f32, to: f32) -> Option<[f32; 2]> {
         let (mut begin, mut end) = (from, to);
         for axis in 0..3 {
@@ -235,7 +247,7 @@ impl DensityGrid {
                 continue;
             }
             let (a, b) = ((0.0 - o) / d, (self.size[axis] as f32 - o) / d);
-            // A grid beyond what single precision holds.
+            // NaN for grids beyond the range of single precision.
             if a.is_nan() || b.is_nan() {
                 return None;
             }
@@ -245,9 +257,10 @@ impl DensityGrid {
         (begin < end).then_some([begin, end])
     }
 
-    /// Calls `visit` with the ray parameter of each tentative collision and its probability of being real, until it returns false.
+    /// Samples tentative collisions and calls `visit` with the ray parameter of each and its probability of being real, until it
+    /// returns false.
     #[inline]
-    fn tentative(
+    fn tentative_collisions(
         &self,
         ray: &GridRay,
         [from, to]: [f32; 2],
@@ -256,28 +269,28 @@ impl DensityGrid {
         mut visit: impl FnMut(f32, f32, &mut RandomSequence) -> bool,
     ) {
         let Some(begin) = self.entry(ray, from, to) else { return };
-        // From where the grid begins on: far away from it parameters are coarser than its voxels.
+        // Relative to the entry into the grid: far from the ray's origin parameters are coarser than voxels.
         let ray = &GridRay { origin: ray.origin + ray.direction * begin[0], ..*ray };
         let mut walk = BlockTraversal::new(self, ray, begin[1] - begin[0]);
-        // Mean free paths to the next collision.
+        // Optical depth to the next tentative collision.
         let mut depth = -poly::ln(1.0 - first);
         loop {
-            let bound = self.bounds[walk.index(self)] * ray.scale;
+            let majorant = self.majorants[walk.index(self)] * ray.scale;
             loop {
-                // Infinite, or not a number, where nothing is.
-                let t = walk.t + depth / bound;
+                // Infinite or NaN for a majorant of 0.
+                let t = walk.t + depth / majorant;
                 if t.is_nan() || t >= walk.next() {
                     break;
                 }
-                // However dense it is, a ray gets on.
+                // Progress is guaranteed for any density.
                 walk.t = t.max(walk.t.next_up());
                 let density = self.density(ray.origin + ray.direction * walk.t) * ray.scale;
-                if !visit((begin[0] + walk.t).min(begin[1]), density / bound, numbers) {
+                if !visit((begin[0] + walk.t).min(begin[1]), density / majorant, numbers) {
                     return;
                 }
                 depth = -poly::ln(1.0 - numbers.next());
             }
-            depth -= (walk.next() - walk.t) * bound;
+            depth -= (walk.next() - walk.t) * majorant;
             depth = depth.max(0.0);
             if !walk.step(self) {
                 return;
@@ -286,7 +299,7 @@ impl DensityGrid {
     }
 }
 
-/// Pseudorandom numbers in 0..1, seeded by a salt.
+/// A sequence of pseudorandom numbers in 0..1 from a seed.
 struct RandomSequence(u32);
 
 impl RandomSequence {
@@ -297,27 +310,28 @@ impl RandomSequence {
     }
 }
 
-/// Traversal of a ray from block to block (Amanatides, Woo 1987, "A Fast Voxel Traversal Algorithm for Ray Tracing").
+/// Traversal of blocks along a ray (Amanatides and Woo 1987, "A Fast Voxel Traversal Algorithm for Ray Tracing").
 struct BlockTraversal {
     t: f32,
     end: f32,
     block: [i32; 3],
     step: [i32; 3],
-    /// Where the ray leaves the block along each axis, and how far it is from one to the next.
-    leaves: [f32; 3],
-    between: [f32; 3],
+    /// Ray parameter at which the ray leaves the block along each axis.
+    exits: [f32; 3],
+    /// Difference of the ray parameter between block boundaries of each axis.
+    delta: [f32; 3],
 }
 
 impl BlockTraversal {
-    /// Traverses a ray that starts where it enters the grid and leaves it at `end`.
+    /// A traversal from the ray's origin, on the boundary of the grid, to the ray parameter `end`.
     fn new(grid: &DensityGrid, ray: &GridRay, end: f32) -> BlockTraversal {
         let mut walk = BlockTraversal {
             t: 0.0,
             end,
             block: [0; 3],
             step: [0; 3],
-            leaves: [f32::INFINITY; 3],
-            between: [0.0; 3],
+            exits: [f32::INFINITY; 3],
+            delta: [0.0; 3],
         };
         for axis in 0..3 {
             let (o, d) = (ray.origin[axis], ray.direction[axis]);
@@ -326,8 +340,8 @@ impl BlockTraversal {
             if d != 0.0 {
                 walk.step[axis] = if d > 0.0 { 1 } else { -1 };
                 let edge = (walk.block[axis] + i32::from(d > 0.0)) as f32 * BLOCK as f32;
-                walk.leaves[axis] = (edge - o) / d;
-                walk.between[axis] = BLOCK as f32 / d.abs();
+                walk.exits[axis] = (edge - o) / d;
+                walk.delta[axis] = BLOCK as f32 / d.abs();
             }
         }
         walk
@@ -339,19 +353,19 @@ impl BlockTraversal {
         (z * ny + y) * nx + x
     }
 
-    /// Where the ray leaves the block.
+    /// Ray parameter at which the ray leaves the block.
     fn next(&self) -> f32 {
-        self.leaves[0].min(self.leaves[1]).min(self.leaves[2]).min(self.end).max(self.t)
+        self.exits[0].min(self.exits[1]).min(self.exits[2]).min(self.end).max(self.t)
     }
 
-    /// To the next block; false behind the last.
+    /// Advances to the next block; false after the last.
     fn step(&mut self, grid: &DensityGrid) -> bool {
         let next = self.next();
         if next >= self.end {
             return false;
         }
         self.t = next;
-        let [x, y, z] = self.leaves;
+        let [x, y, z] = self.exits;
         let axis = if x <= y && x <= z {
             0
         } else if y <= z {
@@ -360,22 +374,22 @@ impl BlockTraversal {
             2
         };
         self.block[axis] += self.step[axis];
-        self.leaves[axis] += self.between[axis];
+        self.exits[axis] += self.delta[axis];
         (0..grid.blocks[axis] as i32).contains(&self.block[axis])
     }
 }
 
-// Emission grids: factors on a medium's emission, or temperatures of black bodies.
+// Emission grids: factors on a medium's emission, or blackbody temperatures.
 
-/// Tabulated temperatures; colours are linear between them.
+/// Number of tabulated temperatures; colours between are interpolated linearly.
 const COLORS: usize = 1024;
-/// Cells of a grid that is a light, at most.
+/// Maximum number of cells of a grid for light sampling.
 const MAX_CELLS: usize = 1 << 18;
 
-/// Factor on the emission of a medium.
+/// A grid of factors on the emission of a medium.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CompiledEmissionGrid {
-    /// A grid of factors on all channels, on the first one, or of temperatures.
+    /// Factors on all channels, factors on the first channel, or temperatures.
     grid: Arc<DensityGrid>,
     kind: EmissionKind,
 }
@@ -385,61 +399,63 @@ pub struct CompiledEmissionGrid {
 enum EmissionKind {
     /// Factors on all channels.
     Factors,
-    /// Factors by channel: the grids of the second and third one, on the same voxels as the first.
+    /// Factors per channel: the grids of the second and third channel, with the voxels of the first.
     Channels([Arc<DensityGrid>; 2]),
-    /// Temperatures.
+    /// Blackbody temperatures.
     Heat(BlackBodyEmission),
 }
 
-/// Black-body emission.
+/// Blackbody emission of a temperature grid.
 #[derive(Clone, Debug, PartialEq)]
 struct BlackBodyEmission {
-    /// Kelvins where the grid is 1.
+    /// Temperature for the grid value 1, kelvins.
     kelvin: f32,
     bodies: BlackBodies,
-    /// Factors that scale luminance with the fourth power of the temperature, at the same steps as `colors`; empty if it is Planck's.
+    /// Factors for a luminance proportional to the fourth power of the temperature, at the temperatures of `colors`; empty for
+    /// Planck's law.
     powers: Vec<f32>,
-    /// Their colours from 0 to the hottest, and how many of them lie between values that are 1 apart.
+    /// Tabulated emission from temperature 0 to the maximum.
     colors: Vec<Rgb>,
+    /// Table entries per unit of the grid value.
     per_value: f32,
 }
 
 impl CompiledEmissionGrid {
-    /// Emission in proportion to the density.
+    /// Emission proportional to the density.
     pub(super) fn of_density(grid: &Arc<DensityGrid>) -> CompiledEmissionGrid {
         CompiledEmissionGrid { grid: grid.clone(), kind: EmissionKind::Factors }
     }
 
-    /// The emission of a medium, by the scene's grids.
+    /// Compiles an emission grid of the scene.
     pub(super) fn new(
-        glow: scene::EmissionGrid,
+        emission: scene::EmissionGrid,
         grids: &[Grid],
         prepared: &[Arc<DensityGrid>],
     ) -> CompiledEmissionGrid {
         use scene::EmissionGrid::{Channels, Factors, Temperatures};
         let ready = |id: GridId| prepared[id.index()].clone();
-        match glow {
+        match emission {
             Factors(grid) => CompiledEmissionGrid { grid: ready(grid), kind: EmissionKind::Factors },
             Channels([r, g, b]) => {
                 CompiledEmissionGrid { grid: ready(r), kind: EmissionKind::Channels([ready(g), ready(b)]) }
             }
             Temperatures { grid, kelvin, scales_with_power } => {
-                let hottest = grids[grid.index()].values.iter().fold(0.0f32, |most, x| most.max(*x));
+                let hottest = grids[grid.index()].values.iter().fold(0.0f32, |max, x| max.max(*x));
                 let heat = BlackBodyEmission::new(kelvin, hottest, scales_with_power);
                 CompiledEmissionGrid { grid: ready(grid), kind: EmissionKind::Heat(heat) }
             }
         }
     }
 
-    /// The box of the grid: a corner and the edges from there, metres.
+    /// The bounding parallelepiped of the grid: a corner and the edges (columns), metres.
     pub(super) fn parallelepiped(&self) -> (Vec3, Mat3) {
         let DensityGrid { corner, voxels_from_world, size, .. } = &*self.grid;
         let edges = Vec3::from_array(size.map(|n| n as f32));
         (*corner, voxels_from_world.inverse() * Mat3::from_diagonal(edges))
     }
 
-    /// The mean of a function of the emission factor over each of at most [`MAX_CELLS`] cells of the grid, x fastest, and the number of
-    /// cells along each axis.
+    /// Number of cells along each axis, at most [`MAX_CELLS`] in total, and the mean of a function of the emission factor over
+    /// each cell, x fastest.
     pub(super) fn cells(&self, of: impl Fn(Rgb) -> f32) -> ([usize; 3], Vec<f32>) {
         let voxels = self.grid.size.map(|n| n as usize);
         let cells = |edge: usize| voxels.map(|n| n.div_ceil(edge));
@@ -457,14 +473,14 @@ impl CompiledEmissionGrid {
             (*sum, *count) = (*sum + of(self.factor(value, center, None)), *count + 1.0);
         }
         let mut means: Vec<f32> = sums.iter().map(|(sum, count)| sum / count.max(1.0)).collect();
-        // Interpolation brings an eighth of the values of neighbouring voxels.
+        // Interpolation spreads 1/8 of each value to both neighbouring voxels.
         for (axis, stride) in [1, size[0], size[0] * size[1]].into_iter().enumerate() {
             blur(&mut means, (size[axis], stride), 0.125 / edge as f32);
         }
         (size, means)
     }
 
-    /// The emission factor at a point of the world; 0 outside of the grid.
+    /// The emission factor at a point in world space; 0 outside the grid.
     pub fn at(&self, p: Vec3, waves: Option<&Wavelengths>) -> Rgb {
         let voxel = self.grid.voxels_from_world * (p - self.grid.corner);
         let is_inside = (0..3).all(|axis| (0.0..=self.grid.size[axis] as f32).contains(&voxel[axis]));
@@ -474,33 +490,33 @@ impl CompiledEmissionGrid {
         self.factor(self.grid.density(voxel), voxel, waves)
     }
 
-    /// An estimate of the integral of the emission factor between two points of a ray, over metres; see
-    /// [`DensityGrid::integral`].
-    pub fn integral(&self, way: (Vec3, Vec3), span: [f32; 2], salt: u32, waves: Option<&Wavelengths>) -> Rgb {
+    /// An estimate of the integral of the emission factor between two ray parameters, over metres; see
+    /// [`DensityGrid::integral`]. `ray` is origin and direction.
+    pub fn integral(&self, ray: (Vec3, Vec3), span: [f32; 2], salt: u32, waves: Option<&Wavelengths>) -> Rgb {
         match &self.kind {
             EmissionKind::Factors => {
-                let ray = self.grid.ray(way.0, way.1, 1.0);
-                Rgb::splat(self.grid.integral(&ray, span[0], span[1], salt))
+                let grid_ray = self.grid.ray(ray.0, ray.1, 1.0);
+                Rgb::splat(self.grid.integral(&grid_ray, span[0], span[1], salt))
             }
-            _ => self.integral_times(way, span, salt, waves, |_| Rgb::ONE),
+            _ => self.integral_times(ray, span, salt, waves, |_| Rgb::ONE),
         }
     }
 
-    /// The integral with a factor on the emission that depends on the ray parameter.
+    /// As [`CompiledEmissionGrid::integral`], with a factor that depends on the ray parameter.
     pub fn integral_times(
         &self,
         (origin, direction): (Vec3, Vec3),
-        way: [f32; 2],
+        span: [f32; 2],
         salt: u32,
         waves: Option<&Wavelengths>,
         factor: impl Fn(f32) -> Rgb,
     ) -> Rgb {
         let ray: GridRay = self.grid.ray(origin, direction, 1.0);
         let at = |value: f32, t: f32| factor(t) * self.factor(value, ray.at(t), waves);
-        self.grid.integral_of(&ray, way, salt, Rgb::ZERO, at)
+        self.grid.integral_of(&ray, span, salt, Rgb::ZERO, at)
     }
 
-    /// The emission factor at a point in voxels where the grid has a value.
+    /// The emission factor for a grid value; `p` in voxel coordinates.
     #[inline]
     fn factor(&self, value: f32, p: Vec3, waves: Option<&Wavelengths>) -> Rgb {
         match &self.kind {
@@ -514,7 +530,8 @@ impl CompiledEmissionGrid {
     }
 }
 
-/// Gives a share of each value to both neighbours along an axis, with so many values at a distance of `stride`; the outermost keep theirs.
+/// Blurs an array along an axis of `count` values at a distance of `stride`: each value passes the fraction `share` to both
+/// neighbours, or keeps it at the border.
 fn blur(values: &mut [f32], (count, stride): (usize, usize), share: f32) {
     let before = values.to_vec();
     for (i, value) in values.iter_mut().enumerate() {
@@ -526,7 +543,7 @@ fn blur(values: &mut [f32], (count, stride): (usize, usize), share: f32) {
 }
 
 impl BlackBodyEmission {
-    /// A table of values up to `hottest` that are 1 at `kelvin`.
+    /// Tabulates emission for grid values up to `hottest`; the value 1 means `kelvin`.
     fn new(kelvin: f32, hottest: f32, scales_with_power: bool) -> BlackBodyEmission {
         let bodies = BlackBodies::relative_to(scene::EmissionGrid::REFERENCE_KELVIN);
         let last = (COLORS - 1) as f32;
@@ -563,29 +580,29 @@ impl BlackBodyEmission {
 
 const C2: f32 = SECOND_RADIATION_CONSTANT as f32;
 
-/// The light of black bodies by Planck's law, relative to D65 and to the luminance of one of a reference temperature.
+/// Blackbody radiation by Planck's law, relative to D65 and to the luminance at a reference temperature.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BlackBodies {
     reference: Curve,
     kelvin: f32,
 }
 
-/// 1 / (exp(x) - 1).
+/// 1 / (exp(x) - 1), the occupation number in Planck's law.
 fn occupation(x: f32) -> f32 {
-    // The polynomial ends at the least normal number.
+    // exp(-x) would be below the smallest normal number.
     if x > 87.0 { 0.0 } else { poly::exp(-x) / (1.0 - poly::exp(-x)).max(f32::MIN_POSITIVE) }
 }
 
 impl BlackBodies {
-    /// Cooler ones, of which next to nothing is seen, have the colour of this, in kelvins.
+    /// Temperature, kelvins, below which the colour is constant; the luminance there is negligible.
     pub const COOLEST: f32 = 800.0;
 
-    /// Black bodies scaled to a luminance of 1 at a temperature in kelvins.
+    /// Scales emission to a luminance of 1 at a temperature in kelvins.
     pub fn relative_to(kelvin: f32) -> BlackBodies {
         BlackBodies { reference: Curve::black_body(kelvin.into(), 1.0), kelvin }
     }
 
-    /// At a wavelength in nanometres and a temperature in kelvins; nothing at 0.
+    /// Emission at a wavelength in nanometres and a temperature in kelvins; 0 for temperature 0.
     #[inline]
     pub fn at(&self, nm: f32, kelvin: f32) -> f32 {
         if kelvin <= 0.0 {
@@ -594,11 +611,11 @@ impl BlackBodies {
         self.reference.at(nm) * (occupation(C2 / (nm * kelvin)) / occupation(C2 / (nm * self.kelvin)))
     }
 
-    /// What takes one of a temperature to a luminance that goes by the fourth power of the temperature, 1 at the reference; beside
-    /// [`BlackBodies::at`] of the same temperature, or of `COOLEST` below that.
+    /// Factor on [`BlackBodies::at`] (for at least `COOLEST`) for a luminance proportional to the fourth power of the
+    /// temperature, 1 at the reference.
     pub fn power_over_luminance(&self, kelvin: f32) -> f32 {
-        let seen = kelvin.max(BlackBodies::COOLEST);
-        let luminance = luminance(rgb_of(|nm| f64::from(self.at(nm as f32, seen))).map(|v| v as f32));
+        let clamped = kelvin.max(BlackBodies::COOLEST);
+        let luminance = luminance(rgb_of(|nm| f64::from(self.at(nm as f32, clamped))).map(|v| v as f32));
         (kelvin / self.kelvin).powi(4) / luminance
     }
 
@@ -621,7 +638,7 @@ mod tests {
         DensityGrid::new(&Grid::in_box(name, size, values, min, max), DVec3::ZERO)
     }
 
-    /// Mean free paths on a ray, by quadrature.
+    /// Optical depth of a ray, by quadrature.
     fn thickness(grid: &DensityGrid, ray: &GridRay, to: f32) -> f64 {
         let n = 40_000;
         let inside = |p: Vec3| (0..3).all(|a| p[a] >= 0.0 && p[a] <= grid.size[a] as f32);
@@ -633,7 +650,7 @@ mod tests {
     }
 
     #[test]
-    fn no_ray_finds_a_grid_beyond_single_precision() {
+    fn grids_beyond_single_precision_are_empty() {
         let mut far = Grid::in_box(String::new(), [2; 3], Arc::new(vec![1.0; 8]), DVec3::ZERO, DVec3::ONE);
         far.world_from_voxels.translation = DVec3::new(1e154, -1e154, 0.0);
         let grid = DensityGrid::new(&far, DVec3::ZERO);
@@ -645,7 +662,7 @@ mod tests {
     }
 
     #[test]
-    fn collisions_and_what_is_left_follow_the_density() {
+    fn collisions_and_transmittance_match_quadrature() {
         let grid = grid();
         for (origin, direction) in [
             (Vec3::new(-2.0, 0.5, 0.5), Vec3::new(0.8, 0.6, 0.0)),
@@ -656,10 +673,10 @@ mod tests {
             for to in [0.8f32, 50.0] {
                 let truth = (-thickness(&grid, &ray, to.min(6.0))).exp();
                 let n = 40_000;
-                let (mut left, mut passed) = (0.0, 0.0);
+                let (mut transmittance, mut passed) = (0.0, 0.0);
                 for i in 0..n {
                     let salt = hash32(i);
-                    left += f64::from(grid.transmittance(&ray, 0.0, to, salt));
+                    transmittance += f64::from(grid.transmittance(&ray, 0.0, to, salt));
                     let first = unit(hash32(i ^ 0x5bd1_e995));
                     let t = grid.collision(&ray, [0.0, to], first, salt, |_, _| true);
                     passed += f64::from(u8::from(t == f32::INFINITY));
@@ -667,15 +684,18 @@ mod tests {
                 }
                 let n = f64::from(n);
                 let error = (truth * (1.0 - truth) / n).sqrt().max(1e-4);
-                assert!((left / n - truth).abs() < 4.5 * error, "left {} {truth}", left / n);
+                assert!(
+                    (transmittance / n - truth).abs() < 4.5 * error,
+                    "transmittance {} {truth}",
+                    transmittance / n
+                );
                 assert!((passed / n - truth).abs() < 4.5 * error, "passed {} {truth}", passed / n);
             }
         }
     }
 
-    /// Means of the estimate are the integral, whole and in part.
     #[test]
-    fn integrals_of_the_density() {
+    fn estimates_of_the_optical_depth_are_unbiased() {
         let grid = grid();
         for (origin, direction) in [
             (Vec3::new(-2.0, 0.5, 0.5), Vec3::new(0.8, 0.6, 0.0)),
@@ -691,10 +711,9 @@ mod tests {
         }
     }
 
-    /// A millimetre of dense smoke beside nothing, seen from so far away that the way's numbers are coarser than its mean
-    /// free paths.
+    /// Dense smoke of 1 mm at a distance where ray parameters are coarser than the mean free path.
     #[test]
-    fn dense_grids_far_away() {
+    fn dense_grids_far_from_the_ray_origin() {
         let values = Arc::new(vec![0.0, 1.0]);
         let (name, min, max) = (String::new(), DVec3::ZERO, DVec3::splat(1e-3));
         let grid = DensityGrid::new(&Grid::in_box(name, [2, 1, 1], values, min, max), DVec3::ZERO);
@@ -710,7 +729,7 @@ mod tests {
     }
 
     #[test]
-    fn one_voxel_and_rays_beside_the_grid() {
+    fn one_voxel_and_rays_that_miss_the_grid() {
         let values = Arc::new(vec![2.0]);
         let (name, min, max) = (String::new(), DVec3::ZERO, DVec3::ONE);
         let grid = DensityGrid::new(&Grid::in_box(name, [1; 3], values, min, max), DVec3::ZERO);
@@ -732,27 +751,29 @@ mod black_body_tests {
     use super::*;
 
     #[test]
-    fn light_is_that_of_curves_and_grows_by_planck() {
+    fn emission_matches_curves_and_planck_s_law() {
         let bodies = BlackBodies::relative_to(1500.0);
         for kelvin in [900.0, 1500.0, 2500.0, 6500.0] {
             let curve = Curve::black_body(kelvin, 1.0);
-            let own =
+            let relative_luminance =
                 luminance(rgb_of(|nm| f64::from(bodies.at(nm as f32, kelvin as f32))).map(|v| v as f32));
             for nm in [420.0, 507.0, 561.0, 650.0] {
-                let ratio = bodies.at(nm, kelvin as f32) / own / curve.at(nm);
+                let ratio = bodies.at(nm, kelvin as f32) / relative_luminance / curve.at(nm);
                 assert!((ratio - 1.0).abs() < 1e-3, "{kelvin} K, {nm} nm: {ratio}");
             }
         }
-        // Radiances at one wavelength: exp(C2 / (l T)) decides.
+        // Ratio of radiances at one wavelength by Planck's law.
         let c2 = SECOND_RADIATION_CONSTANT;
-        let wanted = (c2 / (600.0 * 1500.0)).exp_m1() / (c2 / (600.0 * 2000.0)).exp_m1();
+        let expected = (c2 / (600.0 * 1500.0)).exp_m1() / (c2 / (600.0 * 2000.0)).exp_m1();
         let found = bodies.at(600.0, 2000.0) / bodies.at(600.0, 1500.0);
-        assert!((f64::from(found) / wanted - 1.0).abs() < 1e-5, "{found} {wanted}");
+        assert!((f64::from(found) / expected - 1.0).abs() < 1e-5, "{found} {expected}");
         assert_eq!(bodies.at(600.0, 0.0), 0.0);
-        for (kelvin, seen, wanted) in [(1500.0, 1500.0, 1.0), (3000.0, 3000.0, 16.0), (150.0, 800.0, 1e-4)] {
-            let own = luminance(rgb_of(|nm| f64::from(bodies.at(nm as f32, seen))).map(|v| v as f32));
-            let power = bodies.power_over_luminance(kelvin) * own;
-            assert!((power / wanted - 1.0).abs() < 1e-3, "{kelvin} K: {power}");
+        for (kelvin, seen, expected) in [(1500.0, 1500.0, 1.0), (3000.0, 3000.0, 16.0), (150.0, 800.0, 1e-4)]
+        {
+            let relative_luminance =
+                luminance(rgb_of(|nm| f64::from(bodies.at(nm as f32, seen))).map(|v| v as f32));
+            let power = bodies.power_over_luminance(kelvin) * relative_luminance;
+            assert!((power / expected - 1.0).abs() < 1e-3, "{kelvin} K: {power}");
         }
         assert!(bodies.at(780.0, 1e6).is_finite() && bodies.at(380.0, 1.0) == 0.0);
     }

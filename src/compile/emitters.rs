@@ -1,8 +1,8 @@
-//! Emitting primitives as area lights. Two triangles that form a parallelogram are one light; a primitive that moves is one light with
-//! a key for each key of its motion.
+//! Emissive primitives as area lights. Two triangles that form a parallelogram become one light; a moving primitive is one
+//! light with keys.
 //!
-//! Flat lights may lie in the plane of other surfaces, as of a ceiling: rays would hit either of them by rounding, or always the other one,
-//! so that the light would not be seen. They are moved to their front by a little more than rounding.
+//! Flat lights coplanar with other surfaces, such as a ceiling, would be occluded or noisy by rounding (z-fighting). They are
+//! offset towards their front by slightly more than the rounding error.
 
 use super::geometry::{Geometries, Placement, Primitive, Space, primitive, vertices};
 use super::hit_reader::{HitReader, SurfaceHit, point_reader};
@@ -22,20 +22,19 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-/// Area lights and which primitives they are.
+/// Area lights and their primitives.
 #[derive(Debug, Default)]
 pub struct Emitters {
-    /// The lights.
     pub lights: Vec<AreaLight>,
-    /// Primitive of the world's own geometry and its light, by primitive.
+    /// Pairs of a primitive of the world and its light, sorted by primitive.
     pub light_of_primitive: Vec<(u32, u32)>,
-    /// Moving lights, at the keys of their motion.
+    /// Keys of moving lights, by light.
     pub moving: BTreeMap<usize, MovingLight<AreaLight>>,
-    /// Their instances and primitives.
+    /// Moving lights by instance and primitive.
     pub moving_primitives: BTreeMap<(u32, u32), u32>,
 }
 
-/// All emitting primitives: those of the world's own geometry, and those of placements that move. (Other placements have none.)
+/// All emissive primitives: those of the world, and of moving placements. (Static emissive meshes are merged into the world.)
 pub fn find(
     geometries: &Geometries,
     materials: &[CompiledMaterial],
@@ -44,25 +43,25 @@ pub fn find(
 ) -> Emitters {
     let mut emitters = Emitters::default();
     if materials.iter().any(|m| m.emission.is_some()) {
-        emitters.add_still(&EmissionReader { geometries, textures, objects }, materials);
+        emitters.add_static(&EmissionReader { geometries, textures, objects }, materials);
         emitters.add_moving(geometries, materials);
     }
     emitters
 }
 
-/// Evaluation of a material's emission for light samples.
+/// Evaluation of a material's emission in light sampling.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Sampling {
-    /// Not at all: paths that hit it find it.
+    /// No light sampling: only BSDF samples find the emission.
     None,
-    /// It depends on the point alone.
+    /// Emission depends on the position alone.
     ByPoint,
-    /// The emission and the alpha are evaluated as for a hit.
+    /// Emission and alpha are evaluated as for a hit.
     ByHit,
 }
 
-/// How light sampling serves a material. Left out is what depends on the path, which light samples and hits would see differently, and the
-/// emission of unlit models, which is not meant as light.
+/// Light sampling of a material. Not for emission that depends on the path, which would differ between light and BSDF samples,
+/// nor for unlit models, whose emission is not meant as light.
 fn sampling_of(material: &CompiledMaterial) -> Sampling {
     let needs_hit = material.emission_depends_on_viewer || material.alpha.is_some();
     let is_unusual = material.reads_path || material.surface_visibility.is_some();
@@ -81,15 +80,16 @@ struct EmissionReader<'a> {
     objects: &'a [ObjectData],
 }
 
-/// Points of a primitive and cosines of directions at which its emission is estimated.
+/// Points of a primitive (area coordinates) at which its emission is estimated.
 const ESTIMATE_POINTS: [[f32; 2]; 3] = [[1.0 / 6.0; 2], [2.0 / 3.0, 1.0 / 6.0], [1.0 / 6.0, 2.0 / 3.0]];
+/// Cosines of the directions in which emission is estimated.
 const ESTIMATE_COSINES: [f32; 2] = [0.9, 0.4];
 
-/// Number of primitives from which on one point of each must do.
+/// Number of primitives above which emission is estimated at a single point each.
 const MANY_PRIMITIVES: usize = 20_000;
 
 impl EmissionReader<'_> {
-    /// Mean luminance of the front of a primitive of the world.
+    /// Estimated mean luminance of the front of a primitive of the world.
     fn luminance(&self, primitive: u32, shape: &AreaShape, material: &CompiledMaterial) -> f32 {
         let light = AreaLight::new(*shape, false, Radiance::Constant(Rgb::ONE));
         let all = self.geometries.world.attributes.materials.len();
@@ -132,7 +132,7 @@ impl EmissionReader<'_> {
 }
 
 impl Emitters {
-    fn add_still(&mut self, reader: &EmissionReader<'_>, materials: &[CompiledMaterial]) {
+    fn add_static(&mut self, reader: &EmissionReader<'_>, materials: &[CompiledMaterial]) {
         let world = &reader.geometries.world;
         let Space { shapes, attributes, .. } = &**world;
         let numbers = &attributes.materials;
@@ -168,8 +168,8 @@ impl Emitters {
         }
     }
 
-    /// Adds each primitive of a placement that moves as one light with a key for each of the placement's. Shapes other than spheres
-    /// are left out: paths find their light by hitting them.
+    /// Adds each emissive primitive of moving placements as a light with a key per key of the motion. Other analytic shapes than
+    /// spheres are excluded: only BSDF samples find their emission.
     fn add_moving(&mut self, geometries: &Geometries, materials: &[CompiledMaterial]) {
         for (index, placement) in geometries.placements.iter().enumerate().filter(|(_, p)| p.moves) {
             let space = &*geometries.shared[placement.geometry as usize];
@@ -196,7 +196,7 @@ impl Emitters {
         self.lights.push(light);
     }
 
-    /// Adds a light that moves, at its keys.
+    /// Adds a moving light by its keys.
     fn push_moving(&mut self, primitive: (u32, u32), keys: Vec<AreaLight>) {
         let Some(&first) = keys.first() else { return };
         let index = self.lights.len();
@@ -205,7 +205,7 @@ impl Emitters {
         self.moving.insert(index, MovingLight(keys));
     }
 
-    /// Each light with the object and the material that it belongs to.
+    /// Each light with its object and material.
     pub(super) fn owners(&self, geometries: &Geometries) -> impl Iterator<Item = (usize, ObjectId, u32)> {
         let world = &geometries.world;
         let still = self.light_of_primitive.iter().map(|&(prim, light)| {
@@ -218,13 +218,13 @@ impl Emitters {
         still.chain(moving)
     }
 
-    /// The light that a primitive of a placement is part of.
+    /// The light of a primitive of a moving instance.
     #[cold]
     pub fn moving_light_of(&self, instance: u32, prim: u32) -> Option<u32> {
         self.moving_primitives.get(&(instance, prim)).copied()
     }
 
-    /// The light that a primitive is part of.
+    /// The light of a primitive of the world.
     #[inline]
     pub fn light_of(&self, prim: u32) -> Option<u32> {
         let at = self.light_of_primitive.binary_search_by_key(&prim, |&(p, _)| p).ok()?;
@@ -242,8 +242,8 @@ fn corners(shapes: &accel::Geometry, prim: usize) -> [Vec3; 3] {
     shapes.triangles[prim].map(|i| Vec3::from_array(shapes.positions[i as usize]))
 }
 
-/// The parallelogram that a triangle and the next one form, if they do: they share an edge that they run through in
-/// opposite directions, and its ends add up to the same point as the other two vertices, but for rounding.
+/// The parallelogram of a triangle and the next one, if any: they share an edge with opposite directions, and the sum of its
+/// ends equals the sum of the other two vertices within rounding.
 fn parallelogram(shapes: &accel::Geometry, prim: usize) -> Option<Edges> {
     let (first, second) = (corners(shapes, prim), corners(shapes, prim + 1));
     for i in 0..3 {
@@ -263,7 +263,7 @@ fn parallelogram(shapes: &accel::Geometry, prim: usize) -> Option<Edges> {
     None
 }
 
-/// A key of a placement's motion: its transform, and the vertices of its mesh.
+/// A key of a placement's motion: transform, and vertices of the mesh.
 struct Key<'a> {
     world_from_object: DAffine3,
     positions: &'a [[f32; 3]],
@@ -282,7 +282,7 @@ impl Key<'_> {
         self.world_from_object.matrix3.determinant() < 0.0
     }
 
-    /// A shape that has a centre and a radius only; `None` for others.
+    /// A transformed shape defined by centre and radius; `None` for others.
     fn sphere(&self, shape: &Analytic) -> Option<Analytic> {
         let (Analytic::Sphere(_) | Analytic::FacingDisk(_) | Analytic::Shell(_)) = shape else { return None };
         let packed = shape.pack();
@@ -304,11 +304,11 @@ fn keys_of<'a>(geometries: &Geometries, placement: &Placement, space: &'a Space)
     (0..count).map(key).collect()
 }
 
-/// A primitive as a light, at a key if it moves; `None` if it has no area, if rays can't reach it, and for curves.
+/// The light shape of a primitive, at a key if it moves; `None` without area, for invalid positions, and for curves.
 fn area_shape(shapes: &accel::Geometry, prim: u32, key: Option<&Key>) -> Option<AreaShape> {
     let point = |p: Vec3| key.map_or(p, |key| key.point(p));
     let vector = |v: Vec3| key.map_or(v, |key| key.vector(v));
-    // The front of a mirror image is the mirror image of the front.
+    // Swapped edges keep the front side under mirroring transforms.
     let oriented = |edges: Edges| match key.is_some_and(Key::mirrors) {
         true => Edges { edge_u: edges.edge_v, edge_v: edges.edge_u, ..edges },
         false => edges,
@@ -322,7 +322,7 @@ fn area_shape(shapes: &accel::Geometry, prim: u32, key: Option<&Key>) -> Option<
         Primitive::Quad(q) => {
             let (corner, edge_u, edge_v) = (point(q.corner), vector(q.edge_u), vector(q.edge_v));
             let edges = oriented(Edges { corner, edge_u, edge_v });
-            // Interpolation between keys need not keep a right angle.
+            // Interpolation between keys may not preserve right angles.
             if key.is_some() { AreaShape::Parallelogram(edges) } else { right_angled(edges) }
         }
         Primitive::Analytic(_, shape) => AreaShape::Analytic(match key {
@@ -334,38 +334,42 @@ fn area_shape(shapes: &accel::Geometry, prim: u32, key: Option<&Key>) -> Option<
     is_usable(&shape).then_some(shape)
 }
 
-/// Has a light an area, and can rays reach it? The accelerator drops primitives that they can't reach.
+/// Has a light a positive area and valid positions? The BVH drops primitives with invalid positions.
 fn is_usable(shape: &AreaShape) -> bool {
-    let is_reached = |bounds: Bounds3| is_valid_position(bounds.min) && is_valid_position(bounds.max);
+    let is_valid = |bounds: Bounds3| is_valid_position(bounds.min) && is_valid_position(bounds.max);
     match shape {
         AreaShape::Triangle(e) | AreaShape::Parallelogram(e) | AreaShape::Rectangle(e) => {
             let area = e.edge_u.cross(e.edge_v).length();
             let corners = [e.corner, e.corner + e.edge_u, e.corner + e.edge_v];
             let opposite = if let AreaShape::Triangle(_) = shape { e.corner } else { corners[2] + e.edge_u };
-            area > 0.0 && area.is_finite() && is_reached(Bounds3::of(corners.into_iter().chain([opposite])))
+            area > 0.0 && area.is_finite() && is_valid(Bounds3::of(corners.into_iter().chain([opposite])))
         }
-        AreaShape::Analytic(shape) => is_reached(shape.bounds()),
+        AreaShape::Analytic(shape) => is_valid(shape.bounds()),
     }
 }
 
-/// A rectangle, if the edges of a parallelogram have a right angle but for rounding.
+/// A rectangle, if the edges of a parallelogram are orthogonal within rounding.
 fn right_angled(edges: Edges) -> AreaShape {
     let (u, v) = (edges.edge_u, edges.edge_v);
     let is_right_angled = u.dot(v).abs() <= 1e-6 * u.length() * v.length();
     if is_right_angled { AreaShape::Rectangle(edges) } else { AreaShape::Parallelogram(edges) }
 }
 
-/// The radiance of a primitive. The edges of mirror images are swapped, and so are their texture coordinates.
+/// The radiance of a primitive. `mirrors`: edges are swapped, and so are texture coordinates.
 fn radiance(space: &Space, prim: u32, emission: &CompiledEmission, mirrors: bool) -> Radiance {
     let order = |[a, b, c]: [Vec2; 3]| if mirrors { [a, c, b] } else { [a, b, c] };
     let factor = Rgb::from_array(emission.radiance.factor);
     let Some(texture) = emission.radiance.texture else { return Radiance::Constant(factor) };
     match primitive(&space.shapes, prim) {
         Primitive::Triangle(t) => {
-            let of = |list: &Vec<[f32; 2]>| {
+            let uv_of = |list: &Vec<[f32; 2]>| {
                 order(t.map(|i| list.get(i as usize).map_or(Vec2::ZERO, |&uv| Vec2::from_array(uv))))
             };
-            Radiance::Flat { texture, factor, uv: [of(&space.attributes.uv[0]), of(&space.attributes.uv[1])] }
+            Radiance::Flat {
+                texture,
+                factor,
+                uv: [uv_of(&space.attributes.uv[0]), uv_of(&space.attributes.uv[1])],
+            }
         }
         Primitive::Quad(_) => {
             Radiance::Flat { texture, factor, uv: [order([Vec2::ZERO, Vec2::X, Vec2::Y]); 2] }
@@ -378,23 +382,23 @@ fn radiance(space: &Space, prim: u32, emission: &CompiledEmission, mirrors: bool
     }
 }
 
-/// Maximum number of flat lights for which other surfaces are searched.
+/// Maximum number of flat lights that are tested for coplanar surfaces.
 const MAX_LIGHTS: usize = 256;
 
-/// Distance from a plane within which points are in it, relative to coordinates around the camera.
-const FLUSH: f64 = 4e-7;
+/// Maximum distance of coplanar points, relative to the largest coordinate around the camera.
+const COPLANAR: f64 = 4e-7;
 
-/// How far lights are moved, relative to the same.
-const STEP: f64 = 4e-6;
+/// Offset of coplanar lights, relative to the largest coordinate around the camera.
+const OFFSET: f64 = 4e-6;
 
-/// Shifts of quads and shapes, by index in the scene.
+/// Offsets of coplanar lights, by index of the quad or shape in the scene.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Shifts {
     pub quads: BTreeMap<usize, DVec3>,
     pub shapes: BTreeMap<usize, DVec3>,
 }
 
-/// A flat light as a parallelogram around it.
+/// A flat light with its bounding parallelogram.
 struct FlatLight<'a> {
     index: usize,
     is_quad: bool,
@@ -402,15 +406,15 @@ struct FlatLight<'a> {
     corner: DVec3,
     edges: [DVec3; 2],
     normal: DVec3,
-    /// Largest coordinate around the camera.
+    /// Largest coordinate relative to the compiled scene's origin.
     reach: f64,
 }
 
 impl FlatLight<'_> {
-    /// Does a polygon lie in its plane and, by its box along the edges, over the light?
+    /// Is a polygon coplanar with the light, and does it overlap the light in bounds along the edges?
     fn is_covered_by(&self, corners: &[DVec3]) -> bool {
-        let far = corners.iter().map(|p| (*p - self.corner).dot(self.normal).abs()).fold(0.0, f64::max);
-        if far > FLUSH * self.reach {
+        let distance = corners.iter().map(|p| (*p - self.corner).dot(self.normal).abs()).fold(0.0, f64::max);
+        if distance > COPLANAR * self.reach {
             return false;
         }
         self.edges.iter().all(|edge| {
@@ -427,7 +431,7 @@ impl FlatLight<'_> {
     }
 }
 
-/// Finds the flat lights of a scene that lie in the plane of other surfaces; `origin` becomes that of the compiled scene.
+/// Finds the flat lights of a scene that are coplanar with other surfaces; `origin` is that of the compiled scene.
 pub(super) fn find_flush_lights(scene: &Scene, origin: DVec3, notes: &mut Vec<Warning>) -> Shifts {
     let lights = flat_lights(scene, origin);
     if lights.is_empty() || lights.len() > MAX_LIGHTS {
@@ -439,12 +443,12 @@ pub(super) fn find_flush_lights(scene: &Scene, origin: DVec3, notes: &mut Vec<Wa
     let found = || lights.iter().zip(&is_flush).filter(|(_, flush)| **flush).map(|(light, _)| light);
     for light in found() {
         let list = if light.is_quad { &mut shifts.quads } else { &mut shifts.shapes };
-        list.insert(light.index, light.normal * (STEP * light.reach));
+        list.insert(light.index, light.normal * (OFFSET * light.reach));
     }
     let names: Vec<&str> = found().map(|light| light.name).collect();
     if !names.is_empty() {
         notes.push(Warning::general(format!(
-            "lights in the plane of other surfaces are taken as a little before them: {}",
+            "lights in the plane of other surfaces are moved slightly in front of them: {}",
             listed(&names)
         )));
     }
@@ -455,9 +459,9 @@ fn flat_lights(scene: &Scene, origin: DVec3) -> Vec<FlatLight<'_>> {
     let is_emissive = |id: MaterialId| scene.materials.get(id.index()).is_some_and(|m| m.emission.is_some());
     let new = |index: usize, is_quad, name, corner: DVec3, edges: [DVec3; 2]| {
         let normal = edges[0].cross(edges[1]).try_normalize()?;
-        let far = |p: DVec3| (p - origin).abs().max_element();
+        let max_coordinate = |p: DVec3| (p - origin).abs().max_element();
         let mut light = FlatLight { index, is_quad, name, corner, edges, normal, reach: 0.0 };
-        light.reach = light.corners().map(far).into_iter().fold(0.0, f64::max);
+        light.reach = light.corners().map(max_coordinate).into_iter().fold(0.0, f64::max);
         Some(light)
     };
     let quads = scene.quads.iter().enumerate().filter(|(_, quad)| is_emissive(quad.material));
@@ -465,38 +469,38 @@ fn flat_lights(scene: &Scene, origin: DVec3) -> Vec<FlatLight<'_>> {
     let disks = scene.shapes.iter().enumerate();
     let disks = disks.filter(|(_, s)| matches!(s.kind, ShapeKind::Disk) && is_emissive(s.material));
     let disks = disks.filter_map(|(i, s)| {
-        // The front of a disk faces the z of its own space.
+        // The front of a disk faces its local z axis.
         let [x, y] = [DVec3::X, DVec3::Y].map(|axis| s.rotation * axis * s.radius);
         new(i, false, s.name.as_str(), s.center - x - y, [x * 2.0, y * 2.0])
     });
     quads.chain(disks).collect()
 }
 
-/// May a surface of a material hide a light behind it? The boundary of a medium has no surface.
-fn hides(scene: &Scene, id: MaterialId) -> bool {
+/// Is a material an opaque surface in front of lights? Not if emissive or a medium boundary.
+fn occludes(scene: &Scene, id: MaterialId) -> bool {
     let material = &scene.materials[id.index()];
     material.emission.is_none() && !matches!(material.model, Model::Boundary {})
 }
 
-/// Does another quad that does not emit light lie in the plane of a light?
+/// Is another quad coplanar with a light?
 fn is_on_quad(light: &FlatLight<'_>, scene: &Scene) -> bool {
-    let is_other = |quad: &&Quad| hides(scene, quad.material);
+    let is_other = |quad: &&Quad| occludes(scene, quad.material);
     scene.quads.iter().filter(is_other).any(|quad| {
         let opposite = quad.corner + quad.edge_u + quad.edge_v;
         light.is_covered_by(&[quad.corner, quad.corner + quad.edge_u, opposite, quad.corner + quad.edge_v])
     })
 }
 
-/// Marks the lights in the plane of triangles of meshes.
+/// Marks the lights that are coplanar with triangles of meshes.
 fn mark_on_meshes(scene: &Scene, lights: &[FlatLight<'_>], is_flush: &mut [bool]) {
-    let passes = |id: MaterialId| !hides(scene, id);
+    let is_ignored = |id: MaterialId| !occludes(scene, id);
     for (instance, extent) in scene.instances.iter().zip(instance_extents(scene)) {
         let mesh = &scene.meshes[instance.mesh.index()];
-        let Some((low, high)) = extent.0.filter(|_| !part_materials(mesh, instance).all(passes)) else {
+        let Some((low, high)) = extent.0.filter(|_| !part_materials(mesh, instance).all(is_ignored)) else {
             continue;
         };
         for (light, flush) in lights.iter().zip(&mut *is_flush).filter(|(_, flush)| !**flush) {
-            let margin = DVec3::splat(FLUSH * light.reach);
+            let margin = DVec3::splat(COPLANAR * light.reach);
             let (from, to) = light
                 .corners()
                 .into_iter()
@@ -517,7 +521,7 @@ mod tests {
     use super::*;
     use crate::scene::Material;
 
-    /// The shift of a square lamp of a metre that faces down, at a height under a ceiling at 2.5 m.
+    /// The offset of a square light of 1 m that faces down, at a height below a ceiling at 2.5 m.
     fn shift_at(height: f64) -> Option<DVec3> {
         let mut scene = Scene::default();
         let wall = scene.add_material(Material::lambert("wall", [0.7; 3]));
@@ -531,7 +535,7 @@ mod tests {
     }
 
     #[test]
-    fn lights_in_the_plane_of_a_ceiling_are_moved_to_their_front() {
+    fn lights_coplanar_with_a_ceiling_are_moved_to_their_front() {
         let shift = shift_at(2.5).expect("it is in its plane");
         assert!(shift.y < -1e-6 && shift.y > -1e-4 && shift.x == 0.0 && shift.z == 0.0, "{shift}");
         assert_eq!(shift_at(2.499), None);

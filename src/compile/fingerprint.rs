@@ -1,4 +1,4 @@
-//! 64-bit fingerprints of inputs: equal ones need not be compiled again.
+//! 64-bit hashes of the inputs of compilation, to reuse results for equal inputs.
 
 use super::material::CompiledMaterial;
 use crate::math::{DAffine3, DVec3};
@@ -7,14 +7,14 @@ use crate::scene::{Curves, Mesh, Splats};
 use bytemuck::Pod;
 use rayon::prelude::*;
 
-/// A running fingerprint of 64 bits: by chance one pair of contents in 2^64 has the same.
+/// A running 64-bit hash; the collision probability of a pair is 2^-64.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Fingerprint(u64);
 
-/// Odd, and half of its bits are set.
+/// Multiplier: odd, with half of its bits set.
 const FACTOR: u64 = 0x9e37_79b9_7f4a_7c15;
 
-/// Bytes that one thread sums at a time.
+/// Size of the blocks that threads hash separately, bytes.
 const BLOCK: usize = 1 << 20;
 
 impl Fingerprint {
@@ -36,7 +36,7 @@ impl Fingerprint {
         self.with(other.0)
     }
 
-    /// Appends a list: its length and its bytes. Long lists are hashed in blocks on all threads, which are joined in order.
+    /// Appends a list: its length and its bytes. Long lists are hashed in blocks on all threads, combined in order.
     pub fn with_all<T: Pod>(self, list: &[T]) -> Fingerprint {
         let bytes: &[u8] = bytemuck::cast_slice(list);
         if bytes.len() <= BLOCK {
@@ -59,8 +59,8 @@ impl Fingerprint {
                 *lane = (*lane ^ word).wrapping_mul(FACTOR).rotate_left(29);
             }
         }
-        let whole = lanes.into_iter().fold(self.with(bytes.len() as u64), Fingerprint::with);
-        blocks.remainder().iter().fold(whole, |sum, &byte| sum.with(u64::from(byte)))
+        let combined = lanes.into_iter().fold(self.with(bytes.len() as u64), Fingerprint::with);
+        blocks.remainder().iter().fold(combined, |sum, &byte| sum.with(u64::from(byte)))
     }
 
     /// Appends a point or vector.
@@ -109,8 +109,7 @@ pub fn of_curves(curves: &Curves) -> Fingerprint {
         .with(u64::from(curves.material.0))
 }
 
-/// A hash of all material properties that affect geometry. `normal_sets` holds, by material, the set of texture
-/// coordinates of its normal map.
+/// A hash of all material properties that affect geometry. `normal_sets`: UV set of each material's normal map.
 pub(super) fn of_materials(materials: &[CompiledMaterial], normal_sets: &[Option<usize>]) -> Fingerprint {
     materials.iter().zip(normal_sets).fold(Fingerprint::START, |sum, (material, set)| {
         let flags = [
@@ -122,7 +121,7 @@ pub(super) fn of_materials(materials: &[CompiledMaterial], normal_sets: &[Option
             material.reads_hit,
             material.emission.is_some(),
         ];
-        let bits = flags.into_iter().fold(1u64, |bits, fact| bits << 1 | u64::from(fact));
+        let bits = flags.into_iter().fold(1u64, |bits, flag| bits << 1 | u64::from(flag));
         sum.with(bits).with(set.map_or(u64::MAX, |set| set as u64))
     })
 }
@@ -132,7 +131,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_byte_and_the_borders_between_lists_count() {
+    fn every_byte_and_list_length_changes_the_hash() {
         let list: Vec<u8> = (0..100).collect();
         let whole = Fingerprint::START.with_all(&list);
         for i in 0..list.len() {
@@ -145,9 +144,9 @@ mod tests {
         assert_ne!(split(0), split(100));
     }
 
-    /// Every block of a long list counts, where it is and however many threads there are.
+    /// The hash of long lists depends on all blocks and their order, but not on the number of threads.
     #[test]
-    fn blocks_of_long_lists_are_joined_in_order() {
+    fn blocks_of_long_lists_are_combined_in_order() {
         let list: Vec<u32> = (0..BLOCK as u32).collect();
         let of = |list: &[u32]| Fingerprint::START.with_all(list);
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool");

@@ -14,20 +14,20 @@ use crate::simd::map_each;
 use crate::texture::{AttributeList, HitAttributes, StrandData};
 use std::sync::Arc;
 
-/// Shading attributes of the shapes of one space. Lists that no material uses are empty.
+/// Shading attributes of the primitives of a space. Lists that no material uses are empty.
 #[derive(Clone, Debug, Default)]
 pub struct Attributes {
-    /// Unit normals by vertex; zero where a mesh is flat.
+    /// Unit normals by vertex; zero for flat shading.
     pub normals: Vec<[f32; 3]>,
     /// Unit normals at each key of a deforming mesh.
     pub normal_keys: Vec<Vec<[f32; 3]>>,
-    /// Two sets of texture coordinates by vertex.
+    /// Two UV sets by vertex.
     pub uv: [Vec<[f32; 2]>; 2],
-    /// Unit tangents with handedness by vertex; zero where a mesh has none.
+    /// Unit tangents with handedness by vertex; zero if absent.
     pub tangents: Vec<[f32; 4]>,
     /// Linear RGBA by vertex.
     pub colors: Vec<[f32; 4]>,
-    /// Named attributes by vertex, by their numbers in the textures; empty where no graph of nodes reads any.
+    /// Named attributes by vertex, indexed as in the textures; empty if no node graph reads any.
     pub named: Vec<AttributeList>,
     /// Material of each primitive, in the order of primitive ids.
     pub materials: Vec<u32>,
@@ -42,24 +42,24 @@ pub struct Attributes {
 pub struct CurveAttributes {
     /// Position along the strand: 0 at the root, 1 at the tip.
     pub along: Vec<f32>,
-    /// Linear colours; empty where no curve has any.
+    /// Linear colours; empty if no curve has any.
     pub colors: Vec<[f32; 3]>,
 }
 
 /// An instance of a shared geometry.
 #[derive(Clone, Copy, Debug)]
 pub struct Placement {
-    /// Which of [`Geometries::shared`].
+    /// Index into [`Geometries::shared`].
     pub geometry: u32,
-    /// Its transform; at the time of the frame if it moves.
+    /// Transform; at the time of the frame if it moves.
     pub world_from_object: Transform,
     /// Overrides the materials of its primitives.
     pub material: Option<u32>,
-    /// The object of the scene that it is.
+    /// The scene's object.
     pub object: ObjectId,
-    /// It moves or deforms while the shutter is open.
+    /// Does it move or deform while the shutter is open?
     pub moves: bool,
-    /// Index into [`Geometries::motions`] of its transforms; `None` if only its mesh deforms.
+    /// Index into [`Geometries::motions`]; `None` if only its mesh deforms.
     pub motion: Option<u32>,
 }
 
@@ -92,14 +92,13 @@ pub struct Space {
 /// Inputs of textures and normal maps at a hit.
 #[derive(Clone, Copy, Debug)]
 pub struct SurfaceCoordinates {
-    /// Two sets of texture coordinates.
+    /// Two UV sets.
     pub uv: [Vec2; 2],
     /// Linear RGBA vertex colour; white without one.
     pub color: [f32; 4],
-    /// Tangent, bitangent and shading normal as columns, for normal maps; `None` where there are no texture
-    /// coordinates.
+    /// Tangent, bitangent and shading normal as columns, for normal maps; `None` without texture coordinates.
     pub tangent_frame: Option<Mat3>,
-    /// Change of each set of texture coordinates, per metre.
+    /// Rate of change of each UV set, per metre.
     pub uv_per_metre: [f32; 2],
 }
 
@@ -110,7 +109,7 @@ pub struct Geometries {
     pub world: Arc<Space>,
     /// Geometries of instances, in object space.
     pub shared: Vec<Arc<Space>>,
-    /// In the order of hit instances from 1 on.
+    /// Indexed by the instance of a hit minus 1.
     pub placements: Vec<Placement>,
     /// Transform keys of moving placements.
     pub motions: Vec<TransformKeys>,
@@ -132,7 +131,7 @@ pub struct Corners {
 pub struct TextureCorners {
     /// Texture coordinates.
     pub uv: [[f32; 2]; 3],
-    /// Tangents, with the sign of the bitangent of all in the fourth number; zero for none.
+    /// Tangents; the fourth component is the sign of the bitangent, equal at all corners. Zero if absent.
     pub tangents: [[f32; 4]; 3],
 }
 
@@ -184,7 +183,7 @@ impl Geometries {
         }
     }
 
-    /// The object of the scene at a hit. A search: not for every hit of every path.
+    /// The object of the scene at a hit, by a binary search: too slow for every hit.
     pub fn object(&self, hit: &Hit) -> ObjectId {
         match hit.instance {
             0 => self.world.owners.of(hit.prim),
@@ -192,7 +191,7 @@ impl Geometries {
         }
     }
 
-    /// The placed mesh at a hit; `None` for all else.
+    /// The object of a mesh at a hit; `None` for other primitives.
     pub fn placed_mesh(&self, hit: &Hit) -> Option<ObjectId> {
         let is_triangle = (hit.prim as usize) < self.space(hit).shapes.triangles.len();
         is_triangle.then(|| self.object(hit))
@@ -218,19 +217,19 @@ impl Geometries {
         }
     }
 
-    /// Do some vertices have shading normals?
+    /// Does any vertex have a shading normal?
     pub fn has_normals(&self) -> bool {
         self.shared.iter().chain([&self.world]).any(|space| !space.attributes.normals.is_empty())
     }
 
-    /// Is the hit on a triangle or quad of the world's own geometry?
+    /// Is the hit on a triangle or quad of the world?
     #[inline(always)]
     pub fn is_flat(&self, hit: &Hit) -> bool {
         hit.instance == 0
             && (hit.prim as usize) < self.world.shapes.triangles.len() + self.world.shapes.quads.len()
     }
 
-    /// The corners of a triangle or quad of the world's own geometry; `None` for all else.
+    /// The corners of a triangle or quad of the world; `None` for other primitives.
     #[inline(always)]
     pub fn corners(&self, hit: &Hit) -> Option<Corners> {
         if hit.instance != 0 {
@@ -248,7 +247,7 @@ impl Geometries {
         Some(Corners { positions: map_each(positions, |p| p.to_array()), normals: [[0.0; 3]; 3] })
     }
 
-    /// Is the hit on a triangle of the world's own geometry without a second set of texture coordinates?
+    /// Is the hit on a triangle of the world, and has the world no second UV set?
     #[inline(always)]
     pub fn is_plainly_textured(&self, hit: &Hit) -> bool {
         hit.instance == 0
@@ -256,7 +255,7 @@ impl Geometries {
             && self.world.attributes.uv[1].is_empty()
     }
 
-    /// Texture needs of such a triangle.
+    /// Texture coordinates and tangents of a triangle of the world; see [`Geometries::is_plainly_textured`].
     #[inline(always)]
     pub fn texture_corners(&self, hit: &Hit) -> Option<TextureCorners> {
         let (shapes, attributes) = (&self.world.shapes, &self.world.attributes);
@@ -276,7 +275,7 @@ impl Geometries {
         HitAttributes { lists: &attributes.named, triangle }
     }
 
-    /// From the world to the space of a moving object at a path's time; `None` of objects that stand still.
+    /// The transform from world to object space at a path's time (0..1); `None` for static objects.
     pub fn object_from_world(&self, hit: &Hit, time: f32) -> Option<DAffine3> {
         self.at_time(hit, time).map(|at_time| at_time.world_from_object.inverse())
     }
@@ -292,7 +291,7 @@ impl Geometries {
         }
     }
 
-    /// The first texture coordinates at the corners of a triangle or quad.
+    /// The first UV set at the corners of a triangle or quad.
     pub fn corner_uv(&self, hit: &Hit) -> Option<[Vec2; 3]> {
         let Space { shapes, attributes, .. } = self.space(hit);
         match primitive(shapes, hit.prim) {
@@ -303,8 +302,8 @@ impl Geometries {
         }
     }
 
-    /// The corners of a triangle in the world at a path's time, or those of a quad that texture coordinates begin and end at; `None` for all
-    /// else.
+    /// The corners of a triangle in world space at a path's time (0..1), or the corner of a quad and the ends of its edges;
+    /// `None` for other primitives.
     pub fn world_corners(&self, hit: &Hit, time: f32) -> Option<[Vec3; 3]> {
         let shapes = &self.space(hit).shapes;
         let corners = match primitive(shapes, hit.prim) {
@@ -317,7 +316,8 @@ impl Geometries {
         Some(map_each(corners, |c| world_from_object.transform_point3(c.as_dvec3()).as_vec3()))
     }
 
-    /// The corners of a triangle with shading normals in the world at a path's time, positions and unit normals; `None` for all else.
+    /// Positions and unit shading normals at the corners of a triangle in world space at a path's time (0..1); `None` for flat
+    /// shading and other primitives.
     pub fn smooth_corners(&self, hit: &Hit, time: f32) -> Option<[[Vec3; 3]; 2]> {
         let Space { shapes, attributes, .. } = self.space(hit);
         let Primitive::Triangle(t) = primitive(shapes, hit.prim) else { return None };
@@ -335,7 +335,7 @@ impl Geometries {
         Some([positions, map_each(normals, |n| (normal_from_object * n).normalize_or_zero())])
     }
 
-    /// The surface at a hit of `ray`; `time`, in 0..1, is asked for where something moves.
+    /// The surface at a hit of `ray`; `time` in 0..1 applies to moving objects.
     #[inline]
     pub fn surface(&self, ray: &Ray, hit: &Hit, time: f32) -> Surface {
         if let Some(at_time) = self.at_time(hit, time) {
@@ -357,7 +357,9 @@ impl Geometries {
             }
             Primitive::Analytic(_, shape) => shape.surface(ray.at(hit.t), ray.origin),
             Primitive::Curve(_, segment) => segment.surface(ray.origin, ray.direction),
-            Primitive::Splat(index) => shapes.splats.surface(index, self.in_object(ray, hit), viewed(hit)),
+            Primitive::Splat(index) => {
+                shapes.splats.surface(index, self.in_object(ray, hit), splat_direction(hit))
+            }
         };
         surface.material = material;
         if hit.instance != 0 {
@@ -366,7 +368,7 @@ impl Geometries {
         surface
     }
 
-    /// Does a ray hit the back of a flat primitive? `None` for others, where it depends on where they are hit.
+    /// Does a ray hit the back of a flat primitive? `None` for curved ones, where it depends on the position.
     #[inline]
     pub fn is_back_of_flat(&self, ray: &Ray, hit: &Hit, time: f32) -> Option<bool> {
         if let Some(at_time) = self.at_time(hit, time) {
@@ -377,7 +379,7 @@ impl Geometries {
             Primitive::Triangle(t) => vertices(&shapes.positions, t),
             Primitive::Quad(q) => [q.corner, q.corner + q.edge_u, q.corner + q.edge_v].map(|c| c.to_array()),
             Primitive::Analytic(..) => return None,
-            // Rays meet curves from outside.
+            // Rays hit curves from outside.
             Primitive::Curve(..) => return Some(false),
             Primitive::Splat(..) => return None,
         };
@@ -389,14 +391,13 @@ impl Geometries {
         Some(ng.dot(ray.direction) > 0.0)
     }
 
-    /// Does a ray hit a surface from behind?
+    /// Does a ray hit the back of a surface?
     pub fn is_back(&self, ray: &Ray, hit: &Hit, time: f32) -> bool {
         let of_flat = self.is_back_of_flat(ray, hit, time);
         of_flat.unwrap_or_else(|| self.surface(ray, hit, time).ng.dot(ray.direction) > 0.0)
     }
 
-    /// Texture coordinates, colour and tangents at a hit; how densely textures lie on triangles only if `footprints` says
-    /// so.
+    /// Texture coordinates, colour and tangents at a hit; `uv_per_metre` of triangles only if `footprints` is set.
     pub fn coordinates(
         &self,
         surface: &Surface,
@@ -418,7 +419,7 @@ impl Geometries {
             }
             Primitive::Quad(q) => {
                 let uv = Vec2::new(hit.u, hit.v);
-                // The image's up is against v.
+                // v points down in the image.
                 let tangent_frame = frame_of(q.edge_u, surface.ns, -1.0);
                 let uv_per_metre = [q.edge_u.cross(q.edge_v).length().sqrt().recip(); 2];
                 SurfaceCoordinates { uv: [uv, uv], color: [1.0; 4], tangent_frame, uv_per_metre }
@@ -426,13 +427,13 @@ impl Geometries {
             Primitive::Analytic(index, shape) => {
                 let object_from_world = attributes.object_from_world(index);
                 let uv = shape.texture_coordinates(surface.p, surface.ng, &object_from_world);
-                let lies = shape.parametrize(surface.ng, &object_from_world);
-                let tangent_frame = frame_of(lies.tangent, surface.ns, lies.handedness);
+                let parametrization = shape.parametrize(surface.ng, &object_from_world);
+                let tangent_frame = frame_of(parametrization.tangent, surface.ns, parametrization.handedness);
                 SurfaceCoordinates {
                     uv: [uv, uv],
                     color: [1.0; 4],
                     tangent_frame,
-                    uv_per_metre: [lies.uv_per_metre; 2],
+                    uv_per_metre: [parametrization.uv_per_metre; 2],
                 }
             }
             Primitive::Curve(index, segment) => {
@@ -443,15 +444,15 @@ impl Geometries {
     }
 }
 
-/// The direction in object space along which a ray hit a splat.
-fn viewed(hit: &Hit) -> Vec3 {
+/// The object-space direction of the ray that hit a splat.
+fn splat_direction(hit: &Hit) -> Vec3 {
     from_octahedral([hit.u, hit.v])
 }
 
 impl SurfaceCoordinates {
-    /// A splat has the colour of the direction that it is seen along, and no texture coordinates.
+    /// The view-dependent colour of a splat, without texture coordinates.
     fn of_splat(shapes: &accel::Geometry, index: usize, hit: &Hit) -> SurfaceCoordinates {
-        let [r, g, b] = shapes.splats.color(index, viewed(hit));
+        let [r, g, b] = shapes.splats.color(index, splat_direction(hit));
         SurfaceCoordinates {
             uv: [Vec2::ZERO; 2],
             color: [r, g, b, 1.0],
@@ -462,7 +463,7 @@ impl SurfaceCoordinates {
 }
 
 impl Geometries {
-    /// Where a ray hit, in the space of a placement that stands still.
+    /// The hit point in the object space of a static placement.
     fn in_object(&self, ray: &Ray, hit: &Hit) -> Vec3 {
         let p = ray.at(hit.t);
         let Some(i) = hit.instance.checked_sub(1) else { return p };
@@ -472,7 +473,6 @@ impl Geometries {
 }
 
 impl Attributes {
-    /// None.
     pub(super) const EMPTY: Attributes = Attributes {
         normals: Vec::new(),
         normal_keys: Vec::new(),
@@ -485,7 +485,7 @@ impl Attributes {
         curves: CurveAttributes { along: Vec::new(), colors: Vec::new() },
     };
 
-    /// The rotation that gives an analytic shape its texture coordinates.
+    /// The rotation from world space to the texture space of an analytic shape.
     pub(super) fn object_from_world(&self, index: usize) -> Mat3 {
         self.object_from_world.get(index).copied().unwrap_or(Mat3::IDENTITY)
     }
@@ -527,7 +527,7 @@ impl Attributes {
             .filter(|c| c[0] != [0.0; 4])
             .and_then(|c| {
                 let tangent = interpolate(map_each(c, |[x, y, z, _]| [x, y, z]), hit.u, hit.v);
-                // Texture v grows downwards: glTF's bitangent is w (n x t).
+                // v points down: glTF's bitangent is w (n x t).
                 frame_of(
                     *linear * tangent,
                     surface.ns,
@@ -539,14 +539,13 @@ impl Attributes {
     }
 }
 
-/// A frame whose x lies along `tangent` and whose y is `handedness * (n x tangent)`.
+/// A tangent frame with x along `tangent` (orthogonalised to `n`) and y = `handedness` (n x x).
 pub(super) fn frame_of(tangent: Vec3, n: Vec3, handedness: f32) -> Option<Mat3> {
     let t = (tangent - n * n.dot(tangent)).try_normalize()?;
     Some(Mat3::from_cols(t, n.cross(t) * handedness.signum(), n))
 }
 
-/// Tangents from the change of texture coordinates over a triangle: x where u grows, y where the image's up is (v
-/// grows downwards).
+/// A tangent frame from the texture coordinates of a triangle: x towards increasing u, y towards decreasing v (up in the image).
 fn uv_frame(corners: [Vec3; 3], uv: [Vec2; 3], n: Vec3) -> Option<Mat3> {
     let (e1, e2) = (corners[1] - corners[0], corners[2] - corners[0]);
     let (d1, d2) = (uv[1] - uv[0], uv[2] - uv[0]);
@@ -569,13 +568,13 @@ impl Transform {
         }
     }
 
-    /// The matrix again, as far as it is kept.
+    /// The transform in f64, with the precision of f32.
     pub(super) fn to_double(self) -> DAffine3 {
         DAffine3 { matrix3: self.linear.as_dmat3(), translation: self.translation.as_dvec3() }
     }
 }
 
-/// The inverse transpose, scaled so that its largest column has length 1.
+/// The inverse transpose, scaled so that its longest column has length 1.
 pub(super) fn normal_matrix(m: &DMat3) -> DMat3 {
     let n = m.inverse().transpose();
     let largest = n.x_axis.length().max(n.y_axis.length()).max(n.z_axis.length());
@@ -589,7 +588,7 @@ impl Placement {
         let p = m * s.p + translation;
         let magnitude = Mat3::from_cols(m.x_axis.abs(), m.y_axis.abs(), m.z_axis.abs());
         let p_error = magnitude * (s.p_error + s.p.abs() * gamma(4)) + translation.abs() * gamma(4);
-        // Mirroring transforms keep front faces in front.
+        // The inverse transpose keeps the front side under mirroring transforms.
         let ng = (normal_from_object * s.ng).normalize();
         let ns = (normal_from_object * s.ns).normalize();
         Surface { p, p_error, ng, ns, material: self.material.unwrap_or(s.material) }
@@ -638,7 +637,7 @@ impl AtTime<'_> {
         corners_at(&self.space.shapes, t, self.time)
     }
 
-    /// A point of the world in the object's space.
+    /// A point from world to object space.
     fn to_object(&self, p: Vec3) -> Vec3 {
         self.world_from_object.inverse().transform_point3(p.as_dvec3()).as_vec3()
     }
@@ -661,14 +660,14 @@ impl AtTime<'_> {
             Primitive::Analytic(_, shape) => {
                 shape.surface(self.to_object(ray.at(hit.t)), self.to_object(ray.origin))
             }
-            Primitive::Curve(..) => unreachable!("curves stand still"),
+            Primitive::Curve(..) => unreachable!("curves are static"),
             Primitive::Splat(index) => {
-                shapes.splats.surface(index, self.to_object(ray.at(hit.t)), viewed(hit))
+                shapes.splats.surface(index, self.to_object(ray.at(hit.t)), splat_direction(hit))
             }
         };
         surface.material = attributes.materials[hit.prim as usize];
         let surface = self.placement.surface_to_world(&surface);
-        // Rays that leave it are taken back to its space in single precision.
+        // Secondary rays are transformed to object space in single precision.
         let back = surface.p.abs() + self.placement.world_from_object.translation.abs();
         Surface { p_error: surface.p_error + back * gamma(4), ..surface }
     }
@@ -705,13 +704,14 @@ impl AtTime<'_> {
                 let object_from_world = attributes.object_from_world(index);
                 let (p, normal) = (self.to_object(surface.p), (linear.transpose() * surface.ng).normalize());
                 let uv = shape.texture_coordinates(p, normal, &object_from_world);
-                let lies = shape.parametrize(normal, &object_from_world);
-                let tangent_frame = frame_of(linear * lies.tangent, surface.ns, lies.handedness);
+                let parametrization = shape.parametrize(normal, &object_from_world);
+                let tangent_frame =
+                    frame_of(linear * parametrization.tangent, surface.ns, parametrization.handedness);
                 let scale = linear.determinant().abs().cbrt();
-                let uv_per_metre = [lies.uv_per_metre / scale; 2];
+                let uv_per_metre = [parametrization.uv_per_metre / scale; 2];
                 SurfaceCoordinates { uv: [uv, uv], color: [1.0; 4], tangent_frame, uv_per_metre }
             }
-            Primitive::Curve(..) => unreachable!("curves stand still"),
+            Primitive::Curve(..) => unreachable!("curves are static"),
             Primitive::Splat(index) => SurfaceCoordinates::of_splat(shapes, index, hit),
         }
     }
@@ -721,7 +721,7 @@ impl AtTime<'_> {
 pub(super) fn corners_at(shapes: &accel::Geometry, t: [u32; 3], time: f32) -> [[f32; 3]; 3] {
     match shapes.keys.is_empty() {
         true => vertices(&shapes.positions, t),
-        false => between(&shapes.keys, t, time),
+        false => interpolated(&shapes.keys, t, time),
     }
 }
 
@@ -730,15 +730,17 @@ impl Attributes {
     fn normals_at(&self, t: [u32; 3], time: f32) -> [[f32; 3]; 3] {
         match self.normal_keys.is_empty() {
             true => vertices(&self.normals, t),
-            false => between(&self.normal_keys, t, time)
+            false => interpolated(&self.normal_keys, t, time)
                 .map(|n| Vec3::from_array(n).normalize_or_zero().to_array()),
         }
     }
 }
 
-/// Values at a triangle's corners, interpolated between two keys. The arithmetic is that of the accelerator.
-fn between(keys: &[Vec<[f32; 3]>], t: [u32; 3], time: f32) -> [[f32; 3]; 3] {
-    let (key, share) = segment(keys.len(), time);
+/// Values at a triangle's corners, interpolated between two keys. The arithmetic must equal that of the BVH.
+fn interpolated(keys: &[Vec<[f32; 3]>], t: [u32; 3], time: f32) -> [[f32; 3]; 3] {
+    let (key, fraction) = segment(keys.len(), time);
     let (from, to) = (vertices(&keys[key], t), vertices(&keys[(key + 1).min(keys.len() - 1)], t));
-    std::array::from_fn(|i| std::array::from_fn(|axis| from[i][axis] + (to[i][axis] - from[i][axis]) * share))
+    std::array::from_fn(|i| {
+        std::array::from_fn(|axis| from[i][axis] + (to[i][axis] - from[i][axis]) * fraction)
+    })
 }

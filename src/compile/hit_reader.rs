@@ -8,34 +8,34 @@ use crate::texture::{
     CameraData, CompiledTextures, HitData, ObjectData, PathData, PointReader, TexturePoint,
 };
 
-/// Reads hits for graphs of nodes.
+/// Provides the inputs of node graphs at hits.
 pub struct HitReader<'a> {
-    /// The scene's surfaces.
+    /// Geometries of the scene.
     pub geometries: &'a Geometries,
-    /// The objects by number.
+    /// Indexed by [`ObjectId`](super::objects::ObjectId).
     pub objects: &'a [ObjectData],
-    /// The camera.
+    /// Camera, for node graphs.
     pub camera: CameraData<'a>,
 }
 
 /// A hit on a surface.
 #[derive(Clone, Copy)]
 pub struct SurfaceHit<'a> {
-    /// The surface.
+    /// Surface of the hit.
     pub surface: &'a Surface,
-    /// The hit.
+    /// Hit.
     pub hit: &'a Hit,
-    /// Its material.
+    /// Material of the hit.
     pub material: &'a CompiledMaterial,
-    /// The ray came from behind.
+    /// The ray hit the back.
     pub is_back: bool,
-    /// When, where something moves.
+    /// Time of the path in the shutter interval, 0..1.
     pub time: f32,
 }
 
 impl<'a> HitReader<'a> {
-    /// Inputs of node graphs at a hit seen from `wo` by a path of these properties. `None` where the scene has no objects for
-    /// graphs.
+    /// Inputs of node graphs at a hit, for the view direction `wo` and the data of the path. `None` if no graph of the scene
+    /// needs objects.
     pub fn read(
         &self,
         at: SurfaceHit<'_>,
@@ -69,7 +69,7 @@ impl<'a> HitReader<'a> {
     }
 }
 
-/// Texture lookups at a point with the filter width of a path that sees it from `wo`; graphs read `hit`.
+/// Texture lookups at a surface point, for the view direction `wo` and the filter width of the path; `hit` is for node graphs.
 #[inline(always)]
 pub fn point_reader<'h>(
     textures: &'h CompiledTextures,

@@ -1,9 +1,8 @@
-//! Meshes of solids that enclose a volume and whose triangles are oriented inwards: their orientation is flipped.
+//! Finds closed meshes of transmissive solids with inward orientation, whose triangles are then flipped.
 //!
-//! Which side of a surface is inside decides what light is refracted by. The sign of the volume of a closed mesh shows it, the sum of the
-//! tetrahedra between its triangles and a point (Zhang, Chen 2001, "Efficient Feature Extraction for 2D/3D Objects in Mesh
-//! Representation", section 2): negative, its triangles run clockwise. But a mesh of this kind within a body of the same
-//! material is a hole in it, as meant.
+//! Orientation determines which side of an interface is the medium. The signed volume of a closed mesh (Zhang and Chen 2001,
+//! "Efficient Feature Extraction for 2D/3D Objects in Mesh Representation", section 2) is negative for clockwise triangles.
+//! Inward orientation is intended for cavities: inverted meshes inside a solid of the same material are kept.
 
 use super::box_tree::{Bounds, BoxTree, Boxed, NumberedBox};
 use super::material::CompiledMaterial;
@@ -15,28 +14,28 @@ use rayon::prelude::*;
 use std::f64::consts::TAU;
 use std::sync::OnceLock;
 
-/// By mesh: is it oriented inwards? Empty if none is.
+/// By mesh: must its orientation be flipped? Empty if no mesh must.
 pub(super) fn find(scene: &Scene, materials: &[CompiledMaterial], warnings: &mut Vec<Warning>) -> Vec<bool> {
     let is_solid = |id: MaterialId| materials[id.index()].medium_index != 0;
     if !materials.iter().any(|m| m.medium_index != 0) {
         return Vec::new();
     }
-    let mut placed: Vec<Vec<usize>> = vec![Vec::new(); scene.meshes.len()];
+    let mut instances: Vec<Vec<usize>> = vec![Vec::new(); scene.meshes.len()];
     for (number, instance) in scene.instances.iter().enumerate() {
-        placed[instance.mesh.index()].push(number);
+        instances[instance.mesh.index()].push(number);
     }
-    let is_whole = |&i: &usize| part_materials_of(scene, &scene.instances[i]).all(is_solid);
+    let is_solid_throughout = |&i: &usize| part_materials_of(scene, &scene.instances[i]).all(is_solid);
     let is_suspect = |&index: &usize| {
         let mesh = &scene.meshes[index];
-        let is_used = !placed[index].is_empty() && placed[index].iter().all(is_whole);
-        is_used && is_inverted(mesh) && (encloses(mesh) || has_no_border(mesh))
+        let is_solid = !instances[index].is_empty() && instances[index].iter().all(is_solid_throughout);
+        is_solid && is_inverted(mesh) && (encloses(mesh) || has_no_border(mesh))
     };
     let suspects: Vec<usize> = (0..scene.meshes.len()).into_par_iter().filter(is_suspect).collect();
     if suspects.is_empty() {
         return Vec::new();
     }
     let bodies = Bodies::of(scene);
-    let is_inside_out = |&index: &usize| !placed[index].iter().any(|&i| bodies.have_hole(i));
+    let is_inside_out = |&index: &usize| !instances[index].iter().any(|&i| bodies.is_cavity(i));
     let found: Vec<usize> = suspects.into_par_iter().filter(is_inside_out).collect();
     let names: Vec<&str> = found.iter().map(|&index| scene.meshes[index].name.as_str()).collect();
     warnings.extend(warning(&names));
@@ -49,12 +48,12 @@ fn warning(names: &[&str]) -> Option<Warning> {
     let message = match names {
         [] => return None,
         [name] => format!(
-            "the normals of mesh '{name}' point inwards: it encloses a volume and lets light pass, and is taken as turned around; turn \
-             its faces in the file"
+            "the normals of mesh '{name}' point inwards: it is a closed transmissive solid, and its faces were flipped; flip \
+            them in the file"
         ),
         _ => format!(
-            "the normals of {} meshes point inwards ({}): they enclose volumes and let light pass, and are taken as turned around; turn \
-             their faces in the file",
+            "the normals of {} meshes point inwards ({}): they are closed transmissive solids, and their faces were flipped; flip \
+            them in the file",
             names.len(),
             listed(names)
         ),
@@ -66,13 +65,12 @@ fn part_materials_of<'a>(scene: &'a Scene, instance: &'a Instance) -> impl Itera
     part_materials(&scene.meshes[instance.mesh.index()], instance)
 }
 
-/// Do most triangles of a body run clockwise, seen from outside? Then its volume is negative, by more than the rounding of sheets without
-/// thickness.
+/// Is the signed volume of a mesh negative, by more than the rounding error of sheets without thickness?
 fn is_inverted(mesh: &Mesh) -> bool {
-    /// The least volume, over the surface to the power of 3/2; a pane of glass of 1 m and 1 mm has 3.5e-4.
-    const LEAST: f64 = 1e-6;
+    /// Minimum volume relative to (surface area)^(3/2); a pane of 1 m with a thickness of 1 mm has 3.5e-4.
+    const MIN_VOLUME: f64 = 1e-6;
     let corners = mesh.triangles.iter().map(|t| mesh.corners_f64(*t));
-    // From a point among them: far from the origin sums cancel, and where some triangles run the wrong way their share is small.
+    // Tetrahedra to the centroid avoid cancellation far from the origin, and limit the effect of misoriented triangles.
     let count = 3 * mesh.triangles.len().max(1);
     let middle = corners.clone().flatten().sum::<DVec3>() / count as f64;
     let (mut volume, mut area) = (0.0, 0.0);
@@ -81,7 +79,7 @@ fn is_inverted(mesh: &Mesh) -> bool {
         volume += (a - middle).dot(normal) / 6.0;
         area += normal.length() / 2.0;
     }
-    volume < -LEAST * area * area.sqrt()
+    volume < -MIN_VOLUME * area * area.sqrt()
 }
 
 /// Solids that may contain others: instances, then closed shapes.
@@ -89,7 +87,7 @@ struct Bodies<'a> {
     scene: &'a Scene,
     boxes: Vec<NumberedBox>,
     tree: BoxTree,
-    /// By instance, once needed.
+    /// By instance, computed on demand.
     windings: Vec<OnceLock<Winding>>,
 }
 
@@ -99,7 +97,7 @@ impl Bodies<'_> {
         let of_instances = extents.map(|extent| extent.map(|(low, high)| Bounds { low, high }));
         let of_shape = |shape: &Shape| {
             let point = Bounds { low: shape.center, high: shape.center };
-            shape.kind.tag().is_closed().then(|| point.widened(shape.radius))
+            shape.kind.tag().is_closed().then(|| point.expanded(shape.radius))
         };
         let all = of_instances.chain(scene.shapes.iter().map(of_shape));
         let numbered = |(number, bounds): (usize, Option<Bounds>)| {
@@ -111,9 +109,9 @@ impl Bodies<'_> {
         Bodies { scene, boxes, tree, windings }
     }
 
-    /// Does an instance lie inside another solid that has one of its materials? Then its inward orientation makes a cavity.
-    fn have_hole(&self, number: usize) -> bool {
-        /// Maximum number of vertices that are tested.
+    /// Is an instance inside another solid with one of its materials? Then its inward orientation is that of a cavity.
+    fn is_cavity(&self, number: usize) -> bool {
+        /// Maximum number of vertices to test.
         const POINTS: usize = 16;
         let instance = &self.scene.instances[number];
         let mesh = &self.scene.meshes[instance.mesh.index()];
@@ -123,19 +121,19 @@ impl Bodies<'_> {
             instance.world_from_object.transform_point3(p.map(f64::from).into())
         });
         let points: Vec<DVec3> = points.collect();
-        let mut own: Vec<MaterialId> = part_materials(mesh, instance).collect();
-        own.sort_unstable();
+        let mut own_materials: Vec<MaterialId> = part_materials(mesh, instance).collect();
+        own_materials.sort_unstable();
         let around = Bounds::of(points.iter().copied());
         self.tree.any(&around, |place| {
             let body = &self.boxes[place];
             body.number as usize != number
-                && body.bounds.holds(&around)
-                && self.is_around(body.number as usize, &points, &own)
+                && body.bounds.contains(&around)
+                && self.contains(body.number as usize, &points, &own_materials)
         })
     }
 
-    /// Does a body with one of some materials, in order, lie around points?
-    fn is_around(&self, number: usize, points: &[DVec3], own: &[MaterialId]) -> bool {
+    /// Does a body contain all points and have one of the materials `own` (sorted)?
+    fn contains(&self, number: usize, points: &[DVec3], own: &[MaterialId]) -> bool {
         let has_material = |id: MaterialId| own.binary_search(&id).is_ok();
         let Some(body) = self.scene.instances.get(number) else {
             let shape = &self.scene.shapes[number - self.scene.instances.len()];
@@ -147,21 +145,20 @@ impl Bodies<'_> {
         }
         let mesh = &self.scene.meshes[body.mesh.index()];
         let winding = self.windings[number].get_or_init(|| Winding::of(mesh, &body.world_from_object));
-        points.iter().all(|&p| winding.is_around(p))
+        points.iter().all(|&p| winding.is_inside(p))
     }
 }
 
-// Winding numbers by a hierarchy of triangles.
-//
-// Distant triangles count as one area with a normal (Barill, Dickson, Schmidt, Levin, Jacobson 2018, "Fast Winding Numbers for Soups and
-// Clouds", equation 13, its first term). Where that leaves it open whether a point is within, all triangles are asked.
+// Winding numbers by a hierarchy of triangles: distant clusters are approximated by dipoles (Barill, Dickson, Schmidt, Levin,
+// Jacobson 2018, "Fast Winding Numbers for Soups and Clouds", first term of equation 13). Uncertain results are recomputed
+// exactly.
 
-/// Beyond this multiple of its radius a cluster of triangles is approximated by a dipole.
-const FAR: f64 = 3.0;
+/// Distance, in multiples of its radius, beyond which a cluster of triangles is approximated by a dipole.
+const DIPOLE_DISTANCE: f64 = 3.0;
 
-/// Approximate winding numbers within this distance of 1/2 are recomputed exactly. (Errors are a tenth of it at most on usual
-/// meshes.)
-const DOUBT: f64 = 0.2;
+/// Approximate winding numbers within this distance of 1/2 are recomputed exactly. (Errors on usual meshes are at most a
+/// tenth of it.)
+const UNCERTAINTY: f64 = 0.2;
 
 /// A triangle of a body in world space.
 struct WorldTriangle([DVec3; 3]);
@@ -177,44 +174,44 @@ impl Boxed for WorldTriangle {
 struct Dipole {
     center: DVec3,
     radius: f64,
-    /// Sum of the area normals, twice the area in length.
+    /// Sum of normals with the length of twice the area.
     normal: DVec3,
 }
 
-/// The surface of a placed body.
+/// The surface of an instance, for winding numbers.
 pub(super) struct Winding {
     faces: Vec<WorldTriangle>,
     tree: BoxTree,
-    areas: Vec<Dipole>,
+    /// By node of the tree.
+    dipoles: Vec<Dipole>,
 }
 
 impl Winding {
-    /// The winding of a mesh.
     pub fn of(mesh: &Mesh, world_from_object: &DAffine3) -> Winding {
         let placed = |t: &[u32; 3]| mesh.corners_f64(*t).map(|p| world_from_object.transform_point3(p));
         let mut faces: Vec<WorldTriangle> = mesh.triangles.iter().map(|t| WorldTriangle(placed(t))).collect();
         let tree = BoxTree::sort(&mut faces);
-        let areas = tree.nodes.iter().map(|node| Dipole::of(&faces[node.items()], node.bounds)).collect();
-        Winding { faces, tree, areas }
+        let dipoles = tree.nodes.iter().map(|node| Dipole::of(&faces[node.items()], node.bounds)).collect();
+        Winding { faces, tree, dipoles }
     }
 
     /// Is a point inside, by the winding number?
-    pub fn is_around(&self, p: DVec3) -> bool {
-        let about = self.about(p, &mut |_| ()).abs();
-        let turns = if (about - 0.5).abs() < DOUBT { self.exactly(p).abs() } else { about };
-        turns > 0.5
+    pub fn is_inside(&self, p: DVec3) -> bool {
+        let approximate = self.approximate(p, &mut |_| ()).abs();
+        let winding = if (approximate - 0.5).abs() < UNCERTAINTY { self.exact(p).abs() } else { approximate };
+        winding > 0.5
     }
 
     /// The approximate winding number; `each` is called with each visited node.
-    fn about(&self, p: DVec3, each: &mut impl FnMut(usize)) -> f64 {
+    fn approximate(&self, p: DVec3, each: &mut impl FnMut(usize)) -> f64 {
         let mut sum = 0.0;
         self.tree.walk(|at, node, is_leaf| {
             each(at);
-            let Dipole { center, radius, normal } = self.areas[at];
+            let Dipole { center, radius, normal } = self.dipoles[at];
             let away = center - p;
             let distance = away.length();
-            if distance > FAR * radius {
-                // Half of the solid angle, as of triangles.
+            if distance > DIPOLE_DISTANCE * radius {
+                // Half of the solid angle, as for triangles.
                 sum += away.dot(normal) / (4.0 * distance.powi(3));
                 return false;
             }
@@ -227,7 +224,7 @@ impl Winding {
     }
 
     /// The exact winding number.
-    fn exactly(&self, p: DVec3) -> f64 {
+    fn exact(&self, p: DVec3) -> f64 {
         self.faces.iter().map(|face| half_angle(face, p)).sum::<f64>() / TAU
     }
 }
@@ -279,23 +276,23 @@ mod tests {
         scene
     }
 
-    /// The triangles of no body are looked at where none lies in another's box.
+    /// Bodies with disjoint bounds need no winding numbers.
     #[test]
-    fn bodies_apart_are_reported_by_their_boxes() {
+    fn disjoint_bodies_have_no_cavities() {
         let places: Vec<([f64; 3], f32)> = (0..1000).map(|k| ([f64::from(k) * 2.0, 0.0, 0.0], 1.0)).collect();
         let scene = scene(&places);
         let bodies = Bodies::of(&scene);
-        assert!((0..1000).all(|i| !bodies.have_hole(i)));
+        assert!((0..1000).all(|i| !bodies.is_cavity(i)));
         assert!(bodies.windings.iter().all(|winding| winding.get().is_none()));
         assert!(is_inverted(&scene.meshes[0]) && encloses(&scene.meshes[0]));
     }
 
     #[test]
-    fn holes_lie_in_bodies_of_their_material() {
+    fn cavities_lie_in_bodies_of_their_material() {
         let places = [([0.0; 3], 10.0), ([1.0; 3], 0.5), ([1.0, 5.0, 5.0], 0.5), ([-1.0; 3], 0.5)];
         let mut scene = scene(&places);
-        let holes = |scene: &Scene| [0, 1, 2, 3].map(|i| Bodies::of(scene).have_hole(i));
-        // The third lies in the box of the first, not within it.
+        let holes = |scene: &Scene| [0, 1, 2, 3].map(|i| Bodies::of(scene).is_cavity(i));
+        // The third is inside the bounds of the first, not in its volume.
         assert_eq!(holes(&scene), [false, true, false, false]);
         scene.instances[1].material = Some(MaterialId(1));
         assert_eq!(holes(&scene), [false; 4]);
@@ -303,9 +300,9 @@ mod tests {
         assert_eq!(holes(&scene), [false, false, false, true]);
     }
 
-    /// Most triangles decide; sheets without thickness have no inside.
+    /// The majority of triangles determines the orientation; sheets without thickness have none.
     #[test]
-    fn bodies_may_have_some_triangles_that_run_the_other_way() {
+    fn bodies_may_have_some_misoriented_triangles() {
         let mut mesh = inverted(0, 1.0);
         assert!(is_inverted(&mesh));
         mesh.triangles[2].swap(0, 1);
@@ -333,7 +330,7 @@ mod winding_tests {
     use super::*;
     use crate::sampling::hash::mix64;
 
-    /// A sphere of `n` by `2 n` patches; without its top rows open at the top.
+    /// A sphere of `n` by `2 n` patches, without the first `without` rows at the top.
     fn sphere(n: u32, without: u32) -> Mesh {
         let at = |i: u32, j: u32| {
             let (theta, phi) =
@@ -357,30 +354,29 @@ mod winding_tests {
     }
 
     #[test]
-    fn points_are_distinguished_as_by_all_triangles() {
+    fn inside_tests_match_exact_winding_numbers() {
         for mesh in [sphere(40, 0), sphere(40, 8), sphere(40, 20)] {
             let winding = Winding::of(&mesh, &DAffine3::IDENTITY);
             for p in (0..500).map(point) {
-                let (about, exactly) = (winding.about(p, &mut |_| ()), winding.exactly(p));
-                assert!((about - exactly).abs() < DOUBT / 4.0, "{about} {exactly} at {p}");
-                assert_eq!(winding.is_around(p), exactly.abs() > 0.5);
+                let (approximate, exact) = (winding.approximate(p, &mut |_| ()), winding.exact(p));
+                assert!((approximate - exact).abs() < UNCERTAINTY / 4.0, "{approximate} {exact} at {p}");
+                assert_eq!(winding.is_inside(p), exact.abs() > 0.5);
             }
         }
     }
 
-    /// Few parts of a surface are looked at for each point.
     #[test]
-    fn the_cost_of_a_point_hardly_grows_with_triangles() {
-        let looked = |n: u32| {
+    fn the_cost_of_a_point_grows_slowly_with_triangles() {
+        let visited_nodes = |n: u32| {
             let winding = Winding::of(&sphere(n, 0), &DAffine3::IDENTITY);
             let mut count = 0;
             for p in (0..100).map(point) {
-                winding.about(p, &mut |_| count += 1);
+                winding.approximate(p, &mut |_| count += 1);
             }
             count
         };
         // Sixteen times the triangles.
-        let (few, many) = (looked(20), looked(80));
+        let (few, many) = (visited_nodes(20), visited_nodes(80));
         assert!(many < 4 * few, "{few} {many}");
     }
 }

@@ -15,15 +15,15 @@ use crate::scene::{
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// All tables that are indexed by light.
+/// All tables indexed by light.
 pub(super) struct LightTables {
     pub groups: LightGroups,
     pub links: Links,
-    /// Empty unless the renderer is spectral; `None` for white and for textured lights.
+    /// Spectra in spectral rendering, else empty; `None` for white and textured lights.
     pub spectra: Vec<Option<Arc<Spectrum>>>,
     /// Empty if every light is visible to all kinds of rays.
     pub ray_kinds: Vec<RayKinds>,
-    /// Does an area light belong to an object that the reference picture of the shadow catchers leaves out? Empty without catchers.
+    /// By area light: is its object excluded from the reference picture of the shadow catchers? Empty without catchers.
     pub caught: Vec<bool>,
 }
 
@@ -45,28 +45,28 @@ impl LightTables {
     }
 }
 
-/// The groups of lights by number: their order is that of [`Scene::light_groups`].
+/// Light groups, as indices into [`Scene::light_groups`].
 #[derive(Clone, Debug, Default)]
 pub struct LightGroups {
     /// By light.
     lights: Vec<u16>,
     /// By material: the light group of its emission.
     materials: Vec<u16>,
-    /// By object, [`NONE`] where its materials decide; those of instances, or none where materials always do.
+    /// By instance, [`NONE`] if its materials decide; empty if materials always do.
     objects: Vec<u16>,
 }
 
-/// Marks objects without a light group of their own.
+/// Marks objects without a light group.
 const NONE: u16 = u16::MAX;
 
 /// The light group of the emission of media.
 const MEDIA: u16 = 0;
 
-/// Further groups count as the last.
+/// Maximum index of a group; further groups are merged into it.
 const MAX_GROUPS: usize = NONE as usize - 1;
 
 impl LightGroups {
-    /// The groups of the lights that were found in a scene; empty where all are in one group.
+    /// The groups of a scene's lights; empty if there is only one group.
     pub(super) fn of(
         (scene, numbers): (&Scene, &ObjectMaterials),
         all: &Lights,
@@ -77,13 +77,13 @@ impl LightGroups {
             return LightGroups::default();
         }
         let number = |name: &str| {
-            let found = names.binary_search_by(|own| own.as_str().cmp(group_or_default(name)));
+            let found = names.binary_search_by(|group| group.as_str().cmp(group_or_default(name)));
             found.unwrap_or(0).min(MAX_GROUPS) as u16
         };
         let materials: Vec<u16> = scene.materials.iter().map(|m| number(&m.light_group)).collect();
-        let own = |instance: &Instance| instance.light_group.as_deref().map_or(NONE, number);
+        let group_of = |instance: &Instance| instance.light_group.as_deref().map_or(NONE, number);
         let has_own = scene.instances.iter().any(|instance| instance.light_group.is_some());
-        let objects = scene.instances.iter().filter(|_| has_own).map(own);
+        let objects = scene.instances.iter().filter(|_| has_own).map(group_of);
         let mut groups = LightGroups { lights: Vec::new(), materials, objects: objects.collect() };
         let mut lights = vec![0; emitters.lights.len()];
         for (light, object, material) in emitters.owners(geometries) {
@@ -103,8 +103,8 @@ impl LightGroups {
 
     /// The light group of the emission of a surface.
     pub fn of_surface(&self, object: ObjectId, material: u32) -> u16 {
-        let own = self.objects.get(object.0 as usize).copied().filter(|&group| group != NONE);
-        own.or_else(|| self.materials.get(material as usize).copied()).unwrap_or(0)
+        let own_group = self.objects.get(object.0 as usize).copied().filter(|&group| group != NONE);
+        own_group.or_else(|| self.materials.get(material as usize).copied()).unwrap_or(0)
     }
 }
 
@@ -118,7 +118,7 @@ pub struct Links {
     of_lights: Vec<LightLinks>,
     /// Classes of receivers: the combinations of object sets. The first class is that of media and of objects in no set.
     classes: Vec<ObjectSets>,
-    /// By material, with the copies that objects have for themselves.
+    /// By compiled material, including copies for single objects.
     class_of_material: Vec<u32>,
 }
 
@@ -138,15 +138,15 @@ impl Links {
         of_lights.extend(scene.lights.iter().map(|light| light.links));
         of_lights.extend(lights.volumes().iter().map(|_| LightLinks::ALL));
         of_lights.extend(lights.environment().map(|_| LightLinks::ALL));
-        // Emission that light samples do not know is linked, too.
+        // Materials are tested too: emission without light sampling may be linked.
         let is_linked = |links: &LightLinks| *links != LightLinks::ALL;
         if !of_lights.iter().any(is_linked) && !materials.iter().any(|m| is_linked(&m.links())) {
             return Links::default();
         }
         let mut classes = vec![ObjectSets::NONE];
-        let mut known = HashMap::from([(ObjectSets::NONE, 0)]);
+        let mut class_of_sets = HashMap::from([(ObjectSets::NONE, 0)]);
         let mut class_of = |sets: ObjectSets| {
-            *known.entry(sets).or_insert_with(|| {
+            *class_of_sets.entry(sets).or_insert_with(|| {
                 classes.push(sets);
                 classes.len() as u32 - 1
             })
@@ -155,11 +155,11 @@ impl Links {
         Links { of_lights, classes, class_of_material }
     }
 
-    /// More classes than their numbers can represent.
+    /// The problem of too many classes.
     pub(super) fn problems(&self) -> Vec<Problem> {
         let count = self.classes.len();
         let message = format!(
-            "objects are in {count} combinations of sets of links, of {MAX_RECEIVER_CLASSES} possible"
+            "objects have {count} combinations of light link sets; at most {MAX_RECEIVER_CLASSES} are possible"
         );
         if count > MAX_RECEIVER_CLASSES { vec![Problem::new("", message)] } else { Vec::new() }
     }
@@ -169,12 +169,12 @@ impl Links {
         !self.classes.is_empty()
     }
 
-    /// How many classes of receivers there are.
+    /// Number of classes of receivers.
     pub fn classes(&self) -> usize {
         self.classes.len()
     }
 
-    /// The class of the objects that have a material.
+    /// The class of the objects with a compiled material.
     #[inline]
     pub fn class_of(&self, material: u32) -> u32 {
         self.class_of_material.get(material as usize).copied().unwrap_or(0)
@@ -186,20 +186,20 @@ impl Links {
         self.of_lights.get(index as usize).copied().unwrap_or_default()
     }
 
-    /// Does no object cast a shadow in the light of this index?
+    /// Does no object cast a shadow in a light's illumination?
     #[inline]
     pub fn is_unblocked(&self, index: u32) -> bool {
         let blockers = self.of_light(index).blockers;
         !blockers.is_all() && !self.classes.iter().any(|&class| blockers.holds(class))
     }
 
-    /// Does a light of such links illuminate receivers of a class?
+    /// Does a light with these links illuminate receivers of a class?
     #[inline]
     pub fn reach(&self, links: LightLinks, class: u32) -> bool {
         links.receivers.is_all() || links.receivers.holds(self.classes[class as usize])
     }
 
-    /// Do objects with a material cast shadows in the light of such links?
+    /// Do objects with a material cast shadows for a light with these links?
     #[inline]
     pub fn block(&self, links: LightLinks, material: u32) -> bool {
         links.blockers.is_all() || links.blockers.holds(self.classes[self.class_of(material) as usize])
@@ -225,7 +225,7 @@ fn spectra(
     }
     spectra.extend(scene.lights.iter().map(|light| of_color(light.intensity)));
     spectra.extend(lights.volumes().iter().map(|_| None));
-    // The environment is the last one.
+    // The environment is the last light.
     spectra.extend(match scene.environment {
         Environment::Constant(rgb) => Some(of_color(rgb)),
         _ => None,
@@ -233,7 +233,7 @@ fn spectra(
     spectra
 }
 
-/// The kinds of rays that each light is visible to, by light; empty if every light is visible to all kinds that light sampling serves.
+/// Ray visibility by light; empty if every light is visible to all kinds of rays that light sampling concerns.
 fn ray_kinds(
     scene: &Scene,
     lights: &Lights,
@@ -248,11 +248,10 @@ fn ray_kinds(
     if lights.environment().is_some() {
         kinds.push(scene.environment_visible_to);
     }
-    if kinds.iter().all(|&kinds| lights_all(kinds)) { Vec::new() } else { kinds }
+    if kinds.iter().all(|&kinds| has_all_sampled_kinds(kinds)) { Vec::new() } else { kinds }
 }
 
-/// By area light: does it belong to an object that is left out of the reference picture of the shadow catchers? Empty without
-/// catchers.
+/// By area light: is its object excluded from the reference picture of the shadow catchers? Empty without catchers.
 fn caught(emitters: &Emitters, geometries: &Geometries, materials: &[CompiledMaterial]) -> Vec<bool> {
     if !materials.iter().any(|m| m.surface_visibility.is_some_and(|p| p.is_catcher)) {
         return Vec::new();
@@ -264,7 +263,7 @@ fn caught(emitters: &Emitters, geometries: &Geometries, materials: &[CompiledMat
     caught
 }
 
-/// Does a set of ray kinds contain every kind that lights are sampled for?
-fn lights_all(kinds: RayKinds) -> bool {
+/// Does a set of ray kinds contain every kind that light sampling concerns?
+fn has_all_sampled_kinds(kinds: RayKinds) -> bool {
     kinds.contains(RayKinds::ALL.without(RayKinds::CAMERA).without(RayKinds::SHADOW))
 }

@@ -1,15 +1,15 @@
-//! Size limits of 32-bit indices and of the acceleration structure, checked before anything is built.
+//! Size limits of 32-bit indices and of the BVH, checked before the build.
 
 use super::plan::{InstanceMode, Plan};
 use crate::accel::{Estimate, TooLarge};
 use crate::error::{Error, ErrorKind, Problem, Result};
 use crate::scene::{CurveBasis, Curves, Keyframes, Scene};
 
-/// Largest count of anything with a 32-bit index: vertices and primitives of a space, objects, materials, lights. `u32::MAX` means
-/// none.
+/// Maximum number of elements with a 32-bit index: vertices and primitives of a space, objects, materials, lights. `u32::MAX`
+/// is reserved.
 const MAX_INDEX: u64 = u32::MAX as u64 - 1;
 
-/// An error if there are problems.
+/// Fails if there are problems.
 pub(super) fn check(problems: Vec<Problem>) -> Result<()> {
     match problems.is_empty() {
         true => Ok(()),
@@ -17,14 +17,14 @@ pub(super) fn check(problems: Vec<Problem>) -> Result<()> {
     }
 }
 
-/// Fails where a scene with its plan is too large.
+/// Fails if a scene with its plan is too large.
 pub(super) fn check_size(scene: &Scene, plan: &Plan) -> Result<()> {
     let objects = scene.instances.len() + scene.quads.len() + scene.shapes.len() + scene.curves.len();
-    // Quads and the like may all be emissive; so may triangles, which the accelerator limits.
+    // All quads and shapes may be emissive; so may triangles, which the BVH limits.
     let lights = scene.lights.len() + scene.quads.len() + scene.shapes.len();
     let curves = scene.curves.iter().map(|curves| curves.points.len() as u64).sum();
     let counts = [
-        ("vertices of meshes that are copied for each use", copied(scene, plan).map(|c| c.vertices).sum()),
+        ("vertices of meshes that are copied per instance", copied(scene, plan).map(|c| c.vertices).sum()),
         ("objects (instances, quads, shapes and curves)", objects as u64),
         ("lights, quads and shapes", lights as u64),
         ("materials", scene.materials.len() as u64),
@@ -35,19 +35,19 @@ pub(super) fn check_size(scene: &Scene, plan: &Plan) -> Result<()> {
     estimate(scene, plan).check().map_err(too_large)
 }
 
-/// Fails where curves are cut into more points than can be numbered.
-pub(super) fn check_cut_points(count: usize) -> Result<()> {
+/// Fails if the points of subdivided curves exceed 32-bit indices.
+pub(super) fn check_curve_points(count: usize) -> Result<()> {
     let is_too_many = count as u64 > MAX_INDEX;
-    let problem = || too_many_of("points of curves that were cut into straight pieces", count as u64);
+    let problem = || too_many_of("points of subdivided curves", count as u64);
     check(is_too_many.then(problem).into_iter().collect())
 }
 
 fn too_many_of(what: &str, count: u64) -> Problem {
-    Problem::new("", format!("{count} {what} are more than the {MAX_INDEX} that can be numbered"))
-        .with_help("render parts of the scene apart, or leave some of it out")
+    Problem::new("", format!("{count} {what} exceed the maximum of {MAX_INDEX}"))
+        .with_help("render parts of the scene separately, or remove some of it")
 }
 
-/// The error of a scene whose acceleration structure can't be addressed.
+/// The error of a scene whose BVH exceeds its address range.
 pub(super) fn too_large(error: TooLarge) -> Error {
     let problems = vec![Problem::new("", error.to_string())];
     Error { kind: ErrorKind::Input, file: None, problems, source_text: None }
@@ -67,7 +67,7 @@ fn copied<'a>(scene: &'a Scene, plan: &'a Plan) -> impl Iterator<Item = Copied> 
     })
 }
 
-/// Estimated primitives. Curves are not subdivided yet: each span gives at least one segment.
+/// Estimated numbers of primitives. Curves are not subdivided yet: each span has at least one segment.
 fn estimate(scene: &Scene, plan: &Plan) -> Estimate {
     let mut estimate = Estimate::default();
     copied(scene, plan).for_each(|mesh| estimate.add_triangles(mesh.triangles, 0));
@@ -84,7 +84,7 @@ fn estimate(scene: &Scene, plan: &Plan) -> Estimate {
     estimate
 }
 
-/// Spans of curves, at least.
+/// A lower bound on the number of spans of curves.
 fn spans(curves: &Curves) -> usize {
     let of_strand = |&points: &u32| match curves.basis {
         CurveBasis::Linear | CurveBasis::CatmullRom => points.saturating_sub(1) as usize,
@@ -101,7 +101,7 @@ mod tests {
     use crate::math::DAffine3;
     use crate::scene::{Instance, Mesh, MeshId, Motion, ObjectInfo, ObjectTraits, Vertices};
 
-    /// A plan alone: nothing of this size is ever in memory.
+    /// A plan without geometry, as scenes of this size don't fit in memory.
     fn plan(copies: usize, mode: InstanceMode) -> Plan {
         let world_from_object = DAffine3::IDENTITY;
         let step = Step { instance: 0, mode, world_from_object, geometry: 0, motion: None };
@@ -109,7 +109,7 @@ mod tests {
     }
 
     #[test]
-    fn too_many_copies_are_an_error_with_numbers() {
+    fn too_many_copies_are_an_error() {
         let mut scene = Scene::default();
         let mesh =
             Mesh { triangles: vec![[0, 1, 2]; 1000], positions: vec![[0.0; 3]; 9000], ..Mesh::default() };
@@ -132,7 +132,7 @@ mod tests {
         let message =
             check_size(&scene, &plan(480_000, InstanceMode::Merged)).expect_err("too large").to_string();
         assert!(message.contains("4320000000 vertices of meshes"), "{message}");
-        assert!(check_cut_points(1 << 32).is_err() && check_cut_points(1 << 31).is_ok());
+        assert!(check_curve_points(1 << 32).is_err() && check_curve_points(1 << 31).is_ok());
     }
 
     #[test]

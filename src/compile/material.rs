@@ -1,5 +1,5 @@
-//! Materials ready for shading: constant textures folded into factors, constant BSDFs evaluated once, others as programs evaluated at
-//! each hit.
+//! Compiled materials: constant textures are folded into factors, constant BSDFs evaluated once, others are programs to be
+//! evaluated at each hit.
 
 use super::medium::{Medium, is_transmissive_interface};
 use crate::bsdf::{Bsdf, BsdfClass, BsdfProgram, Factors, LocalFrame, ShadingModel, Slots};
@@ -15,91 +15,91 @@ use crate::shape::Surface;
 use crate::texture::{CompiledTextures, PointReader};
 use std::sync::Arc;
 
-/// A material ready for shading.
+/// A compiled material.
 #[derive(Clone, Debug)]
 pub struct CompiledMaterial {
     /// The class of its BSDF: the key of shading groups.
     pub class: BsdfClass,
-    /// Its BSDF, if that is the same everywhere.
+    /// The BSDF, if constant over the surface.
     pub constant: Option<Bsdf>,
-    /// In spectral rendering: its BSDF with RGB colours, if that is the same everywhere.
+    /// In spectral rendering: the BSDF with RGB colours, if constant over the surface.
     pub example: Option<Bsdf>,
-    /// The albedo of `constant`; black without one.
+    /// The albedo of `constant`; black without.
     pub albedo: Rgb,
     /// Emission, if any.
     pub emission: Option<CompiledEmission>,
-    /// In spectral rendering: the spectrum of its emission, if that is uniform and not white.
+    /// In spectral rendering: the spectrum of the emission, if uniform and not white.
     pub light_spectrum: Option<Arc<Spectrum>>,
-    /// Single-sided: rays that arrive from behind pass.
+    /// Single-sided: rays pass from behind.
     pub is_absent_from_behind: bool,
-    /// A smooth thin sheet that transmits straight on: shadow rays pass it. Not one that emits light: what passes would not take its light along.
+    /// A smooth thin sheet that transmits without refraction: shadow rays pass it. Not if emissive, as shadow rays would miss
+    /// the emission.
     pub passes_straight: bool,
-    /// Metres up to which two of its flat parallel faces make a pane that shadow rays pass; 0 where there is none.
+    /// Maximum distance, metres, of two flat parallel faces that form a pane, which shadow rays pass; 0 for no panes.
     pub pane_thickness: f32,
     /// Index-matched interface: it only bounds a medium.
     pub is_boundary: bool,
-    /// The medium of its solids; `None` for opaque and thin-walled ones.
+    /// The medium inside its solids; `None` for opaque and thin-walled materials.
     pub medium: Option<Medium>,
-    /// Number of that medium in [`super::CompiledScene::media`]; 0 where there is none.
+    /// Index of that medium in [`super::CompiledScene::media`]; 0 for none.
     pub medium_index: u16,
-    /// Perturbs shading normals.
+    /// Normal map.
     pub normal_map: Option<NormalMap>,
-    /// A graph that gives the shading normal.
+    /// A node graph for the shading normal.
     pub normal: Option<TextureId>,
-    /// The normal with the bumps of a displacement alone.
+    /// A node graph for the normal with only the bump mapping of a displacement.
     bumped_normal: Option<TextureId>,
     /// Alpha; `None` for opaque surfaces.
     pub alpha: Option<Alpha>,
-    /// Ray visibility, holdout and catcher; `None` for usual surfaces.
+    /// Ray visibility, holdout and shadow catcher; `None` for ordinary surfaces.
     pub surface_visibility: Option<SurfaceVisibility>,
     /// Vertex colours multiply the base colour.
     pub uses_vertex_colors: bool,
-    /// The BSDF's parameters depend on the view direction, so that it can be neither evaluated for another viewer nor traced from lights.
+    /// BSDF parameters depend on the view direction: the BSDF can't be reused for other viewers, nor for light tracing.
     pub depends_on_viewer: bool,
-    /// Its emission depends on the view direction, or on more of a hit than light samples have: light sampling leaves it out.
+    /// Emission depends on the view direction or on data of a hit that light samples lack: no light sampling.
     pub emission_depends_on_viewer: bool,
-    /// Some texture of it needs [`HitData`](crate::texture::HitData).
+    /// A texture reads [`HitData`](crate::texture::HitData).
     pub reads_hit: bool,
-    /// A number that graphs of nodes know it by.
+    /// Material index in node graphs.
     pub index: f32,
-    /// Some graph of it reads tangents.
+    /// A node graph reads tangents.
     reads_tangents: bool,
-    /// Some texture of it depends on the incident path.
+    /// A texture depends on the incident path.
     pub reads_path: bool,
-    /// Texture coordinates are needed.
+    /// Texture coordinates are used.
     pub uses_uv: bool,
     /// The BSDF depends on tangents or on a second normal.
     pub uses_frame: bool,
-    /// Perturbs the normals of the clearcoat.
     coat_normal_map: Option<NormalMap>,
-    /// The materials of a mix; empty for others.
+    /// Components of a mix; empty for other materials.
     pub components: Vec<CompiledComponent>,
-    /// A material of a mix: light paths, which don't select one, end at it.
+    /// A component of a mix: light paths, which don't select one, end there.
     pub is_component: bool,
     pub(super) program: BsdfProgram,
 }
 
-/// A material of a mix. Hits select one of them in place of the mix.
+/// A component of a mix, one of which is selected at each hit.
 #[derive(Clone, Debug)]
 pub struct CompiledComponent {
-    /// Factor on its BSDF.
+    /// Factor on the BSDF.
     pub weight: ColorSlot,
-    /// Its reflectance, luminance 0..1, as far as it is known: its selection is proportional to it.
+    /// Estimated reflectance (luminance, 0..1), a factor on the selection probability.
     pub reflectance: f32,
-    /// Its index among the compiled materials.
+    /// Index among the compiled materials.
     pub index: u32,
-    /// The material until it is among these.
+    /// The material until it is added to the compiled materials.
     material: Option<Box<CompiledMaterial>>,
 }
 
 /// Emitted radiance.
 #[derive(Clone, Copy, Debug)]
 pub struct CompiledEmission {
-    /// Radiance, its constant textures folded.
+    /// Radiance, with constant textures folded.
     pub radiance: ColorSlot,
     /// The back emits too.
     pub two_sided: bool,
-    /// How it depends on the direction.
+    /// Directional distribution.
     pub beam: Beam,
 }
 
@@ -108,13 +108,13 @@ pub struct CompiledEmission {
 pub struct SurfaceVisibility {
     /// Rays of other kinds pass.
     pub visible_to: RayKinds,
-    /// Rays end at it; else they add its emission and continue.
+    /// Rays end at the surface; otherwise they add its emission and continue.
     pub is_obstacle: bool,
-    /// Holdout: camera rays end at it, black and with alpha 0.
+    /// Holdout: camera rays end at the surface, black and with alpha 0.
     pub is_holdout: bool,
     /// Shadow catcher.
     pub is_catcher: bool,
-    /// The sets of objects that its object is in.
+    /// Sets of the object, for light linking.
     pub sets: ObjectSets,
     /// Light linking of its emission.
     pub links: LightLinks,
@@ -187,7 +187,7 @@ impl Slots for ByWavelength<'_> {
     }
 }
 
-/// A factor on light at a path's wavelengths, or in RGB without.
+/// A colour factor at a path's wavelengths, or in RGB if `waves` is `None`.
 pub fn share_at(slots: &PointReader<'_>, slot: &ColorSlot, waves: Option<&Wavelengths>) -> Rgb {
     match waves {
         None => slots.color(slot),
@@ -195,12 +195,12 @@ pub fn share_at(slots: &PointReader<'_>, slot: &ColorSlot, waves: Option<&Wavele
     }
 }
 
-/// Does scattering depend on the directions around the normal?
-fn has_axis(model: &Model) -> bool {
+/// Is the BSDF anisotropic?
+fn is_anisotropic(model: &Model) -> bool {
     matches!(model, Model::Hair { .. }) || model.pbr().is_some_and(|pbr| pbr.anisotropy.is_some())
 }
 
-/// The emission of a surface, and its spectrum where that is the same everywhere.
+/// The emission of a surface, and its spectrum if uniform.
 fn emission_of(
     material: &Material,
     textures: &CompiledTextures,
@@ -224,7 +224,7 @@ fn emission_of(
     (emission, light_spectrum)
 }
 
-/// The medium of a material's solids.
+/// The medium inside a material's solids.
 fn medium_of(material: &Material, model: &Model, class: BsdfClass, shading: ShadingModel) -> Option<Medium> {
     let medium = Medium::of(model, class, material.medium.as_ref());
     match shading.spectral {
@@ -233,13 +233,13 @@ fn medium_of(material: &Material, model: &Model, class: BsdfClass, shading: Shad
     }
 }
 
-/// A map that bends normals.
-fn usable(map: Option<NormalMap>, textures: &CompiledTextures) -> Option<NormalMap> {
+/// A normal map, unless it has no effect or its texture is missing.
+fn effective_map(map: Option<NormalMap>, textures: &CompiledTextures) -> Option<NormalMap> {
     map.filter(|map| map.scale != 0.0 && !textures.is_lost(map.texture))
 }
 
 impl CompiledMaterial {
-    /// Is its emission multiplied by the colours of vertices, as that of unlit models is?
+    /// Is the emission multiplied by vertex colours, as for unlit models?
     #[inline]
     pub fn emission_depends_on_vertex(&self) -> bool {
         self.uses_vertex_colors && self.class == BsdfClass::Black
@@ -253,16 +253,17 @@ impl CompiledMaterial {
         let (emission, light_spectrum) = emission_of(material, textures, shading, is_absent_from_behind);
         let alpha = alpha_of(material, textures);
         let visibility = material.emitter_traits.map(|t| SurfaceVisibility::of_emitter(&t, alpha.is_some()));
-        let normal_map = usable(material.normal_map, textures).filter(|_| class != BsdfClass::Black);
+        let normal_map = effective_map(material.normal_map, textures).filter(|_| class != BsdfClass::Black);
         let normal = material.normal.filter(|_| class != BsdfClass::Black);
         let is_textured = has_texture(&model, |id| textures.spectrum(id).is_none());
         let is_spectral = shading.spectral
             && (has_texture(&model, |id| textures.spectrum(id).is_some()) || program.depends_on_wavelength());
         let coat = model.pbr().and_then(|pbr| pbr.clearcoat);
-        let coat_normal_map = usable(coat.and_then(|c| c.normal_map), textures);
-        // The coat's normal differs from the base's where one of them is mapped.
+        let coat_normal_map = effective_map(coat.and_then(|c| c.normal_map), textures);
+        // Coat and base have different normals if either has a map.
         let is_mapped = normal_map.is_some() || normal.is_some();
-        let uses_frame = has_axis(&model) || (coat.is_some() && (is_mapped || coat_normal_map.is_some()));
+        let uses_frame =
+            is_anisotropic(&model) || (coat.is_some() && (is_mapped || coat_normal_map.is_some()));
         let uses_uv = is_textured
             || uses_frame
             || is_mapped
@@ -271,7 +272,7 @@ impl CompiledMaterial {
         let is_constant = !is_textured && !material.use_vertex_colors && !uses_frame;
         let example = is_constant.then(|| program.evaluate(&Factors, &LocalFrame::STRAIGHT));
         let constant = example.filter(|_| !is_spectral);
-        let differs = |id: TextureId| textures.depends_on_viewer(id) || textures.reads_hit(id);
+        let depends_on_hit = |id: TextureId| textures.depends_on_viewer(id) || textures.reads_hit(id);
         CompiledMaterial {
             class,
             constant,
@@ -292,7 +293,7 @@ impl CompiledMaterial {
             surface_visibility: visibility.filter(|v| *v != SurfaceVisibility::FULL),
             uses_vertex_colors: material.use_vertex_colors,
             depends_on_viewer: has_texture(&model, |id| textures.depends_on_viewer(id)),
-            emission_depends_on_viewer: emission.and_then(|e| e.radiance.texture).is_some_and(differs),
+            emission_depends_on_viewer: emission.and_then(|e| e.radiance.texture).is_some_and(depends_on_hit),
             reads_hit: material.textures().any(|id| textures.reads_hit(id)),
             index: material.index as f32,
             reads_tangents: material.textures().any(|id| textures.reads_tangents(id)),
@@ -307,7 +308,7 @@ impl CompiledMaterial {
         .with_components(&model, textures, shading)
     }
 
-    /// With the materials of a mix; what hits need that select one is what any of them needs.
+    /// Adds the components of a mix. The mix needs the hit data of all components.
     fn with_components(
         mut self,
         model: &Model,
@@ -316,7 +317,7 @@ impl CompiledMaterial {
     ) -> CompiledMaterial {
         for MixComponent { weight, material } in model.components() {
             let compiled = CompiledMaterial::new(material, textures, shading);
-            self.unite_needs(&compiled);
+            self.add_needs(&compiled);
             self.normal_map = self.normal_map.or(compiled.normal_map);
             self.normal = self.normal.or(compiled.normal);
             if self.medium.is_none() {
@@ -332,17 +333,17 @@ impl CompiledMaterial {
             }));
             self.components.push(CompiledComponent { weight: *weight, reflectance, index: 0, material });
         }
-        // Weights are part of a component's radiance.
+        // The weights of the mix affect the radiance of components.
         for component in self.components.iter_mut().filter_map(|c| c.material.as_deref_mut()) {
             component.depends_on_viewer |= self.depends_on_viewer;
             component.reads_path |= self.reads_path;
         }
-        self.blended()
+        self.with_blend()
     }
 
-    /// With the sum of two components as its BSDF where [`Blend`](crate::bsdf::Blend) can be that: it is evaluated whole, so that no
-    /// selection adds noise. They may differ in nothing but what they reflect.
-    fn blended(self) -> CompiledMaterial {
+    /// Replaces two components by a single BSDF, their weighted sum, if [`Blend`](crate::bsdf::Blend) supports it: without
+    /// random selection there is less noise. The components must have equal normals and no emission, alpha or medium.
+    fn with_blend(self) -> CompiledMaterial {
         let [CompiledComponent { weight: of_a, material: Some(a), .. }, second] = &self.components[..] else {
             return self;
         };
@@ -355,9 +356,9 @@ impl CompiledMaterial {
                 && !m.uses_frame
         };
         let normals = |m: &CompiledMaterial| (m.normal_map, m.normal, m.bumped_normal);
-        let are_alike = is_plain(a) && is_plain(b) && normals(a) == normals(b);
+        let are_compatible = is_plain(a) && is_plain(b) && normals(a) == normals(b);
         let weights = [*of_a, *of_b];
-        let program = BsdfProgram::blend(weights, [&a.program, &b.program]).filter(|_| are_alike);
+        let program = BsdfProgram::blend(weights, [&a.program, &b.program]).filter(|_| are_compatible);
         let Some(program) = program else { return self };
         let is_constant =
             [a, b].iter().all(|m| m.alike().is_some()) && weights.iter().all(|w| w.texture.is_none());
@@ -383,7 +384,7 @@ impl CompiledMaterial {
     }
 
     /// Adds the hit data that another material needs.
-    fn unite_needs(&mut self, other: &CompiledMaterial) {
+    fn add_needs(&mut self, other: &CompiledMaterial) {
         self.uses_vertex_colors |= other.uses_vertex_colors;
         self.uses_uv |= other.uses_uv;
         self.uses_frame |= other.uses_frame;
@@ -393,20 +394,25 @@ impl CompiledMaterial {
         self.reads_path |= other.reads_path;
     }
 
-    /// Materials of a mix whose solids are filled with another medium than the mix's own, with that, where one of both scatters light.
-    pub(super) fn parts_filled_otherwise(&mut self) -> impl Iterator<Item = (&mut CompiledMaterial, Medium)> {
-        let own = self.medium.as_ref();
+    /// Components of a mix with another medium than that of the mix, if either scatters; with their medium.
+    pub(super) fn components_with_other_media(
+        &mut self,
+    ) -> impl Iterator<Item = (&mut CompiledMaterial, Medium)> {
+        let own_medium = self.medium.as_ref();
         self.components.iter_mut().filter_map(move |component| {
             let part = component.material.as_deref_mut()?;
             let medium = part.medium.clone()?;
             let scatters = |medium: &Medium| medium.scattering.is_some();
-            let is_other = own.is_some_and(|own| *own != medium && (scatters(own) || scatters(&medium)));
+            let is_other = own_medium.is_some_and(|own_medium| {
+                *own_medium != medium && (scatters(own_medium) || scatters(&medium))
+            });
             is_other.then_some((part, medium))
         })
     }
 
-    /// Moves the materials of a mix to the end of all materials, with its visibility to rays and, where they have none of their own, its medium.
-    pub(super) fn place_components(&mut self, first: usize) -> Vec<CompiledMaterial> {
+    /// Removes the components' materials, to be appended to all materials from index `first`. They get the ray visibility of the
+    /// mix, and its medium unless they have their own.
+    pub(super) fn take_components(&mut self, first: usize) -> Vec<CompiledMaterial> {
         let (surface_visibility, medium_index) = (self.surface_visibility, self.medium_index);
         let mut placed = Vec::new();
         for component in &mut self.components {
@@ -422,41 +428,42 @@ impl CompiledMaterial {
         placed
     }
 
-    /// Does its outgoing radiance depend on the incident path, or do its parameters depend on the viewer?
+    /// Does the outgoing radiance depend on the incident path or the view direction beyond the BSDF?
     pub fn depends_on_path(&self) -> bool {
         self.depends_on_viewer || self.reads_path || self.alpha.is_some_and(|alpha| alpha.depends_on_viewer)
     }
 
-    /// Its BSDF, which is the same everywhere but for colours by wavelength.
+    /// The BSDF, if constant over the surface apart from spectral colours.
     pub fn alike(&self) -> Option<Bsdf> {
         self.constant.or(self.example)
     }
 
-    /// The material on objects with traits.
+    /// A copy of the material for objects with traits.
     pub(super) fn with_traits(&self, traits: &ObjectTraits) -> CompiledMaterial {
-        let own = self.surface_visibility.unwrap_or(SurfaceVisibility::FULL);
-        let visible_to = own.visible_to.and(traits.visible_to);
+        let own_visibility = self.surface_visibility.unwrap_or(SurfaceVisibility::FULL);
+        let visible_to = own_visibility.visible_to.and(traits.visible_to);
         let (is_holdout, is_catcher) = (traits.is_holdout, traits.is_shadow_catcher);
         let (sets, links) = (traits.sets, traits.links);
-        let surface_visibility = SurfaceVisibility { visible_to, is_holdout, is_catcher, sets, links, ..own };
+        let surface_visibility =
+            SurfaceVisibility { visible_to, is_holdout, is_catcher, sets, links, ..own_visibility };
         CompiledMaterial {
             surface_visibility: Some(surface_visibility).filter(|p| *p != SurfaceVisibility::FULL),
             ..self.clone()
         }
     }
 
-    /// Is its object left out of the reference picture of shadow catchers? Pure emitters are not: they scatter nothing.
+    /// Is its object excluded from the reference picture of shadow catchers? Not for pure emitters, which don't scatter light.
     pub fn is_of_caught_object(&self) -> bool {
-        let is_lamp = !self.uses_normals() && self.emission.is_some();
-        !is_lamp && !self.surface_visibility.is_some_and(|v| v.is_catcher)
+        let is_pure_emitter = !self.uses_normals() && self.emission.is_some();
+        !is_pure_emitter && !self.surface_visibility.is_some_and(|v| v.is_catcher)
     }
 
-    /// The ray kinds that it is visible to.
+    /// Kinds of rays that it is visible to.
     pub fn visible_to(&self) -> RayKinds {
         self.surface_visibility.map_or(RayKinds::ALL, |v| v.visible_to)
     }
 
-    /// The sets of objects that its object is in.
+    /// Sets of its object, for light linking.
     pub fn sets(&self) -> ObjectSets {
         self.surface_visibility.map_or(ObjectSets::NONE, |v| v.sets)
     }
@@ -467,12 +474,12 @@ impl CompiledMaterial {
         self.surface_visibility.map_or(LightLinks::ALL, |v| v.links)
     }
 
-    /// Is it absent everywhere?
+    /// Is its alpha 0 everywhere?
     pub fn is_invisible(&self) -> bool {
         self.alpha.is_some_and(|alpha| alpha.is_never_present())
     }
 
-    /// May rays pass its surface?
+    /// May rays pass its surface without scattering?
     pub fn may_be_absent(&self) -> bool {
         self.alpha.is_some()
             || self.surface_visibility.is_some()
@@ -488,17 +495,17 @@ impl CompiledMaterial {
         self.alpha.is_some() && !self.is_boundary
     }
 
-    /// Is it smooth glass, whatever textures show?
+    /// Is it smooth glass for all texture values?
     pub fn is_smooth_glass(&self) -> bool {
         self.program.is_smooth_glass()
     }
 
-    /// Do the normals of vertices matter?
+    /// Are vertex normals used?
     pub fn uses_normals(&self) -> bool {
         self.class != BsdfClass::Black || self.reads_hit || !self.components.is_empty()
     }
 
-    /// Do tangents matter?
+    /// Are tangents used?
     pub fn uses_tangents(&self) -> bool {
         self.normal_map.is_some() || self.reads_tangents || self.uses_frame
     }
@@ -528,8 +535,8 @@ impl CompiledMaterial {
         if self.uses_vertex_colors { bsdf.tinted(uplift_reflectance(vertex_color, waves)) } else { bsdf }
     }
 
-    /// The shading normal at a point, from the normal map if there is one, and whether a graph's normal points into the surface: it is laid into
-    /// the tangent plane then. Normal maps stay on the outer side.
+    /// The shading normal at a point, from the node graph or the normal map if any; and whether the normal of the graph was below
+    /// the surface and has been moved to the tangent plane. Normal maps never point below the surface.
     #[inline]
     pub fn shading_normal(
         &self,
@@ -538,25 +545,25 @@ impl CompiledMaterial {
         tangent_frame: Option<Mat3>,
     ) -> (Vec3, bool) {
         match self.normal {
-            Some(graph) => given_normal(graph, slots, surface),
+            Some(graph) => graph_normal(graph, slots, surface),
             None => (mapped_normal(self.normal_map, slots, surface, tangent_frame), false),
         }
     }
 
-    /// The normal with the bumps of a displacement alone, where there are some; `ns` is the shading normal.
+    /// The normal with only the bump mapping of a displacement, if any; `ns` is the shading normal.
     #[inline]
     pub fn bumped_normal(&self, slots: &PointReader<'_>, surface: &Surface, ns: Vec3) -> Option<Vec3> {
         let graph = self.bumped_normal?;
-        Some(if self.normal == Some(graph) { ns } else { given_normal(graph, slots, surface).0 })
+        Some(if self.normal == Some(graph) { ns } else { graph_normal(graph, slots, surface).0 })
     }
 
-    /// The normal of the normal map at a point, in the tangent frame; not normalised, zero without a map.
+    /// The value of the normal map at a point, in tangent space, not normalised; zero without a map.
     #[inline]
     pub fn mapped(&self, slots: &PointReader<'_>) -> Vec3 {
-        self.normal_map.map_or(Vec3::ZERO, |map| local_normal(map, slots))
+        self.normal_map.map_or(Vec3::ZERO, |map| tangent_space_normal(map, slots))
     }
 
-    /// The clearcoat's normal at a point. Without a map it is the surface's own, not the base's mapped one.
+    /// The clearcoat's normal at a point: without its own map the unmapped shading normal, not the base's mapped one.
     #[inline]
     pub fn coat_normal(
         &self,
@@ -567,43 +574,44 @@ impl CompiledMaterial {
         mapped_normal(self.coat_normal_map, slots, surface, tangent_frame)
     }
 
-    /// The directions that the BSDF depends on at a point, in the frame that [`Frame::from_normal`] makes of the normal
-    /// that it is used with.
+    /// Tangents and coat normal at a point, in the local frame of the BSDF (of [`Frame::from_normal`]).
     pub fn local_frame(&self, frame: &Frame, tangent_frame: Option<Mat3>, coat_normal: Vec3) -> LocalFrame {
-        let straight = LocalFrame::STRAIGHT;
+        let default = LocalFrame::STRAIGHT;
         let flat = |v: Vec3, otherwise| {
             let local = frame.to_local(v).truncate();
             if local.length_squared() > 1e-12 { local } else { otherwise }
         };
         let (tangent, bitangent) = match tangent_frame {
-            Some(t) => (flat(t.x_axis, straight.tangent), flat(t.y_axis, straight.bitangent)),
-            None => (straight.tangent, straight.bitangent),
+            Some(t) => (flat(t.x_axis, default.tangent), flat(t.y_axis, default.bitangent)),
+            None => (default.tangent, default.bitangent),
         };
         let normal = frame.to_local(coat_normal).normalize_or_zero();
-        let coat_normal = if normal.z > 1e-3 { normal } else { straight.coat_normal };
+        let coat_normal = if normal.z > 1e-3 { normal } else { default.coat_normal };
         LocalFrame { tangent, bitangent, coat_normal }
     }
 }
 
-/// The normal that a graph gives, and whether it points into the surface; the surface's own where it gives none.
+/// The normal of a node graph, and whether it pointed below the surface and was clamped; the surface's shading normal for
+/// zero results.
 #[inline(never)]
-fn given_normal(graph: TextureId, slots: &PointReader<'_>, surface: &Surface) -> (Vec3, bool) {
-    let given = slots.vector(graph).unwrap_or(Vec3::ZERO).normalize_or_zero();
-    let given = given * if slots.is_back() { -1.0 } else { 1.0 };
-    let height = given.dot(surface.ns);
+fn graph_normal(graph: TextureId, slots: &PointReader<'_>, surface: &Surface) -> (Vec3, bool) {
+    let result = slots.vector(graph).unwrap_or(Vec3::ZERO).normalize_or_zero();
+    let result = result * if slots.is_back() { -1.0 } else { 1.0 };
+    let height = result.dot(surface.ns);
     if height > 0.0 {
-        return (given, false);
+        return (result, false);
     }
-    let tangent = (given - surface.ns * height).normalize_or_zero();
+    let tangent = (result - surface.ns * height).normalize_or_zero();
     let is_opposite = tangent == Vec3::ZERO;
-    let laid = if is_opposite { surface.ns } else { (tangent + surface.ns * MIN_HEIGHT).normalize() };
-    (laid, given != Vec3::ZERO)
+    let clamped = if is_opposite { surface.ns } else { (tangent + surface.ns * MIN_HEIGHT).normalize() };
+    (clamped, result != Vec3::ZERO)
 }
 
-/// Cosine to the surface's normal of normals that point into it.
+/// Cosine to the surface's normal of clamped normals.
 const MIN_HEIGHT: f32 = 1e-4;
 
-/// A normal from a map; the surface's shading normal without one, and where the map leads to its other side.
+/// The normal of a map in world space; the surface's shading normal without a map, and if the map's normal points below the
+/// surface.
 #[inline]
 fn mapped_normal(
     map: Option<NormalMap>,
@@ -612,13 +620,13 @@ fn mapped_normal(
     tangent_frame: Option<Mat3>,
 ) -> Vec3 {
     let (Some(map), Some(frame)) = (map, tangent_frame) else { return surface.ns };
-    let bent = (frame * local_normal(map, slots)).normalize_or_zero();
-    if bent.dot(surface.ns) > 0.0 { bent } else { surface.ns }
+    let mapped = (frame * tangent_space_normal(map, slots)).normalize_or_zero();
+    if mapped.dot(surface.ns) > 0.0 { mapped } else { surface.ns }
 }
 
-/// The normal of a normal map, in the frame of the surface; not normalised.
+/// The value of a normal map in tangent space, not normalised.
 #[inline(always)]
-fn local_normal(map: NormalMap, slots: &PointReader<'_>) -> Vec3 {
+fn tangent_space_normal(map: NormalMap, slots: &PointReader<'_>) -> Vec3 {
     let [x, y, z, _] = slots.eval(map.texture);
     Vec3::new((2.0 * x - 1.0) * map.scale, (2.0 * y - 1.0) * map.scale, 2.0 * z - 1.0)
 }
@@ -631,10 +639,10 @@ fn is_transmissive(model: &Model) -> bool {
     }
 }
 
-/// Has a model a texture of which something holds?
-fn has_texture(model: &Model, holds: impl Fn(TextureId) -> bool) -> bool {
+/// Has a model a texture that satisfies a predicate?
+fn has_texture(model: &Model, predicate: impl Fn(TextureId) -> bool) -> bool {
     let mut found = false;
-    model.visit("", &mut |_, parameter| found |= parameter.texture().is_some_and(&holds));
+    model.visit("", &mut |_, parameter| found |= parameter.texture().is_some_and(&predicate));
     found
 }
 
@@ -642,25 +650,25 @@ fn has_texture(model: &Model, holds: impl Fn(TextureId) -> bool) -> bool {
 #[derive(Clone, Copy, Debug)]
 pub struct Alpha {
     pub(super) slot: FloatSlot,
-    /// Factor on light that passes; `None` where it is white.
+    /// Colour factor on light that passes transparent parts; `None` for white.
     pub passing: Option<ColorSlot>,
     cutoff: Option<f32>,
-    /// It differs with the direction of the ray.
+    /// Alpha depends on the view direction.
     pub depends_on_viewer: bool,
 }
 
 impl Alpha {
-    /// Does it vary by a texture?
+    /// Is alpha textured?
     fn is_textured(&self) -> bool {
         self.slot.texture.is_some() || self.passing.is_some_and(|passing| passing.texture.is_some())
     }
 
-    /// Zero alpha stays zero whatever vertices and textures multiply it with.
+    /// Is alpha 0 everywhere? (Vertex colours and textures only multiply it.)
     pub(super) fn is_never_present(&self) -> bool {
         self.slot.factor == 0.0 && self.passing.is_none() && self.cutoff.is_none_or(|cutoff| cutoff > 0.0)
     }
 
-    /// The opacity at a point: the probability that rays hit the surface there.
+    /// The opacity at a point: the probability that rays hit the surface.
     #[inline]
     pub fn opacity(&self, slots: &PointReader<'_>, vertex_alpha: f32) -> f32 {
         let alpha = slots.number(&self.slot) * vertex_alpha;
@@ -671,7 +679,7 @@ impl Alpha {
     }
 }
 
-/// To which rays a material is visible; `None` where it is to all.
+/// The alpha of a material; `None` if opaque everywhere.
 fn alpha_of(material: &Material, textures: &CompiledTextures) -> Option<Alpha> {
     let slot = fold_float(material.alpha, textures);
     let passing = fold_color(material.passing, textures);
@@ -684,15 +692,14 @@ fn alpha_of(material: &Material, textures: &CompiledTextures) -> Option<Alpha> {
         AlphaMode::Blend => None,
     };
     let alpha = Alpha { slot, passing, cutoff, depends_on_viewer };
-    // Present everywhere: nothing to do.
     let present = |a: f32| alpha.cutoff.map_or(a >= 1.0, |cutoff| a >= cutoff);
     let constant = slot.texture.is_none() && !material.use_vertex_colors;
     (!(constant && present(slot.factor))).then_some(alpha)
 }
 
-// Constant folding: a constant texture is multiplied into the factor of its slot.
+// Constant folding: constant textures are multiplied into the factor of their slot.
 
-/// A colour with a constant texture folded in.
+/// A colour with constant textures folded.
 fn fold_color(slot: ColorSlot, textures: &CompiledTextures) -> ColorSlot {
     match slot.texture.and_then(|id| textures.constant(id)) {
         Some(c) => ColorSlot::constant([0, 1, 2].map(|i| slot.factor[i] * c[i])),
@@ -701,7 +708,7 @@ fn fold_color(slot: ColorSlot, textures: &CompiledTextures) -> ColorSlot {
     }
 }
 
-/// A number with a constant texture folded in.
+/// A number with constant textures folded.
 fn fold_float(slot: FloatSlot, textures: &CompiledTextures) -> FloatSlot {
     match slot.texture.and_then(|(id, channel)| Some((textures.constant(id)?, channel))) {
         Some((c, channel)) => FloatSlot::constant(slot.factor * c[usize::from(channel & 3)]),
@@ -710,7 +717,7 @@ fn fold_float(slot: FloatSlot, textures: &CompiledTextures) -> FloatSlot {
     }
 }
 
-/// A model with constant textures folded in and without layers that do nothing.
+/// A model with constant textures folded and without layers that have no effect.
 fn fold_model(model: &Model, textures: &CompiledTextures) -> Model {
     let mut folded = model.clone();
     folded.visit_mut("", &mut |_, parameter| match parameter {
@@ -733,9 +740,9 @@ fn drop_absent_layers(pbr: &mut PbrMaterial) {
     pbr.diffuse_transmission = pbr.diffuse_transmission.filter(|d| !is_zero(&d.factor));
 }
 
-// Spectral rendering: constant colours of materials are uplifted to spectra. Greys stay factors.
+// Spectral rendering: constant colours of materials are uplifted to spectra; greys remain factors.
 
-/// A material whose constant colours are spectra among the textures.
+/// A material with constant colours replaced by spectral textures.
 pub(super) fn with_spectra(material: &Material, textures: &mut CompiledTextures) -> Material {
     let mut uplifted = material.clone();
     uplifted.model.visit_mut("", &mut |_, parameter| {
@@ -753,14 +760,14 @@ pub(super) fn with_spectra(material: &Material, textures: &mut CompiledTextures)
     uplifted
 }
 
-/// Emission: the slot with a constant colour in place of a spectrum, and the spectrum.
+/// Emission with the RGB colour in place of a spectrum, and the spectrum.
 fn light_spectrum(slot: ColorSlot, textures: &CompiledTextures) -> (ColorSlot, Option<Arc<Spectrum>>) {
     let slot = fold_color(slot, textures);
     match slot.texture {
         Some(id) => match textures.spectrum(id) {
             Some(spectrum) => {
-                let look = spectrum.rgb().max(Rgb::ZERO) * Rgb::from_array(slot.factor);
-                (ColorSlot::constant(look.to_array()), Some(Arc::new(spectrum.clone())))
+                let rgb = spectrum.rgb().max(Rgb::ZERO) * Rgb::from_array(slot.factor);
+                (ColorSlot::constant(rgb.to_array()), Some(Arc::new(spectrum.clone())))
             }
             None => (slot, None),
         },

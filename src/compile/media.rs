@@ -1,4 +1,4 @@
-//! The numbered media of a scene: that around all solids first, then those of materials. Warnings about media that overlap too much.
+//! The media of a scene by index: the exterior medium first, then those of materials. Warnings about overlapping media.
 
 use super::box_tree::{Bounds, BoxTree, NumberedBox};
 use super::density_grid::{CompiledEmissionGrid, DensityGrid};
@@ -17,10 +17,10 @@ use std::cell::OnceCell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-/// Gathers the media of a scene's materials after that of the environment, and sets their numbers in the materials.
+/// Collects the media of a scene's materials after the exterior medium, and sets their indices in the materials.
 ///
-/// Materials that nothing has get none. Neither do clear media of open surfaces: a pane that is a single sheet is meant as
-/// a window, and would fill the room behind it with glass.
+/// Unused materials get none, nor do clear media of open surfaces: a window modelled as a single sheet would fill the room
+/// behind it with glass.
 pub(super) fn number(
     scene: &Scene,
     anchor: DVec3,
@@ -28,11 +28,11 @@ pub(super) fn number(
     is_spectral: bool,
     warnings: &mut Vec<Warning>,
 ) -> Vec<Medium> {
-    warn_of_endless_fog(scene, warnings);
-    warn_of_still_grids(scene, warnings);
+    warn_of_unbounded_fog(scene, warnings);
+    warn_of_static_grids(scene, warnings);
     let grids = scene.grids.iter().map(|grid| Arc::new(DensityGrid::new(grid, anchor)));
     let grids: Vec<Arc<DensityGrid>> = grids.collect();
-    let mut media = vec![surrounding(scene.fog.as_ref(), anchor, is_spectral)];
+    let mut media = vec![exterior(scene.fog.as_ref(), anchor, is_spectral)];
     let mut left_out = 0;
     let uses = OnceCell::new();
     for (id, material) in materials.iter_mut().enumerate() {
@@ -44,7 +44,7 @@ pub(super) fn number(
             Watertightness::Open if medium.scattering.is_some() => {
                 let name = &scene.materials[id].name;
                 warnings.push(Warning::general(format!(
-                    "material '{name}' fills nothing: its surfaces have edges, and a medium needs a closed solid"
+                    "the medium of material '{name}' has no effect: its meshes are open, and a medium needs a closed solid"
                 )));
                 false
             }
@@ -70,20 +70,19 @@ pub(super) fn number(
             Err(_) => left_out += 1,
         }
         if watertightness == Watertightness::Closed {
-            left_out += number_parts(material, scene.materials[id].priority, &mut media);
+            left_out += number_components(material, scene.materials[id].priority, &mut media);
         }
     }
     if left_out > 0 {
-        let most = u16::MAX;
+        let max = u16::MAX;
         warnings.push(Warning::general(format!(
-            "{left_out} materials of solids are more than the {most} whose insides are kept apart: the others neither \
-             absorb nor show what is around them"
+            "{left_out} materials of solids exceed the maximum of {max} media: their interiors have no effect"
         )));
     }
     media
 }
 
-/// Finds the media of solids that surfaces enclose through which no light sample passes.
+/// Marks media whose solids are enclosed by surfaces that no shadow ray passes.
 pub(super) fn mark_enclosed(scene: &Scene, materials: &[CompiledMaterial], media: &mut [Medium]) {
     if !media.iter().filter_map(|m| m.scattering.as_ref()).any(|s| !s.counts) {
         return;
@@ -94,7 +93,7 @@ pub(super) fn mark_enclosed(scene: &Scene, materials: &[CompiledMaterial], media
         parts.chain([material]).for_each(|m| is_open[usize::from(m.medium_index)] = true);
     };
     materials.iter().filter(|m| m.may_be_absent()).for_each(&mut open);
-    // A body may have different materials where it is entered and left.
+    // A mesh may have different materials where rays enter and leave.
     for instance in &scene.instances {
         let parts = || {
             part_materials(&scene.meshes[instance.mesh.index()], instance).map(|id| &materials[id.index()])
@@ -113,14 +112,14 @@ pub(super) fn mark_enclosed(scene: &Scene, materials: &[CompiledMaterial], media
     }
 }
 
-/// Numbers the media of a mix beside its own: what scatters beneath the surface is kept apart from clear glass. Gives how many found
-/// no number.
-fn number_parts(mix: &mut CompiledMaterial, priority: i32, media: &mut Vec<Medium>) -> usize {
+/// Adds the media of a mix's components that differ from its own, such as subsurface scattering in clear glass. Returns the
+/// number of media beyond the maximum.
+fn number_components(mix: &mut CompiledMaterial, priority: i32, media: &mut Vec<Medium>) -> usize {
     let mut left_out = 0;
-    for (part, mut medium) in mix.parts_filled_otherwise() {
+    for (component, mut medium) in mix.components_with_other_media() {
         match u16::try_from(media.len()) {
             Ok(index) => {
-                part.medium_index = index;
+                component.medium_index = index;
                 if let Some(scattering) = &mut medium.scattering {
                     scattering.counts = false;
                 }
@@ -132,13 +131,13 @@ fn number_parts(mix: &mut CompiledMaterial, priority: i32, media: &mut Vec<Mediu
     left_out
 }
 
-/// Replacements of subsurface materials whose surfaces enclose no volume: all light would leave an open sheet on its other side,
-/// whatever the colour. They get a diffuse base with the albedo of a thick slab.
-pub(super) fn without_bodies(scene: &Scene, warnings: &mut Vec<Warning>) -> Vec<Option<Material>> {
+/// Replacements of subsurface materials on open meshes, where all light would pass to the other side: a diffuse base with the
+/// albedo of a semi-infinite slab.
+pub(super) fn replace_open_subsurface(scene: &Scene, warnings: &mut Vec<Warning>) -> Vec<Option<Material>> {
     let uses = OnceCell::new();
     let watertightness =
         |id: usize| uses.get_or_init(|| MaterialUses::of(scene)).watertightness(MaterialId(id as u32));
-    let mut without_body = |(id, material): (usize, &Material)| {
+    let mut replacement = |(id, material): (usize, &Material)| {
         let (medium, pbr) = (material.medium?, material.model.pbr()?);
         let through = pbr.diffuse_transmission.filter(|t| t.factor == FloatSlot::constant(1.0))?;
         let scatters = (0..3).any(|c| medium.extinction[c] * medium.albedo[c] > 0.0);
@@ -148,8 +147,8 @@ pub(super) fn without_bodies(scene: &Scene, warnings: &mut Vec<Warning>) -> Vec<
         }
         let name = &material.name;
         let message = format!(
-            "material '{name}' has no body for its subsurface scattering: its surfaces have edges, and get a diffuse base of \
-             its colour; close the mesh"
+            "the subsurface scattering of material '{name}' needs a closed mesh: it is replaced by diffuse reflection of \
+            its colour; close the mesh"
         );
         warnings.push(Warning::general(("subsurface-open", message)));
         let (color, slot) = (medium.color(), through.color);
@@ -158,31 +157,31 @@ pub(super) fn without_bodies(scene: &Scene, warnings: &mut Vec<Warning>) -> Vec<
         (model.diffuse_transmission, model.has_volume) = (None, false);
         Some(Material { medium: None, model: Model::Pbr(Box::new(model)), ..material.clone() })
     };
-    scene.materials.iter().enumerate().map(&mut without_body).collect()
+    scene.materials.iter().enumerate().map(&mut replacement).collect()
 }
 
-/// Warns of distant lights that unbounded fog hides.
-fn warn_of_endless_fog(scene: &Scene, warnings: &mut Vec<Warning>) {
-    let is_endless =
-        |fog: &Fog| fog_density(fog, DVec3::ZERO).is_endless() && fog.medium.extinction != [0.0; 3];
+/// Warns of distant lights that unbounded fog occludes.
+fn warn_of_unbounded_fog(scene: &Scene, warnings: &mut Vec<Warning>) {
+    let is_unbounded =
+        |fog: &Fog| fog_density(fog, DVec3::ZERO).is_unbounded() && fog.medium.extinction != [0.0; 3];
     let has_far_light = scene.environment != Environment::Black
         || scene.lights.iter().any(|light| light.kind.position().is_none());
-    if scene.fog.as_ref().is_some_and(is_endless) && has_far_light {
+    if scene.fog.as_ref().is_some_and(is_unbounded) && has_far_light {
         warnings.push(Warning::general(
-            "the fog has no end, so that no light of the environment or a sun comes through: give it a radius",
+            "the fog is unbounded, so that no light of the environment or a sun passes: give it a radius",
         ));
     }
 }
 
 /// Warns of moving objects whose medium has a density grid, which is static.
-fn warn_of_still_grids(scene: &Scene, warnings: &mut Vec<Warning>) {
+fn warn_of_static_grids(scene: &Scene, warnings: &mut Vec<Warning>) {
     let is_on_grid = |id: MaterialId| {
         scene.materials.get(id.index()).and_then(|m| m.medium).is_some_and(|medium| medium.grid.is_some())
     };
     if !scene.materials.iter().any(|m| m.medium.is_some_and(|medium| medium.grid.is_some())) {
         return;
     }
-    // By more than rounding.
+    // Differences above rounding.
     let differ = |a: &DAffine3, b: &DAffine3| !a.abs_diff_eq(*b, 1e-9);
     let moves = |instance: &Instance| match instance.motion {
         Motion::Still => false,
@@ -213,12 +212,12 @@ fn warn_of_still_grids(scene: &Scene, warnings: &mut Vec<Warning>) {
     for (object, id) in moving.collect::<BTreeSet<(&str, MaterialId)>>() {
         let material = &scene.materials[id.index()].name;
         warnings.push(Warning::general(format!(
-            "object '{object}' moves, but the grid of its medium, that of material '{material}', stands still in the world"
+            "object '{object}' moves, but the grid of its medium (material '{material}') is static"
         )));
     }
 }
 
-/// The kind of the medium inside a solid.
+/// The density of the medium inside a solid.
 fn density(medium: &scene::Medium, scene: &Scene, grids: &[Arc<DensityGrid>]) -> Density {
     let Some(grid) = medium.grid else { return Density::Homogeneous };
     let ready = |id: GridId| grids[id.index()].clone();
@@ -232,8 +231,8 @@ fn density(medium: &scene::Medium, scene: &Scene, grids: &[Arc<DensityGrid>]) ->
     Density::Grid(GridMedium { density, extinction, scattering, emission })
 }
 
-/// The media that emit, as lights: those on grids, and homogeneous ones of which there is one body, by the box around it. Bodies with a
-/// surface are left out: no light sample passes it.
+/// Emissive media as lights: those with grids, and homogeneous ones with a single object, by its bounding box. Only
+/// index-matched media: shadow rays don't pass other interfaces.
 pub(super) fn volume_lights(
     scene: &Scene,
     materials: &[CompiledMaterial],
@@ -263,13 +262,13 @@ pub(super) fn volume_lights(
     media.iter().enumerate().filter_map(light).collect()
 }
 
-/// Is its transmittance to infinity 0 in all channels?
+/// Is the transmittance of fog to infinity 0 in all channels?
 pub(super) fn is_opaque_to_far_light(fog: &Fog) -> bool {
     let is_dense = fog.medium.extinction.iter().all(|&extinction| extinction > 0.0);
-    is_dense && fog_density(fog, DVec3::ZERO).is_endless()
+    is_dense && fog_density(fog, DVec3::ZERO).is_unbounded()
 }
 
-/// The kind of fog, relative to `anchor`.
+/// The density of fog, relative to `anchor`.
 fn fog_density(fog: &Fog, anchor: DVec3) -> Density {
     match fog.radius.is_finite() {
         true => Density::Ball(Ball { center: (fog.center - anchor).as_vec3(), radius: fog.radius as f32 }),
@@ -277,12 +276,12 @@ fn fog_density(fog: &Fog, anchor: DVec3) -> Density {
     }
 }
 
-/// The medium around the scene, relative to `anchor`.
-fn surrounding(fog: Option<&Fog>, anchor: DVec3, is_spectral: bool) -> Medium {
+/// The exterior medium, relative to `anchor`.
+fn exterior(fog: Option<&Fog>, anchor: DVec3, is_spectral: bool) -> Medium {
     let Some(fog) = fog else { return Medium::AIR };
     let extinction = Rgb::from_array(fog.medium.extinction);
-    let is_there = extinction.max_element() > 0.0;
-    let whole = Scattering {
+    let has_extinction = extinction.max_element() > 0.0;
+    let scattering = Scattering {
         extinction,
         scattered: extinction * Rgb::from_array(fog.medium.albedo),
         emission: Rgb::from_array(fog.medium.emission),
@@ -296,8 +295,8 @@ fn surrounding(fog: Option<&Fog>, anchor: DVec3, is_spectral: bool) -> Medium {
             None
         },
     };
-    // Fog that only absorbs ends somewhere, too.
-    let scattering = (is_there || whole.emission.max_element() > 0.0).then_some(whole);
+    // Absorbing fog also needs `Scattering`, for its bounds.
+    let scattering = (has_extinction || scattering.emission.max_element() > 0.0).then_some(scattering);
     Medium { adds_up: scattering.is_some(), scattering, ..Medium::AIR }
 }
 
@@ -308,8 +307,8 @@ pub const OVERLAP_LIMIT: usize = 8;
 pub(super) fn warn_of_overlaps(scene: &Scene, materials: &[CompiledMaterial], warnings: &mut Vec<Warning>) {
     let Some(place) = point_of_overlap(bodies(scene, materials), OVERLAP_LIMIT) else { return };
     warnings.push(Warning::general(format!(
-        "more than {OVERLAP_LIMIT} media without a surface overlap, by the boxes around them, as at ({:.4}, {:.4}, {:.4}): paths know the \
-         {OVERLAP_LIMIT} that they entered last, and what the others do is missing in such places; make bodies smaller, or one of several",
+        "more than {OVERLAP_LIMIT} media without a surface overlap, by their bounding boxes, as at ({:.4}, {:.4}, {:.4}): only the last \
+        {OVERLAP_LIMIT} media entered have an effect there; make their objects smaller, or merge several",
         place.x, place.y, place.z
     )));
 }
@@ -329,13 +328,13 @@ fn bodies(scene: &Scene, materials: &[CompiledMaterial]) -> Vec<Bounds> {
     found
 }
 
-/// Has a part of an instance a material for which `is_body` holds?
+/// Has any part of an instance a material that satisfies `is_body`?
 fn has_part(scene: &Scene, instance: &Instance, is_body: impl Fn(MaterialId) -> bool) -> bool {
     let mesh = scene.meshes.get(instance.mesh.index());
     mesh.is_some_and(|mesh| part_materials(mesh, instance).any(is_body))
 }
 
-/// The box around the only object with such a material; `None` if there are several.
+/// The bounding box of the only object with a material that satisfies `is_body`; `None` if there are several.
 fn only_body(scene: &Scene, is_body: impl Fn(MaterialId) -> bool) -> Option<Bounds> {
     let shapes = boxes_of_shapes(scene, &is_body);
     let mut placed = scene.instances.iter().filter(|instance| has_part(scene, instance, &is_body));
@@ -349,20 +348,19 @@ fn only_body(scene: &Scene, is_body: impl Fn(MaterialId) -> bool) -> Option<Boun
     }
 }
 
-/// The boxes around the shapes and the groups of quads that have such materials.
+/// The bounding boxes of shapes, and of quads grouped by material, whose material satisfies `is_body`.
 fn boxes_of_shapes(scene: &Scene, is_body: impl Fn(MaterialId) -> bool) -> Vec<Bounds> {
-    // Quads of one material belong together.
     let mut of_quads: BTreeMap<MaterialId, Bounds> = BTreeMap::new();
     for quad in scene.quads.iter().filter(|quad| is_body(quad.material)) {
-        let bounds = of_quads.entry(quad.material).or_insert(Bounds::NONE);
-        *bounds = bounds.around(Bounds::of(quad.corners()));
+        let bounds = of_quads.entry(quad.material).or_insert(Bounds::EMPTY);
+        *bounds = bounds.union(Bounds::of(quad.corners()));
     }
     let shapes = scene.shapes.iter().filter(|shape| is_body(shape.material));
     let shapes = shapes.map(|s| Bounds { low: s.center - s.half_extent(), high: s.center + s.half_extent() });
     of_quads.into_values().chain(shapes).collect()
 }
 
-/// A point in more than `most` boxes. If there is one, then there is one whose coordinates are those of lower corners of boxes.
+/// A point in more than `most` boxes. If any exists, there is one whose coordinates are those of minimum corners of boxes.
 fn point_of_overlap(mut boxes: Vec<Bounds>, most: usize) -> Option<DVec3> {
     if boxes.len() <= most {
         return None;
@@ -371,30 +369,30 @@ fn point_of_overlap(mut boxes: Vec<Bounds>, most: usize) -> Option<DVec3> {
     let numbered = |(number, &bounds): (usize, &Bounds)| NumberedBox { bounds, number: number as u32 };
     let mut numbered: Vec<NumberedBox> = boxes.iter().enumerate().map(numbered).collect();
     let tree = BoxTree::sort(&mut numbered);
-    let holds = |b: &Bounds, axis: usize, at: f64| b.low[axis] <= at && at < b.high[axis];
-    let meets =
+    let contains = |b: &Bounds, axis: usize, at: f64| b.low[axis] <= at && at < b.high[axis];
+    let overlaps_in_yz =
         |a: &Bounds, b: &Bounds| [1, 2].into_iter().all(|k| a.low[k] < b.high[k] && b.low[k] < a.high[k]);
     for own in &boxes {
         let x = own.low.x;
         let side = Bounds { high: DVec3::new(x, own.high.y, own.high.z), ..*own };
-        let mut near = Vec::new();
+        let mut neighbours = Vec::new();
         tree.any(&side, |place| {
             let NumberedBox { bounds, number } = numbered[place];
-            near.extend((holds(&bounds, 0, x) && meets(&bounds, own)).then_some(number));
+            neighbours.extend((contains(&bounds, 0, x) && overlaps_in_yz(&bounds, own)).then_some(number));
             false
         });
-        // In the order of the list: the first place that is found is reported.
-        near.sort_unstable();
-        let near: Vec<&Bounds> = near.iter().map(|&number| &boxes[number as usize]).collect();
-        if near.len() <= most {
+        // In the order of the list, so that the reported point is deterministic.
+        neighbours.sort_unstable();
+        let neighbours: Vec<&Bounds> = neighbours.iter().map(|&number| &boxes[number as usize]).collect();
+        if neighbours.len() <= most {
             continue;
         }
-        for y in near.iter().map(|b| b.low.y) {
-            let row: Vec<&Bounds> = near.iter().copied().filter(|b| holds(b, 1, y)).collect();
+        for y in neighbours.iter().map(|b| b.low.y) {
+            let row: Vec<&Bounds> = neighbours.iter().copied().filter(|b| contains(b, 1, y)).collect();
             if row.len() <= most {
                 continue;
             }
-            let exceeds = |&z: &f64| row.iter().filter(|b| holds(b, 2, z)).count() > most;
+            let exceeds = |&z: &f64| row.iter().filter(|b| contains(b, 2, z)).count() > most;
             if let Some(z) = row.iter().map(|b| b.low.z).find(exceeds) {
                 return Some(DVec3::new(x, y, z));
             }
@@ -413,14 +411,14 @@ mod tests {
 
     #[test]
     fn overlaps_are_found_at_one_point() {
-        // Rows that overlap by pairs, around which is one large box.
+        // A row of pairwise overlapping boxes, inside one large box.
         let row: Vec<Bounds> = (0..40).map(|k| cube([f64::from(k), 0.0, 0.0], 1.9)).collect();
         let around = [row.clone(), vec![cube([-1.0; 3], 50.0)]].concat();
         assert_eq!(point_of_overlap(row, 2), None);
         assert_eq!(point_of_overlap(around.clone(), 3), None);
         let place = point_of_overlap(around, 2).expect("three");
         assert!(place.x >= 1.0 && place.y == 0.0 && place.z == 0.0, "{place}");
-        // Two bars across a third.
+        // Two bars that cross a third.
         let bars = vec![
             Bounds { low: DVec3::ZERO, high: DVec3::new(9.0, 1.0, 1.0) },
             Bounds { low: DVec3::ZERO, high: DVec3::new(1.0, 9.0, 1.0) },

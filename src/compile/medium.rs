@@ -1,4 +1,4 @@
-//! Participating media ready for rendering: indices of refraction, absorption, scattering and emission, and their spectra.
+//! Compiled participating media: indices of refraction, absorption, scattering and emission, and their spectra.
 
 use super::density_grid::{CompiledEmissionGrid, DensityGrid};
 use crate::bsdf::BsdfClass;
@@ -14,36 +14,35 @@ use std::sync::Arc;
 /// The interior of a transmissive solid, or the medium around the scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Medium {
-    /// Index of refraction of the red, green and blue channel, relative to air; `None` where the surface reflects all
-    /// light or none, whatever is beside it.
+    /// Index of refraction per channel, relative to air; `None` if the surface's reflectance doesn't depend on the adjacent
+    /// medium (total or no reflection).
     pub iors: Option<[f32; 3]>,
-    /// Extinction coefficient by channel, per metre, of media that only absorb; `None` for clear ones and those that
-    /// scatter.
+    /// Absorption coefficient per channel, per metre, of purely absorbing media; `None` for clear and scattering ones.
     pub absorption: Option<Rgb>,
     /// Scattering and emission.
     pub scattering: Option<Scattering>,
-    /// Its boundary is index-matched: no surface reflects or refracts there.
+    /// Index-matched boundary, without reflection and refraction.
     pub is_boundary: bool,
-    /// Its coefficients add to those of other such media at the same point. Solids with a surface displace what they overlap, and so do
-    /// index-matched media that are clear.
+    /// Coefficients add to those of other such media at a point. Solids with a surface, and clear index-matched media, replace
+    /// the media that they overlap.
     pub adds_up: bool,
-    /// Nested dielectrics: where solids overlap, the highest priority counts.
+    /// Nested dielectrics: where solids overlap, the highest priority applies.
     pub priority: i32,
-    /// Its coefficients by wavelength; in spectral rendering, where they depend on the wavelength.
+    /// Wavelength-dependent coefficients, in spectral rendering.
     pub spectra: Option<MediumSpectra>,
 }
 
-/// A medium by wavelength.
+/// Wavelength-dependent coefficients of a medium.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MediumSpectra {
-    /// Index of refraction of a dispersive one: these are A and B, with wavelengths in micrometres, of Cauchy's A + B / l^2.
+    /// Index of refraction of a dispersive medium: A and B of Cauchy's equation A + B / l^2, l in micrometres.
     cauchy: Option<[f32; 2]>,
-    /// Transmittance after a distance in metres.
-    left: Option<(Spectrum, f32)>,
+    /// Transmittance over a distance, metres.
+    transmittance: Option<(Spectrum, f32)>,
 }
 
 impl Medium {
-    /// The surroundings of the scene.
+    /// Air.
     pub const AIR: Medium = Medium {
         iors: Some([1.0; 3]),
         absorption: None,
@@ -54,7 +53,7 @@ impl Medium {
         spectra: None,
     };
 
-    /// The medium of a material's solids; `None` for opaque and thin-walled ones.
+    /// The medium inside a material's solids; `None` for opaque and thin-walled materials.
     pub(super) fn of(model: &Model, class: BsdfClass, filling: Option<&scene::Medium>) -> Option<Medium> {
         let medium = Medium::of_model(model, class)?;
         let Some(filling) = filling else { return Some(medium) };
@@ -87,26 +86,31 @@ impl Medium {
     pub(super) fn by_wavelength(mut self, model: &Model, filling: Option<&scene::Medium>) -> Medium {
         let pbr = model.pbr();
         let cauchy = pbr.filter(|_| self.iors.is_some()).and_then(|pbr| {
-            let b = spread(pbr)?;
+            let b = cauchy_b(pbr)?;
             Some([(f64::from(pbr.ior) - b * inverse_square(D_LINE_NM)) as f32, b as f32])
         });
-        let left = |absorption: Rgb| {
-            // The way whose colour the file gives; else that after which some third is left.
-            let given = pbr.map_or(0.0, |pbr| pbr.attenuation_distance);
-            let way = if given > 0.0 && given.is_finite() { given } else { 1.0 / absorption.mean() };
-            (Spectrum::of_reflectance((absorption * -way).map(poly::exp)), way)
+        let transmittance = |absorption: Rgb| {
+            // Over the attenuation distance of the material, else over the mean free path.
+            let attenuation_distance = pbr.map_or(0.0, |pbr| pbr.attenuation_distance);
+            let distance = if attenuation_distance > 0.0 && attenuation_distance.is_finite() {
+                attenuation_distance
+            } else {
+                1.0 / absorption.mean()
+            };
+            (Spectrum::of_reflectance((absorption * -distance).map(poly::exp)), distance)
         };
         if let (Some(scattering), Some(filling)) = (&mut self.scattering, filling) {
             let absorption = pbr.filter(|pbr| pbr.has_volume).and_then(absorption);
-            let left = absorption.map(left);
-            scattering.spectra = ScatteringSpectra::of(filling, left, !self.is_boundary).map(Arc::new);
+            let absorption = absorption.map(transmittance);
+            scattering.spectra = ScatteringSpectra::of(filling, absorption, !self.is_boundary).map(Arc::new);
         }
-        let left = self.absorption.filter(|a| a.max_element() > a.min_element()).map(left);
-        let spectra = (cauchy.is_some() || left.is_some()).then_some(MediumSpectra { cauchy, left });
+        let transmittance = self.absorption.filter(|a| a.max_element() > a.min_element()).map(transmittance);
+        let spectra =
+            (cauchy.is_some() || transmittance.is_some()).then_some(MediumSpectra { cauchy, transmittance });
         Medium { spectra, ..self }
     }
 
-    /// Its indices of refraction at a path's wavelengths.
+    /// Indices of refraction at a path's wavelengths.
     #[inline]
     pub fn iors_at(&self, waves: Option<&Wavelengths>) -> Option<[f32; 3]> {
         let cauchy = self.spectra.as_ref().and_then(|spectra| spectra.cauchy);
@@ -119,24 +123,25 @@ impl Medium {
     /// Transmittance at a path's wavelengths over a distance in metres.
     #[inline]
     pub fn transmittance_at(&self, distance: f32, waves: Option<&Wavelengths>) -> Rgb {
-        let left = self.spectra.as_ref().and_then(|spectra| spectra.left.as_ref());
-        match (waves, left) {
-            (Some(waves), Some((spectrum, way))) => {
-                let depth = spectrum.at(waves).map(|left| poly::ln(left.max(f32::MIN_POSITIVE)));
-                (depth * (distance / way)).map(|depth| if depth > -87.0 { poly::exp(depth) } else { 0.0 })
+        let transmittance = self.spectra.as_ref().and_then(|spectra| spectra.transmittance.as_ref());
+        match (waves, transmittance) {
+            (Some(waves), Some((spectrum, reference))) => {
+                let depth = spectrum.at(waves).map(|t| poly::ln(t.max(f32::MIN_POSITIVE)));
+                (depth * (distance / reference))
+                    .map(|depth| if depth > -87.0 { poly::exp(depth) } else { 0.0 })
             }
             _ => self.transmittance(distance),
         }
     }
 
-    /// Does it absorb, scatter or emit?
+    /// Does the medium absorb, scatter or emit?
     pub fn does_anything(&self) -> bool {
         let scatters = |s: &Scattering| s.extinction.max_element() > 0.0 || s.emission.max_element() > 0.0;
         self.absorption.is_some_and(|a| a.max_element() > 0.0)
             || self.scattering.as_ref().is_some_and(scatters)
     }
 
-    /// Does its index of refraction differ between channels?
+    /// Does the index of refraction differ between channels?
     #[inline]
     pub fn is_dispersive(&self) -> bool {
         self.iors.is_some_and(|[r, g, b]| r != g || g != b)
@@ -151,7 +156,7 @@ impl Medium {
     }
 }
 
-/// `None` for an index of 0, which is total reflection in KHR_materials_ior.
+/// Indices of refraction; `None` for 0, which means a reflectance of 1 (KHR_materials_ior).
 fn relative_to_air(iors: [f32; 3]) -> Option<[f32; 3]> {
     iors.iter().all(|&ior| ior >= 1.0).then_some(iors)
 }
@@ -161,27 +166,27 @@ fn absorption(pbr: &PbrMaterial) -> Option<Rgb> {
     scene::coefficients(pbr.attenuation_color, pbr.attenuation_distance).map(Rgb::from_array)
 }
 
-/// Indices of refraction by channel of a dispersive solid (KHR_materials_dispersion).
+/// Indices of refraction per channel of a dispersive solid (KHR_materials_dispersion).
 ///
-/// Cauchy's n(l) = A + B / l^2 has index `ior` at the d line (587.6 nm) and the Abbe number 20 / dispersion between the
-/// F and C lines (486.1 and 656.3 nm). The channels stand for the wavelengths at which the primaries of
-/// Rec.709 dominate: 611.4, 549.1 and 464.2 nm.
+/// Cauchy's n(l) = A + B / l^2 has the index `ior` at the d line (587.6 nm) and the Abbe number 20 / dispersion between the
+/// F and C lines (486.1 and 656.3 nm). Channels are evaluated at the dominant wavelengths of the Rec. 709 primaries: 611.4,
+/// 549.1 and 464.2 nm.
 fn dispersion(pbr: &PbrMaterial) -> Option<[f32; 3]> {
-    let b = spread(pbr)?;
+    let b = cauchy_b(pbr)?;
     let at = |nm: f64| f64::from(pbr.ior) + b * (inverse_square(nm) - inverse_square(D_LINE_NM));
     Some([611.4, 549.1, 464.2].map(|nm| at(nm).max(1.0) as f32))
 }
 
-/// At which indices of refraction are given.
+/// Wavelength of nominal indices of refraction (d line), nanometres.
 const D_LINE_NM: f64 = 587.6;
 
-/// Per square micrometre.
+/// 1 / l^2, per square micrometre.
 fn inverse_square(nm: f64) -> f64 {
     1e6 / (nm * nm)
 }
 
-/// Its B.
-fn spread(pbr: &PbrMaterial) -> Option<f64> {
+/// B of Cauchy's equation, square micrometres; `None` without dispersion.
+fn cauchy_b(pbr: &PbrMaterial) -> Option<f64> {
     if pbr.transmission.factor <= 0.0 || pbr.dispersion <= 0.0 || pbr.ior <= 0.0 {
         return None;
     }
@@ -189,7 +194,7 @@ fn spread(pbr: &PbrMaterial) -> Option<f64> {
     Some(spread / (inverse_square(486.1) - inverse_square(656.3)))
 }
 
-/// Does light pass the surface?
+/// Does the surface transmit light?
 pub(super) fn is_transmissive_interface(pbr: &PbrMaterial) -> bool {
     pbr.transmission.factor > 0.0 || pbr.diffuse_transmission.is_some()
 }
@@ -203,34 +208,34 @@ pub struct Scattering {
     pub scattered: Rgb,
     /// Emitted radiance per metre.
     pub emission: Rgb,
-    /// Mean cosine of the scattering angle.
+    /// Mean cosine g of the phase function.
     pub anisotropy: f32,
-    /// Where these coefficients hold.
+    /// Spatial distribution of the coefficients.
     pub density: Density,
     /// Scattering counts as bounces; false for subsurface scattering.
     pub counts: bool,
-    /// Light samples from outside never reach it: surfaces that scatter or refract enclose it.
+    /// Shadow rays never reach lights outside: surfaces that scatter or refract enclose the medium.
     pub is_enclosed: bool,
-    /// The coefficients by wavelength; where pictures are rendered by wavelength and they are coloured.
+    /// Spectral coefficients, in spectral rendering of coloured media.
     pub spectra: Option<Arc<ScatteringSpectra>>,
 }
 
-/// The kinds of media: where their coefficients hold, and how they vary there. The interface of a medium has four methods, each of
-/// which covers all kinds: [`Scattering::extent`] and [`Scattering::transmittance_between`] here, sampling a distance (`draw`) and
-/// emission in `integrator/medium_segment.rs`. Sums of media are lists of segments (`integrator/volumes.rs`).
+/// Spatial distribution of a medium's coefficients. A new kind needs four methods: [`Scattering::extent`] and
+/// [`Scattering::transmittance_between`] here, sampling a distance (`draw`) and emission in `integrator/medium_segment.rs`.
+/// Overlapping media are lists of segments (`integrator/volumes.rs`).
 #[derive(Clone, Debug, PartialEq)]
 pub enum Density {
-    /// Homogeneous, in a solid or in all space.
+    /// Homogeneous, in a solid or unbounded.
     Homogeneous,
-    /// Homogeneous within a ball, nothing outside.
+    /// Homogeneous inside a ball, empty outside.
     Ball(Ball),
     /// Heterogeneous: the coefficients times a grid's values.
     Grid(GridMedium),
 }
 
 impl Density {
-    /// Is it dense infinitely far away in all directions, so that nothing there is seen through it?
-    pub fn is_endless(&self) -> bool {
+    /// Does the medium extend to infinity in all directions?
+    pub fn is_unbounded(&self) -> bool {
         match self {
             Density::Homogeneous => true,
             Density::Ball(_) | Density::Grid(_) => false,
@@ -241,28 +246,28 @@ impl Density {
 /// The grids of a heterogeneous medium.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GridMedium {
-    /// Factors on the coefficients of all channels; upper bounds where channels have their own.
+    /// Factors on the coefficients of all channels; upper bounds of factors per channel.
     pub density: Arc<DensityGrid>,
-    /// Factors on the extinction by channel, where they aren't those of the density. All grids but that of the emission have the same voxels.
+    /// Factors on the extinction per channel, if they differ. All grids but the emission's have the same voxels.
     pub extinction: Option<Arc<[Arc<DensityGrid>; 3]>>,
-    /// Factors on scattering by channel, likewise.
+    /// Factors on scattering per channel, if they differ.
     pub scattering: Option<Arc<[Arc<DensityGrid>; 3]>>,
     /// Factors on the emission.
     pub emission: Arc<CompiledEmissionGrid>,
 }
 
-/// A ball that fog fills.
+/// A ball of fog.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ball {
-    /// Its middle, in the compiled scene's coordinates.
+    /// Centre, relative to the anchor.
     pub center: Vec3,
-    /// Its radius, metres.
+    /// Radius, metres.
     pub radius: f32,
 }
 
 impl GridMedium {
-    /// The factors on the extinction over those of the density, at a point in voxels; 0 where nothing is. In pictures by wavelength all are
-    /// their mean.
+    /// Extinction factors per channel relative to the density at a point in voxel coordinates; 0 for density 0. In spectral
+    /// rendering all are the mean of the channels.
     #[inline]
     pub fn relative_extinction(&self, p: Vec3, waves: Option<&Wavelengths>) -> Rgb {
         let Some(channels) = &self.extinction else { return Rgb::ONE };
@@ -270,7 +275,7 @@ impl GridMedium {
         if waves.is_some() { Rgb::splat(relative.mean()) } else { relative }
     }
 
-    /// The factors on scattering, likewise.
+    /// Scattering factors per channel (or wavelength) relative to the density at a point in voxel coordinates.
     #[inline]
     pub fn relative_scattering(&self, p: Vec3, waves: Option<&Wavelengths>) -> Rgb {
         let Some(channels) = &self.scattering else { return self.relative_extinction(p, waves) };
@@ -288,10 +293,10 @@ impl GridMedium {
 }
 
 impl Scattering {
-    /// Distances beyond this are infinite: nothing of a scene is as far away.
+    /// Larger distances count as infinite, metres.
     pub const FARTHEST: f32 = 1e18;
 
-    /// The scattering part of a medium; `None` where it only absorbs, the same everywhere.
+    /// The scattering part of a medium; `None` for homogeneous, purely absorbing media.
     pub(super) fn of(medium: &scene::Medium, absorption: Option<Rgb>) -> Option<Scattering> {
         let extinction = Rgb::from_array(medium.extinction);
         let scattered = extinction * Rgb::from_array(medium.albedo);
@@ -326,18 +331,18 @@ impl Scattering {
         Scattering { extinction, scattered, emission, spectra: None, ..self.clone() }
     }
 
-    /// The ray parameters from `from` on at which a ray enters and leaves the medium; the range is empty unless the second is larger.
+    /// The range of ray parameters, at least `from`, inside the medium; empty unless the second is larger.
     #[inline]
     pub fn extent(&self, origin: Vec3, direction: Vec3, from: f32) -> [f32; 2] {
         let Ball { center, radius } = match self.density {
             Density::Homogeneous | Density::Grid(_) => return [from, f32::INFINITY],
             Density::Ball(ball) => ball,
         };
-        // The closest point of the ray's line first: far away from the ball the square of the distance would drown it.
+        // From the closest point of the line: the quadratic formula cancels far from the ball.
         let squared = direction.length_squared();
         let closest = (center - origin).dot(direction) / squared;
-        let beside = origin + direction * closest - center;
-        let chord = (radius * radius - beside.length_squared()) / squared;
+        let offset = origin + direction * closest - center;
+        let chord = (radius * radius - offset.length_squared()) / squared;
         if chord > 0.0 {
             let half = chord.sqrt();
             [from.max(closest - half), from.max(closest + half)]
@@ -355,14 +360,14 @@ impl Scattering {
         }
     }
 
-    /// The emitted radiance per metre at a point of the world within the medium, at a path's wavelengths.
+    /// The emitted radiance per metre at a point (world space) inside the medium, at a path's wavelengths.
     #[inline]
     pub fn emission_at(&self, p: Vec3, waves: Option<&Wavelengths>) -> Rgb {
         let factor = self.grid().map_or(Rgb::ONE, |grid| grid.emission.at(p, waves));
         self.in_lanes(waves).emission * factor
     }
 
-    /// Is the extinction the same in all channels?
+    /// Is the extinction equal in all channels?
     #[inline]
     pub fn is_grey(&self) -> bool {
         let Rgb { r, g, b } = self.extinction;
@@ -372,31 +377,31 @@ impl Scattering {
     /// Transmittance over a distance in metres.
     #[inline]
     pub fn transmittance(&self, distance: f32) -> Rgb {
-        // Far away an extinction of 0 would be no number.
+        // 0 * infinity would be NaN.
         let distance = distance.min(Scattering::FARTHEST);
-        // The polynomial ends at the least normal number, but nothing is seen through fog without an end.
+        // exp(-depth) would be below the smallest normal number; unbounded fog must be opaque.
         (self.extinction * distance).map(|depth| if depth < 87.0 { poly::exp(-depth) } else { 0.0 })
     }
 
-    /// Mean transmittance over a distance in metres: the integral over the distance, divided by it.
+    /// Mean transmittance over a distance in metres: (1 - exp(-depth)) / depth.
     #[inline]
     pub fn mean_transmittance(&self, distance: f32) -> Rgb {
         let distance = distance.min(Scattering::FARTHEST);
         (self.extinction * distance).map(|depth| match depth {
-            // The series is closer there.
+            // Taylor series, to avoid cancellation.
             thin if thin < 1e-3 => 1.0 - 0.5 * thin,
             depth => (1.0 - poly::exp(-depth)) / depth,
         })
     }
 
-    /// Transmittance between two points of a ray; with a grid an unbiased estimate, by random numbers hashed from the ray and `apart`, a
-    /// salt that differs between overlapping media.
+    /// Transmittance between two ray parameters; with a grid an unbiased estimate, with random numbers hashed from the ray and
+    /// `salt`, which must differ between overlapping media.
     #[inline]
     pub fn transmittance_between(
         &self,
         (origin, direction): (Vec3, Vec3),
         [from, to]: [f32; 2],
-        (apart, waves): (u32, Option<&Wavelengths>),
+        (salt, waves): (u32, Option<&Wavelengths>),
     ) -> Rgb {
         match &self.density {
             Density::Homogeneous | Density::Ball(_) => {
@@ -406,13 +411,13 @@ impl Scattering {
             }
             Density::Grid(own @ GridMedium { density: grid, .. }) => {
                 let bits = [origin.x, origin.y, origin.z, direction.x, direction.y, direction.z, from];
-                let salt = bits.into_iter().fold(apart, |salt, x| hash32(salt ^ x.to_bits()));
-                let most = self.extinction.max_element();
-                let ray = grid.ray(origin, direction, most);
+                let salt = bits.into_iter().fold(salt, |salt, x| hash32(salt ^ x.to_bits()));
+                let max_extinction = self.extinction.max_element();
+                let ray = grid.ray(origin, direction, max_extinction);
                 match self.is_grey() {
                     true => Rgb::ONE * grid.transmittance(&ray, from, to, salt),
                     false => {
-                        let share = self.extinction / most;
+                        let share = self.extinction / max_extinction;
                         let relative = |t: f32| share * own.relative_extinction(ray.at(t), waves);
                         grid.transmittance_by_channel(&ray, [from, to], salt, relative)
                     }
@@ -425,59 +430,60 @@ impl Scattering {
 /// The coefficients of a medium as spectra.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ScatteringSpectra {
-    /// The extinction of the medium itself. Coefficients have no upper end: in the middle between 0 and twice the largest, spectra are the
-    /// smoothest, as those of lights.
+    /// The extinction of the medium. As coefficients are unbounded, it is uplifted like a light, relative to twice its maximum,
+    /// where spectra are smoothest.
     extinction: Spectrum,
     /// Transmittance of the material's absorption over a distance, metres.
-    left: Option<(Spectrum, f32)>,
+    absorption: Option<(Spectrum, f32)>,
     albedo: Albedo,
     emission: Spectrum,
 }
 
-/// The share of extinction that is scattered.
+/// Single-scattering albedo.
 #[derive(Clone, Debug, PartialEq)]
 enum Albedo {
-    Own(Spectrum),
-    /// By the colour that a thick body shows: for solids with a surface.
-    OfBody(Spectrum, f32),
+    Single(Spectrum),
+    /// By the diffuse reflectance of a semi-infinite medium and g: for solids with a surface.
+    OfReflectance(Spectrum, f32),
 }
 
 impl ScatteringSpectra {
-    /// The spectra of a medium that fills solids with a surface (`is_body`) or spaces, with the absorption of the material; `None` where it
-    /// is grey.
+    /// The spectra of a medium, with the transmittance of the material's absorption over a distance; `None` for grey media.
+    /// `is_body`: the medium of solids with a surface.
     pub fn of(
         medium: &scene::Medium,
-        left: Option<(Spectrum, f32)>,
+        absorption: Option<(Spectrum, f32)>,
         is_body: bool,
     ) -> Option<ScatteringSpectra> {
         let is_grey = |[r, g, b]: [f32; 3]| r == g && g == b;
-        let own = [medium.extinction, medium.albedo, medium.emission];
-        if left.is_none() && own.into_iter().all(is_grey) {
+        let coefficients = [medium.extinction, medium.albedo, medium.emission];
+        if absorption.is_none() && coefficients.into_iter().all(is_grey) {
             return None;
         }
         let albedo = match is_body {
-            true => {
-                Albedo::OfBody(Spectrum::of_reflectance(Rgb::from_array(medium.color())), medium.anisotropy)
-            }
-            false => Albedo::Own(Spectrum::of_reflectance(Rgb::from_array(medium.albedo))),
+            true => Albedo::OfReflectance(
+                Spectrum::of_reflectance(Rgb::from_array(medium.color())),
+                medium.anisotropy,
+            ),
+            false => Albedo::Single(Spectrum::of_reflectance(Rgb::from_array(medium.albedo))),
         };
-        let [extinction, _, emission] = own.map(|rgb| Spectrum::of_light(Rgb::from_array(rgb)));
-        Some(ScatteringSpectra { extinction, left, albedo, emission })
+        let [extinction, _, emission] = coefficients.map(|rgb| Spectrum::of_light(Rgb::from_array(rgb)));
+        Some(ScatteringSpectra { extinction, absorption, albedo, emission })
     }
 
     /// Extinction coefficient, scattering coefficient and emission at a path's wavelengths.
     pub fn at(&self, waves: &Wavelengths) -> [Rgb; 3] {
-        let own = self.extinction.at(waves);
-        let lost = self.left.as_ref().map_or(Rgb::ZERO, |(left, way)| {
-            left.at(waves).map(|left| -poly::ln(left.clamp(f32::MIN_POSITIVE, 1.0)) / way)
+        let own_extinction = self.extinction.at(waves);
+        let absorbed = self.absorption.as_ref().map_or(Rgb::ZERO, |(transmittance, distance)| {
+            transmittance.at(waves).map(|t| -poly::ln(t.clamp(f32::MIN_POSITIVE, 1.0)) / distance)
         });
         let albedo = match &self.albedo {
-            Albedo::Own(albedo) => albedo.at(waves).map(|share| share.min(1.0)),
-            Albedo::OfBody(color, anisotropy) => {
+            Albedo::Single(albedo) => albedo.at(waves).map(|share| share.min(1.0)),
+            Albedo::OfReflectance(color, anisotropy) => {
                 color.at(waves).map(|share| scene::Medium::albedo_of_color(share, *anisotropy))
             }
         };
-        [own + lost, own * albedo, self.emission.at(waves)]
+        [own_extinction + absorbed, own_extinction * albedo, self.emission.at(waves)]
     }
 }
 
@@ -501,7 +507,7 @@ mod tests {
     }
 
     #[test]
-    fn rays_cross_a_ball_of_fog() {
+    fn transmittance_through_a_ball_of_fog() {
         let medium = ball(2.0);
         let along =
             |origin: Vec3, to: f32| medium.transmittance_between((origin, Vec3::Z), [0.0, to], (0, None));
@@ -519,9 +525,10 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_seen_through_fog_without_an_end() {
+    fn unbounded_fog_is_opaque() {
         let medium = Scattering { density: Density::Homogeneous, ..ball(1.0) };
-        let left = medium.transmittance_between((Vec3::ZERO, Vec3::Z), [0.0, f32::INFINITY], (0, None));
-        assert_eq!(left, Rgb::new(0.0, 0.0, 1.0));
+        let transmittance =
+            medium.transmittance_between((Vec3::ZERO, Vec3::Z), [0.0, f32::INFINITY], (0, None));
+        assert_eq!(transmittance, Rgb::new(0.0, 0.0, 1.0));
     }
 }

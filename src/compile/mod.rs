@@ -1,5 +1,5 @@
-//! Compiles a scene description for rendering: flat geometry and its acceleration structure, materials as flat programs with constants
-//! folded, textures, lights, media. What no picture of the scene can show is left out and reported.
+//! Compiles a scene description for rendering: flat geometry and its BVH, materials with folded constants, textures, lights,
+//! media. Invisible parts of the scene are omitted and reported.
 
 mod bake;
 mod box_tree;

@@ -1,5 +1,4 @@
-//! Motion blur and motion vectors: what moves while the shutter is open, in the spaces that geometry is compiled to, and positions a
-//! frame before and after.
+//! Motion blur (keyframes in compiled spaces while the shutter is open) and motion vectors (positions a frame before and after).
 
 use super::geometry::{Geometries, Primitive, Space, primitive, vertices};
 use super::material::CompiledMaterial;
@@ -13,7 +12,7 @@ use crate::shape::triangle::interpolate;
 use crate::shape::{Analytic, Quad};
 use std::collections::{BTreeMap, HashMap};
 
-/// Transforms of an instance at the keys of the shutter interval, relative to an origin; `None` if it is static.
+/// Transforms of an instance at the keys of the shutter interval, relative to `origin`; `None` if static.
 pub(super) fn keys(scene: &Scene, instance: &Instance, origin: DVec3) -> Option<TransformKeys> {
     let Motion::Keyed(number) = instance.motion else { return None };
     let moving = scene.motion.instances.get(number as usize).filter(|m| m.blurs())?;
@@ -30,12 +29,12 @@ pub(super) fn deforms(scene: &Scene, mesh: MeshId) -> bool {
     moving.is_some_and(|m| m.blurs() || m.neighbours.is_some())
 }
 
-/// Is a mesh another at other times?
+/// Does a mesh change over time?
 pub(super) fn changes(scene: &Scene, mesh: MeshId) -> bool {
     scene.motion.meshes.contains_key(&mesh.index())
 }
 
-/// The lights without a surface that move while the shutter is open, by their place in the scene's list.
+/// The moving lights without a surface, by index in the scene.
 pub(super) fn moving_lights(scene: &Scene, origin: DVec3) -> BTreeMap<usize, MovingLight<PunctualLight>> {
     let moving = |(i, light): (usize, &Light)| {
         let found = light.motion.as_ref().filter(|m| m.blurs())?;
@@ -46,8 +45,8 @@ pub(super) fn moving_lights(scene: &Scene, origin: DVec3) -> BTreeMap<usize, Mov
 }
 
 impl Space {
-    /// Takes the shapes of a mesh while the shutter is open, if it changes then.
-    pub(super) fn take_keys(&mut self, scene: &Scene, mesh: MeshId) {
+    /// Sets the vertex keys of a deforming mesh.
+    pub(super) fn set_keys(&mut self, scene: &Scene, mesh: MeshId) {
         let Some(moving) = scene.motion.meshes.get(&mesh.index()) else { return };
         let positions = |[a, b]: &[Vertices; 2]| [a.positions.clone(), b.positions.clone()];
         self.neighbours = moving.neighbours.as_ref().map(positions);
@@ -62,18 +61,17 @@ impl Space {
     }
 }
 
-/// A quad or another shape that moves, in a space of its own.
+/// A moving quad or analytic shape in its own space.
 pub(super) struct MovingShape {
     pub space: Space,
-    /// The object that it is.
     pub object: ObjectId,
-    /// Where it stands at the picture's time.
+    /// Transform at the time of the frame.
     pub world_from_object: DAffine3,
-    /// Where it stands while the shutter is open.
+    /// Transforms while the shutter is open.
     pub keys: TransformKeys,
 }
 
-/// All quads and other shapes that move while the shutter is open.
+/// All quads and analytic shapes that move while the shutter is open.
 pub(super) fn moving_shapes(
     scene: &Scene,
     materials: &[CompiledMaterial],
@@ -81,11 +79,11 @@ pub(super) fn moving_shapes(
     numbering: &Numbering,
     (numbers, keeps_uv): (&ObjectMaterials, bool),
 ) -> Vec<MovingShape> {
-    let is_seen = |id: MaterialId| !materials[id.index()].is_invisible();
+    let is_visible = |id: MaterialId| !materials[id.index()].is_invisible();
     let mut all = Vec::new();
     let quads = scene.motion.quads.iter().filter(|(_, moving)| moving.blurs());
     for (&i, moving) in quads {
-        let Some(quad) = scene.quads.get(i).filter(|quad| is_seen(quad.material)) else { continue };
+        let Some(quad) = scene.quads.get(i).filter(|quad| is_visible(quad.material)) else { continue };
         let (edge_u, edge_v) = (quad.edge_u.as_vec3(), quad.edge_v.as_vec3());
         let mut space = Space::EMPTY;
         space.shapes.quads.push(Quad { corner: Vec3::ZERO, edge_u, edge_v });
@@ -97,7 +95,7 @@ pub(super) fn moving_shapes(
     }
     let shapes = scene.motion.shapes.iter().filter(|(_, moving)| moving.blurs());
     for (&i, moving) in shapes {
-        let Some(shape) = scene.shapes.get(i).filter(|shape| is_seen(shape.material)) else { continue };
+        let Some(shape) = scene.shapes.get(i).filter(|shape| is_visible(shape.material)) else { continue };
         let mut space = Space::EMPTY;
         space.shapes.analytic.push(Analytic::of_scene(shape, Vec3::ZERO));
         if keeps_uv || materials[shape.material.index()].uses_uv {
@@ -112,13 +110,13 @@ pub(super) fn moving_shapes(
     all
 }
 
-/// Where a shape around its own middle stands. Spheres that emit light are not turned: interpolated rotations would bend them a little,
-/// and what samples their light asks for spheres.
+/// The transform of a shape from its centre. Emissive spheres are not rotated: interpolated rotations would deform them
+/// slightly, and light sampling requires exact spheres.
 fn placed(shape: &Shape, world_from_rest: &DAffine3, emits: bool) -> DAffine3 {
     let m = world_from_rest.matrix3;
     let scale = m.determinant().abs().cbrt();
-    let keeps_straight = emits && shape.kind != ShapeKind::Disk;
-    let linear = if keeps_straight { DMat3::from_diagonal(DVec3::splat(scale)) } else { m };
+    let is_sphere_light = emits && shape.kind != ShapeKind::Disk;
+    let linear = if is_sphere_light { DMat3::from_diagonal(DVec3::splat(scale)) } else { m };
     DAffine3 { matrix3: linear, translation: world_from_rest.transform_point3(shape.center) }
 }
 
@@ -137,7 +135,7 @@ impl MovingShape {
     }
 }
 
-// Motion vectors: positions of surface points per frame before and a frame after.
+// Motion vectors.
 
 /// World transforms at the time of the frame, a frame before and a frame after.
 #[derive(Clone, Copy, Debug)]
@@ -146,50 +144,52 @@ struct ObjectPoses {
     neighbours: [DAffine3; 2],
 }
 
-/// A point of a surface at the picture's time, a frame before and a frame after.
+/// World positions of a surface point at the time of the frame, a frame before and a frame after.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PointMotion {
-    /// At the picture's time.
+    /// At the time of the frame.
     pub now: Vec3,
-    /// A frame before, and a frame after.
+    /// A frame before and a frame after.
     pub neighbours: [Vec3; 2],
 }
 
-/// The motion of a scene's objects from frame to frame; empty unless it is asked for.
+/// The motion of a scene's objects between frames; empty unless motion vectors are enabled.
 #[derive(Clone, Debug, Default)]
 pub struct MotionVectors {
     objects: HashMap<ObjectId, ObjectPoses>,
 }
 
 impl MotionVectors {
-    /// The motion vectors of a scene whose origin moves to `origin`.
+    /// The motion vectors of a scene, relative to `origin`.
     pub(super) fn of(scene: &Scene, origin: DVec3) -> MotionVectors {
         let (numbering, motion) = (Numbering::of(scene), &scene.motion);
         let to_origin = DAffine3::from_translation(-origin);
         let mut objects = HashMap::new();
-        let mut add =
-            |object, moving: &Keyframes<DAffine3>, now: DAffine3, of: &dyn Fn(&DAffine3) -> DAffine3| {
-                if let Some([before, after]) = &moving.neighbours {
-                    let neighbours = [to_origin * of(before), to_origin * of(after)];
-                    objects.insert(object, ObjectPoses { now: to_origin * now, neighbours });
-                }
-            };
+        let mut add = |object,
+                       moving: &Keyframes<DAffine3>,
+                       now: DAffine3,
+                       transform_of: &dyn Fn(&DAffine3) -> DAffine3| {
+            if let Some([before, after]) = &moving.neighbours {
+                let neighbours = [to_origin * transform_of(before), to_origin * transform_of(after)];
+                objects.insert(object, ObjectPoses { now: to_origin * now, neighbours });
+            }
+        };
         for (i, instance) in scene.instances.iter().enumerate() {
             let Motion::Keyed(number) = instance.motion else { continue };
             if let Some(moving) = motion.instances.get(number as usize) {
                 add(numbering.instance(i), moving, instance.world_from_object, &|m| *m);
             }
         }
-        // Their spaces begin at their corners and middles.
+        // The spaces of quads and shapes have their origin at the corner or centre.
         for (&i, moving) in &motion.quads {
             let Some(quad) = scene.quads.get(i) else { continue };
-            let own = DAffine3::from_translation(quad.corner);
-            add(numbering.quad(i), moving, own, &|m| *m * own);
+            let corner = DAffine3::from_translation(quad.corner);
+            add(numbering.quad(i), moving, corner, &|m| *m * corner);
         }
         for (&i, moving) in &motion.shapes {
             let Some(shape) = scene.shapes.get(i) else { continue };
-            let own = DAffine3::from_translation(shape.center);
-            add(numbering.shape(i), moving, own, &|m| *m * own);
+            let center = DAffine3::from_translation(shape.center);
+            add(numbering.shape(i), moving, center, &|m| *m * center);
         }
         MotionVectors { objects }
     }
@@ -213,7 +213,7 @@ impl MotionVectors {
     }
 }
 
-/// A point of a mesh that changes its shape: at the picture's time, a frame before and a frame after.
+/// A point of a deforming mesh in object space: at the time of the frame, a frame before and a frame after.
 fn deformed(geometries: &Geometries, geometry: usize, hit: &Hit) -> Option<[DVec3; 3]> {
     let space = &geometries.shared[geometry];
     let [before, after] = space.neighbours.as_ref()?;

@@ -1,7 +1,7 @@
-//! Objects of the scene by number, the object that a primitive belongs to, and the materials of objects.
+//! Object ids, the object of each primitive, and the materials of objects.
 //!
-//! An object with traits of its own (ray visibility, light links, holdout, shadow catcher) gets copies of its materials; the copies
-//! follow the scene's materials in the list of compiled materials.
+//! An object with traits (ray visibility, light links, holdout, shadow catcher) gets copies of its materials, which follow the
+//! scene's materials in the list of compiled materials.
 
 use super::material::CompiledMaterial;
 use crate::math::{DVec3, Vec3};
@@ -9,11 +9,11 @@ use crate::scene::{Instance, MaterialId, Mesh, ObjectTraits, Scene};
 use crate::texture::ObjectData;
 use std::collections::HashMap;
 
-/// An object of a scene by number: instances, then quads, then shapes, then curves, in the order of their lists.
+/// Id of a scene's object: instances, then quads, shapes and curves, in the order of their lists.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct ObjectId(pub u32);
 
-/// Numbers the objects of a scene.
+/// Assigns ids to the objects of a scene.
 #[derive(Clone, Copy, Debug)]
 pub struct Numbering {
     instances: usize,
@@ -22,27 +22,26 @@ pub struct Numbering {
 }
 
 impl Numbering {
-    /// Numbers the objects of a scene.
     pub fn of(scene: &Scene) -> Numbering {
         Numbering { instances: scene.instances.len(), quads: scene.quads.len(), shapes: scene.shapes.len() }
     }
 
-    /// The number of an instance.
+    /// The id of an instance.
     pub fn instance(&self, index: usize) -> ObjectId {
         ObjectId(index as u32)
     }
 
-    /// The number of a quad.
+    /// The id of a quad.
     pub fn quad(&self, index: usize) -> ObjectId {
         ObjectId((self.instances + index) as u32)
     }
 
-    /// The number of a shape.
+    /// The id of a shape.
     pub fn shape(&self, index: usize) -> ObjectId {
         ObjectId((self.instances + self.quads + index) as u32)
     }
 
-    /// The number of curves.
+    /// The id of curves.
     pub fn curves(&self, index: usize) -> ObjectId {
         ObjectId((self.instances + self.quads + self.shapes + index) as u32)
     }
@@ -55,7 +54,7 @@ impl ObjectId {
         (0..count as u32).map(ObjectId)
     }
 
-    /// The object's name in the scene that it was compiled from; `None` if it is from another.
+    /// The name of the object in its scene; `None` for ids of other scenes.
     pub fn name(self, scene: &Scene) -> Option<&str> {
         let index = self.0 as usize;
         if let Some(instance) = scene.instances.get(index) {
@@ -73,31 +72,30 @@ impl ObjectId {
     }
 }
 
-/// The objects of consecutive primitives: the first primitive of each run, by primitive.
+/// The object of each primitive: runs of consecutive primitives with their first primitive, sorted.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Owners(Vec<(u32, ObjectId)>);
 
 impl Owners {
-    /// Owners of no primitives.
     pub const EMPTY: Owners = Owners(Vec::new());
 
-    /// The primitives from `first` on belong to an object; `first` grows from call to call.
+    /// Begins a run of primitives of an object; `first` must not decrease between calls.
     pub fn begin(&mut self, first: usize, object: ObjectId) {
         let first = first as u32;
         match self.0.last_mut() {
-            // The run before was empty.
+            // The previous run is empty.
             Some(last) if last.0 == first => last.1 = object,
             _ => self.0.push((first, object)),
         }
     }
 
-    /// The object that a primitive belongs to.
+    /// The object of a primitive.
     pub fn of(&self, prim: u32) -> ObjectId {
         let run = self.0.partition_point(|&(first, _)| first <= prim);
         run.checked_sub(1).map_or(ObjectId(u32::MAX), |run| self.0[run].1)
     }
 
-    /// The first primitive behind one that belongs to another object.
+    /// One past the last primitive of the run of a primitive.
     pub fn end_of_run(&self, prim: u32) -> u32 {
         let next = self.0.partition_point(|&(first, _)| first <= prim);
         self.0.get(next).map_or(u32::MAX, |&(first, _)| first)
@@ -107,13 +105,13 @@ impl Owners {
 /// Material indices by object. A material is copied once for each combination of traits among the objects that use it.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ObjectMaterials {
-    /// Materials of the scene.
+    /// Number of the scene's materials.
     own: u32,
-    /// The numbers of the copies.
+    /// Indices of the copies.
     numbers: HashMap<(MaterialId, ObjectTraits), u32>,
-    /// Materials and traits of the copies, in the order of their numbers.
+    /// Materials and traits of the copies, by index after the scene's materials.
     copies: Vec<(MaterialId, ObjectTraits)>,
-    /// By material of a mix, after the copies: the number of the mix.
+    /// Index of the mix of each component; components follow the copies.
     components: Vec<u32>,
 }
 
@@ -143,7 +141,7 @@ impl ObjectMaterials {
         }
     }
 
-    /// The number that a material has on an object with such traits.
+    /// The compiled material's index for a material on an object with traits.
     pub fn number(&self, id: MaterialId, traits: &ObjectTraits) -> u32 {
         match self.are_own() {
             true => id.0,
@@ -151,12 +149,12 @@ impl ObjectMaterials {
         }
     }
 
-    /// Has every object the materials of the scene themselves?
+    /// Are there no copies?
     pub fn are_own(&self) -> bool {
         self.copies.is_empty()
     }
 
-    /// Adds the copies to a scene's materials, and after them the materials of mixes.
+    /// Appends the copies to a scene's compiled materials, then the components of mixes.
     pub fn extend(&mut self, materials: &mut Vec<CompiledMaterial>) {
         materials.reserve_exact(self.copies.len());
         for (id, traits) in &self.copies {
@@ -165,26 +163,26 @@ impl ObjectMaterials {
         }
         for mix in 0..materials.len() {
             let first = materials.len();
-            let components = materials[mix].place_components(first);
+            let components = materials[mix].take_components(first);
             self.components.extend(std::iter::repeat_n(mix as u32, components.len()));
             materials.extend(components);
         }
     }
 
-    /// The material of the scene of a number.
+    /// The scene's material of a copy; others unchanged.
     pub fn original(&self, number: u32) -> u32 {
         let copy = number.checked_sub(self.own).and_then(|copy| self.copies.get(copy as usize));
         copy.map_or(number, |(id, _)| id.0)
     }
 
-    /// By material after those of the scene: which of them it is a copy or a component of.
+    /// For each material after those of the scene: the material that it is a copy or component of.
     pub fn originals(&self) -> Vec<MaterialId> {
         let components = self.components.iter().map(|&mix| MaterialId(self.original(mix)));
         self.copies.iter().map(|&(id, _)| id).chain(components).collect()
     }
 }
 
-/// The materials of the parts of a placed mesh.
+/// The materials of an instance's parts.
 pub(super) fn part_materials<'a>(
     mesh: &'a Mesh,
     instance: &'a Instance,
@@ -192,7 +190,7 @@ pub(super) fn part_materials<'a>(
     mesh.parts.iter().map(|part| instance.material.unwrap_or(part.material))
 }
 
-/// The one material of all parts of a mesh.
+/// The material of a mesh, if all parts have the same.
 pub(super) fn only_material(mesh: &Mesh) -> Option<MaterialId> {
     let (first, rest) = mesh.parts.split_first()?;
     rest.iter().all(|part| part.material == first.material).then_some(first.material)
@@ -220,9 +218,9 @@ mod object_materials_tests {
     use super::*;
     use crate::scene::{ObjectSet, ObjectSets, Shape};
 
-    /// Many materials and many combinations of traits: as many copies as objects have, not all combinations.
+    /// Copies exist only for combinations of material and traits that objects have.
     #[test]
-    fn materials_are_copied_for_the_traits_of_their_objects_only() {
+    fn materials_are_copied_for_used_traits_only() {
         let mut scene = Scene::default();
         for name in 0..100 {
             scene.add_material(crate::scene::Material::lambert(name.to_string(), [0.5; 3]));
@@ -236,19 +234,17 @@ mod object_materials_tests {
             scene.shapes.push(Shape { traits: traits(i as usize % 100), ..sphere });
         }
         let numbers = ObjectMaterials::of(&scene);
-        // The first has no traits; each later one appears twice.
+        // The first has no traits; all others occur twice.
         assert_eq!(numbers.copies.len(), 99);
-        let of = |i: usize| numbers.number(MaterialId(i as u32), &traits(i));
-        assert_eq!([0, 1, 2, 99].map(of), [0, 100, 101, 198]);
+        let copy_of = |i: usize| numbers.number(MaterialId(i as u32), &traits(i));
+        assert_eq!([0, 1, 2, 99].map(copy_of), [0, 100, 101, 198]);
         // No object has this one.
         assert_eq!(numbers.number(MaterialId(5), &traits(6)), 5);
         assert_eq!(numbers.originals()[98], MaterialId(99));
     }
 }
 
-// The objects of a scene as graphs of nodes see them.
-
-/// All objects in the order of their numbers, in the world of the compiled scene; none where no graph asks.
+/// Data of all objects for node graphs, by id, relative to the anchor; empty if no node graph reads them.
 pub(super) fn of(scene: &Scene, materials: &[CompiledMaterial], anchor: DVec3) -> Vec<ObjectData> {
     if !materials.iter().any(|material| material.reads_hit) {
         return Vec::new();

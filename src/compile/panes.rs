@@ -1,8 +1,8 @@
-//! Finds panes: closed bodies of clear smooth glass with two flat parallel faces, through which light samples reach (see
-//! `integrator::panes`). They are found by their geometry, so that windows, double glazing and table tops need no option.
+//! Finds panes: closed bodies of clear smooth glass with two flat parallel faces, which shadow rays pass (see
+//! `integrator::panes`). They are detected by geometry, so that windows, double glazing and table tops need no option.
 //!
-//! [`RefractedLights`] are bodies that refract the light of small lights so that light samples can't reach through them: frosted glass, water with waves, single
-//! sheets of glass. See `integrator::refracted_lights`.
+//! [`RefractedLights`]: small lights, and refractive bodies that shadow rays don't pass: frosted glass, water with waves,
+//! single sheets of glass. See `integrator::refracted_lights`.
 
 use super::material::CompiledMaterial;
 use super::objects;
@@ -13,20 +13,20 @@ use crate::scene::{Instance, Mesh, Scene};
 use crate::texture::CompiledTextures;
 use std::collections::HashMap;
 
-/// Minimum cosine between normals of the same face.
+/// Minimum cosine between normals of a flat face.
 const FLAT_COSINE: f64 = 1.0 - 1e-6;
 
-/// Largest area of the rim relative to one face: within this far from it, light that is reflected within the pane more than once would
-/// leave through the rim. A square pane is then at most an eighth as thick as wide.
+/// Maximum area of the rim relative to one face, so that multiple internal reflections rarely leave through the rim. The
+/// thickness of a square pane is then at most 1/8 of its width.
 const MAX_RIM: f64 = 0.5;
 
-/// Largest difference between the areas of the two faces, relative.
+/// Maximum relative difference between the areas of the two faces.
 const MAX_DIFFERENCE: f64 = 0.02;
 
-/// Directions in which a body is tried: those of a box.
+/// Maximum number of axes to test per body: those of a box.
 const MAX_AXES: usize = 3;
 
-/// Margin on the thickness, relative.
+/// Relative margin of the thickness.
 const MARGIN: f64 = 1.01;
 
 /// Sets [`CompiledMaterial::pane_thickness`] of the materials of panes.
@@ -54,14 +54,14 @@ pub(super) fn mark(scene: &Scene, materials: &mut [CompiledMaterial]) {
         });
         let thickness = slabs.iter().filter_map(|slab| slab.thickness_in(instance)).fold(0.0, f64::max);
         for material in of_parts().filter(|material| is_candidate[material.index()]) {
-            let known = &mut materials[material.index()].pane_thickness;
-            *known = known.max((thickness * MARGIN) as f32);
+            let pane_thickness = &mut materials[material.index()].pane_thickness;
+            *pane_thickness = pane_thickness.max((thickness * MARGIN) as f32);
         }
     }
 }
 
 impl CompiledMaterial {
-    /// Is it clear smooth glass without texture or other traits that a light sample could not pass?
+    /// Is it clear smooth glass without textures or other properties that panes don't support?
     fn may_be_of_panes(&self) -> bool {
         let is_glass = matches!(self.class, BsdfClass::Dielectric | BsdfClass::RoughDielectric);
         let is_clear = self.medium.as_ref().is_some_and(|m| m.iors.is_some() && m.scattering.is_none());
@@ -78,7 +78,7 @@ impl CompiledMaterial {
     }
 }
 
-/// A body with two flat parallel faces, in the mesh's space.
+/// A body with two flat parallel faces, object space.
 struct Slab {
     /// Unit normal of its faces.
     axis: DVec3,
@@ -86,15 +86,15 @@ struct Slab {
     thickness: f64,
     /// Area of one face.
     area: f64,
-    /// Normals of the triangles of its rim, as long as their areas.
+    /// Normals of the rim's triangles; their length is the area.
     rim: Vec<DVec3>,
 }
 
 impl Slab {
-    /// Metres where an instance places it; `None` if it is not flat there.
+    /// Thickness under an instance's transform, metres; `None` if it is too thick there.
     fn thickness_in(&self, instance: &Instance) -> Option<f64> {
         let matrix: DMat3 = instance.world_from_object.matrix3;
-        // Areas change with the cofactors of the matrix.
+        // Vector areas transform by the cofactor matrix.
         let normals = matrix.inverse().transpose();
         let areas = normals * matrix.determinant().abs();
         let area = (areas * self.axis).length() * self.area;
@@ -104,14 +104,14 @@ impl Slab {
     }
 }
 
-/// The slabs among the bodies that some triangles form.
+/// The slabs among the bodies of a set of triangles.
 fn slabs_of(mesh: &Mesh, triangles: &[[u32; 3]]) -> Vec<Slab> {
     bodies_of(mesh, triangles).iter().flat_map(|body| slabs_of_body(mesh, triangles, body)).collect()
 }
 
-/// The triangles of each body: those that share vertices. Vertices at the same position are one.
+/// The triangles of each body (connected component). Vertices at the same position are connected.
 fn bodies_of(mesh: &Mesh, triangles: &[[u32; 3]]) -> Vec<Vec<u32>> {
-    // Sets of connected vertices: each refers to another one of its set, the representative to itself; none without a triangle.
+    // Union-find of vertices: representatives are their own parents, unused vertices have none.
     let mut parents = vec![u32::MAX; mesh.positions.len()];
     let mut sets = 0;
     for &[a, b, c] in triangles {
@@ -129,7 +129,7 @@ fn bodies_of(mesh: &Mesh, triangles: &[[u32; 3]]) -> Vec<Vec<u32>> {
             if parents[vertex as usize] == u32::MAX {
                 continue;
             }
-            // Adding 0 makes -0 and 0 the same.
+            // Adding 0 turns -0 into 0.
             let position = mesh.positions[vertex as usize].map(|c| (c + 0.0).to_bits());
             let first = *first_at.entry(position).or_insert(vertex);
             unite(&mut parents, first, vertex);
@@ -148,7 +148,7 @@ fn bodies_of(mesh: &Mesh, triangles: &[[u32; 3]]) -> Vec<Vec<u32>> {
     bodies
 }
 
-/// Makes the sets of two vertices one. False if they are one already.
+/// Unites the sets of two vertices; false if they were one set.
 fn unite(parents: &mut [u32], a: u32, b: u32) -> bool {
     let (a, b) = (root(parents, a), root(parents, b));
     parents[b as usize] = a;
@@ -164,7 +164,7 @@ fn root(parents: &mut [u32], mut vertex: u32) -> u32 {
     vertex
 }
 
-/// A body as a slab along each of the [`MAX_AXES`] normals of its largest triangles: an instance may flatten it along any.
+/// The slabs of a body along the normals of its largest triangles: an instance's scale may flatten it along any of them.
 fn slabs_of_body(mesh: &Mesh, triangles: &[[u32; 3]], body: &[u32]) -> Vec<Slab> {
     let corners = |triangle: u32| mesh.corners_f64(triangles[triangle as usize]);
     let face = |&triangle: &u32| {
@@ -175,29 +175,30 @@ fn slabs_of_body(mesh: &Mesh, triangles: &[[u32; 3]], body: &[u32]) -> Vec<Slab>
     let faces: Vec<Face> = body.iter().map(face).collect();
     let mut axes: Vec<DVec3> = Vec::new();
     for _ in 0..MAX_AXES {
-        axes.extend(largest_beside(&axes, &faces).and_then(|face| face.area.try_normalize()));
+        axes.extend(largest_off_axes(&axes, &faces).and_then(|face| face.area.try_normalize()));
     }
     axes.into_iter().filter_map(|axis| slab_along(axis, &faces, corners)).collect()
 }
 
 /// A triangle of a body.
 struct Face {
+    /// Index in the list of triangles.
     triangle: u32,
-    /// Its normal, as long as its area.
+    /// Vector area.
     area: DVec3,
-    /// Its area.
+    /// Length of `area`.
     size: f64,
 }
 
 impl Face {
-    /// Is it perpendicular to an axis of unit length?
+    /// Is the normal parallel to a unit vector?
     fn is_along(&self, axis: DVec3) -> bool {
         self.area.dot(axis).abs() >= FLAT_COSINE * self.size
     }
 }
 
-/// The largest of the faces that are perpendicular to none of the axes.
-fn largest_beside<'a>(axes: &[DVec3], faces: &'a [Face]) -> Option<&'a Face> {
+/// The largest face whose normal is parallel to none of the axes.
+fn largest_off_axes<'a>(axes: &[DVec3], faces: &'a [Face]) -> Option<&'a Face> {
     let mut largest: Option<&Face> = None;
     for face in faces {
         if largest.is_none_or(|largest| face.size > largest.size)
@@ -209,7 +210,7 @@ fn largest_beside<'a>(axes: &[DVec3], faces: &'a [Face]) -> Option<&'a Face> {
     largest
 }
 
-/// The slab with this normal that triangles form; `None` if they have not two flat faces of the same area there.
+/// The slab of a body along an axis; `None` unless there are two flat faces of the same area.
 fn slab_along(axis: DVec3, faces: &[Face], corners: impl Fn(u32) -> [DVec3; 3]) -> Option<Slab> {
     let mut of_faces = [0.0; 2];
     let mut levels = [(f64::INFINITY, f64::NEG_INFINITY); 2];
@@ -234,50 +235,50 @@ fn slab_along(axis: DVec3, faces: &[Face], corners: impl Fn(u32) -> [DVec3; 3]) 
     })
 }
 
-/// Maximum number of bodies.
+/// Maximum number of refractive bodies.
 const MAX_BODIES: usize = 64;
 
 /// Maximum number of sides of a body.
 const MAX_SIDES: usize = 6;
 
-/// Minimum cosine between the normals of triangles of the same side.
+/// Minimum cosine between the normals of triangles of one side.
 const SIDE_COSINE: f64 = 0.75;
 
-/// Minimum share of a body's area in a side.
+/// Minimum area of a side, as a fraction of the body's area.
 const MIN_SHARE: f64 = 0.08;
 
 /// Maximum root mean square of the angles between the normals of a side and their mean, radians.
 const MAX_SPREAD: f64 = 0.25;
 
-/// So many triangles show whether a body is round.
+/// Number of triangles tested to reject round bodies.
 const PROBES: usize = 64;
 
-/// Margin of boxes, relative to their size.
+/// Margin of bounding boxes, relative to their diagonal.
 const REFRACTOR_MARGIN: f32 = 0.01;
 
 /// Small bright lights and the bodies that refract their light.
 #[derive(Clone, Debug, Default)]
 pub struct RefractedLights {
-    /// The lights.
+    /// Small lights.
     pub lights: Vec<SmallLight>,
-    /// The bodies.
+    /// Refracting bodies.
     pub bodies: Vec<Refractor>,
-    /// Do some refract light to points outside of all solids?
+    /// Does any body refract light to points outside all solids?
     pub from_outside: bool,
 }
 
 /// A body that refracts light.
 #[derive(Clone, Debug)]
 pub struct Refractor {
-    /// It lies within.
+    /// Bounds, relative to the anchor.
     pub bounds: Bounds3,
-    /// The medium within; 0 for an open sheet.
+    /// Index of the medium inside; 0 for an open sheet.
     pub medium: u16,
-    /// Its facets spread light.
+    /// Is the GGX alpha above 0?
     pub is_rough: bool,
     /// Index of refraction.
     pub ior: f32,
-    /// Its sides that are flat but for waves.
+    /// Flat and wavy sides.
     pub sides: Vec<Side>,
 }
 
@@ -286,12 +287,12 @@ pub struct Refractor {
 pub struct Side {
     /// Mean normal.
     pub normal: Vec3,
-    /// Root mean square of the angles to it, radians.
+    /// Root mean square of the angles to the mean normal, radians.
     pub spread: f32,
 }
 
 impl RefractedLights {
-    /// None, if there are no such bodies or no such lights.
+    /// Finds the bodies and lights; empty if either is missing.
     pub(super) fn find(
         scene: &Scene,
         materials: &[CompiledMaterial],
@@ -319,7 +320,7 @@ impl RefractedLights {
             let face = RefractorFace::new(quad.edge_u.cross(quad.edge_v));
             bodies.extend(body(bounds, sides_of(&[face]), &materials[quad.material.index()]));
         }
-        // Where there are so many, most rays would be tested in vain.
+        // With too many bodies the tests of rays don't pay.
         match bodies.is_empty() || bodies.len() > MAX_BODIES {
             true => RefractedLights::default(),
             false => {
@@ -329,14 +330,14 @@ impl RefractedLights {
         }
     }
 
-    /// Are there none?
+    /// Are there no refractive bodies?
     pub fn is_empty(&self) -> bool {
         self.bodies.is_empty()
     }
 }
 
 impl CompiledMaterial {
-    /// Index of refraction and GGX alpha, if it is glass or water that bends light.
+    /// Index of refraction and GGX alpha of refractive glass or water; `None` for other materials.
     pub fn face_of_refractor(&self) -> Option<(f32, f32)> {
         let is_glass = matches!(self.class, BsdfClass::Dielectric | BsdfClass::RoughDielectric);
         let is_plain = is_glass
@@ -348,17 +349,17 @@ impl CompiledMaterial {
     }
 }
 
-/// A body, if its material and its form are those of one.
+/// A refractor, if material and shape are suitable.
 fn body(bounds: Bounds3, sides: Vec<Side>, material: &CompiledMaterial) -> Option<Refractor> {
     let (ior, alpha) = material.face_of_refractor()?;
     let margin = Vec3::splat(REFRACTOR_MARGIN * bounds.extent().length());
     let bounds = Bounds3 { min: bounds.min - margin, max: bounds.max + margin };
     let (medium, is_rough) = (material.medium_index, alpha > 0.0);
-    // Lobes from outside of solids are for frosted ones.
+    // Smooth bodies need flat or wavy sides.
     (is_rough || !sides.is_empty()).then_some(Refractor { bounds, medium, is_rough, ior, sides })
 }
 
-/// Where a mesh is.
+/// An instance of a mesh, relative to the anchor.
 struct Place<'a> {
     mesh: &'a Mesh,
     instance: &'a Instance,
@@ -368,7 +369,7 @@ struct Place<'a> {
 impl Place<'_> {
     fn body(&self, triangles: &[[u32; 3]], material: &CompiledMaterial) -> Option<Refractor> {
         let (_, alpha) = material.face_of_refractor()?;
-        // Most smooth bodies are round, which few of their triangles show.
+        // Most smooth bodies are round: reject them by a few triangles.
         let step = triangles.len().div_ceil(PROBES).max(1);
         let few: Vec<RefractorFace> =
             triangles.iter().step_by(step).map(|triangle| self.face(triangle)).collect();
@@ -392,7 +393,7 @@ impl Place<'_> {
 /// A triangle of a body.
 struct RefractorFace {
     normal: DVec3,
-    /// In proportion to its area.
+    /// Proportional to the area.
     size: f64,
 }
 
@@ -411,14 +412,16 @@ fn sides_of(faces: &[RefractorFace]) -> Vec<Side> {
         else {
             break;
         };
-        let own = faces.iter().filter(|face| face.normal.dot(largest.normal) >= SIDE_COSINE);
-        normals.push(own.map(|face| face.normal * face.size).sum::<DVec3>().normalize_or(largest.normal));
+        let side_faces = faces.iter().filter(|face| face.normal.dot(largest.normal) >= SIDE_COSINE);
+        normals
+            .push(side_faces.map(|face| face.normal * face.size).sum::<DVec3>().normalize_or(largest.normal));
     }
     let total: f64 = faces.iter().map(|face| face.size).sum();
     let side = |normal: &DVec3| {
-        let own = || faces.iter().filter(|face| face.normal.dot(*normal) >= SIDE_COSINE);
-        let area: f64 = own().map(|face| face.size).sum();
-        let squares = own().map(|face| (face.normal - *normal).length_squared() * face.size).sum::<f64>();
+        let side_faces = || faces.iter().filter(|face| face.normal.dot(*normal) >= SIDE_COSINE);
+        let area: f64 = side_faces().map(|face| face.size).sum();
+        let squares =
+            side_faces().map(|face| (face.normal - *normal).length_squared() * face.size).sum::<f64>();
         let spread = (squares / area).sqrt();
         (area >= MIN_SHARE * total && spread <= MAX_SPREAD)
             .then(|| Side { normal: normal.as_vec3(), spread: spread as f32 })
@@ -432,7 +435,7 @@ mod tests {
     use crate::load::load;
     use crate::scene::MaterialId;
 
-    /// Tetrahedra with vertices shared by their triangles, or with three of its own for each.
+    /// Tetrahedra with shared vertices, or with separate vertices per triangle.
     fn tetrahedra(places: &[f32], are_shared: bool) -> Mesh {
         let corners = |x: f32| [[x, 0.0, 0.0], [x + 1.0, 0.0, 0.0], [x, 1.0, 0.0], [x, 0.0, 1.0]];
         let shared: Vec<[f32; 3]> = places.iter().flat_map(|&x| corners(x)).collect();
@@ -442,10 +445,10 @@ mod tests {
         if are_shared {
             return Mesh::new("a", shared, triangles, MaterialId(0));
         }
-        let own = triangles.iter().flatten().map(|&v| shared[v as usize]).collect();
+        let positions = triangles.iter().flatten().map(|&v| shared[v as usize]).collect();
         Mesh::new(
             "a",
-            own,
+            positions,
             (0..triangles.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect(),
             MaterialId(0),
         )
@@ -460,13 +463,13 @@ mod tests {
             };
             assert_eq!(bodies(&[0.0]), [[0, 1, 2, 3]]);
             assert_eq!(bodies(&[0.0, 5.0]), [[0, 1, 2, 3], [4, 5, 6, 7]]);
-            // One's tip is a corner of the next.
+            // The third touches the first at a corner.
             assert_eq!(bodies(&[0.0, 5.0, 1.0]), [vec![0, 1, 2, 3, 8, 9, 10, 11], vec![4, 5, 6, 7]]);
             assert_eq!(bodies(&[-1.0, -0.0, 0.0, 9.0]).len(), 2);
         }
     }
 
-    /// The thickness of panes of each material of a scene file, in metres.
+    /// Thickness of the panes of the glass in a scene file, metres.
     fn thickness(objects: &str) -> f32 {
         let text = format!("[materials]\nglass = {{ type = \"dielectric\" }}\n{objects}");
         let file =

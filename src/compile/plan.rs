@@ -1,4 +1,4 @@
-//! How each instance is compiled: merged into the world's geometry, as a placement of a shared mesh, or as a placement that moves.
+//! Decides how each instance is compiled: merged into the world, or as a static or moving placement of a shared mesh.
 
 use super::emitters::Shifts;
 use super::fingerprint::Fingerprint;
@@ -13,86 +13,87 @@ use rayon::prelude::*;
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
-/// Meshes with fewer triangles are merged: a copy costs less than traversal into an instance.
+/// Meshes with fewer triangles are merged: a copy costs less than the traversal of an instance.
 const MIN_SHARED_TRIANGLES: usize = 1024;
 
-/// Maximum number of triangles of such copies in all, some 600 MB with their tree. Beyond, smaller meshes are shared, too: 60,000 placements of meshes of
-/// 128 triangles take 132 MB in place of 1,027 and 5.7 s in place of 10.1 at 16 samples, of which rays take 4.4 in place of 3.6.
+/// Maximum total number of triangles of such copies, about 600 MB with their BVH. Beyond, smaller meshes are shared: 60,000
+/// placements of meshes with 128 triangles take 132 MB instead of 1,027, and 5.7 s instead of 10.1 at 16 samples, of which
+/// tracing takes 4.4 s instead of 3.6.
 const MAX_COPIED_TRIANGLES: usize = 1 << 22;
 
-/// Meshes with fewer triangles take less memory than their placements would.
+/// Meshes with fewer triangles are never shared: copies take less memory than placements.
 const MIN_TRIANGLES_OF_INSTANCES: usize = 8;
 
-/// Largest condition number of an instance's linear transform; others are merged. A ray transformed to object space in single precision
-/// loses as many digits.
+/// Maximum condition number of the linear transform of a placement; other instances are merged. Rays transformed to object
+/// space in single precision lose that much precision.
 const MAX_SHARED_CONDITION: f64 = 1e3;
 
-/// Frames of a sequence with fewer visible triangles are compiled from scratch: that takes milliseconds, and traversal is faster
-/// without instances.
+/// Frames of a sequence with fewer visible triangles are compiled from scratch: this takes milliseconds, and traversal is
+/// faster without instances.
 const MIN_KEPT_TRIANGLES: usize = 1 << 16;
 
-/// How an instance is compiled.
+/// Compilation of an instance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum InstanceMode {
-    /// Its triangles are copied into the world's geometry.
+    /// Its triangles are copied into the world.
     Merged,
-    /// A static placement of a mesh that several instances share.
+    /// A static placement of a shared mesh.
     Shared,
-    /// A placement that moves, or whose mesh deforms.
+    /// A moving placement, or one of a deforming mesh.
     Moving,
 }
 
 /// A visible instance.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Step {
-    /// Its index in the scene.
+    /// Index in the scene.
     pub instance: usize,
     pub mode: InstanceMode,
-    /// Its transform, relative to the anchor.
+    /// Transform, relative to the anchor.
     pub world_from_object: DAffine3,
-    /// Index of its mesh among those that are not copied.
+    /// Index into [`Plan::meshes`], unless merged.
     pub geometry: usize,
-    /// How it moves while the picture is taken: which of [`Plan::motions`].
+    /// Index into [`Plan::motions`] of its motion while the shutter is open.
     pub motion: Option<u32>,
 }
 
 /// All visible instances, in the scene's order.
 #[derive(Debug, Default)]
 pub(super) struct Plan {
-    /// One entry for each visible instance.
+    /// The visible instances.
     pub steps: Vec<Step>,
-    /// The meshes that are not copied, by index in the scene.
+    /// Shared meshes, by index in the scene; deforming ones last.
     pub meshes: Vec<usize>,
-    /// The objects' traits for which each has its materials.
+    /// Traits of the objects of each shared mesh, for its materials.
     pub mesh_traits: Vec<ObjectTraits>,
-    /// The first of these that changes its shape.
+    /// Index of the first deforming mesh in `meshes`.
     pub first_changing: usize,
-    /// How instances move while the picture is taken.
+    /// Motion of instances while the shutter is open.
     pub motions: Vec<TransformKeys>,
-    /// Texture coordinates are kept even if no material asks for them.
+    /// Keep texture coordinates that no material uses.
     pub keeps_uv: bool,
-    /// Names of the attributes of vertices that graphs of nodes read, by their numbers.
+    /// Names of the vertex attributes that node graphs read, by index.
     pub attributes: Arc<[String]>,
-    /// The numbers of the objects' materials.
+    /// Material indices of objects.
     pub numbers: ObjectMaterials,
-    /// By mesh: are its fronts where its backs should be? Empty where none are.
+    /// By mesh: must its triangles be flipped? Empty if none must.
     pub inside_out: Vec<bool>,
-    /// How far flat lights in the plane of other surfaces are moved.
+    /// Offsets of flat lights that are coplanar with other surfaces.
     pub shifts: Shifts,
-    /// Keys under which another time can reuse this geometry; `None` if nothing is reused.
+    /// Keys for the reuse of geometry by other frames; `None` if nothing is reused.
     pub keys: Option<Keys>,
 }
 
 /// Fingerprints of the inputs of geometry.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Keys {
-    /// The meshes that are not copied and don't change.
+    /// Shared meshes without deformation.
     pub shared: Vec<Fingerprint>,
-    /// The world with all that stands still.
+    /// The world and all static placements.
     pub world: Fingerprint,
 }
 
-/// Makes the plan. Instances that no ray can hit are left out and reported.
+/// Makes the plan. Invisible instances are omitted and reported.
 pub(super) fn plan(
     (scene, numbers, attributes): (&Scene, ObjectMaterials, Arc<[String]>),
     materials: &[CompiledMaterial],
@@ -102,16 +103,16 @@ pub(super) fn plan(
     left_out: &mut Vec<String>,
 ) -> Plan {
     let uses = count_uses(scene);
-    let least_shared = least_shared_triangles(scene, &uses);
+    let min_shared = min_shared_triangles(scene, &uses);
     let is_hidden = |id: MaterialId| materials[id.index()].is_invisible();
-    let is_seen = |i: &&Instance| !part_materials(&scene.meshes[i.mesh.index()], i).all(is_hidden);
+    let is_visible = |i: &&Instance| !part_materials(&scene.meshes[i.mesh.index()], i).all(is_hidden);
     let triangles =
-        || scene.instances.iter().filter(is_seen).map(|i| scene.meshes[i.mesh.index()].triangles.len());
-    let keeps = is_sequence && triangles().sum::<usize>() >= MIN_KEPT_TRIANGLES;
+        || scene.instances.iter().filter(is_visible).map(|i| scene.meshes[i.mesh.index()].triangles.len());
+    let keeps_geometry = is_sequence && triangles().sum::<usize>() >= MIN_KEPT_TRIANGLES;
     let mut plan = Plan { numbers, attributes, ..Plan::default() };
     let mut invisible = 0;
     for (index, instance) in scene.instances.iter().enumerate() {
-        if !is_seen(&instance) {
+        if !is_visible(&instance) {
             invisible += 1;
             continue;
         }
@@ -122,7 +123,7 @@ pub(super) fn plan(
         let mesh = &scene.meshes[instance.mesh.index()];
         let emits = part_materials(mesh, instance).any(|m| materials[m.index()].emission.is_some());
         let can_be_placed = !emits && condition(&world_from_object.matrix3) <= MAX_SHARED_CONDITION;
-        let is_shared = uses[instance.mesh.index()] > 1 && mesh.triangles.len() >= least_shared;
+        let is_shared = uses[instance.mesh.index()] > 1 && mesh.triangles.len() >= min_shared;
         let motion = motion::keys(scene, instance, origin).map(|keys| {
             plan.motions.push(keys);
             plan.motions.len() as u32 - 1
@@ -131,7 +132,7 @@ pub(super) fn plan(
             Motion::Keyed(_) if motion.is_some() || motion::deforms(scene, instance.mesh) => {
                 InstanceMode::Moving
             }
-            Motion::Moves | Motion::Deforms | Motion::Keyed(_) if keeps && can_be_placed => {
+            Motion::Moves | Motion::Deforms | Motion::Keyed(_) if keeps_geometry && can_be_placed => {
                 InstanceMode::Moving
             }
             _ if is_shared && can_be_placed || mesh.splats.is_some() => InstanceMode::Shared,
@@ -144,7 +145,7 @@ pub(super) fn plan(
     }
     plan.number_meshes(scene);
     plan.report(scene, &uses, left_out);
-    if keeps {
+    if keeps_geometry {
         plan.keys = Some(plan.keys_of(scene, materials, origin));
     }
     plan
@@ -156,10 +157,10 @@ impl Plan {
         self.inside_out.get(mesh.index()).is_some_and(|&is| is)
     }
 
-    /// Gives each mesh that is not copied its number, those that change the last.
+    /// Assigns an index to each shared mesh, deforming ones last.
     fn number_meshes(&mut self, scene: &Scene) {
         for is_changing in [false, true] {
-            let mut known: HashMap<(usize, ObjectTraits), usize> = HashMap::new();
+            let mut indices: HashMap<(usize, ObjectTraits), usize> = HashMap::new();
             for step in self.steps.iter_mut().filter(|s| s.mode != InstanceMode::Merged) {
                 let instance = &scene.instances[step.instance];
                 let deforms = instance.motion == Motion::Deforms || motion::changes(scene, instance.mesh);
@@ -167,7 +168,7 @@ impl Plan {
                 if changes == is_changing {
                     let next = self.meshes.len();
                     let traits = mesh_traits(instance, &scene.meshes[instance.mesh.index()]);
-                    step.geometry = *known.entry((instance.mesh.index(), traits)).or_insert(next);
+                    step.geometry = *indices.entry((instance.mesh.index(), traits)).or_insert(next);
                     if step.geometry == next {
                         self.meshes.push(instance.mesh.index());
                         self.mesh_traits.push(traits);
@@ -184,7 +185,7 @@ impl Plan {
         let unused = || scene.meshes.iter().zip(uses).filter(|&(_, &n)| n == 0).map(|(mesh, _)| mesh);
         if unused().next().is_some() {
             let triangles: usize = unused().map(|m| m.triangles.len()).sum();
-            left_out.push(format!("{} meshes that nothing places ({triangles} triangles)", unused().count()));
+            left_out.push(format!("{} meshes without instances ({triangles} triangles)", unused().count()));
         }
         let mut placements = vec![0; scene.meshes.len()];
         for step in self.steps.iter().filter(|s| s.mode != InstanceMode::Merged) {
@@ -193,11 +194,12 @@ impl Plan {
         for (mesh, placed) in scene.meshes.iter().zip(placements).filter(|(_, placed)| *placed > 1) {
             let (n, copies) = (mesh.triangles.len(), placed - 1);
             let name = &mesh.name;
-            left_out.push(format!("{copies} copies of mesh '{name}' ({n} triangles): its uses share one"));
+            left_out
+                .push(format!("{copies} copies of mesh '{name}' ({n} triangles): its instances share one"));
         }
     }
 
-    /// The number of the material that a placement has instead of those of its mesh.
+    /// Index of the material that overrides those of a placement's mesh.
     pub fn material_of(&self, instance: &Instance, mesh: &Mesh) -> Option<u32> {
         let of_traits =
             || (instance.traits != ObjectTraits::default()).then(|| only_material(mesh)).flatten();
@@ -212,8 +214,8 @@ impl Plan {
         let named = |sum: Fingerprint, name: &String| sum.with_all(name.as_bytes());
         let of_materials = self.attributes.iter().fold(of_materials, named);
         let mut is_used = vec![false; scene.meshes.len()];
-        let stays = |s: &&Step| s.mode == InstanceMode::Merged;
-        let copied = self.steps.iter().filter(stays).map(|s| scene.instances[s.instance].mesh.index());
+        let is_merged = |s: &&Step| s.mode == InstanceMode::Merged;
+        let copied = self.steps.iter().filter(is_merged).map(|s| scene.instances[s.instance].mesh.index());
         copied.chain(self.meshes[..self.first_changing].iter().copied()).for_each(|m| is_used[m] = true);
         let of_meshes: Vec<Fingerprint> = (scene.meshes.par_iter().zip(&is_used))
             .map(|(mesh, used)| if *used { fingerprint::of_mesh(mesh) } else { Fingerprint::START })
@@ -252,13 +254,13 @@ impl Plan {
     }
 }
 
-/// The traits for which the mesh of a placement has its materials: the usual ones where the placement has a material of its own.
+/// The traits for the materials of a placement's mesh: the default if the placement has its own material.
 fn mesh_traits(instance: &Instance, mesh: &Mesh) -> ObjectTraits {
     let has_one = instance.material.is_some() || only_material(mesh).is_some();
     if has_one { ObjectTraits::default() } else { instance.traits }
 }
 
-/// With the quads, shapes and curves of a scene.
+/// Appends the quads, shapes and curves of a scene.
 fn with_shapes(mut sum: Fingerprint, scene: &Scene) -> Fingerprint {
     for quad in &scene.quads {
         sum = sum.with_vector(quad.corner).with_vector(quad.edge_u).with_vector(quad.edge_v);
@@ -278,9 +280,9 @@ fn with_shapes(mut sum: Fingerprint, scene: &Scene) -> Fingerprint {
 /// Is a transform invertible? Warns of singular and nearly singular ones.
 fn is_usable(instance: &Instance, linear: &DMat3, warnings: &mut Vec<Warning>) -> bool {
     let message = if !is_invertible(linear) {
-        "a transform that flattens it (or is not finite) hides it; it was left out"
-    } else if flatness(linear) < NEARLY_FLAT {
-        "a transform that nearly flattens it makes its position and normals imprecise"
+        "a singular or non-finite transform makes it invisible; it was left out"
+    } else if orthogonality(linear) < NEARLY_SINGULAR {
+        "a nearly singular transform makes its position and normals imprecise"
     } else {
         return true;
     };
@@ -296,20 +298,19 @@ fn count_uses(scene: &Scene) -> Vec<usize> {
     uses
 }
 
-/// Minimum number of triangles of meshes that are shared if they have several placements.
-fn least_shared_triangles(scene: &Scene, uses: &[usize]) -> usize {
+/// Minimum number of triangles of meshes to be shared.
+fn min_shared_triangles(scene: &Scene, uses: &[usize]) -> usize {
     let mut copied: BTreeMap<usize, usize> = BTreeMap::new();
     for (mesh, &uses) in scene.meshes.iter().zip(uses).filter(|&(_, &uses)| uses > 1) {
         *copied.entry(mesh.triangles.len()).or_default() += mesh.triangles.len().saturating_mul(uses);
     }
-    let mut least = MIN_SHARED_TRIANGLES;
-    let too_many = |least| {
-        copied.range(..least).fold(0usize, |sum, (_, n)| sum.saturating_add(*n)) > MAX_COPIED_TRIANGLES
-    };
-    while least > MIN_TRIANGLES_OF_INSTANCES && too_many(least) {
-        least /= 2;
+    let mut min = MIN_SHARED_TRIANGLES;
+    let too_many =
+        |min| copied.range(..min).fold(0usize, |sum, (_, n)| sum.saturating_add(*n)) > MAX_COPIED_TRIANGLES;
+    while min > MIN_TRIANGLES_OF_INSTANCES && too_many(min) {
+        min /= 2;
     }
-    least
+    min
 }
 
 fn moved(world_from_object: &DAffine3, origin: DVec3) -> DAffine3 {
@@ -317,25 +318,25 @@ fn moved(world_from_object: &DAffine3, origin: DVec3) -> DAffine3 {
 }
 
 fn is_invertible(m: &DMat3) -> bool {
-    // Rounding of a flat matrix leaves about 1e-16.
-    m.determinant().is_finite() && flatness(m) > 1e-14
+    // Rounding of a singular matrix leaves about 1e-16.
+    m.determinant().is_finite() && orthogonality(m) > 1e-14
 }
 
-/// Transforms below this [`flatness`] are warned of.
-const NEARLY_FLAT: f64 = 1e-6;
+/// [`orthogonality`] below which there is a warning.
+const NEARLY_SINGULAR: f64 = 1e-6;
 
-/// The volume that the axes span, over that of a box with such edges: 1 where they are orthogonal, 0 in a plane.
-fn flatness(m: &DMat3) -> f64 {
+/// The determinant relative to the product of the axes' lengths: 1 for orthogonal axes, 0 for coplanar ones.
+fn orthogonality(m: &DMat3) -> f64 {
     m.determinant().abs() / (m.x_axis.length() * m.y_axis.length() * m.z_axis.length())
 }
 
-/// The condition number of a matrix in the Frobenius norm, over its least value: 1 for rotations and even scales.
+/// The condition number of a matrix in the Frobenius norm over its minimum 3: 1 for rotations and uniform scales.
 fn condition(m: &DMat3) -> f64 {
     let norm = |m: &DMat3| DVec3::new(m.x_axis.length(), m.y_axis.length(), m.z_axis.length()).length();
     norm(m) * norm(&m.inverse()) / 3.0
 }
 
-/// The set of texture coordinates that the first normal map among materials uses.
+/// The UV set of the first normal map among materials; 0 if a node graph reads tangents.
 pub(super) fn normal_map_set(
     mut used: impl Iterator<Item = MaterialId> + Clone,
     scene: &Scene,
@@ -356,9 +357,9 @@ pub(super) fn normal_map_set(
     }
 }
 
-// Primitives of zero area in the scene description, as opposed to those that lose their area in single precision.
+// Degenerate primitives of the scene description, as opposed to those that become degenerate in single precision.
 
-/// Edges shorter than this share of the longest edge count as zero: rounding of equal corners.
+/// Edges shorter than this fraction of the longest edge count as zero, for rounding of equal corners.
 const ROUNDING: f64 = 4.0 * f32::EPSILON as f64;
 
 /// The number of degenerate primitives that a plan builds.
@@ -387,14 +388,14 @@ fn triangles(mesh: &Mesh) -> u64 {
     mesh.triangles.iter().filter(is_flat).count() as u64
 }
 
-/// Both halves have corners that are the same.
+/// Is a quad degenerate?
 fn is_flat(quad: &Quad) -> bool {
     let Quad { edge_u: u, edge_v: v, .. } = *quad;
     u == DVec3::ZERO || v == DVec3::ZERO
 }
 
-/// Build quality of the bounding volume hierarchy (see [`TreeQuality`]). Pictures don't depend on it: a full build takes longer and makes
-/// traversal faster.
+/// Build quality of the BVH (see [`TreeQuality`]). Pictures don't depend on it: a full build takes longer and makes traversal
+/// faster.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Tree {
     /// The fastest build.
@@ -402,22 +403,22 @@ pub enum Tree {
     /// The fastest traversal.
     #[default]
     Full,
-    /// The one that takes less time in total, estimated from the numbers of camera rays and triangles, so that the same command always
+    /// The quality with the lower total time, estimated from the numbers of camera rays and triangles, so that a command always
     /// builds the same tree.
     For {
-        /// Pixels times samples.
+        /// Number of camera rays: pixels times samples.
         camera_rays: u64,
     },
 }
 
-/// Scenes of fewer triangles have full trees: they take less than a third of a second.
+/// Scenes with fewer triangles get full builds, which take less than a third of a second.
 const MIN_TRIANGLES: u64 = 1 << 17;
 
-/// Camera rays per triangle from which a full tree pays. (Measured: see the README of `tools/rays`.)
+/// Camera rays per triangle above which a full build pays. (Measured: see the README of `tools/rays`.)
 const RAYS_A_TRIANGLE: u64 = 4;
 
 impl Tree {
-    /// The quality for this number of triangles.
+    /// The quality for a number of triangles.
     pub fn quality(self, triangles: u64) -> TreeQuality {
         match self {
             Tree::Fast => TreeQuality::Fast,
@@ -436,7 +437,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn few_rays_into_many_triangles_ask_for_a_fast_tree() {
+    fn few_rays_for_many_triangles_get_a_fast_build() {
         let quality = |camera_rays, triangles| Tree::For { camera_rays }.quality(triangles);
         assert_eq!(quality(1, 100_000), TreeQuality::Full);
         assert_eq!(quality(7_999_999, 2_000_000), TreeQuality::Fast);
@@ -446,17 +447,16 @@ mod tests {
         assert_eq!(Tree::default().quality(u64::MAX), TreeQuality::Full);
     }
 
-    /// Copies of small meshes are counted: placements share them before the copies fill the memory.
     #[test]
-    fn many_placements_share_small_meshes() {
+    fn small_meshes_are_shared_if_copies_need_too_much_memory() {
         let mut scene = Scene::default();
-        let of = |n: usize| Mesh { triangles: vec![[0; 3]; n], ..Mesh::default() };
-        scene.meshes = vec![of(1000), of(200), of(12), of(4)];
-        let least = |uses: [usize; 4]| least_shared_triangles(&scene, &uses);
-        assert_eq!(least([4000, 900, 1, 0]), MIN_SHARED_TRIANGLES, "4.18 million");
-        assert_eq!(least([4000, 1000, 1, 0]), 512, "4.2 million");
-        assert_eq!(least([0, 21_000, 1, 0]), 128);
-        assert_eq!(least([1, 1, 1_000_000, 1]), 8);
-        assert_eq!(least([1, 1, 1, 2_000_000]), MIN_TRIANGLES_OF_INSTANCES, "left as copies");
+        let mesh_of = |n: usize| Mesh { triangles: vec![[0; 3]; n], ..Mesh::default() };
+        scene.meshes = vec![mesh_of(1000), mesh_of(200), mesh_of(12), mesh_of(4)];
+        let min_triangles = |uses: [usize; 4]| min_shared_triangles(&scene, &uses);
+        assert_eq!(min_triangles([4000, 900, 1, 0]), MIN_SHARED_TRIANGLES, "4.18 million");
+        assert_eq!(min_triangles([4000, 1000, 1, 0]), 512, "4.2 million");
+        assert_eq!(min_triangles([0, 21_000, 1, 0]), 128);
+        assert_eq!(min_triangles([1, 1, 1_000_000, 1]), 8);
+        assert_eq!(min_triangles([1, 1, 1, 2_000_000]), MIN_TRIANGLES_OF_INSTANCES, "left as copies");
     }
 }

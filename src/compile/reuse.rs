@@ -15,7 +15,7 @@ use crate::texture::CompiledTextures;
 use crate::work_counter::WorkCounter;
 use std::sync::Arc;
 
-/// Inputs of a compiled scene, to find out which results the next frame may reuse.
+/// Inputs of a compiled scene, to determine which results the next frame may reuse.
 pub(super) struct Sources {
     keys: Option<Keys>,
     textures: Vec<Texture>,
@@ -34,7 +34,7 @@ impl Sources {
         }
     }
 
-    /// Is geometry kept for the next frame?
+    /// May the next frame reuse geometry?
     pub fn keep_geometry(&self) -> bool {
         self.keys.is_some()
     }
@@ -52,14 +52,14 @@ impl Sources {
 /// Results of the previous frame that a frame may reuse.
 #[derive(Default)]
 pub(super) struct Reusable {
-    /// The compiled textures, if they are the same.
+    /// The compiled textures, if unchanged.
     pub textures: Option<CompiledTextures>,
-    /// The environment, if it is the same; `Some(None)` where there is none.
+    /// The environment, if unchanged; `Some(None)` for no environment.
     pub environment: Option<Option<EnvironmentLight>>,
     geometry: Option<(Accel, Geometries, Keys)>,
 }
 
-/// Geometry and its acceleration structure.
+/// Geometry and its BVH.
 pub(super) struct BuiltGeometry {
     pub geometries: Geometries,
     pub accel: Accel,
@@ -124,7 +124,7 @@ fn build(
         geometries: &geometries,
         instances: &baked.instances,
         first_moving: baked.first_moving,
-        // The world counts, too.
+        // Geometry 0 is the world.
         first_changing: plan.first_changing + 1,
         moving: &baked.moving,
         quality: tree.quality(triangles),

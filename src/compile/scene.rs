@@ -1,4 +1,4 @@
-//! A scene ready to render, compile options and report, and a camera's view of the scene.
+//! The compiled scene, compile options and report, and a camera's view of the scene.
 
 use super::emitters::Emitters;
 use super::geometry::{Attributes, Geometries, Space};
@@ -22,33 +22,32 @@ use crate::texture::{CompiledTextures, ObjectData, TextureReport};
 use crate::work_counter::WorkCounter;
 use std::sync::Arc;
 
-/// Options of compiling.
+/// Compile options.
 #[derive(Clone, Debug, Default)]
 pub struct CompileOptions {
-    /// Models that all materials share.
+    /// Shading models of all materials.
     pub shading: ShadingModel,
-    /// The point of the scene's world that becomes the compiled scene's origin, metres. Single precision is finest
-    /// around it, so it belongs where the camera is. By default the position of the first camera; without a camera the
-    /// origin.
+    /// The point in world space, metres, that becomes the compiled scene's origin, where single precision is finest; best near
+    /// the camera. By default the position of the first camera; without a camera the origin.
     pub anchor: Option<DVec3>,
-    /// How good the trees are that rays walk. Default [`Tree::Full`].
+    /// Quality of the BVH. Default [`Tree::Full`].
     pub tree: Tree,
-    /// Keep texture coordinates that no material asks for: an output shows them.
+    /// Keep texture coordinates that no material uses, for an output of them.
     pub keeps_uv: bool,
-    /// Receives the progress of building trees.
+    /// Receives the progress of BVH builds.
     pub counter: WorkCounter,
-    /// The picture that will be rendered, or the first of several. Images of textures are kept only as finely as it shows them; others
-    /// may be rendered as well, and take longer where they show more. Without it images are kept as they are.
+    /// The picture to be rendered, or the first of several. Texture images are kept only at the mip levels that it needs; other
+    /// pictures are possible, but slower where they need finer levels. `None` keeps images at full resolution.
     pub picture: Option<ExpectedPicture>,
-    /// Bytes that the images of textures may take; larger ones are compressed, in memory or in a temporary file, which takes time. By
-    /// default [`texture_memory_for`](super::texture_memory_for) the picture; any number without one.
+    /// Maximum memory of texture images, bytes; larger ones are compressed, in memory or in a temporary file, which costs time.
+    /// By default [`texture_memory_for`](super::texture_memory_for) the picture; unlimited without a picture.
     pub texture_memory: Option<u64>,
 }
 
-/// A picture that will be rendered.
+/// A picture to be rendered.
 #[derive(Clone, Debug)]
 pub struct ExpectedPicture {
-    /// Where it is seen from.
+    /// Its camera.
     pub camera: Camera,
     /// Width in pixels.
     pub width: u32,
@@ -56,112 +55,112 @@ pub struct ExpectedPicture {
     pub height: u32,
 }
 
-/// A part of a scene or picture and the bytes that it takes.
+/// Memory of a part of a scene or picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MemoryPart {
-    /// Its name in reports.
+    /// Name for reports.
     pub name: &'static str,
-    /// Bytes.
+    /// Size, bytes.
     pub bytes: u64,
 }
 
-/// A report about compiling.
+/// Compile report.
 #[derive(Clone, Debug, Default)]
 pub struct CompileReport {
-    /// Seconds it took.
+    /// Build time, seconds.
     pub build_s: f64,
     /// Repairs and ignored parts.
     pub warnings: Vec<Warning>,
-    /// Parts left out though nothing is wrong: triangles without area.
+    /// Harmless omissions, such as degenerate triangles.
     pub notes: Vec<Warning>,
-    /// Parts that the picture does not need, with the memory that leaving them out saved.
+    /// Invisible parts that were omitted, with the memory saved.
     pub left_out: Vec<String>,
-    /// Triangles that rays can hit; shared meshes count once.
+    /// Number of triangles in BVHs; shared meshes count once.
     pub triangles: u64,
-    /// Quads.
+    /// Number of quads.
     pub quads: u64,
-    /// Spheres, disks and the like, in the order of [`ShapeTag::ALL`].
+    /// Numbers of analytic shapes, in the order of [`ShapeTag::ALL`].
     pub analytic: [u64; ShapeTag::ALL.len()],
-    /// Pieces of curves that rays can hit.
+    /// Number of curve segments.
     pub curves: u64,
-    /// Gaussian splats that rays can hit.
+    /// Number of Gaussian splats.
     pub splats: u64,
-    /// Lights, the environment included.
+    /// Number of lights, including the environment.
     pub lights: u64,
-    /// How good the trees are that rays walk.
+    /// Quality of the BVH.
     pub tree: TreeQuality,
-    /// Memory of the accelerator.
+    /// Memory of the BVH, bytes.
     pub bytes: u64,
-    /// Memory by part, the accelerator included.
+    /// Memory by part, including the BVH.
     pub memory: Vec<MemoryPart>,
-    /// The images of textures.
+    /// Report about texture images.
     pub textures: TextureReport,
 }
 
-/// A scene ready to render. Immutable; rendering it can't fail. It knows no camera: see [`View`](super::View).
+/// A compiled scene, immutable. Independent of cameras: see [`View`](super::View).
 pub struct CompiledScene {
-    /// The point of the scene's world that is the origin of all coordinates here, metres.
+    /// The point in world space, metres, that is the origin of all coordinates here.
     pub anchor: DVec3,
-    /// Ray queries.
+    /// BVHs for ray queries.
     pub accel: Accel,
     /// Surfaces at hits.
     pub geometries: Geometries,
-    /// Materials.
+    /// Materials of the scene, then copies for objects with traits, then components of mixes.
     pub materials: Vec<CompiledMaterial>,
-    /// Models that all materials share.
+    /// Shading models of all materials.
     pub shading: ShadingModel,
-    /// Media, by the number that materials have; the first one surrounds the scene.
+    /// Media, by medium index; the first is the exterior medium.
     pub media: Vec<Medium>,
     /// Texture lookups.
     pub textures: CompiledTextures,
-    /// Everything that emits light.
+    /// All lights.
     pub lights: Lights,
-    /// The environment that camera rays see, if it differs from the one that lights the scene and is not black.
+    /// The environment for camera rays, if it differs from the one that lights the scene and is not black.
     pub camera_environment: Option<EnvironmentLight>,
-    /// The small bright ones, and the bodies that refract their light.
+    /// Small bright lights and the bodies that refract their light.
     pub refracted_lights: RefractedLights,
-    /// Which group each is in.
+    /// Light groups.
     pub light_groups: LightGroups,
-    /// Their spectra, by number; see [`CompiledScene::spectrum_of_light`].
+    /// Spectra by light; see [`CompiledScene::spectrum_of_light`].
     pub(super) light_spectra: Vec<Option<Arc<Spectrum>>>,
-    /// Rays that each light is visible to, by number; empty where all lights are visible to all.
+    /// Ray visibility by light; empty if all lights are visible to all rays.
     pub(super) light_kinds: Vec<RayKinds>,
     /// Light linking.
     pub links: Links,
-    /// By light: is it left out of the reference picture of shadow catchers? Empty without catchers.
+    /// By area light: is it excluded from the reference picture of shadow catchers? Empty without catchers.
     pub(super) caught_lights: Vec<bool>,
-    /// Materials of the scene that it was compiled from: the first ones. Copies for objects with traits follow.
+    /// Number of materials of the scene, which come first.
     pub(super) own_materials: u32,
-    /// The originals of these copies, in their order.
+    /// The scene's materials of all others.
     pub(super) originals: Vec<MaterialId>,
-    /// Features that the integrator may skip.
+    /// Features, to skip stages of the integrator.
     pub features: Features,
-    /// The objects as graphs of nodes see them, by number; empty where no graph asks.
+    /// Data of objects for node graphs, by id; empty if no node graph reads them.
     pub objects: Vec<ObjectData>,
-    /// Which primitives are lights.
+    /// The lights of primitives.
     pub(super) emitters: Emitters,
-    /// Where objects are at the neighbouring frames.
+    /// Motion of objects between frames.
     pub vectors: MotionVectors,
-    /// The sources that it was made of, for reuse at another time.
+    /// The inputs of compilation, for reuse by the next frame.
     pub(super) sources: Option<Sources>,
 }
 
-/// Features that a scene uses: the integrator leaves out the stages of the others.
+/// Features that a scene uses: the integrator skips the stages of others.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Features {
-    /// Some surface has alpha or is invisible to some rays.
+    /// Rays may pass some surfaces: by alpha, visibility, single-sidedness and so on.
     pub alpha: bool,
-    /// Some surface has an alpha of its own.
+    /// Some materials have alpha.
     pub transparency: bool,
-    /// Some bodies are panes of glass, which light samples pass.
+    /// Some bodies are panes of glass, which shadow rays pass.
     pub panes: bool,
     /// Some vertices have shading normals.
     pub normals: bool,
-    /// Some shading normals differ from the geometric ones: those of vertices or of maps.
+    /// Some shading normals differ from the geometric ones: by vertex normals or maps.
     pub bent_normals: bool,
-    /// Some are those of maps or bumps.
+    /// Some materials have normal maps or bump maps.
     pub mapped_normals: bool,
-    /// Some textures depend on how much of a surface a path sees.
+    /// Some texture lookups depend on the footprint of the path.
     pub footprints: bool,
     /// Some solids are transmissive.
     pub media: bool,
@@ -179,13 +178,13 @@ pub struct Features {
     pub boundaries: bool,
     /// Several media may overlap.
     pub overlaps: bool,
-    /// Rays that see the environment.
+    /// Ray visibility of the environment.
     pub environment_visible_to: RayKinds,
-    /// Camera rays see another environment than the one that lights the scene.
+    /// The environment for camera rays differs from the one that lights the scene.
     pub camera_environment: bool,
-    /// Camera rays that hit nothing see a background, which may be black: they are opaque.
+    /// Camera rays that hit nothing are opaque: there is a background, which may be black.
     pub background: bool,
-    /// Objects or lights are visible to some kinds of rays only, the camera's aside.
+    /// Some objects or lights are invisible to some kinds of rays other than camera rays.
     pub ray_kinds: bool,
     /// Lights are linked to some objects only.
     pub links: bool,
@@ -202,16 +201,16 @@ pub struct Features {
 }
 
 impl Features {
-    /// With lights that light some kinds of rays only, or some objects only.
+    /// Adds features of lights: limited ray visibility, and light linking.
     pub(super) fn with_lights(self, some_kinds: bool, links: bool) -> Features {
         let ray_kinds = self.ray_kinds || some_kinds || links;
-        // Objects that cast no shadow in the light of some lights are absent for their shadow rays.
+        // Shadow linking lets shadow rays pass objects.
         Features { ray_kinds, alpha: self.alpha || links, links, ..self }
     }
 }
 
 impl CompiledScene {
-    /// The light that the primitive at a hit is part of.
+    /// The light of the primitive at a hit.
     #[inline]
     pub fn light_at(&self, hit: &Hit) -> Option<u32> {
         match hit.instance {
@@ -220,29 +219,29 @@ impl CompiledScene {
         }
     }
 
-    /// Does anything but the camera move while the picture is taken?
+    /// Does anything but the camera move while the shutter is open?
     pub fn is_moving(&self) -> bool {
         self.accel.is_moving() || self.lights.are_moving()
     }
 
-    /// The kinds of rays that light `index` is visible to.
+    /// Ray visibility of light `index`.
     #[inline]
     pub fn ray_kinds_of_light(&self, index: u32) -> RayKinds {
         self.light_kinds.get(index as usize).copied().unwrap_or(RayKinds::ALL)
     }
 
-    /// The spectrum of light `index`, where pictures are rendered by wavelength and it emits the same everywhere and is not white.
+    /// The spectrum of light `index`, in spectral rendering of uniform, coloured lights.
     #[inline]
     pub fn spectrum_of_light(&self, index: u32) -> Option<&Spectrum> {
         self.light_spectra.get(index as usize).and_then(Option::as_deref)
     }
 
-    /// Is light `index` left out of the reference picture of shadow catchers?
+    /// Is light `index` excluded from the reference picture of shadow catchers?
     pub fn is_caught_light(&self, index: u32) -> bool {
         self.caught_lights.get(index as usize).is_some_and(|&is_caught| is_caught)
     }
 
-    /// The scene's material that a compiled one is, or is a copy of.
+    /// The scene's material of a compiled material, which may be a copy or component.
     pub fn described_material(&self, material: u32) -> u32 {
         let copy = material.checked_sub(self.own_materials);
         copy.map_or(material, |copy| self.originals[copy as usize].0)
@@ -253,7 +252,7 @@ impl CompiledScene {
         self.geometries.object(hit)
     }
 
-    /// The parts that another time may reuse.
+    /// The parts that the next frame may reuse.
     pub(super) fn into_reusable(self, scene: &Scene) -> Reusable {
         let CompiledScene { accel, geometries, textures, lights, sources, .. } = self;
         match sources {
@@ -264,7 +263,7 @@ impl CompiledScene {
 }
 
 impl CompiledScene {
-    /// The bytes of each large part: lists by their lengths, without what few scenes have (tables of grids and profiles).
+    /// Memory of large parts, by the lengths of their lists, without grids and profiles.
     pub fn memory(&self) -> Vec<MemoryPart> {
         let spaces = || std::iter::once(&self.geometries.world).chain(&self.geometries.shared);
         let of_spaces = |bytes: fn(&Space) -> usize| spaces().map(|space| bytes(space)).sum::<usize>();
@@ -315,11 +314,11 @@ fn of_attributes(attributes: &Attributes) -> usize {
 /// A camera and the size of its picture, for a [`CompiledScene`].
 #[derive(Clone, Debug)]
 pub struct View {
-    /// Camera rays, in the compiled scene's coordinates.
+    /// The camera, relative to the anchor.
     pub camera: camera::Camera,
-    /// The camera while the shutter is open, if it moves then.
+    /// The camera while the shutter is open, if it moves.
     pub moving: Option<MovingCamera>,
-    /// The camera a frame before and a frame after, where that is known.
+    /// The camera a frame before and a frame after, if known.
     pub neighbours: [camera::Camera; 2],
     /// Picture width in pixels.
     pub width: u32,
@@ -327,14 +326,14 @@ pub struct View {
     pub height: u32,
     /// Width over height of a pixel.
     pub pixel_aspect: f64,
-    /// From the scene's world to the camera's own space.
+    /// From world to camera space.
     pub camera_from_world: DMat4,
-    /// From there to normalized device coordinates; panoramas have no such matrix.
+    /// From world space to normalised device coordinates; `None` for panoramas.
     pub ndc_from_world: Option<DMat4>,
 }
 
 impl View {
-    /// The view of a camera on a picture of `width` x `height` pixels. Takes no time to speak of: nothing is built.
+    /// The view of a camera for a picture of `width` x `height` pixels; cheap.
     pub fn new(compiled: &CompiledScene, camera: &Camera, width: u32, height: u32) -> View {
         let at = |world_from_camera| {
             let camera = Camera { world_from_camera, ..camera.clone() };
@@ -355,25 +354,23 @@ impl View {
         }
     }
 
-    /// Is single precision too coarse where the camera stands, so that the scene should be compiled around an anchor near
-    /// it?
+    /// Is single precision too coarse at the camera's position, so that the scene should be recompiled with a nearer anchor?
     ///
-    /// Coordinates near a camera that is D away from the anchor are rounded by up to 2^-24 D, and points of surfaces,
-    /// from which paths continue, lie within [`gamma`]`(7)` D, about 7 times as much, of where they should. That may be a
-    /// quarter of a pixel at the nearest surface: with pixels of a thousandth of the distance, D may be 600 times the
-    /// distance of the nearest surface.
+    /// Coordinates near a camera at a distance D from the anchor are rounded by up to 2^-24 D, and hit points have an error of
+    /// up to [`gamma`]`(7)` D, about 7 times as much. The limit is 1/4 of a pixel at the nearest surface: with pixels of 1/1000
+    /// of the distance, D may be 600 times the distance of the nearest surface.
     pub fn needs_new_anchor(&self, compiled: &CompiledScene) -> bool {
         let position = self.camera.position();
         let (width, spread) = self.camera.pixel_cone();
         let displacement = gamma(7) * position.length();
         let pixel = |distance: f32| 2.0 * (width + spread * distance);
-        // NaN counts as too coarse.
-        let suits = |distance: f32| displacement <= 0.25 * pixel(distance);
-        displacement != 0.0 && !suits(compiled.accel.distance(position))
+        // False for NaN.
+        let is_precise = |distance: f32| displacement <= 0.25 * pixel(distance);
+        displacement != 0.0 && !is_precise(compiled.accel.distance(position))
     }
 }
 
-/// The scene's camera of an index; the first without one.
+/// The scene's camera at an index, by default the first.
 ///
 /// # Errors
 /// A usage error for a camera that does not exist, an input error for a scene without a camera.

@@ -1,10 +1,9 @@
-//! The finest mip level that each texture image is needed at, bounded before any image is decoded by the smallest ray footprint on each
+//! The finest mip level needed of each texture image, estimated before decoding from the smallest footprint of rays on each
 //! surface.
 //!
-//! The footprint of a path is at least as wide as that of a camera ray at the same distance from the camera: along a path footprints only
-//! grow, and no path is shorter than the straight way. Lookups average over that width times the density of texture coordinates
-//! (`TexturePoint`), and read the level of a pyramid whose texels are just smaller. These are expectations only: whatever else lookups ask
-//! for is decoded then.
+//! The footprint of a path is at least that of a camera ray at the same distance: footprints increase along a path, and no
+//! path is shorter than the direct one. Lookups filter over the footprint times the UV density (`TexturePoint`), and read the
+//! next finer mip level. These are estimates: other levels are decoded on demand.
 
 use super::objects::part_materials;
 use super::scene::{CompileOptions, ExpectedPicture};
@@ -18,16 +17,15 @@ use crate::texture::TextureNeeds;
 use rayon::prelude::*;
 use std::f64::consts::{PI, SQRT_2};
 
-/// Above this number of triangles, of all placements together, the boxes of meshes bound what is seen.
+/// Maximum number of triangles of all instances for exact footprints; beyond, full resolution is kept.
 const MAX_EXACT_TRIANGLES: u64 = 1 << 24;
 
-/// Default memory limit of texture images for a picture of this many pixels, bytes: about what it can show of
-/// them. A picture of full HD has 2 GB, small ones 192 MiB.
+/// Default memory limit of texture images for a picture, bytes: 1 KiB per pixel (2 GB for full HD), at least 192 MiB.
 pub fn texture_memory_for(width: u32, height: u32) -> u64 {
     (u64::from(width) * u64::from(height) * 1024).max(192 << 20)
 }
 
-/// The needs of the images of a scene.
+/// The needed mip levels of a scene's images.
 pub(super) fn of(scene: &Scene, options: &CompileOptions) -> TextureNeeds {
     let by_picture =
         options.picture.as_ref().map(|picture| texture_memory_for(picture.width, picture.height));
@@ -35,23 +33,23 @@ pub(super) fn of(scene: &Scene, options: &CompileOptions) -> TextureNeeds {
     if !scene.images.iter().any(|image| image.is_encoded()) {
         return TextureNeeds { finest: Vec::new(), limit };
     }
-    let seen = seen(scene, options.picture.as_ref());
-    // Textures of nothing placed have no footprint.
-    let mut least = vec![None::<f32>; scene.textures.len()];
-    for (material, seen) in scene.materials.iter().zip(&seen).filter(|(_, seen)| seen.is_used) {
+    let footprints = footprints(scene, options.picture.as_ref());
+    // Unused textures have no footprint.
+    let mut min_footprints = vec![None::<f32>; scene.textures.len()];
+    for (material, smallest) in scene.materials.iter().zip(&footprints).filter(|(_, f)| f.is_used) {
         let mut note = |id: TextureId, footprint: &dyn Fn(&Mapping) -> f32| {
             for id in Texture::images_of(&scene.textures, id) {
                 let Texture::Image { mapping, .. } = &scene.textures[id.index()] else { continue };
-                let (own, least) = (footprint(mapping), &mut least[id.index()]);
-                *least = Some(least.map_or(own, |known| known.min(own)));
+                let (footprint, min) = (footprint(mapping), &mut min_footprints[id.index()]);
+                *min = Some(min.map_or(footprint, |min| min.min(footprint)));
             }
         };
-        material.textures().for_each(|id| note(id, &|mapping| seen.footprint(mapping)));
-        // Light samples and shadow rays look up points.
-        points(material).for_each(|id| note(id, &|_| 0.0));
+        material.textures().for_each(|id| note(id, &|mapping| smallest.footprint(mapping)));
+        // Light samples and shadow rays have no footprint.
+        unfiltered(material).for_each(|id| note(id, &|_| 0.0));
     }
     let mut finest = vec![None::<u32>; scene.images.len()];
-    for (texture, footprint) in scene.textures.iter().zip(least) {
+    for (texture, footprint) in scene.textures.iter().zip(min_footprints) {
         if let Texture::Image { image, interpolation, .. } = texture
             && let Some(finest) = finest.get_mut(image.index())
             && let Some(footprint) = footprint
@@ -59,18 +57,18 @@ pub(super) fn of(scene: &Scene, options: &CompileOptions) -> TextureNeeds {
             let image = &scene.images[image.index()];
             let texels = footprint * (f64::from(image.width) * f64::from(image.height)).sqrt() as f32;
             let level = match interpolation {
-                // A little is for rounding.
+                // With a margin for rounding.
                 Interpolation::Trilinear if texels > 1.0 => (texels * 0.999).log2().max(0.0) as u32,
                 _ => 0,
             };
-            *finest = Some(finest.map_or(level, |known: u32| known.min(level)));
+            *finest = Some(finest.map_or(level, |finest_yet: u32| finest_yet.min(level)));
         }
     }
     TextureNeeds { finest, limit }
 }
 
-/// The textures of a material that are looked up at points: emission, and partial absence.
-fn points(material: &Material) -> impl Iterator<Item = TextureId> {
+/// The textures of a material with unfiltered lookups: emission and alpha.
+fn unfiltered(material: &Material) -> impl Iterator<Item = TextureId> {
     let radiance = material.emission.map(|emission| emission.radiance);
     let emissive = radiance.filter(|slot| slot.factor != [0.0; 3]).and_then(|slot| slot.texture);
     let is_partial = material.alpha_mode != AlphaMode::Opaque;
@@ -82,11 +80,11 @@ fn points(material: &Material) -> impl Iterator<Item = TextureId> {
 /// The smallest footprint of rays on the surfaces of a material.
 #[derive(Clone, Copy, Debug)]
 struct Footprint {
-    /// Some surface has it.
+    /// Does any surface have the material?
     is_used: bool,
-    /// Width in metres.
+    /// Width, metres.
     width: f32,
-    /// Width in each set of texture coordinates.
+    /// Width in each UV set.
     of_sets: [f32; 2],
 }
 
@@ -95,7 +93,7 @@ impl Footprint {
         Footprint { is_used: false, width: f32::INFINITY, of_sets: [f32::INFINITY; 2] };
     const POINTS: Footprint = Footprint { is_used: true, width: 0.0, of_sets: [0.0; 2] };
 
-    /// A surface of one density of texture coordinates.
+    /// The footprint on a surface with a constant UV density.
     fn at(width: f64, uv_per_metre: f64) -> Footprint {
         let of_sets = [(width * uv_per_metre) as f32; 2];
         Footprint { is_used: true, width: width as f32, of_sets }
@@ -106,7 +104,7 @@ impl Footprint {
         Footprint { is_used: self.is_used || other.is_used, width: self.width.min(other.width), of_sets }
     }
 
-    /// The minimum footprint of lookups.
+    /// The minimum footprint of lookups, texture space.
     fn footprint(&self, mapping: &Mapping) -> f32 {
         match mapping {
             Mapping::Uv { set, transform } => {
@@ -119,18 +117,18 @@ impl Footprint {
     }
 }
 
-/// Visible surfaces of each material.
-fn seen(scene: &Scene, picture: Option<&ExpectedPicture>) -> Vec<Footprint> {
+/// The smallest footprint on the surfaces of each material.
+fn footprints(scene: &Scene, picture: Option<&ExpectedPicture>) -> Vec<Footprint> {
     let nothing = || vec![Footprint::NOWHERE; scene.materials.len()];
     let eye = picture.map(Viewpoint::new);
-    let is_wanted: Vec<bool> = scene.materials.iter().map(|m| has_large_pyramid(scene, m)).collect();
+    let needs_footprint: Vec<bool> = scene.materials.iter().map(|m| has_large_pyramid(scene, m)).collect();
     let triangles = scene.instances.iter().map(|i| scene.meshes[i.mesh.index()].triangles.len() as u64);
     let is_exact = triangles.sum::<u64>() <= MAX_EXACT_TRIANGLES;
     let with_instance = |mut all: Vec<Footprint>, instance: &Instance| {
         let mesh = &scene.meshes[instance.mesh.index()];
         for (part, material) in mesh.parts.iter().zip(part_materials(mesh, instance)) {
             let of_part = match &eye {
-                Some(eye) if is_wanted[material.index()] && is_exact => eye.part(mesh, part, instance),
+                Some(eye) if needs_footprint[material.index()] && is_exact => eye.part(mesh, part, instance),
                 _ => Footprint::POINTS,
             };
             all[material.index()] = all[material.index()].and(of_part);
@@ -140,16 +138,16 @@ fn seen(scene: &Scene, picture: Option<&ExpectedPicture>) -> Vec<Footprint> {
     let join = |a: Vec<Footprint>, b: Vec<Footprint>| a.into_iter().zip(b).map(|(a, b)| a.and(b)).collect();
     let mut all =
         scene.instances.par_iter().with_min_len(64).fold(nothing, with_instance).reduce(nothing, join);
-    let mut add = |material: usize, seen: Option<Footprint>| {
-        all[material] = all[material].and(seen.unwrap_or(Footprint::POINTS));
+    let mut add = |material: usize, footprint: Option<Footprint>| {
+        all[material] = all[material].and(footprint.unwrap_or(Footprint::POINTS));
     };
     for quad in &scene.quads {
         let corners = [quad.corner, quad.corner + quad.edge_u, quad.corner + quad.edge_v];
         let fourth = quad.corner + quad.edge_u + quad.edge_v;
         let density = quad.edge_u.cross(quad.edge_v).length().sqrt().recip();
-        let seen =
+        let footprint =
             eye.as_ref().map(|eye| Footprint::at(eye.width(corners.into_iter().chain([fourth])), density));
-        add(quad.material.index(), seen);
+        add(quad.material.index(), footprint);
     }
     for shape in &scene.shapes {
         let density = match shape.kind {
@@ -168,7 +166,7 @@ fn seen(scene: &Scene, picture: Option<&ExpectedPicture>) -> Vec<Footprint> {
     all
 }
 
-/// Do lookups of a material read the pyramid of an image that is not decoded yet?
+/// Does a material read mip levels of an image that is not decoded yet?
 fn has_large_pyramid(scene: &Scene, material: &Material) -> bool {
     material.textures().flat_map(|id| Texture::images_of(&scene.textures, id)).any(|id| {
         match &scene.textures[id.index()] {
@@ -183,7 +181,7 @@ fn has_large_pyramid(scene: &Scene, material: &Material) -> bool {
 /// The camera positions of a picture.
 struct Viewpoint {
     positions: Vec<DVec3>,
-    /// How far rays may start from there.
+    /// Radius of the lens, metres.
     lens_radius: f64,
     /// Footprint of a camera ray at its origin, metres, and its growth per metre.
     cone: [f64; 2],
@@ -199,7 +197,7 @@ impl Viewpoint {
         Viewpoint { positions, lens_radius, cone: [start.into(), growth.into()] }
     }
 
-    /// Minimum footprint width in the box around points.
+    /// Minimum footprint width in the bounding box of points, metres.
     fn width(&self, points: impl IntoIterator<Item = DVec3>) -> f64 {
         let empty = [DVec3::INFINITY, DVec3::NEG_INFINITY];
         let [low, high] = points.into_iter().fold(empty, |[low, high], p| [low.min(p), high.max(p)]);
@@ -208,7 +206,7 @@ impl Viewpoint {
         self.cone[0] + self.cone[1] * (nearest - self.lens_radius).max(0.0)
     }
 
-    /// Visible triangles of a part of a placed mesh.
+    /// The smallest footprint on a part of an instance.
     fn part(&self, mesh: &Mesh, part: &MeshPart, instance: &Instance) -> Footprint {
         if matches!(instance.motion, Motion::Keyed(_)) {
             return Footprint::POINTS;
@@ -216,22 +214,22 @@ impl Viewpoint {
         let world: &DAffine3 = &instance.world_from_object;
         let first = part.first_triangle as usize;
         let triangles = &mesh.triangles[first..first + part.triangle_count as usize];
-        let mut seen = Footprint { is_used: true, ..Footprint::NOWHERE };
+        let mut footprint = Footprint { is_used: true, ..Footprint::NOWHERE };
         for triangle in triangles {
             let corners = mesh.corners_f64(*triangle).map(|p| world.transform_point3(p));
             let width = self.width(corners);
             let area = (corners[1] - corners[0]).cross(corners[2] - corners[0]).length();
-            seen.width = seen.width.min(width as f32);
-            for (set, least) in mesh.uv_sets.iter().zip(&mut seen.of_sets) {
+            footprint.width = footprint.width.min(width as f32);
+            for (set, least) in mesh.uv_sets.iter().zip(&mut footprint.of_sets) {
                 let Some([a, b, c]) = corners_of(set, triangle) else { continue };
                 let density = (f64::from((b - a).perp_dot(c - a)).abs() / area).sqrt();
-                // Where texture coordinates don't change, one texel is read.
+                // Constant texture coordinates read a single texel.
                 if density > 0.0 {
                     *least = least.min((width * density) as f32);
                 }
             }
         }
-        seen
+        footprint
     }
 }
 

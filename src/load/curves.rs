@@ -1,50 +1,53 @@
-//! Files of hair and other curves: a text format of our own, `.curves`, and the binary `.hair` of Cem Yuksel's HAIR model files.
+//! Hair and other curves: oscura's text format `.curves`, and the binary `.hair` of Cem Yuksel's HAIR models.
 //!
-//! A `.curves` file is text. Its first line is `curves 1`, 1 being the version. A line `basis NAME` may follow. Then come the points,
-//! one a line: `x y z`, `x y z radius` or `x y z radius r g b`, the same for all; a blank line begins another strand. What
-//! follows a `#` is a comment.
+//! `.curves`: the first line is `curves 1` (the version), optionally followed by `basis NAME`. Then come the points, one
+//! a line, in one of three forms throughout the file: `x y z`, `x y z radius` or `x y z radius r g b`. A blank line ends
+//! a strand; `#` begins a comment.
 //!
-//! A `.hair` file is little-endian. Its header has 128 bytes: `HAIR`; how many strands and how many points there are (u32); which arrays
-//! follow (u32: 1 segments, 2 points, 4 thickness, 8 transparency, 16 colours); the number of segments of all strands, the thickness,
-//! the transparency and the colour, where there are no such arrays (u32, f32, f32, 3 f32); 88 bytes of text. Segments are u16,
-//! one a strand; all else is f32, by point. A strand has a point more than it has segments. Thickness is the diameter.
+//! `.hair`, little-endian. Header of 128 bytes: `HAIR`; number of strands, number of points (u32); bits of the arrays
+//! present (u32: 1 segments, 2 points, 4 thickness, 8 transparency, 16 colours); defaults for absent arrays: segments per
+//! strand, thickness, transparency, colour (u32, f32, f32, 3 f32); 88 bytes of text. Arrays: segments per strand (u16),
+//! all others per point (f32). A strand of n segments has n + 1 points. Thickness is the diameter.
 
 use super::files;
 use crate::math::{DAffine3, DVec3};
 use crate::scene::CurveBasis;
 use std::path::Path;
 
-/// The header of a `.hair` file, bytes.
+/// Size of a `.hair` header, bytes.
 const HEADER: usize = 128;
-/// Files may not be larger, bytes.
+/// Maximum file size, bytes.
 const MAX_BYTES: u64 = 1 << 33;
 /// Maximum coordinate, metres.
-const FARTHEST: f64 = 1e18;
+const MAX_COORDINATE: f64 = 1e18;
 
-/// The contents of a file.
+/// Contents of a curve file.
 #[derive(Debug, Default, PartialEq)]
 pub(super) struct CurveFile {
-    /// The basis that it names.
+    /// Curve basis, if the file specifies one.
     pub basis: Option<CurveBasis>,
-    /// Points of each strand.
+    /// Number of points per strand.
     pub strands: Vec<u32>,
     pub points: Vec<[f32; 3]>,
-    /// By point; empty without.
+    /// Per point; empty if absent.
     pub radii: Vec<f32>,
-    /// By point; empty without.
+    /// Per point; empty if absent.
     pub colors: Vec<[f32; 3]>,
-    /// Ignored contents, for warnings.
+    /// Name of contents that were ignored, for a warning.
     pub ignored: Option<&'static str>,
 }
 
-/// Reads a file; the error is a message.
+/// Reads a file.
+///
+/// # Errors
+/// A message with the file's path.
 pub(super) fn read(path: &Path) -> Result<CurveFile, String> {
     let name = path.display();
     let bytes = files::read(path, MAX_BYTES).map_err(|e| format!("{name}: {e}"))?;
     parse(&bytes).map_err(|e| format!("{name}: {e}"))
 }
 
-/// Reads the bytes of a file in either format.
+/// Parses a file in either format.
 pub(super) fn parse(bytes: &[u8]) -> Result<CurveFile, String> {
     if bytes.starts_with(b"HAIR") {
         return parse_hair(bytes);
@@ -102,16 +105,16 @@ impl CurveFile {
         }
     }
 
-    /// Drops strands with points or radii that reach beyond [`FARTHEST`] where they are placed; how many. All points have a radius.
+    /// Drops strands with points or radii above [`MAX_COORDINATE`] in world space; returns their number. All points must
+    /// have a radius.
     pub fn leave_out_far(&mut self, world_from_object: DAffine3) -> usize {
-        let stretch =
-            world_from_object.matrix3.to_cols_array().iter().fold(0.0f64, |most, x| most.max(x.abs()));
+        let scale = world_from_object.matrix3.to_cols_array().iter().fold(0.0f64, |max, x| max.max(x.abs()));
         let is_near = |i: usize| {
             let point = world_from_object.transform_point3(DVec3::from(self.points[i].map(f64::from)));
-            point.abs().max_element() <= FARTHEST && f64::from(self.radii[i]) * stretch <= FARTHEST
+            point.abs().max_element() <= MAX_COORDINATE && f64::from(self.radii[i]) * scale <= MAX_COORDINATE
         };
         let mut first = 0;
-        let near: Vec<bool> = self
+        let is_kept: Vec<bool> = self
             .strands
             .iter()
             .map(|&count| {
@@ -120,14 +123,14 @@ impl CurveFile {
                 points.into_iter().all(is_near)
             })
             .collect();
-        let dropped = near.iter().filter(|is_near| !**is_near).count();
+        let dropped = is_kept.iter().filter(|is_near| !**is_near).count();
         if dropped == 0 {
             return 0;
         }
-        let by_point = near.iter().zip(&self.strands);
+        let by_point = is_kept.iter().zip(&self.strands);
         let kept: Vec<bool> =
             by_point.flat_map(|(&kept, &n)| std::iter::repeat_n(kept, n as usize)).collect();
-        retain(&mut self.strands, &near);
+        retain(&mut self.strands, &is_kept);
         retain(&mut self.points, &kept);
         retain(&mut self.radii, &kept);
         retain(&mut self.colors, &kept);
@@ -143,17 +146,17 @@ impl CurveFile {
     }
 }
 
-/// Keeps the entries at the indices of a list.
+/// Keeps the values with a true flag.
 fn retain<T>(values: &mut Vec<T>, is_kept: &[bool]) {
     let mut kept = is_kept.iter();
     values.retain(|_| kept.next() == Some(&true));
 }
 
-/// The numbers of a file of little-endian words.
+/// The unread data of a little-endian file.
 struct Words<'a>(&'a [u8]);
 
 impl<'a> Words<'a> {
-    /// The next `count` things of `size` bytes; none of them is there unless all are.
+    /// Takes the next `count` values of `size` bytes; `what` is their name in error messages.
     fn take(&mut self, count: usize, size: usize, what: &str) -> Result<&'a [u8], String> {
         let wanted = count.checked_mul(size).filter(|&bytes| bytes <= self.0.len());
         let Some(bytes) = wanted else {
@@ -260,7 +263,7 @@ mod tests {
     }
 
     #[test]
-    fn text_is_read() {
+    fn text_curves_are_parsed() {
         let text = "curves 1\nbasis bspline # smooth\n\n0 0 0 .1 1 0 0\n1 0 0 .1 1 0 0\n\n\n# another\n0 1 0 .2 0 1 0\n1 1 1 0 0 1 0\n";
         let file = parse(text.as_bytes()).expect("curves");
         assert_eq!((file.basis, &file.strands[..]), (Some(CurveBasis::BSpline), &[2, 2][..]));
@@ -272,7 +275,7 @@ mod tests {
     }
 
     #[test]
-    fn hair_is_read() {
+    fn hair_files_are_parsed() {
         let file = parse(&whole()).expect("hair");
         assert_eq!(file.strands, [3, 2]);
         assert_eq!((file.points[4], file.radii[4], file.colors[0]), ([12.0, 13.0, 14.0], 0.2, [0.5; 3]));
@@ -323,9 +326,9 @@ mod tests {
         }
     }
 
-    /// Any bytes give a result or an error, without allocations beyond their size.
+    /// Damaged files neither panic nor cause allocations beyond their size.
     #[test]
-    fn any_bytes_have_an_answer() {
+    fn random_damage_never_panics() {
         let mut state = 1u32;
         let mut random = move || {
             state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);

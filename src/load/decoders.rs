@@ -1,14 +1,14 @@
-//! Optional decoders: each has a Cargo feature of its name.
+//! Optional decoders, one Cargo feature each.
 
 use std::any::Any;
 use std::cell::Cell;
 use std::panic::{AssertUnwindSafe, catch_unwind, set_hook, take_hook};
 use std::sync::Once;
 
-/// One of them.
+/// An optional decoder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Decoder {
-    /// Compressed meshes of glTF.
+    /// Compressed glTF meshes.
     Draco,
     /// Basis Universal textures in KTX2 files.
     Ktx2,
@@ -17,8 +17,8 @@ pub(super) enum Decoder {
 }
 
 impl Decoder {
-    /// Is it in this build; its feature; what it reads.
-    fn facts(self) -> (bool, &'static str, &'static str) {
+    /// Whether the decoder is in this build, its Cargo feature, and the content that it decodes.
+    fn properties(self) -> (bool, &'static str, &'static str) {
         match self {
             Decoder::Draco => (cfg!(feature = "draco"), "draco", "Draco meshes"),
             Decoder::Ktx2 => (cfg!(feature = "ktx2"), "ktx2", "Basis Universal textures"),
@@ -27,69 +27,67 @@ impl Decoder {
         }
     }
 
-    /// Is it in this build?
+    /// Is the decoder in this build?
     pub fn is_built_in(self) -> bool {
-        self.facts().0
+        self.properties().0
     }
 
-    /// The feature that a build without it lacks.
+    /// Error message for a build without the decoder.
     pub fn lack(self) -> String {
-        format!("this build of oscura reads no {}", self.facts().2)
+        format!("this build of oscura reads no {}", self.properties().2)
     }
 
-    /// How to get it.
+    /// Help text: how to build with the decoder.
     pub fn remedy(self) -> String {
-        format!("build it with `--features {}`", self.facts().1)
+        format!("build it with `--features {}`", self.properties().1)
     }
 }
 
-// Panics of third-party decoders on damaged data become errors and stay off
-// the terminal.
+// Panics of third-party decoders on damaged data become errors and aren't printed.
 
 thread_local! {
-    /// Calls of [`catch`] that this thread is in.
+    /// Nesting depth of [`catch`] on this thread.
     static DEPTH: Cell<u32> = const { Cell::new(0) };
 }
 
-/// Counts a call of [`catch`] for as long as it lives.
-struct Quiet;
+/// Guard that increments [`DEPTH`] during a call of [`catch`].
+struct DepthGuard;
 
-impl Quiet {
-    fn new() -> Quiet {
+impl DepthGuard {
+    fn new() -> DepthGuard {
         static HOOK: Once = Once::new();
         HOOK.call_once(|| {
             let earlier = take_hook();
             set_hook(Box::new(move |info| {
-                // Without the thread's storage it is ending, and not in `catch`.
+                // A thread without thread-local storage is ending, so it isn't in `catch`.
                 if DEPTH.try_with(Cell::get).unwrap_or(0) == 0 {
                     earlier(info);
                 }
             }));
         });
         DEPTH.with(|depth| depth.set(depth.get() + 1));
-        Quiet
+        DepthGuard
     }
 }
 
-impl Drop for Quiet {
+impl Drop for DepthGuard {
     fn drop(&mut self) {
         DEPTH.with(|depth| depth.set(depth.get() - 1));
     }
 }
 
-/// Runs a decoder. Should it panic, the panic's words are the error and nothing is printed: the first call wraps the
-/// process's panic hook so that it skips panics of threads that are in here. Those of all other threads are reported as
-/// before.
+/// Runs a decoder and turns a panic into an error message. The first call wraps the process's panic hook so that panics
+/// within `catch` aren't printed; other panics are reported as before.
 ///
-/// `work` must not leave anything half changed that is used after a panic.
+/// A panic must not leave state that outlives `work` inconsistent.
 pub(super) fn catch<T>(work: impl FnOnce() -> T) -> Result<T, String> {
-    let quiet = Quiet::new();
+    let guard = DepthGuard::new();
     let outcome = catch_unwind(AssertUnwindSafe(work));
-    drop(quiet);
-    outcome.map_err(|payload| words(payload.as_ref()))
+    drop(guard);
+    outcome.map_err(|payload| panic_message(payload.as_ref()))
 }
 
-fn words(payload: &(dyn Any + Send)) -> String {
+fn panic_message(payload: &(dyn Any + Send)) -> String {
     let text = payload.downcast_ref::<&str>().copied();
     let text = text.or_else(|| payload.downcast_ref::<String>().map(String::as_str));
     format!("its decoder gave up: {}", text.unwrap_or("it gave no reason"))
@@ -100,10 +98,10 @@ mod tests {
     use super::*;
     use std::process::Command;
 
-    /// Set for the process in which the panics happen.
+    /// Environment variable set for the child process that panics.
     const INNER: &str = "OSCURA_TEST_GUARD";
 
-    /// A panic prints where nobody can catch it, so the test looks at a process of its own.
+    /// A panic hook prints to the process's standard error, so the test runs in a child process.
     #[test]
     fn only_panics_inside_are_silent() {
         if std::env::var_os(INNER).is_some() {
@@ -116,8 +114,8 @@ mod tests {
                 catch(|| panic!("in the middle")),
                 Err::<(), _>("its decoder gave up: in the middle".to_string())
             );
-            let beside = std::thread::spawn(|| panic!("beside"));
-            assert!(beside.join().is_err() && catch_unwind(|| panic!("after")).is_err());
+            let other = std::thread::spawn(|| panic!("beside"));
+            assert!(other.join().is_err() && catch_unwind(|| panic!("after")).is_err());
             return;
         }
         let this = std::env::current_exe().expect("this program");

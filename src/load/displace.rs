@@ -1,8 +1,8 @@
-//! Displacement: meshes whose materials have height maps are subdivided and moved along their normals when a scene is loaded, so that
-//! all later stages see triangles only; and normal maps from height maps.
+//! Displacement mapping at load time: meshes with height maps are subdivided and their vertices moved along the normals.
+//! Also converts height maps to normal maps.
 //!
-//! Triangles are bisected until no edge is longer than requested. Whether an edge is cut depends on its ends alone, so that triangles
-//! on both sides of it agree and no cracks open.
+//! Edges are bisected until none is longer than requested. The decision depends on the edge's vertices alone, so that
+//! adjacent triangles agree and no cracks open.
 
 use super::Loaded;
 use crate::error::Warning;
@@ -15,12 +15,12 @@ use crate::scene::{
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// Maximum number of triangles that all displaced meshes of a scene may have together.
+/// Maximum number of triangles of all displaced meshes of a scene together.
 const MAX_TRIANGLES: usize = 16_000_000;
-/// Default edge length, as a fraction of a mesh's diagonal.
+/// Default edge length, as a fraction of the diagonal of the mesh's bounding box.
 const DEFAULT_EDGE: f32 = 1.0 / 256.0;
 
-/// Applies the displacement of all materials to the meshes that have them, and removes it from the materials.
+/// Displaces all meshes whose materials have a height map, then removes the height maps from the materials.
 pub(super) fn apply(loaded: &mut Loaded) {
     if loaded.scene.materials.iter().all(|m| m.displacement.is_none()) {
         return;
@@ -37,7 +37,7 @@ pub(super) fn apply(loaded: &mut Loaded) {
     let Loaded { scene, warnings, .. } = loaded;
     warn_of_shapes(scene, &heights, warnings);
     quads_to_meshes(scene, &heights, warnings);
-    instances(scene, &heights, warnings);
+    displace_instances(scene, &heights, warnings);
     loaded.scene.materials.iter_mut().for_each(|m| m.displacement = None);
 }
 
@@ -47,7 +47,7 @@ fn warn(warnings: &mut Vec<Warning>, name: &str, message: impl Into<String>) {
     warnings.push(Warning::general(format!("'{name}': {}", message.into())));
 }
 
-/// Analytic shapes have no triangles.
+/// Warns of displaced analytic shapes, which have no triangles.
 fn warn_of_shapes(scene: &Scene, heights: &AllHeights, warnings: &mut Vec<Warning>) {
     let shape = scene.shapes.iter().find(|shape| heights.contains_key(&shape.material));
     if let Some(shape) = shape {
@@ -55,7 +55,7 @@ fn warn_of_shapes(scene: &Scene, heights: &AllHeights, warnings: &mut Vec<Warnin
     }
 }
 
-/// Makes meshes of the quads that are to be displaced.
+/// Converts displaced quads to meshes.
 fn quads_to_meshes(scene: &mut Scene, heights: &AllHeights, warnings: &mut Vec<Warning>) {
     let displaced = |quad: &Quad| heights.contains_key(&quad.material);
     let Some(first) = scene.quads.iter().find(|quad| displaced(quad)) else { return };
@@ -77,8 +77,8 @@ fn quads_to_meshes(scene: &mut Scene, heights: &AllHeights, warnings: &mut Vec<W
     }
 }
 
-/// Replaces the meshes of all instances with displaced materials; instances that share a mesh share the displaced one, too.
-fn instances(scene: &mut Scene, heights: &AllHeights, warnings: &mut Vec<Warning>) {
+/// Replaces the meshes of instances with displaced materials; instances of one mesh share the displaced mesh.
+fn displace_instances(scene: &mut Scene, heights: &AllHeights, warnings: &mut Vec<Warning>) {
     let mut made: HashMap<(MeshId, Option<MaterialId>), Option<MeshId>> = HashMap::new();
     let mut triangles = 0;
     for index in 0..scene.instances.len() {
@@ -112,7 +112,7 @@ fn instances(scene: &mut Scene, heights: &AllHeights, warnings: &mut Vec<Warning
     }
 }
 
-/// The mesh with its parts displaced; `None` where it can't be.
+/// The mesh with its parts displaced; `None`, with a warning, if it has no texture coordinates.
 fn displaced(own: &Mesh, parts: &Parts, budget: usize, warnings: &mut Vec<Warning>) -> Option<Mesh> {
     let has_coordinates = parts
         .iter()
@@ -126,7 +126,7 @@ fn displaced(own: &Mesh, parts: &Parts, budget: usize, warnings: &mut Vec<Warnin
         .iter()
         .map(|part| part.map(|(d, _)| if d.edge > 0.0 { d.edge } else { DEFAULT_EDGE * diagonal(own) }))
         .collect();
-    let edges = affordable(own, edges, budget, warnings);
+    let edges = limit_edges(own, edges, budget, warnings);
     let (fine, longest) = subdivided(own, &edges, budget);
     if let Some(longest) = longest {
         let message = format!(
@@ -137,34 +137,34 @@ fn displaced(own: &Mesh, parts: &Parts, budget: usize, warnings: &mut Vec<Warnin
     Some(displace_vertices(fine, parts))
 }
 
-/// Limits edges that are far too short: where their triangles exceed the budget by far, subdividing up to it gains nothing.
-fn affordable(
+/// Replaces edge lengths that need far more triangles than the budget by the default length.
+fn limit_edges(
     own: &Mesh,
     mut edges: Vec<Option<f32>>,
     budget: usize,
     warnings: &mut Vec<Warning>,
 ) -> Vec<Option<f32>> {
-    /// Multiple of the budget from which edges count as far too short.
-    const FAR: f64 = 16.0;
-    let least = min_triangles(own, &edges);
-    if least <= FAR * budget as f64 {
+    /// Multiple of the budget above which edges count as too short.
+    const MAX_EXCESS: f64 = 16.0;
+    let min_count = min_triangles(own, &edges);
+    if min_count <= MAX_EXCESS * budget as f64 {
         return edges;
     }
     let default = DEFAULT_EDGE * diagonal(own);
-    // Halves of edges make up to four times as many triangles as are needed.
-    let shortest = (least * 4.0 / budget.max(1) as f64).sqrt();
-    let wanted = edges.iter().flatten().copied().fold(f32::INFINITY, f32::min);
+    // Bisection makes up to four times the minimum number of triangles.
+    let shortest = (min_count * 4.0 / budget.max(1) as f64).sqrt();
+    let requested = edges.iter().flatten().copied().fold(f32::INFINITY, f32::min);
     let message = format!(
-        "is subdivided to edges of {default:.3}, the default: edges of {wanted:e} would take at least {least:.1e} triangles, and all displaced \
+        "is subdivided to edges of {default:.3}, the default: edges of {requested:e} would take at least {min_count:.1e} triangles, and all displaced \
          meshes together may have {MAX_TRIANGLES}; edge = {:.1e} is possible",
-        f64::from(wanted) * shortest
+        f64::from(requested) * shortest
     );
     warn(warnings, &own.name, message);
     edges.iter_mut().flatten().for_each(|edge| *edge = edge.max(default));
     edges
 }
 
-/// The diagonal of the box around a mesh, object units.
+/// Diagonal of a mesh's bounding box, object units.
 fn diagonal(mesh: &Mesh) -> f32 {
     let (mut low, mut high) = ([f32::MAX; 3], [f32::MIN; 3]);
     for p in &mesh.positions {
@@ -176,12 +176,10 @@ fn diagonal(mesh: &Mesh) -> f32 {
     (0..3).map(|k| (high[k] - low[k]).powi(2)).sum::<f32>().sqrt()
 }
 
-// Heights from an image by texture coordinates.
-
 /// Displacement and height map of each part of a mesh.
 type Parts<'a> = Vec<Option<(&'a Displacement, &'a Heights)>>;
 
-/// The values of a channel, bilinear between the centres of texels.
+/// A height map: one channel of an image, with bilinear filtering.
 struct Heights {
     size: [usize; 2],
     values: Vec<f32>,
@@ -191,7 +189,10 @@ struct Heights {
 }
 
 impl Heights {
-    /// The heights of a texture, which must be an image mapped by texture coordinates; else the reason why it isn't.
+    /// The height map of an image texture with texture coordinates.
+    ///
+    /// # Errors
+    /// A message for all other textures.
     pub fn of(scene: &Scene, (id, channel): (TextureId, u8)) -> Result<Heights, String> {
         let texture = scene.textures.get(id.index());
         let Some(Texture::Image { image, wrap_u, wrap_v, mapping: Mapping::Uv { set, transform }, .. }) =
@@ -202,7 +203,7 @@ impl Heights {
         let image = scene.images.get(image.index()).ok_or("is displaced by an image that is not there")?;
         let image =
             image.decoded(&mut Vec::new()).map_err(|_| "is displaced by an image that can't be decoded")?;
-        // Heights are linear data, even if the image is used as colours elsewhere.
+        // Heights are linear data, even if the image is also a colour texture.
         let image = Image { encoding: Encoding::Linear, ..image };
         let size = [image.width as usize, image.height as usize];
         let texel =
@@ -216,12 +217,12 @@ impl Heights {
         })
     }
 
-    /// Index of the set of texture coordinates that it uses.
+    /// Index of the UV set.
     pub fn set(&self) -> usize {
         self.set as usize
     }
 
-    /// The height at coordinates of that set.
+    /// The height at coordinates of the UV set.
     pub fn at(&self, uv: [f32; 2]) -> f32 {
         let TextureTransform { offset, rotation_rad, scale } = self.transform;
         let scaled = Vec2::from_array(uv) * scale;
@@ -256,39 +257,40 @@ fn wrapped(at: i64, size: usize, wrap: Wrap) -> usize {
 
 // Displaces the vertices of a tessellated mesh and recomputes its normals.
 
-/// A point by its bits, with both zeros alike.
+/// The bits of a position, with -0 as +0.
 type Key = [u32; 3];
 
 fn key(p: [f32; 3]) -> Key {
     p.map(|x| (x + 0.0).to_bits())
 }
 
-/// Common displacement of vertices in one place: at seams of texture coordinates and at hard edges there are several, which move as one.
+/// Common displacement of vertices with the same position, as at UV seams and hard edges.
 #[derive(Clone, Copy, Default)]
 struct Place {
     direction: Vec3,
-    /// Sum of the lengths of the vectors that were added to `direction`.
+    /// Sum of the lengths of the vectors in `direction`.
     length: f32,
+    /// Sum of the displacements of `count` vertices.
     heights: f32,
     count: f32,
 }
 
 impl Place {
-    /// The displacement direction of a vertex with this normal: that of the place, or the vertex's own where the normals of the place
-    /// cancel each other, as on the two sides of a card.
+    /// The displacement direction of a vertex with the normal `own`: the shared direction, or `own` where normals cancel, as
+    /// on a two-sided card.
     fn direction_of(&self, own: Vec3) -> Vec3 {
-        let is_shared = self.direction.length() > SHARED * self.length;
+        let is_shared = self.direction.length() > MIN_COHERENCE * self.length;
         if is_shared { self.direction.normalize_or_zero() } else { own.normalize_or_zero() }
     }
 }
 
-/// Minimum length of the sum of the directions of a place, as a fraction of the sum of their lengths, for its vertices to move as one.
-const SHARED: f32 = 0.1;
+/// Minimum length of the summed normals of a position, relative to the sum of their lengths, for a shared direction.
+const MIN_COHERENCE: f32 = 0.1;
 
 /// The mesh with the vertices of its displaced parts moved along their normals.
 fn displace_vertices(mut mesh: Mesh, parts: &Parts) -> Mesh {
     let over = vertices_over(&mesh, parts);
-    let own = directions(&mesh);
+    let vertex_directions = directions(&mesh);
     let mut places: HashMap<Key, Place> = HashMap::new();
     for (vertex, part) in over.iter().enumerate() {
         let Some((displacement, heights)) = part.and_then(|part| parts[part]) else { continue };
@@ -297,19 +299,19 @@ fn displace_vertices(mut mesh: Mesh, parts: &Parts) -> Mesh {
             displacement.scale * (heights.at(mesh.uv_sets[heights.set()][vertex]) - displacement.midlevel);
         place.count += 1.0;
     }
-    for (vertex, direction) in own.iter().enumerate() {
+    for (vertex, direction) in vertex_directions.iter().enumerate() {
         if let Some(place) = places.get_mut(&key(mesh.positions[vertex])) {
             place.direction += *direction;
             place.length += direction.length();
         }
     }
-    // Normals stay smooth where vertices of one place had the same normal. Flat meshes become smooth.
+    // Vertices with the same position and normal share a normal after displacement. Flat meshes become smooth.
     let smooth: Vec<(Key, Key)> = (0..mesh.positions.len())
         .map(|v| (key(mesh.positions[v]), mesh.normals.get(v).map_or([0; 3], |n| key(*n))))
         .collect();
     for vertex in (0..over.len()).filter(|&vertex| over[vertex].is_some()) {
         let Some(place) = places.get(&smooth[vertex].0) else { continue };
-        let moved = place.direction_of(own[vertex]) * (place.heights / place.count);
+        let moved = place.direction_of(vertex_directions[vertex]) * (place.heights / place.count);
         let p = Vec3::from_array(mesh.positions[vertex]) + moved;
         if p.is_finite() {
             mesh.positions[vertex] = p.to_array();
@@ -319,7 +321,7 @@ fn displace_vertices(mut mesh: Mesh, parts: &Parts) -> Mesh {
     mesh
 }
 
-/// The displaced part that each vertex belongs to: the first that uses it.
+/// Index of the first displaced part with each vertex.
 fn vertices_over(mesh: &Mesh, parts: &Parts) -> Vec<Option<usize>> {
     let mut over = vec![None; mesh.positions.len()];
     for (index, part) in mesh.parts.iter().enumerate().filter(|(index, _)| parts[*index].is_some()) {
@@ -331,7 +333,7 @@ fn vertices_over(mesh: &Mesh, parts: &Parts) -> Vec<Option<usize>> {
     over
 }
 
-/// Vertex normals; without them the means of the normals of adjacent triangles, weighted by area.
+/// Vertex normals; without them the area-weighted sums of adjacent face normals, not normalised.
 fn directions(mesh: &Mesh) -> Vec<Vec3> {
     if !mesh.normals.is_empty() {
         return mesh.normals.iter().map(|n| Vec3::from_array(*n)).collect();
@@ -343,7 +345,7 @@ fn directions(mesh: &Mesh) -> Vec<Vec3> {
     sums
 }
 
-/// Normals of triangles, twice their areas long.
+/// Face normals; their length is twice the area.
 fn face_normals(mesh: &Mesh) -> impl Iterator<Item = Vec3> + '_ {
     mesh.triangles.iter().map(|triangle| {
         let [a, b, c] = triangle.map(|v| Vec3::from_array(mesh.positions[v as usize]));
@@ -351,7 +353,7 @@ fn face_normals(mesh: &Mesh) -> impl Iterator<Item = Vec3> + '_ {
     })
 }
 
-/// Sets vertex normals to the means of the normals of adjacent triangles, weighted by area.
+/// Sets vertex normals to the area-weighted means of adjacent face normals.
 fn set_normals(mesh: &mut Mesh, over: &[Option<usize>], smooth: &[(Key, Key)]) {
     let mut sums: HashMap<(Key, Key), Vec3> = HashMap::new();
     for (triangle, normal) in mesh.triangles.iter().zip(face_normals(mesh)) {
@@ -371,8 +373,8 @@ fn set_normals(mesh: &mut Mesh, over: &[Option<usize>], smooth: &[(Key, Key)]) {
     mesh.normals = normals.collect();
 }
 
-/// The mesh without tangents, its parts subdivided to the given edge lengths; and its longest edge, if the limit of triangles stopped
-/// the subdivision.
+/// The mesh without tangents, its parts subdivided to the maximum edge lengths; and its longest edge if the subdivision
+/// stopped at `most` triangles.
 fn subdivided(mesh: &Mesh, edges: &[Option<f32>], most: usize) -> (Mesh, Option<f32>) {
     let mut fine = Mesh { tangents: Vec::new(), triangles: Vec::new(), parts: Vec::new(), ..mesh.clone() };
     let mut longest = None;
@@ -386,8 +388,8 @@ fn subdivided(mesh: &Mesh, edges: &[Option<f32>], most: usize) -> (Mesh, Option<
                 break;
             }
             if fine.triangles.len() + triangles.len() + cuts > most {
-                let left = triangles.iter().flat_map(sides).map(|[a, b]| length(&fine, a, b));
-                longest = Some(left.fold(longest.unwrap_or(0.0), f32::max));
+                let remaining = triangles.iter().flat_map(sides).map(|[a, b]| length(&fine, a, b));
+                longest = Some(remaining.fold(longest.unwrap_or(0.0), f32::max));
                 break;
             }
             triangles = cut(&mut fine, &triangles, edge);
@@ -402,7 +404,7 @@ fn subdivided(mesh: &Mesh, edges: &[Option<f32>], most: usize) -> (Mesh, Option<
     (fine, longest)
 }
 
-/// A lower bound on the number of triangles: those whose edges all have the maximum length have the largest area.
+/// A lower bound on the number of triangles after subdivision: no triangle is larger than the equilateral one.
 fn min_triangles(mesh: &Mesh, edges: &[Option<f32>]) -> f64 {
     let area = |t: &[u32; 3]| {
         let [a, b, c] = t.map(|i| Vec3::from_array(mesh.positions[i as usize]).as_dvec3());
@@ -425,23 +427,23 @@ fn sides(triangle: &[u32; 3]) -> impl Iterator<Item = [u32; 2]> + use<> {
 
 fn length(mesh: &Mesh, a: u32, b: u32) -> f32 {
     let [a, b] = [a, b].map(|i| Vec3::from_array(mesh.positions[i as usize]));
-    // The same from both ends.
+    // `abs` makes the result independent of the order of the vertices.
     (a - b).abs().length()
 }
 
-/// Is an edge longer than wanted, and are its halves shorter? Far from the origin neighbouring numbers may be farther apart
-/// than edges should be, and the midpoint rounds to an end.
+/// Is an edge longer than `edge`, and its midpoint distinct from its ends? Far from the origin the spacing of f32 may
+/// exceed the edge length, and the midpoint rounds to an end.
 fn is_cut(mesh: &Mesh, [a, b]: [u32; 2], edge: f32) -> bool {
-    let whole = length(mesh, a, b);
-    if whole <= edge {
+    let full_length = length(mesh, a, b);
+    if full_length <= edge {
         return false;
     }
     let [p, q] = [a, b].map(|i| mesh.positions[i as usize]);
     let middle = Vec3::from_array(mean(p, q));
-    [p, q].iter().all(|&end| middle.distance(Vec3::from_array(end)) < 0.75 * whole)
+    [p, q].iter().all(|&end| middle.distance(Vec3::from_array(end)) < 0.75 * full_length)
 }
 
-/// Cuts all edges longer than `edge` once.
+/// Bisects all edges longer than `edge` once.
 fn cut(mesh: &mut Mesh, triangles: &[[u32; 3]], edge: f32) -> Vec<[u32; 3]> {
     let mut middles: HashMap<[u32; 2], u32> = HashMap::new();
     let mut finer = Vec::with_capacity(2 * triangles.len());
@@ -451,7 +453,7 @@ fn cut(mesh: &mut Mesh, triangles: &[[u32; 3]], edge: f32) -> Vec<[u32; 3]> {
                 .then(|| *middles.entry([a.min(b), a.max(b)]).or_insert_with(|| add_midpoint(mesh, a, b)))
         });
         let middle: Vec<Option<u32>> = middle.collect();
-        // Rotated so that cut sides come first.
+        // Rotate the triangle so that cut edges come first.
         let turn = match [middle[0].is_some(), middle[1].is_some(), middle[2].is_some()] {
             [false, true, _] => 1,
             [_, false, true] => 2,
@@ -471,7 +473,7 @@ fn cut(mesh: &mut Mesh, triangles: &[[u32; 3]], edge: f32) -> Vec<[u32; 3]> {
     finer
 }
 
-/// Adds the midpoint of two vertices.
+/// Adds a vertex at the midpoint of two others.
 fn add_midpoint(mesh: &mut Mesh, a: u32, b: u32) -> u32 {
     let (a, b) = (a as usize, b as usize);
     let index = mesh.positions.len() as u32;
@@ -497,12 +499,12 @@ fn mean<const N: usize>(a: [f32; N], b: [f32; N]) -> [f32; N] {
 
 // Normal maps from height maps.
 
-/// Height of a bump map's white over its black, as a fraction of the texture's width, where its factor (`-bm` in MTL files) is 1. The
-/// formats leave the unit open.
+/// Height range of a bump map from black to white at factor 1 (`-bm` in MTL), as a fraction of the texture's width. The
+/// formats don't define the unit.
 pub(super) const BUMP_HEIGHT: f32 = 0.01;
 
-/// Does an image hold unit vectors with a positive z rather than grey heights? Up to 4096 texels are looked at, and nine
-/// tenths must agree.
+/// Is an image a normal map rather than a height map? At least 90 % of up to 4096 sampled texels must be coloured and
+/// decode to unit vectors with z > 0.
 pub(super) fn holds_normals(image: &Image) -> bool {
     let (w, h) = (image.width, image.height);
     let (columns, rows) = (w.min(64), h.min(64));
@@ -516,11 +518,11 @@ pub(super) fn holds_normals(image: &Image) -> bool {
     vectors * 10 >= columns * rows * 9
 }
 
-/// The tangent-space normals of a height map that repeats: by central differences, x along u, y against the rows.
-/// `height` is that of white over black in widths of the image.
+/// The tangent-space normal map of a tileable height map, by central differences: x along u, y against the rows.
+/// `height` is the height range from black to white, in image widths.
 pub(super) fn normals_of_heights(image: &Image, height: f32) -> Image {
     let (w, h) = (image.width, image.height);
-    // Texels are square on most models, so that one scale serves both axes.
+    // Assumes square texels: one scale for both axes.
     let slope = height * w as f32 * 0.5;
     let value = |x: u32, y: u32| image.rgba(x, y)[0];
     let mut texels = Vec::with_capacity(w as usize * h as usize * 3);
@@ -550,7 +552,7 @@ mod tests {
     use crate::scene::{Interpolation, Mapping, Material, Shape, Texture, TextureTransform, Wrap};
     use std::sync::Arc;
 
-    /// A material displaced by heights on a square of `n` texels, of `scale` over `midlevel`.
+    /// A displaced material with a height map of `n` by `n` texels.
     fn displaced_by(scene: &mut Scene, n: u32, edge: f32, height: impl Fn(u32, u32) -> f32) -> MaterialId {
         let texels = (0..n * n).map(|i| height(i % n, i / n)).collect();
         let image = scene.add_image(Image {
@@ -586,7 +588,7 @@ mod tests {
         Vec3::from_array(mesh.positions[v as usize])
     }
 
-    /// A quad of 2 x 1 under a ramp along u: between the middles of the outer texels the surface is a plane, with its slope and normal.
+    /// A 2 x 1 quad with a linear ramp along u becomes an inclined plane between the centres of the outer texels.
     #[test]
     fn a_ramp_tilts_a_quad() {
         let mut scene = Scene::default();
@@ -613,7 +615,7 @@ mod tests {
     fn no_edge_is_longer_than_wanted_and_no_crack_opens() {
         let mut scene = Scene::default();
         let rock = displaced_by(&mut scene, 32, 0.11, |x, y| ((x * 7 + y * 5) % 11) as f32 / 11.0);
-        // A cube with vertices of its own for each face, as hard edges need.
+        // A cube with hard edges: separate vertices per face.
         let (mut positions, mut normals, mut uv) = (Vec::new(), Vec::new(), Vec::new());
         let mut triangles = Vec::new();
         for axis in 0..3 {
@@ -646,7 +648,7 @@ mod tests {
         assert_eq!(loaded.scene.instances[0].mesh, loaded.scene.instances[1].mesh, "made once");
         let mesh = &loaded.scene.meshes[loaded.scene.instances[0].mesh.index()];
         assert_eq!(mesh.triangles.len(), fine.triangles.len());
-        // Closed: every edge, by the places of its ends, has a twin the other way.
+        // Watertight: every edge, by the positions of its ends, has an opposite edge.
         let mut open: HashMap<[[u32; 3]; 2], i32> = HashMap::new();
         for t in &mesh.triangles {
             for [a, b] in [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]] {
@@ -659,7 +661,7 @@ mod tests {
     }
 
     #[test]
-    fn the_limit_of_triangles_is_kept_and_reported() {
+    fn the_triangle_limit_is_kept_and_reported() {
         let mut scene = Scene::default();
         let rock = displaced_by(&mut scene, 4, 0.1, |_, _| 1.0);
         let mesh =
@@ -670,7 +672,7 @@ mod tests {
     }
 
     #[test]
-    fn what_can_not_be_displaced_is_reported() {
+    fn meshes_without_uv_and_shapes_are_reported() {
         let mut scene = Scene::default();
         let rock = displaced_by(&mut scene, 4, 0.1, |_, _| 1.0);
         let sheet =
@@ -685,9 +687,9 @@ mod tests {
         assert_eq!(loaded.scene.instances[0].mesh, id);
     }
 
-    /// Neighbouring numbers at 1e8 are 8 apart: an edge between them has no middle, and is left as it is.
+    /// The spacing of f32 at 1e8 is 8: an edge of that length has no midpoint and isn't cut.
     #[test]
-    fn edges_without_a_middle_are_left() {
+    fn edges_without_a_representable_midpoint_are_not_cut() {
         let positions = vec![[1e8, 0.0, 0.0], [1e8 + 32.0, 0.0, 0.0], [1e8, 0.0, 1e-3]];
         let rock = displaced_by(&mut Scene::default(), 4, 1.0, |_, _| 1.0);
         let mesh = Mesh::new("far", positions, vec![[0, 1, 2]], rock);
@@ -698,7 +700,7 @@ mod tests {
         assert!([0.0, 1.0, 2.0, 3.0].iter().all(|n| steps.clone().any(|step| step == *n)));
     }
 
-    /// The sides of a card share their places, and their normals cancel: each is displaced along its own.
+    /// The sides of a card have the same positions and opposite normals: each is displaced along its own normal.
     #[test]
     fn both_sides_of_a_card_are_displaced() {
         let mut scene = Scene::default();
@@ -716,9 +718,8 @@ mod tests {
         assert_eq!(heights, [0.375, 0.375, 0.375, 0.375, -0.375, -0.375, -0.375, -0.375]);
     }
 
-    /// Edge lengths that no number of triangles reaches are reported at once.
     #[test]
-    fn edges_that_are_far_too_short() {
+    fn edge_lengths_far_beyond_the_budget_are_reported() {
         let mut scene = Scene::default();
         let rock = displaced_by(&mut scene, 4, 1e-6, |x, _| x as f32 / 4.0);
         scene.quads.push(Quad::new([0.0; 3], [2.0, 0.0, 0.0], [0.0, 1.0, 0.0], rock));
@@ -751,8 +752,8 @@ mod normal_map_tests {
     }
 
     #[test]
-    fn slopes_of_heights_lean_the_normals_back() {
-        // Rises by 16/255 a texel along u, falls by 8/255 down the rows.
+    fn normals_of_a_ramp_tilt_against_its_slope() {
+        // Slope of 16/255 per texel along u, -8/255 per row.
         let ramp = image(1, |x, y| vec![(100 + 16 * x - 8 * y) as u8]);
         let normals = normals_of_heights(&ramp, 0.5);
         let [r, g, b, _] = normals.rgba(3, 3);

@@ -1,8 +1,8 @@
-//! Files that other files refer to: they are searched next to the referring file, with tolerance for spellings of other systems, and
-//! read only if they are regular files of acceptable size. Models may come from untrusted sources, also to the thumbnailer of a file
-//! manager: references must neither block (pipes), nor be endless (devices), nor lie outside the folder.
+//! Referenced files: searched relative to the referring file, with tolerance for path syntax of other systems, and read
+//! only if they are regular files below a maximum size. Models may be untrusted, also in the thumbnailer of a file
+//! manager: references must not block (pipes), be endless (devices) or lie outside the folder.
 //!
-//! [`content_of`] identifies a file by its first bytes, for errors about files of the wrong type.
+//! [`content_of`] identifies a file of the wrong type by its first bytes, for error messages.
 
 use super::LoadOptions;
 use crate::error::{Choice, Error};
@@ -13,12 +13,12 @@ use std::fs::File;
 use std::io::{Cursor, Read, Seek, SeekFrom};
 use std::path::{Component, Path, PathBuf};
 
-/// Maximum number of bytes of a file of text: scene files, material libraries, profiles.
+/// Maximum size of text files (scene files, material libraries, IES profiles), bytes.
 pub(super) const MAX_TEXT: u64 = 1 << 28;
-/// Maximum number of bytes of any other file: images, buffers, grids.
+/// Maximum size of other files (images, buffers, grids), bytes.
 pub(super) const MAX_DATA: u64 = 1 << 35;
 
-/// Maximum number of trailing parts of a path that are tried as relative paths.
+/// Maximum number of suffixes of a path that are tried as relative paths.
 const MAX_TRAILING: usize = 64;
 
 /// Reads a regular file of at most `max_bytes` bytes.
@@ -37,7 +37,7 @@ pub(super) fn read(path: &Path, max_bytes: u64) -> Result<Vec<u8>, String> {
     bytes
         .try_reserve_exact(usize::try_from(length).unwrap_or(usize::MAX))
         .map_err(|_| format!("can't be read: there is no memory for its {length} bytes"))?;
-    // The file may grow meanwhile; files of the kernel have the length 0 whatever they contain.
+    // The file may grow meanwhile; files in /proc have the length 0 whatever they contain.
     file.take(max_bytes + 1).read_to_end(&mut bytes).map_err(unreadable)?;
     match bytes.len() as u64 > max_bytes {
         true => Err(format!("can't be read: it has more than {max_bytes} bytes")),
@@ -45,29 +45,29 @@ pub(super) fn read(path: &Path, max_bytes: u64) -> Result<Vec<u8>, String> {
     }
 }
 
-/// All bytes of a model file that the user named, which may be a pipe; gzip is decompressed.
+/// Reads a model file that the user named, which may be a pipe; gzip is decompressed.
 pub(super) fn read_model(path: &Path) -> crate::error::Result<Vec<u8>> {
     let fail = |e: std::io::Error| Error::input(path, unreadable(e));
     let mut file = File::open(path).map_err(fail)?;
     let mut bytes = Vec::new();
-    // The length is a guess only: the file is read to its end.
+    // The length is only a hint: the file is read to its end.
     let length = file.metadata().map_or(0, |m| m.len());
     if bytes.try_reserve_exact(usize::try_from(length).unwrap_or(0)).is_ok() {
         prefer_huge_pages(&mut bytes);
     }
     file.read_to_end(&mut bytes).map_err(fail)?;
-    let unpacked = match inflated(&bytes).map_err(|why| Error::input(path, why))? {
+    let unpacked = match gunzipped(&bytes).map_err(|why| Error::input(path, why))? {
         Cow::Owned(unpacked) => Some(unpacked),
         Cow::Borrowed(_) => None,
     };
     Ok(unpacked.unwrap_or(bytes))
 }
 
-/// Decompresses gzip; returns other bytes unchanged.
+/// Decompresses gzip; returns other data unchanged.
 ///
 /// # Errors
-/// A message why they can't be unpacked.
-pub(super) fn inflated(bytes: &[u8]) -> Result<Cow<'_, [u8]>, String> {
+/// A message about damaged gzip data.
+pub(super) fn gunzipped(bytes: &[u8]) -> Result<Cow<'_, [u8]>, String> {
     if !bytes.starts_with(GZIP) {
         return Ok(Cow::Borrowed(bytes));
     }
@@ -77,10 +77,10 @@ pub(super) fn inflated(bytes: &[u8]) -> Result<Cow<'_, [u8]>, String> {
     Ok(Cow::Owned(unpacked))
 }
 
-/// A model file that is read sequentially, several times.
+/// A model file that is read sequentially, in several passes.
 pub(super) enum ModelReader {
     Plain(File),
-    /// It was compressed.
+    /// A gzip file, decompressed.
     Unpacked(Cursor<Vec<u8>>),
 }
 
@@ -102,7 +102,7 @@ impl ModelReader {
         }
     }
 
-    /// Its length in bytes; 0 if unknown.
+    /// File length in bytes; 0 if unknown.
     pub fn length(&self) -> u64 {
         match self {
             ModelReader::Plain(file) => file.metadata().map_or(0, |data| data.len()),
@@ -129,13 +129,13 @@ impl Seek for ModelReader {
     }
 }
 
-/// The beginning of files compressed by gzip.
+/// First bytes of gzip files.
 pub(super) const GZIP: &[u8] = b"\x1f\x8b";
 
-/// Maximum size of a text file that the program edits, bytes.
-const LONGEST_TEXT: u64 = 1 << 24;
+/// Maximum size of a text file to edit, bytes.
+const MAX_EDITED_TEXT: u64 = 1 << 24;
 
-/// The text of a file that is about to be edited; `None` if it does not exist.
+/// The text of a file to edit; `None` if it does not exist.
 ///
 /// # Errors
 /// An input error if it can't be read or isn't UTF-8.
@@ -143,7 +143,7 @@ pub fn text_of(path: &Path) -> crate::error::Result<Option<String>> {
     if !path.exists() {
         return Ok(None);
     }
-    let bytes = read(path, LONGEST_TEXT).map_err(|why| Error::input(path, why))?;
+    let bytes = read(path, MAX_EDITED_TEXT).map_err(|why| Error::input(path, why))?;
     let text = String::from_utf8(bytes).map_err(|_| Error::input(path, "is not UTF-8 text"))?;
     Ok(Some(text))
 }
@@ -163,7 +163,7 @@ pub fn names_in(folder: &Path) -> crate::error::Result<Vec<String>> {
 /// # Errors
 /// A message why it can't be read.
 pub(super) fn open(path: &Path) -> Result<File, String> {
-    // Opening a pipe would wait for its writer, so the type is checked first.
+    // Opening a pipe blocks until it has a writer, so the type is checked first.
     check_kind(&std::fs::metadata(path).map_err(unreadable)?)?;
     let file = File::open(path).map_err(unreadable)?;
     check_kind(&file.metadata().map_err(unreadable)?)?;
@@ -186,11 +186,11 @@ fn check_kind(of: &std::fs::Metadata) -> Result<(), String> {
     }
 }
 
-/// The file that `name` refers to, relative to `file`: the path as written, with `\` as a separator, then its trailing parts alone
-/// (for paths of another machine; longer ones first), each also with another case.
+/// The file that `name` refers to, relative to `file`. Tried in order, each also case-insensitively: the path as written,
+/// with `\` as a separator, then its suffixes from the longest (for absolute paths of another machine).
 ///
 /// # Errors
-/// The reason why there is none.
+/// A message that the file is missing or outside the folder.
 pub(super) fn find(file: &Path, name: &str, options: &LoadOptions) -> Result<PathBuf, String> {
     // Some programs quote names, or escape spaces.
     let quoted = name.strip_prefix('"').and_then(|rest| rest.strip_suffix('"')).unwrap_or(name);
@@ -199,7 +199,7 @@ pub(super) fn find(file: &Path, name: &str, options: &LoadOptions) -> Result<Pat
     let found = find_any(file, &names, options.allow_external);
     match &found {
         Ok(path) => options.files.note(path),
-        // The file may be created later.
+        // Watch for the file: it may be created later.
         Err(_) => options.files.note(beside(file, &name.replace('\\', "/"))),
     }
     found
@@ -213,7 +213,7 @@ pub(super) fn beside(file: &Path, name: &str) -> PathBuf {
 /// The first file that exists among several interpretations of a name.
 ///
 /// # Errors
-/// The reason why there is none, by the first interpretation.
+/// A message about the first interpretation.
 pub(super) fn find_any(file: &Path, names: &[String], allow_external: bool) -> Result<PathBuf, String> {
     let slashed: Vec<String> = names.iter().map(|name| name.replace('\\', "/")).collect();
     let each = names.iter().zip(&slashed).flat_map(|(name, slashed)| [name.as_str(), slashed.as_str()]);
@@ -232,7 +232,7 @@ pub(super) fn find_any(file: &Path, names: &[String], allow_external: bool) -> R
         if path.is_file() {
             return Ok(path);
         }
-        if let Some(path) = in_other_capitals(&path) {
+        if let Some(path) = find_ignoring_case(&path) {
             return Ok(path);
         }
     }
@@ -243,7 +243,7 @@ pub(super) fn find_any(file: &Path, names: &[String], allow_external: bool) -> R
     })
 }
 
-/// Does a path lead outside the folder that it is relative to?
+/// Does a relative path lead outside its base folder?
 pub(super) fn leads_outside(path: &Path) -> bool {
     let mut depth = 0i64;
     path.components().any(|part| {
@@ -257,8 +257,8 @@ pub(super) fn leads_outside(path: &Path) -> bool {
     })
 }
 
-/// The file of that name regardless of case, if there is exactly one.
-fn in_other_capitals(path: &Path) -> Option<PathBuf> {
+/// The file with this name in any case, if there is exactly one.
+fn find_ignoring_case(path: &Path) -> Option<PathBuf> {
     let name = path.file_name()?.to_str()?.to_lowercase();
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let entries = std::fs::read_dir(folder).ok()?.flatten();
@@ -267,12 +267,12 @@ fn in_other_capitals(path: &Path) -> Option<PathBuf> {
     (same.next().is_none() && found.is_file()).then_some(found)
 }
 
-/// A kind of content.
+/// File content recognised by its first bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Content {
-    /// A description, after "is".
+    /// Description that follows "is" in messages.
     pub what: &'static str,
-    /// The remedy.
+    /// Remedy for the user.
     pub remedy: &'static str,
 }
 
@@ -302,18 +302,18 @@ const SIGNATURES: &[(&[u8], &str, &str)] = &[
     (b"\xabKTX 11\xbb", "a KTX image of version 1", "convert it to KTX2 or PNG"),
     (b"sB\x13\0", "a Basis Universal image without its KTX2 file", "convert it to KTX2 or PNG"),
     (b"Kaydara FBX Binary", "an FBX model", "give it the extension .fbx"),
-    (b"BLENDER", "a file of Blender", "give it the extension .blend"),
+    (b"BLENDER", "a Blender file", "give it the extension .blend"),
     (b"glTF", "a glTF model", "give it the extension .glb"),
 ];
 
-/// Brands of the container of AVIF and HEIC (ISO/IEC 23008-12).
+/// Brands of AVIF and HEIC in the HEIF container (ISO/IEC 23008-12).
 const AVIF: [&[u8]; 2] = [b"avif", b"avis"];
 const HEIC: [&[u8]; 8] = [b"heic", b"heix", b"hevc", b"hevx", b"heim", b"heis", b"mif1", b"msf1"];
 
-/// Number of bytes in which the first words of HTML, SVG and XML are searched.
+/// Length of the file header that is searched for HTML, SVG and XML, bytes.
 pub(super) const HEAD: usize = 512;
 
-/// The content of a file, if it is known.
+/// The content of a file, if recognised.
 pub(super) fn content_of(bytes: &[u8]) -> Option<Content> {
     if bytes.is_empty() {
         return Some(Content { what: "empty", remedy: "export or download the file again" });
@@ -345,7 +345,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_of_other_systems_are_found_and_the_folder_is_not_left() {
+    fn foreign_paths_are_found_within_the_folder_only() {
         let outer = tempfile::tempdir().expect("a folder");
         let folder = outer.path().join("model");
         std::fs::create_dir_all(folder.join("maps")).expect("made");
@@ -370,7 +370,7 @@ mod tests {
     }
 
     #[test]
-    fn only_regular_files_of_bearable_size_are_read() {
+    fn only_regular_files_below_the_size_limit_are_read() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("a");
         std::fs::write(&path, "12345").expect("written");
@@ -387,7 +387,7 @@ mod tests {
     }
 
     #[test]
-    fn kinds_are_reported_by_their_first_bytes() {
+    fn contents_are_recognised_by_their_first_bytes() {
         for (bytes, what) in [
             (&b""[..], "empty"),
             (b"version https://git-lfs.github.com/spec/v1\noid", "Git LFS"),

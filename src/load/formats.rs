@@ -1,18 +1,18 @@
-//! The types of files that hold models or scenes, by their extensions: the one table.
+//! Table of model and scene file formats, by file extension.
 
 use super::{LoadOptions, Loaded, gltf, obj, ply, splats, stl, threemf};
 use crate::error::Result;
 use std::path::Path;
 
-/// A type of file that holds a model.
+/// A model file format.
 pub(super) struct ModelFormat {
-    /// Extensions of its files, in lower case.
+    /// File extensions, lower case.
     extensions: &'static [&'static str],
     /// Reads a file.
     pub load: fn(&Path, &LoadOptions) -> Result<Loaded>,
-    /// Is it glTF, which has animations and options of its own?
+    /// Is it glTF (which has animations and its own options)?
     pub is_gltf: bool,
-    /// Its files do not define which axis points up.
+    /// Does the format leave the up axis undefined?
     pub has_ambiguous_up: bool,
 }
 
@@ -31,7 +31,7 @@ const MODELS: &[ModelFormat] = &[
     ModelFormat { extensions: &["stl"], load: stl::load, is_gltf: false, has_ambiguous_up: true },
 ];
 
-/// The extension of 3MF files, which are archives themselves.
+/// The extension of 3MF files, which are ZIP archives.
 const THREE_MF: &str = "3mf";
 
 /// The extension of scene files.
@@ -40,24 +40,24 @@ const SCENE_FILE: &str = "toml";
 /// The extension of Blender's files.
 const BLENDER: &str = "blend";
 
-/// Extensions of files of other programs, which Blender imports.
+/// Extensions of formats that Blender imports.
 const IMPORTED_BY_BLENDER: [&str; 7] = ["usd", "usda", "usdc", "usdz", "fbx", "abc", "dae"];
 
 /// The extension of archives that hold models.
 const ARCHIVE: &str = "zip";
 
-/// The extension that follows that of a compressed model: `scan.ply.gz`.
+/// The extension of compressed models, after the model's own: `scan.ply.gz`.
 const GZIP: &str = "gz";
 
-/// The format by the extension of a file.
+/// The format of a file.
 pub(super) enum Format {
     /// A model.
     Model(&'static ModelFormat),
     /// A scene file.
     SceneFile,
-    /// A file of Blender, or one that it imports.
+    /// A Blender file, or a format that Blender imports.
     Blender,
-    /// Nothing that can be rendered.
+    /// An unsupported format.
     Other,
 }
 
@@ -74,7 +74,7 @@ pub(super) fn of(path: &Path) -> Format {
     model.map_or(Format::Other, Format::Model)
 }
 
-/// A file's extension in lower case; empty without one. Of compressed files it is the extension of the contents.
+/// A file's extension in lower case, or empty; for compressed files (`.gz`) the extension before it.
 pub(super) fn extension(path: &Path) -> String {
     let last =
         |path: &Path| path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
@@ -87,33 +87,33 @@ pub(super) fn extension(path: &Path) -> String {
     }
 }
 
-/// Is it a file of another program, which Blender imports?
+/// Is a file of a format that Blender imports, by its extension?
 pub(super) fn is_imported_by_blender(path: &Path) -> bool {
     IMPORTED_BY_BLENDER.contains(&extension(path).as_str())
 }
 
-/// Is it an archive, by its extension?
+/// Is a file a ZIP archive, by its extension?
 pub(super) fn is_named_as_archive(path: &Path) -> bool {
     extension(path) == ARCHIVE
 }
 
-/// Is it an archive that is one model as a whole, by its extension?
+/// Is a file an archive of a single model (3MF), by its extension?
 pub(super) fn is_package(path: &Path) -> bool {
     extension(path) == THREE_MF
 }
 
-/// The priority of a file among the models of an archive, lowest first; `None` if it is not a model.
+/// Rank of a file among the models of an archive, best first; `None` for files that aren't models.
 pub(super) fn rank_in_archives(path: &Path) -> Option<usize> {
     let extension = extension(path);
     MODELS.iter().position(|format| format.extensions.contains(&extension.as_str()))
 }
 
-/// The extensions of models and last those of archives, of scene files, of Blender's and of those that it imports.
+/// All extensions: models, archives, scene files, Blender files, and formats that Blender imports.
 pub fn extensions() -> impl Iterator<Item = &'static str> {
     model_extensions().chain([ARCHIVE, SCENE_FILE, BLENDER]).chain(IMPORTED_BY_BLENDER)
 }
 
-/// `.gltf, .glb, ...`: the extensions of models for a message.
+/// The model extensions as text for messages: `.gltf, .glb, ...`.
 pub(super) fn models_in_words() -> String {
     model_extensions().map(|extension| format!(".{extension}")).collect::<Vec<_>>().join(", ")
 }

@@ -1,8 +1,7 @@
-//! Grid files: OpenVDB's (see `vdb`), and the `.vol` format of Mitsuba, version 3.
+//! Grid files: OpenVDB (see `vdb`), and Mitsuba's `.vol` format, version 3.
 //!
-//! Bytes 0 to 2 are `VOL`, byte 3 the version 3. Little-endian numbers follow: the encoding (u32; 1 is f32), voxels along x, y and z
-//! (u32 each), channels (u32; 1 is read), the least and the greatest corner of the box (six f32), then the values (f32), those
-//! along x one after another, then those along y, then z.
+//! `.vol`, little-endian: `VOL` and the version (u8, 3); encoding (u32; 1 is f32); voxels along x, y and z (3 u32); channels
+//! (u32; 1 is supported); minimum and maximum corner of the box (6 f32); values (f32), x fastest, then y, then z.
 
 use super::{files, vdb};
 use crate::math::DVec3;
@@ -10,20 +9,24 @@ use crate::scene::Grid;
 use std::path::Path;
 use std::sync::Arc;
 
+/// Size of a `.vol` header, bytes.
 const HEADER: usize = 48;
 
-/// Selection of a grid in an OpenVDB file; other formats have one grid and y up.
+/// Selection of a grid in an OpenVDB file; other formats have a single grid with y up.
 #[derive(Clone, Copy, Default)]
 pub(super) struct GridChoice<'a> {
-    /// The name of the grid; by default `density`, or the only one.
+    /// Name of the grid; by default `density`, or the only grid.
     pub name: Option<&'a str>,
-    /// The file's z points up, and becomes y.
+    /// z points up in the file and is converted to y.
     pub is_z_up: bool,
-    /// Values fall off to 0 over one voxel around the box.
+    /// Add a margin of one voxel, over which values fall off to 0.
     pub has_margin: bool,
 }
 
-/// Reads a grid file; the error is a message.
+/// Reads a grid file.
+///
+/// # Errors
+/// A message with the file's path.
 pub(super) fn read(path: &Path, choice: GridChoice) -> Result<Grid, String> {
     let name = path.display().to_string();
     let extension = path.extension().map_or_else(String::new, |e| e.to_string_lossy().to_lowercase());
@@ -31,7 +34,7 @@ pub(super) fn read(path: &Path, choice: GridChoice) -> Result<Grid, String> {
     let grid = match extension.as_str() {
         "vdb" => vdb::parse(&bytes, &name, choice.name, (choice.is_z_up, choice.has_margin)),
         "nvdb" => {
-            Err("is a file of NanoVDB, which is not read: convert it by nanovdb_convert to .vdb".into())
+            Err("is a NanoVDB file, which is not supported: convert it by nanovdb_convert to .vdb".into())
         }
         _ if choice.name.is_some() || choice.is_z_up => {
             Err("is not a .vdb file: 'grid_name' and 'up' apply to those only".into())
@@ -63,8 +66,8 @@ fn parse(bytes: &[u8], name: &str) -> Result<Grid, String> {
     }
     let size = [word(1), word(2), word(3)];
     let voxels = size.iter().try_fold(1u64, |product, &n| product.checked_mul(u64::from(n)));
-    let wanted = voxels.and_then(|n| n.checked_mul(4)).filter(|&n| n == data.len() as u64 && n > 0);
-    if wanted.is_none() {
+    let byte_count = voxels.and_then(|n| n.checked_mul(4)).filter(|&n| n == data.len() as u64 && n > 0);
+    if byte_count.is_none() {
         let [x, y, z] = size;
         return Err(format!("says {x} x {y} x {z} voxels, but holds {} bytes for them", data.len()));
     }
@@ -87,7 +90,7 @@ mod tests {
     }
 
     #[test]
-    fn grids_are_read() {
+    fn vol_grids_are_parsed() {
         let grid = parse(&file([3, 2, 1], &[0.0, 1.0, 2.0, 3.0, 4.0, 5.0]), "smoke").expect("a grid");
         assert_eq!((grid.size, grid.values[4]), ([3, 2, 1], 4.0));
         assert_eq!(grid.bounds(), (DVec3::new(-1.0, 0.0, -2.0), DVec3::new(1.0, 3.0, 2.0)));

@@ -1,27 +1,30 @@
-//! Files of luminaires: IES LM-63 of 1986, 1991, 1995, 2002 and 2019, photometry of type C.
+//! Photometric files: IES LM-63 of 1986, 1991, 1995, 2002 and 2019, photometry of type C.
 //!
-//! Header lines, the last of which begins with `TILT=`, are followed by numbers: thirteen about the luminaire, the vertical and the
-//! horizontal angles, and candelas for each pair of them. Candelas are multiplied by the candela multiplier and the two ballast
-//! factors. The TILT table (losses of lamps by their orientation) is ignored.
+//! Header lines, the last of which begins with `TILT=`, are followed by numbers: thirteen parameters of the luminaire,
+//! vertical and horizontal angles (degrees), and candela values for each pair of angles, to be multiplied by the candela
+//! multiplier and the two ballast factors. The TILT table (losses by orientation of the lamp) is ignored.
 
 use crate::scene::LightProfile;
 
-/// Maximum number of values that a file may have; the finest measurements have some ten thousand.
+/// Maximum number of values in a file; real files have up to some ten thousand.
 const MAX_NUMBERS: usize = 1 << 22;
 
-/// Luminous efficacy of monochromatic light of 540 THz, lm/W (the SI's definition of the candela): scenes want W/sr.
+/// Luminous efficacy of monochromatic light of 540 THz, lm/W (SI definition of the candela).
 pub(super) const LUMENS_PER_WATT: f64 = 683.0;
 
-/// The profile scaled to a maximum of 1, and its former maximum.
+/// The profile normalised to a maximum of 1, and the former maximum.
 pub(super) fn relative(profile: LightProfile) -> (LightProfile, f64) {
     let peak = profile.peak();
     let values = profile.values.iter().map(|value| value / peak).collect();
     (LightProfile { values, ..profile }, f64::from(peak))
 }
 
-/// Reads a profile, in candela; the error is a message about the file.
+/// Parses a profile, in candela.
+///
+/// # Errors
+/// A message about the file.
 pub(super) fn parse(bytes: &[u8]) -> Result<LightProfile, String> {
-    // Text before the numbers may have any encoding.
+    // Header text may have any encoding.
     let text = String::from_utf8_lossy(bytes);
     let mut lines = text.lines().enumerate();
     let tilt = lines.find_map(|(_, line)| {
@@ -51,7 +54,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<LightProfile, String> {
     let candela = numbers.take(rows.saturating_mul(columns), "candelas")?;
     let mut values: Vec<f32> = candela.iter().map(|c| (c * factor) as f32).collect();
     let [first, last] = [horizontal_deg[0], horizontal_deg[columns - 1]];
-    // Some files omit the angle 360: the gap is then one step.
+    // Some files omit the horizontal angle 360, which equals 0.
     let widest = horizontal_deg.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f32::max);
     let is_open = last > 180.0 && last < 360.0 && columns > 2 && 360.0 - last <= 1.5 * widest;
     if first == 0.0 && is_open {
@@ -68,7 +71,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<LightProfile, String> {
     }
 }
 
-/// All numbers that follow, with commas or without.
+/// All remaining numbers, separated by white space or commas.
 fn numbers<'t>(lines: impl Iterator<Item = (usize, &'t str)>) -> Result<Vec<f64>, String> {
     let mut list = Vec::new();
     for (index, line) in lines {
@@ -95,15 +98,15 @@ struct Numbers {
 
 impl Numbers {
     fn take(&mut self, count: usize, what: &str) -> Result<&[f64], String> {
-        let left = &self.list[self.at..];
-        let Some(taken) = left.get(..count) else {
-            return Err(format!("ends too early: it has {} of {count} numbers for {what}", left.len()));
+        let remaining = &self.list[self.at..];
+        let Some(taken) = remaining.get(..count) else {
+            return Err(format!("ends too early: it has {} of {count} numbers for {what}", remaining.len()));
         };
         self.at += count;
         Ok(taken)
     }
 
-    /// A number of things, at least 1.
+    /// A count, at least 1.
     fn count(&mut self, what: &str) -> Result<usize, String> {
         let number = self.take(1, what)?[0];
         match number.fract() == 0.0 && (1.0..=MAX_NUMBERS as f64).contains(&number) {
@@ -114,12 +117,12 @@ impl Numbers {
 }
 
 fn angles(list: &[f64], what: &str) -> Result<Vec<f32>, String> {
-    let most = if what == "vertical" { 180.0 } else { 360.0 };
+    let max_angle = if what == "vertical" { 180.0 } else { 360.0 };
     let list: Vec<f32> = list.iter().map(|x| *x as f32).collect();
     let increase = list.windows(2).all(|w| w[0] < w[1]);
-    match increase && list[0] >= 0.0 && list[list.len() - 1] <= most {
+    match increase && list[0] >= 0.0 && list[list.len() - 1] <= max_angle {
         true => Ok(list),
-        false => Err(format!("has {what} angles that do not increase from 0 to at most {most} degrees")),
+        false => Err(format!("has {what} angles that do not increase from 0 to at most {max_angle} degrees")),
     }
 }
 
@@ -130,7 +133,7 @@ mod tests {
     const BODY: &str = "1 1000 2 3 2 1 2 0 0 0\n1 0.5 40\n0 45, 90\n0 90\n100 50 0\n200 100 0\n";
 
     #[test]
-    fn all_editions_are_read() {
+    fn all_editions_are_parsed() {
         let heads = [
             "TILT=NONE",
             "IESNA91\n[TEST] a \u{e9}\nTILT=NONE",
@@ -153,7 +156,7 @@ mod tests {
     }
 
     #[test]
-    fn damage_is_named() {
+    fn damaged_files_are_reported() {
         let body = |from: &str, to: &str| format!("TILT=NONE\n{}", BODY.replacen(from, to, 1));
         let cases = [
             (String::new(), "TILT="),

@@ -1,4 +1,4 @@
-//! Mesh helpers of the loaders: simple shapes, repair, distant coordinates, triangulation of polygons.
+//! Mesh helpers of the loaders: repair, simple shapes, coordinates far from the origin, triangulation of polygons.
 
 use super::Loaded;
 use crate::color::linear_from_srgb;
@@ -8,24 +8,23 @@ use crate::scene::{Mesh, MeshId, Motion, Scene, Shape};
 use std::collections::HashMap;
 use std::path::Path;
 
-/// Name of the only mesh of a file whose format has no names.
+/// Name of a mesh in formats without names.
 pub const NAMELESS: &str = "mesh";
 
-/// Counts of repairs in the meshes of a file.
+/// Numbers of repairs in the meshes of a file.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Repairs {
-    /// Triangles that were dropped.
+    /// Dropped triangles.
     triangles: usize,
-    /// Texture coordinates and colours that were set to 0.
+    /// Texture coordinates, colours and attributes set to 0.
     attributes: usize,
-    /// Normals that were not finite.
+    /// Non-finite normals.
     normals: usize,
 }
 
 impl Repairs {
-    /// Repairs a mesh: vertices that are not finite go to the origin, and the triangles that use them are removed. Texture
-    /// coordinates and colours that are not finite become 0. Normals that have no direction become those of a flat triangle:
-    /// all of the mesh's normals go if none is usable.
+    /// Repairs a mesh: non-finite vertices are moved to the origin and their triangles removed. Non-finite texture coordinates
+    /// and colours become 0. Zero and non-finite normals are replaced by face normals; if all are, normals are removed.
     pub fn make(&mut self, mesh: &mut Mesh) {
         let before = mesh.triangles.len();
         if !all_finite(mesh.positions.as_flattened()) {
@@ -40,20 +39,20 @@ impl Repairs {
         }
         normalize_normals(mesh);
         self.triangles += before - mesh.triangles.len();
-        self.attributes += clear_unusable(mesh);
+        self.attributes += zero_non_finite(mesh);
     }
 
-    /// Warnings that count them.
+    /// Warnings with the numbers of repairs.
     pub fn warnings(self, path: &Path) -> impl Iterator<Item = Warning> {
         let Repairs { triangles, attributes, normals } = self;
         let dropped = format!("{triangles} triangles with corners that are not finite numbers were dropped");
         let zeroed =
             format!("{attributes} texture coordinates, colours or attributes that are not finite became 0");
-        let turned = format!("{normals} normals that are not finite became those of faces");
+        let replaced = format!("{normals} normals that are not finite were replaced by face normals");
         let counted = [
             (triangles, "corners-not-finite", dropped),
             (attributes, "attributes-not-finite", zeroed),
-            (normals, "normals-not-finite", turned),
+            (normals, "normals-not-finite", replaced),
         ]
         .into_iter()
         .filter(|(n, ..)| *n > 0);
@@ -61,8 +60,8 @@ impl Repairs {
     }
 }
 
-/// Sets texture coordinates, colours and attributes that are not finite to 0; returns how many.
-pub(super) fn clear_unusable(mesh: &mut Mesh) -> usize {
+/// Sets non-finite texture coordinates, colours and attributes to 0; returns their number.
+pub(super) fn zero_non_finite(mesh: &mut Mesh) -> usize {
     let mut count = 0;
     let uv_sets = mesh.uv_sets.iter_mut().map(|set| set.as_flattened_mut());
     let attributes = mesh.attributes.iter_mut().map(|attribute| &mut attribute.values[..]);
@@ -74,12 +73,12 @@ pub(super) fn clear_unusable(mesh: &mut Mesh) -> usize {
     count
 }
 
-/// Colours of whole numbers up to at most this are no bytes: all of them would be nearly black.
-const LARGEST_LEVEL: f32 = 15.0;
+/// Integer colours up to this value aren't 8-bit levels, as all would be nearly black.
+const MAX_NON_BYTE: f32 = 15.0;
 
-/// Vertex colours as shares of 1, which surfaces need that reflect no more than all light: whole numbers of which one is large are
-/// levels of 0 to 255 (sRGB-encoded where `is_encoded`), all others are clamped. Says what was done; numbers that are not finite
-/// stay.
+/// Limits vertex colours to 0..1, so that surfaces conserve energy: integers with large values are 8-bit levels 0 to 255
+/// (sRGB-encoded if `is_encoded`), all others are clamped. Returns the code and message of a warning if colours changed.
+/// Non-finite values are kept.
 pub(super) fn bound_colors<const N: usize>(
     colors: &mut [[f32; N]],
     is_encoded: bool,
@@ -93,7 +92,7 @@ pub(super) fn bound_colors<const N: usize>(
     let (mut whole, largest) =
         (levels().map(|v| v.fract() == 0.0 && *v >= 0.0), levels().copied().fold(0.0, f32::max));
     let total = colors.len();
-    if whole.all(|is_whole| is_whole) && largest > LARGEST_LEVEL {
+    if whole.all(|is_whole| is_whole) && largest > MAX_NON_BYTE {
         let alpha_scale = if colors.iter().any(|c| c.get(3).is_some_and(|a| *a > 1.0)) { 255.0 } else { 1.0 };
         for color in colors {
             for (channel, value) in color.iter_mut().enumerate() {
@@ -103,7 +102,7 @@ pub(super) fn bound_colors<const N: usize>(
         }
         return Some((
             "vertex-colors-bytes",
-            format!("vertex colours are whole numbers up to {largest}: they are taken as levels of 0 to 255"),
+            format!("vertex colours are integers up to {largest}: they are taken as levels of 0 to 255"),
         ));
     }
     colors.as_flattened_mut().iter_mut().for_each(|v| *v = v.clamp(0.0, 1.0));
@@ -113,7 +112,7 @@ pub(super) fn bound_colors<const N: usize>(
     ))
 }
 
-/// Gives normals unit length; a vertex whose normal has none gets the direction of one of its triangles.
+/// Normalises normals; zero and non-finite ones are replaced by the normal of an adjacent triangle.
 pub(super) fn normalize_normals(mesh: &mut Mesh) {
     let unit = |n: [f32; 3]| DVec3::from(n.map(f64::from)).try_normalize().map(|n| n.as_vec3().to_array());
     if mesh.normals.iter().all(|&n| unit(n).is_none()) {
@@ -140,29 +139,29 @@ pub(super) fn normalize_normals(mesh: &mut Mesh) {
     }
 }
 
-/// Gives each triangle's vertices its colour; those that triangles of other colours share are split.
+/// Assigns a colour to the vertices of each triangle; vertices shared by triangles of other colours are split.
 pub(super) fn color_triangles(mesh: &mut Mesh, colors: &[[f32; 4]]) {
-    let mut own: Vec<Option<[f32; 4]>> = vec![None; mesh.positions.len()];
+    let mut vertex_colors: Vec<Option<[f32; 4]>> = vec![None; mesh.positions.len()];
     let mut others: HashMap<(u32, [u32; 4]), u32> = HashMap::new();
     for (triangle, color) in mesh.triangles.iter_mut().zip(colors) {
         for vertex in triangle {
             let old = *vertex as usize;
-            if *own[old].get_or_insert(*color) == *color {
+            if *vertex_colors[old].get_or_insert(*color) == *color {
                 continue;
             }
             *vertex = *others.entry((*vertex, color.map(f32::to_bits))).or_insert_with(|| {
-                own.push(Some(*color));
+                vertex_colors.push(Some(*color));
                 mesh.positions.push(mesh.positions[old]);
                 let normal = mesh.normals.get(old).copied();
                 mesh.normals.extend(normal);
                 mesh.uv_sets.iter_mut().for_each(|set| set.push(set[old]));
                 mesh.attributes.iter_mut().for_each(|attribute| attribute.push_copy(old));
-                // Not more than there are corners; those fit, or the mesh is refused.
+                // At most one vertex per corner; their number fits u32, or the mesh is rejected.
                 (mesh.positions.len() - 1) as u32
             });
         }
     }
-    mesh.colors = own.into_iter().map(|color| color.unwrap_or([1.0; 4])).collect();
+    mesh.colors = vertex_colors.into_iter().map(|color| color.unwrap_or([1.0; 4])).collect();
 }
 
 /// Gives placements without an inverse (a scale of 0 along one axis) copies of their meshes that are flat themselves.
@@ -188,8 +187,7 @@ pub(super) fn flatten_placements(path: &Path, loaded: &mut Loaded) {
     });
 }
 
-/// A mesh under a transform that has no inverse, without its triangles that have no area then. What is flat has the normals
-/// of its faces.
+/// A mesh under a singular transform, without the triangles that become degenerate, and without normals.
 fn flattened(mesh: &Mesh, transform: &DMat3) -> Mesh {
     let moved = |p: &[f32; 3]| *transform * DVec3::from(p.map(f64::from));
     let positions: Vec<[f32; 3]> = mesh.positions.iter().map(|p| moved(p).as_vec3().to_array()).collect();
@@ -197,10 +195,10 @@ fn flattened(mesh: &Mesh, transform: &DMat3) -> Mesh {
     let mut flat = Mesh { positions, normals, tangents, triangles: Vec::new(), ..mesh.clone() };
     let corners = |t: &[u32; 3]| t.map(|i| DVec3::from(flat.positions[i as usize].map(f64::from)));
     let size = flat.positions.as_flattened().iter().fold(0f32, |size, x| size.max(x.abs()));
-    let least = f64::from(size * f32::EPSILON).powi(2);
+    let min_squared = f64::from(size * f32::EPSILON).powi(2);
     let has_area = |t: &&[u32; 3]| {
         let [a, b, c] = corners(t);
-        (b - a).cross(c - a).length() > least
+        (b - a).cross(c - a).length() > min_squared
     };
     for part in &mut flat.parts {
         let first = flat.triangles.len() as u32;
@@ -214,13 +212,13 @@ fn flattened(mesh: &Mesh, transform: &DMat3) -> Mesh {
 
 /// The polygon faces of a shape in object space, counter-clockwise from outside.
 pub(super) struct Faces {
-    /// Corners and texture coordinates of the corners.
+    /// Positions and texture coordinates of each face's corners.
     pub faces: Vec<Vec<(DVec3, [f32; 2])>>,
 }
 
 const SQUARE: [[f32; 2]; 4] = [[0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]];
 
-/// A box in the order -x, +x, -y, +y, -z, +z.
+/// A box; faces in the order -x, +x, -y, +y, -z, +z.
 pub(super) fn box_faces(min: DVec3, max: DVec3) -> Faces {
     let corner = |bits: usize| {
         DVec3::new(
@@ -234,7 +232,7 @@ pub(super) fn box_faces(min: DVec3, max: DVec3) -> Faces {
     Faces { faces: faces.into_iter().map(face).collect() }
 }
 
-/// A pyramid over a rectangle in the x-z plane around `base`: the base first, then the sides towards +z, +x, -z, -x.
+/// A pyramid over a rectangle in the x-z plane centred at `base`; faces: the base, then the sides towards +z, +x, -z, -x.
 pub(super) fn pyramid_faces(base: DVec3, size: [f64; 2], height: f64) -> Faces {
     let (x, z) = (DVec3::X * (size[0] / 2.0), DVec3::Z * (size[1] / 2.0));
     let ring = [base - x + z, base + x + z, base + x - z, base - x - z];
@@ -253,8 +251,8 @@ pub(super) fn triangle_faces(corners: [DVec3; 3]) -> Faces {
 }
 
 impl Faces {
-    /// A flat mesh without parts, and the number of triangles of each face. Vertices are relative to `origin`, so that
-    /// f32 keeps their precision far from the world's origin.
+    /// A flat-shaded mesh without parts, and the number of triangles of each face. Vertices are relative to `origin`, to
+    /// preserve the precision of f32 far from the world's origin.
     pub fn to_mesh(&self, name: &str, origin: DVec3) -> (Mesh, Vec<u32>) {
         let mut mesh = Mesh { name: name.to_string(), uv_sets: vec![Vec::new()], ..Mesh::default() };
         let mut counts = Vec::new();
@@ -272,7 +270,7 @@ impl Faces {
     }
 }
 
-/// The uniform scale of a transform that only rotates, moves and scales evenly; `None` for any other.
+/// The scale of a similarity transform without reflection; `None` for any other transform.
 pub(super) fn uniform_scale(transform: &DAffine3) -> Option<f64> {
     let m = transform.matrix3;
     let lengths = [m.x_axis.length(), m.y_axis.length(), m.z_axis.length()];
@@ -284,7 +282,7 @@ pub(super) fn uniform_scale(transform: &DAffine3) -> Option<f64> {
     (scale > 0.0 && scale.is_finite() && even && square && m.determinant() > 0.0).then_some(scale)
 }
 
-/// A shape under a transform; `None` where that bends it.
+/// A shape under a similarity transform; `None` for any other transform.
 pub(super) fn placed_shape(m: &DAffine3, shape: Shape) -> Option<Shape> {
     let scale = uniform_scale(m)?;
     let turn = DMat3::from_cols(m.matrix3.x_axis / scale, m.matrix3.y_axis / scale, m.matrix3.z_axis / scale);
@@ -296,16 +294,13 @@ pub(super) fn placed_shape(m: &DAffine3, shape: Shape) -> Option<Shape> {
     })
 }
 
-// Coordinates far from the origin, such as those of maps: single floats keep seven digits, of which a distance of
-// millions of metres leaves none for the model. Meshes are kept around an origin of their own then, which is subtracted in
-// double precision before anything is rounded, and added again, in double precision, where they are placed.
+// Coordinates far from the origin, as of maps, exceed the precision of f32. Such meshes are stored relative to a local
+// origin, which is subtracted and added to the instance's transform in f64.
 
-/// Maximum distance of a model from the origin in multiples of its size: beyond, f32 resolves less than a part in 2^18 of
-/// its size.
-const FARTHEST: f64 = 32.0;
+/// Maximum distance of a model from the origin in multiples of its size, for a resolution of 2^-18 of its size in f32.
+const MAX_DISTANCE: f64 = 32.0;
 
-/// The origin that meshes with these corners, as read into single floats, need: whole metres, on the axes that are far;
-/// zero where that is none.
+/// The local origin for meshes with these positions: whole metres along axes with distant coordinates, 0 along others.
 pub(super) fn distant_origin<'a>(positions: impl Iterator<Item = &'a [f32; 3]>) -> DVec3 {
     let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     for p in positions {
@@ -318,12 +313,13 @@ pub(super) fn distant_origin<'a>(positions: impl Iterator<Item = &'a [f32; 3]>) 
         return DVec3::ZERO;
     }
     let (size, middle) = ((max - min).length(), ((min + max) * 0.5).round());
-    let far =
-        |axis: usize| min[axis].abs().max(max[axis].abs()) > FARTHEST * size && middle[axis].abs() >= 256.0;
-    DVec3::from_array([0, 1, 2].map(|axis| if far(axis) { middle[axis] } else { 0.0 }))
+    let is_far = |axis: usize| {
+        min[axis].abs().max(max[axis].abs()) > MAX_DISTANCE * size && middle[axis].abs() >= 256.0
+    };
+    DVec3::from_array([0, 1, 2].map(|axis| if is_far(axis) { middle[axis] } else { 0.0 }))
 }
 
-/// Places what was read around an origin where the file has it, and says so.
+/// Adds a local origin to the transforms of all instances, with a note.
 pub(super) fn place_at_origin(path: &Path, origin: DVec3, loaded: &mut Loaded) {
     if origin == DVec3::ZERO {
         return;
@@ -334,29 +330,27 @@ pub(super) fn place_at_origin(path: &Path, origin: DVec3, loaded: &mut Loaded) {
     loaded.offset = origin;
     let [x, y, z] = origin.to_array();
     let message = format!(
-        "the coordinates are finer than single floats: they are kept relative to ({x}, {y}, {z}); cameras are where the \
-         file's coordinates say"
+        "the coordinates exceed single precision: they are stored relative to ({x}, {y}, {z}); cameras use the file's \
+        coordinates"
     );
     loaded.notes.push(Warning::new(path, "", message));
 }
 
-// Polygons with more than three corners to triangles, concave ones included.
+// Triangulation of polygons, concave ones included.
 
-/// Comparisons of a corner with a candidate ear that any polygon may cost; a hostile file may hold one of a million
-/// corners. Honest ones of some ten thousand corners stay below.
-const COMPARISONS: u64 = 1 << 27;
+/// Maximum number of point-in-ear tests per polygon, against hostile files with a million corners. Sufficient for real
+/// polygons of some ten thousand corners.
+const MAX_TESTS: u64 = 1 << 27;
 
 /// Splits a polygon into triangles of indices into `corners`, keeping its orientation.
 ///
-/// Ears are clipped (Meisters 1975, "Polygons Have Ears") in the plane of the polygon's area vector (Newell's method);
-/// only reflex corners can lie in an ear, so the cost is O(n r) for r of these where ears are found at once, and bounded
-/// always. Where rounding or self-intersection leaves no ear, or the bound is reached, the rest becomes a fan. Fewer than
-/// three corners give nothing.
+/// Ear clipping (Meisters 1975, "Polygons Have Ears") in the plane of the polygon's area vector (Newell's method). Only
+/// reflex corners can lie in an ear, so the cost is usually O(n r) for r of these, and always bounded. If rounding or
+/// self-intersection leaves no ear, or the bound is reached, the rest becomes a fan. Empty for fewer than three corners.
 ///
-/// Tried: the crate `earcut` 0.4, which takes seconds for 16,000 corners that cross one another at random and grows with
-/// more than the square of their number, without a bound, and gives fewer triangles than the polygon has (9,333 of
-/// 15,998). The tessellator of `lyon` would add corners
-/// where edges cross, which have no texture coordinates.
+/// Tried: the crate `earcut` 0.4 takes seconds for 16,000 corners of random self-intersecting polygons, more than quadratic
+/// without a bound, and returns too few triangles (9,333 of 15,998). The tessellator of `lyon` adds corners at
+/// intersections, which have no texture coordinates.
 pub(super) fn triangulate(corners: &[[f32; 3]]) -> Vec<[usize; 3]> {
     match corners.len() {
         0..=2 => return Vec::new(),
@@ -371,16 +365,17 @@ pub(super) fn triangulate(corners: &[[f32; 3]]) -> Vec<[usize; 3]> {
     triangles
 }
 
-/// The corners that are left, as a doubly linked ring.
+/// The remaining corners, as a doubly linked ring.
 struct Ring {
     flat: Vec<Vec2>,
     next: Vec<usize>,
     before: Vec<usize>,
-    /// Corners that are not convex, in no order.
+    /// Reflex corners, unordered.
     reflex: Vec<usize>,
-    /// Place of each corner in `reflex`, or `usize::MAX`.
+    /// Index of each corner in `reflex`, or `usize::MAX`.
     place: Vec<usize>,
-    left: usize,
+    /// Number of remaining corners.
+    remaining: usize,
 }
 
 impl Ring {
@@ -388,7 +383,8 @@ impl Ring {
         let n = flat.len();
         let next = (1..n).chain([0]).collect();
         let before = [n - 1].into_iter().chain(0..n - 1).collect();
-        let mut ring = Ring { flat, next, before, reflex: Vec::new(), place: vec![usize::MAX; n], left: n };
+        let mut ring =
+            Ring { flat, next, before, reflex: Vec::new(), place: vec![usize::MAX; n], remaining: n };
         for i in 0..n {
             if !ring.is_convex(i) {
                 ring.place[i] = ring.reflex.len();
@@ -420,11 +416,11 @@ impl Ring {
         })
     }
 
-    /// Clips ears until three corners are left, or none is an ear, or it took too long; gives the corners left.
+    /// Clips ears until three corners or no ears remain, or the bound on tests is reached; returns the remaining corners.
     fn clip(mut self, triangles: &mut Vec<[usize; 3]>) -> Vec<usize> {
-        let (mut at, mut misses, mut comparisons) = (0, 0, 0u64);
-        while self.left > 3 && misses < self.left && comparisons < COMPARISONS {
-            comparisons += self.reflex.len() as u64 + 1;
+        let (mut at, mut misses, mut tests) = (0, 0, 0u64);
+        while self.remaining > 3 && misses < self.remaining && tests < MAX_TESTS {
+            tests += self.reflex.len() as u64 + 1;
             if !self.is_ear(at) {
                 misses += 1;
                 at = self.next[at];
@@ -434,12 +430,12 @@ impl Ring {
             triangles.push([before, at, next]);
             self.next[before] = next;
             self.before[next] = before;
-            self.left -= 1;
+            self.remaining -= 1;
             misses = 0;
-            self.settle(at, true);
-            self.settle(before, self.is_convex(before));
-            self.settle(next, self.is_convex(next));
-            // The corner after the next: triangles that don't all share one corner are less thin.
+            self.update_reflex(at, true);
+            self.update_reflex(before, self.is_convex(before));
+            self.update_reflex(next, self.is_convex(next));
+            // Skipping a corner avoids thin triangles that all share one corner.
             at = self.next[next];
         }
         let start = at;
@@ -452,9 +448,9 @@ impl Ring {
         rest
     }
 
-    /// Takes a corner that has become convex, or has gone, from the reflex ones. A convex corner never becomes reflex
-    /// when an ear beside it is clipped, but rounding may say so; then it stays where it was.
-    fn settle(&mut self, i: usize, convex: bool) {
+    /// Removes a corner from the reflex corners if it is convex or was clipped. Convex corners remain convex when an adjacent
+    /// ear is clipped, so corners are never added, even if rounding suggests it.
+    fn update_reflex(&mut self, i: usize, convex: bool) {
         let place = self.place[i];
         if convex && place != usize::MAX {
             self.reflex.swap_remove(place);
@@ -466,7 +462,7 @@ impl Ring {
     }
 }
 
-/// The corners in two dimensions, counter-clockwise.
+/// The corners projected to the polygon's plane, counter-clockwise.
 fn project(corners: &[[f32; 3]]) -> Vec<Vec2> {
     let point = |i: usize| DVec3::from(corners[i % corners.len()].map(f64::from));
     let origin = point(0);
@@ -506,7 +502,7 @@ mod tests {
     }
 
     #[test]
-    fn closed_shapes_face_outwards_and_hold_their_volume() {
+    fn closed_shapes_face_outwards_and_have_their_volume() {
         let (b, counts) =
             box_faces(DVec3::new(-1.0, 0.0, 2.0), DVec3::new(1.0, 3.0, 6.0)).to_mesh("b", DVec3::ZERO);
         assert!((volume(&b) - 24.0).abs() < 1e-5);
@@ -539,7 +535,7 @@ mod polygon_tests {
     }
 
     #[test]
-    fn a_long_comb_is_cut_without_overlap() {
+    fn a_long_comb_is_triangulated_without_overlap() {
         // Teeth up and down: half of the corners are reflex.
         let teeth = 3000;
         let mut p: Vec<[f32; 3]> = vec![[teeth as f32, -1.0, 0.0]];
@@ -552,8 +548,8 @@ mod polygon_tests {
     }
 
     #[test]
-    fn a_polygon_that_would_take_for_ever_ends() {
-        // A star whose arms hide one another's ears.
+    fn the_cost_of_hostile_polygons_is_bounded() {
+        // A star with overlapping arms: nearly no ears.
         let n = 200_000;
         let corner = |i: i32| {
             let (angle, radius) = (f64::from(i) * 0.618, if i % 2 == 0 { 1.0 } else { 0.9 });
@@ -564,7 +560,7 @@ mod polygon_tests {
     }
 
     #[test]
-    fn degenerate_polygons_give_triangles_and_no_panic() {
+    fn degenerate_polygons_never_panic() {
         assert!(triangulate(&[[0.0; 3]; 2]).is_empty());
         assert_eq!(triangulate(&[[1.0; 3]; 6]).len(), 4);
         assert_eq!(triangulate(&[[f32::NAN; 3]; 5]).len(), 3);

@@ -1,5 +1,5 @@
-//! The only reader of files: glTF, OBJ, PLY, SPZ, STL, 3MF, scene files (TOML), images and environments. A path goes in, a [`Scene`](crate::scene::Scene)
-//! with its warnings comes out, or one error with all the problems of the file.
+//! File loading: glTF, OBJ, PLY, SPZ, STL, 3MF, scene files (TOML), Blender files, images and environments. Returns a
+//! [`Scene`](crate::scene::Scene) with warnings, or one error with all problems of the file.
 
 pub mod blender;
 mod curves;
@@ -48,8 +48,8 @@ use std::io::Read;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
-/// Loads a scene from a `.gltf`, `.glb`, `.obj`, `.ply`, `.spz`, `.stl`, `.3mf`, `.toml` or `.blend` file, or from a `.zip` with a model; the extension says which it is
-/// ([`extensions`]).
+/// Loads a scene from a `.gltf`, `.glb`, `.obj`, `.ply`, `.spz`, `.stl`, `.3mf`, `.toml` or `.blend` file, or from a `.zip`
+/// with a model, by the extension ([`extensions`]).
 ///
 /// # Errors
 /// An input error with all problems of the file.
@@ -62,13 +62,12 @@ pub fn load(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Loaded> {
     Ok(scene)
 }
 
-/// Loads the same scene at several times (seconds), in order, and calls `each` with every one until it breaks. Of a glTF
-/// file everything that isn't animated is read once: the file itself, images, materials, and meshes that neither a skin
-/// nor morph targets deform. `each` may change the scene, but not its first meshes. Files of other types are loaded again
-/// for every time.
+/// Loads a scene at several times (seconds), in order, and calls `each` for each time until it breaks. The static data of a
+/// glTF file are read once: the file itself, images, materials, and meshes without skin and morph targets. `each` may change
+/// the scene except for these meshes, which come first. Files of other types are loaded again for each time.
 ///
 /// # Errors
-/// As for [`load`], and those of `each`.
+/// As for [`load`], and the errors of `each`.
 pub fn load_times(
     path: impl AsRef<Path>,
     options: &LoadOptions,
@@ -78,7 +77,7 @@ pub fn load_times(
     load_each(path.as_ref(), options, times.into_iter().map(Some), each)
 }
 
-/// Loads a file at several times; `None` is the rest pose. Archives are unpacked to a temporary folder.
+/// Loads a file at several times, seconds; `None` is the rest pose. Archives are unpacked to a temporary folder.
 fn load_each(
     path: &Path,
     options: &LoadOptions,
@@ -108,15 +107,15 @@ fn load_each(
     })
 }
 
-/// Is a file an archive with a model, whatever its extension? Known file types that are no models are errors.
+/// Is a file an archive with a model, by its content? Known contents that aren't models are errors.
 fn is_archive(path: &Path) -> Result<bool> {
     let format = formats::of(path);
-    let is_named_so = formats::is_named_as_archive(path);
-    if !matches!(format, Format::Model(_)) && !is_named_so || !path.is_file() {
+    let has_archive_name = formats::is_named_as_archive(path);
+    if !matches!(format, Format::Model(_)) && !has_archive_name || !path.is_file() {
         return Ok(false);
     }
     let mut start = Vec::new();
-    // The reader reports what can't be read.
+    // Unreadable files are reported by the reader.
     let _ = File::open(path).and_then(|file| file.take(files::HEAD as u64).read_to_end(&mut start));
     if zip::is_archive(&start) {
         return Ok(!formats::is_package(path));
@@ -127,7 +126,7 @@ fn is_archive(path: &Path) -> Result<bool> {
         Some(files::Content { what, remedy }) => {
             Err(Error::input(path, format!("is {what}")).with_help(remedy))
         }
-        None if is_named_so => Err(Error::input(path, ("zip-missing", "is not a ZIP archive"))),
+        None if has_archive_name => Err(Error::input(path, ("zip-missing", "is not a ZIP archive"))),
         None => Ok(false),
     }
 }
@@ -173,11 +172,11 @@ fn load_file(
     Ok(())
 }
 
-/// Loads the frames of a sequence in order and calls `each` with every one until it breaks. Frames of a `.blend`
-/// file are Blender's own; of all others, frame N is the time N / `fps`, as in [`load_times`].
+/// Loads the frames of a sequence in order and calls `each` for each frame until it breaks. Frame numbers of `.blend` files
+/// are Blender's; in all other files frame N is the time N / `fps`, as in [`load_times`].
 ///
 /// # Errors
-/// As for [`load`], and those of `each`.
+/// As for [`load`], and the errors of `each`.
 pub fn load_frames(
     path: impl AsRef<Path>,
     options: &LoadOptions,
@@ -198,31 +197,31 @@ pub fn load_frames(
     Ok(())
 }
 
-/// Is it a Blender file, or one that Blender imports (USD, FBX, Alembic, Collada), by its extension?
+/// Is a file of Blender's, or of a format that Blender imports (USD, FBX, Alembic, Collada), by its extension?
 pub fn is_of_blender(path: impl AsRef<Path>) -> bool {
     matches!(formats::of(path.as_ref()), Format::Blender)
 }
 
-/// Is it a scene, by its extension?
+/// Is a file a scene, by its extension?
 pub fn is_named_as_scene(path: impl AsRef<Path>) -> bool {
     !matches!(formats::of(path.as_ref()), Format::Other) || formats::is_named_as_archive(path.as_ref())
 }
 
-/// Is a file a scene, by its name, and a `.toml` file by its tables? Many programs have settings in such files.
+/// Is a file a scene, by its extension, and for `.toml` files, which may also be settings of other programs, by its tables?
 pub fn is_scene(path: impl AsRef<Path>) -> bool {
     let path = path.as_ref();
     is_named_as_scene(path) && (!matches!(formats::of(path), Format::SceneFile) || scene_file::is_scene(path))
 }
 
-/// Does a scene file ask for denoising (`denoise` of `[render]`)? Only the scene file itself is read.
+/// Does a scene file enable denoising (`denoise` of `[render]`)? Reads only the scene file itself.
 pub fn asks_for_denoising(path: impl AsRef<Path>) -> bool {
     let path = path.as_ref();
     matches!(formats::of(path), Format::SceneFile) && scene_file::asks_for_denoising(path)
 }
 
-/// How to convert a file of another program, by its extension: the help text of an error.
+/// Help text for files of other programs: how to convert them, by their extension.
 fn conversion_hint(extension: &str) -> String {
-    let way = match extension {
+    let hint = match extension {
         "3ds" | "max" | "ma" | "mb" | "c4d" | "skp" | "step" | "stp" | "x3d" | "wrl" | "lwo" => {
             "export .glb (glTF), .usd or .fbx from the program that wrote it"
         }
@@ -238,18 +237,18 @@ fn conversion_hint(extension: &str) -> String {
             );
         }
     };
-    way.to_string()
+    hint.to_string()
 }
 
-/// Adds smooth normals to meshes if requested; warns where that has no effect.
-fn smoothed(path: &Path, options: &LoadOptions, is_of_meshes: bool, loaded: &mut Loaded) {
+/// Adds smooth normals to meshes if requested; warns if the option has no effect.
+fn add_smooth_normals(path: &Path, options: &LoadOptions, is_of_meshes: bool, loaded: &mut Loaded) {
     let Some(crease_rad) = options.smooth_rad else { return };
     let meshes = loaded.scene.meshes.iter_mut().filter(|_| is_of_meshes);
     let count =
         meshes.map(|mesh| smooth::smooth(mesh, crease_rad)).filter(|is_smoothed| *is_smoothed).count();
     if count == 0 {
         let why = match is_of_meshes {
-            true => "all meshes have normals of their own",
+            true => "all meshes have normals",
             false => "it is for OBJ and PLY files; scene files have the key 'smooth' of objects",
         };
         let message = format!("{} has no effect: {why}", Choice::Smooth);
@@ -257,10 +256,10 @@ fn smoothed(path: &Path, options: &LoadOptions, is_of_meshes: bool, loaded: &mut
     }
 }
 
-/// Subdivides all meshes of an OBJ or PLY file if requested; warns where that has no effect.
+/// Subdivides all meshes of an OBJ or PLY file if requested; warns if the option has no effect.
 ///
 /// # Errors
-/// If they would have too many triangles.
+/// If the meshes would have too many triangles.
 fn subdivide_all(path: &Path, options: &LoadOptions, is_of_meshes: bool, loaded: &mut Loaded) -> Result<()> {
     let Some(how) = options.subdivision else { return Ok(()) };
     if !is_of_meshes || loaded.scene.meshes.is_empty() {
@@ -285,13 +284,13 @@ fn subdivide_all(path: &Path, options: &LoadOptions, is_of_meshes: bool, loaded:
     Ok(())
 }
 
-/// Do files of this format not define which axis points up?
+/// Does the format of a file leave the up axis undefined?
 pub fn has_ambiguous_up(path: impl AsRef<Path>) -> bool {
     matches!(formats::of(path.as_ref()), Format::Model(model) if model.has_ambiguous_up)
 }
 
-/// The steps that follow reading, for all formats: options that apply to meshes, the sidecar, the up axis, displacement, procedural media,
-/// the stage of models without camera or light, and validation.
+/// Completes a scene after reading, for all formats: mesh options, sidecar, up axis, displacement, procedural media, the
+/// stage for models without camera or light, and validation.
 fn complete(
     path: &Path,
     options: &LoadOptions,
@@ -306,7 +305,7 @@ fn complete(
     let is_mesh_file = model.is_some_and(|model| !model.is_gltf);
     warn_of_unused_options(path, options, is_mesh_file, loaded);
     subdivide_all(path, options, is_mesh_file, loaded)?;
-    smoothed(path, options, is_mesh_file, loaded);
+    add_smooth_normals(path, options, is_mesh_file, loaded);
     let has_ambiguous_up = model.is_some_and(|model| model.has_ambiguous_up);
     if has_ambiguous_up {
         upright::apply_up_option(options, loaded);
@@ -322,7 +321,7 @@ fn complete(
     if has_ambiguous_up {
         upright::apply_guessed_up(path, options, loaded);
     }
-    // Subdivision is complete; the meshes of the next time differ.
+    // Subdivision is done; meshes of the next time sample differ.
     loaded.polygons = subdivide::Polygons::default();
     mesh_tools::flatten_placements(path, loaded);
     displace::apply(loaded);

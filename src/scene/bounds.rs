@@ -4,10 +4,10 @@ use super::{Instance, Mesh, Quad, Scene, Splats};
 use crate::math::DVec3;
 use rayon::prelude::*;
 
-/// Largest number of placed vertices in all. Beyond, the corners of bounding boxes stand for the meshes with the most.
+/// Maximum number of vertices of all instances. Beyond, meshes with the most vertices are replaced by their bounding boxes.
 const MAX_VERTICES: usize = 20_000_000;
 
-/// A box around points in world space, metres: its least and its greatest corner; `None` before the first point.
+/// A bounding box in world space, metres: minimum and maximum; `None` if empty.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Extent(pub Option<(DVec3, DVec3)>);
 
@@ -27,14 +27,14 @@ impl Extent {
 
 /// Points whose convex hull contains a mesh.
 enum HullPoints<'m> {
-    /// The marked vertices of a mesh.
+    /// The vertices of a mesh with a true flag.
     Used(&'m Mesh, Vec<bool>),
-    /// Some points around it.
+    /// The corners of its bounding box.
     Around(Vec<DVec3>),
 }
 
 impl HullPoints<'_> {
-    /// Hands each point to `each`.
+    /// Calls `each` with each point.
     fn visit(&self, mut each: impl FnMut(DVec3)) {
         match self {
             HullPoints::Used(mesh, used) => {
@@ -45,7 +45,7 @@ impl HullPoints<'_> {
         }
     }
 
-    /// The box around the points, placed.
+    /// The bounding box of the transformed points.
     fn extent(&self, place: impl Fn(DVec3) -> DVec3) -> Extent {
         let (mut low, mut high, mut is_empty) = (DVec3::INFINITY, DVec3::NEG_INFINITY, true);
         self.visit(|p| {
@@ -56,7 +56,7 @@ impl HullPoints<'_> {
     }
 }
 
-/// The points of a scene's meshes that bound them, found once for several questions. The scene need not be valid.
+/// Points that bound the meshes of a scene, computed once for several queries. The scene may be invalid.
 pub struct MeshHulls<'s> {
     scene: &'s Scene,
     points: Vec<HullPoints<'s>>,
@@ -83,17 +83,17 @@ impl<'s> MeshHulls<'s> {
         MeshHulls { scene, points: scene.meshes.par_iter().zip(&is_boxed).map(points).collect() }
     }
 
-    /// The box around each instance, in world space; empty where the mesh doesn't exist. Vertices of no triangle don't
-    /// count.
+    /// The bounding box of each instance, world space, without unused vertices; empty if the mesh doesn't exist.
     pub fn instance_extents(&self) -> Vec<Extent> {
-        let of = |i: &Instance| {
+        let extent_of = |i: &Instance| {
             let place = |p| i.world_from_object.transform_point3(p);
             self.points.get(i.mesh.index()).map_or(Extent::default(), |points| points.extent(place))
         };
-        self.scene.instances.par_iter().map(of).collect()
+        self.scene.instances.par_iter().map(extent_of).collect()
     }
 
-    /// Hands points to `each` whose hull holds all meshes and quads and the middles of curves, in world space. Shapes are left to the caller.
+    /// Calls `each` with points in world space whose convex hull contains all meshes, quads and axes of curves. Analytic shapes
+    /// are not included.
     pub fn visit(&self, each: &mut dyn FnMut(DVec3)) {
         for instance in &self.scene.instances {
             if let Some(points) = self.points.get(instance.mesh.index()) {
@@ -105,30 +105,30 @@ impl<'s> MeshHulls<'s> {
     }
 }
 
-/// The box around each instance, by [`MeshHulls::instance_extents`].
+/// The bounding box of each instance, by [`MeshHulls::instance_extents`].
 pub fn instance_extents(scene: &Scene) -> Vec<Extent> {
     MeshHulls::of(scene).instance_extents()
 }
 
-/// For which meshes the corners of their bounding boxes stand, so that at most [`MAX_VERTICES`] placed points are left.
+/// Selects meshes to be replaced by their bounding boxes, so that at most [`MAX_VERTICES`] vertices of instances are left.
 fn boxed_meshes(scene: &Scene, placements: &[usize]) -> Vec<bool> {
     let placed = |i: usize| scene.meshes[i].positions.len().saturating_mul(placements[i]);
-    let mut left = (0..scene.meshes.len()).map(placed).fold(0, usize::saturating_add);
+    let mut remaining = (0..scene.meshes.len()).map(placed).fold(0, usize::saturating_add);
     let mut largest: Vec<usize> =
         (0..scene.meshes.len()).filter(|&i| scene.meshes[i].positions.len() > 8).collect();
     largest.sort_by_key(|&i| std::cmp::Reverse(placed(i)));
     let mut is_boxed = vec![false; scene.meshes.len()];
     for i in largest {
-        if left <= MAX_VERTICES {
+        if remaining <= MAX_VERTICES {
             break;
         }
         is_boxed[i] = true;
-        left = left.saturating_sub(placed(i)).saturating_add(placements[i].saturating_mul(8));
+        remaining = remaining.saturating_sub(placed(i)).saturating_add(placements[i].saturating_mul(8));
     }
     is_boxed
 }
 
-/// Marks the vertices that triangles use.
+/// By vertex: is it used by a triangle, or a visible splat?
 fn used_vertices(mesh: &Mesh) -> Vec<bool> {
     if let Some(splats) = &mesh.splats {
         return splats.opacities.iter().map(|opacity| *opacity >= Splats::MIN_OPACITY).collect();
@@ -147,7 +147,7 @@ fn box_corners(low: DVec3, high: DVec3) -> Vec<DVec3> {
     (0..8).map(|bits| DVec3::new(pick(bits, 0), pick(bits, 1), pick(bits, 2))).collect()
 }
 
-/// The box around everything, from the boxes that [`instance_extents`] gives.
+/// The bounding box of the scene, given the result of [`instance_extents`].
 pub fn scene_extent(scene: &Scene, instances: &[Extent]) -> Extent {
     let mut all = Extent::default();
     instances.iter().for_each(|e| all.join(*e));
@@ -174,7 +174,7 @@ mod tests {
     use crate::scene::{MaterialId, MeshId, Shape};
 
     #[test]
-    fn boxes_hold_what_is_placed_and_drawn() {
+    fn boxes_contain_instances_and_shapes_without_unused_vertices() {
         let mut scene = Scene::default();
         assert_eq!(scene_extent(&scene, &instance_extents(&scene)), Extent(None));
         scene.meshes.push(Mesh {
@@ -189,9 +189,10 @@ mod tests {
         scene.shapes.push(Shape::sphere(DVec3::ZERO, 3.0, MaterialId(0)));
         assert_eq!(scene_extent(&scene, &boxes), Extent(Some((DVec3::splat(-3.0), DVec3::splat(3.0)))));
     }
-    /// A thousand meshes of twenty thousand vertices, each in three places, have more vertices than are looked at.
+
+    /// A thousand meshes of twenty thousand vertices with three instances each exceed the limit.
     #[test]
-    fn boxes_stand_for_meshes_of_many_placed_vertices() {
+    fn meshes_with_many_placed_vertices_are_replaced_by_boxes() {
         let mut scene = Scene::default();
         let sheet = |n: usize, z: f32| Mesh { positions: vec![[1.0, 2.0, z]; n], ..Mesh::default() };
         scene.meshes = (0..1000).map(|i| sheet(20_000, i as f32)).collect();

@@ -4,7 +4,7 @@ use super::geometry::Keyframes;
 use crate::math::{DAffine3, DMat3, DVec3};
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// How points in front of the camera map to the picture.
+/// Projection of a camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Projection {
     /// Pinhole with a vertical field of view.
@@ -17,32 +17,32 @@ pub enum Projection {
         /// Half the visible height, metres.
         half_height: f64,
     },
-    /// All around, or much of it.
+    /// Panoramic and fisheye projections.
     Panorama(Panorama),
 }
 
-/// Depth of field by a thin lens. The lens of a panoramic camera faces each point of its picture, and what is in focus is a sphere
-/// around it.
+/// Depth of field by a thin lens. The lens of a panoramic camera is perpendicular to each view direction, and its focus
+/// surface is a sphere.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ThinLens {
-    /// Full angle of the cone from a point on the focus plane to the lens's edge, radians. The lens's radius is
+    /// Full angle of the cone from a point on the focus plane to the edge of the lens, radians. The lens radius is
     /// `focus_distance * tan(defocus_angle_rad / 2)`.
     pub defocus_angle_rad: f64,
-    /// Distance from the lens to the plane of perfect focus, metres.
+    /// Distance from the lens to the focus plane, metres.
     pub focus_distance: f64,
-    /// The shape of its opening; round for panoramas.
+    /// Shape of the aperture; round for panoramas.
     pub aperture: Aperture,
 }
 
-/// The opening of a lens, which is the shape of lights out of focus.
+/// Shape of the aperture, which determines the bokeh.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Aperture {
-    /// How many blades bound it: a regular polygon whose corners lie on the lens's edge, of 3 to 256 of them; 0 is round.
+    /// Number of blades, 3 to 256: a regular polygon inscribed in the lens; 0 for a round aperture.
     pub blades: u32,
-    /// Turns the polygon counter-clockwise, seen from behind the camera, radians; without, the middle of a side lies to the
+    /// Rotation of the polygon, counter-clockwise as seen from behind the camera, radians; at 0 the centre of a side is on the
     /// right.
     pub rotation_rad: f64,
-    /// Height over width: lenses for wide screens have openings of 2. The lens's edge is that of its height.
+    /// Height over width: 2 for anamorphic lenses. The lens radius is that of the height.
     pub ratio: f64,
 }
 
@@ -53,58 +53,56 @@ impl Default for Aperture {
     }
 }
 
-/// A camera; it looks down its own -z with y up.
+/// A camera; it looks along its local -z axis with y up.
 #[derive(Clone, Debug)]
 pub struct Camera {
-    /// For choosing and reports.
+    /// Name, for selection and reports.
     pub name: String,
-    /// Placement: rotation and translation (scale is removed by loaders).
+    /// Rotation and translation (loaders remove scale).
     pub world_from_camera: DAffine3,
-    /// Its projection.
+    /// Projection.
     pub projection: Projection,
-    /// Width over height, if the file says so; used when the picture's size isn't given in full.
+    /// Width over height of the file, used if the picture's size isn't given in full.
     pub aspect_ratio: Option<f64>,
-    /// Width over height of a pixel, from 0.001 to 1000: 1, or that of television and anamorphic pictures. The view's height is kept;
-    /// 1 of panoramas.
+    /// Width over height of a pixel, 0.001 to 1000. The vertical field of view is kept; must be 1 for panoramas.
     pub pixel_aspect: f64,
-    /// Depth of field; `None` is a pinhole.
+    /// Depth of field; `None` for a pinhole.
     pub lens: Option<ThinLens>,
-    /// How far the picture is moved to the right and up in its plane, in heights of the picture: the camera sees more of
-    /// that side, and upright lines stay parallel.
+    /// Lens shift to the right and up, in picture heights; vertical lines stay parallel.
     pub shift: [f64; 2],
-    /// Distances from its plane (of panoramas from itself), metres, between which it sees things; all of them without. What lies
-    /// outside still casts shadows and is seen in mirrors.
+    /// Clip distances of camera rays, metres: from the camera plane, for panoramas from the camera. `None` for no clipping.
+    /// Clipped surfaces still cast shadows and are visible in mirrors.
     pub clip: Option<[f64; 2]>,
-    /// Its placement at other times, if it moves while the picture is taken.
+    /// Transforms at other times, if the camera moves.
     pub motion: Option<Keyframes<DAffine3>>,
 }
 
-/// Placement of a camera at `eye` that looks at `target`; `None` where the two coincide or `up` points along the view.
+/// The transform of a camera at `eye` that looks at `target`; `None` if both coincide or `up` is parallel to the view.
 pub fn looking_at(eye: DVec3, target: DVec3, up: DVec3) -> Option<DAffine3> {
     let back = (eye - target).try_normalize()?;
     let right = up.cross(back).try_normalize()?;
     Some(DAffine3::from_mat3_translation(DMat3::from_cols(right, back.cross(right), back), eye))
 }
 
-/// Which of the directions around it a panoramic camera shows where, over the whole of its picture.
+/// Panoramic projections.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Panorama {
-    /// Angles along the picture's edges.
+    /// Longitude along x, latitude along y.
     Equirectangular {
-        /// At the left and the right edge, radians, from -pi to pi; 0 is ahead, what lies to the right is above it.
+        /// Longitude at the left and right edge, radians, -pi to pi; 0 is forward, positive to the right.
         longitude_rad: [f64; 2],
-        /// At the lower and the upper edge, radians, from -pi/2 to pi/2; 0 is the camera's horizon.
+        /// Latitude at the lower and upper edge, radians, -pi/2 to pi/2; 0 is the camera's horizon.
         latitude_rad: [f64; 2],
     },
-    /// A circle, or an ellipse that fits into the picture: angles with the axis grow evenly from the middle to the edge.
+    /// A circle, or an ellipse inscribed in the picture: the angle with the axis is proportional to the radius.
     FisheyeEquidistant {
-        /// Full angle of view, radians, above 0 and at most 2 pi. What lies beyond is black.
+        /// Full angle of view, radians, above 0 and at most 2 pi; black outside.
         fov_rad: f64,
     },
-    /// As of real lenses: the distance from the middle is `2 focal_length sin(angle / 2)`, and all parts of the picture see
-    /// equal solid angles. With a sensor of four focal lengths it shows all directions, as a mirror ball does.
+    /// Equal-area fisheye: the radius is `2 focal_length sin(angle / 2)`, and all pixels have equal solid angles. A sensor of
+    /// four focal lengths shows all directions, as a mirror ball.
     FisheyeEquisolid {
-        /// Full angle of view, radians, above 0 and at most 2 pi. What lies beyond is black.
+        /// Full angle of view, radians, above 0 and at most 2 pi; black outside.
         fov_rad: f64,
         /// Focal length, millimetres.
         focal_length: f64,
@@ -114,11 +112,11 @@ pub enum Panorama {
 }
 
 impl Panorama {
-    /// All that is around.
+    /// All directions.
     pub const ALL_AROUND: Panorama =
         Panorama::Equirectangular { longitude_rad: [-PI, PI], latitude_rad: [-FRAC_PI_2, FRAC_PI_2] };
 
-    /// Its kind in words.
+    /// Name of the projection in files.
     pub fn name(&self) -> &'static str {
         match self {
             Panorama::Equirectangular { .. } => "equirectangular",
@@ -127,7 +125,7 @@ impl Panorama {
         }
     }
 
-    /// Width over height of a picture without distortion in its middle.
+    /// Width over height of a picture without distortion at its centre.
     pub fn aspect_ratio(&self) -> f64 {
         match self {
             Panorama::Equirectangular { longitude_rad: [left, right], latitude_rad: [low, high] } => {
@@ -138,7 +136,7 @@ impl Panorama {
         }
     }
 
-    /// Full angle from the lower to the upper edge of its picture, radians, at most that of view.
+    /// Full angle from the lower to the upper edge of the picture, radians, at most the angle of view.
     pub fn height_rad(&self) -> f64 {
         match *self {
             Panorama::Equirectangular { latitude_rad: [low, high], .. } => high - low,

@@ -1,4 +1,4 @@
-//! Methods of [`Scene`], and constructors for scenes that are built in code.
+//! Methods of [`Scene`], and constructors for scenes built in code.
 
 use super::{
     Camera, Environment, Grid, GridId, Image, ImageId, Instance, Light, LightKind, Material, MaterialId,
@@ -9,14 +9,14 @@ use super::{LightLinks, LightProfile, ObjectInfo, ObjectTraits, ProfileId, RayKi
 use crate::math::{DAffine3, DMat3, DQuat, DVec3};
 use std::sync::Arc;
 
-/// Adds to a list; the id is the index.
+/// Defines methods that add to a list and return the index as id.
 macro_rules! add {
     ($($(#[$doc:meta])* $name:ident: $type:ty => $list:ident, $id:ident;)*) => {
         impl Scene {$(
             $(#[$doc])*
             ///
             /// # Panics
-            /// If there are 2^32 already.
+            /// If there are 2^32 entries already.
             pub fn $name(&mut self, item: $type) -> $id {
                 let id = u32::try_from(self.$list.len()).expect("fewer than 2^32 items");
                 self.$list.push(item);
@@ -27,23 +27,22 @@ macro_rules! add {
 }
 
 add! {
-    /// Adds a mesh and returns its id; it is seen where an [`Instance`] places it.
+    /// Adds a mesh and returns its id, for an [`Instance`].
     add_mesh: Mesh => meshes, MeshId;
     /// Adds a material and returns its id, for meshes, shapes and quads.
     add_material: Material => materials, MaterialId;
-    /// Adds a texture and returns its id, for materials. Textures that it refers to must have been added before.
+    /// Adds a texture and returns its id, for materials. Textures that it refers to must be added first.
     add_texture: Texture => textures, TextureId;
     /// Adds an image and returns its id, for textures and the environment.
     add_image: Image => images, ImageId;
     /// Adds a grid and returns its id, for media.
     add_grid: Grid => grids, GridId;
-    /// Adds a profile and returns its id, for the beams of lights.
+    /// Adds a profile and returns its id, for beams of emissive surfaces.
     add_profile: Arc<LightProfile> => profiles, ProfileId;
 }
 
 impl Mesh {
-    /// Triangles of one material, without texture coordinates, with flat shading; each is three indices into
-    /// `positions`, counter-clockwise seen from its front.
+    /// A flat-shaded mesh of one material without texture coordinates; triangles are counter-clockwise from the front.
     pub fn new(
         name: impl Into<String>,
         positions: Vec<[f32; 3]>,
@@ -55,15 +54,15 @@ impl Mesh {
         Mesh { name: name.into(), positions, triangles, parts, ..Mesh::default() }
     }
 
-    /// The positions of a triangle's vertices; a vertex that is missing is at the origin.
-    // Not by `map` of arrays, which is seldom inlined: loops over all triangles of a scene call this.
+    /// The positions of a triangle's vertices; the origin for missing vertices.
+    // Not by `map` of arrays, which is often not inlined: this is called for all triangles of a scene.
     #[inline]
     pub(crate) fn corners(&self, [a, b, c]: [u32; 3]) -> [[f32; 3]; 3] {
         let position = |vertex: u32| self.positions.get(vertex as usize).copied().unwrap_or_default();
         [position(a), position(b), position(c)]
     }
 
-    /// The corners in double precision.
+    /// [`Mesh::corners`] in f64.
     #[inline]
     pub(crate) fn corners_f64(&self, triangle: [u32; 3]) -> [DVec3; 3] {
         let [a, b, c] = self.corners(triangle);
@@ -73,7 +72,7 @@ impl Mesh {
 }
 
 impl Instance {
-    /// A mesh placed in the world, with its own materials.
+    /// An instance with the mesh's materials.
     pub fn new(mesh: MeshId, world_from_object: DAffine3) -> Instance {
         Instance {
             name: String::new(),
@@ -104,7 +103,7 @@ impl Shape {
         }
     }
 
-    /// A flat disk whose front faces `normal`, which may have any length but 0.
+    /// A flat disk whose front faces `normal`, which need not be normalised.
     pub fn disk(
         center: impl Into<DVec3>,
         normal: impl Into<DVec3>,
@@ -127,7 +126,7 @@ impl Shape {
 }
 
 impl Quad {
-    /// A parallelogram from a corner along two edges; its front is on the side of `edge_u x edge_v`.
+    /// A parallelogram; its front is on the side of `edge_u x edge_v`.
     pub fn new(
         corner: impl Into<DVec3>,
         edge_u: impl Into<DVec3>,
@@ -139,7 +138,7 @@ impl Quad {
         Quad { name: String::new(), corner, edge_u, edge_v, material, traits, info }
     }
 
-    /// Its corners, metres: the first, the ends of both edges, the opposite one.
+    /// The corners, metres: `corner`, the ends of both edges, the opposite one.
     pub fn corners(&self) -> [DVec3; 4] {
         let Quad { corner, edge_u, edge_v, .. } = self;
         [*corner, corner + edge_u, corner + edge_v, corner + edge_u + edge_v]
@@ -147,7 +146,7 @@ impl Quad {
 }
 
 impl Light {
-    /// A light that all rays know, without a name and in no group; the unit of its intensity follows from its kind.
+    /// A light visible to all rays, without a name, in the default group. For the unit of `intensity` see [`Light::intensity`].
     pub fn new(kind: LightKind, intensity: [f32; 3]) -> Light {
         let (name, group) = (String::new(), String::new());
         Light {
@@ -162,13 +161,13 @@ impl Light {
         }
     }
 
-    /// A point light of the same radiant intensity, W/sr, in all directions.
+    /// An isotropic point light with a radiant intensity, W/sr.
     pub fn point(position: impl Into<DVec3>, intensity: [f32; 3]) -> Light {
         Light::new(LightKind::Point { position: position.into() }, intensity)
     }
 
-    /// A spot light with a radiant intensity, W/sr, within `inner_angle_rad` of its axis, that fades to nothing at
-    /// `outer_angle_rad`; both are half angles, in radians. The direction may have any length but 0.
+    /// A spot light with a radiant intensity, W/sr, within `inner_angle_rad` of its axis, that falls off to 0 at
+    /// `outer_angle_rad`; both are half angles, radians. The direction need not be normalised.
     pub fn spot(
         position: impl Into<DVec3>,
         direction: impl Into<DVec3>,
@@ -181,8 +180,7 @@ impl Light {
         Light::new(kind, intensity)
     }
 
-    /// Parallel light that travels along `direction`, of any length but 0, with an irradiance, W/m2, on surfaces that
-    /// face it.
+    /// Parallel light that travels along `direction` (need not be normalised), with an irradiance, W/m2, on surfaces facing it.
     pub fn directional(direction: impl Into<DVec3>, irradiance: [f32; 3]) -> Light {
         let direction = direction.into().normalize_or(DVec3::NEG_Z);
         Light::new(LightKind::Directional { direction }, irradiance)
@@ -190,11 +188,11 @@ impl Light {
 }
 
 impl Camera {
-    /// A pinhole at `from` that looks at a point with y up; `vfov_deg` is the full vertical angle of view in degrees.
+    /// A pinhole camera at `from` that looks at a point with y up; `vfov_deg` is the vertical field of view, degrees.
     pub fn look_at(from: impl Into<DVec3>, at: impl Into<DVec3>, vfov_deg: f64) -> Camera {
         let (from, at) = (from.into(), at.into());
         let world_from_camera = looking_at(from, at, DVec3::Y).unwrap_or_else(|| {
-            // Straight down, -z is at the top of the picture; straight up, z is.
+            // Looking straight down, -z is up in the picture; straight up, z is.
             let back = (from - at).normalize_or(DVec3::Z);
             let rotation = DMat3::from_cols(DVec3::X, back.cross(DVec3::X), back);
             DAffine3::from_mat3_translation(rotation, from)
@@ -214,13 +212,13 @@ impl Camera {
 }
 
 impl Scene {
-    /// Gives the objects of a name that are there traits, in place of those that they have.
+    /// Sets the traits of all existing objects with a name.
     pub fn set_object_traits(&mut self, name: &str, traits: ObjectTraits) {
-        let own = self.object_traits_mut().filter(|(other, _)| *other == name);
-        own.for_each(|(_, own)| *own = traits);
+        let named = self.object_traits_mut().filter(|(other, _)| *other == name);
+        named.for_each(|(_, own)| *own = traits);
     }
 
-    /// The names of all objects with their traits, which may be changed.
+    /// The names and mutable traits of all objects.
     pub fn object_traits_mut(&mut self) -> impl Iterator<Item = (&str, &mut ObjectTraits)> {
         let instances = self.instances.iter_mut().map(|i| (i.name.as_str(), &mut i.traits));
         let quads = self.quads.iter_mut().map(|q| (q.name.as_str(), &mut q.traits));
@@ -229,7 +227,7 @@ impl Scene {
         instances.chain(quads).chain(shapes).chain(curves)
     }
 
-    /// The names of all objects with their traits: of instances, quads, shapes and curves.
+    /// The names and traits of all instances, quads, shapes and curves.
     fn named_traits(&self) -> impl Iterator<Item = (&str, &ObjectTraits)> {
         let instances = self.instances.iter().map(|i| (i.name.as_str(), &i.traits));
         let quads = self.quads.iter().map(|q| (q.name.as_str(), &q.traits));
@@ -243,7 +241,7 @@ impl Scene {
         self.named_traits().map(|(name, _)| name)
     }
 
-    /// The traits of all objects: of instances, quads, shapes and curves.
+    /// The traits of all instances, quads, shapes and curves.
     pub fn object_traits(&self) -> impl Iterator<Item = &ObjectTraits> {
         self.named_traits().map(|(_, traits)| traits)
     }
@@ -253,7 +251,7 @@ impl Scene {
         self.object_traits().any(|traits| traits.is_shadow_catcher)
     }
 
-    /// The groups of everything that emits light, in alphabetical order. Every light is in exactly one.
+    /// The names of all light groups in use, sorted. Each light is in exactly one.
     pub fn light_groups(&self) -> Vec<String> {
         let emitters = self.materials.iter().filter(|m| m.emission.is_some()).map(|m| &m.light_group);
         let environment = (self.environment != Environment::Black).then_some(&self.environment_group);
@@ -267,7 +265,8 @@ impl Scene {
         names
     }
 
-    /// Rotates the environment image, the camera's environment and the environment's sun to an angle, radians. Does nothing for others.
+    /// Sets the rotation of the environment image, radians, and rotates the camera's environment and the environment's sun with
+    /// it. Does nothing for other environments.
     pub fn turn_environment(&mut self, to_rad: f64) {
         let Environment::Image { rotation_rad, .. } = &mut self.environment else { return };
         let by = DQuat::from_rotation_y(to_rad - *rotation_rad);
@@ -281,7 +280,7 @@ impl Scene {
         }
     }
 
-    /// Multiplies the light of the environment's sun, if it has one.
+    /// Scales the intensity of the environment's sun, if any.
     pub fn scale_environment_sun(&mut self, factor: f32) {
         let sun = self.environment_sun.and_then(|sun| self.lights.get_mut(sun as usize));
         if let Some(sun) = sun {
@@ -295,7 +294,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn traits_are_those_of_all_objects_of_a_name() {
+    fn traits_are_set_on_all_objects_with_a_name() {
         let mut scene = Scene::default();
         for name in ["a", "b", "a"] {
             let sphere = Shape::sphere(DVec3::ZERO, 1.0, MaterialId(0));

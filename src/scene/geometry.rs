@@ -6,28 +6,28 @@ pub use half::f16;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Triangles with one set of vertices, or Gaussian splats around them. Front faces are counter-clockwise.
+/// An indexed triangle mesh, or Gaussian splats at its vertices. Front faces are counter-clockwise.
 #[derive(Clone, Debug, Default)]
 pub struct Mesh {
-    /// For reports.
+    /// Name, for reports.
     pub name: String,
     /// Vertex positions in object space.
     pub positions: Vec<[f32; 3]>,
     /// Vertex indices of each triangle, all below `positions.len()`.
     pub triangles: Vec<[u32; 3]>,
-    /// Unit shading normals, one a vertex; empty means flat shading.
+    /// Unit shading normals per vertex; empty for flat shading.
     pub normals: Vec<[f32; 3]>,
-    /// Texture coordinate sets, each empty or one a vertex; v grows downwards (glTF).
+    /// UV sets per vertex, each may be empty; v points down (glTF).
     pub uv_sets: Vec<Vec<[f32; 2]>>,
-    /// Unit tangents with handedness, one a vertex; empty when there are none.
+    /// Unit tangents with handedness per vertex, or empty.
     pub tangents: Vec<[f32; 4]>,
-    /// Linear RGBA vertex colours, one a vertex; empty when there are none.
+    /// Linear RGBA colours per vertex, or empty.
     pub colors: Vec<[f32; 4]>,
-    /// Attributes by name, which graphs of nodes read; the names differ.
+    /// Named attributes for node graphs; names are unique.
     pub attributes: Vec<VertexAttribute>,
-    /// Gaussian splats around the vertices, in place of triangles; the first part has their material.
+    /// Gaussian splats at the vertices, in place of triangles; the first part has their material.
     pub splats: Option<Arc<Splats>>,
-    /// Runs of triangles with their materials, in order and covering all triangles.
+    /// Runs of triangles with one material, consecutive and covering all triangles.
     pub parts: Vec<MeshPart>,
 }
 
@@ -38,58 +38,57 @@ pub struct MeshPart {
     pub first_triangle: u32,
     /// Number of triangles.
     pub triangle_count: u32,
-    /// Their material.
+    /// Material.
     pub material: MaterialId,
 }
 
-/// A mesh placed in the world.
+/// An instance of a mesh.
 #[derive(Clone, Debug)]
 pub struct Instance {
-    /// For reports: the node's path.
+    /// Name, for reports: the node's path.
     pub name: String,
-    /// Which mesh.
+    /// Mesh.
     pub mesh: MeshId,
-    /// Placement; may mirror, shear and scale. A mirroring one keeps front faces in front.
+    /// May mirror, shear and scale. Mirroring transforms keep the front side.
     pub world_from_object: DAffine3,
-    /// Replaces all materials of the mesh.
+    /// Overrides all materials of the mesh.
     pub material: Option<MaterialId>,
-    /// Its motion.
+    /// Motion during the exposure.
     pub motion: Motion,
     /// Ray visibility and other traits.
     pub traits: ObjectTraits,
     /// Properties for node graphs.
     pub info: ObjectInfo,
-    /// The light group of its emission, in place of those of its materials; empty for the default group.
+    /// Light group of its emission, overriding those of its materials; empty for the default group.
     pub light_group: Option<String>,
 }
 
-/// How an instance differs between the times of a scene.
+/// Motion of an instance over time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Motion {
-    /// It does not.
+    /// Static.
     #[default]
     Still,
-    /// It stands elsewhere.
+    /// Its transform changes.
     Moves,
-    /// Its mesh is another, too.
+    /// Its mesh deforms, and its transform may change.
     Deforms,
-    /// It moves while the picture is taken, or its mesh changes then: the number of its motion in
-    /// [`SceneMotion::instances`](super::SceneMotion::instances).
+    /// It moves or deforms while the shutter is open: index into [`SceneMotion::instances`](super::SceneMotion::instances).
     Keyed(u32),
 }
 
-/// A parallelogram in world space; its front is on the side of `edge_u x edge_v`.
+/// A parallelogram in world space, metres; its front is on the side of `edge_u x edge_v`.
 #[derive(Clone, Debug)]
 pub struct Quad {
-    /// For reports.
+    /// Name, for reports.
     pub name: String,
-    /// One corner.
+    /// Origin of texture coordinates.
     pub corner: DVec3,
     /// From the corner along u.
     pub edge_u: DVec3,
     /// From the corner along v.
     pub edge_v: DVec3,
-    /// Its material.
+    /// Material.
     pub material: MaterialId,
     /// Ray visibility and other traits.
     pub traits: ObjectTraits,
@@ -97,20 +96,20 @@ pub struct Quad {
     pub info: ObjectInfo,
 }
 
-/// An analytic shape, in world space.
+/// An analytic shape in world space, metres.
 #[derive(Clone, Debug)]
 pub struct Shape {
-    /// For reports.
+    /// Name, for reports.
     pub name: String,
-    /// Which shape it is.
+    /// Kind with its dimensions.
     pub kind: ShapeKind,
-    /// Its middle.
+    /// Centre, metres.
     pub center: DVec3,
     /// Radius, above 0.
     pub radius: f64,
-    /// Turns the shape with its texture coordinates and object-space textures; the identity for most spheres.
+    /// Rotation of the shape, its texture coordinates and object-space textures.
     pub rotation: DQuat,
-    /// Its material.
+    /// Material.
     pub material: MaterialId,
     /// Ray visibility and other traits.
     pub traits: ObjectTraits,
@@ -118,23 +117,22 @@ pub struct Shape {
     pub info: ObjectInfo,
 }
 
-/// Makes [`ShapeKind`] and [`ShapeTag`] of a table: each kind with the numbers that it needs beside a radius, what one
-/// and many of it are called, whether it encloses anything, and half the size of the box around one of radius 1 by its
-/// rotation.
+/// Defines [`ShapeKind`] and [`ShapeTag`] from a table: each kind with its parameters besides the radius, singular and plural
+/// name, whether it encloses a volume, and half the size of the bounding box for radius 1 as a function of the rotation.
 macro_rules! kinds {
     ($(
         $(#[$about:meta])*
         $kind:ident $({ $($(#[$about_number:meta])* $number:ident),* $(,)? })?
         $one:literal $many:literal closed: $closed:literal half_extent: $half_extent:expr;
     )*) => {
-        /// Kinds of shapes that are no meshes. Axes x, y and z are those before the shape is rotated.
+        /// Kinds of analytic shapes. Axes are in the local space of the shape.
         #[derive(Clone, Copy, Debug, PartialEq)]
         #[non_exhaustive]
         pub enum ShapeKind {
             $($(#[$about])* $kind $({ $($(#[$about_number])* $number: f64),* })?,)*
         }
 
-        /// Which of the kinds of shapes, without its numbers.
+        /// The kind of an analytic shape, without its parameters.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         #[non_exhaustive]
         pub enum ShapeTag {
@@ -142,21 +140,21 @@ macro_rules! kinds {
         }
 
         impl ShapeKind {
-            /// Which kind it is.
+            /// The kind without its parameters.
             pub fn tag(&self) -> ShapeTag {
                 match self {
                     $(ShapeKind::$kind { .. } => ShapeTag::$kind,)*
                 }
             }
 
-            /// Its parameters apart from the radius.
+            /// Parameters besides the radius.
             pub fn numbers(&self) -> Vec<f64> {
                 match *self {
                     $(ShapeKind::$kind $({ $($number),* })? => vec![$($($number),*)?],)*
                 }
             }
 
-            /// Half the size of the box around one of radius 1.
+            /// Half the size of the bounding box for radius 1.
             #[allow(unused_variables)]
             fn half_extent(&self, rotation: DQuat) -> DVec3 {
                 match *self {
@@ -166,24 +164,24 @@ macro_rules! kinds {
         }
 
         impl ShapeTag {
-            /// All of them; each is in the place that its number says.
+            /// All kinds, by discriminant.
             pub const ALL: &[ShapeTag] = &[$(ShapeTag::$kind),*];
 
-            /// Name of one.
+            /// Name, singular.
             pub fn name(self) -> &'static str {
                 match self {
                     $(ShapeTag::$kind => $one,)*
                 }
             }
 
-            /// Name of several.
+            /// Name, plural.
             pub fn plural(self) -> &'static str {
                 match self {
                     $(ShapeTag::$kind => $many,)*
                 }
             }
 
-            /// Does it enclose anything?
+            /// Does it enclose a volume?
             pub fn is_closed(self) -> bool {
                 match self {
                     $(ShapeTag::$kind => $closed,)*
@@ -194,49 +192,50 @@ macro_rules! kinds {
 }
 
 kinds! {
-    /// A sphere. Textures go around the y axis.
+    /// A sphere, textured around the y axis.
     Sphere "sphere" "spheres" closed: true half_extent: |_| DVec3::ONE;
-    /// A flat disk whose front faces z. Textures have x to the right and y up, and touch its edge.
-    Disk "disk" "disks" closed: false half_extent: around_flat_disk;
-    /// A disk that turns its front to the origin of each ray: a light with a soft falloff. It has no textures.
+    /// A flat disk whose front faces z. Its texture is the square around it, x to the right and y up.
+    Disk "disk" "disks" closed: false half_extent: disk_half_extent;
+    /// A disk that always faces the origin of the ray: a light with a soft falloff. Not textured.
     FacingDisk "facing disk" "facing disks" closed: false half_extent: |_| DVec3::ONE;
-    /// A sphere that each ray intersects once, from outside its near side and from inside its far one: a light that rays pass.
+    /// A sphere that each ray intersects at most once: from outside at its near side, from inside at its far side. A light that
+    /// rays pass.
     Shell "shell" "shells" closed: false half_extent: |_| DVec3::ONE;
 }
 
-/// How far a flat disk of radius 1 reaches along each axis.
-fn around_flat_disk(rotation: DQuat) -> DVec3 {
+/// Half the size of the bounding box of a flat disk of radius 1.
+fn disk_half_extent(rotation: DQuat) -> DVec3 {
     let normal = rotation * DVec3::Z;
     (DVec3::ONE - normal * normal).max(DVec3::ZERO).map(f64::sqrt)
 }
 
 impl Shape {
-    /// Half the size of the box around it.
+    /// Half the size of the bounding box, metres.
     pub fn half_extent(&self) -> DVec3 {
         self.kind.half_extent(self.rotation) * self.radius
     }
 }
 
-/// How a strand runs between its points.
+/// Basis of curves.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum CurveBasis {
-    /// Straight from point to point.
+    /// Piecewise linear.
     Linear,
-    /// Cubic Bezier curves end to end: every third point lies on the strand.
+    /// Consecutive cubic Bezier curves: every third point is interpolated.
     Bezier,
-    /// A uniform cubic B-spline that begins near its first and ends near its last point.
+    /// A uniform cubic B-spline, not clamped: its ends are near the first and the last point.
     BSpline,
-    /// A cubic curve through all points.
+    /// A cubic Catmull-Rom spline, which interpolates all points.
     #[default]
     CatmullRom,
 }
 
 impl CurveBasis {
-    /// All of them.
+    /// All bases.
     pub const ALL: [CurveBasis; 4] =
         [CurveBasis::Linear, CurveBasis::Bezier, CurveBasis::BSpline, CurveBasis::CatmullRom];
 
-    /// Its name in files.
+    /// Name in files.
     pub fn name(self) -> &'static str {
         match self {
             CurveBasis::Linear => "linear",
@@ -246,7 +245,7 @@ impl CurveBasis {
         }
     }
 
-    /// The basis of a name.
+    /// The basis with a name.
     pub fn of_name(name: &str) -> Option<CurveBasis> {
         CurveBasis::ALL.into_iter().find(|basis| basis.name() == name)
     }
@@ -260,7 +259,7 @@ impl CurveBasis {
         }
     }
 
-    /// The requirement of [`CurveBasis::takes`], in words.
+    /// The numbers of points that [`CurveBasis::takes`] accepts, as text.
     pub fn asks_for(self) -> &'static str {
         match self {
             CurveBasis::Linear | CurveBasis::CatmullRom => "2 or more",
@@ -270,25 +269,24 @@ impl CurveBasis {
     }
 }
 
-/// Strands of one material, placed in the world.
+/// Curves (strands) of one material.
 #[derive(Clone, Debug)]
 pub struct Curves {
-    /// For reports.
+    /// Name, for reports.
     pub name: String,
-    /// How strands run between their points.
+    /// Basis.
     pub basis: CurveBasis,
-    /// How many points each strand has, one strand after the other.
+    /// Number of points of each strand.
     pub strands: Vec<u32>,
     /// The points of all strands, in object space.
     pub points: Vec<[f32; 3]>,
-    /// The radius at each point, from 0 up; between points it runs as the strand does.
+    /// Radius at each point, at least 0, interpolated by the basis.
     pub radii: Vec<f32>,
-    /// Linear colours by point, which the material's colour is multiplied with if it uses the colours of vertices; empty
-    /// where there are none.
+    /// Linear colours per point, vertex colours of the material; or empty.
     pub colors: Vec<[f32; 3]>,
-    /// Placement; radii grow with the cube root of its determinant.
+    /// Radii scale with the cube root of the determinant.
     pub world_from_object: DAffine3,
-    /// Their material.
+    /// Material.
     pub material: MaterialId,
     /// Ray visibility and other traits.
     pub traits: ObjectTraits,
@@ -297,12 +295,12 @@ pub struct Curves {
 }
 
 impl Curves {
-    /// The factor that the placement scales radii by.
+    /// Scale factor of radii.
     pub fn radius_scale(&self) -> f64 {
         self.world_from_object.matrix3.determinant().abs().cbrt()
     }
 
-    /// Hands each point to `each`, in world space, with its radius there.
+    /// Calls `each` with each point and its radius, in world space.
     pub fn visit(&self, each: &mut dyn FnMut(DVec3, f64)) {
         let scale = self.radius_scale();
         for (point, radius) in self.points.iter().zip(&self.radii) {
@@ -312,41 +310,39 @@ impl Curves {
     }
 }
 
-// Named attributes of vertices, which graphs of nodes read.
-
-/// Up to four numbers for each vertex of a mesh, by a name: further texture coordinates, colours, weights, vectors.
+/// A named attribute for node graphs: up to four numbers per vertex, such as further UV sets, colours, weights, vectors.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct VertexAttribute {
-    /// By which nodes find it.
+    /// Name in node graphs.
     pub name: String,
-    /// Numbers a vertex, 1 to 4.
+    /// Number of values per vertex, 1 to 4.
     pub width: u32,
-    /// The numbers of all vertices, one vertex after the other.
+    /// The values of all vertices, vertex by vertex.
     pub values: Vec<f32>,
 }
 
 impl VertexAttribute {
-    /// Maximum number of values that a vertex may have.
+    /// Maximum number of values per vertex.
     pub const MAX_WIDTH: u32 = 4;
 
-    /// One without vertices.
+    /// An attribute without vertices.
     pub fn new(name: impl Into<String>, width: u32) -> VertexAttribute {
         VertexAttribute { name: name.into(), width, values: Vec::new() }
     }
 
-    /// The numbers of a vertex.
+    /// The values of a vertex.
     pub fn of(&self, vertex: usize) -> &[f32] {
         let width = self.width as usize;
         &self.values[vertex * width..(vertex + 1) * width]
     }
 
-    /// Adds a vertex with the numbers of another.
+    /// Adds a vertex with the values of another.
     pub fn push_copy(&mut self, vertex: usize) {
         let width = self.width as usize;
         self.values.extend_from_within(vertex * width..(vertex + 1) * width);
     }
 
-    /// Adds a vertex half way between two others.
+    /// Adds a vertex with the mean of two others.
     pub fn push_mean(&mut self, a: usize, b: usize) {
         let width = self.width as usize;
         for k in 0..width {
@@ -355,41 +351,39 @@ impl VertexAttribute {
     }
 }
 
-// Gaussian splats, the primitives of radiance fields from photographs (Kerbl, Kopanas, Leimkuehler, Drettakis 2023, "3D Gaussian
-// Splatting for Real-Time Radiance Field Rendering").
-
-/// Gaussians around the vertices of a mesh, one a vertex. With `c` the vertex, `R` the rotation and `S` the diagonal matrix of
-/// scales, a splat's opacity at the point `p` is `opacity exp(-|S^-1 R^T (p - c)|^2 / 2)`. Rays see it by its largest opacity
-/// along them, and it emits the radiance that its coefficients give for their direction.
+/// Gaussian splats (Kerbl, Kopanas, Leimkuehler, Drettakis 2023, "3D Gaussian Splatting for Real-Time Radiance Field
+/// Rendering"), one per vertex of a mesh. With the vertex `c`, rotation `R` and diagonal matrix of scales `S`, the opacity at a
+/// point `p` is `opacity exp(-|S^-1 R^T (p - c)|^2 / 2)`. The alpha for a ray is the maximum opacity along it, and the emitted
+/// radiance is that of the spherical harmonics in its direction.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Splats {
     /// Standard deviations along the splat's axes, in object space, above 0.
     pub scales: Vec<[f32; 3]>,
-    /// Unit quaternions (x, y, z, w) that turn its axes to object space.
+    /// Rotations from the splat's axes to object space: unit quaternions (x, y, z, w).
     pub rotations: Vec<[f32; 4]>,
-    /// Opacities of the middles, 0 to 1.
+    /// Opacities at the centres, 0 to 1.
     pub opacities: Vec<f32>,
     /// Degree of the spherical harmonics, 0 to [`Splats::MAX_DEGREE`].
     pub degree: u8,
-    /// Coefficients of the real spherical harmonics, by splat: [`Splats::coefficients_of`] its degree, in the order l, then m = -l to
-    /// l. Their relative error is at most 2^-11: of a colour channel near 1 less than a tenth of a step of 8 bits.
+    /// Coefficients of the real spherical harmonics, splat by splat ([`Splats::coefficients_of`] the degree), in the order of l,
+    /// then m = -l to l. Their relative error is at most 2^-11, less than 1/10 of an 8-bit step for a channel near 1.
     pub coefficients: Vec<[f16; 3]>,
-    /// The value of the coefficients, plus 0.5, is linear; otherwise encoded as sRGB, as photographs are.
+    /// Is the sum of the spherical harmonics plus 0.5 linear? Otherwise it is sRGB-encoded, as photographs are.
     pub is_linear: bool,
 }
 
 impl Splats {
-    /// The spherical harmonic of degree 0: half the root of 1 / pi. Times the first coefficient it is the colour less 0.5.
+    /// The spherical harmonic of degree 0, sqrt(1 / pi) / 2. Times the first coefficient it is the colour minus 0.5.
     pub const FIRST_HARMONIC: f32 = 0.282_094_8;
 
     /// The highest degree of spherical harmonics.
     pub const MAX_DEGREE: u8 = 3;
 
-    /// The opacity below which a splat is nothing, where its surface ends: 1/255, with which the splats of the paper are optimised.
-    /// The outermost 1 / (255 opacity) of its projection are cut off: 0.4 % where it is opaque.
+    /// Minimum opacity, which bounds a splat: 1/255, as in the optimisation of the paper. It cuts off the fraction
+    /// 1 / (255 opacity) of the projection, 0.4 % for opaque splats.
     pub const MIN_OPACITY: f32 = 1.0 / 255.0;
 
-    /// Coefficients of a splat, for a degree of spherical harmonics.
+    /// Number of coefficients of a splat, for a degree of spherical harmonics.
     pub fn coefficients_of(degree: u8) -> usize {
         (usize::from(degree) + 1).pow(2)
     }
@@ -399,36 +393,33 @@ impl Splats {
         (0..=Splats::MAX_DEGREE).find(|&degree| Splats::coefficients_of(degree) == coefficients)
     }
 
-    /// How many there are.
+    /// Number of splats.
     pub fn len(&self) -> usize {
         self.opacities.len()
     }
 
-    /// Is there none?
+    /// Are there no splats?
     pub fn is_empty(&self) -> bool {
         self.opacities.is_empty()
     }
 }
 
-// Motion: keys of transforms and vertices over the shutter interval.
-
 /// Keys of a quantity that changes while the shutter is open.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Keyframes<T> {
-    /// Values at equal steps from the opening of the shutter to its closing, interpolated linearly in between. Fewer
-    /// than two: it stands still then.
+    /// Values at equal steps from shutter open to shutter close, interpolated linearly. Fewer than two mean no motion blur.
     pub keys: Vec<T>,
-    /// Values a frame before and a frame after the picture's time; for motion vectors.
+    /// Values a frame before and a frame after, for motion vectors.
     pub neighbours: Option<[T; 2]>,
 }
 
 impl<T> Keyframes<T> {
-    /// Does it change while the shutter is open, so that there is motion blur?
+    /// Is there motion blur?
     pub fn blurs(&self) -> bool {
         self.keys.len() > 1
     }
 
-    /// All that is known of other times.
+    /// The values at all times.
     pub fn all(&self) -> impl Iterator<Item = &T> {
         self.keys.iter().chain(self.neighbours.iter().flatten())
     }
@@ -445,22 +436,23 @@ impl<T> Keyframes<T> {
 /// The vertices of a deforming mesh at one key.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Vertices {
-    /// As [`Mesh::positions`](Mesh::positions), as many.
+    /// As [`Mesh::positions`](Mesh::positions), of equal length.
     pub positions: Vec<[f32; 3]>,
-    /// As [`Mesh::normals`](Mesh::normals), as many.
+    /// As [`Mesh::normals`](Mesh::normals), of equal length.
     pub normals: Vec<[f32; 3]>,
 }
 
-/// Motion of objects during the exposure. For cameras and lights without a surface it has positions:
+/// Motion of objects during the exposure. For cameras and lights without a surface see
 /// [`Camera::motion`](super::Camera::motion), [`Light::motion`](super::Light::motion).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SceneMotion {
-    /// Transforms of instances, by the number in [`Motion::Keyed`](Motion::Keyed): `world_from_object`.
+    /// `world_from_object` of instances, by the index in [`Motion::Keyed`](Motion::Keyed).
     pub instances: Vec<Keyframes<DAffine3>>,
-    /// Vertices of meshes that change their shape, by index.
+    /// Vertices of deforming meshes, by mesh index.
     pub meshes: BTreeMap<usize, Keyframes<Vertices>>,
-    /// Transforms of quads, by index: from their place in the scene's list to where they are then.
+    /// World-space transforms of quads relative to [`Scene::quads`](super::Scene::quads), by index.
     pub quads: BTreeMap<usize, Keyframes<DAffine3>>,
-    /// Transforms of shapes, likewise. (Emissive spheres stay round: their centre moves, and their volume scales.)
+    /// World-space transforms of shapes relative to [`Scene::shapes`](super::Scene::shapes), by index. (Emissive spheres stay
+    /// spheres: only their centre and volume change.)
     pub shapes: BTreeMap<usize, Keyframes<DAffine3>>,
 }

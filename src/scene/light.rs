@@ -1,6 +1,4 @@
-//! Lights without a surface, measured light profiles, and light groups.
-//!
-//! The environment: radiance of rays that hit nothing, its sun, and portals.
+//! Lights without a surface, measured light profiles, light groups, environment and portals.
 
 use super::ImageId;
 use super::geometry::Keyframes;
@@ -12,71 +10,71 @@ use std::sync::Arc;
 /// A light without a surface (KHR_lights_punctual).
 #[derive(Clone, Debug)]
 pub struct Light {
-    /// For reports.
+    /// Name, for reports.
     pub name: String,
-    /// Its kind, with position and direction in world space.
+    /// Kind, with position and direction in world space.
     pub kind: LightKind,
-    /// Linear RGB: radiant intensity (W/sr) of point and spot lights, irradiance (W/m2) of
-    /// directional ones and suns, on a surface that faces them.
+    /// Linear RGB: radiant intensity (W/sr) of point, spot and profiled lights; irradiance (W/m2) of directional lights and
+    /// suns, on a surface that faces them.
     pub intensity: [f32; 3],
-    /// Intensity of a [`LightKind::Profiled`] by direction, relative to `intensity`.
+    /// Directional distribution of [`LightKind::Profiled`], relative to `intensity`.
     pub profile: Option<Arc<LightProfile>>,
-    /// Its group, whose light pictures may hold apart; empty for the default one.
+    /// Light group, for separate outputs; empty for the default group.
     pub group: String,
-    /// Rays that see it, by kind: [`RayKinds::DIFFUSE`] is diffuse reflection and so on.
+    /// Ray visibility: [`RayKinds::DIFFUSE`] is illumination by diffuse reflection, and so on.
     pub visible_to: RayKinds,
-    /// Objects that it lights, and objects that cast shadows in its light.
+    /// Light linking and shadow linking.
     pub links: LightLinks,
-    /// Its kind at other times, if it moves while the picture is taken.
+    /// Kind at other times, if it moves while the shutter is open.
     pub motion: Option<Keyframes<LightKind>>,
 }
 
-/// Kinds of lights without a surface. Directions have unit length and point the way the light travels.
+/// Kinds of lights without a surface. Directions are unit vectors along which light travels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum LightKind {
-    /// Shines equally in all directions.
+    /// Isotropic point light.
     Point {
-        /// Where it is.
+        /// Position, metres.
         position: DVec3,
     },
-    /// A cone that fades between two half angles.
+    /// Spot light with a falloff between two half angles.
     Spot {
-        /// Where it is.
+        /// Position, metres.
         position: DVec3,
-        /// Its axis.
+        /// Axis of the cone.
         direction: DVec3,
-        /// Half angle of the fully lit cone, radians.
+        /// Half angle of the cone of full intensity, radians.
         inner_angle_rad: f64,
-        /// Half angle where it ends, radians.
+        /// Half angle of the whole cone, radians.
         outer_angle_rad: f64,
-        /// How it fades in between.
+        /// Falloff between both.
         fade: SpotFade,
     },
-    /// A point that emits light as [`Light::profile`] says.
+    /// Point light with the distribution of [`Light::profile`].
     Profiled {
-        /// Where it is.
+        /// Position, metres.
         position: DVec3,
-        /// Turns the profile into world space: it emits along -z, and its horizontal angles turn from x to y.
+        /// Rotation of the profile to world space: vertical angle 0 is -z, horizontal angles turn from x to y.
         rotation: DQuat,
-        /// Half angles, radians, between which a cone about its axis fades by a smooth step, if there is one.
+        /// Half angles, radians, of an optional cone around the axis with a smoothstep falloff between them.
         cone: Option<[f64; 2]>,
     },
-    /// Parallel light from infinitely far.
+    /// Infinitely distant parallel light.
     Directional {
-        /// The way the light travels.
+        /// Direction in which light travels.
         direction: DVec3,
     },
-    /// A disk infinitely far away, as the sun is. Cameras don't see it; mirrors do.
+    /// Infinitely distant disk, as the sun. Invisible to camera rays, visible in mirrors.
     Sun {
-        /// The way the light of its middle travels.
+        /// Direction in which light from its centre travels.
         direction: DVec3,
-        /// Its diameter as an angle, radians, from 1e-5 to pi.
+        /// Angular diameter, radians, 1e-5 to pi.
         angle_rad: f64,
     },
 }
 
 impl LightKind {
-    /// A word for reports.
+    /// Name of the kind, for reports.
     pub fn name(&self) -> &'static str {
         match self {
             LightKind::Point { .. } => "point",
@@ -87,7 +85,7 @@ impl LightKind {
         }
     }
 
-    /// Where it is; `None` for lights at infinity, whose strength is an irradiance.
+    /// The position; `None` for infinitely distant lights, whose intensity is an irradiance.
     pub fn position(&self) -> Option<DVec3> {
         match *self {
             LightKind::Point { position }
@@ -97,7 +95,7 @@ impl LightKind {
         }
     }
 
-    /// The way its light travels along its axis, if it has one.
+    /// The axis along which light travels; `None` for isotropic lights.
     pub fn direction(&self) -> Option<DVec3> {
         match *self {
             LightKind::Point { .. } => None,
@@ -108,7 +106,7 @@ impl LightKind {
         }
     }
 
-    /// The half angles of the cone that it shines in, where it is whole and where it ends, radians, if it has one.
+    /// The inner and outer half angle of its cone, radians, if any.
     pub fn cone_rad(&self) -> Option<[f64; 2]> {
         match *self {
             LightKind::Spot { inner_angle_rad, outer_angle_rad, .. } => {
@@ -120,34 +118,32 @@ impl LightKind {
     }
 }
 
-/// How a spot light fades from its inner cone to its outer one.
+/// Falloff of a spot light between its inner and outer cone.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum SpotFade {
-    /// The square of a line in the cosine of the angle, from 1 at the inner cone to 0 at the outer
-    /// (KHR_lights_punctual).
+    /// The square of a linear ramp in the cosine, from 1 at the inner cone to 0 at the outer (KHR_lights_punctual).
     #[default]
     Square,
-    /// A smooth step in the cosine of the angle, as Blender fades; the inner cone stands for its blend, which is
-    /// 1 - inner / outer of the cone's cap.
+    /// Smoothstep in the cosine of the angle, as in Blender; the inner angle is derived from its blend parameter.
     Smooth,
 }
 
-/// Intensities over a sphere, as the files of luminaires hold them (IES LM-63, photometry of type C): the vertical angle is
-/// counted from the axis of the light, the horizontal one about it.
+/// A measured distribution of intensity (IES LM-63, photometry of type C): the vertical angle is that with the axis of the
+/// light, the horizontal angle the one around it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LightProfile {
-    /// Increasing, within 0..180 degrees; beyond them it is dark.
+    /// Increasing, within 0..180 degrees; the intensity outside is 0.
     pub vertical_deg: Vec<f32>,
     /// Increasing, within 0..360 degrees: 0 alone, or from 0 to 90, 180 or 360, or from 90 to 270; the rest follows by
     /// symmetry.
     pub horizontal_deg: Vec<f32>,
-    /// Relative intensities, from 0 up, those of a horizontal angle one after another.
+    /// Relative intensities, at least 0, vertical angle fastest.
     pub values: Vec<f32>,
 }
 
 impl LightProfile {
-    /// The intensity at two angles, degrees, 0..180 and 0..360, linear in both between those of the file.
+    /// The intensity at two angles, degrees (0..180 and 0..360), bilinearly interpolated.
     pub fn at(&self, vertical_deg: f32, horizontal_deg: f32) -> f32 {
         let Some((row, down)) = between(&self.vertical_deg, vertical_deg) else { return 0.0 };
         let folded = self.folded(horizontal_deg);
@@ -186,10 +182,10 @@ impl LightProfile {
         }
     }
 
-    /// The profile with its horizontal angles the other way round.
+    /// The profile with reversed horizontal angles.
     #[must_use]
     pub fn mirrored(mut self) -> LightProfile {
-        // The others are symmetric.
+        // Other ranges are symmetric.
         let (first, last) = (self.horizontal_deg[0], self.horizontal_deg[self.horizontal_deg.len() - 1]);
         if first >= 90.0 || last > 180.0 {
             self.horizontal_deg.iter_mut().for_each(|angle| *angle = 360.0 - *angle);
@@ -200,12 +196,12 @@ impl LightProfile {
         self
     }
 
-    /// The largest intensity.
+    /// The maximum intensity.
     pub fn peak(&self) -> f32 {
-        self.values.iter().fold(0.0, |most, value| most.max(*value))
+        self.values.iter().fold(0.0, |max, value| max.max(*value))
     }
 
-    /// The mean over all directions, by a sum over `steps` heights of equal area and twice as many directions at each.
+    /// The mean over all directions, by quadrature with `steps` rings of equal area and twice as many azimuths.
     pub fn mean(&self, steps: u32) -> f32 {
         let mut sum = 0.0;
         for i in 0..steps {
@@ -218,12 +214,12 @@ impl LightProfile {
         (sum / (2.0 * f64::from(steps) * f64::from(steps))) as f32
     }
 
-    /// Is it what the fields say, so that it can be looked up?
+    /// Do the fields satisfy their documented constraints?
     pub fn is_sound(&self) -> bool {
-        let increases = |list: &[f32], most: f32| {
+        let increases = |list: &[f32], max: f32| {
             list.windows(2).all(|w| w[0] < w[1])
                 && list.first().is_some_and(|first| *first >= 0.0)
-                && list.last().is_some_and(|last| *last <= most)
+                && list.last().is_some_and(|last| *last <= max)
         };
         increases(&self.vertical_deg, 180.0)
             && increases(&self.horizontal_deg, 360.0)
@@ -232,10 +228,11 @@ impl LightProfile {
     }
 }
 
-/// The index of the last entry of an increasing list at or below a number, and the fraction towards the next; `None` outside the list.
+/// The index of the last entry of an increasing list at or below a number, and the fraction towards the next; `None` outside
+/// the range of the list.
 fn between(list: &[f32], number: f32) -> Option<(usize, f32)> {
     let (first, last) = (*list.first()?, *list.last()?);
-    // Rounding of angles must not leave a gap.
+    // Tolerance for rounding of angles.
     const SLACK: f32 = 1e-3;
     if !(first - SLACK..=last + SLACK).contains(&number) {
         return None;
@@ -245,22 +242,22 @@ fn between(list: &[f32], number: f32) -> Option<(usize, f32)> {
     Some((before, ((number - list[before]) / (next - list[before])).clamp(0.0, 1.0)))
 }
 
-fn mix(a: f32, b: f32, share: f32) -> f32 {
-    a + (b - a) * share
+fn mix(a: f32, b: f32, t: f32) -> f32 {
+    a + (b - a) * t
 }
 
 /// The default light group.
 pub const DEFAULT_GROUP: &str = "default";
 
-/// The key of `extras` in glTF files that names a group.
+/// The key of the light group in `extras` of glTF files.
 pub const GROUP_KEY: &str = "light_group";
 
-/// The name of a group, which users may leave empty.
+/// The name of a group, [`DEFAULT_GROUP`] if empty.
 pub fn group_or_default(name: &str) -> &str {
     if name.is_empty() { DEFAULT_GROUP } else { name }
 }
 
-/// May a group be called so? Its name becomes part of the names of channels.
+/// Is a name valid for a light group? It becomes part of channel names.
 pub fn is_group_name(name: &str) -> bool {
     let is_right = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
     (1..=64).contains(&name.len()) && name.chars().all(is_right)
@@ -269,13 +266,12 @@ pub fn is_group_name(name: &str) -> bool {
 /// The environment, infinitely far away.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Environment {
-    /// Nothing: black.
+    /// No environment: black.
     #[default]
     Black,
-    /// The same radiance from all directions.
+    /// Constant radiance.
     Constant([f32; 3]),
-    /// A vertical blend: `nadir` straight down to `zenith` straight up, linear in the unit direction's y
-    /// (the sky of "Ray Tracing in One Weekend").
+    /// A vertical gradient from `nadir` to `zenith`, linear in the unit direction's y (the sky of "Ray Tracing in One Weekend").
     Gradient {
         /// Radiance straight down.
         nadir: [f32; 3],
@@ -285,36 +281,35 @@ pub enum Environment {
     /// An equirectangular image: direction d maps to u = 0.5 + atan2(d.z, d.x) / 2 pi, v = acos(d.y) / pi from the top
     /// row, texel centres at (i + 0.5) / width.
     Image {
-        /// Which image.
+        /// Equirectangular image.
         image: ImageId,
         /// Factor on its values.
         strength: f32,
-        /// Turns the environment about the y axis, counter-clockwise seen from above.
+        /// Rotation around the y axis, counter-clockwise as seen from above, radians.
         rotation_rad: f64,
     },
 }
 
-/// The backdrop where the environment is hidden from cameras and nothing else covers a pixel.
+/// The backdrop of transparent pixels, for environments that are invisible to camera rays.
 #[derive(Clone, Debug)]
 pub enum Backdrop {
     /// A colour, linear Rec. 709.
     Color([f32; 3]),
-    /// A picture, scaled evenly to cover the whole frame, its middle in the middle.
+    /// A picture, centred and scaled uniformly to cover the frame.
     Picture(Image),
 }
 
-/// A rectangle, such as a window, through which light of the environment is looked for. It is no surface, hides nothing and lets
-/// no more light in than there is: it only makes rooms less noisy. It serves what lies in front of it, on the side of
-/// `edge_u` x `edge_v`.
+/// A rectangle, such as a window, that guides the sampling of environment light. It has no surface and only reduces noise. It
+/// applies to points on the side of `edge_u` x `edge_v`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Portal {
-    /// For reports.
+    /// Name, for reports.
     pub name: String,
-    /// One corner.
+    /// A corner, metres.
     pub corner: DVec3,
-    /// To the next corner.
+    /// Edge from the corner.
     pub edge_u: DVec3,
-    /// To the corner before, at right angles to the other edge.
+    /// The other edge from the corner, orthogonal to `edge_u`.
     pub edge_v: DVec3,
 }
 
@@ -333,10 +328,10 @@ mod tests {
     }
 
     #[test]
-    fn angles_are_looked_up_linearly_and_by_symmetry() {
+    fn lookups_interpolate_and_use_symmetry() {
         let round = profile(&[0.0, 90.0], &[0.0], &[4.0, 2.0]);
         assert_eq!([0.0, 45.0, 90.0, 91.0].map(|v| round.at(v, 123.0)), [4.0, 3.0, 2.0, 0.0]);
-        // Each horizontal angle has one value.
+        // Constant in the vertical angle.
         let at = |horizontal: &[f32], values: &[f32], h: f32| {
             let twice: Vec<f32> = values.iter().flat_map(|v| [*v, *v]).collect();
             profile(&[0.0, 180.0], horizontal, &twice).at(30.0, h)
@@ -370,10 +365,9 @@ mod tests {
         assert_eq!([0.0, 90.0, 315.0, 360.0].map(all), [0.0, 9.0, 13.5, 0.0]);
     }
 
-    /// A half sphere of intensity 1 has the mean 1/2; a line from 1 to 0 over the angle t in 0..pi has the mean
-    /// 1/2 as well.
+    /// A hemisphere of intensity 1, and a linear ramp from 1 to 0 over the angle 0..pi, have the mean 1/2.
     #[test]
-    fn means_are_those_over_the_sphere() {
+    fn means_are_taken_over_the_sphere() {
         let half = profile(&[0.0, 90.0], &[0.0], &[1.0, 1.0]);
         assert!((half.mean(64) - 0.5).abs() < 1e-3 && half.peak() == 1.0);
         let line = profile(&[0.0, 180.0], &[0.0], &[1.0, 0.0]);

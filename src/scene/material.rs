@@ -1,5 +1,5 @@
-//! Materials as the user described them, and how surfaces scatter light: `compile` turns each into the cheapest equivalent BSDF. One table holds
-//! every model: a row is all that readers of scene files, reports and the search for textures need.
+//! Materials of the scene description; `compile` turns each into the cheapest equivalent BSDF. The macro `models` defines all
+//! scattering models, from which scene-file readers, reports and the visitor over parameters are generated.
 
 use super::light::SpotFade;
 use super::medium::Medium;
@@ -16,74 +16,73 @@ use crate::math::{DQuat, DVec3, poly};
 pub struct Emission {
     /// Radiance: factor and optional texture.
     pub radiance: ColorSlot,
-    /// Emits from the back as well; else the back is dark, where [`Material::double_sided`] says that there is one.
+    /// Emits from both sides. Otherwise the back emits nothing; it exists only if [`Material::double_sided`] is set.
     pub two_sided: bool,
 }
 
-/// Use of alpha below 1.
+/// Alpha mode, as of glTF.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum AlphaMode {
     /// Alpha is ignored.
     #[default]
     Opaque,
-    /// Present where alpha is at least the cutoff, absent elsewhere.
+    /// Opaque where alpha is at least the cutoff, fully transparent elsewhere.
     Mask {
         /// The cutoff.
         cutoff: f32,
     },
-    /// Present with probability alpha.
+    /// Opaque with probability alpha (stochastic transparency).
     Blend,
 }
 
-/// Special properties of an emitting surface: ray visibility, whether it blocks rays (lights of Blender don't), and a beam shape.
+/// Special properties of an emissive surface: ray visibility, whether it blocks rays (lights of Blender don't), and beam shape.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EmitterTraits {
-    /// Visible to rays of these kinds; others pass and get no light from it.
+    /// Ray kinds that the surface is visible to; others pass through it and receive no light from it.
     pub visible_to: RayKinds,
-    /// Rays end at it; else they add its emission and pass.
+    /// Blocks rays. Otherwise they add its emission and continue behind it.
     pub is_obstacle: bool,
     /// Angular distribution of its emission.
     pub beam: Beam,
 }
 
 impl Default for EmitterTraits {
-    /// A surface like others.
+    /// An ordinary surface.
     fn default() -> EmitterTraits {
         EmitterTraits { visible_to: RayKinds::ALL, is_obstacle: true, beam: Beam::Even }
     }
 }
 
-/// How the radiance of a [`EmitterTraits`] depends on the direction.
+/// Angular distribution of the radiance of an emissive surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Beam {
-    /// It doesn't.
+    /// Uniform.
     #[default]
     Even,
-    /// Slats in front of the light hide part of it, as in a soft box: with the tangent of the angle to the surface's normal
-    /// the radiance falls in a line to 0 at this half angle (radians, from 1e-4 to below pi / 2); its peak rises so that the
-    /// power stays.
+    /// A grid in front of the light, as on a soft box: the radiance decreases linearly with the tangent of the angle to the surface
+    /// normal, to 0 at the half angle. Its peak is scaled such that the power is unchanged.
     Grid {
-        /// Half the angle of the beam.
+        /// Half angle of the beam, radians, from 1e-4 to below pi / 2.
         half_angle_rad: f64,
     },
     /// A cone about an axis, as that of [`LightKind::Spot`](super::LightKind::Spot).
     Cone {
-        /// The axis, of unit length, in the world.
+        /// Unit axis in world space.
         direction: DVec3,
-        /// Half angle of the full radiance, radians.
+        /// Half angle up to which the radiance is constant, radians.
         inner_angle_rad: f64,
-        /// Half angle where it ends, radians.
+        /// Half angle from which on it is 0, radians.
         outer_angle_rad: f64,
-        /// How it fades in between.
+        /// Falloff in between.
         fade: SpotFade,
     },
-    /// A measured profile, of which the radiance is the peak's.
+    /// A measured profile; the emission's radiance is that in the direction of its maximum.
     Profile {
-        /// The profile; its largest value is 1.
+        /// The profile, normalised to a maximum of 1.
         profile: ProfileId,
-        /// Turns it into world space: it emits along -z, and its horizontal angles turn from x to y.
+        /// Rotation from profile to world space: vertical angle 0 is -z, horizontal angles are measured from x towards y.
         rotation: DQuat,
-        /// Half angles, radians, between which a cone about its axis fades by a smooth step, if there is one.
+        /// Inner and outer half angle (radians) of an additional cone with smoothstep falloff.
         cone: Option<[f64; 2]>,
     },
 }
@@ -91,13 +90,13 @@ pub enum Beam {
 /// Displacement of a mesh along its normals by a height map.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Displacement {
-    /// An image by texture coordinates, and the channel that holds the heights.
+    /// Height map (an image texture with UV mapping) and its channel.
     pub texture: (TextureId, u8),
-    /// How far a height of 1 lies above one of 0, in the units of the mesh.
+    /// Distance between the heights 0 and 1 in mesh units.
     pub scale: f32,
-    /// The height that stays where the mesh is.
+    /// Height of zero displacement.
     pub midlevel: f32,
-    /// Longest edge of triangles, in the units of the mesh; 0 is 1/256 of the diagonal of the mesh's box.
+    /// Maximum edge length of the subdivided triangles in mesh units; 0 is 1/256 of the diagonal of the mesh's bounding box.
     pub edge: f32,
 }
 
@@ -106,42 +105,40 @@ pub struct Displacement {
 pub struct Material {
     /// For reports and overrides.
     pub name: String,
-    /// How it scatters.
+    /// Scattering model.
     pub model: Model,
     /// Emission.
     pub emission: Option<Emission>,
-    /// False: seen from behind the surface isn't there (glTF 2.0, section 3.9.5: back faces are culled). What counts is the
-    /// direction in which paths from the eye arrive, those that ask whether a light is hidden included. Transmissive
-    /// materials scatter on both sides whatever this says.
+    /// If false, back faces are culled (glTF 2.0, section 3.9.5): invisible to camera paths, including their shadow rays, that
+    /// arrive from behind. Ignored for transmissive materials.
     pub double_sided: bool,
     /// Alpha mode.
     pub alpha_mode: AlphaMode,
     /// Opacity, used unless the mode is opaque.
     pub alpha: FloatSlot,
-    /// Factor on light that passes where the surface is absent by its alpha, from 0; white for holes.
+    /// Colour factor on light through the transparent parts (1 - alpha), from 0; white for cutouts.
     pub passing: ColorSlot,
     /// Normal map.
     pub normal_map: Option<NormalMap>,
-    /// A graph of nodes that gives the shading normal in world space, on the viewer's side, in place of a normal map.
+    /// Node graph of the shading normal in world space, on the viewer's side; replaces a normal map.
     pub normal: Option<TextureId>,
-    /// A graph that gives the normal of the surface with the bumps of a displacement, on which those of `normal` are.
+    /// Node graph of the normal with only the bumps of a displacement, without those of `normal`.
     pub bumped_normal: Option<TextureId>,
     /// Vertex colours multiply the base colour.
     pub use_vertex_colors: bool,
-    /// Medium of its solids, in addition to the absorption of the model; only where the model transmits light.
+    /// Medium inside, in addition to the model's absorption. Requires a transmissive model.
     pub medium: Option<Medium>,
-    /// Moves the surface. Loading a file applies it; a scene that is built in code is rendered without.
+    /// Displacement. Applied while a file is loaded; ignored in scenes built in code.
     pub displacement: Option<Displacement>,
-    /// Which of several solids counts where they overlap: the one of the highest priority, and among equals the one that light
-    /// entered last.
+    /// Nested dielectrics: of overlapping solids the one of highest priority applies, and among equals the one entered last.
     pub priority: i32,
-    /// Ray visibility of an emissive surface; only without alpha.
+    /// Special properties of an emissive surface; only without alpha.
     pub emitter_traits: Option<EmitterTraits>,
-    /// A number that graphs of nodes know it by.
+    /// Material index, an output of the `object_info` node.
     pub index: u32,
-    /// The light group of its emission; empty for the default group.
+    /// Light group of the emission; empty for the default group.
     pub light_group: String,
-    /// It is the surface of a light of the file, whose name it has, and none of the file's materials.
+    /// Made for an area light of the file and named after it, instead of a material of the file.
     pub is_light: bool,
 }
 
@@ -180,7 +177,7 @@ impl Material {
         Material::new(name, Model::Pbr(Box::new(parameters)))
     }
 
-    /// A black emitter of constant radiance. Its back, where that is dark, is there all the same.
+    /// A black emitter of constant radiance. A back that does not emit still blocks light.
     pub fn emitter(name: impl Into<String>, radiance: [f32; 3], two_sided: bool) -> Material {
         let emission = Some(Emission { radiance: ColorSlot::constant(radiance), two_sided });
         Material { emission, ..Material::new(name, Model::Black) }
@@ -200,17 +197,17 @@ parameters_of_fields! {
 }
 
 impl Material {
-    /// Visits every parameter of the material.
+    /// Visits all parameters.
     pub fn parameters(&self, visitor: &mut dyn FnMut(&'static str, Parameter<'_>)) {
         self.visit("", visitor);
     }
 
-    /// The same, to change them.
+    /// Visits all parameters mutably.
     pub fn parameters_mut(&mut self, visitor: &mut dyn FnMut(&'static str, ParameterMut<'_>)) {
         self.visit_mut("", visitor);
     }
 
-    /// Every texture that the material refers to.
+    /// All textures of the material, with repetitions.
     pub fn textures(&self) -> impl Iterator<Item = TextureId> + use<> {
         let mut found = Vec::new();
         self.parameters(&mut |_, parameter| found.extend(parameter.texture()));
@@ -218,20 +215,19 @@ impl Material {
     }
 }
 
-// How surfaces scatter light.
+// Scattering models.
 
-/// Compensation for the energy that single scattering between microfacets loses.
+/// Compensation for the energy loss of single-scattering microfacet models.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum EnergyCompensation {
-    /// The lost energy is given back: by a factor (Turquin 2019); in solid glass, distributed as multiple scattering between microfacets
-    /// (see [`crate::bsdf::RoughDielectric`]).
+    /// By a factor (Turquin 2019), or in solid glass by a multiple-scattering lobe (see [`crate::bsdf::RoughDielectric`]).
     #[default]
     On,
-    /// Single scattering only, for comparison with renderers that do so.
+    /// None, for comparison with single-scattering renderers.
     Off,
 }
 
-/// Which Fresnel term a dielectric uses.
+/// Fresnel term of dielectrics.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum FresnelModel {
     /// The Fresnel equations.
@@ -244,8 +240,8 @@ pub enum FresnelModel {
 impl Parameters for FresnelModel {}
 impl Parameters for Metal {}
 
-/// Makes [`Model`] of its rows. Rows under `plain` have a key in scene files (`type = "..."`) and for each parameter a key
-/// with a default: they are read and reported as they stand here. Other rows have a reader and words of their own.
+/// Defines [`Model`]. Models under `plain` have a key in scene files (`type = "..."`), and each of their parameters a key with a
+/// default, from which their reader and report are generated. Those under `other` have hand-written ones.
 macro_rules! models {
     (
         plain {$(
@@ -261,11 +257,11 @@ macro_rules! models {
             }
         )*}
     ) => {
-        /// How a surface scatters light.
+        /// Scattering model of a surface.
         #[derive(Clone, Debug, PartialEq)]
         #[non_exhaustive]
         pub enum Model {
-            /// Absorbs everything (pure emitters).
+            /// Absorbs all light (pure emitters).
             Black,
             $($(#[$plain_doc])* $plain { $($(#[$plain_field_doc])* $plain_field: $plain_type,)* },)*
             $($(#[$doc])* $other { $($(#[$field_doc])* $field: $type,)* },)*
@@ -274,7 +270,7 @@ macro_rules! models {
         }
 
         impl Model {
-            /// The models that scene files name by a key and read parameter by parameter, with their defaults.
+            /// The `plain` models: scene-file key, and a constructor with the default parameters.
             pub const PLAIN: &[(&str, fn() -> Model)] = &[
                 $(($plain_key, || Model::$plain { $($plain_field: $default,)* }),)*
             ];
@@ -320,79 +316,78 @@ models! {
     plain {
         /// Ideal diffuse reflection.
         "lambert" Lambert {
-            /// Share of light reflected, 0..1.
+            /// Albedo, 0..1.
             albedo: ColorSlot = "color" ColorSlot::constant([0.8; 3]),
         }
         /// Rough diffuse reflection (energy-preserving Oren-Nayar).
         "oren-nayar" OrenNayar {
-            /// Share of light reflected by each facet, 0..1.
+            /// Albedo of the facets, 0..1.
             color: ColorSlot = "color" ColorSlot::constant([0.8; 3]),
-            /// 0 is Lambert's law, 1 the roughest.
+            /// 0 (Lambertian) to 1.
             roughness: FloatSlot = "roughness" FloatSlot::constant(1.0),
         }
         /// The modified Phong model: diffuse reflection and a cosine lobe around the mirror direction.
         "phong" Phong {
-            /// Diffuse share 0..1.
+            /// Diffuse albedo, 0..1.
             diffuse: ColorSlot = "diffuse" ColorSlot::constant([0.5; 3]),
-            /// Specular share 0..1; where both add up to more than 1, both are scaled down.
+            /// Specular albedo, 0..1. Where the sum with `diffuse` exceeds 1, both are scaled down.
             specular: ColorSlot = "specular" ColorSlot::constant([0.5; 3]),
-            /// Exponent of the cosine, from 0.
+            /// Phong exponent, from 0.
             exponent: f32 = "exponent" 30.0,
         }
-        /// Facets whose slopes are normally distributed.
+        /// Microfacet reflection with the Beckmann distribution.
         "beckmann" Beckmann {
-            /// Reflectance of a facet, the same at all angles, 0..1.
+            /// Reflectance of the facets at all angles, 0..1.
             color: ColorSlot = "color" ColorSlot::constant([0.8; 3]),
-            /// Perceptual roughness 0..1: the root of the root mean square slope.
+            /// Perceptual roughness 0..1: the square root of the RMS slope.
             roughness: FloatSlot = "roughness" FloatSlot::constant(0.2),
         }
-        /// The velvet of Ashikhmin: facets whose normals lie along the surface.
+        /// Ashikhmin's velvet.
         "velvet" Velvet {
             /// Factor on the scattered light, 0..1.
             color: ColorSlot = "color" ColorSlot::constant([0.8; 3]),
-            /// Standard deviation of the normals from the surface, 0.01..1.
+            /// Sigma of the microfacet normals' distribution about the tangent plane, 0.01..1.
             deviation: FloatSlot = "deviation" FloatSlot::constant(0.5),
         }
-        /// Toon shading: light from within an angle of the normal counts alike.
+        /// Diffuse toon shading: constant response within an angle of the normal.
         "toon" Toon {
             /// Factor on the scattered light, 0..1.
             color: ColorSlot = "color" ColorSlot::constant([0.8; 3]),
-            /// The angle over a right angle, 0..1.
+            /// The angle, 0..1 for 0 to pi / 2.
             size: FloatSlot = "size" FloatSlot::constant(0.5),
-            /// The angle over which light fades out beyond, over a right angle, 0..1.
+            /// Width of the falloff beyond it, 0..1 for 0 to pi / 2.
             smooth: FloatSlot = "smooth" FloatSlot::constant(0.0),
         }
-        /// The same around the mirror direction.
+        /// Glossy toon shading: constant response within an angle of the mirror direction.
         "toon-highlight" ToonHighlight {
             /// Factor on the scattered light, 0..1.
             color: ColorSlot = "color" ColorSlot::constant([0.8; 3]),
-            /// The angle over a right angle, 0..1.
+            /// The angle, 0..1 for 0 to pi / 2.
             size: FloatSlot = "size" FloatSlot::constant(0.5),
-            /// The angle over which light fades out beyond, over a right angle, 0..1.
+            /// Width of the falloff beyond it, 0..1 for 0 to pi / 2.
             smooth: FloatSlot = "smooth" FloatSlot::constant(0.0),
         }
     }
     other {
-        /// A metal of a colour: GGX microfacets with Schlick's Fresnel term.
+        /// A metal by its colour: GGX microfacets with Schlick's Fresnel term.
         "metal" SchlickMetal {
             /// Reflectance at normal incidence.
             color: ColorSlot,
-            /// Perceptual roughness 0..1; the GGX alpha is its square. The thesis's fuzz maps to the roughness of
-            /// the same mean deviation (see the scene-file loader).
+            /// Perceptual roughness 0..1; the GGX alpha is its square.
             roughness: FloatSlot,
         }
-        /// A metal of a measured complex index of refraction.
+        /// A metal by its measured complex index of refraction.
         "metal" Conductor {
             /// Real part by channel.
             eta: [f32; 3],
             /// Extinction coefficient by channel.
             k: [f32; 3],
-            /// The metal, if its index is tabulated by wavelength.
+            /// The metal, if its index is tabulated over the spectrum.
             metal: Option<Metal>,
             /// Perceptual roughness 0..1.
             roughness: FloatSlot,
         }
-        /// A smooth solid dielectric: reflects and refracts.
+        /// A smooth solid dielectric.
         "dielectric" Dielectric {
             /// Index of refraction relative to the outside, at least 1.
             ior: f32,
@@ -401,11 +396,11 @@ models! {
             /// Fresnel term.
             fresnel: FresnelModel,
         }
-        /// An index-matched interface: it only bounds the medium inside.
+        /// An index-matched boundary of a medium.
         "medium" Boundary {}
         /// A fibre of hair or fur.
         "hair" Hair {
-            /// Colour of much of it; its absorption follows from that.
+            /// Colour of dense hair, from which the absorption is derived.
             color: ColorSlot,
             /// Roughness along the fibre, 0..1.
             roughness: FloatSlot,
@@ -413,12 +408,12 @@ models! {
             radial_roughness: FloatSlot,
             /// Index of refraction, at least 1.
             ior: f32,
-            /// Angle by which the scales of its surface are tilted towards the root, radians.
+            /// Tilt of the cuticle scales towards the root, radians.
             tilt_rad: f32,
-            /// Reduction of the roughness of its surface reflection, 0..1.
+            /// Reduction of the roughness of the surface reflection (R lobe), 0..1.
             coat: FloatSlot,
         }
-        /// Glass of any roughness.
+        /// Rough glass.
         "dielectric" Glass {
             /// Index of refraction relative to the outside, at least 1.
             ior: f32,
@@ -426,12 +421,12 @@ models! {
             tint: ColorSlot,
             /// Perceptual roughness 0..1.
             roughness: FloatSlot,
-            /// Thin-walled instead of solid.
+            /// Thin-walled.
             is_thin: bool,
         }
-        /// Several materials in one place: scatters by the weighted sum of their BSDFs.
+        /// A weighted sum of the BSDFs of several materials.
         "mix" Mix {
-            /// The materials with their weights.
+            /// Components.
             components: Vec<MixComponent>,
         }
     }
@@ -440,28 +435,27 @@ models! {
 /// A material of a mix.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MixComponent {
-    /// Factor on its BSDF, from 0; the weights of a mix that creates no light add up to at most 1.
+    /// Weight of the BSDF, from 0; mixes with weights of a sum up to 1 conserve energy.
     pub weight: ColorSlot,
-    /// How it scatters, with its normals and medium. Emission, alpha and displacement are those of the mix, and it is no mix
-    /// itself.
+    /// Material of the BSDF, normals and medium. Must not be a mix; emission, alpha and displacement are those of the mix.
     pub material: Material,
 }
 
-/// The interface that light passes on entering a surface.
+/// Transmission through a surface.
 #[derive(Clone, Copy, Debug)]
 pub enum Transmission<'a> {
-    /// Nothing: the surface is opaque.
+    /// The surface is opaque.
     None,
-    /// A thin wall, which has no inside.
+    /// Thin-walled.
     Thin,
-    /// A solid of this index of refraction that absorbs nothing.
+    /// Into a solid of this index of refraction without absorption.
     Clear(f32),
-    /// Whatever the glTF material says.
+    /// As of the glTF material.
     Pbr(&'a PbrMaterial),
 }
 
 impl Model {
-    /// Where light goes that enters the surface. Every model has to say.
+    /// Transmission of the model; of a mix, that of the first transmissive component.
     pub fn transmission(&self) -> Transmission<'_> {
         match self {
             Model::Black
@@ -489,7 +483,7 @@ impl Model {
         }
     }
 
-    /// The components, if it is a mix.
+    /// Components of a mix.
     pub fn components(&self) -> &[MixComponent] {
         if let Model::Mix { components } = self { components } else { &[] }
     }
@@ -500,7 +494,7 @@ impl Model {
     }
 }
 
-/// The glTF 2.0 material with its extensions, as the file says.
+/// The glTF 2.0 material with its extensions.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PbrMaterial {
     /// Base colour.
@@ -509,67 +503,65 @@ pub struct PbrMaterial {
     pub metallic: FloatSlot,
     /// Perceptual roughness 0..1.
     pub roughness: FloatSlot,
-    /// Roughness 0..1 of the diffuse part by the model of Oren and Nayar (KHR_materials_diffuse_roughness); 0 is Lambert's
-    /// law.
+    /// Roughness 0..1 of the diffuse lobe (KHR_materials_diffuse_roughness, Oren-Nayar); 0 is Lambertian.
     pub diffuse_roughness: FloatSlot,
-    /// Index of refraction over that of the outside (KHR_materials_ior); 1.5 by default, below 1 for what is thinner, such as
-    /// bubbles, 0 means total reflection.
+    /// Index of refraction relative to the outside (KHR_materials_ior), by default 1.5; below 1 for bubbles, and 0 for total
+    /// reflection.
     pub ior: f32,
     /// Strength of the dielectric reflection (KHR_materials_specular).
     pub specular: FloatSlot,
-    /// Its colour at normal incidence.
+    /// Colour of the dielectric reflection at normal incidence.
     pub specular_color: ColorSlot,
-    /// It is the same at all angles, as of the Glossy BSDF of Cycles, not white at grazing incidence.
+    /// The dielectric reflection has no Fresnel increase to white at grazing angles, like Cycles' Glossy BSDF.
     pub reflects_evenly: bool,
-    /// Share of light that passes instead of scattering diffusely (KHR_materials_transmission).
+    /// Fraction 0..1 of the diffuse lobe that is replaced by transmission (KHR_materials_transmission).
     pub transmission: FloatSlot,
-    /// Is there a volume behind the surface (KHR_materials_volume with thickness above 0)? Otherwise it is thin-walled.
+    /// Solid (KHR_materials_volume with a thickness above 0) instead of thin-walled.
     pub has_volume: bool,
-    /// The base colour is what a solid lets pass from its front to its back, as Blender understands it: each crossing of
-    /// its surface takes the square root. Otherwise it is the factor of each crossing (KHR_materials_transmission).
+    /// The base colour is the transmittance of both interfaces of a solid together, as in Blender: each multiplies by its square
+    /// root. Otherwise each multiplies by the base colour (KHR_materials_transmission).
     pub tints_once: bool,
-    /// Light that is refracted keeps its radiance, as in Cycles, where by physics that is divided by the square of the index
-    /// towards the side of the viewer. A surface without a volume is then no thin wall, but one sheet that bends light by
-    /// the sides of its normal, as the surface of a solid does, with nothing behind.
+    /// Refraction does not scale the radiance by the square of the relative index of refraction, as in Cycles. A surface without a
+    /// volume is then not thin-walled: it refracts by the sides of its normal, like the surface of a solid, with no medium inside.
     pub keeps_radiance: bool,
-    /// Colour of the interface's reflection where light may pass it.
+    /// Colour of the reflection of the transmissive interface.
     pub glass_reflection: GlassReflection,
-    /// Whether the energy that single scattering between its facets loses is given back; `None`: as in all of the picture.
+    /// Energy compensation; `None` for the render setting.
     pub energy_compensation: Option<EnergyCompensation>,
-    /// Glass has facets whose slopes are normally distributed (Beckmann), which lose what they mirror into each other, not GGX.
+    /// Transmission has the Beckmann distribution without energy compensation, instead of GGX.
     pub is_beckmann: bool,
-    /// Colour of white light after `attenuation_distance` in the volume.
+    /// Transmittance of the volume over `attenuation_distance`.
     pub attenuation_color: [f32; 3],
-    /// Metres; infinite means no absorption.
+    /// Metres; infinite for no absorption.
     pub attenuation_distance: f32,
-    /// Spread of the index of refraction over the spectrum, 20 / Abbe number (KHR_materials_dispersion); 0 is none.
+    /// Dispersion, 20 / Abbe number (KHR_materials_dispersion).
     pub dispersion: f32,
-    /// A clear layer on top; `None` where there is none.
+    /// Clearcoat.
     pub clearcoat: Option<Clearcoat>,
-    /// Fibres on top; `None` where there are none.
+    /// Sheen.
     pub sheen: Option<Sheen>,
-    /// Stretched highlights; `None` for the same roughness in all directions.
+    /// Anisotropy.
     pub anisotropy: Option<Anisotropy>,
-    /// A thin film; `None` where there is none.
+    /// Iridescence.
     pub iridescence: Option<Iridescence>,
-    /// Light scattered through the surface; `None` where there is none.
+    /// Diffuse transmission.
     pub diffuse_transmission: Option<DiffuseTransmission>,
 }
 
-/// Colour of the reflection of glass, total reflection included.
+/// Colour of the reflection of glass, including total internal reflection.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum GlassReflection {
-    /// White, as physics has it.
+    /// White (physical).
     #[default]
     White,
-    /// The colour of light that crosses the surface once, as of the Glass BSDF of Cycles.
+    /// The transmission colour of a single interface, as of Cycles' Glass BSDF.
     Tinted,
-    /// Nothing is reflected, and all light passes that can, as of the Refraction BSDF of Cycles.
+    /// Black: refraction only, without Fresnel losses, as of Cycles' Refraction BSDF.
     None,
 }
 
 impl GlassReflection {
-    /// All of them with their names in scene files.
+    /// All values with their names in scene files.
     pub const ALL: [(&str, GlassReflection); 3] = [
         ("white", GlassReflection::White),
         ("tinted", GlassReflection::Tinted),
@@ -581,59 +573,58 @@ impl Parameters for GlassReflection {}
 
 impl Parameters for EnergyCompensation {}
 
-/// A clear dielectric layer of index of refraction 1.5 on top of all others (KHR_materials_clearcoat).
+/// A clear dielectric top layer of index of refraction 1.5 (KHR_materials_clearcoat).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Clearcoat {
-    /// Its strength 0..1, above 0 somewhere.
+    /// Strength 0..1; not constant 0.
     pub factor: FloatSlot,
-    /// Its perceptual roughness 0..1.
+    /// Perceptual roughness 0..1.
     pub roughness: FloatSlot,
-    /// Its own normal map; without one it follows the geometry, not the base's map.
+    /// Normal map of the coat; the base's normal map does not apply to it.
     pub normal_map: Option<NormalMap>,
 }
 
-/// Scattering by fibres, like velvet (KHR_materials_sheen).
+/// A sheen layer (KHR_materials_sheen).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sheen {
-    /// Its colour 0..1, above 0 somewhere.
+    /// Colour 0..1; not constant black.
     pub color: ColorSlot,
-    /// Its perceptual roughness 0..1.
+    /// Perceptual roughness 0..1.
     pub roughness: FloatSlot,
 }
 
-/// Different roughness along two directions (KHR_materials_anisotropy): alpha along the direction is
-/// mix(alpha, 1, strength^2), across it alpha.
+/// Anisotropic roughness (KHR_materials_anisotropy): alpha_t = mix(alpha, 1, strength^2), alpha_b = alpha.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Anisotropy {
-    /// Strength 0..1, above 0; times the texture's blue.
+    /// Strength, above 0 and at most 1; multiplied by the texture's blue channel.
     pub strength: f32,
-    /// Counter-clockwise from the tangent to the direction of the larger roughness, radians; added to the texture's.
+    /// Counter-clockwise angle from the tangent to the direction of alpha_t, radians; added to the texture's.
     pub rotation_rad: f32,
-    /// Direction in the tangent plane in red and green as (d + 1) / 2, strength in blue; linear.
+    /// Linear RGB: direction d in the tangent plane as (d + 1) / 2, and strength.
     pub texture: Option<TextureId>,
 }
 
-/// A thin film that interferes with the light (KHR_materials_iridescence).
+/// A thin film with interference (KHR_materials_iridescence).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Iridescence {
-    /// Its strength 0..1, above 0 somewhere.
+    /// Strength 0..1; not constant 0.
     pub factor: FloatSlot,
-    /// The film's index of refraction, at least 1.
+    /// Index of refraction of the film, at least 1.
     pub ior: f32,
     /// Thickness in nanometres where the texture is 0.
     pub thickness_min_nm: f32,
-    /// Thickness in nanometres where the texture is 1, and without a texture.
+    /// Thickness in nanometres where the texture is 1 or missing.
     pub thickness_max_nm: f32,
-    /// Blends between the two; which of its channels.
+    /// Texture and channel that interpolate between the two.
     pub thickness_texture: Option<(TextureId, u8)>,
 }
 
-/// Diffuse light that leaves on the other side (KHR_materials_diffuse_transmission).
+/// Diffuse transmission (KHR_materials_diffuse_transmission).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DiffuseTransmission {
-    /// Share 0..1 of the diffuse light that passes, above 0 somewhere.
+    /// Fraction 0..1 of the diffuse light that is transmitted; not constant 0.
     pub factor: FloatSlot,
-    /// Its colour, in place of the base colour.
+    /// Colour, in place of the base colour.
     pub color: ColorSlot,
     /// How light enters a solid with subsurface scattering; `None` without it.
     pub subsurface: Option<SubsurfaceEntry>,
@@ -702,18 +693,18 @@ parameters_of_fields! {
 
 impl Parameters for SubsurfaceEntry {}
 
-// The colour of hair by the absorption of a fibre: Chiang, Bitterli, Tappan, Burley 2016, eq. 9.
+// Colour of dense hair from the absorption of a fibre: Chiang, Bitterli, Tappan, Burley 2016, eq. 9.
 
-/// Hair is no less rough around its fibre.
+/// Minimum radial roughness of hair.
 const MIN_ROUGHNESS: f32 = 0.01;
 
-/// Divisor of the logarithm of the colour of dense hair for the root of its absorption per radius, at a radial roughness.
+/// Denominator of eq. 9 at a radial roughness: the square root of the absorption per fibre radius is -ln(colour) over it.
 pub fn hair_color_scale(radial_roughness: f32) -> f32 {
     let b = radial_roughness.clamp(MIN_ROUGHNESS, 1.0);
     ((((0.245 * b + 5.574) * b - 10.73) * b + 2.532) * b - 0.215) * b + 5.969
 }
 
-/// The colour of much hair that absorbs so much per radius.
+/// Colour of dense hair by its absorption per fibre radius: the inverse of eq. 9.
 pub fn hair_color(absorption: [f32; 3], radial_roughness: f32) -> [f32; 3] {
     let scale = hair_color_scale(radial_roughness);
     absorption.map(|a| poly::exp(-scale * a.max(0.0).sqrt()))

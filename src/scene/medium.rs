@@ -1,35 +1,34 @@
-//! Participating media, and the grids of densities that they use.
+//! Participating media and their voxel grids.
 
 use super::slot::{Parameters, parameters_of_fields};
 use super::{GridId, TextureId};
 use crate::math::{DAffine3, DMat3, DVec3};
 use std::sync::Arc;
 
-/// A medium that scatters, absorbs and emits.
+/// A participating medium.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Medium {
     /// Extinction coefficient by channel, per metre.
     pub extinction: [f32; 3],
     /// Single-scattering albedo by channel, 0..1.
     pub albedo: [f32; 3],
-    /// Mean cosine of the scattering angle, between -1 and 1 (Henyey, Greenstein 1941): 0 is the same to all sides, above it
-    /// light continues as it went.
+    /// Mean cosine g of the Henyey-Greenstein phase function, between -1 (backward) and 1 (forward); 0 is isotropic.
     pub anisotropy: f32,
     /// Emitted radiance per metre.
     pub emission: [f32; 3],
-    /// Factors on the extinction, and on the emission where nothing else is.
+    /// Density: factors on the extinction, and on the emission unless `glow` is set.
     pub grid: Option<GridId>,
-    /// Factors on the extinction by channel, in place of `grid`: nowhere above its values, on the same voxels.
+    /// Factors on the extinction by channel, in place of `grid`, which must have the same voxels and bound their values.
     pub extinction_grids: Option<[GridId; 3]>,
-    /// Scattering coefficients, likewise, and nowhere above the extinction.
+    /// Scattering coefficients by channel, likewise; at most the extinction.
     pub scattering_grids: Option<[GridId; 3]>,
     /// Grids of the emission, in place of `grid`.
     pub glow: Option<EmissionGrid>,
-    /// Textures that the coefficients are multiplied by. Loading evaluates them on grids, and leaves none.
+    /// Factors on the coefficients. The loader bakes these textures to grids; a scene to be rendered has none.
     pub textures: MediumTextures,
 }
 
-/// Textures in space for the coefficients of a medium.
+/// 3D textures of the coefficients of a medium.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MediumTextures {
     /// Factors on the extinction.
@@ -38,12 +37,12 @@ pub struct MediumTextures {
     pub color: Option<TextureId>,
     /// Factors on the emission.
     pub emission: Option<TextureId>,
-    /// Voxels along the longest edge of the box around a solid; 0 for as many as usual.
+    /// Voxels along the longest edge of a solid's bounding box; 0 for the default.
     pub resolution: u32,
 }
 
 impl MediumTextures {
-    /// Are there none?
+    /// Are there no textures?
     pub fn is_empty(&self) -> bool {
         self.density.is_none() && self.color.is_none() && self.emission.is_none()
     }
@@ -60,23 +59,23 @@ pub enum EmissionGrid {
     Factors(GridId),
     /// Factors on the emission by channel.
     Channels([GridId; 3]),
-    /// The medium emits as a black body, and its emission is the luminance that each metre of [`EmissionGrid::REFERENCE_KELVIN`] adds.
+    /// Black-body emission; [`Medium::emission`] is the luminance per metre at [`EmissionGrid::REFERENCE_KELVIN`].
     Temperatures {
-        /// Temperatures.
+        /// Temperatures, in units of `kelvin`.
         grid: GridId,
-        /// Kelvins where the grid is 1.
+        /// Temperature where the grid is 1, kelvin.
         kelvin: f32,
-        /// The luminance goes by the fourth power of the temperature, as all that a black body sends does (Stefan, Boltzmann), not as what
-        /// is seen of it (Planck's law).
+        /// The luminance is proportional to the fourth power of the temperature, like the total power (Stefan-Boltzmann law), instead
+        /// of following Planck's law.
         scales_with_power: bool,
     },
 }
 
 impl EmissionGrid {
-    /// The temperature at which black bodies have the emission that is given.
+    /// Temperature at which the luminance of a black body is that of [`Medium::emission`], kelvin.
     pub const REFERENCE_KELVIN: f32 = 1500.0;
 
-    /// All of its grids.
+    /// All grids, with repetitions.
     pub fn grids(&self) -> impl Iterator<Item = GridId> + use<> {
         let grids = match *self {
             EmissionGrid::Factors(grid) | EmissionGrid::Temperatures { grid, .. } => [grid; 3],
@@ -86,19 +85,19 @@ impl EmissionGrid {
     }
 }
 
-/// The medium around all solids.
+/// The medium outside all solids.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fog {
     /// The medium.
     pub medium: Medium,
-    /// Middle of the ball that it fills.
+    /// Centre of the ball that it fills, metres.
     pub center: DVec3,
-    /// Radius of the ball, metres; infinite for fog without an end, through which nothing infinitely far away is seen.
+    /// Radius of the ball, metres; infinite for unbounded fog, which hides the environment and distant lights.
     pub radius: f64,
 }
 
 impl Medium {
-    /// A medium of an extinction coefficient that absorbs nothing and scatters evenly.
+    /// A medium with isotropic scattering and no absorption.
     pub fn scattering(extinction: [f32; 3]) -> Medium {
         Medium {
             extinction,
@@ -113,11 +112,11 @@ impl Medium {
         }
     }
 
-    /// A medium of mean free paths `radius`, metres, of which a thick body under a surface that neither refracts nor reflects
-    /// scatters a share `color` of the light back.
+    /// A medium of mean free paths `radius` (metres) of which a half space with an index-matched surface has the diffuse
+    /// reflectance `color`.
     ///
-    /// The share of each event follows by van de Hulst's fit for a half space that is lit diffusely, as inverted by Kulla
-    /// and Conty (2017, "Revisiting Physically Based Shading at Imageworks", equations 9 and 10).
+    /// The single-scattering albedo is from van de Hulst's fit for diffuse illumination, as inverted by Kulla and Conty (2017,
+    /// "Revisiting Physically Based Shading at Imageworks", equations 9 and 10).
     pub fn subsurface(color: [f32; 3], radius: [f32; 3], anisotropy: f32) -> Medium {
         Medium {
             albedo: color.map(|c| Medium::albedo_of_color(c, anisotropy)),
@@ -126,7 +125,7 @@ impl Medium {
         }
     }
 
-    /// One channel of that: the share of each event that is scattered.
+    /// Single-scattering albedo of [`Medium::subsurface`] for one channel of the colour.
     pub fn albedo_of_color(color: f32, anisotropy: f32) -> f32 {
         let (c, g) = (f64::from(color.clamp(0.0, 1.0)), f64::from(anisotropy));
         let s = 4.09712 + 4.20863 * c - (9.59217 + 41.6808 * c + 17.7126 * c * c).sqrt();
@@ -135,8 +134,7 @@ impl Medium {
 }
 
 impl Medium {
-    /// The share of diffuse light that a thick body of it scatters back under a surface that neither refracts nor reflects:
-    /// the colour of [`Medium::subsurface`].
+    /// Diffuse reflectance of a half space of the medium: the inverse of [`Medium::subsurface`].
     pub fn color(&self) -> [f32; 3] {
         let g = f64::from(self.anisotropy);
         self.albedo.map(|albedo| {
@@ -147,7 +145,7 @@ impl Medium {
     }
 }
 
-/// Only its textures: no texture of a material's surface can change its numbers.
+/// Only its textures are parameters.
 impl Parameters for Medium {
     fn visit(&self, name: &'static str, visitor: &mut dyn FnMut(&'static str, super::Parameter<'_>)) {
         self.textures.visit(name, visitor);
@@ -162,51 +160,50 @@ impl Parameters for Medium {
     }
 }
 
-/// The extinction coefficients of Beer's law from what is left of white light after a distance (KHR_materials_volume); `None`
-/// where nothing is lost.
+/// Extinction coefficients (Beer's law) from the transmittance over a distance (KHR_materials_volume); `None` without
+/// attenuation.
 pub fn coefficients(color: [f32; 3], distance: f32) -> Option<[f32; 3]> {
     let is_clear = color == [1.0; 3] || !distance.is_finite() || distance <= 0.0;
-    // Black would be infinite; f32's smallest normal number is black enough.
+    // Avoids infinite coefficients for a transmittance of 0.
     let sigma = |c: f32| -f64::from(c.clamp(f32::MIN_POSITIVE, 1.0)).ln() / f64::from(distance);
     (!is_clear).then(|| color.map(|c| sigma(c) as f32))
 }
 
-/// Values on a grid that fills a box, which may stand anyhow.
+/// A voxel grid that fills an arbitrarily transformed box.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Grid {
-    /// For reports.
+    /// Name in reports.
     pub name: String,
-    /// Voxels along the grid's x, y and z.
+    /// Numbers of voxels along x, y and z.
     pub size: [u32; 3],
-    /// Values in the middles of voxels, from 0 up: those along x follow each other, then those along y. Between them it is
-    /// interpolated; towards the box's sides the outermost ones hold.
+    /// Values at voxel centres, from 0; x varies fastest, then y. Interpolated trilinearly, and clamped to the outermost voxels
+    /// towards the faces of the box.
     pub values: Arc<Vec<f32>>,
-    /// From voxels to the world, metres: the box reaches from the origin to `size`, and outside nothing is. May turn, scale,
-    /// mirror and shear.
+    /// From voxel coordinates to world space (metres), any affine map. The box spans 0 to `size`; values outside are 0.
     pub world_from_voxels: DAffine3,
 }
 
 impl Grid {
-    /// A grid in a box along the axes of the world, from its least to its greatest corner, metres.
+    /// A grid in an axis-aligned box in world space, metres.
     pub fn in_box(name: String, size: [u32; 3], values: Arc<Vec<f32>>, min: DVec3, max: DVec3) -> Grid {
         let voxel = (max - min) / DVec3::from_array(size.map(f64::from));
         let world_from_voxels = DAffine3::from_mat3_translation(DMat3::from_diagonal(voxel), min);
         Grid { name, size, values, world_from_voxels }
     }
 
-    /// Mean free paths across a grid where it is thickest, above which a scene isn't valid: they bound the number of lookups of a ray, up to
-    /// a small factor.
+    /// Maximum optical thickness of the box at the grid's maximum density: bounds the number of lookups along a ray, up to a small
+    /// factor.
     pub const MAX_MEAN_FREE_PATHS: f64 = 1e5;
 
-    /// The longest of the diagonals of its box, metres.
+    /// Length of the longest diagonal of the box, metres.
     pub fn longest_diagonal(&self) -> f64 {
         let [x, y, z] = [0, 1, 2].map(|k| self.world_from_voxels.matrix3.col(k) * f64::from(self.size[k]));
         [x + y + z, x + y - z, x - y + z, x - y - z]
             .into_iter()
-            .fold(0.0, |most, diagonal| diagonal.length().max(most))
+            .fold(0.0, |longest, diagonal| diagonal.length().max(longest))
     }
 
-    /// The lower and the upper corner of the box along the axes of the world that is around its own, metres.
+    /// Minimum and maximum of the axis-aligned bounding box in world space, metres.
     pub fn bounds(&self) -> (DVec3, DVec3) {
         let corner = |k: u32| {
             let at = [0, 1, 2].map(|axis| if k >> axis & 1 == 1 { f64::from(self.size[axis]) } else { 0.0 });
@@ -221,7 +218,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn bodies_have_the_color_that_they_were_made_for() {
+    fn color_inverts_subsurface() {
         for (color, anisotropy) in [(0.0, 0.0), (0.1, 0.3), (0.5, -0.4), (0.9, 0.8), (1.0, 0.0)] {
             let [r, _, b] = Medium::subsurface([color, 0.5, color], [0.1; 3], anisotropy).color();
             assert!((r - color).abs() < 1e-4 && r == b, "{color} {anisotropy}: {r}");
@@ -234,18 +231,18 @@ mod grid_tests {
     use super::*;
 
     #[test]
-    fn boxes_around_grids() {
+    fn grid_bounds() {
         let (min, max) = (DVec3::new(-1.0, 0.0, 2.0), DVec3::new(1.0, 3.0, 4.5));
         let (size, values) = ([4, 2, 5], Arc::new(vec![0.0; 40]));
-        let along = Grid::in_box(String::new(), size, values, min, max);
-        assert_eq!(along.bounds(), (min, max));
+        let aligned = Grid::in_box(String::new(), size, values, min, max);
+        assert_eq!(aligned.bounds(), (min, max));
         let turn = DAffine3::from_rotation_y(std::f64::consts::FRAC_PI_4);
-        let turned = Grid { world_from_voxels: turn * along.world_from_voxels, ..along };
-        let (low, high) = turned.bounds();
-        let wanted = (DVec3::new(1.0, 0.0, 1.0), DVec3::new(5.5, 3.0, 5.5));
+        let rotated = Grid { world_from_voxels: turn * aligned.world_from_voxels, ..aligned };
+        let (low, high) = rotated.bounds();
+        let expected = (DVec3::new(1.0, 0.0, 1.0), DVec3::new(5.5, 3.0, 5.5));
         let root = DVec3::new(0.5f64.sqrt(), 1.0, 0.5f64.sqrt());
         assert!(
-            (low - wanted.0 * root).length() < 1e-12 && (high - wanted.1 * root).length() < 1e-12,
+            (low - expected.0 * root).length() < 1e-12 && (high - expected.1 * root).length() < 1e-12,
             "{low} {high}"
         );
     }

@@ -1,6 +1,4 @@
-//! The scene as the user described it, as plain data: no behaviour, no files. Loaders fill it, the renderer reads it.
-//!
-//! Everything is public: load a scene and change it, or build one in code.
+//! The scene description: plain data, created by loaders or in code and read by the renderer. All of it is public.
 //!
 //! ```
 //! use oscura::scene::{Camera, Environment, Material, Scene, Shape};
@@ -59,16 +57,16 @@ pub(crate) use watertightness::{encloses, has_no_border};
 use crate::image::Image;
 use std::sync::Arc;
 
-/// Everything that a picture is made of.
+/// A scene description.
 #[derive(Clone, Debug, Default)]
 pub struct Scene {
-    /// Where it came from, for reports.
+    /// Name in reports.
     pub name: String,
-    /// Triangle meshes in their own space; placed by `instances`.
+    /// Triangle meshes in object space; placed by `instances`.
     pub meshes: Vec<Mesh>,
-    /// Placed meshes.
+    /// Instances of meshes.
     pub instances: Vec<Instance>,
-    /// Analytic spheres, disks and the like.
+    /// Analytic spheres, disks etc.
     pub shapes: Vec<Shape>,
     /// Analytic parallelograms.
     pub quads: Vec<Quad>,
@@ -78,38 +76,38 @@ pub struct Scene {
     pub materials: Vec<Material>,
     /// Textures, by [`TextureId`].
     pub textures: Vec<Texture>,
-    /// Images, by [`ImageId`]. Large ones that only textures use may still be [encoded](crate::image::Pixels::Encoded).
+    /// Images, by [`ImageId`]. Those used only by textures may be [encoded](crate::image::Pixels::Encoded).
     pub images: Vec<Image>,
-    /// Grids of densities, by [`GridId`].
+    /// Voxel grids of media, by [`GridId`].
     pub grids: Vec<Grid>,
-    /// Profiles of lights with a surface, by [`ProfileId`].
+    /// Profiles of area lights, by [`ProfileId`].
     pub profiles: Vec<Arc<LightProfile>>,
     /// Point, spot and directional lights.
     pub lights: Vec<Light>,
-    /// Radiance of rays that hit nothing.
+    /// Radiance of rays that leave the scene.
     pub environment: Environment,
-    /// The environment that camera rays see instead.
+    /// Separate environment for camera rays.
     pub camera_environment: Option<Environment>,
-    /// The medium around all solids.
+    /// The medium outside all solids.
     pub fog: Option<Fog>,
-    /// Which rays see the environment. Where those of the camera don't, pictures are transparent.
+    /// Ray kinds that the environment is visible to. Without camera rays, the background is transparent.
     pub environment_visible_to: RayKinds,
-    /// Only paths that leave the scene find the environment's light, and no light samples: what casts shadows in it is then what
-    /// the rays of these paths see, whatever shadow rays see.
+    /// No light sampling of the environment: it contributes only through scattered rays that leave the scene, so that visibility to
+    /// their ray kinds, not to shadow rays, determines its shadows.
     pub environment_unsampled: bool,
     /// Backdrop of transparent pixels.
     pub backdrop: Option<Backdrop>,
-    /// The environment's group of lights; empty for the default one.
+    /// Light group of the environment; empty for the default group.
     pub environment_group: String,
-    /// Openings through which light of the environment is looked for.
+    /// Openings that guide the sampling of environment light.
     pub portals: Vec<Portal>,
-    /// Which of the lights, a [`LightKind::Sun`], is the environment's sun: unlike other suns cameras see it, if they see the
-    /// environment.
+    /// Index in `lights` of the environment's sun, a [`LightKind::Sun`]. Unlike other suns, it is visible to the camera if the
+    /// environment is.
     pub environment_sun: Option<u32>,
-    /// Cameras found; the first is used unless the user chooses another.
+    /// Cameras; the first is the default.
     pub cameras: Vec<Camera>,
-    /// Which objects move while the picture is taken.
+    /// Motion of objects during the exposure.
     pub motion: SceneMotion,
-    /// Render settings of the scene; the command line may override each.
+    /// Render settings; the command line overrides them.
     pub settings: Settings,
 }

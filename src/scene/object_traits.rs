@@ -1,6 +1,6 @@
-//! Traits of an object: the kinds of rays it is visible to, light linking and shadow linking, holdouts and shadow catchers.
+//! Object traits: ray visibility, light and shadow linking, holdouts and shadow catchers.
 
-/// A set of ray kinds. A ray's kind is that of the scattering event before it.
+/// A set of ray kinds. The kind of a ray is that of the scattering event it starts from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct RayKinds(u8);
 
@@ -9,14 +9,14 @@ impl RayKinds {
     pub const NONE: RayKinds = RayKinds(0);
     /// Rays from the camera.
     pub const CAMERA: RayKinds = RayKinds(1);
-    /// Rays that a surface reflected diffusely.
+    /// Rays after diffuse reflection.
     pub const DIFFUSE: RayKinds = RayKinds(1 << 1);
-    /// Rays reflected specularly or by microfacets.
+    /// Rays after specular or microfacet reflection.
     pub const GLOSSY: RayKinds = RayKinds(1 << 2);
-    /// Rays that a surface let through to its other side, refracted or diffusely. Those that pass where a surface is absent, or
-    /// straight through a smooth thin sheet as light samples do, stay what they were.
+    /// Rays after refraction or diffuse transmission. Rays through transparent surfaces (alpha), or straight through smooth thin
+    /// sheets like shadow rays, keep their kind.
     pub const TRANSMISSION: RayKinds = RayKinds(1 << 3);
-    /// Rays that a medium scattered.
+    /// Rays after scattering in a medium.
     pub const VOLUME: RayKinds = RayKinds(1 << 4);
     /// Shadow rays.
     pub const SHADOW: RayKinds = RayKinds(1 << 5);
@@ -33,13 +33,13 @@ impl RayKinds {
         ("shadow", RayKinds::SHADOW),
     ];
 
-    /// Are all kinds of another set among these?
+    /// Is another set a subset of this one?
     #[inline(always)]
     pub const fn contains(self, other: RayKinds) -> bool {
         self.0 & other.0 == other.0
     }
 
-    /// Are shadow rays among them and scattered rays not, or the other way round?
+    /// Does it contain either shadow rays or all scattered rays, but not both?
     pub fn has_own_shadows(self) -> bool {
         let scattered =
             RayKinds::DIFFUSE.with(RayKinds::GLOSSY).with(RayKinds::TRANSMISSION).with(RayKinds::VOLUME);
@@ -52,7 +52,7 @@ impl RayKinds {
         RayKinds(self.0 | other.0)
     }
 
-    /// The kinds that are not in another set.
+    /// The difference from another set.
     #[inline(always)]
     pub const fn without(self, other: RayKinds) -> RayKinds {
         RayKinds(self.0 & !other.0)
@@ -64,18 +64,18 @@ impl RayKinds {
         RayKinds(self.0 & other.0)
     }
 
-    /// With or without a kind.
-    pub const fn set(self, kind: RayKinds, is_there: bool) -> RayKinds {
-        if is_there { self.with(kind) } else { self.without(kind) }
+    /// The set with a kind added or removed.
+    pub const fn set(self, kind: RayKinds, is_included: bool) -> RayKinds {
+        if is_included { self.with(kind) } else { self.without(kind) }
     }
 
-    /// As a number; see [`RayKinds::from_bits`].
+    /// As a bit mask; see [`RayKinds::from_bits`].
     #[inline(always)]
     pub const fn bits(self) -> u32 {
         self.0 as u32
     }
 
-    /// The set of a number from [`RayKinds::bits`].
+    /// The set of a bit mask from [`RayKinds::bits`].
     #[inline(always)]
     pub const fn from_bits(bits: u32) -> RayKinds {
         RayKinds((bits as u8) & RayKinds::ALL.0)
@@ -83,34 +83,33 @@ impl RayKinds {
 }
 
 impl Default for RayKinds {
-    /// All of them.
+    /// All kinds.
     fn default() -> RayKinds {
         RayKinds::ALL
     }
 }
 
-/// Traits of an object apart from its materials.
+/// Traits of an object other than materials.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct ObjectTraits {
-    /// Rays of other kinds pass it.
+    /// Ray kinds that the object is visible to; others pass through it.
     pub visible_to: RayKinds,
-    /// Where the camera sees it, the picture is transparent and black. For all other rays it is an object like others.
+    /// Black and transparent to the camera; an ordinary object to all other rays.
     pub is_holdout: bool,
-    /// The camera sees only how other objects change its light, by shadows and reflected light: the picture is
-    /// transparent there, to be composited over a photograph of the real surface. For all other rays it is an
-    /// object like others. Ignored for holdouts.
+    /// To the camera, transparent except for shadows and light of other objects on it, for compositing over a photograph of the
+    /// real surface; an ordinary object to all other rays. Ignored for holdouts.
     pub is_shadow_catcher: bool,
-    /// The sets that it is in, to which lights are linked.
+    /// Linking sets that contain the object.
     pub sets: ObjectSets,
-    /// Light linking and shadow linking of its emission.
+    /// Light and shadow linking of its emission.
     pub links: LightLinks,
 }
 
-/// Sets of objects, by a bit each: those that an object is in.
+/// The linking sets that contain an object, as a bit mask.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct ObjectSets(u64);
 
-/// The number of a set of objects, 0 to 63.
+/// Index of a linking set of objects, 0 to 63.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct ObjectSet(u8);
 
@@ -118,7 +117,7 @@ impl ObjectSet {
     /// Maximum number of distinct sets.
     pub const COUNT: usize = 64;
 
-    /// The set of a number; `None` from [`ObjectSet::COUNT`] on.
+    /// The set of an index; `None` from [`ObjectSet::COUNT`] on.
     pub fn new(number: usize) -> Option<ObjectSet> {
         (number < ObjectSet::COUNT).then_some(ObjectSet(number as u8))
     }
@@ -128,19 +127,19 @@ impl ObjectSets {
     /// No set.
     pub const NONE: ObjectSets = ObjectSets(0);
 
-    /// This set with another one.
+    /// With another set added.
     pub const fn with(self, set: ObjectSet) -> ObjectSets {
         ObjectSets(self.0 | 1 << set.0)
     }
 
-    /// Is a set among these?
+    /// Is a set included?
     #[inline(always)]
     pub const fn contains(self, set: ObjectSet) -> bool {
         self.0 >> set.0 & 1 != 0
     }
 }
 
-/// The objects that light is linked to.
+/// The objects that a light is linked to.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Link {
     /// All.
@@ -148,12 +147,12 @@ pub enum Link {
     All,
     /// The objects in a set.
     Only(ObjectSet),
-    /// All that are not in a set.
+    /// The objects outside a set.
     AllBut(ObjectSet),
 }
 
 impl Link {
-    /// Is an object that is in these sets among the linked ones?
+    /// Is an object with these sets linked?
     #[inline(always)]
     pub const fn holds(self, object: ObjectSets) -> bool {
         match self {
@@ -170,13 +169,13 @@ impl Link {
     }
 }
 
-/// Light linking of a light.
+/// Light and shadow linking of a light.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct LightLinks {
-    /// The objects that it lights, by light samples and by rays that find it. Cameras see it in any case, and what it lights lights
-    /// all others.
+    /// The objects that it illuminates directly, by light sampling and by rays that hit it. Camera rays are not affected, nor is
+    /// indirect light.
     pub receivers: Link,
-    /// The objects that cast shadows in its light. In mirrors, a light with a surface is seen behind the objects in its way.
+    /// The objects that cast shadows in its light. In mirrors, an area light is occluded by all objects in front of it.
     pub blockers: Link,
 }
 
@@ -190,7 +189,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn kinds_are_sets_of_the_named_ones() {
+    fn set_operations_of_ray_kinds() {
         let all = RayKinds::NAMED.iter().fold(RayKinds::NONE, |sum, &(_, kind)| sum.with(kind));
         assert_eq!(all, RayKinds::ALL);
         for (name, kind) in RayKinds::NAMED {
@@ -207,7 +206,7 @@ mod links_tests {
     use super::*;
 
     #[test]
-    fn links_hold_members_or_all_others() {
+    fn links_contain_members_or_all_others() {
         let (a, b) = (ObjectSet::new(3).expect("below 64"), ObjectSet::new(63).expect("below 64"));
         let object = ObjectSets::NONE.with(b);
         assert!(object.contains(b) && !object.contains(a));
@@ -218,16 +217,16 @@ mod links_tests {
     }
 }
 
-// Properties of an object for node graphs.
+// Object properties for node graphs.
 
-/// Values of an object that graphs of nodes read.
+/// Outputs of the `object_info` node.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ObjectInfo {
-    /// Linear RGBA.
+    /// Object colour, linear RGBA.
     pub color: [f32; 4],
-    /// Any number.
+    /// Object index.
     pub index: f32,
-    /// A number 0..1 by which objects differ; `None` for one that follows from the name.
+    /// Random number 0..1 of the object; `None` for a hash of the name.
     pub random: Option<f32>,
 }
 

@@ -7,11 +7,11 @@ use crate::color::ViewTransform;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Filter {
-    /// One pixel wide, constant.
+    /// Constant, one pixel wide.
     Box,
-    /// Truncated Gaussian, sigma 0.5 pixels, radius 1.5.
+    /// Truncated Gaussian, sigma 0.5 pixels, radius 1.5 pixels.
     Gaussian,
-    /// Blackman-Harris window, radius 1.5.
+    /// Blackman-Harris window, radius 1.5 pixels.
     #[default]
     BlackmanHarris,
 }
@@ -19,54 +19,53 @@ pub enum Filter {
 /// Output of shadow catchers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum CatcherOutput {
-    /// Shadows as alpha, and the light that other objects add: composited over a plate of the real surface,
-    /// the picture shows that surface among the objects.
+    /// Shadows as alpha, and light of other objects as colour, for compositing over a plate of the real surface.
     #[default]
     All,
-    /// Alpha alone, by the mean of the channels, as Cycles has it.
+    /// Shadows as alpha only, averaged over the channels, like Cycles.
     Shadows,
 }
 
-/// What becomes of light near the horizon of triangles that stand for a curved surface, whose shading normals differ from the geometric one: without
-/// a remedy the triangles cut it off along their edges.
+/// Remedy for the shadow terminator problem: hard shadow edges along triangles with interpolated normals at grazing light.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ShadowTerminator {
-    /// It fades out smoothly towards the triangle's horizon.
+    /// Light fades out smoothly towards the triangle's horizon.
     #[default]
     Soft,
-    /// Shadow rays start at the curved surface, which also has light from below the triangle's horizon: as Cycles' Geometry Offset of 0.1.
+    /// Shadow rays start at the interpolated curved surface, also lit from below the triangle's horizon; like a Geometry Offset of
+    /// 0.1 in Cycles.
     Lifted,
-    /// It is cut off.
+    /// No remedy.
     Off,
 }
 
 impl ShadowTerminator {
-    /// All, by the names that options and scene files have for them.
+    /// All values with their names in options and scene files.
     pub const NAMED: [(&str, ShadowTerminator); 3] = [
         ("soft", ShadowTerminator::Soft),
         ("lifted", ShadowTerminator::Lifted),
         ("off", ShadowTerminator::Off),
     ];
 
-    /// Its name.
+    /// Name in options and scene files.
     pub fn name(self) -> &'static str {
         Self::NAMED.iter().find(|(_, other)| *other == self).map_or("", |(name, _)| name)
     }
 }
 
-/// Scattering models that all materials of a picture share.
+/// Scattering options of all materials.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ShadingModel {
-    /// Whether the energy that single scattering loses is given back.
+    /// Energy compensation of rough surfaces.
     pub energy_compensation: EnergyCompensation,
     /// Fresnel term of the dielectric layers of glTF materials.
     pub fresnel: FresnelModel,
-    /// Paths carry wavelengths instead of red, green and blue.
+    /// Spectral rendering: paths carry wavelengths instead of red, green and blue.
     pub spectral: bool,
 }
 
-/// Defines limits with names: a struct of numbers, which are `$unlimited` where there is no limit. Its names serve the command line, scene
-/// files, validation and `oscura inspect`.
+/// Defines a struct of named limits, `$unlimited` by default, with the names for the command line, scene files, validation and
+/// `oscura inspect`.
 macro_rules! named_limits {
     ($(#[$doc:meta])* $limits:ident: $number:ty = $unlimited:expr; {$($(#[$about:meta])* $name:ident,)*}) => {
         $(#[$doc])*
@@ -79,12 +78,12 @@ macro_rules! named_limits {
             /// Names of the limits.
             pub const NAMES: &[&str] = &[$(stringify!($name),)*];
 
-            /// Limits by their names; `None` is no limit.
+            /// Limits from a function of their names; `None` is unlimited.
             pub fn by_name(mut limit: impl FnMut(&'static str) -> Option<$number>) -> $limits {
                 $limits { $($name: limit(stringify!($name)).unwrap_or($unlimited),)* }
             }
 
-            /// The limits that are set, with their names.
+            /// The finite limits with their names.
             pub fn iter(&self) -> impl Iterator<Item = (&'static str, $number)> {
                 let all = [$((stringify!($name), self.$name),)*];
                 all.into_iter().filter(|(_, limit)| *limit != $unlimited)
@@ -100,9 +99,9 @@ macro_rules! named_limits {
 }
 
 named_limits! {
-    /// Maximum numbers of scattering events of a path by kind, `u32::MAX` without a limit: a path ends after the event that reaches
-    /// one, with the light sampled there and the emission that its last ray hits. Pictures lose light by it. (Cycles' numbers of bounces
-    /// don't count the last event: its 0 is 1 here.)
+    /// Maximum numbers of scattering events of a path by kind, `u32::MAX` for unlimited. The path ends after the event that reaches
+    /// a limit, including its light sample and the emission hit by its last ray. Limits are biased. (Cycles doesn't count the last
+    /// event: its 0 is 1 here.)
     #[derive(Eq)]
     BounceLimits: u32 = u32::MAX; {
         /// Diffuse reflection.
@@ -111,41 +110,41 @@ named_limits! {
         glossy,
         /// Refraction and diffuse transmission.
         transmission,
-        /// Scattering in media, other than beneath the surface of solids.
+        /// Scattering in media, except subsurface scattering.
         volume,
-        /// Surfaces that a path passes because of their alpha: behind the last one it ends at the next surface. Shadow rays pass one
-        /// less, with those that their path has passed.
+        /// Surfaces passed by alpha transparency: after the last one, the path ends at the next surface. For shadow rays, the surfaces
+        /// passed by their path count too, and the limit is one lower.
         transparent,
-        /// Scattering beneath the surface of a solid in a row. (Counted where no light lies within it.)
+        /// Consecutive subsurface scattering events in a solid that contains no light.
         subsurface,
     }
 }
 
 named_limits! {
-    /// Clamping of the light of single paths: the weighted contribution of one is scaled down to a mean of its three channels of at
-    /// most this; infinite without clamping. Removes fireflies and, with them, light.
+    /// Maximum contribution of a path, as the mean of its three channels after weighting, infinite without clamping; brighter ones
+    /// are scaled down. Removes fireflies at the cost of bias.
     Clamp: f32 = f32::INFINITY; {
-        /// Light that reaches the camera after at most one scattering event.
+        /// Contributions with at most one scattering event.
         direct,
-        /// Light that reaches it after several.
+        /// Contributions with several scattering events.
         indirect,
     }
 }
 
 impl BounceLimits {
-    /// Is scattering of some kind limited?
+    /// Is some kind other than transparent and subsurface limited?
     pub fn limit_scattering(&self) -> bool {
         BounceLimits { transparent: u32::MAX, subsurface: u32::MAX, ..*self } != BounceLimits::NONE
     }
 }
 
-/// Caustics that are left out, as Cycles does where its Reflective or Refractive Caustics are off: on rays that a surface scattered
-/// diffusely, surfaces have no glossy reflection, or no transmission. Removes noise and, with it, light.
+/// Disabled caustics, as by Cycles' Reflective and Refractive Caustics options: surfaces hit by rays after diffuse scattering have
+/// no glossy reflection or no transmission. Removes noise at the cost of bias.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SkippedCaustics {
-    /// Caustics of glossy reflection.
+    /// No glossy reflection.
     pub reflective: bool,
-    /// Caustics of transmission.
+    /// No transmission.
     pub refractive: bool,
 }
 
@@ -154,10 +153,10 @@ impl SkippedCaustics {
     pub const NONE: SkippedCaustics = SkippedCaustics { reflective: false, refractive: false };
 }
 
-/// The settings that scene files may have, each with its type and meaning: makes the struct and the merge.
+/// Defines the render settings of scene files: name, type and description.
 macro_rules! scene_settings {
     ($($name:ident: $type:ty, $help:literal;)*) => {
-        /// Render settings of a scene file; `None` where it says nothing.
+        /// Render settings of a scene file; `None` if unset.
         #[derive(Clone, Debug, Default, PartialEq)]
         pub struct Settings {
             $(
@@ -167,7 +166,7 @@ macro_rules! scene_settings {
         }
 
         impl Settings {
-            /// These settings, and those of `other` where these are `None`.
+            /// These settings, with unset ones taken from `other`.
             #[must_use]
             pub fn or(&self, other: &Settings) -> Settings {
                 Settings { $($name: self.$name.clone().or_else(|| other.$name.clone()),)* }
@@ -181,9 +180,9 @@ scene_settings! {
     samples: u32, "Samples per pixel";
     depth: u32, "Maximum number of bounces of a path; 0 renders directly visible emission only";
     bounces: BounceLimits, "Maximum numbers of bounces by kind";
-    clamp: Clamp, "Clamping of the light of single paths";
-    filter_glossy: f32, "Glossy filter: roughens what paths hit after a rough bounce; 0 is off";
-    skip_caustics: SkippedCaustics, "Caustics to leave out";
+    clamp: Clamp, "Clamping of path contributions";
+    filter_glossy: f32, "Glossy filter: minimum roughness of surfaces after a rough bounce; 0 is off";
+    skip_caustics: SkippedCaustics, "Caustics to disable";
     terminator: ShadowTerminator, "Remedy for the shadow terminator of meshes with shading normals";
     seed: u32, "Random seed";
     filter: Filter, "Reconstruction filter";
@@ -197,11 +196,11 @@ scene_settings! {
     denoise: bool, "Denoise the finished image";
     crop: [u32; 4], "Pixels to render: first column and row, and the column and row after the last";
     aovs: Vec<String>, "AOVs (render passes) to write as further EXR channels, by name";
-    caught: CatcherOutput, "What shadow catchers show";
+    caught: CatcherOutput, "Output of shadow catchers";
 }
 
 impl Settings {
-    /// The scattering models of the picture, defaults where these are `None`.
+    /// Scattering options, with defaults for unset ones.
     pub fn shading(&self) -> ShadingModel {
         ShadingModel {
             energy_compensation: self.energy_compensation.unwrap_or_default(),

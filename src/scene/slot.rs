@@ -7,7 +7,7 @@ use super::TextureId;
 pub struct ColorSlot {
     /// Constant factor, linear RGB.
     pub factor: [f32; 3],
-    /// Texture whose RGB is multiplied by it.
+    /// Texture whose RGB is multiplied by the factor.
     pub texture: Option<TextureId>,
 }
 
@@ -17,7 +17,7 @@ impl ColorSlot {
         ColorSlot { factor: rgb, texture: None }
     }
 
-    /// A texture as it is.
+    /// An unscaled texture.
     pub const fn texture(id: TextureId) -> ColorSlot {
         ColorSlot { factor: [1.0; 3], texture: Some(id) }
     }
@@ -40,7 +40,7 @@ impl From<f32> for FloatSlot {
 pub struct FloatSlot {
     /// Constant factor.
     pub factor: f32,
-    /// Texture and which of its channels (0 red .. 3 alpha).
+    /// Texture and channel (0 red to 3 alpha).
     pub texture: Option<(TextureId, u8)>,
 }
 
@@ -50,7 +50,7 @@ impl FloatSlot {
         FloatSlot { factor: value, texture: None }
     }
 
-    /// A channel of a texture as it is: 0 red .. 3 alpha.
+    /// An unscaled channel (0 red to 3 alpha) of a texture.
     pub const fn texture(id: TextureId, channel: u8) -> FloatSlot {
         FloatSlot { factor: 1.0, texture: Some((id, channel)) }
     }
@@ -59,40 +59,40 @@ impl FloatSlot {
 /// A tangent-space normal map.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NormalMap {
-    /// RGB holds the normal as (n + 1) / 2, linear.
+    /// Normal as (n + 1) / 2 in linear RGB.
     pub texture: TextureId,
-    /// Factor on its x and y.
+    /// Factor on the normal's x and y.
     pub scale: f32,
 }
 
-/// A parameter of a material that a texture may change, or that a reader fills in.
+/// A reference to a texturable or numeric material parameter.
 #[derive(Clone, Copy, Debug)]
 pub enum Parameter<'a> {
     /// A colour.
     Color(&'a ColorSlot),
-    /// A number in a channel of a texture.
+    /// A number with an optional texture channel.
     Number(&'a FloatSlot),
-    /// A texture in no slot.
+    /// A texture outside a slot.
     Texture(&'a TextureId),
-    /// A number that is the same everywhere.
+    /// A number that can't be textured.
     Constant(&'a f32),
 }
 
-/// A [`Parameter`] to change.
+/// A mutable [`Parameter`].
 #[derive(Debug)]
 pub enum ParameterMut<'a> {
     /// A colour.
     Color(&'a mut ColorSlot),
-    /// A number in a channel of a texture.
+    /// A number with an optional texture channel.
     Number(&'a mut FloatSlot),
-    /// A texture in no slot.
+    /// A texture outside a slot.
     Texture(&'a mut TextureId),
-    /// A number that is the same everywhere.
+    /// A number that can't be textured.
     Constant(&'a mut f32),
 }
 
 impl Parameter<'_> {
-    /// The texture that it refers to.
+    /// Texture of the parameter.
     pub fn texture(self) -> Option<TextureId> {
         match self {
             Parameter::Color(slot) => slot.texture,
@@ -104,7 +104,7 @@ impl Parameter<'_> {
 }
 
 impl<'a> ParameterMut<'a> {
-    /// The texture that it refers to.
+    /// Texture of the parameter.
     pub fn texture(self) -> Option<&'a mut TextureId> {
         match self {
             ParameterMut::Color(slot) => slot.texture.as_mut(),
@@ -115,17 +115,16 @@ impl<'a> ParameterMut<'a> {
     }
 }
 
-/// Shows its parameters one after the other, each with the name of the field that holds it. What is no parameter (words,
-/// choices, colours that no texture may change) shows none.
+/// Visitor over material parameters with the names of their fields. Other types (strings, enums, untextured colours) visit none.
 pub trait Parameters {
-    /// Visits all; `name` is that of the field that holds it.
+    /// Visits all parameters; `name` is the field of `self` in its parent.
     fn visit(&self, _name: &'static str, _visitor: &mut dyn FnMut(&'static str, Parameter<'_>)) {}
 
-    /// The same, to change them.
+    /// Visits all parameters mutably.
     fn visit_mut(&mut self, _name: &'static str, _visitor: &mut dyn FnMut(&'static str, ParameterMut<'_>)) {}
 }
 
-/// Implements [`Parameters`] for types that are one.
+/// Implements [`Parameters`] for types that are a single parameter.
 macro_rules! parameter {
     ($($type:ty => $kind:ident;)*) => {$(
         impl Parameters for $type {
@@ -188,7 +187,7 @@ impl Parameters for (TextureId, u8) {
     }
 }
 
-/// Implements [`Parameters`] for structs, field by field. A field that is missing here does not compile.
+/// Implements [`Parameters`] for structs, field by field. All fields must be listed.
 macro_rules! parameters_of_fields {
     ($($type:ident { $($field:ident),* $(,)? })*) => {$(
         impl $crate::scene::Parameters for $type {

@@ -1,4 +1,4 @@
-//! Textures: images and procedural patterns, and how they map to surfaces.
+//! Textures: images, procedural patterns and their mappings.
 
 use super::nodes::NodeGraph;
 use super::{ImageId, TextureId};
@@ -7,28 +7,28 @@ use crate::math::Vec2;
 use std::collections::{BTreeSet, HashSet};
 use std::sync::Arc;
 
-/// How many textures may lie one in the other: checkers and mixes, and what is in the cells of the innermost.
+/// Maximum nesting depth of textures.
 pub const MAX_TEXTURE_NESTING: u32 = 64;
 
-/// Wrapping of coordinates outside 0..1.
+/// Wrapping of texture coordinates outside 0..1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Wrap {
-    /// Starts over.
+    /// Repeats the image.
     #[default]
     Repeat,
-    /// Starts over, every second time mirrored.
+    /// Repeats the image, every second copy mirrored.
     Mirror,
-    /// The border continues.
+    /// Extends the border texels.
     Clamp,
 }
 
-/// How values between texel centres come about.
+/// Texel interpolation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Interpolation {
-    /// Linear between the four nearest texels, and between mip levels where a pixel's footprint covers many texels.
+    /// Bilinear, and linear between the mip levels of the ray footprint.
     #[default]
     Trilinear,
-    /// Linear between the four nearest texels, at any distance.
+    /// Bilinear, always at full resolution.
     Bilinear,
     /// The nearest texel.
     Nearest,
@@ -37,11 +37,11 @@ pub enum Interpolation {
 /// An affine map of texture coordinates: `uv' = offset + rotation * (scale * uv)` (KHR_texture_transform).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TextureTransform {
-    /// Added last.
+    /// Offset, applied last.
     pub offset: Vec2,
     /// Counter-clockwise rotation, radians.
     pub rotation_rad: f32,
-    /// Applied first.
+    /// Scale, applied first.
     pub scale: Vec2,
 }
 
@@ -51,24 +51,22 @@ impl Default for TextureTransform {
     }
 }
 
-/// Where a texture takes its coordinates from.
+/// Source of a texture's coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Mapping {
-    /// Texture coordinates of the surface: the mesh's set of that number; a sphere's longitude and latitude; a quad's
-    /// edge parameters.
+    /// Surface parameterisation: a UV set of a mesh, longitude and latitude of a sphere, or the edge parameters of a quad.
     Uv {
-        /// Which set.
+        /// Index of the UV set.
         set: u32,
-        /// Applied to the coordinates.
+        /// Transform of the coordinates.
         transform: TextureTransform,
     },
-    /// The point in world space (procedural textures).
+    /// Hit point in world space (procedural textures).
     World,
-    /// Three projections along the world's axes, blended by the fourth power of the normal: for meshes without texture
-    /// coordinates.
+    /// Triplanar mapping in world space, weighted by the fourth power of the normal's components: for meshes without UVs.
     Triplanar {
-        /// Edge of the square that the image covers, metres.
+        /// Edge length of the image, metres.
         size: f32,
     },
 }
@@ -88,7 +86,7 @@ pub enum NoiseKind {
     Perlin,
     /// Sum of |noise| over octaves.
     Turbulence,
-    /// A sine wave along z whose phase turbulence shifts.
+    /// A sine wave along z with its phase shifted by turbulence.
     Marble,
 }
 
@@ -100,74 +98,72 @@ pub enum Texture {
     Solid([f32; 3]),
     /// An image.
     Image {
-        /// Which image.
+        /// The image.
         image: ImageId,
-        /// Outside 0..1 along u.
+        /// Wrapping along u.
         wrap_u: Wrap,
-        /// Outside 0..1 along v.
+        /// Wrapping along v.
         wrap_v: Wrap,
-        /// Between texels.
+        /// Texel interpolation.
         interpolation: Interpolation,
-        /// Coordinates.
+        /// Texture coordinates.
         mapping: Mapping,
     },
-    /// Alternating cells of two textures: cubes of world space, or rectangles of texture coordinates.
+    /// Checkerboard of two textures: cubes in world space, or rectangles in texture space.
     Checker {
-        /// Cells whose indices add up to an even number.
+        /// Texture of the cells with an even sum of indices.
         even: TextureId,
-        /// The others.
+        /// Texture of the other cells.
         odd: TextureId,
-        /// Edge of a cell: metres, or a share of the texture's width.
+        /// Edge length of a cell, in metres or texture coordinates.
         cell_size: f32,
-        /// Coordinates.
+        /// Texture coordinates.
         mapping: Mapping,
     },
-    /// Two textures, mixed by a third: `a + factor (b - a)`, each channel by its own; alpha by the mean of the factor's colours. By a
-    /// [table over the angle of view](Texture::Facing), that is what differs with the direction and from place to place.
+    /// Linear interpolation `a + factor (b - a)` per channel; alpha by the mean of the factor's RGB. With a
+    /// [view-angle table](Texture::Facing) as factor or input, varies over both direction and position.
     Mix {
-        /// Where the factor is 0.
+        /// Texture at a factor of 0.
         a: TextureId,
-        /// Where it is 1.
+        /// Texture at a factor of 1.
         b: TextureId,
-        /// Which share of the second.
+        /// Interpolation factor.
         factor: TextureId,
     },
-    /// The surface's unit geometric normal n in world space as a colour, (n + 1) / 2: its front's, whichever side is seen.
+    /// Unit geometric normal n of the front in world space as the colour (n + 1) / 2.
     Normal,
-    /// Colours by the direction from which a surface is seen: evenly spaced over the cosine between the direction of the path that
-    /// arrives and the shading normal (that of the vertices, before normal maps), from 0, where it is seen at grazing angles, to
-    /// 1, head on; both sides are alike, and values between are linear. At least one.
+    /// View-dependent colour: a linearly interpolated table, evenly spaced over the absolute cosine (0..1) between the incoming path
+    /// and the interpolated vertex normal (before normal maps). At least one entry.
     ///
-    /// Surfaces whose reflection differs with the viewer reflect light not alike in both directions of a path, as in Cycles.
+    /// Such BSDFs are not reciprocal, as in Cycles.
     Facing(Arc<[[f32; 3]]>),
-    /// A function of the point, made of nodes; negative values count as 0. Alpha is 1.
+    /// A node graph; negative values are clamped to 0. Alpha is 1.
     Nodes(Arc<NodeGraph>),
-    /// A measured spectrum, the same everywhere: what it looks like in daylight, or as light, where pictures are not rendered by
-    /// wavelength.
+    /// A constant measured spectrum; in RGB rendering its colour under daylight (reflectance) or as emission.
     Spectrum(Arc<Curve>),
     /// Noise in world space.
     Noise {
-        /// Which noise.
+        /// Noise kind.
         kind: NoiseKind,
         /// Lattice cells per metre.
         frequency: f32,
         /// Octaves of turbulence, 1 to 16.
         octaves: u32,
-        /// Colour where the noise is 0.
+        /// Colour of value 0.
         low: [f32; 3],
-        /// Colour where it is 1.
+        /// Colour of value 1.
         high: [f32; 3],
-        /// Chooses another lattice.
+        /// Random seed of the lattice.
         seed: u32,
     },
 }
 
 impl Texture {
-    /// The image textures that a texture of a scene is made of, itself included, each once.
+    /// Distinct image textures that a texture refers to, directly or not, including itself.
     pub fn images_of(textures: &[Texture], id: TextureId) -> Vec<TextureId> {
-        let (mut images, mut known, mut pending) = (Vec::new(), HashSet::new(), vec![id]);
+        let (mut images, mut visited, mut pending) = (Vec::new(), HashSet::new(), vec![id]);
         while let Some(id) = pending.pop() {
-            let Some(texture) = textures.get(id.index()).filter(|_| known.insert(id)) else { continue };
+            let Some(texture) = textures.get(id.index()).filter(|_| visited.insert(id)) else { continue };
             if let Texture::Image { .. } = texture {
                 images.push(id);
             }
@@ -176,7 +172,7 @@ impl Texture {
         images
     }
 
-    /// The images that a texture of a scene looks into.
+    /// Images that a texture refers to, directly or not.
     pub fn image_ids(textures: &[Texture], id: TextureId) -> BTreeSet<ImageId> {
         let image_of = |id: TextureId| match textures.get(id.index()) {
             Some(Texture::Image { image, .. }) => Some(*image),
@@ -185,7 +181,7 @@ impl Texture {
         Texture::images_of(textures, id).into_iter().filter_map(image_of).collect()
     }
 
-    /// Textures that it is made of, directly.
+    /// Textures that it refers to directly.
     pub fn parts(&self) -> Vec<TextureId> {
         match self {
             Texture::Checker { even, odd, .. } => vec![*even, *odd],
@@ -195,7 +191,7 @@ impl Texture {
         }
     }
 
-    /// Renames the textures that it is made of.
+    /// Replaces the ids of the textures that it refers to directly.
     pub fn map_parts(&mut self, rename: impl Fn(TextureId) -> TextureId) {
         match self {
             Texture::Checker { even, odd, .. } => [even, odd].into_iter().for_each(|id| *id = rename(*id)),

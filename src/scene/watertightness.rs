@@ -1,29 +1,29 @@
-//! Whether the surfaces of a material are closed, so that they bound a solid.
+//! Whether the surfaces of a material are watertight.
 
 use super::{MaterialId, Mesh, Scene};
 use crate::math::DVec3;
 use crate::sampling::hash::mix64;
 use std::collections::HashSet;
 
-/// Properties of a material's surfaces together.
+/// Watertightness of all surfaces of a material together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Watertightness {
-    /// There are none.
+    /// No surfaces.
     None,
-    /// Some end at an edge.
+    /// Some surfaces have borders.
     Open,
-    /// They enclose bodies: each edge belongs to an even number of faces.
+    /// Every edge belongs to an even number of faces.
     Closed,
 }
 
-/// Which objects of a scene have each material, for all materials at once.
+/// The objects that use each material of a scene.
 pub struct MaterialUses<'s> {
     scene: &'s Scene,
-    /// By material.
+    /// Indexed by material.
     of_materials: Vec<Uses>,
 }
 
-/// The objects that have a material, by index; meshes once each, in order.
+/// Indices of the objects that use a material; meshes are sorted and distinct.
 #[derive(Clone, Default)]
 struct Uses {
     meshes: Vec<usize>,
@@ -33,16 +33,16 @@ struct Uses {
 }
 
 impl MaterialUses<'_> {
-    /// The uses of a scene's materials. Objects of materials that don't exist are ignored.
+    /// The uses of a scene's materials. Invalid references are ignored.
     pub fn of(scene: &Scene) -> MaterialUses<'_> {
         let mut of_materials = vec![Uses::default(); scene.materials.len()];
-        let mut add = |id: MaterialId, to: &mut dyn FnMut(&mut Uses)| {
-            of_materials.get_mut(id.index()).map(to).unwrap_or_default();
+        let mut update = |id: MaterialId, change: &mut dyn FnMut(&mut Uses)| {
+            of_materials.get_mut(id.index()).map(change).unwrap_or_default();
         };
         let (mut is_placed, mut replaced) = (vec![false; scene.meshes.len()], HashSet::new());
         for instance in &scene.instances {
             match (instance.material, is_placed.get_mut(instance.mesh.index())) {
-                (Some(own), _) => drop(replaced.insert((own, instance.mesh.index()))),
+                (Some(material), _) => drop(replaced.insert((material, instance.mesh.index()))),
                 (None, Some(is_placed)) => *is_placed = true,
                 (None, None) => {}
             }
@@ -50,11 +50,15 @@ impl MaterialUses<'_> {
         let of_parts = scene.meshes.iter().enumerate().filter(|(i, _)| is_placed[*i]);
         let of_parts = of_parts.flat_map(|(i, mesh)| mesh.parts.iter().map(move |part| (part.material, i)));
         for (id, mesh) in of_parts.chain(replaced.iter().copied()) {
-            add(id, &mut |uses| uses.meshes.push(mesh));
+            update(id, &mut |uses| uses.meshes.push(mesh));
         }
-        scene.quads.iter().enumerate().for_each(|(i, q)| add(q.material, &mut |uses| uses.quads.push(i)));
-        scene.shapes.iter().enumerate().for_each(|(i, s)| add(s.material, &mut |uses| uses.shapes.push(i)));
-        scene.curves.iter().for_each(|curves| add(curves.material, &mut |uses| uses.has_curves = true));
+        scene.quads.iter().enumerate().for_each(|(i, q)| update(q.material, &mut |uses| uses.quads.push(i)));
+        scene
+            .shapes
+            .iter()
+            .enumerate()
+            .for_each(|(i, s)| update(s.material, &mut |uses| uses.shapes.push(i)));
+        scene.curves.iter().for_each(|curves| update(curves.material, &mut |uses| uses.has_curves = true));
         for uses in &mut of_materials {
             uses.meshes.sort_unstable();
             uses.meshes.dedup();
@@ -62,8 +66,8 @@ impl MaterialUses<'_> {
         MaterialUses { scene, of_materials }
     }
 
-    /// Whether all that has a material is watertight together. Meshes count as wholes, since a body may have several materials; quads of one
-    /// material belong together, spheres are always closed.
+    /// Watertightness of a material. Whole meshes are tested, since a body may have several materials; all quads of the material are
+    /// tested together; spheres are always closed.
     pub fn watertightness(&self, material: MaterialId) -> Watertightness {
         let Some(uses) = self.of_materials.get(material.index()) else { return Watertightness::None };
         let (mut edges, mut count) = (EdgeHash::default(), 0);
@@ -86,12 +90,11 @@ impl MaterialUses<'_> {
     }
 }
 
-/// The largest opening of a body, over its surface.
+/// Maximum area of the openings of a solid over its surface area.
 const LARGEST_OPENING: f64 = 0.05;
 
-/// Does a mesh enclose a volume, up to small holes? A bottle does, a window pane of one sheet or a bowl
-/// without thickness does not. The openings are measured by the sum of the triangles' vector areas, which is zero for
-/// closed meshes.
+/// Does a mesh enclose a volume up to small holes (like a bottle, unlike a single-sheet window or bowl)? The area of the
+/// openings is estimated by the sum of the triangles' vector areas, which is zero for closed meshes.
 pub(crate) fn encloses(mesh: &Mesh) -> bool {
     let mut edges = EdgeHash::default();
     edges.add_mesh(mesh);
@@ -108,18 +111,18 @@ pub(crate) fn encloses(mesh: &Mesh) -> bool {
     open.length() <= LARGEST_OPENING * area
 }
 
-/// Does each edge of a mesh belong to several faces? They may be doubled, and run around in any way.
+/// Does each edge of a mesh belong to several faces, of any winding order?
 pub(crate) fn has_no_border(mesh: &Mesh) -> bool {
-    let sides = mesh.triangles.iter().flat_map(|triangle| {
-        let [a, b, c] = mesh.corners(*triangle).map(key);
+    let directed_edges = mesh.triangles.iter().flat_map(|triangle| {
+        let [a, b, c] = mesh.corners(*triangle).map(position_hash);
         [(a, b), (b, c), (c, a)]
     });
-    let mut edges: Vec<u64> = sides.filter(|(a, b)| a != b).map(|(a, b)| of_edge(a, b)).collect();
+    let mut edges: Vec<u64> = directed_edges.filter(|(a, b)| a != b).map(|(a, b)| edge_hash(a, b)).collect();
     edges.sort_unstable();
     !edges.is_empty() && edges.chunk_by(u64::eq).all(|faces| faces.len() > 1)
 }
 
-/// The exclusive or of a number for each edge: 0 if each belongs to an even number of faces (by chance once in 2^64).
+/// XOR of the hashes of all face edges: 0 if every edge belongs to an even number of faces (false positives: 2^-64).
 #[derive(Default)]
 struct EdgeHash {
     sum: u64,
@@ -132,28 +135,28 @@ impl EdgeHash {
         }
     }
 
-    /// Edges go by the positions of their ends: vertices may be split for normals or texture coordinates.
+    /// Vertices are identified by position: they may be split for normals or UVs.
     fn add_polygon(&mut self, corners: &[[f32; 3]]) {
         let Some(&last) = corners.last() else { return };
-        let mut before = key(last);
+        let mut previous = position_hash(last);
         for &corner in corners {
-            let at = key(corner);
-            if at != before {
-                self.sum ^= of_edge(at, before);
+            let point = position_hash(corner);
+            if point != previous {
+                self.sum ^= edge_hash(point, previous);
             }
-            before = at;
+            previous = point;
         }
     }
 }
 
-/// A hash of an edge by those of its ends, the same in both directions.
-fn of_edge(a: u64, b: u64) -> u64 {
+/// Hash of an undirected edge from those of its vertices.
+fn edge_hash(a: u64, b: u64) -> u64 {
     mix64(a.wrapping_add(b))
 }
 
-/// A hash of a position.
-fn key(position: [f32; 3]) -> u64 {
-    // Both zeros are one place.
+/// Hash of a position.
+fn position_hash(position: [f32; 3]) -> u64 {
+    // Maps -0.0 to 0.0.
     let [x, y, z] = position.map(|c| u64::from((c + 0.0).to_bits()));
     mix64(mix64(x | y << 32) ^ (z.wrapping_mul(0x9e37_79b9_7f4a_7c15)))
 }
@@ -164,7 +167,7 @@ mod tests {
     use crate::math::{DAffine3, DVec3};
     use crate::scene::{Instance, Material, MeshId, MeshPart, Quad};
 
-    /// A box of quads with some faces left out.
+    /// Watertightness of a box of which only the first `faces` quads exist.
     fn watertightness_of_box(faces: usize) -> Watertightness {
         let (x, y, z) = (DVec3::X, DVec3::Y * 2.0, DVec3::Z * 3.0);
         let all =
@@ -180,15 +183,15 @@ mod tests {
     }
 
     #[test]
-    fn boxes_are_closed_with_all_their_faces() {
+    fn box_of_quads_is_closed_with_all_faces() {
         assert_eq!([0, 1, 5, 6].map(watertightness_of_box), {
             [Watertightness::None, Watertightness::Open, Watertightness::Open, Watertightness::Closed]
         });
     }
 
-    /// The work for all materials together grows with the objects, not with their product with the materials.
+    /// Linear complexity in the number of objects, regardless of the number of materials.
     #[test]
-    fn each_object_is_noted_for_its_own_materials_only() {
+    fn objects_are_listed_once_per_material() {
         let mut scene = Scene::default();
         for k in 0..100 {
             let material = scene.add_material(Material::lambert(k.to_string(), [0.5; 3]));
@@ -207,9 +210,9 @@ mod tests {
     }
 
     #[test]
-    fn a_hole_makes_no_sheet_of_a_body() {
+    fn small_holes_are_ignored() {
         let n = 12;
-        let at = |i: u32, j: u32| {
+        let point = |i: u32, j: u32| {
             let (theta, phi) =
                 (f64::from(j) * std::f64::consts::PI / 12.0, f64::from(i) * std::f64::consts::TAU / 12.0);
             let p = [theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()];
@@ -220,7 +223,7 @@ mod tests {
             for (i, j) in (first_ring..n).flat_map(|j| (0..n).map(move |i| (i, j))) {
                 let start = mesh.positions.len() as u32;
                 let next = (i + 1) % n;
-                mesh.positions.extend([at(i, j), at(i, j + 1), at(next, j + 1), at(next, j)]);
+                mesh.positions.extend([point(i, j), point(i, j + 1), point(next, j + 1), point(next, j)]);
                 mesh.triangles.extend([[start, start + 1, start + 2], [start, start + 2, start + 3]]);
             }
             mesh
@@ -229,7 +232,7 @@ mod tests {
     }
 
     #[test]
-    fn the_order_of_ends_does_not_matter_but_the_pairing_does() {
+    fn edge_hash_ignores_direction() {
         let sum = |edges: &[[[f32; 3]; 2]]| {
             let mut e = EdgeHash::default();
             edges.iter().for_each(|edge| e.add_polygon(edge));
@@ -242,7 +245,7 @@ mod tests {
         assert_eq!(e.sum, 0);
         e.add_polygon(&[a, b, d]);
         assert_ne!(e.sum, 0);
-        // A polygon of two corners has its edge twice.
+        // A polygon of two vertices has its edge twice.
         assert_eq!(sum(&[[a, b]]), 0);
     }
 }

@@ -58,7 +58,7 @@ fn statements_of_mtl_files_that_don_t_count() {
             "illum 4\nNi 1.5\nmap_Kd a.png",
             vec!["material 'a': 'map_Kd' is ignored: the material is smooth glass by its 'illum'"],
         ),
-        ("Kd 1 0 0\nnewmtl a\nKd 0 1 0", vec!["material 'a' was defined before: the first counts"]),
+        ("Kd 1 0 0\nnewmtl a\nKd 0 1 0", vec!["material 'a' is defined repeatedly: the first is used"]),
     ] {
         assert_eq!(warnings_of_material(statements), expected, "{statements}");
     }

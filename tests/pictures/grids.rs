@@ -186,7 +186,7 @@ fn objects_that_move_without_their_grid_are_reported() {
         ("no grid", homogeneous, None),
     ] {
         let (_, report) = compile(&scene, &CompileOptions::default()).expect("the scene compiles");
-        let reported = report.warnings.iter().map(ToString::to_string).find(|w| w.contains("stands still"));
+        let reported = report.warnings.iter().map(ToString::to_string).find(|w| w.contains("is static"));
         assert_eq!(reported.is_some(), name.is_some(), "{what}: {reported:?}");
         if let (Some(reported), Some(name)) = (reported, name) {
             assert!(

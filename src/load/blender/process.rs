@@ -1,4 +1,4 @@
-//! Runs the exporter.
+//! Runs the exporter in a Blender or Python process.
 
 use crate::error::{Choice, Error, Result};
 use crate::load::{LoadOptions, ShutterPosition, formats};
@@ -9,10 +9,10 @@ use std::path::{Path, PathBuf, absolute};
 use std::process::{Command, ExitStatus, Stdio};
 use std::{env, fs};
 
-/// The name of the model in the folder of an export.
+/// File name of the exported model, without extension.
 pub(super) const MODEL: &str = "scene";
 
-/// The package of the exporter, by file.
+/// The exporter's Python package: file names and contents.
 const PACKAGE: &[(&str, &str)] = &[
     ("__init__.py", include_str!("../../../tools/blender/oscura_blender/__init__.py")),
     ("adaptive.py", include_str!("../../../tools/blender/oscura_blender/adaptive.py")),
@@ -65,14 +65,15 @@ const PACKAGE: &[(&str, &str)] = &[
 /// The script that runs the exporter.
 const SCRIPT: &str = include_str!("../../../tools/blender/export.py");
 
-/// The script that imports files of other programs and runs the exporter, and its messages about the import.
+/// The script that imports files of other programs and runs the exporter.
 const IMPORT: &str = include_str!("../../../tools/blender/import.py");
+/// File name of the import's messages.
 const IMPORTED: &str = "imported.json";
 
 /// Maximum number of lines of the output of a failed process in an error.
 const MAX_LOG_LINES: usize = 12;
 
-/// Exports a file into `folder`; with `links`, images there may be symbolic links. `work` is for temporary files.
+/// Exports a file into `folder`; if `links` is set, images may be symbolic links. Temporary files go to `work`.
 pub(super) fn run(
     host: &Host,
     file: &Path,
@@ -101,7 +102,7 @@ pub(super) fn run(
         Some(mut report) if status.success() && report.error.is_none() => {
             let imported = fs::read(work.join(IMPORTED)).ok().and_then(|bytes| Report::parse(&bytes));
             if let Some(imported) = imported {
-                // Imported models need no camera, and the settings of Blender's empty scene don't matter to them.
+                // The empty scene that holds imported models has no camera and only default settings.
                 report.warnings.retain(|(_, message)| message != "has no active camera");
                 report.notes.retain(|(_, message)| !message.starts_with("Cycles"));
                 report.warnings.splice(0..0, imported.warnings);
@@ -116,7 +117,7 @@ pub(super) fn run(
     }
 }
 
-/// Writes the files of the exporter to `work`; returns the script to run.
+/// Writes the exporter's files to `work`; returns the path of the script to run.
 fn unpack(work: &Path, is_imported_by_blender: bool) -> std::io::Result<PathBuf> {
     let package = work.join("oscura_blender");
     fs::create_dir(&package)?;
@@ -137,14 +138,14 @@ fn command(host: &Host, script: &Path) -> Command {
     command
 }
 
-/// Options of the user as arguments of the script.
+/// Command line arguments of the script.
 fn arguments(options: &LoadOptions) -> Vec<(&'static str, OsString)> {
     let frame = options.blender.frame.map(|frame| ("--frame", frame.to_string().into()));
     let time =
         options.gltf.time_s.filter(|_| frame.is_none()).map(|time| ("--time", format!("{time:?}").into()));
     let scene = options.gltf.scene.clone().map(|scene| ("--scene", scene.into()));
     let layer = options.blender.view_layer.clone().map(|layer| ("--view-layer", layer.into()));
-    // The process has another working directory. A relative path stays if there is no current one.
+    // The process has another working directory. Paths stay relative if the current directory is unknown.
     let absolute = |folder: &PathBuf| absolute(folder).unwrap_or_else(|_| folder.clone());
     let cache = options.blender.cache.as_ref().map(|f| ("--cache", absolute(f).into_os_string()));
     let bake = options.blender.bake.map(|edge| ("--bake", edge.to_string().into()));
@@ -157,7 +158,7 @@ fn arguments(options: &LoadOptions) -> Vec<(&'static str, OsString)> {
     all.into_iter().flatten().collect()
 }
 
-/// The message about a child process that wrote no report.
+/// The error for a process that wrote no report.
 fn failure(host: &Host, file: &Path, status: ExitStatus, log: &Path) -> Error {
     let text = fs::read(log).unwrap_or_default();
     let text = String::from_utf8_lossy(&text);
@@ -179,13 +180,12 @@ fn failure(host: &Host, file: &Path, status: ExitStatus, log: &Path) -> Error {
     }
 }
 
-// Finds Blender: the user's path, else the search path, else the usual installation folders; else a Python that has it as
-// the module `bpy`.
+// Search for Blender: the user's path, else `PATH`, else the usual installation folders, else a Python with `bpy`.
 
-/// The environment variable that names the program.
+/// The environment variable with the path of Blender or Python.
 const VARIABLE: &str = "OSCURA_BLENDER";
 
-/// The oldest Blender that the exporter works with.
+/// The oldest supported version of Blender.
 const OLDEST: [u32; 2] = [4, 2];
 
 /// The help text of errors about a missing Blender.
@@ -215,7 +215,7 @@ impl Host {
     }
 }
 
-/// Finds the program that runs the exporter for a file; `user_path` is the user's choice.
+/// Finds the program that runs the exporter; `user_path` takes precedence.
 pub(super) fn find(file: &Path, user_path: Option<&Path>) -> Result<Host> {
     let variable = || env::var_os(VARIABLE).filter(|v| !v.is_empty()).map(PathBuf::from);
     let named = user_path
@@ -246,7 +246,7 @@ pub(super) fn find(file: &Path, user_path: Option<&Path>) -> Result<Host> {
     Err(Error::input(file, message).with_help(remedy()))
 }
 
-/// A program's version; else an error message.
+/// Classifies a program by its `--version` output; else an error message.
 fn identify(program: &Path) -> std::result::Result<Host, String> {
     let message = output(program, &["--version"])?;
     if message.lines().any(|line| line.starts_with("Python 3")) {
@@ -276,17 +276,17 @@ fn output(program: &Path, arguments: &[&str]) -> std::result::Result<String, Str
     }
 }
 
-/// The executable that a path names: itself, or one in a folder or in a macOS application.
+/// The executable at a path: the file itself, or the one within a folder or macOS application.
 fn executable_at(path: &Path) -> PathBuf {
     let names = ["blender", "blender.exe", "Contents/MacOS/Blender", "bin/python3", "Scripts/python.exe"];
     let found = || names.iter().map(|name| path.join(name)).find(|p| p.is_file());
     if path.is_dir() { found().unwrap_or_else(|| path.to_path_buf()) } else { path.to_path_buf() }
 }
 
-/// Programs that may be Blender: that of the search path first, then the newest by name.
+/// Candidates for Blender: the one on `PATH`, then installed ones, newest version first.
 fn programs() -> Vec<PathBuf> {
     let mut folders: Vec<PathBuf> = Vec::new();
-    let mut look = |parent: PathBuf| {
+    let mut add_from = |parent: PathBuf| {
         let entries = fs::read_dir(parent).into_iter().flatten().flatten().map(|entry| entry.path());
         let is_named = |p: &PathBuf| {
             p.file_name().is_some_and(|n| n.to_string_lossy().to_ascii_lowercase().starts_with("blender"))
@@ -298,7 +298,7 @@ fn programs() -> Vec<PathBuf> {
         .map(PathBuf::from)
         .chain(env::var_os("ProgramFiles").map(|p| PathBuf::from(p).join("Blender Foundation")))
         .chain(home().into_iter().flat_map(|h| ["", "Applications", "Downloads"].map(|f| h.join(f))))
-        .for_each(&mut look);
+        .for_each(&mut add_from);
     folders.sort_by_key(|folder| folder.file_name().map(version_in));
     folders.reverse();
     let installed = folders.iter().map(|folder| executable_at(folder)).filter(|p| p.is_file());
@@ -309,13 +309,13 @@ fn home() -> Option<PathBuf> {
     env::var_os("HOME").or_else(|| env::var_os("USERPROFILE")).map(PathBuf::from)
 }
 
-/// The numbers in a file's name, for its order.
+/// The numbers in a file name, to sort by version.
 fn version_in(name: &OsStr) -> Vec<u32> {
     let name = name.to_string_lossy();
     name.split(|c: char| !c.is_ascii_digit()).filter_map(|n| n.parse().ok()).collect()
 }
 
-/// A program of the search path.
+/// A program on `PATH`.
 fn on_path(name: &&str) -> Option<PathBuf> {
     let folders = env::var_os("PATH")?;
     let file = format!("{name}{}", env::consts::EXE_SUFFIX);
@@ -324,16 +324,16 @@ fn on_path(name: &&str) -> Option<PathBuf> {
 
 // The exporter's report.
 
-/// Pairs of a place (a material, an object; empty for the whole file) and a message.
+/// Pairs of a location (material or object name; empty for the whole file) and a message.
 type Messages = Vec<(String, String)>;
 
-/// The exporter's answer.
+/// The exporter's report.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct Report {
-    /// The reason if the export failed.
+    /// Error message of a failed export.
     pub error: Option<String>,
-    /// Time of the picture in the animations, seconds, if there are any.
+    /// Time of the rendered frame in the animations, seconds; `None` without animations.
     pub moment: Option<f64>,
     /// Frames per second of the animations.
     pub fps: Option<f64>,
@@ -344,7 +344,7 @@ pub(super) struct Report {
 }
 
 impl Report {
-    /// Parses the report; `None` if it is not valid.
+    /// Parses the report; `None` if it is invalid.
     pub fn parse(bytes: &[u8]) -> Option<Report> {
         serde_json::from_slice(bytes).ok()
     }
@@ -355,7 +355,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_package_has_all_its_files() {
+    fn the_package_lists_all_exporter_files() {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tools/blender/oscura_blender");
         let names =
             fs::read_dir(folder).expect("the package").map(|entry| entry.expect("an entry").file_name());
@@ -371,7 +371,7 @@ mod host_tests {
     use super::*;
 
     #[test]
-    fn versions() {
+    fn versions_are_parsed() {
         assert_eq!(numbers("4.5.15 LTS"), Some([4, 5]));
         assert_eq!(numbers("5.0.1"), Some([5, 0]));
         assert_eq!(numbers("new"), None);

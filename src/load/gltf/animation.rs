@@ -1,5 +1,5 @@
-//! Animations at one time: animated transforms of nodes and weights of morph targets. All animations
-//! of the file play together; where two move the same thing, the first counts.
+//! Evaluates animations at one time: node transforms and morph target weights. All animations of the file play together;
+//! if two drive the same property, the first in the file wins.
 
 use super::buffers::Accessor;
 use super::document::{Document, index_of, pointer, required};
@@ -10,10 +10,10 @@ use serde_json::Value;
 use std::collections::{BTreeMap, HashMap};
 use std::rc::Rc;
 
-/// Single weights that pointers name are below this: more morph targets than any mesh has.
+/// Upper bound (exclusive) of morph target indices in animation pointers.
 const MAX_WEIGHTS: usize = 1 << 16;
 
-/// Animated properties of one node; `None` leaves the file's own value.
+/// Animated properties of one node; `None` keeps the node's static value.
 #[derive(Default)]
 pub(super) struct NodePose {
     /// Translation.
@@ -22,7 +22,7 @@ pub(super) struct NodePose {
     pub rotation: Option<DQuat>,
     /// Scale.
     pub scale: Option<DVec3>,
-    /// Weights of the morph targets of its mesh.
+    /// Morph target weights.
     pub weights: WeightsPose,
 }
 
@@ -55,26 +55,26 @@ impl NodePose {
 /// Animated weights of morph targets.
 #[derive(Clone, Default)]
 pub(super) struct WeightsPose {
-    /// All of them.
+    /// The weights of all targets.
     all: Option<Vec<f32>>,
-    /// Single ones, by index.
+    /// Individually animated weights, by target index.
     single: BTreeMap<usize, f32>,
 }
 
 impl WeightsPose {
-    /// Is any animated?
+    /// Is any weight animated?
     pub fn moves(&self) -> bool {
         self.all.is_some() || !self.single.is_empty()
     }
 
-    /// How many there are, where all are animated together.
+    /// Number of weights, if all are animated together.
     pub fn count(&self) -> Option<usize> {
         self.all.as_ref().map(Vec::len)
     }
 
-    /// The weights, where those of the file are such.
-    pub fn over(&self, of_file: Vec<f32>) -> Vec<f32> {
-        let mut weights = self.all.clone().unwrap_or(of_file);
+    /// The static weights, overridden by the animated ones.
+    pub fn over(&self, static_weights: Vec<f32>) -> Vec<f32> {
+        let mut weights = self.all.clone().unwrap_or(static_weights);
         for (&index, &weight) in &self.single {
             weights.resize(weights.len().max(index + 1), 0.0);
             weights[index] = weight;
@@ -82,7 +82,7 @@ impl WeightsPose {
         weights
     }
 
-    /// Are all driven, or the single one?
+    /// Is any weight animated, or the single one?
     fn has(&self, single: Option<usize>) -> bool {
         match single {
             Some(index) => self.all.is_some() || self.single.contains_key(&index),
@@ -99,13 +99,13 @@ impl WeightsPose {
     }
 }
 
-/// Animated properties, by index.
+/// Animated properties of nodes and meshes, by index.
 #[derive(Default)]
 pub(super) struct Pose {
     nodes: HashMap<usize, NodePose>,
-    /// Weights of meshes, which hold for the nodes that have none of their own.
+    /// Weights of meshes, for nodes without their own.
     meshes: HashMap<usize, WeightsPose>,
-    /// How many animations were read.
+    /// Number of animations in the file.
     pub animations: usize,
 }
 
@@ -126,27 +126,27 @@ impl Pose {
     }
 }
 
-/// The part of the pose that a channel drives.
+/// Target of a channel.
 #[derive(Clone, Copy)]
 pub(super) enum Posed {
-    /// A property of a node.
+    /// Property of a node (by index).
     Node(usize, Property),
-    /// All weights of a mesh's morph targets, or a single one.
+    /// Morph target weights of a mesh (by index): all, or the one at an index.
     MeshWeights(usize, Option<usize>),
 }
 
-/// The property of a node that a channel drives.
+/// Animated property of a node.
 #[derive(Clone, Copy)]
 pub(super) enum Property {
     Translation,
     Rotation,
     Scale,
-    /// All weights of its morph targets, or a single one.
+    /// Morph target weights: all, or the one at an index.
     Weights(Option<usize>),
 }
 
-/// The pose at a time, seconds. Before a channel's first key its first value holds, after its last key the last
-/// (glTF 2.0, section 3.11).
+/// Evaluates the pose at a time, seconds; channels are constant before their first and after their last key (glTF 2.0,
+/// section 3.11).
 pub(super) fn pose(doc: &Document, time_s: f64, report: &mut Report) -> Pose {
     let mut reader = Reader {
         doc,
@@ -164,17 +164,17 @@ pub(super) fn pose(doc: &Document, time_s: f64, report: &mut Report) -> Pose {
             continue;
         };
         for (c, channel) in channels.iter().enumerate() {
-            // Errors of a channel don't concern the others.
+            // Channels with errors are skipped; the report has the problem.
             let _: Valid<()> = reader.channel(animation, channel, &format!("{at}/{c}"), report);
         }
     }
     if reader.targetless > 0 {
-        let message = format!("{} channels move no node; they stand still", reader.targetless);
+        let message = format!("{} channels have no target node and are ignored", reader.targetless);
         report.warn("/animations", ("channels-without-node", message));
     }
     if reader.doubled > 0 {
         let message = format!(
-            "{} channels move what an earlier animation moves already; the first in the file counts",
+            "{} channels drive properties of earlier animations and are ignored: the first in the file counts",
             reader.doubled
         );
         report.warn("/animations", ("channels-without-node", message));
@@ -200,7 +200,7 @@ impl Reader<'_, '_> {
         };
         let path = target.get("path").and_then(Value::as_str).unwrap_or_default();
         let posed = if path == "pointer" {
-            // Other pointers change the document before it is read.
+            // Other pointers are applied to the JSON document beforehand.
             let Some(posed) = of_pose(target) else { return Ok(()) };
             match posed {
                 Posed::Node(node, _) => self.doc.raw("nodes", node, &format!("{at}/target/node"), report)?,
@@ -211,19 +211,18 @@ impl Reader<'_, '_> {
             posed
         } else {
             let Some(node) = index_of(target, "node", &format!("{at}/target"), report)? else {
-                // The channel is an extension's.
+                // Channels of extensions have no target node.
                 self.targetless += 1;
                 return Ok(());
             };
             self.doc.raw("nodes", node, &format!("{at}/target/node"), report)?;
             let property = property(path).ok_or_else(|| {
-                let message = format!("'{path}' is not known; the channel stands still");
+                let message = format!("'{path}' is not known; the channel is ignored");
                 report.warn(format!("{at}/target/path"), message)
             })?;
             Posed::Node(node, property)
         };
         let (nodes, meshes) = (&mut self.pose.nodes, &mut self.pose.meshes);
-        // Another channel may have driven the same before.
         let is_doubled = match posed {
             Posed::Node(node, property) => nodes.get(&node).is_some_and(|pose| pose.has(property)),
             Posed::MeshWeights(mesh, single) => meshes.get(&mesh).is_some_and(|pose| pose.has(single)),
@@ -244,7 +243,7 @@ impl Reader<'_, '_> {
 }
 
 impl Posed {
-    /// The type of a key's value.
+    /// Type of the keyframe values.
     fn element(self) -> Element {
         match self {
             Posed::Node(_, Property::Translation | Property::Scale) => Element::Numbers(3),
@@ -257,7 +256,7 @@ impl Posed {
     }
 }
 
-/// The property of a node that a path names, if it is of its pose.
+/// The animated property that a channel's `path` names.
 fn property(path: &str) -> Option<Property> {
     match path {
         "translation" => Some(Property::Translation),
@@ -268,7 +267,7 @@ fn property(path: &str) -> Option<Property> {
     }
 }
 
-/// The part of the pose that the pointer of a channel's target (KHR_animation_pointer) leads to, if it is one.
+/// The pose property that a KHR_animation_pointer of a channel's target refers to; `None` for other properties.
 pub(super) fn of_pose(target: &Value) -> Option<Posed> {
     let pointer = target.pointer("/extensions/KHR_animation_pointer/pointer")?.as_str()?;
     let steps: Vec<&str> = pointer.split('/').collect();
@@ -291,26 +290,26 @@ fn unit(q: DQuat, at: &str, report: &mut Report) -> Valid<DQuat> {
     if q.length() > 1e-6 {
         return Ok(q.normalize());
     }
-    Err(report.warn(at, "has a rotation of length 0; the channel stands still"))
+    Err(report.warn(at, "has a rotation of length 0; the channel is ignored"))
 }
 
-// Animation samplers: keyframes in accessors, and the value at a time.
+// Animation samplers: keyframes in accessors, and their values at a time.
 
-/// The property that a channel drives.
+/// Type of a channel's keyframe values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Element {
-    /// Values of 1 to 4 numbers.
+    /// Vectors of 1 to 4 numbers.
     Numbers(usize),
     /// A unit quaternion.
     Rotation,
-    /// Weights of morph targets, however many.
+    /// Any number of morph target weights.
     Weights,
-    /// Something that is on or off.
+    /// A boolean.
     Flag,
 }
 
 impl Element {
-    /// Components of an element of the output.
+    /// Components of an output element.
     fn width(self) -> usize {
         match self {
             Element::Numbers(count) => count,
@@ -329,12 +328,12 @@ pub(super) struct Samplers<'d, 'a> {
 }
 
 impl<'d, 'a> Samplers<'d, 'a> {
-    /// The samplers of a file at a time, seconds.
+    /// The samplers of a file, to be evaluated at a time, seconds.
     pub fn new(doc: &'d Document<'a>, time_s: f64) -> Samplers<'d, 'a> {
         Samplers { doc, time_s, times: HashMap::new() }
     }
 
-    /// The value of a channel at that time.
+    /// Evaluates a channel.
     pub fn value(
         &mut self,
         animation: &Value,
@@ -365,9 +364,7 @@ impl<'d, 'a> Samplers<'d, 'a> {
         let times = self.key_times(input?, at, report)?;
         let values = self.values(output?, element, at, report)?;
         if element == Element::Flag && interpolation != Interpolation::Step {
-            return Err(
-                report.problem(at, "switches something on and off, which needs the interpolation STEP")
-            );
+            return Err(report.problem(at, "animates a boolean, which needs the interpolation STEP"));
         }
         let parts = if interpolation == Interpolation::Cubic { 3 } else { 1 };
         let per_key = values.len().checked_div(times.len() * parts).unwrap_or(0);
@@ -379,7 +376,7 @@ impl<'d, 'a> Samplers<'d, 'a> {
         let track = Track { times: &times, values: &values, width: per_key, interpolation };
         let value = track.at(self.time_s, element == Element::Rotation);
         if value.iter().any(|v| !v.is_finite()) {
-            return Err(report.warn(at, "has values that are not finite numbers; the channel stands still"));
+            return Err(report.warn(at, "has values that are not finite numbers; the channel is ignored"));
         }
         Ok(value)
     }
@@ -399,14 +396,14 @@ impl<'d, 'a> Samplers<'d, 'a> {
             let message = format!("holds {}; the times of keys are SCALAR of F32", accessor.contents());
             return Err(report.problem(accessor.pointer.clone(), message));
         }
-        let mut times = vec![[0.0]; self.affordable(&accessor, report)?];
+        let mut times = vec![[0.0]; self.checked_count(&accessor, report)?];
         accessor.read_floats(&mut times);
         let times = times.into_flattened();
         let increase = times.windows(2).all(|w| w[0] <= w[1]) && times.iter().all(|t| t.is_finite());
         if !increase || times.is_empty() {
             return Err(report.warn(
                 accessor.pointer.clone(),
-                "holds key times that do not increase; what they drive stands still",
+                "holds key times that do not increase; their channels are ignored",
             ));
         }
         Ok(times)
@@ -427,12 +424,12 @@ impl<'d, 'a> Samplers<'d, 'a> {
             _ => (accessor.component == ComponentType::F32 || small, "F32"),
         };
         if accessor.kind != kind || !is_fit {
-            let wanted = format!("{kind:?}").to_uppercase();
+            let expected = format!("{kind:?}").to_uppercase();
             let message =
-                format!("holds {}; this channel needs {wanted} of {component}", accessor.contents());
+                format!("holds {}; this channel needs {expected} of {component}", accessor.contents());
             return Err(report.problem(accessor.pointer.clone(), message));
         }
-        let count = self.affordable(&accessor, report)?;
+        let count = self.checked_count(&accessor, report)?;
         Ok(match width {
             1 => read::<1>(&accessor, count),
             2 => read::<2>(&accessor, count),
@@ -441,7 +438,8 @@ impl<'d, 'a> Samplers<'d, 'a> {
         })
     }
 
-    fn affordable(&self, accessor: &Accessor, report: &mut Report) -> Valid<usize> {
+    /// The number of elements, if within the decoding budget.
+    fn checked_count(&self, accessor: &Accessor, report: &mut Report) -> Valid<usize> {
         let bytes = (accessor.count as u64).saturating_mul(16);
         if !self.doc.may_decode(bytes) {
             return Err(report
@@ -457,27 +455,26 @@ fn read<const N: usize>(accessor: &Accessor, count: usize) -> Vec<f32> {
     values.into_flattened()
 }
 
-// Keys of one channel of an animation, and what holds between them.
+// Keys of one animation channel, and their interpolation.
 
 /// Interpolation between two keys.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Interpolation {
-    /// The first.
+    /// The value of the earlier key.
     Step,
     /// Linear; for rotations slerp along the shorter arc.
     Linear,
-    /// A Hermite spline.
+    /// Cubic Hermite spline.
     Cubic,
 }
 
-/// Keys of one channel. `values` holds `width` numbers per key; with cubic splines the in-tangent, the value and the
-/// out-tangent of each.
+/// Keys of one channel.
 pub(super) struct Track<'t> {
-    /// Seconds, not decreasing.
+    /// Key times, seconds, not decreasing.
     pub times: &'t [f32],
-    /// Values at each key.
+    /// `width` numbers per key; for cubic splines three times as many: in-tangent, value and out-tangent.
     pub values: &'t [f32],
-    /// Numbers of a value.
+    /// Numbers per value.
     pub width: usize,
     /// Interpolation between the keys.
     pub interpolation: Interpolation,
@@ -507,7 +504,6 @@ impl Track<'_> {
             return (0..self.width).map(blend).collect();
         }
         if is_rotation {
-            // Slerp along the shorter arc.
             let [a, b] = [from, to].map(|v| DQuat::from_slice(&v));
             return a.normalize().slerp(b.normalize(), t).to_array().to_vec();
         }
@@ -539,7 +535,7 @@ mod tests {
     }
 
     #[test]
-    fn steps_and_lines_hold_outside_their_keys() {
+    fn step_and_linear_are_constant_outside_their_keys() {
         let (times, values) = ([1.0, 2.0, 4.0], [10.0, 20.0, 40.0]);
         let linear = track(&times, &values, 1, Interpolation::Linear);
         let step = track(&times, &values, 1, Interpolation::Step);
@@ -550,9 +546,9 @@ mod tests {
         }
     }
 
-    /// The Hermite spline through x^3 from 0 to 2 is x^3 itself; tangents are a unit of time's.
+    /// The Hermite spline of x^3 from 0 to 2 is x^3 itself; tangents are per unit of time.
     #[test]
-    fn splines_follow_a_cubic() {
+    fn splines_reproduce_a_cubic() {
         let (times, values) = ([0.0, 2.0], [0.0, 0.0, 0.0, 12.0, 8.0, 12.0]);
         let spline = track(&times, &values, 1, Interpolation::Cubic);
         for t in [0.0, 0.3, 1.0, 1.7, 2.0] {
@@ -560,9 +556,9 @@ mod tests {
         }
     }
 
-    /// From the identity to a quarter turn, written with the other sign: halfway is an eighth turn, not the long way.
+    /// From the identity to a quarter turn as the negated quaternion: halfway is an eighth turn.
     #[test]
-    fn rotations_go_the_short_way() {
+    fn rotations_take_the_shorter_arc() {
         let end = -DQuat::from_rotation_z(std::f64::consts::FRAC_PI_2);
         let values: Vec<f32> =
             [0.0, 0.0, 0.0, 1.0].into_iter().chain(end.to_array().map(|v| v as f32)).collect();

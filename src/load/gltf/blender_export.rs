@@ -1,4 +1,4 @@
-//! Detects and reports what Blender's own glTF exporter dropped.
+//! Detects and reports losses of Blender's own glTF exporter.
 
 use super::document::{Document, list_of_indices};
 use super::materials::ExportLosses;
@@ -13,7 +13,7 @@ use serde_json::Value;
 use std::collections::HashSet;
 use std::path::Path;
 
-/// Losses of Blender's own exporter that the file shows; `None` for other writers. `export_losses`: one per material.
+/// Detectable losses of Blender's own exporter; `None` for other exporters. `export_losses`: one per material.
 pub(super) fn blender_losses(
     doc: &Document,
     hierarchy: &Hierarchy,
@@ -25,32 +25,37 @@ pub(super) fn blender_losses(
         return None;
     }
     let lights = lights(doc, hierarchy, report);
-    let named = |is_meant: &dyn Fn(&ExportLosses) -> bool| {
+    let materials_with = |predicate: &dyn Fn(&ExportLosses) -> bool| {
         let materials = scene.materials.iter().zip(export_losses);
-        each_once(materials.filter(|(_, export_losses)| is_meant(export_losses)).map(|(m, _)| m.name.clone()))
+        without_duplicates(
+            materials.filter(|(_, export_losses)| predicate(export_losses)).map(|(m, _)| m.name.clone()),
+        )
     };
     Some(BlenderExport {
-        white: named(&|s| s.is_white),
-        rough_metal: named(&|s| s.is_rough_metal),
-        lost: named(&|s| s.is_lost),
-        unused_alpha: named(&|s| s.ignores_alpha_of.is_some_and(|texture| has_alpha(scene, texture))),
+        white: materials_with(&|s| s.is_white),
+        rough_metal: materials_with(&|s| s.is_rough_metal),
+        lost: materials_with(&|s| s.is_lost),
+        unused_alpha: materials_with(&|s| {
+            s.ignores_alpha_of.is_some_and(|texture| has_alpha(scene, texture))
+        }),
         enclosing: enclosing(scene, export_losses, &lights),
         lights: lights.into_iter().map(|(name, _)| name).collect(),
     })
 }
 
-/// Words in the names of lights; by the first two alone a name is known.
+/// Substrings of names of lights.
 const PARTS_OF_NAMES: [&str; 3] = ["light", "lamp", "softbox"];
+/// Whole words in names of lights.
 const NAMES: [&str; 6] = ["area", "sun", "spot", "key", "fill", "rim"];
 
-/// Is it a name that lights have?
-fn is_of_lamp(name: &str) -> bool {
+/// Does a name suggest a light?
+fn is_light_name(name: &str) -> bool {
     let lower = name.to_lowercase();
     let mut words = lower.split(|c: char| !c.is_alphabetic());
     PARTS_OF_NAMES.iter().any(|part| lower.contains(part)) || words.any(|word| NAMES.contains(&word))
 }
 
-/// Empty nodes named like lights, with their positions; joints of skins and nodes with children don't count.
+/// Empty nodes named like lights, with their world transforms; without joints of skins and nodes with children.
 fn lights(doc: &Document, hierarchy: &Hierarchy, report: &mut Report) -> Vec<(String, DAffine3)> {
     let skins = doc.json.get("skins").and_then(Value::as_array).into_iter().flatten();
     let joints: HashSet<usize> =
@@ -62,12 +67,12 @@ fn lights(doc: &Document, hierarchy: &Hierarchy, report: &mut Report) -> Vec<(St
     let empties = hierarchy.empties(doc);
     empties
         .into_iter()
-        .filter(|(index, name, _)| is_leaf(*index) && is_of_lamp(name))
+        .filter(|(index, name, _)| is_leaf(*index) && is_light_name(name))
         .map(|(_, n, m)| (n, m))
         .collect()
 }
 
-/// Is alpha below 1 somewhere in a texture's image?
+/// Has a texture's image texels with alpha below 1?
 fn has_alpha(scene: &Scene, texture: TextureId) -> bool {
     let Some(Texture::Image { image, .. }) = scene.textures.get(texture.index()) else { return false };
     let Some(image) = scene.images.get(image.index()) else { return false };
@@ -75,7 +80,7 @@ fn has_alpha(scene: &Scene, texture: TextureId) -> bool {
     if n != 2 && n != 4 {
         return false;
     }
-    // Damage is reported when the scene is compiled.
+    // Damaged images are reported when the scene is compiled.
     let Ok(Image { pixels, .. }) = image.decoded(&mut Vec::new()) else { return false };
     match &*pixels {
         Pixels::U8(data) => data.chunks_exact(n).any(|p| p[n - 1] < u8::MAX),
@@ -85,7 +90,7 @@ fn has_alpha(scene: &Scene, texture: TextureId) -> bool {
     }
 }
 
-/// Objects all of whose materials are lost, with a camera or a light inside.
+/// Names of objects whose materials are all lost and whose bounding box contains a camera or a light, with its name.
 fn enclosing(
     scene: &Scene,
     export_losses: &[ExportLosses],
@@ -111,11 +116,11 @@ fn enclosing(
         let (what, _) = inside.iter().find(|(_, p)| p.cmpgt(low).all() && p.cmplt(high).all())?;
         is_lost(index).then(|| (scene.instances[index].name.clone(), what.clone()))
     });
-    each_once(found)
+    without_duplicates(found)
 }
 
-/// Things without those that came before.
-fn each_once<T: PartialEq>(all: impl Iterator<Item = T>) -> Vec<T> {
+/// Removes duplicates, keeping the first.
+fn without_duplicates<T: PartialEq>(all: impl Iterator<Item = T>) -> Vec<T> {
     all.fold(Vec::new(), |mut list, item| {
         if !list.contains(&item) {
             list.push(item);
@@ -124,13 +129,10 @@ fn each_once<T: PartialEq>(all: impl Iterator<Item = T>) -> Vec<T> {
     })
 }
 
-// Says what Blender's own exporter leaves out of glTF files.
-
 /// Maximum number of names in one warning.
-const LISTED: usize = 8;
+const MAX_NAMES: usize = 8;
 
-/// Warns of what Blender's exporter dropped. Where a sidecar adds what the model can't store, its writer
-/// knows.
+/// Adds warnings about the losses of Blender's exporter. Not called for models with a sidecar that restores them.
 pub(in crate::load) fn warn_of_losses(path: &Path, loaded: &mut Loaded) {
     let Some(lost) = &loaded.blender else { return };
     let about = |(code, message): (&'static str, String)| Warning::new(path, "", (code, message));
@@ -151,7 +153,7 @@ fn warnings(lost: &BlenderExport) -> Vec<(&'static str, String)> {
     if let Some(names) = list("node", lights) {
         notes.push((
             "lost-area-lights",
-            format!("{names} without contents may have been area lights, which Blender does not export"),
+            format!("{names} without contents may have been area lights, which Blender's exporter drops"),
         ));
     }
     if let Some(names) = list("material", white) {
@@ -174,16 +176,16 @@ fn warnings(lost: &BlenderExport) -> Vec<(&'static str, String)> {
     }
     for (object, inside) in enclosing {
         notes.push(("lost-volume", format!(
-            "object '{object}' with a lost material encloses the {inside}: it may have been a volume, and hides all else"
+            "object '{object}' with a lost material encloses the {inside}: it may have been a volume, and occludes the scene"
         )));
     }
     notes
 }
 
-/// Names of things of a kind, if there are any.
+/// A list of quoted names for messages; `None` if empty.
 fn list(kind: &str, names: &[String]) -> Option<String> {
-    let quoted: Vec<String> = names.iter().take(LISTED).map(|name| format!("'{name}'")).collect();
-    let more = match names.len().checked_sub(LISTED) {
+    let quoted: Vec<String> = names.iter().take(MAX_NAMES).map(|name| format!("'{name}'")).collect();
+    let more = match names.len().checked_sub(MAX_NAMES) {
         None | Some(0) => String::new(),
         Some(more) => format!(" and {more} more"),
     };
@@ -193,17 +195,17 @@ fn list(kind: &str, names: &[String]) -> Option<String> {
 
 #[cfg(test)]
 mod tests {
-    use super::is_of_lamp;
+    use super::is_light_name;
 
     #[test]
-    fn lamps_are_known_by_their_names() {
+    fn lights_are_recognised_by_their_names() {
         let lights =
             ["Area", "Area.001", "key_light", "KeyLight", "Rim", "Lamp.003", "SOFTBOX left", "fill-2"];
-        assert!(lights.iter().all(|name| is_of_lamp(name)));
+        assert!(lights.iter().all(|name| is_light_name(name)));
         assert!(
             !["Empty", "Keyboard", "Rimini", "Sunday", "target", "arena", "spine.001"]
                 .iter()
-                .any(|n| is_of_lamp(n))
+                .any(|n| is_light_name(n))
         );
     }
 }

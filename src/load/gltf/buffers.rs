@@ -1,4 +1,4 @@
-//! Buffers and buffer views, checked before anything looks into them.
+//! Buffers, buffer views, accessors and URIs, with bounds checks.
 
 use super::document::{DecodedAccessor, Document, pointer};
 use super::meshopt;
@@ -18,14 +18,14 @@ use std::path::{Path, PathBuf};
 /// The bytes of a buffer view.
 #[derive(Clone, Copy)]
 pub(super) struct BufferView<'d> {
-    /// All its bytes.
+    /// The whole view.
     pub bytes: &'d [u8],
-    /// From one element to the next, if the file says so.
+    /// Bytes between elements, if the view has a `byteStride`.
     pub stride: Option<usize>,
 }
 
 impl<'a> Document<'a> {
-    /// The bytes of a buffer view, inside its buffer for certain; `from` points to what refers to it.
+    /// The bounds-checked bytes of a buffer view; `from` is the JSON pointer of the reference to it.
     pub fn view(&self, index: usize, from: &str, report: &mut Report) -> Valid<BufferView<'_>> {
         let view: buffer::View = self.entry("bufferViews", index, from, report)?;
         let at = pointer("bufferViews", index);
@@ -35,7 +35,7 @@ impl<'a> Document<'a> {
         }
         if let Some((place, packed)) = meshopt::packed(&self.json, &at) {
             let unpack = || report.lasting(|report| self.unpack(packed, &place, report));
-            // `entry` found the view, so that it has a cell.
+            // `entry` has checked the index.
             let bytes = self.views[index].get_or_init(unpack).as_ref().map_err(|noted| *noted)?;
             if view.byte_length.0 != bytes.len() as u64 {
                 let (says, holds) = (view.byte_length.0, bytes.len());
@@ -48,7 +48,7 @@ impl<'a> Document<'a> {
         Ok(BufferView { bytes, stride })
     }
 
-    /// Bytes of a buffer; `at` points to what asks for them.
+    /// A range of a buffer's bytes; `at` is the JSON pointer of the reference to it.
     fn range(&self, buffer: usize, offset: u64, length: u64, at: &str, report: &mut Report) -> Valid<&[u8]> {
         let bytes = self.buffer(buffer, &format!("{at}/buffer"), report)?;
         let range = offset.checked_add(length).filter(|&end| end <= bytes.len() as u64);
@@ -81,7 +81,7 @@ impl<'a> Document<'a> {
         }
     }
 
-    /// The contents of a buffer, read when first asked for.
+    /// The contents of a buffer, read on first use.
     fn buffer(&self, index: usize, from: &str, report: &mut Report) -> Valid<&[u8]> {
         let Some(cell) = self.buffers.get(index) else {
             let message = format!("refers to /buffers/{index}, but there are {}", self.buffers.len());
@@ -98,10 +98,11 @@ impl<'a> Document<'a> {
             (Some(uri), _) => self.fetch(uri, &format!("{at}/uri"), report)?.bytes,
             (None, Some(binary)) if index == 0 => binary.clone(),
             (None, _) => {
-                // Allowed: such a buffer is filled by agreement between programs.
-                return Err(
-                    report.warn(at, "has no data (no uri and no binary chunk); what uses it is left out")
-                );
+                // Valid glTF: the application supplies the data.
+                return Err(report.warn(
+                    at,
+                    "has no data (no uri and no binary chunk); everything that uses it is ignored",
+                ));
             }
         };
         let (promised, held) = (buffer.byte_length.0, bytes.len());
@@ -111,7 +112,7 @@ impl<'a> Document<'a> {
                 format!("promises {promised} bytes, but there are {held}"),
             ));
         }
-        // Bytes beyond it (padding of a GLB's chunk) belong to no view.
+        // Bytes beyond byteLength are padding of a GLB chunk.
         Ok(match bytes {
             Cow::Borrowed(b) => Cow::Borrowed(&b[..promised as usize]),
             Cow::Owned(mut b) => {
@@ -121,7 +122,7 @@ impl<'a> Document<'a> {
         })
     }
 
-    /// The bytes that a URI leads to.
+    /// Reads the target of a URI.
     pub fn fetch(&self, uri: &str, at: &str, report: &mut Report) -> Valid<FetchedFile<'a>> {
         match self.locate(uri, at, report) {
             Ok(Target::Embedded { mime, bytes }) => Ok(FetchedFile { bytes: bytes.into(), mime, file: None }),
@@ -136,10 +137,10 @@ impl<'a> Document<'a> {
         }
     }
 
-    /// The target of a URI, recorded among the files of the scene.
+    /// Resolves a URI and records its file among the files of the scene.
     ///
     /// # Errors
-    /// Says why it leads nowhere.
+    /// A message why it can't be resolved.
     pub fn locate(&self, uri: &str, at: &str, report: &mut Report) -> Result<Target, String> {
         let target = resolve_uri(uri, self.path, self.allow_external);
         match &target {
@@ -152,27 +153,25 @@ impl<'a> Document<'a> {
                     report.note(at, ("uri-guessed", message));
                 }
             }
-            // It may come.
+            // Watch for the file: it may be created later.
             Err(_) => self.files.note(files::beside(self.path, &plain(uri))),
         }
         target
     }
 }
 
-/// The target of a URI.
+/// Contents of a URI's target.
 pub(super) struct FetchedFile<'a> {
-    /// The bytes.
     pub bytes: Cow<'a, [u8]>,
-    /// Their media type, if the URI states it.
+    /// The media type of a `data:` URI, if given.
     pub mime: Option<String>,
-    /// The file that they come from; `None` for data in the URI itself.
+    /// The file; `None` for `data:` URIs.
     pub file: Option<PathBuf>,
 }
 
-// Accessors: typed numbers in buffers. [`Accessor::open`] checks everything, reading can't fail.
+// Accessors: typed arrays in buffers. [`Accessor::open`] checks everything, reading can't fail.
 
-/// Elements that an accessor without a buffer view (all zeros, or sparse) may have beyond those that the file's size
-/// justifies.
+/// Maximum elements of an accessor without a buffer view (zeros or sparse), in addition to one per byte read.
 const FREE_ZEROS: u64 = 1 << 16;
 
 /// A checked accessor.
@@ -187,19 +186,19 @@ pub(super) struct Accessor<'d> {
     pub component: ComponentType,
     /// Are integers normalized to 0..1 or -1..1?
     pub normalized: bool,
-    /// The elements; `None` means zeros.
+    /// Elements in a buffer; `None` for zeros.
     dense: Option<Elements<'d>>,
     sparse: Option<Sparse<'d>>,
 }
 
-/// Elements in memory: `bytes` starts at the first and ends with the last.
+/// Strided elements: `bytes` starts at the first and ends with the last.
 #[derive(Clone, Copy)]
 struct Elements<'d> {
     bytes: &'d [u8],
     stride: usize,
 }
 
-/// Elements that replace others.
+/// Sparse substitutions.
 struct Sparse<'d> {
     /// Strictly increasing and below the accessor's count.
     indices: Vec<u32>,
@@ -207,7 +206,7 @@ struct Sparse<'d> {
 }
 
 impl<'d> Accessor<'d> {
-    /// Opens the accessor of an index; `from` points to what refers to it. Problems are noted.
+    /// Opens an accessor; `from` is the JSON pointer of the reference to it.
     pub fn open(doc: &'d Document, index: usize, from: &str, report: &mut Report) -> Valid<Accessor<'d>> {
         let json: gltf::json::Accessor = doc.entry("accessors", index, from, report)?;
         let at = pointer("accessors", index);
@@ -248,12 +247,12 @@ impl<'d> Accessor<'d> {
         Ok(accessor)
     }
 
-    /// The elements that a compressed primitive holds.
+    /// The elements decoded from a compressed primitive, whose count and component type take precedence.
     fn open_unpacked(&mut self, unpacked: &'d DecodedAccessor, report: &mut Report) -> Valid<Elements<'d>> {
         if unpacked.count != self.count {
             let (says, holds) = (self.count, unpacked.count);
             let message =
-                format!("has {says} elements, but the compressed primitive {holds}; the latter counts");
+                format!("has {says} elements, but the compressed primitive {holds}; the latter is used");
             report.warn(self.pointer.clone(), message);
         }
         (self.count, self.component) = (unpacked.count, unpacked.component);
@@ -305,17 +304,17 @@ impl<'d> Accessor<'d> {
         Ok(Sparse { indices, values: values? })
     }
 
-    /// Its type, for messages: `VEC3 of U8`.
+    /// Element type for messages: `VEC3 of U8`.
     pub fn contents(&self) -> String {
         format!("{} of {:?}", format!("{:?}", self.kind).to_uppercase(), self.component)
     }
 
-    /// Bytes of one element. Columns of matrices start at multiples of four bytes; only matrices of floats are read.
+    /// Bytes of one element, without the column padding of small integer matrices: only matrices of f32 are read.
     fn element_size(&self) -> usize {
         self.kind.multiplicity() * self.component.size()
     }
 
-    /// Reads the elements as N floats each; the accessor must have N components, `out` as many entries as it has.
+    /// Reads elements of N components as floats; `out` must have the length `count`.
     pub fn read_floats<const N: usize>(&self, out: &mut [[f32; N]]) {
         debug_assert!(self.kind.multiplicity() == N && out.len() == self.count);
         if let Some(dense) = self.dense {
@@ -330,7 +329,7 @@ impl<'d> Accessor<'d> {
         }
     }
 
-    /// Reads the first elements of a scalar accessor of unsigned integers; `out` has at most as many entries.
+    /// Reads the first elements of a scalar accessor of unsigned integers; `out` has at most the length `count`.
     pub fn read_indices(&self, out: &mut [u32]) {
         debug_assert!(self.kind == Type::Scalar && out.len() <= self.count);
         if let Some(dense) = self.dense {
@@ -348,7 +347,7 @@ impl<'d> Accessor<'d> {
     }
 }
 
-/// Where elements lie in the file.
+/// Location of elements in a buffer view, bytes.
 struct ElementLayout {
     view: usize,
     offset: u64,
@@ -357,7 +356,7 @@ struct ElementLayout {
 }
 
 impl ElementLayout {
-    /// The elements, inside their view for certain.
+    /// The bounds-checked elements.
     fn elements<'d>(&self, doc: &'d Document, at: &str, report: &mut Report) -> Valid<Elements<'d>> {
         let view = doc.view(self.view, &format!("{at}/bufferView"), report)?;
         let stride = view.stride.unwrap_or(self.element);
@@ -419,7 +418,7 @@ fn fill<const N: usize, const S: usize>(
     }
 }
 
-/// Reads unsigned integers; other component types were refused before.
+/// Reads unsigned integers; other component types were rejected earlier.
 fn read_integers(from: Elements, component: ComponentType, out: &mut [u32]) {
     let elements = from.bytes.chunks(from.stride).zip(out.iter_mut());
     match component {
@@ -438,8 +437,7 @@ fn read_integers(from: Elements, component: ComponentType, out: &mut [u32]) {
     }
 }
 
-// URIs inside asset files: `data:` URIs are decoded, relative references become paths beside the asset. Nothing is
-// ever fetched over a network.
+// URIs: `data:` URIs are decoded, relative references become paths relative to the asset. There is no network access.
 
 /// The target of a URI.
 #[derive(Debug, PartialEq, Eq)]
@@ -455,20 +453,20 @@ pub(super) enum Target {
     File(PathBuf),
 }
 
-/// Resolves a URI reference of the asset at `asset` to data, or to a file that exists: in the asset's folder unless
-/// `allow_external`. Exporters write plain paths for URIs, of other systems and of machines where the file was.
+/// Resolves a URI reference of the file `asset` to data, or to a file that exists: in the asset's folder unless
+/// `allow_external`. Exporters also write plain paths, paths of other systems and absolute paths of other machines.
 ///
 /// # Errors
-/// The error message about a URI, with help.
+/// A message with a remedy.
 pub(super) fn resolve_uri(uri: &str, asset: &Path, allow_external: bool) -> Result<Target, String> {
     if let Some(rest) = strip_scheme(uri, "data:") {
         return embedded(rest);
     }
-    let missing = match files::find_any(asset, &readings(uri), allow_external) {
+    let missing = match files::find_any(asset, &interpretations(uri), allow_external) {
         Ok(path) => return Ok(Target::File(path)),
         Err(message) => message,
     };
-    // Drives of Windows look like schemes of one letter.
+    // Windows drive letters look like schemes of one letter.
     if let Some(scheme) = scheme(uri).filter(|scheme| scheme.len() > 1) {
         return Err(format!(
             "'{}' has the scheme '{scheme}:', but only files beside the asset and data: URIs are read; \
@@ -494,21 +492,21 @@ pub(super) fn resolve_uri(uri: &str, asset: &Path, allow_external: bool) -> Resu
     })
 }
 
-/// The path that a URI means, as the specification has it; as it stands where it is no URI.
+/// The percent-decoded path of a URI; text that is no valid URI is returned unchanged.
 fn plain(uri: &str) -> String {
     percent_decoded(uri.as_bytes()).and_then(|b| String::from_utf8(b).ok()).unwrap_or_else(|| uri.to_string())
 }
 
-/// Interpretations of a URI, the likeliest first: the path in it, itself as a path, and both without a query and a fragment
+/// Interpretations of a URI, the likeliest first: percent-decoded, as a plain path, and both without query and fragment
 /// (`a.png?v=1`, `a.png#x`).
-fn readings(uri: &str) -> Vec<String> {
+fn interpretations(uri: &str) -> Vec<String> {
     let path = uri.split(['?', '#']).next().unwrap_or_default();
-    let mut readings = vec![plain(uri), uri.to_string(), plain(path), path.to_string()];
-    readings.dedup();
-    readings
+    let mut interpretations = vec![plain(uri), uri.to_string(), plain(path), path.to_string()];
+    interpretations.dedup();
+    interpretations
 }
 
-/// The URI, cut to a length that fits a message.
+/// The URI, truncated for messages.
 pub(super) fn shortened(uri: &str) -> String {
     match uri.char_indices().nth(60) {
         Some((cut, _)) => format!("{}...", &uri[..cut]),
@@ -537,7 +535,7 @@ fn embedded(rest: &str) -> Result<Target, String> {
         None => (head, false),
     };
     let bytes = if is_base64 {
-        // Some writers break its lines, and escape what URIs may not hold.
+        // Some exporters wrap lines and percent-encode characters.
         let text = percent_decoded(payload.as_bytes()).unwrap_or_else(|| payload.into());
         let text: Vec<u8> = text.into_iter().filter(|byte| !byte.is_ascii_whitespace()).collect();
         base64_decoded(&text).map_err(|e| format!("the data: URI is not valid base64: {e}"))?
@@ -548,15 +546,15 @@ fn embedded(rest: &str) -> Result<Target, String> {
     Ok(Target::Embedded { mime, bytes })
 }
 
-/// Replaces `%41` by its byte; `None` where two hexadecimal digits are missing, which the crate would leave as they are.
+/// Decodes percent sequences (`%41`); `None` for incomplete ones, which the crate would keep.
 fn percent_decoded(text: &[u8]) -> Option<Vec<u8>> {
     let has_digits = |rest: &[u8]| rest.get(..2).is_some_and(|d| d.iter().all(u8::is_ascii_hexdigit));
     let is_sound = text.split(|&b| b == b'%').skip(1).all(has_digits);
     is_sound.then(|| percent_decode(text).collect())
 }
 
-/// Decodes base64 with or without padding, in the standard or the URL-safe alphabet (RFC 4648, sections 4 and 5). What is
-/// left over of the last digit is not looked at: encoders differ there.
+/// Decodes base64 with or without padding, in the standard or the URL-safe alphabet (RFC 4648, sections 4 and 5).
+/// Trailing bits of the last digit are ignored: encoders differ there.
 fn base64_decoded(text: &[u8]) -> Result<Vec<u8>, DecodeError> {
     let config = GeneralPurposeConfig::new()
         .with_decode_padding_mode(DecodePaddingMode::Indifferent)
@@ -578,7 +576,7 @@ mod tests {
     }
 
     #[test]
-    fn base64_of_every_length() {
+    fn base64_data_uris_are_decoded() {
         // RFC 4648, section 10.
         let cases = [("", ""), ("Zg==", "f"), ("Zm8=", "fo"), ("Zm9v", "foo"), ("Zm9vYg", "foob")];
         for (text, plain) in cases {
@@ -594,14 +592,14 @@ mod tests {
     }
 
     #[test]
-    fn mime_and_plain_data() {
+    fn plain_data_uris_have_a_media_type() {
         let target = resolve_uri("data:text/plain;charset=utf-8,a%20b", Path::new("a"), false);
         let mime = Some("text/plain".to_string());
         assert_eq!(target, Ok(Target::Embedded { mime, bytes: b"a b".to_vec() }));
     }
 
     #[test]
-    fn what_is_no_uri_is_found_all_the_same() {
+    fn plain_and_foreign_paths_are_resolved() {
         let outer = tempfile::tempdir().expect("a folder");
         let folder = outer.path().join("model");
         std::fs::create_dir_all(folder.join("b c")).expect("made");

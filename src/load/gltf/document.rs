@@ -1,5 +1,5 @@
-//! The JSON document: its objects are taken as the types of the `gltf` crate one by one, when something that is seen
-//! needs them. So a broken object that nothing uses does no harm, and each problem has its JSON pointer.
+//! The JSON document. Objects are parsed one by one into types of the `gltf` crate, on demand: broken objects that
+//! nothing visible uses do no harm, and each problem has its JSON pointer.
 
 use super::report::{Report, Valid};
 use crate::error::{Choice, Error, Problem, Result};
@@ -18,7 +18,7 @@ use std::path::Path;
 
 /// A glTF file in memory.
 pub(super) struct Document<'a> {
-    /// The file.
+    /// Path of the file.
     pub path: &'a Path,
     /// The whole JSON.
     pub json: Value,
@@ -26,41 +26,40 @@ pub(super) struct Document<'a> {
     pub binary: Option<Cow<'a, [u8]>>,
     /// May URIs lead out of the asset's folder?
     pub allow_external: bool,
-    /// Records the files that are read.
+    /// Records the files read.
     pub files: &'a SavedFiles,
-    /// Options of loading.
+    /// Options for glTF.
     pub options: &'a GltfOptions,
-    /// Maximum number of bytes that the pixels of one image may take.
+    /// Maximum size of one decoded image, bytes.
     pub memory_limit: Option<u64>,
     /// The contents of each buffer, once read.
     pub(super) buffers: Vec<OnceCell<Valid<Cow<'a, [u8]>>>>,
     /// The contents of compressed buffer views, once decoded.
     pub(super) views: Vec<OnceCell<Valid<Vec<u8>>>>,
-    /// The contents of accessors from compressed primitives, once decoded.
+    /// The elements of accessors of compressed primitives, once decoded.
     pub(super) accessors: Vec<OnceCell<DecodedAccessor>>,
-    /// Bytes of all the files read so far.
+    /// Bytes read from all files so far.
     read: Cell<u64>,
-    /// Bytes that accessors were decoded into.
+    /// Bytes of accessors decoded so far.
     decoded: Cell<u64>,
 }
 
-/// The elements of an accessor that a compressed primitive holds, without gaps.
+/// The elements of an accessor of a compressed primitive, tightly packed.
 pub(super) struct DecodedAccessor {
-    /// The elements.
     pub bytes: Vec<u8>,
-    /// Their number.
+    /// Number of elements.
     pub count: usize,
-    /// Type of their stored components.
+    /// Type of the stored components.
     pub component: ComponentType,
 }
 
-/// Decoded bytes that any file may take.
+/// Decoding budget of any file, bytes.
 const FREE_BUDGET: u64 = 1 << 28;
-/// Decoded bytes for each byte read: accessors may be used again, which must not let a small file fill the memory.
+/// Additional decoding budget per byte read. Limits small files that use their accessors many times.
 const BUDGET_PER_BYTE: u64 = 64;
 
 impl<'a> Document<'a> {
-    /// A document of a file of `size` bytes.
+    /// Creates the document of a file of `size` bytes.
     pub fn new(path: &'a Path, parts: Parts<'a>, size: usize, options: &'a LoadOptions) -> Document<'a> {
         let Parts { json, binary, .. } = parts;
         let count = |list: &str| json.get(list).and_then(Value::as_array).map_or(0, Vec::len);
@@ -86,17 +85,17 @@ impl<'a> Document<'a> {
         }
     }
 
-    /// Notes that another file of this many bytes was read.
+    /// Counts the bytes of another file.
     pub fn note_read(&self, bytes: usize) {
         self.read.set(self.read.get().saturating_add(bytes as u64));
     }
 
-    /// Bytes of all the files read so far.
+    /// Bytes read from all files so far.
     pub fn bytes_read(&self) -> u64 {
         self.read.get()
     }
 
-    /// Announces that accessors are decoded into this many bytes; false if the file can't justify them.
+    /// Reserves bytes of the decoding budget; false if it is exhausted.
     pub fn may_decode(&self, bytes: u64) -> bool {
         let total = self.decoded.get().saturating_add(bytes);
         let allowed = FREE_BUDGET.saturating_add(self.read.get().saturating_mul(BUDGET_PER_BYTE));
@@ -106,7 +105,7 @@ impl<'a> Document<'a> {
         total <= allowed
     }
 
-    /// Begins another time sample: resets the decoding budget.
+    /// Begins another time sample with a new decoding budget.
     pub fn begin_time(&self) {
         self.decoded.set(0);
     }
@@ -117,13 +116,13 @@ impl<'a> Document<'a> {
         generator.is_some_and(|g| g.contains("Blender I/O"))
     }
 
-    /// Is it what oscura exported of a file of Blender? Nothing was lost then, and all glass is solid but for what says otherwise.
+    /// Is it oscura's own export of a Blender file? Then it is lossless, and glass without an explicit thickness is solid.
     pub fn is_our_export(&self) -> bool {
         let generator = self.json.pointer("/asset/generator").and_then(Value::as_str);
         self.is_from_blender() && generator.is_some_and(|g| g.ends_with("oscura"))
     }
 
-    /// A JSON pointer in words, where it leads to something that has a name, or into it.
+    /// Describes a JSON pointer by the name of the object that it refers to, if there is one: `material 'a', field`.
     pub fn in_names(&self, pointer: &str) -> String {
         const LISTS: [(&str, &str); 8] = [
             ("/materials/", "material"),
@@ -148,7 +147,7 @@ impl<'a> Document<'a> {
         named.unwrap_or_else(|| pointer.to_string())
     }
 
-    /// How many entries a list of the document has; `list` is its pointer without the leading slash.
+    /// Number of entries of a list; `list` is its JSON pointer without the leading slash.
     pub fn count(&self, list: &str) -> usize {
         self.list(list).map_or(0, Vec::len)
     }
@@ -178,12 +177,11 @@ impl<'a> Document<'a> {
         report: &mut Report,
     ) -> Valid<T> {
         let raw = self.raw(list, index, from, report)?;
-        T::deserialize(raw)
-            .map_err(|e| report.problem(pointer(list, index), format!("can't be understood: {e}")))
+        T::deserialize(raw).map_err(|e| report.problem(pointer(list, index), format!("can't be parsed: {e}")))
     }
 }
 
-/// The names of all entries of a list; empty for those without.
+/// The names of all entries of a list; empty for unnamed ones.
 pub(super) fn names_of(doc: &Document, list: &str) -> Vec<String> {
     let name = |entry: &Value| entry.get("name").and_then(Value::as_str).unwrap_or_default().to_string();
     doc.list(list).into_iter().flatten().map(name).collect()
@@ -194,7 +192,7 @@ pub(super) fn pointer(list: &str, index: usize) -> String {
     format!("/{list}/{index}")
 }
 
-/// A list of indices held by an object; invalid entries are problems.
+/// A list of indices of an object; invalid entries are reported.
 pub(super) fn list_of_indices(object: &Value, key: &str, at: &str, report: &mut Report) -> Vec<usize> {
     let Some(value) = object.get(key) else { return Vec::new() };
     let Some(list) = value.as_array() else {
@@ -213,13 +211,13 @@ pub(super) fn list_of_indices(object: &Value, key: &str, at: &str, report: &mut 
     indices
 }
 
-/// An optional index held by an object of the document.
+/// An optional index of an object.
 pub(super) fn index_of(object: &Value, key: &str, at: &str, report: &mut Report) -> Valid<Option<usize>> {
     let index = |v: &Value| v.as_u64().and_then(|i| usize::try_from(i).ok());
     optional(object, key, at, "an index", index, report)
 }
 
-/// Optional numbers held by an object, in full precision.
+/// An optional list of N numbers of an object, in f64.
 pub(super) fn numbers_of<const N: usize>(
     object: &Value,
     key: &str,
@@ -237,7 +235,7 @@ pub(super) fn numbers_of<const N: usize>(
     optional(object, key, at, &format!("a list of {N} numbers"), numbers, report)
 }
 
-/// An optional number held by an object.
+/// An optional number of an object.
 pub(super) fn number_of(object: &Value, key: &str, at: &str, report: &mut Report) -> Valid<Option<f64>> {
     optional(object, key, at, "a number", Value::as_f64, report)
 }
@@ -258,12 +256,12 @@ fn optional<T>(
     Ok(value)
 }
 
-/// A required value: that of [`index_of`] and its like.
+/// Makes an optional value, as of [`index_of`], required.
 pub(super) fn required<T>(value: Valid<Option<T>>, key: &str, at: &str, report: &mut Report) -> Valid<T> {
     value?.ok_or_else(|| report.problem(format!("{at}/{key}"), "is missing"))
 }
 
-/// The name of an object, or a stand-in made of its kind and index.
+/// The name of an object; if unnamed, its kind and index.
 pub(super) fn name_of(object: &Value, kind: &str, index: usize) -> String {
     match object.get("name").and_then(Value::as_str).filter(|n| !n.is_empty()) {
         Some(name) => name.to_string(),
@@ -271,11 +269,11 @@ pub(super) fn name_of(object: &Value, kind: &str, index: usize) -> String {
     }
 }
 
-// The binary container (GLB) and the JSON text in it or by itself.
+// The binary container (GLB) and the JSON text.
 
 /// First four bytes of a GLB file.
 const MAGIC: &[u8] = b"glTF";
-/// Bytes of the file's header.
+/// Size of the file header, bytes.
 const HEADER: usize = 12;
 
 /// The parts of a glTF file.
@@ -284,12 +282,12 @@ pub(super) struct Parts<'a> {
     pub json: Value,
     /// The binary chunk of a GLB.
     pub binary: Option<Cow<'a, [u8]>>,
-    /// Words in the place of numbers that were none, and became 0.
+    /// Number of invalid numbers (`NaN`, `Infinity`) that were replaced by 0.
     pub repaired: usize,
 }
 
-/// JSON with 0 for words that programs write for what is no number (`NaN`, `-nan(ind)`, `1.#QNAN`, `Infinity`), and how many.
-fn without_no_numbers(text: &[u8]) -> (Vec<u8>, usize) {
+/// Replaces words for non-finite numbers in JSON (`NaN`, `-nan(ind)`, `1.#QNAN`, `Infinity`) by 0; returns their number.
+fn replace_non_finite(text: &[u8]) -> (Vec<u8>, usize) {
     let (mut out, mut count, mut at) = (Vec::with_capacity(text.len()), 0, 0);
     let is_end = |b: &u8| b.is_ascii_whitespace() || b",]}:{[\"".contains(b);
     while let Some(&byte) = text.get(at) {
@@ -300,15 +298,15 @@ fn without_no_numbers(text: &[u8]) -> (Vec<u8>, usize) {
         };
         let word = &text[at..at + length];
         let unsigned = word.strip_prefix(b"-").unwrap_or(word).to_ascii_lowercase();
-        let is_none = is_no_number(word) || matches!(&unsigned[..], b"infinity" | b"inf" | b"1.#inf");
-        count += usize::from(is_none);
-        out.extend(if is_none { b"0" } else { word });
+        let is_non_finite = is_no_number(word) || matches!(&unsigned[..], b"infinity" | b"inf" | b"1.#inf");
+        count += usize::from(is_non_finite);
+        out.extend(if is_non_finite { b"0" } else { word });
         at += length;
     }
     (out, count)
 }
 
-/// The length of a JSON string with its quotation marks.
+/// Length of a JSON string, quotation marks included.
 fn string_length(text: &[u8]) -> usize {
     let mut at = 1;
     while let Some(&byte) = text.get(at) {
@@ -336,8 +334,8 @@ pub(super) fn open<'a>(path: &Path, bytes: &'a [u8]) -> Result<Parts<'a>> {
     let (json, repaired): (Value, usize) = match serde_json::from_slice(text) {
         Ok(json) => (json, 0),
         Err(e) => {
-            let (mended, count) = without_no_numbers(text);
-            let json = serde_json::from_slice(&mended).ok().filter(|_| count > 0);
+            let (repaired, count) = replace_non_finite(text);
+            let json = serde_json::from_slice(&repaired).ok().filter(|_| count > 0);
             let broken = || Error::input(path, format!("is not a glTF file: its JSON can't be read: {e}"));
             (json.ok_or_else(broken)?, count)
         }
@@ -351,11 +349,11 @@ pub(super) fn open<'a>(path: &Path, bytes: &'a [u8]) -> Result<Parts<'a>> {
 /// The JSON chunk and the binary chunk.
 type Chunks<'a> = (Cow<'a, [u8]>, Option<Cow<'a, [u8]>>);
 
-/// Splits a GLB into its chunks (glTF 2.0, section 4.4). Chunks after these two are skipped, as it demands; so is one of unknown type
-/// instead of the second, which the crate refuses.
+/// Splits a GLB into its chunks (glTF 2.0, section 4.4). Further chunks are skipped, as the specification requires; so is
+/// a second chunk of unknown type, which the crate rejects.
 fn chunks<'a>(path: &Path, bytes: &'a [u8]) -> Result<Chunks<'a>> {
     let fail = |message: String| Error::input(path, format!("is a broken GLB: {message}"));
-    // The crate subtracts its header's length from this without a check, and reads beyond the file's end by it.
+    // The crate doesn't check this length: it underflows below the header's size and reads beyond the end of the file.
     let length = bytes.get(8..HEADER).and_then(|b| b.try_into().ok()).map(u32::from_le_bytes);
     let Some(length) = length.map(|length| length as usize) else {
         return Err(fail(format!("it ends after {} bytes, inside its header", bytes.len())));
@@ -394,9 +392,9 @@ fn chunks<'a>(path: &Path, bytes: &'a [u8]) -> Result<Chunks<'a>> {
     })
 }
 
-// Versions and extensions: what the file demands, and what it uses that is not understood.
+// Versions and extensions.
 
-/// Extensions that are read, some of them by a decoder that a build may lack.
+/// Supported extensions; some need an optional decoder.
 const READ: &[&str] = &[
     "EXT_lights_area",
     "EXT_lights_ies",
@@ -437,10 +435,10 @@ const READ: &[&str] = &[
     "KHR_texture_transform",
 ];
 
-/// Extensions that may be demanded though they are not read: without them the picture is one that the file means, too.
+/// Unsupported extensions that may be required: the picture doesn't depend on them. With the effect of ignoring them.
 const HARMLESS: &[(&str, &str)] = &[("KHR_xmp_json_ld", "metadata are not read")];
 
-/// Extensions that change no picture: they are left out without a word.
+/// Extensions for interaction, ignored without a warning.
 const OF_INTERACTION: &[&str] = &["KHR_interactivity", "KHR_node_hoverability", "KHR_node_selectability"];
 
 impl Document<'_> {
@@ -449,7 +447,7 @@ impl Document<'_> {
         self.lists("extensionsUsed", name)
     }
 
-    /// Does the file demand an extension?
+    /// Does the file require an extension?
     #[cfg(not(feature = "draco"))]
     pub fn extension_required(&self, name: &str) -> bool {
         self.lists("extensionsRequired", name)
@@ -461,13 +459,13 @@ impl Document<'_> {
     }
 }
 
-/// Is an extension read by this build?
+/// Does this build support an extension?
 pub(super) fn is_read(name: &str) -> bool {
-    READ.contains(&name) && lacking_decoder(name).is_none()
+    READ.contains(&name) && missing_decoder(name).is_none()
 }
 
-/// The decoder for want of which an extension is not read.
-fn lacking_decoder(name: &str) -> Option<Decoder> {
+/// The decoder that an extension needs and this build lacks.
+fn missing_decoder(name: &str) -> Option<Decoder> {
     let decoder = match name {
         "EXT_texture_webp" => Decoder::WebP,
         "KHR_draco_mesh_compression" => Decoder::Draco,
@@ -477,7 +475,7 @@ fn lacking_decoder(name: &str) -> Option<Decoder> {
     (!decoder.is_built_in()).then_some(decoder)
 }
 
-/// Checks the version and the extensions that the file demands.
+/// Checks the version and the required extensions.
 pub(super) fn check(doc: &Document, report: &mut Report) {
     let asset = doc.json.get("asset").unwrap_or(&Value::Null);
     let major = |key: &str| asset.get(key).and_then(Value::as_str).map(|v| v.split('.').next() == Some("2"));
@@ -505,7 +503,7 @@ pub(super) fn check(doc: &Document, report: &mut Report) {
             Some(name) if is_read(name) || HARMLESS.iter().any(|(h, _)| *h == name) => {}
             Some(name) if OF_INTERACTION.contains(&name) => {}
             Some(name) => {
-                let (reason, remedy) = match lacking_decoder(name) {
+                let (reason, remedy) = match missing_decoder(name) {
                     Some(decoder) => (format!(": {}", decoder.lack()), decoder.remedy()),
                     None => (", which is not supported".into(), "export it without this extension".into()),
                 };
@@ -521,7 +519,7 @@ pub(super) fn check(doc: &Document, report: &mut Report) {
     }
 }
 
-/// Notes a problem where the extensions of an object, or one that is read, are none: what they say would be lost.
+/// Reports an object's `extensions`, or supported extensions therein, that aren't JSON objects.
 pub(super) fn check_shape(object: &Value, at: &str, report: &mut Report) {
     let Some(extensions) = object.get("extensions") else { return };
     let Some(all) = extensions.as_object() else {
@@ -533,14 +531,14 @@ pub(super) fn check_shape(object: &Value, at: &str, report: &mut Report) {
     }
 }
 
-/// Warns of each extension that is in use but not supported, with the number of uses.
+/// Warns of each unsupported extension, with the number of uses.
 pub(super) fn warn_unread(doc: &Document, report: &mut Report) {
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
     count(&doc.json, &mut counts);
-    for (name, places) in counts.into_iter().filter(|(name, _)| is_missed(name)) {
+    for (name, places) in counts.into_iter().filter(|(name, _)| needs_warning(name)) {
         let harmless = HARMLESS.iter().find(|(h, _)| *h == name).map(|(_, effect)| effect.to_string());
         let lack =
-            || lacking_decoder(name).map(|decoder| format!("{}; {}", decoder.lack(), decoder.remedy()));
+            || missing_decoder(name).map(|decoder| format!("{}; {}", decoder.lack(), decoder.remedy()));
         let effect = harmless.or_else(lack).map_or(String::new(), |effect| format!(": {effect}"));
         let times = if places == 1 { "one place".to_string() } else { format!("{places} places") };
         report.warn("", format!("{name} is not read, in {times}{effect}"));
@@ -548,7 +546,7 @@ pub(super) fn warn_unread(doc: &Document, report: &mut Report) {
 }
 
 /// Does ignoring an extension need a warning?
-fn is_missed(name: &str) -> bool {
+fn needs_warning(name: &str) -> bool {
     !is_read(name) && !OF_INTERACTION.contains(&name)
 }
 

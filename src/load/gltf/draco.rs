@@ -1,5 +1,5 @@
-//! KHR_draco_mesh_compression: primitives whose vertices and indices are one compressed stream. Its contents replace
-//! those of the primitive's accessors.
+//! KHR_draco_mesh_compression: vertices and indices of a primitive in one compressed stream, which replaces the contents
+//! of the primitive's accessors.
 
 #[cfg(feature = "draco")]
 use super::document::DecodedAccessor;
@@ -22,7 +22,7 @@ use serde_json::Value;
 /// The extension's name.
 const DRACO: &str = "KHR_draco_mesh_compression";
 
-/// A primitive that is compressed.
+/// A compressed primitive.
 struct Compressed<'p, 'd> {
     doc: &'p Document<'d>,
     primitive: &'p Primitive,
@@ -30,7 +30,7 @@ struct Compressed<'p, 'd> {
     at: String,
 }
 
-/// Unpacks a primitive, if it is compressed, so that its accessors can be read; says whether it is.
+/// Decompresses a primitive into its accessors; false for uncompressed primitives.
 pub(super) fn unpack(doc: &Document, primitive: &Primitive, at: &str, report: &mut Report) -> Valid<bool> {
     let at = format!("{at}/extensions/{DRACO}");
     match doc.json.pointer(&at) {
@@ -40,26 +40,30 @@ pub(super) fn unpack(doc: &Document, primitive: &Primitive, at: &str, report: &m
 }
 
 impl Compressed<'_, '_> {
-    /// Has the primitive uncompressed data for all its attributes, too?
-    fn has_plain_copies(&self) -> bool {
-        self.primitive.attributes.values().chain(&self.primitive.indices).all(|i| self.is_plain(i.value()))
+    /// Has the primitive an uncompressed fallback for all attributes?
+    fn has_fallback(&self) -> bool {
+        self.primitive
+            .attributes
+            .values()
+            .chain(&self.primitive.indices)
+            .all(|i| self.is_uncompressed(i.value()))
     }
 
-    /// Has an accessor, if there is one, data of its own?
-    fn is_plain(&self, index: usize) -> bool {
+    /// Has an accessor uncompressed data? True for missing accessors.
+    fn is_uncompressed(&self, index: usize) -> bool {
         let accessor = self.doc.json.pointer(&pointer("accessors", index));
         accessor.is_none_or(|a| a.get("bufferView").is_some() || a.get("sparse").is_some())
     }
 
-    /// Without a decoder the extension is one that is not read: the plain copy counts, or nothing is there.
+    /// Without a decoder only the uncompressed fallback can be read.
     #[cfg(not(feature = "draco"))]
     fn unpack(self, _: &serde_json::Value, report: &mut Report) -> Valid<bool> {
         use crate::error::Problem;
         use crate::load::decoders::Decoder;
-        if self.has_plain_copies() {
+        if self.has_fallback() {
             return Ok(false);
         }
-        // A file that demands the extension has had its problem, unless the user wants what can be read.
+        // A required extension was already reported as a problem.
         if self.doc.options.force || self.doc.extension_required(DRACO) {
             let message = format!("{}: left out", Decoder::Draco.lack());
             return Err(report.warn(self.at, message));
@@ -70,8 +74,8 @@ impl Compressed<'_, '_> {
 
 // The compressed stream of a primitive, by `draco-core`.
 
-/// Points and faces that a stream of any size may hold, and for each of its bytes. A constant attribute takes no room
-/// in a stream, so the ratio is wide.
+/// Maximum number of points and faces: a constant plus a multiple of the stream's bytes. The multiple is large because
+/// constant attributes take no space.
 #[cfg(feature = "draco")]
 const FREE: u64 = 1 << 16;
 #[cfg(feature = "draco")]
@@ -79,26 +83,27 @@ const PER_BYTE: u64 = 64;
 
 #[cfg(feature = "draco")]
 impl Compressed<'_, '_> {
-    /// Stores the decoded stream as contents of the accessors; false where the uncompressed fallback of a broken stream is read.
+    /// Stores the decoded stream in the accessors; false if the stream is broken and the uncompressed fallback is to be read.
     pub(super) fn unpack(self, extension: &Value, report: &mut Report) -> Valid<bool> {
         let (doc, primitive) = (self.doc, self.primitive);
         let indices = primitive.indices.iter().map(|i| ("indices".to_string(), i.value()));
         let accessors: Vec<(String, usize)> = indices.chain(self.attribute_accessors(extension)).collect();
         let is_compressed = |index: usize| accessors.iter().any(|a| a.1 == index);
         let used = primitive.attributes.values().chain(&primitive.indices).map(|i| i.value());
-        let empty = used.filter(|&i| !is_compressed(i) && !self.is_plain(i)).count();
+        let empty = used.filter(|&i| !is_compressed(i) && !self.is_uncompressed(i)).count();
         if empty > 0 {
-            let message =
-                format!("{empty} accessors of the primitive are neither compressed nor plain: all zeros");
+            let message = format!(
+                "{empty} accessors of the primitive have neither compressed nor uncompressed data: all zeros"
+            );
             report.warn(&*self.at, message);
         }
-        // Another primitive may share them.
+        // Another primitive with the same accessors may have been decoded.
         if accessors.iter().all(|(_, i)| doc.accessors.get(*i).is_some_and(|cell| cell.get().is_some())) {
             return Ok(true);
         }
         if let Err(problem) = self.fill(extension, &accessors, report) {
-            if self.has_plain_copies() {
-                let message = format!("{}; the plain copy beside it is read", problem.message);
+            if self.has_fallback() {
+                let message = format!("{}; its uncompressed fallback is read", problem.message);
                 report.warn(problem.place, message);
                 return Ok(false);
             }
@@ -107,7 +112,7 @@ impl Compressed<'_, '_> {
         Ok(true)
     }
 
-    /// Decodes the stream and hands its contents to the accessors: to all or, on an error, to none.
+    /// Decodes the stream into the accessors: all of them or, on an error, none.
     fn fill(
         &self,
         extension: &Value,
@@ -137,14 +142,14 @@ impl Compressed<'_, '_> {
             contents.push((*accessor, unpacked));
         }
         for (accessor, unpacked) in contents {
-            // Opening an accessor that does not exist will name that problem. A cell that is full belongs to an accessor
-            // that another compressed primitive shares: the same data.
+            // Missing accessors are reported when they are opened. A cell already set belongs to an accessor that another
+            // compressed primitive shares, with the same data.
             let _ = doc.accessors.get(accessor).map(|cell| cell.set(unpacked));
         }
         Ok(())
     }
 
-    /// The accessors of the attributes that are compressed, by the attributes' names.
+    /// Names and accessors of the compressed attributes.
     fn attribute_accessors(&self, extension: &Value) -> Vec<(String, usize)> {
         let primitive = self.at.strip_suffix(&format!("/extensions/{DRACO}")).unwrap_or_default();
         let accessor = |name: &String| {
@@ -156,21 +161,21 @@ impl Compressed<'_, '_> {
     }
 }
 
-/// Decodes a stream. The decoder returns errors for damaged streams; should it panic all the same, that is one, too.
+/// Decodes a stream; errors and panics of the decoder become messages.
 #[cfg(feature = "draco")]
 fn decode(bytes: &[u8]) -> Result<Mesh, String> {
-    let most = FREE + (bytes.len() as u64).saturating_mul(PER_BYTE);
+    let max_count = FREE + (bytes.len() as u64).saturating_mul(PER_BYTE);
     let limits = DecodeLimits::default()
-        .with_max_points(most)
-        .with_max_faces(most)
-        .with_max_decoded_bytes(most.saturating_mul(64));
+        .with_max_points(max_count)
+        .with_max_faces(max_count)
+        .with_max_decoded_bytes(max_count.saturating_mul(64));
     let decode = || {
         let mut buffer = DecoderBuffer::new(bytes).with_limits(limits);
         let mut mesh = Mesh::new();
         MeshDecoder::new().decode(&mut buffer, &mut mesh).map(|()| mesh).map_err(|e| e.to_string())
     };
     let mesh = decoders::catch(decode)??;
-    if mesh.num_points() as u64 > most {
+    if mesh.num_points() as u64 > max_count {
         return Err(format!("it claims {} vertices in {} bytes", mesh.num_points(), bytes.len()));
     }
     Ok(mesh)
@@ -184,7 +189,10 @@ fn indices(mesh: &Mesh) -> DecodedAccessor {
     DecodedAccessor { count: mesh.num_faces() * 3, bytes, component: ComponentType::U32 }
 }
 
-/// The values of an attribute for all points in order; an error says what is wrong with it.
+/// The values of an attribute for all points in order.
+///
+/// # Errors
+/// A message that follows the attribute's name.
 #[cfg(feature = "draco")]
 fn attribute(mesh: &Mesh, extension: &Value, name: &str) -> Result<DecodedAccessor, String> {
     let id = extension.pointer(&format!("/attributes/{name}")).and_then(Value::as_u64);
@@ -206,7 +214,7 @@ fn attribute(mesh: &Mesh, extension: &Value, name: &str) -> Result<DecodedAccess
     Ok(DecodedAccessor { bytes, count, component })
 }
 
-/// The bytes of one element a point; `None` if the stream has no value for some point.
+/// One element of `element` bytes per point; `None` if the stream lacks a value for a point.
 #[cfg(feature = "draco")]
 fn gather(attribute: &PointAttribute, count: usize, element: usize) -> Option<Vec<u8>> {
     let stride = usize::try_from(attribute.byte_stride()).ok()?;

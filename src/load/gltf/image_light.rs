@@ -1,9 +1,8 @@
-//! EXT_lights_image_based: the environment of a scene as the six pictures of a cube. Here they become one equirectangular picture, turned as
-//! the light is. Paths find the light of rough and diffuse reflection in the same picture, so that its blurred copies and the
-//! coefficients of its irradiance are not needed.
+//! EXT_lights_image_based: a cube map as the environment, resampled here to an equirectangular image in world space. The
+//! prefiltered mip levels and the irradiance coefficients are not needed.
 //!
-//! The faces are +x, -x, +y, -y, +z, -z, each as seen from within the cube: the specification mirrors the usual faces of cube maps,
-//! which are seen from outside. PNGs with alpha are RGBD: sRGB-encoded colour over alpha.
+//! The faces are +x, -x, +y, -y, +z, -z, each as seen from inside the cube: mirrored against the usual convention for cube
+//! maps. PNGs with alpha are RGBD: sRGB-encoded colour divided by alpha.
 
 use super::document::{Document, index_of, number_of, numbers_of, pointer, required};
 use super::report::{Report, Valid};
@@ -18,12 +17,12 @@ use serde_json::Value;
 use std::f64::consts::{PI, TAU};
 
 const LIGHTS: &str = "extensions/EXT_lights_image_based/lights";
-/// Maximum width of the converted picture, pixels: 400 MB.
+/// Maximum width of the equirectangular image, pixels (400 MB).
 const MAX_WIDTH: u32 = 8192;
-/// Rays through each of its pixels, along each axis.
-const RAYS: u32 = 2;
+/// Samples per pixel of the image, along each axis.
+const SAMPLES: u32 = 2;
 
-/// Sets the environment of the scene of an index, if it has such a light. Problems are noted.
+/// Sets the environment to the image-based light of the glTF scene at an index, if it has one.
 pub(super) fn light(
     doc: &Document,
     index: Option<usize>,
@@ -33,16 +32,16 @@ pub(super) fn light(
     let Some(at) = index.map(|index| pointer("scenes", index)) else { return };
     let at = format!("{at}/extensions/EXT_lights_image_based");
     let Some(raw) = doc.json.pointer(&at) else { return };
-    let known = shared.surroundings.take();
-    let image = known.unwrap_or_else(|| report.lasting(|report| read(doc, raw, &at, report)));
+    let cached = shared.environment_image.take();
+    let image = cached.unwrap_or_else(|| report.lasting(|report| read(doc, raw, &at, report)));
     if let Ok(image) = &image {
         let image = scene.add_image(image.clone());
         scene.environment = Environment::Image { image, strength: 1.0, rotation_rad: 0.0 };
     }
-    shared.surroundings = Some(image);
+    shared.environment_image = Some(image);
 }
 
-/// The picture of the light that a scene refers to, in radiances.
+/// The equirectangular image of the light that a scene refers to, radiance.
 fn read(doc: &Document, reference: &Value, from: &str, report: &mut Report) -> Valid<Image> {
     let index = required(index_of(reference, "light", from, report), "light", from, report)?;
     let raw = doc.raw(LIGHTS, index, &format!("{from}/light"), report)?;
@@ -65,36 +64,36 @@ fn read(doc: &Document, reference: &Value, from: &str, report: &mut Report) -> V
         report.warn(format!("{at}/specularImageSize"), message);
     }
     let name = raw.get("name").and_then(Value::as_str).unwrap_or("surroundings");
-    Ok(Cube { faces: &faces, turn: turn.normalize(), intensity: intensity as f32 }.unrolled(name))
+    Ok(Cube { faces: &faces, turn: turn.normalize(), intensity: intensity as f32 }.equirectangular(name))
 }
 
-/// The images of the file that show the surroundings of a scene.
+/// Indices of the images of a scene's environment.
 pub(super) fn images_of(doc: &Document, scene: Option<usize>) -> Vec<usize> {
     let index = scene.and_then(|scene| {
         let at = format!("{}/extensions/EXT_lights_image_based/light", pointer("scenes", scene));
         doc.json.pointer(&at)?.as_u64()
     });
     let raw = index.and_then(|index| doc.json.pointer(&format!("/{LIGHTS}/{index}")));
-    raw.and_then(sharpest).unwrap_or_default()
+    raw.and_then(base_level).unwrap_or_default()
 }
 
-/// The images of a light that are not blurred.
-fn sharpest(raw: &Value) -> Option<Vec<usize>> {
+/// Indices of the images of a light's mip level 0.
+fn base_level(raw: &Value) -> Option<Vec<usize>> {
     let index = |v: &Value| v.as_u64().and_then(|i| usize::try_from(i).ok());
     raw.get("specularImages")?.get(0)?.as_array()?.iter().map(index).collect()
 }
 
-/// The six sharpest pictures, squares of one size.
+/// The six faces of mip level 0, squares of one size.
 fn faces(doc: &Document, raw: &Value, at: &str, report: &mut Report) -> Valid<Vec<Image>> {
     let at = format!("{at}/specularImages");
-    let Some(list) = sharpest(raw).filter(|list| list.len() == 6) else {
-        return Err(report.problem(format!("{at}/0"), "is no list of six images, the sides of a cube"));
+    let Some(list) = base_level(raw).filter(|list| list.len() == 6) else {
+        return Err(report.problem(format!("{at}/0"), "is no list of six images, the faces of a cube map"));
     };
     let need = |&index: &usize| ImageNeed { index, encoding: Encoding::Srgb, gloss: None };
     let needs: Vec<ImageNeed> = list.iter().map(need).collect();
     let images = textures::read(doc, &needs, report);
     if images.len() < needs.len() {
-        return Err(report.problem(at, "holds a picture that can't be read"));
+        return Err(report.problem(at, "holds an image that can't be read"));
     }
     let size = images[0].width;
     if images.iter().any(|image| (image.width, image.height) != (size, size)) {
@@ -103,16 +102,17 @@ fn faces(doc: &Document, raw: &Value, at: &str, report: &mut Report) -> Valid<Ve
     Ok(images)
 }
 
-/// Pictures around a point.
+/// A cube map.
 struct Cube<'i> {
     faces: &'i [Image],
+    /// Rotation from the space of the cube map to world space.
     turn: DQuat,
     intensity: f32,
 }
 
 impl Cube<'_> {
-    /// The equirectangular picture of as many pixels around as the cube has.
-    fn unrolled(&self, name: &str) -> Image {
+    /// The equirectangular image, as wide as the four faces around the horizon.
+    fn equirectangular(&self, name: &str) -> Image {
         let width = self.faces[0].width.saturating_mul(4).min(MAX_WIDTH);
         let height = width / 2;
         let mut rgb = vec![0.0; width as usize * height as usize * 3];
@@ -124,29 +124,29 @@ impl Cube<'_> {
         Image::from_linear_rgb(name, width, height, rgb)
     }
 
-    /// The mean over a pixel of the picture.
+    /// The mean radiance over a pixel of the image.
     fn pixel(&self, [x, y]: [u32; 2], [width, height]: [u32; 2]) -> [f32; 3] {
         let mut sum = [0.0; 3];
-        for ray in 0..RAYS * RAYS {
-            let within = |i: u32| (f64::from(i) + 0.5) / f64::from(RAYS);
-            let u = (f64::from(x) + within(ray % RAYS)) / f64::from(width);
-            let v = (f64::from(y) + within(ray / RAYS)) / f64::from(height);
+        for ray in 0..SAMPLES * SAMPLES {
+            let within = |i: u32| (f64::from(i) + 0.5) / f64::from(SAMPLES);
+            let u = (f64::from(x) + within(ray % SAMPLES)) / f64::from(width);
+            let v = (f64::from(y) + within(ray / SAMPLES)) / f64::from(height);
             let (azimuth, polar) = ((u - 0.5) * TAU, v * PI);
             let (sin, cos) = polar.sin_cos();
             let direction = DVec3::new(sin * azimuth.cos(), cos, sin * azimuth.sin());
             let found = self.radiance(self.turn.inverse() * direction);
             sum = std::array::from_fn(|c| sum[c] + found[c]);
         }
-        sum.map(|s| s * self.intensity / (RAYS * RAYS) as f32)
+        sum.map(|s| s * self.intensity / (SAMPLES * SAMPLES) as f32)
     }
 
-    /// Radiance from a direction of the cube's own space, interpolated between four texels.
+    /// Radiance from a direction in the space of the cube map, with bilinear filtering.
     fn radiance(&self, d: DVec3) -> [f32; 3] {
         let (face, right, down) = on_cube(d);
         let image = &self.faces[face];
         let last = f64::from(image.width - 1);
-        let place = |s: f64| ((s + 1.0) / 2.0 * f64::from(image.width) - 0.5).clamp(0.0, last);
-        let (x, y) = (place(right), place(down));
+        let texel_at = |s: f64| ((s + 1.0) / 2.0 * f64::from(image.width) - 0.5).clamp(0.0, last);
+        let (x, y) = (texel_at(right), texel_at(down));
         let [x0, y0] = [x.floor(), y.floor()];
         let mut sum = [0.0; 3];
         for (i, weight_x) in [(0.0, 1.0 - (x - x0)), (1.0, x - x0)] {
@@ -160,7 +160,7 @@ impl Cube<'_> {
     }
 }
 
-/// The face in a direction, and the position on it, -1 to 1 to the right and down, as seen from within.
+/// The face that a direction hits, and the position on it from -1 to 1, right and down as seen from inside.
 fn on_cube(d: DVec3) -> (usize, f64, f64) {
     let size = d.abs();
     let (axis, largest) = if size.x >= size.y && size.x >= size.z {
@@ -189,7 +189,7 @@ fn texel(image: &Image, x: u32, y: u32) -> [f32; 3] {
     if matches!(*image.pixels, Pixels::F32(_)) {
         return [r, g, b];
     }
-    // 8 bits hold nothing between 0 and 1 / 255.
+    // The smallest nonzero alpha of 8 bits.
     let divisor = alpha.max(1.0 / 255.0);
     [r, g, b].map(|c| c / divisor)
 }
@@ -198,11 +198,11 @@ fn texel(image: &Image, x: u32, y: u32) -> [f32; 3] {
 mod tests {
     use super::*;
 
-    /// Neighbouring faces meet: a step over each edge of the cube changes little in what a picture around it shows.
+    /// Cube map faces that encode their direction as colour become a smooth equirectangular image.
     #[test]
     fn faces_join_at_their_edges() {
         let size = 64;
-        // Each face shows the direction of its texels, by the definition of the faces of cube maps, mirrored left to right.
+        // The direction of a texel by the usual definition of cube maps, mirrored left to right.
         let direction = |face: usize, s: f64, t: f64| match face {
             0 => DVec3::new(1.0, -t, -s),
             1 => DVec3::new(-1.0, -t, s),
@@ -222,7 +222,7 @@ mod tests {
         let faces: Vec<Image> = (0..6).map(face).collect();
         let turn = DQuat::from_rotation_y(1.0) * DQuat::from_rotation_x(0.4);
         let cube = Cube { faces: &faces, turn, intensity: 2.0 };
-        let picture = cube.unrolled("");
+        let picture = cube.equirectangular("");
         assert_eq!((picture.width, picture.height), (256, 128));
         for (x, y) in (0..picture.width).flat_map(|x| (0..picture.height).map(move |y| (x, y))) {
             let (azimuth, polar) =

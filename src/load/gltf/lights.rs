@@ -1,4 +1,4 @@
-//! Cameras and lights of nodes.
+//! Cameras, lights and portals of nodes, and their ray visibility.
 
 use super::document::{Document, index_of, name_of, number_of, numbers_of, pointer, required};
 use super::nodes::Node;
@@ -22,7 +22,7 @@ use std::collections::HashMap;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 use std::sync::Arc;
 
-/// The list of KHR_lights_punctual.
+/// JSON path of the lights of KHR_lights_punctual.
 const PUNCTUAL_LIGHTS: &str = "extensions/KHR_lights_punctual/lights";
 
 /// The camera of a node.
@@ -72,10 +72,10 @@ fn perspective(camera: &Value, at: &str, report: &mut Report) -> Valid<(Projecti
             format!("{vfov_rad} is not between 0 and pi: the camera is left out"),
         ));
     }
-    let given = number_of(perspective, "aspectRatio", &at, report)?;
-    let aspect = given.filter(|a| *a > 0.0 && a.is_finite());
-    if let (Some(given), None) = (given, aspect) {
-        let message = format!("{given} is not above 0: the picture's own is taken");
+    let aspect_ratio = number_of(perspective, "aspectRatio", &at, report)?;
+    let aspect = aspect_ratio.filter(|a| *a > 0.0 && a.is_finite());
+    if let (Some(aspect_ratio), None) = (aspect_ratio, aspect) {
+        let message = format!("{aspect_ratio} is not above 0: the aspect ratio of the picture is used");
         report.warn(format!("{at}/aspectRatio"), message);
     }
     Ok((Projection::Perspective { vfov_rad }, aspect))
@@ -95,8 +95,8 @@ fn orthographic(camera: &Value, at: &str, report: &mut Report) -> Valid<(Project
     Ok((Projection::Orthographic { half_height }, aspect))
 }
 
-/// The rotation and translation of a transform: axes z, y and x made orthonormal in this order, right-handed. `None` for
-/// a transform that flattens.
+/// The rotation and translation of a transform: axes orthonormalised in the order z, y, x, right-handed. `None` for
+/// singular transforms.
 fn without_scale(transform: &DAffine3) -> Option<DAffine3> {
     let m = transform.matrix3;
     let z = m.z_axis.try_normalize()?;
@@ -106,10 +106,10 @@ fn without_scale(transform: &DAffine3) -> Option<DAffine3> {
     placed.is_finite().then_some(placed)
 }
 
-/// Divisors from the file's units (candela, lux) to W/sr and W/m2: of point and spot lights, and of directional lights.
+/// Divisors from the file's units (candela, lux) to W/sr for point and spot lights, and to W/m2 for directional lights.
 ///
-/// Blender's exporter writes candela and lux in its default mode; its mode "Unitless" leaves the factor of 683 out,
-/// and its mode "Raw" also that of 4 pi between the watts of a light and its intensity.
+/// Blender's exporter writes candela and lux in its default mode; its mode "Unitless" omits the factor 683 lm/W, and
+/// "Raw" also the factor 1 / (4 pi) from power to intensity.
 fn divisors(doc: &Document) -> (f64, f64) {
     match doc.options.light_units {
         LightUnits::Auto if engine(doc).is_some() => (1.0, 1.0),
@@ -119,8 +119,8 @@ fn divisors(doc: &Document) -> (f64, f64) {
     }
 }
 
-/// Engines in which light of intensity pi makes white surfaces white, and whose exporters write that number for candela and lux: by
-/// what the generator of their files contains.
+/// Engines whose exporters write unitless intensities, where pi makes a white surface white. Substring of the file's
+/// generator, and name.
 const ENGINES: [(&str, &str); 7] = [
     ("THREE", "three.js"),
     ("babylon", "Babylon.js"),
@@ -131,7 +131,7 @@ const ENGINES: [(&str, &str); 7] = [
     ("Needle", "Needle Engine"),
 ];
 
-/// The engine that wrote the file, if it is one of those.
+/// The engine of [`ENGINES`] that wrote the file.
 fn engine(doc: &Document) -> Option<&'static str> {
     let generator = doc.json.pointer("/asset/generator").and_then(Value::as_str)?;
     ENGINES.iter().find(|(part, _)| generator.contains(part)).map(|&(_, name)| name)
@@ -142,8 +142,7 @@ pub(super) fn lumens_per_watt(doc: &Document) -> f64 {
     divisors(doc).1
 }
 
-/// Falloff of spot lights: Blender's in its files, which KHR_lights_punctual can't express, unless the user
-/// wants the specification's.
+/// Falloff of spot lights at the edge of the cone: Blender's for its files, unless the user wants the specification's.
 fn fade(doc: &Document) -> SpotFade {
     if doc.is_from_blender() && doc.options.light_units != LightUnits::Spec {
         SpotFade::Smooth
@@ -159,7 +158,7 @@ pub(super) fn note_units(doc: &Document, lights: usize, report: &mut Report) {
     }
     let message = match doc.options.light_units {
         LightUnits::Auto if engine(doc).is_some() => format!(
-            "the intensities of {lights} lights are taken as W/sr and W/m2, as {} means them, which wrote the file ({})",
+            "the intensities of {lights} lights are taken as W/sr and W/m2, the convention of {}, which wrote the file ({})",
             engine(doc).unwrap_or_default(),
             Choice::LightUnits
         ),
@@ -176,7 +175,7 @@ pub(super) fn note_units(doc: &Document, lights: usize, report: &mut Report) {
             };
             format!("{intensities} divided by {units} lm/W{origin} ({})", Choice::LightUnits)
         }
-        // The user knows.
+        // Chosen by the user: no note.
         LightUnits::Spec | LightUnits::Compat | LightUnits::Raw => return,
     };
     report.note(format!("/{PUNCTUAL_LIGHTS}"), message);
@@ -261,7 +260,7 @@ fn cone(light: &Value, at: &str, report: &mut Report) -> Valid<(f64, f64)> {
     let spot = light.get("spot").unwrap_or(&Value::Null);
     let inner = number_of(spot, "innerConeAngle", &at, report)?.unwrap_or(0.0);
     let outer = number_of(spot, "outerConeAngle", &at, report)?.unwrap_or(FRAC_PI_4);
-    // The specification wants a slope; Blender writes none where a cone ends at once (blend 0).
+    // The specification requires inner < outer, but Blender writes equal angles for sharp edges (blend 0).
     if !(0.0 <= inner && inner <= outer && 0.0 < outer && outer <= FRAC_PI_2 + 1e-6) {
         report.warn(
             at,
@@ -272,23 +271,23 @@ fn cone(light: &Value, at: &str, report: &mut Report) -> Valid<(f64, f64)> {
     Ok((inner.clamp(0.0, outer), outer))
 }
 
-// Ray visibility flags in the `extras` of a node, as exporters write custom properties: `visible_to`, ray types in a list or
-// separated by commas or spaces, or one true or false for each kind, `visible_camera`, `visible_diffuse`, `visible_glossy`,
-// `visible_transmission`, `visible_volume` (or `visible_volume_scatter`) and `visible_shadow`; and `holdout` and
-// `shadow_catcher`, also with `is_` before them.
+// Ray visibility in the `extras` of a node (custom properties in exporters): either `visible_to`, a list of ray types or
+// text with commas or spaces, or a boolean per ray type: `visible_camera`, `visible_diffuse`, `visible_glossy`,
+// `visible_transmission`, `visible_volume` (or `visible_volume_scatter`), `visible_shadow`. Also `holdout` and
+// `shadow_catcher`, optionally with the prefix `is_`.
 
-/// Visibility flags of a node, from its JSON.
+/// Visibility flags of a node from its JSON object.
 pub(super) fn object_traits(raw: &Value, at: &str, report: &mut Report) -> ObjectTraits {
     let Some(extras) = raw.get("extras").filter(|extras| extras.is_object()) else {
         return ObjectTraits::default();
     };
     let at = format!("{at}/extras");
-    let mut visible_to = listed(extras, &at, report);
+    let mut visible_to = visible_to(extras, &at, report);
     for (name, kind) in RayKinds::NAMED {
         let keys = [format!("visible_{name}"), format!("visible_{name}_scatter")];
         for key in keys.iter().take(if kind == RayKinds::VOLUME { 2 } else { 1 }) {
-            if let Some(is_seen) = flag(extras, key, &at, report) {
-                visible_to = visible_to.set(kind, is_seen);
+            if let Some(is_visible) = flag(extras, key, &at, report) {
+                visible_to = visible_to.set(kind, is_visible);
             }
         }
     }
@@ -299,7 +298,7 @@ pub(super) fn object_traits(raw: &Value, at: &str, report: &mut Report) -> Objec
 }
 
 /// The ray types in `visible_to`; all by default.
-fn listed(extras: &Value, at: &str, report: &mut Report) -> RayKinds {
+fn visible_to(extras: &Value, at: &str, report: &mut Report) -> RayKinds {
     let Some(value) = extras.get("visible_to") else { return RayKinds::ALL };
     let names: Option<Vec<&str>> = match value {
         Value::String(text) => Some(text.split([',', ' ']).filter(|name| !name.is_empty()).collect()),
@@ -311,14 +310,14 @@ fn listed(extras: &Value, at: &str, report: &mut Report) -> RayKinds {
     match kinds {
         Some(kinds) => kinds.into_iter().fold(RayKinds::NONE, RayKinds::with),
         None => {
-            let known = RayKinds::NAMED.map(|(name, _)| name).join(", ");
-            report.warn(format!("{at}/visible_to"), format!("holds more than {known}; ignored"));
+            let names = RayKinds::NAMED.map(|(name, _)| name).join(", ");
+            report.warn(format!("{at}/visible_to"), format!("holds more than {names}; ignored"));
             RayKinds::ALL
         }
     }
 }
 
-/// A boolean; custom properties may also be 1 and 0.
+/// A boolean, which custom properties may also store as 1 or 0.
 fn flag(extras: &Value, key: &str, at: &str, report: &mut Report) -> Option<bool> {
     let value = extras.get(key)?;
     let found = match value.as_f64() {
@@ -343,27 +342,27 @@ pub(super) struct AreaLight {
     radiance: [f32; 3],
     group: String,
     emitter_traits: EmitterTraits,
-    form: Form,
-    /// From the unit square, centered at the origin with normal -z, to world space.
+    shape: AreaShape,
+    /// From the unit square, centred at the origin with normal -z, to world space.
     world_from_unit: DAffine3,
 }
 
-/// The form of a light.
+/// Shape of an area light.
 #[derive(Clone, Copy, PartialEq)]
-enum Form {
+enum AreaShape {
     Rectangle,
     Disk,
-    /// A moving disk: light sampling supports those as meshes only.
+    /// A moving disk: light sampling supports moving disks as meshes only.
     DiskOfTriangles,
 }
 
-/// The light of a node, if it has this extension.
+/// The area light of a node, if any.
 pub(super) fn area_light(doc: &Document, node: &Node, moves: bool, report: &mut Report) -> Option<AreaLight> {
     let raw = node.area_light(doc)?;
-    // Its problems have been reported.
+    // `Err`: already reported.
     let mut light = read_area_light(doc, (node, raw), report).ok()?;
-    if moves && light.form == Form::Disk {
-        light.form = Form::DiskOfTriangles;
+    if moves && light.shape == AreaShape::Disk {
+        light.shape = AreaShape::DiskOfTriangles;
     }
     Some(light)
 }
@@ -374,13 +373,13 @@ fn read_area_light(doc: &Document, (node, raw): (&Node, &Value), report: &mut Re
     let light = doc.raw(AREA_LIGHTS, index, &format!("{at}/light"), report)?;
     let at = pointer(AREA_LIGHTS, index);
     report.warn("", ("extension-draft", "EXT_lights_area is a draft: its support may change"));
-    let form = match light.get("type").and_then(Value::as_str) {
-        Some("rect") => Form::Rectangle,
-        Some("disk") => Form::Disk,
+    let shape = match light.get("type").and_then(Value::as_str) {
+        Some("rect") => AreaShape::Rectangle,
+        Some("disk") => AreaShape::Disk,
         _ => return Err(report.problem(format!("{at}/type"), "is neither rect nor disk")),
     };
     let height = positive(light, "size", &at, report)?;
-    let aspect = match light.get("rect").filter(|_| form == Form::Rectangle) {
+    let aspect = match light.get("rect").filter(|_| shape == AreaShape::Rectangle) {
         Some(rect) => positive(rect, "aspect", &format!("{at}/rect"), report)?,
         None => 1.0,
     };
@@ -400,21 +399,21 @@ fn read_area_light(doc: &Document, (node, raw): (&Node, &Value), report: &mut Re
     let ObjectTraits { visible_to, .. } = object_traits(node_raw, &node.pointer(), report);
     let emitter_traits = EmitterTraits { visible_to, ..EmitterTraits::default() };
     let name = name_of(node_raw, "light of node", node.index);
-    Ok(AreaLight { name, radiance, group, emitter_traits, form, world_from_unit })
+    Ok(AreaLight { name, radiance, group, emitter_traits, shape, world_from_unit })
 }
 
-/// A size above 0; 1 by default.
+/// A positive size, 1 by default.
 fn positive(object: &Value, key: &str, at: &str, report: &mut Report) -> Valid<f64> {
     let size = number_of(object, key, at, report)?.unwrap_or(1.0);
-    // Squares of sizes are areas in single precision.
+    // Areas are squares of sizes and must be finite in f32.
     if (1e-15..=1e15).contains(&size) {
         return Ok(size);
     }
     Err(report.problem(format!("{at}/{key}"), format!("{size} is no size above 0 (1e-15 to 1e15)")))
 }
 
-/// The placement of a light: the rotation of a transform (axes z and y orthonormalized in this order) and its largest scale factor for
-/// both sides. `None` for a transform that flattens.
+/// The transform of a light: the rotation of a node (axes orthonormalised in the order z, y) and its largest scale factor
+/// for both sides. `None` for singular transforms.
 fn world_from_unit(world_from_node: &DAffine3, size: [f64; 2]) -> Option<DAffine3> {
     let m = world_from_node.matrix3;
     let z = m.z_axis.try_normalize()?;
@@ -427,9 +426,9 @@ fn world_from_unit(world_from_node: &DAffine3, size: [f64; 2]) -> Option<DAffine
 }
 
 impl AreaLight {
-    /// Adds the light to a scene that has its other materials already.
+    /// Adds the light's emitter and its material to a scene.
     pub fn add_to(self, scene: &mut Scene) {
-        let AreaLight { name, radiance, group, emitter_traits, form, world_from_unit } = self;
+        let AreaLight { name, radiance, group, emitter_traits, shape, world_from_unit } = self;
         let mut emitter = Material::emitter(&name, radiance, false);
         (emitter.light_group, emitter.is_light) = (group, true);
         emitter.emitter_traits =
@@ -437,17 +436,17 @@ impl AreaLight {
         let material = scene.add_material(emitter);
         let (x, y, center) =
             (world_from_unit.matrix3.x_axis, world_from_unit.matrix3.y_axis, world_from_unit.translation);
-        match form {
-            Form::Rectangle => {
-                // The front is on the side of the cross product: -z.
+        match shape {
+            AreaShape::Rectangle => {
+                // The front is the side of the cross product of the edges: -z.
                 let quad = Quad::new(center - (x + y) / 2.0, y, x, material);
                 scene.quads.push(Quad { name, ..quad });
             }
-            Form::Disk => {
+            AreaShape::Disk => {
                 let disk = Shape::disk(center, -world_from_unit.matrix3.z_axis, y.length() / 2.0, material);
                 scene.shapes.push(Shape { name, ..disk });
             }
-            Form::DiskOfTriangles => {
+            AreaShape::DiskOfTriangles => {
                 let mesh = disk_of_triangles(scene, &name, material);
                 let half = DMat3::from_cols(y / 2.0, x / 2.0, -world_from_unit.matrix3.z_axis);
                 let placed = Instance::new(mesh, DAffine3::from_mat3_translation(half, center));
@@ -464,7 +463,7 @@ fn disk_of_triangles(scene: &mut Scene, name: &str, material: MaterialId) -> Mes
     scene.add_mesh(mesh)
 }
 
-/// From a rectangle of unit sides to where a quad is.
+/// The transform from the unit square to a quad in world space.
 pub(super) fn world_from_quad(quad: &Quad) -> DAffine3 {
     let axes = DMat3::from_cols(quad.edge_u, quad.edge_v, quad.edge_u.cross(quad.edge_v).normalize_or_zero());
     DAffine3::from_mat3_translation(axes, quad.corner)
@@ -475,10 +474,10 @@ pub(super) fn world_from_quad(quad: &Quad) -> DAffine3 {
 const IES_LIGHT: &str = "extensions/EXT_lights_ies";
 const IES_LIGHTS: &str = "extensions/EXT_lights_ies/lights";
 
-/// The profiles of a file by index: relative intensities (maximum 1), and the maximum in candela.
+/// IES profiles by index: relative intensities (maximum 1), and the maximum in candela.
 pub(super) type Profiles = HashMap<usize, Valid<(Arc<LightProfile>, f64)>>;
 
-/// The light of a node, if it has this extension.
+/// The light with an IES profile of a node, if any.
 pub(super) fn ies_light(
     doc: &Document,
     node: &Node,
@@ -496,15 +495,15 @@ fn read_ies_light(
 ) -> Valid<Light> {
     let at = format!("{}/{IES_LIGHT}", node.pointer());
     let index = required(index_of(raw, "light", &at, report), "light", &at, report)?;
-    let known = match profiles.get(&index) {
-        Some(known) => known.clone(),
+    let cached = match profiles.get(&index) {
+        Some(cached) => cached.clone(),
         None => {
             let read = report.lasting(|report| profile(doc, index, &at, report));
             profiles.insert(index, read.clone());
             read
         }
     };
-    let (profile, candela) = known?;
+    let (profile, candela) = cached?;
     let factor = number_of(raw, "multiplier", &at, report)?.unwrap_or(1.0);
     let color = numbers_of(raw, "color", &at, report)?.unwrap_or([1.0; 3]);
     let intensity = color.map(|c| (c.clamp(0.0, 1.0) * factor * candela / LUMENS_PER_WATT) as f32);
@@ -523,7 +522,7 @@ fn read_ies_light(
     Ok(Light { name, group, visible_to, profile: Some(profile), ..Light::new(kind, intensity) })
 }
 
-/// The axes z, then x, made orthonormal; `None` for a transform that flattens.
+/// The rotation of a transform: axes orthonormalised in the order z, x; `None` for singular transforms.
 fn rotation(m: &DMat3) -> Option<DQuat> {
     let z: DVec3 = m.z_axis.try_normalize()?;
     let x = (m.x_axis - z * m.x_axis.dot(z)).try_normalize()?;
@@ -552,8 +551,8 @@ fn profile(doc: &Document, index: usize, from: &str, report: &mut Report) -> Val
     }
 }
 
-// Portals of nodes: `portal` in the `extras`, as Blender exports custom properties, is the width and height of a rectangle around the
-// node through which light of the environment comes in along -z.
+// Portals: the custom property `portal` in the `extras` of a node is the width and height of a rectangle centred at the
+// node, through which environment light enters along -z.
 
 /// The portal of a node, if it is one.
 pub(super) fn portal(doc: &Document, node: &Node, report: &mut Report) -> Option<Portal> {
@@ -580,7 +579,7 @@ pub(super) fn portal(doc: &Document, node: &Node, report: &mut Report) -> Option
         report.warn(at, "is flattened or sheared by the transform of its node; ignored");
         return None;
     };
-    // Light comes in along -z, whatever the node mirrors.
+    // Light enters along -z also for mirroring transforms.
     let inwards = -matrix.matrix3.z_axis;
     let (edge_u, edge_v): (DVec3, DVec3) =
         if across.cross(along).dot(inwards) > 0.0 { (x, y) } else { (y, x) };

@@ -1,5 +1,4 @@
-//! Meshes: one mesh of the scene for each of the file, with a part for each primitive. Primitives without normals are
-//! flat, so a mesh that has both kinds becomes two, and likewise for tangents.
+//! Meshes: one part per primitive. A mesh whose primitives have different attributes (normals, tangents) is split.
 
 use super::buffers::Accessor;
 use super::document::{Document, name_of, pointer};
@@ -9,7 +8,7 @@ use super::points_lines;
 use super::report::{Report, Valid};
 use super::vertices::{Attributes, Deformation, add_vertices, attributes};
 use crate::error::Problem;
-use crate::load::mesh_tools::{bound_colors, clear_unusable, normalize_normals};
+use crate::load::mesh_tools::{bound_colors, normalize_normals, zero_non_finite};
 use crate::load::options::GltfOptions;
 use crate::math::all_finite;
 use crate::scene::{MaterialId, Mesh, MeshPart};
@@ -20,33 +19,32 @@ use gltf::json::validation::Checked;
 use serde_json::Value;
 use std::collections::HashMap;
 
-/// The extensions by which the largest index begins another strip or fan. `EXT_mesh_primitive_restart` first had lists of primitives
-/// that may be drawn as one: those are read one by one, which is the same.
+/// Extensions for the restart index, which begins another strip or fan. Drafts of `EXT_mesh_primitive_restart` instead
+/// listed primitives to be drawn as one, which needs no support.
 const RESTARTS: [&str; 2] = ["KHR_mesh_primitive_restart", "EXT_mesh_primitive_restart"];
 
-/// A mesh under construction, of primitives with the same kinds of attributes.
+/// A mesh under construction, of primitives with the same attributes.
 struct Group {
     has_normals: bool,
     has_tangents: bool,
     mesh: Mesh,
-    /// First vertex and number of vertices of each set of attributes in the mesh.
+    /// First vertex and number of vertices of each set of accessors.
     vertices: HashMap<Attributes, (u32, usize)>,
 }
 
 /// The state of reading a mesh.
 pub(super) struct MeshReader<'b, 'a> {
-    /// The file.
     pub doc: &'b Document<'a>,
     /// The materials, built on first use.
     pub materials: &'b mut Materials,
     /// Problems and warnings.
     pub report: &'b mut Report,
-    /// How the mesh is deformed.
+    /// Skin and morph targets of the mesh.
     pub deformation: Deformation<'b>,
 }
 
 impl MeshReader<'_, '_> {
-    /// Reads the mesh of an index; `from` points to what refers to it. Problems are noted.
+    /// Reads the mesh at an index; `from` is the JSON pointer of the reference to it.
     pub fn read(mut self, index: usize, from: &str) -> Vec<Mesh> {
         let doc = self.doc;
         let Ok(json) = doc.entry::<gltf::json::Mesh>("meshes", index, from, self.report) else {
@@ -57,7 +55,7 @@ impl MeshReader<'_, '_> {
             let at = format!("{}/primitives/{i}", pointer("meshes", index));
             if primitive.mode == Checked::Valid(Mode::Points) {
                 let material = || self.materials.of_splats();
-                // Their errors don't concern the others.
+                // Primitives with errors are skipped; the report has the problem.
                 let read = points_lines::read_splats(doc, (index, i), material, &at, self.report);
                 clouds.extend(read.ok().flatten());
             }
@@ -80,10 +78,10 @@ impl MeshReader<'_, '_> {
             Checked::Invalid => {
                 self.report.problem(format!("{at}/mode"), "is no mode of glTF 2.0 (0 to 6)");
             }
-            // They have no surface, and are no meshes of the scene.
+            // Points and lines are read by `points_lines`.
             Checked::Valid(Mode::Points | Mode::Lines | Mode::LineLoop | Mode::LineStrip) => {}
             Checked::Valid(mode @ (Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)) => {
-                // Errors of a primitive don't concern the others.
+                // Primitives with errors are skipped; the report has the problem.
                 let _: Valid<()> = self.add_triangles(primitive, mode, at, groups);
             }
         }
@@ -98,7 +96,7 @@ impl MeshReader<'_, '_> {
     ) -> Valid<()> {
         let doc = self.doc;
         let is_compressed = self.report.lasting(|report| draco::unpack(doc, primitive, at, report))?;
-        // A compressed primitive is a list of triangles, whatever it was made from.
+        // Draco decodes to a triangle list.
         let mode = if is_compressed { Mode::Triangles } else { mode };
         let material = variant_material(doc, primitive, at, self.report);
         let material = self.materials.get(doc, material, &format!("{at}/material"), self.report)?;
@@ -130,9 +128,7 @@ impl MeshReader<'_, '_> {
         };
         let corners = indices.as_ref().map_or(count, |a| a.count) as u64;
         if !doc.may_decode(corners * if mode == Mode::Triangles { 4 } else { 12 }) {
-            return Err(self
-                .report
-                .problem(at, "asks for more triangles than the size of the file justifies"));
+            return Err(self.report.problem(at, "has more triangles than the size of the file justifies"));
         }
         let mesh = &mut group.mesh;
         let first = mesh.triangles.len();
@@ -143,7 +139,7 @@ impl MeshReader<'_, '_> {
     }
 }
 
-/// The group for primitives with these kinds of attributes.
+/// The group for primitives with these attributes.
 fn group_of<'g>(attributes: &Attributes, groups: &'g mut Vec<Group>) -> &'g mut Group {
     let (has_normals, has_tangents) = (attributes.normals.is_some(), attributes.tangents.is_some());
     let found = groups.iter().position(|g| (g.has_normals, g.has_tangents) == (has_normals, has_tangents));
@@ -154,7 +150,7 @@ fn group_of<'g>(attributes: &Attributes, groups: &'g mut Vec<Group>) -> &'g mut 
     &mut groups[group]
 }
 
-/// Covers the triangles from `first` on by a part.
+/// Adds a part with the triangles from `first` on.
 fn add_part(mesh: &mut Mesh, first: usize, material: MaterialId, at: &str, report: &mut Report) -> Valid<()> {
     let (Ok(first_triangle), Ok(end)) = (u32::try_from(first), u32::try_from(mesh.triangles.len())) else {
         mesh.triangles.truncate(first);
@@ -164,7 +160,7 @@ fn add_part(mesh: &mut Mesh, first: usize, material: MaterialId, at: &str, repor
     Ok(())
 }
 
-/// Fills up attributes that some primitives of a mesh lack: texture coordinates 0, white.
+/// Fills missing attributes of primitives: texture coordinates with 0, colours with white.
 fn pad(mesh: &mut Mesh) {
     let count = mesh.positions.len();
     if !mesh.colors.is_empty() {
@@ -179,18 +175,18 @@ fn pad(mesh: &mut Mesh) {
 
 /// The index list of a primitive.
 pub(super) struct PrimitiveIndices<'c, 'd> {
-    /// How corners become triangles.
+    /// Topology.
     pub mode: Mode,
-    /// The indices; all vertices in order without.
+    /// The indices; `None` for all vertices in order.
     pub indices: Option<&'c Accessor<'d>>,
-    /// How many vertices there are.
+    /// Number of vertices.
     pub vertices: usize,
-    /// May the largest index there is begin another strip or fan (KHR_mesh_primitive_restart)?
+    /// Is the largest index of the type a restart index (KHR_mesh_primitive_restart)?
     pub may_restart: bool,
 }
 
-/// Appends a primitive's triangles to `triangles`, with `base` added to each index. Every index is below `base` plus
-/// the number of vertices afterwards; nothing is appended if the file says otherwise.
+/// Appends a primitive's triangles to `triangles`, with `base` added to each index. Triangles with indices beyond the
+/// vertices are dropped.
 pub(super) fn append_triangles(
     PrimitiveIndices { mode, indices, vertices, may_restart }: PrimitiveIndices,
     base: u32,
@@ -200,17 +196,17 @@ pub(super) fn append_triangles(
 ) -> Valid<()> {
     let count = indices.map_or(vertices, |a| a.count);
     indices.map_or(Ok(()), |accessor| check_indices(accessor, report))?;
-    let whole = match mode {
+    let is_complete = match mode {
         Mode::Triangles => count.is_multiple_of(3),
         _ => count == 0 || count >= 3,
     };
-    if !whole {
+    if !is_complete {
         report.warn(at, format!("{count} corners make no whole number of triangles; the rest is ignored"));
     }
     let first = triangles.len();
     if mode == Mode::Triangles {
         if first == 0 {
-            // Fresh zeros come from the system without being written.
+            // The system provides zeroed pages without writing them.
             *triangles = vec![[0; 3]; count / 3];
             prefer_huge_pages(triangles);
         } else {
@@ -243,8 +239,8 @@ pub(super) fn append_triangles(
     Ok(())
 }
 
-/// Drops the triangles from `first` on that use vertices which the primitive lacks, with a warning by what is wrong; where
-/// none would be left, or the file may mean something else by such indices, that is a problem.
+/// Drops triangles from `first` on with indices beyond the vertices, with a warning. A problem if no triangle remains or
+/// the index may be an undeclared restart index.
 fn drop_beyond(
     triangles: &mut Vec<[u32; 3]>,
     first: usize,
@@ -253,8 +249,8 @@ fn drop_beyond(
     is_restart: bool,
     report: &mut Report,
 ) -> Valid<()> {
-    let is_there = |t: &[u32; 3]| t.iter().all(|&i| (i as usize) < vertices);
-    let (count, kept) = (triangles.len() - first, triangles[first..].iter().filter(|t| is_there(t)).count());
+    let is_valid = |t: &[u32; 3]| t.iter().all(|&i| (i as usize) < vertices);
+    let (count, kept) = (triangles.len() - first, triangles[first..].iter().filter(|t| is_valid(t)).count());
     if is_restart || kept == 0 {
         triangles.truncate(first);
         let help = "where that index begins another strip or fan, the file must say so in \
@@ -264,13 +260,13 @@ fn drop_beyond(
     let mut number = 0;
     triangles.retain(|t| {
         number += 1;
-        number <= first || is_there(t)
+        number <= first || is_valid(t)
     });
     report.warn(wrong.place, format!("{}: {} triangles are dropped", wrong.message, count - kept));
     Ok(())
 }
 
-/// The index that no vertex can have: the largest of its type.
+/// The restart index: the largest of its type.
 fn restart_index(accessor: &Accessor) -> u32 {
     match accessor.component {
         ComponentType::U8 => u32::from(u8::MAX),
@@ -296,36 +292,37 @@ fn read(indices: Option<&Accessor>, out: &mut [u32]) {
     }
 }
 
-/// The triangles of a strip (glTF 2.0, section 3.7.2.1); those with two equal corners only join pieces and are left out.
+/// The triangles of a strip (glTF 2.0, section 3.7.2.1), without degenerate ones that only join strips.
 fn strip(corners: &[u32]) -> impl Iterator<Item = [u32; 3]> {
-    let turned = |(i, w): (usize, &[u32])| if i % 2 == 0 { [w[0], w[1], w[2]] } else { [w[0], w[2], w[1]] };
-    corners.windows(3).enumerate().map(turned).filter(|[a, b, c]| a != b && b != c && c != a)
+    let with_winding =
+        |(i, w): (usize, &[u32])| if i % 2 == 0 { [w[0], w[1], w[2]] } else { [w[0], w[2], w[1]] };
+    corners.windows(3).enumerate().map(with_winding).filter(|[a, b, c]| a != b && b != c && c != a)
 }
 
-/// The triangles of a fan about the first corner.
+/// The triangles of a fan around the first corner (glTF 2.0, section 3.7.2.1).
 fn fan(corners: &[u32]) -> impl Iterator<Item = [u32; 3]> {
     let center = corners.first().copied().unwrap_or_default();
     corners.get(1..).unwrap_or_default().windows(2).map(move |w| [w[0], w[1], center])
 }
 
-// Common errors in the numbers of meshes: each repair is counted in a warning. Valid meshes cost one look.
+// Repair of invalid vertex data, with warnings.
 
-/// Largest difference of a normal's squared length from 1 that is left alone.
+/// Maximum deviation of a normal's squared length from 1 without normalisation.
 const UNIT_TOLERANCE: f32 = 1e-4;
 
-/// Drops triangles with corners that are not finite, and mends normals, tangents, colours and coordinates.
+/// Drops triangles with non-finite positions, and repairs normals, tangents, colours and texture coordinates.
 fn repair(mesh: &mut Mesh, at: &str, report: &mut Report) {
     if !all_finite(mesh.positions.as_flattened()) {
         let dropped = drop_triangles(mesh);
         report.warn(at, format!("{dropped} triangles with corners that are not finite numbers were dropped"));
     }
-    // Without a branch inside, so that many are looked at in one step; NaN is no unit length.
+    // Branchless, for vectorisation; false for NaN.
     let is_unit = |[x, y, z]: [f32; 3]| (x * x + y * y + z * z - 1.0).abs() <= UNIT_TOLERANCE;
     if !mesh.normals.iter().fold(true, |all, &n| all & is_unit(n)) {
         normalize_normals(mesh);
         report.warn(at, "has normals that are not of unit length; they were normalised");
     }
-    let zeroed = clear_unusable(mesh);
+    let zeroed = zero_non_finite(mesh);
     if zeroed > 0 {
         report.warn(at, format!("{zeroed} texture coordinates or colours that are not finite became 0"));
     }
@@ -334,37 +331,37 @@ fn repair(mesh: &mut Mesh, at: &str, report: &mut Report) {
     }
     if !all_finite(mesh.tangents.as_flattened()) {
         mesh.tangents.clear();
-        report.warn(at, "has tangents that are not finite; they are made from its texture coordinates");
+        report.warn(at, "has tangents that are not finite; they are derived from its texture coordinates");
     }
     for tangent in &mut mesh.tangents {
         tangent[3] = 1f32.copysign(tangent[3]);
     }
 }
 
-/// Removes triangles that use vertices which are not finite (these become the origin); returns how many.
+/// Removes triangles with non-finite vertices, which are moved to the origin; returns their number.
 fn drop_triangles(mesh: &mut Mesh) -> usize {
     let usable: Vec<bool> = mesh.positions.iter().map(|p| all_finite(p)).collect();
     let before = mesh.triangles.len();
-    let mut shared = Vec::with_capacity(before);
+    let mut kept = Vec::with_capacity(before);
     for part in &mut mesh.parts {
         let first = part.first_triangle as usize;
         let old = &mesh.triangles[first..first + part.triangle_count as usize];
-        part.first_triangle = shared.len() as u32;
-        shared.extend(old.iter().filter(|t| t.iter().all(|&i| usable[i as usize])));
-        part.triangle_count = shared.len() as u32 - part.first_triangle;
+        part.first_triangle = kept.len() as u32;
+        kept.extend(old.iter().filter(|t| t.iter().all(|&i| usable[i as usize])));
+        part.triangle_count = kept.len() as u32 - part.first_triangle;
     }
-    mesh.triangles = shared;
+    mesh.triangles = kept;
     for (p, _) in mesh.positions.iter_mut().zip(&usable).filter(|(_, usable)| !**usable) {
         *p = [0.0; 3];
     }
     before - mesh.triangles.len()
 }
 
-// KHR_materials_variants: the material of a primitive in the variant that is shown.
+// KHR_materials_variants: the material of a primitive in the selected variant.
 
 const VARIANTS: &str = "/extensions/KHR_materials_variants/variants";
 
-/// Checks that the variant that the user wants exists.
+/// Checks that the user's variant exists.
 pub(super) fn check_variant(doc: &Document, report: &mut Report) {
     let Some(wanted) = &doc.options.variant else { return };
     if let Err(help) = GltfOptions::find(&variant_names(doc), wanted) {
@@ -382,27 +379,27 @@ pub(super) fn variant_names(doc: &Document) -> Vec<String> {
 
 /// The material of a primitive: that of the chosen variant, or its own.
 fn variant_material(doc: &Document, primitive: &Primitive, at: &str, report: &mut Report) -> Option<usize> {
-    let own = primitive.material.map(|m| m.value());
+    let default = primitive.material.map(|m| m.value());
     let Some(chosen) =
         doc.options.variant.as_ref().and_then(|v| GltfOptions::find(&variant_names(doc), v).ok())
     else {
-        return own;
+        return default;
     };
     let extension = doc.json.pointer(&format!("{at}/extensions/KHR_materials_variants/mappings"));
     let mappings = extension.and_then(Value::as_array).map_or(&[][..], Vec::as_slice);
     if mappings.is_empty() && extension.is_some() {
-        report.warn(at, "has variants, but no list of them; its own material is shown");
+        report.warn(at, "has variants, but no list of them; its own material is used");
     }
     let is_chosen = |mapping: &&Value| {
         let variants = mapping.get("variants").and_then(Value::as_array);
         variants.is_some_and(|list| list.iter().any(|v| v.as_u64() == Some(chosen as u64)))
     };
-    let Some(mapping) = mappings.iter().find(is_chosen) else { return own };
+    let Some(mapping) = mappings.iter().find(is_chosen) else { return default };
     let material = mapping.get("material").and_then(Value::as_u64).and_then(|m| usize::try_from(m).ok());
     if material.is_none() {
-        report.warn(at, "has a variant without a material; its own material is shown");
+        report.warn(at, "has a variant without a material; its own material is used");
     }
-    material.or(own)
+    material.or(default)
 }
 
 #[cfg(test)]
@@ -417,7 +414,7 @@ mod tests {
     }
 
     #[test]
-    fn fans_turn_about_the_first() {
+    fn fans_share_their_first_corner() {
         let triangles: Vec<_> = fan(&[5, 6, 7, 8]).collect();
         assert_eq!(triangles, [[6, 7, 5], [7, 8, 5]]);
         assert_eq!(fan(&[]).count(), 0);

@@ -1,24 +1,24 @@
-//! EXT_meshopt_compression and KHR_meshopt_compression: compressed buffer views. The bit streams are those of the
-//! latter's specification (appendix A; filters in appendix B), of which the former has version 0 only.
+//! EXT_meshopt_compression and KHR_meshopt_compression: compressed buffer views. The bit streams follow the specification
+//! of KHR_meshopt_compression (appendix A; filters in appendix B); the EXT extension has version 0 only.
 //!
-//! Decoders check each read: a damaged stream is an error, whatever it holds.
+//! Decoders check each read: damaged streams are errors.
 
 use super::document::{index_of, required};
 use super::report::{Report, Valid};
 use crate::error::Problem;
 use serde_json::Value;
 
-/// The extensions' names, which differ in nothing else.
+/// Names of the extensions, which have the same JSON.
 const NAMES: [&str; 2] = ["KHR_meshopt_compression", "EXT_meshopt_compression"];
 
-/// The extension of the buffer view at a pointer, with its own pointer.
+/// JSON pointer and value of the extension of the buffer view at a pointer.
 pub(super) fn packed<'v>(json: &'v Value, at: &str) -> Option<(String, &'v Value)> {
     let extensions = json.pointer(&format!("{at}/extensions"))?;
     let name = NAMES.iter().find(|name| extensions.get(name).is_some())?;
     Some((format!("{at}/extensions/{name}"), extensions.get(name)?))
 }
 
-/// The kind of a stream.
+/// Bit stream format.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Mode {
     Attributes,
@@ -26,7 +26,7 @@ enum Mode {
     Indices,
 }
 
-/// The filter after decoding.
+/// Filter to apply after decoding.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Filter {
     None,
@@ -36,13 +36,13 @@ enum Filter {
     Color,
 }
 
-/// The JSON of a compressed view.
+/// Parameters of a compressed view.
 pub(super) struct Layout {
-    /// The buffer with the stream.
+    /// Index of the buffer with the stream.
     pub buffer: usize,
-    /// The stream's first byte.
+    /// Offset of the stream, bytes.
     pub offset: u64,
-    /// Its length.
+    /// Length of the stream, bytes.
     pub length: u64,
     /// Number of elements.
     pub count: usize,
@@ -52,11 +52,11 @@ pub(super) struct Layout {
 }
 
 impl Layout {
-    /// Reads and checks it.
+    /// Parses and validates the extension.
     pub fn new(packed: &Value, at: &str, report: &mut Report) -> Valid<Layout> {
-        let mut whole = |key: &str| required(index_of(packed, key, at, report), key, at, report);
-        let (buffer, length) = (whole("buffer"), whole("byteLength"));
-        let (stride, count) = (whole("byteStride"), whole("count"));
+        let mut integer = |key: &str| required(index_of(packed, key, at, report), key, at, report);
+        let (buffer, length) = (integer("buffer"), integer("byteLength"));
+        let (stride, count) = (integer("byteStride"), integer("count"));
         let offset = index_of(packed, "byteOffset", at, report);
         let mode = match packed.get("mode").and_then(Value::as_str) {
             Some("ATTRIBUTES") => Mode::Attributes,
@@ -80,15 +80,15 @@ impl Layout {
         let (stride, count) = (stride?, count?);
         let (offset, length) = (offset?.unwrap_or(0) as u64, length? as u64);
         let layout = Layout { buffer: buffer?, offset, length, count, stride, mode, filter };
-        if !layout.is_sound() {
+        if !layout.is_valid() {
             return Err(report
                 .problem(at, format!("{count} elements of {stride} bytes don't fit its mode and filter")));
         }
         Ok(layout)
     }
 
-    /// The rules for strides and counts.
-    fn is_sound(&self) -> bool {
+    /// Are stride and count valid for the mode and the filter?
+    fn is_valid(&self) -> bool {
         let stride = self.stride;
         let by_mode = match self.mode {
             Mode::Attributes => stride.is_multiple_of(4) && (4..=256).contains(&stride),
@@ -104,7 +104,7 @@ impl Layout {
         by_mode && by_filter && (self.filter == Filter::None || self.mode == Mode::Attributes)
     }
 
-    /// Bytes after decoding.
+    /// Decoded size, bytes.
     pub fn size(&self) -> u64 {
         (self.count as u64).saturating_mul(self.stride as u64)
     }
@@ -112,7 +112,7 @@ impl Layout {
     /// Decodes a stream into `count` elements.
     ///
     /// # Errors
-    /// Says what is wrong with the stream.
+    /// A message for damaged streams.
     pub fn decode(&self, stream: &[u8]) -> Result<Vec<u8>, String> {
         let mut bytes = match self.mode {
             Mode::Attributes => decode(stream, self.count, self.stride)?,
@@ -132,14 +132,12 @@ impl Layout {
     }
 }
 
-/// Indices as bytes of their size; what does not fit 16 bits wraps around, as the specification demands.
+/// Indices as bytes, 2 or 4 each; larger indices wrap around in 16 bits, as the specification requires.
 fn narrowed(indices: Vec<u32>, stride: usize) -> Vec<u8> {
     indices.iter().flat_map(|i| i.to_le_bytes().into_iter().take(stride)).collect()
 }
 
-// A compressed stream, read byte by byte.
-
-/// A stream read from its start; reading beyond its end is an error.
+/// A compressed stream; reading beyond its end is an error.
 struct Stream<'s> {
     /// The remaining bytes.
     pub bytes: &'s [u8],
@@ -158,7 +156,7 @@ impl<'s> Stream<'s> {
         Ok(self.take(1)?[0])
     }
 
-    /// An unsigned number of seven bits per byte, the lowest first, at most five bytes long.
+    /// An unsigned LEB128 number of at most five bytes.
     pub fn varint(&mut self) -> Result<u32, String> {
         let mut value = 0u32;
         for shift in [0, 7, 14, 21, 28] {
@@ -171,7 +169,7 @@ impl<'s> Stream<'s> {
         Err("a number is longer than five bytes".to_string())
     }
 
-    /// Splits the last bytes off.
+    /// Removes and returns the last bytes.
     pub fn tail(&mut self, count: usize) -> Result<&'s [u8], String> {
         let at = self.bytes.len().checked_sub(count).ok_or("the stream is too short")?;
         let (rest, tail) = self.bytes.split_at(at);
@@ -179,7 +177,7 @@ impl<'s> Stream<'s> {
         Ok(tail)
     }
 
-    /// All must have been read.
+    /// Fails unless the whole stream has been read.
     pub fn finish(self) -> Result<(), String> {
         match self.bytes.len() {
             0 => Ok(()),
@@ -188,20 +186,20 @@ impl<'s> Stream<'s> {
     }
 }
 
-// Mode "attributes": elements as differences from their predecessors, byte by byte, in groups of 16.
+// Mode "attributes": elements as byte-wise differences from their predecessors, in groups of 16.
 
-/// Elements in a group.
+/// Elements per group.
 const GROUP: usize = 16;
-/// Maximum numbers of bytes and of elements of a block.
+/// Maximum size of a block, bytes and elements.
 const BLOCK_BYTES: usize = 8192;
 const BLOCK_ELEMENTS: usize = 256;
 
-/// How differences become values (the low four bits of a channel's mode).
+/// Encoding of the differences of four bytes (low four bits of a channel's mode).
 #[derive(Clone, Copy)]
 enum Channel {
     Bytes,
     Words,
-    /// Exclusive or with 32 bits, rotated left by this many.
+    /// XOR of 32 bits, the difference rotated left by a number of bits.
     Xor(u32),
 }
 
@@ -222,13 +220,13 @@ fn decode(bytes: &[u8], count: usize, stride: usize) -> Result<Vec<u8>, String> 
         _ => modes.iter().map(|&mode| channel(mode)).collect::<Result<_, _>>()?,
     };
     let mut out = vec![0u8; count.checked_mul(stride).ok_or("it claims too many elements")?];
-    let most = ((BLOCK_BYTES / stride) & !(GROUP - 1)).min(BLOCK_ELEMENTS);
-    let mut deltas = vec![0u8; most * stride];
-    for block in out.chunks_mut(most * stride) {
+    let max_elements = ((BLOCK_BYTES / stride) & !(GROUP - 1)).min(BLOCK_ELEMENTS);
+    let mut deltas = vec![0u8; max_elements * stride];
+    for block in out.chunks_mut(max_elements * stride) {
         let elements = block.len() / stride;
-        read_deltas(&mut stream, version, elements, stride, most, &mut deltas)?;
+        read_deltas(&mut stream, version, elements, stride, max_elements, &mut deltas)?;
         for (c, &channel) in channels.iter().enumerate() {
-            let lanes: [&[u8]; 4] = std::array::from_fn(|lane| &deltas[(c * 4 + lane) * most..]);
+            let lanes: [&[u8]; 4] = std::array::from_fn(|lane| &deltas[(c * 4 + lane) * max_elements..]);
             let mut last = [0, 1, 2, 3].map(|lane| previous[c * 4 + lane]);
             for (i, element) in block.chunks_exact_mut(stride).enumerate() {
                 last = restore(channel, last, lanes.map(|lane| lane[i]));
@@ -250,7 +248,7 @@ fn channel(mode: u8) -> Result<Channel, String> {
     }
 }
 
-/// The next value of four bytes from the last and the stored difference.
+/// The next four bytes from the last ones and the stored difference.
 fn restore(channel: Channel, last: [u8; 4], delta: [u8; 4]) -> [u8; 4] {
     match channel {
         Channel::Bytes => {
@@ -272,7 +270,7 @@ fn restore(channel: Channel, last: [u8; 4], delta: [u8; 4]) -> [u8; 4] {
     }
 }
 
-/// Reads the deltas of one block: those of byte position k start at `k * lane`.
+/// Reads the differences of one block, planar: those of byte k of the elements start at `k * lane`.
 fn read_deltas(
     stream: &mut Stream,
     version: u8,
@@ -308,7 +306,7 @@ fn read_deltas(
     Ok(())
 }
 
-/// Reads 16 numbers of this many bits; one with all bits set is an escape for a byte that follows the group.
+/// Reads 16 numbers of `bits` bits; all bits set is an escape for a byte that follows the group.
 fn read_group(stream: &mut Stream, bits: usize, out: &mut [u8]) -> Result<(), String> {
     match bits {
         0 => out.fill(0),
@@ -318,7 +316,7 @@ fn read_group(stream: &mut Stream, bits: usize, out: &mut [u8]) -> Result<(), St
             let sentinel = (1u8 << bits) - 1;
             let per_byte = 8 / bits;
             for (i, out) in out.iter_mut().enumerate() {
-                // Single bits begin at a byte's low end, longer numbers at its high end.
+                // Single bits are stored from the lowest bit of a byte, wider numbers from the highest.
                 let place = if bits == 1 { i % 8 } else { 8 - bits - i % per_byte * bits };
                 let value = packed[i / per_byte] >> place & sentinel;
                 *out = if value == sentinel { stream.byte()? } else { value };
@@ -330,7 +328,7 @@ fn read_group(stream: &mut Stream, bits: usize, out: &mut [u8]) -> Result<(), St
 
 // Modes "triangles" and "indices".
 
-/// The last 16 things pushed, the newest first.
+/// Ring buffer of the last 16 entries.
 struct Fifo<T> {
     entries: [Option<T>; 16],
     next: usize,
@@ -346,21 +344,21 @@ impl<T: Copy> Fifo<T> {
         self.next = (self.next + 1) % 16;
     }
 
-    /// The entry this many pushes ago; reading what was never written is an error.
+    /// The entry `age` pushes ago, 0 being the newest; an error if it was never written.
     fn get(&self, age: u8) -> Result<T, String> {
         let at = (self.next + 15 - usize::from(age & 15)) % 16;
         self.entries[at].ok_or_else(|| "it refers to an entry before its start".to_string())
     }
 }
 
-/// The state between triangles.
+/// Decoder state between triangles.
 struct Decoder<'s> {
     data: Stream<'s>,
     edges: Fifo<(u32, u32)>,
     vertices: Fifo<u32>,
-    /// The next index that was not used before.
+    /// The lowest unused index.
     next: u32,
-    /// The last index written in full.
+    /// The last explicitly coded index.
     last: u32,
 }
 
@@ -388,7 +386,7 @@ impl Decoder<'_> {
             (15, low @ (14 | 15)) => self.explicit(low == 14),
             (15, low) => {
                 let entry = table[usize::from(low)];
-                let a = self.fresh();
+                let a = self.new_index();
                 let b = self.recent(entry >> 4)?;
                 let c = self.recent(entry & 15)?;
                 self.push_triangle([a, b, c], [true, entry >> 4 == 0, entry & 15 == 0])
@@ -397,16 +395,16 @@ impl Decoder<'_> {
         }
     }
 
-    /// A triangle on an edge of the edge FIFO.
+    /// A triangle that shares an edge of the edge FIFO.
     fn with_edge(&mut self, edge: u8, low: u8) -> Result<[u32; 3], String> {
         let (a, b) = self.edges.get(edge)?;
         let (c, is_new) = match low {
-            0 => (self.fresh(), true),
+            0 => (self.new_index(), true),
             13 | 14 => {
                 self.last = if low == 13 { self.last.wrapping_sub(1) } else { self.last.wrapping_add(1) };
                 (self.last, true)
             }
-            15 => (self.written()?, true),
+            15 => (self.coded()?, true),
             _ => (self.vertices.get(low)?, false),
         };
         self.edges.push((c, b));
@@ -417,14 +415,14 @@ impl Decoder<'_> {
         Ok([a, b, c])
     }
 
-    /// A triangle whose corners are described one by one.
-    fn explicit(&mut self, starts_fresh: bool) -> Result<[u32; 3], String> {
+    /// A triangle with individually coded corners.
+    fn explicit(&mut self, first_is_new: bool) -> Result<[u32; 3], String> {
         let entry = self.data.byte()?;
         if entry == 0 {
             self.next = 0;
         }
-        let a = if starts_fresh { self.fresh() } else { self.written()? };
-        let mut corner = |low: u8| if low == 15 { self.written() } else { self.recent(low) };
+        let a = if first_is_new { self.new_index() } else { self.coded()? };
+        let mut corner = |low: u8| if low == 15 { self.coded() } else { self.recent(low) };
         let (b, c) = (corner(entry >> 4)?, corner(entry & 15)?);
         let is_new = |low: u8| low == 0 || low == 15;
         self.push_triangle([a, b, c], [true, is_new(entry >> 4), is_new(entry & 15)])
@@ -441,19 +439,19 @@ impl Decoder<'_> {
         Ok(triangle)
     }
 
-    /// An index not used before for 0, else one of the last vertices.
+    /// A new index for 0, else an index from the vertex FIFO.
     fn recent(&mut self, low: u8) -> Result<u32, String> {
-        if low == 0 { Ok(self.fresh()) } else { self.vertices.get(low - 1) }
+        if low == 0 { Ok(self.new_index()) } else { self.vertices.get(low - 1) }
     }
 
-    fn fresh(&mut self) -> u32 {
+    fn new_index(&mut self) -> u32 {
         let index = self.next;
         self.next = index.wrapping_add(1);
         index
     }
 
-    /// An index written as the difference from the last one.
-    fn written(&mut self) -> Result<u32, String> {
+    /// An explicitly coded index: the difference from the last one.
+    fn coded(&mut self) -> Result<u32, String> {
         let v = self.data.varint()?;
         let delta = if v & 1 == 0 { v >> 1 } else { !(v >> 1) };
         self.last = self.last.wrapping_add(delta);
@@ -461,7 +459,7 @@ impl Decoder<'_> {
     }
 }
 
-/// Decodes `count` indices: each a difference from one of two running values.
+/// Decodes `count` indices: each a difference from one of two baselines.
 fn indices(bytes: &[u8], count: usize) -> Result<Vec<u32>, String> {
     let mut stream = Stream { bytes };
     match stream.byte()? {
@@ -485,10 +483,9 @@ fn indices(bytes: &[u8], count: usize) -> Result<Vec<u32>, String> {
     Ok(out)
 }
 
-// Filters of decoded attributes (appendix B of the specification). Each works on whole elements in place;
-// elements that no encoder writes give some value or other.
+// Filters of decoded attributes (appendix B of the specification), in place. Invalid input yields unspecified values.
 
-/// Unit vectors of four signed bytes, two of which hold octahedral coordinates.
+/// Unit vectors of signed bytes from octahedral coordinates.
 fn octahedral8(bytes: &mut [u8]) {
     for element in bytes.as_chunks_mut::<4>().0 {
         let [x, y, one, _] = element.map(|b| f32::from(b as i8));
@@ -507,18 +504,18 @@ fn octahedral16(bytes: &mut [u8]) {
     }
 }
 
-/// A point of the octahedron that is `one` high as a unit vector.
+/// Octahedral coordinates with the scale `one` as a unit vector.
 fn octahedral(x: f32, y: f32, one: f32) -> [f32; 3] {
     let (x, y) = (x / one, y / one);
     let z = 1.0 - x.abs() - y.abs();
-    // The lower half is folded outwards.
+    // Unfold the lower hemisphere.
     let fold = z.min(0.0);
     let (x, y) = (x - fold.copysign(x), y - fold.copysign(y));
     let length = (x * x + y * y + z * z).sqrt();
     [x / length, y / length, z / length]
 }
 
-/// Unit quaternions of three components; the largest is left out and named by the last two bits.
+/// Unit quaternions from three components; the last two bits are the index of the omitted largest component.
 fn quaternion(bytes: &mut [u8]) {
     for element in bytes.as_chunks_mut::<8>().0 {
         let words = words(element).map(|w| w as i16);
@@ -535,7 +532,7 @@ fn quaternion(bytes: &mut [u8]) {
     }
 }
 
-/// Floats of an 8-bit exponent above a 24-bit mantissa, both signed.
+/// Floats from a signed 8-bit exponent and a signed 24-bit mantissa.
 fn exponential(bytes: &mut [u8]) {
     for word in bytes.as_chunks_mut::<4>().0 {
         let packed = i32::from_le_bytes(*word);
@@ -546,7 +543,7 @@ fn exponential(bytes: &mut [u8]) {
     }
 }
 
-/// Colours of four bytes: luma, two colour differences, and alpha, which also encodes their number of bits.
+/// RGBA from YCoCg; alpha also encodes the number of bits.
 fn color8(bytes: &mut [u8]) {
     for element in bytes.as_chunks_mut::<4>().0 {
         let [y, co, cg, a] = *element;
@@ -565,7 +562,7 @@ fn color16(bytes: &mut [u8]) {
 }
 
 fn color([y, co, cg, a]: [i32; 4], most: f32) -> [f32; 4] {
-    // The highest bit of alpha marks the number of bits.
+    // The highest set bit of alpha is the number of bits.
     let scale = (1i64 << (32 - a.max(1).leading_zeros())) as i32 - 1;
     let alpha = a & (scale >> 1);
     let alpha = alpha << 1 | alpha & 1;
@@ -587,9 +584,9 @@ fn store(element: &mut [u8; 8], words: [u16; 4]) {
 mod attributes_tests {
     use super::*;
 
-    /// The example of the specification's section on mode 0.
+    /// The example of the specification for mode 0.
     #[test]
-    fn the_specification_s_group() {
+    fn the_example_of_the_specification() {
         let bytes = [0x17, 0x5f, 0xf0, 0xbc, 0x77, 0xa9, 0x21, 0x00, 0x34, 0xb5];
         let (mut stream, mut out) = (Stream { bytes: &bytes }, [0u8; 16]);
         read_group(&mut stream, 4, &mut out).expect("it is whole");
@@ -600,15 +597,14 @@ mod attributes_tests {
     }
 
     #[test]
-    fn channels_restore() {
+    fn channels_are_decoded() {
         assert_eq!(restore(Channel::Bytes, [0, 1, 255, 9], [1, 2, 2, 0]), [255, 2, 0, 9]);
-        // 0x00ff + 1 carries into the higher byte; the other word goes down by one.
+        // 0x00ff + 1 carries into the higher byte; the other word decreases by one.
         assert_eq!(restore(Channel::Words, [0xff, 0, 0, 0], [2, 0, 1, 0]), [0, 1, 0xff, 0xff]);
         assert_eq!(restore(Channel::Xor(4), [0x0f, 0, 0, 0], [0, 0, 0, 0x10]), [0x0e, 0, 0, 0]);
     }
 }
 
-/// Streams written here by hand or by small encoders, and damaged ones.
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -617,12 +613,12 @@ mod tests {
         Layout { buffer: 0, offset: 0, length: 0, count, stride, mode, filter }
     }
 
-    /// Writes elements in version 0 or 1 with the differences as whole bytes.
+    /// Encodes elements in version 0 or 1 with the differences as whole bytes.
     fn encode(elements: &[u8], stride: usize, version: u8) -> Vec<u8> {
         let mut stream = vec![0xa0 | version];
-        let most = ((8192 / stride) & !15).min(256);
+        let max_elements = ((8192 / stride) & !15).min(256);
         let mut last = vec![0u8; stride];
-        for block in elements.chunks(most * stride) {
+        for block in elements.chunks(max_elements * stride) {
             let count = block.len() / stride;
             if version == 1 {
                 stream.extend(vec![0b1111_1111; stride / 4]);
@@ -647,7 +643,7 @@ mod tests {
     }
 
     #[test]
-    fn attributes_of_all_sizes_come_back() {
+    fn attributes_of_all_sizes_round_trip() {
         for version in [0, 1] {
             for (count, stride) in [(1, 4), (16, 4), (17, 12), (256, 16), (300, 64), (700, 256)] {
                 let elements: Vec<u8> = (0..count * stride).map(|i| (i * i / 7 + i) as u8).collect();
@@ -666,9 +662,9 @@ mod tests {
         }
     }
 
-    /// 1-bit, 2-bit and 4-bit groups of version 1, with escapes.
+    /// A group of version 1 with 1-bit numbers and escapes.
     #[test]
-    fn short_groups() {
+    fn groups_of_1_2_and_4_bits() {
         // Control: byte 0 mode 0, bytes 1 to 3 without data. Header: one group of 1 bit. Elements 0 and 9 escape.
         let mut stream = vec![0xa1, 0b10_10_10_00, 0b01, 0b0000_0001, 0b0000_0010, 4, 2];
         stream.extend([0; 24]);
@@ -678,9 +674,9 @@ mod tests {
         assert!(decoded.chunks(4).all(|e| e[1..] == [0, 0, 0]));
     }
 
-    /// A quad, a fan that uses the fifos, and explicit corners.
+    /// A quad, a fan that uses the FIFOs, and explicit corners.
     #[test]
-    fn triangles_by_all_codes() {
+    fn triangle_codes_are_decoded() {
         let table =
             [0x00, 0x76, 0x87, 0x56, 0x67, 0x78, 0xa9, 0x86, 0x65, 0x89, 0x68, 0x98, 0x01, 0x69, 0, 0];
         let mut stream = vec![0xe1];
@@ -744,7 +740,7 @@ mod tests {
     }
 
     #[test]
-    fn quaternions_regain_their_largest_part() {
+    fn quaternions_regain_their_largest_component() {
         // A quarter turn about z: (0, 0, s, s); the largest is taken to be w (component 3).
         let one = (1i16 << 11) - 1;
         let largest_3 = one & !3 | 3;
@@ -768,7 +764,7 @@ mod tests {
     }
 
     #[test]
-    fn colours_come_back_from_luma() {
+    fn colours_round_trip_through_ycocg() {
         // RGB (200, 100, 50) in 8 bits: Co = (r - b) / 2, Cg = (g - t) / 2 with t = b + Co, Y = t + Cg.
         let (r, g, b) = (200i32, 100, 50);
         let co = (r - b) / 2;

@@ -1,12 +1,11 @@
-//! glTF 2.0: `.gltf` with separate files, or `.glb`. Objects are deserialized as types of the `gltf` crate; what they
-//! point to is checked here, because the crate's own reader trusts it.
+//! glTF 2.0: `.gltf` with separate files, or `.glb`. Objects are deserialized as types of the `gltf` crate; references
+//! are checked here, because the crate's own reader doesn't check them.
 //!
-//! Only what the shown scene reaches is read: buffers, meshes, materials and images that nothing visible uses may even
-//! be broken.
+//! Only objects used by visible nodes are read; unused buffers, meshes, materials and images may be broken.
 //!
-//! Read: triangles of all modes, sparse and interleaved accessors, normals, tangents, texture coordinates, vertex
+//! Supported: triangles of all modes, sparse and interleaved accessors, normals, tangents, texture coordinates, vertex
 //! colours; metallic-roughness materials with emission, alpha and normal maps; cameras; the extensions listed in
-//! `document.rs`. `extras` of the scene may hold `width`, `height` and `bounces`.
+//! `document.rs`. `extras` of the scene may contain `width`, `height` and `bounces`.
 
 mod animation;
 mod blender_export;
@@ -49,7 +48,7 @@ use std::path::Path;
 /// Loads a `.gltf` or `.glb` file (distinguished by content).
 ///
 /// # Errors
-/// An input error with all the problems of what the shown scene reaches.
+/// An input error with all problems of the visible objects.
 pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let mut only = Loaded::default();
     load_times(path, options, [options.gltf.time_s], &mut |loaded| {
@@ -59,12 +58,11 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     Ok(only)
 }
 
-/// Loads a file and calls `each` with its scene at each time, until that breaks. The file, its images, its materials
-/// and the meshes that nothing deforms are read once; `each` may change what it gets, but the scene's first meshes must
-/// stay what they are.
+/// Loads a file and calls `each` with its scene at each time, until it breaks. The file, images, materials and meshes
+/// without deformation are read once; `each` may change its argument except for these meshes, the first of the scene.
 ///
 /// # Errors
-/// An input error with all the problems of what the shown scene reaches, and the errors of `each`.
+/// An input error with all problems of the visible objects, and the errors of `each`.
 pub(super) fn load_times(
     path: &Path,
     options: &LoadOptions,
@@ -79,7 +77,7 @@ pub(super) fn load_times(
     let (mut report, mut shared) = (Report::new(path), SharedAssets::default());
     if repaired > 0 {
         let message =
-            format!("its JSON holds {repaired} numbers that are none (NaN and the like); they became 0");
+            format!("its JSON holds {repaired} non-finite numbers (NaN and the like); they became 0");
         report.lasting(|report| report.warn("", ("json-not-a-number", message)));
     }
     shared.materials.geometry_only = options.geometry_only;
@@ -105,7 +103,7 @@ pub(super) fn load_times(
     Ok(())
 }
 
-/// The scene at a time, seconds; `None` is the file's rest pose.
+/// The scene at a time, seconds; `None` for the file's rest pose.
 fn at(
     doc: &Document,
     options: &LoadOptions,
@@ -140,10 +138,10 @@ fn at(
     if !problems.is_empty() {
         return Err(Error::input_problems(doc.path, problems));
     }
-    let named = |list: Vec<Warning>| {
+    let with_names = |list: Vec<Warning>| {
         list.into_iter().map(|found| Warning { place: doc.in_names(&found.place), ..found }).collect()
     };
-    let (warnings, notes) = (named(report.warnings()), named(report.notes()));
+    let (warnings, notes) = (with_names(report.warnings()), with_names(report.notes()));
     let stand_ins = materials::stand_ins(&scene.materials);
     let messages = Loaded { warnings, notes, left_out, ..Loaded::default() };
     let mut loaded = Loaded { scene, empties, blender, has_area_lights, stand_ins, ..messages };
@@ -155,9 +153,9 @@ fn at(
 fn read_scene_extras(doc: &Document, index: Option<usize>, scene: &mut Scene, report: &mut Report) {
     let Some(raw) = index.and_then(|i| doc.json.pointer(&pointer("scenes", i))) else { return };
     scene.name = raw.get("name").and_then(Value::as_str).unwrap_or_default().to_string();
-    let mut setting = |key: &str, least: u64| {
+    let mut setting = |key: &str, min: u64| {
         let value = raw.get("extras")?.get(key)?;
-        let number = value.as_u64().filter(|n| *n >= least).and_then(|n| u32::try_from(n).ok());
+        let number = value.as_u64().filter(|n| *n >= min).and_then(|n| u32::try_from(n).ok());
         if number.is_none() {
             let at = format!("{}/extras/{key}", pointer("scenes", index.unwrap_or_default()));
             report.warn(at, format!("{value} is no usable number and ignored"));
@@ -169,7 +167,7 @@ fn read_scene_extras(doc: &Document, index: Option<usize>, scene: &mut Scene, re
     scene.settings.depth = setting("bounces", 0);
 }
 
-/// The parts that were not read because nothing visible uses them.
+/// Descriptions of the parts of the file that were not read because nothing visible uses them.
 fn left_out(doc: &Document, builder: &SceneBuilder, scene: Option<usize>, pose: &Pose) -> Vec<String> {
     let mut images = builder.images();
     images.extend(image_light::images_of(doc, scene));
@@ -183,7 +181,7 @@ fn left_out(doc: &Document, builder: &SceneBuilder, scene: Option<usize>, pose: 
         unused(builder.used_materials(), "materials", "nothing visible uses them"),
         unused(images.len(), "images", "no visible material uses them; not decoded"),
         unused(used_buffers, "buffers", "nothing visible uses them; not read"),
-        unused(pose.animations, "animations", "no time is asked for; the file's rest state is shown"),
+        unused(pose.animations, "animations", "no time is set; the rest pose is shown"),
     ]
     .into_iter()
     .flatten()

@@ -13,41 +13,38 @@ use crate::math::{DAffine3, DMat3, DQuat, DVec3};
 use gltf::json::accessor::{ComponentType, Type};
 use serde_json::Value;
 
-/// A node that is seen.
+/// A visible node.
 pub(super) struct Node {
-    /// Its index in the file.
+    /// Index in the file.
     pub index: usize,
-    /// The entry of its parent in [`Hierarchy::nodes`].
+    /// Index of the parent in [`Hierarchy::nodes`].
     parent: Option<usize>,
-    /// Placement.
     pub world_from_node: DAffine3,
-    /// Do animations move it or a node above it?
+    /// Is the node or one of its ancestors animated?
     pub moves: bool,
-    /// Its mesh.
     pub mesh: Option<usize>,
-    /// Its camera.
     pub camera: Option<usize>,
-    /// Its light (KHR_lights_punctual).
+    /// Light of KHR_lights_punctual.
     pub light: Option<usize>,
-    /// The skin that moves its mesh.
+    /// Skin of the mesh.
     pub skin: Option<usize>,
-    /// Transforms of the instances of its mesh in the node's space (EXT_mesh_gpu_instancing).
+    /// Transforms of instances of the mesh, relative to the node (EXT_mesh_gpu_instancing).
     pub instances: Option<Vec<DAffine3>>,
 }
 
 impl Node {
-    /// Does it hold a mesh, a camera or a light?
-    pub fn shows(&self, doc: &Document) -> bool {
+    /// Does the node have a mesh, a camera or a light?
+    pub fn has_content(&self, doc: &Document) -> bool {
         let has_own = self.mesh.is_some() || self.camera.is_some() || self.light.is_some();
         has_own || self.profiled_light(doc).is_some() || self.area_light(doc).is_some()
     }
 
-    /// Its EXT_lights_area.
+    /// JSON of its EXT_lights_area.
     pub fn area_light<'d>(&self, doc: &'d Document) -> Option<&'d Value> {
         doc.json.pointer(&format!("{}/extensions/EXT_lights_area", self.pointer()))
     }
 
-    /// Its EXT_lights_ies.
+    /// JSON of its EXT_lights_ies.
     pub fn profiled_light<'d>(&self, doc: &'d Document) -> Option<&'d Value> {
         doc.json.pointer(&format!("{}/extensions/EXT_lights_ies", self.pointer()))
     }
@@ -58,21 +55,21 @@ impl Node {
     }
 }
 
-/// The nodes that are seen, parents before their children, in the file's order.
+/// The visible nodes.
 pub(super) struct Hierarchy {
-    /// The nodes.
+    /// Parents before their children, in the order of the file.
     pub nodes: Vec<Node>,
-    /// The index of the scene that was chosen.
+    /// Index of the selected scene.
     pub scene: Option<usize>,
 }
 
-/// Maximum number of names of ancestors in the name of an instance.
+/// Maximum number of node names in the path of an instance.
 const PATH_NAMES: usize = 8;
 
 impl Hierarchy {
-    /// Nodes that hold neither a mesh nor a camera nor a light: their numbers, names and placements.
+    /// Named nodes without mesh, camera or light: indices, names and world transforms.
     pub fn empties(&self, doc: &Document) -> Vec<(usize, String, DAffine3)> {
-        let empty = |n: &&Node| !n.shows(doc);
+        let empty = |n: &&Node| !n.has_content(doc);
         let named = |n: &Node| {
             let raw = doc.json.pointer(&n.pointer())?;
             Some((n.index, raw.get("name")?.as_str()?.to_string(), n.world_from_node))
@@ -80,7 +77,7 @@ impl Hierarchy {
         self.nodes.iter().filter(empty).filter_map(named).collect()
     }
 
-    /// The names of a node and of its ancestors, joined by slashes; of deep hierarchies only the last few.
+    /// The names of a node and its ancestors, separated by slashes; the last [`PATH_NAMES`] in deep hierarchies.
     pub fn path(&self, doc: &Document, entry: usize) -> String {
         let mut names = Vec::new();
         let mut next = Some(entry);
@@ -98,8 +95,7 @@ impl Hierarchy {
     }
 }
 
-/// Traverses the selected scene or node. A node that is reached twice (a cycle, or a child of two parents) is a
-/// problem.
+/// Traverses the selected scene or node. Nodes reached twice (cycles, or children of two parents) are problems.
 pub(super) fn walk(doc: &Document, pose: &Pose, parents: &NodeParents, report: &mut Report) -> Hierarchy {
     let (scene, roots) = match &doc.options.node {
         Some(wanted) => (None, root(doc, wanted, report)),
@@ -133,7 +129,7 @@ pub(super) fn walk(doc: &Document, pose: &Pose, parents: &NodeParents, report: &
         let Ok(local) = local(raw, pose.node(step.node), &at, report) else { continue };
         let world_from_node = parent * local;
         if !world_from_node.is_finite() {
-            report.problem(at, "stands beyond the range of numbers");
+            report.problem(at, "has a transform beyond the range of numbers");
             continue;
         }
         let parent_moves = step.parent.is_some_and(|p| hierarchy.nodes[p].moves);
@@ -141,7 +137,7 @@ pub(super) fn walk(doc: &Document, pose: &Pose, parents: &NodeParents, report: &
         for (i, child) in list_of_indices(raw, "children", &at, report).into_iter().enumerate().rev() {
             stack.push(Step { node: child, parent: Some(entry), from: format!("{at}/children/{i}") });
         }
-        // A noted problem of any of these ends the loading.
+        // Invalid indices are reported as problems and end the loading.
         let mut index = |key: &str| index_of(raw, key, &at, report).unwrap_or(None);
         let (mesh, camera, skin) = (index("mesh"), index("camera"), index("skin"));
         hierarchy.nodes.push(Node {
@@ -162,7 +158,7 @@ pub(super) fn walk(doc: &Document, pose: &Pose, parents: &NodeParents, report: &
     hierarchy
 }
 
-/// Does KHR_node_visibility hide the node, and with it its children?
+/// Does KHR_node_visibility hide the node with its descendants?
 fn is_hidden(node: &Value, at: &str, report: &mut Report) -> bool {
     let key = "/extensions/KHR_node_visibility/visible";
     let visible = node.pointer(key);
@@ -172,7 +168,7 @@ fn is_hidden(node: &Value, at: &str, report: &mut Report) -> bool {
     visible == Some(&Value::Bool(false))
 }
 
-/// The light that a node holds.
+/// Index of a node's light of KHR_lights_punctual.
 fn light(node: &Value, at: &str, report: &mut Report) -> Valid<Option<usize>> {
     let Some(extension) = node.pointer("/extensions/KHR_lights_punctual") else { return Ok(None) };
     let at = format!("{at}/extensions/KHR_lights_punctual");
@@ -186,7 +182,7 @@ struct Step {
     from: String,
 }
 
-/// The root when a single node was selected.
+/// The root of a traversal from a single node.
 fn root(doc: &Document, wanted: &str, report: &mut Report) -> Vec<Step> {
     match GltfOptions::find(&names_of(doc, "nodes"), wanted) {
         Ok(node) => vec![Step { node, parent: None, from: String::new() }],
@@ -198,8 +194,8 @@ fn root(doc: &Document, wanted: &str, report: &mut Report) -> Vec<Step> {
     }
 }
 
-/// The roots of the scene that the options name; of the default scene; of the first, where none is the default; without scenes, all nodes that are no
-/// one's child.
+/// The roots of the scene that the user selects, else of the default scene, else of the first; without scenes all nodes
+/// without parents.
 fn roots(doc: &Document, report: &mut Report) -> (Option<usize>, Vec<Step>) {
     let step = |node, from| Step { node, parent: None, from };
     let scenes = doc.count("scenes");
@@ -239,9 +235,9 @@ fn roots(doc: &Document, report: &mut Report) -> (Option<usize>, Vec<Step>) {
     (None, (0..count).filter(|&i| !is_child[i]).map(|i| step(i, String::new())).collect())
 }
 
-// Transforms of nodes, read from the JSON in full precision and composed in f64.
+// Node transforms, in f64.
 
-/// A node's local transform at the pose's time: its matrix, or translation * rotation * scale.
+/// A node's local transform in a pose: its matrix, or translation * rotation * scale.
 pub(super) fn local(node: &Value, pose: Option<&NodePose>, at: &str, report: &mut Report) -> Valid<DAffine3> {
     let moves = pose.is_some_and(|p| p.translation.is_some() || p.rotation.is_some() || p.scale.is_some());
     let transform = if node.get("matrix").is_some() {
@@ -285,7 +281,7 @@ fn matrix(node: &Value, at: &str, report: &mut Report) -> Valid<DAffine3> {
     Ok(affine(&m))
 }
 
-/// The affine part of a matrix given column by column.
+/// The affine part of a column-major matrix.
 pub(super) fn affine(m: &[f64; 16]) -> DAffine3 {
     let column = |i: usize| DVec3::new(m[i], m[i + 1], m[i + 2]);
     DAffine3::from_mat3_translation(DMat3::from_cols(column(0), column(4), column(8)), column(12))
@@ -309,8 +305,8 @@ fn rotation(node: &Value, at: &str, report: &mut Report) -> Valid<DQuat> {
     Ok(rotation.normalize())
 }
 
-/// The parents of all nodes, for world transforms of nodes outside the traversed scene: joints of skins, and
-/// the ancestors of a node that is shown alone.
+/// The parents of all nodes, for world transforms of nodes outside the traversed scene: joints of skins, and ancestors of
+/// a single selected node.
 pub(super) struct NodeParents<'d, 'a> {
     doc: &'d Document<'a>,
     pose: &'d Pose,
@@ -318,7 +314,7 @@ pub(super) struct NodeParents<'d, 'a> {
 }
 
 impl<'d, 'a> NodeParents<'d, 'a> {
-    /// Reads the lists of children. Invalid ones are reported by the traversal.
+    /// Reads the lists of children. Invalid entries are reported by the traversal.
     pub fn new(doc: &'d Document<'a>, pose: &'d Pose) -> NodeParents<'d, 'a> {
         let count = doc.count("nodes");
         let mut parents = vec![None; count];
@@ -343,21 +339,23 @@ impl<'d, 'a> NodeParents<'d, 'a> {
     pub fn world_from_node(&self, index: usize, report: &mut Report) -> Valid<DAffine3> {
         let mut world = DAffine3::IDENTITY;
         let mut next = Some(index);
-        let mut left = self.parents.len();
+        let mut remaining = self.parents.len();
         while let Some(node) = next {
-            if left == 0 {
+            if remaining == 0 {
                 return Err(
                     report.problem(pointer("nodes", index), "is its own ancestor: nodes form a cycle")
                 );
             }
-            left -= 1;
+            remaining -= 1;
             let at = pointer("nodes", node);
             let raw = self.doc.raw("nodes", node, &at, report)?;
             world = local(raw, self.pose.node(node), &at, report)? * world;
             next = self.parent(node);
         }
         if !world.is_finite() {
-            return Err(report.problem(pointer("nodes", index), "stands beyond the range of numbers"));
+            return Err(
+                report.problem(pointer("nodes", index), "has a transform beyond the range of numbers")
+            );
         }
         Ok(world)
     }
@@ -365,10 +363,10 @@ impl<'d, 'a> NodeParents<'d, 'a> {
 
 // EXT_mesh_gpu_instancing: many instances of a node's mesh.
 
-/// Approximate size of an instance in the scene, bytes, with its name.
+/// Approximate size of an instance in the scene with its name, bytes.
 const BYTES_PER_INSTANCE: u64 = 256;
 
-/// Transforms of the instances of a node in its space; `None` without the extension.
+/// Transforms of the instances of a node, relative to it; `None` without the extension.
 pub(super) fn placements(
     doc: &Document,
     node: &Value,
@@ -386,8 +384,8 @@ pub(super) fn placements(
         let accessor = Accessor::open(doc, index, &format!("{at}/{name}"), report)?;
         let small = accessor.normalized && accessor.component != ComponentType::U32;
         if accessor.kind != kind || !(accessor.component == ComponentType::F32 || small) {
-            let wanted = format!("{kind:?}").to_uppercase();
-            let message = format!("holds {}; this attribute needs {wanted} of F32", accessor.contents());
+            let expected = format!("{kind:?}").to_uppercase();
+            let message = format!("holds {}; this attribute needs {expected} of F32", accessor.contents());
             return Err(report.problem(accessor.pointer.clone(), message));
         }
         let expected = *count.get_or_insert(accessor.count);
@@ -401,7 +399,7 @@ pub(super) fn placements(
     let rotations = open("ROTATION", Type::Vec4, report);
     let scales = open("SCALE", Type::Vec3, report);
     let (translations, rotations, scales) = (translations?, rotations?, scales?);
-    // Instances without a transform (only custom attributes) coincide: one is enough.
+    // Instances without transforms (only custom attributes) coincide: one suffices.
     let count = count.unwrap_or(1);
     if !doc.may_decode(BYTES_PER_INSTANCE.saturating_mul(count as u64)) {
         return Err(

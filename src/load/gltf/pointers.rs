@@ -1,5 +1,5 @@
-//! KHR_animation_pointer: channels that drive what JSON pointers lead to. Transforms of nodes and weights of morph targets are
-//! part of the pose; all other values are written into the document before a time sample is read, and restored after it.
+//! KHR_animation_pointer: channels whose targets are JSON pointers. Node transforms and morph target weights are part of
+//! the pose; all other values are written into the document before a time sample is read, and restored afterwards.
 
 use super::animation::{Element, Samplers, of_pose};
 use super::document::Document;
@@ -10,8 +10,8 @@ use std::f64::consts::PI;
 
 const NAME: &str = "KHR_animation_pointer";
 
-/// Supported JSON pointers and their number of components; `*` is any index. They are those of the "glTF 2.0 Asset Object Model
-/// Specification" (Khronos) that may be written, and of drafts that are read.
+/// Supported JSON pointers and their number of components; `*` is any index. Source: mutable properties of the "glTF 2.0
+/// Asset Object Model Specification" (Khronos), and of supported draft extensions.
 const PROPERTIES: &[(&str, usize)] = &[
     ("/cameras/*/orthographic/xmag", 1),
     ("/cameras/*/orthographic/ymag", 1),
@@ -38,7 +38,7 @@ const PROPERTIES: &[(&str, usize)] = &[
     ("/nodes/*/extensions/EXT_lights_ies/multiplier", 1),
 ];
 
-/// A pointer to a unit quaternion.
+/// The supported pointer to a unit quaternion.
 const ROTATION: &str = "/extensions/EXT_lights_image_based/lights/*/rotation";
 
 /// Animatable properties of the extensions of materials.
@@ -83,10 +83,10 @@ const OF_MATERIALS: &[(&str, &[(&str, usize)])] = &[
     ),
 ];
 
-/// Animatable properties of a reference to a texture.
+/// Animatable properties of texture transforms.
 const OF_TEXTURES: &[(&str, usize)] = &[("offset", 2), ("rotation", 1), ("scale", 2)];
 
-/// Planes of cameras, which cut nothing away here, and what concerns interaction alone.
+/// Pointers without effect on pictures: clip planes, which aren't supported, and interaction.
 const WITHOUT_EFFECT: &[&str] = &[
     "/cameras/*/orthographic/zfar",
     "/cameras/*/orthographic/znear",
@@ -96,7 +96,7 @@ const WITHOUT_EFFECT: &[&str] = &[
     "/nodes/*/extensions/KHR_node_selectability/selectable",
 ];
 
-/// Objects that may be missing in the file: defaults are inserted.
+/// JSON objects that may be missing in the file: defaults are inserted.
 const IMPLIED: &[&str] = &[
     "KHR_materials_emissive_strength",
     "KHR_node_visibility",
@@ -106,7 +106,7 @@ const IMPLIED: &[&str] = &[
     "spot",
 ];
 
-/// Nothing of lights may be below 0, but for rotations; curves between keys overshoot.
+/// Pointers to light properties. All but rotations are clamped to 0, since splines may overshoot.
 const LIGHTS: [&str; 4] = [
     "/extensions/KHR_lights_punctual/lights/",
     "/extensions/EXT_lights_area/lights/",
@@ -116,25 +116,25 @@ const LIGHTS: [&str; 4] = [
 
 const IMAGE_LIGHTS: &str = "/extensions/EXT_lights_image_based/lights/";
 
-/// The angle that a camera sees, which must be above 0 and below pi.
+/// The pointer to the field of view of a camera, which must be between 0 and pi.
 const FIELD_OF_VIEW: &str = "/cameras/*/perspective/yfov";
 
-/// The new value at a pointer.
+/// A JSON pointer and the new value there.
 type Change = (String, Value);
 
-/// Values that animations wrote into a document for a time sample.
+/// Values that animations write into a document for a time sample.
 #[derive(Default)]
 pub(super) struct PointerAnimation {
-    /// The original entries of lists that were changed.
+    /// The original values of changed list entries.
     originals: Vec<Change>,
-    /// The changes under which the cached materials were read.
+    /// The changes with which the cached materials were built.
     of_materials: Vec<Change>,
-    /// The changes under which the cached surroundings were read.
-    of_surroundings: Vec<Change>,
+    /// The changes with which the cached environment was built.
+    of_environment: Vec<Change>,
 }
 
 impl PointerAnimation {
-    /// Writes the values at a time, seconds; `None` is the file's rest pose.
+    /// Writes the values at a time, seconds; `None` restores the rest pose.
     pub fn play(
         &mut self,
         doc: &mut Document,
@@ -147,7 +147,7 @@ impl PointerAnimation {
                 *place = value;
             }
         }
-        // The warning holds for the whole film.
+        // Warnings apply to all time samples.
         let changes = time_s.map_or_else(Vec::new, |t| report.lasting(|report| changes(doc, t, report)));
         for (pointer, value) in &changes {
             let entry = entry_of(pointer);
@@ -158,13 +158,13 @@ impl PointerAnimation {
             }
             write(&mut doc.json, pointer, value.clone());
         }
-        let of = |list: &str| -> Vec<Change> {
+        let changes_below = |list: &str| -> Vec<Change> {
             changes.iter().filter(|(pointer, _)| pointer.starts_with(list)).cloned().collect()
         };
-        let (of_materials, of_surroundings) = (of("/materials/"), of(IMAGE_LIGHTS));
-        if of_surroundings != self.of_surroundings {
-            shared.surroundings = None;
-            self.of_surroundings = of_surroundings;
+        let (of_materials, of_environment) = (changes_below("/materials/"), changes_below(IMAGE_LIGHTS));
+        if of_environment != self.of_environment {
+            shared.environment_image = None;
+            self.of_environment = of_environment;
         }
         if of_materials != self.of_materials {
             shared.forget_materials();
@@ -173,7 +173,7 @@ impl PointerAnimation {
     }
 }
 
-/// The values of all pointers at a time, except for poses of nodes. Of two channels with one target, the first counts.
+/// The values of all pointers at a time, without the pose. Of several channels with one target, the first is used.
 fn changes(doc: &Document, time_s: f64, report: &mut Report) -> Vec<Change> {
     let mut samplers = Samplers::new(doc, time_s);
     let mut changes: Vec<Change> = Vec::new();
@@ -188,20 +188,17 @@ fn changes(doc: &Document, time_s: f64, report: &mut Report) -> Vec<Change> {
             let at = format!("/animations/{a}/channels/{c}");
             let Ok(Some((pointer, element))) = target(doc, channel, &at, report) else { continue };
             if changes.iter().any(|(known, _)| known == pointer) {
-                report.warn(
-                    at,
-                    format!("drives {pointer} as an earlier channel does already; the first counts"),
-                );
+                report.warn(at, format!("drives {pointer}, as an earlier channel does; the first is used"));
                 continue;
             }
             if let Ok(mut numbers) = samplers.value(animation, channel, element, &at, report) {
-                if fits(FIELD_OF_VIEW, pointer) {
-                    keep_field_of_view(pointer, &mut numbers, &at, report);
+                if matches_pattern(FIELD_OF_VIEW, pointer) {
+                    clamp_field_of_view(pointer, &mut numbers, &at, report);
                 }
                 let is_of_light = LIGHTS.iter().any(|list| pointer.contains(list));
                 if is_of_light && element != Element::Rotation && numbers.iter().any(|n| *n < 0.0) {
                     numbers.iter_mut().for_each(|n| *n = n.max(0.0));
-                    report.warn(at, format!("leads {pointer} below 0 at times; it is 0 there"));
+                    report.warn(at, format!("interpolates {pointer} to values below 0, which were clamped"));
                 }
                 changes.push((pointer.to_string(), value_of(element, &numbers)));
             }
@@ -210,16 +207,16 @@ fn changes(doc: &Document, time_s: f64, report: &mut Report) -> Vec<Change> {
     changes
 }
 
-/// Curves between keys may overshoot what a camera can see.
-fn keep_field_of_view(pointer: &str, numbers: &mut [f64], at: &str, report: &mut Report) {
+/// Clamps a field of view to 0..pi with a warning: splines may overshoot.
+fn clamp_field_of_view(pointer: &str, numbers: &mut [f64], at: &str, report: &mut Report) {
     const MIN: f64 = 1e-3;
     for number in numbers.iter_mut().filter(|n| !(MIN..=PI - MIN).contains(*n)) {
         *number = number.clamp(MIN, PI - MIN);
-        report.warn(at, format!("leads {pointer} out of 0 to pi at times; it stays between there"));
+        report.warn(at, format!("interpolates {pointer} to values outside 0 to pi, which were clamped"));
     }
 }
 
-/// The pointer of a channel and what it leads to; `None` for what has no effect on pictures.
+/// The pointer of a channel and its value type; `None` for pointers without effect on pictures.
 fn target<'v>(
     doc: &Document,
     channel: &'v Value,
@@ -231,33 +228,34 @@ fn target<'v>(
     let Some(pointer) = pointer.and_then(Value::as_str) else {
         return Err(report.problem(place, "is missing, or no JSON pointer"));
     };
-    if WITHOUT_EFFECT.iter().any(|pattern| fits(pattern, pointer)) {
+    if WITHOUT_EFFECT.iter().any(|pattern| matches_pattern(pattern, pointer)) {
         return Ok(None);
     }
     let Some(element) = element_of(pointer) else {
-        let message = format!("'{pointer}' is not known as something that moves; the channel stands still");
+        let message = format!("'{pointer}' is not an animatable property; the channel is ignored");
         return Err(report.warn(place, ("animation-pointer-unknown", message)));
     };
-    if !leads_somewhere(&doc.json, pointer) {
-        let message = format!("'{pointer}' leads to nothing in the file; the channel stands still");
+    if !exists(&doc.json, pointer) {
+        let message = format!("'{pointer}' does not exist in the file; the channel is ignored");
         return Err(report.warn(place, ("animation-pointer-unknown", message)));
     }
     Ok(Some((pointer, element)))
 }
 
-/// The element that a pointer leads to.
+/// The value type of a pointer; `None` if not supported.
 fn element_of(pointer: &str) -> Option<Element> {
-    if fits("/nodes/*/extensions/KHR_node_visibility/visible", pointer) {
+    if matches_pattern("/nodes/*/extensions/KHR_node_visibility/visible", pointer) {
         return Some(Element::Flag);
     }
-    if fits(ROTATION, pointer) {
+    if matches_pattern(ROTATION, pointer) {
         return Some(Element::Rotation);
     }
-    let listed = || PROPERTIES.iter().find(|(pattern, _)| fits(pattern, pointer)).map(|(_, count)| *count);
+    let listed =
+        || PROPERTIES.iter().find(|(pattern, _)| matches_pattern(pattern, pointer)).map(|(_, count)| *count);
     listed().or_else(|| of_material(pointer)).map(Element::Numbers)
 }
 
-/// How many numbers a property of an extension of a material, or of one of its textures, has.
+/// Number of components of a property of a material extension or a texture transform.
 fn of_material(pointer: &str) -> Option<usize> {
     let (index, inside) = pointer.strip_prefix("/materials/")?.split_once('/')?;
     index.parse::<usize>().ok()?;
@@ -270,15 +268,15 @@ fn of_material(pointer: &str) -> Option<usize> {
     count(properties, key)
 }
 
-/// Is a pointer one of a pattern?
-fn fits(pattern: &str, pointer: &str) -> bool {
-    let is_alike = |(p, s): (&str, &str)| p == s || p == "*" && s.parse::<usize>().is_ok();
+/// Does a pointer match a pattern?
+fn matches_pattern(pattern: &str, pointer: &str) -> bool {
+    let step_matches = |(p, s): (&str, &str)| p == s || p == "*" && s.parse::<usize>().is_ok();
     pattern.split('/').count() == pointer.split('/').count()
-        && pattern.split('/').zip(pointer.split('/')).all(is_alike)
+        && pattern.split('/').zip(pointer.split('/')).all(step_matches)
 }
 
-/// Does the object of a pointer's property exist, or is there a default for it?
-fn leads_somewhere(json: &Value, pointer: &str) -> bool {
+/// Does the parent object of a pointer exist, or have a default?
+fn exists(json: &Value, pointer: &str) -> bool {
     let mut steps: Vec<&str> = pointer.split('/').skip(1).collect();
     steps.pop();
     let mut at = Some(json);
@@ -296,7 +294,7 @@ fn leads_somewhere(json: &Value, pointer: &str) -> bool {
     at.is_none_or(Value::is_object)
 }
 
-/// The entry of a list that a pointer leads into.
+/// The part of a pointer up to the entry of a list, such as `/materials/0`.
 fn entry_of(pointer: &str) -> &str {
     let steps = if pointer.starts_with("/extensions/") { 5 } else { 3 };
     pointer.match_indices('/').nth(steps - 1).map_or(pointer, |(end, _)| &pointer[..end])
@@ -310,7 +308,7 @@ fn value_of(element: Element, numbers: &[f64]) -> Value {
     }
 }
 
-/// Writes a value at a pointer that [leads somewhere](leads_somewhere).
+/// Writes a value at a pointer that [`exists`].
 fn write(json: &mut Value, pointer: &str, value: Value) {
     let mut at = json;
     for step in pointer.split('/').skip(1) {

@@ -1,11 +1,11 @@
-//! Points and lines of meshes (glTF 2.0, section 3.7.2.1, modes 0 to 3), which have no surface: points become spheres, lines round
-//! rods. Their sizes, of which files say nothing, go by the spacing of points and by the model's size.
+//! Points and lines of meshes (glTF 2.0, section 3.7.2.1, modes 0 to 3): points become spheres, lines cylindrical curves.
+//! Files define no sizes: radii derive from the spacing of the points and the size of the scene.
 //!
-//! Gaussian splats of points: `KHR_gaussian_splatting`, and its compression as SPZ (`KHR_gaussian_splatting_compression_spz_2`; an
-//! older draft, `KHR_spz_gaussian_splats_compression`, stands in the primitive itself).
+//! Gaussian splats: `KHR_gaussian_splatting`, and its SPZ compression (`KHR_gaussian_splatting_compression_spz_2`, or the
+//! older draft `KHR_spz_gaussian_splats_compression` of the primitive itself).
 //!
-//! The numbers of SPZ are taken as they are, as those of accessors: the draft of the extension speaks of another orientation than that
-//! of SPZ files, but CesiumJS, for which it was made, shows its files without turning them.
+//! SPZ data are not rotated: the draft of the extension defines another orientation than SPZ files, but CesiumJS, for
+//! which it was made, doesn't rotate them.
 
 use super::buffers::Accessor;
 use super::document::{Document, pointer};
@@ -32,23 +32,23 @@ const LINE_RADIUS: f64 = 1e-3;
 /// Approximate bytes per point in the scene.
 const BYTES_PER_POINT: u64 = 256;
 
-/// Points, or strands of lines, of a primitive.
+/// Points or lines of a primitive.
 #[derive(Clone)]
-struct Loose {
+struct PointsOrLines {
     positions: Vec<[f32; 3]>,
-    /// Linear RGBA; empty where there are none.
+    /// Linear RGBA per position; empty if absent.
     colors: Vec<[f32; 4]>,
     material: MaterialId,
-    /// Numbers of points of each strand; `None` for points.
+    /// Indices of the positions of each line strip; `None` for points.
     strands: Option<Vec<Vec<u32>>>,
 }
 
 /// The points and lines of the visible nodes.
 #[derive(Default)]
 pub(super) struct PointsAndLines {
-    /// By mesh of the file, once read.
-    read: HashMap<usize, Vec<Loose>>,
-    /// The mesh, where it is, and the name of its object.
+    /// By index of the mesh in the file.
+    read: HashMap<usize, Vec<PointsOrLines>>,
+    /// Instances: mesh, world transform and name.
     placed: Vec<(usize, DAffine3, String)>,
 }
 
@@ -68,7 +68,7 @@ impl PointsAndLines {
         }
     }
 
-    /// Adds them to a scene; last, as their size depends on that of the scene.
+    /// Adds the points and lines to a scene, after everything else: their radii depend on the size of the scene.
     ///
     /// # Errors
     /// A usage error for an invalid radius.
@@ -83,18 +83,19 @@ impl PointsAndLines {
         };
         let mut cloud: (Vec<[f32; 3]>, Vec<[f32; 4]>) = Default::default();
         let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        for (loose, place, _) in placed() {
-            let world = loose.positions.iter().map(|p| place.transform_point3(DVec3::from(p.map(f64::from))));
+        for (primitive, place, _) in placed() {
+            let world =
+                primitive.positions.iter().map(|p| place.transform_point3(DVec3::from(p.map(f64::from))));
             let finite: Vec<DVec3> = world.clone().filter(|p| p.is_finite()).collect();
             (min, max) = finite.iter().fold((min, max), |(min, max), p| (min.min(*p), max.max(*p)));
-            if loose.strands.is_none() {
-                let base = base_color(loaded, loose.material);
+            if primitive.strands.is_none() {
+                let base = base_color(loaded, primitive.material);
                 let color = |i: usize| {
-                    let [r, g, b, _] = loose.colors.get(i).copied().unwrap_or([1.0; 4]);
+                    let [r, g, b, _] = primitive.colors.get(i).copied().unwrap_or([1.0; 4]);
                     [r * base[0], g * base[1], b * base[2], 1.0]
                 };
                 cloud.0.extend(world.map(|p| p.as_vec3().to_array()));
-                cloud.1.extend((0..loose.positions.len()).map(color));
+                cloud.1.extend((0..primitive.positions.len()).map(color));
             }
         }
         if let Some((low, high)) = scene_extent(&loaded.scene, &instance_extents(&loaded.scene)).0 {
@@ -110,8 +111,9 @@ impl PointsAndLines {
         } else {
             LINE_RADIUS
         });
-        let lines: Vec<Curves> =
-            placed().filter_map(|(loose, place, name)| rods(loose, place, name, radius)).collect();
+        let lines: Vec<Curves> = placed()
+            .filter_map(|(primitive, place, name)| cylinders(primitive, place, name, radius))
+            .collect();
         if !lines.is_empty() {
             let count: usize = lines.iter().map(|curves| curves.strands.len()).sum();
             let message =
@@ -126,7 +128,7 @@ impl PointsAndLines {
     }
 }
 
-/// The colour of a material without its textures, which points have no coordinates for.
+/// The constant colour of a material: points have no texture coordinates.
 fn base_color(loaded: &Loaded, material: MaterialId) -> [f32; 3] {
     let material = &loaded.scene.materials[material.index()];
     match &material.model {
@@ -135,15 +137,15 @@ fn base_color(loaded: &Loaded, material: MaterialId) -> [f32; 3] {
     }
 }
 
-/// The lines of a primitive as curves of straight pieces.
-fn rods(loose: &Loose, place: &DAffine3, name: &str, radius: f64) -> Option<Curves> {
-    let strands = loose.strands.as_ref()?;
+/// The lines of a primitive as linear curves.
+fn cylinders(primitive: &PointsOrLines, place: &DAffine3, name: &str, radius: f64) -> Option<Curves> {
+    let strands = primitive.strands.as_ref()?;
     let scale = place.matrix3.determinant().abs().cbrt();
     let is_flat = scale.is_nan() || scale <= 0.0;
-    // Radii scale with the placement. Flat placements have no inverse: points are transformed here.
+    // Radii scale with the transform. Curves need an invertible transform: for singular ones points are transformed here.
     let world_from_object = if is_flat { DAffine3::IDENTITY } else { *place };
     let point = |i: u32| {
-        let p = loose.positions[i as usize];
+        let p = primitive.positions[i as usize];
         match is_flat {
             true => place.transform_point3(DVec3::from(p.map(f64::from))).as_vec3().to_array(),
             false => p,
@@ -156,10 +158,10 @@ fn rods(loose: &Loose, place: &DAffine3, name: &str, radius: f64) -> Option<Curv
         return None;
     }
     let color = |i: &u32| {
-        let [r, g, b, _] = loose.colors[*i as usize];
+        let [r, g, b, _] = primitive.colors[*i as usize];
         [r, g, b]
     };
-    let colors = match loose.colors.is_empty() {
+    let colors = match primitive.colors.is_empty() {
         true => Vec::new(),
         false => strands.iter().flat_map(|strand| strand.iter().map(color)).collect(),
     };
@@ -172,14 +174,14 @@ fn rods(loose: &Loose, place: &DAffine3, name: &str, radius: f64) -> Option<Curv
         points,
         colors,
         world_from_object,
-        material: loose.material,
+        material: primitive.material,
         traits: ObjectTraits::default(),
         info: Default::default(),
     })
 }
 
-/// The points and lines of a mesh of the file. Problems are warnings: files that have surfaces, too, can do without them.
-fn read(doc: &Document, materials: &mut Materials, mesh: usize, report: &mut Report) -> Vec<Loose> {
+/// The points and lines of a mesh of the file. Problems are warnings, since the file may also have surfaces.
+fn read(doc: &Document, materials: &mut Materials, mesh: usize, report: &mut Report) -> Vec<PointsOrLines> {
     let at = pointer("meshes", mesh);
     let Ok(json) = doc.entry::<gltf::json::Mesh>("meshes", mesh, &at, report) else { return Vec::new() };
     let mut list = Vec::new();
@@ -189,7 +191,7 @@ fn read(doc: &Document, materials: &mut Materials, mesh: usize, report: &mut Rep
         if is_loose && !are_splats(doc, mesh, number, report) {
             let at = format!("{at}/primitives/{number}");
             match report.optional(|report| primitive_of(doc, materials, primitive, mode, &at, report)) {
-                Ok(loose) => list.push(loose),
+                Ok(primitive) => list.push(primitive),
                 Err(problem) => drop(report.warn(at, format!("is left out: {}", problem.message))),
             }
         }
@@ -204,7 +206,7 @@ fn primitive_of(
     mode: Mode,
     at: &str,
     report: &mut Report,
-) -> Valid<Loose> {
+) -> Valid<PointsOrLines> {
     let material =
         materials.get(doc, primitive.material.map(|m| m.value()), &format!("{at}/material"), report)?;
     let accessor =
@@ -242,10 +244,10 @@ fn primitive_of(
         }
         mode => Some(strands(mode, order)),
     };
-    Ok(Loose { positions, colors: linear, material, strands })
+    Ok(PointsOrLines { positions, colors: linear, material, strands })
 }
 
-/// Indices of a primitive; those beyond its vertices are left out with their line.
+/// Vertex indices of a primitive; indices beyond its vertices are a problem.
 fn indices(doc: &Document, index: usize, count: usize, at: &str, report: &mut Report) -> Valid<Vec<u32>> {
     let accessor = Accessor::open(doc, index, &format!("{at}/indices"), report)?;
     let unsigned = matches!(accessor.component, ComponentType::U8 | ComponentType::U16 | ComponentType::U32);
@@ -261,7 +263,7 @@ fn indices(doc: &Document, index: usize, count: usize, at: &str, report: &mut Re
     }
 }
 
-/// The strands of lines, each of at least two points.
+/// The line strips, each of at least two points.
 fn strands(mode: Mode, mut order: Vec<u32>) -> Vec<Vec<u32>> {
     match mode {
         Mode::Lines => order.as_chunks::<2>().0.iter().map(|pair| pair.to_vec()).collect(),
@@ -274,17 +276,17 @@ fn strands(mode: Mode, mut order: Vec<u32>) -> Vec<Vec<u32>> {
     }
 }
 
-/// The extension.
+/// The extension for Gaussian splats.
 pub(super) const NAME: &str = "KHR_gaussian_splatting";
-/// The extension of it whose splats are an SPZ file in a view of a buffer.
+/// Prefix of its extensions for SPZ data in a buffer view.
 const SPZ: &str = "KHR_gaussian_splatting_compression_spz";
-/// The extension of primitives in an older draft.
+/// The older draft: an extension of primitives.
 const SPZ_OF_PRIMITIVES: &str = "KHR_spz_gaussian_splats_compression";
 
-/// Bytes that a splat takes in the scene, about.
+/// Approximate size of a splat in the scene, bytes.
 const BYTES_PER_SPLAT: u64 = 160;
 
-/// Are a primitive's points splats?
+/// Is a primitive a set of Gaussian splats?
 pub(super) fn are_splats(doc: &Document, mesh: usize, primitive: usize, report: &mut Report) -> bool {
     raw(doc, mesh, primitive, report).is_some_and(|raw| extension(raw).is_some())
 }
@@ -299,17 +301,17 @@ fn extension(raw: &Value) -> Option<&Value> {
     extensions.get(NAME).or_else(|| extensions.get(SPZ_OF_PRIMITIVES))
 }
 
-/// The view of a buffer that holds a primitive's splats as SPZ.
+/// Index of the buffer view with a primitive's SPZ data.
 fn spz_view(raw: &Value, extension: &Value) -> Option<usize> {
-    let own = raw.get("extensions").and_then(|all| all.get(SPZ_OF_PRIMITIVES));
+    let draft = raw.get("extensions").and_then(|all| all.get(SPZ_OF_PRIMITIVES));
     let inner = extension.get("extensions").and_then(Value::as_object);
-    // The number at its end is the version of SPZ, which SPZ data state, too.
+    // The suffix is the version of SPZ, which is also in the data.
     let inner = inner.and_then(|all| all.iter().find(|(name, _)| name.starts_with(SPZ)));
-    let spz = inner.map(|(_, spz)| spz).or(own)?;
+    let spz = inner.map(|(_, spz)| spz).or(draft)?;
     spz.get("bufferView")?.as_u64().map(|view| view as usize)
 }
 
-/// The splats of a primitive as a mesh of their own, with a material.
+/// The splats of a primitive as a mesh.
 pub(super) fn read_splats(
     doc: &Document,
     (mesh, primitive): (usize, usize),
@@ -327,7 +329,7 @@ pub(super) fn read_splats(
             let message = format!("is compressed by {}, which is not supported", names.join(", "));
             return Err(report.warn(at, message));
         }
-        (None, None) => plain(doc, raw, at, report)?,
+        (None, None) => uncompressed(doc, raw, at, report)?,
     };
     warn_of_kinds(extension, at, report);
     list.set_linear(extension.get("colorSpace").and_then(Value::as_str) == Some("lin_rec709_display"));
@@ -339,16 +341,16 @@ pub(super) fn read_splats(
         report.warn(at, what);
     }
     match list.is_empty() {
-        true => Err(report.warn(at, ("splats-invisible", "holds no splats that can be seen"))),
+        true => Err(report.warn(at, ("splats-invisible", "holds no visible splats"))),
         false => Ok(Some(list.into_mesh("splats", material()))),
     }
 }
 
-/// Warns of kernels and colours of later extensions.
+/// Warns of unsupported kernels and colour spaces.
 fn warn_of_kinds(extension: &Value, at: &str, report: &mut Report) {
-    let known =
+    let supported =
         [("kernel", &["ellipse"][..]), ("colorSpace", &["srgb_rec709_display", "lin_rec709_display"])];
-    for (key, values) in known {
+    for (key, values) in supported {
         if let Some(other) = extension.get(key).and_then(Value::as_str).filter(|v| !values.contains(v)) {
             report.warn(
                 at,
@@ -358,9 +360,9 @@ fn warn_of_kinds(extension: &Value, at: &str, report: &mut Report) {
     }
 }
 
-/// The splats of an SPZ file in a view of a buffer.
+/// The splats of an SPZ file in a buffer view.
 fn compressed(doc: &Document, view: usize, at: &str, report: &mut Report) -> Valid<SplatList> {
-    let bytes = files::inflated(doc.view(view, at, report)?.bytes).map_err(|why| report.problem(at, why))?;
+    let bytes = files::gunzipped(doc.view(view, at, report)?.bytes).map_err(|why| report.problem(at, why))?;
     let (list, messages) = splats::read(&bytes).map_err(|problem| report.problem(at, problem.message))?;
     if let Some(what) = messages {
         report.warn(at, what);
@@ -368,13 +370,17 @@ fn compressed(doc: &Document, view: usize, at: &str, report: &mut Report) -> Val
     Ok(list)
 }
 
-/// The splats of accessors.
-fn plain(doc: &Document, raw: &Value, at: &str, report: &mut Report) -> Valid<SplatList> {
+/// The splats in accessors.
+fn uncompressed(doc: &Document, raw: &Value, at: &str, report: &mut Report) -> Valid<SplatList> {
     let index = |name: &str| raw.get("attributes")?.get(name)?.as_u64().map(|index| index as usize);
-    let own = |name: &str| index(&format!("{NAME}:{name}"));
-    let coefficient = |(l, n): (u8, u8)| own(&format!("SH_DEGREE_{l}_COEF_{n}"));
+    let attribute = |name: &str| index(&format!("{NAME}:{name}"));
+    let coefficient = |(l, n): (u8, u8)| attribute(&format!("SH_DEGREE_{l}_COEF_{n}"));
     let of_degree = |l: u8| (0..2 * l + 1).map(move |n| (l, n));
-    let needed = [("ROTATION", own("ROTATION")), ("SCALE", own("SCALE")), ("OPACITY", own("OPACITY"))];
+    let needed = [
+        ("ROTATION", attribute("ROTATION")),
+        ("SCALE", attribute("SCALE")),
+        ("OPACITY", attribute("OPACITY")),
+    ];
     let needed = needed.into_iter().chain([("SH_DEGREE_0_COEF_0", coefficient((0, 0)))]);
     let missing: Vec<&str> = needed.filter(|(_, index)| index.is_none()).map(|(name, _)| name).collect();
     if index("POSITION").is_none() || !missing.is_empty() {
@@ -386,9 +392,9 @@ fn plain(doc: &Document, raw: &Value, at: &str, report: &mut Report) -> Valid<Sp
     let mut opener = AttributeReader::new(doc, at, "/attributes", None, report);
     let mut open = |index, name: &str, kind: Type| opener.open(index, name, &[kind], AttributeFormat::Any);
     let positions = open(index("POSITION"), "POSITION", Type::Vec3);
-    let rotations = open(own("ROTATION"), "ROTATION", Type::Vec4);
-    let scales = open(own("SCALE"), "SCALE", Type::Vec3);
-    let opacities = open(own("OPACITY"), "OPACITY", Type::Scalar);
+    let rotations = open(attribute("ROTATION"), "ROTATION", Type::Vec4);
+    let scales = open(attribute("SCALE"), "SCALE", Type::Vec3);
+    let opacities = open(attribute("OPACITY"), "OPACITY", Type::Scalar);
     let all = (0..=degree as u8).flat_map(of_degree);
     let harmonics: Vec<_> = all.map(|c| open(coefficient(c), "SH_DEGREE", Type::Vec3)).collect();
     let count = opener.finish(0, BYTES_PER_SPLAT)?;
@@ -398,28 +404,28 @@ fn plain(doc: &Document, raw: &Value, at: &str, report: &mut Report) -> Valid<Sp
     rotations.iter().for_each(|accessor| accessor.read_floats(&mut lists.1));
     scales.iter().for_each(|accessor| accessor.read_floats(&mut lists.2));
     opacities.iter().for_each(|accessor| accessor.read_floats(&mut lists.3));
-    // By coefficient, then by splat.
+    // Coefficient-major.
     let mut colors = vec![[0.0f32; 3]; count * harmonics.len()];
     for (accessor, list) in harmonics.iter().flatten().zip(colors.chunks_exact_mut(count.max(1))) {
         accessor.read_floats(list);
     }
     let are_logarithms = lists.2.iter().flatten().any(|scale| *scale < 0.0);
     if are_logarithms {
-        report.warn(at, "has scales below 0: they are taken as logarithms, as in drafts of the extension");
+        report.warn(at, "has scales below 0: all are taken as logarithms, as in drafts of the extension");
     }
     let mut list = SplatList::new(count, degree as u8, DVec3::ZERO)
         .map_err(|problem| report.problem(at, problem.message))?;
-    let mut own = Vec::new();
+    let mut coefficients = Vec::new();
     for i in 0..count {
-        own.clear();
-        own.extend((0..harmonics.len()).map(|k| colors[k * count + i]));
+        coefficients.clear();
+        coefficients.extend((0..harmonics.len()).map(|k| colors[k * count + i]));
         let scales = if are_logarithms { lists.2[i].map(exp) } else { lists.2[i] };
         list.push(&FileSplat {
             center: DVec3::from(lists.0[i].map(f64::from)),
             scales,
             rotation: lists.1[i],
             opacity: lists.3[i][0],
-            coefficients: &own,
+            coefficients: &coefficients,
         });
     }
     Ok(list)

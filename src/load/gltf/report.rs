@@ -4,11 +4,11 @@ use crate::error::{Message, Problem, Warning};
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
-/// Maximum numbers of problems that are listed, and of warnings with the same text.
+/// Maximum number of listed problems, and of warnings with the same text.
 const MAX_PROBLEMS: usize = 32;
 const MAX_ALIKE: usize = 8;
 
-/// How much something matters.
+/// Severity of a message.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 enum Severity {
     /// Something was ignored, approximated or repaired.
@@ -17,35 +17,35 @@ enum Severity {
     Note,
 }
 
-/// The proof that a problem or a warning was noted, which only a [`Report`] gives. A reader that fails
-/// returns one, so that nothing is dropped silently.
+/// Proof that a problem or a warning was reported; only [`Report`] creates it. Failing readers return it, so that no
+/// error is silent.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::load::gltf) struct Reported(());
 
-/// A part of a file, or the proof that its error was noted.
+/// A result whose error was already reported.
 pub(in crate::load::gltf) type Valid<T> = Result<T, Reported>;
 
 /// One warning or note.
 struct Entry {
     kind: Severity,
-    /// It concerns something that is read once for all time samples.
+    /// Concerns an object that is read once for all time samples.
     is_lasting: bool,
     warning: Warning,
 }
 
-/// Errors and repairs, in the order in which they were found; equal ones are listed once.
+/// Problems, warnings and notes, without duplicates, in the order of their detection.
 pub(in crate::load::gltf) struct Report {
     file: PathBuf,
     problems: Vec<Problem>,
     unlisted: usize,
     entries: Vec<Entry>,
     seen: HashSet<(String, String)>,
-    /// Entries being added concern something that is read once for all time samples.
+    /// New entries concern an object that is read once for all time samples.
     is_lasting: bool,
 }
 
 impl Report {
-    /// Nothing yet about a file.
+    /// An empty report for a file.
     pub fn new(file: &Path) -> Report {
         Report {
             file: file.to_path_buf(),
@@ -57,14 +57,14 @@ impl Report {
         }
     }
 
-    /// Begins another time sample: drops all entries but those of things that are read once.
+    /// Begins another time sample: drops all but lasting entries.
     pub fn begin_time(&mut self) {
         self.entries.retain(|e| e.is_lasting);
         self.seen =
             self.entries.iter().map(|e| (e.warning.place.clone(), e.warning.message.clone())).collect();
     }
 
-    /// Runs `work` for something that is read once: its entries stay for all later time samples.
+    /// Runs `work` for an object that is read once: its entries are kept for all later time samples.
     pub fn lasting<T>(&mut self, work: impl FnOnce(&mut Report) -> T) -> T {
         let before = std::mem::replace(&mut self.is_lasting, true);
         let result = work(self);
@@ -72,7 +72,7 @@ impl Report {
         result
     }
 
-    /// Notes a problem.
+    /// Adds a problem.
     pub fn problem(&mut self, pointer: impl Into<String>, message: impl Into<Message>) -> Reported {
         self.add(Problem::new(pointer, message))
     }
@@ -88,31 +88,31 @@ impl Report {
         Reported(())
     }
 
-    /// Runs `work` for an optional part of the file: its first problem is returned, and not counted as one of the file.
+    /// Runs `work` for an optional part of the file, whose problems aren't added to the report.
     ///
     /// # Errors
-    /// The problem.
+    /// The first problem.
     pub fn optional<T>(&mut self, work: impl FnOnce(&mut Report) -> Valid<T>) -> Result<T, Problem> {
         let (problems, unlisted) = (std::mem::take(&mut self.problems), self.unlisted);
         let result = work(self);
-        let own = std::mem::replace(&mut self.problems, problems);
+        let new_problems = std::mem::replace(&mut self.problems, problems);
         self.unlisted = unlisted;
-        for problem in &own {
+        for problem in &new_problems {
             self.seen.remove(&(problem.place.clone(), problem.message.clone()));
         }
-        // An error found before is not reported again.
-        let known = || Problem::new("", "can't be read: what it refers to has a problem of its own");
-        result.map_err(|_| own.into_iter().next().unwrap_or_else(known))
+        // The problem of a shared object was reported earlier.
+        let earlier = || Problem::new("", "can't be read: an object that it refers to has a problem");
+        result.map_err(|_| new_problems.into_iter().next().unwrap_or_else(earlier))
     }
 
-    /// Notes a warning.
+    /// Adds a warning.
     pub fn warn(&mut self, pointer: impl Into<String>, message: impl Into<Message>) -> Reported {
         let warning = Warning::new(&self.file, pointer, message);
         self.add_entry(Severity::Warning, warning);
         Reported(())
     }
 
-    /// Adds a note about the choice among several valid interpretations.
+    /// Adds a note about a choice among several valid interpretations.
     pub fn note(&mut self, pointer: impl Into<String>, message: impl Into<Message>) {
         let note = Warning::new(&self.file, pointer, message);
         self.add_entry(Severity::Note, note);
@@ -124,12 +124,12 @@ impl Report {
         }
     }
 
-    /// Adds warnings from elsewhere.
+    /// Adds warnings with their own locations.
     pub fn extend(&mut self, warnings: &[Warning]) {
         self.append(Severity::Warning, warnings);
     }
 
-    /// Adds notes with locations of their own.
+    /// Adds notes with their own locations.
     pub fn extend_notes(&mut self, notes: &[Warning]) {
         self.append(Severity::Note, notes);
     }
@@ -139,7 +139,7 @@ impl Report {
         self.entries.extend(list.iter().map(|warning| Entry { kind, is_lasting, warning: warning.clone() }));
     }
 
-    /// All problems, with a last line for those beyond the list.
+    /// All problems; the last one counts those beyond the maximum.
     pub fn take_problems(&mut self) -> Vec<Problem> {
         let mut problems = std::mem::take(&mut self.problems);
         if self.unlisted > 0 {
@@ -149,7 +149,7 @@ impl Report {
         problems
     }
 
-    /// All warnings, with one line for the rest of many with the same text.
+    /// All warnings; of many with the same text the rest is only counted.
     pub fn warnings(&self) -> Vec<Warning> {
         self.list(Severity::Warning)
     }

@@ -1,4 +1,4 @@
-//! Builds the scene from the visible nodes: meshes (each once), instances, cameras and lights.
+//! Builds the scene from the visible nodes: meshes, instances, cameras and lights.
 
 use super::animation::{Pose, WeightsPose};
 use super::document::Document;
@@ -16,22 +16,22 @@ use crate::scene::{Instance, Mesh, MeshId, Motion, Scene};
 use serde_json::Value;
 use std::collections::{HashMap, HashSet};
 
-/// Nodes with equal keys are instances of the same mesh of the scene.
+/// Identity of a mesh of the scene: nodes with equal keys are its instances.
 #[derive(PartialEq, Eq, Hash)]
 struct MeshKey {
     mesh: usize,
-    /// Weights of morph targets, as bits.
+    /// Bits of the morph target weights.
     weights: Vec<u32>,
-    /// The skin, and the node whose transform applies to unskinned vertices.
+    /// Skin, and node whose transform applies to unskinned vertices.
     skin: Option<(usize, usize)>,
-    /// The node, if its weights are animated.
-    changing: Option<usize>,
+    /// The node, if its morph target weights are animated.
+    morphing_node: Option<usize>,
 }
 
 impl MeshKey {
-    /// Is the mesh the same at all times?
-    fn is_still(&self) -> bool {
-        self.weights.is_empty() && self.skin.is_none() && self.changing.is_none()
+    /// Is the mesh free of deformation?
+    fn is_static(&self) -> bool {
+        self.weights.is_empty() && self.skin.is_none() && self.morphing_node.is_none()
     }
 }
 
@@ -42,10 +42,10 @@ pub(super) struct SceneBuilder<'b, 'a> {
     node_parents: &'b NodeParents<'b, 'a>,
     scene: Scene,
     shared: &'b mut SharedAssets,
-    /// The scene is one of several time samples that will be compared.
+    /// The scene is a time sample of the shutter.
     is_shutter_sample: bool,
     meshes_by_key: HashMap<MeshKey, Vec<MeshId>>,
-    /// Area lights; their materials come after all others.
+    /// Area lights, added last so that their materials follow all others.
     area_lights: Vec<AreaLight>,
     /// Points and lines of the visible meshes.
     pub points_and_lines: PointsAndLines,
@@ -73,12 +73,12 @@ impl<'b, 'a> SceneBuilder<'b, 'a> {
         }
     }
 
-    /// For a time sample of the shutter: nodes with animated morph targets get meshes of their own in all samples.
+    /// For a time sample of the shutter: nodes with animated morph targets don't share meshes.
     pub fn for_shutter(self, is_shutter_sample: bool) -> SceneBuilder<'b, 'a> {
         SceneBuilder { is_shutter_sample, ..self }
     }
 
-    /// Adds the contents of all nodes. A problem of one node doesn't affect the others.
+    /// Adds the contents of all nodes; problems of one node don't affect the others.
     pub fn add(&mut self, hierarchy: &Hierarchy, report: &mut Report) {
         for (entry, node) in hierarchy.nodes.iter().enumerate() {
             if let Some(mesh) = node.mesh {
@@ -152,7 +152,7 @@ impl<'b, 'a> SceneBuilder<'b, 'a> {
         Ok(())
     }
 
-    /// The scene's meshes for a key; read on first use.
+    /// The scene's meshes for a node's mesh, read on first use.
     fn meshes(
         &mut self,
         node: &Node,
@@ -165,7 +165,8 @@ impl<'b, 'a> SceneBuilder<'b, 'a> {
             mesh,
             weights: weights.iter().map(|w| w.to_bits()).collect(),
             skin: node.skin.map(|skin| (skin, node.index)),
-            changing: (self.is_shutter_sample && self.has_moving_weights(node, mesh)).then_some(node.index),
+            morphing_node: (self.is_shutter_sample && self.has_moving_weights(node, mesh))
+                .then_some(node.index),
         };
         if let Some(known) = self.meshes_by_key.get(&key) {
             return known.clone();
@@ -176,7 +177,7 @@ impl<'b, 'a> SceneBuilder<'b, 'a> {
             let deformation = Deformation { weights, skin };
             MeshReader { doc, materials, report, deformation }.read(mesh, &from)
         };
-        let read = match key.is_still() {
+        let read = match key.is_static() {
             true => static_meshes.remove(&mesh).unwrap_or_else(|| report.lasting(read)),
             false => read(report),
         };
@@ -187,7 +188,7 @@ impl<'b, 'a> SceneBuilder<'b, 'a> {
         ids
     }
 
-    /// How a node's mesh changes over time.
+    /// Kind of motion of a node's mesh.
     fn motion(&self, node: &Node, mesh: usize) -> Motion {
         if self.has_moving_weights(node, mesh) || node.skin.is_some() && self.pose.animations > 0 {
             Motion::Deforms
@@ -198,14 +199,14 @@ impl<'b, 'a> SceneBuilder<'b, 'a> {
         }
     }
 
-    /// Does an animation change the weights of a node's morph targets?
+    /// Are the morph target weights of a node animated?
     fn has_moving_weights(&self, node: &Node, mesh: usize) -> bool {
         self.pose.node_weights(node.index).or(self.pose.mesh_weights(mesh)).is_some()
     }
 
-    /// The weights of a node's morph targets (its own, else its mesh's), animated; without trailing zeros.
+    /// The morph target weights of a node in the pose (its own, else those of its mesh), without trailing zeros.
     fn weights(&self, node: &Node, mesh: usize, report: &mut Report) -> Vec<f32> {
-        // Values that aren't numbers become NaN, which is reported below.
+        // Invalid values become NaN, which is reported below.
         let number = |w: &Value| w.as_f64().unwrap_or(f64::NAN) as f32;
         let list = |pointer: String| {
             let list = self.doc.json.pointer(&pointer)?;
@@ -235,7 +236,7 @@ impl<'b, 'a> SceneBuilder<'b, 'a> {
             report.warn(node.pointer(), ("morph-weight-count", message));
         }
         if weights.iter().any(|w| !w.is_finite()) {
-            report.problem(node.pointer(), "shows morph targets with weights that are not finite numbers");
+            report.problem(node.pointer(), "has morph target weights that are not finite numbers");
             return Vec::new();
         }
         while weights.last() == Some(&0.0) {
@@ -259,12 +260,12 @@ impl<'b, 'a> SceneBuilder<'b, 'a> {
         self.shared.materials.used()
     }
 
-    /// The images of the file that are needed.
+    /// Indices of the images that materials need.
     pub fn images(&self) -> HashSet<usize> {
         self.shared.materials.textures.images.iter().map(|need| need.index).collect()
     }
 
-    /// Decodes the images; returns the scene and the meshes that later time samples can reuse.
+    /// Decodes the images; returns the scene and the meshes that later time samples may reuse.
     pub fn finish(self, report: &mut Report) -> (Scene, Vec<StaticMesh>) {
         let SceneBuilder { mut scene, shared, doc, meshes_by_key, area_lights, .. } = self;
         let needs = &shared.materials.textures.images;
@@ -277,46 +278,44 @@ impl<'b, 'a> SceneBuilder<'b, 'a> {
         scene.materials = shared.materials.list.clone();
         scene.textures = shared.materials.textures.list.clone();
         area_lights.into_iter().for_each(|light| light.add_to(&mut scene));
-        let still = meshes_by_key.into_iter().filter(|(key, _)| key.is_still());
+        let still = meshes_by_key.into_iter().filter(|(key, _)| key.is_static());
         (scene, still.map(|(key, meshes)| StaticMesh { mesh: key.mesh, meshes }).collect())
     }
 }
 
-// Assets read once for all time samples: materials, images, and meshes without skin or morph targets.
-
-/// Assets shared by all time samples. Lists only grow, so that ids stay valid.
+/// Assets read once for all time samples. Lists only grow, so that ids stay valid.
 #[derive(Default)]
 pub(super) struct SharedAssets {
     /// The materials and textures read so far.
     pub materials: Materials,
-    /// The images that they need, in the order of the needs.
+    /// Images, in the order of `materials.textures.images`.
     pub images: Vec<Image>,
-    /// Meshes of the file, by index, without the deformation by a skin or morph targets; absent while a scene owns them.
+    /// Meshes without skin or morph targets, by index in the file; absent while a scene owns them.
     pub static_meshes: HashMap<usize, Vec<Mesh>>,
     /// The profiles of EXT_lights_ies read so far.
     pub profiles: Profiles,
     /// The equirectangular image of EXT_lights_image_based, once read.
-    pub surroundings: Option<Valid<Image>>,
-    /// Some images could not be decoded; materials already read refer to them.
+    pub environment_image: Option<Valid<Image>>,
+    /// Materials refer to images that could not be decoded.
     loses_textures: bool,
 }
 
-/// The scene's meshes of a mesh of the file without skin or morph targets.
+/// Scene meshes of a mesh of the file without skin or morph targets.
 pub(super) struct StaticMesh {
-    /// The mesh of the file.
+    /// Index in the file.
     pub mesh: usize,
-    /// The scene's meshes, in a row.
+    /// Consecutive ids in the scene.
     pub meshes: Vec<MeshId>,
 }
 
 impl SharedAssets {
-    /// Registers images that can't be decoded, with their messages.
+    /// Registers images that can't be decoded: index and message.
     pub fn lose_textures(&mut self, unreadable: Vec<(usize, String)>) {
         self.loses_textures |= !unreadable.is_empty();
         self.materials.textures.unreadable.extend(unreadable);
     }
 
-    /// Drops the materials if some refer to images that can't be decoded; returns whether the scene must be read again.
+    /// Drops the materials if any refers to images that can't be decoded; true if the scene must be read again.
     pub fn forget_lost_textures(&mut self) -> bool {
         let loses = std::mem::take(&mut self.loses_textures);
         if loses {
@@ -325,13 +324,13 @@ impl SharedAssets {
         loses
     }
 
-    /// Drops the materials, and the meshes, which refer to them by index. Images stay decoded.
+    /// Drops the materials and the meshes, which refer to them by index. Decoded images are kept.
     pub fn forget_materials(&mut self) {
         self.materials.forget();
         self.static_meshes.clear();
     }
 
-    /// Moves static meshes from a finished scene back into the cache. Missing ones will be read again.
+    /// Moves static meshes from a finished scene back into the cache.
     pub fn take_back(&mut self, scene: &mut Scene, still: Vec<StaticMesh>) {
         for StaticMesh { mesh, meshes } in still {
             let taken = meshes.iter().map(|id| scene.meshes.get_mut(id.index()).map(std::mem::take));

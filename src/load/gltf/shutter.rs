@@ -1,5 +1,5 @@
-//! Motion blur: the scene is read at several times while the shutter is open, and objects whose transform
-//! or shape differs become animated.
+//! Motion blur: the scene is sampled at several times while the shutter is open, and objects with different transforms or
+//! vertices get keyframes.
 
 use super::animation;
 use super::document::Document;
@@ -16,21 +16,23 @@ use std::collections::{BTreeSet, HashMap};
 
 /// The scene at one time.
 struct ShutterSample {
-    /// Transforms and meshes of instances, by name and number of earlier instances of that name.
+    /// World transforms and mesh indices of instances, by name and number of earlier instances of that name.
     instances: HashMap<(String, usize), (DAffine3, usize)>,
-    /// Meshes that are deformed, by index.
+    /// Vertices of deformed meshes, by index.
     meshes: HashMap<usize, Vertices>,
     cameras: Vec<Camera>,
     lights: Vec<Light>,
-    /// Emissive rectangles: names and transforms.
+    /// Quads: names and transforms from the unit square to world space.
     quads: Vec<(String, DAffine3)>,
     /// World transforms of empty nodes, by index.
     empties: HashMap<usize, DAffine3>,
 }
 
-/// Samples while the shutter is open, then, if motion vectors are wanted, those a frame before and after.
+/// Time samples of the scene.
 pub(super) struct ShutterSamples {
+    /// While the shutter is open.
     keys: Vec<ShutterSample>,
+    /// One frame before and after, for motion vectors.
     neighbours: Option<[ShutterSample; 2]>,
 }
 
@@ -47,12 +49,12 @@ impl ShutterSamples {
             return None;
         }
         if time_s.is_none() && shutter.is_open() {
-            let message = "no time is given: nothing moves while the shutter is open";
+            let message = "no time is set: there is no motion blur";
             report.note("/animations", message);
         }
         let time_s = time_s?;
         let at = |frames: f64| time_s + frames / shutter.fps;
-        let (keys, is_enough) = shutter.keys_for(&mut |frames| places(doc, at(frames), report, lit));
+        let (keys, is_enough) = shutter.keys_for(&mut |frames| transforms_at(doc, at(frames), report, lit));
         let mut sample = |frames: f64| {
             report.begin_time();
             doc.begin_time();
@@ -66,14 +68,14 @@ impl ShutterSamples {
         doc.begin_time();
         if !is_enough {
             let message = format!(
-                "something turns too far or changes too unevenly while the shutter is open for {keys} keys"
+                "a rotation is too large, or a motion too uneven, for {keys} keys while the shutter is open"
             );
             report.warn("/animations", message);
         }
         Some(samples)
     }
 
-    /// A value at all times; `None` where one is missing.
+    /// A value at all times; `None` if it is missing at any time.
     fn all<T>(&self, of: impl Fn(&ShutterSample) -> Option<T>) -> Option<Keyframes<T>> {
         let neighbours = match &self.neighbours {
             Some([before, after]) => Some([of(before)?, of(after)?]),
@@ -82,9 +84,9 @@ impl ShutterSamples {
         Some(Keyframes { keys: self.keys.iter().map(of).collect::<Option<_>>()?, neighbours })
     }
 
-    /// Adds the motion to the scene at the picture's time.
+    /// Adds the motion to the scene, which is at the time of the rendered frame.
     pub fn apply(&self, scene: &mut Scene, report: &mut Report) {
-        let (mut absent, mut unlike) = (0, 0);
+        let (mut absent, mut incompatible) = (0, 0);
         let names = numbered(&scene.instances);
         for (i, name) in names.iter().enumerate() {
             let Some(placed) = self.all(|m| m.instances.get(name).copied()) else {
@@ -97,8 +99,9 @@ impl ShutterSamples {
                 neighbours: placed.neighbours.map(|n| n.map(|m| m.0)),
             };
             let deformed = self.vertices(&placed, &scene.meshes[mesh]);
-            unlike += usize::from(deformed.is_none() && self.is_deformed(&placed));
-            let deforms = deformed.as_ref().is_some_and(|moving| is_other(moving, &scene.meshes[mesh]));
+            incompatible += usize::from(deformed.is_none() && self.is_deformed(&placed));
+            let deforms =
+                deformed.as_ref().is_some_and(|moving| vertices_differ(moving, &scene.meshes[mesh]));
             if differs(&moving, &place) || deforms {
                 scene.instances[i].motion = Motion::Keyed(scene.motion.instances.len() as u32);
                 scene.motion.instances.push(moving);
@@ -109,13 +112,13 @@ impl ShutterSamples {
         }
         if absent > 0 {
             let message = format!(
-                "{absent} placements are not there all the time that the shutter is open: they are not blurred"
+                "{absent} instances do not exist during the whole exposure: they have no motion blur"
             );
             report.warn("/animations", message);
         }
-        if unlike > 0 {
+        if incompatible > 0 {
             let message = format!(
-                "{unlike} meshes have other vertices at some times while the shutter is open: how they change is not blurred"
+                "{incompatible} meshes change their number of vertices during the exposure: their deformation has no motion blur"
             );
             report.warn("/animations", message);
         }
@@ -130,20 +133,22 @@ impl ShutterSamples {
         keys.any(|(sample, placed)| sample.meshes.contains_key(&placed.1))
     }
 
-    /// The motion of an empty node; `None` if it is static.
+    /// Keyframes of an empty node; `None` if it is static.
     pub fn empty(&self, node: usize, now: &DAffine3) -> Option<Keyframes<DAffine3>> {
         self.all(|m| m.empties.get(&node).copied()).filter(|moving| differs(moving, now))
     }
 
-    /// The vertices of an instance's mesh at all times, if it is deformed.
+    /// The vertices of an instance's mesh at all times; `None` if it isn't deformed or their number changes.
     fn vertices(&self, placed: &Keyframes<(DAffine3, usize)>, mesh: &Mesh) -> Option<Keyframes<Vertices>> {
         let counts = (mesh.positions.len(), mesh.normals.len());
-        let of = |sample: &ShutterSample, mesh: usize| {
+        let vertices_of = |sample: &ShutterSample, mesh: usize| {
             sample.meshes.get(&mesh).filter(|v| (v.positions.len(), v.normals.len()) == counts).cloned()
         };
-        let keys = self.keys.iter().zip(&placed.keys).map(|(sample, placed)| of(sample, placed.1));
+        let keys = self.keys.iter().zip(&placed.keys).map(|(sample, placed)| vertices_of(sample, placed.1));
         let neighbours = match (&self.neighbours, &placed.neighbours) {
-            (Some([before, after]), Some([b, a])) => Some([of(before, b.1)?, of(after, a.1)?]),
+            (Some([before, after]), Some([b, a])) => {
+                Some([vertices_of(before, b.1)?, vertices_of(after, a.1)?])
+            }
             _ => None,
         };
         Some(Keyframes { keys: keys.collect::<Option<_>>()?, neighbours })
@@ -179,17 +184,17 @@ impl ShutterSamples {
     }
 }
 
-/// Does any key differ from the value at the picture's time?
+/// Does any key differ from the value at the time of the rendered frame?
 fn differs<T: PartialEq>(moving: &Keyframes<T>, now: &T) -> bool {
     moving.all().any(|then| then != now)
 }
 
-/// Do the vertices at any time differ from those at the picture's time?
-fn is_other(moving: &Keyframes<Vertices>, now: &Mesh) -> bool {
+/// Do the vertices at any time differ from those at the time of the rendered frame?
+fn vertices_differ(moving: &Keyframes<Vertices>, now: &Mesh) -> bool {
     moving.all().any(|then| then.positions != now.positions || then.normals != now.normals)
 }
 
-/// Names of instances, with a number that makes them unique.
+/// Names of instances, with an index that makes them unique.
 fn numbered(instances: &[Instance]) -> Vec<(String, usize)> {
     let mut counts: HashMap<&str, usize> = HashMap::new();
     let mut names = Vec::with_capacity(instances.len());
@@ -201,31 +206,31 @@ fn numbered(instances: &[Instance]) -> Vec<(String, usize)> {
     names
 }
 
-/// The transforms of everything that may move at a time, including empty nodes at which the sidecar has lights.
-fn places(doc: &Document, time_s: f64, report: &mut Report, lit: &BTreeSet<String>) -> Vec<DAffine3> {
+/// All transforms that may change over time, including empty nodes with lights of the sidecar.
+fn transforms_at(doc: &Document, time_s: f64, report: &mut Report, lit: &BTreeSet<String>) -> Vec<DAffine3> {
     let pose = animation::pose(doc, time_s, report);
     let node_parents = NodeParents::new(doc, &pose);
     let hierarchy = nodes::walk(doc, &pose, &node_parents, report);
-    let mut places = Vec::new();
+    let mut transforms = Vec::new();
     for node in &hierarchy.nodes {
-        if node.shows(doc) && node.moves {
-            places.push(node.world_from_node);
+        if node.has_content(doc) && node.moves {
+            transforms.push(node.world_from_node);
         }
         if let Some(skin) = node.skin {
-            places.extend(vertices::joint_transforms(doc, skin, &node_parents, report));
+            transforms.extend(vertices::joint_transforms(doc, skin, &node_parents, report));
         }
         let Some(mesh) = node.mesh else { continue };
         let weights = [pose.node_weights(node.index), pose.mesh_weights(mesh)];
         let weights = weights.into_iter().flatten().flat_map(|weights| weights.over(Vec::new()));
-        places.extend(weights.map(as_place));
+        transforms.extend(weights.map(weight_as_transform));
     }
     let empties = hierarchy.empties(doc).into_iter().filter(|(_, name, _)| lit.contains(name));
-    places.extend(empties.map(|(_, _, place)| place));
-    places
+    transforms.extend(empties.map(|(_, _, place)| place));
+    transforms
 }
 
-/// A morph target's weight as a shear, so that the tolerance of transforms applies to weights, relative to 1.
-fn as_place(weight: f32) -> DAffine3 {
+/// A morph target weight as a shear: the tolerance of transforms then applies to weights, relative to 1.
+fn weight_as_transform(weight: f32) -> DAffine3 {
     DAffine3::from_mat3(DMat3::from_cols(DVec3::new(1.0, f64::from(weight), 0.0), DVec3::Y, DVec3::Z))
 }
 
@@ -238,8 +243,8 @@ fn sample_at(doc: &Document, time_s: f64, shared: &mut SharedAssets, report: &mu
     builder.add(&hierarchy, report);
     let (mut scene, still) = builder.finish(report);
     shared.take_back(&mut scene, still);
-    let places = scene.instances.iter().map(|i| (i.world_from_object, i.mesh.index()));
-    let instances = numbered(&scene.instances).into_iter().zip(places).collect();
+    let transforms = scene.instances.iter().map(|i| (i.world_from_object, i.mesh.index()));
+    let instances = numbered(&scene.instances).into_iter().zip(transforms).collect();
     // Static meshes were moved back to the cache.
     let deformed = scene.meshes.into_iter().enumerate().filter(|(_, mesh)| !mesh.positions.is_empty());
     let vertices = deformed.map(|(i, m)| (i, Vertices { positions: m.positions, normals: m.normals }));

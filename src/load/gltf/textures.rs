@@ -1,4 +1,4 @@
-//! Textures of materials: samplers, KHR_texture_transform, and the list of images that they need.
+//! Textures of materials: samplers, KHR_texture_transform, and decoding of their images.
 
 use super::buffers::FetchedFile;
 use super::document::{Document, is_read, name_of, pointer};
@@ -18,33 +18,32 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::Path;
 use std::sync::Arc;
 
-/// How a material refers to a texture.
+/// A material's reference to a texture.
 pub(super) struct Reference {
     /// Index of the texture.
     pub texture: usize,
-    /// Set of texture coordinates of the file.
+    /// Index of the UV set in the file.
     pub uv_set: u32,
-    /// The mesh's slot of that set for this material ([`UvSlots`](super::materials::UvSlots)).
+    /// Slot of the UV set in meshes with this material ([`UvSlots`](super::materials::UvSlots)).
     pub slot: u32,
-    /// Applied to the coordinates.
+    /// Transform of the coordinates.
     pub transform: Option<TransformJson>,
     /// JSON pointer of the reference.
     pub at: String,
-    /// The texture's alpha is glossiness, and roughness is wanted.
+    /// Conversion of the texture's alpha from glossiness to roughness.
     pub gloss: Option<Gloss>,
 }
 
-/// Requests an image of the roughness 1 - factor * alpha instead of the image itself.
+/// Conversion of an image to the roughness 1 - factor * alpha; holds the bits of the factor.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) struct Gloss(u32);
 
 impl Gloss {
-    /// With a factor on the glossiness, 0..1.
+    /// Conversion with a factor on the glossiness, 0..1.
     pub fn new(factor: f32) -> Gloss {
         Gloss(factor.to_bits())
     }
 
-    /// The factor.
     pub fn factor(self) -> f32 {
         f32::from_bits(self.0)
     }
@@ -57,32 +56,33 @@ impl Reference {
         Reference { texture: info.index.value(), uv_set: info.tex_coord, slot: 0, transform, at, gloss: None }
     }
 
-    /// The set of texture coordinates of the file that counts.
+    /// Index of the UV set, which the texture transform may override.
     pub fn effective_uv_set(&self) -> u32 {
         self.transform.as_ref().and_then(|t| t.tex_coord).unwrap_or(self.uv_set)
     }
 }
 
-/// An image that some texture needs.
+/// An image that a texture needs.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) struct ImageNeed {
-    /// Its index in the file.
+    /// Index in the file.
     pub index: usize,
     /// sRGB for colours, linear for data.
     pub encoding: Encoding,
-    /// It is turned into roughness.
+    /// Conversion to roughness.
     pub gloss: Option<Gloss>,
 }
 
-/// The textures found so far.
+/// The textures built so far.
 #[derive(Default)]
 pub(super) struct Textures {
     /// The scene's textures.
     pub list: Vec<Texture>,
-    /// The images that they need; their ids count along.
+    /// The images that they need, by [`ImageId`].
     pub images: Vec<ImageNeed>,
+    /// Indices in `images`.
     numbers: HashMap<ImageNeed, usize>,
-    /// Problems of images without bytes, by index in the file.
+    /// Messages about images that can't be read, by index in the file.
     pub unreadable: BTreeMap<usize, String>,
     known: HashMap<TextureKey, Valid<TextureId>>,
 }
@@ -98,13 +98,13 @@ struct TextureKey {
 }
 
 impl Textures {
-    /// Forgets all but the images that were needed, and those that can't be read.
+    /// Removes all textures; the lists of needed and of unreadable images are kept.
     pub fn forget(&mut self) {
         self.list.clear();
         self.known.clear();
     }
 
-    /// The texture that a material refers to, unless it has problems or no image that can be read.
+    /// The texture of a reference, built on first use.
     pub fn get(
         &mut self,
         doc: &Document,
@@ -169,7 +169,7 @@ impl Textures {
                 && !matches!(sampler.min_filter, Some(Checked::Invalid));
             if !is_known {
                 let message =
-                    "has a filter or a way of wrapping that glTF 2.0 does not know; the default is taken";
+                    "has a filter or a wrap mode that glTF 2.0 does not define; the default is used";
                 report.warn(pointer("samplers", sampler_index), message);
             }
         }
@@ -198,15 +198,15 @@ impl Textures {
 /// Code of the warnings about materials that lose a texture.
 const TEXTURE_MISSING: &str = "texture-missing";
 
-/// The warning about a material that refers to an image that can't be decoded.
+/// The warning about a material without its texture.
 pub(super) fn without_texture(why: &str) -> String {
     format!("{why}; the material's constants are used alone")
 }
 
-/// The image of a texture: that of KHR_texture_basisu, of EXT_texture_webp, or the plain source.
+/// Index of the image of a texture: of KHR_texture_basisu or EXT_texture_webp, else the core source.
 fn source(texture: &Value) -> Option<usize> {
-    let of = |name| texture.pointer(&format!("/extensions/{name}/source")).filter(|_| is_read(name));
-    let special = of("KHR_texture_basisu").or_else(|| of("EXT_texture_webp"));
+    let source_of = |name| texture.pointer(&format!("/extensions/{name}/source")).filter(|_| is_read(name));
+    let special = source_of("KHR_texture_basisu").or_else(|| source_of("EXT_texture_webp"));
     let index = special.or_else(|| texture.get("source"))?.as_u64()?;
     usize::try_from(index).ok()
 }
@@ -219,8 +219,7 @@ fn wrap(mode: Checked<WrappingMode>) -> Wrap {
     }
 }
 
-/// The magnification filter decides; without one, the minification filter, which also states whether ever
-/// coarser copies of the image are wanted.
+/// Interpolation by the magnification filter, if any, else by the minification filter, which also selects mip mapping.
 fn filter(sampler: &Sampler) -> Interpolation {
     match (sampler.mag_filter, sampler.min_filter) {
         (Some(Checked::Valid(MagFilter::Nearest)), _) => Interpolation::Nearest,
@@ -232,8 +231,7 @@ fn filter(sampler: &Sampler) -> Interpolation {
     }
 }
 
-/// KHR_texture_transform in the scene's terms. Its rotation is counter-clockwise as seen with v growing downwards, which
-/// is clockwise in the plane of (u, v).
+/// Converts KHR_texture_transform. Its rotation is counter-clockwise for v pointing down, so clockwise in the plane of (u, v).
 fn transform(reference: &Reference) -> TextureTransform {
     reference.transform.as_ref().map_or_else(TextureTransform::default, |t| TextureTransform {
         offset: Vec2::from_array(t.offset.0),
@@ -242,37 +240,37 @@ fn transform(reference: &Reference) -> TextureTransform {
     })
 }
 
-// The images that textures need: fetched one after the other, each once; small ones are decoded in parallel, large ones stay encoded.
+// Images: fetched sequentially, once each; small ones are decoded in parallel, large ones stay encoded.
 
 /// An image before decoding.
 struct Source<'d> {
-    /// Its first need; another may differ in the encoding alone.
+    /// The first need of this image; others may differ in encoding and gloss.
     need: ImageNeed,
     name: String,
     fetched: FetchedFile<'d>,
-    /// Maximum number of bytes that its pixels may take.
+    /// Maximum size of the decoded pixels, bytes.
     memory_limit: Option<u64>,
-    /// For damage that is found later.
+    /// Handler for damage that deferred decoding finds.
     on_damage: OnDamage,
 }
 
-/// Decodes the needed images, in the order of the needs. Problems are reported; the list is complete only without any.
+/// Decodes images in the order of `needs`. Images with problems, which are reported, are missing in the result.
 pub(super) fn read(doc: &Document, needs: &[ImageNeed], report: &mut Report) -> Vec<Image> {
-    let (images, unreadable) = read_what_can_be(doc, needs, false, report);
+    let (images, unreadable) = read_images(doc, needs, false, report);
     unreadable.into_iter().for_each(|(_, problem)| {
         report.add(problem);
     });
     images.into_iter().flatten().collect()
 }
 
-/// Reads the images of textures, in the order of the needs. A white pixel stands for those whose bytes are no image, which
-/// come with their warnings. Other problems are noted.
+/// Reads the images of textures in the order of `needs`. Unreadable images are replaced by a white pixel; their indices in
+/// the file are returned with messages.
 pub(super) fn read_textures(
     doc: &Document,
     needs: &[ImageNeed],
     report: &mut Report,
 ) -> (Vec<Image>, Vec<(usize, String)>) {
-    let (images, unreadable) = read_what_can_be(doc, needs, true, report);
+    let (images, unreadable) = read_images(doc, needs, true, report);
     let blank = || Image {
         name: String::new(),
         width: 1,
@@ -282,29 +280,29 @@ pub(super) fn read_textures(
         pixels: Arc::new(Pixels::U8(vec![255])),
     };
     let images = images.into_iter().map(|image| image.unwrap_or_else(blank)).collect();
-    (images, unreadable.into_iter().map(|(index, problem)| (index, in_words(problem))).collect())
+    (images, unreadable.into_iter().map(|(index, problem)| (index, message_with_help(problem))).collect())
 }
 
-/// A problem and its remedy in a line.
-fn in_words(problem: Problem) -> String {
+/// The message of a problem with its help.
+fn message_with_help(problem: Problem) -> String {
     match problem.help {
         Some(help) => format!("{} ({help})", problem.message),
         None => problem.message,
     }
 }
 
-/// Bytes of images that are read before they are decoded, and forgotten as far as images stay encoded.
-const READ_TOGETHER: usize = 256 << 20;
+/// Size of the encoded images to be decoded in one parallel batch, bytes.
+const BATCH_BYTES: usize = 256 << 20;
 
-/// Reads what is needed, in the order of the needs, and gives the problems of what can't be decoded by its index. Large images stay
-/// encoded if `is_lazy`.
-fn read_what_can_be(
+/// Reads images in the order of `needs`; also returns the problems of unreadable images by index in the file. Large
+/// images stay encoded if `is_lazy`.
+fn read_images(
     doc: &Document,
     needs: &[ImageNeed],
     is_lazy: bool,
     report: &mut Report,
 ) -> (Vec<Option<Image>>, Vec<(usize, Problem)>) {
-    // Numbers of sources, which several needs may have in common. Roughness is made of pixels.
+    // Positions in `decoded` by index in the file. Conversion to roughness needs decoded pixels.
     let mut numbers: HashMap<usize, usize> = HashMap::new();
     let is_gloss: HashSet<usize> = needs.iter().filter(|n| n.gloss.is_some()).map(|n| n.index).collect();
     let (mut decoded, mut unreadable, mut pending, mut bytes) = (Vec::new(), Vec::new(), Vec::new(), 0);
@@ -334,7 +332,7 @@ fn read_what_can_be(
             }
             Err(problem) => lost.push((need.index, problem)),
         }
-        if bytes > READ_TOGETHER {
+        if bytes > BATCH_BYTES {
             decode(&mut pending, report);
             bytes = 0;
         }
@@ -353,7 +351,7 @@ fn read_what_can_be(
     (needs.iter().map(image).collect(), unreadable)
 }
 
-/// The roughness 1 - factor * alpha of an image of glossiness, as an image of one channel.
+/// Converts glossiness in alpha to the roughness 1 - factor * alpha, an image of one channel.
 fn roughness(image: &Image, factor: f32) -> Image {
     let pixels = (0..image.height).flat_map(|y| (0..image.width).map(move |x| (x, y)));
     let rough = |(x, y)| {
@@ -390,11 +388,11 @@ fn fetch<'d>(doc: &'d Document, need: ImageNeed, report: &mut Report) -> Valid<S
     Ok(Source { need, name, fetched, memory_limit: doc.memory_limit, on_damage })
 }
 
-/// An image, or its problem, and its warnings.
+/// A decoded image and its messages.
 struct Decoded {
     image: Result<Image, Problem>,
     warnings: Vec<Warning>,
-    /// Parts ignored as glTF demands.
+    /// Metadata that are ignored, as glTF requires.
     notes: Vec<Warning>,
 }
 
@@ -408,11 +406,11 @@ fn decode_source(asset: &Path, source: &Source, is_lazy: bool) -> Decoded {
         None => (asset, at.as_str()),
     };
     let (own_file, mime) = (file.as_deref(), mime.as_deref());
-    let of =
+    let image_file =
         ImageFile { bytes: Cow::Borrowed(bytes), own_file, place, mime, memory_limit: source.memory_limit };
     let image = match is_lazy {
-        true => for_texture(&of, purpose, &mut warnings, source.on_damage.clone()),
-        false => decode(&of, purpose, &mut warnings),
+        true => for_texture(&image_file, purpose, &mut warnings, source.on_damage.clone()),
+        false => decode(&image_file, purpose, &mut warnings),
     };
     let image = match image {
         Ok(image) => Ok(Image { name: source.name.clone(), ..image }),
@@ -422,19 +420,19 @@ fn decode_source(asset: &Path, source: &Source, is_lazy: bool) -> Decoded {
     Decoded { image, warnings, notes }
 }
 
-/// The asset's problem of an image that can't be decoded.
+/// Converts the error of an image to a problem of the asset.
 fn problem(error: Error, name: &str, at: &str) -> Problem {
     let messages: Vec<String> = error.problems.iter().map(|p| p.message.clone()).collect();
     let help = error.problems.into_iter().find_map(|p| p.help);
     Problem { help, ..Problem::new(at, format!("'{name}' {}", messages.join("; "))) }
 }
 
-/// Deferred decoding reports damaged images as this does.
+/// The handler by which deferred decoding reports a damaged image.
 fn on_damage(doc: &Document, name: String, at: String) -> OnDamage {
     let file = doc.path.to_path_buf();
     let in_names = doc.in_names(&at);
     Arc::new(move |error| {
-        let why = without_texture(&in_words(problem(error, &name, &at)));
+        let why = without_texture(&message_with_help(problem(error, &name, &at)));
         Damage::LeftOut(Warning::new(&file, in_names.as_str(), (TEXTURE_MISSING, why)))
     })
 }

@@ -1,4 +1,4 @@
-//! Vertices of primitives: their attributes, checked, read, morphed and skinned.
+//! Vertex attributes of primitives: validation, reading, morph targets and skinning.
 
 use super::buffers::Accessor;
 use super::document::{Document, index_of, list_of_indices, pointer};
@@ -12,38 +12,36 @@ use gltf::json::accessor::{ComponentType, Type};
 use gltf::json::mesh::{MorphTarget, Primitive, Semantic};
 use gltf::json::validation::Checked;
 
-/// The accessors of a primitive's vertices, by what they are read as; primitives with the same share vertices.
+/// The accessors of a primitive's vertex attributes. Primitives with equal accessors share vertices.
 #[derive(Clone, PartialEq, Eq, Hash)]
 pub(super) struct Attributes {
     positions: usize,
-    /// Normals; without them the primitive is flat.
+    /// `None` for flat shading.
     pub normals: Option<usize>,
-    /// Tangents, where the material needs them.
+    /// Only if the material needs tangents.
     pub tangents: Option<usize>,
-    /// Vertex colours.
     pub colors: Option<usize>,
-    /// For each slot of texture coordinates, the set of the file in it and its accessor.
+    /// For each UV slot, the UV set of the file and its accessor.
     pub uv_slots: [Option<(u32, usize)>; 2],
-    /// Morph targets that show.
+    /// Morph targets with nonzero weights.
     targets: Vec<MorphTargetData>,
-    /// Accessors of joints and of weights; empty without a skin.
+    /// Pairs of accessors of joints and weights; empty without a skin.
     influences: Vec<(usize, usize)>,
 }
 
-/// How a mesh is deformed.
+/// Deformation of a mesh.
 pub(super) struct Deformation<'s> {
-    /// A weight for each morph target.
+    /// Morph target weights.
     pub weights: &'s [f32],
-    /// The joints that move the vertices.
     pub skin: Option<&'s SkinPose>,
 }
 
-/// Maximum number of sets of four joints per vertex; files with more are not known.
+/// Maximum number of sets of four joints per vertex.
 const MAX_INFLUENCE_SETS: u32 = 4;
 
 /// The vertex attributes of a primitive that its material needs. Tangents are ignored without normals.
 ///
-/// The first slot of texture coordinates is always filled: a scene file may replace the material.
+/// UV slot 0 is always filled: a scene file may replace the material.
 pub(super) fn attributes(
     primitive: &Primitive,
     needs: MaterialNeeds,
@@ -64,8 +62,9 @@ pub(super) fn attributes(
             (Some(joints), Some(weights)) if set < MAX_INFLUENCE_SETS => influences.push((joints, weights)),
             (None, None) => break,
             _ => {
-                let message =
-                    format!("JOINTS_{set} and WEIGHTS_{set} are not a pair, or beyond what is read");
+                let message = format!(
+                    "JOINTS_{set} and WEIGHTS_{set} are not a pair, or beyond the {MAX_INFLUENCE_SETS} supported sets"
+                );
                 report.warn(format!("{at}/attributes"), format!("{message}: left out"));
                 break;
             }
@@ -77,12 +76,12 @@ pub(super) fn attributes(
         tangents: accessor(Semantic::Tangents).filter(|_| needs.tangents && normals.is_some()),
         colors: accessor(Semantic::Colors(0)),
         uv_slots: [needs.uv_slots.sets[0].or(Some(0)), needs.uv_slots.sets[1]].map(uv),
-        targets: shown(primitive.targets.as_ref(), deformation.weights),
+        targets: active_targets(primitive.targets.as_ref(), deformation.weights),
         influences,
     })
 }
 
-/// Appends vertices to a mesh; gives the first and their number.
+/// Appends vertices to a mesh; returns the index of the first and their number.
 pub(super) fn add_vertices(
     doc: &Document,
     attributes: &Attributes,
@@ -104,7 +103,7 @@ pub(super) fn add_vertices(
         opener.open(Some(index), &format!("TEXCOORD_{set}"), &[Type::Vec2], AttributeFormat::Coordinate)
     });
     let count = opener.finish(base, 12 + 12 + 16 + 16 + 8 * uv_slots.len() as u64)?;
-    // Small integers can't hold unit vectors to more than their precision, which is no fault of the file.
+    // Unit vectors of quantised integers are rounded, so they are normalised without a warning.
     let rounded = |a: &Option<Accessor>| a.as_ref().is_some_and(|a| a.component != ComponentType::F32);
     let is_rounded = rounded(&normals) || rounded(&tangents);
     if let Some(positions) = positions {
@@ -132,13 +131,13 @@ pub(super) fn add_vertices(
     if let Some(skin) = skin {
         add_skin(doc, attributes, skin, at, mesh, base, report)?;
     } else if !attributes.targets.is_empty() || is_rounded {
-        unit_length(mesh, base);
+        normalize(mesh, base);
     }
     Ok((base as u32, count))
 }
 
-/// Gives morphed or rounded normals and tangents the length 1 again.
-fn unit_length(mesh: &mut Mesh, base: usize) {
+/// Normalises morphed or rounded normals and tangents.
+fn normalize(mesh: &mut Mesh, base: usize) {
     for normal in mesh.normals.iter_mut().skip(base) {
         *normal = Vec3::from_array(*normal).normalize_or_zero().to_array();
     }
@@ -148,7 +147,7 @@ fn unit_length(mesh: &mut Mesh, base: usize) {
     }
 }
 
-/// Moves the vertices from `base` on by a skin.
+/// Skins the vertices from `base` on.
 fn add_skin(
     doc: &Document,
     attributes: &Attributes,
@@ -181,11 +180,12 @@ fn add_skin(
         influences.push(influence);
     }
     if influences.is_empty() {
-        report.warn(at, "hangs on a skin, but has no JOINTS_0 and WEIGHTS_0; it is shown unskinned");
+        report.warn(at, "has a skin, but no JOINTS_0 and WEIGHTS_0; it is not deformed");
     }
-    let uneven = apply_skin(skin, &influences, mesh, base);
-    if uneven > 0 && !influences.is_empty() {
-        let message = format!("{uneven} vertices have weights of joints that do not add up to 1; normalised");
+    let unnormalized = apply_skin(skin, &influences, mesh, base);
+    if unnormalized > 0 && !influences.is_empty() {
+        let message =
+            format!("{unnormalized} vertices have weights of joints that do not add up to 1; normalised");
         report.warn(at, message);
     }
     Ok(())
@@ -203,10 +203,10 @@ pub(super) fn read_colors(accessor: &Accessor, out: &mut [[f32; 4]]) {
     }
 }
 
-/// Makes `list` end with `count` entries from `base` on and gives those.
+/// Resizes `list` to `count` entries after `base` and returns these.
 fn tail<T: Copy>(list: &mut Vec<T>, base: usize, count: usize, default: T) -> &mut [T] {
     if base == 0 {
-        // Fresh zeros come from the system without being written.
+        // The system provides zeroed pages without writing them.
         *list = vec![default; count];
         prefer_huge_pages(list);
     } else {
@@ -216,39 +216,39 @@ fn tail<T: Copy>(list: &mut Vec<T>, base: usize, count: usize, default: T) -> &m
     &mut list[base..]
 }
 
-// The accessors of a primitive's attributes, checked one by one and together.
+// Validation of the accessors of a primitive's attributes.
 
-/// Which component types an attribute may have.
+/// Permitted component types of an attribute.
 #[derive(Clone, Copy)]
 pub(super) enum AttributeFormat {
     /// Floats; signed or unsigned small integers with KHR_mesh_quantization.
     Signed,
     /// Floats and normalised unsigned integers.
     Unsigned,
-    /// The same, and any small integers with KHR_mesh_quantization.
+    /// Floats and normalised unsigned integers; any small integers with KHR_mesh_quantization.
     Coordinate,
-    /// Small unsigned integers as they are.
+    /// Small unsigned integers, not normalised.
     Joints,
     /// Floats and small integers.
     Any,
 }
 
-/// Opens the accessors of one primitive's attributes, all of them even if one has problems.
+/// Opens the accessors of one primitive's attributes; reports the problems of all of them.
 pub(super) struct AttributeReader<'d, 'a, 'r> {
     doc: &'d Document<'a>,
     at: &'r str,
-    /// Between the primitive's pointer and the attribute's name.
+    /// JSON pointer between the primitive and the attribute's name.
     inside: &'r str,
     report: &'r mut Report,
     quantized: bool,
-    /// The number of vertices, known from the first attribute on.
+    /// Number of vertices, known after the first attribute.
     count: Option<usize>,
-    /// Are all attributes so far sound?
-    sound: Valid<()>,
+    /// Are all attributes so far valid?
+    validity: Valid<()>,
 }
 
 impl<'d, 'a, 'r> AttributeReader<'d, 'a, 'r> {
-    /// For attributes at the JSON pointer `at` + `inside`, of `count` elements each, if that is known.
+    /// A reader of attributes at the JSON pointer `at` + `inside`, of `count` elements each, if known.
     pub fn new(
         doc: &'d Document<'a>,
         at: &'r str,
@@ -257,7 +257,7 @@ impl<'d, 'a, 'r> AttributeReader<'d, 'a, 'r> {
         report: &'r mut Report,
     ) -> AttributeReader<'d, 'a, 'r> {
         let quantized = doc.extension_used("KHR_mesh_quantization");
-        AttributeReader { doc, at, inside, report, quantized, count, sound: Ok(()) }
+        AttributeReader { doc, at, inside, report, quantized, count, validity: Ok(()) }
     }
 
     /// The accessor of an attribute; `None` if it is missing, or invalid (which `finish` reports).
@@ -271,7 +271,7 @@ impl<'d, 'a, 'r> AttributeReader<'d, 'a, 'r> {
         let from = format!("{}{}/{name}", self.at, self.inside);
         let opened = Accessor::open(self.doc, index?, &from, self.report);
         let usable = opened.and_then(|accessor| self.check(accessor, types, kind));
-        usable.map_err(|noted: Reported| self.sound = Err(noted)).ok()
+        usable.map_err(|noted: Reported| self.validity = Err(noted)).ok()
     }
 
     fn check(
@@ -289,9 +289,10 @@ impl<'d, 'a, 'r> AttributeReader<'d, 'a, 'r> {
         Ok(accessor)
     }
 
-    /// The number of vertices, if all is sound and the file justifies the memory they take after `base` others.
+    /// The number of vertices, if all attributes are valid and, after `base` other vertices, within the limits of indices and
+    /// of the decoding budget.
     pub fn finish(self, base: usize, bytes_per_vertex: u64) -> Valid<usize> {
-        self.sound?;
+        self.validity?;
         let Some(count) = self.count else { return Err(self.report.problem(self.at, "has no attributes")) };
         let fits = base.checked_add(count).is_some_and(|n| u32::try_from(n).is_ok());
         if fits && self.doc.may_decode(bytes_per_vertex.saturating_mul(count as u64)) {
@@ -325,7 +326,7 @@ fn check_type(
         AttributeFormat::Any => small,
         AttributeFormat::Unsigned => unsigned,
         AttributeFormat::Coordinate => unsigned || small && quantized,
-        // Normalised indices are wrong, but what they mean is clear only if they are not.
+        // Normalised joint indices are ambiguous, so they are rejected.
         AttributeFormat::Joints => {
             matches!(accessor.component, ComponentType::U8 | ComponentType::U16) && !accessor.normalized
         }
@@ -342,23 +343,24 @@ fn check_type(
     Ok(())
 }
 
-// Morph targets: displacements of positions, normals and tangents, each times its weight.
+// Morph targets: weighted sums of displacements of positions, normals and tangents.
 
-/// A target with a weight other than 0: its accessors.
+/// The accessors of a morph target with a nonzero weight.
 #[derive(Clone, PartialEq, Eq, Hash)]
 pub(super) struct MorphTargetData {
-    /// Its index in the primitive's list.
+    /// Index in the primitive's list.
     number: usize,
+    /// Bits of the weight.
     weight: u32,
     positions: Option<usize>,
     normals: Option<usize>,
     tangents: Option<usize>,
 }
 
-/// The targets of a primitive that show.
-pub(super) fn shown(targets: Option<&Vec<MorphTarget>>, weights: &[f32]) -> Vec<MorphTargetData> {
+/// The morph targets of a primitive with nonzero weights.
+pub(super) fn active_targets(targets: Option<&Vec<MorphTarget>>, weights: &[f32]) -> Vec<MorphTargetData> {
     let targets = targets.into_iter().flatten().zip(weights).enumerate();
-    let shown = targets.filter(|(_, (_, weight))| **weight != 0.0);
+    let active = targets.filter(|(_, (_, weight))| **weight != 0.0);
     let target = |(number, (json, weight)): (usize, (&MorphTarget, &f32))| MorphTargetData {
         number,
         weight: weight.to_bits(),
@@ -366,11 +368,10 @@ pub(super) fn shown(targets: Option<&Vec<MorphTarget>>, weights: &[f32]) -> Vec<
         normals: json.normals.map(|i| i.value()),
         tangents: json.tangents.map(|i| i.value()),
     };
-    shown.map(target).collect()
+    active.map(target).collect()
 }
 
-/// Adds the displacements of a target to the vertices of a mesh from `base` on. Normals and tangents are left with
-/// other lengths than 1.
+/// Adds the displacements of a morph target to the vertices from `base` on. Does not normalise normals and tangents.
 pub(super) fn apply_morph_targets(
     doc: &Document,
     target: &MorphTargetData,
@@ -412,21 +413,20 @@ fn add<const N: usize>(values: &mut [[f32; N]], offsets: &[[f32; 3]], weight: f3
     }
 }
 
-// Skins (glTF 2.0, section 3.7.3.3): linear blend skinning by joints. A skinned mesh is placed by its joints
-// alone, whatever the transform of its node.
+// Skins (glTF 2.0, section 3.7.3.3): linear blend skinning. The node's transform doesn't apply to a skinned mesh.
 
 /// Four joints and their weights for each vertex.
 pub(super) struct JointWeights {
     /// Indices into the skin's joints.
     pub joints: Vec<[f32; 4]>,
-    /// How far each moves the vertex.
+    /// Weights of the joints.
     pub weights: Vec<[f32; 4]>,
 }
 
 /// The joint matrices of a skin at a time.
 pub(super) struct SkinPose {
-    /// From the space in which the mesh was modelled to the pose, for each joint; relative to `origin`, so that f32
-    /// coordinates keep their precision far from the origin.
+    /// Transforms of the joints from bind space to world space, relative to `origin` to preserve the precision of f32
+    /// coordinates far from the world's origin.
     joints: Vec<DAffine3>,
     /// The transform of vertices without joint weights: the node's own, relative to `origin`.
     rest: DAffine3,
@@ -435,7 +435,7 @@ pub(super) struct SkinPose {
 }
 
 impl SkinPose {
-    /// How many joints there are.
+    /// Number of joints.
     pub fn joint_count(&self) -> usize {
         self.joints.len()
     }
@@ -509,17 +509,17 @@ fn inverse_binds(
     Ok(binds)
 }
 
-/// Skins the vertices of a mesh from `base` on; returns the number of vertices whose weights don't sum to 1.
+/// Skins the vertices of a mesh from `base` on; returns the number of vertices with weights that don't sum to 1.
 ///
-/// Each vertex is transformed by the weighted mean of its joint matrices; normals by the inverse transpose of the same,
-/// which the cofactor matrix gives up to length. Lengths other than 1 are left to the repair of meshes.
+/// Vertices are transformed by the weighted mean of their joint matrices, normals by its cofactor matrix, which is the
+/// inverse transpose up to scale.
 pub(super) fn apply_skin(
     pose: &SkinPose,
     influences: &[JointWeights],
     mesh: &mut Mesh,
     base: usize,
 ) -> usize {
-    let mut uneven = 0;
+    let mut unnormalized = 0;
     for i in base..mesh.positions.len() {
         let mut blended = DMat3::ZERO;
         let mut moved = DVec3::ZERO;
@@ -533,7 +533,7 @@ pub(super) fn apply_skin(
                 sum += weight;
             }
         }
-        uneven += usize::from((sum - 1.0).abs() > 0.02);
+        unnormalized += usize::from((sum - 1.0).abs() > 0.02);
         let transform = if sum > 0.0 {
             DAffine3::from_mat3_translation(blended * (1.0 / sum), moved / sum)
         } else {
@@ -541,7 +541,7 @@ pub(super) fn apply_skin(
         };
         move_vertex(&transform, mesh, i);
     }
-    uneven
+    unnormalized
 }
 
 fn move_vertex(transform: &DAffine3, mesh: &mut Mesh, i: usize) {
@@ -551,9 +551,9 @@ fn move_vertex(transform: &DAffine3, mesh: &mut Mesh, i: usize) {
     if let Some(normal) = mesh.normals.get_mut(i) {
         let cofactors =
             DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis));
-        // A mirroring transform turns the cofactors' normals inside.
-        let turned = cofactors * vector(normal) * m.determinant().signum();
-        *normal = turned.normalize_or_zero().as_vec3().to_array();
+        // The sign keeps normals outward under mirroring transforms.
+        let outward = cofactors * vector(normal) * m.determinant().signum();
+        *normal = outward.normalize_or_zero().as_vec3().to_array();
     }
     if let Some(tangent) = mesh.tangents.get_mut(i) {
         let [x, y, z] = (m * vector(tangent)).normalize_or_zero().as_vec3().to_array();

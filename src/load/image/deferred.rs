@@ -1,4 +1,4 @@
-//! Large images that become textures stay encoded while a scene is loaded: only their headers are read.
+//! Deferred decoding: only the headers of large textures are read while a scene is loaded.
 
 use super::source::{ImageFile, Layout, Repair, Source, Use};
 use super::{
@@ -16,19 +16,19 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::SystemTime;
 
-/// Images that take fewer bytes are decoded at once.
-const LARGE: u64 = 1 << 20;
+/// Minimum decoded size of deferred images, bytes.
+const MIN_BYTES: u64 = 1 << 20;
 
-/// Bytes that hold the headers of most JPEG files.
-const BEGINNING: usize = 1 << 16;
+/// Bytes read from the start of a file; enough for the headers of most JPEG files.
+const HEAD_BYTES: usize = 1 << 16;
 
-/// Bytes that are read, or numbers that are decoded, together.
-const AT_ONCE: usize = 1 << 23;
+/// Size of one chunk: bytes to read, or values to decode.
+const CHUNK: usize = 1 << 23;
 
-/// Decides whether a damaged image is fatal for the scene.
+/// Classifies the error of a damaged image as fatal or as a warning.
 pub(crate) type OnDamage = Arc<dyn Fn(Error) -> Damage + Send + Sync>;
 
-/// The image of a texture: decoded if it is small or of a format that has no plain header, else encoded.
+/// The image of a texture: decoded if it is small or its format has no simple header, else encoded.
 ///
 /// # Errors
 /// As for [`super::decode`]; damage after the header of a large image is reported by `on_damage` when it is decoded.
@@ -40,13 +40,14 @@ pub(crate) fn for_texture(
 ) -> Result<Image> {
     let (file, pointer) = of.place;
     let source = of.source();
-    let mut own = Vec::new();
-    // The decoder finds errors again and reports them.
-    let layout = source::guarded(&source, || layout(&source, of.mime, purpose, &mut own)).ok().flatten();
+    let mut new_warnings = Vec::new();
+    // Errors are ignored here: decoding finds and reports them.
+    let layout =
+        source::guarded(&source, || layout(&source, of.mime, purpose, &mut new_warnings)).ok().flatten();
     let Some(layout) = layout else {
         return decode(of, purpose, warnings);
     };
-    warnings.append(&mut own);
+    warnings.append(&mut new_warnings);
     let origin = match of.own_file.map(|path| (path, Stamp::of(path))) {
         Some((path, Some(stamp))) => Origin::File(path.to_path_buf(), stamp),
         _ => Origin::Memory(of.bytes.as_ref().into()),
@@ -57,7 +58,7 @@ pub(crate) fn for_texture(
     Ok(deferred.into_image(source.name()))
 }
 
-/// Reads the file of an image that becomes a texture; see [`for_texture`].
+/// Reads the image file of a texture; see [`for_texture`].
 ///
 /// # Errors
 /// As for [`super::read`].
@@ -70,7 +71,7 @@ pub(crate) fn read_for_texture(
 ) -> Result<Image> {
     if let Some(open) = Open::new(path) {
         let source = open.source((path, ""), memory_limit);
-        // Errors here are found again, and reported, with the whole file.
+        // Errors are ignored here: reading the whole file finds and reports them.
         let layout = || source::guarded(&source, || layout(&source, None, purpose, &mut Vec::new()));
         let is_float =
             matches!(source::signature(source.bytes), Some(ImageFormat::OpenExr | ImageFormat::Hdr));
@@ -92,7 +93,7 @@ pub(crate) fn read_for_texture(
     Ok(image)
 }
 
-/// The layout of a large image; `None` if it is better decoded at once.
+/// The layout of a large image; `None` for images to be decoded immediately.
 fn layout(
     source: &Source,
     mime: Option<&str>,
@@ -111,21 +112,21 @@ fn layout(
     let Some(found) = found else { return Ok(None) };
     let ([width, height], channel) = (found.size.map(u64::from), u64::from(found.bits / 8));
     let bytes = width * height * u64::from(found.channels) * channel;
-    if bytes < LARGE {
+    if bytes < MIN_BYTES {
         return Ok(None);
     }
     source::check_memory(source, width, height, bytes)?;
     Ok(Some(found))
 }
 
-/// The layout of what the crate `image` decodes; `None` for floats and palettes, too.
+/// The layout of an image that the crate `image` decodes; `None` for floats and palettes.
 fn common_layout(
     source: &Source,
     format: ImageFormat,
     warnings: &mut Vec<Warning>,
 ) -> Result<Option<Layout>> {
-    // The decoder of JPEG copies its input.
-    let beginning = &source.bytes[..source.bytes.len().min(BEGINNING)];
+    // The JPEG decoder copies its input, so it gets the beginning first.
+    let beginning = &source.bytes[..source.bytes.len().min(HEAD_BYTES)];
     let found = match format {
         ImageFormat::Jpeg => size_and_type(source, beginning, format).ok(),
         _ => None,
@@ -145,12 +146,12 @@ fn common_layout(
         _ => return Ok(None),
     };
     if format == ImageFormat::Jpeg && !jpeg_is_complete(source.bytes) {
-        warnings.push(source.warning(super::CUT_SHORT));
+        warnings.push(source.warning(super::TRUNCATED_JPEG));
     }
     Ok(Some(Layout { size: [width, height], channels, bits, rows: None }))
 }
 
-/// The header as a decoder reports it.
+/// Size and pixel format from the decoder of the crate `image`.
 fn size_and_type(source: &Source, bytes: &[u8], format: ImageFormat) -> Result<((u32, u32), ColorType)> {
     let broken = |e: image::ImageError| source.error(format!("can't be read as an image: {e}"));
     let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
@@ -159,10 +160,10 @@ fn size_and_type(source: &Source, bytes: &[u8], format: ImageFormat) -> Result<(
     Ok((decoder.dimensions(), decoder.color_type()))
 }
 
-/// A file of which the beginning was read.
+/// An open file whose first bytes were read.
 struct Open {
     file: File,
-    stamp: StampOfFile,
+    stamp: FileStamp,
     beginning: Vec<u8>,
 }
 
@@ -171,7 +172,7 @@ impl Open {
         let file = files::open(path).ok()?;
         let metadata = file.metadata().ok().filter(|data| data.len() <= files::MAX_DATA)?;
         let mut beginning = Vec::new();
-        (&file).take(BEGINNING as u64).read_to_end(&mut beginning).ok()?;
+        (&file).take(HEAD_BYTES as u64).read_to_end(&mut beginning).ok()?;
         Some(Open { stamp: (metadata.len(), metadata.modified().ok()), file, beginning })
     }
 
@@ -180,8 +181,7 @@ impl Open {
     }
 }
 
-/// Decodes a float image that becomes a texture, and hands over some rows at a time, from the top down. Other threads help if they
-/// may.
+/// Decodes the float image of a texture and calls `take` with chunks of rows, from the top. Uses all threads if `in_parallel`.
 fn decode_rows(
     source: &Source,
     purpose: Use,
@@ -205,27 +205,28 @@ fn decode_rows(
     Ok(())
 }
 
-/// Length of a file, and when it was written last.
-type StampOfFile = (u64, Option<SystemTime>);
+/// Length (bytes) and modification time of a file, to detect changes.
+type FileStamp = (u64, Option<SystemTime>);
 
 struct Stamp;
 
 impl Stamp {
-    fn of(path: &Path) -> Option<StampOfFile> {
+    fn of(path: &Path) -> Option<FileStamp> {
         let metadata = std::fs::metadata(path).ok()?;
         Some((metadata.len(), metadata.modified().ok()))
     }
 }
 
-/// The location of the bytes.
+/// Source of the encoded bytes.
 enum Origin {
-    File(PathBuf, StampOfFile),
-    /// A file that is read in parts.
-    Parts(PathBuf, StampOfFile),
+    /// A file to be read as a whole.
+    File(PathBuf, FileStamp),
+    /// A file to be read in parts.
+    Parts(PathBuf, FileStamp),
     Memory(Arc<[u8]>),
 }
 
-/// An image that is decoded later.
+/// An image to be decoded later.
 struct Deferred {
     origin: Origin,
     file: PathBuf,
@@ -246,7 +247,7 @@ impl Deferred {
         Image { name, width, height, channels, encoding, pixels }
     }
 
-    /// Its bytes, if they are those of which the header was read.
+    /// The bytes of the file; an error if it has changed since its header was read.
     fn bytes(&self) -> Result<Cow<'_, [u8]>> {
         match &self.origin {
             Origin::Memory(bytes) => Ok(Cow::Borrowed(bytes)),
@@ -268,7 +269,7 @@ impl Deferred {
         (&self.file, &self.pointer)
     }
 
-    /// Does something with its bytes, if they are those of which the header was read.
+    /// Calls `work` with the source; an error if the file has changed since its header was read.
     fn with_source<T>(&self, work: impl FnOnce(&Source) -> Result<T>) -> Result<T> {
         match &self.origin {
             Origin::Parts(path, stamp) => match Open::new(path).filter(|open| open.stamp == *stamp) {
@@ -289,7 +290,7 @@ impl Deferred {
             Pixels::F32(_) => 32,
             Pixels::Encoded(_) => 0,
         };
-        // Those about integers were given when the header was read.
+        // Warnings about integer images were given when the header was read.
         if bits == 32 {
             warnings.append(&mut found);
         }
@@ -322,9 +323,9 @@ impl ImageSource for Deferred {
 
     fn bytes_by_rows(&self) -> Option<usize> {
         let Layout { size: [width, _], channels, bits, rows } = self.layout;
-        // A block as it is, decompressed and as numbers; twice the latter for what is made of them.
+        // Estimated copies of a block: compressed, decompressed, as values, and processed values.
         let row = width as usize * channels as usize * 4;
-        let together = (rows.filter(|_| bits == 32)? as usize * row).max(AT_ONCE);
+        let together = (rows.filter(|_| bits == 32)? as usize * row).max(CHUNK);
         Some(together * 4)
     }
 
@@ -353,7 +354,7 @@ impl ImageSource for Deferred {
         let _ = self.with_source(|source| {
             let mut file = source.reader(0);
             let mut part = Vec::new();
-            while file.by_ref().take(AT_ONCE as u64).read_to_end(&mut part).is_ok_and(|count| count > 0) {
+            while file.by_ref().take(CHUNK as u64).read_to_end(&mut part).is_ok_and(|count| count > 0) {
                 take(&part);
                 part.clear();
             }

@@ -1,4 +1,4 @@
-//! Rows of pixels of one part of an EXR file: only the blocks that hold them are read and decoded.
+//! Rows of pixels of one part of an EXR file: reads and decodes only the blocks that contain them.
 
 use super::source::Source;
 use exr::block::UncompressedBlock;
@@ -13,25 +13,25 @@ use rayon::prelude::*;
 use std::io::Read;
 use std::ops::Range;
 
-/// Maximum number of bytes that one thread decodes alone.
-const ONE_THREAD: usize = 1 << 20;
+/// Maximum decoded size for a single thread, bytes.
+const MAX_SERIAL_BYTES: usize = 1 << 20;
 
-/// A part of a file, its largest resolution.
+/// A part of a file, at its largest resolution.
 pub(super) struct Part<'a> {
     source: &'a Source<'a>,
     meta: &'a MetaData,
     index: usize,
-    /// The channels that are read, by number.
+    /// Indices of the channels to read.
     channels: Vec<usize>,
-    /// Blocks in a row and rows of blocks.
+    /// Number of blocks along x and y.
     blocks: [usize; 2],
-    /// The position of each block in the file, row by row.
+    /// File offset of each block, row by row.
     positions: Vec<u64>,
     is_sorted: bool,
 }
 
 impl<'a> Part<'a> {
-    /// A part of a file whose headers end at a position.
+    /// Opens the part at `index` of a file whose headers end at the file offset `end`.
     pub fn open(
         source: &'a Source<'a>,
         (meta, end): (&'a MetaData, u64),
@@ -46,7 +46,7 @@ impl<'a> Part<'a> {
             table.as_chunks().0.iter().map(|&bytes| u64::from_le_bytes(bytes)).collect();
         let (size, block) = (header.layer_size, header.max_block_pixel_size());
         let blocks = [compute_block_count(size.0, block.0), compute_block_count(size.1, block.1)];
-        // Those of smaller resolutions follow.
+        // Blocks of smaller resolutions follow.
         match positions.len() >= blocks[0] * blocks[1] {
             true => Ok(Part { source, meta, index, channels, blocks, positions, is_sorted: false }),
             false => Err(Error::Invalid("offset table".into())),
@@ -57,17 +57,17 @@ impl<'a> Part<'a> {
         &self.meta.headers[self.index]
     }
 
-    /// Rows of blocks.
+    /// Number of rows of blocks.
     pub fn len(&self) -> usize {
         self.blocks[1]
     }
 
-    /// Pixel rows of all rows of blocks but the last, which may have fewer.
+    /// Height of a row of blocks, pixels; the last may be lower.
     pub fn block_height(&self) -> usize {
         self.header().max_block_pixel_size().1
     }
 
-    /// Bytes of the numbers of a row of blocks.
+    /// Decoded size of a row of blocks, bytes.
     pub fn row_bytes(&self) -> usize {
         self.header().layer_size.0
             * self.block_height().min(self.header().layer_size.1)
@@ -75,7 +75,8 @@ impl<'a> Part<'a> {
             * 4
     }
 
-    /// Decodes rows of blocks to interleaved channels; `finish` post-processes each row of pixels. Uses all threads if `in_parallel`.
+    /// Decodes rows of blocks to interleaved channels; `finish` post-processes each row of pixels. Uses all threads if
+    /// `in_parallel`.
     pub fn rows(
         &mut self,
         rows: Range<usize>,
@@ -88,7 +89,7 @@ impl<'a> Part<'a> {
         let lines = (rows.end * height).min(of.layer_size.1) - rows.start * height;
         let row_length = of.layer_size.0 * self.channels.len();
         let mut numbers = vec![0.0; lines * row_length];
-        let in_parallel = in_parallel && numbers.len() * 4 > ONE_THREAD;
+        let in_parallel = in_parallel && numbers.len() * 4 > MAX_SERIAL_BYTES;
         let decompress = |chunk| decompressed(chunk, self.meta);
         let blocks: Vec<UncompressedBlock> = match in_parallel {
             true => chunks.into_par_iter().map(decompress).collect::<Result<_>>()?,
@@ -127,7 +128,7 @@ impl<'a> Part<'a> {
         Chunk::read(&mut self.source.reader(position), self.meta)
     }
 
-    /// The index of a block by its own coordinates; `None` if it belongs to another part or resolution.
+    /// The index of a block by the coordinates in its header; `None` if it belongs to another part or resolution.
     fn block_index(&self, chunk: &Chunk) -> Result<Option<usize>> {
         if chunk.layer_index != self.index {
             return Ok(None);
@@ -138,7 +139,7 @@ impl<'a> Part<'a> {
         Ok(is_inside.then_some(y * self.blocks[0] + x))
     }
 
-    /// Sorts the offset table by the coordinates in the blocks: some programs write it in the order of writing.
+    /// Sorts the offset table by the coordinates in the blocks: some programs don't sort it.
     fn sort(&mut self) -> Result<()> {
         let mut sorted = vec![None; self.blocks[0] * self.blocks[1]];
         if !self.is_sorted {
@@ -161,7 +162,7 @@ fn decompressed(chunk: Chunk, meta: &MetaData) -> Result<UncompressedBlock> {
     if block.data.len() == bytes { Ok(block) } else { Err(Error::Invalid("length of a block".into())) }
 }
 
-/// Memory for the numbers of a line of a block, channel by channel.
+/// Buffers for a line of a block, planar.
 #[derive(Default)]
 struct Scratch {
     halves: Vec<f16>,
@@ -196,7 +197,7 @@ impl Scratch {
         }
     }
 
-    /// Reads the samples of a channel; half floats are converted many at a time.
+    /// Reads the samples of a channel; half floats are converted as a slice, for speed.
     fn read(&mut self, samples: &[u8], kind: SampleType, channel: usize) {
         let plane = &mut self.planes[channel];
         match kind {
@@ -218,7 +219,6 @@ impl Scratch {
         }
     }
 
-    /// Interleaves the channels.
     fn interleave<const N: usize>(&self, line: &mut [f32]) {
         let pixels = line.as_chunks_mut::<N>().0;
         let planes: [&[f32]; N] = std::array::from_fn(|c| &self.planes[c][..pixels.len()]);
@@ -230,7 +230,6 @@ impl Scratch {
     }
 }
 
-/// Files of every layout, compared with whole files read by the crate.
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -254,7 +253,7 @@ mod tests {
         }
     }
 
-    /// A file whose second part is of interest, with channels of all kinds.
+    /// A file of two parts; the second has one channel of each sample type.
     fn file(encoding: Encoding) -> Vec<u8> {
         let layer = |name: &str, kinds: [usize; 3]| {
             let channel = |(i, name): (usize, &str)| AnyChannel::new(name, samples(kinds[i], i as u32));
@@ -302,7 +301,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_of_every_layout_are_those_of_the_file_read_at_once() {
+    fn rows_of_every_layout_equal_those_of_the_crate() {
         let compressions = [
             Compression::Uncompressed,
             Compression::RLE,
@@ -327,7 +326,7 @@ mod tests {
         }
     }
 
-    /// The place of the offset table of the second part, and its entries.
+    /// File offset and number of entries of the second part's offset table.
     fn table(bytes: &[u8]) -> (usize, usize) {
         let mut head = Cursor::new(bytes);
         let meta = MetaData::read_from_buffered(&mut head, false).expect("headers");
@@ -336,7 +335,7 @@ mod tests {
     }
 
     #[test]
-    fn tables_in_another_order_lead_to_the_same_pixels() {
+    fn unsorted_offset_tables_are_repaired() {
         let blocks = Blocks::Tiles(Vec2(32, 24));
         let encoding =
             Encoding { compression: Compression::ZIP16, blocks, line_order: LineOrder::Increasing };

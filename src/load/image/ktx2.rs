@@ -1,5 +1,5 @@
-//! KTX2 to pixels: Basis Universal textures (ETC1S, UASTC and their relatives, KHR_texture_basisu) by `basisu`, and plain 8-bit
-//! pixels, also deflated by Zstandard or ZLIB. The first level of the first layer is read.
+//! KTX2: Basis Universal textures (ETC1S, UASTC and variants, KHR_texture_basisu) by the crate `basisu`, and uncompressed
+//! 8-bit pixels, also with Zstandard or ZLIB supercompression. Reads mip level 0 of the first layer and face.
 
 use super::source;
 use super::source::{Layout, Source, Use};
@@ -11,9 +11,9 @@ use std::sync::Arc;
 #[cfg(not(feature = "ktx2"))]
 pub(super) use without_decoder::{channels, transcode};
 
-/// The first bytes of each KTX2 file.
+/// The first bytes of KTX2 files.
 const IDENTIFIER: [u8; 12] = *b"\xabKTX 20\xbb\r\n\x1a\n";
-/// Bytes of the header before the index of levels.
+/// Size of the header before the level index, bytes.
 const HEADER: usize = 80;
 
 /// Is it a KTX2 file?
@@ -23,7 +23,7 @@ pub(super) fn is_ktx2(bytes: &[u8]) -> bool {
 
 /// The header (KTX 2.0, sections 3.1 to 3.9).
 struct Header {
-    /// Vulkan's number for the format; 0 for Basis Universal.
+    /// VkFormat; 0 for Basis Universal.
     format: u32,
     width: u32,
     height: u32,
@@ -31,14 +31,14 @@ struct Header {
     layers: u32,
     faces: u32,
     supercompression: u32,
-    /// The first level: first byte, length, and length when inflated.
+    /// Mip level 0: offset, length, and length without supercompression, bytes.
     level: [u64; 3],
 }
 
-/// Size, channels and bits of a channel of the image that [`decode`] gives, without its pixels; `None` where they are floats.
+/// The layout of the image that [`decode`] returns; `None` for floats and damaged files.
 ///
 /// # Errors
-/// The errors of [`decode`] that can be found in the header.
+/// The errors of [`decode`] that concern the header.
 pub(super) fn layout(source: &Source, warnings: &mut Vec<Warning>) -> Result<Option<Layout>> {
     let header = checked_header(source, warnings)?;
     let size = [header.width, header.height.max(1)];
@@ -47,22 +47,22 @@ pub(super) fn layout(source: &Source, warnings: &mut Vec<Warning>) -> Result<Opt
         Some(channels) => Some(channels),
         None => channels(source)?,
     };
-    // Decoding reports a truncated file.
+    // Truncated files are reported by decoding.
     let [offset, length, inflated] = header.level;
     let pixels = u64::from(size[0]) * u64::from(size[1]);
-    let least = match (plain, header.supercompression) {
+    let min_size = match (plain, header.supercompression) {
         (Some(channels), _) => pixels * u64::from(channels),
-        // The size is unknown for BasisLZ; the largest blocks of the others hold 6 x 6 pixels in 16 bytes.
+        // The size of BasisLZ data is unknown; other formats have at least 16 bytes per 6 x 6 pixels.
         (None, BASIS_LZ) => 0,
         (None, _) => pixels * 16 / 36,
     };
-    if offset.saturating_add(length) > source.bytes.len() as u64 || inflated < least {
+    if offset.saturating_add(length) > source.bytes.len() as u64 || inflated < min_size {
         return Ok(None);
     }
     Ok(channels.map(|channels| Layout { size, channels, bits: 8, rows: None }))
 }
 
-/// Decodes the largest level of the first layer and face; warns of others.
+/// Decodes mip level 0 of the first layer and face; warns of further layers and faces.
 pub(super) fn decode(source: &Source, purpose: Use, warnings: &mut Vec<Warning>) -> Result<Image> {
     let header = checked_header(source, warnings)?;
     let (width, height) = (header.width, header.height.max(1));
@@ -75,7 +75,7 @@ pub(super) fn decode(source: &Source, purpose: Use, warnings: &mut Vec<Warning>)
     Ok(Image { name: source.name(), width, height, channels, encoding, pixels: Arc::new(pixels) })
 }
 
-/// The header of an image of a possible size; warns of images beside the first.
+/// The header, with validated sizes; warns of further layers and faces.
 fn checked_header(source: &Source, warnings: &mut Vec<Warning>) -> Result<Header> {
     let header =
         Header::read(source.bytes).ok_or_else(|| source.error("is a KTX2 file cut off in its header"))?;
@@ -94,7 +94,7 @@ fn checked_header(source: &Source, warnings: &mut Vec<Warning>) -> Result<Header
     if header.layers > 1 || header.faces > 1 {
         let (layers, faces) = (header.layers.max(1), header.faces);
         warnings.push(
-            source.warning(("image-list", format!("holds {layers} x {faces} images; the first is taken"))),
+            source.warning(("image-list", format!("holds {layers} x {faces} images; the first is used"))),
         );
     }
     Ok(header)
@@ -117,8 +117,8 @@ impl Header {
     }
 }
 
-/// Channels of the plain 8-bit formats, UNORM and SRGB: R, RGB and RGBA. (Two channels would be taken for grey and
-/// alpha.)
+/// Number of channels of uncompressed 8-bit formats, UNORM and SRGB: R, RGB and RGBA. RG is unsupported, as two channels
+/// mean grey and alpha.
 fn plain_channels(format: u32) -> Option<u32> {
     match format {
         9 | 15 => Some(1),
@@ -128,7 +128,7 @@ fn plain_channels(format: u32) -> Option<u32> {
     }
 }
 
-/// Pixels in the file's layout.
+/// Uncompressed pixels, after undoing supercompression.
 fn plain(source: &Source, header: &Header, channels: u32) -> Result<Pixels> {
     let [offset, length, _] = header.level;
     let size = u64::from(header.width) * u64::from(header.height.max(1)) * u64::from(channels);
@@ -142,9 +142,9 @@ fn plain(source: &Source, header: &Header, channels: u32) -> Result<Pixels> {
         ZLIB => miniz_oxide::inflate::decompress_to_vec_zlib_with_limit(held, size)
             .map_err(|e| source.error(format!("holds ZLIB data that can't be inflated: {e}")))?,
         other => {
-            return Err(
-                source.error(format!("is a KTX2 file of plain pixels under the unknown compression {other}"))
-            );
+            return Err(source.error(format!(
+                "is a KTX2 file of uncompressed pixels with the unknown supercompression {other}"
+            )));
         }
     };
     if pixels.len() < size {
@@ -159,7 +159,7 @@ const BASIS_LZ: u32 = 1;
 const ZSTANDARD: u32 = 2;
 const ZLIB: u32 = 3;
 
-/// The bytes of Zstandard data, up to a maximum.
+/// Decompresses Zstandard data, up to `size` bytes.
 #[cfg(feature = "ktx2")]
 fn unzstd(source: &Source, held: &[u8], size: usize) -> Result<Vec<u8>> {
     use std::io::Read;
@@ -172,7 +172,7 @@ fn unzstd(source: &Source, held: &[u8], size: usize) -> Result<Vec<u8>> {
 
 #[cfg(not(feature = "ktx2"))]
 fn unzstd(source: &Source, _: &[u8], _: usize) -> Result<Vec<u8>> {
-    Err(source.lacks(crate::load::decoders::Decoder::Ktx2))
+    Err(source.missing_decoder_error(crate::load::decoders::Decoder::Ktx2))
 }
 
 #[cfg(feature = "ktx2")]
@@ -181,7 +181,7 @@ mod decoder {
     use basisu::{DecodeFlags, SourceFormat, TargetFormat, Transcoder};
     use half::f16;
 
-    /// Channels of a texture of 8 bits: red, green, blue, and alpha if there is any; `None` where it holds floats.
+    /// Number of channels of an 8-bit texture: RGB or RGBA; `None` for floats.
     ///
     /// # Errors
     /// An input error if the texture is broken.
@@ -190,7 +190,7 @@ mod decoder {
         Ok((!is_hdr(&texture)).then(|| kept_channels(&texture)))
     }
 
-    /// Red, green, blue, and alpha if there is any, 8-bit or float: the number of channels and the pixels.
+    /// Number of channels (RGB or RGBA) and pixels, 8-bit or float.
     ///
     /// # Errors
     /// An input error if the texture is broken or doesn't have that many pixels.
@@ -240,10 +240,10 @@ mod without_decoder {
     use crate::load::decoders::Decoder;
 
     pub fn channels(source: &Source) -> Result<Option<u32>> {
-        Err(source.lacks(Decoder::Ktx2))
+        Err(source.missing_decoder_error(Decoder::Ktx2))
     }
 
     pub fn transcode(source: &Source, _: u64) -> Result<(u32, Pixels)> {
-        Err(source.lacks(Decoder::Ktx2))
+        Err(source.missing_decoder_error(Decoder::Ktx2))
     }
 }

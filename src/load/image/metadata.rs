@@ -1,15 +1,13 @@
-//! Metadata of image files: orientation and colour profile; and features that are ignored with a warning, such as further frames and pages.
+//! Metadata of image files: orientation, colour profile, and warnings about ignored features such as further frames.
 //!
-//! Pixels of textures are taken as they are stored. glTF demands it (2.0, section 3.8.2: embedded ICC profiles, gamma and animation "MUST
-//! be ignored", and JPEG is JFIF, which has no orientation), and the texture coordinates of OBJ files and scene files were
-//! made by programs that do the same. Environments and backgrounds are photographs: orientation and profile are applied.
+//! Textures ignore orientation and colour profile, as glTF requires (2.0, section 3.8.2: embedded ICC profiles, gamma and
+//! animation "MUST be ignored", and JPEG is JFIF, which has no orientation); texture coordinates of other formats were also
+//! made by programs that ignore them. Environments and backgrounds are photographs: both are applied.
 //!
-//! Layouts: ISO 10918-1 (JPEG), PNG third edition, RFC 9649 (WebP), TIFF 6.0 and BigTIFF, ICC.1:2022.
-//!
-//! Profiles of cameras, telephones and displays are three primaries with tone curves, or one curve for grey: these are applied.
-//! Those of printers are tables (`A2B0`), which are not read.
+//! Formats: ISO 10918-1 (JPEG), PNG third edition, RFC 9649 (WebP), TIFF 6.0 and BigTIFF, ICC.1:2022. Supported profiles are
+//! three primaries with tone curves (cameras, phones, displays) or one curve for grey; tables (`A2B0`, printers) are not.
 
-use super::source::{Source, Use, be};
+use super::source::{Source, Use, big_endian};
 use crate::color::converted;
 use image::codecs::png::PngDecoder;
 use image::metadata::Orientation;
@@ -18,20 +16,20 @@ use moxcms::{ColorProfile, DataColorSpace, ToneCurveEvaluator, ToneReprCurve};
 use std::borrow::Cow;
 use std::io::Cursor;
 
-/// The header of a file, before its pixels.
+/// Metadata in the header of an image file.
 #[derive(Default)]
 pub(super) struct Metadata<'a> {
     pub orientation: Option<Orientation>,
     profile: Option<Cow<'a, [u8]>>,
-    /// Encoding gamma of the colours, used without a profile.
+    /// Encoding gamma, for files without a profile.
     gamma: Option<f64>,
-    /// Frames of an animation; 0 for a still picture.
+    /// Number of frames of an animation; 0 for still images.
     frames: usize,
-    /// Pictures in the file, smaller versions of one left out.
+    /// Number of images in the file, without reduced-resolution versions.
     pages: usize,
 }
 
-/// The metadata of an image file; nothing of formats that have none.
+/// The metadata of an image file; empty for formats without.
 pub(super) fn of(bytes: &[u8], format: ImageFormat) -> Metadata<'_> {
     match format {
         ImageFormat::Jpeg => of_jpeg(bytes),
@@ -42,15 +40,13 @@ pub(super) fn of(bytes: &[u8], format: ImageFormat) -> Metadata<'_> {
     }
 }
 
-/// Warnings about ignored metadata of an image file. Colour profiles don't matter for data, and are applied to photographs.
+/// Warnings about ignored metadata of an image file. Colour profiles are irrelevant for data and applied to photographs.
 pub(super) fn messages(source: &Source, format: ImageFormat, purpose: Use) -> Vec<String> {
     let found = of(source.bytes, format);
     let mut messages = Vec::new();
     let is_ignored = |o: &Orientation| *o != Orientation::NoTransforms && !purpose.is_photograph();
     if let Some(orientation) = found.orientation.filter(is_ignored) {
-        let number = orientation.to_exif();
-        messages
-            .push(format!("asks to be turned (EXIF orientation {number}); its pixels are taken as stored"));
+        messages.push(format!("has the EXIF orientation {}, which is ignored", orientation.to_exif()));
     }
     if purpose != Use::Data {
         messages.extend(found.profile_message(purpose));
@@ -59,18 +55,18 @@ pub(super) fn messages(source: &Source, format: ImageFormat, purpose: Use) -> Ve
         messages.push(format!("is an animation of {} frames, of which only the first is used", found.frames));
     }
     if found.pages > 1 {
-        messages.push(format!("holds {} pictures, of which only the first is used", found.pages));
+        messages.push(format!("holds {} images, of which only the first is used", found.pages));
     }
     messages
 }
 
 impl Metadata<'_> {
-    /// The warning that colours are taken as sRGB where the file says otherwise.
+    /// The warning about an ignored colour profile or gamma other than sRGB.
     fn profile_message(&self, purpose: Use) -> Option<String> {
         let Some(profile) = &self.profile else {
             // 1 / 2.2 means sRGB (PNG third edition, annex on gamma).
             let gamma = self.gamma.filter(|gamma| (gamma - 1.0 / 2.2).abs() > 0.01)?;
-            return Some(format!("says that its colours have gamma {gamma:.3}, which is ignored"));
+            return Some(format!("has the gamma {gamma:.3}, which is ignored"));
         };
         if is_srgb(profile) || purpose.is_photograph() && Profile::read(profile).is_some() {
             return None;
@@ -81,13 +77,13 @@ impl Metadata<'_> {
         })
     }
 
-    /// The profile of colours that are not sRGB, if it can be applied.
+    /// The colour profile, if it isn't sRGB and is supported.
     pub fn color_profile(&self) -> Option<Profile> {
         self.profile.as_ref().filter(|profile| !is_srgb(profile)).and_then(|profile| Profile::read(profile))
     }
 }
 
-/// Does a profile call itself sRGB?
+/// Is a profile sRGB, by its name?
 fn is_srgb(profile: &[u8]) -> bool {
     description(profile).is_some_and(|name| name.to_ascii_lowercase().contains("srgb"))
 }
@@ -101,12 +97,12 @@ fn of_jpeg(bytes: &[u8]) -> Metadata<'_> {
             0xda | 0xd9 => break,
             0x01 | 0xd0..=0xd7 => 2,
             _ => {
-                let Some(length) = be(bytes, at + 2, 2) else { break };
+                let Some(length) = big_endian(bytes, at + 2, 2) else { break };
                 let segment = bytes.get(at + 4..at + 2 + length).unwrap_or_default();
                 if let Some(exif) = segment.strip_prefix(b"Exif\0\0").filter(|_| marker == 0xe1) {
                     found.orientation = Orientation::from_exif_chunk(exif);
                 }
-                // A long profile continues in further segments, which are numbered from 1 on.
+                // Long profiles are split into segments numbered from 1.
                 let part = segment.strip_prefix(b"ICC_PROFILE\0").filter(|_| marker == 0xe2);
                 if let Some([number, _, part @ ..]) = part {
                     match &mut found.profile {
@@ -123,13 +119,13 @@ fn of_jpeg(bytes: &[u8]) -> Metadata<'_> {
 
 fn of_png(bytes: &[u8]) -> Metadata<'_> {
     let (mut found, mut at, mut is_srgb) = (Metadata::default(), 8, false);
-    while let (Some(length), Some(kind)) = (be(bytes, at, 4), bytes.get(at + 4..at + 8)) {
+    while let (Some(length), Some(kind)) = (big_endian(bytes, at, 4), bytes.get(at + 4..at + 8)) {
         let data = bytes.get(at + 8..at + 8 + length).unwrap_or_default();
         match kind {
             b"IDAT" | b"IEND" => break,
             b"sRGB" => is_srgb = true,
-            b"gAMA" => found.gamma = be(data, 0, 4).map(|gamma| gamma as f64 / 100_000.0),
-            b"acTL" => found.frames = be(data, 0, 4).unwrap_or(0),
+            b"gAMA" => found.gamma = big_endian(data, 0, 4).map(|gamma| gamma as f64 / 100_000.0),
+            b"acTL" => found.frames = big_endian(data, 0, 4).unwrap_or(0),
             b"eXIf" => found.orientation = Orientation::from_exif_chunk(data),
             b"iCCP" => {
                 let decoder = PngDecoder::new(Cursor::new(bytes));
@@ -148,7 +144,7 @@ fn of_png(bytes: &[u8]) -> Metadata<'_> {
 
 fn of_webp(bytes: &[u8]) -> Metadata<'_> {
     let (mut found, mut at) = (Metadata::default(), 12);
-    while let (Some(kind), Some(length)) = (bytes.get(at..at + 4), le(bytes, at + 4, 4)) {
+    while let (Some(kind), Some(length)) = (bytes.get(at..at + 4), little_endian(bytes, at + 4, 4)) {
         let data = bytes.get(at + 8..at + 8 + length).unwrap_or_default();
         match kind {
             b"ICCP" => found.profile = Some(data.into()),
@@ -164,23 +160,23 @@ fn of_webp(bytes: &[u8]) -> Metadata<'_> {
     found
 }
 
-/// `None` where a directory is outside the file.
+/// `None` if a directory is outside the file.
 fn of_tiff(bytes: &[u8]) -> Option<Metadata<'_>> {
-    let number = if bytes.starts_with(b"II") { le } else { be };
-    // Bytes of an offset, of the number of entries, and of an entry.
+    let number = if bytes.starts_with(b"II") { little_endian } else { big_endian };
+    // Sizes of an offset, of the number of entries, and of an entry, bytes.
     let (offset, count, entry) = if number(bytes, 2, 2)? == 43 { (8, 8, 20) } else { (4, 2, 12) };
     let mut found = Metadata::default();
     let mut at = number(bytes, if offset == 8 { 8 } else { 4 }, offset)?;
-    // Bounds the number of directories by the file size; cyclic chains end here, too.
+    // Bounds the number of directories by the file size, also for cyclic chains.
     for index in 0..bytes.len() / (count + offset) {
         let entries = number(bytes, at, count)?;
-        let mut is_smaller_version = false;
+        let mut is_reduced = false;
         for i in 0..entries.min(4096) {
             let field = at + count + i * entry;
             let value = field + entry - offset;
             match number(bytes, field, 2)? {
                 // NewSubfileType.
-                254 => is_smaller_version = number(bytes, value, 4)? & 1 == 1,
+                254 => is_reduced = number(bytes, value, 4)? & 1 == 1,
                 274 if index == 0 => {
                     let exif = u8::try_from(number(bytes, value, 2)?).ok();
                     found.orientation = exif.and_then(Orientation::from_exif);
@@ -192,7 +188,7 @@ fn of_tiff(bytes: &[u8]) -> Option<Metadata<'_>> {
                 _ => {}
             }
         }
-        found.pages += usize::from(!is_smaller_version);
+        found.pages += usize::from(!is_reduced);
         at = number(bytes, at.checked_add(entries.checked_mul(entry)?)?.checked_add(count)?, offset)?;
         if at == 0 {
             break;
@@ -201,18 +197,18 @@ fn of_tiff(bytes: &[u8]) -> Option<Metadata<'_>> {
     Some(found)
 }
 
-/// The name of an ICC profile: its `desc` tag, as text (version 2) or in the first of its languages (version 4).
+/// The name of an ICC profile: its `desc` tag, as text (version 2) or in its first language (version 4).
 fn description(profile: &[u8]) -> Option<String> {
-    let tags = be(profile, 128, 4)?.min(1024);
+    let tags = big_endian(profile, 128, 4)?.min(1024);
     let tag = (0..tags).map(|i| 132 + 12 * i).find(|at| profile.get(*at..at + 4) == Some(b"desc"))?;
-    let data = profile.get(be(profile, tag + 4, 4)?..)?;
+    let data = profile.get(big_endian(profile, tag + 4, 4)?..)?;
     let text = match data.get(..4)? {
         b"desc" => {
-            let length = be(data, 8, 4)?.min(256);
+            let length = big_endian(data, 8, 4)?.min(256);
             data.get(12..12 + length)?.iter().map(|&b| char::from(b)).collect::<String>()
         }
         b"mluc" => {
-            let (length, start) = (be(data, 20, 4)?.min(512), be(data, 24, 4)?);
+            let (length, start) = (big_endian(data, 20, 4)?.min(512), big_endian(data, 24, 4)?);
             let units = data.get(start..start.checked_add(length)?)?.chunks_exact(2);
             let units: Vec<u16> = units.map(|unit| u16::from_be_bytes([unit[0], unit[1]])).collect();
             String::from_utf16_lossy(&units)
@@ -223,36 +219,36 @@ fn description(profile: &[u8]) -> Option<String> {
     Some(text.trim().to_string()).filter(|text| !text.is_empty())
 }
 
-/// A little-endian number of this many bytes.
-fn le(bytes: &[u8], at: usize, length: usize) -> Option<usize> {
+/// A little-endian number of `length` bytes.
+fn little_endian(bytes: &[u8], at: usize, length: usize) -> Option<usize> {
     let digits = bytes.get(at..at.checked_add(length)?)?;
     usize::try_from(digits.iter().rfold(0u64, |n, &b| n << 8 | u64::from(b))).ok()
 }
 
-/// XYZ of the profile connection space, whose white is D50, to linear Rec. 709, whose white is D65 (adapted by Bradford's matrix;
-/// ICC.1:2022, annex E).
+/// XYZ of the profile connection space (white D50) to linear Rec. 709 (white D65), with Bradford adaptation (ICC.1:2022,
+/// annex E).
 const REC709_FROM_PCS: [[f64; 3]; 3] = [
     [3.133_856_1, -1.616_866_7, -0.490_614_6],
     [-0.978_768_4, 1.916_141_5, 0.033_454_0],
     [0.071_945_3, -0.228_991_4, 1.405_242_7],
 ];
 
-/// The picture the right way up.
+/// Applies an EXIF orientation.
 pub(super) fn oriented(mut picture: DynamicImage, orientation: Option<Orientation>) -> DynamicImage {
     picture.apply_orientation(orientation.unwrap_or(Orientation::NoTransforms));
     picture
 }
 
-/// How stored colours become linear Rec. 709.
+/// Conversion of stored colours to linear Rec. 709.
 pub(super) struct Profile {
-    /// By channel; grey has three alike.
+    /// Tone curve of each channel; three equal ones for grey.
     curves: [Box<dyn ToneCurveEvaluator + Send + Sync>; 3],
     rec709_from_device: [[f64; 3]; 3],
     is_grey: bool,
 }
 
 impl Profile {
-    /// A profile of curves; `None` for others and damaged ones.
+    /// Parses a profile; `None` for unsupported and damaged ones.
     pub fn read(bytes: &[u8]) -> Option<Profile> {
         let profile = ColorProfile::new_from_slice(bytes).ok()?;
         let curve = |of: &Option<ToneReprCurve>| of.as_ref()?.make_linear_evaluator().ok();
@@ -280,13 +276,14 @@ impl Profile {
         }
     }
 
-    /// The picture in linear Rec. 709, negative values clamped to 0; `None` if the profile is for grey and the picture isn't, or the other way round, and for floats.
+    /// Converts a picture to linear Rec. 709, clamping negative values to 0; `None` for floats and if only one of profile and
+    /// picture is grey.
     pub fn apply(&self, picture: &DynamicImage) -> Option<DynamicImage> {
         let color = picture.color();
         if color.has_color() == self.is_grey || matches!(color, ColorType::Rgb32F | ColorType::Rgba32F) {
             return None;
         }
-        // Integers have few values: tables are faster.
+        // Tables are faster: integers have few distinct values.
         let levels = if color.bytes_per_pixel() / color.channel_count() == 1 { 256 } else { 65_536 };
         let tables = self.curves.each_ref().map(|curve| {
             let linear = |level: usize| {
@@ -333,30 +330,30 @@ pub(super) mod test_profiles {
         };
         let near = |a: [f32; 3], b: [f32; 3]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-3);
         assert!(near(linear([255; 3]), [1.0; 3]), "{:?}", linear([255; 3]));
-        // 1.2249, -0.0420, -0.0197 by the primaries (SMPTE EG 432-1), cut off at 0.
+        // 1.2249, -0.0420, -0.0197 by the primaries (SMPTE EG 432-1), clamped at 0.
         assert!(near(linear([255, 0, 0]), [1.2249, 0.0, 0.0]), "{:?}", linear([255, 0, 0]));
         assert!(near(linear([128; 3]), [0.2159; 3]), "{:?}", linear([128; 3]));
     }
 
     #[test]
-    fn what_does_not_fit_is_left_alone() {
+    fn unsupported_profiles_are_rejected() {
         let grey = ColorProfile::new_gray_with_gamma(1.0).encode().expect("its parts are known");
         let grey = Profile::read(&grey).expect("a curve");
         let picture = DynamicImage::ImageLuma8(GrayImage::from_pixel(1, 1, image::Luma([51])));
         let linear = grey.apply(&picture).expect("grey").into_rgb32f()[(0, 0)].0;
         assert!(linear.iter().all(|v| (v - 0.2).abs() < 1e-6), "{linear:?}");
         assert!(grey.apply(&DynamicImage::new_rgb8(1, 1)).is_none());
-        let whole = display_p3();
+        let profile = display_p3();
         let mut without_curves = ColorProfile::new_srgb();
         without_curves.red_trc = None;
         assert!(Profile::read(&without_curves.encode().expect("its parts are known")).is_none());
-        for length in 0..whole.len() {
-            let _ = Profile::read(&whole[..length]);
+        for length in 0..profile.len() {
+            let _ = Profile::read(&profile[..length]);
         }
     }
 
     #[test]
-    fn pictures_are_turned() {
+    fn exif_orientation_is_applied() {
         let picture = || {
             let mut picture = GrayImage::new(2, 1);
             picture[(0, 0)] = image::Luma([9]);
@@ -368,7 +365,6 @@ pub(super) mod test_profiles {
     }
 }
 
-/// Each loss from bytes made here, whole and damaged.
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -377,14 +373,14 @@ mod tests {
     use image::{DynamicImage, ExtendedColorType, ImageEncoder};
     use std::path::Path;
 
-    /// Half a gigabyte in a length field.
+    /// Value for length fields: 512 MiB.
     const HUGE: u32 = 1 << 29;
 
     fn messages_of(bytes: &[u8], format: ImageFormat, purpose: Use) -> Vec<String> {
         messages(&Source::new(bytes, (Path::new("picture"), ""), None), format, purpose)
     }
 
-    /// An ICC profile of which only the name counts.
+    /// An ICC profile with nothing but a name.
     fn profile(name: &str) -> Vec<u8> {
         let mut bytes = vec![0; 128];
         bytes.extend(1u32.to_be_bytes());
@@ -398,7 +394,7 @@ mod tests {
         bytes
     }
 
-    /// A profile of version 4 with its name in two languages.
+    /// An ICC profile of version 4 with nothing but a name.
     fn profile_v4(name: &str) -> Vec<u8> {
         let mut bytes = profile("")[..144].to_vec();
         let units: Vec<u8> = name.encode_utf16().flat_map(u16::to_be_bytes).collect();
@@ -413,7 +409,7 @@ mod tests {
         bytes
     }
 
-    /// An Exif block in either order of bytes that says nothing but how to turn the picture.
+    /// A big-endian Exif block with nothing but the orientation.
     fn exif(orientation: u8) -> Vec<u8> {
         let mut bytes = b"MM\0\x2a\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0".to_vec();
         bytes.extend([orientation, 0, 0, 0, 0, 0, 0]);
@@ -472,19 +468,19 @@ mod tests {
     }
 
     #[test]
-    fn orientation_is_not_lost_silently() {
-        let expected = ["asks to be turned (EXIF orientation 6); its pixels are taken as stored"];
-        let turned =
+    fn ignored_orientation_is_reported() {
+        let expected = ["has the EXIF orientation 6, which is ignored"];
+        let check =
             |bytes: &[u8], format| assert_eq!(messages_of(bytes, format, Use::Data), expected, "{format:?}");
-        turned(&jpeg(Vec::new(), exif(6)), ImageFormat::Jpeg);
-        turned(&png(&[(b"eXIf", &exif(6))]), ImageFormat::Png);
-        turned(&webp(&[(b"EXIF", &exif(6))]), ImageFormat::WebP);
-        turned(&tiff(&[&[(256, 2), (274, 6)]]), ImageFormat::Tiff);
+        check(&jpeg(Vec::new(), exif(6)), ImageFormat::Jpeg);
+        check(&png(&[(b"eXIf", &exif(6))]), ImageFormat::Png);
+        check(&webp(&[(b"EXIF", &exif(6))]), ImageFormat::WebP);
+        check(&tiff(&[&[(256, 2), (274, 6)]]), ImageFormat::Tiff);
         assert!(messages_of(&jpeg(Vec::new(), exif(1)), ImageFormat::Jpeg, Use::Color).is_empty());
     }
 
     #[test]
-    fn colour_profiles_other_than_srgb_are_named() {
+    fn ignored_colour_profiles_are_reported() {
         let wide = "has the colour profile 'Adobe RGB (1998)', which is ignored";
         for (profile, expected) in [
             (profile("Adobe RGB (1998)"), Some(wide)),
@@ -507,7 +503,7 @@ mod tests {
         let gamma =
             |value: u32| messages_of(&png(&[(b"gAMA", &value.to_be_bytes())]), ImageFormat::Png, Use::Color);
         assert!(gamma(45_455).is_empty());
-        assert_eq!(gamma(100_000), ["says that its colours have gamma 1.000, which is ignored"]);
+        assert_eq!(gamma(100_000), ["has the gamma 1.000, which is ignored"]);
     }
 
     #[test]
@@ -518,18 +514,18 @@ mod tests {
         let animated =
             webp(&[(b"ANIM", &[0; 6]), (b"ANMF", &[0; 3]), (b"ANMF", &[0; 4]), (b"ANMF", &[0; 1])]);
         assert_eq!(messages_of(&animated, ImageFormat::WebP, Use::Data), [frames]);
-        // The second picture is the first in small.
+        // The second image is a reduced-resolution version of the first.
         let pages = tiff(&[&[(256, 2)], &[(254, 1)], &[(254, 0)]]);
         assert_eq!(
             messages_of(&pages, ImageFormat::Tiff, Use::Data),
-            ["holds 2 pictures, of which only the first is used"]
+            ["holds 2 images, of which only the first is used"]
         );
         assert!(messages_of(&tiff(&[&[(256, 2)]]), ImageFormat::Tiff, Use::Data).is_empty());
     }
 
-    /// Files that end anywhere, whose lengths are beyond them, and whose chains go round in circles.
+    /// Truncated files, wrong lengths and cyclic chains.
     #[test]
-    fn damaged_files_do_no_harm() {
+    fn damaged_files_never_panic() {
         let samples = [
             (jpeg(profile_v4("wide"), exif(3)), ImageFormat::Jpeg),
             (png(&[(b"eXIf", &exif(3)), (b"acTL", &[0, 0])]), ImageFormat::Png),
@@ -550,14 +546,14 @@ mod tests {
         let end = circle.len();
         circle[end - 4..].copy_from_slice(&8u32.to_le_bytes());
         assert!(messages_of(&circle, ImageFormat::Tiff, Use::Data).len() <= 1);
-        // Files by these encoders give no warnings.
+        // Valid files cause no warnings.
         let mut plain = Cursor::new(Vec::new());
         DynamicImage::new_rgb8(2, 2).write_to(&mut plain, ImageFormat::Png).expect("encoded");
         assert!(messages_of(plain.get_ref(), ImageFormat::Png, Use::Color).is_empty());
     }
 
     #[test]
-    fn files_that_are_read_say_it_as_a_warning() {
+    fn reading_a_file_returns_metadata_warnings() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("turned.jpg");
         std::fs::write(&path, jpeg(profile("Adobe RGB (1998)"), exif(8))).expect("written");

@@ -1,7 +1,7 @@
-//! The one reader of images: PNG, JPEG, WebP, GIF, BMP, TGA and TIFF by the crate `image`, Radiance HDR, EXR, and KTX2.
+//! Image reader: PNG, JPEG, WebP, GIF, BMP, TGA and TIFF by the crate `image`, Radiance HDR, EXR, and KTX2.
 //!
 //! 8-bit images stay 8-bit. The format is recognised by the content; TGA, which has no signature, by its media
-//! type or name. Sizes are compared with the file's length before anything is allocated (`limits`).
+//! type or name. Sizes are checked against the file's length before allocation (`source::check`).
 
 mod deferred;
 mod exr_rows;
@@ -27,10 +27,10 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// The warning about a truncated JPEG file.
-const CUT_SHORT: &str = "the JPEG lacks its end, so that a part of it may be missing; the rest is grey";
+const TRUNCATED_JPEG: &str = "the JPEG lacks its end marker: missing parts are grey";
 
-/// Reads an image file for display, with its orientation (EXIF) and colour profile (ICC) applied. `memory_limit` bounds the bytes of
-/// its pixels.
+/// Reads an image file for display, applying its orientation (EXIF) and colour profile (ICC). `memory_limit` is the maximum
+/// size of its pixels, bytes.
 ///
 /// # Errors
 /// As for [`load_environment`].
@@ -41,8 +41,8 @@ pub fn load_picture(path: &Path, memory_limit: Option<u64>, warnings: &mut Vec<W
 /// Reads an image file for a use.
 ///
 /// # Errors
-/// An input error that names the file if it is missing, of an unknown format, broken, or larger than its length can
-/// justify, or than is allowed (`memory_limit`, bytes).
+/// An input error if the file is missing, of an unknown format, damaged, or claims more pixels than its length or
+/// `memory_limit` (bytes) permits.
 pub(crate) fn read(
     path: &Path,
     purpose: Use,
@@ -56,8 +56,7 @@ pub(crate) fn read(
     Ok(image)
 }
 
-/// Warnings about metadata that [`decode`] ignores, and further frames and
-/// pages.
+/// Warnings about metadata that [`decode`] ignores, and about further frames and pages.
 pub(crate) fn metadata_warnings(bytes: &[u8], file: &Path, pointer: &str, purpose: Use) -> Vec<Warning> {
     let source = Source::new(bytes, (file, pointer), None);
     let format = signature(bytes);
@@ -68,12 +67,12 @@ pub(crate) fn metadata_warnings(bytes: &[u8], file: &Path, pointer: &str, purpos
 /// Decodes an image inside a file.
 ///
 /// # Errors
-/// As for [`read`]; file and pointer are named.
+/// As for [`read`].
 pub(crate) fn decode(of: &ImageFile, purpose: Use, warnings: &mut Vec<Warning>) -> Result<Image> {
     decode_source(&of.source(), of.mime, purpose, warnings)
 }
 
-/// [`decode`] for a source with its declared media type, if there is one.
+/// [`decode`] for a source with its declared media type, if any.
 fn decode_source(
     source: &Source,
     mime: Option<&str>,
@@ -98,11 +97,8 @@ fn decode_source(
     }
     if purpose == Use::Environment && u64::from(image.width) != 2 * u64::from(image.height) {
         let (width, height) = (image.width, image.height);
-        let hint = if is_cube(width, height) {
-            ", and this may be a cube map, which has to be converted"
-        } else {
-            ""
-        };
+        let hint =
+            if is_cube(width, height) { ", and this may be a cube map, which must be converted" } else { "" };
         let message =
             format!("is {width} x {height}; an equirectangular image is twice as wide as high{hint}");
         warnings.push(source.warning(message));
@@ -110,19 +106,18 @@ fn decode_source(
     Ok(image)
 }
 
-/// Reads an image as the scene's environment: NaN, infinite and negative texels become 0, with a warning that counts
-/// them.
+/// Reads an environment image: NaN, infinite and negative values become 0, with a warning.
 ///
 /// # Errors
-/// An input error if the file is missing, broken or larger than its length can justify.
+/// An input error if the file is missing, damaged, or claims more pixels than its length permits.
 pub fn load_environment(path: &Path, warnings: &mut Vec<Warning>) -> Result<Image> {
     load_environment_within(path, None, warnings)
 }
 
-/// [`load_environment`] with a limit on the memory of the pixels, bytes.
+/// [`load_environment`] with a maximum size of the pixels, bytes.
 ///
 /// # Errors
-/// As for [`load_environment`], and if they take more.
+/// As for [`load_environment`], and if the pixels exceed the limit.
 pub fn load_environment_within(
     path: &Path,
     memory_limit: Option<u64>,
@@ -131,12 +126,11 @@ pub fn load_environment_within(
     read(path, Use::Environment, memory_limit, warnings)
 }
 
-/// Reads red, green and blue of an EXR or HDR file, distinguished by content, every number as it is in the file, but for colours of
-/// another space that an EXR names, which become linear Rec. 709. Alpha and
-/// other channels are left out; a layered EXR gives its first layer with R, G and B.
+/// Reads red, green and blue of an EXR or HDR file (by content), including NaN and negative values. Colours of an EXR with
+/// other primaries are converted to linear Rec. 709. Of a layered EXR the first layer with R, G and B is read.
 ///
 /// # Errors
-/// An input error if the file is missing, broken, larger than its length can justify, or holds no colour.
+/// An input error if the file is missing, damaged, has no colour, or claims more pixels than its length permits.
 pub fn load_linear_rgb(path: &Path) -> Result<Image> {
     let bytes = read_bytes(path, None)?;
     let source = Source::new(&bytes, (path, ""), None);
@@ -145,12 +139,12 @@ pub fn load_linear_rgb(path: &Path) -> Result<Image> {
         Some(ImageFormat::Hdr) => decode_common(&source, ImageFormat::Hdr, Use::Environment, &mut Vec::new()),
         _ => Err(source
             .error(("image-not-linear", "is neither an .exr nor a .hdr file (OpenEXR, Radiance HDR)"))
-            .with_help("linear pictures come as .exr or .hdr")),
+            .with_help("convert the picture to .exr or .hdr")),
     })?;
     if image.channels == 3 { Ok(image) } else { Err(source.error("has no layer with channels R, G and B")) }
 }
 
-/// Has an image the shape of an unfolded cube map: a cross, a row or a column?
+/// Has an image the aspect ratio of an unfolded cube map: a cross, a row or a column?
 fn is_cube(width: u32, height: u32) -> bool {
     let is = |w: u64, h: u64| u64::from(width) * h == u64::from(height) * w;
     is(4, 3) || is(3, 4) || is(6, 1) || is(1, 6) || is(3, 2)
@@ -179,7 +173,7 @@ fn format_of(source: &Source, mime: Option<&str>, warnings: &mut Vec<Warning>) -
         _ => None,
     };
     if let Some(lacking) = decoder.filter(|d| !d.is_built_in()) {
-        return Err(source.lacks(lacking));
+        return Err(source.missing_decoder_error(lacking));
     }
     let readable = |f: &ImageFormat| f.reading_enabled() || *f == ImageFormat::OpenExr;
     format.filter(readable).ok_or_else(|| match files::content_of(source.bytes) {
@@ -223,14 +217,14 @@ fn decode_common(
             match profile.apply(&decoded) {
                 Some(profiled) => decoded = profiled,
                 None => warnings.push(source.warning(
-                    "has a colour profile for pictures of another kind (grey or in colour), which is ignored",
+                    "has a grey colour profile for a colour image, or the reverse, which is ignored",
                 )),
             }
         }
         decoded = metadata::oriented(decoded, metadata.orientation);
     }
     if format == ImageFormat::Jpeg && !jpeg_is_complete(source.bytes) {
-        warnings.push(source.warning(("image-cut-short", CUT_SHORT)));
+        warnings.push(source.warning(("image-cut-short", TRUNCATED_JPEG)));
     }
     let (width, height) = (decoded.width(), decoded.height());
     let (pixels, channels) = match decoded {
@@ -250,14 +244,13 @@ fn decode_common(
     Ok(Image { name: source.name(), width, height, channels, encoding, pixels: Arc::new(pixels) })
 }
 
-/// Does an end-of-image marker follow the last scan? The decoder fills what is missing with grey and says nothing.
-/// Inside a scan's data a 0xff is always followed by 0, so markers can't be mistaken.
+/// Does an end-of-image marker follow the last scan? The decoder silently fills missing parts with grey. In scan data 0xff
+/// is always followed by 0, so markers are unambiguous.
 fn jpeg_is_complete(bytes: &[u8]) -> bool {
     let end = bytes.windows(2).rposition(|w| w == [0xff, 0xd9]);
     end.is_some_and(|end| bytes[end..].windows(2).all(|w| w != [0xff, 0xda]))
 }
 
-/// Every format from bytes made here, whole, cut short and with impossible sizes.
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -276,7 +269,7 @@ mod tests {
         out.into_inner()
     }
 
-    /// Formats that keep 8-bit colours as they are, of those that this build reads.
+    /// Lossless 8-bit formats that this build reads.
     fn lossless() -> impl Iterator<Item = ImageFormat> {
         let all = [ImageFormat::Png, ImageFormat::WebP, ImageFormat::Bmp, ImageFormat::Tiff];
         all.into_iter().filter(ImageFormat::reading_enabled)
@@ -295,7 +288,7 @@ mod tests {
         ImageFile { bytes: bytes.into(), own_file: None, place, mime, memory_limit: None }
     }
 
-    /// Decodes bytes that came without a name or media type; the warnings become texts.
+    /// Decodes bytes without a name or media type; returns the warnings as text.
     fn decoded(bytes: &[u8], purpose: Use) -> (Result<Image>, Vec<String>) {
         let mut warnings = Vec::new();
         let image = decode(&file(bytes, (NAMELESS, "/images/3"), None), purpose, &mut warnings);
@@ -334,7 +327,7 @@ mod tests {
     }
 
     #[test]
-    fn lossless_formats_give_their_pixels_and_stay_8_bit() {
+    fn lossless_formats_are_exact_and_stay_8_bit() {
         for format in lossless() {
             let image = good(&encode(rgb(), format), Use::Color);
             assert_eq!((image.width, image.height, image.channels), (4, 2, 3), "{format:?}");
@@ -346,7 +339,7 @@ mod tests {
     }
 
     #[test]
-    fn grey_alpha_and_16_bit_keep_their_kind() {
+    fn grey_alpha_and_16_bit_keep_their_format() {
         let grey = good(&encode(GrayImage::from_pixel(3, 1, Luma([9])), ImageFormat::Png), Use::Data);
         assert_eq!((grey.channels, grey.encoding), (1, Encoding::Linear));
         let alpha = encode(RgbaImage::from_pixel(1, 1, image::Rgba([1, 2, 3, 128])), ImageFormat::Png);
@@ -357,11 +350,11 @@ mod tests {
     }
 
     #[test]
-    fn jpeg_is_read_and_a_cut_one_is_reported() {
+    fn truncated_jpegs_are_reported() {
         let flat = RgbImage::from_pixel(64, 64, image::Rgb([200, 100, 50]));
         let bytes = encode(flat, ImageFormat::Jpeg);
-        let whole = good(&bytes, Use::Data).rgba(60, 60).map(|v| v * 255.0);
-        assert!((whole[0] - 200.0).abs() < 4.0 && (whole[2] - 50.0).abs() < 4.0, "{whole:?}");
+        let texel = good(&bytes, Use::Data).rgba(60, 60).map(|v| v * 255.0);
+        assert!((texel[0] - 200.0).abs() < 4.0 && (texel[2] - 50.0).abs() < 4.0, "{texel:?}");
         let (image, warnings) = decoded(&bytes[..bytes.len() - 12], Use::Color);
         match image {
             Ok(_) => assert!(warnings.iter().any(|w| w.contains("JPEG")), "{warnings:?}"),
@@ -370,14 +363,14 @@ mod tests {
     }
 
     #[test]
-    fn more_memory_than_is_allowed_is_refused_by_the_header() {
+    fn the_memory_limit_is_checked_by_the_header() {
         let mut files: Vec<Vec<u8>> = lossless().map(|format| encode(rgb(), format)).collect();
         files.extend([ImageFormat::Jpeg, ImageFormat::Gif].map(|format| encode(rgb(), format)));
         files.extend([hdr(4, 2, &[[9, 2, 3, 129]; 8]), exr(4, 2, |_, _| (0.0, 0.0, 0.0, 1.0))]);
         for bytes in files {
             let read = |memory_limit| {
-                let of = ImageFile { memory_limit, ..file(&bytes, (NAMELESS, ""), None) };
-                decode(&of, Use::Color, &mut Vec::new())
+                let image_file = ImageFile { memory_limit, ..file(&bytes, (NAMELESS, ""), None) };
+                decode(&image_file, Use::Color, &mut Vec::new())
             };
             let image = read(Some(1 << 20)).unwrap_or_else(|e| panic!("{e}"));
             let error = read(Some(20)).expect_err("it takes 24 bytes or more").to_string();
@@ -385,19 +378,20 @@ mod tests {
             assert!(error.contains(&Choice::MemoryLimit.to_string()), "{error}");
             assert!(read(Some(image.bytes() as u64 - 1)).is_err());
         }
-        // Before anything is decoded: there is nothing here to decode.
+        // Files without pixels: the check precedes decoding.
         let claims = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2000 +X 2000\n";
-        let of = ImageFile { memory_limit: Some(1000), ..file(claims, (NAMELESS, ""), None) };
-        let error = decode(&of, Use::Color, &mut Vec::new()).expect_err("it is too large").to_string();
+        let image_file = ImageFile { memory_limit: Some(1000), ..file(claims, (NAMELESS, ""), None) };
+        let error =
+            decode(&image_file, Use::Color, &mut Vec::new()).expect_err("it is too large").to_string();
         assert!(error.contains("2000 x 2000") && error.contains("46 MiB"), "{error}");
         let large = encode(RgbImage::new(700, 700), ImageFormat::Png);
-        let of = ImageFile { memory_limit: Some(1 << 20), ..file(&large, (NAMELESS, ""), None) };
+        let image_file = ImageFile { memory_limit: Some(1 << 20), ..file(&large, (NAMELESS, ""), None) };
         let on_damage: OnDamage = Arc::new(crate::image::Damage::Fatal);
-        assert!(for_texture(&of, Use::Color, &mut Vec::new(), on_damage).is_err());
+        assert!(for_texture(&image_file, Use::Color, &mut Vec::new(), on_damage).is_err());
     }
 
     #[test]
-    fn photographs_are_turned_and_have_their_profile() {
+    fn orientation_and_profile_are_applied_to_photographs() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("photograph.png");
         let mut bytes = Vec::new();
@@ -413,9 +407,11 @@ mod tests {
             let image = read(&path, purpose, None, &mut warnings).expect("it can be read");
             assert_eq!((image.width, image.height, image.encoding), (2, 4, Encoding::Linear));
             assert!(image.rgba(0, 0)[0] > 1.2 && image.rgba(1, 0)[0] > 1.2, "{:?}", image.rgba(0, 0));
-            assert!(!warnings.iter().any(|w| w.message.contains("profile") || w.message.contains("turned")));
+            assert!(
+                !warnings.iter().any(|w| w.message.contains("profile") || w.message.contains("orientation"))
+            );
         }
-        // Texture coordinates refer to pixels as they are stored.
+        // Textures ignore both.
         let mut warnings = Vec::new();
         let image = read(&path, Use::Color, None, &mut warnings).expect("it can be read");
         assert_eq!((image.width, image.height, image.encoding), (4, 2, Encoding::Srgb));
@@ -449,7 +445,7 @@ mod tests {
     }
 
     #[test]
-    fn hdr_is_radiance() {
+    fn hdr_values_are_radiance() {
         // Mantissa and exponent: 128 * 2^(e - 136).
         let image = good(&hdr(2, 1, &[[128, 64, 0, 130], [128, 128, 128, 129]]), Use::Environment);
         assert_eq!(image.encoding, Encoding::Linear);
@@ -458,7 +454,7 @@ mod tests {
     }
 
     #[test]
-    fn exr_colour_is_divided_by_alpha_only_where_alpha_stays() {
+    fn exr_colour_is_unpremultiplied_only_if_alpha_is_kept() {
         let bytes = exr(4, 2, |x, _| if x == 0 { (0.5, 0.25, 4.0, 0.5) } else { (1.0, 2.0, 3.0, 1.0) });
         let colour = good(&bytes, Use::Color);
         assert_eq!((colour.channels, colour.rgba(0, 1)), (4, [1.0, 0.5, 8.0, 0.5]));
@@ -467,7 +463,7 @@ mod tests {
         assert_eq!(data.rgba(3, 0), [1.0, 2.0, 3.0, 1.0]);
     }
 
-    /// A layer of one value a channel.
+    /// A layer with a constant value per channel.
     fn layer(name: Option<&str>, channels: &[(&str, f32)]) -> exr::image::Layer<AnyChannels<FlatSamples>> {
         let channel = |&(name, value)| AnyChannel::new(name, FlatSamples::F32(vec![value; 8]));
         let attributes = name.map_or(LayerAttributes::default(), LayerAttributes::named);
@@ -484,7 +480,7 @@ mod tests {
     }
 
     #[test]
-    fn layers_and_channels_of_an_exr_that_are_left_out_are_named() {
+    fn unused_layers_and_channels_of_an_exr_are_listed() {
         let beauty = || layer(Some("beauty"), &[("R", 1.0), ("G", 2.0), ("B", 3.0), ("A", 1.0)]);
         let (image, warnings) = decoded(&layered(vec![beauty()]), Use::Environment);
         assert_eq!((image.expect("it can be read").rgba(0, 0), warnings.len()), ([1.0, 2.0, 3.0, 1.0], 0));
@@ -493,7 +489,7 @@ mod tests {
         assert_eq!(image.expect("it can be read").rgba(0, 0), [1.0, 2.0, 3.0, 1.0]);
         let place = "picture: /images/3: is taken from the channels";
         assert_eq!(warnings, [format!("{place} RGB of layer 'beauty'; left out: layer 'depth'")]);
-        // One part of several passes: the channels of a pass stay together.
+        // One part with several passes: channels of a single pass are used.
         let passes = [("a.B", 1.0), ("a.Z", 1.0), ("b.R", 4.0), ("b.G", 5.0), ("b.B", 6.0), ("c.R", 7.0)];
         let (image, warnings) = decoded(&layered(vec![layer(None, &passes)]), Use::Color);
         assert_eq!(image.expect("it can be read").rgba(0, 0), [4.0, 5.0, 6.0, 1.0]);
@@ -503,7 +499,7 @@ mod tests {
         );
     }
 
-    /// An EXR whose display window begins and ends elsewhere than its pixels, with a number that is not finite.
+    /// An EXR with different data and display windows, and a NaN.
     fn large_exr() -> Vec<u8> {
         let (width, height) = (400, 300);
         let values = |seed: u32| {
@@ -528,21 +524,21 @@ mod tests {
     }
 
     #[test]
-    fn large_float_textures_stay_encoded_and_give_the_same_later() {
+    fn deferred_float_textures_decode_to_the_same_bits() {
         let body: Vec<u8> =
             (0..400 * 300u32).flat_map(|i| [(i >> 8) as u8, i as u8, 9, 126 + (i % 5) as u8]).collect();
-        let turned =
+        let rotated =
             [b"#?RADIANCE\nEXPOSURE=2\nFORMAT=32-bit_rle_rgbe\n\n+X 400 +Y 300\n", &body[..]].concat();
         for (bytes, purpose, size) in [
             (large_exr(), Use::Color, [380, 310, 4]),
             (large_exr(), Use::Data, [380, 310, 3]),
-            (turned, Use::Color, [400, 300, 3]),
+            (rotated, Use::Color, [400, 300, 3]),
         ] {
             let (at_once, expected) = decoded(&bytes, purpose);
             let at_once = at_once.expect("it can be read");
             let (mut early, mut late) = (Vec::new(), Vec::new());
-            let of = file(&bytes, (NAMELESS, "/images/3"), None);
-            let image = for_texture(&of, purpose, &mut early, Arc::new(crate::image::Damage::Fatal));
+            let image_file = file(&bytes, (NAMELESS, "/images/3"), None);
+            let image = for_texture(&image_file, purpose, &mut early, Arc::new(crate::image::Damage::Fatal));
             let image = image.expect("its header is read");
             assert!(image.is_encoded() && image.is_float() && early.is_empty(), "{early:?}");
             assert_eq!([image.width, image.height, image.channels], size);
@@ -555,16 +551,17 @@ mod tests {
             assert!(bits(&image) == bits(&at_once));
             assert_eq!(late.iter().map(ToString::to_string).collect::<Vec<_>>(), expected);
             assert!(!expected.is_empty());
-            // The same by rows, from memory and from a file of which only the beginning was read.
+            // The same bits by rows, from memory and from a file whose head alone was read.
             let folder = tempfile::tempdir().expect("a folder");
             let path = folder.path().join("a");
             std::fs::write(&path, &bytes).expect("written");
             let on_damage: OnDamage = Arc::new(crate::image::Damage::Fatal);
             let from_file = read_for_texture(&path, purpose, None, &mut early, on_damage.clone());
             let from_file = from_file.expect("its header is read");
-            let from_memory = for_texture(&of, purpose, &mut early, on_damage).expect("its header is read");
+            let from_memory =
+                for_texture(&image_file, purpose, &mut early, on_damage).expect("its header is read");
             for (image, in_parallel) in [(&from_file, true), (&from_file, false), (&from_memory, false)] {
-                assert_eq!(image.rows().is_some(), bytes[0] != b'#', "what is turned comes as a whole");
+                assert_eq!(image.rows().is_some(), bytes[0] != b'#', "rotated files are decoded as a whole");
                 let Pixels::Encoded(encoded) = &*image.pixels else { panic!("decoded") };
                 let (mut found, mut late) = (Vec::new(), Vec::new());
                 let take = &mut |rows: &[f32]| found.extend(rows.iter().map(|v| v.to_bits()));
@@ -573,13 +570,14 @@ mod tests {
             }
         }
         let cut = &large_exr()[..200_000];
-        let of = file(cut, (NAMELESS, ""), None);
-        let image = for_texture(&of, Use::Color, &mut Vec::new(), Arc::new(crate::image::Damage::Fatal));
+        let image_file = file(cut, (NAMELESS, ""), None);
+        let image =
+            for_texture(&image_file, Use::Color, &mut Vec::new(), Arc::new(crate::image::Damage::Fatal));
         assert!(image.is_err() || image.is_ok_and(|image| image.decoded(&mut Vec::new()).is_err()));
     }
 
     #[test]
-    fn images_whose_decoder_a_build_lacks_are_refused_with_the_remedy() {
+    fn missing_decoders_are_reported_with_a_remedy() {
         for (decoder, bytes, feature) in [
             (Decoder::WebP, &b"RIFF\x10\0\0\0WEBPVP8 "[..], "webp"),
             (Decoder::Tiff, b"II*\0\x08\0\0\0", "tiff"),
@@ -591,7 +589,7 @@ mod tests {
     }
 
     #[test]
-    fn bad_texels_of_an_environment_become_0_and_are_counted() {
+    fn invalid_texels_of_an_environment_become_0_and_are_counted() {
         let bytes = exr(4, 2, |x, y| match (x, y) {
             (0, 0) => (f32::NAN, 1.0, f32::INFINITY, 1.0),
             (1, 0) => (-1.0, 1.0, -0.5, 1.0),
@@ -608,12 +606,12 @@ mod tests {
                 "picture: /images/3: 3 of 24 numbers are negative and became 0"
             ]
         );
-        // As data, negative numbers mean something.
+        // Data may be negative.
         assert_eq!(decoded(&bytes, Use::Data).0.expect("it can be read").rgba(2, 1)[2], -2.0);
     }
 
     #[test]
-    fn an_environment_of_another_shape_is_a_warning() {
+    fn environments_of_other_aspect_ratios_are_a_warning() {
         let (image, warnings) = decoded(&encode(RgbImage::new(4, 4), ImageFormat::Png), Use::Environment);
         assert!(image.is_ok());
         assert_eq!(
@@ -623,7 +621,7 @@ mod tests {
     }
 
     #[test]
-    fn files_cut_anywhere_give_an_error_or_a_warning_but_no_panic() {
+    fn truncated_files_are_reported_and_never_panic() {
         let noise =
             RgbImage::from_fn(40, 30, |x, y| image::Rgb([(x * 97 + y * 31) as u8, (x * y) as u8, x as u8]));
         let mut files: Vec<(String, Vec<u8>)> =
@@ -644,7 +642,7 @@ mod tests {
     }
 
     #[test]
-    fn tiny_files_that_claim_a_billion_pixels_are_refused() {
+    fn implausible_sizes_are_rejected() {
         let mut png = encode(rgb(), ImageFormat::Png);
         png[16..20].copy_from_slice(&32_768u32.to_be_bytes());
         png[20..24].copy_from_slice(&32_768u32.to_be_bytes());
@@ -672,7 +670,7 @@ mod tests {
     }
 
     #[test]
-    fn linear_pictures_are_exr_or_hdr_and_keep_every_number() {
+    fn load_linear_rgb_keeps_all_values() {
         let folder = tempfile::tempdir().expect("a folder");
         let file = |name: &str, bytes: &[u8]| {
             let path = folder.path().join(name);

@@ -1,4 +1,4 @@
-//! EXR to pixels: the first layer with colour.
+//! EXR: the first layer with colour as an image, and complete files with all parts and channels.
 
 use super::exr_rows::Part;
 use super::source::{self, Layout, Source, guarded, read_bytes, signature};
@@ -18,16 +18,17 @@ use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Maximum number of unused layers and channels that are named.
-const LISTED: usize = 8;
+/// Maximum number of unused layers and channels listed in a warning.
+const MAX_LISTED: usize = 8;
 
-/// Bytes of samples that are decoded at a time: for a whole image, and for rows.
-const OF_ALL: usize = 1 << 26;
-const OF_ROWS: usize = 1 << 23;
+/// Size of the chunks in which a whole image is decoded, bytes of samples.
+const IMAGE_CHUNK: usize = 1 << 26;
+/// Size of the chunks in decoding by rows, bytes of samples.
+const ROW_CHUNK: usize = 1 << 23;
 
-/// Decodes the first layer with channels R, G and B, or else with Y (grey). Where `alpha` is wanted and there is a
-/// channel A, premultiplied colours are divided by it. Colours (`is_color`) are converted from the space that the header
-/// names to linear Rec. 709. Warns of other layers and channels.
+/// Decodes the first layer with channels R, G and B, or else with Y (grey). If `alpha` is set and there is a channel A,
+/// colours are divided by it (unpremultiplied). If `is_color` is set, colours are converted from the primaries of the
+/// header to linear Rec. 709. Warns of other layers and channels.
 pub(super) fn decode(
     source: &Source,
     is_color: bool,
@@ -38,12 +39,12 @@ pub(super) fn decode(
     picture.warn(warnings);
     let size = picture.header().layer_size;
     let mut numbers = Vec::with_capacity(size.area() * picture.channels().len());
-    let reading = Reading { is_color, in_parallel: true, together: OF_ALL };
+    let reading = Reading { is_color, in_parallel: true, chunk_bytes: IMAGE_CHUNK };
     picture.each(0..size.1, &reading, &mut |rows| numbers.extend(rows))?;
     Ok(picture.image([size.0 as u32, size.1 as u32], numbers))
 }
 
-/// The layout that [`displayed`] will give, by the header.
+/// The layout of the image that [`displayed`] returns, from the header.
 pub(super) fn layout(source: &Source, alpha: bool) -> Result<Layout> {
     let picture = Picture::open(source, alpha)?;
     let Window { size, .. } = picture.display();
@@ -52,8 +53,8 @@ pub(super) fn layout(source: &Source, alpha: bool) -> Result<Layout> {
     Ok(Layout { size, channels: picture.channels().len() as u32, bits: 32, rows: Some(rows as u32) })
 }
 
-/// An EXR fitted to its display window: black and transparent where the file has no pixels, and cropped to it. Renderers often write
-/// only the non-empty pixels, and other programs write overscan.
+/// Decodes as [`decode`] and fits the data window to the display window: missing pixels are black and transparent, overscan
+/// is cropped.
 pub(super) fn displayed(
     source: &Source,
     is_color: bool,
@@ -63,9 +64,9 @@ pub(super) fn displayed(
     let picture = Picture::open(source, alpha)?;
     let size = picture.display().size;
     let mut numbers = Vec::new();
-    let reading = Reading { is_color, in_parallel: true, together: OF_ALL };
+    let reading = Reading { is_color, in_parallel: true, chunk_bytes: IMAGE_CHUNK };
     picture.each_displayed(&reading, warnings, &mut |rows| match numbers.is_empty() {
-        // Small images are read at once.
+        // Small images arrive in a single chunk.
         true if rows.len() == size[0] as usize * size[1] as usize * picture.channels().len() => {
             numbers = rows
         }
@@ -78,7 +79,7 @@ pub(super) fn displayed(
     Ok(picture.image(size, numbers))
 }
 
-/// The same, in chunks of rows from the top down.
+/// As [`displayed`], in chunks of rows from the top.
 pub(super) fn displayed_rows(
     source: &Source,
     (is_color, alpha): (bool, bool),
@@ -86,27 +87,27 @@ pub(super) fn displayed_rows(
     warnings: &mut Vec<Warning>,
     take: &mut dyn FnMut(Vec<f32>),
 ) -> Result<()> {
-    let reading = Reading { is_color, in_parallel, together: OF_ROWS };
+    let reading = Reading { is_color, in_parallel, chunk_bytes: ROW_CHUNK };
     Picture::open(source, alpha)?.each_displayed(&reading, warnings, take)
 }
 
-/// How pixels are read.
+/// Parameters of decoding.
 struct Reading {
-    /// The numbers are colours.
+    /// Convert colours to linear Rec. 709.
     is_color: bool,
-    /// Other threads may help.
+    /// Use all threads.
     in_parallel: bool,
-    /// Bytes of samples that are read at a time.
-    together: usize,
+    /// Chunk size, bytes of samples.
+    chunk_bytes: usize,
 }
 
-/// A file whose headers were read, and its selected channels.
+/// An open file and its selected channels.
 struct Picture<'a> {
     source: &'a Source<'a>,
     meta: MetaData,
-    /// Where the headers end.
+    /// File offset of the end of the headers.
     end: u64,
-    /// The layer.
+    /// Index of the layer.
     index: usize,
     colour: Colour,
     alpha: bool,
@@ -128,7 +129,7 @@ impl<'a> Picture<'a> {
         &self.meta.headers[self.index]
     }
 
-    /// The channels that are taken, by number.
+    /// Indices of the selected channels.
     fn channels(&self) -> Vec<usize> {
         let alpha = self.colour.alpha.filter(|_| self.alpha);
         self.colour.color.iter().copied().chain(alpha).collect()
@@ -151,18 +152,18 @@ impl<'a> Picture<'a> {
         Image { name, width, height, channels, encoding: Encoding::Linear, pixels }
     }
 
-    /// Visits rows of the data window, some at a time.
+    /// Calls `take` with chunks of rows of the data window.
     fn each(&self, lines: Range<usize>, reading: &Reading, take: &mut dyn FnMut(Vec<f32>)) -> Result<()> {
         let channels = self.channels();
         let (count, width) = (channels.len(), self.header().layer_size.0);
         let space = self.header().shared_attributes.chromaticities;
         let space = space.filter(|_| reading.is_color && self.colour.color.len() == 3);
         let matrix = space.and_then(|c| primaries(&c).to_rec709());
-        let finish = |line: &mut [f32]| finished(line, count, matrix.as_ref());
+        let finish = |line: &mut [f32]| finish_line(line, count, matrix.as_ref());
         let fail = |e: exr::error::Error| broken(self.source, &e);
         let mut part = Part::open(self.source, (&self.meta, self.end), self.index, channels).map_err(fail)?;
         let height = part.block_height();
-        let step = (reading.together / part.row_bytes().max(1)).max(1);
+        let step = (reading.chunk_bytes / part.row_bytes().max(1)).max(1);
         let last = lines.end.div_ceil(height).min(part.len());
         for first in (lines.start / height..last).step_by(step) {
             let rows = first..(first + step).min(last);
@@ -176,7 +177,7 @@ impl<'a> Picture<'a> {
         Ok(())
     }
 
-    /// Visits rows of the display window, some at a time.
+    /// Calls `take` with chunks of rows of the display window.
     fn each_displayed(
         &self,
         reading: &Reading,
@@ -202,7 +203,7 @@ impl<'a> Picture<'a> {
         let shift =
             [i64::from(corner.0) - i64::from(position[0]), i64::from(corner.1) - i64::from(position[1])];
         let Span { from, to, count } = Span::of(shift[1], held.1, height);
-        let step = (reading.together / (width * channels * 4)).max(1);
+        let step = (reading.chunk_bytes / (width * channels * 4)).max(1);
         let blank = |lines: usize| {
             let starts = (0..lines).step_by(step);
             starts.map(move |first| vec![0.0; step.min(lines - first) * width * channels])
@@ -219,8 +220,8 @@ impl<'a> Picture<'a> {
     }
 }
 
-/// Colours that are divided by their alpha, and in linear Rec. 709.
-fn finished(line: &mut [f32], channels: usize, matrix: Option<&[[f64; 3]; 3]>) {
+/// Divides colours by alpha and converts them to linear Rec. 709.
+fn finish_line(line: &mut [f32], channels: usize, matrix: Option<&[[f64; 3]; 3]>) {
     if channels == 4 {
         for pixel in line.chunks_exact_mut(4) {
             let alpha = pixel[3];
@@ -245,7 +246,8 @@ fn names<'a>(channels: impl Iterator<Item = &'a Text>) -> Vec<String> {
     channels.map(Text::to_string).collect()
 }
 
-/// The overlap of pixels with a rectangle of another size along an axis: the first pixel, its position in the rectangle, and the count.
+/// Overlap of the data window with the display window along an axis: first pixel, its position in the display window, and
+/// number of pixels.
 struct Span {
     from: usize,
     to: usize,
@@ -260,7 +262,7 @@ impl Span {
     }
 }
 
-/// Pixels of a width, a height and channels, placed in a rectangle of another size; 0 where there are none.
+/// Copies pixels of a size (width, height, channels) with a shift into an image of another size; 0 elsewhere.
 fn fitted<T: Copy + Default>(
     values: &[T],
     [width, height, channels]: [usize; 3],
@@ -284,7 +286,7 @@ struct Window {
     size: [u32; 2],
 }
 
-/// Fails for features that the decoder lacks, naming them.
+/// Fails for unsupported features.
 fn check_kind(source: &Source, meta: &MetaData) -> Result<()> {
     if meta.headers.iter().any(|header| header.deep) {
         return Err(source
@@ -303,13 +305,13 @@ fn check_kind(source: &Source, meta: &MetaData) -> Result<()> {
     Ok(())
 }
 
-/// The space that a header names.
+/// Primaries and white point of a header.
 pub(super) fn primaries(of: &Chromaticities) -> Primaries {
     let pair = |v: Vec2<f32>| [f64::from(v.0), f64::from(v.1)];
     Primaries { red: pair(of.red), green: pair(of.green), blue: pair(of.blue), white: pair(of.white) }
 }
 
-/// The channels of a layer that make a picture, by number.
+/// Indices of a layer's colour channels.
 struct Colour {
     /// R, G and B, or Y.
     color: Vec<usize>,
@@ -319,13 +321,13 @@ struct Colour {
 }
 
 impl Colour {
-    /// The channels of the first layer that has a picture, and the number of that layer; given the names of each layer's channels.
+    /// The index of the first layer with colour channels, and these; `layers` are the channel names of each layer.
     fn of_file(source: &Source, layers: impl Iterator<Item = Vec<String>>) -> Result<(usize, Colour)> {
         let found = layers.enumerate().find_map(|(i, names)| Some((i, Colour::find(&names)?)));
         found.ok_or_else(|| source.error("has no layer with channels R, G and B or Y"))
     }
 
-    /// Channels of plain letters, or else the first group with a prefix; colour before grey.
+    /// Channels without prefix, else the first group with a prefix; colour before grey.
     fn find(names: &[String]) -> Option<Colour> {
         let prefixed = names.iter().filter_map(|name| Some(name[..=name.rfind('.')?].to_string()));
         let prefixes: Vec<String> = std::iter::once(String::new()).chain(prefixed).collect();
@@ -342,7 +344,7 @@ impl Colour {
         })
     }
 
-    /// Warns of layers and channels that are not used; alpha has its own rules.
+    /// The warning about unused layers and channels.
     fn left_out(&self, layers: &[Header], index: usize) -> Option<String> {
         let layer_name = |i: usize| match &layers[i].own_attributes.layer_name {
             Some(name) => format!("layer '{name}'"),
@@ -355,9 +357,9 @@ impl Colour {
         if all.is_empty() {
             return None;
         }
-        let mut listed = all.iter().take(LISTED).map(String::as_str).collect::<Vec<_>>().join(", ");
-        if all.len() > LISTED {
-            listed += &format!(" and {} more", all.len() - LISTED);
+        let mut listed = all.iter().take(MAX_LISTED).map(String::as_str).collect::<Vec<_>>().join(", ");
+        if all.len() > MAX_LISTED {
+            listed += &format!(" and {} more", all.len() - MAX_LISTED);
         }
         let layer = if layers.len() > 1 { format!(" of {}", layer_name(index)) } else { String::new() };
         let letters = if self.color.len() == 3 { "RGB" } else { "Y" };
@@ -365,7 +367,7 @@ impl Colour {
     }
 }
 
-/// Compares what the header claims with the bytes that the file holds, before the parser allocates for it.
+/// Checks the sizes in the headers against the file's length, before the parser allocates memory.
 pub(super) fn check_sizes(source: &Source, meta: &MetaData) -> Result<()> {
     let (mut samples, mut memory) = (0u64, 0u64);
     for header in &meta.headers {
@@ -379,7 +381,7 @@ pub(super) fn check_sizes(source: &Source, meta: &MetaData) -> Result<()> {
             .map(|c| width * height * c.sample_type.bytes_per_sample() as u64)
             .sum::<u64>();
         source::check_memory(source, width, height, memory)?;
-        // Each chunk has an offset of 8 bytes in a table and a header of at least 8.
+        // Each chunk has an offset of 8 bytes in the table and a header of at least 8.
         if (header.chunk_count as u64).saturating_mul(16) > source.length {
             return Err(source.error(format!(
                 "promises {} blocks of pixels, but the file has only {} bytes: it is cut short",
@@ -387,7 +389,7 @@ pub(super) fn check_sizes(source: &Source, meta: &MetaData) -> Result<()> {
             )));
         }
     }
-    // The limit for many channels: large files may hold one number per bit.
+    // With many channels: at most one sample per bit of the file.
     let bytes = source.length;
     if samples > source::pixels(bytes).saturating_mul(4).max(bytes.saturating_mul(8)) {
         return Err(source.error(format!("claims {samples} numbers in {bytes} bytes, which is too many")));
@@ -406,14 +408,14 @@ pub struct Layered {
 /// Information about a channel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ChannelInfo {
-    /// Its name with that of its layer: `albedo.R`.
+    /// Name with its layer: `albedo.R`.
     pub name: String,
     /// `half`, `float` or `uint`.
     pub kind: &'static str,
 }
 
 impl Layered {
-    /// Parts of the file.
+    /// Number of parts.
     pub fn len(&self) -> usize {
         self.file.layer_data.len()
     }
@@ -429,7 +431,7 @@ impl Layered {
         [size.0, size.1]
     }
 
-    /// Pixels of a part, one value or several each, within the display window: the default where the part has none.
+    /// Fits pixels of a part to the display window, filled with the default value; returns its size and pixels.
     pub fn in_display_window<T: Copy + Default>(&self, part: usize, pixels: &[T]) -> ([usize; 2], Vec<T>) {
         let (layer, shown) = (&self.file.layer_data[part], self.file.attributes.display_window);
         let (size, corner) = (layer.size, layer.attributes.layer_position);
@@ -471,7 +473,7 @@ impl Layered {
         format!("{blocks}, {:?}", encoding.compression)
     }
 
-    /// The attributes of a part's header that describe the picture, as text, by name.
+    /// Descriptive attributes of a part's header: names and values as text, sorted.
     pub fn attributes(&self, part: usize) -> Vec<(String, String)> {
         let (file, own) = (&self.file.attributes, &self.file.layer_data[part].attributes);
         let window = file.display_window;
@@ -497,24 +499,24 @@ impl Layered {
         add("worldToCamera", own.world_to_camera.map(|m| format!("{m:?}")));
         add("worldToNDC", own.world_to_normalized_device.map(|m| format!("{m:?}")));
         for (name, value) in file.other.iter().chain(&own.other) {
-            add(&name.to_string(), Some(shown(value)));
+            add(&name.to_string(), Some(attribute_text(value)));
         }
         list.sort();
         list
     }
 
-    /// The colour space of the file, if its header names one.
+    /// The primaries of the file, if its header defines them.
     pub fn primaries(&self) -> Option<Primaries> {
         self.file.attributes.chromaticities.map(|c| primaries(&c))
     }
 
-    /// The name of a channel without the render layer that Blender, and files laid out as its are, write before it:
-    /// `albedo.R` for `ViewLayer.albedo.R`, `R` for `ViewLayer.Combined.R`. Others stay as they are.
+    /// The name of a channel without the prefix of a render layer, as Blender writes it: `albedo.R` for `ViewLayer.albedo.R`,
+    /// `R` for `ViewLayer.Combined.R`. Other names are unchanged.
     pub fn plain_name(&self, part: usize, name: &str) -> String {
         plain_name(self.render_layer(part).as_deref(), name).to_string()
     }
 
-    /// The prefix of a part's channel names, with its dot, if that is a render layer.
+    /// The prefix of a part's channel names, with its dot, if it is a render layer.
     fn render_layer(&self, part: usize) -> Option<String> {
         let list = &self.file.layer_data[part].channel_data.list;
         let layer =
@@ -525,31 +527,30 @@ impl Layered {
     /// Index of a channel in its part: by its name, or by its [plain name](Layered::plain_name).
     fn index_of(&self, part: usize, name: &str) -> Option<usize> {
         let list = &self.file.layer_data[part].channel_data.list;
-        let as_it_is = list.iter().position(|c| c.name == *name);
-        as_it_is.or_else(|| {
+        let exact = list.iter().position(|c| c.name == *name);
+        exact.or_else(|| {
             let layer = self.render_layer(part)?;
             list.iter().position(|c| plain_name(Some(&layer), &c.name.to_string()) == name)
         })
     }
 
-    /// The first part with a channel, of those that are as large as part `like`; that one before others.
+    /// The first part with a channel among the parts with the size of part `like`, starting with `like`.
     pub fn part_with(&self, like: usize, name: &str) -> Option<usize> {
         let others = (0..self.len()).filter(|&part| part != like && self.size(part) == self.size(like));
         std::iter::once(like).chain(others).find(|&part| self.index_of(part, name).is_some())
     }
 
-    /// The values of a channel, by its name or its [plain name](Layered::plain_name), row by row from the top, integers as
-    /// floats. `None` if there is no such channel.
+    /// The values of a channel by its name or its [plain name](Layered::plain_name), row by row from the top; integers are
+    /// converted to floats. `None` if there is no such channel.
     pub fn values(&self, part: usize, name: &str) -> Option<Vec<f32>> {
         let channel = &self.file.layer_data[part].channel_data.list[self.index_of(part, name)?];
         Some(channel.sample_data.values_as_f32().collect())
     }
 
-    /// Replaces a channel's values, in the channel's type, half floats within their range. Does nothing if there
-    /// is no such channel.
+    /// Replaces a channel's values, converted to its type and clamped to its range. Does nothing if there is no such channel.
     ///
     /// # Panics
-    /// If there are not as many as before.
+    /// If the number of values differs.
     pub fn set_values(&mut self, part: usize, name: &str, values: &[f32]) {
         let Some(index) = self.index_of(part, name) else { return };
         let channel = &mut self.file.layer_data[part].channel_data.list[index];
@@ -562,7 +563,7 @@ impl Layered {
         }
     }
 
-    /// Sets a text attribute of a part. Text has the first 256 code points only; nothing is set for other text.
+    /// Sets a text attribute of a part. Does nothing for text with code points above 255.
     pub fn set_attribute(&mut self, part: usize, name: &str, value: &str) {
         if let (Some(name), Some(value)) = (Text::new_or_none(name), Text::new_or_none(value)) {
             let other = &mut self.file.layer_data[part].attributes.other;
@@ -570,7 +571,7 @@ impl Layered {
         }
     }
 
-    /// Three channels of a part, if it has them all, without a copy where they are floats.
+    /// Three channels of a part, if it has them all; f32 channels are borrowed.
     pub fn planes(&self, part: usize, names: [&str; 3]) -> Option<[Cow<'_, [f32]>; 3]> {
         let list = &self.file.layer_data[part].channel_data.list;
         let [a, b, c] = names.map(|name| match &list[self.index_of(part, name)?].sample_data {
@@ -580,18 +581,18 @@ impl Layered {
         Some([a?, b?, c?])
     }
 
-    /// [`Layered::planes`], mutable.
+    /// [`Layered::planes`] as owned values.
     pub fn triple(&self, part: usize, names: [&str; 3]) -> Option<[Vec<f32>; 3]> {
         self.planes(part, names).map(|planes| planes.map(Cow::into_owned))
     }
 
-    /// The file in the types of the crate that writes it.
+    /// The file in the type of the crate `exr`.
     pub(crate) fn file(&self) -> &exr::image::Image<Layers<AnyChannels<FlatSamples>>> {
         &self.file
     }
 }
 
-/// The name of a channel without that of the render layer before it.
+/// The name of a channel without its render layer.
 fn plain_name<'a>(layer: Option<&str>, name: &'a str) -> &'a str {
     match layer.and_then(|layer| name.strip_prefix(layer)) {
         None => name,
@@ -601,13 +602,13 @@ fn plain_name<'a>(layer: Option<&str>, name: &'a str) -> &'a str {
     }
 }
 
-/// Corner and size.
+/// A rectangle as text.
 fn rectangle(position: Vec2<i32>, size: Vec2<usize>) -> String {
     format!("{} x {} at {}, {}", size.0, size.1, position.0, position.1)
 }
 
 /// The value of an attribute as text.
-fn shown(value: &AttributeValue) -> String {
+fn attribute_text(value: &AttributeValue) -> String {
     match value {
         AttributeValue::Text(text) => text.to_string(),
         AttributeValue::F64(number) => number.to_string(),
@@ -617,10 +618,10 @@ fn shown(value: &AttributeValue) -> String {
     }
 }
 
-/// Reads an EXR file with all that is in it; of pictures in several resolutions the largest.
+/// Reads a complete EXR file, at its largest resolution.
 ///
 /// # Errors
-/// An input error if the file is missing, no EXR, broken, or larger than its length can justify.
+/// An input error if the file is missing, no EXR, damaged, or claims more pixels than its length permits.
 pub fn load_layered(path: &Path) -> Result<Layered> {
     let bytes = read_bytes(path, None)?;
     let source = Source::new(&bytes, (path, ""), None);

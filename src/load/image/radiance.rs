@@ -1,8 +1,8 @@
 //! Radiance HDR (Ward 1994, "The RADIANCE Lighting Simulation and Rendering System"; `src/common/color.h` and the file format
-//! document of Radiance): the header's factors, spaces and orders of pixels, around the decoder of plain ones.
+//! document of Radiance). Adds exposure factors, XYZ and all pixel orders to the decoder of the crate `image`.
 //!
-//! `EXPOSURE` and `COLORCORR` are what the numbers were multiplied by; several multiply. Rows of the header's last line may run along
-//! either axis and either way: `-Y h +X w` is the usual order. `FORMAT=32-bit_rle_xyze` holds CIE XYZ.
+//! Pixels were multiplied by `EXPOSURE` and `COLORCORR`, which may occur repeatedly. The header's last line is the pixel order:
+//! scan lines along either axis in either direction, usually `-Y h +X w`. `FORMAT=32-bit_rle_xyze` is CIE XYZ.
 
 use super::source::{self, Layout, Source};
 use crate::color::converted;
@@ -11,18 +11,18 @@ use image::codecs::hdr::HdrDecoder;
 use image::{DynamicImage, ImageError};
 use std::io::{ErrorKind, Read};
 
-/// The pixels of a file, linear RGB.
+/// The pixels of a file, linear Rec. 709, interleaved.
 pub(super) struct Radiance {
     pub width: u32,
     pub height: u32,
     pub rgb: Vec<f32>,
 }
 
-/// Bytes of a decoded pixel: three floats.
+/// Size of a decoded pixel, bytes: three floats.
 const BYTES_A_PIXEL: u64 = 12;
 
-/// Maximum number of bytes of a header.
-const LONGEST_HEADER: usize = 1 << 20;
+/// Maximum size of a header, bytes.
+const MAX_HEADER: usize = 1 << 20;
 
 /// CIE XYZ to linear Rec. 709, whose white is D65 (IEC 61966-2-1).
 const REC709_FROM_XYZ: [[f64; 3]; 3] = [
@@ -33,19 +33,19 @@ const REC709_FROM_XYZ: [[f64; 3]; 3] = [
 
 /// The header.
 struct Header {
-    /// Product of all factors on each channel.
+    /// Product of all exposure factors, per channel.
     factors: [f32; 3],
     is_xyz: bool,
-    /// The first and the second axis: is it x, does it grow, and how many pixels it has.
+    /// Slow and fast axis: is it x, is it increasing, and its number of pixels.
     axes: [(bool, bool, u32); 2],
-    /// Bytes up to the pixels.
+    /// Size of the header, bytes.
     length: usize,
 }
 
-/// Number of bytes of decoded rows that are passed on at once.
+/// Size of a chunk of decoded rows, bytes.
 const CHUNK_BYTES: usize = 1 << 23;
 
-/// The layout that [`decode`] will give, by the header.
+/// The layout of the image that [`decode`] returns, from the header.
 pub(super) fn layout(source: &Source) -> Result<Layout> {
     let header = Header::checked(source)?;
     let rows = header.is_usual().then_some(1);
@@ -65,7 +65,7 @@ pub(super) fn decode(source: &Source, warnings: &mut Vec<Warning>) -> Result<Rad
     Ok(header.in_order(rgb))
 }
 
-/// Decodes a file in the usual order of pixels and hands over some rows at a time, from the top down.
+/// Decodes a file in the usual pixel order and calls `take` with chunks of rows, from the top.
 ///
 /// # Errors
 /// An input error for a damaged file.
@@ -80,7 +80,7 @@ pub(super) fn rows(
     Ok(())
 }
 
-/// The error of a decoder, with a remedy if one is known.
+/// The error of a decoder, with a remedy for truncated files.
 pub(super) fn broken(source: &Source, error: &ImageError) -> crate::error::Error {
     match error {
         ImageError::IoError(e) if e.kind() == ErrorKind::UnexpectedEof => source
@@ -91,7 +91,7 @@ pub(super) fn broken(source: &Source, error: &ImageError) -> crate::error::Error
 }
 
 impl Header {
-    /// The header of an image whose size was checked.
+    /// Reads the header and checks the size.
     fn checked(source: &Source) -> Result<Header> {
         let header = Header::read(source)?;
         let [width, height] = header.size().map(u64::from);
@@ -106,14 +106,14 @@ impl Header {
         if first_is_x { [rows, columns] } else { [columns, rows] }
     }
 
-    /// Hands over the pixels of some rows at a time, in the order of the file.
+    /// Calls `take` with chunks of scan lines, in the order of the file.
     fn each(&self, source: &Source, take: &mut dyn FnMut(Vec<f32>)) -> Result<()> {
         let [rows, columns] = self.axes.map(|axis| axis.2);
         let mut file = source.reader(self.length as u64);
         let step = (CHUNK_BYTES as u64 / (u64::from(columns) * BYTES_A_PIXEL)).max(1);
         for first in (0..rows).step_by(step as usize) {
             let some = u64::from(rows - first).min(step);
-            // The decoder reads plain headers alone, and not a byte more than its rows.
+            // The crate's decoder ignores most of the header, so it gets a minimal one. It reads no bytes beyond its rows.
             let plain = format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {some} +X {columns}\n");
             let decoder = HdrDecoder::new_nonstrict(plain.as_bytes().chain(&mut file));
             let decoded = decoder.and_then(DynamicImage::from_decoder).map_err(|e| broken(source, &e))?;
@@ -130,7 +130,7 @@ impl Header {
         Ok(())
     }
 
-    /// Warns of factors that the values were divided by.
+    /// Warns that values were divided by exposure factors.
     fn warn(&self, source: &Source, warnings: &mut Vec<Warning>) {
         let [r, g, b] = self.factors;
         if self.factors != [1.0; 3] {
@@ -141,7 +141,7 @@ impl Header {
         }
     }
 
-    /// Do rows run from the left to the right, and from the top down? y of the file grows upwards.
+    /// Is the pixel order `-Y h +X w`: from left to right, from the top? The file's y axis points up.
     fn is_usual(&self) -> bool {
         let [(first_is_x, first_grows, _), (_, second_grows, _)] = self.axes;
         !first_is_x && !first_grows && second_grows
@@ -150,7 +150,7 @@ impl Header {
     fn read(source: &Source) -> Result<Header> {
         let fail = |what: &str| source.error(format!("can't be read as an image: {what}"));
         let mut header = Header { factors: [1.0; 3], is_xyz: false, axes: [(false, false, 0); 2], length: 0 };
-        let head = &source.bytes[..source.bytes.len().min(LONGEST_HEADER)];
+        let head = &source.bytes[..source.bytes.len().min(MAX_HEADER)];
         let mut is_over = false;
         for line in head.split_inclusive(|&b| b == b'\n') {
             header.length += line.len();
@@ -161,13 +161,13 @@ impl Header {
                 return Ok(header);
             }
             is_over = line.is_empty();
-            header.note(line);
+            header.parse_variable(line);
         }
         Err(fail("it ends inside its header"))
     }
 
-    /// Reads a variable of the header; unknown ones are skipped.
-    fn note(&mut self, line: &str) {
+    /// Parses a variable of the header; unknown ones are skipped.
+    fn parse_variable(&mut self, line: &str) {
         let Some((name, value)) = line.split_once('=') else { return };
         let numbers = || value.split_whitespace().filter_map(|word| word.parse::<f32>().ok());
         let usable = |factor: &f32| *factor > 0.0 && factor.is_finite();
@@ -187,7 +187,7 @@ impl Header {
         }
     }
 
-    /// The pixels from the left to the right and from the top down.
+    /// The pixels reordered from left to right, from the top.
     fn in_order(&self, rgb: Vec<f32>) -> Radiance {
         let [(first_is_x, first_grows, rows), (_, second_grows, columns)] = self.axes;
         let [width, height] = self.size();
@@ -210,7 +210,7 @@ impl Header {
     }
 }
 
-/// `-Y 512 +X 1024`.
+/// Parses the pixel order, such as `-Y 512 +X 1024`.
 fn axes(line: &str) -> Option<[(bool, bool, u32); 2]> {
     let mut words = line.split_whitespace();
     let mut axis = || {
@@ -233,7 +233,7 @@ mod tests {
     use super::*;
     use std::path::Path;
 
-    /// Three pixels by two, of which each has a red of its own: 1/128 times 1 to 6.
+    /// An image of 3 x 2 pixels, their red 1/128 to 6/128.
     fn decoded(header: &str) -> (Result<Radiance>, Vec<Warning>) {
         let mut bytes = header.as_bytes().to_vec();
         bytes.extend((1..=6u8).flat_map(|red| [red, 0, 0, 129]));
@@ -250,13 +250,13 @@ mod tests {
     }
 
     #[test]
-    fn pixels_in_every_order() {
+    fn all_pixel_orders_are_decoded() {
         for (size, expected) in [
             ("-Y 2 +X 3", (3, 2, [1, 2, 3, 4, 5, 6])),
             ("+Y 2 +X 3", (3, 2, [4, 5, 6, 1, 2, 3])),
             ("-Y 2 -X 3", (3, 2, [3, 2, 1, 6, 5, 4])),
             ("+Y 2 -X 3", (3, 2, [6, 5, 4, 3, 2, 1])),
-            // Columns of three, from the left to the right.
+            // Columns of three, from left to right.
             ("+X 2 -Y 3", (2, 3, [1, 4, 2, 5, 3, 6])),
             ("+X 2 +Y 3", (2, 3, [3, 6, 2, 5, 1, 4])),
             ("-X 2 -Y 3", (2, 3, [4, 1, 5, 2, 6, 3])),
@@ -271,14 +271,14 @@ mod tests {
     }
 
     #[test]
-    fn rows_are_those_of_the_file_decoded_at_once() {
+    fn rows_equal_those_of_the_whole_image() {
         let (width, height) = (9, 100_000);
         let head = format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n");
         let mut bytes = head.into_bytes();
         for row in 0..height {
             match row % 3 {
                 0 => (0..width).for_each(|x| bytes.extend([x as u8, row as u8, 7, 130])),
-                // Run lengths, of the older kind and of the later one.
+                // Run-length encoding, old and new.
                 1 => bytes.extend([row as u8, 5, 6, 128, 1, 1, 1, 7, 9, 9, 9, 120]),
                 _ => {
                     bytes.extend([2, 2, 0, 9]);
@@ -286,20 +286,20 @@ mod tests {
                 }
             }
         }
-        let whole =
+        let expected =
             HdrDecoder::new(bytes.as_slice()).and_then(DynamicImage::from_decoder).expect("it is read");
         let source = Source::new(&bytes, (Path::new("a.hdr"), ""), None);
         let mut parts = Vec::new();
         rows(&source, &mut Vec::new(), &mut |rows| parts.push(rows)).expect("it is read");
         assert!(parts.len() > 1 && parts.iter().all(|rows| rows.len() * 4 <= CHUNK_BYTES), "{}", parts.len());
-        assert!(parts.concat() == whole.into_rgb32f().into_raw());
+        assert!(parts.concat() == expected.into_rgb32f().into_raw());
         bytes.truncate(bytes.len() - 1);
         let source = Source::new(&bytes, (Path::new("a.hdr"), ""), None);
         assert!(rows(&source, &mut Vec::new(), &mut |_| {}).is_err());
     }
 
     #[test]
-    fn factors_and_spaces_of_the_header() {
+    fn exposure_and_xyz_are_converted() {
         let (image, warnings) = decoded("#?RGBE\nEXPOSURE=2\nEXPOSURE= 2\nCOLORCORR=1 2 4\n\n-Y 2 +X 3\n");
         assert_eq!(image.expect("it is read").rgb[0], 1.0 / 128.0 / 4.0);
         assert!(warnings[0].message.contains("4 8 16"), "{warnings:?}");

@@ -1,4 +1,4 @@
-//! An image before it is decoded: its bytes, their source, and its use.
+//! Encoded images: bytes, location, use, and checks before decoding.
 
 use crate::error::{Choice, Error, Message, Problem, Result, Warning};
 use crate::load::decoders::Decoder;
@@ -14,37 +14,36 @@ use std::path::Path;
 pub(crate) enum Use {
     /// Colour: integers are sRGB-encoded, floats linear.
     Color,
-    /// Numbers such as roughness or normals: linear, whatever their type.
+    /// Data such as roughness or normals: always linear.
     Data,
     /// Environment: integers are sRGB-encoded, floats radiance; no texel may be negative.
     Environment,
-    /// A picture to look at, as colour.
+    /// A picture for display: encoding as of colour.
     Picture,
 }
 
 impl Use {
-    /// Is it a photograph rather than a texture? Its orientation tag and its colour profile are applied then.
+    /// Is it a photograph rather than a texture, so that its orientation and colour profile are applied?
     pub fn is_photograph(self) -> bool {
         matches!(self, Use::Environment | Use::Picture)
     }
 
-    /// Does it take alpha from an EXR?
+    /// Is the alpha of an EXR used?
     pub fn has_alpha(self) -> bool {
         matches!(self, Use::Color | Use::Picture)
     }
 }
 
-/// An image file in memory, with its metadata.
+/// An image file in memory.
 pub(crate) struct ImageFile<'a> {
     pub bytes: Cow<'a, [u8]>,
-    /// The file that holds the image and nothing else, if there is one: it is read again when the image is decoded. Other bytes stay in
-    /// memory.
+    /// The file of the image, if it contains nothing else: it is read again for decoding. Otherwise the bytes are kept.
     pub own_file: Option<&'a Path>,
-    /// Its location for messages: a file, and a JSON pointer inside it.
+    /// Location for messages: file, and JSON pointer inside it.
     pub place: (&'a Path, &'a str),
     /// The declared media type.
     pub mime: Option<&'a str>,
-    /// Maximum number of bytes that its pixels may take.
+    /// Maximum size of the decoded pixels, bytes.
     pub memory_limit: Option<u64>,
 }
 
@@ -55,26 +54,26 @@ impl ImageFile<'_> {
     }
 }
 
-/// The pixels of an image by its header.
+/// Pixel format of an image, from its header.
 pub(super) struct Layout {
     pub size: [u32; 2],
     pub channels: u32,
-    /// Bits per channel: 8 or 16 of an integer, 32 of a float.
+    /// Bits per channel: 8 or 16 for integers, 32 for floats.
     pub bits: u32,
-    /// Rows that are decoded together; `None` if that is the whole image.
+    /// Number of rows of a block, for decoding by rows; `None` if only the whole image can be decoded.
     pub rows: Option<u32>,
 }
 
-/// The bytes of an image, and their location for messages.
+/// The bytes of an image, and its location for messages.
 pub(super) struct Source<'a> {
-    /// All of them, or the beginning of an open file.
+    /// All bytes, or the first bytes of an open file.
     pub bytes: &'a [u8],
     open: Option<&'a File>,
-    /// Number of all bytes.
+    /// Total length, bytes.
     pub length: u64,
     pub file: &'a Path,
     pub pointer: &'a str,
-    /// Maximum number of bytes that its pixels may take; `None` for no limit.
+    /// Maximum size of the decoded pixels, bytes; `None` for no limit.
     pub memory_limit: Option<u64>,
 }
 
@@ -88,7 +87,7 @@ impl<'a> Source<'a> {
         Source { bytes, open: None, length: bytes.len() as u64, file, pointer, memory_limit }
     }
 
-    /// An image in a file, of which the beginning was read.
+    /// An image in an open file whose first bytes were read.
     pub fn in_file(
         (open, length): (&'a File, u64),
         beginning: &'a [u8],
@@ -98,7 +97,7 @@ impl<'a> Source<'a> {
         Source { bytes: beginning, open: Some(open), length, file, pointer, memory_limit }
     }
 
-    /// The bytes from a position on.
+    /// A reader of the bytes from an offset on.
     pub fn reader(&'a self, position: u64) -> Box<dyn BufRead + 'a> {
         let start = usize::try_from(position).unwrap_or(usize::MAX).min(self.bytes.len());
         match self.open {
@@ -112,7 +111,7 @@ impl<'a> Source<'a> {
     }
 
     /// The error for an image whose decoder is not part of this build.
-    pub fn lacks(&self, decoder: Decoder) -> Error {
+    pub fn missing_decoder_error(&self, decoder: Decoder) -> Error {
         let message = format!("can't be read: {}", decoder.lack());
         self.error(message).with_help(format!("{}, or convert the image to PNG", decoder.remedy()))
     }
@@ -128,7 +127,7 @@ impl<'a> Source<'a> {
     }
 }
 
-/// Reads a file from a position on, independent of other readers of the same handle.
+/// Reads a file from an offset on, independent of other readers of the same handle.
 struct FileReader<'a> {
     file: &'a File,
     position: u64,
@@ -145,7 +144,7 @@ impl Read for FileReader<'_> {
 
 // Reading bytes and identifying formats.
 
-/// Decoders return errors for damaged files; should one panic all the same, that is an error, too.
+/// Runs a decoder; a panic becomes an error.
 pub(super) fn guarded<T>(source: &Source, decode: impl FnOnce() -> Result<T>) -> Result<T> {
     let broken = |message| source.error(format!("can't be read as an image: {message}"));
     decoders::catch(decode).map_err(broken)?
@@ -157,40 +156,41 @@ pub(super) fn read_bytes(path: &Path, memory_limit: Option<u64>) -> Result<Vec<u
         .map_err(|message| Error::input(path, message))
 }
 
-/// The format by the first bytes.
+/// The image format by the first bytes.
 pub(super) fn signature(bytes: &[u8]) -> Option<ImageFormat> {
     if bytes.starts_with(b"#?") { Some(ImageFormat::Hdr) } else { image::guess_format(bytes).ok() }
 }
 
 // Limits of image sizes by the size of the file.
 
-/// Pixels that any file may claim: some codecs store a uniform picture of any size in a few bytes.
+/// Pixels that any file may claim: some codecs store constant images of any size in a few bytes.
 const ALWAYS_ALLOWED: u64 = 1 << 24;
 /// Maximum number of pixels per byte: deflate packs at most 1032 bytes into one, and a byte holds 8 bilevel pixels.
 const PER_BYTE: u64 = 1032 * 8;
-/// Maximum number of pixels of an image, whatever its file: 32,768 x 16,384.
+/// Maximum number of pixels of any image: 32,768 x 16,384.
 const MAX_PIXELS: u64 = 1 << 29;
 
-/// Maximum number of pixels that a file of this length can justify.
+/// Maximum number of pixels for a file of a length, bytes.
 pub(super) fn pixels(file_length: u64) -> u64 {
     file_length.saturating_mul(PER_BYTE).clamp(ALWAYS_ALLOWED, MAX_PIXELS)
 }
 
-/// Fails for sizes of zero and that are implausible for the length of the file.
+/// Fails for images without pixels, and for sizes that are implausible for the file's length.
 pub(super) fn check(source: &Source, width: u64, height: u64) -> Result<()> {
-    let most = pixels(source.length);
+    let max_pixels = pixels(source.length);
     match width.checked_mul(height) {
         Some(0) => Err(source.error("has no pixels")),
-        Some(n) if n <= most && width.max(height) <= u64::from(u32::MAX) => Ok(()),
+        Some(n) if n <= max_pixels && width.max(height) <= u64::from(u32::MAX) => Ok(()),
         _ => {
             let bytes = source.length;
-            let claim = format!("claims {width} x {height} pixels in {bytes} bytes; at most {most} pixels");
+            let claim =
+                format!("claims {width} x {height} pixels in {bytes} bytes; at most {max_pixels} pixels");
             Err(source.error(("image-size-claim", format!("{claim} are accepted for a file of that length"))))
         }
     }
 }
 
-/// Fails if the pixels take more memory than is allowed, before they are decoded.
+/// Fails if the decoded pixels would exceed the memory limit.
 pub(super) fn check_memory(source: &Source, width: u64, height: u64, bytes: u64) -> Result<()> {
     let Some(limit) = source.memory_limit.filter(|limit| bytes > *limit) else { return Ok(()) };
     let mib = |bytes: u64| bytes.div_ceil(1 << 20);
@@ -202,22 +202,20 @@ pub(super) fn check_memory(source: &Source, width: u64, height: u64, bytes: u64)
     Err(source.error(message).with_help(format!("make it smaller, or raise {}", Choice::MemoryLimit)))
 }
 
-/// The limit for the buffers that decoders allocate: 16 bytes per pixel.
+/// Limit of a decoder's allocations: 16 bytes per pixel.
 pub(super) fn for_decoder(source: &Source) -> Limits {
     let mut limits = Limits::no_limits();
     limits.max_alloc = Some(pixels(source.length) * 16);
     limits
 }
 
-/// A big-endian number of this many bytes.
-pub(super) fn be(bytes: &[u8], at: usize, length: usize) -> Option<usize> {
+/// A big-endian number of `length` bytes.
+pub(super) fn big_endian(bytes: &[u8], at: usize, length: usize) -> Option<usize> {
     let digits = bytes.get(at..at.checked_add(length)?)?;
     usize::try_from(digits.iter().fold(0u64, |n, &b| n << 8 | u64::from(b))).ok()
 }
 
-// Repair of invalid values.
-
-/// Sets NaN, infinite and, in environments, negative numbers to 0, and counts them.
+/// Repair of invalid values: sets NaN, infinite and, in environments, negative values to 0, and counts them.
 pub(super) struct Repair {
     is_environment: bool,
     not_finite: usize,

@@ -1,5 +1,5 @@
-//! Lines of OBJ and MTL files as the formats mean them: without a byte order mark, with any kind of line end, and
-//! joined where a `\` says that a line continues; and a filter between them and `tobj`.
+//! Lines of OBJ and MTL files: removes a byte order mark, accepts all line ends, joins lines continued by `\`, and applies a
+//! filter before `tobj` parses them.
 
 use crate::load::decoders;
 use crate::load::files::ModelReader;
@@ -10,11 +10,11 @@ use std::io::{BufRead, ErrorKind, Read, Result, Seek, SeekFrom};
 use std::panic::resume_unwind;
 use std::sync::mpsc::{Receiver, sync_channel};
 
-/// Bytes that are read at a time, so that the whole file is never in memory.
+/// Bytes to read at a time: the whole file is never in memory.
 const CHUNK: usize = 1 << 18;
 
-/// Maximum number of chunks that the filter may be ahead of `tobj`.
-const AHEAD: usize = 4;
+/// Maximum number of filtered chunks that wait for `tobj`.
+const MAX_QUEUED: usize = 4;
 
 /// A reader that reports progress.
 pub(super) struct CountedReader<'a> {
@@ -23,9 +23,9 @@ pub(super) struct CountedReader<'a> {
 }
 
 impl<'a> CountedReader<'a> {
-    /// The file from its current position.
+    /// Reads a file from its current position.
     pub fn new(file: ModelReader, counter: &'a WorkCounter) -> CountedReader<'a> {
-        // A pipe has no length, and so no progress.
+        // Pipes have no length, so no progress.
         counter.begin(file.length());
         CountedReader { file, counter }
     }
@@ -47,39 +47,39 @@ impl Seek for CountedReader<'_> {
 
 /// Filters a line before `tobj` reads it.
 pub(super) trait LineFilter {
-    /// Appends the filtered line to `out`. The number is that of its first line where lines are joined, from 1.
+    /// Appends the filtered line to `out`. `number`, from 1, is that of the first of joined lines.
     fn line(&mut self, number: usize, text: &[u8], out: &mut Vec<u8>);
 
     /// Should reading stop?
-    fn gives_up(&self) -> bool {
+    fn is_finished(&self) -> bool {
         false
     }
 
-    /// Called at the end of the file: is a second pass needed?
-    fn again(&mut self) -> bool {
+    /// Called at the end of a pass: is another pass needed?
+    fn needs_next_pass(&mut self) -> bool {
         false
     }
 }
 
 /// Feeds the lines of a file to a filter.
-struct Cleaning<R, C> {
+struct FilteredLines<R, C> {
     file: R,
-    cleaner: C,
-    /// Lines taken so far.
+    filter: C,
+    /// Number of lines so far.
     number: usize,
-    /// The beginning of a line that continues in the next, and the number of its first line.
+    /// Number of the first line and text of lines joined by `\`.
     joined: (usize, Vec<u8>),
     out: Vec<u8>,
 }
 
-impl<R: Read + Seek, C: LineFilter> Cleaning<R, C> {
-    fn new(file: R, cleaner: C) -> Cleaning<R, C> {
-        Cleaning { file, cleaner, number: 0, joined: (0, Vec::new()), out: Vec::new() }
+impl<R: Read + Seek, C: LineFilter> FilteredLines<R, C> {
+    fn new(file: R, filter: C) -> FilteredLines<R, C> {
+        FilteredLines { file, filter, number: 0, joined: (0, Vec::new()), out: Vec::new() }
     }
 
-    /// Returns the filtered file chunk by chunk.
-    fn run(&mut self, mut give: impl FnMut(Vec<u8>)) -> Result<()> {
-        // The unread rest of the buffer: the beginning of a line.
+    /// Filters the file and calls `emit` with chunks of it.
+    fn run(&mut self, mut emit: impl FnMut(Vec<u8>)) -> Result<()> {
+        // `rest` is the length of the incomplete line at the start of the buffer.
         let (mut buffer, mut rest) = (vec![0; CHUNK], 0);
         loop {
             if rest == buffer.len() {
@@ -95,9 +95,9 @@ impl<R: Read + Seek, C: LineFilter> Cleaning<R, C> {
                 start = from + length + 1;
                 from = start;
                 if self.out.len() >= CHUNK {
-                    give(std::mem::take(&mut self.out));
+                    emit(std::mem::take(&mut self.out));
                 }
-                if self.cleaner.gives_up() {
+                if self.filter.is_finished() {
                     return Ok(());
                 }
             }
@@ -110,8 +110,8 @@ impl<R: Read + Seek, C: LineFilter> Cleaning<R, C> {
                 self.with_end(&buffer[..rest]);
             }
             self.end_joined();
-            if !self.cleaner.again() {
-                give(std::mem::take(&mut self.out));
+            if !self.filter.needs_next_pass() {
+                emit(std::mem::take(&mut self.out));
                 return Ok(());
             }
             self.file.rewind()?;
@@ -119,12 +119,12 @@ impl<R: Read + Seek, C: LineFilter> Cleaning<R, C> {
         }
     }
 
-    /// A line up to its `\n`, or several that end otherwise.
+    /// Handles a line up to `\n`, which may be several lines separated by `\r`.
     fn with_end(&mut self, raw: &[u8]) {
         let text = raw.strip_suffix(b"\r").unwrap_or(raw);
         let is_first = self.number == 0;
         let text = text.strip_prefix(b"\xef\xbb\xbf").filter(|_| is_first).unwrap_or(text);
-        // That is fast where there is none, which is nearly always.
+        // `memchr` is faster than splitting, and `\r` is rare.
         match memchr(b'\r', text) {
             Some(_) => text.split(|&b| b == b'\r').for_each(|line| self.line(line)),
             None => self.line(text),
@@ -138,11 +138,11 @@ impl<R: Read + Seek, C: LineFilter> Cleaning<R, C> {
         if joined.is_empty() {
             *first = self.number;
         }
-        // Paths in comments end in backslashes, too.
+        // Paths in comments may end in a backslash.
         let is_comment = joined.is_empty() && text.trim_ascii_start().starts_with(b"#");
         match text.strip_suffix(b"\\") {
             Some(start) if !is_comment => joined.extend(start.iter().chain(b" ")),
-            _ if joined.is_empty() => self.cleaner.line(self.number, text, &mut self.out),
+            _ if joined.is_empty() => self.filter.line(self.number, text, &mut self.out),
             _ => {
                 joined.extend(text);
                 self.end_joined();
@@ -153,20 +153,20 @@ impl<R: Read + Seek, C: LineFilter> Cleaning<R, C> {
     fn end_joined(&mut self) {
         let (first, joined) = &mut self.joined;
         if !joined.is_empty() {
-            self.cleaner.line(*first, joined, &mut self.out);
+            self.filter.line(*first, joined, &mut self.out);
             joined.clear();
         }
     }
 }
 
-/// Feeds all lines of a file to a filter and returns it; its output is discarded.
-pub(super) fn each_line<C: LineFilter>(file: impl Read + Seek, cleaner: C) -> Result<C> {
-    let mut cleaning = Cleaning::new(file, cleaner);
-    cleaning.run(|_| {})?;
-    Ok(cleaning.cleaner)
+/// Feeds all lines of a file to a filter and returns the filter; its output is discarded.
+pub(super) fn each_line<C: LineFilter>(file: impl Read + Seek, filter: C) -> Result<C> {
+    let mut filtered = FilteredLines::new(file, filter);
+    filtered.run(|_| {})?;
+    Ok(filtered.filter)
 }
 
-/// Reads the chunks of a file that another thread filters.
+/// Reader of the chunks of a file that another thread filters.
 pub(super) struct FilteredChunks {
     chunks: Receiver<Vec<u8>>,
     chunk: Vec<u8>,
@@ -176,7 +176,7 @@ pub(super) struct FilteredChunks {
 impl BufRead for FilteredChunks {
     fn fill_buf(&mut self) -> Result<&[u8]> {
         while self.at == self.chunk.len() {
-            // An error means that the filter has finished.
+            // An error means that the filter thread has finished.
             let Ok(chunk) = self.chunks.recv() else { break };
             (self.chunk, self.at) = (chunk, 0);
         }
@@ -199,22 +199,22 @@ impl Read for FilteredChunks {
 /// The result of `tobj`.
 type Parsed<T> = std::result::Result<T, tobj::LoadError>;
 
-/// The result of `tobj` for a filtered file, and the filter with its records; the filter runs ahead in its own thread.
+/// Parses a filtered file by `tobj`; also returns the filter. The filter runs in its own thread.
 ///
 /// # Errors
 /// The error message about an unreadable file.
 pub(super) fn by_tobj<C: LineFilter + Send, T>(
     file: impl Read + Seek + Send,
-    cleaner: C,
+    filter: C,
     parse: impl FnOnce(&mut FilteredChunks) -> Parsed<T>,
 ) -> std::result::Result<(Parsed<T>, C), String> {
-    let (sender, chunks) = sync_channel(AHEAD);
-    let mut cleaning = Cleaning::new(file, cleaner);
+    let (sender, chunks) = sync_channel(MAX_QUEUED);
+    let mut filtered = FilteredLines::new(file, filter);
     let (parsed, read) = std::thread::scope(|scope| {
-        let cleaning = &mut cleaning;
+        let filtered = &mut filtered;
         let read = scope.spawn(move || {
-            cleaning.run(|chunk| {
-                // If `tobj` gives up, the filter continues, to report all problems.
+            filtered.run(|chunk| {
+                // The filter continues after errors of `tobj`, to report all problems.
                 let _ = sender.send(chunk);
             })
         });
@@ -222,7 +222,7 @@ pub(super) fn by_tobj<C: LineFilter + Send, T>(
         (parsed, read.join().unwrap_or_else(|panic| resume_unwind(panic)))
     });
     read.map_err(|e| format!("can't be read: {e}"))?;
-    Ok((parsed?, cleaning.cleaner))
+    Ok((parsed?, filtered.filter))
 }
 
 /// Text of a name: UTF-8, else Latin-1.
@@ -238,7 +238,7 @@ pub(super) fn decoded(bytes: &[u8]) -> String {
 pub(super) struct Words<'a>(pub &'a [u8]);
 
 impl<'a> Words<'a> {
-    /// Everything after the words taken so far, without blanks around it; comments included.
+    /// The remaining text without surrounding white space, comments included.
     pub fn rest(&self) -> &'a [u8] {
         self.0.trim_ascii()
     }
@@ -272,7 +272,7 @@ mod tests {
     use super::*;
     use std::io::{Cursor, SeekFrom};
 
-    /// A reader that returns few bytes at a time.
+    /// A reader that returns three bytes at a time.
     struct Drops<'a>(Cursor<&'a [u8]>);
 
     impl Read for Drops<'_> {
@@ -288,7 +288,7 @@ mod tests {
         }
     }
 
-    /// Repeats every line in brackets with its number; the whole file once more if so wanted.
+    /// Outputs each line in brackets with its number; reads the file twice if true.
     struct Echo(bool);
 
     impl LineFilter for Echo {
@@ -296,27 +296,27 @@ mod tests {
             out.extend(format!("{number}[{}]", decoded(text)).bytes());
         }
 
-        fn again(&mut self) -> bool {
+        fn needs_next_pass(&mut self) -> bool {
             std::mem::take(&mut self.0)
         }
     }
 
     fn echo(bytes: &[u8], again: bool) -> String {
         let mut text = Vec::new();
-        let mut cleaning = Cleaning::new(Drops(Cursor::new(bytes)), Echo(again));
-        cleaning.run(|chunk| text.extend(chunk)).expect("it can be read");
+        let mut filtered = FilteredLines::new(Drops(Cursor::new(bytes)), Echo(again));
+        filtered.run(|chunk| text.extend(chunk)).expect("it can be read");
         decoded(&text)
     }
 
     #[test]
-    fn lines_end_in_every_way_and_go_on_behind_a_backslash() {
+    fn all_line_ends_and_continuation_lines_are_accepted() {
         let text = b"\xef\xbb\xbfa\nb \\\r\n c\\\n\nd\r\ne\rf\r\r# C:\\x\\\ng \\";
         assert_eq!(echo(text, false), "1[a]2[b   c ]5[d]6[e]7[f]8[]9[# C:\\x\\]10[g  ]");
         assert_eq!(echo(b"", false), "");
     }
 
     #[test]
-    fn a_cleaner_may_see_the_file_twice() {
+    fn a_filter_may_request_a_second_pass() {
         assert_eq!(echo(b"\xef\xbb\xbfa\rb\nc\\", true), "1[a]2[b]3[c ]".repeat(2));
     }
 

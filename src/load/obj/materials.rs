@@ -1,19 +1,19 @@
-//! MTL materials to the renderer's own.
+//! Conversion of MTL materials.
 //!
 //! | MTL | Becomes |
 //! |---|---|
-//! | `Kd`, `map_Kd` | base colour (linear), the image sRGB-decoded; a black `Kd` beside a map counts as white |
+//! | `Kd`, `map_Kd` | base colour (linear), the image sRGB-decoded; a black `Kd` with a map counts as white |
 //! | `Ke`, `map_Ke` | emission, from both sides |
 //! | `Pr`, `Pm`, `map_Pr`, `map_Pm` | roughness, metalness of the glTF model; a map replaces the number |
-//! | `Ps`, `Pc`, `Pcr`, `aniso`, `anisor` | sheen (of roughness 0.3), clearcoat and its roughness, anisotropy and its turn |
-//! | `Ns` (without `Pr`) | GGX alpha sqrt(2 / (Ns + 2)) (Walter et al. 2007, eq. 50), roughness its square root; not the Phong model, which loses most light at grazing incidence (a scene file can ask for it) |
+//! | `Ps`, `Pc`, `Pcr`, `aniso`, `anisor` | sheen (roughness 0.3), clearcoat and its roughness, anisotropy and its rotation |
+//! | `Ns` (without `Pr`) | GGX alpha sqrt(2 / (Ns + 2)) (Walter et al. 2007, eq. 50), roughness its square root; not the Phong model, which loses most light at grazing incidence (available in scene files) |
 //! | `Ks` black or absent, or `illum` 0, 1, and no PBR key | no specular reflection: Lambertian |
 //! | `Ks` with a black `Kd` and no PBR key | a metal of that colour |
-//! | `Ks`, `map_Ks` otherwise | dielectric reflection of index `Ni` (1.5) in the hue of `Ks`; the glTF model |
+//! | `Ks`, `map_Ks` otherwise | glTF model: dielectric of index `Ni` (default 1.5), specular colour with the hue of `Ks` |
 //! | `illum` 4, 6, 7, 9 with `Ni` above 1 | smooth glass of index `Ni`, tinted by `Tf` |
 //! | `d` or 1 - `Tr` below 1, `map_d` | alpha; the map's alpha channel if it has one |
-//! | `disp` with `-bm` | displacement: white lies so far above black, which stays; without `-bm` it is ignored, with a warning |
-//! | `norm`, `bump` | normal map; a `bump` of grey heights is converted |
+//! | `disp` with `-bm` | displacement from 0 (black) to `-bm` (white); ignored with a warning without `-bm` |
+//! | `norm`, `bump` | normal map; a `bump` with grey heights is converted |
 //! | other maps | ignored, with a warning |
 
 use super::mtl::{Map, Mtl};
@@ -33,13 +33,13 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Accepted indices of refraction.
+/// Valid indices of refraction.
 const IORS: std::ops::RangeInclusive<f32> = 1.0..=10.0;
 
 /// Roughness of the sheen of `Ps`, which MTL does not define.
 const SHEEN_ROUGHNESS: f32 = 0.3;
 
-/// Converts one material of the library `library`, reading its images.
+/// Converts a material of the library `library` and reads its images.
 pub(super) fn convert(source: &Mtl, library: &Path, maps: &mut Maps, loaded: &mut Loaded) -> Material {
     let mut convert = Conversion { source, library, maps, loaded };
     convert.warn_of_maps();
@@ -58,7 +58,7 @@ pub(super) fn convert(source: &Mtl, library: &Path, maps: &mut Maps, loaded: &mu
     let map = convert.number_map("map_d", true);
     if opacity <= 0.0 && map.is_none() {
         let statement = if source.number("d").is_some() { "d 0" } else { "Tr 1" };
-        convert.warn("", format!("'{statement}' makes it invisible; where that is not meant, leave it out"));
+        convert.warn("", format!("'{statement}' makes it invisible; remove it if that is not intended"));
     }
     if opacity < 1.0 || map.is_some() {
         material.alpha_mode = AlphaMode::Blend;
@@ -103,8 +103,8 @@ impl Conversion<'_, '_> {
         let hue = if brightest > 0.0 { ks.map(|c| c / brightest) } else { [1.0; 3] };
         Model::Pbr(Box::new(PbrMaterial {
             base_color,
-            metallic: self.share("map_Pm", number("Pm").map_or(0.0, unit)),
-            roughness: self.share("map_Pr", roughness),
+            metallic: self.scalar("map_Pm", number("Pm").map_or(0.0, unit)),
+            roughness: self.scalar("map_Pr", roughness),
             ior: ior.unwrap_or(1.5),
             specular_color: self.color("map_Ks", hue, true),
             clearcoat: self.clearcoat(),
@@ -162,10 +162,10 @@ impl Conversion<'_, '_> {
         self.maps.normal(&map, self.library, is_height, self.loaded)
     }
 
-    /// A colour with its map; a black factor with a map is white if `lift`.
-    fn color(&mut self, key: &str, factor: [f32; 3], lift: bool) -> ColorSlot {
+    /// A colour with its map; if `black_is_white`, a black factor with a map becomes white.
+    fn color(&mut self, key: &str, factor: [f32; 3], black_is_white: bool) -> ColorSlot {
         let mut slot = ColorSlot { factor: colour(factor), texture: self.color_map(key) };
-        if lift && slot.texture.is_some() && slot.factor == [0.0; 3] {
+        if black_is_white && slot.texture.is_some() && slot.factor == [0.0; 3] {
             slot.factor = [1.0; 3];
         }
         slot
@@ -176,8 +176,8 @@ impl Conversion<'_, '_> {
         self.maps.texture(&map, self.library, Use::Color, self.loaded)
     }
 
-    /// A number that its map replaces.
-    fn share(&mut self, key: &str, value: f32) -> FloatSlot {
+    /// A number, or the map that replaces it.
+    fn scalar(&mut self, key: &str, value: f32) -> FloatSlot {
         match self.number_map(key, false) {
             Some(texture) => FloatSlot { factor: 1.0, texture: Some(texture) },
             None => FloatSlot::constant(value),
@@ -189,7 +189,7 @@ impl Conversion<'_, '_> {
         self.maps.number(&map, self.library, alpha_first, self.loaded)
     }
 
-    /// Displacement of a height that is given; black stays where it is.
+    /// Displacement with the height of `-bm`; black is not displaced.
     fn displacement(&mut self) -> Option<Displacement> {
         let scale = self.source.map("disp").filter(|map| map.has_bump)?.bump;
         let texture = self.number_map("disp", false)?;
@@ -199,7 +199,7 @@ impl Conversion<'_, '_> {
     fn warn_of_maps(&mut self) {
         if self.source.map("disp").is_some_and(|map| !map.has_bump) {
             let message =
-                "is ignored: '-bm', the height of white over black in units of the model, is missing";
+                "is ignored: '-bm', the height of white above black in units of the model, is missing";
             self.warn_of_map("disp", message);
         }
         for key in ["map_Ns", "map_Tr", "decal", "refl", "map_RMA"] {
@@ -213,7 +213,7 @@ impl Conversion<'_, '_> {
         }
     }
 
-    /// Smooth glass has a tint and nothing else.
+    /// Warns of maps of smooth glass, which has only a tint.
     fn warn_of_glass(&mut self) {
         for key in ["map_Kd", "map_Ks", "map_d", "map_Pr", "map_Pm", "map_Ps"] {
             self.warn_of_map(key, "is ignored: the material is smooth glass by its 'illum'");
@@ -223,12 +223,12 @@ impl Conversion<'_, '_> {
     /// Warns of values that are clamped to 0..1, and of an invalid index of refraction.
     fn warn_of_ranges(&mut self) {
         let source = self.source;
-        let is_share = |x: &f32| (0.0..=1.0).contains(x);
+        let is_in_unit_range = |x: &f32| (0.0..=1.0).contains(x);
         let colors = ["Kd", "Ks", "Tf"]
             .into_iter()
-            .filter(|k| source.color(k).is_some_and(|c| !c.iter().all(is_share)));
+            .filter(|k| source.color(k).is_some_and(|c| !c.iter().all(is_in_unit_range)));
         let numbers = ["d", "Tr", "Pr", "Pm", "Ps", "Pc", "Pcr", "aniso"].into_iter();
-        let numbers = numbers.filter(|k| source.number(k).is_some_and(|n| !is_share(&n)));
+        let numbers = numbers.filter(|k| source.number(k).is_some_and(|n| !is_in_unit_range(&n)));
         let clamped: Vec<String> = colors.chain(numbers).map(|key| format!("'{key}'")).collect();
         if !clamped.is_empty() {
             self.warn("", format!("{} beyond 0 to 1 is clamped", clamped.join(", ")));
@@ -250,7 +250,7 @@ impl Conversion<'_, '_> {
     }
 }
 
-/// The roughness whose GGX alpha suits a Phong exponent (Walter et al. 2007, eq. 50).
+/// Roughness from a Phong exponent: GGX alpha = sqrt(2 / (ns + 2)) (Walter et al. 2007, eq. 50).
 fn roughness_of_exponent(ns: f32) -> f32 {
     (2.0 / (ns.max(0.0) + 2.0)).sqrt().sqrt()
 }
@@ -263,23 +263,21 @@ fn colour(rgb: [f32; 3]) -> [f32; 3] {
     rgb.map(unit)
 }
 
-// Images of MTL materials as textures; each file is decoded once for each use.
-
-/// The images read so far; `None` for those that can't be.
+/// Images of MTL materials as textures; each file is read once per use.
 pub(super) struct Maps<'a> {
     pub options: &'a LoadOptions,
+    /// By file and use; `None` for unreadable images.
     images: HashMap<(PathBuf, Use), Option<ImageId>>,
-    /// Normal maps made of height maps, by file and height; `None` where files of height maps hold normals.
+    /// Normal maps converted from height maps, by file and bits of `-bm`; `None` for files that are normal maps already.
     bumps: HashMap<(PathBuf, u32), Option<ImageId>>,
 }
 
 impl<'a> Maps<'a> {
-    /// Nothing read yet.
     pub fn new(options: &'a LoadOptions) -> Maps<'a> {
         Maps { options, images: HashMap::new(), bumps: HashMap::new() }
     }
 
-    /// The texture of a statement in the library `library`; a missing or broken file is a warning and gives none.
+    /// The texture of a statement in the library `library`; `None`, with a warning, for missing or damaged files.
     pub fn texture(
         &mut self,
         map: &Map,
@@ -291,8 +289,7 @@ impl<'a> Maps<'a> {
         Some(push_texture(&mut loaded.scene, map, image))
     }
 
-    /// A texture of numbers and the channel to take: that of `-imfchan`, else alpha where `alpha_first` and the image has
-    /// one, else red.
+    /// A data texture and its channel: that of `-imfchan`, else alpha if `alpha_first` and the image has alpha, else red.
     pub fn number(
         &mut self,
         map: &Map,
@@ -307,7 +304,7 @@ impl<'a> Maps<'a> {
         Some((push_texture(&mut loaded.scene, map, image), channel))
     }
 
-    /// A normal map: `is_height` says that the statement promises heights, which many files that hold normals do, too.
+    /// A normal map. `is_height`: the statement is for height maps, but the image may still be a normal map.
     pub fn normal(
         &mut self,
         map: &Map,
@@ -316,10 +313,10 @@ impl<'a> Maps<'a> {
         loaded: &mut Loaded,
     ) -> Option<NormalMap> {
         let (path, image) = self.image(map, library, Use::Data, loaded)?;
-        let as_it_is =
+        let unconverted =
             |scene: &mut Scene| NormalMap { texture: push_texture(scene, map, image), scale: map.bump };
         if !is_height {
-            return Some(as_it_is(&mut loaded.scene));
+            return Some(unconverted(&mut loaded.scene));
         }
         let key = (path, map.bump.to_bits());
         let id = match self.bumps.get(&key) {
@@ -341,7 +338,7 @@ impl<'a> Maps<'a> {
         };
         Some(match id {
             Some(id) => NormalMap { texture: push_texture(&mut loaded.scene, map, id), scale: 1.0 },
-            None => as_it_is(&mut loaded.scene),
+            None => unconverted(&mut loaded.scene),
         })
     }
 
@@ -352,7 +349,7 @@ impl<'a> Maps<'a> {
         purpose: Use,
         loaded: &mut Loaded,
     ) -> Option<(PathBuf, ImageId)> {
-        let mut complain = |message: String| {
+        let mut warn = |message: String| {
             let place = format!("line {}", map.line);
             loaded.warnings.push(Warning::new(
                 library,
@@ -363,12 +360,12 @@ impl<'a> Maps<'a> {
         let path = match find(library, &map.file, self.options) {
             Ok(path) => path,
             Err(message) => {
-                complain(message);
+                warn(message);
                 return None;
             }
         };
-        let known = self.images.get(&(path.clone(), purpose)).copied();
-        let id = known.unwrap_or_else(|| {
+        let cached = self.images.get(&(path.clone(), purpose)).copied();
+        let id = cached.unwrap_or_else(|| {
             let (library, place) = (library.to_path_buf(), format!("line {}", map.line));
             let without = move |e: Error| {
                 Warning::new(&library, place.as_str(), ("texture-left-out", format!("texture left out: {e}")))
@@ -394,8 +391,7 @@ impl<'a> Maps<'a> {
     }
 }
 
-/// Adds a texture with the options of the statement. With v turned to grow downwards, `v s + o` becomes
-/// `v s + 1 - s - o`.
+/// Adds a texture with the options of a statement. As v is flipped to point down, `v s + o` becomes `v s + 1 - s - o`.
 fn push_texture(scene: &mut Scene, map: &Map, image: ImageId) -> TextureId {
     let ([u, v], [ou, ov]) = (map.scale, map.offset);
     let transform = TextureTransform {

@@ -1,13 +1,13 @@
-//! OBJ meshes with MTL materials, read by `tobj` behind a reader that checks and cleans the lines.
+//! OBJ meshes with MTL materials: a filter validates and normalises the lines before `tobj` parses them.
 //!
-//! Objects and groups become instances; polygons of any size, concave ones included; negative indices; normals, or
-//! smoothing groups where they are missing, else flat shading; texture coordinates (turned so that v grows downwards);
-//! vertex colours (sRGB-encoded, as exporters write them). Points (`p`), and all vertices of a file that has nothing else,
-//! become spheres; lines and free-form surfaces are
-//! left out, with a count. Positions beyond the precision of single floats are kept around an origin of their own. Text may be UTF-8 or Latin-1, with a byte order mark, any line ends, and lines continued by `\`.
+//! Supported: objects and groups (as instances); polygons, concave ones included; negative indices; normals, else smoothing
+//! groups, else flat shading; texture coordinates (v is flipped to point down); vertex colours (sRGB-encoded). Points (`p`),
+//! and the vertices of files without faces, become spheres; lines and free-form surfaces are ignored with a warning.
+//! Positions beyond single precision are stored relative to a local origin. Text may be UTF-8 or Latin-1, with a byte order
+//! mark, any line ends, and lines continued by `\`.
 //!
-//! `tobj` gets even statements without problems (`statements.rs`, `mtl.rs`), which note what it drops: lines, smoothing
-//! groups, materials of several libraries, options of textures. Polygons are cut here, as `tobj` would fan them out.
+//! The filters (`statements.rs`, `mtl.rs`) record what `tobj` drops: line numbers, smoothing groups, materials of several
+//! libraries, texture options. Polygons are triangulated here, as `tobj` assumes convex ones.
 
 mod lines;
 mod materials;
@@ -34,11 +34,11 @@ use std::iter::Peekable;
 use std::path::{Path, PathBuf};
 use std::slice::Iter;
 
-/// Reads an OBJ file and its material libraries: a mesh for each object and group.
+/// Reads an OBJ file and its material libraries; each object or group becomes a mesh.
 pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     options.files.note(path);
     let (models, mut statements) = read(path, options)?;
-    let colors_told = mesh_tools::bound_colors(&mut statements.colors, false);
+    let color_warning = mesh_tools::bound_colors(&mut statements.colors, false);
     let points = statements.cloud();
     let origin = match models.is_empty() {
         false => mesh_tools::distant_origin(models.iter().flat_map(|m| m.mesh.positions.as_chunks().0)),
@@ -50,7 +50,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     for (line, message) in statements.left_out() {
         loaded.warnings.push(Warning::new(path, format!("line {line}"), message));
     }
-    loaded.warnings.extend(colors_told.map(|what| Warning::new(path, "", what)));
+    loaded.warnings.extend(color_warning.map(|what| Warning::new(path, "", what)));
     let libraries = match options.geometry_only {
         true => Vec::new(),
         false => read_libraries(path, &statements, options, &mut loaded.warnings),
@@ -62,7 +62,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let mut palette = Palette {
         file: path,
         names: &materials,
-        is_missing_told: libraries.is_empty() && !statements.libraries.is_empty(),
+        ignores_missing: libraries.is_empty() && !statements.libraries.is_empty(),
         libraries: by_name(&libraries),
         maps: Maps::new(options),
         ids: HashMap::new(),
@@ -82,7 +82,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let mut defined = HashSet::new();
     for (library, m) in &libraries {
         if !defined.insert(&m.name) {
-            let message = format!("material '{}' was defined before: the first counts", m.name);
+            let message = format!("material '{}' is defined repeatedly: the first is used", m.name);
             loaded.warnings.push(Warning::new(library, "", message));
             continue;
         }
@@ -93,7 +93,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     Ok(loaded)
 }
 
-/// Textures on faces without texture coordinates have the colour of one texel everywhere.
+/// Warns of textured faces without texture coordinates, which show a single texel.
 fn warn_of_missing_coordinates(path: &Path, loaded: &mut Loaded) {
     let scene = &loaded.scene;
     let bare = scene.meshes.iter().filter(|mesh| mesh.uv_sets.is_empty()).flat_map(|mesh| &mesh.parts);
@@ -103,7 +103,7 @@ fn warn_of_missing_coordinates(path: &Path, loaded: &mut Loaded) {
     for material in ids.into_iter().map(|id| &scene.materials[id.0 as usize]) {
         if material.textures().next().is_some() {
             let message = format!(
-                "material '{}' has textures, but faces that it covers have no texture coordinates ('vt')",
+                "material '{}' has textures, but some of its faces have no texture coordinates ('vt')",
                 material.name
             );
             loaded.warnings.push(Warning::new(path, "", message));
@@ -111,17 +111,17 @@ fn warn_of_missing_coordinates(path: &Path, loaded: &mut Loaded) {
     }
 }
 
-/// The writer named in the comments at a file's head.
+/// The up axis by the exporter in the comments at the head of a file.
 fn up_hint(path: &Path) -> UpHint {
     let mut head = Vec::new();
-    // Unreadable files have been an error before.
+    // Unreadable files were reported earlier.
     let _ = ModelReader::open(path).map(|file| file.take(1 << 10).read_to_end(&mut head));
     let head = String::from_utf8_lossy(&head);
     let is_of_blender = head.lines().any(|l| l.starts_with('#') && l.contains("Blender"));
     UpHint { writer: is_of_blender.then_some((Up::Y, "Blender, which wrote it")), is_mostly_y: true }
 }
 
-/// The models of `tobj`, and the statements that it drops.
+/// The models of `tobj`, and the filter with the statements that `tobj` drops.
 ///
 /// # Errors
 /// An input error with all problems of the file.
@@ -132,7 +132,7 @@ fn read(path: &Path, options: &LoadOptions) -> Result<(Vec<tobj::Model>, Stateme
     }
 }
 
-/// In one pass or two. Where one doesn't do, the statements say so, and nothing else counts.
+/// Reads a file in one or two passes. If one pass is insufficient, `needs_two_passes` is set and the result is invalid.
 fn read_in(
     path: &Path,
     has_two_passes: bool,
@@ -145,12 +145,12 @@ fn read_in(
     if is_utf_16(&start) {
         return Err(Error::input(path, ("utf-16", "is UTF-16 text")).with_help("save the file as UTF-8"));
     }
-    // Corners with the same indices become one vertex; polygons stay what they are.
-    let even = tobj::LoadOptions { single_index: true, ..tobj::LoadOptions::default() };
-    let cleaner = Statements::new(has_two_passes, options.keeps_polygons);
+    // Corners with the same indices become one vertex; polygons aren't triangulated.
+    let tobj_options = tobj::LoadOptions { single_index: true, ..tobj::LoadOptions::default() };
+    let filter = Statements::new(has_two_passes, options.keeps_polygons);
     let no_library = |_: &Path| Err(tobj::LoadError::OpenFileFailed);
-    let (models, statements) = by_tobj(CountedReader::new(file, &options.counter), cleaner, |reader| {
-        tobj::load_obj_buf(reader, &even, no_library).map(|(models, _)| models)
+    let (models, statements) = by_tobj(CountedReader::new(file, &options.counter), filter, |reader| {
+        tobj::load_obj_buf(reader, &tobj_options, no_library).map(|(models, _)| models)
     })
     .map_err(|message| Error::input(path, message))?;
     if statements.needs_two_passes {
@@ -159,14 +159,14 @@ fn read_in(
     let problems = statements.problems();
     match (problems.is_empty(), models) {
         (false, _) => Err(Error::input_problems(path, problems)),
-        // `tobj` refuses a file without faces.
+        // `tobj` fails for files without faces.
         (true, Err(_)) if statements.pieces.is_empty() => Ok((Vec::new(), statements)),
-        (true, Err(e)) => Err(Error::input(path, format!("can't be understood: {e}"))),
+        (true, Err(e)) => Err(Error::input(path, format!("can't be parsed: {e}"))),
         (true, Ok(models)) => Ok((models, statements)),
     }
 }
 
-/// Adds an object to the scene; the number of triangles that had to be dropped.
+/// Adds an object to the scene and counts repairs.
 fn add_object(object: Object, palette: &mut Palette, loaded: &mut Loaded, repairs: &mut Repairs) {
     let Object { mut mesh, runs, cage, .. } = object;
     let total = mesh.triangles.len() as u32;
@@ -201,21 +201,21 @@ fn add_object(object: Object, palette: &mut Palette, loaded: &mut Loaded, repair
     scene.meshes.push(mesh);
 }
 
-/// The materials of a file's libraries, each converted when a face first needs it.
+/// The materials of a file's libraries, converted on first use by a face.
 struct Palette<'a> {
     file: &'a Path,
-    /// The names that the file uses, with their lines.
+    /// Names of `usemtl` statements with their lines.
     names: &'a [(String, usize)],
-    /// Did a warning say that there are no libraries, so that all materials are missing?
-    is_missing_told: bool,
+    /// No warnings about missing materials: all libraries are missing, which was reported.
+    ignores_missing: bool,
     /// All materials by name, with their library's file.
     libraries: HashMap<&'a str, (&'a Path, &'a Mtl)>,
     maps: Maps<'a>,
-    /// By name and by whether vertex colours multiply it.
+    /// Converted materials, by name and use of vertex colours.
     ids: HashMap<(MaterialName, bool), MaterialId>,
 }
 
-/// Materials by name: the first of several with one name counts.
+/// Materials by name; of several with one name the first.
 fn by_name(libraries: &[(PathBuf, Mtl)]) -> HashMap<&str, (&Path, &Mtl)> {
     libraries.iter().rev().map(|(file, mtl)| (mtl.name.as_str(), (file.as_path(), mtl))).collect()
 }
@@ -230,13 +230,13 @@ impl Palette<'_> {
         let mut material = match (found, used) {
             (Some((library, mtl)), _) => materials::convert(mtl, library, &mut self.maps, loaded),
             (None, Some((name, line))) => {
-                if !self.is_missing_told {
-                    let message = format!("there is no material '{name}'; what it should cover is grey");
+                if !self.ignores_missing {
+                    let message = format!("there is no material '{name}'; its faces are grey");
                     loaded.warnings.push(Warning::new(self.file, format!("line {line}"), message));
                 }
                 Material::lambert(name, [0.8; 3])
             }
-            // Vertex colours alone are the whole colour.
+            // White is neutral for vertex colours.
             (None, None) => Material::lambert("default", [if has_colors { 1.0 } else { 0.8 }; 3]),
         };
         material.use_vertex_colors = has_colors;
@@ -250,19 +250,18 @@ impl Palette<'_> {
     }
 }
 
-/// Warns of materials that no face asks for, in files that ask for none.
+/// The warning about unused material libraries in files without `usemtl`.
 fn unused_materials(path: &Path, libraries: &[(PathBuf, Mtl)]) -> Option<Warning> {
     let (first, _) = libraries.first()?;
     let message = format!(
-        "has no 'usemtl': its faces are grey, and the {} materials of '{}' go unused; 'usemtl NAME' before the faces gives \
-         them one",
+        "has no 'usemtl': its faces are grey, and the {} materials of '{}' are unused; add 'usemtl NAME' before the faces",
         libraries.len(),
         first.file_name().unwrap_or_default().display()
     );
     Some(Warning::new(path, "", ("materials-unused", message)))
 }
 
-/// The library of the model's name beside a file that names none but asks for materials.
+/// The library with the model's file name, for files with `usemtl` but without `mtllib`.
 fn library_beside(
     path: &Path,
     statements: &Statements,
@@ -273,17 +272,17 @@ fn library_beside(
     if !statements.libraries.is_empty() || !file.is_file() {
         return None;
     }
-    let (is_asked, (effect, remedy)) = match statements.materials.first() {
-        Some((_, line)) => (Some(*line), ("is taken, which has the model's name", "'mtllib' names others")),
-        None => (None, ("beside it goes unused", "'mtllib' and 'usemtl' would take it")),
+    let (used_at, (effect, remedy)) = match statements.materials.first() {
+        Some((_, line)) => (Some(*line), ("is used, which has the model's name", "'mtllib' selects others")),
+        None => (None, ("is unused", "'mtllib' and 'usemtl' would select it")),
     };
     let message = format!("names no material library: '{name}' {effect} ({remedy})");
-    let code = if is_asked.is_some() { "library-guessed" } else { "library-unused" };
+    let code = if used_at.is_some() { "library-guessed" } else { "library-unused" };
     warnings.push(Warning::new(path, "", (code, message)));
-    is_asked.map(|line| (name, line))
+    used_at.map(|line| (name, line))
 }
 
-/// All materials of the libraries that the file names; a missing library is a warning.
+/// All materials of the file's libraries; missing libraries are warnings.
 fn read_libraries(
     path: &Path,
     statements: &Statements,
@@ -297,7 +296,7 @@ fn read_libraries(
         if statement.is_empty() {
             warnings.push(Warning::new(path, &place, "'mtllib' without a file name is ignored"));
         }
-        // A name may hold blanks, and a statement several names.
+        // A name may contain blanks, and a statement several names.
         let names = match find(path, statement, options) {
             Ok(_) => vec![statement.as_str()],
             Err(_) if statement.starts_with('"') => vec![statement.as_str()],
@@ -326,8 +325,8 @@ fn read_libraries(
     all
 }
 
-// From the models that `tobj` returns to meshes: polygons become triangles, models of one object one mesh, and vertices
-// without a normal of the file get that of their face or of their smoothing group.
+// Conversion of `tobj` models to meshes: polygons are triangulated, models of one object merged, and missing normals
+// computed from faces or smoothing groups.
 
 /// Consecutive triangles of one material.
 #[derive(Clone, Copy)]
@@ -338,17 +337,17 @@ struct Run {
 
 /// The faces of one object or group.
 struct Object {
-    /// Everything but its parts.
+    /// The mesh without its parts.
     pub mesh: Mesh,
-    /// Runs of triangles, each material once.
+    /// Runs of triangles, one per material.
     pub runs: Vec<Run>,
-    /// Its polygons and the material of each, for subdivision; the cage's materials are resolved later.
+    /// The control cage for subdivision, and the material name of each polygon.
     pub cage: Option<(Cage, Vec<MaterialName>)>,
-    /// Vertices whose normal comes from a smoothing group: vertex, position of the file, group.
+    /// Vertices with normals of a smoothing group: vertex, index of the position in the file, group.
     smooth: Vec<(u32, u32, u32)>,
 }
 
-/// The objects of a file around an origin, from the models that `tobj` made of the pieces.
+/// The objects of a file, relative to `origin`, from the models of `tobj`, one per piece.
 fn objects(models: Vec<tobj::Model>, statements: &Statements, origin: DVec3) -> Vec<Object> {
     let mut builder = Builder {
         statements,
@@ -374,7 +373,7 @@ fn objects(models: Vec<tobj::Model>, statements: &Statements, origin: DVec3) -> 
     objects
 }
 
-/// Warns of objects that share points, each of which is subdivided by itself.
+/// The warning about objects with shared positions: each is subdivided separately.
 fn shared_points(objects: &[Object]) -> Option<String> {
     let mut owners: HashMap<u32, usize> = HashMap::new();
     for (number, object) in objects.iter().enumerate() {
@@ -384,7 +383,7 @@ fn shared_points(objects: &[Object]) -> Option<String> {
             if owner != number {
                 let names = [owner, number].map(|i| &objects[i].mesh.name);
                 return Some(format!(
-                    "objects or groups share points, such as '{}' and '{}': each is subdivided for itself, with an edge where they meet",
+                    "objects or groups share points, such as '{}' and '{}': each is subdivided separately, with a crease between them",
                     names[0], names[1]
                 ));
             }
@@ -395,25 +394,25 @@ fn shared_points(objects: &[Object]) -> Option<String> {
 
 struct Builder<'s> {
     statements: &'s Statements,
-    /// The origin, which is subtracted from positions.
+    /// Local origin, subtracted from positions.
     origin: DVec3,
-    /// The noted positions of the corners to come.
+    /// Recorded position indices of the remaining corners.
     corners: &'s [u32],
-    /// The materials to come.
+    /// Remaining material changes.
     runs: Peekable<Iter<'s, (usize, MaterialName)>>,
-    /// Number of the next face.
+    /// Index of the next face.
     face: usize,
     material: MaterialName,
-    /// Sums of face normals by position and smoothing group: groups reach across objects.
+    /// Sums of face normals by position and smoothing group, across objects.
     sums: HashMap<(u32, u32), [f32; 3]>,
 }
 
-/// A model from `tobj` with the statements that `tobj` drops.
+/// A model of `tobj` with data of its statements.
 struct Part<'s> {
     piece: &'s Piece,
     model: tobj::Mesh,
     triangles: Vec<[u32; 3]>,
-    /// Number in the file of each vertex's position, where that was noted.
+    /// Index in the file of each vertex's position, if recorded.
     numbers: Vec<u32>,
 }
 
@@ -445,11 +444,11 @@ impl Builder<'_> {
         if let Some((cage, _)) = &mut object.cage {
             cage.finish(&object.mesh);
         }
-        object.runs = each_material_once(&mut object.mesh.triangles, object.runs);
+        object.runs = merge_runs(&mut object.mesh.triangles, object.runs);
         object
     }
 
-    /// Makes the positions of vertices relative to the origin, from those of these numbers in double precision.
+    /// Makes the positions of vertices relative to the origin in f64; `numbers` are their indices in the file.
     fn subtract_origin(&self, model: &mut tobj::Mesh, numbers: &[u32]) {
         for axis in (0..3).filter(|&axis| self.origin[axis] != 0.0) {
             let positions = model.positions.as_chunks_mut::<3>().0;
@@ -461,7 +460,7 @@ impl Builder<'_> {
         }
     }
 
-    /// The triangles of a model's polygons; notes where materials change.
+    /// Triangulates a model's polygons and records changes of the material.
     fn triangles(&mut self, model: &tobj::Mesh, object: &mut Object) -> Vec<[u32; 3]> {
         let positions = model.positions.as_chunks::<3>().0;
         let first = object.mesh.triangles.len();
@@ -469,7 +468,7 @@ impl Builder<'_> {
         let mut arities = model.face_arities.iter();
         let mut rest = &model.indices[..];
         while !rest.is_empty() {
-            // Models of triangles alone say nothing about arities.
+            // `tobj` leaves arities empty for models of triangles.
             let (corners, behind) = rest.split_at(arities.next().map_or(3, |&n| n as usize));
             rest = behind;
             self.begin_face((first + triangles.len()) as u32, &mut object.runs);
@@ -497,27 +496,27 @@ impl Builder<'_> {
         self.face += 1;
     }
 
-    /// The numbers of a model's vertices, if they were noted.
+    /// Indices in the file of a model's positions, if recorded.
     fn numbers(&mut self, piece: &Piece, model: &tobj::Mesh) -> Vec<u32> {
-        if !self.statements.notes_corners(piece.group) {
+        if !self.statements.records_corners(piece.group) {
             return Vec::new();
         }
-        let (noted, rest) = self.corners.split_at(model.indices.len());
+        let (recorded, rest) = self.corners.split_at(model.indices.len());
         self.corners = rest;
         let mut numbers = vec![0; model.positions.len() / 3];
-        for (&vertex, &number) in model.indices.iter().zip(noted) {
+        for (&vertex, &number) in model.indices.iter().zip(recorded) {
             numbers[vertex as usize] = number;
         }
         numbers
     }
 
-    /// Adds the normal of each triangle of a smoothing group to its corners, weighted by the angle there (Thuermer and
-    /// Wuethrich 1998, "Computing Vertex Normals from Polygonal Facets"), so that it doesn't matter how a polygon was cut.
+    /// Adds the normals of a smoothing group's triangles to their corners, weighted by the angle (Thuermer and Wuethrich 1998,
+    /// "Computing Vertex Normals from Polygonal Facets"), which makes them independent of the triangulation.
     fn add_to_group(&mut self, part: &Part) {
         let Some(group) = part.piece.group else { return };
         for triangle in &part.triangles {
             let p = part.corners(triangle);
-            // Without an area it has no normal, and weighs nothing.
+            // Degenerate triangles have no normal.
             let Some(normal) = (p[1] - p[0]).cross(p[2] - p[0]).try_normalize() else { continue };
             for (i, &vertex) in triangle.iter().enumerate() {
                 let angle = (p[(i + 1) % 3] - p[i]).angle_between(p[(i + 2) % 3] - p[i]);
@@ -558,7 +557,7 @@ impl Object {
         }
     }
 
-    /// Appends a part. Flat faces of a mesh that also has smooth ones get vertices of their own.
+    /// Appends a part. In a mesh with smooth faces, flat faces get separate vertices.
     fn add(&mut self, part: &Part, is_flat: bool, colors: &[[f32; 3]]) {
         let Part { piece, model, triangles, numbers } = part;
         let (base, mesh) = (self.mesh.positions.len() as u32, &mut self.mesh);
@@ -590,19 +589,19 @@ impl Object {
     }
 }
 
-/// The texture coordinates of a vertex, 0 where the file has none. The file's v grows upwards.
+/// The texture coordinates of a vertex, 0 by default. v points up in the file.
 fn texture_coordinates(model: &tobj::Mesh, vertex: usize) -> [f32; 2] {
     model.texcoords.as_chunks::<2>().0.get(vertex).map_or([0.0, 1.0], |[u, v]| [*u, 1.0 - v])
 }
 
-/// The linear colour of a position of the file, white where it has none.
+/// The linear colour of a position of the file, white by default.
 fn vertex_color(colors: &[[f32; 3]], number: u32) -> [f32; 4] {
     let [r, g, b] = colors.get(number as usize).copied().unwrap_or([1.0; 3]).map(linear_from_srgb);
     [r, g, b, 1.0]
 }
 
-/// Sorts triangles so that each material has one run, in the order in which materials first appear.
-fn each_material_once(triangles: &mut Vec<[u32; 3]>, runs: Vec<Run>) -> Vec<Run> {
+/// Sorts triangles so that each material has one run, in the order of first use.
+fn merge_runs(triangles: &mut Vec<[u32; 3]>, runs: Vec<Run>) -> Vec<Run> {
     let mut order: HashMap<MaterialName, usize> = HashMap::new();
     for run in &runs {
         let next = order.len();
@@ -628,9 +627,9 @@ fn each_material_once(triangles: &mut Vec<[u32; 3]>, runs: Vec<Run>) -> Vec<Run>
     merged
 }
 
-// The points of OBJ files (`p`), which `tobj` knows nothing of: the file's positions are read once more for them.
+// The points of OBJ files (`p`), which `tobj` doesn't support: positions are read again.
 
-/// All positions of a file with their colours.
+/// All positions of a file.
 struct Positions {
     origin: DVec3,
     positions: Vec<[f32; 3]>,
@@ -650,7 +649,7 @@ impl LineFilter for Positions {
     }
 }
 
-/// Adds the points with these numbers, from 0, as spheres.
+/// Adds points as spheres; `numbers` are indices of positions, from 0.
 ///
 /// # Errors
 /// An input error if the file can no longer be read, a usage error for an invalid radius.
@@ -673,7 +672,7 @@ fn add_points(
     Cloud { positions: &positions, colors: &colors, origin }.add(path, options, loaded)
 }
 
-/// The origin of a file without faces: see [`crate::load::mesh_tools::origin`].
+/// The positions of the points, for the origin of a file without faces ([`mesh_tools::distant_origin`]).
 fn positions(path: &Path, numbers: &[u32]) -> Result<Vec<[f32; 3]>> {
     let unreadable = |e| Error::input(path, format!("can't be read: {e}"));
     let file = ModelReader::open(path)?;

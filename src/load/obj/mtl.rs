@@ -1,9 +1,9 @@
-//! The statements of MTL files (Wavefront, "MTL material format", and the PBR keys of Exocortex, tinyobjloader's
-//! "PBR extension"), checked before `tobj` reads them.
+//! Filter for the statements of MTL files (Wavefront, "MTL material format", and the PBR keys of Exocortex, tinyobjloader's
+//! "PBR extension").
 //!
-//! `tobj` panics on colours of fewer than three numbers, stops at the first number it can't parse, knows
-//! keywords in one spelling only, and reports no line numbers. Therefore it is fed validated statements in its own spelling, in
-//! which the file name of a texture is preceded by its line number.
+//! `tobj` panics on colours of fewer than three numbers, stops at the first invalid number, has case-sensitive keywords, and
+//! reports no line numbers. Therefore it gets validated statements in its own spelling, with the line number before the file
+//! name of a texture.
 
 use super::lines::{LineFilter, Words, by_tobj, decoded, float};
 use crate::error::Warning;
@@ -46,7 +46,7 @@ impl Mtl {
     /// A texture by its keyword: `map_Kd`, `bump`, `norm`, `map_Pr`, ...
     pub fn map(&self, key: &str) -> Option<Map> {
         let m = &self.statements;
-        let known = match key {
+        let field = match key {
             "map_Kd" => &m.diffuse_texture,
             "map_Ks" => &m.specular_texture,
             "map_Ns" => &m.shininess_texture,
@@ -55,7 +55,7 @@ impl Mtl {
             "map_Ka" => &m.ambient_texture,
             _ => &None,
         };
-        let (line, text) = known.as_ref().or_else(|| m.unknown_param.get(key))?.split_once(' ')?;
+        let (line, text) = field.as_ref().or_else(|| m.unknown_param.get(key))?.split_once(' ')?;
         Some(map(text, line.parse().ok()?).0)
     }
 }
@@ -70,17 +70,17 @@ pub(super) struct Map {
     pub offset: [f32; 2],
     /// `-s`: factor on the coordinates.
     pub scale: [f32; 2],
-    /// `-clamp on`: the border continues outside 0..1.
+    /// `-clamp on`: edge texels continue outside 0..1.
     pub clamp: bool,
     /// `-bm`: factor on heights.
     pub bump: f32,
     /// `-bm` was given.
     pub has_bump: bool,
-    /// `-imfchan r|g|b|m`: the channel of numbers.
+    /// `-imfchan r|g|b|m`: channel of data textures.
     pub channel: Option<u8>,
 }
 
-/// Keywords of colours, of numbers and of textures in the spelling of `tobj`; in files their case is ignored.
+/// Keywords of colours, numbers and textures in the spelling of `tobj`; case-insensitive in files.
 const COLORS: [&str; 4] = ["Kd", "Ks", "Ke", "Tf"];
 const NUMBERS: [&str; 12] =
     ["Ns", "Ni", "d", "Tr", "illum", "Pr", "Pm", "Ps", "Pc", "Pcr", "aniso", "anisor"];
@@ -102,7 +102,7 @@ pub(super) fn read(path: &Path, warnings: &mut Vec<Warning>) -> Result<Vec<Mtl>,
         return Err("is UTF-16 text; save it as UTF-8".into());
     }
     let (parsed, library) = by_tobj(file, Library::default(), tobj::load_mtl_buf)?;
-    let (materials, _) = parsed.map_err(|e| format!("can't be understood: {e}"))?;
+    let (materials, _) = parsed.map_err(|e| format!("can't be parsed: {e}"))?;
     let ignored = library.ignored.into_iter();
     warnings.extend(ignored.map(|(line, message)| Warning::new(path, format!("line {line}"), message)));
     let named = library.names.into_iter().zip(materials);
@@ -112,8 +112,8 @@ pub(super) fn read(path: &Path, warnings: &mut Vec<Warning>) -> Result<Vec<Mtl>,
     Ok(all)
 }
 
-/// `Tr` is transparency, but old versions of MeshLab, and some others, write opacity for it: where MeshLab wrote the file, or
-/// where all materials would be invisible, `Tr` counts as that. Returns a warning.
+/// `Tr` is transparency, but old versions of MeshLab and other programs write opacity. `Tr` is taken as opacity if MeshLab
+/// wrote the file or all materials would be invisible. Returns a warning.
 fn take_as_opacity(all: &mut [Mtl], is_by_meshlab: bool) -> Option<String> {
     let transparency = |m: &Mtl| m.number("Tr").filter(|_| m.number("d").is_none());
     let is_hidden = |m: &Mtl| transparency(m).is_some_and(|t| t >= 1.0);
@@ -126,11 +126,12 @@ fn take_as_opacity(all: &mut [Mtl], is_by_meshlab: bool) -> Option<String> {
         material.statements.dissolve = Some(opacity);
         count += 1;
     }
-    let why = if is_by_meshlab { "as MeshLab writes it" } else { "as all materials would be invisible else" };
+    let why =
+        if is_by_meshlab { "as MeshLab writes it" } else { "as all materials would be invisible otherwise" };
     (count > 0).then(|| format!("'Tr' of {count} materials is taken as their opacity, {why}"))
 }
 
-/// Is it a comment that mentions MeshLab or its library?
+/// Is a line a comment that mentions MeshLab or its library?
 fn names_meshlab(text: &[u8]) -> bool {
     let text = text.trim_ascii_start();
     text.starts_with(b"#") && {
@@ -139,14 +140,14 @@ fn names_meshlab(text: &[u8]) -> bool {
     }
 }
 
-/// Checks statements and records ignored ones.
+/// Validates statements and records ignored ones.
 #[derive(Default)]
 struct Library {
-    /// The materials' names, which may be empty.
+    /// Names of materials, which may be empty.
     names: Vec<String>,
-    /// The textures of the current material so far.
+    /// Texture keywords of the current material so far.
     maps: Vec<&'static str>,
-    /// Line and message.
+    /// Ignored statements: line and message.
     ignored: Vec<(usize, String)>,
     is_by_meshlab: bool,
 }
@@ -169,7 +170,7 @@ impl LineFilter for Library {
             self.ignored.push((line, format!("'{keyword}' before the first 'newmtl' is ignored")));
             return;
         };
-        match clean(&keyword, words, line, &mut self.maps) {
+        match normalize(&keyword, words, line, &mut self.maps) {
             Ok((text, ignored)) => {
                 out.extend(text.as_bytes());
                 if !ignored.is_empty() {
@@ -182,29 +183,32 @@ impl LineFilter for Library {
     }
 }
 
-/// A statement in the spelling of `tobj`, and its unsupported options; the error is the reason to ignore it.
-fn clean(
+/// A statement in the spelling of `tobj`, and its unsupported options.
+///
+/// # Errors
+/// A message why the statement is ignored.
+fn normalize(
     keyword: &str,
     words: Words,
     line: usize,
     maps: &mut Vec<&'static str>,
 ) -> Result<(String, Vec<String>), String> {
     let keyword = if keyword == "map_bump" { "bump" } else { keyword };
-    let spelt = |list: &[&'static str]| list.iter().copied().find(|k| k.eq_ignore_ascii_case(keyword));
+    let canonical = |list: &[&'static str]| list.iter().copied().find(|k| k.eq_ignore_ascii_case(keyword));
     let broken = || format!("'{keyword}' without its numbers is ignored");
-    if let Some(name) = spelt(&COLORS) {
+    if let Some(name) = canonical(&COLORS) {
         let [r, g, b] = rgb(words).ok_or_else(broken)?;
         return Ok((format!("{name} {r} {g} {b}\n"), Vec::new()));
     }
-    if let Some(name) = spelt(&NUMBERS) {
+    if let Some(name) = canonical(&NUMBERS) {
         // `d -halo 0.5` has an option before its number.
         let value = words.filter_map(float).filter(|v| !v.is_nan()).last().ok_or_else(broken)?;
-        // Models of illumination are whole numbers in a byte.
+        // `tobj` stores `illum` as u8.
         let value = if name == "illum" { value.clamp(0.0, 255.0).floor() } else { value };
         return Ok((format!("{name} {value}\n"), Vec::new()));
     }
-    match (spelt(&MAPS), keyword) {
-        // The first of `map_Bump` and `bump` counts.
+    match (canonical(&MAPS), keyword) {
+        // Of `map_Bump` and `bump` the first is used.
         (Some(name), _) if maps.contains(&name) => Ok(Default::default()),
         (Some(name), _) => {
             let text = decoded(words.rest());
@@ -215,13 +219,13 @@ fn clean(
             maps.push(name);
             Ok((format!("{name} {line} {text}\n"), ignored))
         }
-        // Ambient light and antialiasing mean nothing to a path tracer, sharpness nothing without `refl`.
+        // Without effect in a path tracer: ambient light, antialiasing, sharpness (of `refl`).
         (None, "ka" | "sharpness" | "map_aat") => Ok(Default::default()),
         (None, _) => Err(format!("'{keyword}' is not supported, ignored")),
     }
 }
 
-/// Values of `-colorspace` that agree with the defaults: colours are sRGB, numbers linear.
+/// Values of `-colorspace` that match the defaults: sRGB for colours, linear for data.
 const COLOR_SPACES: [&str; 4] = ["srgb", "srgb_texture", "auto", "raw"];
 
 /// Three numbers, or one for grey.
@@ -252,21 +256,21 @@ fn map(statement: &str, line: usize) -> (Map, Vec<String>) {
     let behind = rest.match_indices(" -").map(|(at, _)| rest.split_at(at));
     let mut split = behind.filter_map(|(name, tail)| {
         let (mut changed, mut ignored) = (map.clone(), Vec::new());
-        let is_all = options(&mut changed, tail.trim(), &mut ignored).is_empty();
-        is_all.then_some((name, changed, ignored))
+        let is_complete = options(&mut changed, tail.trim(), &mut ignored).is_empty();
+        is_complete.then_some((name, changed, ignored))
     });
     let (name, changed, more) = split.next().unwrap_or((rest, map.clone(), Vec::new()));
     ignored.extend(more);
     (Map { file: name.trim_end().to_string(), ..changed }, ignored)
 }
 
-/// Applies the options that a text begins with, and notes unsupported ones; returns the rest.
+/// Applies the options at the start of a text and records unsupported ones; returns the remaining text.
 fn options<'t>(map: &mut Map, text: &'t str, ignored: &mut Vec<String>) -> &'t str {
     let mut rest = text;
     while rest.starts_with('-') {
         let (option, after) = rest.split_once(char::is_whitespace).unwrap_or((rest, ""));
-        // Maximum number of values; several ones are all numbers.
-        let most = match option {
+        // Maximum number of values; options with several values have numbers only.
+        let max_values = match option {
             "-o" | "-s" | "-t" => 3,
             "-mm" => 2,
             "-blendu" | "-blendv" | "-bm" | "-boost" | "-cc" | "-clamp" | "-colorspace" | "-imfchan"
@@ -274,9 +278,9 @@ fn options<'t>(map: &mut Map, text: &'t str, ignored: &mut Vec<String>) -> &'t s
             _ => break,
         };
         let (mut values, mut next) = (Vec::new(), after.trim_start());
-        while values.len() < most {
+        while values.len() < max_values {
             let (value, behind) = next.split_once(char::is_whitespace).unwrap_or((next, ""));
-            if value.is_empty() || most > 1 && value.parse::<f32>().is_err() {
+            if value.is_empty() || max_values > 1 && value.parse::<f32>().is_err() {
                 break;
             }
             values.push(value);
@@ -331,7 +335,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn options_stand_before_a_name_with_blanks() {
+    fn texture_options_are_parsed() {
         let (m, ignored) = map("-s 2 3 1 -o 0.5 -clamp on -bm 0.3 -imfchan g wood grain.png", 4);
         assert_eq!((m.scale, m.offset), ([2.0, 3.0], [0.5, 0.0]));
         assert!(m.clamp && m.bump == 0.3 && m.channel == Some(1) && ignored.is_empty());
@@ -349,7 +353,7 @@ mod tests {
         assert_eq!(map("-my-file.png", 1).0.file, "-my-file.png");
     }
 
-    /// The materials of a library with this content, and the lines of its warnings.
+    /// The materials of a library, and the lines of its warnings.
     fn library(content: &[u8]) -> (Vec<Mtl>, Vec<String>) {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("a.mtl");
@@ -360,7 +364,7 @@ mod tests {
     }
 
     #[test]
-    fn statements_fill_the_material_or_are_named() {
+    fn statements_are_parsed_or_reported() {
         let text = b"Kd 1 1 1\nnewmtl caf\xe9 au lait\nKd 0.5\nKs 1 2 3\nd -halo 0.25\nTR 0.75\nillum 2\n\
                      map_Kd\nfoo 1\nNs x\nKe spectral a.rfl\nbump a.png\nmap_Bump b.png\nKa 1 1 1\nTf 1 0.5 0\n";
         let (materials, warned) = library(text);
@@ -379,7 +383,7 @@ mod tests {
 
     /// Statements that would make `tobj` panic or reject the whole library.
     #[test]
-    fn odd_statements_cost_no_more_than_themselves() {
+    fn invalid_statements_do_not_affect_others() {
         let text =
             b"newmtl\nKd\nKd 1 2\nKs nan inf -1\nillum -3.5\nillum 1e9\nillum nan\nNi \xff\nmap_d \xe9.png\n\
                      newmtl a\nnewmtl a\nd 0.5\n \xa0\xc2 1\nPr\nmap_Kd -s\nKd 3";

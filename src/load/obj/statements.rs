@@ -1,9 +1,9 @@
-//! The statements of OBJ files (Wavefront, "Advanced Visualizer Manual", appendix B1), checked before `tobj` reads them.
+//! Filter for the statements of OBJ files (Wavefront, "Advanced Visualizer Manual", appendix B1).
 //!
-//! Nothing says that a vertex must precede the faces that use it. Nearly always it does, and one pass over the file suffices; where it doesn't,
-//! or where something is wrong, there are two: first vertices reach `tobj`, then faces. `tobj` stops at the first problem without its line, panics on some, takes `v x y z w`
-//! as a division, and fills in references that corners lack by others; it knows neither smoothing groups nor, in a file
-//! with several libraries, materials. All this is resolved and reported here: `tobj` gets valid, uniform statements.
+//! Vertices usually precede the faces that use them, and one pass over the file suffices. If they don't, or the file has
+//! problems, there are two: first the vertices, then the faces. `tobj` stops at the first problem without its line, panics
+//! on some, takes `v x y z w` as a division, replaces missing references of corners by others, and supports neither smoothing
+//! groups nor materials of several libraries. Therefore it gets valid, uniform statements.
 
 use super::lines::{LineFilter, Words, decoded, double, float};
 use crate::error::Problem;
@@ -11,14 +11,14 @@ use crate::load::words::{decimal_commas, integer, is_no_number};
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::io::Write;
 
-/// Number of a material's name among those that the file uses; `None` before the first `usemtl`.
+/// Index of a material's name in [`Statements::materials`]; `None` before the first `usemtl`.
 pub(super) type MaterialName = Option<u32>;
 
-/// Maximum number of problems in an error.
-const LISTED: usize = 10;
+/// Maximum number of problems listed in an error.
+const MAX_LISTED: usize = 10;
 
-/// Faces after which `tobj` is made to convert what it holds of them, about 100 bytes each.
-const PIECE: usize = 1 << 15;
+/// Maximum number of faces of a piece, of which `tobj` buffers about 100 bytes each.
+const MAX_PIECE: usize = 1 << 15;
 
 /// The pass over the file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -32,51 +32,51 @@ enum Passes {
     Faces,
 }
 
-/// Checks statements and records those that `tobj` drops.
+/// Validates statements and records those that `tobj` drops.
 #[derive(Default)]
 pub(super) struct Statements {
     /// The models that `tobj` returns, in order.
     pub pieces: Vec<Piece>,
     /// Names of objects and groups.
     pub objects: Vec<String>,
-    /// Starts of materials: face index in the file, and the material.
+    /// Changes of the material: index of the first face, and the material.
     pub runs: Vec<(usize, MaterialName)>,
-    /// The position, from 0, of each corner in turn, of pieces with a smoothing group; of all where there are colours or positions that
-    /// may be far away, or polygons are stored for subdivision.
+    /// Position indices (from 0) of consecutive corners, for pieces with a smoothing group; for all pieces if there are colours,
+    /// positions far from the origin, or subdivision.
     pub corners: Vec<u32>,
-    /// Colours of the first positions as in the file, white where there is none.
+    /// Colours of the first positions as in the file, white by default.
     pub colors: Vec<[f32; 3]>,
     /// Number of colours in `#MRGB` comments.
     polypaint: usize,
-    /// The first positions as in the file, in double precision, where they may be far from the origin; else no numbers.
+    /// The first positions in double precision; NaN for positions near the origin.
     pub precise: Vec<[f64; 3]>,
-    /// The names that `usemtl` statements use, with the line of the first.
+    /// Names in `usemtl` statements, with the first line.
     pub materials: Vec<(String, usize)>,
-    /// The argument of `mtllib`, with its line.
+    /// Arguments of `mtllib` statements, with their lines.
     pub libraries: Vec<(String, usize)>,
-    /// Positions that are points (`p`), from 0.
+    /// Position indices (from 0) of points (`p`).
     pub points: Vec<u32>,
-    /// Polygons are stored for subdivision, by object: groups don't split them.
+    /// Polygons are kept for subdivision, and groups don't split objects.
     pub keeps_polygons: bool,
     /// The file needs two passes.
     pub needs_two_passes: bool,
     passes: Passes,
-    /// Statements of positions, texture coordinates and normals in the file.
+    /// Numbers of positions, texture coordinates and normals in the file.
     totals: [usize; 3],
-    /// Numbers of positions, texture coordinates and normals so far.
+    /// Numbers of positions, texture coordinates and normals before the current line.
     counts: [usize; 3],
     /// Lines of malformed vertices.
     broken: HashSet<usize>,
     faces: usize,
     face: Vec<Corner>,
     material: MaterialName,
-    /// For faces without normals; `None` is flat.
+    /// Smoothing group; `None` for flat faces.
     group: Option<u32>,
     group_numbers: HashMap<Vec<u8>, u32>,
     object: String,
     group_name: String,
     material_numbers: HashMap<Vec<u8>, u32>,
-    /// The first problems by their lines.
+    /// The first problems by line.
     problems: BTreeMap<usize, String>,
     problem_count: usize,
     /// Ignored statements: first line and count.
@@ -101,32 +101,32 @@ impl LineFilter for Statements {
         }
     }
 
-    fn gives_up(&self) -> bool {
+    fn is_finished(&self) -> bool {
         self.needs_two_passes
     }
 
-    fn again(&mut self) -> bool {
-        let is_half = self.passes == Passes::Vertices;
-        if is_half {
+    fn needs_next_pass(&mut self) -> bool {
+        let is_first = self.passes == Passes::Vertices;
+        if is_first {
             self.passes = Passes::Faces;
         }
-        is_half
+        is_first
     }
 }
 
 impl Statements {
-    /// The filter of a file in one pass, or in two.
+    /// A filter for one or two passes.
     pub fn new(has_two_passes: bool, keeps_polygons: bool) -> Statements {
         let passes = if has_two_passes { Passes::Vertices } else { Passes::One };
         Statements { passes, keeps_polygons, ..Statements::default() }
     }
 
-    /// Are the positions of a piece's corners recorded?
-    pub fn notes_corners(&self, group: Option<u32>) -> bool {
+    /// Are the position indices of a piece's corners recorded?
+    pub fn records_corners(&self, group: Option<u32>) -> bool {
         group.is_some() || !self.colors.is_empty() || !self.precise.is_empty() || self.keeps_polygons
     }
 
-    /// `#MRGB mmrrggbb...`, as ZBrush writes the colours of vertices, in their order.
+    /// `#MRGB mmrrggbb...`: vertex colours by ZBrush, in the order of the vertices.
     fn comment(&mut self, text: &[u8]) {
         let Some(digits) = text.trim_ascii_start().strip_prefix(b"#MRGB ") else { return };
         if self.passes == Passes::Faces || self.colors.len() > self.polypaint {
@@ -144,38 +144,38 @@ impl Statements {
 
     /// `v x y z`, `v x y z w`, `v x y z r g b`, `vt u`, `vt u v`, `vt u v w` and `vn x y z`.
     fn vertex(&mut self, line: usize, kind: usize, words: Words, out: &mut Vec<u8>) {
-        let (name, least, most) = [("v", 3, 3), ("vt", 1, 2), ("vn", 3, 3)][kind];
+        let (name, min, max) = [("v", 3, 3), ("vt", 1, 2), ("vn", 3, 3)][kind];
         let start = out.len();
         out.extend(name.as_bytes());
-        let (mut sound, mut color, mut may_be_far) = (0, [0.0; 3], false);
-        let plain = plain_numbers(words.0).filter(|plain| plain.count == most);
+        let (mut valid, mut color, mut may_be_far) = (0, [0.0; 3], false);
+        let plain = plain_numbers(words.0).filter(|plain| plain.count == max);
         if let Some(plain) = plain {
             out.extend(words.0);
-            (sound, may_be_far) = (most, kind == 0 && plain.has_large);
+            (valid, may_be_far) = (max, kind == 0 && plain.has_large);
         }
-        let others = if kind == 0 { 6 } else { most };
+        let others = if kind == 0 { 6 } else { max };
         for (i, word) in words.clone().take(if plain.is_none() { others } else { 0 }).enumerate() {
-            if i < most && is_number(word) {
+            if i < max && is_number(word) {
                 out.push(b' ');
                 out.extend(word);
                 may_be_far |= kind == 0 && is_large(word);
-            } else if i < most && is_no_number(word) {
+            } else if i < max && is_no_number(word) {
                 out.extend(b" nan");
-            } else if let Some(value) = float(word).filter(|_| i >= most) {
-                color[i - most] = value;
+            } else if let Some(value) = float(word).filter(|_| i >= max) {
+                color[i - max] = value;
             } else {
                 break;
             }
-            sound += 1;
+            valid += 1;
         }
-        let is_broken = sound < least || sound < most && words.clone().take(most).count() > sound;
+        let is_broken = valid < min || valid < max && words.clone().take(max).count() > valid;
         if is_broken || self.totals[0] >= u32::MAX as usize - 1 {
             out.truncate(start);
             self.broken.insert(line);
             let message = format!("'{name}' needs {}", ["three numbers", "numbers", "three numbers"][kind]);
             return self.problem(line, message + decimal_commas(words.0));
         }
-        if kind == 1 && sound == 1 {
+        if kind == 1 && valid == 1 {
             out.extend(b" 0");
         }
         out.push(b'\n');
@@ -190,18 +190,18 @@ impl Statements {
             self.precise.push([0; 3].map(|_| numbers.next().unwrap_or(f64::NAN)));
         }
         // A fourth number is the weight of rational curves.
-        if kind == 0 && sound < 6 && plain.is_none() && words.count() > 4 {
+        if kind == 0 && valid < 6 && plain.is_none() && words.count() > 4 {
             self.ignore(line, "colours of vertices that are not three numbers");
         }
-        if kind == 0 && sound == 6 {
+        if kind == 0 && valid == 6 {
             self.needs_corners(self.colors.is_empty());
             self.colors.resize(self.totals[0] - 1, [1.0; 3]);
             self.colors.push(color);
         }
     }
 
-    /// Called at a vertex whose colour or precise position needs the positions of corners. If faces came before the first one, whose corners
-    /// were not recorded, a second pass is needed.
+    /// Called for a vertex whose colour or precise position requires recorded corners. If faces precede the first such vertex, a
+    /// second pass is needed.
     fn needs_corners(&mut self, is_first: bool) {
         self.needs_two_passes |= is_first && self.passes == Passes::One && self.faces > 0;
     }
@@ -244,8 +244,9 @@ impl Statements {
             | b"ctech" | b"stech" => {}
             _ => {
                 let shown: String = decoded(keyword).chars().take(20).collect();
-                let known = self.ignored.len() < LISTED;
-                let name = if known { format!("statements '{shown}'") } else { "other statements".into() };
+                let is_listed = self.ignored.len() < MAX_LISTED;
+                let name =
+                    if is_listed { format!("statements '{shown}'") } else { "other statements".into() };
                 self.ignore(line, &name);
             }
         }
@@ -268,7 +269,7 @@ impl Statements {
             text = &text[..text.len() - words.0.len()];
         }
         let corners = self.face.len();
-        // Some exporters repeat a corner at once.
+        // Some exporters repeat consecutive corners.
         self.face.dedup();
         if self.face.len() > 1 && self.face.first() == self.face.last() {
             self.face.pop();
@@ -278,14 +279,14 @@ impl Statements {
         }
         is_plain &= self.face.len() == corners;
         let [has_uvs, has_normals] = [1, 2].map(|kind| {
-            let given = self.face.iter().filter(|c| c[kind] > 0).count();
-            if given > 0 && given < self.face.len() {
+            let count = self.face.iter().filter(|c| c[kind] > 0).count();
+            if count > 0 && count < self.face.len() {
                 is_plain = false;
                 let what = ["texture coordinates", "normals"][kind - 1];
                 self.ignore(line, &format!("{what} of faces that lack them at other corners"));
                 self.face.iter_mut().for_each(|c| c[kind] = 0);
             }
-            given == self.face.len()
+            count == self.face.len()
         });
         self.continue_piece(has_uvs, has_normals, out);
         out.push(b'f');
@@ -297,7 +298,7 @@ impl Statements {
         out.push(b'\n');
     }
 
-    /// Fast path: accepts the corners of a face if all are plain and exist.
+    /// Fast path: accepts the corners of a face if all have positive, valid indices.
     fn plain_face(&mut self, mut text: &[u8]) -> bool {
         self.face.clear();
         while let [first, rest @ ..] = text {
@@ -315,7 +316,7 @@ impl Statements {
         true
     }
 
-    /// Adds the current face to the last piece, or begins another.
+    /// Adds the current face to the last piece, or begins a new piece.
     fn continue_piece(&mut self, has_uvs: bool, has_normals: bool, out: &mut Vec<u8>) {
         if self.objects.is_empty() {
             self.begin();
@@ -324,13 +325,13 @@ impl Statements {
         let group = if has_normals { None } else { self.group };
         let new = Piece { object, has_uvs, has_normals, group, faces: 1 };
         match self.pieces.last_mut() {
-            Some(last) if last.faces < PIECE && last.is_like(&new) => last.faces += 1,
+            Some(last) if last.faces < MAX_PIECE && last.is_like(&new) => last.faces += 1,
             _ => {
                 self.pieces.push(new);
                 out.extend(b"o\n");
             }
         }
-        if self.notes_corners(group) {
+        if self.records_corners(group) {
             self.corners.extend(self.face.iter().map(|c| c[0] - 1));
         }
         if self.runs.last().is_none_or(|r| r.1 != self.material) {
@@ -339,8 +340,8 @@ impl Statements {
         self.faces += 1;
     }
 
-    /// `v`, `v/t`, `v//n` or `v/t/n`; negative indices count back from the last statement, and 0 is invalid. A corner is plain if
-    /// it is returned as it is in the file.
+    /// `v`, `v/t`, `v//n` or `v/t/n`; negative indices count back from the last vertex, and 0 is invalid. Clears `is_plain` if
+    /// the corner differs from its text.
     #[inline]
     fn corner(&mut self, line: usize, word: &[u8], is_plain: &mut bool) -> Result<Corner, String> {
         if let Some((corner, [])) = plain_corner(word)
@@ -361,7 +362,7 @@ impl Statements {
             *is_plain &= index > 0;
             let (before, total) = (self.counts[kind] as i64, self.totals[kind] as i64);
             let place = if index < 0 { before + index + 1 } else { index };
-            // It may follow later in the file.
+            // The vertex may follow later in the file.
             self.needs_two_passes |= self.passes == Passes::One && place > total;
             if (1..=total).contains(&place) {
                 corner[kind] = place as u32;
@@ -401,11 +402,11 @@ impl Statements {
 
     #[cold]
     fn problem(&mut self, line: usize, message: impl Into<String>) {
-        // Messages count the statements of the whole file.
+        // Two passes, since messages include the totals of the file.
         self.needs_two_passes |= self.passes == Passes::One;
         self.problem_count += 1;
         self.problems.insert(line, message.into());
-        if self.problems.len() > LISTED {
+        if self.problems.len() > MAX_LISTED {
             self.problems.pop_last();
         }
     }
@@ -415,13 +416,13 @@ impl Statements {
         self.ignored.entry(what.to_string()).or_insert((line, 0)).1 += 1;
     }
 
-    /// All problems, the first with their lines; none if the file can be rendered.
+    /// All problems, up to [`MAX_LISTED`] with their lines; empty if the file can be rendered.
     pub fn problems(&self) -> Vec<Problem> {
         let listed = self.problems.iter();
         let mut problems: Vec<Problem> =
             listed.map(|(line, message)| Problem::new(format!("line {line}"), message)).collect();
-        if self.problem_count > LISTED {
-            let message = format!("{} more statements are broken", self.problem_count - LISTED);
+        if self.problem_count > MAX_LISTED {
+            let message = format!("{} more statements are broken", self.problem_count - MAX_LISTED);
             problems.push(Problem::new("", message));
         }
         if self.pieces.is_empty() && self.points.is_empty() && !self.is_cloud() && problems.is_empty() {
@@ -435,13 +436,13 @@ impl Statements {
         problems
     }
 
-    /// Does the file have vertices, but nothing that uses them?
+    /// Does the file have only vertices?
     fn is_cloud(&self) -> bool {
         let has_only_vertices = self.ignored.keys().all(|what| what.starts_with("colours"));
         self.pieces.is_empty() && self.points.is_empty() && self.totals[0] > 0 && has_only_vertices
     }
 
-    /// Positions, from 0, that are shown as points: those of `p`, or all of a file that has nothing else.
+    /// Position indices (from 0) of points: those of `p`, or all in a file with only vertices.
     pub fn cloud(&mut self) -> Vec<u32> {
         match self.is_cloud() {
             true => (0..self.totals[0] as u32).collect(),
@@ -456,12 +457,12 @@ impl Statements {
     }
 }
 
-// Fast paths for vertex coordinates and face corners in plain decimal notation, without conversion.
+// Fast paths for numbers and face corners in plain decimal notation, without conversion.
 
-/// Indices of a corner's position, texture coordinates and normal, from 1; 0 for none.
+/// Indices (from 1) of a corner's position, texture coordinates and normal; 0 if absent.
 pub(super) type Corner = [u32; 3];
 
-/// Is a word a number? Plain decimals are recognized without conversion, which `tobj` does anyway.
+/// Is a word a number? Plain decimals are recognised without conversion.
 pub(super) fn is_number(word: &[u8]) -> bool {
     let digits = word.strip_prefix(b"-").unwrap_or(word);
     let dots = digits.iter().filter(|&&b| b == b'.').count();
@@ -469,7 +470,7 @@ pub(super) fn is_number(word: &[u8]) -> bool {
     is_decimal && dots < 2 && dots < digits.len() || float(word).is_some()
 }
 
-/// Has a number three digits before its point, or an exponent?
+/// Has a number three digits before its decimal point, or an exponent?
 pub(super) fn is_large(number: &[u8]) -> bool {
     let digits = number.iter().take_while(|b| **b != b'.').filter(|b| b.is_ascii_digit()).count();
     digits > 2 || number.last().is_some_and(|b| !b.is_ascii_digit() && *b != b'.') || has_exponent(number)
@@ -479,15 +480,15 @@ fn has_exponent(number: &[u8]) -> bool {
     number.iter().any(|b| b | 0x20 == b'e')
 }
 
-/// Plain decimals, as nearly all numbers of vertices are.
+/// Summary of numbers in plain decimal notation.
 #[derive(Clone, Copy)]
 pub(super) struct PlainNumbers {
     pub count: usize,
-    /// One has three digits before its point.
+    /// Has any number three digits before its decimal point?
     pub has_large: bool,
 }
 
-/// The numbers of a text; `None` unless all are plain decimals.
+/// Scans the numbers of a text; `None` unless all are plain decimals.
 pub(super) fn plain_numbers(mut text: &[u8]) -> Option<PlainNumbers> {
     let mut numbers = PlainNumbers { count: 0, has_large: false };
     while let [first, rest @ ..] = text {
@@ -496,23 +497,23 @@ pub(super) fn plain_numbers(mut text: &[u8]) -> Option<PlainNumbers> {
             continue;
         }
         let digits = if *first == b'-' { rest } else { text };
-        let whole = digits.iter().take_while(|b| b.is_ascii_digit()).count();
-        let (mut length, mut parts) = (whole, 0);
-        if digits.get(whole) == Some(&b'.') {
-            parts = digits[whole + 1..].iter().take_while(|b| b.is_ascii_digit()).count();
-            length += 1 + parts;
+        let integer_digits = digits.iter().take_while(|b| b.is_ascii_digit()).count();
+        let (mut length, mut decimals) = (integer_digits, 0);
+        if digits.get(integer_digits) == Some(&b'.') {
+            decimals = digits[integer_digits + 1..].iter().take_while(|b| b.is_ascii_digit()).count();
+            length += 1 + decimals;
         }
         text = &digits[length..];
-        if whole + parts == 0 || !matches!(text.first(), None | Some(b' ' | b'\t')) {
+        if integer_digits + decimals == 0 || !matches!(text.first(), None | Some(b' ' | b'\t')) {
             return None;
         }
         numbers.count += 1;
-        numbers.has_large |= whole > 2;
+        numbers.has_large |= integer_digits > 2;
     }
     Some(numbers)
 }
 
-/// The indices of a corner without signs and zeros, which is what nearly all are, up to a blank; and what follows.
+/// The indices of a corner without signs and leading zeros, up to a blank; and the remaining text.
 #[inline]
 pub(super) fn plain_corner(text: &[u8]) -> Option<(Corner, &[u8])> {
     let (mut corner, mut kind) = ([0u32; 3], 0);
@@ -528,7 +529,7 @@ pub(super) fn plain_corner(text: &[u8]) -> Option<(Corner, &[u8])> {
     (corner[0] > 0).then_some((corner, &[]))
 }
 
-/// ` v`, ` v/t`, ` v//n` or ` v/t/n`.
+/// Writes ` v`, ` v/t`, ` v//n` or ` v/t/n`.
 pub(super) fn write_corner([position, uv, normal]: Corner, out: &mut Vec<u8>) {
     // Writing to memory doesn't fail.
     let _ = match (uv, normal) {
@@ -539,29 +540,25 @@ pub(super) fn write_corner([position, uv, normal]: Corner, out: &mut Vec<u8>) {
     };
 }
 
-// The statements that `tobj` gets as one model.
-
-/// Consecutive faces with the same object, kinds of indices and smoothing group, which `tobj` returns as one model.
+/// Consecutive faces with the same object, attributes and smoothing group, which `tobj` returns as one model.
 pub(super) struct Piece {
-    /// Index of its object's name.
+    /// Index in [`Statements::objects`].
     pub object: usize,
-    /// Its corners have texture coordinates.
     pub has_uvs: bool,
-    /// Its corners have normals.
     pub has_normals: bool,
-    /// The smoothing group that its normals come from; `None` if they are given, or flat.
+    /// Smoothing group for missing normals; `None` if the file has normals, or for flat faces.
     pub group: Option<u32>,
     /// Number of faces.
     pub faces: usize,
 }
 
 impl Piece {
-    /// Are its normals those of its faces?
+    /// Are the faces shaded flat?
     pub fn is_flat(&self) -> bool {
         !self.has_normals && self.group.is_none()
     }
 
-    /// Can it be merged with another one?
+    /// Can it be merged with another piece?
     pub fn is_like(&self, other: &Piece) -> bool {
         let key = |p: &Piece| (p.object, p.has_uvs, p.has_normals, p.group);
         key(self) == key(other)
@@ -578,13 +575,12 @@ mod tests {
         for (number, line) in text.lines().enumerate() {
             statements.line(number + 1, line.as_bytes(), &mut out);
         }
-        assert!(!statements.again());
+        assert!(!statements.needs_next_pass());
         (statements, String::from_utf8(out).expect("text"))
     }
 
-    /// Files whose vertices precede their faces go by once, those far from the origin too.
     #[test]
-    fn one_pass_does_for_files_in_order() {
+    fn files_in_order_need_one_pass() {
         let near =
             "v 0 0 0\nv 1.5 0 0\nv 0 -.5 1\nvt 0 1\nvn 0 0 1\nf 1/1/1 2/1/1 3/1/1\nv 7 7 7\nf 1 2 -1\n";
         let (statements, out) = once(near);
@@ -599,10 +595,10 @@ mod tests {
     }
 
     #[test]
-    fn what_one_pass_cannot_know_asks_for_two() {
+    fn late_vertices_and_problems_need_two_passes() {
         let start = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
         for rest in [
-            // A vertex that may come, a colour and a place far away that faces before should have known of, what is wrong.
+            // Late vertices and texture coordinates; a colour and a distant position after faces; a problem.
             "f 1 2 4\nv 1 1 0\n",
             "f 1/1 2/1 3/1\nvt 0 0\n",
             "f 1 2 3\nv 1 1 0 0.5 0.5 0.5\n",

@@ -1,8 +1,8 @@
-//! The kinds of nodes that a graph may hold: names, settings, inputs and outputs, one row each. Meanings are those of the shader
-//! nodes of Cycles (Blender 5.0), except that vectors without a link or value are points of world space.
+//! Node kinds of graphs with their names, settings, inputs and outputs. Semantics are those of the shader nodes of Cycles
+//! (Blender 5.0), except that texture coordinates without a link default to the world-space position.
 
-/// Type of an input or output. Floats become vectors by repetition, vectors floats by their mean, colours floats by their
-/// luminance (Rec. 709).
+/// Type of an input or output. A float converts to three equal components, a vector to a float by its mean, and a colour to a
+/// float by its luminance (Rec. 709).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SocketType {
     /// A number.
@@ -16,9 +16,9 @@ pub enum SocketType {
 /// Value of an input without a link.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SocketDefault {
-    /// A value; of floats the first component.
+    /// A value; floats use the first component.
     Value([f32; 3]),
-    /// The point in world space, metres.
+    /// The hit point in world space, metres.
     Position,
     /// The shading normal on the viewer's side, world space.
     Normal,
@@ -29,15 +29,15 @@ pub enum SocketDefault {
 /// An input or output of a node.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Socket {
-    /// In files.
+    /// Name in files.
     pub name: &'static str,
     /// Type.
     pub kind: SocketType,
-    /// Value without a link; nothing for outputs.
+    /// Value without a link; unused for outputs.
     pub default: SocketDefault,
 }
 
-/// Defines an enum of options with their names in files.
+/// Defines enums of setting values with their names in files.
 macro_rules! options {
     ($($(#[$doc:meta])* $name:ident { $first:ident = $first_text:literal, $($option:ident = $text:literal,)* })*) => {$(
         $(#[$doc])*
@@ -67,7 +67,7 @@ pub enum SettingValue {
     Integer(i64),
     /// Any number.
     Number(f32),
-    /// A text.
+    /// A string.
     Text(String),
     /// Numbers.
     Numbers(Vec<f32>),
@@ -77,7 +77,7 @@ pub enum SettingValue {
 
 /// A setting of a node that can be read from a file.
 pub(crate) trait Setting {
-    /// Sets it from a value; the error says what is expected.
+    /// Sets it from a value; the error is the expected kind of value.
     fn set(&mut self, value: &SettingValue) -> Result<(), String>;
 }
 
@@ -97,7 +97,7 @@ impl Setting for String {
     }
 }
 
-/// A direction.
+/// A direction setting.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Direction(
     /// A vector of any length.
@@ -115,10 +115,10 @@ impl Setting for Direction {
     }
 }
 
-/// A transform: three rows of four numbers.
+/// An affine transform: the upper three rows of a 4x4 matrix.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Matrix(
-    /// `None` for that of the object that is hit.
+    /// Row by row; `None` for that of the hit object.
     pub Option<[f32; 12]>,
 );
 
@@ -179,28 +179,28 @@ options! {
         Difference = "difference", Exclusion = "exclusion", Subtract = "subtract", Divide = "divide", Hue = "hue",
         Saturation = "saturation", Color = "color", Value = "value",
     }
-    /// Type of the values of a mix node.
+    /// Value type of a mix node.
     MixType { Float = "float", Vector = "vector", Color = "rgba", }
-    /// Factors of a mix of vectors: one, or one per component.
+    /// Factor of a mix of vectors: a scalar, or one per component.
     FactorMode { Uniform = "uniform", NonUniform = "non_uniform", }
-    /// Interpolation between the ends of a range.
+    /// Interpolation of a map range node.
     RangeInterpolation { Linear = "linear", Stepped = "stepped", SmoothStep = "smoothstep", SmootherStep = "smootherstep", }
-    /// Order of the ends of a clamp.
+    /// Clamping; `Range` swaps the bounds if the minimum is above the maximum.
     ClampType { MinMax = "minmax", Range = "range", }
-    /// Type of the vectors of a mapping node.
+    /// Vector type of a mapping node.
     MappingType { Point = "point", Texture = "texture", Vector = "vector", Normal = "normal", }
-    /// Components of a colour.
+    /// Colour models.
     ColorModel { Rgb = "rgb", Hsv = "hsv", Hsl = "hsl", }
     /// Representations of a rotation.
     RotationType { AxisAngle = "axis_angle", X = "x_axis", Y = "y_axis", Z = "z_axis", Euler = "euler_xyz", }
-    /// Fractal sums of noise.
+    /// Fractal noise types.
     NoiseType {
         Fbm = "fbm", Multifractal = "multifractal", Ridged = "ridged_multifractal", Hybrid = "hybrid_multifractal",
         HeteroTerrain = "hetero_terrain",
     }
-    /// Number of dimensions of a texture.
+    /// Dimensions of a procedural texture.
     Dimensions { Three = "3d", One = "1d", Two = "2d", Four = "4d", }
-    /// Output of a Voronoi texture.
+    /// Feature of a Voronoi texture.
     VoronoiFeature {
         F1 = "f1", F2 = "f2", SmoothF1 = "smooth_f1", DistanceToEdge = "distance_to_edge", SphereRadius = "n_sphere_radius",
     }
@@ -219,37 +219,37 @@ options! {
         Linear = "linear", Quadratic = "quadratic", Easing = "easing", Diagonal = "diagonal", Spherical = "spherical",
         QuadraticSphere = "quadratic_sphere", Radial = "radial",
     }
-    /// Continuation of images beyond texture coordinates 0..1.
+    /// Wrapping of images outside texture coordinates 0..1.
     Extension { Repeat = "repeat", Extend = "extend", Clip = "clip", Mirror = "mirror", }
-    /// Interpolation between texels; smart is cubic.
+    /// Texel interpolation; `Smart` is cubic.
     ImageInterpolation { Linear = "linear", Closest = "closest", Cubic = "cubic", Smart = "smart", }
     /// Projections of images onto surfaces.
     ImageProjection { Flat = "flat", Box = "box", Sphere = "sphere", Tube = "tube", }
     /// Projections of environment images.
     EnvironmentProjection { Equirectangular = "equirectangular", MirrorBall = "mirror_ball", }
-    /// Colour space of an image: colours as its file has them, or data.
+    /// Colour space of an image; `NonColor` is data.
     ColorSpace { Srgb = "srgb", Linear = "linear", NonColor = "non-color", }
-    /// Alpha of an image: colours are not yet multiplied by it (`Straight`), are (`Premul`), or are independent of it
-    /// (`ChannelPacked`); `None` ignores it.
+    /// Alpha of an image: unassociated (`Straight`), premultiplied (`Premul`), an independent channel (`ChannelPacked`) or ignored
+    /// (`None`).
     AlphaMode { Straight = "straight", Premul = "premul", ChannelPacked = "channel_packed", None = "none", }
     /// Spaces of the normals of a normal map.
     NormalSpace { Tangent = "tangent", Object = "object", World = "world", BlenderObject = "blender_object", BlenderWorld = "blender_world", }
-    /// Directions of tangents: around an axis, or along u.
+    /// Tangent directions: around an axis, or along u.
     TangentType { Radial = "radial", UvMap = "uv_map", }
     /// Axes.
     Axis { Z = "z", X = "x", Y = "y", }
-    /// Type of the transformed vectors.
+    /// Vector type of a vector transform node.
     TransformType { Vector = "vector", Point = "point", Normal = "normal", }
-    /// Spaces of vectors.
+    /// Coordinate spaces.
     Space { World = "world", Object = "object", Camera = "camera", }
     /// Interpolation between the stops of a colour ramp.
     RampInterpolation { Linear = "linear", Constant = "constant", }
 }
 
-/// Rows of a colour ramp: position, red, green, blue, alpha; of a curve: its values.
+/// Table rows: position, red, green, blue and alpha of a colour ramp; values of curves.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Rows(
-    /// One after another.
+    /// The rows.
     pub Vec<Vec<f32>>,
 );
 
@@ -297,11 +297,11 @@ macro_rules! output {
     };
 }
 
-/// Defines the node kinds: name in files, settings, inputs, outputs.
+/// Defines the node kinds with their names in files, settings, inputs and outputs.
 macro_rules! nodes {
     ($($(#[$doc:meta])* $kind:ident $text:literal {$($setting:ident: $type:ty = $default:expr),*}
         ($($input:ident: $in_type:ident $($in_default:expr)?),*) -> ($($output:ident: $out_type:ident),*);)*) => {
-        /// Operation of a node, with its settings.
+        /// Node kind with its settings.
         #[derive(Clone, Debug, PartialEq)]
         #[non_exhaustive]
         pub enum NodeKind {$(
@@ -314,7 +314,7 @@ macro_rules! nodes {
             /// Names of all kinds.
             pub const NAMES: &[&str] = &[$($text),*];
 
-            /// A kind by its name in files, with the defaults of its settings.
+            /// The kind of a name in files, with default settings.
             pub fn from_name(name: &str) -> Option<NodeKind> {
                 match name {
                     $($text => Some(NodeKind::$kind { $($setting: $default),* }),)*
@@ -322,7 +322,7 @@ macro_rules! nodes {
                 }
             }
 
-            /// The name in files.
+            /// Name in files.
             pub fn name(&self) -> &'static str {
                 match self { $(NodeKind::$kind { .. } => $text,)* }
             }
@@ -330,7 +330,7 @@ macro_rules! nodes {
             /// Changes a setting.
             ///
             /// # Errors
-            /// A message: there is no such setting, or what value it expects.
+            /// The setting doesn't exist, or the value has the wrong type or range.
             pub fn set(&mut self, setting: &str, value: &SettingValue) -> Result<(), String> {
                 match self {$(
                     #[allow(unused_variables, reason = "some have no settings")]
@@ -342,12 +342,12 @@ macro_rules! nodes {
                 )*}
             }
 
-            /// Its inputs, in the order of links.
+            /// Inputs, in the order of [`Node::inputs`](super::Node::inputs).
             pub fn inputs(&self) -> &'static [Socket] {
                 match self { $(NodeKind::$kind { .. } => { const LIST: &[Socket] = &[$(socket!($input $in_type $($in_default)?)),*]; LIST })* }
             }
 
-            /// Its outputs.
+            /// Outputs.
             pub fn outputs(&self) -> &'static [Socket] {
                 match self { $(NodeKind::$kind { .. } => { const LIST: &[Socket] = &[$(output!($output $out_type)),*]; LIST })* }
             }
@@ -356,49 +356,47 @@ macro_rules! nodes {
 }
 
 nodes! {
-    /// Coordinates of the surface. `object_matrix` takes points of the world to the space of another object.
+    /// Coordinates of the hit point. `object_matrix` maps world space to the space of another object.
     TextureCoordinate "texture_coordinate" { object_matrix: Matrix = Matrix::default() }
         () -> (uv: vector, generated: vector, normal: vector, object: vector, camera: vector, window: vector, reflection: vector);
-    /// The hit point: its position in world space (metres), the normals on the viewer's side, and mesh attributes of these names.
+    /// The hit point: position in world space (metres), normals on the viewer's side, and mesh attributes of the outputs' names.
     Geometry "geometry" {} ()
         -> (position: vector, true_normal: vector, normal: vector, tangent: vector, incoming: vector, parametric: vector, backfacing: float, pointiness: float, random_per_island: float);
-    /// An attribute of the mesh's vertices by its name; 0 without one.
+    /// A vertex attribute by its name; 0 if the mesh doesn't have it.
     Attribute "attribute" { name: String = String::new() } () -> (color: color, vector: vector, factor: float, alpha: float);
-    /// Texture coordinates by the name of their set; those of the surface where it has none of the name.
+    /// A UV set by its name; the default texture coordinates if the mesh doesn't have it.
     UvMap "uv_map" { name: String = String::new() } () -> (uv: vector);
-    /// Colours of vertices by their name.
+    /// Vertex colours by their name.
     ColorAttribute "color_attribute" { name: String = String::new() } () -> (color: color, alpha: float);
-    /// The object that is hit.
+    /// The hit object.
     ObjectInfo "object_info" {} () -> (location: vector, color: color, alpha: float, object_index: float, material_index: float, random: float);
-    /// The point as the camera sees it: the direction in its space, along its axis, and from it, metres.
+    /// The hit point relative to the camera: direction in camera space, depth along the axis and distance, metres.
     CameraData "camera_data" {} () -> (view_vector: vector, view_z_depth: float, view_distance: float);
-    /// The kind, length and depth of the ray that hits the surface.
+    /// Kind, length and depth of the ray.
     LightPath "light_path" {} ()
         -> (is_camera_ray: float, is_shadow_ray: float, is_diffuse_ray: float, is_glossy_ray: float, is_singular_ray: float, is_reflection_ray: float, is_transmission_ray: float, is_volume_scatter_ray: float, ray_length: float, ray_depth: float);
-    /// The strand that is hit.
+    /// The hit strand.
     HairInfo "hair_info" {} () -> (is_strand: float, intercept: float, length: float, thickness: float, tangent_normal: vector, random: float);
-    /// A tangent: around an axis of the object, or along u of the first texture coordinates.
+    /// A tangent: around an axis of the object, or along u of the first UV set.
     Tangent "tangent" { direction_type: TangentType = TangentType::Radial, axis: Axis = Axis::Z } () -> (tangent: vector);
-    /// A normal map: (n + 1) / 2 in tangent space of a set of texture coordinates (without a name the first), or in object or world
-    /// space.
+    /// A normal map: (n + 1) / 2 in the tangent space of a UV set (the first without a name), or in object or world space.
     NormalMap "normal_map" { space: NormalSpace = NormalSpace::Tangent, uv_map: String = String::new() }
         (strength: float 1.0, color: color [0.5, 0.5, 1.0]) -> (normal: vector);
-    /// A bump map: the normal of the surface displaced by `height` times `distance`; slopes are differences over `filter_width` pixels. The
-    /// distance is multiplied by the object's scale along the normal, to the power of `object_scale`: 1 for heights in object space.
+    /// A bump map: the normal of the surface displaced by `height` times `distance`, by finite differences over `filter_width` pixels.
+    /// The distance is multiplied by the object's scale along the normal to the power of `object_scale`: 1 for object-space heights.
     Bump "bump" { invert: bool = false, filter_width: f32 = 0.1, object_scale: f32 = 0.0 }
         (strength: float 1.0, distance: float 0.001, height: float 1.0, normal: normal) -> (normal: vector);
     /// A direction, and its cosine with a normal.
     Normal "normal" { direction: Direction = Direction([0.0, 0.0, 1.0]) } (normal: vector [0.0, 0.0, 1.0]) -> (normal: vector, dot: float);
-    /// 1 near the edges of triangles; `size` is the width of lines in metres, or in pixels.
+    /// 1 along the edges of triangles; `size` is the line width in metres or pixels.
     Wireframe "wireframe" { use_pixel_size: bool = false } (size: float 0.01) -> (factor: float);
-    /// A vector from one space to another: of the world, the object or the camera.
+    /// Transforms a vector between world, object and camera space.
     VectorTransform "vector_transform" { vector_type: TransformType = TransformType::Vector, convert_from: Space = Space::World, convert_to: Space = Space::Object }
         (vector: vector [0.5; 3]) -> (vector: vector);
-    /// An image: `file` beside the scene file. Where `vector` is a set of texture coordinates, scaled or not, texels are filtered over
-    /// the footprint of the path.
+    /// An image: `file` relative to the scene file. Filtered over the path's footprint if `vector` is a UV set, scaled or not.
     ImageTexture "image_texture" { file: String = String::new(), interpolation: ImageInterpolation = ImageInterpolation::Linear, extension: Extension = Extension::Repeat, projection: ImageProjection = ImageProjection::Flat, blend: f32 = 0.0, color_space: ColorSpace = ColorSpace::Srgb, alpha_mode: AlphaMode = AlphaMode::Straight }
         (vector: uv) -> (color: color, alpha: float);
-    /// An environment image in a direction.
+    /// An environment image by direction.
     EnvironmentTexture "environment_texture" { file: String = String::new(), interpolation: ImageInterpolation = ImageInterpolation::Linear, projection: EnvironmentProjection = EnvironmentProjection::Equirectangular, color_space: ColorSpace = ColorSpace::Srgb }
         (vector: position) -> (color: color);
     /// A number.
@@ -414,28 +412,28 @@ nodes! {
     /// A mix of two values.
     Mix "mix" { data_type: MixType = MixType::Float, factor_mode: FactorMode = FactorMode::Uniform, blend_type: BlendMode = BlendMode::Mix, clamp_factor: bool = true, clamp_result: bool = false }
         (factor: float 0.5, factor_vector: vector [0.5; 3], a: color [0.0; 3], b: color [0.0; 3]) -> (result: color);
-    /// Values of one range mapped to another.
+    /// Maps values of one range to another.
     MapRange "map_range" { clamp: bool = true, interpolation_type: RangeInterpolation = RangeInterpolation::Linear }
         (value: vector [1.0; 3], from_min: vector [0.0; 3], from_max: vector [1.0; 3], to_min: vector [0.0; 3], to_max: vector [1.0; 3], steps: vector [4.0; 3]) -> (result: vector);
     /// A value clamped to a range.
     Clamp "clamp" { clamp_type: ClampType = ClampType::MinMax } (value: float 1.0, min: float 0.0, max: float 1.0) -> (result: float);
-    /// A vector moved, rotated (XYZ angles, radians) and scaled.
+    /// Translates, rotates (XYZ Euler angles, radians) and scales a vector.
     Mapping "mapping" { vector_type: MappingType = MappingType::Point }
         (vector: position, location: vector [0.0; 3], rotation: vector [0.0; 3], scale: vector [1.0; 3]) -> (vector: vector);
-    /// A vector rotated about a point.
+    /// Rotates a vector about a point.
     VectorRotate "vector_rotate" { rotation_type: RotationType = RotationType::AxisAngle, invert: bool = false }
         (vector: vector [0.0; 3], center: vector [0.0; 3], axis: vector [0.0, 0.0, 1.0], angle: float 0.0, rotation: vector [0.0; 3]) -> (vector: vector);
-    /// Three numbers as a vector.
+    /// A vector from its components.
     CombineXyz "combine_xyz" {} (x: float 0.0, y: float 0.0, z: float 0.0) -> (vector: vector);
-    /// The numbers of a vector.
+    /// Components of a vector.
     SeparateXyz "separate_xyz" {} (vector: vector [0.0; 3]) -> (x: float, y: float, z: float);
     /// A colour from its components.
     CombineColor "combine_color" { mode: ColorModel = ColorModel::Rgb } (red: float 0.0, green: float 0.0, blue: float 0.0) -> (color: color);
     /// Components of a colour.
     SeparateColor "separate_color" { mode: ColorModel = ColorModel::Rgb } (color: color [0.8; 3]) -> (red: float, green: float, blue: float);
-    /// Hue, saturation and value changed.
+    /// Adjusts hue, saturation and value.
     HueSaturation "hue_saturation" {} (hue: float 0.5, saturation: float 1.0, value: float 1.0, factor: float 1.0, color: color [0.8; 3]) -> (color: color);
-    /// Brightness and contrast changed.
+    /// Adjusts brightness and contrast.
     BrightnessContrast "brightness_contrast" {} (color: color [1.0; 3], brightness: float 0.0, contrast: float 0.0) -> (color: color);
     /// A power of each component.
     Gamma "gamma" {} (color: color [1.0; 3], gamma: float 1.0) -> (color: color);
@@ -443,21 +441,21 @@ nodes! {
     Invert "invert" {} (factor: float 1.0, color: color [0.0; 3]) -> (color: color);
     /// Luminance.
     RgbToBw "rgb_to_bw" {} (color: color [0.5; 3]) -> (value: float);
-    /// Colours along a line: `stops` are rows of position, red, green, blue, alpha.
+    /// A colour gradient: `stops` are rows of position, red, green, blue, alpha.
     ColorRamp "color_ramp" { stops: Rows = Rows::default(), interpolation: RampInterpolation = RampInterpolation::Linear }
         (factor: float 0.5) -> (color: color, alpha: float);
-    /// Functions of red, green and blue: `table` has rows of their values, evenly spaced over `min`..`max`.
+    /// Curves of red, green and blue: `table` has rows of their values, evenly spaced over `min`..`max`.
     RgbCurves "rgb_curves" { table: Rows = Rows::default(), min: f32 = 0.0, max: f32 = 1.0, extrapolate: bool = true }
         (factor: float 1.0, color: color [1.0; 3]) -> (color: color);
-    /// Functions of the components of a vector, like `rgb_curves`.
+    /// Curves of the components of a vector, like `rgb_curves`.
     VectorCurves "vector_curves" { table: Rows = Rows::default(), min: f32 = -1.0, max: f32 = 1.0, extrapolate: bool = true }
         (factor: float 1.0, vector: vector [0.0; 3]) -> (vector: vector);
-    /// A function of a number: `table` has rows of one value.
+    /// A curve of a number: `table` has rows of one value.
     FloatCurve "float_curve" { table: Rows = Rows::default(), min: f32 = 0.0, max: f32 = 1.0, extrapolate: bool = true }
         (factor: float 1.0, value: float 1.0) -> (value: float);
-    /// Reflectance of a dielectric by the angle of view, from outside.
+    /// Fresnel reflectance of a dielectric by the view angle, from outside.
     Fresnel "fresnel" {} (ior: float 1.5, normal: normal) -> (factor: float);
-    /// Weights for layers by the angle of view.
+    /// View-dependent weights for mixing layers.
     LayerWeight "layer_weight" {} (blend: float 0.5, normal: normal) -> (fresnel: float, facing: float);
     /// Fractal gradient noise.
     NoiseTexture "noise_texture" { dimensions: Dimensions = Dimensions::Three, noise_type: NoiseType = NoiseType::Fbm, normalize: bool = true }
@@ -477,9 +475,9 @@ nodes! {
     /// A brick wall.
     BrickTexture "brick_texture" { offset: f32 = 0.5, offset_frequency: u32 = 2, squash: f32 = 1.0, squash_frequency: u32 = 2 }
         (vector: position, color1: color [0.8; 3], color2: color [0.2; 3], mortar: color [0.0; 3], scale: float 5.0, mortar_size: float 0.02, mortar_smooth: float 0.1, bias: float 0.0, brick_width: float 0.5, row_height: float 0.25) -> (color: color, factor: float);
-    /// The colour of a black body by its temperature, kelvin.
+    /// Colour of a black body by its temperature, kelvin.
     Blackbody "blackbody" {} (temperature: float 1500.0) -> (color: color);
-    /// The colour of a wavelength, nanometres.
+    /// Colour of a wavelength, nanometres.
     Wavelength "wavelength" {} (wavelength: float 500.0) -> (color: color);
     /// Gabor noise in `2d` or `3d`; `orientation_2d` is an angle in radians, `orientation_3d` a direction.
     GaborTexture "gabor_texture" { dimensions: Dimensions = Dimensions::Two }

@@ -1,4 +1,4 @@
-//! Textures as graphs of nodes: functions of a surface point, made of functions whose outputs feed inputs of others.
+//! Textures as node graphs: functions of a surface point.
 
 mod kinds;
 
@@ -13,26 +13,26 @@ pub use kinds::{
 
 use super::TextureId;
 
-/// Where an input takes its value from.
+/// Source of an input's value.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum NodeInput {
     /// The socket's default.
     #[default]
     Default,
-    /// A number stands in the first component.
+    /// A constant; floats use the first component.
     Value([f32; 3]),
     /// Another texture at the same point.
     Texture {
-        /// Which.
+        /// The texture.
         texture: TextureId,
-        /// Its alpha instead of its colour?
+        /// Use its alpha instead of its colour.
         alpha: bool,
     },
     /// An output of another node.
     Link {
-        /// Which node.
+        /// Index of the node.
         node: usize,
-        /// Which of its outputs.
+        /// Index of the output.
         output: usize,
     },
 }
@@ -40,28 +40,28 @@ pub enum NodeInput {
 /// A node of a graph.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Node {
-    /// Operation.
+    /// Kind with settings.
     pub kind: NodeKind,
-    /// One an input of the kind.
+    /// One per input of the kind.
     pub inputs: Vec<NodeInput>,
-    /// The image that a node of images reads: a texture of one.
+    /// Image texture of an image or environment node.
     pub image: Option<TextureId>,
     /// Another graph of the material reads the alpha of the image, so that colours aren't multiplied by it in this one either.
     pub reads_alpha: bool,
 }
 
-/// Functions of a surface point, made of nodes whose outputs feed inputs.
+/// A function of a surface point as a graph of nodes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NodeGraph {
-    /// In any order.
+    /// Nodes, in any order.
     pub nodes: Vec<Node>,
-    /// Which output the graph gives.
+    /// Output of the graph.
     pub result: NodeInput,
-    /// Vectors of world and camera space are those of Blender's world, whose z is up: (x, -z, y) of the scene's.
+    /// Vectors in world and camera space have Blender's axes (z up): (x, -z, y) of the scene's.
     pub is_z_up: bool,
 }
 
-/// The attributes that stand for outputs of nodes where meshes have them: kind, output, name.
+/// Node outputs that read a vertex attribute if the mesh has it: node kind, output, attribute name.
 const STANDARD_ATTRIBUTES: [(&str, &str, &str); 4] = [
     ("texture_coordinate", "generated", "generated"),
     ("geometry", "tangent", "generated"),
@@ -70,14 +70,14 @@ const STANDARD_ATTRIBUTES: [(&str, &str, &str); 4] = [
 ];
 
 impl NodeGraph {
-    /// Does it give a vector?
+    /// Is the result a vector?
     pub fn is_vector(&self) -> bool {
         let NodeInput::Link { node, output } = self.result else { return false };
         let outputs = self.nodes.get(node).map(|node| node.kind.outputs());
         outputs.and_then(|outputs| outputs.get(output)).is_some_and(|o| o.kind == SocketType::Vector)
     }
 
-    /// All that is wrong with it: links that lead nowhere or form a cycle, inputs that are too many or too few.
+    /// Errors of the graph: broken or cyclic links, wrong numbers of inputs, invalid settings.
     pub fn problems(&self) -> Vec<String> {
         let mut problems = Vec::new();
         let mut check = |place: String, input: &NodeInput| match *input {
@@ -99,16 +99,16 @@ impl NodeGraph {
             }
         }
         for (i, node) in self.nodes.iter().enumerate() {
-            let (given, expected) = (node.inputs.len(), node.kind.inputs().len());
-            if given != expected {
+            let (count, expected) = (node.inputs.len(), node.kind.inputs().len());
+            if count != expected {
                 problems.push(format!(
-                    "node {i} ({}) has {given} inputs instead of {expected}",
+                    "node {i} ({}) has {count} inputs instead of {expected}",
                     node.kind.name()
                 ));
             }
-            let is_of_image =
+            let needs_image =
                 matches!(node.kind, NodeKind::ImageTexture { .. } | NodeKind::EnvironmentTexture { .. });
-            if is_of_image && node.image.is_none() {
+            if needs_image && node.image.is_none() {
                 problems.push(format!("node {i} ({}) has no image", node.kind.name()));
             }
             problems.extend(
@@ -121,12 +121,12 @@ impl NodeGraph {
         problems
     }
 
-    /// The nodes that the result needs, each after those that it needs; `None` if links form a cycle.
+    /// Nodes that the result depends on in topological order; `None` if there is a cycle.
     pub fn order(&self) -> Option<Vec<usize>> {
         self.order_of(&self.result)
     }
 
-    /// Does it read normals in the space of tangents of the first texture coordinates?
+    /// Does it use the tangent frame of the first UV set?
     pub fn reads_tangents(&self) -> bool {
         self.nodes.iter().any(|node| match &node.kind {
             NodeKind::NormalMap { space, uv_map } => *space == NormalSpace::Tangent && uv_map.is_empty(),
@@ -135,11 +135,11 @@ impl NodeGraph {
         })
     }
 
-    /// The nodes that an input needs, each after those that it needs; `None` if links form a cycle.
+    /// Nodes that an input depends on in topological order; `None` if there is a cycle.
     pub fn order_of(&self, input: &NodeInput) -> Option<Vec<usize>> {
         let NodeInput::Link { node, .. } = *input else { return Some(Vec::new()) };
         let (mut order, mut state) = (Vec::new(), vec![0u8; self.nodes.len()]);
-        // Depth first, without recursion: graphs of files may be as deep as they like.
+        // Depth first, without recursion: graphs may be arbitrarily deep.
         let mut stack = vec![(node, 0)];
         state[node] = 1;
         while let Some((node, next)) = stack.pop() {
@@ -163,7 +163,7 @@ impl NodeGraph {
         Some(order)
     }
 
-    /// Type of an input's source: that of its link or texture, `otherwise` for values.
+    /// Type of an input's link or texture, `otherwise` for constants.
     pub fn given_type(&self, input: &NodeInput, otherwise: SocketType) -> SocketType {
         match *input {
             NodeInput::Link { node, output } => self.nodes[node].kind.outputs()[output].kind,
@@ -178,10 +178,10 @@ impl NodeGraph {
         }
     }
 
-    /// If an input is a set of texture coordinates, by a mapping or not: the set's name, empty for the first, and by how much they are scaled.
+    /// If an input is a UV set, with or without mapping nodes: the set's name (empty for the first) and the scale of the mappings.
     pub fn texture_coordinates(&self, input: &NodeInput) -> Option<(&str, f32)> {
         let (mut input, mut factor) = (*input, 1.0);
-        // Graphs have no circles here; the nodes bound the way all the same.
+        // Valid graphs have no cycles; the bound ensures termination for others.
         for _ in 0..=self.nodes.len() {
             let (node, output) = match input {
                 NodeInput::Default => return Some(("", factor)),
@@ -207,7 +207,7 @@ impl NodeGraph {
         None
     }
 
-    /// Attributes of vertices that it may read, by name; some more than once.
+    /// Names of the vertex attributes that it may read, with repetitions.
     pub fn attributes(&self) -> impl Iterator<Item = &str> + '_ {
         let named = self.nodes.iter().filter_map(|node| node.kind.attribute());
         let inputs = self.nodes.iter().flat_map(|node| &node.inputs).chain([&self.result]);
@@ -215,13 +215,13 @@ impl NodeGraph {
             let NodeInput::Link { node, output } = *input else { return None };
             let kind = &self.nodes.get(node)?.kind;
             let output = kind.outputs().get(output)?.name;
-            let known = STANDARD_ATTRIBUTES.iter().find(|known| (known.0, known.1) == (kind.name(), output));
-            known.map(|known| known.2)
+            let row = STANDARD_ATTRIBUTES.iter().find(|row| (row.0, row.1) == (kind.name(), output));
+            row.map(|row| row.2)
         });
         named.chain(standard)
     }
 
-    /// Textures that it reads.
+    /// Textures that it reads, with repetitions.
     pub fn textures(&self) -> impl Iterator<Item = TextureId> + '_ {
         let inputs = self.nodes.iter().flat_map(|node| &node.inputs).chain([&self.result]);
         let of_inputs = inputs.filter_map(|input| match input {
@@ -231,7 +231,7 @@ impl NodeGraph {
         of_inputs.chain(self.nodes.iter().filter_map(|node| node.image))
     }
 
-    /// Renames the textures that it reads.
+    /// Replaces the ids of the textures that it reads.
     pub fn map_textures(&mut self, rename: impl Fn(TextureId) -> TextureId) {
         for image in self.nodes.iter_mut().filter_map(|node| node.image.as_mut()) {
             *image = rename(*image);
@@ -246,7 +246,7 @@ impl NodeGraph {
 }
 
 impl NodeKind {
-    /// The attribute that a setting names.
+    /// Name of the vertex attribute that the node reads.
     fn attribute(&self) -> Option<&str> {
         match self {
             NodeKind::Attribute { name } | NodeKind::UvMap { name } | NodeKind::ColorAttribute { name } => {
@@ -258,14 +258,15 @@ impl NodeKind {
         }
     }
 
-    /// The error in its settings.
+    /// Error of the settings.
     fn problem(&self) -> Option<String> {
         let table = |rows: &[Vec<f32>], columns: usize| {
             if rows.is_empty() {
                 return Some("has no rows".to_string());
             }
-            let odd = rows.iter().position(|row| row.len() != columns || row.iter().any(|v| !v.is_finite()));
-            odd.map(|row| format!("row {row} isn't made of {columns} finite numbers"))
+            let invalid =
+                rows.iter().position(|row| row.len() != columns || row.iter().any(|v| !v.is_finite()));
+            invalid.map(|row| format!("row {row} must have {columns} finite numbers"))
         };
         match self {
             NodeKind::ColorRamp { stops, .. } => {
@@ -275,8 +276,8 @@ impl NodeKind {
                 table(&rows.0, 3).map(|problem| format!("table: {problem}"))
             }
             NodeKind::GaborTexture { dimensions } => {
-                let is_known = matches!(dimensions, Dimensions::Two | Dimensions::Three);
-                (!is_known).then(|| "dimensions must be 2d or 3d".to_string())
+                let is_supported = matches!(dimensions, Dimensions::Two | Dimensions::Three);
+                (!is_supported).then(|| "dimensions must be 2d or 3d".to_string())
             }
             NodeKind::FloatCurve { table: rows, .. } => {
                 table(&rows.0, 1).map(|problem| format!("table: {problem}"))

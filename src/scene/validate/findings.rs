@@ -1,26 +1,26 @@
-//! Problems while they are found: each with its place, many of one kind counted.
+//! Collection of validation problems; many problems of one kind are only counted.
 
 use crate::error::Problem;
 use crate::math::{all_finite, count_not_finite};
 use rayon::prelude::*;
 use std::fmt::{Debug, Display, Formatter, Result};
 
-/// Problems of one kind beyond this many are only counted.
-const MAX_ALIKE: usize = 8;
-/// Numbers that one thread looks at in a row.
+/// Maximum number of listed problems of a kind.
+const MAX_LISTED: usize = 8;
+/// Numbers per task of parallel checks.
 pub(super) const BLOCK: usize = 1 << 16;
 
-/// Required of images that are not textures.
+/// Requirement on images that are not textures.
 pub(super) const DECODED: &str = "decoded";
 
 /// An entry of one of the scene's lists.
 #[derive(Clone, Copy)]
 pub(super) struct Entry<'a> {
-    /// The list's field in the scene.
+    /// Field of the scene.
     pub list: &'static str,
-    /// Which entry.
+    /// Index in the list.
     pub index: usize,
-    /// Its name, empty if it has none.
+    /// Name of the entry, may be empty.
     pub name: &'a str,
 }
 
@@ -31,14 +31,14 @@ impl Display for Entry<'_> {
     }
 }
 
-/// How often one kind of problem was found.
+/// Count of a kind of problem.
 struct RepeatedProblem {
     field: &'static str,
-    what: &'static str,
+    allowed: &'static str,
     count: usize,
 }
 
-/// The findings so far.
+/// Problems found so far.
 #[derive(Default)]
 pub(super) struct Findings {
     list: Vec<Problem>,
@@ -46,7 +46,7 @@ pub(super) struct Findings {
 }
 
 impl Findings {
-    /// A field holds something that it must not: `allowed` follows "must be".
+    /// Adds a problem of a field; `allowed` continues "must be".
     pub fn reject(
         &mut self,
         place: impl Display,
@@ -54,15 +54,15 @@ impl Findings {
         found: impl Debug,
         allowed: &'static str,
     ) {
-        if self.is_listed(field, allowed) {
-            // Vectors as lists of their numbers.
+        if self.count(field, allowed) {
+            // Vectors as plain tuples.
             let found = format!("{found:?}").replace("DVec3", "").replace("DQuat", "");
             let message = format!("is {found}, but must be {allowed}");
             self.list.push(Problem::new(format!("{place}, {field}"), message));
         }
     }
 
-    /// Rejects a field unless a condition holds.
+    /// Adds a problem unless a condition holds.
     pub fn require(
         &mut self,
         is_met: bool,
@@ -76,13 +76,13 @@ impl Findings {
         }
     }
 
-    /// Colours and intensities.
+    /// Checks a colour or intensity.
     pub fn require_color(&mut self, rgb: &[f32; 3], place: impl Display, field: &'static str) {
         let is_met = rgb.iter().all(|c| c.is_finite() && *c >= 0.0);
         self.require(is_met, place, field, rgb, "finite numbers from 0 up");
     }
 
-    /// Lengths and ratios.
+    /// Checks a length or ratio.
     pub fn require_length(
         &mut self,
         length: f64,
@@ -94,34 +94,34 @@ impl Findings {
         self.require(is_met, place, field, found, "a finite number above 0");
     }
 
-    /// Many numbers, of which those that are NaN or infinite are counted.
+    /// Checks a list of numbers for NaN and infinity.
     pub fn require_finite(&mut self, numbers: &[f32], place: impl Display, field: &'static str) {
-        const WHAT: &str = "finite numbers";
-        if !numbers.par_chunks(BLOCK).all(all_finite) && self.is_listed(field, WHAT) {
+        const ALLOWED: &str = "finite numbers";
+        if !numbers.par_chunks(BLOCK).all(all_finite) && self.count(field, ALLOWED) {
             let (bad, all) = (count_not_finite(numbers), numbers.len());
-            let message = format!("{bad} of {all} numbers are NaN or infinite, but must be {WHAT}");
+            let message = format!("{bad} of {all} numbers are NaN or infinite, but must be {ALLOWED}");
             self.list.push(Problem::new(format!("{place}, {field}"), message));
         }
     }
 
-    /// All problems, with a line for each kind that has more than are listed.
+    /// All problems, with a line for the unlisted ones of each kind.
     pub fn into_problems(self) -> Vec<Problem> {
         let Findings { mut list, kinds } = self;
-        for RepeatedProblem { field, what, count } in kinds.into_iter().filter(|k| k.count > MAX_ALIKE) {
-            let more = count - MAX_ALIKE;
-            list.push(Problem::new("", format!("{more} more of this kind: {field} must be {what}")));
+        for RepeatedProblem { field, allowed, count } in kinds.into_iter().filter(|k| k.count > MAX_LISTED) {
+            let more = count - MAX_LISTED;
+            list.push(Problem::new("", format!("{more} more of this kind: {field} must be {allowed}")));
         }
         list
     }
 
-    /// Counts a problem of a kind; true for the first few.
-    fn is_listed(&mut self, field: &'static str, what: &'static str) -> bool {
-        let known = self.kinds.iter().position(|k| k.field == field && k.what == what);
-        let at = known.unwrap_or_else(|| {
-            self.kinds.push(RepeatedProblem { field, what, count: 0 });
+    /// Counts a problem of a kind; true for the first [`MAX_LISTED`].
+    fn count(&mut self, field: &'static str, allowed: &'static str) -> bool {
+        let found = self.kinds.iter().position(|k| k.field == field && k.allowed == allowed);
+        let kind = found.unwrap_or_else(|| {
+            self.kinds.push(RepeatedProblem { field, allowed, count: 0 });
             self.kinds.len() - 1
         });
-        self.kinds[at].count += 1;
-        self.kinds[at].count <= MAX_ALIKE
+        self.kinds[kind].count += 1;
+        self.kinds[kind].count <= MAX_LISTED
     }
 }

@@ -1,5 +1,5 @@
-//! Checks of meshes, curves, other objects and their motion: references, list lengths, finite numbers. Lists of numbers take one
-//! branch-free pass each, so that a check takes as long as reading the list.
+//! Checks of meshes, curves, other objects and their motion: references, list lengths, finite numbers. Each list is checked in
+//! one branch-free pass at memory bandwidth.
 
 use super::findings::{BLOCK, Entry, Findings};
 use crate::math::DAffine3;
@@ -9,8 +9,7 @@ use crate::scene::{
 use rayon::prelude::*;
 use std::collections::HashSet;
 
-// Meshes: indices, lengths of lists, runs of materials, and that every number is finite. One pass over each list, without
-// branches, so that it takes as long as reading it.
+// Meshes.
 
 pub(super) fn check_meshes(scene: &Scene, findings: &mut Findings) {
     for (index, mesh) in scene.meshes.iter().enumerate() {
@@ -26,9 +25,9 @@ pub(super) fn check_meshes(scene: &Scene, findings: &mut Findings) {
 
 fn check_triangles(mesh: &Mesh, place: Entry, findings: &mut Findings) {
     let (indices, vertices) = (mesh.triangles.as_flattened(), mesh.positions.len());
-    // More vertices than indices can address: all are in range.
+    // With more than 2^32 vertices all indices are in range.
     let Ok(vertices) = u32::try_from(vertices) else { return };
-    let are_in_range = |block: &[u32]| !block.iter().fold(false, |bad, &i| bad | (i >= vertices));
+    let are_in_range = |block: &[u32]| !block.iter().fold(false, |any, &i| any | (i >= vertices));
     if !indices.par_chunks(BLOCK).all(are_in_range) {
         let largest = indices.iter().fold(0, |largest, &i| largest.max(i));
         findings.reject(place, "triangles", largest, "indices below the number of positions");
@@ -48,8 +47,8 @@ fn check_numbers(mesh: &Mesh, place: Entry, findings: &mut Findings) {
 fn check_attributes(mesh: &Mesh, place: Entry, findings: &mut Findings) {
     let mut names = HashSet::new();
     for attribute in &mesh.attributes {
-        let is_wide = (1..=VertexAttribute::MAX_WIDTH).contains(&attribute.width);
-        findings.require(is_wide, place, "width of an attribute", attribute.width, "1 to 4");
+        let is_met = (1..=VertexAttribute::MAX_WIDTH).contains(&attribute.width);
+        findings.require(is_met, place, "width of an attribute", attribute.width, "1 to 4");
         let expected = mesh.positions.len() as u64 * u64::from(attribute.width);
         let length = attribute.values.len();
         findings.require(
@@ -57,10 +56,10 @@ fn check_attributes(mesh: &Mesh, place: Entry, findings: &mut Findings) {
             place,
             "length of an attribute",
             length,
-            "its width times the positions",
+            "its width times the number of positions",
         );
-        let is_new = names.insert(&attribute.name);
-        findings.require(is_new, place, "name of an attribute", &attribute.name, "another than those before");
+        let is_unique = names.insert(&attribute.name);
+        findings.require(is_unique, place, "name of an attribute", &attribute.name, "unique in the mesh");
     }
 }
 
@@ -68,7 +67,7 @@ fn check_lengths(mesh: &Mesh, place: Entry, findings: &mut Findings) {
     let vertices = mesh.positions.len();
     let mut check = |field, length: usize| {
         let is_met = length == 0 || length == vertices;
-        findings.require(is_met, place, field, length, "as many as the positions, or empty");
+        findings.require(is_met, place, field, length, "the number of positions, or 0");
     };
     check("length of normals", mesh.normals.len());
     check("length of tangents", mesh.tangents.len());
@@ -79,8 +78,8 @@ fn check_lengths(mesh: &Mesh, place: Entry, findings: &mut Findings) {
 fn check_splats(mesh: &Mesh, place: Entry, findings: &mut Findings) {
     let Some(splats) = &mesh.splats else { return };
     let Splats { scales, rotations, opacities, degree, coefficients, is_linear: _ } = &**splats;
-    let is_known = *degree <= Splats::MAX_DEGREE;
-    findings.require(is_known, place, "degree of splats", degree, "0 to 3");
+    let is_met = *degree <= Splats::MAX_DEGREE;
+    findings.require(is_met, place, "degree of splats", degree, "0 to 3");
     let vertices = mesh.positions.len();
     let per_splat = Splats::coefficients_of((*degree).min(Splats::MAX_DEGREE));
     let lengths = [
@@ -90,26 +89,26 @@ fn check_splats(mesh: &Mesh, place: Entry, findings: &mut Findings) {
         ("length of the coefficients of splats", coefficients.len(), vertices.saturating_mul(per_splat)),
     ];
     for (field, length, expected) in lengths {
-        findings.require(length == expected, place, field, length, "as many as the positions ask for");
+        findings.require(length == expected, place, field, length, "as many as the positions require");
     }
     findings.require_finite(scales.as_flattened(), place, "scales of splats");
     findings.require_finite(rotations.as_flattened(), place, "rotations of splats");
     findings.require_finite(opacities, place, "opacities of splats");
-    let flat = scales.as_flattened().iter().find(|scale| **scale <= 0.0);
-    findings.require(flat.is_none(), place, "scales of splats", flat, "above 0");
-    let odd = opacities.iter().find(|opacity| !(0.0..=1.0).contains(*opacity));
-    findings.require(odd.is_none(), place, "opacities of splats", odd, "0 to 1");
+    let invalid = scales.as_flattened().iter().find(|scale| **scale <= 0.0);
+    findings.require(invalid.is_none(), place, "scales of splats", invalid, "above 0");
+    let invalid = opacities.iter().find(|opacity| !(0.0..=1.0).contains(*opacity));
+    findings.require(invalid.is_none(), place, "opacities of splats", invalid, "0 to 1");
     let is_unit = |q: &&[f32; 4]| (q.iter().map(|x| x * x).sum::<f32>() - 1.0).abs() < 1e-3;
-    let turned = rotations.iter().find(|q| !is_unit(q));
-    findings.require(turned.is_none(), place, "rotations of splats", turned, "of unit length");
-    let endless = coefficients.as_flattened().iter().find(|c| !c.is_finite());
-    findings.require(endless.is_none(), place, "coefficients of splats", endless, FINITE);
-    let are_alone = mesh.triangles.is_empty() && !mesh.parts.is_empty();
-    findings.require(are_alone, place, "splats", mesh.triangles.len(), "without triangles, with one part");
+    let invalid = rotations.iter().find(|q| !is_unit(q));
+    findings.require(invalid.is_none(), place, "rotations of splats", invalid, "of unit length");
+    let invalid = coefficients.as_flattened().iter().find(|c| !c.is_finite());
+    findings.require(invalid.is_none(), place, "coefficients of splats", invalid, FINITE);
+    let is_met = mesh.triangles.is_empty() && !mesh.parts.is_empty();
+    findings.require(is_met, place, "splats", mesh.triangles.len(), "without triangles, with one part");
 }
 
 fn check_parts(mesh: &Mesh, materials: usize, place: Entry, findings: &mut Findings) {
-    const IN_ORDER: &str = "in order, without gaps, and cover all triangles";
+    const IN_ORDER: &str = "in order without gaps, and cover all triangles";
     let mut next = 0u64;
     for part in &mesh.parts {
         let is_met = part.material.index() < materials;
@@ -122,29 +121,29 @@ fn check_parts(mesh: &Mesh, materials: usize, place: Entry, findings: &mut Findi
     findings.require(next == mesh.triangles.len() as u64, place, "parts", mesh.parts.last(), IN_ORDER);
 }
 
-// Curves: their lists, and whether their material is one that curves can have.
+// Curves.
 
 pub(super) fn check_curves(scene: &Scene, findings: &mut Findings) {
     for (index, curves) in scene.curves.iter().enumerate() {
         let place = Entry { list: "curves", index, name: &curves.name };
         check_info(&curves.info, place, findings);
-        lists(curves, place, findings);
+        check_curve_lists(curves, place, findings);
         match scene.materials.get(curves.material.index()) {
             None => findings.reject(place, "material", curves.material, "one of the scene's materials"),
-            Some(material) => suits(material, place, findings),
+            Some(material) => check_curve_material(material, place, findings),
         }
     }
 }
 
-fn lists(curves: &Curves, place: Entry, findings: &mut Findings) {
+fn check_curve_lists(curves: &Curves, place: Entry, findings: &mut Findings) {
     let sum: u64 = curves.strands.iter().map(|n| u64::from(*n)).sum();
     let points = curves.points.len();
-    findings.require(sum == points as u64, place, "strands", sum, "as many points as there are");
-    let odd = curves.strands.iter().find(|n| !curves.basis.takes(**n as usize));
-    findings.require(odd.is_none(), place, "strands", odd, curves.basis.asks_for());
-    findings.require(curves.radii.len() == points, place, "radii", curves.radii.len(), "one a point");
-    let has_colors = [0, points].contains(&curves.colors.len());
-    findings.require(has_colors, place, "colors", curves.colors.len(), "one a point, or none");
+    findings.require(sum == points as u64, place, "strands", sum, "the number of points in total");
+    let invalid = curves.strands.iter().find(|n| !curves.basis.takes(**n as usize));
+    findings.require(invalid.is_none(), place, "strands", invalid, curves.basis.asks_for());
+    findings.require(curves.radii.len() == points, place, "radii", curves.radii.len(), "one per point");
+    let is_met = [0, points].contains(&curves.colors.len());
+    findings.require(is_met, place, "colors", curves.colors.len(), "one per point, or none");
     findings.require_finite(curves.points.as_flattened(), place, "points");
     findings.require_finite(&curves.radii, place, "radii");
     findings.require_finite(curves.colors.as_flattened(), place, "colors");
@@ -154,7 +153,7 @@ fn lists(curves: &Curves, place: Entry, findings: &mut Findings) {
     findings.require(is_finite, place, "world_from_object", curves.world_from_object, "finite");
 }
 
-/// Does light enter a body of the material?
+/// Does the material enclose a solid or medium?
 fn is_solid(material: &Material) -> bool {
     let of_model = match material.model.transmission() {
         Transmission::Clear(_) => true,
@@ -164,16 +163,17 @@ fn is_solid(material: &Material) -> bool {
     of_model || material.medium.is_some()
 }
 
-/// Rays meet curves from outside only: they have no inside, and are no lights.
-fn suits(material: &Material, place: Entry, findings: &mut Findings) {
+/// Checks that the material is supported for curves, which have no interior and can't be lights.
+fn check_curve_material(material: &Material, place: Entry, findings: &mut Findings) {
     let name = &material.name;
-    let opaque = "no solid glass and filled with no medium: curves take opaque and thin materials and 'hair'";
-    findings.require(!is_solid(material), place, "material", name, opaque);
-    let dark = "one that does not emit light: curves are no lights";
-    findings.require(material.emission.is_none(), place, "material", name, dark);
+    let not_solid =
+        "neither solid glass nor filled with a medium: curves support opaque and thin materials and 'hair'";
+    findings.require(!is_solid(material), place, "material", name, not_solid);
+    let not_emissive = "without emission: curves can't be lights";
+    findings.require(material.emission.is_none(), place, "material", name, not_emissive);
 }
 
-// Visible objects: instances, shapes and quads.
+// Instances, shapes and quads.
 
 const MATERIAL: &str = "one of the scene's materials";
 const FINITE: &str = "finite";
@@ -198,11 +198,12 @@ pub(super) fn check_objects(scene: &Scene, findings: &mut Findings) {
             MATERIAL,
         );
         let mesh = scene.meshes.get(instance.mesh.index()).filter(|mesh| mesh.splats.is_some());
-        let own = mesh.and_then(|mesh| mesh.parts.first()).map(|part| part.material);
-        let used = own.map(|own| instance.material.unwrap_or(own));
+        let of_mesh = mesh.and_then(|mesh| mesh.parts.first()).map(|part| part.material);
+        let used = of_mesh.map(|of_mesh| instance.material.unwrap_or(of_mesh));
         if let Some(material) = used.and_then(|id| scene.materials.get(id.index())) {
-            let opaque = "no solid glass and filled with no medium: splats take opaque and thin materials";
-            findings.require(!is_solid(material), place, "material", &material.name, opaque);
+            let not_solid =
+                "neither solid glass nor filled with a medium: splats support opaque and thin materials";
+            findings.require(!is_solid(material), place, "material", &material.name, not_solid);
         }
     }
     for (index, shape) in scene.shapes.iter().enumerate() {
@@ -226,7 +227,7 @@ pub(super) fn check_objects(scene: &Scene, findings: &mut Findings) {
     }
 }
 
-// Motion of objects during the exposure. (Cameras and lights are checked with their motion.)
+// Motion of objects. (That of cameras and lights is checked with them.)
 
 pub(super) fn check_motion(scene: &Scene, findings: &mut Findings) {
     let motion = &scene.motion;
@@ -237,10 +238,10 @@ pub(super) fn check_motion(scene: &Scene, findings: &mut Findings) {
             findings.require(exists, place, "motion", number, "the number of one of the scene's motions");
         }
     }
-    let lists = [("motion.quads", &motion.quads), ("motion.shapes", &motion.shapes)];
-    let listed = lists.iter().flat_map(|(list, all)| all.iter().map(move |(i, moving)| (*list, *i, moving)));
+    let maps = [("motion.quads", &motion.quads), ("motion.shapes", &motion.shapes)];
+    let keyed = maps.iter().flat_map(|(list, all)| all.iter().map(move |(i, moving)| (*list, *i, moving)));
     let instances = motion.instances.iter().enumerate().map(|(i, moving)| ("motion.instances", i, moving));
-    for (list, index, moving) in listed.chain(instances) {
+    for (list, index, moving) in keyed.chain(instances) {
         let place = Entry { list, index, name: "" };
         findings.require(
             moving.all().all(DAffine3::is_finite),

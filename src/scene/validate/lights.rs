@@ -24,7 +24,7 @@ pub(super) fn check_lights(scene: &Scene, findings: &mut Findings) {
             place,
             "profile",
             light.profile.is_some(),
-            "a sound one where the kind needs it",
+            "a valid one if the kind is Profiled, and none otherwise",
         );
         let Some(moving) = &light.motion else { continue };
         let is_same = moving.all().all(|key| discriminant(key) == discriminant(&light.kind));
@@ -33,7 +33,7 @@ pub(super) fn check_lights(scene: &Scene, findings: &mut Findings) {
     }
     for (index, profile) in scene.profiles.iter().enumerate() {
         let place = Entry { list: "profiles", index, name: "" };
-        findings.require(profile.is_sound(), place, "values", profile.values.len(), "a sound profile");
+        findings.require(profile.is_sound(), place, "values", profile.values.len(), "a valid profile");
     }
 }
 
@@ -46,13 +46,13 @@ fn check_kind(kind: &LightKind, place: Entry, findings: &mut Findings) {
             let (inner, outer) = (inner_angle_rad, outer_angle_rad);
             let is_cone = outer > 0.0 && outer <= PI;
             findings.require(is_cone, place, "outer_angle_rad", outer, "above 0 and at most pi");
-            // Said once where the outer angle is no angle.
+            // Only one problem if the outer angle is invalid.
             let is_inside = (0.0..=if is_cone { outer } else { PI }).contains(&inner);
             findings.require(is_inside, place, "inner_angle_rad", inner, "from 0 to the outer angle");
         }
         LightKind::Profiled { position, rotation, cone } => {
             check_position(position, place, findings);
-            check_aim(rotation, cone, place, findings);
+            check_profile_cone(rotation, cone, place, findings);
         }
         LightKind::Directional { direction } => check_direction(direction, place, findings),
         LightKind::Sun { direction, angle_rad } => {
@@ -63,15 +63,20 @@ fn check_kind(kind: &LightKind, place: Entry, findings: &mut Findings) {
     }
 }
 
-/// How a profile is turned and cut.
-pub(super) fn check_aim(rotation: DQuat, cone: Option<[f64; 2]>, place: Entry, findings: &mut Findings) {
+/// Checks the rotation and cone of a profile.
+pub(super) fn check_profile_cone(
+    rotation: DQuat,
+    cone: Option<[f64; 2]>,
+    place: Entry,
+    findings: &mut Findings,
+) {
     findings.require(rotation.is_normalized(), place, "rotation", rotation, "a unit quaternion");
     let [inner, outer] = cone.unwrap_or([0.0, 1.0]);
     let is_cone = 0.0 <= inner && inner <= outer && outer > 0.0 && outer <= PI;
-    findings.require(is_cone, place, "cone", outer, "angles of which the outer is above 0 and at most pi");
+    findings.require(is_cone, place, "cone", outer, "0 <= inner <= outer <= pi, with an outer angle above 0");
 }
 
-/// Smaller suns are no different from parallel light, but for rounding.
+/// Smaller suns suffer from rounding errors, and look like directional lights.
 const MIN_SUN_RAD: f64 = 1e-5;
 
 fn check_position(position: DVec3, place: Entry, findings: &mut Findings) {
@@ -80,16 +85,16 @@ fn check_position(position: DVec3, place: Entry, findings: &mut Findings) {
 
 fn check_direction(direction: DVec3, place: Entry, findings: &mut Findings) {
     let is_met = direction.try_normalize().is_some();
-    findings.require(is_met, place, "direction", direction, "a finite vector of a length above 0");
+    findings.require(is_met, place, "direction", direction, "a finite vector other than 0");
 }
 
 // The environment.
 
-/// Maximum number of texels of an environment's image: tables over it have 32-bit indices.
+/// Maximum number of texels of an environment image: its sampling tables have 32-bit indices.
 const MAX_TEXELS: u64 = 1 << 29;
 
-/// Places of portals, metres.
-const FARTHEST: f64 = 1e18;
+/// Maximum distance of portals from the origin, and length of their edges, metres.
+const MAX_DISTANCE: f64 = 1e18;
 
 const PLACE: &str = "environment";
 
@@ -105,20 +110,20 @@ pub(super) fn check_environment(scene: &Scene, findings: &mut Findings) {
     for (index, portal) in scene.portals.iter().enumerate() {
         let place = Entry { list: "portals", index, name: &portal.name };
         let [u, v] = [portal.edge_u, portal.edge_v];
-        let is_finite = portal.corner.is_finite() && portal.corner.length() < FARTHEST;
+        let is_finite = portal.corner.is_finite() && portal.corner.length() < MAX_DISTANCE;
         findings.require(is_finite, place, "corner", portal.corner, "a finite point");
-        let is_rectangle = [u, v].iter().all(|e| (1e-9..FARTHEST).contains(&e.length()))
+        let is_rectangle = [u, v].iter().all(|e| (1e-9..MAX_DISTANCE).contains(&e.length()))
             && u.normalize_or_zero().dot(v.normalize_or_zero()).abs() < 1e-3;
-        let rule = "edges at right angles, longer than 0";
-        findings.require(is_rectangle, place, "edge_u, edge_v", [u, v], rule);
+        let allowed = "perpendicular and longer than 0";
+        findings.require(is_rectangle, place, "edge_u, edge_v", [u, v], allowed);
     }
-    check_light(scene, &scene.environment, PLACE, findings);
-    if let Some(seen) = &scene.camera_environment {
-        check_light(scene, seen, "camera_environment", findings);
+    check_radiance(scene, &scene.environment, PLACE, findings);
+    if let Some(environment) = &scene.camera_environment {
+        check_radiance(scene, environment, "camera_environment", findings);
     }
 }
 
-fn check_light(scene: &Scene, environment: &Environment, place: &'static str, findings: &mut Findings) {
+fn check_radiance(scene: &Scene, environment: &Environment, place: &'static str, findings: &mut Findings) {
     match environment {
         Environment::Black => {}
         Environment::Constant(rgb) => findings.require_color(rgb, place, "Constant"),
@@ -142,9 +147,9 @@ fn check_light(scene: &Scene, environment: &Environment, place: &'static str, fi
     }
 }
 
-// Groups of lights: their names become names of channels.
+// Light groups, whose names are used in channel names.
 
-/// More than a picture could hold apart.
+/// Maximum number of light groups.
 const MAX_GROUPS: usize = 1 << 15;
 
 pub(super) fn check_groups(scene: &Scene, findings: &mut Findings) {
@@ -158,11 +163,11 @@ pub(super) fn check_groups(scene: &Scene, findings: &mut Findings) {
 
 // Cameras.
 
-/// May a camera stand so?
-fn is_placed(m: &DAffine3) -> bool {
+/// Is it a valid camera transform?
+fn is_camera_transform(m: &DAffine3) -> bool {
     let axes = [m.matrix3.x_axis, m.matrix3.y_axis, m.matrix3.z_axis].map(|axis| axis.try_normalize());
     match axes {
-        // Compared by angles: cameras may have any scale.
+        // By the angles between the axes: cameras may have any scale.
         [Some(x), Some(y), Some(z)] => m.translation.is_finite() && x.cross(y).dot(z).abs() > 1e-9,
         _ => false,
     }
@@ -171,10 +176,10 @@ fn is_placed(m: &DAffine3) -> bool {
 pub(super) fn check_camera(camera: &Camera, index: usize, findings: &mut Findings) {
     let place = Entry { list: "cameras", index, name: &camera.name };
     let m = &camera.world_from_camera;
-    let allowed = "finite, with three axes that lie in no plane";
-    findings.require(is_placed(m), place, "world_from_camera", m, allowed);
+    let allowed = "finite, with three linearly independent axes";
+    findings.require(is_camera_transform(m), place, "world_from_camera", m, allowed);
     if let Some(moving) = &camera.motion {
-        let is_met = moving.all().all(is_placed);
+        let is_met = moving.all().all(is_camera_transform);
         findings.require(is_met, place, "motion", moving.keys.len(), allowed);
     }
     match camera.projection {
@@ -194,23 +199,23 @@ pub(super) fn check_camera(camera: &Camera, index: usize, findings: &mut Finding
     check_lens(camera, place, findings);
 }
 
-/// Checks the window of the scene that the picture shows.
+/// Checks pixel aspect, shift and clipping.
 fn check_frame(camera: &Camera, place: Entry, findings: &mut Findings) {
     let pixel = camera.pixel_aspect;
     let is_square = pixel == 1.0 || !matches!(camera.projection, Projection::Panorama(_));
-    let is_met = PIXELS.contains(&pixel) && is_square;
+    let is_met = PIXEL_ASPECTS.contains(&pixel) && is_square;
     findings.require(is_met, place, "pixel_aspect", pixel, "from 0.001 to 1000, and 1 for a panorama");
     let [x, y] = camera.shift;
-    let is_met = x.abs() <= FARTHEST_SHIFT && y.abs() <= FARTHEST_SHIFT;
-    findings.require(is_met, place, "shift", camera.shift, "at most 1000 heights of the picture");
+    let is_met = x.abs() <= MAX_SHIFT && y.abs() <= MAX_SHIFT;
+    findings.require(is_met, place, "shift", camera.shift, "at most 1000 picture heights");
     if let Some([near, far]) = camera.clip {
-        let is_met = near >= 0.0 && far > near && far <= FARTHEST_FOCUS;
+        let is_met = near >= 0.0 && far > near && far <= MAX_FOCUS;
         findings.require(
             is_met,
             place,
             "clip",
             [near, far],
-            "two distances from 0 to 1e18, the second beyond the first",
+            "two distances from 0 to 1e18, the second above the first",
         );
     }
 }
@@ -221,7 +226,7 @@ fn check_lens(camera: &Camera, place: Entry, findings: &mut Findings) {
     let is_met = (0.0..PI).contains(&angle);
     findings.require(is_met, place, "defocus_angle_rad", angle, "from 0 to below pi");
     let distance = lens.focus_distance;
-    let is_met = distance > 0.0 && distance <= FARTHEST_FOCUS;
+    let is_met = distance > 0.0 && distance <= MAX_FOCUS;
     findings.require(is_met, place, "focus_distance", distance, "above 0 and at most 1e18");
     let Aperture { blades, rotation_rad, ratio } = lens.aperture;
     let is_met = blades == 0 || (3..=MAX_BLADES).contains(&blades);
@@ -244,8 +249,8 @@ fn check_panorama(panorama: &Panorama, place: Entry, findings: &mut Findings) {
     match *panorama {
         Panorama::Equirectangular { longitude_rad, latitude_rad } => {
             for (field, [from, to], most, allowed) in [
-                ("longitude_rad", longitude_rad, PI, "growing, from -pi to pi"),
-                ("latitude_rad", latitude_rad, FRAC_PI_2, "growing, from -pi/2 to pi/2"),
+                ("longitude_rad", longitude_rad, PI, "increasing, from -pi to pi"),
+                ("latitude_rad", latitude_rad, FRAC_PI_2, "increasing, from -pi/2 to pi/2"),
             ] {
                 let is_met = -most <= from && to <= most && to - from >= MIN_ANGLE;
                 findings.require(is_met, place, field, [from, to], allowed);
@@ -266,17 +271,17 @@ fn check_fov(fov_rad: f64, place: Entry, findings: &mut Findings) {
     findings.require(is_met, place, "fov_rad", fov_rad, "above 0 and at most 2 pi");
 }
 
-/// Narrowest view of a panorama, radians.
+/// Minimum field of view of a panorama, radians.
 const MIN_ANGLE: f64 = 1e-5;
 
-/// An aperture with more blades is a disk.
+/// Maximum number of aperture blades.
 const MAX_BLADES: u32 = 256;
 
-/// Width over height of pixels.
-const PIXELS: RangeInclusive<f64> = 1e-3..=1e3;
+/// Range of pixel aspect ratios (width over height).
+const PIXEL_ASPECTS: RangeInclusive<f64> = 1e-3..=1e3;
 
-/// Largest shift, in heights of the picture.
-const FARTHEST_SHIFT: f64 = 1e3;
+/// Maximum shift in picture heights.
+const MAX_SHIFT: f64 = 1e3;
 
-/// Nothing is seen beyond, metres.
-const FARTHEST_FOCUS: f64 = 1e18;
+/// Maximum focus and clipping distance, metres.
+const MAX_FOCUS: f64 = 1e18;

@@ -1,7 +1,7 @@
 //! Checks of materials, media, images and textures.
 
 use super::findings::{DECODED, Entry, Findings};
-use super::lights::check_aim;
+use super::lights::check_profile_cone;
 use crate::image::{Image, Pixels};
 use crate::math::DVec3;
 use crate::scene::{
@@ -13,7 +13,7 @@ use std::fmt::Display;
 
 const FINITE: &str = "a finite number";
 const FROM_ZERO: &str = "a finite number from 0 up";
-/// Maximum index of refraction of metals: Fresnel's equations take its fourth power.
+/// Maximum index of refraction of metals: the Fresnel equations contain its fourth power.
 const MAX_INDEX: f32 = 1e4;
 const INDEX: &str = "numbers from 0 to 10,000";
 const CHANNEL: &str = "a channel from 0 to 3";
@@ -36,15 +36,15 @@ pub(super) fn check_materials(scene: &Scene, findings: &mut Findings) {
     }
 }
 
-/// A grid scales the extinction of all channels alike: a solid's own absorption can't be added.
+/// Attenuation can't be combined with a density grid, which scales the extinction of all channels equally.
 fn check_attenuation(medium: &Medium, model: &Model, place: Entry, findings: &mut Findings) {
     let Some(pbr) = model.pbr().filter(|pbr| pbr.has_volume && medium.grid.is_some()) else { return };
     let is_met = coefficients(pbr.attenuation_color, pbr.attenuation_distance).is_none();
-    let rule = "infinite where the medium has a grid: give the medium a 'color' instead";
-    findings.require(is_met, place, "attenuation_distance", pbr.attenuation_distance, rule);
+    let allowed = "infinite if the medium has a grid: set the medium's 'color' instead";
+    findings.require(is_met, place, "attenuation_distance", pbr.attenuation_distance, allowed);
 }
 
-/// The peak of narrower beams overflows single precision.
+/// Minimum half angle of beams: the peak radiance of narrower ones overflows f32.
 const MIN_BEAM_RAD: f64 = 1e-4;
 
 fn check_beam(beam: Option<Beam>, profiles: usize, place: Entry, findings: &mut Findings) {
@@ -56,7 +56,7 @@ fn check_beam(beam: Option<Beam>, profiles: usize, place: Entry, findings: &mut 
         }
         Some(Beam::Cone { direction, inner_angle_rad: inner, outer_angle_rad: outer, .. }) => {
             let is_met = direction.try_normalize().is_some();
-            findings.require(is_met, place, "direction", direction, "a finite vector of a length above 0");
+            findings.require(is_met, place, "direction", direction, "a finite vector other than 0");
             let is_cone = outer > 0.0 && outer <= PI;
             findings.require(is_cone, place, "outer_angle_rad", outer, "above 0 and at most pi");
             let is_inside = (0.0..=if is_cone { outer } else { PI }).contains(&inner);
@@ -65,7 +65,7 @@ fn check_beam(beam: Option<Beam>, profiles: usize, place: Entry, findings: &mut 
         Some(Beam::Profile { profile, rotation, cone }) => {
             let is_met = profile.index() < profiles;
             findings.require(is_met, place, "profile", profile, "one of the scene's profiles");
-            check_aim(rotation, cone, place, findings);
+            check_profile_cone(rotation, cone, place, findings);
         }
     }
 }
@@ -118,7 +118,7 @@ fn check_alpha(material: &Material, place: Entry, findings: &mut Findings) {
     }
 }
 
-/// Checks fields that are no parameters or have limits of their own. All other parameters were visited.
+/// Checks fields that are not parameters or have special ranges. All parameters are checked by `check_parameter`.
 fn check_model(model: &Model, place: Entry, findings: &mut Findings) {
     match model {
         Model::Conductor { eta, k, .. } => {
@@ -144,13 +144,13 @@ fn check_model(model: &Model, place: Entry, findings: &mut Findings) {
 fn check_component(material: &Material, place: Entry, findings: &mut Findings) {
     let name = &material.name;
     let has_own = material.emission.is_some() || material.alpha_mode != AlphaMode::Opaque;
-    let rule = "without emission and alpha: those of a mix are its own";
-    findings.require(!has_own, place, "components", name, rule);
-    let is_flat = material.model.components().is_empty();
-    findings.require(is_flat, place, "components", name, "no mix itself");
+    let allowed = "without emission and alpha: set them on the mix";
+    findings.require(!has_own, place, "components", name, allowed);
+    let is_leaf = material.model.components().is_empty();
+    findings.require(is_leaf, place, "components", name, "a material other than a mix");
     let is_boundary = matches!(material.model, Model::Boundary {});
-    findings.require(!is_boundary, place, "components", name, "one with a surface");
-    if is_flat {
+    findings.require(!is_boundary, place, "components", name, "a material with a surface");
+    if is_leaf {
         check_model(&material.model, place, findings);
     }
 }
@@ -162,9 +162,9 @@ fn check_pbr(pbr: &PbrMaterial, place: Entry, findings: &mut Findings) {
     }
 }
 
-// Media: fog and the insides of solids.
+// Media.
 
-/// In denser media, mean free paths are below the precision of positions.
+/// Maximum extinction, per metre: shorter mean free paths are below the precision of positions.
 const MAX_EXTINCTION: f32 = 1e9;
 
 fn check_medium(medium: &Medium, grids: &[Grid], place: impl Display + Copy, findings: &mut Findings) {
@@ -180,15 +180,15 @@ fn check_medium(medium: &Medium, grids: &[Grid], place: impl Display + Copy, fin
         place,
         "textures",
         medium.textures,
-        "none: loading makes grids of them",
+        "none: the loader bakes them to grids",
     );
-    let of_channels =
+    let channel_grids =
         [("extinction_grids", medium.extinction_grids), ("scattering_grids", medium.scattering_grids)];
     let glow = medium.glow.into_iter().flat_map(|glow| glow.grids()).map(|id| ("glow", id));
     let channels =
-        of_channels.iter().flat_map(|&(field, ids)| ids.into_iter().flatten().map(move |id| (field, id)));
+        channel_grids.iter().flat_map(|&(field, ids)| ids.into_iter().flatten().map(move |id| (field, id)));
     for (field, id) in channels.clone().chain(glow) {
-        findings.require(medium.grid.is_some(), place, field, id, "none without a grid of densities");
+        findings.require(medium.grid.is_some(), place, field, id, "none without a density grid");
         findings.require(grids.get(id.index()).is_some(), place, field, id, "one of the scene's grids");
     }
     if let Some(EmissionGrid::Temperatures { kelvin, .. }) = medium.glow {
@@ -202,15 +202,21 @@ fn check_medium(medium: &Medium, grids: &[Grid], place: impl Display + Copy, fin
         let Some(channel) = grids.get(id.index()) else { continue };
         let is_same = channel.size == grid.size && channel.world_from_voxels == grid.world_from_voxels;
         let is_met = is_same && channel.values.iter().zip(&*grid.values).all(|(s, d)| s <= d || d.is_nan());
-        findings.require(is_met, place, field, id, "nowhere above the values of 'grid', on the same voxels");
+        findings.require(is_met, place, field, id, "at most the values of 'grid', on the same voxels");
     }
     let [r, g, b] = medium.extinction;
-    let most = r.max(g).max(b);
-    let thickest = grid.values.iter().fold(0.0f32, |most, x| most.max(*x));
-    let paths = f64::from(thickest) * f64::from(most) * grid.longest_diagonal();
+    let max_extinction = r.max(g).max(b);
+    let max_density = grid.values.iter().fold(0.0f32, |max, x| max.max(*x));
+    let paths = f64::from(max_density) * f64::from(max_extinction) * grid.longest_diagonal();
     // NaN is reported above.
     let is_met = paths.is_nan() || paths <= Grid::MAX_MEAN_FREE_PATHS;
-    findings.require(is_met, place, "grid", paths, "at most 1e5 mean free paths across where it is thickest");
+    findings.require(
+        is_met,
+        place,
+        "grid",
+        paths,
+        "at most 1e5 mean free paths across at its maximum density",
+    );
 }
 
 fn check_grids(grids: &[Grid], findings: &mut Findings) {
@@ -218,20 +224,20 @@ fn check_grids(grids: &[Grid], findings: &mut Findings) {
         let place = Entry { list: "grids", index, name: &grid.name };
         let voxels = grid.size.iter().try_fold(1usize, |product, &n| product.checked_mul(n as usize));
         let is_met = voxels.is_some_and(|n| n > 0 && n == grid.values.len());
-        findings.require(is_met, place, "size", grid.size, "above 0 and as many as there are values");
+        findings.require(is_met, place, "size", grid.size, "above 0, with the number of values as product");
         findings.require_finite(&grid.values, place, "values");
         let is_met = grid.values.iter().all(|x| x.is_nan() || *x >= 0.0);
         findings.require(is_met, place, "values", "negative", "numbers from 0 up");
         let map = grid.world_from_voxels;
-        let is_whole = map.is_finite() && map.matrix3.determinant() != 0.0;
+        let is_invertible = map.is_finite() && map.matrix3.determinant() != 0.0;
         let voxel = DVec3::from_array([0, 1, 2].map(|k| map.matrix3.col(k).length()));
         let is_sized = !(voxel.min_element() < 1e-18 || voxel.max_element() > 1e18);
-        // Rays are transformed to voxels in single precision, in which the inverse of a nearly flat map overflows.
-        let is_turned = map.matrix3.inverse().as_mat3().is_finite();
-        let is_met = is_whole && (is_turned || !is_sized);
-        findings.require(is_met, place, "world_from_voxels", map, "finite, and not flat");
-        // NaN and flat maps are reported above.
-        let is_met = is_sized || !is_whole;
+        // Rays are transformed to voxels in f32, in which the inverse of a nearly singular transform overflows.
+        let has_inverse = map.matrix3.inverse().as_mat3().is_finite();
+        let is_met = is_invertible && (has_inverse || !is_sized);
+        findings.require(is_met, place, "world_from_voxels", map, "finite and invertible");
+        // NaN and singular transforms are reported above.
+        let is_met = is_sized || !is_invertible;
         findings.require(is_met, place, "world_from_voxels", voxel, "voxels between 1e-18 and 1e18 metres");
     }
 }
@@ -241,19 +247,25 @@ pub(super) fn check_media(scene: &Scene, findings: &mut Findings) {
     check_grids(&scene.grids, findings);
     let Some(Fog { medium, center, radius }) = &scene.fog else { return };
     check_medium(medium, &[], PLACE, findings);
-    findings.require(medium.grid.is_none(), PLACE, "grid", medium.grid, "none: grids are for solids");
+    findings.require(medium.grid.is_none(), PLACE, "grid", medium.grid, "none: only solids support grids");
     findings.require(center.is_finite(), PLACE, "center", center, "finite numbers");
     let is_met = *radius > 0.0;
     findings.require(is_met, PLACE, "radius", radius, "above 0, or infinite");
     let channels = medium.emission.iter().zip(&medium.extinction);
     let is_bounded = radius.is_finite() || channels.into_iter().all(|(e, x)| *e == 0.0 || *x > 0.0);
-    findings.require(is_bounded, PLACE, "emission", medium.emission, "0 where fog without an end is clear");
+    findings.require(
+        is_bounded,
+        PLACE,
+        "emission",
+        medium.emission,
+        "0 in channels where unbounded fog has no extinction",
+    );
 }
 
-// Images: as many numbers as width, height and channels say.
+// Images.
 
 pub(super) fn check_images(scene: &Scene, findings: &mut Findings) {
-    // NaN texels are black in the environment; textures pass them on.
+    // NaN texels are black in the environment, but propagate from textures.
     let mut is_texture = vec![false; scene.images.len()];
     for texture in &scene.textures {
         if let Texture::Image { image, .. } = texture
@@ -272,8 +284,8 @@ pub(super) fn check_images(scene: &Scene, findings: &mut Findings) {
     }
 }
 
-/// Checks an image, and its numbers as well where those must be finite.
-fn check_image(image: &Image, place: Entry, is_finite: bool, findings: &mut Findings) {
+/// Checks an image, and that its values are finite if required.
+fn check_image(image: &Image, place: Entry, must_be_finite: bool, findings: &mut Findings) {
     findings.require(image.width > 0, place, "width", image.width, "at least 1");
     findings.require(image.height > 0, place, "height", image.height, "at least 1");
     let channels = image.channels;
@@ -293,23 +305,23 @@ fn check_image(image: &Image, place: Entry, is_finite: bool, findings: &mut Find
     let is_met = length as u128 == expected;
     findings.require(is_met, place, "length of pixels", length, "width * height * channels");
     if let Pixels::F32(numbers) = &*image.pixels
-        && is_finite
+        && must_be_finite
     {
         findings.require_finite(numbers, place, "pixels");
     }
 }
 
-// Textures: what they refer to, and how they lie on surfaces.
+// Textures.
 
 pub(super) fn check_textures(scene: &Scene, findings: &mut Findings) {
     // Nesting depth of each texture.
     let mut depths: Vec<u32> = Vec::with_capacity(scene.textures.len());
     // Number of lookups of each texture.
     let mut lookups: Vec<u64> = Vec::with_capacity(scene.textures.len());
-    let of = |lookups: &[u64], part: TextureId| lookups.get(part.index()).copied().unwrap_or(1);
+    let lookups_of = |lookups: &[u64], part: TextureId| lookups.get(part.index()).copied().unwrap_or(1);
     for (index, texture) in scene.textures.iter().enumerate() {
         let place = Entry { list: "textures", index, name: "" };
-        let (mut depth, mut looked_up) = (1, 1);
+        let (mut depth, mut count) = (1, 1);
         match texture {
             Texture::Solid(rgb) => findings.require_color(rgb, place, "Solid"),
             Texture::Image { image, mapping, .. } => {
@@ -323,7 +335,7 @@ pub(super) fn check_textures(scene: &Scene, findings: &mut Findings) {
                 for (field, cell) in [("even", *even), ("odd", *odd)] {
                     depth = depth.max(1 + check_part(cell, field, &depths, place, findings));
                 }
-                looked_up = of(&lookups, *even).max(of(&lookups, *odd));
+                count = lookups_of(&lookups, *even).max(lookups_of(&lookups, *odd));
                 let is_met = depth <= MAX_TEXTURE_NESTING;
                 findings.require(is_met, place, "nesting", depth, NESTING);
             }
@@ -331,25 +343,26 @@ pub(super) fn check_textures(scene: &Scene, findings: &mut Findings) {
                 for (field, part) in [("a", *a), ("b", *b), ("factor", *factor)] {
                     depth = depth.max(1 + check_part(part, field, &depths, place, findings));
                 }
-                looked_up =
-                    [*a, *b, *factor].map(|part| of(&lookups, part)).into_iter().fold(0, u64::saturating_add);
-                check_nesting(depth, looked_up, place, findings);
+                count = [*a, *b, *factor]
+                    .map(|part| lookups_of(&lookups, part))
+                    .into_iter()
+                    .fold(0, u64::saturating_add);
+                check_nesting(depth, count, place, findings);
             }
             Texture::Nodes(graph) => {
                 for problem in graph.problems() {
-                    findings.require(false, place, "nodes", problem, "a graph without problems");
+                    findings.require(false, place, "nodes", problem, "a valid graph");
                 }
                 for part in texture.parts() {
                     depth = depth.max(1 + check_part(part, "nodes", &depths, place, findings));
                 }
-                let parts = texture.parts().into_iter().map(|part| of(&lookups, part));
-                looked_up = parts.fold(1, u64::saturating_add);
-                check_nesting(depth, looked_up, place, findings);
+                let parts = texture.parts().into_iter().map(|part| lookups_of(&lookups, part));
+                count = parts.fold(1, u64::saturating_add);
+                check_nesting(depth, count, place, findings);
             }
             Texture::Normal | Texture::Spectrum(_) => {}
             Texture::Facing(colors) => {
-                let count = colors.len();
-                findings.require(count > 0, place, "Facing", count, "at least one colour");
+                findings.require(!colors.is_empty(), place, "Facing", colors.len(), "at least one colour");
                 colors.iter().for_each(|rgb| findings.require_color(rgb, place, "Facing"));
             }
             Texture::Noise { frequency, low, high, .. } => {
@@ -359,23 +372,23 @@ pub(super) fn check_textures(scene: &Scene, findings: &mut Findings) {
             }
         }
         depths.push(depth);
-        lookups.push(looked_up);
+        lookups.push(count);
     }
 }
 
-/// Maximum number of textures of one lookup.
+/// Maximum number of texture evaluations per lookup.
 const MAX_LOOKUPS: u64 = 4096;
 
 const NESTING: &str = "at most 64 nested textures";
 
-/// Bounds how deep textures are nested, and how many of them one lookup evaluates.
-fn check_nesting(depth: u32, looked_up: u64, place: Entry, findings: &mut Findings) {
+/// Checks the nesting depth and the number of texture evaluations per lookup.
+fn check_nesting(depth: u32, count: u64, place: Entry, findings: &mut Findings) {
     findings.require(depth <= MAX_TEXTURE_NESTING, place, "nesting", depth, NESTING);
     let expected = "made of at most 4096 textures other than mixes";
-    findings.require(looked_up <= MAX_LOOKUPS, place, "mixes", looked_up, expected);
+    findings.require(count <= MAX_LOOKUPS, place, "mixes", count, expected);
 }
 
-/// The depth of a part of a texture; 0 where there is none.
+/// Checks a reference to another texture; its nesting depth, 0 if it is invalid.
 fn check_part(
     part: TextureId,
     field: &'static str,
@@ -384,7 +397,7 @@ fn check_part(
     findings: &mut Findings,
 ) -> u32 {
     let depth = depths.get(part.index()).copied();
-    // This also rules out cycles.
+    // Also prevents cycles.
     findings.require(depth.is_some(), place, field, part, "a texture that comes before this one");
     depth.unwrap_or(0)
 }

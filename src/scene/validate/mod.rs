@@ -1,9 +1,8 @@
-//! Checks that a scene can be compiled: that its lists refer to each other correctly, and that its numbers are such that
-//! the stages after them need no checks. Loaders run it last, and `compile` first, so scenes that were built in code get
-//! the same answers as files.
+//! Validation of a scene before compilation: references and value ranges, so that later stages need no checks. Loaders run it
+//! last and `compile` first, so that scenes built in code get the same errors as files.
 //!
-//! Repairs on the way to a picture are no problem here: shares beyond 0..1 (clamped), normals of any length
-//! (normalised), primitives without area or farther away than 1e18 m and placements that flatten (left out, with a warning).
+//! Not reported is what later stages repair: fractions outside 0..1 (clamped), normals of any length (normalised), degenerate or
+//! farther than 1e18 m primitives and singular instance transforms (dropped with a warning).
 
 mod findings;
 mod geometry;
@@ -15,10 +14,9 @@ use crate::error::Problem;
 use findings::Findings;
 
 impl Scene {
-    /// Everything that is wrong with the scene: broken references and impossible numbers, each with the place
-    /// (`lights[3] 'lamp', intensity`), what is there and what is allowed. Problems of one kind are listed a few times,
-    /// then counted. An empty list means that the scene compiles, unless it has more triangles or vertices than can be
-    /// addressed.
+    /// All errors of the scene: broken references and values out of range, each with the place (`lights[3] 'lamp', intensity`),
+    /// the value and the allowed range. Beyond a few, problems of one kind are only counted. A scene without problems
+    /// compiles, unless it exceeds the maximum number of triangles or vertices.
     pub fn validate(&self) -> Vec<Problem> {
         let mut findings = Findings::default();
         geometry::check_meshes(self, &mut findings);
@@ -49,7 +47,7 @@ impl Camera {
     }
 }
 
-// Settings of rendering.
+// Render settings.
 
 const PLACE: &str = "settings";
 
@@ -94,7 +92,7 @@ mod tests {
         scene.validate().iter().map(ToString::to_string).collect()
     }
 
-    /// A triangle of one material.
+    /// A scene of one triangle.
     fn triangle() -> Scene {
         let mesh = Mesh {
             name: "sail".into(),
@@ -107,8 +105,8 @@ mod tests {
         Scene { meshes: vec![mesh], materials, ..Scene::default() }
     }
 
-    /// Problems of a triangle that was changed.
-    fn of_mesh(change: impl FnOnce(&mut Mesh)) -> Vec<String> {
+    /// Problems of [`triangle`] after a change of its mesh.
+    fn mesh_problems(change: impl FnOnce(&mut Mesh)) -> Vec<String> {
         let mut scene = triangle();
         change(&mut scene.meshes[0]);
         problems(&scene)
@@ -116,19 +114,19 @@ mod tests {
 
     #[test]
     fn meshes() {
-        assert_eq!(of_mesh(|_| {}), [""; 0]);
+        assert_eq!(mesh_problems(|_| {}), [""; 0]);
         assert_eq!(
-            of_mesh(|m| m.triangles[0][1] = 3),
+            mesh_problems(|m| m.triangles[0][1] = 3),
             ["meshes[0] 'sail', triangles: is 3, but must be indices below the number of positions"]
         );
         assert_eq!(
-            of_mesh(|m| {
+            mesh_problems(|m| {
                 m.normals = vec![[0.0, f32::NAN, f32::INFINITY]; 3];
                 m.colors = vec![[1.0; 4]; 2];
             }),
             [
                 "meshes[0] 'sail', normals: 6 of 9 numbers are NaN or infinite, but must be finite numbers",
-                "meshes[0] 'sail', length of colors: is 2, but must be as many as the positions, or empty",
+                "meshes[0] 'sail', length of colors: is 2, but must be the number of positions, or 0",
             ]
         );
         for parts in [
@@ -137,10 +135,10 @@ mod tests {
             vec![MeshPart { first_triangle: 1, triangle_count: 1, material: MaterialId(0) }],
             vec![MeshPart { first_triangle: 0, triangle_count: u32::MAX, material: MaterialId(0) }; 2],
         ] {
-            let problems = of_mesh(|m| m.parts = parts);
+            let problems = mesh_problems(|m| m.parts = parts);
             assert!(problems.len() == 1 && problems[0].contains("cover all triangles"), "{problems:?}");
         }
-        let problems = of_mesh(|m| m.parts[0].material = MaterialId(7));
+        let problems = mesh_problems(|m| m.parts[0].material = MaterialId(7));
         assert!(problems[0].contains("MaterialId(7)"), "{problems:?}");
     }
 
@@ -170,7 +168,7 @@ mod tests {
                 "textures[0], odd: is TextureId(5), but must be a texture that comes before this one",
             ]
         );
-        // Each holds the one before.
+        // Each contains the previous one.
         scene.textures = (0..64).map(|i| if i == 0 { Texture::Normal } else { checker(i - 1, 0) }).collect();
         assert_eq!(problems(&scene), [""; 0]);
         scene.textures.push(checker(63, 63));
@@ -189,7 +187,7 @@ mod tests {
                 "textures[1], factor: is TextureId(2), but must be a texture that comes before this one",
             ]
         );
-        // Each multiplies three of the one before: 3 to the power of 7 and of 8.
+        // Each evaluates the previous one three times: up to 3^8 = 6561.
         scene.textures =
             (0..9).map(|i| if i == 0 { Texture::Normal } else { mix(i - 1, i - 1, i - 1) }).collect();
         assert_eq!(
@@ -219,7 +217,7 @@ mod tests {
         );
     }
 
-    /// An image that is still encoded, whose size was changed in code: lookups would read beyond its pixels.
+    /// The size of an encoded image must not be changed: lookups would be out of bounds.
     #[test]
     fn encoded_images_keep_their_size() {
         #[derive(Debug)]
@@ -236,13 +234,13 @@ mod tests {
         let image = Image::from_linear_rgb("wood", 2, 1, vec![0.5; 6]);
         let source = std::sync::Arc::new(Source(image.clone()));
         let pixels = std::sync::Arc::new(Pixels::Encoded(Encoded { size: [2, 1, 3], bits: 8, source }));
-        let with = |width, height, channels| {
+        let problems_of = |width, height, channels| {
             let image = Image { width, height, channels, pixels: pixels.clone(), ..image.clone() };
             problems(&Scene { images: vec![image], ..Scene::default() })
         };
-        assert_eq!(with(2, 1, 3), [""; 0]);
+        assert_eq!(problems_of(2, 1, 3), [""; 0]);
         for (width, height, channels) in [(3, 1, 3), (2, 2, 3), (2, 1, 4)] {
-            let problems = with(width, height, channels);
+            let problems = problems_of(width, height, channels);
             assert!(problems.len() == 1 && problems[0].contains("images[0] 'wood'"), "{problems:?}");
         }
     }
@@ -298,17 +296,17 @@ mod tests {
             [
                 "shapes[0] 'ball', radius: is -1.0, but must be a finite number above 0",
                 "lights[0] 'lamp', intensity: is [inf, 0.0, 0.0], but must be finite numbers from 0 up",
-                "lights[0] 'lamp', direction: is (0.0, 0.0, 0.0), but must be a finite vector of a length above 0",
+                "lights[0] 'lamp', direction: is (0.0, 0.0, 0.0), but must be a finite vector other than 0",
                 "lights[0] 'lamp', inner_angle_rad: is 0.5, but must be from 0 to the outer angle",
                 "cameras[0] 'eye', vfov_rad: is 4.0, but must be above 0 and below pi",
                 "settings, width: is 0, but must be at least 1",
             ]
         );
-        let mut flat = scene.cameras[0].clone();
-        flat.projection = Projection::Orthographic { half_height: 1.0 };
-        assert_eq!(flat.validate(), []);
-        flat.world_from_camera.matrix3.y_axis = DVec3::X;
-        assert_eq!(flat.validate().len(), 1);
+        let mut camera = scene.cameras[0].clone();
+        camera.projection = Projection::Orthographic { half_height: 1.0 };
+        assert_eq!(camera.validate(), []);
+        camera.world_from_camera.matrix3.y_axis = DVec3::X;
+        assert_eq!(camera.validate().len(), 1);
     }
 
     #[test]
@@ -319,32 +317,34 @@ mod tests {
             let (name, values) = ("smoke".to_string(), std::sync::Arc::new(values.to_vec()));
             Grid::in_box(name, size, values, DVec3::ZERO, DVec3::ONE)
         };
-        let with = |medium: Medium, grids: Vec<Grid>| {
+        let problems_with = |medium: Medium, grids: Vec<Grid>| {
             let mut scene = Scene { grids, ..Scene::default() };
             scene.add_material(Material { medium: Some(medium), ..Material::lambert("body", [0.5; 3]) });
             scene.validate()
         };
-        assert!(with(good, Vec::new()).is_empty());
-        let one = |values: &[f32]| vec![grid(values, [1; 3])];
-        let flat =
+        assert!(problems_with(good, Vec::new()).is_empty());
+        let one_voxel = |values: &[f32]| vec![grid(values, [1; 3])];
+        let transformed =
             |scale| vec![Grid { world_from_voxels: DAffine3::from_scale(scale), ..grid(&[1.0], [1; 3]) }];
         let gridded = Medium { grid: Some(GridId(0)), ..good };
-        assert!(with(gridded, one(&[1.0])).is_empty());
-        assert!(with(Medium { emission: [1.0; 3], ..gridded }, one(&[1.0])).is_empty());
-        assert!(with(Medium { extinction: [1.0, 2.0, 1.0], ..gridded }, one(&[1.0])).is_empty());
-        let hot =
+        assert!(problems_with(gridded, one_voxel(&[1.0])).is_empty());
+        assert!(problems_with(Medium { emission: [1.0; 3], ..gridded }, one_voxel(&[1.0])).is_empty());
+        assert!(
+            problems_with(Medium { extinction: [1.0, 2.0, 1.0], ..gridded }, one_voxel(&[1.0])).is_empty()
+        );
+        let black_body =
             |kelvin| Some(EmissionGrid::Temperatures { grid: GridId(0), kelvin, scales_with_power: false });
         let glow = |grid| Some(EmissionGrid::Factors(GridId(grid)));
-        assert!(with(Medium { glow: hot(1500.0), ..gridded }, one(&[1.0])).is_empty());
+        assert!(problems_with(Medium { glow: black_body(1500.0), ..gridded }, one_voxel(&[1.0])).is_empty());
         let colored = Medium { grid: Some(GridId(1)), scattering_grids: Some([GridId(0); 3]), ..good };
-        assert!(with(colored, [one(&[0.5]), one(&[1.0])].concat()).is_empty());
+        assert!(problems_with(colored, [one_voxel(&[0.5]), one_voxel(&[1.0])].concat()).is_empty());
         let textures = MediumTextures { color: Some(TextureId(0)), ..MediumTextures::default() };
         for (medium, grids, words) in [
-            (Medium { glow: glow(0), ..good }, one(&[1.0]), "none without a grid"),
-            (Medium { glow: glow(1), ..gridded }, one(&[1.0]), "one of the scene's grids"),
-            (Medium { glow: hot(0.0), ..gridded }, one(&[1.0]), "kelvin"),
-            (Medium { glow: hot(f32::NAN), ..gridded }, one(&[1.0]), "kelvin"),
-            (colored, [one(&[1.5]), one(&[1.0])].concat(), "scattering_grids"),
+            (Medium { glow: glow(0), ..good }, one_voxel(&[1.0]), "none without a density grid"),
+            (Medium { glow: glow(1), ..gridded }, one_voxel(&[1.0]), "one of the scene's grids"),
+            (Medium { glow: black_body(0.0), ..gridded }, one_voxel(&[1.0]), "kelvin"),
+            (Medium { glow: black_body(f32::NAN), ..gridded }, one_voxel(&[1.0]), "kelvin"),
+            (colored, [one_voxel(&[1.5]), one_voxel(&[1.0])].concat(), "scattering_grids"),
             (Medium { textures, ..good }, Vec::new(), "textures"),
             (Medium { extinction: [1.0, -0.1, 1.0], ..good }, Vec::new(), "extinction"),
             (Medium { extinction: [f32::NAN; 3], ..good }, Vec::new(), "extinction"),
@@ -353,19 +353,19 @@ mod tests {
             (Medium { anisotropy: f32::NAN, ..good }, Vec::new(), "anisotropy"),
             (Medium { emission: [f32::INFINITY; 3], ..good }, Vec::new(), "emission"),
             (gridded, Vec::new(), "one of the scene's grids"),
-            (good, one(&[-1.0]), "from 0 up"),
-            (good, one(&[f32::NAN]), "NaN"),
+            (good, one_voxel(&[-1.0]), "from 0 up"),
+            (good, one_voxel(&[f32::NAN]), "NaN"),
             (good, vec![grid(&[1.0], [2, 1, 1])], "size"),
             (good, vec![grid(&[], [0, 1, 1])], "size"),
-            (good, flat(DVec3::new(1.0, 0.0, 1.0)), "finite, and not flat"),
-            (good, flat(DVec3::new(1.0, f64::NAN, 1.0)), "finite, and not flat"),
-            (good, flat(DVec3::splat(1e-40)), "1e-18"),
-            (gridded, one(&[1e6]), "mean free paths"),
+            (good, transformed(DVec3::new(1.0, 0.0, 1.0)), "finite and invertible"),
+            (good, transformed(DVec3::new(1.0, f64::NAN, 1.0)), "finite and invertible"),
+            (good, transformed(DVec3::splat(1e-40)), "1e-18"),
+            (gridded, one_voxel(&[1e6]), "mean free paths"),
         ] {
-            let problems = with(medium, grids);
+            let problems = problems_with(medium, grids);
             assert!(problems.iter().any(|p| p.to_string().contains(words)), "{words}: {problems:?}");
         }
-        // Absorption everywhere has no place in a grid.
+        // Attenuation can't be combined with a density grid.
         let with_attenuation = |medium: Medium| {
             let pbr = PbrMaterial {
                 has_volume: true,
@@ -373,19 +373,19 @@ mod tests {
                 attenuation_distance: 2.0,
                 ..Default::default()
             };
-            let mut scene = Scene { grids: one(&[1.0]), ..Scene::default() };
+            let mut scene = Scene { grids: one_voxel(&[1.0]), ..Scene::default() };
             scene.add_material(Material { medium: Some(medium), ..Material::gltf("jade", pbr) });
             scene.validate()
         };
         assert!(with_attenuation(good).is_empty());
         let problems = with_attenuation(gridded);
         assert!(problems.iter().any(|p| p.to_string().contains("attenuation_distance")), "{problems:?}");
-        let foggy = |medium, radius| Scene {
+        let with_fog = |medium, radius| Scene {
             fog: Some(Fog { medium, center: DVec3::ZERO, radius }),
             ..Scene::default()
         };
-        assert!(!foggy(good, f64::NAN).validate().is_empty());
+        assert!(!with_fog(good, f64::NAN).validate().is_empty());
         let emissive = Medium { emission: [1.0; 3], ..Medium::scattering([1.0, 0.0, 1.0]) };
-        assert!(!foggy(emissive, f64::INFINITY).validate().is_empty());
+        assert!(!with_fog(emissive, f64::INFINITY).validate().is_empty());
     }
 }

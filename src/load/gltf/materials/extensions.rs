@@ -1,7 +1,7 @@
-//! Extensions that add a layer or a lobe: rough diffuse reflection, clearcoat, sheen, anisotropy, iridescence, dispersion and
-//! diffuse transmission. A layer with a factor of 0 is left out, with its textures.
+//! Material extensions: diffuse roughness, clearcoat, sheen, anisotropy, iridescence, dispersion, diffuse transmission,
+//! volume scattering, and the specular-glossiness model. Layers with a factor of 0 are omitted with their textures.
 //!
-//! The kind of glass depends on the meshes that it is on: bodies, sheets and panes.
+//! Also decides, by the meshes of a material, whether glass is a solid, a thin sheet or a pane.
 
 use super::{Base, MaterialBuilder, Materials};
 use crate::error::Choice;
@@ -18,7 +18,7 @@ use std::collections::HashMap;
 const UNIT: [f32; 2] = [0.0, 1.0];
 
 impl MaterialBuilder<'_, '_> {
-    /// Adds all that the material has.
+    /// Adds the layers of the material to its model.
     pub fn add_layers(&mut self, model: &mut PbrMaterial) {
         self.diffuse_roughness(model);
         model.clearcoat = self.clearcoat();
@@ -31,7 +31,7 @@ impl MaterialBuilder<'_, '_> {
         }
     }
 
-    /// A draft, too: a roughness in the sense of Oren and Nayar, times red of its texture.
+    /// Oren-Nayar roughness, times the red channel of its texture. The extension is a draft.
     fn diffuse_roughness(&mut self, model: &mut PbrMaterial) {
         let Some((extension, place)) = self.extension("KHR_materials_diffuse_roughness") else { return };
         let from = (extension, place.as_str());
@@ -90,7 +90,7 @@ impl MaterialBuilder<'_, '_> {
         }
         let rotation_rad = self.number(from, "anisotropyRotation", 0.0, [f32::MIN, f32::MAX]);
         let texture = self.data_texture(from, "anisotropyTexture");
-        // The direction is that of the tangents, which come from the first set of texture coordinates.
+        // Directions are relative to the tangents, which are derived from UV set 0.
         self.needs.uv_slots.take(0);
         Some(Anisotropy { strength, rotation_rad, texture })
     }
@@ -128,17 +128,17 @@ impl MaterialBuilder<'_, '_> {
     }
 }
 
-// Drafts of scattering inside of things: `KHR_materials_volume_scatter`, in solids, and `KHR_materials_scatter`, which replaces it,
-// in solids and thin sheets.
+// Draft extensions for volume scattering: `KHR_materials_volume_scatter` in solids, and its successor
+// `KHR_materials_scatter` in solids and thin sheets.
 
 const NEW: &str = "KHR_materials_scatter";
 const OLD: &str = "KHR_materials_volume_scatter";
-/// Maximum mean cosine of the scattering of media.
+/// Maximum of |g|, the mean cosine of the phase function.
 const MAX_ANISOTROPY: f32 = 0.999;
 
-/// The newer extension.
+/// Parameters of `KHR_materials_scatter`.
 struct Scatter {
-    /// Its JSON pointer.
+    /// JSON pointer of the extension.
     at: String,
     strength: f32,
     color: ColorSlot,
@@ -146,7 +146,7 @@ struct Scatter {
 }
 
 impl MaterialBuilder<'_, '_> {
-    /// Scattering within the solid. Thin sheets that scatter become diffusely transmitting ones.
+    /// The scattering medium of a solid. Scattering in thin sheets becomes diffuse transmission of the model.
     pub fn scattering(&mut self, model: &mut PbrMaterial) -> Option<Medium> {
         let is_solid = self.raw.pointer("/extensions/KHR_materials_volume/thicknessFactor");
         let is_solid = is_solid.and_then(Value::as_f64).is_some_and(|thickness| thickness > 0.0);
@@ -180,12 +180,12 @@ impl MaterialBuilder<'_, '_> {
         let color = self.numbers(from, "multiscatterColorFactor", [1.0; 3]);
         let anisotropy = self.number(from, "scatterAnisotropy", 0.0, [-1.0, 1.0]);
         if extension.get("scatterStrengthTexture").is_some() {
-            let message = "scatterStrengthTexture is not read: its factor alone counts";
+            let message = "scatterStrengthTexture is not read: only its factor is used";
             self.report.warn(&*at, message);
         }
         let texture = match extension.get("multiscatterColorTexture") {
             Some(_) if is_solid => {
-                let message = "multiscatterColorTexture is not read: a solid is the same throughout";
+                let message = "multiscatterColorTexture is not read: solids are homogeneous";
                 self.report.warn(&*at, message);
                 None
             }
@@ -195,7 +195,7 @@ impl MaterialBuilder<'_, '_> {
         Some(Scatter { at, strength, color, anisotropy })
     }
 
-    /// The older extension: its colour has had three names.
+    /// `KHR_materials_volume_scatter`: its drafts have three names for the colour.
     fn volume_scatter(&mut self, model: &mut PbrMaterial) -> Option<Medium> {
         let (extension, place) = self.extension(OLD)?;
         let from = (extension, place.as_str());
@@ -208,8 +208,7 @@ impl MaterialBuilder<'_, '_> {
         self.solid(model, color.map(|c| c.min(1.0)), anisotropy, &at)
     }
 
-    /// The medium of a solid: its attenuation is taken as that of scattering and absorption together, its colour as that of
-    /// [`Medium::subsurface`].
+    /// The medium of a solid: the attenuation defines the extinction, the colour the albedo as in [`Medium::subsurface`].
     fn solid(
         &mut self,
         model: &mut PbrMaterial,
@@ -233,21 +232,21 @@ impl MaterialBuilder<'_, '_> {
         Some(Medium { extinction, ..Medium::subsurface(color, [1.0; 3], anisotropy) })
     }
 
-    /// A thin sheet: of the share of light that is transmitted, a part continues and the rest, `strength`, is scattered diffusely, a share
-    /// (1 + g) / 2 of it to the other side. The shares of the sum are those of [`PbrMaterial`], whose diffuse
-    /// reflection has one colour: that of both reflections together.
+    /// A thin sheet: of the transmitted light a fraction 1 - `strength` continues unscattered and `strength` is scattered
+    /// diffusely, of that (1 + g) / 2 to the other side. [`PbrMaterial`] has a single colour for diffuse reflection: that of
+    /// the base and of backscattering are mixed.
     fn sheet(&mut self, model: &mut PbrMaterial, scatter: &Scatter) {
-        let (transmission, straight) =
+        let (transmission, unscattered) =
             (model.transmission.factor, model.transmission.factor * (1.0 - scatter.strength));
         let scattered = transmission * scatter.strength;
-        let onwards = scattered * (1.0 + scatter.anisotropy) / 2.0;
-        let backwards = scattered - onwards;
-        let share = onwards / (1.0 - straight);
-        let reflected = 1.0 - transmission + backwards;
+        let forward = scattered * (1.0 + scatter.anisotropy) / 2.0;
+        let backward = scattered - forward;
+        let share = forward / (1.0 - unscattered);
+        let reflected = 1.0 - transmission + backward;
         let is_constant = [&model.base_color, &scatter.color].iter().all(|slot| slot.texture.is_none());
-        let is_even = model.transmission.texture.is_none();
-        let is_alike = model.base_color == scatter.color;
-        if !is_alike && reflected > 0.0 {
+        let is_uniform = model.transmission.texture.is_none();
+        let has_one_color = model.base_color == scatter.color;
+        if !has_one_color && reflected > 0.0 {
             let of_base = (1.0 - transmission) / reflected;
             let mixed = |(a, b): (f32, f32)| a * of_base + b * (1.0 - of_base);
             let (base, inside) = (model.base_color.factor, scatter.color.factor);
@@ -257,33 +256,33 @@ impl MaterialBuilder<'_, '_> {
                 share if share < 0.5 => scatter.color,
                 _ => model.base_color,
             };
-            if straight > 0.0 || !is_even || !(is_constant || of_base == 0.0) {
-                let message = "has another colour than the base, and neither scatters all that is transmitted nor is it the same \
-                               everywhere: the colours are mixed";
+            if unscattered > 0.0 || !is_uniform || !(is_constant || of_base == 0.0) {
+                let message = "has another colour than the base, and is textured or not fully scattering: the colours are mixed";
                 self.report.warn(&*scatter.at, message);
             }
         }
         let texture = model.transmission.texture;
-        model.transmission = FloatSlot { factor: straight, texture: texture.filter(|_| straight > 0.0) };
+        model.transmission =
+            FloatSlot { factor: unscattered, texture: texture.filter(|_| unscattered > 0.0) };
         model.diffuse_transmission = (share > 0.0).then_some(DiffuseTransmission {
             factor: FloatSlot { factor: share, texture },
             color: scatter.color,
             subsurface: None,
         });
-        // It is thin, whatever glass like it would be.
+        // The sheet is thin, whatever the option for glass.
         (model.has_volume, model.tints_once, self.needs.body) = (false, false, false);
-        self.needs.glass &= straight > 0.0;
+        self.needs.glass &= unscattered > 0.0;
     }
 }
 
-// KHR_materials_pbrSpecularGlossiness, the older model, in terms of the newer one: a dielectric whose reflection has
-// the specular colour, over the diffuse colour, with the roughness 1 - glossiness.
+// KHR_materials_pbrSpecularGlossiness in terms of the metallic-roughness model: a dielectric with the roughness
+// 1 - glossiness, its specular reflection tinted, over the diffuse colour.
 
-/// Reflectance at normal incidence of an index of refraction of 1.5, which KHR_materials_specular multiplies by its
-/// colour: dividing by it gives any specular colour.
+/// Fresnel reflectance at normal incidence for an index of refraction of 1.5. The specular colour of
+/// KHR_materials_specular is relative to it.
 const NORMAL_REFLECTANCE: f32 = 0.04;
 
-/// The model's parameters.
+/// Parameters of the specular-glossiness model.
 pub(super) struct SpecularGlossiness {
     /// Diffuse colour and opacity.
     pub diffuse: Base,
@@ -292,7 +291,7 @@ pub(super) struct SpecularGlossiness {
 }
 
 impl SpecularGlossiness {
-    /// The material in terms of the metallic-roughness model.
+    /// Conversion to the metallic-roughness model.
     pub fn model(&self) -> PbrMaterial {
         PbrMaterial {
             base_color: self.diffuse.color,
@@ -305,7 +304,7 @@ impl SpecularGlossiness {
 }
 
 impl MaterialBuilder<'_, '_> {
-    /// The older model, if the material has it.
+    /// The specular-glossiness model, if the material has it.
     pub fn specular_glossiness(&mut self) -> Option<SpecularGlossiness> {
         let (extension, place) = self.extension("KHR_materials_pbrSpecularGlossiness")?;
         let from = (extension, place.as_str());
@@ -326,13 +325,13 @@ impl MaterialBuilder<'_, '_> {
     }
 }
 
-/// Share of a pane's area in its two planes, and the cosine within which a triangle counts to them.
+/// Minimum fraction of a pane's area in its two faces.
 const FLAT_SHARE: f64 = 0.8;
+/// Minimum cosine between the normal of a triangle and the axis of the pane for triangles of its faces.
 const FLAT_COSINE: f64 = 0.999;
 
 impl Materials {
-    /// Decides on glass that is solid where its meshes enclose a body, and says so; makes sheets of panes where the user
-    /// wants that.
+    /// Makes glass solid if its meshes are closed, with a note; makes panes single sheets if the user wants that.
     pub fn resolve_glass(&mut self, scene: &mut Scene, glass: Glass, report: &mut Report) {
         if !self.needs.iter().any(|needs| needs.body || needs.glass) {
             return;
@@ -342,21 +341,21 @@ impl Materials {
         for index in 0..self.needs.len() {
             let id = MaterialId(index as u32);
             if std::mem::take(&mut self.needs[index].body) {
-                self.settle_body(id, (meshes, &users), report);
+                self.resolve_solid(id, (meshes, &users), report);
             }
             if glass == Glass::Panes && self.needs[index].glass {
-                self.settle_panes(id, (meshes, &users), instances, report);
+                self.resolve_panes(id, (meshes, &users), instances, report);
             }
         }
     }
 
-    fn settle_body(&mut self, id: MaterialId, (meshes, users): (&[Mesh], &Users), report: &mut Report) {
+    fn resolve_solid(&mut self, id: MaterialId, (meshes, users): (&[Mesh], &Users), report: &mut Report) {
         let material = &mut self.list[id.index()];
         let is_solid = users.meshes(id).iter().any(|&mesh| encloses(&meshes[mesh]));
         if !is_solid && let Model::Pbr(model) = &mut material.model {
             (model.has_volume, model.tints_once) = (false, false);
         }
-        let how = match is_solid {
+        let interpretation = match is_solid {
             true => format!("solid ({})", Choice::Glass),
             false => format!(
                 "a thin sheet, since its meshes enclose nothing ('solid' of {} bends light there, as Cycles does, and as \
@@ -365,14 +364,14 @@ impl Materials {
             ),
         };
         let message = format!(
-            "material '{}' is transparent without a volume, as Blender exports glass; taken as {how}",
+            "material '{}' is transparent without a volume, as Blender exports glass; taken as {interpretation}",
             material.name
         );
         report.lasting(|report| report.note("", ("glass-panes", message)));
     }
 
-    /// Makes single sheets of the panes of a material that is on nothing else.
-    fn settle_panes(
+    /// Converts the panes of a material to single sheets, if all its meshes are panes.
+    fn resolve_panes(
         &mut self,
         id: MaterialId,
         (meshes, users): (&mut [Mesh], &Users),
@@ -380,14 +379,14 @@ impl Materials {
         report: &mut Report,
     ) {
         let Model::Pbr(model) = &self.list[id.index()].model else { return };
-        // A picture that each crossing takes would have to be squared.
+        // A texture that tints both faces would have to be squared.
         if model.base_color.texture.is_some() && !model.tints_once {
             return;
         }
         let is_known = self.panes.contains(&id);
         let panes: Option<Vec<(usize, Pane)>> = panes(id, (meshes, users), instances);
         let thickest =
-            panes.as_ref().map(|list| list.iter().fold(0.0, |most, (_, pane)| pane.thickness.max(most)));
+            panes.as_ref().map(|list| list.iter().fold(0.0, |max, (_, pane)| pane.thickness.max(max)));
         let (Some(thickness), true) = (thickest.or(is_known.then_some(0.0)), is_known || model.has_volume)
         else {
             return;
@@ -399,36 +398,37 @@ impl Materials {
             material.double_sided = true;
             self.panes.push(id);
             let message = format!(
-                "the panes of material '{}', {:.3} m thick, are single sheets: they let light samples pass, and neither bend \
-                 light nor show edges ({})",
+                "the panes of material '{}', {:.3} m thick, are single sheets: shadow rays pass them, and they neither refract \
+                light nor show edges ({})",
                 material.name,
                 thickness,
                 Choice::Glass
             );
             report.lasting(|report| report.note("", ("glass-panes", message)));
         }
-        // Meshes of other times have lost their second face already.
+        // Meshes of earlier time samples are already sheets.
         for (index, pane) in panes.into_iter().flatten() {
-            pane.leave_one_face(&mut meshes[index]);
+            pane.keep_one_face(&mut meshes[index]);
         }
     }
 }
 
-/// The meshes with a material and the panes that they are; `None` if one is none.
+/// Indices of the meshes with a material, as panes; `None` if any mesh isn't a pane.
 fn panes(
     id: MaterialId,
     (meshes, users): (&[Mesh], &Users),
     instances: &[Instance],
 ) -> Option<Vec<(usize, Pane)>> {
-    let its = users.meshes(id).iter().map(|&index| (index, &meshes[index]));
-    its.map(|(index, mesh)| {
-        let placed = users.of_meshes[index].iter().map(|&i| &instances[i]);
-        let mut panes = placed.map(|i| Pane::of(mesh, id, i.world_from_object.matrix3));
-        let first = panes.next().unwrap_or_else(|| Pane::of(mesh, id, DMat3::IDENTITY))?;
-        let all = panes.try_fold(first, |first, pane| pane.and_then(|pane| first.and(&pane)));
-        all.map(|pane| (index, pane))
-    })
-    .collect()
+    let meshes_of_material = users.meshes(id).iter().map(|&index| (index, &meshes[index]));
+    meshes_of_material
+        .map(|(index, mesh)| {
+            let placed = users.of_meshes[index].iter().map(|&i| &instances[i]);
+            let mut panes = placed.map(|i| Pane::of(mesh, id, i.world_from_object.matrix3));
+            let first = panes.next().unwrap_or_else(|| Pane::of(mesh, id, DMat3::IDENTITY))?;
+            let all = panes.try_fold(first, |first, pane| pane.and_then(|pane| first.merge(&pane)));
+            all.map(|pane| (index, pane))
+        })
+        .collect()
 }
 
 /// The meshes of each material and the instances of each mesh, by index.
@@ -461,22 +461,22 @@ impl Users {
     }
 }
 
-/// A flat closed mesh under its instance's transform.
+/// A flat closed mesh.
 struct Pane {
-    /// Normal of its faces in the mesh's own space, of unit length.
+    /// Unit normal of its faces, object space.
     axis: DVec3,
-    /// Metres.
+    /// Thickness in world space, metres.
     thickness: f64,
 }
 
 impl Pane {
-    /// A mesh as a pane where `world_from_object` places it; `None` if it isn't one of a single material.
+    /// A mesh as a pane under a transform; `None` if it isn't a pane or has other materials.
     fn of(mesh: &Mesh, id: MaterialId, world_from_object: DMat3) -> Option<Pane> {
         if mesh.parts.iter().any(|part| part.material != id) {
             return None;
         }
         let determinant = world_from_object.determinant();
-        // Areas go by the cofactors.
+        // Vector areas transform by the cofactor matrix.
         let cofactors = world_from_object.inverse().transpose() * determinant;
         let vectors: Vec<DVec3> = mesh.triangles.iter().map(|&t| vector_area(mesh, t)).collect();
         let placed: Vec<DVec3> = vectors.iter().map(|&v| cofactors * v).collect();
@@ -486,38 +486,38 @@ impl Pane {
         let area: f64 = placed.iter().map(|v| v.length()).sum();
         let is_of_face = |v: &&DVec3| v.dot(axis).abs() >= FLAT_COSINE * v.length();
         let flat: f64 = placed.iter().filter(is_of_face).map(|v| v.length()).sum();
-        // The volume, by tetrahedra from the origin, over one of the two faces.
+        // Volume (sum of tetrahedra to the origin) over the area of one face.
         let thrice: f64 =
             mesh.triangles.iter().zip(&vectors).map(|(&t, v)| corners(mesh, t)[0].dot(*v)).sum();
         let thickness = (thrice / 3.0 * determinant / (flat / 2.0)).abs();
         let axis = vectors[largest].try_normalize()?;
         let is_flat = flat >= FLAT_SHARE * area && thickness.is_finite();
-        // Most glass is not: whether it is closed takes longer to find.
+        // The closedness test is slower, so it comes last.
         (is_flat && encloses(mesh)).then_some(Pane { axis, thickness })
     }
 
-    /// Both, the thicker, if they have the same faces.
-    fn and(self, other: &Pane) -> Option<Pane> {
+    /// The pane with the larger thickness, if both have the same axis.
+    fn merge(self, other: &Pane) -> Option<Pane> {
         let thickness = self.thickness.max(other.thickness);
         (self.axis.dot(other.axis).abs() >= FLAT_COSINE).then_some(Pane { thickness, ..self })
     }
 
     /// Removes all triangles but those of one face.
-    fn leave_one_face(&self, mesh: &mut Mesh) {
-        let mut shared = Vec::new();
+    fn keep_one_face(&self, mesh: &mut Mesh) {
+        let mut front = Vec::new();
         let mut parts = mesh.parts.clone();
         for part in &mut parts {
             let first = part.first_triangle as usize;
             let of_part = &mesh.triangles[first..first + part.triangle_count as usize];
-            part.first_triangle = shared.len() as u32;
+            part.first_triangle = front.len() as u32;
             let is_front = |t: &&[u32; 3]| {
                 let v = vector_area(mesh, **t);
                 v.dot(self.axis) >= FLAT_COSINE * v.length()
             };
-            shared.extend(of_part.iter().filter(is_front).copied());
-            part.triangle_count = shared.len() as u32 - part.first_triangle;
+            front.extend(of_part.iter().filter(is_front).copied());
+            part.triangle_count = front.len() as u32 - part.first_triangle;
         }
-        (mesh.triangles, mesh.parts) = (shared, parts);
+        (mesh.triangles, mesh.parts) = (front, parts);
     }
 }
 
@@ -532,13 +532,13 @@ fn vector_area(mesh: &Mesh, triangle: [u32; 3]) -> DVec3 {
     (b - a).cross(c - a) / 2.0
 }
 
-/// A thin sheet that lets as much light pass, straight on, as a pane of glass of a thickness.
+/// A thin sheet with the transmittance at normal incidence of a pane of glass; `thickness` in metres.
 fn sheet_of(glass: &PbrMaterial, thickness: f64) -> PbrMaterial {
-    let ways = if glass.tints_once { 1 } else { 2 };
+    let crossings = if glass.tints_once { 1 } else { 2 };
     let share = (thickness / f64::from(glass.attenuation_distance)) as f32;
     let mut sheet = PbrMaterial { has_volume: false, tints_once: false, dispersion: 0.0, ..glass.clone() };
     for (color, attenuation) in sheet.base_color.factor.iter_mut().zip(glass.attenuation_color) {
-        *color = color.powi(ways) * attenuation.powf(share);
+        *color = color.powi(crossings) * attenuation.powf(share);
     }
     (sheet.attenuation_color, sheet.attenuation_distance) = ([1.0; 3], f32::INFINITY);
     sheet

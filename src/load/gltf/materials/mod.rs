@@ -1,5 +1,5 @@
-//! Materials: the metallic-roughness model with its extensions, and the older specular-glossiness model in its terms.
-//! Each is built when the first primitive that is seen asks for it.
+//! Materials: the metallic-roughness model with its extensions, and the specular-glossiness model converted to it.
+//! Materials are built on demand of visible primitives.
 
 mod extensions;
 
@@ -21,27 +21,28 @@ use serde::de::DeserializeOwned;
 use serde_json::Value;
 use std::collections::HashMap;
 
-/// The materials found so far.
+/// The materials built so far.
 #[derive(Default)]
 pub(super) struct Materials {
     /// The scene's materials.
     pub list: Vec<Material>,
     /// Their textures.
     pub textures: Textures,
-    /// The caller replaces all materials: none is read, all are the default.
+    /// The caller replaces all materials: all are the default material.
     pub geometry_only: bool,
-    /// Export losses, parallel to the list.
+    /// Losses of the exporter, parallel to `list`.
     pub export_losses: Vec<ExportLosses>,
     needs: Vec<MaterialNeeds>,
-    /// Materials of window panes, which became thin sheets.
+    /// Materials of panes that became thin sheets.
     panes: Vec<MaterialId>,
-    /// The material of Gaussian splats, once there are some.
+    /// The material of Gaussian splats, if any.
     splats: Option<MaterialId>,
+    /// Built materials by index in the file; `None` is the default material.
     known: HashMap<Option<usize>, Valid<MaterialId>>,
 }
 
 impl Materials {
-    /// The material of an index, or glTF's default; `from` points to what refers to it. Problems are noted.
+    /// The material at an index, or glTF's default; `from` is the JSON pointer of the reference to it.
     pub fn get(
         &mut self,
         doc: &Document,
@@ -77,7 +78,7 @@ impl Materials {
         })
     }
 
-    /// Forgets all but the images that were needed.
+    /// Removes everything but the cached images.
     pub fn forget(&mut self) {
         let mut textures = std::mem::take(&mut self.textures);
         textures.forget();
@@ -89,39 +90,39 @@ impl Materials {
         self.needs[material.index()]
     }
 
-    /// The primitive at a pointer with this material has vertex colours.
+    /// Makes a material use vertex colours.
     pub fn use_vertex_colors(&mut self, material: MaterialId) {
         self.list[material.index()].use_vertex_colors = true;
     }
 
-    /// How many materials of the file are in use.
+    /// Number of materials of the file in use.
     pub fn used(&self) -> usize {
         self.known.keys().flatten().count()
     }
 }
 
-/// The whole number `priority` of a material's `extras`, as Blender writes custom properties: which of several solids counts where
-/// they overlap.
+/// The priority of a material's medium where solids overlap: the custom property `priority` in the `extras`.
 fn priority(raw: &Value, at: &str, report: &mut Report) -> i32 {
     let Some(value) = raw.get("extras").and_then(|extras| extras.get("priority")) else { return 0 };
-    let whole = value.as_f64().filter(|v| v.fract() == 0.0 && v.abs() <= 1000.0);
-    if whole.is_none() {
+    let integer = value.as_f64().filter(|v| v.fract() == 0.0 && v.abs() <= 1000.0);
+    if integer.is_none() {
         report.warn(format!("{at}/extras/priority"), "is no whole number from -1000 to 1000; ignored");
     }
-    whole.unwrap_or(0.0) as i32
+    integer.unwrap_or(0.0) as i32
 }
 
-/// The glTF material of primitives without one.
+/// The default material of glTF.
 fn default_material() -> Material {
     let model = Model::Pbr(Box::default());
     Material { double_sided: false, ..Material::new("default", model) }
 }
 
-/// Which of a scene's materials is that.
+/// Materials of a scene that stand in for missing ones: those equal to the default material.
 pub(super) fn stand_ins(materials: &[Material]) -> Vec<MaterialId> {
-    let own = default_material();
-    let is_own = |m: &Material| m.name == own.name && m.model == own.model && m.emission.is_none();
-    (0u32..).zip(materials).filter(|(_, m)| is_own(m)).map(|(i, _)| MaterialId(i)).collect()
+    let default = default_material();
+    let is_default =
+        |m: &Material| m.name == default.name && m.model == default.model && m.emission.is_none();
+    (0u32..).zip(materials).filter(|(_, m)| is_default(m)).map(|(i, _)| MaterialId(i)).collect()
 }
 
 fn build(
@@ -154,7 +155,7 @@ fn build(
         material.alpha = FloatSlot::constant(1.0);
     }
     if extensions.unlit.is_some() {
-        builder.report.warn(&*builder.at, "is unlit: it emits its base colour, whatever lights it");
+        builder.report.warn(&*builder.at, "is unlit: it emits its base colour and reflects no light");
         material.emission = Some(Emission { radiance: base.color, two_sided: json.double_sided });
     } else {
         material.emission = builder.emission(&json, &extensions);
@@ -176,23 +177,21 @@ fn build(
     Ok((material, needs, export_losses))
 }
 
-// Slots, numbers and textures of one material, checked while they are taken from the file.
+// Slots, numbers and textures of one material, validated on reading.
 
-/// Largest factor on a normal map's slopes; beyond, the surface is a comb of vertical walls.
+/// Maximum factor on the slopes of a normal map.
 const MAX_NORMAL_SCALE: f32 = 1000.0;
 
 /// Colour and opacity of a surface.
 #[derive(Clone, Copy)]
 struct Base {
-    /// Its colour.
     pub color: ColorSlot,
-    /// Factor on the alpha of the colour's texture.
+    /// Opacity; a factor on the alpha of the colour's texture.
     pub alpha: f32,
 }
 
 /// One material being built.
 struct MaterialBuilder<'b, 'a> {
-    /// The file.
     pub doc: &'b Document<'a>,
     /// The material's raw JSON.
     pub raw: &'b Value,
@@ -202,12 +201,12 @@ struct MaterialBuilder<'b, 'a> {
     pub textures: &'b mut Textures,
     /// Problems and warnings.
     pub report: &'b mut Report,
-    /// The attributes that it needs from meshes.
+    /// Mesh attributes that the material needs.
     pub needs: MaterialNeeds,
 }
 
 impl<'b> MaterialBuilder<'b, '_> {
-    /// An extension of the material, with its place.
+    /// An extension of the material and its JSON pointer relative to the material.
     pub fn extension(&self, name: &str) -> Option<(&'b Value, String)> {
         let extension = self.raw.get("extensions")?.get(name)?;
         Some((extension, format!("/extensions/{name}")))
@@ -239,7 +238,7 @@ impl<'b> MaterialBuilder<'b, '_> {
         FloatSlot { factor, texture: texture.map(|id| (id, channel)) }
     }
 
-    /// The roughness that a texture of glossiness and its factor mean.
+    /// Roughness from a glossiness texture and its factor.
     pub fn roughness_of_gloss(&mut self, factor: f32, info: &Info, place: &str) -> FloatSlot {
         let at = format!("{}{place}", self.at);
         let reference = Reference { gloss: Some(Gloss::new(factor)), ..Reference::new(info, at) };
@@ -249,12 +248,12 @@ impl<'b> MaterialBuilder<'b, '_> {
         }
     }
 
-    /// A factor that should be in 0..1; clamped with a warning.
+    /// Clamps a factor to 0..1, with a warning.
     pub fn unit(&mut self, value: f32, place: &str) -> f32 {
         self.clamped(value, 0.0, 1.0, place)
     }
 
-    /// A number that should be in a range; clamped with a warning.
+    /// Clamps a number to a range, with a warning.
     pub fn clamped(&mut self, value: f32, least: f32, most: f32, place: &str) -> f32 {
         if !(least..=most).contains(&value) {
             let message = format!("{value} is not in {least}..{most} and was clamped");
@@ -263,7 +262,7 @@ impl<'b> MaterialBuilder<'b, '_> {
         value.max(least).min(most)
     }
 
-    /// A number of an extension within a range.
+    /// A number of an extension, clamped to a range.
     pub fn number(&mut self, from: (&Value, &str), key: &str, default: f32, range: [f32; 2]) -> f32 {
         let (extension, place) = from;
         let number = number_of(extension, key, &format!("{}{place}", self.at), self.report);
@@ -271,7 +270,7 @@ impl<'b> MaterialBuilder<'b, '_> {
         self.clamped(value, range[0], range[1], &format!("{place}/{key}"))
     }
 
-    /// A colour of an extension within 0..1.
+    /// A colour of an extension, clamped to 0..1.
     pub fn numbers<const N: usize>(
         &mut self,
         from: (&Value, &str),
@@ -284,21 +283,21 @@ impl<'b> MaterialBuilder<'b, '_> {
         value.map(|v| self.unit(v, &format!("{place}/{key}")))
     }
 
-    /// A reference to a texture in an extension; none if it has a problem, which is noted.
+    /// A texture reference of an extension; `None` if invalid, which is reported.
     pub fn info(&mut self, from: (&Value, &str), key: &str) -> Option<Info> {
         let (extension, place) = from;
         let raw = extension.get(key)?;
-        understood(raw, &format!("{}{place}/{key}", self.at), self.report).ok()
+        parsed(raw, &format!("{}{place}/{key}", self.at), self.report).ok()
     }
 
-    /// A texture of an extension that holds numbers.
+    /// A linear (non-colour) texture of an extension.
     pub fn data_texture(&mut self, from: (&Value, &str), key: &str) -> Option<TextureId> {
         let info = self.info(from, key)?;
         let reference = Reference::new(&info, format!("{}{}/{key}", self.at, from.1));
         self.texture(reference, Encoding::Linear).ok()
     }
 
-    /// The normal map at a JSON pointer in the material; none if it has a problem, which is reported.
+    /// The normal map at a JSON pointer in the material; `None` if invalid, which is reported.
     pub fn normal_map_at(&mut self, place: &str) -> Option<NormalMap> {
         let raw = self.raw.pointer(place)?;
         self.normal_map_of(raw, place).ok()
@@ -306,11 +305,11 @@ impl<'b> MaterialBuilder<'b, '_> {
 
     fn normal_map_of(&mut self, raw: &Value, place: &str) -> Valid<NormalMap> {
         let at = format!("{}{place}", self.at);
-        let info: Info = understood(raw, &at, self.report)?;
-        // The crate leaves the transform of these references to the extensions that it does not know.
+        let info: Info = parsed(raw, &at, self.report)?;
+        // The crate doesn't parse the texture transform of these references.
         let key = "/extensions/KHR_texture_transform";
         let transform: Option<TextureTransform> = match raw.pointer(key) {
-            Some(raw) => Some(understood(raw, &format!("{at}{key}"), self.report)?),
+            Some(raw) => Some(parsed(raw, &format!("{at}{key}"), self.report)?),
             None => None,
         };
         let reference = Reference { transform, ..Reference::new(&info, at.clone()) };
@@ -321,12 +320,12 @@ impl<'b> MaterialBuilder<'b, '_> {
     }
 }
 
-/// A part of the file as a type of the `gltf` crate.
-fn understood<T: DeserializeOwned>(raw: &Value, at: &str, report: &mut Report) -> Valid<T> {
-    T::deserialize(raw).map_err(|e| report.problem(at, format!("can't be understood: {e}")))
+/// Parses a JSON value as a type of the `gltf` crate.
+fn parsed<T: DeserializeOwned>(raw: &Value, at: &str, report: &mut Report) -> Valid<T> {
+    T::deserialize(raw).map_err(|e| report.problem(at, format!("can't be parsed: {e}")))
 }
 
-// The metallic-roughness model, and what all models share: emission, alpha, normal maps.
+// The metallic-roughness model; emission, alpha and normal maps of all models.
 
 impl MaterialBuilder<'_, '_> {
     /// The base colour, white by default.
@@ -338,7 +337,6 @@ impl MaterialBuilder<'_, '_> {
         Base { color: self.color([r, g, b], texture, "/pbrMetallicRoughness/baseColorTexture"), alpha }
     }
 
-    /// The alpha mode.
     pub fn alpha_mode(&mut self, json: &gltf::json::Material) -> AlphaMode {
         match json.alpha_mode {
             Checked::Valid(AlphaModeJson::Opaque) => AlphaMode::Opaque,
@@ -367,14 +365,13 @@ impl MaterialBuilder<'_, '_> {
         let radiance = self.color(factor, json.emissive_texture.as_ref(), "/emissiveTexture");
         if json.emissive_texture.is_some() && radiance.texture.is_none() {
             let place = format!("{}/emissiveTexture", self.at);
-            self.report
-                .warn(place, "is lost: the material does not emit light, rather than everywhere alike");
+            self.report.warn(place, "is lost: the material emits no light");
             return None;
         }
         Some(Emission { radiance, two_sided: json.double_sided })
     }
 
-    /// The normal map of the base.
+    /// The normal map of the base layer.
     pub fn normal_map(&mut self, json: &gltf::json::Material) -> Option<NormalMap> {
         json.normal_texture.as_ref()?;
         self.normal_map_at("/normalTexture")
@@ -429,19 +426,19 @@ impl MaterialBuilder<'_, '_> {
         model
     }
 
-    /// Has the material no parameters of its surface?
+    /// Does the material lack all surface parameters?
     pub fn has_no_surface(&self) -> bool {
         let extensions = self.raw.get("extensions").and_then(Value::as_object);
-        let emits_at_most = |name: &String| name == "KHR_materials_emissive_strength";
+        let is_emission = |name: &String| name == "KHR_materials_emissive_strength";
         self.raw.get("pbrMetallicRoughness").is_none()
-            && extensions.is_none_or(|all| all.keys().all(emits_at_most))
+            && extensions.is_none_or(|all| all.keys().all(is_emission))
     }
 
-    /// A material by Blender that says nothing about its surface: the exporter writes that for shader nodes that glTF
-    /// has no words for. By the specification it would be a white metal.
+    /// The stand-in for a material without surface parameters, which Blender writes for shader nodes that glTF can't express.
+    /// By the specification it would be a white metal.
     fn lost_nodes(&mut self, base_color: ColorSlot) -> PbrMaterial {
-        let message = "has no pbrMetallicRoughness: Blender could not export its nodes (only Principled BSDF \
-                       goes over); taken as white and diffuse";
+        let message = "has no pbrMetallicRoughness: Blender could not export its nodes (only Principled BSDF is supported); \
+        taken as white and diffuse";
         self.report.warn(&*self.at, message);
         PbrMaterial {
             base_color,
@@ -476,14 +473,14 @@ impl MaterialBuilder<'_, '_> {
         model.specular_color = self.color(color, texture, &format!("{place}/specularColorTexture"));
     }
 
-    /// The index of refraction is 0 (total reflection) or at least 1.
+    /// The index of refraction: 0 (Fresnel reflectance 1) or at least 1.
     fn ior(&mut self, ior: f32) -> f32 {
         if ior == 0.0 { 0.0 } else { self.clamped(ior, 1.0, f32::MAX, "/extensions/KHR_materials_ior/ior") }
     }
 }
 
-/// Makes glass without a volume in the file solid. Its exporters mean a solid whose colour shows once in light that has
-/// passed all of it.
+/// Makes glass solid. Glass without a volume in the file then tints light once per passage through the solid, not at each
+/// of its two interfaces.
 fn make_solid(model: &mut PbrMaterial) {
     model.tints_once |= !model.has_volume;
     model.has_volume = true;
@@ -491,20 +488,20 @@ fn make_solid(model: &mut PbrMaterial) {
 
 // Attributes that materials need from their meshes.
 
-/// The two sets of texture coordinates that a mesh stores for a material, of the many that a file may have.
+/// The two UV sets that a mesh stores for a material, of any number in the file.
 #[derive(Clone, Copy, Default)]
 pub(in crate::load::gltf) struct UvSlots {
-    /// The file's set in each slot; `None` where no texture needs one.
+    /// UV set of the file in each slot; `None` if unused.
     pub sets: [Option<u32>; 2],
 }
 
 impl UvSlots {
-    /// The slot of a set, taken now if it has none yet; `None` if both hold others. The first set goes into the first
-    /// slot, which is also what materials of scene files use; others rather go into the second.
+    /// The slot of a UV set, allocated on first use; `None` if both slots hold others. Set 0 goes into slot 0, which
+    /// materials of scene files use; others preferably go into slot 1.
     pub fn take(&mut self, set: u32) -> Option<u32> {
         let order: &[usize] = if set == 0 { &[0] } else { &[1, 0] };
-        let known = self.sets.iter().position(|s| *s == Some(set));
-        let slot = known.or_else(|| order.iter().copied().find(|&slot| self.sets[slot].is_none()))?;
+        let slot = self.sets.iter().position(|s| *s == Some(set));
+        let slot = slot.or_else(|| order.iter().copied().find(|&slot| self.sets[slot].is_none()))?;
         self.sets[slot] = Some(set);
         Some(slot as u32)
     }
@@ -513,33 +510,30 @@ impl UvSlots {
 /// Attributes that a material needs from a mesh.
 #[derive(Clone, Copy, Default)]
 pub(in crate::load::gltf) struct MaterialNeeds {
-    /// Which sets of texture coordinates its textures use.
+    /// UV sets of its textures.
     pub uv_slots: UvSlots,
-    /// Tangents.
     pub tangents: bool,
-    /// A body: it is glass that is solid where the meshes enclose one, and thin else.
+    /// Closedness: the material is glass that is solid in closed meshes, and thin otherwise.
     pub body: bool,
-    /// To be looked at for whether they are panes: it is glass.
+    /// Test for panes: the material is glass.
     pub glass: bool,
 }
 
-// Losses of a material on export.
-
-/// Losses of one material in a file by Blender's exporter.
+/// Losses of one material by Blender's exporter.
 #[derive(Clone, Copy, Default)]
 pub(in crate::load::gltf) struct ExportLosses {
-    /// It has no parameters of its surface.
+    /// All surface parameters are missing.
     pub is_lost: bool,
-    /// It is opaque, pure white and without a texture.
+    /// Opaque, pure white and without a texture.
     pub is_white: bool,
-    /// It is a metal of roughness 1 without a texture, and not black.
+    /// A metal of roughness 1 without a texture, and not black.
     pub is_rough_metal: bool,
-    /// The texture of its base colour, where its alpha, if it has one, does nothing.
+    /// The base colour texture of an opaque material, whose alpha is ignored.
     pub ignores_alpha_of: Option<TextureId>,
 }
 
 impl ExportLosses {
-    /// Looks for them; none in files of others.
+    /// Detects the losses; none in files of other exporters.
     fn of(builder: &MaterialBuilder, base: ColorSlot, alpha: AlphaMode) -> ExportLosses {
         let extension = |name: &str| builder.raw.get("extensions").is_some_and(|e| e.get(name).is_some());
         if !builder.doc.is_from_blender() || builder.doc.is_our_export() || extension("KHR_materials_unlit") {
