@@ -12,11 +12,11 @@ use rayon::prelude::*;
 
 /// A binary tree in depth-first order: the left child follows its parent, the right one follows the left subtree.
 pub struct Binary {
-    /// Boxes.
+    /// Bounds of each node.
     pub bounds: Vec<Bounds3>,
-    /// Nodes of the subtree; 1 for leaves.
+    /// Number of nodes in the subtree of each node; 1 for leaves.
     pub size: Vec<u32>,
-    /// Primitive of a leaf; `u32::MAX` for inner nodes.
+    /// Primitive index of each leaf; `u32::MAX` for inner nodes.
     pub primitive: Vec<u32>,
 }
 
@@ -27,19 +27,19 @@ impl Binary {
         (node + 1, node + 1 + self.size[node + 1] as usize)
     }
 
-    /// Is it a leaf?
+    /// Whether a node is a leaf.
     #[inline(always)]
     pub fn is_leaf(&self, node: usize) -> bool {
         self.size[node] == 1
     }
 }
 
-/// Reinsertion searches the whole tree for a better place, at about the cost of a ray that visits all boxes on its
-/// way. Beyond this expected number of visits (primitives that overlap heavily) it takes too long and gains nothing.
+/// Upper limit of [`expected_visits`] for reinsertion: the search for a new parent costs about as much as tracing a ray, so with
+/// heavily overlapping primitives reinsertion takes too long and gains nothing.
 const MAX_VISITS_FOR_REINSERTION: f64 = 3000.0;
 
-/// Build effort: the search distance of the clustering (neighbours on either side, along the curve that
-/// orders them, among which a cluster looks for another to join), and whether reinsertion follows.
+/// Build effort: search distance of PLOC (number of neighbours on either side along the Morton curve that are candidates for
+/// merging), and whether reinsertion follows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Effort {
     /// Chunks of fast trees: search distance 4, no reinsertion.
@@ -51,8 +51,8 @@ pub enum Effort {
 }
 
 impl Effort {
-    /// The share of all nodes that reinsertion looks at in a round. Ten times as many (with a search distance of 32) take
-    /// ten times as long for rays 5 to 15 % faster.
+    /// The fraction of nodes that a round of reinsertion considers. All nodes (with a search distance of 32) take ten times as
+    /// long for 5 to 15 % faster rays.
     fn reinsertion_ratio(self) -> f32 {
         if self == Effort::Least { 0.0 } else { 0.1 }
     }
@@ -88,18 +88,18 @@ pub fn build(
     if ratio > 0.0 && expected_visits(bvh) <= MAX_VISITS_FOR_REINSERTION {
         optimizer.run(bvh, ratio, None);
     }
-    order(bvh, primitives)
+    depth_first(bvh, primitives)
 }
 
-/// Inner nodes that a random ray through the root visits: the sum of areas over that of the root.
+/// Expected number of inner nodes that a random ray through the root box visits: the sum of their areas over the root's area.
 fn expected_visits(bvh: &Bvh2) -> f64 {
     let Some(root) = bvh.nodes.first() else { return 0.0 };
     let sum: f64 = bvh.nodes.iter().filter(|n| !n.is_leaf()).map(|n| f64::from(n.aabb().half_area())).sum();
     sum / f64::from(root.aabb().half_area()).max(f64::MIN_POSITIVE)
 }
 
-/// Depth-first order with the exact boxes of the primitives.
-fn order(bvh: &Bvh2, primitives: &[Primitive]) -> Binary {
+/// Converts to depth-first order with the exact boxes of the primitives.
+fn depth_first(bvh: &Bvh2, primitives: &[Primitive]) -> Binary {
     let count = bvh.nodes.len();
     let mut binary = Binary {
         bounds: vec![Bounds3::EMPTY; count],
@@ -129,20 +129,20 @@ fn order(bvh: &Bvh2, primitives: &[Primitive]) -> Binary {
     binary
 }
 
-/// Boxes as the builder sees them: mapped to the unit cube, so that areas neither overflow nor underflow, with a logarithmic scale
-/// for primitives far outside of most of the scene, and no two boxes equal.
+/// Mapping of boxes to the unit cube for the builder, so that areas neither overflow nor underflow: logarithmic for primitives far
+/// outside of the core of the scene. Boxes are perturbed so that no two are equal.
 pub struct NormalizedSpace {
     /// Bounds of all primitives, in scene space.
     pub bounds: Bounds3,
     core: Core,
     low: DVec3,
     scale: f64,
-    /// Nothing lies beyond the margin: the map is linear.
+    /// Whether all primitives are within the margin of the core, where the map is linear.
     is_linear: bool,
 }
 
 impl NormalizedSpace {
-    /// The map for some primitives.
+    /// The map for a list of primitives.
     pub fn of(primitives: &[Primitive]) -> NormalizedSpace {
         let all = primitives
             .par_iter()
@@ -165,7 +165,7 @@ impl NormalizedSpace {
         ((p - self.low) * self.scale).as_vec3()
     }
 
-    /// The boxes of primitives in the unit cube, in their order.
+    /// Writes the boxes of primitives in the unit cube to `boxes`, in the same order.
     pub fn boxes(&self, primitives: &[Primitive], boxes: &mut Vec<Aabb>) {
         let of_one = |(i, p): (usize, &Primitive)| {
             let (min, max) = (self.map(p.bounds.min), self.map(p.bounds.max));
@@ -175,12 +175,11 @@ impl NormalizedSpace {
     }
 }
 
-/// Boxes smaller than this in the unit cube (64 roundings) count as collapsed.
+/// Extent in the unit cube (64 ulps) below which a box counts as collapsed.
 const COLLAPSED: f32 = 1.0 / 131_072.0;
 
-/// Growth of a box: a pseudo-random fraction below 1/4096 of its size. Clustering takes a pass over all for each
-/// merge where all boxes are equal, and boxes that differ can't do that. Collapsed boxes grow enough to differ wherever
-/// they are.
+/// Growth of a box: a pseudo-random fraction below 1/4096 of its size, because clustering degrades to one merge per pass where all
+/// boxes are equal. Collapsed boxes grow by more, so that rounding can't make them equal again.
 fn growth(index: u32, size: Vec3) -> Vec3 {
     let random = hash(index);
     let part = |shift: u32| ((random >> shift) & 1023) as f32 / 1024.0;
@@ -192,39 +191,39 @@ fn growth(index: u32, size: Vec3) -> Vec3 {
     most * Vec3::new(part(0), part(10), part(20))
 }
 
-/// A mixing of 32 bits (the finaliser of MurmurHash3).
+/// 32-bit hash (the finaliser of MurmurHash3).
 fn hash(x: u32) -> u32 {
     let x = (x ^ (x >> 16)).wrapping_mul(0x85eb_ca6b);
     let x = (x ^ (x >> 13)).wrapping_mul(0xc2b2_ae35);
     x ^ (x >> 16)
 }
 
-/// The box that holds the centroids of all but a few primitives.
+/// The core of the scene: a box around the centroids of most primitives.
 struct Core {
     low: DVec3,
     high: DVec3,
-    /// Distance from it up to which the map is linear, metres; 0: everywhere.
+    /// Distance from the box up to which the map is linear, metres; 0: linear everywhere.
     margin: f64,
 }
 
-/// Primitives sampled to find the core.
+/// Number of primitives sampled to find the core.
 const SAMPLES: usize = 4096;
 /// Fraction of the samples outside of the core at either end of each axis.
 const OUTSIDE: f64 = 0.1;
-/// The margin in sizes of the core.
+/// Margin of the core in multiples of its longest extent.
 const MARGIN: f64 = 64.0;
 
 impl Core {
     fn of(primitives: &[Primitive]) -> Core {
         let step = primitives.len().div_ceil(SAMPLES).max(1);
-        let middles: Vec<DVec3> = primitives
+        let centers: Vec<DVec3> = primitives
             .iter()
             .step_by(step)
             .map(|p| (p.bounds.min.as_dvec3() + p.bounds.max.as_dvec3()) * 0.5)
             .collect();
-        let outside = (middles.len() as f64 * OUTSIDE) as usize;
+        let outside = (centers.len() as f64 * OUTSIDE) as usize;
         let range = |axis: usize| {
-            let mut sorted: Vec<f64> = middles.iter().map(|m| m[axis]).collect();
+            let mut sorted: Vec<f64> = centers.iter().map(|m| m[axis]).collect();
             sorted.sort_unstable_by(f64::total_cmp);
             let last = sorted.len().saturating_sub(1);
             let at = |i: usize| sorted.get(i).copied().unwrap_or(0.0);
@@ -235,15 +234,14 @@ impl Core {
         Core { low, high, margin: MARGIN * (high - low).max_element() }
     }
 
-    /// Is the map linear at a point?
+    /// Whether the map is linear at a point.
     fn is_linear_at(&self, p: DVec3) -> bool {
         let outside = (p - self.high).max(self.low - p).max_element();
         self.margin <= 0.0 || outside <= self.margin
     }
 
-    /// Beyond the margin the scale is logarithmic: otherwise one vertex at a great distance would leave no digits for all the
-    /// others in single precision. Each axis keeps its order, so boxes that overlap still do, and those
-    /// that do not still do not.
+    /// Maps a point: logarithmic beyond the margin, since otherwise one distant vertex would leave no single-precision digits for
+    /// all others. The map is monotonic on each axis, so it preserves which boxes overlap.
     fn compress(&self, p: DVec3) -> DVec3 {
         if self.margin <= 0.0 {
             return p;
@@ -265,7 +263,7 @@ impl Core {
     }
 }
 
-/// `d` up to 1; then `1 + log2(d)`, straight between the powers of two: exact, the same on all systems.
+/// `d` up to 1; then `1 + log2(d)`, interpolated linearly between powers of two, which gives the same bits on all systems.
 fn logarithmic(d: f64) -> f64 {
     if d <= 1.0 {
         return d;
@@ -275,8 +273,8 @@ fn logarithmic(d: f64) -> f64 {
     f64::from(power) + d / below
 }
 
-/// A tree of minimum depth: splits primitives at the median of their centroids along the longest axis. For scenes whose better
-/// tree is too deep for the stacks of traversal, which takes thousands of shapes each inside the next.
+/// A tree of minimum depth: splits primitives at the median of their centroids along the longest axis. Fallback for scenes whose
+/// tree is too deep for the traversal stacks, such as thousands of nested shapes.
 pub fn median_split(primitives: &[Primitive]) -> Binary {
     let count = 2 * primitives.len() - 1;
     let mut binary = Binary {
@@ -289,7 +287,7 @@ pub fn median_split(primitives: &[Primitive]) -> Binary {
     binary
 }
 
-/// Appends the tree over some primitives, of which there is at least one.
+/// Appends the tree over a non-empty list of primitives.
 fn split_at_median(binary: &mut Binary, primitives: &[Primitive], ids: &mut [u32]) {
     let bounds = |id: u32| primitives[id as usize].bounds;
     let center = |id: u32| 0.5 * bounds(id).min + 0.5 * bounds(id).max;

@@ -1,5 +1,5 @@
-//! Building an [`Accel`]: a tree for each used geometry, then the world's tree over its own geometry and the instances, then, if
-//! instances move, a tree over these and the world.
+//! Building an [`Accel`]: a tree for each instanced geometry, then the world's tree over the world's geometry and the static
+//! instances, then, if instances move, a top tree over the moving instances and the world's tree.
 
 use super::binary_tree::{self, Binary, Effort, NormalizedSpace, Workspace, median_split};
 use super::chunked_build::{self, Threads, TreePart, append, empty_buffer};
@@ -18,21 +18,22 @@ use rayon::prelude::*;
 use std::ops::Range;
 use std::time::Instant;
 
-/// Largest number of stack entries in trees of this total depth: the bottom entry, all but one child of each node on the path, a
-/// leaf's next packet, an instance's three, and one, since the index of a full stack's first free entry must be valid.
+/// Maximum number of stack entries for trees of this total depth: all but one child of each node on the path, the bottom entry, a
+/// leaf's next packet, three for an instance, and one since the index of the first free entry must be valid.
 const fn stack_size(depth: usize) -> usize {
     depth * (WIDTH - 1) + 1 + 1 + 3 + 1
 }
 
-/// Deeper trees are rebuilt by [`median_split`]: twice this depth, for the world and an instance, fits the deepest stacks. (Three
-/// trees, where something moves, may have two thirds each.)
+/// Maximum depth of a tree; deeper ones are rebuilt by [`median_split`]. Two nested trees (world and instance) of this depth fit the
+/// deepest stacks; with a top tree for moving instances there are three nested trees, of two thirds of this depth each.
 const MAX_DEPTH: usize = 72;
 const _: () = assert!(stack_size(2 * MAX_DEPTH) <= DeepSlot::STACK);
 
-/// Geometries of more primitives than this are built by all threads together, in chunks.
+/// Number of primitives above which a geometry is built by all threads together, in chunks.
 const MAX_CONCURRENT_SIZE: usize = 1 << 20;
 
-/// Threads that may build geometries of that size concurrently, each with some 120 MB of temporary memory; of smaller ones more.
+/// Maximum number of threads that build geometries of [`MAX_CONCURRENT_SIZE`] concurrently, each with about 120 MB of temporary
+/// memory; more for smaller geometries.
 const THREADS_OF_LARGEST: usize = 16;
 
 /// An instance whose transform or geometry is invalid.
@@ -43,19 +44,19 @@ struct Builder<'a> {
     input: AccelInput<'a>,
     tree: TreeBuilder<'a>,
     lines: Vec<Line>,
-    /// The buffer is that of an earlier structure.
+    /// Whether `lines` is the reused buffer of an earlier build.
     is_rebuilt: bool,
     stats: BuildStats,
     trees: BuiltTrees,
 }
 
 impl Accel {
-    /// Builds the structure, in parallel on the current rayon pool. `geometries[0]` stands in the world as it is
-    /// (`Hit::instance` is 0 there); the others are only reached through `instances` (`Hit::instance` is the index plus
-    /// 1). Whatever no ray can hit is dropped and counted: see [`BuildStats`].
+    /// Builds the structure, in parallel on the current rayon pool. `geometries[0]` is in world space (`Hit::instance` is 0); the
+    /// others are placed by `instances` (`Hit::instance` is the index plus 1). Invalid and degenerate primitives are dropped and
+    /// counted: see [`BuildStats`].
     ///
     /// # Panics
-    /// If it takes more than 32 GiB: see [`Accel::try_build`].
+    /// If the structure takes more than 32 GiB: see [`Accel::try_build`].
     pub fn build(geometries: &[Geometry], instances: &[AccelInstance]) -> Accel {
         let geometries: Vec<&Geometry> = geometries.iter().collect();
         let (first_moving, first_changing) = (instances.len(), geometries.len());
@@ -74,16 +75,16 @@ impl Accel {
         Accel::try_build(&input).expect("a structure that can be addressed")
     }
 
-    /// [`Accel::build`] for all that an input may hold: moving instances go to a tree of their own above the world's.
+    /// [`Accel::build`] with all build options; moving instances go to a top tree above the world's.
     ///
     /// # Errors
-    /// If it takes more memory than can be addressed, 32 GiB; nearly always before building starts.
+    /// If the structure takes more than the addressable 32 GiB; nearly always detected before building starts.
     pub fn try_build(input: &AccelInput) -> Result<Accel, TooLarge> {
         let begin = Instant::now();
         Builder::new(input, Vec::new()).finish(Reuse::Nothing, begin)
     }
 
-    /// Rebuilds, keeping the trees that `reuse` names.
+    /// Rebuilds the structure but for the trees that `reuse` keeps.
     ///
     /// # Errors
     /// As for [`Accel::try_build`].
@@ -111,13 +112,13 @@ impl Accel {
 
 impl<'a> Builder<'a> {
     fn new(input: &AccelInput<'a>, lines: Vec<Line>) -> Builder<'a> {
-        let is_apart = input.first_moving < input.instances.len();
+        let has_top = input.first_moving < input.instances.len();
         Builder {
             input: *input,
             tree: TreeBuilder {
                 options: BuildOptions { quality: input.quality, counter: input.counter },
-                // Two trees may lie one below the other, and a third where something moves.
-                max_depth: if is_apart { MAX_DEPTH * 2 / 3 } else { MAX_DEPTH },
+                // See `MAX_DEPTH`.
+                max_depth: if has_top { MAX_DEPTH * 2 / 3 } else { MAX_DEPTH },
             },
             is_rebuilt: lines.capacity() > 0,
             lines,
@@ -166,8 +167,8 @@ impl<'a> Builder<'a> {
         Ok(self.into_accel(world, top, begin))
     }
 
-    /// Reports the number of primitives and reserves the estimated memory: a growing buffer would be copied. (Pages that are not
-    /// written to take no memory.)
+    /// Starts the progress counter and reserves the estimated memory, since a growing buffer would be copied. (Pages that are never
+    /// written take no memory.)
     fn reserve(&mut self, shared: &[usize], changing: &[usize], reuse: Reuse) {
         let AccelInput { geometries, instances, first_moving, counter, .. } = self.input;
         let world = if reuse < Reuse::World { geometries.get(..1).unwrap_or(&[]) } else { &[] };
@@ -179,7 +180,7 @@ impl<'a> Builder<'a> {
         }
         let mut estimate = Estimate::default();
         built().for_each(|geometry| estimate.add_geometry(geometry));
-        // With that of the world, where something moves.
+        // Plus one for the world's tree in the top tree.
         estimate.add_instances(placed + 1);
         reserve_on_huge_pages(&mut self.lines, estimate.lines());
     }
@@ -188,15 +189,16 @@ impl<'a> Builder<'a> {
         BuildMark { lines: self.lines.len(), stats: self.stats }
     }
 
-    /// Builds the trees of instanced geometries: large ones by all threads, one after another, runs of others concurrently.
+    /// Builds the trees of instanced geometries: large ones one after another by all threads, runs of small ones concurrently, one
+    /// thread each.
     fn build_shared(&mut self, wanted: &[usize]) -> Result<(), BufferFull> {
         let geometries = self.input.geometries;
         let size = |g: &usize| geometries[*g].primitives();
         let total: usize = wanted.iter().map(size).sum();
-        // So that no thread finishes long after the others. (Trees are the same either way.)
-        let whole = largest_whole(self.input.quality);
-        let largest =
-            (total / (4 * rayon::current_num_threads())).clamp(whole, MAX_CONCURRENT_SIZE.max(whole));
+        // The limit keeps the load balanced; it doesn't change the trees.
+        let min_chunked = largest_whole(self.input.quality);
+        let largest = (total / (4 * rayon::current_num_threads()))
+            .clamp(min_chunked, MAX_CONCURRENT_SIZE.max(min_chunked));
         for run in wanted.chunk_by(|a, b| size(a).max(size(b)) <= largest) {
             let built = match run {
                 [one] => vec![self.append_counted(TreeContents::of(geometries[*one]))?],
@@ -228,19 +230,19 @@ impl<'a> Builder<'a> {
         Ok(built.into_iter().map(moved).collect())
     }
 
-    /// Appends a tree, built by all threads.
+    /// Appends a tree, built by all threads; returns it with the counts of its primitives.
     fn append_counted(&mut self, contents: TreeContents) -> Result<(BuiltTree, BuildStats), BufferFull> {
         self.tree.append(contents, Threads::Pool(usize::MAX), &mut self.lines)
     }
 
-    /// [`Builder::append_counted`] that adds the counts to the statistics.
+    /// [`Builder::append_counted`], adding the counts to the statistics.
     fn append(&mut self, contents: TreeContents) -> Result<BuiltTree, BufferFull> {
         let (built, stats) = self.append_counted(contents)?;
         self.stats.add(&stats);
         Ok(built)
     }
 
-    /// The records of instances, and their boxes as primitives.
+    /// The records of a range of instances, and their world-space boxes as primitives.
     fn instance_records(&mut self, range: Range<usize>) -> (Vec<Primitive>, Vec<InstanceRecord>) {
         let AccelInput { instances, moving, .. } = self.input;
         let first = range.start;
@@ -259,7 +261,7 @@ impl<'a> Builder<'a> {
         (placed, records)
     }
 
-    /// The tree over the world and the moving instances.
+    /// The top tree over the world's tree and the moving instances.
     fn top_tree(
         &mut self,
         world: &BuiltTree,
@@ -281,8 +283,8 @@ impl<'a> Builder<'a> {
         let depth = world.tree.depth + top.map_or(0, |top| top.tree.depth) + deepest_shared;
         let mut expected: Vec<TreeSummary> = top.iter().chain([&world]).map(|b| b.tree).collect();
         expected.extend(shared().map(|b| b.tree));
-        // Unused capacity was never written to after a first build, so it takes no memory, while shrinking copies. A scene that
-        // moves is rebuilt again and again and keeps its capacity.
+        // After a first build unused capacity was never written, so it takes no memory, while shrinking would copy. Animated scenes
+        // are rebuilt for every frame and keep their capacity.
         if is_rebuilt && top.is_none() && lines.capacity() / 2 > lines.len() {
             lines.shrink_to_fit();
         }
@@ -324,10 +326,10 @@ impl<'a> Builder<'a> {
             next: DONE,
             reach: built.reach(),
         };
-        let around = |bounds: Bounds3, key| bounds.union(world_bounds(&built.bounds, key));
+        let union_at = |bounds: Bounds3, key| bounds.union(world_bounds(&built.bounds, key));
         let bounds = match keys {
             [] => world_bounds(&built.bounds, &world_from_object),
-            keys => keys.iter().fold(Bounds3::EMPTY, around),
+            keys => keys.iter().fold(Bounds3::EMPTY, union_at),
         };
         let fits = record.object_from_world.as_flattened().iter().all(|x| x.is_finite());
         if !(fits && is_valid_position(bounds.min) && is_valid_position(bounds.max)) {
@@ -350,7 +352,8 @@ fn world_bounds(bounds: &Bounds3, world_from_object: &DAffine3) -> Bounds3 {
     Bounds3 { min: (min - slack).as_vec3(), max: (max + slack).as_vec3() }
 }
 
-/// Trees of more primitives are built in chunks. (Fast trees sooner: it is faster even with one thread.)
+/// Maximum number of primitives of a tree that is built in one piece rather than in chunks. (Lower for fast trees, whose chunked
+/// build is faster even with one thread.)
 pub const fn largest_whole(quality: TreeQuality) -> usize {
     match quality {
         TreeQuality::Fast => 1 << 14,
@@ -362,9 +365,9 @@ pub const fn largest_whole(quality: TreeQuality) -> usize {
 pub struct TreeContents<'a> {
     /// Shapes.
     pub geometry: &'a Geometry,
-    /// Instances; their ids are indices of `records`.
+    /// Boxes of the instances; their ids are indices of `records`.
     pub placed: Vec<Primitive>,
-    /// Their records.
+    /// Records of the instances.
     pub records: &'a [InstanceRecord],
 }
 
@@ -378,14 +381,14 @@ impl<'a> TreeContents<'a> {
 /// Builds trees.
 #[derive(Clone, Copy)]
 pub struct TreeBuilder<'a> {
-    /// How.
+    /// Quality and progress counter.
     pub options: BuildOptions<'a>,
-    /// Deeper trees are rebuilt by [`median_split`].
+    /// Maximum depth; deeper trees are rebuilt by [`median_split`].
     pub max_depth: usize,
 }
 
 impl TreeBuilder<'_> {
-    /// Appends a tree; returns it and the counts of its primitives.
+    /// Appends a tree to `lines`; returns it and the counts of its primitives.
     pub fn append(
         &self,
         contents: TreeContents,

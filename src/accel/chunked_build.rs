@@ -1,14 +1,14 @@
 //! BVHs of many primitives, built in parallel.
 //!
-//! [`build`] cuts the primitives into chunks by the surface area heuristic in bins (Wald 2007, "On fast Construction of SAH-based
-//! Bounding Volume Hierarchies"), builds a tree over each chunk and joins these by a small tree over them. Each thread works on
-//! one chunk at a time, which fits its caches. Peak memory: 32 bytes per primitive for the boxes and 66 to 78 for the tree, with 15
-//! more for what two threads work on at 2 million triangles, and 1.5 at 20 million. The README of `tools/rays` has the
-//! measurements, and attempts that did not pay.
+//! [`build`] splits the primitives into chunks by the binned surface area heuristic (Wald 2007, "On fast Construction of SAH-based
+//! Bounding Volume Hierarchies"), builds a tree over each chunk and joins these by a small top tree. Each thread works on one
+//! chunk at a time, which fits its caches. Peak memory per primitive: 32 bytes for the boxes, 66 to 78 for the tree, and with two
+//! threads 15 of temporary memory at 2 million triangles, 1.5 at 20 million. Measurements and attempts that did not pay: README of
+//! `tools/rays`.
 //!
-//! [`append`] lets threads build trees in buffers of their own and appends these to one buffer in order, whatever the number of
-//! threads. A lock is held only while ranges of lines are assigned; references are relocated and lines copied outside of it, so
-//! that threads also share the first touch of the memory.
+//! [`append`] builds trees in buffers of their own by several threads and appends these to one buffer in an order that doesn't
+//! depend on the number of threads. A lock is held only while ranges of lines are assigned; relocation of references and copying
+//! happen outside of it, so that the page faults of the buffer are spread over the threads as well.
 
 use super::binary_tree::{self, Effort, NormalizedSpace, Workspace};
 use super::input::{BuildOptions, Estimate, Geometry, Primitive, PrimitiveKind, TreeQuality};
@@ -28,35 +28,35 @@ use std::ops::Range;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-/// Bins along the longest axis.
+/// Number of bins along the longest axis.
 const BINS: usize = 32;
-/// More primitives than these are split by several threads.
+/// Number of primitives above which several threads work on one split.
 const PARALLEL: usize = 1 << 16;
-/// Below this depth of splits primitives are split at the median of their order.
-const MAX_CUTS: u32 = 40;
+/// Depth from which primitives are split in half instead of by the heuristic.
+const MAX_SAH_DEPTH: u32 = 40;
 
-/// Reorders primitives into chunks of at most `limit` and returns their ranges; the counter counts the primitives of finished
-/// chunks.
-fn cut_into_chunks(
+/// Reorders primitives into chunks of at most `limit` and returns their ranges. `counter` counts the primitives of finished chunks.
+fn split_into_chunks(
     primitives: &mut [Primitive],
     space: &NormalizedSpace,
     limit: usize,
     counter: Option<&WorkCounter>,
 ) -> Vec<Range<usize>> {
     let mut chunks = Vec::new();
-    let mut rest = 0;
-    for size in sizes(primitives, space, (limit, counter), 0) {
-        chunks.push(rest..rest + size);
-        rest += size;
+    let mut start = 0;
+    for size in chunk_sizes(primitives, space, (limit, counter), 0) {
+        chunks.push(start..start + size);
+        start += size;
     }
     chunks
 }
 
-fn sizes(
+/// Reorders primitives into chunks by recursive splits and returns the chunk sizes in order.
+fn chunk_sizes(
     primitives: &mut [Primitive],
     space: &NormalizedSpace,
     (limit, counter): (usize, Option<&WorkCounter>),
-    cuts: u32,
+    depth: u32,
 ) -> Vec<usize> {
     if primitives.len() <= limit {
         if let Some(counter) = counter {
@@ -65,12 +65,13 @@ fn sizes(
         return vec![primitives.len()];
     }
     // Near the root there are fewer tasks than threads.
-    let are_idle = 1 << cuts < rayon::current_num_threads();
-    let middle = if cuts < MAX_CUTS { split(primitives, space, are_idle) } else { primitives.len() / 2 };
+    let has_idle_threads = 1 << depth < rayon::current_num_threads();
+    let middle =
+        if depth < MAX_SAH_DEPTH { split(primitives, space, has_idle_threads) } else { primitives.len() / 2 };
     let (left, right) = primitives.split_at_mut(middle);
     let (mut sizes, more) = rayon::join(
-        || sizes(left, space, (limit, counter), cuts + 1),
-        || sizes(right, space, (limit, counter), cuts + 1),
+        || chunk_sizes(left, space, (limit, counter), depth + 1),
+        || chunk_sizes(right, space, (limit, counter), depth + 1),
     );
     sizes.extend(more);
     sizes
@@ -118,14 +119,14 @@ struct Axis {
 impl Axis {
     /// The longest axis of the box around all centroids; `None` if they coincide.
     fn longest(primitives: &[Primitive], space: &NormalizedSpace) -> Option<Axis> {
-        let of_some = |some: &[Primitive]| {
-            some.iter().fold(Aabb::INVALID, |all, p| {
+        let of_slice = |slice: &[Primitive]| {
+            slice.iter().fold(Aabb::INVALID, |all, p| {
                 let center = Vec3A::from(center(p, space));
                 Aabb { min: all.min.min(center), max: all.max.max(center) }
             })
         };
         let centers =
-            primitives.par_chunks(PARALLEL).map(of_some).reduce(|| Aabb::INVALID, |a, b| a.union(&b));
+            primitives.par_chunks(PARALLEL).map(of_slice).reduce(|| Aabb::INVALID, |a, b| a.union(&b));
         let extent = centers.diagonal();
         let axis = extent.max_position();
         let scale = BINS as f32 / extent[axis];
@@ -138,13 +139,13 @@ impl Axis {
     }
 }
 
-/// Splits primitives in two by the binned SAH: reorders them and returns how many are in the first half.
-fn split(primitives: &mut [Primitive], space: &NormalizedSpace, are_idle: bool) -> usize {
+/// Splits primitives in two by the binned SAH: reorders them and returns the size of the first part.
+fn split(primitives: &mut [Primitive], space: &NormalizedSpace, has_idle_threads: bool) -> usize {
     let halves = primitives.len() / 2;
     let Some(axis) = Axis::longest(primitives, space) else { return halves };
-    let of_some = |some: &[Primitive]| {
+    let of_slice = |slice: &[Primitive]| {
         let mut bins = [Bin::EMPTY; BINS];
-        for p in some {
+        for p in slice {
             let bounds = Aabb::new(p.bounds.min.into(), p.bounds.max.into());
             bins[axis.bin(center(p, space))].add(1, &bounds);
         }
@@ -154,19 +155,22 @@ fn split(primitives: &mut [Primitive], space: &NormalizedSpace, are_idle: bool) 
         a.iter_mut().zip(&b).for_each(|(a, b)| a.add(b.count, &b.bounds));
         a
     };
-    let bins = primitives.par_chunks(PARALLEL).map(of_some).reduce(|| [Bin::EMPTY; BINS], sum);
-    let first = best_cut(&bins);
+    let bins = primitives.par_chunks(PARALLEL).map(of_slice).reduce(|| [Bin::EMPTY; BINS], sum);
+    let first = best_split(&bins);
     let is_first = |p: &Primitive| axis.bin(center(p, space)) < first;
-    let middle =
-        if are_idle { partition(primitives, is_first) } else { partition_sequential(primitives, is_first) };
+    let middle = if has_idle_threads {
+        partition(primitives, is_first)
+    } else {
+        partition_sequential(primitives, is_first)
+    };
     match middle {
         middle if middle > 0 && middle < primitives.len() => middle,
         _ => halves,
     }
 }
 
-/// The first bin of the right side of the split of least cost.
-fn best_cut(bins: &[Bin; BINS]) -> usize {
+/// The split of minimum cost, as the first bin of its right side.
+fn best_split(bins: &[Bin; BINS]) -> usize {
     let mut right = [0.0; BINS];
     let mut all = Bin::EMPTY;
     for i in (1..BINS).rev() {
@@ -204,20 +208,21 @@ fn partition_sequential(primitives: &mut [Primitive], is_first: impl Fn(&Primiti
     }
 }
 
-/// [`partition_sequential`] by all threads, with the same resulting order.
+/// [`partition_sequential`] by all threads, with the same order of the result.
 fn partition(primitives: &mut [Primitive], is_first: impl Fn(&Primitive) -> bool + Sync) -> usize {
     if primitives.len() <= PARALLEL {
         return partition_sequential(primitives, is_first);
     }
-    let count = |some: &[Primitive]| some.iter().filter(|p| is_first(p)).count();
+    let count = |slice: &[Primitive]| slice.iter().filter(|p| is_first(p)).count();
     let middle = primitives.par_chunks(PARALLEL).map(count).sum();
     let (front, back) = primitives.split_at_mut(middle);
-    let mut to_back: Vec<usize> = front.par_chunks(PARALLEL).map(|some| some.len() - count(some)).collect();
+    let mut to_back: Vec<usize> =
+        front.par_chunks(PARALLEL).map(|slice| slice.len() - count(slice)).collect();
     prefix_sums(&mut to_back);
     let mut to_front: Vec<usize> = back.par_rchunks(PARALLEL).map(count).collect();
     prefix_sums(&mut to_front);
-    // For each chunk of the front: how far from the end of the back its swaps reach.
-    let ends: Vec<usize> = to_back.par_iter().map(|&n| end_with(back, n, &to_front, &is_first)).collect();
+    // For each chunk of the front: the distance from the end of the back up to which its swaps reach.
+    let ends: Vec<usize> = to_back.par_iter().map(|&n| suffix_with(back, n, &to_front, &is_first)).collect();
     let (mut jobs, mut rest, mut taken) = (Vec::with_capacity(ends.len()), back, 0);
     for (chunk, end) in front.chunks_mut(PARALLEL).zip(ends) {
         let (before, own) = rest.split_at_mut(rest.len() - (end - taken));
@@ -244,9 +249,9 @@ fn prefix_sums(numbers: &mut [usize]) {
     }
 }
 
-/// Length of the end of a list that holds `wanted` primitives for which `is_first`; `sums` are their numbers in the last chunk,
-/// the last two and so on.
-fn end_with(
+/// Length of the shortest suffix of a list with `wanted` primitives that satisfy `is_first`; `sums` are prefix sums of their number
+/// per chunk, from the last chunk on.
+fn suffix_with(
     list: &[Primitive],
     wanted: usize,
     sums: &[usize],
@@ -260,13 +265,13 @@ fn end_with(
     skipped + last.unwrap_or(0)
 }
 
-/// Minimum number of chunks, as far as [`MIN_CHUNK`] allows. (A thread needs some 450 bytes per primitive of its chunk.)
+/// Minimum number of chunks, if [`MIN_CHUNK`] allows. (A thread needs about 450 bytes per primitive of its chunk.)
 const MIN_CHUNKS: usize = 32;
 /// Limits on the primitives of a chunk.
 const MIN_CHUNK: usize = 1 << 13;
 const MAX_CHUNK: usize = 1 << 15;
 
-/// A primitive counts as large if its box has more than this fraction of the mean area of a chunk.
+/// Ratio of a primitive's box area to the mean area of a chunk above which the primitive counts as large.
 const LARGE_AREA: f64 = 0.25;
 /// At most one in this many primitives counts as large.
 const MIN_PRIMITIVES_PER_LARGE: usize = 64;
@@ -279,7 +284,7 @@ fn estimated_lines(primitives: &[Primitive], geometry: &Geometry) -> usize {
     estimate.lines()
 }
 
-/// Appends the tree over some primitives, and reorders these.
+/// Appends the tree over primitives, which are reordered.
 pub fn build(
     primitives: &mut [Primitive],
     space: &NormalizedSpace,
@@ -291,10 +296,10 @@ pub fn build(
     let limit = (primitives.len() / MIN_CHUNKS).clamp(MIN_CHUNK, MAX_CHUNK);
     let count = large_to_front(primitives, space, limit);
     let (large, primitives) = primitives.split_at_mut(count);
-    // Normalized with a large ground plane, the triangles of a scan on it may fall below the resolution.
+    // In the space of a large ground plane, the triangles of a scan on it may fall below the resolution.
     let own_space = (count > 0).then(|| NormalizedSpace::of(primitives));
     let space = own_space.as_ref().unwrap_or(space);
-    let chunks = cut_into_chunks(primitives, space, limit, options.counter);
+    let chunks = split_into_chunks(primitives, space, limit, options.counter);
     let effort = match options.quality {
         TreeQuality::Fast => Effort::Least,
         TreeQuality::Full => Effort::Chunk,
@@ -319,8 +324,8 @@ pub fn build(
     Ok(WrittenTree { root, depth: depth + deepest })
 }
 
-/// Moves large primitives to the front and returns their number. A wall would make the box of its chunk as large as the room: large
-/// primitives are joined with the chunks by the top tree instead.
+/// Moves large primitives to the front and returns their number. A wall would make the box of its chunk as large as the room, so
+/// large primitives go directly to the top tree.
 fn large_to_front(primitives: &mut [Primitive], space: &NormalizedSpace, limit: usize) -> usize {
     let area = |bounds: &Bounds3| {
         let extent = bounds.extent().as_dvec3();
@@ -348,7 +353,7 @@ struct SubtreeBuilder<'a> {
 }
 
 impl SubtreeBuilder<'_> {
-    /// Appends the trees of the chunks.
+    /// Appends the trees of all chunks.
     fn append(
         &self,
         chunks: &[Range<usize>],
@@ -393,7 +398,7 @@ pub struct TreePart<T> {
     pub result: T,
 }
 
-/// Unused lines at the start of such a buffer, since lines 0 and 1 hold no instance (see [`DONE`]).
+/// Unused lines at the start of a [`TreePart`] buffer, since lines 0 and 1 must not hold an instance (see [`DONE`]).
 const UNUSED: usize = 2;
 
 /// The buffer for a [`TreePart`].
@@ -401,9 +406,9 @@ pub fn empty_buffer() -> Vec<Line> {
     vec![Line::ZERO; UNUSED]
 }
 
-/// Which threads build.
+/// Threads of a build.
 pub enum Threads<'a> {
-    /// At most this many of the pool; the others help with their parallel loops.
+    /// At most this many threads of the pool build trees; the others help with parallel loops within a tree.
     Pool(usize),
     /// The calling thread.
     This(&'a mut Workspace),
@@ -454,7 +459,7 @@ impl<T: Send> Queue<'_, T> {
     ) -> Result<(Vec<(u32, T)>, Vec<Relocation>), BufferFull> {
         match threads {
             Threads::This(workspace) => vec![self.work(workspace, build)],
-            // Not a parallel loop: a thread that waits within a part would begin another meanwhile.
+            // Not a parallel loop, where a thread that waits within one tree would start another and need more memory.
             Threads::Pool(most) => rayon::broadcast(|context| match context.index() < most.max(1) {
                 true => self.work(&mut Workspace::default(), build),
                 false => Ok(Vec::new()),
@@ -469,7 +474,7 @@ impl<T: Send> Queue<'_, T> {
         })
     }
 
-    /// Builds and writes trees until none is left; returns those for which the buffer had no room.
+    /// Builds and writes trees until the queue is empty; returns those that did not fit in the reserved buffer.
     fn work(
         &self,
         workspace: &mut Workspace,
@@ -501,7 +506,7 @@ impl<T: Send> Queue<'_, T> {
     }
 }
 
-/// The lines of a tree and where they go.
+/// The lines of a tree and its destination in the buffer.
 struct Relocation {
     lines: Vec<Line>,
     root: u32,
@@ -509,13 +514,14 @@ struct Relocation {
 }
 
 impl Relocation {
-    fn by(&self) -> u32 {
+    /// Offset added to references, lines (modulo 2^32).
+    fn offset(&self) -> u32 {
         (self.start as u32).wrapping_sub(UNUSED as u32)
     }
 
     fn relocate(&mut self) {
-        let by = self.by();
-        move_references(&mut self.lines, self.root, by);
+        let offset = self.offset();
+        relocate_references(&mut self.lines, self.root, offset);
     }
 }
 
@@ -529,7 +535,7 @@ struct Output<'a, T> {
 }
 
 impl<'a, T> Output<'a, T> {
-    /// Takes a finished tree; returns all trees whose range is known now, with the memory there.
+    /// Stores a finished tree; returns all trees to which a range of lines can be assigned now, with the memory of that range.
     fn put(&mut self, index: usize, part: TreePart<T>) -> Vec<(Relocation, Option<Claim<'a>>)> {
         self.waiting[index] = Some(part);
         let mut placed = Vec::new();
@@ -538,32 +544,32 @@ impl<'a, T> Output<'a, T> {
             let moved = Relocation { lines, root, start: self.next };
             let count = moved.lines.len() - UNUSED;
             self.next += count;
-            self.parts.push((if root == DONE { DONE } else { root.wrapping_add(moved.by()) }, result));
+            self.parts.push((if root == DONE { DONE } else { root.wrapping_add(moved.offset()) }, result));
             placed.push((moved, self.claims.claim(count)));
         }
         placed
     }
 }
 
-/// Adds `by` lines (modulo 2^32) to all references of a tree in a buffer of its own.
-pub fn move_references(lines: &mut [Line], root: u32, by: u32) {
+/// Adds `offset` lines (modulo 2^32) to all references of a tree.
+fn relocate_references(lines: &mut [Line], root: u32, offset: u32) {
     let mut stack = vec![root];
     while let Some(reference) = stack.pop() {
         if reference & LEAF != 0 {
-            move_leaf(lines, reference, by);
+            relocate_leaf(lines, reference, offset);
             continue;
         }
         let node = view_mut::<Node>(lines, line_of(reference));
         for child in node.child.iter_mut().filter(|child| **child != DONE) {
             stack.push(*child);
-            *child = child.wrapping_add(by);
+            *child = child.wrapping_add(offset);
         }
     }
 }
 
-/// Adds `by` to the references between the packets of a leaf.
-fn move_leaf(lines: &mut [Line], first: u32, by: u32) {
-    let moved = |next: u32| if next == DONE { DONE } else { next.wrapping_add(by) };
+/// Adds `offset` to the references between the packets of a leaf.
+fn relocate_leaf(lines: &mut [Line], first: u32, offset: u32) {
+    let relocated = |next: u32| if next == DONE { DONE } else { next.wrapping_add(offset) };
     let mut reference = first;
     while reference != DONE {
         let line = line_of(reference);
@@ -571,19 +577,19 @@ fn move_leaf(lines: &mut [Line], first: u32, by: u32) {
             KIND_INSTANCE => {
                 let record = view_mut::<InstanceRecord>(lines, line);
                 let next = record.next;
-                record.next = moved(next);
+                record.next = relocated(next);
                 next
             }
             KIND_ANALYTIC => {
                 let packet = view_mut::<AnalyticPacket>(lines, line);
                 let next = packet.next;
-                packet.next = moved(next);
+                packet.next = relocated(next);
                 next
             }
             _ => {
                 let packet = view_mut::<TrianglePacket>(lines, line);
                 let next = packet.next();
-                packet.rows[11] = [f32::from_bits(moved(next)); LANES];
+                packet.rows[11] = [f32::from_bits(relocated(next)); LANES];
                 next
             }
         };
@@ -613,7 +619,7 @@ mod tests {
             assert_eq!(partition(&mut two, is_first), middle);
             assert!(ids(&one) == ids(&two), "{count} {share}");
         }
-        // All of one kind come first.
+        // Sorted input: all elements of the first part are already in front.
         let mut sorted = list(300_000);
         sorted.sort_unstable_by_key(|p| std::cmp::Reverse(p.id));
         let mut other = sorted.clone();
@@ -628,7 +634,7 @@ mod append_tests {
     use super::super::layout::{KIND_TRIANGLES, TrianglePacket, leaf_ref, line_of, view_mut};
     use super::*;
 
-    /// A packet of triangles that leads to another.
+    /// A tree of one leaf with two triangle packets.
     fn part(index: usize) -> TreePart<usize> {
         let mut lines = empty_buffer();
         lines.resize(UNUSED + 6 + index % 3, Line::ZERO);
@@ -638,27 +644,27 @@ mod append_tests {
     }
 
     #[test]
-    fn parts_are_the_same_whatever_the_room_and_the_threads() {
-        let built = |room: usize, threads: usize| {
+    fn appended_trees_depend_on_neither_capacity_nor_threads() {
+        let built = |capacity: usize, threads: usize| {
             let mut lines = vec![Line::ZERO; 5];
-            lines.reserve_exact(room);
+            lines.reserve_exact(capacity);
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
             let all = Threads::Pool(usize::MAX);
             let roots = pool.install(|| append(100, all, &mut lines, |index, _| Ok(part(index))));
-            (roots.expect("room"), lines)
+            (roots.expect("the buffer is large enough"), lines)
         };
         let (roots, lines) = built(1000, 1);
         assert_eq!(lines.len(), 5 + 6 * 100 + 99);
-        for (i, (root, what)) in roots.iter().enumerate() {
-            assert_eq!((line_of(*root), *what), (5 + 6 * i + (0..i).map(|k| k % 3).sum::<usize>(), i));
+        for (i, (root, index)) in roots.iter().enumerate() {
+            assert_eq!((line_of(*root), *index), (5 + 6 * i + (0..i).map(|k| k % 3).sum::<usize>(), i));
             let mut own = lines[line_of(*root)..][..6].to_vec();
             let next = view_mut::<TrianglePacket>(&mut own, 0).next();
             assert_eq!(next, leaf_ref(KIND_TRIANGLES, line_of(*root) + 3));
         }
-        for (room, threads) in [(0, 1), (300, 1), (0, 4), (300, 4), (1000, 4)] {
-            let (same_roots, same) = built(room, threads);
+        for (capacity, threads) in [(0, 1), (300, 1), (0, 4), (300, 4), (1000, 4)] {
+            let (same_roots, same) = built(capacity, threads);
             let [same, lines] = [&same, &lines].map(|list| bytemuck::cast_slice::<Line, u8>(list));
-            assert!(same_roots == roots && same == lines, "{room} {threads}");
+            assert!(same_roots == roots && same == lines, "{capacity} {threads}");
         }
         let mut lines = Vec::new();
         let workspace = &mut Workspace::default();

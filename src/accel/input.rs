@@ -1,5 +1,5 @@
-//! Input of an [`Accel`](super::Accel): geometries, instances, options, the estimated memory of the result, and the primitives
-//! of a geometry that a BVH is built over, with their bounds. Invalid and degenerate ones are dropped.
+//! Input of an [`Accel`](super::Accel): geometries, instances, options, a memory estimate, and the conversion of geometries to
+//! primitives with bounds. Invalid and degenerate primitives are dropped.
 
 use super::layout::{ANALYTIC_LINES, CURVES, INSTANCE_LINES, MAX_LINE, SPLAT_LINES, TRIANGLE_LINES};
 use crate::math::{Bounds3, DAffine3, TransformKeys, Vec3};
@@ -11,12 +11,12 @@ use rayon::prelude::*;
 use std::fmt;
 use std::fmt::{Display, Formatter};
 
-/// Shapes in one space.
+/// Shapes in a common object space.
 #[derive(Clone, Debug, Default)]
 pub struct Geometry {
-    /// Vertices.
+    /// Vertex positions, metres.
     pub positions: Vec<[f32; 3]>,
-    /// Triangles by their vertices' indices.
+    /// Vertex indices of each triangle.
     pub triangles: Vec<[u32; 3]>,
     /// Quads.
     pub quads: Vec<Quad>,
@@ -26,12 +26,12 @@ pub struct Geometry {
     pub curves: CurveSegments,
     /// Gaussian splats.
     pub splats: SplatCloud,
-    /// Positions of moving vertices at equal steps of time; empty if they are static.
+    /// Vertex positions at motion keys at equal intervals of the shutter; empty if static.
     pub keys: Vec<Vec<[f32; 3]>>,
 }
 
 impl Geometry {
-    /// How many primitives there are.
+    /// Number of primitives.
     pub fn primitives(&self) -> usize {
         self.triangles.len()
             + self.quads.len()
@@ -46,23 +46,22 @@ impl Geometry {
 pub struct MovingInstance {
     /// Index of the instance.
     pub instance: usize,
-    /// Transforms at equal steps of time.
+    /// Object-to-world transforms at equal intervals of the shutter.
     pub keys: TransformKeys,
 }
 
 /// A geometry placed in the world.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AccelInstance {
-    /// Which geometry; not 0, which is the world's own.
+    /// Index of the geometry; not 0, which is the world's.
     pub geometry: u32,
     /// Object-to-world transform.
     pub world_from_object: DAffine3,
 }
 
-/// Quality of trees over many primitives. Hits are the same bit for bit either way: the order of visits does not affect the nearest
-/// hit. (The exception are rays through the very border of a
-/// triangle that they see edge-on: its distance is then less certain than its box, before which it may seem to lie. None of
-/// eight million rays from cameras and surfaces differed, one of 40,000 that were aimed at vertices from all sides did.)
+/// Quality of trees over many primitives. Both give the same hits bit for bit, since the nearest hit does not depend on the order of
+/// visits. (Exception: rays through the border of a triangle that is edge-on, where the rounding error of `t` may exceed the
+/// margin of the box test. None of eight million rays from cameras and surfaces differed; one of 40,000 aimed at vertices did.)
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum TreeQuality {
     /// Fast to build, for few rays.
@@ -77,11 +76,11 @@ pub enum TreeQuality {
 pub struct AccelInput<'a> {
     /// Shapes by geometry; the first is in world space.
     pub geometries: &'a [&'a Geometry],
-    /// Placed geometries: `Hit::instance` is the index plus 1.
+    /// Instances: `Hit::instance` is the index plus 1.
     pub instances: &'a [AccelInstance],
-    /// The first of the instances that move: they and the rest are built apart from the world, on top of it.
+    /// Index of the first moving instance: from here on instances go to the top tree above the world's.
     pub first_moving: usize,
-    /// The first of the geometries that change: they belong to moving instances, and are built after the world.
+    /// Index of the first geometry that changes between rebuilds: these belong to moving instances and are built after the world.
     pub first_changing: usize,
     /// Instances that move while the shutter is open; indices from `first_moving` on.
     pub moving: &'a [MovingInstance],
@@ -92,7 +91,7 @@ pub struct AccelInput<'a> {
 }
 
 impl AccelInput<'_> {
-    /// By geometry: is it the world's, or does an instance use it? Only these are built.
+    /// For each geometry, whether it is the world's or an instance uses it: only these are built.
     pub fn used_geometries(&self) -> Vec<bool> {
         let mut used = vec![false; self.geometries.len()];
         let placed = self.instances.iter().map(|instance| instance.geometry as usize);
@@ -110,7 +109,7 @@ impl AccelInput<'_> {
 pub struct BuildOptions<'a> {
     /// Quality of the trees.
     pub quality: TreeQuality,
-    /// Counts finished primitives twice: when they are divided into chunks and when trees are built.
+    /// Counts each primitive twice: when it is assigned to a chunk and when its tree is built.
     pub counter: Option<&'a WorkCounter>,
 }
 
@@ -123,22 +122,22 @@ impl BuildOptions<'_> {
     }
 }
 
-/// The trees of an earlier structure that a rebuild keeps, at the front of the buffer.
+/// The trees that a rebuild keeps from the earlier structure, at the front of the buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Reuse {
     /// Nothing.
     Nothing,
-    /// The trees of the geometries before the first changing one, but for the world's.
+    /// Trees of geometries below `first_changing`, without the world's.
     Shared,
     /// Shared geometries and the world with the instances that do not move.
     World,
 }
 
-/// Numbers of primitives, and an estimate of the memory of their trees from the numbers alone: an upper bound but for few scenes. For
-/// the reservation of memory, and for an error before building starts if the result can't be addressed.
+/// Numbers of primitives and the memory of their trees estimated from these numbers: an upper bound for nearly all scenes. Used to
+/// reserve memory and to refuse scenes beyond the address range before building starts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Estimate {
-    /// Triangles; those of a shared geometry count once.
+    /// Triangles; a shared geometry counts once.
     pub triangles: u64,
     /// Quads, spheres, disks and the like.
     pub shapes: u64,
@@ -148,29 +147,29 @@ pub struct Estimate {
     pub splats: u64,
     /// Instances.
     pub instances: u64,
-    /// Memory of the trees.
+    /// Memory of the trees, bytes.
     pub bytes: u64,
 }
 
 const LINE: u64 = size_of::<Line>() as u64;
 
-/// Bytes of a primitive in packets of `lines` cache lines for `per` primitives, as neighbours on a surface or a strand share them:
+/// Estimated bytes per primitive where neighbours on a surface or strand share packets of `lines` cache lines with `per` lanes:
 /// packets are two thirds full, and a node of eight children takes four lines.
 const fn in_packets(lines: u64, per: u64) -> u64 {
     lines * LINE * 3 / (2 * per) + LINE / 4
 }
 
-/// Bytes of a primitive that has a packet of `lines` cache lines to itself, as scattered ones do. Nodes then have few children, not
-/// all of which are leaves: they take 1.4 lines for each of 5,000 scattered instances.
+/// Estimated bytes of a scattered primitive, which has a packet of `lines` cache lines to itself. Nodes then have few children:
+/// measured 1.4 lines of nodes per instance for 5,000 scattered instances.
 const fn in_own_packet(lines: u64) -> u64 {
     lines * LINE + 3 * LINE / 2
 }
 
 impl Estimate {
-    /// Maximum memory that references can address, bytes.
+    /// Maximum memory addressable by references, bytes.
     pub const LIMIT: u64 = MAX_LINE as u64 * LINE;
 
-    /// Estimates a whole acceleration structure: the world and the geometries that an instance uses.
+    /// Estimates a whole acceleration structure: the world and the instanced geometries.
     pub fn of(input: &AccelInput) -> Estimate {
         let mut estimate = Estimate::default();
         let used = input.used_geometries();
@@ -192,7 +191,7 @@ impl Estimate {
         self.bytes += 8 * LINE;
     }
 
-    /// Adds triangles whose vertices move between `keys` keys; 0 for static ones.
+    /// Adds triangles with `keys` motion keys; 0: static.
     pub fn add_triangles(&mut self, count: usize, keys: usize) {
         let lines = TRIANGLE_LINES as u64;
         let lines = if keys == 0 { lines } else { ANALYTIC_LINES as u64 + keys as u64 * lines };
@@ -200,20 +199,20 @@ impl Estimate {
         self.add(count, in_packets(lines, LANES as u64));
     }
 
-    /// Adds quads, of which each is two triangles in a packet.
+    /// Adds quads; each is stored as two triangles of a packet.
     pub fn add_quads(&mut self, count: usize) {
         self.shapes += count as u64;
         self.add(count, in_own_packet(TRIANGLE_LINES as u64));
     }
 
-    /// Adds spheres, disks and the like.
+    /// Adds analytic shapes.
     pub fn add_analytic(&mut self, count: usize) {
         self.shapes += count as u64;
         self.add(count, in_own_packet(ANALYTIC_LINES as u64));
     }
 
-    /// Adds curve segments: neighbours on a strand share packets, and scattered strands have nodes with few children: 145 bytes
-    /// for each of 7,600 segments of 400 strands.
+    /// Adds curve segments: neighbours on a strand share packets, while scattered strands have nodes with few children (measured: 145
+    /// bytes per segment for 400 strands of 19 segments).
     pub fn add_curves(&mut self, count: usize) {
         self.curves += count as u64;
         self.add(count, in_packets(ANALYTIC_LINES as u64, CURVES as u64) + LINE / 2);
@@ -240,13 +239,13 @@ impl Estimate {
         self.bytes.div_ceil(LINE) as usize
     }
 
-    /// Fails where the trees are too large to be addressed.
+    /// Fails if the trees exceed [`Estimate::LIMIT`].
     pub fn check(self) -> Result<(), TooLarge> {
         if self.bytes > Estimate::LIMIT { Err(TooLarge(self)) } else { Ok(()) }
     }
 }
 
-/// A structure that is too large to be addressed.
+/// Error: the structure exceeds the addressable memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TooLarge(pub Estimate);
 
@@ -264,7 +263,7 @@ impl Display for TooLarge {
         let numbers = numbers.iter().filter(|(count, _)| *count > 0);
         let numbers: Vec<String> = numbers.map(|(count, what)| format!("{count} {what}")).collect();
         let limit = gib(Estimate::LIMIT);
-        // Found during the build, where packets are emptier than estimated.
+        // Below the limit the error was found during the build, with packets emptier than estimated.
         let size = if bytes > Estimate::LIMIT { gib(bytes) } else { limit };
         let about = if bytes > Estimate::LIMIT { "about" } else { "more than" };
         write!(
@@ -281,16 +280,16 @@ impl std::error::Error for TooLarge {}
 /// Numbers of dropped primitives, by reason.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Dropped {
-    /// Triangles, quads, analytic shapes, curve segments and splats with NaN, infinite or too large coordinates (beyond 1e18), or indices out of range.
+    /// Primitives with NaN, infinite or too large coordinates (beyond [`MAX_COORDINATE`]) or vertex indices out of range.
     pub not_finite: u64,
-    /// Triangles and quads without area, spheres, disks and curve segments without a radius, splats without opacity.
+    /// Triangles and quads of zero area, analytic shapes and curve segments of zero radius, splats of zero opacity.
     pub degenerate: u64,
-    /// Instances whose matrix is singular or not finite, or whose geometry does not exist.
+    /// Instances with a singular or non-finite matrix or a geometry index out of range.
     pub instances: u64,
 }
 
 impl Dropped {
-    /// Were all kept?
+    /// Whether nothing was dropped.
     pub fn is_empty(&self) -> bool {
         *self == Dropped::default()
     }
@@ -302,12 +301,12 @@ impl Dropped {
     }
 }
 
-/// Largest coordinate of a primitive, metres: the areas of boxes, sums of products of two extents, must not overflow.
+/// Largest absolute coordinate of a primitive, metres: box areas must not overflow single precision.
 pub const MAX_COORDINATE: f32 = 1e18;
 
-/// Is a point usable as a vertex?
+/// Whether a point is finite and within [`MAX_COORDINATE`].
 pub fn is_valid_position(p: Vec3) -> bool {
-    // False for NaN.
+    // NaN compares false.
     p.abs().max_element() <= MAX_COORDINATE && p.is_finite()
 }
 
@@ -320,15 +319,15 @@ pub enum PrimitiveKind {
     Curve,
     Splat,
     Instance,
-    /// A subtree that is already written.
+    /// A finished subtree of a chunk.
     Subtree,
     /// Dropped: no finite box.
     NotFinite,
-    /// Dropped: no area.
+    /// Dropped: zero area, radius or opacity.
     Degenerate,
 }
 
-/// One primitive: its kind, its id in the geometry (or the instance's index) and its box.
+/// A primitive: kind, id within its geometry (or the instance's index) and bounding box.
 #[derive(Clone, Copy, Debug)]
 pub struct Primitive {
     pub kind: PrimitiveKind,
@@ -336,7 +335,7 @@ pub struct Primitive {
     pub bounds: Bounds3,
 }
 
-/// The vertices of a triangle; `None` where an index is out of range.
+/// The vertices of a triangle; `None` if an index is out of range.
 pub fn triangle_vertices(geometry: &Geometry, index: usize) -> Option<[Vec3; 3]> {
     vertices_of(&geometry.positions, *geometry.triangles.get(index)?)
 }
@@ -361,7 +360,7 @@ fn triangle_bounds(geometry: &Geometry, index: usize) -> Result<Bounds3, Primiti
     }
 }
 
-/// The bounds of a triangle over all times: its vertices move along straight lines from key to key.
+/// The bounds of a triangle over the whole shutter interval: vertices are interpolated linearly between keys.
 fn moving_bounds(geometry: &Geometry, index: usize) -> Result<Bounds3, PrimitiveKind> {
     let (mut bounds, mut is_degenerate) = (Bounds3::EMPTY, true);
     for positions in &geometry.keys {
@@ -375,7 +374,7 @@ fn moving_bounds(geometry: &Geometry, index: usize) -> Result<Bounds3, Primitive
     if is_degenerate { Err(PrimitiveKind::Degenerate) } else { Ok(widened(bounds)) }
 }
 
-/// The box expanded by the rounding error of interpolated vertices.
+/// Expands a box by the rounding error of interpolated vertices.
 fn widened(bounds: Bounds3) -> Bounds3 {
     let slack = bounds.min.abs().max(bounds.max.abs()) * (4.0 * f32::EPSILON);
     Bounds3 { min: bounds.min - slack, max: bounds.max + slack }
@@ -419,14 +418,14 @@ fn splat_bounds(splats: &SplatCloud, index: usize) -> Result<Bounds3, PrimitiveK
     }
 }
 
-/// The box expanded by one ulp, which covers the rounding of sums.
+/// Expands a box by one ulp, which covers the rounding of its sums.
 fn rounded_outwards(bounds: Bounds3) -> Bounds3 {
     let low = bounds.min.to_array().map(f32::next_down);
     let high = bounds.max.to_array().map(f32::next_up);
     Bounds3 { min: low.into(), max: high.into() }
 }
 
-/// All primitives of a geometry that a ray can hit, in the order of their ids.
+/// The valid primitives of a geometry in the order of their ids, and the numbers of dropped ones.
 pub fn collect_primitives(geometry: &Geometry) -> (Vec<Primitive>, Dropped) {
     let (triangles, quads) = (geometry.triangles.len(), geometry.quads.len());
     let analytic = geometry.analytic.len();
@@ -469,11 +468,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_cannot_be_addressed_is_an_error_with_numbers() {
+    fn exceeding_the_addressable_memory_is_an_error_with_counts() {
         let mut estimate = Estimate::default();
         estimate.add_triangles(380_000_000, 0);
         assert_eq!(estimate.check(), Ok(()));
-        // The same with their vertices at four keys takes four times as much.
+        // Four motion keys take four times the memory.
         let mut moving = Estimate::default();
         moving.add_triangles(380_000_000, 4);
         let message = moving.check().expect_err("too large").to_string();

@@ -1,5 +1,4 @@
-//! Walks over a finished BVH outside of rendering: validation of the invariants of traversal, and the distance of a point from the
-//! geometry.
+//! Traversals of a finished BVH outside of rendering: validation of its invariants, and the distance of a point from the geometry.
 
 use super::layout::{
     ANALYTIC_LINES, AnalyticPacket, CurvePacket, DONE, LEAF, LeafPacket, NODE_LINES, Node, PART_QUAD_SECOND,
@@ -11,17 +10,17 @@ use crate::shape::triangle::LANES;
 use crate::shape::{Analytic, Shape};
 use std::collections::HashSet;
 
-/// Primitives and instances that a walk over a tree has reached.
+/// Primitives and instances found while validating a tree.
 #[derive(Default)]
 struct Found {
-    /// Primitive ids, quads by their first half.
+    /// Primitive ids; quads are counted by their first half.
     ids: Vec<u32>,
     instances: usize,
 }
 
 impl Accel {
-    /// Checks that all references stay in the buffer, that each child's box bounds its subtree, that each primitive
-    /// and instance is reached exactly once, and that no path is deeper than the stacks allow.
+    /// Checks that all references stay in the buffer, that boxes bound their subtrees, that each primitive and instance is
+    /// referenced exactly once, and that no path exceeds the depth assumed for the traversal stacks.
     pub fn validate(&self) -> Result<(), String> {
         let roots: HashSet<u32> = self.expected.iter().map(|tree| tree.root).collect();
         self.expected.iter().try_for_each(|tree| self.validate_tree(tree, &roots))
@@ -29,8 +28,8 @@ impl Accel {
 
     fn validate_tree(&self, tree: &TreeSummary, roots: &HashSet<u32>) -> Result<(), String> {
         let mut found = Found::default();
-        let everywhere = Bounds3 { min: Vec3::NEG_INFINITY, max: Vec3::INFINITY };
-        let mut stack = vec![(tree.root, everywhere, 1)];
+        let unbounded = Bounds3 { min: Vec3::NEG_INFINITY, max: Vec3::INFINITY };
+        let mut stack = vec![(tree.root, unbounded, 1)];
         while let Some((reference, bounds, depth)) = stack.pop() {
             if reference & LEAF != 0 {
                 self.validate_leaf(reference, &bounds, roots, &mut found)?;
@@ -102,7 +101,7 @@ impl Accel {
         Ok(())
     }
 
-    /// The triangles of a packet whose vertices move, at each key.
+    /// Checks the triangles of a moving packet at each motion key.
     fn validate_moving(
         &self,
         line: usize,
@@ -114,10 +113,10 @@ impl Accel {
             let at = line + ANALYTIC_LINES + key * TRIANGLE_LINES;
             let triangles = view::<TrianglePacket, TRIANGLE_LINES>(&self.lines, at);
             let triangles = triangles.ok_or_else(|| format!("packet {line:#x} lacks its key {key}"))?;
-            let mut seen = Found::default();
-            validate_triangles(triangles, bounds, &mut seen)?;
+            let mut at_key = Found::default();
+            validate_triangles(triangles, bounds, &mut at_key)?;
             if key == 0 {
-                found.ids.extend(seen.ids);
+                found.ids.extend(at_key.ids);
             }
         }
         Ok(())
@@ -160,12 +159,12 @@ fn validate_triangles(packet: &TrianglePacket, bounds: &Bounds3, found: &mut Fou
     Ok(())
 }
 
-/// A reference to visit, and the distance from its box, metres.
+/// A reference to visit and its distance bound (distance from its box), metres.
 type Candidate = (u32, f32);
 
 impl Accel {
-    /// The distance of a point from the nearest triangle or quad, or from the sphere around a nearer analytic shape or the
-    /// box around a nearer instance: never more than the true distance, but for rounding. Infinite where there is nothing.
+    /// Distance of a point from the geometry, metres: exact for triangles and quads; a lower bound for other primitives (distance from
+    /// the bounding sphere of an analytic shape, the box of an instance or splat). Infinite if the scene is empty.
     pub fn distance(&self, p: Vec3) -> f32 {
         let mut nearest = f32::INFINITY;
         let mut stack: Vec<Candidate> = vec![(self.root, box_distance(self.bounds.min, self.bounds.max, p))];
@@ -182,8 +181,8 @@ impl Accel {
         nearest
     }
 
-    /// The distance from the primitives of a leaf; `bound` is the distance from its box. The static part of a scene with moving
-    /// instances goes to the stack.
+    /// The distance from the primitives of a leaf; `bound` is the distance from the leaf's box. The world's tree below a top tree is
+    /// pushed to the stack.
     fn leaf_distance(&self, first: u32, bound: f32, p: Vec3, stack: &mut Vec<Candidate>) -> f32 {
         let mut nearest = f32::INFINITY;
         for packet in leaf_packets(&self.lines, first).map_while(Result::ok) {
@@ -191,7 +190,7 @@ impl Accel {
                 LeafPacket::Triangles(triangles) => triangles_distance(triangles, p),
                 LeafPacket::Analytic(shapes) => analytic_distance(shapes, p),
                 LeafPacket::Curves(curves) => curves_distance(curves, p),
-                // Splats have no surface, and all are in instances.
+                // Splats have no surface.
                 LeafPacket::Splats(_) => bound,
                 LeafPacket::Instance(record) if record.instance == 0 => {
                     stack.push((record.root, bound));
@@ -211,7 +210,7 @@ fn box_distance(min: Vec3, max: Vec3, p: Vec3) -> f32 {
     (min - p).max(p - max).max(Vec3::ZERO).length()
 }
 
-/// Pushes the children that may hold something nearer, the nearest of them last.
+/// Pushes the children whose boxes are nearer than `nearest`, sorted with the nearest on top.
 fn push_children(node: &Node, p: Vec3, nearest: f32, stack: &mut Vec<Candidate>) {
     let start = stack.len();
     for lane in (0..8).filter(|lane| node.child[*lane] != DONE) {
@@ -225,7 +224,7 @@ fn push_children(node: &Node, p: Vec3, nearest: f32, stack: &mut Vec<Candidate>)
     stack[start..].sort_unstable_by(|a, b| b.1.total_cmp(&a.1));
 }
 
-/// The distance from the capsules of the larger radius around curve segments.
+/// The distance from curve segments, bounded by capsules of the larger radius.
 fn curves_distance(packet: &CurvePacket, p: Vec3) -> f32 {
     let one = |lane: usize| {
         let segment = packet.segment(lane);
@@ -243,14 +242,14 @@ fn analytic_distance(packet: &AnalyticPacket, p: Vec3) -> f32 {
     let distances = shapes.map(|shape| {
         let (center, radius) = shape.center_and_radius();
         let outside = p.distance(center) - radius;
-        // Within the sphere around a flat shape, its plane may be all there is to know.
+        // For flat shapes, within their bounding sphere, the distance from the plane is a bound too.
         let from_plane = || shape.normal().map_or(0.0, |normal| (p - center).dot(normal).abs());
         if shape.is_flat() { outside.max(from_plane()) } else { outside.abs() }
     });
     distances.fold(f32::INFINITY, f32::min)
 }
 
-/// Unused lanes are NaN, which `min` passes over.
+/// The distance from four triangles; unused lanes are NaN, which `f32::min` ignores.
 fn triangles_distance(packet: &TrianglePacket, p: Vec3) -> f32 {
     let one = |lane: usize| {
         let [a, b, c] =
@@ -260,8 +259,7 @@ fn triangles_distance(packet: &TrianglePacket, p: Vec3) -> f32 {
     (0..LANES).map(one).fold(f32::INFINITY, f32::min)
 }
 
-/// The point of a triangle nearest to a point: the foot of the perpendicular where that is inside, else the nearest point
-/// of an edge.
+/// The point of a triangle nearest to `p`: its projection where that is inside, else the nearest point of an edge.
 fn nearest_of_triangle(p: Vec3, [a, b, c]: [Vec3; 3]) -> Vec3 {
     let normal = (b - a).cross(c - a);
     let is_inside = |from: Vec3, to: Vec3| (to - from).cross(p - from).dot(normal) >= 0.0;
@@ -286,8 +284,8 @@ mod tests {
     use crate::math::{DAffine3, DVec3};
     use crate::shape::Disk;
 
-    /// The nearest of many points on a triangle, from a fine grid.
-    fn searched(p: Vec3, [a, b, c]: [Vec3; 3]) -> f32 {
+    /// Distance from a triangle by brute force over a fine barycentric grid, metres.
+    fn grid_distance(p: Vec3, [a, b, c]: [Vec3; 3]) -> f32 {
         const STEPS: u32 = 60;
         let grid = (0..=STEPS).flat_map(|i| (0..=STEPS - i).map(move |j| (i, j)));
         let at = |(i, j): (u32, u32)| {
@@ -298,18 +296,18 @@ mod tests {
     }
 
     #[test]
-    fn distances_are_those_of_a_search() {
+    fn distances_agree_with_brute_force() {
         let geometry = soup(60, 0.2, 5);
         let accel = Accel::build(std::slice::from_ref(&geometry), &[]);
         let mut rng = Rng::new(7);
         for _ in 0..100 {
             let p = rng.vector() * 1.5;
             let corners = |t: &[u32; 3]| t.map(|i| Vec3::from_array(geometry.positions[i as usize]));
-            let triangles = geometry.triangles.iter().map(|t| searched(p, corners(t)));
+            let triangles = geometry.triangles.iter().map(|t| grid_distance(p, corners(t)));
             let quads = geometry.quads.iter().flat_map(|q| {
                 let (a, b, c, d) =
                     (q.corner, q.corner + q.edge_u, q.corner + q.edge_u + q.edge_v, q.corner + q.edge_v);
-                [searched(p, [a, b, c]), searched(p, [a, c, d])]
+                [grid_distance(p, [a, b, c]), grid_distance(p, [a, c, d])]
             });
             let spheres = geometry.analytic.iter().map(|s| {
                 let (center, radius) = s.center_and_radius();
@@ -323,7 +321,7 @@ mod tests {
     }
 
     #[test]
-    fn a_wide_disk_is_as_far_as_its_plane() {
+    fn distance_from_a_wide_disk_is_that_from_its_plane() {
         let disk = Disk { center: Vec3::ZERO, axis: 100.0 * Vec3::Y };
         let ground = Geometry { analytic: vec![Analytic::Disk(disk)], ..Geometry::default() };
         let accel = Accel::build(&[ground], &[]);
@@ -333,7 +331,7 @@ mod tests {
     }
 
     #[test]
-    fn instances_count_by_their_boxes_and_nothing_is_infinitely_far() {
+    fn distance_is_bounded_by_instance_boxes_and_infinite_in_empty_scenes() {
         let geometries = [Geometry::default(), soup(20, 0.1, 3)];
         let world_from_object = DAffine3::from_translation(DVec3::X * 10.0);
         let placed = [AccelInstance { geometry: 1, world_from_object }];

@@ -1,8 +1,8 @@
-//! The layout of a BVH in memory: nodes and packets of primitives in a buffer of cache lines of 64 bytes.
+//! Memory layout of a BVH: nodes and packets of primitives in a buffer of 64-byte cache lines.
 //!
-//! A reference is 32 bits: an inner node is its line number; anything else has [`LEAF`] set, its kind in bits 29 and 30
-//! and its line number below. Bit 30 is 0 for triangles and 1 for all other kinds. Each packet refers to the next
-//! packet of its leaf, so a leaf has any length and may mix kinds.
+//! A reference has 32 bits. Inner nodes: the line number. Leaf packets: [`LEAF`] is set, bits 29 and 30 hold the kind, the bits
+//! below the line number; bit 30 is 0 for triangles and 1 for all other kinds. The packets of a leaf form a linked list, so a
+//! leaf has any length and may mix kinds.
 
 use crate::math::{DAffine3, Ray, Vec3};
 use crate::shape::triangle::{LANES, TriangleRows, Weights};
@@ -11,7 +11,7 @@ use crate::simd::Line;
 use bytemuck::{Pod, Zeroable};
 use std::mem::offset_of;
 
-/// Set in references to anything but inner nodes.
+/// Bit that marks references to leaf packets.
 pub const LEAF: u32 = 1 << 31;
 /// A packet of triangles (and halves of quads).
 pub const KIND_TRIANGLES: u32 = 0;
@@ -19,15 +19,15 @@ pub const KIND_TRIANGLES: u32 = 0;
 pub const KIND_ANALYTIC: u32 = 2;
 /// An instance of a geometry.
 pub const KIND_INSTANCE: u32 = 3;
-/// Bottom of the stack: the ray is done. In packets: no further packet. (Its kind is that of an instance, but lines 0 and 1 hold
-/// no record: geometries come before the instances that use them.)
+/// At the bottom of the stack: end of the ray. In packets: end of the list. (Encoded as an instance at line 0; lines 0 and 1 never
+/// hold an instance record, because geometries precede the instances that use them.)
 pub const DONE: u32 = LEAF | (KIND_INSTANCE << 29);
-/// Below an instance's entries on the stack: return to world space.
+/// Stack entry below those of an instance: return to world space. (Encoded as an instance at line 1.)
 pub const LEAVE_INSTANCE: u32 = DONE + 1;
-/// Largest line number: 32 GiB.
+/// Largest line number: the buffer may take up to 32 GiB.
 pub const MAX_LINE: usize = (1 << 29) - 2;
 
-/// The buffer holds as much as can be addressed.
+/// Error: the buffer has reached [`MAX_LINE`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BufferFull;
 
@@ -71,14 +71,14 @@ pub struct Node {
     pub padding: [u32; 8],
 }
 
-/// Part of a lane of a [`TrianglePacket`]: a triangle of a mesh.
+/// Part number of a lane of a [`TrianglePacket`]: a triangle of a mesh.
 pub const PART_TRIANGLE: u32 = 0;
 /// The half `corner, corner + u, corner + u + v` of a quad.
 pub const PART_QUAD_FIRST: u32 = 1;
 /// The half `corner, corner + u + v, corner + v` of a quad.
 pub const PART_QUAD_SECOND: u32 = 2;
 
-/// Barycentric weights on a lane's triangle converted to (u, v) on its primitive: the triangle itself, or the quad that it is half of.
+/// Converts barycentric weights on a lane's triangle to (u, v) of its primitive, which is the triangle itself or a quad.
 #[inline(always)]
 pub fn primitive_uv(part: u32, weights: Weights) -> (f32, f32) {
     let Weights { u, v } = weights;
@@ -93,13 +93,13 @@ pub fn primitive_uv(part: u32, weights: Weights) -> (f32, f32) {
 #[repr(C, align(64))]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct TrianglePacket {
-    /// For axis k: vertices 0, 1, 2 in rows 4k to 4k + 2. Row 3: ids, row 7: parts, row 11: the next packet (first
-    /// lane), all as bits.
+    /// Coordinate k of vertices 0, 1, 2 in rows 4k to 4k + 2. Row 3: primitive ids, row 7: part numbers, row 11: reference to the next
+    /// packet (lane 0), all as integer bits.
     pub rows: TriangleRows,
 }
 
 impl TrianglePacket {
-    /// A packet without triangles and without successor.
+    /// A packet with unused lanes only, at the end of a list.
     pub fn empty() -> TrianglePacket {
         let mut packet = TrianglePacket { rows: [[f32::NAN; LANES]; 12] };
         packet.rows[3] = [f32::from_bits(u32::MAX); LANES];
@@ -108,7 +108,7 @@ impl TrianglePacket {
         packet
     }
 
-    /// A packet of up to four triangles, each with its id and part ([`PART_TRIANGLE`], ...).
+    /// A packet of up to four triangles (vertices, primitive id, part number).
     pub fn of(triangles: &[([Vec3; 3], u32, u32)], next: u32) -> TrianglePacket {
         let mut packet = TrianglePacket::empty();
         packet.rows[11] = [f32::from_bits(next); LANES];
@@ -124,7 +124,7 @@ impl TrianglePacket {
         packet
     }
 
-    /// Primitive ids, as bits.
+    /// Primitive ids, as integer bits.
     #[inline(always)]
     pub fn ids(&self) -> &[f32; LANES] {
         &self.rows[3]
@@ -136,7 +136,7 @@ impl TrianglePacket {
         self.rows[3][lane].to_bits()
     }
 
-    /// The part that a lane holds.
+    /// Part number of a lane: [`PART_TRIANGLE`], [`PART_QUAD_FIRST`] or [`PART_QUAD_SECOND`].
     #[inline(always)]
     pub fn part(&self, lane: usize) -> u32 {
         self.rows[7][lane].to_bits()
@@ -149,15 +149,15 @@ impl TrianglePacket {
     }
 }
 
-/// `kind[0]` of the header of a packet of moving triangles. One [`TrianglePacket`] per motion key follows the header, whose `id[0]`
-/// is the number of keys.
+/// `kind[0]` of an [`AnalyticPacket`] that is the header of moving triangles: `id[0]` is the number of motion keys, and one
+/// [`TrianglePacket`] per key follows.
 pub const MOVING_TRIANGLES: u8 = u8::MAX;
 
 /// Four analytic shapes.
 #[repr(C, align(64))]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct AnalyticPacket {
-    /// Parameters of each shape.
+    /// Parameters of each shape ([`Packed::numbers`]).
     pub numbers: [[f32; 6]; LANES],
     /// Primitive ids.
     pub id: [u32; LANES],
@@ -177,34 +177,34 @@ impl AnalyticPacket {
     }
 }
 
-/// Kind of the first lane of a [`CurvePacket`].
+/// `kind` of a [`CurvePacket`].
 pub const CURVE_SEGMENTS: u8 = u8::MAX - 1;
 
-/// Curve segments in a packet.
+/// Number of curve segments in a packet.
 pub const CURVES: usize = 2;
 
-/// Two curve segments. `kind` and `next` have the offsets that they have in [`AnalyticPacket`].
+/// Two curve segments. `kind` and `next` are at the same offsets as in [`AnalyticPacket`].
 #[repr(C, align(64))]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct CurvePacket {
-    /// Both ends of each.
+    /// End points of each segment, metres.
     ends: [[[f32; 3]; 2]; CURVES],
-    /// Tangents there.
+    /// Tangents at the end points.
     tangents: [[[f32; 3]; 2]; CURVES],
     /// Primitive ids; `u32::MAX` in an unused lane.
     pub id: [u32; CURVES],
-    /// Radii of the first segment's ends.
+    /// Radii at the first segment's end points, metres.
     first_radii: [f32; 2],
     /// [`CURVE_SEGMENTS`].
     kind: [u8; LANES],
     /// The next packet of the leaf, or [`DONE`].
     pub next: u32,
-    /// Radii of the second segment's ends.
+    /// Radii at the second segment's end points, metres.
     second_radii: [f32; 2],
 }
 
 impl CurvePacket {
-    /// Two segments, or one, with their ids.
+    /// A packet of one or two segments with their ids.
     pub fn of(segments: impl Iterator<Item = (CurveSegment, u32)>, next: u32) -> CurvePacket {
         let mut packet = CurvePacket { id: [u32::MAX; CURVES], next, ..CurvePacket::zeroed() };
         packet.kind = [CURVE_SEGMENTS; LANES];
@@ -226,21 +226,21 @@ impl CurvePacket {
         CurveSegment { ends: vectors(ends), radii, tangents: vectors(tangents) }
     }
 
-    /// The lanes in use.
+    /// Number of used lanes.
     #[inline(always)]
     pub fn lanes(&self) -> usize {
         if self.id[1] == u32::MAX { 1 } else { 2 }
     }
 }
 
-/// Kind of the first lane of a [`SplatPacket`]; smaller kinds are analytic shapes.
+/// `kind` of a [`SplatPacket`]; smaller kinds are analytic shapes.
 pub const SPLATS: u8 = u8::MAX - 2;
 
-/// Four Gaussian splats. `kind` and `next` have the offsets that they have in [`AnalyticPacket`].
+/// Four Gaussian splats. `kind` and `next` are at the same offsets as in [`AnalyticPacket`].
 #[repr(C, align(64))]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct SplatPacket {
-    /// The first seven numbers of their matrices ([`Splat::rows`]).
+    /// The first seven elements of the matrices ([`Splat::rows`]).
     first_rows: [[f32; LANES]; 7],
     /// [`SPLATS`].
     kind: [u8; LANES],
@@ -248,11 +248,11 @@ pub struct SplatPacket {
     pub next: u32,
     /// Unused.
     padding: [u32; 2],
-    /// The other numbers of the matrices.
+    /// The last two elements of the matrices.
     last_rows: [[f32; LANES]; 2],
     /// Centres, metres: x, y, z.
     center: [[f32; LANES]; 3],
-    /// Opacities; 0 in unused lanes.
+    /// Peak opacities, 0..1; 0 in unused lanes.
     opacity: [f32; LANES],
     /// Primitive ids; `u32::MAX` in unused lanes.
     pub id: [u32; LANES],
@@ -261,11 +261,11 @@ pub struct SplatPacket {
 }
 
 impl SplatPacket {
-    /// Four splats or fewer, with their ids.
+    /// A packet of up to four splats with their ids.
     pub fn of(splats: impl Iterator<Item = (Splat, u32)>, next: u32) -> SplatPacket {
         let kind = [SPLATS; LANES];
         let mut packet = SplatPacket { kind, next, id: [u32::MAX; LANES], ..SplatPacket::zeroed() };
-        // The identity matrix in unused lanes, so that rays find finite peaks.
+        // The identity matrix in unused lanes keeps the ray test finite.
         packet.first_rows[0] = [1.0; LANES];
         packet.first_rows[4] = [1.0; LANES];
         packet.last_rows[1] = [1.0; LANES];
@@ -300,7 +300,7 @@ impl SplatPacket {
 pub enum LeafPacket<'a> {
     /// Triangles and halves of quads.
     Triangles(&'a TrianglePacket),
-    /// Moving triangles: the line of the header, and the number of motion keys, one packet each after it.
+    /// Moving triangles: line of the header and number of motion keys.
     MovingTriangles(usize, usize),
     /// Analytic shapes.
     Analytic(&'a AnalyticPacket),
@@ -312,7 +312,7 @@ pub enum LeafPacket<'a> {
     Instance(&'a InstanceRecord),
 }
 
-/// The packets of a leaf in order, for walks outside of rendering. An invalid reference yields an error and ends the iteration.
+/// The packets of a leaf in order, for use outside of rendering. An invalid reference yields an error and ends the iteration.
 pub fn leaf_packets(lines: &[Line], first: u32) -> impl Iterator<Item = Result<LeafPacket<'_>, u32>> {
     let mut reference = first;
     std::iter::from_fn(move || {
@@ -326,7 +326,7 @@ pub fn leaf_packets(lines: &[Line], first: u32) -> impl Iterator<Item = Result<L
     })
 }
 
-/// The packet that a reference leads to, and the reference to the next one of its leaf.
+/// The packet at a reference, and the reference to the next packet of its leaf.
 fn packet_at(lines: &[Line], reference: u32) -> Option<(LeafPacket<'_>, u32)> {
     let line = line_of(reference);
     match kind_of(reference) {
@@ -352,7 +352,7 @@ fn packet_at(lines: &[Line], reference: u32) -> Option<(LeafPacket<'_>, u32)> {
     }
 }
 
-/// Views the packet at a line as one of curves, if it is.
+/// The packet at a line as a [`CurvePacket`], if its kind is [`CURVE_SEGMENTS`].
 #[inline(always)]
 pub fn curves_at<'a>(lines: &'a [Line], line: usize, packet: &AnalyticPacket) -> Option<&'a CurvePacket> {
     if packet.kind[0] != CURVE_SEGMENTS {
@@ -365,20 +365,20 @@ pub fn curves_at<'a>(lines: &'a [Line], line: usize, packet: &AnalyticPacket) ->
 #[repr(C, align(64))]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct InstanceRecord {
-    /// Rows of the 3 x 4 matrix from world to object space.
+    /// Rows of the 3 x 4 world-to-object matrix.
     pub object_from_world: [[f32; 4]; 3],
-    /// Where the geometry's BVH starts.
+    /// Reference to the root of the geometry's BVH.
     pub root: u32,
-    /// [`crate::math::Hit::instance`] of its hits.
+    /// [`crate::math::Hit::instance`] of hits on the instance.
     pub instance: u32,
     /// The next packet of the leaf, or [`DONE`].
     pub next: u32,
-    /// The largest absolute coordinate of the geometry, object space.
+    /// Largest absolute coordinate of the geometry, object space.
     pub reach: f32,
 }
 
 impl InstanceRecord {
-    /// The static part of the world below the tree over moving instances, in world space: no matrix.
+    /// Record of the world's tree below a top tree over moving instances: in world space, so without a matrix.
     pub fn world(root: u32, reach: f32) -> InstanceRecord {
         InstanceRecord { object_from_world: [[0.0; 4]; 3], root, instance: 0, next: DONE, reach }
     }
@@ -402,14 +402,14 @@ pub fn view<T: Pod, const N: usize>(lines: &[Line], line: usize) -> Option<&T> {
     bytemuck::cast_slice(lines.get(line..line + N)?).first()
 }
 
-/// Views the lines from `line` on as one of the records above, to write it.
+/// Views the lines from `line` on as one of the records above, mutably.
 pub fn view_mut<T: Pod>(lines: &mut [Line], line: usize) -> &mut T {
     let count = size_of::<T>() / size_of::<Line>();
     bytemuck::from_bytes_mut(bytemuck::cast_slice_mut::<Line, u8>(&mut lines[line..line + count]))
 }
 
 impl InstanceRecord {
-    /// The matrix of a record.
+    /// Converts an affine transform to [`InstanceRecord::object_from_world`].
     pub fn rows(object_from_world: &DAffine3) -> [[f32; 4]; 3] {
         let m = object_from_world;
         let row = |k: usize| {
@@ -419,7 +419,7 @@ impl InstanceRecord {
         [row(0), row(1), row(2)]
     }
 
-    /// A world ray in object space. The direction is not normalised, so that ray parameters are the same in both spaces.
+    /// Transforms a world-space ray to object space. The direction is not normalised, so ray parameters are the same in both spaces.
     #[inline(always)]
     pub fn transform(&self, ray: &PreparedRay, t_min: f32, t_max: f32) -> Ray {
         let [o, d] = [ray.origin, ray.direction];
@@ -441,11 +441,11 @@ pub struct Plane {
 }
 
 impl Plane {
-    /// The plane of a lane of a packet.
+    /// The plane of the triangle in a lane.
     #[inline(always)]
     pub fn new(packet: &TrianglePacket, lane: usize) -> Plane {
         let at = |axis: usize, vertex: usize| f64::from(packet.rows[4 * axis + vertex][lane]);
-        // Without `map`, which would be compiled for the lowest CPU level.
+        // Not `map`, which is not inlined and would be compiled for the baseline CPU level.
         let edge = |k: usize| [at(0, k) - at(0, 0), at(1, k) - at(1, 0), at(2, k) - at(2, 0)];
         let (e, f) = (edge(1), edge(2));
         let normal = [e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0]];

@@ -1,21 +1,21 @@
 //! Ray intersection: one bounding volume hierarchy (BVH) over triangles, quads, analytic shapes, curve segments,
 //! Gaussian splats and instances, and batched queries on it.
 //!
-//! Construction: obvhs builds a binary BVH (`binary_tree.rs`), which is collapsed to eight children a node at least expected
-//! cost and written to cache lines (`wide_tree.rs`, `layout.rs`). More primitives than `largest_whole` are cut into chunks,
-//! whose trees are built in parallel and joined by a tree over them (`chunked_build.rs`); `build.rs` does this for each
+//! Construction: obvhs builds a binary BVH (`binary_tree.rs`), which is collapsed to an 8-wide BVH of minimum expected cost and
+//! written to cache lines (`wide_tree.rs`, `layout.rs`). More primitives than `largest_whole` are split into chunks, whose trees
+//! are built in parallel and joined by a top tree (`chunked_build.rs`); `build.rs` does this for each
 //! geometry and for the world.
 //!
-//! Queries: [`Accel::closest`] and [`Accel::occluded`] traverse it with up to 32 rays in flight, compiled for the CPU level
-//! found at start-up (`traversal.rs`). All CPU levels, batches of any size and both qualities give the same hits bit for bit
+//! Queries: [`Accel::closest`] and [`Accel::occluded`] traverse the BVH with up to 32 rays in flight, compiled for the CPU level
+//! detected at start-up (`traversal.rs`). All CPU levels, batch sizes and tree qualities give the same hits bit for bit
 //! (but see [`TreeQuality`]).
 //!
 //! Primitive ids within a geometry: triangles `0..T`, then quads `T..T + Q`, then `A` analytic shapes from
 //! `T + Q` on, then curve segments from `T + Q + A` on, then Gaussian splats.
 //!
-//! A ray accepts a Gaussian splat with the probability of its opacity there, by a hash of the ray and the splat: the nearest
-//! accepted one is seen with the weight that it has in compositing in order (Sun, Georgiev, Fei, Hasan 2025, "Stochastic Ray
-//! Tracing of Transparent 3D Gaussians"). The same ray at the same time always accepts the same splats.
+//! A ray accepts a Gaussian splat with a probability equal to the splat's peak opacity along the ray, decided by a hash of ray and
+//! splat: in expectation the nearest accepted splat has its weight in sorted alpha compositing (Sun, Georgiev, Fei, Hasan 2025,
+//! "Stochastic Ray Tracing of Transparent 3D Gaussians"). The same ray at the same time always accepts the same splats.
 
 mod binary_tree;
 mod build;
@@ -45,21 +45,21 @@ use motion::{Motions, NoMotion, TimeByRay};
 use std::cell::RefCell;
 use traversal::{AnyHit, AnyOccluder, ClosestHit, NextHit, Output, RayStream, ShallowSlot, Workspace};
 
-/// Everything that a ray can hit, immutable.
+/// The acceleration structure over the whole scene, immutable.
 pub struct Accel {
     lines: Vec<Line>,
     root: u32,
     /// Motion of instances and vertices during the exposure.
     motions: Motions,
-    /// Bounding box of everything.
+    /// World-space bounding box of the scene, metres.
     bounds: Bounds3,
-    /// The largest absolute coordinate, metres.
+    /// Largest absolute coordinate, metres.
     reach: f32,
-    /// Entries of the traversal stack that the tree needs.
+    /// Number of traversal stack entries required.
     stack_size: usize,
     expected: Vec<TreeSummary>,
     stats: BuildStats,
-    /// The trees of which [`Accel::rebuild`] may keep some.
+    /// Trees by geometry, for [`Accel::rebuild`].
     trees: BuiltTrees,
 }
 
@@ -73,20 +73,20 @@ impl Accel {
         &self.stats
     }
 
-    /// The nearest hit of each ray with `t_min < t < t_max`; of equally near ones the one with the smallest instance,
-    /// then primitive. `t` is in units of the ray's direction. A ray with an infinite or NaN component or a zero
-    /// direction hits nothing. Handles `min(rays.len(), hits.len())` rays, best many at a time.
+    /// The nearest hit of each ray with `t_min < t < t_max`; ties go to the smallest instance, then the smallest primitive id. `t` is
+    /// in units of the direction's length. A ray with an infinite or NaN component or a zero direction hits nothing. Handles
+    /// `min(rays.len(), hits.len())` rays; large batches are fastest.
     pub fn closest(&self, rays: &[Ray], hits: &mut [Hit]) {
         self.closest_at(best_level(), rays, hits);
     }
 
-    /// Whether anything is hit with `t_min < t < t_max`. Handles `min(rays.len(), occluded.len())` rays.
+    /// Whether each ray has a hit with `t_min < t < t_max`. Handles `min(rays.len(), occluded.len())` rays.
     pub fn occluded(&self, rays: &[Ray], occluded: &mut [bool]) {
         self.occluded_at(best_level(), rays, occluded);
     }
 
-    /// Some hit of each ray with `t_min < t < t_max`, not always the same one: only `prim` and `instance` are to be relied
-    /// on. As fast as [`Accel::occluded`].
+    /// Any hit of each ray with `t_min < t < t_max`: which one is unspecified, and only `prim` and `instance` are valid. As fast as
+    /// [`Accel::occluded`].
     pub fn any(&self, rays: &[Ray], hits: &mut [Hit]) {
         let count = rays.len().min(hits.len());
         self.traverse(best_level(), &rays[..count], AnyHit(&mut hits[..count]));
@@ -104,34 +104,34 @@ impl Accel {
         self.traverse(level, &rays[..count], AnyOccluder(&mut occluded[..count]));
     }
 
-    /// The nearest hit of one ray: for occasional rays, as batches are faster.
+    /// The nearest hit of a single ray; slower per ray than a batch.
     pub fn closest_one(&self, ray: &Ray) -> Hit {
         let mut hit = [Hit::MISS];
         self.closest(std::slice::from_ref(ray), &mut hit);
         hit[0]
     }
 
-    /// Does anything move while rays are traced? Queries without times then use the middle of the shutter interval, and shapes that
-    /// deform are missed.
+    /// Whether anything moves during the exposure. Queries without times then use the middle of the shutter interval, and miss
+    /// deforming meshes.
     #[inline(always)]
     pub fn is_moving(&self) -> bool {
         !self.motions.is_empty()
     }
 
-    /// Do hits depend on the times of rays ([`Accel::closest_in_time`])? Where nothing moves, times distinguish rays that
-    /// are alike to the bit from one another, so that each accepts splats of its own.
+    /// Whether hits depend on ray times ([`Accel::closest_in_time`]): the scene moves or has splats. In static scenes the time seeds
+    /// the acceptance of splats, so that rays equal to the bit accept different splats.
     #[inline(always)]
     pub fn uses_times(&self) -> bool {
         self.is_moving() || self.stats.splats > 0
     }
 
-    /// [`Accel::closest`] where things move: each ray at its own time in 0..1.
+    /// [`Accel::closest`] with a time for each ray, 0..1 within the shutter interval.
     pub fn closest_in_time(&self, rays: &[Ray], times: &[f32], hits: &mut [Hit]) {
         let count = rays.len().min(hits.len()).min(times.len());
         self.traverse_in_time(&rays[..count], times, ClosestHit(&mut hits[..count]));
     }
 
-    /// [`Accel::closest_one`] at a time, if things move.
+    /// [`Accel::closest_one`] at a time, 0..1 within the shutter interval.
     pub fn closest_one_in_time(&self, ray: &Ray, time: f32) -> Hit {
         if !self.uses_times() {
             return self.closest_one(ray);
@@ -141,8 +141,8 @@ impl Accel {
         hit[0]
     }
 
-    /// The hit that follows another one in the order of [`Accel::closest`], also among several at the same distance; at a time, if
-    /// things move. Curves have no such order: of coincident ones some are missed.
+    /// The next hit after `hit` in the order of [`Accel::closest`], including coincident hits at the same distance. Curves have no
+    /// such order: coincident curves may be missed.
     pub fn next_one(&self, ray: &Ray, hit: &Hit, time: f32) -> Hit {
         let ray = Ray { t_min: hit.t.next_down(), origin_primitive: hit.into(), ..*ray };
         let mut next = Hit::MISS;
@@ -150,7 +150,7 @@ impl Accel {
         next
     }
 
-    /// [`Accel::any`] where things move.
+    /// [`Accel::any`] with a time for each ray.
     pub fn any_in_time(&self, rays: &[Ray], times: &[f32], hits: &mut [Hit]) {
         let count = rays.len().min(hits.len()).min(times.len());
         self.traverse_in_time(&rays[..count], times, AnyHit(&mut hits[..count]));
@@ -160,13 +160,13 @@ impl Accel {
         let &Accel { ref lines, root, reach, ref motions, .. } = self;
         let times = TimeByRay { times, motions };
         WORKSPACE.with(|workspace| {
-            // One stack size for all: less code is compiled.
+            // Only the deep stacks, to compile less code.
             let slots = &mut workspace.borrow_mut().deep;
             dispatch_wide_at(best_level(), RayStream { lines, root, reach, rays, times, output, slots });
         });
     }
 
-    /// Traverses the tree.
+    /// Traverses the tree with the smallest sufficient stacks.
     fn traverse<O: Output>(&self, level: Level, rays: &[Ray], output: O) {
         let (&Accel { ref lines, root, reach, .. }, times) = (self, NoMotion);
         WORKSPACE.with(|workspace| {
@@ -192,21 +192,21 @@ pub struct BuildStats {
     pub quality: TreeQuality,
     /// Memory of the structure, bytes.
     pub bytes: u64,
-    /// Triangles in it; shared geometries count once.
+    /// Triangles; shared geometries count once.
     pub triangles: u64,
-    /// Quads in it.
+    /// Quads.
     pub quads: u64,
-    /// Analytic shapes in it, in the order of [`ShapeTag::ALL`].
+    /// Analytic shapes, in the order of [`ShapeTag::ALL`].
     pub analytic: [u64; ShapeTag::ALL.len()],
-    /// Curve segments in it.
+    /// Curve segments.
     pub curves: u64,
-    /// Gaussian splats in it.
+    /// Gaussian splats.
     pub splats: u64,
-    /// Instances in it.
+    /// Instances.
     pub instances: u64,
-    /// Geometries (other than the world's) that an instance uses: only these are built.
+    /// Instanced geometries (without the world's); others are not built.
     pub shared_geometries: u64,
-    /// Primitives and instances that were left out.
+    /// Dropped primitives and instances.
     pub dropped: Dropped,
 }
 
@@ -262,16 +262,16 @@ const EMPTY_TREE: BuiltTree = BuiltTree {
 };
 
 impl BuiltTree {
-    /// The largest absolute coordinate.
+    /// Largest absolute coordinate, metres.
     pub fn reach(&self) -> f32 {
         self.bounds.min.abs().max(self.bounds.max.abs()).max_element()
     }
 }
 
-/// The trees of a structure, and the state of the build after some of them.
+/// The trees of a structure, and the state of the build at the points where a rebuild may resume.
 #[derive(Clone, Debug, Default)]
 struct BuiltTrees {
-    /// By geometry; `None` for those without an instance.
+    /// Trees by geometry; `None` for geometries without an instance.
     pub by_geometry: Vec<Option<BuiltTree>>,
     /// After the shared geometries that do not change.
     pub shared: BuildMark,

@@ -1,7 +1,7 @@
-//! Motion blur: instances whose transform is interpolated when a ray enters them, and triangles whose vertices are interpolated.
+//! Motion blur: interpolated instance transforms and interpolated triangle vertices.
 //!
-//! Times of rays come in a separate list, which only the traversal for moving scenes reads. Node boxes bound their contents over
-//! the whole shutter interval.
+//! Ray times (0..1 within the shutter interval) are a separate array, which only the traversal of moving scenes reads. Node boxes
+//! bound their contents over the whole shutter interval.
 
 use super::input::{AccelInput, Geometry, MovingInstance, vertices_of};
 use super::layout::{
@@ -12,16 +12,16 @@ use crate::math::{DAffine3, TransformKeys, Vec3, segment, transform_at};
 use crate::shape::triangle::LANES;
 use crate::simd::Line;
 
-/// Transforms of an instance at equal steps of time; none if it is static.
+/// Transforms of an instance at equal intervals of the shutter; empty if static.
 pub fn keys_of_instance(moving: &[MovingInstance], instance: usize) -> &[DAffine3] {
     let found = moving.binary_search_by_key(&instance, |m| m.instance);
     found.map_or(&[], |at| &moving[at].keys)
 }
 
-/// Motions of a structure.
+/// Motion of a structure's instances and vertices.
 #[derive(Default)]
 pub struct Motions {
-    /// By instance.
+    /// Motion keys by instance; `None` if static. Empty if no instance moves.
     transforms: Vec<Option<TransformKeys>>,
     has_moving_vertices: bool,
 }
@@ -40,13 +40,13 @@ impl Motions {
         Motions { transforms, has_moving_vertices }
     }
 
-    /// Does nothing move?
+    /// Whether nothing moves.
     #[inline(always)]
     pub fn is_empty(&self) -> bool {
         self.transforms.is_empty() && !self.has_moving_vertices
     }
 
-    /// The record of an instance as it is at a time.
+    /// The record of an instance at a time.
     #[inline]
     fn record(&self, record: &InstanceRecord, time: f32) -> InstanceRecord {
         let keys = self.transforms.get((record.instance as usize).wrapping_sub(1));
@@ -62,7 +62,7 @@ impl Motions {
 
 /// The times of the rays of a batch.
 pub trait RayTimes: Copy {
-    /// Does anything move?
+    /// Whether anything moves.
     const MOVING: bool;
 
     /// The time of a ray, 0..1.
@@ -72,7 +72,7 @@ pub trait RayTimes: Copy {
     fn record(&self, record: &InstanceRecord, ray: usize) -> InstanceRecord;
 }
 
-/// Nothing moves.
+/// [`RayTimes`] of static scenes.
 #[derive(Clone, Copy)]
 pub struct NoMotion;
 
@@ -90,10 +90,10 @@ impl RayTimes for NoMotion {
     }
 }
 
-/// Each ray has its time.
+/// [`RayTimes`] of moving scenes: a time per ray.
 #[derive(Clone, Copy)]
 pub struct TimeByRay<'a> {
-    /// By ray.
+    /// Times by ray, 0..1.
     pub times: &'a [f32],
     /// Motion of instances and vertices.
     pub motions: &'a Motions,
@@ -113,18 +113,18 @@ impl RayTimes for TimeByRay<'_> {
     }
 }
 
-/// The triangles after a head packet at a time. A vertex gets the same position in all triangles that share it, so that meshes stay
-/// watertight.
+/// The triangles after a header packet, interpolated at a time. Equal vertices of different triangles are interpolated to the same
+/// bits, so meshes stay watertight.
 #[inline(always)]
 pub fn triangles_at(
     lines: &[Line],
-    head: usize,
+    header: usize,
     packet: &AnalyticPacket,
     time: f32,
 ) -> Option<TrianglePacket> {
-    let (key, share) = segment(packet.id[0] as usize, time);
+    let (key, fraction) = segment(packet.id[0] as usize, time);
     let at = |key: usize| {
-        view::<TrianglePacket, TRIANGLE_LINES>(lines, head + ANALYTIC_LINES + key * TRIANGLE_LINES)
+        view::<TrianglePacket, TRIANGLE_LINES>(lines, header + ANALYTIC_LINES + key * TRIANGLE_LINES)
     };
     let (mut triangles, to) = (*at(key)?, at(key + 1)?);
     for axis in 0..3 {
@@ -132,14 +132,14 @@ pub fn triangles_at(
             let row = 4 * axis + vertex;
             for lane in 0..LANES {
                 let from = triangles.rows[row][lane];
-                triangles.rows[row][lane] = from + (to.rows[row][lane] - from) * share;
+                triangles.rows[row][lane] = from + (to.rows[row][lane] - from) * fraction;
             }
         }
     }
     Some(triangles)
 }
 
-/// Writes the head packet of moving triangles, and the triangles at each key.
+/// Writes the header packet of moving triangles and one packet of triangles per motion key.
 pub fn write_triangles(
     region: &mut [Line],
     at: usize,
@@ -147,15 +147,15 @@ pub fn write_triangles(
     triangles: &[([Vec3; 3], u32, u32)],
     next: u32,
 ) {
-    let mut head = AnalyticPacket {
+    let mut header = AnalyticPacket {
         numbers: [[0.0; 6]; LANES],
         id: [u32::MAX; LANES],
         kind: [0; LANES],
         next,
         padding: [0; 2],
     };
-    (head.kind[0], head.id[0]) = (MOVING_TRIANGLES, geometry.keys.len() as u32);
-    *view_mut(region, at) = head;
+    (header.kind[0], header.id[0]) = (MOVING_TRIANGLES, geometry.keys.len() as u32);
+    *view_mut(region, at) = header;
     for (key, positions) in geometry.keys.iter().enumerate() {
         let mut moved = triangles.to_vec();
         for (vertices, id, _) in &mut moved {

@@ -1,9 +1,9 @@
-//! Visibility of one point from up to 64 others: shadow rays that share an end point.
+//! Visibility between one point and up to 64 others: shadow rays that share an end point.
 //!
-//! Node boxes are tested against the convex hull of all segments, triangles against 16 segments at a time: whether the end
-//! points lie on different sides of the triangle's plane, and on which side of the planes through the target and its edges the
-//! start lies. Both tests have error margins above all roundings: segments that pass both by more than the margin are
-//! occluded, those within it are tested as single rays are. The result equals that of single rays bit for bit.
+//! Node boxes are tested against the convex hull of all segments, triangles against 16 segments at a time: the origin and the
+//! target must lie on different sides of the triangle's plane, and the origin within the three planes through the target and the
+//! triangle's edges. Both tests have margins above the rounding error: a segment that passes both by more than the margin is
+//! occluded, a segment within a margin gets the exact test of single rays. Results equal those of single rays bit for bit.
 
 use super::Accel;
 use super::layout::{
@@ -17,24 +17,24 @@ use crate::shape::triangle::{LANES, weights_of};
 use crate::shape::{Analytic, PreparedRay, Shape};
 use crate::simd::{Kernel, Level, Line, best_level, dispatch_at};
 
-/// Rays that are tested together.
+/// Segments that are tested together.
 const LANES_PER_RUN: usize = 16;
 
 /// Up to 64 segments that end at the same point.
 #[derive(Clone, Copy, Debug)]
 pub struct PointVisibilityQuery<'a> {
-    /// Their end.
+    /// The common end point, world space, metres.
     pub target: Vec3,
-    /// Their starts: x, y, z of each.
+    /// Origins of the segments as arrays of x, y, z, world space, metres.
     pub origins: [&'a [f32]; 3],
-    /// The primitives that they start on.
+    /// The primitives that the segments start on.
     pub origin_primitives: &'a [OriginPrimitive],
-    /// The segments to test, one bit each. Bits beyond the last whole run of 16 of the lists above are ignored.
+    /// The segments to test, one bit each. Bits beyond the last complete run of 16 entries of the arrays above are ignored.
     pub rays: u64,
 }
 
 impl PointVisibilityQuery<'_> {
-    /// One of its rays.
+    /// Segment `k` as a ray.
     #[inline(always)]
     fn ray(&self, k: usize) -> Ray {
         let origin = self.origin(k);
@@ -50,14 +50,15 @@ impl PointVisibilityQuery<'_> {
 /// Result of a [`PointVisibilityQuery`], one bit for each segment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PointVisibility {
-    /// Occluded, as [`Accel::occluded`] says.
+    /// Segments that are occluded, as by [`Accel::occluded`].
     pub occluded_rays: u64,
-    /// Not decided: to be tested as single rays. They pass instances, or too many nodes.
+    /// Undecided segments, to be tested as single rays: they enter instances or too many nodes.
     pub unknown: u64,
 }
 
 impl Accel {
-    /// Which segments of a query are occluded. Those that only intersect primitives for which `is_uncertain` holds are unknown.
+    /// Tests the segments of a query for occlusion. Segments that only intersect primitives for which `is_uncertain` holds (such as
+    /// transparent ones) are unknown.
     pub fn point_visibility(
         &self,
         query: &PointVisibilityQuery,
@@ -121,43 +122,43 @@ impl<F: Fn(u32) -> bool> Kernel for PointVisibilityKernel<'_, F> {
                 }
             }
         }
-        let left = if state.gave_up { u64::MAX } else { state.uncertain };
-        PointVisibility { occluded_rays: state.occluded_rays, unknown: left & state.rays }
+        let undecided = if state.gave_up { u64::MAX } else { state.uncertain };
+        PointVisibility { occluded_rays: state.occluded_rays, unknown: undecided & state.rays }
     }
 }
 
-/// Entries of the stack; a query that needs more is left undecided.
+/// Entries of the traversal stack; a query that needs more is left undecided.
 const STACK: usize = 128;
 
-/// A query is left undecided after this many nodes and packets, plus one for every [`RAYS_PER_EXTRA_VISIT`] segments: among many
-/// small primitives single rays visit fewer.
+/// Number of nodes and packets after which a query is left undecided, plus one per [`RAYS_PER_EXTRA_VISIT`] segments: among many
+/// small primitives single rays visit fewer nodes.
 const BUDGET: u32 = 8;
 const RAYS_PER_EXTRA_VISIT: u32 = 4;
 
-/// Coordinates up to this have products of three within an f32.
+/// Coordinates below this, metres, have triple products that fit in f32.
 const MAX_COORDINATE: f32 = (1u64 << 40) as f32;
 
 struct QueryState<'a> {
     query: &'a PointVisibilityQuery<'a>,
     hull: SegmentHull,
-    /// From the target to the starts.
+    /// Offsets from the target to the origins, metres.
     offsets: [[f32; RAYS]; 3],
     /// Number of runs of [`LANES_PER_RUN`] segments.
     runs: usize,
-    /// Smallest and largest offset by axis.
+    /// Minimum and maximum offset by axis, metres.
     offset_bounds: [[f32; 3]; 2],
-    /// Length of the longest offset, metres, or more.
+    /// Upper bound of the offsets' lengths, metres.
     length: f32,
-    /// The primitives of the world's geometry that the segments start on.
+    /// Origin primitive of each segment in the world's geometry.
     ignored: [u32; RAYS],
-    /// Segments without an occluder so far.
+    /// Segments that are not occluded so far.
     rays: u64,
     occluded_rays: u64,
-    /// Segments that uncertain primitives may occlude.
+    /// Segments that may be occluded by uncertain primitives.
     uncertain: u64,
-    /// Undecided segments are left to single rays.
+    /// Whether the traversal ended early: remaining segments are left to single rays.
     gave_up: bool,
-    /// Remaining visits of nodes and packets.
+    /// Number of nodes and packets that may still be visited.
     budget: u32,
     stack: [u32; STACK],
     top: usize,
@@ -175,10 +176,11 @@ impl<'a> QueryState<'a> {
         let primitives = query.origin_primitives.as_chunks().0;
         let [xs, ys, zs] = [xs.as_chunks().0, ys.as_chunks().0, zs.as_chunks().0];
         let runs = xs.len().min(ys.len()).min(zs.len()).min(primitives.len()).min(RAYS / LANES_PER_RUN);
-        let listed = if runs == RAYS / LANES_PER_RUN { u64::MAX } else { (1 << (runs * LANES_PER_RUN)) - 1 };
-        let rays = query.rays & listed;
+        let in_arrays =
+            if runs == RAYS / LANES_PER_RUN { u64::MAX } else { (1 << (runs * LANES_PER_RUN)) - 1 };
+        let rays = query.rays & in_arrays;
         for run in 0..runs {
-            let asked = (rays >> (run * LANES_PER_RUN)) as u32;
+            let requested = (rays >> (run * LANES_PER_RUN)) as u32;
             let own: &[OriginPrimitive; LANES_PER_RUN] = &primitives[run];
             for k in 0..LANES_PER_RUN {
                 ignored[run * LANES_PER_RUN + k] = own[k].prim_of(0);
@@ -188,15 +190,16 @@ impl<'a> QueryState<'a> {
                 let (mut low, mut high) = (min[axis], max[axis]);
                 for k in 0..LANES_PER_RUN {
                     let x = lanes[axis][k];
-                    let is_asked = asked >> k & 1 == 1;
-                    offsets[axis][run * LANES_PER_RUN + k] = if is_asked { x - target[axis] } else { 0.0 };
-                    low[k] = if is_asked & (x < low[k]) { x } else { low[k] };
-                    high[k] = if is_asked & (x > high[k]) { x } else { high[k] };
+                    let is_requested = requested >> k & 1 == 1;
+                    offsets[axis][run * LANES_PER_RUN + k] =
+                        if is_requested { x - target[axis] } else { 0.0 };
+                    low[k] = if is_requested & (x < low[k]) { x } else { low[k] };
+                    high[k] = if is_requested & (x > high[k]) { x } else { high[k] };
                 }
                 (min[axis], max[axis]) = (low, high);
             }
         }
-        let (min, max) = (all_of(&min, f32::min), all_of(&max, f32::max));
+        let (min, max) = (reduce_lanes(&min, f32::min), reduce_lanes(&max, f32::max));
         let (mut low, mut high, mut longest, mut farthest) = ([0.0; 3], [0.0; 3], [0.0; 3], reach);
         for k in 0..3 {
             (low[k], high[k]) = (min[k] - target[k], max[k] - target[k]);
@@ -214,7 +217,7 @@ impl<'a> QueryState<'a> {
             rays,
             occluded_rays: 0,
             uncertain: 0,
-            // Products would overflow.
+            // Triple products would overflow.
             gave_up: farthest >= MAX_COORDINATE,
             budget: BUDGET + rays.count_ones() / RAYS_PER_EXTRA_VISIT,
             stack: [DONE; STACK],
@@ -232,7 +235,7 @@ impl<'a> QueryState<'a> {
         self.top += 1;
     }
 
-    /// The next reference; `None` if all is decided or left to single rays.
+    /// The next reference; `None` if all segments are decided or the traversal gave up.
     #[inline(always)]
     fn pop(&mut self) -> Option<u32> {
         if self.top == 0 || self.rays == 0 || self.gave_up {
@@ -253,7 +256,7 @@ impl<'a> QueryState<'a> {
                 KIND_INSTANCE => {
                     let Some(record) = view::<InstanceRecord, INSTANCE_LINES>(lines, line) else { return };
                     self.push(record.root);
-                    // Its geometry is in another space.
+                    // The instance's geometry is in another space.
                     self.gave_up |= record.instance != 0;
                     record.next
                 }
@@ -261,7 +264,7 @@ impl<'a> QueryState<'a> {
                     let Some(packet) = view::<AnalyticPacket, ANALYTIC_LINES>(lines, line) else { return };
                     match curves_at(lines, line, packet) {
                         Some(curves) => self.curves(curves, is_uncertain),
-                        // Splats are in instances, which are not entered.
+                        // Splats only occur in instances, which are not entered.
                         None => self.analytic(packet, is_uncertain),
                     }
                     packet.next
@@ -301,37 +304,38 @@ impl<'a> QueryState<'a> {
                 continue;
             }
             for run in 0..self.runs.min(RAYS / LANES_PER_RUN) {
-                let asked = (self.rays >> (run * LANES_PER_RUN)) as u32 & 0xffff;
-                if asked != 0 {
+                let requested = (self.rays >> (run * LANES_PER_RUN)) as u32 & 0xffff;
+                if requested != 0 {
                     let masks = self.classify(&sides, &edges, packet.id(lane), lane, run);
-                    if (masks.possible & asked != 0) & is_uncertain(packet.id(lane)) {
-                        self.uncertain |= u64::from(masks.possible & asked) << (run * LANES_PER_RUN);
+                    if (masks.possible & requested != 0) & is_uncertain(packet.id(lane)) {
+                        self.uncertain |= u64::from(masks.possible & requested) << (run * LANES_PER_RUN);
                     } else {
-                        self.resolve(packet, lane, run, masks, asked);
+                        self.resolve(packet, lane, run, masks, requested);
                     }
                 }
             }
         }
     }
 
-    /// Marks the segments of a run that a triangle occludes.
+    /// Marks the segments of a run that are occluded by a triangle; uncertain cases by the exact test.
     #[inline(always)]
-    fn resolve(&mut self, packet: &TrianglePacket, lane: usize, run: usize, masks: RayMasks, asked: u32) {
-        let certain = u64::from(masks.certain & asked) << (run * LANES_PER_RUN);
+    fn resolve(&mut self, packet: &TrianglePacket, lane: usize, run: usize, masks: RayMasks, requested: u32) {
+        let certain = u64::from(masks.certain & requested) << (run * LANES_PER_RUN);
         self.rays &= !certain;
         self.occluded_rays |= certain;
-        for k in SetBits(u64::from(masks.possible & !masks.certain & asked) << (run * LANES_PER_RUN)) {
+        for k in SetBits(u64::from(masks.possible & !masks.certain & requested) << (run * LANES_PER_RUN)) {
             if occludes(packet, lane, &self.query.ray(k)) {
                 self.mark_occluded(k);
             }
         }
     }
 
-    /// The segments of a run that may intersect a triangle, and those that certainly do.
+    /// The segments of a run that possibly and that certainly intersect a triangle.
     #[inline(always)]
     fn classify(&self, sides: &PlaneSides, edges: &EdgePlanes, id: u32, lane: usize, run: usize) -> RayMasks {
         let normal = lane_of(&sides.normal, lane);
-        let (side, side_margin, sure) = (sides.side[lane], sides.margin[lane], sides.certain_margin[lane]);
+        let (side, side_margin, certain_margin) =
+            (sides.side[lane], sides.margin[lane], sides.certain_margin[lane]);
         let [ab, bc, ca] = &edges.normals;
         let (ab, bc, ca) = (lane_of(ab, lane), lane_of(bc, lane), lane_of(ca, lane));
         let edge_margin = edges.margin[lane];
@@ -350,12 +354,12 @@ impl<'a> QueryState<'a> {
             let is_inside = (least > edge_margin) | (most < -edge_margin);
             let is_new = self.ignored[ray] != id;
             masks.possible |= u32::from(!is_in_front & !is_outside & is_new) << k;
-            masks.certain |= u32::from((start < sure) & is_inside & is_new) << k;
+            masks.certain |= u32::from((start < certain_margin) & is_inside & is_new) << k;
         }
         masks
     }
 
-    /// Tests curve segments against each ray alone.
+    /// Tests curve segments, one ray at a time.
     #[inline(never)]
     fn curves(&mut self, packet: &CurvePacket, is_uncertain: &impl Fn(u32) -> bool) {
         for lane in 0..packet.lanes() {
@@ -383,11 +387,11 @@ impl<'a> QueryState<'a> {
             for k in SetBits(self.rays) {
                 let mut prepared = PreparedRay::NONE;
                 let Some(((t_min, t_max), _)) = prepared.set_line(&self.query.ray(k)) else { continue };
-                let leaves = shape.is_flat() && packet.id[lane] == self.ignored[k];
+                let is_origin = shape.is_flat() && packet.id[lane] == self.ignored[k];
                 if let Some(t) = shape.intersect(&prepared, t_min, t_max)
                     && t > t_min
                     && t < t_max
-                    && !leaves
+                    && !is_origin
                 {
                     if is_uncertain(packet.id[lane]) {
                         self.uncertain |= 1 << k;
@@ -400,9 +404,9 @@ impl<'a> QueryState<'a> {
     }
 }
 
-/// The minimum or maximum of each axis.
+/// Reduces the lanes of each axis by a binary operation (minimum or maximum).
 #[inline(always)]
-fn all_of(lanes: &[[f32; LANES_PER_RUN]; 3], better: impl Fn(f32, f32) -> f32 + Copy) -> [f32; 3] {
+fn reduce_lanes(lanes: &[[f32; LANES_PER_RUN]; 3], better: impl Fn(f32, f32) -> f32 + Copy) -> [f32; 3] {
     let mut all = [lanes[0][0], lanes[1][0], lanes[2][0]];
     for axis in 0..3 {
         for &lane in &lanes[axis] {
@@ -412,7 +416,7 @@ fn all_of(lanes: &[[f32; LANES_PER_RUN]; 3], better: impl Fn(f32, f32) -> f32 + 
     all
 }
 
-/// The exact test of single rays.
+/// The exact test of a single ray against a triangle.
 #[inline(always)]
 fn occludes(packet: &TrianglePacket, lane: usize, ray: &Ray) -> bool {
     let mut prepared = PreparedRay::NONE;
@@ -421,28 +425,30 @@ fn occludes(packet: &TrianglePacket, lane: usize, ray: &Ray) -> bool {
     t > t_min && t < t_max && weights_of(|axis, k| packet.rows[4 * axis + k][lane], &line).is_some()
 }
 
-/// Minimum absolute component of a direction.
+/// Minimum absolute component of a direction, metres, to keep its reciprocal finite.
 const SMALLEST: f32 = 1.0 / (1u64 << 60) as f32;
 
-/// Bound on the rounding of a plane's parameter.
+/// Factor on the exit parameter that covers the rounding error of slab tests.
 const SLACK: f32 = 1.0 + 32.0 * ROUNDING;
 
-/// The convex hull of all segments from a point to a box, for tests against boxes: bounds on the parameter at which segments cross
-/// each plane of a box.
+/// The convex hull of all segments from a point to a box, for slab tests: bounds on the parameter (0 at the point, 1 at the box) at
+/// which segments cross each plane of a node box.
 pub struct SegmentHull {
-    /// For each plane of a box: one over the component of the extreme direction, and the offset.
+    /// For each plane of a box: reciprocal of the extreme direction's component.
     inverse: [f32; 6],
+    /// Offset of the entry parameter; negative infinity if the plane bounds the exit.
     near_offset: [f32; 6],
+    /// Offset of the exit parameter; infinite if the plane bounds the entry.
     far_offset: [f32; 6],
 }
 
 impl SegmentHull {
-    /// The hull of the segments from `from` to the box `min..max`; `margin` bounds their error, metres.
+    /// The hull of the segments from `from` to the box `min..max`; `margin` bounds their rounding error, metres.
     #[inline(always)]
     pub fn new(from: [f32; 3], min: [f32; 3], max: [f32; 3], margin: f32) -> SegmentHull {
         let mut hull = SegmentHull { inverse: [0.0; 6], near_offset: [0.0; 6], far_offset: [0.0; 6] };
         for axis in 0..3 {
-            // The extreme direction for the lower plane of a box is the one that goes up farthest, and the other way round.
+            // The lower plane of a box needs the maximum of the direction's component, the upper plane the minimum.
             let extents = [max[axis] - from[axis] + margin, min[axis] - from[axis] - margin];
             for (upper, &extent) in extents.iter().enumerate() {
                 let plane = 2 * axis + upper;
@@ -450,7 +456,7 @@ impl SegmentHull {
                 let inverse = 1.0 / if is_tiny { SMALLEST.copysign(extent) } else { extent };
                 let side = if upper == 0 { -margin } else { margin };
                 let offset = -(from[axis] - side) * inverse;
-                // Segments that go towards the box from this plane begin behind it; others end there.
+                // Segments enter through this plane if they point from it into the box, else they leave through it.
                 let begins = (extent > 0.0) == (upper == 0);
                 hull.inverse[plane] = inverse;
                 hull.near_offset[plane] = if begins { offset } else { f32::NEG_INFINITY };
@@ -460,7 +466,7 @@ impl SegmentHull {
         hull
     }
 
-    /// A mask of the boxes that it may intersect.
+    /// Bit mask of the boxes that the hull may intersect.
     #[inline(always)]
     pub fn boxes(&self, planes: &[[f32; 8]; 6]) -> u32 {
         let (mut near, mut far) = ([0.0f32; 8], [1.0f32; 8]);
@@ -485,22 +491,22 @@ impl SegmentHull {
 /// Maximum number of segments of a query.
 pub const RAYS: usize = 64;
 
-/// Relative rounding error of f32.
+/// Maximum relative rounding error of f32.
 pub const ROUNDING: f32 = f32::EPSILON / 2.0;
 
-/// A lane of a vector.
+/// One lane of a vector in structure-of-arrays layout.
 #[inline(always)]
 pub fn lane_of(v: &[[f32; LANES]; 3], lane: usize) -> [f32; 3] {
     [v[0][lane], v[1][lane], v[2][lane]]
 }
 
-/// The component of an offset along a vector.
+/// The dot product of a vector and the offset of a segment.
 #[inline(always)]
 pub fn along(m: [f32; 3], offsets: &[[f32; RAYS]; 3], ray: usize) -> f32 {
     m[0] * offsets[0][ray] + m[1] * offsets[1][ray] + m[2] * offsets[2][ray]
 }
 
-/// Segments of a run, one bit each.
+/// Segments of a run that possibly and that certainly intersect a triangle, one bit each.
 pub struct RayMasks {
     pub possible: u32,
     pub certain: u32,
@@ -508,20 +514,20 @@ pub struct RayMasks {
 
 /// The planes of four triangles, oriented towards the target.
 pub struct PlaneSides {
-    /// Normals of length about 1, towards the target.
+    /// Normals of unit L1 length on the side of the target.
     pub normal: [[f32; LANES]; 3],
-    /// Distance of the target from the planes, metres.
+    /// Distance of the target from the planes, metres times the normal's length.
     pub side: [f32; LANES],
-    /// Segments whose start is farther than this on the side of the target don't cross the plane, metres.
+    /// Signed distance of an origin, positive on the side of the target, above which the segment doesn't cross the plane; same unit.
     pub margin: [f32; LANES],
-    /// Segments whose start is below this (negative) certainly cross it, metres.
+    /// Negative signed distance of an origin below which the segment certainly crosses the plane; same unit.
     pub certain_margin: [f32; LANES],
-    /// No segment crosses the plane.
+    /// Whether no segment crosses the plane.
     pub missed_by_all: [bool; LANES],
 }
 
 impl PlaneSides {
-    /// In double precision, since rays start and end next to surfaces.
+    /// Computes in double precision, since rays start and end close to surfaces.
     #[inline(always)]
     pub fn new(packet: &TrianglePacket, target: [f32; 3], [low, high]: &[[f32; 3]; 2]) -> PlaneSides {
         let mut sides = PlaneSides {
@@ -540,10 +546,10 @@ impl PlaneSides {
             let n = [n[0] * scale, n[1] * scale, n[2] * scale];
             let height = |k: usize| n[k] * (f64::from(target[k]) - at(k, 0));
             let height = height(0) + height(1) + height(2);
-            // How far the roundings of a ray's direction move its end.
+            // Scale of the end point's displacement by rounding of a ray's direction.
             let moved = |k: usize| n[k].abs() * f64::from(low[k].abs().max(high[k].abs()));
             let moved = moved(0) + moved(1) + moved(2);
-            // Roundings of the exact test, which count where the triangle reaches much farther than the rays.
+            // Rounding error of the exact test, relevant if the triangle is much larger than the rays are long.
             let far = |k: usize| (f64::from(target[k]) - at(k, 0)).abs();
             let exact = (far(0) + far(1) + far(2) + moved) * (1.0 / (1u64 << 49) as f64);
             let is_off = height.abs() > moved * f64::from(1.25 * ROUNDING) + exact;
@@ -560,7 +566,7 @@ impl PlaneSides {
             sides.side[lane] = side;
             sides.margin[lane] = if is_off { margin } else { f32::INFINITY };
             sides.certain_margin[lane] = if is_well_off { -margin } else { f32::NEG_INFINITY };
-            // Unused lanes are NaN, and so are triangles without area, which no ray hits.
+            // NaN in unused lanes and for triangles of zero area, which no ray hits.
             sides.missed_by_all[lane] = (is_off & (least > margin)) | height.is_nan();
         }
         sides
@@ -569,8 +575,9 @@ impl PlaneSides {
 
 /// The planes through the target of a query and the edges of four triangles.
 pub struct EdgePlanes {
+    /// Unnormalised plane normals by edge, axis and lane.
     pub normals: [[[f32; LANES]; 3]; 3],
-    /// Starts that are farther from these planes than this certainly lie on one side.
+    /// Margin of the dot product of normal and offset beyond which an origin certainly lies on one side.
     pub margin: [f32; LANES],
 }
 
@@ -606,10 +613,11 @@ mod tests {
     use crate::accel::{AccelInstance, Geometry};
     use crate::math::DAffine3;
 
-    /// Fans between surfaces and through space: each ray's answer is that of the ray alone, on all levels.
+    /// Compares queries between surfaces and through empty space with single rays on all CPU levels. Returns the numbers of occluded,
+    /// decided and all rays.
     fn check(accel: &Accel, geometry: &Geometry, queries: usize, width: f32) -> (usize, usize, usize) {
         let mut rng = Rng::new(11);
-        let (mut stopped_rays, mut all_rays, mut known_rays) = (0, 0, 0);
+        let (mut occluded_count, mut all_rays, mut known_rays) = (0, 0, 0);
         for number in 0..queries {
             let on_triangle = |rng: &mut Rng| {
                 let prim = rng.bits() % geometry.triangles.len() as u32;
@@ -620,10 +628,10 @@ mod tests {
             };
             let center = rng.vector();
             let (mut origins, mut origin_primitives) = ([[0.0; RAYS]; 3], [OriginPrimitive::NONE; RAYS]);
-            let (on, prim) = on_triangle(&mut rng);
+            let (on_surface, prim) = on_triangle(&mut rng);
             for k in 0..RAYS {
                 let near = center + rng.vector() * width;
-                let start = if number.is_multiple_of(2) { on + rng.vector() * 1e-6 } else { near };
+                let start = if number.is_multiple_of(2) { on_surface + rng.vector() * 1e-6 } else { near };
                 for axis in 0..3 {
                     origins[axis][k] = start[axis];
                 }
@@ -649,19 +657,19 @@ mod tests {
                     accel.point_visibility_at(level, &query, |_| false);
                 assert_eq!(occluded_rays, expected & !unknown, "{number} {}", level.name());
                 known_rays += (rays & !unknown).count_ones() as usize;
-                // Without a certain primitive no ray is certainly occluded; all other occlusions are uncertain.
-                let doubted = accel.point_visibility_at(level, &query, |_| true);
-                assert!(doubted.occluded_rays == 0 && expected & !doubted.unknown == 0, "{number}");
+                // If all primitives are uncertain, no ray is decided as occluded.
+                let uncertain = accel.point_visibility_at(level, &query, |_| true);
+                assert!(uncertain.occluded_rays == 0 && expected & !uncertain.unknown == 0, "{number}");
             }
-            stopped_rays += expected.count_ones() as usize;
+            occluded_count += expected.count_ones() as usize;
             all_rays += list.len();
         }
         let levels = Level::ALL.into_iter().filter(|l| l.is_available()).count();
-        (stopped_rays, known_rays / levels, all_rays)
+        (occluded_count, known_rays / levels, all_rays)
     }
 
     #[test]
-    fn fans_are_their_rays_to_the_bit() {
+    fn queries_equal_single_rays_bit_for_bit() {
         for (count, size, width) in [(5, 0.8, 0.1), (60, 0.5, 0.3), (2000, 0.1, 0.02), (2000, 0.1, 1.0)] {
             let geometry = soup(count, size, count as u64);
             for analytic in [false, true] {
@@ -671,7 +679,7 @@ mod tests {
                 let (occluded_rays, known, all) = check(&accel, &geometry, 1500, width);
                 assert!(
                     occluded_rays * 50 > all && occluded_rays * 10 < all * 9,
-                    "{occluded_rays} of {all} are occluded_rays"
+                    "{occluded_rays} of {all} are occluded"
                 );
                 assert!(count > 100 || known * 10 > all, "{known} of {all} are known");
             }
@@ -688,7 +696,7 @@ mod tests {
     }
 
     #[test]
-    fn fans_far_away_and_without_rays_are_answered() {
+    fn queries_with_non_finite_points_or_without_rays_find_no_occlusion() {
         let geometry = soup(30, 0.5, 1);
         let accel = Accel::build(&[geometry], &[]);
         let origins = [[f32::INFINITY; RAYS], [0.0; RAYS], [1e30; RAYS]];

@@ -1,4 +1,4 @@
-//! BVHs against brute force on all CPU levels, degenerate input, and the build.
+//! Tests of BVHs: against brute force on all CPU levels, degenerate input, and the build.
 
 use super::traversal::ShallowSlot;
 use super::*;
@@ -6,7 +6,7 @@ use crate::math::{DAffine3, DQuat, DVec3, NO_HIT, OriginPrimitive, Vec3};
 use crate::shape::{Analytic, CurveSegments, Quad, Sphere};
 use crate::work_counter::WorkCounter;
 
-/// A small generator of numbers for tests (PCG, O'Neill 2014).
+/// Pseudo-random numbers for tests (PCG, O'Neill 2014).
 pub struct Rng(u64);
 impl Rng {
     pub fn new(seed: u64) -> Rng {
@@ -25,6 +25,7 @@ impl Rng {
     }
 }
 
+/// `count` random triangles of extent `size` in a cube of side 2, with a tenth as many quads and spheres.
 pub fn soup(count: usize, size: f32, seed: u64) -> Geometry {
     let mut rng = Rng::new(seed);
     let mut geometry = Geometry::default();
@@ -60,7 +61,7 @@ fn trace(accel: &Accel, level: Level, rays: &[Ray]) -> Vec<Hit> {
     hits
 }
 
-/// Each primitive in a structure of its own: no tree can go wrong there.
+/// The nearest hits by a structure of its own for each primitive.
 fn brute_force(geometry: &Geometry, rays: &[Ray]) -> Vec<Hit> {
     let mut best = vec![Hit::MISS; rays.len()];
     let (t, q) = (geometry.triangles.len(), geometry.quads.len());
@@ -119,7 +120,7 @@ fn levels_and_batch_sizes_agree_to_the_bit() {
     }
 }
 
-/// Hits in corners of triangles, where edge functions are zero, up to nearly the largest triangles, and rays from so far
+/// Rays through vertices, where edge functions are zero; scales up to nearly [`is_valid_position`]'s limit; ray origins so far away
 /// that edge functions overflow.
 #[test]
 fn levels_agree_in_corners_at_any_scale() {
@@ -132,21 +133,21 @@ fn levels_agree_in_corners_at_any_scale() {
         }
         let rays = geometry.positions.iter().flat_map(|p| {
             let corner = Vec3::from_array(*p);
-            // From the middle of all, and along axes, which shears nothing.
-            let before = |axis: Vec3| Ray::new(corner - axis * corner.length(), axis);
+            // From the origin, and along axes, where the shear is zero.
+            let along = |axis: Vec3| Ray::new(corner - axis * corner.length(), axis);
             let far = Ray::new(corner * 1e20 + Vec3::Y * scale, -corner / scale);
-            [Ray::new(Vec3::ZERO, corner / scale), before(Vec3::X), before(Vec3::Y), before(Vec3::Z), far]
+            [Ray::new(Vec3::ZERO, corner / scale), along(Vec3::X), along(Vec3::Y), along(Vec3::Z), far]
         });
         let rays: Vec<Ray> = rays.collect();
         // Triangles alone, and with other shapes.
-        let mut many = geometry.clone();
-        many.quads.push(Quad {
+        let mut mixed = geometry.clone();
+        mixed.quads.push(Quad {
             corner: Vec3::splat(scale),
             edge_u: Vec3::X * scale,
             edge_v: Vec3::Y * scale,
         });
-        many.analytic.push(Analytic::Sphere(Sphere { center: Vec3::splat(-scale), radius: 0.1 * scale }));
-        for geometry in [geometry, many] {
+        mixed.analytic.push(Analytic::Sphere(Sphere { center: Vec3::splat(-scale), radius: 0.1 * scale }));
+        for geometry in [geometry, mixed] {
             let accel = build(&[geometry], &[]);
             let scalar = trace(&accel, Level::Scalar, &rays);
             assert!(scalar.iter().filter(|hit| hit.is_hit()).count() > 50, "{scale}");
@@ -172,7 +173,7 @@ fn ranges_are_exclusive() {
 }
 
 #[test]
-fn instances_are_hit_in_world_parameters() {
+fn ray_parameters_of_instance_hits_are_in_world_space() {
     let sphere = Geometry {
         analytic: vec![Analytic::Sphere(Sphere { center: Vec3::ZERO, radius: 1.0 })],
         ..Geometry::default()
@@ -215,7 +216,7 @@ fn invalid_rays_hit_nothing() {
 }
 
 #[test]
-fn nothing_and_degenerates_are_dropped_and_counted() {
+fn empty_scenes_are_built_and_invalid_primitives_dropped_and_counted() {
     let accel = build(&[], &[]);
     assert!(!accel.closest_one(&Ray::new(Vec3::ZERO, Vec3::X)).is_hit());
     let mut geometry = soup(10, 0.5, 4);
@@ -227,8 +228,7 @@ fn nothing_and_degenerates_are_dropped_and_counted() {
     assert!(trace(&accel, Level::Scalar, &random_rays(1000, 5)).iter().any(|h| h.prim != NO_HIT));
 }
 
-/// A million equal triangles; and many around the same middle, each a little larger than the one before. Time in
-/// proportion to the square of their number would be hours.
+/// Hundreds of thousands of equal triangles, and concentric triangles of increasing size: quadratic build time would be hours.
 #[test]
 fn equal_and_concentric_primitives_build_quickly() {
     let begin = std::time::Instant::now();
@@ -284,12 +284,13 @@ fn a_thousand_instances_take_the_memory_of_one() {
     let more = stats.bytes - one.stats().bytes;
     assert!(more < 1 << 20, "999 more instances take {more} bytes");
     assert!(one.stats().bytes < 85 * one.stats().triangles, "{} bytes", one.stats().bytes);
-    // The last one is where it should be.
+    // The last instance is at its place.
     let down = Ray::new(Vec3::new(7.0 * 1.5 + 0.4, 1.0, 31.0 * 1.5 + 0.3), -Vec3::Y);
     assert_eq!(thousand.closest_one(&down).instance, 1000);
 }
 
-/// One vertex far below or above all others. Before distances counted by their logarithm, such a mesh took 23 seconds to build and left all rays hundreds of times slower.
+/// One vertex far from all others. Without the logarithmic map such a mesh took 23 seconds to build and rays were hundreds of times
+/// slower.
 #[test]
 fn one_distant_vertex_does_not_slow_down_the_rest() {
     let plain = hills(132);
@@ -309,15 +310,15 @@ fn one_distant_vertex_does_not_slow_down_the_rest() {
         let accel = build(std::slice::from_ref(&mesh), &[]);
         let hits = trace(&accel);
         assert!(begin.elapsed().as_secs() < 10, "{far}: {:?}", begin.elapsed());
-        // Only the triangles at that vertex changed.
+        // Only hits of the triangles at that vertex may differ.
         let touched = |hit: &Hit| hit.is_hit() && mesh.triangles[hit.prim as usize].contains(&0);
         let same = hits.iter().zip(&expected).all(|(a, b)| touched(a) || touched(b) || a == b);
         assert!(same, "{far}");
     }
 }
 
-/// Triangles in one corner, each a little larger than the one before.
-fn one_inside_the_next(count: usize, growth: f32, seed: u64) -> Geometry {
+/// Nested triangles with a common vertex at the origin; each is larger than the one before by a factor `growth`.
+fn nested_triangles(count: usize, growth: f32, seed: u64) -> Geometry {
     let mut rng = Rng::new(seed);
     let mut geometry = Geometry::default();
     for k in 0..count {
@@ -331,7 +332,7 @@ fn one_inside_the_next(count: usize, growth: f32, seed: u64) -> Geometry {
 }
 
 #[test]
-fn rays_hit_their_origin_primitive_only_if_it_is_round() {
+fn rays_skip_their_origin_primitive_unless_it_is_curved() {
     let mut soup = soup(400, 0.5, 5);
     let (triangles, quads) = (soup.triangles.len() as u32, soup.quads.len() as u32);
     soup.analytic.truncate(20);
@@ -348,40 +349,40 @@ fn rays_hit_their_origin_primitive_only_if_it_is_round() {
         .flat_map(|ray| [ray, Ray { origin: ray.origin + Vec3::X * 3.0, ..ray }])
         .collect();
     let first = trace(&accel, Level::Scalar, &rays);
-    // Start again behind the last hit: from there it would be hit again by those that are sent back.
+    // Rays that start just behind a hit and go back would hit its primitive skipped.
     let back = |(ray, hit): (&Ray, &Hit), origin_primitive| Ray {
         origin_primitive,
         ..Ray::new(ray.at(hit.t * 1.001), -ray.direction)
     };
-    let met: Vec<(&Ray, &Hit)> = rays.iter().zip(&first).filter(|(_, hit)| hit.is_hit()).collect();
-    assert!(met.len() > 1000 && met.iter().any(|(_, h)| h.instance != 0));
-    let free: Vec<Ray> = met.iter().map(|&m| back(m, OriginPrimitive::NONE)).collect();
-    let leaving: Vec<Ray> = met.iter().map(|&m| back(m, m.1.into())).collect();
+    let hit_rays: Vec<(&Ray, &Hit)> = rays.iter().zip(&first).filter(|(_, hit)| hit.is_hit()).collect();
+    assert!(hit_rays.len() > 1000 && hit_rays.iter().any(|(_, h)| h.instance != 0));
+    let free: Vec<Ray> = hit_rays.iter().map(|&m| back(m, OriginPrimitive::NONE)).collect();
+    let leaving: Vec<Ray> = hit_rays.iter().map(|&m| back(m, m.1.into())).collect();
     let elsewhere = |h: &Hit| OriginPrimitive { prim: h.prim, instance: h.instance + 7 };
-    let others: Vec<Ray> = met.iter().map(|&m| back(m, elsewhere(m.1))).collect();
+    let others: Vec<Ray> = hit_rays.iter().map(|&m| back(m, elsewhere(m.1))).collect();
     let expected = trace(&accel, Level::Scalar, &free);
     for level in Level::ALL.into_iter().filter(|l| l.is_available()) {
         assert_eq!(trace(&accel, level, &others), expected, "{}", level.name());
         let hits = trace(&accel, level, &leaving);
-        let (mut again, mut round) = (0, 0);
-        for ((hit, free), (_, left)) in hits.iter().zip(&expected).zip(&met) {
+        let (mut skipped, mut round) = (0, 0);
+        for ((hit, free), (_, left)) in hits.iter().zip(&expected).zip(&hit_rays) {
             let is_same = |h: &Hit| (h.prim, h.instance) == (left.prim, left.instance);
             if is_same(free) && left.prim < triangles + quads {
                 assert!(!is_same(hit), "{}: {left:?}", level.name());
-                again += 1;
+                skipped += 1;
             } else {
                 assert_eq!(hit, free, "{}", level.name());
                 round += u32::from(is_same(free));
             }
         }
-        assert!(again > 500 && round > 20, "{again} {round}");
+        assert!(skipped > 500 && round > 20, "{skipped} {round}");
     }
 }
 
-/// The first triangle's tree would be deeper than any stack, the second one's is deeper than most.
+/// The tree of the first geometry would be too deep for any stack; that of the second is too deep for [`ShallowSlot`].
 #[test]
-fn deep_trees_are_walked_to_their_end() {
-    let (world, placed) = (one_inside_the_next(4500, 1.006, 1), one_inside_the_next(700, 1.04, 2));
+fn deep_trees_are_traversed_completely() {
+    let (world, placed) = (nested_triangles(4500, 1.006, 1), nested_triangles(700, 1.04, 2));
     let rays: Vec<Ray> = random_rays(600, 3).iter().map(|r| Ray { origin: r.origin.abs(), ..*r }).collect();
     let expected = brute_force(&world, &rays);
     let nearer = |a: &Hit, b: &Hit| if b.t < a.t { Hit { instance: 1, ..*b } } else { *a };
@@ -399,10 +400,10 @@ fn deep_trees_are_walked_to_their_end() {
     }
 }
 
-/// Three of each primitive in the same place, and instances of them there: all are hit, one after another in the order of their
-/// numbers, where of one of each all are hit by rays that start behind the last hit.
+/// Three copies of each primitive and two instances with two copies each, all coincident: [`Accel::next_one`] enumerates all seven
+/// copies of each hit in the order of instances and ids.
 #[test]
-fn many_primitives_in_one_place_follow_each_other() {
+fn next_one_enumerates_coincident_primitives_in_order() {
     const MAX: usize = 200;
     let single = soup(300, 0.6, 8);
     let times = |count: usize| Geometry {
@@ -442,7 +443,7 @@ fn many_primitives_in_one_place_follow_each_other() {
     assert!(total > 10_000 && round > 500, "{total} {round}");
 }
 
-// Trees of either quality, whole and in chunks: the same hits, by any number of threads.
+// Tree qualities, chunked builds and numbers of threads.
 
 const BOTH: [TreeQuality; 2] = [TreeQuality::Fast, TreeQuality::Full];
 
@@ -460,7 +461,7 @@ fn trace_both(accel: &Accel, rays: &[Ray]) -> (Vec<Hit>, Vec<bool>) {
     (hits, occluded)
 }
 
-/// A sheet of `2 n n` triangles with bends.
+/// A curved sheet of `2 n n` triangles.
 pub fn sheet(n: u32) -> Geometry {
     let mut sheet = Geometry::default();
     for (x, y) in (0..=n).flat_map(|y| (0..=n).map(move |x| (x as f32 / n as f32, y as f32 / n as f32))) {
@@ -473,7 +474,7 @@ pub fn sheet(n: u32) -> Geometry {
     sheet
 }
 
-/// Small soups are built whole at full quality and in chunks at fast; large ones in subtrees at both.
+/// The small soup is built in chunks only at fast quality, the large one at both.
 #[test]
 fn qualities_give_the_same_hits() {
     let (small, large) = (soup(15_000, 0.05, 11), soup(225_000, 0.02, 12));
@@ -489,9 +490,7 @@ fn qualities_give_the_same_hits() {
     }
 }
 
-/// Rays through vertices and edges, where several triangles are equally near. (None of them edge-on: what is hit at such a
-/// triangle's border may lie before its box by more than the roundings that the search allows for, so that it counts if the
-/// box comes first, and else not.)
+/// Rays through vertices and edges, where several triangles are hit at the same distance. (Not edge-on: see [`TreeQuality`].)
 #[test]
 fn ties_do_not_depend_on_the_tree() {
     let sheet = sheet(300);
@@ -512,14 +511,14 @@ fn ties_do_not_depend_on_the_tree() {
         let [fast, full] =
             BOTH.map(|quality| trace_both(&build_quality(&[geometry], &[], quality), &through_edges));
         assert!(fast == full);
-        // The first of two equal triangles.
+        // Of two equal triangles the first is hit.
         assert!(full.0.iter().all(|hit| !hit.is_hit() || (hit.prim as usize) < sheet.triangles.len()));
     }
 }
 
-/// A ground thousands of times larger than the objects on it, whose triangles are tiny in comparison.
+/// A ground triangle thousands of times larger than the mesh on it.
 #[test]
-fn a_large_ground_does_not_spoil_the_tree() {
+fn a_large_ground_does_not_degrade_the_tree() {
     let alone = sheet(400);
     let mut grounded = alone.clone();
     let first = grounded.positions.len() as u32;
@@ -533,7 +532,7 @@ fn a_large_ground_does_not_spoil_the_tree() {
 }
 
 #[test]
-fn placements_are_built_in_pieces_too() {
+fn trees_over_many_instances_are_built_in_chunks() {
     let (world, object) = (soup(100, 0.1, 3), soup(20_000, 0.05, 4));
     let mut rng = Rng::new(6);
     let mut place = || AccelInstance {
@@ -568,9 +567,9 @@ fn threads_do_not_change_the_buffer() {
     }
 }
 
-/// Where cutting by position fails: all in one place, all but one, on a line, each within the next, each twice as far.
+/// Cases where splits by centroid fail: coincident, coincident but for one, on a line, nested, exponentially spaced.
 #[test]
-fn primitives_that_positions_cannot_separate_are_built() {
+fn primitives_with_degenerate_centroids_are_built() {
     let triangle =
         |at: Vec3, size: f32| [at, at + Vec3::X * size, at + Vec3::Y * size].map(|p: Vec3| p.to_array());
     let of = |count: usize, place: &dyn Fn(usize) -> [[f32; 3]; 3]| {
@@ -600,7 +599,7 @@ fn primitives_that_positions_cannot_separate_are_built() {
 }
 
 #[test]
-fn few_or_no_primitives_have_fast_trees() {
+fn fast_trees_of_one_or_no_primitive_are_built() {
     let ray = Ray::new(Vec3::new(0.1, 0.1, 1.0), -Vec3::Z);
     let one = Geometry {
         positions: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
@@ -632,8 +631,8 @@ fn try_build(
     })
 }
 
-/// Twice each geometry but the first.
-fn placed(geometries: usize) -> Vec<AccelInstance> {
+/// Two instances of each geometry but the first.
+fn two_of_each(geometries: usize) -> Vec<AccelInstance> {
     let place = |i: usize| AccelInstance {
         geometry: (1 + i % (geometries - 1)) as u32,
         world_from_object: DAffine3::from_translation(DVec3::new(i as f64 * 2.5, 0.0, 0.0)),
@@ -641,7 +640,7 @@ fn placed(geometries: usize) -> Vec<AccelInstance> {
     (0..2 * (geometries - 1)).map(place).collect()
 }
 
-/// Geometries of all sizes, of which the second is the largest: others wait for it.
+/// Geometries of various sizes; the second is by far the largest, so it delays appending the others.
 fn geometries(count: usize) -> Vec<Geometry> {
     let size = |i: usize| if i == 1 { 30_000 } else { 20 + i * 37 % 1500 };
     (0..count).map(|i| soup(size(i), 0.1, i as u64)).collect()
@@ -650,7 +649,7 @@ fn geometries(count: usize) -> Vec<Geometry> {
 #[test]
 fn threads_do_not_change_the_buffer_of_many_geometries() {
     let geometries = geometries(60);
-    let (geometries, instances): (Vec<&Geometry>, _) = (geometries.iter().collect(), placed(60));
+    let (geometries, instances): (Vec<&Geometry>, _) = (geometries.iter().collect(), two_of_each(60));
     for quality in [TreeQuality::Fast, TreeQuality::Full] {
         let lines = |threads: usize| -> Vec<Line> {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
@@ -666,12 +665,12 @@ fn threads_do_not_change_the_buffer_of_many_geometries() {
     }
 }
 
-/// Room is made once for all, and not much more than is needed: nothing is moved while it is built.
+/// Memory is reserved once and close to the estimate, so the buffer is never reallocated.
 #[test]
 fn buffers_of_many_geometries_do_not_grow() {
     for count in [10, 100, 400] {
         let geometries: Vec<Geometry> = (0..count).map(|i| sheet(if i == 1 { 120 } else { 23 })).collect();
-        let (geometries, instances): (Vec<&Geometry>, _) = (geometries.iter().collect(), placed(count));
+        let (geometries, instances): (Vec<&Geometry>, _) = (geometries.iter().collect(), two_of_each(count));
         for quality in [TreeQuality::Fast, TreeQuality::Full] {
             let accel = try_build(&geometries, &instances, quality, None).expect("small");
             let (first_moving, first_changing) = (instances.len(), geometries.len());
@@ -687,11 +686,11 @@ fn buffers_of_many_geometries_do_not_grow() {
     }
 }
 
-/// Each input of the estimates alone.
+/// Memory estimates per type of primitive bound the actual memory.
 #[test]
-fn estimates_hold() {
+fn memory_estimates_are_near_upper_bounds() {
     let mut rng = Rng::new(3);
-    // Triangles of a surface: those that are scattered take more, for packets are emptier.
+    // Triangles of a connected surface; scattered ones take more memory because packets are emptier.
     let (all, surface) = (soup(20_000, 0.03, 5), sheet(100));
     let mut strands = CurveSegments::EMPTY;
     for strand in 0..400u32 {
@@ -731,11 +730,11 @@ fn estimates_hold() {
 }
 
 #[test]
-fn progress_counts_what_is_built_and_ends_where_all_is() {
+fn progress_counts_built_primitives_and_ends_at_one() {
     let all = geometries(40);
     let mut geometries: Vec<&Geometry> = all.iter().collect();
-    let instances = placed(40);
-    // Nothing places it: it is not built.
+    let instances = two_of_each(40);
+    // Without an instance, so not built.
     let unused = soup(50_000, 0.1, 1);
     geometries.push(&unused);
     let mut broken = soup(20_000, 0.1, 2);
@@ -754,15 +753,15 @@ fn progress_counts_what_is_built_and_ends_where_all_is() {
     }
 }
 
-/// Triangles at a hundred thousand keys: none of these are read.
+/// Triangles with a hundred thousand empty motion keys, which are never read.
 #[test]
-fn what_cannot_be_addressed_is_refused_before_work() {
+fn scenes_beyond_the_address_range_are_refused_before_building() {
     let mut large = soup(10_000, 0.1, 2);
     large.keys = vec![Vec::new(); 100_000];
     let counter = WorkCounter::default();
     let error = try_build(&[&large], &[], TreeQuality::Full, Some(&counter)).err().expect("too large");
     assert!(error.to_string().contains("10000 triangles"), "{error}");
     assert_eq!(counter.share(), None);
-    // Unless nothing places it.
+    // Geometry without an instance does not count.
     assert!(try_build(&[&Geometry::default(), &large], &[], TreeQuality::Full, None).is_ok());
 }

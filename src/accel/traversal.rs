@@ -1,12 +1,12 @@
-//! The traversal loop: up to 32 rays in flight, split into a queue of rays at nodes and a queue of rays at leaves.
+//! The traversal loop: up to 32 rays in flight, in separate sets of rays at nodes and rays at leaves.
 //!
-//! A single ray is a chain of dependent loads and unpredictable branches. Here each step handles one ray, prefetches the
-//! lines that this ray needs next, and continues with another ray, so that the waiting of 32 rays overlaps; and since a
-//! queue holds only one kind of work, its branches are predictable. The order in which one ray visits its own nodes
-//! does not depend on the others: batches of any size give the same hits.
+//! A single ray is a chain of dependent loads and unpredictable branches. Here each step handles one ray, prefetches the cache
+//! lines of its next step and continues with another ray, so that the memory latencies of 32 rays overlap; and since all rays of
+//! a set are at the same kind of step, branches are predictable. The order in which a ray visits nodes does not depend on the
+//! other rays, so batches of any size give the same hits.
 //!
-//! A ray that leaves a triangle, quad or disk says so: that primitive counts as missed, without an exact test, which nearly every
-//! such ray would ask for.
+//! A ray that starts on a triangle, quad or disk carries that primitive's id and skips it, which also saves the exact test that
+//! nearly every such ray would need.
 
 use super::layout::{
     ANALYTIC_LINES, AnalyticPacket, CurvePacket, DONE, INSTANCE_LINES, InstanceRecord, KIND_ANALYTIC,
@@ -19,15 +19,15 @@ use crate::sampling::hash::{mix64, unit};
 use crate::shape::{Analytic, LARGEST_SQUARED, PreparedRay, Shape, octahedral, triangle};
 use crate::simd::{BoxRay, Entry, Line, WIDEN, Wide, WideKernel, prefetch_lines};
 
-/// Rays in flight: two bits of a `u64` each. 32 is the knee: 16 lose a fifth on large scenes, 64 gain nothing.
+/// Rays in flight: two bits of a `u64` each. Measured on large scenes: 16 are a fifth slower, 64 not faster.
 pub const IN_FLIGHT: usize = 32;
 
 /// Receives results.
 pub trait Output {
-    /// Does a ray end at its first hit?
+    /// Whether a ray ends at its first hit (any-hit query).
     const ANY: bool;
-    /// Does a ray continue the sequence of hits: do hits at its start count if their primitive follows the origin primitive in the order
-    /// of ids?
+    /// Whether the query asks for the hit after the ray's origin: hits at `t_min` count if their primitive follows the origin primitive
+    /// in the order of ids.
     const NEXT: bool = false;
     /// Stores the result of a ray.
     fn emit(&mut self, index: usize, hit: &Hit);
@@ -43,7 +43,7 @@ impl Output for ClosestHit<'_> {
     }
 }
 
-/// Whether there is any hit.
+/// Whether each ray has any hit.
 pub struct AnyOccluder<'a>(pub &'a mut [bool]);
 impl Output for AnyOccluder<'_> {
     const ANY: bool = true;
@@ -53,7 +53,7 @@ impl Output for AnyOccluder<'_> {
     }
 }
 
-/// Any hits.
+/// Any hit of each ray.
 pub struct AnyHit<'a>(pub &'a mut [Hit]);
 impl Output for AnyHit<'_> {
     const ANY: bool = true;
@@ -63,7 +63,7 @@ impl Output for AnyHit<'_> {
     }
 }
 
-/// The hit that follows another one: see [`Output::NEXT`].
+/// The next hit after another one: see [`Output::NEXT`].
 pub struct NextHit<'a>(pub &'a mut Hit);
 impl Output for NextHit<'_> {
     const ANY: bool = false;
@@ -76,9 +76,9 @@ impl Output for NextHit<'_> {
 
 /// Memory that a thread keeps between calls.
 pub struct Workspace {
-    /// For trees that need stacks of at most `ShallowSlot::STACK` entries.
+    /// Slots for trees that need at most `ShallowSlot::STACK` stack entries.
     pub shallow: Vec<ShallowSlot>,
-    /// For the others.
+    /// Slots for deeper trees.
     pub deep: Vec<DeepSlot>,
 }
 
@@ -95,11 +95,11 @@ pub struct RayStream<'a, O, C, const N: usize> {
     pub lines: &'a [Line],
     /// Reference to the root.
     pub root: u32,
-    /// The largest absolute coordinate of the world.
+    /// Largest absolute coordinate of the world, metres.
     pub reach: f32,
     /// The rays.
     pub rays: &'a [Ray],
-    /// Their times.
+    /// Ray times.
     pub times: C,
     /// The results.
     pub output: O,
@@ -132,8 +132,8 @@ impl<O: Output, C: RayTimes, const N: usize> WideKernel for RayStream<'_, O, C, 
             in_flight.start(id, &mut output);
         }
         while in_flight.active != 0 {
-            // The ray sets of all passes of a round are fixed before its first step: a loop bound that depends on the pass before
-            // would be known late and mispredicted.
+            // All ray sets of a round are fixed before its first step: a loop bound that depends on the previous pass would be known
+            // late and mispredicted.
             let exact = std::mem::take(&mut in_flight.exact);
             let (leaf, special) = (in_flight.waiting >> 1, in_flight.waiting);
             let free = in_flight.active & !exact;
@@ -152,16 +152,16 @@ impl<O: Output, C: RayTimes, const N: usize> WideKernel for RayStream<'_, O, C, 
     }
 }
 
-/// The rays of a set: bit `2 id` of each.
+/// A set of slots: bit `2 id` of each.
 type Rays = u64;
 
-/// The first ray of a set; some number if it is empty.
+/// The first slot of a set; unspecified if the set is empty.
 #[inline(always)]
 fn lowest(rays: Rays) -> usize {
     (rays.trailing_zeros() / 2) as usize & (IN_FLIGHT - 1)
 }
 
-/// The first ray of a set, which is then taken out.
+/// Removes and returns the first slot of a set.
 #[inline(always)]
 fn take_lowest(rays: &mut Rays) -> usize {
     let id = lowest(*rays);
@@ -169,9 +169,9 @@ fn take_lowest(rays: &mut Rays) -> usize {
     id
 }
 
-/// The primitive on which a ray starts, where hits there are in order.
+/// The origin primitive of a ray for [`Output::NEXT`] queries, else `None`.
 #[inline(always)]
-fn first_of<O: Output>(rays: &[Ray], index: u32) -> Option<OriginPrimitive> {
+fn previous_primitive<O: Output>(rays: &[Ray], index: u32) -> Option<OriginPrimitive> {
     if O::NEXT { Some(rays[index as usize].origin_primitive) } else { None }
 }
 
@@ -183,13 +183,13 @@ struct RaysInFlight<'a, C, const N: usize> {
     times: C,
     slots: &'a mut [Slot<N>; IN_FLIGHT],
     next_ray: usize,
-    /// Rays in flight.
+    /// Slots with a ray.
     active: Rays,
-    /// The next step of each ray: bits 30 and 31 of the reference that it visits next, in bits `2 id` and `2 id + 1`.
+    /// Kind of the next step of each slot: bits 30 and 31 of the reference to visit, in bits `2 id` and `2 id + 1`.
     waiting: u64,
-    /// Rays that intersect the line test of a triangle in the packet that they have just left.
+    /// Rays whose line intersects a triangle of their last packet, pending the exact test.
     exact: Rays,
-    /// For the rays in `exact`.
+    /// Lanes to test, for the rays in `exact`.
     candidates: [Candidates; IN_FLIGHT],
 }
 
@@ -222,30 +222,30 @@ impl<C: RayTimes, const N: usize> RaysInFlight<'_, C, N> {
         }
     }
 
-    /// Sets the reference that a ray visits next.
+    /// Sets the next reference of a ray.
     #[inline(always)]
     fn route(&mut self, id: usize, reference: u32) {
         self.slots[id].current = reference;
         self.waiting |= self.prefetch(reference) << (2 * id);
     }
 
-    /// Prefetches the lines that a ray visits next. Returns the kind of its next step.
+    /// Prefetches the lines of a reference. Returns the kind of step it needs.
     #[inline(always)]
     fn prefetch(&self, reference: u32) -> u64 {
         prefetch_lines::<NODE_LINES>(self.lines, line_of(reference));
         u64::from(reference >> 30)
     }
 
-    /// Pops the topmost stack entry that is not farther than the ray's nearest hit.
+    /// Pops the topmost stack entry that is not farther than the ray's nearest hit, and prefetches it.
     #[inline(always)]
     fn pop<O: Output>(&mut self, id: usize) {
         let reference = self.slots[id].pop(0, O::ANY);
         self.waiting |= self.prefetch(reference) << (2 * id);
     }
 
-    /// A step of each ray of a set, which are at nodes or, if `LEAVES`, at packets of triangles. Returns what they wait for
-    /// after it. (As a result, since what is in memory is written there after each step. What a ray visits is read one step
-    /// ahead, so that its step can begin with asking for a node.)
+    /// A step of each ray of a set, at nodes or, if `LEAVES`, at triangle packets. Returns the kinds of their next steps for
+    /// [`Self::waiting`]. (Accumulated in a register, since a field would be stored after each step. The next reference is read one
+    /// step ahead, so that each step starts with the load of its node.)
     #[inline(always)]
     fn pass<W: Wide, O: Output, const LEAVES: bool>(&mut self, w: W, mut rays: Rays) -> u64 {
         let mut waiting = 0;
@@ -254,17 +254,17 @@ impl<C: RayTimes, const N: usize> RaysInFlight<'_, C, N> {
             let (id, current) = next;
             rays &= rays.wrapping_sub(1);
             next = self.first(rays);
-            let waits_for = if LEAVES {
+            let next_kind = if LEAVES {
                 self.triangle_step::<W, O>(w, id, current)
             } else {
                 self.node_step::<W, O>(w, id, current)
             };
-            waiting |= waits_for << (2 * id);
+            waiting |= next_kind << (2 * id);
         }
         waiting
     }
 
-    /// The first ray of a set and the reference that it visits; any ray if the set is empty.
+    /// The first slot of a set and its current reference; any slot if the set is empty.
     #[inline(always)]
     fn first(&self, rays: Rays) -> (usize, u32) {
         let id = lowest(rays);
@@ -279,24 +279,24 @@ impl<C: RayTimes, const N: usize> RaysInFlight<'_, C, N> {
         };
         let (mask, near) = w.boxes(&node.planes, &slot.boxes, slot.t_min, slot.limit);
         if O::ANY {
-            w.store_masked(mask, &node.child, slot.room());
+            w.store_masked(mask, &node.child, slot.stack_top());
         } else {
-            w.store_sorted(mask, near, &node.child, slot.room());
+            w.store_sorted(mask, near, &node.child, slot.stack_top());
         }
         let reference = slot.pop(mask.count_ones(), O::ANY);
         self.prefetch(reference)
     }
 
-    /// Tests a packet. A ray whose line intersects a triangle is handed to [`Self::exact_step`], without a branch, which could
-    /// not be predicted.
+    /// Tests the ray's line against a triangle packet. Candidates are deferred to [`Self::exact_step`] without a branch, which would
+    /// be unpredictable.
     #[inline(always)]
     fn triangle_step<W: Wide, O: Output>(&mut self, w: W, id: usize, current: u32) -> u64 {
         let slot = &mut self.slots[id];
         let Some(packet) = view::<TrianglePacket, TRIANGLE_LINES>(self.lines, line_of(current)) else {
             return self.invalid_reference(id);
         };
-        let left = w.equal(packet.ids(), slot.origin_primitive);
-        let lanes = triangle::candidates(w, &packet.rows, &slot.ray, &slot.boxes) & !left;
+        let origin = w.equal(packet.ids(), slot.origin_primitive);
+        let lanes = triangle::candidates(w, &packet.rows, &slot.ray, &slot.boxes) & !origin;
         self.candidates[id] = Candidates { packet: current, lanes };
         self.exact |= u64::from(lanes != 0) << (2 * id);
         slot.push_next(packet.next());
@@ -304,14 +304,14 @@ impl<C: RayTimes, const N: usize> RaysInFlight<'_, C, N> {
         self.prefetch(reference)
     }
 
-    /// Ends a ray whose reference lies outside of the buffer: never in a valid tree.
+    /// Ends a ray whose reference lies outside of the buffer, which never happens in a valid tree.
     #[cold]
     fn invalid_reference(&mut self, id: usize) -> u64 {
         self.slots[id].current = DONE;
         u64::from(DONE >> 30)
     }
 
-    /// Tests lanes exactly. The ray has left the packet already: what it visits next is still on its stack.
+    /// Tests candidate lanes exactly. The ray has already popped its next reference; after a nearer hit that pop is redone.
     #[inline(always)]
     fn exact_step<W: Wide, O: Output>(&mut self, w: W, id: usize) {
         let Candidates { packet, lanes } = self.candidates[id];
@@ -319,15 +319,15 @@ impl<C: RayTimes, const N: usize> RaysInFlight<'_, C, N> {
             return;
         };
         let slot = &mut self.slots[id];
-        let before = first_of::<O>(self.rays, slot.index);
-        if slot.triangles(w, packet, lanes, O::ANY, before) {
-            slot.put_back();
+        let previous = previous_primitive::<O>(self.rays, slot.index);
+        if slot.triangles(w, packet, lanes, O::ANY, previous) {
+            slot.undo_pop();
             self.waiting &= !(3 << (2 * id));
             self.pop_unless_done::<O>(id);
         }
     }
 
-    /// Takes the topmost entry, or ends the ray if any hit is enough and there is one.
+    /// Pops the next entry, or ends the ray if it is an any-hit query with a hit.
     #[inline(always)]
     fn pop_unless_done<O: Output>(&mut self, id: usize) {
         let slot = &mut self.slots[id];
@@ -374,23 +374,23 @@ impl<C: RayTimes, const N: usize> RaysInFlight<'_, C, N> {
         if C::MOVING && packet.kind[0] == MOVING_TRIANGLES {
             let time = self.times.time(slot.index as usize);
             if let Some(triangles) = triangles_at(self.lines, line_of(current), packet, time) {
-                let left = w.equal(triangles.ids(), slot.origin_primitive);
-                let lanes = triangle::candidates(w, &triangles.rows, &slot.ray, &slot.boxes) & !left;
-                slot.triangles(w, &triangles, lanes, O::ANY, first_of::<O>(self.rays, slot.index));
+                let origin = w.equal(triangles.ids(), slot.origin_primitive);
+                let lanes = triangle::candidates(w, &triangles.rows, &slot.ray, &slot.boxes) & !origin;
+                slot.triangles(w, &triangles, lanes, O::ANY, previous_primitive::<O>(self.rays, slot.index));
             }
             return packet.next;
         }
         if packet.kind[0] >= SPLATS {
             return self.curves_or_splats(id, current, packet);
         }
-        let before = first_of::<O>(self.rays, slot.index);
+        let previous = previous_primitive::<O>(self.rays, slot.index);
         for lane in 0..4 {
             let Some(shape) = Analytic::unpack(&packet.packed(lane)) else { break };
-            let leaves = shape.is_flat() && packet.id[lane] == slot.origin_primitive;
-            let t_min = slot.t_min_of(packet.id[lane], before);
-            let met = shape.intersect(&slot.ray, t_min, slot.best.t).filter(|_| !leaves);
-            if let Some(t) = met {
-                slot.offer(t, 0.0, 0.0, packet.id[lane], before);
+            let is_origin = shape.is_flat() && packet.id[lane] == slot.origin_primitive;
+            let t_min = slot.t_min_of(packet.id[lane], previous);
+            let hit = shape.intersect(&slot.ray, t_min, slot.best.t).filter(|_| !is_origin);
+            if let Some(t) = hit {
+                slot.record_hit(t, 0.0, 0.0, packet.id[lane], previous);
             }
         }
         packet.next
@@ -411,7 +411,7 @@ impl<C: RayTimes, const N: usize> RaysInFlight<'_, C, N> {
         packet.next
     }
 
-    /// Enters an instance: pushes the return to world space and transforms the ray. The static part of the world needs no transform.
+    /// Enters an instance: pushes the return to world space and transforms the ray. The world's tree below a top tree needs neither.
     #[inline(always)]
     fn enter_instance<O: Output>(&mut self, id: usize, current: u32) {
         let slot = &mut self.slots[id];
@@ -438,7 +438,7 @@ impl<C: RayTimes, const N: usize> RaysInFlight<'_, C, N> {
         self.pop::<O>(id);
     }
 
-    /// Returns to world space: prepares the world ray again and keeps the nearest hit.
+    /// Returns to world space: restores the world-space ray and keeps the nearest hit.
     #[inline(always)]
     fn leave_instance(&mut self, id: usize) -> u32 {
         let slot = &mut self.slots[id];
@@ -454,54 +454,52 @@ impl<C: RayTimes, const N: usize> RaysInFlight<'_, C, N> {
     }
 }
 
-/// A ray in flight with a stack of `N - 8` entries, a power of two. What a step at a node needs comes first, in one cache
-/// line.
+/// A ray in flight with a stack of `N - 8` entries, a power of two. The fields of node steps come first, in one cache line.
 #[derive(Clone, Copy)]
 #[repr(C, align(64))]
 pub struct Slot<const N: usize> {
-    /// The ray for box tests.
+    /// The ray prepared for box tests.
     pub boxes: BoxRay,
-    /// Boxes that begin behind this hold nothing nearer.
+    /// Entry distance beyond which boxes are skipped: parameter of the nearest hit, widened by the rounding error.
     pub limit: f32,
-    /// Lower bound of the parameter.
+    /// Lower bound of the ray parameter.
     pub t_min: f32,
-    /// The first free entry of the stack.
+    /// Index of the first free stack entry.
     top: u32,
     /// The reference to visit next.
     pub current: u32,
     /// Index of the ray in the batch.
     pub index: u32,
-    /// The triangle or quad of the present space that the ray starts on.
+    /// The primitive that the ray starts on, if it belongs to the current instance; else `NO_HIT`.
     pub origin_primitive: u32,
-    /// The ray for everything else.
+    /// The ray prepared for primitive tests.
     pub ray: PreparedRay,
-    /// The nearest hit so far; its `t` is in units of the scaled direction of the present space.
+    /// The nearest hit so far; `t` is in units of the scaled direction in the current space.
     pub best: Hit,
-    /// The instance whose space the ray is in; 0 in the world.
+    /// The current instance; 0 in world space.
     pub instance: u32,
     /// The stack, with 8 spare entries for a node's children.
     stack: [Entry; N],
 }
 
-/// Slots for trees of the usual depths. An odd number of cache lines, so that stacks do not compete for the same places
-/// in the cache.
+/// Slots for trees of usual depth. An odd number of cache lines, so that slots map to different cache sets.
 pub type ShallowSlot = Slot<264>;
-/// Slots for the deepest trees. (Used for all trees they cost 1 to 4 % of the speed: they are spread too far in memory.)
+/// Slots for the deepest trees. (For all trees they would cost 1 to 4 % of the speed by cache misses.)
 pub type DeepSlot = Slot<1032>;
 
 const _: () = assert!(size_of::<ShallowSlot>() / 64 % 2 == 1 && size_of::<DeepSlot>() / 64 % 2 == 1);
 
-/// May a curve segment be adjacent to the one that a ray starts on? True if their ids are close. (For segments of another curve with
-/// close ids this only loses slivers at joints.)
+/// Whether a curve segment may be adjacent to the segment that a ray starts on: their ids are close. (False positives on other
+/// curves only lose slivers at joints.)
 #[inline(always)]
 pub fn starts_near(id: u32, origin_primitive: u32) -> bool {
     const NEAR: u32 = 256;
     id.wrapping_sub(origin_primitive).wrapping_add(NEAR) <= 2 * NEAR
 }
 
-/// A hash of a ray and its time.
+/// Hash of a ray and its time.
 #[inline(always)]
-fn key_of(ray: &Ray, time: f32) -> u64 {
+fn ray_hash(ray: &Ray, time: f32) -> u64 {
     let pair = |a: f32, b: f32| u64::from(a.to_bits()) << 32 | u64::from(b.to_bits());
     let (o, d) = (ray.origin, ray.direction);
     let sum = mix64(mix64(mix64(pair(d.x, d.y)) ^ pair(d.z, o.x)) ^ pair(o.y, o.z));
@@ -509,10 +507,10 @@ fn key_of(ray: &Ray, time: f32) -> u64 {
 }
 
 impl<const N: usize> Slot<N> {
-    /// Entries that a stack may hold. (Places are taken modulo this, so that they need no check.)
+    /// Capacity of the stack. (Indices are taken modulo this, which replaces bounds checks.)
     pub const STACK: usize = N - 8;
 
-    /// Fills unused slots.
+    /// An unused slot.
     pub const EMPTY: Slot<N> = Slot {
         boxes: BoxRay::NONE,
         limit: 0.0,
@@ -527,7 +525,7 @@ impl<const N: usize> Slot<N> {
         stack: [Entry { reference: DONE, distance: f32::NEG_INFINITY }; N],
     };
 
-    /// Prepares a ray for a space; `false`, and nothing is changed, where it can hit nothing there.
+    /// Prepares a ray in a space with coordinates up to `reach`; returns `false` without a change if the ray can't hit anything.
     #[inline(always)]
     pub fn set(&mut self, ray: &Ray, reach: f32) -> bool {
         let Some((t_min, t_max)) = self.ray.set(&mut self.boxes, ray, reach) else { return false };
@@ -537,21 +535,21 @@ impl<const N: usize> Slot<N> {
         true
     }
 
-    /// Empties the stack but for the entry that ends the ray.
+    /// Empties the stack down to the bottom entry.
     #[inline(always)]
     pub fn clear_stack(&mut self) {
         self.top = 0;
         self.push(DONE);
     }
 
-    /// Room for a node's children at the top of the stack.
+    /// Memory for a node's children at the top of the stack.
     #[inline(always)]
-    pub fn room(&mut self) -> &mut [Entry; 8] {
+    pub fn stack_top(&mut self) -> &mut [Entry; 8] {
         const { assert!(Self::STACK.is_power_of_two()) };
         self.stack[self.top as usize % Self::STACK..].first_chunk_mut().expect("eight entries are to spare")
     }
 
-    /// Pushes a reference that is visited whatever is hit before.
+    /// Pushes a reference that is visited unconditionally.
     #[inline(always)]
     pub fn push(&mut self, reference: u32) {
         self.stack[self.top as usize % Self::STACK] = Entry { reference, distance: f32::NEG_INFINITY };
@@ -566,14 +564,14 @@ impl<const N: usize> Slot<N> {
         self.top = top;
     }
 
-    /// Pops the topmost entry, counting `count` entries written after the top, that begins before the nearest hit (for any-hit
-    /// queries: the topmost one).
+    /// Adds `count` entries written above the top, then pops the topmost entry that is nearer than the nearest hit (any-hit queries:
+    /// the topmost entry).
     #[inline(always)]
     pub fn pop(&mut self, count: u32, any_hit: bool) -> u32 {
         let below = |top: usize| top.wrapping_sub(1) % Self::STACK;
         let mut top = below((self.top + count) as usize);
         if !any_hit {
-            // As integers, which are compared sooner: neither is NaN, and only the bottom entry's is negative.
+            // Integer comparison has less latency: neither is NaN, and the only negative value is negative infinity.
             while self.stack[top].distance.to_bits() as i32 > self.limit.to_bits() as i32 {
                 top = below(top);
             }
@@ -585,11 +583,11 @@ impl<const N: usize> Slot<N> {
 
     /// Undoes the last [`Slot::pop`].
     #[inline(always)]
-    pub fn put_back(&mut self) {
+    pub fn undo_pop(&mut self) {
         self.top += 1;
     }
 
-    /// Tests lanes of a packet exactly; returns whether there was a nearer hit.
+    /// Tests lanes of a packet exactly; returns whether a nearer hit was found.
     #[inline(always)]
     pub fn triangles<W: Wide>(
         &mut self,
@@ -597,31 +595,31 @@ impl<const N: usize> Slot<N> {
         packet: &TrianglePacket,
         mut lanes: u32,
         any_hit: bool,
-        before: Option<OriginPrimitive>,
+        previous: Option<OriginPrimitive>,
     ) -> bool {
         let limit = self.limit;
-        // Not waiting for the division where all is behind the ray pays for shadow rays, whose packets hold more than
-        // the surface that they leave; for others it is one more branch that cannot be predicted.
-        let asked = if any_hit { lanes } else { u32::MAX };
-        let t = triangle::plane_parameters(w, &packet.rows, &self.ray, asked);
+        // Skipping the division if all lanes are behind the ray pays for shadow rays, many of whose candidates are; for other rays it
+        // is only one more unpredictable branch.
+        let required = if any_hit { lanes } else { u32::MAX };
+        let t = triangle::plane_parameters(w, &packet.rows, &self.ray, required);
         while lanes != 0 {
             let lane = lanes.trailing_zeros() as usize & 3;
             lanes &= lanes - 1;
             if t[lane] > self.t_min && t[lane] <= self.best.t {
-                self.triangle(packet, lane, t[lane], before);
+                self.triangle(packet, lane, t[lane], previous);
             }
         }
         self.limit < limit
     }
 
     #[inline(always)]
-    fn triangle(&mut self, packet: &TrianglePacket, lane: usize, t: f32, before: Option<OriginPrimitive>) {
+    fn triangle(&mut self, packet: &TrianglePacket, lane: usize, t: f32, previous: Option<OriginPrimitive>) {
         let Some(weights) = triangle::weights(&packet.rows, lane, &self.ray, &self.boxes) else { return };
         let (u, v) = primitive_uv(packet.part(lane), weights);
-        self.offer(t, u, v, packet.id(lane), before);
+        self.record_hit(t, u, v, packet.id(lane), previous);
     }
 
-    /// Tests the curve segments of a packet. A ray that starts on one does not intersect it again.
+    /// Tests the curve segments of a packet, except the one that the ray starts on.
     #[inline(never)]
     pub fn curves(&mut self, packet: &CurvePacket) {
         for lane in 0..packet.lanes() {
@@ -632,19 +630,19 @@ impl<const N: usize> Slot<N> {
             let starts_near = starts_near(id, self.origin_primitive);
             let segment = packet.segment(lane);
             if let Some((t, u)) = segment.intersect(&self.ray, self.t_min, self.best.t, starts_near) {
-                self.offer(t, u, 0.0, id, None);
+                self.record_hit(t, u, 0.0, id, None);
             }
         }
     }
 
-    /// Tests the splats of a packet for a ray, which is `world` in world space, at a time. Each is accepted with the probability of its largest
-    /// opacity along the ray, by a hash of the ray and the splat. A hit's parameters are the ray's direction in object space.
+    /// Tests the splats of a packet; `world` is the ray in world space. Each splat is accepted with a probability equal to its peak
+    /// opacity along the ray, by a hash of ray, time and splat. (u, v) of the hit encode the ray's direction in object space.
     #[inline(always)]
     pub fn splats(&mut self, packet: &SplatPacket, world: &Ray, time: f32) {
         let lanes = packet.lanes();
         let (t, squared) = lanes.peaks(&self.ray);
         for lane in 0..4 {
-            // NaN fails. Most splats of a packet are missed.
+            // NaN compares false.
             let is_near = squared[lane] < LARGEST_SQUARED && t[lane] > self.t_min && t[lane] <= self.best.t;
             if is_near && packet.id[lane] != self.origin_primitive {
                 let opacity = lanes.opacity_at(lane, squared[lane]);
@@ -657,32 +655,32 @@ impl<const N: usize> Slot<N> {
     #[inline(always)]
     fn accept(&mut self, t: f32, opacity: f32, id: u32, (world, time): (&Ray, f32)) {
         let splat = u64::from(self.instance) << 32 | u64::from(id);
-        let random = mix64(key_of(world, time) ^ mix64(splat + 1));
-        // Random numbers are in [0, 1), so an opacity of 0 accepts nothing and 1 all.
+        let random = mix64(ray_hash(world, time) ^ mix64(splat + 1));
+        // Random numbers are in [0, 1): an opacity of 0 is never accepted and an opacity of 1 always.
         if unit((random >> 32) as u32) < opacity {
             let [u, v] = octahedral(self.ray.direction);
-            self.offer(t, u, v, id, None);
+            self.record_hit(t, u, v, id, None);
         }
     }
 
-    /// Where hits of a primitive of the present space begin to count. Rays that start just before a primitive, of which they
-    /// have intersected those up to this one (`before`), don't intersect these there again.
+    /// The exclusive lower bound of `t` for a primitive of the current instance. Next-hit queries start just before their previous hit
+    /// and exclude primitives up to `previous` at that distance.
     #[inline(always)]
-    pub fn t_min_of(&self, prim: u32, before: Option<OriginPrimitive>) -> f32 {
-        match before {
+    pub fn t_min_of(&self, prim: u32, previous: Option<OriginPrimitive>) -> f32 {
+        match previous {
             Some(o) if (self.instance, prim) <= (o.instance, o.prim) => self.t_min.next_up(),
             _ => self.t_min,
         }
     }
 
-    /// Accepts a hit in the ray's range that is nearer than the nearest one, or as near with a smaller id.
+    /// Stores a hit beyond the lower bound if it is nearer than the nearest so far, or at the same distance with a smaller id.
     #[inline(always)]
-    pub fn offer(&mut self, t: f32, u: f32, v: f32, prim: u32, before: Option<OriginPrimitive>) {
-        let nearer = t < self.best.t;
-        let tie = t == self.best.t
+    pub fn record_hit(&mut self, t: f32, u: f32, v: f32, prim: u32, previous: Option<OriginPrimitive>) {
+        let is_nearer = t < self.best.t;
+        let wins_tie = t == self.best.t
             && self.best.prim != NO_HIT
             && (self.instance, prim) < (self.best.instance, self.best.prim);
-        if t > self.t_min_of(prim, before) && (nearer || tie) {
+        if t > self.t_min_of(prim, previous) && (is_nearer || wins_tie) {
             self.best = Hit { t, u, v, prim, instance: self.instance };
             self.limit = t * WIDEN;
         }

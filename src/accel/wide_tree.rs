@@ -1,7 +1,7 @@
-//! The 8-wide BVH: [`Collapse`] chooses which nodes of the binary tree become its nodes and leaves, at least expected cost by
-//! dynamic programming (Ylitie, Karras, Laine 2017, "Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide
-//! BVHs", section 3.2), with leaf costs by packet; [`TreeWriter`] writes it to cache lines, depth first: one pass assigns
-//! lines to nodes, then threads write nodes, each followed by the packets of its leaves.
+//! The 8-wide BVH. [`Collapse`] chooses the nodes of the binary tree that become wide nodes and leaves, at minimum SAH cost by
+//! dynamic programming (Ylitie, Karras, Laine 2017, "Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs",
+//! section 3.2), with leaf costs by packet. [`TreeWriter`] writes the tree to cache lines in depth-first order: one pass assigns
+//! lines to nodes, then several threads write nodes, each followed by the packets of its leaves.
 
 use super::binary_tree::Binary;
 use super::input::{Geometry, Primitive, PrimitiveKind, triangle_vertices};
@@ -20,7 +20,7 @@ use rayon::prelude::*;
 /// Children of a node.
 pub const WIDTH: usize = 8;
 
-/// Costs in units of one node visit, as measured.
+/// Measured costs in units of one node visit; packets cost per packet, instances each.
 const COST_NODE: f32 = 1.0;
 const COST_LEAF: f32 = 0.2;
 const COST_TRIANGLES: f32 = 0.6;
@@ -28,48 +28,48 @@ const COST_ANALYTIC: f32 = 1.5;
 const COST_CURVES: f32 = 1.5;
 const COST_SPLATS: f32 = 1.5;
 const COST_INSTANCE: f32 = 3.0;
-/// Lanes of the longest leaf that is chosen.
+/// Maximum number of lanes in a leaf.
 pub const MAX_LANES: u32 = 16;
 
-/// Minimum expected costs of a binary node in the wide tree, and the splits that give them.
+/// Minimum expected costs of a binary node in the wide tree, and the splits that achieve them.
 #[derive(Clone, Copy, Default)]
 struct CollapseCosts {
-    /// As one child of a wide node, and as at most 2, 3, ... 7 children.
+    /// Cost as one child of a wide node, and as at most 2, 3, ... 7 children.
     cost: [f32; WIDTH - 1],
-    /// For 2 to 7 children: how many the left child gets; 0: the same split as with one child less.
+    /// For 2 to 7 children: number of children for the left subtree; 0: same split as with one child less.
     left: [u8; WIDTH - 1],
-    /// As a wide node: how many of its 8 children the left child gets; 0: it is a leaf.
+    /// As a wide node: number of its 8 children for the left subtree; 0: a leaf.
     left_of_node: u8,
-    /// Lanes of triangles, analytic shapes, curves, splats and instances below, up to 255.
+    /// Number of lanes of triangles, analytic shapes, curves, splats and instances in the subtree; 255 or more: 255.
     lanes: [u8; 5],
 }
 
-/// A subtree that has been written.
+/// A finished subtree of a chunk.
 #[derive(Clone, Copy, Debug)]
 pub struct Subtree {
     /// Reference to its root.
     pub root: u32,
     /// Wide nodes on the longest path.
     pub depth: usize,
-    /// The box around it.
+    /// Bounds in the space of the tree.
     pub bounds: Bounds3,
-    /// Its expected cost.
+    /// Expected cost, in units of node visits times surface area.
     pub cost: f32,
 }
 
-/// The choices for all nodes of a binary tree.
+/// The result of the dynamic programming for all nodes of a binary tree.
 pub struct Collapse {
     costs: Vec<CollapseCosts>,
 }
 
-/// Subtrees of more nodes than this are handled by several threads.
+/// Number of nodes above which a subtree is handled by several threads.
 const PARALLEL: u32 = 8192;
 
 impl Collapse {
     /// Runs the dynamic programming over the whole tree.
-    pub fn new(binary: &Binary, primitives: &[Primitive], written: &[Subtree]) -> Collapse {
+    pub fn new(binary: &Binary, primitives: &[Primitive], finished: &[Subtree]) -> Collapse {
         let mut costs = vec![CollapseCosts::default(); binary.size.len()];
-        let (tops, subtrees) = cut(binary, PARALLEL);
+        let (tops, subtrees) = split_top(binary, PARALLEL);
         let mut parts = Vec::with_capacity(subtrees.len());
         let mut rest = costs.as_mut_slice();
         let mut at = 0;
@@ -82,31 +82,31 @@ impl Collapse {
         }
         parts.into_par_iter().for_each(|(root, part)| {
             for i in (0..part.len()).rev() {
-                part[i] = choose(binary, primitives, written, root + i, |child| &part[child - root]);
+                part[i] = choose(binary, primitives, finished, root + i, |child| &part[child - root]);
             }
         });
         for &top in tops.iter().rev() {
-            costs[top] = choose(binary, primitives, written, top, |child| &costs[child]);
+            costs[top] = choose(binary, primitives, finished, top, |child| &costs[child]);
         }
         Collapse { costs }
     }
 
-    /// Does the node become a leaf where it is one child?
+    /// Whether a node becomes a leaf if it is a single child.
     pub fn is_leaf(&self, node: usize) -> bool {
         self.costs[node].left_of_node == 0
     }
 
-    /// The minimum expected cost of the whole tree as one child.
+    /// The minimum expected cost of the whole tree as a single child.
     pub fn cost(&self) -> f32 {
         self.costs[0].cost[0]
     }
 
-    /// Lanes of triangles, analytic shapes, curves, splats and instances below a node (up to 255).
+    /// Number of lanes of triangles, analytic shapes, curves, splats and instances in a node's subtree; 255 or more: 255.
     pub fn lanes(&self, node: usize) -> [u8; 5] {
         self.costs[node].lanes
     }
 
-    /// The binary nodes that become the children of a wide node.
+    /// The binary nodes that become the children of a wide node, and their number.
     pub fn children(&self, binary: &Binary, node: usize) -> ([usize; WIDTH], usize) {
         let mut children = [0; WIDTH];
         let mut count = 0;
@@ -138,8 +138,8 @@ impl Collapse {
     }
 }
 
-/// Splits a tree into the nodes near the root, in order, and the subtrees of at most `limit` nodes below, in order.
-pub fn cut(binary: &Binary, limit: u32) -> (Vec<usize>, Vec<usize>) {
+/// Splits a tree into the nodes near the root and the subtrees of at most `limit` nodes below them, both in depth-first order.
+fn split_top(binary: &Binary, limit: u32) -> (Vec<usize>, Vec<usize>) {
     let (mut tops, mut subtrees) = (Vec::new(), Vec::new());
     let mut stack = vec![0];
     while let Some(node) = stack.pop() {
@@ -155,6 +155,7 @@ pub fn cut(binary: &Binary, limit: u32) -> (Vec<usize>, Vec<usize>) {
     (tops, subtrees)
 }
 
+/// The minimum costs of a node from those of its children.
 fn choose<'a>(
     binary: &Binary,
     primitives: &[Primitive],
@@ -208,8 +209,8 @@ fn choose<'a>(
     chosen
 }
 
-/// The minimum cost of two nodes as 1 (infinite), 2, ... 8 children together, and how many of these are the left one's: of
-/// equal ones the fewest. (All numbers of children at once, which the compiler makes vectors of.)
+/// The minimum cost of two siblings as 1 (infinite), 2, ... 8 children together, and the number of children for the left one (the
+/// smallest of equally good ones). Written so that the compiler vectorises over the number of children.
 #[inline(always)]
 fn splits(left: &[f32; WIDTH - 1], right: &[f32; WIDTH - 1]) -> ([f32; WIDTH], [u32; WIDTH]) {
     let mut shifted = [f32::INFINITY; 2 * WIDTH];
@@ -251,13 +252,13 @@ pub struct ShapeSource<'a> {
 pub struct TreeWriter<'a> {
     /// The binary tree.
     pub binary: &'a Binary,
-    /// Its nodes that become wide ones.
+    /// The nodes that become wide nodes and leaves.
     pub collapse: &'a Collapse,
-    /// Primitives of its leaves.
+    /// Primitives of the binary tree's leaves.
     pub primitives: &'a [Primitive],
     /// The shapes that the ids refer to.
     pub shapes: ShapeSource<'a>,
-    /// Subtrees that are written already, by index.
+    /// Finished subtrees, by index.
     pub subtrees: &'a [Subtree],
 }
 
@@ -270,18 +271,18 @@ pub struct WrittenTree {
     pub depth: usize,
 }
 
-/// A wide node: its binary node and its first line.
+/// A wide node: index of its binary node, and its first line.
 #[derive(Clone, Copy)]
 struct NodePlacement {
     node: u32,
     line: usize,
 }
 
-/// Wide nodes in a task.
+/// Wide nodes per parallel task.
 const CHUNK: usize = 512;
 
-/// Makes room for lines up to `end`.
-fn make_room(lines: &mut Vec<Line>, end: usize) -> Result<(), BufferFull> {
+/// Reserves memory for lines up to `end`.
+fn reserve_lines(lines: &mut Vec<Line>, end: usize) -> Result<(), BufferFull> {
     if end > MAX_LINE {
         return Err(BufferFull);
     }
@@ -295,13 +296,13 @@ impl TreeWriter<'_> {
         let start = lines.len();
         if self.collapse.is_leaf(0) {
             let end = start + self.shapes.packet_lines(&self.collapse.lanes(0));
-            make_room(lines, end)?;
+            reserve_lines(lines, end)?;
             lines.resize(end, Line::ZERO);
             let (root, _) = self.write_leaf(&mut lines[start..], start, 0);
             return Ok(WrittenTree { root, depth: 1 });
         }
         let (placements, line_of_node, depth, end) = self.placements(start);
-        make_room(lines, end)?;
+        reserve_lines(lines, end)?;
         lines.resize(end, Line::ZERO);
         let mut jobs = Vec::with_capacity(placements.len() / CHUNK + 1);
         let mut rest = &mut lines[start..];
@@ -321,8 +322,7 @@ impl TreeWriter<'_> {
         Ok(WrittenTree { root: start as u32, depth })
     }
 
-    /// All wide nodes in depth-first order, the line of each binary node that became one, the tree's depth, and the line
-    /// after it.
+    /// All wide nodes in depth-first order, the line of each binary node that becomes a wide node, the tree's depth, and the end line.
     fn placements(&self, start: usize) -> (Vec<NodePlacement>, Vec<u32>, usize, usize) {
         let mut line_of_node = vec![0u32; self.binary.size.len()];
         let mut placements = Vec::new();
@@ -341,7 +341,7 @@ impl TreeWriter<'_> {
         (placements, line_of_node, deepest, line)
     }
 
-    /// Lines of a wide node with these children and of the packets of its leaves.
+    /// Number of lines of a wide node and the packets of its leaf children.
     fn lines_of(&self, children: &[usize]) -> usize {
         let leaves = children.iter().filter(|c| self.collapse.is_leaf(**c));
         NODE_LINES + leaves.map(|c| self.shapes.packet_lines(&self.collapse.lanes(*c))).sum::<usize>()
@@ -375,7 +375,7 @@ impl TreeWriter<'_> {
         *view_mut(region, 0) = node;
     }
 
-    /// The primitives below a binary node, by kind and id.
+    /// The primitives of a binary node's subtree, sorted by kind and id.
     fn leaf_primitives(&self, node: usize) -> LeafItems<&Primitive> {
         let mut prims = LeafItems::of(&self.primitives[0]);
         for i in node..node + self.binary.size[node] as usize {
@@ -387,8 +387,8 @@ impl TreeWriter<'_> {
         prims
     }
 
-    /// Writes the packets of a leaf to the start of `region`, which is line `base` of the buffer, and returns its reference
-    /// and their lines.
+    /// Writes the packets of a leaf to the start of `region`, which is line `base` of the buffer. Returns the leaf's reference and its
+    /// number of lines.
     fn write_leaf(&self, region: &mut [Line], base: usize, node: usize) -> (u32, usize) {
         let mut triangles = LeafItems::of(([Vec3::ZERO; 3], 0, PART_TRIANGLE));
         let [mut analytic, mut curves, mut splats, mut instances] = [const { LeafItems::of(0) }; 4];
@@ -473,13 +473,13 @@ impl TreeWriter<'_> {
     fn splat_packet(&self, ids: &[u32], next: u32) -> SplatPacket {
         let splats = &self.shapes.geometry.splats;
         let first = self.shapes.geometry.primitives() - splats.count();
-        let known = ids.iter().filter_map(|id| Some((splats.get(*id as usize - first)?, *id)));
-        SplatPacket::of(known, next)
+        let valid = ids.iter().filter_map(|id| Some((splats.get(*id as usize - first)?, *id)));
+        SplatPacket::of(valid, next)
     }
 }
 
 impl ShapeSource<'_> {
-    /// Lines of each kind of packet, and their kinds.
+    /// Reference kind, lanes and lines of each type of packet.
     fn kinds(&self) -> [(u32, usize, usize); 5] {
         let triangles = match self.geometry.keys.len() {
             0 => (KIND_TRIANGLES, LANES, TRIANGLE_LINES),
@@ -494,7 +494,7 @@ impl ShapeSource<'_> {
         ]
     }
 
-    /// Lines of the packets for these numbers of triangle lanes, analytic shapes, curves, splats and instances.
+    /// Number of lines for these numbers of lanes of triangles, analytic shapes, curves, splats and instances.
     fn packet_lines(&self, lanes: &[u8; 5]) -> usize {
         self.kinds()
             .iter()
@@ -517,14 +517,14 @@ impl ShapeSource<'_> {
     }
 }
 
-/// The primitives of one leaf, up to the lanes that a leaf may have.
+/// Array of up to [`MAX_LANES`] items of a leaf.
 struct LeafItems<T> {
     items: [T; MAX_LANES as usize],
     count: usize,
 }
 
 impl<T: Copy> LeafItems<T> {
-    /// None yet; `filler` fills unused placements.
+    /// An empty array; `filler` fills unused entries.
     const fn of(filler: T) -> LeafItems<T> {
         LeafItems { items: [filler; MAX_LANES as usize], count: 0 }
     }

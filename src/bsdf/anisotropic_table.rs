@@ -1,30 +1,30 @@
-//! Directional albedo of facets with two roughnesses: that of one roughness, corrected by a table.
+//! Directional albedo of anisotropic GGX facets: the albedo of equivalent isotropic facets, corrected by a table.
 
 use super::dielectric_table::mean_cosine;
 use super::fresnel::DielectricCurve;
 use super::ggx::{DirectionalAlbedo, MIN_ALPHA, MIN_ROUGHNESS};
 use crate::math::Vec3;
 
-/// Largest ratio of the square roots of the two alphas that the table reaches.
+/// Largest ratio of the square roots of the two alphas in the table.
 pub const LARGEST_ROOT_RATIO: f32 = 4.0;
 
-/// Nodes along the table's axes: the square root r of the smaller alpha; the root of the larger alpha, as a position between r and
-/// min(4 r, 1); the root of the alpha along the azimuth, as a position between these two roots; and [`cosine_axis`].
+/// Nodes along the table's axes: square root r of the smaller alpha ([`small_axis`]); root of the larger alpha, as a position between
+/// r and min(4 r, 1); root of the alpha along the azimuth, as a position between these two roots; and [`cosine_axis`].
 const NODES: [usize; 4] = [16, 13, 11, 28];
 
-/// Largest number of the table.
+/// Largest value of the table, stored as 65535.
 const LARGEST: f32 = 6.5;
 
-/// Added to both shares before ratios are taken, so that tiny ones don't matter.
+/// Added to numerator and denominator of the table's ratios, so that tiny values don't matter.
 const FLOOR: f32 = 0.01;
 
-/// By the axes of [`NODES`]: the lost share of the light over that of isotropic facets of [`equivalent_alpha`], and the
-/// same of the share weighted by (1 - cos)^5, both with [`FLOOR`]. [`LARGEST`] is 65535.
+/// Ratios of anisotropic to isotropic facets of [`equivalent_alpha`], by the axes of [`NODES`]: of the energy lost by single scattering,
+/// and of the albedo weighted by (1 - cos)^5, both with [`FLOOR`] added.
 type Table = [[[[[u16; 2]; NODES[3]]; NODES[2]]; NODES[1]]; NODES[0]];
 
 static ANISOTROPIC: Table = decoded(include_bytes!("anisotropic.bin"));
 
-/// Little-endian numbers, the last axis first.
+/// Decodes little-endian numbers, the last axis contiguous.
 const fn decoded(bytes: &[u8; size_of::<Table>()]) -> Table {
     let mut table = [[[[[0; 2]; NODES[3]]; NODES[2]]; NODES[1]]; NODES[0]];
     let [_, nb, nc, nd] = NODES;
@@ -38,13 +38,13 @@ const fn decoded(bytes: &[u8; size_of::<Table>()]) -> Table {
     table
 }
 
-/// Square root of the largest alpha that the table has for a smaller alpha of this square root.
+/// Root of the largest alpha in the table for the root of the smaller alpha.
 #[inline(always)]
 fn largest(small: f32) -> f32 {
     (small * LARGEST_ROOT_RATIO).min(1.0)
 }
 
-/// The root of a smaller alpha as a coordinate: two linear parts, so that a node is where [`largest`] has a kink.
+/// Table coordinate of the smaller alpha's root: piecewise linear, with a node at the kink of [`largest`].
 #[inline(always)]
 fn small_axis(small: f32) -> f32 {
     if small < KINK {
@@ -54,43 +54,45 @@ fn small_axis(small: f32) -> f32 {
     }
 }
 
-/// Where [`largest`] becomes 1.
+/// Root of the smaller alpha at which [`largest`] becomes 1.
 const KINK: f32 = 1.0 / LARGEST_ROOT_RATIO;
 
-/// The coordinate there: that of a node.
+/// Table coordinate of [`KINK`], which is a node.
 const AT_KINK: f32 = 0.4;
 const _: () = assert!((NODES[0] - 1).is_multiple_of(5));
 
-/// The alpha of similar isotropic facets: that along the azimuth at grazing incidence, the quadratic mean of both from above. `squared` is the squared cosine of the azimuth to the direction of `along`.
+/// Alpha of equivalent isotropic facets: the alpha along the azimuth at grazing incidence, the quadratic mean of both at normal
+/// incidence. `squared` is the squared cosine of the azimuth from the direction of `along`.
 #[inline(always)]
 fn equivalent_alpha(cosine: f32, squared: f32, [along, across]: [f32; 2]) -> f32 {
     let upright = cosine * cosine * (2.0 - cosine * cosine);
-    let share = squared + (0.5 - squared) * upright;
-    (along * along * share + across * across * (1.0 - share)).sqrt()
+    let blend = squared + (0.5 - squared) * upright;
+    (along * along * blend + across * across * (1.0 - blend)).sqrt()
 }
 
-/// Where a view cosine is on the table's axis: by s (1 + r) / (s + r) with s its square root and r that of the equivalent
-/// alpha, which is fine where facets are shadowed, and by the cosine itself.
+/// Table coordinate of a view cosine: a blend of s (1 + r) / (s + r), with s the root of the cosine and r that of the equivalent alpha,
+/// which has a fine resolution where facets are shadowed, and the cosine itself.
 #[inline(always)]
 fn cosine_axis(cosine: f32, equivalent: f32) -> f32 {
     let (root, roughness) = (cosine.sqrt(), equivalent.sqrt());
     0.7 * root * (1.0 + roughness) / (root + roughness) + 0.3 * cosine
 }
 
-/// A direction above facets of two roughnesses, and the similar isotropic facets.
+/// The isotropic facets equivalent to anisotropic ones for a direction, and the correction by the table.
 struct EquivalentFacets {
     cosine: f32,
-    /// Alpha of the similar isotropic facets.
+    /// Alpha of the isotropic facets.
     equivalent: f32,
-    /// How far the larger alpha is from the smaller one, 0 to 1.
+    /// Table coordinate of the larger alpha: 0 isotropic, 1 the largest ratio.
     spread: f32,
-    /// The table's numbers there.
+    /// Ratio of lost energy.
     lost: f32,
+    /// Ratio of the albedo weighted by (1 - cos)^5.
     grazing: f32,
 }
 
 impl EquivalentFacets {
-    /// For facets with alphas along x and y.
+    /// Equivalent of facets with alphas along x and y.
     #[inline(always)]
     fn new(wo: Vec3, alpha: [f32; 2]) -> EquivalentFacets {
         let (along, across, x, y) = match alpha[0] >= alpha[1] {
@@ -102,50 +104,51 @@ impl EquivalentFacets {
         let squared = if tangent > 1e-12 { x * x / tangent } else { 0.5 };
         let cosine = wo.z.clamp(0.0, 1.0);
         let equivalent = equivalent_alpha(cosine, squared, [along, across]);
-        let seen =
+        let along_azimuth =
             (equivalent_alpha(0.0, squared, [along, across]).sqrt() - small) / (large - small).max(1e-6);
         let spread = (large - small) / (largest(small) - small).max(1e-6);
-        let [lost, grazing] = interpolate([small_axis(small), spread, seen, cosine_axis(cosine, equivalent)]);
+        let [lost, grazing] =
+            interpolate([small_axis(small), spread, along_azimuth, cosine_axis(cosine, equivalent)]);
         EquivalentFacets { cosine, equivalent, spread, lost, grazing }
     }
 
-    /// Light of a Fresnel term's rise, by that of the similar isotropic facets. A bound on the error is added, so that not too much
-    /// light reaches the layer below.
+    /// Albedo weighted by the rise of a Fresnel term, from its value for isotropic facets. An error bound is added, so that the layer
+    /// below does not receive too much light.
     #[inline(always)]
     fn rise(&self, isotropic: f32, error: f32) -> f32 {
         (isotropic + FLOOR) * self.grazing - FLOOR + error * self.spread
     }
 }
 
-/// The albedo of facets with alphas along x and y under a direction.
+/// Directional albedo of facets with alphas along x and y.
 #[inline]
 pub fn anisotropic_albedo(wo: Vec3, alpha: [f32; 2]) -> DirectionalAlbedo {
-    let seen = EquivalentFacets::new(wo, alpha);
-    let isotropic = DirectionalAlbedo::at(seen.cosine, seen.equivalent);
-    let lost = (1.0 - isotropic.full + FLOOR) * seen.lost - FLOOR;
-    // A bound on the error between nodes is added, so that compensation adds no light.
-    let full = (1.0 - lost + seen.spread * (0.002 + 0.001 * (lost - seen.cosine))).clamp(1e-3, 1.0);
-    DirectionalAlbedo { full, grazing: seen.rise(isotropic.grazing, 0.002).clamp(0.0, full) }
+    let facets = EquivalentFacets::new(wo, alpha);
+    let isotropic = DirectionalAlbedo::at(facets.cosine, facets.equivalent);
+    let lost = (1.0 - isotropic.full + FLOOR) * facets.lost - FLOOR;
+    // Plus a bound of the interpolation error, so that compensation never adds energy.
+    let full = (1.0 - lost + facets.spread * (0.002 + 0.001 * (lost - facets.cosine))).clamp(1e-3, 1.0);
+    DirectionalAlbedo { full, grazing: facets.rise(isotropic.grazing, 0.002).clamp(0.0, full) }
 }
 
-/// The part of it weighted by the curve of a dielectric. Its ratio to that of isotropic facets is taken from the parts by Schlick's
-/// weight, which are similar: for alphas of 0.001 to 1 and indices of 1.02 to 3.5 the exact part is up to 0.0026
-/// larger than what that gives, and in one of a hundred places more than 0.0036 smaller.
+/// Directional albedo weighted by the Fresnel curve of a dielectric. The anisotropic-to-isotropic ratio is approximated by that of
+/// Schlick's weight: for alphas of 0.001 to 1 and indices of 1.02 to 3.5 the exact value is at most 0.0026 larger, and more than
+/// 0.0036 smaller in one of a hundred cases.
 #[inline]
 pub fn anisotropic_dielectric_grazing(wo: Vec3, alpha: [f32; 2], curve: DielectricCurve) -> f32 {
-    let seen = EquivalentFacets::new(wo, alpha);
-    let full = DirectionalAlbedo::at(seen.cosine, seen.equivalent).full;
-    let isotropic = full * curve.weight(mean_cosine(seen.cosine, seen.equivalent, curve));
-    // Smaller for indices near 1.
+    let facets = EquivalentFacets::new(wo, alpha);
+    let full = DirectionalAlbedo::at(facets.cosine, facets.equivalent).full;
+    let isotropic = full * curve.weight(mean_cosine(facets.cosine, facets.equivalent, curve));
+    // Error bound; smaller for indices near 1.
     let error = 0.001 + 0.005 * curve.amplitude;
-    seen.rise(isotropic, error).clamp(0.0, 1.0)
+    facets.rise(isotropic, error).clamp(0.0, 1.0)
 }
 
-/// The table's numbers at a place, coordinates from 0 to 1, interpolated linearly on all axes.
+/// The table's values at coordinates in 0..1, interpolated linearly on all axes.
 #[inline]
-fn interpolate(place: [f32; 4]) -> [f32; 2] {
+fn interpolate(coordinates: [f32; 4]) -> [f32; 2] {
     let at: [(usize, f32); 4] = std::array::from_fn(|axis| {
-        let x = place[axis].clamp(0.0, 1.0) * (NODES[axis] - 1) as f32;
+        let x = coordinates[axis].clamp(0.0, 1.0) * (NODES[axis] - 1) as f32;
         let i = (x as usize).min(NODES[axis] - 2);
         (i, x - i as f32)
     });
@@ -181,7 +184,7 @@ mod tests {
         DVec3::new(sine * azimuth, sine * (1.0 - azimuth * azimuth).sqrt(), cosine)
     }
 
-    /// The view cosine at which the last coordinate is `x`.
+    /// Inverse of [`cosine_axis`], by bisection.
     fn cosine_at(x: f32, squared: f32, alpha: [f32; 2]) -> f32 {
         let (mut low, mut high) = (0.0, 1.0);
         for _ in 0..40 {
@@ -193,7 +196,7 @@ mod tests {
         high * high
     }
 
-    /// The two values of a node.
+    /// The values of a node by quadrature.
     fn node(index: [usize; 4]) -> [f64; 2] {
         let x: [f32; 4] = std::array::from_fn(|axis| index[axis] as f32 / (NODES[axis] - 1) as f32);
         let small = match x[0] < AT_KINK {
@@ -221,7 +224,7 @@ mod tests {
 
     /// Writes the data file when `OSCURA_WRITE_TABLES` is set, then compares every 97th node.
     #[test]
-    fn table_is_the_integral() {
+    fn table_equals_quadrature() {
         if std::env::var_os("OSCURA_WRITE_TABLES").is_some() {
             let nodes: Vec<f64> = indices().flat_map(node).collect();
             let largest = nodes.iter().copied().fold(0.0, f64::max);
@@ -242,24 +245,24 @@ mod tests {
         }
     }
 
-    /// Errors between nodes. What is too little would add light, for metals by the error of `full` over it, for plastic by
-    /// that of `grazing`.
+    /// Interpolation errors. Values that are too small would add energy: for metals by the relative error of `full`, for plastic by the
+    /// error of `grazing`.
     #[test]
-    fn interpolation_stays_close_between_nodes() {
+    fn interpolation_errors_are_bounded() {
         let mut random = Random::new(5);
         let mut errors = [Vec::new(), Vec::new()];
         for i in 0..4000 {
             let [x, ratio, cosine, azimuth] = [0; 4].map(|_| random.next());
-            // Half of them nearly smooth, half grazing.
+            // Half of the cases have low roughness, half are at grazing incidence.
             let root = if i % 2 == 0 { 0.0317 + 0.9683 * x } else { 0.0317 * 31.6f32.powf(x) };
             let large = root * root;
             let alpha = [large, (large * (0.0625 + 0.9375 * ratio)).max(1e-3)];
             let wo = direction(if i % 4 < 2 { cosine } else { cosine * cosine }.into(), azimuth.into());
             let exact = reflected_from(wo, alpha.map(f64::from), 1.0, POINTS);
             let found = anisotropic_albedo(wo.as_vec3(), alpha);
-            let what = format!("{alpha:?} {wo}: {exact:?} {found:?}");
-            errors[0].push((f64::from(found.full) / exact[0] - 1.0, what.clone()));
-            errors[1].push((f64::from(found.grazing) - exact[1], what));
+            let case = format!("{alpha:?} {wo}: {exact:?} {found:?}");
+            errors[0].push((f64::from(found.full) / exact[0] - 1.0, case.clone()));
+            errors[1].push((f64::from(found.grazing) - exact[1], case));
         }
         for list in &mut errors {
             list.sort_by(|a, b| a.0.total_cmp(&b.0));

@@ -1,4 +1,4 @@
-//! The weighted sum of two materials that reflect diffusely, by microfacets, or both.
+//! The weighted sum of two reflecting (diffuse or glossy) materials.
 
 use super::lobe::MIN_ALBEDO;
 use super::metal_rough::{MetalRough, MetalRoughClosure, MetalRoughProgram};
@@ -8,18 +8,18 @@ use crate::math::Vec3;
 use crate::scene::ColorSlot;
 use std::f32::consts::FRAC_1_PI;
 
-/// The weighted sum of two BSDFs: a mix or an addition of shaders. Samples choose one of them in proportion to what
-/// it reflects and are weighted by the density of both (one-sample MIS, balance heuristic; Veach 1997, section 9.2.4).
+/// The weighted sum of two BSDFs: Mix Shader or Add Shader. Sampling chooses a BSDF in proportion to its weighted albedo and weights
+/// the sample by the pdf of both (one-sample MIS, balance heuristic; Veach 1997, section 9.2.4).
 #[derive(Clone, Copy, Debug)]
 pub struct Blend {
-    /// Factors on them.
+    /// Weights of the BSDFs.
     pub weights: [Rgb; 2],
     /// The BSDFs.
     pub parts: [MetalRough; 2],
 }
 
 impl Blend {
-    /// The closures for a viewer above the surface, and the probabilities of choosing them; none where nothing is reflected.
+    /// The closures for a view direction above the surface, with their selection probabilities; `None` if the albedo is zero.
     #[inline]
     fn closures(&self, above: Vec3) -> Option<[(MetalRoughClosure, f32); 2]> {
         let (first, second) = (closure(&self.parts[0], above), closure(&self.parts[1], above));
@@ -28,7 +28,7 @@ impl Blend {
         (sum > MIN_ALBEDO).then(|| [(first, a / sum), (second, b / sum)])
     }
 
-    /// Value and density of both for directions above the surface.
+    /// Weighted value and pdf of both BSDFs for directions above the surface.
     #[inline]
     fn eval_above(&self, closures: &[(MetalRoughClosure, f32); 2], above: Vec3, wi: Vec3) -> BsdfEval {
         let mut sum = BsdfEval::ZERO;
@@ -40,24 +40,24 @@ impl Blend {
         sum
     }
 
-    /// Changes both BSDFs.
+    /// Applies a change to both BSDFs.
     pub fn change(&mut self, change: impl FnMut(&mut MetalRough)) {
         self.parts.iter_mut().for_each(change);
     }
 
-    /// The diffuse colour that `wo` sees, and the probability of diffuse reflection.
+    /// The attenuated diffuse albedo for `wo`, and the probability of sampling diffuse reflection.
     pub fn base(&self, wo: Vec3) -> (Rgb, f32) {
         let Some(closures) = self.closures(ggx::above(wo)) else { return (Rgb::ZERO, 0.0) };
-        let (mut color, mut share) = (Rgb::ZERO, 0.0);
+        let (mut color, mut probability_diffuse) = (Rgb::ZERO, 0.0);
         for (weight, (closure, probability)) in self.weights.into_iter().zip(closures) {
             color += weight * closure.diffuse;
-            share += probability * closure.probability_diffuse;
+            probability_diffuse += probability * closure.probability_diffuse;
         }
-        (color, share)
+        (color, probability_diffuse)
     }
 }
 
-/// The closure of a part for a viewer above the surface; it takes no tables for a diffuse one.
+/// The closure of a part for a view direction above the surface; purely diffuse parts need no table look-ups.
 #[inline]
 fn closure(part: &MetalRough, above: Vec3) -> MetalRoughClosure {
     if part.layer_f90 > 0.0 || part.metallic > 0.0 {
@@ -68,7 +68,7 @@ fn closure(part: &MetalRough, above: Vec3) -> MetalRoughClosure {
     MetalRoughClosure { diffuse, rest: 1.0, albedo, probability_diffuse, ..MetalRoughClosure::default() }
 }
 
-/// Value and density of the closure of a part for directions above the surface.
+/// Value and pdf of a part's closure for directions above the surface.
 #[inline]
 fn eval(closure: &MetalRoughClosure, part: &MetalRough, above: Vec3, wi: Vec3) -> BsdfEval {
     if closure.probability_specular > 0.0 {
@@ -85,7 +85,7 @@ impl Lobe for Blend {
         let first = closures[0].1;
         let k = usize::from(u[2] >= first);
         let (closure, probability) = &closures[k];
-        // The remainder of the random number after the choice, uniform again.
+        // The random number rescaled after the choice, uniform in 0..1 again.
         let rest = if k == 0 { u[2] / first } else { (u[2] - first) / (1.0 - first) };
         let own = closure.sample(
             &self.parts[k].surface,
@@ -129,7 +129,7 @@ impl Lobe for Blend {
         (a + b).min(Rgb::ONE)
     }
 
-    /// The roughness is that of the one that reflects more by its facets.
+    /// The roughness is that of the BSDF with the brighter glossy reflection.
     fn appearance(&self) -> Appearance {
         let [a, b] = self.parts.map(|part| part.appearance());
         let [of_a, of_b] = self.weights;
@@ -218,7 +218,7 @@ mod tests {
         }
     }
 
-    /// The mean of the weights of samples is the albedo, which is the weighted sum of those of the two; densities are those of `eval`.
+    /// The mean sample weight is the weighted sum of those of the two parts, and pdfs of samples equal those of `eval`.
     #[test]
     fn samples_agree_with_values() {
         for alpha in [0.0, 0.1, 0.6] {
@@ -226,21 +226,21 @@ mod tests {
                 Blend { weights: [Rgb::splat(0.6), Rgb::splat(0.4)], parts: [diffuse(0.7), glossy(alpha)] };
             for wo in viewers() {
                 let mut random = Random::new(9);
-                let (mut own, mut apart) = (0.0f64, 0.0f64);
+                let (mut blended, mut separate) = (0.0f64, 0.0f64);
                 const COUNT: u32 = 200_000;
                 for _ in 0..COUNT {
                     let u = [random.next(), random.next(), random.next()];
                     let sample = Bsdf::Blend(blend).sample(wo, u);
-                    own += f64::from(sample.weight.g);
+                    blended += f64::from(sample.weight.g);
                     for (weight, part) in blend.weights.iter().zip(&blend.parts) {
-                        apart += f64::from(weight.g * part.sample(wo, u).weight.g);
+                        separate += f64::from(weight.g * part.sample(wo, u).weight.g);
                     }
                     if sample.pdf_solid_angle > 0.0 && !sample.is_specular {
                         let value = blend.eval(wo, sample.wi);
                         assert!((value.pdf_solid_angle / sample.pdf_solid_angle - 1.0).abs() < 1e-4);
                     }
                 }
-                assert!((own / apart - 1.0).abs() < 0.01, "{alpha} {wo}: {own} {apart}");
+                assert!((blended / separate - 1.0).abs() < 0.01, "{alpha} {wo}: {blended} {separate}");
             }
         }
     }

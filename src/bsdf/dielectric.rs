@@ -8,22 +8,22 @@ use crate::color::Rgb;
 use crate::math::Vec3;
 use crate::scene::{ColorSlot, FresnelModel};
 
-/// The boundary of a smooth solid dielectric. z above 0 is outside.
+/// The interface of a smooth solid dielectric; z > 0 is the outside.
 #[derive(Clone, Copy, Debug)]
 pub struct Dielectric {
-    /// Index of refraction of the inside over the outside.
+    /// Relative index of refraction: inside over outside.
     pub ior: f32,
     /// Scaling of radiance by refraction.
     pub refraction: Refraction,
-    /// Factor on transmitted light at each crossing.
+    /// Transmission tint, applied at each crossing.
     pub tint: Rgb,
     /// Fresnel term.
     pub fresnel: FresnelModel,
-    /// Rough versions have Beckmann facets instead of GGX.
+    /// Distribution of rough variants: Beckmann instead of GGX.
     pub is_beckmann: bool,
 }
 
-/// Reflection and refraction at a smooth face of a solid, without the scaling of radiance by refraction.
+/// Reflection and refraction at a smooth interface, without the scaling of radiance by refraction.
 #[derive(Clone, Copy, Debug)]
 pub struct SmoothInterface {
     /// Reflectance.
@@ -35,7 +35,7 @@ pub struct SmoothInterface {
 }
 
 impl Dielectric {
-    /// Reflection and refraction for an incident cosine `cos_o`, from inside or from outside.
+    /// Reflection and refraction for an incident cosine in 0..1, from inside or from outside.
     pub(super) fn interface(&self, cos_o: f32, is_inside: bool) -> SmoothInterface {
         let eta = if is_inside { 1.0 / self.ior } else { self.ior };
         let fresnel::Interface { reflectance, cos_transmitted } = match self.fresnel {
@@ -48,7 +48,7 @@ impl Dielectric {
 }
 
 impl Lobe for Dielectric {
-    /// Reflects with the probability of the reflectance, refracts otherwise.
+    /// Reflects with a probability equal to the reflectance, else refracts.
     #[inline(always)]
     fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
         let eta = if wo.z < 0.0 { 1.0 / self.ior } else { self.ior };
@@ -99,12 +99,12 @@ impl Lobe for Dielectric {
     }
 }
 
-/// Smooth thin glass: transmits straight on; interreflections between its two faces are summed in closed form.
+/// Smooth thin-walled glass: transmits without refraction; interreflections between both faces are summed in closed form.
 #[derive(Clone, Copy, Debug)]
 pub struct ThinDielectric {
     /// Index of refraction.
     pub ior: f32,
-    /// Factor on transmitted light.
+    /// Transmission tint.
     pub tint: Rgb,
 }
 
@@ -183,7 +183,7 @@ impl Transmissive for ThinDielectric {
 
     #[inline(always)]
     fn with_ior(self, _ior: f32) -> Self {
-        // Thin walls disperse nothing.
+        // Thin walls have no dispersion.
         self
     }
 
@@ -207,7 +207,7 @@ pub struct DielectricProgram {
     pub refraction: Refraction,
     /// See [`Dielectric::tint`].
     pub tint: ColorSlot,
-    /// The tint is that of both crossings of a solid together.
+    /// Whether `tint` is the total of two crossings (entry and exit); see [`tint_of_crossing`].
     pub tints_once: bool,
     /// See [`Dielectric::fresnel`].
     pub fresnel: FresnelModel,
@@ -216,7 +216,7 @@ pub struct DielectricProgram {
 }
 
 impl DielectricProgram {
-    /// A solid whose tint counts at each crossing.
+    /// A solid GGX dielectric with the tint applied at each crossing.
     pub(super) fn new(ior: f32, tint: ColorSlot, fresnel: FresnelModel) -> DielectricProgram {
         let refraction = Refraction::Scales;
         DielectricProgram { ior, refraction, tint, tints_once: false, fresnel, is_beckmann: false }
@@ -228,7 +228,7 @@ impl MaterialProgram for DielectricProgram {
 
     #[inline]
     fn evaluate(&self, slots: &impl Slots, _frame: &LocalFrame) -> Dielectric {
-        let tint = tint_of_crossing(slots.share_by_channel(&self.tint), self.tints_once);
+        let tint = tint_of_crossing(slots.clamped_color(&self.tint), self.tints_once);
         let (ior, refraction, fresnel, is_beckmann) =
             (self.ior, self.refraction, self.fresnel, self.is_beckmann);
         Dielectric { ior, refraction, tint, fresnel, is_beckmann }
@@ -253,7 +253,7 @@ impl MaterialProgram for ThinDielectricProgram {
 
     #[inline]
     fn evaluate(&self, slots: &impl Slots, _frame: &LocalFrame) -> ThinDielectric {
-        ThinDielectric { ior: self.ior, tint: slots.share_by_channel(&self.tint) }
+        ThinDielectric { ior: self.ior, tint: slots.clamped_color(&self.tint) }
     }
 
     fn may_pass_straight(&self) -> bool {
@@ -265,11 +265,11 @@ impl MaterialProgram for ThinDielectricProgram {
     }
 }
 
-/// The factor on transmitted light at one crossing of a surface.
+/// The transmission tint of one crossing of a surface.
 ///
-/// KHR_materials_transmission multiplies transmitted light by the base colour at each crossing, so that a closed solid shows
-/// its square; where the colour is meant for the whole solid, each crossing takes the root. Absorption inside a volume is
-/// the integrator's.
+/// KHR_materials_transmission multiplies transmitted light by the base colour at each crossing, so a closed solid has its square; with
+/// `tints_once` the colour is for the whole solid and each crossing has its square root. Absorption within the volume is up to the
+/// integrator.
 #[inline(always)]
 pub(super) fn tint_of_crossing(color: Rgb, tints_once: bool) -> Rgb {
     if tints_once { color.map(f32::sqrt) } else { color }

@@ -1,24 +1,23 @@
-//! Directional albedo of GGX facets with the exact Fresnel curve of a dielectric, from a table.
+//! Table for the directional albedo of GGX facets with the exact Fresnel curve of a dielectric.
 
 use super::fresnel::DielectricCurve;
 use super::ggx::MIN_ROUGHNESS;
 
-/// Nodes by roughness r = sqrt(alpha) from the least to 1, by index of refraction (see [`index_axis`]), and by view
+/// Nodes along the table's axes: roughness r = sqrt(alpha) from [`MIN_ROUGHNESS`] to 1; index of refraction ([`index_axis`]); view
 /// cosine, as s (1 + r) / (s + r) with s its square root.
 const NODES: [usize; 3] = [32, 16, 40];
 
-/// Smallest value of the table; from it on, values are quantised in 1 / 65535 of a range of 1.
+/// Smallest value of the table; values are stored as 16-bit fractions of the range `MIN..MIN + 1`.
 const MIN: f32 = -0.1;
 
-/// The mean cosine of facets is the cosine at which a smooth surface weighs light as the rough one does on average: the
-/// share of reflected light weighted by the curve is the directional albedo times the curve's weight there. It depends
-/// on the index little and smoothly, and is the view cosine itself on smooth surfaces. The table has its [`scaled`]
-/// value less that of the view cosine.
+/// Mean cosines of facets: the cosine at which the Fresnel curve's weight equals its mean over all facets, so that the albedo weighted
+/// by the curve is the directional albedo times the weight at this cosine. It varies slowly with the index, and is the view cosine
+/// for smooth surfaces. Stored is the difference of the [`scaled`] mean cosine and the [`scaled`] view cosine.
 type Table = [[[u16; NODES[2]]; NODES[1]]; NODES[0]];
 
 static MEAN_COSINE: Table = decoded(include_bytes!("mean_cosine.bin"));
 
-/// Little-endian numbers, the last axis first.
+/// Decodes little-endian numbers, the last axis contiguous.
 const fn decoded(bytes: &[u8; size_of::<Table>()]) -> Table {
     let mut table = [[[0; NODES[2]]; NODES[1]]; NODES[0]];
     let [_, nb, nc] = NODES;
@@ -31,35 +30,35 @@ const fn decoded(bytes: &[u8; size_of::<Table>()]) -> Table {
     table
 }
 
-/// A curve's place between an index of 1 and the largest: the fourth root of n^2 - 1 = 4 q / (1 - q)^2, with q the
-/// amplitude. Mean cosines fall with it as n nears 1.
+/// Table coordinate of an index of refraction n: the fourth root of n^2 - 1 = 4 q / (1 - q)^2, with q the reflected amplitude at normal
+/// incidence, scaled to 0..1. Near n = 1 mean cosines are about linear in it.
 #[inline(always)]
 fn index_axis(curve: DielectricCurve) -> f32 {
-    // For q = 1 / sqrt(3).
+    // At q = 1 / sqrt(3).
     const LARGEST: f32 = 1.896_201_7;
     (2.0 * curve.amplitude.sqrt() / (1.0 - curve.amplitude)).sqrt() * (1.0 / LARGEST)
 }
 
-/// A cosine on a scale that is fine where facets of this roughness are shadowed.
+/// Maps a cosine to a scale with a fine resolution where facets of this roughness are shadowed.
 #[inline(always)]
 fn scaled(cosine: f32, roughness: f32) -> f32 {
     cosine * (1.0 + roughness) / (cosine + roughness)
 }
 
-/// The mean cosine of facets of an alpha, seen under a view cosine, for the curve of a dielectric. The share of light that
-/// follows from it is at most 0.0006 too small and 0.003 too large (0.005 and 0.02 for indices below 1.05 under view cosines
-/// below 0.01), and wrong by 0.0004 in the quadratic mean.
+/// The mean cosine of facets for a view cosine, an alpha and a dielectric's Fresnel curve. The weighted albedo computed with it is at
+/// most 0.0006 too small and 0.003 too large (0.005 and 0.02 for indices below 1.05 at view cosines below 0.01), with a root mean
+/// square error of 0.0004.
 #[inline(always)]
 pub fn mean_cosine(cos_o: f32, alpha: f32, curve: DielectricCurve) -> f32 {
     let cosine = cos_o.clamp(0.0, 1.0);
     let (root, roughness) = (cosine.sqrt(), alpha.clamp(0.0, 1.0).sqrt().max(MIN_ROUGHNESS));
-    let place = [
+    let coordinates = [
         (roughness - MIN_ROUGHNESS) * (1.0 / (1.0 - MIN_ROUGHNESS)),
         index_axis(curve),
         root * (1.0 + roughness) / (root + roughness),
     ];
     let at: [(usize, f32); 3] = std::array::from_fn(|axis| {
-        let x = place[axis].clamp(0.0, 1.0) * (NODES[axis] - 1) as f32;
+        let x = coordinates[axis].clamp(0.0, 1.0) * (NODES[axis] - 1) as f32;
         let i = (x as usize).min(NODES[axis] - 2);
         (i, x - i as f32)
     });
@@ -88,13 +87,13 @@ mod tests {
 
     const POINTS: usize = 8_000;
 
-    /// The curve's weight in double precision.
+    /// [`DielectricCurve::weight`] in double precision.
     fn weight(cosine: f64, ior: f64) -> f64 {
         let normal = fresnel(1.0, ior).0;
         ((fresnel(cosine, ior).0 - normal) / (1.0 - normal)).max(0.0)
     }
 
-    /// The cosine at which the curve has a weight.
+    /// Inverse of [`weight`] by bisection.
     fn cosine_of(value: f64, ior: f64) -> f64 {
         let (mut low, mut high) = (0.0, 1.0);
         for _ in 0..60 {
@@ -104,7 +103,7 @@ mod tests {
         0.5 * (low + high)
     }
 
-    /// A column of nodes, by index of refraction.
+    /// The nodes of all indices of refraction for a roughness and a view cosine, by quadrature.
     fn nodes(row: usize, column: usize) -> [f64; NODES[1]] {
         let least = f64::from(MIN_ROUGHNESS);
         let r = least + (1.0 - least) * row as f64 / (NODES[0] - 1) as f64;
@@ -116,11 +115,11 @@ mod tests {
             |f: &dyn Fn(f64) -> f64| lights.iter().map(|(c, light)| light * f(*c)).sum::<f64>() / total;
         let scaled = |c: f64| c * (1.0 + r) / (c + r);
         std::array::from_fn(|index| {
-            // The least one stands for indices that hardly differ from 1.
-            let place = (index as f64 / (NODES[1] - 1) as f64).max(0.02);
-            let ior = largest_ior(place);
+            // The first node represents the limit for indices near 1.
+            let coordinate = (index as f64 / (NODES[1] - 1) as f64).max(0.02);
+            let ior = ior_at(coordinate);
             let value = mean(&|c| weight(c, ior));
-            // All facets see the view at nearly normal incidence, where weights go with (1 - cos)^2.
+            // If all facets are near normal incidence, weights are proportional to (1 - cos)^2.
             let tiny = (1e-8 * fresnel(1.0, ior).0).max(1e-13);
             let found = match value > tiny {
                 true => cosine_of(value, ior),
@@ -130,16 +129,16 @@ mod tests {
         })
     }
 
-    /// The index at a place on its axis.
-    fn largest_ior(place: f64) -> f64 {
+    /// Inverse of [`index_axis`].
+    fn ior_at(coordinate: f64) -> f64 {
         let q = f64::from(LARGEST_AMPLITUDE);
         let largest = ((1.0 + q) / (1.0 - q)).powi(2) - 1.0;
-        (1.0 + largest * place.powi(4)).sqrt()
+        (1.0 + largest * coordinate.powi(4)).sqrt()
     }
 
     /// Writes the data file when `OSCURA_WRITE_TABLES` is set, then compares some nodes.
     #[test]
-    fn table_is_the_integral() {
+    fn table_equals_quadrature() {
         let unit = |v: f64| (v - f64::from(MIN)) * 65535.0;
         if std::env::var_os("OSCURA_WRITE_TABLES").is_some() {
             let mut bytes = Vec::new();
@@ -166,18 +165,18 @@ mod tests {
     }
 
     #[test]
-    fn the_axis_reaches_from_1_to_the_largest_index() {
+    fn index_axis_covers_1_to_the_largest_index() {
         assert_eq!(index_axis(DielectricCurve::of_ior(1.0)), 0.0);
         assert!((index_axis(DielectricCurve::of_ior(9.0)) - 1.0).abs() < 1e-6);
-        for place in [0.1, 0.5, 0.9] {
-            let found = index_axis(DielectricCurve::of_ior(largest_ior(place) as f32));
-            assert!((f64::from(found) - place).abs() < 1e-4, "{place}: {found}");
+        for coordinate in [0.1, 0.5, 0.9] {
+            let found = index_axis(DielectricCurve::of_ior(ior_at(coordinate) as f32));
+            assert!((f64::from(found) - coordinate).abs() < 1e-4, "{coordinate}: {found}");
         }
     }
 
-    /// Errors of the share of light, between nodes. Too little would add light.
+    /// Interpolation errors of the weighted albedo. Values that are too small would add energy.
     #[test]
-    fn interpolation_stays_close_between_nodes() {
+    fn interpolation_errors_are_bounded() {
         let mut random = Random::new(3);
         let (mut lists, mut squares) = ([Vec::new(), Vec::new()], 0.0);
         for i in 0..2000 {
@@ -198,7 +197,7 @@ mod tests {
         for (list, [least, largest]) in lists.iter_mut().zip([[-6e-4, 3e-3], [-5e-3, 0.02]]) {
             list.sort_by(|a, b| a.0.total_cmp(&b.0));
             let [first, last] = [list[0], list[list.len() - 1]];
-            println!("{} places: {first:?} to {last:?}", list.len());
+            println!("{} cases: {first:?} to {last:?}", list.len());
             assert!(first.0 > least && last.0 < largest, "{first:?} {last:?}");
         }
         let mean = (squares / 2000.0).sqrt();

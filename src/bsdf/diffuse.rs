@@ -10,7 +10,7 @@ use std::f32::consts::{FRAC_1_PI, PI};
 /// Ideal diffuse reflection on both sides (Lambert 1760): f = albedo / pi.
 #[derive(Clone, Copy, Debug)]
 pub struct Lambert {
-    /// Share of light reflected, 0..1.
+    /// Albedo, 0..1.
     pub albedo: Rgb,
 }
 
@@ -72,24 +72,23 @@ impl MaterialProgram for LambertProgram {
 
     #[inline]
     fn evaluate(&self, slots: &impl Slots, _frame: &LocalFrame) -> Lambert {
-        Lambert { albedo: slots.share_by_channel(&self.albedo) }
+        Lambert { albedo: slots.clamped_color(&self.albedo) }
     }
 }
 
-/// Fujii's form of the Oren-Nayar model with the light that bounces between its facets (Portsmouth, Kutz, Hill 2024,
-/// "EON: A Practical Energy-Preserving Rough Diffuse BRDF"). Both sides alike; reciprocal; white
-/// returns all light, and roughness 0 is Lambert's law.
+/// Fujii's form of the Oren-Nayar model with multiple scattering between facets (Portsmouth, Kutz, Hill 2024, "EON: A Practical
+/// Energy-Preserving Rough Diffuse BRDF"). Two-sided and reciprocal; a white surface reflects all light; roughness 0 is Lambertian.
 #[derive(Clone, Copy, Debug)]
 pub struct OrenNayar {
-    /// Share of light reflected by each facet, 0..1.
+    /// Albedo of a facet, 0..1.
     pub color: Rgb,
-    /// 0..1.
+    /// Roughness, 0..1.
     pub roughness: f32,
 }
 
-/// 1/2 - 2 / (3 pi), in the normalisation (eq. 15).
+/// Constant of the normalisation, 1/2 - 2 / (3 pi) (eq. 15).
 const C1: f32 = 0.5 - 2.0 / (3.0 * PI);
-/// 2/3 - 28 / (15 pi), in the mean albedo (eq. 16).
+/// Constant of the mean albedo, 2/3 - 28 / (15 pi) (eq. 16).
 const C2: f32 = 2.0 / 3.0 - 28.0 / (15.0 * PI);
 
 impl OrenNayar {
@@ -98,7 +97,7 @@ impl OrenNayar {
         1.0 / (1.0 + C1 * self.roughness)
     }
 
-    /// Directional albedo of single scattering for white, by the polynomial of the paper (listing 1), within 0.001.
+    /// Single-scattering directional albedo of a white surface by the paper's polynomial (listing 1), within 0.001.
     #[inline(always)]
     fn single_albedo(&self, cosine: f32) -> f32 {
         let m = 1.0 - cosine;
@@ -106,8 +105,8 @@ impl OrenNayar {
         (1.0 + self.roughness * g) * self.normalisation()
     }
 
-    /// Probability of sampling the hemisphere uniformly instead of by the cosine: what returns to a viewer at grazing
-    /// incidence comes from grazing directions.
+    /// Probability of uniform instead of cosine-weighted hemisphere sampling: at grazing incidence much of the reflected light comes
+    /// from grazing directions.
     #[inline(always)]
     fn probability_uniform(&self, zo: f32) -> f32 {
         0.5 * self.roughness * (1.0 - zo) * (1.0 - zo)
@@ -134,7 +133,7 @@ impl Lobe for OrenNayar {
             return BsdfEval::ZERO;
         }
         let (zo, zi) = (wo.z.abs().min(1.0), wi.z.abs().min(1.0));
-        // The cosine between the projections, scaled: eq. 10. Rounding may take it below -1.
+        // s of eq. 10; rounding may give values below -1.
         let s = (wo.dot(wi) - zo * zi).max(-1.0);
         let s_over_t = if s > 0.0 { s / zo.max(zi).max(1e-6) } else { s };
         let single = self.color * (self.normalisation() * (1.0 + self.roughness * s_over_t));
@@ -172,7 +171,7 @@ impl Lobe for OrenNayar {
     }
 }
 
-/// The parameters of a [`OrenNayar`].
+/// The parameters of an [`OrenNayar`].
 #[derive(Clone, Copy, Debug)]
 pub struct OrenNayarProgram {
     /// See [`OrenNayar::color`].
@@ -186,11 +185,14 @@ impl MaterialProgram for OrenNayarProgram {
 
     #[inline]
     fn evaluate(&self, slots: &impl Slots, _frame: &LocalFrame) -> OrenNayar {
-        OrenNayar { color: slots.share_by_channel(&self.color), roughness: slots.share(&self.roughness) }
+        OrenNayar {
+            color: slots.clamped_color(&self.color),
+            roughness: slots.clamped_number(&self.roughness),
+        }
     }
 }
 
-/// Ideal diffuse transmission with albedo 1: f = 1 / pi, the same from both sides (KHR_materials_diffuse_transmission).
+/// Ideal diffuse transmission with albedo 1, two-sided: f = 1 / pi (KHR_materials_diffuse_transmission).
 #[derive(Clone, Copy, Debug)]
 pub struct DiffuseThrough;
 
@@ -213,8 +215,8 @@ impl DiffuseThrough {
     /// See [`super::Bsdf::eval`].
     #[inline(always)]
     pub fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
-        let crosses = (wo.z < 0.0) != (wi.z < 0.0);
-        let pdf_solid_angle = if crosses { wi.z.abs() * FRAC_1_PI } else { 0.0 };
+        let is_transmission = (wo.z < 0.0) != (wi.z < 0.0);
+        let pdf_solid_angle = if is_transmission { wi.z.abs() * FRAC_1_PI } else { 0.0 };
         BsdfEval { f_cos: Rgb::splat(pdf_solid_angle), pdf_solid_angle }
     }
 }

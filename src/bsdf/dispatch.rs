@@ -1,8 +1,7 @@
-//! The macro that makes the closed enums over all BSDFs, with static dispatch, from one table.
+//! The macro that generates the enums over all BSDFs, with static dispatch, from one table.
 
-/// Makes `Bsdf`, `BsdfClass` and `BsdfProgram` of a table. Each row names a [`super::Lobe`] and its
-/// [`super::MaterialProgram`], each with its file; rows under `transmissive` are [`super::Transmissive`] as well.
-/// `Black`, which does nothing, is always there.
+/// Generates `Bsdf`, `BsdfClass` and `BsdfProgram` from a table. Each row names a [`super::Lobe`] and its [`super::MaterialProgram`]
+/// with their modules; rows under `transmissive` also implement [`super::Transmissive`]. `Black` is predefined.
 macro_rules! bsdfs {
     (
         opaque {$(
@@ -19,7 +18,7 @@ macro_rules! bsdfs {
         $(pub use $file::$transmissive;)*
         $(pub use $program_file::$program;)*
 
-        /// Every way in which a surface may scatter.
+        /// A BSDF at a hit.
         #[derive(Clone, Copy, Debug)]
         pub enum Bsdf {
             /// Absorbs everything.
@@ -28,7 +27,7 @@ macro_rules! bsdfs {
             $($(#[$doc])* $transmissive($transmissive),)*
         }
 
-        /// Which BSDF a material has; known without its textures.
+        /// The type of a material's BSDF, independent of textures.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
         pub enum BsdfClass {
             /// [`Bsdf::Black`].
@@ -37,9 +36,9 @@ macro_rules! bsdfs {
             $($(#[$doc])* $transmissive,)*
         }
 
-        /// A material's scattering once it is compiled: the parameters of one BSDF, constants or textures with factors.
+        /// The compiled BSDF of a material: its parameters as constants or textures with factors.
         #[derive(Clone, Copy, Debug)]
-        #[allow(clippy::large_enum_variant, reason = "there is one a material")]
+        #[allow(clippy::large_enum_variant, reason = "one per material")]
         pub enum BsdfProgram {
             /// [`Bsdf::Black`].
             Black,
@@ -59,7 +58,7 @@ macro_rules! bsdfs {
         })*
 
         impl BsdfProgram {
-            /// Which BSDF it gives.
+            /// The type of the BSDF.
             pub fn class(&self) -> BsdfClass {
                 match self {
                     BsdfProgram::Black => BsdfClass::Black,
@@ -68,7 +67,7 @@ macro_rules! bsdfs {
                 }
             }
 
-            /// The BSDF where its slots have these values. Colours and numbers are clamped to 0..1.
+            /// Evaluates the parameters at a hit. Colours and numbers are clamped to 0..1.
             #[inline]
             pub fn evaluate(&self, slots: &impl Slots, frame: &LocalFrame) -> Bsdf {
                 match self {
@@ -109,7 +108,7 @@ macro_rules! bsdfs {
         }
 
         impl BsdfClass {
-            /// May it be the surface of a solid, which bends light?
+            /// Whether the BSDF may refract; see [`Transmissive::REFRACTS`].
             pub fn refracts(self) -> bool {
                 match self {
                     BsdfClass::Black => false,
@@ -120,7 +119,7 @@ macro_rules! bsdfs {
         }
 
         impl Bsdf {
-            /// Chooses a direction. `u[2]` chooses the lobe, the others the direction in it.
+            /// Samples a direction by random numbers in 0..1: `u[2]` selects the lobe, `u[0]` and `u[1]` the direction.
             #[inline]
             pub fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
                 let wo = with_side(wo);
@@ -131,7 +130,7 @@ macro_rules! bsdfs {
                 }
             }
 
-            /// Value and density for two directions; specular lobes count as zero.
+            /// Value and pdf of a pair of directions; specular lobes count as zero.
             #[inline]
             pub fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
                 let (wo, wi) = (with_side(wo), with_side(wi));
@@ -142,7 +141,7 @@ macro_rules! bsdfs {
                 }
             }
 
-            /// Are all its samples specular, so that light sampling finds nothing?
+            /// Whether all samples are specular, so that light sampling contributes nothing.
             #[inline]
             pub fn is_specular(&self) -> bool {
                 match self {
@@ -162,7 +161,7 @@ macro_rules! bsdfs {
                 }
             }
 
-            /// May light from the other side of the surface reach the viewer by a lobe of finite width?
+            /// Whether there may be non-specular transmission; see [`Transmissive::SCATTERS_THROUGH`].
             #[inline(always)]
             pub fn scatters_through(&self) -> bool {
                 match self {
@@ -182,7 +181,7 @@ macro_rules! bsdfs {
                 }
             }
 
-            /// With its base colour multiplied (by the colour of vertices).
+            /// Multiplies the base colour (by vertex colours).
             #[inline]
             pub fn tinted(self, color: Rgb) -> Bsdf {
                 match self {
@@ -192,7 +191,7 @@ macro_rules! bsdfs {
                 }
             }
 
-            /// With another index of refraction of its glass, for one wavelength of a dispersive material.
+            /// Replaces the index of refraction of glass: see [`Transmissive::with_ior`].
             #[inline]
             pub fn with_ior(self, ior: f32) -> Bsdf {
                 match self {
@@ -239,7 +238,7 @@ macro_rules! bsdfs {
                 }
             }
 
-            /// A plain colour for the albedo output: reflectance at normal incidence, white for clear glass.
+            /// See [`Lobe::albedo`].
             #[inline]
             pub fn albedo(&self) -> Rgb {
                 match self {

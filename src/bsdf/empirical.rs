@@ -1,5 +1,4 @@
-//! Empirical reflection: the modified Phong model of older files; toon shading of Cycles, where light has steps instead of
-//! gradients; and the velvet of Ashikhmin, as older files of Blender have it.
+//! Empirical reflection models: modified Phong, the toon shading of Cycles, and Ashikhmin's velvet of older Blender files.
 
 use super::{Appearance, BsdfEval, BsdfSample, Lobe, LocalFrame, MaterialProgram, Slots};
 use crate::color::Rgb;
@@ -11,8 +10,8 @@ use std::f32::consts::{FRAC_1_PI, FRAC_PI_2, PI, TAU};
 /// Diffuse reflection and a cosine lobe around the mirror direction (Lafortune, Willems 1994, "Using the modified Phong
 /// reflectance model for physically based rendering"): f = kd / pi + ks (n + 2) / (2 pi) cos^n.
 ///
-/// Both sides alike. Reciprocal; returns at most kd + ks of the light, and that only from straight above. Elsewhere the
-/// specular share is darker by about the view cosine, and what of the lobe is below the surface is lost:
+/// Two-sided and reciprocal. The albedo is kd + ks at normal incidence; elsewhere the specular albedo falls with about the view cosine,
+/// and the part of the lobe below the surface is lost:
 ///
 /// | Albedo for ks = 1, view cosine | 1 | 0.7 | 0.5 | 0.3 | 0.1 | 0.02 |
 /// |---|---|---|---|---|---|---|
@@ -21,26 +20,26 @@ use std::f32::consts::{FRAC_1_PI, FRAC_PI_2, PI, TAU};
 /// | n = 100 | 1 | 0.70 | 0.50 | 0.30 | 0.11 | 0.05 |
 /// | n = 1000 | 1 | 0.70 | 0.50 | 0.30 | 0.10 | 0.03 |
 ///
-/// For that loss `Ns` of MTL files becomes the roughness of facets, which reflect more towards grazing incidence as
-/// real surfaces do; this model is there for who asks for it, with `type = "phong"` in a scene file.
+/// Because of this loss `Ns` of MTL files is converted to the roughness of microfacets instead; this model is only used for
+/// `type = "phong"` in scene files.
 #[derive(Clone, Copy, Debug)]
 pub struct Phong {
-    /// Diffuse share kd.
+    /// Diffuse albedo kd, 0..1.
     pub diffuse: Rgb,
-    /// Specular share ks; kd + ks is at most 1.
+    /// Specular albedo ks, 0..1; kd + ks is at most 1.
     pub specular: Rgb,
-    /// The exponent n, from 0.
+    /// Exponent n >= 0.
     pub exponent: f32,
 }
 
-/// x to a power, for x in 0..1. 0 below the smallest normal number.
+/// x^exponent for x in 0..1; 0 for subnormal x.
 #[inline(always)]
 fn power(x: f32, exponent: f32) -> f32 {
     if x >= f32::MIN_POSITIVE { poly::exp(exponent * poly::ln(x)) } else { 0.0 }
 }
 
 impl Phong {
-    /// Scales both shares down where they would reflect more light than arrives.
+    /// Scales both albedos down if their sum exceeds 1.
     pub fn new(diffuse: Rgb, specular: Rgb, exponent: f32) -> Phong {
         let scale = 1.0 / (diffuse + specular).max_element().max(1.0);
         Phong { diffuse: diffuse * scale, specular: specular * scale, exponent }
@@ -98,7 +97,7 @@ impl Lobe for Phong {
         self.diffuse + self.specular
     }
 
-    /// Its lobe is about as wide as that of facets of this alpha (Walter et al. 2007, section 5.2).
+    /// The alpha of microfacets with about the same lobe width is sqrt(2 / (n + 2)) (Walter et al. 2007, section 5.2).
     fn appearance(&self) -> Appearance {
         let alpha = (2.0 / (self.exponent + 2.0)).sqrt();
         Appearance {
@@ -131,36 +130,36 @@ impl MaterialProgram for PhongProgram {
 
     #[inline]
     fn evaluate(&self, slots: &impl Slots, _frame: &LocalFrame) -> Phong {
-        let [diffuse, specular] = [&self.diffuse, &self.specular].map(|slot| slots.share_by_channel(slot));
+        let [diffuse, specular] = [&self.diffuse, &self.specular].map(|slot| slots.clamped_color(slot));
         Phong::new(diffuse, specular, self.exponent)
     }
 }
 
-/// Light from within an angle of an axis counts alike, without a cosine; beyond, it fades out linearly with the angle. The axis is the normal,
-/// or the mirror direction. Returns at most `color` of the light. Both sides alike, not reciprocal.
+/// Toon shading: constant f |cos| within an angle of an axis (the normal or the mirror direction), with a linear falloff beyond. The
+/// albedo is at most `color`. Two-sided, not reciprocal.
 #[derive(Clone, Copy, Debug)]
 pub struct Toon {
-    /// Factor on the scattered light.
+    /// Upper bound of the albedo, 0..1.
     pub color: Rgb,
-    /// The angle within which light is whole, radians.
+    /// Angle of full intensity, radians.
     pub angle_rad: f32,
-    /// Where it is dark.
+    /// Angle at which the intensity reaches 0, radians.
     pub end_rad: f32,
-    /// The axis is the mirror direction: a highlight.
+    /// Whether the axis is the mirror direction (glossy toon).
     pub is_glossy: bool,
 }
 
-/// Angles of highlights are at least this share of a right angle.
+/// Minimum `size`, as a fraction of a right angle.
 const MIN_SIZE: f32 = 1e-5;
 
 impl Toon {
-    /// By shares of a right angle.
+    /// `size` and `smooth` are fractions of a right angle.
     pub fn new(color: Rgb, [size, smooth]: [f32; 2], is_glossy: bool) -> Toon {
         let angle_rad = size.max(MIN_SIZE) * FRAC_PI_2;
         Toon { color, angle_rad, end_rad: angle_rad + smooth * FRAC_PI_2, is_glossy }
     }
 
-    /// Remaining intensity at an angle.
+    /// Intensity (0..1) at an angle from the axis, radians.
     fn intensity(&self, angle: f32) -> f32 {
         if angle < self.angle_rad {
             return 1.0;
@@ -169,14 +168,14 @@ impl Toon {
         if angle < self.end_rad && width > 0.0 { 1.0 - (angle - self.angle_rad) / width } else { 0.0 }
     }
 
-    /// The cone of directions that are sampled: the angle, and one minus its cosine.
+    /// The cone of sampled directions: half angle in radians, and one minus its cosine.
     fn cone(&self) -> (f32, f32) {
         let angle = self.end_rad.min(FRAC_PI_2);
         let (sine, cosine) = poly::sin_cos(angle);
         (angle, warp::one_minus_cos(sine * sine, cosine * cosine))
     }
 
-    /// The axis as a direction above the surface.
+    /// The axis, with z above 0.
     fn axis(&self, wo: Vec3) -> Vec3 {
         if self.is_glossy { Vec3::new(-wo.x, -wo.y, wo.z.abs()) } else { Vec3::Z }
     }
@@ -230,9 +229,9 @@ impl Lobe for Toon {
 pub struct ToonProgram {
     /// See [`Toon::color`].
     pub color: ColorSlot,
-    /// The angle within which light is whole, over a right angle.
+    /// Angle of full intensity, as a fraction of a right angle.
     pub size: FloatSlot,
-    /// The angle over which it fades out, over a right angle.
+    /// Width of the falloff, as a fraction of a right angle.
     pub smooth: FloatSlot,
     /// See [`Toon::is_glossy`].
     pub is_glossy: bool,
@@ -242,34 +241,33 @@ impl MaterialProgram for ToonProgram {
     type Lobe = Toon;
 
     fn evaluate(&self, slots: &impl Slots, _frame: &LocalFrame) -> Toon {
-        let angles = [slots.share(&self.size), slots.share(&self.smooth)];
-        Toon::new(slots.share_by_channel(&self.color), angles, self.is_glossy)
+        let angles = [slots.clamped_number(&self.size), slots.clamped_number(&self.smooth)];
+        Toon::new(slots.clamped_color(&self.color), angles, self.is_glossy)
     }
 }
 
-/// Facets whose normals lie along the surface (Ashikhmin, Premoze, Shirley 2000, "A Microfacet-based BRDF Generator", section 4.4), with
-/// the density of normals exp(-cot^2 / sigma^2) / (pi sigma^2 sin^4) and the masking of V grooves (Cook, Torrance 1982, eq. 9). The density
-/// isn't normalised: most light is lost, at grazing incidence some is gained. Both sides alike. Models with more truth to them are those of
-/// [`super::Sheen`].
+/// Velvet (Ashikhmin, Premoze, Shirley 2000, "A Microfacet-based BRDF Generator", section 4.4): facets with normals mostly along the
+/// surface, of density exp(-cot^2 / sigma^2) / (pi sigma^2 sin^4), with the masking of V grooves (Cook, Torrance 1982, eq. 9). The
+/// density isn't normalised: most energy is lost, at grazing incidence some is gained. Two-sided. [`super::Sheen`] is more realistic.
 #[derive(Clone, Copy, Debug)]
 pub struct Velvet {
-    /// Factor on the scattered light.
+    /// Factor on the reflected light, 0..1.
     pub color: Rgb,
-    /// The standard deviation sigma of the density, from 0.01 to 1.
+    /// Parameter sigma of the density, 0.01..1.
     pub deviation: f32,
 }
 
-/// Deviations are at least this.
+/// Minimum sigma.
 const MIN_DEVIATION: f32 = 0.01;
 
-/// Cosines are at least this where they divide.
+/// Minimum cosine in denominators.
 const MIN_COSINE: f32 = 1e-5;
 
-/// Density of directions that are uniform over the hemisphere.
-const UNIFORM: f32 = 0.5 * FRAC_1_PI;
+/// Solid-angle pdf of uniform hemisphere sampling.
+const UNIFORM_PDF: f32 = 0.5 * FRAC_1_PI;
 
 impl Velvet {
-    /// Value of white velvet for directions above the surface.
+    /// f cos of white velvet for directions above the surface.
     #[inline]
     fn value(&self, wo: Vec3, wi: Vec3) -> f32 {
         let half = (wo + wi).normalize();
@@ -301,7 +299,7 @@ impl Lobe for Velvet {
             return BsdfEval::ZERO;
         }
         let above = |v: Vec3| Vec3::new(v.x, v.y, v.z.abs());
-        BsdfEval { f_cos: self.color * self.value(above(wo), above(wi)), pdf_solid_angle: UNIFORM }
+        BsdfEval { f_cos: self.color * self.value(above(wo), above(wi)), pdf_solid_angle: UNIFORM_PDF }
     }
 
     #[inline(always)]
@@ -337,8 +335,8 @@ impl MaterialProgram for VelvetProgram {
 
     #[inline]
     fn evaluate(&self, slots: &impl Slots, _frame: &LocalFrame) -> Velvet {
-        let deviation = slots.share(&self.deviation).max(MIN_DEVIATION);
-        Velvet { color: slots.share_by_channel(&self.color), deviation }
+        let deviation = slots.clamped_number(&self.deviation).max(MIN_DEVIATION);
+        Velvet { color: slots.clamped_color(&self.color), deviation }
     }
 }
 
@@ -346,9 +344,9 @@ impl MaterialProgram for VelvetProgram {
 mod tests {
     use super::*;
 
-    /// A diffuse one without a fade returns its colour; light beyond its angle is lost.
+    /// The albedo of diffuse toon shading is its colour, with constant intensity within the angle; the falloff is linear.
     #[test]
-    fn light_within_the_angle_counts_alike() {
+    fn toon_intensity_is_constant_within_the_angle() {
         let toon = Toon::new(Rgb::splat(0.6), [0.5, 0.0], false);
         let at = |degrees: f32| {
             let (sine, cosine) = degrees.to_radians().sin_cos();
@@ -360,22 +358,22 @@ mod tests {
         let soft = Toon::new(Rgb::ONE, [0.25, 0.5], true);
         let mirror = Vec3::new(-0.6, 0.0, 0.8);
         let full = soft.eval(Vec3::new(0.6, 0.0, 0.8), mirror).f_cos.r;
-        // 45 degrees from the mirror direction two fifths of the fade are over.
+        // 45 degrees from the mirror direction is the middle of the falloff (22.5 to 67.5 degrees).
         let (sine, cosine) = (0.6f32.asin() - 45.0f32.to_radians()).sin_cos();
         let faded = soft.eval(Vec3::new(0.6, 0.0, 0.8), Vec3::new(-sine, 0.0, cosine)).f_cos.r;
         assert!((faded / full - 0.5).abs() < 1e-3, "{faded} {full}");
     }
 
-    /// Values by hand: at deviation 1 the density at 45 degrees is exp(-1) / (pi / 4), and grooves don't mask.
+    /// Hand-computed values: at sigma 1 the density at 45 degrees is exp(-1) / (pi / 4), without masking.
     #[test]
-    fn values_are_those_of_the_formula() {
+    fn velvet_values_equal_the_formula() {
         let velvet = Velvet { color: Rgb::ONE, deviation: 1.0 };
         let root = std::f32::consts::FRAC_1_SQRT_2;
         let wo = Vec3::new(root, 0.0, root);
         let found = velvet.eval(wo, wo).f_cos.r;
         let exact = 0.25 * (-1.0f32).exp() * 4.0 * FRAC_1_PI / root;
         assert!((found / exact - 1.0).abs() < 1e-4, "{found} {exact}");
-        // Light from the other side is masked by 2 cos(half) cos / (wo . half) = 2 * 0.5.
+        // Near the mirror direction light is masked by 2 cos(half) cos / (wo . half).
         let mirrored = velvet.eval(Vec3::new(0.8, 0.0, 0.6), Vec3::new(-0.6, 0.0, 0.8)).f_cos.r;
         let half = Vec3::new(0.2, 0.0, 1.4).normalize();
         let (c, s) = (half.z * half.z, half.x * half.x);

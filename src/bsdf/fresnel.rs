@@ -3,7 +3,7 @@
 use crate::color::Rgb;
 use crate::scene::FresnelModel;
 
-/// (1 - cos)^5, the weight of grazing reflectance (Schlick 1994).
+/// Schlick's weight of the reflectance at grazing incidence, (1 - cos)^5 (Schlick 1994).
 #[inline(always)]
 pub fn schlick_weight(cos_theta: f32) -> f32 {
     let m = 1.0 - cos_theta;
@@ -25,21 +25,21 @@ pub fn f0_from_eta(eta: f32) -> f32 {
     r * r
 }
 
-/// Reflectance of unpolarised light, and the cosine on the other side (0 for total reflection).
+/// Reflection and refraction of unpolarised light at a smooth interface.
 #[derive(Clone, Copy, Debug)]
 pub struct Interface {
-    /// Share reflected.
+    /// Reflectance, 0..1; 1 for total reflection.
     pub reflectance: f32,
-    /// Cosine of the refracted direction.
+    /// Cosine of the refracted direction; 0 for total reflection.
     pub cos_transmitted: f32,
 }
 
-/// Fresnel's equations. `eta` is the index of the other side over that of the incident side; `cos_theta` in 0..1.
+/// Fresnel's equations. `eta` is the index of refraction of the far side over that of the incident side; `cos_theta` in 0..1.
 #[inline(always)]
 pub fn exact(cos_theta: f32, eta: f32) -> Interface {
-    // Smaller cosines have squares that are too small to be numbers.
+    // Squares of smaller cosines underflow.
     let cos_theta = if cos_theta > 1e-18 { cos_theta } else { 1e-18 };
-    // (eta cos_t)^2 = eta^2 - sin^2, with the difference factored so that eta near 1 keeps its digits.
+    // (eta cos_t)^2 = eta^2 - sin^2, factored to avoid cancellation for eta near 1.
     let squared = (eta - 1.0) * (eta + 1.0) + cos_theta * cos_theta;
     let total = squared < 0.0;
     let g = if total { 0.0 } else { squared }.sqrt();
@@ -59,7 +59,7 @@ pub fn conductor(cos_theta: f32, eta: f32, k: f32) -> f32 {
     let sin_squared = (1.0 - cos_squared).max(0.0);
     let (eta2, k2) = (eta * eta, k * k);
     let t = eta2 - k2 - sin_squared;
-    // |n^2 - sin^2| of the complex index n, and the real part of its root.
+    // |n^2 - sin^2| for the complex index n, and the real part of the root of n^2 - sin^2.
     let norm = (t * t + 4.0 * eta2 * k2).sqrt();
     let a = (0.5 * (norm + t)).max(0.0).sqrt();
     let (sum, cross) = (norm + cos_squared, 2.0 * a * cos_theta);
@@ -69,8 +69,8 @@ pub fn conductor(cos_theta: f32, eta: f32, k: f32) -> f32 {
     (0.5 * (s + p)).clamp(0.0, 1.0)
 }
 
-/// Schlick's approximation with the cosine on the optically thinner side, where it is meant to be used, so that both
-/// directions of a path have the same reflectance and total reflection is kept.
+/// Schlick's approximation with the cosine on the optically thinner side, for which it was made: reciprocal, and with total internal
+/// reflection.
 #[inline(always)]
 pub fn schlick_dielectric(cos_theta: f32, eta: f32) -> Interface {
     let cos_transmitted = exact(cos_theta, eta).cos_transmitted;
@@ -79,17 +79,17 @@ pub fn schlick_dielectric(cos_theta: f32, eta: f32) -> Interface {
     Interface { reflectance: f0 + (1.0 - f0) * schlick_weight(cosine), cos_transmitted }
 }
 
-/// Fresnel term of a dielectric layer: the weight by which its reflectance goes from F0 to F90.
+/// Fresnel term of a dielectric layer: the interpolation weight between F0 and F90.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum LayerFresnel {
     /// Schlick's (1 - cos)^5.
     Schlick,
-    /// The curve of its index of refraction.
+    /// The Fresnel curve of an index of refraction.
     Exact(DielectricCurve),
 }
 
 impl LayerFresnel {
-    /// Reflectance is the same at all angles: what is as dense as its outside has no curve.
+    /// Constant reflectance at all angles.
     pub const EVEN: LayerFresnel = LayerFresnel::Exact(DielectricCurve { amplitude: 0.0 });
 
     /// The Fresnel term of a layer by a model and its index of refraction (see [`DielectricCurve::of_ior`]).
@@ -101,7 +101,7 @@ impl LayerFresnel {
         }
     }
 
-    /// From 0 at normal to 1 at grazing incidence.
+    /// The interpolation weight: 0 at normal, 1 at grazing incidence.
     #[inline(always)]
     pub fn weight(self, cosine: f32) -> f32 {
         match self {
@@ -110,42 +110,41 @@ impl LayerFresnel {
         }
     }
 
-    /// Reflectance between that at normal and that at grazing incidence.
+    /// Reflectance interpolated between `f0` at normal and `f90` at grazing incidence.
     #[inline(always)]
     pub fn reflectance(self, f0: Rgb, f90: Rgb, cosine: f32) -> Rgb {
         f0 + (f90 - f0) * self.weight(cosine)
     }
 }
 
-/// How the reflectance of a dielectric rises from normal to grazing incidence, seen from outside: with F the Fresnel
-/// reflectance of unpolarised light, the weight (F(cos) - F(1)) / (1 - F(1)), which takes the place of Schlick's
-/// (1 - cos)^5 between an F0 and an F90 of any value.
+/// Normalised Fresnel curve of a dielectric, from outside: with F the reflectance of unpolarised light, the weight
+/// (F(cos) - F(1)) / (1 - F(1)) replaces Schlick's (1 - cos)^5 in the interpolation between F0 and F90.
 ///
-/// F rises all the way as long as F(1) is at most 1/3, up to an index of 2 + sqrt(3) = 3.73. Beyond, it falls before it
-/// rises, and remapped to a small F0 would become negative: denser materials have the curve of that index.
+/// F is monotonic if F(1) is at most 1/3, that is for indices up to 2 + sqrt(3) = 3.73. For higher indices F first falls, which would
+/// give negative reflectance for a small F0, so they use the curve of that index.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct DielectricCurve {
-    /// (n - 1) / (n + 1): the amplitude reflected at normal incidence, 0 to 1 / sqrt(3).
+    /// Reflected amplitude at normal incidence, (n - 1) / (n + 1), from 0 to 1 / sqrt(3).
     pub amplitude: f32,
 }
 
-/// The amplitude at normal incidence of an index of 2 + sqrt(3): 1 / sqrt(3).
+/// Reflected amplitude at normal incidence for an index of 2 + sqrt(3): 1 / sqrt(3).
 pub(super) const LARGEST_AMPLITUDE: f32 = 0.577_350_26;
 
 impl DielectricCurve {
-    /// By the index of refraction over that of the outside, at least 1; 0 stands for infinity, as in KHR_materials_ior.
-    /// Between 0 and 1 it counts as its inverse.
+    /// The curve of a relative index of refraction; 0 stands for infinity as in KHR_materials_ior, values between 0 and 1 for their
+    /// inverse.
     #[inline(always)]
     pub fn of_ior(ior: f32) -> DielectricCurve {
         DielectricCurve { amplitude: ((ior - 1.0) / (ior + 1.0)).abs().min(LARGEST_AMPLITUDE) }
     }
 
-    /// Fresnel's equations for unpolarised light. `cosine` in 0..1.
+    /// The Fresnel reflectance of unpolarised light. `cosine` in 0..1.
     ///
     /// With k = n^2 and g = n cos_t, so that g^2 = k - 1 + c^2, the amplitudes (c - g) / (c + g) and (k c - g) / (k c + g)
-    /// have squares whose mean is ((k - 1) / d)^2 (sin^4 + c^2 g^2) with d = k c^2 + (k + 1) c g + g^2: one root, one
-    /// division, and nothing cancels as n goes to 1. Here d and g are scaled by powers of p = 1 - q, with q the amplitude
-    /// at normal incidence and n = (1 + q) / (1 - q).
+    /// have the mean square ((k - 1) / d)^2 (sin^4 + c^2 g^2) with d = k c^2 + (k + 1) c g + g^2: one root, one division, and no
+    /// cancellation as n goes to 1. Here d and g are scaled by powers of p = 1 - q, with q the amplitude at normal incidence and
+    /// n = (1 + q) / (1 - q).
     #[inline(always)]
     pub fn reflectance(self, cosine: f32) -> f32 {
         let q = self.amplitude;
@@ -158,7 +157,7 @@ impl DielectricCurve {
         ratio * ratio * (pp * (sin_squared * sin_squared) + cc * gg)
     }
 
-    /// The weight, from 0 at normal to 1 at grazing incidence. `cosine` may be above 1 by rounding.
+    /// The interpolation weight: 0 at normal, 1 at grazing incidence. `cosine` may exceed 1 by rounding.
     #[inline(always)]
     pub fn weight(self, cosine: f32) -> f32 {
         let cosine = if cosine < 1.0 { cosine } else { 1.0 };
@@ -204,8 +203,8 @@ mod tests {
     }
 
     #[test]
-    fn both_sides_reflect_the_same_share() {
-        // Nearer to grazing incidence the cosine behind the interface no longer holds the digits of the one before it.
+    fn reflectance_is_reciprocal() {
+        // Not closer to grazing incidence, where the refracted cosine has too few digits to recover the incident one.
         for i in 5..100 {
             let c = i as f32 / 100.0;
             for model in [exact, schlick_dielectric] {
@@ -229,24 +228,24 @@ mod dielectric_curve_tests {
     }
 
     #[test]
-    fn curves_are_fresnels_equations() {
+    fn curves_equal_fresnels_equations() {
         let mut largest = [0.0f64; 2];
         for i in 0..=400 {
             let ior = 1.0 + 2.732 * (f64::from(i) / 400.0).powi(3);
             let curve = DielectricCurve::of_ior(ior as f32);
-            // The index that single precision keeps of it.
+            // The index after rounding to single precision.
             let amplitude = f64::from(curve.amplitude);
-            let kept = (1.0 + amplitude) / (1.0 - amplitude);
+            let rounded = (1.0 + amplitude) / (1.0 - amplitude);
             for k in 0..=1000 {
                 let cosine = (k as f32 / 1000.0).powi(2);
                 let c = f64::from(cosine);
-                // Glass as thin as air reflects nothing but along the surface, where the index of f32 is too coarse.
-                if kept == 1.0 {
+                // An index of 1 in single precision reflects nothing.
+                if rounded == 1.0 {
                     assert_eq!(curve.weight(cosine), 0.0);
                     continue;
                 }
-                let reflectance = (f64::from(curve.reflectance(cosine)) - fresnel(c, kept).0).abs();
-                let weight = (f64::from(curve.weight(cosine)) - curve_in_f64(c, kept)).abs();
+                let reflectance = (f64::from(curve.reflectance(cosine)) - fresnel(c, rounded).0).abs();
+                let weight = (f64::from(curve.weight(cosine)) - curve_in_f64(c, rounded)).abs();
                 largest = [largest[0].max(reflectance), largest[1].max(weight)];
             }
         }
@@ -270,7 +269,7 @@ mod dielectric_curve_tests {
         }
     }
 
-    /// Glass of 1.5 at 60 degrees reflects 8.9 %, and Schlick's approximation has 7.0 %.
+    /// Glass of index 1.5 reflects 8.9 % at 60 degrees; Schlick's approximation gives 7.0 %.
     #[test]
     fn glass_at_60_degrees() {
         // cos_t = sqrt(1 - 3/4 / 9/4) = sqrt(2/3); both amplitudes by hand.

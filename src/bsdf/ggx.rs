@@ -1,7 +1,5 @@
-//! The GGX distribution of microfacet normals (Walter et al. 2007) with Smith's height-correlated shadowing (Heitz
-//! 2014), isotropic. Directions have z above 0.
-//!
-//! The directional albedo of the lobe comes from a table: how much of the light from a direction single scattering returns.
+//! Isotropic GGX distribution of microfacet normals (Walter et al. 2007) with height-correlated Smith shadowing (Heitz 2014), and a table
+//! of its single-scattering directional albedo. Directions have z above 0.
 
 use crate::color::Rgb;
 use crate::math::{Vec3, poly};
@@ -10,24 +8,24 @@ use std::f32::consts::PI;
 /// Below this alpha a surface is treated as an exact mirror: its lobe is narrower than 0.1 degrees.
 pub const MIN_ALPHA: f32 = 1e-3;
 
-/// Smallest cosine that formulas divide by.
+/// Minimum cosine in denominators.
 pub const MIN_COS: f32 = 1e-6;
 
-/// A direction turned to the upper side, where formulas hold, and kept off the horizon.
+/// Mirrors a direction to the upper side (z > 0), with a z of at least [`MIN_COS`].
 #[inline(always)]
 pub fn above(wo: Vec3) -> Vec3 {
     let z = wo.z.abs();
     Vec3::new(wo.x, wo.y, if z > MIN_COS { z } else { MIN_COS })
 }
 
-/// sqrt(alpha^2 + (1 - alpha^2) z^2), the root in Smith's masking: G1 = 2 z / (z + root).
+/// The root in Smith's masking G1 = 2 z / (z + root): sqrt(alpha^2 + (1 - alpha^2) z^2).
 #[inline(always)]
 pub fn smith_root(z: f32, alpha_squared: f32) -> f32 {
     (alpha_squared + (1.0 - alpha_squared) * z * z).sqrt()
 }
 
-/// A visible normal: reflects `wo` to a direction drawn from a spherical cap (Dupuy, Benyoub 2023, listing 3). `alpha` is
-/// the roughness along x and along y.
+/// Samples a visible normal by a spherical cap (Dupuy, Benyoub 2023, "Sampling Visible GGX Normals with Spherical Caps", listing 3).
+/// `alpha`: along x and y.
 #[inline(always)]
 pub fn sample_visible_normal(wo: Vec3, alpha: [f32; 2], u: [f32; 2]) -> Vec3 {
     let [ax, ay] = alpha;
@@ -41,12 +39,12 @@ pub fn sample_visible_normal(wo: Vec3, alpha: [f32; 2], u: [f32; 2]) -> Vec3 {
     Vec3::new(half.x * ax, half.y * ay, z).normalize()
 }
 
-/// Everything about a pair of directions that does not depend on the colour.
+/// Colour-independent terms of microfacet reflection for a pair of directions.
 #[derive(Clone, Copy, Debug)]
 pub struct Reflection {
-    /// D G2 / (4 wo.z), that is f |cos| for a reflectance of 1.
+    /// f |cos| for a reflectance of 1: D G2 / (4 wo.z).
     pub f_cos: f32,
-    /// Density per solid angle of `wi` by visible normals.
+    /// Solid-angle pdf of `wi` under visible-normal sampling.
     pub pdf_solid_angle: f32,
     /// Cosine between a direction and the half vector.
     pub cos_half: f32,
@@ -59,7 +57,7 @@ pub fn reflection(wo: Vec3, wi: Vec3, alpha: f32) -> Reflection {
     let half = wo + wi;
     let length_squared = half.length_squared();
     let (zo, zi) = (wo.z.max(MIN_COS), wi.z.max(MIN_COS));
-    // D with the unnormalised half vector: sin^2 + alpha^2 cos^2 does not cancel for small alpha.
+    // D with the unnormalised half vector: sin^2 + alpha^2 cos^2 has no cancellation for small alpha.
     let spread = half.x * half.x + half.y * half.y + alpha_squared * half.z * half.z;
     let ratio = length_squared / spread.max(1e-30);
     let d = alpha_squared * ratio * ratio * (1.0 / PI);
@@ -71,19 +69,19 @@ pub fn reflection(wo: Vec3, wi: Vec3, alpha: f32) -> Reflection {
     }
 }
 
-/// Rows by roughness r = sqrt(alpha) from the least to 1.
+/// Rows of the table: roughness r = sqrt(alpha) from [`MIN_ROUGHNESS`] to 1.
 const ROWS: usize = 128;
-/// Columns: for `full` by s (1 + r) / (s + r) with s the square root of the view cosine (its features move with
-/// cos / alpha), for the ratio of `grazing` to it by s itself.
+/// Columns of the table: for `full` by s (1 + r) / (s + r) with s the square root of the view cosine (its features scale with
+/// cos / alpha), for `grazing / full` by s.
 const COLUMNS: usize = 96;
-/// The square root of [`MIN_ALPHA`]: smoother facets are a mirror.
+/// Square root of [`MIN_ALPHA`].
 pub(super) const MIN_ROUGHNESS: f32 = 0.031_622_777;
 const _: () = assert!((MIN_ROUGHNESS * MIN_ROUGHNESS - MIN_ALPHA).abs() < 1e-9);
 
 /// Pairs (full, grazing / full).
 static ALBEDO: [[[f32; 2]; COLUMNS]; ROWS] = decoded(include_bytes!("albedo.bin"));
 
-/// A table of little-endian numbers of single precision, row after row, `N` an entry.
+/// Decodes a table of little-endian single-precision numbers, row by row, with `N` per entry.
 pub(super) const fn decoded<const N: usize, const C: usize, const R: usize>(
     bytes: &[u8],
 ) -> [[[f32; N]; C]; R] {
@@ -98,17 +96,17 @@ pub(super) const fn decoded<const N: usize, const C: usize, const R: usize>(
     table
 }
 
-/// Directional albedo at one view cosine and alpha. With Schlick's Fresnel term the albedo is linear in f0 and f90.
+/// Single-scattering directional albedo for a view cosine and alpha. With Schlick's Fresnel term the albedo is linear in f0 and f90.
 #[derive(Clone, Copy, Debug)]
 pub struct DirectionalAlbedo {
-    /// For a reflectance of 1.
+    /// Albedo for a reflectance of 1.
     pub full: f32,
-    /// The share weighted by (1 - cos)^5.
+    /// Albedo weighted by (1 - cos)^5 of the facets.
     pub grazing: f32,
 }
 
 impl DirectionalAlbedo {
-    /// Interpolated bilinearly; errors are below 0.0004 of `full` and 0.0006 in `grazing`.
+    /// Bilinear interpolation; errors are below 0.04 % of `full`, and 0.0006 in `grazing`.
     #[inline(always)]
     pub fn at(cos_o: f32, alpha: f32) -> DirectionalAlbedo {
         let locate = |x: f32, nodes: usize| {
@@ -130,7 +128,7 @@ impl DirectionalAlbedo {
         DirectionalAlbedo { full, grazing: full * value(1, root) }
     }
 
-    /// The factor that compensates the loss of single scattering (Turquin 2019, eq. 16).
+    /// The energy compensation factor of single scattering (Turquin 2019, eq. 16).
     #[inline(always)]
     pub fn compensation(&self, f0: Rgb) -> Rgb {
         Rgb::ONE + f0 * ((1.0 - self.full) / self.full)
@@ -149,7 +147,7 @@ mod tests {
     use crate::bsdf::reference::reflected;
     use crate::sampling::chi2::Random;
 
-    /// The two values of a node of the table.
+    /// The values of a node by quadrature.
     fn node(row: usize, column: usize) -> [f64; 2] {
         let least = f64::from(MIN_ROUGHNESS);
         let r = least + (1.0 - least) * row as f64 / (ROWS - 1) as f64;
@@ -161,7 +159,7 @@ mod tests {
 
     /// Writes the data file when `OSCURA_WRITE_TABLES` is set, then compares some nodes.
     #[test]
-    fn table_is_the_integral() {
+    fn table_equals_quadrature() {
         if std::env::var_os("OSCURA_WRITE_TABLES").is_some() {
             let nodes = (0..ROWS * COLUMNS).map(|i| node(i / COLUMNS, i % COLUMNS));
             let bytes: Vec<u8> = nodes.flatten().flat_map(|v| (v as f32).to_le_bytes()).collect();
@@ -179,13 +177,13 @@ mod tests {
     }
 
     #[test]
-    fn interpolation_stays_close_between_nodes() {
+    fn interpolation_errors_are_bounded() {
         let mut random = Random::new(3);
         let (mut full, mut grazing) = (0.0f64, 0.0f64);
         for i in 0..2000 {
             let r = MIN_ROUGHNESS + (1.0 - MIN_ROUGHNESS) * random.next();
             let x = random.next();
-            // Half of the places crowd where the cosine is near alpha.
+            // Half of the cosines are concentrated near alpha.
             let s = if i % 2 == 0 { x } else { x * r / (1.0 + r - x) };
             let found = DirectionalAlbedo::at(s * s, r * r);
             let exact = reflected(f64::from(s * s), f64::from(r * r), 8_000);

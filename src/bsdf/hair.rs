@@ -1,4 +1,4 @@
-//! Hair and fur: a dielectric fibre with tilted cuticle scales and pigment.
+//! Hair and fur: a pigmented dielectric fibre with tilted cuticle scales.
 
 use super::{
     Appearance, BsdfEval, BsdfSample, Lobe, LocalFrame, MaterialProgram, Slots, Transmissive, fresnel,
@@ -8,38 +8,38 @@ use crate::math::{Vec2, Vec3, poly};
 use crate::scene::{ColorSlot, FloatSlot, hair_color_scale};
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
-/// The model of Chiang, Bitterli, Tappan, Burley 2016, "A Practical and Controllable Hair and Fur Model for Production Path
-/// Tracing": light that is reflected by the fibre (R), that passes it (TT), that is reflected once within (TRT), and all that is
-/// reflected more often, each the product of a longitudinal lobe (d'Eon et al. 2011, "An Energy-Conserving Hair Reflectance
-/// Model", eq. 7), an azimuthal one (a trimmed logistic) and an attenuation. It is the near-field form (Pharr 2016, "The
-/// Implementation of a Hair Scattering Model"): where across the fibre the viewer looks is known from the surface's normal.
+/// The model of Chiang, Bitterli, Tappan, Burley 2016, "A Practical and Controllable Hair and Fur Model for Production Path Tracing":
+/// lobes for reflection (R), transmission (TT), one internal reflection (TRT) and the residual, each the product of a longitudinal
+/// term (d'Eon et al. 2011, "An Energy-Conserving Hair Reflectance Model", eq. 7), an azimuthal term (trimmed logistic) and an
+/// attenuation. Near-field form (Pharr 2016, "The Implementation of a Hair Scattering Model"): the offset h across the fibre follows
+/// from the surface normal.
 ///
-/// Without pigment all light continues. It stands for the whole fibre: what passes leaves where it came in. Not reciprocal for tilted
-/// scales, and elsewhere only as far as the viewer's place on the fibre is averaged.
+/// Energy conserving without pigment. The BSDF represents the whole fibre, so transmitted light leaves at the point of incidence. Not
+/// reciprocal for tilted scales; else reciprocal on average over h.
 #[derive(Clone, Copy, Debug)]
 pub struct Hair {
-    /// Along the fibre, in the tangent plane.
+    /// Unit vector along the fibre, in the tangent plane.
     tangent: Vec2,
-    /// Root of the absorption, per radius.
+    /// Square root of the absorption coefficient, per fibre radius.
     root_absorption: Rgb,
-    /// Divisor of the logarithm of a colour for the absorption: eq. 9.
+    /// Divisor of the logarithm of a colour in its conversion to absorption (Chiang et al. 2016, eq. 9).
     color_scale: f32,
     ior: f32,
-    /// Longitudinal variance of R, TT, and all others.
+    /// Longitudinal variance of R, TT, and of TRT and the residual.
     variance: [f32; 3],
-    /// Scale of the azimuthal logistic.
+    /// Scale of the azimuthal logistic, radians.
     scale: f32,
-    /// Sine and cosine by which R, TT and TRT are turned along the fibre.
+    /// Sine and cosine of the longitudinal tilt of R, TT and TRT.
     tilt: [(f32, f32); 3],
 }
 
-/// R, TT, TRT, and the rest.
+/// R, TT, TRT, and the residual.
 const LOBES: usize = 4;
 
-/// Rougher ones are no narrower than single precision resolves.
+/// Minimum roughness; narrower lobes exceed single precision.
 const MIN_ROUGHNESS: f32 = 0.01;
 
-/// Darker colours than this, or hair as black as it gets.
+/// Minimum colour, which limits the absorption.
 const MIN_COLOR: f32 = 1e-12;
 
 /// Variance of the longitudinal lobe: Chiang et al. 2016, eq. 7.
@@ -50,7 +50,8 @@ fn longitudinal_variance(roughness: f32) -> f32 {
     root * root
 }
 
-/// Scale of the azimuthal logistic: eq. 8, with the factor that gives it the width of a Gaussian of that deviation.
+/// Scale of the azimuthal logistic: Chiang et al. 2016, eq. 8, times the factor between a Gaussian's standard deviation and the scale
+/// of a logistic.
 fn azimuthal_scale(roughness: f32) -> f32 {
     const ROOT_PI_OVER_8: f32 = 0.626_657_1;
     let b = roughness.clamp(MIN_ROUGHNESS, 1.0);
@@ -61,7 +62,7 @@ fn power(x: f32, n: u32) -> f32 {
     (0..n).fold(1.0, |product, _| product * x)
 }
 
-/// e^-x I0(x), the modified Bessel function, for x from 0 (Abramowitz, Stegun 1964, 9.8.1 and 9.8.2). Relative error below 5e-7.
+/// e^-x I0(x) with the modified Bessel function I0, for x >= 0 (Abramowitz, Stegun 1964, 9.8.1 and 9.8.2). Relative error below 5e-7.
 #[inline(always)]
 fn scaled_bessel(x: f32) -> f32 {
     if x < 3.75 {
@@ -78,28 +79,31 @@ fn scaled_bessel(x: f32) -> f32 {
     }
 }
 
-/// A direction by its sine over the plane across the fibre, the cosine, and the angle around the fibre from the normal.
+/// A direction in fibre coordinates.
 #[derive(Clone, Copy)]
-struct Around {
+struct FibreDirection {
+    /// Sine of the longitudinal angle theta, the inclination from the normal plane.
     sine: f32,
+    /// Cosine of theta.
     cosine: f32,
+    /// Azimuth phi around the fibre from the surface normal, radians.
     angle: f32,
 }
 
-/// The closure of one view direction.
+/// The closure for one view direction.
 struct HairClosure {
-    wo: Around,
+    wo: FibreDirection,
     /// Attenuation of each lobe.
-    share: [Rgb; LOBES],
-    /// The probability with which each lobe is sampled.
+    attenuation: [Rgb; LOBES],
+    /// Sampling probability of each lobe.
     probability: [f32; LOBES],
-    /// Sine and cosine of the viewer, turned for each lobe.
-    turned: [(f32, f32); LOBES],
-    /// Where each azimuthal lobe has its middle.
-    middle: [f32; 3],
+    /// Sine and cosine of the viewer's theta after the tilt of each lobe.
+    tilted: [(f32, f32); LOBES],
+    /// Centre of each azimuthal lobe relative to the viewer's azimuth, radians.
+    center: [f32; 3],
 }
 
-/// An angle in -pi..pi, of one less than a few turns off.
+/// Wraps an angle of at most a few turns to -pi..pi, radians.
 #[inline(always)]
 fn wrapped(angle: f32) -> f32 {
     let turns = angle * (1.0 / TAU);
@@ -108,7 +112,7 @@ fn wrapped(angle: f32) -> f32 {
 }
 
 impl Hair {
-    /// Hair around a tangent; roughnesses 0 to 1, the tilt of scales in radians.
+    /// Hair along a tangent. Roughness and coat are in 0..1, the tilt of the scales in radians.
     pub fn new(
         tangent: Vec2,
         color: Rgb,
@@ -119,9 +123,9 @@ impl Hair {
     ) -> Hair {
         let color_scale = hair_color_scale(radial);
         let v = longitudinal_variance(longitudinal);
-        // d'Eon et al. 2011: R has the roughness of one interface, TT of half as much, TRT of twice.
+        // d'Eon et al. 2011: TT has half the standard deviation, TRT twice.
         let variance = [longitudinal_variance(longitudinal * (1.0 - coat)), 0.25 * v, 4.0 * v];
-        let turn = |times: f32| poly::sin_cos(times * tilt);
+        let multiple = |times: f32| poly::sin_cos(times * tilt);
         Hair {
             tangent: tangent.try_normalize().unwrap_or(Vec2::X),
             root_absorption: root_absorption(color, color_scale),
@@ -129,113 +133,115 @@ impl Hair {
             ior,
             variance,
             scale: azimuthal_scale(radial),
-            // Marschner et al. 2003: R by -2, TT by 1 and TRT by 4 times the angle of the scales.
-            tilt: [turn(-2.0), turn(1.0), turn(4.0)],
+            // Marschner et al. 2003: R is tilted by -2, TT by 1 and TRT by 4 times the angle of the scales.
+            tilt: [multiple(-2.0), multiple(1.0), multiple(4.0)],
         }
     }
 
-    /// A direction of the frame around the fibre; what is seen from within is as from outside.
+    /// Converts a direction from the local frame to fibre coordinates. `side` is the sign of `wo.z`: from inside the fibre looks the
+    /// same as from outside.
     #[inline(always)]
-    fn around(&self, w: Vec3, side: f32) -> Around {
+    fn fibre_direction(&self, w: Vec3, side: f32) -> FibreDirection {
         let t = self.tangent;
         let sine = (w.x * t.x + w.y * t.y).clamp(-1.0, 1.0);
         let across = w.y * t.x - w.x * t.y;
         let (y, z) = (across, w.z * side);
-        Around { sine, cosine: (y * y + z * z).sqrt(), angle: poly::atan2(y, z) }
+        FibreDirection { sine, cosine: (y * y + z * z).sqrt(), angle: poly::atan2(y, z) }
     }
 
-    /// Albedo for a viewing direction.
+    /// The closure for a view direction.
     #[inline]
-    fn seen(&self, wo: Around) -> HairClosure {
-        // Sine and cosine of the angle between the normal and the viewer in the plane across.
+    fn closure(&self, wo: FibreDirection) -> HairClosure {
+        // Offset h across the fibre: sine of the angle gamma between normal and viewer in the normal plane.
         let (h, cos_gamma) = poly::sin_cos(wo.angle);
         let cos_gamma = cos_gamma.max(0.0);
-        // The refracted ray in that plane has a greater index of refraction (Marschner et al. 2003, appendix B).
+        // The modified index of refraction in the normal plane (Marschner et al. 2003, appendix B).
         let modified = (self.ior * self.ior - wo.sine * wo.sine).max(1e-12).sqrt();
         let sin_refracted = (h * wo.cosine / modified).clamp(-1.0, 1.0);
         let cos_refracted = (1.0 - sin_refracted * sin_refracted).sqrt();
         let gamma_refracted = poly::asin(sin_refracted);
         let sin_theta = wo.sine / self.ior;
         let cos_theta = (1.0 - sin_theta * sin_theta).max(1e-6).sqrt();
-        let way = 2.0 * cos_refracted / cos_theta;
-        let passed = self.root_absorption.map(|root| poly::exp(-root * root * way));
+        // Transmittance of one chord through the fibre.
+        let length = 2.0 * cos_refracted / cos_theta;
+        let transmittance = self.root_absorption.map(|root| poly::exp(-root * root * length));
         let reflected = fresnel::exact(wo.cosine * cos_gamma, self.ior).reflectance;
-        let once = passed * ((1.0 - reflected) * (1.0 - reflected));
-        let twice = once * passed * reflected;
-        // All that follow, as a geometric series.
-        let again = passed * reflected;
-        let rest = (twice * again) / (Rgb::ONE - again);
-        let share = [Rgb::splat(reflected), once, twice, rest];
-        let sum = share.iter().map(|s| s.mean()).sum::<f32>().max(f32::MIN_POSITIVE);
-        let middle = [0.0, 1.0, 2.0]
+        let tt = transmittance * ((1.0 - reflected) * (1.0 - reflected));
+        let trt = tt * transmittance * reflected;
+        // The residual: a geometric series.
+        let ratio = transmittance * reflected;
+        let residual = (trt * ratio) / (Rgb::ONE - ratio);
+        let attenuation = [Rgb::splat(reflected), tt, trt, residual];
+        let sum = attenuation.iter().map(|s| s.mean()).sum::<f32>().max(f32::MIN_POSITIVE);
+        let center = [0.0, 1.0, 2.0]
             .map(|p: f32| 2.0 * p * gamma_refracted - 2.0 * wo.angle.clamp(-FRAC_PI_2, FRAC_PI_2) + p * PI);
-        let turned = std::array::from_fn(|p| match self.tilt.get(p) {
+        let tilted = std::array::from_fn(|p| match self.tilt.get(p) {
             Some(&(s, c)) => (wo.sine * c + wo.cosine * s, (wo.cosine * c - wo.sine * s).abs()),
             None => (wo.sine, wo.cosine),
         });
-        HairClosure { wo, share, probability: share.map(|s| s.mean() / sum), turned, middle }
+        HairClosure { wo, attenuation, probability: attenuation.map(|s| s.mean() / sum), tilted, center }
     }
 
-    /// The longitudinal lobe: d'Eon et al. 2011, eq. 7, with the exponents taken together, which none is too large for.
+    /// The longitudinal term: d'Eon et al. 2011, eq. 7, with the exponents combined to avoid overflow.
     #[inline(always)]
-    fn longitudinal(&self, p: usize, seen: &HairClosure, wi: Around) -> f32 {
+    fn longitudinal(&self, p: usize, closure: &HairClosure, wi: FibreDirection) -> f32 {
         let v = self.variance[p.min(2)];
-        let (sine, cosine) = seen.turned[p];
+        let (sine, cosine) = closure.tilted[p];
         let (ds, dc) = (wi.sine + sine, wi.cosine - cosine);
         let bessel = scaled_bessel(wi.cosine * cosine / v);
         poly::exp(-(ds * ds + dc * dc) / (2.0 * v)) * bessel / (v * (1.0 - poly::exp(-2.0 / v)))
     }
 
-    /// The azimuthal lobe.
+    /// The azimuthal term: a logistic trimmed to -pi..pi, constant for the residual.
     #[inline(always)]
-    fn azimuthal(&self, p: usize, seen: &HairClosure, wi: Around) -> f32 {
-        let Some(middle) = seen.middle.get(p) else { return 1.0 / TAU };
-        let off = wrapped(wi.angle - seen.wo.angle - middle).abs();
+    fn azimuthal(&self, p: usize, closure: &HairClosure, wi: FibreDirection) -> f32 {
+        let Some(center) = closure.center.get(p) else { return 1.0 / TAU };
+        let off = wrapped(wi.angle - closure.wo.angle - center).abs();
         let e = poly::exp(-off / self.scale);
         let logistic = e / (self.scale * (1.0 + e) * (1.0 + e));
-        logistic / (1.0 - 2.0 * self.cumulative())
+        logistic / (1.0 - 2.0 * self.logistic_tail())
     }
 
-    /// The logistic's share below -pi.
+    /// Cumulative distribution of the untrimmed logistic at -pi.
     #[inline(always)]
-    fn cumulative(&self) -> f32 {
+    fn logistic_tail(&self) -> f32 {
         let e = poly::exp(-PI / self.scale);
         e / (1.0 + e)
     }
 
     #[inline]
-    fn eval_seen(&self, seen: &HairClosure, wi: Around) -> BsdfEval {
+    fn eval_closure(&self, closure: &HairClosure, wi: FibreDirection) -> BsdfEval {
         let mut eval = BsdfEval::ZERO;
         for p in 0..LOBES {
-            let lobe = self.longitudinal(p, seen, wi) * self.azimuthal(p, seen, wi);
-            eval.f_cos += seen.share[p] * lobe;
-            eval.pdf_solid_angle += seen.probability[p] * lobe;
+            let lobe = self.longitudinal(p, closure, wi) * self.azimuthal(p, closure, wi);
+            eval.f_cos += closure.attenuation[p] * lobe;
+            eval.pdf_solid_angle += closure.probability[p] * lobe;
         }
         eval
     }
 
-    /// A direction of lobe `p` by three numbers.
+    /// Samples a direction of lobe `p` by three random numbers in 0..1.
     #[inline]
-    fn sample_lobe(&self, p: usize, seen: &HairClosure, u: [f32; 3]) -> Around {
-        // d'Eon, Marschner, Hanika 2013, "Importance Sampling for Physically-Based Hair Fiber Models", eq. 6 and 7. One minus
-        // the cosine is what keeps its digits where the lobe is narrow.
+    fn sample_lobe(&self, p: usize, closure: &HairClosure, u: [f32; 3]) -> FibreDirection {
+        // d'Eon, Marschner, Hanika 2013, "Importance Sampling for Physically-Based Hair Fiber Models", eq. 6 and 7, in terms of one
+        // minus the cosine, which keeps its digits for narrow lobes.
         let v = self.variance[p.min(2)];
         let u0 = u[0].max(1e-9);
-        let below = -v * poly::ln(u0 + (1.0 - u0) * poly::exp(-2.0 / v));
-        let below = below.clamp(0.0, 2.0);
-        let (cosine, sine) = (1.0 - below, (below * (2.0 - below)).sqrt());
-        let (_, turn) = poly::sin_cos_turns(u[2]);
-        let (sin_o, cos_o) = seen.turned[p];
-        let sin_i = (sine * turn * cos_o - cosine * sin_o).clamp(-1.0, 1.0);
+        let one_minus_cos = -v * poly::ln(u0 + (1.0 - u0) * poly::exp(-2.0 / v));
+        let one_minus_cos = one_minus_cos.clamp(0.0, 2.0);
+        let (cosine, sine) = (1.0 - one_minus_cos, (one_minus_cos * (2.0 - one_minus_cos)).sqrt());
+        let (_, cos_turn) = poly::sin_cos_turns(u[2]);
+        let (sin_o, cos_o) = closure.tilted[p];
+        let sin_i = (sine * cos_turn * cos_o - cosine * sin_o).clamp(-1.0, 1.0);
         let off = if p < 3 {
-            let low = self.cumulative();
+            let low = self.logistic_tail();
             let y = (low + u[1] * (1.0 - 2.0 * low)).clamp(f32::MIN_POSITIVE, 1.0 - f32::EPSILON / 2.0);
-            seen.middle[p] + (self.scale * poly::ln(y / (1.0 - y))).clamp(-PI, PI)
+            closure.center[p] + (self.scale * poly::ln(y / (1.0 - y))).clamp(-PI, PI)
         } else {
             TAU * u[1]
         };
         let cos_i = (1.0 - sin_i * sin_i).max(0.0).sqrt();
-        Around { sine: sin_i, cosine: cos_i, angle: wrapped(seen.wo.angle + off) }
+        FibreDirection { sine: sin_i, cosine: cos_i, angle: wrapped(closure.wo.angle + off) }
     }
 
     #[inline(always)]
@@ -244,7 +250,7 @@ impl Hair {
     }
 }
 
-/// Eq. 9: the absorption of hair that has a colour where there is much of it.
+/// Square root of the absorption coefficient of hair with a multiple-scattering albedo `color` (Chiang et al. 2016, eq. 9).
 #[inline(always)]
 fn root_absorption(color: Rgb, scale: f32) -> Rgb {
     color.map(|c| -poly::ln(c.clamp(MIN_COLOR, 1.0)).min(0.0) / scale)
@@ -254,15 +260,15 @@ impl Lobe for Hair {
     #[inline]
     fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
         let side = if wo.z < 0.0 { -1.0 } else { 1.0 };
-        let seen = self.seen(self.around(wo, side));
+        let closure = self.closure(self.fibre_direction(wo, side));
         let (mut p, mut rest) = (0, u[2]);
-        while p + 1 < LOBES && rest >= seen.probability[p] {
-            rest -= seen.probability[p];
+        while p + 1 < LOBES && rest >= closure.probability[p] {
+            rest -= closure.probability[p];
             p += 1;
         }
-        let within = rest / seen.probability[p].max(f32::MIN_POSITIVE);
-        let wi = self.sample_lobe(p, &seen, [u[0], u[1], within.clamp(0.0, 1.0)]);
-        let BsdfEval { f_cos, pdf_solid_angle } = self.eval_seen(&seen, wi);
+        let within = rest / closure.probability[p].max(f32::MIN_POSITIVE);
+        let wi = self.sample_lobe(p, &closure, [u[0], u[1], within.clamp(0.0, 1.0)]);
+        let BsdfEval { f_cos, pdf_solid_angle } = self.eval_closure(&closure, wi);
         let (s, c) = poly::sin_cos(wi.angle);
         let (across, z) = (wi.cosine * s, wi.cosine * c * side);
         let t = self.tangent;
@@ -278,13 +284,13 @@ impl Lobe for Hair {
     #[inline]
     fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
         let side = if wo.z < 0.0 { -1.0 } else { 1.0 };
-        self.eval_seen(&self.seen(self.around(wo, side)), self.around(wi, side))
+        self.eval_closure(&self.closure(self.fibre_direction(wo, side)), self.fibre_direction(wi, side))
     }
 
     #[inline]
     fn tinted(self, color: Rgb) -> Self {
-        let more = root_absorption(color, self.color_scale);
-        Hair { root_absorption: self.root_absorption + more, ..self }
+        let tint = root_absorption(color, self.color_scale);
+        Hair { root_absorption: self.root_absorption + tint, ..self }
     }
 
     #[inline]
@@ -292,7 +298,7 @@ impl Lobe for Hair {
         self.color()
     }
 
-    /// As Cycles, which counts all that hair scatters as gloss.
+    /// As in Cycles, all hair scattering counts as glossy.
     fn appearance(&self) -> Appearance {
         Appearance { glossy: self.albedo(), ..Appearance::BLACK }
     }
@@ -315,7 +321,7 @@ impl Transmissive for Hair {
 /// The parameters of [`Hair`].
 #[derive(Clone, Copy, Debug)]
 pub struct HairProgram {
-    /// Colour of much hair.
+    /// Multiple-scattering albedo.
     pub color: ColorSlot,
     /// Longitudinal roughness.
     pub roughness: FloatSlot,
@@ -325,7 +331,7 @@ pub struct HairProgram {
     pub ior: f32,
     /// Angle of the scales, radians.
     pub tilt_rad: f32,
-    /// How much less rough R is.
+    /// Reduction of the longitudinal roughness of R, 0..1.
     pub coat: FloatSlot,
 }
 
@@ -334,9 +340,9 @@ impl MaterialProgram for HairProgram {
 
     #[inline]
     fn evaluate(&self, slots: &impl Slots, frame: &LocalFrame) -> Hair {
-        let roughness = [slots.share(&self.roughness), slots.share(&self.radial_roughness)];
-        let color = slots.share_by_channel(&self.color);
-        Hair::new(frame.tangent, color, roughness, self.ior, self.tilt_rad, slots.share(&self.coat))
+        let roughness = [slots.clamped_number(&self.roughness), slots.clamped_number(&self.radial_roughness)];
+        let color = slots.clamped_color(&self.color);
+        Hair::new(frame.tangent, color, roughness, self.ior, self.tilt_rad, slots.clamped_number(&self.coat))
     }
 }
 
@@ -349,7 +355,7 @@ mod tests {
         Hair::new(Vec2::new(0.8, 0.6), Rgb::splat(color), roughness, 1.55, tilt, 0.0)
     }
 
-    /// A direction by its angle over the plane across a fibre along (0.8, 0.6), and that around it.
+    /// A direction by longitudinal angle and azimuth, for a fibre along (0.8, 0.6).
     fn direction(theta: f64, phi: f64) -> Vec3 {
         let (across, z) = (theta.cos() * phi.sin(), theta.cos() * phi.cos());
         let along = theta.sin();
@@ -357,7 +363,7 @@ mod tests {
     }
 
     #[test]
-    fn the_bessel_function_is_its_series() {
+    fn bessel_function_equals_its_series() {
         for i in 0..400 {
             let x = f64::from(i) * 0.05;
             let (mut term, mut sum) = (1.0, 1.0);
@@ -371,9 +377,9 @@ mod tests {
         }
     }
 
-    /// Without pigment all light continues, whatever the roughness and where on the fibre the viewer looks, and densities are one.
+    /// Without pigment albedo and integral of the pdf are 1 for all roughnesses and offsets.
     #[test]
-    fn the_white_furnace_and_the_density_are_one() {
+    fn white_furnace_and_pdf_integrate_to_one() {
         let (rows, columns) = (600, 300);
         for roughness in [[0.1, 0.1], [0.1, 0.9], [0.3, 0.3], [0.6, 0.15], [0.9, 0.1], [1.0, 1.0]] {
             for (theta, phi) in [(0.0, 0.0), (0.4, 0.9), (-0.9, 1.5), (1.3, -0.6)] {
@@ -396,12 +402,12 @@ mod tests {
         }
     }
 
-    /// The ray that leaves a smooth cylinder of glass along x, which it enters at the top, after so many reflections within, with its
-    /// way in the glass.
+    /// Traces a ray through a smooth glass cylinder along x, entering at z = 1. Returns the direction after a number of internal
+    /// reflections, and the length within the glass, radii.
     fn through_cylinder(wo: [f64; 3], ior: f64, reflections: u32) -> ([f64; 3], f64) {
         let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
         let mix = |a: [f64; 3], s: f64, b: [f64; 3], t: f64| [0, 1, 2].map(|i| a[i] * s + b[i] * t);
-        // Refracts d at a normal against it, into eta times denser.
+        // Refracts d at an interface with normal n (against d) and relative index eta.
         let refract = |d: [f64; 3], n: [f64; 3], eta: f64| {
             let cos_i = -dot(d, n);
             let cos_t = (1.0 - (1.0 - cos_i * cos_i) / (eta * eta)).sqrt();
@@ -409,47 +415,49 @@ mod tests {
         };
         let mut p = [0.0, 0.0, 1.0];
         let mut d = refract(wo.map(|x| -x), p, ior);
-        let mut way = 0.0;
+        let mut length = 0.0;
         for bounce in 0.. {
-            // On to the wall: |p + t d| = 1 across.
+            // To the wall: |p + t d| = 1 in the normal plane.
             let t = -2.0 * (p[1] * d[1] + p[2] * d[2]) / (d[1] * d[1] + d[2] * d[2]);
-            way += t;
+            length += t;
             p = mix(p, 1.0, d, t);
             let normal = [0.0, -p[1], -p[2]];
             if bounce == reflections {
-                return (refract(d, normal, 1.0 / ior), way);
+                return (refract(d, normal, 1.0 / ior), length);
             }
             d = mix(d, 1.0, normal, -2.0 * dot(d, normal));
         }
         unreachable!("the loop returns")
     }
 
-    /// TT and TRT lead where a smooth cylinder sends the light, and their pigment is that of the way within it.
+    /// TT and TRT lobes are centred on the directions refracted by a smooth cylinder, with the absorption of the path within.
     #[test]
-    fn lobes_are_where_snell_sends_them() {
+    fn lobe_centers_follow_snells_law() {
         for (theta, phi) in [(0.0f64, 0.0f64), (0.2, 0.5), (-0.7, 1.2), (0.9, -0.8), (0.0, -1.4)] {
             let wo = [theta.sin(), theta.cos() * phi.sin(), theta.cos() * phi.cos()];
             let hair = Hair::new(Vec2::X, Rgb::splat(0.5), [0.1, 0.1], 1.55, 0.0, 0.0);
             let clear = Hair::new(Vec2::X, Rgb::ONE, [0.1, 0.1], 1.55, 0.0, 0.0);
-            let seen_of = |hair: &Hair| hair.seen(hair.around(Vec3::from(wo.map(|x| x as f32)), 1.0));
-            let (seen, unpigmented) = (seen_of(&hair), seen_of(&clear));
+            let closure_of =
+                |hair: &Hair| hair.closure(hair.fibre_direction(Vec3::from(wo.map(|x| x as f32)), 1.0));
+            let (closure, unpigmented) = (closure_of(&hair), closure_of(&clear));
             for p in [1, 2] {
-                let (out, way) = through_cylinder(wo, 1.55, p - 1);
-                let around = hair.around(Vec3::from(out.map(|x| x as f32)), 1.0);
-                let off = wrapped(around.angle - seen.wo.angle - seen.middle[p as usize]);
+                let (out, length) = through_cylinder(wo, 1.55, p - 1);
+                let around = hair.fibre_direction(Vec3::from(out.map(|x| x as f32)), 1.0);
+                let off = wrapped(around.angle - closure.wo.angle - closure.center[p as usize]);
                 assert!(
-                    off.abs() < 2e-3 && (around.sine + seen.turned[p as usize].0).abs() < 1e-5,
+                    off.abs() < 2e-3 && (around.sine + closure.tilted[p as usize].0).abs() < 1e-5,
                     "{p}: {off}"
                 );
                 let absorption = f64::from(hair.root_absorption.g).powi(2);
-                let ratio = f64::from(seen.share[p as usize].g / unpigmented.share[p as usize].g);
-                assert!((ratio / (-absorption * way).exp() - 1.0).abs() < 2e-5, "{p}: {ratio} {way}");
+                let ratio =
+                    f64::from(closure.attenuation[p as usize].g / unpigmented.attenuation[p as usize].g);
+                assert!((ratio / (-absorption * length).exp() - 1.0).abs() < 2e-5, "{p}: {ratio} {length}");
             }
         }
     }
 
     #[test]
-    fn colours_and_absorption_are_inverse() {
+    fn colour_and_absorption_conversions_are_inverse() {
         for radial in [0.05, 0.3, 0.9] {
             for absorption in [0.0f32, 0.02, 0.4, 3.0] {
                 let color = crate::scene::hair_color([absorption; 3], radial);
@@ -464,7 +472,7 @@ mod tests {
     }
 
     #[test]
-    fn a_coat_narrows_only_what_the_surface_reflects() {
+    fn coat_narrows_only_the_r_lobe() {
         let plain = Hair::new(Vec2::X, Rgb::ONE, [0.5, 0.3], 1.55, 0.0, 0.0);
         let coated = Hair::new(Vec2::X, Rgb::ONE, [0.5, 0.3], 1.55, 0.0, 0.8);
         assert!(coated.variance[0] < 0.1 * plain.variance[0] && coated.variance[1..] == plain.variance[1..]);

@@ -1,13 +1,12 @@
-//! The glTF material with all layers: clearcoat and sheen over a thin film over metal, diffuse base and glass.
+//! The glTF material with all layers: clearcoat and sheen over an optional thin film over metal, diffuse base and glass.
 //!
-//! Layers follow the glTF 2.0 appendix and its extensions with one deviation: a layer attenuates the layers below by
-//! 1 - E(wo), its directional albedo, rather than by the Fresnel term 1 - F(v.h) of each light, so that a layered white surface
-//! reflects exactly the incident light. From the top: coat, sheen, then the base.
+//! Layers follow the glTF 2.0 appendix and its extensions with one deviation: a layer attenuates the layers below by 1 - E(wo), with E
+//! its directional albedo, rather than by the Fresnel term 1 - F(v.h), so that a white layered surface conserves energy exactly.
+//! From the top: coat, sheen, base.
 //!
-//! The base mixes glass (share transmission (1 - metallic)) with the opaque material of the same interface, of which a part may
-//! let light pass diffusely. The inside of a solid sees the base alone, not the layers on the outside: light on its way out is
-//! not dimmed by them. Neither side gains or loses energy; the price is that transmission through layers is not
-//! reciprocal.
+//! The base mixes glass, of weight transmission * (1 - metallic), with the opaque material of the same interface, which may include
+//! diffuse transmission. From the inside of a solid only the base counts: light on its way out is not attenuated by the layers.
+//! Energy is conserved on both sides, but transmission through layers is not reciprocal.
 
 use super::dielectric::tint_of_crossing;
 use super::diffuse::{DiffuseThrough, OrenNayar};
@@ -30,55 +29,56 @@ use crate::scene::{
 };
 use std::f32::consts::FRAC_1_PI;
 
-/// Every layer and base that a glTF material may have; absent ones have strength 0.
+/// All layers and bases of a glTF material; absent ones have weight 0.
 #[derive(Clone, Copy, Debug)]
 pub struct Layered {
-    /// Diffuse base under its interface, and metal.
+    /// Diffuse base under the dielectric interface, and metal.
     pub opaque: MetalRough<Microsurface>,
     /// Roughness 0..1 of the diffuse base by [`OrenNayar`]; 0 is Lambert's law.
     pub diffuse_roughness: f32,
-    /// Colour of diffuse transmission, under the same interface.
+    /// Diffuse transmission albedo, under the same interface.
     pub through: Rgb,
     /// The body that scatters the transmitted light; `None` without subsurface scattering.
     pub body: Option<Body>,
-    /// Light that passes the interface.
+    /// Glass of the same interface.
     pub glass: RoughDielectric,
-    /// Weight of `glass`; that of the opaque material and of `through` is 1 minus it.
+    /// Weight of `glass`, 0..1; the opaque material and `through` have weight 1 - `glass_share`.
     pub glass_share: f32,
-    /// A film on the interface.
+    /// Thin film on the interface.
     pub film: ThinFilm,
-    /// Fibres on top.
+    /// Sheen above the base.
     pub sheen: Sheen,
-    /// The layer above all.
+    /// Clearcoat above all.
     pub coat: Coat,
 }
 
-/// The components and their weights for one view direction. The value of the BSDF is the sum of each part's value times
-/// its weight; probabilities add up to 1.
+/// The components for one view direction. The BSDF's value is the sum of the components' values times their weights; selection
+/// probabilities add up to 1.
 struct LayeredClosure {
     opaque: MetalRough<Microsurface>,
     opaque_closure: MetalRoughClosure,
     above: Vec3,
     glass: RoughDielectric,
-    /// The diffuse base where it is rough; the opaque part has none then.
+    /// The diffuse base if it is rough; then `opaque` has none.
     rough: OrenNayar,
-    /// Attenuation of light that crosses diffusely.
+    /// Scaling of diffusely transmitted light by refraction.
     crossing: Refracted,
-    /// Coat, sheen, opaque, through, rough diffuse base, glass.
+    /// Weights of coat, sheen, opaque, diffuse transmission, rough diffuse base, glass.
     weights: [Rgb; PARTS],
     probabilities: [f32; PARTS],
 }
 
+/// Number of components.
 const PARTS: usize = 6;
 
-/// The last part.
+/// Index of glass, the last component.
 const GLASS: usize = 5;
 
 impl Layered {
-    /// Removes glossy reflection or transmission; sheen and diffuse parts remain.
+    /// Removes glossy reflection or transmission; sheen and diffuse components remain.
     pub(super) fn leave_out(&mut self, lobes: SkippedCaustics) {
         if lobes.reflective {
-            self.opaque.leave_out_reflection();
+            self.opaque.remove_reflection();
             (self.coat.factor, self.film.factor) = (0.0, 0.0);
         }
         self.glass.leave_out(lobes);
@@ -119,7 +119,7 @@ impl Layered {
         let opaque_weight = remaining * (1.0 - self.glass_share);
         let through = self.through * (opaque_closure.rest * opaque_weight);
         let rough_weight = opaque_closure.rest * opaque_weight;
-        // If the surface also refracts, all radiance inside is scaled to the denser medium.
+        // If the surface also refracts, radiance inside is scaled by the squared index.
         let refracts = self.glass_share > 0.0 && self.glass.walls == Walls::Solid;
         let crossing = self.glass.refraction.at(if refracts { self.glass.eta(wo) } else { 1.0 });
         let glass_weight = remaining * self.glass_share;
@@ -130,7 +130,7 @@ impl Layered {
             opaque_weight * opaque_closure.albedo,
             through.mean(),
             rough.color.mean() * rough_weight,
-            // Without glass its index may be invalid.
+            // Without glass the index may be invalid.
             if glass_weight > 0.0 { glass_weight * glass.albedo_estimate(above.z, wo.z < 0.0) } else { 0.0 },
         ];
         let total: f32 = shares.iter().sum();
@@ -154,7 +154,7 @@ impl Layered {
         }
     }
 
-    /// The diffuse base beneath its layers for `wo`, and its fraction of the directional albedo.
+    /// The diffuse base as attenuated by the layers above for `wo`, and its fraction of the directional albedo.
     pub(super) fn base(&self, wo: Vec3) -> (OrenNayar, f32) {
         let LayeredClosure { opaque_closure, rough, weights, probabilities, .. } = self.closure(wo);
         if self.diffuse_roughness > 0.0 {
@@ -164,7 +164,7 @@ impl Layered {
         (OrenNayar { color, roughness: 0.0 }, probabilities[2] * opaque_closure.probability_diffuse)
     }
 
-    /// The diffuse base, taken from the opaque part, where it is rough; a black one elsewhere.
+    /// Moves a rough diffuse base out of the opaque component; black if the base is Lambertian.
     #[inline]
     fn take_rough(&self, opaque: &mut MetalRough<Microsurface>) -> OrenNayar {
         let mut rough = OrenNayar { color: Rgb::ZERO, roughness: self.diffuse_roughness };
@@ -174,7 +174,7 @@ impl Layered {
         rough
     }
 
-    /// The diffuse part of [`Lobe::eval`]: base, sheen and diffuse transmission.
+    /// The diffuse components of [`Lobe::eval`]: base, sheen and diffuse transmission.
     pub(super) fn eval_diffuse(&self, wo: Vec3, wi: Vec3) -> Rgb {
         let closure = self.closure(wo);
         let has = |part: usize| closure.probabilities[part] > 0.0;
@@ -245,7 +245,7 @@ impl Lobe for Layered {
             part += 1;
         }
         let probability = closure.probabilities[part];
-        // Rounding may lead to the last part, whatever its probability.
+        // Rounding may select the last component even if its probability is 0.
         if probability <= MIN_ALBEDO {
             return BsdfSample::ABSORBED;
         }
@@ -345,7 +345,7 @@ impl Transmissive for Layered {
 }
 
 impl<S: Facets> MetalRough<S> {
-    /// The same material on another microsurface.
+    /// The same material with another microfacet distribution.
     pub fn on<T>(self, surface: T) -> MetalRough<T> {
         MetalRough {
             diffuse: self.diffuse,
@@ -362,17 +362,17 @@ impl<S: Facets> MetalRough<S> {
 
 // Programs of glTF materials, and the conditions under which a simpler BSDF is equivalent.
 
-/// Can light pass the interface? An index of refraction of 0 means that all is reflected.
+/// Whether the material may have glass. (An index of refraction of 0 means total reflection.)
 pub(super) fn transmits(pbr: &PbrMaterial) -> bool {
     !always(&pbr.transmission, 0.0) && pbr.ior > 0.0 && !always(&pbr.metallic, 1.0)
 }
 
-/// Is the dielectric's reflectance that of its index of refraction?
+/// Whether the dielectric's reflectance follows from its index of refraction alone (no KHR_materials_specular).
 pub(super) fn is_plain(pbr: &PbrMaterial) -> bool {
     always(&pbr.specular, 1.0) && pbr.specular_color == ColorSlot::constant([1.0; 3])
 }
 
-/// Is there something that only [`Layered`] has?
+/// Whether the material needs [`Layered`].
 pub(super) fn is_layered(pbr: &PbrMaterial) -> bool {
     pbr.clearcoat.is_some()
         || pbr.sheen.is_some()
@@ -380,22 +380,22 @@ pub(super) fn is_layered(pbr: &PbrMaterial) -> bool {
         || pbr.diffuse_transmission.is_some()
 }
 
-/// Is there a diffuse base that doesn't follow Lambert's law?
+/// Whether there may be a diffuse base that isn't Lambertian.
 pub(super) fn is_rough_diffuse(pbr: &PbrMaterial) -> bool {
     !always(&pbr.diffuse_roughness, 0.0) && !always(&pbr.metallic, 1.0)
 }
 
-/// Its facets.
+/// The microfacets of a material.
 pub(super) fn facets(pbr: &PbrMaterial) -> MicrosurfaceProgram {
     MicrosurfaceProgram { roughness: pbr.roughness, anisotropy: pbr.anisotropy }
 }
 
-/// The medium behind its surface.
+/// Whether the material is solid or thin-walled.
 pub(super) fn walls(pbr: &PbrMaterial) -> Walls {
     if pbr.has_volume || pbr.keeps_radiance { Walls::Solid } else { Walls::Thin }
 }
 
-/// Scaling of radiance where light enters it.
+/// Scaling of radiance by refraction.
 pub(super) fn refraction(pbr: &PbrMaterial) -> Refraction {
     if pbr.keeps_radiance { Refraction::KeepsRadiance } else { Refraction::Scales }
 }
@@ -406,7 +406,7 @@ pub struct LayeredProgram {
     opaque: MetalRoughProgram,
     facets: MicrosurfaceProgram,
     diffuse_roughness: FloatSlot,
-    /// Share of light that passes the interface, where it lets light pass.
+    /// Transmission weight; `None` without glass.
     transmission: Option<FloatSlot>,
     ior: f32,
     walls: Walls,
@@ -414,7 +414,7 @@ pub struct LayeredProgram {
     tints_once: bool,
     /// Colour of the glass's reflection.
     reflection: GlassReflection,
-    /// The reflectance of the glass follows from its index of refraction.
+    /// See [`is_plain`].
     is_plain: bool,
     coat_fresnel: LayerFresnel,
     clearcoat: Option<Clearcoat>,
@@ -450,7 +450,7 @@ impl LayeredProgram {
         through.subsurface.map(|entry| Body::new(entry, facets))
     }
 
-    /// Is any part of the surface glass?
+    /// Whether there may be glass.
     pub fn has_glass(&self) -> bool {
         self.transmission.is_some()
     }
@@ -474,22 +474,22 @@ impl MaterialProgram for LayeredProgram {
             },
         };
         let dielectric = 1.0 - opaque.metallic;
-        let transmission = self.transmission.as_ref().map_or(0.0, |slot| slots.share(slot));
+        let transmission = self.transmission.as_ref().map_or(0.0, |slot| slots.clamped_number(slot));
         let glass_share = dielectric * transmission;
-        // Weights relative to the part that is not glass.
+        // Normalises weights to the part that is not glass.
         let rest = 1.0 / (1.0 - glass_share).max(f32::MIN_POSITIVE);
         let diffuse = (dielectric * (1.0 - transmission) * rest).min(1.0);
         opaque.metallic = (opaque.metallic * rest).min(1.0);
         let (diffuse_transmission, color) = self
             .diffuse_transmission
             .as_ref()
-            .map_or((0.0, Rgb::ZERO), |d| (slots.share(&d.factor), slots.share_by_channel(&d.color)));
+            .map_or((0.0, Rgb::ZERO), |d| (slots.clamped_number(&d.factor), slots.clamped_color(&d.color)));
         opaque.diffuse = base * (diffuse * (1.0 - diffuse_transmission));
         let tint = tint_of_crossing(base, self.tints_once);
         let (ior, walls, refraction) = (self.ior, self.walls, self.refraction);
         Layered {
             opaque,
-            diffuse_roughness: slots.share(&self.diffuse_roughness),
+            diffuse_roughness: slots.clamped_number(&self.diffuse_roughness),
             through: color * (diffuse * diffuse_transmission),
             body: self.body(surface),
             glass: RoughDielectric {
@@ -505,11 +505,11 @@ impl MaterialProgram for LayeredProgram {
             glass_share,
             film: self.iridescence.as_ref().map_or(ThinFilm::NONE, |i| film(i, slots)),
             sheen: self.sheen.as_ref().map_or(Sheen::NONE, |s| Sheen {
-                color: slots.share_by_channel(&s.color),
-                roughness: slots.share(&s.roughness),
+                color: slots.clamped_color(&s.color),
+                roughness: slots.clamped_number(&s.roughness),
             }),
             coat: self.clearcoat.as_ref().map_or(Coat::NONE, |c| Coat {
-                factor: slots.share(&c.factor),
+                factor: slots.clamped_number(&c.factor),
                 alpha: slots.alpha(&c.roughness),
                 normal: frame.coat_normal,
                 fresnel: self.coat_fresnel,
@@ -529,35 +529,35 @@ impl MaterialProgram for LayeredProgram {
 
 fn film(iridescence: &Iridescence, slots: &impl Slots) -> ThinFilm {
     let Iridescence { factor, ior, thickness_min_nm, thickness_max_nm, thickness_texture } = *iridescence;
-    let blend = slots.share(&FloatSlot { factor: 1.0, texture: thickness_texture });
+    let blend = slots.clamped_number(&FloatSlot { factor: 1.0, texture: thickness_texture });
     let thickness_nm = thickness_min_nm + (thickness_max_nm - thickness_min_nm) * blend;
     ThinFilm {
-        factor: slots.share(&factor),
+        factor: slots.clamped_number(&factor),
         ior: ior.max(1.0),
         thickness_nm: thickness_nm.max(0.0),
         wavelengths_nm: slots.wavelengths().map_or([0.0; 3], |waves| waves.nm),
     }
 }
 
-/// Index of refraction, as the extension fixes it.
+/// Index of refraction of the coat, fixed by KHR_materials_clearcoat.
 const IOR: f32 = 1.5;
 
-/// Reflectance of that index at normal incidence.
+/// Reflectance of the coat at normal incidence.
 const F0: Rgb = Rgb::splat(0.04);
 
-/// A clear dielectric layer on top of the others (KHR_materials_clearcoat), with a normal of its own. It transmits one minus its
-/// directional albedo.
+/// A clear dielectric layer on top of the others (KHR_materials_clearcoat), with a normal of its own. Its transmittance is one minus
+/// its directional albedo.
 #[derive(Clone, Copy, Debug)]
 pub struct Coat {
-    /// Its strength 0..1; 0 for none.
+    /// Weight, 0..1; 0 for no coat.
     pub factor: f32,
     /// GGX alpha; below [`super::ggx::MIN_ALPHA`] an exact mirror.
     pub alpha: f32,
-    /// Its unit normal in the frame of the BSDF, z above 0.
+    /// Unit normal in the frame of the BSDF, z above 0.
     pub normal: Vec3,
-    /// How its reflectance rises from 0.04 to 1; see [`Coat::fresnel`].
+    /// Fresnel term between 0.04 and 1; see [`Coat::fresnel`].
     pub fresnel: LayerFresnel,
-    /// Compensation of the energy that single scattering loses.
+    /// Energy compensation of single scattering.
     pub energy_compensation: EnergyCompensation,
 }
 
@@ -571,13 +571,13 @@ impl Coat {
         energy_compensation: EnergyCompensation::On,
     };
 
-    /// The Fresnel term of a model for the index of the layer.
+    /// The coat's Fresnel term by a Fresnel model.
     #[inline(always)]
     pub fn fresnel(model: FresnelModel) -> LayerFresnel {
         LayerFresnel::new(model, IOR)
     }
 
-    /// The reflecting lobe of a layer of full strength, in its own frame.
+    /// The reflection lobe of a coat of weight 1, in the coat's frame.
     #[inline(always)]
     fn lobe(&self) -> FacetReflection<Isotropic, impl Fn(f32) -> Rgb> {
         let Coat { alpha, fresnel, energy_compensation, .. } = *self;
@@ -585,14 +585,14 @@ impl Coat {
         FacetReflection { facets: Isotropic { alpha }, f0: F0, reflectance, energy_compensation }
     }
 
-    /// Is its reflection a single direction?
+    /// Whether the coat is an exact mirror.
     #[inline(always)]
     pub fn is_mirror(&self) -> bool {
         self.lobe().is_mirror()
     }
 
-    /// Directional albedo of the layer, and attenuation of the layers below, both times its strength. Without compensation the
-    /// attenuation is larger: light that facets reflect to each other is lost (as in [`super::MetalRough`]).
+    /// Directional albedo of the coat, and the fraction of light that the layers below lose, both times its weight. Without energy
+    /// compensation the loss exceeds the albedo by the light lost between facets (as in [`super::MetalRough`]).
     #[inline(always)]
     pub fn shares(&self, wo: Vec3) -> [f32; 2] {
         let cosine = wo.dot(self.normal).abs().clamp(ggx::MIN_COS, 1.0);
@@ -622,7 +622,7 @@ impl Coat {
         [albedo, albedo / loss].map(|share| (self.factor * share).min(1.0))
     }
 
-    /// See [`super::Bsdf::sample`], for a layer of full strength. Reflections to below the base's surface are lost.
+    /// See [`super::Bsdf::sample`], for a coat of weight 1. Reflections below the surface of the base are lost.
     #[inline]
     pub fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
         if self.normal == Vec3::Z {
@@ -634,7 +634,7 @@ impl Coat {
         if (s.wi.z < 0.0) == (wo.z < 0.0) { s } else { BsdfSample::ABSORBED }
     }
 
-    /// See [`super::Bsdf::eval`], for a layer of full strength.
+    /// See [`super::Bsdf::eval`], for a coat of weight 1.
     #[inline]
     pub fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
         if (wo.z < 0.0) != (wi.z < 0.0) {
@@ -654,9 +654,9 @@ mod tests {
     use crate::bsdf::{Bsdf, Isotropic};
     use crate::sampling::chi2::Random;
 
-    /// The diffuse part of a material with a layer is the material without its facets.
+    /// [`Lobe::diffuse_part`] is the difference between the material and its glossy lobe.
     #[test]
-    fn the_parts_of_glossy_materials_add_up() {
+    fn diffuse_and_glossy_parts_add_up() {
         let m = MetalRough {
             diffuse: Rgb::new(0.5, 0.3, 0.1),
             layer_f0: Rgb::splat(0.04),

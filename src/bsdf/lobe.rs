@@ -1,4 +1,4 @@
-//! The interface of BSDFs: [`Lobe`] scatters at a point, [`MaterialProgram`] evaluates its parameters at a hit.
+//! The traits of BSDFs: [`Lobe`] is a BSDF at a hit, [`MaterialProgram`] evaluates its parameters there.
 
 use super::fresnel::f0_from_eta;
 use crate::color::Rgb;
@@ -6,42 +6,42 @@ use crate::color::spectral::Wavelengths;
 use crate::math::{Vec2, Vec3};
 use crate::scene::{ColorSlot, FloatSlot};
 
-/// One BSDF with its parameters at a point. Directions as in [`super::Bsdf`]; their z is never -0.
+/// A BSDF with its parameters at a hit. Directions as in [`super::Bsdf`]; their z is never -0.
 pub trait Lobe: Copy {
-    /// Samples a direction by three numbers in 0..1: `u[2]` chooses among component lobes, `u[0]` and `u[1]` the direction.
+    /// Samples a direction by three random numbers in 0..1: `u[2]` selects the component lobe, `u[0]` and `u[1]` the direction.
     fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample;
 
-    /// Value and density of a pair of directions; specular components count as zero.
+    /// Value and pdf of a pair of directions; specular components count as zero.
     fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval;
 
-    /// Are all samples specular, so that light sampling contributes nothing?
+    /// Whether all samples are specular, so that light sampling contributes nothing.
     #[inline(always)]
     fn is_specular(&self) -> bool {
         false
     }
 
-    /// Is all of it a diffuse base, which bends with a surface's bumps and which layers leave out of the light from behind?
+    /// Whether the whole BSDF is a diffuse base, which is shaded with the bumped normal.
     fn is_base(&self) -> bool {
         false
     }
 
-    /// With its base colour multiplied (by the colour of vertices).
+    /// Multiplies the base colour (by vertex colours).
     fn tinted(self, color: Rgb) -> Self;
 
-    /// A plain colour for the albedo output: reflectance at normal incidence, white for clear glass.
+    /// Albedo for the denoiser's AOV: about the reflectance at normal incidence, white for clear glass.
     fn albedo(&self) -> Rgb;
 
-    /// Colours and roughness for the AOVs of compositing.
+    /// Colours and roughness for compositing AOVs.
     fn appearance(&self) -> Appearance;
 
-    /// The diffuse part of [`Lobe::eval`] for these directions, for the AOVs of direct and indirect diffuse light. Sheen and
-    /// diffuse transmission count as diffuse, as in Cycles.
+    /// The diffuse part of [`Lobe::eval`], for the AOVs of direct and indirect diffuse light. Sheen and diffuse transmission count as
+    /// diffuse, as in Cycles.
     fn diffuse_part(&self, _wo: Vec3, _wi: Vec3) -> Rgb {
         Rgb::ZERO
     }
 }
 
-/// Colours and roughness of a surface, independent of the light: for AOVs.
+/// Colours and roughness of a surface for AOVs, independent of light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Appearance {
     /// Diffuse colour.
@@ -50,12 +50,12 @@ pub struct Appearance {
     pub glossy: Rgb,
     /// Colour of transmitted light.
     pub transmission: Rgb,
-    /// Perceptual roughness: the square root of the GGX alpha (of the geometric mean of two); 1 without microfacets.
+    /// Perceptual roughness: square root of the GGX alpha (if anisotropic of the geometric mean of both); 1 without microfacets.
     pub roughness: f32,
 }
 
 impl Appearance {
-    /// The appearance of a surface that scatters nothing.
+    /// The appearance of a black surface.
     pub const BLACK: Appearance =
         Appearance { diffuse: Rgb::ZERO, glossy: Rgb::ZERO, transmission: Rgb::ZERO, roughness: 1.0 };
 
@@ -68,7 +68,7 @@ impl Appearance {
         }
     }
 
-    /// The perceptual roughness of two GGX alphas.
+    /// Perceptual roughness from two GGX alphas.
     pub(super) fn roughness([a, b]: [f32; 2]) -> f32 {
         (a * b).sqrt().sqrt()
     }
@@ -76,23 +76,23 @@ impl Appearance {
 
 /// A [`Lobe`] that may transmit.
 pub trait Transmissive: Lobe {
-    /// Does it have a non-specular transmission component?
+    /// Whether there may be a non-specular transmission lobe.
     const SCATTERS_THROUGH: bool;
 
-    /// May it refract?
+    /// Whether there may be refraction.
     const REFRACTS: bool;
 
-    /// May its sides be exchanged, so that glass of a lower index than its surroundings becomes glass of the inverse index seen from
-    /// inside? False for BSDFs with layers on the outside.
+    /// Whether both sides may be exchanged: glass of a relative index below 1 is replaced by glass of the inverse index seen from the
+    /// inside. False for BSDFs with layers on the outside.
     const TURNS_OVER: bool;
 
-    /// With another index of refraction: that of one wavelength of a dispersive material, or relative to another medium.
+    /// Replaces the index of refraction, by that of one wavelength of a dispersive material or relative to another medium.
     fn with_ior(self, ior: f32) -> Self;
 
-    /// Factor on the light that crosses the surface, whatever is reflected.
+    /// Transmission tint, without the Fresnel term.
     fn crossing_tint(&self) -> Rgb;
 
-    /// Transmittance straight on (a delta component along `-wo`); zero if light is refracted or scattered.
+    /// Transmittance of the delta component along `-wo`; zero if light is refracted or scattered.
     #[inline(always)]
     fn straight(&self, _wo: Vec3) -> Rgb {
         Rgb::ZERO
@@ -106,26 +106,25 @@ pub struct BsdfSample {
     pub wi: Vec3,
     /// f |cos| / pdf; zero if the path is absorbed.
     pub weight: Rgb,
-    /// Density per solid angle; for specular samples the probability of having chosen this direction.
+    /// Solid-angle pdf; for specular samples the discrete probability of the direction.
     pub pdf_solid_angle: f32,
-    /// Index of refraction on the side of `wi` over that on the side of `wo`, by whose square the weight is divided; 1 unless
-    /// refracted, and where radiance keeps its value.
+    /// Index of refraction on the side of `wi` over that on the side of `wo`; the weight is divided by its square. 1 unless refracted,
+    /// and with [`Refraction::KeepsRadiance`].
     pub eta: f32,
-    /// Factor on the weight for light tracing (importance instead of radiance; Veach 1997, section 5.2).
+    /// Factor on the weight for light paths, which transport importance (Veach 1997, section 5.2).
     pub flux: f32,
-    /// From a delta component, which [`super::Bsdf::eval`] leaves out.
+    /// Whether the sample is from a delta component, which [`super::Bsdf::eval`] excludes.
     pub is_specular: bool,
-    /// To the other side of the surface.
+    /// Whether `wi` is on the other side of the surface.
     pub is_transmission: bool,
 }
 
 /// Scaling of radiance by refraction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Refraction {
-    /// Radiance is divided by the square of the index of the side where the light comes from over that of the viewer's.
+    /// Physical: radiance along `wo` is divided by the squared relative index (side of `wi` over side of `wo`).
     Scales,
-    /// Nothing, as in Cycles: it is flux then that changes, by the square of the index of the side where it comes from over that
-    /// of the side where it goes.
+    /// No scaling of radiance, as in Cycles; instead the flux of light paths is scaled by a squared relative index.
     KeepsRadiance,
 }
 
@@ -141,7 +140,7 @@ pub struct Refracted {
 }
 
 impl Refraction {
-    /// At an index of refraction on the side of the light over that on the viewer's side.
+    /// Factors for a relative index of refraction `eta`: side of `wi` over side of `wo`.
     #[inline(always)]
     pub fn at(self, eta: f32) -> Refracted {
         let inverse = 1.0 / eta;
@@ -153,7 +152,7 @@ impl Refraction {
 }
 
 impl BsdfSample {
-    /// The path is absorbed.
+    /// Sample of an absorbed path.
     pub const ABSORBED: BsdfSample = BsdfSample {
         wi: Vec3::Z,
         weight: Rgb::ZERO,
@@ -164,7 +163,7 @@ impl BsdfSample {
         is_transmission: false,
     };
 
-    /// A sampled reflected direction, weighted by value over density; the path ends where that is 0.
+    /// Sample of a reflected direction with weight value / pdf; absorbed if the pdf is 0.
     #[inline(always)]
     pub(super) fn reflected(wi: Vec3, eval: BsdfEval) -> BsdfSample {
         let BsdfEval { f_cos, pdf_solid_angle } = eval;
@@ -174,7 +173,7 @@ impl BsdfSample {
         BsdfSample { wi, weight: f_cos / pdf_solid_angle, pdf_solid_angle, ..BsdfSample::ABSORBED }
     }
 
-    /// The mirror image of `wo`, chosen with a probability.
+    /// Sample of the mirror direction of `wo`, selected with a probability.
     #[inline(always)]
     pub(super) fn mirror(wo: Vec3, weight: Rgb, probability: f32) -> BsdfSample {
         BsdfSample {
@@ -189,58 +188,59 @@ impl BsdfSample {
     }
 }
 
-/// The value of a BSDF for two directions.
+/// The value of a BSDF for a pair of directions, without specular lobes.
 #[derive(Clone, Copy, Debug)]
 pub struct BsdfEval {
-    /// f times |cos| of `wi`; without specular lobes.
+    /// f times |cos| of `wi`.
     pub f_cos: Rgb,
-    /// Density per solid angle with which sampling finds `wi`.
+    /// Solid-angle pdf of sampling `wi`.
     pub pdf_solid_angle: f32,
 }
 
 impl BsdfEval {
-    /// No light that way.
+    /// Zero value and pdf.
     pub const ZERO: BsdfEval = BsdfEval { f_cos: Rgb::ZERO, pdf_solid_angle: 0.0 };
 }
 
-/// Albedos below this count as black: a guard against division by zero.
+/// Albedo below which a BSDF counts as black, to avoid division by zero.
 pub(super) const MIN_ALBEDO: f32 = 1e-30;
 
-/// With a z of -0 turned to 0, so that its sign says the same as a comparison.
+/// Replaces a z of -0 by 0, so that its sign bit agrees with the comparison `z < 0`.
 #[inline(always)]
 pub(super) fn with_side(v: Vec3) -> Vec3 {
     Vec3::new(v.x, v.y, v.z + 0.0)
 }
 
-/// The parameters of one BSDF: constants, and textures with factors.
+/// The parameters of a BSDF: constants, and textures with factors.
 pub trait MaterialProgram {
-    /// The BSDF.
+    /// Type of the BSDF.
     type Lobe: Lobe;
 
-    /// The BSDF where the slots have these values.
+    /// Evaluates the parameters at a hit.
     fn evaluate(&self, slots: &impl Slots, frame: &LocalFrame) -> Self::Lobe;
 
-    /// May light pass [straight on](super::Bsdf::straight)? Not asked of textures: false where only a texture makes a thin sheet smooth.
+    /// Whether there may be [straight transmission](super::Bsdf::straight), decided without textures: false if only a texture makes
+    /// thin glass smooth.
     fn may_pass_straight(&self) -> bool {
         false
     }
 
-    /// Is it smooth glass, whatever its textures hold?
+    /// Whether it is smooth glass for all values of the textures.
     fn is_smooth_glass(&self) -> bool {
         false
     }
 
-    /// Does the BSDF depend on the wavelength other than by its colours?
+    /// Whether the BSDF depends on the wavelength other than by its colours.
     fn depends_on_wavelength(&self) -> bool {
         false
     }
 }
 
-/// Where the values of a material's slots come from at a hit.
+/// Evaluates the slots (factor times texture) of a material at a hit.
 pub trait Slots {
-    /// A colour.
+    /// Value of a colour slot, unclamped.
     fn color(&self, slot: &ColorSlot) -> Rgb;
-    /// A number.
+    /// Value of a number slot, unclamped.
     fn number(&self, slot: &FloatSlot) -> f32;
 
     /// The wavelengths of the three channels in spectral rendering; `None` for red, green and blue.
@@ -249,27 +249,27 @@ pub trait Slots {
         None
     }
 
-    /// A colour within 0..1.
+    /// A colour clamped to 0..1.
     #[inline(always)]
-    fn share_by_channel(&self, slot: &ColorSlot) -> Rgb {
+    fn clamped_color(&self, slot: &ColorSlot) -> Rgb {
         self.color(slot).clamp(Rgb::ZERO, Rgb::ONE)
     }
 
-    /// A number within 0..1.
+    /// A number clamped to 0..1.
     #[inline(always)]
-    fn share(&self, slot: &FloatSlot) -> f32 {
+    fn clamped_number(&self, slot: &FloatSlot) -> f32 {
         self.number(slot).clamp(0.0, 1.0)
     }
 
-    /// The GGX alpha of a perceptual roughness: its square.
+    /// The GGX alpha of a perceptual roughness: the square of its value clamped to 0..1.
     #[inline(always)]
     fn alpha(&self, slot: &FloatSlot) -> f32 {
-        let roughness = self.share(slot);
+        let roughness = self.clamped_number(slot);
         roughness * roughness
     }
 }
 
-/// The constant factors alone, as if every texture were white.
+/// [`Slots`] without textures: the constant factors.
 #[derive(Clone, Copy, Debug)]
 pub struct Factors;
 
@@ -285,10 +285,10 @@ impl Slots for Factors {
     }
 }
 
-/// Directions at a hit that some materials depend on, in the frame whose z is the shading normal.
+/// Directions at a hit that some materials need, in the frame with the shading normal as z.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LocalFrame {
-    /// Where texture coordinate u grows, in the tangent plane.
+    /// Direction of increasing texture coordinate u, in the tangent plane.
     pub tangent: Vec2,
     /// The bitangent of normal maps, in the tangent plane.
     pub bitangent: Vec2,
@@ -297,12 +297,12 @@ pub struct LocalFrame {
 }
 
 impl LocalFrame {
-    /// Tangents along x and y, the coat's normal the surface's.
+    /// Tangents along x and y, and the coat normal equal to the shading normal.
     pub const STRAIGHT: LocalFrame =
         LocalFrame { tangent: Vec2::X, bitangent: Vec2::Y, coat_normal: Vec3::Z };
 }
 
-/// Is the slot this number whatever its texture says? A factor of 0 needs no texture.
+/// Whether a slot has this value for all values of its texture. (With a factor of 0 the texture doesn't matter.)
 pub(super) fn always(slot: &FloatSlot, value: f32) -> bool {
     slot.factor == value && (slot.texture.is_none() || value == 0.0)
 }

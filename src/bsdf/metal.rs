@@ -1,4 +1,4 @@
-//! Metals: GGX microfacets with Schlick's Fresnel term of a colour, or with the exact Fresnel term of a complex index of refraction.
+//! Metals: microfacets with Schlick's Fresnel term, a constant reflectance, or the exact Fresnel term of a complex index of refraction.
 
 use super::microsurface::{BeckmannFacets, Facets, Isotropic, Microsurface};
 use super::{Appearance, BsdfEval, BsdfSample, Lobe, LocalFrame, MaterialProgram, Slots, fresnel, ggx};
@@ -7,19 +7,18 @@ use crate::color::spectral::{Metal, Wavelengths};
 use crate::math::Vec3;
 use crate::scene::{ColorSlot, EnergyCompensation, FloatSlot};
 
-/// A metal; both sides alike.
+/// A GGX metal with Schlick's Fresnel term; two-sided.
 ///
-/// With [`EnergyCompensation::On`] the light that single scattering loses is given back by a factor 1 + f0 (1 - E) / E,
-/// with E the directional albedo for a reflectance of 1 (Turquin 2019, "Practical multiple scattering compensation for
-/// microfacet models", eq. 16). For f0 = 1 it keeps all energy, up to the 0.04 % by which the table of E may be wrong; it
-/// is not reciprocal.
+/// With [`EnergyCompensation::On`] the energy lost by single scattering is restored by a factor 1 + f0 (1 - E) / E, with E the directional
+/// albedo for a reflectance of 1 (Turquin 2019, "Practical multiple scattering compensation for microfacet models", eq. 16). For
+/// f0 = 1 energy is conserved up to the table's error of 0.04 %; the result is not reciprocal.
 #[derive(Clone, Copy, Debug)]
 pub struct SchlickMetal {
-    /// Reflectance at normal incidence; it rises to 1 at grazing incidence.
+    /// Reflectance at normal incidence; 1 at grazing incidence.
     pub f0: Rgb,
     /// GGX alpha 0..1; below [`super::ggx::MIN_ALPHA`] an exact mirror.
     pub alpha: f32,
-    /// Whether the energy that single scattering loses is given back.
+    /// Energy compensation of single scattering.
     pub energy_compensation: EnergyCompensation,
 }
 
@@ -31,7 +30,7 @@ impl SchlickMetal {
         FacetReflection { facets: Isotropic { alpha }, f0, reflectance, energy_compensation }
     }
 
-    /// Is it an exact mirror?
+    /// Whether it is an exact mirror.
     #[inline(always)]
     pub fn is_mirror(&self) -> bool {
         self.lobe().is_mirror()
@@ -86,15 +85,14 @@ impl MaterialProgram for SchlickMetalProgram {
     #[inline]
     fn evaluate(&self, slots: &impl Slots, _frame: &LocalFrame) -> SchlickMetal {
         SchlickMetal {
-            f0: slots.share_by_channel(&self.color),
+            f0: slots.clamped_color(&self.color),
             alpha: slots.alpha(&self.roughness),
             energy_compensation: self.energy_compensation,
         }
     }
 }
 
-/// Facets whose slopes are normally distributed (Beckmann), of the same reflectance at all angles; both sides alike. Light that facets
-/// mirror into each other is lost.
+/// Beckmann facets of constant reflectance; two-sided, without energy compensation.
 #[derive(Clone, Copy, Debug)]
 pub struct Beckmann {
     /// Reflectance of a facet.
@@ -165,34 +163,33 @@ impl MaterialProgram for BeckmannProgram {
 
     #[inline]
     fn evaluate(&self, slots: &impl Slots, _frame: &LocalFrame) -> Beckmann {
-        Beckmann { color: slots.share_by_channel(&self.color), alpha: slots.alpha(&self.roughness) }
+        Beckmann { color: slots.clamped_color(&self.color), alpha: slots.alpha(&self.roughness) }
     }
 }
 
-/// A metal with the exact Fresnel term of its complex index of refraction; both sides alike.
-///
-/// Compensated like [`super::SchlickMetal`], with the reflectance at normal incidence as f0.
+/// A metal with the exact Fresnel term of a complex index of refraction; two-sided. Energy compensation as for [`super::SchlickMetal`],
+/// with the reflectance at normal incidence as f0.
 #[derive(Clone, Copy, Debug)]
 pub struct Conductor {
     /// Real part of the index of refraction by channel.
     pub eta: Rgb,
     /// Extinction coefficient by channel.
     pub k: Rgb,
-    /// Its facets; smooth ones are an exact mirror.
+    /// GGX facets.
     pub surface: Microsurface,
-    /// Whether the energy that single scattering loses is given back.
+    /// Energy compensation of single scattering.
     pub energy_compensation: EnergyCompensation,
 }
 
 impl Conductor {
-    /// Reflectance under a cosine.
+    /// Fresnel reflectance at a cosine.
     #[inline]
     pub fn reflectance(&self, cosine: f32) -> Rgb {
         let (eta, k) = (self.eta.to_array(), self.k.to_array());
         Rgb::from_array([0, 1, 2].map(|c| fresnel::conductor(cosine, eta[c], k[c])))
     }
 
-    /// The factor that compensates the loss of single scattering.
+    /// The energy compensation factor.
     #[inline(always)]
     fn compensation(&self, above: Vec3) -> Rgb {
         match self.energy_compensation {
@@ -247,7 +244,7 @@ impl Lobe for Conductor {
 
     #[inline(always)]
     fn tinted(self, _color: Rgb) -> Self {
-        // The colour of a measured metal is its own.
+        // Vertex colours don't apply to measured metals.
         self
     }
 
@@ -272,7 +269,7 @@ pub struct ConductorProgram {
     pub eta: Rgb,
     /// See [`Conductor::k`].
     pub k: Rgb,
-    /// The metal, if its index is tabulated by wavelength.
+    /// The metal, if its index of refraction is tabulated by wavelength.
     pub metal: Option<Metal>,
     /// Perceptual roughness.
     pub roughness: FloatSlot,
@@ -280,10 +277,10 @@ pub struct ConductorProgram {
     pub energy_compensation: EnergyCompensation,
 }
 
-/// An index given by channel at other wavelengths: straight between those at which the primaries of Rec. 709 dominate, 464.2, 549.1
-/// and 611.4 nm, and constant beyond.
-fn between_channels(index: Rgb, waves: &Wavelengths) -> Rgb {
-    let mix = |from: f32, to: f32, share: f32| from + (to - from) * share.clamp(0.0, 1.0);
+/// Interpolates an index given by channel to other wavelengths: linear between the dominant wavelengths of the Rec. 709 primaries
+/// (464.2, 549.1 and 611.4 nm), constant beyond.
+fn interpolate_channels(index: Rgb, waves: &Wavelengths) -> Rgb {
+    let mix = |from: f32, to: f32, t: f32| from + (to - from) * t.clamp(0.0, 1.0);
     waves.map(|nm| match nm {
         nm if nm < 549.1 => mix(index.b, index.g, (nm - 464.2) / (549.1 - 464.2)),
         nm => mix(index.g, index.r, (nm - 549.1) / (611.4 - 549.1)),
@@ -298,7 +295,7 @@ impl MaterialProgram for ConductorProgram {
         let [eta, k] = match (slots.wavelengths(), self.metal) {
             (None, _) => [self.eta, self.k],
             (Some(waves), Some(metal)) => metal.index(waves),
-            (Some(waves), None) => [self.eta, self.k].map(|index| between_channels(index, waves)),
+            (Some(waves), None) => [self.eta, self.k].map(|index| interpolate_channels(index, waves)),
         };
         Conductor {
             eta,
@@ -313,27 +310,26 @@ impl MaterialProgram for ConductorProgram {
     }
 }
 
-/// Reflection by microfacets with any Fresnel term; the same on both sides. The lobe of [`SchlickMetal`], of [`Beckmann`] and of the
-/// clearcoat.
+/// Reflection by microfacets with any Fresnel term; two-sided. The lobe of [`SchlickMetal`], [`Beckmann`] and the clearcoat.
 pub(super) struct FacetReflection<F: Facets, R: Fn(f32) -> Rgb> {
-    /// Smooth ones are an exact mirror.
+    /// Microfacet distribution.
     pub facets: F,
-    /// Reflectance at normal incidence, by which lost energy is given back (Turquin 2019, eq. 16).
+    /// Reflectance at normal incidence, for energy compensation (Turquin 2019, eq. 16).
     pub f0: Rgb,
-    /// Reflectance under a cosine.
+    /// Fresnel reflectance as a function of the cosine at the facet.
     pub reflectance: R,
-    /// Whether the energy that single scattering loses is given back.
+    /// Energy compensation of single scattering.
     pub energy_compensation: EnergyCompensation,
 }
 
 impl<F: Facets, R: Fn(f32) -> Rgb> FacetReflection<F, R> {
-    /// Is it an exact mirror?
+    /// Whether it is an exact mirror.
     #[inline(always)]
     pub fn is_mirror(&self) -> bool {
         self.facets.is_mirror()
     }
 
-    /// The compensation for a view direction.
+    /// The energy compensation factor.
     #[inline(always)]
     fn compensation(&self, above: Vec3) -> Rgb {
         match self.energy_compensation {

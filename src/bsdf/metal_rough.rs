@@ -1,4 +1,4 @@
-//! The opaque glTF 2.0 material: a GGX layer over a diffuse base, mixed with metal.
+//! The opaque glTF 2.0 material: a dielectric GGX layer over a diffuse base, mixed with metal.
 
 use super::fresnel::{DielectricCurve, LayerFresnel};
 use super::ggx::DirectionalAlbedo;
@@ -13,56 +13,55 @@ use std::f32::consts::FRAC_1_PI;
 
 /// The glTF metallic-roughness material (glTF 2.0, appendix B; KHR_materials_specular).
 ///
-/// Dielectric and metal share their microfacets, so both reflections are one lobe, mixed by the metalness, each part with
-/// its own compensation (Turquin 2019, eq. 16). Deviations from the appendix: the dielectric layer goes from f0 to f90 as
-/// the Fresnel curve of its index does (see [`LayerFresnel`]), not by Schlick's approximation of it; and the base gets what
-/// the layer's directional albedo leaves rather than 1 - F(v.h), which can exceed the light that arrives (albedo scaling,
-/// as the appendix allows).
+/// Dielectric and metal share their microfacets, so both reflections are one lobe with a Fresnel term mixed by `metallic` and energy
+/// compensation for each (Turquin 2019, eq. 16). Deviations from the appendix: the Fresnel term of the layer may be the exact curve
+/// (see [`LayerFresnel`]) instead of Schlick's approximation; and the base is attenuated by the layer's directional albedo (albedo
+/// scaling, as the appendix allows) rather than by 1 - F(v.h), which may gain energy.
 #[derive(Clone, Copy, Debug)]
 pub struct MetalRough<S = Isotropic> {
-    /// Diffuse colour: base colour (1 - metallic).
+    /// Diffuse albedo: base colour times (1 - metallic).
     pub diffuse: Rgb,
     /// Reflectance of the dielectric layer at normal incidence.
     pub layer_f0: Rgb,
     /// Fresnel reflectance of the layer at grazing incidence.
     pub layer_f90: f32,
-    /// How it goes from one to the other.
+    /// Fresnel term between `layer_f0` and `layer_f90`.
     pub layer_fresnel: LayerFresnel,
-    /// Reflectance of the metal at normal incidence; it rises to 1 by Schlick's weight.
+    /// Reflectance of the metal at normal incidence; Schlick's Fresnel term.
     pub metal_f0: Rgb,
-    /// Share of metal.
+    /// Weight of the metal, 0..1.
     pub metallic: f32,
-    /// The facets of its surface.
+    /// Microfacet distribution.
     pub surface: S,
-    /// Whether the energy that single scattering loses is given back.
+    /// Energy compensation of single scattering.
     pub energy_compensation: EnergyCompensation,
 }
 
 /// The closure of a [`MetalRough`] for one view direction.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct MetalRoughClosure {
-    /// Diffuse colour, before attenuation by the layer.
+    /// Diffuse albedo, attenuated by the dielectric layer.
     pub diffuse: Rgb,
-    /// Share of light that the dielectric layer transmits to the layer below.
+    /// Transmittance of the dielectric layer to the base, 0..1.
     pub rest: f32,
     /// Reflectance of the microfacets at normal incidence, compensation included.
     pub f0: Rgb,
-    /// Increase of that towards grazing incidence, with Schlick's weight.
+    /// Reflectance at grazing incidence minus `f0` of terms with Schlick's weight.
     pub schlick_rise: Rgb,
-    /// Increase with the weight of `curve`.
+    /// Reflectance at grazing incidence minus `f0` of terms with the weight of `curve`.
     pub exact_rise: Rgb,
-    /// The curve of the dielectric layer.
+    /// The exact Fresnel curve of the dielectric layer.
     pub curve: DielectricCurve,
-    /// Mean albedo.
+    /// Directional albedo, mean of the channels.
     pub albedo: f32,
-    /// Probability of reflection by microfacets. Each probability is computed on its own, so that a tiny one does not round to 0.
+    /// Probability of sampling the microfacets. Both probabilities are computed separately, so that a tiny one does not round to 0.
     pub probability_specular: f32,
-    /// Probability of diffuse reflection.
+    /// Probability of sampling diffuse reflection.
     pub probability_diffuse: f32,
 }
 
 impl MetalRough {
-    /// Reflects nothing.
+    /// A black surface.
     pub const BLACK: MetalRough = MetalRough {
         diffuse: Rgb::ZERO,
         layer_f0: Rgb::ZERO,
@@ -76,13 +75,13 @@ impl MetalRough {
 }
 
 impl<S: Facets> MetalRough<S> {
-    /// Takes the layer and the metal away.
-    pub fn leave_out_reflection(&mut self) {
+    /// Removes the dielectric layer and the metal.
+    pub fn remove_reflection(&mut self) {
         (self.layer_f0, self.layer_f90) = (Rgb::ZERO, 0.0);
         (self.metal_f0, self.metallic) = (Rgb::ZERO, 0.0);
     }
 
-    /// Reflectance for a direction above the surface.
+    /// The closure for a view direction above the surface.
     #[inline(always)]
     pub fn closure(&self, above: Vec3) -> MetalRoughClosure {
         let table = self.surface.directional_albedo(above);
@@ -93,10 +92,10 @@ impl<S: Facets> MetalRough<S> {
         self.closure_by(table, layer_grazing, above)
     }
 
-    /// The same, with the directional albedo of the facets and the part of it that the layer's Fresnel term weighs.
+    /// The closure from the directional albedo of the facets and its part `layer_grazing` weighted by the layer's Fresnel term.
     #[inline(always)]
     pub fn closure_by(&self, table: DirectionalAlbedo, layer_grazing: f32, above: Vec3) -> MetalRoughClosure {
-        // A mirror returns everything, its grazing share is the weight of the one cosine.
+        // Mirrors have an albedo of 1 and the Fresnel weight of a single cosine.
         let is_mirror = self.surface.is_mirror();
         let full = if is_mirror { 1.0 } else { table.full };
         let grazing = if is_mirror { fresnel::schlick_weight(above.z) } else { table.grazing };
@@ -109,14 +108,14 @@ impl<S: Facets> MetalRough<S> {
         };
         let (of_layer, of_metal) = (compensation(self.layer_f0), compensation(self.metal_f0));
         let layer = (layer_table.reflectance(self.layer_f0, self.layer_f90) * of_layer).max_element();
-        // Without compensation, what facets mirror into each other is lost, rather than left to the base. (With Schlick's
-        // weight the base has it: pictures made so stay what they are.)
+        // Without compensation, energy lost between facets must not go to the base. (With Schlick's weight it does, so that
+        // existing pictures stay the same.)
         let loses = matches!(
             (self.energy_compensation, self.layer_fresnel),
             (EnergyCompensation::Off, LayerFresnel::Exact(_))
         );
-        let taken = if loses { layer / full } else { layer };
-        let rest = if taken < 1.0 { 1.0 - taken } else { 0.0 };
+        let blocked = if loses { layer / full } else { layer };
+        let rest = if blocked < 1.0 { 1.0 - blocked } else { 0.0 };
         let (of_layer, of_metal) = (of_layer * (1.0 - self.metallic), of_metal * self.metallic);
         let f0 = self.layer_f0 * of_layer + self.metal_f0 * of_metal;
         let (schlick_rise, exact_rise, curve, specular);
@@ -136,7 +135,7 @@ impl<S: Facets> MetalRough<S> {
         let diffuse = self.diffuse * rest;
         let (s, d) = (specular.mean(), diffuse.mean());
         let albedo = s + d;
-        let whole = if albedo > MIN_ALBEDO { albedo } else { 1.0 };
+        let normalization = if albedo > MIN_ALBEDO { albedo } else { 1.0 };
         MetalRoughClosure {
             diffuse,
             rest,
@@ -145,8 +144,8 @@ impl<S: Facets> MetalRough<S> {
             exact_rise,
             curve,
             albedo,
-            probability_specular: s / whole,
-            probability_diffuse: d / whole,
+            probability_specular: s / normalization,
+            probability_diffuse: d / normalization,
         }
     }
 }
@@ -196,9 +195,9 @@ impl<S: Facets> Lobe for MetalRough<S> {
     }
 }
 
-// Free of branches, as far as inputs decide: loops over many surfaces vectorise.
+// Without data-dependent branches, so that loops over many hits vectorise.
 impl MetalRoughClosure {
-    /// Reflectance of facets under a cosine, compensation included.
+    /// Compensated Fresnel reflectance of facets at a cosine.
     #[inline(always)]
     fn reflectance(&self, cosine: f32) -> Rgb {
         let by_schlick = self.f0 + self.schlick_rise * fresnel::schlick_weight(cosine);
@@ -218,11 +217,11 @@ impl MetalRoughClosure {
         let of_mirror = self.reflectance(above.z) / self.probability_specular;
         let weight = Rgb::select(is_mirror, of_mirror, value.f_cos / value.pdf_solid_angle);
         let pdf = if is_mirror { self.probability_specular } else { value.pdf_solid_angle };
-        let goes_on = (self.albedo > MIN_ALBEDO) & (wi.z > 0.0) & (pdf > 0.0);
+        let continues = (self.albedo > MIN_ALBEDO) & (wi.z > 0.0) & (pdf > 0.0);
         BsdfSample {
             wi: Vec3::new(wi.x, wi.y, wi.z.copysign(wo.z)),
-            weight: Rgb::select(goes_on, weight, Rgb::ZERO),
-            pdf_solid_angle: if goes_on { pdf } else { 0.0 },
+            weight: Rgb::select(continues, weight, Rgb::ZERO),
+            pdf_solid_angle: if continues { pdf } else { 0.0 },
             eta: 1.0,
             flux: 1.0,
             is_specular: is_mirror,
@@ -230,7 +229,7 @@ impl MetalRoughClosure {
         }
     }
 
-    /// The value for directions above the surface.
+    /// Value and pdf for directions above the surface.
     #[inline(always)]
     pub fn eval(&self, surface: &impl Facets, wo: Vec3, wi: Vec3) -> BsdfEval {
         let cosine = wi.z * FRAC_1_PI;
@@ -255,14 +254,14 @@ pub struct MetalRoughProgram {
     roughness: FloatSlot,
     specular: FloatSlot,
     specular_color: ColorSlot,
-    /// Reflectance of the dielectric layer at normal incidence, as its index of refraction gives it.
-    normal: f32,
+    /// Reflectance of the dielectric layer at normal incidence by its index of refraction.
+    ior_f0: f32,
     layer_fresnel: LayerFresnel,
     pub(super) energy_compensation: EnergyCompensation,
 }
 
 impl MetalRoughProgram {
-    /// Share of metal.
+    /// Weight of the metal.
     pub fn metallic(&self) -> FloatSlot {
         self.metallic
     }
@@ -279,8 +278,8 @@ impl MetalRoughProgram {
             roughness: pbr.roughness,
             specular: pbr.specular,
             specular_color: pbr.specular_color,
-            // KHR_materials_ior: 0 means that all light is reflected.
-            normal: if pbr.ior == 0.0 { 1.0 } else { fresnel::f0_from_eta(pbr.ior) },
+            // KHR_materials_ior: 0 means total reflection.
+            ior_f0: if pbr.ior == 0.0 { 1.0 } else { fresnel::f0_from_eta(pbr.ior) },
             layer_fresnel: if pbr.reflects_evenly {
                 LayerFresnel::EVEN
             } else {
@@ -290,7 +289,7 @@ impl MetalRoughProgram {
         }
     }
 
-    /// A diffuse one.
+    /// A diffuse surface.
     pub(super) fn diffuse(albedo: ColorSlot) -> MetalRoughProgram {
         MetalRoughProgram {
             base_color: albedo,
@@ -298,7 +297,7 @@ impl MetalRoughProgram {
             roughness: FloatSlot::constant(1.0),
             specular: FloatSlot::constant(0.0),
             specular_color: ColorSlot::constant([1.0; 3]),
-            normal: 0.0,
+            ior_f0: 0.0,
             layer_fresnel: LayerFresnel::Schlick,
             energy_compensation: EnergyCompensation::Off,
         }
@@ -320,14 +319,15 @@ impl MaterialProgram for MetalRoughProgram {
 
     #[inline]
     fn evaluate(&self, slots: &impl Slots, _frame: &LocalFrame) -> MetalRough {
-        let base = slots.share_by_channel(&self.base_color);
-        let (metallic, specular) = (slots.share(&self.metallic), slots.share(&self.specular));
+        let base = slots.clamped_color(&self.base_color);
+        let (metallic, specular) =
+            (slots.clamped_number(&self.metallic), slots.clamped_number(&self.specular));
         let alpha = slots.alpha(&self.roughness);
         let tint = slots.color(&self.specular_color).max(Rgb::ZERO);
         MetalRough {
             diffuse: base * (1.0 - metallic),
-            // KHR_materials_specular: f0 is clamped before the factor.
-            layer_f0: (tint * self.normal).min(Rgb::ONE) * specular,
+            // KHR_materials_specular: f0 is clamped before multiplication by the factor.
+            layer_f0: (tint * self.ior_f0).min(Rgb::ONE) * specular,
             layer_f90: specular,
             layer_fresnel: self.layer_fresnel,
             metal_f0: base,

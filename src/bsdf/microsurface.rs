@@ -1,5 +1,5 @@
-//! A rough surface made of GGX facets with a roughness of its own along two tangent directions (Heitz 2014, "Understanding
-//! the Masking-Shadowing Function in Microfacet-Based BRDFs", section 5.4), and the trait over microfacet distributions.
+//! The trait over microfacet distributions, and its implementations: isotropic and anisotropic GGX (Heitz 2014, "Understanding the
+//! Masking-Shadowing Function in Microfacet-Based BRDFs", section 5.4), and Beckmann.
 
 use super::anisotropic_table::{LARGEST_ROOT_RATIO, anisotropic_albedo, anisotropic_dielectric_grazing};
 use super::dielectric_table::mean_cosine;
@@ -12,13 +12,13 @@ use std::f32::consts::PI;
 
 /// A microfacet distribution. Directions have z above 0.
 pub trait Facets: Copy {
-    /// Is it an exact mirror?
+    /// Whether it is an exact mirror.
     fn is_mirror(&self) -> bool;
-    /// GGX alphas along two axes at right angles.
+    /// Alphas along two orthogonal tangent axes.
     fn alpha(&self) -> [f32; 2];
-    /// Directional albedo of single scattering with reflectance 1.
+    /// Single-scattering directional albedo for a reflectance of 1.
     fn directional_albedo(&self, wo: Vec3) -> DirectionalAlbedo;
-    /// The part of it weighted by the Fresnel curve of a dielectric, in place of Schlick's weight.
+    /// Single-scattering directional albedo weighted by the Fresnel curve of a dielectric instead of Schlick's weight.
     fn dielectric_grazing(&self, wo: Vec3, albedo: DirectionalAlbedo, curve: DielectricCurve) -> f32;
     /// Samples a visible normal.
     fn sample_visible_normal(&self, wo: Vec3, u: [f32; 2]) -> Vec3;
@@ -26,7 +26,7 @@ pub trait Facets: Copy {
     fn reflection(&self, wo: Vec3, wi: Vec3) -> Reflection;
 }
 
-/// Facets of the same roughness in all directions.
+/// Isotropic GGX facets.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Isotropic {
     /// GGX alpha; below [`MIN_ALPHA`] an exact mirror.
@@ -65,8 +65,8 @@ impl Facets for Isotropic {
     }
 }
 
-/// Facets whose slopes are normally distributed, of a root mean square slope alpha. They are sampled as if they were those of GGX, whose
-/// albedos they have, too: their loss is not compensated.
+/// Isotropic Beckmann facets: normally distributed slopes with a root mean square of alpha. Visible normals are sampled by GGX of the
+/// same alpha, whose albedo is also used; there is no energy compensation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BeckmannFacets(pub Isotropic);
 
@@ -103,15 +103,15 @@ impl Facets for BeckmannFacets {
         let (zo, zi) = (wo.z.max(MIN_COS), wi.z.max(MIN_COS));
         let distribution =
             ggx.pdf_solid_angle * 2.0 * (zo + root(zo)) * beckmann_over_ggx(wo + wi, [alpha; 2]);
-        let hidden = beckmann_hidden(zo, root(zo)) + beckmann_hidden(zi, root(zi));
-        Reflection { f_cos: 0.25 * distribution / (zo * (1.0 + hidden)), ..ggx }
+        let lambda = beckmann_lambda(zo, root(zo)) + beckmann_lambda(zi, root(zi));
+        Reflection { f_cos: 0.25 * distribution / (zo * (1.0 + lambda)), ..ggx }
     }
 }
 
 /// Smallest ratio of the two alphas.
 const MIN_RATIO: f32 = 1.0 / (LARGEST_ROOT_RATIO * LARGEST_ROOT_RATIO);
 
-/// Facets of two roughnesses.
+/// Anisotropic GGX facets.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Microsurface {
     /// GGX alphas along the axis and across it, both 0 or at least [`MIN_ALPHA`].
@@ -121,13 +121,13 @@ pub struct Microsurface {
 }
 
 impl Microsurface {
-    /// Makes them at least this rough, GGX alpha.
+    /// Raises both alphas to a minimum.
     pub(super) fn roughen(&mut self, least: f32) {
         self.alpha = self.alpha.map(|alpha| alpha.max(least));
     }
 
-    /// Facets with alphas along an axis (a unit vector in the tangent plane) and across it. The smaller one is raised to a
-    /// sixteenth of the larger one, as far as the table of albedos reaches.
+    /// Facets with alphas along an axis (a unit vector in the tangent plane) and across it. The smaller alpha is raised to at least a
+    /// sixteenth of the larger one, the range of the albedo table.
     #[inline]
     pub fn new(alpha: [f32; 2], axis: [f32; 2]) -> Microsurface {
         let is_mirror = alpha[0].max(alpha[1]) < MIN_ALPHA;
@@ -136,26 +136,26 @@ impl Microsurface {
         Microsurface { alpha, axis }
     }
 
-    /// A surface of the same roughness in all directions.
+    /// Isotropic facets.
     #[inline]
     pub fn isotropic(alpha: f32) -> Microsurface {
         Microsurface::new([alpha; 2], [1.0, 0.0])
     }
 
-    /// Both alphas, where they are the same.
+    /// The alpha, if isotropic.
     #[inline(always)]
     pub fn isotropic_alpha(&self) -> Option<f32> {
         (self.alpha[0] == self.alpha[1]).then_some(self.alpha[0])
     }
 
-    /// To the frame of the axis.
+    /// Rotates a vector to the frame of the axis.
     #[inline(always)]
     pub fn to_axis(&self, v: Vec3) -> Vec3 {
         let [c, s] = self.axis;
         Vec3::new(v.x * c + v.y * s, v.y * c - v.x * s, v.z)
     }
 
-    /// Back from the frame of the axis.
+    /// Rotates a vector back from the frame of the axis.
     #[inline(always)]
     pub fn from_axis(&self, v: Vec3) -> Vec3 {
         let [c, s] = self.axis;
@@ -169,8 +169,8 @@ impl Microsurface {
         (ax * ax * v.x * v.x + ay * ay * v.y * v.y + v.z * v.z).sqrt()
     }
 
-    /// Density of normals along a vector of any length but zero, in the frame of the axis (Heitz 2014, eq. 85). Written
-    /// so that nothing cancels for small alphas.
+    /// Density of normals D along a vector of any non-zero length, in the frame of the axis (Heitz 2014, eq. 85). Arranged to avoid
+    /// cancellation for small alphas.
     #[inline(always)]
     pub fn distribution(&self, half: Vec3) -> f32 {
         let [ax, ay] = self.alpha;
@@ -248,22 +248,22 @@ impl Facets for Microsurface {
     }
 }
 
-/// Perceptual roughness, and how KHR_materials_anisotropy stretches it.
+/// The parameters of a [`Microsurface`].
 #[derive(Clone, Copy, Debug)]
 pub struct MicrosurfaceProgram {
     /// Perceptual roughness.
     pub roughness: FloatSlot,
-    /// Stretched highlights; `None` for the same roughness in all directions.
+    /// KHR_materials_anisotropy; `None` if isotropic.
     pub anisotropy: Option<Anisotropy>,
 }
 
 impl MicrosurfaceProgram {
-    /// Are they smooth, whatever textures show?
+    /// Whether the facets are smooth for all values of the textures.
     pub fn is_always_smooth(&self) -> bool {
         always(&self.roughness, 0.0) && self.anisotropy.is_none()
     }
 
-    /// The facets where the slots have these values.
+    /// Evaluates the parameters at a hit.
     pub fn evaluate(&self, slots: &impl Slots, frame: &LocalFrame) -> Microsurface {
         let alpha = slots.alpha(&self.roughness);
         let Some(anisotropy) = self.anisotropy else { return Microsurface::isotropic(alpha) };
@@ -274,19 +274,21 @@ impl MicrosurfaceProgram {
             strength *= t.b;
         }
         let (sine, cosine) = poly::sin_cos(anisotropy.rotation_rad);
-        let turned =
+        let rotated =
             Vec2::new(direction.x * cosine - direction.y * sine, direction.x * sine + direction.y * cosine);
-        let axis = (frame.tangent * turned.x + frame.bitangent * turned.y).try_normalize().unwrap_or(Vec2::X);
+        let axis =
+            (frame.tangent * rotated.x + frame.bitangent * rotated.y).try_normalize().unwrap_or(Vec2::X);
         let strength = strength.clamp(0.0, 1.0);
         let along = alpha + (1.0 - alpha) * strength * strength;
         Microsurface::new([along, alpha], axis.to_array())
     }
 }
 
-// Facets whose slopes are normally distributed (Beckmann and Spizzichino 1963), beside those of GGX with the same alphas, by which they
-// are sampled. Their shadowing is Smith's, by the rational fit of Walter et al. 2007.
+// Beckmann facets (Beckmann, Spizzichino 1963), sampled by GGX of the same alphas, with Smith shadowing by the rational fit of Walter
+// et al. 2007.
 
-/// Density of Beckmann's normals along a vector over that of GGX: `(1 + t)^2 exp(-t)` for the squared slope `t` over the squared alpha, at most 4 / e.
+/// Ratio of the Beckmann to the GGX density of normals along a vector: `(1 + t)^2 exp(-t)`, with `t` the squared slope over the squared
+/// alpha; at most 4 / e.
 #[inline]
 pub fn beckmann_over_ggx(half: Vec3, [ax, ay]: [f32; 2]) -> f32 {
     let (x, y) = (half.x / (half.z * ax), half.y / (half.z * ay));
@@ -294,11 +296,10 @@ pub fn beckmann_over_ggx(half: Vec3, [ax, ay]: [f32; 2]) -> f32 {
     if t < 80.0 { (1.0 + t) * (1.0 + t) * poly::exp(-t) } else { 0.0 }
 }
 
-/// Smith's lambda of such facets: facets that hide others over facets seen, from the cosine of a direction and the root of
-/// [`smith_root`](super::ggx::smith_root).
+/// Smith's Lambda of Beckmann facets, from the cosine of a direction and its [`smith_root`](super::ggx::smith_root).
 #[inline]
-pub fn beckmann_hidden(cosine: f32, root: f32) -> f32 {
-    // The root is that of the squared cosine and the squared alpha times the squared sine.
+pub fn beckmann_lambda(cosine: f32, root: f32) -> f32 {
+    // root^2 = cos^2 + alpha^2 sin^2.
     let spread = (root * root - cosine * cosine).max(0.0).sqrt();
     let a = cosine / spread.max(1e-12);
     if a < 1.6 { (1.0 - 1.259 * a + 0.396 * a * a) / (3.535 * a + 2.181 * a * a) } else { 0.0 }
@@ -310,7 +311,7 @@ mod tests {
     use crate::math::poly;
 
     #[test]
-    fn equal_roughnesses_are_isotropic() {
+    fn equal_alphas_are_isotropic() {
         let (wo, wi) = (Vec3::new(0.48, 0.36, 0.8), Vec3::new(-0.6, 0.0, 0.8));
         for alpha in [0.002, 0.1, 1.0] {
             let two = Microsurface::new([alpha; 2], [0.6, 0.8]);
@@ -320,9 +321,9 @@ mod tests {
         }
     }
 
-    /// The projected area of the facets is that of the surface: the integral of D cos is 1.
+    /// The integral of D cos is 1.
     #[test]
-    fn facets_cover_the_surface_once() {
+    fn ggx_distribution_is_normalized() {
         for alpha in [[0.3, 0.3], [0.1, 0.6], [1.0, 0.2]] {
             let surface = Microsurface::new(alpha, [1.0, 0.0]);
             let n = 1000;
@@ -348,9 +349,9 @@ mod beckmann_tests {
     use crate::sampling::chi2::Random;
     use std::f64::consts::PI;
 
-    /// Projected onto the surface, facets cover it once.
+    /// The integral of D cos is 1.
     #[test]
-    fn facets_cover_the_surface() {
+    fn beckmann_distribution_is_normalized() {
         for alpha in [[0.1, 0.1], [0.5, 0.5], [0.3, 0.8]] {
             let facets = Microsurface::new(alpha, [1.0, 0.0]);
             let mut random = Random::new(3);
@@ -362,28 +363,28 @@ mod beckmann_tests {
                     f64::from(facets.distribution(v) * beckmann_over_ggx(v, alpha) * v.z)
                 })
                 .sum();
-            let covered = sum * 2.0 * PI / f64::from(samples);
-            assert!((covered - 1.0).abs() < 0.03, "{alpha:?}: {covered}");
+            let integral = sum * 2.0 * PI / f64::from(samples);
+            assert!((integral - 1.0).abs() < 0.03, "{alpha:?}: {integral}");
         }
     }
 
-    /// The projected area of the visible facets along a direction equals its cosine: the mean of `G1 (v . h)` over facets (Heitz 2014, eq. 11).
+    /// The projected area of the visible facets equals the cosine of the direction: the integral of D G1 (v . h) (Heitz 2014, eq. 11).
     #[test]
-    fn visible_facets_fill_the_cosine() {
+    fn visible_projected_area_equals_the_cosine() {
         let (alpha, cosine) = ([0.6f32, 0.6], 0.35f32);
         let facets = Microsurface::new(alpha, [1.0, 0.0]);
         let v = Vec3::new((1.0 - cosine * cosine).sqrt(), 0.0, cosine);
-        let seen = 1.0 / (1.0 + beckmann_hidden(cosine, facets.smith_root(v)));
+        let g1 = 1.0 / (1.0 + beckmann_lambda(cosine, facets.smith_root(v)));
         let mut random = Random::new(5);
         let samples = 400_000;
         let sum: f64 = (0..samples)
             .map(|_| {
                 let h = random.direction();
                 let h = Vec3::new(h.x, h.y, h.z.abs().max(1e-4));
-                f64::from(facets.distribution(h) * beckmann_over_ggx(h, alpha) * seen * v.dot(h).max(0.0))
+                f64::from(facets.distribution(h) * beckmann_over_ggx(h, alpha) * g1 * v.dot(h).max(0.0))
             })
             .sum();
-        let filled = sum * 2.0 * PI / f64::from(samples);
-        assert!((filled / f64::from(cosine) - 1.0).abs() < 0.03, "{filled} for {cosine}");
+        let projected_area = sum * 2.0 * PI / f64::from(samples);
+        assert!((projected_area / f64::from(cosine) - 1.0).abs() < 0.03, "{projected_area} for {cosine}");
     }
 }

@@ -1,9 +1,9 @@
-//! BSDFs: one file for each lobe or family of lobes, and the closed enum [`Bsdf`] over them, made by the table in this file.
+//! BSDFs: one file for each lobe or family of lobes, and the enum [`Bsdf`] over them, generated from the table in this file.
 //!
-//! Directions are unit vectors in the local frame whose z is the shading normal; both leave the surface. z of `wo` may
-//! be negative: opaque lobes reflect the same on both sides, for dielectrics negative z is the inside.
-//! Weights are for paths that start at the camera: radiance transmitted into a denser medium is scaled by
-//! 1 / eta^2 and back on the way out (as in pbrt and Mitsuba); [`BsdfSample::eta`] lets Russian roulette undo it.
+//! Directions are unit vectors in the local frame with the shading normal as z; both point away from the surface. z of `wo` may be
+//! negative: opaque lobes are two-sided, for dielectrics negative z is the inside. Weights are for camera paths: radiance transmitted
+//! into a denser medium is scaled by 1 / eta^2, and back on the way out (as in pbrt and Mitsuba); [`BsdfSample::eta`] lets Russian
+//! roulette undo this scaling.
 
 pub mod anisotropic_table;
 mod blend;
@@ -60,43 +60,43 @@ dispatch::bsdfs! {
         diffuse::OrenNayar(diffuse::OrenNayarProgram),
         /// The modified Phong model.
         empirical::Phong(empirical::PhongProgram),
-        /// The velvet of Ashikhmin.
+        /// Ashikhmin's velvet.
         empirical::Velvet(empirical::VelvetProgram),
-        /// Light in steps.
+        /// Toon shading.
         empirical::Toon(empirical::ToonProgram),
-        /// A metal of a colour, with Schlick's Fresnel term.
+        /// A metal with Schlick's Fresnel term.
         metal::SchlickMetal(metal::SchlickMetalProgram),
-        /// Facets of Beckmann.
+        /// Beckmann facets of constant reflectance.
         metal::Beckmann(metal::BeckmannProgram),
-        /// A metal of a complex index of refraction.
+        /// A metal with a complex index of refraction.
         metal::Conductor(metal::ConductorProgram),
         /// The opaque glTF material.
         metal_rough::MetalRough(metal_rough::MetalRoughProgram),
-        /// The weighted sum of two of these.
+        /// The weighted sum of two diffuse or glossy materials.
         blend::Blend(blend::BlendProgram),
     }
     transmissive {
         /// Smooth solid glass.
         dielectric::Dielectric(dielectric::DielectricProgram),
-        /// Smooth thin glass.
+        /// Smooth thin-walled glass.
         dielectric::ThinDielectric(dielectric::ThinDielectricProgram),
-        /// Glass of any roughness, solid or thin.
+        /// Glass of any roughness, solid or thin-walled.
         rough_dielectric::RoughDielectric(rough_dielectric::RoughDielectricProgram),
         /// The glTF material with all layers.
         layered::Layered(layered::LayeredProgram),
-        /// A fibre of hair.
+        /// A hair fibre.
         hair::Hair(hair::HairProgram),
     }
 }
 
 impl Bsdf {
-    /// Is it smooth and opaque?
+    /// Whether it is specular and opaque.
     pub fn is_mirror(&self) -> bool {
         self.is_specular() && self.appearance().transmission == Rgb::ZERO
     }
 
-    /// The index of refraction of a smooth face of a solid, and what it does to light that arrives at a cosine, from inside or from
-    /// outside; `None` for all else.
+    /// Index of refraction, reflection and refraction of a smooth interface of solid glass at an incident cosine, from inside or from
+    /// outside; `None` for other BSDFs.
     pub fn smooth_interface(&self, cosine: f32, is_inside: bool) -> Option<(f32, SmoothInterface)> {
         match self {
             Bsdf::Dielectric(glass) => Some((glass.ior, glass.interface(cosine, is_inside))),
@@ -105,7 +105,7 @@ impl Bsdf {
         }
     }
 
-    /// The index of refraction and the GGX alpha of a face of a solid, 0 where it is smooth; `None` for all else.
+    /// Index of refraction and alpha (0 if smooth) of an interface of solid glass; `None` for other BSDFs.
     pub fn solid_face(&self) -> Option<(f32, f32)> {
         match self {
             Bsdf::Dielectric(glass) => Some((glass.ior, 0.0)),
@@ -127,7 +127,8 @@ impl Bsdf {
         }
     }
 
-    /// The diffuse base for `wo`, the layers above it, and the base's fraction 0..1 of the directional albedo.
+    /// Splits the BSDF for `wo` into the diffuse base, attenuated by the layers above, the layers, and the base's fraction (0..1) of the
+    /// directional albedo.
     pub fn split_base(self, wo: Vec3) -> (Bsdf, Bsdf, f32) {
         match self {
             base if base.is_base() => (base, Bsdf::Black, 1.0),
@@ -137,22 +138,22 @@ impl Bsdf {
                 (base, self.without_base(), closure.probability_diffuse)
             }
             Bsdf::Blend(blend) => {
-                let (albedo, share) = blend.base(wo);
-                (Bsdf::Lambert(Lambert { albedo }), self.without_base(), share)
+                let (albedo, fraction) = blend.base(wo);
+                (Bsdf::Lambert(Lambert { albedo }), self.without_base(), fraction)
             }
             Bsdf::Layered(layered) => {
-                let (base, share) = layered.base(wo);
+                let (base, fraction) = layered.base(wo);
                 let base = match base.roughness > 0.0 {
                     true => Bsdf::OrenNayar(base),
                     false => Bsdf::Lambert(Lambert { albedo: base.color }),
                 };
-                (base, self.without_base(), share)
+                (base, self.without_base(), fraction)
             }
             other => (Bsdf::Black, other, 0.0),
         }
     }
 
-    /// Does it reflect diffusely?
+    /// Whether there is diffuse reflection or transmission.
     pub fn has_base(&self) -> bool {
         match self {
             Bsdf::Phong(_) => true,
@@ -164,7 +165,7 @@ impl Bsdf {
         }
     }
 
-    /// The BSDF without diffuse reflection.
+    /// The BSDF without its diffuse base.
     pub fn without_base(self) -> Bsdf {
         match self {
             base if base.is_base() => Bsdf::Black,
@@ -181,8 +182,8 @@ impl Bsdf {
         }
     }
 
-    /// Removes glossy reflection or transmission, specular ones included. Glass that keeps one of them
-    /// keeps the energy that multiple scattering moves into it from the other.
+    /// Removes glossy and specular reflection or transmission. Glass that keeps one of them also keeps the energy that multiple
+    /// scattering between facets moves into it from the other.
     pub fn leave_out(&mut self, lobes: SkippedCaustics) {
         let SkippedCaustics { reflective, refractive } = lobes;
         match self {
@@ -191,8 +192,8 @@ impl Bsdf {
             }
             Bsdf::Phong(phong) if reflective => phong.specular = Rgb::ZERO,
             Bsdf::Toon(toon) if reflective && toon.is_glossy => *self = Bsdf::Black,
-            Bsdf::MetalRough(material) if reflective => material.leave_out_reflection(),
-            Bsdf::Blend(blend) if reflective => blend.change(MetalRough::leave_out_reflection),
+            Bsdf::MetalRough(material) if reflective => material.remove_reflection(),
+            Bsdf::Blend(blend) if reflective => blend.change(MetalRough::remove_reflection),
             Bsdf::Dielectric(_) | Bsdf::ThinDielectric(_) | Bsdf::RoughDielectric(_)
                 if reflective && refractive =>
             {
@@ -204,12 +205,12 @@ impl Bsdf {
         }
     }
 
-    /// Does light that crosses the surface enter or leave a body with subsurface scattering?
+    /// Whether light crosses the surface into or out of a body with subsurface scattering.
     pub fn has_body(&self) -> bool {
         matches!(self, Bsdf::Layered(layered) if layered.body.is_some())
     }
 
-    /// Makes facets at least this rough (GGX alpha), those of exact mirrors and smooth solid glass included.
+    /// Raises the alpha of all facets to a minimum, including exact mirrors and smooth solid glass.
     pub fn roughen(&mut self, least: f32) {
         if least < ggx::MIN_ALPHA {
             return;
@@ -239,7 +240,7 @@ impl Bsdf {
     }
 }
 
-/// Clear glass of a GGX alpha.
+/// Colourless glass without energy compensation.
 fn single_scattering_glass(ior: f32, walls: Walls, refraction: Refraction, alpha: f32) -> RoughDielectric {
     RoughDielectric {
         surface: Microsurface::isotropic(alpha),
@@ -254,11 +255,11 @@ fn single_scattering_glass(ior: f32, walls: Walls, refraction: Refraction, alpha
 }
 
 impl BsdfProgram {
-    /// The program of the cheapest BSDF that is equivalent to a model for all values of its textures.
+    /// The program of the cheapest BSDF that is equivalent to a material model for all values of its textures.
     pub fn of(model: &Model, shading: ShadingModel) -> BsdfProgram {
         let energy_compensation = shading.energy_compensation;
         match model {
-            // Hits select a component of a mix.
+            // Mixes are resolved to a component at each hit.
             Model::Black | Model::Mix { .. } => BsdfProgram::Black,
             Model::Lambert { albedo } => LambertProgram { albedo: *albedo }.into(),
             Model::OrenNayar { color, roughness } if always(roughness, 0.0) => {
@@ -317,13 +318,13 @@ impl BsdfProgram {
         }
     }
 
-    /// The sum of two programs times weights; `None` where [`Blend`] can't be that.
+    /// The weighted sum of two programs; `None` if [`Blend`] doesn't support them.
     pub fn blend(weights: [ColorSlot; 2], programs: [&BsdfProgram; 2]) -> Option<BsdfProgram> {
         let [a, b] = programs.map(BsdfProgram::as_metal_rough);
         Some(BlendProgram { weights, parts: [a?, b?] }.into())
     }
 
-    /// An equivalent metallic-rough program.
+    /// An equivalent metallic-roughness program, if there is one.
     fn as_metal_rough(&self) -> Option<MetalRoughProgram> {
         match self {
             BsdfProgram::Lambert(diffuse) => Some(MetalRoughProgram::diffuse(diffuse.albedo)),
@@ -337,9 +338,9 @@ impl BsdfProgram {
 
     fn of_pbr(pbr: &PbrMaterial, shading: ShadingModel) -> BsdfProgram {
         let energy_compensation = pbr.energy_compensation.unwrap_or(shading.energy_compensation);
-        // The vectorised loops have one choice for all vertices.
-        let has_curve = !pbr.reflects_evenly || shading.fresnel == FresnelModel::Exact;
-        let is_as_others = energy_compensation == shading.energy_compensation && has_curve;
+        // `MetalRough` is shaded in vectorised loops with one shading model for all hits.
+        let supports_fresnel = !pbr.reflects_evenly || shading.fresnel == FresnelModel::Exact;
+        let is_vectorisable = energy_compensation == shading.energy_compensation && supports_fresnel;
         let shading = ShadingModel { energy_compensation, ..shading };
         let layered = || LayeredProgram::new(pbr, shading).into();
         let is_dielectric = always(&pbr.metallic, 0.0);
@@ -352,7 +353,7 @@ impl BsdfProgram {
             return if is_clear { BsdfProgram::of_glass(pbr, energy_compensation) } else { layered() };
         }
         if is_dielectric && always(&pbr.specular, 0.0) {
-            // Without a reflection on top, roughness means nothing.
+            // Without specular reflection the roughness has no effect.
             let black = pbr.base_color.texture.is_none() && pbr.base_color.factor == [0.0; 3];
             return match (black, is_rough) {
                 (true, _) => BsdfProgram::Black,
@@ -362,18 +363,18 @@ impl BsdfProgram {
                 }
             };
         }
-        if pbr.anisotropy.is_some() || is_rough || !is_as_others {
+        if pbr.anisotropy.is_some() || is_rough || !is_vectorisable {
             return layered();
         }
         if always(&pbr.metallic, 1.0) && always(&pbr.roughness, 0.0) {
             let (color, roughness) = (pbr.base_color, pbr.roughness);
             return SchlickMetalProgram { color, roughness, energy_compensation }.into();
         }
-        // Rough metals as well: loops over this one are vectorised.
+        // Also for rough metals, since its loops are vectorised.
         MetalRoughProgram::new(pbr, shading).into()
     }
 
-    /// Glass without anything else.
+    /// The program of pure glass.
     fn of_glass(pbr: &PbrMaterial, energy_compensation: EnergyCompensation) -> BsdfProgram {
         let (ior, tint, tints_once) = (pbr.ior, pbr.base_color, pbr.tints_once);
         let (walls, refraction, is_beckmann) =

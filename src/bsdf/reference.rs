@@ -1,16 +1,14 @@
-//! Directional albedos by quadrature in double precision: the source and the reference of the tables.
-//!
-//! Written from the formulas rather than from the lobes, so that a mistake in one shows in the other.
+//! Reference implementations for tests, in double precision: directional albedos by quadrature, from which the tables are made, and
+//! random walks among microfacets. They follow the papers, independently of the lobes.
 
 use crate::math::DVec3;
 use crate::sampling::chi2::Random;
 use std::f64::consts::TAU;
 
-/// Visible normals of GGX facets (Dupuy, Benyoub 2023, listing 3) and their weights, which add up to 1.
+/// Quadrature nodes: visible normals of GGX facets (Dupuy, Benyoub 2023, listing 3) and weights, which add up to 1.
 ///
-/// Midpoints in azimuth, and in the height of the cap with the points crowded towards the normals that hardly show:
-/// the distribution's tail is there, and equal steps would miss it for small roughness. `turn` is the part of the
-/// circle that is covered: a half is enough where the other half is its mirror image.
+/// Midpoint rule in azimuth and in the height of the cap, with nodes concentrated at grazing normals: for small roughness equal steps
+/// would miss the distribution's tail. `turn` is the fraction of the circle that is covered; by symmetry a half may suffice.
 fn visible_normals(
     wo: DVec3,
     alpha: [f64; 2],
@@ -27,7 +25,7 @@ fn visible_normals(
     })
 }
 
-/// The visible normal at a height (0 the lowest, 1 the highest) and an azimuth of the spherical cap; `wo` may point down.
+/// The visible normal for a height (0..1) and an azimuth (turns) on the spherical cap; `wo` may point down.
 pub fn visible_normal(wo: DVec3, [ax, ay]: [f64; 2], height: f64, turns: f64) -> DVec3 {
     let stretched = DVec3::new(wo.x * ax, wo.y * ay, wo.z).normalize();
     let z = height * (1.0 + stretched.z) - stretched.z;
@@ -37,31 +35,29 @@ pub fn visible_normal(wo: DVec3, [ax, ay]: [f64; 2], height: f64, turns: f64) ->
     DVec3::new(half.x * ax, half.y * ay, half.z.max(1e-300)).normalize()
 }
 
-/// The root in Smith's masking: G1 = 2 z / (z + root).
+/// The root in Smith's masking G1 = 2 z / (z + root).
 fn smith_root(v: DVec3, [ax, ay]: [f64; 2]) -> f64 {
     (ax * ax * v.x * v.x + ay * ay * v.y * v.y + v.z * v.z).sqrt()
 }
 
-/// A direction of this cosine (at least 1e-6) in the plane of x and z.
+/// A direction in the xz plane with a cosine of at least 1e-6.
 pub fn direction(cosine: f64) -> DVec3 {
     let cosine = cosine.max(1e-6);
     DVec3::new((1.0 - cosine * cosine).max(0.0).sqrt(), 0.0, cosine)
 }
 
-/// Albedo of single scattering with a reflectance of 1, and the share of it weighted by (1 - cos)^5. Facets of the
-/// same roughness in both directions.
+/// Single-scattering directional albedo of isotropic facets for a reflectance of 1, and its part weighted by (1 - cos)^5.
 pub fn reflected(cosine: f64, alpha: f64, points: usize) -> [f64; 2] {
     reflected_from(direction(cosine), [alpha; 2], 0.5, points)
 }
 
-/// Reflectance of facets of two roughnesses for a direction; `turn` is half of the circle where the direction is in the plane
-/// of x and z and the roughnesses are the same, otherwise all of it.
+/// As [`reflected`] for anisotropic facets; `turn` is 0.5 if facets are isotropic and `wo` is in the xz plane, else 1.
 pub fn reflected_from(wo: DVec3, alpha: [f64; 2], turn: f64, points: usize) -> [f64; 2] {
     reflections(wo, alpha, turn, points)
         .fold([0.0; 2], |[full, grazing], (c, light)| [full + light, grazing + light * (1.0 - c).powi(5)])
 }
 
-/// Single reflections by facets of reflectance 1: cosines between view and facet, and shares of the light.
+/// Single reflections by facets of reflectance 1: cosines between view and facet normal, and energies.
 pub fn reflections(wo: DVec3, alpha: [f64; 2], turn: f64, points: usize) -> impl Iterator<Item = (f64, f64)> {
     let root_o = smith_root(wo, alpha);
     visible_normals(wo, alpha, turn, points).filter_map(move |(normal, weight)| {
@@ -76,7 +72,7 @@ fn masked_reflection(wo: DVec3, wi: DVec3, root_o: f64, alpha: [f64; 2]) -> f64 
     wi.z * (wo.z + root_o) / (wi.z * root_o + wo.z * smith_root(wi, alpha))
 }
 
-/// Fresnel's equations for unpolarised light: reflectance and cosine behind the interface.
+/// Fresnel's equations for unpolarised light: reflectance and cosine of the refracted direction.
 pub fn fresnel(c: f64, eta: f64) -> (f64, f64) {
     let squared = 1.0 - (1.0 - c * c) / (eta * eta);
     if squared <= 0.0 {
@@ -87,9 +83,9 @@ pub fn fresnel(c: f64, eta: f64) -> (f64, f64) {
     (0.5 * (s * s + p * p), t)
 }
 
-/// At alpha 1 normals are distributed evenly and the albedo has the closed form 1 - c ln((1 + c) / c).
+/// At alpha 1 normals are uniformly distributed and the albedo is 1 - c ln((1 + c) / c).
 #[test]
-fn quadrature_is_exact_where_the_integral_is_known() {
+fn quadrature_agrees_with_the_closed_form_at_alpha_1() {
     for c in [1.0, 0.6, 0.3, 0.1, 0.01f64] {
         let exact = 1.0 - c * ((1.0 + c) / c).ln();
         let found = reflected(c, 1.0, 20_000)[0];
@@ -97,26 +93,24 @@ fn quadrature_is_exact_where_the_integral_is_known() {
     }
 }
 
-// Random walks among the facets of rough glass: the reference of solid glass.
-//
-// The random walk of Heitz, Hanika, d'Eon, Dachsbacher 2016, "Multiple-Scattering Microfacet BSDFs with the Smith Model",
-// for uniformly distributed heights (which do not matter) and dielectric facets, in double precision and written from
-// the paper rather than from the lobes.
+// Reference of rough solid glass: the random walk among microfacets of Heitz, Hanika, d'Eon, Dachsbacher 2016, "Multiple-Scattering
+// Microfacet BSDFs with the Smith Model", with dielectric facets and uniformly distributed heights (whose distribution does not
+// affect the result).
 
 /// A rough interface; z above 0 is outside.
 pub struct RoughInterface {
     /// GGX alphas along x and y.
     pub alpha: [f64; 2],
-    /// Index of refraction of the inside over that of the outside.
+    /// Relative index of refraction: inside over outside.
     pub ior: f64,
 }
 
 impl RoughInterface {
-    /// Where light seen along `wo` comes from, and how many facets it was scattered by.
+    /// Samples a walk: the direction of incident light for `wo`, and the number of facets hit.
     pub fn walk(&self, wo: DVec3, random: &mut Random) -> (DVec3, u32) {
         let mut unit = || f64::from(random.next());
         let (mut direction, mut is_outside, mut facets) = (-wo, wo.z > 0.0, 0);
-        // Above the medium that light is in, heights end at 1.
+        // Heights of the surface are in -1..1.
         let mut height = 1.0;
         loop {
             let up = if is_outside { direction } else { -direction };
@@ -128,22 +122,22 @@ impl RoughInterface {
             let c = (-up).dot(normal).clamp(0.0, 1.0);
             let eta = if is_outside { self.ior } else { 1.0 / self.ior };
             let (reflectance, cos_t) = fresnel(c, eta);
-            let mirrored = unit() < reflectance;
-            let turned =
-                if mirrored { normal * (2.0 * c) + up } else { normal * (c / eta - cos_t) + up / eta };
-            direction = if is_outside { turned } else { -turned }.normalize();
-            (is_outside, height) = if mirrored { (is_outside, next) } else { (!is_outside, -next) };
+            let is_reflected = unit() < reflectance;
+            let scattered =
+                if is_reflected { normal * (2.0 * c) + up } else { normal * (c / eta - cos_t) + up / eta };
+            direction = if is_outside { scattered } else { -scattered }.normalize();
+            (is_outside, height) = if is_reflected { (is_outside, next) } else { (!is_outside, -next) };
         }
     }
 
-    /// Smith's Lambda, for directions up and down.
+    /// Smith's Lambda for a direction, which may point down.
     fn lambda(&self, v: DVec3) -> f64 {
         let [ax, ay] = self.alpha;
         let slope = ((ax * v.x).powi(2) + (ay * v.y).powi(2)) / (v.z * v.z).max(1e-300);
         0.5 * (v.z.signum() * (1.0 + slope).sqrt() - 1.0)
     }
 
-    /// The height of the next facet on the way along `v`, none where there is none (section 4.3 of the paper).
+    /// Samples the height of the next facet along `v`; `None` if the ray leaves the surface (section 4.3 of the paper).
     fn next_height(&self, v: DVec3, height: f64, u: f64) -> Option<f64> {
         let below = (0.5 * (height + 1.0)).clamp(1e-12, 1.0);
         let lambda = self.lambda(v);
@@ -157,10 +151,10 @@ impl RoughInterface {
     }
 }
 
-/// Light scattered by one facet only is what single scattering keeps: by its closed form for reflection at alpha 1, with
-/// an index so high that nearly all is reflected.
+/// Walks of one facet have the energy of single scattering: compared with the closed form at alpha 1, at an index so high that nearly
+/// all light is reflected.
 #[test]
-fn walks_of_one_facet_are_single_scattering() {
+fn walks_of_one_facet_equal_single_scattering() {
     let mut random = Random::new(12);
     let interface = RoughInterface { alpha: [1.0, 1.0], ior: 1e6 };
     for c in [1.0, 0.6, 0.3f64] {
@@ -173,24 +167,24 @@ fn walks_of_one_facet_are_single_scattering() {
     }
 }
 
-/// Light passes a surface both ways alike: of light from everywhere as much goes in as comes out, times the squared index.
+/// Under uniform illumination the transmitted flux in both directions is equal up to the squared index.
 #[test]
 fn walks_are_reciprocal() {
     let mut random = Random::new(14);
     for (alpha, ior) in [([1.0, 0.3], 1.5), ([0.5, 0.5], 2.4)] {
         let interface = RoughInterface { alpha, ior };
         let n = 40_000;
-        let mut through = |side: f64| {
-            let crosses = |_: &u32| {
+        let mut transmittance = |side: f64| {
+            let is_transmitted = |_: &u32| {
                 let c = f64::from(random.next()).sqrt();
                 let (y, x) = (f64::from(random.next()) * TAU).sin_cos();
                 let sine = (1.0 - c * c).sqrt();
                 let wo = DVec3::new(sine * x, sine * y, c * side);
                 interface.walk(wo, &mut random).0.z * side < 0.0
             };
-            (0..n).filter(crosses).count() as f64 / f64::from(n)
+            (0..n).filter(is_transmitted).count() as f64 / f64::from(n)
         };
-        let (inwards, outwards) = (through(1.0), through(-1.0) * ior * ior);
+        let (inwards, outwards) = (transmittance(1.0), transmittance(-1.0) * ior * ior);
         assert!((inwards - outwards).abs() < 0.02, "{alpha:?} {ior}: {inwards} {outwards}");
     }
 }
@@ -219,22 +213,21 @@ mod tests {
         })
     }
 
-    /// The fraction of light from the side of `wo`, relative to all that is not lost.
+    /// The reflected fraction of all scattered energy.
     fn reflected(bsdf: &Bsdf, wo: DVec3, random: &mut Random) -> f64 {
-        let (mut same, mut all) = (0.0, 0.0);
+        let (mut reflected, mut all) = (0.0, 0.0);
         for _ in 0..SAMPLES {
             let s = bsdf.sample(wo.as_vec3(), [random.next(), random.next(), random.next()]);
             let weight = f64::from(s.weight.r * s.eta * s.eta);
             all += weight;
-            same += if s.is_transmission { 0.0 } else { weight };
+            reflected += if s.is_transmission { 0.0 } else { weight };
         }
-        same / all
+        reflected / all
     }
 
-    /// Solid glass splits light between its sides as walks do, and far nearer to them than single scattering does
-    /// when it is scaled up to keep all light.
+    /// The reflected fraction of solid glass agrees with random walks, several times better than normalised single scattering.
     #[test]
-    fn glass_splits_light_as_walks_do() {
+    fn reflected_fraction_of_glass_agrees_with_walks() {
         let mut random = Random::new(9);
         let (mut errors, mut scaled) = (Vec::new(), Vec::new());
         for alpha in [[0.1, 0.1], [0.3, 0.3], [0.5, 0.5], [0.5, 0.125], [1.0, 1.0], [1.0, 0.2]] {
@@ -254,9 +247,9 @@ mod tests {
             }
         }
         let mean = errors.iter().map(|(e, ..)| e).sum::<f64>() / errors.len() as f64;
-        let of_scaled = scaled.iter().sum::<f64>() / scaled.len() as f64;
-        println!("mean {mean:.4}, scaled {of_scaled:.4}");
-        assert!(mean < 0.015 && of_scaled > 3.5 * mean, "{mean} {of_scaled}");
+        let mean_scaled = scaled.iter().sum::<f64>() / scaled.len() as f64;
+        println!("mean {mean:.4}, scaled {mean_scaled:.4}");
+        assert!(mean < 0.015 && mean_scaled > 3.5 * mean, "{mean} {mean_scaled}");
         errors.sort_by(|a, b| a.0.total_cmp(&b.0));
         for (range, bound) in [(0.0..=1.0, 0.02), (-1.0..=-0.4, 0.07), (-0.4..=0.0, 0.25)] {
             let largest = errors.iter().rfind(|(_, cosine, _)| range.contains(cosine)).unwrap();
@@ -265,10 +258,10 @@ mod tests {
         }
     }
 
-    /// Light that each direction scatters into all others: under light from everywhere, as bright on both sides as a medium's index
-    /// asks for, walks leave as much in every direction. Glass is off by no more than a factor of two.
+    /// Under uniform illumination in equilibrium (radiance proportional to the squared index on each side), reciprocal scattering leaves
+    /// the same radiance in every direction. Glass deviates by less than a factor of two.
     #[test]
-    fn light_from_everywhere_leaves_nearly_evenly() {
+    fn uniform_illumination_is_nearly_preserved() {
         let mut random = Random::new(13);
         let n = 200_000u32;
         let mut ends = [1.0f64; 2];
@@ -300,10 +293,10 @@ mod tests {
         assert!(ends[0] > 0.5 && ends[1] < 2.0, "{ends:?}");
     }
 
-    /// Where light comes from that leaves a ball of glass towards -z at a distance from its axis: shares of 8 bands by
-    /// height, 4 sectors each.
-    fn seen_through_a_ball(offset: f64, mut scatter: impl FnMut(DVec3) -> (DVec3, f64)) -> Vec<f64> {
-        let mut shares = vec![0.0; 32];
+    /// Distribution over directions (8 bands of z, 4 sectors each) of the incident light of a camera path along +z that hits a unit
+    /// ball of glass at an offset from its axis.
+    fn light_through_a_ball(offset: f64, mut scatter: impl FnMut(DVec3) -> (DVec3, f64)) -> Vec<f64> {
+        let mut energies = vec![0.0; 32];
         for _ in 0..2 * SAMPLES {
             let mut point = DVec3::new(offset, 0.0, -(1.0 - offset * offset).sqrt());
             let (mut direction, mut weight) = (DVec3::Z, 1.0 / f64::from(2 * SAMPLES));
@@ -316,27 +309,27 @@ mod tests {
                 if wi.z > 0.0 {
                     let band = (4.0 * (direction.z + 1.0)) as usize;
                     let sector = (2.0 / PI * (direction.y.atan2(direction.x) + PI)) as usize;
-                    shares[band.min(7) * 4 + sector.min(3)] += weight;
+                    energies[band.min(7) * 4 + sector.min(3)] += weight;
                     break;
                 }
                 point = (point - direction * (2.0 * point.dot(direction))).normalize();
             }
         }
-        shares
+        energies
     }
 
-    /// A frosted ball shows what walks on its surface show, but for a thirtieth of the light on average.
+    /// The distribution of light through a frosted ball agrees with random walks, but for a few percent of the energy.
     #[test]
-    fn frosted_balls_show_what_walks_show() {
+    fn light_through_frosted_balls_agrees_with_walks() {
         let mut random = Random::new(10);
         let mut differences = Vec::new();
         for alpha in [[0.1, 0.1], [0.3, 0.3], [0.5, 0.5], [0.5, 0.125], [1.0, 1.0]] {
             for ior in [1.05, 1.33, 1.5, 2.0] {
                 for offset in [0.2, 0.7, 0.95] {
                     let interface = RoughInterface { alpha, ior };
-                    let exact = seen_through_a_ball(offset, |wo| (interface.walk(wo, &mut random).0, 1.0));
+                    let exact = light_through_a_ball(offset, |wo| (interface.walk(wo, &mut random).0, 1.0));
                     let bsdf = glass(alpha, ior, EnergyCompensation::On);
-                    let found = seen_through_a_ball(offset, |wo| {
+                    let found = light_through_a_ball(offset, |wo| {
                         let s = bsdf.sample(wo.as_vec3(), [random.next(), random.next(), random.next()]);
                         (s.wi.as_dvec3(), f64::from(s.weight.r * s.eta * s.eta))
                     });

@@ -1,7 +1,7 @@
-//! Glass of any roughness, solid and thin-walled.
+//! Glass of any roughness, solid or thin-walled.
 
 use super::dielectric::{SmoothInterface, tint_of_crossing};
-use super::microsurface::{Facets, Microsurface, MicrosurfaceProgram, beckmann_hidden, beckmann_over_ggx};
+use super::microsurface::{Facets, Microsurface, MicrosurfaceProgram, beckmann_lambda, beckmann_over_ggx};
 use super::{
     Appearance, BsdfEval, BsdfSample, Lobe, LocalFrame, MaterialProgram, Refraction, Slots, Transmissive,
     fresnel, ggx,
@@ -10,30 +10,29 @@ use crate::color::Rgb;
 use crate::math::Vec3;
 use crate::scene::{ColorSlot, EnergyCompensation, FloatSlot, GlassReflection, SkippedCaustics};
 
-/// Alpha times (ior - 1) below which refraction spreads light by less than single precision resolves from a single
-/// direction: the surface counts as smooth.
+/// Alpha times |ior - 1| below which solid glass counts as smooth: single precision can't resolve the refraction lobe.
 const MIN_SPREAD: f32 = 1e-4;
 
-/// The medium behind the surface.
+/// Geometry behind the surface: solid or thin-walled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Walls {
     /// A solid: light is refracted.
     Solid,
-    /// Thin-walled: transmitted light is not refracted, but scattered by the same microfacets.
+    /// Thin-walled: transmitted light is scattered by the microfacets, without refraction.
     Thin,
 }
 
-/// Reflectance of the interface.
+/// Reflectance of a glass interface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum GlassReflectance {
-    /// As physics says.
+    /// Fresnel's equations.
     Plain,
-    /// A reflectance by colour instead of the index of refraction.
+    /// Fresnel's equations with a colour on the reflection.
     Colored(GlassReflection),
-    /// As KHR_materials_specular changes it: Fresnel's equations, stretched to run from `f0` at normal to `f90` at grazing
-    /// incidence. Total reflection stays total.
+    /// KHR_materials_specular: Fresnel's equations remapped to `f0` at normal and `f90` at grazing incidence. Total internal reflection
+    /// stays 1.
     Between {
-        /// Its colour.
+        /// Colour of the reflection.
         color: GlassReflection,
         /// Reflectance at normal incidence.
         f0: Rgb,
@@ -42,53 +41,51 @@ pub enum GlassReflectance {
     },
 }
 
-/// Glass with GGX facets (Walter, Marschner, Li, Torrance 2007, eq. 20 and 21), by visible normals (Dupuy, Benyoub 2023).
-/// z above 0 is outside.
+/// Glass with GGX facets (Walter, Marschner, Li, Torrance 2007, eq. 20 and 21), sampled by visible normals (Dupuy, Benyoub 2023).
+/// z > 0 is the outside.
 ///
-/// A facet splits light by Fresnel's equations between a mirrored and a refracted direction. Other facets shadow both:
-/// reflection by the height-correlated Smith term as on metals, transmission by the separable one, which is nearer to the
-/// exact beta function of Heitz et al. 2016, "Multiple-Scattering Microfacet BSDFs with the Smith Model", eq. 20. With
-/// [`EnergyCompensation::Off`] shadowed light is lost.
+/// A facet splits light between reflection and refraction. Both are shadowed by other facets: reflection by the height-correlated
+/// Smith term as for metals, refraction by the separable one, which is closer to the exact beta function of Heitz et al. 2016,
+/// "Multiple-Scattering Microfacet BSDFs with the Smith Model", eq. 20. With [`EnergyCompensation::Off`] shadowed light is lost.
 ///
-/// With [`EnergyCompensation::On`] it is not. On walks among facets (the model of that paper) most of it ends in the denser
-/// medium, where total reflection holds it. So of what is shadowed on the rarer side a share stays there, and the rest joins
-/// what the same facet sends to the denser side, tinted by one crossing more; what is mirrored against the surface from
-/// within leaves through it in a share, and is turned back otherwise. Wherever it ends, it is turned away from the horizon,
-/// where facets would shadow it again. No view direction of white glass loses or gains light, whatever the roughnesses,
-/// index and reflectance; no table is needed, value and density are in closed form, and samples weigh exactly 1. As with
-/// other compensation the price is reciprocity: under light from everywhere, directions give between 0.5 and 1.9 times as
-/// much as they get (alphas of 0.1 to 1, indices of 1.33 to 2; the most near the horizon within).
+/// With [`EnergyCompensation::On`] shadowed light of solid glass is redirected. In random walks among facets (the model of that paper)
+/// most of it ends in the denser medium, trapped by total internal reflection. So a fraction of the light shadowed on the rarer side
+/// stays there, and the rest is added to the lobe on the denser side, with the tint of one more crossing; light reflected from
+/// within to below the horizon is partly transmitted, partly reflected back. Redirected light is lifted away from the horizon, where
+/// it would be shadowed again. White glass conserves energy exactly for all view directions, alphas, indices and reflectances; value
+/// and pdf are closed forms without tables, and sample weights are 1. As with other compensation reciprocity is lost: under uniform
+/// illumination the outgoing radiance is 0.5 to 1.9 times the incident (alphas of 0.1 to 1, indices of 1.33 to 2; extremes near the
+/// horizon within).
 ///
-/// Beside walks, for alphas of 0.1 to 1 and indices of 1.05 to 2.4, the share of light from either side is wrong by 0.013 on
-/// average, by up to 0.22 near the horizon within glass of an index near 1, and balls show 3 % of the light elsewhere.
-/// Dividing by the albedo of single scattering (Turquin 2019, section 4) gives 0.05 and 11 %; within, near the horizon,
-/// that spreads the light more like walks do.
+/// Compared with random walks for alphas of 0.1 to 1 and indices of 1.05 to 2.4, the reflected fraction is wrong by 0.013 on average and
+/// up to 0.22 near the horizon within glass of an index near 1, and 3 % of the light through a ball has a wrong direction. Division
+/// by the single-scattering albedo (Turquin 2019, section 4) has errors of 0.05 and 11 %, but is closer near the horizon within.
 ///
-/// Thin sheets divide by the directional albedo. Colours of what is reflected, as Cycles' Glass BSDF has them, change no share: they
-/// multiply what a facet mirrors, and the sum of all reflections within a thin sheet. A facet of glass with changed reflectance passes what its brightest
-/// channel does not reflect, so that channel keeps all energy as well, and the others less by what it alone reflects.
+/// Thin-walled glass is compensated by division by the directional albedo. Reflection colours (as of Cycles' Glass BSDF) multiply the
+/// reflectance of a facet, in thin glass the sum of all interreflections, without a change of transmission. With a remapped
+/// reflectance a facet transmits one minus the reflectance of its brightest channel, so only that channel conserves energy exactly.
 #[derive(Clone, Copy, Debug)]
 pub struct RoughDielectric {
-    /// Its facets; smooth ones give single directions.
+    /// GGX facets; specular if smooth.
     pub surface: Microsurface,
-    /// Index of refraction of the inside (or the sheet) over the outside.
+    /// Relative index of refraction: inside (or thin wall) over outside.
     pub ior: f32,
     /// Solid or thin.
     pub walls: Walls,
-    /// Scaling of radiance where it enters a solid.
+    /// Scaling of radiance by refraction of a solid.
     pub refraction: Refraction,
-    /// Factor on transmitted light at each crossing.
+    /// Transmission tint, applied at each crossing.
     pub tint: Rgb,
-    /// Reflectance.
+    /// Reflectance of a facet.
     pub reflectance: GlassReflectance,
-    /// Whether the energy that single scattering loses is given back.
+    /// Energy compensation of single scattering.
     pub energy_compensation: EnergyCompensation,
-    /// The facets of a solid are those of Beckmann, not of GGX, and lose that energy.
+    /// Whether facets of a solid are Beckmann instead of GGX; these have no energy compensation.
     pub is_beckmann: bool,
 }
 
 impl GlassReflectance {
-    /// The reflectance by the index of refraction, tinted by a colour.
+    /// Fresnel's equations with a reflection colour.
     pub fn colored(color: GlassReflection) -> GlassReflectance {
         match color {
             GlassReflection::White => GlassReflectance::Plain,
@@ -96,7 +93,7 @@ impl GlassReflectance {
         }
     }
 
-    /// Its colour.
+    /// The reflection colour.
     #[inline(always)]
     pub fn color(&self) -> GlassReflection {
         match *self {
@@ -106,29 +103,29 @@ impl GlassReflectance {
     }
 }
 
-/// A facet as seen under one angle.
+/// Reflection and refraction of a facet at one angle.
 #[derive(Clone, Copy)]
 pub(super) struct Facet {
     pub reflected: Rgb,
     pub transmitted: Rgb,
-    /// Probability of sampling the reflection.
+    /// Probability of sampling reflection.
     pub probability_reflected: f32,
-    /// Probability of sampling the transmission; on its own, so that a tiny one does not round to 0.
+    /// Probability of sampling transmission; computed separately, so that a tiny one does not round to 0.
     pub probability_transmitted: f32,
     pub cos_transmitted: f32,
 }
 
 impl RoughDielectric {
-    /// Makes the facets of solid glass at least this rough, GGX alpha; thin glass lets light straight through.
+    /// Raises the alphas of solid glass to a minimum. (Not of thin glass, whose transmission is straight.)
     pub(super) fn roughen(&mut self, least: f32) {
         if self.walls == Walls::Solid && self.surface.alpha.iter().any(|alpha| *alpha < least) {
             self.surface.roughen(least);
-            // The loss of single scattering by that remains a loss, as in Cycles.
+            // The energy loss of the additional roughness is not compensated, as in Cycles.
             self.energy_compensation = EnergyCompensation::Off;
         }
     }
 
-    /// Takes reflection or transmission away.
+    /// Removes reflection or transmission.
     pub(super) fn leave_out(&mut self, lobes: SkippedCaustics) {
         if lobes.refractive {
             self.tint = Rgb::ZERO;
@@ -138,7 +135,7 @@ impl RoughDielectric {
         }
     }
 
-    /// Are all its samples single directions?
+    /// Whether all samples are specular.
     #[inline(always)]
     pub fn is_smooth(&self) -> bool {
         let [a, b] = self.surface.alpha();
@@ -146,13 +143,13 @@ impl RoughDielectric {
             || (self.walls == Walls::Solid && a.min(b) * (self.ior - 1.0).abs() < MIN_SPREAD)
     }
 
-    /// Index of refraction of the other side over the side of `wo`.
+    /// Relative index of refraction: far side over the side of `wo`.
     #[inline(always)]
     pub(super) fn eta(&self, wo: Vec3) -> f32 {
         if self.walls == Walls::Solid && wo.z < 0.0 { 1.0 / self.ior } else { self.ior }
     }
 
-    /// Splits the light on a facet under the cosine `c`.
+    /// Reflection and transmission of a facet at a cosine `c`.
     #[inline(always)]
     pub(super) fn facet(&self, c: f32, eta: f32) -> Facet {
         let interface = fresnel::exact(c, eta);
@@ -167,16 +164,16 @@ impl RoughDielectric {
             }
         };
         if self.walls == Walls::Thin {
-            // All reflections between the two faces: R + T^2 R / (1 - R^2).
+            // Interreflections between both faces: R + T^2 R / (1 - R^2).
             reflected = reflected * 2.0 / (Rgb::ONE + reflected);
         }
-        let mut passes = if total { 0.0 } else { 1.0 - reflected.max_element() };
+        let mut transmittance = if total { 0.0 } else { 1.0 - reflected.max_element() };
         match self.reflectance.color() {
             GlassReflection::White => {}
             GlassReflection::Tinted => reflected *= self.tint,
-            GlassReflection::None => (reflected, passes) = (Rgb::ZERO, if total { 0.0 } else { 1.0 }),
+            GlassReflection::None => (reflected, transmittance) = (Rgb::ZERO, if total { 0.0 } else { 1.0 }),
         }
-        let transmitted = self.tint * passes;
+        let transmitted = self.tint * transmittance;
         let (r, t) = (reflected.mean(), transmitted.mean());
         let sum = r + t;
         let [probability_reflected, probability_transmitted] =
@@ -190,23 +187,22 @@ impl RoughDielectric {
         }
     }
 
-    /// Share of light that is not absorbed, roughly: the mean of a facet seen under the view cosine and of one that is
-    /// turned to the viewer, as some facets of rough glass are.
+    /// Estimate of the directional albedo: the mean of a facet at the view cosine and of one tilted to the viewer.
     #[inline(always)]
     pub(super) fn albedo_estimate(&self, cosine: f32, is_inside: bool) -> f32 {
         let eta = if is_inside && self.walls == Walls::Solid { 1.0 / self.ior } else { self.ior };
-        let share = |c: f32| {
+        let facet_albedo = |c: f32| {
             let facet = self.facet(c.min(1.0), eta);
             facet.reflected.mean() + facet.transmitted.mean()
         };
-        let estimate = 0.5 * (share(cosine) + share(cosine.max(0.5)));
-        // From the denser side, facets may reflect everything where their mean does not: they must not be starved.
+        let estimate = 0.5 * (facet_albedo(cosine) + facet_albedo(cosine.max(0.5)));
+        // From the denser side, some facets may reflect totally although the mean facet does not: keep a minimum probability.
         let least = if eta < 1.0 && !self.is_smooth() { 0.01 } else { 0.0 };
         if estimate > least { estimate } else { least }
     }
 }
 
-/// The parameters of a [`RoughDielectric`] that reflects the share that its index says.
+/// The parameters of a [`RoughDielectric`] whose reflectance follows from its index of refraction.
 #[derive(Clone, Copy, Debug)]
 pub struct RoughDielectricProgram {
     /// See [`RoughDielectric::surface`].
@@ -219,9 +215,9 @@ pub struct RoughDielectricProgram {
     pub refraction: Refraction,
     /// See [`RoughDielectric::tint`].
     pub tint: ColorSlot,
-    /// The tint is that of both crossings of a solid together.
+    /// Whether `tint` is the total of two crossings (entry and exit).
     pub tints_once: bool,
-    /// Colour of its reflection.
+    /// Colour of the reflection.
     pub reflection: GlassReflection,
     /// See [`RoughDielectric::energy_compensation`].
     pub energy_compensation: EnergyCompensation,
@@ -230,7 +226,7 @@ pub struct RoughDielectricProgram {
 }
 
 impl RoughDielectricProgram {
-    /// Isotropic glass of a solid.
+    /// Isotropic solid glass.
     pub fn new(
         ior: f32,
         tint: ColorSlot,
@@ -261,7 +257,7 @@ impl MaterialProgram for RoughDielectricProgram {
             ior: self.ior,
             walls: self.walls,
             refraction: self.refraction,
-            tint: tint_of_crossing(slots.share_by_channel(&self.tint), self.tints_once),
+            tint: tint_of_crossing(slots.clamped_color(&self.tint), self.tints_once),
             reflectance: GlassReflectance::colored(self.reflection),
             energy_compensation: self.energy_compensation,
             is_beckmann: self.is_beckmann,
@@ -278,7 +274,7 @@ impl MaterialProgram for RoughDielectricProgram {
 }
 
 impl RoughDielectric {
-    /// Samples thin-walled glass; z below 0 is transmission. `None` if the light is absorbed.
+    /// Samples thin-walled glass; z < 0 is transmission. `None` if the light is absorbed.
     #[inline(always)]
     fn sample_thin(&self, above: Vec3, u: [f32; 3]) -> Option<Vec3> {
         let normal = self.surface.sample_visible_normal(above, [u[0], u[1]]);
@@ -289,7 +285,7 @@ impl RoughDielectric {
         (mirrored.z > 0.0).then(|| Vec3::new(mirrored.x, mirrored.y, mirrored.z * side))
     }
 
-    /// Reflection and refraction at a smooth face of a solid.
+    /// Reflection and refraction of smooth solid glass; `None` otherwise.
     pub(super) fn smooth_interface(&self, cosine: f32, is_inside: bool) -> Option<SmoothInterface> {
         if self.walls != Walls::Solid || !self.is_smooth() {
             return None;
@@ -300,17 +296,17 @@ impl RoughDielectric {
         Some(SmoothInterface { reflected, transmitted, cos_transmitted })
     }
 
-    /// The index of refraction and the larger alpha of a solid's face.
+    /// Index of refraction and larger alpha (0 if smooth) of solid glass; `None` if thin-walled.
     pub(super) fn solid_face(&self) -> Option<(f32, f32)> {
         let [a, b] = self.surface.alpha();
         (self.walls == Walls::Solid).then_some((self.ior, if self.is_smooth() { 0.0 } else { a.max(b) }))
     }
 
-    /// The limit of no roughness.
+    /// Samples smooth glass.
     #[inline(always)]
     fn sample_smooth(&self, wo: Vec3, u: f32) -> BsdfSample {
         let eta = self.eta(wo);
-        // The cosine that the estimate of its albedo sees as well.
+        // The same cosine as in `albedo_estimate`.
         let facet = self.facet(ggx::above(wo).z.min(1.0), eta);
         let p = facet.probability_reflected;
         if u < p {
@@ -339,7 +335,7 @@ impl RoughDielectric {
         }
     }
 
-    /// Evaluates thin-walled glass, whose transmission lobe mirrors its reflection lobe, for a direction with z above 0.
+    /// Value and pdf of thin-walled glass for `wo` with z > 0; the transmission lobe is the mirror image of the reflection lobe.
     #[inline]
     fn eval_thin(&self, above: Vec3, wi: Vec3) -> BsdfEval {
         let r = self.surface.reflection(above, Vec3::new(wi.x, wi.y, wi.z.abs()));
@@ -377,8 +373,8 @@ impl Lobe for RoughDielectric {
             return BsdfSample::ABSORBED;
         }
         let is_transmission = wi.z < 0.0;
-        let bends = is_transmission && self.walls == Walls::Solid;
-        let refracted = self.refraction.at(if bends { eta } else { 1.0 });
+        let is_refraction = is_transmission && self.walls == Walls::Solid;
+        let refracted = self.refraction.at(if is_refraction { eta } else { 1.0 });
         BsdfSample {
             wi: if wo.z < 0.0 { Vec3::new(wi.x, wi.y, -wi.z) } else { wi },
             weight: value.f_cos / value.pdf_solid_angle,
@@ -453,58 +449,61 @@ impl Transmissive for RoughDielectric {
     }
 }
 
-// The rough surface of solid glass, with multiple scattering: light shadowed by other microfacets is redirected.
+// Rough solid glass, with shadowed light redirected as an approximation of multiple scattering.
 
 /// The closure of solid glass for one view direction.
 pub struct SolidGlassClosure<'a> {
     glass: &'a RoughDielectric,
-    /// The direction, with z above 0, in the frame of the facets' axis.
+    /// The view direction with z > 0, in the frame of the facets' axis.
     wo: Vec3,
-    /// Its root in Smith's masking.
+    /// [`Microsurface::smith_root`] of `wo`.
     root: f32,
-    /// Index of refraction of the other side over that of its own.
+    /// Relative index of refraction: far side over the side of `wo`.
     eta: f32,
-    shadowed: Option<Shadowed>,
+    /// Redirection of shadowed light; `None` without energy compensation.
+    redirection: Option<Redirection>,
 }
 
-/// Where shadowed light goes.
+/// Redirection of shadowed light for one view direction.
 #[derive(Clone, Copy)]
-struct Shadowed {
-    /// Share of what is shadowed on the rarer side that stays there.
+struct Redirection {
+    /// Fraction of the light shadowed on the rarer side that stays on that side.
     stays: f32,
-    /// Share of what the inside mirrors against the surface that leaves through it.
-    passes: f32,
+    /// Fraction of the light reflected below the horizon from within that is transmitted.
+    leaves: f32,
+    /// Lift on the rarer side.
     rarer: Lift,
+    /// Lift on the denser side.
     denser: Lift,
 }
 
-impl Shadowed {
-    /// From the rarer side, what stays is what a second facet would mirror at normal incidence. From the denser side, odds of
-    /// leaving were fitted to walks for alphas of 0.3 to 1, indices of 1.02 to 2.4 and cosines of 0.4 to 0.95 (errors of
-    /// most shares below 0.07; more for steep views within an index near 1): by the view's cosine beside that of total
-    /// reflection, whose square is near 2 (n - 1), and by how rough the facets are. Lifts were chosen so that light from everywhere leaves nearly evenly.
+impl Redirection {
+    /// From the rarer side, the fraction that stays is the reflectance of a second facet at normal incidence. From the denser side, odds
+    /// were fitted to random walks for alphas of 0.3 to 1, indices of 1.02 to 2.4 and cosines of 0.4 to 0.95 (most errors below 0.07;
+    /// larger for steep views within an index near 1), as a function of alpha and of the view cosine relative to the critical one,
+    /// whose square is near 2 (n - 1). Lifts were chosen so that uniform illumination is nearly preserved.
     #[inline(always)]
-    fn new(cosine: f32, eta: f32, surface: &Microsurface) -> Shadowed {
+    fn new(cosine: f32, eta: f32, surface: &Microsurface) -> Redirection {
         let [a, b] = surface.alpha();
         let alpha = 0.5 * (a + b);
         let (rarer, denser) = (Lift { reach: 0.5 * alpha }, Lift { reach: 4.0 * alpha });
         if eta >= 1.0 {
-            return Shadowed { stays: fresnel::f0_from_eta(eta), passes: 0.0, rarer, denser };
+            return Redirection { stays: fresnel::f0_from_eta(eta), leaves: 0.0, rarer, denser };
         }
         let steep = cosine * cosine * eta / (2.0 * (1.0 - eta)).max(1e-9);
         let odds = steep * steep + 1.0 / 6.0;
-        let share = |odds: f32| odds / (1.0 + odds);
-        Shadowed {
-            stays: share(odds * (0.6 + 0.8 * alpha)),
-            passes: share(odds * (0.075 + 0.375 * alpha)),
+        let fraction = |odds: f32| odds / (1.0 + odds);
+        Redirection {
+            stays: fraction(odds * (0.6 + 0.8 * alpha)),
+            leaves: fraction(odds * (0.075 + 0.375 * alpha)),
             rarer,
             denser,
         }
     }
 }
 
-/// Turns directions of cosine z to z' with z'^2 = z (z + reach) / (1 + reach): those far above `reach` hardly, those below
-/// so that light spread evenly over z falls off at the horizon as the cosine.
+/// Lifts directions from the horizon: cosine z to z' with z'^2 = z (z + reach) / (1 + reach). Hardly any effect on z far above `reach`;
+/// below, a density uniform in z becomes proportional to z'.
 #[derive(Clone, Copy)]
 struct Lift {
     reach: f32,
@@ -519,7 +518,7 @@ impl Lift {
         Vec3::new(v.x * tangent, v.y * tangent, lifted.copysign(v.z)).normalize()
     }
 
-    /// The direction that [`Lift::up`] turns to this one, and how much denser directions lie there: dz / dz'.
+    /// Inverse of [`Lift::up`], and the density factor dz / dz'.
     #[inline(always)]
     fn down(self, v: Vec3) -> (Vec3, f32) {
         let (a, lifted) = (self.reach, v.z.abs());
@@ -531,11 +530,11 @@ impl Lift {
     }
 }
 
-/// Some of a facet's light.
+/// Part of the light scattered by a facet.
 #[derive(Clone, Copy)]
 struct FacetLight {
     color: Rgb,
-    /// Probability of sampling it.
+    /// Probability of sampling this part.
     probability: f32,
 }
 
@@ -558,26 +557,28 @@ impl FacetLight {
     }
 }
 
-/// Values that a facet scatters along one direction, and along that direction lifted.
+/// Light reflected or refracted by a facet.
 #[derive(Clone, Copy)]
 struct FacetLobe {
     direction: Vec3,
-    open: FacetLight,
+    /// Unshadowed light along `direction`.
+    unshadowed: FacetLight,
+    /// Redirected light along the lifted `direction`.
     lifted: FacetLight,
 }
 
 impl SolidGlassClosure<'_> {
-    /// A direction with z above 0, in the surface's frame.
+    /// The closure for a view direction with z > 0.
     #[inline(always)]
     pub fn new(glass: &RoughDielectric, above: Vec3, eta: f32) -> SolidGlassClosure<'_> {
         let wo = glass.surface.to_axis(above);
-        let shadowed = (glass.energy_compensation == EnergyCompensation::On && !glass.is_beckmann)
-            .then(|| Shadowed::new(wo.z, eta, &glass.surface));
-        SolidGlassClosure { glass, wo, root: glass.surface.smith_root(wo), eta, shadowed }
+        let redirection = (glass.energy_compensation == EnergyCompensation::On && !glass.is_beckmann)
+            .then(|| Redirection::new(wo.z, eta, &glass.surface));
+        SolidGlassClosure { glass, wo, root: glass.surface.smith_root(wo), eta, redirection }
     }
 
-    /// Values that a facet scatters along its mirrored and its refracted direction. `known` are these directions where they are at
-    /// hand, with all their digits.
+    /// Light reflected and refracted by a facet. `known` are the reflected and refracted directions if the caller has them in full
+    /// precision.
     #[inline(always)]
     fn split(&self, normal: Vec3, known: [Option<Vec3>; 2]) -> [FacetLobe; 2] {
         let (wo, eta) = (self.wo, self.eta);
@@ -585,7 +586,7 @@ impl SolidGlassClosure<'_> {
         let facet = self.glass.facet(c, eta);
         let part = |direction, color, probability| FacetLobe {
             direction,
-            open: FacetLight { color, probability },
+            unshadowed: FacetLight { color, probability },
             lifted: FacetLight::NONE,
         };
         let mut mirrored =
@@ -595,72 +596,79 @@ impl SolidGlassClosure<'_> {
             facet.transmitted,
             facet.probability_transmitted,
         );
-        let open = [self.open_mirrored(mirrored.direction), self.open_refracted(refracted.direction)];
-        match &self.shadowed {
+        let unshadowed =
+            [self.unshadowed_reflection(mirrored.direction), self.unshadowed_refraction(refracted.direction)];
+        match &self.redirection {
             None => {
-                mirrored.open.color *= open[0];
-                refracted.open.color *= open[1];
+                mirrored.unshadowed.color *= unshadowed[0];
+                refracted.unshadowed.color *= unshadowed[1];
             }
-            Some(shadowed) if eta >= 1.0 => {
-                self.redirect(shadowed, (&mut mirrored, open[0]), (&mut refracted, open[1]));
+            Some(redirection) if eta >= 1.0 => {
+                self.redirect(redirection, (&mut mirrored, unshadowed[0]), (&mut refracted, unshadowed[1]));
             }
-            Some(shadowed) => {
-                self.redirect(shadowed, (&mut refracted, open[1]), (&mut mirrored, open[0]));
+            Some(redirection) => {
+                self.redirect(redirection, (&mut refracted, unshadowed[1]), (&mut mirrored, unshadowed[0]));
             }
         }
         [mirrored, refracted]
     }
 
-    /// Leaves a facet's parts the light that no other facet shadows, and shares out the rest.
+    /// Splits the lobes of a facet on the rarer and the denser side into unshadowed and redirected light; arguments are lobes with their
+    /// unshadowed fraction.
     #[inline(always)]
-    fn redirect(&self, shadowed: &Shadowed, rarer: (&mut FacetLobe, f32), denser: (&mut FacetLobe, f32)) {
-        let ((rarer, open), (denser, open_denser)) = (rarer, denser);
-        // Directions to the wrong side are lost.
-        let stays = if open > 0.0 { shadowed.stays } else { 0.0 };
-        let hidden = rarer.open.times(1.0 - open);
+    fn redirect(
+        &self,
+        redirection: &Redirection,
+        rarer: (&mut FacetLobe, f32),
+        denser: (&mut FacetLobe, f32),
+    ) {
+        let ((rarer, unshadowed), (denser, unshadowed_denser)) = (rarer, denser);
+        // Directions on the wrong side are lost.
+        let stays = if unshadowed > 0.0 { redirection.stays } else { 0.0 };
+        let hidden = rarer.unshadowed.times(1.0 - unshadowed);
         rarer.lifted = hidden.times(stays);
-        rarer.open = rarer.open.times(open);
-        // It crosses once more than it would have.
+        rarer.unshadowed = rarer.unshadowed.times(unshadowed);
+        // With one more crossing.
         let joining = hidden.times(1.0 - stays).tinted(self.glass.tint);
-        denser.lifted = denser.open.times(1.0 - open_denser).plus(joining);
-        denser.open = denser.open.times(open_denser);
+        denser.lifted = denser.unshadowed.times(1.0 - unshadowed_denser).plus(joining);
+        denser.unshadowed = denser.unshadowed.times(unshadowed_denser);
     }
 
-    /// Share of light along a mirrored direction that no facet shadows, G2 / G1(wo).
+    /// Unshadowed fraction of reflection along `v`: G2 / G1(wo).
     #[inline(always)]
-    fn open_mirrored(&self, v: Vec3) -> f32 {
+    fn unshadowed_reflection(&self, v: Vec3) -> f32 {
         if v.z <= 0.0 {
             return 0.0;
         }
         let root = self.glass.surface.smith_root(v);
         if self.glass.is_beckmann {
-            let hidden = beckmann_hidden(self.wo.z, self.root) + beckmann_hidden(v.z, root);
-            return (self.wo.z + self.root) / (2.0 * self.wo.z * (1.0 + hidden));
+            let lambda = beckmann_lambda(self.wo.z, self.root) + beckmann_lambda(v.z, root);
+            return (self.wo.z + self.root) / (2.0 * self.wo.z * (1.0 + lambda));
         }
         (v.z * (self.wo.z + self.root) / (v.z * self.root + self.wo.z * root)).min(1.0)
     }
 
-    /// Share of light along a refracted direction that no facet shadows, G1(wi).
+    /// Unshadowed fraction of refraction along `v`: G1(v).
     #[inline(always)]
-    fn open_refracted(&self, v: Vec3) -> f32 {
+    fn unshadowed_refraction(&self, v: Vec3) -> f32 {
         if v.z >= 0.0 {
             return 0.0;
         }
         if self.glass.is_beckmann {
             let (root, wo) = (self.glass.surface.smith_root(v), self.wo.z);
-            let open = (1.0 + beckmann_hidden(wo, self.root)) * (1.0 + beckmann_hidden(-v.z, root));
-            return (wo + self.root) / (2.0 * wo * open);
+            let inverse_g2 = (1.0 + beckmann_lambda(wo, self.root)) * (1.0 + beckmann_lambda(-v.z, root));
+            return (wo + self.root) / (2.0 * wo * inverse_g2);
         }
         (2.0 * v.z / (v.z - self.glass.surface.smith_root(v))).min(1.0)
     }
 
-    /// How light is lifted on the other side, or on this one.
+    /// The lift on the far side (`crosses`) or on the side of `wo`.
     #[inline(always)]
-    fn lift(&self, shadowed: &Shadowed, crosses: bool) -> Lift {
-        if (self.eta >= 1.0) == crosses { shadowed.denser } else { shadowed.rarer }
+    fn lift(&self, redirection: &Redirection, crosses: bool) -> Lift {
+        if (self.eta >= 1.0) == crosses { redirection.denser } else { redirection.rarer }
     }
 
-    /// Chooses a direction; z below 0 is the other side. None where light is lost.
+    /// Samples a direction; z < 0 is transmission. `None` if the light is lost.
     #[inline]
     pub fn sample(&self, u: [f32; 3]) -> Option<Vec3> {
         let surface = &self.glass.surface;
@@ -668,79 +676,78 @@ impl SolidGlassClosure<'_> {
         let [mirrored, refracted] = self.split(normal, [None; 2]);
         let mut rest = u[2];
         for (part, mirrors) in [(mirrored, true), (refracted, false)] {
-            if rest < part.open.probability {
+            if rest < part.unshadowed.probability {
                 let is_seen = (part.direction.z > 0.0) == mirrors;
                 return is_seen.then(|| surface.from_axis(part.direction.normalize()));
             }
-            rest -= part.open.probability;
+            rest -= part.unshadowed.probability;
             if rest < part.lifted.probability {
-                let (shadowed, mut wi) = (self.shadowed?, part.direction.normalize());
-                if mirrors && wi.z <= 0.0 && rest >= part.lifted.probability * shadowed.passes {
+                let (redirection, mut wi) = (self.redirection?, part.direction.normalize());
+                if mirrors && wi.z <= 0.0 && rest >= part.lifted.probability * redirection.leaves {
                     wi.z = -wi.z;
                 }
-                return Some(surface.from_axis(self.lift(&shadowed, wi.z < 0.0).up(wi)));
+                return Some(surface.from_axis(self.lift(&redirection, wi.z < 0.0).up(wi)));
             }
             rest -= part.lifted.probability;
         }
         None
     }
 
-    /// Value and density for a direction; z below 0 is the other side.
+    /// Value and pdf of a direction; z < 0 is transmission.
     #[inline]
     pub fn eval(&self, wi: Vec3) -> BsdfEval {
         let wi = self.glass.surface.to_axis(wi);
         let crosses = wi.z < 0.0;
-        let toward = |v: Vec3| if crosses { self.refracted(v) } else { self.mirrored(v) };
+        let toward = |v: Vec3| if crosses { self.refracted_light(v) } else { self.reflected_light(v) };
         let [mut light, _] = toward(wi);
-        if let Some(shadowed) = &self.shadowed {
-            let (low, stretch) = self.lift(shadowed, crosses).down(wi);
+        if let Some(redirection) = &self.redirection {
+            let (low, stretch) = self.lift(redirection, crosses).down(wi);
             let [_, mut lifted] = toward(low);
             if self.eta < 1.0 && low.z.abs() < self.wo.z {
-                let [_, against] = self.mirrored(Vec3::new(low.x, low.y, -low.z.abs()));
+                let [_, against] = self.reflected_light(Vec3::new(low.x, low.y, -low.z.abs()));
                 lifted = lifted.plus(match crosses {
-                    true => against.times(shadowed.passes).tinted(self.glass.tint),
-                    false => against.times(1.0 - shadowed.passes),
+                    true => against.times(redirection.leaves).tinted(self.glass.tint),
+                    false => against.times(1.0 - redirection.leaves),
                 });
             }
             light = light.plus(lifted.times(stretch));
         }
-        // Radiance of the other medium.
+        // Scaling of radiance by refraction.
         let scale = if crosses { self.glass.refraction.at(self.eta).weight } else { 1.0 };
         BsdfEval { f_cos: light.color * scale, pdf_solid_angle: light.probability }
     }
 
-    /// A lobe of facets of Beckmann, sampled as if they were of GGX, of which there are about as many: at most 4 / e times.
+    /// Multiplies by the ratio of Beckmann to GGX densities, since Beckmann facets are sampled by GGX.
     #[inline(always)]
-    fn by_distribution(&self, mut lobe: FacetLobe, half: Vec3) -> FacetLobe {
+    fn with_beckmann_ratio(&self, mut lobe: FacetLobe, half: Vec3) -> FacetLobe {
         if self.glass.is_beckmann {
-            lobe.open.color *= beckmann_over_ggx(half, self.glass.surface.alpha());
+            lobe.unshadowed.color *= beckmann_over_ggx(half, self.glass.surface.alpha());
         }
         lobe
     }
 
-    /// Open and lifted light that facets mirror along a direction, which may lead below the surface.
+    /// Unshadowed and redirected light reflected along `wi`, which may be below the horizon.
     #[inline(always)]
-    fn mirrored(&self, wi: Vec3) -> [FacetLight; 2] {
+    fn reflected_light(&self, wi: Vec3) -> [FacetLight; 2] {
         let half = self.wo + wi;
         if half.z <= 0.0 {
             return [FacetLight::NONE; 2];
         }
         let [part, _] = self.split(half.normalize(), [Some(wi), None]);
         let density = self.glass.surface.distribution(half) * 0.5 / (self.wo.z + self.root);
-        let part = self.by_distribution(part, half);
-        [part.open.times(density), part.lifted.times(density)]
+        let part = self.with_beckmann_ratio(part, half);
+        [part.unshadowed.times(density), part.lifted.times(density)]
     }
 
-    /// Open and lifted light that facets refract along a direction.
+    /// Unshadowed and redirected light refracted along `wi`.
     #[inline(always)]
-    fn refracted(&self, wi: Vec3) -> [FacetLight; 2] {
-        let Some((normal, density)) = self.glass.surface.refraction((self.wo, self.root), wi, self.eta)
-        else {
+    fn refracted_light(&self, wi: Vec3) -> [FacetLight; 2] {
+        let Some((normal, density)) = self.glass.surface.refraction((self.wo, self.root), wi, self.eta) else {
             return [FacetLight::NONE; 2];
         };
         let [_, part] = self.split(normal, [None, Some(wi)]);
-        let part = self.by_distribution(part, normal);
-        [part.open.times(density), part.lifted.times(density)]
+        let part = self.with_beckmann_ratio(part, normal);
+        [part.unshadowed.times(density), part.lifted.times(density)]
     }
 }
 
@@ -751,7 +758,7 @@ mod tests {
     use crate::sampling::chi2::Random;
 
     #[test]
-    fn lifts_are_undone() {
+    fn lift_down_is_the_inverse_of_up() {
         let mut random = Random::new(6);
         for reach in [0.5 * MIN_ALPHA, 0.01, 0.3, 4.0] {
             let lift = Lift { reach };
@@ -763,7 +770,7 @@ mod tests {
                     (low - v).length() < 1e-5 && up.z.abs() >= v.z.abs() - 1e-6,
                     "{reach} {v} {up} {low}"
                 );
-                // Directions as dense as the measure says: dz / dz'.
+                // The density factor dz / dz' by finite differences.
                 let step = 1e-3f32.copysign(up.z);
                 let next = if up.z.abs() < 0.9 { up.z + step } else { up.z - step };
                 let tangent = (1.0 - next * next).max(0.0).sqrt();

@@ -1,4 +1,4 @@
-//! Sheen: the light that fibres standing on a surface scatter back, as on velvet, cloth or dust.
+//! Sheen: scattering by fibres that stand on a surface, as of velvet, cloth or dust.
 
 use super::{BsdfEval, BsdfSample, ggx};
 use crate::color::Rgb;
@@ -9,13 +9,13 @@ use std::f32::consts::FRAC_1_PI;
 /// Nodes along each axis of the table: roughness 0..1, then view cosine 0..1.
 const NODES: usize = 16;
 
-/// Triples (a, b, R), by roughness and view cosine: little-endian numbers of single precision.
+/// Triples (a, b, R) by roughness and view cosine.
 static SHEEN: [[[f32; 3]; NODES]; NODES] = ggx::decoded(include_bytes!("sheen.bin"));
 
 /// A layer of normally oriented fibres (Zeltner, Burley, Chiang 2022, "Practical Multiple-Scattering Sheen Using Linearly
 /// Transformed Cosines"): all orders of scattering in a slab of SGGX microflakes, fitted by a linearly transformed cosine
-/// (Heitz et al. 2016) times the slab's reflectance R. The table was simulated and fitted again by the tests of this
-/// file. Both sides of the surface alike. The lobe is not reciprocal; the light it returns is exactly colour times R:
+/// (Heitz et al. 2016) times the slab's reflectance R. The table was simulated and fitted by the tests of this file. Two-sided, not
+/// reciprocal; the albedo is exactly colour times R:
 ///
 /// | R, view cosine | 0 | 0.07 | 0.2 | 0.47 | 0.73 | 1 |
 /// |---|---|---|---|---|---|---|
@@ -25,22 +25,22 @@ static SHEEN: [[[f32; 3]; NODES]; NODES] = ggx::decoded(include_bytes!("sheen.bi
 /// | roughness 1 | 0.76 | 0.72 | 0.65 | 0.51 | 0.41 | 0.34 |
 #[derive(Clone, Copy, Debug)]
 pub struct Sheen {
-    /// Factor on the scattered light, 0..1; black for none.
+    /// Factor on the reflectance, 0..1; black for no sheen.
     pub color: Rgb,
-    /// 0..1: the square root of the flakes' cross section along the fibre.
+    /// Roughness, 0..1: square root of the flakes' cross section along the fibre.
     pub roughness: f32,
 }
 
-/// The lobe for one direction: the matrix ((a, 0, b), (0, a, 0), (0, 0, 1)) that makes it a clamped cosine.
+/// The linearly transformed cosine for a view direction: the matrix ((a, 0, b), (0, a, 0), (0, 0, 1)) maps the lobe to a clamped cosine.
 #[derive(Clone, Copy, Debug)]
 struct LtcLobe {
     a: f32,
     b: f32,
-    /// Rotation about z of the direction into the half plane x > 0, y = 0.
-    turn: [f32; 2],
+    /// Cosine and sine of the view direction's azimuth.
+    azimuth: [f32; 2],
 }
 
-/// Interpolates a, b and R.
+/// Bilinear interpolation of a, b and R.
 #[inline(always)]
 fn lookup(roughness: f32, cosine: f32) -> [f32; 3] {
     let locate = |x: f32| {
@@ -57,10 +57,10 @@ fn lookup(roughness: f32, cosine: f32) -> [f32; 3] {
 }
 
 impl Sheen {
-    /// No fibres.
+    /// No sheen.
     pub const NONE: Sheen = Sheen { color: Rgb::ZERO, roughness: 0.0 };
 
-    /// Share of light that white fibres return under a view cosine.
+    /// Directional albedo R of white sheen for a view cosine.
     #[inline(always)]
     pub fn albedo(&self, cosine: f32) -> f32 {
         lookup(self.roughness, cosine)[2]
@@ -70,14 +70,14 @@ impl Sheen {
     fn lobe(&self, wo: Vec3) -> LtcLobe {
         let [a, b, _] = lookup(self.roughness, wo.z.abs());
         let length = (wo.x * wo.x + wo.y * wo.y).sqrt();
-        let turn = if length > ggx::MIN_COS { [wo.x / length, wo.y / length] } else { [1.0, 0.0] };
-        LtcLobe { a, b, turn }
+        let azimuth = if length > ggx::MIN_COS { [wo.x / length, wo.y / length] } else { [1.0, 0.0] };
+        LtcLobe { a, b, azimuth }
     }
 
-    /// Samples white fibres that return all light; see [`super::Bsdf::sample`].
+    /// Samples the lobe normalised to albedo 1; see [`super::Bsdf::sample`].
     #[inline]
     pub fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
-        let LtcLobe { a, b, turn: [c, s] } = self.lobe(wo);
+        let LtcLobe { a, b, azimuth: [c, s] } = self.lobe(wo);
         let w = warp::cosine_hemisphere([u[0], u[1]]);
         let (x, y) = ((w.x - b * w.z) / a, w.y / a);
         let up = Vec3::new(x * c - y * s, x * s + y * c, w.z).normalize();
@@ -94,13 +94,13 @@ impl Sheen {
         }
     }
 
-    /// Value of white fibres that return all light; see [`super::Bsdf::eval`].
+    /// Value and pdf of the lobe normalised to albedo 1; see [`super::Bsdf::eval`].
     #[inline]
     pub fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
         if (wo.z < 0.0) != (wi.z < 0.0) {
             return BsdfEval::ZERO;
         }
-        let LtcLobe { a, b, turn: [c, s] } = self.lobe(wo);
+        let LtcLobe { a, b, azimuth: [c, s] } = self.lobe(wo);
         let z = wi.z.abs();
         let (x, y) = (wi.x * c + wi.y * s, wi.y * c - wi.x * s);
         let (tx, ty) = (a * x + b * z, a * y);
@@ -117,8 +117,8 @@ mod tests {
     use crate::math::DVec3;
     use crate::sampling::chi2::Random;
 
-    /// Follows a photon through the slab (unit thickness, unit density, white flakes with the SGGX matrix
-    /// diag(1, 1, s^2), Heitz et al. 2015); where it leaves at the top, in which direction.
+    /// Random walk through the slab (unit thickness, unit density, white flakes with the SGGX matrix diag(1, 1, s^2), Heitz et al. 2015);
+    /// the exit direction if it leaves at the top.
     fn walk(random: &mut Random, mut direction: DVec3, s: f64) -> Option<DVec3> {
         let mut depth = 0.0;
         loop {
@@ -128,7 +128,7 @@ mod tests {
             if !(0.0..1.0).contains(&depth) {
                 return (depth < 0.0).then_some(direction);
             }
-            // A visible flake: the ellipsoid of normals is a sphere stretched by diag(1, 1, s).
+            // Sample a visible flake normal: the ellipsoid of normals is a sphere scaled by diag(1, 1, s).
             let local = warp::cosine_hemisphere([random.next(), random.next()]).as_dvec3();
             let axis = -stretched / extinction;
             let (t, b) = axis.any_orthonormal_pair();
@@ -138,7 +138,7 @@ mod tests {
         }
     }
 
-    /// Reflectance and directions of the light that returns.
+    /// Reflectance and exit directions by simulation, with at most `most` walks until `wanted` have returned.
     fn simulate(cosine: f64, roughness: f64, most: usize, wanted: usize) -> (f64, Vec<DVec3>) {
         let cosine = cosine.max(0.01);
         let mut random = Random::new(7);
@@ -151,7 +151,7 @@ mod tests {
         (up.len() as f64 / walks as f64, up)
     }
 
-    /// The a and b of greatest likelihood: 2 ln a - 4 <ln l> is maximal. Newton's method.
+    /// Maximum likelihood fit of a and b: maximises 2 ln a - 4 <ln l> by pattern search.
     fn fit(up: &[DVec3], start: [f64; 2]) -> [f64; 2] {
         let n = up.len() as f64;
         let likelihood = |[a, b]: [f64; 2]| {
@@ -161,7 +161,6 @@ mod tests {
         let mut at = start;
         let mut step = 0.5;
         let mut best = likelihood(at);
-        // Pattern search: robust, and the tables are made once.
         while step > 1e-4 {
             let tries = [[step, 0.0], [-step, 0.0], [0.0, step], [0.0, -step]];
             let next = tries
@@ -179,7 +178,7 @@ mod tests {
 
     /// Writes the data file when `OSCURA_WRITE_TABLES` is set, then compares some reflectances with new simulations.
     #[test]
-    fn table_is_the_simulation() {
+    fn table_agrees_with_simulation() {
         if std::env::var_os("OSCURA_WRITE_TABLES").is_some() {
             let mut bytes = Vec::new();
             for i in 0..NODES {
@@ -209,9 +208,8 @@ mod tests {
         }
     }
 
-    /// The fitted lobe against the simulated one: mean directions agree.
     #[test]
-    fn lobe_points_where_the_light_goes() {
+    fn mean_direction_of_the_fitted_lobe_agrees_with_simulation() {
         for (roughness, cosine) in [(0.4, 0.4f64), (0.8, 0.2), (1.0, 0.8)] {
             let (_, up) = simulate(cosine, roughness, 200_000, 20_000);
             let mean = up.iter().sum::<DVec3>() / up.len() as f64;

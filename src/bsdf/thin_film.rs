@@ -1,4 +1,4 @@
-//! Interference in a thin film (KHR_materials_iridescence).
+//! Thin-film interference (KHR_materials_iridescence).
 
 use super::fresnel;
 use super::fresnel::LayerFresnel;
@@ -6,22 +6,21 @@ use crate::color::Rgb;
 use crate::math::poly;
 use std::f32::consts::{PI, TAU};
 
-/// A film on the interface (Belcour, Barla 2017, "A Practical Extension to Microfacet Theory for the Modeling of Varying
+/// A thin film on an interface (Belcour, Barla 2017, "A Practical Extension to Microfacet Theory for the Modeling of Varying
 /// Iridescence").
 ///
-/// The reflectance under the angle of view is turned into the reflectance at normal incidence with which the Fresnel term
-/// of what is below gives the same at that angle, as the extension suggests for rasterisers (with Schlick's formula).
-/// Microfacets then see that Fresnel term: the same for smooth surfaces, and for rough ones the energy stays exactly known.
-/// With the film the surface is not reciprocal.
+/// The film's reflectance at the view angle is converted to an equivalent F0, with which the Fresnel term of the interface below has
+/// the same reflectance at that angle, as the extension suggests for rasterisers. Microfacets use this F0: exact for smooth surfaces,
+/// and rough ones keep their known albedo. Surfaces with a film are not reciprocal.
 #[derive(Clone, Copy, Debug)]
 pub struct ThinFilm {
-    /// Its strength 0..1; 0 for none.
+    /// Weight, 0..1; 0 for no film.
     pub factor: f32,
-    /// Its index of refraction, at least 1.
+    /// Index of refraction, at least 1.
     pub ior: f32,
-    /// Its thickness in nanometres.
+    /// Thickness, nanometres.
     pub thickness_nm: f32,
-    /// The wavelengths of the three channels in spectral rendering; 0 for red, green and blue.
+    /// Wavelengths of the three channels in spectral rendering, nanometres; 0 for RGB.
     pub wavelengths_nm: [f32; 3],
 }
 
@@ -30,22 +29,22 @@ impl ThinFilm {
     pub const NONE: ThinFilm =
         ThinFilm { factor: 0.0, ior: 1.3, thickness_nm: 0.0, wavelengths_nm: [0.0; 3] };
 
-    /// The reflectance at normal incidence that stands for `f0` under the film, seen under a cosine.
+    /// The equivalent F0 for an interface of reflectance `f0` at normal and `f90` at grazing incidence, at a view cosine.
     #[inline]
     pub fn f0(&self, f0: Rgb, f90: f32, below: LayerFresnel, cosine: f32) -> Rgb {
-        let seen = self.reflectance(f0, below, cosine);
+        let reflectance = self.reflectance(f0, below, cosine);
         let weight = below.weight(cosine);
         let rest = (1.0 - weight).max(1e-3);
-        let equivalent = ((seen - Rgb::splat(f90 * weight)) / rest).clamp(Rgb::ZERO, Rgb::ONE);
+        let equivalent = ((reflectance - Rgb::splat(f90 * weight)) / rest).clamp(Rgb::ZERO, Rgb::ONE);
         f0 + (equivalent - f0) * self.factor
     }
 
-    /// Reflectance of the film over an interface of reflectance `base_f0`, in linear Rec.709 (Belcour, Barla 2017, eq. 2
-    /// and 9, unpolarised). The lower interface follows Schlick's formula as in the extension, or
-    /// that of a dielectric Fresnel's equations.
+    /// Reflectance of the film over an interface of reflectance `base_f0` at normal incidence, in linear Rec.709 or by wavelength
+    /// (Belcour, Barla 2017, eq. 2 and 9, unpolarised). The lower interface has Schlick's Fresnel term as in the extension, or the
+    /// exact one.
     #[inline]
     pub fn reflectance(&self, base_f0: Rgb, below: LayerFresnel, cosine: f32) -> Rgb {
-        // Thinner than 0.03 nm there is no film.
+        // The film fades out below a thickness of 0.03 nm.
         let presence = (self.thickness_nm / 0.03).clamp(0.0, 1.0);
         let ior = 1.0 + (self.ior - 1.0) * presence * presence * (3.0 - 2.0 * presence);
         let sin_squared = (1.0 - cosine * cosine) / (ior * ior);
@@ -56,22 +55,22 @@ impl ThinFilm {
         let path_nm = 2.0 * ior * self.thickness_nm * cos_inside;
         let mut sum = [0.0; 3];
         for (c, (r, phase)) in r23.into_iter().enumerate() {
-            // Reflection on the film from inside turns the phase by pi where the film is the denser one.
+            // Internal reflection at the upper interface has a phase shift of pi.
             let phase = PI + phase;
             let r123 = (r12 * r).clamp(0.0, 0.9999);
-            let round = r123.sqrt();
+            let amplitude = r123.sqrt();
             let rs = t121 * t121 * r / (1.0 - r123);
             let mut value = r12 + rs;
             let mut term = rs - t121;
             if self.wavelengths_nm[c] > 0.0 {
-                // The sum over all orders at one wavelength.
+                // The sum over all orders of interference at one wavelength.
                 let (_, cosine) = poly::sin_cos((TAU * path_nm / self.wavelengths_nm[c] + phase) % TAU);
-                let orders = (round * cosine - r123) / (1.0 - 2.0 * round * cosine + r123);
+                let orders = (amplitude * cosine - r123) / (1.0 - 2.0 * amplitude * cosine + r123);
                 sum[c] = value + term * 2.0 * orders;
                 continue;
             }
             for order in 1..=2 {
-                term *= round;
+                term *= amplitude;
                 let m = order as f32;
                 value += term * 2.0 * sensitivity(m * path_nm, m * phase)[c];
             }
@@ -80,7 +79,7 @@ impl ThinFilm {
         Rgb::from_array(sum).clamp(Rgb::ZERO, Rgb::ONE)
     }
 
-    /// Reflectance and phase of the lower interface.
+    /// Reflectance and phase shift (radians) of the lower interface.
     #[inline]
     fn lower_reflectance(f0: f32, below: LayerFresnel, film_ior: f32, cosine: f32) -> (f32, f32) {
         let root = f0.clamp(0.0, 0.9999).sqrt();
@@ -99,9 +98,9 @@ fn scalar_schlick(f0: f32, cosine: f32) -> f32 {
     f0 + (1.0 - f0) * fresnel::schlick_weight(cosine)
 }
 
-/// Response of the eye to an interference term of an optical path in nanometres, as linear Rec.709, with white as 1: the
-/// Fourier transform of Gaussians fitted to the CIE 1931 matching functions (Belcour, Barla 2017, supplemental code). A
-/// triple (h, p, v) is the Gaussian of integral h sqrt(2 pi v) around p, in 1/m, with variance 2 v.
+/// Linear Rec.709 response (white is 1) to an interference term of an optical path difference in nanometres: the Fourier transform of
+/// Gaussians fitted to the CIE 1931 matching functions (Belcour, Barla 2017, supplemental code). A triple (h, p, v) is the Gaussian of
+/// integral h sqrt(2 pi v) around the wavenumber p, in 1/m, with variance 2 v.
 #[inline]
 fn sensitivity(path_nm: f32, shift: f32) -> [f32; 3] {
     const GAUSSIANS: [[f32; 3]; 4] = [
@@ -118,8 +117,8 @@ fn sensitivity(path_nm: f32, shift: f32) -> [f32; 3] {
     RGB_FROM_XYZ.map(|row| row[0] * (x + x2) + row[1] * y + row[2] * z)
 }
 
-/// CIE XYZ to linear Rec.709 (IEC 61966-2-1), its rows scaled so that light of all wavelengths alike is white: a film of no
-/// thickness then has no colour.
+/// CIE XYZ to linear Rec.709 (IEC 61966-2-1), with rows scaled so that a constant spectrum is white: a film of zero thickness is then
+/// colourless.
 const RGB_FROM_XYZ: [[f32; 3]; 3] = [
     [2.6883509, -1.2752434, -0.4135924],
     [-1.0220880, 1.9782476, 0.0438207],
@@ -132,7 +131,7 @@ mod tests {
     use crate::scene::FresnelModel;
 
     #[test]
-    fn no_film_changes_nothing() {
+    fn film_of_zero_thickness_has_no_effect() {
         let film = ThinFilm { factor: 1.0, ior: 1.8, ..ThinFilm::NONE };
         for f0 in [0.02f32, 0.04, 0.3, 0.9] {
             for cosine in [1.0, 0.7, 0.3] {
@@ -149,17 +148,17 @@ mod tests {
         }
     }
 
-    /// Far beyond the coherence length only the incoherent sum is left.
+    /// Far beyond the coherence length only the incoherent sum remains.
     #[test]
-    fn thick_films_have_no_colour() {
+    fn thick_films_are_colourless() {
         let film = ThinFilm { factor: 1.0, ior: 1.4, thickness_nm: 60_000.0, ..ThinFilm::NONE };
         let r = film.reflectance(Rgb::splat(0.2), LayerFresnel::Schlick, 0.8);
         assert!(r.max_element() - r.min_element() < 1e-4, "{r}");
     }
 
-    /// At normal incidence against the Airy formula, integrated over wavelengths with the same matching functions.
+    /// At normal incidence, compared with the Airy formula integrated over wavelengths with the same matching functions.
     #[test]
-    fn colours_follow_the_airy_formula() {
+    fn rgb_reflectance_agrees_with_the_airy_formula() {
         let gaussian = |wavelength: f64, heights: &[(f64, f64, f64)]| -> f64 {
             heights
                 .iter()
@@ -204,9 +203,9 @@ mod tests {
         }
     }
 
-    /// By wavelength, against the Airy formula itself, for films denser and thinner than what is below.
+    /// At normal incidence, for films of higher and lower index than the base.
     #[test]
-    fn wavelengths_follow_the_airy_formula() {
+    fn spectral_reflectance_agrees_with_the_airy_formula() {
         for (film_ior, thickness, base) in
             [(1.3f32, 300.0f32, 0.2f32), (1.8, 250.0, 0.04), (1.5, 4500.0, 0.5)]
         {

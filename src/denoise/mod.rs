@@ -1,8 +1,8 @@
-//! Denoising: from a picture with noise and guides (albedo and normal of the first surface) to one without.
+//! Denoising of a picture, optionally with guides (albedo and normal of the first surface).
 //!
-//! A network that was trained on pictures of path tracers proposes a picture (`network`). What it gets wrong shows in the
-//! residual, the noisy picture minus the proposal, where that is larger than the noise: it is added back, scale by scale
-//! (`residual`). So brightness is conserved, and the error falls with the number of samples.
+//! A network trained on path-traced pictures predicts a noise-free picture (`network`). Where the residual (noisy picture minus
+//! prediction) significantly exceeds the noise, it is added back, scale by scale (`residual`). So brightness is conserved, and
+//! the error converges to zero with the number of samples.
 
 mod network;
 mod residual;
@@ -16,29 +16,29 @@ use rayon::prelude::*;
 pub use residual::{Color, slices};
 use std::borrow::Cow;
 
-/// Knowledge about a picture's noise.
+/// Estimate of a picture's noise.
 #[derive(Clone, Copy, Debug)]
 pub enum Noise<'a> {
-    /// Half of what two pictures differ by whose mean is the picture, signed: an estimate of its error that has nothing to do
-    /// with the errors of other pixels. Non-finite values are unknown.
+    /// Half the signed difference of two independent pictures (half buffers) whose mean is the picture: an error estimate that is
+    /// independent between pixels. Non-finite values are unknown.
     Deviations(Color<'a>),
-    /// The variance of each value, from which such differences are derived. Non-finite values are unknown.
+    /// Variance of each value, converted to deviations of random sign. Non-finite values are unknown.
     Variance(Color<'a>),
-    /// Nothing: what differs from the neighbouring pixels is taken for noise, so that sharp details of light are lost.
+    /// No estimate: differences from neighbouring pixels count as noise, so that sharp details of lighting are lost.
     Unknown,
 }
 
-/// Features of the first surface, where they are known.
+/// Feature buffers of the first surface.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Guides<'a> {
-    /// Its reflectance.
+    /// Albedo, 0..1.
     pub albedo: Option<Color<'a>>,
-    /// Its normal; of use with the albedo only.
+    /// Normal, -1..1; only used together with the albedo.
     pub normal: Option<Color<'a>>,
 }
 
 impl Guides<'_> {
-    /// Names of the guides in use.
+    /// Names of the guides in use, for reports.
     pub fn names(&self) -> &'static str {
         match (self.albedo, self.normal) {
             (Some(_), Some(_)) => "albedo, normal",
@@ -57,26 +57,26 @@ pub struct Noisy<'a> {
     pub height: usize,
     /// The picture.
     pub color: Color<'a>,
-    /// Its noise.
+    /// Noise estimate.
     pub noise: Noise<'a>,
-    /// Its guides.
+    /// Guides.
     pub guides: Guides<'a>,
-    /// Parts of it, in sets such as the light passes and the groups of lights: what adds up to the picture before does so
+    /// Sets of parts of the picture, such as light passes or light groups: sets that add up to the picture before denoising also do
     /// afterwards.
     pub parts: Vec<Vec<Color<'a>>>,
 }
 
-/// Three planes that may be another's.
+/// Three planes, borrowed or owned.
 pub type Planes<'a> = [Cow<'a, [f32]>; 3];
 
-/// The layers of a film or a file that denoising reads.
+/// The layers of a film or a file that are used by denoising.
 #[derive(Clone, Debug)]
 pub struct NoisyLayers<'a> {
-    /// Pixels in a row, and rows.
+    /// Width and height, pixels.
     pub size: [usize; 2],
     /// The picture.
     pub color: Planes<'a>,
-    /// See [`Noise::Deviations`]; they count before the variance.
+    /// See [`Noise::Deviations`]; preferred to the variance.
     pub deviations: Option<Planes<'a>>,
     /// See [`Noise::Variance`].
     pub variance: Option<Planes<'a>>,
@@ -84,13 +84,14 @@ pub struct NoisyLayers<'a> {
     pub albedo: Option<Planes<'a>>,
     /// See [`Guides`].
     pub normal: Option<Planes<'a>>,
-    /// Light groups, and light passes, in the order of their names (the part before `R`): each of the two sets sums to the picture.
+    /// Light groups and light passes, sorted by layer name (channel name without the final `R`); each of the two sets sums to the
+    /// picture.
     pub parts: [Vec<(String, Planes<'a>)>; 2],
 }
 
 impl<'a> NoisyLayers<'a> {
-    /// Reads them by `layer`, which has three planes by the names of channels; the names of parts end before `R`. `None` without
-    /// colour.
+    /// Reads layers with the function `layer`, from the names of three channels to their planes; `parts` are layer names without the
+    /// final `R`. `None` without colour.
     pub fn read(
         size: [usize; 2],
         deviations: Option<Planes<'a>>,
@@ -115,7 +116,7 @@ impl<'a> NoisyLayers<'a> {
         })
     }
 
-    /// Its noise.
+    /// The noise estimate.
     pub fn noise(&self) -> Noise<'_> {
         match (&self.deviations, &self.variance) {
             (Some(deviations), _) => Noise::Deviations(slices(deviations)),
@@ -124,7 +125,7 @@ impl<'a> NoisyLayers<'a> {
         }
     }
 
-    /// Its guides.
+    /// The guides.
     pub fn guides(&self) -> Guides<'_> {
         Guides { albedo: self.albedo.as_ref().map(slices), normal: self.normal.as_ref().map(slices) }
     }
@@ -146,23 +147,23 @@ impl<'a> NoisyLayers<'a> {
         })
     }
 
-    /// The names of the parts.
+    /// Layer names of the parts.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.parts.iter().flatten().map(|(name, _)| name.as_str())
     }
 }
 
-/// A picture without noise.
+/// A denoised picture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Denoised {
-    /// The picture; negative values become 0.
+    /// The picture, clamped to non-negative values.
     pub color: [Vec<f32>; 3],
-    /// Its parts.
+    /// Its parts, as in [`Noisy::parts`].
     pub parts: Vec<Vec<[Vec<f32>; 3]>>,
 }
 
 impl Denoised {
-    /// The picture, under an empty name, and the parts by their names.
+    /// The picture with an empty name, then the parts with their names.
     pub fn named<'a>(
         &'a self,
         names: impl Iterator<Item = &'a str>,
@@ -172,36 +173,35 @@ impl Denoised {
     }
 }
 
-/// Names of parts in the order in which they are denoised: light groups, then light passes.
+/// Sorts names of parts into light groups and light passes, the order in which they are denoised.
 pub fn ordered(mut names: Vec<String>) -> [Vec<String>; 2] {
     names.sort();
     let (groups, passes) = names.into_iter().partition(|name| name.starts_with(LIGHT_GROUP));
     [groups, passes]
 }
 
-/// The denoiser with its version, for headers.
+/// Name and version of the denoiser, for file headers.
 pub const NAME: &str = concat!("oscura ", env!("CARGO_PKG_VERSION"));
 
-/// Denoises a picture, on all threads of the current pool; the result is the same at any number of them. Values that are NaN
-/// or infinite count as 0.
+/// Denoises a picture on all threads of the current pool; the result does not depend on their number. Non-finite values count as 0.
 ///
 /// # Panics
-/// If there are no pixels, or a list has another number of them.
+/// If there are no pixels, or planes differ in size.
 pub fn denoise(noisy: &Noisy) -> Denoised {
     let (width, height) = (noisy.width, noisy.height);
     let network = Network::new(noisy.guides.albedo.is_some());
-    let none = noisy.guides.normal.is_none().then(|| vec![0.0; width * height]);
+    let zeros = noisy.guides.normal.is_none().then(|| vec![0.0; width * height]);
     let guides = noisy.guides.albedo.map(|albedo| {
-        let normal = noisy.guides.normal.or(none.as_ref().map(|none| [none.as_slice(); 3]));
-        [albedo, normal.expect("one of them is there")]
+        let normal = noisy.guides.normal.or(zeros.as_ref().map(|zeros| [zeros.as_slice(); 3]));
+        [albedo, normal.expect("zeros replace a missing normal")]
     });
     let color = noisy.color.map(finite);
     let color = slices(&color);
     let factors = {
         let known = (!matches!(noisy.noise, Noise::Unknown)).then(|| deviations(noisy, color));
-        factors(width, height, color, known.as_ref().map(slices))
+        firefly_factors(width, height, color, known.as_ref().map(slices))
     };
-    // Deviations are made up anew where they are needed: they aren't in memory while the network is.
+    // Deviations are recomputed for each use, to save memory while the network runs.
     let run = |color: Color, deviations: &dyn Fn() -> [Vec<f32>; 3]| {
         let proposed = network.run(width, height, color, &factors, guides);
         residual::restored(width, height, color, deviations(), proposed)
@@ -221,16 +221,16 @@ pub fn denoise(noisy: &Noisy) -> Denoised {
     Denoised { color: result, parts }
 }
 
-/// The share of deviations that a part has of the light of each pixel.
+/// Deviations of a part: those of the picture times the part's fraction of each value.
 fn deviations_of_part(color: Color, deviations: Color, part: Color) -> [Vec<f32>; 3] {
-    let share = |part: f32, whole: f32| if whole > 0.0 { (part / whole).clamp(0.0, 1.0) } else { 0.0 };
+    let fraction = |part: f32, whole: f32| if whole > 0.0 { (part / whole).clamp(0.0, 1.0) } else { 0.0 };
     [0, 1, 2].map(|c| {
         let pixels = color[c].iter().zip(part[c]).zip(deviations[c]);
-        pixels.map(|((whole, part), deviation)| deviation * share(*part, *whole)).collect()
+        pixels.map(|((whole, part), deviation)| deviation * fraction(*part, *whole)).collect()
     })
 }
 
-/// A plane with 0 in place of non-finite values.
+/// Replaces non-finite values of a plane by 0.
 fn finite(plane: &[f32]) -> Cow<'_, [f32]> {
     match plane.iter().all(|v| v.is_finite()) {
         true => Cow::Borrowed(plane),
@@ -238,14 +238,14 @@ fn finite(plane: &[f32]) -> Cow<'_, [f32]> {
     }
 }
 
-/// An estimate of the error of each value, with its sign.
+/// Signed error estimate of each value.
 fn deviations<'a>(noisy: &Noisy<'a>, color: Color) -> [Cow<'a, [f32]>; 3] {
     let (width, height) = (noisy.width, noisy.height);
     let signed = |i: usize, v: f32| if hash32(i as u32) >> 31 == 0 { v } else { -v };
     let is_known = |plane: &[f32]| plane.iter().all(|v| v.is_finite());
     let guessed = |c: usize| {
         let smooth = residual::smoothed(width, height, color[c], 1);
-        // The mean of nine has a ninth of a pixel itself.
+        // The mean of 3x3 pixels includes the pixel itself, which reduces the variance of the difference to 8/9.
         let factor = (9.0f32 / 8.0).sqrt();
         let of = |(i, (v, mean)): (usize, (&f32, &f32))| signed(i, factor * (v - mean));
         color[c].iter().zip(&smooth).enumerate().map(of).collect::<Vec<f32>>()
@@ -263,29 +263,33 @@ fn deviations<'a>(noisy: &Noisy<'a>, color: Color) -> [Cow<'a, [f32]>; 3] {
     })
 }
 
-// Fireflies: pixels that a rare path made far brighter than all around them.
+// Fireflies: pixels made far brighter than their neighbourhood by a rare path.
 
-/// Radius of the neighbourhood that pixels are compared with.
+/// Radius of the neighbourhood, pixels.
 const RADIUS: usize = 2;
-/// As many neighbours that are as bright make a pixel part of what it shows.
+/// Rank of the neighbour that a pixel is compared with: the third brightest.
 const RANK: usize = 3;
-/// How many times as bright as the neighbour of that rank, and as the darker of the halves, a pixel may be.
+/// Maximum ratio of a pixel's luminance to that of the neighbour of this rank, or of the pixel in the darker half buffer.
 const LIMIT: f32 = 10.0;
 
-/// Factors in 0..1 that take the fireflies out. The deviations show what is in both halves of the samples, which is really
-/// there.
-pub(super) fn factors(width: usize, height: usize, color: Color, deviations: Option<Color>) -> Vec<f32> {
+/// Factors in 0..1 that clamp fireflies. Light that is present in both half buffers, by the deviations, is kept.
+pub(super) fn firefly_factors(
+    width: usize,
+    height: usize,
+    color: Color,
+    deviations: Option<Color>,
+) -> Vec<f32> {
     let at = |planes: Color, i: usize| luminance([planes[0][i], planes[1][i], planes[2][i]]);
-    let brightness: Vec<f32> =
+    let luminances: Vec<f32> =
         (0..width * height).into_par_iter().with_min_len(4096).map(|i| at(color, i)).collect();
     let factor = |x: usize, y: usize| {
-        let own = brightness[y * width + x];
+        let own = luminances[y * width + x];
         let mut largest = [0.0f32; RANK];
         for v in y.saturating_sub(RADIUS)..(y + RADIUS + 1).min(height) {
             for u in x.saturating_sub(RADIUS)..(x + RADIUS + 1).min(width) {
-                let mut value = if (u, v) == (x, y) { 0.0 } else { brightness[v * width + u] };
-                for kept in &mut largest {
-                    (*kept, value) = (kept.max(value), kept.min(value));
+                let mut value = if (u, v) == (x, y) { 0.0 } else { luminances[v * width + u] };
+                for ranked in &mut largest {
+                    (*ranked, value) = (ranked.max(value), ranked.min(value));
                 }
             }
         }
@@ -299,15 +303,15 @@ pub(super) fn factors(width: usize, height: usize, color: Color, deviations: Opt
     factors
 }
 
-// Parts of a picture, which add up to it.
+// Parts that add up to the picture.
 
-/// Relative difference up to which sums are the same, of half-precision files too.
+/// Relative difference up to which sums count as equal, with half-precision files in mind.
 const ROUNDING: f32 = 4e-3;
-/// The share of pixels in which parts must add up to the picture.
-const MAX: f64 = 0.99;
+/// Minimum fraction of values in which the parts must add up to the picture.
+const MIN_EQUAL: f64 = 0.99;
 
-/// Makes denoised parts add up to the denoised picture, if the noisy ones add up to the noisy picture: each pixel's parts
-/// change by one factor; where they are black, they share what is missing alike.
+/// Makes denoised parts add up to the denoised picture, if the noisy parts add up to the noisy picture: a pixel's parts are multiplied
+/// by a common factor; if all are black, the difference is divided equally.
 pub(super) fn add_up(
     noisy: Color,
     noisy_parts: &[Color],
@@ -320,7 +324,7 @@ pub(super) fn add_up(
     };
     let values = 3 * noisy[0].len();
     let equal: usize = (0..3).map(|c| (0..noisy[c].len()).filter(|&i| add_up_at(c, i)).count()).sum();
-    if (equal as f64) < MAX * values as f64 {
+    if (equal as f64) < MIN_EQUAL * values as f64 {
         return;
     }
     for c in 0..3 {
@@ -330,8 +334,8 @@ pub(super) fn add_up(
                 let factor = whole / sum;
                 parts.iter_mut().for_each(|part| part[c][i] *= factor);
             } else {
-                let share = whole / parts.len() as f32;
-                parts.iter_mut().for_each(|part| part[c][i] = share);
+                let equal = whole / parts.len() as f32;
+                parts.iter_mut().for_each(|part| part[c][i] = equal);
             }
         }
     }
@@ -345,34 +349,37 @@ mod tests {
     const WIDTH: usize = 96;
     const HEIGHT: usize = 64;
 
-    /// A chequered surface under light that falls off to the right, in two noisy halves.
-    struct Chequers {
+    /// Two half buffers of a checkerboard under light that falls off to the right.
+    struct Checkerboard {
         albedo: Vec<f32>,
         normal: Vec<f32>,
         truth: Vec<f32>,
         halves: [[Vec<f32>; 3]; 2],
     }
 
-    impl Chequers {
-        /// Halves whose values have a relative standard deviation of `noise`: rarely much light, mostly none if that is large.
-        fn new(noise: f64) -> Chequers {
+    impl Checkerboard {
+        /// Half buffers with a relative standard deviation of `noise`; above 1, light comes from rare bright samples.
+        fn new(noise: f64) -> Checkerboard {
             let pixels = || (0..HEIGHT).flat_map(|y| (0..WIDTH).map(move |x| (x, y)));
             let albedo: Vec<f32> =
                 pixels().map(|(x, y)| if (x / 6 + y / 6) % 2 == 0 { 0.8 } else { 0.2 }).collect();
             let light = |(x, _): (usize, usize)| 2.0 * (-(x as f32) / 40.0).exp();
             let truth: Vec<f32> = pixels().zip(&albedo).map(|(p, albedo)| albedo * light(p)).collect();
-            // A share of samples hit: their number has the wanted variance.
-            let (share, tries) =
+            // Binomially distributed hits with the required variance.
+            let (probability, tries) =
                 if noise > 1.0 { (0.1, 9.0 / noise / noise) } else { (0.5, 1.0 / noise / noise) };
             let tries = (tries.round() as usize).max(1);
             let mut random = SplitMix64::new(5);
             let halves = [0, 1].map(|_| {
                 [0, 1, 2].map(|_| {
-                    let mut hits = || (0..tries).filter(|_| random.next_unit() < share).count() as f64;
-                    truth.iter().map(|t| (f64::from(*t) * hits() / (share * tries as f64)) as f32).collect()
+                    let mut hits = || (0..tries).filter(|_| random.next_unit() < probability).count() as f64;
+                    truth
+                        .iter()
+                        .map(|t| (f64::from(*t) * hits() / (probability * tries as f64)) as f32)
+                        .collect()
                 })
             });
-            Chequers { albedo, normal: vec![0.577; WIDTH * HEIGHT], truth, halves }
+            Checkerboard { albedo, normal: vec![0.577; WIDTH * HEIGHT], truth, halves }
         }
 
         fn combined(&self, sign: f32) -> [Vec<f32>; 3] {
@@ -410,31 +417,31 @@ mod tests {
     }
 
     #[test]
-    fn noise_goes_and_texture_stays() {
-        let chequers = Chequers::new(1.0);
-        let (mean, deviations) = (chequers.mean(), chequers.deviations());
-        let before = chequers.error(&mean);
-        let variance: Vec<f32> = chequers.truth.iter().map(|t| 0.5 * t * t).collect();
+    fn denoising_removes_noise_and_preserves_texture() {
+        let checkerboard = Checkerboard::new(1.0);
+        let (mean, deviations) = (checkerboard.mean(), checkerboard.deviations());
+        let before = checkerboard.error(&mean);
+        let variance: Vec<f32> = checkerboard.truth.iter().map(|t| 0.5 * t * t).collect();
         let cases = [
             (Noise::Deviations(slices(&deviations)), 5.0),
             (Noise::Variance([&variance; 3]), 5.0),
             (Noise::Unknown, 5.0),
         ];
         for (noise, factor) in cases {
-            let after = chequers.error(&chequers.denoised(&mean, noise, vec![]).color);
+            let after = checkerboard.error(&checkerboard.denoised(&mean, noise, vec![]).color);
             println!("{before} -> {after}");
             assert!(after * factor < before, "{before} -> {after}");
         }
     }
 
-    /// Whatever the noise, the error falls with it, and never exceeds that of the noisy picture.
+    /// The error falls with the noise and never exceeds that of the noisy picture.
     #[test]
     fn denoised_pictures_converge() {
         let mut last = f64::INFINITY;
         for noise in [3.0, 1.0, 0.3, 0.1, 0.03, 0.01] {
-            let chequers = Chequers::new(noise);
-            let (noisy, denoised) = chequers.both();
-            let (before, after) = (chequers.error(&noisy), chequers.error(&denoised));
+            let checkerboard = Checkerboard::new(noise);
+            let (noisy, denoised) = checkerboard.both();
+            let (before, after) = (checkerboard.error(&noisy), checkerboard.error(&denoised));
             println!("{noise}: {before} -> {after}");
             assert!(after < 1.1 * before, "{before} -> {after}");
             assert!(after < last, "{last} -> {after}");
@@ -442,14 +449,14 @@ mod tests {
         }
     }
 
-    /// Noise at the edges of squares alone, half of what the halves say, as evenly spread samples have it.
+    /// Noise only at the edges of squares, with half the deviation that half buffers estimate, as with well-stratified samples.
     #[test]
-    fn edges_with_little_noise_stay() {
-        let chequers = Chequers::new(0.3);
+    fn edges_with_little_noise_are_preserved() {
+        let checkerboard = Checkerboard::new(0.3);
         let mut random = SplitMix64::new(9);
         for noise in [0.02, 0.004] {
             let mut planes = [0, 1].map(|_| vec![0.0; WIDTH * HEIGHT]);
-            for (i, truth) in chequers.truth.iter().enumerate() {
+            for (i, truth) in checkerboard.truth.iter().enumerate() {
                 let is_edge = (i % WIDTH).is_multiple_of(6) || (i / WIDTH).is_multiple_of(6);
                 let mut error = |scale: f64| match is_edge {
                     true => truth * (scale * noise * (random.next_unit() - 0.5)) as f32,
@@ -458,20 +465,20 @@ mod tests {
                 (planes[0][i], planes[1][i]) = (truth + error(1.0), error(2.0));
             }
             let [mean, deviations] = planes.map(|plane| [plane.clone(), plane.clone(), plane]);
-            let denoised = chequers.denoised(&mean, Noise::Deviations(slices(&deviations)), vec![]);
-            let (before, after) = (chequers.error(&mean), chequers.error(&denoised.color));
+            let denoised = checkerboard.denoised(&mean, Noise::Deviations(slices(&deviations)), vec![]);
+            let (before, after) = (checkerboard.error(&mean), checkerboard.error(&denoised.color));
             println!("{noise}: {before} -> {after}");
             assert!(after < 1.1 * before, "{noise}: {before} -> {after}");
         }
     }
 
-    /// Means of blocks are those of the noisy picture within its noise, and that of the picture almost exactly.
+    /// Block means equal those of the noisy picture within their noise; the picture's mean within 2 %.
     #[test]
-    fn brightness_stays() {
+    fn brightness_is_conserved() {
         for noise in [3.0, 1.0, 0.3, 0.1] {
-            let chequers = Chequers::new(noise);
-            let deviations = chequers.deviations();
-            let (noisy, denoised) = chequers.both();
+            let checkerboard = Checkerboard::new(noise);
+            let deviations = checkerboard.deviations();
+            let (noisy, denoised) = checkerboard.both();
             let sum = |plane: &[f32]| plane.iter().map(|v| f64::from(*v)).sum::<f64>();
             for c in 0..3 {
                 let ratio = sum(&denoised[c]) / sum(&noisy[c]);
@@ -491,50 +498,50 @@ mod tests {
     }
 
     #[test]
-    fn results_are_the_same_at_any_number_of_threads() {
-        let chequers = Chequers::new(1.0);
+    fn results_do_not_depend_on_the_number_of_threads() {
+        let checkerboard = Checkerboard::new(1.0);
         let at = |threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
-            pool.install(|| chequers.both().1)
+            pool.install(|| checkerboard.both().1)
         };
         assert!(at(1) == at(3));
     }
 
     #[test]
     fn parts_add_up_to_the_picture() {
-        let chequers = Chequers::new(1.0);
-        let (mean, deviations) = (chequers.mean(), chequers.deviations());
-        let share = |in_left: f32, in_right: f32| {
+        let checkerboard = Checkerboard::new(1.0);
+        let (mean, deviations) = (checkerboard.mean(), checkerboard.deviations());
+        let scaled = |left: f32, right: f32| {
             mean.each_ref().map(|plane| {
-                let share = |i: usize| if i % WIDTH < WIDTH / 2 { in_left } else { in_right };
-                plane.iter().enumerate().map(|(i, v)| v * share(i)).collect::<Vec<f32>>()
+                let factor = |i: usize| if i % WIDTH < WIDTH / 2 { left } else { right };
+                plane.iter().enumerate().map(|(i, v)| v * factor(i)).collect::<Vec<f32>>()
             })
         };
-        let (a, b, other) = (share(0.7, 0.2), share(0.3, 0.8), share(0.5, 0.5));
+        let (a, b, other) = (scaled(0.7, 0.2), scaled(0.3, 0.8), scaled(0.5, 0.5));
         let noise = Noise::Deviations(slices(&deviations));
         let sets = vec![vec![slices(&a), slices(&b)], vec![slices(&other)]];
-        let result = chequers.denoised(&mean, noise, sets);
+        let result = checkerboard.denoised(&mean, noise, sets);
         for c in 0..3 {
             for i in 0..WIDTH * HEIGHT {
                 let sum = result.parts[0][0][c][i] + result.parts[0][1][c][i];
                 assert!((sum - result.color[c][i]).abs() <= 1e-6 * sum, "{sum} {}", result.color[c][i]);
             }
         }
-        // One that is half of the picture remains so.
+        // A part that is half of the picture stays half of it.
         let total = |part: &[Vec<f32>; 3]| part.iter().flatten().map(|v| f64::from(*v)).sum::<f64>();
         let ratio = total(&result.parts[1][0]) / total(&result.color);
         assert!((ratio - 0.5).abs() < 0.01, "{ratio}");
     }
 
     #[test]
-    fn fireflies_go_and_small_lights_stay() {
-        let mut chequers = Chequers::new(0.3);
+    fn fireflies_are_removed_and_small_lights_preserved() {
+        let mut checkerboard = Checkerboard::new(0.3);
         let (firefly, light) = (20 * WIDTH + 30, 30 * WIDTH + 40);
         for c in 0..3 {
-            chequers.halves[0][c][firefly] = 1e4;
-            chequers.halves.iter_mut().for_each(|half| half[c][light] = 50.0);
+            checkerboard.halves[0][c][firefly] = 1e4;
+            checkerboard.halves.iter_mut().for_each(|half| half[c][light] = 50.0);
         }
-        let (_, denoised) = chequers.both();
+        let (_, denoised) = checkerboard.both();
         let around = |at: usize| [at - 1, at, at + 1, at - WIDTH, at + WIDTH].map(|at| denoised[1][at]);
         println!("{:?} {:?}", around(firefly), around(light));
         assert!(around(firefly).iter().all(|&v| v < 2.5), "{:?}", around(firefly));
@@ -542,38 +549,38 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_finite_stays_where_it_is() {
-        let chequers = Chequers::new(0.3);
-        let mut mean = chequers.mean();
+    fn non_finite_values_do_not_spread() {
+        let checkerboard = Checkerboard::new(0.3);
+        let mut mean = checkerboard.mean();
         mean[0][5 * WIDTH + 5] = f32::NAN;
         mean[1][9 * WIDTH + 9] = f32::INFINITY;
-        let result = chequers.denoised(&mean, Noise::Unknown, vec![]);
+        let result = checkerboard.denoised(&mean, Noise::Unknown, vec![]);
         assert!(result.color.iter().flatten().all(|v| v.is_finite()));
-        assert!(chequers.error(&result.color) < 0.02, "{}", chequers.error(&result.color));
+        assert!(checkerboard.error(&result.color) < 0.02, "{}", checkerboard.error(&result.color));
     }
 
-    /// Where nothing is known of a pixel's noise, as where one half of its samples is empty, it is guessed; its light stays.
+    /// The noise of pixels without an estimate (such as with an empty half buffer) is guessed; brightness is conserved.
     #[test]
-    fn pixels_of_unknown_noise_keep_their_light() {
-        let chequers = Chequers::new(1.0);
-        let (mean, mut deviations) = (chequers.mean(), chequers.deviations());
+    fn pixels_of_unknown_noise_keep_their_brightness() {
+        let checkerboard = Checkerboard::new(1.0);
+        let (mean, mut deviations) = (checkerboard.mean(), checkerboard.deviations());
         deviations.iter_mut().for_each(|plane| plane.iter_mut().step_by(3).for_each(|v| *v = f32::NAN));
-        let result = chequers.denoised(&mean, Noise::Deviations(slices(&deviations)), vec![]);
+        let result = checkerboard.denoised(&mean, Noise::Deviations(slices(&deviations)), vec![]);
         let sum = |plane: &[f32]| plane.iter().map(|v| f64::from(*v)).sum::<f64>();
         assert!((sum(&result.color[0]) / sum(&mean[0]) - 1.0).abs() < 0.01);
-        assert!(chequers.error(&result.color) * 5.0 < chequers.error(&mean));
+        assert!(checkerboard.error(&result.color) * 5.0 < checkerboard.error(&mean));
         let infinite = vec![f32::INFINITY; WIDTH * HEIGHT];
-        let guessed = chequers.denoised(&mean, Noise::Variance([&infinite; 3]), vec![]);
-        assert!(chequers.error(&guessed.color) * 5.0 < chequers.error(&mean));
+        let guessed = checkerboard.denoised(&mean, Noise::Variance([&infinite; 3]), vec![]);
+        assert!(checkerboard.error(&guessed.color) * 5.0 < checkerboard.error(&mean));
     }
 
-    /// One pixel that is bright for certain is no firefly.
+    /// A single bright pixel of zero variance is no firefly.
     #[test]
-    fn a_light_of_one_pixel_stays() {
+    fn a_light_of_one_pixel_is_preserved() {
         let mut plane = vec![0.0; WIDTH * HEIGHT];
         plane[20 * WIDTH + 30] = 5.0;
         let (color, none) = ([plane.clone(), plane.clone(), plane], vec![0.0; WIDTH * HEIGHT]);
-        let result = Chequers::new(1.0).denoised(&color, Noise::Variance([&none; 3]), vec![]);
+        let result = Checkerboard::new(1.0).denoised(&color, Noise::Variance([&none; 3]), vec![]);
         assert!(result.color[0][20 * WIDTH + 30] > 4.0, "{}", result.color[0][20 * WIDTH + 30]);
     }
 }

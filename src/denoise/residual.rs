@@ -1,98 +1,97 @@
-//! Errors of the network are corrected: at each scale, the residual (noisy picture minus proposal) is kept where
-//! it stands out from the noise of that scale, from large scales, where noise is small, to pixels. So regions keep their
-//! brightness at any number of samples, and the result tends to the noisy picture as the noise vanishes.
+//! Correction of the network's bias: at each scale of a pyramid, from coarse (where noise is small) to fine, the residual (noisy
+//! picture minus prediction) is added back where it is significant against the noise of that scale. So regions keep their brightness
+//! at any number of samples, and the result converges to the noisy picture as the noise vanishes.
 //!
-//! This is shrinkage towards the proposal (James and Stein 1961, "Estimation with Quadratic Loss"; of wavelets, Donoho and
-//! Johnstone 1995, "Adapting to Unknown Smoothness via Wavelet Shrinkage"). With `r^2` the power of the residual around a pixel
-//! and `v` that of the noise, a share `max(0, 1 - 3 (v / r^2)^2)` is kept. For a proposal of squared bias `x v` whose error
-//! has nothing to do with the noise, `r^2 = (1 + x) v`, and the error of the result is below `v` for all
-//! `x`: it does not exceed that of the noisy picture. The square instead of James and Stein's
-//! `1 - v / r^2` keeps less of what is noise by chance. But proposals follow the noise somewhat, which hides as much of their bias:
-//! a share of at least `b / (b + v)` is kept, with a small bias `b` that is taken for granted. It grows with the contrast around
-//! a pixel, since networks blur textures and edges.
+//! This is shrinkage towards the prediction (James, Stein 1961, "Estimation with Quadratic Loss"; for wavelets, Donoho, Johnstone 1995,
+//! "Adapting to Unknown Smoothness via Wavelet Shrinkage"). With `r^2` the power of the residual around a pixel and `v` that of the
+//! noise, a fraction `max(0, 1 - 3 (v / r^2)^2)` of the residual is kept. For a prediction of squared bias `x v` and an error
+//! independent of the noise, `r^2 = (1 + x) v`, and the squared error of the result is below `v`, that of the noisy picture, for all
+//! `x`. The square instead of James and Stein's `1 - v / r^2` keeps less random noise. But predictions follow the noise
+//! somewhat, which hides part of their bias: therefore at least `b / (b + v)` is kept, with an assumed small bias `b`, which
+//! grows with the contrast around a pixel, since networks blur textures and edges.
 //!
-//! Where there is little noise, low-discrepancy samples of smooth integrands make it: the halves, which are less evenly spread,
-//! overestimate it (`render/noise.rs`), and it differs from pixel to pixel, so that it is averaged over smaller squares.
+//! Little noise comes from low-discrepancy samples of smooth integrands: half buffers, which are less well stratified, overestimate it
+//! (`render/noise.rs`), and it varies between pixels, so it is averaged over smaller squares.
 //!
-//! Scales are those of a pyramid of means of four pixels (Burt and Adelson 1983, "The Laplacian Pyramid as a Compact Image
-//! Code"), of the residual relative to the proposal and weighted by it: the mean of a region is the share of light that it
-//! lost, and what is dark before a bright ground stays dark. The same pyramid of the deviations measures the noise of each
-//! scale, which may be correlated between pixels.
+//! The pyramid has means of 2x2 pixels (Burt, Adelson 1983, "The Laplacian Pyramid as a Compact Image Code") of the residual relative to
+//! the prediction, weighted by the prediction: the mean of a region is its relative loss of light, and dark objects in front of a
+//! bright background stay dark. The same pyramid of the deviations gives the noise of each scale, including its correlation between
+//! pixels.
 
 use rayon::prelude::*;
 use std::ops::Deref;
 
-/// How much more than noise a residual must be: by the root of this it is not kept at all.
+/// Factor of `(v / r^2)^2` in the kept fraction: 0 is kept if `r^2` is below `v` times the root of this.
 const CAUTION: f32 = 3.0;
-/// Added to [`CAUTION`] where powers are those of one pixel, less where they are means of several.
+/// Added to [`CAUTION`] for powers of a single pixel, divided by the number of pixels for means of several.
 const CAUTION_OF_ONE: f32 = 5.0;
-/// Added to [`CAUTION`] where there is more noise than light: few bright samples decide there.
+/// Added to [`CAUTION`] times the relative power of the noise, up to 1, since then few bright samples dominate.
 const CAUTION_OF_NOISE: f32 = 12.0;
-/// Added to [`CAUTION`] for each power of the noise above 1 in wide squares. Such light comes from few samples, and some pixels have
-/// one in each half by chance: they show no noise, and a handful of them looks like a detail. There the noise of the wide
-/// square counts in place of theirs.
+/// Added to [`CAUTION`] times the excess over 1 of the relative power of the noise in wide squares. Such light comes from few samples,
+/// and pixels with one in each half buffer by chance have no apparent noise, so a few of them would pass for a detail. Their noise is
+/// replaced by that of the wide square.
 const CAUTION_OF_RARE: f32 = 8.0;
-/// The power of the proposal's relative bias, summed over the channels, that is taken for granted: 0.7 % of each.
+/// Assumed power of the prediction's relative bias, summed over the channels: 0.7 % in each.
 const MIN_BIAS: f32 = 3.0 * 0.007 * 0.007;
-/// [`MIN_BIAS`] from this scale on, where a pixel has 32 x 32 of the picture: 5 % of each channel. Proposals darken large regions by
-/// as much where few samples are bright, and the noise of such means is small.
+/// [`MIN_BIAS`] from this level on (32 x 32 pixels of the picture): 5 % in each channel, by which predictions darken large regions lit
+/// by few bright samples. The noise of such means is small.
 const LARGE_SCALE: u32 = 5;
 const MIN_BIAS_OF_LARGE: f32 = 3.0 * 0.05 * 0.05;
-/// The share of the contrast around a pixel that the proposal is taken to be off by, at the smallest [`SCALES`], and the largest
-/// power of the contrast, summed over the channels.
+/// Assumed bias of the prediction relative to the contrast around a pixel, at the finest [`SCALES`] levels, and maximum power of the
+/// contrast, summed over the channels.
 const SHARE_OF_CONTRAST: f32 = 0.15;
 const SCALES: u32 = 2;
 const LARGEST_CONTRAST: f32 = 0.3;
-/// Powers are averaged over squares of this radius, pixels of the scale, twice: what counts less with its distance leaves no edges. Where
-/// pixels have little noise they are averaged once, over narrow squares.
+/// Radius of the box blur of powers, pixels of the scale, applied twice for a tent filter; where noise is little, a single blur with the
+/// narrow radius.
 const TENT: usize = 2;
 const NARROW: usize = 1;
-/// Radius of the squares in which light may be lost.
+/// Radius of the box in which lost light is averaged, pixels of the scale.
 const RADIUS: usize = 3;
-/// The relative power of the noise, summed over the channels, below which it is little, and the least share of the halves'
-/// differences that it is taken for there.
+/// Relative power of the noise, summed over the channels, below which noise counts as little, and the factor on the half buffers'
+/// estimate as the noise goes to 0.
 const LITTLE: f32 = 0.004;
 const LEAST_SHARE_OF_HALVES: f32 = 1.0 / 7.0;
-/// Radius of larger squares, and the share of their noise that there is everywhere in them: samples that are all 0 by chance
-/// show no noise.
+/// Radius of wide squares, pixels of the scale, and the fraction of their noise assumed for each of their pixels: pixels whose samples
+/// are all 0 by chance have no apparent noise.
 const WIDE: usize = 12;
 const SHARE_OF_WIDE: f32 = 0.25;
-/// The light that is lost there, relative to the proposal and summed over the channels, from which on it is that much, and less of it where
-/// less is lost: what has its light has been sampled.
+/// Lost light (prediction minus noisy picture), relative to the prediction and summed over the channels, from which on
+/// [`SHARE_OF_WIDE`] is applied in full; proportionally less for smaller losses, since pixels without a loss have been sampled.
 const ALL_LOST: f32 = 3.0 * 0.3;
-/// Larger powers, of fireflies, count as this, with which the share is the power of pixels that are black by chance.
+/// Maximum power of the noise in wide squares, a limit for fireflies: times [`SHARE_OF_WIDE`] it is the power of black pixels.
 const LARGEST_WIDE: f32 = 3.0 / SHARE_OF_WIDE;
-/// Values are compared relative to themselves and this fraction of the picture's mean.
+/// Relative values are divided by the prediction plus this fraction of the picture's mean.
 const MIN: f32 = 0.02;
 
-/// The proposal plus the significant part of the residual.
+/// The prediction plus the significant part of the residual.
 pub(super) fn restored(
     width: usize,
     height: usize,
     noisy: Color,
     mut deviation: [Vec<f32>; 3],
-    proposed: [Vec<f32>; 3],
+    predicted: [Vec<f32>; 3],
 ) -> [Vec<f32>; 3] {
     let mean = |plane: &&[f32]| plane.iter().map(|v| f64::from(*v)).sum::<f64>() / plane.len() as f64;
     let least = (MIN as f64 * noisy.iter().map(mean).sum::<f64>() / 3.0) as f32;
     let least = least.max(1e-20);
     let residual = [0, 1, 2].map(|c| {
-        let pixels = noisy[c].par_iter().zip(&proposed[c]).with_min_len(MIN_PER_THREAD);
-        pixels.map(|(noisy, proposed)| (noisy - proposed) / (proposed + least)).collect::<Vec<f32>>()
+        let pixels = noisy[c].par_iter().zip(&predicted[c]).with_min_len(MIN_PER_THREAD);
+        pixels.map(|(noisy, predicted)| (noisy - predicted) / (predicted + least)).collect::<Vec<f32>>()
     });
-    for (plane, proposed) in deviation.iter_mut().zip(&proposed) {
-        let pixels = plane.par_iter_mut().zip(proposed).with_min_len(MIN_PER_THREAD);
-        pixels.for_each(|(v, proposed)| *v /= proposed + least);
+    for (plane, predicted) in deviation.iter_mut().zip(&predicted) {
+        let pixels = plane.par_iter_mut().zip(predicted).with_min_len(MIN_PER_THREAD);
+        pixels.for_each(|(v, predicted)| *v /= predicted + least);
     }
     let independent = each(width * height, |i| power_at(&deviation, i));
-    let contrast = contrast(width, height, &proposed, least);
+    let contrast = contrast(width, height, &predicted, least);
     let first = Scale {
         level: 0,
         width,
         height,
         residual,
         deviation,
-        weight: proposed,
+        weight: predicted,
         least,
         independent,
         contrast,
@@ -106,10 +105,10 @@ pub(super) fn restored(
     result
 }
 
-/// The variance of the values around each pixel, relative to their power, summed over the channels.
-fn contrast(width: usize, height: usize, proposed: &[Vec<f32>; 3], least: f32) -> Vec<f32> {
+/// Contrast around each pixel: local variance over local power, summed over the channels.
+fn contrast(width: usize, height: usize, predicted: &[Vec<f32>; 3], least: f32) -> Vec<f32> {
     let mut sum = vec![0.0f32; width * height];
-    for plane in proposed {
+    for plane in predicted {
         let values = each(width * height, |i| plane[i] + least);
         let mean = smoothed(width, height, &values, NARROW);
         let squares = each(width * height, |i| values[i] * values[i]);
@@ -122,21 +121,21 @@ fn contrast(width: usize, height: usize, proposed: &[Vec<f32>; 3], least: f32) -
     sum
 }
 
-/// Sums of the pixels of a scale.
+/// A level of the pyramid.
 struct Scale {
-    /// 0 for the pixels of the picture; a pixel of the scale has `2^level` by `2^level` of them.
+    /// A pixel of the level covers `2^level` by `2^level` pixels of the picture.
     level: u32,
     width: usize,
     height: usize,
-    /// Relative residuals and deviations: weighted means.
+    /// Weighted means of relative residuals and deviations.
     residual: [Vec<f32>; 3],
     deviation: [Vec<f32>; 3],
-    /// Sums of weights, less this number: [`Scale::weight_at`].
+    /// Sums of weights; `least` is to be added: see [`Scale::weight_at`].
     weight: [Vec<f32>; 3],
     least: f32,
-    /// The power of the deviations, summed over the channels, if those of pixels had nothing to do with each other.
+    /// Power of the deviations, summed over the channels, if they were independent between pixels.
     independent: Vec<f32>,
-    /// Mean contrast; empty from [`SCALES`] on.
+    /// Mean contrast; empty from level [`SCALES`] on.
     contrast: Vec<f32>,
 }
 
@@ -145,7 +144,7 @@ impl Scale {
         self.weight[c][i] + self.least
     }
 
-    /// The next one, of half the resolution.
+    /// The next level, of half the resolution.
     fn halved(&self) -> Scale {
         let (width, height) = (self.width.div_ceil(2), self.height.div_ceil(2));
         let sums = |value: &(dyn Fn(usize) -> f32 + Sync)| -> Vec<f32> {
@@ -177,7 +176,7 @@ impl Scale {
         Scale { level, width, height, residual, deviation, weight, least: 0.0, independent, contrast }
     }
 
-    /// The accepted residual at this scale and all larger ones.
+    /// The kept residual of this level and all coarser ones.
     fn kept(&self) -> [Vec<f32>; 3] {
         let mut kept = [0, 1, 2].map(|_| vec![0.0; self.width * self.height]);
         if self.width > 1 || self.height > 1 {
@@ -209,13 +208,14 @@ impl Scale {
         kept
     }
 
-    /// The powers of the residual and of the noise around each pixel, and that of the noise in wide squares, from the
-    /// residual's of each pixel.
+    /// Local powers of the residual and of the noise, and the power of the noise in wide squares, from the power of the residual of each
+    /// pixel.
     fn powers(&self, signal: &[f32]) -> (Vec<f32>, Vec<f32>, Vec<f32>) {
         let mean = |plane: &[f32], radius: usize| smoothed(self.width, self.height, plane, radius);
         let deviations = each(signal.len(), |i| power_at(&self.deviation, i).max(self.independent[i]));
         let noise = mean(&mean(&deviations, TENT), TENT);
         let wide = mean(&each(noise.len(), |i| noise[i].min(LARGEST_WIDE)), WIDE);
+        // From 0 for little to 1 for much noise.
         let much = |wide: f32| wide / (wide + LITTLE);
         let near = |mut near: Vec<f32>, plane: &[f32]| {
             if self.level == 0 {
@@ -238,7 +238,7 @@ impl Scale {
         (near(mean(&mean(signal, TENT), TENT), signal), noise, wide)
     }
 
-    /// A plane of this scale at the resolution of the one before: linear between the middles of its pixels.
+    /// Bilinear upsampling of a plane of this level to the resolution of the finer one.
     fn doubled(&self, plane: &[f32], width: usize, height: usize) -> Vec<f32> {
         let near = |at: usize, size: usize| {
             let other =
@@ -259,20 +259,20 @@ impl Scale {
     }
 }
 
-/// Fewest pixels of a thread.
+/// Minimum number of pixels per parallel task.
 const MIN_PER_THREAD: usize = 4096;
 
-/// A plane of values by pixel.
+/// Computes a plane pixel by pixel.
 fn each(pixels: usize, value: impl Fn(usize) -> f32 + Sync + Send) -> Vec<f32> {
     (0..pixels).into_par_iter().with_min_len(MIN_PER_THREAD).map(value).collect()
 }
 
-/// The power of a pixel's values, summed over the channels.
+/// Squares of a pixel's values, summed over the channels.
 fn power_at(values: &[Vec<f32>; 3], i: usize) -> f32 {
     values.iter().map(|plane| plane[i] * plane[i]).sum()
 }
 
-/// Red, green and blue of all pixels, row by row from the top.
+/// Planes of red, green and blue, row by row from the top.
 pub type Color<'a> = [&'a [f32]; 3];
 
 /// Three planes as a [`Color`].
@@ -280,7 +280,7 @@ pub fn slices<P: Deref<Target = [f32]>>(planes: &[P; 3]) -> [&[f32]; 3] {
     planes.each_ref().map(P::deref)
 }
 
-/// Box blur: means over squares of a radius, of the pixels inside of the picture.
+/// Box blur: means over squares of a radius in pixels, clipped to the picture.
 pub(super) fn smoothed(width: usize, height: usize, plane: &[f32], radius: usize) -> Vec<f32> {
     let mut out = vec![0.0; width * height];
     out.par_chunks_mut(width).enumerate().for_each_init(
@@ -305,25 +305,26 @@ mod tests {
     use super::*;
     use crate::sampling::hash::SplitMix64;
 
-    /// Pixels that have rare light in both halves by chance show no noise: a few of them close together are no detail.
+    /// Pixels with a rare bright sample in both half buffers have no apparent noise; clusters of them must not be kept as details.
     #[test]
-    fn light_that_few_samples_find_leaves_no_specks() {
+    fn rare_bright_samples_leave_no_specks() {
         const SIZE: usize = 192;
-        const SHARE: f64 = 0.065;
+        const PROBABILITY: f64 = 0.065;
         for seed in 0..3 {
             let mut random = SplitMix64::new(seed);
             let mut half = || -> Vec<f32> {
-                let mut value = || if random.next_unit() < SHARE { (1.0 / SHARE) as f32 } else { 0.0 };
+                let mut value =
+                    || if random.next_unit() < PROBABILITY { (1.0 / PROBABILITY) as f32 } else { 0.0 };
                 (0..SIZE * SIZE).map(|_| value()).collect()
             };
             let (a, b) = (half(), half());
             let combined =
                 |sign: f32| -> Vec<f32> { a.iter().zip(&b).map(|(a, b)| 0.5 * (a + sign * b)).collect() };
             let (noisy, deviation) = (combined(1.0), combined(-1.0));
-            let proposed = vec![1.0; SIZE * SIZE];
+            let predicted = vec![1.0; SIZE * SIZE];
             let three = |plane: &Vec<f32>| [0; 3].map(|_| plane.clone());
             let [result, ..] =
-                restored(SIZE, SIZE, [&noisy; 3].map(Vec::as_slice), three(&deviation), three(&proposed));
+                restored(SIZE, SIZE, [&noisy; 3].map(Vec::as_slice), three(&deviation), three(&predicted));
             let (least, largest) = result.iter().fold((f32::MAX, 0.0f32), |(l, h), v| (l.min(*v), h.max(*v)));
             assert!(least > 0.7 && largest < 1.4, "{seed}: {least} to {largest}");
             let mean = |plane: &[f32]| plane.iter().sum::<f32>() / (SIZE * SIZE) as f32;

@@ -1,14 +1,13 @@
-//! Sequences: a denoised frame averaged with its neighbours in time, where these show the same.
+//! Temporal denoising of sequences: a denoised frame is averaged with its reprojected neighbours.
 //!
-//! Motion vectors lead from each pixel to where its surface is in a neighbouring frame, which is read there by Catmull-Rom splines, as in
-//! temporal antialiasing (Yang, Liu, Salvi 2020, "A Survey of Temporal Antialiasing Techniques", section 4). It counts where the way
-//! back ends at the pixel again and normals agree: not behind what hides it.
+//! Motion vectors give the position of each pixel's surface in a neighbouring frame, which is sampled there by Catmull-Rom splines, as
+//! in temporal antialiasing (Yang, Liu, Salvi 2020, "A Survey of Temporal Antialiasing Techniques", section 4). Disocclusion is
+//! detected by motion vectors that don't lead back to the pixel, or by different normals.
 //!
-//! Light that changes (shadows, reflections, what is seen through glass) is found by the noisy pictures: where the difference of
-//! two frames, averaged over a large or a small square, exceeds its noise, the neighbour counts less. So it does where the denoised pictures differ
-//! by more than the noise of their pixels, as at edges that are read between pixels. Denoised frames err independently
-//! where their samples do: what remains of their errors, which flickers, falls with the number of frames. Each frame
-//! depends on those near it alone, so that parts of a sequence can be denoised anywhere.
+//! Changes of lighting (shadows, reflections, refractions) are detected in the noisy pictures: where the difference of two frames,
+//! averaged over a large or a small square, exceeds its noise, the neighbour's weight is reduced; likewise where the denoised pictures
+//! differ by more than the pixels' noise, as at resampled edges. Errors of denoised frames are about independent, so flicker falls
+//! with the number of averaged frames. A frame depends only on near frames, so parts of a sequence can be denoised separately.
 
 use super::residual::{Color, slices, smoothed};
 use super::{Denoised, NoisyLayers, Planes, add_up};
@@ -16,44 +15,44 @@ use rayon::prelude::*;
 use std::collections::{BTreeSet, VecDeque};
 use std::ops::RangeInclusive;
 
-/// Frames before and after that are averaged.
+/// Number of frames before and after that are averaged.
 pub const REACH: usize = 2;
 
-/// Farthest that the way to a neighbour and back may end from where it began, pixels.
-const FARTHEST_RETURN: f32 = 0.75;
-/// Minimum cosine between the normals of a pixel and of what is read for it.
+/// Maximum distance between a pixel and its position after motion to the neighbour and back, pixels.
+const MAX_RETURN_DISTANCE: f32 = 0.75;
+/// Minimum cosine between the normals of a pixel and of its sample in the neighbour.
 const MIN_COSINE: f32 = 0.8;
-/// Radii of the squares in which light is compared, pixels.
+/// Radii of the squares over which differences are averaged, pixels.
 const RADII: [usize; 2] = [5, 1];
-/// Differences whose power exceeds that of their noise by this factor lower the weight of a neighbour.
+/// Ratio of the power of a difference to that of its noise above which a neighbour's weight is reduced.
 const CAUTION: f32 = 2.0;
-/// The share of the noisy pixels' noise that the differences of denoised pixels may have.
+/// Assumed variance of the differences of denoised pixels relative to that of noisy pixels.
 const SHARE_OF_NOISE: f32 = 1.0 / 9.0;
-/// Relative differences of each channel that don't count as a change: of squares, and of pixels of the denoised picture.
+/// Relative differences per channel that don't count as a change: for squares, and for pixels of the denoised picture.
 const MIN_CHANGE: f32 = 0.01;
 const MIN_CHANGE_OF_PIXELS: f32 = 0.01;
 
-/// A frame of a sequence, denoised by itself.
+/// A frame of a sequence, denoised without its neighbours.
 #[derive(Clone, Debug)]
 pub struct Frame {
     /// Pixels in a row.
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// The picture with noise.
+    /// The noisy picture.
     pub noisy: [Vec<f32>; 3],
-    /// The variance of its values, where it is known.
+    /// Variance of the noisy values, if known.
     pub variance: Option<[Vec<f32>; 3]>,
     /// Normal of the first surface.
     pub normal: Option<[Vec<f32>; 3]>,
-    /// Motion of the first surface in the picture, pixels to the right and up: to the previous frame (0, 1), to the next (2, 3).
+    /// Motion vectors of the first surface, pixels to the right and up: to the previous frame (0, 1), to the next (2, 3).
     pub motion: [Vec<f32>; 4],
-    /// The picture without noise.
+    /// The denoised picture.
     pub denoised: Denoised,
 }
 
 impl NoisyLayers<'_> {
-    /// A frame of a sequence, denoised by itself, with its motion vectors.
+    /// Denoises the layers as a frame of a sequence with motion vectors.
     pub fn frame(&self, motion: [Vec<f32>; 4]) -> Frame {
         let [width, height] = self.size;
         let squared = |planes: &Planes| {
@@ -77,7 +76,7 @@ impl Frame {
         self.width * self.height
     }
 
-    fn middle_of(&self, pixel: usize) -> [f32; 2] {
+    fn center_of(&self, pixel: usize) -> [f32; 2] {
         [(pixel % self.width) as f32 + 0.5, (pixel / self.width) as f32 + 0.5]
     }
 
@@ -86,22 +85,22 @@ impl Frame {
         is_inside.then(|| y as usize * self.width + x as usize)
     }
 
-    /// Where the surface that is seen at a place is in the next frame, or in the one before.
-    fn moved(&self, place: [f32; 2], is_forward: bool) -> Option<[f32; 2]> {
-        let pixel = self.pixel_at(place)?;
+    /// Reprojects a position in pixels to the next frame, or to the previous one.
+    fn reprojected(&self, position: [f32; 2], is_forward: bool) -> Option<[f32; 2]> {
+        let pixel = self.pixel_at(position)?;
         let first = if is_forward { 2 } else { 0 };
-        Some([place[0] + self.motion[first][pixel], place[1] - self.motion[first + 1][pixel]])
+        Some([position[0] + self.motion[first][pixel], position[1] - self.motion[first + 1][pixel]])
     }
 
-    /// A weighted sum of pixels around a place, `2 N` by `2 N` of them, those at the border in place of others.
+    /// Calls `add` with the pixels of a `2 N` by `2 N` kernel around a position and their weights; pixels are clamped to the border.
     #[inline]
     fn sum_around<const N: usize>(
         &self,
-        place: [f32; 2],
+        position: [f32; 2],
         weights: impl Fn(f32) -> [[f32; 2]; N],
         mut add: impl FnMut(usize, f32),
     ) {
-        let [(column, across), (row, down)] = place.map(|v| {
+        let [(column, across), (row, down)] = position.map(|v| {
             let v = v - 0.5;
             (v.floor() as i64 - (N as i64 - 1), weights(v - v.floor()))
         });
@@ -114,11 +113,11 @@ impl Frame {
         }
     }
 
-    /// Means of the pixels around a place, linear between their middles.
-    fn linear<const K: usize>(&self, place: [f32; 2], value: impl Fn(usize) -> [f32; K]) -> [f32; K] {
+    /// Bilinear interpolation at a position.
+    fn linear<const K: usize>(&self, position: [f32; 2], value: impl Fn(usize) -> [f32; K]) -> [f32; K] {
         let mut sums = [0.0; K];
         self.sum_around(
-            place,
+            position,
             |t| [[1.0 - t, t]],
             |pixel, weight| {
                 sums.iter_mut().zip(value(pixel)).for_each(|(sum, v)| *sum += weight * v);
@@ -127,8 +126,8 @@ impl Frame {
         sums
     }
 
-    /// The value of a plane at a place by Catmull-Rom splines, within those of the four nearest pixels.
-    fn sharp(&self, place: [f32; 2], plane: &[f32]) -> f32 {
+    /// Catmull-Rom interpolation of a plane at a position, clamped to the range of the four nearest pixels.
+    fn sharp(&self, position: [f32; 2], plane: &[f32]) -> f32 {
         let weights = |t: f32| {
             let (t2, t3) = (t * t, t * t * t);
             [
@@ -137,9 +136,9 @@ impl Frame {
             ]
         };
         let (mut sum, mut least, mut most) = (0.0, f32::INFINITY, f32::NEG_INFINITY);
-        self.sum_around(place, weights, |pixel, weight| sum += weight * plane[pixel]);
+        self.sum_around(position, weights, |pixel, weight| sum += weight * plane[pixel]);
         self.sum_around(
-            place,
+            position,
             |t| [[1.0 - t, t]],
             |pixel, _| {
                 (least, most) = (least.min(plane[pixel]), most.max(plane[pixel]));
@@ -149,38 +148,40 @@ impl Frame {
     }
 }
 
-/// A neighbouring frame as a frame sees it.
+/// A neighbouring frame reprojected to a frame.
 struct Neighbour<'f> {
     frame: &'f Frame,
-    /// Where each pixel is there.
-    places: Vec<[f32; 2]>,
-    /// How much each pixel counts, 0 to 1.
+    /// Position of each pixel in the neighbour, pixels.
+    positions: Vec<[f32; 2]>,
+    /// Weight of each pixel, 0..1.
     weights: Vec<f32>,
 }
 
-/// A frame averaged with its neighbours: `frames` are those of a sequence near it, itself at index `at`.
+/// Averages frame `at` with its neighbours among consecutive frames of a sequence.
 ///
 /// # Panics
 /// If there is no frame at that index.
-pub fn stabilized(frames: &[Frame], at: usize) -> Denoised {
+pub fn averaged_frame(frames: &[Frame], at: usize) -> Denoised {
     let frame = &frames[at];
-    let is_alike = |other: &Frame| (other.width, other.height) == (frame.width, frame.height);
+    let has_same_size = |other: &Frame| (other.width, other.height) == (frame.width, frame.height);
     let near = at.saturating_sub(REACH)..frames.len().min(at + REACH + 1);
     let others =
-        near.filter(|&other| other != at && frames[at.min(other)..=at.max(other)].iter().all(is_alike));
+        near.filter(|&other| other != at && frames[at.min(other)..=at.max(other)].iter().all(has_same_size));
     let neighbours: Vec<Neighbour> = others
         .map(|other| {
-            let (places, is_seen) = places(frames, at, other);
-            let weights = weights(frame, &frames[other], &places, &is_seen);
-            Neighbour { frame: &frames[other], places, weights }
+            let (positions, is_visible) = reproject(frames, at, other);
+            let weights = weights(frame, &frames[other], &positions, &is_visible);
+            Neighbour { frame: &frames[other], positions, weights }
         })
         .collect();
     let blend = |own: Color, of: &(dyn for<'f> Fn(&'f Denoised) -> Color<'f> + Sync)| {
         [0, 1, 2].map(|c| {
             let at_pixel = |i: usize| {
                 let (mut sum, mut all) = (own[c][i], 1.0);
-                for Neighbour { frame, places, weights } in neighbours.iter().filter(|n| n.weights[i] > 0.0) {
-                    sum += weights[i] * frame.sharp(places[i], of(&frame.denoised)[c]);
+                for Neighbour { frame, positions, weights } in
+                    neighbours.iter().filter(|n| n.weights[i] > 0.0)
+                {
+                    sum += weights[i] * frame.sharp(positions[i], of(&frame.denoised)[c]);
                     all += weights[i];
                 }
                 sum / all
@@ -205,9 +206,9 @@ pub fn stabilized(frames: &[Frame], at: usize) -> Denoised {
     Denoised { color, parts }
 }
 
-// Frames in order.
+// Sequences of frames.
 
-/// The frames that a frame is averaged with: those around it that follow each other, of all numbers in order.
+/// Numbers of the consecutive frames that a frame is averaged with, itself included; `all` are the sorted numbers of existing frames.
 fn neighbourhood(all: &[u32], number: u32) -> RangeInclusive<u32> {
     let is_there = |number: &u32| all.binary_search(number).is_ok();
     let reach = REACH as u32;
@@ -216,32 +217,34 @@ fn neighbourhood(all: &[u32], number: u32) -> RangeInclusive<u32> {
     before.unwrap_or(number)..=after.unwrap_or(number)
 }
 
-/// The numbers of the wanted frames and of those they are averaged with, of all numbers in order.
+/// Numbers of the wanted frames and their neighbours; `all` are the sorted numbers of existing frames.
 pub fn with_neighbours(all: &[u32], is_wanted: impl Fn(u32) -> bool) -> Vec<u32> {
     let wanted = all.iter().filter(|&&number| is_wanted(number));
     wanted.flat_map(|&number| neighbourhood(all, number)).collect::<BTreeSet<u32>>().into_iter().collect()
 }
 
-/// Frames that come in order, each of which is averaged as soon as those after it are there; `T` goes with a frame.
+/// A stream of frames in order, each of which is averaged as soon as its later neighbours have arrived; `T` is data of the caller for
+/// each frame.
 #[derive(Debug)]
 pub struct Sequence<T> {
-    /// Number of the first of `frames`, which follow each other.
+    /// Number of the first of `frames`.
     first: u32,
+    /// Consecutive frames.
     frames: Vec<Frame>,
-    /// Frames that are to be averaged yet.
+    /// Frames not averaged yet.
     waiting: VecDeque<(u32, T)>,
 }
 
 /// A frame averaged with its neighbours.
 #[derive(Debug)]
 pub struct Averaged<T> {
-    /// Its number.
+    /// Frame number.
     pub number: u32,
-    /// Data of the caller that belongs to the frame.
+    /// Data of the caller for the frame.
     pub item: T,
-    /// Its picture.
+    /// The averaged picture.
     pub picture: Denoised,
-    /// The numbers of the frames that it was averaged from.
+    /// Numbers of the frames it was averaged from.
     pub frames: RangeInclusive<u32>,
 }
 
@@ -252,7 +255,7 @@ impl<T> Default for Sequence<T> {
 }
 
 impl<T> Sequence<T> {
-    /// Adds a frame; without an item only its neighbours are wanted. Gives the frames that no further one changes.
+    /// Adds a frame; one without an item only serves its neighbours. Returns the frames that are complete.
     pub fn push(&mut self, number: u32, frame: Frame, item: Option<T>) -> Vec<Averaged<T>> {
         let mut done = if number == self.end() { Vec::new() } else { self.finish() };
         if self.frames.is_empty() {
@@ -271,7 +274,7 @@ impl<T> Sequence<T> {
         done
     }
 
-    /// Gives the frames that wait for others; the next frame doesn't follow them.
+    /// Ends a run of consecutive frames and returns its remaining ones.
     pub fn finish(&mut self) -> Vec<Averaged<T>> {
         let waiting = std::mem::take(&mut self.waiting);
         let done = waiting.into_iter().map(|(number, item)| self.averaged(number, item)).collect();
@@ -279,7 +282,7 @@ impl<T> Sequence<T> {
         done
     }
 
-    /// Numbers of the frames that wait for others.
+    /// Numbers of the frames that wait for later neighbours.
     pub fn waiting(&self) -> impl Iterator<Item = u32> {
         self.waiting.iter().map(|(number, _)| *number)
     }
@@ -291,88 +294,93 @@ impl<T> Sequence<T> {
     fn averaged(&self, number: u32, item: T) -> Averaged<T> {
         let (reach, last) = (REACH as u32, self.end() - 1);
         let frames = self.first.max(number.saturating_sub(reach))..=last.min(number + reach);
-        let picture = stabilized(&self.frames, (number - self.first) as usize);
+        let picture = averaged_frame(&self.frames, (number - self.first) as usize);
         Averaged { number, item, picture, frames }
     }
 }
 
-/// Where each pixel of frame `at` is in frame `other`; not a number where it leaves the picture on the way.
-fn ways(frames: &[Frame], at: usize, other: usize) -> Vec<[f32; 2]> {
+/// Positions of the pixels of frame `at` in frame `other`; NaN if they leave the picture in between.
+fn positions_in(frames: &[Frame], at: usize, other: usize) -> Vec<[f32; 2]> {
     let of = |pixel: usize| {
-        let start = frames[at].middle_of(pixel);
-        let place = (0..at.abs_diff(other)).try_fold(start, |place, step| {
+        let start = frames[at].center_of(pixel);
+        let position = (0..at.abs_diff(other)).try_fold(start, |position, step| {
             let from = if other > at { at + step } else { at - step };
-            frames[from].moved(place, other > at)
+            frames[from].reprojected(position, other > at)
         });
-        place.unwrap_or([f32::NAN; 2])
+        position.unwrap_or([f32::NAN; 2])
     };
     (0..frames[at].len()).into_par_iter().with_min_len(1024).map(of).collect()
 }
 
-/// Where each pixel of frame `at` is in frame `other`, and whether it is seen there.
-fn places(frames: &[Frame], at: usize, other: usize) -> (Vec<[f32; 2]>, Vec<bool>) {
-    let (there, back) = (ways(frames, at, other), ways(frames, other, at));
+/// Positions of the pixels of frame `at` in frame `other`, and whether their surfaces are visible there.
+fn reproject(frames: &[Frame], at: usize, other: usize) -> (Vec<[f32; 2]>, Vec<bool>) {
+    let (there, back) = (positions_in(frames, at, other), positions_in(frames, other, at));
     let (frame, target) = (&frames[at], &frames[other]);
     let normal = |frame: &Frame, pixel: usize| {
         frame.normal.as_ref().map_or([0.0; 3], |normal| [0, 1, 2].map(|c| normal[c][pixel]))
     };
-    let is_seen = |(pixel, &place): (usize, &[f32; 2])| {
-        if target.pixel_at(place).is_none() {
+    let is_visible = |(pixel, &position): (usize, &[f32; 2])| {
+        if target.pixel_at(position).is_none() {
             return false;
         }
-        let [dx, dy, x, y, z] = target.linear(place, |pixel| {
-            let (to, [x, y], [nx, ny, nz]) = (back[pixel], target.middle_of(pixel), normal(target, pixel));
+        let [dx, dy, x, y, z] = target.linear(position, |pixel| {
+            let (to, [x, y], [nx, ny, nz]) = (back[pixel], target.center_of(pixel), normal(target, pixel));
             [to[0] - x, to[1] - y, nx, ny, nz]
         });
-        let start = frame.middle_of(pixel);
-        let returns = (place[0] + dx - start[0]).hypot(place[1] + dy - start[1]) <= FARTHEST_RETURN;
+        let start = frame.center_of(pixel);
+        let returns = (position[0] + dx - start[0]).hypot(position[1] + dy - start[1]) <= MAX_RETURN_DISTANCE;
         let own = normal(frame, pixel);
         let length = |n: [f32; 3]| n.iter().map(|v| v * v).sum::<f32>().sqrt();
         let cosine = own[0] * x + own[1] * y + own[2] * z;
         returns && cosine >= MIN_COSINE * length(own) * length([x, y, z]) - 1e-6
     };
-    let is_seen = there.par_iter().enumerate().with_min_len(1024).map(is_seen).collect();
-    (there, is_seen)
+    let is_visible = there.par_iter().enumerate().with_min_len(1024).map(is_visible).collect();
+    (there, is_visible)
 }
 
-/// Two frames at the pixels of one of them, in one channel; 0 where the other doesn't have the pixel's surface.
+/// One channel of a frame and of a neighbour reprojected to it; 0 where the surface is not visible in the neighbour.
 struct Compared {
-    /// The noisy pictures.
+    /// The noisy frame.
     own: Vec<f32>,
+    /// The noisy neighbour.
     there: Vec<f32>,
-    /// The variance of their difference.
+    /// Variance of their difference.
     variance: Vec<f32>,
-    /// The difference of the denoised pictures.
+    /// Difference of the denoised pictures.
     shift: Vec<f32>,
 }
 
 impl Compared {
-    fn of(frame: &Frame, other: &Frame, places: &[[f32; 2]], is_seen: &[bool], c: usize) -> Compared {
+    fn of(frame: &Frame, other: &Frame, positions: &[[f32; 2]], is_visible: &[bool], c: usize) -> Compared {
         let plane = |value: &(dyn Fn(usize) -> f32 + Sync)| -> Vec<f32> {
-            let of = |i: usize| if is_seen[i] { value(i) } else { 0.0 };
-            (0..is_seen.len()).into_par_iter().with_min_len(1024).map(of).collect()
+            let of = |i: usize| if is_visible[i] { value(i) } else { 0.0 };
+            (0..is_visible.len()).into_par_iter().with_min_len(1024).map(of).collect()
         };
         let finite = |v: f32| if v.is_finite() { v } else { 0.0 };
         let spread = |frame: &Frame, i: usize| {
             let known = frame.variance.as_ref().map(|variance| variance[c][i]).filter(|v| v.is_finite());
-            // Without an estimate a value counts as uncertain as it is large.
+            // Without an estimate the standard deviation is assumed to equal the value.
             known.unwrap_or_else(|| finite(frame.noisy[c][i] * frame.noisy[c][i]))
         };
-        let linear =
-            |place: [f32; 2], value: &dyn Fn(usize) -> f32| other.linear(place, |pixel| [value(pixel)])[0];
+        let linear = |position: [f32; 2], value: &dyn Fn(usize) -> f32| {
+            other.linear(position, |pixel| [value(pixel)])[0]
+        };
         Compared {
             own: plane(&|i| finite(frame.noisy[c][i])),
-            there: plane(&|i| linear(places[i], &|pixel| finite(other.noisy[c][pixel]))),
-            variance: plane(&|i| spread(frame, i) + linear(places[i], &|pixel| spread(other, pixel))),
-            shift: plane(&|i| other.sharp(places[i], &other.denoised.color[c]) - frame.denoised.color[c][i]),
+            there: plane(&|i| linear(positions[i], &|pixel| finite(other.noisy[c][pixel]))),
+            variance: plane(&|i| spread(frame, i) + linear(positions[i], &|pixel| spread(other, pixel))),
+            shift: plane(&|i| {
+                other.sharp(positions[i], &other.denoised.color[c]) - frame.denoised.color[c][i]
+            }),
         }
     }
 }
 
-/// How much each pixel of another frame counts: less than 1 where the pictures differ by more than their noise.
-fn weights(frame: &Frame, other: &Frame, places: &[[f32; 2]], is_seen: &[bool]) -> Vec<f32> {
-    let channels = [0, 1, 2].map(|c| Compared::of(frame, other, places, is_seen, c));
-    let mut weights: Vec<f32> = is_seen.iter().map(|&is_seen| if is_seen { 1.0 } else { 0.0 }).collect();
+/// Weight of each pixel of a neighbour: less than 1 where the pictures differ by more than their noise.
+fn weights(frame: &Frame, other: &Frame, positions: &[[f32; 2]], is_visible: &[bool]) -> Vec<f32> {
+    let channels = [0, 1, 2].map(|c| Compared::of(frame, other, positions, is_visible, c));
+    let mut weights: Vec<f32> =
+        is_visible.iter().map(|&is_visible| if is_visible { 1.0 } else { 0.0 }).collect();
     let mask = weights.clone();
     let mut lower = |power: &[f32], noise: &[f32]| {
         for (weight, (power, noise)) in weights.iter_mut().zip(power.iter().zip(noise)) {
@@ -397,7 +405,7 @@ fn weights(frame: &Frame, other: &Frame, places: &[[f32; 2]], is_seen: &[bool]) 
         }
         lower(&power, &noise);
     }
-    // Where the denoised pixels differ by more than their noise.
+    // Differences of denoised pixels beyond their noise.
     let sum = |of: &dyn Fn(&Compared, f32, usize) -> f32| {
         let at = |i: usize| {
             channels
@@ -424,11 +432,11 @@ mod tests {
 
     const WIDTH: usize = 64;
     const HEIGHT: usize = 48;
-    /// Frames of the sequence.
+    /// Number of frames of the sequence.
     const COUNT: usize = 5;
 
-    /// A wall with a smooth pattern that moves `speed` pixels to the right a frame, with errors of half the noise's deviation
-    /// after denoising; `light` is what each frame's light is multiplied by.
+    /// A wall with a smooth pattern that moves to the right by `speed` pixels per frame, with a standard deviation of 0.2 before and 0.05
+    /// after denoising; `light` is the brightness of each frame. Also returns the noise-free frames.
     fn sequence(speed: f32, light: [f32; COUNT]) -> (Vec<Frame>, Vec<Vec<f32>>) {
         let mut random = SplitMix64::new(3);
         let mut gauss = || (0..12).map(|_| random.next_unit()).sum::<f64>() as f32 - 6.0;
@@ -459,38 +467,37 @@ mod tests {
         (frames, truths)
     }
 
-    /// Mean squared error, away from the sides.
+    /// Mean squared error without the left and right margins.
     fn error(color: &[Vec<f32>; 3], truth: &[f32]) -> f32 {
         let inside = |i: &usize| (8..WIDTH - 8).contains(&(i % WIDTH));
         let squares = (0..truth.len()).filter(inside).map(|i| (color[1][i] - truth[i]).powi(2));
         squares.clone().sum::<f32>() / squares.count() as f32
     }
 
-    /// Five frames that show the same have nearly a fifth of the error of one, wherever they move.
+    /// The average of five frames has about a fifth of the squared error of one, at any speed.
     #[test]
     fn errors_of_moving_surfaces_average_out() {
         for speed in [0.0, 0.4, 3.0] {
             let (frames, truths) = sequence(speed, [1.0; COUNT]);
-            let ratio = error(&stabilized(&frames, 2).color, &truths[2])
+            let ratio = error(&averaged_frame(&frames, 2).color, &truths[2])
                 / error(&frames[2].denoised.color, &truths[2]);
             assert!(ratio < 0.35, "{speed}: {ratio}");
-            // The first has two neighbours.
-            let ratio = error(&stabilized(&frames, 0).color, &truths[0])
+            // The first frame has two neighbours.
+            let ratio = error(&averaged_frame(&frames, 0).color, &truths[0])
                 / error(&frames[0].denoised.color, &truths[0]);
             assert!(ratio < 0.5, "{speed}: {ratio}");
         }
     }
 
-    /// Frames under another light don't count.
     #[test]
-    fn light_that_changes_is_not_averaged() {
+    fn frames_with_different_lighting_are_not_averaged() {
         let (frames, truths) = sequence(0.4, [0.4, 0.7, 1.0, 1.4, 1.8]);
         let before = error(&frames[2].denoised.color, &truths[2]);
-        let after = error(&stabilized(&frames, 2).color, &truths[2]);
+        let after = error(&averaged_frame(&frames, 2).color, &truths[2]);
         assert!(after < 1.05 * before, "{after} {before}");
     }
 
-    /// Surfaces that turn away, or hide behind something that moves otherwise, are not read.
+    /// Surfaces with different normals or inconsistent motion vectors are rejected.
     #[test]
     fn other_surfaces_are_not_averaged() {
         let (mut frames, _) = sequence(0.0, [1.0; COUNT]);
@@ -498,13 +505,13 @@ mod tests {
         for at in [0, 1, 3, 4] {
             frames[at].normal = Some([1.0, 0.0, 0.0].map(|v| vec![v; WIDTH * HEIGHT]));
         }
-        assert_eq!(stabilized(&frames, 2), own);
+        assert_eq!(averaged_frame(&frames, 2), own);
         let (mut frames, _) = sequence(0.0, [1.0; COUNT]);
         for at in [1, 3] {
-            // To the frame and away from it: the way back ends elsewhere.
+            // Motion to the neighbour and back doesn't return to the pixel.
             frames[at].motion = [5.0, 0.0, 5.0, 0.0].map(|v| vec![v; WIDTH * HEIGHT]);
         }
-        let stable = stabilized(&frames, 2);
+        let stable = averaged_frame(&frames, 2);
         let near_left = |i: &usize| i % WIDTH < WIDTH - 8;
         assert!(
             (0..WIDTH * HEIGHT)
@@ -518,11 +525,11 @@ mod tests {
         let (mut frames, _) = sequence(0.4, [1.0; COUNT]);
         for frame in &mut frames {
             let color = &frame.denoised.color;
-            let share =
-                |share: f32| [0, 1, 2].map(|c| color[c].iter().map(|v| v * share).collect::<Vec<f32>>());
-            frame.denoised.parts = vec![vec![share(0.25), share(0.75)]];
+            let scaled =
+                |factor: f32| [0, 1, 2].map(|c| color[c].iter().map(|v| v * factor).collect::<Vec<f32>>());
+            frame.denoised.parts = vec![vec![scaled(0.25), scaled(0.75)]];
         }
-        let stable = stabilized(&frames, 2);
+        let stable = averaged_frame(&frames, 2);
         for i in 0..WIDTH * HEIGHT {
             let sum = stable.parts[0][0][0][i] + stable.parts[0][1][0][i];
             assert!((sum - stable.color[0][i]).abs() < 1e-5 * stable.color[0][i]);

@@ -1,7 +1,7 @@
 //! The table of AOVs (arbitrary output variables).
 //!
-//! A further channel is a row of the table here, and the line that fills it: in `integrator/first_hit.rs` if it shows first
-//! hits, in `integrator/radiance_buffer.rs` if it is a part of the radiance. The command line, the film and the files walk the table.
+//! A new AOV needs a row of the table here, and a line that computes its value: in `integrator/first_hit.rs` for properties of first
+//! hits, in `integrator/radiance_buffer.rs` for parts of the radiance. The command line, film and files iterate over the table.
 
 use super::channel::{Channel, PixelType, Reduction, Source, components};
 use crate::error::{Error, Result};
@@ -16,17 +16,17 @@ pub const BACKGROUND_DEPTH: f32 = 1e10;
 #[derive(Clone, Copy, Debug)]
 #[non_exhaustive]
 pub struct AovInfo {
-    /// Its name for users: `--aov depth`.
+    /// Name on the command line and in scene files: `--aov depth`.
     pub option: &'static str,
-    /// Its description, with its unit.
+    /// Description with unit.
     pub about: &'static str,
-    /// Names of the components in files.
+    /// Channel names in files.
     pub names: &'static [&'static str],
-    /// Type of its values in files.
+    /// Type of the values in files.
     pub pixel_type: PixelType,
-    /// Where its values come from.
+    /// Source of the values.
     pub source: Source,
-    /// How the values of samples are combined.
+    /// Combination of samples to a pixel.
     pub reduction: Reduction,
 }
 
@@ -37,7 +37,7 @@ impl AovInfo {
     }
 }
 
-/// The names of three components of a layer.
+/// Channel names of an RGB layer.
 macro_rules! rgb {
     ($layer:literal) => {
         &[concat!($layer, ".R"), concat!($layer, ".G"), concat!($layer, ".B")]
@@ -50,7 +50,7 @@ macro_rules! xyz {
     };
 }
 
-/// The names of a matte's channels at the default number of levels; [`matte_names`] gives those of others.
+/// Channel names of a Cryptomatte at the default number of levels; see [`matte_names`].
 macro_rules! matte {
     ($kind:literal) => {
         &[
@@ -70,8 +70,8 @@ macro_rules! matte {
     };
 }
 
-/// Makes the enum of the rows, and the table in the same order. A row: name, option, names in files, type in files, source,
-/// reduction, meaning.
+/// Generates the enum [`Aov`] and the table in the same order. A row: variant, name for users, channel names, pixel type, source,
+/// reduction, description.
 macro_rules! table {
     ($($name:ident $option:literal $names:expr, $pixel_type:ident $source:ident $reduction:expr; $about:literal)+) => {
         /// An arbitrary output variable: a channel of a picture besides colour.
@@ -162,19 +162,18 @@ table! {
         "Variance of the pixel's colour, estimated as if samples were independent (an upper bound); infinite below two samples"
 }
 
-/// The space of AOVs of positions and directions: `position`, `normal` and `geometric_normal`.
+/// Coordinate space of the AOVs `position`, `normal`, `geometric_normal` and `denoising_normal`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum AovSpace {
-    /// The scene's world: right-handed, y up, metres.
+    /// World space: right-handed, y up, metres.
     #[default]
     World,
-    /// The camera's at the time of the frame: origin at the camera, x to its right, y up, z backwards (visible points have negative
-    /// z), metres.
+    /// Camera space at the time of the frame: x to the right, y up, z backwards (visible points have negative z), metres.
     Camera,
 }
 
 impl AovSpace {
-    /// Its name for users and in headers.
+    /// Name for users and in file headers.
     pub fn name(self) -> &'static str {
         match self {
             AovSpace::World => "world",
@@ -182,7 +181,7 @@ impl AovSpace {
         }
     }
 
-    /// Does the channel of this name depend on the space?
+    /// Whether a channel, by its name in files, depends on the space.
     pub fn concerns(channel: &str) -> bool {
         ["P.", "N.", "Ng.", "denoising_normal."].iter().any(|layer| channel.starts_with(layer))
     }
@@ -191,7 +190,7 @@ impl AovSpace {
 impl FromStr for AovSpace {
     type Err = Error;
 
-    /// Reads `world` or `camera`.
+    /// Parses `world` or `camera`.
     ///
     /// # Errors
     /// A usage error.
@@ -206,29 +205,29 @@ impl FromStr for AovSpace {
 const ALIASES: [(&str, &str); 4] =
     [("nearest", "depth_min"), ("material", "material_id"), ("z", "depth"), ("normals", "normal")];
 
-/// Default number of ranks of a Cryptomatte.
+/// Default number of levels of a Cryptomatte: ranks of (id, coverage) per pixel.
 pub const MATTE_LEVELS: u32 = 6;
 
 impl Aov {
-    /// Its row of the table.
+    /// The row of the table.
     pub const fn info(self) -> &'static AovInfo {
         &TABLE[self as usize]
     }
 
-    /// The AOV of a name on the command line.
+    /// Parses a name or alias.
     pub fn from_option(name: &str) -> Option<Aov> {
         let name = ALIASES.iter().find(|(old, _)| *old == name).map_or(name, |(_, new)| new);
         Aov::ALL.iter().copied().find(|aov| aov.info().option == name)
     }
 
-    /// The layers' common name, if it is a matte: `CryptoObject`.
+    /// Name prefix of the layers if it is a Cryptomatte: `CryptoObject`.
     pub fn matte(self) -> Option<&'static str> {
         let info = self.info();
         let is_matte = info.reduction == Coverage;
         is_matte.then(|| info.names[0].trim_end_matches("00.R"))
     }
 
-    /// Its channel; mattes with this number of ranks of ids.
+    /// The film channel; `matte_levels` is the number of levels of a Cryptomatte.
     pub fn channel(self, matte_levels: u32) -> Channel {
         let &AovInfo { names, pixel_type, source, reduction, .. } = self.info();
         let names = match self.matte() {
@@ -239,7 +238,7 @@ impl Aov {
     }
 }
 
-/// Two ranks, pairs of id and share, go into each layer of four channels.
+/// Channel names of a Cryptomatte: each layer of four channels holds two ranks of (id, coverage).
 fn matte_names(kind: &str, levels: u32) -> Vec<Cow<'static, str>> {
     let layers = 0..levels.div_ceil(2);
     layers.flat_map(|layer| ["R", "G", "B", "A"].map(|c| format!("{kind}{layer:02}.{c}").into())).collect()
@@ -248,7 +247,7 @@ fn matte_names(kind: &str, levels: u32) -> Vec<Cow<'static, str>> {
 impl FromStr for Aov {
     type Err = Error;
 
-    /// By the name on the command line.
+    /// Parses a name or alias.
     fn from_str(name: &str) -> Result<Aov> {
         Aov::from_option(name).ok_or_else(|| {
             let names: Vec<&str> = Aov::ALL.iter().map(|aov| aov.info().option).collect();
@@ -266,14 +265,14 @@ impl From<Aov> for Channel {
 
 // Sets of AOVs.
 
-/// The AOVs of a picture. Others are neither stored nor computed.
+/// A set of AOVs. Others are neither stored nor computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct AovSet(u64);
 
 const _: () = assert!(Aov::ALL.len() <= u64::BITS as usize);
 
 impl AovSet {
-    /// Colour only.
+    /// No AOVs.
     pub const NONE: AovSet = AovSet(0);
 
     /// All AOVs.
@@ -298,39 +297,39 @@ impl AovSet {
         AovSet(self.0 | other.0)
     }
 
-    /// Is it in the set?
+    /// Whether the set contains an AOV.
     pub const fn contains(self, aov: Aov) -> bool {
         self.0 >> aov as u64 & 1 == 1
     }
 
-    /// Is the set not empty?
+    /// Whether the set is not empty.
     #[inline(always)]
     pub const fn any(self) -> bool {
         self.0 != 0
     }
 
-    /// The AOVs of a source.
+    /// The AOVs with a source.
     #[must_use]
     pub fn of(self, source: Source) -> AovSet {
         self.iter().filter(|aov| aov.info().source == source).collect()
     }
 
-    /// The mattes among them.
+    /// The Cryptomattes, with their name prefixes.
     pub fn mattes(self) -> impl Iterator<Item = (Aov, &'static str)> {
         self.iter().filter_map(|aov| Some((aov, aov.matte()?)))
     }
 
-    /// The channels of a film that holds them, mattes with this number of ranks of ids.
+    /// Film channels of the set, with a number of levels of Cryptomattes.
     pub fn channels_with(self, matte_levels: u32) -> impl Iterator<Item = Channel> {
         self.iter().map(move |aov| aov.channel(matte_levels))
     }
 
-    /// The channels of a film that holds them.
+    /// Film channels of the set.
     pub fn channels(self) -> impl Iterator<Item = Channel> {
         self.channels_with(MATTE_LEVELS)
     }
 
-    /// The AOVs of the set, in the order of the table.
+    /// Iterates in the order of the table.
     pub fn iter(self) -> impl Iterator<Item = Aov> {
         Aov::ALL.iter().copied().filter(move |&aov| self.contains(aov))
     }
@@ -372,7 +371,7 @@ mod tests {
     use std::collections::HashSet;
 
     #[test]
-    fn rows_stand_at_their_places_and_names_are_unique() {
+    fn table_order_matches_the_enum_and_names_are_unique() {
         let (mut options, mut names) = (HashSet::new(), HashSet::new());
         names.extend(Channel::color().names);
         for (i, &aov) in Aov::ALL.iter().enumerate() {
@@ -382,7 +381,7 @@ mod tests {
             assert!(options.insert(info.option), "{} is there twice", info.option);
             let mut fresh = info.names.iter().map(|&name| names.insert(Cow::Borrowed(name)));
             assert!(fresh.all(|is_new| is_new), "{:?}: a name is there twice", info.names);
-            // The macros spell out the rule for other numbers of levels.
+            // The macro `matte` agrees with `matte_names`.
             assert_eq!(Channel::from(aov).names, info.names);
         }
         assert_eq!(Aov::from_option("colour"), None);
@@ -392,7 +391,7 @@ mod tests {
     }
 
     #[test]
-    fn mattes_have_two_ranks_a_layer() {
+    fn mattes_have_two_ranks_per_layer() {
         assert_eq!(
             Aov::CryptoAsset.channel(2).names,
             ["R", "G", "B", "A"].map(|c| format!("CryptoAsset00.{c}"))

@@ -1,4 +1,4 @@
-//! Bands of a film: groups of rows with a lock each, so that threads add to different bands at once (`shared.rs`).
+//! Bands of a film: groups of rows, each with a lock, so that threads can add to different bands concurrently (`shared.rs`).
 
 use super::channel::{
     Accumulator, AccumulatorData, Channel, Counts, Layout, Reduction, Source, Values, reciprocal,
@@ -7,11 +7,11 @@ use super::exact_sum::{HalfSum, add_exact, on_grid};
 use super::splats::{Splat, Splats};
 use super::tile::{FilmTile, Rect, TileSums};
 
-/// All sums of some rows of a film.
+/// All sums of the rows of a band.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Band {
     pub sums: Sums,
-    /// Light of paths from lights, once there is some.
+    /// Contributions of light paths; `None` before the first.
     pub splats: Option<Splats>,
 }
 
@@ -25,7 +25,7 @@ impl Band {
         self.sums.count.len()
     }
 
-    /// The sums of splats, created by the first call.
+    /// The sums of splats, created on the first call.
     pub fn splats(&mut self, layout: &Layout) -> &mut Splats {
         self.splats.get_or_insert_with(|| Splats::new(self.sums.count.len(), layout))
     }
@@ -37,9 +37,9 @@ impl Band {
         }
     }
 
-    /// Adds the part of another band, at `place` in the picture, that overlaps this one.
-    pub fn add_band(&mut self, own: Rect, other: &Band, place: Rect, layout: &Layout) {
-        for (at, from, length) in own.common_rows(place) {
+    /// Adds the part of another band, whose rectangle in the picture is `rect`, that overlaps this one.
+    pub fn add_band(&mut self, own: Rect, other: &Band, rect: Rect, layout: &Layout) {
+        for (at, from, length) in own.common_rows(rect) {
             self.sums.add_row(at, &other.sums, from, length, layout);
             if let Some(theirs) = &other.splats {
                 let ours = self.splats(layout);
@@ -48,7 +48,7 @@ impl Band {
         }
     }
 
-    /// Adds splats. Those outside the band are left out; gives the number of those that are not finite and left out, too.
+    /// Adds the splats within the band. Returns the number of non-finite splats, which are skipped.
     pub fn add_splats(
         &mut self,
         own: Rect,
@@ -69,21 +69,21 @@ impl Band {
         invalid
     }
 
-    /// Mean colour and alpha of a pixel, premultiplied; zero where there are no samples yet.
+    /// Premultiplied mean colour and alpha of a pixel; zero without samples.
     pub fn mean(&self, pixel: usize) -> [f32; 4] {
         let of_splats = self.splats.as_ref().map_or([0.0; 3], |splats| splats.mean(pixel));
         self.sums.mean_rgba_with(pixel, of_splats)
     }
 
-    /// The means of both halves of a pixel's samples, and the number of samples in each.
+    /// Mean colours of both half buffers of a pixel, and the number of samples in each.
     pub fn halves(&self, pixel: usize) -> ([[f32; 3]; 2], [u32; 2]) {
         let (means, counts) = self.sums.halves(pixel);
         let splats = self.splats.as_ref().map_or([[0.0; 3]; 2], |splats| splats.halves(pixel));
-        let with = |half: usize, c: usize| (f64::from(means[half][c]) + splats[half][c]) as f32;
-        ([0, 1].map(|half| [0, 1, 2].map(|c| with(half, c))), counts)
+        let sum = |half: usize, c: usize| (f64::from(means[half][c]) + splats[half][c]) as f32;
+        ([0, 1].map(|half| [0, 1, 2].map(|c| sum(half, c))), counts)
     }
 
-    /// The values of a channel beyond colour; `layer` is its index among the parts of colour if it is one of them.
+    /// The planes of a channel other than colour; `layer` is its index among the channels of [`Source::PartOfColor`], if it is one.
     pub fn planes(&self, index: usize, channel: &Channel, layer: usize) -> Vec<Values> {
         let mut planes = self.sums.planes(index, channel);
         let Some(splats) = &self.splats else { return planes };
@@ -96,7 +96,7 @@ impl Band {
     }
 }
 
-/// Adds values to planes, one component to each.
+/// Adds values to three planes.
 fn add(planes: &mut [Values], values: impl Iterator<Item = [f64; 3]>) {
     for (pixel, values) in values.enumerate() {
         for (plane, value) in planes.iter_mut().zip(values) {
@@ -107,22 +107,20 @@ fn add(planes: &mut [Values], values: impl Iterator<Item = [f64; 3]>) {
     }
 }
 
-// Exact sums of the samples of some rows of a film.
-
-/// Sums and counts, one entry a pixel. Those of tiles are [`TileSums`].
+/// Exact sums and sample counts by pixel. (Sums of tiles are [`TileSums`].)
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Sums {
-    /// Red, green, blue, alpha.
+    /// Sums of red, green, blue, alpha.
     pub rgba: Vec<[f64; 4]>,
-    /// Lower parts of the sums of red, green and blue.
+    /// Rounding errors of the sums of red, green and blue: see [`add_exact`].
     pub(super) rgb_low: Vec<[f32; 3]>,
-    /// Samples of each pixel.
+    /// Number of samples of each pixel.
     pub count: Vec<u32>,
-    /// Samples that hit something, by pixel; empty where no channel needs it.
+    /// Number of samples with a first hit of each pixel; empty if no channel needs it.
     pub(super) hits: Vec<u32>,
-    /// One for each channel beyond colour.
+    /// Accumulators of the channels other than colour.
     pub(super) further: Vec<Accumulator>,
-    /// Sums over the first half of the samples; empty where the film keeps no halves.
+    /// Sums over the first half of the samples; empty if the film has no half buffers.
     pub(super) first_half: Vec<HalfSum>,
 }
 
@@ -142,7 +140,7 @@ impl Sums {
         })
     }
 
-    /// Mean colour of the first and of the second half of a pixel's samples, zero where there are none; and how many each has.
+    /// Mean colours of both half buffers of a pixel, zero without samples, and the number of samples in each.
     pub fn halves(&self, pixel: usize) -> ([[f32; 3]; 2], [u32; 2]) {
         let HalfSum { rgb, count, .. } = self.first_half[pixel];
         let all = &self.rgba[pixel];
@@ -159,8 +157,8 @@ impl Sums {
     pub fn add_tile_row(&mut self, at: usize, tile: &TileSums, from: usize, length: usize, layout: &Layout) {
         let (here, there) = (at..at + length, from..from + length);
         let mut others = tile.others.iter();
-        let places = layout.further().iter().zip(&layout.offsets);
-        for ((channel, &offset), into) in places.zip(&mut self.further) {
+        let channels = layout.further().iter().zip(&layout.offsets);
+        for ((channel, &offset), into) in channels.zip(&mut self.further) {
             let (before, added, sums, stride) = match channel.source {
                 Source::Color => (&self.count, &tile.count, &[][..], 0),
                 Source::PartOfColor => (&self.count, &tile.count, &tile.parts[..], 3 * layout.parts),
@@ -178,7 +176,7 @@ impl Sums {
         let colors = self.rgba[here.clone()].iter_mut().zip(&mut self.rgb_low[here.clone()]);
         for ((sum, low), value) in colors.zip(&tile.rgba[there.clone()]) {
             (0..3).for_each(|c| add_exact(&mut sum[c], &mut low[c], on_grid(value[c])));
-            // Alphas of samples are on a grid, and their sums exact.
+            // Alphas of samples are multiples of a coarse step, so that their sums are exact.
             sum[3] += value[3];
         }
         add_counts(&mut self.count[here.clone()], &tile.count[there.clone()]);
@@ -220,7 +218,7 @@ impl Sums {
         }
     }
 
-    /// Sets the mean colours of all pixels, from one list a component, which may be longer.
+    /// Sets the mean colours of all pixels, from three planes, which may be longer.
     pub fn set_color(&mut self, color: [&[f32]; 3]) {
         for (pixel, sum) in self.rgba.iter_mut().enumerate() {
             let count = f64::from(self.count[pixel]);
@@ -229,12 +227,12 @@ impl Sums {
         self.rgb_low.fill([0.0; 3]);
     }
 
-    /// Sets the means over all samples of a channel beyond colour.
+    /// Sets the means of a channel other than colour, by its index in [`Layout::further`].
     pub fn set_means(&mut self, further: usize, values: [&[f32]; 3]) {
         self.further[further].set_means(values, &self.count);
     }
 
-    /// Removes a channel beyond colour.
+    /// Removes a channel other than colour, by its index in [`Layout::further`].
     pub fn remove(&mut self, further: usize) {
         self.further.remove(further);
     }
@@ -244,14 +242,14 @@ impl Sums {
         self.hits = Vec::new();
     }
 
-    /// Mean colour and alpha of a pixel, plus a mean of splats.
+    /// Mean colour and alpha of a pixel plus the mean of its splats.
     pub fn mean_rgba_with(&self, pixel: usize, [r, g, b]: [f64; 3]) -> [f32; 4] {
         let scale = reciprocal(self.count[pixel]);
         let sum = self.rgba[pixel];
         [sum[0] * scale + r, sum[1] * scale + g, sum[2] * scale + b, sum[3] * scale].map(|mean| mean as f32)
     }
 
-    /// The values of a channel beyond colour, one list a name.
+    /// The planes of a channel other than colour.
     pub fn planes(&self, index: usize, channel: &Channel) -> Vec<Values> {
         let further = index - 1;
         let with_value = match channel.source {

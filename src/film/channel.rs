@@ -1,84 +1,83 @@
-//! Channels of a film, and how samples become pixels in each. `aov.rs` has the table of those that users may
-//! ask for.
+//! Channels of a film and their reductions from samples to pixels. `aov.rs` has the table of AOVs.
 
 use super::cryptomatte::Coverage;
 use super::exact_sum::{HalfSum, SumList};
 use std::borrow::Cow;
 use std::ops::Range;
 
-/// Prefix of the layers of light groups.
+/// Name prefix of layers of light groups.
 pub const LIGHT_GROUP: &str = "RGBA_";
 
-/// How files store the values of a channel.
+/// Type of a channel's values in files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum PixelType {
-    /// 16-bit floats, unless 32 are asked for.
+    /// 16-bit floats, or 32-bit ones on request.
     Half,
     /// 32-bit floats.
     Float,
-    /// 32-bit integers.
+    /// 32-bit unsigned integers.
     Uint,
 }
 
-/// The part of a sample from which a channel is made.
+/// The part of a sample that a channel stores.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Source {
-    /// Its red, green and blue. Every sample has them.
+    /// Radiance; every sample has it.
     Color,
-    /// The surface that its camera ray hit, if any.
+    /// Properties of the first hit of the camera ray; samples without a hit have none.
     FirstHit,
-    /// A part of its red, green and blue: that of a light pass or of a group of lights. Every sample has them.
+    /// Part of the radiance: a light pass or light group; every sample has it.
     PartOfColor,
 }
 
-/// How the values of samples become the value of a pixel.
+/// Reduction of the values of samples to the value of a pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Reduction {
-    /// Mean over all samples; those that hit nothing count as zero.
+    /// Mean over all samples; samples without a hit count as zero.
     Mean,
-    /// Mean over those that hit something; `empty` where none did.
+    /// Mean over samples with a hit; `empty` if there are none.
     MeanOfHits {
-        /// The value where nothing was hit.
+        /// Value of pixels without a hit.
         empty: f32,
     },
-    /// The smallest value; `empty` where nothing was hit.
+    /// Minimum; `empty` without a hit.
     Minimum {
-        /// The value where nothing was hit.
+        /// Value of pixels without a hit.
         empty: f32,
     },
-    /// The value of the first sample that hit something; 0 where none did. For numbers that have no mean.
+    /// Value of the first sample with a hit; 0 without a hit. For ids.
     First,
-    /// Variance of the mean over all samples: their sample variance divided by their number, which is the variance of
-    /// independent samples. Ours are better spread than such, so that the mean varies less (by a factor of 7 over the
-    /// Cornell box at 20 samples). Infinite below two samples, which say nothing about it.
+    /// Variance of the mean, estimated by the sample variance over the number of samples. This assumes independent samples; for
+    /// low-discrepancy samples it is an upper bound (a factor of 7 too large for the Cornell box at 20 samples). Infinite below two
+    /// samples.
     VarianceOfMean,
-    /// The first of two sums over the sum of both, such as the share of light that is blocked; 0 where both are 0.
+    /// Ratio of the first of two sums to both together, such as the fraction of blocked light; 0 if both are 0.
     Share,
     /// The number of samples with a value.
     Count,
-    /// Which ids (the bits of a float, and never those of a NaN) cover the pixel: pairs of an id and its share of all
-    /// samples, the largest share first, as many as there are pairs of names.
+    /// Cryptomatte: pairs of an id (bits of a non-NaN float) and its fraction of all samples, sorted by decreasing fraction, as many as
+    /// there are pairs of names.
     Coverage,
 }
 
-/// One entry of a film's list: values that have one source and one reduction.
+/// A channel of a film: one or more components with a common source and reduction.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Channel {
-    /// Name of each component in files: `layer.component`.
+    /// Name of each plane in files: `layer.component`.
     pub names: Vec<Cow<'static, str>>,
-    /// How files store it.
+    /// Type of the values in files.
     pub pixel_type: PixelType,
-    /// Where its values come from.
+    /// Source of the values.
     pub source: Source,
-    /// How samples become a pixel.
+    /// Reduction of samples to a pixel.
     pub reduction: Reduction,
 }
 
 impl Channel {
-    /// The picture itself: premultiplied colour and alpha. The first of every film.
+    /// Premultiplied colour and alpha: the first channel of every film.
     pub fn color() -> Channel {
         Channel {
             names: ["R", "G", "B", "A"].map(Cow::Borrowed).to_vec(),
@@ -88,7 +87,7 @@ impl Channel {
         }
     }
 
-    /// The part of the picture that a group of lights contributes: `RGBA_key.R` and so on.
+    /// The contribution of a light group: `RGBA_key.R` and so on.
     pub fn light_group(group: &str) -> Channel {
         Channel {
             names: ["R", "G", "B"].map(|c| Cow::Owned(format!("{LIGHT_GROUP}{group}.{c}"))).to_vec(),
@@ -98,12 +97,12 @@ impl Channel {
         }
     }
 
-    /// How many numbers each sample has.
+    /// Number of values per sample.
     pub fn components(&self) -> usize {
         components(self.reduction, self.names.len())
     }
 
-    /// Are sums of these numbers all that is kept?
+    /// Whether the channel stores only sums of parts of the radiance or of first-hit values.
     pub(super) fn is_summed(&self) -> bool {
         let is_sum =
             matches!(self.reduction, Reduction::Mean | Reduction::MeanOfHits { .. } | Reduction::Share);
@@ -111,19 +110,19 @@ impl Channel {
     }
 }
 
-/// Number of values that each sample adds to a channel with this number of names.
+/// Number of values per sample of a channel with a number of names.
 pub(super) const fn components(reduction: Reduction, names: usize) -> usize {
     match reduction {
-        // An id, whose counts become several planes.
+        // An id; the counts of ids become several planes.
         Reduction::Coverage => 1,
         Reduction::Share => 2,
         _ => names,
     }
 }
 
-// Storage of one channel beyond colour, by the channel's reduction.
+// Storage of a channel other than colour, by its reduction.
 
-/// Values of one component of a channel, one a pixel, rows from the top.
+/// The values of a plane, row by row from the top.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Values {
@@ -134,7 +133,7 @@ pub enum Values {
 }
 
 impl Values {
-    /// None of a channel.
+    /// An empty plane of a channel.
     pub(super) fn empty(channel: &Channel) -> Values {
         match channel.pixel_type {
             PixelType::Uint => Values::Uint(Vec::new()),
@@ -142,16 +141,16 @@ impl Values {
         }
     }
 
-    /// Adds those of further pixels, which are of the same kind.
+    /// Appends the values of further pixels, which must have the same type.
     pub(super) fn append(&mut self, more: Values) {
         match (self, more) {
             (Values::Float(values), Values::Float(more)) => values.extend(more),
             (Values::Uint(values), Values::Uint(more)) => values.extend(more),
-            _ => debug_assert!(false, "values of another kind"),
+            _ => debug_assert!(false, "values of another type"),
         }
     }
 
-    /// As floats; integers above 2^24 lose their last digits.
+    /// Converts to floats; integers above 2^24 are rounded.
     pub fn into_floats(self) -> Vec<f32> {
         match self {
             Values::Float(values) => values,
@@ -160,7 +159,7 @@ impl Values {
     }
 }
 
-/// How many samples of each pixel there are: in all, and of the channel's source.
+/// Number of samples by pixel: all, and those with a value of the channel's source.
 #[derive(Clone, Copy)]
 pub(super) struct Counts<'a> {
     pub samples: &'a [u32],
@@ -170,30 +169,30 @@ pub(super) struct Counts<'a> {
 /// Storage of one channel.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Accumulator {
-    /// Numbers of a sample.
+    /// Number of values per sample.
     width: usize,
     pub(super) data: AccumulatorData,
 }
 
-/// Sums and the like. Lists hold a channel's components pixel by pixel; all start at zero.
+/// Accumulated values, pixel by pixel with interleaved components; initially zero.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum AccumulatorData {
     /// Sums of values.
     Sums(SumList),
-    /// Sums of values, and of their squares.
+    /// Sums of values and of squares.
     Moments { sums: SumList, squares: SumList },
-    /// Smallest values.
+    /// Minima.
     Minimum(Vec<f32>),
-    /// Values of the first samples.
+    /// Values of the first samples with a hit.
     First(Vec<f32>),
-    /// Lists of ids.
+    /// Ids with counts.
     Coverage(Coverage),
-    /// The film's counts say it all.
+    /// Nothing: the channel shows sample counts, which the film stores.
     Counts,
 }
 
 impl Accumulator {
-    /// Empty, of a film or of a tile; `None` if there is no memory for it.
+    /// An empty accumulator of a film (with exact sums) or of a tile; `None` if memory runs out.
     pub fn try_new(channel: &Channel, pixels: usize, is_of_film: bool) -> Option<Accumulator> {
         fn zeros<T: bytemuck::Zeroable>(count: usize) -> Option<Vec<T>> {
             bytemuck::try_zeroed_vec(count).ok()
@@ -214,7 +213,7 @@ impl Accumulator {
         Some(Accumulator { width, data })
     }
 
-    /// Bytes for one pixel; lists of ids grow beyond it.
+    /// Memory per pixel, bytes; lists of ids grow beyond it.
     pub fn bytes_per_pixel(channel: &Channel) -> usize {
         const SUM: usize = size_of::<f64>() + size_of::<f32>();
         let number = match channel.reduction {
@@ -226,12 +225,13 @@ impl Accumulator {
         number * channel.components()
     }
 
-    /// Adds the values of a sample to a pixel, one a component; `is_first` for its first sample.
+    /// Adds the values of a sample to a pixel; `is_first`: the pixel's first sample.
     pub fn add(&mut self, pixel: usize, values: &[f32], is_first: bool) {
-        let places = places(pixel..pixel + 1, self.width);
+        let component_range = component_range(pixel..pixel + 1, self.width);
         match &mut self.data {
             AccumulatorData::Moments { sums, squares } => {
-                let (sums, squares) = (&mut sums.high[places.clone()], &mut squares.high[places]);
+                let (sums, squares) =
+                    (&mut sums.high[component_range.clone()], &mut squares.high[component_range]);
                 for ((sum, square), v) in sums.iter_mut().zip(squares).zip(values) {
                     let v = f64::from(*v);
                     *sum += v;
@@ -239,22 +239,23 @@ impl Accumulator {
                 }
             }
             AccumulatorData::Minimum(least) => {
-                for (least, &v) in least[places].iter_mut().zip(values) {
+                for (least, &v) in least[component_range].iter_mut().zip(values) {
                     *least = if is_first { v } else { least.min(v) };
                 }
             }
-            AccumulatorData::First(first) if is_first => first[places].copy_from_slice(values),
+            AccumulatorData::First(first) if is_first => first[component_range].copy_from_slice(values),
             AccumulatorData::Coverage(lists) => lists.add(pixel, values[0].to_bits(), 1),
-            // Tiles sum by themselves.
+            // Sums of tiles are in `TileSums`.
             AccumulatorData::First(_) | AccumulatorData::Counts | AccumulatorData::Sums(_) => {}
         }
     }
 
-    /// Adds pixels of another accumulator of the same channel, which start at `from`, to those that start at `at`.
-    /// `before` and `added` are the numbers of samples of this one and of the other, one a pixel.
+    /// Adds the pixels of another accumulator of the same channel from pixel `from` on to the pixels from `at` on. `before` and `added`
+    /// are the numbers of samples by pixel of this and of the other accumulator.
     pub fn merge(&mut self, at: usize, other: &Accumulator, from: usize, before: &[u32], added: &[u32]) {
         let (length, width) = (added.len(), self.width);
-        let (here, there) = (places(at..at + length, width), places(from..from + length, width));
+        let (here, there) =
+            (component_range(at..at + length, width), component_range(from..from + length, width));
         match (&mut self.data, &other.data) {
             (AccumulatorData::Sums(a), AccumulatorData::Sums(b)) => {
                 a.merge(here.start, b, there.start, here.len())
@@ -283,7 +284,7 @@ impl Accumulator {
         }
     }
 
-    /// Sets three components to means of `count` samples; does nothing where the film doesn't store sums.
+    /// Sets three components to given means; does nothing if the channel doesn't store sums.
     pub fn set_means(&mut self, values: [&[f32]; 3], samples: &[u32]) {
         let AccumulatorData::Sums(sums) = &mut self.data else { return };
         sums.low.fill(0.0);
@@ -294,7 +295,7 @@ impl Accumulator {
         }
     }
 
-    /// The values of all pixels, one list a name of the channel.
+    /// The planes of the channel, one per name.
     pub fn planes(&self, channel: &Channel, counts: Counts) -> Vec<Values> {
         let Counts { samples, with_value } = counts;
         match (&self.data, channel.reduction) {
@@ -310,11 +311,11 @@ impl Accumulator {
         }
     }
 
-    /// The values of one component.
+    /// The plane of one component.
     fn plane(&self, component: usize, channel: &Channel, counts: Counts) -> Values {
         let Counts { samples, with_value } = counts;
         let floats = match (&self.data, channel.reduction) {
-            // Sums and lists make all components at once.
+            // Of sums and lists of ids `planes` makes all components at once.
             (AccumulatorData::Counts | AccumulatorData::Sums(_) | AccumulatorData::Coverage(_), _) => {
                 return Values::Uint(with_value.to_vec());
             }
@@ -337,7 +338,7 @@ impl Accumulator {
     }
 }
 
-/// Takes the values of another list where this one is a pixel's first, else what `choose` says.
+/// Combines two lists by `choose`, whose first argument is whether the left pixel has no sample yet.
 fn combine(
     into: &mut [f32],
     from: &[f32],
@@ -352,18 +353,18 @@ fn combine(
     }
 }
 
-/// One component of a list that has `width` for each pixel.
+/// One component of a list with `width` interleaved components.
 fn component_of<T: Copy>(list: &[T], width: usize, component: usize) -> impl Iterator<Item = T> {
     list.iter().copied().skip(component).step_by(width)
 }
 
-/// One over a count, or zero.
+/// 1 / count; 0 for a count of 0.
 pub(super) fn reciprocal(count: u32) -> f64 {
     if count == 0 { 0.0 } else { 1.0 / f64::from(count) }
 }
 
-/// The means of all components over so many values per pixel; `empty` where there are none. Most of what writing a picture takes
-/// but for its compression is here.
+/// Planes of means over a number of values by pixel; `empty` for a count of 0. After compression this takes most of the time of writing a
+/// picture.
 fn means(sums: &[f64], width: usize, counts: &[u32], empty: f32) -> Vec<Values> {
     let mut planes = vec![vec![empty; counts.len()]; width];
     for (component, plane) in planes.iter_mut().enumerate() {
@@ -376,7 +377,7 @@ fn means(sums: &[f64], width: usize, counts: &[u32], empty: f32) -> Vec<Values> 
     planes.into_iter().map(Values::Float).collect()
 }
 
-/// Which share of both the first of two sums is; 0 of nothing.
+/// Ratio of the first of two sums to both together; 0 if both are 0.
 fn share(first: f64, second: f64) -> f32 {
     let both = first + second;
     if both > 0.0 { (first / both).clamp(0.0, 1.0) as f32 } else { 0.0 }
@@ -388,11 +389,11 @@ fn variance_of_mean(sum: f64, squares: f64, count: u32) -> f32 {
         return f32::INFINITY;
     }
     let n = f64::from(count);
-    // Rounding may take the difference below zero where all values are the same.
+    // Rounding may make the difference of equal values negative.
     ((squares - sum * sum / n).max(0.0) / ((n - 1.0) * n)) as f32
 }
 
-/// Ids as the bits of floats, and the shares of the samples that show them, in turn.
+/// Planes of ids (as bits of floats) and of their fractions of the samples, alternating.
 fn coverage_planes(lists: &Coverage, names: usize, samples: &[u32]) -> Vec<Values> {
     let mut planes = vec![vec![0.0f32; samples.len()]; names];
     for (pixel, &count) in samples.iter().enumerate() {
@@ -404,34 +405,32 @@ fn coverage_planes(lists: &Coverage, names: usize, samples: &[u32]) -> Vec<Value
     planes.into_iter().map(Values::Float).collect()
 }
 
-/// Where the numbers of pixels stand in a list with `width` for each.
-fn places(pixels: Range<usize>, width: usize) -> Range<usize> {
+/// Index range of pixels in a list with `width` interleaved components.
+fn component_range(pixels: Range<usize>, width: usize) -> Range<usize> {
     pixels.start * width..pixels.end * width
 }
 
-// The layout of a film, and where the numbers of a sample belong.
-
-/// The channels of a film. The first one is colour.
+/// The channels of a film, the first of which is colour, and the offsets of their values in samples.
 #[derive(Debug, PartialEq)]
 pub struct Layout {
     pub(super) channels: Vec<Channel>,
-    /// Whether any channel shows first hits.
+    /// Whether any channel has the source [`Source::FirstHit`].
     pub(super) has_first_hits: bool,
-    /// Whether the colour of the first half of each pixel's samples is kept apart.
+    /// Whether the film has half buffers: sums of colour over the first half of each pixel's samples.
     pub(super) has_halves: bool,
-    /// By channel beyond colour: the index of its first number among those of a sample for its source.
+    /// For each channel other than colour, the index of its first value among a sample's values of its source.
     pub(super) offsets: Vec<usize>,
-    /// How many channels show parts of the colour.
+    /// Number of channels with the source [`Source::PartOfColor`].
     pub(super) parts: usize,
-    /// By number of a first hit: the bits that are all set where it is not finite; 0 for integers.
+    /// For each value of a first hit, the bit mask of a float's exponent; 0 for integers.
     pub(super) exponents: Vec<u32>,
 }
 
-/// The bits of a float's exponent.
+/// Bit mask of a float's exponent; all set for NaN and infinity.
 const EXPONENT: u32 = 0x7f80_0000;
 
 impl Layout {
-    /// Colour and further channels.
+    /// A layout with colour and further channels.
     pub fn new(further: impl IntoIterator<Item = Channel>) -> Layout {
         let mut layout = Layout {
             channels: vec![Channel::color()],
@@ -458,38 +457,38 @@ impl Layout {
         layout
     }
 
-    /// Numbers of a sample's first hit.
+    /// Number of first-hit values per sample.
     pub(super) fn first_hit_width(&self) -> usize {
         self.exponents.len()
     }
 
-    /// Are all floats of a first hit finite? Integers travel as bits.
+    /// Whether all floats of a first hit are finite. (Integers are stored as bits of floats.)
     pub(super) fn is_finite(&self, first_hit: &[f32]) -> bool {
         let numbers = self.exponents.iter().zip(first_hit);
         numbers.map(|(&exponent, value)| u32::from(value.to_bits() & exponent == EXPONENT)).sum::<u32>() == 0
     }
 
-    /// The same, with the colour of the first half of each pixel's samples kept apart if `has_halves`.
+    /// The same layout with or without half buffers.
     pub fn with_halves(self, has_halves: bool) -> Layout {
         Layout { has_halves, ..self }
     }
 
-    /// All channels but colour.
+    /// The channels other than colour.
     pub(super) fn further(&self) -> &[Channel] {
         &self.channels[1..]
     }
 
-    /// Are there more than colour?
+    /// Whether there are further channels or half buffers.
     pub fn has_more_than_color(&self) -> bool {
         self.channels.len() > 1 || self.has_halves
     }
 
-    /// Is the first half of each pixel's samples kept apart?
+    /// Whether the film has half buffers.
     pub fn has_halves(&self) -> bool {
         self.has_halves
     }
 
-    /// Bytes that the light of paths from lights takes for one pixel, at most.
+    /// Maximum memory of splats per pixel, bytes.
     pub fn splat_bytes_per_pixel(&self) -> u64 {
         let further = self.further().iter().filter(|channel| {
             channel.source == Source::PartOfColor || channel.reduction == Reduction::VarianceOfMean
@@ -498,7 +497,7 @@ impl Layout {
         (size_of::<HalfSum>() * (1 + usize::from(self.has_halves)) + lists) as u64
     }
 
-    /// Bytes for one pixel.
+    /// Memory per pixel without splats, bytes.
     pub fn bytes_per_pixel(&self) -> u64 {
         let counts = size_of::<u32>() * (1 + usize::from(self.has_first_hits));
         let further: usize = self.further().iter().map(Accumulator::bytes_per_pixel).sum();

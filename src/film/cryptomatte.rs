@@ -1,11 +1,11 @@
+//! Cryptomatte: coverage of pixels by ids, and ids as hashes of names.
+
 use std::ops::Range;
 
-// Which ids cover each pixel: a list a pixel, as long as it needs to be.
-
-/// Counts of ids per pixel. The lists are chains through one array: a picture has few ids per pixel, and most pixels one.
+/// Sample counts of ids by pixel, as linked lists in one array: most pixels have a single id.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Coverage {
-    /// First entry of each pixel's chain, plus one; 0 for none.
+    /// Index plus one of the first entry of each pixel's list; 0: empty.
     pub heads: Vec<u32>,
     pub entries: Vec<Entry>,
 }
@@ -14,14 +14,14 @@ pub(super) struct Coverage {
 #[repr(C)]
 pub(super) struct Entry {
     id: u32,
-    /// Samples that showed it.
+    /// Number of samples with the id.
     count: u32,
-    /// The next entry of the pixel, plus one; 0 for none.
+    /// Index plus one of the pixel's next entry; 0: end.
     next: u32,
 }
 
 impl Coverage {
-    /// Empty lists; `None` if there is no memory for them.
+    /// Empty lists; `None` if memory runs out.
     pub fn try_new(pixels: usize) -> Option<Coverage> {
         Some(Coverage { heads: bytemuck::try_zeroed_vec(pixels).ok()?, entries: Vec::new() })
     }
@@ -40,49 +40,50 @@ impl Coverage {
         self.heads[pixel] = u32::try_from(self.entries.len()).expect("fewer than 2^32 ids on all pixels");
     }
 
-    /// Adds a pixel of other lists to one of these.
+    /// Adds the list of pixel `from` of other lists to pixel `pixel`.
     pub fn merge(&mut self, pixel: usize, other: &Coverage, from: usize) {
         other.of(from).for_each(|entry| self.add(pixel, entry.id, entry.count));
     }
 
-    /// The ids of a pixel with their numbers of samples, most samples first; where they tie, the smaller id.
+    /// The ids of a pixel with their numbers of samples, sorted by decreasing number, then by id.
     pub fn ranked(&self, pixel: usize) -> Vec<(u32, u32)> {
         let mut list: Vec<(u32, u32)> = self.of(pixel).map(|entry| (entry.id, entry.count)).collect();
         list.sort_unstable_by_key(|&(id, count)| (std::cmp::Reverse(count), id));
         list
     }
 
-    /// The lists of some pixels, then of others, and so on.
+    /// Concatenates the lists of consecutive ranges of pixels.
     pub fn joined(parts: &[&Coverage]) -> Coverage {
         let mut all = Coverage::default();
         for part in parts {
             let before = u32::try_from(all.entries.len()).expect("fewer than 2^32 ids on all pixels");
-            let later = |place: u32| if place == 0 { 0 } else { place + before };
-            all.heads.extend(part.heads.iter().map(|&head| later(head)));
-            all.entries.extend(part.entries.iter().map(|entry| Entry { next: later(entry.next), ..*entry }));
+            let shifted = |index: u32| if index == 0 { 0 } else { index + before };
+            all.heads.extend(part.heads.iter().map(|&head| shifted(head)));
+            all.entries
+                .extend(part.entries.iter().map(|entry| Entry { next: shifted(entry.next), ..*entry }));
         }
         all
     }
 
-    /// The lists of some of the pixels.
+    /// The lists of a range of pixels.
     pub fn of_pixels(&self, pixels: Range<usize>) -> Coverage {
         let mut part = Coverage { heads: vec![0; pixels.len()], entries: Vec::new() };
         for (own, pixel) in pixels.enumerate() {
             let chain: Vec<&Entry> = self.of(pixel).collect();
-            // The last one that is added comes first.
+            // New entries are inserted at the front.
             chain.iter().rev().for_each(|entry| part.add(own, entry.id, entry.count));
         }
         part
     }
 
-    /// Do all chains end, and does each entry belong to one pixel alone? Each entry is followed by an earlier one.
+    /// Whether all lists end and no entry is shared: entries only link to earlier ones, and each is linked to at most once.
     pub fn is_valid(&self) -> bool {
-        let mut is_taken = vec![false; self.entries.len()];
+        let mut is_linked = vec![false; self.entries.len()];
         let nexts = self.entries.iter().enumerate().map(|(at, entry)| (entry.next, at));
         let heads = self.heads.iter().map(|&head| (head, self.entries.len()));
-        heads.chain(nexts).filter(|(place, _)| *place > 0).all(|(place, behind)| {
-            let at = place as usize - 1;
-            at < behind && !std::mem::replace(&mut is_taken[at], true)
+        heads.chain(nexts).filter(|(index, _)| *index > 0).all(|(index, behind)| {
+            let at = index as usize - 1;
+            at < behind && !std::mem::replace(&mut is_linked[at], true)
         })
     }
 
@@ -92,11 +93,8 @@ impl Coverage {
     }
 }
 
-// Ids of Cryptomatte: hashes of names (Friedman, Jones 2015, "Fully automatic id mattes with support for motion blur and
-// transparency"; Psyop's specification 1.2.0).
-
-/// The id of a name: its hash, with an exponent that a float of these bits can have: neither zero or a tiny number, which
-/// arithmetic may flush, nor infinite or no number.
+/// The id of a name: its hash, changed where necessary so that as a float it is neither subnormal, infinite nor NaN (Friedman, Jones
+/// 2015, "Fully automatic id mattes with support for motion blur and transparency"; Psyop's Cryptomatte specification 1.2.0).
 pub fn matte_id(name: &str) -> u32 {
     let hash = murmur3_32(name.as_bytes());
     match hash >> 23 & 255 {
@@ -105,13 +103,13 @@ pub fn matte_id(name: &str) -> u32 {
     }
 }
 
-/// The key of a matte in headers: seven hexadecimal digits.
+/// The key of a Cryptomatte in file headers: seven hexadecimal digits.
 pub fn matte_key(kind: &str) -> String {
     let digits = format!("{:08x}", murmur3_32(kind.as_bytes()));
     digits[..7].to_string()
 }
 
-/// Appleby's MurmurHash3_x86_32 with a seed of 0.
+/// MurmurHash3_x86_32 (Appleby) with seed 0.
 fn murmur3_32(bytes: &[u8]) -> u32 {
     let scrambled = |k: u32| k.wrapping_mul(0xcc9e_2d51).rotate_left(15).wrapping_mul(0x1b87_3593);
     let (words, rest) = bytes.as_chunks::<4>();
@@ -127,15 +125,14 @@ fn murmur3_32(bytes: &[u8]) -> u32 {
     hash ^ hash >> 16
 }
 
-/// Ids for mattes: the ids of its objects and materials, by their numbers. Lists that no matte asks for are
-/// empty.
+/// Cryptomatte ids of a scene; lists that no AOV needs are empty.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct MatteIds {
-    /// By object.
+    /// Ids by object.
     pub objects: Vec<u32>,
-    /// By material.
+    /// Ids by material.
     pub materials: Vec<u32>,
-    /// By object: the id of its asset.
+    /// Ids of the assets by object.
     pub assets: Vec<u32>,
 }
 
@@ -144,7 +141,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn chains_that_pixels_share_are_not_valid() {
+    fn shared_or_cyclic_lists_are_invalid() {
         let mut lists = Coverage::try_new(3).expect("three pixels");
         (0..3).for_each(|pixel| (0..3).for_each(|id| lists.add(pixel, id, 1)));
         assert!(lists.is_valid());
@@ -155,11 +152,11 @@ mod tests {
         joined.entries[8].next = 5;
         assert!(!joined.is_valid());
         lists.entries[3].next = 9;
-        assert!(!lists.is_valid(), "forwards");
+        assert!(!lists.is_valid(), "link to a later entry");
     }
 
     #[test]
-    fn ids_rank_by_their_samples_whatever_the_order() {
+    fn ranking_does_not_depend_on_the_order_of_samples() {
         let samples = [(0, 7), (1, 9), (0, 3), (0, 7), (0, 5), (1, 9), (0, 5)];
         let mut lists = Coverage::try_new(3).expect("three pixels");
         samples.iter().for_each(|&(pixel, id)| lists.add(pixel, id, 1));
@@ -180,9 +177,9 @@ mod tests {
 mod matte_tests {
     use super::*;
 
-    /// Vectors of the reference implementation's users, and keys that the specification and Blender's files show.
+    /// Published test vectors of MurmurHash3, and keys from the specification and from files by Blender.
     #[test]
-    fn hashes_are_the_published_ones() {
+    fn hashes_equal_published_values() {
         for (text, hash) in [
             ("", 0),
             ("test", 0xba6b_d213),
@@ -196,13 +193,13 @@ mod matte_tests {
     }
 
     #[test]
-    fn ids_are_plain_floats() {
+    fn ids_are_normal_floats() {
         let mut changed = 0;
         for i in 0..20_000 {
             let (name, id) = (format!("object {i}"), matte_id(&format!("object {i}")));
             assert!(f32::from_bits(id).is_normal(), "{name}");
             changed += u32::from(id != murmur3_32(name.as_bytes()));
         }
-        assert!((100..220).contains(&changed), "{changed}: 2 of 256 exponents can't be");
+        assert!((100..220).contains(&changed), "{changed}: 2 of 256 exponents are invalid");
     }
 }

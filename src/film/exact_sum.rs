@@ -1,32 +1,32 @@
-//! Order-independent sums: parts of a picture that are added in any order give the same bits.
+//! Order-independent sums: adding parts of a picture in any order gives the same bits.
 //!
-//! A sum is a pair of numbers: the sum rounded to f64, and the rounding error. Their total is exact, and the pair of a sum is unique,
-//! while addends are multiples of a grid and sums stay below [`LARGEST`]. Addends are rounded to the grid first, whose spacing is
-//! below the precision of f32 addends of 1e-6. Beyond, sums depend on the order in the last digit of an f64.
+//! A sum is a pair: the sum rounded to f64, and the rounding error. The pair is exact and unique if addends are multiples of a grid and
+//! sums stay below [`LARGEST`]. Addends are first rounded to the grid, whose spacing is below the precision of an f32 of 1e-6. Sums
+//! above [`LARGEST`] depend on the order in the last digit of an f64.
 
 use crate::simd::{Kernel, dispatch};
 use bytemuck::{Pod, Zeroable};
 
-/// Bits of the grid after the binary point.
+/// Number of fractional bits of the grid.
 const GRID_BITS: i32 = 44;
 
 /// Adding and subtracting this rounds numbers below [`ROUNDED`] to the grid.
 const ROUNDER: f64 = 1.5 * (1u64 << (52 - GRID_BITS)) as f64;
 
-/// From here on, f64 values have no bits finer than half the grid.
+/// Magnitude from which f64 values are not rounded, since they have no bits finer than half the grid.
 const ROUNDED: f64 = (1u64 << (51 - GRID_BITS)) as f64;
 
-/// Sums are exact below this.
+/// Upper limit of exact sums.
 #[cfg(test)]
 const LARGEST: f64 = (1u64 << (76 - GRID_BITS)) as f64;
 
-/// A number on the grid.
+/// Rounds a number to the grid.
 #[inline(always)]
 pub(super) fn on_grid(value: f64) -> f64 {
     if value.abs() < ROUNDED { (value + ROUNDER) - ROUNDER } else { value }
 }
 
-/// Adds to a sum (Knuth 1969; Dekker 1971, "A Floating-Point Technique for Extending the Available Precision").
+/// Adds to an exact sum (two-sum of Knuth 1969; Dekker 1971, "A Floating-Point Technique for Extending the Available Precision").
 #[inline(always)]
 pub(super) fn add_exact(high: &mut f64, low: &mut f32, value: f64) {
     let sum = *high + value;
@@ -37,7 +37,7 @@ pub(super) fn add_exact(high: &mut f64, low: &mut f32, value: f64) {
     *low = (rest - (*high - sum)) as f32;
 }
 
-/// A list of sums. Those of tiles, which get samples in one order, are plain f64 sums.
+/// A list of exact sums; in tiles, where samples have a fixed order, of plain f64 sums.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct SumList {
     pub high: Vec<f64>,
@@ -46,7 +46,7 @@ pub(super) struct SumList {
 }
 
 impl SumList {
-    /// Zeros; `None` if there is no memory for them.
+    /// Zeros; `None` if memory runs out.
     pub fn try_new(count: usize, is_exact: bool) -> Option<SumList> {
         let low = if is_exact { count } else { 0 };
         Some(SumList {
@@ -55,12 +55,12 @@ impl SumList {
         })
     }
 
-    /// Adds sums of a tile, some numbers from each of its pixels.
+    /// Adds plain sums of a tile: a slice for each of consecutive pixels.
     pub fn add_strided<'a>(&mut self, mut at: usize, pixels: impl Iterator<Item = &'a [f64]>) {
-        let mut values = [0.0; GATHERED];
+        let mut values = [0.0; BUFFER];
         let mut count = 0;
         for numbers in pixels {
-            if count + numbers.len() > GATHERED {
+            if count + numbers.len() > BUFFER {
                 self.add_all(at, &values[..count]);
                 (at, count) = (at + count, 0);
             }
@@ -70,13 +70,13 @@ impl SumList {
         self.add_all(at, &values[..count]);
     }
 
-    /// Adds plain sums to those from a place on.
+    /// Adds plain sums to those from index `at` on.
     fn add_all(&mut self, at: usize, values: &[f64]) {
         let here = at..at + values.len();
         dispatch(AddAll { high: &mut self.high[here.clone()], low: &mut self.low[here], values });
     }
 
-    /// Adds sums of another list: those of a tile, or exact ones.
+    /// Adds `count` plain or exact sums of another list.
     pub fn merge(&mut self, at: usize, other: &SumList, from: usize, count: usize) {
         let highs = &other.high[from..from + count];
         if other.low.is_empty() {
@@ -93,8 +93,8 @@ impl SumList {
     }
 }
 
-/// Size of the buffer for the numbers of pixels.
-const GATHERED: usize = 96;
+/// Size of the buffer of [`SumList::add_strided`].
+const BUFFER: usize = 96;
 
 /// Adds plain sums to exact ones.
 struct AddAll<'a> {
@@ -113,7 +113,7 @@ impl Kernel for AddAll<'_> {
     }
 }
 
-/// Red, green and blue of the first half of a pixel's samples, and how many there are.
+/// Sums of red, green and blue over the first half of a pixel's samples, and their number.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct HalfSum {
@@ -129,14 +129,14 @@ impl HalfSum {
         self.count += 1;
     }
 
-    /// Adds a value by itself, without a count.
+    /// Adds a value to the exact sum without changing the count.
     pub fn add_exactly(&mut self, rgb: [f32; 3]) {
         for ((sum, low), value) in self.rgb.iter_mut().zip(&mut self.low).zip(rgb) {
             add_exact(sum, low, on_grid(f64::from(value)));
         }
     }
 
-    /// Adds the sum of a tile, or an exact one.
+    /// Adds the plain sum of a tile, or an exact sum.
     pub fn merge(&mut self, other: &HalfSum, is_of_tile: bool) {
         for c in 0..3 {
             let value = if is_of_tile { on_grid(other.rgb[c]) } else { other.rgb[c] };
@@ -154,7 +154,7 @@ mod tests {
     use super::*;
     use crate::sampling::hash::SplitMix64;
 
-    /// Numbers of very different sizes, as in sums over blocks of samples.
+    /// Numbers of very different magnitudes, as in sums over tiles.
     fn numbers(seed: u64, count: usize) -> Vec<f64> {
         let mut random = SplitMix64::new(seed);
         let size = |random: &mut SplitMix64| 2f64.powf(60.0 * random.next_unit() - 45.0);
@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn the_order_and_the_grouping_do_not_matter() {
+    fn sums_do_not_depend_on_order_or_grouping() {
         for seed in 0..50 {
             let mut values = numbers(seed, 250);
             let whole = summed(&values);
@@ -187,9 +187,9 @@ mod tests {
         }
     }
 
-    /// Plain sums do depend on the order: else there would be nothing to do here.
+    /// Shows that the test above is sensitive.
     #[test]
-    fn plain_sums_do_depend_on_the_order() {
+    fn plain_sums_depend_on_the_order() {
         let differs = |seed: &u64| {
             let values = numbers(*seed, 250);
             values.iter().sum::<f64>() != values.iter().rev().sum::<f64>()
@@ -198,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn the_grid_is_finer_than_what_samples_say() {
+    fn grid_is_finer_than_single_precision_of_samples() {
         for value in [1e-6f32, 3.7e-4, 0.1, 5.0, 127.9, 128.1, 1e9] {
             let value = f64::from(value);
             assert_eq!(on_grid(value), value, "{value}");

@@ -1,31 +1,32 @@
-//! Reconstruction filters by importance sampling: instead of weighting a sample by the filter, its position is drawn from
-//! the filter (Ernst, Stamminger, Greiner 2006, "Filter Importance Sampling"). Every sample then counts the same and
-//! belongs to one pixel, which needs no border around tiles.
+//! Reconstruction filters by importance sampling: instead of weighting samples by the filter, their positions are drawn from it (Ernst,
+//! Stamminger, Greiner 2006, "Filter Importance Sampling"). All samples then have weight 1 and belong to a single pixel, so tiles
+//! need no border.
 
 use crate::scene::Filter;
 use crate::simd::Table;
 
-/// Cells of one table.
+/// Cells per table.
 const CELLS: usize = 256;
-/// The tables cover these ranges of the probability that is left outside, from the centre to the edge: the long thin
-/// tails of the filters need finer cells.
+/// Ranges of the tail probability (of both tails) covered by the tables, from the filter's centre to its edge: thin tails need finer
+/// cells.
 const RANGES: [(f32, f32); 3] = [(1.0, 1.0 / 16.0), (1.0 / 16.0, 1.0 / 256.0), (1.0 / 256.0, 0.0)];
-/// Steps between two values of the table of values.
+/// Intervals of the table of filter values.
 const VALUES: usize = 512;
-/// Steps of the numerical integral of a filter over half its width: offsets are right to 2e-7 pixels. Eight times as many would
-/// take longer than all else that comes before the first ray of a small scene.
+/// Steps of the numerical integration of a filter over its radius, for offsets accurate to 2e-7 pixels. Eight times as many would
+/// dominate the time to the first ray of a small scene.
 const STEPS: usize = 1 << 12;
 
-/// Draws offsets from a pixel's centre, one axis at a time (all filters are separable and symmetric).
+/// Samples offsets from the pixel centre along one axis (all filters are separable and symmetric).
 ///
-/// The inverse of the cumulative distribution is tabulated over one half, with straight lines between the entries. The
-/// map from `u` is monotone, so stratified numbers stay stratified.
+/// The inverse cumulative distribution is tabulated over the positive half and interpolated linearly. It is monotonic, so stratified
+/// numbers stay stratified.
 #[derive(Clone, Debug)]
 pub struct FilterSampler {
+    /// Offsets in pixels, by range.
     tables: [[f32; CELLS + 1]; RANGES.len()],
-    /// Half the filter's width, pixels.
+    /// Radius of the filter, pixels.
     radius: f32,
-    /// Values from the centre to the edge, with an integral of 1 over the whole width.
+    /// Filter values from the centre to the edge, per pixel, normalised to an integral of 1.
     values: [f32; VALUES + 1],
 }
 
@@ -40,25 +41,25 @@ impl FilterSampler {
         }
     }
 
-    /// The offset in pixels for a number `u` in 0..1; the offsets' density is the filter.
+    /// Samples an offset in pixels by a number `u` in 0..1, with the filter as pdf.
     #[inline(always)]
     pub fn sample(&self, u: f32) -> f32 {
         let signed = 2.0 * u - 1.0;
         let outside = 1.0 - signed.abs();
-        // Free of branches and of checks, so that loops over samples vectorise.
+        // Without branches and bounds checks, so that loops over samples vectorise.
         let (in_first, in_second) = (outside >= RANGES[0].1, outside >= RANGES[1].1);
         let (from, scale) = if in_second { (RANGES[1].0, scale_of(1)) } else { (RANGES[2].0, scale_of(2)) };
         let (from, scale) = if in_first { (RANGES[0].0, scale_of(0)) } else { (from, scale) };
         let range = u32::from(!in_first) + u32::from(!in_second);
-        let place = (from - outside) * scale;
-        let cell = (place as u32).min(CELLS as u32 - 1);
-        let part = place - cell as f32;
+        let position = (from - outside) * scale;
+        let cell = (position as u32).min(CELLS as u32 - 1);
+        let fraction = position - cell as f32;
         let (table, at) = (Table::new(self.tables.as_flattened()), range * (CELLS as u32 + 1) + cell);
-        let offset = table.at(at) + part * (table.at(at + 1) - table.at(at));
+        let offset = table.at(at) + fraction * (table.at(at + 1) - table.at(at));
         if signed < 0.0 { -offset } else { offset }
     }
 
-    /// Inverts the integral of `density`, which is symmetric and non-negative on `-radius..radius`.
+    /// Tabulates a filter by its unnormalised density, symmetric and non-negative on `-radius..radius`.
     fn tabulate(radius: f64, density: impl Fn(f64) -> f64) -> FilterSampler {
         let step = radius / STEPS as f64;
         let mut cumulative = Vec::with_capacity(STEPS + 1);
@@ -68,12 +69,12 @@ impl FilterSampler {
             sum += density((i as f64 + 0.5) * step);
             cumulative.push(sum);
         }
-        let inverse = |share: f64| {
-            let target = share * sum;
+        let inverse = |probability: f64| {
+            let target = probability * sum;
             let above = cumulative.partition_point(|&c| c < target).clamp(1, STEPS);
             let (low, high) = (cumulative[above - 1], cumulative[above]);
-            let part = if high > low { (target - low) / (high - low) } else { 0.0 };
-            ((above as f64 - 1.0 + part) * step).clamp(0.0, radius) as f32
+            let fraction = if high > low { (target - low) / (high - low) } else { 0.0 };
+            ((above as f64 - 1.0 + fraction) * step).clamp(0.0, radius) as f32
         };
         let tables = RANGES.map(|(from, to)| {
             let (from, to) = (f64::from(from), f64::from(to));
@@ -84,27 +85,26 @@ impl FilterSampler {
         FilterSampler { tables, radius: radius as f32, values }
     }
 
-    /// Half the filter's width, pixels: offsets are no larger.
+    /// Radius of the filter, pixels: maximum offset.
     pub fn radius(&self) -> f32 {
         self.radius
     }
 
-    /// The filter at an offset, per pixel: the density of [`FilterSampler::sample`], for splats, whose positions
-    /// are not drawn from the filter.
+    /// Value of the normalised filter at an offset in pixels, for splats, whose positions are not drawn from the filter.
     #[inline]
     pub fn value(&self, offset: f32) -> f32 {
-        let place = offset.abs() / self.radius * VALUES as f32;
-        if place < VALUES as f32 {
-            let cell = (place as usize).min(VALUES - 1);
-            let part = place - cell as f32;
-            self.values[cell] + part * (self.values[cell + 1] - self.values[cell])
+        let position = offset.abs() / self.radius * VALUES as f32;
+        if position < VALUES as f32 {
+            let cell = (position as usize).min(VALUES - 1);
+            let fraction = position - cell as f32;
+            self.values[cell] + fraction * (self.values[cell + 1] - self.values[cell])
         } else {
             0.0
         }
     }
 }
 
-/// Cells a unit of probability in a range.
+/// Cells per unit of probability in a range.
 const fn scale_of(range: usize) -> f32 {
     let (from, to) = RANGES[range];
     CELLS as f32 / (from - to)
@@ -112,13 +112,12 @@ const fn scale_of(range: usize) -> f32 {
 
 /// The 4-term Blackman-Harris window (Harris 1978, "On the Use of Windows", table I, -92 dB) at `x` in -1..1.
 fn blackman_harris(x: f64) -> f64 {
-    // cos(2 t) and cos(3 t) by cos(t).
+    // cos(2 t) and cos(3 t) in terms of cos(t).
     let c = cosine(std::f64::consts::PI * x);
     0.35875 + 0.48829 * c + 0.14128 * (2.0 * c * c - 1.0) + 0.01168 * (4.0 * c * c - 3.0) * c
 }
 
-/// cos(x) by its Taylor series, for |x| below 10 or so. Library versions differ in the last bit between platforms,
-/// which would make pictures differ.
+/// cos(x) by its Taylor series, for |x| below 10. (Library functions differ in the last bit between platforms, and so would pictures.)
 fn cosine(x: f64) -> f64 {
     let (mut term, mut sum) = (1.0, 1.0);
     for n in 1..=30 {
@@ -129,7 +128,7 @@ fn cosine(x: f64) -> f64 {
     sum
 }
 
-/// exp(-x) for 0 <= x < 10 as the reciprocal of the series of exp(x); see [`cosine`] for why.
+/// exp(-x) for 0 <= x < 10 as the reciprocal of the series of exp(x); for the reason see [`cosine`].
 fn exp_of_negative(x: f64) -> f64 {
     let (mut term, mut sum) = (1.0, 1.0);
     for n in 1..=60 {
@@ -146,7 +145,7 @@ mod tests {
 
     const FILTERS: [Filter; 3] = [Filter::Box, Filter::Gaussian, Filter::BlackmanHarris];
 
-    /// Filter value and radius, written independently of the tables.
+    /// Unnormalised filter value, independent of the tables.
     fn density(filter: Filter, x: f64) -> f64 {
         let inside = |r: f64| f64::from(x.abs() < r);
         let t = std::f64::consts::TAU * (x + 1.5) / 3.0;
@@ -169,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn series_match_the_library() {
+    fn series_agree_with_the_standard_library() {
         for i in 0..=1000 {
             let x = f64::from(i) / 1000.0;
             assert!((cosine(9.5 * x) - (9.5 * x).cos()).abs() < 1e-11);
@@ -178,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn regular_numbers_reproduce_the_moments() {
+    fn moments_of_stratified_samples_equal_those_of_the_filter() {
         for filter in FILTERS {
             let sampler = FilterSampler::new(filter);
             let n = 1 << 20;
@@ -219,13 +218,13 @@ mod tests {
                 chi2 += (count as f64 - expected).powi(2) / expected;
                 freedom += 1.0;
             }
-            // Mean k, variance 2k; 4.5 sigma leaves about 1 in 10^4 for the skewed tail.
+            // Mean k, variance 2k; the skewed tail beyond 4.5 sigma has a probability of about 1e-4.
             assert!(chi2 < freedom + 4.5 * (2.0f64 * freedom).sqrt(), "{filter:?}: chi2 {chi2} of {freedom}");
         }
     }
 
     #[test]
-    fn values_are_the_density() {
+    fn values_equal_the_normalized_density() {
         for filter in FILTERS {
             let sampler = FilterSampler::new(filter);
             let mass = moment(filter, 0, -1.5, 1.5);
@@ -239,7 +238,7 @@ mod tests {
     }
 
     #[test]
-    fn the_map_is_monotone_and_symmetric() {
+    fn sampling_is_monotonic_and_symmetric() {
         for filter in FILTERS {
             let sampler = FilterSampler::new(filter);
             let mut last = f32::NEG_INFINITY;

@@ -1,9 +1,8 @@
-//! The film: where samples become pixels. Threads fill [`FilmTile`]s; the renderer merges them in a fixed order.
+//! The film accumulates samples. Threads fill [`FilmTile`]s, which are merged into the film.
 //!
-//! Every sample belongs to one pixel (filters are importance-sampled, see [`FilterSampler`]), so a pixel is a sum and a
-//! count. Sums of a tile are f64: adding f32 values to them loses nothing that a picture could show, however many samples.
-//! Sums of a film are exact (`exact_sum.rs`): tiles and films may be added in any order. It is stored in bands of rows (`band.rs`), to
-//! which many threads add at once.
+//! Every sample belongs to one pixel (filters are importance-sampled, see [`FilterSampler`]), so a pixel is a sum and a count. Tiles have
+//! plain f64 sums, precise enough for any number of samples. The film has exact sums (`exact_sum.rs`), so that tiles and films may be
+//! added in any order, in bands of rows (`band.rs`), to which several threads add concurrently.
 
 mod aov;
 mod band;
@@ -54,7 +53,7 @@ mod tests {
     }
 
     #[test]
-    fn a_film_that_does_not_fit_says_what_it_takes() {
+    fn films_beyond_the_memory_are_an_error_with_their_size() {
         let error = Film::try_new(u32::MAX, u32::MAX, all().channels()).expect_err("2^64 pixels");
         assert!(error.to_string().contains("GiB"), "{error}");
         let one = Film::try_new(3, 2, all().channels()).expect("six pixels");
@@ -63,8 +62,8 @@ mod tests {
     }
 
     #[test]
-    fn sums_do_not_drift() {
-        // 2^24 additions of 0.1 in f32 end at about 2.1 M instead of 1.68 M.
+    fn sums_of_many_samples_are_precise() {
+        // 2^24 additions of 0.1 in f32 give about 2.1 million instead of 1.68 million.
         let mut film = Film::new(1, 1, AovSet::default());
         let mut tile = film.tile(0, 0, 1, 1);
         for _ in 0..1 << 24 {
@@ -89,7 +88,7 @@ mod tests {
     }
 
     #[test]
-    fn tiles_are_cut_at_the_edges_and_merge_in_any_place() {
+    fn tiles_are_clipped_at_the_edges_of_the_film() {
         let mut film = Film::new(5, 5, all());
         for (x, y) in [(0, 0), (4, 0), (0, 4), (4, 4)] {
             let mut tile = film.tile(x, y, 4, 4);
@@ -105,7 +104,7 @@ mod tests {
         assert_eq!((outside.width, outside.height), (0, 0));
     }
 
-    /// One pixel after these samples, each a value of the first hit or nothing, merged in tiles of the given sizes.
+    /// A film of one pixel after samples, each with the values of a first hit or none, merged in tiles of the given sizes.
     fn reduced(channel: Channel, samples: &[Option<&[f32]>], tiles: &[usize]) -> Film {
         let mut film = Film::try_new(1, 1, [channel]).expect("one pixel");
         let mut rest = samples;
@@ -121,7 +120,7 @@ mod tests {
     }
 
     #[test]
-    fn first_hits_are_reduced_as_their_channels_say() {
+    fn first_hits_are_reduced_by_the_reduction_of_the_channel() {
         let depths: [Option<&[f32]>; 4] = [None, Some(&[4.0]), Some(&[2.0]), None];
         let cases = [
             (Reduction::Mean, 1.5, 0.0),
@@ -146,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn ids_are_ranked_by_their_share_of_all_samples() {
+    fn ids_are_ranked_by_their_fraction_of_all_samples() {
         let names = ["crypto00.R", "crypto00.G", "crypto00.B", "crypto00.A"].map(std::borrow::Cow::Borrowed);
         let channel =
             Channel { names: names.to_vec(), reduction: Reduction::Coverage, ..Channel::from(Aov::Depth) };
@@ -164,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn colour_has_a_count_and_a_variance() {
+    fn sample_count_and_variance_of_colour() {
         let mut film = Film::new(3, 1, [Aov::Samples, Aov::Variance].into());
         for value in [1.0, 3.0, 8.0] {
             let mut tile = film.tile(0, 0, 2, 1);
@@ -183,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn a_film_lists_its_planes_and_first_hits_stay_apart() {
+    fn planes_are_listed_in_order_and_non_finite_hits_count_as_misses() {
         let aovs = AovSet::from([Aov::Depth, Aov::Samples, Aov::MaterialId, Aov::Normal]);
         let mut film = Film::new(2, 1, aovs);
         let mut tile = film.tile(0, 0, 2, 1);
@@ -204,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn halves_are_means_of_their_samples() {
+    fn half_buffers_are_means_of_their_samples() {
         let layout = || Layout::new([]).with_halves(true);
         let mut film = Film::of_layout(2, 1, layout()).expect("two pixels");
         let mut tile = film.tile(0, 0, 2, 1);

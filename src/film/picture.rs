@@ -1,23 +1,23 @@
-//! A film: its channels for every pixel, in bands of rows.
+//! The film: sums of all channels for every pixel, in bands of rows.
 //!
 //! # Shadow catchers
-//! Objects of which only the effects of other objects are visible: their shadows and reflections.
+//! Of shadow catchers only the effects of other objects are visible: shadows and reflections.
 //!
-//! For samples whose camera rays hit a catcher first, the film stores as means over all samples of the pixel: their
-//! radiance W with the whole scene, their radiance O with nothing but catchers and lights, and their share c. The colour of
-//! these samples becomes, channel by channel,
+//! Over the samples whose camera rays hit a catcher first, the film stores, as means over all samples of the pixel, the radiance W
+//! with the whole scene, the radiance O with only catchers and lights, and the fraction c of these samples. Their colour
+//! becomes, channel by channel,
 //!
 //! ```text
-//! rgb = W - (1 - a) O,    alpha = a c,    with a = 1 - min(1, least of W / O over the channels).
+//! rgb = W - (1 - a) O,    alpha = a c,    with a = 1 - min(1, minimum of W / O over the channels).
 //! ```
 //!
-//! Composited over a plate P, the result is rgb + (c - alpha) P, where the plate replaces O / c. For P = O / c it is W, the radiance of
-//! the catcher as an ordinary object, for every a, so that the ratio of two estimates causes no bias. With this a, rgb is never
-//! negative, a grey shadow has no rgb and darkens any plate by its factor, and additional light is added. The factors W / O, by which
-//! each channel of a plate may be multiplied, are a layer of their own, as in Cycles ("shadow catcher" pass).
+//! Composited over a plate P the result is rgb + (c - alpha) P, where the plate replaces O / c. For P = O / c this is W, the radiance of
+//! the catcher as an ordinary object, for any a, so the ratio of two estimates causes no bias. With this a, rgb is never negative, a
+//! grey shadow is alpha only and darkens any plate by its factor, and additional light is added. The factors W / O, by which
+//! the channels of a plate may be multiplied, are a separate layer, as in Cycles ("shadow catcher" pass).
 //!
-//! Cycles' combined picture has alpha only, a = 1 - min(1, mean of W / O over the channels), and no rgb, so that coloured shadows are
-//! grey, and additional light is lost ([`CatcherOutput::Shadows`]).
+//! Cycles' combined picture has only alpha, a = 1 - min(1, mean of W / O over the channels), so that coloured shadows become grey and
+//! additional light is lost ([`CatcherOutput::Shadows`]).
 
 use super::aov::{Aov, AovSet};
 use super::band::Band;
@@ -31,35 +31,35 @@ use rayon::prelude::*;
 use std::borrow::Cow;
 use std::sync::Arc;
 
-/// A picture being made: a list of channels, the first of which is colour, for every pixel, rows from the top.
+/// A picture as sums of samples: channels, the first of which is colour, for every pixel, row by row from the top.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Film {
     width: u32,
     height: u32,
-    /// Position of its first pixel in the whole picture.
+    /// Position of the film's top left pixel in the whole picture.
     origin: (u32, u32),
     pub(super) layout: Arc<Layout>,
-    /// Rows, [`BAND_ROWS`] in each but the last.
+    /// Bands of [`BAND_ROWS`] rows; the last may have fewer.
     pub(super) bands: Vec<Band>,
     pub(super) invalid_samples: u64,
 }
 
-/// One component of a channel for all pixels: a channel of a file.
+/// One component of a channel for all pixels: a channel in files.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plane<'a> {
-    /// Its name: `R`, `Z`, `albedo.G`.
+    /// Name in files: `R`, `Z`, `albedo.G`.
     pub name: &'a str,
-    /// Type of its values in files.
+    /// Type of the values in files.
     pub pixel_type: PixelType,
     /// The values, row by row from the top.
     pub values: Values,
 }
 
 impl Film {
-    /// An empty film of `width` by `height` pixels with colour and these AOVs.
+    /// An empty film of `width` by `height` pixels with colour and AOVs.
     ///
     /// # Panics
-    /// If there is no memory for it; see [`Film::try_new`].
+    /// If memory runs out; see [`Film::try_new`].
     pub fn new(width: u32, height: u32, aovs: AovSet) -> Film {
         Film::try_new(width, height, aovs.channels()).expect("there is memory for the film")
     }
@@ -67,7 +67,7 @@ impl Film {
     /// An empty film of `width` by `height` pixels with colour and further channels.
     ///
     /// # Errors
-    /// Fails with a usage error that states the memory needed where there is not enough.
+    /// If memory runs out: a usage error with the required memory.
     pub fn try_new(width: u32, height: u32, further: impl IntoIterator<Item = Channel>) -> Result<Film> {
         Film::of_layout(width, height, Layout::new(further))
     }
@@ -89,148 +89,148 @@ impl Film {
         Ok(Film { width, height, origin: (0, 0), layout: Arc::new(layout), bands, invalid_samples: 0 })
     }
 
-    /// Its bands; `None` if memory runs out.
+    /// Empty bands; `None` if memory runs out.
     fn try_bands((width, height): (u32, u32), layout: &Layout) -> Option<Vec<Band>> {
-        // Systems refuse a large block that would not fit, but may promise many small ones.
+        // Test with a single large block, since systems that overcommit memory don't refuse many small ones.
         let bytes = u64::from(width).checked_mul(u64::from(height))?.checked_mul(layout.bytes_per_pixel())?;
         Vec::<u8>::new().try_reserve_exact(usize::try_from(bytes).ok()?).ok()?;
-        let place = Rect::new((0, 0), (width, height));
-        let band = |number| Band::try_new(usize::try_from(place.band(number).area()).ok()?, layout);
+        let rect = Rect::new((0, 0), (width, height));
+        let band = |number| Band::try_new(usize::try_from(rect.band(number).area()).ok()?, layout);
         (0..height.div_ceil(BAND_ROWS) as usize).map(band).collect()
     }
 
-    /// A film without pixels, for tiles of this layout.
+    /// A film without pixels, as a source of tiles of a layout.
     pub(crate) fn empty(layout: &Arc<Layout>) -> Film {
         let (layout, bands) = (layout.clone(), Vec::new());
         Film { width: 0, height: 0, origin: (0, 0), layout, bands, invalid_samples: 0 }
     }
 
-    /// This film as a part of a larger picture, whose first pixel is at (`x0`, `y0`). Tiles have positions in the whole picture; their
-    /// pixels outside the film are ignored.
+    /// Makes the film a region of a larger picture, with its top left pixel at (`x0`, `y0`). Tiles have positions in the whole picture;
+    /// their pixels outside the film are ignored.
     #[must_use]
     pub fn at(self, x0: u32, y0: u32) -> Film {
         Film { origin: (x0, y0), ..self }
     }
 
-    /// Position of its first pixel in the whole picture.
+    /// Position of the film's top left pixel in the whole picture.
     pub fn origin(&self) -> (u32, u32) {
         self.origin
     }
 
-    /// Pixels in a row.
+    /// Width, pixels.
     pub fn width(&self) -> u32 {
         self.width
     }
 
-    /// Rows.
+    /// Height, pixels.
     pub fn height(&self) -> u32 {
         self.height
     }
 
-    /// Its channels; colour comes first.
+    /// The channels; colour is the first.
     pub fn channels(&self) -> &[Channel] {
         &self.layout.channels
     }
 
-    /// Names of [planes](Film::planes), in their order.
+    /// Names of the [planes](Film::planes), in order.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.channels().iter().flat_map(|channel| channel.names.iter().map(AsRef::as_ref))
     }
 
-    /// The layout of its tiles.
+    /// The channel layout.
     pub fn layout(&self) -> &Arc<Layout> {
         &self.layout
     }
 
-    /// Samples that were NaN or infinite and therefore left out of their pixels.
+    /// Number of non-finite samples, which were discarded.
     pub fn invalid_samples(&self) -> u64 {
         self.invalid_samples
     }
 
-    /// Pixels without a valid sample: black and transparent, because rendering stopped before or all samples were NaN.
+    /// Number of pixels without a valid sample, because rendering was stopped or all samples were non-finite: black and transparent.
     pub fn unsampled_pixels(&self) -> u64 {
         self.counts().filter(|&n| n == 0).count() as u64
     }
 
-    /// An empty tile for the rectangle that starts at (`x0`, `y0`), cut off at the film's edges.
+    /// An empty tile for the rectangle at (`x0`, `y0`), clipped to the film.
     pub fn tile(&self, x0: u32, y0: u32, width: u32, height: u32) -> FilmTile {
         let (x0, y0) = (x0.min(self.width), y0.min(self.height));
         FilmTile::new(x0, y0, width.min(self.width - x0), height.min(self.height - y0), &self.layout)
     }
 
-    /// Adds a tile, as far as it is within the film, in any order but for channels that show first samples.
+    /// Adds the part of a tile within the film. The order of tiles only matters for [`Reduction::First`].
     ///
     /// # Panics
     /// If the tile has other channels.
     pub fn merge(&mut self, tile: FilmTile) {
         let is_ours = Arc::ptr_eq(&tile.layout, &self.layout) || tile.layout == self.layout;
         assert!(is_ours, "a tile has other channels than the film");
-        let place = self.rect();
-        for number in place.overlapping_bands(tile.rect()) {
-            self.bands[number].add_tile(place.band(number), &tile);
+        let rect = self.rect();
+        for number in rect.overlapping_bands(tile.rect()) {
+            self.bands[number].add_tile(rect.band(number), &tile);
         }
         self.invalid_samples += tile.invalid_samples;
     }
 
-    /// Adds a film of the same picture with samples of its own, as far as it is within this one. Films may be added in any
-    /// order, but for channels that show first samples.
+    /// Adds the part of a film of other samples of the same picture within this film. The order of films only matters for
+    /// [`Reduction::First`].
     ///
     /// # Panics
-    /// If it has other channels.
+    /// If the film has other channels.
     pub fn merge_film(&mut self, other: &Film) {
         assert!(other.layout == self.layout, "films have different channels");
         self.add_bands(other);
         self.invalid_samples += other.invalid_samples;
     }
 
-    /// Counts the samples that were left out, by pixel.
+    /// Sets the number of invalid samples, from `samples` per pixel and the number of valid ones.
     pub fn count_invalid(&mut self, samples: u32) {
         let all = u64::from(samples) * u64::from(self.width) * u64::from(self.height);
         let valid: u64 = self.counts().map(u64::from).sum();
         self.invalid_samples = all.saturating_sub(valid);
     }
 
-    /// Adds the bands of another film, as far as they lie within this one.
+    /// Adds the parts of another film's bands within this film.
     fn add_bands(&mut self, other: &Film) {
-        let (place, theirs) = (self.rect(), other.rect());
+        let (ours, theirs) = (self.rect(), other.rect());
         // All bands have splats, or none.
         let has_splats = other.bands.iter().any(|band| band.splats.is_some());
         for (number, band) in self.bands.iter_mut().enumerate() {
             if has_splats {
                 band.splats(&self.layout);
             }
-            let own = place.band(number);
+            let own = ours.band(number);
             for at in theirs.overlapping_bands(own) {
                 band.add_band(own, &other.bands[at], theirs.band(at), &self.layout);
             }
         }
     }
 
-    /// Its rectangle in the picture.
+    /// The film's rectangle in the whole picture.
     pub(super) fn rect(&self) -> Rect {
         Rect::new(self.origin, (self.width, self.height))
     }
 
-    /// Valid samples of each pixel.
+    /// Numbers of valid samples of all pixels.
     fn counts(&self) -> impl Iterator<Item = u32> {
         self.bands.iter().flat_map(|band| &band.sums.count).copied()
     }
 
-    /// The band of a pixel, and its index there.
+    /// The band of a pixel, and the pixel's index within the band.
     fn band_and_index(&self, pixel: usize) -> (usize, usize) {
         let of_band = BAND_ROWS as usize * self.width as usize;
         (pixel / of_band, pixel % of_band)
     }
 
-    /// Sums of colour and alpha of a pixel, and how many samples it has.
+    /// Sums of colour and alpha of a pixel, and its number of samples.
     pub(super) fn color_of(&mut self, pixel: usize) -> (&mut [f64; 4], f64) {
         let (band, pixel) = self.band_and_index(pixel);
         let sums = &mut self.bands[band].sums;
         (&mut sums.rgba[pixel], f64::from(sums.count[pixel]))
     }
 
-    /// A value of each pixel, row by row from the top.
-    fn of_pixels<T: Send + Sync + Clone>(&self, of: impl Fn(&Band, usize) -> T + Sync) -> Vec<T> {
+    /// Maps all pixels to values, row by row from the top.
+    fn map_pixels<T: Send + Sync + Clone>(&self, of: impl Fn(&Band, usize) -> T + Sync) -> Vec<T> {
         let rows = |band: &Band| (0..band.pixels()).map(|pixel| of(band, pixel)).collect::<Vec<T>>();
         if self.bands.len() < 2 {
             return self.bands.first().map(rows).unwrap_or_default();
@@ -238,36 +238,35 @@ impl Film {
         self.bands.par_iter().map(rows).collect::<Vec<_>>().concat()
     }
 
-    /// Mean colour and alpha of all pixels, premultiplied, row by row from the top; zero where there are no samples yet.
+    /// Premultiplied mean colour and alpha of all pixels, row by row from the top; zero without samples.
     pub fn rgba(&self) -> Vec<[f32; 4]> {
-        self.of_pixels(Band::mean)
+        self.map_pixels(Band::mean)
     }
 
-    /// Mean colour of all pixels, premultiplied.
+    /// Premultiplied mean colour of all pixels, row by row from the top.
     pub fn means(&self) -> Vec<[f32; 3]> {
-        self.of_pixels(|band, pixel| {
+        self.map_pixels(|band, pixel| {
             let [r, g, b, _] = band.mean(pixel);
             [r, g, b]
         })
     }
 
-    /// Mean colour and alpha of a pixel, premultiplied; zero where there are no samples yet.
+    /// Premultiplied mean colour and alpha of a pixel; zero without samples.
     pub fn mean_rgba(&self, x: u32, y: u32) -> [f32; 4] {
         let (band, pixel) = self.band_and_index(self.index(x, y));
         self.bands[band].mean(pixel)
     }
 
-    /// Mean colour, premultiplied, of the first half of each pixel's samples and of the second one, row by row from the top;
-    /// zero where a half has no sample. The halves are nearly independent: half the difference of their means estimates the
-    /// error of the mean of all. `None` unless the film keeps them apart (see
-    /// [`RenderOptions::halves`](crate::render::RenderOptions::halves)).
+    /// Half buffers: premultiplied mean colours over the first and the second half of each pixel's samples, row by row from the top; zero
+    /// without samples. They are nearly independent: half their difference estimates the error of the mean of all samples. `None`
+    /// if the film has no half buffers (see [`RenderOptions::halves`](crate::render::RenderOptions::halves)).
     pub fn halves(&self) -> Option<[Vec<[f32; 3]>; 2]> {
-        let of = |half: usize| self.of_pixels(|band, pixel| band.halves(pixel).0[half]);
+        let of = |half: usize| self.map_pixels(|band, pixel| band.halves(pixel).0[half]);
         self.layout.has_halves().then(|| [of(0), of(1)])
     }
 
-    /// Estimated signed error of each pixel's mean colour (red, green, blue) from its halves: half the difference of their means if they
-    /// have the same number of samples. NaN where a half has no samples. `None` unless the film keeps halves apart.
+    /// Planes of the estimated signed error of the mean colour (red, green, blue) from the half buffers: half their difference if both
+    /// have the same number of samples; NaN where one has no samples. `None` if the film has no half buffers.
     pub fn deviations(&self) -> Option<[Vec<f32>; 3]> {
         let of = |band: &Band, pixel: usize, c: usize| {
             let ([first, second], counts) = band.halves(pixel);
@@ -278,34 +277,34 @@ impl Film {
                 false => f64::NAN,
             }
         };
-        let plane = |c| self.of_pixels(|band, pixel| of(band, pixel, c) as f32);
+        let plane = |c| self.map_pixels(|band, pixel| of(band, pixel, c) as f32);
         self.layout.has_halves().then(|| [0, 1, 2].map(plane))
     }
 
-    /// Valid samples that pixels have on average.
+    /// Mean number of valid samples per pixel.
     pub fn mean_samples(&self) -> f64 {
         let pixels = u64::from(self.width) * u64::from(self.height);
         self.counts().map(f64::from).sum::<f64>() / pixels.max(1) as f64
     }
 
-    /// Valid samples that a pixel has.
+    /// Number of valid samples of a pixel.
     pub fn samples(&self, x: u32, y: u32) -> u32 {
         let (band, pixel) = self.band_and_index(self.index(x, y));
         self.bands[band].sums.count[pixel]
     }
 
-    /// All components of all channels, computed lazily.
+    /// The planes of all channels, computed lazily.
     pub fn planes(&self) -> impl Iterator<Item = Plane<'_>> {
         self.channels().iter().enumerate().flat_map(|(index, channel)| self.planes_of_channel(index, channel))
     }
 
-    /// All planes at once, on all threads of the current pool.
+    /// The planes of all channels, computed by all threads of the current pool.
     pub fn all_planes(&self) -> Vec<Plane<'_>> {
         let of = |(index, channel)| self.planes_of_channel(index, channel);
         self.channels().par_iter().enumerate().flat_map_iter(of).collect()
     }
 
-    /// The components of a channel.
+    /// The planes of a channel.
     fn planes_of_channel<'a>(
         &self,
         index: usize,
@@ -315,16 +314,15 @@ impl Film {
         named.map(move |(name, values)| Plane { name, pixel_type: channel.pixel_type, values })
     }
 
-    /// One component by its name in files, such as `R` or `albedo.G`, row by row from the top. `None` if the film doesn't
-    /// have it.
+    /// The values of a plane by its name in files, such as `R` or `albedo.G`; `None` if there is none of that name.
     pub fn plane(&self, name: &str) -> Option<Values> {
         let has = |channel: &Channel| channel.names.iter().position(|own| own == name);
-        let mut places = self.channels().iter().enumerate().filter_map(|(i, c)| Some((i, c, has(c)?)));
-        let (index, channel, component) = places.next()?;
+        let mut matches = self.channels().iter().enumerate().filter_map(|(i, c)| Some((i, c, has(c)?)));
+        let (index, channel, component) = matches.next()?;
         self.planes_of(index, channel).into_iter().nth(component)
     }
 
-    /// The values of a channel, one list a name.
+    /// The values of the planes of a channel.
     fn planes_of(&self, index: usize, channel: &Channel) -> Vec<Values> {
         if index == 0 {
             let rgba = self.rgba();
@@ -339,23 +337,23 @@ impl Film {
         planes
     }
 
-    /// The components of an AOV, row by row from the top. `None` if the film doesn't have it.
+    /// The values of the planes of an AOV; `None` if the film doesn't have it.
     pub fn aov(&self, aov: Aov) -> Option<Vec<Values>> {
         self.components(aov.info().names)
     }
 
-    /// Several components of one channel by their names in files, each row by row from the top. `None` if the film doesn't have them.
+    /// The values of several planes of one channel by their names in files; `None` if the film doesn't have them.
     pub fn components(&self, names: &[&str]) -> Option<Vec<Values>> {
         let first = names.first()?;
         let mut channels = self.channels().iter().enumerate();
         let (index, channel) = channels.find(|(_, channel)| channel.names.iter().any(|own| own == first))?;
-        let place = |name: &&str| channel.names.iter().position(|own| own == name);
-        let places = names.iter().map(place).collect::<Option<Vec<usize>>>()?;
+        let position = |name: &&str| channel.names.iter().position(|own| own == name);
+        let positions = names.iter().map(position).collect::<Option<Vec<usize>>>()?;
         let mut planes: Vec<Option<Values>> = self.planes_of(index, channel).into_iter().map(Some).collect();
-        places.into_iter().map(|place| planes[place].take()).collect()
+        positions.into_iter().map(|position| planes[position].take()).collect()
     }
 
-    /// Composites each pixel over a colour; all pixels with samples become opaque.
+    /// Composites each pixel over a colour by pixel position; all pixels with samples become opaque.
     pub fn composite_over_color(&mut self, color: impl Fn(u32, u32) -> [f32; 3]) {
         for y in 0..self.height {
             for x in 0..self.width {
@@ -376,16 +374,16 @@ impl Film {
     }
 }
 
-// Changes of finished films: denoised values replace rendered ones, and single pixels are extracted.
+// Changes of finished films.
 
 impl Film {
-    /// One pixel as a film of its own.
+    /// Extracts a pixel as a film of one pixel.
     ///
     /// # Errors
     /// As for [`Film::try_new`].
     ///
     /// # Panics
-    /// If it is outside the film.
+    /// If the pixel is outside the film.
     pub fn pixel(&self, x: u32, y: u32) -> Result<Film> {
         self.index(x, y);
         let layout = Layout::new(self.channels().iter().skip(1).cloned()).with_halves(self.layout.has_halves);
@@ -395,7 +393,7 @@ impl Film {
         Ok(film)
     }
 
-    /// Replaces the mean colours, rows from the top. Alpha and numbers of samples are unchanged.
+    /// Replaces the mean colours, given as planes. Alpha and numbers of samples are unchanged.
     ///
     /// # Panics
     /// If there are fewer values than pixels.
@@ -408,8 +406,7 @@ impl Film {
         }
     }
 
-    /// Replaces the values of a channel of means over all samples, given by the name of its first component. Does nothing without such
-    /// a channel.
+    /// Replaces the values of a channel with [`Reduction::Mean`], given by the name of its first component. Does nothing if there is none.
     ///
     /// # Panics
     /// If there are fewer values than pixels.
@@ -428,7 +425,7 @@ impl Film {
         }
     }
 
-    /// Removes AOVs that only denoising needed.
+    /// Removes AOVs, such as those that only denoising needed.
     pub fn remove_aovs(&mut self, aovs: impl IntoIterator<Item = Aov>) {
         self.remove_channels(aovs.into_iter().map(|aov| aov.info().names[0]));
     }
@@ -463,40 +460,40 @@ impl Film {
 // Splats.
 
 impl Film {
-    /// Adds splats, in any order. Those outside the film are left out; those that are not finite, too, and counted as invalid
-    /// samples. [`Film::count_splats`] adds the number of samples that they belong to.
+    /// Adds splats, in any order. Splats outside the film are skipped, non-finite ones as well, which count as invalid samples.
+    /// [`Film::count_splats`] adds the number of their samples.
     ///
     /// # Panics
-    /// If there is no memory for them.
+    /// If memory runs out.
     pub fn add_splats(&mut self, splats: &[Splat], is_of_first_half: bool) {
-        let place = self.rect();
+        let rect = self.rect();
         for splat in splats {
-            for number in place.overlapping_bands(Rect::new((splat.x, splat.y), (1, 1))) {
+            for number in rect.overlapping_bands(Rect::new((splat.x, splat.y), (1, 1))) {
                 let one = std::slice::from_ref(splat);
                 let band = &mut self.bands[number];
                 self.invalid_samples +=
-                    band.add_splats(place.band(number), one, is_of_first_half, &self.layout);
+                    band.add_splats(rect.band(number), one, is_of_first_half, &self.layout);
             }
         }
     }
 
-    /// Counts samples of each pixel all splats of which were added.
+    /// Adds to the number of samples per pixel over which splats are averaged.
     pub fn count_splats(&mut self, samples: u32, is_of_first_half: bool) {
         for band in &mut self.bands {
             band.splats(&self.layout).count(samples, is_of_first_half);
         }
     }
 
-    /// The index of a channel among those whose source is a part of colour.
+    /// The index of a channel among those with the source [`Source::PartOfColor`].
     fn layer_of(&self, index: usize) -> usize {
         self.channels()[..index].iter().filter(|channel| channel.source == Source::PartOfColor).count()
     }
 }
 
-// Backgrounds behind transparent pixels.
+// Backdrops.
 
 impl Film {
-    /// Composites the picture over a scene's backdrop.
+    /// Composites the picture over a scene's backdrop; images are centred and scaled to cover the picture.
     pub fn composite_over(&mut self, backdrop: &Backdrop) {
         match backdrop {
             Backdrop::Color(color) => self.composite_over_color(|_, _| *color),
@@ -505,18 +502,18 @@ impl Film {
                 let scale = (f64::from(image.width) / f64::from(width))
                     .min(f64::from(image.height) / f64::from(height));
                 self.composite_over_color(|x, y| {
-                    let place = |p: u32, own: u32, of: u32| {
-                        let from_middle = f64::from(p) + 0.5 - f64::from(own) / 2.0;
-                        f64::from(of) / 2.0 + scale * from_middle
+                    let position = |pixel: u32, size: u32, image_size: u32| {
+                        let from_center = f64::from(pixel) + 0.5 - f64::from(size) / 2.0;
+                        f64::from(image_size) / 2.0 + scale * from_center
                     };
-                    bilinear(image, place(x, width, image.width), place(y, height, image.height))
+                    bilinear(image, position(x, width, image.width), position(y, height, image.height))
                 });
             }
         }
     }
 }
 
-/// Bilinear lookup of an image at a position in pixels from its corner.
+/// Bilinear lookup of an image at a position in pixels from the top left corner, clamped to the border.
 fn bilinear(image: &Image, x: f64, y: f64) -> [f32; 3] {
     let low = |v: f64, size: u32| (v - 0.5).clamp(0.0, f64::from(size - 1));
     let (x, y) = (low(x, image.width), low(y, image.height));
@@ -527,15 +524,15 @@ fn bilinear(image: &Image, x: f64, y: f64) -> [f32; 3] {
     std::array::from_fn(|k| (a[k] * (1.0 - u) + b[k] * u) * (1.0 - v) + (c[k] * (1.0 - u) + d[k] * u) * v)
 }
 
-/// Names of the layer of factors, and of the channels that [`Film::resolve_catchers`] removes.
+/// Channels of shadow catchers: W, which becomes the layer of factors W / O, then O and c, which [`Film::resolve_catchers`] removes.
 const LAYER: [&str; 3] = ["ShadowCatcher.R", "ShadowCatcher.G", "ShadowCatcher.B"];
 const WITHOUT: [&str; 3] = ["catcher_without.R", "catcher_without.G", "catcher_without.B"];
 const SHARE: [&str; 1] = ["catcher_share.V"];
 
-/// Number of parts of a sample for shadow catchers: radiance with the scene, radiance without it, and whether it hit a catcher.
+/// Number of parts of a sample for shadow catchers: radiance with the scene, radiance without, and whether a catcher was hit.
 pub const CATCHER_PARTS: usize = 3;
 
-/// Radiance below this counts as zero: a ratio to it is undefined.
+/// Radiance below which ratios count as undefined.
 const DARK: f32 = 1e-12;
 
 impl Channel {
@@ -551,9 +548,9 @@ impl Channel {
 }
 
 impl Film {
-    /// Converts the radiance on shadow catchers into colour and alpha, and into the layer of factors. Does nothing without
-    /// catchers, and the second time.
-    pub fn resolve_catchers(&mut self, caught: CatcherOutput) {
+    /// Converts the radiance of shadow catchers to colour and alpha, and to the layer of factors. Does nothing without catchers or if
+    /// done before.
+    pub fn resolve_catchers(&mut self, output: CatcherOutput) {
         let plane = |name: &str| self.plane(name).map(Values::into_floats);
         let Some(share) = plane(SHARE[0]) else { return };
         let of = |names: [&str; 3]| names.map(|name| plane(name).unwrap_or_default());
@@ -562,20 +559,20 @@ impl Film {
         for (pixel, &share) in share.iter().enumerate() {
             let (with, without) = ([0, 1, 2].map(|c| with[c][pixel]), [0, 1, 2].map(|c| without[c][pixel]));
             let ratio = |c: usize| if without[c] > DARK { with[c] / without[c] } else { 1.0 };
-            let least = match caught {
+            let least = match output {
                 CatcherOutput::All => (0..3).map(ratio).fold(1.0, f32::min).max(0.0),
                 CatcherOutput::Shadows => ((0..3).map(ratio).sum::<f32>() / 3.0).clamp(0.0, 1.0),
             };
             let (sum, count) = self.color_of(pixel);
             for c in 0..3 {
-                let subtracted = match caught {
+                let subtracted = match output {
                     CatcherOutput::All => least * without[c],
                     CatcherOutput::Shadows => with[c],
                 };
-                let left = sum[c] / count.max(1.0) - f64::from(subtracted);
+                let rest = sum[c] / count.max(1.0) - f64::from(subtracted);
                 // Zero up to rounding.
-                let is_zero = left.abs() <= f64::from(1e-6 * subtracted.max(without[c]));
-                sum[c] = if is_zero { 0.0 } else { left * count };
+                let is_zero = rest.abs() <= f64::from(1e-6 * subtracted.max(without[c]));
+                sum[c] = if is_zero { 0.0 } else { rest * count };
                 factors[c].push(1.0 + share * (ratio(c) - 1.0));
             }
             sum[3] += f64::from((1.0 - least) * share) * count;
@@ -590,7 +587,7 @@ mod tests {
     use super::*;
     use crate::film::FilmTile;
 
-    /// Two pixels of two samples each: the first sees a catcher by one of them.
+    /// Two pixels of two samples each; one sample of the first pixel hits a catcher.
     fn film(with: [f32; 3], without: [f32; 3]) -> Film {
         let mut film = Film::try_new(2, 1, Channel::of_catchers()).expect("there is memory");
         let mut tile: FilmTile = film.tile(0, 0, 2, 1);
@@ -604,7 +601,7 @@ mod tests {
     }
 
     #[test]
-    fn laid_over_the_plate_it_shows_what_the_catcher_would() {
+    fn compositing_over_the_plate_equals_an_ordinary_object() {
         for (with, without) in [
             ([0.2, 0.2, 0.2], [0.4, 0.4, 0.4]),
             ([0.2, 0.5, 0.3], [0.4, 0.4, 0.4]),
@@ -628,7 +625,7 @@ mod tests {
     }
 
     #[test]
-    fn grey_shadows_are_alpha_alone() {
+    fn grey_shadows_have_only_alpha() {
         let mut film = film([0.1; 3], [0.4; 3]);
         film.resolve_catchers(CatcherOutput::All);
         let [r, g, b, alpha] = film.mean_rgba(0, 0);
@@ -640,9 +637,9 @@ mod tests {
         assert_eq!(film.rgba(), before);
     }
 
-    /// Half of the pixel is the catcher; the rest of it stays.
+    /// The catcher covers half of the pixel; the other half is unchanged.
     #[test]
-    fn shadows_alone_are_the_mean_of_the_channels() {
+    fn alpha_of_shadow_output_is_the_mean_of_the_channels() {
         for (with, without, alpha) in [
             ([0.1, 0.2, 0.3], [0.4, 0.4, 0.4], 0.5),
             ([0.4, 0.2, 0.9], [0.4, 0.4, 0.4], 0.0),

@@ -1,5 +1,4 @@
-//! The sums of a film as bytes, and back: for partial renders and checkpoints. Each list covers the
-//! whole film, independent of its division into bands.
+//! Serialization of a film's sums, for partial renders and checkpoints. Each list covers the whole film, independent of bands.
 
 use super::Film;
 use super::band::Band;
@@ -11,7 +10,7 @@ use bytemuck::Pod;
 use std::io::{self, Read, Write};
 
 impl Film {
-    /// Writes the sums: all that a film of the same size and layout needs to continue.
+    /// Writes the sums, the complete state of a film of a given size and layout.
     ///
     /// # Errors
     /// Those of the writer.
@@ -32,10 +31,10 @@ impl Film {
         if splats.is_empty() { Ok(()) } else { write_splats(writer, &splats) }
     }
 
-    /// Replaces the sums by those that [`Film::write_sums`] wrote. Allocates no more than the reader holds.
+    /// Replaces the sums by those written by [`Film::write_sums`]. Allocates no more memory than the size of the input.
     ///
     /// # Errors
-    /// Those of the reader, and of invalid data; the sums are unspecified then.
+    /// Those of the reader, or invalid data; the sums are then unspecified.
     pub fn read_sums(&mut self, reader: &mut dyn Read) -> io::Result<()> {
         let mut invalid = [0u64];
         read(reader, [&mut invalid[..]])?;
@@ -184,7 +183,7 @@ fn write_sums<'a>(
     write(writer, lists.map(|list| &list.low[..]))
 }
 
-/// Reads the list of sums of each part that has one.
+/// Reads lists of sums into the parts that have one.
 fn read_sums<T: WithSums>(
     reader: &mut dyn Read,
     parts: &mut [&mut T],
@@ -218,7 +217,7 @@ fn write<'a, T: Pod>(writer: &mut dyn Write, lists: impl IntoIterator<Item = &'a
     lists.into_iter().try_for_each(|list| writer.write_all(bytemuck::cast_slice(list)))
 }
 
-/// Fills lists.
+/// Fills lists with bytes of the reader.
 fn read<'a, T: Pod>(reader: &mut dyn Read, lists: impl IntoIterator<Item = &'a mut [T]>) -> io::Result<()> {
     lists.into_iter().try_for_each(|list| reader.read_exact(bytemuck::cast_slice_mut(list)))
 }

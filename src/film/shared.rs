@@ -1,8 +1,8 @@
-//! A film that many threads add to at once.
+//! A film to which several threads add concurrently.
 //!
-//! Each band has its own lock, which is hardly ever contended: tiles that are traced at the same time lie in different bands, as
-//! tiles are ordered column by column. Where passes overlap, a tile of a later pass waits in its bands until the earlier
-//! one is complete there, so that the samples of each pixel are added in a fixed order.
+//! Each band has a lock with hardly any contention: tiles are ordered column by column, so that concurrent tiles are mostly in different
+//! bands. A tile of a later pass is queued in each of its bands until the current pass is complete there, so the samples of a pixel
+//! are added in a fixed order.
 
 use super::band::Band;
 use super::picture::Film;
@@ -18,36 +18,36 @@ pub struct SharedFilm {
     film: Film,
     rect: Rect,
     bands: Vec<Mutex<SharedBand>>,
-    /// Number of invalid samples that were left out.
+    /// Number of discarded non-finite samples.
     invalid: AtomicU64,
 }
 
 struct SharedBand {
     band: Band,
     rect: Rect,
-    /// The pass that is being added, and the number of its pixels that are missing.
+    /// The current pass, and the number of its missing pixels.
     pass: usize,
-    left: u64,
-    /// Tiles of later passes.
+    missing: u64,
+    /// Tiles of later passes, with their passes.
     waiting: Vec<(usize, Arc<FilmTile>)>,
 }
 
 impl Film {
-    /// The film in parts that threads add to, until [`SharedFilm::into_film`].
+    /// Converts to a shared film, until [`SharedFilm::into_film`].
     pub fn into_shared(mut self) -> SharedFilm {
         let rect = self.rect();
-        let share = |(number, band): (usize, _)| {
+        let shared = |(number, band): (usize, _)| {
             let rect = rect.band(number);
-            Mutex::new(SharedBand { band, rect, pass: 0, left: rect.area(), waiting: Vec::new() })
+            Mutex::new(SharedBand { band, rect, pass: 0, missing: rect.area(), waiting: Vec::new() })
         };
-        let bands = std::mem::take(&mut self.bands).into_iter().enumerate().map(share).collect();
+        let bands = std::mem::take(&mut self.bands).into_iter().enumerate().map(shared).collect();
         SharedFilm { film: self, rect, bands, invalid: AtomicU64::new(0) }
     }
 }
 
 impl SharedFilm {
-    /// Adds a tile of a pass, counted from 0, as far as it is within the film. The tiles of each pass cover every pixel once.
-    /// Returns the tile if it is no longer needed.
+    /// Adds the part of a tile within the film. Passes count from 0; the tiles of a pass cover every pixel once. Returns the tile for reuse
+    /// unless it is queued.
     ///
     /// # Panics
     /// If the tile has other channels.
@@ -57,17 +57,17 @@ impl SharedFilm {
         self.invalid.fetch_add(tile.invalid_samples, Ordering::Relaxed);
         let tile = Arc::new(tile);
         for band in &self.bands[self.rect.overlapping_bands(tile.rect())] {
-            lock(band).take(pass, &tile);
+            lock(band).add_or_queue(pass, &tile);
         }
         Arc::into_inner(tile)
     }
 
-    /// Number of pixels of a rectangle of the picture that are within the film.
+    /// Number of pixels of a rectangle that are within the film.
     pub fn pixels_within(&self, x0: u32, y0: u32, width: u32, height: u32) -> u64 {
         self.rect.intersection(Rect::new((x0, y0), (width, height))).area()
     }
 
-    /// Adds all splats of a sample, lists of which each is sorted by [`SharedFilm::sort`].
+    /// Adds all splats of one sample per pixel, in lists sorted by [`SharedFilm::sort`].
     pub fn add_splats(&self, lists: &[Vec<Splat>], is_of_first_half: bool) {
         self.bands.par_iter().for_each(|band| {
             let SharedBand { band, rect, .. } = &mut *lock(band);
@@ -82,12 +82,12 @@ impl SharedFilm {
         });
     }
 
-    /// Sorts splats by rows; those of a row stay in their order.
+    /// Sorts splats by row; stable.
     pub fn sort(splats: &mut [Splat]) {
         splats.sort_by_key(|splat| splat.y);
     }
 
-    /// Joins the bands to a film. Where rendering was stopped, tiles that still wait are added, pass by pass.
+    /// Joins the bands to a film. After rendering was stopped early, queued tiles are added pass by pass.
     pub fn into_film(self) -> Film {
         let SharedFilm { mut film, bands, invalid, .. } = self;
         film.invalid_samples += invalid.into_inner();
@@ -105,15 +105,15 @@ impl SharedBand {
         band
     }
 
-    /// Adds a tile if its pass is the current one, and then the tiles that waited for it.
-    fn take(&mut self, pass: usize, tile: &Arc<FilmTile>) {
+    /// Adds a tile of the current pass, and queued tiles of passes that become current; queues a tile of a later pass.
+    fn add_or_queue(&mut self, pass: usize, tile: &Arc<FilmTile>) {
         if pass != self.pass {
             self.waiting.push((pass, tile.clone()));
             return;
         }
         self.add(tile);
-        while self.left == 0 {
-            (self.pass, self.left) = (self.pass + 1, self.rect.area());
+        while self.missing == 0 {
+            (self.pass, self.missing) = (self.pass + 1, self.rect.area());
             let pass = self.pass;
             for (_, tile) in self.waiting.extract_if(.., |(of, _)| *of == pass).collect::<Vec<_>>() {
                 self.add(&tile);
@@ -123,7 +123,7 @@ impl SharedBand {
 
     fn add(&mut self, tile: &FilmTile) {
         self.band.add_tile(self.rect, tile);
-        self.left = self.left.saturating_sub(self.rect.intersection(tile.rect()).area());
+        self.missing = self.missing.saturating_sub(self.rect.intersection(tile.rect()).area());
     }
 }
 
@@ -136,12 +136,12 @@ mod tests {
     use super::*;
     use crate::film::{Aov, AovSet};
 
-    /// The tile of a pass at a place: the colour and the material id of each sample encode its pass.
+    /// A tile of a pass at a position, with colours and material ids that encode the pass.
     fn tile(film: &SharedFilm, pass: usize, (x0, y0): (u32, u32)) -> FilmTile {
         let mut tile = FilmTile::new(x0, y0, 16, 16, film.film.layout());
         for pixel in 0..256 {
             let id = f32::from_bits(1 + pass as u32);
-            // So large that sums depend on their order.
+            // Large enough for sums to depend on the order.
             let value = [1e9, 0.1, 1e17][pass % 3];
             tile.add_with_first_hit(pixel, [value; 3], 1.0, Some(&[id]));
         }
@@ -152,42 +152,41 @@ mod tests {
         Film::new(50, 70, AovSet::from([Aov::MaterialId])).at(3, 5)
     }
 
-    fn places() -> Vec<(u32, u32)> {
+    fn positions() -> Vec<(u32, u32)> {
         (0..6).flat_map(|y| (0..4).map(move |x| (16 * x, 16 * y))).collect()
     }
 
     #[test]
-    fn pixels_get_passes_in_their_order_whatever_the_order_of_tiles() {
+    fn passes_are_added_in_order_for_any_order_of_tiles() {
         let mut one_by_one = film();
         let shared = film().into_shared();
         let order: Vec<(usize, (u32, u32))> =
-            (0..4).flat_map(|pass| places().into_iter().map(move |place| (pass, place))).collect();
-        order.iter().for_each(|(pass, place)| one_by_one.merge(tile(&shared, *pass, *place)));
-        // Each number once, in another order.
+            (0..4).flat_map(|pass| positions().into_iter().map(move |position| (pass, position))).collect();
+        order.iter().for_each(|(pass, position)| one_by_one.merge(tile(&shared, *pass, *position)));
+        // A permutation.
         let mixed = (0..order.len()).map(|i| order[(i * 41 + 17) % order.len()]);
-        mixed.for_each(|(pass, place)| drop(shared.merge(pass, tile(&shared, pass, place))));
+        mixed.for_each(|(pass, position)| drop(shared.merge(pass, tile(&shared, pass, position))));
         let waits = |band: &Mutex<SharedBand>| !lock(band).waiting.is_empty();
         assert!(!shared.bands.iter().any(waits));
         assert_eq!(shared.into_film(), one_by_one);
     }
 
-    /// Where a pass is not finished, later ones are added in the end.
     #[test]
-    fn what_waits_is_not_lost() {
+    fn tiles_queued_behind_an_incomplete_pass_are_added_at_the_end() {
         let shared = film().into_shared();
         let mut one_by_one = film();
-        for (pass, place) in [(2, (16, 16)), (1, (32, 16)), (0, (16, 16)), (1, (16, 16))] {
-            shared.merge(pass, tile(&shared, pass, place));
+        for (pass, position) in [(2, (16, 16)), (1, (32, 16)), (0, (16, 16)), (1, (16, 16))] {
+            shared.merge(pass, tile(&shared, pass, position));
         }
-        for (pass, place) in [(0, (16, 16)), (1, (16, 16)), (2, (16, 16)), (1, (32, 16))] {
-            one_by_one.merge(tile(&shared, pass, place));
+        for (pass, position) in [(0, (16, 16)), (1, (16, 16)), (2, (16, 16)), (1, (32, 16))] {
+            one_by_one.merge(tile(&shared, pass, position));
         }
         assert_eq!(shared.into_film(), one_by_one);
     }
 
-    /// No lock is common to all: tiles of other bands come in while a band is held.
+    /// Tiles of other bands can be added while a band is locked.
     #[test]
-    fn bands_do_not_wait_for_each_other() {
+    fn bands_are_locked_independently() {
         let shared = Film::new(64, 64, AovSet::NONE).into_shared();
         let held = lock(&shared.bands[1]);
         let layout = shared.film.layout();

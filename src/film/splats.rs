@@ -1,51 +1,50 @@
-//! Splats: contributions of light tracing, whose paths from lights arrive at arbitrary pixels. Their mean is added to the mean of the
-//! pixels' own samples.
+//! Splats: contributions of light paths to arbitrary pixels (light tracing). Their mean is added to the mean of camera samples.
 
 use super::channel::{Layout, Reduction, reciprocal};
 use super::exact_sum::{HalfSum, SumList, add_exact, on_grid};
 
-/// Contribution of a path from a light to a pixel.
+/// Contribution of a light path to a pixel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Splat {
-    /// Column and row in the picture.
+    /// Column in the picture.
     pub x: u32,
-    /// See `x`.
+    /// Row in the picture.
     pub y: u32,
-    /// Linear radiance. A pixel's light is the sum of its splats divided by the number of samples per pixel.
+    /// Linear radiance; a pixel's value is the sum of its splats divided by the number of samples per pixel.
     pub rgb: [f32; 3],
-    /// Its contributions to layers, if there are any: at most two light passes and one light group.
+    /// Contributions to layers: at most two light passes and one light group.
     pub parts: Option<Box<[SplatPart; 3]>>,
 }
 
 /// Contribution of a splat to a layer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SplatPart {
-    /// Index among the channels of `Source::PartOfColor`; none if out of range.
+    /// Index among the channels of `Source::PartOfColor`; ignored if out of range.
     pub layer: u16,
     /// See [`Splat::rgb`].
     pub rgb: [f32; 3],
 }
 
 impl SplatPart {
-    /// A splat to no layer.
+    /// A contribution to no layer.
     pub const NONE: SplatPart = SplatPart { layer: u16::MAX, rgb: [0.0; 3] };
 }
 
-/// The sums of splats by pixel. They are exact, so that the order of splats does not matter.
+/// Exact sums of splats by pixel, independent of their order.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Splats {
-    /// Over all samples.
+    /// Sums over all samples.
     pub all: Vec<HalfSum>,
-    /// Over the first half of the samples; empty where the film keeps no halves.
+    /// Sums over the first half of the samples; empty if the film has no half buffers.
     pub first_half: Vec<HalfSum>,
-    /// Sums of each layer, three numbers per pixel.
+    /// RGB sums of each layer.
     pub layers: Vec<SumList>,
-    /// Sums of squares, three numbers per pixel, where the film keeps a variance.
+    /// RGB sums of squares, if the film has a variance channel.
     pub squares: Option<SumList>,
 }
 
 impl Splats {
-    /// Without splats. Panics if memory runs out.
+    /// Empty sums. Panics if memory runs out.
     pub fn new(pixels: usize, layout: &Layout) -> Splats {
         let zeros = |count| vec![HalfSum::default(); count];
         let has_variance = layout.further().iter().any(|c| c.reduction == Reduction::VarianceOfMean);
@@ -57,12 +56,12 @@ impl Splats {
         }
     }
 
-    /// Sums of three numbers per pixel.
+    /// An empty list of RGB sums.
     pub fn list(pixels: usize) -> SumList {
-        SumList::try_new(3 * pixels, true).expect("there is memory for the light of paths from lights")
+        SumList::try_new(3 * pixels, true).expect("there is memory for splats")
     }
 
-    /// Adds one to a pixel; returns `false` and adds nothing if one of its numbers is not finite.
+    /// Adds a splat to a pixel; returns `false` and adds nothing if a value is not finite.
     pub fn add(&mut self, pixel: usize, splat: &Splat, is_of_first_half: bool) -> bool {
         let of_layers = splat.parts.iter().flat_map(|parts| &**parts);
         let parts = of_layers.clone().flat_map(|part| &part.rgb);
@@ -84,7 +83,7 @@ impl Splats {
         true
     }
 
-    /// Counts samples of each pixel whose splats have all been added.
+    /// Adds to the number of samples per pixel over which splats are averaged.
     pub fn count(&mut self, samples: u32, is_of_first_half: bool) {
         let halves = if is_of_first_half { &mut self.first_half[..] } else { &mut [] };
         for sum in self.all.iter_mut().chain(halves) {
@@ -92,7 +91,7 @@ impl Splats {
         }
     }
 
-    /// Adds the sums of a pixel of other splats of the same layout.
+    /// Adds the sums of pixel `from` of other splats of the same layout.
     pub fn merge(&mut self, pixel: usize, other: &Splats, from: usize) {
         self.all[pixel].merge(&other.all[from], false);
         if let Some((sum, more)) = self.first_half.get_mut(pixel).zip(other.first_half.get(from)) {
@@ -107,20 +106,20 @@ impl Splats {
         }
     }
 
-    /// Clears the sums of colour, after other values replaced the colour.
+    /// Clears the sums of colour, after the colour was replaced.
     pub fn clear_color(&mut self) {
         let zero = |sum: &mut HalfSum| *sum = HalfSum { count: sum.count, ..HalfSum::default() };
         self.all.iter_mut().for_each(zero);
         self.first_half.iter_mut().for_each(zero);
     }
 
-    /// Mean of a pixel.
+    /// Mean RGB of a pixel.
     pub fn mean(&self, pixel: usize) -> [f64; 3] {
         let HalfSum { rgb, count, .. } = self.all[pixel];
         rgb.map(|sum| sum * reciprocal(count))
     }
 
-    /// Means of a layer, three numbers per pixel.
+    /// Mean RGB of a layer by pixel.
     pub fn means_of_layer(&self, layer: usize) -> Option<impl Iterator<Item = [f64; 3]>> {
         let sums = self.layers.get(layer)?;
         Some(self.all.iter().zip(sums.high.as_chunks::<3>().0).map(|(all, sums)| {
@@ -129,7 +128,8 @@ impl Splats {
         }))
     }
 
-    /// Variances of the means: sums of squares of splats that are rare and independent. `None` if the film keeps no variance.
+    /// Variances of the means by pixel: sums of squares over the squared count, for rare and independent splats. `None` without a variance
+    /// channel.
     pub fn variances(&self) -> Option<impl Iterator<Item = [f64; 3]>> {
         let squares = self.squares.as_ref()?;
         Some(self.all.iter().zip(squares.high.as_chunks::<3>().0).map(|(all, squares)| {
@@ -138,7 +138,7 @@ impl Splats {
         }))
     }
 
-    /// Means of a pixel over the first half of the samples and over the second.
+    /// Mean RGB of a pixel over the first and the second half of the samples.
     pub fn halves(&self, pixel: usize) -> [[f64; 3]; 2] {
         let (all, first) = (&self.all[pixel], &self.first_half[pixel]);
         let second =
@@ -158,7 +158,7 @@ mod tests {
     use super::*;
     use crate::film::{Aov, AovSet, Film, FilmTile, Values};
 
-    /// All of it belongs to the first layer, half of it to the third.
+    /// A splat that contributes fully to the first layer and by half to the third.
     fn splat(x: u32, y: u32, value: f32) -> Splat {
         let rgb = [value, 0.5 * value, 0.0];
         let part = |layer, share: f32| SplatPart { layer, rgb: rgb.map(|v| share * v) };
@@ -171,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn splats_are_means_beside_those_of_samples() {
+    fn means_of_splats_are_added_to_means_of_samples() {
         let mut film = Film::new(4, 2, AovSet::NONE).at(10, 20);
         let mut tile = FilmTile::new(10, 20, 4, 2, film.layout());
         for pixel in 0..8 {
@@ -188,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_make_the_whole() {
+    fn merging_ranges_of_samples_or_regions_equals_the_whole() {
         let all: Vec<Splat> = (0..64u32).map(|i| splat(i % 8, i / 16, 1.0 / (i as f32 + 3.0))).collect();
         let mut whole = Film::new(8, 4, layered());
         whole.add_splats(&all, false);
@@ -213,18 +213,18 @@ mod tests {
     }
 
     #[test]
-    fn layers_have_their_parts() {
+    fn parts_of_splats_are_added_to_their_layers() {
         let mut film = Film::new(2, 1, layered());
         film.add_splats(&[splat(0, 0, 3.0), splat(0, 0, 1.0)], false);
         film.count_splats(2, false);
-        let plane = |film: &Film, name: &str| film.plane(name).expect("it is kept").into_floats();
+        let plane = |film: &Film, name: &str| film.plane(name).expect("the plane exists").into_floats();
         let of = |film: &Film, aov: Aov| -> Vec<Vec<f32>> {
-            film.aov(aov).expect("it is kept").into_iter().map(Values::into_floats).collect()
+            film.aov(aov).expect("the AOV exists").into_iter().map(Values::into_floats).collect()
         };
         assert_eq!(of(&film, Aov::DiffuseDirect), [[2.0, 0.0], [1.0, 0.0], [0.0, 0.0]]);
         assert_eq!(of(&film, Aov::DiffuseIndirect), [[0.0; 2]; 3]);
         assert_eq!(of(&film, Aov::GlossyDirect), [[1.0, 0.0], [0.5, 0.0], [0.0, 0.0]]);
-        // Without samples of the pixel it is unknown; then (9 + 1) / 4, for samples that are all the same.
+        // Infinite without camera samples; then (9 + 1) / 4, with constant camera samples.
         assert_eq!(of(&film, Aov::Variance)[0][0], f32::INFINITY);
         let mut tile = FilmTile::new(0, 0, 2, 1, film.layout());
         for pixel in [0, 0, 1, 1] {
@@ -240,7 +240,7 @@ mod tests {
         assert_eq!(of(&film, Aov::GlossyDirect)[0], [1.0, 0.0]);
         film.remove_aovs([Aov::DiffuseIndirect]);
         assert_eq!(of(&film, Aov::GlossyDirect)[0], [1.0, 0.0]);
-        // A file keeps them.
+        // Serialization.
         let mut bytes = Vec::new();
         film.write_sums(&mut bytes).unwrap();
         let layout = layered().channels().filter(|c| c.names != Aov::DiffuseIndirect.info().names);

@@ -1,48 +1,47 @@
-//! The part of a film that one thread fills.
+//! Tiles: parts of a film, each filled by one thread.
 
 use super::channel::{Accumulator, Layout, Source};
 use super::exact_sum::HalfSum;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// A rectangle of a film with its own sums. Pixels are counted row by row from the tile's top left corner.
+/// A rectangle of the picture with sums of its own. Pixels are indexed row by row from the top left corner.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FilmTile {
-    /// Left column in the film.
+    /// Left column in the picture.
     pub x0: u32,
-    /// Top row in the film.
+    /// Top row in the picture.
     pub y0: u32,
-    /// Pixels in a row.
+    /// Width, pixels.
     pub width: u32,
-    /// Rows.
+    /// Height, pixels.
     pub height: u32,
     pub(super) layout: Arc<Layout>,
     pub(super) sums: TileSums,
     pub(super) invalid_samples: u64,
 }
 
-/// Plain f64 sums of the samples of a tile. The values of one source are contiguous for each pixel, so that a sample is added in one
-/// loop.
+/// Plain f64 sums of the samples of a tile. A pixel's values of one source are contiguous, so that a sample is added in one loop.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct TileSums {
-    /// Red, green, blue, alpha.
+    /// Sums of red, green, blue, alpha.
     pub rgba: Vec<[f64; 4]>,
-    /// Samples of each pixel.
+    /// Number of samples of each pixel.
     pub count: Vec<u32>,
-    /// Samples that hit something, by pixel; empty where no channel needs it.
+    /// Number of samples with a first hit of each pixel; empty if no channel needs it.
     pub hits: Vec<u32>,
-    /// Sums over the first half of the samples; empty where the film keeps no halves.
+    /// Sums over the first half of the samples; empty if the film has no half buffers.
     pub first_half: Vec<HalfSum>,
-    /// Values of all channels of first hits, pixel by pixel; those of channels that are not summed are unused.
+    /// Sums of first-hit values of all channels, pixel by pixel; those of channels that are not summed are unused.
     pub first_hits: Vec<f64>,
-    /// Parts of the colour (light groups, lobes), RGB each, pixel by pixel.
+    /// Sums of parts of the radiance (light groups, light passes), RGB each, pixel by pixel.
     pub parts: Vec<f64>,
-    /// Accumulators of the channels beyond colour that are not plain sums, with their indices in [`Layout::further`].
+    /// Accumulators of channels other than colour that are not plain sums, with their indices in [`Layout::further`].
     pub others: Vec<(usize, Accumulator)>,
 }
 
 impl TileSums {
-    /// Resets the sums for `pixels` pixels and reuses their memory; false if memory runs out.
+    /// Resets the sums for `pixels` pixels, reusing memory; `false` if memory runs out.
     fn restart(&mut self, pixels: usize, layout: &Layout) -> bool {
         fn zeros<T: bytemuck::Zeroable + Clone>(list: &mut Vec<T>, count: usize) -> bool {
             list.clear();
@@ -64,7 +63,7 @@ impl TileSums {
             && zeros(&mut self.parts, pixels * 3 * layout.parts)
     }
 
-    /// Adds a sample, whose colour was added before, to the channels beyond colour.
+    /// Adds a sample to the channels other than colour, after its colour.
     fn add_further(
         &mut self,
         pixel: usize,
@@ -74,9 +73,9 @@ impl TileSums {
         layout: &Layout,
     ) {
         let is_first = self.count[pixel] == 1;
-        for (place, accumulator) in &mut self.others {
-            let offset = layout.offsets[*place];
-            let channel = &layout.further()[*place];
+        for (index, accumulator) in &mut self.others {
+            let offset = layout.offsets[*index];
+            let channel = &layout.further()[*index];
             match channel.source {
                 Source::Color => accumulator.add(pixel, &rgb, is_first),
                 Source::PartOfColor => {
@@ -107,10 +106,10 @@ fn add(sums: &mut [f64], values: &[f32]) {
 }
 
 impl FilmTile {
-    /// An empty tile of a film with these channels.
+    /// An empty tile of a film with a layout.
     ///
     /// # Panics
-    /// If there is no memory for it.
+    /// If memory runs out.
     pub fn new(x0: u32, y0: u32, width: u32, height: u32, layout: &Arc<Layout>) -> FilmTile {
         let sums = TileSums::default();
         let empty = FilmTile { x0, y0, width, height, layout: layout.clone(), sums, invalid_samples: 0 };
@@ -120,7 +119,7 @@ impl FilmTile {
     /// An empty tile that reuses the memory of this one.
     ///
     /// # Panics
-    /// If there is no memory for it.
+    /// If memory runs out.
     #[must_use]
     pub fn restarted(mut self, x0: u32, y0: u32, width: u32, height: u32, layout: &Arc<Layout>) -> FilmTile {
         let is_allocated = self.sums.restart(width as usize * height as usize, layout);
@@ -128,18 +127,17 @@ impl FilmTile {
         FilmTile { x0, y0, width, height, layout: layout.clone(), invalid_samples: 0, ..self }
     }
 
-    /// The rectangle of the picture that it covers.
+    /// The tile's rectangle in the picture.
     pub(super) fn rect(&self) -> Rect {
         Rect::new((self.x0, self.y0), (self.width, self.height))
     }
 
-    /// Adds a sample to the pixel `pixel` of the tile: premultiplied linear colour and alpha. A sample with NaN or an
-    /// infinity is left out and counted; false then. Channels beyond colour take
-    /// [`add_with_first_hit`](FilmTile::add_with_first_hit).
+    /// Adds a sample, premultiplied linear colour and alpha, to a pixel by its index in the tile. Non-finite samples are discarded and
+    /// counted; then `false`. For further channels see [`add_with_first_hit`](FilmTile::add_with_first_hit).
     #[inline(always)]
     pub fn add(&mut self, pixel: u32, rgb: [f32; 3], alpha: f32) -> bool {
         let [r, g, b] = rgb;
-        // One test for all four: a product with zero is zero unless a factor is NaN or infinite.
+        // A product with zero is zero unless the other factor is NaN or infinite.
         if r * 0.0 + g * 0.0 + b * 0.0 + alpha * 0.0 != 0.0 {
             self.invalid_samples += 1;
             return false;
@@ -153,15 +151,14 @@ impl FilmTile {
         true
     }
 
-    /// Adds a sample to all channels. `first_hit` has the values of the first surface for the channels that show it, their
-    /// components one after another in the order of the film's channels; `None` when the sample hit nothing. What is
-    /// not finite counts as having hit nothing.
+    /// Adds a sample to all channels. `first_hit`: values of the first hit for the channels with the source [`Source::FirstHit`],
+    /// concatenated in the order of the film's channels; `None` without a hit. Non-finite values count as no hit.
     pub fn add_with_first_hit(&mut self, pixel: u32, rgb: [f32; 3], alpha: f32, first_hit: Option<&[f32]>) {
         self.add_with_parts(pixel, rgb, alpha, first_hit, &[], false);
     }
 
-    /// Adds samples with the parts of the colour for the channels that show them, red, green and blue of each, in the order of
-    /// the film's channels. `is_of_first_half` matters only to films that keep halves.
+    /// Adds a sample with the parts of its radiance for the channels with the source [`Source::PartOfColor`], RGB each, in the order of
+    /// the film's channels. `is_of_first_half` only matters for films with half buffers.
     pub fn add_with_parts(
         &mut self,
         pixel: u32,
@@ -184,10 +181,10 @@ impl FilmTile {
 
 // Rectangles of a picture and their division into bands.
 
-/// Rows of a band.
+/// Number of rows of a band.
 pub(super) const BAND_ROWS: u32 = 16;
 
-/// A rectangle of a picture: left, top, right, bottom.
+/// A rectangle of the picture, pixels: left, top, right, bottom; right and bottom exclusive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Rect {
     pub x0: u32,
@@ -197,7 +194,7 @@ pub(super) struct Rect {
 }
 
 impl Rect {
-    /// A rectangle by its top left corner and its size.
+    /// A rectangle by its top left corner and size.
     pub fn new((x0, y0): (u32, u32), (width, height): (u32, u32)) -> Rect {
         Rect { x0, y0, x1: x0.saturating_add(width), y1: y0.saturating_add(height) }
     }
@@ -225,7 +222,7 @@ impl Rect {
         }
     }
 
-    /// The band of this index, counted from the top.
+    /// The rectangle of a band by its index from the top.
     #[must_use]
     pub fn band(self, number: usize) -> Rect {
         let y0 = self.y0 + number as u32 * BAND_ROWS;
@@ -242,12 +239,12 @@ impl Rect {
         number(both.y0)..number(both.y1 - 1) + 1
     }
 
-    /// The rows of the intersection: the index of the first pixel in either rectangle, and the length.
+    /// The rows of the intersection: index of the first pixel in both rectangles, and length.
     pub fn common_rows(self, other: Rect) -> impl Iterator<Item = (usize, usize, usize)> {
         let both = self.intersection(other);
         let rows = if both.x0 < both.x1 { both.y0..both.y1 } else { 0..0 };
-        let place =
+        let index =
             move |of: Rect, y: u32| (y - of.y0) as usize * of.width() as usize + (both.x0 - of.x0) as usize;
-        rows.map(move |y| (place(self, y), place(other, y), both.width() as usize))
+        rows.map(move |y| (index(self, y), index(other, y), both.width() as usize))
     }
 }

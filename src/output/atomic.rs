@@ -1,6 +1,4 @@
-//! Files that appear whole or not at all.
-//!
-//! The kinds of files of pictures, by their names; and what encoders return.
+//! Atomic writing of files and folders, and the formats of pictures by file extension.
 
 use crate::error::{Error, Result, Warning};
 use std::ffi::OsString;
@@ -11,7 +9,7 @@ use std::time::Duration;
 use std::{fs, io};
 use tempfile::NamedTempFile;
 
-/// Finds out, before any work, whether a file of this name can be written: its folder must exist and take new files.
+/// Checks in advance whether a file can be written: its folder must exist and be writable.
 ///
 /// # Errors
 /// An output error with the reason.
@@ -28,22 +26,22 @@ pub fn check_target(path: impl AsRef<Path>) -> Result<()> {
     create(path).map(drop)
 }
 
-/// Would both paths be the same file? Folders are compared as they really are, so `a.png` is `./a.png`, also through
-/// links; names that differ are different files, on every system.
+/// Whether two paths refer to the same file. Folders are canonicalised, so `a.png` equals `./a.png`, also through symbolic links;
+/// file names are compared literally on all systems.
 pub fn is_same_target(a: &Path, b: &Path) -> bool {
     let folder = |path| fs::canonicalize(folder_of(path)).unwrap_or_else(|_| folder_of(path).to_path_buf());
     a == b || (a.file_name() == b.file_name() && folder(a) == folder(b))
 }
 
-/// Writes a file under a temporary name in the same folder, makes sure that it is on the disk, and renames it.
+/// Writes a file under a temporary name in the same folder, syncs it to the disk, and renames it.
 ///
 /// # Errors
-/// An output error with the reason; the temporary file is gone then and an older file of that name unharmed.
+/// An output error with the reason; the temporary file is then removed and an existing file unchanged.
 pub fn write_atomically(path: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
     write_with(path.as_ref(), &mut |writer| writer.write_all(bytes))
 }
 
-/// [`write_atomically`] for data that `write` writes.
+/// [`write_atomically`] with a writer function.
 ///
 /// # Errors
 /// As for [`write_atomically`].
@@ -56,20 +54,20 @@ pub(super) fn write_with(path: &Path, write: &mut dyn FnMut(&mut dyn Write) -> i
     place(temporary, path)
 }
 
-/// Renames a file of [`create`] to its target, once it is on the disk.
+/// Syncs a file of [`create`] to the disk and renames it to its target.
 ///
 /// # Errors
 /// As for [`write_atomically`].
 pub(super) fn place(temporary: NamedTempFile, path: &Path) -> Result<()> {
-    let path = &followed(path);
+    let path = &resolve_links(path);
     let synced = temporary.as_file().sync_all();
     synced.and_then(|()| Ok(temporary.persist(path)?)).map_err(|e| failure(path, &e))?;
-    // The rename itself becomes durable with the folder; some systems can't sync folders, and lose nothing else by it.
+    // Syncing the folder makes the rename durable; systems that can't sync folders return an error, which is ignored.
     let _ = File::open(folder_of(path)).and_then(|folder| folder.sync_all());
     Ok(())
 }
 
-/// Removes a file; false if there was none.
+/// Removes a file; `false` if there was none.
 ///
 /// # Errors
 /// An output error with the reason.
@@ -81,8 +79,7 @@ pub fn remove_file(path: &Path) -> Result<bool> {
     }
 }
 
-/// Removes temporary files of a target that killed runs left. Files of the last hour
-/// stay: another run may be writing them.
+/// Removes temporary files of a target left by killed runs. Files of the last hour are kept, since another run may be writing them.
 pub fn remove_leftovers(path: &Path) {
     const OLD: Duration = Duration::from_secs(3600);
     let Some((prefix, folder)) = hidden_prefix(path).zip(fs::read_dir(folder_of(path)).ok()) else { return };
@@ -95,36 +92,36 @@ pub fn remove_leftovers(path: &Path) {
         let age =
             entry.metadata().and_then(|data| data.modified()).map(|time| time.elapsed().unwrap_or_default());
         if is_leftover && age.is_ok_and(|age| age >= OLD) {
-            // Failing to remove it does no harm.
+            // A failure is harmless.
             let _ = fs::remove_file(entry.path());
         }
     }
 }
 
-/// How the names of temporary files end.
+/// Suffix of temporary files.
 const SUFFIX: &str = ".tmp";
 
-/// How the names of temporary files for a target begin.
+/// Prefix of temporary files for a target.
 fn hidden_prefix(path: &Path) -> Option<OsString> {
     let mut hidden = OsString::from(".");
     let name = path.file_name()?;
-    if name.len() <= LONGEST {
+    if name.len() <= MAX_NAME {
         hidden.push(name);
     } else {
-        // The target's name may have the maximum length, which the temporary one would exceed.
+        // The name of the temporary file must not exceed the maximum length.
         let name = name.to_string_lossy();
-        let end = (0..=LONGEST).rev().find(|&at| name.is_char_boundary(at)).unwrap_or(0);
+        let end = (0..=MAX_NAME).rev().find(|&at| name.is_char_boundary(at)).unwrap_or(0);
         hidden.push(&name[..end]);
     }
     hidden.push(".");
     Some(hidden)
 }
 
-/// Maximum number of bytes of the target's name in that of its temporary file, of the 255 that most systems allow.
-const LONGEST: usize = 200;
+/// Maximum number of bytes of the target's name in the temporary file's name. (Most systems allow names of 255 bytes.)
+const MAX_NAME: usize = 200;
 
-/// The file that a path leads to: that of a symbolic link, which stays, or the path itself.
-fn followed(path: &Path) -> PathBuf {
+/// Resolves symbolic links, so that the link is kept and its target replaced.
+fn resolve_links(path: &Path) -> PathBuf {
     /// Maximum length of a chain of links.
     const MAX: usize = 40;
     let mut path = path.to_path_buf();
@@ -139,10 +136,9 @@ fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// A temporary file in the folder of the target; removed when dropped. It gets the usual permissions (by the umask), so
-/// that the picture has them, too.
+/// A temporary file in the folder of the target, removed when dropped, with default permissions (by the umask) for the final file.
 pub(super) fn create(path: &Path) -> Result<NamedTempFile> {
-    let path = &followed(path);
+    let path = &resolve_links(path);
     let hidden = hidden_prefix(path).ok_or_else(|| Error::output(path, "is not a file name"))?;
     tempfile::Builder::new()
         .prefix(&hidden)
@@ -155,12 +151,12 @@ fn failure(path: &Path, error: &io::Error) -> Error {
     Error::output(path, format!("can't be written: {error}"))
 }
 
-// Folders of files that appear whole.
+// Folders.
 
-/// Checks a folder that files will be written to: it must be new or empty, unless `replaces`, and its parent must exist.
+/// Checks a target folder: its parent must exist, and it must be new or empty unless `replaces`.
 ///
 /// # Errors
-/// A usage error for a folder that isn't empty, an output error for one that can't be made.
+/// A usage error for a folder that isn't empty, an output error for one that can't be created.
 pub fn check_folder(folder: &Path, replaces: bool) -> Result<()> {
     let parent = folder.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     if !parent.is_dir() {
@@ -178,16 +174,16 @@ pub fn check_folder(folder: &Path, replaces: bool) -> Result<()> {
     Ok(())
 }
 
-/// Makes a folder with those above it, unless it is there.
+/// Creates a folder and its parents if they don't exist.
 ///
 /// # Errors
-/// An output error if that can't be done.
+/// An output error with the reason.
 pub fn make_folder(folder: &Path) -> Result<()> {
-    fs::create_dir_all(folder).map_err(|e| Error::output(folder, format!("can't be made: {e}")))
+    fs::create_dir_all(folder).map_err(|e| Error::output(folder, format!("can't be created: {e}")))
 }
 
-/// Moves the files of one folder to another on the same disk: at once where that doesn't exist or is empty, else one by
-/// one. Returns their names in order.
+/// Moves the files of a folder to another one on the same disk: atomically if the target doesn't exist or is empty, else one by one.
+/// Returns their names, sorted.
 ///
 /// # Errors
 /// An output error with the reason.
@@ -200,7 +196,7 @@ pub fn move_folder(files: &Path, folder: &Path) -> Result<Vec<String>> {
         Ok(names)
     };
     let moved = names().and_then(|names| {
-        // Fails where it holds something.
+        // Fails if the folder isn't empty.
         let is_gone = !folder.exists() || fs::remove_dir(folder).is_ok();
         if is_gone {
             fs::rename(files, folder)?;
@@ -212,16 +208,16 @@ pub fn move_folder(files: &Path, folder: &Path) -> Result<Vec<String>> {
     moved.map_err(|e| Error::output(folder, format!("can't be written: {e}")))
 }
 
-/// A picture as the bytes of its file, and the losses of the conversion.
+/// An encoded picture, with warnings about losses.
 #[derive(Clone, Debug)]
 pub struct Encoded {
     /// The whole file.
     pub bytes: Vec<u8>,
-    /// Values that the format can't hold.
+    /// Warnings about values that the format can't represent.
     pub warnings: Vec<Warning>,
 }
 
-/// The kinds of files that can be written.
+/// Picture formats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Format {
@@ -240,7 +236,7 @@ pub enum Format {
 }
 
 impl Format {
-    /// Maximum number of pixels that a side can have, where the format sets a limit that pictures may reach.
+    /// Maximum width and height in pixels, if the format has a limit.
     pub fn largest_edge(self) -> Option<u32> {
         match self {
             Format::WebP => Some(16_383),
@@ -249,7 +245,7 @@ impl Format {
         }
     }
 
-    /// The format that a file name asks for by its extension.
+    /// The format by the extension of a file name.
     ///
     /// # Errors
     /// A usage error if the extension is unknown or missing.
@@ -270,7 +266,7 @@ impl Format {
                             "name the picture in it, such as -o FOLDER/room.png or -o 'FOLDER/{stem}.png'",
                         ));
                     }
-                    "" => "has no extension, which gives the format of the picture".to_string(),
+                    "" => "has no extension, which determines the format of the picture".to_string(),
                     other => format!("pictures can't be written as '.{other}'"),
                 };
                 return Err(Error::usage(format!("{}: {what}", path.display()))
@@ -291,7 +287,7 @@ impl Format {
         Ok(format)
     }
 
-    /// Its name for users.
+    /// Name for users.
     pub fn name(self) -> &'static str {
         match self {
             Format::Exr => "EXR",
@@ -310,7 +306,7 @@ mod tests {
     use std::time::SystemTime;
 
     #[test]
-    fn old_temporary_files_of_a_target_go() {
+    fn old_temporary_files_of_a_target_are_removed() {
         let folder = tempfile::tempdir().expect("a folder");
         let at = |name: &str| folder.path().join(name);
         let old = SystemTime::now() - Duration::from_secs(7200);
@@ -326,7 +322,7 @@ mod tests {
     }
 
     #[test]
-    fn long_names_and_links_are_kept() {
+    fn long_names_and_symbolic_links_are_supported() {
         let folder = tempfile::tempdir().expect("a folder");
         for name in ["a".repeat(251) + ".png", "\u{e4}".repeat(125) + ".png"] {
             let path = folder.path().join(&name);

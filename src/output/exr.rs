@@ -1,6 +1,5 @@
-//! OpenEXR: by default one part, scan lines, ZIP. Colour is R, G, B, A (premultiplied), half or float; the film's further
-//! channels stand in the same part, under the names and in the types that the film gives them. [`ExrOptions`] has what else
-//! there is.
+//! OpenEXR encoding: by default one part, scan lines, ZIP, with colour as R, G, B, A (premultiplied) and the film's further channels
+//! under their names and pixel types. For other layouts see [`ExrOptions`].
 
 use super::atomic::Encoded;
 use super::exr_options::{ExrOptions, FACTORS, WorkingSpace, is_color, layer_of};
@@ -26,41 +25,40 @@ use std::fmt::Write as _;
 use std::io::Cursor;
 use std::time::SystemTime;
 
-/// Metadata of the header: how the picture was made. `None` is left out.
+/// Metadata of the header. `None` is omitted.
 #[derive(Clone, Debug, Default)]
 pub struct Metadata {
-    /// Samples a pixel; a fraction if rendering was stopped and pixels differ.
+    /// Mean number of samples per pixel.
     pub samples: f64,
-    /// Seed of all randomness.
+    /// Random seed.
     pub seed: u32,
-    /// Whose picture it is.
+    /// Owner of the picture.
     pub owner: Option<String>,
-    /// Time spent rendering, seconds; differs from run to run.
+    /// Rendering time, seconds; not reproducible.
     pub render_s: Option<f64>,
-    /// When it was made (written in UTC); differs from run to run.
+    /// Date of creation (written in UTC); not reproducible.
     pub captured: Option<SystemTime>,
-    /// From world to camera space (right-handed, y up, looking down -z), column vectors.
+    /// World-to-camera matrix for column vectors; camera space is right-handed, y up, looking along -z.
     pub world_to_camera: Option<DMat4>,
-    /// From world to normalized device coordinates of the frame: see [`ndc_from_world`](crate::camera::ndc_from_world).
+    /// Matrix from world space to normalized device coordinates of the frame: see [`ndc_from_world`](crate::camera::ndc_from_world).
     pub world_to_ndc: Option<DMat4>,
-    /// Width over height of a pixel; square without.
+    /// Pixel aspect ratio, width over height; 1 if `None`.
     pub pixel_aspect: Option<f64>,
-    /// Which space AOVs of places and directions are in.
+    /// Coordinate space of AOVs of positions and directions.
     pub aov_space: AovSpace,
-    /// The denoiser, if the picture was denoised.
+    /// Denoiser and guides, if the picture was denoised.
     pub denoised: Option<String>,
-    /// The mattes that the picture holds.
+    /// Cryptomattes of the picture.
     pub mattes: Vec<Matte>,
-    /// How far from the world's origin the scene's coordinates have theirs; `world_to_camera` is relative to it.
+    /// Offset of the scene's origin in world space, metres; matrices are relative to the world's origin.
     pub world_offset: Option<DVec3>,
-    /// The reason why rendering stopped before all samples were done.
+    /// Reason for stopping early.
     pub stopped_by: Option<String>,
-    /// Parts of the scene that were ignored, approximated or repaired.
+    /// Warnings about ignored, approximated or repaired parts of the scene.
     pub warnings: Vec<String>,
 }
 
-/// Encodes a film. Values beyond the range of half floats are clamped and counted in a warning, which the header holds
-/// too.
+/// Encodes a film. Values beyond the range of half floats are clamped, with a warning, which is also in the header.
 ///
 /// # Errors
 /// The message of the encoder.
@@ -106,7 +104,7 @@ pub fn encode_exr(
     Ok(Encoded { bytes, warnings })
 }
 
-/// Encodes a file that was read, with all its parts, channels and attributes.
+/// Encodes a file read before, with all parts, channels and attributes.
 ///
 /// # Errors
 /// The message of the encoder.
@@ -114,14 +112,14 @@ pub fn encode_layered(layered: &Layered) -> Result<Vec<u8>, String> {
     encode_image(layered.file())
 }
 
-/// Encodes all that a file holds.
+/// Encodes an image with all layers.
 fn encode_image(image: &AnyImage) -> Result<Vec<u8>, String> {
     let mut bytes = match is_zip(image) {
         true => encode_zip(image).map_err(|e| e.to_string())?,
         false => {
             let mut bytes = Cursor::new(Vec::new());
             let write = image.write();
-            // The encoder has a pool of its own with all cores.
+            // The crate uses a thread pool of its own with all cores.
             let write = if rayon::current_num_threads() == 1 { write.non_parallel() } else { write };
             write.to_buffered(&mut bytes).map_err(|e| e.to_string())?;
             bytes.into_inner()
@@ -131,8 +129,8 @@ fn encode_image(image: &AnyImage) -> Result<Vec<u8>, String> {
     Ok(bytes)
 }
 
-/// All planes of the film by the parts that they belong to, in the order of the film; adds to `clamped` how many values
-/// didn't fit. `float` makes half floats floats, where no type is chosen.
+/// The planes of the film grouped by part, in the order of the film; adds the number of clamped values to `clamped`. `float` makes 32-bit
+/// floats the default of half-float channels.
 fn parts(
     film: &Film,
     float: bool,
@@ -156,7 +154,7 @@ fn parts(
         *clamped += count;
         let mut channel = AnyChannel::new(text(&options.name_of(name)), samples);
         if is_b44 {
-            // As exponents of themselves alpha and data lose precision: an alpha of 1 comes back as 0.9976.
+            // The logarithmic encoding of B44 loses precision: an alpha of 1 would be decoded as 0.9976.
             channel.quantize_linearly = false;
         }
         let part = options.part_of(name);
@@ -168,7 +166,7 @@ fn parts(
     parts
 }
 
-/// Half floats, and how many values were beyond their range.
+/// Converts to half floats; returns the number of clamped values.
 fn to_half(mut values: Vec<f32>) -> (FlatSamples, u64) {
     let limit = f16::MAX.to_f32();
     let mut clamped = 0u64;
@@ -188,17 +186,17 @@ fn overflow(clamped: u64) -> Warning {
     ))
 }
 
-/// The attribute that names the denoiser of a picture.
+/// Name of the attribute with the denoiser.
 pub const DENOISED: &str = "denoised";
 
-/// Attributes of a part. The first has all; others those that say what their channels are.
+/// Attributes of a part; Cryptomatte attributes only if the part is the first or has their channels.
 fn attributes(metadata: &Metadata, part: &str, is_first: bool, options: &ExrOptions) -> LayerAttributes {
     let mut attributes = LayerAttributes {
         software_name: Some(text(concat!("oscura ", env!("CARGO_PKG_VERSION")))),
         owner: metadata.owner.as_deref().map(text),
         capture_date: metadata.captured.and_then(exr_date).map(|date| text(&date)),
         utc_offset: metadata.captured.and_then(exr_date).map(|_| 0.0),
-        // The file holds rows of a matrix for row vectors, which are the columns of ours.
+        // EXR stores rows of matrices for row vectors, which are the columns for column vectors.
         world_to_camera: metadata.world_to_camera.map(|m| camera(m, metadata.world_offset)),
         world_to_normalized_device: metadata.world_to_ndc.map(|m| camera(m, metadata.world_offset)),
         ..LayerAttributes::default()
@@ -236,7 +234,7 @@ fn attributes(metadata: &Metadata, part: &str, is_first: bool, options: &ExrOpti
     attributes
 }
 
-/// The matrix in single floats, for points relative to the offset.
+/// The matrix in single precision, for points relative to the offset.
 fn camera(world_to_camera: DMat4, offset: Option<DVec3>) -> [f32; 16] {
     let local = match offset {
         Some(offset) => world_to_camera * DMat4::from(DAffine3::from_translation(offset)),
@@ -245,15 +243,15 @@ fn camera(world_to_camera: DMat4, offset: Option<DVec3>) -> [f32; 16] {
     local.to_cols_array().map(|v| v as f32)
 }
 
-/// EXR text holds the first 256 code points only; others become question marks.
+/// Converts to EXR text, which only has the first 256 code points; others become question marks.
 fn text(s: &str) -> Text {
     let latin: String = s.chars().map(|c| if (c as u32) < 256 && c != '\0' { c } else { '?' }).collect();
     Text::new_or_none(latin).unwrap_or_default()
 }
 
-/// `YYYY:MM:DD hh:mm:ss` in UTC, the form of the capDate attribute. `None` outside the years 1970 to 9999.
+/// Formats a date for the attribute capDate, `YYYY:MM:DD hh:mm:ss` in UTC. `None` outside of the years 1970 to 9999.
 fn exr_date(time: SystemTime) -> Option<String> {
-    // Earlier times make the crate panic, later ones fail.
+    // The crate panics for earlier times and fails for later ones.
     time.duration_since(SystemTime::UNIX_EPOCH).ok()?;
     let mut date = String::new();
     // 2024-02-29T23:59:59Z
@@ -261,22 +259,21 @@ fn exr_date(time: SystemTime) -> Option<String> {
     Some(date.replace('-', ":").replace('T', " ").replace('Z', ""))
 }
 
-// Puts the attributes of an encoded EXR file in alphabetical order, as OpenEXR itself writes them. The encoder keeps
-// some of them in a hash map, so that without this two runs would give different bytes.
+// Sorts the attributes of an encoded EXR file alphabetically, as OpenEXR does. The crate keeps some of them in a hash map, so without
+// sorting the bytes would not be reproducible.
 
-/// Magic number and version come before the attributes.
+/// Offset of the first attribute, after magic number and version, bytes.
 const ATTRIBUTES_START: usize = 8;
 
 /// The version bit of multi-part files.
 const IS_MULTIPART: u8 = 1 << 4;
 
-/// Sorts the attributes of each header in place. Headers keep their length, so that the offsets that follow stay right.
-/// `None` if the bytes are no such file.
+/// Sorts the attributes of each header in place, which preserves all file offsets. `None` if the headers can't be parsed.
 pub(super) fn sort_attributes(file: &mut [u8]) -> Option<()> {
     let is_multipart = *file.get(5)? & IS_MULTIPART != 0;
     let mut at = ATTRIBUTES_START;
     loop {
-        // Behind the header is a zero.
+        // A zero byte ends the header.
         at = sort_header(file, at)? + 1;
         if !is_multipart || *file.get(at)? == 0 {
             return Some(());
@@ -284,7 +281,7 @@ pub(super) fn sort_attributes(file: &mut [u8]) -> Option<()> {
     }
 }
 
-/// Sorts the attributes of the header that starts at a place; returns where it ends.
+/// Sorts the attributes of the header at offset `start`; returns its end.
 fn sort_header(file: &mut [u8], start: usize) -> Option<usize> {
     let mut attributes: Vec<(Vec<u8>, Vec<u8>)> = Vec::new();
     let mut at = start;
@@ -302,16 +299,14 @@ fn sort_header(file: &mut [u8], start: usize) -> Option<usize> {
     Some(at)
 }
 
-// The planes of a film as EXRs have them.
-
-/// The planes of a film, colours in the space that is chosen.
+/// The planes of a film, with colours in the selected space.
 fn planes<'a>(film: &'a Film, options: &ExrOptions) -> Vec<Plane<'a>> {
     let mut planes = film.all_planes();
     let space = options.space;
     if space == WorkingSpace::Rec709 {
         return planes;
     }
-    let matrix = Primaries::REC709.to(&space.primaries()).expect("both are spaces of colours");
+    let matrix = Primaries::REC709.to(&space.primaries()).expect("both have valid primaries");
     for at in 0..planes.len().saturating_sub(2) {
         let layer = layer_of(planes[at].name).trim_end_matches(|c: char| c.is_ascii_digit());
         let is_red = planes[at].name.rsplit('.').next() == Some("R");
@@ -322,7 +317,7 @@ fn planes<'a>(film: &'a Film, options: &ExrOptions) -> Vec<Plane<'a>> {
     planes
 }
 
-/// Applies a matrix to red, green and blue.
+/// Applies a matrix to planes of red, green and blue.
 fn convert(planes: &mut [Plane], matrix: &[[f64; 3]; 3]) {
     let [red, green, blue] = planes else { return };
     let (Values::Float(red), Values::Float(green), Values::Float(blue)) =
@@ -335,24 +330,23 @@ fn convert(planes: &mut [Plane], matrix: &[[f64; 3]; 3]) {
     }
 }
 
-// Scan lines under ZIP, which most EXRs are: packed and compressed on all threads of the current pool, several times as fast
-// as by the crate that writes all others. The format is that of "OpenEXR File Layout" (openexr.com): chunks of scan lines, and
-// of ImfZip.cpp for what is compressed.
+// ZIP-compressed scan lines, the most common kind of EXR: compressed by all threads of the current pool, several times as fast as by the
+// crate, which encodes all other kinds. Format: "OpenEXR File Layout" (openexr.com) for chunks, ImfZip.cpp for the compressed data.
 
 /// A file in memory.
 type AnyImage = Image<Layers<AnyChannels<FlatSamples>>>;
 type AnyLayer = Layer<AnyChannels<FlatSamples>>;
 
-/// The level of zlib: passes of the Cornell box are 0.5 % larger than at 4, in less than half of the time; below 2 they are 13 %
-/// larger.
+/// Zlib compression level: passes of the Cornell box are 0.5 % larger than at level 4, in less than half the time; below 2 they are
+/// 13 % larger.
 const LEVEL: Level = Level::new(2);
 
 thread_local! {
-    /// Making a compressor takes as long as compressing some lines.
+    /// Reused, since creating a compressor takes as long as compressing some lines.
     static ENCODER: RefCell<Compress> = RefCell::new(Compress::new(LEVEL, true));
 }
 
-/// Does this module compress it?
+/// Whether [`encode_zip`] supports the image.
 fn is_zip(image: &AnyImage) -> bool {
     let suits = |layer: &AnyLayer| {
         let encoding = &layer.encoding;
@@ -364,15 +358,15 @@ fn is_zip(image: &AnyImage) -> bool {
     cfg!(target_endian = "little") && image.layer_data.iter().all(suits)
 }
 
-/// Encodes a file of which [`is_zip`] holds.
+/// Encodes an image for which [`is_zip`] is true.
 ///
 /// # Errors
-/// The message of the crate that writes headers.
+/// The message of the crate.
 fn encode_zip(image: &AnyImage) -> exr::error::Result<Vec<u8>> {
     let headers = image.layer_data.infer_headers(&image.attributes);
     let blocks: Vec<(usize, usize)> = (image.layer_data.iter().enumerate())
         .flat_map(|(index, layer)| {
-            (0..layer.size.height().div_ceil(lines(layer))).map(move |block| (index, block))
+            (0..layer.size.height().div_ceil(lines_per_chunk(layer))).map(move |block| (index, block))
         })
         .collect();
     let compressed: Vec<Vec<u8>> = (blocks.par_iter())
@@ -382,7 +376,7 @@ fn encode_zip(image: &AnyImage) -> exr::error::Result<Vec<u8>> {
     exr::block::write(&mut bytes, headers, true, |_, writer| {
         blocks.iter().zip(compressed).try_for_each(|(&(layer_index, block), compressed_pixels_le)| {
             let layer = &image.layer_data[layer_index];
-            let y_coordinate = layer.attributes.layer_position.y() + (block * lines(layer)) as i32;
+            let y_coordinate = layer.attributes.layer_position.y() + (block * lines_per_chunk(layer)) as i32;
             let compressed_block =
                 CompressedBlock::ScanLine(CompressedScanLineBlock { y_coordinate, compressed_pixels_le });
             writer.write_chunk(block, Chunk { layer_index, compressed_block })
@@ -391,16 +385,16 @@ fn encode_zip(image: &AnyImage) -> exr::error::Result<Vec<u8>> {
     Ok(bytes.into_inner())
 }
 
-/// Scan lines of a chunk.
-fn lines(layer: &AnyLayer) -> usize {
+/// Number of scan lines per chunk.
+fn lines_per_chunk(layer: &AnyLayer) -> usize {
     if layer.encoding.compression == Compression::ZIP1 { 1 } else { 16 }
 }
 
-/// A chunk as it stands in the file: compressed where that is smaller.
+/// The data of a chunk: compressed if that is smaller.
 fn compress(layer: &AnyLayer, block: usize) -> std::io::Result<Vec<u8>> {
-    let (width, first) = (layer.size.width(), block * lines(layer));
+    let (width, first) = (layer.size.width(), block * lines_per_chunk(layer));
     let mut plain = Vec::new();
-    for y in first..(first + lines(layer)).min(layer.size.height()) {
+    for y in first..(first + lines_per_chunk(layer)).min(layer.size.height()) {
         let row = y * width..(y + 1) * width;
         for channel in &layer.channel_data.list {
             match &channel.sample_data {
@@ -416,8 +410,8 @@ fn compress(layer: &AnyLayer, block: usize) -> std::io::Result<Vec<u8>> {
             }
         }
     }
-    let bytes = differences(&apart(&plain));
-    // Zlib grows what it can't compress by a thousandth and a few bytes; what is as large as before is stored as it is.
+    let bytes = differences(&deinterleave(&plain));
+    // Zlib enlarges incompressible data by 0.1 % and a few bytes; such chunks are stored uncompressed.
     let mut compressed = Vec::with_capacity(bytes.len() + bytes.len() / 1000 + 64);
     let status = ENCODER.with_borrow_mut(|encoder| {
         if encoder.total_in() > 0 {
@@ -429,8 +423,8 @@ fn compress(layer: &AnyLayer, block: usize) -> std::io::Result<Vec<u8>> {
     Ok(if is_smaller { compressed } else { plain })
 }
 
-/// The bytes at even places, then those at odd ones: samples have two or four, so their number is even.
-fn apart(plain: &[u8]) -> Vec<u8> {
+/// The bytes at even offsets, then those at odd offsets. (Their number is even.)
+fn deinterleave(plain: &[u8]) -> Vec<u8> {
     let mut bytes = vec![0; plain.len()];
     let (even, odd) = bytes.split_at_mut(plain.len() / 2);
     for ((even, odd), pair) in even.iter_mut().zip(odd).zip(plain.chunks_exact(2)) {
@@ -439,7 +433,7 @@ fn apart(plain: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// The difference of each byte from the one before, plus 128.
+/// The difference of each byte from the previous one, plus 128.
 fn differences(bytes: &[u8]) -> Vec<u8> {
     let mut differences = Vec::with_capacity(bytes.len());
     differences.extend(bytes.first());
@@ -448,18 +442,18 @@ fn differences(bytes: &[u8]) -> Vec<u8> {
     differences
 }
 
-// The header of a Cryptomatte (Psyop's specification 1.2.0).
+// Header of a Cryptomatte (Psyop's specification 1.2.0).
 
-/// A matte: the name that its layers have in common, and the names of all that it may show.
+/// A Cryptomatte: name prefix of its layers, and the manifest.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Matte {
     kind: &'static str,
-    /// Ids by names.
+    /// Ids by name.
     manifest: BTreeMap<String, u32>,
 }
 
 impl Matte {
-    /// A matte of a kind (`CryptoObject`) for objects or materials of these names.
+    /// A Cryptomatte with a name prefix (`CryptoObject`) for objects or materials of these names.
     pub fn new(kind: &'static str, names: Vec<String>) -> Matte {
         let manifest = names
             .into_iter()
@@ -471,21 +465,21 @@ impl Matte {
         Matte { kind, manifest }
     }
 
-    /// The names of all that it may show.
+    /// The names in the manifest.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.manifest.keys().map(String::as_str)
     }
 
-    /// The name that its layers have in common.
+    /// Name prefix of the layers.
     pub fn kind(&self) -> &'static str {
         self.kind
     }
 
-    /// The attributes of the header: names and texts. The names of its layers in the file start with `prefix`.
+    /// Header attributes as names and texts. Layer names in the file start with `prefix`.
     pub fn attributes(&self, prefix: &str) -> [(String, String); 4] {
         let name = format!("{prefix}{}", self.kind);
         let key = matte_key(&name);
-        let named = |what: &str, text: String| (format!("cryptomatte/{key}/{what}"), text);
+        let named = |field: &str, text: String| (format!("cryptomatte/{key}/{field}"), text);
         [
             named("name", name.clone()),
             named("hash", "MurmurHash3_32".to_string()),
@@ -494,7 +488,7 @@ impl Matte {
         ]
     }
 
-    /// The manifest: a JSON object of ids, as eight hexadecimal digits, by names.
+    /// The manifest: a JSON object from names to ids as eight hexadecimal digits.
     fn manifest(&self) -> String {
         let entry = |(name, id): (&String, &u32)| format!("\"{}\":\"{id:08x}\"", escaped(name));
         let entries: Vec<String> = self.manifest.iter().map(entry).collect();
@@ -502,7 +496,7 @@ impl Matte {
     }
 }
 
-/// A text as JSON has it, with ASCII characters only: the header's text has no others.
+/// Escapes a text for a JSON string, with ASCII characters only.
 fn escaped(text: &str) -> String {
     let mut escaped = String::new();
     for unit in text.encode_utf16() {
@@ -521,7 +515,7 @@ mod tests {
     use std::time::Duration;
 
     #[test]
-    fn dates_are_those_of_the_calendar() {
+    fn dates_are_formatted_in_utc() {
         let at = |s| exr_date(SystemTime::UNIX_EPOCH + Duration::from_secs(s));
         for (seconds, date) in [
             (0, "1970:01:01 00:00:00"),
@@ -568,9 +562,9 @@ mod exr_zip_tests {
         reader.all_layers().all_attributes().from_buffered(Cursor::new(bytes)).expect("a valid file")
     }
 
-    /// Files with smooth values, with noise that nothing compresses, of one pixel and of several parts come back.
+    /// Round trip of files with smooth values, with incompressible noise, of one pixel and of several parts.
     #[test]
-    fn files_come_back() {
+    fn zip_files_are_read_back() {
         for (size, position) in [((37, 33), (0, 0)), ((1, 1), (-5, 7)), ((16, 48), (3, -20))] {
             for compression in [Compression::ZIP1, Compression::ZIP16] {
                 let layers = [2, 3, u32::MAX].map(|noise| layer(size, position, compression, noise));
@@ -591,7 +585,7 @@ mod exr_zip_tests {
     }
 
     #[test]
-    fn others_are_left_to_the_crate() {
+    fn other_encodings_are_written_by_the_crate() {
         let of = |compression| {
             let layer = layer((4, 4), (0, 0), compression, 2);
             Image::from_layers(ImageAttributes::with_size((4, 4)), vec![layer])
@@ -608,7 +602,7 @@ mod matte_tests {
     use super::*;
 
     #[test]
-    fn headers_say_what_the_specification_asks_for() {
+    fn header_attributes_follow_the_specification() {
         let names = ["hello", "a \"b\"\\", "Würfel\u{1f600}"].map(String::from);
         let matte = Matte::new("crypto_asset", names.to_vec());
         let attributes = matte.attributes("");

@@ -1,4 +1,4 @@
-//! Storage of EXR files: layout, compression, tiles, types, and which part of the frame they hold.
+//! Options of EXR files: layout, compression, tiles, pixel types, colour space and data window.
 
 use crate::color::Primaries;
 use crate::film::PixelType;
@@ -6,49 +6,49 @@ use crate::math::{DMat4, DVec3};
 use exr::meta::attribute::Chromaticities;
 use exr::prelude::{Blocks, Compression, Encoding, LineOrder, Vec2};
 
-/// How the channels of an EXR are arranged.
+/// Arrangement of channels in an EXR.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ExrLayout {
-    /// One part: R, G, B, A and Z without a layer's name, others in layers of their own. The most compatible.
+    /// One part: R, G, B, A and Z without a layer name, others with one. The most compatible.
     #[default]
     Single,
-    /// A part for each layer, named after it, the picture itself first: programs read only what they show.
+    /// A part for each layer, named after it, the picture first: programs can read layers selectively.
     Multipart,
-    /// One part with all channels in one render layer, named as Blender names them: `ViewLayer.Combined.R`.
+    /// One part with Blender's channel names in one view layer: `ViewLayer.Combined.R`.
     Layers,
 }
 
-/// How pixels are compressed.
+/// Compression of pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ExrCompression {
     /// No compression.
     None,
-    /// Runs of equal bytes; lossless.
+    /// Run-length encoding; lossless.
     Rle,
     /// Deflate, 16 lines at a time; lossless.
     #[default]
     Zip,
     /// Deflate line by line; lossless.
     Zips,
-    /// Wavelets; lossless, best for grain.
+    /// Wavelets; lossless, best for noisy pictures.
     Piz,
-    /// Deflate after 32-bit floats lost 8 bits.
+    /// Deflate after truncation of 32-bit floats to 24 bits; lossy.
     Pxr24,
     /// Blocks of 4 x 4 half floats in 14 bytes; lossy.
     B44,
     /// B44 with flat blocks in 3 bytes; lossy.
     B44a,
-    /// Cosine transform, 32 lines at a time; lossy.
+    /// Discrete cosine transform, 32 lines at a time; lossy.
     Dwaa,
-    /// Cosine transform, 256 lines at a time; lossy.
+    /// Discrete cosine transform, 256 lines at a time; lossy.
     Dwab,
 }
 
 impl ExrLayout {
-    /// All of them.
+    /// All variants.
     pub const ALL: [ExrLayout; 3] = [ExrLayout::Single, ExrLayout::Multipart, ExrLayout::Layers];
 
-    /// Its name for users.
+    /// Name for users.
     pub fn name(self) -> &'static str {
         self.words().0
     }
@@ -70,7 +70,7 @@ impl ExrLayout {
 }
 
 impl ExrCompression {
-    /// All of them.
+    /// All variants.
     pub const ALL: [ExrCompression; 10] = [
         ExrCompression::None,
         ExrCompression::Rle,
@@ -84,7 +84,7 @@ impl ExrCompression {
         ExrCompression::Dwab,
     ];
 
-    /// Its name for users.
+    /// Name for users.
     pub fn name(self) -> &'static str {
         match self {
             ExrCompression::None => "none",
@@ -100,24 +100,23 @@ impl ExrCompression {
         }
     }
 
-    /// Do 32-bit floats keep all their bits, such as the ids of mattes?
+    /// Whether 32-bit floats are lossless, as needed for Cryptomatte ids.
     pub fn keeps_ids(self) -> bool {
         !matches!(self, ExrCompression::Pxr24 | ExrCompression::Dwaa | ExrCompression::Dwab)
     }
 }
 
-/// Where the pixels of a file stand in the frame.
+/// Position of the data window in the frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ExrWindow {
-    /// Column and row of the file's first pixel; negative beyond the frame's left and upper edge.
+    /// Column and row of the data window's first pixel; negative beyond the frame's left or upper edge.
     pub origin: (i32, i32),
-    /// Width and height of the frame, the display window, which starts at (0, 0).
+    /// Width and height of the display window, which starts at (0, 0), pixels.
     pub frame: (u32, u32),
 }
 
 impl ExrWindow {
-    /// From normalized device coordinates of a picture with pixels all around the frame to those of the frame; as they are for
-    /// any other.
+    /// Converts normalized device coordinates of a picture with overscan to those of the frame; identity without overscan.
     pub fn frame_from_ndc(&self, width: u32, height: u32) -> DMat4 {
         let ((x, y), (frame_width, frame_height)) = (self.origin, self.frame);
         if width <= frame_width && height <= frame_height {
@@ -130,20 +129,20 @@ impl ExrWindow {
     }
 }
 
-/// How to write EXRs.
+/// Options of EXR files.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct ExrOptions {
     /// Arrangement of channels.
     pub layout: ExrLayout,
     /// Compression of pixels.
     pub compression: ExrCompression,
-    /// Edge of square tiles in pixels; scan lines without.
+    /// Edge length of square tiles, pixels; scan lines if `None`.
     pub tiles: Option<u32>,
-    /// Types of channels or layers by name, in place of their own: half or float.
+    /// Pixel types by channel or layer name (half or float), overriding the defaults.
     pub types: Vec<(String, PixelType)>,
-    /// The space of colours.
+    /// Colour space.
     pub space: WorkingSpace,
-    /// Where the pixels stand; without it they are the frame.
+    /// Data window; the whole frame if `None`.
     pub window: Option<ExrWindow>,
 }
 
@@ -151,7 +150,7 @@ pub struct ExrOptions {
 const VIEW_LAYER: &str = "ViewLayer";
 
 impl ExrOptions {
-    /// Blocks and compression, for the encoder.
+    /// The crate's encoding options.
     pub(super) fn encoding(&self) -> Encoding {
         let compression = match self.compression {
             ExrCompression::None => Compression::Uncompressed,
@@ -172,16 +171,16 @@ impl ExrOptions {
         Encoding { compression, blocks, line_order: LineOrder::Increasing }
     }
 
-    /// The type of a channel: by its name, else by that of its layer, else its own.
+    /// The pixel type of a channel: by its name, else by its layer, else its default.
     pub(super) fn type_of(&self, name: &str, own: PixelType) -> PixelType {
         let layer = layer_of(name);
         let given = |wanted: &str| self.types.iter().rev().find(|(n, _)| n == wanted).map(|(_, kind)| *kind);
         let kind = given(name).or_else(|| given(layer)).unwrap_or(own);
-        // Integers stay integers.
+        // Integers are not converted.
         if own == PixelType::Uint { own } else { kind }
     }
 
-    /// Names for which types are chosen that are neither channels nor layers of these channels.
+    /// Names in `types` that match neither a channel nor a layer.
     pub(super) fn unknown<'a>(&'a self, channels: &'a [&str]) -> impl Iterator<Item = &'a str> {
         let is_known = |wanted: &str| channels.iter().any(|name| *name == wanted || layer_of(name) == wanted);
         self.types.iter().map(|(name, _)| name.as_str()).filter(move |name| !is_known(name))
@@ -198,12 +197,12 @@ impl ExrOptions {
         }
     }
 
-    /// Prefix of the names of mattes.
+    /// Name prefix of Cryptomattes.
     pub(super) fn prefix(&self) -> &'static str {
         if self.layout == ExrLayout::Layers { "ViewLayer." } else { "" }
     }
 
-    /// The part that a channel belongs to.
+    /// The part of a channel.
     pub(super) fn part_of(&self, name: &str) -> String {
         match self.layout {
             ExrLayout::Single | ExrLayout::Layers => String::new(),
@@ -212,7 +211,7 @@ impl ExrOptions {
     }
 }
 
-/// The layer of a channel: what stands before its last dot, `rgba` for the picture itself, `depth` for Z.
+/// The layer of a channel: the name up to the last dot, `rgba` for the picture, `depth` for Z.
 pub(super) fn layer_of(name: &str) -> &str {
     match name.rsplit_once('.') {
         Some((layer, _)) => layer,
@@ -222,9 +221,9 @@ pub(super) fn layer_of(name: &str) -> &str {
     }
 }
 
-// Which channels of EXRs are colours, and their colour space.
+// Colour space.
 
-/// The space of the colours in EXRs. Pictures are rendered in linear Rec. 709.
+/// Colour space of EXRs. Pictures are rendered in linear Rec. 709.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum WorkingSpace {
     /// Linear Rec. 709.
@@ -235,10 +234,10 @@ pub enum WorkingSpace {
 }
 
 impl WorkingSpace {
-    /// All of them.
+    /// All variants.
     pub const ALL: [WorkingSpace; 2] = [WorkingSpace::Rec709, WorkingSpace::AcesCg];
 
-    /// Its name for users.
+    /// Name for users.
     pub fn name(self) -> &'static str {
         match self {
             WorkingSpace::Rec709 => "rec709",
@@ -254,7 +253,7 @@ impl WorkingSpace {
         }
     }
 
-    /// Its name in the Color Interop Forum's list.
+    /// Identifier of the Color Interop Forum.
     pub(super) fn interop_id(self) -> &'static str {
         match self {
             WorkingSpace::Rec709 => "lin_rec709_scene",
@@ -269,7 +268,7 @@ impl WorkingSpace {
         }
     }
 
-    /// For the header.
+    /// The header attribute.
     pub(super) fn chromaticities(self) -> Chromaticities {
         let Primaries { red, green, blue, white } = self.primaries();
         let [red, green, blue, white] = [red, green, blue, white].map(|[x, y]| Vec2(x as f32, y as f32));
@@ -277,8 +276,8 @@ impl WorkingSpace {
     }
 }
 
-/// Parts whose channels are no colours.
-const COLORLESS: [&str; 17] = [
+/// Layers of data other than colours.
+const DATA_LAYERS: [&str; 17] = [
     "depth",
     "nearest",
     "P",
@@ -298,12 +297,12 @@ const COLORLESS: [&str; 17] = [
     "CryptoAsset",
 ];
 
-/// Factors on colours, whatever their space.
+/// Layer of factors on colours, which are not converted between colour spaces.
 pub(super) const FACTORS: &str = "ShadowCatcher";
 
-/// Are the channels of a part, or of a layer without its number, colours?
+/// Whether the channels of a part or layer (without its number) are colours.
 pub fn is_color(part: &str) -> bool {
-    !COLORLESS.contains(&part)
+    !DATA_LAYERS.contains(&part)
 }
 
 #[cfg(test)]
@@ -325,7 +324,7 @@ mod tests {
     }
 
     #[test]
-    fn types_are_chosen_by_channel_or_layer() {
+    fn pixel_types_are_overridden_by_channel_or_layer() {
         use PixelType::{Float, Half, Uint};
         let types = [("N", Half), ("rgba", Float), ("A", Half), ("object", Half)];
         let types = types.map(|(name, kind)| (name.to_string(), kind)).to_vec();

@@ -1,5 +1,5 @@
-//! Writing pictures: EXR for compositing, PNG and the like for looking at. Everything is encoded in memory first, then written to a
-//! temporary file beside the target and renamed, so that a half-written picture never has the target's name.
+//! Writing pictures: EXR, and display-referred formats such as PNG. Pictures are encoded in memory, written to a temporary file in the
+//! target's folder and renamed, so that targets are replaced atomically.
 
 mod atomic;
 mod exr;
@@ -24,32 +24,32 @@ pub use png::{
 use std::path::Path;
 pub use video::{Animation, AnimationFormat, Video, VideoFormat};
 
-/// Reads the file of a view (cinespace, `.csp`; or `.view`, of the exporter for Blender).
+/// Reads a view transform from a LUT file (cinespace, `.csp`; or `.view`, from the Blender exporter).
 ///
 /// # Errors
-/// Where it can't be read, and where it holds no such table, with the line.
+/// If it can't be read or parsed, with the line.
 pub fn read_view(path: &Path) -> std::result::Result<ViewTransform, String> {
     let bytes = std::fs::read(path).map_err(|error| format!("can't be read: {error}"))?;
     ViewTransform::from_table(&bytes, path)
 }
 
-/// How to write pictures.
+/// Options of picture files.
 #[derive(Clone, Debug, Default)]
 pub struct OutputOptions {
-    /// 32-bit floats for the EXR's colour instead of 16-bit ones.
+    /// 32-bit instead of 16-bit floats for colour in EXRs.
     pub float: bool,
-    /// How EXRs lie on the disk.
+    /// Options of EXRs.
     pub exr: ExrOptions,
-    /// How PNGs and the like look.
+    /// Options of display-referred formats.
     pub png: PngOptions,
-    /// The metadata of the EXR's header.
+    /// Metadata of the EXR header.
     pub metadata: Metadata,
 }
 
-/// Encodes a film for a format.
+/// Encodes a film in a format.
 ///
 /// # Errors
-/// An output error, naming `path`, if the encoder refuses.
+/// An output error with `path` and the message of the encoder.
 pub fn encode(
     film: &Film,
     format: Format,

@@ -1,8 +1,8 @@
-//! Files of sums (`.part`): a part of a picture, or one that is not finished. EXR can't hold them: sums are pairs of an f64
-//! and an f32, and lists of ids, where EXR has no type above 32 bits.
+//! Part files (`.part`): exact sums of a partial or unfinished picture. EXR can't store them, since sums are pairs of an f64 and an f32,
+//! and lists of ids.
 //!
-//! A file is: 16 bytes of signature; the length of the head as a u64; the head, JSON; the film's sums; the picture
-//! behind it, if any; what rendering needs to continue; and the CRC-32 of all that. Numbers are little-endian.
+//! Format: 16 bytes magic number; length of the header as a u64; header, JSON; the film's sums; the background image, if any; further
+//! state for resuming; and the CRC-32 of all that. Numbers are little-endian.
 
 use super::atomic::write_with;
 use crate::error::{Error, Problem, Result};
@@ -17,13 +17,13 @@ use std::io::{BufReader, Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-// Reading and writing files of sums.
+// Reading and writing.
 
 /// Magic number with the version of the format.
 const MAGIC: &[u8; 16] = b"oscura part 0002";
 
 /// Maximum length of the header, bytes.
-const LONGEST_HEAD: u64 = 64 << 20;
+const MAX_HEADER: u64 = 64 << 20;
 
 /// Contents of a partial render or checkpoint.
 pub struct PartFile {
@@ -69,10 +69,10 @@ impl<T: Read> Read for Checked<T> {
     }
 }
 
-/// Writes a part file atomically. Fills in the header's entries about the background and the state.
+/// Writes a part file atomically. Sets the header's fields about background and further state.
 ///
 /// # Errors
-/// An output error; an older file of that name is unharmed then.
+/// An output error; an existing file is then unchanged.
 pub fn write_part(
     path: &Path,
     mut header: PartHeader,
@@ -94,8 +94,8 @@ pub fn write_part(
         writer.write_all(&head)?;
         film.write_sums(&mut writer)?;
         if let Some(Backdrop::Picture(image)) = backdrop {
-            let places = (0..image.height).flat_map(|y| (0..image.width).map(move |x| (x, y)));
-            places.map(|(x, y)| image.rgba(x, y)).try_for_each(|rgba| {
+            let pixels = (0..image.height).flat_map(|y| (0..image.width).map(move |x| (x, y)));
+            pixels.map(|(x, y)| image.rgba(x, y)).try_for_each(|rgba| {
                 let bytes: [[u8; 4]; 4] = rgba.map(f32::to_le_bytes);
                 writer.write_all(bytes.as_flattened())
             })?;
@@ -106,10 +106,10 @@ pub fn write_part(
     })
 }
 
-/// Reads the header of a part file; [`read_part`] checks the rest.
+/// Reads only the header of a part file.
 ///
 /// # Errors
-/// An input error if it is no such file.
+/// An input error if it is not a part file.
 pub fn read_header(path: &Path) -> Result<PartHeader> {
     let opened = open(path)?;
     Ok(opened.header)
@@ -118,7 +118,7 @@ pub fn read_header(path: &Path) -> Result<PartHeader> {
 /// Reads a part file.
 ///
 /// # Errors
-/// An input error if it is none or damaged, a usage error if there is no memory for it.
+/// An input error if it is not a part file or damaged, a usage error if memory runs out.
 pub fn read_part(path: &Path) -> Result<PartFile> {
     let Opened { mut reader, header, left } = open(path)?;
     let region = header.region;
@@ -128,7 +128,7 @@ pub fn read_part(path: &Path) -> Result<PartFile> {
         Behind::Picture(width, height) => (u64::from(width) * u64::from(height)).checked_mul(16),
         _ => Some(0),
     };
-    // Before memory is allocated by sizes in the header.
+    // Check sizes of the header before allocating memory.
     let needed = pixels.checked_mul(layout.bytes_per_pixel()).and_then(|n| n.checked_add(behind?));
     let needed = needed.and_then(|n| n.checked_add(header.further_bytes));
     if needed.is_none_or(|needed| needed > left) {
@@ -178,11 +178,11 @@ fn open(path: &Path) -> Result<Opened> {
     }
     let length = u64::from_le_bytes(length);
     let left = size.saturating_sub(24).checked_sub(length);
-    let left = left.filter(|_| length <= LONGEST_HEAD).ok_or_else(|| damaged(path, "it ends early"))?;
+    let left = left.filter(|_| length <= MAX_HEADER).ok_or_else(|| damaged(path, "it ends early"))?;
     let mut head = Vec::new();
     Read::by_ref(&mut reader).take(length).read_to_end(&mut head).map_err(unreadable)?;
-    let header: PartHeader =
-        serde_json::from_slice(&head).map_err(|e| damaged(path, &format!("its head can't be read: {e}")))?;
+    let header: PartHeader = serde_json::from_slice(&head)
+        .map_err(|e| damaged(path, &format!("its header can't be parsed: {e}")))?;
     check(&header).map_err(|what| damaged(path, what))?;
     Ok(Opened { reader, header, left })
 }
@@ -193,11 +193,15 @@ fn check(header: &PartHeader) -> std::result::Result<(), &'static str> {
     let is_within =
         region.x0 <= region.x1 && region.x1 <= *width && region.y0 <= region.y1 && region.y1 <= *height;
     let has_samples = first_sample <= end_sample && end_sample <= samples;
-    let has_behind = match header.finish.behind {
+    let has_valid_background = match header.finish.behind {
         Behind::Picture(width, height) => width > 0 && height > 0,
         _ => true,
     };
-    if is_within && has_samples && has_behind { Ok(()) } else { Err("its numbers make no sense") }
+    if is_within && has_samples && has_valid_background {
+        Ok(())
+    } else {
+        Err("the numbers of its header are inconsistent")
+    }
 }
 
 fn read_backdrop(reader: &mut dyn Read, behind: &Behind) -> io::Result<Option<Backdrop>> {
@@ -227,10 +231,10 @@ fn damaged(path: &Path, what: &str) -> Error {
 
 // Header of part files.
 
-/// Everything that the samples of a picture depend on, by name: values of settings, fingerprints of scene data.
+/// Everything that samples depend on, by name: values of settings, fingerprints of scene data.
 pub type Identity = BTreeMap<String, String>;
 
-/// Prefix of values that are fingerprints.
+/// Prefix of fingerprints.
 pub const PRINT: &str = "#";
 
 /// Messages about the differences of two identities.
@@ -248,26 +252,26 @@ pub fn differences(ours: &Identity, theirs: &Identity) -> Vec<String> {
     messages.collect()
 }
 
-/// A rectangle of pixels: from column `x0` and row `y0` up to, not including, column `x1` and row `y1`.
+/// A rectangle of pixels; right and bottom exclusive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Region {
     /// Left column.
     pub x0: u32,
     /// Top row.
     pub y0: u32,
-    /// Column right of the last.
+    /// Right column, exclusive.
     pub x1: u32,
-    /// Row below the last.
+    /// Bottom row, exclusive.
     pub y1: u32,
 }
 
 impl Region {
-    /// Columns.
+    /// Width, pixels.
     pub fn width(&self) -> u32 {
         self.x1.saturating_sub(self.x0)
     }
 
-    /// Rows.
+    /// Height, pixels.
     pub fn height(&self) -> u32 {
         self.y1.saturating_sub(self.y0)
     }
@@ -279,12 +283,12 @@ impl std::fmt::Display for Region {
     }
 }
 
-/// Techniques that paths were traced with.
+/// The path strategy.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Way {
     /// Path splitting: number of paths from the first hit of each camera ray.
     pub branches: u32,
-    /// Path reuse: block of pixels that share paths.
+    /// Path reuse: block of pixels that share paths, by name.
     pub shared: Option<String>,
 }
 
@@ -295,9 +299,9 @@ pub struct Effort {
     pub wall_s: f64,
     /// CPU time of rendering, seconds.
     pub cpu_s: f64,
-    /// Paths.
+    /// Number of paths.
     pub paths: u64,
-    /// Rays.
+    /// Number of rays.
     pub rays: u64,
 }
 
@@ -306,16 +310,16 @@ pub struct Effort {
 pub struct Channels {
     /// AOVs by option name.
     pub aovs: Vec<String>,
-    /// Number of Cryptomatte ranks.
+    /// Number of levels of Cryptomattes.
     pub matte_levels: u32,
     /// Names of the light groups.
     pub light_groups: Vec<String>,
-    /// The first half of the samples is stored separately.
+    /// Whether the film has half buffers.
     pub halves: bool,
-    /// Shadow catchers are recorded.
+    /// Whether the film has channels of shadow catchers.
     #[serde(default)]
     pub catchers: bool,
-    /// Shadow catchers show shadows only.
+    /// Whether the output is [`CatcherOutput::Shadows`].
     #[serde(default)]
     pub shadows_only: bool,
 }
@@ -331,7 +335,7 @@ impl Channels {
         self.aovs.iter().map(|name| Aov::from_option(name)).collect()
     }
 
-    /// The film's layout; `None` if there is none of the kind.
+    /// The film's layout; `None` if a name or number is invalid.
     pub fn layout(&self) -> Option<Layout> {
         const MAX_LEVELS: u32 = 64;
         let aovs = self.aovs().filter(|_| (1..=MAX_LEVELS).contains(&self.matte_levels))?;
@@ -339,13 +343,13 @@ impl Channels {
             return None;
         }
         let groups = self.light_groups.iter().map(|name| Channel::light_group(name));
-        let caught = self.catchers.then(Channel::of_catchers).into_iter().flatten();
-        let further = aovs.channels_with(self.matte_levels).chain(groups).chain(caught);
+        let catchers = self.catchers.then(Channel::of_catchers).into_iter().flatten();
+        let further = aovs.channels_with(self.matte_levels).chain(groups).chain(catchers);
         Some(Layout::new(further).with_halves(self.halves))
     }
 }
 
-/// Background behind transparent pixels. The pixels of an image follow the film.
+/// Background of transparent pixels. The pixels of an image follow the film's sums in the file.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub enum Behind {
     /// Nothing.
@@ -357,10 +361,10 @@ pub enum Behind {
     Picture(u32, u32),
 }
 
-/// Output settings of pictures made of the film. Floats are stored as bits.
+/// Output settings. Floats are stored as bits.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Finish {
-    /// Seed of all randomness.
+    /// Random seed.
     pub seed: u32,
     /// World-to-camera matrix, column-major.
     pub world_to_camera: [u64; 16],
@@ -370,19 +374,19 @@ pub struct Finish {
     /// Pixel aspect ratio, width over height; 1 if `None`.
     #[serde(default)]
     pub pixel_aspect: Option<u64>,
-    /// Coordinate space of AOVs, by name; world space if `None`.
+    /// Coordinate space of AOVs, by name; world space if empty.
     #[serde(default)]
     pub aov_space: String,
-    /// Offset of the scene's origin from the world's.
+    /// Offset of the scene's origin in world space, metres.
     pub world_offset: Option<[u64; 3]>,
-    /// Names of the Cryptomatte manifests, per matte.
+    /// Names in the manifest, by Cryptomatte.
     pub mattes: Vec<Vec<String>>,
     /// Warnings of loading and compiling.
     pub warnings: Vec<String>,
-    /// Denoise the picture and keep only these AOVs, by option name.
+    /// Denoise the picture and keep only these AOVs, by option name; `None`: no denoising.
     #[serde(default)]
     pub denoise: Option<Vec<String>>,
-    /// Owner of the image.
+    /// Owner of the picture.
     pub owner: Option<String>,
     /// 32-bit floats for colour in EXRs.
     pub float: bool,
@@ -401,7 +405,7 @@ pub struct Finish {
     /// Display-referred output is composited over black.
     #[serde(default)]
     pub opaque: bool,
-    /// Background image.
+    /// Background.
     pub behind: Behind,
 }
 
@@ -410,36 +414,36 @@ pub struct Finish {
 pub struct PartHeader {
     /// The identity of the picture.
     pub identity: Identity,
-    /// Width of the whole picture in pixels.
+    /// Width of the whole picture, pixels.
     pub width: u32,
-    /// Its height.
+    /// Height of the whole picture, pixels.
     pub height: u32,
-    /// Samples a pixel that the whole picture is to have.
+    /// Planned samples per pixel of the whole picture.
     pub samples: u32,
-    /// The pixels that the file has.
+    /// Pixels in this file.
     pub region: Region,
-    /// Which of their samples: from this one.
+    /// First sample in this file.
     pub first_sample: u32,
-    /// Up to, not including, this one.
+    /// End of the samples in this file, exclusive.
     pub end_sample: u32,
-    /// How they were traced; `None` if that was still open.
+    /// Path strategy; `None` if undecided.
     pub way: Option<Way>,
     /// Channels.
     pub channels: Channels,
     /// Cost of rendering.
     pub effort: Effort,
-    /// How pictures are written.
+    /// Output settings.
     pub finish: Finish,
-    /// Size of the data after the sums and the background picture, bytes.
+    /// Size of the further state, bytes.
     pub further_bytes: u64,
 }
 
-// Do parts make up a picture?
+// Checking that parts are complete.
 
 /// Maximum number of items that an error lists.
 const LISTED: usize = 20;
 
-/// Samples of pixels: columns, rows, samples.
+/// Half-open ranges of columns, rows and samples.
 type Bounds = [(u32, u32); 3];
 
 fn bounds(header: &PartHeader) -> Bounds {
@@ -447,12 +451,13 @@ fn bounds(header: &PartHeader) -> Bounds {
     [(x0, x1), (y0, y1), (header.first_sample, header.end_sample)]
 }
 
+/// Number of samples.
 fn volume(bounds: &Bounds) -> u128 {
     bounds.iter().map(|(from, to)| u128::from(to - from)).product()
 }
 
 /// The intersection of two boxes.
-fn common(a: &Bounds, b: &Bounds) -> Option<Bounds> {
+fn intersection(a: &Bounds, b: &Bounds) -> Option<Bounds> {
     let both: Bounds = std::array::from_fn(|k| (a[k].0.max(b[k].0), a[k].1.min(b[k].1)));
     both.iter().all(|(from, to)| from < to).then_some(both)
 }
@@ -464,7 +469,7 @@ fn words(&[(x0, x1), (y0, y1), (from, to)]: &Bounds) -> String {
 /// Checks that all parts belong to the same picture and do not overlap. Returns the missing samples.
 ///
 /// # Errors
-/// An input error that lists all that are wrong.
+/// An input error with all problems.
 pub fn check_parts(parts: &[(PathBuf, PartHeader)]) -> Result<Vec<String>> {
     let Some((first_file, first)) = most_common(parts) else { return Ok(Vec::new()) };
     let foreign = parts.iter().filter_map(|(file, header)| {
@@ -472,12 +477,12 @@ pub fn check_parts(parts: &[(PathBuf, PartHeader)]) -> Result<Vec<String>> {
         if (header.width, header.height, header.samples) != (first.width, first.height, first.samples)
             || header.channels != first.channels
         {
-            different.push("it has other channels or numbers".to_string());
+            different.push("channels, size or number of samples differ".to_string());
         }
-        // A film without samples was traced by no strategy.
+        // A film without samples has no path strategy.
         let is_empty = |header: &PartHeader| header.first_sample == header.end_sample;
         if header.way != first.way && !is_empty(header) && !is_empty(first) {
-            different.push("its paths are traced in another way".to_string());
+            different.push("the path strategy differs".to_string());
         }
         let what = format!("is of another picture than {}: {}", first_file.display(), different.join("; "));
         (!different.is_empty())
@@ -498,7 +503,7 @@ pub fn check_parts(parts: &[(PathBuf, PartHeader)]) -> Result<Vec<String>> {
     Ok(missing(parts, first))
 }
 
-/// A part of the picture that most are of.
+/// A part of the most frequent identity.
 fn most_common(parts: &[(PathBuf, PartHeader)]) -> Option<&(PathBuf, PartHeader)> {
     let mut counts: Vec<(&(PathBuf, PartHeader), usize)> = Vec::new();
     for part in parts {
@@ -510,12 +515,12 @@ fn most_common(parts: &[(PathBuf, PartHeader)]) -> Option<&(PathBuf, PartHeader)
     counts.into_iter().rev().max_by_key(|(_, count)| *count).map(|(part, _)| part)
 }
 
-/// Pairs of parts that have something in common.
+/// Problems of overlapping parts.
 fn overlaps(parts: &[(PathBuf, PartHeader)]) -> Vec<Problem> {
     let mut problems = Vec::new();
     for (at, (file, header)) in parts.iter().enumerate() {
         for (earlier, other) in &parts[..at] {
-            if let Some(both) = common(&bounds(header), &bounds(other)) {
+            if let Some(both) = intersection(&bounds(header), &bounds(other)) {
                 let message = format!("has {}, which {} has as well", words(&both), earlier.display());
                 problems.push(Problem::new(file.display().to_string(), message).with_code("parts-overlap"));
             }
@@ -524,7 +529,7 @@ fn overlaps(parts: &[(PathBuf, PartHeader)]) -> Vec<Problem> {
     problems
 }
 
-/// The samples that no part has, of parts that don't overlap.
+/// The samples missing in parts that don't overlap.
 fn missing(parts: &[(PathBuf, PartHeader)], first: &PartHeader) -> Vec<String> {
     let whole = [(0, first.width), (0, first.height), (0, first.samples)];
     let all: Vec<Bounds> = parts.iter().map(|(_, header)| bounds(header)).collect();
@@ -532,32 +537,32 @@ fn missing(parts: &[(PathBuf, PartHeader)], first: &PartHeader) -> Vec<String> {
         return Vec::new();
     }
     // Subtract one part after another from the whole.
-    let mut left = vec![whole];
+    let mut missing = vec![whole];
     for part in &all {
-        left = left.iter().flat_map(|bounds| without(bounds, part)).collect();
+        missing = missing.iter().flat_map(|bounds| without(bounds, part)).collect();
     }
-    let more = left.len().saturating_sub(LISTED);
-    let mut list: Vec<String> = left.iter().take(LISTED).map(words).collect();
+    let more = missing.len().saturating_sub(LISTED);
+    let mut list: Vec<String> = missing.iter().take(LISTED).map(words).collect();
     list.extend((more > 0).then(|| format!("and {more} more")));
     list
 }
 
 /// The difference of two boxes: at most six boxes.
 fn without(bounds: &Bounds, other: &Bounds) -> Vec<Bounds> {
-    let Some(both) = common(bounds, other) else { return vec![*bounds] };
-    let (mut left, mut rest) = (Vec::new(), *bounds);
+    let Some(both) = intersection(bounds, other) else { return vec![*bounds] };
+    let (mut pieces, mut rest) = (Vec::new(), *bounds);
     // Samples first, so that missing samples of whole pictures are reported as such.
     for k in [2, 1, 0] {
         for (from, to) in [(rest[k].0, both[k].0), (both[k].1, rest[k].1)] {
             if from < to {
                 let mut piece = rest;
                 piece[k] = (from, to);
-                left.push(piece);
+                pieces.push(piece);
             }
         }
         rest[k] = both[k];
     }
-    left
+    pieces
 }
 
 #[cfg(test)]
@@ -565,7 +570,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn differences_name_what_differs() {
+    fn differences_name_the_settings() {
         let of = |pairs: &[(&str, &str)]| -> Identity {
             pairs.iter().map(|(name, value)| (name.to_string(), value.to_string())).collect()
         };
@@ -611,7 +616,7 @@ mod cover_tests {
     }
 
     #[test]
-    fn what_is_missing_is_reported() {
+    fn missing_samples_are_reported() {
         let (left, right) = ([0, 0, 20, 30], [20, 0, 40, 30]);
         let mut parts = vec![part("a", left, 0, 32), part("b", right, 8, 32), part("c", right, 0, 8)];
         assert_eq!(check_parts(&parts).unwrap(), Vec::<String>::new());
@@ -623,7 +628,7 @@ mod cover_tests {
     }
 
     #[test]
-    fn what_overlaps_or_is_foreign_is_refused() {
+    fn overlapping_or_unrelated_parts_are_refused() {
         let all = [0, 0, 40, 30];
         let error = check_parts(&[part("a", all, 0, 16), part("b", [3, 3, 5, 5], 8, 32)]).unwrap_err();
         assert!(

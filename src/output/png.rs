@@ -1,5 +1,4 @@
-//! Pictures for looking at: display-referred, with straight alpha where they have holes. PNG, JPEG, TIFF and WebP; and
-//! Radiance HDR, which is linear.
+//! Display-referred formats, with straight alpha unless opaque: PNG, JPEG, TIFF and WebP; and Radiance HDR, which is linear.
 
 use super::atomic::{Encoded, Format};
 use crate::color::{ViewTransform, white_balance};
@@ -12,38 +11,38 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-/// JPEG quality, of 100.
+/// JPEG quality, 0..100.
 const QUALITY: u8 = 92;
 
-/// How a picture looks.
+/// Options of display-referred formats.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PngOptions {
     /// The view transform.
     pub view: ViewTransform,
-    /// Stops: colours are multiplied by 2 to this power.
+    /// Exposure, stops.
     pub exposure: f32,
-    /// The temperature of the light that shall look white, kelvin.
+    /// Colour temperature of light that appears white, kelvin.
     pub white_balance: Option<f32>,
-    /// Hides the steps between 8-bit values with an 8x8 ordered pattern (Bayer 1973).
+    /// Ordered dithering of 8-bit values with an 8x8 pattern (Bayer 1973).
     pub dither: bool,
     /// 16 bits per channel instead of 8, in PNG and TIFF.
     pub deep: bool,
-    /// Stand before black where the picture is transparent: no alpha.
+    /// Composite over black, without alpha.
     pub opaque: bool,
 }
 
 /// Linear pixels with premultiplied alpha, row by row from the top.
 #[derive(Clone, Copy, Debug)]
 pub struct Linear<'a> {
-    /// Pixels in a row.
+    /// Width, pixels.
     pub width: u32,
-    /// Rows.
+    /// Height, pixels.
     pub height: u32,
     /// Red, green, blue, alpha.
     pub rgba: &'a [[f32; 4]],
 }
 
-/// Encodes a film: RGB where the picture is opaque everywhere, else RGBA.
+/// Encodes a film as PNG: RGB if the picture is completely opaque, else RGBA.
 ///
 /// # Errors
 /// The message of the encoder.
@@ -52,7 +51,7 @@ pub fn encode_png(film: &Film, options: &PngOptions) -> Result<Encoded, String> 
     Ok(Encoded { bytes: encode_shown(&picture, Format::Png, options)?, warnings: vec![] })
 }
 
-/// Encodes pixels in a display format. Formats without alpha are composited over black.
+/// Encodes pixels in a display-referred format or as HDR. Without alpha in the format pixels are composited over black.
 ///
 /// # Errors
 /// The message of the encoder.
@@ -77,12 +76,12 @@ pub fn encode_shown(picture: &Linear, format: Format, options: &PngOptions) -> R
     encode(&data, picture.width, picture.height, kind, format)
 }
 
-/// The pixels as displays take them: RGBA with straight alpha, row by row from the top.
+/// 8-bit pixels of a film: RGBA with straight alpha, row by row from the top.
 pub fn rgba8(film: &Film, options: &PngOptions) -> Vec<u8> {
     straight8(&Linear { width: film.width(), height: film.height(), rgba: &film.rgba() }, options)
 }
 
-/// 8-bit pixels of a linear picture, with straight alpha.
+/// 8-bit RGBA pixels of a linear picture, with straight alpha.
 pub(super) fn straight8(picture: &Linear, options: &PngOptions) -> Vec<u8> {
     let mut rgba =
         narrow(&codes(picture, options, Shape { alpha: true, straight: !options.opaque, most: 255.0 }));
@@ -92,15 +91,15 @@ pub(super) fn straight8(picture: &Linear, options: &PngOptions) -> Vec<u8> {
     rgba
 }
 
-/// 8-bit pixels of a linear picture before black, with the alpha beside it.
+/// 8-bit RGBA pixels of a linear picture, with colours composited over black (premultiplied).
 pub fn shown8(picture: &Linear, options: &PngOptions) -> Vec<u8> {
     narrow(&codes(picture, options, Shape { alpha: true, straight: false, most: 255.0 }))
 }
 
-/// Length of a PNG's signature and of its first chunk, IHDR.
+/// Length of a PNG's signature and first chunk (IHDR), bytes.
 const PNG_HEAD: usize = 8 + 12 + 13;
 
-/// A PNG with a text (chunk `tEXt`) added behind its header. Keyword and text are ASCII; other characters become question marks.
+/// Inserts a text (chunk `tEXt`) after the header of a PNG. Non-ASCII characters of keyword and text become question marks.
 pub fn with_png_text(mut png: Vec<u8>, keyword: &str, text: &str) -> Vec<u8> {
     let ascii =
         |text: &str| text.chars().map(|c| if c.is_ascii() { c as u8 } else { b'?' }).collect::<Vec<_>>();
@@ -112,9 +111,9 @@ pub fn with_png_text(mut png: Vec<u8>, keyword: &str, text: &str) -> Vec<u8> {
     png
 }
 
-/// The text of a keyword that [`with_png_text`] added to a file; `None` for any other file.
+/// The text inserted by [`with_png_text`] for a keyword; `None` for other files.
 pub fn png_text(path: &Path, keyword: &str) -> Option<String> {
-    /// Longest text that is looked for, bytes.
+    /// Maximum length of the text chunk, bytes.
     const MAX: u64 = 4096;
     let mut start = Vec::new();
     File::open(path).ok()?.take(PNG_HEAD as u64 + 8 + MAX).read_to_end(&mut start).ok()?;
@@ -126,22 +125,23 @@ pub fn png_text(path: &Path, keyword: &str) -> Option<String> {
     is_png.then(|| String::from_utf8_lossy(text).into_owned())
 }
 
-/// The checksum of PNG's chunks (ISO 3309, as in the PNG specification, annex D).
+/// CRC-32 of PNG chunks (ISO 3309; PNG specification, annex D).
 fn crc32(bytes: &[u8]) -> u32 {
     let step = |crc: u32, _| if crc & 1 == 1 { 0xedb8_8320 ^ (crc >> 1) } else { crc >> 1 };
     !bytes.iter().fold(!0, |crc, byte| (0..8).fold(crc ^ u32::from(*byte), step))
 }
 
-/// The layout of the codes.
+/// Layout of integer pixel values.
 struct Shape {
-    /// With alpha.
+    /// RGBA instead of RGB.
     alpha: bool,
-    /// Colours divided by alpha.
+    /// Straight instead of premultiplied alpha.
     straight: bool,
-    /// The code for 1.
+    /// The integer for 1.0.
     most: f32,
 }
 
+/// Converts to display-referred integers.
 fn codes(picture: &Linear, options: &PngOptions, shape: Shape) -> Vec<u16> {
     let Shape { alpha, straight, most } = shape;
     let places = (0..picture.height).flat_map(|y| (0..picture.width).map(move |x| (x, y)));
@@ -171,7 +171,7 @@ impl Balance {
         Balance { gain: options.exposure.exp2(), matrix }
     }
 
-    /// The colour with both, divided by a number.
+    /// Applies both to a colour divided by `divisor`.
     fn apply(&self, rgb: [f32; 3], divisor: f32) -> [f32; 3] {
         let [r, g, b] = rgb.map(|v| v * (self.gain / divisor));
         match &self.matrix {
@@ -181,7 +181,7 @@ impl Balance {
     }
 }
 
-/// Encodes `width * height` pixels of 8-bit RGB.
+/// Encodes `width * height` 8-bit RGB pixels as PNG.
 ///
 /// # Errors
 /// The message of the encoder.
@@ -189,7 +189,7 @@ pub fn encode_png_rgb8(data: &[u8], width: u32, height: u32) -> Result<Vec<u8>, 
     encode_rgb8(data, width, height, Format::Png)
 }
 
-/// Encodes RGB pixels in a format other than EXR and HDR.
+/// Encodes 8-bit RGB pixels in a format other than EXR and HDR.
 ///
 /// # Errors
 /// The message of the encoder.
@@ -206,7 +206,7 @@ fn encode(
 ) -> Result<Vec<u8>, String> {
     let expected = width as usize * height as usize * usize::from(kind.bits_per_pixel() / 8);
     if data.len() != expected {
-        return Err(format!("{} bytes of pixels where {expected} belong", data.len()));
+        return Err(format!("{} bytes of pixels instead of {expected}", data.len()));
     }
     let mut bytes = std::io::Cursor::new(Vec::new());
     let written = match format {
@@ -255,7 +255,7 @@ fn code(value: f32, most: f32, threshold: f32) -> u16 {
     ((value * most + threshold).floor() as u16).min(most as u16)
 }
 
-/// The 8x8 ordered-dither threshold in 0..1: bits of x ^ y and y interleaved, most significant last.
+/// The 8x8 ordered-dither threshold in 0..1: interleaved, reversed bits of x ^ y and y.
 fn bayer(x: u32, y: u32) -> f32 {
     let mixed = x ^ y;
     let mut value = 0;
@@ -270,14 +270,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn dither_thresholds_are_all_different_and_centred() {
-        let mut seen: Vec<u32> = (0..64).map(|i| (bayer(i % 8, i / 8) * 64.0) as u32).collect();
-        seen.sort_unstable();
-        assert_eq!(seen, (0..64).collect::<Vec<_>>());
+    fn dither_thresholds_are_distinct_and_centred() {
+        let mut thresholds: Vec<u32> = (0..64).map(|i| (bayer(i % 8, i / 8) * 64.0) as u32).collect();
+        thresholds.sort_unstable();
+        assert_eq!(thresholds, (0..64).collect::<Vec<_>>());
     }
 
     #[test]
-    fn texts_of_pngs_are_read_back_and_pictures_stay() {
+    fn png_texts_are_read_back_and_pixels_unchanged() {
         let rgba = [[0.2, 0.5, 0.8, 1.0]; 4 * 3];
         let picture = Linear { width: 4, height: 3, rgba: &rgba };
         let plain = encode_shown(&picture, Format::Png, &PngOptions::default()).expect("encoded");
@@ -294,7 +294,7 @@ mod tests {
             assert_eq!(text_of(other, "key"), None);
         }
         assert_eq!(text_of(&with_text, "ke"), None);
-        // The check value of the PNG specification's end chunk.
+        // The CRC of the IEND chunk is always this.
         assert_eq!(crc32(b"IEND"), 0xae42_6082);
     }
 
@@ -304,7 +304,7 @@ mod tests {
     }
 
     #[test]
-    fn all_formats_hold_the_picture() {
+    fn all_formats_are_decoded_to_the_picture() {
         let rgba = [[0.2, 0.5, 0.8, 1.0]; 16 * 9];
         let picture = Linear { width: 16, height: 9, rgba: &rgba };
         for (format, deep, most) in [

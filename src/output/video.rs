@@ -1,4 +1,4 @@
-//! Video, by the program `ffmpeg`: frames go to it as they are made, and no file stands where they are not all in.
+//! Video by the program `ffmpeg`, to which frames are piped as they are rendered; and animated GIF and PNG. Files are created atomically.
 
 use super::atomic::{create, place};
 use super::png::{Linear, PngOptions, shown8, straight8};
@@ -12,30 +12,30 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 use tempfile::NamedTempFile;
 
-/// The program.
+/// The encoder's executable.
 const PROGRAM: &str = "ffmpeg";
 
-/// Maximum number of lines of a failed encoder's output in an error.
+/// Maximum number of lines of the encoder's output in an error.
 const SHOWN: usize = 6;
 
-/// Filters for displays: even sizes, and the colour matrix of HDTV instead of the one that old players fall back to.
+/// Filters: even sizes, and the HDTV colour matrix instead of the default one.
 const FILTER: &str = "crop=trunc(iw/2)*2:trunc(ih/2)*2,scale=out_color_matrix=bt709:out_range=tv";
 
 /// Colour metadata of the file.
 const COLORS: [&str; 8] =
     ["-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "iec61966-2-1", "-color_range", "tv"];
 
-/// The kinds of files of video.
+/// Video formats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum VideoFormat {
     /// H.264 in MP4, opaque: composited over black.
     Mp4,
-    /// VP9 in WebM, transparent where the first frame is anywhere.
+    /// VP9 in WebM, with alpha if the first frame is not opaque.
     WebM,
 }
 
 impl VideoFormat {
-    /// The format that a file name asks for by its extension, if it is one of video.
+    /// The video format by the extension of a file name, if it is one.
     pub fn of(path: &Path) -> Option<VideoFormat> {
         match path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase().as_str() {
             "mp4" => Some(VideoFormat::Mp4),
@@ -44,7 +44,7 @@ impl VideoFormat {
         }
     }
 
-    /// How frames become such a file.
+    /// Encoder options.
     fn encoder(self, has_alpha: bool) -> Vec<&'static str> {
         let pixels = if has_alpha { "yuva420p" } else { "yuv420p" };
         match self {
@@ -65,7 +65,7 @@ impl VideoFormat {
             VideoFormat::WebM => {
                 let mut words = vec!["-c:v", "libvpx-vp9", "-crf", "24", "-b:v", "0", "-row-mt", "1"];
                 if has_alpha {
-                    // Its frames ahead of time have no alpha.
+                    // Alternate reference frames don't support alpha.
                     words.extend(["-auto-alt-ref", "0"]);
                 }
                 words.extend(["-pix_fmt", pixels, "-f", "webm"]);
@@ -75,22 +75,22 @@ impl VideoFormat {
     }
 }
 
-/// A video that is being made. Dropped before it is finished, it leaves nothing behind.
+/// A video being written. If dropped before [`Video::finish`], no file is created.
 #[derive(Debug)]
 pub struct Video {
     path: PathBuf,
     format: VideoFormat,
-    frames_a_second: f64,
-    /// From the first frame on.
+    frames_per_second: f64,
+    /// The encoder process; `None` before the first frame.
     running: Option<Running>,
 }
 
-/// The encoder at work.
+/// An encoder process.
 #[derive(Debug)]
 struct Running {
     child: Child,
     frames: Option<ChildStdin>,
-    /// Its standard error.
+    /// Reader of its standard error.
     messages: Option<JoinHandle<String>>,
     temporary: Option<NamedTempFile>,
     size: (u32, u32),
@@ -98,22 +98,22 @@ struct Running {
 }
 
 impl Video {
-    /// An encoder at this many frames per second; `None` where the file's name asks for another kind of file.
+    /// A video at a frame rate in frames per second; `None` if the file extension isn't that of a video.
     ///
     /// # Errors
     /// A usage error if the encoder can't be run, an output error if the file can't be written.
-    pub fn new(path: &Path, frames_a_second: f64) -> Result<Option<Video>> {
+    pub fn new(path: &Path, frames_per_second: f64) -> Result<Option<Video>> {
         let Some(format) = VideoFormat::of(path) else { return Ok(None) };
         super::check_target(path)?;
         let version = encoder().arg("-version").stdin(Stdio::null()).output();
         version.map_err(|e| missing(path, &e))?;
-        Ok(Some(Video { path: path.to_path_buf(), format, frames_a_second, running: None }))
+        Ok(Some(Video { path: path.to_path_buf(), format, frames_per_second, running: None }))
     }
 
-    /// Can pictures of this size become it? The formats have half as many colours across and down.
+    /// Checks the size of pictures, pixels. (Chroma has half the resolution in both directions.)
     ///
     /// # Errors
-    /// A usage error where a side has a single pixel.
+    /// A usage error if width or height is a single pixel.
     pub fn check_size(&self, width: u32, height: u32) -> Result<()> {
         if width.min(height) >= 2 {
             return Ok(());
@@ -122,10 +122,10 @@ impl Video {
         Err(Error::usage(message).with_help("make it 2 pixels or more a side"))
     }
 
-    /// Adds a picture as PNGs would show it; all must have one size.
+    /// Adds a picture with the look of PNGs; all must have the same size.
     ///
     /// # Errors
-    /// A usage error for a size that no video has, or an output error with the encoder's message.
+    /// A usage error for an invalid size, or an output error with the encoder's message.
     pub fn add(&mut self, picture: &Linear, options: &PngOptions) -> Result<()> {
         let size = (picture.width, picture.height);
         if self.running.is_none() {
@@ -136,22 +136,24 @@ impl Video {
         }
         let Some(running) = &mut self.running else { return Ok(()) };
         if running.size != size {
-            let message =
-                format!("frames of {} x {} and {} x {}", running.size.0, running.size.1, size.0, size.1);
-            return Err(Error::output(&self.path, message + " pixels are no video"));
+            let message = format!(
+                "frames have different sizes, {} x {} and {} x {}",
+                running.size.0, running.size.1, size.0, size.1
+            );
+            return Err(Error::output(&self.path, message + " pixels"));
         }
         let rgba = frame(picture, options, running.has_alpha);
         match running.frames.as_mut().map(|pipe| pipe.write_all(&rgba)) {
             Some(Ok(())) => Ok(()),
-            // It ended before its frames did, and says why.
+            // The encoder has exited early.
             _ => Err(running.failure(&self.path)),
         }
     }
 
-    /// Waits for the encoder and puts the file in its place; nothing without frames.
+    /// Waits for the encoder and renames the file to its target; does nothing without frames.
     ///
     /// # Errors
-    /// An output error with the encoder's message; no file is created then, and an older one is unchanged.
+    /// An output error with the encoder's message; no file is then created, and an existing one is unchanged.
     pub fn finish(mut self) -> Result<()> {
         let Some(running) = &mut self.running else { return Ok(()) };
         running.frames = None;
@@ -168,7 +170,7 @@ impl Video {
         command.args(["-hide_banner", "-loglevel", "error", "-y"]);
         command.args(["-f", "rawvideo", "-pixel_format", "rgba"]);
         command.args(["-video_size", &format!("{}x{}", size.0, size.1)]);
-        command.args(["-framerate", &self.frames_a_second.to_string(), "-i", "pipe:0"]);
+        command.args(["-framerate", &self.frames_per_second.to_string(), "-i", "pipe:0"]);
         command.args(["-an", "-vf", FILTER]).args(self.format.encoder(has_alpha)).args(COLORS);
         command.arg(temporary.path());
         command.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::piped());
@@ -177,7 +179,7 @@ impl Video {
         let messages = child.stderr.take().map(|mut pipe| {
             std::thread::spawn(move || {
                 let mut bytes = Vec::new();
-                // The part read until then is reported.
+                // After a read error the part read so far is reported.
                 let _ = pipe.read_to_end(&mut bytes);
                 String::from_utf8_lossy(&bytes).into_owned()
             })
@@ -187,7 +189,7 @@ impl Video {
 }
 
 impl Running {
-    /// Why it failed, by its own words.
+    /// The error of a failed encoder, with its last messages.
     fn failure(&mut self, path: &Path) -> Error {
         self.frames = None;
         let status = self.child.wait();
@@ -196,24 +198,24 @@ impl Running {
         let lines: Vec<&str> = messages.lines().map(str::trim_end).filter(|line| !line.is_empty()).collect();
         let last = lines[lines.len().saturating_sub(SHOWN)..].join("\n    ");
         let reason = if last.is_empty() { " and printed nothing".into() } else { format!(":\n    {last}") };
-        Error::output(path, format!("was not made: {PROGRAM} ended with {ended}{reason}"))
-            .with_help("nothing was written; numbered pictures, .gif and .apng take no encoder")
+        Error::output(path, format!("was not created: {PROGRAM} ended with {ended}{reason}"))
+            .with_help("nothing was written; numbered pictures, .gif and .apng need no encoder")
     }
 }
 
 impl Drop for Running {
-    /// An encoder without all of its frames has nothing to finish.
+    /// Kills an unfinished encoder.
     fn drop(&mut self) {
         self.frames = None;
         if self.temporary.is_some() {
-            // It may have ended already.
+            // It may have exited already.
             let _ = self.child.kill();
             let _ = self.child.wait();
         }
     }
 }
 
-/// The encoder; signals to stop are for this program, which decides what becomes of it.
+/// The encoder's command, in a process group of its own, so that Ctrl-C only reaches this program.
 fn encoder() -> Command {
     #[allow(unused_mut)]
     let mut command = Command::new(PROGRAM);
@@ -224,13 +226,13 @@ fn encoder() -> Command {
 
 fn missing(path: &Path, error: &io::Error) -> Error {
     Error::usage(format!(
-        "{}: video takes the program {PROGRAM}, which can't be run: {error}",
+        "{}: video needs the program {PROGRAM}, which can't be run: {error}",
         path.display()
     ))
     .with_help("install it (its folder must be in PATH), or write .gif, .apng or numbered pictures")
 }
 
-/// A frame as it goes to the encoder: RGBA, straight alpha where there is any, else opaque before black, as JPEGs have it.
+/// A frame for the encoder, RGBA: with straight alpha if `has_alpha`, else opaque, composited over black.
 fn frame(picture: &Linear, options: &PngOptions, has_alpha: bool) -> Vec<u8> {
     if has_alpha {
         return straight8(picture, options);
@@ -240,9 +242,9 @@ fn frame(picture: &Linear, options: &PngOptions, has_alpha: bool) -> Vec<u8> {
     rgba
 }
 
-// Moving pictures for looking at: GIF and APNG, which repeat for ever.
+// Animated GIF and PNG, which repeat endlessly.
 
-/// The kinds of files of moving pictures.
+/// Formats of animated pictures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum AnimationFormat {
     /// At most 256 colours per frame, transparent or opaque.
@@ -252,7 +254,7 @@ pub enum AnimationFormat {
 }
 
 impl AnimationFormat {
-    /// The format that a file name asks for by its extension, if it is one of a moving picture.
+    /// The animation format by the extension of a file name, if it is one.
     pub fn of(path: &Path) -> Option<AnimationFormat> {
         match path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase().as_str() {
             "gif" => Some(AnimationFormat::Gif),
@@ -262,7 +264,7 @@ impl AnimationFormat {
     }
 }
 
-/// Frames of one size, RGBA with straight alpha, 8 bits, display-referred.
+/// Frames of equal size, RGBA with straight alpha, 8 bits, display-referred.
 #[derive(Clone, Debug, Default)]
 pub struct Animation {
     size: (u32, u32),
@@ -276,32 +278,32 @@ impl Animation {
         self.frames.push(rgba);
     }
 
-    /// Adds a picture as PNGs would show it.
+    /// Adds a picture with the look of PNGs.
     pub fn add_picture(&mut self, picture: &Linear, options: &PngOptions) {
         self.add(straight8(picture, options), picture.width, picture.height);
     }
 
-    /// Encodes the frames at a frame rate, frames per second.
+    /// Encodes the frames at a frame rate in frames per second.
     ///
     /// # Errors
     /// The message of the encoder.
     pub fn encode(
         &self,
         format: AnimationFormat,
-        frames_a_second: f64,
+        frames_per_second: f64,
     ) -> std::result::Result<Vec<u8>, String> {
         match format {
-            AnimationFormat::Gif => self.gif(frames_a_second).map_err(|e| e.to_string()),
-            AnimationFormat::Apng => self.apng(frames_a_second).map_err(|e| e.to_string()),
+            AnimationFormat::Gif => self.gif(frames_per_second).map_err(|e| e.to_string()),
+            AnimationFormat::Apng => self.apng(frames_per_second).map_err(|e| e.to_string()),
         }
     }
 
-    fn gif(&self, frames_a_second: f64) -> image::ImageResult<Vec<u8>> {
+    fn gif(&self, frames_per_second: f64) -> image::ImageResult<Vec<u8>> {
         let mut bytes = Vec::new();
-        // The encoder's best colours take a second a frame; 10 are hardly visible.
+        // The best palette (speed 1) takes a second per frame; the difference to speed 10 is hardly visible.
         let mut encoder = GifEncoder::new_with_speed(&mut bytes, 10);
         encoder.set_repeat(Repeat::Infinite)?;
-        let delay = Delay::from_saturating_duration(Duration::from_secs_f64(1.0 / frames_a_second));
+        let delay = Delay::from_saturating_duration(Duration::from_secs_f64(1.0 / frames_per_second));
         for rgba in &self.frames {
             let picture = RgbaImage::from_raw(self.size.0, self.size.1, rgba.clone()).unwrap_or_default();
             encoder.encode_frame(Frame::from_parts(picture, 0, 0, delay))?;
@@ -310,13 +312,13 @@ impl Animation {
         Ok(bytes)
     }
 
-    fn apng(&self, frames_a_second: f64) -> std::result::Result<Vec<u8>, ::png::EncodingError> {
+    fn apng(&self, frames_per_second: f64) -> std::result::Result<Vec<u8>, ::png::EncodingError> {
         let mut bytes = Vec::new();
         let mut encoder = ::png::Encoder::new(&mut bytes, self.size.0, self.size.1);
         encoder.set_color(::png::ColorType::Rgba);
         encoder.set_depth(::png::BitDepth::Eight);
         encoder.set_animated(self.frames.len() as u32, 0)?;
-        let milliseconds = (1000.0 / frames_a_second).round().clamp(1.0, 65535.0);
+        let milliseconds = (1000.0 / frames_per_second).round().clamp(1.0, 65535.0);
         encoder.set_frame_delay(milliseconds as u16, 1000)?;
         let mut writer = encoder.write_header()?;
         for rgba in &self.frames {
@@ -333,8 +335,8 @@ mod tests {
     use crate::film::{AovSet, Film};
     use crate::output::{Format, encode_shown, rgba8};
 
-    /// Pixels half covered by light.
-    fn edge() -> Film {
+    /// A picture with alpha 0.5.
+    fn half_transparent() -> Film {
         let mut film = Film::new(16, 16, AovSet::NONE);
         let mut tile = film.tile(0, 0, 16, 16);
         (0..256).for_each(|pixel| assert!(tile.add(pixel, [0.4, 0.2, 0.1], 0.5)));
@@ -343,8 +345,8 @@ mod tests {
     }
 
     #[test]
-    fn opaque_frames_stand_before_black_as_jpegs_do() {
-        let (film, options) = (edge(), PngOptions::default());
+    fn opaque_frames_are_composited_over_black() {
+        let (film, options) = (half_transparent(), PngOptions::default());
         let picture = Linear { width: 16, height: 16, rgba: &film.rgba() };
         let jpeg = encode_shown(&picture, Format::Jpeg, &options).expect("encoded");
         let jpeg = image::load_from_memory(&jpeg).expect("a picture").into_rgb8();
@@ -357,7 +359,7 @@ mod tests {
 
     #[test]
     fn transparent_frames_have_straight_alpha() {
-        let (film, options) = (edge(), PngOptions::default());
+        let (film, options) = (half_transparent(), PngOptions::default());
         let picture = Linear { width: 16, height: 16, rgba: &film.rgba() };
         let transparent = frame(&picture, &options, true);
         assert_eq!(transparent, rgba8(&film, &options));
@@ -368,7 +370,7 @@ mod tests {
     #[test]
     fn a_side_of_one_pixel_is_refused() {
         let video =
-            Video { path: "a.mp4".into(), format: VideoFormat::Mp4, frames_a_second: 24.0, running: None };
+            Video { path: "a.mp4".into(), format: VideoFormat::Mp4, frames_per_second: 24.0, running: None };
         assert!(video.check_size(1, 9).is_err() && video.check_size(9, 1).is_err());
         assert!(video.check_size(2, 2).is_ok());
     }
@@ -381,7 +383,7 @@ mod animation_tests {
     use std::io::Cursor;
 
     #[test]
-    fn frames_come_back() {
+    fn animations_are_decoded_to_their_frames() {
         let mut animation = Animation::default();
         for k in 0..3u8 {
             animation.add([[k * 100, 10, 200, 255]; 12].concat(), 4, 3);

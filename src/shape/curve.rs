@@ -1,52 +1,52 @@
-//! Curve segments: the hulls of two spheres (rounded cones) along a curve.
+//! Curve segments: rounded cones, the convex hulls of two spheres.
 //!
-//! Rays intersect a segment from outside only: a ray that enters one leaves it without a hit, since hair BSDFs describe a whole
-//! fiber. A ray that starts on a segment can't hit that segment, which is convex, and hits adjacent segments of the same curve only
-//! on the outside of the curve ([`CurveSegment::intersect`]).
+//! Rays intersect segments from outside only and leave them without a hit, since hair BSDFs represent a whole fibre. A ray that
+//! starts on a segment can't hit this segment, which is convex, and hits adjacent segments of the same curve only on the outside of
+//! the curve ([`CurveSegment::intersect`]).
 
 use super::traits::{PreparedRay, Surface};
 use crate::math::{Bounds3, Vec2, Vec3, gamma, orthonormal_basis, poly};
 use crate::simd::map_each;
 use std::f32::consts::TAU;
 
-/// Segments that share their ends.
+/// Segments of curves as arrays, with shared end points.
 #[derive(Clone, Debug, Default)]
 pub struct CurveSegments {
-    /// Points of the curves and radii, metres.
+    /// Points of the curves (x, y, z) and radii, metres.
     pub points: Vec<[f32; 4]>,
-    /// Unit tangents of the curves there; zero where a curve begins and ends.
+    /// Unit tangents at the points; zero at the ends of a curve.
     pub tangents: Vec<[f32; 3]>,
-    /// For each segment, the index of its first point; the next point is its second.
+    /// For each segment, the index of its first point; its second point is the next one.
     pub segments: Vec<u32>,
 }
 
 /// A segment of a curve: a rounded cone.
 #[derive(Clone, Copy, Debug)]
 pub struct CurveSegment {
-    /// Middles of its spheres.
+    /// Centres of the spheres, metres.
     pub ends: [Vec3; 2],
-    /// Their radii.
+    /// Radii of the spheres, metres.
     pub radii: [f32; 2],
-    /// Unit tangents of the curve there; zero where it begins and ends.
+    /// Unit tangents of the curve at the centres; zero at the ends of the curve.
     pub tangents: [Vec3; 2],
 }
 
 impl CurveSegments {
-    /// None.
+    /// No segments.
     pub const EMPTY: CurveSegments =
         CurveSegments { points: Vec::new(), tangents: Vec::new(), segments: Vec::new() };
 
-    /// How many segments there are.
+    /// Number of segments.
     pub fn len(&self) -> usize {
         self.segments.len()
     }
 
-    /// Is there none?
+    /// Whether there are no segments.
     pub fn is_empty(&self) -> bool {
         self.segments.is_empty()
     }
 
-    /// A segment by its number.
+    /// A segment by its index.
     #[inline]
     pub fn get(&self, index: usize) -> CurveSegment {
         let first = self.segments[index] as usize;
@@ -58,20 +58,20 @@ impl CurveSegments {
         }
     }
 
-    /// The box around all.
+    /// Bounding box of all segments.
     pub fn bounds(&self) -> Bounds3 {
         (0..self.len()).fold(Bounds3::EMPTY, |bounds, i| bounds.union(self.get(i).bounds()))
     }
 }
 
-/// Where a line enters a segment.
+/// The point where a line enters a segment.
 #[derive(Clone, Copy, Debug)]
 pub struct CurveHit {
-    /// Parameter of the line.
+    /// Line parameter.
     pub t: f64,
-    /// Which of the segment's spheres touches the point: 0 is the first, 1 the second.
+    /// Parameter of the sphere whose surface touches the hull at the point: 0 the first, 1 the second end.
     pub u: f64,
-    /// The point, from the segment's first end.
+    /// The point relative to the segment's first end, metres.
     from_end: [f64; 3],
 }
 
@@ -92,40 +92,40 @@ fn along(a: [f64; 3], b: [f64; 3], t: f64) -> [f64; 3] {
 }
 
 impl CurveSegment {
-    /// The box around it, but for rounding to nearest.
+    /// Bounding box, up to rounding.
     pub fn bounds(&self) -> Bounds3 {
         let [a, b] = self.ends;
         let [r, s] = self.radii.map(Vec3::splat);
         Bounds3 { min: (a - r).min(b - s), max: (a + r).max(b + s) }
     }
 
-    /// Where a line first enters it, in double precision.
+    /// The first intersection of a line from outside, in double precision.
     ///
-    /// The cone that touches both spheres is a quadric: with a and r the first end and radius, w = b - a the way to the second end
-    /// and k the difference of the radii, a point p is on it where (w^2 - k^2) (p - a)^2 = (w.(p - a))^2 - 2 k r w.(p - a) + r^2 w^2.
-    /// It counts between the circles of contact; else the first of the spheres does. All is solved around the line's point
-    /// nearest to the first end, so that the distance of its origin costs no precision.
+    /// The cone tangent to both spheres is a quadric: with a and r the first end and radius, w = b - a the vector to the second end and k
+    /// the difference of the radii, (w^2 - k^2) (p - a)^2 = (w.(p - a))^2 - 2 k r w.(p - a) + r^2 w^2 for points p on it. It is valid
+    /// between the circles of contact; else the nearer sphere is intersected. Equations are solved relative to the line's point
+    /// nearest to the first end, so that distant origins lose no precision.
     #[inline(always)]
-    pub fn enter(&self, origin: [f32; 3], direction: [f32; 3]) -> Option<CurveHit> {
+    pub fn entry(&self, origin: [f32; 3], direction: [f32; 3]) -> Option<CurveHit> {
         let a = map_each(self.ends[0].to_array(), f64::from);
-        let way = minus(map_each(self.ends[1].to_array(), f64::from), a);
+        let axis = minus(map_each(self.ends[1].to_array(), f64::from), a);
         let [ra, rb] = [f64::from(self.radii[0]), f64::from(self.radii[1])];
         let d = map_each(direction, f64::from);
         let from_a = minus(map_each(origin, f64::from), a);
         let dd = dot(d, d);
         let nearest = -dot(from_a, d) / dd;
         let near = along(from_a, d, nearest);
-        let (ww, wn, wd) = (dot(way, way), dot(way, near), dot(way, d));
+        let (ww, wn, wd) = (dot(axis, axis), dot(axis, near), dot(axis, d));
         let (nd, nn) = (dot(near, d), dot(near, near));
         let narrows = ra - rb;
         let contact = ww - narrows * narrows;
         if contact > 0.0 {
-            // quadratic t^2 + 2 half t + constant, negative inside of the cone.
+            // quadratic t^2 + 2 half t + constant is negative inside the cone.
             let quadratic = contact * dd - wd * wd;
             let half = contact * nd - wn * wd + wd * narrows * ra;
             let constant = contact * nn - wn * wn + 2.0 * wn * narrows * ra - ww * ra * ra;
             let h = half * half - constant * quadratic;
-            // A line that is steeper than the cone's side always intersects the cone.
+            // A line steeper than the cone's side always intersects the cone.
             if h < 0.0 && quadratic > 0.0 {
                 return None;
             }
@@ -139,16 +139,16 @@ impl CurveSegment {
             let h = nd * nd - dd * (nn - r * r);
             if h >= 0.0 { (-nd - h.sqrt()) / dd } else { f64::INFINITY }
         };
-        let from_b = minus(near, way);
+        let from_b = minus(near, axis);
         let (first, second) = (enter(nd, nn, ra), enter(dot(from_b, d), dot(from_b, from_b), rb));
         let (t, u) = if first <= second { (first, 0.0) } else { (second, 1.0) };
-        // NaN fails.
+        // NaN compares false.
         (t < f64::INFINITY).then(|| CurveHit { t: t + nearest, u, from_end: along(near, d, t) })
     }
 
-    /// Where a ray enters it at a parameter in `t_min < t <= t_max`, and which of its spheres touches the point. For a ray
-    /// that `starts_near`, on a segment of the same curve close by, only what lies between the planes across the curve at both ends
-    /// counts: beyond them is the inside of the next segments.
+    /// The entry of a ray in `t_min < t <= t_max`: ray parameter and [`CurveHit::u`]. With `starts_near` (the ray starts on a nearby
+    /// segment of the same curve) hits beyond the cross-sectional planes at the ends are rejected, since they are inside adjacent
+    /// segments.
     #[inline(always)]
     pub fn intersect(
         &self,
@@ -157,27 +157,27 @@ impl CurveSegment {
         t_max: f32,
         starts_near: bool,
     ) -> Option<(f32, f32)> {
-        let hit = self.enter(ray.origin, ray.direction)?;
+        let hit = self.entry(ray.origin, ray.direction)?;
         let t = hit.t as f32;
-        let is_met = t > t_min && t <= t_max && (!starts_near || self.is_outside(&hit));
-        is_met.then_some((t, hit.u as f32))
+        let is_hit = t > t_min && t <= t_max && (!starts_near || self.is_outside(&hit));
+        is_hit.then_some((t, hit.u as f32))
     }
 
-    /// Is the point of a hit on the outside of the curve?
+    /// Whether a hit is between the cross-sectional planes at the ends.
     #[inline(always)]
     fn is_outside(&self, hit: &CurveHit) -> bool {
         let [first, second] = self.tangents.map(|t| map_each(t.to_array(), f64::from));
-        let way = map_each((self.ends[1] - self.ends[0]).to_array(), f64::from);
-        dot(hit.from_end, first) >= 0.0 && dot(minus(hit.from_end, way), second) <= 0.0
+        let axis = map_each((self.ends[1] - self.ends[0]).to_array(), f64::from);
+        dot(hit.from_end, first) >= 0.0 && dot(minus(hit.from_end, axis), second) <= 0.0
     }
 
-    /// The direction from end to end.
+    /// Unit vector from end to end.
     #[inline(always)]
     fn chord(&self) -> Vec3 {
         (self.ends[1] - self.ends[0]).normalize_or_zero()
     }
 
-    /// The unit tangent of the curve where sphere `u` is.
+    /// Unit tangent of the curve at parameter `u`.
     #[inline(always)]
     pub fn tangent(&self, u: f32) -> Vec3 {
         let chord = self.chord();
@@ -189,33 +189,33 @@ impl CurveSegment {
         })
     }
 
-    /// The radius where sphere `u` is.
+    /// Radius at parameter `u`, metres.
     #[inline(always)]
     pub fn radius(&self, u: f32) -> f32 {
         self.radii[0] + (self.radii[1] - self.radii[0]) * u
     }
 
-    /// The surface where a ray enters it. The shading normal is that of the curve that it is a segment of: the cone's own, turned as
-    /// the curve's tangent is from the cone's axis, and on the side of the ray's origin.
+    /// The surface at a ray's entry. The shading normal approximates that of the curve: the cone's normal, rotated by the rotation from
+    /// the cone's axis to the curve's tangent, and bent to the side of the ray's origin.
     pub fn surface(&self, origin: Vec3, direction: Vec3) -> Surface {
-        let hit = self.enter(origin.to_array(), direction.to_array());
-        // A hit is found again, but for rounding of what is tangent to the surface.
+        let hit = self.entry(origin.to_array(), direction.to_array());
+        // Rounding may lose hits of tangent rays.
         let hit = hit.unwrap_or_else(|| self.graze(origin, direction));
-        let way = map_each((self.ends[1] - self.ends[0]).to_array(), f64::from);
+        let axis = map_each((self.ends[1] - self.ends[0]).to_array(), f64::from);
         let a = map_each(self.ends[0].to_array(), f64::from);
-        let outwards = minus(hit.from_end, map_each(way, |w| w * hit.u));
+        let outwards = minus(hit.from_end, map_each(axis, |w| w * hit.u));
         let p = Vec3::from(map_each([0, 1, 2], |k: usize| (a[k] + hit.from_end[k]) as f32));
         let own = Vec3::from(map_each(outwards, |x| x as f32)).normalize_or_zero();
-        let turned = turn(own, self.chord(), self.tangent(hit.u as f32));
+        let rotated = rotate(own, self.chord(), self.tangent(hit.u as f32));
         let wo = -direction.normalize_or_zero();
-        let ns = facing(if turned.dot(own) > 0.0 { turned } else { own }, wo);
+        let ns = facing(if rotated.dot(own) > 0.0 { rotated } else { own }, wo);
         // Half an ulp of the sum, plus the rounding error in double precision between the ray's origin and the point.
         let far = (origin - p).abs().max_element() * 1e-14;
         let p_error = p.abs() * gamma(2) + Vec3::splat(self.radius(hit.u as f32) * gamma(4) + far);
         Surface { p, p_error, ng: own, ns, material: 0 }
     }
 
-    /// The point of a line next to the segment's first end.
+    /// The point of a line nearest to the segment's first end.
     #[cold]
     fn graze(&self, origin: Vec3, direction: Vec3) -> CurveHit {
         let d = map_each(direction.to_array(), f64::from);
@@ -224,22 +224,22 @@ impl CurveSegment {
         CurveHit { t, u: 0.0, from_end: along(from_a, d, t) }
     }
 
-    /// How far a normal is around the curve, in turns from 0 to 1.
-    pub fn around(&self, u: f32, normal: Vec3) -> f32 {
+    /// Azimuth of a normal around the curve, in turns, 0..1.
+    pub fn azimuth(&self, u: f32, normal: Vec3) -> f32 {
         let (x, y) = orthonormal_basis(self.tangent(u));
         let turns = poly::atan2(normal.dot(y), normal.dot(x)) / TAU;
         if turns < 0.0 { turns + 1.0 } else { turns }
     }
 
-    /// Texture coordinates where sphere `u` touches a point with a normal: along the curve, where its ends are at `along`, and
-    /// around it.
+    /// Texture coordinates at parameter `u` and a normal: position along the curve, interpolated from those of the ends in `along`, and
+    /// azimuth.
     pub fn texture_coordinates(&self, along: [f32; 2], u: f32, normal: Vec3) -> Vec2 {
-        Vec2::new(along[0] + (along[1] - along[0]) * u, self.around(u, normal))
+        Vec2::new(along[0] + (along[1] - along[0]) * u, self.azimuth(u, normal))
     }
 }
 
-/// A vector turned the way that leads from one unit vector to another.
-fn turn(v: Vec3, from: Vec3, to: Vec3) -> Vec3 {
+/// Rotates a vector by the rotation from one unit vector to another.
+fn rotate(v: Vec3, from: Vec3, to: Vec3) -> Vec3 {
     let cosine = from.dot(to);
     if cosine < -0.9 {
         return v;
@@ -249,7 +249,7 @@ fn turn(v: Vec3, from: Vec3, to: Vec3) -> Vec3 {
     (v + across + axis.cross(across) / (1.0 + cosine)).normalize_or_zero()
 }
 
-/// A normal on the side of a viewer: where it leads away, bent until it doesn't.
+/// Bends a normal to the side of the viewer if it faces away.
 fn facing(n: Vec3, wo: Vec3) -> Vec3 {
     const MIN: f32 = 1e-4;
     let cosine = n.dot(wo);
@@ -267,14 +267,14 @@ mod tests {
         CurveSegment { ends: [a, b], radii, tangents: [Vec3::ZERO; 2] }
     }
 
-    /// The distance of a point from the surface, negative inside: by all spheres of a segment.
+    /// Signed distance of a point from the surface, negative inside: minimum over the spheres of a segment.
     fn distance(s: &CurveSegment, p: Vec3) -> f64 {
         let at = |u: f64| {
             let [a, b] = s.ends.map(|e| e.as_dvec3());
             let [r, q] = s.radii.map(f64::from);
             p.as_dvec3().distance(a + (b - a) * u) - (r + (q - r) * u)
         };
-        // It has one minimum in u.
+        // The distance is unimodal in u: ternary search.
         let (mut low, mut high) = (0.0, 1.0);
         for _ in 0..60 {
             let (a, b) = (low + (high - low) / 3.0, high - (high - low) / 3.0);
@@ -283,7 +283,7 @@ mod tests {
         at(0.5 * (low + high))
     }
 
-    /// The smallest distance along a ray, but for what is below 0 for less than a small step: nothing is nearer than the distance of a point.
+    /// Minimum signed distance along a ray, by sphere tracing with a minimum step.
     fn nearest_along(s: &CurveSegment, ray: &Ray, end: f32) -> f64 {
         let (mut t, mut nearest) = (0.0, f64::INFINITY);
         while t < end {
@@ -308,22 +308,22 @@ mod tests {
         ]
     }
 
-    /// Rays intersect a segment where it is and nothing of it before, and miss it only where nothing is; its box holds the place.
+    /// Hits are on the surface, the first along the ray and within the bounding box; rays without a hit have a positive distance.
     #[test]
-    fn rays_enter_where_the_surface_is() {
+    fn entries_agree_with_signed_distances() {
         let mut random = Random::new(5);
         for s in cases() {
-            let (mut met, mut missed) = (0, 0);
+            let (mut hits, mut missed) = (0, 0);
             let size = s.radii[0].max(s.radii[1]);
             for _ in 0..4000 {
                 let aim = s.ends[0].lerp(s.ends[1], random.next())
                     + random.direction() * (1.5 * size * random.next());
                 let origin = aim + random.direction() * (6.0 * random.next() + 0.01);
                 let ray = Ray::new(origin, (aim - origin).normalize());
-                let hit = s.enter(ray.origin.to_array(), ray.direction.to_array()).filter(|hit| hit.t > 0.0);
+                let hit = s.entry(ray.origin.to_array(), ray.direction.to_array()).filter(|hit| hit.t > 0.0);
                 match hit {
                     Some(hit) => {
-                        met += 1;
+                        hits += 1;
                         let p = ray.at(hit.t as f32);
                         assert!(distance(&s, p).abs() < 3e-6, "{s:?} {ray:?}: {}", distance(&s, p));
                         let b = s.bounds();
@@ -340,13 +340,12 @@ mod tests {
                     }
                 }
             }
-            assert!(met > 200 && missed > 200, "{s:?}: {met} {missed}");
+            assert!(hits > 200 && missed > 200, "{s:?}: {hits} {missed}");
         }
     }
 
-    /// A straight cylinder has the closed form of one.
     #[test]
-    fn a_straight_piece_is_a_cylinder() {
+    fn segments_of_equal_radii_agree_with_the_closed_form_of_cylinders() {
         let s = segment(Vec3::new(-50.0, 0.0, 0.0), Vec3::new(50.0, 0.0, 0.0), [0.25, 0.25]);
         let mut random = Random::new(6);
         for _ in 0..20_000 {
@@ -354,7 +353,7 @@ mod tests {
             let d = Vec3::new(random.next() - 0.5, 0.0, -1.0).normalize();
             let origin = Vec3::new(0.0, y, 3.0);
             let expected = (3.0 - (0.0625 - f64::from(y).powi(2)).max(0.0).sqrt()) / f64::from(-d.z);
-            let hit = s.enter(origin.to_array(), d.to_array()).expect("a hit");
+            let hit = s.entry(origin.to_array(), d.to_array()).expect("a hit");
             assert!((hit.t - expected).abs() < 1e-6, "{y} {d}: {} {expected}", hit.t);
             let surface = s.surface(origin, d);
             assert!(surface.ng.x.abs() < 1e-6 && (surface.ng.y - y * 4.0).abs() < 1e-5);
@@ -362,7 +361,7 @@ mod tests {
         }
     }
 
-    /// A helix with segments so and so short, as a geometry.
+    /// A helix with a number of segments.
     fn helix(segments: usize, radius: f32, far: Vec3) -> Geometry {
         let mut curves = CurveSegments::default();
         for i in 0..=segments {
@@ -376,9 +375,9 @@ mod tests {
         Geometry { curves, ..Geometry::default() }
     }
 
-    /// Through the axis of a chain of segments no ray leaks, wherever it stands; all queries agree, and the tree is sound.
+    /// Rays aimed at joints near the axis always hit, also far from the origin, and all queries agree.
     #[test]
-    fn no_ray_passes_between_pieces() {
+    fn no_ray_passes_between_segments() {
         let mut random = Random::new(7);
         for far in [Vec3::ZERO, Vec3::new(1000.0, -2000.0, 500.0)] {
             for (segments, radius) in [(60, 0.08), (400, 0.02), (3000, 0.004)] {
@@ -389,7 +388,7 @@ mod tests {
                 let rays: Vec<Ray> = (0..4000)
                     .map(|_| {
                         let s = geometry.curves.get((random.next() * segments as f32) as usize % segments);
-                        // On and about the joints.
+                        // Near the joints.
                         let aim = s.ends[0] + random.direction() * (0.3 * s.radii[0] * random.next());
                         let origin = aim + random.direction() * 5.0;
                         Ray::new(origin, aim - origin)
@@ -411,36 +410,35 @@ mod tests {
         }
     }
 
-    /// Brute force finds the same hits as the tree.
     #[test]
-    fn the_tree_finds_the_nearest_piece() {
+    fn nearest_hits_of_the_bvh_agree_with_brute_force() {
         let geometry = helix(200, 0.1, Vec3::ZERO);
         let accel = Accel::build(std::slice::from_ref(&geometry), &[]);
         let mut random = Random::new(8);
-        let (mut met, mut missed) = (0, 0);
+        let (mut hits, mut missed) = (0, 0);
         for _ in 0..5000 {
             let origin = random.direction() * 6.0;
             let ray = Ray::new(origin, (random.direction() * 2.0 + Vec3::Y * 1.8 - origin).normalize());
             let all = (0..200).filter_map(|i| {
-                let hit = geometry.curves.get(i).enter(ray.origin.to_array(), ray.direction.to_array())?;
+                let hit = geometry.curves.get(i).entry(ray.origin.to_array(), ray.direction.to_array())?;
                 (hit.t > 0.0).then_some(hit.t)
             });
             let nearest = all.fold(f64::INFINITY, f64::min);
             let hit = accel.closest_one(&ray);
             assert_eq!(hit.is_hit(), nearest < f64::INFINITY, "{ray:?}");
             if hit.is_hit() {
-                met += 1;
+                hits += 1;
                 assert!((f64::from(hit.t) - nearest).abs() < 2e-6 * nearest, "{hit:?} {nearest}");
             } else {
                 missed += 1;
             }
         }
-        assert!(met > 200 && missed > 200, "{met} {missed}");
+        assert!(hits > 200 && missed > 200, "{hits} {missed}");
     }
 
-    /// The first place from which a ray that starts on or in a chain of segments meets it from outside, by small steps; infinite if it
-    /// doesn't soon.
-    fn met_again(geometry: &Geometry, ray: &Ray, segments: std::ops::Range<usize>) -> f32 {
+    /// Parameter at which a ray that starts on or in a chain of segments re-enters it from outside, by small steps; infinite if it
+    /// doesn't within 0.8.
+    fn reentry(geometry: &Geometry, ray: &Ray, segments: std::ops::Range<usize>) -> f32 {
         const STEP: f32 = 2e-3;
         let inside = |t: f32| {
             let p = ray.at(t);
@@ -462,9 +460,9 @@ mod tests {
         f32::INFINITY
     }
 
-    /// Rays that enter a curve leave it without a hit, also through the joints of its segments; rays that leave it may hit it again where it bends.
+    /// Rays that enter a curve leave it without a hit, also through joints of segments; rays that leave a bent curve may re-enter it.
     #[test]
-    fn the_inside_of_a_curve_is_unseen() {
+    fn curves_are_not_hit_from_inside() {
         let mut random = Random::new(9);
         for (far, segments, radius) in
             [(Vec3::ZERO, 400, 0.05), (Vec3::ZERO, 90, 0.3), (Vec3::new(100.0, 300.0, -200.0), 90, 0.2)]
@@ -489,21 +487,21 @@ mod tests {
                     Ray { origin_primitive: OriginPrimitive::from(&hit), ..Ray::new(origin, direction) };
                 let found = accel.closest_one(&next).t;
                 let near = index.saturating_sub(segments / 5)..(index + segments / 5).min(segments);
-                let expected = met_again(&geometry, &next, near);
+                let expected = reentry(&geometry, &next, near);
                 all += 1;
                 again += usize::from(expected < 0.7);
                 let found = if found < 0.7 { found } else { f32::INFINITY };
                 let expected = if expected < 0.7 { expected } else { f32::INFINITY };
                 wrong += usize::from(found != expected && (found - expected).abs() > 0.02);
             }
-            println!("{segments} {radius}: {wrong} wrong, {again} met again of {all}");
-            // Rounding, or the step size, decides grazing rays.
+            println!("{segments} {radius}: {wrong} wrong, {again} re-entries of {all}");
+            // Grazing rays depend on rounding or the step size.
             assert!(all > 280 && wrong * 100 < all, "{segments} {radius}: {wrong} of {all}");
         }
     }
 
     #[test]
-    fn what_is_degenerate_is_left_out_or_met() {
+    fn degenerate_segments_are_dropped_or_hit() {
         let odd = [
             [0.0, 0.0, 0.0, 0.0],
             [1.0, 0.0, 0.0, 0.0],

@@ -1,5 +1,5 @@
-//! Disks: intersected in double precision, sampled uniformly by area. (Sampling by solid angle
-//! takes elliptic integrals: Guillén, Ureña, King, Fajardo, Georgiev, López-Moreno, Jarabo 2017.)
+//! Disks: intersected in double precision, sampled uniformly by area. (Solid-angle sampling needs elliptic integrals: Guillén, Ureña,
+//! King, Fajardo, Georgiev, López-Moreno, Jarabo 2017.)
 
 use super::sphere::icosphere;
 use super::traits::{LightPoint, Parametrization, PreparedRay, Shape, Surface, pdf_solid_angle_of_area};
@@ -12,26 +12,26 @@ use std::f32::consts::PI;
 /// A flat disk.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Disk {
-    /// Its center.
+    /// Centre, metres.
     pub center: Vec3,
-    /// Normal of its front, as long as its radius. (One vector for both, so that all code agrees on the plane.)
+    /// Front normal with the length of the radius, metres. (A single vector, so that all code agrees on the plane.)
     pub axis: Vec3,
 }
 
 impl Disk {
-    /// The disk of a scene around `center`.
+    /// The disk of a scene's shape, around `center`.
     pub(super) fn of_scene(shape: &scene::Shape, center: Vec3) -> Disk {
         Disk { center, axis: (shape.rotation * (DVec3::Z * shape.radius)).as_vec3() }
     }
 
-    /// The disk of packed numbers.
+    /// Unpacks a disk.
     #[inline(always)]
     pub(super) fn unpack(numbers: &[f32; 6]) -> Disk {
         let [x, y, z, a, b, c] = *numbers;
         Disk { center: Vec3::new(x, y, z), axis: Vec3::new(a, b, c) }
     }
 
-    /// The unit disk that faces z, as 256 triangles around its middle, with texture coordinates: x to the right, y up.
+    /// The unit disk facing z, as a fan of 256 triangles, with texture coordinates: x to the right, y up.
     pub(super) fn mesh() -> Mesh {
         const SECTORS: u32 = 256;
         let mut mesh = Mesh { positions: vec![[0.0; 3]], ..Mesh::default() };
@@ -45,13 +45,13 @@ impl Disk {
         mesh
     }
 
-    /// Its radius.
+    /// Radius, metres.
     #[inline(always)]
     pub fn radius(&self) -> f32 {
         self.axis.length()
     }
 
-    /// The front's unit normal; zero for a disk without a radius.
+    /// Unit normal of the front; zero for a radius of 0.
     #[inline(always)]
     fn unit_normal(&self) -> Vec3 {
         self.axis.normalize_or_zero()
@@ -70,18 +70,18 @@ fn to_center(center: Vec3, ray: &PreparedRay) -> [f64; 3] {
     std::array::from_fn(|k| f64::from(center[k]) - f64::from(ray.origin[k]))
 }
 
-/// Ray parameter of the intersection with a disk perpendicular to `axis` (of any length), whose centre is at `f` from the ray's
+/// Ray parameter of the intersection with a disk perpendicular to `axis` (of any length); `f` is the centre relative to the ray's
 /// origin.
 #[inline(always)]
 fn intersect_plane(ray: &PreparedRay, f: [f64; 3], axis: [f64; 3], squared_radius: f64) -> Option<f32> {
     let d = map_each(ray.direction, f64::from);
     let t = dot(f, axis) / dot(d, axis);
     let from_center: [f64; 3] = std::array::from_fn(|k| t * d[k] - f[k]);
-    // NaN and infinity, where the ray is parallel to the plane, fail this test or those of a range.
+    // NaN and infinity, for rays parallel to the plane, fail this test or the range tests.
     (dot(from_center, from_center) <= squared_radius).then_some(t as f32)
 }
 
-/// The surface of a disk, with a point pulled back onto its plane.
+/// The surface of a disk, with the point projected onto its plane.
 #[inline(always)]
 fn surface_of_disk(p: Vec3, center: Vec3, radius: f32, ng: Vec3) -> Surface {
     let offset = p - center;
@@ -96,7 +96,7 @@ impl Shape for Disk {
     }
 
     fn bounds(&self) -> Bounds3 {
-        // The half extent along x is sqrt(r^2 - x^2) = sqrt(y^2 + z^2) for the axis (x, y, z).
+        // The half extent along x is sqrt(y^2 + z^2) for the axis (x, y, z), and so on.
         let a = self.axis.as_dvec3();
         let across = |a: f64, b: f64| ((a * a + b * b).sqrt() as f32).next_up();
         let half = Vec3::new(across(a.y, a.z), across(a.z, a.x), across(a.x, a.y));
@@ -115,13 +115,13 @@ impl Shape for Disk {
         intersect_plane(ray, f, axis, dot(axis, axis)).filter(|t| *t > t_min && *t <= t_max)
     }
 
-    /// The ray's point pulled back onto the plane.
+    /// Projects the point onto the plane.
     #[inline(always)]
     fn surface(&self, p: Vec3, _: Vec3) -> Surface {
         surface_of_disk(p, self.center, self.radius(), self.unit_normal())
     }
 
-    /// The square around the disk, x of object space to the right and y up; z is the front's normal.
+    /// Texture coordinates of the square around the disk: x of object space to the right, y up; z is the front's normal.
     #[inline]
     fn texture_coordinates(&self, point: Vec3, _: Vec3, object_from_world: &Mat3) -> Vec2 {
         let local = *object_from_world * (point - self.center) * (0.5 / self.radius());
@@ -173,44 +173,44 @@ impl Shape for Disk {
     }
 }
 
-/// A disk whose front faces the origin of each ray: a light with a soft falloff. At distance d a disk of radius r subtends a cone
-/// whose half angle has the tangent r / d, so that its irradiance never exceeds that of a half space of its radiance, and falls off
-/// with the squared distance far away. (As Cycles' point and spot lights with "Soft Falloff".)
+/// A disk whose front faces the origin of each ray: a light with soft falloff. At distance d a disk of radius r subtends a cone with a
+/// half angle of tangent r / d, so its irradiance is bounded by that of a hemisphere of its radiance, and falls off with the squared
+/// distance far away. (As Cycles' point and spot lights with "Soft Falloff".)
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FacingDisk {
-    /// Its center.
+    /// Centre, metres.
     pub center: Vec3,
-    /// Above 0.
+    /// Radius, metres, above 0.
     pub radius: f32,
 }
 
 impl FacingDisk {
-    /// The disk of a scene's shape around `center`.
+    /// The facing disk of a scene's shape, around `center`.
     pub(super) fn of_scene(shape: &scene::Shape, center: Vec3) -> FacingDisk {
         FacingDisk { center, radius: shape.radius as f32 }
     }
 
-    /// The disk of packed numbers.
+    /// Unpacks a disk.
     #[inline(always)]
     pub(super) fn unpack(numbers: &[f32; 6]) -> FacingDisk {
         let [x, y, z, radius, ..] = *numbers;
         FacingDisk { center: Vec3::new(x, y, z), radius }
     }
 
-    /// Its bounding sphere.
+    /// Tessellation of the bounding sphere.
     pub(super) fn mesh() -> Mesh {
         icosphere(6)
     }
 
-    /// 1 - the cosine of the half angle of the cone that it subtends at this distance.
+    /// One minus the cosine of the half angle of the cone subtended at a distance.
     #[inline(always)]
     fn one_minus_cos(&self, distance: f32) -> f32 {
-        // Relative to the larger of both, so that no square overflows.
+        // Relative to the larger of both, to avoid overflow of squares.
         let larger = if distance > self.radius { distance } else { self.radius };
         let (d, r) = (distance / larger, self.radius / larger);
         let squares = d * d + r * r;
         let omc = warp::one_minus_cos(r * r / squares, d * d / squares);
-        // Beyond 1e17 radii the density would overflow.
+        // Beyond 1e17 radii the pdf would overflow.
         if omc > 1e-35 { omc } else { 1e-35 }
     }
 }
@@ -231,13 +231,13 @@ impl Shape for FacingDisk {
         intersect_plane(ray, f, f, r * r).filter(|t| *t > t_min && *t <= t_max)
     }
 
-    /// The ray's point pulled back onto the disk.
+    /// Projects the point onto the disk.
     #[inline(always)]
     fn surface(&self, p: Vec3, origin: Vec3) -> Surface {
         surface_of_disk(p, self.center, self.radius, self.normal_at(p, origin))
     }
 
-    /// The middle of the texture: a facing disk has no parametrization.
+    /// The centre of the texture, since facing disks have no parametrization.
     #[inline]
     fn texture_coordinates(&self, _: Vec3, _: Vec3, _: &Mat3) -> Vec2 {
         Vec2::splat(0.5)
@@ -249,7 +249,7 @@ impl Shape for FacingDisk {
         Parametrization { tangent, handedness: 1.0, uv_per_metre: 0.5 / self.radius }
     }
 
-    /// Area of the sphere that emits as much light far away.
+    /// Area of the bounding sphere, which has the same far field.
     fn area(&self) -> f32 {
         4.0 * PI * self.radius * self.radius
     }
@@ -263,7 +263,7 @@ impl Shape for FacingDisk {
         (reference - self.center).normalize_or(Vec3::Z)
     }
 
-    /// A point of its bounding sphere.
+    /// A point of the bounding sphere.
     fn point_by_area(&self, u: [f32; 2]) -> Vec3 {
         self.center + warp::uniform_sphere(u) * self.radius
     }
@@ -275,7 +275,7 @@ impl Shape for FacingDisk {
         let omc = self.one_minus_cos(distance);
         let local = warp::uniform_cone(u, omc);
         let frame = Frame::from_normal(if distance > 0.0 { axis / distance } else { Vec3::Z });
-        // From the centre, so that distant disks lose no precision.
+        // Computed relative to the centre, so that distant disks lose no precision.
         let along = distance / if local.z > 1e-9 { local.z } else { 1e-9 };
         let point = self.center + (frame.s * local.x + frame.t * local.y) * along;
         LightPoint { point, pdf_solid_angle: warp::uniform_cone_pdf_solid_angle(omc) }
@@ -291,14 +291,13 @@ impl Shape for FacingDisk {
         true
     }
 
-    /// Emitted rays start at their point nearest to the centre. The disk that faces the receiver intersects them a little further
-    /// back, except at its centre.
+    /// Emitted rays start at their point nearest to the centre. The disk facing the receiver intersects them slightly behind it.
     fn emission_offset(&self, receiver: Vec3, ray: &Ray) -> Option<f32> {
-        let to_middle = (self.center - receiver).as_dvec3();
-        let along = -to_middle.dot(ray.direction.as_dvec3());
-        let (squared, r) = (to_middle.length_squared(), f64::from(self.radius));
+        let to_center_of_disk = (self.center - receiver).as_dvec3();
+        let along = -to_center_of_disk.dot(ray.direction.as_dvec3());
+        let (squared, r) = (to_center_of_disk.length_squared(), f64::from(self.radius));
         let across = squared - along * along;
-        // The tangent of the angle to the middle is at most r / d.
+        // The tangent of the angle to the centre must be at most r / d.
         let is_on_disk = along > 0.0 && across * squared <= r * r * along * along;
         is_on_disk.then(|| (across.max(0.0) / along) as f32)
     }
@@ -322,7 +321,7 @@ mod tests {
     }
 
     #[test]
-    fn the_box_holds_the_rim_and_touches_it() {
+    fn bounding_boxes_are_tight() {
         let disk = disk();
         let (x, y) = orthonormal_basis(disk.unit_normal());
         let rim = (0..100_000).map(|i| {
@@ -335,7 +334,7 @@ mod tests {
     }
 
     #[test]
-    fn textures_touch_the_edge() {
+    fn texture_coordinates_cover_the_unit_square() {
         let disk = Disk { center: Vec3::new(1.0, 2.0, 3.0), axis: Vec3::Z * 0.5 };
         let at = |x: f32, y: f32| {
             let point = disk.center + Vec3::new(x, y, 0.0) * 0.5;
@@ -344,18 +343,21 @@ mod tests {
         assert_eq!(at(0.0, 0.0), Vec2::splat(0.5));
         assert_eq!([at(-1.0, 0.0), at(1.0, 0.0)], [Vec2::new(0.0, 0.5), Vec2::new(1.0, 0.5)]);
         assert_eq!([at(0.0, 1.0), at(0.0, -1.0)], [Vec2::new(0.5, 0.0), Vec2::new(0.5, 1.0)]);
-        let lies = disk.parametrize(Vec3::Z, &Mat3::IDENTITY);
-        assert_eq!((lies.tangent, lies.handedness, lies.uv_per_metre), (Vec3::X, 1.0, 1.0));
+        let parametrization = disk.parametrize(Vec3::Z, &Mat3::IDENTITY);
+        assert_eq!(
+            (parametrization.tangent, parametrization.handedness, parametrization.uv_per_metre),
+            (Vec3::X, 1.0, 1.0)
+        );
     }
 
-    /// Rays that continue from a hit, on either side, don't intersect the disk again; nor do those that miss its edge.
+    /// Rays that continue from a hit, on either side, don't intersect the disk again; rays aimed outside of the rim miss it.
     #[test]
-    fn rays_meet_it_once() {
+    fn rays_hit_a_disk_once() {
         let disk = disk();
         let geometry = Geometry { analytic: vec![Analytic::Disk(disk)], ..Geometry::default() };
         let accel = Accel::build(&[geometry], &[]);
         let mut random = Random::new(3);
-        let (mut met, mut missed) = (0, 0);
+        let (mut hits, mut missed) = (0, 0);
         for _ in 0..20_000 {
             let origin = disk.center + random.direction() * (4.0 * random.next() + 0.1);
             let aim = disk.point_by_area([random.next(), random.next()]);
@@ -367,7 +369,7 @@ mod tests {
                 assert_eq!(hit.is_hit(), inside < 1.0, "{ray:?}");
             }
             if hit.is_hit() {
-                met += 1;
+                hits += 1;
                 let surface = disk.surface(ray.at(hit.t), origin);
                 let direction = random.direction();
                 let origin = offset_ray_origin(surface.p, surface.p_error, surface.ng, direction);
@@ -376,7 +378,7 @@ mod tests {
                 missed += 1;
             }
         }
-        assert!(met > 5_000 && missed > 5_000, "{met} {missed}");
+        assert!(hits > 5_000 && missed > 5_000, "{hits} {missed}");
     }
 }
 
@@ -391,9 +393,10 @@ mod facing_disk_tests {
         FacingDisk { center: Vec3::new(10.0, -3.0, 0.5), radius: 1.2 }
     }
 
-    /// From near, far, and within the sphere around it: rays hit it where its points are, as often as their density says.
+    /// Rays to sampled points hit the disk, and the fraction of random rays that hit it agrees with the pdf, at various distances, also
+    /// within the bounding sphere.
     #[test]
-    fn rays_meet_what_is_sampled() {
+    fn rays_hit_sampled_points() {
         let disk = disk();
         let geometry = Geometry { analytic: vec![Analytic::FacingDisk(disk)], ..Geometry::default() };
         let accel = Accel::build(&[geometry], &[]);
@@ -415,20 +418,20 @@ mod facing_disk_tests {
                     assert!(surface.ng.dot(toward) < 0.0);
                     assert!((surface.p - at).length() < 1e-4 * distance.max(1.0));
                 }
-                // Even over twice the cone.
+                // Uniform over twice the solid angle of the cone.
                 let omc = 2.0 * disk.one_minus_cos(distance);
                 let local = warp::uniform_cone([random.next(), random.next()], omc);
                 let axis = (disk.center - origin).normalize();
                 let ray = Ray::new(origin, Frame::from_normal(axis).to_world(local));
                 hits += u32::from(accel.closest_one(&ray).is_hit());
             }
-            let share = f64::from(hits) / f64::from(n);
-            assert!((share - 0.5).abs() < 4.5 * (0.25 / f64::from(n)).sqrt(), "{distance}: {share}");
+            let fraction = f64::from(hits) / f64::from(n);
+            assert!((fraction - 0.5).abs() < 4.5 * (0.25 / f64::from(n)).sqrt(), "{distance}: {fraction}");
         }
     }
 
     #[test]
-    fn directions_have_their_density() {
+    fn sampled_directions_follow_their_pdf() {
         let disk = disk();
         let references = [[0.0f32, 0.5, 0.0], [1.0, 0.3, -0.7], [3.0, 4.0, 12.0]];
         for from in references {
@@ -444,9 +447,9 @@ mod facing_disk_tests {
         }
     }
 
-    /// Lines that leave it in some direction light a receiver just where rays from there hit it.
+    /// An emitted ray reaches a receiver exactly if the reverse ray from the receiver hits the disk.
     #[test]
-    fn light_arrives_where_it_is_seen() {
+    fn emission_agrees_with_intersection() {
         let disk = disk();
         let mut random = Random::new(9);
         let (mut sent, mut lost) = (0, 0);
@@ -458,13 +461,13 @@ mod facing_disk_tests {
             let receiver = ray.at(0.05 + 3.0 * random.next());
             let mut back = PreparedRay::NONE;
             let range = back.set_line(&Ray::new(receiver, -direction)).expect("a line").0;
-            let seen = disk.intersect(&back, range.0, range.1).map(|t| t * back.unscale);
+            let visible = disk.intersect(&back, range.0, range.1).map(|t| t * back.unscale);
             let behind = disk.emission_offset(receiver, &ray);
-            if let (Some(seen), Some(behind)) = (seen, behind) {
+            if let (Some(visible), Some(behind)) = (visible, behind) {
                 let t = receiver.distance(origin) + behind;
-                assert!((t - seen).abs() < 1e-5 * t.max(1.0), "{seen} {t}");
+                assert!((t - visible).abs() < 1e-5 * t.max(1.0), "{visible} {t}");
                 sent += 1;
-            } else if seen.is_none() && behind.is_none() {
+            } else if visible.is_none() && behind.is_none() {
                 lost += 1;
             } else {
                 let rim = (receiver - disk.center).length() * offset.length() / disk.radius;

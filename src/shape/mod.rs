@@ -25,18 +25,18 @@ mod splat;
 mod traits;
 pub mod triangle;
 
-/// Generates [`Analytic`] and its dispatch from a table: the type of each shape, named like its kind in scenes, and the parameters
-/// of that kind. Beside [`Shape`] the type implements `of_scene`, `unpack` and `mesh`.
+/// Generates [`Analytic`] and its dispatch from a table: the type of each shape, named like its kind in scenes, and the parameters of
+/// that kind. In addition to [`Shape`] the type implements `of_scene`, `unpack` and `mesh`.
 macro_rules! shapes {
     ($($shape:ident $({ $($number:ident),* })?,)*) => {
-        /// A shape that is no triangle.
+        /// An analytic shape.
         #[derive(Clone, Copy, Debug, PartialEq)]
         pub enum Analytic {
             $(#[doc = concat!("A [`", stringify!($shape), "`].")] $shape($shape),)*
         }
 
         impl Analytic {
-            /// A shape of a scene, with its middle in the space of the geometry that it joins.
+            /// Converts a shape of a scene; `center` is in the space of its geometry, metres.
             pub fn of_scene(shape: &scene::Shape, center: Vec3) -> Analytic {
                 match shape.kind {
                     $(ShapeKind::$shape $({ $($number),* })? => {
@@ -45,7 +45,7 @@ macro_rules! shapes {
                 }
             }
 
-            /// The shape of a packed one; `None` for an unknown kind, such as 0.
+            /// Unpacks a shape; `None` for an unknown kind, such as 0.
             #[inline(always)]
             pub fn unpack(packed: &Packed) -> Option<Analytic> {
                 $(if packed.kind == packed_kind(ShapeTag::$shape) {
@@ -54,7 +54,7 @@ macro_rules! shapes {
                 None
             }
 
-            /// Which kind it is.
+            /// The kind of shape.
             pub fn tag(&self) -> ShapeTag {
                 match self {
                     $(Analytic::$shape(_) => ShapeTag::$shape,)*
@@ -62,15 +62,14 @@ macro_rules! shapes {
             }
         }
 
-        /// Triangles in place of a shape of this kind that has radius 1, its middle at the origin and isn't turned;
-        /// without materials.
+        /// Tessellation of a shape of a kind, with radius 1, centred at the origin and not rotated; without materials.
         pub fn mesh_of(kind: ShapeKind) -> Mesh {
             match kind {
                 $(ShapeKind::$shape $({ $($number),* })? => $shape::mesh($($($number),*)?),)*
             }
         }
 
-        /// Dispatches to the shape.
+        /// Static dispatch to the shape.
         macro_rules! each {
             ($analytic:expr, $inner:ident => $result:expr) => {
                 match $analytic {
@@ -88,7 +87,7 @@ shapes! {
     Shell,
 }
 
-/// The kind in a packed shape: 0 is none.
+/// The kind of a packed shape, above 0.
 const fn packed_kind(tag: ShapeTag) -> u8 {
     tag as u8 + 1
 }

@@ -1,5 +1,5 @@
-//! Parallelograms, intersected as two triangles each, and sampling of them uniformly in solid angle: those with right angles by
-//! Ureña, Fajardo, King 2013, "An Area-Preserving Parametrization for Spherical Rectangles", others as two spherical triangles.
+//! Parallelograms, intersected as two triangles, and their sampling uniformly in solid angle: rectangles by Ureña, Fajardo, King 2013, "An
+//! Area-Preserving Parametrization for Spherical Rectangles", others as two spherical triangles.
 
 use super::traits::{LightPoint, pdf_solid_angle_of_area};
 use super::triangle::{
@@ -8,38 +8,38 @@ use super::triangle::{
 use crate::math::{Bounds3, Vec3, poly};
 use crate::simd::map_each;
 
-/// A parallelogram: the points `corner + u edge_u + v edge_v` with u and v from 0 to 1. Its corners are rounded to f32,
-/// and primitives that share two of them leave no gap.
+/// A parallelogram: the points `corner + u edge_u + v edge_v` with u and v in 0..1, metres. Corners are rounded to f32, so primitives that
+/// share two of them leave no gap.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quad {
-    /// Where u and v are 0.
+    /// Corner at u = v = 0.
     pub corner: Vec3,
-    /// From the corner along u.
+    /// Edge from the corner along u.
     pub edge_u: Vec3,
-    /// From the corner along v.
+    /// Edge from the corner along v.
     pub edge_v: Vec3,
 }
 
 impl Quad {
-    /// The corners in order around it. All code takes them from here, so that they agree to the bit.
+    /// The corners in cyclic order. All code uses this function, so that corners agree bit for bit.
     pub fn corners(&self) -> [Vec3; 4] {
         let (a, u, v) = (self.corner, self.edge_u, self.edge_v);
         [a, a + u, (a + u) + v, a + v]
     }
 
-    /// The box around it.
+    /// Bounding box.
     pub fn bounds(&self) -> Bounds3 {
         Bounds3::of(self.corners())
     }
 
-    /// Has it no area that a ray could hit?
+    /// Whether both triangles are collapsed.
     pub fn is_collapsed(&self) -> bool {
         let [a, b, c, d] = self.corners();
         is_collapsed([a, b, c]) && is_collapsed([a, c, d])
     }
 }
 
-/// A parallelogram as seen from a reference point: two spherical triangles that share a diagonal.
+/// A parallelogram projected onto the unit sphere around a reference point: two spherical triangles with a common diagonal.
 #[derive(Clone, Copy, Debug)]
 pub struct SphericalParallelogram {
     corner: Vec3,
@@ -53,7 +53,7 @@ pub struct SphericalParallelogram {
 }
 
 impl SphericalParallelogram {
-    /// `corner + a * edge_u + b * edge_v`, a and b in 0..1, seen from `reference`.
+    /// The parallelogram `corner + a * edge_u + b * edge_v`, a and b in 0..1, seen from `reference`.
     #[inline(always)]
     pub fn new(corner: Vec3, edge_u: Vec3, edge_v: Vec3, reference: Vec3) -> SphericalParallelogram {
         let normal = edge_u.cross(edge_v);
@@ -72,13 +72,13 @@ impl SphericalParallelogram {
         }
     }
 
-    /// The solid angle, steradians, 0 to 2 pi.
+    /// Solid angle, steradians, 0..2 pi.
     #[inline(always)]
     pub fn solid_angle(&self) -> f32 {
         self.lower.solid_angle + self.upper.solid_angle
     }
 
-    /// A point on the parallelogram, uniform in solid angle (by area below [`MIN_TRIANGLE_SOLID_ANGLE`]).
+    /// Samples a point uniformly in solid angle (by area below [`MIN_TRIANGLE_SOLID_ANGLE`]).
     #[inline(always)]
     pub fn sample(&self, u: [f32; 2]) -> LightPoint {
         let total = self.solid_angle();
@@ -86,8 +86,8 @@ impl SphericalParallelogram {
         let in_lower = target < self.lower.solid_angle;
         let chosen = if in_lower { self.lower } else { self.upper };
         let offset = if in_lower { 0.0 } else { self.lower.solid_angle };
-        let share = if chosen.solid_angle > 0.0 { chosen.solid_angle } else { 1.0 };
-        let w = chosen.sample([clamp01((target - offset) / share), u[1]]);
+        let divisor = if chosen.solid_angle > 0.0 { chosen.solid_angle } else { 1.0 };
+        let w = chosen.sample([clamp01((target - offset) / divisor), u[1]]);
         let (a, b) = plane_coordinates(self.corner - self.reference, self.edge_u, self.edge_v, w);
         let by_area = total < MIN_TRIANGLE_SOLID_ANGLE;
         let a = if by_area { u[0] } else { clamp01(a) };
@@ -96,22 +96,22 @@ impl SphericalParallelogram {
         LightPoint { point, pdf_solid_angle: self.pdf_solid_angle(point) }
     }
 
-    /// Density per solid angle with which [`SphericalParallelogram::sample`] returns a point of the parallelogram.
+    /// Solid-angle pdf of [`SphericalParallelogram::sample`] for a point of the parallelogram.
     #[inline(always)]
     pub fn pdf_solid_angle(&self, point: Vec3) -> f32 {
         pdf_of_either(point - self.reference, self.unit_normal, self.area, self.solid_angle())
     }
 }
 
-/// Below this solid angle (sr) rectangles are sampled by area: the direction hardly changes over them, and the
-/// differences of angles that the map needs lose their digits.
+/// Solid angle (steradians) below which rectangles are sampled by area: their directions hardly differ, and the map's differences of
+/// angles would cancel.
 pub const MIN_RECTANGLE_SOLID_ANGLE: f32 = 1e-3;
 
-/// A rectangle as seen from a reference point.
+/// A rectangle projected onto the unit sphere around a reference point.
 ///
-/// The paper's formulas are rearranged for f32. The interior angles of the spherical rectangle (eq. 6) are kept as
-/// differences from a right angle, from 0 or from pi, whichever is small, so that small and grazing rectangles keep
-/// their digits; the solid angle comes from the arc tangent of Van Oosterom and Strackee (1983), both triangles in one.
+/// The paper's formulas are rearranged for f32. The interior angles of the spherical rectangle (eq. 6) are stored as differences from pi/2,
+/// 0 or pi, whichever is small, to keep precision for small and grazing rectangles; the solid angle is computed by the arc
+/// tangent of Van Oosterom, Strackee 1983, for both triangles together.
 #[derive(Clone, Copy, Debug)]
 pub struct SphericalRectangle {
     corner: Vec3,
@@ -132,16 +132,16 @@ pub struct SphericalRectangle {
     b1: f32,
     /// 1 - b0^2.
     b0_complement: f32,
-    /// The excess over pi of the two interior angles at the edge u = u0 is `excess` (with `fold` 1), or that and half
-    /// a turn (with `fold` -1).
+    /// Excess over pi of the sum of both interior angles at the edge u = u0: `excess` if `fold` is 1, `excess` plus or minus pi if `fold`
+    /// is -1.
     excess: f32,
     fold: f32,
     solid_angle: f32,
 }
 
 impl SphericalRectangle {
-    /// The rectangle `corner + a * edge_u + b * edge_v`, a and b in 0..1, seen from `reference`. The edges must be
-    /// perpendicular and of positive length (see [`super::SphericalParallelogram`] for others).
+    /// The rectangle `corner + a * edge_u + b * edge_v`, a and b in 0..1, seen from `reference`. Edges must be perpendicular and of positive
+    /// length (for others see [`super::SphericalParallelogram`]).
     #[inline(always)]
     pub fn new(corner: Vec3, edge_u: Vec3, edge_v: Vec3, reference: Vec3) -> SphericalRectangle {
         let (length_u, length_v) = (edge_u.length(), edge_v.length());
@@ -152,7 +152,7 @@ impl SphericalRectangle {
         let (u1, v1) = (u0 + length_u, v0 + length_v);
         let distance = to_corner.dot(normal).abs();
         let d2 = distance * distance;
-        // A tiny term keeps the results finite for a reference point in the rectangle's plane.
+        // The tiny term keeps results finite if the reference point is in the rectangle's plane.
         let inverse_root = |x: f32| 1.0 / (x * x + d2 + 1e-37).sqrt();
         let (inverse_v0, inverse_v1, inverse_u0) = (inverse_root(v0), inverse_root(v1), inverse_root(u0));
         let complement = |inverse: f32| (distance * inverse) * (distance * inverse);
@@ -186,19 +186,19 @@ impl SphericalRectangle {
         }
     }
 
-    /// The solid angle, steradians, 0 to 2 pi.
+    /// Solid angle, steradians, 0..2 pi.
     #[inline(always)]
     pub fn solid_angle(&self) -> f32 {
         self.solid_angle
     }
 
-    /// Is it sampled by area?
+    /// Whether it is sampled by area.
     #[inline(always)]
     fn by_area(&self) -> bool {
         self.solid_angle < MIN_RECTANGLE_SOLID_ANGLE
     }
 
-    /// A point on the rectangle, uniform in solid angle (by area below [`MIN_RECTANGLE_SOLID_ANGLE`]).
+    /// Samples a point uniformly in solid angle (by area below [`MIN_RECTANGLE_SOLID_ANGLE`]).
     #[inline(always)]
     pub fn sample(&self, u: [f32; 2]) -> LightPoint {
         let (x, y) = self.sample_local(u);
@@ -209,7 +209,7 @@ impl SphericalRectangle {
         LightPoint { point, pdf_solid_angle: self.pdf_solid_angle(point) }
     }
 
-    /// The area-preserving map (section 3 of the paper): lengths along the edges.
+    /// The area-preserving map (section 3 of the paper); returns positions along the edges, metres.
     #[inline(always)]
     fn sample_local(&self, u: [f32; 2]) -> (f32, f32) {
         // With au = pi - b the paper's fu is n / sin b, n = -b0 cos b - b1, and 1 / cu^2 - 1 is
@@ -235,7 +235,7 @@ impl SphericalRectangle {
         (along_u, clamp(y - self.v0, self.length_v))
     }
 
-    /// Density per solid angle with which [`SphericalRectangle::sample`] returns a point of the rectangle.
+    /// Solid-angle pdf of [`SphericalRectangle::sample`] for a point of the rectangle.
     #[inline(always)]
     pub fn pdf_solid_angle(&self, point: Vec3) -> f32 {
         let area = self.length_u * self.length_v;
@@ -250,14 +250,14 @@ fn clamp(x: f32, high: f32) -> f32 {
     if x > 0.0 { x } else { 0.0 }
 }
 
-/// asin(p) + asin(q) as (sum, 1), or as (the small difference from half a turn, -1) where both are near a right angle
-/// of the same sign. `complements` are 1 - p^2 and 1 - q^2 without cancellation.
+/// asin(p) + asin(q) as (sum, 1), or as (small difference from pi, -1) if both are near a right angle of the same sign. `complements` are
+/// 1 - p^2 and 1 - q^2, computed without cancellation.
 #[inline(always)]
 fn sum_of_arc_sines(values: [f32; 2], complements: [f32; 2]) -> (f32, f32) {
     let magnitudes = map_each(values, f32::abs);
     let roots = map_each(complements, f32::sqrt);
     let near_right_angle = magnitudes[0] > roots[0] && magnitudes[1] > roots[1];
-    // The arc sine, or the right angle minus it.
+    // The arc sine, or its complement to pi/2.
     let arc = |i: usize| {
         let (y, x) = if near_right_angle { (roots[i], magnitudes[i]) } else { (magnitudes[i], roots[i]) };
         poly::atan2(y, x).copysign(values[i])
@@ -267,7 +267,8 @@ fn sum_of_arc_sines(values: [f32; 2], complements: [f32; 2]) -> (f32, f32) {
     (if near_right_angle { -sum } else { sum }, if folded { -1.0 } else { 1.0 })
 }
 
-/// Both triangles' tan(solid angle / 2) as complex numbers, multiplied: one arc tangent gives the sum.
+/// Solid angle of a rectangle: tan(solid angle / 2) of both triangles (Van Oosterom, Strackee 1983), multiplied as complex numbers, so that
+/// a single arc tangent gives the sum.
 #[inline(always)]
 fn solid_angle([u0, u1]: [f32; 2], [v0, v1]: [f32; 2], lengths: [f32; 2], distance: f32) -> f32 {
     let d2 = distance * distance;

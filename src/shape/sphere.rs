@@ -1,6 +1,5 @@
-//! Spheres: intersected without cancellation (Haines, Guenther, Akenine-Moeller, Ray Tracing Gems 2019, chapter 7) in double
-//! precision; as lights seen from outside the cone that they subtend (Pharr, Jakob, Humphreys 2023, section 6.2.4), from
-//! inside all directions.
+//! Spheres: intersected in double precision without cancellation (Haines, Guenther, Akenine-Moeller, Ray Tracing Gems 2019, chapter 7);
+//! as lights sampled over the subtended cone (Pharr, Jakob, Humphreys 2023, section 6.2.4), from inside over all directions.
 
 use super::traits::{LightPoint, Parametrization, PreparedRay, Shape, Surface};
 use crate::math::{Bounds3, DVec3, Frame, Mat3, Ray, Vec2, Vec3, gamma, poly};
@@ -10,34 +9,33 @@ use crate::simd::map_each;
 use std::collections::HashMap;
 use std::f32::consts::{FRAC_1_PI, PI, SQRT_2};
 
-/// Minimum radius relative to the coordinates of the centre for which normals are computed from points. The normals of a smaller
-/// sphere face the viewer.
+/// Minimum radius relative to the centre's coordinates for which normals are computed from points. Normals of smaller spheres point to
+/// the viewer.
 const MIN_RADIUS: f32 = 1e-5;
 
 /// A sphere.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sphere {
-    /// Its center.
+    /// Centre, metres.
     pub center: Vec3,
-    /// Above 0.
+    /// Radius, metres, above 0.
     pub radius: f32,
 }
 
-/// Texture coordinates of the unit sphere, as seen from outside: u goes once around the y axis, v from the top down.
-/// Those of "Ray Tracing in One Weekend", with v counted from the top row of an image: u = (atan2(-z, x) + pi) / 2 pi,
-/// v = acos(y) / pi.
+/// Texture coordinates of the unit sphere: u is the azimuth around the y axis, v the polar angle from the top, as in "Ray Tracing in One
+/// Weekend" with v from the top row: u = (atan2(-z, x) + pi) / 2 pi, v = acos(y) / pi.
 #[inline]
 pub fn sphere_coordinates(unit: Vec3) -> Vec2 {
     Vec2::new((poly::atan2(-unit.z, unit.x) + PI) * (0.5 * FRAC_1_PI), poly::acos(unit.y) * FRAC_1_PI)
 }
 
 impl Sphere {
-    /// The sphere of a scene around `center`.
+    /// The sphere of a scene's shape, around `center`.
     pub(super) fn of_scene(shape: &scene::Shape, center: Vec3) -> Sphere {
         Sphere { center, radius: shape.radius as f32 }
     }
 
-    /// The sphere of packed numbers.
+    /// Unpacks a sphere.
     #[inline(always)]
     pub(super) fn unpack(numbers: &[f32; 6]) -> Sphere {
         let [x, y, z, radius, ..] = *numbers;
@@ -49,7 +47,7 @@ impl Sphere {
         icosphere(6)
     }
 
-    /// The parameters at which a line intersects it, the smaller first.
+    /// The line parameters of both intersections, in increasing order.
     #[inline(always)]
     fn roots(&self, ray: &PreparedRay) -> Option<[f64; 2]> {
         let r = f64::from(self.radius);
@@ -59,7 +57,7 @@ impl Sphere {
         let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
         let a = dot(d, d);
         let b = -dot(f, d);
-        // The point of the line nearest to the centre, seen from it: equation 7.3's discriminant, r^2 - |l|^2.
+        // l: the line's point nearest to the centre, relative to it; discriminant of eq. 7.3: r^2 - |l|^2.
         let l: [f64; 3] = std::array::from_fn(|k| f[k] + (b / a) * d[k]);
         let discriminant = r * r - dot(l, l);
         if discriminant < 0.0 || discriminant.is_nan() {
@@ -87,7 +85,7 @@ impl Shape for Sphere {
         accept(near).or_else(|| accept(far))
     }
 
-    /// The ray's point pulled back onto the sphere.
+    /// Projects the point onto the sphere.
     #[inline(always)]
     fn surface(&self, p: Vec3, _: Vec3) -> Surface {
         let ng = (p - self.center).normalize();
@@ -101,7 +99,7 @@ impl Shape for Sphere {
         }
     }
 
-    /// Once around the y axis of object space, as textures wrap spheres.
+    /// [`sphere_coordinates`] in object space.
     #[inline]
     fn texture_coordinates(&self, _: Vec3, normal: Vec3, object_from_world: &Mat3) -> Vec2 {
         sphere_coordinates(*object_from_world * normal)
@@ -111,10 +109,10 @@ impl Shape for Sphere {
     fn parametrize(&self, normal: Vec3, object_from_world: &Mat3) -> Parametrization {
         let local = *object_from_world * normal;
         Parametrization {
-            // Eastwards: u grows counter-clockwise as seen from above.
+            // u increases counter-clockwise as seen from above.
             tangent: object_from_world.transpose() * Vec3::new(local.z, 0.0, -local.x),
             handedness: 1.0,
-            // At the equator: 2 pi r by pi r metres.
+            // The texture covers 2 pi r by pi r metres at the equator: geometric mean.
             uv_per_metre: 1.0 / (SQRT_2 * PI * self.radius),
         }
     }
@@ -129,7 +127,7 @@ impl Shape for Sphere {
 
     #[inline(always)]
     fn normal_at(&self, point: Vec3, reference: Vec3) -> Vec3 {
-        // The rounding error of points, up to 6e-8 of their coordinates, would change these normals by more than 1 %.
+        // Rounding of points, up to 6e-8 of their coordinates, would change these normals by more than 1 %.
         if self.radius < MIN_RADIUS * self.center.abs().max_element() && reference != point {
             return (reference - self.center).normalize_or_zero();
         }
@@ -156,8 +154,8 @@ impl Shape for Sphere {
     }
 }
 
-/// `|f|^2 - r^2` for the origin seen from the centre, `f = o - c`, with about twice the precision of f64 (compensated
-/// sums: Ogita, Rump, Oishi 2005, "Accurate Sum and Dot Product"): near the surface almost all of it cancels.
+/// `|f|^2 - r^2` for the ray's origin relative to the centre, `f = o - c`, with about twice the precision of f64 (compensated sums: Ogita,
+/// Rump, Oishi 2005, "Accurate Sum and Dot Product"), because of cancellation near the surface.
 #[inline(always)]
 fn power_of_point(sphere: &Sphere, ray: &PreparedRay, f: [f64; 3]) -> f64 {
     let r = f64::from(sphere.radius);
@@ -181,15 +179,15 @@ fn rounding_of_sum(a: f64, b: f64, sum: f64) -> f64 {
     (a - (sum - part)) + (b - part)
 }
 
-/// A sphere as seen from a reference point.
+/// Sampling of a sphere from a reference point.
 #[derive(Clone, Copy, Debug)]
 pub struct SphereSampler {
     center: Vec3,
     radius: f32,
     reference: Vec3,
-    /// Axis from the reference point to the centre.
+    /// Frame with z from the reference point to the centre.
     frame: Frame,
-    /// Squared sine of the cone's half angle, and 1 - its cosine.
+    /// Squared sine, and one minus the cosine, of the cone's half angle.
     sin_squared_max: f32,
     one_minus_cos_max: f32,
     inside: bool,
@@ -206,7 +204,7 @@ impl SphereSampler {
         let direction = if distance > 0.0 { axis / safe } else { Vec3::Z };
         let sine = radius / safe;
         let sin_squared = sine * sine;
-        // (d - r)(d + r) / d^2 keeps its digits for a point just above the surface.
+        // (d - r)(d + r) / d^2: accurate for a point just above the surface.
         let cos_squared = ((safe - radius) / safe) * ((safe + radius) / safe);
         let omc = warp::one_minus_cos(sin_squared, if cos_squared > 0.0 { cos_squared } else { 0.0 });
         SphereSampler {
@@ -215,28 +213,28 @@ impl SphereSampler {
             reference,
             frame: Frame::from_normal(direction),
             sin_squared_max: sin_squared,
-            // Beyond 1e17 radii the density would overflow.
+            // Beyond 1e17 radii the pdf would overflow.
             one_minus_cos_max: if omc > 1e-35 { omc } else { 1e-35 },
             inside,
         }
     }
 
-    /// The solid angle, steradians; 4 pi from inside.
+    /// Solid angle, steradians; 4 pi from inside.
     #[inline(always)]
     pub fn solid_angle(&self) -> f32 {
         if self.inside { 4.0 * PI } else { 2.0 * PI * self.one_minus_cos_max }
     }
 
-    /// A point on the sphere: the nearer intersection of a direction uniform in the cone; from inside that of any direction.
+    /// Samples a point: the nearer intersection of a direction uniform in the cone; from inside, of a direction uniform over the sphere.
     #[inline(always)]
     pub fn sample(&self, u: [f32; 2]) -> LightPoint {
         let on_cone = self.center + self.outward_normal_in_cone(u) * self.radius;
-        let anywhere = self.exit_point(warp::uniform_sphere(u));
-        let point = if self.inside { anywhere } else { on_cone };
+        let from_inside = self.exit_point(warp::uniform_sphere(u));
+        let point = if self.inside { from_inside } else { on_cone };
         LightPoint { point, pdf_solid_angle: self.pdf_solid_angle() }
     }
 
-    /// Where a ray from inside in a direction of unit length intersects the sphere.
+    /// Intersection of a ray from inside with a unit direction.
     #[inline(always)]
     fn exit_point(&self, direction: Vec3) -> Vec3 {
         let f = self.reference - self.center;
@@ -246,10 +244,10 @@ impl SphereSampler {
         self.center + across + direction * if rest > 0.0 { rest } else { 0.0 }.sqrt()
     }
 
-    /// The sphere's outward unit normal where a random direction in the cone first intersects it.
+    /// Outward unit normal at the first intersection of a direction sampled in the cone.
     #[inline(always)]
     fn outward_normal_in_cone(&self, u: [f32; 2]) -> Vec3 {
-        // theta: from the axis at the reference point; alpha: from the axis at the centre, towards the reference.
+        // theta: angle from the axis at the reference point; alpha: angle from the reverse axis at the centre.
         let h = u[0] * self.one_minus_cos_max;
         let cos_theta = 1.0 - h;
         let sin_squared = h * (2.0 - h);
@@ -257,14 +255,14 @@ impl SphereSampler {
         let rest = if ratio < 1.0 { 1.0 - ratio } else { 0.0 };
         let (sine_max, root) = (self.sin_squared_max.sqrt(), rest.sqrt());
         let cos_alpha = sin_squared / if sine_max > 0.0 { sine_max } else { 1.0 } + cos_theta * root;
-        // By the law of sines from the distance to the point; 1 - cos^2 would lose the digits of small angles.
+        // By the law of sines, since 1 - cos^2 would cancel for small angles.
         let ratio = if ratio < 1.0 { ratio } else { 1.0 };
         let sin_alpha = ratio.sqrt() * (cos_theta - sine_max * root);
         let (s, c) = poly::sin_cos_turns(u[1]);
         self.frame.to_world(Vec3::new(sin_alpha * c, sin_alpha * s, -cos_alpha))
     }
 
-    /// Density per solid angle with which [`SphereSampler::sample`] returns each visible point of the sphere.
+    /// Solid-angle pdf of [`SphereSampler::sample`], constant over the visible part.
     #[inline(always)]
     pub fn pdf_solid_angle(&self) -> f32 {
         let of_cone = warp::uniform_cone_pdf_solid_angle(self.one_minus_cos_max);
@@ -272,24 +270,24 @@ impl SphereSampler {
     }
 }
 
-/// A sphere that each ray intersects once: from outside its near side, from inside the far one. Spherical lights that block no light
-/// are shells: points inside receive light from all around, and rays through one collect its radiance once.
+/// A sphere that each ray intersects once: from outside on the near side, from inside on the far side. Non-blocking spherical lights are
+/// shells: points inside receive light from all directions, and rays through a shell collect its radiance once.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shell(pub Sphere);
 
 impl Shell {
-    /// The sphere of a scene's shape around `center`.
+    /// The shell of a scene's shape, around `center`.
     pub(super) fn of_scene(shape: &scene::Shape, center: Vec3) -> Shell {
         Shell(Sphere::of_scene(shape, center))
     }
 
-    /// The sphere of packed numbers.
+    /// Unpacks a sphere.
     #[inline(always)]
     pub(super) fn unpack(numbers: &[f32; 6]) -> Shell {
         Shell(Sphere::unpack(numbers))
     }
 
-    /// The unit sphere.
+    /// Tessellation of the unit sphere.
     pub(super) fn mesh() -> Mesh {
         Sphere::mesh()
     }
@@ -353,7 +351,7 @@ impl Shape for Shell {
         self.0.pdf_solid_angle(reference, point)
     }
 
-    /// Light emitted inwards reaches receivers inside only: those beyond the far side see the near side's outward light.
+    /// Light emitted inwards only reaches receivers inside: receivers beyond the far side see its outward emission.
     fn emission_offset(&self, receiver: Vec3, ray: &Ray) -> Option<f32> {
         let Sphere { center, radius } = self.0;
         let is_inward = ray.direction.dot(ray.origin - center) < 0.0;
@@ -365,7 +363,7 @@ impl Shape for Shell {
     }
 }
 
-/// A sphere as a subdivided icosahedron with smooth normals: 20 * 4^levels triangles, unit radius.
+/// The unit sphere as a subdivided icosahedron with smooth normals: 20 * 4^levels triangles.
 pub(super) fn icosphere(levels: u32) -> Mesh {
     let g = (1.0 + 5f64.sqrt()) / 2.0;
     let mut points: Vec<DVec3> = Vec::new();
@@ -394,11 +392,11 @@ pub(super) fn icosphere(levels: u32) -> Mesh {
 }
 
 fn subdivide(points: &mut Vec<DVec3>, triangles: &mut Vec<[u32; 3]>) {
-    let mut middles = HashMap::new();
+    let mut midpoints = HashMap::new();
     let mut next = Vec::with_capacity(triangles.len() * 4);
     for &[a, b, c] in triangles.iter() {
         let [ab, bc, ca] = [(a, b), (b, c), (c, a)].map(|(p, q)| {
-            *middles.entry((p.min(q), p.max(q))).or_insert_with(|| {
+            *midpoints.entry((p.min(q), p.max(q))).or_insert_with(|| {
                 points.push((points[p as usize] + points[q as usize]).normalize());
                 points.len() as u32 - 1
             })
@@ -413,17 +411,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn it_faces_outwards_and_holds_its_volume() {
+    fn icospheres_face_outwards_and_have_the_volume_of_a_sphere() {
         let mesh = icosphere(5);
         assert_eq!(mesh.triangles.len(), 20 * 4usize.pow(5));
         let corner = |i: u32| DVec3::from(mesh.positions[i as usize].map(f64::from));
-        let parts = mesh.triangles.iter().map(|t| corner(t[0]).dot(corner(t[1]).cross(corner(t[2]))) / 6.0);
-        assert!((parts.sum::<f64>() / (4.0 / 3.0 * std::f64::consts::PI) - 1.0).abs() < 2e-3);
+        let volumes = mesh.triangles.iter().map(|t| corner(t[0]).dot(corner(t[1]).cross(corner(t[2]))) / 6.0);
+        assert!((volumes.sum::<f64>() / (4.0 / 3.0 * std::f64::consts::PI) - 1.0).abs() < 2e-3);
     }
 
-    /// Points of a tiny sphere round to its center, yet it faces the viewer.
+    /// Points of a tiny sphere may round to its centre.
     #[test]
-    fn tiny_spheres_face_the_viewer() {
+    fn normals_of_tiny_spheres_point_to_the_viewer() {
         let (center, viewer) = (Vec3::new(0.3, 2.0, 1.0), Vec3::new(0.1, 0.0, 0.2));
         for radius in [1e-6, 1e-7, 1e-9] {
             let sphere = Sphere { center, radius };

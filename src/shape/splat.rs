@@ -1,4 +1,4 @@
-//! Gaussian splats: the point of largest opacity along a ray, the opacity there, and the colour towards the viewer.
+//! Gaussian splats: point and value of the peak opacity along a ray, and view-dependent colour.
 
 use super::traits::{PreparedRay, Surface};
 use crate::math::{Bounds3, Mat3, Quat, Vec3, gamma, poly};
@@ -6,12 +6,12 @@ use crate::scene::Splats;
 use half::f16;
 use std::sync::Arc;
 
-/// Splats and their centres.
+/// Gaussian splats of a geometry.
 #[derive(Clone, Debug, Default)]
 pub struct SplatCloud {
     /// Centres, metres.
     pub centers: Vec<[f32; 3]>,
-    /// All other parameters; `None` without splats.
+    /// Other parameters; `None` without splats.
     pub splats: Option<Arc<Splats>>,
 }
 
@@ -20,14 +20,14 @@ pub struct SplatCloud {
 pub struct Splat {
     /// Centre, metres.
     pub center: Vec3,
-    /// Rows of the matrix that maps it to a sphere of standard deviation 1.
+    /// Rows of the matrix (1/metres) that maps the splat to an isotropic Gaussian of standard deviation 1.
     pub rows: [[f32; 3]; 3],
-    /// Opacity at the centre.
+    /// Opacity at the centre, 0..1.
     pub opacity: f32,
 }
 
 impl SplatCloud {
-    /// None.
+    /// No splats.
     pub const EMPTY: SplatCloud = SplatCloud { centers: Vec::new(), splats: None };
 
     /// Number of splats.
@@ -35,7 +35,7 @@ impl SplatCloud {
         self.centers.len()
     }
 
-    /// Bytes in memory.
+    /// Memory, bytes.
     pub fn bytes(&self) -> usize {
         let of = |s: &Splats| {
             size_of_val(&s.scales[..])
@@ -46,14 +46,14 @@ impl SplatCloud {
         size_of_val(&self.centers[..]) + self.splats.as_deref().map_or(0, of)
     }
 
-    /// Its axes in object space, and the standard deviations along them.
+    /// Axes of a splat in object space, and standard deviations along them, metres.
     fn axes(&self, index: usize) -> Option<(Mat3, Vec3)> {
         let splats = self.splats.as_ref()?;
-        let turned = Mat3::from_quat(Quat::from_array(*splats.rotations.get(index)?));
-        Some((turned, Vec3::from_array(*splats.scales.get(index)?)))
+        let axes = Mat3::from_quat(Quat::from_array(*splats.rotations.get(index)?));
+        Some((axes, Vec3::from_array(*splats.scales.get(index)?)))
     }
 
-    /// The splat of an index.
+    /// Prepares a splat by its index.
     pub fn get(&self, index: usize) -> Option<Splat> {
         let (axes, scales) = self.axes(index)?;
         let row = |axis: Vec3, scale: f32| (axis / scale).to_array();
@@ -62,14 +62,14 @@ impl SplatCloud {
         Some(Splat { center: Vec3::from_array(*self.centers.get(index)?), rows, opacity })
     }
 
-    /// The box around the part of a splat above [`Splats::MIN_OPACITY`]; `None` where it is nowhere above.
+    /// Bounding box of the part of a splat with an opacity of at least [`Splats::MIN_OPACITY`]; `None` if there is none.
     pub fn bounds_of(&self, index: usize) -> Option<Bounds3> {
         let (axes, scales) = self.axes(index)?;
         let radius = radius(*self.splats.as_ref()?.opacities.get(index)?)?;
-        // An ellipsoid's half extents: the lengths of the rows of the matrix that makes it of a sphere.
+        // Half extents of an ellipsoid: lengths of the rows of the matrix that maps the unit sphere to it.
         let half = |k: usize| {
             let row = Vec3::new(axes.x_axis[k], axes.y_axis[k], axes.z_axis[k]) * scales;
-            // A margin for the rounding of the square root and of the opacity test.
+            // With a margin for rounding of the square root and of the opacity test.
             row.length() * radius * (1.0 + 1e-5)
         };
         let half = Vec3::new(half(0), half(1), half(2));
@@ -77,7 +77,7 @@ impl SplatCloud {
         Some(Bounds3 { min: center - half, max: center + half })
     }
 
-    /// The box around all.
+    /// Bounding box of all splats.
     pub fn bounds(&self) -> Bounds3 {
         let all = (0..self.count()).filter_map(|i| self.bounds_of(i));
         all.filter(|b| b.min.is_finite() && b.max.is_finite()).fold(Bounds3::EMPTY, Bounds3::union)
@@ -91,7 +91,7 @@ impl SplatCloud {
         Surface { p, p_error: p.abs() * gamma(4), ng, ns: ng, material: 0 }
     }
 
-    /// The linear colour of a splat along a unit direction in object space, from the viewer to it.
+    /// The linear colour of a splat for a unit direction in object space, from the viewer to the splat.
     pub fn color(&self, index: usize, direction: Vec3) -> [f32; 3] {
         let Some(splats) = &self.splats else { return [0.0; 3] };
         let count = Splats::coefficients_of(splats.degree);
@@ -101,8 +101,8 @@ impl SplatCloud {
     }
 }
 
-/// Decodes an sRGB value (IEC 61966-2-1), which may exceed 1; relative error below 3e-6. The same bits on all
-/// CPUs, unlike the power function of the system's library.
+/// Decodes an sRGB value (IEC 61966-2-1), which may exceed 1; relative error below 3e-6. Bit-identical on all CPUs, unlike the system
+/// library's power function.
 fn decoded(encoded: f32) -> f32 {
     match encoded <= 0.040_45 {
         true => encoded / 12.92,
@@ -110,14 +110,14 @@ fn decoded(encoded: f32) -> f32 {
     }
 }
 
-/// Radius of a splat of this opacity, in standard deviations; `None` where it is too transparent to count.
+/// Cut-off radius of a splat of an opacity, in standard deviations; `None` if the opacity is below [`Splats::MIN_OPACITY`].
 fn radius(opacity: f32) -> Option<f32> {
     let over = opacity / Splats::MIN_OPACITY;
     (over >= 1.0).then(|| (2.0 * poly::ln(over)).max(0.0).sqrt())
 }
 
-/// The sum of real spherical harmonics with coefficients, in the order and with the signs of Kerbl et al. 2023 and of
-/// `KHR_gaussian_splatting` (the Condon-Shortley phase), for a unit direction.
+/// Evaluates real spherical harmonics for a unit direction, with the coefficient order and signs (Condon-Shortley phase) of Kerbl et al.
+/// 2023 and `KHR_gaussian_splatting`.
 fn harmonics(coefficients: &[[f16; 3]], direction: Vec3) -> [f32; 3] {
     let basis = basis(direction);
     let mut sum = [0.0; 3];
@@ -129,7 +129,7 @@ fn harmonics(coefficients: &[[f16; 3]], direction: Vec3) -> [f32; 3] {
     sum
 }
 
-/// Real spherical harmonics of degrees 0 to 3, by l and m from -l to l.
+/// Real spherical harmonics of degrees l = 0..3, ordered by l, then m from -l to l.
 fn basis(direction: Vec3) -> [f32; 16] {
     let [x, y, z] = direction.to_array();
     let (xx, yy, zz) = (x * x, y * y, z * z);
@@ -153,10 +153,10 @@ fn basis(direction: Vec3) -> [f32; 16] {
     ]
 }
 
-/// Upper bound of the squared radius of splats, in standard deviations: 2 ln 255 for an opaque one, and rounding.
+/// Upper bound of the squared cut-off radius, in squared standard deviations: 2 ln 255 for opacity 1, plus rounding.
 pub const LARGEST_SQUARED: f32 = 11.09;
 
-/// Splats of a packet as a structure of arrays.
+/// The splats of a packet as a structure of arrays.
 #[derive(Clone, Copy, Debug)]
 pub struct SplatLanes<'a> {
     /// Centres: x, y, z.
@@ -168,8 +168,7 @@ pub struct SplatLanes<'a> {
 }
 
 impl SplatLanes<'_> {
-    /// The ray parameter of the largest opacity of each splat, and the squared distance from its centre there, in the space where the
-    /// splat is a sphere of standard deviation 1.
+    /// For each splat, the ray parameter of the peak opacity, and the squared distance from the centre there, in standard deviations.
     #[inline(always)]
     pub fn peaks(&self, ray: &PreparedRay) -> ([f32; 4], [f32; 4]) {
         let (o, d) = (ray.origin, ray.direction);
@@ -177,7 +176,7 @@ impl SplatLanes<'_> {
         let (mut t, mut squared) = ([0.0; 4], [0.0; 4]);
         for k in 0..4 {
             let from = [o[0] - self.center[0][k], o[1] - self.center[1][k], o[2] - self.center[2][k]];
-            // Relative to the ray's point nearest to the centre, so that a distant origin costs no precision.
+            // Relative to the ray's point nearest to the centre, so that distant origins lose no precision.
             let near = -(from[0] * d[0] + from[1] * d[1] + from[2] * d[2]) * per_length;
             let from = [from[0] + d[0] * near, from[1] + d[1] * near, from[2] + d[2] * near];
             let row = |r: usize, v: [f32; 3]| {
@@ -192,7 +191,7 @@ impl SplatLanes<'_> {
         (t, squared)
     }
 
-    /// The opacity of a splat at a squared distance; 0 beyond its radius.
+    /// The opacity of a splat at a squared distance in standard deviations; 0 beyond the cut-off radius.
     #[inline(always)]
     pub fn opacity_at(&self, lane: usize, squared: f32) -> f32 {
         let opacity = self.opacity[lane] * poly::exp(-0.5 * squared);
@@ -200,8 +199,7 @@ impl SplatLanes<'_> {
     }
 }
 
-/// The octahedral encoding of a direction of any length, two numbers in -1..1 (Meyer et al. 2010, "On
-/// Floating-Point Normal Vectors").
+/// Octahedral encoding of a direction of any length to two numbers in -1..1 (Meyer et al. 2010, "On Floating-Point Normal Vectors").
 #[inline(always)]
 pub fn octahedral(direction: [f32; 3]) -> [f32; 2] {
     let [x, y, z] = direction;
@@ -210,7 +208,7 @@ pub fn octahedral(direction: [f32; 3]) -> [f32; 2] {
     if z >= 0.0 { [u, v] } else { [(1.0 - v.abs()).copysign(x), (1.0 - u.abs()).copysign(y)] }
 }
 
-/// Decodes [`octahedral`]; a unit vector.
+/// Decodes [`octahedral`] to a unit vector.
 #[inline(always)]
 pub fn from_octahedral([u, v]: [f32; 2]) -> Vec3 {
     let z = 1.0 - u.abs() - v.abs();
@@ -235,7 +233,7 @@ mod tests {
         SplatCloud { centers: vec![[0.3, -0.2, 0.5]], splats: Some(Arc::new(splats)) }
     }
 
-    /// The opacity of a splat at a point, by its definition.
+    /// The opacity of a splat at a point by definition.
     fn opacity_at(cloud: &SplatCloud, p: Vec3) -> f32 {
         let splats = cloud.splats.as_ref().expect("splats");
         let rotation = Quat::from_array(splats.rotations[0]);
@@ -257,9 +255,9 @@ mod tests {
         (t[1], splat.opacity * poly::exp(-0.5 * squared[1]))
     }
 
-    /// No point of a ray is more opaque than its peak, and the peak's opacity is that of the definition there.
+    /// Peaks are maxima of the opacity along the ray, and their opacity agrees with the definition.
     #[test]
-    fn a_ray_sees_a_splat_at_its_largest_opacity() {
+    fn peaks_are_maxima_of_the_opacity() {
         let mut random = Random::new(4);
         for _ in 0..2000 {
             let rotation = Quat::from_axis_angle(random.direction(), 3.0 * random.next());
@@ -281,24 +279,23 @@ mod tests {
         }
     }
 
-    /// The box touches the surface on all six sides.
     #[test]
-    fn boxes_are_tight() {
+    fn bounding_boxes_are_tight() {
         let mut random = Random::new(5);
         let rotation = Quat::from_axis_angle(Vec3::new(0.6, 0.0, 0.8), 1.1);
         let cloud = cloud(Vec3::new(0.5, 0.2, 0.1), rotation, 0.7);
         let bounds = cloud.bounds_of(0).expect("bounds");
         let splats = cloud.splats.as_ref().expect("splats");
         let end = radius(0.7).expect("a radius");
-        let mut seen = Bounds3::EMPTY;
+        let mut sampled = Bounds3::EMPTY;
         for _ in 0..200_000 {
             let on_surface = random.direction() * end * Vec3::from_array(splats.scales[0]);
             let p = Vec3::from_array(cloud.centers[0]) + rotation * on_surface;
             assert!((opacity_at(&cloud, p) - Splats::MIN_OPACITY).abs() < 1e-5);
-            seen = seen.union(Bounds3 { min: p, max: p });
+            sampled = sampled.union(Bounds3 { min: p, max: p });
         }
-        assert!((seen.min - bounds.min).abs().max_element() < 2e-3 && seen.min.cmpge(bounds.min).all());
-        assert!((seen.max - bounds.max).abs().max_element() < 2e-3 && seen.max.cmple(bounds.max).all());
+        assert!((sampled.min - bounds.min).abs().max_element() < 2e-3 && sampled.min.cmpge(bounds.min).all());
+        assert!((sampled.max - bounds.max).abs().max_element() < 2e-3 && sampled.max.cmple(bounds.max).all());
         assert!(radius(0.003).is_none());
     }
 
@@ -316,10 +313,10 @@ mod tests {
         SplatCloud { centers, splats: Some(Arc::new(splats)) }
     }
 
-    /// All CPU levels accept the same splats, alone and in batches, with the tree's queries of all kinds; over many times of a ray the
-    /// share of rays that hit anything is that of compositing.
+    /// All CPU levels, batches and queries accept the same splats; over many times of a ray the fraction of hits is the alpha of sorted
+    /// compositing.
     #[test]
-    fn the_tree_accepts_the_same_splats_on_all_levels() {
+    fn acceptance_of_splats_agrees_on_all_levels_and_with_compositing() {
         use crate::accel::{Accel, AccelInstance, Geometry};
         use crate::math::{DAffine3, DVec3, Hit, Ray};
         use crate::simd::Level;
@@ -353,19 +350,19 @@ mod tests {
         for ray in &rays[..20] {
             let origin = object_from_world.transform_point3(ray.origin.as_dvec3()).as_vec3();
             let direction = object_from_world.transform_vector3(ray.direction.as_dvec3()).as_vec3();
-            let left = |i: usize| {
+            let transmittance = |i: usize| {
                 let one =
                     SplatCloud { centers: vec![cloud.centers[i]], splats: Some(Arc::new(alone(&cloud, i))) };
                 let (t, opacity) = peak(&one, origin, direction);
                 if t > 0.0 && opacity >= Splats::MIN_OPACITY { f64::from(1.0 - opacity) } else { 1.0 }
             };
-            let truth: f64 = 1.0 - (0..cloud.count()).map(left).product::<f64>();
+            let truth: f64 = 1.0 - (0..cloud.count()).map(transmittance).product::<f64>();
             let times: Vec<f32> = (0..20_000).map(|_| random.next()).collect();
-            let (copies, mut met) = (vec![*ray; times.len()], vec![Hit::MISS; times.len()]);
-            accel.closest_in_time(&copies, &times, &mut met);
-            let share = met.iter().filter(|hit| hit.is_hit()).count() as f64 / times.len() as f64;
+            let (copies, mut hits) = (vec![*ray; times.len()], vec![Hit::MISS; times.len()]);
+            accel.closest_in_time(&copies, &times, &mut hits);
+            let fraction = hits.iter().filter(|hit| hit.is_hit()).count() as f64 / times.len() as f64;
             let error = (truth * (1.0 - truth) / times.len() as f64).sqrt();
-            assert!((share - truth).abs() < 4.5 * error + 1e-4, "{share}, not {truth} +- {error}");
+            assert!((fraction - truth).abs() < 4.5 * error + 1e-4, "{fraction}, not {truth} +- {error}");
         }
     }
 
@@ -393,7 +390,7 @@ mod tests {
     }
 
     #[test]
-    fn octahedral_numbers_keep_directions() {
+    fn octahedral_encoding_is_invertible() {
         let mut random = Random::new(6);
         for _ in 0..10_000 {
             let direction = random.direction();
@@ -406,9 +403,9 @@ mod tests {
         }
     }
 
-    /// The basis is orthonormal over the sphere, which fixes all constants but their signs.
+    /// Orthonormality over the sphere determines all constants up to signs.
     #[test]
-    fn the_harmonics_are_orthonormal() {
+    fn harmonics_are_orthonormal() {
         let mut sums = [[0.0f64; 16]; 16];
         let (rings, steps) = (400, 200);
         for i in 0..rings {
@@ -433,9 +430,9 @@ mod tests {
         }
     }
 
-    /// The signs, at a direction without symmetry, from the formulas of the glTF extension's appendix.
+    /// Signs at a direction without symmetry, compared with the formulas of the glTF extension's appendix.
     #[test]
-    fn the_harmonics_have_the_signs_of_the_extension() {
+    fn harmonics_have_the_signs_of_the_extension() {
         let direction = Vec3::new(0.2, 0.5, 0.7).normalize();
         let signs: Vec<bool> = basis(direction).iter().map(|value| *value > 0.0).collect();
         let [x, y, z] = direction.to_array().map(f64::from);

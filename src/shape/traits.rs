@@ -1,74 +1,73 @@
-//! The interface of shapes other than triangles, and the data that it exchanges.
+//! The trait of analytic shapes, and its data types.
 
 use crate::math::{Bounds3, Mat3, Ray, Vec2, Vec3};
 use crate::simd::{BoxRay, ShearedLine};
 
-/// A shape other than a triangle. Lengths are in metres, in the space of its geometry.
+/// An analytic shape. Lengths are in metres, in the space of its geometry.
 pub trait Shape {
-    /// Center and radius of a bounding sphere. A shape whose radius is not above 0 is dropped.
+    /// Centre and radius of a bounding sphere. Shapes with a radius not above 0 are dropped.
     fn center_and_radius(&self) -> (Vec3, f32);
 
-    /// Its bounding box, up to rounding to nearest.
+    /// Bounding box, up to rounding.
     fn bounds(&self) -> Bounds3 {
         let (center, radius) = self.center_and_radius();
         Bounds3 { min: center - Vec3::splat(radius), max: center + Vec3::splat(radius) }
     }
 
-    /// Has it two sides, so that no ray that leaves it intersects it again?
+    /// Whether rays that start on the shape can't hit it again.
     #[inline(always)]
     fn is_flat(&self) -> bool {
         self.normal().is_some()
     }
 
-    /// The front's unit normal, if it is the same everywhere.
+    /// Unit normal of the front, if it is constant.
     #[inline(always)]
     fn normal(&self) -> Option<Vec3> {
         None
     }
 
-    /// The smallest parameter in `t_min < t <= t_max` at which a ray intersects it.
+    /// The smallest ray parameter of an intersection in `t_min < t <= t_max`.
     fn intersect(&self, ray: &PreparedRay, t_min: f32, t_max: f32) -> Option<f32>;
 
-    /// The surface where a ray from `origin` intersects it, from the ray's point there.
+    /// The surface at the intersection `p` of a ray from `origin`.
     fn surface(&self, p: Vec3, origin: Vec3) -> Surface;
 
-    /// Texture coordinates at a point of the surface where the front's normal is `normal`; `object_from_world` turns
-    /// them.
+    /// Texture coordinates at a point with the front normal `normal`; `object_from_world` rotates to object space.
     fn texture_coordinates(&self, point: Vec3, normal: Vec3, object_from_world: &Mat3) -> Vec2;
 
-    /// The parametrization of textures where the front's normal is `normal`.
+    /// The texture parametrization at a point with the front normal `normal`.
     fn parametrize(&self, normal: Vec3, object_from_world: &Mat3) -> Parametrization;
 
     /// Area of the front, square metres.
     fn area(&self) -> f32;
 
-    /// Area of its largest orthographic projection, square metres.
+    /// Area of the largest orthographic projection, square metres.
     fn largest_projection(&self) -> f32;
 
-    /// The front's unit normal at a point; `reference`, from where it is seen, counts for facing shapes.
+    /// Unit normal of the front at a point; `reference` is the view point, used by facing shapes.
     fn normal_at(&self, point: Vec3, reference: Vec3) -> Vec3;
 
-    /// A point of the surface, uniform by area; of facing shapes, of the sphere around it.
+    /// Samples a point uniformly by area; of facing shapes on the bounding sphere.
     fn point_by_area(&self, u: [f32; 2]) -> Vec3;
 
-    /// Samples a point of it as a light that illuminates `reference`.
+    /// Samples a point of the shape as a light for `reference`.
     fn sample(&self, reference: Vec3, u: [f32; 2]) -> LightPoint;
 
-    /// Density per solid angle with which [`Shape::sample`] returns a point that is seen from `reference`.
+    /// Solid-angle pdf of [`Shape::sample`] for a point visible from `reference`.
     fn pdf_solid_angle(&self, reference: Vec3, point: Vec3) -> f32;
 
-    /// Does it face each ray, as a disk perpendicular to the direction of its light?
+    /// Whether the shape faces each ray's origin.
     fn is_facing(&self) -> bool {
         false
     }
 
-    /// Distance behind its origin at which an emitted ray leaves the surface as seen from a receiver on the ray; `None` if the line
-    /// does not intersect the surface as seen from there.
+    /// Distance by which the surface as seen from a receiver on an emitted ray is behind the ray's origin, metres; `None` if the line
+    /// doesn't intersect that surface.
     fn emission_offset(&self, _receiver: Vec3, _ray: &Ray) -> Option<f32> {
         Some(0.0)
     }
 
-    /// Its parameters.
+    /// Parameters for packing.
     fn numbers(&self) -> [f32; 6];
 }
 
@@ -77,81 +76,79 @@ pub trait Shape {
 pub struct Parametrization {
     /// Direction of increasing u on the surface; any length.
     pub tangent: Vec3,
-    /// 1 if the image's up is `n x tangent`, else -1.
+    /// 1 if the up direction of images is `n x tangent`, else -1.
     pub handedness: f32,
-    /// Change of the coordinates per metre.
+    /// Change of texture coordinates per metre.
     pub uv_per_metre: f32,
 }
 
-/// A shape as a kind and parameters.
+/// A shape in the form stored in the BVH.
 #[derive(Clone, Copy, Debug)]
 pub struct Packed {
     /// Kind of the shape, above 0.
     pub kind: u8,
-    /// Its parameters.
+    /// Parameters ([`Shape::numbers`]).
     pub numbers: [f32; 6],
 }
 
-/// A point of a surface.
+/// A point on a surface.
 #[derive(Clone, Copy, Debug)]
 pub struct Surface {
-    /// The point.
+    /// Position.
     pub p: Vec3,
-    /// The true point lies within this box around it.
+    /// Error bound of the position by axis.
     pub p_error: Vec3,
     /// Unit geometric normal on the front.
     pub ng: Vec3,
     /// Unit shading normal, on the same side as `ng`.
     pub ns: Vec3,
-    /// Its material.
+    /// Material index.
     pub material: u32,
 }
 
-/// A point on a light, chosen as seen from a reference point.
+/// A point on a light, sampled from a reference point.
 #[derive(Clone, Copy, Debug)]
 pub struct LightPoint {
-    /// Position, in the space of the light's corners.
+    /// Position, in the space of the light's geometry.
     pub point: Vec3,
-    /// Density per solid angle at the reference point; 0 where the light can't be seen (edge on): such a sample counts
-    /// as no contribution.
+    /// Solid-angle pdf at the reference point; 0 if the light is seen edge-on, in which case the sample contributes nothing.
     pub pdf_solid_angle: f32,
 }
 
-/// Density per solid angle of a uniform point on a flat light of area `area`.
-/// `to_point` leads from the reference point to the light, `unit_normal` is the light's (either side).
-/// 0 where the light is seen exactly edge on.
+/// Solid-angle pdf of a uniformly sampled point on a flat light of area `area`; `to_point` is the vector from the reference point, and
+/// `unit_normal` the light's normal (either side). 0 if the light is seen edge-on.
 #[inline(always)]
 pub fn pdf_solid_angle_of_area(to_point: Vec3, unit_normal: Vec3, area: f32) -> f32 {
     let distance_squared = to_point.length_squared();
     // cos / distance * area, all over distance^2.
     let projected = to_point.dot(unit_normal).abs() * area;
     let pdf = distance_squared * distance_squared.sqrt() / if projected > 0.0 { projected } else { 1.0 };
-    let visible = projected > 0.0 && pdf < f32::MAX;
-    if visible { pdf } else { 0.0 }
+    let is_visible = projected > 0.0 && pdf < f32::MAX;
+    if is_visible { pdf } else { 0.0 }
 }
 
-/// A ray whose direction is scaled by a power of two so that its largest component lies in [1, 2). All parameters are
-/// in units of this direction; the scaling is exact, so directions of any length behave alike.
+/// A ray with its direction scaled by a power of two to a largest component in [1, 2). Ray parameters are in units of this direction. The
+/// scaling is exact, so results don't depend on the direction's length.
 #[derive(Clone, Copy, Debug)]
 pub struct PreparedRay {
     /// Origin.
     pub origin: [f32; 3],
     /// Scaled direction.
     pub direction: [f32; 3],
-    /// Shear of the space in which triangles are seen along the ray (Woop, Benthin, Wald 2013, section 3.1, `Sx`, `Sy`).
+    /// Shear constants `Sx`, `Sy` of the triangle test (Woop, Benthin, Wald 2013, section 3.1).
     pub shear: [f32; 2],
-    /// Parameters in the caller's units are ours times this power of two.
+    /// Factor (a power of two) from parameters of this ray to those of the original ray.
     pub unscale: f32,
 }
 
 impl PreparedRay {
-    /// Never hits anything; fills unused slots.
+    /// A ray that hits nothing, for unused slots.
     pub const NONE: PreparedRay =
         PreparedRay { origin: [0.0; 3], direction: [0.0; 3], shear: [0.0; 2], unscale: 1.0 };
 
-    /// Prepares a ray in place, for geometry within `reach` of the coordinates' origin, and returns its bounds of the
-    /// parameter; `None` where it can hit nothing: an empty range, a zero direction, or a component that is infinite or NaN.
-    /// (In place, since copies in whole vectors would wait for the narrow stores before them.)
+    /// Prepares a ray in place, for geometry with absolute coordinates up to `reach`, and returns its parameter range; `None` if it can't
+    /// hit anything: empty range, zero direction, or a non-finite component. (In place, since vector copies would stall on store
+    /// forwarding of the scalar stores before them.)
     #[inline(always)]
     pub fn set(&mut self, boxes: &mut BoxRay, ray: &Ray, reach: f32) -> Option<(f32, f32)> {
         let range = self.set_scaled(ray)?;
@@ -162,7 +159,7 @@ impl PreparedRay {
         Some(range)
     }
 
-    /// [`PreparedRay::set`] for a ray that is tested without boxes; also returns its line.
+    /// [`PreparedRay::set`] without box tests; also returns the sheared line.
     #[inline(always)]
     pub fn set_line(&mut self, ray: &Ray) -> Option<((f32, f32), ShearedLine)> {
         let range = self.set_scaled(ray)?;
@@ -171,12 +168,12 @@ impl PreparedRay {
         Some((range, line))
     }
 
-    /// Sets all but the shear, and returns the bounds of the parameter.
+    /// Sets all but the shear, and returns the parameter range.
     #[inline(always)]
     fn set_scaled(&mut self, ray: &Ray) -> Option<(f32, f32)> {
         let (o, d) = (ray.origin.to_array(), ray.direction.to_array());
         let largest = d[0].abs().max(d[1].abs()).max(d[2].abs());
-        // Zero times anything but infinity and NaN is zero.
+        // NaN if any component is infinite or NaN, else 0.
         let zero = (o[0] * 0.0 + o[1] * 0.0 + o[2] * 0.0) + (d[0] * 0.0 + d[1] * 0.0 + d[2] * 0.0);
         let t_min = if ray.t_min > 0.0 { ray.t_min } else { 0.0 };
         if !((zero == 0.0) & (largest > 0.0) & (t_min < ray.t_max)) {
@@ -190,7 +187,7 @@ impl PreparedRay {
     }
 }
 
-/// `(2^e, 2^-e)` for a positive `x` in [2^e, 2^(e+1)), with e kept where both are normal numbers.
+/// `(2^e, 2^-e)` for a positive `x` in [2^e, 2^(e+1)), with e clamped so that both are normal numbers.
 #[inline(always)]
 fn power_of_two_scale(x: f32) -> (f32, f32) {
     let e = ((x.to_bits() >> 23) as i32 - 127).clamp(-126, 126);

@@ -2,22 +2,21 @@
 //! in solid angle (Arvo 1995, "Stratified Sampling of Spherical Triangles", with the trigonometry of Peters 2021, "BRDF Importance
 //! Sampling for Polygonal Lights", section 2).
 //!
-//! Vertices go through the same rounded translation and shear whichever triangle they belong to. The sign of
-//! `fl(fl(a b) - fl(c d))`, when it is not zero, is the sign of `a b - c d`, since rounding keeps order; when it is zero,
-//! double precision decides exactly (48 of 53 bits). So every edge is classified exactly with respect to the sheared
-//! vertices, neighbours agree on it, and nothing leaks between them. No operation is contracted, so all CPU levels agree.
+//! Translation and shear of a vertex don't depend on its triangle. A non-zero `fl(fl(a b) - fl(c d))` has the sign of `a b - c d`, since
+//! rounding is monotonic; if it is zero, double precision is exact (48 of 53 bits). So edge functions of the sheared vertices have
+//! exact signs, adjacent triangles agree, and no ray leaks between them. Operations are not contracted, so all CPU levels agree.
 
 use super::traits::{LightPoint, PreparedRay, Surface, pdf_solid_angle_of_area};
 use crate::math::{Bounds3, Vec3, gamma, poly};
 use crate::simd::{BoxRay, ShearedLine, Wide, map_each};
 
-/// Triangles that are tested at a time.
+/// Number of triangles tested at a time.
 pub const LANES: usize = 4;
 
-/// Four triangles together. For axis k: vertices 0, 1, 2 in rows 4k to 4k + 2; rows 3, 7 and 11 are not looked at.
+/// Four triangles: coordinate k of vertices 0, 1, 2 in rows 4k to 4k + 2; rows 3, 7 and 11 are ignored.
 pub type TriangleRows = [[f32; LANES]; 12];
 
-/// Where a lane's triangle is hit: the barycentric weights of vertices 1 and 2.
+/// Barycentric coordinates of a hit.
 #[derive(Clone, Copy, Debug)]
 pub struct Weights {
     /// Barycentric coordinate of vertex 1.
@@ -26,22 +25,22 @@ pub struct Weights {
     pub v: f32,
 }
 
-/// The lanes that the ray's line intersects: a superset of those that [`weights`] accepts, in which only edge
-/// functions that round to zero are undecided. Where along the line is left to [`plane_parameters`]: single precision
-/// could not distinguish it from the origin of the ray on surfaces that touch.
+/// Bit mask of lanes whose triangle may be intersected by the ray's line: a superset of those accepted by [`weights`], with edge
+/// functions that round to zero undecided. The ray parameter is left to [`plane_parameters`], since single precision can't separate
+/// adjacent surfaces from the ray's origin.
 #[inline(always)]
 pub fn candidates<W: Wide>(w: W, rows: &TriangleRows, ray: &PreparedRay, boxes: &BoxRay) -> u32 {
     w.candidates(rows, boxes, &ray.origin, &ray.shear)
 }
 
-/// The exact test whether the ray's line intersects a lane's triangle.
+/// The exact test of the ray's line against a lane's triangle.
 #[inline(always)]
 pub fn weights(rows: &TriangleRows, lane: usize, ray: &PreparedRay, boxes: &BoxRay) -> Option<Weights> {
     let lane = lane & 3;
     weights_of(|axis, k| rows[4 * axis + k][lane], &boxes.line(ray.origin, ray.shear))
 }
 
-/// The exact test whether a line intersects the triangle with these coordinates, by axis and vertex.
+/// The exact test of a line against the triangle with coordinates `at(axis, vertex)`.
 #[inline(always)]
 pub fn weights_of(at: impl Fn(usize, usize) -> f32, line: &ShearedLine) -> Option<Weights> {
     let [kx, ky, kz] = line.axes();
@@ -70,15 +69,15 @@ pub fn weights_of(at: impl Fn(usize, usize) -> f32, line: &ShearedLine) -> Optio
     Some(Weights { u: v / det, v: w / det })
 }
 
-/// Where the ray intersects the planes of the four triangles, in f64, in which the differences of f32 numbers of similar size
-/// are exact. An origin beside the plane by the rounding of an f32 keeps its side. NaN where the ray is parallel to the
-/// plane, and possibly where all `lanes` are behind the ray.
+/// Ray parameters of the intersections with the planes of four triangles, in f64, where differences of f32 numbers of similar magnitude
+/// are exact: an origin one f32 rounding error off the plane keeps its side. NaN if the ray is parallel to the plane, and
+/// possibly if all `lanes` are behind the ray.
 #[inline(always)]
 pub fn plane_parameters<W: Wide>(w: W, rows: &TriangleRows, ray: &PreparedRay, lanes: u32) -> [f32; LANES] {
     w.plane_parameters(rows, &ray.origin, &ray.direction, lanes)
 }
 
-/// `a b - c d`, from f64 products that are exact, rounded so that only zero becomes zero.
+/// `a b - c d` from exact f64 products, rounded such that only zero becomes zero.
 #[inline(always)]
 fn exact_edge(a: f32, b: f32, c: f32, d: f32) -> f32 {
     let exact = f64::from(a) * f64::from(b) - f64::from(c) * f64::from(d);
@@ -86,20 +85,19 @@ fn exact_edge(a: f32, b: f32, c: f32, d: f32) -> f32 {
     if rounded == 0.0 && exact != 0.0 { f32::MIN_POSITIVE.copysign(exact as f32) } else { rounded }
 }
 
-/// The box around a triangle.
+/// Bounding box of a triangle.
 #[inline]
 pub fn bounds(vertices: [Vec3; 3]) -> Bounds3 {
     Bounds3::of(vertices)
 }
 
-/// Do two vertices coincide? Such a triangle has no area and its two long edges are one. Other triangles without area
-/// stay: a vertex in the middle of a long edge joins the neighbours on both sides, and without it a ray could leak.
+/// Whether two vertices coincide. Other triangles of zero area are kept: they close T-junctions, where otherwise a ray could leak.
 pub fn is_collapsed([a, b, c]: [Vec3; 3]) -> bool {
     a == b || b == c || c == a
 }
 
-/// The surface at the point with weights `u` and `w` of the second and third corner. It is nearer to the plane than the
-/// ray's own point (Pharr, Jakob, Humphreys 2023, section 6.8.5). Weights may add up to more than 1 (quads).
+/// The surface at barycentric coordinates `u` and `w` of the second and third vertex, which may add up to more than 1 (quads). Its position
+/// is more accurate than that of the ray parameter (Pharr, Jakob, Humphreys 2023, section 6.8.5).
 #[inline(always)]
 pub fn triangle_surface(v: [[f32; 3]; 3], u: f32, w: f32) -> Surface {
     let [a, b, c] = map_each(v, Vec3::from_array);
@@ -108,14 +106,14 @@ pub fn triangle_surface(v: [[f32; 3]; 3], u: f32, w: f32) -> Surface {
     Surface { p: pa + pb + pc, p_error: (pa.abs() + pb.abs() + pc.abs()) * gamma(7), ng, ns: ng, material: 0 }
 }
 
-/// A quantity of the corners at the point with weights `u` and `w` of the second and third.
+/// Interpolates a vertex attribute at barycentric coordinates `u` and `w` of the second and third vertex.
 #[inline(always)]
 pub fn interpolate(v: [[f32; 3]; 3], u: f32, w: f32) -> Vec3 {
     let [a, b, c] = map_each(v, Vec3::from_array);
     a * (1.0 - u - w) + b * u + c * w
 }
 
-/// The interpolated normal, on the side of the geometric one; that one where there is none. Free of branches.
+/// The interpolated unit normal, on the side of the geometric normal, which is the fallback for a zero length. Branchless.
 #[inline(always)]
 pub fn shading_normal(normals: [[f32; 3]; 3], u: f32, w: f32, ng: Vec3) -> Vec3 {
     let n = interpolate(normals, u, w);
@@ -126,16 +124,16 @@ pub fn shading_normal(normals: [[f32; 3]; 3], u: f32, w: f32, ng: Vec3) -> Vec3 
     if is_usable { unit } else { ng }
 }
 
-/// Below this solid angle (sr) triangles and parallelograms are sampled by area.
+/// Solid angle (steradians) below which triangles and parallelograms are sampled by area.
 pub const MIN_TRIANGLE_SOLID_ANGLE: f32 = 1e-4;
 
-/// Three points on the unit sphere around the reference point, prepared for sampling.
+/// A spherical triangle on the unit sphere around a reference point, prepared for sampling.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Directions {
     a: Vec3,
     b: Vec3,
     c: Vec3,
-    /// Triple product a . (b x c), not negative, and the dot products.
+    /// Absolute triple product a . (b x c).
     volume: f32,
     ab: f32,
     bc: f32,
@@ -144,17 +142,17 @@ pub(super) struct Directions {
 }
 
 impl Directions {
-    /// `normal` is the cross product of the two edges at the first vertex; vectors lead from the reference point.
+    /// Vertices are relative to the reference point; `normal` is the cross product of the edges at the first vertex.
     #[inline(always)]
     pub fn new(pa: Vec3, pb: Vec3, pc: Vec3, normal: Vec3) -> Directions {
         let inverse = |p: Vec3| 1.0 / (p.length_squared() + 1e-37).sqrt();
         let (ia, ib, ic) = (inverse(pa), inverse(pb), inverse(pc));
         let (a, b, c) = (pa * ia, pb * ib, pc * ic);
-        // The distance to the plane times twice the area: no cancellation where the directions nearly coincide.
+        // By the distance to the plane times twice the area, without cancellation for nearly equal directions.
         let volume = (a.dot(normal) * ib * ic).abs();
         let (ab, bc, ca) = (a.dot(b), b.dot(c), c.dot(a));
-        // 1 + ab + bc + ca as (x + y) . (x + z), where x is the vertex farthest from the others: exact for needles that
-        // reach around the reference point, where the terms cancel.
+        // 1 + ab + bc + ca as (x + y) . (x + z), with x the vertex farthest from the others: accurate for needles that extend around
+        // the reference point, where the terms cancel.
         let (x, y, z) = if ab + ca <= bc + ab.min(ca) {
             (a, b, c)
         } else if ab < ca {
@@ -166,17 +164,17 @@ impl Directions {
         Directions { a, b, c, volume, ab, bc, ca, solid_angle }
     }
 
-    /// A unit vector, uniform over the spherical triangle.
+    /// Samples a unit vector uniformly over the spherical triangle.
     #[inline(always)]
     pub fn sample(&self, u: [f32; 2]) -> Vec3 {
-        // The point x on the arc from a to c for which triangle (a, b, x) has u[0] of the solid angle. By the tangent
-        // formula x lies on a plane that also holds -a, so x is a's mirror image about `axis`.
+        // x on the arc from a to c such that triangle (a, b, x) has the fraction u[0] of the solid angle. By the tangent formula x lies
+        // on a plane that also contains -a, so x is the reflection of a about `axis`.
         let (s, c) = poly::sin_cos(0.5 * self.solid_angle * u[0]);
         let axis = self.a * (c * self.volume - s * (self.ca + self.bc)) + self.c * (s * (1.0 + self.ab));
         let axis_squared = axis.length_squared();
         let scale = 2.0 * self.a.dot(axis) / if axis_squared > 1e-37 { axis_squared } else { 1e-37 };
         let x = axis * scale - self.a;
-        // Between b and x: 1 - cos of the angle from b is uniform. h = 1 - b . x without cancellation.
+        // Between b and x, with 1 - cos of the angle from b uniform; h = 1 - b . x without cancellation.
         let step = x - self.b;
         let h = 0.5 * step.length_squared();
         let vh = u[1] * h;
@@ -186,8 +184,8 @@ impl Directions {
     }
 }
 
-/// The plane coordinates (weights of the edges) at which a ray from the reference point in direction `w` intersects the
-/// plane of a triangle with corner `p0` (relative to the reference point) and edges `e1`, `e2`.
+/// Coordinates in terms of the edges `e1`, `e2` at which a ray from the reference point in direction `w` intersects the plane of a
+/// triangle with vertex `p0` (relative to the reference point).
 #[inline(always)]
 pub(super) fn plane_coordinates(p0: Vec3, e1: Vec3, e2: Vec3, w: Vec3) -> (f32, f32) {
     let h = w.cross(e2);
@@ -203,7 +201,7 @@ pub(super) fn clamp01(x: f32) -> f32 {
     if x > 0.0 { x } else { 0.0 }
 }
 
-/// Uniform weights of the second and third vertex (Heitz 2019, "A Low-Distortion Map Between Triangle and Square").
+/// Barycentric coordinates of the second and third vertex, uniform by area (Heitz 2019, "A Low-Distortion Map Between Triangle and Square").
 #[inline(always)]
 pub fn uniform_triangle(u: [f32; 2]) -> [f32; 2] {
     let below = u[0] < u[1];
@@ -211,7 +209,7 @@ pub fn uniform_triangle(u: [f32; 2]) -> [f32; 2] {
     if below { [small, u[1] - small] } else { [u[0] - small, small] }
 }
 
-/// A triangle as seen from a reference point.
+/// A triangle projected onto the unit sphere around a reference point.
 #[derive(Clone, Copy, Debug)]
 pub struct SphericalTriangle {
     vertex: Vec3,
@@ -224,7 +222,7 @@ pub struct SphericalTriangle {
 }
 
 impl SphericalTriangle {
-    /// The triangle seen from `reference`; degenerate ones have solid angle 0 and pdf 0.
+    /// The triangle seen from `reference`; degenerate triangles have solid angle 0 and pdf 0.
     #[inline(always)]
     pub fn new(p0: Vec3, p1: Vec3, p2: Vec3, reference: Vec3) -> SphericalTriangle {
         let (edge_1, edge_2) = (p1 - p0, p2 - p0);
@@ -241,13 +239,13 @@ impl SphericalTriangle {
         }
     }
 
-    /// The solid angle, steradians, 0 to 2 pi.
+    /// Solid angle, steradians, 0..2 pi.
     #[inline(always)]
     pub fn solid_angle(&self) -> f32 {
         self.directions.solid_angle
     }
 
-    /// Weights of the second and third vertex of a point that is uniform in solid angle (by area below
+    /// Samples barycentric coordinates of the second and third vertex, uniformly in solid angle (by area below
     /// [`MIN_TRIANGLE_SOLID_ANGLE`]).
     #[inline(always)]
     pub fn sample_weights(&self, u: [f32; 2]) -> [f32; 2] {
@@ -261,7 +259,7 @@ impl SphericalTriangle {
         [if by_area { a1 } else { w1 }, if by_area { a2 } else { w2 }]
     }
 
-    /// A point on the triangle with its density.
+    /// Samples a point as [`SphericalTriangle::sample_weights`] does.
     #[inline(always)]
     pub fn sample(&self, u: [f32; 2]) -> LightPoint {
         let [w1, w2] = self.sample_weights(u);
@@ -269,15 +267,15 @@ impl SphericalTriangle {
         LightPoint { point, pdf_solid_angle: self.pdf_solid_angle(point) }
     }
 
-    /// Density per solid angle with which [`SphericalTriangle::sample`] returns a point of the triangle.
+    /// Solid-angle pdf of [`SphericalTriangle::sample`] for a point of the triangle.
     #[inline(always)]
     pub fn pdf_solid_angle(&self, point: Vec3) -> f32 {
         pdf_of_either(point - self.reference, self.unit_normal, self.area, self.solid_angle())
     }
 }
 
-/// Density per solid angle of a point of a flat light that is sampled by its solid angle or, below
-/// [`MIN_TRIANGLE_SOLID_ANGLE`], by its area; the rest as for [`pdf_solid_angle_of_area`].
+/// Solid-angle pdf of a point on a flat light sampled by solid angle or, below [`MIN_TRIANGLE_SOLID_ANGLE`], by area; parameters as for
+/// [`pdf_solid_angle_of_area`].
 #[inline(always)]
 pub(super) fn pdf_of_either(to_point: Vec3, unit_normal: Vec3, area: f32, solid_angle: f32) -> f32 {
     let of_area = pdf_solid_angle_of_area(to_point, unit_normal, area);

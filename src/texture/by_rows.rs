@@ -1,4 +1,4 @@
-//! Levels of an image of floats, made while its rows are decoded: the whole image is never in memory.
+//! Builds mip levels of a float image while its rows are decoded: the whole image is never in memory.
 
 use super::packed::{PackedLevel, Packing, SIDE};
 use super::pyramid::{Threads, covered, halved_rows, sizes};
@@ -7,26 +7,26 @@ use crate::image::{Image, Pixels};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-/// Makes some levels of an image.
+/// Builds selected mip levels of an image from its rows.
 pub(super) struct LevelsByRows<'a> {
-    levels: Vec<RowLevel>,
+    levels: Vec<PartialLevel>,
     fallback: NearestTexels,
     threads: Threads,
     store: &'a Store,
 }
 
-/// The levels made of an image.
-pub(super) struct MadeLevels {
-    /// Compressed levels, by their numbers.
+/// The mip levels built from an image.
+pub(super) struct BuiltLevels {
+    /// Compressed levels with their mip level indices.
     pub packed: Vec<(usize, PackedLevel)>,
-    /// The level that is to stay in memory as it is.
+    /// The level that stays in memory uncompressed.
     pub resident: Option<Image>,
-    /// A small version by nearest texels.
+    /// A copy of at most [`SIDE`] x [`SIDE`] texels, sampled by nearest neighbour.
     pub fallback: Image,
 }
 
 impl LevelsByRows<'_> {
-    /// Makes the levels of an image, which is encoded, that are to be compressed, and one that stays as it is.
+    /// For an encoded image: the levels `packed` are compressed, the level `resident` is kept uncompressed.
     pub fn new<'a>(
         image: &Image,
         packed: &BTreeSet<usize>,
@@ -41,70 +41,70 @@ impl LevelsByRows<'_> {
             let storage = match resident == Some(level) {
                 true => Storage::Raw(Vec::with_capacity(row_length(&image) * height as usize)),
                 false if packed.contains(&level) => Storage::Packed(Packing::new(image.clone())),
-                false => Storage::Nothing,
+                false => Storage::Discarded,
             };
-            RowLevel { waiting: Vec::new(), first: 0, arrived: 0, next: 0, image, storage }
+            PartialLevel { pending: Vec::new(), first: 0, arrived: 0, next: 0, image, storage }
         };
         let levels = sizes(image.width, image.height).take(last + 1).enumerate().map(level).collect();
         LevelsByRows { levels, fallback: NearestTexels::new(image), threads, store }
     }
 
-    /// Adds the next rows of the image.
+    /// Adds the next whole rows of the image, from the top down.
     pub fn add(&mut self, numbers: &[f32]) {
         self.fallback.add(numbers);
         let last = self.levels.len() - 1;
-        let mut made = self.levels[0].add(numbers, last > 0, self.threads, self.store);
+        let mut built = self.levels[0].add(numbers, last > 0, self.threads, self.store);
         for (i, level) in self.levels.iter_mut().enumerate().skip(1) {
-            let Some(numbers) = made else { break };
-            made = level.add(&numbers, i < last, self.threads, self.store);
+            let Some(numbers) = built else { break };
+            built = level.add(&numbers, i < last, self.threads, self.store);
         }
     }
 
-    /// The levels, once all rows of the image were added.
-    pub fn finish(self) -> MadeLevels {
-        let mut made = MadeLevels { packed: Vec::new(), resident: None, fallback: self.fallback.image };
-        made.fallback.pixels = Arc::new(Pixels::F32(self.fallback.numbers));
+    /// The levels, after all rows of the image have been added.
+    pub fn finish(self) -> BuiltLevels {
+        let mut built = BuiltLevels { packed: Vec::new(), resident: None, fallback: self.fallback.image };
+        built.fallback.pixels = Arc::new(Pixels::F32(self.fallback.numbers));
         for (number, level) in self.levels.into_iter().enumerate() {
             match level.storage {
-                Storage::Nothing => {}
-                Storage::Packed(packing) => made.packed.push((number, packing.finish())),
+                Storage::Discarded => {}
+                Storage::Packed(packing) => built.packed.push((number, packing.finish())),
                 Storage::Raw(numbers) => {
-                    made.resident = Some(Image { pixels: Arc::new(Pixels::F32(numbers)), ..level.image });
+                    built.resident = Some(Image { pixels: Arc::new(Pixels::F32(numbers)), ..level.image });
                 }
             }
         }
-        made
+        built
     }
 }
 
-/// Numbers of a row.
+/// Components in a row of an image.
 fn row_length(image: &Image) -> usize {
     image.width as usize * image.channels as usize
 }
 
-/// A level some of whose rows have arrived.
-struct RowLevel {
-    /// Its size and format.
+/// A mip level of which the rows up to `arrived` are known.
+struct PartialLevel {
+    /// Size and format of the level; its pixels are unused.
     image: Image,
-    /// Rows from `first` on that the next level is yet to be made of.
-    waiting: Vec<f32>,
+    /// Rows from `first` on that are still needed for the next coarser level.
+    pending: Vec<f32>,
     first: u32,
-    /// Rows that have arrived.
+    /// Number of rows added so far.
     arrived: u32,
-    /// The next row of the next level.
+    /// The next row of the next coarser level to compute.
     next: u32,
     storage: Storage,
 }
 
-/// Storage of a level.
+/// Where the rows of a level go.
 enum Storage {
-    Nothing,
+    Discarded,
     Packed(Packing),
     Raw(Vec<f32>),
 }
 
-impl RowLevel {
-    /// Adds rows; gives rows of the next level where they are wanted and can be made.
+impl PartialLevel {
+    /// Adds rows; returns the rows of the next coarser level that can be computed now, if `wants_next`.
     fn add(
         &mut self,
         numbers: &[f32],
@@ -113,7 +113,7 @@ impl RowLevel {
         store: &Store,
     ) -> Option<Vec<f32>> {
         match &mut self.storage {
-            Storage::Nothing => {}
+            Storage::Discarded => {}
             Storage::Packed(packing) => packing.add(numbers, threads, store),
             Storage::Raw(raw) => raw.extend_from_slice(numbers),
         }
@@ -122,22 +122,22 @@ impl RowLevel {
         }
         let (length, height) = (row_length(&self.image), self.image.height);
         self.arrived += (numbers.len() / length) as u32;
-        self.waiting.extend_from_slice(numbers);
+        self.pending.extend_from_slice(numbers);
         let all = (height / 2).max(1);
-        let is_there = |row: &u32| covered(*row, height).end <= self.arrived;
-        let end = (self.next..all).take_while(is_there).last()? + 1;
-        let waiting = Arc::new(Pixels::F32(std::mem::take(&mut self.waiting)));
-        let fine = Image { height: self.arrived - self.first, pixels: waiting, ..self.image.clone() };
-        let made = halved_rows(&fine, [self.first, height], self.next..end, threads);
+        let is_available = |row: &u32| covered(*row, height).end <= self.arrived;
+        let end = (self.next..all).take_while(is_available).last()? + 1;
+        let pending = Arc::new(Pixels::F32(std::mem::take(&mut self.pending)));
+        let fine = Image { height: self.arrived - self.first, pixels: pending, ..self.image.clone() };
+        let built = halved_rows(&fine, [self.first, height], self.next..end, threads);
         let first = if end < all { covered(end, height).start } else { self.arrived };
-        self.waiting = numbers_of(fine);
-        self.waiting.drain(..(first - self.first) as usize * length);
+        self.pending = numbers_of(fine);
+        self.pending.drain(..(first - self.first) as usize * length);
         (self.first, self.next) = (first, end);
-        Some(numbers_of(made))
+        Some(numbers_of(built))
     }
 }
 
-/// The numbers of an image of floats that nothing else has.
+/// The components of a float image with a single owner; empty for others.
 fn numbers_of(image: Image) -> Vec<f32> {
     match Arc::into_inner(image.pixels) {
         Some(Pixels::F32(numbers)) => numbers,
@@ -145,37 +145,37 @@ fn numbers_of(image: Image) -> Vec<f32> {
     }
 }
 
-/// A small image of the nearest texels of a large one, as [`super::levels::resized`] makes it.
+/// Downsamples an image by nearest neighbour, row by row, with the result of [`super::levels::resized`].
 struct NearestTexels {
     image: Image,
-    /// Size of the large one.
-    of: [u32; 2],
+    /// Size of the source image, texels.
+    source: [u32; 2],
     numbers: Vec<f32>,
-    /// Rows of the large one that have arrived.
+    /// Number of source rows added so far.
     arrived: u64,
 }
 
 impl NearestTexels {
-    fn new(of: &Image) -> NearestTexels {
-        let (width, height) = (of.width.min(SIDE), of.height.min(SIDE));
-        let image = Image { width, height, ..of.clone() };
-        NearestTexels { image, of: [of.width, of.height], numbers: Vec::new(), arrived: 0 }
+    fn new(source: &Image) -> NearestTexels {
+        let (width, height) = (source.width.min(SIDE), source.height.min(SIDE));
+        let image = Image { width, height, ..source.clone() };
+        NearestTexels { image, source: [source.width, source.height], numbers: Vec::new(), arrived: 0 }
     }
 
     fn add(&mut self, numbers: &[f32]) {
         let n = self.image.channels as usize;
-        let length = self.of[0] as usize * n;
+        let length = self.source[0] as usize * n;
         let end = self.arrived + (numbers.len() / length) as u64;
-        let place = |i: u32, to: u32, from: u32| u64::from(i) * u64::from(from) / u64::from(to);
+        let source_index = |i: u32, to: u32, from: u32| u64::from(i) * u64::from(from) / u64::from(to);
         let [width, height] = [self.image.width, self.image.height];
         for y in (self.numbers.len() / (width as usize * n)) as u32..height {
-            let row = place(y, height, self.of[1]);
+            let row = source_index(y, height, self.source[1]);
             if row >= end {
                 break;
             }
             let row = &numbers[(row - self.arrived) as usize * length..][..length];
             for x in 0..width {
-                let at = place(x, width, self.of[0]) as usize * n;
+                let at = source_index(x, width, self.source[0]) as usize * n;
                 self.numbers.extend(&row[at..at + n]);
             }
         }
@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn levels_made_by_rows_are_those_of_the_whole_image() {
+    fn levels_built_by_rows_equal_those_of_the_whole_image() {
         let mut ids = 1 << 40..;
         for (width, height) in [(200, 130), (64, 64), (1, 77), (77, 1), (131, 257), (3, 2), (33, 129)] {
             for (channels, step) in [(1, 1), (2, 7), (3, 64), (4, 1000)] {
@@ -223,9 +223,9 @@ mod tests {
                         let mut levels = LevelsByRows::new(&whole, &packed, resident, threads, &store);
                         let Pixels::F32(numbers) = &*whole.pixels else { panic!("not floats") };
                         numbers.chunks(step * row_length(&whole)).for_each(|rows| levels.add(rows));
-                        let made = levels.finish();
-                        assert_eq!(made.packed.len(), packed.len());
-                        for (level, found) in made.packed {
+                        let built = levels.finish();
+                        assert_eq!(built.packed.len(), packed.len());
+                        for (level, found) in built.packed {
                             let (level, id) = (&expected[level], ids.next().expect("there are more"));
                             for (x, y) in
                                 (0..level.height).flat_map(|y| (0..level.width).map(move |x| (x, y)))
@@ -238,11 +238,11 @@ mod tests {
                                 );
                             }
                         }
-                        let found = made.resident.as_ref().map(bits);
+                        let found = built.resident.as_ref().map(bits);
                         assert!(found == resident.map(|level| bits(&expected[level])), "{width} x {height}");
                         let side = |size: u32| size.min(SIDE);
                         let nearest = resized(&whole, side(width), side(height), Encoding::Linear);
-                        assert!(bits(&made.fallback) == bits(&nearest), "{width} x {height}");
+                        assert!(bits(&built.fallback) == bits(&nearest), "{width} x {height}");
                     }
                 }
             }
@@ -250,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn rows_wait_no_longer_than_the_next_level_needs_them() {
+    fn rows_are_dropped_once_the_next_level_has_used_them() {
         let whole = image(64, 4096, 1);
         let store = Store::new(1 << 30, 1 << 20);
         let packed = (0..13).collect();
@@ -258,8 +258,8 @@ mod tests {
         let Pixels::F32(numbers) = &*whole.pixels else { panic!("not floats") };
         for rows in numbers.chunks(5 * 64) {
             levels.add(rows);
-            let waiting: usize = levels.levels.iter().map(|level| level.waiting.len()).sum();
-            assert!(waiting <= 3 * 64 * 2, "{waiting}");
+            let pending: usize = levels.levels.iter().map(|level| level.pending.len()).sum();
+            assert!(pending <= 3 * 64 * 2, "{pending}");
         }
         assert_eq!(levels.finish().packed.len(), 13);
     }

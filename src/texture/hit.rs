@@ -1,5 +1,5 @@
-//! Inputs of node graphs at a hit, beyond those of other textures: attributes of vertices by name, the object and its space,
-//! the camera, the path.
+//! Inputs of node graphs at a hit beyond those of other textures: named vertex attributes, the object and its transform, the
+//! camera, the path.
 //!
 //! Texture coordinates: UV sets with affine maps, world space, triplanar projection, and ray footprints.
 
@@ -7,26 +7,26 @@ use crate::math::{DAffine3, DMat4, DVec3, Mat3, Vec2, Vec3};
 use crate::sampling::hash::mix64;
 use crate::scene::{Curves, Instance, Mapping, Mesh, ObjectInfo, Quad, Shape, TextureTransform};
 
-/// The numbers of an attribute by vertex. Vertices of meshes without it have none.
+/// An attribute of all vertices; NaN at vertices of meshes without it.
 #[derive(Clone, Debug, Default)]
 pub struct AttributeList {
-    /// Numbers a vertex: 1 to 4 of attributes of one width; [`CANONICAL`] of several.
+    /// Components per vertex: 1 to 4 if all meshes have the same number, else [`CANONICAL`].
     stride: usize,
     values: Vec<f32>,
 }
 
-/// Red, green, blue, alpha, factor.
+/// Number of components of an attribute in canonical form: red, green, blue, alpha, factor.
 const CANONICAL: usize = 5;
 
-/// An attribute at a point, as the shader nodes of Cycles convert it: numbers are vectors of three equal ones, pairs have a third component
-/// of 0 and are numbers by their first, vectors and colours are numbers by their mean.
+/// An attribute at a point, with the type conversions of Cycles: a scalar becomes a vector of three equal components; a 2D vector gets z = 0
+/// and becomes the scalar x; 3D vectors and colours become the scalar mean of their components.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct AttributeValue {
-    /// As a vector or colour.
+    /// Value as a vector or linear RGB colour.
     pub vector: [f32; 3],
-    /// 1 without one.
+    /// Alpha of a colour; 1 for attributes without alpha.
     pub alpha: f32,
-    /// As a number.
+    /// Value as a scalar.
     pub factor: f32,
 }
 
@@ -50,19 +50,20 @@ impl AttributeValue {
 }
 
 impl AttributeList {
-    /// Appends the numbers of a mesh, `width` a vertex, behind those of `before` vertices; none fill the list up to `total` vertices.
-    pub fn append(&mut self, given: Option<(usize, &[f32])>, before: usize, total: usize) {
-        match given {
+    /// Appends the values of a mesh, with its number of components per vertex, after `before` vertices; NaN fill the list up to `total` vertices.
+    pub fn append(&mut self, attribute: Option<(usize, &[f32])>, before: usize, total: usize) {
+        match attribute {
             None if self.values.is_empty() => return,
             Some((width, _)) if self.values.is_empty() => self.stride = width,
-            Some((width, _)) if self.stride != width => self.widen(),
+            Some((width, _)) if self.stride != width => self.convert_to_canonical(),
             _ => {}
         }
         self.values.resize(before * self.stride, f32::NAN);
-        match given {
+        match attribute {
             Some((width, values)) if width == self.stride => self.values.extend_from_slice(values),
             Some((width, values)) => {
-                let canonical = values.chunks_exact(width).map(|own| AttributeValue::of(own).numbers());
+                let canonical =
+                    values.chunks_exact(width).map(|components| AttributeValue::of(components).numbers());
                 self.values.extend(canonical.flatten());
             }
             None => {}
@@ -70,60 +71,60 @@ impl AttributeList {
         self.values.resize(total * self.stride, f32::NAN);
     }
 
-    fn widen(&mut self) {
+    fn convert_to_canonical(&mut self) {
         if self.stride == CANONICAL {
             return;
         }
-        let all = self.values.chunks_exact(self.stride).map(|own| match own[0].is_nan() {
+        let all = self.values.chunks_exact(self.stride).map(|components| match components[0].is_nan() {
             true => [f32::NAN; CANONICAL],
-            false => AttributeValue::of(own).numbers(),
+            false => AttributeValue::of(components).numbers(),
         });
         self.values = all.flatten().collect();
         self.stride = CANONICAL;
     }
 
-    /// The value in a triangle; `None` where its mesh has none.
+    /// The value interpolated in a triangle with barycentric weights; `None` if its mesh lacks the attribute.
     pub fn at(&self, triangle: [u32; 3], weights: [f32; 3]) -> Option<AttributeValue> {
         let mut sum = [0.0; CANONICAL];
         for (vertex, weight) in triangle.into_iter().zip(weights) {
             let first = vertex as usize * self.stride;
-            let own = self
+            let components = self
                 .values
                 .get(first..first + self.stride)
-                .filter(|own| !own.is_empty() && !own[0].is_nan())?;
-            for (sum, value) in sum.iter_mut().zip(own) {
+                .filter(|components| !components.is_empty() && !components[0].is_nan())?;
+            for (sum, value) in sum.iter_mut().zip(components) {
                 *sum += weight * value;
             }
         }
         Some(AttributeValue::of(&sum[..self.stride]))
     }
 
-    /// Bytes that it takes.
+    /// Size of the values in memory, bytes.
     pub fn bytes(&self) -> usize {
         size_of_val(&self.values[..])
     }
 }
 
-/// The attributes at a hit, by their numbers in [`CompiledTextures::attributes`](super::CompiledTextures::attributes).
+/// The attributes at a hit, by their indices in [`CompiledTextures::attributes`](super::CompiledTextures::attributes).
 #[derive(Clone, Copy, Debug, Default)]
 pub struct HitAttributes<'a> {
-    /// Attributes of the hit's space.
+    /// All attributes, by vertex index of the hit mesh's space.
     pub lists: &'a [AttributeList],
-    /// The vertices of the triangle that was hit, and their weights.
+    /// The vertex indices of the hit triangle, and the barycentric weights.
     pub triangle: Option<([u32; 3], [f32; 3])>,
 }
 
 impl HitAttributes<'_> {
-    /// The value of Cycles where a surface has no such attribute.
+    /// The value that Cycles takes for an attribute that a surface lacks.
     pub const MISSING: AttributeValue = AttributeValue { vector: [0.0; 3], alpha: 1.0, factor: 0.0 };
 
-    /// The attribute of a number; `None` where the surface has none.
+    /// The attribute with an index; `None` if the surface lacks it.
     pub fn get(&self, number: u16) -> Option<AttributeValue> {
         let (triangle, weights) = self.triangle?;
         self.lists.get(usize::from(number))?.at(triangle, weights)
     }
 
-    /// The values at the corners of the triangle.
+    /// The values at the triangle's vertices.
     pub fn corners(&self, number: u16) -> Option<[AttributeValue; 3]> {
         let (triangle, _) = self.triangle?;
         let list = self.lists.get(usize::from(number))?;
@@ -132,27 +133,27 @@ impl HitAttributes<'_> {
     }
 }
 
-/// An object of a scene as nodes see it.
+/// The data of an object that shader nodes read.
 #[derive(Clone, Copy, Debug)]
 pub struct ObjectData {
-    /// Where it stands; the world is the compiled scene's.
+    /// Transform from object space to the compiled scene's world space.
     pub world_from_object: DAffine3,
     /// Its inverse.
     pub object_from_world: DAffine3,
-    /// From its space to that in which its box goes from 0 to 1: factors and offsets by axis.
+    /// Scale and offset by axis that map object space to generated coordinates, 0 to 1 in the bounding box.
     pub generated: [Vec3; 2],
-    /// Its origin in the scene's world.
+    /// Origin of the object in the original scene's world space, metres.
     pub location: Vec3,
-    /// A colour with alpha.
+    /// Object colour, linear RGBA.
     pub color: [f32; 4],
-    /// A number of the user's.
+    /// Object index ("pass index" in Blender), set by the user.
     pub index: f32,
-    /// A random number 0..1.
+    /// A random number per object, 0..1.
     pub random: f32,
 }
 
 impl ObjectData {
-    /// An object with its place and the box around it in its own space; the world's origin moves to `anchor`.
+    /// An object with its transform and its bounding box in object space; the world's origin moves to `anchor`.
     fn new(
         (name, info): (&str, &ObjectInfo),
         place: DAffine3,
@@ -172,39 +173,39 @@ impl ObjectData {
         }
     }
 
-    /// An instance of a mesh with a box around it.
+    /// Data of an instance of a mesh with this bounding box in object space.
     pub fn of_instance(instance: &Instance, bounds: [Vec3; 2], anchor: DVec3) -> ObjectData {
         ObjectData::new((&instance.name, &instance.info), instance.world_from_object, bounds, anchor)
     }
 
-    /// A quad, whose space is the world from its corner on.
+    /// Data of a quad; its object space is world space relative to its corner.
     pub fn of_quad(quad: &Quad, anchor: DVec3) -> ObjectData {
         let size = (quad.edge_u + quad.edge_v).as_vec3();
         let bounds = [size.min(Vec3::ZERO), size.max(Vec3::ZERO)];
         ObjectData::new((&quad.name, &quad.info), DAffine3::from_translation(quad.corner), bounds, anchor)
     }
 
-    /// A shape, whose space is metres around its centre.
+    /// Data of a shape; its object space is in metres, rotated with it and relative to its centre.
     pub fn of_shape(shape: &Shape, anchor: DVec3) -> ObjectData {
         let half = Vec3::splat(shape.radius as f32);
         let place = DAffine3::from_rotation_translation(shape.rotation, shape.center);
         ObjectData::new((&shape.name, &shape.info), place, [-half, half], anchor)
     }
 
-    /// Curves.
+    /// Data of a set of curves.
     pub fn of_curves(curves: &Curves, anchor: DVec3) -> ObjectData {
         let points = curves.points.iter().map(|&p| Vec3::from_array(p));
         ObjectData::new((&curves.name, &curves.info), curves.world_from_object, bounds(points), anchor)
     }
 
-    /// The box around a mesh in its own space.
+    /// Bounding box of a mesh in object space.
     pub fn bounds_of_mesh(mesh: &Mesh) -> [Vec3; 2] {
         bounds(mesh.positions.iter().map(|&p| Vec3::from_array(p)))
     }
 
-    /// Factors and offsets for a box.
+    /// Scale and offset that map a box to 0..1.
     pub fn generated(low: Vec3, high: Vec3) -> [Vec3; 2] {
-        // Blender takes 2 in place of no size, and not less than twice 1e-5.
+        // As in Blender: size 2 where the box is flat, and at least 2e-5 elsewhere.
         let factor = (high - low).to_array().map(|size| match size {
             0.0 => 0.5,
             size => 1.0 / size.max(2e-5),
@@ -220,48 +221,48 @@ fn bounds(points: impl Iterator<Item = Vec3>) -> [Vec3; 2] {
     if low.cmple(high).all() { [low, high] } else { [Vec3::ZERO; 2] }
 }
 
-/// A number in 0..1 for a name.
+/// A random number in 0..1 from a hash of the name.
 fn random(name: &str) -> f32 {
     let hash = name.bytes().fold(name.len() as u64, |hash, byte| mix64(hash ^ u64::from(byte)));
     (hash >> 40) as f32 / (1u64 << 24) as f32
 }
 
-/// A camera as nodes see it.
+/// The data of a camera that shader nodes read.
 #[derive(Clone, Copy, Debug)]
 pub struct CameraData<'a> {
-    /// From the scene's world to the camera's space: x to the right, y up, looking along -z.
+    /// From the original scene's world space to camera space: x to the right, y up, looking along -z.
     pub camera_from_world: &'a DMat4,
-    /// From the scene's world to 0..1 on the picture, y downwards; panoramas have no such matrix.
+    /// From the original scene's world space to image coordinates 0..1, y downwards; `None` for panoramas.
     pub ndc_from_world: Option<&'a DMat4>,
 }
 
 /// Properties of the path that arrives at a hit.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct PathData {
-    /// Kinds of the ray, each 0 or 1: of the camera, shadow, diffuse, glossy, singular, reflection, transmission, volume scatter.
+    /// Flags of the ray type, each 0 or 1: camera, shadow, diffuse, glossy, singular, reflection, transmission, volume scatter.
     pub kinds: [f32; 8],
     /// Length of the ray, metres.
     pub length: f32,
-    /// Bounces before.
+    /// Number of bounces before this hit.
     pub depth: f32,
 }
 
-/// A strand at a hit.
+/// Data of a curve strand at a hit.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct StrandData {
-    /// 0 at the root, 1 at the tip.
+    /// Position along the strand: 0 at the root, 1 at the tip.
     pub intercept: f32,
-    /// Metres.
+    /// Length of the strand, metres.
     pub length: f32,
-    /// Diameter, metres.
+    /// Diameter of the strand, metres.
     pub thickness: f32,
     /// Unit direction towards the tip, world space.
     pub tangent: Vec3,
-    /// A random number 0..1 of the strand.
+    /// A random number per strand, 0..1.
     pub random: f32,
 }
 
-/// Inputs of node graphs at a hit.
+/// All data of a hit that node graphs read.
 #[derive(Clone, Copy, Debug)]
 pub struct HitData<'a> {
     /// Named attributes.
@@ -270,40 +271,40 @@ pub struct HitData<'a> {
     pub object: &'a ObjectData,
     /// The camera.
     pub camera: CameraData<'a>,
-    /// The hit in the object's space.
+    /// Hit point in object space.
     pub object_point: Vec3,
     /// Shading normal on the viewer's side, unit length, world space.
     pub shading_normal: Vec3,
-    /// Geometric normal, likewise.
+    /// Geometric normal on the viewer's side, unit length, world space.
     pub true_normal: Vec3,
-    /// Towards the viewer, unit length, world space.
+    /// Direction towards the viewer, unit length, world space.
     pub incoming: Vec3,
-    /// The back was hit.
+    /// Whether the back face was hit.
     pub is_back: bool,
-    /// Weights of the first and of the second vertex of a triangle.
+    /// Barycentric weights of a triangle's first and second vertex.
     pub parametric: [f32; 2],
-    /// Corners of a triangle, world space of the compiled scene.
+    /// Vertices of the triangle in the compiled scene's world space, metres.
     pub corners: Option<[Vec3; 3]>,
-    /// The hit there.
+    /// Hit point in the compiled scene's world space, metres.
     pub point: Vec3,
-    /// The first texture coordinates at the corners, v downwards; `None` where they don't follow from those of corners.
+    /// The first UV set at the triangle's vertices, v downwards; `None` where UVs are not interpolated from vertices.
     pub corner_uv: Option<[Vec2; 3]>,
-    /// Tangent, bitangent and normal of the first set of texture coordinates.
+    /// Tangent, bitangent and normal of the first UV set, world space.
     pub tangent_frame: Option<Mat3>,
-    /// Number of the material in Blender's sense.
+    /// Material index ("pass index" in Blender), set by the user.
     pub material_index: f32,
     /// The path.
     pub path: PathData,
-    /// The strand, of curves.
+    /// The strand, if a curve was hit.
     pub strand: Option<StrandData>,
 }
 
-/// Step over a surface without a footprint, metres.
+/// Finite-difference step where the ray has no footprint, metres.
 const MIN_STEP: f32 = 1e-4;
 
 impl<'a> HitData<'a> {
-    /// Steps over the surface: as wide as a pixel where the camera sees it, in the directions of Cycles, so that the slopes of bumps finer than pixels are
-    /// the same. [`TexturePoint::width`] is half of that.
+    /// Two finite-difference steps along the surface, world space, metres: as long as a pixel's width there, twice [`TexturePoint::width`],
+    /// and in the directions of Cycles, so that bumps finer than a pixel get the same slopes.
     pub fn steps(&self, point: &TexturePoint) -> [Vec3; 2] {
         let n = self.true_normal;
         // Diagonals of Blender's axes, of which z points upwards.
@@ -313,7 +314,7 @@ impl<'a> HitData<'a> {
         [along * width, n.cross(along) * width]
     }
 
-    /// The point and the hit beside it, a step further.
+    /// The texture point and the hit moved by a step, world space, metres.
     pub fn moved(&self, point: &TexturePoint, step: Vec3) -> (TexturePoint, HitData<'a>) {
         let (mut point, mut hit) = (*point, *self);
         let linear = self.object.object_from_world.matrix3;
@@ -337,7 +338,7 @@ impl<'a> HitData<'a> {
     }
 }
 
-/// How the weights of the second and the third corner change over a step in the plane of a triangle.
+/// Change of the second and third barycentric weight over a step in the triangle's plane.
 fn barycentric_step([a, b, c]: [Vec3; 3], step: Vec3) -> [f32; 2] {
     let (e1, e2) = (b - a, c - a);
     let normal = e1.cross(e2);
@@ -349,28 +350,28 @@ fn barycentric_step([a, b, c]: [Vec3; 3], step: Vec3) -> [f32; 2] {
 /// The inputs of texture lookups at a surface point.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct TexturePoint {
-    /// The first two sets of texture coordinates.
+    /// The first two UV sets.
     pub uv: [Vec2; 2],
-    /// The point in the scene's world space.
+    /// The point in the scene's world space, metres.
     pub world: Vec3,
     /// Unit geometric normal in world space.
     pub normal: Vec3,
-    /// Cosine between the shading normal, before normal maps, and the direction from which it is seen; of both sides alike.
+    /// Absolute cosine between the shading normal, before normal maps, and the direction towards the viewer.
     pub cosine: f32,
     /// Width of the ray footprint, metres; 0 for a point lookup.
     pub width: f32,
-    /// How much each set of texture coordinates changes over a metre.
+    /// Change of each UV set per metre along the surface.
     pub uv_per_metre: [f32; 2],
 }
 
-/// An affine map of texture coordinates with its set.
+/// An affine map of the coordinates of a UV set.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct UvMap {
     set: usize,
     x: Vec2,
     y: Vec2,
     offset: Vec2,
-    /// By how much the map widens footprints.
+    /// Factor by which the map widens footprints.
     scale: f32,
 }
 
@@ -395,7 +396,7 @@ impl UvMap {
         self.offset + Vec2::new(self.x.dot(uv), self.y.dot(uv))
     }
 
-    /// A key that is equal for mappings that do the same.
+    /// A key that is equal for equal maps.
     pub fn bits(&self) -> [u32; 7] {
         let numbers =
             [self.x.x, self.x.y, self.y.x, self.y.y, self.offset.x, self.offset.y].map(f32::to_bits);
@@ -414,7 +415,7 @@ impl UvMap {
 pub(super) enum TextureCoordinates {
     Uv(UvMap),
     World,
-    /// With the reciprocal of the size.
+    /// With the reciprocal of the size, 1/metres.
     Triplanar(f32),
 }
 
@@ -428,8 +429,8 @@ impl TextureCoordinates {
     }
 }
 
-/// The three projections along the world's axes with their weights, which add up to 1. Seen from outside, images stand
-/// upright on walls and aren't mirrored; on floors their top is towards -z.
+/// Texture coordinates and weights, which add up to 1, of the three projections along the world's axes. Seen from
+/// outside, images are upright on walls and not mirrored; on floors their top points towards -z.
 #[inline]
 pub(super) fn triplanar(point: &TexturePoint, inverse_size: f32) -> [(Vec2, f32); 3] {
     let (p, n) = (point.world * inverse_size, point.normal);
@@ -449,7 +450,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn attributes_of_several_widths_are_converted_as_they_would_be_alone() {
+    fn attributes_of_mixed_widths_convert_as_each_width_does_alone() {
         let pair = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
         let colors = [0.1, 0.2, 0.3, 0.4].repeat(3);
         let (mut alone, mut mixed) = (AttributeList::default(), AttributeList::default());

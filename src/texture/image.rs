@@ -1,6 +1,6 @@
 //! Image lookup: wrap modes; nearest, bilinear, and trilinear between the levels of a pyramid.
 //!
-//! Lookups of image nodes as Cycles does them: at points, on a grid of any extension, linear or cubic, in the values of the file.
+//! Lookups of image nodes as in Cycles: unfiltered or with a linear or cubic kernel, any extension mode, on the values as encoded in the file.
 
 use super::levels::{Level, Levels};
 use super::pyramid::{Texels, WithTexels};
@@ -14,23 +14,23 @@ use crate::scene::{Interpolation, Wrap};
 use std::cmp::Ordering;
 use std::sync::Arc;
 
-/// Numbers of this size and above have no fraction.
+/// 2^23: f32 values of this magnitude and above are whole numbers.
 const NO_FRACTION: f32 = 8_388_608.0;
 
-/// An image with the way in which it is read. Texel centres lie at `(i + 0.5) / width`; v points down.
+/// An image with its wrap modes and filter. Texel centres lie at `(i + 0.5) / width`; v points down.
 #[derive(Clone, Debug)]
 pub struct ImageLookup {
     finest: Level,
-    /// Ever coarser copies; none unless they are used.
+    /// The coarser mip levels; empty unless interpolation is trilinear.
     coarser: Arc<[Level]>,
     wrap: [Wrap; 2],
     interpolation: Interpolation,
-    /// Geometric mean of width and height.
+    /// Geometric mean of width and height, texels.
     mean_size: f32,
 }
 
 impl ImageLookup {
-    /// Reads an image this way; its pixels are shared, not copied.
+    /// A lookup of an image; its pixels are shared, not copied.
     pub(super) fn new(
         levels: &Levels,
         wrap_u: Wrap,
@@ -43,7 +43,7 @@ impl ImageLookup {
         ImageLookup { finest, coarser, wrap: [wrap_u, wrap_v], interpolation, mean_size }
     }
 
-    /// The image itself.
+    /// Mip level 0, the image itself.
     pub(super) fn finest(&self) -> &Level {
         &self.finest
     }
@@ -53,44 +53,43 @@ impl ImageLookup {
         self.has_pyramid() && footprint * self.mean_size > 1.0
     }
 
-    /// Do lookups depend on how much of a surface a path sees?
+    /// Do lookups depend on the ray footprint?
     pub fn has_pyramid(&self) -> bool {
         !self.coarser.is_empty()
     }
 
-    /// Linear RGBA at texture coordinates; values are decoded before they are blended. Coordinates that are no numbers
-    /// count as 0. `footprint` is the width of what is to be averaged, in texture coordinates: 0 for a point. It
-    /// concerns trilinear lookups only.
+    /// Linear RGBA at texture coordinates; texels are decoded before interpolation. NaN coordinates count as 0.
+    /// `footprint` is the filter width in texture coordinates, 0 for a point; only trilinear lookups use it.
     #[inline]
     pub fn eval(&self, uv: Vec2, footprint: f32) -> [f32; 4] {
         self.eval_by(footprint, |image, _| self.taps(image, uv))
     }
 
-    /// The filtered value where `taps` looks up texels of a level of the pyramid, by its number.
+    /// The filtered value; `taps` finds the texels of a mip level, given with its index.
     #[inline(always)]
     pub(super) fn eval_by(&self, footprint: f32, taps: impl Fn(&Image, usize) -> Taps) -> [f32; 4] {
         let texels = footprint * self.mean_size;
-        // Not where it is no number.
+        // False for a NaN footprint, too.
         if self.interpolation != Interpolation::Trilinear
             || texels.partial_cmp(&1.0) != Some(Ordering::Greater)
         {
             return blend(&self.finest, taps(&self.finest.image, 0));
         }
-        // Between the two levels whose texels are just smaller and just larger than the footprint; the larger one's
-        // share grows linearly with it.
+        // Interpolates between the two levels whose texels are just smaller and just larger than the footprint; the
+        // coarser one's weight grows linearly with the footprint.
         let bits = texels.to_bits();
         let level = (bits >> 23) as usize - 127;
-        let share = f32::from_bits((bits & 0x007f_ffff) | 0x3f80_0000) - 1.0;
+        let coarse_weight = f32::from_bits((bits & 0x007f_ffff) | 0x3f80_0000) - 1.0;
         let fine = if level == 0 { Some(&self.finest) } else { self.coarser.get(level - 1) };
         let (Some(fine), Some(coarse)) = (fine, self.coarser.get(level)) else {
             let last = self.coarser.last().unwrap_or(&self.finest);
             return blend(last, taps(&last.image, self.coarser.len()));
         };
         let (a, b) = (blend(fine, taps(&fine.image, level)), blend(coarse, taps(&coarse.image, level + 1)));
-        std::array::from_fn(|i| a[i] + share * (b[i] - a[i]))
+        std::array::from_fn(|i| a[i] + coarse_weight * (b[i] - a[i]))
     }
 
-    /// Parameters that decide which texels are found at given coordinates.
+    /// The parameters that determine the texels at given coordinates.
     pub(super) fn grid(&self) -> (u32, u32, [Wrap; 2], Interpolation) {
         (self.finest.image.width, self.finest.image.height, self.wrap, self.interpolation)
     }
@@ -113,7 +112,7 @@ impl ImageLookup {
     }
 }
 
-/// Four texels by their shares: `s` of the second column, `t` of the second row. The first two are of the first row.
+/// Four texels of bilinear interpolation, row by row, with the weights `s` of the second column and `t` of the second row.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Taps {
     texels: [usize; 4],
@@ -134,7 +133,7 @@ impl WithTexels for Blend {
     #[inline(always)]
     fn run(self, texels: impl Texels) -> [f32; 4] {
         let Taps { texels: at, s, t } = self.0;
-        // Written out: the array's own `map` would be a call.
+        // Written out, since `map` of arrays is not inlined here.
         let (a, b, c, d) =
             (texels.texel(at[0]), texels.texel(at[1]), texels.texel(at[2]), texels.texel(at[3]));
         let channel = |i: usize| {
@@ -146,14 +145,14 @@ impl WithTexels for Blend {
     }
 }
 
-/// The part after the point; 0 for what is no number, infinite, or has less than two bits of it. Numbers are rounded
-/// down by sums, which every CPU has, instead of a call of the C library.
+/// The fractional part; 0 for NaN, infinity and numbers with fewer than two fractional bits. Rounds by additions instead
+/// of `f32::floor`, which is a call of the C library on CPUs without such an instruction.
 #[inline(always)]
 fn fraction(x: f32) -> f32 {
     if x.abs() < NO_FRACTION * 0.5 { x - floor(x) } else { 0.0 }
 }
 
-/// The next whole number at or below, for numbers below 2^22: adding 1.5 * 2^23 leaves no room for a fraction.
+/// The floor of a number of magnitude below 2^22: adding 1.5 * 2^23 rounds to the nearest integer.
 #[inline(always)]
 fn floor(x: f32) -> f32 {
     const SHIFT: f32 = 1.5 * NO_FRACTION;
@@ -176,48 +175,48 @@ fn fold(x: f32, wrap: Wrap) -> f32 {
     }
 }
 
-/// The texel at a position, as both of two neighbours.
+/// The texel at a position in texels, as both neighbours.
 #[inline(always)]
 fn nearest(x: f32, size: u32) -> (u32, u32, f32) {
     let i = (x as u32).min(size - 1);
     (i, i, 0.0)
 }
 
-/// The texels around a position (in texels from the border) and the second one's share. A mirrored or clamped border
-/// continues with its own texel.
+/// The two texels around a position (in texels from the border) and the weight of the second one. Beyond a mirrored or
+/// clamped border, the border texel is repeated.
 #[inline(always)]
 fn neighbours(x: f32, size: u32, wrap: Wrap) -> (u32, u32, f32) {
     let last = size as i32 - 1;
     let shifted = x - 0.5;
     let low = floor(shifted);
-    let share = shifted - low;
+    let second_weight = shifted - low;
     let low = low as i32;
     let texel = |i: i32| match wrap {
         Wrap::Repeat if i < 0 => last,
         Wrap::Repeat if i > last => 0,
         _ => i.clamp(0, last),
     };
-    (texel(low) as u32, texel(low + 1) as u32, share)
+    (texel(low) as u32, texel(low + 1) as u32, second_weight)
 }
 
-/// How a node reads an image.
+/// How an image node samples its image.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ImageReading {
-    /// Between texels.
+pub struct ImageSampling {
+    /// Interpolation between texels.
     pub interpolation: ImageInterpolation,
-    /// Outside the picture.
+    /// Extension outside the image.
     pub extension: Extension,
-    /// Use of the image's alpha.
+    /// How the image's alpha is used.
     pub alpha_mode: AlphaMode,
-    /// The image holds data, whose channels have nothing to do with each other.
+    /// The image holds non-colour data: alpha and the other channels are independent.
     pub is_data: bool,
-    /// Something reads the alpha: colours are then not multiplied by it.
+    /// The graph uses the alpha output: colours are then not premultiplied.
     pub reads_alpha: bool,
 }
 
-impl ImageReading {
-    /// How a node of a graph reads its image; `None` of nodes without one.
-    pub fn of(graph: &NodeGraph, node: usize) -> Option<ImageReading> {
+impl ImageSampling {
+    /// The sampling of an image node; `None` for nodes without an image.
+    pub fn of(graph: &NodeGraph, node: usize) -> Option<ImageSampling> {
         let mut inputs = graph.nodes.iter().flat_map(|node| &node.inputs).chain([&graph.result]);
         let is_linked = inputs.any(|input| *input == NodeInput::Link { node, output: 1 });
         let reads_alpha = is_linked || graph.nodes.get(node)?.reads_alpha;
@@ -231,13 +230,13 @@ impl ImageReading {
             _ => return None,
         };
         let is_data = color_space == ColorSpace::NonColor;
-        Some(ImageReading { interpolation, extension, alpha_mode, is_data, reads_alpha })
+        Some(ImageSampling { interpolation, extension, alpha_mode, is_data, reads_alpha })
     }
 
-    /// Linear RGBA at coordinates, v upwards; averaged over `footprint`, in the same coordinates, where it exceeds a texel.
+    /// Linear RGBA at texture coordinates, v upwards; averaged over `footprint`, in the same units, where it is wider than a texel.
     pub fn eval(&self, lookup: &ImageLookup, uv: [f32; 2], footprint: f32) -> [f32; 4] {
         let uv = Vec2::new(uv[0], 1.0 - uv[1]);
-        if self.extension == Extension::Clip && !is_near(uv, lookup) {
+        if self.extension == Extension::Clip && !is_near_image(uv, lookup) {
             return [0.0; 4];
         }
         if self.interpolation != ImageInterpolation::Closest && lookup.covers_texels(footprint) {
@@ -246,42 +245,42 @@ impl ImageReading {
         self.point(lookup.finest(), uv)
     }
 
-    /// The value of a picture of one texel. Where pictures end, it is blended with nothing, as codes of sRGB unless it is data.
+    /// The value of an image of one texel. At clipped borders it is blended with transparent black, in sRGB-encoded values unless it is data.
     pub fn constant(&self, color: [f32; 4], uv: [f32; 2]) -> [f32; 4] {
         if self.extension != Extension::Clip {
             return self.with_alpha(color);
         }
-        let share_along = |x: f32| -> f32 {
+        let coverage_along = |x: f32| -> f32 {
             self.taps(x, 1).iter().filter(|tap| tap.texel.is_some()).map(|tap| tap.weight).sum()
         };
-        let share = share_along(uv[0]) * share_along(1.0 - uv[1]);
-        // Where alpha is read, colours are divided by it, and by the share with it.
-        let is_divided = self.reads_alpha && self.associates() && share > 0.0;
+        let coverage = coverage_along(uv[0]) * coverage_along(1.0 - uv[1]);
+        // If alpha is used, colours are divided by it, which cancels the coverage.
+        let is_divided = self.reads_alpha && self.premultiplies() && coverage > 0.0;
         let blended = |c: f32| match (is_divided, self.is_data) {
             (true, _) => c,
-            (false, true) => c * share,
-            (false, false) => linear_from_srgb(srgb_from_linear(c) * share),
+            (false, true) => c * coverage,
+            (false, false) => linear_from_srgb(srgb_from_linear(c) * coverage),
         };
         let [r, g, b, alpha] = self.with_alpha(color);
-        let alpha = if self.alpha_mode == AlphaMode::None { 1.0 } else { alpha * share };
+        let alpha = if self.alpha_mode == AlphaMode::None { 1.0 } else { alpha * coverage };
         [blended(r), blended(g), blended(b), alpha]
     }
 
-    /// Are colours multiplied by alpha? Files of integers hold them as they are, those of floats multiplied, whatever the mode says.
-    fn associates(&self) -> bool {
+    /// Are colours premultiplied by alpha before interpolation? Integer files store straight alpha, float files premultiplied, whatever the mode says.
+    fn premultiplies(&self) -> bool {
         !self.is_data && matches!(self.alpha_mode, AlphaMode::Straight | AlphaMode::Premul)
     }
 
-    /// A colour that isn't multiplied by its alpha yet.
+    /// Applies the alpha mode to a colour with straight alpha.
     fn with_alpha(&self, [r, g, b, alpha]: [f32; 4]) -> [f32; 4] {
         match self.alpha_mode {
             AlphaMode::None => [r, g, b, 1.0],
-            _ if self.associates() && !self.reads_alpha => [r * alpha, g * alpha, b * alpha, alpha],
+            _ if self.premultiplies() && !self.reads_alpha => [r * alpha, g * alpha, b * alpha, alpha],
             _ => [r, g, b, alpha],
         }
     }
 
-    /// Cycles blends the values of the file, sRGB codes among them, multiplied by alpha.
+    /// Linear RGBA at a point. As in Cycles, premultiplied values are interpolated as encoded in the file, sRGB included.
     fn point(&self, level: &Level, uv: Vec2) -> [f32; 4] {
         let image = &level.image;
         let is_float = matches!(*image.pixels, Pixels::F32(_));
@@ -291,10 +290,10 @@ impl ImageReading {
             rows,
             width: image.width as usize,
             is_srgb: image.encoding == Encoding::Srgb,
-            multiplies: self.associates() && !is_float,
+            premultiplies: self.premultiplies() && !is_float,
         };
         let [mut color @ .., alpha] = level.with_texels(sum);
-        if self.reads_alpha && self.associates() && alpha != 0.0 && alpha != 1.0 {
+        if self.reads_alpha && self.premultiplies() && alpha != 0.0 && alpha != 1.0 {
             color = color.map(|c| c / alpha);
         }
         if image.encoding == Encoding::Srgb {
@@ -304,9 +303,9 @@ impl ImageReading {
         [r, g, b, if self.alpha_mode == AlphaMode::None { 1.0 } else { alpha }]
     }
 
-    /// The texels around a coordinate along an axis of `size` texels, by their weights.
+    /// The texels around a coordinate along an axis of `size` texels, with their weights.
     fn taps(&self, x: f32, size: u32) -> [Tap; 4] {
-        // Cycles limits coordinates likewise, so that they have a fraction.
+        // Clamped as in Cycles, so that coordinates keep a fractional part.
         let x = if x.is_finite() { x.clamp(-1e6, 1e6) } else { 0.0 };
         let (at, weights) = match self.interpolation {
             ImageInterpolation::Closest => ((x * size as f32).floor(), [0.0, 1.0, 0.0, 0.0]),
@@ -327,7 +326,7 @@ impl ImageReading {
         })
     }
 
-    /// The texel of an index along an axis; `None` outside.
+    /// The texel at an index along an axis after extension; `None` outside a clipped image.
     fn texel(&self, i: i64, size: i64) -> Option<usize> {
         let inside = match self.extension {
             Extension::Repeat => i.rem_euclid(size),
@@ -343,8 +342,8 @@ impl ImageReading {
     }
 }
 
-/// Is a point within a texel of the picture?
-fn is_near(uv: Vec2, lookup: &ImageLookup) -> bool {
+/// Is a point within two texels of the image?
+fn is_near_image(uv: Vec2, lookup: &ImageLookup) -> bool {
     let image = &lookup.finest().image;
     let near = |x: f32, size: u32| (-2.0..=size as f32 + 2.0).contains(&(x * size as f32));
     near(uv.x, image.width) && near(uv.y, image.height)
@@ -366,13 +365,13 @@ struct Tap {
     weight: f32,
 }
 
-/// A sum of texels by their weights.
+/// A weighted sum of texels.
 struct ColorBlend {
     columns: [Tap; 4],
     rows: [Tap; 4],
     width: usize,
     is_srgb: bool,
-    multiplies: bool,
+    premultiplies: bool,
 }
 
 impl WithTexels for ColorBlend {
@@ -386,7 +385,7 @@ impl WithTexels for ColorBlend {
         for (row, of_row) in used(self.rows) {
             for (column, of_column) in used(self.columns) {
                 let [r, g, b, alpha] = texels.texel(row * self.width + column);
-                let factor = if self.multiplies { alpha } else { 1.0 };
+                let factor = if self.premultiplies { alpha } else { 1.0 };
                 let color = [r, g, b].map(|c| if self.is_srgb { srgb_from_linear(c) } else { c } * factor);
                 let weight = of_row * of_column;
                 for (sum, value) in sum.iter_mut().zip([color[0], color[1], color[2], alpha]) {
@@ -410,7 +409,7 @@ mod tests {
         Image::from_linear_rgb("ramp", 4, 3, rgb)
     }
 
-    /// Reads an image all of which is in memory.
+    /// A lookup of an image with all levels in memory.
     fn lookup(image: Image, wrap: Wrap, interpolation: Interpolation) -> ImageLookup {
         let levels = Levels::resident(image, interpolation == Interpolation::Trilinear);
         ImageLookup::new(&levels, wrap, wrap, interpolation)
@@ -420,23 +419,23 @@ mod tests {
         lookup(ramp(), wrap, interpolation).eval(Vec2::new(u, 0.5), 0.0)[0]
     }
 
-    /// One texel that is clipped fades towards the edges of the picture, as larger pictures do within their last texels.
+    /// An image of one texel fades towards its clipped borders, as larger images do within their border texels.
     #[test]
-    fn one_texel_that_is_clipped_fades() {
-        let reading = |interpolation, extension| ImageReading {
+    fn one_clipped_texel_fades_at_the_borders() {
+        let reading = |interpolation, extension| ImageSampling {
             interpolation,
             extension,
             alpha_mode: AlphaMode::Straight,
             is_data: false,
             reads_alpha: false,
         };
-        let red = |reading: ImageReading, uv| reading.constant([1.0, 0.0, 1.0, 1.0], uv)[0];
+        let red = |reading: ImageSampling, uv| reading.constant([1.0, 0.0, 1.0, 1.0], uv)[0];
         let clipped = reading(ImageInterpolation::Linear, Extension::Clip);
         for (u, code) in [(0.5, 1.0), (0.75, 0.75), (1.0, 0.5), (1.25, 0.25), (1.5, 0.0), (-3.0, 0.0)] {
             assert!((red(clipped, [u, 0.5]) - linear_from_srgb(code)).abs() < 1e-5, "{u}");
         }
-        // Alpha that is read falls in the place of the colour.
-        let divided = ImageReading { reads_alpha: true, ..clipped };
+        // If alpha is used, it fades instead of the colour.
+        let divided = ImageSampling { reads_alpha: true, ..clipped };
         let [color, _, _, alpha] = divided.constant([1.0, 0.0, 1.0, 1.0], [0.75, 0.5]);
         assert_eq!((color, alpha), (1.0, 0.75));
         assert_eq!(divided.constant([1.0; 4], [-3.0, 0.5]), [0.0; 4]);
@@ -448,7 +447,7 @@ mod tests {
     }
 
     #[test]
-    fn bilinear_follows_a_ramp_and_wraps_at_the_border() {
+    fn bilinear_reproduces_a_ramp_and_wraps_at_the_border() {
         for (wrap, border) in [(Wrap::Repeat, 1.5), (Wrap::Mirror, 3.0), (Wrap::Clamp, 3.0)] {
             for u in [0.125f32, 0.3, 0.5, 0.874] {
                 assert!((red(wrap, Interpolation::Bilinear, u) - (u * 4.0 - 0.5)).abs() < 1e-5);
@@ -458,7 +457,7 @@ mod tests {
     }
 
     #[test]
-    fn wrap_modes_outside() {
+    fn wrap_modes_apply_outside_the_image() {
         let nearest = |wrap, u| red(wrap, Interpolation::Nearest, u);
         assert_eq!([nearest(Wrap::Repeat, 1.3), nearest(Wrap::Repeat, -0.1)], [1.0, 3.0]);
         assert_eq!([nearest(Wrap::Mirror, 1.3), nearest(Wrap::Mirror, -0.1)], [2.0, 0.0]);
@@ -473,7 +472,7 @@ mod tests {
     }
 
     #[test]
-    fn eight_bit_srgb_is_decoded_before_blending() {
+    fn eight_bit_srgb_is_decoded_before_interpolation() {
         let image = Image {
             name: "two".into(),
             width: 2,
@@ -495,7 +494,7 @@ mod tests {
         let lookup = lookup(image, wrap, Interpolation::Trilinear);
         let at = |footprint: f32| lookup.eval(Vec2::new(2.5 / 8.0, 0.5), footprint / 8.0);
         let green = |footprint: f32| at(footprint)[1];
-        // A texel centre at the finest level; stripes of one texel are grey from the next one on.
+        // At a texel centre of level 0; stripes of one texel are grey from level 1 on.
         assert_eq!(at(0.0), sharp.eval(Vec2::new(2.5 / 8.0, 0.5), 1.0));
         assert_eq!([green(0.5), green(1.0), green(1.5), green(2.0), green(4.0)], [0.0, 0.0, 0.25, 0.5, 0.5]);
         // Wider than the image: its mean.

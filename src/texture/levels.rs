@@ -1,6 +1,6 @@
-//! Mip levels of texture images: which are resident in memory, and lookups in the others on demand.
+//! Mip levels of texture images: the choice of those resident in memory, and demand loading of the others.
 
-use super::by_rows::{LevelsByRows, MadeLevels};
+use super::by_rows::{BuiltLevels, LevelsByRows};
 use super::packed::{PackedLevel, SIDE};
 use super::pyramid::{Texels, Threads, WithTexels, halved, halved_by_one_thread, sizes, with_common_texels};
 use super::store::{Store, TexturesOnDemand};
@@ -12,12 +12,12 @@ use std::collections::{BTreeMap, BinaryHeap, HashMap};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
-/// A level of a pyramid; the finest one is the image itself.
+/// A mip level; level 0 is the image itself.
 #[derive(Clone, Debug)]
 pub(super) struct Level {
-    /// Its size and its texels, which are [encoded](crate::image::Pixels::Encoded) where the level is not in memory.
+    /// Size, format and texels; these are [encoded](crate::image::Pixels::Encoded) unless the level is resident.
     pub image: Image,
-    /// Source of the texels of a level that is not in memory.
+    /// Source of the texels if the level is not resident.
     pub paged: Option<Arc<PagedLevel>>,
 }
 
@@ -27,7 +27,7 @@ impl Level {
         Level { image, paged: None }
     }
 
-    /// Bytes of its uncompressed texels in memory.
+    /// Size of its uncompressed texels in memory, bytes.
     pub fn bytes(&self) -> usize {
         if self.paged.is_some() { 0 } else { self.image.bytes() }
     }
@@ -39,7 +39,7 @@ impl Level {
     }
 }
 
-/// Texels of rare formats, and those that are not in memory.
+/// Texels of rare formats and of levels that are not resident.
 struct OtherTexels<'a>(&'a Level);
 
 impl Texels for OtherTexels<'_> {
@@ -54,17 +54,16 @@ impl Texels for OtherTexels<'_> {
     }
 }
 
-// Levels that are not resident: they are compressed, in memory or in a temporary file ([`Store`]), where lookups
-// find the same texels as in resident levels. A level that was not expected to be needed is compressed by the first lookup: it decodes the
-// whole image, since JPEG and PNG can't be read in parts (EXR and HDR are read by rows), and compresses all missing coarser levels, too.
-// No image is decoded twice for the same level.
+// Levels that are not resident are compressed losslessly, in memory or in a temporary file ([`Store`]). A level that was not expected to be
+// needed is compressed at the first lookup, which decodes the whole image, since JPEG and PNG have no random access (EXR and HDR are read
+// by rows), and also compresses all missing coarser levels. No image is decoded twice for the same level.
 //
-// Nothing here waits for jobs of the thread pool: a waiting thread may begin another tile and deadlock on a lock that it holds itself.
+// Nothing here waits for jobs of the thread pool: a waiting thread may start another tile and deadlock on a lock that it holds itself.
 
-/// A level whose texels are found in its compressed form.
+/// A level whose texels are read from its compressed form.
 #[derive(Debug)]
 pub(super) struct PagedLevel {
-    /// Unique among the levels of all images.
+    /// Unique among the levels of all images and stores.
     id: u64,
     level: usize,
     width: u32,
@@ -72,13 +71,13 @@ pub(super) struct PagedLevel {
 }
 
 impl PagedLevel {
-    /// Level `level` of an image.
+    /// Mip level `level` of an image, `width` texels wide.
     pub fn new(image: &Arc<PagedImage>, level: usize, width: u32) -> PagedLevel {
         static NEXT: AtomicU64 = AtomicU64::new(0);
         PagedLevel { id: NEXT.fetch_add(1, Ordering::Relaxed), level, width, image: image.clone() }
     }
 
-    /// The texel at a position in the level, counted row by row, as linear RGBA.
+    /// Linear RGBA of the texel at a row-major index in the level.
     #[inline(never)]
     pub fn texel(&self, at: usize) -> [f32; 4] {
         let width = self.width as usize;
@@ -90,21 +89,21 @@ impl PagedLevel {
 /// An image some of whose levels are not resident.
 #[derive(Debug)]
 pub(super) struct PagedImage {
-    /// Still encoded.
+    /// The encoded image.
     image: Image,
-    /// By level.
+    /// Compressed levels, by mip level.
     packed: Vec<OnceLock<PackedLevel>>,
     /// Held while the image is decoded.
     decoding: Mutex<()>,
-    /// Levels from here on are in memory.
+    /// The finest resident level; all coarser ones are resident, too.
     resident_from: usize,
-    /// A coarse copy, in case the image can't be decoded any more.
+    /// A coarse copy, used if the image can no longer be decoded.
     fallback: Image,
     store: Arc<Store>,
 }
 
 impl PagedImage {
-    /// An image with `levels` levels, of which the ones from `resident_from` on are in memory.
+    /// An image with `levels` mip levels, of which those from `resident_from` on are resident.
     pub fn new(
         image: Image,
         levels: usize,
@@ -123,18 +122,18 @@ impl PagedImage {
         }
     }
 
-    /// Keeps the texels of a level, compressed.
+    /// Stores a compressed level.
     pub fn keep(&self, level: usize, packed: PackedLevel) {
-        // A level that is already set is the same.
+        // A level that is already set has the same texels.
         let _ = self.packed[level].set(packed);
     }
 
-    /// Bytes of its compressed levels in memory.
+    /// Size of its compressed levels in memory, bytes.
     fn bytes(&self) -> usize {
         self.packed.iter().filter_map(OnceLock::get).map(PackedLevel::bytes).sum()
     }
 
-    /// A compressed level. Threads that ask for an image which is being decoded wait for that.
+    /// A compressed level; decodes the image if it is missing. Threads that need an image which is being decoded wait.
     #[inline]
     fn packed(&self, level: usize) -> &PackedLevel {
         match self.packed[level].get() {
@@ -143,18 +142,18 @@ impl PagedImage {
         }
     }
 
-    /// Decodes the image, and compresses the level that is asked for and all missing coarser ones.
+    /// Decodes the image, and compresses the requested level and all missing coarser ones.
     #[cold]
     fn decode(&self, requested: usize) -> &PackedLevel {
-        let alone = lock(&self.decoding);
+        let guard = lock(&self.decoding);
         if self.packed[requested].get().is_none() {
-            self.store.decode(self.image.decoding_bytes(), || self.keep_from(requested));
+            self.store.decode(self.image.decoding_bytes(), || self.decode_from(requested));
         }
-        drop(alone);
+        drop(guard);
         self.packed[requested].get_or_init(|| PackedLevel::new(&self.fallback(requested), &self.store))
     }
 
-    fn keep_from(&self, requested: usize) {
+    fn decode_from(&self, requested: usize) {
         let mut warnings = Vec::new();
         if let Some((source, _)) = self.image.rows() {
             let missing = (requested..self.resident_from.max(requested + 1))
@@ -188,20 +187,22 @@ impl PagedImage {
         }
     }
 
-    /// A level resampled from the coarse copy.
+    /// A level upsampled from the coarse copy.
     fn fallback(&self, level: usize) -> Image {
         let [width, height] = sizes(self.image.width, self.image.height).nth(level).unwrap_or([1, 1]);
         resized(&self.fallback, width, height, self.image.encoding)
     }
 }
 
-/// An image of another size with the nearest texels.
+/// An image resampled by nearest neighbour.
 pub(super) fn resized(image: &Image, width: u32, height: u32, encoding: Encoding) -> Image {
     let n = image.channels as usize;
-    let place = |i: u32, to: u32, from: u32| (u64::from(i) * u64::from(from) / u64::from(to)) as usize;
+    let source_index = |i: u32, to: u32, from: u32| (u64::from(i) * u64::from(from) / u64::from(to)) as usize;
     let texels = (0..height).flat_map(|y| {
         (0..width).map(move |x| {
-            (place(y, height, image.height) * image.width as usize + place(x, width, image.width)) * n
+            (source_index(y, height, image.height) * image.width as usize
+                + source_index(x, width, image.width))
+                * n
         })
     });
     let pixels = match &*image.pixels {
@@ -217,64 +218,63 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-// Choice of resident levels, and decoding.
+// Choice of resident levels, and decoding before rendering.
 //
-// Levels that no lookup is expected to need are omitted. If the others take more than the limit, the finest are compressed. Images are
-// decoded a few at a time, to limit the memory of the decoders.
+// Levels that no lookup is expected to need are omitted. If the others exceed the memory limit, the largest are compressed. Images are
+// decoded in batches to limit the memory of the decoders.
 
-/// The mip levels of images that a picture needs.
+/// The mip levels that rendering a picture needs.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TextureNeeds {
-    /// The finest level of each image that lookups are expected to ask for, where 0 is the image itself; `None` where none is expected
-    /// at all. Images beyond the list are needed as they are. Lookups that ask for more than was expected find the same texels, but
-    /// later.
+    /// By image: the finest mip level that lookups are expected to need, 0 being the image itself; `None` if no lookup is expected.
+    /// Images beyond the list need level 0. Lookups of finer levels than expected find the same texels, but decode on demand.
     pub finest: Vec<Option<u32>>,
-    /// Bytes that images may take. Those that are not decoded by the time a scene is compiled count; others are in memory anyway.
+    /// Memory limit of images, bytes. Images that the scene itself holds decoded don't count.
     pub limit: Option<u64>,
 }
 
 impl TextureNeeds {
-    /// The finest level of an image that is needed.
+    /// The finest level needed of an image; `None` if none is.
     fn finest(&self, image: usize) -> Option<u32> {
         self.finest.get(image).copied().unwrap_or(Some(0))
     }
 
-    /// Do levels made for these needs suffice for others?
+    /// Do levels built for these needs suffice for `other` needs?
     pub fn cover(&self, other: &TextureNeeds) -> bool {
         let finest = |needs: &TextureNeeds, image| needs.finest(image).unwrap_or(u32::MAX);
         let images = self.finest.len().max(other.finest.len());
         (0..images).all(|image| finest(self, image) <= finest(other, image))
     }
 
-    /// Bytes of images that are decoded at the same time.
+    /// Maximum size of images that are decoded at the same time, bytes.
     fn decoding(&self) -> u64 {
         self.limit.map_or(1 << 30, |limit| (limit / 32).max(256 << 20))
     }
 }
 
-/// A report about the images of textures.
+/// Statistics of the images of textures.
 #[derive(Clone, Debug, Default)]
 pub struct TextureReport {
-    /// Images that were decoded.
+    /// Number of images decoded before rendering.
     pub decoded: u64,
-    /// Images that were not decoded, since nothing in the picture needs them.
+    /// Number of images not decoded, since nothing in the picture needs them.
     pub unneeded: u64,
-    /// Images whose finest levels were left out.
+    /// Number of images whose finest levels were omitted.
     pub reduced: u64,
-    /// Images of which levels that are needed are compressed.
+    /// Number of images some of whose needed levels are compressed.
     pub paged: u64,
-    /// Bytes of resident levels, including images that the scene itself holds decoded.
+    /// Size of levels in memory, including images that the scene itself holds decoded, bytes.
     pub bytes: u64,
-    /// Bytes in a temporary file.
+    /// Size of levels in the temporary file, bytes.
     pub file_bytes: u64,
-    /// Bytes that all levels of all images would take.
+    /// Uncompressed size of all levels of all images, bytes.
     pub all_bytes: u64,
-    /// Warnings about contents of images and damaged ones.
+    /// Warnings about image contents and damaged images.
     pub warnings: Vec<Warning>,
 }
 
 impl TextureReport {
-    /// Levels that the picture does not need, with the memory that this saved.
+    /// Messages about images and levels that were omitted, with the memory used.
     pub fn left_out(&self) -> Vec<String> {
         const MIB: f64 = 1_048_576.0;
         let mut list = Vec::new();
@@ -294,17 +294,17 @@ impl TextureReport {
     }
 }
 
-/// The levels of an image that textures look into.
+/// The mip levels of an image that textures use.
 #[derive(Clone, Debug)]
 pub(super) struct Levels {
-    /// The image itself.
+    /// Level 0, the image itself.
     pub finest: Level,
-    /// Its mip pyramid; empty unless a texture is filtered.
+    /// The coarser levels; empty unless a texture uses trilinear interpolation.
     pub coarser: Arc<[Level]>,
 }
 
 impl Levels {
-    /// All levels of an image in memory.
+    /// All levels of an image, resident.
     #[cfg(test)]
     pub fn resident(image: Image, has_pyramid: bool) -> Levels {
         let next = |finer: &Image| ((finer.width, finer.height) != (1, 1)).then(|| halved(finer));
@@ -317,38 +317,38 @@ impl Levels {
         std::iter::once(&self.finest).chain(&*self.coarser)
     }
 
-    /// Bytes of memory.
+    /// Size in memory, bytes.
     fn bytes(&self) -> u64 {
-        // All that are compressed belong to one image.
+        // All compressed levels share one [`PagedImage`].
         let paged = self.all().find_map(|level| level.paged.as_ref());
         let packed = paged.map_or(0, |paged| paged.image.bytes());
         (packed + self.all().map(Level::bytes).sum::<usize>()) as u64
     }
 }
 
-/// The images that textures look into.
+/// The images that textures use.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Images {
-    /// By image; `None` for damaged ones.
+    /// By image; `None` for damaged images.
     pub levels: BTreeMap<ImageId, Option<Levels>>,
-    /// Levels that are not resident.
+    /// Storage of levels that are not resident.
     store: Option<Arc<Store>>,
-    /// The needs that the levels were made for.
+    /// The needs that the levels were built for.
     pub needs: TextureNeeds,
 }
 
 impl Images {
-    /// Images decoded on demand so far.
+    /// Statistics of decoding on demand so far.
     pub fn on_demand(&self) -> TexturesOnDemand {
         self.store.as_ref().map_or_else(TexturesOnDemand::default, |store| store.on_demand())
     }
 
-    /// Bytes of resident levels.
+    /// Size of all levels in memory, bytes.
     pub fn bytes(&self) -> u64 {
         self.levels.values().flatten().map(Levels::bytes).sum()
     }
 
-    /// The levels of an image, if they suffice for other needs.
+    /// The levels of an image, if they suffice for the needs.
     fn sufficient(&self, id: ImageId, needs: &TextureNeeds) -> Option<&Option<Levels>> {
         let finest = |needs: &TextureNeeds| needs.finest(id.index()).unwrap_or(u32::MAX);
         self.levels
@@ -357,8 +357,8 @@ impl Images {
     }
 }
 
-/// Makes the levels of all images that textures look into; `earlier` are those of another picture of the same textures and images.
-pub(super) fn of(
+/// Builds the levels of all images that textures use, reusing those of an `earlier` picture of the same textures and images.
+pub(super) fn build_all(
     earlier: Option<Images>,
     (textures, images): (&[Texture], &[Image]),
     mut needs: TextureNeeds,
@@ -366,7 +366,7 @@ pub(super) fn of(
 ) -> Result<Images, Error> {
     let earlier = earlier.unwrap_or_default();
     let mut plans = plans(textures, images, &needs);
-    let resident = within_limit(&mut plans, needs.limit);
+    let resident = fit_into_limit(&mut plans, needs.limit);
     count_images(&plans, report);
     let left = needs.limit.map_or(u64::MAX, |limit| limit.saturating_sub(resident));
     let new_store = || Arc::new(Store::new(left, needs.decoding()));
@@ -397,7 +397,7 @@ pub(super) fn of(
             levels.insert(id, built);
         }
     }
-    // Reused levels were made for earlier needs.
+    // Reused levels were built for the earlier needs.
     for id in kept {
         if let Some(finest) = needs.finest.get_mut(id.index()) {
             *finest = earlier.needs.finest(id.index());
@@ -408,7 +408,7 @@ pub(super) fn of(
     Ok(made)
 }
 
-/// Counts decoded, unneeded, reduced and paged images.
+/// Counts decoded, unneeded, reduced and paged images, and the bytes of all levels.
 fn count_images(plans: &[LevelPlan], report: &mut TextureReport) {
     let count = |is_one: &dyn Fn(&LevelPlan) -> bool| plans.iter().filter(|plan| is_one(plan)).count() as u64;
     report.decoded = count(&|plan| plan.is_decoded());
@@ -418,13 +418,13 @@ fn count_images(plans: &[LevelPlan], report: &mut TextureReport) {
     report.all_bytes = plans.iter().flat_map(|p| (0..p.sizes.len()).map(|level| p.bytes_of(level))).sum();
 }
 
-/// The plan for an image.
+/// Which levels of an image are built, and where they are stored.
 struct LevelPlan<'a> {
     id: ImageId,
     image: &'a Image,
-    /// Size of each level that textures look into.
+    /// Width and height of each level that textures use.
     sizes: Vec<[u32; 2]>,
-    /// The finest level that is needed, and the finest that stays in memory. Equal to the number of levels where there is none.
+    /// The finest level that is needed, and the finest one that is resident; the number of levels if there is none.
     needed_from: usize,
     resident_from: usize,
 }
@@ -440,7 +440,7 @@ impl LevelPlan<'_> {
         (self.resident_from..self.sizes.len()).map(|level| self.bytes_of(level)).sum()
     }
 
-    /// May its finest level in memory be left out as well?
+    /// May its finest resident level be compressed, too?
     fn may_shrink(&self) -> bool {
         let last = self.sizes.len();
         self.image.is_encoded()
@@ -450,7 +450,7 @@ impl LevelPlan<'_> {
 }
 
 fn plans<'a>(textures: &[Texture], images: &'a [Image], needs: &TextureNeeds) -> Vec<LevelPlan<'a>> {
-    // By image: does a texture need its mip pyramid?
+    // By image: does a texture need its coarser mip levels?
     let mut uses: BTreeMap<ImageId, bool> = BTreeMap::new();
     for texture in textures {
         if let Texture::Image { image, interpolation, .. } = texture {
@@ -472,9 +472,9 @@ fn plans<'a>(textures: &[Texture], images: &'a [Image], needs: &TextureNeeds) ->
     uses.into_iter().filter_map(plan).collect()
 }
 
-/// Plans to compress the largest levels if all take more than the limit, half of which is reserved for compressed levels. Returns the
-/// resident bytes.
-fn within_limit(plans: &mut [LevelPlan], limit: Option<u64>) -> u64 {
+/// If all levels exceed the limit, plans to compress the largest ones until the others take at most half of it. Returns the size of the
+/// resident levels, bytes.
+fn fit_into_limit(plans: &mut [LevelPlan], limit: Option<u64>) -> u64 {
     let mut resident: u64 =
         plans.iter().filter(|plan| plan.image.is_encoded()).map(LevelPlan::resident_bytes).sum();
     let Some(limit) = limit.filter(|&limit| resident > limit) else { return resident };
@@ -492,8 +492,8 @@ fn within_limit(plans: &mut [LevelPlan], limit: Option<u64>) -> u64 {
     resident
 }
 
-/// Batches of images that are decoded at the same time: groups with the same pixels, as many as fit into `most` bytes.
-fn batches(plans: Vec<LevelPlan>, most: u64) -> Vec<Vec<Vec<LevelPlan>>> {
+/// Batches of images that are decoded at the same time: groups with the same pixels, as many as fit into `max_bytes`.
+fn batches(plans: Vec<LevelPlan>, max_bytes: u64) -> Vec<Vec<Vec<LevelPlan>>> {
     let mut numbers: HashMap<*const (), usize> = HashMap::new();
     let mut groups: Vec<Vec<LevelPlan>> = Vec::new();
     for plan in plans {
@@ -506,10 +506,10 @@ fn batches(plans: Vec<LevelPlan>, most: u64) -> Vec<Vec<Vec<LevelPlan>>> {
     }
     let (mut batches, mut bytes) = (vec![Vec::new()], 0);
     for group in groups {
-        // Resident levels take no additional memory while they are decoded.
-        let is_passing = |plan: &LevelPlan| plan.is_decoded() && plan.resident_from > 0;
-        let own = if group.iter().any(is_passing) { group[0].image.decoding_bytes() as u64 } else { 0 };
-        if bytes + own > most && bytes > 0 {
+        // An image whose level 0 is resident takes no additional memory while it is decoded.
+        let is_temporary = |plan: &LevelPlan| plan.is_decoded() && plan.resident_from > 0;
+        let own = if group.iter().any(is_temporary) { group[0].image.decoding_bytes() as u64 } else { 0 };
+        if bytes + own > max_bytes && bytes > 0 {
             batches.push(Vec::new());
             bytes = 0;
         }
@@ -520,16 +520,16 @@ fn batches(plans: Vec<LevelPlan>, most: u64) -> Vec<Vec<Vec<LevelPlan>>> {
 }
 
 impl LevelPlan<'_> {
-    /// Is the image decoded before a picture is begun?
+    /// Is the image decoded before rendering?
     fn is_decoded(&self) -> bool {
         self.image.is_encoded() && self.needed_from < self.sizes.len()
     }
 }
 
-/// The levels of an image, or why there are none: damage, which the first of several images with the same pixels has.
+/// The levels of an image, or the damage that prevents them, given only for the first of several images with the same pixels.
 type Built = (ImageId, Result<Levels, Option<Damage>>);
 
-/// Makes the levels of images with the same pixels, with warnings about these.
+/// Builds the levels of images with the same pixels, and returns warnings about these.
 fn build(group: Vec<LevelPlan>, store: &Arc<Store>) -> (Vec<Built>, Vec<Warning>) {
     let mut warnings = Vec::new();
     if group.iter().any(LevelPlan::is_decoded) && group[0].image.rows().is_some() {
@@ -539,7 +539,7 @@ fn build(group: Vec<LevelPlan>, store: &Arc<Store>) -> (Vec<Built>, Vec<Warning>
     let mut decoded = match is_needed.then(|| group[0].image.decoded(&mut warnings)).transpose() {
         Ok(decoded) => decoded,
         Err(damage) => {
-            // Reported once; the others are left out with it.
+            // Reported for the first image only.
             let mut damage = Some(damage);
             return (group.into_iter().map(|plan| (plan.id, Err(damage.take()))).collect(), warnings);
         }
@@ -547,7 +547,7 @@ fn build(group: Vec<LevelPlan>, store: &Arc<Store>) -> (Vec<Built>, Vec<Warning>
     let count = group.len();
     let mut made = Vec::with_capacity(count);
     for (i, plan) in group.into_iter().enumerate() {
-        // The last image may free the pixels as soon as its next level is made.
+        // Moved for the last image, so that the pixels are freed once its next level is built.
         let full = if i + 1 == count { decoded.take() } else { decoded.clone() };
         let encoding = plan.image.encoding;
         let full = full.map(|full| Image { encoding, name: plan.image.name.clone(), ..full });
@@ -580,7 +580,7 @@ fn build_one(plan: &LevelPlan, full: Option<Image>, store: &Arc<Store>) -> Level
     assembled(plan, made, kept, fallback, store)
 }
 
-/// Makes the levels of images with the same pixels while these are decoded.
+/// Builds the levels of images with the same pixels row by row while these are decoded.
 fn build_by_rows(group: Vec<LevelPlan>, store: &Arc<Store>, warnings: &mut Vec<Warning>) -> Vec<Built> {
     let begin = |plan: &LevelPlan| {
         let packed = (plan.needed_from..plan.resident_from).collect();
@@ -591,13 +591,13 @@ fn build_by_rows(group: Vec<LevelPlan>, store: &Arc<Store>, warnings: &mut Vec<W
     let take = &mut |rows: &[f32]| made.iter_mut().flatten().for_each(|levels| levels.add(rows));
     let decoded = group[0].image.rows().map(|(source, _)| source.decode_rows(true, warnings, take));
     if let Some(Err(damage)) = decoded {
-        // Reported once; the others are left out with it.
+        // Reported for the first image only.
         let mut damage = Some(damage);
         return group.into_iter().map(|plan| (plan.id, Err(damage.take()))).collect();
     }
     let finish = |(plan, made): (LevelPlan, Option<LevelsByRows>)| {
         let Some(levels) = made else { return (plan.id, Ok(build_one(&plan, None, store))) };
-        let MadeLevels { packed, resident, fallback } = levels.finish();
+        let BuiltLevels { packed, resident, fallback } = levels.finish();
         let mut levels = vec![None; plan.resident_from];
         let next = |finer: &Image| ((finer.width, finer.height) != (1, 1)).then(|| halved(finer));
         levels.extend(
@@ -608,7 +608,7 @@ fn build_by_rows(group: Vec<LevelPlan>, store: &Arc<Store>, warnings: &mut Vec<W
     group.into_iter().zip(made).map(finish).collect()
 }
 
-/// The levels of an image: those that stay in memory, and those that are compressed.
+/// The levels of an image, from its resident and its compressed ones.
 fn assembled(
     plan: &LevelPlan,
     mut made: Vec<Option<Image>>,

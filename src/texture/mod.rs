@@ -1,5 +1,5 @@
-//! Textures ready for lookup: transforms folded, constants known, 8-bit images left as they are and decoded by table. Images are in
-//! memory as far as a picture needs them; the rest is decoded on demand.
+//! Textures compiled for lookup: constants and transforms are folded, 8-bit images are decoded by table at lookup. Only the mip levels
+//! that a picture needs are resident; others are decoded on demand.
 
 mod by_rows;
 mod hit;
@@ -23,7 +23,7 @@ pub use hit::{
 };
 use hit::{TextureCoordinates, UvMap, triplanar};
 pub use image::ImageLookup;
-use image::{ImageReading, Taps};
+use image::{ImageSampling, Taps};
 use levels::{Images, Levels};
 pub use levels::{TextureNeeds, TextureReport};
 use nodes::Program;
@@ -37,24 +37,24 @@ pub use store::TexturesOnDemand;
 #[derive(Clone, Debug, Default)]
 pub struct CompiledTextures {
     textures: Vec<Compiled>,
-    /// Added to a world position before procedural lookups: the scene may have been moved near the camera.
+    /// Added to world positions before procedural lookups, metres: `compile` may have moved the scene near the camera.
     world_offset: Vec3,
-    /// Names of the attributes that graphs read, by their numbers.
+    /// Names of the attributes that node graphs read, by index.
     attributes: Arc<[String]>,
-    /// Profiles of lights, by [`ProfileId`](crate::scene::ProfileId).
+    /// Angular profiles of lights, by [`ProfileId`](crate::scene::ProfileId).
     profiles: Vec<Arc<LightProfile>>,
     /// Textures whose images are damaged.
     lost: HashSet<TextureId>,
-    /// The images that they look into.
+    /// The images that they use.
     images: Images,
 }
 
 impl CompiledTextures {
     /// Compiles textures with the images they refer to. `world_offset` is what `compile` subtracted from world
-    /// positions. References that lead nowhere count as black (`Scene::validate` reports them).
+    /// positions, metres. Dangling references count as black (`Scene::validate` reports them).
     ///
     /// # Errors
-    /// That of a damaged image without which the scene can't be rendered. Other damaged images are white, and in the report.
+    /// A damaged image without which the scene can't be rendered. Other damaged images become white and are reported.
     pub fn new(
         textures: &[Texture],
         images: &[Image],
@@ -64,7 +64,7 @@ impl CompiledTextures {
         CompiledTextures::after(None, textures, images, world_offset, needs)
     }
 
-    /// The same for a few textures of a scene, with their images at the finest level; those of others aren't decoded.
+    /// The same for `some` textures of a scene, whose images need mip level 0; those of others aren't decoded.
     ///
     /// # Errors
     /// As for [`CompiledTextures::new`].
@@ -79,7 +79,7 @@ impl CompiledTextures {
         CompiledTextures::new(textures, images, Vec3::ZERO, TextureNeeds { finest, limit: None })
     }
 
-    /// The textures with images of an earlier picture of the same textures and images, as far as they suffice.
+    /// The same, reusing images compiled for an earlier picture of the same textures and images where they suffice.
     ///
     /// # Errors
     /// As for [`CompiledTextures::new`].
@@ -92,14 +92,14 @@ impl CompiledTextures {
     ) -> Result<(CompiledTextures, TextureReport), Error> {
         let mut report = TextureReport::default();
         let earlier = earlier.map(|textures| textures.images);
-        let made = levels::of(earlier, (textures, images), needs, &mut report)?;
+        let made = levels::build_all(earlier, (textures, images), needs, &mut report)?;
         let levels = &made.levels;
         let attributes = attribute_names(textures);
         let mut compiled: Vec<Compiled> =
             textures.iter().map(|t| compile(t, images, levels, &attributes)).collect();
         fold_constants(&mut compiled);
-        cut_endless_mixes(&mut compiled);
-        number_grids(&mut compiled);
+        break_cycles(&mut compiled);
+        assign_grids(&mut compiled);
         let is_lost = |texture: &Texture| match texture {
             Texture::Image { image, .. } => matches!(levels.get(image), Some(None)),
             _ => false,
@@ -112,50 +112,50 @@ impl CompiledTextures {
         ))
     }
 
-    /// Textures all of which are in memory, of images without damage.
+    /// Compiles textures of undamaged images with all mip levels resident.
     #[cfg(test)]
     pub(crate) fn resident(textures: &[Texture], images: &[Image], world_offset: Vec3) -> CompiledTextures {
         let made = CompiledTextures::new(textures, images, world_offset, TextureNeeds::default());
         made.expect("no image is damaged").0
     }
 
-    /// Bytes of images that stay in memory.
+    /// Size of images in memory, bytes.
     pub fn bytes(&self) -> usize {
         self.images.bytes() as usize
     }
 
-    /// Is the image of a texture damaged, so that materials do without it?
+    /// Is the image of a texture damaged, so that materials ignore the texture?
     pub fn is_lost(&self, id: TextureId) -> bool {
         self.lost.contains(&id)
     }
 
-    /// Do they suffice for another picture?
+    /// Do the mip levels suffice for the needs of another picture?
     pub fn suit(&self, needs: &TextureNeeds) -> bool {
         self.images.needs.limit == needs.limit && self.images.needs.cover(needs)
     }
 
-    /// Images decoded on demand so far.
+    /// Statistics of decoding on demand so far.
     pub fn on_demand(&self) -> TexturesOnDemand {
         self.images.on_demand()
     }
 
-    /// The textures in a world whose origin has moved.
+    /// The textures with another offset of world positions, metres.
     pub fn moved(self, world_offset: Vec3) -> CompiledTextures {
         CompiledTextures { world_offset, ..self }
     }
 
-    /// The textures with the profiles of a scene's lights.
+    /// The textures with the angular profiles of a scene's lights.
     #[must_use]
     pub fn with_profiles(self, profiles: &[Arc<LightProfile>]) -> CompiledTextures {
         CompiledTextures { profiles: profiles.to_vec(), ..self }
     }
 
-    /// The profiles of lights.
+    /// The angular profiles of lights.
     pub fn profiles(&self) -> &[Arc<LightProfile>] {
         &self.profiles
     }
 
-    /// The value everywhere, if it is the same everywhere.
+    /// Linear RGBA of a texture that is known to be constant.
     pub fn constant(&self, id: TextureId) -> Option<[f32; 4]> {
         match self.textures.get(id.index()) {
             Some(Compiled::Constant(c)) => Some(*c),
@@ -164,8 +164,8 @@ impl CompiledTextures {
         }
     }
 
-    /// The textures with spectra as they are, where rendering is spectral; else they are constant colours. Those that were
-    /// [added](CompiledTextures::add_spectrum) to the `count` textures of the scene are gone.
+    /// The textures with spectra kept for spectral rendering, or else converted to constant colours. Removes those that
+    /// were [added](CompiledTextures::add_spectrum) to the scene's `textures`.
     #[must_use]
     pub fn with_spectra(mut self, textures: &[Texture], are_kept: bool) -> CompiledTextures {
         self.textures.truncate(textures.len());
@@ -187,7 +187,7 @@ impl CompiledTextures {
         TextureId(self.textures.len() as u32 - 1)
     }
 
-    /// The spectrum that a texture is.
+    /// The spectrum of a texture; `None` for other textures.
     pub fn spectrum(&self, id: TextureId) -> Option<&Spectrum> {
         match self.textures.get(id.index()) {
             Some(Compiled::Spectrum(spectrum)) => Some(spectrum),
@@ -195,11 +195,11 @@ impl CompiledTextures {
         }
     }
 
-    /// Linear RGBA of the image of a node.
+    /// Linear RGBA of the image of a node; `footprint` is in texture coordinates.
     fn image_of_node(
         &self,
         texture: TextureId,
-        reading: &ImageReading,
+        reading: &ImageSampling,
         uv: [f32; 2],
         footprint: f32,
     ) -> [f32; 4] {
@@ -210,12 +210,12 @@ impl CompiledTextures {
         }
     }
 
-    /// Names of the attributes of vertices that graphs read, by their numbers.
+    /// Names of the vertex attributes that node graphs read, by index.
     pub fn attributes(&self) -> &Arc<[String]> {
         &self.attributes
     }
 
-    /// Does the value differ with the direction from which it is seen?
+    /// Does the value depend on the viewing direction?
     pub fn depends_on_viewer(&self, id: TextureId) -> bool {
         self.has_part(id, |texture| match texture {
             Compiled::Facing(_) => true,
@@ -229,34 +229,34 @@ impl CompiledTextures {
         self.has_part(id, |texture| matches!(texture, Compiled::Nodes(program) if program.reads_hit()))
     }
 
-    /// Does the value depend on tangents of the first texture coordinates?
+    /// Does the value depend on tangents of the first UV set?
     pub fn reads_tangents(&self, id: TextureId) -> bool {
         self.has_part(id, |texture| matches!(texture, Compiled::Nodes(program) if program.reads_tangents()))
     }
 
-    /// Does the value depend on the path that arrives?
+    /// Does the value depend on the incident path (ray type, length, depth)?
     pub fn reads_path(&self, id: TextureId) -> bool {
         self.has_part(id, |texture| matches!(texture, Compiled::Nodes(program) if program.reads_path()))
     }
 
-    /// Is there a part of a texture, itself included, of which something holds?
+    /// Does a predicate hold for a texture or any texture nested in it?
     fn has_part(&self, id: TextureId, holds: impl Fn(&Compiled) -> bool) -> bool {
         let mut pending = vec![id.index()];
-        let mut known = vec![false; self.textures.len()];
+        let mut visited = vec![false; self.textures.len()];
         while let Some(at) = pending.pop() {
             let Some(texture) = self.textures.get(at) else { continue };
             if holds(texture) {
                 return true;
             }
-            if !known[at] {
-                known[at] = true;
+            if !visited[at] {
+                visited[at] = true;
                 pending.extend(texture.parts().into_iter().map(|part| part as usize));
             }
         }
         false
     }
 
-    /// Do lookups depend on how much of a surface a path sees?
+    /// Do lookups depend on the ray footprint?
     pub fn use_footprints(&self) -> bool {
         self.textures.iter().any(|texture| match texture {
             Compiled::Image { lookup, .. } => lookup.has_pyramid(),
@@ -266,7 +266,7 @@ impl CompiledTextures {
     }
 }
 
-/// The names of the attributes that graphs read, in order.
+/// The names of the attributes that node graphs read, sorted.
 fn attribute_names(textures: &[Texture]) -> Arc<[String]> {
     let graphs = textures.iter().filter_map(|texture| match texture {
         Texture::Nodes(graph) => Some(graph),
@@ -287,9 +287,9 @@ fn compile(
         Texture::Image { image, wrap_u, wrap_v, interpolation, mapping } => match images.get(image.index()) {
             None => Compiled::Constant([0.0, 0.0, 0.0, 1.0]),
             Some(pixels) => match levels.get(image) {
-                // A single pixel.
+                // An image of one pixel.
                 None => Compiled::Constant(pixels.rgba(0, 0)),
-                // Factors of materials count alone.
+                // Damaged: white leaves only the materials' factors.
                 Some(None) => Compiled::Constant([1.0; 4]),
                 Some(Some(levels)) => {
                     let lookup = ImageLookup::new(levels, *wrap_u, *wrap_v, *interpolation);
@@ -306,7 +306,7 @@ fn compile(
         Texture::Mix { a, b, factor } => Compiled::Mix([a.0, b.0, factor.0]),
         Texture::Nodes(graph) => {
             let program = Program::new(graph, attributes);
-            // Normals take vectors with their signs.
+            // Vectors may have negative components, which `constant` clips.
             match program.constant().filter(|_| !graph.is_vector()) {
                 Some([r, g, b]) => Compiled::Constant([r, g, b, 1.0]),
                 None => Compiled::Nodes(Arc::new(program)),
@@ -336,25 +336,25 @@ fn compile(
     }
 }
 
-/// The colour of a spectrum; clipped to the gamut.
+/// Linear RGBA of a spectrum, clipped to the gamut.
 fn rgba(spectrum: &Spectrum) -> [f32; 4] {
     let [r, g, b] = spectrum.rgb().to_array().map(|c| c.max(0.0));
     [r, g, b, 1.0]
 }
 
-/// Numbers the grids of images, equal ones alike.
-fn number_grids(textures: &mut [Compiled]) {
-    let mut known = HashMap::new();
+/// Gives images with equal texel grids and UV maps the same grid number.
+fn assign_grids(textures: &mut [Compiled]) {
+    let mut grids = HashMap::new();
     for (i, texture) in textures.iter_mut().enumerate() {
         if let Compiled::Image { lookup, coordinates: TextureCoordinates::Uv(map), grid } = texture {
-            *grid = *known.entry((map.bits(), lookup.grid())).or_insert(i as u32);
+            *grid = *grids.entry((map.bits(), lookup.grid())).or_insert(i as u32);
         }
     }
 }
 
 #[inline(always)]
 fn checker_is_odd(coordinates: &TextureCoordinates, inverse_size: f32, point: &TexturePoint) -> bool {
-    // Far from the origin f32 has no odd numbers any more; the sum in f64 stays exact.
+    // Above 2^24 f32 represents only even numbers; the sum in f64 stays exact.
     let cell = |x: f32| f64::from((x * inverse_size).floor());
     let sum = match coordinates {
         TextureCoordinates::Uv(map) => {
@@ -369,7 +369,7 @@ fn checker_is_odd(coordinates: &TextureCoordinates, inverse_size: f32, point: &T
     half != half.floor()
 }
 
-/// The colour for a cosine, linear between those of a table.
+/// The colour for a cosine, interpolated linearly in a table.
 #[inline]
 fn color_by_cosine(colors: &[[f32; 3]], cosine: f32) -> [f32; 4] {
     let last = colors.len() - 1;
@@ -380,7 +380,7 @@ fn color_by_cosine(colors: &[[f32; 3]], cosine: f32) -> [f32; 4] {
     [r, g, b, 1.0]
 }
 
-/// Noise in 0..1.
+/// Procedural noise, clamped to 0..1.
 #[inline]
 fn noise_value(kind: NoiseKind, p: Vec3, octaves: u32, seed: u32) -> f32 {
     let value = match kind {
@@ -394,11 +394,11 @@ fn noise_value(kind: NoiseKind, p: Vec3, octaves: u32, seed: u32) -> f32 {
 #[cfg(test)]
 mod tests;
 
-/// A texture; others by their numbers.
+/// A compiled texture; nested textures are given by index.
 #[derive(Clone, Debug)]
 enum Compiled {
     Constant([f32; 4]),
-    /// Images that share a grid find the same texels at the same coordinates.
+    /// Images with the same `grid` have the same texel indices at the same coordinates.
     Image {
         lookup: ImageLookup,
         coordinates: TextureCoordinates,
@@ -410,11 +410,11 @@ enum Compiled {
         inverse_size: f32,
         coordinates: TextureCoordinates,
     },
-    /// Two textures by a third.
+    /// Two textures and the factor that mixes them.
     Mix([u32; 3]),
     Nodes(Arc<Program>),
     Normal,
-    /// By the cosine, from 0 to 1; two colours or more.
+    /// Colours by viewing cosine, evenly spaced from 0 to 1; at least two.
     Facing(Arc<[[f32; 3]]>),
     Spectrum(Spectrum),
     Noise {
@@ -428,7 +428,7 @@ enum Compiled {
 }
 
 impl Compiled {
-    /// Textures that it is made of, directly, by number.
+    /// Indices of the textures nested directly in it.
     fn parts(&self) -> Vec<u32> {
         match self {
             Compiled::Checker { even, odd, .. } => vec![*even, *odd],
@@ -439,9 +439,9 @@ impl Compiled {
     }
 }
 
-// Constant folding of nested textures, mixes, and rejection of cycles.
+// Constant folding of nested textures, and removal of cycles.
 
-/// A checker of two equal constants is a constant, and so is a mix of constants.
+/// Folds checkers of two equal constants and mixes of constants.
 fn fold_constants(textures: &mut [Compiled]) {
     for _ in 0..MAX_TEXTURE_NESTING {
         for i in 0..textures.len() {
@@ -454,7 +454,7 @@ fn fold_constants(textures: &mut [Compiled]) {
                 Compiled::Checker { even, odd, .. } => value(even).filter(|even| value(odd) == Some(*even)),
                 Compiled::Mix(parts) => {
                     let [a, b, factor] = parts.map(value);
-                    a.zip(b).zip(factor).map(|((a, b), factor)| mixed(a, b, factor))
+                    a.zip(b).zip(factor).map(|((a, b), factor)| mix_by_channel(a, b, factor))
                 }
                 _ => None,
             };
@@ -465,9 +465,9 @@ fn fold_constants(textures: &mut [Compiled]) {
     }
 }
 
-/// Textures that contain themselves, or too many others, become black where lookups follow them without a bound.
-fn cut_endless_mixes(textures: &mut [Compiled]) {
-    if !textures.iter().any(is_followed) {
+/// Makes mixes and node graphs black that contain themselves or are nested too deeply: their lookups recurse without a limit.
+fn break_cycles(textures: &mut [Compiled]) {
+    if !textures.iter().any(is_recursive) {
         return;
     }
     let mut depths = vec![1; textures.len()];
@@ -478,39 +478,39 @@ fn cut_endless_mixes(textures: &mut [Compiled]) {
         }
     }
     for (texture, depth) in textures.iter_mut().zip(depths) {
-        if is_followed(texture) && depth > MAX_TEXTURE_NESTING {
+        if is_recursive(texture) && depth > MAX_TEXTURE_NESTING {
             *texture = Compiled::Constant([0.0, 0.0, 0.0, 1.0]);
         }
     }
 }
 
-/// Do lookups follow all its parts?
-fn is_followed(texture: &Compiled) -> bool {
+/// Do lookups recurse into all nested textures?
+fn is_recursive(texture: &Compiled) -> bool {
     matches!(texture, Compiled::Mix(_) | Compiled::Nodes(_))
 }
 
-/// `a + factor (b - a)` by channel; alpha by the mean of the factor's colours.
-fn mixed(a: [f32; 4], b: [f32; 4], [red, green, blue, _]: [f32; 4]) -> [f32; 4] {
-    let share = [red, green, blue, (red + green + blue) / 3.0];
-    std::array::from_fn(|i| a[i] + share[i] * (b[i] - a[i]))
+/// `a + factor (b - a)` by channel; the factor of alpha is the mean of the others.
+fn mix_by_channel(a: [f32; 4], b: [f32; 4], [red, green, blue, _]: [f32; 4]) -> [f32; 4] {
+    let factors = [red, green, blue, (red + green + blue) / 3.0];
+    std::array::from_fn(|i| a[i] + factors[i] * (b[i] - a[i]))
 }
 
-// Lookup of all textures of a material at one point; shared texels and coordinates are computed once.
+// Lookup of all textures of a material at one point.
 
-/// Reads textures at a point. Materials ask for one texture several times (a channel each), and their textures mostly
-/// have one size and one set of coordinates: the last value and the last texels found are kept.
+/// Reads textures at a point. Caches the last value, since materials read several channels of one texture, and the last
+/// texel indices, since textures of a material mostly have the same size and coordinates.
 #[derive(Debug)]
 pub struct PointReader<'a> {
     textures: &'a CompiledTextures,
     point: TexturePoint,
     hit: Option<&'a HitData<'a>>,
     last: Cell<(u32, [f32; 4])>,
-    /// By the parity of the level: a lookup takes texels of at most two levels, which follow each other.
+    /// Texels of the last lookup, by parity of the mip level: a lookup uses at most two successive levels.
     taps: [Cell<(u64, Taps)>; 2],
 }
 
 impl<'a> PointReader<'a> {
-    /// Textures at a point.
+    /// A reader of textures at a point.
     #[inline(always)]
     pub fn new(textures: &'a CompiledTextures, point: TexturePoint) -> PointReader<'a> {
         let nothing = (u64::MAX, Taps::default());
@@ -518,7 +518,7 @@ impl<'a> PointReader<'a> {
         PointReader { textures, point, hit: None, last: Cell::new((u32::MAX, [0.0; 4])), taps }
     }
 
-    /// With the data of a hit that node graphs read.
+    /// The reader with the hit data that node graphs read.
     #[inline(always)]
     pub fn with_hit(self, hit: Option<&'a HitData<'a>>) -> PointReader<'a> {
         PointReader { hit, ..self }
@@ -536,13 +536,13 @@ impl<'a> PointReader<'a> {
         value
     }
 
-    /// A texture times a factor in the lanes of a path: a spectrum, or that of a colour.
+    /// A texture times a factor at a path's wavelengths: a spectral texture exactly, a colour by uplifting to a reflectance spectrum.
     pub fn by_wavelength(&self, id: TextureId, factor: Rgb, waves: &Wavelengths) -> Rgb {
         let mut at = id;
         for _ in 0..MAX_TEXTURE_NESTING {
             match self.textures.textures.get(at.index()) {
                 Some(Compiled::Checker { even, odd, inverse_size, coordinates }) => {
-                    let is_odd = checker_is_odd(coordinates, *inverse_size, &self.moved());
+                    let is_odd = checker_is_odd(coordinates, *inverse_size, &self.scene_point());
                     at = TextureId(if is_odd { *odd } else { *even });
                 }
                 Some(Compiled::Spectrum(spectrum)) => {
@@ -560,7 +560,7 @@ impl<'a> PointReader<'a> {
         for _ in 0..MAX_TEXTURE_NESTING {
             match self.textures.textures.get(at) {
                 Some(Compiled::Checker { even, odd, inverse_size, coordinates }) => {
-                    let is_odd = checker_is_odd(coordinates, *inverse_size, &self.moved());
+                    let is_odd = checker_is_odd(coordinates, *inverse_size, &self.scene_point());
                     at = if is_odd { *odd } else { *even } as usize;
                 }
                 Some(Compiled::Constant(c)) => return *c,
@@ -568,7 +568,7 @@ impl<'a> PointReader<'a> {
                     return self.image(lookup, map, *grid);
                 }
                 Some(Compiled::Image { lookup, coordinates, .. }) => {
-                    return projected(lookup, coordinates, &self.moved());
+                    return projected(lookup, coordinates, &self.scene_point());
                 }
                 Some(Compiled::Spectrum(spectrum)) => return rgba(spectrum),
                 Some(Compiled::Normal) => {
@@ -579,7 +579,7 @@ impl<'a> PointReader<'a> {
                 Some(Compiled::Nodes(program)) => return self.nodes(program),
                 Some(Compiled::Facing(colors)) => return color_by_cosine(colors, self.point.cosine),
                 Some(Compiled::Noise { kind, frequency, octaves, low, high, seed }) => {
-                    let value = noise_value(*kind, self.moved().world * *frequency, *octaves, *seed);
+                    let value = noise_value(*kind, self.scene_point().world * *frequency, *octaves, *seed);
                     let [r, g, b] = std::array::from_fn(|i| low[i] + value * (high[i] - low[i]));
                     return [r, g, b, 1.0];
                 }
@@ -589,13 +589,13 @@ impl<'a> PointReader<'a> {
         [0.0, 0.0, 0.0, 1.0]
     }
 
-    /// The vector that a graph gives, in the scene's world; `None` of other textures.
+    /// The vector result of a node graph, world space; `None` for other textures.
     pub fn vector(&self, id: TextureId) -> Option<Vec3> {
         let Some(Compiled::Nodes(program)) = self.textures.textures.get(id.index()) else { return None };
         Some(Vec3::from_array(program.as_vector(self.result(program))))
     }
 
-    /// Is the back seen, as far as graphs know?
+    /// Is the hit on a back face? False without hit data.
     pub fn is_back(&self) -> bool {
         self.hit.is_some_and(|hit| hit.is_back)
     }
@@ -606,10 +606,10 @@ impl<'a> PointReader<'a> {
         [r, g, b, 1.0]
     }
 
-    /// The result of a graph here.
+    /// The result of a node graph at the point.
     fn result(&self, program: &Program) -> [f32; 3] {
         program.at(
-            self.moved(),
+            self.scene_point(),
             self.hit,
             &|texture| self.look_up(texture),
             &|texture, reading, uv, footprint| self.textures.image_of_node(texture, reading, uv, footprint),
@@ -619,12 +619,12 @@ impl<'a> PointReader<'a> {
     #[inline(never)]
     fn mix(&self, parts: [u32; 3]) -> [f32; 4] {
         let [a, b, factor] = parts.map(|part| self.look_up(TextureId(part)));
-        mixed(a, b, factor)
+        mix_by_channel(a, b, factor)
     }
 
-    /// The point in the world as it was before `compile` moved it.
+    /// The point in the original scene's world space, before `compile` moved it.
     #[inline(always)]
-    fn moved(&self) -> TexturePoint {
+    fn scene_point(&self) -> TexturePoint {
         TexturePoint { world: self.point.world + self.textures.world_offset, ..self.point }
     }
 
@@ -632,8 +632,8 @@ impl<'a> PointReader<'a> {
     fn image(&self, lookup: &ImageLookup, map: &UvMap, grid: u32) -> [f32; 4] {
         lookup.eval_by(map.footprint(&self.point), |image, level| {
             let key = u64::from(grid) << 32 | level as u64;
-            let (known, taps) = self.taps[level % 2].get();
-            if known == key {
+            let (cached_key, taps) = self.taps[level % 2].get();
+            if cached_key == key {
                 return taps;
             }
             let taps = lookup.taps(image, map.apply(&self.point));
@@ -644,20 +644,20 @@ impl<'a> PointReader<'a> {
 }
 
 impl CompiledTextures {
-    /// Linear RGBA of a point of a texture with one set of texture coordinates.
+    /// Linear RGBA of a texture at a point without footprint, both UV sets being `uv`.
     #[inline]
     pub fn eval(&self, id: TextureId, uv: Vec2, world: Vec3) -> [f32; 4] {
         self.eval_at(id, &TexturePoint { uv: [uv, uv], world, ..TexturePoint::default() })
     }
 
-    /// Linear RGBA of a texture.
+    /// Linear RGBA of a texture at a point.
     #[inline]
     pub fn eval_at(&self, id: TextureId, point: &TexturePoint) -> [f32; 4] {
         PointReader::new(self, *point).eval(id)
     }
 }
 
-/// An image whose coordinates come from the point's place in the world.
+/// Linear RGBA of an image with UV, world or triplanar coordinates.
 fn projected(lookup: &ImageLookup, coordinates: &TextureCoordinates, point: &TexturePoint) -> [f32; 4] {
     match coordinates {
         TextureCoordinates::Uv(map) => lookup.eval(map.apply(point), map.footprint(point)),

@@ -1,13 +1,13 @@
-//! Gradient noise (Perlin 2002, "Improving Noise") on a lattice without a period: gradients come from an integer hash
-//! of the cell's coordinates instead of a table of 256.
+//! Gradient noise (Perlin 2002, "Improving Noise") on a lattice without a short period: gradients are selected by an
+//! integer hash of the cell's coordinates instead of a permutation table of 256 entries.
 
 use crate::math::{Vec3, poly};
 
-/// Largest magnitude of the unscaled noise: with the twelve edge gradients it is just above 1.
+/// Scales the noise to -1..1: with the twelve edge gradients its largest magnitude is just above 1.
 const SCALE: f32 = 0.96;
 
-/// Mixes lattice coordinates and a seed: each is folded in and spread by the finaliser of MurmurHash3 (Appleby), a
-/// bijection of 32 bits.
+/// Hash of lattice coordinates and a seed, combined one by one with the finaliser of MurmurHash3 (Appleby), a bijection
+/// of 32 bits.
 #[inline(always)]
 fn hash(x: i32, y: i32, z: i32, seed: u32) -> u32 {
     let mix = |h: u32| {
@@ -19,10 +19,10 @@ fn hash(x: i32, y: i32, z: i32, seed: u32) -> u32 {
     step(step(step(seed ^ 0x5bd1_e995, x), y), z)
 }
 
-/// Dot product of the offset with one of the twelve vectors to the edges of a cube, four of them twice.
+/// Dot product of the offset with one of the twelve vectors from the centre to the edge midpoints of a cube.
 #[inline(always)]
 fn gradient(hash: u32, d: Vec3) -> f32 {
-    // The high bits choose one of twelve evenly.
+    // Maps the hash to 0..12 uniformly by its high bits.
     let k = ((u64::from(hash) * 12) >> 32) as u32;
     let (a, b) = match k >> 2 {
         0 => (d.x, d.y),
@@ -33,8 +33,8 @@ fn gradient(hash: u32, d: Vec3) -> f32 {
     flip(a, k & 1) + flip(b, k & 2)
 }
 
-/// The lattice cell of a coordinate and the place in it. Coordinates wrap around at 2^31 cells; f32 has no fractions
-/// that far out.
+/// The lattice cell of a coordinate and the position in it, 0..1. Cells wrap around at 2^31, where f32 has no fractional
+/// part.
 #[inline(always)]
 fn cell(x: f32) -> (i32, f32) {
     let floor = x.floor();
@@ -58,8 +58,8 @@ pub fn perlin(p: Vec3, seed: u32) -> f32 {
     SCALE * lerp(face(0), face(1), w)
 }
 
-/// Sum of |noise| over octaves that halve in size and strength. Every octave has a lattice of its own, shifted, so that
-/// the zeros at lattice points don't add up.
+/// Sum of |noise| over octaves, each of half the scale and amplitude of the last. Lattices are shifted by octave, so that
+/// their zeros don't coincide.
 #[inline]
 pub fn turbulence(p: Vec3, octaves: u32, seed: u32) -> f32 {
     let (mut sum, mut weight, mut scale) = (0.0, 1.0, 1.0);
@@ -72,7 +72,7 @@ pub fn turbulence(p: Vec3, octaves: u32, seed: u32) -> f32 {
     sum
 }
 
-/// A sine wave along z with a wavelength of 2 pi cells whose phase turbulence shifts by up to ten radians, 0..1
+/// A sine wave along z, 0..1, with a wavelength of 2 pi cells, whose phase is shifted by ten radians times the turbulence
 /// (Perlin 1985, "An Image Synthesizer").
 #[inline]
 pub fn marble(p: Vec3, octaves: u32, seed: u32) -> f32 {
@@ -115,7 +115,7 @@ mod tests {
     }
 
     #[test]
-    fn neither_256_cells_nor_another_seed_repeat() {
+    fn noise_has_no_period_of_256_and_depends_on_the_seed() {
         let different =
             |f: &dyn Fn(Vec3) -> f32| points(1000).filter(|&p| (perlin(p, 4) - f(p)).abs() > 1e-3).count();
         assert!(different(&|p| perlin(p + Vec3::X * 256.0, 4)) > 950);
@@ -126,7 +126,7 @@ mod tests {
     }
 
     #[test]
-    fn one_octave_of_turbulence_is_the_magnitude_of_noise() {
+    fn one_octave_of_turbulence_is_the_absolute_noise() {
         for p in points(100) {
             assert_eq!(turbulence(p, 1, 9), perlin(p, 9).abs());
             assert!((0.0..=1.0).contains(&marble(p, 7, 9)));

@@ -1,16 +1,16 @@
-//! Lossless compression of mip levels in which every texel can be read by itself.
+//! Lossless compression of mip levels with random access to texels.
 //
-// A level is cut into tiles of 64 x 64 texels, and a tile into blocks of 8 x 8. A block stores the least value of each channel and the
-// differences to it, each in as many bits as the largest needs ("frame of reference": Goldstein, Ramakrishnan, Shaft 1998, "Compressing
-// Relations and Indexes"). Floats are stored by their bit patterns, without the trailing zeros that all of a block have: many, where they come
-// from half floats or Radiance files. Photographs take 30 to 70 % of their pixels, smooth pictures 4 to 10 %; a texel is found by a few
-// additions, without decoding its neighbours. Tried and lost: Huffman codes of predicted residuals, which take 0 to 15 % less, but 15 us a
-// tile before its first texel is known.
+// A level is cut into tiles of 64 x 64 texels, and a tile into blocks of 8 x 8. A block stores the minimum of each channel and the
+// differences from it, each in as many bits as the largest needs ("frame of reference": Goldstein, Ramakrishnan, Shaft 1998, "Compressing
+// Relations and Indexes"). Floats are stored by their bit patterns, without the trailing zero bits common to a block: many, if they were
+// converted from half floats or Radiance files. Photographs are compressed to 30 to 70 %, smooth images to 4 to 10 %; a texel is decoded by a
+// few additions, without its neighbours. Tried and rejected: Huffman codes of predicted residuals, which are 0 to 15 % smaller, but take
+// 15 us to decode a tile before its first texel is known.
 //
-// Layout of a tile, little-endian: 64 offsets of blocks as u16, counted from the start of the tile, in bytes (floats: in eights of bytes);
-// the blocks; 8 bytes of 0, so that eight bytes can be read at each difference, also at those of no bits behind the last block. Layout
-// of a block: for each channel the least value (1, 2 or 4 bytes) and the number of bits of a difference (a byte), for floats also the
-// number of zeros that were left out (a byte) and 2 bytes of 0; then 64 differences for each channel, row by row.
+// Layout of a tile, little-endian: 64 offsets of blocks from the start of the tile as u16, in bytes (floats: in units of 8 bytes); the
+// blocks; 8 zero bytes, so that eight bytes can be read at each difference, even at zero-bit differences after the last block. Layout
+// of a block: for each channel the minimum (1, 2 or 4 bytes) and the number of bits of a difference (1 byte), for floats also the
+// number of omitted zero bits (1 byte) and 2 zero bytes; then 64 differences for each channel, row by row.
 
 use super::pyramid::Threads;
 use super::store::{Store, TileKey, TileRow};
@@ -19,22 +19,22 @@ use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Width and height of a tile; those at the right and lower border are smaller.
+/// Width and height of a tile, texels; tiles at the right and lower border are smaller.
 pub(super) const SIDE: u32 = 64;
 
-/// Width and height of a block.
+/// Width and height of a block, texels.
 const BLOCK: u32 = 8;
 
 /// Texels of a block.
-const TEXELS: usize = (BLOCK * BLOCK) as usize;
+const BLOCK_TEXELS: usize = (BLOCK * BLOCK) as usize;
 
-/// Blocks in a row of a tile.
-const ACROSS: u32 = SIDE / BLOCK;
+/// Blocks along a side of a tile.
+const BLOCKS_ACROSS: u32 = SIDE / BLOCK;
 
-/// Bytes of the offsets of a tile's blocks.
-const OFFSETS: usize = (ACROSS * ACROSS) as usize * 2;
+/// Size of the offsets of a tile's blocks, bytes.
+const OFFSETS_BYTES: usize = (BLOCKS_ACROSS * BLOCKS_ACROSS) as usize * 2;
 
-/// The type of a stored number.
+/// The type of a stored component.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Number {
     U8,
@@ -51,7 +51,7 @@ impl Number {
         }
     }
 
-    /// Bytes of a channel's header in a block.
+    /// Size of a channel's header in a block, bytes.
     const fn header(self) -> usize {
         match self {
             Number::U8 => 2,
@@ -66,7 +66,7 @@ impl Number {
     }
 }
 
-/// How texels are stored.
+/// Channels, component type and encoding of texels.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Format {
     channels: u32,
@@ -75,7 +75,7 @@ pub(super) struct Format {
 }
 
 impl Format {
-    /// The format of an image that is not encoded.
+    /// The format of a decoded image.
     fn of(image: &Image) -> Format {
         let number = match *image.pixels {
             Pixels::U8(_) | Pixels::Encoded(_) => Number::U8,
@@ -85,7 +85,7 @@ impl Format {
         Format { channels: image.channels, number, encoding: image.encoding }
     }
 
-    /// The texel at a position in a tile, as linear RGBA. Black where bytes are missing.
+    /// Linear RGBA of the texel at a position in a tile; black if bytes are missing.
     #[inline]
     pub fn texel(self, tile: &[u8], x: u32, y: u32) -> [f32; 4] {
         let n = self.channels as usize;
@@ -105,11 +105,11 @@ impl Format {
         }
     }
 
-    /// The stored numbers, each of `BYTES` bytes, for floats their bit patterns; `None` where bytes are missing.
+    /// The components of a texel, of `BYTES` bytes each, floats as bit patterns; `None` if bytes are missing.
     #[inline]
     fn codes<const BYTES: usize>(self, tile: &[u8], x: u32, y: u32) -> Option<[u32; 4]> {
         let (channels, header) = (self.channels as usize, self.number.header());
-        let block = (y / BLOCK * ACROSS + x / BLOCK) as usize;
+        let block = (y / BLOCK * BLOCKS_ACROSS + x / BLOCK) as usize;
         let texel = (y % BLOCK * BLOCK + x % BLOCK) as usize;
         let offset = u16::from_le_bytes(tile.get(block * 2..block * 2 + 2)?.try_into().ok()?);
         let start = usize::from(offset) * self.number.step();
@@ -117,15 +117,16 @@ impl Format {
         let headers = tile.get(start..bits)?;
         let mut codes = [0; 4];
         for (code, header) in codes.iter_mut().zip(headers.chunks_exact(header)) {
-            let least = header[..BYTES].iter().rev().fold(0u32, |least, &byte| least << 8 | u32::from(byte));
+            let minimum =
+                header[..BYTES].iter().rev().fold(0u32, |minimum, &byte| minimum << 8 | u32::from(byte));
             let width = usize::from(header[BYTES].min(BYTES as u8 * 8));
             let zeros = if BYTES == 4 { u32::from(header[5].min(31)) } else { 0 };
             let bit = texel * width;
             let at = bits + bit / 8;
-            let eight = u64::from_le_bytes(tile.get(at..at + 8)?.try_into().ok()?);
-            let difference = (eight >> (bit % 8) & ((1 << width) - 1)) as u32;
-            *code = least.wrapping_add(difference << zeros);
-            bits += width * TEXELS / 8;
+            let chunk = u64::from_le_bytes(tile.get(at..at + 8)?.try_into().ok()?);
+            let difference = (chunk >> (bit % 8) & ((1 << width) - 1)) as u32;
+            *code = minimum.wrapping_add(difference << zeros);
+            bits += width * BLOCK_TEXELS / 8;
         }
         Some(codes)
     }
@@ -135,14 +136,14 @@ impl Format {
 #[derive(Debug)]
 pub(super) struct PackedLevel {
     format: Format,
-    /// Rows of tiles.
+    /// Rows of tiles, from the top down.
     rows: Vec<PackedRow>,
 }
 
-/// A row of tiles.
+/// A row of compressed tiles.
 #[derive(Debug)]
 struct PackedRow {
-    /// Where each tile ends.
+    /// End of each tile in the row's bytes.
     ends: Vec<u32>,
     bytes: TileRow,
 }
@@ -154,16 +155,16 @@ impl PackedRow {
     }
 }
 
-/// A level of floats that is compressed while its rows arrive, from the top down.
+/// Compresses a float level while its rows are added, from the top down.
 #[derive(Debug)]
 pub(super) struct Packing {
-    /// Its size and its format; the pixels are rows that wait until there are enough for tiles.
+    /// Size and format of the level; the pixels are the rows of the next, still incomplete row of tiles.
     waiting: Image,
     rows: Vec<PackedRow>,
 }
 
 impl Packing {
-    /// A level of the size and the format of an image, whose pixels don't matter.
+    /// Starts a level with the size and the format of `level`, whose pixels are ignored.
     pub fn new(level: Image) -> Packing {
         Packing { waiting: Image { pixels: Arc::new(Pixels::F32(Vec::new())), ..level }, rows: Vec::new() }
     }
@@ -187,13 +188,13 @@ impl Packing {
         }
     }
 
-    /// The level, once all its rows were added.
+    /// The level, after all its rows have been added.
     pub fn finish(self) -> PackedLevel {
         PackedLevel { format: Format::of(&self.waiting), rows: self.rows }
     }
 }
 
-/// The tiles of as many rows as an image has; its height is that of the level.
+/// The row of tiles of a strip, which has as many rows as its pixels; `strip.height` is the height of the level.
 fn packed_strip(strip: &Image, threads: Threads, store: &Store) -> PackedRow {
     let rows = match &*strip.pixels {
         Pixels::F32(numbers) => numbers.len() / (strip.width * strip.channels) as usize,
@@ -212,27 +213,27 @@ fn packed_strip(strip: &Image, threads: Threads, store: &Store) -> PackedRow {
     PackedRow { ends: ends.collect(), bytes: store.keep(tiles.concat()) }
 }
 
-fn packed_tile(level: &Image, place: [u32; 2]) -> Vec<u8> {
+fn packed_tile(level: &Image, tile: [u32; 2]) -> Vec<u8> {
     let mut bytes = Vec::new();
-    pack(level, place, &mut bytes);
+    pack(level, tile, &mut bytes);
     bytes
 }
 
 impl PackedLevel {
-    /// Compresses a level (an undecoded one to black). The store decides where the bytes lie.
+    /// Compresses a level (an encoded one to black) into a store, on this thread.
     pub fn new(level: &Image, store: &Store) -> PackedLevel {
         let rows = (0..level.height.div_ceil(SIDE)).map(|row| packed_row(level, row, store)).collect();
         PackedLevel { format: Format::of(level), rows }
     }
 
-    /// A packed level, with the help of other threads.
+    /// Compresses a level into a store, on all threads.
     pub fn new_by_all_threads(level: &Image, store: &Store) -> PackedLevel {
         let rows = 0..level.height.div_ceil(SIDE);
         let rows = rows.into_par_iter().map(|row| packed_row(level, row, store)).collect();
         PackedLevel { format: Format::of(level), rows }
     }
 
-    /// The texel at a position, as linear RGBA; `id` names the level among all that the store has tiles of.
+    /// Linear RGBA of the texel at a position; `id` identifies the level in the store.
     #[inline]
     pub fn texel(&self, x: u32, y: u32, id: u64, store: &Store) -> [f32; 4] {
         let (column, row) = (x / SIDE, y / SIDE);
@@ -248,7 +249,7 @@ impl PackedLevel {
         }
     }
 
-    /// Bytes of memory.
+    /// Size in memory, bytes.
     pub fn bytes(&self) -> usize {
         let of_row = |row: &PackedRow| match &row.bytes {
             TileRow::Memory(bytes) => bytes.len() + row.ends.len() * size_of::<u32>(),
@@ -267,33 +268,27 @@ fn packed_row(level: &Image, row: u32, store: &Store) -> PackedRow {
     PackedRow { ends, bytes: store.keep(bytes) }
 }
 
-/// Adds a tile to those of its row; none of a level that is still encoded.
-fn pack(level: &Image, place: [u32; 2], out: &mut Vec<u8>) {
+/// Appends a compressed tile to its row; nothing for an encoded level.
+fn pack(level: &Image, tile: [u32; 2], out: &mut Vec<u8>) {
     match &*level.pixels {
-        Pixels::U8(data) => pack_tile(data, level, place, |v| v.into(), out),
-        Pixels::U16(data) => pack_tile(data, level, place, |v| v.into(), out),
-        Pixels::F32(data) => pack_tile(data, level, place, f32::to_bits, out),
+        Pixels::U8(data) => pack_tile(data, level, tile, |v| v.into(), out),
+        Pixels::U16(data) => pack_tile(data, level, tile, |v| v.into(), out),
+        Pixels::F32(data) => pack_tile(data, level, tile, f32::to_bits, out),
         Pixels::Encoded(_) => {}
     }
 }
 
-/// Adds a tile to those of its row; `code` gives the bits of a number.
-fn pack_tile<T: Copy>(
-    data: &[T],
-    level: &Image,
-    place: [u32; 2],
-    code: impl Fn(T) -> u32,
-    out: &mut Vec<u8>,
-) {
+/// Appends a compressed tile to its row; `code` gives the bits of a component.
+fn pack_tile<T: Copy>(data: &[T], level: &Image, tile: [u32; 2], code: impl Fn(T) -> u32, out: &mut Vec<u8>) {
     match level.channels {
-        1 => pack_tile_of::<T, 1>(data, level, place, code, out),
-        2 => pack_tile_of::<T, 2>(data, level, place, code, out),
-        3 => pack_tile_of::<T, 3>(data, level, place, code, out),
-        _ => pack_tile_of::<T, 4>(data, level, place, code, out),
+        1 => pack_tile_of::<T, 1>(data, level, tile, code, out),
+        2 => pack_tile_of::<T, 2>(data, level, tile, code, out),
+        3 => pack_tile_of::<T, 3>(data, level, tile, code, out),
+        _ => pack_tile_of::<T, 4>(data, level, tile, code, out),
     }
 }
 
-/// Packs a tile of `N` channels.
+/// Appends a compressed tile of `N` channels to its row.
 fn pack_tile_of<T: Copy, const N: usize>(
     data: &[T],
     level: &Image,
@@ -304,12 +299,12 @@ fn pack_tile_of<T: Copy, const N: usize>(
     let number = Format::of(level).number;
     let texels = data.as_chunks::<N>().0;
     let start = out.len();
-    out.resize(start + OFFSETS, 0);
+    out.resize(start + OFFSETS_BYTES, 0);
     let side = |at: u32, size: u32| (size - at * SIDE).min(SIDE);
     let (width, height) = (side(column, level.width), side(row, level.height));
     for y in (0..height).step_by(BLOCK as usize) {
         for x in (0..width).step_by(BLOCK as usize) {
-            let block = (y / BLOCK * ACROSS + x / BLOCK) as usize;
+            let block = (y / BLOCK * BLOCKS_ACROSS + x / BLOCK) as usize;
             let offset = (((out.len() - start) / number.step()) as u16).to_le_bytes();
             out[start + block * 2..start + block * 2 + 2].copy_from_slice(&offset);
             let first = (row * SIDE + y) as usize * level.width as usize + (column * SIDE + x) as usize;
@@ -321,15 +316,15 @@ fn pack_tile_of<T: Copy, const N: usize>(
     out.extend([0; 8]);
 }
 
-/// The numbers of each channel of a block, whose first texel is the first one of `texels`. Those beyond the border of a level repeat it.
+/// The components of a block by channel; its first texel is the first of `texels`. Texels beyond the border of a level repeat the first one.
 #[inline]
 fn block_of<T: Copy, const N: usize>(
     texels: &[[T; N]],
     row_length: usize,
     [width, height]: [usize; 2],
     code: impl Fn(T) -> u32,
-) -> [[u32; TEXELS]; N] {
-    let mut values = texels[0].map(|value| [code(value); TEXELS]);
+) -> [[u32; BLOCK_TEXELS]; N] {
+    let mut values = texels[0].map(|value| [code(value); BLOCK_TEXELS]);
     for line in 0..height {
         let from = &texels[line * row_length..][..width];
         for (column, texel) in from.iter().enumerate() {
@@ -341,10 +336,10 @@ fn block_of<T: Copy, const N: usize>(
     values
 }
 
-fn pack_block<const N: usize>(channels: &[[u32; TEXELS]; N], number: Number, out: &mut Vec<u8>) {
+fn pack_block<const N: usize>(channels: &[[u32; BLOCK_TEXELS]; N], number: Number, out: &mut Vec<u8>) {
     let frames = channels.each_ref().map(|values| Frame::of(values, number));
     for frame in &frames {
-        out.extend(&frame.least.to_le_bytes()[..number.bytes()]);
+        out.extend(&frame.minimum.to_le_bytes()[..number.bytes()]);
         out.extend(&[frame.width as u8, frame.zeros as u8, 0, 0][..number.header() - number.bytes()]);
     }
     for (values, frame) in channels.iter().zip(&frames) {
@@ -352,35 +347,35 @@ fn pack_block<const N: usize>(channels: &[[u32; TEXELS]; N], number: Number, out
     }
 }
 
-/// The frame of reference of a channel in a block.
+/// The frame of reference of a channel in a block: differences from `minimum` are stored.
 struct Frame {
-    least: u32,
-    /// Lowest bits that are not stored, since no two numbers differ in them; of floats alone.
+    minimum: u32,
+    /// Number of lowest bits that are omitted, since they are equal in all values; 0 except for floats.
     zeros: u32,
-    /// Bits of the largest difference without those.
+    /// Bits of a stored difference.
     width: u32,
 }
 
 impl Frame {
-    fn of(values: &[u32; TEXELS], number: Number) -> Frame {
-        let (mut least, mut most, mut differing) = (u32::MAX, 0, 0);
+    fn of(values: &[u32; BLOCK_TEXELS], number: Number) -> Frame {
+        let (mut minimum, mut maximum, mut differing) = (u32::MAX, 0, 0);
         for &value in values {
-            (least, most) = (value.min(least), value.max(most));
+            (minimum, maximum) = (value.min(minimum), value.max(maximum));
             differing |= value ^ values[0];
         }
         let zeros = if number == Number::F32 { differing.trailing_zeros().min(31) } else { 0 };
-        Frame { least, zeros, width: u32::BITS - ((most - least) >> zeros).leading_zeros() }
+        Frame { minimum, zeros, width: u32::BITS - ((maximum - minimum) >> zeros).leading_zeros() }
     }
 }
 
-/// Appends the differences to the least value in the bits of a frame of reference.
-fn pack_bits(values: &[u32; TEXELS], &Frame { least, zeros, width }: &Frame, out: &mut Vec<u8>) {
+/// Appends the differences from the minimum, with the number of bits of the frame of reference.
+fn pack_bits(values: &[u32; BLOCK_TEXELS], &Frame { minimum, zeros, width }: &Frame, out: &mut Vec<u8>) {
     // Eight differences at a time fill whole bytes.
-    for eight in values.chunks_exact(8).filter(|_| width > 0) {
+    for chunk in values.chunks_exact(8).filter(|_| width > 0) {
         let (mut packed, mut at) = ([0; 40], 0);
         let (mut bits, mut count) = (0u64, 0);
-        for &value in eight {
-            bits |= u64::from((value - least) >> zeros) << count;
+        for &value in chunk {
+            bits |= u64::from((value - minimum) >> zeros) << count;
             count += width;
             if count >= 32 {
                 packed[at..at + 4].copy_from_slice(&(bits as u32).to_le_bytes());
@@ -396,16 +391,16 @@ fn pack_bits(values: &[u32; TEXELS], &Frame { least, zeros, width }: &Frame, out
 mod tests {
     use super::*;
 
-    const ALL: [Number; 3] = [Number::U8, Number::U16, Number::F32];
+    const NUMBERS: [Number; 3] = [Number::U8, Number::U16, Number::F32];
 
-    /// A level of some texture with noise, of any numbers.
+    /// A level with a noisy pattern.
     fn level(width: u32, height: u32, channels: u32, number: Number) -> Image {
         let count = width * height * channels;
         let value = |i: u32| (i.wrapping_mul(2_654_435_761) >> 20) ^ (i / 7);
         let pixels = match number {
             Number::U8 => Pixels::U8((0..count).map(|i| value(i) as u8).collect()),
             Number::U16 => Pixels::U16((0..count).map(|i| (value(i) * 31) as u16).collect()),
-            // Of both signs, with exponents far apart, and some of few digits.
+            // Of both signs, some with exponents far apart, some with few significant bits.
             Number::F32 => Pixels::F32((0..count).map(|i| float(i, value(i))).collect()),
         };
         let pixels = Arc::new(pixels);
@@ -421,17 +416,17 @@ mod tests {
         }
     }
 
-    /// A store that keeps at most this many bytes in memory.
+    /// A store with a memory limit.
     fn store(bytes: u64) -> Store {
         Store::new(bytes, 1 << 20)
     }
 
     #[test]
-    fn texels_are_those_of_the_level() {
-        // No two levels may have the same.
+    fn packed_texels_equal_those_of_the_level() {
+        // Ids are unique among the levels of all tests.
         let mut ids = 1 << 32..;
         for (width, height) in [(64, 64), (1, 1), (130, 65), (63, 200), (1, 129)] {
-            for (channels, number) in (1..=4).flat_map(|n| ALL.map(|number| (n, number))) {
+            for (channels, number) in (1..=4).flat_map(|n| NUMBERS.map(|number| (n, number))) {
                 let level = level(width, height, channels, number);
                 for room in [0, 60_000, 1 << 40] {
                     let (store, id) = (store(room), ids.next().expect("there are more"));
@@ -448,8 +443,9 @@ mod tests {
     #[test]
     fn differences_of_all_widths_are_lossless() {
         for bits in 0..=16u32 {
-            let most = ((1u32 << bits) - 1) as u16;
-            let value = |i: u32| 7u16.saturating_add(if i % 3 == 1 { most } else { most & (i * 977) as u16 });
+            let maximum = ((1u32 << bits) - 1) as u16;
+            let value =
+                |i: u32| 7u16.saturating_add(if i % 3 == 1 { maximum } else { maximum & (i * 977) as u16 });
             let pixels = Arc::new(Pixels::U16((0..64).map(value).collect()));
             let level = Image { pixels, ..level(8, 8, 1, Number::U16) };
             let store = store(1 << 20);
@@ -461,16 +457,16 @@ mod tests {
     }
 
     #[test]
-    fn smooth_images_take_less_room() {
+    fn smooth_images_are_compressed_more() {
         let codes = (0..256 * 256u32).map(|i| (i % 256 / 8 + i / 2048) as u8).collect();
         let smooth = Image { pixels: Arc::new(Pixels::U8(codes)), ..level(256, 256, 1, Number::U8) };
         assert!(PackedLevel::new(&smooth, &store(1 << 20)).bytes() < 256 * 256 / 6);
     }
 
     #[test]
-    fn lost_bytes_are_black() {
+    fn texels_with_missing_bytes_are_black() {
         for (number, tile) in
-            ALL.into_iter().flat_map(|n| [&[][..], &[0; 40], &[255; 200]].map(|tile| (n, tile)))
+            NUMBERS.into_iter().flat_map(|n| [&[][..], &[0; 40], &[255; 200]].map(|tile| (n, tile)))
         {
             let format = Format { channels: 3, number, encoding: Encoding::Srgb };
             let [.., alpha] = format.texel(tile, 63, 63);

@@ -1,4 +1,4 @@
-//! Mip maps (Williams 1983, "Pyramidal Parametrics") and texel decoding.
+//! Downsampling of mip levels (Williams 1983, "Pyramidal Parametrics"), and decoding of texels to linear values.
 
 use crate::color::{linear_from_srgb, srgb_from_linear, srgb_table};
 use crate::image::{Encoding, Image, Pixels};
@@ -6,24 +6,24 @@ use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
-/// Width and height of an image's levels, from itself down to one texel.
+/// Width and height of an image's mip levels, from the image itself to one texel.
 pub(super) fn sizes(width: u32, height: u32) -> impl Iterator<Item = [u32; 2]> {
     let next = |&[w, h]: &[u32; 2]| ([w, h] != [1, 1]).then(|| [(w / 2).max(1), (h / 2).max(1)]);
     std::iter::successors(Some([width, height]), next)
 }
 
-/// The next coarser level, in the image's own format: half the size, rounded down but at least 1. Each texel is the mean of the area
-/// that it covers, in linear values; colours weigh by their alpha, so that invisible ones don't bleed into others.
+/// The next coarser level in the image's own format: half the size, rounded down but at least 1. Each texel is the mean of linear values
+/// over the area that it covers (box filter); colours are weighted by alpha, so that transparent texels don't bleed into others.
 pub(super) fn halved(image: &Image) -> Image {
     halved_by(image, Threads::All)
 }
 
-/// The image halved without the help of other threads.
+/// The next coarser level, computed on this thread.
 pub(super) fn halved_by_one_thread(image: &Image) -> Image {
     halved_by(image, Threads::This)
 }
 
-/// Whether other threads help.
+/// The threads that a task may use.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Threads {
     All,
@@ -34,7 +34,7 @@ fn halved_by(image: &Image, threads: Threads) -> Image {
     halved_rows(image, [0, image.height], 0..(image.height / 2).max(1), threads)
 }
 
-/// Some rows of the next coarser level, made of those rows of an image of `height` rows that follow `first`.
+/// The rows `coarse` of the next coarser level of an image of `height` rows, of which `image` has those from `first` on.
 pub(super) fn halved_rows(
     image: &Image,
     [first, height]: [u32; 2],
@@ -61,13 +61,13 @@ pub(super) fn halved_rows(
     Image { name: image.name.clone(), width, height, pixels: Arc::new(pixels), ..*image }
 }
 
-/// The rows of a level of `height` rows that a row of the next coarser one is made of.
+/// The rows of a level of `height` rows that a row of the next coarser level covers.
 pub(super) fn covered(row: u32, height: u32) -> Range<u32> {
     let taps = BoxTaps::of_level(row, height);
     taps.first..taps.first + taps.count
 }
 
-/// The texels of a finer level that a coarser one's texel covers along one axis, and how much of each.
+/// The texels of a level that a texel of the next coarser level covers along one axis, and the covered fractions.
 #[derive(Clone, Copy)]
 struct BoxTaps {
     first: u32,
@@ -77,7 +77,7 @@ struct BoxTaps {
 
 impl BoxTaps {
     fn new(i: u32, coarse: u32, fine: u32) -> BoxTaps {
-        // Integers: texel i covers i * fine / coarse to (i + 1) * fine / coarse, at most three texels.
+        // In integers: texel i covers i * fine / coarse to (i + 1) * fine / coarse, at most three texels.
         let (from, to) = (u64::from(i) * u64::from(fine), (u64::from(i) + 1) * u64::from(fine));
         let coarse = u64::from(coarse);
         let first = from / coarse;
@@ -93,7 +93,7 @@ impl BoxTaps {
         taps
     }
 
-    /// The rows of a level of `fine` rows that a row of the next coarser level covers.
+    /// The taps along an axis where the finer level has `fine` texels.
     fn of_level(i: u32, fine: u32) -> BoxTaps {
         BoxTaps::new(i, (fine / 2).max(1), fine)
     }
@@ -103,12 +103,12 @@ impl BoxTaps {
     }
 }
 
-/// How the next coarser level is made of an image.
+/// Computes (rows of) the next coarser level of an image.
 struct Downsampling<'a> {
     image: &'a Image,
     columns: Vec<BoxTaps>,
     rows: Vec<BoxTaps>,
-    /// Every texel covers two by two.
+    /// Whether every texel covers exactly 2 x 2 finer ones.
     is_even: bool,
     threads: Threads,
 }
@@ -130,7 +130,7 @@ impl<'a> Downsampling<'a> {
         Downsampling { image, columns, rows: coarse.map(row).collect(), is_even, threads }
     }
 
-    /// All texels in the image's own format: colours by one function, alphas by the other.
+    /// All texels in the image's own format: `color` and `alpha` encode linear values.
     fn encoded<T>(&self, color: impl Fn(f32) -> T + Sync, alpha: impl Fn(f32) -> T + Sync) -> Vec<T>
     where
         T: bytemuck::Zeroable + Copy + Send,
@@ -177,7 +177,7 @@ impl<'a> Downsampling<'a> {
     }
 }
 
-/// Finds the linear texels of a row.
+/// Computes the linear mean values of a row.
 struct RowMeans<'a> {
     of: &'a Downsampling<'a>,
     row: &'a BoxTaps,
@@ -220,10 +220,10 @@ fn mean_of_four(texels: [[f32; 4]; 4]) -> [f32; 4] {
 #[inline(always)]
 fn mean_of(row: &BoxTaps, column: &BoxTaps, stride: usize, texels: &impl Texels) -> [f32; 4] {
     let (mut color, mut visible, mut alpha, mut total) = ([0.0f32; 3], [0.0f32; 3], 0.0, 0.0);
-    for (y, of_row) in row.iter() {
-        for (x, of_column) in column.iter() {
+    for (y, row_weight) in row.iter() {
+        for (x, column_weight) in column.iter() {
             let [r, g, b, a] = texels.texel(y * stride + x);
-            let weight = of_row * of_column;
+            let weight = row_weight * column_weight;
             total += weight;
             alpha += weight * a;
             for (i, c) in [r, g, b].into_iter().enumerate() {
@@ -240,12 +240,12 @@ fn code(linear: f32) -> u8 {
     (linear * 255.0 + 0.5) as u8
 }
 
-/// Finds sRGB codes without powers.
+/// Finds the nearest 8-bit sRGB codes by table.
 struct SrgbCodes {
-    /// Linear values where one code gives way to the next; none after the last.
+    /// By code: the linear value from which the next code is nearer; infinite for the last.
     limits: [f32; 256],
-    /// The code at the start of each interval, which are narrower than the linear values of any code: at most one limit
-    /// lies in each.
+    /// The code at the start of each of [`SrgbCodes::INTERVALS`] intervals, which are so narrow that each contains at most one
+    /// limit.
     starts: Vec<u8>,
 }
 
@@ -263,7 +263,7 @@ impl SrgbCodes {
         })
     }
 
-    /// The nearest code, as encoded.
+    /// The code nearest to a linear value in sRGB encoding.
     #[inline(always)]
     fn nearest(&self, linear: f32) -> u8 {
         let linear = linear.clamp(0.0, 1.0);
@@ -272,11 +272,11 @@ impl SrgbCodes {
     }
 }
 
-// Texels of an image decoded to linear values; the format is chosen once a lookup, not once a texel.
+// Decoding of texels to linear values; the format is dispatched once per lookup, not once per texel.
 
 /// Decodes texels of one format.
 pub(super) trait Texels: Sync {
-    /// The texel at a position in the image, counted row by row, as linear RGBA.
+    /// Linear RGBA of the texel at a row-major index in the image.
     fn texel(&self, at: usize) -> [f32; 4];
 }
 
@@ -289,13 +289,13 @@ pub(super) trait WithTexels {
     fn run(self, texels: impl Texels) -> Self::Output;
 }
 
-/// Lets `task` work on the texels of `image`.
+/// Runs `task` on the texels of `image`.
 #[inline(always)]
 pub(super) fn with_texels<T: WithTexels>(image: &Image, task: T) -> T::Output {
-    with_common_texels(image, task, |task| task.run(Any(image)))
+    with_common_texels(image, task, |task| task.run(AnyFormat(image)))
 }
 
-/// Lets `task` work on the texels of `image` if they are in memory and of a common format; else runs `otherwise`.
+/// Runs `task` on the texels of `image` if they are decoded and of a common format; else runs `otherwise`.
 #[inline(always)]
 pub(super) fn with_common_texels<T: WithTexels>(
     image: &Image,
@@ -320,7 +320,7 @@ pub(super) fn with_common_texels<T: WithTexels>(
 /// 8-bit texels of `N` channels.
 struct Bytes<'a, const N: usize> {
     data: &'a [u8],
-    /// Linear values of the codes of all channels but alpha.
+    /// Linear value by code, of all channels but alpha.
     color: &'static [f32; 256],
 }
 
@@ -352,10 +352,10 @@ impl Texels for Floats<'_> {
     }
 }
 
-/// Rare formats.
-struct Any<'a>(&'a Image);
+/// Texels of any format, decoded one by one.
+struct AnyFormat<'a>(&'a Image);
 
-impl Texels for Any<'_> {
+impl Texels for AnyFormat<'_> {
     #[inline]
     fn texel(&self, at: usize) -> [f32; 4] {
         let width = self.0.width as usize;
@@ -363,7 +363,7 @@ impl Texels for Any<'_> {
     }
 }
 
-/// The 256 values of linear 8-bit codes.
+/// Values 0..1 of linear 8-bit codes.
 fn linear_table() -> &'static [f32; 256] {
     static TABLE: OnceLock<[f32; 256]> = OnceLock::new();
     TABLE.get_or_init(|| std::array::from_fn(|i| i as f32 / 255.0))
@@ -373,7 +373,7 @@ fn linear_table() -> &'static [f32; 256] {
 mod tests {
     use super::*;
 
-    /// All levels above the image itself.
+    /// All mip levels coarser than the image itself.
     fn coarser_levels(image: &Image) -> Vec<Image> {
         let next = |i: &Image| ((i.width, i.height) != (1, 1)).then(|| halved(i));
         std::iter::successors(next(image), next).collect()
@@ -409,7 +409,7 @@ mod tests {
     }
 
     #[test]
-    fn codes_are_the_nearest() {
+    fn srgb_codes_are_the_nearest() {
         for i in 0..=100_000 {
             let linear = i as f32 / 100_000.0;
             let exact = f64::from(srgb_from_linear(linear)) * 255.0;
@@ -419,7 +419,7 @@ mod tests {
     }
 
     #[test]
-    fn invisible_colours_do_not_bleed() {
+    fn transparent_colours_do_not_bleed() {
         let data = vec![200, 0, 0, 255, 0, 200, 0, 0];
         let image = Image {
             name: String::new(),
@@ -451,7 +451,7 @@ mod texels_tests {
     }
 
     #[test]
-    fn every_format_decodes_as_the_image_does() {
+    fn every_format_decodes_as_image_rgba_does() {
         let formats: [fn(usize) -> Pixels; 3] = [
             |n| Pixels::U8((0..n).map(|i| (i * 37 % 256) as u8).collect()),
             |n| Pixels::U16((0..n).map(|i| (i * 9001 % 65536) as u16).collect()),

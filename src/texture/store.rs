@@ -1,4 +1,4 @@
-//! Where compressed levels are kept: in memory as long as there is room, else in a temporary file; and the tiles that were read back.
+//! Storage of compressed levels: in memory up to a limit, then in a temporary file, with a cache of the tiles read from it.
 
 use crate::error::Warning;
 use crate::image::{Damage, Image};
@@ -12,24 +12,24 @@ use std::sync::atomic::AtomicU64;
 use std::sync::atomic::Ordering::Relaxed;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, OnceLock, PoisonError};
 
-/// Shards of the tile cache, each with a lock, to reduce contention.
+/// Number of shards of the tile cache, each with its own lock to reduce contention.
 const SHARDS: usize = 64;
 
-/// Tiles in the cache of each thread.
-const AT_HAND: usize = 64;
+/// Number of tiles in the cache of each thread.
+const THREAD_CACHE_TILES: usize = 64;
 
-/// A tile, its level and its position.
-type KnownTile = (TileKey, Arc<[u8]>);
+/// A compressed tile and its key.
+type CachedTile = (TileKey, Arc<[u8]>);
 
 thread_local! {
-    /// The tiles that a thread read last, each in a place that follows from where it lies; a lookup among them takes no lock.
-    static LATEST: RefCell<Vec<Option<KnownTile>>> = const { RefCell::new(Vec::new()) };
+    /// A direct-mapped cache of the tiles that a thread read last, without a lock.
+    static THREAD_CACHE: RefCell<Vec<Option<CachedTile>>> = const { RefCell::new(Vec::new()) };
 }
 
-/// Names a tile among all of all images.
+/// Identifies a tile among those of all images.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct TileKey {
-    /// No two levels have the same, whatever their store.
+    /// Id of the level, unique among those of all stores.
     pub level: u64,
     pub row: u32,
     pub column: u32,
@@ -38,28 +38,28 @@ pub(super) struct TileKey {
 /// A row of compressed tiles.
 #[derive(Debug)]
 pub(super) enum TileRow {
-    /// In memory.
+    /// The bytes in memory.
     Memory(Box<[u8]>),
-    /// From a position of the temporary file on.
+    /// Position of the first byte in the temporary file.
     File(u64),
 }
 
-/// Keeps compressed levels, and limits concurrent decoding.
+/// Stores compressed levels, and limits the memory of concurrent decoding.
 #[derive(Debug)]
 pub(super) struct Store {
-    /// Bytes of compressed tiles that may yet stay in memory.
-    room: AtomicU64,
+    /// Bytes still free for compressed levels in memory.
+    free_bytes: AtomicU64,
     scratch: OnceLock<Option<ScratchFile>>,
-    /// Maximum number of bytes of the tiles of a shard.
-    most_of_shard: usize,
+    /// Maximum size of the tiles of a shard, bytes.
+    shard_limit: usize,
     shards: Vec<Mutex<Shard>>,
-    /// Maximum number of bytes of images that are decoded at the same time; one may be larger.
-    most_decoding: usize,
-    /// Bytes of the images that are being decoded.
+    /// Maximum size of images that are decoded at the same time, bytes; a single image may be larger.
+    decoding_limit: usize,
+    /// Size of the images that are being decoded, bytes.
     decoding: Mutex<usize>,
     decoded: Condvar,
     counts: StoreCounts,
-    /// By subject: an image, or the temporary file.
+    /// Warnings by subject (an image or the temporary file), one for each.
     warnings: Mutex<Vec<(String, Warning)>>,
 }
 
@@ -71,36 +71,36 @@ struct StoreCounts {
     file_bytes: AtomicU64,
 }
 
-/// Decoding on demand during rendering.
+/// Statistics of decoding on demand during rendering.
 #[derive(Clone, Debug, Default)]
 pub struct TexturesOnDemand {
-    /// Images that were decoded; each as often as it was.
+    /// Number of decoded images, counting repetitions.
     pub decodes: u64,
-    /// Tiles that were read back from the temporary file.
+    /// Number of tiles read from the temporary file.
     pub tiles: u64,
-    /// Tiles that had to go since there were too many.
+    /// Number of tiles evicted from the cache.
     pub evicted_tiles: u64,
-    /// Bytes of those that are in memory now.
+    /// Size of the cached tiles, bytes.
     pub bytes: u64,
-    /// Bytes in the temporary file.
+    /// Size of the temporary file, bytes.
     pub file_bytes: u64,
-    /// Images that could not be decoded any more, and trouble with the temporary file.
+    /// Images that could no longer be decoded, and errors of the temporary file.
     pub warnings: Vec<Warning>,
 }
 
 impl Store {
-    /// A store that takes about `bytes`, and decodes images of up to `decoding` bytes together. A quarter is for tiles that are read
-    /// back; compressed levels take what images leave that are being decoded, but at least a quarter, too.
+    /// A store with a memory limit of about `bytes`, of which images of `decoding` bytes may be decoded at the same time. A quarter is the
+    /// tile cache; compressed levels take what decoding leaves, but at least a quarter, too.
     pub fn new(bytes: u64, decoding: u64) -> Store {
         let quarter = bytes / 4;
-        let room = bytes.saturating_sub(decoding.max(quarter)).max(quarter);
+        let free_bytes = bytes.saturating_sub(decoding.max(quarter)).max(quarter);
         let usize_of = |bytes| usize::try_from(bytes).unwrap_or(usize::MAX);
         Store {
-            room: AtomicU64::new(room),
+            free_bytes: AtomicU64::new(free_bytes),
             scratch: OnceLock::new(),
-            most_of_shard: usize_of(quarter) / SHARDS,
+            shard_limit: usize_of(quarter) / SHARDS,
             shards: (0..SHARDS).map(|_| Mutex::default()).collect(),
-            most_decoding: usize_of(decoding),
+            decoding_limit: usize_of(decoding),
             decoding: Mutex::new(0),
             decoded: Condvar::new(),
             counts: StoreCounts::default(),
@@ -108,13 +108,14 @@ impl Store {
         }
     }
 
-    /// Keeps a row of tiles.
+    /// Stores a row of compressed tiles.
     pub fn keep(&self, row: Vec<u8>) -> TileRow {
         let length = row.len() as u64;
-        if self.room.fetch_update(Relaxed, Relaxed, |room| room.checked_sub(length)).is_ok() {
+        if self.free_bytes.fetch_update(Relaxed, Relaxed, |free_bytes| free_bytes.checked_sub(length)).is_ok()
+        {
             return TileRow::Memory(row.into());
         }
-        match self.written(&row) {
+        match self.write(&row) {
             Ok(start) => {
                 self.counts.file_bytes.fetch_add(length, Relaxed);
                 TileRow::File(start)
@@ -131,7 +132,7 @@ impl Store {
         }
     }
 
-    fn written(&self, row: &[u8]) -> io::Result<u64> {
+    fn write(&self, row: &[u8]) -> io::Result<u64> {
         let mut error = None;
         let scratch = self.scratch.get_or_init(|| ScratchFile::new().map_err(|e| error = Some(e)).ok());
         match scratch {
@@ -140,23 +141,24 @@ impl Store {
         }
     }
 
-    /// Lets `look` look into a tile of the temporary file, of `length` bytes from `start` on.
-    pub fn with_tile<T>(&self, key: TileKey, start: u64, length: usize, look: impl FnOnce(&[u8]) -> T) -> T {
-        // Neighbouring tiles never share a place.
-        let place = ((key.column % 8 + key.row % 8 * 8) as usize + key.level as usize * 11) % AT_HAND;
-        LATEST.with_borrow_mut(|latest| {
-            if latest.is_empty() {
-                latest.resize(AT_HAND, None);
+    /// Runs `read` on a tile of the temporary file, of `length` bytes from `start` on; it is empty if the file can't be read.
+    pub fn with_tile<T>(&self, key: TileKey, start: u64, length: usize, read: impl FnOnce(&[u8]) -> T) -> T {
+        // Neighbouring tiles of a level never share a slot.
+        let slot =
+            ((key.column % 8 + key.row % 8 * 8) as usize + key.level as usize * 11) % THREAD_CACHE_TILES;
+        THREAD_CACHE.with_borrow_mut(|cache| {
+            if cache.is_empty() {
+                cache.resize(THREAD_CACHE_TILES, None);
             }
-            let at_hand = &mut latest[place];
-            if at_hand.as_ref().is_none_or(|(known, _)| *known != key) {
-                *at_hand = Some((key, self.tile(key, start, length)));
+            let cached = &mut cache[slot];
+            if cached.as_ref().is_none_or(|(known, _)| *known != key) {
+                *cached = Some((key, self.tile(key, start, length)));
             }
-            look(at_hand.as_ref().map_or(&[], |(_, tile)| tile))
+            read(cached.as_ref().map_or(&[], |(_, tile)| tile))
         })
     }
 
-    /// A tile of the temporary file; empty where it can't be read.
+    /// A tile from the shared cache or the temporary file; empty if it can't be read.
     fn tile(&self, key: TileKey, start: u64, length: usize) -> Arc<[u8]> {
         if let Some(tile) = self.shard(key).get(key) {
             return tile;
@@ -171,20 +173,20 @@ impl Store {
             bytes.clear();
         }
         let tile: Arc<[u8]> = bytes.into();
-        let evicted = self.shard(key).add(key, tile.clone(), self.most_of_shard);
+        let evicted = self.shard(key).add(key, tile.clone(), self.shard_limit);
         self.counts.evicted_tiles.fetch_add(evicted, Relaxed);
         tile
     }
 
     fn shard(&self, key: TileKey) -> MutexGuard<'_, Shard> {
-        let place = u64::from(key.row) << 20 ^ u64::from(key.column);
-        let mixed = (key.level << 40 ^ place).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        let slot = u64::from(key.row) << 20 ^ u64::from(key.column);
+        let mixed = (key.level << 40 ^ slot).wrapping_mul(0x9e37_79b9_7f4a_7c15);
         lock(&self.shards[(mixed >> 32) as usize % SHARDS])
     }
 
-    /// Decodes an image of this many bytes, once the memory for it is free.
+    /// Runs `work`, which decodes an image of this many bytes, once the memory for it is free.
     pub fn decode<T>(&self, bytes: usize, work: impl FnOnce() -> T) -> T {
-        let is_too_much = |decoding: &mut usize| *decoding > 0 && *decoding + bytes > self.most_decoding;
+        let is_too_much = |decoding: &mut usize| *decoding > 0 && *decoding + bytes > self.decoding_limit;
         let waiting = self.decoded.wait_while(lock(&self.decoding), is_too_much);
         *waiting.unwrap_or_else(PoisonError::into_inner) += bytes;
         self.counts.decodes.fetch_add(1, Relaxed);
@@ -194,7 +196,7 @@ impl Store {
         result
     }
 
-    /// Notes that an image can't be decoded any more.
+    /// Records a warning that an image can no longer be decoded.
     pub fn warn_of_damage(&self, image: &Image, damage: Damage) {
         self.warn(&image.name, || {
             let message =
@@ -209,14 +211,14 @@ impl Store {
         });
     }
 
-    /// Notes warnings about an image that was decoded.
+    /// Records warnings of decoding an image.
     pub fn add_warnings(&self, warnings: Vec<Warning>) {
         for warning in warnings {
             self.warn(&warning.to_string(), || warning.clone());
         }
     }
 
-    /// Keeps a warning, unless there is one about the same.
+    /// Records a warning, unless there is one about the same subject.
     fn warn(&self, about: &str, warning: impl FnOnce() -> Warning) {
         let mut warnings = lock(&self.warnings);
         if warnings.iter().all(|(known, _)| known != about) {
@@ -224,7 +226,7 @@ impl Store {
         }
     }
 
-    /// Decoding on demand so far.
+    /// Statistics of decoding on demand so far.
     pub fn on_demand(&self) -> TexturesOnDemand {
         let StoreCounts { decodes, tiles, evicted_tiles, file_bytes } = &self.counts;
         TexturesOnDemand {
@@ -238,12 +240,12 @@ impl Store {
     }
 }
 
-/// Some of the tiles in use.
+/// A part of the tile cache, with second-chance (clock) replacement.
 #[derive(Debug, Default)]
 struct Shard {
-    places: HashMap<TileKey, usize>,
+    indices: HashMap<TileKey, usize>,
     tiles: Vec<Tile>,
-    /// The next tile that may have to go ("second chance": those that were used since it passed stay for another round).
+    /// The clock hand, an index of `tiles`: the next candidate for eviction, spared once if it was used since the hand passed it.
     hand: usize,
     bytes: usize,
 }
@@ -257,24 +259,24 @@ struct Tile {
 
 impl Shard {
     fn get(&mut self, key: TileKey) -> Option<Arc<[u8]>> {
-        let tile = &mut self.tiles[*self.places.get(&key)?];
+        let tile = &mut self.tiles[*self.indices.get(&key)?];
         tile.is_used = true;
         Some(tile.packed.clone())
     }
 
-    /// Adds a tile and gives how many went for it.
-    fn add(&mut self, key: TileKey, packed: Arc<[u8]>, most: usize) -> u64 {
-        if self.places.contains_key(&key) {
-            // Two threads made the same.
+    /// Adds a tile, evicts others down to `max_bytes`, and returns their number.
+    fn add(&mut self, key: TileKey, packed: Arc<[u8]>, max_bytes: usize) -> u64 {
+        if self.indices.contains_key(&key) {
+            // Another thread has added it.
             return 0;
         }
         let mut evicted = 0;
-        while !self.tiles.is_empty() && self.bytes + packed.len() > most {
+        while !self.tiles.is_empty() && self.bytes + packed.len() > max_bytes {
             self.evict();
             evicted += 1;
         }
         self.bytes += packed.len();
-        self.places.insert(key, self.tiles.len());
+        self.indices.insert(key, self.tiles.len());
         self.tiles.push(Tile { key, packed, is_used: false });
         evicted
     }
@@ -287,11 +289,11 @@ impl Shard {
             }
             self.hand += 1;
         }
-        let gone = self.tiles.swap_remove(self.hand);
-        self.places.remove(&gone.key);
-        self.bytes -= gone.packed.len();
+        let evicted = self.tiles.swap_remove(self.hand);
+        self.indices.remove(&evicted.key);
+        self.bytes -= evicted.packed.len();
         if let Some(moved) = self.tiles.get(self.hand) {
-            self.places.insert(moved.key, self.hand);
+            self.indices.insert(moved.key, self.hand);
         }
     }
 }
@@ -300,30 +302,30 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-// An unnamed temporary file for data that does not fit into memory; it disappears with the process.
+// An unnamed temporary file for data that does not fit into memory; the system deletes it when the process ends.
 
-/// A temporary file that grows; several threads read it at once.
+/// An append-only temporary file that several threads may read at the same time.
 #[derive(Debug)]
 pub(super) struct ScratchFile {
     file: File,
-    /// Bytes written.
+    /// Size of the file, bytes.
     length: Mutex<u64>,
 }
 
 impl ScratchFile {
-    /// A new one in [`folder`].
+    /// Creates a file in [`folder`].
     ///
     /// # Errors
-    /// That of the system.
+    /// The file can't be created.
     pub fn new() -> io::Result<ScratchFile> {
         let file = tempfile::tempfile_in(folder())?;
         Ok(ScratchFile { file, length: Mutex::new(0) })
     }
 
-    /// Appends bytes and gives the position of the first.
+    /// Appends bytes and returns the position of the first.
     ///
     /// # Errors
-    /// That of the system, such as a full disk; what was written of the bytes is written over then.
+    /// Writing fails, such as on a full disk; the next append then overwrites the bytes.
     pub fn append(&self, bytes: &[u8]) -> io::Result<u64> {
         let mut length = self.length.lock().unwrap_or_else(PoisonError::into_inner);
         let start = *length;
@@ -334,10 +336,10 @@ impl ScratchFile {
         Ok(start)
     }
 
-    /// Reads appended data.
+    /// Fills `into` with appended bytes from `start` on.
     ///
     /// # Errors
-    /// That of the system.
+    /// The bytes can't be read.
     pub fn read(&self, start: u64, into: &mut [u8]) -> io::Result<()> {
         #[cfg(unix)]
         {
@@ -354,7 +356,7 @@ impl ScratchFile {
     }
 }
 
-/// The folder of temporary files: that of the variable `TMPDIR`; else `/var/tmp`, since `/tmp` is in memory on many systems.
+/// The folder of temporary files: `TMPDIR` if set, else `/var/tmp`, since `/tmp` is in memory on many systems.
 pub(super) fn folder() -> PathBuf {
     let large = PathBuf::from("/var/tmp");
     if std::env::var_os("TMPDIR").is_none() && large.is_dir() { large } else { std::env::temp_dir() }
@@ -365,7 +367,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_written_is_read() {
+    fn appended_bytes_are_read_back() {
         let file = ScratchFile::new().expect("the folder can be written");
         let parts: Vec<Vec<u8>> = (0..20u8).map(|i| vec![i; 100 * usize::from(i)]).collect();
         let starts: Vec<u64> = parts.iter().map(|part| file.append(part).expect("there is room")).collect();

@@ -1,6 +1,5 @@
-//! Lookups by closed forms, and textures that are malformed.
-//!
-//! Levels that are left out, and what finds them: the same texels, and no more work than is needed, by counts.
+//! Lookups against closed forms, malformed textures, and mip levels that are omitted or decoded on demand: lookups find the same
+//! texels, with no more decoding than needed.
 
 use super::*;
 use crate::error::Warning;
@@ -30,18 +29,18 @@ fn checkers_alternate_across_zero() {
 }
 
 #[test]
-fn constants_fold_and_circles_are_black() {
+fn constants_fold_and_cycles_are_black() {
     assert_eq!(checker(Mapping::World, [1.0; 3]).constant(TextureId(0)), Some([1.0; 4]));
     assert_eq!(checker(Mapping::World, [0.5; 3]).constant(TextureId(0)), None);
-    let circle =
+    let cycle =
         Texture::Checker { even: TextureId(0), odd: TextureId(9), cell_size: 1.0, mapping: Mapping::World };
-    let t = CompiledTextures::resident(&[circle], &[], Vec3::ZERO);
+    let t = CompiledTextures::resident(&[cycle], &[], Vec3::ZERO);
     assert_eq!(t.eval(TextureId(0), Vec2::ZERO, Vec3::ZERO), [0.0, 0.0, 0.0, 1.0]);
     assert_eq!(t.eval(TextureId(7), Vec2::ZERO, Vec3::ZERO), [0.0, 0.0, 0.0, 1.0]);
 }
 
 #[test]
-fn tables_by_the_cosine_are_linear() {
+fn tables_by_cosine_are_interpolated_linearly() {
     let table = |colors: &[[f32; 3]]| Texture::Facing(colors.into());
     let textures = [
         table(&[[0.0; 3], [1.0, 0.5, 0.25], [0.0, 1.0, 0.0]]),
@@ -54,7 +53,7 @@ fn tables_by_the_cosine_are_linear() {
     assert_eq!(at(0.0), [0.0, 0.0, 0.0, 1.0]);
     assert_eq!(at(0.25), [0.5, 0.25, 0.125, 1.0]);
     assert_eq!(at(0.75), [0.5, 0.75, 0.125, 1.0]);
-    // Rounding may lead a little beyond.
+    // Rounding may exceed 1 slightly.
     assert_eq!([at(1.0), at(1.000_001)], [[0.0, 1.0, 0.0, 1.0]; 2]);
     assert_eq!(t.constant(TextureId(1)), Some([0.5, 0.5, 0.5, 1.0]));
     assert_eq!(t.constant(TextureId(2)), Some([0.0, 0.0, 0.0, 1.0]));
@@ -73,7 +72,7 @@ fn mixes_follow_their_factor() {
         mix(2, 1, 3),
         Texture::Solid([0.5, 1.0, 0.0]),
         mix(0, 1, 5),
-        // A mix within a mix, one with itself, and one with nothing.
+        // A mix of a mix, one that contains itself, and one with a dangling reference.
         mix(4, 0, 5),
         mix(8, 0, 3),
         mix(0, 99, 3),
@@ -83,7 +82,7 @@ fn mixes_follow_their_factor() {
         let uv = [Vec2::new(x, 0.1); 2];
         t.eval_at(TextureId(id), &TexturePoint { uv, cosine, ..TexturePoint::default() })
     };
-    // The first cell is the first colour, which goes to the second one; the other cell is that one already.
+    // An even cell is mixed from texture 0 to texture 1; an odd cell is texture 1 already.
     assert_eq!(at(4, 0.1, 0.0), [0.25, 0.5, 1.0, 1.0]);
     assert_eq!(at(4, 0.1, 0.5), [0.5, 0.375, 1.25, 1.0]);
     assert_eq!(at(4, 0.1, 1.0), [0.75, 0.25, 1.5, 1.0]);
@@ -92,12 +91,12 @@ fn mixes_follow_their_factor() {
     assert_eq!(at(7, 0.1, 0.5), [0.375, 0.5, 1.25, 1.0]);
     assert_eq!(at(8, 0.1, 0.5), [0.0, 0.0, 0.0, 1.0]);
     assert_eq!(at(9, 0.1, 1.0), [0.0, 0.25, 0.75, 1.0]);
-    let of_view = [2, 4, 6, 7, 9].map(|i| t.depends_on_viewer(TextureId(i)));
-    assert_eq!(of_view, [false, true, false, true, true]);
+    let depends_on_viewer = [2, 4, 6, 7, 9].map(|i| t.depends_on_viewer(TextureId(i)));
+    assert_eq!(depends_on_viewer, [false, true, false, true, true]);
 }
 
 #[test]
-fn circles_of_checkers_and_mixes_end() {
+fn cycles_of_checkers_and_mixes_are_black() {
     let mapping = Mapping::World;
     let textures = [
         Texture::Checker { even: TextureId(1), odd: TextureId(1), cell_size: 1.0, mapping },
@@ -109,7 +108,7 @@ fn circles_of_checkers_and_mixes_end() {
 }
 
 #[test]
-fn world_offset_moves_patterns_back() {
+fn world_offset_is_added_to_positions() {
     let noise = Texture::Noise {
         kind: NoiseKind::Marble,
         frequency: 2.0,
@@ -127,7 +126,7 @@ fn world_offset_moves_patterns_back() {
 }
 
 #[test]
-fn normals_become_colours() {
+fn normals_are_encoded_as_colours() {
     let t = CompiledTextures::resident(&[Texture::Normal], &[], Vec3::ZERO);
     assert_eq!(t.constant(TextureId(0)), None);
     let point = TexturePoint { normal: Vec3::new(0.6, 0.0, -0.8), ..TexturePoint::default() };
@@ -151,7 +150,7 @@ fn one_pixel_images_are_constants() {
     assert_eq!(t.constant(TextureId(0)), Some([0.1, 0.2, 0.3, 1.0]));
 }
 
-/// An image that counts how often it is decoded, and can be so a limited number of times.
+/// An image source that counts decodings, and fails after `most` of them.
 #[derive(Debug)]
 struct Counted {
     image: Image,
@@ -170,7 +169,7 @@ impl ImageSource for Counted {
     fn with_bytes(&self, _: &mut dyn FnMut(&[u8])) {}
 }
 
-/// Noise and a ramp, of numbers of this many bits.
+/// Noise and a ramp in components of `bits` bits.
 fn decoded(width: u32, height: u32, channels: u32, bits: u32, seed: u32) -> Image {
     let value = |i: u32| (i.wrapping_mul(2_654_435_761).wrapping_add(seed) >> 9) % 90 + i / 97;
     let count = width * height * channels;
@@ -210,7 +209,7 @@ fn made(textures: &[Texture], images: &[Image], needs: &TextureNeeds) -> (Compil
     CompiledTextures::new(textures, images, Vec3::ZERO, needs.clone()).expect("nothing is fatal")
 }
 
-/// Looks up points in footprints of all sizes.
+/// Bits of lookups at `count` pseudo-random points with footprints of up to `most_texels`, in texture coordinates.
 fn look(textures: &CompiledTextures, texture: usize, count: u32, most_texels: f32) -> Vec<[u32; 4]> {
     let at = |i: u32| {
         let part = |k: u32| (i.wrapping_mul(k) % 1009) as f32 / 1009.0;
@@ -223,7 +222,7 @@ fn look(textures: &CompiledTextures, texture: usize, count: u32, most_texels: f3
 }
 
 #[test]
-fn texels_found_on_demand_are_those_in_memory() {
+fn lookups_on_demand_equal_resident_lookups() {
     let kinds = [Interpolation::Trilinear, Interpolation::Bilinear, Interpolation::Nearest];
     for (width, height, channels, bits) in [
         (300, 200, 3, 8),
@@ -245,7 +244,7 @@ fn texels_found_on_demand_are_those_in_memory() {
                     let (textures, _) = made(&textures, &[on_demand], &needs);
                     let found = look(&textures, 0, 2000, 0.2);
                     assert!(found == expected, "{width} {kind:?} {finest:?} {limit:?}");
-                    // Once for what is expected, at most once more for what is not.
+                    // Once for the expected levels, at most once more for others.
                     assert!((1..=2).contains(&source.decodes.load(Relaxed)));
                 }
             }
@@ -254,7 +253,7 @@ fn texels_found_on_demand_are_those_in_memory() {
 }
 
 #[test]
-fn levels_finer_than_needed_are_not_kept_and_each_image_is_decoded_once() {
+fn levels_finer_than_needed_are_omitted_and_decoded_once_on_demand() {
     let image = decoded(512, 512, 3, 8, 1);
     let (on_demand, source) = encoded(&image, u64::MAX);
     let textures = [texture(0, Interpolation::Trilinear)];
@@ -270,18 +269,18 @@ fn levels_finer_than_needed_are_not_kept_and_each_image_is_decoded_once() {
         compiled.eval_at(TextureId(0), &point);
     }
     assert_eq!((compiled.on_demand().tiles, source.decodes.load(Relaxed)), (0, 1));
-    // Finer ones: the image is decoded once more, and not again.
+    // Finer levels: the image is decoded once more, and not again.
     look(&compiled, 0, 5000, 0.0);
     look(&compiled, 0, 5000, 0.01);
     assert_eq!((compiled.on_demand().decodes, source.decodes.load(Relaxed)), (1, 2));
-    // Compressed, but no larger than they are with the heads of blocks.
+    // Compressed, and not larger than the texels with block headers.
     let finer: u64 = (0..3).map(|level| (512u64 >> level).pow(2) * 3).sum();
     let taken = compiled.bytes() as u64 - report.bytes;
     assert!(taken > finer / 4 && taken < finer + finer / 16, "{taken} of {finer}");
 }
 
 #[test]
-fn images_that_nothing_needs_are_never_decoded() {
+fn unneeded_images_are_never_decoded() {
     let images: Vec<_> = (0..3).map(|seed| encoded(&decoded(64, 64, 3, 8, seed), u64::MAX)).collect();
     let textures: Vec<Texture> = (0..3).map(|i| texture(i, Interpolation::Trilinear)).collect();
     let needs = TextureNeeds { finest: vec![Some(0), None, None], limit: None };
@@ -292,7 +291,7 @@ fn images_that_nothing_needs_are_never_decoded() {
 }
 
 #[test]
-fn what_is_kept_stays_within_the_limit() {
+fn levels_in_memory_stay_within_the_limit() {
     const COUNT: usize = 8;
     let full: Vec<Image> = (0..COUNT as u32).map(|seed| decoded(256, 256, 3, 8, seed)).collect();
     let images: Vec<_> = full.iter().map(|image| encoded(image, u64::MAX)).collect();
@@ -309,7 +308,7 @@ fn what_is_kept_stays_within_the_limit() {
         }
     }
     let counts = compiled.on_demand();
-    // Each shard may hold a tile that is larger than its share.
+    // Each shard may hold one tile that is larger than its limit.
     assert!(compiled.bytes() as u64 + counts.bytes <= limit + 64 * 64 * 64 * 3, "{counts:?}");
     assert!(counts.evicted_tiles > 0 && counts.tiles > counts.evicted_tiles, "{counts:?}");
     let decodes: Vec<u64> = images.iter().map(|(_, source)| source.decodes.load(Relaxed)).collect();
@@ -317,7 +316,7 @@ fn what_is_kept_stays_within_the_limit() {
 }
 
 #[test]
-fn a_lost_file_is_reported_once_and_a_coarse_copy_stands_in() {
+fn a_failed_decoding_is_reported_once_and_replaced_by_a_coarse_copy() {
     let image = decoded(256, 256, 3, 8, 1);
     let (on_demand, source) = encoded(&image, 1);
     let textures = [texture(0, Interpolation::Trilinear), texture(0, Interpolation::Bilinear)];
@@ -333,7 +332,7 @@ fn a_lost_file_is_reported_once_and_a_coarse_copy_stands_in() {
 }
 
 #[test]
-fn textures_of_damaged_images_are_lost() {
+fn textures_of_damaged_images_are_white_and_reported() {
     let (broken, _) = encoded(&decoded(64, 64, 3, 8, 1), 0);
     let textures = [texture(0, Interpolation::Bilinear)];
     let (compiled, report) = made(&textures, &[broken], &TextureNeeds::default());
@@ -342,7 +341,7 @@ fn textures_of_damaged_images_are_lost() {
 }
 
 #[test]
-fn images_with_the_same_pixels_are_decoded_together() {
+fn images_with_the_same_pixels_are_decoded_once() {
     let (color, source) = encoded(&decoded(64, 64, 3, 8, 1), u64::MAX);
     let data = Image { encoding: Encoding::Linear, ..color.clone() };
     let textures = [texture(0, Interpolation::Bilinear), texture(1, Interpolation::Trilinear)];
@@ -351,7 +350,7 @@ fn images_with_the_same_pixels_are_decoded_together() {
 }
 
 #[test]
-fn later_pictures_decode_what_they_show_more_of_and_nothing_else() {
+fn later_pictures_decode_only_images_that_need_finer_levels() {
     let images: Vec<_> = (0..2).map(|seed| encoded(&decoded(256, 256, 3, 8, seed), u64::MAX)).collect();
     let list: Vec<Image> = images.iter().map(|(image, _)| image.clone()).collect();
     let textures: Vec<Texture> = (0..2).map(|i| texture(i, Interpolation::Trilinear)).collect();
@@ -362,12 +361,12 @@ fn later_pictures_decode_what_they_show_more_of_and_nothing_else() {
         .expect("nothing is damaged");
     let decodes: Vec<u64> = images.iter().map(|(_, source)| source.decodes.load(Relaxed)).collect();
     assert_eq!(decodes, [2, 1]);
-    // The second image is there as finely as it was.
+    // The second image has kept its finer levels.
     assert!(second.suit(&needs([1, 2])));
 }
 
 #[test]
-fn threads_that_ask_together_find_the_same() {
+fn concurrent_lookups_agree_and_decode_once() {
     let image = decoded(400, 300, 3, 8, 9);
     let textures = [texture(0, Interpolation::Bilinear)];
     let (resident, _) = made(&textures, std::slice::from_ref(&image), &TextureNeeds::default());

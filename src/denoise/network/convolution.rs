@@ -1,11 +1,11 @@
-//! 3x3 convolutions of a tile by minimal filtering: two by two pixels of the output come from four by four of the input, by 16
-//! multiplications for each input and output channel in place of 36 (Lavin, Gray 2016, "Fast Algorithms for Convolutional Neural Networks",
-//! F(2x2, 3x3); Winograd 1980, "Arithmetic Complexity of Computations"). The weights are transformed once, as `G g G^T`; a pair of rows at a
-//! time, the input is transformed, `B^T d B`, multiplied by them at each of the 16 places, and transformed back, `A^T m A`.
+//! 3x3 convolutions of a tile by Winograd minimal filtering F(2x2, 3x3): 2x2 output pixels from 4x4 input pixels, with 16 instead of 36
+//! multiplications per input and output channel (Winograd 1980, "Arithmetic Complexity of Computations"; Lavin, Gray 2016, "Fast
+//! Algorithms for Convolutional Neural Networks"). Weights are transformed once, `G g G^T`. For each pair of output rows the input is
+//! transformed, `B^T d B`, multiplied by the weights at each of the 16 elements, and transformed back, `A^T m A`.
 //!
-//! Rows lie in memory so that the inner loop runs over consecutive squares of a row.
+//! The memory layout lets the inner loop run over consecutive 2x2 squares of a row.
 
-// Loops over vectors are written by index: adaptors of iterators may stay calls, which are not compiled for the CPU's level.
+// Index loops over vectors: iterator adaptors may not be inlined and would then be compiled for the baseline CPU level.
 #![allow(clippy::needless_range_loop)]
 
 use crate::simd::{Lanes, LanesKernel};
@@ -14,22 +14,22 @@ use std::ops::Range;
 /// Channels are stored in blocks of this size.
 pub(super) const BLOCK: usize = 16;
 
-/// Number of blocks of some channels.
+/// Number of blocks for a number of channels.
 pub(super) fn blocks(channels: usize) -> usize {
     channels.div_ceil(BLOCK)
 }
 
-/// Columns that are computed beyond a row's end.
+/// Columns beyond a row's end, written by the last square.
 const SLACK: usize = 2;
-/// Squares of a row that are multiplied at a time: a multiple of all steps of the inner loop.
+/// Row lengths in squares are padded to a multiple of this, a common multiple of the inner loops' steps.
 const STEP: usize = 12;
-/// Transformed values of a square.
-const PLACES: usize = 16;
+/// Elements of a transformed square.
+const ELEMENTS: usize = 16;
 
 /// Sixteen channels of a pixel.
 pub(super) type Channels = [f32; BLOCK];
 
-/// Some channels of a rectangle of pixels: row by row, block by block of channels.
+/// Channels of a rectangle of pixels: row by row, within a row by block of channels.
 #[derive(Default)]
 pub(super) struct Tile {
     pub width: usize,
@@ -40,7 +40,7 @@ pub(super) struct Tile {
 }
 
 impl Tile {
-    /// Another size; the content is unspecified (but finite).
+    /// Changes the size; the content is unspecified but finite.
     pub fn resize(&mut self, width: usize, height: usize, blocks: usize) {
         (self.width, self.height, self.blocks, self.stride) = (width, height, blocks, width + SLACK);
         let length = self.stride * height * blocks;
@@ -54,7 +54,7 @@ impl Tile {
         &self.data[(y * self.blocks + block) * self.stride..][..self.width]
     }
 
-    /// A row to write to.
+    /// The pixels of a row, mutably.
     pub fn row_mut(&mut self, y: usize, block: usize) -> &mut [Channels] {
         &mut self.data[(y * self.blocks + block) * self.stride..][..self.width]
     }
@@ -75,32 +75,33 @@ impl Tile {
     }
 }
 
-/// A 3x3 convolution with a bias, followed by a rectifier.
+/// A 3x3 convolution with a bias, followed by ReLU.
 pub(super) struct Convolution {
     /// Channels of each input, which are concatenated.
     inputs: Vec<usize>,
     /// Channels of the output.
     pub outputs: usize,
-    /// For each block of outputs, place, block of inputs and input in the block: the transformed weights of the block's outputs.
+    /// Transformed weights of the outputs of a block, by block of outputs, element, block of inputs and input within the block.
     weights: Vec<Channels>,
-    /// Biases, by block of outputs.
+    /// Biases by block of outputs.
     bias: Vec<Channels>,
 }
 
 impl Convolution {
-    /// From weights by output, input, row and column.
+    /// Transforms weights, which are given by output, input, row and column.
     pub fn new(inputs: &[usize], outputs: usize, weights: &[f32], bias: &[f32]) -> Convolution {
         let total: usize = inputs.iter().sum();
         let input_blocks: usize = inputs.iter().map(|&channels| blocks(channels)).sum();
-        let mut transformed = vec![[0.0; BLOCK]; blocks(outputs) * PLACES * input_blocks * BLOCK];
+        let mut transformed = vec![[0.0; BLOCK]; blocks(outputs) * ELEMENTS * input_blocks * BLOCK];
         for output in 0..outputs {
             let (mut channel, mut block) = (0, 0);
             for &count in inputs {
                 for i in 0..count {
                     let first = (output * total + channel + i) * 9;
-                    for (place, weight) in transformed_weights(&weights[first..first + 9]).iter().enumerate()
+                    for (element, weight) in
+                        transformed_weights(&weights[first..first + 9]).iter().enumerate()
                     {
-                        let row = (output / BLOCK * PLACES + place) * input_blocks + block;
+                        let row = (output / BLOCK * ELEMENTS + element) * input_blocks + block;
                         transformed[row * BLOCK + i][output % BLOCK] = *weight;
                     }
                 }
@@ -115,23 +116,23 @@ impl Convolution {
 }
 
 /// `G g G^T`, by row and column.
-fn transformed_weights(weights: &[f32]) -> [f32; PLACES] {
+fn transformed_weights(weights: &[f32]) -> [f32; ELEMENTS] {
     let along = |g: [f32; 3]| [g[0], 0.5 * (g[0] + g[1] + g[2]), 0.5 * (g[0] - g[1] + g[2]), g[2]];
     let columns = [0, 1, 2].map(|x| along([weights[x], weights[3 + x], weights[6 + x]]));
     let rows = [0, 1, 2, 3].map(|y| along([columns[0][y], columns[1][y], columns[2][y]]));
-    std::array::from_fn(|place| rows[place / 4][place % 4])
+    std::array::from_fn(|element| rows[element / 4][element % 4])
 }
 
-/// Memory for a pair of rows.
+/// Scratch memory for a pair of rows.
 #[derive(Default)]
 pub(super) struct Scratch {
-    /// By place, block of inputs and square.
+    /// Transformed input by element, block of inputs and square.
     input: Vec<Channels>,
-    /// By block of outputs in a group, place and square.
+    /// Products by block of outputs within a group, element and square.
     product: Vec<Channels>,
 }
 
-/// A convolution of a tile: the output is two pixels narrower and lower.
+/// Convolution of a tile without padding: the output is two pixels smaller in width and height.
 pub(super) struct Convolve<'a> {
     pub layer: &'a Convolution,
     pub from: &'a Tile,
@@ -149,8 +150,8 @@ impl LanesKernel for Convolve<'_> {
         to.resize(from.width - 2, from.height - 2, count);
         let squares = to.width.div_ceil(2);
         let stride = squares.next_multiple_of(STEP);
-        input.resize(PLACES * from.blocks * stride, [0.0; BLOCK]);
-        product.resize(2 * PLACES * stride, [0.0; BLOCK]);
+        input.resize(ELEMENTS * from.blocks * stride, [0.0; BLOCK]);
+        product.resize(2 * ELEMENTS * stride, [0.0; BLOCK]);
         for y in (0..to.height).step_by(2) {
             for block in 0..from.blocks {
                 transform_input(lanes, from, y, block, squares, stride, input);
@@ -158,18 +159,18 @@ impl LanesKernel for Convolve<'_> {
             let mut block = 0;
             while block < count {
                 let group = if L::HAS_MANY_REGISTERS { (count - block).min(2) } else { 1 };
-                for place in 0..PLACES {
-                    let product = &mut product[place * stride..];
+                for element in 0..ELEMENTS {
+                    let product = &mut product[element * stride..];
                     if !L::HAS_MANY_REGISTERS {
-                        multiply::<L, 1, 6>(lanes, layer, input, stride, place, block, product);
+                        multiply::<L, 1, 6>(lanes, layer, input, stride, element, block, product);
                     } else if group == 2 {
-                        multiply::<L, 2, 12>(lanes, layer, input, stride, place, block, product);
+                        multiply::<L, 2, 12>(lanes, layer, input, stride, element, block, product);
                     } else {
-                        multiply::<L, 1, 12>(lanes, layer, input, stride, place, block, product);
+                        multiply::<L, 1, 12>(lanes, layer, input, stride, element, block, product);
                     }
                 }
                 for o in 0..group {
-                    let product = &product[o * PLACES * stride..];
+                    let product = &product[o * ELEMENTS * stride..];
                     transform_product(
                         lanes,
                         product,
@@ -187,7 +188,7 @@ impl LanesKernel for Convolve<'_> {
     }
 }
 
-/// `B^T d B` of the squares of a pair of rows.
+/// Computes `B^T d B` for the squares of a pair of rows.
 #[inline(always)]
 fn transform_input<L: Lanes>(
     lanes: L,
@@ -200,15 +201,16 @@ fn transform_input<L: Lanes>(
 ) {
     let mut rows = [&from.data[..0]; 4];
     for k in 0..4 {
-        // The last pair may have one row.
+        // The last pair of an odd height repeats the last row.
         let row = if y + k < from.height { y + k } else { from.height - 1 };
         rows[k] = &from.data[(row * from.blocks + block) * from.stride..][..2 * squares + 2];
     }
-    let (mut first, mut second) = (down(lanes, &rows, 0), down(lanes, &rows, 1));
+    let (mut first, mut second) = (transform_column(lanes, &rows, 0), transform_column(lanes, &rows, 1));
     for square in 0..squares {
-        let (third, fourth) = (down(lanes, &rows, 2 * square + 2), down(lanes, &rows, 2 * square + 3));
+        let (third, fourth) =
+            (transform_column(lanes, &rows, 2 * square + 2), transform_column(lanes, &rows, 2 * square + 3));
         for k in 0..4 {
-            let values = along(lanes, [first[k], second[k], third[k], fourth[k]]);
+            let values = transform_values(lanes, [first[k], second[k], third[k], fourth[k]]);
             for i in 0..4 {
                 lanes.store(values[i], &mut to[((4 * k + i) * from.blocks + block) * stride + square]);
             }
@@ -217,45 +219,45 @@ fn transform_input<L: Lanes>(
     }
 }
 
-/// `B^T d` of a column.
+/// Computes `B^T d` for a column of four pixels.
 #[inline(always)]
-fn down<L: Lanes>(lanes: L, rows: &[&[Channels]; 4], x: usize) -> [L::F16; 4] {
+fn transform_column<L: Lanes>(lanes: L, rows: &[&[Channels]; 4], x: usize) -> [L::F16; 4] {
     let mut d = [lanes.load(&rows[0][x]); 4];
     for k in 1..4 {
         d[k] = lanes.load(&rows[k][x]);
     }
-    along(lanes, d)
+    transform_values(lanes, d)
 }
 
-/// `B^T d`.
+/// Computes `B^T d` for four values.
 #[inline(always)]
-fn along<L: Lanes>(lanes: L, d: [L::F16; 4]) -> [L::F16; 4] {
+fn transform_values<L: Lanes>(lanes: L, d: [L::F16; 4]) -> [L::F16; 4] {
     [lanes.sub(d[0], d[2]), lanes.add(d[1], d[2]), lanes.sub(d[2], d[1]), lanes.sub(d[1], d[3])]
 }
 
-/// Products at one place of some blocks of the output, of `SQUARES` at a time. Terms are added by block of inputs and input.
+/// Products at one element for `BLOCKS` blocks of outputs, `SQUARES` squares at a time, summed over inputs in order.
 #[inline(always)]
 fn multiply<L: Lanes, const BLOCKS: usize, const SQUARES: usize>(
     lanes: L,
     layer: &Convolution,
     from: &[Channels],
     stride: usize,
-    place: usize,
+    element: usize,
     block: usize,
     to: &mut [Channels],
 ) {
-    let from_blocks = from.len() / (PLACES * stride);
+    let from_blocks = from.len() / (ELEMENTS * stride);
     let length = from_blocks * BLOCK;
     let mut weights = [&layer.weights[..0]; BLOCKS];
     for o in 0..BLOCKS {
-        weights[o] = &layer.weights[((block + o) * PLACES + place) * length..][..length];
+        weights[o] = &layer.weights[((block + o) * ELEMENTS + element) * length..][..length];
     }
     for x in (0..stride).step_by(SQUARES) {
         let mut sums = [[lanes.splat(0.0); SQUARES]; BLOCKS];
         let (mut input, mut left) = (0, layer.inputs[0]);
         for b in 0..from_blocks {
             let channels = if left < BLOCK { left } else { BLOCK };
-            let squares = &from[(place * from_blocks + b) * stride + x..][..SQUARES];
+            let squares = &from[(element * from_blocks + b) * stride + x..][..SQUARES];
             for i in 0..channels {
                 let mut weight = [lanes.load(&weights[0][b * BLOCK + i]); BLOCKS];
                 for o in 1..BLOCKS {
@@ -275,7 +277,7 @@ fn multiply<L: Lanes, const BLOCKS: usize, const SQUARES: usize>(
             }
         }
         for o in 0..BLOCKS {
-            let out = &mut to[o * PLACES * stride + x..][..SQUARES];
+            let out = &mut to[o * ELEMENTS * stride + x..][..SQUARES];
             for s in 0..SQUARES {
                 lanes.store(sums[o][s], &mut out[s]);
             }
@@ -283,7 +285,7 @@ fn multiply<L: Lanes, const BLOCKS: usize, const SQUARES: usize>(
     }
 }
 
-/// `A^T m A` of the squares of a pair of rows, with the bias, rectified.
+/// Computes `A^T m A` for the squares of a pair of rows, adds the bias and applies ReLU.
 #[inline(always)]
 fn transform_product<L: Lanes>(
     lanes: L,

@@ -1,14 +1,13 @@
-//! The U-Net that Open Image Denoise publishes for pictures of path tracers (Afra et al., "Intel Open Image Denoise",
+//! The U-Net of Open Image Denoise for path-traced pictures (Afra et al., "Intel Open Image Denoise",
 //! <https://www.openimagedenoise.org>; after Ronneberger et al. 2015, "U-Net: Convolutional Networks for Biomedical Image
 //! Segmentation"): 3x3 convolutions at five resolutions; the encoder has 2x2 max pooling, the decoder upsamples by repetition
 //! and concatenates the encoder's output at the same resolution (skip connections).
 //!
-//! Each sum has one order, of fused multiply-adds: the same bits at any number of threads, on all CPU levels. What is stored
-//! between layers has at most half the picture's resolution: the layers at full resolution run tile by tile, those before
-//! them strip by strip.
+//! Sums have a fixed order of fused multiply-adds, so that the bits don't depend on threads or CPU level. Stored tensors have at most
+//! half the picture's resolution: layers at full resolution run tile by tile, those before them strip by strip.
 //!
-//! Before and after the network stand the exposure and a transfer function that makes radiance of any range
-//! perceptually uniform, as in Open Image Denoise 2 (`core/color.h`, `core/autoexposure`): the network was trained with both.
+//! The input is scaled by an automatic exposure and encoded by a perceptually uniform transfer function, and the output is decoded, as
+//! in Open Image Denoise 2 (`core/color.h`, `core/autoexposure`), with which the network was trained.
 
 use crate::color::luminance;
 use convolution::Convolution;
@@ -24,7 +23,7 @@ const WITHOUT_GUIDES: &[u8] = include_bytes!("../../../assets/denoiser/rt_hdr.tz
 
 /// Number of halvings of the resolution.
 const LEVELS: usize = 4;
-/// Rows of the picture that the last layers work on at a time.
+/// Height of the strips processed by the last layers, pixels.
 const STRIP: usize = 128;
 
 /// Three planes of a picture, row by row from the top.
@@ -33,19 +32,19 @@ type Planes<'a> = [&'a [f32]; 3];
 /// The network with its weights.
 pub(super) struct Network {
     has_guides: bool,
-    /// Encoder layers, from the highest resolution.
+    /// Encoder layers, from the highest resolution on.
     down: [Vec<Convolution>; LEVELS],
     /// Layers at the lowest resolution.
     bottom: Vec<Convolution>,
-    /// Decoder layers, from the highest resolution.
+    /// Decoder layers, from the highest resolution on.
     up: [Vec<Convolution>; LEVELS],
 }
 
-/// Channels of the encoder at each resolution.
+/// Channels of the encoder, from the highest resolution on.
 const DOWN: [usize; LEVELS] = [32, 48, 64, 80];
 /// Channels at the lowest resolution.
 const BOTTOM: usize = 96;
-/// Channels of the decoder at each resolution, from the highest.
+/// Channels of the decoder, from the highest resolution on.
 const UP: [usize; LEVELS] = [64, 64, 96, 112];
 
 impl Network {
@@ -61,9 +60,9 @@ impl Network {
             vec![layer("enc_conv4", &[DOWN[2]])],
         ];
         let bottom = vec![layer("enc_conv5a", &[DOWN[3]]), layer("enc_conv5b", &[BOTTOM])];
-        let both = |level: usize, below: usize, beside: usize| {
+        let both = |level: usize, below: usize, skip: usize| {
             let (a, b) = (format!("dec_conv{level}a"), format!("dec_conv{level}b"));
-            vec![layer(&a, &[below, beside]), layer(&b, &[UP[level - 1]])]
+            vec![layer(&a, &[below, skip]), layer(&b, &[UP[level - 1]])]
         };
         let mut up = [
             both(1, UP[1], first),
@@ -75,8 +74,8 @@ impl Network {
         Network { has_guides, down, bottom, up }
     }
 
-    /// Denoises a picture, of which each pixel is multiplied by a factor first. Radiance that is NaN or negative counts as 0.
-    /// Guides, albedo and normal, are needed if the network is for them.
+    /// Denoises a picture after multiplying each pixel by a factor. NaN or negative radiance counts as 0. The guides are albedo and
+    /// normal, required if the network was created with guides.
     pub fn run(
         &self,
         width: usize,
@@ -107,7 +106,7 @@ impl Network {
         out
     }
 
-    /// Runs the layers on a picture padded to this size; calls `write` with the results, some rows after the other.
+    /// Runs the layers on a picture padded to `size`; calls `write` with the first row and the pixels of each finished strip.
     fn layers(&self, size: [usize; 2], picture: &Picture, mut write: impl FnMut(usize, &[[f32; 3]])) {
         let sized = |level: usize| size.map(|length| length >> level);
         let mut skips: Vec<Tensor> = Vec::new();
@@ -119,17 +118,17 @@ impl Network {
         let stage = Stage { size: sized(LEVELS), inputs: &[Input::Same(&lowest)], layers: &self.bottom };
         let mut below = stage.output(0..size[1] >> LEVELS);
         for level in (2..LEVELS).rev() {
-            let beside = skips.pop().expect("as many as levels");
-            let inputs = [Input::Doubled(&below), Input::Same(&beside)];
+            let skip = skips.pop().expect("as many as levels");
+            let inputs = [Input::Doubled(&below), Input::Same(&skip)];
             let stage = Stage { size: sized(level), inputs: &inputs, layers: &self.up[level] };
             below = stage.output(0..size[1] >> level);
         }
-        let beside = skips.pop().expect("as many as levels");
+        let skip = skips.pop().expect("as many as levels");
         for y0 in (0..size[1]).step_by(STRIP) {
             let y1 = (y0 + STRIP).min(size[1]);
-            let inputs = [Input::Doubled(&below), Input::Same(&beside)];
+            let inputs = [Input::Doubled(&below), Input::Same(&skip)];
             let stage = Stage { size: sized(1), inputs: &inputs, layers: &self.up[1] };
-            // The last three layers need three rows above and below.
+            // The last three layers need a margin of three rows.
             let half = stage.output(y0.saturating_sub(4) / 2..((y1 + 4) / 2).min(size[1] / 2));
             let inputs = [Input::Doubled(&half), Input::Picture(picture)];
             let stage = Stage { size, inputs: &inputs, layers: &self.up[0] };
@@ -145,17 +144,17 @@ impl Network {
     }
 }
 
-/// Edge of the squares whose mean luminance is a sample of the exposure, pixels.
+/// Edge length of the bins averaged for the exposure, pixels.
 const BIN: usize = 16;
-/// The average luminance after exposure.
+/// Geometric mean of the luminance after exposure.
 const KEY: f32 = 0.18;
-/// Darker bins are ignored.
+/// Luminance below which bins are ignored.
 const DARKEST: f32 = 1e-8;
-/// The largest value that the transfer function maps to 1.
+/// Luminance that is encoded as 1.
 const LARGEST: f32 = 65504.0;
 
-/// The factor that scales the geometric mean of the luminance to the key of 0.18 (Reinhard et al. 2002, "Photographic Tone
-/// Reproduction for Digital Images", eq. 1 and 2, on means of 16x16 pixels); 1 for a black picture.
+/// The exposure factor that scales the geometric mean of the luminance to [`KEY`] (Reinhard et al. 2002, "Photographic Tone Reproduction
+/// for Digital Images", eq. 1 and 2, on means of 16x16 pixels); 1 for a black picture.
 fn exposure(width: usize, height: usize, color: [&[f32]; 3], factors: &[f32]) -> f32 {
     let (columns, rows) = (width.div_ceil(BIN), height.div_ceil(BIN));
     let mean = |column: usize, row: usize| {
@@ -179,8 +178,8 @@ fn exposure(width: usize, height: usize, color: [&[f32]; 3], factors: &[f32]) ->
     if count == 0 { 1.0 } else { KEY / (sum / f64::from(count)).exp2() as f32 }
 }
 
-/// A fit to the perceptually uniform encoding of Aydin et al. 2008 ("Extending Quality Metrics to Full Luminance Range
-/// Images"): linear, a power, a logarithm, with the constants of Open Image Denoise.
+/// Constants of the transfer function of Open Image Denoise, a fit of linear, power and logarithmic segments to the perceptually uniform
+/// encoding of Aydin et al. 2008 ("Extending Quality Metrics to Full Luminance Range Images").
 const A: f32 = 1.41283765e+03;
 const B: f32 = 1.64593172e+00;
 const C: f32 = 4.31384981e-01;
@@ -188,7 +187,7 @@ const D: f32 = -2.94139609e-03;
 const E: f32 = 1.92653254e-01;
 const F: f32 = 6.26026094e-03;
 const G: f32 = 9.98620152e-01;
-/// Where the pieces meet: luminances, and their encodings.
+/// Boundaries of the segments: luminances, and their encodings.
 const Y0: f32 = 1.57945760e-06;
 const Y1: f32 = 3.22087631e-02;
 const X0: f32 = 2.23151711e-03;
@@ -214,7 +213,7 @@ fn decode(x: f32) -> f32 {
     }
 }
 
-/// The encodings, in 0..1, of a plane of radiance times factors and the exposure.
+/// Encodes a plane of radiance times factors and exposure, to 0..1 (up to [`LARGEST`]).
 fn encoded(plane: &[f32], factors: &[f32], exposure: f32) -> Vec<f32> {
     let largest = encode(LARGEST);
     let of = |(v, factor): (&f32, &f32)| {
@@ -224,7 +223,7 @@ fn encoded(plane: &[f32], factors: &[f32], exposure: f32) -> Vec<f32> {
     plane.par_iter().zip(factors).with_min_len(4096).map(of).collect()
 }
 
-/// The radiance of an encoding.
+/// Decodes to radiance.
 fn decoded(encoding: f32, exposure: f32) -> f32 {
     decode(encoding * encode(LARGEST)) / exposure
 }
@@ -239,19 +238,19 @@ mod tests {
     const WIDTH: usize = 75;
     const HEIGHT: usize = 41;
 
-    /// Red, green and blue of each pixel of [`Scene::new`] after the library's filter `RT`: `hdr` with albedo and normal, and
-    /// without guides, in half precision.
+    /// RGB pixels of [`Scene::new`] denoised by the filter `RT` of Open Image Denoise: `hdr` with albedo and normal, then without guides;
+    /// half precision.
     const LIBRARY: &[u8] = include_bytes!("library.bin");
 
     struct Scene {
         width: usize,
         height: usize,
-        /// Color, albedo, normal.
+        /// Colour, albedo, normal.
         planes: [[Vec<f32>; 3]; 3],
     }
 
     impl Scene {
-        /// Squares of eight pixels under noisy light that falls off to the right.
+        /// Squares of eight by eight pixels with random albedo under noisy light that falls off to the right.
         fn new(width: usize, height: usize) -> Scene {
             let unit = |seed: u64, count: usize| -> Vec<f64> {
                 let mut random = SplitMix64::new(seed);
@@ -282,7 +281,7 @@ mod tests {
     }
 
     #[test]
-    fn the_network_equals_the_library() {
+    fn network_equals_open_image_denoise() {
         let scene = Scene::new(WIDTH, HEIGHT);
         let expected: Vec<f32> =
             LIBRARY.chunks_exact(2).map(|two| f16::from_le_bytes([two[0], two[1]]).to_f32()).collect();
@@ -292,7 +291,7 @@ mod tests {
             for (at, expected) in expected.chunks_exact(3).enumerate() {
                 for c in 0..3 {
                     let (a, b) = (found[c][at], expected[c]);
-                    // Half precision keeps eleven bits, fewer below 6e-5.
+                    // Half precision has eleven bits, fewer below 6e-5.
                     assert!((a - b).abs() <= 6e-4 * b + 1e-6, "pixel {at}, {c}: {a}, library {b}");
                 }
             }
@@ -300,7 +299,7 @@ mod tests {
     }
 
     #[test]
-    fn strips_tiles_and_threads_change_nothing() {
+    fn results_do_not_depend_on_threads_with_several_strips_and_tiles() {
         // More than one strip, more than one tile, uneven edges.
         let scene = Scene::new(141, STRIP + 27);
         let at = |threads| {
@@ -313,7 +312,7 @@ mod tests {
     }
 
     #[test]
-    fn all_levels_have_the_same_bits() {
+    fn all_cpu_levels_give_the_same_bits() {
         let scene = Scene::new(33, 20);
         let best = best_level();
         let of = |level| {
@@ -326,7 +325,7 @@ mod tests {
     }
 
     #[test]
-    fn decoding_undoes_encoding() {
+    fn decoding_inverts_encoding() {
         for i in 0..200 {
             let y = 1e-8 * 10f32.powf(i as f32 * 0.065);
             let back = decoded(encoded(&[y], &[1.0], 3.0)[0], 3.0);
@@ -335,7 +334,7 @@ mod tests {
     }
 
     #[test]
-    fn exposure_is_relative() {
+    fn exposure_is_inversely_proportional_to_luminance() {
         let plane: Vec<f32> = (0..40 * 30).map(|i| 0.1 + i as f32).collect();
         let bright: Vec<f32> = plane.iter().map(|v| 8.0 * v).collect();
         let ones = vec![1.0; 40 * 30];

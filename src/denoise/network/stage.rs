@@ -1,8 +1,8 @@
-//! Consecutive convolutions of the network, band by band and tile by tile: intermediate results are as large as a tile,
-//! and threads share only the input.
+//! Stages of consecutive convolutions, evaluated band by band and tile by tile: intermediate results have the size of a tile, and
+//! threads share only the input.
 //!
-//! Their weights are in the container that Open Image Denoise publishes: little-endian, a table of tensors by
-//! name at the end ("Tensor Archive", `.tza`, version 2; Open Image Denoise, `core/tza.cpp` and `training/tza.py`).
+//! Weights are stored in the format of Open Image Denoise, little-endian with a table of named tensors at the end ("Tensor Archive",
+//! `.tza`, version 2; `core/tza.cpp` and `training/tza.py` there).
 
 use super::convolution::{BLOCK, Channels, Convolution, Convolve, Scratch, Tile, blocks};
 use crate::simd::dispatch_lanes;
@@ -10,16 +10,16 @@ use half::f16;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Columns of a tile: with the margin of two further convolutions, a multiple of the squares that convolutions take at a time.
+/// Columns of a tile: plus the margin of two further convolutions, a multiple of the columns processed at a time.
 const TILE_WIDTH: usize = 140;
 /// Maximum number of rows of a band.
 const BAND_HEIGHT: usize = 64;
-/// Minimum number of bands, to keep threads busy.
+/// Minimum number of bands, for load balancing.
 const MIN_BANDS: usize = 8;
-/// Minimum number of rows of a band: with fewer, its margin costs too much.
+/// Minimum number of rows of a band, since its margin is computed in addition.
 const MIN_HEIGHT: usize = 16;
 
-/// Some rows of a picture of many channels: row by row, block by block of channels.
+/// A range of rows of a multi-channel picture: row by row, within a row by block of channels.
 pub(super) struct Tensor {
     pub width: usize,
     pub channels: usize,
@@ -51,7 +51,7 @@ pub(super) enum Input<'a> {
     Picture(&'a Picture<'a>),
 }
 
-/// The picture and its guides as the network takes them; zeros beyond its right and lower edges.
+/// The encoded picture with its guides; zero beyond the right and lower edges.
 pub(super) struct Picture<'a> {
     pub width: usize,
     pub height: usize,
@@ -62,7 +62,7 @@ pub(super) struct Picture<'a> {
 }
 
 impl Picture<'_> {
-    /// Writes the pixels of a row from a column on.
+    /// Writes the input channels of a row from column `x0` on.
     fn write_row(&self, x0: usize, y: usize, to: &mut [Channels]) {
         to.fill([0.0; BLOCK]);
         if y >= self.height {
@@ -84,7 +84,7 @@ impl Picture<'_> {
     }
 }
 
-/// Memory of a thread.
+/// Scratch memory of a thread.
 #[derive(Default)]
 struct Tiles {
     from: Tile,
@@ -92,7 +92,7 @@ struct Tiles {
     scratch: Scratch,
 }
 
-/// Convolutions, one after the other, of inputs whose channels are concatenated.
+/// Consecutive convolutions; the channels of the inputs are concatenated.
 pub(super) struct Stage<'a> {
     /// The padded picture's size at the stage's resolution.
     pub size: [usize; 2],
@@ -101,8 +101,8 @@ pub(super) struct Stage<'a> {
 }
 
 impl Stage<'_> {
-    /// Runs the stage for some rows. `out` has `values_of_pair` values for each pair of rows; `write` copies a finished tile, which
-    /// begins at a column of a band, to the values of the band.
+    /// Runs the stage for a range of rows. `out` has `values_of_pair` values per pair of rows; `write` copies a finished tile, with its
+    /// first column, to the values of its band.
     pub fn run<T: Send>(
         &self,
         rows: Range<usize>,
@@ -110,11 +110,11 @@ impl Stage<'_> {
         values_of_pair: usize,
         write: impl Fn(&Tile, usize, &mut [T]) + Sync,
     ) {
-        let even = rows.len().div_ceil(MIN_BANDS).clamp(MIN_HEIGHT, BAND_HEIGHT).next_multiple_of(2);
-        let bands = out.par_chunks_mut(even / 2 * values_of_pair).enumerate();
+        let band_height = rows.len().div_ceil(MIN_BANDS).clamp(MIN_HEIGHT, BAND_HEIGHT).next_multiple_of(2);
+        let bands = out.par_chunks_mut(band_height / 2 * values_of_pair).enumerate();
         bands.for_each_init(Tiles::default, |tiles, (band, out)| {
-            let y0 = rows.start + band * even;
-            let y1 = rows.end.min(y0 + even);
+            let y0 = rows.start + band * band_height;
+            let y1 = rows.end.min(y0 + band_height);
             for x0 in (0..self.size[0]).step_by(TILE_WIDTH) {
                 let x1 = (x0 + TILE_WIDTH).min(self.size[0]);
                 write(self.tile(x0..x1, y0..y1, tiles), x0, out);
@@ -122,7 +122,7 @@ impl Stage<'_> {
         });
     }
 
-    /// The stage's output for a rectangle.
+    /// The output for a rectangle.
     fn tile<'t>(&self, x: Range<usize>, y: Range<usize>, tiles: &'t mut Tiles) -> &'t Tile {
         let Tiles { from, to, scratch } = tiles;
         let margin = self.layers.len();
@@ -130,7 +130,7 @@ impl Stage<'_> {
         for (k, layer) in self.layers.iter().enumerate() {
             dispatch_lanes(Convolve { layer, from, to, scratch });
             let margin = margin - k - 1;
-            // Each convolution pads the picture with zeros.
+            // Each convolution sees zeros outside of the picture.
             let inside = |range: &Range<usize>, size: usize| {
                 let first = margin.saturating_sub(range.start);
                 first..(size + margin - range.start).min(range.len() + 2 * margin)
@@ -141,7 +141,7 @@ impl Stage<'_> {
         from
     }
 
-    /// Fills a tile with the inputs of a rectangle and of a margin around it.
+    /// Fills a tile with the inputs of a rectangle and a margin around it.
     fn gather(&self, x: &Range<usize>, y: &Range<usize>, margin: usize, to: &mut Tile) {
         let count = |input: &Input| match input {
             Input::Same(tensor) | Input::Doubled(tensor) => blocks(tensor.channels),
@@ -180,7 +180,7 @@ impl Stage<'_> {
         }
     }
 
-    /// The output of the stage in some rows.
+    /// The output for a range of rows.
     pub fn output(&self, rows: Range<usize>) -> Tensor {
         let channels = self.layers.last().map_or(0, |layer| layer.outputs);
         let (width, count) = (self.size[0], blocks(channels));
@@ -196,7 +196,7 @@ impl Stage<'_> {
         tensor
     }
 
-    /// The output of the stage, of even size, after 2x2 max pooling.
+    /// The output after 2x2 max pooling; the stage's size must be even.
     pub fn pooled(&self) -> Tensor {
         let channels = self.layers.last().map_or(0, |layer| layer.outputs);
         let (width, count) = (self.size[0] / 2, blocks(channels));
@@ -219,7 +219,7 @@ impl Stage<'_> {
     }
 }
 
-/// A file of weights.
+/// A tensor archive.
 pub(super) struct Archive<'a> {
     bytes: &'a [u8],
     tensors: Vec<StoredTensor<'a>>,
@@ -231,7 +231,7 @@ struct StoredTensor<'a> {
     offset: usize,
 }
 
-/// Reads numbers one after the other.
+/// Sequential reader.
 struct Cursor<'a> {
     bytes: &'a [u8],
     at: usize,
@@ -250,10 +250,10 @@ impl<'a> Cursor<'a> {
 }
 
 impl<'a> Archive<'a> {
-    /// An archive that the program contains.
+    /// Parses an archive embedded in the program.
     ///
     /// # Panics
-    /// If it is not such an archive with half-precision tensors: a defect of the program.
+    /// If it is not a valid archive of half-precision tensors.
     pub fn new(bytes: &'a [u8]) -> Archive<'a> {
         let mut header = Cursor { bytes, at: 0 };
         assert_eq!((header.number(2), header.number(1)), (0x41d7, 2), "a tensor archive of version 2");
@@ -281,7 +281,7 @@ impl<'a> Archive<'a> {
         (&tensor.dimensions, bytes.chunks_exact(2).map(value).collect())
     }
 
-    /// A layer whose concatenated inputs have these numbers of channels.
+    /// A layer by name; `inputs` are the numbers of channels of its concatenated inputs.
     pub fn convolution(&self, name: &str, inputs: &[usize]) -> Convolution {
         let (shape, values) = self.tensor(&format!("{name}.weight"));
         let [outputs, total, 3, 3] = *shape else { panic!("{name}: a 3x3 convolution") };

@@ -1,6 +1,4 @@
-//! Colour nodes: models, blend modes, adjustments, tables of colours.
-//!
-//! Colours of black bodies and of single wavelengths, as Cycles has them.
+//! Functions of colour nodes as in Cycles: colour models, blend modes, adjustments, curves, black bodies, wavelengths.
 
 use crate::color::spectral::rgb_of_wavelength;
 use crate::math::poly;
@@ -8,26 +6,26 @@ use crate::scene::nodes::{BlendMode, ColorModel};
 
 type Color = [f32; 3];
 
-/// Hue 0..1, saturation, value.
+/// RGB to hue (0..1), saturation, value.
 pub fn to_hsv([r, g, b]: Color) -> Color {
-    let (most, least) = (r.max(g).max(b), r.min(g).min(b));
-    let range = most - least;
-    if most == 0.0 || range == 0.0 {
-        return [0.0, 0.0, most];
+    let (maximum, minimum) = (r.max(g).max(b), r.min(g).min(b));
+    let range = maximum - minimum;
+    if maximum == 0.0 || range == 0.0 {
+        return [0.0, 0.0, maximum];
     }
-    let [cr, cg, cb] = [r, g, b].map(|c| (most - c) / range);
-    let sextant = if r == most {
+    let [cr, cg, cb] = [r, g, b].map(|c| (maximum - c) / range);
+    let sextant = if r == maximum {
         cb - cg
-    } else if g == most {
+    } else if g == maximum {
         2.0 + cr - cb
     } else {
         4.0 + cg - cr
     };
     let hue = sextant / 6.0;
-    [if hue < 0.0 { hue + 1.0 } else { hue }, range / most, most]
+    [if hue < 0.0 { hue + 1.0 } else { hue }, range / maximum, maximum]
 }
 
-/// From hue, saturation, value.
+/// Hue (0..1), saturation, value to RGB.
 pub fn from_hsv([h, s, v]: Color) -> Color {
     if s == 0.0 {
         return [v; 3];
@@ -46,18 +44,19 @@ pub fn from_hsv([h, s, v]: Color) -> Color {
     }
 }
 
-/// Hue, saturation, lightness.
+/// RGB to hue (0..1), saturation, lightness.
 pub fn to_hsl([r, g, b]: Color) -> Color {
-    let (most, least) = (r.max(g).max(b), r.min(g).min(b));
-    let lightness = ((most + least) / 2.0).min(1.0);
-    if most == least {
+    let (maximum, minimum) = (r.max(g).max(b), r.min(g).min(b));
+    let lightness = ((maximum + minimum) / 2.0).min(1.0);
+    if maximum == minimum {
         return [0.0, 0.0, lightness];
     }
-    let range = most - least;
-    let saturation = if lightness > 0.5 { range / (2.0 - most - least) } else { range / (most + least) };
-    let sextant = if most == r {
+    let range = maximum - minimum;
+    let saturation =
+        if lightness > 0.5 { range / (2.0 - maximum - minimum) } else { range / (maximum + minimum) };
+    let sextant = if maximum == r {
         (g - b) / range + if g < b { 6.0 } else { 0.0 }
-    } else if most == g {
+    } else if maximum == g {
         (b - r) / range + 2.0
     } else {
         (r - g) / range + 4.0
@@ -65,7 +64,7 @@ pub fn to_hsl([r, g, b]: Color) -> Color {
     [sextant / 6.0, saturation, lightness]
 }
 
-/// From hue, saturation, lightness.
+/// Hue (0..1), saturation, lightness to RGB.
 pub fn from_hsl([h, s, l]: Color) -> Color {
     let [r, g, b] = [(h * 6.0 - 3.0).abs() - 1.0, 2.0 - (h * 6.0 - 2.0).abs(), 2.0 - (h * 6.0 - 4.0).abs()]
         .map(|c| c.clamp(0.0, 1.0));
@@ -73,7 +72,7 @@ pub fn from_hsl([h, s, l]: Color) -> Color {
     [r, g, b].map(|c| (c - 0.5) * chroma + l)
 }
 
-/// Components of a model from red, green, blue.
+/// RGB to the components of a colour model.
 pub fn separate(model: ColorModel, color: Color) -> Color {
     match model {
         ColorModel::Rgb => color,
@@ -82,7 +81,7 @@ pub fn separate(model: ColorModel, color: Color) -> Color {
     }
 }
 
-/// Red, green, blue from components of a model.
+/// Components of a colour model to RGB.
 pub fn combine(model: ColorModel, components: Color) -> Color {
     match model {
         ColorModel::Rgb => components,
@@ -91,7 +90,7 @@ pub fn combine(model: ColorModel, components: Color) -> Color {
     }
 }
 
-/// Blends the second colour over the first.
+/// Blends colour `b` over `a` with factor `t`.
 pub fn blend(mode: BlendMode, t: f32, a: Color, b: Color) -> Color {
     let rest = 1.0 - t;
     let mix = |x: f32, y: f32| rest * x + t * y;
@@ -137,18 +136,18 @@ pub fn blend(mode: BlendMode, t: f32, a: Color, b: Color) -> Color {
 
 fn blend_hsv(mode: BlendMode, t: f32, a: Color, b: Color) -> Color {
     let ([ha, sa, va], [hb, sb, vb]) = (to_hsv(a), to_hsv(b));
-    let mixed = |x: f32, y: f32| (1.0 - t) * x + t * y;
-    let towards = |c: Color| std::array::from_fn(|i| mixed(a[i], c[i]));
+    let mix = |x: f32, y: f32| (1.0 - t) * x + t * y;
+    let towards = |c: Color| std::array::from_fn(|i| mix(a[i], c[i]));
     match mode {
         BlendMode::Hue if sb != 0.0 => towards(from_hsv([hb, sa, va])),
-        BlendMode::Saturation if sa != 0.0 => from_hsv([ha, mixed(sa, sb), va]),
+        BlendMode::Saturation if sa != 0.0 => from_hsv([ha, mix(sa, sb), va]),
         BlendMode::Color if sb != 0.0 => towards(from_hsv([hb, sb, va])),
-        BlendMode::Value => from_hsv([ha, sa, mixed(va, vb)]),
+        BlendMode::Value => from_hsv([ha, sa, mix(va, vb)]),
         _ => a,
     }
 }
 
-/// Shifts the hue (0.5 leaves it) and scales saturation and value.
+/// The hue/saturation/value node: shifts the hue by `hue` - 0.5, and scales saturation and value.
 pub fn adjust([hue, saturation, value]: [f32; 3], factor: f32, color: Color) -> Color {
     let [h, s, v] = to_hsv(color);
     let h = h + hue + 0.5;
@@ -156,24 +155,24 @@ pub fn adjust([hue, saturation, value]: [f32; 3], factor: f32, color: Color) -> 
     std::array::from_fn(|i| (factor * adjusted[i] + (1.0 - factor) * color[i]).max(0.0))
 }
 
-/// A power of a component.
+/// The gamma node for one component.
 pub fn gamma(c: f32, exponent: f32) -> f32 {
     if c > 0.0 { poly::exp(exponent * poly::ln(c)) } else { c }
 }
 
-/// Values of one or more functions, evenly spaced.
+/// Evenly spaced samples of `N` functions.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table<const N: usize> {
-    /// At least one.
+    /// Samples, at least one.
     pub values: Vec<[f32; N]>,
 }
 
 impl<const N: usize> Table<N> {
-    /// Component `i` at 0..1 of the table's range, linear between values.
+    /// Component `i` at `x`, clamped to 0..1 of the table's range, interpolated linearly.
     pub fn at(&self, x: f32, i: usize) -> f32 {
-        let place = x.clamp(0.0, 1.0) * (self.values.len() - 1) as f32;
-        let below = place.floor();
-        let t = place - below;
+        let position = x.clamp(0.0, 1.0) * (self.values.len() - 1) as f32;
+        let below = position.floor();
+        let t = position - below;
         let a = self.values[below as usize][i];
         match self.values.get(below as usize + 1) {
             Some(next) if t > 0.0 => (1.0 - t) * a + t * next[i],
@@ -181,12 +180,12 @@ impl<const N: usize> Table<N> {
         }
     }
 
-    /// The value at or below a place.
+    /// Component `i` of the last sample at or below `x`.
     pub fn below(&self, x: f32, i: usize) -> f32 {
         self.values[(x.clamp(0.0, 1.0) * (self.values.len() - 1) as f32).floor() as usize][i]
     }
 
-    /// The same, beyond the ends along the first and the last segment if `extrapolate`.
+    /// As [`Table::at`], but extrapolated linearly outside 0..1 if `extrapolate`.
     pub fn curve(&self, x: f32, i: usize, extrapolate: bool) -> f32 {
         let last = self.values.len() - 1;
         if last == 0 || !extrapolate || (0.0..=1.0).contains(&x) {
@@ -201,10 +200,10 @@ impl<const N: usize> Table<N> {
     }
 }
 
-/// Temperatures, kelvin, at which the next of the fits begins.
-const BEGINS: [f32; 6] = [965.0, 1167.0, 1449.0, 1902.0, 3315.0, 6365.0];
+/// Temperatures at which the second and later fits start, kelvin.
+const FIT_STARTS: [f32; 6] = [965.0, 1167.0, 1449.0, 1902.0, 3315.0, 6365.0];
 
-/// Red: a + b t + c with a over the temperature t (Cycles, Apache License 2.0, as are the next tables).
+/// Red by fit: coefficients of a / t + b t + c at temperature t (this and the next tables: Cycles, Apache License 2.0).
 const RED: [[f32; 3]; 7] = [
     [1.619_191_1e3, -2.050_109_2e-3, 5.029_957_6],
     [2.488_454_7e3, -1.113_309_1e-3, 3.226_215_4],
@@ -215,7 +214,7 @@ const RED: [[f32; 3]; 7] = [
     [3.787_174_5e3, 9.359_078e-6, 3.990_758_7e-1],
 ];
 
-/// Green, likewise.
+/// Green by fit, as red.
 const GREEN: [[f32; 3]; 7] = [
     [-4.889_997_5e2, 6.043_307_5e-4, -7.558_075_3e-2],
     [-7.559_942_8e2, 3.167_301e-4, 4.783_061_4e-1],
@@ -226,7 +225,7 @@ const GREEN: [[f32; 3]; 7] = [
     [-5.007_995_7e2, -4.598_320_3e-6, 1.090_987_6],
 ];
 
-/// Blue: a polynomial, highest power first.
+/// Blue by fit: coefficients of a cubic polynomial, highest power first.
 const BLUE: [[f32; 4]; 7] = [
     [5.969_453e-11, -4.857_429e-8, -9.706_222_5e-5, -4.079_361_5e-3],
     [2.404_303_7e-11, 5.550_211e-8, -1.985_037_1e-4, 2.893_128_6e-2],
@@ -237,7 +236,7 @@ const BLUE: [[f32; 4]; 7] = [
     [6.726_502_8e-13, -2.730_788_1e-8, 4.240_982_6e-4, -7.523_357e-1],
 ];
 
-/// The colour of a black body, of even luminance.
+/// Linear RGB of a black body, normalized to luminance 1.
 pub fn black_body(kelvin: f32) -> [f32; 3] {
     if kelvin >= 12_000.0 {
         return [0.826_295_5, 0.994_508_05, 1.566_307_7];
@@ -245,16 +244,16 @@ pub fn black_body(kelvin: f32) -> [f32; 3] {
     if kelvin.is_nan() || kelvin < 800.0 {
         return [5.413_294_5, 0.0, 0.0];
     }
-    let fit = BEGINS.iter().filter(|begin| kelvin >= **begin).count();
+    let fit = FIT_STARTS.iter().filter(|start| kelvin >= **start).count();
     let of = |[a, b, c]: [f32; 3]| a / kelvin + b * kelvin + c;
     let blue = BLUE[fit].iter().fold(0.0, |sum, factor| sum * kelvin + factor);
     [of(RED[fit]), of(GREEN[fit]), blue].map(|c| c.max(0.0))
 }
 
-/// Divisor for the brightest wavelengths.
+/// Divisor that normalizes the brightest wavelengths.
 const BRIGHTEST: f32 = 2.52;
 
-/// The colour of a wavelength.
+/// Linear RGB of a wavelength, clipped to the gamut.
 pub fn wavelength(nanometres: f32) -> [f32; 3] {
     rgb_of_wavelength(nanometres).map(|c| (c / BRIGHTEST).max(0.0))
 }

@@ -1,10 +1,10 @@
-//! The operations of programs, for many points at a time.
+//! Runs the steps of compiled node graphs, for several points at a time.
 
 use super::color::{self, Table};
 use super::math;
 use super::noise::{self, Fractal, noise_texture};
 use super::noise::{hash_floats, hash_to_vector};
-use super::patterns::{self, Wall, Wave};
+use super::patterns::{self, BrickPattern, Wave};
 use super::source::Source;
 use super::voronoi::Voronoi;
 use crate::color::luminance;
@@ -13,79 +13,79 @@ use crate::scene::nodes::{
     ClampType, Dimensions, EnvironmentProjection, FactorMode, ImageProjection, MixType, NodeKind,
     NormalSpace, RampInterpolation, TransformType,
 };
-use crate::texture::image::ImageReading;
+use crate::texture::image::ImageSampling;
 use crate::texture::{HitData, TexturePoint};
 
-/// Reads an image at texture coordinates with a filter width: linear RGBA.
-pub(super) type ReadImage<'a> = dyn Fn(TextureId, &ImageReading, [f32; 2], f32) -> [f32; 4] + 'a;
+/// Linear RGBA of an image at texture coordinates, with a filter width in these.
+pub(super) type ReadImage<'a> = dyn Fn(TextureId, &ImageSampling, [f32; 2], f32) -> [f32; 4] + 'a;
 
-/// The points of one evaluation.
+/// The input of one evaluation: points and access to their data.
 pub struct Points<'a> {
-    /// At most as many as registers have lanes; `world` is the point before the scene was moved.
+    /// The points, at most as many as registers have lanes; `world` is in the original scene's world space.
     pub points: &'a [TexturePoint],
-    /// Further data of each; one for all if there is a single one.
+    /// Hit data by point; missing ones count as `None`.
     pub hits: &'a [Option<&'a HitData<'a>>],
-    /// Vectors of the world are those of Blender.
+    /// World-space vectors of the graph have z up, as in Blender.
     pub is_z_up: bool,
-    /// Linear RGBA of a texture at one of them, by its number.
+    /// Linear RGBA of a texture at the point with an index.
     pub textures: &'a dyn Fn(TextureId, usize) -> [f32; 4],
-    /// Linear RGBA of an image at coordinates, averaged over a width in these.
+    /// Linear RGBA of an image.
     pub images: &'a ReadImage<'a>,
 }
 
 /// The operation of a step.
 #[derive(Clone, Debug)]
 pub enum Operation {
-    /// An input of the point.
+    /// Reads data of the point.
     Load(Source),
-    /// The source at an offset, for derivatives: along which step, by how much of it.
-    LoadMoved { source: Source, step: usize, share: f32 },
-    /// A normal from a map of normals.
+    /// Reads data at an offset along the surface, for derivatives: index of the step, and fraction of it.
+    LoadOffset { source: Source, step: usize, fraction: f32 },
+    /// Normal of a normal map.
     NormalMap(NormalSpace),
-    /// A normal that leans by the slope of heights.
+    /// Normal of a bump map.
     Bump { invert: bool, filter_width: f32 },
-    /// A vector by three rows of a transform.
+    /// Transforms a vector by an affine transform given by three rows.
     Transform(TransformType),
-    /// A vector by the columns of such a transform.
+    /// Multiplies a vector by the transposed linear part of such a transform.
     Transposed,
-    /// A vector by a transform that is the same everywhere.
+    /// Transforms a point by a constant affine transform.
     Affine([f32; 12]),
     /// Normalizes a vector.
     Normalize,
     /// Length of a vector.
     Length,
-    /// Cosine between two vectors, of both sides alike.
+    /// Absolute cosine between two unit vectors.
     Cosine,
-    /// An image at a vector, averaged over a width; with the normal in the object's space for projections of a box.
-    Image { texture: TextureId, reading: ImageReading, projection: ImageProjection, blend: f32 },
-    /// An image of surroundings in a direction.
-    Environment { texture: TextureId, reading: ImageReading, projection: EnvironmentProjection },
-    /// The first of two squared distances is at most half a width.
+    /// Reads an image texture for a vector, a filter width, and an object-space normal for box projection.
+    Image { texture: TextureId, reading: ImageSampling, projection: ImageProjection, blend: f32 },
+    /// Reads an environment texture in a direction.
+    Environment { texture: TextureId, reading: ImageSampling, projection: EnvironmentProjection },
+    /// 1 if the distance from an edge is less than half a width, in metres or in pixels.
     IsNear { in_pixels: bool },
     /// The mean of three numbers.
     Mean,
     /// The luminance of a colour.
     Luminance,
-    /// The function of a node.
+    /// A function of the inputs, by node type.
     Node(NodeKind),
     /// A colour ramp.
     Ramp { table: Table<4>, interpolation: RampInterpolation },
-    /// Functions of three components.
+    /// Curves of three components.
     Curves { table: Table<3>, min: f32, max: f32, extrapolate: bool },
-    /// A function of a number.
+    /// A curve of a scalar.
     Curve { table: Table<1>, min: f32, max: f32, extrapolate: bool },
 }
 
-/// Samples of a colour ramp, as Cycles has them.
+/// Samples of a colour ramp, as in Cycles.
 const RAMP_SAMPLES: usize = 256;
 
 impl Operation {
-    /// Does its result depend on more than its inputs?
-    pub fn reads_images(&self) -> bool {
+    /// Does its result depend on data of points or on textures besides its inputs?
+    pub fn reads_external_data(&self) -> bool {
         matches!(
             self,
             Operation::Load(_)
-                | Operation::LoadMoved { .. }
+                | Operation::LoadOffset { .. }
                 | Operation::Image { .. }
                 | Operation::Environment { .. }
         )
@@ -111,7 +111,7 @@ impl Operation {
     }
 }
 
-/// A ramp's stops as evenly spaced samples.
+/// Evenly spaced samples of a ramp with the given stops (position, RGBA).
 fn ramp(stops: &[Vec<f32>], interpolation: RampInterpolation) -> Table<4> {
     let mut stops: Vec<[f32; 5]> = stops.iter().map(|s| [s[0], s[1], s[2], s[3], s[4]]).collect();
     stops.sort_by(|a, b| a[0].total_cmp(&b[0]));
@@ -135,26 +135,26 @@ fn ramp(stops: &[Vec<f32>], interpolation: RampInterpolation) -> Table<4> {
     Table { values: (0..RAMP_SAMPLES).map(|i| at(i as f32 / (RAMP_SAMPLES - 1) as f32)).collect() }
 }
 
-/// In place of the register of an output that nothing reads.
+/// The register number of an unused output.
 pub const UNUSED: u16 = u16::MAX;
 
-/// A step of a program.
+/// A step of a program after register allocation.
 #[derive(Clone, Debug)]
-pub struct Compiled {
+pub struct CompiledStep {
     /// The operation.
     pub operation: Operation,
-    /// Registers.
+    /// Input registers.
     pub inputs: Vec<u16>,
-    /// Registers, or [`UNUSED`].
+    /// Output registers, or [`UNUSED`].
     pub outputs: Vec<u16>,
 }
 
-/// The numbers of all points, a lane a point.
+/// The registers of a program, with a lane for each point.
 #[derive(Debug, Default)]
 pub struct Registers<const LANES: usize>(Vec<[f32; LANES]>);
 
 impl<const LANES: usize> Registers<LANES> {
-    /// Makes room and sets the constants.
+    /// Ensures `count` registers and sets the constants.
     pub fn prepare(&mut self, count: usize, constants: &[(u16, f32)]) {
         if self.0.len() < count {
             self.0.resize(count, [0.0; LANES]);
@@ -164,14 +164,18 @@ impl<const LANES: usize> Registers<LANES> {
         }
     }
 
-    /// A number of a point.
+    /// The value of a register at a point.
     pub fn at(&self, register: u16, lane: usize) -> f32 {
         self.0[register as usize][lane]
     }
 
-    /// Applies a function of numbers to those of each point.
+    /// Applies a function of `I` scalars with `O` results to all lanes.
     #[inline(always)]
-    fn each<const I: usize, const O: usize>(&mut self, step: &Compiled, f: impl Fn([f32; I]) -> [f32; O]) {
+    fn each<const I: usize, const O: usize>(
+        &mut self,
+        step: &CompiledStep,
+        f: impl Fn([f32; I]) -> [f32; O],
+    ) {
         let mut results = [[0.0f32; LANES]; O];
         let inputs: [&[f32; LANES]; I] = std::array::from_fn(|i| &self.0[step.inputs[i] as usize]);
         for lane in 0..LANES {
@@ -188,7 +192,7 @@ impl<const LANES: usize> Registers<LANES> {
     }
 }
 
-/// The outputs of an operation whose inputs are constant and which reads nothing of points.
+/// The outputs of an operation with constant inputs, which must not read external data.
 pub fn fold(operation: &Operation, inputs: &[f32], outputs: u32) -> Vec<f32> {
     let constants: Vec<(u16, f32)> = inputs.iter().enumerate().map(|(i, &v)| (i as u16, v)).collect();
     let first = inputs.len() as u16;
@@ -196,7 +200,7 @@ pub fn fold(operation: &Operation, inputs: &[f32], outputs: u32) -> Vec<f32> {
     registers.prepare(inputs.len() + outputs as usize, &constants);
     let outputs: Vec<u16> = (first..first + outputs as u16).collect();
     let step =
-        Compiled { operation: operation.clone(), inputs: (0..first).collect(), outputs: outputs.clone() };
+        CompiledStep { operation: operation.clone(), inputs: (0..first).collect(), outputs: outputs.clone() };
     run(
         &step,
         &Points {
@@ -211,24 +215,24 @@ pub fn fold(operation: &Operation, inputs: &[f32], outputs: u32) -> Vec<f32> {
     outputs.into_iter().map(|register| registers.at(register, 0)).collect()
 }
 
-/// A vector by rows of a transform, whose last column counts `w` times.
+/// Transforms the vector (x, y, z, w) by the rows of an affine transform.
 fn affine(rows: &[f32], [x, y, z]: [f32; 3], w: f32) -> [f32; 3] {
     std::array::from_fn(|i| rows[4 * i] * x + rows[4 * i + 1] * y + rows[4 * i + 2] * z + rows[4 * i + 3] * w)
 }
 
-/// Loads the data of points.
-fn load<const LANES: usize>(step: &Compiled, points: &Points<'_>, r: &mut Registers<LANES>) {
+/// Runs a load step: reads data of each point.
+fn load<const LANES: usize>(step: &CompiledStep, points: &Points<'_>, r: &mut Registers<LANES>) {
     for lane in 0..points.points.len() {
         let texture = |id| (points.textures)(id, lane);
         let (mut point, hit) = (points.points[lane], points.hits.get(lane).copied().flatten());
         let mut moved = None;
         let source = match step.operation {
-            Operation::LoadMoved { source, step, share } => {
+            Operation::LoadOffset { source, step, fraction } => {
                 if let Some(hit) = hit {
-                    let along = hit.steps(&point)[step] * share;
-                    let (beside, there) = hit.moved(&point, along);
-                    point = beside;
-                    moved = Some(there);
+                    let along = hit.steps(&point)[step] * fraction;
+                    let (offset_point, offset_hit) = hit.moved(&point, along);
+                    point = offset_point;
+                    moved = Some(offset_hit);
                 }
                 source
             }
@@ -244,10 +248,10 @@ fn load<const LANES: usize>(step: &Compiled, points: &Points<'_>, r: &mut Regist
     }
 }
 
-/// Computes a step for all points.
-pub fn run<const LANES: usize>(step: &Compiled, points: &Points<'_>, r: &mut Registers<LANES>) {
+/// Runs a step for all points.
+pub fn run<const LANES: usize>(step: &CompiledStep, points: &Points<'_>, r: &mut Registers<LANES>) {
     match &step.operation {
-        Operation::Load(_) | Operation::LoadMoved { .. } => load(step, points, r),
+        Operation::Load(_) | Operation::LoadOffset { .. } => load(step, points, r),
         Operation::NormalMap(space) => r.each(step, |v: [f32; 30]| math::normal_map(*space, &v)),
         Operation::Bump { invert, filter_width } => {
             r.each(step, |v: [f32; 14]| math::bump(*invert, *filter_width, &v));
@@ -287,19 +291,19 @@ pub fn run<const LANES: usize>(step: &Compiled, points: &Points<'_>, r: &mut Reg
         Operation::Curves { table, min, max, extrapolate } => {
             r.each(step, |[factor, a, b, c]: [f32; 4]| {
                 let new = |old: f32, i: usize| table.curve((old - min) / (max - min), i, *extrapolate);
-                let mixed = |old: f32, i: usize| (1.0 - factor) * old + factor * new(old, i);
-                [mixed(a, 0), mixed(b, 1), mixed(c, 2)]
+                let mix = |old: f32, i: usize| (1.0 - factor) * old + factor * new(old, i);
+                [mix(a, 0), mix(b, 1), mix(c, 2)]
             });
         }
         Operation::Curve { table, min, max, extrapolate } => r.each(step, |[factor, old]: [f32; 2]| {
             let new = table.curve((old - min) / (max - min), 0, *extrapolate);
             [(1.0 - factor) * old + factor * new]
         }),
-        Operation::Node(kind) => arithmetic(kind, step, r),
+        Operation::Node(kind) => run_math_node(kind, step, r),
     }
 }
 
-fn arithmetic<const LANES: usize>(kind: &NodeKind, step: &Compiled, r: &mut Registers<LANES>) {
+fn run_math_node<const LANES: usize>(kind: &NodeKind, step: &CompiledStep, r: &mut Registers<LANES>) {
     match *kind {
         NodeKind::Math { operation, use_clamp } => r.each(step, |[a, b, c]: [f32; 3]| {
             let value = math::scalar(operation, a, b, c);
@@ -324,8 +328,8 @@ fn arithmetic<const LANES: usize>(kind: &NodeKind, step: &Compiled, r: &mut Regi
                         (1.0 - factors[i]) * a[i] + factors[i] * b[i]
                     });
                 }
-                let mixed = color::blend(blend_type, factors[0], a, b);
-                if clamp_result { mixed.map(|c| c.clamp(0.0, 1.0)) } else { mixed }
+                let blended = color::blend(blend_type, factors[0], a, b);
+                if clamp_result { blended.map(|c| c.clamp(0.0, 1.0)) } else { blended }
             });
         }
         NodeKind::MapRange { clamp, interpolation_type } => r.each(step, |v: [f32; 18]| {
@@ -352,11 +356,11 @@ fn arithmetic<const LANES: usize>(kind: &NodeKind, step: &Compiled, r: &mut Regi
             let [p, center, axis] = [0, 3, 6].map(|i| [v[i], v[i + 1], v[i + 2]]);
             math::rotate(rotation_type, invert, p, center, axis, v[9], [v[10], v[11], v[12]])
         }),
-        _ => colors(kind, step, r),
+        _ => run_color_node(kind, step, r),
     }
 }
 
-fn colors<const LANES: usize>(kind: &NodeKind, step: &Compiled, r: &mut Registers<LANES>) {
+fn run_color_node<const LANES: usize>(kind: &NodeKind, step: &CompiledStep, r: &mut Registers<LANES>) {
     match *kind {
         NodeKind::CombineColor { mode } => r.each(step, |c: [f32; 3]| color::combine(mode, c)),
         NodeKind::SeparateColor { mode } => r.each(step, |c: [f32; 3]| color::separate(mode, c)),
@@ -384,11 +388,11 @@ fn colors<const LANES: usize>(kind: &NodeKind, step: &Compiled, r: &mut Register
             let fresnel = math::fresnel(cosine, if is_back != 0.0 { eta } else { 1.0 / eta });
             [fresnel, math::facing(cosine, blend)]
         }),
-        _ => noises(kind, step, r),
+        _ => run_noise_node(kind, step, r),
     }
 }
 
-fn noises<const LANES: usize>(kind: &NodeKind, step: &Compiled, r: &mut Registers<LANES>) {
+fn run_noise_node<const LANES: usize>(kind: &NodeKind, step: &CompiledStep, r: &mut Registers<LANES>) {
     match *kind {
         NodeKind::NoiseTexture { dimensions, noise_type, normalize } => {
             let has_color = step.outputs[1..].iter().any(|&register| register != UNUSED);
@@ -441,11 +445,11 @@ fn noises<const LANES: usize>(kind: &NodeKind, step: &Compiled, r: &mut Register
             };
             [value, a, b, c]
         }),
-        _ => pattern(kind, step, r),
+        _ => run_pattern_node(kind, step, r),
     }
 }
 
-fn pattern<const LANES: usize>(kind: &NodeKind, step: &Compiled, r: &mut Registers<LANES>) {
+fn run_pattern_node<const LANES: usize>(kind: &NodeKind, step: &CompiledStep, r: &mut Registers<LANES>) {
     match *kind {
         NodeKind::WaveTexture { wave_type, bands_direction, rings_direction, wave_profile } => {
             let wave =
@@ -480,7 +484,7 @@ fn pattern<const LANES: usize>(kind: &NodeKind, step: &Compiled, r: &mut Registe
             r.each(step, |v: [f32; 18]| {
                 let [scale, mortar_size, mortar_smooth, bias, brick_width, row_height] =
                     [12, 13, 14, 15, 16, 17].map(|i| v[i]);
-                let wall = Wall {
+                let bricks = BrickPattern {
                     offset,
                     offset_frequency,
                     squash,
@@ -491,7 +495,7 @@ fn pattern<const LANES: usize>(kind: &NodeKind, step: &Compiled, r: &mut Registe
                     brick_width,
                     row_height,
                 };
-                let (tint, mortar) = wall.evaluate(v[0] * scale, v[1] * scale);
+                let (tint, mortar) = bricks.evaluate(v[0] * scale, v[1] * scale);
                 let color = |i: usize| {
                     (1.0 - mortar) * ((1.0 - tint) * v[3 + i] + tint * v[6 + i]) + mortar * v[9 + i]
                 };
@@ -502,7 +506,7 @@ fn pattern<const LANES: usize>(kind: &NodeKind, step: &Compiled, r: &mut Registe
     }
 }
 
-/// Distance, colour, position, w, radius.
+/// Outputs of the Voronoi node: distance, colour, position, w, radius.
 fn voronoi_outputs(
     voronoi: &Voronoi,
     dimensions: Dimensions,
@@ -531,6 +535,6 @@ fn voronoi_outputs(
             (d, c, [x, y, z], w)
         }
     };
-    // Radii are outputs of their own.
+    // The radius is stored as the distance, but is a separate output.
     [d, c[0], c[1], c[2], p[0], p[1], p[2], w, d]
 }

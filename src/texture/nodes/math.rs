@@ -1,5 +1,5 @@
-//! Functions of Cycles' shader nodes: scalar and vector math (defined for all arguments), normal maps and bump maps, and the
-//! projections of image textures onto surfaces and onto the sphere of directions. The axis of spheres and tubes is z.
+//! Functions of Cycles' shader nodes: scalar and vector math (defined for all arguments), normal and bump maps, and the
+//! projections of image and environment textures. The axis of spheres and tubes is z.
 
 use crate::math::{Vec3, poly};
 use crate::scene::nodes::{
@@ -14,7 +14,7 @@ fn divide(a: f32, b: f32) -> f32 {
     if b == 0.0 { 0.0 } else { a / b }
 }
 
-/// A power; 0 for roots of negative numbers.
+/// `a` to the power of `b`; 0 for fractional powers of negative numbers.
 pub fn power(a: f32, b: f32) -> f32 {
     if b == 0.0 {
         return 1.0;
@@ -25,7 +25,7 @@ pub fn power(a: f32, b: f32) -> f32 {
     if a < 0.0 && b != b.trunc() {
         return 0.0;
     }
-    // Small whole powers are exact products.
+    // Small integer powers are computed as products.
     if b == b.trunc() && b.abs() <= 8.0 {
         let product = (0..b.abs() as u32).fold(1.0, |p, _| p * a);
         return if b < 0.0 { 1.0 / product } else { product };
@@ -49,7 +49,7 @@ fn sign(x: f32) -> f32 {
     }
 }
 
-/// Quilez 2013, "Smooth minimum" (cubic).
+/// Cubic smooth minimum with blend distance `k` (Quilez 2013, "Smooth minimum").
 fn smooth_min(a: f32, b: f32, k: f32) -> f32 {
     if k == 0.0 {
         return a.min(b);
@@ -66,7 +66,7 @@ fn cos(x: f32) -> f32 {
     poly::sin_cos(x).1
 }
 
-fn hyperbolic(x: f32) -> (f32, f32) {
+fn sinh_cosh(x: f32) -> (f32, f32) {
     let (up, down) = (poly::exp(x), poly::exp(-x));
     // Taylor series near 0, where the difference of the exponentials cancels.
     let sinh = if x.abs() < 0.1 { x + x * x * x / 6.0 * (1.0 + x * x / 20.0) } else { (up - down) / 2.0 };
@@ -110,7 +110,7 @@ pub fn scalar(operation: MathOperation, a: f32, b: f32, c: f32) -> f32 {
     }
 }
 
-/// Operations that round or repeat.
+/// Rounding and periodic operations of the math node.
 #[inline(always)]
 fn rounding(operation: MathOperation, a: f32, b: f32, c: f32) -> f32 {
     match operation {
@@ -143,7 +143,7 @@ fn rounding(operation: MathOperation, a: f32, b: f32, c: f32) -> f32 {
     }
 }
 
-/// Functions of angles.
+/// Trigonometric and hyperbolic operations of the math node.
 #[inline(always)]
 fn trigonometry(operation: MathOperation, a: f32, b: f32) -> f32 {
     match operation {
@@ -154,10 +154,10 @@ fn trigonometry(operation: MathOperation, a: f32, b: f32) -> f32 {
         MathOperation::ArcCosine => poly::acos(a.clamp(-1.0, 1.0)),
         MathOperation::ArcTangent => poly::atan2(a, 1.0),
         MathOperation::ArcTan2 => poly::atan2(a, b),
-        MathOperation::SinH => hyperbolic(a).0,
-        MathOperation::CosH => hyperbolic(a).1,
+        MathOperation::SinH => sinh_cosh(a).0,
+        MathOperation::CosH => sinh_cosh(a).1,
         _ => {
-            let (sinh, cosh) = hyperbolic(a.clamp(-20.0, 20.0));
+            let (sinh, cosh) = sinh_cosh(a.clamp(-20.0, 20.0));
             sinh / cosh
         }
     }
@@ -171,13 +171,13 @@ fn each2(a: Vector, b: Vector, f: impl Fn(f32, f32) -> f32) -> Vector {
     [f(a[0], b[0]), f(a[1], b[1]), f(a[2], b[2])]
 }
 
-/// Unit length; 0 stays.
+/// A vector scaled to unit length; the zero vector stays zero.
 pub fn normalize(v: Vector) -> Vector {
     let length = dot(v, v).sqrt();
     if length == 0.0 { v } else { v.map(|c| c / length) }
 }
 
-/// The vector math node: a vector and a number.
+/// The vector math node: its vector and its scalar output.
 #[inline(always)]
 pub fn vector(operation: VectorOperation, a: Vector, b: Vector, c: Vector, scale: f32) -> (Vector, f32) {
     let value = match operation {
@@ -240,7 +240,7 @@ pub fn vector(operation: VectorOperation, a: Vector, b: Vector, c: Vector, scale
     (vector, value)
 }
 
-/// Rows of the matrix that rotates about x, then y, then z.
+/// Rows of the matrix that rotates about x, then y, then z by angles in radians.
 fn euler(angles: Vector) -> [Vector; 3] {
     let [(si, ci), (sj, cj), (sk, ck)] = angles.map(poly::sin_cos);
     [
@@ -272,7 +272,7 @@ pub fn mapping(kind: MappingType, v: Vector, location: Vector, rotation: Vector,
     }
 }
 
-/// A vector rotated about an axis of unit length (Rodrigues).
+/// A vector rotated about an axis of unit length by an angle in radians (Rodrigues' formula).
 fn about_axis(v: Vector, axis: Vector, angle: f32) -> Vector {
     let (sine, cosine) = poly::sin_cos(angle);
     let along = dot(axis, v) * (1.0 - cosine);
@@ -293,7 +293,7 @@ pub fn rotate(
 ) -> Vector {
     let from_center = each2(v, center, |x, c| x - c);
     let angle = if invert { -angle } else { angle };
-    let turned = match kind {
+    let rotated = match kind {
         RotationType::Euler => {
             let rows = euler(angles);
             transform(&if invert { transpose(&rows) } else { rows }, from_center)
@@ -304,10 +304,10 @@ pub fn rotate(
         RotationType::Y => about_axis(from_center, [0.0, 1.0, 0.0], angle),
         RotationType::Z => about_axis(from_center, [0.0, 0.0, 1.0], angle),
     };
-    each2(turned, center, |x, c| x + c)
+    each2(rotated, center, |x, c| x + c)
 }
 
-/// The map range node, one component.
+/// The map range node for one component.
 pub fn map_range(
     kind: RangeInterpolation,
     clamp: bool,
@@ -343,7 +343,7 @@ pub fn map_range(
     if clamp && is_unbounded { result.max(to[0].min(to[1])).min(to[0].max(to[1])) } else { result }
 }
 
-/// Reflectance of unpolarised light by a dielectric, from outside.
+/// Fresnel reflectance of a dielectric for unpolarized light; `ior` is relative to the incident side.
 pub fn fresnel(cosine: f32, ior: f32) -> f32 {
     let c = cosine.abs();
     let squared = ior * ior - 1.0 + c * c;
@@ -367,40 +367,41 @@ fn to_vec3(v: &[f32]) -> Vec3 {
     Vec3::new(v[0], v[1], v[2])
 }
 
-fn mixed(a: Vec3, b: Vec3, share: f32) -> Vec3 {
-    a + (b - a) * share
+fn mix(a: Vec3, b: Vec3, weight: f32) -> Vec3 {
+    a + (b - a) * weight
 }
 
-/// The normal map node. `v` holds the strength, the colour (3), the tangent frame (9) and 1 if there is one, the shading normal (3), the
-/// rows of the transform from world to object space (12), and 1 if the back is seen.
+/// The normal map node. `v` holds the strength, the colour (3), the tangent frame (9) and a flag for it, the shading normal (3), the
+/// rows of the transform from world to object space (12), and the back-face flag.
 pub fn normal_map(space: NormalSpace, v: &[f32; 30]) -> [f32; 3] {
-    let (strength, color, frame, own, rows) = (v[0], &v[1..4], &v[4..14], to_vec3(&v[14..17]), &v[17..29]);
+    let (strength, color, frame, shading_normal, rows) =
+        (v[0], &v[1..4], &v[4..14], to_vec3(&v[14..17]), &v[17..29]);
     let side = if v[29] != 0.0 { -1.0 } else { 1.0 };
     let mut n = to_vec3(color) * 2.0 - Vec3::ONE;
     let normal = if space == NormalSpace::Tangent {
         if frame[9] == 0.0 {
-            return own.to_array();
+            return shading_normal.to_array();
         }
         let n = Vec3::new(n.x * strength, n.y * strength, 1.0 + (n.z - 1.0) * strength.clamp(0.0, 1.0));
-        let turned = to_vec3(&frame[0..3]) * n.x + to_vec3(&frame[3..6]) * n.y + to_vec3(&frame[6..9]) * n.z;
-        turned.normalize_or_zero() * side
+        let rotated = to_vec3(&frame[0..3]) * n.x + to_vec3(&frame[3..6]) * n.y + to_vec3(&frame[6..9]) * n.z;
+        rotated.normalize_or_zero() * side
     } else {
         if matches!(space, NormalSpace::BlenderObject | NormalSpace::BlenderWorld) {
             (n.y, n.z) = (-n.y, -n.z);
         }
         if matches!(space, NormalSpace::Object | NormalSpace::BlenderObject) {
-            // Normals go to the world by the transposed inverse.
+            // Normals are transformed to world space by the inverse transpose.
             let column = |i: usize| Vec3::new(rows[i], rows[4 + i], rows[8 + i]);
             n = Vec3::new(column(0).dot(n), column(1).dot(n), column(2).dot(n));
         }
         let n = n.normalize_or_zero() * side;
-        if strength == 1.0 { n } else { mixed(own, n, strength.max(0.0)).normalize_or_zero() }
+        if strength == 1.0 { n } else { mix(shading_normal, n, strength.max(0.0)).normalize_or_zero() }
     };
-    if normal == Vec3::ZERO { own.to_array() } else { normal.to_array() }
+    if normal == Vec3::ZERO { shading_normal.to_array() } else { normal.to_array() }
 }
 
 /// The bump node (Mikkelsen 2010, "Bump Mapping Unparametrized Surfaces on the GPU"). `v` holds the strength, the distance, the heights
-/// at the point and one step further in two directions, the normal (3) and the two steps (3 each).
+/// at the point and at its two offsets, the normal (3) and the two steps (3 each).
 pub fn bump(invert: bool, filter_width: f32, v: &[f32; 14]) -> [f32; 3] {
     let (strength, distance) = (v[0].max(0.0), if invert { -v[1] } else { v[1] });
     let (here, along_a, along_b) = (v[2], v[3], v[4]);
@@ -413,22 +414,22 @@ pub fn bump(invert: bool, filter_width: f32, v: &[f32; 14]) -> [f32; 3] {
     if perturbed == Vec3::ZERO || !perturbed.is_finite() {
         return n.to_array();
     }
-    mixed(n, perturbed, strength).normalize_or_zero().to_array()
+    mix(n, perturbed, strength).normalize_or_zero().to_array()
 }
 
-/// The image texture node: linear RGBA for a vector (3), the width of the footprint, and the normal in object space (3). `at` looks up
-/// texture coordinates with a footprint.
+/// The image texture node: linear RGBA for a vector (3), the footprint in texture coordinates, and the object-space normal (3). `at` looks up
+/// the image at texture coordinates with a footprint.
 pub fn image(
     projection: ImageProjection,
     blend: f32,
     [x, y, z, footprint, nx, ny, nz]: [f32; 7],
     at: impl Fn([f32; 2], f32) -> [f32; 4],
 ) -> [f32; 4] {
-    let around = [x, y, z].map(|c| 2.0 * c - 1.0);
+    let centered = [x, y, z].map(|c| 2.0 * c - 1.0);
     match projection {
         ImageProjection::Flat => at([x, y], footprint),
-        ImageProjection::Sphere => at(on_sphere(around), 0.0),
-        ImageProjection::Tube => at(on_tube(around), 0.0),
+        ImageProjection::Sphere => at(on_sphere(centered), 0.0),
+        ImageProjection::Tube => at(on_tube(centered), 0.0),
         ImageProjection::Box => {
             let side = |c: f32, is_mirrored: bool| if is_mirrored { 1.0 - c } else { c };
             let sides = [[side(y, nx < 0.0), z], [side(x, ny > 0.0), z], [side(y, nz > 0.0), x]];
@@ -460,7 +461,7 @@ fn on_tube([x, y, z]: [f32; 3]) -> [f32; 2] {
     }
 }
 
-/// Weights of the projections along x, y and z for the absolute components of a normal; `blend` is the width of the transitions.
+/// Weights of the projections along x, y and z for the absolute components of a normal; `blend`, 0..1, is the width of the transitions.
 fn box_weights(n: [f32; 3], blend: f32) -> [f32; 3] {
     let sum = n[0] + n[1] + n[2];
     let [x, y, z] = n.map(|c| c / sum);
@@ -477,17 +478,17 @@ fn box_weights(n: [f32; 3], blend: f32) -> [f32; 3] {
     if blend <= 0.0 {
         return [1.0, 0.0, 0.0];
     }
-    let share = |a: f32, b: f32| ((a / (a + b) - 0.5 * (1.0 - blend)) / blend).clamp(0.0, 1.0);
+    let weight = |a: f32, b: f32| ((a / (a + b) - 0.5 * (1.0 - blend)) / blend).clamp(0.0, 1.0);
     if z < (1.0 - limit) * (y + x) {
-        let first = share(x, y);
+        let first = weight(x, y);
         return [first, 1.0 - first, 0.0];
     }
     if x < (1.0 - limit) * (y + z) {
-        let first = share(y, z);
+        let first = weight(y, z);
         return [0.0, first, 1.0 - first];
     }
     if y < (1.0 - limit) * (x + z) {
-        let first = share(x, z);
+        let first = weight(x, z);
         return [first, 0.0, 1.0 - first];
     }
     [x, y, z].map(|c| ((2.0 - limit) * c + (limit - 1.0)) / (2.0 * limit - 1.0))

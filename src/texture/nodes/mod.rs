@@ -1,4 +1,5 @@
-//! Node graphs as flat programs: common subexpressions once, constants folded, unused steps removed, registers reused.
+//! Compiles node graphs to flat register programs: with common subexpression elimination, constant folding, dead code elimination and
+//! register allocation.
 
 mod color;
 mod evaluate;
@@ -8,44 +9,44 @@ mod patterns;
 mod source;
 mod voronoi;
 
-use super::image::ImageReading;
+use super::image::ImageSampling;
 use super::{HitData, TexturePoint};
 use crate::scene::TextureId;
 use crate::scene::nodes::{
     Axis, ImageProjection, MathOperation, NodeGraph, NodeInput, NodeKind, SocketDefault, SocketType, Space,
     TangentType, TransformType, VectorOperation,
 };
-use evaluate::{Compiled, Operation, Points, ReadImage, Registers, UNUSED, fold, run};
-use source::{FIRST_SET, Source};
+use evaluate::{CompiledStep, Operation, Points, ReadImage, Registers, UNUSED, fold, run};
+use source::{FIRST_UV_SET, Source};
 use std::cell::Cell;
 use std::collections::HashMap;
 
-/// A number of a program before registers are given to them.
+/// A scalar operand before register allocation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-enum Number {
-    /// By its bits.
+enum Scalar {
+    /// The bits of an f32.
     Constant(u32),
     /// An output of a step.
     Result { step: u32, output: u32 },
 }
 
-impl Number {
-    fn of(value: f32) -> Number {
-        Number::Constant(value.to_bits())
+impl Scalar {
+    fn of(value: f32) -> Scalar {
+        Scalar::Constant(value.to_bits())
     }
 }
 
-/// A step before registers are given.
+/// A step before register allocation.
 struct Step {
     operation: Operation,
-    inputs: Vec<Number>,
+    inputs: Vec<Scalar>,
     outputs: u32,
 }
 
 /// A program that evaluates a graph at many points at a time.
 #[derive(Clone, Debug)]
 pub struct Program {
-    steps: Vec<Compiled>,
+    steps: Vec<CompiledStep>,
     constants: Vec<(u16, f32)>,
     registers: usize,
     result: [u16; 3],
@@ -53,41 +54,41 @@ pub struct Program {
 }
 
 impl Program {
-    /// Compiles a graph; black if it has [problems](NodeGraph::problems). `attributes` are the names of the attributes of hits.
+    /// Compiles a graph; black if it has [problems](NodeGraph::problems). `attributes` are the names of vertex attributes by index.
     pub fn new(graph: &NodeGraph, attributes: &[String]) -> Program {
         let mut builder = Builder { attributes, is_z_up: graph.is_z_up, ..Builder::default() };
         if !graph.problems().is_empty() {
-            return builder.finish([Number::of(0.0); 3]);
+            return builder.finish([Scalar::of(0.0); 3]);
         }
-        let mut outputs: HashMap<usize, Vec<[Number; 3]>> = HashMap::new();
+        let mut outputs: HashMap<usize, Vec<[Scalar; 3]>> = HashMap::new();
         for node in graph.order().unwrap_or_default() {
-            let made = builder.node(graph, node, &outputs);
-            outputs.insert(node, made);
+            let node_outputs = builder.node(graph, node, &outputs);
+            outputs.insert(node, node_outputs);
         }
         let result = builder.input(graph, &graph.result, SocketType::Color, &outputs);
         builder.finish(result)
     }
 
-    /// The result, if it is the same everywhere.
+    /// The result, if it is constant; negative components become 0.
     pub fn constant(&self) -> Option<[f32; 3]> {
         let value = |register: u16| self.constants.iter().find(|c| c.0 == register).map(|c| c.1);
         let [r, g, b] = self.result.map(|register| value(register).map(reflectance));
         if self.steps.is_empty() { Some([r?, g?, b?]) } else { None }
     }
 
-    /// Does the result differ with the direction from which a surface is seen?
+    /// Does the result depend on the viewing direction?
     pub fn depends_on_viewer(&self) -> bool {
         self.sources().any(Source::depends_on_viewer)
     }
 
-    /// Does it need more than a [`TexturePoint`] has?
+    /// Does it read data beyond [`TexturePoint`]?
     pub fn reads_hit(&self) -> bool {
         self.sources().any(Source::reads_hit)
     }
 
-    /// Does it read tangents of the first texture coordinates?
+    /// Does it read tangents of the first UV set?
     pub fn reads_tangents(&self) -> bool {
-        self.sources().any(|source| matches!(source, Source::UvTangent | Source::Frame(FIRST_SET)))
+        self.sources().any(|source| matches!(source, Source::UvTangent | Source::Frame(FIRST_UV_SET)))
     }
 
     /// Does it depend on the incident path?
@@ -95,12 +96,12 @@ impl Program {
         self.sources().any(|source| source == Source::Path)
     }
 
-    /// Does it read how wide a pixel is on the surface?
+    /// Does it read the width of the ray footprint?
     pub fn reads_width(&self) -> bool {
         self.sources().any(|source| matches!(source, Source::Steps | Source::Edge))
     }
 
-    /// Textures that it reads.
+    /// The textures that it reads.
     pub fn textures(&self) -> impl Iterator<Item = TextureId> + '_ {
         self.steps.iter().filter_map(|step| match step.operation {
             Operation::Load(Source::Texture(texture))
@@ -117,7 +118,7 @@ impl Program {
         })
     }
 
-    /// The result at a point as it is; `hit` is what is known of it beyond that. `texture` gives linear RGBA of other textures there.
+    /// The unclamped result at a point, with the data of its hit if there are any. `texture` gives linear RGBA of other textures there.
     pub fn at(
         &self,
         point: TexturePoint,
@@ -126,7 +127,7 @@ impl Program {
         images: &ReadImage<'_>,
     ) -> [f32; 3] {
         thread_local! {
-            /// Registers of the last evaluation; taken while one is under way, since textures may hold programs in turn.
+            /// Registers of the last evaluation, for reuse; taken during one, since nested textures may run programs, too.
             static REGISTERS: Cell<Registers<1>> = Cell::default();
         }
         let mut registers = REGISTERS.take();
@@ -138,7 +139,7 @@ impl Program {
         result
     }
 
-    /// A result as a vector of the scene's world.
+    /// A result as a vector in the scene's world space (y up).
     pub fn as_vector(&self, [x, y, z]: [f32; 3]) -> [f32; 3] {
         if self.is_z_up { [x, z, -y] } else { [x, y, z] }
     }
@@ -152,17 +153,17 @@ impl Program {
     }
 }
 
-/// The first three numbers of a source.
-fn three(numbers: &[Number]) -> [Number; 3] {
+/// The first three values of a list.
+fn xyz(numbers: &[Scalar]) -> [Scalar; 3] {
     [numbers[0], numbers[1], numbers[2]]
 }
 
-/// A number as a vector.
-fn one(number: Number) -> [Number; 3] {
+/// A scalar as a vector of equal components.
+fn splat(number: Scalar) -> [Scalar; 3] {
     [number; 3]
 }
 
-/// Negative values and those that aren't numbers count as 0.
+/// Replaces negative, infinite and NaN values by 0.
 pub(super) fn reflectance(value: f32) -> f32 {
     if value > 0.0 && value.is_finite() { value } else { 0.0 }
 }
@@ -170,56 +171,58 @@ pub(super) fn reflectance(value: f32) -> f32 {
 #[derive(Default)]
 struct Builder<'a> {
     steps: Vec<Step>,
-    known: HashMap<(String, Vec<Number>), u32>,
-    /// Names of the attributes of hits.
+    steps_by_key: HashMap<(String, Vec<Scalar>), u32>,
+    /// Names of vertex attributes by index.
     attributes: &'a [String],
     is_z_up: bool,
-    /// Offset of the points that nodes under construction read: along which step, by how much of it.
-    beside: Option<(usize, f32)>,
-    /// Bumps around what is built.
+    /// Offset at which nodes are currently built, for the derivatives of bumps: index of the step, and fraction of it.
+    sample_offset: Option<(usize, f32)>,
+    /// Number of bump nodes around the nodes being built.
     bumps: u32,
 }
 
-/// Maximum number of bumps whose heights depend on another.
+/// Maximum nesting of bump nodes in each other's heights.
 const MAX_BUMPS: u32 = 2;
 
 impl Builder<'_> {
-    /// Adds a step or finds the same one; folds it where all its inputs are constant.
-    fn step(&mut self, operation: Operation, inputs: Vec<Number>, outputs: u32) -> Vec<Number> {
+    /// Adds a step unless an equal one exists; folds it if all inputs are constant.
+    fn step(&mut self, operation: Operation, inputs: Vec<Scalar>, outputs: u32) -> Vec<Scalar> {
         let constants: Option<Vec<f32>> = inputs
             .iter()
             .map(|number| match number {
-                Number::Constant(bits) => Some(f32::from_bits(*bits)),
-                Number::Result { .. } => None,
+                Scalar::Constant(bits) => Some(f32::from_bits(*bits)),
+                Scalar::Result { .. } => None,
             })
             .collect();
-        if let (Some(constants), false) = (constants, operation.reads_images()) {
+        if let (Some(constants), false) = (constants, operation.reads_external_data()) {
             let values = fold(&operation, &constants, outputs);
-            return values.into_iter().map(Number::of).collect();
+            return values.into_iter().map(Scalar::of).collect();
         }
         let next = self.steps.len() as u32;
-        let step = *self.known.entry((format!("{operation:?}"), inputs.clone())).or_insert(next);
+        let step = *self.steps_by_key.entry((format!("{operation:?}"), inputs.clone())).or_insert(next);
         if step == next {
             self.steps.push(Step { operation, inputs, outputs });
         }
-        (0..outputs).map(|output| Number::Result { step, output }).collect()
+        (0..outputs).map(|output| Scalar::Result { step, output }).collect()
     }
 
-    fn load(&mut self, source: Source) -> Vec<Number> {
-        let operation = match self.beside {
-            Some((step, share)) if source.moves() => Operation::LoadMoved { source, step, share },
+    fn load(&mut self, source: Source) -> Vec<Scalar> {
+        let operation = match self.sample_offset {
+            Some((step, fraction)) if source.varies_along_surface() => {
+                Operation::LoadOffset { source, step, fraction }
+            }
             _ => Operation::Load(source),
         };
         self.step(operation, Vec::new(), source.width())
     }
 
-    fn load_vector(&mut self, source: Source) -> [Number; 3] {
+    fn load_vector(&mut self, source: Source) -> [Scalar; 3] {
         let numbers = self.load(source);
         [numbers[0], numbers[1], numbers[2]]
     }
 
-    /// A value converted from one type to another.
-    fn convert(&mut self, value: [Number; 3], from: SocketType, to: SocketType) -> [Number; 3] {
+    /// A value converted from one socket type to another.
+    fn convert(&mut self, value: [Scalar; 3], from: SocketType, to: SocketType) -> [Scalar; 3] {
         match (from, to) {
             (SocketType::Float, SocketType::Vector | SocketType::Color) => [value[0]; 3],
             (SocketType::Vector, SocketType::Float) => [self.step(Operation::Mean, value.to_vec(), 1)[0]; 3],
@@ -230,20 +233,20 @@ impl Builder<'_> {
         }
     }
 
-    /// The value of an input, as the type of its socket.
+    /// The value of an input, converted to the type of its socket.
     fn input(
         &mut self,
         graph: &NodeGraph,
         input: &NodeInput,
         to: SocketType,
-        outputs: &HashMap<usize, Vec<[Number; 3]>>,
-    ) -> [Number; 3] {
+        outputs: &HashMap<usize, Vec<[Scalar; 3]>>,
+    ) -> [Scalar; 3] {
         let value = match *input {
             NodeInput::Link { node, output } => outputs[&node][output],
             NodeInput::Texture { texture, alpha: true } => [self.load(Source::Texture(texture))[3]; 3],
             NodeInput::Texture { texture, alpha: false } => self.load_vector(Source::Texture(texture)),
-            NodeInput::Value(value) => value.map(Number::of),
-            NodeInput::Default => [Number::of(0.0); 3],
+            NodeInput::Value(value) => value.map(Scalar::of),
+            NodeInput::Default => [Scalar::of(0.0); 3],
         };
         self.convert(value, graph.given_type(input, to), to)
     }
@@ -253,19 +256,19 @@ impl Builder<'_> {
         &mut self,
         graph: &NodeGraph,
         index: usize,
-        outputs: &HashMap<usize, Vec<[Number; 3]>>,
-    ) -> Vec<[Number; 3]> {
+        outputs: &HashMap<usize, Vec<[Scalar; 3]>>,
+    ) -> Vec<[Scalar; 3]> {
         let node = &graph.nodes[index];
         let mut inputs = Vec::new();
         for (socket, input) in node.kind.inputs().iter().zip(&node.inputs) {
             let value = match (input, socket.default) {
-                (NodeInput::Default, SocketDefault::Value(default)) => default.map(Number::of),
+                (NodeInput::Default, SocketDefault::Value(default)) => default.map(Scalar::of),
                 (NodeInput::Default, SocketDefault::Position) => self.load_vector(Source::Position),
                 (NodeInput::Default, SocketDefault::Uv) => self.load_vector(Source::Uv),
-                // The cosine stands for it in others.
+                // Other nodes use the viewing cosine instead.
                 (NodeInput::Default, SocketDefault::Normal) => match node.kind {
                     NodeKind::Bump { .. } => self.load_vector(Source::Normal),
-                    _ => [Number::of(0.0); 3],
+                    _ => [Scalar::of(0.0); 3],
                 },
                 _ => self.input(graph, input, socket.kind, outputs),
             };
@@ -284,39 +287,39 @@ impl Builder<'_> {
         }
     }
 
-    /// A normal that leans by the slope of heights, whose part of the graph is built once more for the point and for each of two beside.
+    /// A bump-mapped normal. The nodes of its height are built three times: at the point and at two offsets, for finite differences.
     fn bump(
         &mut self,
         graph: &NodeGraph,
         index: usize,
-        inputs: &[(SocketType, [Number; 3])],
-        (distance, invert, filter_width): (Number, bool, f32),
-    ) -> [Number; 3] {
+        inputs: &[(SocketType, [Scalar; 3])],
+        (distance, invert, filter_width): (Scalar, bool, f32),
+    ) -> [Scalar; 3] {
         let (height, normal) = (graph.nodes[index].inputs[2], inputs[3].1);
         if self.bumps >= MAX_BUMPS || !matches!(height, NodeInput::Link { .. } | NodeInput::Texture { .. }) {
             return normal;
         }
         let mut flat = vec![inputs[0].1[0], distance];
-        let outer = self.beside;
+        let outer = self.sample_offset;
         self.bumps += 1;
-        for beside in [outer, Some((0, filter_width)), Some((1, filter_width))] {
-            self.beside = beside;
-            let mut outputs: HashMap<usize, Vec<[Number; 3]>> = HashMap::new();
+        for sample_offset in [outer, Some((0, filter_width)), Some((1, filter_width))] {
+            self.sample_offset = sample_offset;
+            let mut outputs: HashMap<usize, Vec<[Scalar; 3]>> = HashMap::new();
             for node in graph.order_of(&height).unwrap_or_default() {
-                let made = self.node(graph, node, &outputs);
-                outputs.insert(node, made);
+                let node_outputs = self.node(graph, node, &outputs);
+                outputs.insert(node, node_outputs);
             }
             flat.push(self.input(graph, &height, SocketType::Float, &outputs)[0]);
         }
         self.bumps -= 1;
-        self.beside = outer;
+        self.sample_offset = outer;
         flat.extend(normal);
         flat.extend(self.load(Source::Steps));
-        three(&self.step(Operation::Bump { invert, filter_width }, flat, 3))
+        xyz(&self.step(Operation::Bump { invert, filter_width }, flat, 3))
     }
 
-    /// The distance of a bump, multiplied by a power of the object's scale along the normal.
-    fn scaled_distance(&mut self, inputs: &[(SocketType, [Number; 3])], power: f32) -> Number {
+    /// The distance of a bump node, times a power of the object's scale along the normal.
+    fn scaled_distance(&mut self, inputs: &[(SocketType, [Scalar; 3])], power: f32) -> Scalar {
         let distance = inputs[1].1[0];
         if power == 0.0 {
             return distance;
@@ -325,43 +328,43 @@ impl Builder<'_> {
         along.extend(self.load(Source::WorldFromObject));
         let along = self.step(Operation::Transposed, along, 3);
         let scale = self.step(Operation::Length, along, 1)[0];
-        let factor = self.math(MathOperation::Power, scale, Number::of(power));
+        let factor = self.math(MathOperation::Power, scale, Scalar::of(power));
         self.math(MathOperation::Multiply, distance, factor)
     }
 
-    fn math(&mut self, operation: MathOperation, a: Number, b: Number) -> Number {
+    fn math(&mut self, operation: MathOperation, a: Scalar, b: Scalar) -> Scalar {
         let kind = NodeKind::Math { operation, use_clamp: false };
-        self.step(Operation::Node(kind), vec![a, b, Number::of(0.0)], 1)[0]
+        self.step(Operation::Node(kind), vec![a, b, Scalar::of(0.0)], 1)[0]
     }
 
-    /// The outputs of a node of images.
+    /// The outputs of an image node.
     fn image(
         &mut self,
         graph: &NodeGraph,
         index: usize,
         texture: TextureId,
-        vector: [Number; 3],
-    ) -> Vec<[Number; 3]> {
+        vector: [Scalar; 3],
+    ) -> Vec<[Scalar; 3]> {
         let node = &graph.nodes[index];
-        let Some(reading) = ImageReading::of(graph, index) else {
-            return vec![[Number::of(0.0); 3]; node.kind.outputs().len()];
+        let Some(reading) = ImageSampling::of(graph, index) else {
+            return vec![[Scalar::of(0.0); 3]; node.kind.outputs().len()];
         };
         if let NodeKind::EnvironmentTexture { projection, .. } = &node.kind {
             let operation = Operation::Environment { texture, reading, projection: *projection };
-            return vec![three(&self.step(operation, vector.to_vec(), 3))];
+            return vec![xyz(&self.step(operation, vector.to_vec(), 3))];
         }
         let (projection, blend) = match &node.kind {
             NodeKind::ImageTexture { projection, blend, .. } => (*projection, *blend),
             _ => (ImageProjection::Flat, 0.0),
         };
-        let zero = Number::of(0.0);
+        let zero = Scalar::of(0.0);
         let mut flat = vector.to_vec();
         flat.push(match graph.texture_coordinates(&node.inputs[0]) {
-            // Heights are those of points, as in Cycles: slopes are steeper than those of averages.
+            // As in Cycles, images are not filtered in the height of a bump: filtering would flatten slopes.
             Some((name, factor)) if projection == ImageProjection::Flat && self.bumps == 0 => {
                 let footprint = self.load(Source::Footprint(self.attribute(name)));
                 let scale = NodeKind::Math { operation: MathOperation::Multiply, use_clamp: false };
-                self.step(Operation::of(&scale), vec![footprint[0], Number::of(factor), zero], 1)[0]
+                self.step(Operation::of(&scale), vec![footprint[0], Scalar::of(factor), zero], 1)[0]
             }
             _ => zero,
         });
@@ -370,25 +373,25 @@ impl Builder<'_> {
             _ => [zero; 3],
         });
         let own = self.step(Operation::Image { texture, reading, projection, blend }, flat, 4);
-        vec![three(&own), one(own[3])]
+        vec![xyz(&own), splat(own[3])]
     }
 
-    /// The number of an attribute; one that nothing has where there is no name.
+    /// The index of an attribute; `u16::MAX`, which no surface has, for unknown names.
     fn attribute(&self, name: &str) -> u16 {
         self.attributes.iter().position(|known| known == name).map_or(u16::MAX, |number| number as u16)
     }
 
-    /// The outputs of nodes that read of hits; `None` of others.
+    /// The outputs of nodes that only read hit data; `None` for other nodes.
     fn sources_of(
         &mut self,
         kind: &NodeKind,
-        inputs: &[(SocketType, [Number; 3])],
-    ) -> Option<Vec<[Number; 3]>> {
+        inputs: &[(SocketType, [Scalar; 3])],
+    ) -> Option<Vec<[Scalar; 3]>> {
         self.surface_sources(kind).or_else(|| self.other_sources(kind, inputs))
     }
 
-    /// The sources of coordinates and attributes.
-    fn surface_sources(&mut self, kind: &NodeKind) -> Option<Vec<[Number; 3]>> {
+    /// The outputs of nodes for coordinates and attributes.
+    fn surface_sources(&mut self, kind: &NodeKind) -> Option<Vec<[Scalar; 3]>> {
         let generated = self.attribute("generated");
         Some(match kind {
             NodeKind::TextureCoordinate { object_matrix } => {
@@ -405,7 +408,7 @@ impl Builder<'_> {
                 let object = match object_matrix.0 {
                     Some(rows) => {
                         let position = self.load_vector(Source::Position);
-                        three(&self.step(Operation::Affine(rows), position.to_vec(), 3))
+                        xyz(&self.step(Operation::Affine(rows), position.to_vec(), 3))
                     }
                     None => object,
                 };
@@ -421,52 +424,52 @@ impl Builder<'_> {
                     Source::Parametric,
                 ];
                 let mut outputs = vectors.map(|source| self.load_vector(source)).to_vec();
-                outputs.push(one(self.load(Source::Backfacing)[0]));
+                outputs.push(splat(self.load(Source::Backfacing)[0]));
                 for name in ["pointiness", "random_per_island"] {
                     let number = self.attribute(name);
-                    outputs.push(one(self.load(Source::Attribute(number))[4]));
+                    outputs.push(splat(self.load(Source::Attribute(number))[4]));
                 }
                 outputs
             }
             NodeKind::Attribute { name } => {
                 let own = self.load(Source::Attribute(self.attribute(name)));
-                vec![three(&own), three(&own), one(own[4]), one(own[3])]
+                vec![xyz(&own), xyz(&own), splat(own[4]), splat(own[3])]
             }
             NodeKind::ColorAttribute { name } => {
                 let own = self.load(Source::Attribute(self.attribute(name)));
-                vec![three(&own), one(own[3])]
+                vec![xyz(&own), splat(own[3])]
             }
             NodeKind::UvMap { name } => vec![self.load_vector(match self.attribute(name) {
-                FIRST_SET => Source::Uv,
+                FIRST_UV_SET => Source::Uv,
                 number => Source::UvMap(number),
             })],
             _ => return None,
         })
     }
 
-    /// The sources of the object, the camera and the path.
+    /// The outputs of nodes that read data of the object, camera and path, or transform by them.
     fn other_sources(
         &mut self,
         kind: &NodeKind,
-        inputs: &[(SocketType, [Number; 3])],
-    ) -> Option<Vec<[Number; 3]>> {
+        inputs: &[(SocketType, [Scalar; 3])],
+    ) -> Option<Vec<[Scalar; 3]>> {
         Some(match kind {
             NodeKind::ObjectInfo {} => {
                 let own = self.load(Source::Object);
-                let mut outputs = vec![three(&own), three(&own[3..])];
-                outputs.extend([6, 7, 8, 9].map(|i| one(own[i])));
+                let mut outputs = vec![xyz(&own), xyz(&own[3..])];
+                outputs.extend([6, 7, 8, 9].map(|i| splat(own[i])));
                 outputs
             }
             NodeKind::CameraData {} => {
                 let point = self.load_vector(Source::CameraPoint);
                 let direction = self.step(Operation::Normalize, point.to_vec(), 3);
                 let distance = self.step(Operation::Length, point.to_vec(), 1);
-                vec![three(&direction), one(point[2]), one(distance[0])]
+                vec![xyz(&direction), splat(point[2]), splat(distance[0])]
             }
-            NodeKind::LightPath {} => self.load(Source::Path).into_iter().map(one).collect(),
+            NodeKind::LightPath {} => self.load(Source::Path).into_iter().map(splat).collect(),
             NodeKind::HairInfo {} => {
-                let own = self.load(Source::Strand);
-                vec![one(own[0]), one(own[1]), one(own[2]), one(own[3]), three(&own[4..]), one(own[7])]
+                let s = self.load(Source::Strand);
+                vec![splat(s[0]), splat(s[1]), splat(s[2]), splat(s[3]), xyz(&s[4..]), splat(s[7])]
             }
             NodeKind::Tangent { direction_type, axis } => vec![self.load_vector(match direction_type {
                 TangentType::Radial => Source::Radial(*axis, self.attribute("generated")),
@@ -475,25 +478,25 @@ impl Builder<'_> {
             NodeKind::Wireframe { use_pixel_size } => {
                 let edge = self.load(Source::Edge);
                 let inputs = vec![inputs[0].1[0], edge[0], edge[1]];
-                vec![one(self.step(Operation::IsNear { in_pixels: *use_pixel_size }, inputs, 1)[0])]
+                vec![splat(self.step(Operation::IsNear { in_pixels: *use_pixel_size }, inputs, 1)[0])]
             }
             NodeKind::NormalMap { space, uv_map } => {
-                let number = if uv_map.is_empty() { FIRST_SET } else { self.attribute(uv_map) };
+                let number = if uv_map.is_empty() { FIRST_UV_SET } else { self.attribute(uv_map) };
                 let mut flat = vec![inputs[0].1[0]];
                 flat.extend(inputs[1].1);
                 flat.extend(self.load(Source::Frame(number)));
                 flat.extend(self.load_vector(Source::Normal));
                 flat.extend(self.load(Source::ObjectFromWorld));
                 flat.extend(self.load(Source::Backfacing));
-                vec![three(&self.step(Operation::NormalMap(*space), flat, 3))]
+                vec![xyz(&self.step(Operation::NormalMap(*space), flat, 3))]
             }
             NodeKind::Normal { direction } => {
-                let direction = self.step(Operation::Normalize, direction.0.map(Number::of).to_vec(), 3);
+                let direction = self.step(Operation::Normalize, direction.0.map(Scalar::of).to_vec(), 3);
                 let given = self.step(Operation::Normalize, inputs[0].1.to_vec(), 3);
                 let dot = NodeKind::VectorMath { operation: VectorOperation::Dot };
                 let mut flat = [&direction[..], &given].concat();
-                flat.extend([Number::of(0.0); 4]);
-                vec![three(&direction), one(self.step(Operation::of(&dot), flat, 4)[3])]
+                flat.extend([Scalar::of(0.0); 4]);
+                vec![xyz(&direction), splat(self.step(Operation::of(&dot), flat, 4)[3])]
             }
             NodeKind::VectorTransform { vector_type, convert_from, convert_to } => {
                 vec![self.transformed(*vector_type, [*convert_from, *convert_to], inputs[0].1)]
@@ -502,16 +505,16 @@ impl Builder<'_> {
         })
     }
 
-    /// A vector from one space to another, by way of the world.
+    /// A vector transformed from one space to another by way of world space.
     fn transformed(
         &mut self,
-        what: TransformType,
+        transform_type: TransformType,
         [from, to]: [Space; 2],
-        vector: [Number; 3],
-    ) -> [Number; 3] {
-        // Normals go to and from objects by the transposed inverse, and have unit length afterwards.
+        vector: [Scalar; 3],
+    ) -> [Scalar; 3] {
+        // Normals are transformed by the inverse transpose, and normalized.
         let mut vector = vector;
-        let is_normal = what == TransformType::Normal;
+        let is_normal = transform_type == TransformType::Normal;
         let steps = [
             match from {
                 Space::World => None,
@@ -532,14 +535,12 @@ impl Builder<'_> {
             let of_object = matches!(source, Source::ObjectFromWorld | Source::WorldFromObject);
             let operation = match is_normal && of_object {
                 true => Operation::Transposed,
-                false => Operation::Transform(what),
+                false => Operation::Transform(transform_type),
             };
-            let made = self.step(operation, inputs, 3);
-            vector = [made[0], made[1], made[2]];
+            vector = xyz(&self.step(operation, inputs, 3));
         }
         if is_normal {
-            let made = self.step(Operation::Normalize, vector.to_vec(), 3);
-            vector = [made[0], made[1], made[2]];
+            vector = xyz(&self.step(Operation::Normalize, vector.to_vec(), 3));
         }
         vector
     }
@@ -547,12 +548,12 @@ impl Builder<'_> {
     fn outputs_of(
         &mut self,
         kind: &NodeKind,
-        inputs: &[(SocketType, [Number; 3])],
+        inputs: &[(SocketType, [Scalar; 3])],
         has_default_normal: bool,
-    ) -> Vec<[Number; 3]> {
+    ) -> Vec<[Scalar; 3]> {
         let value = |i: usize| inputs[i].1;
         match kind {
-            // Names for what is there, without a step.
+            // These only rearrange values, without a step.
             NodeKind::Value {} | NodeKind::Rgb {} => vec![value(0)],
             NodeKind::CombineXyz {} => vec![[value(0)[0], value(1)[0], value(2)[0]]],
             NodeKind::SeparateXyz {} => value(0).map(|number| [number; 3]).to_vec(),
@@ -562,7 +563,7 @@ impl Builder<'_> {
                     flat.extend_from_slice(if *kind == SocketType::Float { &value[..1] } else { &value[..] });
                 }
                 if let NodeKind::Fresnel {} | NodeKind::LayerWeight {} = kind {
-                    // In place of the normal: the cosine, and the side that is seen.
+                    // Replace the normal by the viewing cosine and the back-face flag.
                     let normal = flat.split_off(1);
                     let cosine = match has_default_normal {
                         true => self.load(Source::Cosine),
@@ -578,21 +579,21 @@ impl Builder<'_> {
                 let count = kind.outputs().iter().map(|socket| width(socket.kind)).sum();
                 let numbers = self.step(Operation::of(kind), flat, count);
                 let mut rest = &numbers[..];
-                let mut made = Vec::new();
+                let mut node_outputs = Vec::new();
                 for socket in kind.outputs() {
                     let (own, other) = rest.split_at(width(socket.kind) as usize);
-                    made.push(std::array::from_fn(|i| own[i % own.len()]));
+                    node_outputs.push(std::array::from_fn(|i| own[i % own.len()]));
                     rest = other;
                 }
-                made
+                node_outputs
             }
         }
     }
 
-    /// Removes unused steps and allocates registers, which later steps reuse.
-    fn finish(self, result: [Number; 3]) -> Program {
+    /// Removes unused steps and allocates registers.
+    fn finish(self, result: [Scalar; 3]) -> Program {
         let last_reads = last_reads(&self.steps, result);
-        let mut registers = Assignment::default();
+        let mut registers = RegisterAllocator::default();
         let mut steps = Vec::new();
         for (i, step) in self.steps.into_iter().enumerate() {
             let reads = &last_reads[i];
@@ -601,17 +602,17 @@ impl Builder<'_> {
             }
             let inputs = step.inputs.iter().map(|&number| registers.of(number)).collect();
             let outputs =
-                reads.iter().map(|read| if read.is_some() { registers.take() } else { UNUSED }).collect();
+                reads.iter().map(|read| if read.is_some() { registers.allocate() } else { UNUSED }).collect();
             registers.results.insert(i as u32, outputs);
             for &number in &step.inputs {
-                if let Number::Result { step, output } = number
+                if let Scalar::Result { step, output } = number
                     && last_reads[step as usize][output as usize] == Some(i)
                 {
-                    registers.give_back(step, output);
+                    registers.release(step, output);
                 }
             }
             let outputs = registers.results[&(i as u32)].clone();
-            steps.push(Compiled { operation: step.operation, inputs, outputs });
+            steps.push(CompiledStep { operation: step.operation, inputs, outputs });
         }
         let result = result.map(|number| registers.of(number));
         let (constants, count) = (registers.constants(), registers.count as usize);
@@ -619,13 +620,13 @@ impl Builder<'_> {
     }
 }
 
-/// By step and output: the last step that reads it; the number of steps for the result, `None` for unused outputs.
-fn last_reads(steps: &[Step], result: [Number; 3]) -> Vec<Vec<Option<usize>>> {
+/// By step and output: the index of the last step that reads it; the number of steps for the result, `None` for unused outputs.
+fn last_reads(steps: &[Step], result: [Scalar; 3]) -> Vec<Vec<Option<usize>>> {
     let mut last: Vec<Vec<Option<usize>>> =
         steps.iter().map(|step| vec![None; step.outputs as usize]).collect();
-    let mark = |numbers: &[Number], by: usize, last: &mut Vec<Vec<Option<usize>>>| {
+    let mark = |numbers: &[Scalar], by: usize, last: &mut Vec<Vec<Option<usize>>>| {
         for number in numbers {
-            if let Number::Result { step, output } = *number {
+            if let Scalar::Result { step, output } = *number {
                 last[step as usize][output as usize].get_or_insert(by);
             }
         }
@@ -639,26 +640,26 @@ fn last_reads(steps: &[Step], result: [Number; 3]) -> Vec<Vec<Option<usize>>> {
     last
 }
 
-/// Which number stands in which register.
+/// Assigns registers to constants and step outputs.
 #[derive(Default)]
-struct Assignment {
+struct RegisterAllocator {
     count: u16,
     free: Vec<u16>,
     constants: HashMap<u32, u16>,
     results: HashMap<u32, Vec<u16>>,
 }
 
-impl Assignment {
-    /// A register that is free now.
-    fn take(&mut self) -> u16 {
+impl RegisterAllocator {
+    /// Allocates a register, reusing a free one if there is one.
+    fn allocate(&mut self) -> u16 {
         self.free.pop().unwrap_or_else(|| {
             self.count += 1;
             self.count - 1
         })
     }
 
-    /// Frees the register of an output, once.
-    fn give_back(&mut self, step: u32, output: u32) {
+    /// Frees the register of an output, unless it is free already.
+    fn release(&mut self, step: u32, output: u32) {
         let outputs = self.results.get_mut(&step).expect("steps read those before them");
         let register = std::mem::replace(&mut outputs[output as usize], UNUSED);
         if register != UNUSED {
@@ -666,13 +667,13 @@ impl Assignment {
         }
     }
 
-    fn of(&mut self, number: Number) -> u16 {
+    fn of(&mut self, number: Scalar) -> u16 {
         match number {
-            Number::Result { step, output } => self.results[&step][output as usize],
-            Number::Constant(bits) => match self.constants.get(&bits) {
+            Scalar::Result { step, output } => self.results[&step][output as usize],
+            Scalar::Constant(bits) => match self.constants.get(&bits) {
                 Some(register) => *register,
                 None => {
-                    // Not a free one: constants hold for the whole program.
+                    // Not a reused register: constants are live during the whole program.
                     self.count += 1;
                     let register = self.count - 1;
                     self.constants.insert(bits, register);

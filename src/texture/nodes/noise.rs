@@ -9,18 +9,18 @@ use crate::scene::nodes::NoiseType;
 use crate::simd;
 use std::f32::consts::{PI, SQRT_2};
 
-// Hashes of lattice cells and of floating-point numbers: the last steps of Jenkins' lookup3 (2006, public domain), and the permuted
-// congruential generators of Jarzynski and Olano 2020, "Hash Functions for GPU Rendering" (pcg2d, pcg3d, pcg4d).
+// Hashes of lattice cells and floats: the final steps of Jenkins' lookup3 (2006, public domain), and the permuted congruential
+// generators pcg2d, pcg3d and pcg4d of Jarzynski and Olano 2020, "Hash Functions for GPU Rendering".
 
-/// A number of 0..1 from 32 bits.
+/// Maps 32 bits to 0..1.
 #[inline(always)]
 fn unit(bits: u32) -> f32 {
     bits as f32 * (1.0 / u32::MAX as f32)
 }
 
-/// Final mixing of lookup3.
+/// The final mix of lookup3.
 #[inline(always)]
-fn finish(mut a: u32, mut b: u32, mut c: u32) -> u32 {
+fn final_mix(mut a: u32, mut b: u32, mut c: u32) -> u32 {
     c = (c ^ b).wrapping_sub(b.rotate_left(14));
     a = (a ^ c).wrapping_sub(c.rotate_left(11));
     b = (b ^ a).wrapping_sub(a.rotate_left(25));
@@ -52,16 +52,16 @@ pub fn hash_words<const N: usize>(words: [u32; N]) -> u32 {
         b = b.wrapping_add(a);
         a = a.wrapping_add(word(3));
     }
-    finish(a, b, c)
+    final_mix(a, b, c)
 }
 
-/// A random number of 0..1 from the bits of one to four numbers.
+/// A random number in 0..1 from the bits of one to four floats.
 #[inline(always)]
 pub fn hash_floats<const N: usize>(k: [f32; N]) -> f32 {
     unit(hash_words(k.map(f32::to_bits)))
 }
 
-/// Three random numbers of 0..1 from one to four numbers.
+/// Three random numbers in 0..1 from one to four floats.
 #[inline(always)]
 pub fn hash_to_vector(k: &[f32]) -> [f32; 3] {
     match *k {
@@ -73,8 +73,8 @@ pub fn hash_to_vector(k: &[f32]) -> [f32; 3] {
     }
 }
 
-/// A cell's random numbers, 0..1: `pcg2d`, `pcg3d` and `pcg4d` by the number of dimensions, on signed integers whose shifts keep the sign.
-/// Loops over cells vectorise: there are no branches and no calls.
+/// A cell's random numbers in 0..1: `pcg2d`, `pcg3d` or `pcg4d` on signed integers, with arithmetic shifts. Free of branches and calls,
+/// so that loops over cells vectorise.
 #[inline(always)]
 pub fn hash_cell<const N: usize>(cell: [i32; N]) -> [f32; N] {
     let mut v = cell;
@@ -93,7 +93,7 @@ pub fn hash_cell<const N: usize>(cell: [i32; N]) -> [f32; N] {
     unit
 }
 
-/// Adds products of numbers to others, in turn.
+/// The mixing step of the pcg hashes: adds products of components to others, in turn.
 #[inline(always)]
 fn add_products<const N: usize>(v: &mut [i32; N]) {
     match N {
@@ -129,7 +129,7 @@ pub fn cell_color<const N: usize>(cell: [i32; N]) -> [f32; 3] {
     }
 }
 
-/// A cell's random point of 0..1 in each dimension.
+/// A cell's random point in the unit cube.
 #[inline(always)]
 pub fn cell_point<const N: usize>(cell: [i32; N]) -> [f32; N] {
     if N == 1 { [hash_floats([cell[0] as f32]); N] } else { hash_cell(cell) }
@@ -137,8 +137,8 @@ pub fn cell_point<const N: usize>(cell: [i32; N]) -> [f32; N] {
 
 // Gradient noise.
 
-/// Coordinates beyond this repeat, since single precision has no fractions left there.
-const PERIOD: f32 = 100_000.0;
+/// Coordinates wrap around at this period, which keeps fractional bits in single precision.
+const WRAP_PERIOD: f32 = 100_000.0;
 
 #[inline(always)]
 fn negate_if(x: f32, condition: bool) -> f32 {
@@ -188,7 +188,7 @@ const CORNERS: usize = 16;
 /// Maximum number of points that are evaluated together: the octaves of a fractal sum.
 const MAX_POINTS: usize = 16;
 
-/// Gradient noise, about -1..1, at up to [`MAX_POINTS`] points. Vector lanes are the corners of one cell, or points where these are more.
+/// Gradient noise, about -1..1, at up to [`MAX_POINTS`] points. SIMD lanes are the corners of a cell, or the points if these are more.
 #[inline]
 fn signed_noises<const N: usize>(points: &[[f32; N]]) -> [f32; MAX_POINTS] {
     let mut values = [0.0; MAX_POINTS];
@@ -204,34 +204,35 @@ fn signed_noises<const N: usize>(points: &[[f32; N]]) -> [f32; MAX_POINTS] {
     values
 }
 
-/// A coordinate within the period.
+/// A coordinate wrapped into the period.
 #[inline(always)]
 fn wrapped(x: f32) -> f32 {
-    if x.abs() < PERIOD {
+    if x.abs() < WRAP_PERIOD {
         return x;
     }
-    // The remainder, which is exact in double precision as well, and there without a call.
+    // The same remainder as by `%`, exact in double precision, without a call.
     let wide = f64::from(x);
-    let periods = (wide / f64::from(PERIOD)).trunc();
-    let rest = if x.abs() < 1e12 { (wide - periods * f64::from(PERIOD)) as f32 } else { x % PERIOD };
-    // Half a cell off the lattice where no coordinate has a fraction, or the noise would be 0.
+    let periods = (wide / f64::from(WRAP_PERIOD)).trunc();
+    let rest =
+        if x.abs() < 1e12 { (wide - periods * f64::from(WRAP_PERIOD)) as f32 } else { x % WRAP_PERIOD };
+    // Coordinates this large lie on lattice points, where the noise is 0: shift them by half a cell.
     rest + if x.abs() >= 1_000_000.0 { 0.5 } else { 0.0 }
 }
 
-/// The interpolation curve between corners.
+/// Quintic interpolation weight between corners.
 #[inline(always)]
 fn fade(x: f32) -> f32 {
     x * x * x * (x * (x * 6.0 - 15.0) + 10.0)
 }
 
-/// The value of a cell in N dimensions from that of its gradients.
+/// Scales noise in N dimensions to about -1..1, and replaces NaN and infinity by 0.
 #[inline(always)]
 fn scaled<const N: usize>(value: f32) -> f32 {
     let value = value * [0.25, 0.6616, 0.982, 0.8344][N - 1];
     if value.is_finite() { value } else { 0.0 }
 }
 
-/// Gradient noise at a point. Loops over the corners of the cell are free of branches, so that they vectorise.
+/// Gradient noise at a point. Loops over the corners of the cell have no branches, so that they vectorise.
 struct Lattice<const N: usize>([f32; N]);
 
 impl<const N: usize> simd::Kernel for Lattice<N> {
@@ -266,7 +267,7 @@ impl<const N: usize> simd::Kernel for Lattice<N> {
     }
 }
 
-/// Gradient noise at several points. Loops over the points are free of branches, so that they vectorise.
+/// Gradient noise at several points. Loops over the points have no branches, so that they vectorise.
 struct Batch<'a, const N: usize, const LANES: usize>(&'a [[f32; N]]);
 
 impl<const N: usize, const LANES: usize> simd::Kernel for Batch<'_, N, LANES> {
@@ -318,7 +319,7 @@ impl<const N: usize, const LANES: usize> simd::Kernel for Batch<'_, N, LANES> {
 pub struct Fractal {
     pub noise_type: NoiseType,
     pub normalize: bool,
-    /// Octaves after the first; fractions fade the last one in.
+    /// Number of octaves after the first; a fraction is the weight of the last one.
     pub detail: f32,
     pub roughness: f32,
     pub lacunarity: f32,
@@ -339,20 +340,20 @@ impl Fractal {
         }
     }
 
-    /// Octaves after the first and the share of one more.
+    /// Number of whole octaves after the first, and the weight of one more.
     fn octaves(&self) -> (usize, f32) {
         let detail = self.detail.min((MAX_POINTS - 1) as f32);
         let whole = detail.floor();
         (whole as usize, detail - whole)
     }
 
-    /// The noise of each octave, that of the last one that is in part included.
+    /// The noise of each octave, including the last, fractional one.
     fn noises<const N: usize>(&self, mut p: [f32; N]) -> [f32; MAX_POINTS] {
         let (octaves, rest) = self.octaves();
         let (mut points, mut scale) = ([[0.0; N]; MAX_POINTS], 1.0);
         let points = &mut points[..1 + octaves + usize::from(rest != 0.0)];
         for point in &mut *points {
-            // Rounded as in Cycles, whose kinds of sums differ in it.
+            // Rounded as in Cycles, where this differs between types of sums.
             if self.noise_type == NoiseType::Fbm {
                 *point = p.map(|x| x * scale);
                 scale *= self.lacunarity;
@@ -440,7 +441,7 @@ impl Fractal {
     }
 }
 
-/// An offset in each dimension that makes another noise of the same one.
+/// A random offset by which noise is decorrelated.
 #[inline(always)]
 fn offset<const N: usize>(seed: f32) -> [f32; N] {
     let mut offset = [0.0; N];
@@ -454,7 +455,7 @@ fn add<const N: usize>(a: [f32; N], b: [f32; N]) -> [f32; N] {
     std::array::from_fn(|i| a[i] + b[i])
 }
 
-/// The noise texture: value and colour at a scaled point.
+/// The noise texture at a scaled point: value and colour.
 pub fn noise_texture<const N: usize>(
     mut p: [f32; N],
     distortion: f32,
@@ -477,26 +478,26 @@ pub fn noise_texture<const N: usize>(
 
 // Gabor noise.
 
-/// Impulses in each cell.
+/// Number of impulses in each cell.
 const IMPULSES: u32 = 8;
 
-/// Standard deviations of the noise by which it is divided.
-const SPREAD: f32 = 6.0;
+/// The noise is divided by this number of its standard deviations.
+const MAX_DEVIATIONS: f32 = 6.0;
 
-/// Value and phase, 0..1, and intensity in two dimensions, of a frequency in cycles per cell, in a direction of `angle_rad`, and any where
-/// `isotropy` is 1.
+/// Gabor noise in two dimensions: value and phase, 0..1, and intensity. `frequency` is in cycles per cell; waves run along `angle_rad`, in
+/// random directions if `isotropy` is 1.
 pub fn gabor_2d(p: [f32; 2], frequency: f32, isotropy: f32, angle_rad: f32) -> [f32; 3] {
     let cell = p.map(f32::floor);
     let mut sum = [0.0; 2];
     for (i, j) in (0..9).map(|k| (k % 3 - 1, k / 3 - 1)) {
         let [x, y] = [cell[0] + i as f32, cell[1] + j as f32];
         for impulse in (0..IMPULSES).map(|n| 3.0 * n as f32) {
-            let turned = (hash_floats([x, y, impulse]) - 0.5) * PI * isotropy;
+            let rotation_rad = (hash_floats([x, y, impulse]) - 0.5) * PI * isotropy;
             let seed = impulse + 1.0;
             let place = [p[0] - x - hash_floats([x, y, seed]), p[1] - y - hash_floats([seed, x, y])];
             let squared = place[0] * place[0] + place[1] * place[1];
             if squared < 1.0 {
-                let (sine, cosine) = poly::sin_cos(angle_rad + turned);
+                let (sine, cosine) = poly::sin_cos(angle_rad + rotation_rad);
                 let cycles = frequency * (place[0] * cosine + place[1] * sine);
                 add_impulse(&mut sum, squared, cycles, hash_floats([x, y, impulse + 2.0]));
             }
@@ -505,7 +506,7 @@ pub fn gabor_2d(p: [f32; 2], frequency: f32, isotropy: f32, angle_rad: f32) -> [
     outputs(sum, 0.25)
 }
 
-/// Gabor noise in three dimensions, along a direction.
+/// Gabor noise in three dimensions, of waves along a direction.
 pub fn gabor_3d(p: [f32; 3], frequency: f32, isotropy: f32, direction: [f32; 3]) -> [f32; 3] {
     let cell = p.map(f32::floor);
     let direction = Vec3::from_array(normalize(direction));
@@ -519,7 +520,7 @@ pub fn gabor_3d(p: [f32; 3], frequency: f32, isotropy: f32, direction: [f32; 3])
                 - Vec3::from_array(hash_to_vector(&[x, y, z, impulse + 1.0]));
             let squared = place.length_squared();
             if squared < 1.0 {
-                let along = turned(direction, isotropy, [x, y, z, impulse]);
+                let along = rotated_direction(direction, isotropy, [x, y, z, impulse]);
                 add_impulse(
                     &mut sum,
                     squared,
@@ -532,7 +533,7 @@ pub fn gabor_3d(p: [f32; 3], frequency: f32, isotropy: f32, direction: [f32; 3])
     outputs(sum, 0.25 / SQRT_2)
 }
 
-/// Adds an impulse of either sign at a squared distance, with a phase in cycles.
+/// Adds an impulse of random sign at a squared distance, with a phase in cycles.
 fn add_impulse(sum: &mut [f32; 2], squared: f32, cycles: f32, random: f32) {
     let window = 0.5 + 0.5 * poly::sin_cos(PI * squared).1;
     let weight = poly::exp(-PI * squared) * window * if random < 0.5 { -1.0 } else { 1.0 };
@@ -541,8 +542,8 @@ fn add_impulse(sum: &mut [f32; 2], squared: f32, cycles: f32, random: f32) {
     sum[1] += weight * sine;
 }
 
-/// A direction turned at random.
-fn turned(direction: Vec3, isotropy: f32, seed: [f32; 4]) -> Vec3 {
+/// A direction rotated at random, by angles proportional to `isotropy`.
+fn rotated_direction(direction: Vec3, isotropy: f32, seed: [f32; 4]) -> Vec3 {
     if isotropy == 0.0 {
         return direction;
     }
@@ -555,9 +556,9 @@ fn turned(direction: Vec3, isotropy: f32, seed: [f32; 4]) -> Vec3 {
     Vec3::new(sine * x, sine * y, cosine)
 }
 
-/// Value, phase and intensity; `integral` is that of the squared kernel.
+/// Value, phase and intensity; `integral` is the integral of the squared kernel.
 fn outputs([x, y]: [f32; 2], integral: f32) -> [f32; 3] {
-    let scale = 1.0 / (SPREAD * (IMPULSES as f32 * 0.5 * integral).sqrt());
+    let scale = 1.0 / (MAX_DEVIATIONS * (IMPULSES as f32 * 0.5 * integral).sqrt());
     [0.5 * y * scale + 0.5, (poly::atan2(y, x) + PI) / (2.0 * PI), (x * x + y * y).sqrt() * scale]
 }
 
@@ -567,21 +568,21 @@ mod tests {
     use crate::sampling::chi2::Random;
 
     #[test]
-    fn remainders_are_those_of_the_operator() {
+    fn wrapped_coordinates_equal_those_by_the_remainder_operator() {
         let mut random = Random::new(31);
         for _ in 0..100_000 {
             let x = (random.next() - 0.5) * 10f32.powf(30.0 * random.next());
-            let whole = if x.abs() < PERIOD { x } else { x % PERIOD };
+            let whole = if x.abs() < WRAP_PERIOD { x } else { x % WRAP_PERIOD };
             let half = if x.abs() >= 1_000_000.0 { 0.5 } else { 0.0 };
             assert_eq!(wrapped(x), whole + half, "{x}");
         }
         for x in [1e5, -1e5, 3e5, 123_400_000.0, -9.99e11, 1.0e12] {
-            assert_eq!(wrapped(x), x % PERIOD + if x.abs() >= 1e6 { 0.5 } else { 0.0 });
+            assert_eq!(wrapped(x), x % WRAP_PERIOD + if x.abs() >= 1e6 { 0.5 } else { 0.0 });
         }
         assert!(wrapped(f32::INFINITY).is_nan());
     }
 
-    /// Noise at several points is that of each, to the bit.
+    /// Noise at several points is bit-identical to noise at each.
     fn batches_agree<const N: usize>() {
         let mut random = Random::new(7);
         for count in 1..=MAX_POINTS {
@@ -595,7 +596,7 @@ mod tests {
     }
 
     #[test]
-    fn points_together_have_the_noise_of_each() {
+    fn batches_equal_single_points() {
         batches_agree::<1>();
         batches_agree::<2>();
         batches_agree::<3>();

@@ -1,15 +1,15 @@
-//! Patterns: waves, magic, gradients, checkers, bricks.
+//! Procedural pattern nodes as in Cycles: waves, magic, gradients, checkers, bricks.
 
 use super::noise::Fractal;
 use crate::math::poly;
 use crate::scene::nodes::{BandsDirection, GradientType, NoiseType, RingsDirection, WaveProfile, WaveType};
 use std::f32::consts::{FRAC_PI_2, TAU};
-/// Moves points off the borders of cells, where rounding would decide.
-fn off_borders(x: f32) -> f32 {
+/// Moves a coordinate off the borders of cells, where rounding would decide the cell.
+fn nudged(x: f32) -> f32 {
     (x + 0.000_001) * 0.999_999
 }
 
-/// The kind of a wave.
+/// Settings of the wave texture.
 #[derive(Clone, Copy, Debug)]
 pub struct Wave {
     pub wave_type: WaveType,
@@ -19,7 +19,7 @@ pub struct Wave {
 }
 
 impl Wave {
-    /// The wave at a scaled point.
+    /// The wave at a scaled point, 0..1.
     pub fn evaluate(
         &self,
         p: [f32; 3],
@@ -29,7 +29,7 @@ impl Wave {
         roughness: f32,
         phase: f32,
     ) -> f32 {
-        let [x, y, z] = p.map(off_borders);
+        let [x, y, z] = p.map(nudged);
         let length = |x: f32, y: f32, z: f32| (x * x + y * y + z * z).sqrt() * 20.0;
         let mut n = match (self.wave_type, self.bands, self.rings) {
             (WaveType::Bands, BandsDirection::X, _) => x * 20.0,
@@ -95,7 +95,7 @@ pub fn magic(p: [f32; 3], scale: f32, depth: u32, distortion: f32) -> [f32; 3] {
     [x, y, z].map(|v| 0.5 - v / divisor)
 }
 
-/// A gradient, 0..1.
+/// The gradient texture, 0..1.
 pub fn gradient(kind: GradientType, [x, y, z]: [f32; 3]) -> f32 {
     let sphere = || (0.999_999 - (x * x + y * y + z * z).sqrt()).max(0.0);
     let value = match kind {
@@ -113,15 +113,15 @@ pub fn gradient(kind: GradientType, [x, y, z]: [f32; 3]) -> f32 {
     value.clamp(0.0, 1.0)
 }
 
-/// 1 in the first kind of cells, 0 in the others.
+/// The checker texture at a scaled point: 1 in cells of the first colour, 0 in the others.
 pub fn checker(p: [f32; 3]) -> f32 {
-    let [x, y, z] = p.map(|c| (off_borders(c).floor() as i32) & 1);
+    let [x, y, z] = p.map(|c| (nudged(c).floor() as i32) & 1);
     if (x == y) == (z == 1) { 1.0 } else { 0.0 }
 }
 
-/// Sizes of a wall, in scaled units.
+/// Settings of the brick texture; lengths are in scaled units.
 #[derive(Clone, Copy, Debug)]
-pub struct Wall {
+pub struct BrickPattern {
     pub offset: f32,
     pub offset_frequency: u32,
     pub squash: f32,
@@ -133,7 +133,7 @@ pub struct Wall {
     pub row_height: f32,
 }
 
-/// A random number of 0..1 for a brick.
+/// A random number in 0..1 for a brick.
 fn brick_tint(n: u32) -> f32 {
     let n = n.wrapping_add(1013) & 0x7fff_ffff;
     let n = (n >> 13) ^ n;
@@ -143,8 +143,8 @@ fn brick_tint(n: u32) -> f32 {
     0.5 * ((mixed & 0x7fff_ffff) as f32 / 1_073_741_824.0)
 }
 
-impl Wall {
-    /// The tint of the brick at a scaled point, and how much mortar is there.
+impl BrickPattern {
+    /// The tint of the brick at a scaled point, and the weight of the mortar, 0..1 each.
     pub fn evaluate(&self, x: f32, y: f32) -> (f32, f32) {
         let row = (y / self.row_height).floor() as i32;
         let every = |frequency: u32| row % frequency as i32 == 0;

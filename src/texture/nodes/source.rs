@@ -1,88 +1,88 @@
-//! Inputs of programs at a hit.
+//! The data of a hit that node programs read.
 
 use crate::math::{DVec3, Mat3, Vec2, Vec3};
 use crate::scene::TextureId;
 use crate::scene::nodes::Axis;
 use crate::texture::{AttributeValue, HitAttributes, HitData, TexturePoint};
 
-/// Inputs of a program at a point.
+/// A datum of a point or its hit that a program reads. Attributes are given by index, and world space is that of the graph.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Source {
-    /// World space, metres.
+    /// The point, world space, metres.
     Position,
     /// Geometric normal on the viewer's side, world space.
     TrueNormal,
     /// Shading normal on the viewer's side, world space.
     Normal,
-    /// Towards the viewer, world space.
+    /// Direction towards the viewer, world space.
     Incoming,
-    /// The mirror direction of that, world space.
+    /// Mirror direction of the direction towards the viewer, world space.
     Reflection,
-    /// The first set of texture coordinates; v grows upwards.
+    /// The first UV set, v upwards.
     Uv,
-    /// Width of the path's footprint in texture coordinates: an attribute by its number, or the first set.
+    /// Width of the ray footprint in the texture coordinates of an attribute, or of the first UV set.
     Footprint(u16),
-    /// The attribute of a number: red, green, blue, alpha, factor; 0 without one.
+    /// An attribute: red, green, blue, alpha, factor; 0, with alpha 1, if the surface lacks it.
     Attribute(u16),
-    /// The attribute of a number as texture coordinates; the first set without one.
+    /// An attribute as texture coordinates; the first UV set if the surface lacks it.
     UvMap(u16),
-    /// The attribute of a number; without one the place in the object's box, from 0 to 1.
+    /// An attribute with generated coordinates; the position in the object's bounding box, 0..1, if the surface lacks it.
     Generated(u16),
-    /// The point in the object's space.
+    /// The point in object space.
     ObjectPoint,
-    /// The shading normal there.
+    /// The shading normal in object space.
     ObjectNormal,
-    /// The point in the camera's space, z along its axis.
+    /// The point in camera space, metres, z along the viewing axis.
     CameraPoint,
-    /// The place in the picture, from 0 to 1 upwards.
+    /// Image coordinates of the point, 0..1, y upwards.
     Window,
-    /// Location, red, green, blue, alpha, index, number of the material, random number of the object.
+    /// The object's location, red, green, blue, alpha, object index, material index, random number.
     Object,
-    /// Tangent around an axis of the object, by the attribute of a number as its generated coordinates or the object's box.
+    /// Tangent around an axis through the centre of the generated coordinates, which are given by an attribute.
     Radial(Axis, u16),
-    /// Where the first texture coordinates grow.
+    /// Tangent of the first UV set, world space.
     UvTangent,
-    /// Tangent, bitangent and normal of the texture coordinates of an attribute, or of the first set; and 1 where there are some.
+    /// Tangent, bitangent and normal of the UVs of an attribute or of the first UV set, and 1 if they exist.
     Frame(u16),
-    /// Two steps over the surface, as long as the path's footprint is wide.
+    /// Two finite-difference steps along the surface, world space, as long as the ray footprint is wide.
     Steps,
-    /// Weights of the first two vertices of a triangle.
+    /// Barycentric weights of the first two vertices of a triangle.
     Parametric,
-    /// 1 where the back is seen.
+    /// 1 on back faces.
     Backfacing,
-    /// Cosine of the angle between the view and the shading normal.
+    /// Absolute cosine between the viewing direction and the shading normal.
     Cosine,
-    /// Kinds of the path, length of the ray, bounces.
+    /// Flags of the ray type (8), length of the ray, number of bounces.
     Path,
-    /// Is there a strand, place along it, length, thickness, tangent, random number.
+    /// 1 on a strand, position along it, length, thickness, tangent, random number.
     Strand,
-    /// Squared distance from the nearest edge of the triangle, metres, and the width of a pixel.
+    /// Squared distance from the nearest edge of the triangle, square metres, and the width of a pixel, metres.
     Edge,
-    /// Rows of the transforms between the spaces of the world, of the object and of the camera.
+    /// Rows of the transform from world to object space.
     ObjectFromWorld,
-    /// The inverse.
+    /// Rows of its inverse.
     WorldFromObject,
-    /// The transform into camera space, with z along the camera's axis.
+    /// Rows of the transform from world to camera space, with z along the viewing axis.
     CameraFromWorld,
-    /// The inverse.
+    /// Rows of its inverse.
     WorldFromCamera,
-    /// Linear RGBA.
+    /// Linear RGBA of another texture.
     Texture(TextureId),
 }
 
-/// In place of the number of an attribute: the first set of texture coordinates.
-pub const FIRST_SET: u16 = u16::MAX;
+/// An attribute index that stands for the first UV set.
+pub const FIRST_UV_SET: u16 = u16::MAX;
 
-/// Numbers of a source.
-pub type Numbers = [f32; 12];
+/// Values of a source, padded with zeros to the maximum number.
+pub type SourceValues = [f32; 12];
 
-/// Maximum number of values that a source has, filled up with zeros.
-fn filled<const N: usize>(values: [f32; N]) -> Numbers {
+/// Pads values with zeros.
+fn padded<const N: usize>(values: [f32; N]) -> SourceValues {
     std::array::from_fn(|i| values.get(i).copied().unwrap_or(0.0))
 }
 
 impl Source {
-    /// How many numbers it has.
+    /// Number of values.
     pub fn width(self) -> u32 {
         match self {
             Source::Cosine | Source::Backfacing | Source::Footprint(_) => 1,
@@ -100,7 +100,7 @@ impl Source {
         }
     }
 
-    /// Does it depend on who sees the surface?
+    /// Does it depend on the viewer or the incident path?
     pub fn depends_on_viewer(self) -> bool {
         !matches!(
             self,
@@ -121,8 +121,8 @@ impl Source {
         )
     }
 
-    /// Does it change from point to point of a surface, as far as bumps see?
-    pub fn moves(self) -> bool {
+    /// Is it evaluated at offsets along the surface for the derivatives of bump nodes?
+    pub fn varies_along_surface(self) -> bool {
         matches!(
             self,
             Source::Position
@@ -138,149 +138,149 @@ impl Source {
         )
     }
 
-    /// Does it need more than a [`TexturePoint`] has?
+    /// Does it read data beyond [`TexturePoint`]?
     pub fn reads_hit(self) -> bool {
         match self {
-            Source::Footprint(number) => number != FIRST_SET,
+            Source::Footprint(attribute) => attribute != FIRST_UV_SET,
             Source::Position | Source::Uv | Source::Cosine | Source::Texture(_) => false,
             _ => true,
         }
     }
 
-    /// Its numbers at a point; vectors of the world are those of Blender where `is_z_up`.
+    /// Its values at a point; world-space vectors have z up, as in Blender, if `is_z_up`.
     pub fn read(
         self,
         point: &TexturePoint,
         hit: Option<&HitData<'_>>,
         is_z_up: bool,
         texture: impl Fn(TextureId) -> [f32; 4],
-    ) -> Numbers {
-        let turned = |v: Vec3| filled(turned(v, is_z_up).to_array());
+    ) -> SourceValues {
+        let vector = |v: Vec3| padded(to_node_world(v, is_z_up).to_array());
         let (footprint, uv) = (|| footprint(point), || first_uv(point));
         let Some(hit) = hit else { return self.without_hit(point, is_z_up, texture) };
         match self {
-            Source::Position => turned(point.world),
-            Source::TrueNormal => turned(hit.true_normal),
-            Source::Normal => turned(hit.shading_normal),
-            Source::Incoming => turned(hit.incoming),
+            Source::Position => vector(point.world),
+            Source::TrueNormal => vector(hit.true_normal),
+            Source::Normal => vector(hit.shading_normal),
+            Source::Incoming => vector(hit.incoming),
             Source::Reflection => {
                 let (n, wo) = (hit.shading_normal, hit.incoming);
-                turned(n * (2.0 * n.dot(wo)) - wo)
+                vector(n * (2.0 * n.dot(wo)) - wo)
             }
             Source::Uv => uv(),
-            Source::Footprint(number) => match density(hit, number) {
-                Some(density) => filled([point.width * density]),
+            Source::Footprint(attribute) => match density(hit, attribute) {
+                Some(density) => padded([point.width * density]),
                 None => footprint(),
             },
-            Source::Attribute(number) => {
+            Source::Attribute(attribute) => {
                 let AttributeValue { vector: [x, y, z], alpha, factor } =
-                    hit.attributes.get(number).unwrap_or(HitAttributes::MISSING);
-                filled([x, y, z, alpha, factor])
+                    hit.attributes.get(attribute).unwrap_or(HitAttributes::MISSING);
+                padded([x, y, z, alpha, factor])
             }
-            Source::UvMap(number) => hit.attributes.get(number).map_or_else(uv, |value| filled(value.vector)),
-            Source::Generated(number) => filled(generated(hit, number).to_array()),
-            Source::ObjectPoint => filled(hit.object_point.to_array()),
-            Source::ObjectNormal => filled(to_object_normal(hit, hit.shading_normal).to_array()),
-            Source::CameraPoint => filled(camera_point(point, hit).to_array()),
+            Source::UvMap(index) => hit.attributes.get(index).map_or_else(uv, |value| padded(value.vector)),
+            Source::Generated(attribute) => padded(generated(hit, attribute).to_array()),
+            Source::ObjectPoint => padded(hit.object_point.to_array()),
+            Source::ObjectNormal => padded(to_object_normal(hit, hit.shading_normal).to_array()),
+            Source::CameraPoint => padded(camera_point(point, hit).to_array()),
             Source::Window => window(point, hit),
             Source::Object => object(hit, is_z_up),
-            Source::Radial(axis, number) => turned(radial(hit, axis, number)),
-            Source::UvTangent => turned(hit.tangent_frame.map_or(Vec3::ZERO, |own| tangent(hit, own.x_axis))),
-            Source::Frame(number) => frame(hit, number, is_z_up),
+            Source::Radial(axis, attribute) => vector(radial(hit, axis, attribute)),
+            Source::UvTangent => vector(hit.tangent_frame.map_or(Vec3::ZERO, |own| tangent(hit, own.x_axis))),
+            Source::Frame(attribute) => frame(hit, attribute, is_z_up),
             Source::Steps => steps(point, hit, is_z_up),
-            Source::Parametric => filled(hit.parametric),
-            Source::Backfacing => filled([f32::from(u8::from(hit.is_back))]),
-            Source::Cosine => filled([point.cosine]),
+            Source::Parametric => padded(hit.parametric),
+            Source::Backfacing => padded([f32::from(u8::from(hit.is_back))]),
+            Source::Cosine => padded([point.cosine]),
             Source::Path => {
-                let mut numbers = filled(hit.path.kinds);
-                (numbers[8], numbers[9]) = (hit.path.length, hit.path.depth);
-                numbers
+                let mut values = padded(hit.path.kinds);
+                (values[8], values[9]) = (hit.path.length, hit.path.depth);
+                values
             }
             Source::Strand => strand(hit, is_z_up),
-            Source::Edge => filled([squared_distance_from_edge(hit), 2.0 * point.width]),
+            Source::Edge => padded([squared_distance_from_edge(hit), 2.0 * point.width]),
             Source::ObjectFromWorld
             | Source::WorldFromObject
             | Source::CameraFromWorld
             | Source::WorldFromCamera => self.transform(point, hit, is_z_up),
-            Source::Texture(id) => filled(texture(id)),
+            Source::Texture(id) => padded(texture(id)),
         }
     }
 
-    /// Its numbers where nothing but a point is known.
+    /// Its values at a point without hit data.
     fn without_hit(
         self,
         point: &TexturePoint,
         is_z_up: bool,
         texture: impl Fn(TextureId) -> [f32; 4],
-    ) -> Numbers {
-        let turned = |v: Vec3| filled(turned(v, is_z_up).to_array());
+    ) -> SourceValues {
+        let vector = |v: Vec3| padded(to_node_world(v, is_z_up).to_array());
         match self {
-            Source::Position => turned(point.world),
-            Source::TrueNormal | Source::Normal => turned(point.normal),
+            Source::Position => vector(point.world),
+            Source::TrueNormal | Source::Normal => vector(point.normal),
             Source::Uv | Source::UvMap(_) => first_uv(point),
             Source::Footprint(_) => footprint(point),
-            Source::Cosine => filled([point.cosine]),
-            Source::Texture(id) => filled(texture(id)),
+            Source::Cosine => padded([point.cosine]),
+            Source::Texture(id) => padded(texture(id)),
             _ => [0.0; 12],
         }
     }
 
     /// Rows of a transform between spaces.
-    fn transform(self, point: &TexturePoint, hit: &HitData<'_>, is_z_up: bool) -> Numbers {
-        // The compiled scene's world was moved away from the scene's.
-        let moved = (hit.point - point.world).as_dvec3();
-        let of = |to: &dyn Fn(DVec3) -> DVec3| {
+    fn transform(self, point: &TexturePoint, hit: &HitData<'_>, is_z_up: bool) -> SourceValues {
+        // From the original scene's world space to the compiled scene's.
+        let scene_offset = (hit.point - point.world).as_dvec3();
+        let transform_rows = |to: &dyn Fn(DVec3) -> DVec3| {
             let origin = to(DVec3::ZERO);
             let columns = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| to(axis) - origin);
             let row = |i: usize| [columns[0][i], columns[1][i], columns[2][i], origin[i]];
             let [a, b, c] = [0, 1, 2].map(row);
             std::array::from_fn(|i| [a, b, c][i / 4][i % 4] as f32)
         };
-        // From the world of nodes to the scene's, and back.
-        let given = |v: DVec3| if is_z_up { DVec3::new(v.x, v.z, -v.y) } else { v };
-        let back = |v: DVec3| if is_z_up { DVec3::new(v.x, -v.z, v.y) } else { v };
+        // From the graph's world space to the scene's, and back.
+        let to_scene = |v: DVec3| if is_z_up { DVec3::new(v.x, v.z, -v.y) } else { v };
+        let to_nodes = |v: DVec3| if is_z_up { DVec3::new(v.x, -v.z, v.y) } else { v };
         let flip = |v: DVec3| DVec3::new(v.x, v.y, -v.z);
         let camera = hit.camera.camera_from_world;
         match self {
             Source::ObjectFromWorld => {
-                of(&|v| hit.object.object_from_world.transform_point3(given(v) + moved))
+                transform_rows(&|v| hit.object.object_from_world.transform_point3(to_scene(v) + scene_offset))
             }
             Source::WorldFromObject => {
-                of(&|v| back(hit.object.world_from_object.transform_point3(v) - moved))
+                transform_rows(&|v| to_nodes(hit.object.world_from_object.transform_point3(v) - scene_offset))
             }
-            Source::CameraFromWorld => of(&|v| flip(camera.transform_point3(given(v)))),
-            _ => of(&|v| back(camera.inverse().transform_point3(flip(v)))),
+            Source::CameraFromWorld => transform_rows(&|v| flip(camera.transform_point3(to_scene(v)))),
+            _ => transform_rows(&|v| to_nodes(camera.inverse().transform_point3(flip(v)))),
         }
     }
 }
 
-/// The first texture coordinates, v upwards.
-fn first_uv(point: &TexturePoint) -> Numbers {
-    filled([point.uv[0].x, 1.0 - point.uv[0].y])
+/// The first UV set, v upwards.
+fn first_uv(point: &TexturePoint) -> SourceValues {
+    padded([point.uv[0].x, 1.0 - point.uv[0].y])
 }
 
-/// The width of the path's footprint in these coordinates.
-fn footprint(point: &TexturePoint) -> Numbers {
-    filled([point.width * point.uv_per_metre[0]])
+/// The width of the ray footprint in the first UV set.
+fn footprint(point: &TexturePoint) -> SourceValues {
+    padded([point.width * point.uv_per_metre[0]])
 }
 
-/// A vector of the world as Blender has it, whose z is up, where that is asked for.
-fn turned(v: Vec3, is_z_up: bool) -> Vec3 {
+/// A vector of the scene's world space in the graph's, which has z up if `is_z_up`.
+fn to_node_world(v: Vec3, is_z_up: bool) -> Vec3 {
     if is_z_up { Vec3::new(v.x, -v.z, v.y) } else { v }
 }
 
-fn generated(hit: &HitData<'_>, number: u16) -> Vec3 {
-    match hit.attributes.get(number) {
+fn generated(hit: &HitData<'_>, attribute: u16) -> Vec3 {
+    match hit.attributes.get(attribute) {
         Some(value) => Vec3::from_array(value.vector),
         None => hit.object_point * hit.object.generated[0] + hit.object.generated[1],
     }
 }
 
-/// How much texture coordinates of an attribute change over a metre; `None` where the surface has none.
-fn density(hit: &HitData<'_>, number: u16) -> Option<f32> {
+/// Change of an attribute's texture coordinates per metre; `None` if the surface lacks it.
+fn density(hit: &HitData<'_>, attribute: u16) -> Option<f32> {
     let [a, b, c] = hit.corners?;
     let [p, q, r] =
-        hit.attributes.corners(number)?.map(|corner| Vec2::new(corner.vector[0], corner.vector[1]));
+        hit.attributes.corners(attribute)?.map(|corner| Vec2::new(corner.vector[0], corner.vector[1]));
     let ratio = (q - p).perp_dot(r - p).abs() / (b - a).cross(c - a).length();
     Some(ratio.sqrt()).filter(|density| density.is_finite())
 }
@@ -295,25 +295,25 @@ fn camera_point(point: &TexturePoint, hit: &HitData<'_>) -> Vec3 {
     Vec3::new(p.x as f32, p.y as f32, -p.z as f32)
 }
 
-fn window(point: &TexturePoint, hit: &HitData<'_>) -> Numbers {
+fn window(point: &TexturePoint, hit: &HitData<'_>) -> SourceValues {
     match hit.camera.ndc_from_world {
         Some(matrix) => {
             let p = matrix.project_point3(point.world.as_dvec3());
-            filled([p.x as f32, 1.0 - p.y as f32])
+            padded([p.x as f32, 1.0 - p.y as f32])
         }
         None => [0.0; 12],
     }
 }
 
-fn object(hit: &HitData<'_>, is_z_up: bool) -> Numbers {
-    let [x, y, z] = turned(hit.object.location, is_z_up).to_array();
+fn object(hit: &HitData<'_>, is_z_up: bool) -> SourceValues {
+    let [x, y, z] = to_node_world(hit.object.location, is_z_up).to_array();
     let [r, g, b, alpha] = hit.object.color;
-    filled([x, y, z, r, g, b, alpha, hit.object.index, hit.material_index, hit.object.random])
+    padded([x, y, z, r, g, b, alpha, hit.object.index, hit.material_index, hit.object.random])
 }
 
-/// A tangent around an axis through the middle of the object's generated coordinates.
-fn radial(hit: &HitData<'_>, axis: Axis, number: u16) -> Vec3 {
-    let p = generated(hit, number) - Vec3::splat(0.5);
+/// Tangent around an axis through the centre of the object's generated coordinates, world space.
+fn radial(hit: &HitData<'_>, axis: Axis, attribute: u16) -> Vec3 {
+    let p = generated(hit, attribute) - Vec3::splat(0.5);
     let around = match axis {
         Axis::X => Vec3::new(0.0, -p.z, p.y),
         Axis::Y => Vec3::new(-p.z, 0.0, p.x),
@@ -325,30 +325,31 @@ fn radial(hit: &HitData<'_>, axis: Axis, number: u16) -> Vec3 {
     n.cross(around.cross(n).normalize_or_zero())
 }
 
-fn steps(point: &TexturePoint, hit: &HitData<'_>, is_z_up: bool) -> Numbers {
-    let [a, b] = hit.steps(point).map(|step| turned(step, is_z_up).to_array());
-    filled([a[0], a[1], a[2], b[0], b[1], b[2]])
+fn steps(point: &TexturePoint, hit: &HitData<'_>, is_z_up: bool) -> SourceValues {
+    let [a, b] = hit.steps(point).map(|step| to_node_world(step, is_z_up).to_array());
+    padded([a[0], a[1], a[2], b[0], b[1], b[2]])
 }
 
-/// The frame of a normal map: of the first texture coordinates, or of those of an attribute.
-fn frame(hit: &HitData<'_>, number: u16, is_z_up: bool) -> Numbers {
+/// The tangent frame of a normal map, for the first UV set or an attribute.
+fn frame(hit: &HitData<'_>, attribute: u16, is_z_up: bool) -> SourceValues {
     let of_attribute = || {
-        let uv = hit.attributes.corners(number)?.map(|corner| Vec2::new(corner.vector[0], corner.vector[1]));
+        let uv =
+            hit.attributes.corners(attribute)?.map(|corner| Vec2::new(corner.vector[0], corner.vector[1]));
         uv_frame(hit.corners?, uv, hit.shading_normal * if hit.is_back { -1.0 } else { 1.0 })
     };
-    let own = if number == FIRST_SET { hit.tangent_frame } else { of_attribute() };
+    let own = if attribute == FIRST_UV_SET { hit.tangent_frame } else { of_attribute() };
     let Some(own) = own else { return [0.0; 12] };
-    // As in Cycles, the frame is one of the object's space, and what it gives goes to the world as normals do.
+    // As in Cycles, the frame is built in object space, and transformed to world space as normals are.
     let linear = hit.object.object_from_world.matrix3;
     let side = own.determinant().signum() * linear.determinant().signum() as f32;
     let t = (linear * own.x_axis.as_dvec3()).normalize_or_zero().as_vec3();
     let n = to_object_normal(hit, own.z_axis);
     let to_world = |v: Vec3| (linear.transpose() * v.as_dvec3()).as_vec3();
-    let [t, b, n] = [t, n.cross(t) * side, n].map(|v| turned(to_world(v), is_z_up).to_array());
-    filled([t[0], t[1], t[2], b[0], b[1], b[2], n[0], n[1], n[2], 1.0])
+    let [t, b, n] = [t, n.cross(t) * side, n].map(|v| to_node_world(to_world(v), is_z_up).to_array());
+    padded([t[0], t[1], t[2], b[0], b[1], b[2], n[0], n[1], n[2], 1.0])
 }
 
-/// Tangents where texture coordinates grow, whose v points upwards.
+/// The tangent frame of a triangle's texture coordinates, v upwards.
 fn uv_frame([a, b, c]: [Vec3; 3], uv: [Vec2; 3], n: Vec3) -> Option<Mat3> {
     let (e1, e2) = (b - a, c - a);
     let (d1, d2) = (uv[1] - uv[0], uv[2] - uv[0]);
@@ -360,7 +361,7 @@ fn uv_frame([a, b, c]: [Vec3; 3], uv: [Vec2; 3], n: Vec3) -> Option<Mat3> {
     Some(Mat3::from_cols(t, n.cross(t) * side, n))
 }
 
-/// A tangent of the world as Cycles has it, which takes those of objects to the world as normals.
+/// A world-space tangent as in Cycles, which transforms object-space tangents as normals.
 fn tangent(hit: &HitData<'_>, own: Vec3) -> Vec3 {
     let linear = hit.object.object_from_world.matrix3;
     let along = linear.transpose() * (linear * own.as_dvec3()).normalize_or_zero();
@@ -368,10 +369,10 @@ fn tangent(hit: &HitData<'_>, own: Vec3) -> Vec3 {
     n.cross(along.as_vec3().cross(n).normalize_or_zero())
 }
 
-fn strand(hit: &HitData<'_>, is_z_up: bool) -> Numbers {
+fn strand(hit: &HitData<'_>, is_z_up: bool) -> SourceValues {
     let Some(strand) = &hit.strand else { return [0.0; 12] };
-    let [x, y, z] = turned(strand.tangent, is_z_up).to_array();
-    filled([1.0, strand.intercept, strand.length, strand.thickness, x, y, z, strand.random])
+    let [x, y, z] = to_node_world(strand.tangent, is_z_up).to_array();
+    padded([1.0, strand.intercept, strand.length, strand.thickness, x, y, z, strand.random])
 }
 
 fn squared_distance_from_edge(hit: &HitData<'_>) -> f32 {

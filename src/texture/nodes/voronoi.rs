@@ -1,12 +1,12 @@
-//! Cellular textures (Worley 1996, "A Cellular Texture Basis Function") of one to four dimensions: distances to the nearest and second nearest of
-//! points that are random in their cells, smooth ones, distances to cell borders (Quilez 2012, "Voronoi edges"), and their fractal sums.
+//! Cellular textures (Worley 1996, "A Cellular Texture Basis Function") of one to four dimensions: distances to the nearest and second nearest
+//! feature point (one at random in each cell), smooth distances, distances to cell borders (Quilez 2012, "Voronoi edges"), and fractal sums.
 
 use super::noise::{cell_color, cell_point};
 use crate::math::poly;
 use crate::scene::nodes::{DistanceMetric, VoronoiFeature};
 use crate::simd;
 
-/// Parameters of the texture.
+/// Settings of the Voronoi texture.
 #[derive(Clone, Copy, Debug)]
 pub struct Voronoi {
     pub feature: VoronoiFeature,
@@ -22,7 +22,7 @@ pub struct Voronoi {
     pub randomness: f32,
 }
 
-/// The result at a point.
+/// The texture's value at a point.
 #[derive(Clone, Copy, Debug)]
 pub struct Cell<const N: usize> {
     pub distance: f32,
@@ -46,7 +46,7 @@ fn mix(a: f32, b: f32, t: f32) -> f32 {
     a + t * (b - a)
 }
 
-/// The cell of a point and the place within it.
+/// The cell of a point and the position within it, 0..1.
 #[inline(always)]
 fn split<const N: usize>(p: [f32; N]) -> ([f32; N], [f32; N]) {
     let (mut cell, mut inside) = ([0.0; N], [0.0; N]);
@@ -57,8 +57,8 @@ fn split<const N: usize>(p: [f32; N]) -> ([f32; N], [f32; N]) {
     (cell, inside)
 }
 
-/// Offsets to the cells around, the first dimension fastest.
-fn around<const N: usize>(reach: i32) -> impl Iterator<Item = [i32; N]> {
+/// Offsets of cells up to `reach` away, the own cell included, the first dimension fastest.
+fn neighbour_offsets<const N: usize>(reach: i32) -> impl Iterator<Item = [i32; N]> {
     let mut next = Some([-reach; N]);
     std::iter::from_fn(move || {
         let offset = next?;
@@ -87,7 +87,7 @@ fn dot<const N: usize>(a: [f32; N], b: [f32; N]) -> f32 {
 }
 
 #[inline(always)]
-fn minus<const N: usize>(a: [f32; N], b: [f32; N]) -> [f32; N] {
+fn subtract<const N: usize>(a: [f32; N], b: [f32; N]) -> [f32; N] {
     std::array::from_fn(|i| a[i] - b[i])
 }
 
@@ -96,13 +96,13 @@ fn power(x: f32, y: f32) -> f32 {
     if x > 0.0 { poly::exp(y * poly::ln(x)) } else { 0.0 }
 }
 
-/// Offsets from a cell to those around it by dimension, itself included, the first dimension fastest.
+/// Offsets from a cell to those around it and itself, by dimension and cell, the first dimension fastest.
 type Offsets<const CELLS: usize> = [[i32; CELLS]; 4];
 
-/// The next cells of each cell; 3 to the power of dimensions.
-const NEXT: Offsets<81> = offsets(3);
-/// The cells that smooth distances blend; 5 to the power of dimensions.
-const WIDE: Offsets<625> = offsets(5);
+/// Offsets of cells up to 1 away: 3^N in N dimensions.
+const ADJACENT: Offsets<81> = offsets(3);
+/// Offsets of cells up to 2 away, for smooth distances: 5^N in N dimensions.
+const WITHIN_TWO: Offsets<625> = offsets(5);
 
 const fn offsets<const CELLS: usize>(side: usize) -> Offsets<CELLS> {
     let (mut offsets, mut k) = ([[0; CELLS]; 4], 0);
@@ -118,7 +118,7 @@ const fn offsets<const CELLS: usize>(side: usize) -> Offsets<CELLS> {
     offsets
 }
 
-/// The distances to the nearest two points, and the offsets to their cells.
+/// Computes the distances to the two nearest feature points, and the offsets to their cells.
 struct Nearest<'a, const N: usize> {
     voronoi: &'a Voronoi,
     p: [f32; N],
@@ -131,7 +131,7 @@ impl<const N: usize> simd::Kernel for Nearest<'_, N> {
     fn run(self) -> [(f32, [i32; N]); 2] {
         let (cell, local) = split(self.p);
         let count = 3usize.pow(N as u32);
-        let distances = self.voronoi.distances(cell, local, &NEXT, count);
+        let distances = self.voronoi.distances(cell, local, &ADJACENT, count);
         let mut found = [(f32::MAX, 0); 2];
         for (k, &distance) in distances.iter().enumerate().take(count) {
             if distance < found[0].0 {
@@ -140,11 +140,11 @@ impl<const N: usize> simd::Kernel for Nearest<'_, N> {
                 found[1] = (distance, k);
             }
         }
-        found.map(|(distance, k)| (distance, std::array::from_fn(|i| NEXT[i][k])))
+        found.map(|(distance, k)| (distance, std::array::from_fn(|i| ADJACENT[i][k])))
     }
 }
 
-/// The nearest point, smoothly blended with others (Quilez 2014, "Smooth Voronoi").
+/// Computes the nearest feature point, smoothly blended with others (Quilez 2014, "Smooth Voronoi").
 struct Smooth<'a, const N: usize> {
     voronoi: &'a Voronoi,
     p: [f32; N],
@@ -158,10 +158,10 @@ impl<const N: usize> simd::Kernel for Smooth<'_, N> {
         let Voronoi { smoothness, .. } = *self.voronoi;
         let (cell, local) = split(self.p);
         let count = 5usize.pow(N as u32);
-        let distances = self.voronoi.distances(cell, local, &WIDE, count);
+        let distances = self.voronoi.distances(cell, local, &WITHIN_TWO, count);
         let mut smooth = Cell::<N>::ZERO;
         for (k, &distance) in distances.iter().enumerate().take(count) {
-            // Most points are too far to be blended.
+            // Too far to be blended.
             if k > 0 && distance >= smooth.distance + smoothness {
                 continue;
             }
@@ -169,7 +169,7 @@ impl<const N: usize> simd::Kernel for Smooth<'_, N> {
             let h = if k == 0 { 1.0 } else { t * t * (3.0 - 2.0 * t) };
             let correction = smoothness * h * (1.0 - h);
             let share = correction / (1.0 + 3.0 * smoothness);
-            let (point, other) = self.voronoi.point(cell, std::array::from_fn(|i| WIDE[i][k]));
+            let (point, other) = self.voronoi.point(cell, std::array::from_fn(|i| WITHIN_TWO[i][k]));
             let color = cell_color(other);
             smooth.distance = mix(smooth.distance, distance, h) - correction;
             smooth.color = std::array::from_fn(|i| mix(smooth.color[i], color[i], h) - share);
@@ -180,7 +180,7 @@ impl<const N: usize> simd::Kernel for Smooth<'_, N> {
     }
 }
 
-/// The distance to the border between the nearest points (Quilez 2012, "Voronoi edges"), in two and more dimensions.
+/// Computes the distance to the nearest cell border (Quilez 2012, "Voronoi edges"), in two and more dimensions.
 struct Edge<'a, const N: usize> {
     voronoi: &'a Voronoi,
     p: [f32; N],
@@ -194,7 +194,7 @@ impl<const N: usize> simd::Kernel for Edge<'_, N> {
     fn run(self) -> f32 {
         let (cell, local) = split(self.p);
         let count = 3usize.pow(N as u32);
-        let vectors = self.voronoi.vectors(cell, local, &NEXT, count);
+        let vectors = self.voronoi.vectors(cell, local, &ADJACENT, count);
         let squared = lengths(&vectors, count, |d| dot(d, d));
         let mut nearest = 0;
         for (k, &distance) in squared.iter().enumerate().take(count) {
@@ -217,11 +217,11 @@ impl<const N: usize> simd::Kernel for Edge<'_, N> {
             let edge = dot(middle, across) / squared.sqrt();
             edges[k] = if squared > 0.0001 { edge } else { f32::MAX };
         }
-        edges.iter().take(count).fold(8.0, |least, &edge| least.min(edge))
+        edges.iter().take(count).fold(8.0, |minimum, &edge| minimum.min(edge))
     }
 }
 
-/// A measure of the absolute values of vectors whose components stand in lists.
+/// Applies `length` to the absolute components of `count` vectors, which are stored by component.
 #[inline(always)]
 fn lengths<const N: usize, const CELLS: usize>(
     vectors: &[[f32; CELLS]; N],
@@ -240,7 +240,7 @@ fn lengths<const N: usize, const CELLS: usize>(
 }
 
 impl Voronoi {
-    /// The texture at a scaled point; for distances to borders and radii only the distance holds.
+    /// The texture at a scaled point; only the distance is set for the features of edges and radii.
     pub fn evaluate<const N: usize>(&self, p: [f32; N]) -> Cell<N> {
         match self.feature {
             VoronoiFeature::SphereRadius => Cell { distance: self.sphere_radius(p), ..Cell::ZERO },
@@ -256,31 +256,33 @@ impl Voronoi {
 
     #[inline(always)]
     fn distance<const N: usize>(&self, a: [f32; N], b: [f32; N]) -> f32 {
-        self.length(minus(a, b).map(f32::abs))
+        self.length(subtract(a, b).map(f32::abs))
     }
 
-    /// The length of a vector of the absolute values `d`.
+    /// The length, by the metric, of a vector with absolute components `d`.
     #[inline(always)]
     fn length<const N: usize>(&self, d: [f32; N]) -> f32 {
         match self.metric {
             _ if N == 1 => d[0],
             DistanceMetric::Euclidean => dot(d, d).sqrt(),
             DistanceMetric::Manhattan => d.iter().sum(),
-            DistanceMetric::Chebychev => d.iter().fold(0.0, |most, &x| if x > most { x } else { most }),
+            DistanceMetric::Chebychev => {
+                d.iter().fold(0.0, |maximum, &x| if x > maximum { x } else { maximum })
+            }
             DistanceMetric::Minkowski => {
                 power(d.iter().map(|&x| power(x, self.exponent)).sum(), 1.0 / self.exponent)
             }
         }
     }
 
-    /// The random point of a cell nearby, relative to the own cell.
+    /// The feature point of the cell at an offset, relative to `cell`, and that cell.
     fn point<const N: usize>(&self, cell: [f32; N], offset: [i32; N]) -> ([f32; N], [i32; N]) {
         let other: [i32; N] = std::array::from_fn(|i| (cell[i] as i32).wrapping_add(offset[i]));
         let random = cell_point(other);
         (std::array::from_fn(|i| offset[i] as f32 + random[i] * self.randomness), other)
     }
 
-    /// The nearest and the second nearest point.
+    /// The nearest and the second nearest feature point.
     fn nearest<const N: usize>(&self, p: [f32; N]) -> [Cell<N>; 2] {
         simd::dispatch(Nearest { voronoi: self, p }).map(|(distance, offset)| {
             let cell = p.map(f32::floor);
@@ -289,7 +291,7 @@ impl Voronoi {
         })
     }
 
-    /// Distances from a place in a cell to the points of `count` cells around.
+    /// Distances from a position in a cell to the feature points of `count` cells around.
     #[inline(always)]
     fn distances<const N: usize, const CELLS: usize>(
         &self,
@@ -307,8 +309,8 @@ impl Voronoi {
         }
     }
 
-    /// Components of the vectors from a place in a cell to the points of `count` cells around. The loop has no branches, so
-    /// that it vectorises.
+    /// Vectors, by component, from a position in a cell to the feature points of `count` cells around. The loop has no branches,
+    /// so that it vectorises.
     #[inline(always)]
     fn vectors<const N: usize, const CELLS: usize>(
         &self,
@@ -334,7 +336,7 @@ impl Voronoi {
         vectors
     }
 
-    /// Distance to the border between the nearest points.
+    /// Distance to the nearest cell border.
     fn edge<const N: usize>(&self, p: [f32; N]) -> f32 {
         if N > 1 {
             return simd::dispatch(Edge { voronoi: self, p });
@@ -346,23 +348,23 @@ impl Voronoi {
         to(left).min(to(right))
     }
 
-    /// Half the distance between the nearest random point and the random point nearest to that one.
+    /// Half the distance between the nearest feature point and the feature point nearest to that one.
     fn sphere_radius<const N: usize>(&self, p: [f32; N]) -> f32 {
         let (cell, local) = split(p);
         let nearest_to = |from: [f32; N], cell: [f32; N], skip_own: bool| {
-            let (mut least, mut found) = (8.0f32, ([0.0; N], [0; N]));
-            for offset in around(1) {
+            let (mut minimum, mut found) = (8.0f32, ([0.0; N], [0; N]));
+            for offset in neighbour_offsets(1) {
                 if skip_own && offset == [0; N] {
                     continue;
                 }
                 let point = self.point(cell, offset).0;
-                let d = minus(point, from);
+                let d = subtract(point, from);
                 let distance = dot(d, d).sqrt();
-                if distance < least {
-                    (least, found) = (distance, (point, offset));
+                if distance < minimum {
+                    (minimum, found) = (distance, (point, offset));
                 }
             }
-            (least, found)
+            (minimum, found)
         };
         let (_, (_, offset)) = nearest_to(local, cell, false);
         let other: [f32; N] = std::array::from_fn(|i| cell[i] + offset[i] as f32);
@@ -370,20 +372,20 @@ impl Voronoi {
         nearest_to(own, other, true).0 / 2.0
     }
 
-    /// Maximum distance from a point to the nearest random point.
+    /// Upper bound of the distance to the nearest feature point, for normalization.
     fn max_distance<const N: usize>(&self) -> f32 {
         self.distance([0.0; N], [0.5 + 0.5 * self.randomness; N])
     }
 
-    fn is_plain(&self) -> bool {
+    fn is_single_octave(&self) -> bool {
         self.detail == 0.0 || self.roughness == 0.0 || self.lacunarity == 0.0
     }
 
-    /// Weights of the octaves: 1, and a fraction for the last one.
+    /// Weights of the octaves: 1, or a fraction for the last one.
     fn octaves(&self) -> impl Iterator<Item = f32> {
         let whole = self.detail.floor();
-        let rest = self.detail - whole;
-        (0..=whole as u32).map(|_| 1.0).chain((rest != 0.0).then_some(rest))
+        let fraction = self.detail - whole;
+        (0..=whole as u32).map(|_| 1.0).chain((fraction != 0.0).then_some(fraction))
     }
 
     fn fractal<const N: usize>(
@@ -392,43 +394,43 @@ impl Voronoi {
         reach: f32,
         octave: impl Fn([f32; N]) -> Cell<N>,
     ) -> Cell<N> {
-        let (mut scale, mut amplitude, mut most, mut sum) = (1.0, 1.0, 0.0, Cell::<N>::ZERO);
-        if self.is_plain() {
-            (sum, most) = (octave(p), 1.0);
+        let (mut scale, mut amplitude, mut maximum, mut sum) = (1.0, 1.0, 0.0, Cell::<N>::ZERO);
+        if self.is_single_octave() {
+            (sum, maximum) = (octave(p), 1.0);
         } else {
             for weight in self.octaves() {
                 let found = octave(p.map(|x| x * scale));
                 let mut next = sum.map2(found, |sum, x| sum + x * amplitude);
                 next.position =
                     std::array::from_fn(|i| mix(sum.position[i], found.position[i] / scale, amplitude));
-                most = mix(most, most + amplitude, weight);
+                maximum = mix(maximum, maximum + amplitude, weight);
                 sum = sum.map2(next, |a, b| if weight == 1.0 { b } else { mix(a, b, weight) });
                 scale *= self.lacunarity;
                 amplitude *= self.roughness;
             }
         }
         if self.normalize {
-            sum.distance /= most * reach * self.max_distance::<N>();
-            sum.color = sum.color.map(|c| c / most);
+            sum.distance /= maximum * reach * self.max_distance::<N>();
+            sum.color = sum.color.map(|c| c / maximum);
         }
         sum
     }
 
     fn fractal_edge<const N: usize>(&self, p: [f32; N]) -> f32 {
         let half = 0.5 + 0.5 * self.randomness;
-        let (mut scale, mut amplitude, mut most, mut distance) = (1.0, 1.0, half, 8.0f32);
-        if self.is_plain() {
+        let (mut scale, mut amplitude, mut maximum, mut distance) = (1.0, 1.0, half, 8.0f32);
+        if self.is_single_octave() {
             distance = self.edge(p);
         } else {
             for weight in self.octaves() {
                 let found = self.edge(p.map(|x| x * scale)) / scale;
-                most = mix(most, mix(most, half / scale, amplitude), weight);
+                maximum = mix(maximum, mix(maximum, half / scale, amplitude), weight);
                 let nearer = mix(distance, distance.min(found), amplitude);
                 distance = if weight == 1.0 { nearer } else { mix(distance, distance.min(nearer), weight) };
                 scale *= self.lacunarity;
                 amplitude *= self.roughness;
             }
         }
-        if self.normalize { distance / most } else { distance }
+        if self.normalize { distance / maximum } else { distance }
     }
 }

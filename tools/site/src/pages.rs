@@ -34,7 +34,7 @@ const FILES: &[(Option<&str>, usize, &str, &str)] = &[
     (None, 0, "For compositors", "src/guide/compositing.md"),
     (None, 0, "From other renderers", "src/guide/other_renderers.md"),
     (None, 0, "Scene files", SCENE_FILES),
-    (None, 0, "What is read", "src/guide/formats.md"),
+    (None, 0, "File formats", "src/guide/formats.md"),
     (None, 0, "Python", "tools/python/README.md"),
     (Some("What to expect"), 0, "How exact", "src/guide/exactness.md"),
     (None, 0, "How fast", "src/guide/speed.md"),
