@@ -1,23 +1,23 @@
-//! Errors and warnings: message, location and remedy. Nothing here prints.
+//! Errors and warnings: message, location and remedy.
 
 use std::fmt;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// The kind of an [`Error`]; the command line derives its exit code from it.
+/// The kind of an [`Error`], which determines the exit code of the command line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ErrorKind {
-    /// The arguments or options make no sense together.
+    /// Invalid or contradictory arguments or options.
     Usage,
-    /// A file that should be read is missing, broken or not supported.
+    /// An input file is missing, invalid or not supported.
     Input,
     /// A file could not be written.
     Output,
-    /// The user asked to stop.
+    /// Cancelled by the user.
     Interrupted,
 }
 
-/// The text of a problem or a warning and its stable code: made of the text alone, or of the pair of both.
+/// The text of a problem or a warning with an optional code: converts from the text, or from the pair (code, text).
 #[derive(Clone, Debug)]
 pub struct Message {
     text: String,
@@ -48,23 +48,23 @@ impl<T: Into<String>> From<(&'static str, T)> for Message {
     }
 }
 
-/// One thing that is wrong in an input.
+/// A problem in an input.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Problem {
-    /// Where: a JSON pointer (`/accessors/3/count`), `line 12`, or empty for the whole file.
+    /// The location: a JSON pointer (`/accessors/3/count`), `line 12`, or empty for the whole file.
     pub place: String,
-    /// The message, in plain words, with the offending value.
+    /// The message, with the offending value.
     pub message: String,
     /// A remedy, if known.
     pub help: Option<String>,
     /// The byte range in [`Error::source_text`] that the problem is about.
     pub span: Option<Range<usize>>,
-    /// Stable code for programs and tests, such as `texture-missing`; empty where there is none.
+    /// Stable identifier for programs and tests, such as `texture-missing`, or empty.
     pub code: &'static str,
 }
 
 impl Problem {
-    /// A problem at a place (JSON pointer or line; empty for the whole file).
+    /// A problem at a location (JSON pointer or line; empty for the whole file).
     pub fn new(place: impl Into<String>, message: impl Into<Message>) -> Problem {
         let Message { text, code } = message.into();
         Problem { place: place.into(), message: text, help: None, span: None, code }
@@ -102,7 +102,7 @@ impl fmt::Display for Problem {
     }
 }
 
-/// Why something could not be done: the file and all the problems found in it.
+/// An error: the file and all problems in it.
 #[derive(Clone)]
 pub struct Error {
     /// The kind.
@@ -111,20 +111,20 @@ pub struct Error {
     pub file: Option<PathBuf>,
     /// All problems found, in file order; never empty.
     pub problems: Vec<Problem>,
-    /// The text of the file, where showing a line of it helps (scene files).
+    /// The text of the file, for problems with spans (scene files).
     pub source_text: Option<String>,
 }
 
-/// The result of everything that can fail.
+/// A result with an [`Error`].
 pub type Result<T> = std::result::Result<T, Error>;
 
 impl Error {
-    /// An input file with one problem that concerns the file as a whole.
+    /// An input file with one problem of the whole file.
     pub fn input(file: &Path, message: impl Into<Message>) -> Error {
         Error::input_problems(file, vec![Problem::new("", message)])
     }
 
-    /// An input file with all its problems.
+    /// An input file with all of its problems.
     pub fn input_problems(file: &Path, problems: Vec<Problem>) -> Error {
         Error { kind: ErrorKind::Input, file: Some(file.to_path_buf()), problems, source_text: None }
     }
@@ -139,7 +139,7 @@ impl Error {
         }
     }
 
-    /// Arguments that make no sense.
+    /// Invalid arguments.
     pub fn usage(message: impl Into<Message>) -> Error {
         Error {
             kind: ErrorKind::Usage,
@@ -149,7 +149,7 @@ impl Error {
         }
     }
 
-    /// Names the file of an error that names none.
+    /// Sets the file of an error without one.
     pub fn in_file(mut self, file: &Path) -> Error {
         self.file.get_or_insert_with(|| file.to_path_buf());
         self
@@ -171,7 +171,7 @@ impl Error {
         self
     }
 
-    /// Adds the problems of another error of the same kind, each with its file.
+    /// Appends the problems of another error of the same kind, each with its file.
     pub fn append(&mut self, other: Error) {
         let place_of = |file: &Option<PathBuf>, place: String| match file {
             Some(file) if place.is_empty() => file.display().to_string(),
@@ -192,7 +192,7 @@ impl Error {
         );
     }
 
-    /// Attaches the text of the file, so that problems with a span can show their line.
+    /// Adds the text of the file, which reports quote at the spans of problems.
     pub fn with_source(mut self, text: impl Into<String>) -> Error {
         self.source_text = Some(text.into());
         self
@@ -214,7 +214,7 @@ impl fmt::Display for Error {
     }
 }
 
-/// As for users, so that a `main` that returns it says what is wrong.
+/// As [`fmt::Display`], for errors returned from `main`.
 impl fmt::Debug for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         fmt::Display::fmt(self, f)
@@ -223,27 +223,27 @@ impl fmt::Debug for Error {
 
 impl std::error::Error for Error {}
 
-/// Something that was ignored, approximated or repaired; collected, reported and stored in the picture's metadata.
+/// A warning about something ignored, approximated or repaired; reported and stored in the picture's metadata.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Warning {
-    /// The file it is about, if any.
+    /// The file in question, if any.
     pub file: Option<PathBuf>,
-    /// Where in the file: JSON pointer or line; empty for the whole file.
+    /// The location in the file: JSON pointer or line; empty for the whole file.
     pub place: String,
     /// The message, with counts.
     pub message: String,
-    /// Stable code for programs and tests; empty where there is none.
+    /// Stable identifier for programs and tests, or empty.
     pub code: &'static str,
 }
 
 impl Warning {
-    /// A warning about a place in a file.
+    /// A warning about a location in a file.
     pub fn new(file: &Path, place: impl Into<String>, message: impl Into<Message>) -> Warning {
         let Message { text, code } = message.into();
         Warning { file: Some(file.to_path_buf()), place: place.into(), message: text, code }
     }
 
-    /// A warning that belongs to no file.
+    /// A warning without a file.
     pub fn general(message: impl Into<Message>) -> Warning {
         let Message { text, code } = message.into();
         Warning { file: None, place: String::new(), message: text, code }
@@ -256,11 +256,10 @@ impl Warning {
     }
 }
 
-/// Names in a message: the first few in quotation marks, and how many more there are.
+/// A list of quoted names for a message, abbreviated to the first few and the number of the others.
 pub fn listed(names: &[impl AsRef<str>]) -> String {
-    /// Number of items that are named.
-    const FIRST: usize = 3;
-    let shown = names.len().min(if names.len() == FIRST + 1 { FIRST + 1 } else { FIRST });
+    const MAX_NAMES: usize = 3;
+    let shown = names.len().min(if names.len() == MAX_NAMES + 1 { MAX_NAMES + 1 } else { MAX_NAMES });
     let mut parts: Vec<String> = names[..shown].iter().map(|name| format!("'{}'", name.as_ref())).collect();
     if shown < names.len() {
         parts.push(format!("{} more", names.len() - shown));
@@ -284,56 +283,54 @@ impl fmt::Display for Warning {
     }
 }
 
-// Choices of the caller that messages refer to.
-
-/// A choice of the caller that would change what a message is about. Messages name it as the library does; a program with
-/// names of its own for choices puts those in their place.
+/// An option of the caller that a message refers to. Messages contain its name in the library, which programs may replace by
+/// the name of their own option.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Choice {
-    /// Files outside an asset's folder may be read.
+    /// Permission to read files outside an asset's folder.
     AllowExternal,
-    /// Channels beside the picture's own.
+    /// Additional channels of the picture.
     Aovs,
     /// The background.
     Background,
-    /// A file beside the model says what its format can't.
+    /// A sidecar file, for settings that the model's format lacks.
     NewSidecar,
-    /// Where Blender is.
+    /// The path of Blender.
     Blender,
-    /// The caller lights the scene, or wants no light.
+    /// An environment by the caller, or none.
     Environment,
-    /// Pixels of full precision.
+    /// 32-bit float pixels.
     Float,
-    /// Extensions that a file demands may be missing.
+    /// Permission to ignore required extensions that are not supported.
     Force,
-    /// The look of transparent materials without a volume.
+    /// The interpretation of transparent materials without a volume.
     Glass,
     /// The ground below a bare model.
     Ground,
     /// The unit of lights.
     LightUnits,
-    /// The memory that one image may take.
+    /// The memory limit of an image.
     MemoryLimit,
-    /// Settings beside a model don't count.
+    /// Sidecar files are ignored.
     NoSidecar,
-    /// The size of the points of a point cloud.
+    /// The radius of the points of a point cloud.
     PointRadius,
-    /// Normals for meshes without.
+    /// Smooth normals for meshes without normals.
     Smooth,
-    /// `LoadOptions::subdivision`.
+    /// The levels of subdivision surfaces.
     Subdivide,
-    /// The lights of scenes without light.
+    /// The default lights of scenes without light.
     Stage,
-    /// Which axis of a file points up.
+    /// The up axis of a file.
     Up,
-    /// From where a bare model is seen.
+    /// The default viewpoint of a bare model.
     ViewFrom,
-    /// How large a bare model is in the picture.
+    /// The size of a bare model in the picture.
     Zoom,
 }
 
 impl Choice {
-    /// All of them.
+    /// All choices.
     pub const ALL: [Choice; 20] = [
         Choice::AllowExternal,
         Choice::Aovs,
@@ -358,7 +355,7 @@ impl Choice {
     ];
 }
 
-/// Its name in the library, between backticks.
+/// Its name in the library, in backticks.
 impl fmt::Display for Choice {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {

@@ -1,60 +1,59 @@
-//! Images in memory; no codecs. 8-bit files stay 8-bit. Pixels may still be encoded: then only the size is known, and
-//! [`Image::decoded`] decodes them.
+//! Images in memory, at the precision of their files, without codecs. Pixels may still be encoded; [`Image::decoded`]
+//! decodes them.
 
 use crate::error::{Error, Warning};
 use std::fmt::Debug;
 use std::sync::Arc;
 
-/// How the stored numbers map to linear values.
+/// The transfer function of the stored values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Encoding {
-    /// Stored values are linear (0..1 for integers).
+    /// Linear (0..1 for integers).
     Linear,
     /// Red, green and blue are sRGB-encoded; alpha is linear.
     Srgb,
 }
 
-/// The numbers themselves, row by row from the top, channels interleaved.
+/// Pixel values, row by row from the top, channels interleaved.
 #[derive(Clone, Debug)]
 pub enum Pixels {
     /// 0..255 for 0..1.
     U8(Vec<u8>),
     /// 0..65535 for 0..1.
     U16(Vec<u16>),
-    /// As they are.
+    /// Floats.
     F32(Vec<f32>),
     /// Not decoded yet.
     Encoded(Encoded),
 }
 
-/// Pixels that are decoded when they are needed.
+/// Pixels that are decoded on demand.
 #[derive(Clone, Debug)]
 pub struct Encoded {
-    /// Width, height and channels of the decoded image. [`Scene::validate`](crate::scene::Scene::validate) compares the image's own.
+    /// Width, height and channels of the decoded image, which [`Scene::validate`](crate::scene::Scene::validate) compares with
+    /// the [`Image`]'s.
     pub size: [u32; 3],
-    /// Bits of each number once it is decoded: 8 or 16 of an integer, 32 of a float.
+    /// Bits per channel of the decoded image: 8 or 16 for integers, 32 for floats.
     pub bits: u32,
-    /// Where they come from.
+    /// The decoder.
     pub source: Arc<dyn ImageSource>,
 }
 
-/// Where the pixels of an encoded image come from. Decoding gives the same numbers each time, unless a file has changed.
+/// A decoder of an encoded image. Decoding is deterministic, unless a file has changed.
 pub trait ImageSource: Debug + Send + Sync {
-    /// The decoded image; its name and its encoding are those of the image that asks.
-    ///
-    /// Adds warnings that depend on the pixels.
+    /// Decodes the image; callers ignore its name and encoding. Adds warnings that depend on the pixels.
     ///
     /// # Errors
-    /// [`Damage`] if the image can't be decoded, or has another size than it had when the scene was loaded.
+    /// [`Damage`] if the image can't be decoded, or its size has changed since the scene was loaded.
     fn decode(&self, warnings: &mut Vec<Warning>) -> Result<Image, Damage>;
 
-    /// Bytes of memory that [`ImageSource::decode_rows`] takes; `None` where it decodes the whole image first.
+    /// Memory of [`ImageSource::decode_rows`] in bytes; `None` if it decodes the whole image first.
     fn bytes_by_rows(&self) -> Option<usize> {
         None
     }
 
-    /// Hands over the numbers of an image of floats, some rows at a time from the top down. Other threads help if they may. With an
-    /// error, the rows passed on before are void.
+    /// Decodes an image of floats in batches of rows from the top down, with other threads if `in_parallel`. After an error,
+    /// the rows passed before are invalid.
     ///
     /// # Errors
     /// As for [`ImageSource::decode`].
@@ -71,20 +70,20 @@ pub trait ImageSource: Debug + Send + Sync {
         Ok(())
     }
 
-    /// Hands over the encoded bytes, of large files in several parts; nothing if they can't be read any more.
+    /// Passes the encoded bytes, in several parts for large files; none if they can't be read any more.
     fn with_bytes(&self, take: &mut dyn FnMut(&[u8]));
 }
 
 /// An image that can't be decoded.
 #[derive(Debug)]
 pub enum Damage {
-    /// Its textures are left out of the materials that use them.
+    /// Materials ignore its textures.
     LeftOut(Warning),
-    /// Its scene can't be rendered.
+    /// The scene can't be rendered.
     Fatal(Error),
 }
 
-/// The stored integers of a pixel, one a channel.
+/// The stored integers of a pixel, one per channel.
 #[derive(Clone, Copy, Debug)]
 pub enum Codes<'a> {
     /// 0..255 for 0..1.
@@ -94,7 +93,7 @@ pub enum Codes<'a> {
 }
 
 impl Codes<'_> {
-    /// The pixel as linear RGBA. Grey spreads over RGB; missing alpha is 1.
+    /// The pixel as linear RGBA. Grey is replicated to RGB; missing alpha is 1.
     #[inline]
     pub fn rgba(self, encoding: Encoding) -> [f32; 4] {
         let is_srgb = |c: usize, n: usize| {
@@ -138,17 +137,17 @@ pub(crate) fn spread(values: &[f32]) -> [f32; 4] {
 /// A rectangle of pixels with 1 to 4 interleaved channels (grey, grey + alpha, RGB, RGBA).
 #[derive(Clone, Debug)]
 pub struct Image {
-    /// A name for reports: the file, or the glTF image.
+    /// The name in reports: the file, or the glTF image.
     pub name: String,
-    /// Pixels in a row, at least 1.
+    /// Width in pixels, at least 1.
     pub width: u32,
-    /// Rows, at least 1.
+    /// Height in pixels, at least 1.
     pub height: u32,
-    /// Numbers a pixel, 1 to 4.
+    /// Channels per pixel, 1 to 4.
     pub channels: u32,
-    /// How the numbers map to linear values.
+    /// The transfer function.
     pub encoding: Encoding,
-    /// `width * height * channels` numbers.
+    /// `width * height * channels` values.
     pub pixels: Arc<Pixels>,
 }
 
@@ -171,12 +170,12 @@ impl Image {
         matches!(*self.pixels, Pixels::Encoded(_))
     }
 
-    /// Are its numbers floats, also where they are still encoded?
+    /// Are its values floats, once decoded?
     pub fn is_float(&self) -> bool {
         matches!(*self.pixels, Pixels::F32(_) | Pixels::Encoded(Encoded { bits: 32, .. }))
     }
 
-    /// The image with its pixels: decoded, if they are encoded. Keeps nothing.
+    /// The image with decoded pixels. Nothing is cached.
     ///
     /// # Errors
     /// As for [`ImageSource::decode`].
@@ -186,19 +185,21 @@ impl Image {
         Ok(Image { pixels, ..self.clone() })
     }
 
-    /// Where its numbers come from some rows at a time, if they may, and the bytes of memory that this takes.
+    /// The decoder in batches of rows, if there is one, and its memory in bytes.
     pub fn rows(&self) -> Option<(&dyn ImageSource, usize)> {
         let Pixels::Encoded(encoded) = &*self.pixels else { return None };
         Some((&*encoded.source, encoded.source.bytes_by_rows()?))
     }
 
-    /// Bytes of memory that decoding it takes.
+    /// Memory for decoding in bytes.
     pub fn decoding_bytes(&self) -> usize {
         self.rows().map_or(self.bytes(), |(_, bytes)| bytes.min(self.bytes()))
     }
 
-    /// One pixel as linear RGBA. Grey spreads over RGB; missing alpha is 1. `x` and `y` must be inside. Those of an image that is
-    /// still encoded are black.
+    /// A pixel as linear RGBA. Grey is replicated to RGB; missing alpha is 1. Encoded images are black.
+    ///
+    /// # Panics
+    /// If `x` or `y` is out of range.
     #[inline]
     pub fn rgba(&self, x: u32, y: u32) -> [f32; 4] {
         let n = self.channels as usize;
@@ -211,7 +212,7 @@ impl Image {
         }
     }
 
-    /// Bytes that the pixels take once they are decoded.
+    /// Memory of the decoded pixels in bytes.
     pub fn bytes(&self) -> usize {
         let n = self.width as usize * self.height as usize * self.channels as usize;
         match &*self.pixels {

@@ -12,20 +12,21 @@
 //! |---|---|
 //! | load a scene | [`load()`], [`load::load`] with options |
 //! | build one in code, or change it | [`scene::Scene`] |
-//! | light a scene by an environment picture | [`load::image::load_environment`], [`scene::Environment::Image`] |
+//! | light a scene by an environment map | [`load::image::load_environment`], [`scene::Environment::Image`] |
 //! | render | [`Renderer`]; [`Renderer::start`] to render pass by pass |
 //! | record depth, normals and the like (AOVs) | [`Renderer::aovs`], [`film::Aov`] |
 //! | denoise | [`Renderer::denoise`]; [`render::Rendering::denoise`] between passes |
 //! | read pixels | [`Picture::film`], [`film::Film`] |
 //! | write EXR and PNG | [`Picture::save`], [`Picture::save_with`] |
-//! | understand what went wrong | [`Error`], [`Picture::warnings`] |
+//! | handle errors | [`Error`], [`Picture::warnings`] |
 //!
-//! `examples/` has programs that do these things.
+//! `examples/` has example programs.
 //!
 //! ## In your `Cargo.toml`
 //!
-//! Without the command line, and without the decoders of Draco, Basis Universal, TIFF and WebP (`features = ["decoders"]`), less is built. The
-//! profiles of this package don't reach programs that use it: they are to be repeated there. Unoptimised, rendering takes thirty times as long.
+//! Without default features, the command line and the decoders of Draco, Basis Universal, TIFF and WebP
+//! (`features = ["decoders"]`) are not built. Cargo ignores the profiles of dependencies, so repeat them: unoptimised,
+//! rendering takes thirty times as long.
 //!
 //! ```toml
 //! [dependencies]
@@ -38,7 +39,7 @@
 //! codegen-units = 1
 //! [profile.release.package.oscura]
 //! codegen-units = 4
-//! # Large, and nothing that takes time happens in them.
+//! # Large, and not performance-critical.
 //! [profile.release.package.gltf]
 //! opt-level = 0
 //! [profile.release.package.gltf-json]
@@ -50,27 +51,27 @@
 //! ```
 //!
 //! ## Conventions
-//! - Metres, seconds, radians (names end in `_rad` where degrees could be meant; scene files use degrees).
+//! - Metres, seconds, radians (names of angles end in `_rad` where ambiguous; scene files use degrees).
 //! - Right-handed, y up; cameras look down -z, as in glTF.
 //! - Colours are linear Rec. 709 and scene-referred; emission is radiance.
-//! - Randomness is a pure function of (pixel, sample, dimension, seed, samples planned). The same call gives the same pixels at any
-//!   number of threads and on every CPU level.
+//! - Random numbers are a pure function of (pixel, sample, dimension, seed, planned samples). Rendering is deterministic for
+//!   any number of threads and on every CPU level.
 //! - Vectors and transforms are those of [`glam`].
 //!
-//! Items that this page does not show are public for the project's own tests and tools, and changes with any version.
+//! Undocumented public items are for the project's own tests and tools, and may change with any version.
 
-// For those who work on it:
+// For developers:
 //
 //     files -> load -> scene -> compile -> integrator -> film -> output -> files
 //              (I/O)   (plain    (BVH, lights, (radiance   (pixels,   (EXR, PNG)
 //                       data)     textures)     per path)   AOVs)
 //
-// - `wo` points to the viewer, `wi` to where the light comes from; both leave the surface. `f_cos` includes |cos|.
+// - `wo` points to the viewer, `wi` to the light; both point away from the surface. `f_cos` includes |cos|.
 // - A pdf names its measure (`pdf_solid_angle`, `pdf_area`, `pdf_discrete`), a transform its spaces
 //   (`world_from_object`).
-// - Transforms compose in f64; `compile` moves the origin near the camera, so that f32 geometry keeps its precision
-//   wherever in the world the scene stands.
-// - Modules are ranked; each imports lower ranks only (`tests/structure/layering.rs` holds the table).
+// - Transforms compose in f64; `compile` moves the origin near the camera, so that f32 geometry is precise wherever the
+//   scene is in the world.
+// - Modules are layered; each imports lower layers only (`tests/structure/layering.rs`).
 
 #![deny(unsafe_code)]
 
@@ -96,16 +97,16 @@ pub use render::{Picture, Renderer};
 
 use std::path::Path;
 
-/// Loads a scene from a `.gltf`, `.glb`, `.obj`, `.ply` or `.toml` file, recognised by the extension; [`load::load`]
-/// takes options.
+/// Loads a scene from a `.gltf`, `.glb`, `.obj`, `.ply` or `.toml` file, identified by the extension; [`load::load`] takes
+/// options.
 ///
 /// # Errors
-/// An input error that lists all problems of the file.
+/// An input error with all problems of the file.
 pub fn load(path: impl AsRef<Path>) -> Result<load::Loaded> {
     load::load(path, &load::LoadOptions::default())
 }
 
-// Modules of the program name the library from outside, as they do where they belong to a program of their own.
+// Modules of the program refer to the library by its crate name, since they are also compiled as part of the binary.
 #[cfg(feature = "program")]
 extern crate self as oscura;
 
@@ -115,7 +116,7 @@ pub mod accel;
 pub mod bsdf;
 #[doc(hidden)]
 pub mod camera;
-// It must be ready for variants that later versions add, of enums that are whole to what is within the library.
+// The program must handle future variants of non-exhaustive enums, which are exhaustive within the library.
 #[cfg(feature = "program")]
 #[doc(hidden)]
 #[allow(irrefutable_let_patterns, unreachable_patterns)]

@@ -1,4 +1,4 @@
-//! The command line's door; see `cli`.
+//! The entry point of the command line; see `cli`.
 
 mod cli;
 

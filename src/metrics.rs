@@ -1,4 +1,4 @@
-//! Errors of a picture against a reference: RMSE, relative MSE, a z-test, and LDR-FLIP.
+//! Error metrics of a picture against a reference: RMSE, relative MSE, a z-test, and LDR-FLIP.
 
 use crate::color::srgb_from_linear;
 use crate::image::Image;
@@ -7,12 +7,12 @@ use std::f64::consts::PI;
 /// Edge of the blocks of [`z_test`], pixels.
 pub const BLOCK: usize = 8;
 
-/// Errors of a picture against a reference, over all pixels and channels.
+/// Error metrics over all pixels and channels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Errors {
     /// Square root of the mean squared difference.
     pub rmse: f64,
-    /// mean((a - r)^2 / (r^2 + 0.01)).
+    /// Mean of (a - r)^2 / (r^2 + 0.01).
     pub rel_mse: f64,
     /// Mean of the picture by channel.
     pub mean: [f64; 3],
@@ -27,7 +27,7 @@ impl Errors {
     }
 }
 
-/// One channel's verdict of [`z_test`].
+/// The result of [`z_test`] for a channel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ChannelTest {
     /// Mean of the two pictures.
@@ -39,36 +39,36 @@ pub struct ChannelTest {
 }
 
 impl ChannelTest {
-    /// Difference of the means in standard deviations; 0 where there is neither difference nor deviation.
+    /// The z-score of the difference of the means.
     pub fn z(&self) -> f64 {
-        in_deviations(self.mean - self.reference, self.sigma)
+        z_score(self.mean - self.reference, self.sigma)
     }
 }
 
-/// A difference in standard deviations. Exact numbers that agree are 0 deviations apart, ones that don't infinitely many.
-fn in_deviations(difference: f64, sigma: f64) -> f64 {
+/// A difference in standard deviations; 0 if both are 0.
+fn z_score(difference: f64, sigma: f64) -> f64 {
     if difference == 0.0 && sigma == 0.0 { 0.0 } else { difference / sigma }
 }
 
-/// The verdict of [`z_test`].
+/// The result of [`z_test`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ZTest {
     /// By channel.
     pub channels: [ChannelTest; 3],
-    /// Share of blocks that differ by more than 3 standard deviations (0.27 % by chance).
+    /// Fraction of blocks that differ by more than 3 standard deviations (0.27 % expected).
     pub beyond_3_sigma: f64,
-    /// Share of blocks that differ by more than 5 standard deviations.
+    /// Fraction of blocks that differ by more than 5 standard deviations.
     pub beyond_5_sigma: f64,
 }
 
 impl ZTest {
-    /// Means within 4 standard deviations and at most 2 % of the blocks beyond 3.
+    /// Are the means within 4 standard deviations, and at most 2 % of the blocks beyond 3?
     pub fn agrees(&self) -> bool {
         self.channels.iter().all(|c| c.z().abs() < 4.0) && self.beyond_3_sigma <= 0.02
     }
 }
 
-/// Errors of `a` against `reference`, which has the same size.
+/// Error metrics of `a` against `reference` of the same size.
 pub fn errors(a: &Image, reference: &Image) -> Errors {
     assert_same_size(&[a, reference]);
     let (mut square, mut relative) = (0.0, 0.0);
@@ -92,10 +92,10 @@ pub fn errors(a: &Image, reference: &Image) -> Errors {
     }
 }
 
-/// Tests whether a picture agrees with a converged reference. `a` and `b` differ by seed only, which gives their own
-/// variance, and their pixels are independent of each other (no paths are shared); `variance` is that of the reference's
-/// pixels. Blocks of 8x8 pixels make the estimate fair; rows and columns
-/// that fill no block count for the means only. All four have the same size. `None` if that is less than a block.
+/// Tests whether a picture agrees with a converged reference. `a` and `b` differ in their seeds only, by which their variance
+/// is estimated, and their pixels are independent (without path reuse); `variance` is that of the reference's pixels. Pixels
+/// are averaged over 8x8 blocks, whose means are closer to normally distributed; partial blocks count for the overall means
+/// only. All four have the same size. `None` if that is less than a block.
 pub fn z_test(a: &Image, b: &Image, reference: &Image, variance: &Image) -> Option<ZTest> {
     assert_same_size(&[a, b, reference, variance]);
     let (columns, rows) = (a.width as usize / BLOCK, a.height as usize / BLOCK);
@@ -109,8 +109,8 @@ pub fn z_test(a: &Image, b: &Image, reference: &Image, variance: &Image) -> Opti
         for (c, test) in channels.iter_mut().enumerate() {
             test.mean += sample.mean[c] / n;
             test.reference += sample.reference[c] / n;
-            // The variance of the mean, summed; its root comes below.
-            test.sigma += (sample.own[c] + sample.variance[c]) / n / n;
+            // The variance of the mean, until the square root below.
+            test.sigma += (sample.mean_variance[c] + sample.variance[c]) / n / n;
         }
     }
     for test in &mut channels {
@@ -122,16 +122,16 @@ pub fn z_test(a: &Image, b: &Image, reference: &Image, variance: &Image) -> Opti
         beyond_3 += z.iter().filter(|z| z.abs() > 3.0).count() as u32;
         beyond_5 += z.iter().filter(|z| z.abs() > 5.0).count() as u32;
     }
-    let share = |count: u32| f64::from(count) / (3 * columns * rows) as f64;
-    Some(ZTest { channels, beyond_3_sigma: share(beyond_3), beyond_5_sigma: share(beyond_5) })
+    let fraction = |count: u32| f64::from(count) / (3 * columns * rows) as f64;
+    Some(ZTest { channels, beyond_3_sigma: fraction(beyond_3), beyond_5_sigma: fraction(beyond_5) })
 }
 
-/// Contribution of one pixel to the test, by channel.
+/// The contribution of a pixel to the test, by channel.
 struct Sample {
     mean: [f64; 3],
     reference: [f64; 3],
-    /// Variance of `mean`: (a - b)^2 / 4.
-    own: [f64; 3],
+    /// (a - b)^2 / 4.
+    mean_variance: [f64; 3],
     variance: [f64; 3],
 }
 
@@ -141,7 +141,7 @@ impl Sample {
         Sample {
             mean: std::array::from_fn(|c| 0.5 * (p[c] + q[c])),
             reference: rgb(reference, x, y),
-            own: std::array::from_fn(|c| (p[c] - q[c]).powi(2) / 4.0),
+            mean_variance: std::array::from_fn(|c| (p[c] - q[c]).powi(2) / 4.0),
             variance: rgb(variance, x, y),
         }
     }
@@ -149,20 +149,20 @@ impl Sample {
 
 fn block_z([a, b, reference, variance]: [&Image; 4], column: usize, row: usize) -> [f64; 3] {
     let size = (BLOCK * BLOCK) as f64;
-    let (mut difference, mut spread) = ([0.0; 3], [0.0; 3]);
+    let (mut difference, mut variance_of_mean) = ([0.0; 3], [0.0; 3]);
     for (i, j) in (0..BLOCK).flat_map(|j| (0..BLOCK).map(move |i| (i, j))) {
         let (x, y) = ((column * BLOCK + i) as u32, (row * BLOCK + j) as u32);
         let sample = Sample::at(a, b, reference, variance, x, y);
         for c in 0..3 {
             difference[c] += (sample.mean[c] - sample.reference[c]) / size;
-            spread[c] += (sample.own[c] + sample.variance[c]) / size / size;
+            variance_of_mean[c] += (sample.mean_variance[c] + sample.variance[c]) / size / size;
         }
     }
-    std::array::from_fn(|c| difference[c] / (spread[c] + 1e-14).sqrt())
+    std::array::from_fn(|c| difference[c] / (variance_of_mean[c] + 1e-14).sqrt())
 }
 
-/// A picture of the signed relative difference: white where equal, red where `a` is brighter, blue where it is darker,
-/// full colour from a quarter up. 8-bit RGB, rows from the top.
+/// A diverging colour map of the signed relative difference: white where equal, red where `a` is brighter, blue where it is
+/// darker, saturated from 25 % on. 8-bit RGB, rows from the top.
 pub fn difference_picture(a: &Image, reference: &Image) -> Vec<u8> {
     assert_same_size(&[a, reference]);
     let shade = |(x, y)| {
@@ -174,8 +174,8 @@ pub fn difference_picture(a: &Image, reference: &Image) -> Vec<u8> {
     pixels(a).flat_map(shade).collect()
 }
 
-/// The picture, the reference and their FLIP differences (black for none, then red, yellow, white) next to each other, colours
-/// as sRGB shows them. 8-bit RGB, rows from the top, three times as wide as each.
+/// The picture, the reference and the FLIP error map (black for 0, then red, yellow, white) side by side, sRGB-encoded. 8-bit
+/// RGB, rows from the top.
 pub fn side_by_side(a: &Image, reference: &Image, flip: &Flip) -> Vec<u8> {
     assert_same_size(&[a, reference]);
     let byte = |v: f32| (v.clamp(0.0, 1.0) * 255.0).round() as u8;
@@ -192,7 +192,7 @@ pub fn side_by_side(a: &Image, reference: &Image, flip: &Flip) -> Vec<u8> {
     (0..a.height).flat_map(row).flatten().collect()
 }
 
-/// How many pixels hold NaN or an infinity in red, green or blue.
+/// Number of pixels with a NaN or infinity in red, green or blue.
 pub fn non_finite_pixels(image: &Image) -> u64 {
     pixels(image).filter(|&(x, y)| !rgb(image, x, y).iter().all(|v| v.is_finite())).count() as u64
 }
@@ -214,22 +214,23 @@ fn assert_same_size(images: &[&Image]) {
     );
 }
 
-// LDR-FLIP, the perceptual difference of two pictures when they alternate, of Andersson et al. 2020
-// ("FLIP: A Difference Evaluator for Alternating Images", HPG), with the viewing distance of its authors' program.
+// LDR-FLIP (Andersson et al. 2020, "FLIP: A Difference Evaluator for Alternating Images", HPG), with the default viewing
+// distance of the reference implementation.
 
-/// Pixels a degree of the field of view: 3840 pixels on 0.7 m, seen from 0.7 m.
+/// Pixels per degree of visual angle: 3840 pixels on 0.7 m, viewed from 0.7 m.
 const PIXELS_A_DEGREE: f64 = 3840.0 * PI / 180.0;
 
-/// Exponents of differences of colours and of features, and where large differences of colours are compressed (section 4).
+/// Exponents of colour and feature differences, and the knee of the compression of large colour differences (section 4).
 const COLOR_EXPONENT: f64 = 0.7;
 const FEATURE_EXPONENT: f64 = 0.5;
 const KNEE: f64 = 0.4;
 const KNEE_VALUE: f64 = 0.95;
 
-/// Width of the detector of edges and points, degrees.
+/// Width of the edge and point detectors, degrees.
 const FEATURE_WIDTH: f64 = 0.082;
 
-/// Contrast sensitivity as sums of two Gaussians (table 1): factor and width each; achromatic, red-green, blue-yellow.
+/// Contrast sensitivity functions as sums of two Gaussians (table 1), each by amplitude and width; achromatic, red-green,
+/// blue-yellow.
 const SENSITIVITY: [[(f64, f64); 2]; 3] =
     [[(1.0, 0.0047), (0.0, 1e-5)], [(1.0, 0.0053), (0.0, 1e-5)], [(34.1, 0.04), (13.5, 0.025)]];
 const LARGEST_WIDTH: f64 = 0.04;
@@ -247,7 +248,7 @@ const RGB_FROM_XYZ: [[f64; 3]; 3] = [
     [0.055639423, -0.204011202, 1.057148933],
 ];
 
-/// Differences of two pictures as they look: 0 for none, 1 for the largest.
+/// FLIP errors of two pictures, 0..1.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Flip {
     /// Mean over all pixels.
@@ -259,7 +260,7 @@ pub struct Flip {
 /// Compares a picture with a reference of the same size: linear colours, clipped to 0..1.
 pub fn flip(a: &Image, reference: &Image) -> Flip {
     assert_same_size(&[a, reference]);
-    let (a, reference) = (Seen::of(a), Seen::of(reference));
+    let (a, reference) = (Perceived::of(a), Perceived::of(reference));
     let largest = distance(&hunt_lab([0.0, 1.0, 0.0]), &hunt_lab([0.0, 0.0, 1.0])).powf(COLOR_EXPONENT);
     let knee = KNEE * largest;
     let pixel = |i: usize| {
@@ -276,16 +277,16 @@ pub fn flip(a: &Image, reference: &Image) -> Flip {
     Flip { mean: map.iter().map(|&v| f64::from(v)).sum::<f64>() / map.len() as f64, map }
 }
 
-/// A picture as the eye has it.
-struct Seen {
-    /// L*, a*, b* of the filtered picture; a* and b* are reduced in the dark (Hunt effect).
+/// The perceived colours and features of a picture.
+struct Perceived {
+    /// L*a*b* of the filtered picture with the Hunt effect.
     lab: Vec<[f64; 3]>,
-    /// Strength of edges, and of points.
+    /// Magnitudes of edges, and of points.
     features: [Vec<f32>; 2],
 }
 
-impl Seen {
-    fn of(image: &Image) -> Seen {
+impl Perceived {
+    fn of(image: &Image) -> Perceived {
         let width = image.width as usize;
         let opponent: Vec<[f64; 3]> = pixels(image)
             .map(|(x, y)| opponent_from_rgb(rgb(image, x, y).map(|v| v.clamp(0.0, 1.0))))
@@ -297,11 +298,11 @@ impl Seen {
             hunt_lab(rgb.map(|v| v.clamp(0.0, 1.0)))
         };
         let lightness: Vec<f32> = opponent.iter().map(|v| ((v[0] + 16.0) / 116.0) as f32).collect();
-        Seen { lab: (0..opponent.len()).map(lab).collect(), features: features(&lightness, width) }
+        Perceived { lab: (0..opponent.len()).map(lab).collect(), features: features(&lightness, width) }
     }
 }
 
-/// Filters by the contrast sensitivity of the eye.
+/// Filters by a contrast sensitivity function.
 fn filtered(plane: &[f32], width: usize, gaussians: &[(f64, f64); 2]) -> Vec<f32> {
     let radius = (3.0 * (LARGEST_WIDTH / (2.0 * PI * PI)).sqrt() * PIXELS_A_DEGREE).ceil() as isize;
     let mut sum = vec![0.0f32; plane.len()];
@@ -320,7 +321,7 @@ fn filtered(plane: &[f32], width: usize, gaussians: &[(f64, f64); 2]) -> Vec<f32
     sum
 }
 
-/// Strength of edges and of points of a plane of values in 0..1.
+/// Magnitudes of edges and of points of a plane of values in 0..1.
 fn features(plane: &[f32], width: usize) -> [Vec<f32>; 2] {
     let deviation = 0.5 * FEATURE_WIDTH * PIXELS_A_DEGREE;
     let radius = (3.0 * deviation).ceil() as isize;
@@ -341,7 +342,7 @@ fn features(plane: &[f32], width: usize) -> [Vec<f32>; 2] {
     })
 }
 
-/// Convolves rows with one kernel and columns with another; beyond the edges stand the edges' pixels.
+/// Separable convolution, rows with one kernel and columns with another, clamped at the boundaries.
 fn convolved(plane: &[f32], width: usize, along: &[f64], down: &[f64]) -> Vec<f32> {
     let (height, radius) = (plane.len() / width, along.len() / 2);
     let clamped = |at: usize, k: usize, size: usize| (at + k).saturating_sub(radius).min(size - 1);
@@ -393,7 +394,7 @@ fn hunt_lab(rgb: [f64; 3]) -> [f64; 3] {
     [lightness, 0.01 * lightness * 500.0 * (x - y), 0.01 * lightness * 200.0 * (y - z)]
 }
 
-/// City blocks in lightness, straight in colour.
+/// HyAB: city-block distance in lightness, Euclidean in a* and b*.
 fn distance(p: &[f64; 3], q: &[f64; 3]) -> f64 {
     (p[0] - q[0]).abs() + (p[1] - q[1]).hypot(p[2] - q[2])
 }
@@ -412,7 +413,7 @@ mod tests {
     }
 
     #[test]
-    fn errors_follow_their_formulas() {
+    fn errors_match_hand_computed_values() {
         let a = Image::from_linear_rgb("a", 1, 2, vec![1.0, 2.0, 3.0, 1.0, 0.0, 0.0]);
         let r = Image::from_linear_rgb("r", 1, 2, vec![1.0, 1.0, 1.0, 1.0, 1.0, 0.0]);
         let e = errors(&a, &r);
@@ -428,13 +429,13 @@ mod tests {
             z_test(&noisy(1, 1.0, 0.1), &noisy(2, 1.0, 0.1), &reference, &variance).expect("64 blocks");
         assert!(test.agrees(), "{test:?}");
         assert!((test.channels[0].sigma - (0.005f64 + 1e-4).sqrt() / 64.0).abs() < 1e-4);
-        // Half a per cent is about 4.4 standard deviations here; one per cent is far outside.
+        // One per cent is about 9 standard deviations.
         let far = z_test(&noisy(1, 1.01, 0.1), &noisy(2, 1.01, 0.1), &reference, &variance);
         assert!(!far.expect("64 blocks").agrees());
     }
 
     #[test]
-    fn exact_pictures_agree_only_where_they_are_equal() {
+    fn pictures_without_variance_agree_only_if_equal() {
         let flat = |value: f32| Image::from_linear_rgb("flat", 9, 8, vec![value; 9 * 8 * 3]);
         let test = |value| z_test(&flat(value), &flat(value), &flat(0.5), &flat(0.0)).expect("one block");
         assert!(test(0.5).agrees() && test(0.5).channels[0].z() == 0.0, "{:?}", test(0.5));
@@ -442,7 +443,7 @@ mod tests {
     }
 
     #[test]
-    fn pictures_without_a_block_have_no_verdict() {
+    fn pictures_smaller_than_a_block_have_no_result() {
         let small = Image::from_linear_rgb("small", 64, 7, vec![1.0; 64 * 7 * 3]);
         assert_eq!(z_test(&small, &small, &small, &small), None);
     }
@@ -473,18 +474,18 @@ mod flip_tests {
     ];
 
     fn image(value: impl Fn(u32, u32, u32) -> f32) -> Image {
-        let places = (0..HEIGHT).flat_map(|y| (0..WIDTH).map(move |x| (x, y)));
-        let values = places.flat_map(|(x, y)| [0, 1, 2].map(|c| value(x, y, c))).collect();
+        let coordinates = (0..HEIGHT).flat_map(|y| (0..WIDTH).map(move |x| (x, y)));
+        let values = coordinates.flat_map(|(x, y)| [0, 1, 2].map(|c| value(x, y, c))).collect();
         Image::from_linear_rgb("test", WIDTH, HEIGHT, values)
     }
 
-    /// Figures of the authors' program (`flip-evaluator` 1.7) for the same pictures.
+    /// Values of the reference implementation (`flip-evaluator` 1.7).
     #[test]
-    fn agrees_with_the_authors_program() {
+    fn flip_matches_the_reference_implementation() {
         let reference = image(|x, y, c| ((x * 7 + y * 3 + c * 29) % 101) as f32 / 100.0);
         let other = image(|x, y, c| {
-            let own = ((x * 7 + y * 3 + c * 29) % 101) as f32 / 100.0;
-            if x < 24 { 0.8 * own } else { ((x * 5 + y * y + c * 13) % 97) as f32 / 96.0 }
+            let value = ((x * 7 + y * 3 + c * 29) % 101) as f32 / 100.0;
+            if x < 24 { 0.8 * value } else { ((x * 5 + y * y + c * 13) % 97) as f32 / 96.0 }
         });
         let found = flip(&other, &reference);
         let at = |x: u32, y: u32| f64::from(found.map[(y * WIDTH + x) as usize]);

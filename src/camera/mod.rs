@@ -1,6 +1,4 @@
-//! Cameras, compiled: a point on the film and a point on the lens give a ray.
-//!
-//! The inverse, camera importance, gives the film point of a point of the scene, for light paths that connect to the camera.
+//! Compiled cameras: rays from samples of film and lens, and connections of scene points to the film for light tracing.
 
 use crate::math::{DMat4, DVec3, DVec4, Ray, Vec3, poly, segment};
 use crate::scene;
@@ -15,7 +13,7 @@ mod panorama;
 #[derive(Clone, Copy, Debug)]
 pub struct Camera {
     origin: Vec3,
-    /// Direction (perspective) or position offset (orthographic) at the film's top left corner.
+    /// Unnormalized ray direction (perspective) or offset of the ray origin (orthographic) at the film's top left corner, world space.
     corner: Vec3,
     /// Change of `corner` per pixel along a row.
     step_x: Vec3,
@@ -32,8 +30,8 @@ pub struct Camera {
 }
 
 impl Camera {
-    /// Prepares a camera for a film of `width` x `height` pixels; coordinates are relative to `anchor`, a point of
-    /// the world. The vertical field of view is kept, whatever the aspect ratios of film and pixels.
+    /// Compiles a camera for a film of `width` x `height` pixels; coordinates are relative to `anchor`, a point in world
+    /// space. The vertical field of view does not depend on the aspect ratios of film and pixels.
     pub fn new(camera: &scene::Camera, width: u32, height: u32, anchor: DVec3) -> Camera {
         let m = camera.world_from_camera.matrix3;
         let (right, up, back) = (m.x_axis.normalize(), m.y_axis.normalize(), m.z_axis.normalize());
@@ -71,13 +69,13 @@ impl Camera {
         }
     }
 
-    /// Has it clip planes?
+    /// Does the camera have clip planes?
     #[inline(always)]
     pub fn is_clipped(&self) -> bool {
         self.clip.is_some()
     }
 
-    /// Range of distances along a unit direction between its clip planes, metres.
+    /// Range of distances between the clip planes along a unit direction in world space, metres.
     pub fn range(&self, direction: Vec3) -> [f32; 2] {
         let Some(clip) = self.clip else { return [0.0, f32::INFINITY] };
         let cosine = if self.panorama.is_some() { 1.0 } else { direction.dot(self.forward) };
@@ -99,8 +97,8 @@ impl Camera {
         self.to_camera_space(p - self.origin)
     }
 
-    /// The ray through film point (x, y), in pixels from the top left corner, and lens point `lens` in 0..1 squared.
-    /// Its direction has unit length. Film points outside of a panorama's image give the ray straight ahead.
+    /// The ray, with unit direction, through film point (x, y), in pixels from the top left corner, and lens sample `lens` in
+    /// 0..1 squared. Film points outside a panorama's image circle return the ray along the optical axis.
     pub fn ray(&self, x: f32, y: f32, lens: [f32; 2]) -> Ray {
         match &self.panorama {
             Some(_) => self.panoramic_ray(x, y, lens).unwrap_or(Ray::new(self.origin, self.forward)),
@@ -112,12 +110,12 @@ impl Camera {
     #[inline(always)]
     pub fn lens_ray(&self, x: f32, y: f32, lens: [f32; 2]) -> Ray {
         if self.has_lens() {
-            let (origin, direction) = self.line(x, y);
-            // A point of the focus plane is `focus_distance` ahead along the axis, not along the ray.
+            let (origin, direction) = self.unnormalized_ray(x, y);
+            // The focus distance is measured along the optical axis, not along the ray.
             let focus = origin + direction * (self.focus_distance / direction.dot(self.forward));
             let (x, y) = self.aperture.point(lens);
             let origin = origin + self.right * x + self.up * y;
-            // Far from the anchor, rounding may leave nothing between two points that are close together.
+            // Far from the anchor, rounding may make two close points coincide.
             let direction = (focus - origin).try_normalize().unwrap_or_else(|| direction.normalize());
             return Ray::new(origin, direction);
         }
@@ -127,20 +125,20 @@ impl Camera {
     /// The ray through film point (x, y) and the center of the lens, of a camera other than a panorama.
     #[inline(always)]
     pub fn pinhole_ray(&self, x: f32, y: f32) -> Ray {
-        let (origin, direction) = self.line(x, y);
+        let (origin, direction) = self.unnormalized_ray(x, y);
         Ray::new(origin, direction.normalize())
     }
 
-    /// Origin and direction, of any length, through a film point.
+    /// Origin and unnormalized direction of the ray through a film point and the center of the lens.
     #[inline(always)]
-    fn line(&self, x: f32, y: f32) -> (Vec3, Vec3) {
+    fn unnormalized_ray(&self, x: f32, y: f32) -> (Vec3, Vec3) {
         let film = self.corner + self.step_x * x + self.step_y * y;
         if self.is_perspective { (self.origin, film) } else { (self.origin + film, self.forward) }
     }
 
-    /// The ray of a panorama; `None` outside of its image, and for other cameras.
+    /// The ray of a panorama; `None` outside its image circle, and for other cameras.
     ///
-    /// The lens is a disk across the direction of the film point; points in focus lie on a sphere (as in Cycles).
+    /// The aperture is perpendicular to the direction of the film point, and the focus surface is a sphere (as in Cycles).
     pub fn panoramic_ray(&self, x: f32, y: f32, lens: [f32; 2]) -> Option<Ray> {
         let ahead = self.to_world(self.panorama.as_ref()?.direction(x, y)?);
         if !self.has_lens() {
@@ -153,12 +151,13 @@ impl Camera {
         Some(Ray::new(self.origin + offset, direction))
     }
 
-    /// A unit direction in world space from one along right, up and forward. (Interpolated axes of a moving camera are not orthonormal.)
+    /// A unit direction in world space from one along right, up and forward. Normalized because the interpolated axes of a moving
+    /// camera are not orthonormal.
     fn to_world(self, d: Vec3) -> Vec3 {
         (self.right * d.x + self.up * d.y + self.forward * d.z).normalize_or(self.forward)
     }
 
-    /// Is it a panorama?
+    /// Is the projection panoramic?
     #[inline(always)]
     pub fn is_panorama(&self) -> bool {
         self.panorama.is_some()
@@ -170,8 +169,8 @@ impl Camera {
         self.aperture.radius > 0.0
     }
 
-    /// Projects a point to the film, through the center of the lens. Infinite or NaN for points in the plane of a
-    /// perspective camera.
+    /// Projects a point through the center of the lens to the film, in pixels. Infinite or NaN for points in the lens plane of
+    /// a perspective camera.
     pub fn film_point(&self, p: Vec3) -> [f32; 2] {
         if let Some(panorama) = &self.panorama {
             let [x, y, back] = self.point_in_camera_space(p).to_array();
@@ -183,32 +182,32 @@ impl Camera {
         [self.step_x, self.step_y].map(|step| offset.dot(step) / step.length_squared())
     }
 
-    /// The offset on the film from one point to another; in a full panorama the shorter one of both ways around.
-    pub fn film_way(&self, from: [f32; 2], to: [f32; 2]) -> [f32; 2] {
+    /// The offset on the film from one point to another, pixels; in a full panorama modulo 360 degrees, the shorter way around.
+    pub fn film_offset(&self, from: [f32; 2], to: [f32; 2]) -> [f32; 2] {
         match &self.panorama {
             Some(panorama) => panorama.film_offset(from, to),
             None => [to[0] - from[0], to[1] - from[1]],
         }
     }
 
-    /// Its position, in the center of the lens.
+    /// The center of the lens, relative to the anchor.
     pub fn position(&self) -> Vec3 {
         self.origin
     }
 
-    /// Do all rays start at its lens?
+    /// Do all rays start on the lens? True for panoramas too.
     pub fn is_perspective(&self) -> bool {
         self.is_perspective
     }
 
-    /// Width of a ray's footprint at its origin, and its growth per metre: half a pixel's, so that the many
-    /// samples of a pixel resolve more than one would. For pixels that aren't square, the shorter side counts.
+    /// Width of a ray's footprint at its origin, metres, and its growth per metre: half a pixel, since many samples of a
+    /// pixel resolve finer detail than one. The shorter side of pixels that aren't square.
     pub fn pixel_cone(&self) -> (f32, f32) {
         let half_pixel = 0.5 * self.step_x.length().min(self.step_y.length());
         if self.is_perspective { (0.0, half_pixel) } else { (half_pixel, 0.0) }
     }
 
-    /// Distance of a point from the camera's plane: the depth that compositing programs call Z. Of panoramas, from the camera.
+    /// Z depth as in compositing, metres: distance of a point from the lens plane, or from the lens center for panoramas.
     #[inline(always)]
     pub fn depth(&self, p: Vec3) -> f32 {
         if self.panorama.is_some() {
@@ -218,15 +217,16 @@ impl Camera {
     }
 }
 
-/// From the world to normalized device coordinates as OpenEXR defines them for its attribute `worldToNDC` (after RenderMan):
-/// what is seen has x from 0 at the left edge of a picture of `width` x `height` pixels to 1 at the right one, and y from 0 at
-/// the top to 1 at the bottom. z is one over the depth with perspective, the depth with parallel rays. Column vectors. `None` for panoramas, which are not linear.
+/// The matrix, for column vectors, from world space to the normalized device coordinates of OpenEXR's attribute `worldToNDC`
+/// (after RenderMan): x from 0 at the left edge of a picture of `width` x `height` pixels to 1 at the right, y from 0 at the top
+/// to 1 at the bottom; z is the reciprocal depth (perspective) or the depth (orthographic). `None` for panoramas, which are not
+/// projective maps.
 pub fn ndc_from_world(camera: &scene::Camera, width: u32, height: u32) -> Option<DMat4> {
     let world_from_camera = camera.world_from_camera;
     let m = world_from_camera.matrix3;
     let (right, up, back) = (m.x_axis.normalize(), m.y_axis.normalize(), m.z_axis.normalize());
     let eye = world_from_camera.translation;
-    // Rows that give a point's coordinate along an axis, relative to the camera.
+    // Matrix row for a point's coordinate along an axis, relative to the camera.
     let along = |axis: DVec3| axis.extend(-axis.dot(eye));
     let (x, y, depth, one) = (along(right), along(up), -along(back), DVec4::W);
     let (half_height, weight) = match camera.projection {
@@ -242,12 +242,12 @@ pub fn ndc_from_world(camera: &scene::Camera, width: u32, height: u32) -> Option
     Some(DMat4::from_cols(ndc_x, ndc_y, z, weight).transpose())
 }
 
-/// A camera at equal steps of time; the corners of its picture are interpolated linearly.
+/// Camera keyframes at equal time steps; position, axes and film corners are interpolated linearly.
 #[derive(Clone, Debug)]
 pub struct MovingCamera(Arc<[Camera]>);
 
 impl MovingCamera {
-    /// From the camera at each step, two or more.
+    /// From the camera at each keyframe, two or more.
     pub fn new(keys: impl Iterator<Item = Camera>) -> MovingCamera {
         MovingCamera(keys.collect())
     }
@@ -255,9 +255,9 @@ impl MovingCamera {
     /// The camera at a time in 0..1.
     #[inline]
     pub fn at(&self, time: f32) -> Camera {
-        let (key, share) = segment(self.0.len(), time);
+        let (key, t) = segment(self.0.len(), time);
         let (from, to) = (&self.0[key], &self.0[(key + 1).min(self.0.len() - 1)]);
-        let mix = |a: Vec3, b: Vec3| a + (b - a) * share;
+        let mix = |a: Vec3, b: Vec3| a + (b - a) * t;
         Camera {
             origin: mix(from.origin, to.origin),
             corner: mix(from.corner, to.corner),
@@ -271,16 +271,16 @@ impl MovingCamera {
     }
 }
 
-/// An aperture ready for sampling.
+/// A compiled aperture: a disk or a regular polygon, stretched by `width`.
 #[derive(Clone, Copy, Debug)]
 struct Aperture {
-    /// Radius of the disk, and of the circle through the polygon's corners, metres; 0 is a pinhole.
+    /// Radius of the disk, or circumradius of the polygon, metres; 0 for a pinhole.
     pub radius: f32,
-    /// Number of the polygon's corners; 0 is a disk.
+    /// Number of corners of the polygon; 0 for a disk.
     blades: f32,
     /// Cosine and sine of half the angle between two corners.
     half_sector: (f32, f32),
-    /// Turns from the right to the middle of the first side, counter-clockwise.
+    /// Counter-clockwise angle from the camera's right axis to the middle of the first side, turns.
     rotation_turns: f32,
     /// Width over height.
     width: f32,
@@ -301,11 +301,10 @@ impl Aperture {
         }
     }
 
-    /// The point for `u` in 0..1 squared, to the right and up, metres; uniform by area.
+    /// Samples a point of the aperture uniformly by area from `u` in 0..1 squared: offsets to the right and up, metres.
     ///
-    /// A polygon is a fan of triangles: `u[0]` chooses one, and its rest with `u[1]` a point in it (Shirley and Chiu, "A low
-    /// distortion map between disk and square", 1997, for the disk; Turk, "Generating random points in triangles", 1990,
-    /// for triangles).
+    /// The disk is sampled in polar coordinates. A polygon is a triangle fan: `u[0]` selects a triangle, and its remainder with
+    /// `u[1]` a point in the triangle (Turk 1990, "Generating random points in triangles").
     #[inline(always)]
     pub fn point(&self, u: [f32; 2]) -> (f32, f32) {
         if self.blades == 0.0 {
@@ -315,7 +314,7 @@ impl Aperture {
         }
         let scaled = u[0] * self.blades;
         let sector = scaled.floor().min(self.blades - 1.0);
-        // From the middle to the side, and along it from one corner to the next.
+        // Distance from the center over the apothem, and position along the side from corner to corner.
         let outwards = (scaled - sector).sqrt();
         let along = outwards * (2.0 * u[1] - 1.0);
         let (x, y) = (outwards * self.half_sector.0, along * self.half_sector.1);
@@ -330,7 +329,7 @@ mod ndc_tests {
     use super::*;
 
     #[test]
-    fn points_are_where_the_picture_shows_them() {
+    fn ndc_matches_film_points() {
         let (width, height) = (40, 30);
         let mut camera = scene::Camera::look_at([1.0, 2.0, 5.0], [0.2, 0.1, -0.3], 35.0);
         camera.shift = [0.1, -0.2];
@@ -363,7 +362,7 @@ mod aperture_tests {
     }
 
     #[test]
-    fn points_fill_a_polygon_evenly() {
+    fn polygon_samples_are_uniform_by_area() {
         for blades in [3, 5, 6, 9] {
             let rotation_rad = 0.3;
             let all = points(scene::Aperture { blades, rotation_rad, ratio: 1.0 });
@@ -371,7 +370,7 @@ mod aperture_tests {
             let mut squares = 0.0;
             for &(x, y) in &all {
                 let (x, y) = (f64::from(x), f64::from(y));
-                // Within every side.
+                // Inside the half-plane of every side.
                 for k in 0..blades {
                     let angle = rotation_rad + 2.0 * half * f64::from(k);
                     assert!(x * angle.cos() + y * angle.sin() <= half.cos() + 1e-5, "{blades}: {x} {y}");
@@ -382,14 +381,14 @@ mod aperture_tests {
                 all.iter().map(|p| f64::from(f(p))).sum::<f64>() / all.len() as f64
             };
             assert!(mean(|p| p.0).abs() < 2e-3 && mean(|p| p.1).abs() < 2e-3);
-            // Polar moment of a regular polygon over its area, for corners at distance 1.
+            // Polar moment of area of a regular polygon of circumradius 1, over its area.
             let expected = (2.0 + (2.0 * half).cos()) / 6.0;
             assert!((squares / all.len() as f64 - expected).abs() < 2e-3, "{blades}");
         }
     }
 
     #[test]
-    fn a_ratio_makes_the_opening_narrow() {
+    fn anamorphic_ratio_narrows_the_aperture() {
         for blades in [0, 6] {
             let all = points(scene::Aperture { blades, rotation_rad: 0.0, ratio: 2.0 });
             let most = |f: fn(&(f32, f32)) -> f32| all.iter().map(f).fold(0.0f32, f32::max);
@@ -399,12 +398,12 @@ mod aperture_tests {
 }
 
 impl Camera {
-    /// Connects a point to the point of the lens that `lens` in 0..1 squared chooses, as in [`Camera::ray`]; `None` behind the camera and
-    /// outside of its clip range.
+    /// Connects a point of the scene to the lens point sampled by `lens` in 0..1 squared, as in [`Camera::ray`]; `None` behind the
+    /// camera and outside its clip range.
     ///
-    /// For a pinhole, a solid angle `dw` at an angle with cosine `c` to the axis covers `dw / c^3` of the plane at distance 1
-    /// (Pharr, Jakob, Humphreys 2016, "Physically Based Rendering", section 16.1.1). The same holds for each point of a lens:
-    /// its image on the plane in focus is the film, scaled.
+    /// For a pinhole, a solid angle `dw` at an angle with cosine `c` to the axis covers the area `dw / c^3` on the plane at distance 1
+    /// (Pharr, Jakob, Humphreys 2016, "Physically Based Rendering", section 16.1.1). The same holds for each point of a lens, since
+    /// the film is a scaled image of the focus plane.
     pub fn connect(&self, p: Vec3, lens: [f32; 2]) -> Option<FilmConnection> {
         if !self.is_in_clip_range(p) {
             return None;
@@ -423,20 +422,20 @@ impl Camera {
             }
             false => Vec3::ZERO,
         };
-        // The depth of the point relative to the plane in focus.
-        let share = depth / self.focus_distance;
+        // Depth of the point relative to the focus plane.
+        let ratio = depth / self.focus_distance;
         let (start, place) = if self.is_perspective {
             let start = self.origin + offset;
-            let focus = start + (p - start) / share;
+            let focus = start + (p - start) / ratio;
             (start, (focus - self.origin) / self.focus_distance)
         } else {
             let axis = self.forward * self.focus_distance;
-            let start = p - (axis - offset) * share;
+            let start = p - (axis - offset) * ratio;
             (start, start - offset - self.origin)
         };
-        let way = start - p;
-        let distance = way.length();
-        let direction = way / distance;
+        let to_lens = start - p;
+        let distance = to_lens.length();
+        let direction = to_lens / distance;
         let film = place - self.corner;
         let (width, height) = (self.step_x.length_squared(), self.step_y.length_squared());
         let cosine = -direction.dot(self.forward);
@@ -444,59 +443,57 @@ impl Camera {
             true => 1.0 / (distance * distance * cosine * cosine * cosine),
             false => 1.0 / cosine,
         };
-        let sight = FilmConnection {
+        let connection = FilmConnection {
             film: [film.dot(self.step_x) / width, film.dot(self.step_y) / height],
             lens: start,
             direction,
             distance,
             pixels_per_area: on_plane / (width * height).sqrt(),
         };
-        sight.pixels_per_area.is_finite().then_some(sight)
+        connection.pixels_per_area.is_finite().then_some(connection)
     }
 
-    /// Connects a point to a panorama.
+    /// Connects a point of the scene to a panorama.
     ///
-    /// All directions of such a camera and all points of their round lenses together are as many as rotations, times the distance
-    /// from the lens's center. Let a ray meet a sphere around the camera: to turn it so that its direction or so that the point which
-    /// it intersects is a given one is the same to their measure. So the lens may as well be chosen around the point; only the
-    /// density of the picture is that of the direction, which follows from where the ray is in focus.
+    /// Pairs of a direction and a lens point form a set with the measure of rotations (times the distance from the lens center).
+    /// That measure is invariant to fixing either the ray's direction or its intersection with a sphere around the camera, so the
+    /// lens may be sampled perpendicular to the direction of the scene point. The film density is that of the direction in focus.
     fn connect_panorama(&self, panorama: &Panorama, p: Vec3, lens: [f32; 2]) -> Option<FilmConnection> {
         let to = p - self.origin;
         let away = to.length();
         let (towards, focus) = (to / away, self.focus_distance);
         let (x, y) = if self.has_lens() { self.aperture.point(lens) } else { (0.0, 0.0) };
         let radius_squared = x * x + y * y;
-        // The ray reaches the point at this share of its way from the lens to the focus. Points as near as the lens is wide
-        // are on its glass.
+        // Ray parameter of the point: 0 on the lens, 1 on the focus sphere. Points within the lens radius have no connection.
         let behind = away * away - radius_squared;
         if behind.is_nan() || behind <= 0.0 {
             return None;
         }
         let sum = radius_squared + focus * focus;
-        let share = (radius_squared + (radius_squared * radius_squared + sum * behind).sqrt()) / sum;
-        // Seen from the camera the point is at this angle to the direction in focus, on the side of the point of the lens
-        // where the focus lies behind it.
+        let fraction = (radius_squared + (radius_squared * radius_squared + sum * behind).sqrt()) / sum;
+        // Rotates the direction of the point into the direction in focus; `along` and `across` are the cosine and sine of the angle
+        // between them. The angle is towards the lens point if the focus sphere lies behind the point.
         let ((u, v), radius) = (towards.any_orthonormal_pair(), radius_squared.sqrt());
         let side = if radius > 0.0 { (u * x + v * y) / radius } else { Vec3::ZERO };
-        let (along, across) = (share * focus / away, (1.0 - share) * radius / away);
+        let (along, across) = (fraction * focus / away, (1.0 - fraction) * radius / away);
         let ahead = towards * along - side * across;
         let start = self.origin + (towards * across + side * along) * radius;
-        let way = start - p;
-        let distance = way.length();
-        let direction = way / distance;
+        let to_lens = start - p;
+        let distance = to_lens.length();
+        let direction = to_lens / distance;
         let [x, y, back] = self.to_camera_space(ahead).to_array();
         let local = Vec3::new(x, y, -back);
-        let sight = FilmConnection {
+        let connection = FilmConnection {
             film: panorama.film_point(local),
             lens: start,
             direction,
             distance,
             pixels_per_area: panorama.pixels_per_steradian(local) / (away * away * -direction.dot(towards)),
         };
-        (sight.pixels_per_area > 0.0 && sight.pixels_per_area.is_finite()).then_some(sight)
+        (connection.pixels_per_area > 0.0 && connection.pixels_per_area.is_finite()).then_some(connection)
     }
 
-    /// All film points near the picture that show the same direction as a film point.
+    /// All film points within one turn of the picture with the same direction as a film point.
     pub fn equivalent_film_points(&self, film: [f32; 2]) -> impl Iterator<Item = [f32; 2]> + use<> {
         let around = self.panorama.map(|panorama| panorama.equivalent_film_points(film));
         let own = around.is_none().then_some(film);
@@ -509,14 +506,14 @@ impl Camera {
 pub struct FilmConnection {
     /// Film point, in pixels from the top left corner.
     pub film: [f32; 2],
-    /// The point of the lens, or of an orthographic camera's plane: where the ray of the camera starts.
+    /// Origin of the camera ray on the lens, or on the plane of an orthographic camera.
     pub lens: Vec3,
-    /// Unit vector from the point to there.
+    /// Unit vector from the scene point to `lens`.
     pub direction: Vec3,
-    /// Distance to there, metres.
+    /// Distance from the scene point to `lens`, metres.
     pub distance: f32,
-    /// Film area, in square pixels, that a surface of one square metre at the point covers if it faces the ray. Times the
-    /// filter of a pixel and the radiance along the ray it is the density per area of the pixel's footprint.
+    /// Film area, square pixels, per square metre of a surface at the point that faces the ray. Camera importance is this times
+    /// the pixel filter.
     pub pixels_per_area: f32,
 }
 
@@ -542,7 +539,7 @@ mod tests {
     }
 
     #[test]
-    fn frame_edges_are_where_the_field_of_view_says() {
+    fn edges_of_the_film_match_the_field_of_view() {
         let camera = Camera::new(&pinhole(), 200, 100, DVec3::new(10.0, 0.0, 0.0));
         let top = camera.ray(100.0, 0.0, [0.0; 2]).direction;
         assert!((top - Vec3::new(0.0, 1.0, -1.0).normalize()).length() < 1e-6);
@@ -552,14 +549,14 @@ mod tests {
     }
 
     #[test]
-    fn a_shift_moves_the_picture_by_its_own_heights() {
+    fn lens_shift_is_in_picture_heights() {
         for (projection, top) in [
             (pinhole().projection, Vec3::new(0.0, 1.0, -1.0)),
             (Projection::Orthographic { half_height: 1.0 }, Vec3::NEG_Z),
         ] {
             let camera = scene::Camera { shift: [0.25, -0.5], projection, ..pinhole() };
             let camera = Camera::new(&camera, 200, 100, DVec3::ZERO);
-            // The middle of the upper edge of what is seen without the shift.
+            // Middle of the upper edge without the shift.
             let ray = camera.ray(75.0, -50.0, [0.0; 2]);
             assert!((ray.direction - top.normalize()).length() < 1e-6);
             let origin = if camera.is_perspective() { Vec3::ZERO } else { Vec3::Y };
@@ -568,7 +565,7 @@ mod tests {
     }
 
     #[test]
-    fn lens_rays_meet_on_the_focus_plane() {
+    fn lens_rays_converge_on_the_focus_plane() {
         let lens = scene::ThinLens {
             defocus_angle_rad: 0.2,
             focus_distance: 5.0,
@@ -615,28 +612,28 @@ mod tests {
     }
 
     #[test]
-    fn points_are_seen_where_rays_hit_them() {
+    fn connections_invert_camera_rays() {
         for (k, camera) in cameras().into_iter().enumerate() {
             for i in 1..200 {
                 let ([x, y], lens) = (numbers(i), numbers(7 * i + 3));
                 let (x, y) = (60.0 * x, 40.0 * y);
                 let ray = camera.ray(x, y, lens);
                 let p = ray.at(0.5 + 0.05 * i as f32);
-                let sight = camera.connect(p, lens).expect("in front");
+                let connection = camera.connect(p, lens).expect("in front");
                 assert!(
-                    (sight.film[0] - x).abs() + (sight.film[1] - y).abs() < 2e-3,
-                    "{k}: {x} {y} {sight:?}"
+                    (connection.film[0] - x).abs() + (connection.film[1] - y).abs() < 2e-3,
+                    "{k}: {x} {y} {connection:?}"
                 );
-                assert!((sight.lens - ray.origin).length() < 1e-4, "{k}");
-                assert!((sight.direction + ray.direction).length() < 1e-4, "{k}");
+                assert!((connection.lens - ray.origin).length() < 1e-4, "{k}");
+                assert!((connection.direction + ray.direction).length() < 1e-4, "{k}");
                 assert!(camera.connect(ray.at(-1.0), lens).is_none(), "{k}: behind");
             }
         }
     }
 
-    /// By the definition: how the place on the film changes over a small square that faces the ray.
+    /// By definition: the Jacobian of the film point over a small square perpendicular to the ray.
     #[test]
-    fn areas_are_the_change_of_places() {
+    fn pixels_per_area_is_the_jacobian_of_the_film_point() {
         for (k, camera) in cameras().into_iter().enumerate() {
             for i in 1..50 {
                 let lens = numbers(3 * i + 1);

@@ -1,95 +1,98 @@
-//! Panoramic projections: a film point is a direction, and a direction a film point.
+//! Panoramic projections: film points to directions, and directions to film points.
 
 use crate::math::{Vec3, poly};
 use crate::scene;
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
-/// A projection ready for a film. Directions are along the camera's axes: to the right, up, and ahead.
+/// A compiled panoramic projection. Directions are in (right, up, forward) of the camera.
 ///
-/// Film points have two coordinates that grow to the right and up: longitude and latitude, or the place around the
-/// middle of a fisheye's picture in units where that is as large as an angle there (radians).
+/// Film points map to projection coordinates that grow to the right and up: longitude and latitude, or the offset from the
+/// center of a fisheye image in units of its focal length (near the center, radians).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Panorama {
-    law: Law,
-    /// The coordinates of the film's upper left corner.
+    mapping: Mapping,
+    /// Projection coordinates of the film's top left corner.
     corner: [f32; 2],
-    /// Their change from one pixel to the next in a row and from one row to the next.
+    /// Change of the projection coordinates per pixel: of the first to the right, of the second downwards.
     step: [f32; 2],
     /// Half the angle of view, radians.
-    widest: f32,
+    max_angle_rad: f32,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Law {
-    /// Coordinates are longitude and latitude.
+enum Mapping {
+    /// Longitude and latitude, radians.
     Equirectangular,
-    /// They are as long as the angle with the axis.
+    /// r = angle to the axis.
     Equidistant,
-    /// They are as long as twice the sine of half of it.
+    /// r = 2 sin(angle / 2).
     Equisolid,
 }
 
 impl Panorama {
-    /// For a film of `width` x `height` pixels, whose picture is moved by `shift` heights.
+    /// For a film of `width` x `height` pixels; `shift` is the lens shift in picture heights.
     pub fn new(panorama: &scene::Panorama, width: u32, height: u32, shift: [f64; 2]) -> Panorama {
         use scene::Panorama as P;
         let size = [f64::from(width), f64::from(height)];
-        let (law, left_top, right_bottom, widest) = match *panorama {
+        let (mapping, left_top, right_bottom, max_angle_rad) = match *panorama {
             P::Equirectangular { longitude_rad: [left, right], latitude_rad: [low, high] } => {
-                (Law::Equirectangular, [left, high], [right, low], f64::from(PI))
+                (Mapping::Equirectangular, [left, high], [right, low], f64::from(PI))
             }
             P::FisheyeEquidistant { fov_rad } => {
                 let half = fov_rad / 2.0;
-                (Law::Equidistant, [-half, half], [half, -half], half)
+                (Mapping::Equidistant, [-half, half], [half, -half], half)
             }
             P::FisheyeEquisolid { fov_rad, focal_length, sensor } => {
                 let [x, y] = sensor.map(|size| size / (2.0 * focal_length));
-                (Law::Equisolid, [-x, y], [x, -y], fov_rad / 2.0)
+                (Mapping::Equisolid, [-x, y], [x, -y], fov_rad / 2.0)
             }
         };
         let step = [0, 1].map(|c| (right_bottom[c] - left_top[c]) / size[c]);
         let moved = [shift[0] * size[1], -shift[1] * size[1]];
         let corner = [0, 1].map(|c| (left_top[c] + step[c] * moved[c]) as f32);
-        Panorama { law, corner, step: step.map(|s| s as f32), widest: widest as f32 }
+        Panorama { mapping, corner, step: step.map(|s| s as f32), max_angle_rad: max_angle_rad as f32 }
     }
 
-    /// The width of a pixel in the centre of the picture, radians: the square root of its solid angle.
+    /// Square root of the solid angle of a pixel in the center of the picture, radians.
     pub fn pixel_rad(&self) -> f32 {
         (self.step[0] * self.step[1]).abs().sqrt()
     }
 
-    /// The unit vector that a film point shows; `None` beyond the angle of view.
+    /// The unit direction of a film point; `None` outside the angle of view.
     pub fn direction(&self, x: f32, y: f32) -> Option<Vec3> {
         let a = self.corner[0] + self.step[0] * x;
         let b = self.corner[1] + self.step[1] * y;
-        if self.law == Law::Equirectangular {
+        if self.mapping == Mapping::Equirectangular {
             let ((sin_a, cos_a), (sin_b, cos_b)) = (poly::sin_cos(a), poly::sin_cos(b));
             return Some(Vec3::new(cos_b * sin_a, sin_b, cos_b * cos_a));
         }
         let r = (a * a + b * b).sqrt();
-        let angle = match self.law {
-            Law::Equisolid if r > 2.0 => return None,
-            Law::Equisolid => 2.0 * poly::asin(0.5 * r),
+        let angle = match self.mapping {
+            Mapping::Equisolid if r > 2.0 => return None,
+            Mapping::Equisolid => 2.0 * poly::asin(0.5 * r),
             _ => r,
         };
-        if angle > self.widest {
+        if angle > self.max_angle_rad {
             return None;
         }
         let (sin, cos) = poly::sin_cos(angle);
-        // In the middle, the sine is as long as the coordinates.
+        // The limit of sin(angle) / r at the center is 1.
         let out = if r > 1e-6 { sin / r } else { 1.0 };
         Some(Vec3::new(a * out, b * out, cos))
     }
 
-    /// The film point that shows a direction of any length, also beyond the angle of view and outside of the picture.
+    /// The film point of a direction of any length; also defined outside the angle of view and the picture.
     pub fn film_point(&self, d: Vec3) -> [f32; 2] {
-        let [a, b] = match self.law {
-            Law::Equirectangular => [poly::atan2(d.x, d.z), poly::atan2(d.y, (d.x * d.x + d.z * d.z).sqrt())],
-            law => {
+        let [a, b] = match self.mapping {
+            Mapping::Equirectangular => {
+                [poly::atan2(d.x, d.z), poly::atan2(d.y, (d.x * d.x + d.z * d.z).sqrt())]
+            }
+            mapping => {
                 let sideways = (d.x * d.x + d.y * d.y).sqrt();
                 let angle = poly::atan2(sideways, d.z);
-                let r = if law == Law::Equisolid { 2.0 * poly::sin_cos(0.5 * angle).0 } else { angle };
-                // Directions exactly ahead or behind are to no side.
+                let r =
+                    if mapping == Mapping::Equisolid { 2.0 * poly::sin_cos(0.5 * angle).0 } else { angle };
+                // The azimuth of the optical axis is undefined.
                 let out = if sideways > 0.0 { r / sideways } else { 0.0 };
                 [d.x * out, d.y * out]
             }
@@ -97,40 +100,40 @@ impl Panorama {
         [(a - self.corner[0]) / self.step[0], (b - self.corner[1]) / self.step[1]]
     }
 
-    /// Film area, square pixels, over the solid angle that it shows around a unit vector; 0 beyond the angle of view.
+    /// Film area, square pixels, per solid angle around a unit direction; 0 outside the angle of view.
     pub fn pixels_per_steradian(&self, d: Vec3) -> f32 {
         let sideways = (d.x * d.x + d.y * d.y).sqrt();
         let angle = poly::atan2(sideways, d.z);
-        let stretched = match self.law {
-            Law::Equirectangular => 1.0 / (d.x * d.x + d.z * d.z).sqrt(),
-            _ if angle > self.widest => 0.0,
-            // Rings of width da and radius r(a) show rings of the sphere with radius sin a.
-            Law::Equidistant if sideways > 1e-6 => angle / sideways,
-            Law::Equidistant if d.z < 0.0 => f32::INFINITY,
-            Law::Equidistant | Law::Equisolid => 1.0,
+        let stretched = match self.mapping {
+            Mapping::Equirectangular => 1.0 / (d.x * d.x + d.z * d.z).sqrt(),
+            _ if angle > self.max_angle_rad => 0.0,
+            // Film area r dr dphi over solid angle sin(a) da dphi, with r = a.
+            Mapping::Equidistant if sideways > 1e-6 => angle / sideways,
+            Mapping::Equidistant if d.z < 0.0 => f32::INFINITY,
+            Mapping::Equidistant | Mapping::Equisolid => 1.0,
         };
         stretched / (self.step[0] * self.step[1]).abs()
     }
 
-    /// All film points, at most a turn outside of the picture, that show what a film point shows: pictures that go all
-    /// around continue beyond their edges, to the sides with the other end of the row, and over the poles.
+    /// All film points, at most 360 degrees outside the picture, with the direction of a film point: equirectangular pictures
+    /// wrap around in longitude and mirror over the poles.
     pub fn equivalent_film_points(&self, film: [f32; 2]) -> impl Iterator<Item = [f32; 2]> + use<> {
         let [turn, half_turn] = [TAU / self.step[0].abs(), PI / self.step[0].abs()];
-        // Where the poles are on the film.
+        // Film rows of the poles.
         let poles = [FRAC_PI_2, -FRAC_PI_2].map(|b| (b - self.corner[1]) / self.step[1]);
         let [x, y] = film;
         let own = [(x, y), (x + half_turn, 2.0 * poles[0] - y), (x + half_turn, 2.0 * poles[1] - y)];
-        let count = if self.law == Law::Equirectangular { own.len() } else { 1 };
-        let turns = if self.law == Law::Equirectangular { 1 } else { 0 };
+        let count = if self.mapping == Mapping::Equirectangular { own.len() } else { 1 };
+        let turns = if self.mapping == Mapping::Equirectangular { 1 } else { 0 };
         own.into_iter()
             .take(count)
             .flat_map(move |(x, y)| (-turns..=turns).map(move |k| [x + k as f32 * turn, y]))
     }
 
-    /// How far it is in the picture from one film point to another, the shorter way around.
+    /// The offset from one film point to another, pixels, the shorter way around in longitude.
     pub fn film_offset(&self, from: [f32; 2], to: [f32; 2]) -> [f32; 2] {
         let [mut x, y] = [to[0] - from[0], to[1] - from[1]];
-        if self.law == Law::Equirectangular {
+        if self.mapping == Mapping::Equirectangular {
             let turn = TAU / self.step[0].abs();
             x -= turn * (x / turn).round();
         }
@@ -182,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn angles_are_where_the_limits_say() {
+    fn directions_match_the_angle_limits() {
         let plain = |panorama, shift| Panorama::new(&panorama, 200, 100, shift);
         let near = |a: Option<Vec3>, b: [f32; 3]| {
             assert!((a.expect("shown") - Vec3::from(b)).length() < 1e-5, "{a:?} {b:?}");
@@ -194,7 +197,7 @@ mod tests {
         near(around.direction(30.0, 0.0), [0.0, 1.0, 0.0]);
         // A quarter of the height to the right.
         near(plain(P::ALL_AROUND, [0.25, 0.0]).direction(75.0, 50.0), [0.0, 0.0, 1.0]);
-        // Ellipses: the edges of the picture are half of the angle of view from its middle.
+        // Picture edges are at half the angle of view, so that the image circle of an oblong film is an ellipse.
         let fisheye = plain(P::FisheyeEquidistant { fov_rad: f64::from(PI) }, [0.0; 2]);
         near(fisheye.direction(200.0, 50.0), [1.0, 0.0, 0.0]);
         near(fisheye.direction(100.0, 25.0), [0.0, 0.5f32.sqrt(), 0.5f32.sqrt()]);
@@ -205,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn points_are_seen_where_rays_hit_them() {
+    fn connections_invert_camera_rays() {
         let lens = ThinLens { defocus_angle_rad: 0.3, focus_distance: 2.0, aperture: Aperture::default() };
         for (k, camera) in
             all().into_iter().flat_map(|p| [camera(p, None), camera(p, Some(lens))]).enumerate()
@@ -217,36 +220,42 @@ mod tests {
                 count += 1;
                 let p = ray.at(0.5 + 0.02 * i as f32);
                 if !camera.has_lens() {
-                    // Rows beyond a pole show the other side.
+                    // Rows beyond a pole are mirrored.
                     let near = |[fx, fy]: [f32; 2]| (fx - x).abs() + (fy - y).abs() < 4e-3;
                     let found = camera.film_point(p);
                     assert!(camera.equivalent_film_points(found).any(near), "{k}: {x} {y} {found:?}");
                 }
-                // The ray that a sight tells of is one of the camera's, and meets the point.
-                let Some(sight) = camera.connect(p, lens) else {
-                    // That one starts at another place of the lens, and near a fisheye's rim it may be ahead of what is shown.
+                // The connection is a camera ray through the point.
+                let Some(connection) = camera.connect(p, lens) else {
+                    // Another lens point was sampled, so near a fisheye's rim the direction may be outside the angle of view.
                     let defocus =
                         (1.0 / (p - camera.position()).length() - 1.0 / camera.focus_distance).abs();
-                    let widest = camera.panorama.expect("a panorama").widest;
+                    let max_angle_rad = camera.panorama.expect("a panorama").max_angle_rad;
                     let angle = ray.direction.angle_between(camera.forward);
-                    assert!(angle + 2.5 * camera.aperture.radius * defocus > widest, "{k}: {angle} {widest}");
+                    assert!(
+                        angle + 2.5 * camera.aperture.radius * defocus > max_angle_rad,
+                        "{k}: {angle} {max_angle_rad}"
+                    );
                     continue;
                 };
-                assert!((sight.lens + -sight.direction * sight.distance - p).length() < 1e-4, "{k}");
-                let [sx, sy] = sight.film;
+                assert!(
+                    (connection.lens + -connection.direction * connection.distance - p).length() < 1e-4,
+                    "{k}"
+                );
+                let [sx, sy] = connection.film;
                 let Some(middle) = camera.panoramic_ray(sx, sy, [0.0; 2]) else { continue };
                 let focus = middle.at(camera.focus_distance);
-                let off = (focus - sight.lens).normalize() + sight.direction;
+                let off = (focus - connection.lens).normalize() + connection.direction;
                 assert!(!camera.has_lens() || off.length() < 2e-3, "{k}: {off}");
-                assert!((sight.lens - camera.position()).dot(middle.direction).abs() < 1e-3, "{k}");
+                assert!((connection.lens - camera.position()).dot(middle.direction).abs() < 1e-3, "{k}");
             }
             assert!(count > 150, "{k}");
         }
     }
 
-    /// All film area shows all of its directions: the density adds up to the film over the sphere.
+    /// The integral of film area per solid angle over the sphere is the area of the image on the film.
     #[test]
-    fn densities_add_up_to_the_film() {
+    fn pixels_per_steradian_integrate_to_the_film_area() {
         for (k, panorama) in all().into_iter().enumerate() {
             let own = Panorama::new(&panorama, SIZE.0, SIZE.1, [0.0; 2]);
             let (count, mut sum) = (400_000, 0.0f64);
@@ -260,24 +269,24 @@ mod tests {
                 sum += if is_on { f64::from(own.pixels_per_steradian(d)) } else { 0.0 };
             }
             let found = sum / f64::from(count) * f64::from(2.0 * TAU);
-            // Counted on the film: what of it shows something.
+            // Fraction of the film inside the image circle.
             let shown = (0..count).filter(|&i| own.direction(film(i)[0], film(i)[1]).is_some()).count();
             let expected = shown as f64 / f64::from(count) * f64::from(SIZE.0 * SIZE.1);
             assert!((found / expected - 1.0).abs() < 4e-3, "{k}: {found} {expected}");
         }
     }
 
-    /// As many rays intersect a cap of a sphere around the camera as the densities of its points say, with a lens as large as a third of
-    /// its radius.
+    /// The number of camera rays through a spherical cap around the camera is the integral of `pixels_per_area` over the cap, with
+    /// a lens radius of a third of the sphere's radius.
     #[test]
-    fn densities_through_a_lens_are_the_rays_that_meet() {
+    fn pixels_per_area_integrate_to_the_hit_count_with_a_lens() {
         let lens = ThinLens { defocus_angle_rad: 0.6, focus_distance: 2.0, aperture: Aperture::default() };
         for (k, panorama) in all().into_iter().enumerate() {
             let camera = camera(panorama, Some(lens));
             let (distance, cap) = (1.9f32, 0.8f32);
             let axis = camera.panoramic_ray(33.0, 17.0, [0.0; 2]).expect("shown").direction;
             let count = 400_000;
-            let mut met = 0u32;
+            let mut hits = 0u32;
             for i in 0..count {
                 let [x, y] = film(i);
                 let Some(ray) = camera.panoramic_ray(x, y, numbers(i.wrapping_mul(2_654_435_761))) else {
@@ -286,9 +295,9 @@ mod tests {
                 let o = ray.origin - camera.position();
                 let b = o.dot(ray.direction);
                 let t = -b + (b * b - o.length_squared() + distance * distance).sqrt();
-                met += u32::from((o + ray.direction * t).dot(axis) > cap * distance);
+                hits += u32::from((o + ray.direction * t).dot(axis) > cap * distance);
             }
-            let rays = f64::from(met) / f64::from(count) * f64::from(SIZE.0 * SIZE.1);
+            let rays = f64::from(hits) / f64::from(count) * f64::from(SIZE.0 * SIZE.1);
             let (u, v) = axis.any_orthonormal_pair();
             let mut sum = 0.0f64;
             for i in 0..count {
@@ -297,10 +306,12 @@ mod tests {
                 let r = (1.0 - z * z).sqrt();
                 let outwards = axis * z + (u * cos + v * sin) * r;
                 let p = camera.position() + outwards * distance;
-                let Some(sight) = camera.connect(p, numbers(i.wrapping_mul(2_246_822_519))) else { continue };
+                let Some(connection) = camera.connect(p, numbers(i.wrapping_mul(2_246_822_519))) else {
+                    continue;
+                };
                 let on = |[x, y]: [f32; 2]| x >= 0.0 && y >= 0.0 && x < SIZE.0 as f32 && y < SIZE.1 as f32;
-                let times = camera.equivalent_film_points(sight.film).filter(|&f| on(f)).count() as f32;
-                sum += f64::from(times * sight.pixels_per_area * -sight.direction.dot(outwards));
+                let times = camera.equivalent_film_points(connection.film).filter(|&f| on(f)).count() as f32;
+                sum += f64::from(times * connection.pixels_per_area * -connection.direction.dot(outwards));
             }
             let area = TAU * (1.0 - cap) * distance * distance;
             let expected = sum / f64::from(count) * f64::from(area);
@@ -309,19 +320,19 @@ mod tests {
     }
 
     #[test]
-    fn pictures_that_go_around_go_on_beyond_their_edges() {
+    fn equirectangular_pictures_wrap_around() {
         let around = Panorama::new(&P::ALL_AROUND, SIZE.0, SIZE.1, [0.0; 2]);
         for i in 0..50 {
             let [x, y] = film(i);
             let d = around.direction(x, y).expect("shown");
-            let alike: Vec<[f32; 2]> = around.equivalent_film_points([x, y]).collect();
-            assert_eq!(alike.len(), 9);
-            for [x, y] in alike {
+            let equivalent: Vec<[f32; 2]> = around.equivalent_film_points([x, y]).collect();
+            assert_eq!(equivalent.len(), 9);
+            for [x, y] in equivalent {
                 let other = around.direction(x, y).expect("shown");
                 assert!((other - d).length() < 2e-4, "{other} {d}");
             }
         }
-        // Over the edge it is nearer.
+        // The shorter way is across the edge.
         let [right, down] = around.film_offset([59.0, 20.0], [1.0, 21.0]);
         assert!((right - 2.0).abs() < 1e-3 && (down - 1.0).abs() < 1e-6, "{right} {down}");
     }

@@ -10,7 +10,7 @@ pub use view::{ViewTable, ViewTransform};
 pub mod spectral;
 mod view;
 
-/// A colour by a matrix between spaces, in doubles on the way.
+/// Converts a colour by a matrix between colour spaces, in double precision.
 #[inline]
 pub fn converted(matrix: &[[f64; 3]; 3], rgb: [f32; 3]) -> [f32; 3] {
     apply(matrix, rgb.map(f64::from)).map(|value| value as f32)
@@ -43,10 +43,10 @@ pub fn srgb_table() -> &'static [f32; 256] {
     TABLE.get_or_init(|| std::array::from_fn(|i| linear_from_srgb(i as f32 / 255.0)))
 }
 
-/// A linear Rec. 709 colour, or any other quantity by channel (an index of refraction, an extinction). Positions and
-/// directions are vectors of their own; the two do not mix.
+/// A linear Rec. 709 colour, or any other quantity per channel (index of refraction, extinction). A type of its own, so that
+/// colours and vectors cannot be mixed up.
 ///
-/// Everything is written channel by channel, so that loops over colours vectorise.
+/// Operations are written channel by channel, so that loops over colours vectorise.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct Rgb {
@@ -109,31 +109,31 @@ impl Rgb {
         Rgb { r: f(self.r, other.r), g: f(self.g, other.g), b: f(self.b, other.b) }
     }
 
-    /// One of two colours, without a branch: loops that choose vectorise.
+    /// `yes` or `no`, without a branch, so that loops vectorise.
     #[inline(always)]
     pub fn select(condition: bool, yes: Rgb, no: Rgb) -> Rgb {
         yes.zip(no, |a, b| if condition { a } else { b })
     }
 
-    /// The lesser of each channel; `other`'s where one is NaN.
+    /// The minimum per channel; the channel of `other` if either is NaN.
     #[inline(always)]
     pub fn min(self, other: Rgb) -> Rgb {
         self.zip(other, |a, b| if a < b { a } else { b })
     }
 
-    /// The greater of each channel; `other`'s where one is NaN.
+    /// The maximum per channel; the channel of `other` if either is NaN.
     #[inline(always)]
     pub fn max(self, other: Rgb) -> Rgb {
         self.zip(other, |a, b| if a > b { a } else { b })
     }
 
-    /// Each channel between those of two colours.
+    /// Clamps each channel to the range between those of two colours.
     #[inline(always)]
     pub fn clamp(self, least: Rgb, most: Rgb) -> Rgb {
         self.max(least).min(most)
     }
 
-    /// The magnitude of each channel.
+    /// The absolute value of each channel.
     #[inline(always)]
     pub fn abs(self) -> Rgb {
         self.map(f32::abs)
@@ -153,13 +153,13 @@ impl Rgb {
         min(self.r, min(self.g, self.b))
     }
 
-    /// Is no channel NaN or infinite?
+    /// Are all channels finite?
     #[inline(always)]
     pub fn is_finite(self) -> bool {
         self.r.is_finite() & self.g.is_finite() & self.b.is_finite()
     }
 
-    /// The mean of the channels, by which lobes are chosen.
+    /// The mean of the channels, the weight for selecting lobes.
     #[inline(always)]
     pub fn mean(self) -> f32 {
         (self.r + self.g + self.b) * (1.0 / 3.0)
@@ -186,7 +186,7 @@ impl From<Rgb> for [f32; 3] {
     }
 }
 
-/// An operator by channel: of two colours, of a colour and a number, and in place.
+/// Implements an operator per channel for two colours, for a colour and a number, and in place.
 macro_rules! by_channel {
     ($($operator:ident $function:ident, $assign:ident $in_place:ident;)*) => {$(
         impl $operator for Rgb {
@@ -262,7 +262,7 @@ mod rgb_tests {
     use super::*;
 
     #[test]
-    fn operators_work_by_channel() {
+    fn operators_apply_per_channel() {
         let (a, b) = (Rgb::new(1.0, 2.0, 4.0), Rgb::new(2.0, 8.0, 0.5));
         assert_eq!((a + b, a - b), (Rgb::new(3.0, 10.0, 4.5), Rgb::new(-1.0, -6.0, 3.5)));
         assert_eq!((a * b, b / a), (Rgb::new(2.0, 16.0, 2.0), Rgb::new(2.0, 4.0, 0.125)));
@@ -289,7 +289,7 @@ mod rgb_tests {
     }
 }
 
-/// Primaries and white point, x and y of each (CIE 1931).
+/// CIE 1931 chromaticities (x, y) of a colour space's primaries and white point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Primaries {
     /// Red.
@@ -303,10 +303,10 @@ pub struct Primaries {
 }
 
 impl Primaries {
-    /// ITU-R BT.709-6, table 1: also those of sRGB.
+    /// Rec. 709 and sRGB (ITU-R BT.709-6, table 1).
     pub const REC709: Primaries =
         Primaries { red: [0.64, 0.33], green: [0.30, 0.60], blue: [0.15, 0.06], white: [0.3127, 0.3290] };
-    /// ACEScg: AP1 (Academy S-2014-004, table 1), with the white of ACES (about D60).
+    /// ACEScg: AP1 (Academy S-2014-004, table 1), with the white point of ACES (about D60).
     pub const AP1: Primaries = Primaries {
         red: [0.713, 0.293],
         green: [0.165, 0.830],
@@ -316,14 +316,14 @@ impl Primaries {
 
     /// The matrix to linear Rec. 709; `None` for Rec. 709 itself and for degenerate primaries.
     pub fn to_rec709(&self) -> Option<[[f64; 3]; 3]> {
-        // Headers hold single precision: a matrix close to the identity counts as the identity.
+        // File headers store primaries in single precision, hence the tolerance.
         let is_identity = |m: &[[f64; 3]; 3]| {
             (0..3).all(|row| (0..3).all(|c| (m[row][c] - f64::from(u8::from(row == c))).abs() < 1e-4))
         };
         self.to(&Primaries::REC709).filter(|matrix| !is_identity(matrix))
     }
 
-    /// XYZ of linear RGB, with a luminance of 1 for white (SMPTE RP 177-1993).
+    /// The matrix from linear RGB to XYZ, with a luminance of 1 for white (SMPTE RP 177-1993).
     fn xyz_from_rgb(&self) -> Option<Matrix> {
         let columns = [self.red, self.green, self.blue].map(xyz);
         let rows = transposed(&columns);
@@ -331,7 +331,7 @@ impl Primaries {
         Some(rows.map(|row| [0, 1, 2].map(|c| row[c] * amounts[c])))
     }
 
-    /// Linear RGB from XYZ, without chromatic adaptation.
+    /// The matrix from XYZ to linear RGB, without chromatic adaptation.
     fn rgb_from_xyz(&self) -> Option<Matrix> {
         inverse(&self.xyz_from_rgb()?)
     }
@@ -376,10 +376,10 @@ fn inverse(m: &Matrix) -> Option<Matrix> {
 
 // White balance: chromatic adaptation from a colour temperature to D65.
 
-/// White of Rec. 709 (D65), x and y.
+/// Chromaticity (x, y) of the white point of Rec. 709 (D65).
 const WHITE: [f64; 2] = [0.3127, 0.3290];
 
-/// Cone responses from XYZ, and back (Bradford; Lam 1985).
+/// Bradford cone responses from XYZ, and the inverse (Lam 1985).
 const CONES_FROM_XYZ: Matrix =
     [[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]];
 const XYZ_FROM_CONES: Matrix = [
@@ -387,7 +387,7 @@ const XYZ_FROM_CONES: Matrix = [
     [0.432_305_3, 0.518_360_3, 0.049_291_2],
     [-0.008_528_7, 0.040_042_8, 0.968_486_7],
 ];
-/// XYZ from linear Rec. 709, and back (IEC 61966-2-1).
+/// XYZ from linear Rec. 709, and the inverse (IEC 61966-2-1).
 const XYZ_FROM_RGB: Matrix = [
     [0.412_390_8, 0.357_584_34, 0.180_480_79],
     [0.212_639_01, 0.715_168_68, 0.072_192_32],
@@ -401,7 +401,7 @@ const RGB_FROM_XYZ: Matrix = [
 
 type Matrix = [[f64; 3]; 3];
 
-/// The matrix on linear Rec. 709 that makes light of a temperature, 1667 to 25000 kelvin, white.
+/// The chromatic adaptation matrix, for linear Rec. 709, from the white of a colour temperature, 1667 to 25000 kelvin, to D65.
 pub fn white_balance(kelvin: f64) -> [[f32; 3]; 3] {
     let cones = |[x, y]: [f64; 2]| apply(&CONES_FROM_XYZ, [x / y, 1.0, (1.0 - x - y) / y]);
     let (from, to) = (cones(chromaticity(kelvin)), cones(WHITE));
@@ -414,8 +414,8 @@ pub fn white_balance(kelvin: f64) -> [[f32; 3]; 3] {
     [0, 1, 2].map(|row| [0, 1, 2].map(|column| columns[column][row] as f32))
 }
 
-/// Chromaticity of a colour temperature: daylight (CIE 15:2004, eq. 3.3 and 3.4) above 4500 K, black bodies (Kang et al. 2002) below 3500 K, blended
-/// in between.
+/// Chromaticity of a colour temperature: daylight (CIE 15:2004, equations 3.3 and 3.4) above 4500 K, black bodies (Kang et al.
+/// 2002) below 3500 K, blended in between.
 fn chromaticity(kelvin: f64) -> [f64; 2] {
     let t = kelvin.clamp(1667.0, 25_000.0);
     let share = ((t - 3500.0) / 1000.0).clamp(0.0, 1.0);
@@ -453,7 +453,7 @@ mod white_balance_tests {
     use super::*;
 
     #[test]
-    fn daylight_stays_and_lamps_become_white() {
+    fn white_balance_keeps_d65_and_whitens_illuminant_a() {
         let balanced = |kelvin, rgb: [f32; 3]| {
             white_balance(kelvin).map(|row| row[0] * rgb[0] + row[1] * rgb[1] + row[2] * rgb[2])
         };
@@ -489,26 +489,26 @@ mod tests {
         }
     }
 
-    /// As in OpenColorIO's built-in transforms (`ACEScg_to_LINEAR-REC709_BFD`, inverted) and in ACES's configurations of it.
+    /// Inverse of OpenColorIO's built-in transform `ACEScg_to_LINEAR-REC709_BFD`.
     #[test]
-    fn acescg_is_as_published() {
-        let matrix = Primaries::REC709.to(&Primaries::AP1).expect("spaces of colours");
+    fn acescg_matrix_matches_opencolorio() {
+        let matrix = Primaries::REC709.to(&Primaries::AP1).expect("not degenerate");
         let published = [
             [0.613_097_402_4, 0.339_523_146_2, 0.047_379_451_4],
             [0.070_193_722_5, 0.916_353_879_1, 0.013_452_398_5],
             [0.020_615_592_9, 0.109_569_772_9, 0.869_814_634_2],
         ];
         assert_near(&matrix, &published, 1e-6);
-        let back = Primaries::AP1.to(&Primaries::REC709).expect("spaces of colours");
+        let back = Primaries::AP1.to(&Primaries::REC709).expect("not degenerate");
         let identity = product(&matrix, &back);
         assert_near(&identity, &[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], 1e-12);
-        assert_near(&Primaries::AP1.to(&Primaries::AP1).expect("itself"), &identity, 1e-12);
+        assert_near(&Primaries::AP1.to(&Primaries::AP1).expect("not degenerate"), &identity, 1e-12);
     }
 
     /// IEC 61966-2-1, and Academy S-2014-004 for AP1.
     #[test]
-    fn luminances_are_as_published() {
-        let of = |space: Primaries| space.xyz_from_rgb().expect("a space of colours")[1];
+    fn luminance_weights_match_the_standards() {
+        let of = |space: Primaries| space.xyz_from_rgb().expect("not degenerate")[1];
         for (own, published) in [
             (of(Primaries::REC709), [0.212_639, 0.715_169, 0.072_192]),
             (of(Primaries::AP1), [0.272_228_72, 0.674_081_77, 0.053_689_52]),

@@ -1,11 +1,11 @@
-//! Direct lighting: light samples at the vertices, their MIS weights against BSDF sampling, and shadow rays.
+//! Direct lighting: light samples at the vertices, MIS weights against BSDF sampling, and shadow rays.
 //!
-//! Where the scene has one light of a kind with a [`VectorSampler`], one loop, generic over it, samples all vertices;
-//! else each vertex selects a light first.
+//! In scenes with a single light that has a [`VectorSampler`], a vectorised loop samples all vertices; else each vertex selects a light
+//! first.
 //!
-//! The shadow AOV ([`Aov::Shadow`]) holds the fraction of the light samples' unweighted luminance that is blocked. MIS
-//! weights are divided out: BSDF sampling finds part of the light that arrives, but none of the light that is blocked,
-//! so weighted sums would not be comparable. Even skies, which light samples leave out, are recorded by scattered rays.
+//! The shadow AOV ([`Aov::Shadow`]) holds the occluded fraction of the light samples' luminance. MIS weights are divided out, since
+//! BSDF sampling complements unoccluded light only, so that weighted sums would not be comparable. The occlusion of constant and
+//! gradient skies without light samples is recorded by BSDF-sampled rays.
 
 use super::Integrator;
 use super::guiding::Guided;
@@ -32,27 +32,25 @@ use crate::scene::RayKinds;
 use crate::simd::{Kernel, Table, dispatch};
 use std::ops::Range;
 
-/// Number of vertices whose light samples are drawn in one batch; results beyond the last vertex are not used.
+/// Vertices per batch of light samples; results beyond the last vertex are ignored.
 const BATCH: usize = 16;
 /// Prefetch distance for rectangle lights, vertices.
 const PREFETCH_DISTANCE: usize = 2 * BATCH;
 
 const _: () = assert!(WAVE.is_multiple_of(BATCH));
 
-/// A light that is sampled at many vertices at a time. The steps are separate loops: a single loop would not
-/// vectorise.
+/// A light with a vectorised sampler. The steps are separate loops, since a single loop would not vectorise.
 pub(super) trait VectorSampler {
-    /// It is infinitely far away.
+    /// Is the light infinitely far away?
     const IS_INFINITE: bool;
 
-    /// Maps the first `count` pairs of uniform numbers to coordinates of points on the light, with densities in these
-    /// coordinates.
+    /// Maps the first `count` pairs of uniform random numbers to (u, v) on the light, with the pdf over (u, v).
     fn choose(&self, u: &mut Lanes, v: &mut Lanes, pdf: &mut Lanes, count: usize);
 
-    /// Its radiance at a point.
+    /// Emitted radiance at (u, v).
     fn radiance(&self, uv: [f32; 2]) -> Rgb;
 
-    /// The direction from `p` to a point, with its solid-angle density; `pdf` is the density of the coordinates.
+    /// The direction from `p` to (u, v), with its solid-angle pdf; `pdf` is that over (u, v).
     fn direction(&self, p: Vec3, uv: [f32; 2], pdf: f32) -> LightDirection;
 }
 
@@ -62,7 +60,7 @@ pub(super) struct RectangleSampler {
 }
 
 impl RectangleSampler {
-    /// The scene's light, if it has just one that is such a rectangle.
+    /// The sampler of a scene whose only light is such a rectangle.
     pub fn of(lights: &Lights) -> Option<Self> {
         lights.single_rectangle().map(|rectangle| RectangleSampler { rectangle })
     }
@@ -91,7 +89,7 @@ pub(super) struct EnvironmentSampler<'a> {
 }
 
 impl<'a> EnvironmentSampler<'a> {
-    /// The scene's light, if it is an image environment alone.
+    /// The sampler of a scene whose only light is an image environment.
     pub fn of(lights: &'a Lights) -> Option<Self> {
         lights.single_environment_image().map(|map| EnvironmentSampler { map })
     }
@@ -127,7 +125,7 @@ impl VectorSampler for EnvironmentSampler<'_> {
 }
 
 impl Integrator<'_> {
-    /// Samples a point of a light for each vertex that light sampling reaches.
+    /// Samples a light, and a point on it, for each lit vertex.
     pub(super) fn sample_lights(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
         let dimensions = &self.dimensions(bounce, Purpose::Light);
         let (wave, times, count) = (&mut *w.wave, &w.times, sorted.lit().end);
@@ -170,11 +168,11 @@ fn store(v: &mut Vertices, i: usize, sample: &LightSample, pdf_discrete: f32) {
     light.pdf[i] = if sample.is_delta { LightPdf::delta(pdf) } else { LightPdf::new(pdf) };
 }
 
-/// Selects a light for each vertex. Two random numbers for a point on it go to the first arrays of the scratch memory.
+/// Selects a light for each vertex. Writes two random numbers for the point on the light to the first two scratch arrays.
 struct SelectLights<'a> {
     wave: &'a mut Wave,
     count: usize,
-    /// Number of opaque vertices, which come first: light from behind has no effect there.
+    /// Number of vertices with opaque BSDFs, which come first: only there does light selection use the normal.
     opaque: usize,
     lights: &'a Lights,
     dimensions: &'a Dimensions,
@@ -205,7 +203,7 @@ impl Kernel for SelectLights<'_> {
             }
             let lanes = BATCH.min(count - first);
             let chosen = match self.linked {
-                false => self.lights.select_together(&receivers, &numbers, lanes),
+                false => self.lights.select_many(&receivers, &numbers, lanes),
                 true => {
                     let class = |lane| class(first + lane, paths, true);
                     self.lights.select_by_class(class, &receivers, &numbers, lanes)
@@ -237,7 +235,7 @@ impl Kernel for SampleRectangles<'_> {
         for first in (0..self.count.min(WAVE)).step_by(BATCH) {
             let mut numbers = [[0.0; BATCH]; RECTANGLE_NUMBERS];
             for lane in 0..BATCH {
-                // With many lights, most are not in the caches.
+                // With many lights, most are not in cache.
                 self.rectangles.prefetch(light.index[(first + lane + PREFETCH_DISTANCE).min(WAVE)]);
             }
             for lane in 0..BATCH {
@@ -266,7 +264,7 @@ impl Kernel for SampleRectangles<'_> {
     }
 }
 
-/// Light samples of a scene with one light.
+/// Samples the light of a scene with a single light.
 pub(super) struct SampleLight<'a, S> {
     pub wave: &'a mut Wave,
     pub count: usize,
@@ -302,7 +300,7 @@ impl<S: VectorSampler> Kernel for SampleLight<'_, S> {
 }
 
 impl Integrator<'_> {
-    /// Samples lights at the vertices and adds the light that arrives.
+    /// Samples lights at the vertices and adds the unoccluded contributions.
     pub(super) fn add_direct_light(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
         let count = self.light_samples(bounce);
         for number in 0..count {
@@ -317,13 +315,13 @@ impl Integrator<'_> {
             if !self.scene.lights.volumes().is_empty() {
                 self.evaluate_volume_lights(sorted, w);
             }
-            self.leave_light_samples(bounce, sorted, w);
+            self.exclude_caustic_light_samples(bounce, sorted, w);
             self.direct_light(bounce, sorted, w);
         }
         Self::end_light_samples(&mut w.wave.paths.state, sorted, count);
     }
 
-    /// Adds the light of one light sample at each vertex.
+    /// Weights one light sample per vertex, traces the shadow rays, and adds the unoccluded contributions.
     pub(super) fn direct_light(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
         let guided = self.options.guide.is_some();
         if self.lifts_shadow_rays() {
@@ -406,7 +404,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// The parameter at which the shadow ray of vertex `i` ends: 0 where nothing casts shadows in the sampled light, media included.
+    /// `t_max` of the shadow ray of vertex `i`: 0 if the sampled light casts no shadows at all, media included.
     #[inline(always)]
     pub(super) fn shadow_ray_end(&self, i: usize, light: &LightLanes) -> f32 {
         let links = &self.scene.links;
@@ -433,7 +431,7 @@ impl Integrator<'_> {
     }
 }
 
-/// Weighted contributions of the light samples at all shading groups, with softened shadow terminators or without.
+/// Computes the weighted contributions of the light samples in all shading groups.
 fn direct<T: Horizon>(
     horizon: T,
     counts: DirectParams,
@@ -454,11 +452,11 @@ fn direct<T: Horizon>(
         dispatch(Direct { horizon, wave, class: MediumClass, range: sorted.medium(), counts });
     }
     let range = sorted.rough();
-    // Its loop has no use for a higher CPU level.
+    // Not vectorised, so a higher CPU level has no benefit.
     Direct { horizon, wave, class: GeneralClass { bsdfs, first: range.start }, range, counts }.run();
 }
 
-/// Weighted contributions of the light samples at the vertices of a shading group.
+/// Computes the weighted contributions of the light samples in a shading group.
 pub(super) struct Direct<'a, C, T> {
     pub horizon: T,
     pub wave: &'a mut Wave,
@@ -470,9 +468,9 @@ pub(super) struct Direct<'a, C, T> {
 /// Numbers of BSDF and light samples.
 #[derive(Clone, Copy)]
 pub(super) struct DirectParams {
-    /// MIS: number of BSDF samples per light sample.
+    /// Number of BSDF samples per light sample, for MIS.
     pub branches: f32,
-    /// One over the number of light samples.
+    /// Reciprocal of the number of light samples per vertex.
     pub share: f32,
 }
 
@@ -491,8 +489,8 @@ impl<C: VertexClass, T: Horizon> Kernel for Direct<'_, C, T> {
             let closure = self.class.closure(v, i);
             let (wi, ng, ns) = (get(&v.light.wi, i), get(&v.ng, i), get(&v.ns, i));
             let eval = closure.eval(wi);
-            let height = wi.dot(ng);
-            let side = if !C::Closure::OPAQUE && height < 0.0 { -1.0 } else { 1.0 };
+            let cosine = wi.dot(ng);
+            let side = if !C::Closure::OPAQUE && cosine < 0.0 { -1.0 } else { 1.0 };
             let pdf = eval.pdf_solid_angle * self.counts.branches * self.class.light_density(v, i);
             let mut weight = light_pdf.mis_weight_over_pdf(pdf) * self.counts.share;
             let mut eval = eval;
@@ -502,7 +500,7 @@ impl<C: VertexClass, T: Horizon> Kernel for Direct<'_, C, T> {
                 (eval, relief) = closure.on_relief(self.horizon, (v, i), (ns * side, side), (wi, eval));
                 weight *= relief;
             }
-            let is_lit = !light_pdf.is_none() & (!C::Closure::OPAQUE | (height > 0.0));
+            let is_lit = !light_pdf.is_none() & (!C::Closure::OPAQUE | (cosine > 0.0));
             let weight = if is_lit { weight } else { 0.0 };
             let (throughput, radiance) = (get_rgb(&paths.state.throughput, i), get_rgb(&v.light.radiance, i));
             let contribution = closure.scattered(eval, weight, throughput, radiance);
@@ -516,14 +514,14 @@ impl<C: VertexClass, T: Horizon> Kernel for Direct<'_, C, T> {
 }
 
 impl Integrator<'_> {
-    /// Saves the contributions before occlusion.
+    /// Saves the contributions before the visibility test, for the shadow AOV.
     pub(super) fn save_unoccluded(&self, w: &mut Workspace) {
         let light = &w.wave.vertices.light;
         w.unoccluded.clear();
         w.unoccluded.extend(w.shadow_vertices.iter().map(|&i| get_rgb(&light.contribution, i as usize)));
     }
 
-    /// Records the occluded and the unoccluded luminance.
+    /// Adds the occluded and the unoccluded luminance of the light samples to the shadow AOV.
     pub(super) fn record_shadows(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
         let Workspace {
             wave, bsdfs, shadow_vertices, occluded, unoccluded, passed_kinds, first_hits, ..
@@ -544,15 +542,13 @@ impl Integrator<'_> {
         }
     }
 
-    /// Is there an even sky without light samples, and the shadow AOV?
+    /// Is the shadow AOV requested, with a constant or gradient sky that is not light-sampled?
     pub(super) fn records_sky_shadows(&self) -> bool {
-        let is_found_by_scattering =
-            |sky: &EnvironmentLight| sky.is_constant_or_linear() && !sky.is_sampled();
-        self.first_hits.contains(Aov::Shadow)
-            && self.scene.lights.environment().is_some_and(is_found_by_scattering)
+        let is_bsdf_sampled = |sky: &EnvironmentLight| sky.is_constant_or_linear() && !sky.is_sampled();
+        self.first_hits.contains(Aov::Shadow) && self.scene.lights.environment().is_some_and(is_bsdf_sampled)
     }
 
-    /// Records the light of such a sky at the first surfaces: the rays that they scattered.
+    /// Adds the luminance of such a sky along the rays scattered at first hits to the shadow AOV.
     pub(super) fn record_sky_shadows(&self, bounce: u32, w: &mut Workspace) {
         let Some(environment) = self.scene.lights.environment() else { return };
         if bounce != 1 || w.excludes_casters {

@@ -1,10 +1,9 @@
-//! Emission that paths hit: surfaces and the environment, MIS-weighted against light sampling; spectra of lights.
+//! Emission of surfaces and the environment hit by paths, MIS-weighted against light sampling; emission spectra.
 //!
-//! Spectral rendering (hero wavelength sampling: Wilkie et al. 2014): throughput, BSDFs, absorption and emission have
-//! one value for each of a path's wavelengths in place of red, green and blue. Sampling decisions treat the wavelengths
-//! alike, which weights them as the balance heuristic does; where a direction belongs to one wavelength only
-//! (dispersion), the path continues with one of them, drawn in proportion to its throughput. Colours are converted to
-//! spectra where they are read, and
+//! Spectral rendering (Wilkie et al. 2014, "Hero Wavelength Spectral Sampling"): throughput, BSDFs, absorption and emission have one
+//! value per wavelength of a path in place of red, green and blue. Sampling decisions are symmetric in the wavelengths, which equals
+//! the balance heuristic over them; where a direction depends on the wavelength (dispersion), the path continues with a single one,
+//! sampled in proportion to throughput. Colours are uplifted to spectra on lookup;
 //! [`RadianceBuffer::convert_to_rgb`](super::radiance_buffer::RadianceBuffer::convert_to_rgb) converts the result.
 
 use super::Integrator;
@@ -28,12 +27,12 @@ use crate::scene::RayKinds;
 use crate::simd::{Kernel, dispatch};
 
 impl Integrator<'_> {
-    /// Adds the emission of the surface that arriving path `i` hit.
+    /// Adds the emission of the surface hit by arriving path `i`.
     pub(super) fn emit(&self, bounce: u32, i: usize, at: &HitPoint<'_>, w: &mut Workspace) {
         let HitPoint { surface, hit, material, is_back, time, .. } = at;
         let Some(emission) = material.emission.filter(|e| e.two_sided || !is_back) else { return };
         let light = self.scene.light_at(hit);
-        let kept = self.share_of_camera_paths(bounce, i, light, w);
+        let kept = self.camera_path_fraction(bounce, i, light, w);
         if kept == Rgb::ZERO {
             return;
         }
@@ -79,7 +78,7 @@ impl Integrator<'_> {
         );
     }
 
-    /// Adds the suns to the paths that left in their directions.
+    /// Adds the radiance of suns to escaped paths whose direction is inside the sun's disk.
     fn add_suns(&self, bounce: u32, w: &mut Workspace) {
         let suns = self.scene.lights.suns().iter().filter(|s| bounce > 0 || s.is_seen);
         for SelectedSun { sun, index, pdf_discrete, .. } in suns {
@@ -95,7 +94,7 @@ impl Integrator<'_> {
                 let pdf_discrete = pdf_discrete[class as usize] * far;
                 let pdf = sun.pdf_inside() * pdf_discrete;
                 let weight = path.pdf[i].mis_weight(|| pdf);
-                let kept = self.share_of_camera_paths(bounce, i, Some(index), w);
+                let kept = self.camera_path_fraction(bounce, i, Some(index), w);
                 if kept == Rgb::ZERO {
                     continue;
                 }
@@ -110,8 +109,8 @@ impl Integrator<'_> {
         }
     }
 
-    /// Adds the environment that is visible to camera rays only.
-    fn escape_to_camera(&self, w: &mut Workspace) {
+    /// Adds the environment for camera rays to escaped camera rays.
+    fn add_camera_environment(&self, w: &mut Workspace) {
         let Some(seen) = &self.scene.camera_environment else { return };
         look_up(seen, &w.rays, &w.escaped, &mut w.wave.scratch);
         let path = &w.arriving.state;
@@ -133,17 +132,17 @@ impl Integrator<'_> {
         }
     }
 
-    /// Makes camera rays opaque that leave towards a background, which may be black.
-    fn cover_background(&self, w: &mut Workspace) {
+    /// Sets alpha to 1 for camera rays that escape to a background, even a black one.
+    fn set_background_opaque(&self, w: &mut Workspace) {
         if self.scene.features.background {
             for &i in &w.escaped {
-                w.radiance_buffer.cover(w.arriving.state.radiance_index[i as usize]);
+                w.radiance_buffer.set_opaque(w.arriving.state.radiance_index[i as usize]);
             }
         }
     }
 
-    /// Adds the environment to the paths that left the scene.
-    pub(super) fn escape(&self, bounce: u32, w: &mut Workspace) {
+    /// Adds the environment and suns to escaped paths.
+    pub(super) fn add_environment(&self, bounce: u32, w: &mut Workspace) {
         let (lights, features) = (&self.scene.lights, &self.scene.features);
         if bounce > 0 {
             if self.optional.clear {
@@ -152,9 +151,9 @@ impl Integrator<'_> {
         } else if !features.environment_visible_to.contains(RayKinds::CAMERA) {
             return;
         } else {
-            self.cover_background(w);
+            self.set_background_opaque(w);
             if features.camera_environment {
-                return self.escape_to_camera(w);
+                return self.add_camera_environment(w);
             }
         }
         self.add_suns(bounce, w);
@@ -202,8 +201,7 @@ impl Integrator<'_> {
     }
 }
 
-/// Probabilities of selecting among the lights at infinity at the origins of the rays that left: to the first array of the
-/// scratch memory.
+/// Computes the light tree's probability of selecting lights at infinity, at the origins of escaped rays: first scratch array.
 struct FarShares<'a> {
     lights: &'a Lights,
     rays: &'a [Ray],
@@ -228,7 +226,7 @@ impl Kernel for FarShares<'_> {
     }
 }
 
-/// Environment radiance and density of the directions of the rays that left: to the last four arrays of the scratch memory.
+/// Looks up environment radiance and solid-angle pdf in the directions of escaped rays: last four scratch arrays.
 fn look_up(environment: &EnvironmentLight, rays: &[Ray], escaped: &[u32], scratch: &mut Scratch) {
     if let Some(map) = environment.image_map() {
         return dispatch(LookUp { map, rays, escaped, scratch });
@@ -248,7 +246,7 @@ struct LookUp<'a> {
     scratch: &'a mut Scratch,
 }
 
-/// Prefetch distance of texels, lookups.
+/// Prefetch distance of texels, in lookups.
 const PREFETCH_DISTANCE: usize = 16;
 const _: () = assert!(WAVE + PREFETCH_DISTANCE <= LENGTH);
 
@@ -268,10 +266,9 @@ impl Kernel for LookUp<'_> {
     }
 }
 
-// Functions take references to the data that loops read, so that the compiler knows it to be constant.
+// References to loop data as arguments let the compiler assume that it doesn't change.
 
-/// Maps directions, in the first arrays of the scratch memory, to texels: bilinear weights after them, and the texels'
-/// indices in the last array.
+/// Maps directions, in the first three scratch arrays, to bilinear weights in the next two and texel indices in the last.
 #[inline(always)]
 fn locate(map: &ImageMap, scratch: &mut Scratch, count: usize) {
     let [x, y, z, s, t, _, _, _, first] = scratch;
@@ -282,7 +279,7 @@ fn locate(map: &ImageMap, scratch: &mut Scratch, count: usize) {
     }
 }
 
-/// Reads radiances and densities of these.
+/// Reads radiance and pdf at the texels that [`locate`] found.
 #[inline(always)]
 fn read(map: &ImageMap, scratch: &mut Scratch, count: usize) {
     let [x, y, z, s, t, r, g, b, pdf] = scratch;
@@ -298,21 +295,21 @@ fn read(map: &ImageMap, scratch: &mut Scratch, count: usize) {
     }
 }
 
-/// A light's spectrum, scaled to the mean of a colour.
+/// A light's spectrum, scaled so that the mean of its RGB channels is that of `rgb`.
 fn scaled(spectrum: &Spectrum, rgb: Rgb, wavelengths: &Wavelengths) -> Rgb {
-    let look = spectrum.rgb().max(Rgb::ZERO).mean();
-    let strength = if look > 0.0 { rgb.mean() / look } else { 0.0 };
-    spectrum.at(wavelengths) * strength
+    let mean = spectrum.rgb().max(Rgb::ZERO).mean();
+    let scale = if mean > 0.0 { rgb.mean() / mean } else { 0.0 };
+    spectrum.at(wavelengths) * scale
 }
 
 impl Integrator<'_> {
-    /// Is this spectral rendering?
+    /// Is spectral rendering enabled?
     #[inline(always)]
     pub(super) fn is_spectral(&self) -> bool {
         self.scene.shading.spectral
     }
 
-    /// Draws the wavelengths of each new path.
+    /// Samples the wavelengths of each new path.
     #[cold]
     pub(super) fn start_wavelengths(&self, w: &mut Workspace) {
         let Workspace { times, arriving, pixels, .. } = w;
@@ -325,7 +322,7 @@ impl Integrator<'_> {
         times.start_wavelengths((0..pixels.len()).map(draw), self.options.branches);
     }
 
-    /// The emission of a colour at a path's wavelengths; `light` is its light, which may have a spectrum.
+    /// Emission of colour `rgb` at a path's wavelengths, by the spectrum of `light` if it has one, else by uplift.
     #[inline]
     pub(super) fn uplift_light(
         &self,
@@ -340,8 +337,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// Multiplies light samples whose emission depends on the hit with what a path would find there: the emission towards the vertex, times the
-    /// probability that the surface is there.
+    /// Multiplies light samples whose emission depends on the hit by the radiance emitted towards the vertex and the opacity there.
     #[cold]
     pub(super) fn evaluate_emission_at_hits(&self, sorted: &SortedVertices, w: &mut Workspace) {
         let Workspace { wave, times, .. } = w;
@@ -358,14 +354,14 @@ impl Integrator<'_> {
             let hit = Hit { t: (target - origin).length(), u: a, v: b, prim: *primitive, ..Hit::MISS };
             let ray = Ray::new(origin, get(&v.light.wi, i));
             let time = times.of(paths.state.radiance_index[i]);
-            let at = self.point_of(&ray, hit, self.scene.geometries.material(&hit), time);
+            let at = self.ray_hit_point(&ray, hit, self.scene.geometries.material(&hit), time);
             let opacity = self.opacity(&ray, &hit, time, at.material, RayKinds::SHADOW);
             let emitted = self.emitted(&at, -ray.direction, None) * opacity;
             set_rgb(&mut v.light.radiance, i, radiance * emitted);
         }
     }
 
-    /// Converts the colours of light samples to the wavelengths of their paths.
+    /// Uplifts the colours of light samples to the wavelengths of their paths.
     #[cold]
     pub(super) fn uplift_light_samples(&self, sorted: &SortedVertices, w: &mut Workspace) {
         let Workspace { wave, times, .. } = w;
@@ -380,7 +376,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// The emitted radiance of a surface towards `wo`, constant or textured, at the wavelengths of a path.
+    /// Radiance that a surface emits towards `wo`, at a path's wavelengths.
     pub(super) fn emitted(&self, at: &HitPoint<'_>, wo: Vec3, wavelengths: Option<&Wavelengths>) -> Rgb {
         let HitPoint { surface, hit, material, time, .. } = at;
         let Some(emission) = material.emission else { return Rgb::ZERO };
@@ -404,14 +400,14 @@ impl Integrator<'_> {
         }
     }
 
-    /// The colour of the vertices around a hit.
+    /// The interpolated vertex colour at a hit.
     #[cold]
     fn vertex_color(&self, at: &HitPoint<'_>) -> Rgb {
         let [r, g, b, _] = self.scene.geometries.coordinates(&at.surface, &at.hit, false, at.time).color;
         Rgb::from_array([r, g, b])
     }
 
-    /// The RGB BSDF of a surface, for AOVs.
+    /// The BSDF of a surface in RGB, for AOVs.
     #[cold]
     pub(super) fn rgb_bsdf(&self, at: &HitPoint<'_>, wo: Vec3) -> Bsdf {
         self.read_material(at, 0.0, wo, None).bsdf

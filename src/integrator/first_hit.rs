@@ -1,8 +1,8 @@
-//! AOVs of the first surface that a camera ray hits. One line for each; `film/aov.rs` has the table.
+//! Values of AOVs at the first hit of a camera ray, one match arm per AOV; `film/aov.rs` has the table of AOVs.
 //!
-//! Denoising guides show the first surface that is not a smooth mirror: paths that have hit nothing else so far are
-//! marked ([`super::wave::Paths`]). They stop at glass: what is reflected and what passes differ from sample to sample, and such guides
-//! have more noise than texture.
+//! Denoising guides are taken at the first surface that is not a smooth mirror; paths that hit only mirrors so far are marked
+//! ([`super::wave::Paths`]). Guides don't follow glass: reflection and transmission alternate between samples, which would make the
+//! guides noisy.
 
 use crate::bsdf::{Appearance, Bsdf};
 use crate::color::Rgb;
@@ -11,23 +11,21 @@ use crate::film::{Aov, AovSet, AovSpace, MatteIds};
 use crate::math::{Hit, Vec3};
 use crate::shape::Surface;
 
-/// The first surface of a sample.
+/// The first hit of a sample.
 pub(super) struct FirstHit<'a> {
-    /// The hit.
     pub hit: Hit,
     /// Time, 0 to 1.
     pub time: f32,
-    /// The surface in the compiled scene's space, with normals on the front or on the camera's side.
+    /// The surface in the space of the compiled scene; normals are of the front or flipped to the camera's side.
     pub surface: Surface,
-    /// Towards the camera.
+    /// Direction to the camera.
     pub wo: Vec3,
-    /// Its BSDF.
     pub bsdf: &'a Bsdf,
-    /// Factor on it: 1 but for components of mixes, and in mirrors.
+    /// Factor on the BSDF: 1 except for components of mixes and behind mirrors.
     pub weight: Rgb,
 }
 
-/// The context of the values of AOVs.
+/// Scene and settings that AOV values depend on.
 pub(super) struct AovContext<'a> {
     pub scene: &'a CompiledScene,
     pub view: &'a View,
@@ -35,23 +33,24 @@ pub(super) struct AovContext<'a> {
     pub space: AovSpace,
 }
 
-/// Values of a first surface that several AOVs use.
+/// Values of a first hit that several AOVs use.
 #[derive(Clone, Copy)]
 struct Common {
-    /// Index of its material, and of its object if an AOV needs it.
+    /// Index of the material.
     material: u32,
+    /// Index of the object; 0 if no AOV needs it.
     object: u32,
-    /// 1 where the camera is on the side of its geometric normal, else -1.
+    /// 1 if the camera is on the side of the geometric normal, else -1.
     side: f32,
-    /// Its colours, if an AOV needs them.
-    look: Appearance,
+    /// Black if no AOV needs it.
+    appearance: Appearance,
 }
 
-/// AOVs of a BSDF's appearance.
+/// AOVs that need a BSDF's [`Appearance`].
 const OF_APPEARANCE: [Aov; 4] = [Aov::Roughness, Aov::DiffuseColor, Aov::GlossyColor, Aov::TransmissionColor];
-/// AOVs of the first surface that is seen in smooth mirrors.
+/// AOVs that follow smooth mirrors.
 const DENOISING_GUIDES: [Aov; 2] = [Aov::DenoisingAlbedo, Aov::DenoisingNormal];
-/// AOVs of objects.
+/// AOVs that need the object.
 const OF_OBJECTS: [Aov; 3] = [Aov::ObjectId, Aov::CryptoObject, Aov::CryptoAsset];
 
 impl FirstHit<'_> {
@@ -62,16 +61,16 @@ impl FirstHit<'_> {
             material: scene.described_material(self.surface.material),
             object: if shows(&OF_OBJECTS) { scene.object_at(&self.hit).0 } else { 0 },
             side: if self.surface.ng.dot(self.wo) < 0.0 { -1.0 } else { 1.0 },
-            look: if shows(&OF_APPEARANCE) { self.bsdf.appearance() } else { Appearance::BLACK },
+            appearance: if shows(&OF_APPEARANCE) { self.bsdf.appearance() } else { Appearance::BLACK },
         }
     }
 
-    /// The components of an AOV, from the first; channels of fewer than three use as many as they have.
+    /// The components of an AOV; unused ones are 0.
     #[inline(always)]
     fn values(
         &self,
         aov: Aov,
-        &Common { material, object, side, look }: &Common,
+        &Common { material, object, side, appearance }: &Common,
         &AovContext { scene, view, mattes, space }: &AovContext,
     ) -> [f32; MAX_COMPONENTS] {
         let one = |value: f32| [value, 0.0, 0.0, 0.0];
@@ -99,16 +98,16 @@ impl FirstHit<'_> {
             }
             Aov::Motion => self.motion(scene, view),
             Aov::Albedo | Aov::DenoisingAlbedo => three((self.bsdf.albedo() * self.weight).to_array()),
-            Aov::Roughness => one(look.roughness),
-            Aov::DiffuseColor => three((look.diffuse * self.weight).to_array()),
-            Aov::GlossyColor => three((look.glossy * self.weight).to_array()),
-            Aov::TransmissionColor => three((look.transmission * self.weight).to_array()),
+            Aov::Roughness => one(appearance.roughness),
+            Aov::DiffuseColor => three((appearance.diffuse * self.weight).to_array()),
+            Aov::GlossyColor => three((appearance.glossy * self.weight).to_array()),
+            Aov::TransmissionColor => three((appearance.transmission * self.weight).to_array()),
             Aov::ObjectId => one(f32::from_bits(object + 1)),
             Aov::MaterialId => one(f32::from_bits(material + 1)),
             Aov::CryptoObject => id(&mattes.objects, object),
             Aov::CryptoMaterial => id(&mattes.materials, material),
             Aov::CryptoAsset => id(&mattes.assets, object),
-            // Not values of first hits: shadow rays, the radiance buffer and the film have them.
+            // Not values of first hits: recorded by shadow rays, the radiance buffer and the film.
             Aov::Shadow
             | Aov::DiffuseDirect
             | Aov::DiffuseIndirect
@@ -123,14 +122,14 @@ impl FirstHit<'_> {
         }
     }
 
-    /// The motion of the surface in the picture, in pixels to the right and up: to its position a frame before, and to that a frame
-    /// after; 0 where it is beside the camera then.
+    /// Motion vectors of the surface point, in pixels to the right and up: to the film points one frame before and one frame after;
+    /// 0 where the point has no finite projection then.
     fn motion(&self, scene: &CompiledScene, view: &View) -> [f32; 4] {
-        let way = scene.vectors.point_motion(&scene.geometries, &self.hit, self.surface.p, self.time);
-        let [x, y] = view.camera.film_point(way.now);
+        let motion = scene.vectors.point_motion(&scene.geometries, &self.hit, self.surface.p, self.time);
+        let [x, y] = view.camera.film_point(motion.now);
         let to = |k: usize| {
-            let [x1, y1] = view.neighbours[k].film_point(way.neighbours[k]);
-            let [right, down] = view.camera.film_way([x, y], [x1, y1]);
+            let [x1, y1] = view.neighbours[k].film_point(motion.neighbours[k]);
+            let [right, down] = view.camera.film_offset([x, y], [x1, y1]);
             [right, -down]
         };
         let ([a, b], [c, d]) = (to(0), to(1));
@@ -140,7 +139,6 @@ impl FirstHit<'_> {
 
 const MAX_COMPONENTS: usize = 4;
 
-// The number of components is large enough.
 const _: () = {
     let mut i = 0;
     while i < Aov::ALL.len() {
@@ -150,30 +148,28 @@ const _: () = {
     }
 };
 
-/// AOVs of the first surfaces of a wave: for each sample the components of the requested AOVs, one
-/// after another in the order of their table.
+/// AOVs of the first hits of a wave: per sample, the components of the requested AOVs in the order of [`AovSet`].
 #[derive(Default)]
 pub(super) struct FirstHits {
     aovs: AovSet,
-    /// The AOVs, each with the place of its first component.
-    places: Vec<(Aov, usize)>,
-    /// Components of a sample.
+    /// The requested AOVs, each with the offset of its first component.
+    offsets: Vec<(Aov, usize)>,
+    /// Number of components per sample.
     width: usize,
-    /// Behind the components of each sample there is space for the largest AOV, so that all are written with one size.
+    /// Components, padded per sample by those of the largest AOV, so that all AOVs are written with the same size.
     values: Vec<f32>,
-    /// How many surfaces are recorded for each sample: the first, and those that its branches see in mirrors.
+    /// Number of recorded surfaces per sample: the first, and those that path branches hit behind mirrors.
     surfaces: Vec<u32>,
 }
 
 impl FirstHits {
-    /// Empties it for `count` samples and AOVs that show first hits; without any it stays empty and
-    /// [`record`](FirstHits::record) does nothing.
+    /// Clears the buffer for `count` samples; without AOVs it stays empty and [`record`](FirstHits::record) does nothing.
     pub fn reset(&mut self, count: usize, aovs: AovSet) {
         if self.aovs != aovs {
             self.aovs = aovs;
-            (self.width, self.places) = (0, Vec::new());
+            (self.width, self.offsets) = (0, Vec::new());
             for aov in aovs.iter() {
-                self.places.push((aov, self.width));
+                self.offsets.push((aov, self.width));
                 self.width += aov.info().components();
             }
         }
@@ -185,48 +181,47 @@ impl FirstHits {
         self.surfaces.resize(count, 0);
     }
 
-    /// Stride between samples, components.
+    /// Stride between samples, in components.
     fn stride(&self) -> usize {
         self.width + MAX_COMPONENTS
     }
 
-    /// Records the first surface of a sample.
+    /// Records the first hit of a sample.
     pub fn record(&mut self, sample: usize, hit: &FirstHit, aov_context: &AovContext) {
         let Some(surfaces) = self.surfaces.get_mut(sample) else { return };
         *surfaces = 1;
         let stride = self.stride();
         let own = &mut self.values[sample * stride..(sample + 1) * stride];
         let common = hit.common(self.aovs, aov_context.scene);
-        for &(aov, place) in &self.places {
-            // The next sample overwrites missing values.
-            if let Some(own) = own[place..].first_chunk_mut() {
+        for &(aov, offset) in &self.offsets {
+            // The next AOV overwrites unused components.
+            if let Some(own) = own[offset..].first_chunk_mut() {
                 *own = hit.values(aov, &common, aov_context);
             }
         }
     }
 
-    /// Replaces the guides of denoising by those of a surface that a sample sees in mirrors, or by the mean of
-    /// several that its branches see.
+    /// Replaces a sample's denoising guides by those of a surface hit after mirrors; with several path branches, by their mean.
     pub fn record_in_mirror(&mut self, sample: usize, hit: &FirstHit, aov_context: &AovContext) {
         let stride = self.stride();
         let Some(surfaces) = self.surfaces.get_mut(sample).filter(|surfaces| **surfaces > 0) else { return };
         let own = &mut self.values[sample * stride..(sample + 1) * stride];
         let common = hit.common(AovSet::NONE, aov_context.scene);
-        for &(aov, place) in self.places.iter().filter(|(aov, _)| DENOISING_GUIDES.contains(aov)) {
+        for &(aov, offset) in self.offsets.iter().filter(|(aov, _)| DENOISING_GUIDES.contains(aov)) {
             let values = hit.values(aov, &common, aov_context);
-            let means = own[place..].iter_mut().zip(values).take(aov.info().components());
+            let means = own[offset..].iter_mut().zip(values).take(aov.info().components());
             means.for_each(|(mean, value)| *mean += (value - *mean) / *surfaces as f32);
         }
         *surfaces += 1;
     }
 
-    /// Adds to the components of an AOV, if it is requested and the sample has a hit.
+    /// Adds to the components of an AOV if the AOV is requested and the sample has a hit.
     pub fn add(&mut self, sample: usize, aov: Aov, values: [f32; 2]) {
         if !self.is_hit(sample) {
             return;
         }
-        if let Some((_, place)) = self.places.iter().find(|(other, _)| *other == aov) {
-            let at = sample * self.stride() + place;
+        if let Some((_, offset)) = self.offsets.iter().find(|(other, _)| *other == aov) {
+            let at = sample * self.stride() + offset;
             self.values[at..].iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
         }
     }

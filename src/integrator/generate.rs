@@ -1,4 +1,4 @@
-//! Camera rays, with their times and wavelengths.
+//! Generation of camera rays, with times and wavelengths.
 
 use super::Integrator;
 use super::interior::{CameraInterior, Interior};
@@ -16,7 +16,7 @@ use crate::sampling::sampler::{Dimensions, SobolPoint};
 use crate::simd::{Kernel, dispatch};
 
 impl Integrator<'_> {
-    /// Generates camera rays for the next samples of a block, as many as fit into a wave; none at the end of the block.
+    /// Generates camera rays for the next wave of samples of a block; none at the end of the block.
     pub(super) fn generate(&self, samples: &mut CameraSamples<'_>, w: &mut Workspace) {
         self.start_camera_samples(samples, w);
         let count = w.pixels.len();
@@ -31,7 +31,7 @@ impl Integrator<'_> {
         let start =
             StartPaths { path, vertices, scratch, count, branch_bits, dimensions: &dimensions, filter };
         if camera.is_panorama() {
-            start.all_around(camera);
+            start.panoramic(camera);
         } else if camera.has_lens() {
             dispatch(StartBehindLens { camera, start });
         } else {
@@ -59,7 +59,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// Clipping distances along a camera ray, metres.
+    /// Clip distances along a camera ray, metres.
     fn range(&self, w: &Workspace, i: usize) -> [f32; 2] {
         let direction = get(&w.wave.vertices.next_direction, i);
         match &self.view.moving {
@@ -68,13 +68,13 @@ impl Integrator<'_> {
         }
     }
 
-    /// The distance over which a camera ray sees surfaces, metres.
+    /// Distance along a camera ray between the clip planes, metres.
     pub(super) fn reach(&self, w: &Workspace, i: usize) -> f32 {
         let [near, far] = self.range(w, i);
         far - near
     }
 
-    /// Moves the origins of camera rays to the near clipping distance.
+    /// Moves the origins of camera rays to the near clip distance.
     fn clip_ray_starts(&self, count: usize, w: &mut Workspace) {
         for i in 0..count {
             let [near, _] = self.range(w, i);
@@ -84,7 +84,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// Ends camera rays at the far clipping distance, and widens their cones to the near one.
+    /// Ends camera rays at the far clip distance, and widens their footprints to those at the near clip distance.
     fn clip_ray_ends(&self, count: usize, w: &mut Workspace) {
         for i in 0..count {
             let [near, far] = self.range(w, i);
@@ -140,8 +140,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// Sets each path's seed and sample index, and in the first arrays of the scratch memory the
-    /// corner of its pixel.
+    /// Sets each path's seed and sample index, and the corner of its pixel in the first two scratch arrays.
     fn start_camera_samples(&self, samples: &mut CameraSamples<'_>, w: &mut Workspace) {
         let (path, [film_x, film_y, ..]) = (&mut w.arriving.state, &mut w.wave.scratch);
         w.pixels.clear();
@@ -154,7 +153,7 @@ impl Integrator<'_> {
     }
 }
 
-/// Generates camera rays from seeds, sample indices and pixel corners; they go to `vertices.next_origin` and
+/// Generates camera rays from seeds, sample indices and pixel corners, in `vertices.next_origin` and
 /// `vertices.next_direction`.
 struct StartPaths<'a> {
     path: &'a mut PathState,
@@ -167,11 +166,11 @@ struct StartPaths<'a> {
 }
 
 impl StartPaths<'_> {
-    /// For panoramas. Throughput is zero where the projection has no direction.
-    fn all_around(self, camera: &Camera) {
+    /// Rays of panoramas. Throughput is zero outside the image circle.
+    fn panoramic(self, camera: &Camera) {
         let count = self.count.min(WAVE);
         draw::<true>(self.path, self.scratch, self.dimensions, self.branch_bits, count);
-        spread(self.scratch, self.filter, count);
+        sample_filter(self.scratch, self.filter, count);
         let [film_x, film_y, _, _, lens_u, lens_v, ..] = &*self.scratch;
         for i in 0..count {
             let lens = [lens_u[i], lens_v[i]];
@@ -185,7 +184,7 @@ impl StartPaths<'_> {
     }
 }
 
-/// Makes the rays of paths of zero throughput empty.
+/// Sets `t_max` to 0 for rays of zero throughput, so that nothing is hit.
 fn end_blank_rays(path: &PathState, rays: &mut [Ray]) {
     for (i, ray) in rays.iter_mut().enumerate() {
         if get_rgb(&path.throughput, i) == Rgb::ZERO {
@@ -194,7 +193,7 @@ fn end_blank_rays(path: &PathState, rays: &mut [Ray]) {
     }
 }
 
-/// For cameras with a lens.
+/// Rays of cameras with a lens.
 struct StartBehindLens<'a> {
     camera: &'a Camera,
     start: StartPaths<'a>,
@@ -208,12 +207,12 @@ impl Kernel for StartBehindLens<'_> {
         let StartBehindLens { camera, start } = self;
         let count = start.count.min(WAVE);
         draw::<true>(start.path, start.scratch, start.dimensions, start.branch_bits, count);
-        spread(start.scratch, start.filter, count);
-        shoot::<true>(start.vertices, start.scratch, camera, count);
+        sample_filter(start.scratch, start.filter, count);
+        generate_rays::<true>(start.vertices, start.scratch, camera, count);
     }
 }
 
-/// For cameras without a lens, which need half of the random numbers.
+/// Rays of pinhole cameras, which need half of the random numbers.
 struct StartBehindPinhole<'a> {
     camera: &'a Camera,
     start: StartPaths<'a>,
@@ -227,15 +226,15 @@ impl Kernel for StartBehindPinhole<'_> {
         let StartBehindPinhole { camera, start } = self;
         let count = start.count.min(WAVE);
         draw::<false>(start.path, start.scratch, start.dimensions, start.branch_bits, count);
-        spread(start.scratch, start.filter, count);
-        shoot::<false>(start.vertices, start.scratch, camera, count);
+        sample_filter(start.scratch, start.filter, count);
+        generate_rays::<false>(start.vertices, start.scratch, camera, count);
     }
 }
 
-// Separate loops vectorise; one loop over all steps does not. Functions take references to the data that loops read, so that
-// the compiler knows it to be constant.
+// Separate loops vectorise; one loop over all steps does not. References to loop data as arguments let the compiler assume that it
+// doesn't change.
 
-/// Initialises paths and draws film and lens samples, to the arrays of the scratch memory after the first two.
+/// Initialises paths, and draws film and lens samples into scratch arrays 2 to 5.
 #[inline(always)]
 fn draw<const LENS: bool>(
     path: &mut PathState,
@@ -259,9 +258,9 @@ fn draw<const LENS: bool>(
     }
 }
 
-/// Maps pixel corners and filter samples to film points, in the first two arrays of the scratch memory.
+/// Maps pixel corners, in the first two scratch arrays, to film points sampled by the pixel filter.
 #[inline(always)]
-fn spread(scratch: &mut Scratch, filter: &FilterSampler, count: usize) {
+fn sample_filter(scratch: &mut Scratch, filter: &FilterSampler, count: usize) {
     let [film_x, film_y, filter_u, filter_v, ..] = scratch;
     for i in 0..count {
         film_x[i] = film_x[i] + 0.5 + filter.sample(filter_u[i]);
@@ -269,9 +268,9 @@ fn spread(scratch: &mut Scratch, filter: &FilterSampler, count: usize) {
     }
 }
 
-/// The rays through film points.
+/// Generates the rays through film points.
 #[inline(always)]
-fn shoot<const LENS: bool>(v: &mut Vertices, scratch: &Scratch, camera: &Camera, count: usize) {
+fn generate_rays<const LENS: bool>(v: &mut Vertices, scratch: &Scratch, camera: &Camera, count: usize) {
     let [film_x, film_y, _, _, lens_u, lens_v, ..] = scratch;
     for i in 0..count {
         let ray = if LENS {
@@ -290,7 +289,7 @@ impl Integrator<'_> {
         self.scene.is_moving() || self.view.moving.is_some()
     }
 
-    /// Tests which shadow rays are occluded, in scenes without alpha.
+    /// Tests the occlusion of shadow rays in scenes without alpha.
     #[inline]
     pub(super) fn occluded(&self, w: &mut Workspace) {
         let Workspace { wave, shadow_rays, shadow_vertices, occluded, pending_hits, times, .. } = w;
@@ -306,7 +305,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// Draws a time for each new path; a moving camera generates the ray at this time.
+    /// Samples a time for each new path, and regenerates the rays of a moving camera at these times.
     #[cold]
     pub(super) fn start_times(&self, w: &mut Workspace) {
         let Workspace { times, arriving, wave, pixels, .. } = w;

@@ -1,17 +1,15 @@
-//! Surfaces of solids: refraction and absorption among nested and coincident dielectrics.
+//! Interfaces of solids: refraction and absorption with nested and coincident dielectrics.
 //!
-//! Each path has a list of the solids that it is within ([`Interior`]). The solid of the highest priority absorbs and
-//! refracts; among equals the one entered last (Schmidt, Budge 2002, "Simple Nested Dielectrics in Ray Traced Images").
-//! So, without priorities, a solid inside another displaces it, two overlapping bodies of one material are one, and
-//! where a liquid overlaps its glass the interface that is hit first counts. Media without a surface add up instead,
-//! with each other and with the medium around the scene: see [`super::volumes`].
+//! Each path has a list of the solids around it ([`Interior`]). The solid of the highest priority absorbs and refracts; among equals
+//! the one entered last (Schmidt, Budge 2002, "Simple Nested Dielectrics in Ray Traced Images"). Without priorities, a solid inside
+//! another displaces it, two overlapping bodies of the same material act as one, and where a liquid overlaps its glass the interface
+//! hit first refracts. Media without a surface add up instead, with each other and with the medium around the scene: see
+//! [`super::volumes`].
 //!
-//! Coincident surfaces: where the surface of one solid lies on that of another, as that of a liquid on its glass, rounding
-//! decides which one a ray hits first, and a path that continues from there starts behind the other. So coincident
-//! surfaces are searched for where a solid is hit, and treated as an overlap of zero thickness: all of them are
-//! crossed, light is refracted once, from the near medium to the far one, and multiplied by the tints of all whose
-//! edges these are. The surface of the solid of the higher priority refracts; among equals that of the denser one, so
-//! that the result is reciprocal.
+//! Coincident surfaces, such as a liquid filling its glass: rounding decides which surface a ray hits first, and the continued ray
+//! starts behind the other. So hits of solids search for coincident surfaces and treat them as an overlap of zero thickness: the path
+//! crosses all of them, refracts once, from the near medium to the far one, and is multiplied by the tints of all solids that begin or
+//! end there. The surface of the solid of the higher priority refracts; among equals the denser one, for reciprocity.
 
 use super::Integrator;
 use super::interior::Interior;
@@ -29,15 +27,15 @@ use crate::scene::FresnelModel;
 
 /// The interface of a solid at a hit.
 pub(super) struct InterfaceHit {
-    /// Its BSDF, with the index of refraction relative to the outer medium.
+    /// BSDF with the index of refraction relative to the outer medium.
     pub bsdf: Bsdf,
-    /// The outer medium is the denser one: `bsdf` is for flipped normals.
+    /// The outer medium is denser: `bsdf` is to be evaluated with flipped normals.
     pub is_inverted: bool,
-    /// The solids on the far side.
+    /// Solids on the far side.
     pub beyond: Interior,
 }
 
-/// Index-matched interface: tint only.
+/// The BSDF of an index-matched interface: tint only.
 pub(super) fn index_matched_interface(tint: Rgb) -> Bsdf {
     let refraction = Refraction::Scales;
     Bsdf::Dielectric(Dielectric {
@@ -50,7 +48,7 @@ pub(super) fn index_matched_interface(tint: Rgb) -> Bsdf {
 }
 
 impl Integrator<'_> {
-    /// Applies absorption along the rays to the hits. Rays that leave the scene within an open solid are not absorbed.
+    /// Applies absorption along the rays. Rays that escape within an open solid are not absorbed.
     pub(super) fn absorb(&self, w: &mut Workspace) {
         let (paths, times) = (&mut *w.arriving, &w.times);
         for (i, hit) in w.hits.iter().enumerate() {
@@ -64,7 +62,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// Applies absorption from the vertices to the sampled lights.
+    /// Applies absorption along the shadow rays to the light samples' contributions.
     pub(super) fn absorb_light_samples(&self, sorted: &SortedVertices, wave: &mut Wave, times: &SampleTimes) {
         let Wave { paths, vertices: v, .. } = wave;
         for i in sorted.lit() {
@@ -104,7 +102,7 @@ impl Integrator<'_> {
         paths.interior[i]
     }
 
-    /// Transmittance between two points of a ray within the same solids.
+    /// Transmittance along a ray (origin, direction) between two ray parameters, within the same solids.
     pub(super) fn transmittance_between(
         &self,
         interior: Interior,
@@ -120,8 +118,8 @@ impl Integrator<'_> {
         }
     }
 
-    /// Transmittance of one medium; `apart` decorrelates estimates of several. Rays that leave the scene within an open
-    /// solid are not absorbed.
+    /// Transmittance of one medium; `apart` decorrelates the estimates of overlapping media. Infinite spans in media that only absorb
+    /// (open solids) have transmittance 1.
     #[inline]
     pub(super) fn transmittance_in(
         &self,
@@ -143,7 +141,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// A path outside of all solids that hits one from behind must have been within: applies absorption.
+    /// A path in air that hits a solid from behind must have started inside: enters the solid and applies absorption.
     pub(super) fn assume_inside(
         &self,
         material: &CompiledMaterial,
@@ -169,7 +167,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// The interface of a solid of this material at a hit.
+    /// The interface at a hit of a solid with this material.
     pub(super) fn boundary(
         &self,
         bsdf: Bsdf,
@@ -180,14 +178,12 @@ impl Integrator<'_> {
         wavelengths: Option<&Wavelengths>,
     ) -> InterfaceHit {
         let (here, own) = (paths.interior[i], material.medium_index);
-        // A body may have different materials where it is entered and left: then the solid entered
-        // last is left.
+        // A body may have different materials where the path enters and exits: then the solid entered last is exited.
         let medium = if is_back && !here.contains(own) { here.medium() } else { own };
         let beyond = if is_back { here.leave(medium) } else { self.enter(here, medium) };
         let (inner, outer) = if is_back { (here, beyond) } else { (beyond, here) };
         let is_displaced = inner.medium() != medium;
-        // Within other solids of the same medium there is no interface. Within a displacing solid the interface does
-        // not refract, but it tints.
+        // Within another solid of the same medium there is no interface. Within a displacing solid the interface is index-matched.
         if is_displaced || outer.medium() == medium {
             let is_edge = is_displaced && !outer.contains(medium);
             let tint = if is_edge { bsdf.crossing_tint() } else { Rgb::ONE };
@@ -199,8 +195,8 @@ impl Integrator<'_> {
         InterfaceHit { bsdf, is_inverted, beyond }
     }
 
-    /// The BSDF of an interface between two media, the inner one first, and whether it is for flipped normals. Where
-    /// air is outside of a solid, its own BSDF has the right index already.
+    /// The BSDF of an interface between two media, the inner one first, and whether it is for flipped normals. `is_alone`: the BSDF's
+    /// index of refraction is already right, since the outer medium is air.
     pub(super) fn interface(
         &self,
         bsdf: Bsdf,
@@ -229,12 +225,12 @@ impl Integrator<'_> {
         if bsdf.turns_over() {
             return (bsdf.with_ior(1.0 / ior), true);
         }
-        // The nearest index that the BSDF supports.
+        // This BSDF supports no index below 1.
         (bsdf.with_ior(1.0), false)
     }
 }
 
-/// Continues the path with one channel, drawn in proportion to its throughput.
+/// Continues the path with a single channel (dispersion), sampled in proportion to its throughput.
 fn choose_channel(bounce: u32, i: usize, path: &mut PathState) {
     let throughput = get_rgb(&path.throughput, i).to_array();
     let total: f32 = throughput.iter().sum();
@@ -250,7 +246,7 @@ fn choose_channel(bounce: u32, i: usize, path: &mut PathState) {
     set_rgb(&mut path.throughput, i, Rgb::from_array(single));
 }
 
-/// The channel of a path with a single non-zero one; else green, the middle of the spectrum.
+/// Red or blue if throughput is non-zero only there; else green, the middle of the spectrum.
 fn channel_of(throughput: Rgb) -> usize {
     match throughput.to_array().map(|c| c > 0.0) {
         [true, false, false] => 0,
@@ -259,16 +255,16 @@ fn channel_of(throughput: Rgb) -> usize {
     }
 }
 
-/// Maximum number of coincident surfaces besides the one that was hit.
+/// Maximum number of coincident surfaces besides the hit one.
 const MAX: usize = 3;
 
-/// Maximum distance of coincident surfaces, in units of the sum of their rounding error bounds.
+/// Maximum distance between coincident surfaces, in units of the sum of their rounding error bounds.
 const NEAR: f32 = 4.0;
 
 /// Minimum cosine between the normals of coincident surfaces.
 const PARALLEL: f32 = 0.9999;
 
-/// Minimum cosine between ray and normal for the search along the ray.
+/// Minimum cosine between ray and normal that the length of the search assumes.
 const GRAZING: f32 = 0.01;
 
 /// One of several coincident surfaces at a hit.
@@ -280,11 +276,11 @@ pub(super) struct CoincidentHit<'a> {
     pub width: f32,
 }
 
-/// The coincident surfaces besides the one that was hit.
+/// The coincident surfaces besides the hit one.
 pub(super) type CoincidentSurfaces<'a> = [Option<HitPoint<'a>>; MAX];
 
 impl Integrator<'_> {
-    /// Finds the surfaces of other solids that coincide with the one that a ray hit.
+    /// Finds surfaces of other solids that coincide with the hit one.
     #[inline]
     pub(super) fn coincident_surfaces(&self, ray: &Ray, at: &HitPoint<'_>) -> Option<CoincidentSurfaces<'_>> {
         if self.scene.features.coincident_surfaces { self.find_coincident_surfaces(ray, at) } else { None }
@@ -293,9 +289,9 @@ impl Integrator<'_> {
     fn find_coincident_surfaces(&self, ray: &Ray, at: &HitPoint<'_>) -> Option<CoincidentSurfaces<'_>> {
         let mut list = [None; MAX];
         let rounding = |at: &HitPoint<'_>| at.surface.ng.abs().dot(at.surface.p_error);
-        // Rounding of object-to-world transforms far from the origin.
-        let place = (self.scene.anchor.as_vec3() + at.surface.p).abs().max_element() * gamma(4);
-        let reach = |own: f32| NEAR * own + place;
+        // Rounding errors of object-to-world transforms far from the origin.
+        let transform_error = (self.scene.anchor.as_vec3() + at.surface.p).abs().max_element() * gamma(4);
+        let reach = |own: f32| NEAR * own + transform_error;
         let cosine = at.surface.ng.dot(ray.direction).abs().max(GRAZING);
         let hit = at.hit;
         let mut next = Ray {
@@ -305,21 +301,21 @@ impl Integrator<'_> {
             ..*ray
         };
         let mut count = 0;
-        // Adjacent triangles around an edge or a corner count once, and may be many.
+        // Several triangles around an edge or a vertex are one crossing, hence more iterations than `MAX`.
         for _ in 0..4 * MAX {
             let hit = self.scene.accel.closest_one_in_time(&next, at.time);
             if !hit.is_hit() || count == MAX {
                 break;
             }
             (next.t_min, next.origin_primitive) = (hit.t, (&hit).into());
-            let other = self.point_of(ray, hit, self.scene.geometries.material(&hit), at.time);
+            let other = self.ray_hit_point(ray, hit, self.scene.geometries.material(&hit), at.time);
             let span = other.surface.p - at.surface.p;
-            let lies_there = other.surface.ng.dot(at.surface.ng).abs() >= PARALLEL
+            let is_coincident = other.surface.ng.dot(at.surface.ng).abs() >= PARALLEL
                 && span.dot(at.surface.ng).abs() <= reach(rounding(at) + rounding(&other));
             let is_solid = other.material.medium_index != 0 && !other.material.is_boundary;
             let known = || list.iter().flatten().chain([at]);
             let is_known = || known().any(|k| is_same_crossing(k, &other));
-            if lies_there && is_solid && !is_known() {
+            if is_coincident && is_solid && !is_known() {
                 list[count] = Some(other);
                 count += 1;
             }
@@ -327,8 +323,7 @@ impl Integrator<'_> {
         (count > 0).then_some(list)
     }
 
-    /// The interface of several coincident surfaces as one: the surface that refracts, with all others
-    /// within its position error.
+    /// The combined interface of coincident surfaces: the refracting surface, its position error enlarged to include all others.
     pub(super) fn coincident_interface<'a>(
         &'a self,
         first: CoincidentHit<'a>,
@@ -358,17 +353,17 @@ impl Integrator<'_> {
             beyond = self.enter(beyond, entered.at.material.medium_index);
         }
         let (near, far) = (here.medium(), beyond.medium());
-        let counts = |candidate: &CoincidentHit<'_>| {
+        let is_interface = |candidate: &CoincidentHit<'_>| {
             near != far && candidate.at.material.medium_index == if candidate.at.is_back { near } else { far }
         };
         let best = all()
-            .filter(counts)
+            .filter(is_interface)
             .reduce(|a, b| if self.rank(b.at.material) > self.rank(a.at.material) { b } else { a });
-        // Solids that begin or end here, except the one that refracts.
-        let counted = best.map(|candidate| candidate.at.material.medium_index);
+        // Tints of solids that begin or end here, except the refracting one.
+        let refracting = best.map(|candidate| candidate.at.material.medium_index);
         let is_edge = |medium: u16| here.contains(medium) != beyond.contains(medium);
         let tint = all()
-            .filter(|candidate| Some(candidate.at.material.medium_index) != counted)
+            .filter(|candidate| Some(candidate.at.material.medium_index) != refracting)
             .filter(|candidate| is_edge(candidate.at.material.medium_index))
             .fold(Rgb::ONE, |tint, candidate| tint * candidate.evaluated.bsdf.crossing_tint());
         let mut candidate = best.unwrap_or(first);
@@ -389,7 +384,7 @@ impl Integrator<'_> {
         (candidate, InterfaceHit { bsdf, is_inverted, beyond })
     }
 
-    /// Rank of a solid among coincident ones: the surface of the highest refracts.
+    /// Rank of a solid among coincident ones; the highest refracts: priority, index of refraction, then medium index.
     fn rank(&self, material: &CompiledMaterial) -> (i32, f32, u16) {
         let medium = &self.scene.media[usize::from(material.medium_index)];
         let ior = medium.iors.map_or(f32::INFINITY, |[_, green, _]| green);
@@ -397,7 +392,7 @@ impl Integrator<'_> {
     }
 }
 
-/// Are two hits one crossing of the surface of one body?
+/// Are two hits the same crossing of the same solid?
 fn is_same_crossing(a: &HitPoint<'_>, b: &HitPoint<'_>) -> bool {
     a.material.medium_index == b.material.medium_index && a.is_back == b.is_back
 }

@@ -1,11 +1,11 @@
-//! The list of solids that a path is within (the "interior list" of Schmidt and Budge 2002).
+//! The list of solids around a path (the "interior list" of Schmidt and Budge 2002).
 
 use crate::compile::{CompiledScene, Medium, OVERLAP_LIMIT, ObjectId, View};
 use crate::math::{Hit, Ray, Vec3};
 use bytemuck::Zeroable;
 
-/// The solids that a path is within, by the indices of their media: up to [`Interior::MAX`], those entered last. Sixteen
-/// bits each, the last one lowest; 0 is none. Two words, for an alignment of 8.
+/// Medium indices of the solids around a path; beyond [`Interior::MAX`], the outermost are dropped. 16 bits each, the solid entered last
+/// in the lowest bits; 0 is empty. Two words, for an alignment of 8.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Zeroable)]
 pub struct Interior([u64; 2]);
 
@@ -16,7 +16,7 @@ impl Interior {
     /// Maximum number of solids in the list.
     pub const MAX: u32 = OVERLAP_LIMIT as u32;
 
-    /// Outside of all solids.
+    /// Outside all solids.
     pub const AIR: Interior = Interior([0; 2]);
 
     #[inline(always)]
@@ -35,9 +35,8 @@ impl Interior {
         self.0[0] as u16
     }
 
-    /// The media that overlap with [`Interior::medium`] and add up with it, each once: those below it in the list, as far
-    /// down as media add up and none is of a lower priority, and the medium around the scene where there is nothing
-    /// else below.
+    /// The media that overlap [`Interior::medium`] and add up with it, each once: the next entries of the list, until the first that
+    /// doesn't add up or has a lower priority; after the last entry, the medium around the scene.
     pub fn overlapping(self, media: &[Medium]) -> impl Iterator<Item = u16> {
         let number = move |k: u32| (self.bits() >> (k * BITS)) as u16;
         let top = &media[usize::from(self.medium())];
@@ -48,12 +47,12 @@ impl Interior {
         let count = (0..Interior::MAX).take_while(|&k| number(k) != 0).count() as u32;
         let deepest = if top.adds_up && count > 0 { count } else { 0 };
         let is_first = move |k: u32| (0..k).all(|other| number(other) != number(k));
-        // The medium around the scene is behind the last entry.
-        let of_place = move |k: u32| if k < count { number(k) } else { 0 };
+        // The medium around the scene follows the last entry.
+        let entry = move |k: u32| if k < count { number(k) } else { 0 };
         (1..=deepest)
-            .map_while(move |k| adds_up(of_place(k)).then_some(k))
+            .map_while(move |k| adds_up(entry(k)).then_some(k))
             .filter(move |&k| k == count || is_first(k))
-            .map(of_place)
+            .map(entry)
     }
 
     /// After entering a solid of a medium.
@@ -62,7 +61,7 @@ impl Interior {
         Interior::of(self.bits() << BITS | u128::from(medium))
     }
 
-    /// After entering a solid of a medium; solids of higher priorities stay in front of it.
+    /// After entering a solid of a medium; solids of higher priority stay before it in the list.
     #[inline]
     pub fn enter_by_priority(self, medium: u16, media: &[Medium]) -> Interior {
         let own = media[usize::from(medium)].priority;
@@ -75,10 +74,10 @@ impl Interior {
         Interior::of((self.bits() >> shift << BITS | u128::from(medium)) << shift | inner)
     }
 
-    /// Without the solid of that medium entered last, if there is one.
+    /// After exiting the solid of that medium entered last, if there is one.
     #[inline]
     pub fn leave(self, medium: u16) -> Interior {
-        // Most often the solid entered last is left first.
+        // The common case.
         if self.medium() == medium {
             return Interior::of(self.bits() >> BITS);
         }
@@ -88,13 +87,13 @@ impl Interior {
         Interior::of(outer | inner)
     }
 
-    /// Is a solid of that medium among them?
+    /// Does the list contain a solid of that medium?
     #[inline]
     pub fn contains(self, medium: u16) -> bool {
         self.medium() == medium || self.position(medium).is_some()
     }
 
-    /// The bit offset of the last entry of a medium.
+    /// The bit offset of the most recent entry of a medium.
     #[inline]
     fn position(self, medium: u16) -> Option<u32> {
         let (mut rest, mut shift) = (self.bits(), 0);
@@ -107,13 +106,12 @@ impl Interior {
         None
     }
 
-    /// The solids around a point of a scene: a ray that leaves it crosses their surfaces from behind once more often than
-    /// from the front, at a time between the opening and the closing of the shutter. A majority of three rays decides,
-    /// as models have holes.
+    /// The solids around a point of the scene at a shutter time in 0..1, by the parity of surface crossings along a ray. A majority of
+    /// three rays decides, since models may have holes.
     pub fn around(scene: &CompiledScene, p: Vec3, time: f32) -> Interior {
-        let ways =
+        let directions =
             [Vec3::new(0.31, 0.89, 0.34), Vec3::new(-0.83, -0.27, 0.49), Vec3::new(0.42, -0.37, -0.83)];
-        let around = ways.map(|way| solids_around(scene, p, way.normalize(), time));
+        let around = directions.map(|direction| solids_around(scene, p, direction.normalize(), time));
         let is_around = |m: &u16| around.iter().filter(|list| list.contains(m)).count() >= 2;
         let first = around.iter().find(|list| list.iter().any(is_around));
         let solids = first.into_iter().flatten().filter(|m| is_around(m));
@@ -125,21 +123,20 @@ impl Interior {
     }
 }
 
-/// The solids around the points where a camera's rays start.
+/// The solids around the origins of camera rays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CameraInterior {
-    /// The same interior for all camera rays.
+    /// Constant for all camera rays.
     Same(Interior),
-    /// Different over the plane of an orthographic camera, over time, or at clipping planes.
+    /// Computed per ray: it varies over the plane of an orthographic camera or over time, or the camera has clip planes.
     Differs,
 }
 
 impl CameraInterior {
-    /// For an orthographic camera the points of a lattice on its plane are tested; with motion,
-    /// also several times.
+    /// Tests a grid of points on the plane of an orthographic camera, and several times with motion.
     pub fn of(scene: &CompiledScene, view: &View) -> CameraInterior {
-        /// Cells of the lattice along each side of the picture and along time. Solids between its points are found only by
-        /// rays that hit their surfaces from behind.
+        /// Grid cells along each side of the picture and along time. Solids smaller than a cell may be missed; see
+        /// `Integrator::assume_inside`.
         const CELLS: u32 = 8;
         if !scene.features.media {
             return CameraInterior::Same(Interior::AIR);
@@ -166,12 +163,12 @@ impl CameraInterior {
     }
 }
 
-/// Media of the solids around a point, the one that a ray leaves first at the end.
+/// Media of the solids around a point, in the order of entering: the first one that the ray exits is last.
 fn solids_around(scene: &CompiledScene, p: Vec3, direction: Vec3, time: f32) -> Vec<u16> {
     const MAX_SURFACES: u32 = 256;
     let ray = Ray::new(p, direction);
     let (mut entered, mut left): (Vec<(u16, Option<ObjectId>)>, Vec<u16>) = (Vec::new(), Vec::new());
-    // Coincident surfaces are hit next.
+    // Then several hits may have the same distance.
     let has_neighbours = scene.features.coincident_surfaces || scene.features.overlaps;
     let mut hit = Hit::MISS;
     for number in 0..MAX_SURFACES {
@@ -189,8 +186,7 @@ fn solids_around(scene: &CompiledScene, p: Vec3, direction: Vec3, time: f32) -> 
             continue;
         }
         let mesh = scene.geometries.placed_mesh(&hit);
-        // A body may have different materials where it is entered and left. It is one mesh, or many
-        // quads.
+        // A body may have different materials where the ray enters and exits: match by mesh.
         let is_same = |&(_, other): &(u16, Option<ObjectId>)| other == mesh;
         let same_medium = || entered.iter().rposition(|&(m, _)| m == medium);
         if is_front {
@@ -210,7 +206,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn solids_are_left_in_any_order() {
+    fn solids_can_be_exited_in_any_order() {
         let three = Interior::AIR.enter(7).enter(9).enter(7);
         assert_eq!(three.medium(), 7);
         assert_eq!(three.leave(7), Interior::AIR.enter(7).enter(9));
@@ -220,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn solids_of_higher_priority_stay_in_front() {
+    fn solids_of_higher_priority_stay_first() {
         let media: Vec<Medium> =
             [0, 1, 5, 1, -2, 9].map(|priority| Medium { priority, ..Medium::AIR }).to_vec();
         let enter = |inside: Interior, medium| inside.enter_by_priority(medium, &media);
@@ -234,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn the_outermost_of_many_is_forgotten() {
+    fn a_full_list_drops_the_outermost_solid() {
         let all = (1..=Interior::MAX as u16 + 1).fold(Interior::AIR, Interior::enter);
         let left = (2..=Interior::MAX as u16 + 1).fold(all, Interior::leave);
         assert_eq!(left, Interior::AIR);
@@ -242,7 +238,7 @@ mod tests {
 
     /// Media 0 to 3 add up, 3 has a higher priority, and 4 and 5 displace others.
     #[test]
-    fn media_in_one_place() {
+    fn overlapping_media_add_up_by_priority() {
         let of = |adds_up, priority| Medium { adds_up, priority, ..Medium::AIR };
         let media = [of(true, 0), of(true, 0), of(true, 0), of(true, 1), of(false, 0), of(false, 0)];
         let overlapping = |list: &[u16]| -> Vec<u16> {

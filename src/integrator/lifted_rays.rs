@@ -1,10 +1,10 @@
-//! Shadow rays of triangles that stand for a curved surface start at that surface.
+//! Offset of shadow rays to the smooth surface against the shadow terminator artefact.
 //!
-//! A mesh with shading normals is a coarse copy of a curved surface. Where light grazes it, a triangle is in its own shadow or in that of its
-//! neighbours although the curved surface isn't. So a shadow ray starts above the triangle, at a point of the surface that the normals
-//! describe, and light from above its tangent plane counts, from below the triangle's too. As Cycles 5.0 does with its default Geometry
-//! Offset of 0.1; the height is bounded by the tangent planes of the corners, the idea of Hanika 2021, "Hacking the Shadow Terminator" (Ray
-//! Tracing Gems II, chapter 4). Rays that are scattered start at the triangle and stay above it.
+//! A mesh with shading normals approximates a curved surface. At grazing light, a triangle shadows itself or its neighbours although the
+//! smooth surface would not. So shadow rays start at the smooth surface described by the normals, above the triangle, and light is
+//! clipped at the tangent plane of the smooth surface instead of that of the triangle. As in Cycles 5.0 with its default Geometry Offset
+//! of 0.1; the height is bounded by the tangent planes at the corners (after Hanika 2021, "Hacking the Shadow Terminator", Ray Tracing
+//! Gems II, chapter 4). Scattered rays start at the triangle and stay above it.
 
 use super::Integrator;
 use super::shading_groups::{ShadingGroup, SortedVertices};
@@ -12,20 +12,20 @@ use super::wave::{Vertices, get, set};
 use super::workspace::Workspace;
 use crate::math::Vec3;
 
-/// The cosine of light to the triangle or to the curved surface from which on shadow rays start at the triangle.
+/// Cosine of the light direction to a normal from which on shadow rays start at the triangle.
 const CUTOFF: f32 = 0.1;
 
-/// Vectors from a point of a triangle to the curved surface, on the side to which the normals point and on the other one. `weights` are those
-/// of the second and third corner.
+/// Offsets from a point of a triangle to the smooth surface, for shadow rays on the side of the normals and on the other side. `weights`
+/// are the barycentric coordinates of the second and third corner.
 fn lifts(positions: [Vec3; 3], normals: [Vec3; 3], weights: [f32; 2]) -> [Vec3; 2] {
     let [v, w] = weights;
     let u = 1.0 - v - w;
     let at = |of: [Vec3; 3]| of[0] * u + of[1] * v + of[2] * w;
     let (p, n) = (at(positions), at(normals));
-    // The surface that is quadratic along each edge and has the slopes of the normals at its ends is half as high as this.
+    // Twice the height of the quadratic patch with the slopes of the normals at the corners.
     let bend = |i: usize, k: usize| (normals[i] - normals[k]).dot(positions[i] - positions[k]);
     let patch = bend(0, 1) * u * v + bend(0, 2) * u * w + bend(1, 2) * v * w;
-    // How far the tangent plane of each corner is above the point, once it is raised, or lowered, to hold the other corners.
+    // Height of each corner's tangent plane above the point, after shifting the plane above (or below) the other corners.
     let envelope = |bound: fn(f32, f32) -> f32| {
         [0, 1, 2].map(|i: usize| {
             let others = [(i + 1) % 3, (i + 2) % 3].map(|k| (positions[k] - positions[i]).dot(normals[i]));
@@ -38,7 +38,7 @@ fn lifts(positions: [Vec3; 3], normals: [Vec3; 3], weights: [f32; 2]) -> [Vec3; 
     [n * front, n * back]
 }
 
-/// How much of the way to the curved surface a shadow ray starts, 0 to 1, by the cosines of light to the triangle and to the surface.
+/// Fraction of the offset that applies, 0 to 1, by the cosines of the light direction to the triangle's and the smooth surface's normal.
 fn amount(to_triangle: f32, to_surface: f32) -> f32 {
     let amount = if to_surface < CUTOFF {
         2.0 - (to_triangle + to_surface) / CUTOFF
@@ -49,7 +49,7 @@ fn amount(to_triangle: f32, to_surface: f32) -> f32 {
 }
 
 impl Integrator<'_> {
-    /// Records the curved surface at vertex `k`, which ray `i` hit.
+    /// Records the offset to the smooth surface for vertex `k`, hit by ray `i`.
     pub(super) fn record_lift(&self, i: usize, k: usize, w: &mut Workspace) {
         let (hit, time) = (&w.hits[i], w.times.of(w.arriving.state.radiance_index[i]));
         let lanes = &mut w.wave.vertices.lifted;
@@ -69,7 +69,8 @@ impl Integrator<'_> {
     }
 }
 
-/// Exchanges the geometric normals of lit vertices with those of the curved surface, on the same side. The viewer must be on that side, too.
+/// Replaces the geometric normals of lit vertices by those of the smooth surface, on the same side, unless the viewer is on the other
+/// side of either.
 pub(super) fn exchange_normals(sorted: &SortedVertices, v: &mut Vertices) {
     let rough = sorted.rough();
     for i in sorted.lit() {
@@ -88,7 +89,7 @@ pub(super) fn exchange_normals(sorted: &SortedVertices, v: &mut Vertices) {
     }
 }
 
-/// Gives lit vertices their geometric normals back.
+/// Restores the geometric normals of lit vertices.
 pub(super) fn restore_normals(sorted: &SortedVertices, v: &mut Vertices) {
     for i in sorted.lit() {
         if get(&v.lifted.normal, i) != Vec3::ZERO {
@@ -98,7 +99,7 @@ pub(super) fn restore_normals(sorted: &SortedVertices, v: &mut Vertices) {
     }
 }
 
-/// Moves the origins of shadow rays to the curved surface, while normals are exchanged.
+/// Moves the origins of shadow rays to the smooth surface; call between [`exchange_normals`] and [`restore_normals`].
 pub(super) fn lift_shadow_rays(sorted: &SortedVertices, v: &mut Vertices) {
     let Vertices { lifted, light, ng: of_surface, wo, .. } = v;
     for i in sorted.lit() {
@@ -107,7 +108,6 @@ pub(super) fn lift_shadow_rays(sorted: &SortedVertices, v: &mut Vertices) {
             continue;
         }
         let (ng, wi) = (get(&lifted.ng, i), get(&light.wi, i));
-        // The viewer's side, and the light's.
         let side = ng.dot(get(wo, i)).signum();
         let to_surface = get(of_surface, i).dot(wi) * side;
         let towards_light = ng * if to_surface < 0.0 { -side } else { side };
@@ -127,24 +127,24 @@ pub(super) fn lift_shadow_rays(sorted: &SortedVertices, v: &mut Vertices) {
 mod tests {
     use super::*;
 
-    /// Corners of a triangle on a ball around the origin, and the normals there.
-    fn on_ball(radius: f32) -> [[Vec3; 3]; 2] {
+    /// Corners of a triangle on a sphere around the origin, and the normals there.
+    fn on_sphere(radius: f32) -> [[Vec3; 3]; 2] {
         let normals =
             [[0.0, 0.1, 1.0], [0.12, -0.1, 1.0], [-0.1, -0.08, 1.0]].map(|n| Vec3::from(n).normalize());
         [normals.map(|n| n * radius), normals]
     }
 
-    /// Points above a triangle of a ball are between the ball and the tangent planes of the corners; the corners stay.
+    /// Offset points are between the sphere and the tangent planes of the corners; corners have no offset.
     #[test]
-    fn points_of_a_ball_are_lifted_to_it() {
-        let [positions, normals] = on_ball(2.0);
+    fn offset_points_are_near_the_sphere() {
+        let [positions, normals] = on_sphere(2.0);
         for [v, w] in [[0.3, 0.3], [0.5, 0.0], [0.0, 0.5], [0.1, 0.8], [0.45, 0.5]] {
             let p = positions[0] * (1.0 - v - w) + positions[1] * v + positions[2] * w;
             let [above, below] = lifts(positions, normals, [v, w]);
             let height = (p + above).length() - 2.0;
             let missing = 2.0 - p.length();
             assert!(height > -0.02 * missing && height < 1.2 * missing, "{v} {w}: {height} over {missing}");
-            // The other side of the same surface.
+            // Flipped normals exchange the sides.
             let other = lifts(positions, normals.map(|n| -n), [v, w]);
             assert!(other[0].distance(below) < 1e-6 && other[1].distance(above) < 1e-6, "{other:?}");
             assert!(below.dot(p) <= 0.0, "{below} is above the triangle");
@@ -155,9 +155,8 @@ mod tests {
         }
     }
 
-    /// Light from high above leaves shadow rays where they are.
     #[test]
-    fn only_grazing_light_is_lifted() {
+    fn only_grazing_light_is_offset() {
         assert_eq!(amount(0.2, 0.3), 0.0);
         assert_eq!(amount(-0.3, 0.2), 1.0);
         assert!((amount(0.05, 0.2) - 0.5).abs() < 1e-6);

@@ -1,14 +1,14 @@
-//! Limits of paths: the number of their bounces, in all and by kind; caustics that are left out; and the glossy filter.
+//! Limits of paths: maximum numbers of bounces, in all and by kind; disabled caustics; and the glossy filter.
 //!
-//! A path that has reached a limit ends at the next vertex, which adds emission but samples no light: so the light of its last
-//! scattering event is still found in both ways, by light samples and by the ray that hits it, and MIS weights hold.
+//! A path that has reached a limit ends at the next vertex, which adds emission but samples no light. So both light sampling and BSDF
+//! sampling estimate the direct light of the last bounce, as the MIS weights assume.
 //!
-//! The glossy filter of Cycles: what a path hits after a bounce in an unlikely direction is roughened, so that caustics off smooth
-//! surfaces are blurred instead of noisy. Pictures lose their contrast, and some light.
+//! The glossy filter of Cycles: after a bounce in a direction of low pdf, BSDFs are roughened, which blurs noisy caustics and loses some
+//! of their energy.
 //!
-//! Facets have a GGX alpha of at least `0.5 sqrt(1 - p / f)`, where `p` is the smallest density of a direction that the path has
-//! sampled so far and `f` the strength of the filter, exact mirrors and smooth solid glass as well. Panes stay smooth, unlike in Cycles: light
-//! samples pass them, so that there is nothing to blur, and a sun shines through a window.
+//! The GGX alpha, also of mirrors and smooth solid glass, is at least `0.5 sqrt(1 - p / f)`, with `p` the smallest pdf (1/sr) of a
+//! direction sampled by the path so far and `f` the strength of the filter. Panes stay smooth, unlike in Cycles: shadow rays pass
+//! them, so that they cause no caustics, and the sun shines through windows.
 
 use super::Integrator;
 use super::shading_groups::{ShadingGroup, ShadingGroupCounts, SortedVertices};
@@ -18,7 +18,7 @@ use crate::color::Rgb;
 use crate::scene::RayKinds;
 
 impl Integrator<'_> {
-    /// Ends paths that have reached a limit, and counts the hits of each shading group again.
+    /// Ends paths that have reached a limit, and recounts the hits of each shading group.
     pub(super) fn end_deep_paths(&self, w: &mut Workspace) -> ShadingGroupCounts {
         let mut counts = ShadingGroupCounts::new();
         for (i, group) in w.groups.iter_mut().enumerate() {
@@ -64,15 +64,14 @@ impl Integrator<'_> {
     }
 }
 
-// Caustics that are left out, as in Cycles where its Reflective or Refractive Caustics are off: a surface that a diffusely scattered
-// ray hits has no glossy reflection, or no transmission. What is under a layer that is gone gets the light that the layer
-// would have reflected.
+// Disabled caustics, as Cycles without Reflective or Refractive Caustics: BSDFs hit by diffusely scattered rays lose their glossy
+// reflection, or their transmission. The layers below receive the light that a removed layer would have reflected.
 
 impl Integrator<'_> {
-    /// Takes the lobes of caustics from the BSDFs of the sorted vertices.
+    /// Removes the lobes of disabled caustics from the BSDFs of the sorted vertices.
     #[cold]
     #[inline(never)]
-    pub(super) fn leave_out_caustics(&self, sorted: &SortedVertices, w: &mut Workspace) {
+    pub(super) fn remove_caustic_lobes(&self, sorted: &SortedVertices, w: &mut Workspace) {
         let skipped = self.options.skip_caustics;
         let Workspace { wave, bsdfs, .. } = w;
         let (visibility, materials) = (&wave.paths.visibility, &mut wave.vertices.metal_rough);
@@ -90,15 +89,15 @@ impl Integrator<'_> {
 }
 
 impl Integrator<'_> {
-    /// Roughens the BSDFs of the sorted vertices.
+    /// Applies the glossy filter to the BSDFs of the sorted vertices.
     pub(super) fn filter_glossy(&self, sorted: &SortedVertices, w: &mut Workspace) {
         let Workspace { wave, bsdfs, .. } = w;
         let least = |i: usize| {
-            let share = 1.0 - wave.paths.least_pdf[i] / self.options.filter_glossy;
-            if share > 0.0 { 0.5 * share.sqrt() } else { 0.0 }
+            let fraction = 1.0 - wave.paths.least_pdf[i] / self.options.filter_glossy;
+            if fraction > 0.0 { 0.5 * fraction.sqrt() } else { 0.0 }
         };
         for i in sorted.metal_rough() {
-            // The closure keeps its weights.
+            // Lobe weights don't change.
             let alpha = &mut wave.vertices.metal_rough.alpha[i];
             *alpha = alpha.max(least(i));
         }
@@ -113,7 +112,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// Records the densities of the scattered directions.
+    /// Updates each path's smallest pdf of a sampled direction, for the glossy filter.
     pub(super) fn record_densities(&self, sorted: &SortedVertices, bounce: u32, w: &mut Workspace) {
         let branches = self.bsdf_samples_per_light_sample(bounce);
         for i in sorted.all() {

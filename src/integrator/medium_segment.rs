@@ -1,17 +1,15 @@
 //! Segments of paths through participating media: sampling of the distance to the next scattering event, and weights.
 //!
-//! A distance is drawn from a mixture of densities: for each channel an exponential with its extinction, selected in
-//! proportion to the throughput; and, where a light guides, with probability 1/2 a density that is uniform over the
-//! angle at which the light sees the ray (equiangular sampling: Kulla, Fajardo 2012, "Importance Sampling Techniques
-//! for Path Tracing in Participating Media", section 3.1). The weight is the value over the density of the whole
-//! mixture (one-sample balance heuristic, Veach 1997): at most one over a channel's share, or two where a light guides.
-//! The guiding light is drawn independently and contributes nothing by this. Steps of random walks are drawn with their directions, from a
-//! mixture with densities that lead to the surface ([`WalkGuide`]).
+//! Distances are sampled from a mixture: for each channel an exponential with its extinction, selected in proportion to throughput;
+//! and, with a light selected for it, with probability 1/2 equiangular sampling towards a point of that light (Kulla, Fajardo 2012,
+//! "Importance Sampling Techniques for Path Tracing in Participating Media", section 3.1). The weight is the value over the pdf of the
+//! whole mixture (one-sample balance heuristic, Veach 1997): at most the reciprocal of the channel's selection probability, twice that
+//! with equiangular sampling. The light for equiangular sampling is selected independently of light samples. Steps of random walks are
+//! sampled together with their directions, from a mixture with guiding to the surface ([`WalkGuide`]).
 //!
-//! On density grids segments end at collisions (delta tracking), which need no weight where all channels have the same
-//! extinction. Else collisions follow the channel of the largest extinction, a random number decides between scattering and a
-//! null collision, and weights correct each channel (Kutz, Habel, Li, Novak 2017, "Spectral and Decomposition Tracking for
-//! Rendering Heterogeneous Volumes", section 4).
+//! On density grids, delta tracking samples collisions, with weight 1 if all channels have the same extinction. Else the majorant is
+//! that of the channel of largest extinction, a random number selects between scattering and a null collision, and weights correct each
+//! channel (Kutz, Habel, Li, Novak 2017, "Spectral and Decomposition Tracking for Rendering Heterogeneous Volumes", section 4).
 
 use super::interior::Interior;
 use super::walk_guide::WalkGuide;
@@ -28,23 +26,22 @@ use crate::simd::map_each;
 pub(super) struct MediumSegment {
     /// Index of the medium.
     pub medium: u16,
-    /// Range of the segments in overlapping media in their list (see [`super::volumes`]); then this segment is the one that
-    /// ends first.
+    /// Range of the segments in overlapping media (see [`super::volumes`]); this segment is then the one that ends first.
     pub overlapping: [u32; 2],
     /// Start and end of the medium along the ray, metres.
     pub extent: [f32; 2],
-    /// Selection probabilities of the channels, without those of guided steps; all 0 where no distance is sampled.
-    shares: [f32; 3],
+    /// Mixture weights of the channels' exponentials; all 0 if no distance is sampled.
+    probabilities: [f32; 3],
     equiangular: Option<EquiangularSampling>,
-    /// The part of the mixture that leads walks to the surface.
+    /// Mixture part that guides random walks to the surface.
     guided: Option<GuidedPart>,
     /// Distance of the scattering event along the ray, metres; infinite without one.
     pub scatter_t: f32,
-    /// Does the path scatter there, without a hit before?
+    /// Does the path scatter there, before any hit?
     pub scatters: bool,
-    /// Delta tracking, on a grid.
+    /// On density grids.
     tracked: Option<DeltaTracking>,
-    /// The boundary without a surface at its start.
+    /// Boundary without a surface at the start of the segment.
     pub crossed: Option<BoundaryCrossing>,
 }
 
@@ -53,14 +50,14 @@ pub(super) struct MediumSegment {
 pub(super) struct BoundaryCrossing {
     /// Distance along the ray, metres.
     pub at: f32,
-    /// The solids in front of it.
+    /// The solids before the boundary.
     pub before: Interior,
 }
 
 /// The current segment of a shadow ray.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ShadowSegment {
-    /// The solids around it.
+    /// The solids around the segment.
     pub interior: Interior,
     /// Ray parameter up to which transmittance has been applied.
     pub from: f32,
@@ -69,20 +66,21 @@ pub(super) struct ShadowSegment {
 /// State of delta tracking on a grid.
 #[derive(Clone, Copy, Debug)]
 struct DeltaTracking {
-    /// Random numbers: the first in 0..1, and the seed of the others.
+    /// First random number, 0..1.
     first: f32,
+    /// Seed of the other random numbers.
     salt: u32,
     /// Weight at the scattering event.
     weight: Rgb,
 }
 
-/// A medium with its grids, and the wavelengths of a path.
+/// A medium, its grids, and the wavelengths of a path.
 type InGrid<'a> = (&'a Scattering, &'a GridMedium, Option<&'a Wavelengths>);
 
-/// Probability of equiangular sampling, where a light guides.
+/// Probability of equiangular sampling, where available.
 const EQUIANGULAR_PROBABILITY: f32 = 0.5;
 
-/// Minimum albedo for channel selection: absorbed channels need samples, too.
+/// Added to the albedo for channel selection: the transmittance of absorbing channels needs samples, too.
 const MIN_ALBEDO: f32 = 0.1;
 
 impl MediumSegment {
@@ -92,7 +90,7 @@ impl MediumSegment {
             medium,
             overlapping: [0; 2],
             extent,
-            shares: [0.0; 3],
+            probabilities: [0.0; 3],
             equiangular: None,
             guided: None,
             scatter_t: f32::INFINITY,
@@ -102,8 +100,8 @@ impl MediumSegment {
         }
     }
 
-    /// Samples a segment in a medium from distance `from` on; the ray's direction has unit length. Of the random
-    /// numbers the first selects the distance, the second the density.
+    /// Samples a segment in a medium from distance `from` on; the ray's direction has unit length. `u[0]` selects the distance, `u[1]`
+    /// the strategy of the mixture.
     #[inline]
     pub fn draw(
         (index, medium, waves): (u16, &Scattering, Option<&Wavelengths>),
@@ -126,7 +124,7 @@ impl MediumSegment {
         if extent[1] <= extent[0] || medium.scattered.max_element() <= 0.0 {
             return segment;
         }
-        segment.shares = shares(medium, throughput);
+        segment.probabilities = selection_probabilities(medium, throughput);
         segment.equiangular = light_position
             .and_then(|light_position| EquiangularSampling::new(origin, direction, extent, light_position));
         let (guided, mut choice) = match segment.equiangular {
@@ -144,8 +142,8 @@ impl MediumSegment {
             Some(equiangular) => equiangular.sample(u[0]),
             None => {
                 let mut channel = 0;
-                while channel < 2 && choice >= segment.shares[channel] {
-                    choice -= segment.shares[channel];
+                while channel < 2 && choice >= segment.probabilities[channel] {
+                    choice -= segment.probabilities[channel];
                     channel += 1;
                 }
                 extent[0] - poly::ln(1.0 - u[0]) / medium.extinction.to_array()[channel]
@@ -155,17 +153,17 @@ impl MediumSegment {
         segment
     }
 
-    /// Is it without overlapping media?
+    /// Is there no overlapping medium?
     #[inline(always)]
     pub fn is_alone(&self) -> bool {
         self.overlapping[0] == self.overlapping[1]
     }
 
-    /// Is the weight of passing 1 everywhere?
+    /// Is [`Self::weight_of_passing`] always 1?
     pub fn is_unweighted(&self, medium: &Scattering) -> bool {
         let is_guided = self.equiangular.is_some() || self.guided.is_some();
-        let ends_by_chance = self.tracked.is_some() || self.draws() && !is_guided;
-        medium.is_grey() && (ends_by_chance || medium.extinction.r == 0.0)
+        let samples_transmittance = self.tracked.is_some() || self.samples_distance() && !is_guided;
+        medium.is_grey() && (samples_transmittance || medium.extinction.r == 0.0)
     }
 
     /// Weight of a path that arrives at distance `to` without scattering.
@@ -184,14 +182,17 @@ impl MediumSegment {
         }
     }
 
-    /// The weight of passing media without a grid.
+    /// [`Self::weight_of_passing`] for media without a grid.
     #[inline]
     fn ungridded_passing_weight(&self, medium: &Scattering, to: f32) -> Rgb {
-        let left = self.transmittance(medium, to);
+        let transmittance = self.transmittance(medium, to);
         if let Some(guided) = &self.guided {
-            return over(left, self.of_channels(left) + guided.beyond(to));
+            return over(transmittance, self.of_channels(transmittance) + guided.beyond(to));
         }
-        if self.draws() { over(left, self.mixed(left, |equiangular| equiangular.beyond(to))) } else { left }
+        match self.samples_distance() {
+            true => over(transmittance, self.mixed(transmittance, |equiangular| equiangular.beyond(to))),
+            false => transmittance,
+        }
     }
 
     /// Weight of a path at its scattering event.
@@ -200,17 +201,18 @@ impl MediumSegment {
         if let Some(tracked) = &self.tracked {
             return tracked.weight;
         }
-        let left = self.transmittance(medium, self.scatter_t);
+        let transmittance = self.transmittance(medium, self.scatter_t);
         if let Some(guided) = &self.guided {
-            let density = self.of_channels(left * medium.extinction) + guided.density(self.scatter_t);
-            return over(left * medium.scattered, density);
+            let pdf = self.of_channels(transmittance * medium.extinction) + guided.density(self.scatter_t);
+            return over(transmittance * medium.scattered, pdf);
         }
-        let density = self.mixed(left * medium.extinction, |equiangular| equiangular.density(self.scatter_t));
-        over(left * medium.scattered, density)
+        let equiangular = |equiangular: &EquiangularSampling| equiangular.density(self.scatter_t);
+        let pdf = self.mixed(transmittance * medium.extinction, equiangular);
+        over(transmittance * medium.scattered, pdf)
     }
 
-    /// Radiance that the medium's emission adds to a path of some throughput up to distance `to`: an estimate, by random numbers
-    /// hashed from `salt`. Overlapping media attenuate it at a distance by `others`.
+    /// Estimate of the radiance that the medium's emission adds to a path up to distance `to`; random numbers are hashed from `salt`.
+    /// `others` is the transmittance of overlapping media at a distance.
     pub fn emission(
         &self,
         (medium, waves): (&Scattering, Option<&Wavelengths>),
@@ -228,7 +230,7 @@ impl MediumSegment {
         let (line, span) = ((ray.origin, ray.direction), [self.extent[0], to.min(self.scatter_t)]);
         let own = |t: f32| self.weight_of_passing((medium, waves), ray, t);
         match (others, medium.is_grey()) {
-            // Segments end at collisions: emission before them is not attenuated.
+            // Delta tracking samples transmittance: emission before the collision is not attenuated.
             (None, true) => throughput * medium.emission * grid.emission.integral(line, span, salt, waves),
             (None, false) => {
                 throughput * medium.emission * grid.emission.integral_times(line, span, salt, waves, own)
@@ -243,17 +245,17 @@ impl MediumSegment {
         }
     }
 
-    /// Emission of a medium without a grid, by one point of the segment, which `u` selects.
+    /// Emission of a medium without a grid, estimated at a point of the segment sampled by `u`.
     #[inline]
     fn own_emission(&self, medium: &Scattering, throughput: Rgb, to: f32, u: f32) -> Rgb {
-        if !self.draws() {
+        if !self.samples_distance() {
             let span = self.span_before(to);
             return throughput * medium.emission * medium.mean_transmittance(span) * span;
         }
         self.attenuated_emission(medium, throughput, to, u, |_| Rgb::ONE)
     }
 
-    /// Emission of a medium without a grid that others attenuate at a distance.
+    /// Emission of a medium without a grid, with the transmittance `others` of overlapping media at a distance.
     #[inline]
     fn attenuated_emission(
         &self,
@@ -280,22 +282,21 @@ impl MediumSegment {
         (to.min(self.scatter_t).min(end) - begin).clamp(0.0, Scattering::FARTHEST)
     }
 
-    /// Samples a point of a segment for uniform emission; returns its distance, metres, and density, 1/m.
+    /// Samples a point of a segment with constant emission; returns distance, metres, and pdf, 1/m.
     ///
-    /// The contribution falls off, channel by channel, with the extinction less the smallest one of the channels with a
-    /// selection probability, whose weights of passing make up for it. Without distance sampling, or with equiangular
-    /// sampling, whose density decays more slowly than exponentials, it falls off with the extinction itself. Channels
-    /// are selected in proportion to their emission.
+    /// With distance sampling, [`Self::weight_of_passing`] decays, per channel, with the extinction minus the smallest extinction of the
+    /// mixture; without, or with equiangular sampling (whose pdf decays more slowly than exponentials), with the extinction itself.
+    /// Channels are selected in proportion to emission.
     #[inline]
     fn emission_point(&self, medium: &Scattering, emission: Rgb, span: f32, u: f32) -> (f32, f32) {
         let (extinction, emission) = (medium.extinction.to_array(), emission.to_array());
         let mut least = f32::INFINITY;
-        for (share, &extinction) in self.shares.iter().zip(&extinction) {
-            if *share > 0.0 {
+        for (probability, &extinction) in self.probabilities.iter().zip(&extinction) {
+            if *probability > 0.0 {
                 least = least.min(extinction);
             }
         }
-        if self.equiangular.is_some() || !self.draws() {
+        if self.equiangular.is_some() || !self.samples_distance() {
             least = 0.0;
         }
         let sum = emission[0] + emission[1] + emission[2];
@@ -314,10 +315,10 @@ impl MediumSegment {
         (x, density)
     }
 
-    /// Is a distance sampled? Not in media that only absorb, or in overlapping ones.
+    /// Is a distance sampled? Not in media that only absorb.
     #[inline(always)]
-    fn draws(&self) -> bool {
-        self.shares != [0.0; 3]
+    fn samples_distance(&self) -> bool {
+        self.probabilities != [0.0; 3]
     }
 
     /// Transmittance up to distance `to`.
@@ -328,14 +329,14 @@ impl MediumSegment {
         if span > 0.0 { medium.transmittance(span) } else { Rgb::ONE }
     }
 
-    /// The mixture of the densities of the channels.
+    /// Mixture of per-channel pdfs.
     #[inline(always)]
     fn of_channels(&self, densities: Rgb) -> f32 {
         let [r, g, b] = densities.to_array();
-        self.shares[0] * r + self.shares[1] * g + self.shares[2] * b
+        self.probabilities[0] * r + self.probabilities[1] * g + self.probabilities[2] * b
     }
 
-    /// The mixture of the densities of the channels and of equiangular sampling.
+    /// Mixture of per-channel pdfs and the equiangular pdf.
     #[inline(always)]
     fn mixed(&self, of_channels: Rgb, of_guide: impl Fn(&EquiangularSampling) -> f32) -> f32 {
         let sum = self.of_channels(of_channels);
@@ -348,32 +349,32 @@ impl MediumSegment {
     }
 }
 
-/// The guided part of the mixture of a segment, whose directions are chosen as well, over the density of the phase function.
+/// The guided part of a random walk step's mixture over direction and distance, relative to the pdf of the phase function.
 #[derive(Clone, Copy, Debug)]
 struct GuidedPart {
-    /// By channel.
+    /// Mixture weights by channel, times the ratio of the directional pdfs.
     weights: [f32; 3],
     /// Exponential rates of the distances, 1/m.
     rates: [f32; 3],
 }
 
 impl GuidedPart {
-    /// Density of a distance, 1/m.
+    /// Pdf of a distance, 1/m.
     #[inline(always)]
     fn density(&self, t: f32) -> f32 {
-        (0..3).map(|c| self.weights[c] * self.rates[c] * falling(self.rates[c] * t)).sum()
+        (0..3).map(|c| self.weights[c] * self.rates[c] * exp_neg(self.rates[c] * t)).sum()
     }
 
     /// The probability of larger distances.
     #[inline(always)]
     fn beyond(&self, t: f32) -> f32 {
-        (0..3).map(|c| self.weights[c] * falling(self.rates[c] * t)).sum()
+        (0..3).map(|c| self.weights[c] * exp_neg(self.rates[c] * t)).sum()
     }
 }
 
 impl MediumSegment {
-    /// Samples the direction and the distance of a step of a random walk in a homogeneous medium. `axis` points to the surface. Of the random
-    /// numbers three select the strategy, the channel and the distance, two the direction.
+    /// Samples the direction and the distance of a step of a random walk in a homogeneous medium. `axis` points to the surface. Random
+    /// numbers: strategy, channel and distance; two for the direction.
     #[inline]
     pub fn draw_step(
         (index, medium): (u16, &Scattering),
@@ -383,8 +384,9 @@ impl MediumSegment {
         ([strategy, choice, distance], direction): ([f32; 3], [f32; 2]),
     ) -> (Vec3, MediumSegment) {
         let mut segment = MediumSegment::straight(index, [0.0, f32::INFINITY]);
-        let shares = shares(medium, throughput);
-        let channel = usize::from(choice >= shares[0]) + usize::from(choice >= shares[0] + shares[1]);
+        let probabilities = selection_probabilities(medium, throughput);
+        let channel = usize::from(choice >= probabilities[0])
+            + usize::from(choice >= probabilities[0] + probabilities[1]);
         let is_guided = strategy < guide.share;
         let wi = if is_guided {
             direction_around(axis, guide.sample(channel, direction[0]), direction[1])
@@ -395,14 +397,14 @@ impl MediumSegment {
         if guide.share > 0.0 {
             let cosine = wi.dot(axis).clamp(-1.0, 1.0);
             let phase = henyey_greenstein(medium.anisotropy, -wo.dot(wi));
-            let of = |c: usize| guide.share * shares[c] * guide.density(c, cosine) / phase;
+            let of = |c: usize| guide.share * probabilities[c] * guide.density(c, cosine) / phase;
             segment.guided = Some(GuidedPart {
                 weights: [of(0), of(1), of(2)],
                 rates: [0, 1, 2].map(|c| extinction[c] * (1.0 - cosine / guide.lengths[c])),
             });
-            segment.shares = map_each(shares, |s| s * (1.0 - guide.share));
+            segment.probabilities = map_each(probabilities, |s| s * (1.0 - guide.share));
         } else {
-            segment.shares = shares;
+            segment.probabilities = probabilities;
         }
         let rate = match &segment.guided {
             Some(guided) if is_guided => guided.rates[channel],
@@ -415,7 +417,7 @@ impl MediumSegment {
 }
 
 impl DeltaTracking {
-    /// Distance of the scattering event between two distances along a ray, infinite without one, and its weight.
+    /// Samples the scattering event between two distances along a ray: distance (infinite without one) and weight.
     #[inline]
     fn follow(
         &self,
@@ -434,7 +436,7 @@ impl DeltaTracking {
         self.follow_channels((medium, grid, waves), &ray, span)
     }
 
-    /// Follows a segment where the extinction of channels differs.
+    /// [`Self::follow`] where the extinction differs between channels.
     #[cold]
     fn follow_channels(
         &self,
@@ -449,16 +451,16 @@ impl DeltaTracking {
         let scatter_t = grid.density.collision(ray, span, self.first, self.salt, |t, number| {
             let p = ray.at(t);
             let ends = weight * scattered * grid.relative_scattering(p, waves);
-            let goes_on = weight * (Rgb::ONE - extinction * grid.relative_extinction(p, waves));
-            let all = sum(ends) + sum(goes_on);
+            let continues = weight * (Rgb::ONE - extinction * grid.relative_extinction(p, waves));
+            let all = sum(ends) + sum(continues);
             if all == 0.0 {
                 // Everything is absorbed.
                 weight = Rgb::ZERO;
                 return true;
             }
-            let share = sum(ends) / all;
-            let is_end = number < share;
-            weight = if is_end { ends / share } else { goes_on / (1.0 - share) };
+            let end_probability = sum(ends) / all;
+            let is_end = number < end_probability;
+            weight = if is_end { ends / end_probability } else { continues / (1.0 - end_probability) };
             is_end
         });
         (scatter_t, weight)
@@ -474,40 +476,39 @@ impl DeltaTracking {
     }
 }
 
-/// A value over a density; 0 where the density underflows.
+/// A value over a pdf; 0 if the pdf underflows.
 #[inline(always)]
 fn over(value: Rgb, density: f32) -> Rgb {
     if density > f32::MIN_POSITIVE { value / density } else { Rgb::ZERO }
 }
 
-/// Selection probabilities of channels: in proportion to throughput times albedo, with a minimum
-/// albedo.
+/// Selection probabilities of channels, in proportion to throughput times (albedo + [`MIN_ALBEDO`]).
 #[inline]
-fn shares(medium: &Scattering, throughput: Rgb) -> [f32; 3] {
+fn selection_probabilities(medium: &Scattering, throughput: Rgb) -> [f32; 3] {
     let (throughput, scattered) = (throughput.to_array(), medium.scattered.to_array());
     let extinction = medium.extinction.to_array();
-    let mut shares = [0.0; 3];
+    let mut probabilities = [0.0; 3];
     for c in 0..3 {
         let albedo = if extinction[c] > 0.0 { scattered[c] / extinction[c] } else { 0.0 };
-        shares[c] = throughput[c] * (albedo + MIN_ALBEDO);
+        probabilities[c] = throughput[c] * (albedo + MIN_ALBEDO);
     }
-    let sum = shares[0] + shares[1] + shares[2];
-    if sum > f32::MIN_POSITIVE { map_each(shares, |s| s / sum) } else { [1.0 / 3.0; 3] }
+    let sum = probabilities[0] + probabilities[1] + probabilities[2];
+    if sum > f32::MIN_POSITIVE { map_each(probabilities, |s| s / sum) } else { [1.0 / 3.0; 3] }
 }
 
-/// Equiangular sampling: a uniform density of the angle in which a point sees a ray.
+/// Equiangular sampling: distances along a ray with a pdf uniform in the angle at the light (Kulla, Fajardo 2012).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct EquiangularSampling {
     /// Ray distance of the point closest to the light, metres.
     closest: f32,
-    /// Distance of the light from there, metres.
+    /// Distance of the light from that point, metres.
     distance: f32,
-    /// Angles from there to the first and the last point of the ray, radians.
+    /// Angles at the light from the closest point to the start and the end of the segment, radians.
     angles: [f32; 2],
 }
 
 impl EquiangularSampling {
-    /// `None` where the angle is empty.
+    /// `None` if the angle is empty.
     #[inline]
     pub(super) fn new(
         origin: Vec3,
@@ -517,7 +518,7 @@ impl EquiangularSampling {
     ) -> Option<EquiangularSampling> {
         let to_light = light_position - origin;
         let closest = to_light.dot(direction);
-        // For rays through the light itself.
+        // For rays through the light.
         let least = 1e-3 * to_light.length();
         let distance = (to_light - direction * closest).length().max(least);
         let angle = |t: f32| {
@@ -536,7 +537,7 @@ impl EquiangularSampling {
         if cosine > 0.0 { self.closest + self.distance * sine / cosine } else { f32::INFINITY }
     }
 
-    /// Density of a distance, 1/m.
+    /// Pdf of a distance, 1/m.
     #[inline]
     pub(super) fn density(&self, t: f32) -> f32 {
         let [first, last] = self.angles;
@@ -555,12 +556,13 @@ impl EquiangularSampling {
     }
 }
 
-/// A truncated exponential density.
+/// An exponential distribution truncated to 0..`length`.
 pub(super) struct TruncatedExponential {
-    /// Rate, 1/m; 0 where it is uniform.
+    /// Rate, 1/m; 0 for a uniform distribution.
     rate: f32,
+    /// Metres.
     length: f32,
-    /// The integral of the untruncated density.
+    /// Integral of the untruncated pdf up to `length`.
     whole: f32,
 }
 
@@ -568,11 +570,11 @@ impl TruncatedExponential {
     #[inline(always)]
     pub(super) fn new(rate: f32, length: f32) -> TruncatedExponential {
         let depth = rate * length;
-        // Avoids cancellation for nearly uniform densities.
+        // Avoids cancellation for nearly uniform distributions.
         if depth < 1e-3 {
             return TruncatedExponential { rate: 0.0, length, whole: 1.0 };
         }
-        TruncatedExponential { rate, length, whole: 1.0 - falling(depth) }
+        TruncatedExponential { rate, length, whole: 1.0 - exp_neg(depth) }
     }
 
     #[inline(always)]
@@ -583,12 +585,12 @@ impl TruncatedExponential {
 
     #[inline(always)]
     pub(super) fn density(&self, x: f32) -> f32 {
-        if self.rate > 0.0 { self.rate * falling(self.rate * x) / self.whole } else { 1.0 / self.length }
+        if self.rate > 0.0 { self.rate * exp_neg(self.rate * x) / self.whole } else { 1.0 / self.length }
     }
 }
 
-/// The exponential of minus an optical depth; the polynomial ends at the smallest normal number.
+/// exp(-depth) of an optical depth; 0 below the smallest normal number, where the polynomial ends.
 #[inline(always)]
-fn falling(depth: f32) -> f32 {
+fn exp_neg(depth: f32) -> f32 {
     if depth < 87.0 { poly::exp(-depth) } else { 0.0 }
 }

@@ -1,18 +1,17 @@
-//! Mixes of materials: each hit selects one component, with a probability proportional to the luminance that it may scatter, and the
-//! path continues as if the surface were of that material, with the weight over the probability as a factor of its throughput. Direct light and
-//! MIS weights are those of the selected BSDF: for each selection they estimate its reflected light without bias, so that
-//! the mean over selections is the reflected light of the weighted sum.
+//! Mix materials: each hit selects one component with a probability proportional to weight times estimated reflectance, and throughput
+//! is multiplied by the component's weight over that probability. Direct light and MIS weights use the selected BSDF only: unbiased for
+//! each component, and so on average for the weighted sum.
 //!
-//! Mapped normals that face away from the viewer are such a selection, too. Facets are evaluated around a normal that is bent
-//! towards the viewer ([`super::shading_geometry::bent_normal`]). The diffuse base beneath doesn't depend on the viewer and keeps the normal that the map gives, as in Cycles 5.0. A vertex has one normal:
-//! where both differ, each path selects the base or all else, as at a mix of materials, and its throughput is divided
-//! by the probability.
+//! Normal-mapped surfaces with normals that face away from the viewer use the same mechanism. Glossy lobes are evaluated with a normal
+//! bent towards the viewer ([`super::shading_geometry::bent_normal`]); the diffuse base, whose BSDF doesn't depend on the viewer, keeps
+//! the mapped normal, as in Cycles 5.0. Since a vertex has one normal, each path selects either the base or the other lobes if the two
+//! normals differ, and divides throughput by the selection probability.
 
 use super::Integrator;
 use super::interior::Interior;
 use super::sampling::Purpose;
 use super::shading_geometry::{
-    EvaluatedMaterial, HitPoint, UNMAPPED, WHOLE_LIGHT, local_viewer, scattering_normal,
+    EvaluatedMaterial, HitPoint, UNMAPPED, UNSHADOWED, local_viewer, scattering_normal,
 };
 use super::wave::{Lanes3, Vertices, get, get_rgb, set, set_rgb};
 use super::workspace::Workspace;
@@ -24,7 +23,7 @@ use crate::sampling::sampler::{Dimensions, SobolPoint};
 use std::ops::Range;
 
 impl Integrator<'_> {
-    /// Replaces each mix among the materials of the hits by one of its components, and adds its emission.
+    /// Replaces each mix material hit by one of its components, and adds the mix's emission.
     pub(super) fn select_components(&self, bounce: u32, w: &mut Workspace) {
         if !self.scene.features.alpha {
             let material = |hit| self.scene.geometries.material(hit);
@@ -43,8 +42,8 @@ impl Integrator<'_> {
         }
     }
 
-    /// The component whose interior the path arrives from, from behind: light leaves a solid through the component that it entered by,
-    /// and the component's weight was applied there.
+    /// For hits from behind in a random walk: the component whose medium the path is in. A path exits through the component by which it
+    /// entered, where the component's weight was applied already.
     fn component_around(&self, at: &HitPoint<'_>, interior: Interior) -> Option<u32> {
         if !at.is_back || !self.scene.features.subsurface {
             return None;
@@ -55,9 +54,8 @@ impl Integrator<'_> {
         indices.find(|&index| self.scene.materials[index as usize].medium_index == medium)
     }
 
-    /// The medium of one of its components whose interior the path arrives from, from behind. What fills solids with others doesn't
-    /// take part there.
-    fn medium_left(&self, at: &HitPoint<'_>, interior: Interior) -> Option<u16> {
+    /// For hits from behind: the path's medium, if it is that of a component. Components with other media then can't be selected.
+    fn exited_medium(&self, at: &HitPoint<'_>, interior: Interior) -> Option<u16> {
         if !at.is_back || !self.scene.features.subsurface {
             return None;
         }
@@ -84,7 +82,7 @@ impl Integrator<'_> {
         let path = &mut w.arriving.state;
         let wavelengths = w.times.wavelengths(path.radiance_index[i]);
         let components = &at.material.components;
-        let within = self.medium_left(&at, w.arriving.interior[i]);
+        let within = self.exited_medium(&at, w.arriving.interior[i]);
         w.components.clear();
         w.components.extend(components.iter().map(|component| {
             let filled = self.scene.materials[component.index as usize].medium_index;
@@ -96,16 +94,16 @@ impl Integrator<'_> {
         }));
         let total: f32 = w.components.iter().map(|(_, importance)| importance).sum();
         let [u, ..] = SobolPoint::from_parts(path.seed[i], path.shuffled[i]).sample_4d(dimensions);
-        let mut left = u * total;
-        // Where no component scatters light, the first one absorbs it.
+        let mut rest = u * total;
+        // If no component reflects light, the first is selected, with weight 0.
         let (mut selected, mut factor) = (&components[0], Rgb::ZERO);
         for (component, &(weight, importance)) in components.iter().zip(&w.components) {
             if importance > 0.0 {
                 (selected, factor) = (component, weight * (total / importance));
-                if left < importance {
+                if rest < importance {
                     break;
                 }
-                left -= importance;
+                rest -= importance;
             }
         }
         w.materials[i] = selected.index;
@@ -117,29 +115,29 @@ impl Integrator<'_> {
     }
 }
 
-/// Probability of either part at least, where there are both: light samples of narrow highlights vary less by that.
+/// Minimum probability of selecting the base or the other lobes, if there are both: less variance of light samples of narrow highlights.
 const MIN_PROBABILITY: f32 = 0.25;
 
-/// The probability of selecting the base, for its fraction of the directional albedo.
+/// The probability of selecting the base; `fraction` is the base's fraction of the directional albedo.
 #[inline]
-fn probability(share: f32) -> f32 {
-    if share <= 0.0 || share >= 1.0 {
-        return share.clamp(0.0, 1.0);
+fn probability(fraction: f32) -> f32 {
+    if fraction <= 0.0 || fraction >= 1.0 {
+        return fraction.clamp(0.0, 1.0);
     }
-    share.clamp(MIN_PROBABILITY, 1.0 - MIN_PROBABILITY)
+    fraction.clamp(MIN_PROBABILITY, 1.0 - MIN_PROBABILITY)
 }
 
-/// Value and density of a mapped surface for a viewer, with each part around its own normal; and the value of its base.
+/// BSDF value and pdf of a normal-mapped surface, with base and other lobes around their own normals; and the value of the base.
 pub(super) fn eval_lobes(evaluated: &EvaluatedMaterial, ng: Vec3, [wo, wi]: [Vec3; 2]) -> (BsdfEval, Rgb) {
-    let facets = Frame::from_normal(scattering_normal(evaluated.ns, ng, wo));
-    let base = Frame::from_normal(evaluated.ns);
-    let wo_facets = facets.to_local(wo);
-    let (of_base, of_facets, share) = evaluated.bsdf.split_base(wo_facets);
+    let bent = Frame::from_normal(scattering_normal(evaluated.ns, ng, wo));
+    let mapped = Frame::from_normal(evaluated.ns);
+    let wo_bent = bent.to_local(wo);
+    let (base, glossy, fraction) = evaluated.bsdf.split_base(wo_bent);
     let (a, b) = (
-        of_base.eval(local_viewer(&base, wo, ng), base.to_local(wi)),
-        of_facets.eval(wo_facets, facets.to_local(wi)),
+        base.eval(local_viewer(&mapped, wo, ng), mapped.to_local(wi)),
+        glossy.eval(wo_bent, bent.to_local(wi)),
     );
-    let p = probability(share);
+    let p = probability(fraction);
     let eval = BsdfEval {
         f_cos: a.f_cos + b.f_cos,
         pdf_solid_angle: p * a.pdf_solid_angle + (1.0 - p) * b.pdf_solid_angle,
@@ -148,7 +146,7 @@ pub(super) fn eval_lobes(evaluated: &EvaluatedMaterial, ng: Vec3, [wo, wi]: [Vec
 }
 
 impl Integrator<'_> {
-    /// Keeps the shading normals of vertices of opaque glTF materials from before they are bent.
+    /// Saves the shading normals of opaque glTF vertices before they are bent.
     pub(super) fn keep_unbent_normals(&self, range: Range<usize>, v: &mut Vertices) {
         if self.scene.features.mapped_normals {
             for c in 0..3 {
@@ -158,7 +156,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// Selects parts of opaque glTF materials whose mapped normals were bent.
+    /// Selects the base or the other lobes at opaque glTF vertices whose mapped normals were bent.
     pub(super) fn select_lobes(&self, bounce: u32, range: Range<usize>, w: &mut Workspace) {
         if !self.scene.features.mapped_normals {
             return;
@@ -170,14 +168,14 @@ impl Integrator<'_> {
                 continue;
             }
             let closures = &mut v.metal_rough_closures;
-            let share = closures.probability_diffuse[i];
-            if share <= 0.0 {
-                v.relief[i] = WHOLE_LIGHT;
+            let fraction = closures.probability_diffuse[i];
+            if fraction <= 0.0 {
+                v.relief[i] = UNSHADOWED;
             }
             if v.is_bent[i] == 0.0 {
                 continue;
             }
-            let p = probability(share);
+            let p = probability(fraction);
             let [_, u, ..] = SobolPoint::from_parts(path.seed[i], path.shuffled[i]).sample_4d(&dimensions);
             let is_base = u < p;
             if is_base {
@@ -188,7 +186,7 @@ impl Integrator<'_> {
                 set(&mut v.ns, i, unbent);
             } else {
                 set_rgb(&mut closures.diffuse, i, Rgb::ZERO);
-                v.relief[i] = WHOLE_LIGHT;
+                v.relief[i] = UNSHADOWED;
             }
             closures.probability_diffuse[i] = if is_base { 1.0 } else { 0.0 };
             closures.probability_specular[i] = if is_base { 0.0 } else { 1.0 };
@@ -197,7 +195,8 @@ impl Integrator<'_> {
         }
     }
 
-    /// The material at the vertex of arriving path `i`, with the normal that its BSDF is evaluated around; one of its parts where they need two.
+    /// The material of arriving path `i` with the bent normal; if the mapped normal differs, the base or the other lobes, selected at
+    /// random.
     pub(super) fn select_lobe(
         &self,
         bounce: u32,
@@ -210,8 +209,8 @@ impl Integrator<'_> {
         if !evaluated.mapping.is_mapped || bent == evaluated.ns {
             return EvaluatedMaterial { ns: bent, ..evaluated };
         }
-        let (base, above, share) = evaluated.bsdf.split_base(Frame::from_normal(bent).to_local(wo));
-        let p = probability(share);
+        let (base, above, fraction) = evaluated.bsdf.split_base(Frame::from_normal(bent).to_local(wo));
+        let p = probability(fraction);
         let path = &mut w.arriving.state;
         let dimensions = self.dimensions(bounce, Purpose::Mix);
         let [_, u, ..] = SobolPoint::from_parts(path.seed[i], path.shuffled[i]).sample_4d(&dimensions);

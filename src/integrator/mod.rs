@@ -1,13 +1,12 @@
-//! Path tracing in waves (Laine, Karras, Aila 2013): a few thousand paths take each step together, so that rays are
-//! traced in batches and loops over paths vectorise.
+//! Wavefront path tracing (Laine, Karras, Aila 2013, "Megakernels Considered Harmful"): a few thousand paths advance together, so that
+//! rays are traced in batches and loops over paths vectorise.
 //!
-//! A wave starts at the camera; then each bounce runs through the list of `stages`, which is the place to start reading.
+//! A wave starts at the camera; then each bounce runs the list of `stages`, which is the place to start reading.
 //!
-//! Light that arrives directly is found in two ways, by sampling lights and by hitting them after scattering, weighted
-//! by the power heuristic (Veach 1997, section 9.2). Where paths are shared, they are cut at surfaces on their way and
-//! connected to each other at the end of the wave: see [`reuse`]. Results depend on nothing but the scene, the options
-//! and the sample (and its group, where paths are shared): neither on threads nor on how samples are grouped into
-//! waves.
+//! Direct light is estimated by light sampling and BSDF sampling, weighted by the power heuristic (Veach 1997, section 9.2). With path
+//! reuse, paths are cut into prefixes and suffixes and connected to each other at the end of the wave: see [`reuse`]. Results depend
+//! only on the scene, the options and the sample (with reuse, on its group of samples), not on threads or on the grouping of samples
+//! into waves.
 
 mod caustics;
 mod direct_light;
@@ -61,66 +60,65 @@ use shading_groups::{ShadingGroup, groups_of};
 use walk_guide::RandomWalks;
 use wave::{OptionalState, StateConditions};
 
-/// Options that concern paths.
+/// Options of the integrator.
 #[derive(Clone, Debug)]
 pub struct IntegratorOptions<'a> {
-    /// Largest number of scattering events; 0 shows emission only.
+    /// Maximum number of bounces; with 0, only emission is visible.
     pub max_depth: u32,
-    /// Maximum numbers of scattering events by kind.
+    /// Maximum numbers of bounces by kind.
     pub bounces: BounceLimits,
-    /// Clamping of the light of single paths.
+    /// Clamping of path contributions (fireflies).
     pub clamp: Clamp,
-    /// Strength of the glossy filter; 0 without it.
+    /// Strength of the glossy filter; 0 is off.
     pub filter_glossy: f32,
-    /// Caustics that are left out.
+    /// Disabled caustics.
     pub skip_caustics: SkippedCaustics,
-    /// How many samples pixels take, and which random points.
+    /// Sample counts and random number sequences of pixels.
     pub plan: SamplePlan<'a>,
     /// Reconstruction filter.
     pub filter: &'a FilterSampler,
-    /// AOVs of first hits and light passes that are asked for.
+    /// Requested AOVs of first hits and light passes.
     pub aovs: AovSet,
-    /// Which space those of places and directions are in.
+    /// Space of position and direction AOVs.
     pub aov_space: AovSpace,
-    /// The ids that mattes show.
+    /// Ids of the Cryptomatte AOVs.
     pub mattes: &'a MatteIds,
-    /// How many of the scene's groups of lights are kept apart: all or none.
+    /// Number of light groups recorded separately: all of the scene's or 0.
     pub light_groups: usize,
-    /// Record the light on shadow catchers with and without shadow casters. Paths are neither shared nor split then.
+    /// Record the light on shadow catchers with and without shadow casters. Excludes path reuse and splitting.
     pub catchers: bool,
-    /// Make samples transparent that see where nothing is through clear glass.
+    /// Make samples transparent that see the background through clear glass.
     pub transparent_glass: bool,
-    /// Softening of the shadow terminator of triangles with shading normals.
+    /// Correction of the shadow terminator of triangles with shading normals.
     pub terminator: ShadowTerminator,
-    /// Which samples share their paths, if any. Blocks are a wave then, and end where regions do.
+    /// Groups of samples that reuse each other's paths, if any. Each block is then one wave and ends at region borders.
     pub reuse: Option<Tiling>,
-    /// How many paths continue from the first surface of each sample; a power of two, and 1 where samples share paths.
+    /// Path splitting: number of paths that continue from the first surface of each sample; a power of two, 1 with path reuse.
     pub branches: u32,
-    /// Keep the estimates without sharing and splitting, too.
+    /// Also record the estimates without path reuse and splitting.
     pub keeps_plain: bool,
-    /// Which light is left to paths from lights, if any.
+    /// Light tracing of caustics, if any.
     pub caustics: Option<&'a CausticPlan>,
-    /// Guides the paths, if any.
+    /// Path guide, if any.
     pub guide: Option<&'a Guide>,
-    /// Record the radiance that paths find, to train a guide, which may be empty. Paths are neither shared nor split then.
+    /// Record training samples for a guide, which may be blank. Excludes path reuse and splitting.
     pub records_training: bool,
 }
 
 /// A finished sample.
 #[derive(Clone, Copy, Debug)]
 pub struct PathSample<'a> {
-    /// Pixel of the block, row by row.
+    /// Pixel index in the block, row-major.
     pub pixel: u32,
-    /// Radiance, linear.
+    /// Radiance, linear Rec. 709.
     pub rgb: [f32; 3],
-    /// Alpha, 0 to 1: 1 where the ray hit an object, less behind clear glass.
+    /// Alpha, 0 to 1: 1 if the ray hit an object, less behind clear glass.
     pub alpha: f32,
-    /// Components of the requested AOVs of the first surface, if there is one, one after another in the
-    /// order of the table of AOVs.
+    /// Components of the requested AOVs of the first hit, if any, in the order of the table of AOVs.
     pub first_hit: Option<&'a [f32]>,
-    /// The requested light passes, then the light groups.
+    /// Radiance of the requested light passes, then of the light groups.
     pub parts: &'a [[f32; 3]],
-    /// The radiance without path sharing and splitting, where that is recorded.
+    /// Radiance without path reuse and splitting, if recorded.
     pub plain: [f32; 3],
 }
 
@@ -131,23 +129,23 @@ pub struct Integrator<'a> {
     options: IntegratorOptions<'a>,
     /// Shading group of each material.
     groups: Vec<ShadingGroup>,
-    /// By material: may its surfaces be absent in places?
+    /// By material: may rays pass hits unscattered (alpha, visibility, one-sided)?
     may_be_absent: Vec<bool>,
-    /// By material: is it excluded when shadow catchers are rendered without their casters?
+    /// By material: excluded when shadow catchers are rendered without shadow casters?
     excluded: Vec<bool>,
-    /// By material: either of the two?
+    /// By material: `may_be_absent` or `excluded`.
     absent_or_excluded: Vec<bool>,
-    /// AOVs of first hits.
+    /// Requested AOVs of first hits.
     first_hits: AovSet,
-    /// Layers of the radiance that are recorded.
+    /// Light passes and light groups recorded.
     layers: Layers,
     /// Solids around the camera.
     camera_interior: CameraInterior,
-    /// Media in which paths walk at random from surface to surface.
+    /// Media with subsurface random walks.
     random_walks: RandomWalks,
     /// Optional path state in use.
     optional: OptionalState,
-    /// The scene's light, where it has a single one with a vectorised sampler.
+    /// Index of the scene's only light, if it has a vectorised sampler.
     only_light: Option<u32>,
     /// Prepared Sobol dimensions of the camera and of the first bounces.
     dimensions: Vec<Dimensions>,
@@ -157,7 +155,7 @@ pub struct Integrator<'a> {
 const PREPARED_BOUNCES: u32 = 32;
 
 impl<'a> Integrator<'a> {
-    /// Prepares to trace a view of a scene.
+    /// An integrator for a view of a scene.
     pub fn new(scene: &'a CompiledScene, view: &'a View, options: IntegratorOptions<'a>) -> Integrator<'a> {
         let sets = 1 + 2 * PREPARED_BOUNCES.min(options.max_depth);
         let groups = groups_of(scene, options.filter_glossy > 0.0);
@@ -200,7 +198,7 @@ impl<'a> Integrator<'a> {
         }
     }
 
-    /// The correction of shading normals for light near the horizon.
+    /// The shadow terminator correction in use.
     fn terminator(&self) -> Terminator {
         let has_relief = self.scene.features.mapped_normals;
         match self.options.terminator {
@@ -212,7 +210,7 @@ impl<'a> Integrator<'a> {
         }
     }
 
-    /// Do shadow rays start at the curved surface that triangles stand for?
+    /// Do shadow rays start at the smooth surface (see [`lifted_rays`])?
     fn lifts_shadow_rays(&self) -> bool {
         self.options.terminator == ShadowTerminator::Lifted && self.scene.features.normals
     }
@@ -250,14 +248,14 @@ mod tests {
     use crate::simd::{Kernel, Table, dispatch};
     use crate::texture::CompiledTextures;
 
-    /// Vertices of a test.
+    /// Number of vertices in a test.
     const COUNT: usize = 1500;
 
     fn color(random: &mut Random) -> Rgb {
         Rgb::new(random.next(), random.next(), random.next())
     }
 
-    /// Vertices with normals on the viewer's side, light samples of all kinds around them, and paths that arrive.
+    /// Random vertices with normals on the viewer's side, light samples of all kinds, and path states.
     fn random_wave(random: &mut Random) -> Box<Wave> {
         let mut wave: Box<Wave> = bytemuck::zeroed_box();
         let Wave { paths, vertices: v, .. } = &mut *wave;
@@ -309,7 +307,7 @@ mod tests {
         assert!(difference.iter().all(|d| d.abs() <= 2e-4 * size.max(1e-3)), "{what}: {a:?} {b:?}");
     }
 
-    /// Runs both loops of a class at the best CPU level and the general ones with the BSDFs that it stands for.
+    /// Compares the direct-light and scattering kernels of a class, at the best CPU level, with the general kernels for equal BSDFs.
     fn compare(mut wave: Box<Wave>, class: impl VertexClass + Copy, bsdfs: &[Bsdf]) {
         let mut general_wave = copy(&wave);
         let general = || GeneralClass { bsdfs, first: 0 };
@@ -320,7 +318,7 @@ mod tests {
         for i in 0..COUNT {
             let of = |w: &Wave| get_rgb(&w.vertices.light.contribution, i);
             let (own, other) = (of(&wave), of(&general_wave));
-            // Behind the shading normal alone, only the contribution is defined.
+            // Directions below the shading normal only: contributions may be negative or 0.
             assert_close(own.max(Rgb::ZERO), other.max(Rgb::ZERO), &format!("contribution {i}"));
             if own.max_element() > 0.0 {
                 lit += 1;
@@ -339,7 +337,7 @@ mod tests {
             let pdf = |w: &Wave| w.paths.state.pdf[i];
             let (own, other) = (pdf(&wave), pdf(&general_wave));
             if own.has_ended() != other.has_ended() {
-                // Rounding decides who survives.
+                // Rounding decides survival.
                 borderline += 1;
                 continue;
             }
@@ -358,7 +356,7 @@ mod tests {
     }
 
     #[test]
-    fn lambertian_loops_do_as_the_general_ones() {
+    fn lambert_kernels_match_the_general_ones() {
         let mut random = Random::new(3);
         let mut wave = random_wave(&mut random);
         let mut bsdfs = Vec::new();
@@ -371,7 +369,7 @@ mod tests {
     }
 
     #[test]
-    fn gltf_loops_do_as_the_general_ones() {
+    fn gltf_kernels_match_the_general_ones() {
         let fresnels = [FresnelModel::Exact, FresnelModel::Schlick];
         let pairs = [EnergyCompensation::On, EnergyCompensation::Off].map(|e| fresnels.map(|f| (e, f)));
         for (energy_compensation, fresnel) in pairs.into_iter().flatten() {
@@ -399,31 +397,30 @@ mod tests {
         }
     }
 
-    /// Samples a light by the vectorised loop and one vertex at a time.
+    /// Compares the vectorised sampling of a light with scalar sampling.
     fn compare_samples(sampler: impl VectorSampler, sample: impl Fn(Vec3, [f32; 2]) -> LightSample) {
         let mut random = Random::new(7);
         let mut wave = random_wave(&mut random);
         let dimensions = &Dimensions::new(1);
         dispatch(SampleLight { wave: &mut wave, count: COUNT, dimensions, sampler });
-        let reached = compare_light(&wave, |i| {
+        let lit = compare_light(&wave, |i| {
             let path = &wave.paths.state;
             let [a, b, ..] = SobolPoint::from_parts(path.seed[i], path.shuffled[i]).sample_4d(dimensions);
             sample(get(&wave.vertices.p, i), [a, b])
         });
-        assert!(reached > COUNT / 4, "{reached} reached");
+        assert!(lit > COUNT / 4, "{lit} lit");
     }
 
-    /// Light samples beside those that one vertex at a time gives, with the probability of the light in the density: at how
-    /// many vertices there is light.
+    /// Compares light samples with scalar ones, whose pdf includes the selection probability; returns the number of lit vertices.
     fn compare_light(wave: &Wave, one: impl Fn(usize) -> LightSample) -> usize {
         let v = &wave.vertices;
-        let mut reached = 0;
+        let mut lit = 0;
         for i in 0..COUNT {
             let one = one(i);
             let (pdf, expected) = (v.light.pdf[i].value(), one.pdf_solid_angle);
             assert!((pdf - expected).abs() <= 1e-4 * expected, "pdf {i}: {pdf} {expected}");
             if expected > 0.0 {
-                reached += 1;
+                lit += 1;
                 assert!((get(&v.light.wi, i) - one.wi).length() < 1e-5, "wi {i}");
                 assert_close(get_rgb(&v.light.radiance, i), one.radiance, &format!("radiance {i}"));
                 assert_eq!(v.light.is_infinite[i] > 0.0, one.is_infinite);
@@ -432,11 +429,11 @@ mod tests {
                 }
             }
         }
-        reached
+        lit
     }
 
     #[test]
-    fn many_samples_of_a_rectangle_are_as_single_ones() {
+    fn vectorised_rectangle_samples_match_scalar_ones() {
         let edges = Edges { corner: Vec3::new(-0.5, 3.0, -0.5), edge_u: Vec3::X, edge_v: Vec3::Z };
         let radiance = Radiance::Constant(Rgb::new(3.0, 2.0, 1.0));
         let light = AreaLight::new(AreaShape::Rectangle(edges), true, radiance);
@@ -447,7 +444,7 @@ mod tests {
     }
 
     #[test]
-    fn many_samples_of_many_rectangles_are_as_single_ones() {
+    fn vectorised_samples_of_many_rectangles_match_scalar_ones() {
         let mut random = Random::new(29);
         let mut area = Vec::new();
         for k in 0..7 {
@@ -461,7 +458,7 @@ mod tests {
         }
         let textures = CompiledTextures::resident(&[], &[], Vec3::ZERO);
         let lights = Lights::new(area, Vec::new(), None, &textures);
-        let rectangles = Table::new(lights.rectangles().expect("nothing but rectangles"));
+        let rectangles = Table::new(lights.rectangles().expect("only rectangles"));
         let mut wave = random_wave(&mut random);
         for i in 0..COUNT {
             wave.vertices.light.index[i] = i as u32 % 7;
@@ -469,16 +466,16 @@ mod tests {
             (wave.scratch[0][i], wave.scratch[1][i]) = (random.next(), random.next());
         }
         dispatch(SampleRectangles { wave: &mut wave, count: COUNT, rectangles });
-        let reached = compare_light(&wave, |i| {
+        let lit = compare_light(&wave, |i| {
             let (v, u) = (&wave.vertices.light, [wave.scratch[0][i], wave.scratch[1][i]]);
             let sample = lights.sample(&textures, v.index[i], get(&wave.vertices.p, i), u);
             LightSample { pdf_solid_angle: sample.pdf_solid_angle * v.pdf_discrete[i], ..sample }
         });
-        assert!(reached > COUNT / 8, "{reached} reached");
+        assert!(lit > COUNT / 8, "{lit} lit");
     }
 
     #[test]
-    fn many_samples_of_an_environment_are_as_single_ones() {
+    fn vectorised_environment_samples_match_scalar_ones() {
         let mut random = Random::new(13);
         let pixels: Vec<f32> = (0..32 * 16 * 3).map(|_| random.next() * random.next() * 4.0).collect();
         let image = Image::from_linear_rgb("random", 32, 16, pixels);
@@ -486,7 +483,7 @@ mod tests {
         let environment = EnvironmentLight::new(&environment, &[image], true);
         let textures = CompiledTextures::resident(&[], &[], Vec3::ZERO);
         let lights = Lights::new(Vec::new(), Vec::new(), environment, &textures);
-        let sampler = EnvironmentSampler::of(&lights).expect("one picture");
+        let sampler = EnvironmentSampler::of(&lights).expect("one image environment");
         compare_samples(sampler, |p, u| lights.sample(&textures, 0, p, u));
     }
 

@@ -1,20 +1,18 @@
-//! Panes: light samples through closed bodies of smooth glass with flat parallel faces.
+//! Panes: light sampling through closed bodies of smooth glass with flat parallel faces.
 //!
-//! Such a body does not change the direction of light that leaves it on the other side; it shifts it sideways. So light behind it can be
-//! sampled. Shadow rays pass with the transmittance of all orders of reflection within the body, t = T^2 a / (1 - R^2 a^2) with
-//! the reflectance R and transmittance T of a face and the transmittance a of one way through the glass. For lights at infinity the
-//! direction stays, for all others a connection that is refracted at both faces is found by Newton's method, with its
-//! Jacobian determinant in place of the inverse square of the distance (the specular manifold of Jakob, Marschner 2012, "Manifold
-//! Exploration", which here is a function of the direction alone).
+//! A pane shifts light sideways without changing the direction, so lights behind it can be sampled. Shadow rays pass with the
+//! transmittance of all orders of internal reflection, t = T^2 a / (1 - R^2 a^2) with the reflectance R and transmittance T of a face and
+//! the transmittance a of one crossing of the glass. For lights at infinity the direction doesn't change; for others, Newton's method
+//! finds the connection refracted at both faces, with its Jacobian determinant in place of the inverse squared distance (the specular
+//! manifold of Jakob, Marschner 2012, "Manifold Exploration", here parametrized by the direction alone).
 //!
-//! So that no light counts twice, rays that compete with light samples pass with the same transmittance, and their emission is weighted
-//! by the same densities. A ray that does not pass is reflected, with the reflectance of the whole body, r = R + T^2 R a^2 / (1 - R^2 a^2).
-//! Rays that don't compete (from the camera, from mirrors) treat the two faces as those of any other solid.
+//! To count no light twice, rays that compete with light samples pass with the same transmittance, and MIS weights use the same pdfs. A
+//! ray that does not pass is reflected, with the reflectance of the pane, r = R + T^2 R a^2 / (1 - R^2 a^2). Rays that don't compete
+//! (camera rays, specular directions) treat the two faces like those of any other solid.
 //!
-//! Neglected: light reflected k times within the body leaves it shifted by 2 k d tan(theta') more, d being the thickness: for
-//! glass this moves some 0.2 % of the light by some two thicknesses. Occluders between a vertex and a pane are tested along the straight
-//! connection to lights that are not at infinity: edges of shadows move by less than the thickness. Multiple reflections between
-//! two panes are found by scattered rays.
+//! Neglected: light reflected k times within the pane exits shifted by another 2 k d tan(theta'), with the thickness d: in glass some
+//! 0.2 % of the light by some two thicknesses. For lights not at infinity, occluders between a vertex and a pane are tested along the
+//! unrefracted connection: shadow edges move by less than the thickness. Interreflection between two panes is left to scattered rays.
 
 use super::Integrator;
 use super::guiding::Guided;
@@ -35,27 +33,27 @@ use crate::color::spectral::Wavelengths;
 use crate::math::{Hit, Ray, Vec3, offset_along};
 use crate::scene::EnergyCompensation;
 
-/// Largest sine of the angle between the two faces.
+/// Maximum sine of the angle between the two faces.
 const MAX_WEDGE: f32 = 1e-3;
 
 /// Effect of a pane on a ray that hits it.
 #[derive(Clone, Copy, Debug)]
 struct Crossing {
     slab: Slab,
-    /// Transmittance and reflectance of the whole body.
+    /// Transmittance and reflectance of the pane.
     transmittance: Rgb,
     reflectance: Rgb,
     /// Sideways shift of the ray.
     offset: Vec3,
-    /// Where it leaves the body.
+    /// Exit point.
     exit: Vec3,
     exit_hit: Hit,
-    /// From where the ray continues, along its direction from the hit, metres.
+    /// Distance along the ray from the hit to where the ray continues, metres.
     advance: f32,
 }
 
 impl Integrator<'_> {
-    /// The pane that a ray enters at a hit, from air; `None` if there is none.
+    /// The crossing of a pane that a ray in air enters at a hit; `None` if the hit is no pane.
     fn crossing(
         &self,
         (ray, hit, time): (&Ray, &Hit, f32),
@@ -76,7 +74,7 @@ impl Integrator<'_> {
             return None;
         }
         let exit_index = self.scene.geometries.material(&exit_hit);
-        let exit = self.point_of(&inner, exit_hit, exit_index, time);
+        let exit = self.ray_hit_point(&inner, exit_hit, exit_index, time);
         let thickness = exit_hit.t * front.cos_transmitted;
         let is_pane = exit.is_back
             && exit.material.medium_index == material.medium_index
@@ -90,20 +88,21 @@ impl Integrator<'_> {
         {
             return None;
         }
-        let left = self.read_material(&exit, 0.0, -within, wavelengths);
-        let (_, back) = left.bsdf.smooth_interface(front.cos_transmitted, true)?;
+        let exit_material = self.read_material(&exit, 0.0, -within, wavelengths);
+        let (_, back) = exit_material.bsdf.smooth_interface(front.cos_transmitted, true)?;
         let medium = &self.scene.media[usize::from(material.medium_index)];
-        let way = medium.transmittance_at(exit_hit.t, wavelengths);
-        // All orders of reflection between the faces.
-        let orders = (back.reflected * back.reflected * way * way).map(|again| 1.0 / (1.0 - again).max(1e-6));
-        let entering = front.transmitted * way * orders;
+        let absorbed = medium.transmittance_at(exit_hit.t, wavelengths);
+        // Geometric series over the orders of reflection between the faces.
+        let orders = (back.reflected * back.reflected * absorbed * absorbed)
+            .map(|ratio| 1.0 / (1.0 - ratio).max(1e-6));
+        let entering = front.transmitted * absorbed * orders;
         let advance = thickness / cosine;
-        // The exit, again, of neighbouring triangles.
+        // Skips the exit face of adjacent triangles.
         let margin = 2.0 * normal.abs().dot(exit.surface.p_error) / cosine;
         Some(Crossing {
             slab: Slab { normal, thickness, ior },
             transmittance: entering * back.transmitted,
-            reflectance: front.reflected + entering * back.reflected * way * back.transmitted,
+            reflectance: front.reflected + entering * back.reflected * absorbed * back.transmitted,
             offset: within * exit_hit.t - direction * advance,
             exit: exit.surface.p,
             exit_hit,
@@ -111,7 +110,7 @@ impl Integrator<'_> {
         })
     }
 
-    /// The point of a hit, if it may be the front of a pane's face.
+    /// The hit point, if it may be the front of a pane.
     fn front_of_pane(&self, (ray, hit, time): (&Ray, &Hit, f32)) -> Option<HitPoint<'_>> {
         if !hit.is_hit() {
             return None;
@@ -120,15 +119,15 @@ impl Integrator<'_> {
         if self.scene.materials[index as usize].pane_thickness <= 0.0 {
             return None;
         }
-        // Only flat primitives, whose points don't depend on the ray.
+        // Only flat primitives.
         self.scene.geometries.is_back_of_flat(ray, hit, time)?;
-        let at = self.point_of(ray, *hit, index, time);
+        let at = self.ray_hit_point(ray, *hit, index, time);
         let (ng, ns) = (at.surface.ng, at.surface.ns);
         let is_front = !at.is_back && ray.direction.dot(ng) < 0.0 && ns.cross(ng).length() <= MAX_WEDGE;
         is_front.then_some(at)
     }
 
-    /// Does a ray enter a pane at a hit that light samples pass?
+    /// Does a ray enter a pane, which shadow rays pass, at a hit?
     pub(super) fn enters_pane(
         &self,
         at: (&Ray, &Hit, f32),
@@ -138,12 +137,12 @@ impl Integrator<'_> {
         self.crossing(at, interior, wavelengths).is_some()
     }
 
-    /// Is a path outside of all bodies with a surface?
+    /// Is a path outside all solids? Media without a surface are allowed.
     fn is_air(&self, interior: Interior) -> bool {
         interior == Interior::AIR || self.scene.media[usize::from(interior.medium())].adds_up
     }
 
-    /// Clears the panes passed at the bounce before.
+    /// Clears the panes passed by the rays of the previous bounce.
     pub(super) fn start_crossings(&self, w: &mut Workspace) {
         w.crossings.clear();
         if self.scene.features.panes {
@@ -151,7 +150,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// Does the ray of arriving path `i` pass the pane that it hit, if it is one? Weights the path's throughput.
+    /// Decides whether the ray of arriving path `i` passes a pane at a hit, and if so weights the throughput; false if the hit is no pane.
     pub(super) fn passes_pane(
         &self,
         (bounce, i): (u32, usize),
@@ -184,7 +183,7 @@ impl Integrator<'_> {
         passes
     }
 
-    /// Sets the origins of rays that left the scene back to their vertices, to which the densities of light samples refer.
+    /// Resets the origins of escaped rays to their vertices, for the pdfs of light sampling.
     pub(super) fn end_crossings(&self, w: &mut Workspace) {
         for ((passed, ray), hit) in w.crossings.iter_mut().zip(&mut w.rays).zip(&w.hits) {
             if !hit.is_hit() {
@@ -193,13 +192,13 @@ impl Integrator<'_> {
         }
     }
 
-    /// The vertex where the ray of arriving path `i` started.
+    /// The vertex from which the ray of arriving path `i` started, without shifts by panes.
     #[inline(always)]
     pub(super) fn start_of_ray(&self, i: usize, w: &Workspace) -> Vec3 {
         w.rays[i].origin - w.crossings.get(i).map_or(Vec3::ZERO, |passed| passed.offset)
     }
 
-    /// Factor of the density of light samples at `target`, on a light with a normal there, by the panes that arriving path `i` passed.
+    /// Factor on the light sampling pdf at `target`, a point with `normal` on a light, by the panes that arriving path `i` passed.
     #[inline]
     pub(super) fn pane_density_ratio(
         &self,
@@ -216,8 +215,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// The BSDF of a pane for arriving path `i`, which competes with light samples and did not pass: a mirror. Weights the path's
-    /// throughput.
+    /// The BSDF of a pane for arriving path `i`, which competes with light samples and did not pass: a mirror. Weights the throughput.
     pub(super) fn reflect_at_pane(&self, thickness: f32, i: usize, w: &mut Workspace) -> Option<Bsdf> {
         let passed = w.crossings.get(i).filter(|_| thickness > 0.0)?;
         let state = &w.arriving.state;
@@ -238,7 +236,7 @@ impl Integrator<'_> {
 }
 
 impl Integrator<'_> {
-    /// Remembers the light samples of shadow rays before these pass panes.
+    /// Saves the light samples of shadow rays before panes refract them.
     pub(super) fn start_shadow_crossings(&self, sorted: &SortedVertices, w: &mut Workspace) {
         let Wave { paths, vertices: v, .. } = &*w.wave;
         w.shadow_crossings.clear();
@@ -255,8 +253,8 @@ impl Integrator<'_> {
         }));
     }
 
-    /// The shadow ray of vertex `i` behind the pane that it hit; `None` if the hit is no pane. Turns light samples at a finite distance to the
-    /// refracted connection.
+    /// Continues the shadow ray of vertex `i` behind a pane; `None` if the hit is no pane. Light samples at a finite distance are replaced
+    /// by the refracted connection.
     pub(super) fn shadow_ray_passes_pane(
         &self,
         i: usize,
@@ -278,13 +276,13 @@ impl Integrator<'_> {
         let (origin, target) = (get(&light.origin, i), get(&light.target, i));
         let w = passed.slabs.connect(origin, target)?;
         set(&mut light.wi, i, w);
-        // Each pane turns the connection: Fresnel's equations at its final angle.
+        // Each further pane changes the connection's angle: evaluate all Fresnel terms again.
         let refracted = Ray { direction: w, ..*ray };
         let of = |hit: &Hit| self.crossing((&refracted, hit, time), passed.interior, wavelengths);
         let product = |all: Option<Rgb>, hit: &Hit| Some(all? * of(hit)?.transmittance);
         passed.transmittance = passed.hits().iter().fold(Some(Rgb::ONE), product)?;
         let s = passed.slabs.length(w, origin, target);
-        // From the pane's far face on.
+        // The ray restarts at the exit face.
         let normal = crossing.slab.normal;
         let rest = (target - crossing.exit).dot(normal) / w.dot(normal);
         let margin = crossing.advance - crossing.slab.thickness / w.dot(normal).abs();
@@ -299,8 +297,7 @@ impl Integrator<'_> {
         })
     }
 
-    /// Attenuates the light samples whose shadow rays passed panes. Those that were refracted are evaluated again, with the direction at
-    /// the vertex and its density.
+    /// Attenuates the light samples whose shadow rays passed panes; refracted ones are evaluated again with their new direction and pdf.
     pub(super) fn refract_light_samples(&self, branches: f32, sorted: &SortedVertices, w: &mut Workspace) {
         for k in 0..w.shadow_crossings.len() {
             let (passed, i) = (w.shadow_crossings[k], w.shadow_vertices[k] as usize);
@@ -328,7 +325,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// The contribution of vertex `i` by a light sample of a direction and density, without transmittance.
+    /// The contribution of a light sample (vertex, direction, pdf), without transmittance.
     fn light_sample_value(
         &self,
         sample: (usize, Vec3, LightPdf),
@@ -360,7 +357,7 @@ impl Integrator<'_> {
     }
 }
 
-/// `a / b` by channel; 0 where `b` is 0.
+/// `a / b` per channel; 0 where `b` is 0.
 fn quotient(a: Rgb, b: Rgb) -> Rgb {
     let (a, b) = (a.to_array(), b.to_array());
     let of = |c: usize| if b[c] > 0.0 { a[c] / b[c] } else { 0.0 };

@@ -1,8 +1,8 @@
-//! Radiance of the samples of a wave, and its layers: light passes and light groups.
+//! Radiance of the samples of a wave, split into layers: light passes and light groups.
 //!
-//! All light passes sum to the picture, and so do all light groups. The first scattering event of a path decides its
-//! pass: its diffuse fraction, by channel, follows from the values of the BSDF's lobes for the two directions (as in
-//! Cycles); the rest is glossy, or transmitted. Light is direct where the path found it with one scattering event.
+//! The light passes sum to the picture, and so do the light groups. The first bounce of a path selects the passes: the diffuse
+//! fraction, per channel, is that of the BSDF's lobes for the two directions (as in Cycles); the rest is glossy or transmission.
+//! Contributions after one bounce are direct, after several indirect.
 
 use super::wave::{FirstBounce, FirstBounces, WAVE};
 use crate::color::Rgb;
@@ -10,29 +10,27 @@ use crate::color::spectral::Wavelengths;
 use crate::film::{Aov, AovSet, CATCHER_PARTS, Source};
 use crate::scene::Clamp;
 
-/// Path classes of light passes.
+/// Classes of paths that light passes distinguish.
 #[derive(Clone, Copy, Debug)]
 pub enum PathClass {
-    /// Emission that the camera sees directly.
+    /// Emission hit by camera rays.
     Emission,
-    /// The environment that the camera sees directly.
+    /// Environment hit by camera rays.
     Environment,
-    /// One scattering event.
+    /// One bounce.
     Direct(FirstBounce),
-    /// Several scattering events.
+    /// Several bounces.
     Indirect(FirstBounce),
 }
 
 /// Path class and light group of a contribution.
 #[derive(Clone, Copy, Debug)]
 pub struct RadianceOrigin {
-    /// The class of its path.
     pub class: PathClass,
-    /// The light group of its light.
     pub group: u16,
 }
 
-/// The layers that are recorded: light passes, then light groups, then those of shadow catchers.
+/// The recorded layers: light passes, then light groups, then those of shadow catchers.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Layers {
     passes: AovSet,
@@ -42,11 +40,11 @@ pub struct Layers {
     catchers: bool,
     /// Number of light passes.
     pass_count: usize,
-    /// The layer of each of [`PASSES`].
-    places: [Option<u8>; 2 + 2 * 3],
+    /// Layer of each of [`PASSES`], if recorded.
+    pass_layers: [Option<u8>; 2 + 2 * 3],
 }
 
-/// Light passes in this order.
+/// Light passes in the order of [`Layers::shares`].
 const PASSES: [Aov; 8] = [
     Aov::Emission,
     Aov::Environment,
@@ -59,11 +57,11 @@ const PASSES: [Aov; 8] = [
 ];
 
 impl Layers {
-    /// The light passes among AOVs, the first light groups, and shadow catchers.
+    /// Layers for the light passes among `aovs`, the first `groups` light groups, and shadow catchers.
     pub fn new(aovs: AovSet, groups: usize, catchers: bool) -> Layers {
         let passes = aovs.of(Source::PartOfColor);
         let of_catchers = if catchers { CATCHER_PARTS } else { 0 };
-        let place = |aov| passes.iter().position(|other| other == aov).map(|place| place as u8);
+        let layer = |aov| passes.iter().position(|other| other == aov).map(|layer| layer as u8);
         let pass_count = passes.iter().count();
         Layers {
             passes,
@@ -71,7 +69,7 @@ impl Layers {
             count: pass_count + groups + of_catchers,
             catchers,
             pass_count,
-            places: PASSES.map(place),
+            pass_layers: PASSES.map(layer),
         }
     }
 
@@ -101,55 +99,60 @@ impl Layers {
         self.catchers.then(|| self.count - CATCHER_PARTS)
     }
 
-    /// The layers of the light passes of a path class, and its fractions there.
+    /// The layers of a path class's light passes, with the fraction for each.
     pub fn shares(&self, class: PathClass) -> [(Option<usize>, Rgb); 2] {
-        let place = |pass: usize| self.places[pass].map(usize::from);
+        let layer = |pass: usize| self.pass_layers[pass].map(usize::from);
         let (first, diffuse) = match class {
-            PathClass::Emission => return [(place(0), Rgb::ONE), (None, Rgb::ZERO)],
-            PathClass::Environment => return [(place(1), Rgb::ONE), (None, Rgb::ZERO)],
+            PathClass::Emission => return [(layer(0), Rgb::ONE), (None, Rgb::ZERO)],
+            PathClass::Environment => return [(layer(1), Rgb::ONE), (None, Rgb::ZERO)],
             PathClass::Direct(first) => (first, 2),
             PathClass::Indirect(first) => (first, 5),
         };
         let rest = diffuse + if first.crosses { 2 } else { 1 };
-        [(place(diffuse), first.diffuse), (place(rest), Rgb::ONE - first.diffuse)]
+        [(layer(diffuse), first.diffuse), (layer(rest), Rgb::ONE - first.diffuse)]
     }
 }
 
-/// The class of light that path `i` hit after `bounce` scattering events.
-pub fn class_of_path(bounce: u32, seen: PathClass, first_bounces: &FirstBounces, i: usize) -> PathClass {
+/// The class of emission hit by path `i` after `bounce` bounces; `unscattered` is the class for camera rays.
+pub fn class_of_path(
+    bounce: u32,
+    unscattered: PathClass,
+    first_bounces: &FirstBounces,
+    i: usize,
+) -> PathClass {
     match bounce {
-        0 => seen,
+        0 => unscattered,
         1 => PathClass::Direct(first_bounces.get(i)),
         _ => PathClass::Indirect(first_bounces.get(i)),
     }
 }
 
-/// Alphas are multiples of one over this: coarse enough that f32 is exact, and sums in f64 of 2^31
-/// of them, too.
+/// Alphas are multiples of the reciprocal: exact in f32, and sums of 2^31 alphas are exact in f64.
 const ALPHA_GRID: f32 = 1_048_576.0;
 
-/// Radiance and alpha of the samples of a wave, and the recorded layers of the radiance. Indices after the samples hold
-/// radiance that is shared or joined later.
+/// Radiance, alpha and layers of the samples of a wave. Entries after the samples hold radiance of suffixes (path reuse) or branches
+/// (path splitting), which is added to samples later.
 pub struct RadianceBuffer {
+    /// Red, green, blue (or three wavelengths), alpha.
     samples: Vec<[f32; 4]>,
     /// Number of samples of the wave.
     count: usize,
-    /// Number of indices with light passes.
+    /// Number of entries with light passes.
     with_passes: usize,
-    /// Radiance of the samples without path sharing and splitting; empty where it is not recorded.
+    /// Radiance of the samples without path reuse and splitting; empty if not recorded.
     plain: Vec<[f32; 3]>,
     layers: Layers,
     clamp: Clamp,
-    /// By index: factor from its radiance to that of the picture, for the clamp; where there is one.
+    /// With a clamp, per entry: factor from its radiance to the picture's.
     clamp_scales: Vec<Rgb>,
-    /// There are neither layers nor a clamp.
+    /// Neither layers nor a clamp are in use.
     is_plain: bool,
-    /// Layers by index.
+    /// Layers per entry.
     parts: Vec<[f32; 3]>,
 }
 
 impl RadianceBuffer {
-    /// Without samples.
+    /// An empty buffer.
     pub fn new() -> RadianceBuffer {
         RadianceBuffer {
             samples: Vec::with_capacity(WAVE),
@@ -164,7 +167,7 @@ impl RadianceBuffer {
         }
     }
 
-    /// Begins a wave of `count` samples: black and transparent.
+    /// Resets the buffer to `count` samples, black and transparent.
     pub fn begin(&mut self, count: usize, layers: Layers, clamp: Clamp) {
         self.is_plain = layers.count() == 0 && clamp == Clamp::NONE;
         self.clamp = clamp;
@@ -176,7 +179,7 @@ impl RadianceBuffer {
         self.plain.clear();
     }
 
-    /// Extends the indices to `count`, for radiance that is shared or joined later.
+    /// Extends the buffer to `count` entries, without light passes.
     pub fn extend(&mut self, count: usize) {
         self.samples.resize(count, [0.0; 4]);
         self.parts.resize(count * self.layers.count(), [0.0; 3]);
@@ -185,23 +188,23 @@ impl RadianceBuffer {
         }
     }
 
-    /// The radiance of these indices reaches the picture times `throughput`.
+    /// Sets the factor for the clamp: radiance of these entries is added to the picture times `throughput`.
     pub fn scale_clamp(&mut self, indices: [u32; 2], throughput: Rgb) {
         if self.clamp != Clamp::NONE {
             indices.into_iter().for_each(|index| self.clamp_scales[index as usize] = throughput);
         }
     }
 
-    /// Extends the indices to `count`, for branches of samples: see [`RadianceBuffer::join`].
+    /// Extends the buffer to `count` entries with light passes, for branches of samples: see [`RadianceBuffer::join`].
     pub fn extend_with_passes(&mut self, count: usize) {
         self.with_passes = count;
         self.extend(count);
     }
 
-    /// Adds the radiance, alpha and layers of another index to a sample.
+    /// Adds the radiance, alpha and layers of another entry to a sample.
     pub fn join(&mut self, sample: u32, other: u32) {
         self.add(sample, self.radiance(other));
-        // Transparency that branches found behind glass.
+        // Branches behind clear glass reduce alpha.
         self.samples[sample as usize][3] += self.samples[other as usize][3];
         for layer in 0..self.layers.count() {
             let value = self.parts[other as usize * self.layers.count() + layer];
@@ -209,37 +212,37 @@ impl RadianceBuffer {
         }
     }
 
-    /// Copies the radiance of the samples to that without sharing and splitting; [`RadianceBuffer::add_plain`] adds more.
+    /// Copies the samples' radiance so far to the estimates without reuse and splitting; see [`RadianceBuffer::add_plain`].
     pub fn keep_plain(&mut self) {
         self.plain.clear();
         self.plain.extend(self.samples[..self.count].iter().map(|&[r, g, b, _]| [r, g, b]));
     }
 
-    /// Adds to the radiance of a sample without sharing and splitting.
+    /// Adds to a sample's estimate without reuse and splitting.
     pub fn add_plain(&mut self, sample: u32, value: Rgb) {
         let sum = &mut self.plain[sample as usize];
         *sum = (Rgb::from_array(*sum) + value).to_array();
     }
 
-    /// The radiance of a sample without sharing and splitting.
+    /// A sample's estimate without reuse and splitting.
     pub fn plain(&self, sample: usize) -> [f32; 3] {
         self.plain.get(sample).copied().unwrap_or_default()
     }
 
-    /// The radiance of an index so far.
+    /// The radiance of an entry so far.
     pub fn radiance(&self, index: u32) -> Rgb {
         let [r, g, b, _] = self.samples[index as usize];
         Rgb::new(r, g, b)
     }
 
-    /// The radiance of an index from a light group so far.
+    /// The radiance of an entry from a light group so far.
     pub fn radiance_of(&self, index: u32, group: usize) -> Rgb {
         let layer = self.layers.of_group(group);
         layer.map_or(Rgb::ZERO, |at| Rgb::from_array(self.parts[index as usize * self.layers.count() + at]))
     }
 
-    /// Adds weighted radiance of light that reaches the camera after `bounces` scattering events to an index: all light of the
-    /// picture goes through here. `origin` is called where layers are recorded.
+    /// Adds a contribution after `bounces` bounces to an entry: clamps it and splits it into layers. `origin` is only called if layers
+    /// are recorded.
     #[inline(always)]
     pub fn contribute(
         &mut self,
@@ -258,21 +261,21 @@ impl RadianceBuffer {
         }
     }
 
-    /// Scales the light of a path down to the clamp, as Cycles does.
+    /// Scales a contribution down to the clamp, by the sum of the channels as in Cycles.
     fn clamped(&self, index: u32, bounces: u32, value: Rgb) -> Rgb {
         let most = 3.0 * if bounces > 1 { self.clamp.indirect } else { self.clamp.direct };
-        let seen = value * self.clamp_scales.get(index as usize).copied().unwrap_or(Rgb::ONE);
-        let sum = seen.r.abs() + seen.g.abs() + seen.b.abs();
+        let scaled = value * self.clamp_scales.get(index as usize).copied().unwrap_or(Rgb::ONE);
+        let sum = scaled.r.abs() + scaled.g.abs() + scaled.b.abs();
         if sum > most { value * (most / sum) } else { value }
     }
 
-    /// Are there layers?
+    /// Are layers recorded?
     #[inline(always)]
     pub fn has_layers(&self) -> bool {
         self.layers.count() > 0
     }
 
-    /// Adds radiance to the layers of an index. Not inlined, as most pictures have none.
+    /// Adds radiance to the layers of an entry. Not inlined, since most pictures have none.
     #[cold]
     #[inline(never)]
     fn divide(&mut self, index: u32, value: Rgb, origin: impl FnOnce() -> RadianceOrigin) {
@@ -281,7 +284,7 @@ impl RadianceBuffer {
         self.add_to_group(index, value, group);
     }
 
-    /// Adds radiance to an index, but not to its layers.
+    /// Adds radiance to an entry, but not to its layers.
     #[inline(always)]
     pub fn add(&mut self, index: u32, value: Rgb) {
         let sum = &mut self.samples[index as usize];
@@ -291,7 +294,7 @@ impl RadianceBuffer {
         sum[2] += b;
     }
 
-    /// Adds radiance to the light passes of an index that has some; path sharing decides the passes of others later.
+    /// Adds radiance to the light passes of an entry, if it has any; for others, path reuse selects the passes later.
     pub fn add_to_passes(&mut self, index: u32, value: Rgb, class: PathClass) {
         if (index as usize) < self.with_passes && self.layers.has_passes() {
             for (layer, share) in self.layers.shares(class) {
@@ -312,29 +315,28 @@ impl RadianceBuffer {
         }
     }
 
-    /// Makes a sample opaque.
+    /// Sets the alpha of a sample to 1.
     #[inline(always)]
-    pub fn cover(&mut self, sample: u32) {
+    pub fn set_opaque(&mut self, sample: u32) {
         self.samples[sample as usize][3] = 1.0;
     }
 
-    /// Makes a sample transparent.
-    pub fn uncover(&mut self, sample: u32) {
+    /// Sets the alpha of a sample to 0.
+    pub fn set_transparent(&mut self, sample: u32) {
         self.samples[sample as usize][3] = 0.0;
     }
 
-    /// Is a sample opaque?
+    /// Is the alpha of a sample above 0?
     pub fn is_covered(&self, sample: u32) -> bool {
         self.samples[sample as usize][3] > 0.0
     }
 
-    /// Reduces the alpha of a sample by a transmittance, rounded to a grid on which sums are exact and so don't depend
-    /// on the order.
+    /// Reduces the alpha of a sample by a transmittance, rounded to [`ALPHA_GRID`] so that sums are exact and independent of the order.
     pub fn make_transparent(&mut self, sample: u32, share: f32) {
         self.samples[sample as usize][3] -= (share * ALPHA_GRID).round() / ALPHA_GRID;
     }
 
-    /// Records the radiance of a sample on a shadow catcher with and without casters.
+    /// Records the radiance of a sample on a shadow catcher with and without shadow casters.
     pub fn set_catcher(&mut self, sample: u32, with: Rgb, without: Rgb) {
         if let Some(first) = self.layers.of_catchers() {
             let at = sample as usize * self.layers.count() + first;
@@ -344,17 +346,17 @@ impl RadianceBuffer {
         }
     }
 
-    /// Converts spectral radiance to RGB, by the wavelengths of the samples.
+    /// Converts spectral radiance to RGB by the samples' wavelengths.
     pub fn convert_to_rgb(&mut self, wavelengths: &[Wavelengths]) {
         let count = self.layers.count();
         // The last layer of shadow catchers is a weight.
-        let of_light = if self.layers.of_catchers().is_some() { count - 1 } else { count };
+        let light_layers = if self.layers.of_catchers().is_some() { count - 1 } else { count };
         for (i, wavelengths) in wavelengths.iter().enumerate().take(self.count) {
             let [a, b, c, alpha] = self.samples[i];
             let [red, green, blue] = wavelengths.rgb([a, b, c]);
             self.samples[i] = [red, green, blue, alpha];
             self.plain.get_mut(i).into_iter().for_each(|plain| *plain = wavelengths.rgb(*plain));
-            self.parts[i * count..i * count + of_light]
+            self.parts[i * count..i * count + light_layers]
                 .iter_mut()
                 .for_each(|part| *part = wavelengths.rgb(*part));
         }

@@ -1,9 +1,9 @@
-//! Random walks within bodies: what scatters light beneath its surface, from where a path enters it to where it hits a surface.
+//! Subsurface scattering by random walks, from where a path enters a solid to where it hits a surface.
 //!
-//! No light sample reaches the inside of such a body: its surface scatters, refracts or absorbs, and no light lies within. So nothing
-//! happens between two surfaces but scattering, and a stage of its own follows each path through all its scattering events: it samples a
-//! direction and a distance, often by a [`WalkGuide`] to the surface, and traces the ray up to there. The last segment, which hits a
-//! surface, is left to the stages that follow. Emission that a walk hits counts in full.
+//! Shadow rays can't reach the inside of such a solid, and no light lies within: its surface scatters, refracts or absorbs. So one stage
+//! follows each path through all scattering events of a walk: it samples direction and distance, guided to the surface by a
+//! [`WalkGuide`], and intersects the ray. The last segment, which hits a surface, is left to the following stages. Emission hit by a walk
+//! has MIS weight 1.
 
 use super::Integrator;
 use super::medium_segment::MediumSegment;
@@ -17,15 +17,15 @@ use crate::math::{Hit, Ray, Vec3};
 use crate::sampling::hash::SplitMix64;
 use crate::scene::RayKinds;
 
-/// Maximum number of scattering events of a walk: nearly all paths leave a body without absorption even where it is a
-/// hundred mean free paths thick, after some ten thousand steps at most.
+/// Maximum number of scattering events of a walk: even without absorption and at a thickness of a hundred mean free paths, nearly all
+/// paths exit within some ten thousand steps.
 pub(super) const MAX_STEPS: u32 = 1 << 16;
 
-/// Throughput below which Russian roulette begins: steps cost little beside what follows a walk.
+/// Throughput below which Russian roulette begins: steps are cheap compared with the bounces after a walk.
 const FAINT: f32 = 0.1;
 
 impl Integrator<'_> {
-    /// Follows the paths within bodies to the surfaces that they hit.
+    /// Follows the random walks of all paths up to the segments that hit surfaces.
     pub(super) fn follow_random_walks(&self, bounce: u32, w: &mut Workspace) {
         let mut walking = std::mem::take(&mut w.pending);
         walking.clear();
@@ -49,7 +49,7 @@ impl Integrator<'_> {
         w.pending = walking;
     }
 
-    /// Does path `i` scatter next within one of the bodies?
+    /// Is the next event of path `i` a scattering event of a random walk?
     #[inline(always)]
     fn scatters_within(&self, i: usize, w: &Workspace) -> bool {
         let segment = &w.medium_segments[i];
@@ -59,11 +59,11 @@ impl Integrator<'_> {
             && segment.is_alone()
     }
 
-    /// What follows a walk doesn't depend on the vertex before it.
+    /// Resets path state that depends on the vertex before the walk, and sets the axis of guiding.
     fn begin_random_walk(&self, i: usize, w: &mut Workspace) {
         let (paths, optional) = (&mut w.arriving, self.optional);
         let (normal, direction) = (get(&paths.entry_normal, i), w.rays[i].direction);
-        // Vertices in media have no normal: cameras may be within bodies.
+        // After vertices in media (the camera may be inside a solid) there is no normal.
         let outwards =
             if normal == Vec3::ZERO { direction } else { normal * -normal.dot(direction).signum() };
         set(&mut paths.entry_normal, i, outwards);
@@ -82,7 +82,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// Scatters path `i` at the end of its segment and samples the next one; false where Russian roulette ends it.
+    /// Scatters path `i` at the end of its segment and samples the next one; false if Russian roulette ends the path.
     fn take_step(&self, (bounce, step): (u32, u32), i: usize, w: &mut Workspace) -> bool {
         let (segment, ray, path) = (w.medium_segments[i], w.rays[i], &mut w.arriving.state);
         let wavelengths = w.times.wavelengths(path.radiance_index[i]);
@@ -116,7 +116,7 @@ impl Integrator<'_> {
         true
     }
 
-    /// Traces the rays of walking paths.
+    /// Intersects the current segments of the walks.
     fn intersect_steps(&self, walking: &[u32], w: &mut Workspace) {
         let Workspace { pending_rays, pending_hits, rays, hits, times, arriving, .. } = w;
         pending_rays.clear();
@@ -132,7 +132,7 @@ impl Integrator<'_> {
     }
 }
 
-/// Ends path `i` within a body.
+/// Ends path `i` within a solid.
 fn end_walk(i: usize, w: &mut Workspace) {
     set_rgb(&mut w.arriving.state.throughput, i, Rgb::ZERO);
     w.medium_segments[i] = MediumSegment::straight(w.medium_segments[i].medium, [0.0, f32::INFINITY]);

@@ -1,17 +1,16 @@
-//! Directions towards small lights behind bodies that refract their light: frosted glass, water with waves, single sheets of glass.
+//! Importance sampling of small lights behind refractive bodies: frosted glass, water with waves, single sheets of glass.
 //!
-//! Light samples don't pass these bodies, and directions sampled by a BSDF hardly ever lead to a sun behind them. So vertices mix the
-//! BSDF's density with lobes towards where the light arrives. A lobe is only a guess of the direction: the path that it starts is
-//! traced and weighted as any other, by the density of the mixture, so that the picture's expected value does not depend on it.
+//! Shadow rays don't pass these bodies, and BSDF samples rarely hit a sun behind them. So vertices sample a mixture of the BSDF and lobes
+//! around the expected directions of the refracted light. The path is traced and weighted like any other, by the pdf of the mixture, so
+//! that a bad guess costs variance only.
 //!
-//! Which lobes a vertex has depends on its place alone, by test rays: the first surface towards the light must be a side of
-//! such a body. Frosted bodies bend light by some angle to all sides: the lobe is around the straight direction, as wide as the
-//! facets of both faces spread light. Where one face alone refracts, since the vertex is within the body or the body is an open sheet, the
-//! direction follows by Snell's law, and by two further steps from where it hits a wavy side (the fixed point is the path
-//! of manifold next event estimation; Hanika et al. 2015); a wider lobe finds the other ones that waves focus there.
+//! The lobes of a vertex depend on its position alone. Test rays require that the first surface towards the light is a face of such a
+//! body. Frosted bodies deflect light in all directions: the lobe is around the unrefracted direction, with the angular spread of the
+//! microfacets of both faces. If only one face refracts, since the vertex is inside or the body is an open sheet, the direction follows
+//! from Snell's law and two further iterations at the hit point on a wavy face (the fixed point is the connection of manifold next event
+//! estimation; Hanika et al. 2015); a wider lobe samples the other connections focused by waves.
 //!
-//! Weights of multiple importance sampling against light samples are functions of the direction, with the BSDF's own density: they add up
-//! to 1 whichever density sampled it.
+//! MIS weights against light samples use the BSDF's own pdf, whichever part of the mixture sampled the direction, so they sum to 1.
 
 use super::Integrator;
 use super::guiding::Guided;
@@ -28,43 +27,45 @@ use super::workspace::Workspace;
 use crate::bsdf::Bsdf;
 use crate::color::Rgb;
 use crate::compile::{Refractor, Side};
-use crate::light::{LightPlace, SmallLight};
+use crate::light::{LightPosition, SmallLight};
 use crate::math::{Bounds3, Ray, Vec3, offset_along};
 use crate::sampling::sampler::SobolPoint;
 
-/// Share of directions that lobes sample where there are some.
+/// Probability of sampling a lobe instead of the BSDF, if there are any.
 const SHARE: f32 = 0.5;
 
-/// Roughness that the glossy filter gives what paths hit after diffuse scattering, GGX alpha.
+/// GGX alpha assumed for surfaces roughened by the glossy filter after diffuse scattering.
 const FILTERED_ALPHA: f32 = 0.4;
 
-/// Where a test ray hit a refracting face.
+/// A test ray's hit of a refractive face.
 struct Face {
     p: Vec3,
+    /// Metres.
     distance: f32,
     /// Shading normal.
     normal: Vec3,
     ior: f32,
+    /// GGX alpha.
     alpha: f32,
-    /// The ray comes from within.
+    /// The ray comes from inside.
     is_back: bool,
     is_sheet: bool,
 }
 
-/// A value of a BSDF.
+/// BSDF value and pdf, including the shadow terminator and guiding.
 struct Value {
     f_cos: Rgb,
     pdf_solid_angle: f32,
 }
 
 impl Integrator<'_> {
-    /// Are there lights behind refracting bodies that paths look for?
+    /// Are lights behind refractive bodies sampled?
     pub(super) fn samples_refracted_lights(&self) -> bool {
-        // A guide is trained with the densities of its own samples.
+        // Training samples of a guide need the guide's own pdf.
         !self.scene.refracted_lights.is_empty() && !self.options.records_training && !self.scene.is_moving()
     }
 
-    /// Finds the lobes of the vertices.
+    /// Finds the light lobes of the vertices.
     pub(super) fn find_light_lobes(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
         w.light_lobes.clear();
         let (rough, from_outside) = (sorted.rough(), self.scene.refracted_lights.from_outside);
@@ -73,7 +74,7 @@ impl Integrator<'_> {
             if is_outside && !from_outside {
                 continue;
             }
-            // Light that is refracted at this vertex itself would have another direction.
+            // Lobes don't account for refraction at the vertex itself.
             let is_glass = |bsdf: &Bsdf| matches!(bsdf, Bsdf::Dielectric(_) | Bsdf::RoughDielectric(_));
             if rough.contains(&i) && is_glass(&w.bsdfs[i - rough.start]) {
                 continue;
@@ -82,7 +83,7 @@ impl Integrator<'_> {
             if !lobes.is_empty() {
                 w.light_lobes.push(lobes);
                 if let (Some(_), Some(reuse)) = (&self.options.reuse, &mut w.reuse) {
-                    reuse.leave_out(bounce, w.wave.paths.state.radiance_index[i]);
+                    reuse.discard_prefix(bounce, w.wave.paths.state.radiance_index[i]);
                 }
             }
         }
@@ -95,17 +96,17 @@ impl Integrator<'_> {
         let mut found = LightLobes::new(i, throughput, paths.state.roulette_scale[i], interior);
         let (p, ng) = (get(&w.wave.vertices.p, i), get(&w.wave.vertices.ng, i));
         let is_opaque = i < sorted.medium().start;
-        let may_arrive = |d: Vec3| !is_opaque || d.dot(ng) > 0.0;
+        let is_lit_from = |d: Vec3| !is_opaque || d.dot(ng) > 0.0;
         let refracted = &self.scene.refracted_lights;
         for light in &refracted.lights {
             for body in &refracted.bodies {
                 if body.medium == 0 || found.interior.contains(body.medium) {
                     for side in &body.sides {
-                        self.add_lobes_of_side(i, (light, body, side), &may_arrive, &mut found, w);
+                        self.add_lobes_of_side(i, (light, body, side), &is_lit_from, &mut found, w);
                     }
                 } else if body.is_rough {
                     let to_light = direction(light, p);
-                    if may_arrive(to_light) && is_hit(&body.bounds, p, to_light) {
+                    if is_lit_from(to_light) && is_hit(&body.bounds, p, to_light) {
                         self.add_lobe_of_frosted(i, light, to_light, &mut found, w);
                     }
                 }
@@ -114,7 +115,7 @@ impl Integrator<'_> {
         found
     }
 
-    /// Adds the lobe of a body with two rough faces, if it is what a ray towards a light hits.
+    /// Adds the lobe of a body with two rough faces, if a ray towards a light hits it first.
     fn add_lobe_of_frosted(
         &self,
         i: usize,
@@ -128,7 +129,9 @@ impl Integrator<'_> {
             return;
         }
         let spread = (face.ior - 1.0).abs() * face.alpha * std::f32::consts::SQRT_2;
-        let Some((share, size)) = seen_from(light, get(&w.wave.vertices.p, i), face.distance) else { return };
+        let Some((share, size)) = angular_scale(light, get(&w.wave.vertices.p, i), face.distance) else {
+            return;
+        };
         found.add(to_light, (spread * share).hypot(size));
     }
 
@@ -137,7 +140,7 @@ impl Integrator<'_> {
         &self,
         i: usize,
         (light, body, side): (&SmallLight, &Refractor, &Side),
-        may_arrive: &impl Fn(Vec3) -> bool,
+        is_lit_from: &impl Fn(Vec3) -> bool,
         found: &mut LightLobes,
         w: &Workspace,
     ) {
@@ -151,7 +154,7 @@ impl Integrator<'_> {
         let Some(mut axis) = refract(to_light, side.normal, ratio) else { return };
         let mut last = None;
         for step in 0..3 {
-            if !may_arrive(axis) || step == 0 && !is_hit(&body.bounds, p, axis) {
+            if !is_lit_from(axis) || step == 0 && !is_hit(&body.bounds, p, axis) {
                 return;
             }
             let Some(face) = self.face_towards(i, axis, w) else { return };
@@ -161,14 +164,14 @@ impl Integrator<'_> {
             let to_light = direction(light, face.p);
             let next = refract(to_light, face.normal, ratio);
             let Some(next) = next.filter(|_| face.normal.dot(side.normal).abs() > 0.0) else { break };
-            let is_still = (next - axis).length_squared() < 1e-8;
+            let has_converged = (next - axis).length_squared() < 1e-8;
             (axis, last) = (next, Some(face));
-            if is_still {
+            if has_converged {
                 break;
             }
         }
-        let Some(face) = last.filter(|_| may_arrive(axis)) else { return };
-        let Some((share, size)) = seen_from(light, p, face.distance) else { return };
+        let Some(face) = last.filter(|_| is_lit_from(axis)) else { return };
+        let Some((share, size)) = angular_scale(light, p, face.distance) else { return };
         let bend = (1.0 - ratio).abs();
         let narrow = (bend * face.alpha * share).hypot(size * ratio.min(1.0));
         if face.alpha > 0.0 || size > 0.0 {
@@ -180,7 +183,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// The refracting face that a ray from a vertex hits first.
+    /// The first hit of a ray from vertex `i`, if it is a refractive face.
     fn face_towards(&self, i: usize, d: Vec3, w: &Workspace) -> Option<Face> {
         let v = &w.wave.vertices;
         let (p, ng) = (get(&v.p, i), get(&v.ng, i));
@@ -196,7 +199,7 @@ impl Integrator<'_> {
         let index = self.scene.geometries.material(&hit);
         let material = &self.scene.materials[index as usize];
         let (ior, alpha) = material.face_of_refractor()?;
-        let at = self.point_of(&ray, hit, index, 0.0);
+        let at = self.ray_hit_point(&ray, hit, index, 0.0);
         let is_filtered = self.options.filter_glossy > 0.0 && material.pane_thickness <= 0.0;
         let filtered = if is_filtered { FILTERED_ALPHA } else { 0.0 };
         Some(Face {
@@ -210,7 +213,7 @@ impl Integrator<'_> {
         })
     }
 
-    /// Samples the lobes of vertices in place of their BSDFs, or weights the directions that these have sampled.
+    /// Replaces BSDF samples by lobe samples with probability [`SHARE`], else reweights them by the pdf of the mixture.
     pub(super) fn scatter_to_refracted_lights(
         &self,
         bounce: u32,
@@ -242,7 +245,7 @@ impl Integrator<'_> {
             };
             let pdf = (1.0 - SHARE) * value.pdf_solid_angle + SHARE * lobes.pdf_solid_angle(wi);
             let throughput = lobes.throughput * value.f_cos * (1.0 / pdf);
-            // Roulette takes the path for one of many that the BSDF sampled.
+            // Russian roulette as for a BSDF sample: higher pdfs must not lower the survival probability.
             let scale = lobes.roulette_scale * (pdf / value.pdf_solid_angle);
             let (survives, factor) = survival(throughput, scale, roulette, bounce >= FIRST_ROULETTE);
             paths.state.roulette_scale[i] = scale;
@@ -255,7 +258,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// Weights a direction that the BSDF has sampled by the density of the mixture.
+    /// Reweights a BSDF sample by the pdf of the mixture.
     fn weigh_scattered(&self, i: usize, lobes: &LightLobes, sorted: &SortedVertices, w: &mut Workspace) {
         let pdf = w.wave.paths.state.pdf[i];
         if pdf.has_ended() {
@@ -273,7 +276,7 @@ impl Integrator<'_> {
         set_rgb(throughput, i, value * (1.0 / (1.0 - SHARE + share)));
     }
 
-    /// The BSDF of vertex `i` for light from a direction; `None` where it crosses the surface or is behind it.
+    /// BSDF value and pdf of vertex `i` for light from `wi`; `None` if `wi` crosses or is below the surface.
     fn value_towards(&self, i: usize, wi: Vec3, sorted: &SortedVertices, w: &mut Workspace) -> Option<Value> {
         let is_guided = self.options.guide.is_some() && sorted.guided().contains(&i);
         if is_guided {
@@ -291,8 +294,8 @@ impl Integrator<'_> {
     fn value_in<C: VertexClass>(&self, class: &C, i: usize, wi: Vec3, wave: &Wave) -> Option<Value> {
         let v = &wave.vertices;
         let closure = class.closure(v, i);
-        let height = wi.dot(get(&v.ng, i));
-        if C::Closure::OPAQUE && height <= 0.0 || !C::Closure::IN_MEDIUM && closure.crosses(wi) {
+        let cosine = wi.dot(get(&v.ng, i));
+        if C::Closure::OPAQUE && cosine <= 0.0 || !C::Closure::IN_MEDIUM && closure.crosses(wi) {
             return None;
         }
         let (eval, kept) = eval_at_horizon(&closure, self.terminator(), (v, i), wi);
@@ -301,28 +304,28 @@ impl Integrator<'_> {
     }
 }
 
-/// The unit direction to a light.
+/// Unit direction from `p` to the center of a light.
 fn direction(light: &SmallLight, p: Vec3) -> Vec3 {
-    match light.place {
-        LightPlace::Far(to) => to,
-        LightPlace::Near(middle) => (middle - p).normalize_or_zero(),
+    match light.position {
+        LightPosition::Far(to) => to,
+        LightPosition::Near(middle) => (middle - p).normalize_or_zero(),
     }
 }
 
-/// By how much of the angle at a face in some distance the direction at a point changes, and half the angle of the light, radians.
-/// `None` if the light is in front of the face.
-fn seen_from(light: &SmallLight, p: Vec3, distance: f32) -> Option<(f32, f32)> {
-    match light.place {
-        LightPlace::Far(_) => Some((1.0, light.size)),
-        LightPlace::Near(middle) => {
+/// Ratio of the angular change at `p` to the deflection at a face at `distance`, and the angular radius of the light, radians. `None` if
+/// the light is in front of the face.
+fn angular_scale(light: &SmallLight, p: Vec3, distance: f32) -> Option<(f32, f32)> {
+    match light.position {
+        LightPosition::Far(_) => Some((1.0, light.size)),
+        LightPosition::Near(middle) => {
             let all = (middle - p).length();
             (all > distance).then_some((1.0 - distance / all, light.size / all))
         }
     }
 }
 
-/// The direction in a medium that a face with a normal refracts to `to_light`; `ratio` is the index on the light's side over that of
-/// the medium. `None` if there is none.
+/// The direction on the vertex's side of a face that refracts into `to_light` (Snell's law); `ratio` is the index of refraction on the
+/// light's side over that on the vertex's. `None` for total reflection.
 fn refract(to_light: Vec3, normal: Vec3, ratio: f32) -> Option<Vec3> {
     let cosine = to_light.dot(normal);
     let tangent = (to_light - normal * cosine) * ratio;

@@ -1,4 +1,4 @@
-//! Which samples per block takes, random numbers by purpose, and Russian roulette.
+//! Sample indices of blocks, random numbers by purpose, and Russian roulette.
 
 use super::wave::PathState;
 use crate::color::Rgb;
@@ -6,12 +6,12 @@ use crate::sampling::hash::{hash32, unit};
 use crate::sampling::sampler::Dimensions;
 use crate::sampling::{UnevenSamples, ZSobolOrder};
 
-/// Numbers of samples of pixels, and their random sequences.
+/// Sample counts and random sequences of pixels.
 #[derive(Clone, Copy, Debug)]
 pub enum SamplePlan<'a> {
     /// The same number of samples for all pixels.
     Even(ZSobolOrder),
-    /// A number of each pixel's own, all in one pass.
+    /// A sample count per pixel (adaptive sampling), all in one pass.
     Uneven(&'a UnevenSamples),
 }
 
@@ -32,13 +32,14 @@ impl SamplePlan<'_> {
 
 /// A sample of a block.
 pub(super) struct Sample {
-    /// Pixel of the block, row by row.
+    /// Pixel index in the block, row-major.
     pub pixel: u32,
     /// Pixel coordinates in the picture.
     pub x: u32,
     pub y: u32,
-    /// Seed of the sequence, and index in it.
+    /// Seed of the random sequence.
     pub seed: u32,
+    /// Index in the random sequence.
     pub index: u32,
 }
 
@@ -49,8 +50,9 @@ pub(super) struct CameraSamples<'a> {
     branch_bits: u32,
     /// Number of pixels begun.
     begun: u32,
-    /// Next sample of the current pixel, and number of samples left.
+    /// Next sample of the current pixel.
     next: Sample,
+    /// Number of samples left in the current pixel.
     left: u32,
 }
 
@@ -144,13 +146,12 @@ pub(super) struct ScatterParams<'a> {
     pub dimensions: &'a Dimensions,
     /// Is Russian roulette on?
     pub roulette: bool,
-    /// MIS: number of BSDF samples per light sample.
+    /// Number of BSDF samples per light sample, for MIS.
     pub branches: f32,
 }
 
-/// Russian roulette with the square root of the throughput as survival probability (between the extremes of no roulette and
-/// of equal throughput of all survivors; measured better than both). Returns whether the path survives, and the factor
-/// 1 / probability.
+/// Russian roulette with the square root of throughput as survival probability (measured better than both no roulette and a probability
+/// proportional to throughput). Returns whether the path survives, and 1 / probability.
 #[inline(always)]
 pub(super) fn survival(throughput: Rgb, roulette_scale: f32, u: f32, roulette: bool) -> (bool, f32) {
     let [r, g, b] = throughput.to_array();
@@ -160,8 +161,7 @@ pub(super) fn survival(throughput: Rgb, roulette_scale: f32, u: f32, roulette: b
     ((u < q) & (brightest > 0.0), 1.0 / if q > 0.0 { q } else { 1.0 })
 }
 
-/// Purposes of the random numbers of a path. This table decides the set of four Sobol dimensions; [`RandomChoice`] lists the
-/// decisions that take hashed numbers.
+/// Purposes of Sobol samples, each with a set of four dimensions. [`RandomChoice`] lists the purposes of hashed random numbers.
 #[derive(Clone, Copy)]
 pub(super) enum Purpose {
     /// Film x and y, lens x and y.
@@ -170,18 +170,18 @@ pub(super) enum Purpose {
     Light,
     /// Direction (2), lobe, Russian roulette.
     Scatter,
-    /// Distance in a medium, density that it is drawn from, light for equiangular sampling (2).
+    /// Distance in a medium, strategy of distance sampling, light for equiangular sampling (2).
     Medium,
     /// Time within the shutter interval (1).
     Time,
     /// Hero wavelength (1).
     Wavelength,
-    /// Selection among the materials of a mix (1).
+    /// Selection of a mix component (1), selection of the base of a normal-mapped material (1).
     Mix,
 }
 
 impl Purpose {
-    /// The set of Sobol dimensions at a bounce. Sets are numbered from both ends: few are prepared, at the start.
+    /// Index of the set of Sobol dimensions at a bounce. Frequent purposes have low indices, for which tables are prepared.
     pub fn dimension_set(self, bounce: u32) -> u32 {
         match self {
             Purpose::Camera => 0,
@@ -195,8 +195,8 @@ impl Purpose {
     }
 }
 
-/// A decision that takes random numbers from a hash of the path's Sobol point and the bounce: either rare, or of
-/// unbounded number at a bounce, where `surface` counts the surfaces that the ray has passed.
+/// Purposes of random numbers hashed from the path's Sobol point and the bounce: rare ones, and those of unbounded number per bounce,
+/// with `surface` the number of surfaces that the ray has passed.
 #[derive(Clone, Copy)]
 pub(super) enum RandomChoice {
     /// Alpha of a surface on a path's ray.
@@ -205,7 +205,7 @@ pub(super) enum RandomChoice {
     ShadowAlpha { surface: u32 },
     /// Transmission or scattering at thin glass.
     ThinGlass { surface: u32 },
-    /// Distance in the medium behind a boundary without a surface.
+    /// Distance in the medium behind a boundary of media.
     MediumBoundary { surface: u32 },
     /// Point of emission along a ray through a medium.
     MediumEmission,
@@ -215,14 +215,14 @@ pub(super) enum RandomChoice {
     RandomWalk,
     /// Kind of the next ray at a surface with several lobes.
     RayKind,
-    /// Channel of the path behind a dispersive interface.
+    /// Channel with which a path continues at a dispersive interface.
     DispersionChannel,
-    /// Lobe towards a refracted light, or the BSDF.
+    /// Lobe towards a refracted light or BSDF.
     LightLobe,
 }
 
 impl RandomChoice {
-    /// The hash of a path's decision.
+    /// The hash for path `i` at a bounce.
     #[inline(always)]
     pub fn hash(self, path: &PathState, i: usize, bounce: u32) -> u32 {
         let (seed, shuffled) = (path.seed[i], path.shuffled[i]);
@@ -245,7 +245,7 @@ impl RandomChoice {
         }
     }
 
-    /// A uniform number in 0..1 for a path's decision.
+    /// A uniform random number in 0..1 for path `i` at a bounce.
     #[inline(always)]
     pub fn uniform(self, path: &PathState, i: usize, bounce: u32) -> f32 {
         unit(hash32(self.hash(path, i, bounce)))

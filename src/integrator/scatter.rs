@@ -1,4 +1,4 @@
-//! Scattering, splitting of paths, Russian roulette and the next rays.
+//! BSDF sampling, path splitting, Russian roulette and the next rays.
 
 use super::mis::DirectionPdf;
 use super::sampling::{FIRST_ROULETTE, Purpose, ScatterParams, survival};
@@ -30,14 +30,14 @@ impl Integrator<'_> {
             Terminator::SharpRelief => self.scatter_all(SharpRelief, bounce, params, sorted, w),
         }
         if self.optional.receiver_normal {
-            // Light sampling does not reach specular vertices.
+            // Specular vertices are not light-sampled.
             for i in sorted.lit().end..sorted.all().end {
                 set(&mut w.wave.paths.receiver_normal, i, Vec3::ZERO);
             }
         }
     }
 
-    /// Scatters at the vertices of all shading groups, with softened shadow terminators or without.
+    /// Scatters at the vertices of all shading groups.
     fn scatter_all<T: Horizon>(
         &self,
         horizon: T,
@@ -66,11 +66,11 @@ impl Integrator<'_> {
             dispatch(Scatter { horizon, wave, class: MediumClass, range: sorted.medium(), params });
         }
         let range = sorted.general();
-        // Its loop has no use for a higher CPU level.
+        // Not vectorised, so a higher CPU level has no benefit.
         Scatter { horizon, wave, class: GeneralClass { bsdfs, first: range.start }, range, params }.run();
     }
 
-    /// Makes the surviving paths the arriving ones of the next bounce, with their rays.
+    /// Copies the surviving paths to the arriving paths of the next bounce, and generates their rays.
     pub(super) fn spawn_rays(&self, sorted: &SortedVertices, w: &mut Workspace) {
         w.rays.clear();
         let Wave { paths, vertices: v, .. } = &*w.wave;
@@ -95,8 +95,8 @@ impl Integrator<'_> {
     }
 }
 
-/// Ray cones: number of rays that fill a lobe.
-/// After diffuse scattering the width is a fifth of the distance; mirrors leave it as it is.
+/// Ray cones: number of rays that cover a lobe. After diffuse scattering the footprint is a fifth of the distance; specular scattering
+/// doesn't widen it.
 const RAYS_PER_LOBE: f32 = 64.0;
 
 #[inline(always)]
@@ -129,16 +129,16 @@ impl<C: VertexClass, T: Horizon> Kernel for Scatter<'_, C, T> {
             let closure = self.class.closure(v, i);
             let s = closure.sample([a, b, lobe]);
             let (wi, ng, ns) = (s.wi, get(&v.ng, i), get(&v.ns, i));
-            let height = wi.dot(ng);
-            let side = if !C::Closure::OPAQUE && height < 0.0 { -1.0 } else { 1.0 };
+            let cosine = wi.dot(ng);
+            let side = if !C::Closure::OPAQUE && cosine < 0.0 { -1.0 } else { 1.0 };
             let mut throughput = get_rgb(&path.throughput, i) * s.weight;
             if T::SOFTENS {
-                let is_whole = s.is_specular | s.is_transmission | C::Closure::IN_MEDIUM;
+                let is_unshadowed = s.is_specular | s.is_transmission | C::Closure::IN_MEDIUM;
                 if T::HAS_RELIEF {
                     let dimmed = sample_on_relief(&closure, self.horizon, (v, i), (ns * side, side), &s);
-                    throughput = get_rgb(&path.throughput, i) * if is_whole { s.weight } else { dimmed };
+                    throughput = get_rgb(&path.throughput, i) * if is_unshadowed { s.weight } else { dimmed };
                 }
-                throughput *= if is_whole {
+                throughput *= if is_unshadowed {
                     1.0
                 } else {
                     self.horizon.light_factor(v, i, [ns * side, ng * side], side, wi)
@@ -155,27 +155,27 @@ impl<C: VertexClass, T: Horizon> Kernel for Scatter<'_, C, T> {
             set_rgb(&mut path.throughput, i, throughput * scale);
             set(&mut v.next_origin, i, offset_along(get(&v.p, i), ng * side, v.offset[i]));
             set(&mut v.next_direction, i, wi);
-            // Directions that shading normals send to the wrong side of the surface have zero weight.
-            let is_right = if C::Closure::IN_MEDIUM {
+            // Shading normals may put directions on the wrong side of the surface: these have weight 0.
+            let is_valid_side = if C::Closure::IN_MEDIUM {
                 true
             } else if C::Closure::OPAQUE {
-                height > 0.0
+                cosine > 0.0
             } else {
-                (closure.crosses(wi) == s.is_transmission) & (height != 0.0)
+                (closure.crosses(wi) == s.is_transmission) & (cosine != 0.0)
             };
-            let goes_on = survives & (s.pdf_solid_angle > 0.0) & is_right;
+            let continues = survives & (s.pdf_solid_angle > 0.0) & is_valid_side;
             let pdf = if s.is_specular { 0.0 } else { s.pdf_solid_angle * self.params.branches };
-            path.pdf[i] = DirectionPdf::after_roulette(pdf, goes_on);
+            path.pdf[i] = DirectionPdf::after_roulette(pdf, continues);
         }
     }
 }
 
-/// Branches of a split for each light sample. (Rough metal on a floor under image environments with a sun, 8 branches: with
-/// two light samples in place of one 1.04 to 1.6 times as efficient; a polished helmet, 4 branches: with two 0.97 times.)
+/// Number of branches per light sample. Measured: rough metal on a floor under image environments with a sun, 8 branches, is 1.04 to 1.6
+/// times as efficient with two light samples as with one; a polished helmet, 4 branches, 0.97 times.
 const PATHS_PER_LIGHT_SAMPLE: u32 = 4;
 
 impl Integrator<'_> {
-    /// Number of branches of each path at a bounce.
+    /// Number of branches into which each path splits at a bounce.
     pub(super) fn branches(&self, bounce: u32) -> u32 {
         if bounce == 0 { self.options.branches } else { 1 }
     }
@@ -185,23 +185,23 @@ impl Integrator<'_> {
         (self.branches(bounce) / PATHS_PER_LIGHT_SAMPLE).max(1)
     }
 
-    /// MIS: number of BSDF samples per light sample at a bounce.
+    /// Number of BSDF samples per light sample at a bounce, for MIS.
     pub(super) fn bsdf_samples_per_light_sample(&self, bounce: u32) -> f32 {
         (self.branches(bounce) / self.light_samples(bounce)) as f32
     }
 
-    /// Camera rays per wave, so that all branches fit into it.
+    /// Number of camera rays per wave, such that all branches fit.
     pub(super) fn samples_per_wave(&self) -> usize {
         WAVE / self.options.branches as usize
     }
 
-    /// The clamp of the light of a branch, which has its part of the throughput.
+    /// The clamp for contributions of a branch, whose throughput is a fraction of the path's.
     pub(super) fn clamp_of_branches(&self) -> Clamp {
         let Clamp { direct, indirect } = self.options.clamp;
         Clamp { direct, indirect: indirect / self.options.branches as f32 }
     }
 
-    /// Repeats each vertex, one copy after the other, and returns the new ranges of the shading groups.
+    /// Splits each path into branches: repeats its vertex, copies adjacent. Returns the new ranges of the shading groups.
     pub(super) fn split(&self, sorted: &SortedVertices, w: &mut Workspace) -> SortedVertices {
         let branches = self.options.branches as usize;
         w.rays_before_split = Some(w.ray_counts.all);
@@ -224,8 +224,8 @@ impl Integrator<'_> {
         sorted.times(branches)
     }
 
-    /// Adds the radiance of the branches to their samples, where it was recorded apart; and the first branch's alone, scaled,
-    /// to the radiance without splitting.
+    /// If branches were recorded separately: adds their radiance to their samples, and that of the first branch, scaled, to the estimate
+    /// without splitting.
     pub(super) fn join_branches(&self, w: &mut Workspace) {
         let Some(before) = w.rays_before_split else { return w.radiance_buffer.keep_plain() };
         w.ray_counts.in_branches += w.ray_counts.all - before;
@@ -240,7 +240,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// Sets the Sobol points of the vertices to those of one of their `count` light samples.
+    /// Sets the Sobol points of the vertices to those of light sample `number` of `count`.
     pub(super) fn number_light_samples(
         path: &mut PathState,
         sorted: &SortedVertices,
@@ -253,29 +253,29 @@ impl Integrator<'_> {
         let bits = count.trailing_zeros();
         for i in sorted.all() {
             let point = SobolPoint::from_parts(path.seed[i], path.shuffled[i]);
-            let point = if number == 0 { point } else { point.trunk(bits) };
+            let point = if number == 0 { point } else { point.parent(bits) };
             (path.seed[i], path.shuffled[i]) = point.branch(number, bits).to_parts();
         }
     }
 
-    /// Sets the Sobol points of the vertices back after their last light sample.
+    /// Restores the Sobol points of the vertices after the last light sample.
     pub(super) fn end_light_samples(path: &mut PathState, sorted: &SortedVertices, count: u32) {
         if count == 1 {
             return;
         }
         for i in sorted.all() {
-            let point = SobolPoint::from_parts(path.seed[i], path.shuffled[i]).trunk(count.trailing_zeros());
+            let point = SobolPoint::from_parts(path.seed[i], path.shuffled[i]).parent(count.trailing_zeros());
             (path.seed[i], path.shuffled[i]) = point.to_parts();
         }
     }
 }
 
-/// Radiance index of the first branch of a sample, where branches are recorded apart.
+/// Radiance index of a sample's first branch, if branches are recorded separately.
 fn first_branch_index(sample: u32, branches: u32) -> u32 {
     WAVE as u32 + sample * branches
 }
 
-/// The sample whose radiance, or that of whose branches, has a radiance index.
+/// The sample of a radiance index, which may be that of a branch.
 pub(super) fn sample_of_branch(radiance_index: u32, branches: u32) -> u32 {
     match radiance_index.checked_sub(WAVE as u32) {
         Some(branch) => branch / branches,
@@ -283,14 +283,14 @@ pub(super) fn sample_of_branch(radiance_index: u32, branches: u32) -> u32 {
     }
 }
 
-/// Sets the radiance indices of branches to their own.
+/// Gives each branch a radiance index of its own.
 fn index_branches(path: &mut PathState, count: usize, branches: u32) {
     for i in 0..count * branches as usize {
         path.radiance_index[i] = first_branch_index(path.radiance_index[i], branches) + i as u32 % branches;
     }
 }
 
-/// Divides the throughput by the number of branches and sets their Sobol points.
+/// Divides throughput by the number of branches and sets the branches' Sobol points.
 fn divide(path: &mut PathState, count: usize, branches: u32) {
     let (bits, share) = (branches.trailing_zeros(), 1.0 / branches as f32);
     for i in 0..count * branches as usize {
@@ -303,7 +303,7 @@ fn divide(path: &mut PathState, count: usize, branches: u32) {
     }
 }
 
-/// Repeats the inputs of scattering for each copy of a vertex.
+/// Repeats the inputs of scattering for each branch of a vertex.
 fn repeat_vertices(
     v: &mut Vertices,
     sorted: &SortedVertices,

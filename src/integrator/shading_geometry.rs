@@ -8,17 +8,17 @@ use crate::math::{Frame, Hit, Vec3, select};
 use crate::scene::RayKinds;
 use crate::shape::Surface;
 
-/// Where a ray hit a surface.
+/// A hit of a ray, with the surface evaluated.
 #[derive(Clone, Copy)]
 pub(super) struct HitPoint<'a> {
     pub surface: Surface,
     pub hit: Hit,
     pub material: &'a CompiledMaterial,
-    /// The ray came from behind.
+    /// The ray hit the back side.
     pub is_back: bool,
-    /// When, where something moves.
+    /// Shutter time, 0 to 1.
     pub time: f32,
-    /// The path that arrives, as far as graphs of nodes ask.
+    /// Properties of the arriving path for node graphs.
     pub path: PathOrigin,
 }
 
@@ -26,58 +26,59 @@ pub(super) struct HitPoint<'a> {
 #[derive(Clone, Copy)]
 pub(super) struct EvaluatedMaterial {
     pub bsdf: Bsdf,
-    /// Shading normal, on the side of the geometric one.
+    /// Shading normal, on the side of the geometric normal.
     pub ns: Vec3,
     pub mapping: Mapping,
 }
 
-/// Effect of maps and bumps on a shading normal.
+/// Effect of normal and bump maps on a shading normal.
 #[derive(Clone, Copy)]
 pub(super) struct Mapping {
-    /// The normal that they count against: without maps and bumps, but with the bumps of a displacement.
+    /// Normal of the smooth surface: without normal and bump maps, but with the bump normal of a displacement.
     pub smooth: Vec3,
-    /// They gave another shading normal than that of the mesh.
+    /// Does the shading normal differ from the mesh's by a normal or bump map?
     pub is_mapped: bool,
-    /// A displacement's bumps are all over the surface.
+    /// Is a displacement rendered as bumps?
     pub has_bumps: bool,
 }
 
-// Values of `Vertices::relief`: how light is shadowed near the horizon of a surface whose normal a map or a bump may have given.
+// Values of `Vertices::relief`: bump terminator (shadowing near the horizon) of a vertex. The relief is the microgeometry that a normal
+// or bump map stands for.
 
-/// None did.
+/// The normal is not mapped.
 pub(super) const UNMAPPED: f32 = 0.0;
 
-/// Facets alone reflect, or the bumps are the surface's: nothing is shadowed.
-pub(super) const WHOLE_LIGHT: f32 = 1.0;
+/// No bump terminator: no diffuse base, or the normal is that of a displacement's bumps.
+pub(super) const UNSHADOWED: f32 = 1.0;
 
-/// Diffuse bases: by the relief that the normal is part of.
+/// Bump terminator for the diffuse base.
 pub(super) const RELIEF: f32 = 2.0;
 
 /// [`RELIEF`] on the bumps of a displacement.
 pub(super) const RELIEF_ON_BUMPS: f32 = 3.0;
 
-/// The squared GGX alpha of that relief, over the squared tangent of the normal's angle to the surface's.
+/// Squared GGX alpha of the relief, over the squared tangent of the angle between mapped and smooth normal.
 const RELIEF_ALPHA: f32 = 0.125;
 
 impl Mapping {
-    /// A surface without maps and bumps.
+    /// A surface without normal and bump maps.
     pub const fn none(ns: Vec3) -> Mapping {
         Mapping { smooth: ns, is_mapped: false, has_bumps: false }
     }
 
-    /// The mapping of the other side of the surface where `side` is -1.
+    /// Flips the normal if `side` is -1.
     pub fn on_side(self, side: f32) -> Mapping {
         Mapping { smooth: self.smooth * side, ..self }
     }
 }
 
 impl EvaluatedMaterial {
-    /// How its relief shadows light.
+    /// The value of `Vertices::relief`.
     pub fn relief(&self) -> f32 {
         let Mapping { smooth, is_mapped, has_bumps } = self.mapping;
         match is_mapped {
             false => UNMAPPED,
-            true if !self.bsdf.has_base() || has_bumps && smooth == self.ns => WHOLE_LIGHT,
+            true if !self.bsdf.has_base() || has_bumps && smooth == self.ns => UNSHADOWED,
             true if has_bumps => RELIEF_ON_BUMPS,
             true => RELIEF,
         }
@@ -87,65 +88,66 @@ impl EvaluatedMaterial {
 /// Path properties that node graphs read.
 #[derive(Clone, Copy)]
 pub(super) struct PathOrigin {
-    /// Kinds of its ray; none where that isn't known.
+    /// Kinds of the arriving ray; none if unknown.
     pub kinds: RayKinds,
-    /// The ray was reflected or refracted into one direction alone.
+    /// The ray was scattered specularly.
     pub is_singular: bool,
-    /// Bounces before.
+    /// Number of bounces before.
     pub bounces: u16,
 }
 
 impl PathOrigin {
-    /// Nothing is known.
+    /// No known properties.
     pub const UNKNOWN: PathOrigin = PathOrigin { kinds: RayKinds::NONE, is_singular: false, bounces: 0 };
 }
 
-/// Smallest cosine between the viewer and the normal that lobes are evaluated around.
+/// Minimum cosine between the viewer and the shading normal.
 const MIN: f32 = 1e-4;
 
-/// Largest cosine by which the mirror direction is lifted above the surface.
+/// Minimum cosine between the mirror direction and the geometric normal.
 const LIFT: f32 = 0.01;
 
-/// The normal that lobes are evaluated around: the shading normal `ns`, tilted towards the geometric one as far as needed for the mirror
-/// direction not to lead into the surface, where reflections would be lost and leave black spots. The viewer is on the same side of it
-/// as of the surface then. All vectors have unit length; `ns` is on the side of `ng`.
+/// The bent normal: the shading normal `ns`, tilted towards the geometric normal `ng` as far as needed to keep the mirror direction above
+/// the surface, where reflections would otherwise be lost and leave black spots. The viewer is then on the same side of both normals. All
+/// vectors have unit length; `ns` is on the side of `ng`.
 ///
-/// With `n = (x, z)` in the plane of both normals, z along `ng`, and `w = (u, v)` the viewer in that plane, the mirror direction has the
-/// height `t` where `2 (n . w) z - v = t`: `z^2 = (a + v t - u sqrt(a - t^2)) / (2 a)` with `a = u^2 + v^2`. Cycles solves the same
-/// (`ensure_valid_specular_reflection`). Bending towards the viewer, out of that plane (Keller et al. 2017, "The Iray Light Transport
-/// Simulation and Rendering System", section 3.3), made plastic whose normals lean by 55 degrees 5 % brighter or darker than there.
+/// With `n = (x, z)` in the plane of both normals, z along `ng`, and `w = (u, v)` the viewer projected to that plane, the mirror
+/// direction has cosine `t` to `ng` where `2 (n . w) z - v = t`: `z^2 = (a + v t - u sqrt(a - t^2)) / (2 a)` with `a = u^2 + v^2`. Cycles
+/// solves the same equation (`ensure_valid_specular_reflection`). Bending towards the viewer, out of that plane (Keller et al. 2017, "The
+/// Iray Light Transport Simulation and Rendering System", section 3.3), differed from Cycles by 5 % on plastic with normals tilted by 55
+/// degrees.
 #[inline(always)]
 pub(super) fn scattering_normal(ns: Vec3, ng: Vec3, wo: Vec3) -> Vec3 {
     bent_normal(ns, ng, wo).0
 }
 
-/// [`scattering_normal`], and whether that is another normal than `ns`, but for rounding.
+/// [`scattering_normal`], and whether it differs from `ns` by more than rounding.
 #[inline(always)]
 pub(super) fn bent_normal(ns: Vec3, ng: Vec3, wo: Vec3) -> (Vec3, bool) {
     let side = if ng.dot(wo) < 0.0 { -1.0 } else { 1.0 };
     let (n, g) = (ns * side, ng * side);
-    let seen = wo.dot(g);
-    let above = 2.0 * n.dot(wo) * n.dot(g) - seen;
-    // A viewer at grazing incidence sees mirror directions at grazing angles.
-    let least = if seen < LIFT { 0.9 * seen } else { LIFT };
+    let viewer_cosine = wo.dot(g);
+    let mirror_cosine = 2.0 * n.dot(wo) * n.dot(g) - viewer_cosine;
+    // At grazing incidence, mirror directions may be grazing too.
+    let least = if viewer_cosine < LIFT { 0.9 * viewer_cosine } else { LIFT };
     let x = n - g * n.dot(g);
     let length = x.length();
     let x = x / if length > 0.0 { length } else { 1.0 };
     let along = wo.dot(x);
-    let a = along * along + seen * seen;
+    let a = along * along + viewer_cosine * viewer_cosine;
     let rest = a - least * least;
     let root = if rest > 0.0 { rest } else { 0.0 }.sqrt();
-    let squared = 0.5 * (a + seen * least - along * root) / if a > 1e-30 { a } else { 1e-30 };
-    // All is computed, then chosen from: loops over many normals vectorise.
+    let squared = 0.5 * (a + viewer_cosine * least - along * root) / if a > 1e-30 { a } else { 1e-30 };
+    // Free of branches, so that loops vectorise.
     let squared = if squared < 1.0 { squared } else { 1.0 };
     let squared = if squared > 0.0 { squared } else { 0.0 };
     let bent = x * (1.0 - squared).sqrt() + g * squared.sqrt();
     let is_flat = (ns.x == ng.x) & (ns.y == ng.y) & (ns.z == ng.z);
-    let sinks = (above < least) & !is_flat;
-    (select(sinks, bent * side, ns), sinks)
+    let is_bent = (mirror_cosine < least) & !is_flat;
+    (select(is_bent, bent * side, ns), is_bent)
 }
 
-/// A viewer's direction in the frame of a normal, on the side of that frame that the viewer is on by the geometric normal.
+/// The viewer's direction in the frame of a shading normal, clamped to the side given by the geometric normal.
 #[inline(always)]
 pub(super) fn local_viewer(frame: &Frame, wo: Vec3, ng: Vec3) -> Vec3 {
     let local = frame.to_local(wo);
@@ -158,62 +160,59 @@ pub(super) fn local_viewer(frame: &Frame, wo: Vec3, ng: Vec3) -> Vec3 {
     )
 }
 
-/// The height over the geometric surface at which light is whole, over the sine of the angle between the normals.
-const WHOLE: f32 = 0.5;
+/// Cosine to the geometric normal above which light is not dimmed, over the sine of the angle between the normals.
+const UNDIMMED: f32 = 0.5;
 
-/// Share of uniform light that a diffuse surface would lose by the softened terminator alone, over the squared sine of the angle
-/// between the normals, up to the angle of this cosine: 0.158 to 0.166 by quadrature. Beyond, it falls off with the
+/// Fraction of uniform incident light lost by the softened terminator on a diffuse surface, over the squared sine of the angle between
+/// the normals: 0.158 to 0.166 by quadrature if the cosine of that angle is at least [`LOSS_COSINE`]; below, the loss falls off with the
 /// cosine.
-const LOST: f32 = 0.16;
-const STEEP: f32 = 0.45;
+const LOSS: f32 = 0.16;
+const LOSS_COSINE: f32 = 0.45;
 
-/// The factor on light from `wi` to a surface shaded with `ns` (Chiang, Li, Burley 2019, "Taming the Shadow
-/// Terminator", eq. 3 and 4): falls to 0 where the light sinks below the geometric surface, which otherwise cuts it off
-/// along the edges of triangles. 1 where both normals are the same or `wi` is on the far side.
+/// Softened shadow terminator: factor on light from `wi` to a surface with shading normal `ns` (Chiang, Li, Burley 2019, "Taming the
+/// Shadow Terminator", equations 3 and 4). Falls to 0 towards the horizon of the geometric surface, instead of a cut-off along triangle
+/// edges. 1 if both normals are equal or `wi` is on the far side.
 ///
-/// Deviations: the paper's term takes light from far above the horizon as well, in even light 3.5 % where the normals are
-/// 10 degrees apart and 9.5 % at 25. Here light that is higher than [`WHOLE`] times the sine of that angle is not dimmed, and
-/// of the paper's term and a ramp up to there the larger counts: that takes 0.5 % and 2.9 %. All is divided by what
-/// is left of even light then, so that a diffuse surface reflects as much of it as where the triangles cut it off.
-/// Glossy lobes that see nothing of the horizon are brighter by that. Like the paper's term it depends on the light's
-/// direction and not on the viewer's: it is not reciprocal, and paths from lights apply it to the same end.
+/// Deviations: the paper's term also dims light from far above the horizon, under uniform light by 3.5 % for normals 10 degrees apart and
+/// by 9.5 % at 25. Here light above [`UNDIMMED`] times the sine of that angle is not dimmed, and below the larger of the paper's term and
+/// a ramp applies: 0.5 % and 2.9 %. The factor is divided by the remaining fraction of uniform light, so that a diffuse surface reflects
+/// as much of it as with the cut-off. Glossy lobes away from the horizon become brighter by that. Like the paper's, the term depends on
+/// the light's direction only: it is not reciprocal, and light paths apply it to the same direction.
 #[inline(always)]
 fn terminator(ns: Vec3, ng: Vec3, wi: Vec3) -> f32 {
-    let (of_surface, of_shading, cosine) = (wi.dot(ng), wi.dot(ns), ng.dot(ns));
-    let below = of_shading * cosine;
+    let (cosine_ng, cosine_ns, cosine) = (wi.dot(ng), wi.dot(ns), ng.dot(ns));
+    let paper = cosine_ns * cosine;
     let squared = 1.0 - cosine * cosine;
     let squared = if squared > 0.0 { squared } else { 0.0 };
-    let whole = WHOLE * squared.sqrt();
-    let height = if below < whole { below } else { whole };
-    let ratio = of_surface / if height > 0.0 { height } else { 1.0 };
-    let is_above = of_surface > 0.0;
+    let undimmed = UNDIMMED * squared.sqrt();
+    let height = if paper < undimmed { paper } else { undimmed };
+    let ratio = cosine_ng / if height > 0.0 { height } else { 1.0 };
+    let is_above = cosine_ng > 0.0;
     let g = if is_above & (height > 0.0) & (ratio < 1.0) { ratio } else { 1.0 };
-    let left = 1.0 - LOST * squared * if cosine < STEEP { cosine * (1.0 / STEEP) } else { 1.0 };
-    g * (1.0 + g * (1.0 - g)) / if is_above { left } else { 1.0 }
+    let kept = 1.0 - LOSS * squared * if cosine < LOSS_COSINE { cosine * (1.0 / LOSS_COSINE) } else { 1.0 };
+    g * (1.0 + g * (1.0 - g)) / if is_above { kept } else { 1.0 }
 }
 
-/// The terminator where a map or a bump gave `ns`, as in Cycles: shadowing by the microfacets that most likely have such a normal (Conty
-/// Estevez, Lecocq, Stein 2019, "A Microfacet-Based Shadowing Function to Solve the Bump Terminator Problem", eq. 12.3 and 12.5).
-/// Light that sees both sides of the relief is that of the mapped normal alone: such normals lean by tens of degrees, where
-/// making up for the loss in even light would brighten lights visibly (12 % at 55 degrees). The relief is one of the smooth surface
-/// that triangles stand for, `smooth` its normal: no light comes from below.
+/// Bump terminator for a mapped normal `ns`, as in Cycles: shadowing by the microfacet distribution that most likely has such a normal
+/// (Conty Estevez, Lecocq, Stein 2019, "A Microfacet-Based Shadowing Function to Solve the Bump Terminator Problem", equations 12.3 and
+/// 12.5). Not normalized for uniform light: mapped normals are tilted by tens of degrees, where normalization would brighten small lights
+/// visibly (12 % at 55 degrees). The relief is on the smooth surface with normal `smooth`: no light comes from below.
 #[inline(always)]
 fn mapped_terminator([ns, smooth, wi]: [Vec3; 3]) -> f32 {
     let squared_tangent = |cosine: f32| {
         let squared = cosine * cosine;
         (1.0 - squared) / if squared > 1e-12 { squared } else { 1e-12 }
     };
-    let height = wi.dot(smooth);
+    let cosine = wi.dot(smooth);
     let squared_alpha = RELIEF_ALPHA * squared_tangent(smooth.dot(ns));
     let squared_alpha = if squared_alpha < 1.0 { squared_alpha } else { 1.0 };
-    let masked = squared_alpha * squared_tangent(height);
+    let masked = squared_alpha * squared_tangent(cosine);
     let masked = if masked > 0.0 { masked } else { 0.0 };
-    if height > 0.0 { 2.0 / (1.0 + (1.0 + masked).sqrt()) } else { 0.0 }
+    if cosine > 0.0 { 2.0 / (1.0 + (1.0 + masked).sqrt()) } else { 0.0 }
 }
 
-/// The factor on light to a surface shaded with `ns`, by [`terminator`] where no map gave that normal; where one did, by that of the
-/// normal `smooth` beneath. Cycles 5.0 doesn't soften what the bumps of a displacement shadow. Normals and `wi` are on
-/// the same side of the surface.
+/// [`terminator`] of a vertex: by `ns` if the normal is not mapped, else by `smooth`; none for bumps of a displacement, as in Cycles 5.0.
+/// Normals and `wi` are on the same side of the surface.
 #[inline(always)]
 pub(super) fn terminator_at(relief: f32, [ns, smooth, ng]: [Vec3; 3], wi: Vec3) -> f32 {
     let is_softened = (relief == UNMAPPED) | (relief == RELIEF);
@@ -221,42 +220,42 @@ pub(super) fn terminator_at(relief: f32, [ns, smooth, ng]: [Vec3; 3], wi: Vec3) 
     if is_softened { soft } else { 1.0 }
 }
 
-/// The factor on what a surface reflects diffusely besides, where a map gave its normal: [`mapped_terminator`].
+/// [`mapped_terminator`] of a vertex, a factor on the diffuse base; 1 if the normal is not mapped.
 ///
-/// Facets keep all light. Cycles cuts off light samples below the smooth normal, but not what facets reflect of the sky: balls of
-/// roughness 0.4 in even light come within 0.4 % of its like this and lose 3 % by a cut.
+/// Glossy lobes are not shadowed. Cycles cuts off light samples below the smooth normal, but not BSDF samples that hit the sky: spheres of
+/// roughness 0.4 under uniform light differ by 0.4 % from Cycles without the cut-off, and by 3 % with it.
 #[inline(always)]
 pub(super) fn relief_at(relief: f32, [ns, smooth]: [Vec3; 2], wi: Vec3) -> f32 {
     let mapped = mapped_terminator([ns, smooth, wi]);
     if relief >= RELIEF { mapped } else { 1.0 }
 }
 
-/// A value of which the diffuse part is dimmed by a relief.
+/// Multiplies the diffuse part of a BSDF value by the bump terminator `relief`.
 #[inline(always)]
 pub(super) fn under_relief(value: Rgb, diffuse: Rgb, relief: f32) -> Rgb {
     value - diffuse.min(value) * (1.0 - relief)
 }
 
-/// Correction of shading normals for light near the horizon.
+/// Shadow terminator correction, a compile-time [`Terminator`].
 pub(super) trait Horizon: Copy + Sync {
-    /// Is there anything to ask for?
+    /// Can any factor differ from 1?
     const SOFTENS: bool = true;
 
-    /// Are there mapped normals?
+    /// Can [`Horizon::relief`] differ from 1?
     const HAS_RELIEF: bool = false;
 
-    /// The factor on light from `wi` at vertex `i`, whose shading normal is `ns` and geometric one `ng`, both on the side of `wi`; `side` is -1 where those
-    /// of the vertex are on the other side.
+    /// Factor on light from `wi` at vertex `i`. `normals` are shading and geometric normal on the side of `wi`; `side` is -1 if the
+    /// vertex's are on the other side.
     fn light_factor(self, v: &Vertices, i: usize, normals: [Vec3; 2], side: f32, wi: Vec3) -> f32;
 
-    /// The factor on the diffuse part besides, with `ns` and `side` as above.
+    /// Further factor on the diffuse part (bump terminator), with `ns` and `side` as above.
     #[inline(always)]
     fn relief(self, _: &Vertices, _: usize, _: Vec3, _: f32, _: Vec3) -> f32 {
         1.0
     }
 }
 
-/// Which of them a scene needs.
+/// The [`Horizon`] that a scene needs.
 #[derive(Clone, Copy)]
 pub(super) enum Terminator {
     Sharp,
@@ -266,9 +265,9 @@ pub(super) enum Terminator {
 }
 
 impl Terminator {
-    /// What is left of a BSDF value and its diffuse part for light from `wi`: the value on the relief, and a factor. `normals` are the normal that lobes
-    /// are evaluated around, the smooth and the geometric one; the relief is that of `ns`.
-    pub fn left(
+    /// Applies the correction to a BSDF value with diffuse part `diffuse` for light from `wi`: returns the value under the bump
+    /// terminator, and the factor of the softened terminator. `normals` are bent, smooth and geometric normal; `ns` is the mapped one.
+    pub fn apply(
         self,
         (value, diffuse): (Rgb, Rgb),
         relief: f32,
@@ -284,19 +283,19 @@ impl Terminator {
     }
 }
 
-/// Surfaces cut off light where their triangles do.
+/// No correction: light is cut off at the geometric horizon.
 #[derive(Clone, Copy)]
 pub(super) struct Sharp;
 
-/// Shadow terminators are softened, in scenes without mapped normals.
+/// Softened shadow terminator, for scenes without mapped normals.
 #[derive(Clone, Copy)]
 pub(super) struct Soft;
 
-/// [`Soft`] in scenes with mapped normals.
+/// [`Soft`] with the bump terminator.
 #[derive(Clone, Copy)]
 pub(super) struct Relief;
 
-/// [`Sharp`] in scenes with mapped normals, whose relief shadows light.
+/// [`Sharp`] with the bump terminator.
 #[derive(Clone, Copy)]
 pub(super) struct SharpRelief;
 
@@ -349,9 +348,9 @@ mod tests {
     use super::*;
     use crate::sampling::chi2::Random;
 
-    /// Where one viewer leaves a normal as it is, what others make of it is what they make of the original.
+    /// A normal that is not bent for one viewer bends for another viewer like the original.
     #[test]
-    fn normals_that_are_not_bent_are_the_original() {
+    fn unbent_normals_equal_the_original() {
         let mut random = Random::new(12);
         let (mut straight, mut bent) = (0, 0);
         for _ in 0..100_000 {
@@ -371,7 +370,7 @@ mod tests {
             assert!(of_first.distance(ns) < 1e-6, "{ns} {of_first}");
             let ((a, is_a_bent), (b, is_b_bent)) =
                 (bent_normal(ns, ng, second), bent_normal(of_first, ng, second));
-            // Rounding may decide at the very edge.
+            // Rounding decides at the threshold.
             assert!(is_a_bent == is_b_bent && a.distance(b) < 1e-4 || a.distance(b) < 2e-3, "{ns}: {a} {b}");
             assert!(is_a_bent || a.distance(ns) < 1e-6);
         }
@@ -379,7 +378,7 @@ mod tests {
     }
 
     #[test]
-    fn viewers_and_mirror_directions_are_above() {
+    fn viewer_and_mirror_direction_are_above_the_surface() {
         let mut random = Random::new(11);
         for _ in 0..100_000 {
             let (ng, mut ns, wo) = (random.direction(), random.direction(), random.direction());
@@ -399,21 +398,21 @@ mod tests {
     }
 
     #[test]
-    fn good_normals_stay() {
+    fn valid_normals_are_not_bent() {
         let wo = Vec3::new(0.6, 0.0, 0.8);
         let ns = Vec3::new(-0.1, 0.2, 1.0).normalize();
         assert!((scattering_normal(ns, Vec3::Z, wo) - ns).length() < 1e-6);
         assert_eq!(scattering_normal(Vec3::Z, Vec3::Z, wo), Vec3::Z);
     }
 
-    /// A diffuse surface reflects as much of even light as where its triangles cut light off, but for rounding and the fit.
+    /// A diffuse surface reflects as much of uniform light as with the cut-off, up to rounding and the fit.
     #[test]
-    fn the_terminator_keeps_even_light() {
+    fn softened_terminator_preserves_uniform_light() {
         for degrees in [1.0f64, 5.0, 10.0, 25.0, 40.0, 60.0, 75.0, 85.0] {
             let angle = degrees.to_radians();
             let ns = Vec3::new(angle.sin() as f32, 0.0, angle.cos() as f32);
             let (mut cut, mut soft) = (0.0f64, 0.0f64);
-            // Midpoints, closer to each other at the horizon.
+            // Midpoint rule, denser near the horizon.
             let n = 400;
             for (i, k) in (0..n).flat_map(|i| (0..2 * n).map(move |k| (i, k))) {
                 let root = (f64::from(i) + 0.5) / f64::from(n);
@@ -430,10 +429,9 @@ mod tests {
         }
     }
 
-    /// Lamps overhead light a relief as its normal says; towards the horizon light fades out, by what Cycles 5.0 shows of a plane
-    /// whose normals all lean by 54.7 degrees.
+    /// No shadowing from overhead, fading towards the horizon: values of Cycles 5.0 for a plane with all normals tilted by 54.7 degrees.
     #[test]
-    fn mapped_normals_are_lit_as_in_cycles() {
+    fn bump_terminator_matches_cycles() {
         let ns = Vec3::new(1.0, -1.0, 1.0).normalize();
         for (degrees, kept) in
             [(0.0f32, 1.0), (50.0, 0.70361 / 0.76134), (60.0, 0.86101), (80.0, 0.34485 / 0.69060)]
@@ -450,10 +448,10 @@ mod tests {
     }
 
     #[test]
-    fn the_terminator_is_smooth() {
+    fn softened_terminator_is_monotonic() {
         let (ng, ns) = (Vec3::Z, Vec3::new(0.5, 0.0, 0.75f32.sqrt()));
         let at = |sine: f32| terminator(ns, ng, Vec3::new((1.0 - sine * sine).sqrt(), 0.0, sine));
-        let whole = 1.0 / (1.0 - LOST * 0.25);
+        let whole = 1.0 / (1.0 - LOSS * 0.25);
         assert!(at(1e-3) < 0.01 && (at(0.999) - whole).abs() < 1e-6);
         let mut last = 0.0;
         for i in 1..100 {

@@ -1,4 +1,4 @@
-//! Shading groups: which vertices are shaded by the same loop, their order, and the closure of each group.
+//! Shading groups: vertices shaded by the same loop, their sort order, and the closures of each group.
 
 use super::shading_geometry::{
     Horizon, Relief, SharpRelief, Soft, Terminator, bent_normal, local_viewer, under_relief,
@@ -20,7 +20,7 @@ use crate::simd::{Kernel, dispatch};
 use std::f32::consts::FRAC_1_PI;
 use std::ops::Range;
 
-/// An expression with the class of sorted vertex `i`, guided or not.
+/// Evaluates an expression with the [`VertexClass`] of sorted vertex `i`, guided or not.
 macro_rules! with_vertex_class {
     ($sorted:expr, $i:expr, $is_guided:expr, $bsdfs:expr, |$class:ident| $value:expr) => {{
         let (sorted, i) = ($sorted, $i);
@@ -51,30 +51,30 @@ pub(super) use with_vertex_class;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum ShadingGroup {
-    /// Lambertian with constant albedo on a triangle or quad: a vectorised loop makes the vertices.
+    /// Lambertian with constant albedo on a triangle or quad: vertices are built by a vectorised loop.
     Plain,
     /// Other Lambertian vertices.
     Lambert,
-    /// Opaque glTF materials without textures on a triangle or quad: a vectorised loop makes the vertices.
+    /// Opaque glTF materials without textures on a triangle or quad: vertices are built by a vectorised loop.
     PlainMetalRough,
-    /// Opaque glTF materials with textures on triangles: vectorised loops make the vertices.
+    /// Opaque glTF materials with textures on triangles: vertices are built by vectorised loops.
     Textured,
     /// Other opaque glTF materials.
     MetalRough,
     /// Scattering events in media.
     Medium,
-    /// Other BSDFs with lobes that light sampling reaches.
+    /// Other BSDFs that are not specular.
     Rough,
-    /// Specular BSDFs: light sampling does not reach them.
+    /// Specular BSDFs, which are not light-sampled.
     Specular,
-    /// The path ends here.
+    /// The path ends.
     None,
 }
 
 const GROUPS: usize = 9;
 
 impl ShadingGroup {
-    /// The group of the same materials on other shapes.
+    /// The group of the same material on any shape.
     pub fn of_any_shape(self) -> ShadingGroup {
         match self {
             ShadingGroup::Plain => ShadingGroup::Lambert,
@@ -99,7 +99,7 @@ impl ShadingGroupCounts {
         self.0[group as usize] += 1;
     }
 
-    /// The ranges of the sorted vertices.
+    /// The ranges of the groups in sorted order.
     pub fn sorted(&self) -> SortedVertices {
         let mut sum = 0;
         let starts = self.0.map(|count| {
@@ -110,14 +110,14 @@ impl ShadingGroupCounts {
     }
 }
 
-/// The ranges of the vertices of each shading group.
+/// Ranges of the shading groups in the sorted vertices.
 #[derive(Clone, Copy, Debug)]
 pub struct SortedVertices {
     starts: [usize; GROUPS],
 }
 
 impl SortedVertices {
-    /// The ranges after each vertex was repeated.
+    /// The ranges after each vertex was repeated `times` times.
     pub fn times(mut self, times: usize) -> SortedVertices {
         for start in &mut self.starts {
             *start *= times;
@@ -139,7 +139,7 @@ impl SortedVertices {
         self.from(ShadingGroup::Plain, ShadingGroup::Lambert)
     }
 
-    /// All Lambertian vertices.
+    /// All Lambertian groups.
     pub fn lambert(&self) -> Range<usize> {
         self.from(ShadingGroup::Plain, ShadingGroup::PlainMetalRough)
     }
@@ -154,12 +154,12 @@ impl SortedVertices {
         self.from(ShadingGroup::Textured, ShadingGroup::MetalRough)
     }
 
-    /// All opaque glTF materials.
+    /// All groups of opaque glTF materials.
     pub fn metal_rough(&self) -> Range<usize> {
         self.from(ShadingGroup::PlainMetalRough, ShadingGroup::Medium)
     }
 
-    /// All vertices that path guiding applies to: Lambertian and opaque glTF materials.
+    /// Vertices with path guiding: Lambertian and opaque glTF materials.
     pub fn guided(&self) -> Range<usize> {
         self.from(ShadingGroup::Plain, ShadingGroup::Medium)
     }
@@ -174,12 +174,12 @@ impl SortedVertices {
         self.from(ShadingGroup::Rough, ShadingGroup::Specular)
     }
 
-    /// All vertices with general BSDFs, rough and specular.
+    /// Vertices with an entry in `Workspace::bsdfs`: rough and specular.
     pub fn general(&self) -> Range<usize> {
         self.from(ShadingGroup::Rough, ShadingGroup::None)
     }
 
-    /// All vertices that light sampling reaches.
+    /// Light-sampled vertices: all but specular ones.
     pub fn lit(&self) -> Range<usize> {
         self.from(ShadingGroup::Plain, ShadingGroup::Specular)
     }
@@ -190,14 +190,14 @@ impl SortedVertices {
     }
 }
 
-/// The groups of all materials of a scene.
+/// The shading group of each material; `filters_glossy`: the glossy filter is on.
 pub fn groups_of(scene: &CompiledScene, filters_glossy: bool) -> Vec<ShadingGroup> {
     let own = scene.materials.iter().map(|m| group_of(m, scene.shading.spectral));
     let mut groups: Vec<ShadingGroup> = own.collect();
     let is_rough =
         |(group, m): (&ShadingGroup, &CompiledMaterial)| *group == ShadingGroup::Rough && m.medium_index != 0;
     if scene.features.coincident_surfaces && groups.iter().zip(&scene.materials).any(is_rough) {
-        // Where a smooth solid touches a rough one, the rough surface may refract.
+        // Where a smooth solid coincides with a rough one, the rough surface may refract.
         for (group, material) in groups.iter_mut().zip(&scene.materials) {
             if *group == ShadingGroup::Specular && material.medium_index != 0 {
                 *group = ShadingGroup::Rough;
@@ -205,7 +205,7 @@ pub fn groups_of(scene: &CompiledScene, filters_glossy: bool) -> Vec<ShadingGrou
         }
     }
     if filters_glossy {
-        // Paths may meet what is smooth for the camera as a rough surface, which light samples reach.
+        // The glossy filter may turn specular BSDFs into rough ones.
         for group in groups.iter_mut().filter(|group| **group == ShadingGroup::Specular) {
             *group = ShadingGroup::Rough;
         }
@@ -213,12 +213,12 @@ pub fn groups_of(scene: &CompiledScene, filters_glossy: bool) -> Vec<ShadingGrou
     groups
 }
 
-/// The shading group of a material, on shapes that don't require another.
+/// The shading group of a material, on shapes that support all groups.
 fn group_of(material: &CompiledMaterial, by_wavelength: bool) -> ShadingGroup {
     let is_plain = material.constant.is_some() && !material.uses_uv && material.emission.is_none();
     match material.class {
         BsdfClass::Black => ShadingGroup::None,
-        // Path sharing needs surfaces that don't depend on the viewer or the path.
+        // Path reuse requires that the other groups don't depend on the viewer or the path.
         BsdfClass::Lambert | BsdfClass::MetalRough if material.depends_on_path() => ShadingGroup::Rough,
         BsdfClass::Lambert => {
             if is_plain {
@@ -237,7 +237,7 @@ fn group_of(material: &CompiledMaterial, by_wavelength: bool) -> ShadingGroup {
                 BsdfClass::MetalRough if by_wavelength && material.constant.is_none() => {
                     ShadingGroup::MetalRough
                 }
-                // The fast way through textures has no more of a hit than most of them need.
+                // The vectorised texture loops support the most common inputs only.
                 BsdfClass::MetalRough
                     if material.uses_uv
                         && !material.uses_vertex_colors
@@ -256,33 +256,33 @@ fn group_of(material: &CompiledMaterial, by_wavelength: bool) -> ShadingGroup {
     }
 }
 
-/// A BSDF at a vertex, for the direction to the viewer. All directions are in world space.
+/// A BSDF or phase function at a vertex, for a given direction to the viewer. All directions are in world space.
 pub trait Closure {
     /// All lobes reflect, and normals are on the viewer's side.
     const OPAQUE: bool;
 
-    /// A phase function.
+    /// This is a phase function.
     const IN_MEDIUM: bool = false;
 
-    /// All light is reflected diffusely.
+    /// All lobes are diffuse.
     const IS_DIFFUSE: bool = false;
 
-    /// Evaluation costs more than a branch; without this it is free of branches, so that loops vectorise.
+    /// Evaluation branches; else it is branch-free, so that loops vectorise.
     const BRANCHES: bool;
 
-    /// Value and density for light from `wi`, without specular lobes.
+    /// Value and pdf for light from `wi`, without specular lobes.
     fn eval(&self, wi: Vec3) -> BsdfEval;
 
-    /// Samples a direction by three numbers in 0..1, of which the last selects the lobe.
+    /// Samples a direction by three random numbers in 0..1; the last selects the lobe.
     fn sample(&self, u: [f32; 3]) -> BsdfSample;
 
-    /// The diffuse part of the value for light from `wi`; where some is glossy.
+    /// The diffuse part of the value for light from `wi`, if not all lobes are diffuse.
     #[inline(always)]
     fn diffuse(&self, _wi: Vec3) -> Rgb {
         Rgb::ZERO
     }
 
-    /// Value and density, and a factor on what is scattered, on the relief of vertex `i`.
+    /// Applies the bump terminator of vertex `i`: returns value and pdf, and a factor on the value.
     #[inline(always)]
     fn on_relief<T: Horizon>(
         &self,
@@ -302,21 +302,21 @@ pub trait Closure {
         }
     }
 
-    /// Is `wi` on the other side of the surface than the viewer?
+    /// Are `wi` and the viewer on different sides of the surface?
     #[inline(always)]
     fn crosses(&self, _wi: Vec3) -> bool {
         false
     }
 
-    /// Contribution of a light sample: value times weight times radiance. Products are rounded
-    /// in the order of each closure.
+    /// Contribution of a light sample: throughput times value times weight times radiance. The order of multiplication, and so the
+    /// rounding, differs between closures.
     #[inline(always)]
     fn scattered(&self, eval: BsdfEval, weight: f32, throughput: Rgb, radiance: Rgb) -> Rgb {
         throughput * eval.f_cos * radiance * weight
     }
 }
 
-/// The value of a closure at vertex `i` for light from `wi`, and the factor that shading normals leave of it: for loops over few vertices.
+/// Value of a closure at vertex `i` for light from `wi`, and the factor of the shadow terminator: for loops over few vertices.
 pub(super) fn eval_at_horizon<C: Closure>(
     closure: &C,
     terminator: Terminator,
@@ -341,7 +341,7 @@ pub(super) fn eval_at_horizon<C: Closure>(
     }
 }
 
-/// The weight of a sampled direction on the relief of vertex `i`.
+/// The weight of a BSDF sample under the bump terminator.
 #[inline(always)]
 pub(super) fn sample_on_relief<C: Closure, T: Horizon>(
     closure: &C,
@@ -354,19 +354,18 @@ pub(super) fn sample_on_relief<C: Closure, T: Horizon>(
     let eval = BsdfEval { f_cos: sample.weight * pdf_solid_angle, pdf_solid_angle };
     let (dimmed, relief) = closure.on_relief(horizon, at, (ns, side), (sample.wi, eval));
     let inverse = 1.0 / if pdf_solid_angle > 0.0 { pdf_solid_angle } else { 1.0 };
-    // A purely diffuse value is unchanged.
+    // For purely diffuse closures the factor is `relief`.
     (if C::IS_DIFFUSE { sample.weight } else { dimmed.f_cos * inverse }) * relief
 }
 
-/// Vertices whose closures are loaded in the same way.
+/// A class of vertices with the same type of closure.
 pub trait VertexClass {
-    /// Their closure.
     type Closure: Closure;
 
     /// The closure of vertex `i`.
     fn closure(&self, v: &Vertices, i: usize) -> Self::Closure;
 
-    /// The density of the light sample's direction by guided sampling at vertex `i`, over the closure's.
+    /// Factor of guiding on the pdf of the light sample's direction at vertex `i`.
     #[inline(always)]
     fn light_density(&self, _v: &Vertices, _i: usize) -> f32 {
         1.0
@@ -423,7 +422,7 @@ impl Closure for LambertClosure {
 
 /// Vertices with any BSDF.
 pub struct GeneralClass<'a> {
-    /// The BSDFs of these vertices, the first of which is number `first`.
+    /// BSDFs of the vertices from `first` on.
     pub bsdfs: &'a [Bsdf],
     pub first: usize,
 }
@@ -453,7 +452,7 @@ impl Closure for GeneralClosure<'_> {
     #[inline]
     fn eval(&self, wi: Vec3) -> BsdfEval {
         let crosses = self.crosses(wi);
-        // Most lobes that light sampling reaches reflect.
+        // An early exit, since most BSDFs only reflect.
         let is_possible = if crosses { self.bsdf.scatters_through() } else { wi.dot(self.ng) != 0.0 };
         if !is_possible || self.bsdf.is_specular() {
             return BsdfEval::ZERO;
@@ -544,7 +543,7 @@ fn load_closure(m: &MetalRoughClosures, curve: f32, k: usize) -> MetalRoughClosu
     }
 }
 
-/// Copies the closure of vertex `i` to vertex `k` of others.
+/// Copies the closure of vertex `i` of `from` to vertex `k` of `to`.
 #[inline(always)]
 pub(super) fn copy_metal_rough(from: &Vertices, i: usize, to: &mut Vertices, k: usize) {
     from.metal_rough_closures.copy_to(i, &mut to.metal_rough_closures, k);
@@ -552,7 +551,7 @@ pub(super) fn copy_metal_rough(from: &Vertices, i: usize, to: &mut Vertices, k: 
     to.metal_rough.curve[k] = from.metal_rough.curve[i];
 }
 
-/// Bends shading normals for the viewers and makes closures of materials.
+/// Bends shading normals for the viewer and computes the closures of opaque glTF materials.
 pub(super) fn prepare(wave: &mut Wave, range: Range<usize>, shading: ShadingModel) {
     match (shading.energy_compensation, shading.fresnel) {
         (EnergyCompensation::On, FresnelModel::Exact) => {
@@ -623,12 +622,12 @@ impl<const COMPENSATES: bool, const EXACT: bool> Kernel for PrepareClosures<'_, 
 #[derive(Clone, Copy)]
 pub(super) struct MetalRoughClass;
 
-/// An opaque glTF material for its viewer.
+/// The closure of an opaque glTF material.
 pub(super) struct MetalRoughVertex {
     lobes: MetalRoughClosure,
     surface: Isotropic,
     frame: Frame,
-    /// Towards the viewer in the frame, above the surface.
+    /// Direction to the viewer in the frame, above the surface.
     wo: Vec3,
 }
 
@@ -650,8 +649,7 @@ impl VertexClass for MetalRoughClass {
 }
 
 impl MetalRoughVertex {
-    /// The density of a direction over that of [`Closure::sample`], where guiding multiplies the density of the diffuse
-    /// lobe by `density`.
+    /// Factor on the pdf of [`Closure::sample`] if guiding multiplies the pdf of the diffuse lobe by `density`.
     #[inline(always)]
     pub fn guided(&self, wi: Vec3, density: f32) -> f32 {
         let local = self.frame.to_local(wi);
@@ -666,7 +664,7 @@ impl MetalRoughVertex {
         u >= self.lobes.probability_specular
     }
 
-    /// Throughput of the diffuse lobe over its selection probability.
+    /// Albedo of the diffuse lobe over its selection probability.
     #[inline(always)]
     pub fn diffuse_weight(&self) -> Rgb {
         let probability = self.lobes.probability_diffuse;
@@ -678,7 +676,7 @@ impl MetalRoughVertex {
         self.share_of(self.lobes.diffuse * FRAC_1_PI, wi).min(Rgb::ONE)
     }
 
-    /// Fraction of the BSDF value for light from `wi` of a diffuse lobe with value `f`.
+    /// Fraction of the BSDF value for light from `wi` that a diffuse lobe with BSDF `f` has.
     pub fn share_of(&self, f: Rgb, wi: Vec3) -> Rgb {
         let local = self.frame.to_local(wi);
         let all = self.lobes.eval(&self.surface, self.wo, local).f_cos.to_array();
@@ -718,8 +716,7 @@ impl Closure for MetalRoughVertex {
 #[derive(Clone, Copy, Debug)]
 pub struct MediumClass;
 
-/// Phase function of Henyey and Greenstein. The single-scattering albedo is part of the path's
-/// throughput.
+/// The Henyey-Greenstein phase function. Path throughput includes the single-scattering albedo.
 pub struct PhaseClosure {
     wo: Vec3,
     anisotropy: f32,

@@ -1,5 +1,5 @@
-//! Ways of rays through slabs, the bodies between two parallel planes: sideways shifts, refracted connections and their densities; and
-//! the lobes of directions towards lights that are seen through refractive bodies.
+//! Rays through slabs (bodies between two parallel planes): sideways shifts, refracted connections and their pdfs; and the lobes of
+//! directions towards lights behind refractive bodies.
 
 use super::interior::Interior;
 use super::mis::LightPdf;
@@ -10,16 +10,16 @@ use std::f32::consts::PI;
 /// Maximum number of panes that a ray passes.
 pub(super) const MAX_SLABS: usize = 6;
 
-/// Newton steps of a refracted connection. Three are enough where the panes are thinner than a tenth of the distance.
+/// Maximum number of Newton steps for a refracted connection. Three are enough for panes thinner than a tenth of the distance.
 const STEPS: usize = 12;
 
-/// Sideways distance by which a refracted connection misses its target at which the steps end, relative to its length: some roundings.
+/// Convergence threshold: sideways error at the target relative to the length of the connection, some rounding errors.
 const MAX_MISS: f32 = 4e-6;
 
 /// The geometry of a pane.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Slab {
-    /// Unit normal of its faces.
+    /// Unit normal of the faces.
     pub normal: Vec3,
     /// Metres.
     pub thickness: f32,
@@ -28,7 +28,7 @@ pub(super) struct Slab {
 }
 
 impl Slab {
-    /// Sideways shift of a ray of direction `w`: that of the way within less that of the straight way, both between the faces.
+    /// Sideways shift of a ray of direction `w`: lateral travel of the refracted ray between the faces minus that of the unrefracted.
     fn offset(&self, w: Vec3) -> Vec3 {
         let along = w.dot(self.normal);
         (w - self.normal * along) * (self.thickness * self.shift(along.abs()))
@@ -44,7 +44,7 @@ impl Slab {
         1.0 / (self.ior * self.ior - 1.0 + cosine * cosine).sqrt()
     }
 
-    /// Derivative of the offset by the direction along `v`, which is perpendicular to `w`.
+    /// Derivative of the offset with respect to the direction `w` along `v`, which is perpendicular to `w`.
     fn derivative(&self, w: Vec3, v: Vec3) -> Vec3 {
         let (along, rise) = (w.dot(self.normal), v.dot(self.normal));
         let cosine = along.abs();
@@ -63,7 +63,7 @@ pub(super) struct Slabs {
 }
 
 impl Slabs {
-    /// None.
+    /// No panes.
     pub const NONE: Slabs =
         Slabs { list: [Slab { normal: Vec3::Z, thickness: 0.0, ior: 1.0 }; MAX_SLABS], count: 0 };
 
@@ -71,34 +71,34 @@ impl Slabs {
         self.list[..self.count].iter()
     }
 
-    /// Is there room for another?
+    /// Is the number of panes below [`MAX_SLABS`]?
     pub fn has_room(&self) -> bool {
         self.count < MAX_SLABS
     }
 
-    /// Are there none?
+    /// Are there no panes?
     pub fn is_empty(&self) -> bool {
         self.count == 0
     }
 
-    /// Adds one; there must be room.
+    /// Adds a pane; [`Slabs::has_room`] must hold.
     pub fn push(&mut self, slab: Slab) {
         self.list[self.count] = slab;
         self.count += 1;
     }
 
-    /// Length of a ray of direction `w` between two points, outside of the slabs and as if they were straight on.
+    /// Length of the unrefracted ray of direction `w` between two points, after subtracting the sideways shifts.
     pub fn length(&self, w: Vec3, origin: Vec3, target: Vec3) -> f32 {
         (target - origin - self.offset(w)).dot(w)
     }
 
-    /// Sideways shift of a ray of direction `w` by all of them.
+    /// Sideways shift of a ray of direction `w` by all panes.
     fn offset(&self, w: Vec3) -> Vec3 {
         self.iter().fold(Vec3::ZERO, |sum, slab| sum + slab.offset(w))
     }
 
-    /// The symmetric matrix of the derivative of the end of a ray of direction `w`, of length `s` outside of the panes, by its direction:
-    /// xx, xy, yy in a frame around `w`.
+    /// Jacobian of the end point of a ray of length `s` with respect to its direction `w`, a symmetric matrix in a frame around `w`: xx,
+    /// xy, yy.
     fn jacobian(&self, w: Vec3, s: f32, frame: &Frame) -> [f32; 3] {
         self.iter().fold([s, 0.0, s], |sum, slab| {
             let (x, y) = (slab.derivative(w, frame.s), slab.derivative(w, frame.t));
@@ -106,14 +106,14 @@ impl Slabs {
         })
     }
 
-    /// The area perpendicular to `w` at `target` over the solid angle at `origin` of rays through the panes, m^2/sr.
+    /// Area perpendicular to `w` at `target` per solid angle at `origin`, for rays through the panes, m^2/sr.
     fn spread(&self, w: Vec3, origin: Vec3, target: Vec3) -> f32 {
         let s = self.length(w, origin, target);
         let [xx, xy, yy] = self.jacobian(w, s, &Frame::from_normal(w));
         (xx * yy - xy * xy).abs()
     }
 
-    /// The direction in which a ray from `origin` arrives at `target` behind all panes.
+    /// The direction at `origin` of the ray to `target` through all panes; `None` if Newton's method doesn't converge.
     pub fn connect(&self, origin: Vec3, target: Vec3) -> Option<Vec3> {
         let between = target - origin;
         let mut w = between.try_normalize()?;
@@ -133,8 +133,8 @@ impl Slabs {
         None
     }
 
-    /// Density of light samples by solid angle of rays through the panes, over that without panes. `normal` is that of the light at
-    /// `target`, zero for points.
+    /// Ratio of the solid-angle pdf of light sampling with panes to that without. `normal` is the light's at `target`, zero for point
+    /// lights and media.
     pub fn density_ratio(&self, w: Vec3, origin: Vec3, target: Vec3, normal: Vec3) -> f32 {
         let between = target - origin;
         let distance_squared = between.length_squared();
@@ -147,7 +147,7 @@ impl Slabs {
     }
 }
 
-/// The panes that an arriving ray passed, and the ray behind the last one until it is traced.
+/// The panes that an arriving ray passed, and the continued ray behind the last one until it is traced.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RayCrossings {
     pub slabs: Slabs,
@@ -157,38 +157,39 @@ pub(super) struct RayCrossings {
 }
 
 impl RayCrossings {
-    /// None.
+    /// No panes.
     pub const NONE: RayCrossings = RayCrossings { slabs: Slabs::NONE, offset: Vec3::ZERO, next: None };
 }
 
-/// The ray behind the pane that arriving path `i` just passed.
+/// Takes the continued ray of arriving path `i` behind the pane that it just passed.
 pub(super) fn behind_pane(i: usize, crossings: &mut [RayCrossings]) -> Option<Ray> {
     crossings.get_mut(i).and_then(|passed| passed.next.take())
 }
 
-/// The panes that a shadow ray passed, and its light sample without them.
+/// The panes that a shadow ray passed, and its light sample before refraction.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ShadowCrossings {
     pub slabs: Slabs,
-    /// Where the ray hit each of them.
+    /// Hit of each pane.
     pub hits: [Hit; MAX_SLABS],
-    /// Transmittance of all slabs.
+    /// Transmittance of all panes.
     pub transmittance: Rgb,
-    /// The solids around the start of the shadow ray.
+    /// The solids around the origin of the shadow ray.
     pub interior: Interior,
-    /// Its light sample without panes.
+    /// Direction of the light sample before refraction.
     pub wi: Vec3,
+    /// Pdf of the light sample before refraction.
     pub pdf: LightPdf,
 }
 
 impl ShadowCrossings {
-    /// Adds a pane; there must be room.
+    /// Adds a pane; [`Slabs::has_room`] must hold.
     pub fn push(&mut self, slab: Slab, hit: Hit) {
         self.hits[self.slabs.count] = hit;
         self.slabs.push(slab);
     }
 
-    /// Where the ray hit the panes.
+    /// Hits of the panes.
     pub fn hits(&self) -> &[Hit] {
         &self.hits[..self.slabs.count]
     }
@@ -197,10 +198,10 @@ impl ShadowCrossings {
 /// Maximum number of lobes of a vertex.
 const MAX_LOBES: usize = 4;
 
-/// Narrowest and widest lobes, GGX alpha.
+/// Minimum and maximum GGX alpha of lobes.
 const WIDTHS: [f32; 2] = [5e-4, 0.5];
 
-/// Directions around an axis: the tangent of their angle to it is distributed as that of GGX normals.
+/// Directions around an axis with the angular distribution of GGX normals.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Lobe {
     axis: Vec3,
@@ -224,7 +225,7 @@ impl Lobe {
     }
 }
 
-/// A vertex with lobes, and the state of its path before it scattered.
+/// The light lobes of a vertex, and the state of its path before BSDF sampling.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LightLobes {
     pub vertex: u32,
@@ -236,18 +237,18 @@ pub(super) struct LightLobes {
 }
 
 impl LightLobes {
-    /// None yet.
+    /// Without lobes.
     pub fn new(vertex: usize, throughput: Rgb, roulette_scale: f32, interior: Interior) -> LightLobes {
         let lobes = [Lobe { axis: Vec3::Z, alpha: 1.0 }; MAX_LOBES];
         LightLobes { vertex: vertex as u32, lobes, count: 0, throughput, roulette_scale, interior }
     }
 
-    /// Are there none?
+    /// Are there no lobes?
     pub fn is_empty(&self) -> bool {
         self.count == 0
     }
 
-    /// Adds one of a width, GGX alpha, if there is room and it is narrow enough.
+    /// Adds a lobe of GGX alpha `width`; ignored if too wide or if there are [`MAX_LOBES`] already.
     pub fn add(&mut self, axis: Vec3, width: f32) {
         if self.count < MAX_LOBES && width <= WIDTHS[1] {
             self.lobes[self.count] = Lobe { axis, alpha: width.max(WIDTHS[0]) };
@@ -255,12 +256,12 @@ impl LightLobes {
         }
     }
 
-    /// A direction of one of them, which a number in 0..1 chooses.
+    /// Samples a direction of a lobe; the random number `choice` in 0..1 selects the lobe.
     pub fn sample(&self, choice: f32, u: [f32; 2]) -> Vec3 {
         self.lobes[((choice * self.count as f32) as usize).min(self.count - 1)].sample(u)
     }
 
-    /// The density of these directions.
+    /// The pdf of [`LightLobes::sample`], 1/sr.
     pub fn pdf_solid_angle(&self, w: Vec3) -> f32 {
         let lobes = &self.lobes[..self.count];
         lobes.iter().map(|lobe| lobe.pdf_solid_angle(w)).sum::<f32>() / self.count as f32
@@ -288,14 +289,14 @@ mod tests {
             let sine = (1.0 - w.y * w.y).max(0.0).sqrt();
             let within = (PANE.ior * PANE.ior - sine * sine).sqrt();
             let distance = (target.y - PANE.thickness) * sine / w.y + PANE.thickness * sine / within;
-            let asked = (target.x * target.x + target.z * target.z).sqrt();
-            let miss = (distance - asked).abs() * w.y;
-            assert!(miss < 1e-5 * target.length(), "{distance} {asked}");
+            let expected = (target.x * target.x + target.z * target.z).sqrt();
+            let miss = (distance - expected).abs() * w.y;
+            assert!(miss < 1e-5 * target.length(), "{distance} {expected}");
         }
     }
 
     #[test]
-    fn the_spread_is_the_change_of_the_end_with_the_direction() {
+    fn spread_is_the_jacobian_determinant() {
         let tilted = Slab { normal: Vec3::new(0.6, 0.8, 0.0), thickness: 0.2, ior: 1.3 };
         let all = slabs(&[PANE, tilted]);
         let (w, s) = (Vec3::new(0.3, 0.9, 0.2).normalize(), 1.5);

@@ -1,10 +1,9 @@
-//! The stages of path tracing, in the order in which a wave runs through them at each bounce.
+//! The stages of path tracing, in the order in which a wave runs them at each bounce.
 //!
-//! A wave of up to [`super::WAVE`] paths starts at the camera ([`super::generate`]). At each bounce the stages of
-//! [`ARRIVE`] trace its rays and make the vertices where paths continue, and those of [`LEAVE`] add direct light and
-//! scatter. A scene, its outputs and the techniques in use decide which stages are there: a plain scene has seven of
-//! them (intersect, classify, surfaces, environment; direct light, scatter, next rays). Techniques and features add a
-//! stage to the lists; the loop over bounces knows none of them.
+//! A wave of up to [`super::WAVE`] paths starts at the camera ([`super::generate`]). At each bounce the stages of [`ARRIVE`] intersect the
+//! rays and build the vertices where paths continue, and those of [`LEAVE`] add direct light and scatter. Which stages run depends on the
+//! scene, its outputs and the techniques in use: a plain scene has seven (intersect, classify, surfaces, environment; direct light,
+//! scatter, next rays). Techniques and features are added as stages to the lists; the loop over bounces doesn't refer to them.
 
 use super::sampling::{Block, CameraSamples};
 use super::shading_groups::{ShadingGroupCounts, SortedVertices};
@@ -26,13 +25,13 @@ pub(super) enum Data {
     Groups,
     /// Vertices, sorted by shading group, and their BSDFs.
     Vertices,
-    /// Guiding distributions of the vertices.
+    /// Guiding cells of the vertices.
     Cells,
     /// Lobes of vertices towards refracted lights.
     Lobes,
     /// Origins and directions of the scattered rays.
     Scattered,
-    /// Prefixes and suffixes of paths for path sharing.
+    /// Prefixes and suffixes for path reuse.
     Shared,
     /// Vertices recorded to train a guide.
     Training,
@@ -40,39 +39,38 @@ pub(super) enum Data {
     Results,
 }
 
-/// Number of bounces between checks for interruption; few paths reach the first.
+/// Number of bounces between checks for interruption; few paths are that long.
 const STOP_INTERVAL: u32 = 64;
 
 /// One step of all paths of a wave.
 #[cfg_attr(not(test), expect(dead_code, reason = "name, reads and writes are for readers and tests"))]
 pub(super) struct Stage {
     pub name: &'static str,
-    /// Is the stage there, with this scene, these outputs and these techniques?
+    /// Does the stage run with this scene, these outputs and these techniques?
     pub condition: fn(&Integrator<'_>) -> bool,
-    /// At which bounces.
     pub bounces: Bounces,
     pub reads: &'static [Data],
     pub writes: &'static [Data],
     pub run: fn(&Integrator<'_>, &mut Bounce, &mut Workspace),
 }
 
-/// At which bounces a stage runs.
+/// The bounces at which a stage runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Bounces {
     All,
-    /// At the surfaces that camera rays hit.
+    /// First hits only.
     First,
 }
 
-/// The bounce that a wave is at.
+/// The current bounce of a wave.
 pub(super) struct Bounce {
     /// 0 at the first surface.
     pub number: u32,
-    /// All paths end here.
+    /// Do all paths end at this bounce?
     pub is_last: bool,
-    /// Hits of each shading group.
+    /// Number of hits of each shading group.
     pub counts: ShadingGroupCounts,
-    /// Where the vertices of each shading group lie.
+    /// Ranges of the shading groups.
     pub vertices: SortedVertices,
 }
 
@@ -98,8 +96,8 @@ impl Stages {
 }
 
 impl Integrator<'_> {
-    /// Traces all samples of a block and passes them to `sink` in order: pixel by pixel, sample by sample. Calls `stop`
-    /// once in 64 bounces, so that very long paths can be interrupted; false if they were: then samples are missing.
+    /// Traces all samples of a block and passes them to `sink`, pixel by pixel, sample by sample. Calls `stop` every 64 bounces, so that
+    /// very long paths can be interrupted. Returns false if interrupted: then samples are missing.
     #[must_use]
     pub fn trace(
         &self,
@@ -139,7 +137,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// Traces the generated wave, with the work of techniques around it; false if `stop` interrupted it.
+    /// Traces the generated wave, with the pre- and postprocessing of techniques; false if `stop` interrupted it.
     fn trace_wave(&self, block: &Block, stages: &Stages, w: &mut Workspace, stop: &dyn Fn() -> bool) -> bool {
         let Some(tiling) = &self.options.reuse else {
             let is_done = self.trace_paths(stages, w, stop);
@@ -196,7 +194,7 @@ use Data::{
     Cells, Groups, Hits, Lobes, Paths, Rays, Results, Scattered, Segments, Shared, Training, Vertices,
 };
 
-/// From the rays of a wave to the vertices where its paths continue.
+/// Stages from the rays of a wave to its vertices.
 pub(super) const ARRIVE: &[Stage] = &[
     Stage {
         name: "medium distances",
@@ -228,7 +226,7 @@ pub(super) const ARRIVE: &[Stage] = &[
         bounces: Bounces::All,
         reads: &[Paths],
         writes: &[Paths],
-        run: |i, _, w| i.arrive_in_chains(w),
+        run: |i, _, w| i.shift_chains(w),
     },
     Stage {
         name: "absent surfaces",
@@ -304,7 +302,7 @@ pub(super) const ARRIVE: &[Stage] = &[
         bounces: Bounces::All,
         reads: &[Hits, Paths],
         writes: &[Paths],
-        run: |i, b, w| i.follow_chains(b.number, w),
+        run: |i, b, w| i.update_chains(b.number, w),
     },
     Stage {
         name: "bounce limits",
@@ -347,7 +345,7 @@ pub(super) const ARRIVE: &[Stage] = &[
         bounces: Bounces::All,
         reads: &[Rays, Hits, Paths],
         writes: &[Results],
-        run: |i, b, w| i.escape(b.number, w),
+        run: |i, b, w| i.add_environment(b.number, w),
     },
     Stage {
         name: "alpha",
@@ -367,7 +365,7 @@ pub(super) const ARRIVE: &[Stage] = &[
     },
 ];
 
-/// From vertices to the rays of the next bounce.
+/// Stages from vertices to the rays of the next bounce.
 pub(super) const LEAVE: &[Stage] = &[
     Stage {
         name: "guiding: cells",
@@ -447,7 +445,7 @@ pub(super) const LEAVE: &[Stage] = &[
         bounces: Bounces::All,
         reads: &[Vertices, Scattered],
         writes: &[Paths],
-        run: |i, b, w| i.divide_chains(&b.vertices, w),
+        run: |i, b, w| i.update_chain_shares(&b.vertices, w),
     },
     Stage {
         name: "caustics: stretched light",

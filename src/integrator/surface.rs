@@ -33,7 +33,7 @@ struct Vertex {
     /// Solids on the far side.
     beyond: Interior,
     mapping: Mapping,
-    /// The ray came from behind.
+    /// The ray hit the back side.
     is_back: bool,
     /// Direction to the viewer, unit length.
     wo: Vec3,
@@ -46,21 +46,21 @@ impl Vertex {
 }
 
 impl Integrator<'_> {
-    /// Makes the vertices where the arriving paths continue, sorted by shading group, and adds the emission of surfaces.
+    /// Builds the vertices of the arriving paths, sorted by shading group, and adds the emission of surfaces.
     pub(super) fn surfaces(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
         self.sort(bounce, sorted, w);
         self.make_plain(sorted.plain(), &mut w.wave.vertices);
         self.make_plain(sorted.plain_metal_rough(), &mut w.wave.vertices);
         self.make_textured(bounce, sorted.textured(), w);
         if self.options.skip_caustics != SkippedCaustics::NONE {
-            self.leave_out_caustics(sorted, w);
+            self.remove_caustic_lobes(sorted, w);
         }
         self.keep_unbent_normals(sorted.metal_rough(), &mut w.wave.vertices);
         prepare(&mut w.wave, sorted.metal_rough(), self.scene.shading);
         self.select_lobes(bounce, sorted.metal_rough(), w);
     }
 
-    /// Widens the ray cones of paths to those at their hits.
+    /// Widens the footprints of paths to those at their hits.
     pub(super) fn widen_ray_cones(&self, w: &mut Workspace) {
         let footprints = &mut w.arriving.footprints;
         for (i, hit) in w.hits.iter().enumerate() {
@@ -68,7 +68,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// Finds the shading group of each hit, and its material where that is not known yet. With `is_last` all paths end.
+    /// Finds the shading group of each hit, and its material if unknown. With `is_last` all paths end.
     pub(super) fn classify_hits(&self, bounce: u32, is_last: bool, w: &mut Workspace) -> ShadingGroupCounts {
         match self.scene.features.alpha || self.scene.features.mixes {
             true => self.classify::<true>(bounce, is_last, w),
@@ -76,7 +76,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// Finds the shading groups of hits, and their materials if unknown.
+    /// [`Integrator::classify_hits`] with known or unknown materials.
     fn classify<const KNOWS_MATERIALS: bool>(
         &self,
         bounce: u32,
@@ -118,16 +118,16 @@ impl Integrator<'_> {
         counts
     }
 
-    /// Copies the arriving paths to the order of shading groups, with their vertices or the input of these.
+    /// Copies the arriving paths to the order of shading groups, and builds their vertices or gathers the input of vectorised loops.
     fn sort(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
         let mut next = sorted.starts();
         let general = sorted.general();
         w.escaped.clear();
-        // All elements in use are written below.
+        // Only grows: all elements in use are overwritten below.
         if w.bsdfs.len() < general.len() {
             w.bsdfs.resize(general.len(), Bsdf::Black);
         }
-        let serves_lights = self.scene.features.links || self.lifts_shadow_rays();
+        let needs_receiver = self.scene.features.links || self.lifts_shadow_rays();
         for i in 0..w.rays.len() {
             let group = w.groups[i];
             let k = next[group as usize];
@@ -170,17 +170,17 @@ impl Integrator<'_> {
                 }
             }
             if bounce == 0 {
-                w.radiance_buffer.cover(w.arriving.state.radiance_index[i]);
+                w.radiance_buffer.set_opaque(w.arriving.state.radiance_index[i]);
             }
             w.arriving.copy_to(i, &mut w.wave.paths, k, self.optional);
-            if serves_lights {
+            if needs_receiver {
                 self.record_receiver(i, k, w);
             }
             w.wave.vertices.origin_primitives[k] = (&w.hits[i]).into();
         }
     }
 
-    /// Records data of a vertex for light samples beside its surface, in scenes that need it.
+    /// Records further data of a vertex for light sampling: receiver class and smooth surface.
     fn record_receiver(&self, i: usize, k: usize, w: &mut Workspace) {
         if self.scene.features.links {
             self.record_receiver_class(i, k, w);
@@ -198,7 +198,7 @@ impl Integrator<'_> {
         set_rgb(&mut w.wave.vertices.albedo, k, material.albedo);
     }
 
-    /// Gathers the parameters of an opaque glTF material.
+    /// Gathers the corners and the parameters of an opaque glTF material.
     #[inline(always)]
     fn gather_plain_metal_rough(&self, i: usize, k: usize, w: &mut Workspace) {
         self.gather_corners(i, k, w);
@@ -209,7 +209,7 @@ impl Integrator<'_> {
         store_material(&mut w.wave.vertices.metal_rough, k, material);
     }
 
-    /// Adds the emission of a surface where the path ends.
+    /// Adds the emission, and AOVs, of a surface where a path ends.
     fn end_at_surface(&self, bounce: u32, i: usize, w: &mut Workspace) {
         let material = &self.scene.materials[w.materials[i] as usize];
         if self.has_aovs(bounce, i, w) || material.medium_index != 0 {
@@ -219,36 +219,35 @@ impl Integrator<'_> {
             self.emit(bounce, i, &at, w);
         }
         if bounce == 0 {
-            w.radiance_buffer.cover(w.arriving.state.radiance_index[i]);
+            w.radiance_buffer.set_opaque(w.arriving.state.radiance_index[i]);
         }
     }
 
-    /// The surface where ray `i` hit.
+    /// The hit point of ray `i`.
     pub(super) fn hit_point(&self, bounce: u32, i: usize, w: &Workspace) -> HitPoint<'_> {
         let time = w.times.of(w.arriving.state.radiance_index[i]);
-        let at = self.point_of(&w.rays[i], w.hits[i], w.materials[i], time);
+        let at = self.ray_hit_point(&w.rays[i], w.hits[i], w.materials[i], time);
         if !self.scene.features.paths {
             return at;
         }
         HitPoint { path: self.path_origin(bounce, i, &w.arriving), ..at }
     }
 
-    /// The surface where a ray hit a material.
-    pub(super) fn point_of(&self, ray: &Ray, hit: Hit, material: u32, time: f32) -> HitPoint<'_> {
+    /// The hit point of a ray on a surface with a material.
+    pub(super) fn ray_hit_point(&self, ray: &Ray, hit: Hit, material: u32, time: f32) -> HitPoint<'_> {
         let surface = self.scene.geometries.surface(ray, &hit, time);
         let material = &self.scene.materials[material as usize];
         let is_back = surface.ng.dot(ray.direction) > 0.0;
         HitPoint { surface, hit, material, is_back, time, path: PathOrigin::UNKNOWN }
     }
 
-    /// Makes the vertex where ray `i` hit: geometry, textures, emission, interfaces of solids, and
-    /// AOVs of a first hit.
+    /// Builds the vertex at the hit of ray `i`: geometry, textures, emission, interfaces of solids, and AOVs.
     fn vertex(&self, bounce: u32, i: usize, w: &mut Workspace) -> Vertex {
         let wo = -w.rays[i].direction;
         let mut at = self.hit_point(bounce, i, w);
         let HitPoint { material, is_back, .. } = at;
         if material.class == BsdfClass::Hair {
-            // Hair scatters to all sides of the fibre.
+            // Hair scatters in all directions around the fibre.
             at.surface.ng = at.surface.ns;
         }
         let is_solid = material.medium_index != 0;
@@ -303,12 +302,12 @@ impl Integrator<'_> {
         vertex
     }
 
-    /// Are paths followed through mirrors, for the guides of denoising?
+    /// Are denoising guides recorded behind mirrors at this bounce?
     fn follows_mirrors(&self, bounce: u32) -> bool {
         self.optional.mirrored && bounce > 0
     }
 
-    /// Do AOVs show the vertex of arriving path `i`?
+    /// Are AOVs recorded at the vertex of arriving path `i`?
     fn has_aovs(&self, bounce: u32, i: usize, w: &Workspace) -> bool {
         match bounce {
             0 => self.first_hits.any(),
@@ -316,7 +315,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// Records the AOVs of the vertex where ray `i` hit a surface: of camera rays, or of those from mirrors.
+    /// Records the AOVs of the vertex of ray `i`, a camera ray or a ray reflected by mirrors only.
     fn record_vertex(&self, bounce: u32, i: usize, at: &HitPoint<'_>, vertex: &Vertex, w: &mut Workspace) {
         let is_mirror = vertex.bsdf.is_mirror();
         if self.optional.mirrored {
@@ -333,7 +332,7 @@ impl Integrator<'_> {
         self.record(bounce, w.arriving.state.radiance_index[i], &hit, &mut w.first_hits);
     }
 
-    /// Records the AOVs of a vertex for the sample with a radiance index.
+    /// Records the AOVs of a vertex for the sample of a radiance index.
     fn record(&self, bounce: u32, radiance_index: u32, hit: &FirstHit<'_>, first_hits: &mut FirstHits) {
         match bounce {
             0 => first_hits.record(radiance_index as usize, hit, &self.aov_context()),
@@ -344,20 +343,19 @@ impl Integrator<'_> {
         }
     }
 
-    /// The factor on the albedo of a vertex that AOVs show, of ray `i` and the path `k` of `paths`.
+    /// Factor on the albedo AOVs of a vertex, hit by ray `i` and path `k` of `paths`.
     fn aov_weight(&self, bounce: u32, [i, k]: [usize; 2], paths: &PathState, w: &Workspace) -> Rgb {
         if bounce == 0 {
             let has_weights = self.optional.component_weight;
             return if has_weights { get_rgb(&w.arriving.component_weight, i) } else { Rgb::ONE };
         }
-        // The light that mirrors reflect, without the shares of branches.
+        // Reflectance of the mirrors; `roulette_scale` undoes the division by the number of branches.
         let weight = get_rgb(&paths.throughput, k) * paths.roulette_scale[k];
         let weight =
             if self.is_spectral() { Rgb::ONE * ((weight.r + weight.g + weight.b) / 3.0) } else { weight };
         weight.min(Rgb::ONE)
     }
 
-    /// The context of AOVs.
     pub(super) fn aov_context(&self) -> AovContext<'_> {
         AovContext {
             scene: self.scene,
@@ -367,7 +365,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// The BSDF and the shading normal at a point, from textures, vertex colours and normal maps where there are some.
+    /// Evaluates the material at a hit point: BSDF and shading normal, with textures, vertex colours and normal maps.
     #[inline(always)]
     pub(super) fn read_material(
         &self,
@@ -421,7 +419,8 @@ impl Integrator<'_> {
         EvaluatedMaterial { bsdf, ns, mapping }
     }
 
-    /// Texture lookups at a point with the filter width of a path that sees it from `wo`; graphs read `hit` ([`Integrator::hit_data`]).
+    /// Reader of textures at a point, for the viewer's direction `wo` and footprint `width`, metres; node graphs read `hit`
+    /// ([`Integrator::hit_data`]).
     pub(super) fn slots<'h>(
         &'h self,
         at: &SurfaceCoordinates,
@@ -446,7 +445,7 @@ fn store_opaque(v: &mut Vertices, k: usize, vertex: Vertex) {
     set(&mut v.wo, k, wo);
 }
 
-/// Stores a vertex with the general BSDF that was selected.
+/// Stores a vertex with a general BSDF.
 fn store_general(v: &mut Vertices, k: usize, vertex: &Vertex, evaluated: &EvaluatedMaterial) {
     store(v, k, &Surface { ns: evaluated.ns, ..vertex.surface });
     store_relief(v, k, evaluated.relief(), evaluated.mapping.smooth);
@@ -454,7 +453,7 @@ fn store_general(v: &mut Vertices, k: usize, vertex: &Vertex, evaluated: &Evalua
     v.beyond[k] = vertex.beyond;
 }
 
-/// Stores the change of the shading normal by a normal map or a bump map.
+/// Stores the data of the bump terminator.
 #[inline(always)]
 fn store_relief(v: &mut Vertices, k: usize, relief: f32, smooth: Vec3) {
     v.relief[k] = relief;
@@ -464,7 +463,7 @@ fn store_relief(v: &mut Vertices, k: usize, relief: f32, smooth: Vec3) {
 }
 
 impl Integrator<'_> {
-    /// Gathers the corners of the triangle or quad that ray `i` hit for vertex `k`.
+    /// Gathers the corners of the triangle or quad hit by ray `i`, for vertex `k`.
     #[inline(always)]
     pub(super) fn gather_corners(&self, i: usize, k: usize, w: &mut Workspace) {
         let hit = &w.hits[i];
@@ -482,7 +481,7 @@ impl Integrator<'_> {
         set(&mut v.wo, k, -w.rays[i].direction);
     }
 
-    /// Makes surfaces from corners, with normals on the front side.
+    /// Computes surfaces from corners, with normals on the front side.
     pub(super) fn make_surfaces(&self, range: Range<usize>, vertices: &mut Vertices) {
         if self.scene.features.normals {
             dispatch(MakeSurfaces::<true> { vertices, range });
@@ -491,7 +490,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// Makes plain vertices: surfaces with normals on the viewer's side.
+    /// Computes plain vertices: surfaces with normals on the viewer's side.
     pub(super) fn make_plain(&self, range: Range<usize>, vertices: &mut Vertices) {
         self.make_surfaces(range.clone(), vertices);
         dispatch(OrientNormals { vertices, range });
@@ -507,13 +506,13 @@ pub(super) fn store(v: &mut Vertices, k: usize, surface: &Surface) {
     v.offset[k] = surface.ng.abs().dot(surface.p_error);
 }
 
-/// Positions or normals of the corners of vertex `i`.
+/// Positions or normals at the corners of vertex `i`.
 #[inline(always)]
 pub(super) fn corners(lanes: &[Lanes3; 3], i: usize) -> [[f32; 3]; 3] {
     [get(&lanes[0], i).to_array(), get(&lanes[1], i).to_array(), get(&lanes[2], i).to_array()]
 }
 
-/// Surfaces from corners, with shading normals or without.
+/// Computes surfaces from corners, with or without shading normals.
 struct MakeSurfaces<'a, const SMOOTH: bool> {
     vertices: &'a mut Vertices,
     range: Range<usize>,
@@ -559,7 +558,7 @@ impl Kernel for OrientNormals<'_> {
 }
 
 impl Integrator<'_> {
-    /// Gathers the corners and texture coordinates of the triangle that ray `i` hit for vertex `k`.
+    /// Gathers the corners and texture coordinates of the triangle hit by ray `i`, for vertex `k`.
     #[inline(always)]
     pub(super) fn gather_textured(&self, i: usize, k: usize, w: &mut Workspace) {
         self.gather_corners(i, k, w);
@@ -575,7 +574,7 @@ impl Integrator<'_> {
         t.ray[k] = i as u32;
     }
 
-    /// Makes textured vertices from their corners and textures.
+    /// Computes textured vertices from their corners and textures.
     pub(super) fn make_textured(&self, bounce: u32, range: Range<usize>, w: &mut Workspace) {
         let vertices = &mut w.wave.vertices;
         self.make_surfaces(range.clone(), vertices);
@@ -593,7 +592,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// Records the AOVs of vertex `k`.
+    /// Records the AOVs of textured vertex `k`.
     fn record_textured(&self, bounce: u32, k: usize, w: &mut Workspace) {
         let v = &w.wave.vertices;
         let i = v.textured.ray[k] as usize;
@@ -605,7 +604,7 @@ impl Integrator<'_> {
             material: w.materials[i],
         };
         let bsdf = Bsdf::MetalRough(load_material(&v.metal_rough, k, self.scene.shading));
-        // Moving geometry is in other groups.
+        // Time 0: moving geometry is in other shading groups.
         let paths = &w.wave.paths.state;
         let weight = self.aov_weight(bounce, [i, k], paths, w);
         let hit = FirstHit { hit: w.hits[i], time: 0.0, surface, wo: get(&v.wo, k), bsdf: &bsdf, weight };
@@ -615,7 +614,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// Reads the textures of vertex `k`: normal map, material, emission.
+    /// Looks up the textures of vertex `k`: normal map, material, emission.
     fn read_textures(&self, bounce: u32, k: usize, w: &mut Workspace) {
         let v = &mut w.wave.vertices;
         let i = v.textured.ray[k] as usize;
@@ -626,7 +625,7 @@ impl Integrator<'_> {
             uv: [uv, Vec2::ZERO],
             world: p,
             normal: ng,
-            // Materials that depend on it are in other groups.
+            // Materials that read it are in other shading groups.
             cosine: 1.0,
             width: w.arriving.footprints.width[i],
             uv_per_metre: [v.textured.uv_per_metre[k], 0.0],
@@ -648,7 +647,7 @@ impl Integrator<'_> {
     }
 }
 
-/// Texture coordinates and tangents from corners and shading normals.
+/// Computes texture coordinates and tangent frames from corners and shading normals.
 struct TextureFrames<'a> {
     vertices: &'a mut Vertices,
     range: Range<usize>,
@@ -672,7 +671,7 @@ impl Kernel for TextureFrames<'_> {
             let at = uv(0) * weights[0] + uv(1) * weights[1] + uv(2) * weights[2];
             let determinant = d1.x * d2.y - d1.y * d2.x;
             let per_metre = (determinant.abs() / e1.cross(e2).length()).sqrt();
-            // Tangents of the vertices where there are some, else where texture coordinates grow; v grows downwards.
+            // Tangents of the mesh if present, else from the gradient of the texture coordinates; v grows downwards.
             let sign = if determinant < 0.0 { -1.0 } else { 1.0 };
             let by_uv = (e1 * d2.y - e2 * d1.y) * sign;
             let up = (e1 * d2.x - e2 * d1.x) * sign;
@@ -721,7 +720,7 @@ impl Kernel for BendNormals<'_> {
             let (t, m) = (get(tangent, i), get(mapped, i));
             let bent = t * m.x + get(bitangent, i) * m.y + ns * m.z;
             let length = bent.length();
-            // Not where the map leads to the other side, nor where it has no directions to go by.
+            // Ignored if the mapped normal points to the other side, or without a tangent frame.
             let is_mapped = (bent.dot(ns) > 0.0) & (length > 0.0) & (t.length_squared() > 0.0);
             let n = select(is_mapped, bent / if length > 0.0 { length } else { 1.0 }, ns);
             let side = if ng.dot(get(&v.wo, i)) < 0.0 { -1.0 } else { 1.0 };
@@ -736,7 +735,7 @@ impl Kernel for BendNormals<'_> {
 // Inputs of node graphs at a hit.
 
 impl Integrator<'_> {
-    /// Inputs of a material's node graphs at a hit seen from `wo`; `None` where they read nothing.
+    /// Inputs of a material's node graphs at a hit for viewer direction `wo`; `None` if the material reads none.
     #[inline(always)]
     pub(super) fn hit_data(
         &self,
@@ -763,7 +762,7 @@ impl Integrator<'_> {
     }
 }
 
-/// The flags of a path in the words of Cycles, which counts refraction and mirrors among what is glossy.
+/// Path properties as in Cycles' Light Path node, where "glossy ray" includes transmission and "reflection ray" diffuse.
 fn path_data(path: &PathOrigin, length: f32) -> PathData {
     let is = |kind: RayKinds| path.kinds.contains(kind) && path.kinds != RayKinds::NONE;
     let (diffuse, glossy, transmission) =

@@ -1,14 +1,12 @@
-//! Surfaces that rays pass: alpha, one-sided surfaces, invisible objects, thin glass, clear glass and shadow catchers.
+//! Surfaces that rays pass unscattered: alpha, one-sided surfaces, invisible objects, thin glass, clear glass and shadow catchers.
 //!
-//! Rays pass surfaces with alpha stochastically, which is unbiased for paths and shadow rays alike. Emitters that cast no
-//! shadow let all rays pass, which collect their emission. One-sided surfaces let rays from behind pass; shadow rays start at
-//! the path's side, so that they and scattered rays see the same surfaces.
+//! Alpha is stochastic, which is unbiased for paths and shadow rays. All rays pass emitters that cast no shadow, and add their emission.
+//! Rays from behind pass one-sided surfaces; shadow rays start on the path's side, so that they and scattered rays hit the same surfaces.
 //!
-//! Thin glass: smooth thin sheets transmit light without a change of direction, so light samples reach through them,
-//! attenuated. So that no light counts twice, a scattered ray that competes with light sampling (a positive pdf) passes the
-//! sheet with a probability and keeps its origin and pdf; lights behind are then weighted as any others. Else it scatters by
-//! the BSDF without the straight transmission. Rays that don't compete (from the camera, from mirrors) scatter at
-//! sheets as at all surfaces.
+//! Thin glass: smooth thin sheets transmit light without deviation, so shadow rays pass them, attenuated. To count no light twice, a
+//! scattered ray that competes with light sampling (pdf above 0) passes the sheet with a probability and keeps its origin and pdf, for
+//! the usual MIS weights of lights behind; else it scatters by the BSDF without the straight transmission. Rays that don't compete (camera
+//! rays, specular directions) scatter at sheets as at all surfaces.
 
 use super::Integrator;
 use super::interior::CameraInterior;
@@ -29,11 +27,11 @@ use crate::scene::RayKinds;
 use crate::shape::Surface;
 use crate::texture::PointReader;
 
-/// Maximum number of surfaces that a ray may pass.
+/// Maximum number of surfaces that a ray passes.
 const MAX_PASSED_SURFACES: u32 = 4096;
 
 impl Integrator<'_> {
-    /// Moves hits on absent surfaces to the next present one, and finds the materials of all.
+    /// Replaces hits of surfaces that rays pass by the next hit where the ray stops, and finds the materials of all hits.
     pub(super) fn skip_absent_surfaces(&self, bounce: u32, w: &mut Workspace) {
         self.find_materials(w);
         for pass in 0..MAX_PASSED_SURFACES {
@@ -84,7 +82,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// Keeps pending those rays that pass the surfaces that they hit.
+    /// Retains the pending rays that pass the surface they hit.
     fn find_passing(&self, bounce: u32, pass: u32, w: &mut Workspace) {
         let Workspace { pending, rays, hits, arriving, excludes_casters, times, crossings, .. } = w;
         pending.retain(|&i| {
@@ -129,14 +127,14 @@ impl Integrator<'_> {
         });
     }
 
-    /// Does passing the surface of a hit count towards the limit of transparent surfaces, if there is one?
+    /// Does passing this surface count towards the limit of transparent surfaces, if there is a limit?
     #[inline(always)]
     fn counts_as_transparent(&self, hit: &Hit) -> bool {
         self.optional.transparent_count
             && self.scene.materials[self.scene.geometries.material(hit) as usize].is_transparent()
     }
 
-    /// Finds the materials of all hits; those that may be absent are pending.
+    /// Finds the materials of all hits; hits that rays may pass become pending.
     fn find_materials(&self, w: &mut Workspace) {
         let possibly_absent = self.possibly_absent(w.excludes_casters);
         w.pending.clear();
@@ -172,15 +170,15 @@ impl Integrator<'_> {
             let surface = self.scene.geometries.surface(&w.rays[i], &hit, time);
             let is_back = surface.ng.dot(w.rays[i].direction) > 0.0;
             let throughput = get_rgb(&w.arriving.state.throughput, i);
-            let left = self.transmittance_to_hit(i, hit.t, w);
-            set_rgb(&mut w.arriving.state.throughput, i, throughput * left);
+            let transmittance = self.transmittance_to_hit(i, hit.t, w);
+            set_rgb(&mut w.arriving.state.throughput, i, throughput * transmittance);
             let path = self.path_origin(bounce, i, &w.arriving);
             self.emit(bounce, i, &HitPoint { surface, hit, material, is_back, time, path }, w);
             set_rgb(&mut w.arriving.state.throughput, i, throughput);
         }
     }
 
-    /// Occlusion of shadow rays among surfaces that may be absent.
+    /// Tests the occlusion of shadow rays in scenes with surfaces that rays may pass.
     pub(super) fn test_shadow_rays_with_alpha(&self, bounce: u32, w: &mut Workspace) {
         self.find_possible_occluders(w);
         let Workspace { wave, shadow_rays, shadow_vertices, occluded, excludes_casters, times, .. } = w;
@@ -242,7 +240,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// Whether the shadow ray of vertex `i` ends at its hit. Counts the transparent surfaces that it passes: it ends at one too many.
+    /// The response of the shadow ray of vertex `i` to a hit. Counts transparent surfaces; the ray stops at the limit.
     fn shadow_response(
         &self,
         (ray, hit, time): (&Ray, &Hit, f32),
@@ -263,7 +261,7 @@ impl Integrator<'_> {
         response
     }
 
-    /// Tests shadow rays; those that hit surfaces which may be absent are pending.
+    /// Tests shadow rays; those whose hit they may pass become pending.
     fn find_possible_occluders(&self, w: &mut Workspace) {
         let Workspace {
             wave,
@@ -283,7 +281,7 @@ impl Integrator<'_> {
         times.any(&self.scene.accel, shadow_rays, shadow_vertices.iter().map(sample), pending_hits);
         ray_counts.all += shadow_rays.len() as u64;
         let possibly_absent = self.possibly_absent(*excludes_casters);
-        // Most hit nothing, or surfaces that are present.
+        // The common cases: no hit, or an opaque surface.
         pending.clear();
         for (k, (hit, occluded)) in pending_hits.iter().zip(&mut **occluded).enumerate() {
             let vertex = shadow_vertices[k];
@@ -292,7 +290,7 @@ impl Integrator<'_> {
                 possibly_absent[self.scene.geometries.material(hit) as usize]
                     && (*excludes_casters || !is_front())
             };
-            // A ray that a pane shifts may miss what is behind it.
+            // A ray shifted by a pane may miss occluders behind it.
             let may_be_absent_at = hit.is_hit()
                 && (self.scene.features.panes
                     || may_be_absent()
@@ -304,7 +302,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// Is the hit on the front of a surface that is absent from behind only, wherever it hit the primitive?
+    /// Is this a front hit of a flat primitive that rays pass only from behind?
     #[inline(always)]
     fn is_surely_front(&self, ray: &Ray, hit: &Hit, time: f32) -> bool {
         let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
@@ -316,14 +314,12 @@ impl Integrator<'_> {
             && self.scene.geometries.is_back_of_flat(ray, hit, time) == Some(false)
     }
 
-    /// Advances a ray past an absent surface; its origin stays, to which densities refer. Returns whether there may be
-    /// another surface at the same distance that only [`Integrator::intersect_past`] finds.
+    /// Advances `t_min` of a ray past a surface; the origin, to which pdfs refer, stays. Returns whether there may be another surface at
+    /// the same distance that only [`Integrator::intersect_past`] finds.
     ///
-    /// A sheet with different materials on its sides is often modelled as two coincident surfaces that face away from
-    /// each other: behind an absent back side, surfaces at the same distance still count. So do they at flat boundaries
-    /// of media: bodies of fog touch each other and stand on floors. And so do they where a coincident surface is
-    /// visible to other ray kinds. Excluding the first primitive finds two of many coincident surfaces; curved
-    /// boundaries are not excluded.
+    /// Coincident surfaces behind the passed one must be hit: a sheet with different materials on its sides is often modelled as two
+    /// one-sided surfaces, volumes of fog touch each other and stand on floors, and coincident surfaces may be visible to other ray kinds.
+    /// Excluding the passed primitive finds two of many coincident surfaces; curved boundaries are not excluded.
     fn advance_past(&self, ray: &mut Ray, hit: &Hit, time: f32) -> bool {
         let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
         let is_for_some = material.visible_to() != RayKinds::ALL;
@@ -331,8 +327,8 @@ impl Integrator<'_> {
         let is_back =
             if may_have_neighbours { self.scene.geometries.is_back_of_flat(ray, hit, time) } else { None };
         let has_neighbours = is_back.is_some_and(|is_back| is_back || material.is_boundary || is_for_some);
-        let is_another = hit.t > ray.t_min.next_up();
-        if has_neighbours && is_another {
+        let is_farther = hit.t > ray.t_min.next_up();
+        if has_neighbours && is_farther {
             (ray.t_min, ray.origin_primitive) = (hit.t.next_down(), hit.into());
             return false;
         }
@@ -341,8 +337,8 @@ impl Integrator<'_> {
         may_coincide
     }
 
-    /// Finds the nearest hits of rays of paths with these radiance indices; of the rays in `coincident`, the
-    /// next of several coincident surfaces. Empties `coincident`.
+    /// Finds the nearest hits of rays with the given samples; for the rays in `coincident` (index, last hit, time), the next of several
+    /// coincident surfaces. Clears `coincident`.
     fn intersect_past(
         &self,
         (times, samples): (&mut SampleTimes, impl Iterator<Item = u32>),
@@ -358,7 +354,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// Whether a ray of a kind ends at its hit; misses count as an end.
+    /// The response of a ray of a kind to its hit; rays stop at misses.
     #[inline(always)]
     fn response(
         &self,
@@ -374,9 +370,9 @@ impl Integrator<'_> {
         let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
         let is_absent = material.is_boundary
             || material.is_absent_from_behind && self.scene.geometries.is_back(ray, hit, time);
-        let is_there = !is_absent && self.is_present(material, ray, hit, (time, kind), uniform);
+        let is_present = !is_absent && self.is_present(material, ray, hit, (time, kind), uniform);
         match material.surface_visibility {
-            _ if !is_there => HitResponse::Passes,
+            _ if !is_present => HitResponse::Passes,
             None => HitResponse::Stops,
             Some(visibility) if !visibility.is_obstacle => HitResponse::Passes,
             Some(visibility) if visibility.visible_to.contains(kind) => HitResponse::Stops,
@@ -384,7 +380,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// Stochastic alpha: is the surface present?
+    /// Stochastic alpha: is the surface opaque for this ray?
     #[inline(always)]
     fn is_present(
         &self,
@@ -397,7 +393,7 @@ impl Integrator<'_> {
         material.alpha.is_none() || uniform() < self.opacity(ray, hit, time, material, kind)
     }
 
-    /// The alpha of a surface where a ray of some kinds hit it.
+    /// The alpha of a surface at a hit of a ray of these kinds.
     pub(super) fn opacity(
         &self,
         ray: &Ray,
@@ -410,7 +406,7 @@ impl Integrator<'_> {
         self.read_alpha((ray, hit, time), material, kinds, read).unwrap_or(1.0)
     }
 
-    /// The colour of light that passes a surface where it is absent by its alpha; `None` for white.
+    /// Transmission colour of rays that pass a surface by its alpha; `None` for white.
     fn passing(
         &self,
         (ray, hit, time): (&Ray, &Hit, f32),
@@ -423,7 +419,7 @@ impl Integrator<'_> {
         self.read_alpha((ray, hit, time), material, kinds, read)
     }
 
-    /// Reads the alpha of a material at a point, with that of vertices.
+    /// Evaluates `read` with the alpha of a material, a texture reader at the hit, and the vertex alpha; `None` without alpha.
     fn read_alpha<R>(
         &self,
         (ray, hit, time): (&Ray, &Hit, f32),
@@ -445,19 +441,19 @@ impl Integrator<'_> {
     }
 }
 
-/// Behaviour of a ray at a hit.
+/// Response of a ray to a hit.
 enum HitResponse {
-    /// It ends there.
+    /// The ray stops.
     Stops,
-    /// It continues behind the surface, which is absent, or only emits.
+    /// The ray passes the surface.
     Passes,
-    /// It continues, but rays of these kinds end there.
+    /// The ray passes, but the surface is visible to rays of these kinds.
     PassUnseen(RayKinds),
 }
 
 impl HitResponse {
-    /// Does the surface occlude a light sample? Thin glass may not, and surfaces that the sample's own kind doesn't see do not,
-    /// which is recorded in `passed`.
+    /// Does the surface occlude a light sample? Surfaces invisible to light samples don't; the kinds that they are visible to are added to
+    /// `passed`.
     fn blocks(self, passes_thin_glass: impl FnOnce() -> bool, passed: Option<&mut RayKinds>) -> bool {
         match self {
             HitResponse::Stops => !passes_thin_glass(),
@@ -473,7 +469,7 @@ impl HitResponse {
 }
 
 impl Integrator<'_> {
-    /// Does the ray of arriving path `i` pass the thin glass that it hit, if it is some? Weights the path's throughput.
+    /// Decides whether the ray of arriving path `i` passes thin glass at a hit, and if so weights the throughput; false at other surfaces.
     pub(super) fn passes_thin_glass(
         &self,
         (bounce, i): (u32, usize),
@@ -487,7 +483,7 @@ impl Integrator<'_> {
         }
         let passing = self.straight((ray, hit, time), wavelengths);
         let probability = passing.max_element().min(1.0);
-        // Most surfaces are no thin glass.
+        // Zero at surfaces other than thin glass.
         let passes =
             probability > 0.0 && RandomChoice::ThinGlass { surface }.uniform(path, i, bounce) < probability;
         if passes {
@@ -497,7 +493,7 @@ impl Integrator<'_> {
         passes
     }
 
-    /// The BSDF of thin glass for arriving path `i`, which did not pass it. Weights the path's throughput.
+    /// The BSDF of thin glass for arriving path `i`, which did not pass: without straight transmission. Weights the throughput.
     pub(super) fn scatter_at_thin_glass(&self, bsdf: Bsdf, i: usize, w: &mut Workspace) -> Bsdf {
         let sample = w.arriving.state.radiance_index[i];
         let crossing = (&w.rays[i], &w.hits[i], w.times.of(sample));
@@ -508,8 +504,7 @@ impl Integrator<'_> {
         bsdf.without_straight()
     }
 
-    /// Does the shadow ray of vertex `i` pass the thin glass that it hit, if it is some? Attenuates
-    /// the contribution.
+    /// Does the shadow ray of vertex `i` pass thin glass at a hit? If so, attenuates the contribution; false at other surfaces.
     pub(super) fn shadow_ray_passes_thin_glass(
         &self,
         i: usize,
@@ -525,7 +520,7 @@ impl Integrator<'_> {
         passes
     }
 
-    /// Does a shadow ray pass thin glass or a pane, behind which it is `next`?
+    /// Does a shadow ray pass thin glass or a pane? Behind a pane, `next` is the continued ray.
     fn shadow_ray_passes_glass(
         &self,
         i: usize,
@@ -538,7 +533,7 @@ impl Integrator<'_> {
         next.is_some() || self.shadow_ray_passes_thin_glass(i, crossing, light, wavelengths)
     }
 
-    /// Straight transmittance at a hit; zero except at smooth thin glass.
+    /// Straight transmittance of thin glass at a hit; 0 at other surfaces.
     fn straight(&self, (ray, hit, time): (&Ray, &Hit, f32), wavelengths: Option<&Wavelengths>) -> Rgb {
         if !hit.is_hit() {
             return Rgb::ZERO;
@@ -548,7 +543,7 @@ impl Integrator<'_> {
             return Rgb::ZERO;
         }
         let wo = -ray.direction.normalize();
-        let at = self.point_of(ray, *hit, index, time);
+        let at = self.ray_hit_point(ray, *hit, index, time);
         // Unfiltered, as in light sampling.
         let EvaluatedMaterial { bsdf, ns, .. } = self.read_material(&at, 0.0, wo, wavelengths);
         let ns = scattering_normal(ns, at.surface.ng, wo);
@@ -557,17 +552,17 @@ impl Integrator<'_> {
 }
 
 impl Integrator<'_> {
-    /// Makes samples transparent that hit holdouts and shadow catchers, and starts the state of clear paths.
+    /// Sets the alpha of samples that hit holdouts and shadow catchers, and initialises the state of clear paths.
     pub(super) fn set_alpha(&self, sorted: &SortedVertices, w: &mut Workspace) {
         if !w.uncovered.is_empty() {
-            self.uncover(w);
+            self.clear_alpha(w);
         }
         if self.optional.clear {
             self.start_clear(sorted, w);
         }
     }
 
-    /// Paths of opaque samples may see through clear glass: holdouts and shadow catchers have an alpha of their own.
+    /// Marks the paths of opaque samples as clear: samples at holdouts and shadow catchers have an alpha already.
     fn start_clear(&self, sorted: &SortedVertices, w: &mut Workspace) {
         let paths = &mut w.wave.paths;
         for i in sorted.all() {
@@ -575,15 +570,14 @@ impl Integrator<'_> {
         }
     }
 
-    /// 1 / ior^2 of the medium around the camera: radiance within it is larger by the square of
-    /// its index of refraction, which does not change transmittance.
-    fn share_of_outside(&self) -> Rgb {
+    /// 1 / ior^2 of the medium around the camera: undoes the scaling of radiance by ior^2 there, which is no transmittance.
+    fn outside_radiance_scale(&self) -> Rgb {
         let CameraInterior::Same(interior) = self.camera_interior else { return Rgb::ONE };
         let iors = self.scene.media[usize::from(interior.medium())].iors.unwrap_or([1.0; 3]);
         Rgb::from_array(iors.map(|ior| 1.0 / (ior * ior)))
     }
 
-    /// Updates which paths have passed smooth transmitting surfaces only.
+    /// Updates which paths have passed only smooth transmission so far.
     pub(super) fn update_clear_paths(&self, sorted: &SortedVertices, w: &mut Workspace) {
         let (paths, v) = (&mut w.wave.paths, &w.wave.vertices);
         let general = sorted.general();
@@ -595,17 +589,19 @@ impl Integrator<'_> {
         }
     }
 
-    /// Makes the samples of clear paths that leave the scene transparent, in place of the environment.
+    /// Replaces the environment behind clear paths by transparency of the sample.
     pub(super) fn add_clear_background(&self, w: &mut Workspace) {
         let Workspace { escaped, arriving, radiance_buffer, .. } = w;
-        let share = self.share_of_outside();
+        let scale = self.outside_radiance_scale();
         escaped.retain(|&i| {
             let i = i as usize;
             let is_clear = arriving.clear[i] != 0;
             if is_clear {
-                let left = get_rgb(&arriving.state.throughput, i) * share;
-                radiance_buffer
-                    .make_transparent(arriving.state.radiance_index[i], (left.r + left.g + left.b) / 3.0);
+                let passed = get_rgb(&arriving.state.throughput, i) * scale;
+                radiance_buffer.make_transparent(
+                    arriving.state.radiance_index[i],
+                    (passed.r + passed.g + passed.b) / 3.0,
+                );
             }
             !is_clear
         });
@@ -613,24 +609,24 @@ impl Integrator<'_> {
 }
 
 impl Integrator<'_> {
-    /// Are there shadow catchers, and are they in the outputs?
+    /// Does the scene have shadow catchers, and are they rendered as such?
     pub(super) fn has_shadow_catchers(&self) -> bool {
         self.options.catchers && self.scene.features.catchers
     }
 
-    /// Is the object at a hit excluded now?
+    /// Is the object at a hit excluded from the pass without shadow casters?
     #[inline(always)]
     pub(super) fn is_excluded(&self, excludes_casters: bool, hit: &Hit) -> bool {
         excludes_casters && hit.is_hit() && self.excluded[self.scene.geometries.material(hit) as usize]
     }
 
-    /// By material: may rays pass its surfaces now?
+    /// By material: may rays pass surfaces in the current pass?
     #[inline(always)]
     pub(super) fn possibly_absent(&self, excludes_casters: bool) -> &[bool] {
         if excludes_casters { &self.absent_or_excluded } else { &self.may_be_absent }
     }
 
-    /// Saves the camera paths of a wave.
+    /// Saves the camera paths of a wave, for the pass without shadow casters.
     pub(super) fn save_camera_paths(&self, w: &mut Workspace) {
         let count = w.rays.len();
         let starts = w.starts.get_or_insert_with(bytemuck::zeroed_box);
@@ -640,7 +636,7 @@ impl Integrator<'_> {
         w.start_rays.clone_from(&w.rays);
     }
 
-    /// Finds the samples whose camera rays hit catchers.
+    /// Finds the samples whose camera rays hit shadow catchers.
     pub(super) fn find_catchers(&self, w: &mut Workspace) {
         w.catcher_samples.clear();
         for (i, hit) in w.hits.iter().enumerate() {
@@ -652,8 +648,7 @@ impl Integrator<'_> {
         w.uncovered.extend_from_slice(&w.catcher_samples);
     }
 
-    /// Traces the samples that see shadow catchers again without casters, and records both radiances. False if `stop`
-    /// interrupted it.
+    /// Traces the samples at shadow catchers again without shadow casters, and records both radiances. False if `stop` interrupted it.
     pub(super) fn trace_without_casters(
         &self,
         stages: &Stages,

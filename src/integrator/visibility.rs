@@ -1,19 +1,17 @@
-//! Ray kinds, light linking and holdouts: which objects and lights are visible to which rays and receivers.
+//! Ray kinds, light linking and holdouts: visibility of objects and lights by ray kind and receiver.
 //!
-//! The lobe that scatters a path decides the kind of its next ray. At surfaces with several lobes, one kind is drawn in
-//! proportion to its fraction of the BSDF's value, so that each kind alone is unbiased.
+//! The lobe that scatters a path determines the kind of its next ray. At surfaces with several lobes, a kind is sampled in proportion to
+//! its fraction of the BSDF's value, so that each kind alone is unbiased.
 //!
-//! Whether sampled light arrives is decided by one set of objects, however the light is found: for diffuse reflection
-//! and media the set visible to shadow rays, for glossy reflection and transmission the set visible to their own rays,
-//! as in mirrors. So light samples and scattered rays agree where an object is visible to one of them only: a diffuse
-//! ray that passed a shadow caster finds no sampled light behind it, and a light sample that passed something
-//! which stops diffuse rays has MIS weight 1, since they cannot find the light. For environments that are not sampled,
-//! the visibility to the rays that find them decides.
+//! The occlusion of sampled lights is determined by the same set of objects for light sampling and BSDF sampling: for diffuse reflection
+//! and media the objects visible to shadow rays, for glossy reflection and transmission those visible to glossy and transmission rays. So
+//! a diffuse ray that passed an object visible to shadow rays adds no sampled light behind it, and a light sample that passed an object
+//! visible to diffuse rays has MIS weight 1, since diffuse rays can't reach the light. For environments without light sampling, the
+//! visibility to the scattered ray counts.
 //!
-//! Light linking: the last vertex of a path is the receiver, whether a light sample or the next ray finds the light. Light
-//! samples select among the lights linked to the receiver's class. Where a light's blockers are named, its shadow rays
-//! pass all other objects; scattered rays would find a different amount of its light, so that light is left to light
-//! samples, except for mirrors and the camera.
+//! Light linking: the receiver is the last vertex of a path, for light samples and for hits of the next ray. Lights are selected among
+//! those linked to the receiver's class. If blockers of a light are named, its shadow rays pass all other objects. Scattered rays would
+//! be occluded differently, so they don't add such light, except camera and specular rays.
 
 use super::Integrator;
 use super::radiance_buffer::PathClass;
@@ -30,11 +28,11 @@ use crate::compile::CompiledMaterial;
 use crate::math::{Frame, Hit, Vec3};
 use crate::scene::{LightLinks, Link, RayKinds};
 
-/// Ray kinds of light samples: shadow rays end at objects visible to all of these.
+/// Ray kinds of light samples: shadow rays end at objects visible to all of these kinds.
 pub(super) const LIGHT_SAMPLE_KINDS: RayKinds =
     RayKinds::SHADOW.with(RayKinds::GLOSSY).with(RayKinds::TRANSMISSION);
 
-/// The ray kind whose visible objects decide whether light samples arrive, for lobes that scatter rays of a kind.
+/// The ray kind whose visible objects occlude light samples, for lobes that scatter rays of kind `kind`.
 fn deciding_kind(kind: RayKinds) -> RayKinds {
     if kind == RayKinds::DIFFUSE || kind == RayKinds::VOLUME { RayKinds::SHADOW } else { kind }
 }
@@ -46,7 +44,7 @@ impl Integrator<'_> {
         match bounce {
             0 => RayKinds::CAMERA,
             _ if self.optional.visibility => arriving.visibility[i].kind(),
-            // Visibility differs for camera rays only.
+            // Without this state, visibility differs for camera rays only.
             _ => RayKinds::DIFFUSE,
         }
     }
@@ -60,14 +58,14 @@ impl Integrator<'_> {
         }
     }
 
-    /// Records that an arriving path passed an object visible to other ray kinds.
+    /// Records that an arriving path passed an object visible only to the ray kinds `others`.
     pub(super) fn record_unseen(&self, i: usize, others: RayKinds, arriving: &mut Paths) {
         if self.optional.visibility && others.contains(deciding_kind(arriving.visibility[i].kind())) {
             arriving.visibility[i] = arriving.visibility[i].shadowed();
         }
     }
 
-    /// Has arriving path `i` passed an object that blocks light samples, where light sampling competes?
+    /// Has arriving path `i` passed an object that occludes the competing light samples?
     #[inline(always)]
     pub(super) fn is_shadowed(&self, i: usize, arriving: &Paths) -> bool {
         self.optional.visibility && arriving.visibility[i].is_shadowed() && arriving.state.pdf[i].competes()
@@ -82,7 +80,7 @@ impl Integrator<'_> {
             && self.is_linked_emission(bounce, i, links, arriving)
     }
 
-    /// Chooses the kinds of the next rays of paths.
+    /// Samples the kinds of the next rays of paths.
     pub(super) fn choose_ray_kinds(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
         let Workspace { wave, bsdfs, .. } = w;
         for i in sorted.all() {
@@ -95,7 +93,7 @@ impl Integrator<'_> {
             if paths.state.pdf[i].is_specular() {
                 first.diffuse = Rgb::ZERO;
             }
-            let is_diffuse = draw_diffuse(first, bounce, i, paths);
+            let is_diffuse = select_diffuse(first, bounce, i, paths);
             let kind = match (first.crosses, is_diffuse) {
                 (true, _) => RayKinds::TRANSMISSION,
                 (false, true) => RayKinds::DIFFUSE,
@@ -109,8 +107,8 @@ impl Integrator<'_> {
         }
     }
 
-    /// Factor on the unoccluded light sample of vertex `i`: the fraction of the BSDF value of lobes to which the
-    /// light is visible. `passed` are the ray kinds that see the objects which the shadow ray passed.
+    /// Factor on the unoccluded light sample of vertex `i`: the fraction of the BSDF value of lobes to which the light is visible. `passed`
+    /// are the ray kinds to which objects passed by the shadow ray are visible.
     pub(super) fn visible_fraction(
         &self,
         (bounce, i): (u32, usize),
@@ -172,7 +170,7 @@ impl Integrator<'_> {
         light_pdf.mis_weight(pdf * self.bsdf_samples_per_light_sample(bounce))
     }
 
-    /// Removes paths whose rays don't see the environment from those that left the scene.
+    /// Removes escaped paths to whose rays the environment is not visible.
     pub(super) fn keep_visible_escapes(&self, bounce: u32, w: &mut Workspace) {
         let Workspace { escaped, arriving, .. } = w;
         let seen = self.scene.features.environment_visible_to;
@@ -184,7 +182,7 @@ impl Integrator<'_> {
         });
     }
 
-    /// Finds camera rays that hit holdouts, which end paths, and shadow catchers.
+    /// Finds camera rays that hit holdouts or shadow catchers; holdouts end paths.
     pub(super) fn find_camera_exceptions(&self, w: &mut Workspace) {
         w.uncovered.clear();
         if self.scene.features.holdouts {
@@ -201,7 +199,7 @@ impl Integrator<'_> {
             let material = &self.scene.materials[w.materials[i] as usize];
             if w.hits[i].is_hit() && material.surface_visibility.is_some_and(|p| p.is_holdout) {
                 if self.scene.features.scattering {
-                    // Emission of media in front of it stays.
+                    // Adds the emission of media in front of the holdout.
                     self.passed(0, i, w.hits[i].t, w);
                 }
                 w.uncovered.push(w.arriving.state.radiance_index[i]);
@@ -212,16 +210,16 @@ impl Integrator<'_> {
         }
     }
 
-    /// Makes samples transparent that hit holdouts and shadow catchers.
-    pub(super) fn uncover(&self, w: &mut Workspace) {
+    /// Sets the alpha of samples that hit holdouts and shadow catchers to 0.
+    pub(super) fn clear_alpha(&self, w: &mut Workspace) {
         for &sample in &w.uncovered {
-            w.radiance_buffer.uncover(sample);
+            w.radiance_buffer.set_transparent(sample);
         }
     }
 }
 
-/// Chooses between the diffuse and the remaining lobes of path `i`, and weights its throughput.
-fn draw_diffuse(first: FirstBounce, bounce: u32, i: usize, paths: &mut Paths) -> bool {
+/// Selects the diffuse or the other lobes of path `i`, and weights throughput; true for diffuse.
+fn select_diffuse(first: FirstBounce, bounce: u32, i: usize, paths: &mut Paths) -> bool {
     let throughput = get_rgb(&paths.state.throughput, i);
     let part = throughput * first.diffuse;
     let (part_sum, sum) = (part.r + part.g + part.b, throughput.r + throughput.g + throughput.b);
@@ -256,7 +254,7 @@ impl Integrator<'_> {
         *visibility = visibility.with_receiver_class(class);
     }
 
-    /// Do these links let emission reach the last vertex of arriving path `i` along its ray, not by light samples alone?
+    /// By these links, is emission hit by arriving path `i` added at the path's last vertex?
     pub(super) fn is_linked_emission(
         &self,
         bounce: u32,
@@ -271,7 +269,7 @@ impl Integrator<'_> {
         !is_left_to_samples && self.scene.links.reach(links, class(i, arriving, true))
     }
 
-    /// The light links of a material's emission. Blockers apply to sampled lights only.
+    /// The light links of a material's emission. Blockers apply to light-sampled emission only.
     pub(super) fn links_of(&self, material: &CompiledMaterial, is_sampled: bool) -> LightLinks {
         match (self.scene.features.links, is_sampled) {
             (false, _) => LightLinks::ALL,
@@ -280,7 +278,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// Is the sampled light of vertex `i` included and linked to it?
+    /// Is the sampled light of vertex `i` linked to the vertex, and not excluded as a shadow caster?
     pub(super) fn is_linked_to_light(&self, i: usize, w: &Workspace) -> bool {
         let index = self.only_light.unwrap_or(w.wave.vertices.light.index[i]);
         let is_excluded = w.excludes_casters && self.scene.is_caught_light(index);
@@ -288,7 +286,7 @@ impl Integrator<'_> {
         !is_excluded && self.scene.links.reach(self.scene.links.of_light(index), class)
     }
 
-    /// Is the object that the shadow ray of a vertex hit no blocker of the sampled light?
+    /// By light linking, is the object hit by the shadow ray of a vertex not a blocker of the sampled light?
     #[inline(always)]
     pub(super) fn is_not_a_blocker(&self, vertex: u32, hit: &Hit, light: &LightLanes) -> bool {
         self.scene.features.links && {
@@ -299,13 +297,13 @@ impl Integrator<'_> {
     }
 }
 
-/// `part` over `whole`, by channel, in 0..1.
-fn share(part: Rgb, whole: Rgb) -> Rgb {
+/// `part` over `whole` per channel, clamped to 0..1.
+fn clamped_ratio(part: Rgb, whole: Rgb) -> Rgb {
     let (part, whole) = (part.to_array(), whole.to_array());
     let of = |c: usize| {
-        let share = part[c] / whole[c];
+        let ratio = part[c] / whole[c];
         // 0 / 0 is NaN.
-        if share > 0.0 { share.min(1.0) } else { 0.0 }
+        if ratio > 0.0 { ratio.min(1.0) } else { 0.0 }
     };
     Rgb::from_array([of(0), of(1), of(2)])
 }
@@ -317,12 +315,12 @@ impl FirstBounce {
         // Subsurface scattering is diffuse reflection on the whole.
         let crosses = wi.dot(ng) * wo.dot(ng) < 0.0 && !bsdf.has_body();
         let (wo, wi) = (local_viewer(&frame, wo, ng), frame.to_local(wi));
-        FirstBounce { diffuse: share(bsdf.diffuse_part(wo, wi), bsdf.eval(wo, wi).f_cos), crosses }
+        FirstBounce { diffuse: clamped_ratio(bsdf.diffuse_part(wo, wi), bsdf.eval(wo, wi).f_cos), crosses }
     }
 }
 
 impl Integrator<'_> {
-    /// Scattering of light from `wi` at vertex `i`, without specular lobes.
+    /// Diffuse fraction of the BSDF of vertex `i` for light from `wi`, without specular lobes, and whether `wi` crosses the surface.
     pub(super) fn scattering(
         &self,
         sorted: &SortedVertices,
@@ -343,7 +341,7 @@ impl Integrator<'_> {
         FirstBounce::of(bsdf, [get(&v.ns, i), get(&v.ng, i)], get(&v.wo, i), wi)
     }
 
-    /// The light pass of the light sample of vertex `i`.
+    /// The path class, for light passes, of the light sample of vertex `i`.
     pub(super) fn class_of_light_sample(
         &self,
         bounce: u32,
@@ -359,7 +357,7 @@ impl Integrator<'_> {
         PathClass::Direct(self.scattering(sorted, v, bsdfs, i, get(&v.light.wi, i)))
     }
 
-    /// Records the first scattering events of paths.
+    /// Records the first bounces of paths.
     pub(super) fn record_first_bounces(&self, sorted: &SortedVertices, w: &mut Workspace) {
         let Workspace { wave, bsdfs, .. } = w;
         for i in sorted.all() {

@@ -1,17 +1,15 @@
-//! Participating media: path segments, shadow rays and crossings of boundaries without a surface, one medium or several.
+//! Participating media: path segments, shadow rays, boundaries of media and overlapping media.
 //!
-//! The distance to the next scattering event is drawn before the ray is traced, and the ray ends there. A boundary without a
-//! surface ends a segment and begins another; the path keeps its origin and its pdf, so that lights behind are weighted
-//! as any others.
+//! The distance to the next scattering event is sampled before the ray is traced, and the ray ends there. A boundary without a surface
+//! ends a segment and begins another; the path keeps its origin and its pdf, for the usual MIS weights of lights behind.
 //!
-//! Overlapping media add up: those without a surface, and the medium around the scene. A distance is drawn in each of them
-//! independently, and the path scatters at the shortest: denser media win more often. The throughput is multiplied by the
-//! weights of all segments: scattering in one medium, passing the others. This is unbiased, since the mean of each factor is
-//! the transmittance of its medium, whatever the others are, coloured or on grids. Emission of one medium is attenuated
-//! by the others likewise, point by point.
+//! Overlapping media (those without a surface, and the medium around the scene) add up. A distance is sampled in each independently, and
+//! the path scatters at the shortest. Throughput is multiplied by the weights of all segments: of scattering in one medium, of passing the
+//! others. This is unbiased, since the expectation of each factor is the medium's transmittance, independently of the other media. The
+//! emission of a medium is attenuated by the others in the same way, point by point.
 //!
-//! Emissive media on grids are lights as well ([`VolumeLight`](crate::light::VolumeLight)): light samples find points in them, and
-//! what scattered rays find on their way is weighted against these, point by point.
+//! Emissive media on grids are also lights ([`VolumeLight`](crate::light::VolumeLight)): their emission along scattered rays is weighted
+//! against light samples by MIS, point by point.
 
 use super::Integrator;
 use super::interior::Interior;
@@ -31,7 +29,7 @@ use crate::sampling::hash::{hash32, unit};
 use crate::sampling::sampler::SobolPoint;
 
 impl Integrator<'_> {
-    /// Samples the distance to the next scattering event of each path in its media; its ray ends there.
+    /// Samples the distance to the next scattering event of each path, and ends its ray there.
     pub(super) fn start_medium_segments(&self, bounce: u32, w: &mut Workspace) {
         let dimensions = &self.dimensions(bounce, Purpose::Medium);
         let Workspace { medium_segments, overlapping_segments, rays, arriving, times, .. } = w;
@@ -66,30 +64,29 @@ impl Integrator<'_> {
                 [distance, kind],
                 overlapping_segments,
             );
-            // Far clipping applies to surfaces only: rays end there, media behind scatter.
+            // Far clipping applies to surfaces only: a scattering event may lie beyond `t_max`.
             ray.t_max = segment.scatter_t.min(ray.t_max);
             medium_segments.push(segment);
         }
     }
 
-    /// Does a clipped camera ray start in a medium without a surface, and see no end of it?
+    /// Does a clipped camera ray start in a medium without a surface, and hit no end of it?
     fn is_open_ended(&self, ray: &Ray, interior: Interior, time: f32) -> bool {
         self.scene.media[usize::from(interior.medium())].is_boundary
             && !self.scene.accel.closest_one_in_time(ray, time).is_hit()
     }
 
-    /// The position of the light for equiangular sampling. None within solids, whose surfaces hide lights.
+    /// Selects a light for equiangular sampling; returns its position. `None` within solids, whose surfaces occlude lights.
     fn equiangular_light(&self, medium: u16, origin: Vec3, u: [f32; 2]) -> Option<Vec3> {
         let lights = &self.scene.lights;
         if medium != 0 || lights.is_empty() {
             return None;
         }
         let selected = lights.select(0, &Receiver { p: origin, normal: Vec3::ZERO }, u);
-        if selected.pdf_discrete > 0.0 { lights.middle(selected.index) } else { None }
+        if selected.pdf_discrete > 0.0 { lights.center(selected.index) } else { None }
     }
 
-    /// Ends all segments: at a hit, at a scattering event, or nowhere. Weights the paths and adds the emission of
-    /// media.
+    /// Ends all segments at a hit, a scattering event, or infinity. Weights the paths and adds the emission of media.
     pub(super) fn end_medium_segments(&self, bounce: u32, w: &mut Workspace) {
         for i in 0..w.rays.len() {
             let hit = w.hits[i];
@@ -115,10 +112,10 @@ impl Integrator<'_> {
         }
     }
 
-    /// Is the hit closer to a crossed boundary than the offset of ray origins? Then rays from there
-    /// don't cross the boundary back, and the hit counts as in front of it.
+    /// Is the hit closer to a crossed boundary than the offset of ray origins? Then rays from the hit would not cross the boundary back,
+    /// and the hit counts as before it.
     fn bounds_at(&self, crossed: &BoundaryCrossing, ray: &Ray, (hit, time): (&Hit, f32)) -> bool {
-        /// Farther apart, in proportion, nothing is near by rounding.
+        /// Maximum distance relative to the hit's, above which rounding errors are excluded.
         const NEAR: f32 = 1e-3;
         let span = hit.t - crossed.at;
         if !hit.is_hit() || span > NEAR * hit.t {
@@ -128,8 +125,7 @@ impl Integrator<'_> {
         span * ray.direction.dot(surface.ng).abs() <= surface.ng.abs().dot(surface.p_error)
     }
 
-    /// The weight of path `i` that arrives at a distance without scattering. Adds the emission of media on the
-    /// way.
+    /// The weight of path `i` for reaching a distance without scattering. Adds the emission of media up to there.
     pub(super) fn passed(&self, bounce: u32, i: usize, to: f32, w: &mut Workspace) -> Rgb {
         if !w.medium_segments[i].is_alone() {
             return self.pass_overlapping_media(bounce, i, to, w);
@@ -147,8 +143,8 @@ impl Integrator<'_> {
         self.weight_of_passing(&w.medium_segments[i], i, to, w)
     }
 
-    /// The weight of path `i` by one of its segments, where it arrives at a distance without scattering. Rays that
-    /// leave the scene within an open solid are not absorbed.
+    /// The weight of one segment of path `i` for reaching a distance without scattering. Rays that escape within an open solid are not
+    /// absorbed.
     #[inline(always)]
     pub(super) fn weight_of_passing(&self, segment: &MediumSegment, i: usize, to: f32, w: &Workspace) -> Rgb {
         let medium = &self.scene.media[usize::from(segment.medium)];
@@ -187,7 +183,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// The MIS weight of what a medium emits along the ray of path `i`, by distance; `None` where light samples don't find it.
+    /// MIS weight of a medium's emission along the ray of path `i`, by distance; `None` if the medium is not light-sampled.
     fn medium_emission_weight<'w>(
         &'w self,
         medium: u16,
@@ -209,7 +205,7 @@ impl Integrator<'_> {
         })
     }
 
-    /// Gives light samples of emissive media the emission at their targets.
+    /// Evaluates the emission of media at the targets of light samples.
     pub(super) fn evaluate_volume_lights(&self, sorted: &SortedVertices, w: &mut Workspace) {
         let Workspace { wave, times, .. } = w;
         let (light, path) = (&mut wave.vertices.light, &wave.paths.state);
@@ -222,7 +218,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// Do the coefficients of a medium count where a path has entered some solids?
+    /// Is a medium effective within these solids, as the top of the list or overlapping?
     fn counts_in(&self, interior: Interior, medium: u16) -> bool {
         interior.medium() == medium
             || self.scene.features.overlaps && interior.overlapping(&self.scene.media).any(|m| m == medium)
@@ -237,7 +233,7 @@ impl Integrator<'_> {
         });
     }
 
-    /// The weight of arriving path `i` at a distance that its ray reached.
+    /// The weight of arriving path `i` for reaching a distance, by scattering or absorbing media.
     pub(super) fn transmittance_to_hit(&self, i: usize, to: f32, w: &Workspace) -> Rgb {
         if self.scene.features.scattering {
             return self.weight_of_passing(&w.medium_segments[i], i, to, w)
@@ -253,16 +249,16 @@ impl Integrator<'_> {
         }
     }
 
-    /// Does a path that hit nothing end in a medium, because this is its last bounce?
+    /// Does a path without a hit scatter in a medium? Called where paths end; at the first bounce, sets the alpha to 1.
     pub(super) fn ends_in_medium(&self, bounce: u32, i: usize, w: &mut Workspace) -> bool {
         let ends = self.scene.features.scattering && w.medium_segments[i].scatters;
         if ends && bounce == 0 {
-            w.radiance_buffer.cover(w.arriving.state.radiance_index[i]);
+            w.radiance_buffer.set_opaque(w.arriving.state.radiance_index[i]);
         }
         ends
     }
 
-    /// Makes vertex `k` at the scattering event of arriving path `i`.
+    /// Builds vertex `k` at the scattering event of arriving path `i`.
     pub(super) fn make_medium_vertex(&self, i: usize, k: usize, w: &mut Workspace) {
         let (segment, ray, v) = (&w.medium_segments[i], &w.rays[i], &mut w.wave.vertices);
         set(&mut v.p, k, ray.at(segment.scatter_t));
@@ -277,8 +273,8 @@ impl Integrator<'_> {
         }
     }
 
-    /// Continues pending paths that hit boundaries without a surface in the media behind. Camera rays on which far clipping leaves nothing
-    /// behind a boundary, and so no end of the medium, continue outside of all solids, as in Cycles.
+    /// Continues pending paths behind boundaries without a surface. Clipped camera rays that hit no end of the entered medium continue
+    /// outside all solids, as in Cycles.
     pub(super) fn cross_boundaries(&self, bounce: u32, pass: u32, w: &mut Workspace) {
         let is_clipped = bounce == 0 && self.view.camera.is_clipped();
         for at in 0..w.pending.len() {
@@ -318,8 +314,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// The solids behind a hit on a boundary without a surface, where the one before was crossed at `last`; `None` at all
-    /// other hits.
+    /// The solids behind a hit of a boundary without a surface; `last` is the distance of the previous boundary. `None` at other hits.
     fn beyond_boundary(
         &self,
         ray: &Ray,
@@ -327,7 +322,7 @@ impl Integrator<'_> {
         here: Interior,
         last: f32,
     ) -> Option<Interior> {
-        /// Relative distance, by rounding, of the hits of two triangles at their common edge.
+        /// Maximum relative distance, by rounding, between hits of two triangles at their common edge.
         const ROUNDING: f32 = 4.0 * f32::EPSILON;
         let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
         if !material.is_boundary || material.medium_index == 0 {
@@ -337,7 +332,7 @@ impl Integrator<'_> {
         let is_at_last = hit.t - last <= ROUNDING * hit.t;
         Some(match self.scene.geometries.is_back(ray, hit, time) {
             true if here.contains(own) => here.leave(own),
-            // A body may have different materials where it is entered and left.
+            // A body may have different materials where the ray enters and exits.
             true if self.scene.media[usize::from(here.medium())].is_boundary => here.leave(here.medium()),
             true => here,
             false if is_at_last && here.medium() == own => here,
@@ -356,7 +351,7 @@ impl Integrator<'_> {
         }));
     }
 
-    /// Takes a shadow ray past a boundary without a surface: applies transmittance up to there, and enters the medium behind.
+    /// If a shadow ray hits a boundary without a surface: applies transmittance up to there, and enters the medium behind.
     pub(super) fn cross_with_shadow_ray(
         &self,
         i: usize,
@@ -368,11 +363,11 @@ impl Integrator<'_> {
     ) {
         let Some(span) = span else { return };
         if let Some(beyond) = self.beyond_boundary(ray, (hit, time), span.interior, span.from) {
-            let stretch = [span.from, hit.t];
-            let left =
-                self.transmittance_between(span.interior, (ray.origin, ray.direction), stretch, wavelengths);
+            let range = [span.from, hit.t];
+            let transmittance =
+                self.transmittance_between(span.interior, (ray.origin, ray.direction), range, wavelengths);
             let contribution = get_rgb(&light.contribution, i);
-            set_rgb(&mut light.contribution, i, contribution * left);
+            set_rgb(&mut light.contribution, i, contribution * transmittance);
             *span = ShadowSegment { interior: beyond, from: hit.t };
         }
     }
@@ -383,33 +378,33 @@ impl Integrator<'_> {
         let (light, path) = (&mut wave.vertices.light, &wave.paths.state);
         for (k, span) in shadow_segments.iter().enumerate().filter(|&(k, _)| !occluded[k]) {
             let (ray, i) = (&shadow_rays[k], shadow_vertices[k] as usize);
-            // Outside of its boundary a medium emits nothing.
+            // A medium emits nothing outside its boundary.
             let volume = self.scene.lights.volume(light.index[i]);
             if volume.is_some_and(|volume| !self.counts_in(span.interior, volume.medium())) {
                 set_rgb(&mut light.contribution, i, Rgb::ZERO);
                 continue;
             }
-            let (stretch, wavelengths) = ([span.from, ray.t_max], times.wavelengths(path.radiance_index[i]));
-            let left =
-                self.transmittance_between(span.interior, (ray.origin, ray.direction), stretch, wavelengths);
+            let (range, wavelengths) = ([span.from, ray.t_max], times.wavelengths(path.radiance_index[i]));
+            let transmittance =
+                self.transmittance_between(span.interior, (ray.origin, ray.direction), range, wavelengths);
             let contribution = get_rgb(&light.contribution, i);
-            set_rgb(&mut light.contribution, i, contribution * left);
+            set_rgb(&mut light.contribution, i, contribution * transmittance);
         }
         shadow_segments.clear();
     }
 }
 
-/// A ray and the distance at which a segment starts, metres.
+/// A ray, and the distance at which a segment starts, metres.
 pub(super) type Start<'a> = (&'a Ray, f32);
 
 impl Integrator<'_> {
-    /// Do other media overlap with the one that a path is in?
+    /// Do other media overlap the path's medium?
     #[inline(always)]
     pub(super) fn has_overlapping_media(&self, interior: Interior) -> bool {
         self.scene.features.overlaps && interior.overlapping(&self.scene.media).next().is_some()
     }
 
-    /// Samples the segment of a path, by two random numbers; appends those in overlapping media to `list`.
+    /// Samples the segment of a path by two random numbers; appends segments in overlapping media to `list`.
     #[inline(always)]
     pub(super) fn sample_segment(
         &self,
@@ -460,8 +455,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// Samples segments in overlapping media and exchanges `soonest` for the one that ends first.
-    /// All end there.
+    /// Samples segments in overlapping media and swaps `soonest` for the one that ends first, where all others end too.
     #[cold]
     fn sample_overlapping_segments(
         &self,
@@ -486,7 +480,7 @@ impl Integrator<'_> {
         soonest.overlapping = [first as u32, list.len() as u32];
     }
 
-    /// The weight of passing of path `i` by its segments in overlapping media.
+    /// The weight of passing of path `i`'s segments in overlapping media.
     #[inline]
     pub(super) fn overlapping_passing_weight(&self, i: usize, to: f32, w: &Workspace) -> Rgb {
         if w.medium_segments[i].is_alone() {
@@ -508,7 +502,7 @@ impl Integrator<'_> {
         medium_segments.fold(Rgb::ONE, |weight, segment| weight * self.weight_of_passing(segment, i, to, w))
     }
 
-    /// The weight of a path in overlapping media at a distance. Adds their emission.
+    /// [`Integrator::passed`] in overlapping media.
     #[cold]
     pub(super) fn pass_overlapping_media(&self, bounce: u32, i: usize, to: f32, w: &mut Workspace) -> Rgb {
         let segments =
@@ -563,13 +557,13 @@ impl Integrator<'_> {
         wavelengths: Option<&Wavelengths>,
     ) -> Rgb {
         interior.overlapping(&self.scene.media).fold(Rgb::ONE, |left, medium| {
-            // The medium around the scene has no grid, so that its estimate needs no random numbers.
+            // The salt is 0 for the medium around the scene, which has no grid and needs no random numbers.
             left * self.transmittance_in(medium, ray, span, wavelengths, u32::from(medium))
         })
     }
 }
 
-/// The segments in media that overlap with a segment's.
+/// The segments in media that overlap a segment's.
 fn overlapping<'a>(
     segment: &MediumSegment,
     w: &'a Workspace,

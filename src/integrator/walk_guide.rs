@@ -1,4 +1,4 @@
-//! Which bodies paths walk through at random, and in which directions their steps lead to the surface.
+//! Media with random walks, and the sampling of steps that guides walks to the surface.
 
 use super::interior::Interior;
 use crate::compile::{CompiledScene, Density, Medium, Scattering};
@@ -6,18 +6,18 @@ use crate::light::{LightBounds, LightSource};
 use crate::math::{Vec3, poly};
 use std::f32::consts::TAU;
 
-/// Maximum number of emissive surfaces that are tested for lying within a body. More light is sampled by hits alone there.
+/// Maximum number of area lights tested for being inside a solid. Untested lights inside are only hit by walks, not light-sampled.
 const TESTED_AREA_LIGHTS: usize = 256;
 
-/// The media whose scattering events the stage of random walks follows.
+/// The media handled by the stage of random walks.
 #[derive(Clone, Debug, Default)]
 pub(super) struct RandomWalks {
-    /// By medium; empty if there are none.
+    /// By medium; empty without such media.
     guides: Vec<Option<WalkGuide>>,
 }
 
 impl RandomWalks {
-    /// Those of a scene.
+    /// The media of a scene that qualify.
     pub fn of(scene: &CompiledScene) -> RandomWalks {
         let is_walked = |s: &Scattering| {
             s.is_enclosed && s.density == Density::Homogeneous && s.emission.max_element() <= 0.0
@@ -25,7 +25,7 @@ impl RandomWalks {
         let mut by_medium: Vec<bool> =
             scene.media.iter().map(|m| m.scattering.as_ref().is_some_and(is_walked)).collect();
         if by_medium.contains(&true) {
-            leave_out_lit(scene, &mut by_medium);
+            exclude_lit(scene, &mut by_medium);
         }
         if !by_medium.contains(&true) {
             return RandomWalks::default();
@@ -36,20 +36,20 @@ impl RandomWalks {
         RandomWalks { guides: scene.media.iter().zip(by_medium).map(guide).collect() }
     }
 
-    /// Are there any?
+    /// Does any medium qualify?
     pub fn exist(&self) -> bool {
         !self.guides.is_empty()
     }
 
-    /// The guide of a medium that is one of them.
+    /// The guide of a medium; `None` for media without random walks.
     #[inline(always)]
     pub fn guide(&self, medium: u16) -> Option<&WalkGuide> {
         self.guides[usize::from(medium)].as_ref()
     }
 }
 
-/// Leaves out media that have lights in them, or to which light is refracted in known directions.
-fn leave_out_lit(scene: &CompiledScene, by_medium: &mut [bool]) {
+/// Excludes media that contain lights or that use lobes towards refracted lights.
+fn exclude_lit(scene: &CompiledScene, by_medium: &mut [bool]) {
     let refracted = &scene.refracted_lights;
     if !refracted.lights.is_empty() {
         refracted.bodies.iter().for_each(|body| by_medium[usize::from(body.medium)] = false);
@@ -59,7 +59,7 @@ fn leave_out_lit(scene: &CompiledScene, by_medium: &mut [bool]) {
     let points = lights.punctual().iter().filter_map(|light| light.bounds(&scene.textures)).map(middle);
     let points: Vec<Vec3> = points.collect();
     if !points.is_empty() && scene.is_moving() {
-        // They may come in at any time.
+        // Lights or solids may move into each other.
         return by_medium.fill(false);
     }
     let area = lights.area();
@@ -71,26 +71,26 @@ fn leave_out_lit(scene: &CompiledScene, by_medium: &mut [bool]) {
     }
 }
 
-/// Directions and distances that lead a random walk to the surface of its body: those of zero variance in a half space (Dwivedi 1982; Krivanek,
+/// Sampling of directions and distances that guides a random walk to the surface: zero variance in a half space (Dwivedi 1982; Krivanek,
 /// d'Eon 2014, "A Zero-Variance-Based Sampling Scheme for Monte Carlo Subsurface Scattering").
 #[derive(Clone, Copy, Debug)]
 pub(super) struct WalkGuide {
-    /// By channel the diffusion length, in mean free paths.
+    /// Diffusion length by channel, mean free paths.
     pub lengths: [f32; 3],
-    /// The logarithm of (length + 1) / (length - 1).
+    /// ln((length + 1) / (length - 1)) by channel.
     logs: [f32; 3],
     /// Probability of guided steps.
     pub share: f32,
 }
 
-/// Probability of guided steps where light scatters evenly. (Errors of bodies of four media at 0, 0.5, 0.75 and 0.9: 1, 0.72, 0.73, 0.80; steps
-/// get fewer.)
+/// Probability of guided steps for isotropic scattering. Measured relative errors for solids of four media at 0, 0.5, 0.75 and 0.9: 1,
+/// 0.72, 0.73, 0.80; the number of steps decreases.
 const GUIDED_SHARE: f32 = 0.75;
 
 impl WalkGuide {
     /// The guide of a medium.
     pub fn of(medium: &Scattering) -> WalkGuide {
-        /// Beyond these albedos lengths are 1 or infinite by rounding.
+        /// Outside this range, rounding makes lengths 1 or infinite.
         const ALBEDOS: [f32; 2] = [0.2, 0.9999];
         let (scattered, extinction) = (medium.scattered.to_array(), medium.extinction.to_array());
         let lengths = [0, 1, 2].map(|c| {
@@ -98,12 +98,12 @@ impl WalkGuide {
             diffusion_length(albedo)
         });
         let logs = lengths.map(|length| poly::ln((length + 1.0) / (length - 1.0)));
-        // Lobes that point forward rarely agree with the guide.
+        // The guide assumes isotropic scattering: it is used less for anisotropic media.
         let lobe = medium.anisotropy.abs().sqrt().sqrt().sqrt();
         WalkGuide { lengths, logs, share: GUIDED_SHARE.min(1.0 - lobe) }
     }
 
-    /// The cosine to the axis of a guided direction of a channel.
+    /// Samples the cosine between a guided direction and the axis, for a channel.
     #[inline(always)]
     pub fn sample(&self, channel: usize, u: f32) -> f32 {
         let length = self.lengths[channel];
@@ -111,15 +111,15 @@ impl WalkGuide {
         cosine.clamp(-1.0, 1.0)
     }
 
-    /// Density of directions, 1/sr.
+    /// Pdf of directions, 1/sr.
     #[inline(always)]
     pub fn density(&self, channel: usize, cosine: f32) -> f32 {
         1.0 / (TAU * self.logs[channel] * (self.lengths[channel] - cosine))
     }
 }
 
-/// The diffusion length of an infinite medium that scatters evenly, in mean free paths (a fit of d'Eon, Krivanek 2020, "Zero-Variance Theory for
-/// Efficient Subsurface Scattering").
+/// Diffusion length of an infinite medium with isotropic scattering, mean free paths (a fit by d'Eon, Krivanek 2020, "Zero-Variance Theory
+/// for Efficient Subsurface Scattering").
 fn diffusion_length(albedo: f32) -> f32 {
     let power = 2.44294 - 0.0215813 * albedo + 0.578637 / albedo;
     1.0 / (1.0 - poly::exp(power * poly::ln(albedo))).sqrt()
@@ -135,8 +135,8 @@ mod tests {
         Scene, Shape,
     };
 
-    /// A ball of wax, and a lamp.
-    fn scene(lamp: [f64; 3]) -> Scene {
+    /// A sphere of wax, and a point light.
+    fn scene(light: [f64; 3]) -> Scene {
         let mut scene = Scene::default();
         let factor = FloatSlot::constant(1.0);
         let color = crate::scene::ColorSlot::constant([1.0; 3]);
@@ -145,26 +145,25 @@ mod tests {
         let medium = Some(crate::scene::Medium::subsurface([0.8; 3], [0.1; 3], 0.0));
         scene.add_material(Material { medium, ..Material::gltf("wax", wax) });
         scene.shapes.push(Shape::sphere([0.0; 3], 1.0, MaterialId(0)));
-        scene.lights.push(Light::new(LightKind::Point { position: DVec3::from(lamp) }, [1.0; 3]));
+        scene.lights.push(Light::new(LightKind::Point { position: DVec3::from(light) }, [1.0; 3]));
         scene
     }
 
-    fn walks(scene: &Scene) -> bool {
+    fn has_walks(scene: &Scene) -> bool {
         let (compiled, _) = compile(scene, &CompileOptions::default()).expect("valid");
         RandomWalks::of(&compiled).exist()
     }
 
     #[test]
-    fn light_samples_are_needed_where_lamps_or_holes_are() {
-        assert!(walks(&scene([0.0, 2.0, 0.0])));
-        assert!(!walks(&scene([0.0, 0.5, 0.0])));
+    fn solids_with_lights_or_holes_have_no_random_walks() {
+        assert!(has_walks(&scene([0.0, 2.0, 0.0])));
+        assert!(!has_walks(&scene([0.0, 0.5, 0.0])));
         let mut holed = scene([0.0, 2.0, 0.0]);
         holed.materials[0].alpha_mode = AlphaMode::Blend;
         holed.materials[0].alpha = FloatSlot::constant(0.5);
-        assert!(!walks(&holed));
+        assert!(!has_walks(&holed));
     }
 
-    /// Lengths are above 1 and finite, whatever the albedo.
     #[test]
     fn guides_of_black_and_white_media_are_finite() {
         for albedo in [0.0, 0.1, 0.5, 1.0] {
@@ -183,9 +182,8 @@ mod tests {
         }
     }
 
-    /// Guided directions have the density that they are weighted by.
     #[test]
-    fn guided_cosines_have_their_density() {
+    fn guided_cosines_match_their_pdf() {
         let (compiled, _) = compile(&scene([0.0, 2.0, 0.0]), &CompileOptions::default()).expect("valid");
         let walks = RandomWalks::of(&compiled);
         let guide = walks.guides.iter().flatten().next().expect("one medium");

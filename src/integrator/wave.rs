@@ -8,7 +8,7 @@ use crate::math::{OriginPrimitive, Vec3};
 use crate::scene::{BounceLimits, RayKinds};
 use bytemuck::Zeroable;
 
-/// Declares a structure of arrays over paths, with [`PerPath`].
+/// Declares a structure of arrays over paths, and implements [`PerPath`].
 macro_rules! per_path {
     ($(#[$of_struct:meta])* $visible:vis struct $name:ident {
         $($(#[$of_field:meta])* $field_visible:vis $field:ident: $type:ty,)*
@@ -35,34 +35,34 @@ macro_rules! per_path {
 per_path! {
     /// State of every path.
     pub struct PathState {
-        /// Product of the weights of all sampling decisions so far.
+        /// Path throughput.
         pub throughput: RgbLanes,
-        /// How the direction of its ray was sampled.
+        /// Pdf of the ray's direction.
         pub pdf: [DirectionPdf; LENGTH],
-        /// Russian roulette compares the throughput times this with 1: the product of the squared relative indices of
-        /// refraction (undoes the 1 / eta^2 of refractions), of the number of branches after a split, and of the
-        /// throughput before a cut.
+        /// Factor on throughput for Russian roulette: the squared relative indices of refraction (undoes the 1 / eta^2 of
+        /// refractions), times the number of branches after a split, times the throughput before a cut (path reuse).
         pub roulette_scale: Lanes,
-        /// Sobol point: seed of the sequence and shuffled index.
+        /// Sobol point: seed of the sequence.
         pub seed: Words,
+        /// Sobol point: shuffled index.
         pub shuffled: Words,
-        /// Where its radiance is added: an index of the [`super::radiance_buffer::RadianceBuffer`].
+        /// Entry of the [`super::radiance_buffer::RadianceBuffer`] to which radiance is added.
         pub radiance_index: Words,
     }
 }
 
 per_path! {
-    /// Ray cones: the width of the surface that a path covers.
+    /// Ray cones: the footprint of a path.
     pub struct Footprints {
-        /// Width at the start of the ray, metres.
+        /// Width at the origin of the ray, metres.
         pub width: Lanes,
-        /// Its growth along the ray, metres per metre.
+        /// Growth of the width along the ray, metres per metre.
         pub spread: Lanes,
     }
 }
 
 per_path! {
-    /// The first scattering event of each path.
+    /// The first bounce of each path.
     pub struct FirstBounces {
         /// Diffuse fraction of the BSDF value, by channel.
         pub diffuse: RgbLanes,
@@ -71,12 +71,12 @@ per_path! {
     }
 }
 
-/// The first scattering event of a path.
+/// The first bounce of a path.
 #[derive(Clone, Copy, Debug)]
 pub struct FirstBounce {
     /// Diffuse fraction of the BSDF value, by channel.
     pub diffuse: Rgb,
-    /// Was it transmission?
+    /// Is it transmission?
     pub crosses: bool,
 }
 
@@ -86,13 +86,13 @@ impl FirstBounce {
 }
 
 impl FirstBounces {
-    /// Event of path `i`.
+    /// The first bounce of path `i`.
     #[inline]
     pub fn get(&self, i: usize) -> FirstBounce {
         FirstBounce { diffuse: get_rgb(&self.diffuse, i), crosses: self.crosses[i] > 0.0 }
     }
 
-    /// Sets the event of path `i`.
+    /// Sets the first bounce of path `i`.
     #[inline]
     pub fn set(&mut self, i: usize, first: FirstBounce) {
         set_rgb(&mut self.diffuse, i, first.diffuse);
@@ -100,8 +100,8 @@ impl FirstBounces {
     }
 }
 
-/// Visibility of objects and lights to a path's ray: the kind of the ray, whether it passed an object
-/// that blocks light samples, and the receiver class of the vertex where it starts (light linking).
+/// Visibility state of a path's ray: ray kind, whether the ray passed an object that occludes light samples, and the receiver class
+/// (light linking) of the vertex at its origin.
 #[derive(Clone, Copy, Debug, Zeroable)]
 #[repr(transparent)]
 pub struct RayVisibility(u32);
@@ -122,38 +122,38 @@ impl RayVisibility {
         RayKinds::from_bits(self.0)
     }
 
-    /// The visibility of a new ray of a kind from the same vertex.
+    /// A new ray of a kind from the same vertex.
     #[inline(always)]
     pub fn with_kind(self, kind: RayKinds) -> RayVisibility {
         RayVisibility(kind.bits() | self.0 & RayVisibility::CLASS_MASK)
     }
 
-    /// Has the ray passed an object that blocks light samples?
+    /// Has the ray passed an object that occludes light samples?
     #[inline(always)]
     pub fn is_shadowed(self) -> bool {
         self.0 & RayVisibility::SHADOWED != 0
     }
 
-    /// After passing such an object.
+    /// After passing an object that occludes light samples.
     #[inline(always)]
     pub fn shadowed(self) -> RayVisibility {
         RayVisibility(self.0 | RayVisibility::SHADOWED)
     }
 
-    /// The class of receivers of light, by light linking, of the last vertex.
+    /// The receiver class of the last vertex.
     #[inline(always)]
     pub fn receiver_class(self) -> u32 {
         self.0 >> RayVisibility::CLASS_SHIFT
     }
 
-    /// At a vertex of a class of receivers.
+    /// With another receiver class.
     #[inline(always)]
     pub fn with_receiver_class(self, class: u32) -> RayVisibility {
         RayVisibility(self.0 & !RayVisibility::CLASS_MASK | class << RayVisibility::CLASS_SHIFT)
     }
 }
 
-/// Number of scattering events of a path, by kind; 255 is 255 or more.
+/// Number of bounces of a path by kind, saturating at 255.
 #[derive(Clone, Copy, Debug, Default, Zeroable)]
 #[repr(C)]
 pub struct BounceCounts {
@@ -164,7 +164,7 @@ pub struct BounceCounts {
 }
 
 impl BounceCounts {
-    /// Has some kind reached its limit?
+    /// Has any kind reached its limit?
     pub fn reach(self, limits: &BounceLimits) -> bool {
         u32::from(self.diffuse) >= limits.diffuse
             || u32::from(self.glossy) >= limits.glossy
@@ -178,7 +178,7 @@ impl BounceCounts {
         counts.into_iter().fold(0, |bits, count| bits << 2 | u32::from(count.min(3)))
     }
 
-    /// Counts an event whose scattered ray is of a kind.
+    /// Counts a bounce by the kind of the scattered ray.
     pub fn count(&mut self, kind: RayKinds) {
         let count = match kind {
             RayKinds::DIFFUSE => &mut self.diffuse,
@@ -192,37 +192,37 @@ impl BounceCounts {
 
 const _: () = assert!(MAX_RECEIVER_CLASSES <= 1 << (u32::BITS - RayVisibility::CLASS_SHIFT));
 
-/// Conditions for the optional state of paths.
+/// Conditions under which optional path state is in use.
 pub struct StateConditions<'a> {
     pub features: &'a Features,
-    /// The selection among lights depends on the receiver's normal.
+    /// Light selection depends on the receiver's normal (light tree).
     pub selects_by_normal: bool,
     /// Bounces are limited by kind.
     pub bounce_limits: bool,
-    /// The number of surfaces that paths pass by their alpha is limited.
+    /// The number of transparent surfaces that paths pass is limited.
     pub transparent_limit: bool,
     /// The glossy filter is on.
     pub filter_glossy: bool,
-    /// Some caustics are left out.
+    /// Reflective or refractive caustics are disabled.
     pub skips_caustics: bool,
-    /// Light passes are among the outputs.
+    /// Light passes are requested.
     pub light_passes: bool,
-    /// Caustics are traced from the lights.
+    /// Caustics are rendered by light tracing.
     pub caustics: bool,
-    /// Pixels share paths.
+    /// Path reuse is on.
     pub sharing: bool,
-    /// Paths are guided.
+    /// Path guiding is on.
     pub guiding: bool,
-    /// Glass is transparent in the alpha channel.
+    /// Clear glass is transparent in the alpha channel.
     pub transparent_glass: bool,
-    /// AOVs of the first hit are among the outputs.
+    /// AOVs of first hits are requested.
     pub first_hits: bool,
-    /// Guides of denoising are among the outputs.
+    /// Denoising guides are requested.
     pub denoising_guides: bool,
 }
 
-/// Declares the state of paths: each optional array once, with its type and the condition under which it is in use. Makes
-/// [`Paths`] (memory, copy, repeat) and [`OptionalState`] (which of it is in use).
+/// Declares the optional state of paths, each array with its type and the condition under which it is in use. Generates [`Paths`]
+/// (memory, copy, repeat) and [`OptionalState`] (the state in use).
 macro_rules! path_state {
     ($($(#[$doc:meta])* $field:ident: $type:ty, if |$conditions:ident| $condition:expr;)*) => {
         /// The state of the paths of a wave between bounces.
@@ -232,16 +232,16 @@ macro_rules! path_state {
             $($(#[$doc])* pub $field: $type,)*
         }
 
-        /// Which optional state of [`Paths`] is in use.
+        /// Whether each optional state of [`Paths`] is in use.
         #[derive(Clone, Copy, Debug)]
         pub struct OptionalState {
             $(pub $field: bool,)*
-            /// Any of it.
+            /// Is any in use?
             any: bool,
         }
 
         impl OptionalState {
-            /// All of it.
+            /// All state is in use.
             pub const ALL: OptionalState = OptionalState { $($field: true,)* any: true };
 
             /// The state that a scene, its outputs and techniques need.
@@ -252,7 +252,7 @@ macro_rules! path_state {
         }
 
         impl Paths {
-            /// Replaces each of the first `count` paths by several copies, one after the other.
+            /// Replaces each of the first `count` paths by `times` adjacent copies.
             pub fn repeat(&mut self, count: usize, times: usize, optional: OptionalState) {
                 self.state.repeat(count, times);
                 $(if optional.$field {
@@ -260,7 +260,7 @@ macro_rules! path_state {
                 })*
             }
 
-            /// Copies path `i` to path `k` of others.
+            /// Copies path `i` to path `k` of `other`.
             #[inline(always)]
             pub fn copy_to(&self, i: usize, other: &mut Paths, k: usize, optional: OptionalState) {
                 self.state.copy_to(i, &mut other.state, k);
@@ -276,48 +276,46 @@ macro_rules! path_state {
 }
 
 path_state! {
-    /// Width that the path covers, for texture filtering.
+    /// Ray cones, for texture filtering.
     footprints: Footprints, if |c| c.features.footprints;
-    /// Shading normal of the last vertex for the selection among lights; zero where lights on both sides count.
+    /// Shading normal of the last vertex, for light selection; zero if lights on both sides contribute.
     receiver_normal: Lanes3, if |c| c.selects_by_normal;
-    /// Solids that the path is within.
+    /// Solids around the path.
     interior: [Interior; LENGTH], if |c| c.features.media;
     /// Geometric normal of the last vertex, where random walks start.
     entry_normal: Lanes3, if |c| c.features.subsurface;
-    /// Number of bounces so far, except for random walks within solids.
+    /// Number of bounces so far, without those of random walks.
     depth: Words, if |c| c.features.subsurface;
-    /// The first scattering event.
     first_bounces: FirstBounces, if |c| c.light_passes;
-    /// Kind of the ray and receiver class of its start.
+    /// Kind of the ray and receiver class at its origin.
     visibility: [RayVisibility; LENGTH], if |c| c.features.ray_kinds || c.bounce_limits || c.skips_caustics;
     /// Number of bounces so far, by kind.
     bounce_counts: [BounceCounts; LENGTH], if |c| c.bounce_limits;
-    /// Number of surfaces passed so far because of their alpha.
+    /// Number of transparent surfaces passed so far.
     transparent_count: Words, if |c| c.transparent_limit;
-    /// Smallest density of a sampled direction so far, 1/sr, for the glossy filter.
+    /// Smallest pdf of a sampled direction so far, 1/sr, for the glossy filter.
     least_pdf: Lanes, if |c| c.filter_glossy;
-    /// Factor of the throughput for the component that was selected at the last hit on a mix; 1 at others.
+    /// Weight over selection probability of the component selected at the last hit of a mix; 1 at other materials.
     component_weight: RgbLanes, if |c| c.features.mixes && (c.sharing || c.first_hits);
-    /// Whether caustics traced from the lights contain the path so far: see [`super::caustics`].
+    /// Whether light tracing samples the path so far: see [`super::caustics`].
     chains: Words, if |c| c.caustics;
-    /// The share of the light found by such a path that caustics traced from the lights contain: that of its receivers' diffuse lobes.
+    /// Fraction of such a path's contribution that light tracing samples: product over its diffuse receivers.
     chain_share: RgbLanes, if |c| c.caustics;
-    /// Expected luminance that adjoint-driven Russian roulette compares with; 0 until the first guided vertex.
+    /// Reference luminance of adjoint-driven Russian roulette; 0 before the first guided vertex.
     reference: Lanes, if |c| c.guiding;
-    /// 1 where the path has passed nothing but clear glass since the camera, else 0.
+    /// 1 if the path has only passed clear glass since the camera, else 0.
     clear: Words, if |c| c.transparent_glass;
-    /// 1 where the path has hit only smooth mirrors since the camera, else 0; unset before its first vertex.
+    /// 1 if the path has only hit smooth mirrors since the camera, else 0; unset before the first vertex.
     mirrored: Words, if |c| c.denoising_guides && c.features.mirrors;
 }
 
-/// Corners of the triangles and quads at vertices, from which a vectorised loop makes surfaces.
+/// Corners of the hit triangles and quads, input of a vectorised loop.
 #[derive(Zeroable)]
 pub struct CornerLanes {
-    /// Positions.
     pub positions: [Lanes3; 3],
-    /// Shading normals; where the scene has some.
+    /// Vertex normals, in scenes with some.
     pub normals: [Lanes3; 3],
-    /// Weights of the second and third corner at the hit.
+    /// Barycentric coordinates of the second and third corner at the hit.
     pub weights: [Lanes; 2],
 }
 
@@ -334,7 +332,7 @@ pub struct MetalRoughMaterials {
     pub metal_f0: RgbLanes,
     /// Metallic fraction.
     pub metallic: Lanes,
-    /// Amplitude of the layer's Fresnel curve; where that is exact.
+    /// Amplitude of the layer's Fresnel curve, with exact Fresnel only.
     pub curve: Lanes,
     /// GGX alpha.
     pub alpha: Lanes,
@@ -346,90 +344,96 @@ per_path! {
 pub struct MetalRoughClosures {
     /// Diffuse colour under the layer.
     pub diffuse: RgbLanes,
-    /// Reflectance of the facets at normal incidence.
+    /// Fresnel reflectance at normal incidence.
     pub f0: RgbLanes,
-    /// Its increase to grazing incidence, with Schlick's weight.
+    /// Increase of the reflectance towards grazing incidence, times Schlick's weight.
     pub schlick_rise: RgbLanes,
-    /// Its increase with the weight of the layer's Fresnel curve.
+    /// Increase of the reflectance, times the weight of the layer's exact Fresnel curve.
     pub exact_rise: RgbLanes,
     /// Mean albedo.
     pub albedo: Lanes,
-    /// Probability of sampling the facets.
+    /// Probability of sampling the specular lobe.
     pub probability_specular: Lanes,
     /// Probability of sampling the diffuse lobe.
     pub probability_diffuse: Lanes,
 }
 }
 
-/// Input of textured vertices besides corners, and texture coordinates.
+/// Further input of textured vertices, and their texture coordinates and tangent frames.
 #[derive(Zeroable)]
 pub struct TexturedLanes {
     /// Texture coordinates of the corners.
     pub corner_uv: [[Lanes; 2]; 3],
-    /// Tangents of the corners, and which way bitangents go; 0 where there are none.
+    /// Tangents of the corners; zero without.
     pub tangents: [Lanes3; 3],
+    /// Sign of the bitangents; 0 without tangents.
     pub handedness: Lanes,
-    /// Texture coordinates, and their change per metre.
+    /// Texture coordinates at the hit.
     pub uv: [Lanes; 2],
+    /// Change of the texture coordinates per metre.
     pub uv_per_metre: Lanes,
-    /// Directions of x and y of the normal map; zero where there are none.
+    /// Directions of x and y of the normal map; zero without a tangent frame.
     pub tangent: Lanes3,
     pub bitangent: Lanes3,
-    /// Normal of the normal map; zero without one.
+    /// Tangent-space normal of the normal map; zero without a map.
     pub mapped: Lanes3,
-    /// Index of the ray.
+    /// Index of the arriving ray.
     pub ray: Words,
 }
 
-/// Light samples, one for each vertex that light sampling reaches.
+/// Light samples, one per lit vertex.
 #[derive(Zeroable)]
 pub struct LightLanes {
-    /// Towards the light, unit length.
+    /// Direction to the light, unit length.
     pub wi: Lanes3,
-    /// Point on the light; not for lights at infinity.
+    /// Point on the light; unused for lights at infinity.
     pub target: Lanes3,
     /// 1 for lights at infinity, else 0.
     pub is_infinite: Lanes,
-    /// Radiance of the light.
+    /// Emitted radiance towards the vertex.
     pub radiance: RgbLanes,
-    /// Density of the sample, with the probability of selecting the light.
+    /// Pdf of the sample, including the light's selection probability.
     pub pdf: [LightPdf; LENGTH],
-    /// The selected light and its selection probability; in scenes with several lights.
+    /// Selected light, in scenes with several lights.
     pub index: Words,
+    /// Selection probability of the light.
     pub pdf_discrete: Lanes,
     /// MIS-weighted contribution if the shadow ray is not occluded.
     pub contribution: RgbLanes,
-    /// The shadow ray.
+    /// Shadow ray.
     pub origin: Lanes3,
     pub direction: Lanes3,
 }
 
-/// Path guiding at Lambertian vertices.
+/// Path guiding at Lambertian and opaque glTF vertices.
 #[derive(Zeroable)]
 pub struct GuidedLanes {
-    /// Halves of the keys of their cells.
+    /// Low half of the cell's key.
     pub key_low: Words,
+    /// High half of the cell's key.
     pub key_high: Words,
-    /// Indices of their cells.
+    /// Index of the cell.
     pub cell: Words,
-    /// Guided density over that of the cosine lobe, of scattered directions and of light samples.
+    /// Factor of guiding on the pdf of the scattered direction.
     pub density: Lanes,
+    /// Factor of guiding on the BSDF-sampling pdf of the light sample's direction.
     pub light_density: Lanes,
-    /// Bins of scattered directions; for training.
+    /// Bin of the scattered direction, for training.
     pub bin: Words,
-    /// Luminance of the throughput with the albedo, before scattering.
+    /// Luminance of throughput times albedo, before scattering.
     pub throughput_luminance: Lanes,
 }
 
-/// The smooth surface that triangles with vertex normals approximate.
+/// The smooth surface approximated by triangles with vertex normals.
 #[derive(Zeroable)]
 pub struct LiftLanes {
-    /// Unit normal; zero where shadow rays start at the triangle.
+    /// Unit normal of the smooth surface; zero if shadow rays start at the triangle.
     pub normal: Lanes3,
-    /// From the triangle to where shadow rays start on the side of that normal, and on the other one, metres.
+    /// Offset of shadow rays on the side of `normal`, metres.
     pub above: Lanes3,
+    /// Offset of shadow rays on the other side, metres.
     pub below: Lanes3,
-    /// The geometric normal while lights are sampled: [`Vertices::ng`] is that of the curved surface then.
+    /// Geometric normal, saved during light sampling, when [`Vertices::ng`] is that of the smooth surface.
     pub ng: Lanes3,
 }
 
@@ -439,27 +443,27 @@ pub struct Vertices {
     /// Corners, at vertices on triangles and quads.
     pub corners: CornerLanes,
     pub p: Lanes3,
-    /// The primitives that rays from here exclude.
+    /// Primitives that rays from the vertex exclude.
     pub origin_primitives: [OriginPrimitive; LENGTH],
     /// Geometric normal; on the viewer's side at vertices of opaque groups, on the front side at others.
     pub ng: Lanes3,
-    /// Shading normal, on the side of the geometric one.
+    /// Shading normal, on the side of `ng`.
     pub ns: Lanes3,
-    /// Shadowing by normal maps: [`super::shading_geometry::RELIEF`] and the like.
+    /// Bump terminator: [`super::shading_geometry::RELIEF`] or another of these constants.
     pub relief: Lanes,
-    /// The normal that normal maps perturb, on the same side; where `relief` isn't 0.
+    /// Normal without normal and bump maps, on the side of `ns`; valid if `relief` isn't 0.
     pub smooth: Lanes3,
     /// Offset of ray origins along the normal, metres.
     pub offset: Lanes,
-    /// Where shadow rays start, in pictures that lift them.
+    /// Offsets of shadow rays to the smooth surface, if in use.
     pub lifted: LiftLanes,
-    /// Shading normal before it is bent for the viewer; at vertices of opaque glTF materials, in scenes with mapped normals.
+    /// Shading normal before bending, at opaque glTF vertices in scenes with mapped normals.
     pub unbent: Lanes3,
-    /// 1 where the shading normal was bent for the viewer, else 0; at vertices of opaque glTF materials.
+    /// 1 if the shading normal was bent, else 0; at opaque glTF vertices.
     pub is_bent: Lanes,
-    /// Towards the viewer.
+    /// Direction to the viewer.
     pub wo: Lanes3,
-    /// Solids on the far side of the surface, seen from the viewer; in scenes with some.
+    /// Solids on the side of the surface away from the viewer; at vertices with general BSDFs.
     pub beyond: [Interior; LENGTH],
     /// Albedo of Lambertian vertices.
     pub albedo: RgbLanes,
@@ -467,11 +471,10 @@ pub struct Vertices {
     pub metal_rough_closures: MetalRoughClosures,
     pub textured: TexturedLanes,
     pub light: LightLanes,
-    /// Path guiding, at Lambertian vertices.
     pub guided: GuidedLanes,
-    /// Mean cosine of the scattering angle, in media.
+    /// Mean cosine of the scattering angle, at vertices in media.
     pub anisotropy: Lanes,
-    /// The scattered ray.
+    /// Scattered ray.
     pub next_origin: Lanes3,
     pub next_direction: Lanes3,
 }
@@ -479,7 +482,7 @@ pub struct Vertices {
 /// Arrays for use within one stage; undefined between stages.
 pub type Scratch = [Lanes; 9];
 
-/// The data of vectorised loops: one allocation, so that the compiler knows that arrays don't alias.
+/// The data of vectorised loops, in one allocation so that the compiler can prove that arrays don't alias.
 #[derive(Zeroable)]
 pub struct Wave {
     pub paths: Paths,
@@ -487,20 +490,19 @@ pub struct Wave {
     pub scratch: Scratch,
 }
 
-/// Number of paths in a wave. The arrays in use nearly fit into a core's second-level cache.
+/// Number of paths in a wave. The arrays in use nearly fit into a core's L2 cache.
 pub const WAVE: usize = 2048;
 
-/// Length of an array: one cache line more than needed, because arrays a power of two apart would fall into the same
-/// cache set.
+/// Length of an array: one cache line more than needed, since arrays a power of two apart would map to the same cache sets.
 pub const LENGTH: usize = WAVE + 16;
 
-/// A number for each path.
+/// A number per path.
 pub type Lanes = [f32; LENGTH];
-/// An integer for each path.
+/// An integer per path.
 pub type Words = [u32; LENGTH];
-/// A vector for each path, by component.
+/// A vector per path, by component.
 pub type Lanes3 = [Lanes; 3];
-/// A colour for each path, by channel.
+/// A colour per path, by channel.
 pub type RgbLanes = [Lanes; 3];
 
 /// Element `i` as a vector.
@@ -529,18 +531,18 @@ pub fn set_rgb(v: &mut RgbLanes, i: usize, value: Rgb) {
     [v[0][i], v[1][i], v[2][i]] = value.to_array();
 }
 
-/// Arrays with an element for each path.
+/// Arrays with an element per path.
 pub trait PerPath {
     /// Copies element `i` to element `k` of `other`.
     fn copy_to(&self, i: usize, other: &mut Self, k: usize);
 
-    /// Replaces each of the first `count` elements by several copies, one after the other.
+    /// Replaces each of the first `count` elements by `times` adjacent copies.
     fn repeat(&mut self, count: usize, times: usize);
 }
 
-/// Replaces each of the first `count` elements by several copies, one after the other.
+/// Replaces each of the first `count` elements by `times` adjacent copies.
 pub fn repeat<T: Copy>(elements: &mut [T], count: usize, times: usize) {
-    // From the end, so that elements are read before they are overwritten.
+    // Backwards, so that elements are read before they are overwritten.
     for i in (0..count).rev() {
         let element = elements[i];
         elements[i * times..(i + 1) * times].fill(element);

@@ -1,4 +1,4 @@
-//! All memory of a thread: the wave, queues of rays and hits, results, times and wavelengths, ray counts.
+//! The memory of a thread: the wave, queues of rays and hits, results, times and wavelengths, ray counts.
 
 use super::first_hit::FirstHits;
 use super::guiding::guide::{TrainingSample, VertexRecord};
@@ -15,10 +15,10 @@ use crate::color::spectral::Wavelengths;
 use crate::math::{Hit, Ray};
 use crate::scene::RayKinds;
 
-/// All memory for tracing a block of pixels; one for each thread.
+/// The memory for tracing a block of pixels; one per thread.
 pub struct Workspace {
     pub(super) wave: Box<Wave>,
-    /// Paths in the order of their rays, before their vertices are sorted.
+    /// Paths in the order of `rays`, before sorting by shading group.
     pub(super) arriving: Box<Paths>,
     /// The pixel of each sample of the wave.
     pub(super) pixels: Vec<u32>,
@@ -26,11 +26,11 @@ pub struct Workspace {
     pub(super) hits: Vec<Hit>,
     /// Shading group of each hit.
     pub(super) groups: Vec<ShadingGroup>,
-    /// Paths that left the scene.
+    /// Arriving paths that left the scene.
     pub(super) escaped: Vec<u32>,
     /// Material of each hit.
     pub(super) materials: Vec<u32>,
-    /// Weight and importance of each component of the mix at hand.
+    /// Weight and importance of each component of the current mix.
     pub(super) components: Vec<(Rgb, f32)>,
     /// BSDFs of the vertices without a vectorised class.
     pub(super) bsdfs: Vec<Bsdf>,
@@ -38,54 +38,57 @@ pub struct Workspace {
     /// Vertex of each shadow ray.
     pub(super) shadow_vertices: Vec<u32>,
     pub(super) occluded: Vec<bool>,
-    /// Contribution of each if it is not occluded; for the shadow AOV.
+    /// By shadow ray: unoccluded contribution, for the shadow AOV.
     pub(super) unoccluded: Vec<Rgb>,
-    /// By shadow ray: the ray kinds to which the objects that it passed are visible.
+    /// By shadow ray: ray kinds to which passed objects are visible.
     pub(super) passed_kinds: Vec<RayKinds>,
     /// Samples whose camera rays hit holdouts or shadow catchers.
     pub(super) uncovered: Vec<u32>,
     /// Samples whose camera rays hit shadow catchers.
     pub(super) catcher_samples: Vec<u32>,
-    /// Are shadow casters excluded, to render shadow catchers without them?
+    /// Is this the second pass of shadow catchers, without shadow casters?
     pub(super) excludes_casters: bool,
     /// Camera paths of the wave, for the second pass of shadow catchers.
     pub(super) starts: Option<Box<Paths>>,
     pub(super) start_rays: Vec<Ray>,
     /// Times and wavelengths of the samples.
     pub(super) times: SampleTimes,
-    /// Radiance and alpha by sample.
+    /// Radiance, alpha and layers by sample.
     pub(super) radiance_buffer: RadianceBuffer,
     /// AOVs by sample.
     pub(super) first_hits: FirstHits,
-    /// Rays that passed surfaces and are traced again.
+    /// Indices of rays that passed surfaces and are traced again.
     pub(super) pending: Vec<u32>,
     pub(super) pending_rays: Vec<Ray>,
     pub(super) pending_hits: Vec<Hit>,
-    /// Panes that the arriving rays and the shadow rays passed; empty without panes.
+    /// Panes passed by arriving rays; empty in scenes without panes.
     pub(super) crossings: Vec<RayCrossings>,
+    /// Panes passed by shadow rays.
     pub(super) shadow_crossings: Vec<ShadowCrossings>,
     /// Vertices with lobes towards refracted lights.
     pub(super) light_lobes: Vec<LightLobes>,
-    /// Path segments and shadow rays in scattering media.
+    /// By arriving path: segment in scattering media.
     pub(super) medium_segments: Vec<MediumSegment>,
-    /// Segments in media that overlap those.
+    /// Segments in overlapping media: see [`MediumSegment::overlapping`].
     pub(super) overlapping_segments: Vec<MediumSegment>,
+    /// By shadow ray: current segment.
     pub(super) shadow_segments: Vec<ShadowSegment>,
-    /// State of path sharing.
+    /// State of path reuse.
     pub(super) reuse: Option<Box<Reuse>>,
-    /// Number of rays traced before the wave split, if it did.
+    /// Number of rays traced before path splitting, if the wave was split.
     pub(super) rays_before_split: Option<u64>,
-    /// Training of a guide: vertices of the wave, and finished training samples.
+    /// Recorded vertices of the wave, to train a guide.
     pub(super) vertex_records: Vec<VertexRecord>,
+    /// Finished training samples.
     pub(super) training_samples: Vec<TrainingSample>,
-    /// Sum of the squared luminances of contributions of vertices to samples.
-    pub(super) brought_squares: f64,
+    /// Sum over recorded vertices of the squared contribution to the sample's luminance.
+    pub(super) contribution_squares: f64,
     /// Rays traced so far.
     pub ray_counts: RayCounts,
 }
 
 impl Workspace {
-    /// Empty memory, about a megabyte.
+    /// An empty workspace, about a megabyte.
     pub fn new() -> Workspace {
         Workspace {
             wave: bytemuck::zeroed_box(),
@@ -124,12 +127,12 @@ impl Workspace {
             rays_before_split: None,
             vertex_records: Vec::new(),
             training_samples: Vec::new(),
-            brought_squares: 0.0,
+            contribution_squares: 0.0,
             ray_counts: RayCounts::default(),
         }
     }
 
-    /// Begins a wave of camera paths: empties what some scenes alone fill, since threads keep their memory from scene to scene.
+    /// Begins a wave of camera paths: clears memory that only some scenes fill, since threads reuse it for other scenes.
     pub(super) fn begin_wave(&mut self) {
         self.unoccluded.clear();
         self.passed_kinds.clear();
@@ -151,7 +154,7 @@ impl Workspace {
         self.times.closest(accel, &self.rays, samples, &mut self.hits);
     }
 
-    /// Finds the nearest hits of any number of `rays` without times.
+    /// Finds the nearest hits of any number of `rays` at time 0.
     pub(super) fn intersect_still(&mut self, accel: &Accel) {
         self.begin_hits();
         accel.closest(&self.rays, &mut self.hits);
@@ -171,26 +174,26 @@ impl Default for Workspace {
     }
 }
 
-/// Numbers of rays.
+/// Counts of traced rays.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RayCounts {
     /// All rays.
     pub all: u64,
-    /// Rays that connect shared paths, each traced alone.
+    /// Visibility tests of path reuse, each traced alone.
     pub single: u64,
-    /// Rays that connect shared paths, traced in a batch to a common suffix.
-    pub in_fans: u64,
-    /// Rays after splitting.
+    /// Visibility tests of path reuse, traced together to a common suffix.
+    pub point_visibility: u64,
+    /// Rays after path splitting.
     pub in_branches: u64,
 }
 
 impl RayCounts {
-    /// The sums of both.
+    /// The sum of two counts.
     pub fn plus(self, other: RayCounts) -> RayCounts {
         RayCounts {
             all: self.all + other.all,
             single: self.single + other.single,
-            in_fans: self.in_fans + other.in_fans,
+            point_visibility: self.point_visibility + other.point_visibility,
             in_branches: self.in_branches + other.in_branches,
         }
     }
@@ -200,22 +203,22 @@ impl RayCounts {
         RayCounts {
             all: self.all - before.all,
             single: self.single - before.single,
-            in_fans: self.in_fans - before.in_fans,
+            point_visibility: self.point_visibility - before.point_visibility,
             in_branches: self.in_branches - before.in_branches,
         }
     }
 }
 
-/// Times (0 when the shutter opens to 1 when it closes) and wavelengths of the samples of a wave. All rays of a sample
-/// have the same.
+/// Times (0 at shutter open to 1 at shutter close) and wavelengths of the samples of a wave, common to all rays of a sample.
 #[derive(Default)]
 pub(super) struct SampleTimes {
+    /// Times; empty without motion.
     by_sample: Vec<f32>,
     /// Empty in RGB rendering.
     wavelengths: Vec<Wavelengths>,
-    /// Branches of each sample with radiance indices of their own.
+    /// Number of branches per sample, for radiance indices of branches.
     branches: u32,
-    /// Times of the rays that are traced next.
+    /// Scratch memory: times of rays.
     of_rays: Vec<f32>,
 }
 
@@ -253,7 +256,7 @@ impl SampleTimes {
         self.wavelengths.get(sample as usize).or_else(of_branch)
     }
 
-    /// Repeats all samples, for the second pass of shadow catchers.
+    /// Duplicates all samples, for the second pass of shadow catchers.
     pub fn repeat(&mut self) {
         self.by_sample.extend_from_within(..);
         self.wavelengths.extend_from_within(..);
@@ -267,17 +270,17 @@ impl SampleTimes {
     /// Time by radiance index, 0 to 1; 0 without motion.
     #[inline(always)]
     pub fn of(&self, sample: u32) -> f32 {
-        if self.by_sample.is_empty() { 0.0 } else { self.known(sample) }
+        if self.by_sample.is_empty() { 0.0 } else { self.sample_time(sample) }
     }
 
     #[cold]
-    fn known(&self, sample: u32) -> f32 {
+    fn sample_time(&self, sample: u32) -> f32 {
         let of = |sample: u32| self.by_sample.get(sample as usize).copied();
         let of_branch = || sample.checked_sub(WAVE as u32).and_then(|branch| of(branch / self.branches));
         of(sample).or_else(of_branch).unwrap_or(0.0)
     }
 
-    /// Finds the nearest hits of rays of paths with these radiance indices.
+    /// Finds the nearest hits of rays at the times of `samples` (radiance indices).
     #[inline]
     pub fn closest(
         &mut self,
@@ -293,7 +296,7 @@ impl SampleTimes {
         accel.closest_in_time(rays, &self.of_rays, hits);
     }
 
-    /// Finds any hits of rays of paths with these radiance indices.
+    /// Finds any hits of rays at the times of `samples` (radiance indices).
     #[inline]
     pub fn any(&mut self, accel: &Accel, rays: &[Ray], samples: impl Iterator<Item = u32>, hits: &mut [Hit]) {
         if !accel.uses_times() {

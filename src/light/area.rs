@@ -1,7 +1,7 @@
-//! Emissive surfaces: rectangles, parallelograms, triangles and analytic shapes, with the angular distribution of their radiance
-//! ([`Beam`]), and rectangles in a form for many vertices at a time ([`UniformRectangle`]).
+//! Emissive surfaces: rectangles, parallelograms, triangles and analytic shapes, with the angular distribution of radiance ([`Beam`]),
+//! and rectangles for vectorised sampling ([`UniformRectangle`]).
 
-use super::punctual::{Aim, SpotCone, mean_share};
+use super::punctual::{Aim, SpotCone, relative_mean};
 use super::{LightBounds, LightSample, LightSource};
 use crate::color::Rgb;
 use crate::math::{Bounds3, Mat3, Ray, Vec2, Vec3, gamma, offset_ray_origin};
@@ -20,16 +20,15 @@ pub enum AreaShape {
     Rectangle(Edges),
     /// A parallelogram.
     Parallelogram(Edges),
-    /// The half of the parallelogram next to the corner.
+    /// The half of the parallelogram at the corner.
     Triangle(Edges),
     /// An analytic shape: a sphere, a disk and so on.
     Analytic(Analytic),
 }
 
-/// A corner and the edges that leave it; the front is on the side of `edge_u x edge_v`.
+/// A corner and two edges from it; the front is on the side of `edge_u x edge_v`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Edges {
-    /// The corner.
     pub corner: Vec3,
     /// First edge.
     pub edge_u: Vec3,
@@ -37,53 +36,53 @@ pub struct Edges {
     pub edge_v: Vec3,
 }
 
-/// Emission of a surface.
+/// Emitted radiance of a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Radiance {
-    /// The same radiance at all points.
+    /// Constant over the surface.
     Constant(Rgb),
-    /// A texture times a factor, over a flat light.
+    /// A texture on a flat light.
     Flat {
         /// The texture.
         texture: TextureId,
-        /// Multiplied with it.
+        /// Factor on the texture.
         factor: Rgb,
-        /// Both sets of texture coordinates at the corner and at the ends of the edges.
+        /// Both sets of texture coordinates: at the corner and at the ends of the edges.
         uv: [[Vec2; 3]; 2],
     },
-    /// A texture times a factor, over an analytic shape.
+    /// A texture on an analytic shape.
     Analytic {
         /// The texture.
         texture: TextureId,
-        /// Multiplied with it.
+        /// Factor on the texture.
         factor: Rgb,
-        /// Turns the shape's texture coordinates.
+        /// Orientation of the texture coordinates.
         object_from_world: Mat3,
     },
-    /// By the primitive that is hit: it depends on the direction, or on more than a point. Light samples have a radiance of 1, which is
+    /// Evaluated at the hit primitive: depends on the direction, or on more than the position. Light samples have a radiance of 1, which is
     /// multiplied by the emission at the hit.
     AtHit {
-        /// Index of the primitive, among those of the world.
+        /// Index of the primitive in world geometry.
         primitive: u32,
-        /// Its mean luminance, estimated.
+        /// Estimated mean luminance.
         luminance: f32,
     },
 }
 
-/// An emissive surface, on one side or on both.
+/// An emissive surface, one-sided or two-sided.
 #[derive(Clone, Copy, Debug)]
 pub struct AreaLight {
-    /// Its shape.
+    /// Shape.
     pub shape: AreaShape,
     /// Unit normal of the front; unused for round shapes.
     pub normal: Vec3,
-    /// The back emits too (of a sphere the inside).
+    /// Does the back emit too (for spheres the inside)?
     pub two_sided: bool,
     /// Emitted radiance.
     pub radiance: Radiance,
-    /// Its angular distribution.
+    /// Angular distribution.
     pub beam: Beam,
-    /// Bound on the rounding error of its points.
+    /// Bound on the rounding error of points on the light, metres.
     point_error: Vec3,
 }
 
@@ -100,7 +99,7 @@ impl AreaLight {
             }
         };
         let point_error = extent * gamma(6);
-        let (normal, beam) = (normal.normalize_or_zero(), Beam::Even);
+        let (normal, beam) = (normal.normalize_or_zero(), Beam::Lambertian);
         AreaLight { shape, normal, two_sided, radiance, beam, point_error }
     }
 
@@ -109,7 +108,7 @@ impl AreaLight {
         AreaLight { beam, ..self }
     }
 
-    /// Surface area of one side.
+    /// Surface area of one side, m^2.
     pub fn area(&self) -> f32 {
         let parallelogram = |e: &Edges| e.edge_u.cross(e.edge_v).length();
         match &self.shape {
@@ -119,15 +118,14 @@ impl AreaLight {
         }
     }
 
-    /// The light between this one and another of its kind, at a share of 0..1: corners move along straight lines, as those of the
-    /// surface do.
-    pub fn interpolate(&self, other: &AreaLight, share: f32) -> AreaLight {
-        let shape = interpolate_shape(&self.shape, &other.shape, share);
+    /// Interpolates to another light of the same shape, with weight `t` in 0..1: corners move along straight lines, like the surface's.
+    pub fn interpolate(&self, other: &AreaLight, t: f32) -> AreaLight {
+        let shape = interpolate_shape(&self.shape, &other.shape, t);
         AreaLight::new(shape, self.two_sided, self.radiance).with_beam(self.beam)
     }
 
-    /// Its center, or a point near it.
-    pub fn middle(&self) -> Vec3 {
+    /// The center, or a point near it.
+    pub fn center(&self) -> Vec3 {
         match &self.shape {
             AreaShape::Rectangle(e) | AreaShape::Parallelogram(e) => e.corner + (e.edge_u + e.edge_v) * 0.5,
             AreaShape::Triangle(e) => e.corner + (e.edge_u + e.edge_v) / 3.0,
@@ -138,7 +136,7 @@ impl AreaLight {
         }
     }
 
-    /// Does its radiance depend on the hit?
+    /// Is the radiance evaluated at the hit ([`Radiance::AtHit`])?
     pub fn emits_by_hit(&self) -> bool {
         matches!(self.radiance, Radiance::AtHit { .. })
     }
@@ -191,18 +189,18 @@ impl AreaLight {
         *factor * Rgb::new(r, g, b)
     }
 
-    /// A point of it, uniform by area; of two-sided ones the same for both sides.
+    /// Samples a point uniformly by area; two-sided lights count once.
     pub fn point_by_area(&self, [a, b]: [f32; 2]) -> Vec3 {
         match &self.shape {
             AreaShape::Rectangle(e) | AreaShape::Parallelogram(e) => e.corner + e.edge_u * a + e.edge_v * b,
-            // Folds the square onto the triangle.
+            // Mirrors the square onto the triangle.
             AreaShape::Triangle(e) if a + b > 1.0 => e.corner + e.edge_u * (1.0 - a) + e.edge_v * (1.0 - b),
             AreaShape::Triangle(e) => e.corner + e.edge_u * a + e.edge_v * b,
             AreaShape::Analytic(shape) => shape.point_by_area([a, b]),
         }
     }
 
-    /// The front's unit normal at a point; `reference`, from where it is seen, counts for facing shapes.
+    /// Unit normal of the front at a point; shapes that face the viewer depend on `reference`.
     #[inline(always)]
     pub fn normal_at(&self, point: Vec3, reference: Vec3) -> Vec3 {
         match self.shape {
@@ -211,8 +209,8 @@ impl AreaLight {
         }
     }
 
-    /// Is a point in the plane of a flat light, within rounding? It gets no light, though from a point of the light itself the light
-    /// would seem to fill half of all directions.
+    /// Is a point in the plane of a flat light, up to rounding? Then no light arrives, although the light would subtend a hemisphere from
+    /// points on it.
     #[inline(always)]
     pub fn is_in_plane(&self, reference: Vec3) -> bool {
         let center = match &self.shape {
@@ -226,7 +224,8 @@ impl AreaLight {
         is_in_plane(reference, center, self.normal, self.point_error)
     }
 
-    /// How far behind its origin a ray of its light starts for a receiver on the ray, if it does: see [`Shape::emission_offset`].
+    /// For a receiver on an emitted ray, the distance from the emitter to the ray's origin, if the ray is emitted towards the receiver: see
+    /// [`Shape::emission_offset`].
     pub fn emission_offset(&self, receiver: Vec3, ray: &Ray) -> Option<f32> {
         match &self.shape {
             AreaShape::Analytic(shape) => shape.emission_offset(receiver, ray),
@@ -234,7 +233,7 @@ impl AreaLight {
         }
     }
 
-    /// Coordinates of a point of a flat light along its edges.
+    /// Coordinates of a point of a flat light along the edges, 0..1.
     #[inline]
     pub fn edge_coordinates(&self, point: Vec3) -> [f32; 2] {
         match &self.shape {
@@ -247,7 +246,7 @@ impl AreaLight {
         }
     }
 
-    /// Bound on the rounding error of its points: shadow rays end that far before it.
+    /// Bound on the rounding error of points on the light, metres: shadow rays end that far before it.
     #[inline(always)]
     pub fn point_error(&self) -> Vec3 {
         self.point_error
@@ -255,7 +254,7 @@ impl AreaLight {
 }
 
 impl LightSource for AreaLight {
-    /// Uniform in solid angle for flat lights and spheres.
+    /// Uniform by solid angle for flat lights and spheres.
     #[inline]
     fn sample(&self, textures: &CompiledTextures, reference: Vec3, u: [f32; 2]) -> LightSample {
         if self.is_in_plane(reference) {
@@ -301,11 +300,10 @@ impl LightSource for AreaLight {
         self.beam.of(self.radiance_at(textures, to), normal, direction, textures)
     }
 
-    /// Mean luminance times area times pi, for each side. Textures count with their
-    /// mean over a grid of points.
+    /// Mean luminance times area times pi per emissive side. Textures are averaged over a grid of points.
     fn power(&self, textures: &CompiledTextures) -> f32 {
         let sides = if self.two_sided { 2.0 } else { 1.0 };
-        self.mean_luminance(textures) * self.area() * PI * sides * self.beam.share_of_power()
+        self.mean_luminance(textures) * self.area() * PI * sides * self.beam.relative_power()
     }
 
     fn bounds(&self, textures: &CompiledTextures) -> Option<LightBounds> {
@@ -332,12 +330,12 @@ impl LightSource for AreaLight {
     }
 }
 
-fn interpolate_shape(from: &AreaShape, to: &AreaShape, share: f32) -> AreaShape {
-    let between = |a: Vec3, b: Vec3| a + (b - a) * share;
+fn interpolate_shape(from: &AreaShape, to: &AreaShape, t: f32) -> AreaShape {
+    let mix = |a: Vec3, b: Vec3| a + (b - a) * t;
     let edges = |a: &Edges, b: &Edges| Edges {
-        corner: between(a.corner, b.corner),
-        edge_u: between(a.edge_u, b.edge_u),
-        edge_v: between(a.edge_v, b.edge_v),
+        corner: mix(a.corner, b.corner),
+        edge_u: mix(a.edge_u, b.edge_u),
+        edge_v: mix(a.edge_v, b.edge_v),
     };
     match (from, to) {
         (AreaShape::Rectangle(a), AreaShape::Rectangle(b)) => AreaShape::Rectangle(edges(a, b)),
@@ -345,7 +343,7 @@ fn interpolate_shape(from: &AreaShape, to: &AreaShape, share: f32) -> AreaShape 
         (AreaShape::Triangle(a), AreaShape::Triangle(b)) => AreaShape::Triangle(edges(a, b)),
         (AreaShape::Analytic(a), AreaShape::Analytic(b)) => {
             let (packed, other) = (a.pack(), b.numbers());
-            let number = |i: usize| packed.numbers[i] + (other[i] - packed.numbers[i]) * share;
+            let number = |i: usize| packed.numbers[i] + (other[i] - packed.numbers[i]) * t;
             let numbers = std::array::from_fn(number);
             AreaShape::Analytic(Analytic::unpack(&Packed { numbers, ..packed }).unwrap_or(*a))
         }
@@ -371,34 +369,34 @@ fn triangle(e: &Edges, reference: Vec3) -> SphericalTriangle {
 /// Angular distribution of a surface's radiance; see [`scene::Beam`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Beam {
-    /// The same radiance in all directions.
-    Even,
-    /// A grid of slats in front: the factor is (`tan_half` - tan) times `scale`, of the angle to the normal.
+    /// Constant radiance.
+    Lambertian,
+    /// Honeycomb grid: factor (`tan_half` - tan t) times `scale`, with the angle t to the normal.
     Grid {
         /// Tangent of the half angle.
         tan_half: f32,
-        /// 1 / (tan a - a) of the half angle a: the power is that of an even beam, as the integral of
-        /// (tan a - tan t) cos t over the directions is pi (tan a - a).
+        /// 1 / (tan a - a) of the half angle a, which preserves power: the integral of (tan a - tan t) cos t over the directions is
+        /// pi (tan a - a).
         scale: f32,
     },
-    /// A cone about an axis.
+    /// A cone around an axis.
     Cone(SpotCone),
-    /// A measured profile.
+    /// A measured profile (IES).
     Profile {
-        /// Its number among the scene's.
+        /// Index among the scene's profiles.
         number: u32,
-        /// Its orientation.
+        /// Orientation.
         aim: Aim,
-        /// Its mean share over all directions.
+        /// Mean over all directions, relative to the maximum.
         mean: f32,
     },
 }
 
 impl Beam {
-    /// Prepares a beam, by the scene's profiles. One that is not among them is even (`Scene::validate` reports it).
+    /// Compiles a beam. Without the profile it refers to, it is Lambertian (`Scene::validate` reports that).
     pub fn new(beam: scene::Beam, profiles: &[Arc<LightProfile>]) -> Beam {
         match beam {
-            scene::Beam::Even => Beam::Even,
+            scene::Beam::Even => Beam::Lambertian,
             scene::Beam::Grid { half_angle_rad } => {
                 let tan_half = half_angle_rad.tan();
                 let scale = 1.0 / (tan_half - half_angle_rad);
@@ -408,29 +406,30 @@ impl Beam {
                 Beam::Cone(SpotCone::new(direction, inner_angle_rad, outer_angle_rad, fade))
             }
             scene::Beam::Profile { profile, rotation, cone } => {
-                profiles.get(profile.index()).map_or(Beam::Even, |of| Beam::Profile {
+                profiles.get(profile.index()).map_or(Beam::Lambertian, |of| Beam::Profile {
                     number: profile.0,
                     aim: Aim::new(rotation, cone),
-                    mean: mean_share(of),
+                    mean: relative_mean(of),
                 })
             }
         }
     }
 
-    /// Radiance in a direction from a surface of a radiance and a normal, both of unit length. Profiles are stored with textures.
+    /// Radiance in a unit direction from a surface with a unit normal and radiance `radiance` before the beam. Profiles are stored with
+    /// textures.
     #[inline(always)]
     pub fn of(&self, radiance: Rgb, normal: Vec3, direction: Vec3, textures: &CompiledTextures) -> Rgb {
-        if matches!(self, Beam::Even) {
+        if matches!(self, Beam::Lambertian) {
             return radiance;
         }
         radiance * self.factor(normal, direction, textures.profiles())
     }
 
-    /// Factor on the radiance that leaves a surface of a normal in a direction; both of unit length.
+    /// Factor on the radiance in a unit direction from a surface with a unit normal.
     #[cold]
     pub fn factor(&self, normal: Vec3, direction: Vec3, profiles: &[Arc<LightProfile>]) -> f32 {
         match self {
-            Beam::Even => 1.0,
+            Beam::Lambertian => 1.0,
             Beam::Grid { tan_half, scale } => {
                 let cosine = normal.dot(direction).abs();
                 let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
@@ -438,24 +437,24 @@ impl Beam {
             }
             Beam::Cone(cone) => cone.attenuation(direction.dot(cone.axis)),
             Beam::Profile { number, aim, .. } => {
-                aim.share(profiles.get(*number as usize).map(|profile| &**profile), direction)
+                aim.attenuation(profiles.get(*number as usize).map(|profile| &**profile), direction)
             }
         }
     }
 
-    /// Approximate power relative to that of a uniform distribution, for the choice among lights.
-    pub fn share_of_power(&self) -> f32 {
+    /// Approximate power relative to that of a Lambertian emitter, for light selection.
+    pub fn relative_power(&self) -> f32 {
         match self {
-            Beam::Even | Beam::Grid { .. } => 1.0,
+            Beam::Lambertian | Beam::Grid { .. } => 1.0,
             Beam::Cone(cone) => cone.solid_angle() / (4.0 * PI),
             Beam::Profile { mean, .. } => *mean,
         }
     }
 
-    /// Axis and half angle (radians) of a cone that bounds the light, if it does not depend on the normal.
+    /// Axis and half angle (radians) of a bounding cone of the emission; `None` if the emission depends on the normal.
     pub fn cone(&self) -> Option<(Vec3, f32)> {
         match self {
-            Beam::Even | Beam::Grid { .. } => None,
+            Beam::Lambertian | Beam::Grid { .. } => None,
             // A little wider, for rounding.
             Beam::Cone(cone) => Some((cone.axis, (cone.angles_rad()[1] + 1e-3).min(0.5 * PI))),
             Beam::Profile { aim, .. } => {
@@ -468,11 +467,11 @@ impl Beam {
 /// Is a point in a plane, within the rounding error of the plane's points?
 #[inline(always)]
 fn is_in_plane(p: Vec3, on_plane: Vec3, normal: Vec3, point_error: Vec3) -> bool {
-    let height = (p - on_plane).dot(normal).abs();
-    height <= 4.0 * point_error.dot(normal.abs())
+    let distance = (p - on_plane).dot(normal).abs();
+    distance <= 4.0 * point_error.dot(normal.abs())
 }
 
-/// The direction from `p` to a sampled point of a surface with a normal, an error of its points, and light on one side or both.
+/// The direction from `p` to a sampled point of an emissive surface (normal, rounding error of points, two-sided).
 #[inline(always)]
 fn direction_to_point(
     p: Vec3,
@@ -490,7 +489,7 @@ fn direction_to_point(
     }
 }
 
-/// A rectangle of the same radiance everywhere and in all directions, with all that sampling it needs.
+/// A rectangle of constant radiance, with the data for vectorised sampling.
 #[derive(Clone, Copy, Debug)]
 pub struct UniformRectangle {
     /// Emitted radiance.
@@ -501,7 +500,7 @@ pub struct UniformRectangle {
     two_sided: bool,
 }
 
-/// Numbers that describe an [`UniformRectangle`].
+/// Length of a packed [`UniformRectangle`].
 pub const RECTANGLE_NUMBERS: usize = 19;
 
 /// A direction towards a light.
@@ -511,15 +510,15 @@ pub struct LightDirection {
     pub wi: Vec3,
     /// End of a shadow ray; unused for lights at infinity.
     pub target: Vec3,
-    /// Density per solid angle; 0 where the light can't be reached.
+    /// Pdf per solid angle; 0 if no light arrives.
     pub pdf_solid_angle: f32,
 }
 
 impl UniformRectangle {
-    /// A light, if it is such a rectangle.
+    /// The light as a uniform rectangle; `None` if it is none.
     pub fn of(light: &AreaLight) -> Option<UniformRectangle> {
         match (light.shape, light.radiance) {
-            (AreaShape::Rectangle(edges), Radiance::Constant(radiance)) if light.beam == Beam::Even => {
+            (AreaShape::Rectangle(edges), Radiance::Constant(radiance)) if light.beam == Beam::Lambertian => {
                 let (normal, point_error, two_sided) = (light.normal, light.point_error(), light.two_sided);
                 Some(UniformRectangle { radiance, edges, normal, point_error, two_sided })
             }
@@ -527,7 +526,7 @@ impl UniformRectangle {
         }
     }
 
-    /// The direction from `p` to a point that two numbers in 0..1 choose, uniformly in solid angle.
+    /// Samples a direction from `p`, uniformly by solid angle, by two random numbers in 0..1.
     #[inline(always)]
     pub fn direction(&self, p: Vec3, u: [f32; 2]) -> LightDirection {
         let Edges { corner, edge_u, edge_v } = self.edges;
@@ -537,7 +536,7 @@ impl UniformRectangle {
         direction_to_point(p, s.point, pdf_solid_angle, (self.normal, self.point_error, self.two_sided))
     }
 
-    /// Its numbers, for tables and arrays.
+    /// Packs the rectangle into numbers.
     #[inline(always)]
     pub fn pack(&self) -> [f32; RECTANGLE_NUMBERS] {
         let Edges { corner: c, edge_u: u, edge_v: v } = self.edges;
@@ -546,7 +545,7 @@ impl UniformRectangle {
         [c.x, c.y, c.z, u.x, u.y, u.z, v.x, v.y, v.z, n.x, n.y, n.z, e.x, e.y, e.z, r, g, b, two_sided]
     }
 
-    /// From its numbers.
+    /// The inverse of [`UniformRectangle::pack`].
     #[inline(always)]
     pub fn unpack(numbers: [f32; RECTANGLE_NUMBERS]) -> UniformRectangle {
         let [cx, cy, cz, ux, uy, uz, vx, vy, vz, nx, ny, nz, ex, ey, ez, r, g, b, two_sided] = numbers;
@@ -569,7 +568,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_grid_keeps_the_power() {
+    fn grid_beam_preserves_power() {
         for half_angle_rad in [0.1f64, 0.7, 1.4] {
             let beam = Beam::new(scene::Beam::Grid { half_angle_rad }, &[]);
             let n = 20_000;

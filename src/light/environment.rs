@@ -1,4 +1,4 @@
-//! The environment: radiance from infinity, constant, a gradient or an image.
+//! The environment light: a constant, a gradient or an equirectangular image (HDRI).
 
 use super::portals::Portals;
 use super::traits::{LightBounds, LightSample, LightSource};
@@ -11,50 +11,49 @@ use crate::simd::{Table, prefer_huge_pages};
 use crate::texture::CompiledTextures;
 use std::f32::consts::{FRAC_1_PI, PI};
 
-/// Directions nearer to a pole than this (sine) count as being this far, which keeps densities finite.
+/// Minimum sine of the angle to the poles, which keeps pdfs finite.
 const MIN_SIN: f32 = 1e-6;
 
 /// A sampled direction.
 #[derive(Clone, Copy, Debug)]
 pub struct EnvironmentSample {
-    /// Towards the light, unit length.
+    /// Direction to the light, unit length.
     pub direction: Vec3,
-    /// Its radiance.
+    /// Radiance from there.
     pub radiance: Rgb,
-    /// Density per solid angle; 0 (where rounding led just outside the density's support) counts as no contribution.
+    /// Pdf per solid angle; 0 (by rounding, at the edge of the pdf's support) for no contribution.
     pub pdf_solid_angle: f32,
 }
 
-/// The environment, ready for rendering.
+/// A compiled environment.
 #[derive(Clone, Debug)]
 pub struct EnvironmentLight {
     kind: EnvironmentKind,
     pub(super) portals: Portals,
-    /// May light samples be taken?
+    /// Is light sampling enabled?
     is_sampled: bool,
-    /// Light samples are taken of constant and linear skies as well.
+    /// Are constant and gradient skies light-sampled, too?
     decides_shadows: bool,
 }
 
 #[derive(Clone, Debug)]
 enum EnvironmentKind {
     Constant(Rgb),
-    /// Radiance is `middle + slope * y`.
+    /// Radiance is `horizon + slope * y`.
     Gradient {
-        middle: Rgb,
+        horizon: Rgb,
         slope: Rgb,
     },
     Image(Box<ImageMap>),
 }
 
-/// An equirectangular image and the density to sample it with.
+/// An equirectangular image and its sampling distribution.
 #[derive(Clone, Debug)]
 pub struct ImageMap {
     width: usize,
     height: usize,
-    /// Linear RGB times the strength and the sampling density per area of the unit square, row by row from the top. Padded
-    /// by the first texel of each row at its end and by a copy of the last row, so that all texels have right and lower
-    /// neighbours.
+    /// Per texel: linear RGB times the strength, and the sampling pdf over the unit square. Row-major from the top; padded by the first
+    /// texel of each row and by a copy of the last row, so that all texels have right and lower neighbours.
     texels: Vec<Vec4>,
     mean_luminance: f32,
     map: BilinearMap,
@@ -63,17 +62,17 @@ pub struct ImageMap {
     cosine: f32,
 }
 
-/// Map coordinates as a texel and offsets.
+/// Bilinear lookup position.
 #[derive(Clone, Copy, Debug)]
 pub struct TexelPosition {
-    /// The upper left one of four.
+    /// Index of the upper left of four texels.
     pub first: u32,
     /// Bilinear weights of the right and of the lower texels, 0 to 1.
     pub shares: [f32; 2],
 }
 
 impl EnvironmentLight {
-    /// Memory of the image, if it is one, bytes.
+    /// Memory of the image, bytes; 0 for other environments.
     pub fn bytes(&self) -> usize {
         match &self.kind {
             EnvironmentKind::Constant(_) | EnvironmentKind::Gradient { .. } => 0,
@@ -81,12 +80,11 @@ impl EnvironmentLight {
         }
     }
 
-    /// Returns nothing for a black environment.
+    /// Compiles an environment; `None` for a black one. `images` are the scene's; missing images, and negative and non-finite texels,
+    /// count as black.
     ///
-    /// `mis_compensation` leaves out of the sampling density what is darker than the average (Karlík, Šik, Vévoda,
-    /// Skřivan, Křivánek 2019, "MIS Compensation"): less noise where directions are also sampled by the BSDF and both
-    /// are combined by multiple importance sampling, wrong where they are not. It is ignored for images of one colour.
-    /// `images` are the scene's; an image that is missing counts as black, and so do negative and non-finite texels.
+    /// `mis_compensation` subtracts the mean from the sampling distribution (Karlík, Šik, Vévoda, Skřivan, Křivánek 2019, "MIS
+    /// Compensation"): less noise in combination with BSDF sampling by MIS, but biased without. Ignored for images of constant luminance.
     pub fn new(
         environment: &Environment,
         images: &[Image],
@@ -97,7 +95,7 @@ impl EnvironmentLight {
             Environment::Constant(c) => EnvironmentKind::Constant(Rgb::from_array(c)),
             Environment::Gradient { nadir, zenith } => {
                 let (nadir, zenith) = (Rgb::from_array(nadir), Rgb::from_array(zenith));
-                EnvironmentKind::Gradient { middle: (nadir + zenith) * 0.5, slope: (zenith - nadir) * 0.5 }
+                EnvironmentKind::Gradient { horizon: (nadir + zenith) * 0.5, slope: (zenith - nadir) * 0.5 }
             }
             Environment::Image { image, strength, rotation_rad } => {
                 let image = images.get(image.index())?;
@@ -111,7 +109,7 @@ impl EnvironmentLight {
         };
         match &kind {
             EnvironmentKind::Constant(c) if *c == Rgb::ZERO => None,
-            EnvironmentKind::Gradient { middle, slope } if *middle == Rgb::ZERO && *slope == Rgb::ZERO => {
+            EnvironmentKind::Gradient { horizon, slope } if *horizon == Rgb::ZERO && *slope == Rgb::ZERO => {
                 None
             }
             _ => Some(EnvironmentLight {
@@ -123,17 +121,17 @@ impl EnvironmentLight {
         }
     }
 
-    /// Radiance that arrives from a unit direction.
+    /// Radiance from a unit direction.
     #[inline]
     pub fn radiance(&self, direction: Vec3) -> Rgb {
         match &self.kind {
             EnvironmentKind::Constant(c) => *c,
-            EnvironmentKind::Gradient { middle, slope } => *middle + *slope * direction.y,
+            EnvironmentKind::Gradient { horizon, slope } => *horizon + *slope * direction.y,
             EnvironmentKind::Image(map) => map.lookup(map.uv(direction)),
         }
     }
 
-    /// Samples a direction: by the image's luminance, or uniformly.
+    /// Samples a direction: by luminance for images, else uniformly.
     #[inline]
     pub fn sample(&self, u: [f32; 2]) -> EnvironmentSample {
         match &self.kind {
@@ -149,7 +147,7 @@ impl EnvironmentLight {
         }
     }
 
-    /// Density per solid angle with which [`EnvironmentLight::sample`] chooses a direction.
+    /// Pdf per solid angle of [`EnvironmentLight::sample`].
     #[inline]
     pub fn pdf_solid_angle(&self, direction: Vec3) -> f32 {
         match &self.kind {
@@ -160,7 +158,7 @@ impl EnvironmentLight {
         }
     }
 
-    /// The image, if it is one: for loops over many directions.
+    /// The image, for vectorised loops; `None` for other environments.
     #[inline(always)]
     pub fn image_map(&self) -> Option<&ImageMap> {
         match &self.kind {
@@ -169,51 +167,51 @@ impl EnvironmentLight {
         }
     }
 
-    /// Samples its light through portals; the world's origin moves to `anchor`.
+    /// Enables sampling through portals; positions become relative to `anchor`.
     pub fn set_portals(&mut self, portals: &[scene::Portal], anchor: DVec3) {
         self.portals = Portals::new(portals, |direction| self.radiance(direction), anchor, &self.portals);
     }
 
-    /// Enables or disables light samples; without them only BSDF samples find its light. `decides_shadows`: objects are visible to
-    /// shadow rays that aren't to others, or the other way round.
+    /// Enables or disables light sampling; without it, only BSDF sampling estimates the environment. `decides_shadows`: the visibility of
+    /// some objects differs between shadow rays and scattered rays.
     pub fn set_sampled(&mut self, is_sampled: bool, decides_shadows: bool) {
         (self.is_sampled, self.decides_shadows) = (is_sampled, decides_shadows);
     }
 
-    /// Are light samples taken? Not of a constant or linear sky, unless shadow rays see other objects than scattered rays: BSDF samples
-    /// find its light with little noise, and light samples are better spent on other lights.
+    /// Is the environment light-sampled? Constant and gradient skies are not (unless visibility differs between shadow rays and scattered
+    /// rays): BSDF sampling has little noise, and light samples are better spent on other lights.
     #[inline(always)]
     pub fn is_sampled(&self) -> bool {
         self.is_sampled && (self.decides_shadows || !self.is_constant_or_linear())
     }
 
-    /// Is its radiance constant or linear in y, without portals?
+    /// Is the radiance constant or linear in y, without portals?
     pub fn is_constant_or_linear(&self) -> bool {
         self.image_map().is_none() && !self.has_portals()
     }
 
-    /// Does sampling depend on the point that is lit?
+    /// Are there portals, so that sampling depends on the receiver?
     #[inline(always)]
     pub fn has_portals(&self) -> bool {
         !self.portals.is_empty()
     }
 
-    /// Mean luminance over all directions; the power that reaches a scene is in proportion.
+    /// Mean luminance over all directions.
     pub fn mean_luminance(&self) -> f32 {
         match &self.kind {
             EnvironmentKind::Constant(c) => c.luminance(),
-            EnvironmentKind::Gradient { middle, .. } => middle.luminance(),
+            EnvironmentKind::Gradient { horizon, .. } => horizon.luminance(),
             EnvironmentKind::Image(map) => map.mean_luminance,
         }
     }
 }
 
 impl LightSource for EnvironmentLight {
-    /// Through a portal where the point is in front of one.
+    /// Through a portal if the point is in front of one.
     #[inline]
     fn sample(&self, _textures: &CompiledTextures, reference: Vec3, u: [f32; 2]) -> LightSample {
-        let through = if self.has_portals() { self.portals.sample(reference, u) } else { None };
-        let s = match through {
+        let portal_sample = if self.has_portals() { self.portals.sample(reference, u) } else { None };
+        let s = match portal_sample {
             Some((direction, pdf_solid_angle)) => {
                 EnvironmentSample { direction, radiance: self.radiance(direction), pdf_solid_angle }
             }
@@ -230,8 +228,8 @@ impl LightSource for EnvironmentLight {
     }
 
     fn pdf_solid_angle(&self, reference: Vec3, to: Vec3) -> f32 {
-        let through = self.portals.pdf_solid_angle(reference, to);
-        through.unwrap_or_else(|| self.pdf_solid_angle(to))
+        let portal_pdf = self.portals.pdf_solid_angle(reference, to);
+        portal_pdf.unwrap_or_else(|| self.pdf_solid_angle(to))
     }
 
     fn radiance(&self, _textures: &CompiledTextures, _reference: Vec3, to: Vec3) -> Rgb {
@@ -247,7 +245,7 @@ impl LightSource for EnvironmentLight {
     }
 }
 
-/// Density per solid angle of a direction whose map coordinates have density 1 per area of the unit square.
+/// Solid-angle pdf of a direction for a pdf of 1 over the unit square of map coordinates: the Jacobian.
 #[inline(always)]
 pub fn solid_angle_density(direction: Vec3) -> f32 {
     let sine = (direction.x * direction.x + direction.z * direction.z).sqrt();
@@ -271,7 +269,7 @@ impl ImageMap {
         }
         let mean = mean_luminance(width, &texels) as f32;
         if mis_compensation {
-            // Rounding leaves small residues of a constant image: only clearly brighter texels count.
+            // The threshold excludes rounding residues of constant images.
             let brighter: Vec<f32> = light.iter().map(|l| (l - mean).max(0.0)).collect();
             if brighter.iter().any(|&l| l > 1e-4 * mean) {
                 light = brighter;
@@ -296,12 +294,12 @@ impl ImageMap {
     /// Map coordinates of a direction, both in 0..1.
     #[inline(always)]
     pub fn uv(&self, d: Vec3) -> [f32; 2] {
-        // Rotating the environment counter-clockwise seen from above rotates the direction clockwise.
+        // A counter-clockwise rotation of the environment, seen from above, rotates the direction clockwise.
         let x = d.x * self.cosine - d.z * self.sine;
         let z = d.x * self.sine + d.z * self.cosine;
         let sine = (d.x * d.x + d.z * d.z).sqrt();
         let u = 0.5 + poly::atan2(z, x) * (0.5 * FRAC_1_PI);
-        // The arc tangent, since the arc cosine loses the digits near the poles.
+        // Arc tangent, since the arc cosine loses precision near the poles.
         [u, poly::atan2(sine, d.y) * FRAC_1_PI]
     }
 
@@ -315,19 +313,19 @@ impl ImageMap {
         Vec3::new(x * self.cosine + z * self.sine, y, z * self.cosine - x * self.sine)
     }
 
-    /// Chooses map coordinates by luminance.
+    /// Samples map coordinates by luminance.
     #[inline(always)]
     pub fn sample_uv(&self, u: [f32; 2]) -> MapSample {
         self.map.sample(u)
     }
 
-    /// Samples from many pairs of numbers, the first ones of all pairs first.
+    /// [`ImageMap::sample_uv`] for many pairs of random numbers, as a structure of arrays.
     #[inline(always)]
     pub fn sample_many_uv<const N: usize>(&self, u: [[f32; N]; 2]) -> MapSamples<N> {
         self.map.sample_many(u)
     }
 
-    /// Radiance at map coordinates: bilinear; wraps along u, clamps along v.
+    /// Bilinear radiance at map coordinates; wraps along u, clamps along v.
     #[inline(always)]
     pub fn lookup(&self, uv: [f32; 2]) -> Rgb {
         self.read(&self.locate(uv)).0
@@ -353,8 +351,8 @@ impl ImageMap {
         texels.prefetch(first.wrapping_add(self.width as u32 + 1));
     }
 
-    /// Radiance, and the density per area of the unit square of choosing the position by luminance: both from the same
-    /// texels, which are far apart in memory for directions that are far apart.
+    /// Radiance, and the sampling pdf over the unit square: stored in the same texels, since lookups in different directions miss the
+    /// cache.
     #[inline(always)]
     pub fn read(&self, at: &TexelPosition) -> (Rgb, f32) {
         let texels = Table::new(&self.texels);
@@ -362,7 +360,7 @@ impl ImageMap {
         let (a, b, c, d) = (texels.at(first), texels.at(first + 1), texels.at(below), texels.at(below + 1));
         let (top, bottom) = (a + (b - a) * s, c + (d - c) * s);
         let rgb = (top + (bottom - top) * t).truncate();
-        // In the order in which `BilinearMap::pdf_area` rounds.
+        // The same order of operations as in `BilinearMap::pdf_area`, for equal bits.
         let (left, right) = (a + (c - a) * t, b + (d - b) * t);
         (Rgb::from_array(rgb.to_array()), (left + (right - left) * s).w)
     }
@@ -378,7 +376,7 @@ impl ImageMap {
     }
 }
 
-/// Texels with the density that a map has there, arranged as [`ImageMap::texels`] says.
+/// Texels with their sampling pdf, in the layout of [`ImageMap::texels`].
 fn with_density(texels: &[[f32; 3]], map: &BilinearMap) -> Vec<Vec4> {
     let [width, height] = map.size();
     let mut all = Vec::with_capacity((width + 1) * (height + 1));
@@ -391,7 +389,7 @@ fn with_density(texels: &[[f32; 3]], map: &BilinearMap) -> Vec<Vec4> {
     all
 }
 
-/// Mean luminance over solid angle of an equirectangular image.
+/// Mean luminance of an equirectangular image over all directions.
 fn mean_luminance(width: usize, texels: &[[f32; 3]]) -> f64 {
     let height = texels.len() / width;
     let (mut sum, mut weights) = (0.0, 0.0);
@@ -409,7 +407,7 @@ mod tests {
     use crate::sampling::chi2::{Chi2, Random, Square};
     use crate::scene::ImageId;
 
-    /// A dim sky over a darker ground with a sun of one texel that outshines it.
+    /// A dim sky over darker ground, with a very bright sun of one texel.
     fn sunny(width: u32, height: u32, rotation_rad: f64, mis_compensation: bool) -> EnvironmentLight {
         let mut rgb = Vec::new();
         for y in 0..height {
@@ -424,7 +422,7 @@ mod tests {
         EnvironmentLight::new(&environment, &[image], mis_compensation).unwrap()
     }
 
-    /// In map coordinates, whose cells the density is smooth in.
+    /// Chi-square test in map coordinates, in which the pdf is smooth within cells.
     fn check(name: &str, light: &EnvironmentLight, rotation: f64, cells: [usize; 2]) {
         let unrotated = |d: Vec3| {
             let (s, c) = rotation.sin_cos();
@@ -448,7 +446,7 @@ mod tests {
         for _ in 0..100_000 {
             let s = light.sample([random.next(), random.next()]);
             let (radiance, pdf) = (light.radiance(s.direction), light.pdf_solid_angle(s.direction));
-            // Beside the sun a texel's step is 1e5 times the sky: coordinates carry 1e-7 of the whole map.
+            // Next to the sun, a rounding error of 1e-7 in the coordinates changes radiance and pdf visibly.
             let relative = (s.pdf_solid_angle / pdf - 1.0).abs();
             let length = |c: Rgb| Vec3::from_array(c.to_array()).length();
             let of_radiance = length(s.radiance - radiance) / length(radiance);
@@ -461,7 +459,7 @@ mod tests {
     #[test]
     fn sunny_skies_pass_chi_square() {
         check("sunny", &sunny(64, 32, 0.0, false), 0.0, [64, 32]);
-        check("sunny, turned", &sunny(64, 32, 2.1, false), 2.1, [64, 32]);
+        check("sunny, rotated", &sunny(64, 32, 2.1, false), 2.1, [64, 32]);
         check("sunny, compensated", &sunny(64, 32, -0.7, true), -0.7, [64, 32]);
     }
 
@@ -480,9 +478,9 @@ mod tests {
         assert!(EnvironmentLight::new(&Environment::Constant([0.0; 3]), &[], true).is_none());
     }
 
-    /// Importance sampling of the sun's light: the estimate's spread shows that density and lookup match.
+    /// Radiance over pdf is nearly constant: pdf and lookup match.
     #[test]
-    fn luminance_over_density_hardly_varies() {
+    fn importance_sampling_has_little_variance() {
         let light = sunny(1024, 512, 0.3, false);
         let mut random = Random::new(9);
         let (mut sum, mut squares) = (0.0, 0.0);
@@ -501,7 +499,7 @@ mod tests {
     }
 
     #[test]
-    fn texel_centres_lie_where_the_convention_says() {
+    fn texel_centers_follow_the_convention() {
         let mut rgb = vec![0.0; 8 * 4 * 3];
         rgb[3 * (8 + 6)] = 1.0;
         let image = Image::from_linear_rgb("one", 8, 4, rgb);
@@ -519,13 +517,13 @@ mod tests {
     }
 
     #[test]
-    fn one_reading_gives_what_the_map_says() {
+    fn stored_pdf_equals_that_of_the_map() {
         let EnvironmentLight { kind: EnvironmentKind::Image(image), .. } = sunny(64, 32, 0.3, true) else {
             panic!("an image");
         };
         let mut random = Random::new(21);
         for k in 0..10_000 {
-            // The edges as well.
+            // Includes the edges.
             let edge = |u: f32, k: u32| if k.is_multiple_of(8) { (u * 4.0).floor() / 3.0 } else { u };
             let uv = [edge(random.next(), k), edge(random.next(), k / 8)];
             let (_, density) = image.read(&image.locate(uv));
@@ -534,7 +532,7 @@ mod tests {
     }
 
     #[test]
-    fn one_colour_ignores_compensation() {
+    fn constant_images_ignore_mis_compensation() {
         let image = Image::from_linear_rgb("grey", 16, 8, vec![0.5; 16 * 8 * 3]);
         let e = Environment::Image { image: ImageId(0), strength: 1.0, rotation_rad: 0.0 };
         let light = EnvironmentLight::new(&e, &[image], true).unwrap();

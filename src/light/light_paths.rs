@@ -1,7 +1,7 @@
-//! Light paths start: a light is chosen, a point of it and a direction, or of lights at infinity a direction and a point. Rays are
-//! aimed at bounding spheres of the objects that they should hit first.
+//! Emission of light paths: samples a light, a point on it and a direction (for lights at infinity, a direction and a point of the ray).
+//! Rays are aimed at bounding spheres of target objects (caustic casters).
 //!
-//! [`SmallLight`]: in which direction, or where, most of the light of a scene starts, where that is narrow.
+//! [`SmallLight`]: the brightest small lights of a scene.
 
 use super::{
     AreaLight, AreaShape, EnvironmentLight, LightOrigin, LightSource, Lights, PunctualLight, PunctualSource,
@@ -13,42 +13,42 @@ use crate::shape::{Analytic, Shape};
 use crate::texture::CompiledTextures;
 use std::f32::consts::PI;
 
-/// From this solid angle of its targets on, steradians, a surface emits by the cosine.
+/// Solid angle of the targets, steradians, from which on surfaces sample directions by the cosine instead of aiming.
 const WIDE: f32 = PI;
 
-/// Minimum probability of each light relative to a uniform choice: estimates of their power may be wrong.
+/// Minimum probability of each light relative to a uniform choice, since power estimates may be wrong.
 const MIN_SHARE: f32 = 0.02;
 
-/// Largest distance of a light in radii of the largest target: the rounding of directions, some 1e-7, would hit it unevenly.
+/// Maximum distance of a light in radii of the largest target: beyond, rounding errors of directions (1e-7) make hits uneven.
 const FARTHEST: f32 = 1e6;
 
-/// Samples the rays that leave lights, the environment excepted.
+/// Samples rays emitted by all lights except the environment.
 #[derive(Clone, Debug)]
 pub struct LightPathSampler {
     targets: TargetSpheres,
     table: AliasTable,
-    /// Radius of a sphere around the scene's origin that holds everything, metres.
+    /// Radius of a sphere around the scene's origin that contains the scene, metres.
     reach: f32,
 }
 
-/// A ray that leaves a light.
+/// A ray emitted by a light.
 #[derive(Clone, Copy, Debug)]
 pub struct EmittedRay {
     /// The ray.
     pub ray: Ray,
-    /// Radiance along it; of delta lights the intensity or irradiance.
+    /// Radiance along the ray; intensity or irradiance of delta lights.
     pub radiance: Rgb,
-    /// Flux at a radiance of 1: cosine over the density of the ray.
+    /// Flux for a radiance of 1: cosine over the pdf of the ray.
     pub scale: f32,
     /// Index of the light.
     pub light: u32,
-    /// The light is a delta light.
+    /// Is the light a delta light?
     pub is_delta: bool,
 }
 
 impl LightPathSampler {
-    /// For a scene within `reach` of the origin; `None` without lights but the environment, without targets, or with a light too far
-    /// away for directions in single precision.
+    /// A sampler for a scene within `reach` metres of the origin; `None` without targets, without lights other than the environment, or
+    /// with a light too far away for directions in single precision.
     pub fn new(
         lights: &Lights,
         textures: &CompiledTextures,
@@ -56,20 +56,21 @@ impl LightPathSampler {
         reach: f32,
     ) -> Option<LightPathSampler> {
         let light_count = (lights.area().len() + lights.punctual().len()) as u32;
-        let is_far = |light| lights.middle(light).is_some_and(|p| targets.is_farther(p, FARTHEST));
+        let is_far = |light| lights.center(light).is_some_and(|p| targets.is_farther(p, FARTHEST));
         if targets.is_empty() || (0..light_count).any(is_far) {
             return None;
         }
-        let across: f32 = targets.spheres().iter().map(|sphere| PI * sphere.radius * sphere.radius).sum();
+        let cross_section: f32 =
+            targets.spheres().iter().map(|sphere| PI * sphere.radius * sphere.radius).sum();
         let towards = |p| targets.solid_angle(p).min(4.0 * PI);
         let of_area = |light: &AreaLight| match light.emits_by_hit() {
             true => 0.0,
-            false => light.power(textures) / PI * towards(light.middle()),
+            false => light.power(textures) / PI * towards(light.center()),
         };
         let of_punctual = |light: &PunctualLight| match light.origin() {
-            // The power of spots and points is over all directions.
+            // Power is emitted over all directions.
             LightOrigin::Point(p) => light.power(textures) / (4.0 * PI) * towards(p),
-            LightOrigin::Direction(_) | LightOrigin::Cone => light.power(textures) / PI * across,
+            LightOrigin::Direction(_) | LightOrigin::Cone => light.power(textures) / PI * cross_section,
         };
         let mut weights: Vec<f32> = lights.area().iter().map(of_area).collect();
         weights.extend(lights.punctual().iter().map(of_punctual));
@@ -78,55 +79,57 @@ impl LightPathSampler {
             return None;
         }
         let least = MIN_SHARE * total / weights.len() as f32;
-        let is_left_out = |i: usize| lights.light_emits_by_hit(i as u32);
+        let is_excluded = |i: usize| lights.light_emits_by_hit(i as u32);
         weights
             .iter_mut()
             .enumerate()
-            .filter(|(i, _)| !is_left_out(*i))
+            .filter(|(i, _)| !is_excluded(*i))
             .for_each(|(_, weight)| *weight += least);
         let reach = reach.max(targets.reach());
         Some(LightPathSampler { table: AliasTable::new(&weights), targets, reach })
     }
 
-    /// A ray by numbers in 0..1: two for the point of the light, two for the direction or the point of a ray from infinity, one for the
-    /// light, one for the sphere. `None` if no light leaves.
+    /// Samples an emitted ray by random numbers in 0..1: two for the point of the light (direction to a sun), two for the direction (point
+    /// of a ray from infinity), one for the light, one for the target sphere. `None` if nothing is emitted.
     pub fn sample(
         &self,
         lights: &Lights,
         textures: &CompiledTextures,
-        of_point: [f32; 2],
-        of_direction: [f32; 2],
-        of_light: f32,
-        of_sphere: f32,
+        u_point: [f32; 2],
+        u_direction: [f32; 2],
+        u_light: f32,
+        u_sphere: f32,
     ) -> Option<EmittedRay> {
-        let chosen = self.table.sample(of_light);
-        let u = [of_direction[0], of_direction[1], of_sphere];
+        let chosen = self.table.sample(u_light);
+        let u = [u_direction[0], u_direction[1], u_sphere];
         let areas = lights.area().len();
         let emitted = match lights.area().get(chosen.index) {
-            Some(light) => self.leave_surface(light, textures, of_point, u),
-            None => self.leave_punctual(lights.punctual().get(chosen.index - areas)?, textures, of_point, u),
+            Some(light) => self.emit_from_surface(light, textures, u_point, u),
+            None => {
+                self.emit_from_punctual(lights.punctual().get(chosen.index - areas)?, textures, u_point, u)
+            }
         }?;
         let scale = emitted.scale / chosen.pdf_discrete;
         let is_lit = emitted.radiance.max_element() > 0.0 && scale.is_finite() && scale > 0.0;
         is_lit.then_some(EmittedRay { scale, light: chosen.index as u32, ..emitted })
     }
 
-    fn leave_surface(
+    fn emit_from_surface(
         &self,
         light: &AreaLight,
         textures: &CompiledTextures,
-        of_point: [f32; 2],
+        u_point: [f32; 2],
         u: [f32; 3],
     ) -> Option<EmittedRay> {
         if let AreaShape::Analytic(shape) = &light.shape
             && shape.is_facing()
         {
-            return self.leave_disk(light, shape, textures, of_point, u);
+            return self.emit_from_disk(light, shape, textures, u_point, u);
         }
-        let point = light.point_by_area(of_point);
+        let point = light.point_by_area(u_point);
         let normal = light.normal_at(point, point);
         let (direction, pdf) = if self.targets.solid_angle(point) < WIDE {
-            let chosen = self.targets.direction(point, 0.0, u)?;
+            let chosen = self.targets.sample_direction(point, 0.0, u)?;
             (chosen.at, chosen.pdf)
         } else {
             let sides = if light.two_sided { 2.0 } else { 1.0 };
@@ -149,18 +152,18 @@ impl LightPathSampler {
         })
     }
 
-    /// From a disk that faces the direction.
-    fn leave_disk(
+    /// Emission from a disk that faces the receiver.
+    fn emit_from_disk(
         &self,
         light: &AreaLight,
         shape: &Analytic,
         textures: &CompiledTextures,
-        of_point: [f32; 2],
+        u_point: [f32; 2],
         u: [f32; 3],
     ) -> Option<EmittedRay> {
         let (center, radius) = shape.center_and_radius();
-        let TargetSample { at: direction, pdf } = self.targets.direction(center, radius, u)?;
-        let on_disk = warp::uniform_disk(of_point) * radius;
+        let TargetSample { at: direction, pdf } = self.targets.sample_direction(center, radius, u)?;
+        let on_disk = warp::uniform_disk(u_point) * radius;
         let point = center + Frame::from_normal(direction).to_world(on_disk.extend(0.0));
         Some(EmittedRay {
             ray: Ray::new(point, direction),
@@ -171,28 +174,28 @@ impl LightPathSampler {
         })
     }
 
-    fn leave_punctual(
+    fn emit_from_punctual(
         &self,
         light: &PunctualLight,
         textures: &CompiledTextures,
-        of_point: [f32; 2],
+        u_point: [f32; 2],
         u: [f32; 3],
     ) -> Option<EmittedRay> {
         match light.origin() {
             LightOrigin::Point(position) => {
-                let chosen = self.targets.direction(position, 0.0, u)?;
+                let chosen = self.targets.sample_direction(position, 0.0, u)?;
                 let (ray, radiance) = (Ray::new(position, chosen.at), light.intensity(chosen.at));
                 Some(EmittedRay { ray, radiance, scale: 1.0 / chosen.pdf, light: 0, is_delta: true })
             }
             LightOrigin::Direction(to_light) => {
-                let chosen = self.targets.place(to_light, u)?;
+                let chosen = self.targets.sample_ray_point(to_light, u)?;
                 let (ray, radiance) =
                     (self.ray_from_infinity(chosen.at, -to_light), light.intensity(-to_light));
                 Some(EmittedRay { ray, radiance, scale: 1.0 / chosen.pdf, light: 0, is_delta: true })
             }
             LightOrigin::Cone => {
-                let sample = light.sample(textures, Vec3::ZERO, of_point);
-                let chosen = self.targets.place(sample.wi, u)?;
+                let sample = light.sample(textures, Vec3::ZERO, u_point);
+                let chosen = self.targets.sample_ray_point(sample.wi, u)?;
                 Some(EmittedRay {
                     ray: self.ray_from_infinity(chosen.at, -sample.wi),
                     radiance: sample.radiance,
@@ -204,24 +207,22 @@ impl LightPathSampler {
         }
     }
 
-    /// A ray through a point that starts beyond everything.
+    /// A ray through a point that starts outside the scene.
     fn ray_from_infinity(&self, p: Vec3, direction: Vec3) -> Ray {
-        // The point nearest to the origin, and from there beyond the sphere.
         let nearest = p - direction * p.dot(direction);
         Ray::new(nearest - direction * (self.reach * 1.01), direction)
     }
 }
 
-/// A sphere that light paths are aimed at.
+/// A sphere at which light paths are aimed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TargetSphere {
-    /// Its center.
     pub center: Vec3,
-    /// Its radius.
+    /// Metres.
     pub radius: f32,
 }
 
-/// The spheres that light paths are aimed at.
+/// The spheres at which light paths are aimed.
 #[derive(Clone, Debug, Default)]
 pub struct TargetSpheres {
     spheres: Vec<TargetSphere>,
@@ -234,31 +235,31 @@ struct DirectionCone {
     one_minus_cos: f32,
 }
 
-/// A sampled direction, or point of a ray.
+/// A sampled direction to the targets, or a point of a ray that hits them.
 #[derive(Clone, Copy, Debug)]
 pub struct TargetSample {
-    /// The direction, or a point of the ray.
+    /// The direction, or the point.
     pub at: Vec3,
-    /// Its density: per solid angle, or per area across the ray.
+    /// Pdf per solid angle, or per area perpendicular to the ray.
     pub pdf: f32,
 }
 
 impl TargetSphere {
-    /// The cone of directions to it from points around `p`, up to `around` away.
+    /// The cone of directions to the sphere from points within distance `around` of `p`.
     fn cone_from(&self, p: Vec3, around: f32) -> DirectionCone {
-        let (way, radius) = (self.center - p, self.radius + around);
-        let (squared, r2) = (way.length_squared(), radius * radius);
+        let (offset, radius) = (self.center - p, self.radius + around);
+        let (squared, r2) = (offset.length_squared(), radius * radius);
         if squared <= r2 {
             return DirectionCone { axis: Vec3::Z, one_minus_cos: 2.0 };
         }
         let sin2 = r2 / squared;
-        DirectionCone { axis: way / squared.sqrt(), one_minus_cos: warp::one_minus_cos(sin2, 1.0 - sin2) }
+        DirectionCone { axis: offset / squared.sqrt(), one_minus_cos: warp::one_minus_cos(sin2, 1.0 - sin2) }
     }
 }
 
 impl DirectionCone {
     fn contains(&self, direction: Vec3) -> bool {
-        // A chord's squared length is twice that; a little wider, for rounding.
+        // The squared length of a chord is 2 (1 - cos); slightly wider, for rounding.
         self.one_minus_cos >= 2.0
             || (direction - self.axis).length_squared() <= 2.0 * self.one_minus_cos * (1.0 + 1e-5)
     }
@@ -267,7 +268,6 @@ impl DirectionCone {
         if self.one_minus_cos >= 2.0 {
             return warp::uniform_sphere(u);
         }
-        // Nearly in the middle of its edge, so that rounding can't lead outside.
         Frame::from_normal(self.axis).to_world(warp::uniform_cone(u, self.one_minus_cos))
     }
 }
@@ -281,7 +281,7 @@ impl TargetSpheres {
         TargetSpheres { spheres: spheres.into_iter().filter(is_usable).collect() }
     }
 
-    /// Is there none?
+    /// Are there no spheres?
     pub fn is_empty(&self) -> bool {
         self.spheres.is_empty()
     }
@@ -297,7 +297,7 @@ impl TargetSpheres {
         largest.is_some_and(|sphere| (sphere.center - p).length() > radii * sphere.radius)
     }
 
-    /// Solid angle of all spheres from a point, each for itself.
+    /// Sum of the spheres' solid angles from a point; overlaps count several times.
     pub fn solid_angle(&self, p: Vec3) -> f32 {
         self.solid_angle_around(p, 0.0)
     }
@@ -306,9 +306,9 @@ impl TargetSpheres {
         self.spheres.iter().map(|sphere| 2.0 * PI * sphere.cone_from(p, around).one_minus_cos).sum()
     }
 
-    /// A direction from a point, or from any point as near to it as `around`, to one of the spheres: each by its solid angle, and there
-    /// evenly, so that the density counts the spheres in a direction. `u[2]` chooses the sphere.
-    pub fn direction(&self, p: Vec3, around: f32, u: [f32; 3]) -> Option<TargetSample> {
+    /// Samples a direction from a point, or from any point within distance `around`, to one of the spheres: the sphere (by `u[2]`) in
+    /// proportion to solid angle, and the direction uniformly. The pdf is proportional to the number of spheres in that direction.
+    pub fn sample_direction(&self, p: Vec3, around: f32, u: [f32; 3]) -> Option<TargetSample> {
         let total = self.solid_angle_around(p, around);
         let mut rest = u[2] * total;
         let mut chosen = None;
@@ -325,8 +325,9 @@ impl TargetSpheres {
         Some(TargetSample { at, pdf: count.max(1) as f32 / total })
     }
 
-    /// A point of a ray of this direction that intersects one of the spheres: each by its area across, and there evenly.
-    pub fn place(&self, direction: Vec3, u: [f32; 3]) -> Option<TargetSample> {
+    /// Samples a point of a ray of this direction that intersects one of the spheres: the sphere (by `u[2]`) in proportion to its
+    /// cross-section, and the point uniformly.
+    pub fn sample_ray_point(&self, direction: Vec3, u: [f32; 3]) -> Option<TargetSample> {
         let total: f32 = self.spheres.iter().map(|sphere| sphere.radius * sphere.radius).sum();
         let mut rest = u[2] * total;
         let mut chosen = None;
@@ -340,76 +341,80 @@ impl TargetSpheres {
         let sphere = chosen?;
         let disk = warp::uniform_disk([u[0], u[1]]) * sphere.radius;
         let at = sphere.center + Frame::from_normal(direction).to_world(Vec3::new(disk.x, disk.y, 0.0));
-        let beside = |sphere: &TargetSphere| {
-            let way = at - sphere.center;
-            way.length_squared() - way.dot(direction).powi(2)
+        let distance_squared = |sphere: &TargetSphere| {
+            let offset = at - sphere.center;
+            offset.length_squared() - offset.dot(direction).powi(2)
         };
-        let is_met = |sphere: &&TargetSphere| beside(sphere) <= sphere.radius * sphere.radius * (1.0 + 1e-5);
-        let count = self.spheres.iter().filter(is_met).count();
+        let is_hit =
+            |sphere: &&TargetSphere| distance_squared(sphere) <= sphere.radius * sphere.radius * (1.0 + 1e-5);
+        let count = self.spheres.iter().filter(is_hit).count();
         Some(TargetSample { at, pdf: count.max(1) as f32 / (PI * total) })
     }
 
-    /// How far from the origin the spheres reach.
+    /// Radius of a sphere around the origin that contains all spheres, metres.
     pub fn reach(&self) -> f32 {
         self.spheres.iter().map(|sphere| sphere.center.length() + sphere.radius).fold(0.0, f32::max)
     }
 }
 
-/// Maximum number of lights of either kind.
+/// Maximum number of small lights at infinity, and at a position.
 const MAX_LIGHTS: usize = 4;
 
-/// Samples along each axis by which the brightest spot of an environment is found.
+/// Samples along each axis for finding the brightest spot of an environment.
 const GRID: usize = 16;
 
-/// Largest angle between directions of the same spot, as a cosine: 2 degrees.
+/// Minimum cosine between directions in the same spot: 2 degrees.
 const SPOT_COSINE: f32 = 0.9994;
 
-/// Minimum share of an environment's light in a spot.
+/// Minimum fraction of an environment's light in a spot.
 const MIN_SMALL_LIGHT_SHARE: f32 = 0.1;
 
-/// Where a light is.
+/// Position of a light.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum LightPlace {
+pub enum LightPosition {
     /// At infinity, in a unit direction.
     Far(Vec3),
     /// Around a point.
     Near(Vec3),
 }
 
-/// A light that is small.
+/// A small light.
 #[derive(Clone, Copy, Debug)]
 pub struct SmallLight {
-    /// Where it is.
-    pub place: LightPlace,
-    /// Radius, metres; at infinity half its angle, radians.
+    /// Position.
+    pub position: LightPosition,
+    /// Radius, metres; of lights at infinity the angular radius, radians.
     pub size: f32,
 }
 
 impl Lights {
-    /// The brightest small lights.
+    /// The brightest small lights at infinity, then those at a position.
     pub fn small_lights(&self, textures: &CompiledTextures) -> Vec<SmallLight> {
         let mut far: Vec<(f32, SmallLight)> = Vec::new();
         let mut near: Vec<(f32, SmallLight)> = Vec::new();
         for light in self.punctual() {
-            let place = match (light.origin(), light.sun()) {
+            let position = match (light.origin(), light.sun()) {
                 (LightOrigin::Point(position), _) => {
                     let power = light.bounds(textures).map_or(0.0, |bounds| bounds.weight);
-                    near.push((power, SmallLight { place: LightPlace::Near(position), size: 0.0 }));
+                    near.push((power, SmallLight { position: LightPosition::Near(position), size: 0.0 }));
                     continue;
                 }
                 (LightOrigin::Direction(to), _) => (to, 0.0),
                 (LightOrigin::Cone, Some(sun)) => (sun.center(), sun.half_angle()),
                 (LightOrigin::Cone, None) => continue,
             };
-            let small = SmallLight { place: LightPlace::Far(place.0), size: place.1 };
+            let small = SmallLight { position: LightPosition::Far(position.0), size: position.1 };
             far.push((light.irradiance().unwrap_or(0.0), small));
         }
         for light in self.area() {
             let power = light.bounds(textures).map_or(0.0, |bounds| bounds.weight);
-            near.push((power, SmallLight { place: LightPlace::Near(light.middle()), size: radius(light) }));
+            near.push((
+                power,
+                SmallLight { position: LightPosition::Near(light.center()), size: radius(light) },
+            ));
         }
-        if let Some((share, spot)) = self.environment().and_then(spot_of) {
-            far.push((share, spot));
+        if let Some((irradiance, spot)) = self.environment().and_then(spot_of) {
+            far.push((irradiance, spot));
         }
         let brightest = |mut list: Vec<(f32, SmallLight)>| {
             list.retain(|(power, _)| *power > 0.0);
@@ -420,27 +425,27 @@ impl Lights {
     }
 }
 
-/// Radius of a disk of the same size.
+/// Radius of a disk (a sphere for analytic shapes) of the same area.
 fn radius(light: &AreaLight) -> f32 {
     let sides = if matches!(light.shape, AreaShape::Analytic(_)) { 4.0 } else { 1.0 };
     (light.area() / (sides * PI)).sqrt()
 }
 
-/// The brightest spot of an environment, and the luminance of the irradiance that it gives.
+/// The brightest spot of an environment image, and the luminance of its irradiance.
 fn spot_of(environment: &EnvironmentLight) -> Option<(f32, SmallLight)> {
     environment.image_map()?;
     let at = |k: usize| (k as f32 + 0.5) / GRID as f32;
     let directions: Vec<Vec3> =
         (0..GRID * GRID).map(|k| environment.sample([at(k % GRID), at(k / GRID)]).direction).collect();
-    let near = |middle: Vec3| directions.iter().filter(move |d| d.dot(middle) >= SPOT_COSINE);
-    let densest = *directions.iter().max_by_key(|middle| near(**middle).count())?;
+    let near = |axis: Vec3| directions.iter().filter(move |d| d.dot(axis) >= SPOT_COSINE);
+    let densest = *directions.iter().max_by_key(|axis| near(**axis).count())?;
     let mean: Vec3 = near(densest).sum();
-    let (middle, count) = (mean.try_normalize()?, near(densest).count() as f32);
-    let share = count / directions.len() as f32;
-    let spread = near(densest).map(|d| (*d - middle).length_squared()).sum::<f32>() / count;
-    // A uniform disk is wider than its root mean square by the root of two.
-    let light = SmallLight { place: LightPlace::Far(middle), size: (2.0 * spread).sqrt() };
-    (share >= MIN_SMALL_LIGHT_SHARE).then_some((share * environment.mean_luminance() * 4.0 * PI, light))
+    let (axis, count) = (mean.try_normalize()?, near(densest).count() as f32);
+    let fraction = count / directions.len() as f32;
+    let spread = near(densest).map(|d| (*d - axis).length_squared()).sum::<f32>() / count;
+    // The radius of a uniform disk is sqrt(2) times the root mean square distance.
+    let light = SmallLight { position: LightPosition::Far(axis), size: (2.0 * spread).sqrt() };
+    (fraction >= MIN_SMALL_LIGHT_SHARE).then_some((fraction * environment.mean_luminance() * 4.0 * PI, light))
 }
 
 #[cfg(test)]
@@ -459,7 +464,7 @@ mod tests {
     }
 
     #[test]
-    fn the_largest_sphere_decides_what_is_far() {
+    fn distances_are_relative_to_the_largest_sphere() {
         let targets = targets();
         assert!(!targets.is_farther(Vec3::ZERO, 3.1));
         assert!(targets.is_farther(Vec3::ZERO, 2.9));
@@ -467,11 +472,11 @@ mod tests {
     }
 
     #[test]
-    fn directions_have_their_density() {
+    fn sampled_directions_match_their_pdf() {
         let targets = targets();
         assert_eq!(targets.spheres().len(), 3);
-        let places = [Vec3::ZERO, Vec3::new(-1.0, 0.3, 2.0), Vec3::new(0.1, 0.0, 2.9)];
-        for (p, around) in places.into_iter().flat_map(|p| [(p, 0.0), (p, 0.6)]) {
+        let points = [Vec3::ZERO, Vec3::new(-1.0, 0.3, 2.0), Vec3::new(0.1, 0.0, 2.9)];
+        for (p, around) in points.into_iter().flat_map(|p| [(p, 0.0), (p, 0.6)]) {
             let total = targets.solid_angle_around(p, around);
             let mut sums = [0.0f64; 2];
             let n = 40_000u32;
@@ -479,13 +484,13 @@ mod tests {
                 let u =
                     [i.wrapping_mul(0xd1b5_4a33), i.wrapping_mul(0xab98_3a35), i.wrapping_mul(0x8f9d_1c75)];
                 let chosen =
-                    targets.direction(p, around, u.map(crate::sampling::hash::unit)).expect("spheres");
-                // The measure of the union of the cones, against an even count over all directions.
+                    targets.sample_direction(p, around, u.map(crate::sampling::hash::unit)).expect("spheres");
+                // Solid angle of the union of the cones, against uniform sampling of the sphere.
                 sums[0] += 1.0 / f64::from(chosen.pdf) / f64::from(n);
                 let [a, b, _] = u.map(crate::sampling::hash::unit);
-                let even = warp::uniform_sphere([a, b]);
+                let uniform = warp::uniform_sphere([a, b]);
                 let is_in_one =
-                    targets.spheres().iter().any(|sphere| sphere.cone_from(p, around).contains(even));
+                    targets.spheres().iter().any(|sphere| sphere.cone_from(p, around).contains(uniform));
                 sums[1] += f64::from(u8::from(is_in_one)) * 4.0 * std::f64::consts::PI / f64::from(n);
             }
             assert!((sums[0] / sums[1] - 1.0).abs() < 0.02, "{p} {around}: {sums:?} of {total}");
@@ -493,26 +498,27 @@ mod tests {
     }
 
     #[test]
-    fn a_single_sphere_is_hit_uniformly() {
+    fn directions_to_one_sphere_are_uniform() {
         let targets = TargetSpheres::new([TargetSphere { center: Vec3::new(0.0, 2.0, 0.0), radius: 1.0 }]);
         Chi2::new("targets", 1).assert_directions(
             &Square::sphere(),
-            |u| targets.direction(Vec3::ZERO, 0.0, [u[0], u[1], 0.5]).map(|chosen| chosen.at),
+            |u| targets.sample_direction(Vec3::ZERO, 0.0, [u[0], u[1], 0.5]).map(|chosen| chosen.at),
             |w| if w.y > 0.75f32.sqrt() { 1.0 / targets.solid_angle(Vec3::ZERO) } else { 0.0 },
         );
     }
 
     #[test]
-    fn places_have_their_density() {
+    fn sampled_ray_points_match_their_pdf() {
         let targets = targets();
         let n = 40_000u32;
         let mut area = 0.0;
         for i in 0..n {
             let u = [i.wrapping_mul(0xd1b5_4a33), i.wrapping_mul(0xab98_3a35), i.wrapping_mul(0x8f9d_1c75)];
-            let chosen = targets.place(Vec3::Z, u.map(crate::sampling::hash::unit)).expect("spheres");
+            let chosen =
+                targets.sample_ray_point(Vec3::Z, u.map(crate::sampling::hash::unit)).expect("spheres");
             area += 1.0 / f64::from(chosen.pdf) / f64::from(n);
         }
-        // Two circles that overlap, and one beside.
+        // Area of the union of two overlapping circles and a separate one.
         let (r, s, d) = (1.0f64, 0.9f64, (0.7f64 * 0.7 + 0.04).sqrt());
         let a = r * r * ((d * d + r * r - s * s) / (2.0 * d * r)).acos();
         let b = s * s * ((d * d + s * s - r * r) / (2.0 * d * s)).acos();

@@ -1,28 +1,29 @@
-//! Light tree: a BVH over lights with eight children a node (Conty Estevez, Kulla 2018). A light is chosen by stochastic descent,
-//! by estimates of the irradiance of each child. No estimate is 0 where light arrives, so the choice is unbiased.
+//! Light tree: an 8-wide BVH over lights (Conty Estevez, Kulla 2018, "Importance Sampling of Many Lights with Adaptive Tree Splitting").
+//! A light is selected by stochastic descent, in proportion to an estimate of each child's irradiance. The estimate is above 0 wherever
+//! light arrives, so the selection is unbiased.
 
 use super::traits::LightBounds;
 use crate::math::{Bounds3, Vec3, poly};
 use crate::simd::prefetch_element;
 use std::f32::consts::PI;
 
-/// Bits of a child index.
-const PLACE_BITS: u32 = 3;
-/// From this depth on, groups are halved, so that the path to any light fits 64 bits.
+/// Bits of a child's position in its node.
+const POSITION_BITS: u32 = 3;
+/// Depth from which on groups are halved, so that the path to any light fits 64 bits.
 const HALVING_DEPTH: u32 = 10;
 
-/// A tree over lights, each known by its number in the list that the tree was built from.
+/// A light tree; lights are identified by their index in the list from which the tree was built.
 #[derive(Clone, Debug, Default)]
 pub struct LightTree {
     nodes: Vec<Node>,
-    /// For each light the child indices on the path from the root, the first in the lowest bits; `u64::MAX` for dark lights.
+    /// Per light: child positions on the path from the root, the first in the lowest bits; `u64::MAX` for dark lights.
     trails: Vec<u64>,
 }
 
 /// The state of a descent from the root to a light.
 #[derive(Clone, Copy, Debug)]
 pub struct Descent {
-    /// The next node, or the light with [`LEAF`].
+    /// Index of the next node, or of the light with [`LEAF`].
     at: u32,
     /// The remaining random number, 0..1.
     u: f64,
@@ -31,18 +32,18 @@ pub struct Descent {
 }
 
 impl Descent {
-    /// No light reaches the point. (No light has so high an index.)
+    /// No light reaches the point. Not a valid index of a light.
     const NOWHERE: u32 = u32::MAX;
     /// A descent that ended without a light.
     pub const ENDED: Descent = Descent { at: Descent::NOWHERE, u: 0.0, pdf: 0.0 };
 
-    /// At the root, with a number in 0..1.
+    /// A descent at the root, with a random number in 0..1.
     #[inline(always)]
     pub fn new(u: f64) -> Descent {
         Descent { at: 0, u, pdf: 1.0 }
     }
 
-    /// The light at its end, and the probability of choosing it.
+    /// The selected light and its probability, if the descent has reached one.
     #[inline(always)]
     pub fn chosen(&self) -> Option<(u32, f32)> {
         (self.at & LEAF != 0 && self.at != Descent::NOWHERE).then_some((self.at & !LEAF, self.pdf))
@@ -50,7 +51,7 @@ impl Descent {
 }
 
 impl LightTree {
-    /// Over lights with these bounds; those of weight 0 are never chosen.
+    /// Builds a tree over lights with these bounds; lights of weight 0 are never selected.
     pub fn new(lights: &[LightBounds]) -> LightTree {
         let mut items: Vec<Item> =
             (lights.iter().enumerate()).map(|(i, l)| Item { light: i as u32, bounds: *l }).collect();
@@ -62,8 +63,8 @@ impl LightTree {
         tree
     }
 
-    /// Chooses a light by a number in 0..1: it and its probability. `None` if no light reaches the point. What is left of the
-    /// number after a step decides the next one, so it has more digits than other random numbers.
+    /// Selects a light by a random number in 0..1; returns light and probability, `None` if no light reaches the point. The random number
+    /// is rescaled and reused at each step, hence double precision.
     #[inline(always)]
     pub fn sample(&self, receiver: &Receiver, u: f64) -> Option<(u32, f32)> {
         let mut descent = Descent::new(u);
@@ -71,18 +72,18 @@ impl LightTree {
         descent.chosen()
     }
 
-    /// [`LightTree::sample`] for many points together: while the next node of one descent is loaded, the others take their steps.
+    /// [`LightTree::sample`] for many points, interleaved to hide the latency of loading nodes.
     #[inline(always)]
-    pub fn descend_together<const N: usize>(&self, receivers: &[Receiver; N], descents: &mut [Descent; N]) {
+    pub fn descend_many<const N: usize>(&self, receivers: &[Receiver; N], descents: &mut [Descent; N]) {
         let mut active: [usize; N] = std::array::from_fn(|i| i);
         let mut count = N;
         while count > 0 {
             let mut kept = 0;
             for k in 0..count {
                 let i = active[k];
-                let goes_on = self.step(&receivers[i], &mut descents[i]);
+                let continues = self.step(&receivers[i], &mut descents[i]);
                 active[kept] = i;
-                kept += usize::from(goes_on);
+                kept += usize::from(continues);
             }
             count = kept;
         }
@@ -99,36 +100,36 @@ impl LightTree {
             return false;
         }
         let target = descent.u * f64::from(sum);
-        // Where each begins; the one that is chosen is the last that begins at or before the target.
+        // Prefix sums; the selected child is the last that starts at or before the target.
         let (mut starts, mut total) = ([0.0; WIDTH], 0.0);
         for i in 0..WIDTH {
             starts[i] = total;
             total += f64::from(estimates[i]);
         }
-        let mut place = 0;
+        let mut position = 0;
         for i in 0..WIDTH {
             let is_reached = (estimates[i] > 0.0) & (starts[i] <= target);
-            place = if is_reached { i } else { place };
+            position = if is_reached { i } else { position };
         }
-        let before = starts[place];
-        let chosen = estimates[place];
+        let before = starts[position];
+        let chosen = estimates[position];
         descent.pdf *= chosen / sum;
         descent.u = ((target - before) / f64::from(chosen)).min(1.0f64.next_down());
-        descent.at = node.child[place];
-        let goes_on = descent.at & LEAF == 0;
-        if goes_on {
+        descent.at = node.child[position];
+        let continues = descent.at & LEAF == 0;
+        if continues {
             prefetch_element(&self.nodes, descent.at as usize);
         }
-        goes_on
+        continues
     }
 
-    /// An estimate of the luminance of the irradiance of all lights at a point; 0 only where none reaches it.
+    /// Estimated luminance of the irradiance of all lights at a point; 0 only where no light arrives.
     #[inline(always)]
     pub fn irradiance(&self, receiver: &Receiver) -> f32 {
         self.nodes.first().map_or(0.0, |root| sum(&root.estimates(receiver)))
     }
 
-    /// The probability of choosing a light.
+    /// The probability of selecting a light.
     #[inline(always)]
     pub fn pdf_discrete(&self, receiver: &Receiver, light: u32) -> f32 {
         let mut trail = self.trails[light as usize];
@@ -143,10 +144,10 @@ impl LightTree {
             if sum <= 0.0 || sum.is_nan() {
                 return 0.0;
             }
-            let place = trail as usize & (WIDTH - 1);
-            trail >>= PLACE_BITS;
-            pdf *= estimates[place] / sum;
-            let child = node.child[place];
+            let position = trail as usize & (WIDTH - 1);
+            trail >>= POSITION_BITS;
+            pdf *= estimates[position] / sum;
+            let child = node.child[position];
             if child & LEAF != 0 {
                 return pdf;
             }
@@ -154,21 +155,21 @@ impl LightTree {
         }
     }
 
-    /// Bytes that it takes.
+    /// Memory, bytes.
     pub fn bytes(&self) -> usize {
         self.nodes.len() * size_of::<Node>() + self.trails.len() * 8
     }
 
-    /// Adds a node over some lights, and those below it; its index.
+    /// Adds a node over some lights, and its children; returns the node's index.
     fn add_node(&mut self, items: &mut [Item], depth: u32, trail: u64) -> u32 {
         let index = self.nodes.len();
         self.nodes.push(Node::EMPTY);
         let groups = split_into_groups(items, depth >= HALVING_DEPTH);
         let mut rest = items;
-        for (place, Group { count, bounds, .. }) in groups.into_iter().enumerate() {
+        for (position, Group { count, bounds, .. }) in groups.into_iter().enumerate() {
             let (group, others) = rest.split_at_mut(count);
             rest = others;
-            let trail = trail | (place as u64) << (PLACE_BITS * depth);
+            let trail = trail | (position as u64) << (POSITION_BITS * depth);
             let child = match group {
                 [item] => {
                     self.trails[item.light as usize] = trail;
@@ -176,15 +177,15 @@ impl LightTree {
                 }
                 _ => self.add_node(group, depth + 1, trail),
             };
-            self.nodes[index].set(place, &bounds, child);
+            self.nodes[index].set(position, &bounds, child);
         }
         index as u32
     }
 }
 
-/// Bins along an axis.
+/// Bins along an axis for binned splits.
 const BINS: usize = 12;
-/// Larger groups are split at the median: a search for the best split would take long and gain little.
+/// Maximum group size for binned splits; larger groups are split at the median, which is faster and hardly worse.
 const MAX_WEIGHED: usize = 16_384;
 
 /// A light of a tree under construction.
@@ -196,7 +197,6 @@ struct Item {
 
 /// Lights below one child of a node.
 struct Group {
-    /// How many.
     pub count: usize,
     pub bounds: LightBounds,
     /// Cost of visiting the node.
@@ -212,20 +212,20 @@ impl Group {
     }
 }
 
-/// Reorders lights into at most eight groups. The group of largest cost is split first. Groups that fit a node stay whole, so that
+/// Reorders lights into at most eight groups, splitting the group of largest cost first. Groups that fit one node are not split, so that
 /// nodes are full.
 fn split_into_groups(items: &mut [Item], halve: bool) -> Vec<Group> {
     let fits = if items.len() > WIDTH { WIDTH } else { 1 };
     let mut groups = vec![Group::of(items)];
     while groups.len() < WIDTH {
-        let dearest = (0..groups.len()).filter(|&i| groups[i].count > fits).max_by(|&i, &k| {
+        let costliest = (0..groups.len()).filter(|&i| groups[i].count > fits).max_by(|&i, &k| {
             let (a, b) = (&groups[i], &groups[k]);
             a.cost.total_cmp(&b.cost).then(a.count.cmp(&b.count)).then(k.cmp(&i))
         });
-        let Some(at) = dearest else { break };
+        let Some(at) = costliest else { break };
         let start: usize = groups[..at].iter().map(|g| g.count).sum();
         let group = &mut items[start..start + groups[at].count];
-        let left = cut(group, halve);
+        let left = split(group, halve);
         let (a, b) = group.split_at(left);
         groups[at] = Group::of(a);
         groups.insert(at + 1, Group::of(b));
@@ -233,15 +233,15 @@ fn split_into_groups(items: &mut [Item], halve: bool) -> Vec<Group> {
     groups
 }
 
-/// Splits lights in two non-empty groups at least cost, or at the median; returns the size of the first.
-fn cut(items: &mut [Item], halve: bool) -> usize {
-    let middle = |i: &Item| i.bounds.bounds.center();
-    let centers = Bounds3::of(items.iter().map(middle));
-    let best = if halve || items.len() > MAX_WEIGHED { None } else { best_cut(items, &centers) };
+/// Partitions lights into two non-empty groups at the split of least cost, or at the median; returns the size of the first.
+fn split(items: &mut [Item], halve: bool) -> usize {
+    let centroid = |i: &Item| i.bounds.bounds.center();
+    let centers = Bounds3::of(items.iter().map(centroid));
+    let best = if halve || items.len() > MAX_WEIGHED { None } else { best_split(items, &centers) };
     if let Some((axis, position)) = best {
         let mut left = 0;
         for i in 0..items.len() {
-            if middle(&items[i])[axis] < position {
+            if centroid(&items[i])[axis] < position {
                 items.swap(i, left);
                 left += 1;
             }
@@ -253,12 +253,13 @@ fn cut(items: &mut [Item], halve: bool) -> usize {
     let axis = centers.extent().max_position();
     let half = items.len() / 2;
     items.select_nth_unstable_by(half, |a, b| {
-        middle(a)[axis].total_cmp(&middle(b)[axis]).then(a.light.cmp(&b.light))
+        centroid(a)[axis].total_cmp(&centroid(b)[axis]).then(a.light.cmp(&b.light))
     });
     half
 }
 
-fn best_cut(items: &[Item], centers: &Bounds3) -> Option<(usize, f32)> {
+/// Axis and position of the binned split of least cost.
+fn best_split(items: &[Item], centers: &Bounds3) -> Option<(usize, f32)> {
     let extent = centers.extent();
     let longest = extent.max_element();
     let mut best: Option<(f32, usize, f32)> = None;
@@ -270,13 +271,13 @@ fn best_cut(items: &[Item], centers: &Bounds3) -> Option<(usize, f32)> {
             let bin = &mut bins[(bin as usize).min(BINS - 1)];
             *bin = Some(bin.map_or(item.bounds, |b| b.union(&item.bounds)));
         }
-        // Bounds before and behind each split.
+        // Bounds of the bins before and after each split.
         let (mut before, mut behind) = (bins, bins);
         for k in 1..BINS {
             before[k] = union(before[k - 1], before[k]);
             behind[BINS - 1 - k] = union(behind[BINS - 1 - k], behind[BINS - k]);
         }
-        // A split behind an empty bin is the one before it.
+        // A split after an empty bin equals the split before it.
         for k in (1..BINS).filter(|&k| bins[k - 1].is_some()) {
             let (Some(a), Some(b)) = (before[k - 1], behind[k]) else { continue };
             let cost = a.cost(longest, axis) + b.cost(longest, axis);
@@ -297,15 +298,14 @@ fn union(a: Option<LightBounds>, b: Option<LightBounds>) -> Option<LightBounds> 
 
 /// Children of a node.
 const WIDTH: usize = 8;
-/// Marks a child that is a light; the rest is its number.
+/// Marks a child that is a light; the other bits are its index.
 const LEAF: u32 = 1 << 31;
 
-/// A point to be lit: its position, and its normal if light from behind is lost (else zero).
+/// A receiver of light: a point, and its normal if only light from one side contributes.
 #[derive(Clone, Copy, Debug)]
 pub struct Receiver {
-    /// The point.
     pub p: Vec3,
-    /// Unit normal on the side that light must come from, or zero.
+    /// Unit normal on the lit side; zero if light from both sides contributes.
     pub normal: Vec3,
 }
 
@@ -314,22 +314,23 @@ pub struct Receiver {
 #[repr(C, align(64))]
 struct Node {
     center: [[f32; WIDTH]; 3],
-    /// Radii of the spheres around the boxes.
+    /// Radii of the bounding spheres of the boxes.
     radius: [f32; WIDTH],
     weight: [f32; WIDTH],
     axis: [[f32; WIDTH]; 3],
-    /// How far the box reaches beyond its centre along the axis.
+    /// Half extents of the boxes along the axis.
     reach: [f32; WIDTH],
+    /// Cosines of the largest angle between the axis and a normal.
     cos_normals: [f32; WIDTH],
-    /// Cosines of the largest angle between the axis and a lit direction; below -1 where all are lit.
+    /// Cosines of the largest angle between the axis and a lit direction; below -1 if all directions are lit.
     cos_lit: [f32; WIDTH],
-    /// Other nodes, or lights with [`LEAF`].
+    /// Indices of nodes, or of lights with [`LEAF`].
     pub child: [u32; WIDTH],
 }
 
 const _: () = assert!(size_of::<Node>() == 384);
 
-/// In pairs: the same on every CPU, and shorter than one after the other.
+/// Pairwise sum: equal bits on every CPU, and a shorter dependency chain.
 #[inline(always)]
 fn sum(e: &[f32; WIDTH]) -> f32 {
     ((e[0] + e[1]) + (e[2] + e[3])) + ((e[4] + e[5]) + (e[6] + e[7]))
@@ -358,16 +359,16 @@ impl Node {
         self.weight[i] = b.weight;
         self.cos_normals[i] = poly::sin_cos(b.normals_rad).1;
         let lit_rad = b.normals_rad + b.emission_rad;
-        // Slightly wider, for rounding: light outside of the bounds must be 0.
+        // Slightly wider, for rounding: an estimate of 0 must imply that no light arrives.
         self.cos_lit[i] = if lit_rad < PI { poly::sin_cos(lit_rad).1 - ROUNDING } else { -2.0 };
         self.child[i] = child;
     }
 
-    /// Estimated irradiance from each child, 0 only where no light arrives: weight times the cosines at the light and at the
-    /// receiver over the squared distance (Conty Estevez, Kulla 2018, section 5.1). They take the largest cosines possible, which are
-    /// near 1 wherever the sphere around the box takes up a large angle. Here it is at the light how high the receiver is above
-    /// the end of the box that faces it (lights in one plane give little light to a point just below it unless they are next to
-    /// it), and at the receiver the mean of the largest one and that of the centre.
+    /// Estimated irradiance from each child, 0 only where no light arrives: weight times the cosines at the light and at the receiver over
+    /// the squared distance (Conty Estevez, Kulla 2018, section 5.1). The paper uses the largest possible cosines, which are near 1 if the
+    /// bounding sphere subtends a large angle. Here, the cosine at the light uses the distance of the receiver from the near end of the box
+    /// along the axis (lights in a plane hardly light a point just below the plane unless they are close), and that at the receiver is the
+    /// mean of the largest possible cosine and the center's.
     #[inline(always)]
     pub fn estimates(&self, receiver: &Receiver) -> [f32; WIDTH] {
         let (p, n) = (receiver.p, receiver.normal);
@@ -380,29 +381,28 @@ impl Node {
             let radius = self.radius[i];
             let is_inside = distance <= radius;
             let inverse = 1.0 / if is_inside { radius } else { distance };
-            // The sine of the angle that the lights take up.
+            // Sine of the half angle subtended by the bounding sphere.
             let size = radius * inverse;
             let height = x * self.axis[0][i] + y * self.axis[1][i] + z * self.axis[2][i];
             let cos_axis = height * inverse;
             let highest = (height + self.reach[i]) * inverse;
             let cos_receiver = -(x * n.x + y * n.y + z * n.z) * inverse;
-            // Less another angle, an angle has at most its cosine and twice that one's sine; more than 0 only if the cosine and
-            // once that sine are. Where nothing faces the receiver, all cosines are below half the highest, no light being more
-            // than twice as far away as the centre.
+            // cos(a - b) <= cos a + 2 sin b, and cos(a - b) > 0 only if cos a + sin b > 0. If no light faces the receiver, all cosines are
+            // below half the highest, since no light is more than twice as far away as the center.
             let cos_lit = self.cos_lit[i];
             let below = if cos_lit < -ROUNDING { cos_lit } else { -ROUNDING };
             let is_lit = (cos_axis + 2.0 * size > cos_lit) & (0.5 * highest > below);
             let largest = cos_receiver + size;
-            let is_seen = (largest > -ROUNDING) | (any_side > 0.0);
+            let is_above_horizon = (largest > -ROUNDING) | (any_side > 0.0);
             let cos_light = if is_inside { 1.0 } else { highest };
-            let cos_light = less(cos_light, self.cos_normals[i]);
+            let cos_light = cos_difference(cos_light, self.cos_normals[i]);
             let of_center = if cos_receiver > 0.0 { cos_receiver } else { 0.0 };
             let cos_surface = if is_inside { 1.0 } else { at_most_1(0.5 * (of_center + largest)) };
             let cos_surface = if any_side > cos_surface { any_side } else { cos_surface };
-            // Where the cosines are all but 0 so is the light: a floor keeps the probability from vanishing first.
+            // A lower bound on the cosines keeps probabilities above 0 at grazing angles.
             let cosines = floor(cos_light) * floor(cos_surface);
-            let brought = self.weight[i] * cosines * (inverse * inverse);
-            *estimate = if is_lit & is_seen { brought } else { 0.0 };
+            let irradiance = self.weight[i] * cosines * (inverse * inverse);
+            *estimate = if is_lit & is_above_horizon { irradiance } else { 0.0 };
         }
         estimates
     }
@@ -427,9 +427,9 @@ fn sine(cosine: f32) -> f32 {
     (if squared > 0.0 { squared } else { 0.0 }).sqrt()
 }
 
-/// The cosine of an angle less another one, which is at least 0.
+/// cos(max(a - b, 0)) of two angles given by their cosines.
 #[inline(always)]
-fn less(cos: f32, cos_other: f32) -> f32 {
+fn cos_difference(cos: f32, cos_other: f32) -> f32 {
     let c = cos * cos_other + sine(cos) * sine(cos_other);
     if cos >= cos_other { 1.0 } else { c }
 }
@@ -468,7 +468,7 @@ mod tests {
     }
 
     #[test]
-    fn chances_add_up_to_one_and_are_those_of_sampling() {
+    fn probabilities_sum_to_one_and_match_sampling() {
         const SAMPLES: u32 = 1000;
         let mut random = Random::new(4);
         for count in [1, 2, 7, 8, 9, 100, 3000] {
@@ -478,7 +478,7 @@ mod tests {
                 let probabilities: f64 =
                     (0..count).map(|i| f64::from(tree.pdf_discrete(&receiver, i as u32))).sum();
                 assert!(probabilities < 1.0 + 1e-4, "{count}: {probabilities}");
-                // Less than 1 where bounds promised light that none of the lights in them gives.
+                // Below 1 if a node's estimate is above 0 but all its children's are 0.
                 let mut lost = 0;
                 for k in 0..SAMPLES {
                     let u = (f64::from(k) + f64::from(random.next())) / f64::from(SAMPLES);
@@ -500,7 +500,7 @@ mod tests {
     }
 
     #[test]
-    fn lights_that_reach_a_point_can_be_chosen() {
+    fn lights_that_reach_a_point_have_positive_probability() {
         let mut random = Random::new(8);
         let lights = random_lights(500, &mut random);
         let tree = LightTree::new(&lights);
@@ -519,7 +519,7 @@ mod tests {
     }
 
     #[test]
-    fn lights_in_one_place_and_dark_ones() {
+    fn coincident_and_dark_lights_are_handled() {
         let one = LightBounds {
             bounds: Bounds3::of([Vec3::ONE]),
             weight: 1.0,

@@ -1,4 +1,4 @@
-//! All lights of a scene, the choice of one of them, and lights that move while the shutter is open.
+//! The lights of a scene, light selection, and lights with motion.
 
 use super::{
     AreaLight, Descent, EnvironmentLight, LightBounds, LightSample, LightSource, LightTree, PunctualLight,
@@ -10,43 +10,41 @@ use crate::texture::CompiledTextures;
 use std::collections::BTreeMap;
 use std::f32::consts::PI;
 
-/// All lights; their indices run through the area lights, the punctual lights, the emissive media, then the environment.
-///
-/// See `LightSampler` for the choice of one of them.
+/// All lights; indices run through the area lights, the punctual lights, the emissive media, then the environment. See `LightSampler` for
+/// light selection.
 #[derive(Clone, Debug)]
 pub struct Lights {
     area: Vec<AreaLight>,
     punctual: Vec<PunctualLight>,
-    /// In the order of their media.
+    /// Sorted by medium index.
     volumes: Vec<VolumeLight>,
     environment: Option<EnvironmentLight>,
-    /// Chooses for receivers of class 0: among all lights, unless some are linked.
+    /// For receivers of class 0: all lights, unless light linking excludes some.
     sampler: LightSampler,
-    /// Choose for receivers of further classes, each of which has lights of its own linked to it.
+    /// For receivers of classes 1 and up (light linking).
     linked: Vec<LightSampler>,
     suns: Vec<SelectedSun>,
-    /// All lights if they are static [`UniformRectangle`]s; else empty.
+    /// All lights, if they are static [`UniformRectangle`]s; else empty.
     rectangles: Vec<[f32; RECTANGLE_NUMBERS]>,
     motions: LightMotions,
-    /// The emission of some area lights depends on the hit.
+    /// Does the emission of any area light depend on the hit?
     emits_by_hit: bool,
 }
 
 /// A sun among the lights.
 #[derive(Clone, Debug)]
 pub struct SelectedSun {
-    /// The sun.
     pub sun: Sun,
-    /// Its index.
+    /// Index of the light.
     pub index: u32,
-    /// For each class of receivers the probability of choosing it among the lights infinitely far away.
+    /// By receiver class: selection probability among the lights at infinity.
     pub pdf_discrete: Vec<f32>,
-    /// Do cameras see it?
+    /// Is it visible to camera rays?
     pub is_seen: bool,
 }
 
 impl Lights {
-    /// Lights that stand still.
+    /// Static lights.
     pub fn new(
         area: Vec<AreaLight>,
         punctual: Vec<PunctualLight>,
@@ -56,7 +54,7 @@ impl Lights {
         Lights::moving((area, punctual, Vec::new()), LightMotions::default(), environment, textures)
     }
 
-    /// Lights some of which move.
+    /// Lights, some with motion.
     pub fn moving(
         (area, punctual, volumes): (Vec<AreaLight>, Vec<PunctualLight>, Vec<VolumeLight>),
         motions: LightMotions,
@@ -84,7 +82,7 @@ impl Lights {
         lights
     }
 
-    /// Bytes that lights, the trees over them and the environment take.
+    /// Memory of lights, light trees and the environment, bytes.
     pub fn bytes(&self) -> usize {
         let samplers = std::iter::once(&self.sampler).chain(&self.linked);
         size_of_val(&self.area[..])
@@ -95,7 +93,7 @@ impl Lights {
             + self.environment.as_ref().map_or(0, EnvironmentLight::bytes)
     }
 
-    /// Does the emission of some area lights depend on the hit?
+    /// Does the emission of any area light depend on the hit?
     #[inline(always)]
     pub fn emits_by_hit(&self) -> bool {
         self.emits_by_hit
@@ -107,7 +105,7 @@ impl Lights {
         self.emits_by_hit && self.area.get(index as usize).is_some_and(AreaLight::emits_by_hit)
     }
 
-    /// Lets receivers of each class choose among the lights for which `is_linked(class, light)` holds.
+    /// Light linking: receivers of each class select among the lights for which `is_linked(class, light)` holds.
     pub fn link(
         &mut self,
         classes: usize,
@@ -126,36 +124,36 @@ impl Lights {
         for (i, light) in self.area.iter().enumerate() {
             let moving = self.motions.area.get(&i);
             let of_light = || moving.map_or_else(|| light.bounds(textures), |m| m.bounds(textures));
-            let is_there = has(i as u32);
-            bounds.push(is_there.then(of_light).flatten().unwrap_or(LightBounds::DARK));
-            near += usize::from(is_there);
+            let is_included = has(i as u32);
+            bounds.push(is_included.then(of_light).flatten().unwrap_or(LightBounds::DARK));
+            near += usize::from(is_included);
         }
         for (i, light) in self.punctual.iter().enumerate() {
             let index = (self.area.len() + i) as u32;
-            let is_there = has(index);
+            let is_included = has(index);
             let moving = self.motions.punctual.get(&i);
             let of_light = || moving.map_or_else(|| light.bounds(textures), |m| m.bounds(textures));
-            // The tree has a dark entry for a light at infinity.
-            bounds.push(is_there.then(of_light).flatten().unwrap_or(LightBounds::DARK));
+            // Lights at infinity are dark in the tree.
+            bounds.push(is_included.then(of_light).flatten().unwrap_or(LightBounds::DARK));
             match light.irradiance() {
-                Some(irradiance) if is_there => far.push((index, irradiance)),
-                None if is_there => near += 1,
+                Some(irradiance) if is_included => far.push((index, irradiance)),
+                None if is_included => near += 1,
                 _ => {}
             }
         }
         for (i, volume) in self.volumes.iter().enumerate() {
-            let is_there = has(self.first_volume() + i as u32);
-            bounds.push(is_there.then(|| volume.bounds(textures)).flatten().unwrap_or(LightBounds::DARK));
-            near += usize::from(is_there);
+            let is_included = has(self.first_volume() + i as u32);
+            bounds.push(is_included.then(|| volume.bounds(textures)).flatten().unwrap_or(LightBounds::DARK));
+            near += usize::from(is_included);
         }
-        // The irradiance of a hemisphere of its mean radiance.
+        // Irradiance of a hemisphere of the mean radiance.
         let index = self.first_volume() + self.volumes.len() as u32;
         let sampled = self.environment.iter().filter(|e| e.is_sampled() && has(index));
         far.extend(sampled.map(|e| (index, e.mean_luminance() * PI)));
         LightSampler::new(&bounds, near, &far, self.count_sampled() == 1)
     }
 
-    /// The sampler of a class of receivers.
+    /// The sampler for receivers of a class.
     #[inline(always)]
     fn sampler_of_class(&self, class: u32) -> &LightSampler {
         if class == 0 { &self.sampler } else { &self.linked[class as usize - 1] }
@@ -182,35 +180,35 @@ impl Lights {
         rectangles.collect::<Option<_>>().unwrap_or_default()
     }
 
-    /// No light from infinity arrives: it is chosen only where no other light arrives either.
+    /// For closed scenes: lights at infinity are selected only where no other light arrives.
     pub fn hide_far(&mut self) {
         self.sampler.hide_far();
         self.linked.iter_mut().for_each(LightSampler::hide_far);
     }
 
-    /// Makes a sun visible to cameras; an index of the punctual lights.
+    /// Makes a sun, given by its index among the punctual lights, visible to camera rays.
     pub fn show_sun(&mut self, punctual: u32) {
         let index = self.area.len() as u32 + punctual;
         self.suns.iter_mut().filter(|s| s.index == index).for_each(|s| s.is_seen = true);
     }
 
-    /// Drops all but the environment.
+    /// The environment alone.
     pub fn into_environment(self) -> Option<EnvironmentLight> {
         self.environment
     }
 
-    /// Is there nothing to sample?
+    /// Is there no light to sample?
     #[inline(always)]
     pub fn is_empty(&self) -> bool {
         self.count_sampled() == 0
     }
 
-    /// How many there are, the environment included.
+    /// Number of lights, including the environment.
     pub fn len(&self) -> usize {
         self.area.len() + self.punctual.len() + self.volumes.len() + usize::from(self.environment.is_some())
     }
 
-    /// Number of lights that light samples are taken of.
+    /// Number of light-sampled lights.
     fn count_sampled(&self) -> usize {
         self.area.len() + self.punctual.len() + self.volumes.len() + usize::from(self.samples_environment())
     }
@@ -238,14 +236,14 @@ impl Lights {
         (self.area.len() + self.punctual.len()) as u32
     }
 
-    /// The light that a medium is, with its index.
+    /// The light of an emissive medium, with its index.
     #[inline]
     pub fn volume_of_medium(&self, medium: u16) -> Option<(u32, &VolumeLight)> {
         let at = self.volumes.binary_search_by_key(&medium, VolumeLight::medium).ok()?;
         Some((self.first_volume() + at as u32, &self.volumes[at]))
     }
 
-    /// The emissive medium of this index; `None` for other lights.
+    /// The emissive medium with this light index; `None` for other lights.
     #[inline(always)]
     pub fn volume(&self, index: u32) -> Option<&VolumeLight> {
         self.volumes.get(index.checked_sub(self.first_volume())? as usize)
@@ -263,7 +261,7 @@ impl Lights {
         (!self.rectangles.is_empty()).then_some(&self.rectangles)
     }
 
-    /// The scene's light, if there is one alone and it is a [`UniformRectangle`] that stands still.
+    /// The scene's only light, if it is a static [`UniformRectangle`].
     pub fn single_rectangle(&self) -> Option<UniformRectangle> {
         match self.rectangles()? {
             [numbers] => Some(UniformRectangle::unpack(*numbers)),
@@ -271,13 +269,13 @@ impl Lights {
         }
     }
 
-    /// The scene's light, if there is one alone and it is an environment image that is sampled, without portals.
+    /// The scene's only light, if it is a light-sampled environment image without portals.
     pub fn single_environment_image(&self) -> Option<&super::ImageMap> {
         let is_single = |e: &&EnvironmentLight| self.len() == 1 && e.is_sampled() && !e.has_portals();
         self.environment().filter(is_single).and_then(EnvironmentLight::image_map)
     }
 
-    /// Is there one light alone, of a kind that is sampled at many vertices at a time?
+    /// Is there only one light, with a vectorised sampler?
     pub fn is_vectorised(&self) -> bool {
         self.single_rectangle().is_some() || self.single_environment_image().is_some()
     }
@@ -288,53 +286,57 @@ impl Lights {
         self.environment.as_ref()
     }
 
-    /// Are light samples taken of the environment, if there is one?
+    /// Is there an environment, and is it light-sampled?
     #[inline(always)]
     pub fn samples_environment(&self) -> bool {
         self.environment.as_ref().is_some_and(EnvironmentLight::is_sampled)
     }
 
-    /// Does the choice depend on the receiver? It doesn't for a single light.
+    /// Does light selection depend on the receiver? Not with a single light.
     pub fn use_tree(&self) -> bool {
         self.count_sampled() > 1 && self.samplers().any(|sampler| sampler.has_near)
     }
 
-    /// Chooses a light for a receiver of a class by two numbers in 0..1.
+    /// Selects a light for a receiver of a class by two random numbers in 0..1.
     #[inline(always)]
     pub fn select(&self, class: u32, receiver: &Receiver, u: [f32; 2]) -> SelectedLight {
         let sampler = self.sampler_of_class(class);
         match sampler.select_group(receiver, u) {
-            SelectedGroup::Near { share, u } => SelectedLight::near(share, sampler.tree.sample(receiver, u)),
+            SelectedGroup::Near { probability, u } => {
+                SelectedLight::near(probability, sampler.tree.sample(receiver, u))
+            }
             SelectedGroup::Far(selected) => selected,
         }
     }
 
-    /// [`Lights::select`] for the first `count` receivers, all of class 0, together.
+    /// [`Lights::select`] for the first `count` receivers, all of class 0, interleaved.
     #[inline(always)]
-    pub fn select_together<const N: usize>(
+    pub fn select_many<const N: usize>(
         &self,
         receivers: &[Receiver; N],
         numbers: &[[f32; 2]; N],
         count: usize,
     ) -> [SelectedLight; N] {
-        let (mut selected, mut shares) = ([SelectedLight::NONE; N], [0.0; N]);
+        let (mut selected, mut probabilities) = ([SelectedLight::NONE; N], [0.0; N]);
         let mut descents = [Descent::ENDED; N];
         for i in 0..count.min(N) {
             match self.sampler.select_group(&receivers[i], numbers[i]) {
-                SelectedGroup::Near { share, u } => (shares[i], descents[i]) = (share, Descent::new(u)),
+                SelectedGroup::Near { probability, u } => {
+                    (probabilities[i], descents[i]) = (probability, Descent::new(u))
+                }
                 SelectedGroup::Far(of_far) => selected[i] = of_far,
             }
         }
-        self.sampler.tree.descend_together(receivers, &mut descents);
+        self.sampler.tree.descend_many(receivers, &mut descents);
         for i in 0..count.min(N) {
-            if shares[i] > 0.0 {
-                selected[i] = SelectedLight::near(shares[i], descents[i].chosen());
+            if probabilities[i] > 0.0 {
+                selected[i] = SelectedLight::near(probabilities[i], descents[i].chosen());
             }
         }
         selected
     }
 
-    /// [`Lights::select`] for receivers of several classes, one after another.
+    /// [`Lights::select`] for receivers of several classes.
     pub fn select_by_class<const N: usize>(
         &self,
         class: impl Fn(usize) -> u32,
@@ -348,51 +350,50 @@ impl Lights {
         })
     }
 
-    /// The probability of choosing an area light or an emissive medium for a receiver of a class.
+    /// The probability of selecting an area light or an emissive medium for a receiver of a class.
     #[inline(always)]
     pub fn pdf_discrete(&self, class: u32, receiver: &Receiver, index: u32) -> f32 {
         self.sampler_of_class(class).pdf_discrete(receiver, index)
     }
 
-    /// The probability of choosing among the lights infinitely far away.
+    /// The probability of selecting any of the lights at infinity.
     #[inline(always)]
     pub fn far_pdf_discrete(&self, class: u32, receiver: &Receiver) -> f32 {
         self.sampler_of_class(class).far_pdf_discrete(receiver)
     }
 
-    /// The probability of choosing the environment among the lights infinitely far away, for receivers of
-    /// a class.
+    /// The probability of selecting the environment among the lights at infinity, for receivers of a class.
     #[inline(always)]
     pub fn environment_pdf_discrete(&self, class: u32) -> f32 {
         if self.samples_environment() { self.sampler_of_class(class).pdf_of_last_far() } else { 0.0 }
     }
 
-    /// The middle of a light; `None` for one infinitely far away.
-    pub fn middle(&self, index: u32) -> Option<Vec3> {
+    /// The center of a light; `None` for lights at infinity.
+    pub fn center(&self, index: u32) -> Option<Vec3> {
         let index = index as usize;
         match self.area.get(index) {
-            Some(light) => Some(light.middle()),
+            Some(light) => Some(light.center()),
             None => match self.volume(index as u32) {
-                Some(volume) => Some(volume.middle()),
+                Some(volume) => Some(volume.center()),
                 None => self.punctual.get(index - self.area.len())?.position(),
             },
         }
     }
 
-    /// Does any move while the shutter is open?
+    /// Does any light move while the shutter is open?
     #[inline(always)]
     pub fn are_moving(&self) -> bool {
         !self.motions.is_empty()
     }
 
-    /// An area light at a time in 0..1.
+    /// An area light at a shutter time in 0..1.
     #[inline(always)]
     pub fn area_at(&self, index: u32, time: f32) -> AreaLight {
         let moving = self.motions.area.get(&(index as usize));
         moving.map_or_else(|| self.area[index as usize], |moving| moving.at(time))
     }
 
-    /// [`Lights::sample`] where lights move.
+    /// [`Lights::sample`] at a shutter time in 0..1.
     pub fn sample_at(
         &self,
         textures: &CompiledTextures,
@@ -401,18 +402,18 @@ impl Lights {
         u: [f32; 2],
         time: f32,
     ) -> LightSample {
-        let place = index as usize;
-        if let Some(moving) = self.motions.area.get(&place) {
+        let area = index as usize;
+        if let Some(moving) = self.motions.area.get(&area) {
             return moving.sample(textures, reference, u, time);
         }
-        let moving = place.checked_sub(self.area.len()).and_then(|place| self.motions.punctual.get(&place));
-        match moving {
+        let punctual = area.checked_sub(self.area.len());
+        match punctual.and_then(|punctual| self.motions.punctual.get(&punctual)) {
             Some(moving) => moving.at(time).sample(textures, reference, u),
             None => self.sample(textures, index, reference, u),
         }
     }
 
-    /// A point or direction of light `index`, as seen from `reference`.
+    /// Samples light `index` from `reference` by two random numbers in 0..1.
     #[inline]
     pub fn sample(
         &self,
@@ -436,58 +437,61 @@ impl Lights {
     }
 }
 
-/// Minimum probability of choosing among the lights at a position, and among those at infinity, where both may contribute: the
-/// estimates ignore occlusion.
+/// Minimum probability of selecting from either group, lights at a position or at infinity, if both may contribute, since the estimates
+/// ignore occlusion.
 const MIN_SHARE: f32 = 0.25;
 
-/// Chooses a light for a receiver: first between the lights at a position and those at infinity, by their estimated irradiance;
-/// then among the former by a [`LightTree`], among the latter by their irradiance.
+/// Selects a light for a receiver: first between lights at a position and lights at infinity, by estimated irradiance; then among the
+/// former by a [`LightTree`], among the latter by irradiance.
 #[derive(Clone, Debug)]
 struct LightSampler {
     /// Over the lights at a position.
     pub tree: LightTree,
-    /// Is there any such light?
+    /// Are there lights at a position?
     pub has_near: bool,
     /// The lights at infinity.
     far: Vec<u32>,
-    /// Chooses among them by irradiance.
+    /// Distribution over `far` by irradiance.
     far_table: AliasTable,
-    /// Luminance of their total irradiance.
+    /// Luminance of the total irradiance of `far`.
     far_irradiance: f32,
-    /// There is only one light.
+    /// Is there only one light?
     is_single: bool,
 }
 
-/// A chosen light.
+/// A selected light.
 #[derive(Clone, Copy, Debug)]
 pub struct SelectedLight {
-    /// Its index.
+    /// Index of the light.
     pub index: u32,
-    /// The probability of choosing it; 0 if none was found to choose.
+    /// Selection probability; 0 if no light was selected.
     pub pdf_discrete: f32,
 }
 
 impl SelectedLight {
     const NONE: SelectedLight = SelectedLight { index: 0, pdf_discrete: 0.0 };
 
-    /// A selection among the lights near a point, which has the probability `share`.
+    /// A selection from the tree of a group with this probability.
     #[inline(always)]
-    pub fn near(share: f32, chosen: Option<(u32, f32)>) -> SelectedLight {
-        chosen.map_or(SelectedLight::NONE, |(index, pdf)| SelectedLight { index, pdf_discrete: share * pdf })
+    pub fn near(probability: f32, chosen: Option<(u32, f32)>) -> SelectedLight {
+        chosen.map_or(SelectedLight::NONE, |(index, pdf)| SelectedLight {
+            index,
+            pdf_discrete: probability * pdf,
+        })
     }
 }
 
-/// The group from which a light is chosen.
+/// The group from which a light is selected.
 enum SelectedGroup {
-    /// Lights at a position, with the probability of the group and a number in 0..1 for the choice in it.
-    Near { share: f32, u: f64 },
-    /// A light at infinity, or the only one, already chosen.
+    /// Lights at a position: probability of the group, and a random number in 0..1 for the selection from it.
+    Near { probability: f32, u: f64 },
+    /// A selected light at infinity, or the only light.
     Far(SelectedLight),
 }
 
 impl LightSampler {
-    /// Among lights with such bounds, of which `near` are at some place, and lights infinitely far away with their irradiances;
-    /// `is_single` if that is one light in all.
+    /// A sampler of lights with these bounds, `near` of which are at a position, and of lights at infinity with their irradiances;
+    /// `is_single`: there is only one light in all.
     pub fn new(bounds: &[LightBounds], near: usize, far: &[(u32, f32)], is_single: bool) -> LightSampler {
         let irradiances: Vec<f32> = far.iter().map(|&(_, irradiance)| irradiance).collect();
         LightSampler {
@@ -500,30 +504,34 @@ impl LightSampler {
         }
     }
 
-    /// No light from infinity arrives: it is chosen only where no other light arrives either.
+    /// See [`Lights::hide_far`].
     pub fn hide_far(&mut self) {
         self.far_irradiance = 0.0;
     }
 
-    /// Chooses between the lights at some place and those infinitely far away, and among the latter.
+    /// Selects between lights at a position and at infinity, and among the latter.
     #[inline(always)]
     pub fn select_group(&self, receiver: &Receiver, u: [f32; 2]) -> SelectedGroup {
         if self.is_single {
             return SelectedGroup::Far(SelectedLight { index: 0, pdf_discrete: 1.0 });
         }
-        let share = self.near_share(receiver);
-        if u[1] < share {
-            // The second number adds digits below the first one's 24.
-            let rest = (u[1] / share).min(1.0f32.next_down());
-            return SelectedGroup::Near { share, u: f64::from(u[0]) + f64::from(rest) * 2f64.powi(-24) };
+        let probability = self.near_share(receiver);
+        if u[1] < probability {
+            // The second number adds bits below the 24 of the first.
+            let rest = (u[1] / probability).min(1.0f32.next_down());
+            return SelectedGroup::Near {
+                probability,
+                u: f64::from(u[0]) + f64::from(rest) * 2f64.powi(-24),
+            };
         }
-        let chosen = self.far_table.sample(((u[1] - share) / (1.0 - share)).min(1.0f32.next_down()));
-        // Objects that no light is linked to have none.
+        let chosen =
+            self.far_table.sample(((u[1] - probability) / (1.0 - probability)).min(1.0f32.next_down()));
+        // Empty for receivers to which no light is linked.
         let Some(&index) = self.far.get(chosen.index) else { return SelectedGroup::Far(SelectedLight::NONE) };
-        SelectedGroup::Far(SelectedLight { index, pdf_discrete: (1.0 - share) * chosen.pdf_discrete })
+        SelectedGroup::Far(SelectedLight { index, pdf_discrete: (1.0 - probability) * chosen.pdf_discrete })
     }
 
-    /// The probability of choosing among the lights at some place.
+    /// The probability of selecting from the lights at a position.
     #[inline(always)]
     fn near_share(&self, receiver: &Receiver) -> f32 {
         match (self.has_near, self.far.is_empty()) {
@@ -531,21 +539,21 @@ impl LightSampler {
             (false, _) => 0.0,
             (true, false) => {
                 let near = self.tree.irradiance(receiver);
-                // Nothing is 0 where light arrives.
+                // The estimate is 0 only where no light arrives.
                 if near <= 0.0 {
                     return 0.0;
                 }
                 if self.far_irradiance <= 0.0 {
                     return 1.0;
                 }
-                let share = near / (near + self.far_irradiance);
-                let share = if share > MIN_SHARE { share } else { MIN_SHARE };
-                if share < 1.0 - MIN_SHARE { share } else { 1.0 - MIN_SHARE }
+                let probability = near / (near + self.far_irradiance);
+                let probability = if probability > MIN_SHARE { probability } else { MIN_SHARE };
+                if probability < 1.0 - MIN_SHARE { probability } else { 1.0 - MIN_SHARE }
             }
         }
     }
 
-    /// The probability of choosing an area light.
+    /// The probability of selecting a light at a position.
     #[inline(always)]
     pub fn pdf_discrete(&self, receiver: &Receiver, index: u32) -> f32 {
         if self.is_single {
@@ -554,29 +562,29 @@ impl LightSampler {
         self.near_share(receiver) * self.tree.pdf_discrete(receiver, index)
     }
 
-    /// The probability of choosing among the lights infinitely far away.
+    /// The probability of selecting from the lights at infinity.
     #[inline(always)]
     pub fn far_pdf_discrete(&self, receiver: &Receiver) -> f32 {
         1.0 - self.near_share(receiver)
     }
 
-    /// The probability of choosing one of the lights infinitely far away among them; 0 if it is none of these.
+    /// The probability of selecting light `index` among the lights at infinity; 0 for other lights.
     pub fn pdf_among_far(&self, index: u32) -> f32 {
         self.far.iter().position(|&far| far == index).map_or(0.0, |entry| self.far_table.pdf_discrete(entry))
     }
 
-    /// The probability of choosing the last of them among them.
+    /// The probability of selecting the last of the lights at infinity among them.
     #[inline(always)]
     pub fn pdf_of_last_far(&self) -> f32 {
         self.far_table.pdf_discrete(self.far_table.len() - 1)
     }
 }
 
-/// A light at equal steps of time; between two of them it is interpolated.
+/// Keyframes of a light at equal time steps.
 #[derive(Clone, Debug)]
 pub struct MovingLight<T>(pub Vec<T>);
 
-/// The moving lights of a scene, by their index in their lists.
+/// The moving lights of a scene, by index in [`Lights::area`] and [`Lights::punctual`].
 #[derive(Clone, Debug, Default)]
 pub struct LightMotions {
     /// Emissive surfaces.
@@ -586,21 +594,21 @@ pub struct LightMotions {
 }
 
 impl LightMotions {
-    /// Does none move?
+    /// Are all lights static?
     pub fn is_empty(&self) -> bool {
         self.area.is_empty() && self.punctual.is_empty()
     }
 }
 
 impl<T: LightSource> MovingLight<T> {
-    /// The keys before and after a time in 0..1, and the share of the way between them.
+    /// The keys before and after a shutter time in 0..1, and the interpolation weight of the latter.
     #[inline]
     fn keys_at(&self, time: f32) -> (&T, &T, f32) {
-        let (key, share) = segment(self.0.len(), time);
-        (&self.0[key], &self.0[(key + 1).min(self.0.len() - 1)], share)
+        let (key, t) = segment(self.0.len(), time);
+        (&self.0[key], &self.0[(key + 1).min(self.0.len() - 1)], t)
     }
 
-    /// Bounds over all keys, with the mean weight; `None` for a light at infinity.
+    /// Bounds of all keys, with the mean weight; `None` for lights at infinity.
     fn bounds(&self, textures: &CompiledTextures) -> Option<LightBounds> {
         let all: Option<Vec<LightBounds>> = self.0.iter().map(|light| light.bounds(textures)).collect();
         let all = all?;
@@ -610,15 +618,15 @@ impl<T: LightSource> MovingLight<T> {
 }
 
 impl MovingLight<AreaLight> {
-    /// The light at a time in 0..1.
+    /// The light at a shutter time in 0..1.
     #[inline]
     pub fn at(&self, time: f32) -> AreaLight {
-        let (from, to, share) = self.keys_at(time);
-        from.interpolate(to, share)
+        let (from, to, t) = self.keys_at(time);
+        from.interpolate(to, t)
     }
 
-    /// [`AreaLight::sample`] at a time. Shadow rays end a little farther before it than before lights that stand still: they are
-    /// transformed to the space of moving instances in single precision.
+    /// [`AreaLight::sample`] at a shutter time. Shadow rays end farther before the light than for static lights, since they are transformed
+    /// to the space of moving instances in single precision.
     pub fn sample(
         &self,
         textures: &CompiledTextures,
@@ -635,11 +643,11 @@ impl MovingLight<AreaLight> {
 }
 
 impl MovingLight<PunctualLight> {
-    /// The light at a time in 0..1.
+    /// The light at a shutter time in 0..1.
     #[inline]
     pub fn at(&self, time: f32) -> PunctualLight {
-        let (from, to, share) = self.keys_at(time);
-        from.interpolate(to, share)
+        let (from, to, t) = self.keys_at(time);
+        from.interpolate(to, t)
     }
 }
 
@@ -652,7 +660,7 @@ mod tests {
     use crate::sampling::chi2::Random;
     use crate::scene::{Environment, Light, LightKind};
 
-    /// Area lights on a ceiling, a distant light and an even sky.
+    /// Area lights on a ceiling, a directional light and a constant sky.
     fn mixed() -> Lights {
         let area_light = |x: f32| {
             let edges =
@@ -667,7 +675,7 @@ mod tests {
     }
 
     #[test]
-    fn lights_are_chosen_as_often_as_their_probabilities_say() {
+    fn selection_frequencies_match_probabilities() {
         const N: usize = 40_000;
         let (lights, mut random) = (mixed(), Random::new(3));
         for _ in 0..20 {
@@ -689,16 +697,16 @@ mod tests {
                 }
             }
             for (index, count) in (0..).zip(counts) {
-                let (pdf, share) = (expected(index), count as f32 / N as f32);
+                let (pdf, fraction) = (expected(index), count as f32 / N as f32);
                 let deviation = (pdf * (1.0 - pdf) / N as f32).sqrt();
-                assert!((share - pdf).abs() <= 5.0 * deviation + 1e-4, "{index}: {share} {pdf}");
+                assert!((fraction - pdf).abs() <= 5.0 * deviation + 1e-4, "{index}: {fraction} {pdf}");
             }
             assert!(far >= MIN_SHARE - 1e-6);
         }
     }
 
     #[test]
-    fn hidden_lights_are_not_asked_where_others_arrive() {
+    fn hidden_far_lights_are_not_selected_where_others_arrive() {
         let mut lights = mixed();
         lights.hide_far();
         let below = Receiver { p: Vec3::new(2.0, 0.0, 0.0), normal: Vec3::Y };

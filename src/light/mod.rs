@@ -1,5 +1,5 @@
-//! Light sources: emissive surfaces, lights without a surface (a table in this file), the environment, and the choice of one of
-//! them. All implement [`LightSource`].
+//! Lights: emissive surfaces, lights without a surface (a table in this file), emissive media, the environment, and light selection. All
+//! implement [`LightSource`].
 
 mod area;
 mod environment;
@@ -19,7 +19,7 @@ pub use area::{
     AreaLight, AreaShape, Beam, Edges, LightDirection, RECTANGLE_NUMBERS, Radiance, UniformRectangle,
 };
 pub use environment::{EnvironmentLight, EnvironmentSample, ImageMap, TexelPosition, solid_angle_density};
-pub use light_paths::{EmittedRay, LightPathSampler, LightPlace, SmallLight, TargetSphere, TargetSpheres};
+pub use light_paths::{EmittedRay, LightPathSampler, LightPosition, SmallLight, TargetSphere, TargetSpheres};
 pub use light_tree::{Descent, LightTree, Receiver};
 pub use lights::{LightMotions, Lights, MovingLight, SelectedLight, SelectedSun};
 pub use punctual::Sun;
@@ -29,18 +29,18 @@ pub use volume::VolumeLight;
 
 // The table of lights without a surface (KHR_lights_punctual, measured profiles and suns).
 
-/// Makes [`PunctualLight`] of a table: the type of each light, named like its kind in scenes, and the fields of that kind. The
-/// type implements [`PunctualSource`] and has `of_scene`, which gets the scene's light, the world's new origin and the fields.
+/// Generates [`PunctualLight`] from a table: the type of each light, named like its [`LightKind`], and the fields of that kind. The type
+/// implements [`PunctualSource`] and has a constructor `of_scene(light, world_origin, fields...)`.
 macro_rules! lights {
     ($($light:ident { $($field:ident),* },)*) => {
-        /// A light without a surface, ready for rendering.
+        /// A compiled light without a surface.
         #[derive(Clone, Debug)]
         pub enum PunctualLight {
             $(#[doc = concat!("A `", stringify!($light), "`.")] $light($light),)*
         }
 
         impl PunctualLight {
-            /// Prepares a light; the world's origin moves to `world_origin`.
+            /// Compiles a light; positions become relative to `world_origin`.
             pub fn new(light: &scene::Light, world_origin: DVec3) -> PunctualLight {
                 match light.kind {
                     $(LightKind::$light { $($field),* } => {
@@ -50,7 +50,7 @@ macro_rules! lights {
             }
         }
 
-        /// Does the same with each light.
+        /// Evaluates an expression with the light of any kind.
         macro_rules! each {
             ($punctual:expr, $inner:ident => $result:expr) => {
                 match $punctual {
@@ -68,12 +68,12 @@ macro_rules! lights {
                 each!(self, light => light.intensity(direction))
             }
 
-            fn interpolate(&self, other: &PunctualLight, share: f32) -> PunctualLight {
+            fn interpolate(&self, other: &PunctualLight, t: f32) -> PunctualLight {
                 match (self, other) {
                     $((PunctualLight::$light(a), PunctualLight::$light(b)) => {
-                        PunctualLight::$light(a.interpolate(b, share))
+                        PunctualLight::$light(a.interpolate(b, t))
                     })*
-                    // A light keeps its kind.
+                    // Keyframes of a light have the same kind.
                     _ => self.clone(),
                 }
             }
@@ -113,17 +113,17 @@ impl LightSource for PunctualLight {
 }
 
 impl PunctualLight {
-    /// The light as a sun, which BSDF samples find too.
+    /// The light as a sun, the only kind that BSDF sampling can hit.
     pub fn sun(&self) -> Option<&Sun> {
         if let PunctualLight::Sun(sun) = self { Some(sun) } else { None }
     }
 
-    /// Its position; `None` for a light at infinity.
+    /// Position; `None` for lights at infinity.
     pub fn position(&self) -> Option<Vec3> {
         if let LightOrigin::Point(position) = self.origin() { Some(position) } else { None }
     }
 
-    /// Luminance of the irradiance of a surface that faces it, if it is at infinity.
+    /// Luminance of the irradiance on a surface that faces a light at infinity; `None` for other lights.
     pub fn irradiance(&self) -> Option<f32> {
         match self.origin() {
             LightOrigin::Point(_) => None,

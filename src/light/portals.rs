@@ -1,10 +1,10 @@
-//! Sampling of the environment through windows: directions by luminance among those from a point through a
-//! portal (Bitterli, Novak, Jarosz 2015, "Portal-Masked Environment Map Sampling").
+//! Environment sampling through portals: directions through a portal by luminance (Bitterli, Novak, Jarosz 2015, "Portal-Masked
+//! Environment Map Sampling").
 //!
-//! Directions are parametrised in the frame of a portal by two angles, the arc tangents of their slopes. A portal seen from any
-//! point is then an axis-aligned rectangle, so a summed-area table of luminance gives the light through it, and is inverted to
-//! sample directions. One of several portals is chosen by the light through each. Points in front of no portal sample the whole
-//! environment. Light that comes through no portal is found by BSDF sampling, whose MIS weight is then 1.
+//! Directions are parametrised in the frame of a portal by two angles, the arc tangents of their slopes. A portal subtends an axis-aligned
+//! rectangle in these angles from any point, so a summed-area table of luminance yields the light through it, and is inverted to sample
+//! directions. Among several portals, one is selected by the light through each. Points in front of no portal sample the whole
+//! environment. Light that comes through no portal is left to BSDF sampling, with MIS weight 1.
 
 use crate::color::{Rgb, luminance};
 use crate::math::{DVec3, Vec3, poly};
@@ -15,10 +15,10 @@ use std::sync::Arc;
 
 /// Texels along each of the two angles, which cover 180 degrees: a third of a degree each.
 const SIZE: usize = 512;
-/// Minimum value of a texel relative to the mean: a darker one may hide a bright spot between its sample points.
+/// Minimum value of a texel relative to the mean, since a bright spot may lie between a texel's sample points.
 const MIN_SHARE: f64 = 1e-3;
 
-/// The portals of a scene, ready for rendering.
+/// The compiled portals of a scene.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Portals {
     list: Vec<Portal>,
@@ -32,7 +32,7 @@ struct Portal {
     table: Arc<SummedArea>,
 }
 
-/// Unit vectors along the sides of a portal and outwards.
+/// Unit vectors along the edges of a portal, and its outward normal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Axes {
     x: Vec3,
@@ -45,51 +45,51 @@ struct Axes {
 struct Window {
     low: [f64; 2],
     high: [f64; 2],
-    /// Luminance summed over it.
+    /// Sum of luminance over the rectangle.
     sum: f64,
 }
 
-/// Summed-area table of luminance, by corners of texels.
+/// Summed-area table of luminance.
 #[derive(Debug)]
 struct SummedArea {
+    /// Sums over all texels before each texel corner; row-major, (SIZE + 1)^2.
     sums: Vec<f64>,
-    /// Prefix sums within each column, one column after another.
+    /// Prefix sums within each column, column-major.
     columns: Vec<f64>,
 }
 
 impl Portals {
-    /// Portals before an environment with a radiance by direction; their positions become relative to `anchor`. Tables of
-    /// `previous` portals with the same axes are reused.
+    /// Compiles portals for an environment `radiance`; positions become relative to `anchor`. Tables of `previous` portals with the same
+    /// axes are reused.
     pub fn new(
         portals: &[scene::Portal],
         radiance: impl Fn(Vec3) -> Rgb + Sync,
         anchor: DVec3,
         previous: &Portals,
     ) -> Portals {
-        let place = |portal: &scene::Portal| {
+        let compile = |portal: &scene::Portal| {
             let axes = Axes::of(portal)?;
-            let known =
+            let reused =
                 previous.list.iter().find(|other| other.axes == axes).map(|other| other.table.clone());
             Some(Portal {
                 corner: (portal.corner - anchor).as_vec3(),
                 size: [portal.edge_u.length() as f32, portal.edge_v.length() as f32],
                 axes,
-                table: known.unwrap_or_else(|| Arc::new(SummedArea::new(&radiance, &axes))),
+                table: reused.unwrap_or_else(|| Arc::new(SummedArea::new(&radiance, &axes))),
             })
         };
-        Portals { list: portals.iter().filter_map(place).collect() }
+        Portals { list: portals.iter().filter_map(compile).collect() }
     }
 
     pub fn is_empty(&self) -> bool {
         self.list.is_empty()
     }
 
-    /// A direction from `p` through a portal with its density per solid angle; `None` where `p` is in front of none.
+    /// Samples a direction from `p` through a portal; returns it with its pdf per solid angle, `None` if `p` is in front of no portal.
     pub fn sample(&self, p: Vec3, u: [f32; 2]) -> Option<(Vec3, f32)> {
         if let [only] = &self.list[..] {
             let window = only.window(p).filter(|window| window.sum > 0.0)?;
-            let place = [f64::from(u[0]) * window.sum, f64::from(u[1])];
-            let (at, value) = only.table.sample(&window, place);
+            let (at, value) = only.table.sample(&window, [f64::from(u[0]) * window.sum, f64::from(u[1])]);
             let (direction, jacobian) = only.axes.direction(at);
             let pdf = (value / window.sum * PER_ANGLE) as f32 / jacobian;
             return Some((direction, if pdf.is_finite() { pdf } else { 0.0 }));
@@ -107,12 +107,12 @@ impl Portals {
         let (portal, window) = chosen.filter(|_| total > 0.0)?;
         let (at, _) = portal.table.sample(&window, [rest, f64::from(u[1])]);
         let (direction, _) = portal.axes.direction(at);
-        // The density of the mixture over all portals that the direction leads through.
+        // Mixture pdf over all portals that the direction passes.
         let pdf = self.mixture_pdf(p, direction, total);
         Some((direction, if pdf.is_finite() { pdf } else { 0.0 }))
     }
 
-    /// Density per solid angle with which [`Portals::sample`] chooses a direction; `None` where `p` is in front of no portal.
+    /// Pdf per solid angle of [`Portals::sample`]; `None` if `p` is in front of no portal.
     pub fn pdf_solid_angle(&self, p: Vec3, direction: Vec3) -> Option<f32> {
         if let [only] = &self.list[..] {
             let window = only.window(p).filter(|window| window.sum > 0.0)?;
@@ -158,7 +158,7 @@ impl Portal {
 }
 
 impl Portal {
-    /// Unnormalised density per solid angle: its integral is the window's sum; 0 where the direction misses the window.
+    /// Unnormalised pdf per solid angle: its integral is the window's sum; 0 outside the window.
     fn unnormalized_pdf(&self, window: &Window, direction: Vec3) -> f64 {
         let Some((at, jacobian)) = self.axes.angles(direction) else { return 0.0 };
         let is_inside = (0..2).all(|k| window.low[k] <= at[k] && at[k] <= window.high[k]);
@@ -170,24 +170,24 @@ impl Axes {
     fn of(portal: &scene::Portal) -> Option<Axes> {
         let x = portal.edge_u.try_normalize()?;
         let y = (portal.edge_v - x * portal.edge_v.dot(x)).try_normalize()?;
-        // Out is against the way light comes in.
+        // The outward normal is opposite to the incoming light.
         Some(Axes { x: x.as_vec3(), y: y.as_vec3(), out: -x.cross(y).as_vec3() })
     }
 
-    /// The unit direction of two angles in steps, and the solid angle per square radian there.
+    /// The unit direction of two angles, in texels, and the solid angle per square radian there.
     fn direction(&self, at: [f64; 2]) -> (Vec3, f32) {
         let angle = |k: usize| ((at[k] / SIZE as f64 - 0.5) * std::f64::consts::PI) as f32;
         let ((sine_x, cosine_x), (sine_y, cosine_y)) = (poly::sin_cos(angle(0)), poly::sin_cos(angle(1)));
         let (x, y, z) = (sine_x * cosine_y, sine_y * cosine_x, cosine_x * cosine_y);
-        // With 1 + u^2 = 1 / cos^2, see below; the length of (x, y, z) is that of (u, v, 1) times both cosines.
+        // As in `angles`, with 1 + u^2 = 1 / cos^2: the length of (x, y, z) is that of (u, v, 1) times both cosines.
         let length = (x * x + y * y + z * z).sqrt();
         let jacobian = z / (length * length * length);
         ((self.x * x + self.y * y + self.out * z) / length, jacobian)
     }
 
-    /// The angles of a direction in steps, and the solid angle per square radian there; `None` for directions that lead inwards.
+    /// The angles of a direction, in texels, and the solid angle per square radian there; `None` for inward directions.
     ///
-    /// With slopes u and v the solid angle of du dv is (1 + u^2 + v^2)^(-3/2), and du is 1 + u^2 times the angle's step.
+    /// With slopes u and v, the solid angle of du dv is (1 + u^2 + v^2)^(-3/2), and du is (1 + u^2) times the differential of the angle.
     fn angles(&self, direction: Vec3) -> Option<([f64; 2], f32)> {
         let local = [direction.dot(self.x), direction.dot(self.y), direction.dot(self.out)];
         if local[2] <= 0.0 {
@@ -254,7 +254,7 @@ impl SummedArea {
         up_to(high) - up_to(low)
     }
 
-    /// The sum over the columns before column `x`, between two rows.
+    /// The sum over the columns before column `x`, between two rows, which may be fractional.
     fn sum_before(&self, x: usize, low: f64, high: f64) -> f64 {
         let up_to = |y: f64| {
             let row = (y as usize).min(SIZE - 1);
@@ -264,7 +264,7 @@ impl SummedArea {
         up_to(high) - up_to(low)
     }
 
-    /// The integral over all that is before `x`, which may lie within a column, between two rows.
+    /// [`SummedArea::sum_before`] for a fractional `x`.
     fn integral_before(&self, x: f64, low: f64, high: f64) -> f64 {
         let column = (x as usize).min(SIZE - 1);
         self.sum_before(column, low, high) + self.column(column, low, high) * (x - column as f64)
@@ -282,11 +282,11 @@ impl SummedArea {
         self.column_prefix(column, row + 1) - self.column_prefix(column, row)
     }
 
-    /// The point of a window before which the integral is `left`, at the fraction `u` of the integral over its column; and the value of
-    /// its texel.
-    fn sample(&self, window: &Window, [left, u]: [f64; 2]) -> ([f64; 2], f64) {
+    /// Samples a point of a window: the integral over the window to the left of the point is `integral`, and `u` is the fraction of the
+    /// integral over the point's column. Also returns the value of the texel.
+    fn sample(&self, window: &Window, [integral, u]: [f64; 2]) -> ([f64; 2], f64) {
         let Window { low, high, .. } = *window;
-        let target_sum = self.integral_before(low[0], low[1], high[1]) + left;
+        let target_sum = self.integral_before(low[0], low[1], high[1]) + integral;
         let (mut first, mut last) = (low[0] as usize, (high[0] as usize).min(SIZE - 1));
         while first < last {
             let middle = (first + last).div_ceil(2);
@@ -297,9 +297,9 @@ impl SummedArea {
         }
         let column = first;
         let whole = self.column(column, low[1], high[1]);
-        let share =
+        let t =
             if whole > 0.0 { (target_sum - self.sum_before(column, low[1], high[1])) / whole } else { 0.5 };
-        let x = (column as f64 + share).clamp(low[0], high[0]);
+        let x = (column as f64 + t).clamp(low[0], high[0]);
         let target = u * whole;
         let (mut first, mut last) = (low[1] as usize, (high[1] as usize).min(SIZE - 1));
         while first < last {
@@ -331,7 +331,7 @@ mod tests {
         scene::Portal { name: "window".to_string(), corner, edge_u, edge_v }
     }
 
-    /// A window in the wall x = 2 of the half space below it, one in the ceiling, under a sky with a bright side.
+    /// A window in the wall x = 2 and one in the ceiling y = 3, under a sky with a bright side.
     fn room(is_image: bool) -> EnvironmentLight {
         let rgb = (0..64 * 32).flat_map(|i| {
             let (x, y) = (i % 64, i / 64);
@@ -350,17 +350,17 @@ mod tests {
         light
     }
 
-    /// The portal turned around, so that it serves the other side.
+    /// The portal with the opposite normal.
     fn flipped(portal: scene::Portal) -> scene::Portal {
         let (edge_u, edge_v) = (portal.edge_v, portal.edge_u);
         scene::Portal { edge_u, edge_v, ..portal }
     }
 
     #[test]
-    fn portals_face_the_room() {
+    fn outward_normals_point_out_of_the_room() {
         let light = room(false);
-        let ways_out: Vec<Vec3> = light.portals.list.iter().map(|portal| portal.axes.out).collect();
-        assert_eq!(ways_out, [Vec3::X, Vec3::Y]);
+        let normals: Vec<Vec3> = light.portals.list.iter().map(|portal| portal.axes.out).collect();
+        assert_eq!(normals, [Vec3::X, Vec3::Y]);
     }
 
     #[test]
@@ -377,7 +377,7 @@ mod tests {
     }
 
     #[test]
-    fn samples_lead_through_a_portal_and_have_their_density() {
+    fn samples_pass_a_portal_and_match_their_pdf() {
         let textures = CompiledTextures::resident(&[], &[], Vec3::ZERO);
         let light = room(true);
         let mut random = Random::new(3);
@@ -392,7 +392,7 @@ mod tests {
             let is_through = d.x > 0.0 && within(at_side.y, 0.5, 1.5) && within(at_side.z, 1.0, 2.5)
                 || d.y > 0.0 && within(at_top.x, -1.0, 0.0) && within(at_top.z, -2.0, 0.0);
             assert!(is_through, "{p} {d}");
-            // Rounding may lead to the texel beside.
+            // Rounding may select the adjacent texel.
             differ += u32::from(
                 (sample.pdf_solid_angle / LightSource::pdf_solid_angle(&light, p, d) - 1.0).abs() > 1e-3,
             );
@@ -400,9 +400,9 @@ mod tests {
         assert!(differ < 100, "{differ} of 20,000");
     }
 
-    /// With a table that is as fine as the light, radiance over density hardly varies: what a vertex sees is chosen by luminance.
+    /// Radiance over pdf is nearly constant if the table resolves the environment.
     #[test]
-    fn light_through_a_window_is_estimated_with_little_noise() {
+    fn light_through_a_window_is_estimated_with_little_variance() {
         let textures = CompiledTextures::resident(&[], &[], Vec3::ZERO);
         let light = room(true);
         let p = Vec3::new(0.4, 1.0, 0.5);
@@ -436,7 +436,7 @@ mod tests {
     }
 
     #[test]
-    fn points_in_front_of_no_portal_sample_the_whole_environment() {
+    fn points_without_a_portal_sample_the_whole_environment() {
         let textures = CompiledTextures::resident(&[], &[], Vec3::ZERO);
         let light = room(true);
         let p = Vec3::new(9.0, 9.0, 0.0);
@@ -447,9 +447,9 @@ mod tests {
     }
 
     #[test]
-    fn angles_and_directions_belong_together() {
+    fn angles_invert_directions() {
         let axes = Axes { x: Vec3::X, y: Vec3::Y, out: Vec3::Z };
-        // The pyramid whose sides lean by up to 80 degrees has the solid angle 4 asin(sin^2 80).
+        // A pyramid with half angles of 80 degrees has the solid angle 4 asin(sin^2 80).
         let widest = f64::to_radians(80.0);
         let (mut total, n) = (0.0, 300);
         for i in 0..n * n {

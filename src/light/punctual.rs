@@ -1,5 +1,4 @@
-//! Lights at a point: uniform, in a cone (spot), and by a measured profile; and at infinity: parallel
-//! light and suns.
+//! Lights without a surface: point, spot, and point with a measured profile (IES); at infinity directional lights and suns.
 
 use super::traits::{LightBounds, LightOrigin, LightSample, LightSource, PunctualSource};
 use crate::color::Rgb;
@@ -11,10 +10,10 @@ use crate::texture::CompiledTextures;
 use std::f32::consts::PI;
 use std::sync::Arc;
 
-/// Steps of the vertical angle over which the mean of a profile is taken.
+/// Steps of the vertical angle for the mean of a profile.
 const STEPS: u32 = 32;
 
-/// A point that emits the same in all directions.
+/// An isotropic point light.
 #[derive(Clone, Debug)]
 pub struct Point {
     position: Vec3,
@@ -28,7 +27,7 @@ impl Point {
     }
 }
 
-/// A point that emits in a cone.
+/// A spot light.
 #[derive(Clone, Debug)]
 pub struct Spot {
     position: Vec3,
@@ -55,13 +54,13 @@ impl Spot {
     }
 }
 
-/// A point that emits by a measured profile.
+/// A point light with a measured profile (IES).
 #[derive(Clone, Debug)]
 pub struct Profiled {
     position: Vec3,
-    /// Largest radiant intensity, W/sr.
+    /// Maximum radiant intensity, W/sr.
     intensity: Rgb,
-    /// Mean intensity over all directions relative to the largest.
+    /// Mean intensity over all directions relative to the maximum.
     mean: f32,
     aim: Aim,
     profile: Option<Arc<LightProfile>>,
@@ -79,7 +78,7 @@ impl Profiled {
         Profiled {
             position: local(position, world_origin),
             intensity: Rgb::from_array(light.intensity),
-            mean: profile.as_ref().map_or(1.0, |profile| mean_share(profile)),
+            mean: profile.as_ref().map_or(1.0, |profile| relative_mean(profile)),
             aim: Aim::new(rotation, cone),
             profile,
         }
@@ -90,11 +89,11 @@ fn local(position: DVec3, world_origin: DVec3) -> Vec3 {
     (position - world_origin).as_vec3()
 }
 
-fn between(a: Vec3, b: Vec3, share: f32) -> Vec3 {
-    a + (b - a) * share
+fn interpolated(a: Vec3, b: Vec3, t: f32) -> Vec3 {
+    a + (b - a) * t
 }
 
-/// A sample of a light at a point; `attenuation` is its intensity towards `reference` relative to `intensity`.
+/// A sample of a light at a point; `attenuation` is the intensity towards `reference` relative to `intensity`.
 #[inline(always)]
 fn sample_point(position: Vec3, intensity: Rgb, attenuation: f32, reference: Vec3) -> LightSample {
     let to_light = position - reference;
@@ -112,7 +111,7 @@ fn sample_point(position: Vec3, intensity: Rgb, attenuation: f32, reference: Vec
     }
 }
 
-/// Bounds of a light at a point that emits in all directions.
+/// Bounds of a point light that emits in all directions.
 fn bounds_all_around(position: Vec3, weight: f32) -> LightBounds {
     let bounds = Bounds3::of([position]);
     LightBounds { bounds, weight, axis: Vec3::Z, normals_rad: PI, emission_rad: 0.5 * PI }
@@ -142,8 +141,8 @@ impl PunctualSource for Point {
         self.intensity
     }
 
-    fn interpolate(&self, other: &Point, share: f32) -> Point {
-        Point { position: between(self.position, other.position, share), ..*self }
+    fn interpolate(&self, other: &Point, t: f32) -> Point {
+        Point { position: interpolated(self.position, other.position, t), ..*self }
     }
 }
 
@@ -165,7 +164,7 @@ impl LightSource for Spot {
             weight: self.intensity.luminance(),
             axis: self.cone.axis,
             normals_rad: inner,
-            // A little wider, for rounding.
+            // Slightly wider, for rounding.
             emission_rad: (outer - inner + 1e-3).min(0.5 * PI),
         })
     }
@@ -180,17 +179,21 @@ impl PunctualSource for Spot {
         self.intensity * self.cone.attenuation(direction.dot(self.cone.axis))
     }
 
-    fn interpolate(&self, other: &Spot, share: f32) -> Spot {
+    fn interpolate(&self, other: &Spot, t: f32) -> Spot {
         let axis = self.cone.axis;
-        let axis = between(axis, other.cone.axis, share).try_normalize().unwrap_or(axis);
-        Spot { position: between(self.position, other.position, share), cone: self.cone.about(axis), ..*self }
+        let axis = interpolated(axis, other.cone.axis, t).try_normalize().unwrap_or(axis);
+        Spot {
+            position: interpolated(self.position, other.position, t),
+            cone: self.cone.about(axis),
+            ..*self
+        }
     }
 }
 
 impl LightSource for Profiled {
     fn sample(&self, _textures: &CompiledTextures, reference: Vec3, _u: [f32; 2]) -> LightSample {
         let direction = (reference - self.position).normalize_or_zero();
-        let attenuation = self.aim.share(self.profile.as_deref(), direction);
+        let attenuation = self.aim.attenuation(self.profile.as_deref(), direction);
         sample_point(self.position, self.intensity, attenuation, reference)
     }
 
@@ -209,22 +212,22 @@ impl PunctualSource for Profiled {
     }
 
     fn intensity(&self, direction: Vec3) -> Rgb {
-        self.intensity * self.aim.share(self.profile.as_deref(), direction)
+        self.intensity * self.aim.attenuation(self.profile.as_deref(), direction)
     }
 
-    fn interpolate(&self, other: &Profiled, share: f32) -> Profiled {
-        let world_from_profile = self.aim.world_from_profile.slerp(other.aim.world_from_profile, share);
+    fn interpolate(&self, other: &Profiled, t: f32) -> Profiled {
+        let world_from_profile = self.aim.world_from_profile.slerp(other.aim.world_from_profile, t);
         let axis = world_from_profile * Vec3::NEG_Z;
         let cone = self.aim.cone.map(|cone| cone.about(axis));
-        let position = between(self.position, other.position, share);
+        let position = interpolated(self.position, other.position, t);
         Profiled { position, aim: Aim { world_from_profile, cone }, ..self.clone() }
     }
 }
 
-/// A cone that fades towards its edge: attenuation is `fade` of scale * cos + offset, clamped to 0..1.
+/// A cone with a soft edge: attenuation is `fade` of scale * cos + offset, clamped to 0..1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpotCone {
-    /// Unit vector along which its light travels.
+    /// Unit direction of emission.
     pub axis: Vec3,
     scale: f32,
     offset: f32,
@@ -232,12 +235,12 @@ pub struct SpotCone {
 }
 
 impl SpotCone {
-    /// The cone with another axis of unit length.
+    /// The cone with another unit axis.
     fn about(self, axis: Vec3) -> SpotCone {
         SpotCone { axis, ..self }
     }
 
-    /// A cone about an axis between two half angles, radians.
+    /// A cone around an axis that fades out between two half angles, radians.
     pub fn new(direction: DVec3, inner_angle_rad: f64, outer_angle_rad: f64, fade: SpotFade) -> SpotCone {
         let range = match fade {
             // KHR_lights_punctual, "Inner and Outer Cone Angles".
@@ -263,19 +266,19 @@ impl SpotCone {
         }
     }
 
-    /// The solid angle of the cone: half lit on average between the two angles, where cos = (1 - 2 offset) / (2 scale).
+    /// Effective solid angle of the cone, steradians: up to the angle where scale * cos + offset is 1/2.
     pub fn solid_angle(&self) -> f32 {
         2.0 * PI * (1.0 - (0.5 - self.offset) / self.scale).clamp(1e-4, 2.0)
     }
 
-    /// The angles between which it fades, radians.
+    /// The half angles between which the cone fades out, radians.
     pub fn angles_rad(&self) -> [f32; 2] {
         let angle = |cosine: f32| poly::acos(cosine.clamp(-1.0, 1.0));
         [angle((1.0 - self.offset) / self.scale), angle(-self.offset / self.scale)]
     }
 }
 
-/// Orientation of a profile, and the cone that limits it.
+/// Orientation of a profile, and an optional cone that limits it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Aim {
     world_from_profile: Quat,
@@ -283,20 +286,20 @@ pub struct Aim {
 }
 
 impl Aim {
-    /// A cone is given by its half angles, radians.
+    /// `cone`: inner and outer half angle, radians.
     pub fn new(rotation: DQuat, cone: Option<[f64; 2]>) -> Aim {
         let axis = rotation * DVec3::NEG_Z;
         let cone = cone.map(|[inner, outer]| SpotCone::new(axis, inner, outer, SpotFade::Smooth));
         Aim { world_from_profile: rotation.as_quat(), cone }
     }
 
-    /// The axis of the cone and the half angle at which it ends, radians.
+    /// Axis and outer half angle (radians) of the cone.
     pub fn cone(&self) -> Option<(Vec3, f32)> {
         self.cone.map(|cone| (cone.axis, cone.angles_rad()[1]))
     }
 
     /// Intensity in a unit direction relative to the maximum of the profile.
-    pub fn share(&self, profile: Option<&LightProfile>, direction: Vec3) -> f32 {
+    pub fn attenuation(&self, profile: Option<&LightProfile>, direction: Vec3) -> f32 {
         let of_cone = self.cone.map_or(1.0, |cone| cone.attenuation(direction.dot(cone.axis)));
         let Some(profile) = profile else { return of_cone };
         let local = self.world_from_profile.inverse() * direction;
@@ -306,18 +309,18 @@ impl Aim {
     }
 }
 
-/// Mean of a profile over all directions relative to its maximum, for the choice among lights.
-pub fn mean_share(profile: &LightProfile) -> f32 {
-    // A narrow beam may lie between the sampled angles.
+/// Mean of a profile over all directions relative to the maximum, for light selection.
+pub fn relative_mean(profile: &LightProfile) -> f32 {
+    // The sampled angles may miss a narrow beam.
     profile.mean(STEPS).max(1e-4 * profile.peak())
 }
 
-/// Parallel light.
+/// A directional light.
 #[derive(Clone, Debug)]
 pub struct Directional {
-    /// Unit vector towards it.
+    /// Unit direction to the light.
     to_light: Vec3,
-    /// Irradiance of a surface that faces it, W/m2.
+    /// Irradiance on a surface that faces the light, W/m^2.
     irradiance: Rgb,
 }
 
@@ -361,55 +364,55 @@ impl PunctualSource for Directional {
         self.irradiance
     }
 
-    fn interpolate(&self, other: &Directional, share: f32) -> Directional {
-        let mixed = self.to_light + (other.to_light - self.to_light) * share;
+    fn interpolate(&self, other: &Directional, t: f32) -> Directional {
+        let mixed = self.to_light + (other.to_light - self.to_light) * t;
         Directional { to_light: mixed.try_normalize().unwrap_or(self.to_light), ..*self }
     }
 }
 
-/// A sun: the same radiance from all directions in a cone.
+/// A sun: constant radiance from a cone of directions.
 #[derive(Clone, Copy, Debug)]
 pub struct Sun {
-    /// Around the direction to its center.
+    /// Frame around the direction to the center.
     frame: Frame,
-    /// 1 - cos of half its angle: half the squared chord from its center to its edge on the unit sphere.
+    /// 1 - cos of the angular radius: half the squared chord from center to edge on the unit sphere.
     one_minus_cos: f32,
-    /// Radiance.
+    /// Radiance, W/(sr m^2).
     pub radiance: Rgb,
-    /// Irradiance of a surface that faces its center, W/m2.
+    /// Irradiance on a surface that faces the center, W/m^2.
     irradiance: Rgb,
 }
 
 impl Sun {
-    /// A sun whose light travels along `direction`, with an angular diameter above 0 and at most pi, radians.
+    /// A sun that emits along `direction`, with an angular diameter above 0 and at most pi, radians.
     pub fn new(direction: DVec3, angle_rad: f64, irradiance: Rgb) -> Sun {
         let half = 0.5 * angle_rad;
         Sun {
             frame: Frame::from_normal(-direction.normalize().as_vec3()),
             one_minus_cos: (2.0 * (0.5 * half).sin().powi(2)) as f32,
             irradiance,
-            // The integral of the cosine over the cone.
+            // The integral of the cosine over the cone is pi sin^2.
             radiance: irradiance * (1.0 / (std::f64::consts::PI * half.sin().powi(2))) as f32,
         }
     }
 
-    /// Density per solid angle of sampled directions.
+    /// Pdf per solid angle of sampled directions.
     #[inline(always)]
     pub fn pdf_inside(&self) -> f32 {
         uniform_cone_pdf_solid_angle(self.one_minus_cos)
     }
 
-    /// The unit direction to its center.
+    /// Unit direction to the center.
     pub fn center(&self) -> Vec3 {
         self.frame.n
     }
 
-    /// Half its angle, radians, as long as it is small.
+    /// Angular radius, radians, in small-angle approximation.
     pub fn half_angle(&self) -> f32 {
         (2.0 * self.one_minus_cos).sqrt()
     }
 
-    /// Does a unit vector point at it?
+    /// Is a unit direction inside the sun's disk?
     #[inline(always)]
     pub fn contains(&self, direction: Vec3) -> bool {
         (direction - self.frame.n).length_squared() <= 2.0 * self.one_minus_cos
@@ -464,7 +467,7 @@ impl PunctualSource for Sun {
         self.irradiance
     }
 
-    /// Suns do not move: BSDF samples find them without a time.
+    /// Suns are static: BSDF sampling evaluates them without a time.
     fn interpolate(&self, _other: &Sun, _share: f32) -> Sun {
         *self
     }
@@ -476,7 +479,7 @@ mod tests {
     use crate::light::PunctualLight;
     use crate::scene::{Light, LightKind};
 
-    /// Irradiance by a spot light of intensity 1 that looks down -z, one metre away at an angle.
+    /// Irradiance of a spot light of intensity 1 along -z, at a distance of one metre and an angle to the axis.
     fn spot(fade: SpotFade, angle: f64) -> f32 {
         let kind = LightKind::Spot {
             position: DVec3::ZERO,
@@ -491,13 +494,13 @@ mod tests {
     }
 
     #[test]
-    fn cones_fade_between_their_angles() {
+    fn spot_cones_fade_between_their_angles() {
         for fade in [SpotFade::Square, SpotFade::Smooth] {
             assert!((spot(fade, 0.0) - 1.0).abs() < 1e-5);
             assert!(spot(fade, 0.61) == 0.0 && spot(fade, 0.59) > 0.0);
         }
         assert!((spot(SpotFade::Square, 0.29) - 1.0).abs() < 1e-5);
-        // Halfway in the cosine: a quarter, and of the smooth step a half.
+        // Halfway between the cosines: a quarter (square), a half (smooth step).
         let middle = (0.5 * (0.3f64.cos() + 0.6f64.cos())).acos();
         assert!((spot(SpotFade::Square, middle) - 0.25).abs() < 1e-5);
         let middle = (0.6f64.cos() + 0.25 * (1.0 - 0.6f64.cos())).acos();
@@ -505,7 +508,7 @@ mod tests {
     }
 
     #[test]
-    fn samples_lie_on_it_and_have_its_irradiance() {
+    fn sun_samples_are_inside_the_disk_and_yield_the_irradiance() {
         let textures = CompiledTextures::resident(&[], &[], Vec3::ZERO);
         for angle_rad in [1e-3, 0.0092, 0.5, 3.0] {
             let sun = Sun::new(DVec3::new(0.3, -1.0, 0.2), angle_rad, Rgb::new(2.0, 2.0, 2.0));
@@ -519,8 +522,8 @@ mod tests {
             }
             let mean = irradiance / (n * n) as f32;
             assert!((mean - 2.0).abs() < 2e-3, "{angle_rad}: {mean}");
-            let beside = sun.frame.to_world(uniform_cone([1.0, 0.3], sun.one_minus_cos * 1.01));
-            assert!(!sun.contains(beside));
+            let outside = sun.frame.to_world(uniform_cone([1.0, 0.3], sun.one_minus_cos * 1.01));
+            assert!(!sun.contains(outside));
         }
     }
 }

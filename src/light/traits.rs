@@ -1,5 +1,5 @@
-//! The interface of all lights, and bounds on their light for the choice among many (Conty Estevez, Kulla 2018, "Importance
-//! Sampling of Many Lights with Adaptive Tree Splitting", sections 4 and 5).
+//! The interface of all lights, and their bounds for light selection (Conty Estevez, Kulla 2018, "Importance Sampling of Many Lights with
+//! Adaptive Tree Splitting", sections 4 and 5).
 
 use crate::color::Rgb;
 use crate::math::{Bounds3, Vec3, poly};
@@ -7,15 +7,15 @@ use crate::texture::CompiledTextures;
 use std::f32::consts::PI;
 
 /// The interface of lights: emissive surfaces ([`AreaLight`](super::AreaLight)), lights without a surface
-/// ([`PunctualLight`](super::PunctualLight) and its kinds) and the environment
+/// ([`PunctualLight`](super::PunctualLight) and its kinds), emissive media ([`VolumeLight`](super::VolumeLight)) and the environment
 /// ([`EnvironmentLight`](super::EnvironmentLight)).
 ///
-/// `to` is a point of the light or, of one at infinity, the unit direction towards it.
+/// `to` is a point on the light; for lights at infinity, the unit direction to the light.
 pub trait LightSource {
-    /// A direction from `reference` towards the light, by two numbers in 0..1.
+    /// Samples a direction from `reference` to the light by two random numbers in 0..1.
     fn sample(&self, textures: &CompiledTextures, reference: Vec3, u: [f32; 2]) -> LightSample;
 
-    /// Density per solid angle with which [`LightSource::sample`] returns `to`; 0 for delta lights, which no other strategy finds.
+    /// Pdf per solid angle of [`LightSource::sample`] for `to`; 0 for delta lights, which no other strategy can sample.
     fn pdf_solid_angle(&self, _reference: Vec3, _to: Vec3) -> f32 {
         0.0
     }
@@ -25,50 +25,50 @@ pub trait LightSource {
         Rgb::ZERO
     }
 
-    /// Luminous power in relative units; of a light at infinity that on a disk of radius 1 m.
+    /// Luminance of the power in relative units; for lights at infinity, on a disk of radius 1 m.
     fn power(&self, textures: &CompiledTextures) -> f32;
 
-    /// Bounds on where its light comes from and goes; `None` for a light at infinity.
+    /// Spatial and directional bounds; `None` for lights at infinity.
     fn bounds(&self, textures: &CompiledTextures) -> Option<LightBounds>;
 }
 
 /// Additional methods of lights without a surface.
 pub trait PunctualSource: LightSource + Clone {
-    /// Where its light starts.
+    /// Origin of the emission.
     fn origin(&self) -> LightOrigin;
 
-    /// Radiant intensity (W/sr) in a unit direction; of a light at infinity the irradiance (W/m2) of a surface that faces it.
+    /// Radiant intensity (W/sr) in a unit direction; for lights at infinity, irradiance (W/m^2) on a surface that faces the light.
     fn intensity(&self, direction: Vec3) -> Rgb;
 
-    /// The light between this one and another of its kind, at a share of 0..1.
-    fn interpolate(&self, other: &Self, share: f32) -> Self;
+    /// Interpolates to another light of the same kind, with weight `t` in 0..1.
+    fn interpolate(&self, other: &Self, t: f32) -> Self;
 }
 
-/// Where the light of a light without a surface starts.
+/// Origin of the emission of a light without a surface.
 #[derive(Clone, Copy, Debug)]
 pub enum LightOrigin {
-    /// At a point.
+    /// A point.
     Point(Vec3),
-    /// At infinity, in the unit direction.
+    /// Infinity, in a unit direction.
     Direction(Vec3),
-    /// At infinity, in a cone of directions that [`LightSource::sample`] chooses from.
+    /// Infinity, in a cone of directions sampled by [`LightSource::sample`].
     Cone,
 }
 
-/// Light that may reach a reference point from one point or direction of a light.
+/// A light sample: a direction from a reference point to a light.
 #[derive(Clone, Copy, Debug)]
 pub struct LightSample {
-    /// Towards the light, unit length.
+    /// Direction to the light, unit length.
     pub wi: Vec3,
-    /// Where a shadow ray ends: just in front of the light. Ignored for [`LightSample::is_infinite`].
+    /// End of the shadow ray, just in front of the light. Ignored for [`LightSample::is_infinite`].
     pub target: Vec3,
-    /// The light is infinitely far away.
+    /// Is the light infinitely far away?
     pub is_infinite: bool,
-    /// No other strategy finds this light: it has no size.
+    /// Is it a delta light, which no other strategy can sample?
     pub is_delta: bool,
-    /// Radiance towards the reference point; for delta lights the irradiance of a surface that faces the light.
+    /// Radiance towards the reference point; for delta lights, irradiance on a surface that faces the light.
     pub radiance: Rgb,
-    /// Density per solid angle at the reference point, given the light; 1 for delta lights, 0 for no contribution.
+    /// Pdf per solid angle at the reference point, given the light; 1 for delta lights, 0 for no contribution.
     pub pdf_solid_angle: f32,
 }
 
@@ -84,18 +84,18 @@ impl LightSample {
     };
 }
 
-/// Bounds on the light of one or more lights.
+/// Spatial and directional bounds of one or more lights.
 #[derive(Clone, Copy, Debug)]
 pub struct LightBounds {
-    /// Box around the lights.
+    /// Bounding box of the lights.
     pub bounds: Bounds3,
-    /// Sum of radiance times area (of intensities for lights without size), by luminance.
+    /// Sum of the luminances of radiance times area, or of intensity for lights at a point.
     pub weight: f32,
-    /// Axis of the cone of normals.
+    /// Axis of the normal cone.
     pub axis: Vec3,
-    /// Largest angle between a normal and the axis, radians.
+    /// Half angle of the normal cone, radians.
     pub normals_rad: f32,
-    /// Largest angle between a normal and a direction that is lit, radians.
+    /// Largest angle between a normal and a direction of emission, radians.
     pub emission_rad: f32,
 }
 
@@ -109,7 +109,7 @@ impl LightBounds {
         emission_rad: 0.0,
     };
 
-    /// Bounds of both.
+    /// Bounds of the union.
     pub fn union(&self, other: &LightBounds) -> LightBounds {
         let (axis, normals_rad) =
             union_of_cones((self.axis, self.normals_rad), (other.axis, other.normals_rad));
@@ -122,8 +122,8 @@ impl LightBounds {
         }
     }
 
-    /// Cost of a tree node with these bounds: weight times area of the box times the measure of lit directions (their equation 1 with
-    /// the regularisation for flat boxes by `longest`, the longest edge of the box that is being split).
+    /// Cost of a tree node with these bounds: weight times surface area of the box times the measure of lit directions (Conty Estevez,
+    /// Kulla 2018, equation 1), regularised for flat boxes by `longest`, the longest edge of the parent box.
     pub fn cost(&self, longest: f32, axis: usize) -> f32 {
         let e = self.bounds.extent();
         let area = 2.0 * (e.x * e.y + e.y * e.z + e.z * e.x);
@@ -131,8 +131,7 @@ impl LightBounds {
         self.weight * self.directions() * regular * area.max(longest * longest * 1e-6)
     }
 
-    /// Measure of the lit directions: the integral of the cosine over the cone that widens from the normals' by the
-    /// emission's.
+    /// Measure of the lit directions: the integral of the cosine of the angle to the normal cone.
     fn directions(&self) -> f32 {
         let (o, w) = (self.normals_rad, (self.normals_rad + self.emission_rad).min(PI));
         let (sin_o, cos_o) = poly::sin_cos(o);
@@ -141,10 +140,10 @@ impl LightBounds {
     }
 }
 
-/// The smallest cone around two, up to rounding: their axes and half angles.
+/// The smallest cone (axis, half angle) that contains two cones, up to rounding.
 fn union_of_cones(a: (Vec3, f32), b: (Vec3, f32)) -> (Vec3, f32) {
     let (a, b) = if a.1 >= b.1 { (a, b) } else { (b, a) };
-    // The common cases: all lights face down, or emit all around.
+    // The common cases: equal axes, or all directions.
     if a.1 >= PI || a.0 == b.0 {
         return a;
     }
@@ -156,7 +155,7 @@ fn union_of_cones(a: (Vec3, f32), b: (Vec3, f32)) -> (Vec3, f32) {
     if half >= PI {
         return (a.0, PI);
     }
-    // Turns a's axis towards b's.
+    // Rotates the axis of `a` towards that of `b`.
     let across = a.0.cross(b.0).cross(a.0).normalize_or_zero();
     if across == Vec3::ZERO {
         return (a.0, PI);
@@ -176,7 +175,7 @@ mod tests {
     use crate::sampling::warp;
 
     #[test]
-    fn cones_hold_what_they_were_made_of() {
+    fn union_of_cones_contains_both() {
         let mut random = Random::new(11);
         for _ in 0..20_000 {
             let mut cone = || {
@@ -193,7 +192,7 @@ mod tests {
     }
 
     #[test]
-    fn a_flat_light_sends_half_of_what_a_point_does() {
+    fn measure_of_lit_directions_is_exact() {
         let light = |normals_rad, emission_rad| LightBounds {
             bounds: Bounds3::of([Vec3::ZERO]),
             weight: 1.0,

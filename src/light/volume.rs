@@ -1,10 +1,9 @@
 //! Emissive media as lights.
 //!
-//! Points in the medium are sampled in proportion to the emission of cells, with a density per volume (Villemin, Hery 2013, "Practical
-//! Illumination from Flames"). Rays that cross the medium collect its emission all along. So that both share the MIS weights of surfaces,
-//! a point counts as one of a layer of some depth, which emits that depth times the radiance per metre: its density per solid angle is
-//! that per volume times the squared distance times the depth. Close to a reference point this density vanishes, and rays find
-//! the light alone.
+//! Points in the medium are sampled in proportion to the emission of grid cells, with a volume pdf (Villemin, Hery 2013, "Practical
+//! Illumination from Flames"). Scattered rays integrate emission along their length. To use the MIS weights of surfaces for both, a point
+//! stands for a layer of fixed depth that emits depth times radiance per metre: its solid-angle pdf is the volume pdf times the squared
+//! distance times the depth. This pdf vanishes close to the reference point, where scattered rays get all the weight.
 
 use super::{LightBounds, LightSample, LightSource};
 use crate::color::Rgb;
@@ -20,11 +19,12 @@ pub struct VolumeLight {
     /// Index of the medium.
     medium: u16,
     cells: CellDistribution,
-    /// The parallelepiped: a corner and the edges from there, metres.
+    /// Corner of the parallelepiped.
     corner: Vec3,
+    /// Edges from the corner, metres, as columns.
     edges: Mat3,
     unit_from_world: Mat3,
-    /// Densities per cubic metre over those in the unit cube.
+    /// Reciprocal of the volume, 1/m^3.
     per_volume: f32,
     /// Luminance of the radiant intensity, W/sr.
     intensity: f32,
@@ -33,8 +33,7 @@ pub struct VolumeLight {
 }
 
 impl VolumeLight {
-    /// A medium whose emission has the mean luminance `emission`, in W/(sr m^3), in each cell, x fastest; `None` if it is dark or has no
-    /// volume.
+    /// A medium with mean luminance `emission` per cell, W/(sr m^3), x fastest; `None` without emission or volume.
     pub fn new(
         medium: u16,
         (corner, edges): (Vec3, Mat3),
@@ -58,7 +57,7 @@ impl VolumeLight {
             unit_from_world: edges.inverse(),
             per_volume: 1.0 / volume,
             intensity: (sum * volume_of_cell) as f32,
-            // The edge of a cube of the volume in which most of the light starts.
+            // Edge of a cube of the effective volume of the emission.
             depth: (sum * sum / squares * volume_of_cell).cbrt() as f32,
         })
     }
@@ -69,25 +68,25 @@ impl VolumeLight {
         self.medium
     }
 
-    /// Depth of the layer for which a point stands, metres: radiance over emission per metre.
+    /// Depth of the layer for which a point stands, metres: ratio of radiance to emission per metre.
     #[inline(always)]
     pub fn depth(&self) -> f32 {
         self.depth
     }
 
-    /// The middle of its box.
-    pub fn middle(&self) -> Vec3 {
+    /// Center of the parallelepiped.
+    pub fn center(&self) -> Vec3 {
         self.corner + self.edges * Vec3::splat(0.5)
     }
 
-    /// Bytes that it takes.
+    /// Memory, bytes.
     pub fn bytes(&self) -> usize {
         size_of::<VolumeLight>() + self.cells.bytes()
     }
 }
 
 impl LightSource for VolumeLight {
-    /// The radiance is that of an emission of 1 per metre: the medium's emission at the target scales it.
+    /// The radiance is for an emission of 1 per metre, to be multiplied by the medium's emission at the target.
     fn sample(&self, _textures: &CompiledTextures, reference: Vec3, u: [f32; 2]) -> LightSample {
         let third = unit(hash32(u[0].to_bits() ^ hash32(u[1].to_bits())));
         let target = self.corner + self.edges * Vec3::from_array(self.cells.sample([u[0], u[1], third]));
@@ -136,7 +135,7 @@ mod tests {
     use super::*;
     use crate::sampling::chi2::Random;
 
-    /// A skewed box of two metres by one by three, all of whose light is in its last quarter along x.
+    /// A skewed box of 2 x 1 x 3 metres that emits only in the last quarter along x.
     fn light() -> VolumeLight {
         let edges = Mat3::from_cols(Vec3::X * 2.0, Vec3::new(0.5, 1.0, 0.0), Vec3::Z * 3.0);
         let emission = [0.0, 0.0, 0.0, 5.0, 0.0, 0.0, 0.0, 1.0];
@@ -144,8 +143,8 @@ mod tests {
     }
 
     #[test]
-    fn samples_estimate_the_emission_from_afar() {
-        // Far away the irradiance of a surface that faces the light is its intensity over the squared distance.
+    fn samples_estimate_the_intensity_from_afar() {
+        // Far away, the irradiance on a surface that faces the light is intensity over squared distance.
         let (light, mut random) = (light(), Random::new(2));
         let textures = CompiledTextures::resident(&[], &[], Vec3::ZERO);
         let reference = Vec3::new(200.0, 300.0, -400.0);
@@ -166,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_dark_or_flat_is_no_light() {
+    fn dark_or_flat_media_are_no_lights() {
         assert!(VolumeLight::new(1, (Vec3::ZERO, Mat3::IDENTITY), [2, 1, 1], &[0.0; 2]).is_none());
         let flat = Mat3::from_cols(Vec3::X, Vec3::Y, Vec3::ZERO);
         assert!(VolumeLight::new(1, (Vec3::ZERO, flat), [2, 1, 1], &[1.0; 2]).is_none());

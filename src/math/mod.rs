@@ -1,8 +1,8 @@
 //! Rays, bounds, frames, transforms and error-bounded arithmetic, on top of glam.
 //!
-//! Motion is given by keyframes at equal steps of the shutter interval. Transforms are interpolated linearly, element by element, so
-//! each point moves along straight lines between keys, like the vertices of a deforming mesh, and the union of the bounds at two
-//! keys holds an object between them. A rotation by an angle a between two keys shrinks an object by up to 1 - cos(a / 2).
+//! Motion is defined by keyframes at equal steps of the shutter interval. Transforms are interpolated linearly per element, so points move
+//! along straight lines between keys, like the vertices of a deforming mesh, and the union of the bounds at two keys contains an object
+//! between them. A rotation by an angle a between two keys shrinks an object by a fraction of up to 1 - cos(a / 2).
 
 pub use glam::{DAffine3, DMat3, DMat4, DQuat, DVec2, DVec3, DVec4, Mat3, Quat, Vec2, Vec3, Vec4};
 pub use ray::{
@@ -21,20 +21,20 @@ pub fn select(condition: bool, yes: Vec3, no: Vec3) -> Vec3 {
     Vec3::new(pick(yes.x, no.x), pick(yes.y, no.y), pick(yes.z, no.z))
 }
 
-/// Are all numbers finite? NaN and infinities have the largest exponent. Branch-free, so that the loop vectorises.
+/// Are all numbers finite? Tests for the exponent of NaN and infinities without branches, so that the loop vectorises.
 pub fn all_finite(numbers: &[f32]) -> bool {
     const EXPONENT: u32 = f32::INFINITY.to_bits();
     let is_bad = |x: &f32| u32::from(x.to_bits() & EXPONENT == EXPONENT);
     numbers.iter().fold(0, |bad, x| bad | is_bad(x)) == 0
 }
 
-/// How many are NaN or infinite.
+/// Number of NaN and infinite values.
 pub fn count_not_finite(numbers: &[f32]) -> usize {
     numbers.iter().filter(|x| !x.is_finite()).count()
 }
 
-/// Two unit vectors that complete unit `n` to a right-handed frame, without a branch on its direction
-/// (Duff et al. 2017, "Building an Orthonormal Basis, Revisited").
+/// Two unit vectors that complete the unit vector `n` to a right-handed frame, branch-free (Duff et al. 2017, "Building an Orthonormal
+/// Basis, Revisited").
 #[inline(always)]
 pub fn orthonormal_basis(n: Vec3) -> (Vec3, Vec3) {
     let sign = 1.0f32.copysign(n.z);
@@ -90,29 +90,29 @@ impl Bounds3 {
     /// The empty box.
     pub const EMPTY: Bounds3 = Bounds3 { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
 
-    /// The smallest box around some points.
+    /// The bounding box of points.
     pub fn of(points: impl IntoIterator<Item = Vec3>) -> Bounds3 {
         points.into_iter().fold(Bounds3::EMPTY, Bounds3::with)
     }
 
-    /// Grown to hold a point.
+    /// Extended to contain a point.
     #[inline(always)]
     pub fn with(self, p: Vec3) -> Bounds3 {
         Bounds3 { min: self.min.min(p), max: self.max.max(p) }
     }
 
-    /// The smallest box that holds both.
+    /// The smallest box that contains both.
     #[inline(always)]
     pub fn union(self, other: Bounds3) -> Bounds3 {
         Bounds3 { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
 
-    /// Does it hold no point?
+    /// Is the box empty?
     pub fn is_empty(&self) -> bool {
         !self.min.cmple(self.max).all()
     }
 
-    /// The centre.
+    /// The center.
     pub fn center(&self) -> Vec3 {
         self.min * 0.5 + self.max * 0.5
     }
@@ -148,10 +148,10 @@ mod frame_tests {
     }
 }
 
-/// Transforms at equal steps of time.
+/// Transform keyframes at equal time steps.
 pub type TransformKeys = Arc<[DAffine3]>;
 
-/// The key before a time in 0..1, of `keys` keys, and the interpolation weight of the next one.
+/// Index of the key before a time in 0..1, among `keys` keys at equal time steps, and the interpolation weight of the next key.
 #[inline]
 pub fn segment(keys: usize, time: f32) -> (usize, f32) {
     let steps = keys.saturating_sub(1);
@@ -169,7 +169,7 @@ pub fn transform_at(keys: &[DAffine3], time: f32) -> DAffine3 {
     mix(from, to, f64::from(share))
 }
 
-/// Linear interpolation of two transforms; exact where they are equal.
+/// Linear interpolation of two transforms; exact if they are equal.
 #[inline]
 pub fn mix(from: &DAffine3, to: &DAffine3, share: f64) -> DAffine3 {
     let (a, b) = (&from.matrix3, &to.matrix3);
@@ -183,7 +183,7 @@ pub fn mix(from: &DAffine3, to: &DAffine3, share: f64) -> DAffine3 {
     }
 }
 
-/// The angle by which one transform is turned from another, radians; of stretched ones that of the axis turned farthest.
+/// The rotation angle between two transforms, radians: the largest angle between corresponding axes.
 pub fn angle_between(from: &DAffine3, to: &DAffine3) -> f64 {
     let (a, b) = (&from.matrix3, &to.matrix3);
     let axes = [(a.x_axis, b.x_axis), (a.y_axis, b.y_axis), (a.z_axis, b.z_axis)];
@@ -195,7 +195,7 @@ mod tests {
     use super::{DVec3, *};
 
     #[test]
-    fn nan_and_infinity_are_found_wherever_they_are() {
+    fn nan_and_infinity_are_found_at_any_position() {
         for bad in [f32::NAN, -f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
             for at in 0..37 {
                 let mut list = [f32::MAX, -f32::MAX, 1e-45, -0.0].repeat(10);
@@ -208,7 +208,7 @@ mod tests {
     }
 
     #[test]
-    fn times_fall_between_their_keys() {
+    fn transforms_are_interpolated_between_keys() {
         assert_eq!(segment(2, 0.25), (0, 0.25));
         assert_eq!(segment(5, 0.25), (1, 0.0));
         assert_eq!(segment(5, 1.0), (3, 1.0));
@@ -223,8 +223,8 @@ mod tests {
     }
 
     #[test]
-    fn angles_are_those_of_the_rotation() {
-        let turned = DAffine3::from_axis_angle(DVec3::Y, 0.3) * DAffine3::from_scale(DVec3::splat(7.0));
-        assert!((angle_between(&DAffine3::IDENTITY, &turned) - 0.3).abs() < 1e-12);
+    fn angle_ignores_uniform_scale() {
+        let rotated = DAffine3::from_axis_angle(DVec3::Y, 0.3) * DAffine3::from_scale(DVec3::splat(7.0));
+        assert!((angle_between(&DAffine3::IDENTITY, &rotated) - 0.3).abs() < 1e-12);
     }
 }

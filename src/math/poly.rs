@@ -1,10 +1,10 @@
-//! Elementary functions for hot loops: branch-free, so that loops over them vectorise, and made of plain f32 additions,
-//! multiplications, divisions and square roots, so that every CPU gives the same bits (the system's libm does not).
+//! Elementary functions for hot loops: branch-free, so that loops over them vectorise, and built from f32 additions, multiplications,
+//! divisions and square roots only, so that results are bit-identical on every CPU (unlike the system's libm).
 //! Coefficients as in Moshier's Cephes library (sinf, cosf, asinf, atanf, expf, logf).
 
 use std::f32::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
 
-/// Adding and subtracting this rounds a small f32 to an integer; the low bits of the sum are that integer.
+/// 1.5 * 2^23: adding and subtracting it rounds a small f32 to an integer; the low bits of the sum are that integer.
 const ROUND: f32 = 12_582_912.0;
 
 /// Sine and cosine of `turns * 2 pi`, for |turns| < 1e5. Absolute error below 1.5e-7 for turns in 0..1.
@@ -27,7 +27,7 @@ pub fn sin_cos(angle_rad: f32) -> (f32, f32) {
     sin_cos_turns(angle_rad * (1.0 / TAU))
 }
 
-/// The arc sine's polynomial on 0..0.5.
+/// Arc sine on 0..0.5.
 #[inline(always)]
 fn asin_small(x: f32) -> f32 {
     let z = x * x;
@@ -36,7 +36,7 @@ fn asin_small(x: f32) -> f32 {
     p * z * x + x
 }
 
-/// Arc cosine; the argument is clamped to -1..1. Absolute error below 4e-7, relative near 1 as good.
+/// Arc cosine; the argument is clamped to -1..1. Absolute error below 4e-7; near 1 also the relative error.
 #[inline(always)]
 pub fn acos(x: f32) -> f32 {
     let a = x.abs();
@@ -44,7 +44,7 @@ pub fn acos(x: f32) -> f32 {
     let half = (1.0 - a) * 0.5;
     let root = if half > 0.0 { half } else { 0.0 }.sqrt();
     let s = asin_small(if large { root } else { a });
-    // acos |x|, then reflected for negative arguments.
+    // acos |x|, then reflection for negative arguments.
     let positive = if large { 2.0 * s } else { FRAC_PI_2 - s };
     if x < 0.0 { PI - positive } else { positive }
 }
@@ -92,7 +92,7 @@ pub fn exp(x: f32) -> f32 {
     let x = if x < -87.0 { -87.0 } else { x };
     let shifted = x * std::f32::consts::LOG2_E + ROUND;
     let n = shifted - ROUND;
-    // ln 2 in two parts: the first has few bits, so that n times it is exact.
+    // ln 2 as a sum of two: the first has few bits, so that the product with n is exact.
     let r = x - n * 0.693_359_4 + n * 2.121_944_4e-4;
     let p = ((((1.987_569_1e-4 * r + 1.398_199_9e-3) * r + 8.333_452e-3) * r + 4.166_579_6e-2) * r
         + 1.666_666_5e-1)

@@ -1,4 +1,4 @@
-//! Rays, hits, and ray origins that respect rounding errors (Pharr, Jakob, Humphreys 2023, section 6.8).
+//! Rays, hits, and robust ray origins (Pharr, Jakob, Humphreys 2023, "Physically Based Rendering", section 6.8).
 
 use super::Vec3;
 use bytemuck::{Pod, Zeroable};
@@ -7,22 +7,21 @@ use bytemuck::{Pod, Zeroable};
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable, PartialEq)]
 pub struct Ray {
-    /// Where the ray starts.
+    /// Origin.
     pub origin: Vec3,
-    /// Hits at or before this parameter don't count; at least 0.
+    /// Hits at or before this parameter are ignored; at least 0.
     pub t_min: f32,
-    /// The direction, of any length.
+    /// Direction, of any length.
     pub direction: Vec3,
-    /// Hits at or after this parameter don't count; may be infinite.
+    /// Hits at or after this parameter are ignored; may be infinite.
     pub t_max: f32,
-    /// The primitive that it starts on.
+    /// The primitive on which the ray starts.
     pub origin_primitive: OriginPrimitive,
 }
 
 const _: () = assert!(size_of::<Ray>() == 40);
 
-/// The primitive that a ray starts on. A triangle or quad, which is flat, can't be hit by such a ray and needs no test. (A sphere
-/// can.)
+/// The primitive on which a ray starts. If it is flat (a triangle or quad), the ray can't hit it, and the intersection test is skipped.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable, PartialEq)]
 pub struct OriginPrimitive {
@@ -36,7 +35,7 @@ impl OriginPrimitive {
     /// No primitive.
     pub const NONE: OriginPrimitive = OriginPrimitive { prim: NO_HIT, instance: 0 };
 
-    /// The primitive, where it belongs to an instance, else [`NO_HIT`].
+    /// The primitive if it belongs to `instance`, else [`NO_HIT`].
     #[inline(always)]
     pub fn prim_of(&self, instance: u32) -> u32 {
         if self.instance == instance { self.prim } else { NO_HIT }
@@ -51,13 +50,13 @@ impl From<&Hit> for OriginPrimitive {
 }
 
 impl Ray {
-    /// A ray without an end.
+    /// An infinite ray.
     #[inline(always)]
     pub fn new(origin: Vec3, direction: Vec3) -> Ray {
         Ray { origin, t_min: 0.0, direction, t_max: f32::INFINITY, origin_primitive: OriginPrimitive::NONE }
     }
 
-    /// A ray that counts hits strictly before the point `origin + direction`.
+    /// A ray that ends at `origin + direction`, exclusive.
     #[inline(always)]
     pub fn segment(origin: Vec3, direction: Vec3) -> Ray {
         Ray { t_max: 1.0, ..Ray::new(origin, direction) }
@@ -70,27 +69,27 @@ impl Ray {
     }
 }
 
-/// Primitive id of a [`Hit`] that hit nothing.
+/// Primitive id of a miss.
 pub const NO_HIT: u32 = u32::MAX;
 
 /// The nearest intersection of a ray.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable, PartialEq)]
 pub struct Hit {
-    /// Ray parameter; infinite when nothing was hit.
+    /// Ray parameter; infinite for a miss.
     pub t: f32,
-    /// First parameter on the primitive: weight of vertex 1 of a triangle, along edge 1 of a quad; 0 on spheres.
+    /// First surface parameter: barycentric weight of vertex 1 of a triangle, coordinate along edge 1 of a quad; 0 on spheres.
     pub u: f32,
-    /// Second parameter: weight of vertex 2 of a triangle, along edge 2 of a quad; 0 on spheres.
+    /// Second surface parameter: barycentric weight of vertex 2 of a triangle, coordinate along edge 2 of a quad; 0 on spheres.
     pub v: f32,
-    /// Primitive id in its kind's order (see `accel`), or [`NO_HIT`].
+    /// Primitive id (see `accel`), or [`NO_HIT`].
     pub prim: u32,
-    /// Instance id; 0 for geometry that is not instanced.
+    /// Instance id; 0 for world geometry.
     pub instance: u32,
 }
 
 impl Hit {
-    /// A ray that hit nothing.
+    /// No hit.
     pub const MISS: Hit = Hit { t: f32::INFINITY, u: 0.0, v: 0.0, prim: NO_HIT, instance: 0 };
 
     /// Did the ray hit anything?
@@ -100,16 +99,16 @@ impl Hit {
     }
 }
 
-/// Half the distance from 1 to the next f32: the largest relative error of one rounding.
+/// Unit roundoff: half the distance from 1 to the next f32, the largest relative error of one rounding.
 pub const MACHINE_EPSILON: f32 = f32::EPSILON * 0.5;
 
-/// Bound on the relative error of `n` roundings in a row (Higham 2002, lemma 3.1).
+/// Bound on the relative error of `n` successive roundings (Higham 2002, "Accuracy and Stability of Numerical Algorithms", lemma 3.1).
 #[inline(always)]
 pub const fn gamma(n: u32) -> f32 {
     (n as f32 * MACHINE_EPSILON) / (1.0 - n as f32 * MACHINE_EPSILON)
 }
 
-/// The next larger f32; zero of either sign goes to the smallest positive number.
+/// The next larger f32; for zero of either sign the smallest positive number.
 #[inline(always)]
 pub fn next_up(x: f32) -> f32 {
     x.next_up()
@@ -121,15 +120,15 @@ pub fn next_down(x: f32) -> f32 {
     x.next_down()
 }
 
-/// Moves a point off its surface along the geometric normal `n`, to the side that `w` points to, just beyond the box
-/// `p +- p_error` in which the true point lies (Pharr et al. 2023, section 6.8.6).
+/// Offsets a point along the geometric normal `n`, to the side of `w`, just outside the error box `p +- p_error` (Pharr et al. 2023,
+/// section 6.8.6).
 #[inline(always)]
 pub fn offset_ray_origin(p: Vec3, p_error: Vec3, n: Vec3, w: Vec3) -> Vec3 {
     let side = if w.dot(n) < 0.0 { -1.0 } else { 1.0 };
     offset_along(p, n * side, n.abs().dot(p_error))
 }
 
-/// Moves a point by a distance along the unit vector `n`, rounded outward.
+/// Offsets a point by a distance along the unit vector `n`, rounded outward.
 #[inline(always)]
 pub fn offset_along(p: Vec3, n: Vec3, distance: f32) -> Vec3 {
     let offset = n * distance;
@@ -141,11 +140,11 @@ pub fn offset_along(p: Vec3, n: Vec3, distance: f32) -> Vec3 {
     )
 }
 
-/// Rounds a coordinate one ulp further in the direction of its offset. Branch-free, so that loops over it vectorise.
+/// Moves a coordinate by one ulp in the direction of its offset. Branch-free, so that loops vectorise.
 #[inline(always)]
 fn push_outward(coordinate: f32, offset: f32) -> f32 {
     let bits = coordinate.to_bits() as i32;
-    // Larger in magnitude when the offset points away from zero, smaller otherwise.
+    // Larger in magnitude if the offset points away from zero, else smaller.
     let away = (bits ^ offset.to_bits() as i32) >= 0;
     let stepped = f32::from_bits((if away { bits + 1 } else { bits - 1 }) as u32);
     if offset == 0.0 || coordinate == 0.0 { coordinate } else { stepped }
@@ -156,7 +155,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn offset_leaves_the_surface_on_the_right_side() {
+    fn offset_points_to_the_side_of_the_direction() {
         for (n, w) in [(Vec3::Y, Vec3::Y), (Vec3::Y, -Vec3::Y), (Vec3::new(0.6, 0.8, 0.0), -Vec3::X)] {
             for p in [Vec3::ZERO, Vec3::splat(1e3), Vec3::new(-5.0, 1e-3, 7e5)] {
                 let o = offset_ray_origin(p, p.abs() * gamma(7) + Vec3::splat(1e-30), n, w);
@@ -166,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn push_matches_the_library_steps() {
+    fn push_outward_matches_next_up_and_down() {
         for x in [1.0f32, -1.0, 3.5e-30, -7e20] {
             assert_eq!(push_outward(x, 1e-9), x.next_up());
             assert_eq!(push_outward(x, -1e-9), x.next_down());

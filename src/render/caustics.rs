@@ -1,5 +1,4 @@
-//! Caustics by light tracing: whether paths from lights find them, and how many such paths per pass has. A trial measures what some
-//! of them contribute.
+//! Caustics by light tracing: a trial that decides whether light tracing is used, and with how many light paths.
 
 use super::options::{Caustics, RenderOptions};
 use super::progress::{Statistics, new_task_group};
@@ -11,52 +10,53 @@ use crate::sampling::ZSobolOrder;
 use crate::sampling::hash::r2_sequence;
 use rayon::prelude::*;
 
-/// Light paths of a trial.
+/// Number of light paths of a trial.
 const TRIED_PATHS: u32 = 1 << 13;
 
-/// Number of the sample that a trial takes: no picture has it.
+/// Sample index of a trial, which no picture uses.
 const TRIAL_SAMPLE: u32 = u32::MAX;
 
-/// Light paths of one task.
-const PATHS_AT_A_TIME: u32 = 1 << 7;
+/// Light paths per task.
+const PATHS_PER_TASK: u32 = 1 << 7;
 
-/// Number and edge in pixels of the squares that measure the noise of the rest of the picture, with two samples per pixel.
+/// Number of pixel squares for measuring the noise of camera paths, with two samples per pixel.
 const SQUARES: u32 = 128;
+/// Edge of these squares, pixels.
 const EDGE: u32 = 4;
 
-/// In pictures with fewer pixels, trials are smaller in proportion, down to this fraction.
+/// Number of pixels below which trials are smaller in proportion, down to the fraction [`MIN_TRIED`].
 const ALL_PIXELS: f64 = 65_536.0;
 const MIN_TRIED: f64 = 1.0 / 4.0;
 
-/// Fraction of the noisiest pixels that are left out of that.
-const LEFT_OUT: f64 = 0.01;
+/// Fraction of pixels, the noisiest ones, excluded from the noise of camera paths.
+const EXCLUDED: f64 = 0.01;
 
-/// Minimum number of pixels that are left out.
-const MIN_LEFT_OUT: usize = 12;
+/// Minimum number of excluded pixels.
+const MIN_EXCLUDED: usize = 12;
 
 /// Candidates for the number of light paths per pixel and sample.
 const SHARES: [f64; 6] = [0.0625, 0.125, 0.25, 0.5, 1.0, 2.0];
 
-/// Minimum ratio of the efficiencies with light tracing and without.
+/// Minimum ratio of the efficiency with light tracing to that without.
 const MIN_GAIN: f64 = 1.3;
 
-/// Minimum fraction of the picture's light that light paths must find.
+/// Minimum fraction of the picture's luminance from light paths.
 const MIN_LIGHT: f64 = 1e-5;
 
-/// Time of a ray of a light path with all that belongs to it, relative to a ray of a path from the camera. (Glass and metal balls in a
-/// box: 1.41 times the processor time for 1.13 times the rays.)
+/// Time per ray of a light path, including shading, relative to a ray of a camera path. (Glass and metal balls in a box: 1.41 times the
+/// processor time for 1.13 times the rays.)
 const RAY_COST: f64 = 3.0;
 
-/// Caustics by paths from lights.
+/// Light tracing of caustics.
 #[derive(Clone, Debug, Default)]
 pub(super) struct LightTracing {
-    /// Which light the paths from lights find, and how many of them there are; none where the technique is not used.
+    /// `None` if the technique is not used.
     plan: Option<CausticPlan>,
     shares: LightPathShares,
 }
 
 impl LightTracing {
-    /// Contribution of the paths from lights to error and time, relative to the others.
+    /// Squared error and time of light paths, relative to camera paths.
     pub fn light_path_shares(&self) -> LightPathShares {
         self.shares
     }
@@ -77,7 +77,7 @@ impl Technique for LightTracing {
     }
 
     fn refusal(&self) -> &'static str {
-        "caustics are not found by paths from lights"
+        "caustics are not traced from the lights"
     }
 
     fn obstacle(&self, target: &Target<'_>) -> Option<&'static str> {
@@ -85,11 +85,11 @@ impl Technique for LightTracing {
         let features = &scene.features;
         let is_moving = scene.is_moving() || view.moving.is_some();
         first_reason(&[
-            (features.scattering, "the scene has media that scatter or end where no surface is"),
+            (features.scattering, "the scene has media that scatter or have no surface"),
             (scene.materials.iter().any(|m| m.passes_straight), "the scene has thin sheets of glass"),
             (is_moving, "something moves in the scene, or the camera does"),
             (features.links, "lights of the scene are linked to some objects only"),
-            (features.ray_kinds, "objects or lights of the scene are visible to some kinds of rays only"),
+            (features.ray_kinds, "objects or lights of the scene are visible to some ray kinds only"),
             (features.holdouts || options.catchers, "the scene has holdouts or shadow catchers"),
             (
                 options.limits_paths() || options.bounces.transparent < u32::MAX && features.transparency,
@@ -110,7 +110,7 @@ impl Technique for LightTracing {
         paths.caustics = self.plan();
     }
 
-    // Splats of a pass are added before the next one begins.
+    // The splats of a pass are merged before the next pass begins.
     fn separates_passes(&self) -> bool {
         self.plan.is_some()
     }
@@ -120,15 +120,16 @@ impl Technique for LightTracing {
     }
 }
 
-/// Tries paths from lights.
+/// The trial of light tracing.
 struct LightTrial<'a>(&'a Trial<'a>);
 
-/// Measurements of paths from the camera, for one sample of each pixel.
-struct Rest {
-    /// Sum of the squared errors of luminances.
+/// Measurements of camera paths without the light that light paths sample, for one sample per pixel of the whole picture.
+struct CameraPaths {
+    /// Sum of squared errors of luminance.
     squares: f64,
     /// Sum of luminances.
     light: f64,
+    /// Number of rays.
     rays: f64,
 }
 
@@ -137,41 +138,41 @@ impl LightTrial<'_> {
         f64::from(self.0.target.view.width) * f64::from(self.0.target.view.height)
     }
 
-    /// Size of the trial for this picture, given that for large ones.
-    fn tried(&self, most: u32) -> u32 {
+    /// Size of the trial for this picture; `most` is that for large pictures.
+    fn trial_size(&self, most: u32) -> u32 {
         (f64::from(most) * (self.pixels() / ALL_PIXELS).clamp(MIN_TRIED, 1.0)) as u32
     }
 
     fn plan(&self) -> Result<Option<(CausticPlan, LightPathShares)>, Stopped> {
-        // One path per pixel, to begin with.
+        // One light path per pixel.
         let plan = CausticPlan::new(self.0.target.scene, self.0.target.options.seed, self.pixels() as u32);
         let Some(plan) = plan else { return Ok(None) };
-        let tried = self.tried(TRIED_PATHS);
+        let tried = self.trial_size(TRIED_PATHS);
         let tally = self.try_paths(&plan, tried)?;
         if tally.sum <= 0.0 {
             return Ok(None);
         }
-        let rest = self.rest(&plan)?;
+        let camera = self.measure_camera_paths(&plan)?;
         let one = scaled(tally, self.pixels() / f64::from(tried));
-        let (share, gain) = best_share(&one, &rest);
+        let (share, gain) = best_share(&one, &camera);
         let is_wanted = self.0.target.options.caustics == Caustics::On || gain >= MIN_GAIN;
         let paths = (share * self.pixels()).round().max(1.0);
-        Ok(is_wanted.then(|| (plan.with_paths(paths as u32), shares(&one, &rest, share))))
+        Ok(is_wanted.then(|| (plan.with_paths(paths as u32), shares(&one, &camera, share))))
     }
 
-    /// Traces this many light paths.
+    /// Traces `tried` light paths.
     fn try_paths(&self, plan: &CausticPlan, tried: u32) -> Result<CausticTally, Stopped> {
         let integrator = self.integrator(plan);
         let group = new_task_group();
-        let starts: Vec<u32> = (0..tried).step_by(PATHS_AT_A_TIME as usize).collect();
+        let starts: Vec<u32> = (0..tried).step_by(PATHS_PER_TASK as usize).collect();
         let tallies = starts.into_par_iter().map(|start| {
-            let paths = start..tried.min(start + PATHS_AT_A_TIME);
+            let paths = start..tried.min(start + PATHS_PER_TASK);
             self.0.run(("caustics", group), self.0.stop, |w| {
                 Some(integrator.trace_light_paths(TRIAL_SAMPLE, paths, w, &mut Vec::new()))
             })
         });
         let tallies = tallies.collect::<Result<Vec<CausticTally>, Stopped>>()?;
-        // In order, so that the sums don't depend on threads.
+        // Summed in order, independently of threads.
         Ok(tallies.into_iter().fold(CausticTally::default(), CausticTally::plus))
     }
 
@@ -185,15 +186,15 @@ impl LightTrial<'_> {
         )
     }
 
-    /// Measures the noise of the picture without the light that light paths find.
-    fn rest(&self, plan: &CausticPlan) -> Result<Rest, Stopped> {
+    /// Measures the noise of camera paths without the light that light paths sample.
+    fn measure_camera_paths(&self, plan: &CausticPlan) -> Result<CameraPaths, Stopped> {
         let integrator = self.integrator(plan);
         let (width, height) = (EDGE.min(self.0.target.view.width), EDGE.min(self.0.target.view.height));
-        let place = |fraction: u32, room: u32| ((u64::from(fraction) * u64::from(room + 1)) >> 32) as u32;
+        let scaled = |fraction: u32, range: u32| ((u64::from(fraction) * u64::from(range + 1)) >> 32) as u32;
         let group = new_task_group();
         let square = |[x, y]: [u32; 2]| {
             let (x0, y0) =
-                (place(x, self.0.target.view.width - width), place(y, self.0.target.view.height - height));
+                (scaled(x, self.0.target.view.width - width), scaled(y, self.0.target.view.height - height));
             let block = Block { x0, y0, width, height, first_sample: 0, samples: 2 };
             self.0.run(("caustics", group), self.0.stop, |w| {
                 let (mut values, before) = (Vec::new(), w.ray_counts.all);
@@ -203,22 +204,22 @@ impl LightTrial<'_> {
                 Some((values, w.ray_counts.all - before))
             })
         };
-        let places: Vec<[u32; 2]> = (0..self.tried(SQUARES)).map(r2_sequence).collect();
-        let found = places.into_par_iter().map(square).collect::<Result<Vec<_>, Stopped>>()?;
+        let positions: Vec<[u32; 2]> = (0..self.trial_size(SQUARES)).map(r2_sequence).collect();
+        let found = positions.into_par_iter().map(square).collect::<Result<Vec<_>, Stopped>>()?;
         let (mut squares, mut light, mut rays) = (Vec::new(), 0.0, 0);
         for (values, of_square) in &found {
             values.iter().for_each(|value| light += 0.5 * value);
-            // The two samples of each pixel follow each other.
+            // The two samples of a pixel are consecutive.
             squares.extend(values.as_chunks::<2>().0.iter().map(|[a, b]| 0.5 * (b - a).powi(2)));
             rays += of_square;
         }
         let count = squares.len().max(1) as f64;
         squares.sort_by(f64::total_cmp);
-        let kept = (count * (1.0 - LEFT_OUT)).ceil() as usize;
-        squares.truncate(kept.min(squares.len().saturating_sub(MIN_LEFT_OUT)));
+        let kept = (count * (1.0 - EXCLUDED)).ceil() as usize;
+        squares.truncate(kept.min(squares.len().saturating_sub(MIN_EXCLUDED)));
         let scale = self.pixels() / count;
         let rays = rays as f64 * 0.5 * scale;
-        Ok(Rest { squares: squares.iter().sum::<f64>() * scale, light: light * scale, rays })
+        Ok(CameraPaths { squares: squares.iter().sum::<f64>() * scale, light: light * scale, rays })
     }
 }
 
@@ -231,27 +232,27 @@ fn scaled(tally: CausticTally, factor: f64) -> CausticTally {
     }
 }
 
-/// The best number of light paths per pixel and sample, and the ratio of the efficiencies with them and without. `one` is the
-/// measurement for one path per pixel.
-fn best_share(one: &CausticTally, rest: &Rest) -> (f64, f64) {
-    let way = |share: f64| {
-        let error = rest.squares + one.squares / share;
-        let cost = 1.0 + shares(one, rest, share).time;
-        let gain = (rest.squares + one.squares_from_camera) / (error * cost).max(1e-300);
+/// The best number of light paths per pixel and sample, and the ratio of the efficiency with light tracing to that without. `one` is the
+/// measurement for one light path per pixel.
+fn best_share(one: &CausticTally, camera: &CameraPaths) -> (f64, f64) {
+    let candidate = |share: f64| {
+        let error = camera.squares + one.squares / share;
+        let cost = 1.0 + shares(one, camera, share).time;
+        let gain = (camera.squares + one.squares_from_camera) / (error * cost).max(1e-300);
         (share, gain, error * cost)
     };
-    let ways = SHARES.map(way);
+    let candidates = SHARES.map(candidate);
     let (share, gain, _) =
-        ways.into_iter().fold(ways[0], |best, next| if next.2 < best.2 { next } else { best });
-    let is_seen = one.sum >= MIN_LIGHT * (rest.light + one.sum);
-    (share, if is_seen { gain } else { 0.0 })
+        candidates.into_iter().fold(candidates[0], |best, next| if next.2 < best.2 { next } else { best });
+    let is_visible = one.sum >= MIN_LIGHT * (camera.light + one.sum);
+    (share, if is_visible { gain } else { 0.0 })
 }
 
-/// Contribution of a number of light paths per pixel and sample to error and time, relative to the paths from the camera.
-fn shares(one: &CausticTally, rest: &Rest, share: f64) -> LightPathShares {
+/// Squared error and time of `share` light paths per pixel and sample, relative to camera paths.
+fn shares(one: &CausticTally, camera: &CameraPaths, share: f64) -> LightPathShares {
     LightPathShares {
-        error: one.squares / share / rest.squares.max(1e-300),
-        time: share * RAY_COST * one.rays as f64 / rest.rays.max(1.0),
+        error: one.squares / share / camera.squares.max(1e-300),
+        time: share * RAY_COST * one.rays as f64 / camera.rays.max(1.0),
     }
 }
 
@@ -265,9 +266,9 @@ mod tests {
     use std::path::Path;
     use std::sync::atomic::{AtomicU32, Ordering};
 
-    /// Runs a trial that is stopped after this many calls of `stop`: the number of calls, whether the trial was finished, and the
-    /// number of paths of its plan.
-    fn tried(calls_before: u32, threads: usize) -> (u32, bool, Option<u32>) {
+    /// Runs a trial that is stopped after `calls_before` calls of `stop`; returns the number of calls, whether the trial was finished, and
+    /// the number of light paths of the plan.
+    fn run_trial(calls_before: u32, threads: usize) -> (u32, bool, Option<u32>) {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/cornell-spheres.toml");
         let scene = crate::load::load(&path, &Default::default()).expect("the scene loads").scene;
         let (compiled, _) = compile(&scene, &CompileOptions::default()).expect("it is valid");
@@ -290,18 +291,18 @@ mod tests {
     }
 
     #[test]
-    fn a_trial_ends_when_it_is_stopped() {
-        let (asked, is_done, plan) = tried(u32::MAX, 3);
+    fn stopped_trials_end_soon() {
+        let (calls, is_done, plan) = run_trial(u32::MAX, 3);
         assert!(is_done && plan.is_some());
-        // Of all its parts, each of which asks twice, one thread begins one more.
-        let (asked_then, is_done, plan) = tried(5, 1);
+        // Each task calls `stop` twice; one thread begins one more task.
+        let (calls_then, is_done, plan) = run_trial(5, 1);
         assert!(!is_done && plan.is_none());
-        assert!(asked_then < 8 && asked > 60, "{asked_then} of {asked}");
+        assert!(calls_then < 8 && calls > 60, "{calls_then} of {calls}");
     }
 
     #[test]
     fn threads_do_not_change_the_trial() {
-        let of_one = tried(u32::MAX, 1);
-        assert_eq!([tried(u32::MAX, 3), tried(u32::MAX, 40)], [of_one; 2]);
+        let of_one = run_trial(u32::MAX, 1);
+        assert_eq!([run_trial(u32::MAX, 3), run_trial(u32::MAX, 40)], [of_one; 2]);
     }
 }

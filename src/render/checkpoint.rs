@@ -1,4 +1,4 @@
-//! Checkpoints and partial renders: the identity of a picture, the file of a rendering's sums, and resuming from it.
+//! Checkpoints and partial renders: the identity of a picture, writing the film's sums, and resuming.
 
 use super::options::ResolvedOptions;
 use super::path_strategy::{PathStrategy, StrategyTrials};
@@ -19,20 +19,20 @@ use std::mem::take;
 use std::path::Path;
 use std::time::Duration;
 
-// The identity of a picture, by names and values: pictures with equal identities are equal to the bit.
+// The identity of a picture: names and values. Pictures with equal identities are bit-identical.
 
-/// Changes when the same scene and options give another picture.
+/// Changes whenever the same scene and options result in a different picture.
 const PICTURES: &str = concat!(env!("CARGO_PKG_VERSION"), ", pictures 3");
 
-/// The identity of the picture of a scene by resolved options: everything in the scene, and all options that change pixels.
-/// The scene is afterwards as it was.
+/// The identity of the picture of a scene with resolved options: fingerprints of the whole scene and of all options that affect pixels.
+/// The scene is restored afterwards.
 ///
 /// # Errors
 /// An input error for a scene without a camera.
 pub fn identity(scene: &mut Scene, resolved: &ResolvedOptions) -> Result<Identity> {
     let camera = of_debug(resolved.camera(scene)?);
     let mut rest = take(scene);
-    // Large data is hashed by its bytes, all else by its `Debug` text, which leaves no field out.
+    // Large data is hashed by its bytes, all else by its `Debug` text, which includes every field.
     let (meshes, images, backdrop) =
         (take(&mut rest.meshes), take(&mut rest.images), take(&mut rest.backdrop));
     let (name, cameras, settings) = (take(&mut rest.name), take(&mut rest.cameras), take(&mut rest.settings));
@@ -76,7 +76,7 @@ pub fn identity(scene: &mut Scene, resolved: &ResolvedOptions) -> Result<Identit
     Ok(prints.into_iter().chain(options(resolved)).collect())
 }
 
-/// The settings that pixels depend on.
+/// The settings that pixels depend on, as entries of the identity.
 fn options(resolved: &ResolvedOptions) -> impl Iterator<Item = (String, String)> {
     let options = resolved.options;
     let planned = options.samples.max(options.planned);
@@ -100,7 +100,7 @@ fn options(resolved: &ResolvedOptions) -> impl Iterator<Item = (String, String)>
     entries.map(|(name, value)| (name.to_string(), value))
 }
 
-/// Adds an image, without its name.
+/// Adds an image to a fingerprint, without its name.
 fn with_image(sum: Fingerprint, image: &Image) -> Fingerprint {
     let sum = [image.width, image.height, image.channels].into_iter().fold(sum, |sum, n| sum.with(n.into()));
     let sum = sum.with_fingerprint(of_debug(&image.encoding));
@@ -118,19 +118,19 @@ fn with_image(sum: Fingerprint, image: &Image) -> Fingerprint {
 
 /// The fingerprint of the `Debug` text of a value.
 fn of_debug(value: &impl Debug) -> Fingerprint {
-    let mut sum = Printed { sum: Fingerprint::START, pending: Vec::new() };
-    // It can't fail: writing to it doesn't.
+    let mut sum = FingerprintWriter { sum: Fingerprint::START, pending: Vec::new() };
+    // `write_str` never fails.
     let _ = write!(sum, "{value:?}");
     sum.sum.with_all(&sum.pending)
 }
 
-/// Computes the fingerprint of text written in pieces.
-struct Printed {
+/// Computes the fingerprint of text written to it.
+struct FingerprintWriter {
     sum: Fingerprint,
     pending: Vec<u8>,
 }
 
-impl Write for Printed {
+impl Write for FingerprintWriter {
     fn write_str(&mut self, text: &str) -> fmt::Result {
         const PIECE: usize = 1 << 12;
         self.pending.extend_from_slice(text.as_bytes());
@@ -144,11 +144,11 @@ impl Write for Printed {
 
 // Writing the sums of a rendering, and resuming from them.
 
-/// Options that a rendering may be continued from to others of.
+/// Options that may change when a rendering is resumed.
 const MAY_DIFFER: [&str; 1] = ["samples"];
 
 impl Rendering {
-    /// Finishes passes even when it is cancelled or late, so that the film is one that can be continued from.
+    /// Finishes passes even when cancelled or past the time limit, so that the film can be resumed from.
     #[must_use]
     pub fn with_whole_passes(mut self) -> Rendering {
         self.schedule = self.schedule.with_whole_passes();
@@ -156,18 +156,18 @@ impl Rendering {
         self
     }
 
-    /// Can the film be continued from as it is? Its samples are whole blocks then.
+    /// Are the samples so far whole blocks, so that the film can be resumed from?
     pub fn is_between_blocks(&self) -> bool {
         self.schedule.next_sample().is_multiple_of(SAMPLE_BLOCK)
     }
 
-    /// Does the next pass end within a block, as the last one may?
+    /// Does the next pass end within a block? Only the last one may.
     pub fn ends_within_block(&self) -> bool {
-        let end = self.options.taken().end;
+        let end = self.options.samples_to_render().end;
         end - self.schedule.next_sample() < SAMPLE_BLOCK && !end.is_multiple_of(SAMPLE_BLOCK)
     }
 
-    /// Writes the sums so far: a part of the picture, or a checkpoint for [`Rendering::go_on`]. Atomic.
+    /// Writes the sums so far, as a part of the picture or a checkpoint for [`Rendering::go_on`]. Atomic.
     ///
     /// # Errors
     /// An output error.
@@ -179,8 +179,8 @@ impl Rendering {
         backdrop: Option<&Backdrop>,
     ) -> Result<()> {
         if self.options.is_part() {
-            // Tiles may have reached beyond the region.
-            self.film.count_invalid(self.schedule.next_sample() - self.options.taken().start);
+            // Tiles may extend beyond the region.
+            self.film.count_invalid(self.schedule.next_sample() - self.options.samples_to_render().start);
         }
         let statistics = self.statistics();
         let warnings = self.techniques.warnings(&self.target()).into_iter().map(|w| w.to_string());
@@ -205,7 +205,7 @@ impl Rendering {
             height: self.options.height,
             samples: self.options.samples,
             region: self.options.pixels(),
-            first_sample: self.options.taken().start,
+            first_sample: self.options.samples_to_render().start,
             end_sample: self.schedule.next_sample(),
             way: Some(Way {
                 branches: self.techniques.strategy.now().branches(),
@@ -236,10 +236,10 @@ impl Rendering {
         }
     }
 
-    /// Goes on from what [`Rendering::write_part`] wrote for the same picture, perhaps with fewer samples.
+    /// Resumes from a file of [`Rendering::write_part`] for the same picture, perhaps with fewer samples.
     ///
     /// # Errors
-    /// An input error that says what is different there.
+    /// An input error that names the differences between the pictures.
     pub fn go_on(&mut self, file: &Path, part: PartFile, identity: &Identity) -> Result<()> {
         let PartFile { header, film, further, .. } = part;
         let of = |identity: &Identity| -> Identity {
@@ -247,32 +247,33 @@ impl Rendering {
             identity.iter().filter(counts).map(|(name, value)| (name.clone(), value.clone())).collect()
         };
         let mut different = differences(&of(identity), &of(&header.identity));
-        let taken = self.options.taken();
-        if header.region != self.options.pixels() || header.first_sample != taken.start {
-            different.push("it is another part of the picture".to_string());
+        let samples = self.options.samples_to_render();
+        if header.region != self.options.pixels() || header.first_sample != samples.start {
+            different.push("it has another region or range of samples".to_string());
         }
         if different.is_empty() && header.channels != self.channels() {
-            different.push("its channels are others".to_string());
+            different.push("it has other channels".to_string());
         }
         if !different.is_empty() {
             let message = format!("is of another picture: {}", different.join("; "));
-            return Err(Error::input(file, message).with_help("delete it to begin anew"));
+            return Err(Error::input(file, message).with_help("delete it to start again"));
         }
-        if header.end_sample > taken.end {
+        if header.end_sample > samples.end {
             let message =
-                format!("has {} samples per pixel already, more than {}", header.end_sample, taken.end);
-            return Err(Error::input(file, message).with_help("ask for as many or more"));
+                format!("has {} samples per pixel already, more than {}", header.end_sample, samples.end);
+            return Err(Error::input(file, message).with_help("give at least as many samples"));
         }
-        let way = header.way.as_ref().and_then(strategy).filter(|_| header.end_sample > taken.start);
-        if let Some(strategy) = way {
+        let used_strategy =
+            header.way.as_ref().and_then(strategy).filter(|_| header.end_sample > samples.start);
+        if let Some(strategy) = used_strategy {
             self.techniques.strategy = StrategyTrials::decided(strategy);
         }
         self.film = film;
         let Effort { wall_s, cpu_s, paths, rays } = header.effort;
         let duration = |s: f64| Duration::try_from_secs_f64(s).unwrap_or_default();
         self.spent = Spent { wall: duration(wall_s), cpu: duration(cpu_s) };
-        self.schedule.go_on_from(header.end_sample, self.spent.wall);
-        self.progress.go_on_from(paths, rays);
+        self.schedule.resume_at(header.end_sample, self.spent.wall);
+        self.progress.resume_at(paths, rays);
         if let Some(noise) = &mut self.noise {
             noise.restore(&further, self.film.width() as usize * self.film.height() as usize);
         }
@@ -280,7 +281,7 @@ impl Rendering {
     }
 }
 
-/// The strategy that a file names.
+/// The path strategy stored in a file.
 fn strategy(way: &Way) -> Option<PathStrategy> {
     match &way.shared {
         Some(shape) => shape.parse().ok().map(PathStrategy::Shared),
@@ -313,7 +314,7 @@ mod tests {
     }
 
     #[test]
-    fn whatever_changes_is_named() {
+    fn differences_of_identities_are_named() {
         let same = |_: &mut RequestedOptions| {};
         let (mut before, mut after) = (scene(), scene());
         let ours = of(&mut before, same);
@@ -340,7 +341,7 @@ mod tests {
     }
 
     #[test]
-    fn from_257_samples_on_their_number_does_not_matter() {
+    fn sample_pattern_is_independent_of_the_count_above_256() {
         let with = |samples| {
             of(&mut scene(), |requested: &mut RequestedOptions| requested.settings.samples = Some(samples))
         };

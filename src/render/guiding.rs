@@ -1,8 +1,8 @@
-//! Path guiding: training before the first pass, by samples of the whole picture that are discarded. So a guide depends on the scene,
-//! the view and the options alone, and partial renders are guided alike.
+//! Path guiding: training before the first pass, by samples of the whole picture that are discarded. So a guide depends only on the scene,
+//! the view and the options, and all parts of a picture use the same guide.
 //!
-//! The noise of the radiance that diffuse vertices find decides whether training pays: some paths measure it first, and the first
-//! training passes show whether it falls. (Where direct light or mirrors cause the noise, guides can't lower it.)
+//! Automatic guiding is decided by the noise of incident radiance at diffuse vertices: some probe paths measure it first, and the first
+//! training passes must lower it. (Guides can't lower noise by direct light or mirrors.)
 
 use super::options::{Guiding, RenderOptions};
 use super::progress::{Statistics, divided, new_task_group};
@@ -19,61 +19,65 @@ use rayon::prelude::*;
 /// Fraction of the planned samples spent on training.
 const SHARE: f64 = 0.2;
 
-/// Sizes of the training passes, in parts: each is guided by the results of the earlier ones.
+/// Sizes of the training passes, in parts; each pass is guided by the results of the earlier ones.
 const PASSES: [u64; 5] = [1, 1, 2, 4, 8];
+/// Sum of [`PASSES`].
 const PARTS: u64 = 16;
 
-/// The first test whether training may pay takes one part over this number; fewest paths of the test.
+/// The probe before training takes one part divided by this number.
 const PROBE: u64 = 4;
+/// Minimum number of paths of the probe.
 const MIN_PROBE: u64 = 1 << 10;
 
-/// Minimum noise of the radiance that diffuse vertices find (see [`Finds`]) for training.
+/// Minimum noise of incident radiance (see [`IncidentNoise`]) for automatic training.
 ///
 /// Among fifty scenes at 128 x 128 pixels with 64 samples, five had 4 or more: rooms lit through a gap of a door, a slit and a window (1000,
-/// 330 and 6 to 12), which guided are 4.3, 3.1 and 1.3 times as efficient (learning included), and two with caustics (43 and 10), which don't
-/// gain. The others, with 3 or less, are guided .64 to .88 times as efficient.
+/// 330 and 6 to 12), which with guiding are 4.3, 3.1 and 1.3 times as efficient (including training), and two with caustics (43 and 10),
+/// which don't gain. The others, with 3 or less, are 0.64 to 0.88 times as efficient.
 const MIN_NOISE: f64 = 4.0;
 
-/// Largest ratio of the noise of a training pass to that of the first one. Of the rooms it was .06 to .6 and .05 to
-/// .54, of one with glossy walls .77 and .42, of the scenes with caustics .4 to 2 and .45 to .8.
-const MAX_LEFT: [f64; PASSES.len()] = [f64::INFINITY, 0.9, 0.5, f64::INFINITY, f64::INFINITY];
+/// Maximum ratio of the noise of a training pass to that of the first one, for continuing. It was 0.06 to 0.6 and 0.05 to 0.54 in the
+/// rooms, 0.77 and 0.42 in one with glossy walls, 0.4 to 2 and 0.45 to 0.8 in the scenes with caustics.
+const MAX_NOISE_RATIO: [f64; PASSES.len()] = [f64::INFINITY, 0.9, 0.5, f64::INFINITY, f64::INFINITY];
 
-/// Parts after which a guide is accepted.
-const PROVEN: u32 = 4;
+/// Number of parts after which a guide is accepted.
+const MIN_PARTS: u32 = 4;
 
-/// Fraction of the picture's mean luminance that bounds the scale of noise from below.
+/// Lower bound of the luminance that scales noise, as a fraction of the picture's mean luminance.
 const MIN_LUMINANCE: f64 = 0.2;
 
-/// Maximum number of pixels of the whole image, of which a part may be rendered, for automatic training, which takes 12 bytes per pixel.
+/// Maximum number of pixels of the whole picture for automatic training, which needs 12 bytes per pixel.
 const MAX_PIXELS: f64 = (1u64 << 27) as f64;
 
-/// Samples per pixel assumed where a noise level ends rendering and guiding is automatic.
+/// Samples per pixel assumed for automatic guiding with a noise threshold.
 const PLANNED_BY_NOISE: u32 = 64;
 
-/// Minimum number of paths of a part where guiding is requested, and maximum number of paths of a part.
+/// Minimum number of paths of a part if guiding is requested.
 const MIN_PART: u64 = 1 << 9;
+/// Maximum number of paths of a part.
 const MAX_PART: u64 = 1 << 18;
 
-/// Aim for the final number of training samples per cell.
+/// Target for the final number of training samples per cell.
 const SAMPLES_OF_CELL: f64 = 2000.0;
 
 /// Fraction of a time limit after which training ends.
 const SHARE_OF_TIME: f64 = 0.1;
 
-/// Blocks of a step, spread over the picture. The first step decides the size of cells.
+/// Blocks of a step, spread over the picture. The first step determines the cell size.
 const BLOCKS: usize = 16;
 
-/// Bound on the vertices of most paths, and bytes of a training sample while cells are updated.
+/// Bound on the number of vertices of most paths, for the memory estimate.
 const MAX_VERTICES: u32 = 64;
+/// Bytes of a training sample while cells are updated.
 const CELL_SAMPLE_BYTES: usize = 24;
 
-/// Separates the random numbers of training from those of pictures with the same seed.
+/// Decorrelates training from pictures with the same seed.
 const SEED: u32 = 0x7c15_9e37;
 
-/// The number of the part that tests whether training may pay.
+/// Part number of the probe.
 const OF_PROBE: u32 = u32::MAX;
 
-/// Guided paths.
+/// Path guiding.
 #[derive(Clone, Debug, Default)]
 pub(super) struct PathGuiding {
     guide: Option<Guide>,
@@ -100,14 +104,14 @@ impl Technique for PathGuiding {
             (scene.shading.spectral, "paths carry wavelengths"),
             (!scene.materials.iter().any(|m| is_diffuse(m.class)), "no surface of the scene is diffuse"),
             (options.max_depth < 2, "there is no indirect light with so few bounces"),
-            (part(options) < least_part(options), "there are too few samples to learn from"),
+            (part(options) < least_part(options), "there are too few samples for training"),
         ])
     }
 
     fn failure(&self, options: &RenderOptions) -> Option<&'static str> {
         let reason = match options.time_limit {
             None => "no path found a diffuse surface",
-            Some(_) => "no path found a diffuse surface in the time there was to learn",
+            Some(_) => "no path found a diffuse surface in the time for training",
         };
         (self.is_trained && self.guide.is_none()).then_some(reason)
     }
@@ -127,26 +131,26 @@ impl Technique for PathGuiding {
     }
 }
 
-/// Memory limit of training, bytes.
+/// Upper bound of the memory of training, bytes.
 pub fn guiding_bytes(options: &RenderOptions) -> u64 {
     if options.guiding == Guiding::Off || part(options) < least_part(options) {
         return 0;
     }
     let pixels = u64::from(options.width) * u64::from(options.height);
-    // Those of the current update, and those traced at the same time.
+    // Paths of the current update, and paths traced at the same time.
     let paths = part(options).min((2 * steps_at_once() * BLOCKS * WAVE) as u64);
     let vertices = paths * u64::from(options.max_depth.min(MAX_VERTICES));
-    // Samples of each pixel, and what vertices found.
+    // Sample counts of pixels, and training samples.
     pixels * 12 + vertices * (size_of::<TrainingSample>() + CELL_SAMPLE_BYTES) as u64
 }
 
-/// Steps whose blocks are traced at the same time: at least twice as many blocks as threads, so that few threads wait.
+/// Number of steps whose blocks are traced concurrently: at least two blocks per thread, so that few threads idle.
 fn steps_at_once() -> usize {
     (2 * rayon::current_num_threads()).div_ceil(BLOCKS)
 }
 
-/// Paths of a part of training. (It depends on the number of samples only as their arrangement does, since rendering may be continued
-/// with more.)
+/// Number of paths of a part of training. Depends on the number of samples only as the sample pattern does, since rendering may be resumed
+/// with more samples.
 fn part(options: &RenderOptions) -> u64 {
     let most = match options.noise {
         Some(_) if options.guiding == Guiding::Auto => PLANNED_BY_NOISE,
@@ -170,7 +174,7 @@ fn least_part(options: &RenderOptions) -> u64 {
 struct Training<'a>(&'a Trial<'a>);
 
 impl Training<'_> {
-    /// A guide; none if paths found no diffuse surface, or if it doesn't pay.
+    /// Trains a guide; `None` if no path hits a diffuse surface, or if guiding isn't worthwhile.
     fn train(&self) -> Result<Option<Guide>, Stopped> {
         let mut state =
             TrainingState { is_proven: self.0.target.options.guiding == Guiding::On, ..Default::default() };
@@ -181,50 +185,50 @@ impl Training<'_> {
             .time_limit
             .map(|limit| self.0.stopwatch.wall() + limit.mul_f64(SHARE_OF_TIME));
         let is_late = || ends.is_some_and(|end| self.0.stopwatch.wall() > end);
-        let learned = self.take_passes(&mut state, &|| is_late() || (self.0.stop)());
-        // A time limit ends training, but keeps its results.
-        if learned.is_err() && (self.0.stop)() { Err(Stopped) } else { Ok(state.proven_guide()) }
+        let trained = self.train_passes(&mut state, &|| is_late() || (self.0.stop)());
+        // Training that is ended by the time limit keeps its results.
+        if trained.is_err() && (self.0.stop)() { Err(Stopped) } else { Ok(state.proven_guide()) }
     }
 
-    fn take_passes(
+    fn train_passes(
         &self,
         state: &mut TrainingState,
         stop: &(dyn Fn() -> bool + Sync),
     ) -> Result<(), Stopped> {
-        if !state.is_proven && !self.may_pay(stop)? {
+        if !state.is_proven && !self.is_noisy(stop)? {
             return Ok(());
         }
         let (mut number, mut noise_of_first) = (0, None);
-        for (parts, most_left) in PASSES.into_iter().zip(MAX_LEFT) {
+        for (parts, max_ratio) in PASSES.into_iter().zip(MAX_NOISE_RATIO) {
             let guide = state.guide().unwrap_or_else(Guide::blank);
-            state.finds = Finds::default();
+            state.noise = IncidentNoise::default();
             for _ in 0..parts {
-                self.take_part(&guide, number, part(self.0.target.options), state, stop)?;
+                self.train_part(&guide, number, part(self.0.target.options), state, stop)?;
                 number += 1;
             }
-            let noise = state.finds.noise();
+            let noise = state.noise.per_sample();
             if self.0.target.options.guiding == Guiding::Auto {
-                let left = noise / *noise_of_first.get_or_insert(noise);
+                let ratio = noise / *noise_of_first.get_or_insert(noise);
                 // False for NaN.
-                let goes_on = left <= most_left;
-                if !goes_on {
+                let continues = ratio <= max_ratio;
+                if !continues {
                     return Ok(());
                 }
-                state.is_proven = number >= PROVEN;
+                state.is_proven = number >= MIN_PARTS;
             }
         }
         Ok(())
     }
 
-    /// Is the radiance that diffuse vertices find so noisy that a guide may pay?
-    fn may_pay(&self, stop: &(dyn Fn() -> bool + Sync)) -> Result<bool, Stopped> {
+    /// The probe: is incident radiance at diffuse vertices so noisy that guiding may be worthwhile?
+    fn is_noisy(&self, stop: &(dyn Fn() -> bool + Sync)) -> Result<bool, Stopped> {
         let mut state = TrainingState::default();
-        self.take_part(&Guide::blank(), OF_PROBE, part(self.0.target.options) / PROBE, &mut state, stop)?;
-        Ok(state.finds.noise() >= MIN_NOISE)
+        self.train_part(&Guide::blank(), OF_PROBE, part(self.0.target.options) / PROBE, &mut state, stop)?;
+        Ok(state.noise.per_sample() >= MIN_NOISE)
     }
 
-    /// Trains with this many paths.
-    fn take_part(
+    /// Trains with `paths` paths.
+    fn train_part(
         &self,
         guide: &Guide,
         number: u32,
@@ -251,7 +255,7 @@ impl Training<'_> {
             of_all.into_par_iter().map(one).collect()
         };
         let mut learn = |first: usize, mut found: Vec<BlockSamples>| {
-            // In the order of steps, at any number of threads.
+            // In the order of steps, independently of threads.
             for step in first..(first + at_once).min(steps) {
                 let of_step = found.drain(..blocks[step..].iter().step_by(steps).len()).collect();
                 state.learn(of_step, PARTS * steps as u64);
@@ -259,7 +263,7 @@ impl Training<'_> {
         };
         let mut traced: Option<(usize, Vec<BlockSamples>)> = None;
         for first in (0..steps).step_by(at_once) {
-            // Updates cells by the previous steps while other threads trace.
+            // Updates cells with the previous steps while other threads trace.
             let last = traced.take();
             let (found, ()) = rayon::join(
                 || trace(first),
@@ -278,7 +282,7 @@ impl Training<'_> {
     }
 }
 
-/// Squares of the picture with about one wave of paths each.
+/// Divides the picture into square blocks of about one wave of paths each.
 fn blocks(width: u32, height: u32, per_pixel: f64) -> Vec<Block> {
     let edge = ((WAVE as f64 / per_pixel).sqrt() as u32).clamp(8, 1024);
     let rows = (0..height).step_by(edge as usize);
@@ -297,17 +301,18 @@ fn blocks(width: u32, height: u32, per_pixel: f64) -> Vec<Block> {
 #[derive(Default)]
 struct TrainingState {
     cells: Option<TrainedCells>,
-    /// Sum of the luminances of the samples, and their number.
+    /// Sum of the luminances of the samples.
     luminance: f64,
+    /// Number of samples.
     samples: u64,
-    /// Noise of the radiance found in a pass.
-    finds: Finds,
-    /// Does the guide pay, or was it requested?
+    /// Noise of incident radiance in the current pass.
+    noise: IncidentNoise,
+    /// Is guiding worthwhile, or requested?
     is_proven: bool,
 }
 
 impl TrainingState {
-    /// Updates the cells by one of `of` steps: its blocks in order, in parallel over the cells. The first step decides the size of cells.
+    /// Updates the cells with the blocks, in order, of one of `of` steps. The first step determines the cell size.
     fn learn(&mut self, found: Vec<BlockSamples>, of: u64) {
         divided("learning", || self.learn_from(&found, of));
     }
@@ -316,7 +321,7 @@ impl TrainingState {
         self.luminance += found.iter().map(|l| l.luminance).sum::<f64>();
         self.samples += found.iter().map(|l| l.samples).sum::<u64>();
         let mean = self.luminance / self.samples.max(1) as f64;
-        found.iter().for_each(|l| self.finds.add(l, mean));
+        found.iter().for_each(|l| self.noise.add(l, mean));
         if self.cells.is_none() {
             let all: Vec<TrainingSample> = found.iter().flat_map(|l| &l.training_samples).copied().collect();
             let total = all.len() as f64 * of as f64;
@@ -326,34 +331,34 @@ impl TrainingState {
         let grid = cells.grid;
         let cell_samples: Vec<CellSamples> =
             found.par_iter().map(|l| grid.cell_samples(&l.training_samples)).collect();
-        let shares = cells.shares.par_iter_mut().enumerate();
-        shares.for_each(|(k, share)| {
-            cell_samples.iter().for_each(|cell_samples| share.learn(&cell_samples[k]))
+        let shards = cells.shards.par_iter_mut().enumerate();
+        shards.for_each(|(k, shard)| {
+            cell_samples.iter().for_each(|cell_samples| shard.learn(&cell_samples[k]))
         });
     }
 
-    /// The guide, if it pays.
+    /// The guide, if it is accepted.
     fn proven_guide(&self) -> Option<Guide> {
         self.guide().filter(|_| self.is_proven)
     }
 
-    /// The guide; none if no path found a diffuse surface.
+    /// The guide; `None` if no path has hit a diffuse surface.
     fn guide(&self) -> Option<Guide> {
         let mean = self.luminance / self.samples.max(1) as f64;
         self.cells.as_ref().map(|cells| Guide::new(cells, mean))
     }
 }
 
-/// Noise of the radiance that diffuse vertices find: the squared luminance that a vertex contributed to its sample, over the squared mean
-/// of the samples around. Sums over samples.
+/// Noise of incident radiance at diffuse vertices: squared contribution of a vertex to its sample's luminance, over the squared mean
+/// luminance of the block; summed over samples.
 #[derive(Clone, Copy, Debug, Default)]
-struct Finds {
+struct IncidentNoise {
     squares: f64,
     samples: f64,
 }
 
-impl Finds {
-    /// Adds a block of paths of a picture with this mean luminance.
+impl IncidentNoise {
+    /// Adds a block of training paths; `mean` is the mean luminance of the picture.
     fn add(&mut self, found: &BlockSamples, mean: f64) {
         let samples = found.samples as f64;
         let around = found.luminance / samples.max(1.0);
@@ -362,8 +367,8 @@ impl Finds {
         self.samples += samples;
     }
 
-    /// The mean per sample.
-    fn noise(&self) -> f64 {
+    /// Mean per sample.
+    fn per_sample(&self) -> f64 {
         self.squares / self.samples.max(1.0)
     }
 }

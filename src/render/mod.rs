@@ -1,12 +1,12 @@
-//! Rendering: from a scene to a picture, at once or pass by pass; progress, stopping.
+//! Rendering: from a scene to a picture, at once or pass by pass; progress and cancellation.
 //!
-//! The picture is made in passes of a few samples per pixel. In a pass, threads take tiles in any order and merge each into
-//! the film when it is done; tiles share no pixels, and the tiles of a later pass wait for those of the earlier one where
-//! they lie, so every pixel's sum has one order at any number of threads. Passes overlap unless the picture is needed
-//! between them: by a time limit, an estimate of the noise or light paths.
+//! A picture is rendered in passes of a few samples per pixel. In a pass, threads render tiles in any order and merge each into the film;
+//! tiles don't overlap, and a tile of a later pass is merged after the earlier pass's tiles at its pixels, so that the order of every
+//! pixel's sum is independent of threads. Passes overlap unless the film must be complete between them: for a time limit, a noise
+//! threshold or light tracing.
 //!
-//! A rendering may take a part of a picture (`schedule.rs`), be written to a file and resumed (`checkpoint.rs`): its film's sums
-//! are exact, and the technique that the first pass decides on is part of the file.
+//! A rendering may cover a part of a picture (`schedule.rs`), and be saved and resumed (`checkpoint.rs`): the film's sums are exact, and
+//! the technique chosen in the first pass is stored in the file.
 
 mod caustics;
 mod checkpoint;

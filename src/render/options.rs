@@ -1,6 +1,5 @@
-//! Render settings: one [table](render_settings) of all, and the types of those that are choices.
-//!
-//! Resolves options: from a user's choices, the scene's settings and the defaults.
+//! Render settings: one [table](render_settings) of all, the enums among their types, and the resolution of options from the user's
+//! choices, the scene's settings and the defaults.
 
 use crate::color::ViewTransform;
 use crate::compile::{Tree, choose_camera};
@@ -15,86 +14,84 @@ use crate::scene::{
 use std::str::FromStr;
 use std::time::Duration;
 
-/// Whether neighbouring pixels share the paths that they find. Pictures have the same mean either way; sharing takes noise
-/// of indirect light out of pixels, but not out of averages over more pixels than a group has.
+/// Path reuse between neighbouring pixels. The mean of the picture doesn't depend on it; reuse lowers the noise of indirect light in
+/// pixels, but not in averages over more pixels than a group has.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum PathReuse {
-    /// Where the picture gains by it, as trials on some squares of the first pass with two samples or more show (among the first
-    /// eight samples, and in pictures of some 200 x 200 pixels or more).
+    /// If it lowers the noise, by trials on some squares of the first pass with two samples or more (within the first eight samples, and
+    /// in pictures of some 200 x 200 pixels or more).
     #[default]
     Auto,
     /// Never.
     Off,
-    /// Everywhere, in groups of this shape.
+    /// Always, in groups of this shape.
     Groups(GroupShape),
 }
 
-/// Whether several paths continue from the first surface of each sample, which lowers the noise of what follows for less than
-/// more samples would.
+/// Path splitting: several paths continue from the first surface of each sample, which lowers the noise of later bounces at less cost
+/// than more samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Splitting {
-    /// As many as the picture gains most by, as trials on some squares of the first pass show, where it gains more than by sharing
-    /// paths: see [`PathReuse::Auto`].
+    /// The most efficient number of branches, by trials on some squares of the first pass, if that is more efficient than path reuse: see
+    /// [`PathReuse::Auto`].
     #[default]
     Auto,
-    /// A number of branches: 2, 4, 8 or 16, and then paths are not shared; or 1.
+    /// A number of branches: 1, or 2, 4, 8 or 16, which excludes path reuse.
     Into(u32),
 }
 
 impl Splitting {
-    /// One path from each sample.
+    /// A single path per sample.
     pub const OFF: Splitting = Splitting::Into(1);
 
-    /// Maximum number of paths.
+    /// Maximum number of branches.
     pub const MAX: u32 = 16;
 }
 
-/// Whether caustics are found by paths from lights: light that smooth glass, mirrors or polished metal send from lights to diffuse surfaces,
-/// and these to others, up to one that the camera sees directly. Pictures have the same mean either way, but for lights without a size (points,
-/// spots, suns without an angle): only this finds what they send through smooth glass and by mirrors.
+/// Light tracing of caustics: light via smooth glass, mirrors or polished metal to diffuse surfaces, and from these to others, up to one
+/// that is directly visible. The mean of the picture doesn't depend on it, except for lights without a size (points, spots, suns without
+/// an angle), whose light via smooth glass and mirrors nothing else samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Caustics {
-    /// Where the picture gains by it, as a trial of some paths from lights shows before the first pass, or where nothing else finds the
-    /// light. Not in scenes with media that scatter or with thin sheets of glass, where something moves, where things are
-    /// visible to some kinds of rays only, and with holdouts or shadow catchers.
+    /// If it lowers the noise, by a trial of some light paths before the first pass, or if nothing else samples the light. Not in scenes
+    /// with scattering media, thin sheets of glass, motion, objects or lights visible to some ray kinds only, holdouts or shadow catchers.
     #[default]
     Auto,
-    /// Wherever that is possible.
+    /// Wherever possible.
     On,
     /// Never.
     Off,
 }
 
-/// Whether paths are guided to where light came from, at diffuse surfaces, and ended where little is expected of them. Some paths
-/// learn that before the first pass, for a fifth of the work that is planned. Pictures have the same mean either way.
+/// Path guiding at diffuse surfaces, with Russian roulette by expected contribution. Training before the first pass takes a fifth of the
+/// planned samples. The mean of the picture doesn't depend on it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Guiding {
-    /// Where what diffuse surfaces receive from others is noisy, and what was learned makes it less so, as a trial of some paths shows before (a
-    /// three-hundredth of the work that is planned, and more where it is noisy).
+    /// If indirect light at diffuse surfaces is noisy and training lowers the noise, by a trial before the first pass (a three-hundredth
+    /// of the planned samples, more if it is noisy).
     #[default]
     Auto,
-    /// Where there are diffuse surfaces and samples enough to learn.
+    /// If there are diffuse surfaces and enough samples for training.
     On,
     /// Never.
     Off,
 }
 
-/// How good the tree over a scene's triangles is, which rays walk. Pictures don't depend on it; full trees make rays faster
-/// and take longer to build.
+/// Build quality of the BVH over a scene's triangles. Pictures don't depend on it; a full build takes longer and makes rays faster.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum BvhQuality {
-    /// Fast where fewer camera rays will be traced than four for each of 130,000 triangles or more, else full. (With a time
-    /// limit, of which nobody knows how many samples it allows, a million camera rays per second are counted at most.)
+    /// Fast for 130,000 triangles or more and fewer than four camera rays per triangle, else full. (With a time limit, at most a million
+    /// camera rays per second are assumed.)
     #[default]
     Auto,
-    /// The tree that is built soon.
+    /// Fast build.
     Fast,
-    /// The best tree.
+    /// Best tree.
     Full,
 }
 
@@ -102,14 +99,14 @@ pub enum BvhQuality {
 ///
 /// `"help", unit, "default" => name: type = default, identity, source; extra documentation`
 ///
-/// where `identity` says how the samples of a picture depend on it (`named`: an entry of its own in the
-/// [identity](super::identity) of checkpoints and parts; `separate`: `checkpoint.rs` writes its entry; `hashed`: one fingerprint
-/// for all of these; `free`: they don't depend on it), and `source` who sets it (`scene(field)`: the user, else that field of
-/// the scene's [`Settings`](crate::scene::Settings); `user`; `internal`: no method of [`Renderer`](super::Renderer)).
+/// where `identity` is how the setting enters the [identity](super::identity) of checkpoints and parts (`named`: an entry of its own;
+/// `separate`: an entry written by `checkpoint.rs`; `hashed`: a common fingerprint of all of these; `free`: samples don't depend on it),
+/// and `source` is who sets it (`scene(field)`: the user, else that field of the scene's [`Settings`](crate::scene::Settings); `user`;
+/// `internal`: no method of [`Renderer`](super::Renderer)).
 ///
-/// From it come [`RenderOptions`] with its defaults and setters, the methods of [`Renderer`](super::Renderer), the merge of a
-/// user's choices with the scene's, the help of the command line ([`setting_help`]; the command line has its own where that names
-/// other options) and the identity.
+/// The table generates [`RenderOptions`] with defaults and setters, the methods of [`Renderer`](super::Renderer), the merge of the
+/// user's choices with the scene's, the help of the command line ([`setting_help`]; except where that names other options) and the
+/// identity.
 macro_rules! render_settings {
     ($callback:ident) => {
         $callback! {
@@ -119,8 +116,8 @@ macro_rules! render_settings {
                 height: u32 = 720, separate, internal;
             "Samples per pixel", "128" => samples: u32 = 128, named("samples"), scene(samples);
             "Arrange the sample pattern for N samples per pixel, so that a render of up to 256 can be resumed to N later", "" =>
-                /// How samples are arranged over the picture depends on how many are planned, up to 256; from 257 on, any
-                /// number may be resumed to any other. 0: no more than `samples`.
+                /// The sample pattern depends on this number up to 256; above, any number may be resumed to any other. 0: the
+                /// number of `samples`.
                 planned: u32 = 0, separate, internal;
             "Render only the samples A to B (exclusive) of each pixel, in blocks of eight, into a .part file", "" =>
                 /// In blocks of [`SAMPLE_BLOCK`](super::SAMPLE_BLOCK).
@@ -136,7 +133,7 @@ macro_rules! render_settings {
                 clamp: Clamp = Clamp::NONE, hashed, scene(clamp);
             "Glossy filter, as Cycles' Filter Glossy: roughen what paths hit after a rough bounce, which blurs caustics; 0 is off, 1 is Cycles' default", "0" =>
                 filter_glossy: f32 = 0.0, hashed, scene(filter_glossy);
-            "Caustics to leave out, as where Cycles' Reflective or Refractive Caustics are off", "none" =>
+            "Caustics to disable, as in Cycles without Reflective or Refractive Caustics", "none" =>
                 skip_caustics: SkippedCaustics = SkippedCaustics::NONE, hashed, scene(skip_caustics);
             "Reconstruction filter", "blackman-harris" =>
                 filter: Filter = Filter::default(), named("the filter"), scene(filter);
@@ -154,9 +151,8 @@ macro_rules! render_settings {
             "What shadow catchers show", "" =>
                 caught: CatcherOutput = CatcherOutput::default(), hashed, internal;
             "With a transparent background, also make smooth glass in front of it transparent; its reflections stay", "" =>
-                /// A sample whose path passes from the camera through smooth surfaces only, by transmission, and leaves the
-                /// scene there doesn't show the environment, and its alpha is 1 less the mean of the path's throughput over
-                /// the three channels. Reflections stay opaque.
+                /// A sample whose path escapes after smooth transmission only doesn't show the environment, and its alpha is 1
+                /// minus the mean of the path's throughput over the channels. Reflections stay opaque.
                 transparent_glass: bool = false, hashed, user;
             "Keep the colour of the first half of each pixel's samples separate, as denoising needs", "" =>
                 /// See [`Film::halves`](crate::film::Film::halves).
@@ -175,8 +171,8 @@ macro_rules! render_settings {
                 /// At most `samples`.
                 least_samples: u32 = 0, free, internal;
             "Noise threshold: stop when the estimated relative error of the image is below this, or after the maximum of samples", "" =>
-                /// As a fraction: the root of the mean over pixels and colours of `(x - r)^2 / (r^2 + 0.01)`, where `x` is the
-                /// picture and `r` what it would be with all samples there are.
+                /// As a fraction: the root of the mean over pixels and channels of `(x - r)^2 / (r^2 + 0.01)`, with the picture
+                /// `x` and the converged picture `r`.
                 noise: Option<f32> = None, free, internal [into];
             "Time limit of rendering, seconds; the image so far is written", "" =>
                 /// The number of samples then depends on the machine.
@@ -193,7 +189,7 @@ macro_rules! parameter {
 }
 pub(super) use parameter;
 
-/// An entry of the identity, of settings that have one of their own.
+/// The identity entry of a `named` setting.
 macro_rules! identity_entry {
     ($entries:ident, $value:expr, named, $entry:literal) => {
         $entries.push(($entry, format!("{:?}", $value)))
@@ -201,7 +197,7 @@ macro_rules! identity_entry {
     ($($other:tt)*) => {};
 }
 
-/// Copies a setting that the fingerprint of the identity covers.
+/// Copies a `hashed` setting.
 macro_rules! copy_if_hashed {
     ($to:ident, $from:ident, $name:ident, hashed) => {
         $to.$name = $from.$name
@@ -209,7 +205,7 @@ macro_rules! copy_if_hashed {
     ($($other:tt)*) => {};
 }
 
-/// Takes a setting from those of a scene.
+/// Copies a setting from a scene's, if set there.
 macro_rules! take_from_scene {
     ($options:ident, $settings:ident, $name:ident, scene, $field:ident) => {
         $options.$name = $settings.$field.unwrap_or($options.$name)
@@ -222,7 +218,7 @@ macro_rules! define_render_options {
         $help:literal, $shown:literal => $(#[$more:meta])* $name:ident: $type:ty = $default:expr,
         $identity:ident $(($entry:literal))?, $source:ident $(($field:ident))? $([$into:ident])?;
     )*) => {
-        /// All render settings of a picture. [`Renderer`](super::Renderer) makes them from a user's choices, the scene's, and
+        /// All render settings of a picture. [`Renderer`](super::Renderer) resolves them from the user's choices, the scene's, and
         /// the defaults.
         ///
         /// ```
@@ -257,21 +253,21 @@ macro_rules! define_render_options {
                 }
             )*
 
-            /// These, where a scene says nothing else.
+            /// Overridden by the settings of a scene.
             #[must_use]
             pub(super) fn with_settings(mut self, settings: &Settings) -> RenderOptions {
                 $( take_from_scene!(self, settings, $name, $source $(, $field)?); )*
                 self
             }
 
-            /// The entries of the identity that hold a single setting.
+            /// The identity entries of `named` settings.
             pub(super) fn identity_entries(&self) -> Vec<(&'static str, String)> {
                 let mut entries = Vec::new();
                 $( identity_entry!(entries, self.$name, $identity $(, $entry)?); )*
                 entries
             }
 
-            /// The settings that one fingerprint of the identity covers; the others have their defaults.
+            /// The `hashed` settings; the others have their defaults.
             pub(super) fn hashed(&self) -> RenderOptions {
                 let mut hashed = RenderOptions::default();
                 $( copy_if_hashed!(hashed, self, $name, $identity); )*
@@ -285,7 +281,7 @@ macro_rules! define_render_options {
 }
 render_settings!(define_render_options);
 
-/// The help text of a setting of [`RenderOptions`], with its default; empty if there is none of this name.
+/// The help text of a setting of [`RenderOptions`], with its default; empty for unknown names.
 #[doc(hidden)]
 pub fn setting_help(name: &str) -> String {
     let found = SETTINGS.iter().find(|(own, ..)| *own == name);
@@ -302,7 +298,7 @@ impl RenderOptions {
         RenderOptions { width, height, ..self }
     }
 
-    /// Are bounces limited by kind, is light clamped, are glossy surfaces filtered, or caustics left out?
+    /// Is any of bounce limits by kind, clamping, glossy filter or disabled caustics in use?
     pub(super) fn limits_paths(&self) -> bool {
         self.bounces.limit_scattering()
             || self.clamp != Clamp::NONE
@@ -339,13 +335,13 @@ impl FromStr for Splitting {
             ("auto", _) => Ok(Splitting::Auto),
             ("off", _) => Ok(Splitting::OFF),
             (_, Ok(branches @ (1 | 2 | 4 | 8 | Splitting::MAX))) => Ok(Splitting::Into(branches)),
-            _ => Err(Error::usage(format!("'{text}' is no way to split paths"))
+            _ => Err(Error::usage(format!("'{text}' is not a number of paths for splitting"))
                 .with_help("give auto, off, 2, 4, 8 or 16")),
         }
     }
 }
 
-/// Reads an enum from words of the command line.
+/// Parses enums from command-line words.
 macro_rules! from_words {
     ($($type:ident: $($word:literal => $value:ident),*;)*) => {$(
         impl FromStr for $type {
@@ -370,30 +366,30 @@ from_words! {
 }
 
 const DEFAULT_ASPECT: f64 = 16.0 / 9.0;
-/// Maximum number of pixels of a picture, of which parts may be rendered alone. Memory is another limit, which the machine knows.
+/// Maximum number of pixels of a whole picture.
 const PIXEL_LIMIT: u64 = u32::MAX as u64;
 
-/// A user's choices. The scene decides the others, else the defaults of [`RenderOptions`].
+/// A user's choices; others are taken from the scene, else from the defaults of [`RenderOptions`].
 #[doc(hidden)]
 #[derive(Clone, Debug, Default)]
 pub struct RequestedOptions {
-    /// Settings that scenes have, too: these override the scene's.
+    /// Settings that override the scene's.
     pub settings: Settings,
     /// Name or index of a camera; by default the first.
     pub camera: Option<String>,
     /// Quality of the BVH.
     pub tree: BvhQuality,
-    /// All other settings. Those that scenes have are defaults.
+    /// Settings that scenes don't have; the rest are defaults.
     pub options: RenderOptions,
 }
 
-/// Everything about a picture that is decided before it is made.
+/// All options of a picture, resolved before rendering.
 #[doc(hidden)]
 #[derive(Clone, Debug)]
 pub struct ResolvedOptions {
-    /// How to render.
+    /// Render settings.
     pub options: RenderOptions,
-    /// Models that all materials share.
+    /// Shading models common to all materials.
     pub shading: ShadingModel,
     /// Quality of the BVH.
     pub tree: BvhQuality,
@@ -403,7 +399,7 @@ pub struct ResolvedOptions {
     pub display: DisplaySettings,
 }
 
-/// Settings of display-referred pictures: PNG and other formats that are no EXR.
+/// Settings of display-referred pictures: PNG and other formats except EXR.
 #[doc(hidden)]
 #[derive(Clone, Debug, Default)]
 pub struct DisplaySettings {
@@ -411,12 +407,12 @@ pub struct DisplaySettings {
     pub exposure: f32,
     /// View transform.
     pub view: ViewTransform,
-    /// White balance: colour temperature that looks white, kelvin.
+    /// White balance: colour temperature that is displayed as white, kelvin.
     pub white_balance: Option<f32>,
 }
 
 impl RequestedOptions {
-    /// Settles everything for a scene.
+    /// Resolves the options for a scene.
     ///
     /// # Errors
     /// A usage error for a camera that the scene doesn't have and for a picture with too many pixels.
@@ -441,7 +437,7 @@ impl RequestedOptions {
         })
     }
 
-    /// Finds a size that is too large for any scene, before one is loaded.
+    /// Checks a given size before a scene is loaded.
     ///
     /// # Errors
     /// A usage error.
@@ -454,14 +450,14 @@ impl RequestedOptions {
 
     fn picture_size(&self, scene: &Scene, camera: usize) -> Result<(u32, u32)> {
         let (chosen, from_scene) = (&self.settings, &scene.settings);
-        let seen_by = scene.cameras.get(camera);
-        let of_camera = seen_by.and_then(|c| c.aspect_ratio).filter(|a| *a > 0.0 && a.is_finite());
-        // In pixels.
+        let camera = scene.cameras.get(camera);
+        let of_camera = camera.and_then(|c| c.aspect_ratio).filter(|a| *a > 0.0 && a.is_finite());
+        // Ratio of width to height in pixels.
         let aspect = match (from_scene.width, from_scene.height) {
             (Some(w), Some(h)) => f64::from(w) / f64::from(h),
-            _ => of_camera.unwrap_or(DEFAULT_ASPECT) / seen_by.map_or(1.0, |c| c.pixel_aspect),
+            _ => of_camera.unwrap_or(DEFAULT_ASPECT) / camera.map_or(1.0, |c| c.pixel_aspect),
         };
-        // One dimension that is chosen makes the scene's other one meaningless: the aspect ratio stays.
+        // If only one dimension is chosen, the other follows from the aspect ratio, not from the scene.
         let size = match (chosen.width, chosen.height) {
             (None, None) => (from_scene.width, from_scene.height),
             size => size,
@@ -481,21 +477,21 @@ impl RequestedOptions {
     }
 }
 
-/// The AOVs that settings name.
+/// The AOVs named by settings.
 fn aovs_of(settings: &Settings) -> Result<AovSet> {
     let all = |name: &str| (name == ALL_AOVS).then(AovSet::all);
     let set = |name: &String| all(name).map_or_else(|| name.parse::<Aov>().map(AovSet::from), Ok);
     settings.aovs.iter().flatten().try_fold(AovSet::NONE, |sum, name| Ok(sum.union(set(name)?)))
 }
 
-/// The name of all AOVs in lists of them.
+/// The name for all AOVs in lists.
 pub const ALL_AOVS: &str = "all";
 
 /// Assumed camera rays per second under a time limit: about the speed of two cores in simple scenes.
 const RAYS_A_SECOND: f64 = 1e6;
 
 impl ResolvedOptions {
-    /// The choice of the BVH's quality, if `pictures` pictures share it.
+    /// The build quality of the BVH for rendering `pictures` pictures.
     pub fn tree(&self, pictures: u64) -> Tree {
         let RenderOptions { width, height, samples, time_limit, .. } = self.options;
         let rays = u64::from(width) * u64::from(height) * u64::from(samples);
@@ -507,7 +503,7 @@ impl ResolvedOptions {
         }
     }
 
-    /// The camera in the scene that this was settled for.
+    /// The camera in the scene for which options were resolved.
     ///
     /// # Errors
     /// An input error for a scene without a camera.
@@ -529,7 +525,7 @@ fn find_camera(scene: &Scene, wanted: &str) -> Result<usize> {
 
 fn check_pixels(width: u32, height: u32) -> Result<()> {
     if width == 0 || height == 0 {
-        return Err(Error::usage(format!("a picture of {width} x {height} pixels has none")));
+        return Err(Error::usage(format!("a picture of {width} x {height} pixels is empty")));
     }
     if u64::from(width) * u64::from(height) > PIXEL_LIMIT {
         let message = format!("{width} x {height} pixels are more than the {PIXEL_LIMIT} possible");

@@ -1,7 +1,6 @@
-//! Passes: threads take tiles and merge them into the film.
+//! Passes: threads render tiles and merge them into the film.
 //!
-//! Passes between which nothing has to look at the picture overlap: a thread that finds no tile of a pass left continues with the next
-//! pass.
+//! Passes overlap unless the film must be complete between them: a thread without a tile left in a pass continues with the next pass.
 
 use super::picture::Labels;
 use super::progress::{Listener, Progress, Stopwatch, divided, new_task_group, task};
@@ -19,21 +18,21 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, OnceLock};
 
 thread_local! {
-    /// A merged tile whose memory the next tile reuses.
+    /// A merged tile, whose memory the next tile reuses.
     static SPARE: Cell<Option<FilmTile>> = const { Cell::new(None) };
 }
 
-/// Minimum number of paths from lights between two additions of splats: enough that threads hardly wait for the last ones.
+/// Minimum number of light paths between two merges of splats: enough that threads hardly wait for the last paths.
 const PATHS_PER_SPLATTING: u32 = 1 << 19;
 
-/// A pass, as all threads share it.
+/// A pass, shared by all threads.
 #[derive(Clone)]
 pub(super) struct PassWork<'a> {
     pub target: Target<'a>,
     pub labels: &'a Labels,
     pub filter: &'a FilterSampler,
     pub pass: Pass,
-    /// Its index among the passes for which the film is shared.
+    /// Index of the pass among the overlapping passes.
     pub number: usize,
     pub layout: &'a Arc<Layout>,
     pub film: &'a SharedFilm,
@@ -44,17 +43,17 @@ pub(super) struct PassWork<'a> {
     pub stop: &'a (dyn Fn() -> bool + Sync),
 }
 
-/// Renders consecutive passes, the first one with its trials and its paths from lights, until `is_due` asks to begin no more. Returns
-/// how many were begun, and false if it was stopped.
-pub(super) fn take_all(works: &[PassWork<'_>], is_due: &(dyn Fn() -> bool + Sync)) -> (usize, bool) {
+/// Renders consecutive passes, the first with trials and light paths; begins no further pass once `is_due` returns true. Returns the number
+/// of passes begun, and false if stopped.
+pub(super) fn render_all(works: &[PassWork<'_>], is_due: &(dyn Fn() -> bool + Sync)) -> (usize, bool) {
     let first = &works[0];
-    let take = || {
+    let render = || {
         let Some(tried) = first.techniques.try_in_pass(first) else { return (1, false) };
-        take_passes(works, &tried, is_due)
+        render_passes(works, &tried, is_due)
     };
-    // Threads that find no path from a light left continue with tiles.
-    let (is_lit, (begun, is_done)) = rayon::join(|| first.trace_light_paths(), take);
-    (begun, is_lit && is_done)
+    // Threads without light paths left continue with tiles.
+    let (are_light_paths_done, (begun, is_done)) = rayon::join(|| first.trace_light_paths(), render);
+    (begun, are_light_paths_done && is_done)
 }
 
 /// A pass with its tiles.
@@ -62,13 +61,17 @@ struct Planned<'a> {
     work: &'a PassWork<'a>,
     tracer: Tracer<'a>,
     blocks: Vec<Block>,
-    /// Whether the pass is begun, once that is decided.
+    /// Whether the pass is begun, once decided.
     begins: OnceLock<bool>,
 }
 
-/// Renders the tiles of consecutive passes, except the squares that trials have rendered in the first one. Before each pass but the first, `is_due` may ask to
-/// begin no more. Returns how many were begun, and whether all of their tiles were rendered: otherwise rendering was stopped.
-fn take_passes(works: &[PassWork<'_>], tried: &[Block], is_due: &(dyn Fn() -> bool + Sync)) -> (usize, bool) {
+/// Renders the tiles of consecutive passes, except the squares of the first pass that trials have rendered. Begins no further pass once
+/// `is_due` returns true. Returns the number of passes begun, and whether all of their tiles were rendered; else rendering was stopped.
+fn render_passes(
+    works: &[PassWork<'_>],
+    tried: &[Block],
+    is_due: &(dyn Fn() -> bool + Sync),
+) -> (usize, bool) {
     let plan = |work| Planned::new(work, if work.number == 0 { tried } else { &[] });
     let passes: Vec<Planned<'_>> = works.iter().map(plan).collect();
     let count = |sum: &mut usize, pass: &Planned<'_>| {
@@ -77,7 +80,7 @@ fn take_passes(works: &[PassWork<'_>], tried: &[Block], is_due: &(dyn Fn() -> bo
     };
     let ends: Vec<usize> = passes.iter().scan(0, count).collect();
     let (next, is_done) = (AtomicUsize::new(0), AtomicBool::new(true));
-    let take_some = || {
+    let render_tiles = || {
         loop {
             let tile = next.fetch_add(1, Ordering::Relaxed);
             let pass = ends.partition_point(|end| *end <= tile);
@@ -87,18 +90,18 @@ fn take_passes(works: &[PassWork<'_>], tried: &[Block], is_due: &(dyn Fn() -> bo
             let Planned { work, tracer, blocks, .. } = &passes[pass];
             let block = &blocks[tile + blocks.len() - ends[pass]];
             // No early exit: after a stop, each remaining tile costs one call of `stop`.
-            let is_taken = task("tiles", work.pass.first_sample, || work.take(tracer, block, None));
-            if !is_taken {
+            let is_rendered = task("tiles", work.pass.first_sample, || work.render_tile(tracer, block, None));
+            if !is_rendered {
                 is_done.store(false, Ordering::Relaxed);
             }
         }
     };
-    rayon::scope(|scope| (0..rayon::current_num_threads()).for_each(|_| scope.spawn(|_| take_some())));
+    rayon::scope(|scope| (0..rayon::current_num_threads()).for_each(|_| scope.spawn(|_| render_tiles())));
     let begun = passes.iter().filter(|pass| pass.begins.get() == Some(&true)).count();
     (begun, is_done.into_inner())
 }
 
-/// Is the last of these passes begun? The first thread to ask decides.
+/// Is the last of these passes begun? Decided by the first thread that calls this.
 fn begins(passes: &[Planned<'_>], is_due: &(dyn Fn() -> bool + Sync)) -> bool {
     let Some((last, before)) = passes.split_last() else { return true };
     *last.begins.get_or_init(|| begins(before, is_due) && !is_due())
@@ -110,24 +113,23 @@ impl<'a> Planned<'a> {
         work.techniques.configure_pass(work.pass, work.target.options, &mut paths);
         let tracer = work.tracer(paths);
         let mut blocks = work.blocks(&tracer, tried);
-        // Column by column, so that tiles rendered at the same time lie in different bands of the film.
+        // Column by column, so that concurrent tiles are in different bands of the film.
         blocks.sort_by_key(|block| (block.x0, block.y0));
-        // The first pass is always begun, even where trials leave it no tile.
+        // The first pass is always begun, even if trials have rendered all tiles.
         let begins = if work.number == 0 { OnceLock::from(true) } else { OnceLock::new() };
         Planned { work, tracer, blocks, begins }
     }
 }
 
 impl<'a> PassWork<'a> {
-    /// The tiles outside the squares that trials have rendered.
+    /// The tiles of the pass outside the squares `tried`.
     fn blocks(&self, tracer: &Tracer<'_>, tried: &[Block]) -> Vec<Block> {
         let blocks = without(tracer.tiles.blocks(self.target.view, self.pass), tried);
         let region = self.target.options.pixels();
         blocks.iter().filter_map(|b| within(&region, b, tracer.shares_paths)).collect()
     }
 
-    /// Traces the paths from lights of the pass, if there are any. False if it was stopped: samples whose paths were not all traced get
-    /// none of them.
+    /// Traces the light paths of the pass, if any. False if stopped: splats are merged for whole groups of samples only.
     pub fn trace_light_paths(&self) -> bool {
         let Some(plan) = self.techniques.caustics() else { return true };
         let tracer = self.tracer(self.paths());
@@ -145,7 +147,7 @@ impl<'a> PassWork<'a> {
                     .map(|&(sample, start)| self.trace_wave(&tracer, plan, sample, start))
                     .collect()
             };
-            // Adds the previous splats while other threads trace.
+            // Merges the previous splats while other threads trace.
             let last = traced.take();
             let (splats, ()) = rayon::join(trace, || self.add_splats(last, starts.len()));
             let Some(splats) = splats else { return false };
@@ -155,7 +157,7 @@ impl<'a> PassWork<'a> {
         true
     }
 
-    /// Traces a wave of the paths from lights of a sample; `None` if it was stopped.
+    /// Traces a wave of light paths of a sample; `None` if stopped.
     fn trace_wave(
         &self,
         tracer: &Tracer<'_>,
@@ -179,7 +181,7 @@ impl<'a> PassWork<'a> {
         })
     }
 
-    /// Adds the splats of consecutive samples from the given first one on, by waves; a sample has `waves` of them.
+    /// Adds splats to the film: the first sample, and the splats of consecutive samples by wave, `waves` per sample.
     fn add_splats(&self, traced: Option<(u32, Vec<Vec<Splat>>)>, waves: usize) {
         let Some((first, splats)) = traced else { return };
         divided("splats", || {
@@ -194,7 +196,7 @@ impl<'a> PassWork<'a> {
         self.of_first_half(&pixel) > 0
     }
 
-    /// Options of the paths of the picture, with those of the techniques.
+    /// Integrator options of the picture, configured by the techniques.
     fn paths(&self) -> IntegratorOptions<'a> {
         let options = self.target.options;
         let mut paths = IntegratorOptions {
@@ -216,28 +218,28 @@ impl<'a> PassWork<'a> {
         Tracer { integrator: Integrator::new(scene, view, paths), tiles, shares_paths }
     }
 
-    /// Renders a tile into the film. False if it was stopped.
-    fn take(&self, tracer: &Tracer<'_>, block: &Block, tally: Option<&mut BlockTally>) -> bool {
-        self.fill(tracer, block, tally).map(|taken| self.keep(taken)).is_some()
+    /// Renders a tile into the film. False if stopped.
+    fn render_tile(&self, tracer: &Tracer<'_>, block: &Block, tally: Option<&mut BlockTally>) -> bool {
+        self.trace_tile(tracer, block, tally).map(|tile| self.merge(tile)).is_some()
     }
 
-    /// Adds a tile to the film.
-    fn keep(&self, RenderedTile { tile, block, paths, rays }: RenderedTile) {
+    /// Merges a tile into the film.
+    fn merge(&self, RenderedTile { tile, block, paths, rays }: RenderedTile) {
         SPARE.set(self.film.merge(self.number, tile));
         let pixels = self.film.pixels_within(block.x0, block.y0, block.width, block.height);
-        // Samples of a trial outside the region don't count.
+        // Excludes samples of trials outside the region.
         let paths = paths * pixels / (u64::from(block.width) * u64::from(block.height)).max(1);
         self.progress.add(paths, rays, self.stopwatch.wall(), self.listener);
     }
 
-    /// How many of the samples of a block's pixels belong to the first half. They come first.
+    /// Number of samples per pixel of a block that belong to the first half. They come first.
     fn of_first_half(&self, block: &Block) -> u64 {
         let rule = self.target.options.halving();
         u64::from(rule.of_first_half(block.first_sample, block.samples))
     }
 
-    /// Traces a block into a tile of its own; `None` if it was stopped.
-    fn fill(
+    /// Traces a block into a separate tile; `None` if stopped.
+    fn trace_tile(
         &self,
         tracer: &Tracer<'_>,
         block: &Block,
@@ -290,7 +292,7 @@ fn add_all(tile: &mut FilmTile, sample: &PathSample<'_>, is_of_first_half: bool)
     tile.add_with_parts(pixel, rgb, alpha, first_hit, parts, is_of_first_half);
 }
 
-/// A rendered tile, and the paths and rays that it took.
+/// A rendered tile, with the numbers of its paths and rays.
 struct RenderedTile {
     tile: FilmTile,
     block: Block,
@@ -302,7 +304,7 @@ struct RenderedTile {
 struct Tracer<'a> {
     integrator: Integrator<'a>,
     tiles: Tiles,
-    /// Pixels of a tile share paths.
+    /// Is path reuse in use?
     shares_paths: bool,
 }
 
@@ -327,24 +329,24 @@ impl PassTrial for PassWork<'_> {
         let group = new_task_group();
         let try_block = |block: &Block| {
             let mut tally = BlockTally::new(block);
-            let taken = task("trials", group, || self.fill(&tracer, block, Some(&mut tally)))?;
-            self.progress.add(0, taken.rays, self.stopwatch.wall(), self.listener);
-            Some((tally, RenderedTile { rays: 0, ..taken }))
+            let tile = task("trials", group, || self.trace_tile(&tracer, block, Some(&mut tally)))?;
+            self.progress.add(0, tile.rays, self.stopwatch.wall(), self.listener);
+            Some((tally, RenderedTile { rays: 0, ..tile }))
         };
         let blocks: Vec<Option<(BlockTally, RenderedTile)>> = blocks.par_iter().map(try_block).collect();
-        // In order, so that the sum does not depend on threads.
+        // Summed in order, independently of threads.
         let sum = |sum: Errors, block: &Option<(BlockTally, RenderedTile)>| {
             Some(sum.plus(block.as_ref()?.0.errors()))
         };
         let start = Errors { light_paths: self.techniques.light_path_shares(), ..Errors::default() };
         let errors = blocks.iter().try_fold(start, sum);
         let tiles: Vec<RenderedTile> = blocks.into_iter().flatten().map(|(_, tile)| tile).collect();
-        let add_to_film = move || tiles.into_par_iter().for_each(|tile| self.keep(tile));
+        let add_to_film = move || tiles.into_par_iter().for_each(|tile| self.merge(tile));
         RenderedSquares { errors, add_to_film: Box::new(add_to_film) }
     }
 }
 
-/// The tiles outside squares.
+/// The tiles outside `squares`.
 fn without(mut tiles: Vec<Block>, squares: &[Block]) -> Vec<Block> {
     let covered: HashSet<_> = squares.iter().map(|s| (s.x0 / EDGE, s.y0 / EDGE)).collect();
     let is_in_square = |t: &Block| t.x0 % EDGE + t.width <= EDGE && t.y0 % EDGE + t.height <= EDGE;

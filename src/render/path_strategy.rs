@@ -1,5 +1,5 @@
-//! How the samples of a pass trace their paths: each alone, split at the first surface, or shared between pixels. Trials on some
-//! squares of the first pass decide.
+//! Path strategies: plain, path splitting at the first surface, or path reuse between pixels. Trials on some squares of the first pass
+//! select one.
 
 use super::options::{PathReuse, RenderOptions, Splitting};
 use super::progress::Statistics;
@@ -15,23 +15,23 @@ use crate::sampling::hash::r2_sequence;
 use std::collections::HashSet;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// How samples trace their paths.
+/// A path strategy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum PathStrategy {
-    /// Each sample alone, with this many paths from its first surface on.
+    /// Independent samples, split into branches at the first surface.
     Alone {
-        /// A power of two.
+        /// Number of branches, a power of two; 1 without splitting.
         branches: u32,
     },
-    /// Shared in groups of pixels.
+    /// Path reuse in groups of pixels.
     Shared(GroupShape),
 }
 
 impl PathStrategy {
-    /// Each path alone.
+    /// No splitting and no reuse.
     pub const PLAIN: PathStrategy = PathStrategy::Alone { branches: 1 };
 
-    /// In which groups pixels share paths, if they do.
+    /// The groups of path reuse, if in use.
     pub fn shape(self) -> Option<GroupShape> {
         match self {
             PathStrategy::Alone { .. } => None,
@@ -39,7 +39,7 @@ impl PathStrategy {
         }
     }
 
-    /// Paths that continue from the first surface of each sample.
+    /// Number of branches per sample.
     pub fn branches(self) -> u32 {
         match self {
             PathStrategy::Alone { branches } => branches,
@@ -47,7 +47,7 @@ impl PathStrategy {
         }
     }
 
-    /// Adds to the options of the paths of a pass.
+    /// Configures the integrator for a pass.
     pub fn configure(self, pass: Pass, options: &RenderOptions, paths: &mut IntegratorOptions<'_>) {
         paths.branches = self.branches();
         paths.reuse = self.shape().map(|shape| Tiling::new(shape, pass.first_sample));
@@ -58,11 +58,11 @@ impl PathStrategy {
     }
 }
 
-/// Path sharing or splitting, which trials within the first pass decide on.
+/// Path reuse or splitting, selected by trials in the first pass.
 #[derive(Debug)]
 pub(super) struct StrategyTrials(Mutex<Choice>);
 
-/// A strategy, and the strategies that trials may still replace it by.
+/// The current strategy, and whether trials may still replace it.
 #[derive(Clone, Copy, Debug)]
 struct Choice {
     now: PathStrategy,
@@ -70,28 +70,28 @@ struct Choice {
     may_split: bool,
 }
 
-/// Why paths can't be shared.
+/// The reason that prevents path reuse, if any.
 fn obstacle_to_sharing(target: &Target<'_>) -> Option<&'static str> {
     let Target { scene, options, .. } = target;
     let features = &scene.features;
     first_reason(&[
-        // Paths of other wavelengths have found other radiance.
+        // Suffixes have radiance at other wavelengths.
         (scene.shading.spectral, "they carry wavelengths of their own"),
-        // Connections would have to estimate transmittance. Other media are within surfaces, which end connections.
+        // Connections would have to estimate transmittance. Other media are enclosed by surfaces, which occlude connections.
         (scene.media.first().is_some_and(Medium::does_anything), "a medium fills the scene"),
-        (!scene.lights.volumes().is_empty(), "light samples find the emission of media"),
+        (!scene.lights.volumes().is_empty(), "the scene has emissive media"),
         (options.catchers, "the scene has shadow catchers"),
-        // Connections don't have the ray kind of the paths that they replace.
+        // The ray kind of a connection differs from that of the path it replaces.
         (features.links, "lights of the scene are linked to some objects only"),
-        (features.ray_kinds, "objects or lights of the scene are visible to some kinds of rays only"),
-        // Paths have times of their own, and rays see splats of their own.
+        (features.ray_kinds, "objects or lights of the scene are visible to some ray kinds only"),
+        // Each path has its own time, and its own stochastic opacity of splats.
         (scene.accel.uses_times(), "something moves in the scene, or it has Gaussian splats"),
         (options.max_depth < 2, "there is no indirect light with so few bounces"),
     ])
 }
 
 impl StrategyTrials {
-    /// The strategies that the options allow.
+    /// The strategies allowed by the options.
     pub fn new(target: &Target<'_>) -> StrategyTrials {
         let options = target.options;
         let can_share = obstacle_to_sharing(target).is_none();
@@ -114,12 +114,12 @@ impl StrategyTrials {
         }))
     }
 
-    /// Without further trials.
+    /// A fixed strategy, without trials.
     pub fn decided(now: PathStrategy) -> StrategyTrials {
         StrategyTrials(Mutex::new(Choice { now, may_share: false, may_split: false }))
     }
 
-    /// The strategy that holds until trials decide otherwise.
+    /// The current strategy.
     pub fn now(&self) -> PathStrategy {
         self.choice().now
     }
@@ -173,68 +173,68 @@ impl Technique for StrategyTrials {
     }
 }
 
-/// One of this many squares takes part in trials.
+/// Reciprocal of the fraction of squares in trials.
 const SQUARES_PER_TRIAL: u32 = 24;
 
-/// Minimum number of squares for each candidate: a single one could be exceptional.
+/// Minimum number of squares per candidate.
 const MIN_SQUARES: u32 = 3;
 
-/// Width, height and spacing of the groups that are tried, in pixels. The last ones are large and are tried only where there are few
-/// connections.
+/// Width, height and spacing of the groups that are tried, pixels. The last are large and tried only if connections are cheap.
 const SHAPES: [(u32, u32, u32); 3] = [(2, 2, 2), (4, 4, 4), (8, 8, 4)];
 
-/// Paths per sample in a trial of splitting; the gain for other numbers is computed from it.
+/// Number of branches in a trial of splitting; the gain for other numbers is extrapolated.
 const BRANCHES: u32 = 4;
 
-/// Maximum number of paths per sample that trials may decide on.
+/// Maximum number of branches selected by trials.
 const MAX_BRANCHES: u32 = 8;
 
-/// Minimum ratio of the efficiency with path sharing to that without.
+/// Minimum ratio of the efficiency with path reuse to that without.
 const MIN_GAIN: f64 = 1.25;
 
-/// Minimum ratio of the efficiency with splitting to that without. Larger, as a few bright pixels may hide errors of others.
+/// Minimum ratio of the efficiency with splitting to that without. Larger, since a few bright pixels may hide errors of others.
 const MIN_GAIN_OF_SPLITTING: f64 = 1.4;
 
-/// Squares whose trial left more than this many times the squared error of the best strategy are rendered again with that one. (Over
-/// all samples of a picture that pays from twice the error on, and earlier where samples are so evenly distributed that the error
-/// falls faster than one over their number.)
+/// Squares whose squared error in the trial exceeds that of the best strategy by this factor are rendered again with that strategy. (Over
+/// all samples of a picture this is worthwhile from a factor of two on, and earlier if the error falls faster than one over the number of
+/// samples.)
 const REPLACED_ERROR: f64 = 1.5;
 
-/// Ratio of the number of squares that try splitting, or the best shape again where its gain is unclear, to the number that try a
-/// shape: the gain varies over the picture (a polished helmet under a sky gains nothing by splitting; a trial on 4 of its 256 squares
-/// found a gain in one of seven runs, a trial on 12 in one of forty).
+/// Ratio of the number of squares that try splitting, or repeat the best shape if its gain is unclear, to the number that try a shape,
+/// since the gain varies over the picture. (A polished helmet under a sky gains nothing by splitting; a trial on 4 of its 256 squares
+/// showed a gain in one of seven runs, a trial on 12 in one of forty.)
 const MORE_SQUARES: u32 = 3;
 
-/// Gain by splitting on the first squares, as many as try a shape, from which on the other squares try it.
+/// Minimum gain of splitting on the first squares, for trying it on the other squares.
 const PROMISING: f64 = 1.15;
 
-/// Gain of the smallest groups from which on larger ones are tried: these share nothing that the smallest can't.
+/// Minimum gain of the smallest groups, for trying larger ones.
 const HOPEFUL: f64 = 0.8;
 
-/// Gain by sharing from which on splitting is not tried: it seldom gains as much.
+/// Gain of reuse above which splitting is not tried, since it seldom gains as much.
 const CLEAR_GAIN: f64 = 3.0;
 
-/// Time of a connection, relative to that of another ray with all that belongs to it; and the fixed time of sharing, relative to the
-/// time without it. (The processor time of the Cornell box, a room lit through a door and a room with 1000 lights with groups of 4x4
-/// pixels was 2.0, 1.2 and 1.5 times that without on an Intel Xeon with AVX-512, at 1.5, 0.1 and 1.3 connections per other ray.)
+/// Time of a connection, relative to another ray with its shading. (Processor time of the Cornell box, a room lit through a door and a
+/// room with 1000 lights with groups of 4x4 pixels, relative to that without reuse, on an Intel Xeon with AVX-512: 2.0, 1.2 and 1.5 at
+/// 1.5, 0.1 and 1.3 connections per other ray.)
 const CONNECTION_COST: f64 = 0.85;
+/// Fixed time of reuse, relative to the time without reuse.
 const FIXED_COST: f64 = 0.05;
 
-/// Time of a connection whose visibility was tested together with that of the others to the same suffix. (The Cornell box: 1.4 times at
-/// 1.5 connections per other ray, 2.0 times at 7.)
-const FAN_CONNECTION_COST: f64 = 0.17;
+/// Time of a connection tested together with others to the same suffix. (The Cornell box: 1.4 times the processor time at 1.5 connections
+/// per other ray, 2.0 times at 7.)
+const POINT_VISIBILITY_COST: f64 = 0.17;
 
-/// Time of all connections, relative to that of the other rays, up to which larger groups are tried.
+/// Maximum time of all connections, relative to the other rays, for trying larger groups.
 const MAX_COST: f64 = 0.5;
 
 /// The subject of a trial.
 #[derive(Clone, Copy, Debug)]
 enum Tried {
-    /// Sharing in groups of a shape.
+    /// Reuse in groups of a shape.
     Shape(GroupShape),
-    /// The best shape again, where its gain is unclear.
+    /// The best shape again, if its gain is unclear.
     BestShape,
-    /// Splitting, on a few squares.
+    /// Splitting on a few squares.
     Splitting,
     /// Splitting on more squares, if the first ones gained.
     MoreSplitting,
@@ -246,19 +246,19 @@ struct SquareTrial {
     squares: Vec<Block>,
 }
 
-/// The trials of a pass in their order; none if it has a single sample or the picture is too small.
+/// The trials of a pass in order; none if the pass has a single sample or the picture is too small.
 fn trials(open: Choice, view: &View, pass: Pass) -> Vec<SquareTrial> {
     let (columns, rows) = (view.width / EDGE, view.height / EDGE);
     let shapes = SHAPES.len() as u32;
     let of_each = (columns * rows).div_ceil(SQUARES_PER_TRIAL * shapes).max(MIN_SQUARES);
-    // The groups of later passes cross the borders of squares.
+    // The groups of later passes cross borders of squares.
     let is_possible = pass.samples >= 2 && pass.first_sample < INTERVAL;
     if !is_possible || columns * rows < 3 * shapes * of_each {
         return Vec::new();
     }
     let more = (MORE_SQUARES * of_each).min(columns * rows / 10) as usize;
-    let mut taken = HashSet::new();
-    let new = square_positions(columns, rows).filter(|&position| taken.insert(position));
+    let mut seen = HashSet::new();
+    let new = square_positions(columns, rows).filter(|&position| seen.insert(position));
     let count = (shapes * of_each) as usize + 2 * more;
     let squares: Vec<Block> = new.take(count).map(|(x, y)| square(x, y, pass)).collect();
     let (of_shapes, others) = squares.split_at((shapes * of_each) as usize);
@@ -267,9 +267,9 @@ fn trials(open: Choice, view: &View, pass: Pass) -> Vec<SquareTrial> {
     let mut trials = Vec::new();
     if open.may_share {
         // Interleaved, so that the squares of each shape are spread evenly.
-        let of_turn = |turn| of_shapes.iter().skip(turn).step_by(SHAPES.len()).copied().collect();
+        let squares_of = |k| of_shapes.iter().skip(k).step_by(SHAPES.len()).copied().collect();
         let shared = SHAPES.iter().filter_map(shape).enumerate();
-        trials.extend(shared.map(|(turn, s)| SquareTrial { tried: Tried::Shape(s), squares: of_turn(turn) }));
+        trials.extend(shared.map(|(k, s)| SquareTrial { tried: Tried::Shape(s), squares: squares_of(k) }));
         trials.push(SquareTrial { tried: Tried::BestShape, squares: again.to_vec() });
     }
     if open.may_split {
@@ -285,8 +285,8 @@ fn square(x: u32, y: u32, pass: Pass) -> Block {
     Block { x0: x * EDGE, y0: y * EDGE, width: EDGE, height: EDGE, first_sample, samples }
 }
 
-/// Runs trials, as far as each is worth it. Returns the best strategy and the squares that need not be rendered again; `None` if it was
-/// stopped.
+/// Runs the trials that are worthwhile after the earlier ones. Returns the best strategy and the squares that need not be rendered again;
+/// `None` if stopped.
 fn try_all(trials: Vec<SquareTrial>, pass: &dyn PassTrial) -> Option<(PathStrategy, Vec<Block>)> {
     let (mut results, mut tried) = (Vec::new(), Vec::new());
     for trial in trials {
@@ -297,7 +297,7 @@ fn try_all(trials: Vec<SquareTrial>, pass: &dyn PassTrial) -> Option<(PathStrate
         let RenderedSquares { errors, add_to_film } = pass.render(&trial.squares, &configure);
         tried.push((trial, add_to_film));
         let Some(errors) = errors else {
-            // These samples are all that the squares will get.
+            // After a stop, the picture keeps the trials' samples.
             tried.into_iter().for_each(|(_, add_to_film)| add_to_film());
             return None;
         };
@@ -314,7 +314,7 @@ fn try_all(trials: Vec<SquareTrial>, pass: &dyn PassTrial) -> Option<(PathStrate
     Some((best.strategy, done))
 }
 
-/// The strategy that a trial tries, by the results of the earlier trials; none if it is skipped.
+/// The strategy of a trial, given the results of earlier trials; `None` to skip the trial.
 fn strategy_of(trial: &SquareTrial, results: &[(PathStrategy, Errors)]) -> Option<PathStrategy> {
     let so_far = best(results);
     let splitting = PathStrategy::Alone { branches: BRANCHES };
@@ -323,7 +323,7 @@ fn strategy_of(trial: &SquareTrial, results: &[(PathStrategy, Errors)]) -> Optio
             let is_hopeful = match results {
                 [] => true,
                 [(_, smallest)] => smallest.gain_of_sharing() >= HOPEFUL,
-                // The last shape's groups have four times as many connections as these.
+                // The next shape's groups have four times as many connections.
                 [.., (_, last)] => {
                     last.gain_of_sharing() >= MIN_GAIN && last.cost_of_connections() < MAX_COST
                 }
@@ -339,7 +339,7 @@ fn strategy_of(trial: &SquareTrial, results: &[(PathStrategy, Errors)]) -> Optio
     }
 }
 
-/// A low-discrepancy sequence of cells of a grid.
+/// A low-discrepancy sequence of grid cells.
 fn square_positions(columns: u32, rows: u32) -> impl Iterator<Item = (u32, u32)> {
     let scaled = |fraction: u32, size: u32| {
         let from_middle = fraction.wrapping_add(1 << 31);
@@ -349,19 +349,19 @@ fn square_positions(columns: u32, rows: u32) -> impl Iterator<Item = (u32, u32)>
 }
 
 impl Errors {
-    /// Time of the connections, relative to that of all other rays.
+    /// Time of the connections, relative to all other rays.
     fn cost_of_connections(&self) -> f64 {
-        let RayCounts { all, single, in_fans, .. } = self.rays;
-        let others = (all - single - in_fans).max(1) as f64;
-        (CONNECTION_COST * single as f64 + FAN_CONNECTION_COST * in_fans as f64) / others
+        let RayCounts { all, single, point_visibility, .. } = self.rays;
+        let others = (all - single - point_visibility).max(1) as f64;
+        (CONNECTION_COST * single as f64 + POINT_VISIBILITY_COST * point_visibility as f64) / others
     }
 
-    /// Ratio of the squared errors with and without the technique on trial.
+    /// Ratio of the squared error with the tried strategy to that without.
     fn error_ratio(&self) -> f64 {
         if self.plain > 0.0 { self.tried / self.plain } else { 1.0 }
     }
 
-    /// Ratio of the efficiencies with sharing and without.
+    /// Ratio of the efficiency with reuse to that without.
     fn gain_of_sharing(&self) -> f64 {
         if self.tried <= 0.0 {
             return 0.0;
@@ -370,13 +370,13 @@ impl Errors {
         self.plain / self.tried / cost
     }
 
-    /// Ratio of the efficiencies with splitting, for the best number of paths, and without.
+    /// Ratio of the efficiency with splitting into the best number of branches to that without.
     fn gain_of_splitting(&self) -> f64 {
         numbers_of_branches().map(|branches| self.splitting_into(branches).gain).fold(0.0, f64::max)
     }
 
-    /// The prediction for splitting into this many paths: their part of the squared error falls as one over their number, and their rays
-    /// grow in proportion.
+    /// The prediction for splitting into `branches`: the branches' part of the squared error falls as one over their number, and their
+    /// number of rays is proportional to it.
     fn splitting_into(&self, branches: u32) -> Candidate {
         let (tried, number) = (f64::from(BRANCHES), f64::from(branches));
         let suffixes = (1.0 - self.tried / self.plain.max(1e-30)) / (1.0 - 1.0 / tried);
@@ -395,29 +395,29 @@ impl Errors {
 #[derive(Clone, Copy, Debug)]
 struct Candidate {
     strategy: PathStrategy,
-    /// Ratio of its squared error to that of the plain strategy.
+    /// Squared error relative to the plain strategy.
     error: f64,
-    /// Ratio of its efficiency to that of the plain strategy.
+    /// Efficiency relative to the plain strategy.
     gain: f64,
 }
 
 impl Candidate {
-    /// Are squares with the strategy that was tried so noisy that rendering them again with this one pays? Never where the plain strategy
-    /// is best.
+    /// Are squares rendered with the strategy `tried` so noisy that rendering them again with this one is worthwhile? Never for the plain
+    /// strategy.
     fn replaces(&self, tried: PathStrategy, errors: &Errors) -> bool {
         let is_other = tried != self.strategy && self.strategy != PathStrategy::PLAIN;
         is_other && errors.error_ratio() > REPLACED_ERROR * self.error
     }
 }
 
-/// Possible numbers of paths per sample.
+/// Candidates for the number of branches.
 fn numbers_of_branches() -> impl Iterator<Item = u32> {
     (1..=MAX_BRANCHES.trailing_zeros()).map(|bits| 1 << bits)
 }
 
-/// The strategy with the largest gain, or the plain one if none gains enough.
+/// The strategy with the largest gain, or the plain one if no gain is sufficient.
 fn best(results: &[(PathStrategy, Errors)]) -> Candidate {
-    // The sums of all squares that tried the same.
+    // Sums over all trials of a strategy.
     let of = |strategy: PathStrategy| {
         let same = results.iter().filter(|(other, _)| *other == strategy);
         same.map(|(_, errors)| *errors).reduce(Errors::plus).unwrap_or_default()
@@ -441,9 +441,9 @@ fn best(results: &[(PathStrategy, Errors)]) -> Candidate {
 mod tests {
     use super::*;
 
-    /// Where paths from lights have most of the error and of the time, splitting gains and costs little.
+    /// If light paths have most of the error and the time, splitting changes little.
     #[test]
-    fn paths_from_lights_bound_the_gain() {
+    fn light_paths_bound_the_gain() {
         let rays = RayCounts { all: 120, in_branches: 80, ..RayCounts::default() };
         let alone = Errors { tried: 0.25, plain: 1.0, rays, light_paths: LightPathShares::default() };
         let both = Errors { light_paths: LightPathShares { error: 100.0, time: 100.0 }, ..alone };

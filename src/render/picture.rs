@@ -1,4 +1,4 @@
-//! A picture: the channels of its film, the names in its files, denoising, saving.
+//! Pictures: film channels, names in files, denoising, saving.
 
 use super::noise;
 use super::options::{Caustics, RenderOptions};
@@ -24,20 +24,19 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// Writes an EXR or a PNG, by the extension: see [`Picture::output_options`] for what is written, and
-    /// [`Picture::save_with`] for other choices. Returns warnings about values that the file can't hold, such as those
-    /// beyond 16-bit floats.
+    /// Writes an EXR or a PNG, by the extension, with [`Picture::output_options`]; [`Picture::save_with`] uses other options. Returns
+    /// warnings about values that the file can't represent, such as those beyond 16-bit floats.
     ///
     /// # Errors
-    /// A usage error for other extensions; an output error if the file can't be written, in which case an existing file
-    /// of that name stays as it was.
+    /// A usage error for other extensions; an output error if the file can't be written, in which case an existing file of that name is
+    /// unchanged.
     pub fn save(&self, path: impl AsRef<Path>) -> Result<Vec<Warning>> {
         self.save_with(path, &self.output)
     }
 
-    /// Writes it with these options, in the format of the extension.
+    /// Writes the picture with these options, in the format of the extension.
     ///
-    /// Begin with a clone of [`Picture::output_options`]: it holds what the header says about the picture.
+    /// Start from a clone of [`Picture::output_options`], which has the metadata of the header.
     ///
     /// # Errors
     /// As for [`Picture::save`].
@@ -45,13 +44,13 @@ impl Picture {
         save(&self.film, path.as_ref(), options)
     }
 
-    /// How [`Picture::save`] writes: 16-bit colour in EXRs, the scene's exposure, view and white balance in PNGs, and in the header how the
-    /// picture was made.
+    /// The options of [`Picture::save`]: 16-bit colour in EXRs, the scene's exposure, view and white balance in PNGs, and the metadata of
+    /// the header.
     pub fn output_options(&self) -> &OutputOptions {
         &self.output
     }
 
-    /// The pixels: [`Film::rgba`] has their colours, [`Film::plane`] one component of an AOV by its name in files.
+    /// The film: [`Film::rgba`] returns the colours, [`Film::plane`] one component of an AOV by its name in files.
     pub fn film(&self) -> &Film {
         &self.film
     }
@@ -61,7 +60,7 @@ impl Picture {
         self.film
     }
 
-    /// Time, samples and rays that rendering took.
+    /// Time, samples and rays of the rendering.
     pub fn statistics(&self) -> &Statistics {
         &self.statistics
     }
@@ -90,7 +89,7 @@ pub(super) fn layout(options: &RenderOptions, labels: &Labels) -> Layout {
     Layout::new(further).with_halves(options.halves)
 }
 
-/// Maximum number of bytes of the splats of light paths in a film.
+/// Upper bound of the memory of light paths' splats in a film, bytes.
 pub fn splat_bytes(options: &RenderOptions, labels: &Labels) -> u64 {
     let region = options.pixels();
     let pixels = u64::from(region.width()) * u64::from(region.height());
@@ -101,7 +100,7 @@ pub fn splat_bytes(options: &RenderOptions, labels: &Labels) -> u64 {
     }
 }
 
-/// Bytes of the film of a picture and of the state of its error estimate.
+/// Memory of the film of a picture and of its error estimate, bytes.
 pub fn film_bytes(options: &RenderOptions, labels: &Labels) -> u64 {
     let region = options.pixels();
     let of_noise = if options.noise.is_some() { noise::BYTES_PER_PIXEL } else { 0 };
@@ -109,16 +108,16 @@ pub fn film_bytes(options: &RenderOptions, labels: &Labels) -> u64 {
     u64::from(region.width()) * u64::from(region.height()) * a_pixel
 }
 
-// Names of the scene in files: groups of lights, and objects and materials in mattes.
+// Names of the scene in files: light groups, and objects and materials of Cryptomattes.
 
 /// Names and ids for the channels of a picture.
 #[derive(Clone, Debug, Default)]
 pub struct Labels {
-    /// The scene's groups of lights.
+    /// Names of the scene's light groups.
     pub light_groups: Vec<String>,
-    /// The ids that mattes show.
+    /// Ids of the Cryptomattes.
     pub ids: MatteIds,
-    /// Header entries of each matte.
+    /// Header entries of each Cryptomatte.
     pub mattes: Vec<Matte>,
 }
 
@@ -144,7 +143,7 @@ impl Labels {
     }
 }
 
-/// The names of all objects, as one part of the path there says; and their ids.
+/// The names of all objects, each a part of the object's path; writes their ids.
 fn object_names(scene: &Scene, ids: &mut Vec<u32>, part: fn(&str) -> &str) -> Vec<String> {
     let paths = ObjectId::all(scene).map(|object| object.name(scene).unwrap_or_default());
     let names: Vec<String> = paths.map(|path| part(path).to_string()).collect();
@@ -152,7 +151,7 @@ fn object_names(scene: &Scene, ids: &mut Vec<u32>, part: fn(&str) -> &str) -> Ve
     names
 }
 
-/// An object without those above it. What a sequence of copies is called by number keeps the name that they have in common.
+/// The last part of an object's path that is not a number: numbered copies share a name.
 fn object_name(path: &str) -> &str {
     let parts = || path.rsplit('/');
     let is_number = |part: &str| part.bytes().all(|b| b.is_ascii_digit());
@@ -166,13 +165,13 @@ fn asset_name(path: &str) -> &str {
 
 // Denoising.
 
-/// The AOVs that a picture to be denoised needs.
+/// The AOVs that denoising needs.
 pub fn denoising_guides() -> AovSet {
     AovSet::from([Aov::DenoisingAlbedo, Aov::DenoisingNormal])
 }
 
-/// [`Rendering::denoise`](super::Rendering::denoise) for a film; without the halves of samples the noise is estimated by the
-/// variance. Returns the denoiser and the guides in words.
+/// [`Rendering::denoise`](super::Rendering::denoise) for a film; without halves of samples, the noise is estimated from the variance.
+/// Returns the names of the denoiser and the guides.
 pub fn denoise_film(film: &mut Film, keep: AovSet) -> String {
     let guides = denoise_channels(film);
     let is_extra = |aov: &Aov| denoising_guides().contains(*aov) && !keep.contains(*aov);
@@ -186,7 +185,7 @@ fn floats(planes: Option<Vec<Values>>) -> Option<[Vec<f32>; 3]> {
     lists.try_into().ok()
 }
 
-/// Denoises the picture and its parts, and names the guides.
+/// Denoises the picture, its light groups and light passes; returns the names of the guides.
 fn denoise_channels(film: &mut Film) -> &'static str {
     let Some(layers) = noisy_layers(film, film.deviations()) else { return Guides::default().names() };
     put(film, &layers.denoised());
@@ -207,7 +206,7 @@ fn part_names(film: &Film) -> Vec<String> {
     parts.filter_map(|channel| Some(channel.names[0].strip_suffix('R')?.to_string())).collect()
 }
 
-/// Replaces the picture and its parts by the denoised ones.
+/// Replaces the picture, its light groups and light passes by the denoised ones.
 fn put(film: &mut Film, result: &Denoised) {
     let names = ordered(part_names(film));
     for (name, planes) in result.named(names.iter().flatten().map(String::as_str)) {
@@ -220,13 +219,13 @@ fn put(film: &mut Film, result: &Denoised) {
 
 // Frames of sequences.
 
-/// The AOVs that frames of a sequence need to be denoised with their neighbours, besides those of [`denoising_guides`].
+/// The AOVs that temporal denoising of sequences needs, in addition to [`denoising_guides`].
 pub fn sequence_guides() -> AovSet {
     AovSet::from([Aov::Variance, Aov::Motion])
 }
 
 impl Picture {
-    /// The picture as a frame of a sequence, denoised by itself as `oscura denoise` does.
+    /// The picture as a frame of a sequence, denoised without its neighbours as by `oscura denoise`.
     ///
     /// # Errors
     /// Without motion vectors, one of [`sequence_guides`].
@@ -239,8 +238,8 @@ impl Picture {
         Ok(layers.frame(vectors))
     }
 
-    /// Puts the average with the neighbouring frames, of these numbers, in place of the picture. AOVs that are not in `keep` are
-    /// left out.
+    /// Replaces the picture by the temporally denoised one, an average over the frames of these numbers. Removes guide AOVs that are not in
+    /// `keep`.
     pub fn set_denoised(&mut self, result: &Denoised, frames: &RangeInclusive<u32>, keep: AovSet) {
         put(&mut self.film, result);
         let needed = denoising_guides().union(sequence_guides());
@@ -259,13 +258,13 @@ pub fn film_warnings(film: &Film) -> Vec<Warning> {
     of_film(film, true)
 }
 
-/// The same; pixels without a sample count once rendering has stopped.
+/// [`film_warnings`]; unsampled pixels are reported only once rendering has stopped.
 pub(super) fn of_film(film: &Film, has_stopped: bool) -> Vec<Warning> {
     let invalid = film.invalid_samples();
     let unsampled = if has_stopped { film.unsampled_pixels() } else { 0 };
     let all = u64::from(film.width()) * u64::from(film.height());
     let messages = [
-        (invalid, ("samples-invalid", format!("{invalid} samples were NaN or infinite and were left out"))),
+        (invalid, ("samples-invalid", format!("{invalid} samples were NaN or infinite and were ignored"))),
         (
             unsampled,
             (
@@ -277,8 +276,8 @@ pub(super) fn of_film(film: &Film, has_stopped: bool) -> Vec<Warning> {
     messages.into_iter().filter(|(count, _)| *count > 0).map(|(_, text)| Warning::general(text)).collect()
 }
 
-/// Are pictures for looking at to be transparent where nothing is? Only where that is asked for: by an environment that
-/// cameras don't see, by transparent glass, holdouts or shadow catchers. Others stand before black; EXRs have alpha always.
+/// Do display-referred pictures have alpha? Only with an environment invisible to cameras, transparent glass, holdouts or shadow catchers;
+/// others are composited over black. EXRs always have alpha.
 pub fn shows_alpha(scene: &CompiledScene, options: &RenderOptions) -> bool {
     let features = &scene.features;
     let is_hidden = !features.environment_visible_to.contains(RayKinds::CAMERA);
@@ -290,7 +289,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn paths_have_objects_and_assets() {
+    fn object_and_asset_names_are_parts_of_the_path() {
         assert_eq!((object_name("car/wheel/tyre"), asset_name("car/wheel/tyre")), ("tyre", "car"));
         assert_eq!((object_name("field/tree/12"), asset_name("field/tree/12")), ("tree", "field"));
         assert_eq!((object_name("7"), asset_name("lamp")), ("7", "lamp"));

@@ -1,4 +1,4 @@
-//! Progress, statistics, time and cancellation of a rendering, and timings of its tasks.
+//! Progress, statistics, time measurement and cancellation of a rendering, and timings of tasks.
 
 use crate::integrator::reuse::GroupShape;
 use cpu_time::ProcessTime;
@@ -6,27 +6,27 @@ use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
-/// Reports of a renderer while it works.
+/// Events during rendering.
 #[derive(Clone, Copy, Debug)]
 #[non_exhaustive]
 pub enum Event {
-    /// Progress; comes from any thread, several times per second.
+    /// Progress; sent from any thread, several times per second.
     #[non_exhaustive]
     Progress {
-        /// Paths done.
+        /// Number of paths traced.
         samples_done: u64,
-        /// Paths in all. Where an error decides on their number: as many as that will take, as far as it is known by then.
+        /// Total number of paths; with a noise threshold, the current prediction.
         samples_total: u64,
-        /// Rays so far.
+        /// Number of rays traced.
         rays: u64,
-        /// Time spent rendering so far.
+        /// Time spent rendering.
         elapsed: Duration,
-        /// The estimated relative error of the picture after the last pass, where rendering goes by it and it is known.
+        /// Estimated relative error of the picture after the last pass, with a noise threshold.
         error: Option<f64>,
     },
 }
 
-/// Takes events, from any thread.
+/// Receives events, from any thread.
 pub(super) type Listener = dyn Fn(Event) + Send + Sync;
 
 /// Counts paths and rays, and reports them at most ten times per second.
@@ -43,7 +43,7 @@ pub(super) struct Progress {
 }
 
 impl Progress {
-    /// For this number of paths, none of them done.
+    /// No progress yet of `total` paths.
     pub fn new(total: u64) -> Progress {
         Progress {
             samples: AtomicU64::new(0),
@@ -54,8 +54,8 @@ impl Progress {
         }
     }
 
-    /// Resumes after this many paths and rays.
-    pub fn go_on_from(&self, paths: u64, rays: u64) {
+    /// Resumes after these numbers of paths and rays.
+    pub fn resume_at(&self, paths: u64, rays: u64) {
         self.samples.store(paths, Ordering::Relaxed);
         self.rays.store(rays, Ordering::Relaxed);
     }
@@ -66,17 +66,17 @@ impl Progress {
         self.error.store(error.to_bits(), Ordering::Relaxed);
     }
 
-    /// Paths done so far.
+    /// Number of paths traced.
     pub fn samples(&self) -> u64 {
         self.samples.load(Ordering::Relaxed)
     }
 
-    /// Rays of the paths done so far.
+    /// Number of rays traced.
     pub fn rays(&self) -> u64 {
         self.rays.load(Ordering::Relaxed)
     }
 
-    /// Adds finished paths with their rays, `elapsed` after the start.
+    /// Adds finished paths and their rays, and reports progress if due.
     pub fn add(&self, paths: u64, rays: u64, elapsed: Duration, listener: Option<&Listener>) {
         let samples_done = self.samples.fetch_add(paths, Ordering::Relaxed) + paths;
         let rays = self.rays.fetch_add(rays, Ordering::Relaxed) + rays;
@@ -84,7 +84,7 @@ impl Progress {
         let (now, next) = (elapsed.as_millis() as u64, self.next_ms.load(Ordering::Relaxed));
         let samples_total = self.total.load(Ordering::Relaxed);
         let is_due = now >= next || samples_done == samples_total;
-        // One thread reports.
+        // Only one thread reports.
         let order = Ordering::Relaxed;
         if is_due && self.next_ms.compare_exchange(next, now + 100, order, order).is_ok() {
             let error =
@@ -96,19 +96,19 @@ impl Progress {
 
 // Outcome and statistics.
 
-/// Where rendering stands after a pass.
+/// State of a rendering after a pass. Further passes are rendered only after `Progressed`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum PassOutcome {
-    /// All pixels have the samples of the pass; there are more to take.
+    /// The pass is finished, and samples remain.
     Progressed,
-    /// All samples are taken.
+    /// All samples are rendered.
     Done,
-    /// Stopped by a [`CancelHandle`](super::CancelHandle); no further pass will be taken.
+    /// Stopped by a [`CancelHandle`](super::CancelHandle).
     Cancelled,
-    /// The picture has the requested quality; no further pass will be taken.
+    /// The noise threshold is reached.
     Converged,
-    /// Stopped by the time limit; no further pass will be taken.
+    /// Stopped by the time limit.
     TimedOut,
 }
 
@@ -116,36 +116,36 @@ pub enum PassOutcome {
 #[derive(Clone, Copy, Debug, Default)]
 #[non_exhaustive]
 pub struct Statistics {
-    /// Seconds of wall-clock time, without the time between passes.
+    /// Wall-clock time in seconds, without the time between passes.
     pub render_s: f64,
-    /// Seconds of processor time, all threads together; 0 where the system doesn't report it.
+    /// Processor time of all threads in seconds; 0 if the system doesn't report it.
     pub render_cpu_s: f64,
-    /// Rays traced.
+    /// Number of rays traced.
     pub rays: u64,
-    /// Paths traced.
+    /// Number of paths traced.
     pub samples: u64,
     /// Mean number of samples per pixel.
     pub samples_per_pixel: f64,
-    /// Groups in which pixels share paths; `None` if they don't, or before that is decided.
+    /// Groups of path reuse; `None` if not in use or not decided yet.
     pub path_reuse: Option<GroupShape>,
-    /// Paths per sample from its first surface on.
+    /// Number of branches per sample (path splitting).
     pub branches: u32,
-    /// Number of light paths per sample of all pixels, if light tracing finds caustics.
+    /// Number of light paths per sample of the whole picture, with light tracing of caustics.
     pub light_paths: Option<u32>,
-    /// Number of cells of the guide with training data, if paths were guided.
+    /// Number of cells of the guide with training data, with path guiding.
     pub guide_cells: Option<u32>,
-    /// Images of textures that were decoded on demand, each as often as it was.
+    /// Number of decodes of texture images on demand.
     pub images_on_demand: u64,
-    /// Tiles of textures that were read from the temporary file.
+    /// Number of texture tiles read from the temporary file.
     pub tiles_on_demand: u64,
-    /// Samples that were NaN or infinite and left out.
+    /// Number of samples that were NaN or infinite and ignored.
     pub invalid_samples: u64,
-    /// Stopped by a [`CancelHandle`](super::CancelHandle) before all samples were done.
+    /// Stopped by a [`CancelHandle`](super::CancelHandle) before all samples were rendered.
     pub interrupted: bool,
-    /// Stopped by the time limit before all samples were done.
+    /// Stopped by the time limit before all samples were rendered.
     pub timed_out: bool,
-    /// The estimated relative error of the whole picture, where [`RenderOptions::noise`](super::RenderOptions::noise) asks
-    /// for it: see there. `None` below 32 samples per pixel.
+    /// Estimated relative error of the whole picture, with a noise threshold: see [`RenderOptions::noise`](super::RenderOptions::noise).
+    /// `None` below 32 samples per pixel.
     pub error: Option<f64>,
 }
 
@@ -155,11 +155,11 @@ pub struct Statistics {
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Spent {
     pub wall: Duration,
-    /// All threads together; zero where the system doesn't measure it.
+    /// Of all threads; zero if the system doesn't measure it.
     pub cpu: Duration,
 }
 
-/// Measures time in addition to that spent before.
+/// Measures time, continuing from the time spent before.
 pub(super) struct Stopwatch {
     before: Spent,
     wall: Instant,
@@ -167,7 +167,7 @@ pub(super) struct Stopwatch {
 }
 
 impl Stopwatch {
-    /// Starts.
+    /// Starts measuring.
     pub fn start(before: Spent) -> Stopwatch {
         Stopwatch { before, wall: Instant::now(), cpu: ProcessTime::try_now().ok() }
     }
@@ -177,7 +177,7 @@ impl Stopwatch {
         self.before.wall + self.wall.elapsed()
     }
 
-    /// Everything so far.
+    /// Wall-clock and processor time so far.
     pub fn stop(&self) -> Spent {
         let cpu = self.cpu.and_then(|start| start.try_elapsed().ok()).unwrap_or_default();
         Spent { wall: self.wall(), cpu: self.before.cpu + cpu }
@@ -186,38 +186,38 @@ impl Stopwatch {
 
 // Cancellation.
 
-/// Stops renderers, from any thread: clones are one switch.
+/// Cancels renderings from any thread; clones share one flag.
 #[derive(Clone, Debug, Default)]
 pub struct CancelHandle(Arc<AtomicBool>);
 
 impl CancelHandle {
-    /// A switch that nobody has used.
+    /// A handle that is not cancelled.
     pub fn new() -> CancelHandle {
         CancelHandle::default()
     }
 
-    /// Asks to stop soon. Returns whether that was asked before.
+    /// Requests cancellation. Returns whether it was requested before.
     pub fn cancel(&self) -> bool {
         self.0.swap(true, Ordering::SeqCst)
     }
 
-    /// Was it asked to stop?
+    /// Was cancellation requested?
     pub fn is_cancelled(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }
 }
 
-// Timings of tasks, recorded on request: a benchmark replays them for other numbers of threads.
+// Timings of tasks, recorded on request: a benchmark simulates other numbers of threads from them.
 
 /// A timed task.
 #[derive(Clone, Debug)]
 pub struct TaskSpan {
-    /// Its stage.
+    /// Stage of rendering.
     pub stage: &'static str,
-    /// Tasks of one group may run at the same time, those of different groups may not: the tiles of a pass, by its first sample. `None`
-    /// for work that threads divide evenly.
+    /// Tasks of the same group may run concurrently, those of different groups may not. The group of a pass's tiles is the first sample.
+    /// `None` for work divided evenly between threads.
     pub group: Option<u32>,
-    /// Start, since the recording began.
+    /// Start, relative to the start of the recording.
     pub start: Duration,
     /// Duration.
     pub took: Duration,
@@ -227,14 +227,14 @@ static IS_ON: AtomicBool = AtomicBool::new(false);
 static GROUPS: AtomicU32 = AtomicU32::new(0);
 static SPANS: Mutex<Option<(Instant, Vec<TaskSpan>)>> = Mutex::new(None);
 
-/// Starts to record the tasks of the whole process; meant for one thread, on which tasks follow each other.
+/// Starts recording the tasks of the whole process; for use with one thread, which runs tasks one after another.
 #[doc(hidden)]
 pub fn record_tasks() {
     *spans() = Some((Instant::now(), Vec::new()));
     IS_ON.store(true, Ordering::Relaxed);
 }
 
-/// Ends the recording. Returns its duration and the tasks in order.
+/// Ends the recording; returns its duration and the tasks in order.
 #[doc(hidden)]
 pub fn recorded_tasks() -> (Duration, Vec<TaskSpan>) {
     IS_ON.store(false, Ordering::Relaxed);
@@ -251,7 +251,7 @@ pub(super) fn task<T>(stage: &'static str, group: u32, work: impl FnOnce() -> T)
     if IS_ON.load(Ordering::Relaxed) { measured(stage, Some(group), work) } else { work() }
 }
 
-/// Runs work that threads divide evenly.
+/// Runs work that is divided evenly between threads.
 pub(super) fn divided<T>(stage: &'static str, work: impl FnOnce() -> T) -> T {
     if IS_ON.load(Ordering::Relaxed) { measured(stage, None, work) } else { work() }
 }

@@ -1,4 +1,4 @@
-//! From a scene to a picture in one line, or pass by pass.
+//! The builder of renderings: from a scene to a picture at once, or pass by pass.
 
 use super::options::{
     BvhQuality, Caustics, Guiding, PathReuse, RenderOptions, RequestedOptions, Splitting, parameter,
@@ -17,8 +17,8 @@ use crate::scene::{
 use std::sync::Arc;
 use std::time::Duration;
 
-/// A scene and how to render it. What is not chosen here is taken from the scene (its first camera, and all that a scene
-/// file may set), else from the defaults of [`RenderOptions`](super::RenderOptions).
+/// A scene and its render settings. Settings that are not given are taken from the scene (the first camera, and all settings of a scene
+/// file), else from the defaults of [`RenderOptions`](super::RenderOptions).
 ///
 /// Runs on the threads of the current [rayon](https://docs.rs/rayon) pool; [`in_pool`](super::in_pool) makes a pool of
 /// another size.
@@ -78,16 +78,15 @@ macro_rules! define_methods {
 render_settings!(define_methods);
 
 impl Renderer {
-    /// For a loaded scene, or a [`Scene`](crate::scene::Scene) built in code.
+    /// A renderer for a loaded scene, or a [`Scene`](crate::scene::Scene) built in code.
     ///
-    /// A loaded scene's warnings become those of the picture; its notes are left behind. A scene needs a camera:
-    /// loading adds one where a file has none, and [`stage::complete`](crate::load::stage::complete) does so for
-    /// scenes built in code.
+    /// Warnings of a loaded scene become warnings of the picture; its notes are dropped. A scene needs a camera: loading adds one if a file
+    /// has none, and [`stage::complete`](crate::load::stage::complete) adds one to scenes built in code.
     pub fn new(scene: impl Into<Loaded>) -> Renderer {
         Renderer::shared(Arc::new(scene.into()))
     }
 
-    /// A renderer for a scene that is rendered several times: nothing of it is copied.
+    /// A renderer for a scene that is rendered several times, without copies.
     pub fn shared(loaded: Arc<Loaded>) -> Renderer {
         let (requested, cancel) = (RequestedOptions::default(), CancelHandle::new());
         Renderer { loaded, requested, cancel, listener: None, texture_memory: None, denoises: false }
@@ -98,21 +97,20 @@ impl Renderer {
         self.width(width).height(height)
     }
 
-    /// Width in pixels. The height, unless it is given as well, follows by the aspect ratio of the scene or its camera.
+    /// Width in pixels. The height, if not given, follows from the aspect ratio of the scene or its camera.
     pub fn width(mut self, width: u32) -> Renderer {
         self.requested.settings.width = Some(width);
         self
     }
 
-    /// Height in pixels. The width, unless it is given as well, follows by the aspect ratio of the scene or its camera.
+    /// Height in pixels. The width, if not given, follows from the aspect ratio of the scene or its camera.
     pub fn height(mut self, height: u32) -> Renderer {
         self.requested.settings.height = Some(height);
         self
     }
 
-    /// Denoises what [`Renderer::render`] renders, by the network of Intel's Open Image Denoise, which is built in. The picture keeps the
-    /// AOVs that are asked for; pixels share no paths unless that is asked for. What [`Renderer::start`] begins records what
-    /// [`Rendering::denoise`] needs.
+    /// Denoises the result of [`Renderer::render`] by the built-in network of Intel's Open Image Denoise. The picture keeps the requested
+    /// AOVs; path reuse is off unless requested. With [`Renderer::start`], records the inputs of [`Rendering::denoise`].
     ///
     /// ```no_run
     /// # use oscura::Renderer;
@@ -125,14 +123,14 @@ impl Renderer {
         self
     }
 
-    /// Bytes that the images of textures may take; larger ones are compressed, in memory or in a temporary file. The picture doesn't
-    /// depend on it. By default [`texture_memory_for`](crate::compile::texture_memory_for) the picture.
+    /// Memory limit of texture images, bytes; beyond, they are compressed, in memory or in a temporary file. The picture doesn't depend on
+    /// it. Default: [`texture_memory_for`](crate::compile::texture_memory_for) the picture.
     pub fn texture_memory(mut self, bytes: u64) -> Renderer {
         self.texture_memory = Some(bytes);
         self
     }
 
-    /// Whether rough surfaces get back the energy that single scattering between microfacets loses.
+    /// Energy compensation of rough surfaces, for multiple scattering between microfacets.
     pub fn energy_compensation(mut self, energy_compensation: EnergyCompensation) -> Renderer {
         self.requested.settings.energy_compensation = Some(energy_compensation);
         self
@@ -144,7 +142,7 @@ impl Renderer {
         self
     }
 
-    /// Whether paths carry wavelengths instead of red, green and blue: see [`crate::color::spectral`]. Default false.
+    /// Spectral rendering: see [`crate::color::spectral`]. Default false.
     pub fn spectral(mut self, spectral: bool) -> Renderer {
         self.requested.settings.spectral = Some(spectral);
         self
@@ -156,19 +154,19 @@ impl Renderer {
         self
     }
 
-    /// The scene's camera of this name, else of this number, from 0.
+    /// The scene's camera by name, else by index from 0.
     pub fn camera(mut self, name_or_number: impl ToString) -> Renderer {
         self.requested.camera = Some(name_or_number.to_string());
         self
     }
 
-    /// How good the tree over the scene's triangles is.
+    /// Build quality of the BVH.
     pub fn tree(mut self, tree: BvhQuality) -> Renderer {
         self.requested.tree = tree;
         self
     }
 
-    /// Lets this handle, or a clone of it, stop rendering from any thread.
+    /// The handle that cancels rendering from any thread.
     pub fn cancel_by(mut self, cancel: &CancelHandle) -> Renderer {
         self.cancel = cancel.clone();
         self
@@ -180,7 +178,7 @@ impl Renderer {
         self
     }
 
-    /// Builds the BVH and whatever else rendering needs, but takes no sample yet: [`Rendering::next_pass`] does.
+    /// Compiles the scene, including its BVH, without rendering samples: [`Rendering::next_pass`] does.
     ///
     /// # Errors
     /// A usage error for a camera that does not exist and for a picture with too many pixels; an input error for a scene
@@ -189,12 +187,12 @@ impl Renderer {
         Ok(self.begin()?.0)
     }
 
-    /// The same, and the AOVs that are asked for.
+    /// [`Renderer::start`], which also returns the requested AOVs.
     fn begin(self) -> Result<(Rendering, AovSet)> {
         let Loaded { scene, warnings, offset, .. } = &*self.loaded;
         let mut warnings = warnings.clone();
         let mut resolved = self.requested.resolve(scene)?;
-        let asked = resolved.options.aovs;
+        let requested = resolved.options.aovs;
         if self.denoises {
             resolved.options = with_denoising(resolved.options);
         }
@@ -210,29 +208,28 @@ impl Renderer {
         let labels = Labels::of(scene, &resolved.options);
         let rendering = Rendering::labelled(compiled, labels, camera, resolved.options)?;
         let rendering = rendering.placed(scene.backdrop.clone(), *offset);
-        Ok((rendering.with(warnings, resolved.display, self.cancel, self.listener), asked))
+        Ok((rendering.with(warnings, resolved.display, self.cancel, self.listener), requested))
     }
 
     /// Renders all samples.
     ///
     /// # Errors
-    /// As for [`Renderer::start`]. Being stopped by a [`CancelHandle`] or the time limit is no error: the picture's
-    /// statistics report it.
+    /// As for [`Renderer::start`]. Cancellation and the time limit are no errors, but reported in the picture's statistics.
     pub fn render(self) -> Result<Picture> {
         let denoises = self.denoises;
-        let (mut rendering, asked) = self.begin()?;
+        let (mut rendering, requested) = self.begin()?;
         rendering.run();
         if denoises {
-            rendering.denoise(asked);
+            rendering.denoise(requested);
         }
         Ok(rendering.into_picture())
     }
 }
 
-/// The options of a picture that is to be denoised.
+/// The options for a picture that will be denoised.
 fn with_denoising(options: RenderOptions) -> RenderOptions {
     let path_reuse = match options.path_reuse {
-        // Denoising takes noise that pixels share for detail.
+        // Denoisers mistake noise correlated between pixels for detail.
         PathReuse::Auto => PathReuse::Off,
         chosen => chosen,
     };
@@ -240,21 +237,19 @@ fn with_denoising(options: RenderOptions) -> RenderOptions {
     options.aovs(aovs).halves(true).path_reuse(path_reuse)
 }
 
-// The threads that everything parallel runs on.
-
-/// Stack of each thread, bytes: the usual size of a main thread's.
+/// Stack size of threads, bytes: the usual size for main threads.
 const STACK: usize = 8 << 20;
 
-/// Runs `work` on a pool of its own with this many threads (`None`: one per core): loading and rendering inside it use
-/// these threads only.
+/// Runs `work` in a new thread pool with this many threads (`None`: one per core); loading and rendering inside use only these threads.
 ///
 /// # Errors
-/// A usage error if the system refuses the threads.
+/// A usage error if the threads can't be started.
 pub fn in_pool<R: Send>(threads: Option<usize>, work: impl FnOnce() -> R + Send) -> Result<R> {
     let builder = rayon::ThreadPoolBuilder::new().stack_size(STACK).num_threads(threads.unwrap_or(0));
     let pool = builder.build().map_err(|e| {
         let count = threads.map_or("the".to_string(), |n| n.to_string());
-        Error::usage(format!("can't start {count} threads: {e}")).with_help("ask for fewer")
+        Error::usage(format!("can't start {count} threads: {e}"))
+            .with_help("give a smaller number of threads")
     })?;
     Ok(pool.install(work))
 }

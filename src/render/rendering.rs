@@ -1,8 +1,8 @@
-//! Rendering pass by pass, with a picture after each pass, or several passes at a time.
+//! Rendering pass by pass, or several passes at a time.
 
 use super::noise::{Noise, RarePaths};
 use super::options::{DisplaySettings, RenderOptions};
-use super::pass::{PassWork, take_all};
+use super::pass::{PassWork, render_all};
 use super::picture;
 use super::picture::{Labels, Picture, denoise_film, layout, of_film, shows_alpha};
 use super::progress::{
@@ -24,11 +24,10 @@ use std::time::{Instant, SystemTime};
 
 /// Renders a scene, pass by pass, on the current rayon pool (see [`in_pool`](super::in_pool)).
 ///
-/// Between passes the film is a picture of the samples so far. With a time limit, passes are planned so that all pixels
-/// have the same number of samples; where a pass takes longer than it should, and when rendering is cancelled, the film
-/// has the tiles that were finished until then: pixels may differ in their number of samples, by one pass after
-/// [`Rendering::next_pass`] and by a few after [`Rendering::run`]. No sample is chosen by its value, so such a picture has the
-/// same mean.
+/// Between passes, the film is a picture of the samples so far. With a time limit, passes are planned so that all pixels have the same
+/// number of samples. If a pass takes longer than planned, or rendering is cancelled, the film contains the tiles finished until then:
+/// sample counts of pixels may differ, by one pass after [`Rendering::next_pass`] and by a few after [`Rendering::run`]. This is unbiased,
+/// since it doesn't depend on the samples' values.
 ///
 /// ```
 /// use oscura::{Renderer, render::PassOutcome};
@@ -54,19 +53,19 @@ pub struct Rendering {
     pub(super) outcome: PassOutcome,
     pub(super) cancel: CancelHandle,
     pub(super) listener: Option<Box<Listener>>,
-    /// Warnings from before the first pass.
+    /// Warnings of loading and compiling.
     earlier: Vec<Warning>,
     pub(super) display: DisplaySettings,
-    /// Composited behind the picture.
+    /// Background picture or colour, composited behind the film.
     backdrop: Option<Backdrop>,
     /// Offset of the origin of the scene's coordinates in the world, metres.
     pub(super) world_offset: DVec3,
     /// Name of the denoiser, if the film was denoised.
     pub(super) denoised: Option<String>,
     pub(super) techniques: Techniques,
-    /// Passes are finished even when it is cancelled or late.
+    /// Are passes finished even when cancelled or past the time limit?
     pub(super) finishes_passes: bool,
-    /// Estimate of the error, where rendering stops by it.
+    /// Estimate of the error, with a noise threshold.
     pub(super) noise: Option<Noise>,
 }
 
@@ -74,11 +73,10 @@ pub struct Rendering {
 const MAX_AT_ONCE: usize = 64;
 
 impl Rendering {
-    /// The picture of a compiled scene by one of its description's cameras, with no sample yet. Scenes may be shared by
-    /// `Arc`.
+    /// A rendering of a compiled scene with a camera of its description, without samples. Scenes may be shared by `Arc`.
     ///
     /// # Errors
-    /// A usage error if there is no memory for the film. Once that is there, rendering can't fail.
+    /// A usage error if there is not enough memory for the film. Afterwards, rendering can't fail.
     #[doc(hidden)]
     pub fn new(
         scene: impl Into<Arc<CompiledScene>>,
@@ -88,8 +86,7 @@ impl Rendering {
         Rendering::labelled(scene, Labels::default(), camera, options)
     }
 
-    /// A rendering with the names that files show, [`Labels::of`] the scene. Without, mattes show nothing, and there are no groups of
-    /// lights.
+    /// A rendering with names for files, [`Labels::of`] the scene. Without labels, Cryptomattes are empty, and there are no light groups.
     ///
     /// # Errors
     /// As for [`Rendering::new`].
@@ -108,7 +105,7 @@ impl Rendering {
         let view = View::new(&scene, camera, options.width, options.height);
         let stopwatch = Stopwatch::start(Spent::default());
         let pixels = u64::from(region.width()) * u64::from(region.height());
-        let samples = options.taken();
+        let samples = options.samples_to_render();
         Ok(Rendering {
             techniques: Techniques::new(&Target { scene: &scene, view: &view, options: &options }),
             scene,
@@ -133,7 +130,7 @@ impl Rendering {
         })
     }
 
-    /// A rendering of the compiled scene of a [`Renderer`](super::Renderer).
+    /// Sets warnings, display settings, cancel handle and listener of a [`Renderer`](super::Renderer).
     pub(super) fn with(
         self,
         earlier: Vec<Warning>,
@@ -144,38 +141,37 @@ impl Rendering {
         Rendering { earlier, display, cancel, listener, ..self }
     }
 
-    /// Lays a backdrop behind its pictures where they are transparent, and says in headers how far from the world's origin
-    /// the scene's coordinates have theirs.
+    /// Sets the backdrop behind transparent pixels, and the offset of the scene's origin in the world, metres, for file headers.
     #[must_use]
     pub fn placed(self, backdrop: Option<Backdrop>, world_offset: DVec3) -> Rendering {
         Rendering { backdrop, world_offset, ..self }
     }
 
-    /// Lets an existing handle stop it, in place of its own.
+    /// Replaces the cancel handle.
     #[must_use]
     pub fn with_cancel_handle(self, cancel: CancelHandle) -> Rendering {
         Rendering { cancel, ..self }
     }
 
-    /// Calls `listener` with the progress several times per second, from any thread, in place of an earlier listener.
+    /// Calls `listener` with the progress several times per second, from any thread. Replaces an earlier listener.
     #[must_use]
     pub fn on_event(self, listener: impl Fn(Event) + Send + Sync + 'static) -> Rendering {
         Rendering { listener: Some(Box::new(listener)), ..self }
     }
 
-    /// A handle that stops it from any thread.
+    /// A handle that cancels the rendering from any thread.
     pub fn cancel_handle(&self) -> CancelHandle {
         self.cancel.clone()
     }
 
-    /// Renders the next samples of all pixels, at most eight per pixel. Does nothing once all samples are rendered or it was stopped.
+    /// Renders the next samples of all pixels, at most eight per pixel. Does nothing once all samples are rendered or rendering was stopped.
     pub fn next_pass(&mut self) -> PassOutcome {
         self.next_passes(1, &|| true)
     }
 
-    /// Takes passes until `is_due` says that the picture is to be looked at, which is asked before each but the first, from any thread;
-    /// until all samples are taken, or it is stopped. Without a time limit and a noise that is asked for, threads that have nothing left
-    /// to do in a pass continue with the next one: what few passes at a time cost on many threads is saved.
+    /// Renders passes until `is_due`, called before each pass but the first and from any thread, returns true, all samples are rendered, or
+    /// rendering is stopped. Without a time limit and a noise threshold, passes overlap: threads without work left in a pass continue with
+    /// the next one.
     pub fn run_until(&mut self, is_due: impl Fn() -> bool + Sync) -> PassOutcome {
         // Checkpoints are resumed at the end of a block.
         let is_last = |own: &Rendering| own.finishes_passes && own.ends_within_block();
@@ -187,28 +183,28 @@ impl Rendering {
         self.outcome
     }
 
-    /// Renders passes until all samples are rendered or it is stopped.
+    /// Renders passes until all samples are rendered or rendering is stopped.
     pub fn run(&mut self) -> PassOutcome {
         while self.run_until(|| false) == PassOutcome::Progressed {}
         self.outcome
     }
 
-    /// Renders at most this many passes.
+    /// Renders at most `most` passes and measures the time.
     fn next_passes(&mut self, most: usize, is_due: &(dyn Fn() -> bool + Sync)) -> PassOutcome {
         if self.outcome == PassOutcome::Progressed {
             let stopwatch = Stopwatch::start(self.spent);
-            self.outcome = self.take_passes(most, is_due, &stopwatch);
+            self.outcome = self.render_passes(most, is_due, &stopwatch);
             self.spent = stopwatch.stop();
         }
         self.outcome
     }
 
-    /// The samples so far.
+    /// The film so far.
     pub fn film(&self) -> &Film {
         &self.film
     }
 
-    /// The picture so far, composited over its background, as in files.
+    /// The picture so far as in files: shadow catchers resolved, composited over the backdrop.
     pub fn shown(&self) -> Cow<'_, Film> {
         if self.backdrop.is_none() && !self.options.catchers {
             return Cow::Borrowed(&self.film);
@@ -219,8 +215,7 @@ impl Rendering {
         Cow::Owned(film)
     }
 
-    /// Writes the picture so far as an EXR or a PNG, by the extension. Returns warnings about values that the file
-    /// can't hold.
+    /// Writes the picture so far as an EXR or a PNG, by the extension. Returns warnings about values that the file can't represent.
     ///
     /// # Errors
     /// As for [`Picture::save`].
@@ -236,7 +231,7 @@ impl Rendering {
         picture::save(&self.shown(), path.as_ref(), options)
     }
 
-    /// Ends rendering with the picture as it is now.
+    /// Ends rendering; returns the picture so far.
     pub fn into_picture(mut self) -> Picture {
         let (statistics, warnings) = (self.statistics(), self.warnings());
         let output = self.options_with(&warnings);
@@ -247,7 +242,7 @@ impl Rendering {
 
     /// Parts of the scene that were ignored, approximated or repaired so far.
     pub fn warnings(&self) -> Vec<Warning> {
-        // Between passes all pixels have the same number.
+        // Between passes, no pixel is unsampled.
         let has_stopped = self.outcome != PassOutcome::Progressed;
         let mut warnings = self.earlier.clone();
         warnings.extend(self.techniques.warnings(&self.target()));
@@ -256,12 +251,12 @@ impl Rendering {
         warnings
     }
 
-    /// How many samples each pixel is to have, unless a time limit ends it before.
+    /// Number of samples per pixel, unless rendering is stopped before.
     pub fn samples(&self) -> u32 {
         self.options.samples
     }
 
-    /// Are all samples there, or as many as the noise asked for?
+    /// Are all samples rendered, or is the noise threshold reached?
     pub fn is_complete(&self) -> bool {
         matches!(self.outcome, PassOutcome::Done | PassOutcome::Converged)
     }
@@ -289,12 +284,12 @@ impl Rendering {
         statistics
     }
 
-    /// Light of single bright paths, where the noise is estimated: the estimate can't know of more of them.
+    /// Rare paths, with a noise threshold: bright paths of which the error estimate may miss more.
     pub fn rare_paths(&self) -> Option<RarePaths> {
         self.noise.as_ref()?.rare_paths(&self.film.means(), self.film.width() as usize)
     }
 
-    /// How [`Rendering::save`] writes the picture so far.
+    /// The options of [`Rendering::save`] for the picture so far.
     pub fn output_options(&self) -> OutputOptions {
         self.options_with(&self.warnings())
     }
@@ -335,19 +330,19 @@ impl Rendering {
         }
     }
 
-    /// Denoises the picture so far, its light passes and groups of lights, which add up to it afterwards as before. It should
-    /// have what `denoising_guides` names, and the halves of its samples apart
-    /// ([`Renderer::halves`](super::Renderer::halves)). Alpha stays. AOVs that are not in `keep` are left out afterwards.
+    /// Denoises the picture so far, and its light passes and light groups, which still sum to it. The AOVs of `denoising_guides` and separate
+    /// halves ([`Renderer::halves`](super::Renderer::halves)) should be recorded. Alpha is unchanged. Removes guide AOVs that are not in
+    /// `keep`.
     pub fn denoise(&mut self, keep: AovSet) {
         self.denoised = Some(denoise_film(&mut self.film, keep));
     }
 }
 
-// Passes: decisions before them, their overlap, and updates after them.
+// Passes: trials before them, their overlap, and updates after them.
 
 impl Rendering {
-    /// Renders at most this many passes, until `is_due` asks to begin no more.
-    pub(super) fn take_passes(
+    /// Renders at most `most` passes; begins no further pass once `is_due` returns true.
+    pub(super) fn render_passes(
         &mut self,
         most: usize,
         is_due: &(dyn Fn() -> bool + Sync),
@@ -364,7 +359,7 @@ impl Rendering {
             return if self.schedule.is_complete() { PassOutcome::Done } else { PassOutcome::TimedOut };
         };
         let start = Instant::now();
-        let (begun, is_finished) = self.trace(&passes, Takes::All, is_due, stopwatch);
+        let (begun, is_finished) = self.trace(&passes, Scope::All, is_due, stopwatch);
         if let Some(next) = passes.get(begun) {
             self.schedule.go_back_to(next.first_sample);
         }
@@ -385,7 +380,7 @@ impl Rendering {
         }
     }
 
-    /// The next passes: several where they may overlap and trials are done.
+    /// The next passes: several if passes may overlap and trials are finished.
     fn plan_passes(&mut self, most: usize, stopwatch: &Stopwatch) -> Vec<Pass> {
         let overlap = self.options.time_limit.is_none()
             && self.noise.is_none()
@@ -404,42 +399,42 @@ impl Rendering {
         passes
     }
 
-    /// The picture, for techniques.
+    /// Scene, view and options, for techniques.
     pub(super) fn target(&self) -> Target<'_> {
         Target { scene: &self.scene, view: &self.view, options: &self.options }
     }
 
-    /// Runs the trials before the first pass. False if they were stopped.
+    /// Runs the trials before the first pass. False if stopped.
     fn try_techniques(&mut self, stopwatch: &Stopwatch) -> bool {
         if self.schedule.is_complete() {
             return true;
         }
         let mattes = MatteIds::default();
         let trial = Trial {
-            // Not by a method: the techniques are borrowed mutably.
+            // Not `self.target()`, since `self.techniques` is borrowed mutably.
             target: Target { scene: &self.scene, view: &self.view, options: &self.options },
             paths: plain_paths(&self.options, &self.filter, &mattes),
             progress: &self.progress,
             listener: self.listener.as_deref(),
             stopwatch,
-            // The picture loses nothing by that.
+            // The time limit doesn't stop trials before the first pass.
             stop: &|| self.cancel.is_cancelled(),
         };
         self.techniques.prepare(&trial).is_ok()
     }
 
-    /// Predicts the number of samples for the requested error.
+    /// Predicts the number of samples for the noise threshold.
     fn forecast(&self) {
         let Some((noise, wanted)) = self.noise.as_ref().zip(self.options.noise) else { return };
-        let (least, taken) = (self.options.least_samples, self.options.taken());
-        if let Some((error, samples)) = noise.error().zip(noise.samples_for(f64::from(wanted), least, taken))
+        let (least, range) = (self.options.least_samples, self.options.samples_to_render());
+        if let Some((error, samples)) = noise.error().zip(noise.samples_for(f64::from(wanted), least, range))
         {
             let pixels = u64::from(self.film.width()) * u64::from(self.film.height());
             self.progress.expect(pixels * u64::from(samples), error);
         }
     }
 
-    /// Has the error reached the requested one?
+    /// Is the estimated error below the noise threshold?
     fn has_converged(&self) -> bool {
         if self.schedule.next_sample() < self.options.least_samples {
             return false;
@@ -448,30 +443,31 @@ impl Rendering {
         error.zip(self.options.noise).is_some_and(|(error, wanted)| error <= f64::from(wanted))
     }
 
-    /// Runs the trials of the picture's first pass for a partial render of later samples, before its first pass. False if it was stopped.
+    /// For a partial render of later samples: runs the trials of the picture's first pass beforehand. False if stopped.
     fn try_in_pass(&mut self, stopwatch: &Stopwatch) -> bool {
-        let first = self.options.taken().start;
+        let first = self.options.samples_to_render().start;
         if first == 0 || self.schedule.next_sample() > first || !self.techniques.are_open() {
             return true;
         }
         let Some(pass) = Schedule::new(0..self.options.samples, None).next(stopwatch.wall()) else {
             return true;
         };
-        self.trace(&[pass], Takes::TrialsOnly, &|| false, stopwatch).1
+        self.trace(&[pass], Scope::TrialsOnly, &|| false, stopwatch).1
     }
 
-    /// Renders consecutive passes until `is_due` asks to begin no more. Returns how many were begun, and false if it was stopped.
+    /// Renders consecutive passes; begins no further pass once `is_due` returns true. Returns the number of passes begun, and false if
+    /// stopped.
     fn trace(
         &mut self,
         passes: &[Pass],
-        takes: Takes,
+        scope: Scope,
         is_due: &(dyn Fn() -> bool + Sync),
         stopwatch: &Stopwatch,
     ) -> (usize, bool) {
         let layout = self.film.layout().clone();
-        // Trials alone have no film.
+        // Trials only: the samples are discarded.
         let mut film = Film::empty(&layout);
-        if takes == Takes::All {
+        if scope == Scope::All {
             std::mem::swap(&mut film, &mut self.film);
         }
         let film = film.into_shared();
@@ -495,23 +491,23 @@ impl Rendering {
         };
         let works: Vec<PassWork<'_>> = passes.iter().enumerate().map(work).collect();
         let is_due = || is_due() || self.cancel.is_cancelled();
-        let taken = match takes {
-            Takes::All => take_all(&works, &is_due),
-            Takes::TrialsOnly => (1, self.techniques.try_in_pass(&works[0]).is_some()),
+        let result = match scope {
+            Scope::All => render_all(&works, &is_due),
+            Scope::TrialsOnly => (1, self.techniques.try_in_pass(&works[0]).is_some()),
         };
         drop(works);
         let film = film.into_film();
-        if takes == Takes::All {
+        if scope == Scope::All {
             self.film = film;
         }
-        taken
+        result
     }
 }
 
-/// Which samples of a pass are rendered.
+/// The samples of a pass that are rendered.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Takes {
+enum Scope {
     All,
-    /// The trials; the picture gets no samples of them.
+    /// The trials only, whose samples are discarded.
     TrialsOnly,
 }

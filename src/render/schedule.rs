@@ -1,5 +1,4 @@
-//! Which pixels and samples a rendering takes: the range of samples and the region of a partial render, the passes, their
-//! tiles, and which samples belong to the first half.
+//! Schedule of a rendering: sample range and region of a partial render, passes, tiles, and the two halves of samples.
 
 use super::options::RenderOptions;
 use crate::compile::View;
@@ -11,20 +10,24 @@ use crate::sampling::MAX_Z_ORDER_SPP;
 use std::ops::Range;
 use std::time::Duration;
 
-/// Samples of a full pass.
+/// Samples per pixel of a full pass.
 const MAX: u32 = INTERVAL;
-/// Fraction of the remaining time that a pass may take: a wrong prediction then costs little.
+/// Maximum fraction of the remaining time for a pass, so that a wrong prediction costs little.
 const SHARE: f64 = 0.1;
 
-/// Plans passes. With a time limit, the first has one sample per pixel and measures the time of a sample; later ones take at most as many as
-/// all before and a tenth of the remaining time (but at least one sample), and none begins that is predicted to end too late.
+/// Plans passes. With a time limit, the first pass has one sample per pixel and measures the time of a sample; later passes have at most as
+/// many samples as all before and take at most a tenth of the remaining time (but at least one sample); none begins that is predicted to
+/// end too late.
 pub(super) struct Schedule {
+    /// Time limit.
     limit: Option<Duration>,
+    /// End of the range of samples.
     end: u32,
+    /// First sample that is not planned yet.
     next: u32,
-    /// Passes are full, whatever time they take.
+    /// Are all passes full, regardless of time?
     whole_passes: bool,
-    /// Seconds of one sample of every pixel, by the last pass.
+    /// Seconds per sample of every pixel in the last pass.
     sample_s: Option<f64>,
 }
 
@@ -36,7 +39,7 @@ pub(super) struct Pass {
 }
 
 impl Pass {
-    /// Width and height of tiles in pixels: with the pass's samples they fill about one wave, also in passes of few samples.
+    /// Width and height of tiles, pixels, such that a tile fills about one wave with the pass's samples.
     pub fn tile(self) -> (u32, u32) {
         let (width, height) = match self.samples {
             1 => (64, 32),
@@ -48,13 +51,13 @@ impl Pass {
         (width, height)
     }
 
-    /// Tile size and samples where pixels share paths within square regions with this edge, and the number of samples per pixel of a wave. Tiles consist
-    /// of whole regions.
+    /// Tile size, pixels, and samples per pixel of a wave, for path reuse within square regions of this edge. Tiles consist of whole
+    /// regions.
     pub fn tile_of_regions(self, edge: u32) -> ((u32, u32), u32) {
         let pixels = edge * edge;
         let samples = self.samples.min(WAVE as u32 / pixels);
         let regions = WAVE as u32 / (pixels * samples);
-        // As many as fit, in a row or a square.
+        // As many as fit into a wave, in a row or a square.
         let (columns, rows) = match regions {
             8.. => (4, 2),
             4.. => (2, 2),
@@ -66,18 +69,18 @@ impl Pass {
 }
 
 impl Schedule {
-    /// For these samples of every pixel.
+    /// A schedule for a range of samples of every pixel.
     pub fn new(samples: Range<u32>, limit: Option<Duration>) -> Schedule {
         Schedule { limit, end: samples.end, next: samples.start, whole_passes: false, sample_s: None }
     }
 
-    /// The schedule with full passes, whatever time they take: none begins when the time is over.
+    /// Makes all passes full, regardless of time; none begins after the time limit.
     pub fn with_whole_passes(self) -> Schedule {
         Schedule { whole_passes: true, ..self }
     }
 
-    /// Resumes at this sample, reached after `spent`: the limit is for the time after that.
-    pub fn go_on_from(&mut self, sample: u32, spent: Duration) {
+    /// Resumes at a sample, reached after the time `spent`, which the time limit doesn't include.
+    pub fn resume_at(&mut self, sample: u32, spent: Duration) {
         self.next = sample;
         self.limit = self.limit.map(|limit| limit.saturating_add(spent));
     }
@@ -87,12 +90,12 @@ impl Schedule {
         self.next
     }
 
-    /// Is the time over after `elapsed`?
+    /// Is `elapsed` past the time limit?
     pub fn is_late(&self, elapsed: Duration) -> bool {
         self.limit.is_some_and(|limit| elapsed >= limit)
     }
 
-    /// The next pass after `elapsed`; `None` if all samples are planned or no pass fits any more.
+    /// The next pass, at time `elapsed`; `None` if all samples are planned or the time left is too short.
     pub fn next(&mut self, elapsed: Duration) -> Option<Pass> {
         let left = self.end - self.next;
         if self.whole_passes && self.is_late(elapsed) {
@@ -107,18 +110,18 @@ impl Schedule {
                 if sample_s > left_s {
                     return None;
                 }
-                // `as` saturates. At first the number of samples doubles, so that what is shown gets better steadily.
+                // `as` saturates. At first the number of samples doubles, so that the preview improves steadily.
                 ((SHARE * left_s / sample_s) as u32).min(self.next).clamp(1, MAX)
             }
         };
-        // Passes don't straddle multiples of a full one: which pixels share paths changes there.
+        // Passes don't cross multiples of a full pass, where the groups of path reuse change.
         let samples = samples.min(left).min(MAX - self.next % MAX);
         let pass = Pass { first_sample: self.next, samples };
         self.next += pass.samples;
         (pass.samples > 0).then_some(pass)
     }
 
-    /// Goes back to this sample: later ones were planned, but not rendered.
+    /// Returns to a sample: later ones were planned, but not rendered.
     pub fn go_back_to(&mut self, sample: u32) {
         self.next = sample;
     }
@@ -136,24 +139,24 @@ impl Schedule {
 
 // Partial renders: some pixels, or some samples of each.
 
-/// Samples of a block.
+/// Samples per block, the unit of sample ranges.
 pub const SAMPLE_BLOCK: u32 = INTERVAL;
 
 impl RenderOptions {
-    /// The pixels that are rendered.
+    /// The rendered region.
     pub(super) fn pixels(&self) -> Region {
         self.region.unwrap_or(Region { x0: 0, y0: 0, x1: self.width, y1: self.height })
     }
 
-    /// The samples that are rendered of each. A block of [`SAMPLE_BLOCK`] belongs to the range of its first sample, so that consecutive
-    /// ranges stay consecutive.
-    pub(super) fn taken(&self) -> Range<u32> {
+    /// The range of rendered samples. A block of [`SAMPLE_BLOCK`] belongs to the range of its first sample, so that consecutive ranges stay
+    /// consecutive.
+    pub(super) fn samples_to_render(&self) -> Range<u32> {
         let (from, until) = self.sample_range.unwrap_or((0, self.samples));
         let whole = |sample: u32| sample.checked_next_multiple_of(SAMPLE_BLOCK).unwrap_or(u32::MAX);
         whole(from).min(self.samples)..whole(until).min(self.samples)
     }
 
-    /// Is it a partial render?
+    /// Is this a partial render?
     pub(super) fn is_part(&self) -> bool {
         self.region.is_some() || self.sample_range.is_some()
     }
@@ -168,19 +171,18 @@ impl RenderOptions {
             return Err(Error::usage(message).with_help(help));
         }
         if let Some((from, until)) = self.sample_range.filter(|(a, b)| a >= b || *b > self.samples) {
-            let message = format!("the range of samples {from}..{until} is outside of the picture's");
+            let message = format!("the range of samples {from}..{until} is not within the picture's");
             return Err(Error::usage(message).with_help(format!("it has the samples 0..{}", self.samples)));
         }
         if self.sample_range.is_some() && (self.noise.is_some() || self.time_limit.is_some()) {
-            let message =
-                "a range of samples is rendered whole: it takes no noise threshold and no time limit";
+            let message = "a range of samples can't be combined with a noise threshold or a time limit";
             return Err(Error::usage(message));
         }
         Ok(())
     }
 }
 
-/// The part of a block within a region, if any: the whole block if its pixels share paths (`is_whole`).
+/// The part of a block within a region, if any; the whole block with path reuse (`is_whole`).
 pub(super) fn within(region: &Region, block: &Block, is_whole: bool) -> Option<Block> {
     let (x0, y0) = (block.x0.max(region.x0), block.y0.max(region.y0));
     let (x1, y1) = ((block.x0 + block.width).min(region.x1), (block.y0 + block.height).min(region.y1));
@@ -196,9 +198,9 @@ pub(super) fn within(region: &Region, block: &Block, is_whole: bool) -> Option<B
 pub(super) struct Tiles {
     width: u32,
     height: u32,
-    /// Shift of the grid to the left and up, in pixels.
+    /// Shift of the grid to the left and up, pixels.
     shift: (u32, u32),
-    /// Samples per pixel that are traced at a time.
+    /// Samples per pixel traced together.
     samples: u32,
 }
 
@@ -212,7 +214,7 @@ impl Tiles {
         Tiles { width, height, shift, samples }
     }
 
-    /// Samples per pixel that are traced at a time.
+    /// Samples per pixel traced together.
     pub fn samples(&self) -> u32 {
         self.samples
     }
@@ -224,7 +226,7 @@ impl Tiles {
         self.divide(all).collect()
     }
 
-    /// The tiles of a block that begins at a corner of one, row by row.
+    /// Divides a block, whose corner is that of a tile, into tiles, row-major.
     pub fn divide(&self, block: Block) -> impl Iterator<Item = Block> {
         let (left, top) = self.shift;
         let width = self.width;
@@ -242,7 +244,7 @@ impl Tiles {
     }
 }
 
-/// Divides a length into steps, the first of them shorter by `shift`: starts and lengths.
+/// Divides a length into steps, the first one shorter by `shift`; returns starts and lengths.
 fn starts(length: u32, step: u32, shift: u32) -> impl Iterator<Item = (u32, u32)> {
     let ends = (step - shift..length + step).step_by(step as usize);
     ends.map(move |end| {
@@ -251,7 +253,7 @@ fn starts(length: u32, step: u32, shift: u32) -> impl Iterator<Item = (u32, u32)
     })
 }
 
-/// Divides a block by samples.
+/// Divides a block into blocks of at most `samples` samples per pixel.
 pub(super) fn parts(block: &Block, samples: u32) -> impl Iterator<Item = Block> {
     let block = *block;
     (0..block.samples).step_by(samples as usize).map(move |skipped| Block {
@@ -261,19 +263,19 @@ pub(super) fn parts(block: &Block, samples: u32) -> impl Iterator<Item = Block> 
     })
 }
 
-// The two halves of a pixel's samples, which denoising compares.
+// The two halves of a pixel's samples, by whose difference denoising estimates noise.
 
-/// Assignment of samples to halves, by runs: consecutive samples have low discrepancy.
+/// Assignment of samples to halves, in runs of consecutive samples, which have low discrepancy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Halving {
-    /// The samples before this one are the first half.
+    /// Samples before this one are the first half.
     Before(u32),
-    /// Runs alternate, so that there are two halves wherever rendering ends.
+    /// Runs alternate, so that there are two halves at any number of samples.
     Alternating,
 }
 
 impl RenderOptions {
-    /// Split in the middle where the number of samples is known. Runs alternate where rendering may end early or be resumed.
+    /// In the middle if the number of samples is known; alternating if rendering may end early or be resumed.
     pub(super) fn halving(&self) -> Halving {
         let is_open = self.time_limit.is_some() || self.noise.is_some() || self.planned > 0;
         match is_open || self.samples > MAX_Z_ORDER_SPP {
@@ -284,21 +286,20 @@ impl RenderOptions {
 }
 
 impl Halving {
-    /// How many of `samples` from `first_sample` on belong to the first half. They come first. All lie within one block of [`INTERVAL`]
-    /// samples.
+    /// Number of `samples` from `first_sample` on, within one block of [`INTERVAL`] samples, that belong to the first half. They come first.
     pub fn of_first_half(self, first_sample: u32, samples: u32) -> u32 {
         let left = match self {
             Halving::Before(middle) => middle.saturating_sub(first_sample),
             Halving::Alternating => {
-                // Shorter runs at first, so that pictures of few samples have halves, too.
-                let turn = if first_sample < 2 * INTERVAL { INTERVAL } else { 2 * INTERVAL };
-                (turn / 2).saturating_sub(first_sample % turn)
+                // Shorter runs at first, so that pictures of few samples have two halves.
+                let period = if first_sample < 2 * INTERVAL { INTERVAL } else { 2 * INTERVAL };
+                (period / 2).saturating_sub(first_sample % period)
             }
         };
         left.min(samples)
     }
 
-    /// Its name in the identity of a picture.
+    /// Name in the identity of a picture.
     pub fn name(self) -> &'static str {
         match self {
             Halving::Before(_) => "at the middle",
@@ -311,8 +312,8 @@ impl Halving {
 mod tests {
     use super::*;
 
-    /// Plays a machine that takes `sample_s` a sample; returns the passes' sizes and the time at the end.
-    fn play(mut schedule: Schedule, sample_s: f64) -> (Vec<u32>, f64) {
+    /// Simulates rendering with `sample_s` seconds per sample; returns the passes' sizes and the final time.
+    fn simulate(mut schedule: Schedule, sample_s: f64) -> (Vec<u32>, f64) {
         let (mut sizes, mut now) = (Vec::new(), 0.0);
         while let Some(pass) = schedule.next(Duration::from_secs_f64(now)) {
             let took = sample_s * f64::from(pass.samples);
@@ -326,19 +327,19 @@ mod tests {
 
     #[test]
     fn without_a_limit_passes_are_full() {
-        assert_eq!(play(Schedule::new(0..20, None), 1.0).0, [8, 8, 4]);
+        assert_eq!(simulate(Schedule::new(0..20, None), 1.0).0, [8, 8, 4]);
     }
 
     #[test]
     fn passes_stay_within_the_limit_and_use_most_of_it() {
         for sample_s in [0.011, 0.11, 0.4] {
-            let (sizes, end) = play(Schedule::new(0..1 << 20, Some(Duration::from_secs(10))), sample_s);
+            let (sizes, end) = simulate(Schedule::new(0..1 << 20, Some(Duration::from_secs(10))), sample_s);
             assert_eq!(sizes[0], 1);
             assert!(end <= 10.0 + 1e-9 && end > 10.0 - 1.5 * sample_s, "{sample_s}: {end}");
             assert!(sizes.iter().all(|&n| n == 1 || f64::from(n) * sample_s <= 1.0), "{sizes:?}");
         }
-        // All samples done long before.
-        assert_eq!(play(Schedule::new(0..12, Some(Duration::from_secs(10))), 0.001).0, [1, 1, 2, 4, 4]);
+        // All samples are finished long before the limit.
+        assert_eq!(simulate(Schedule::new(0..12, Some(Duration::from_secs(10))), 0.001).0, [1, 1, 2, 4, 4]);
     }
 
     #[test]
@@ -354,16 +355,17 @@ mod tests {
 mod share_tests {
     use super::*;
 
-    /// Whatever the ranges that a picture is divided into, each block is in one.
+    /// Each block is in exactly one of consecutive ranges.
     #[test]
-    fn ranges_that_follow_each_other_still_do() {
+    fn consecutive_ranges_stay_consecutive() {
         let options = RenderOptions::default().samples(100);
-        let taken = |from, until| RenderOptions { sample_range: Some((from, until)), ..options }.taken();
+        let rendered =
+            |from, until| RenderOptions { sample_range: Some((from, until)), ..options }.samples_to_render();
         let cuts = [0, 3, 8, 9, 30, 33, 64, 97, 100];
-        let ranges: Vec<_> = cuts.windows(2).map(|w| taken(w[0], w[1])).collect();
+        let ranges: Vec<_> = cuts.windows(2).map(|w| rendered(w[0], w[1])).collect();
         assert_eq!((ranges[0].start, ranges.last().unwrap().end), (0, 100));
         assert!(ranges.windows(2).all(|w| w[0].end == w[1].start && (w[0].end % 8 == 0 || w[0].end == 100)));
-        assert_eq!((taken(3, 8), taken(96, 97), options.taken()), (8..8, 96..100, 0..100));
+        assert_eq!((rendered(3, 8), rendered(96, 97), options.samples_to_render()), (8..8, 96..100, 0..100));
     }
 }
 
@@ -404,7 +406,7 @@ mod halving_tests {
     use super::*;
 
     #[test]
-    fn halves_are_as_large_at_multiples_of_a_block() {
+    fn halves_are_equal_at_multiples_of_a_block() {
         for end in (INTERVAL..400).step_by(INTERVAL as usize) {
             let of = |rule: Halving| -> u32 {
                 (0..end).step_by(INTERVAL as usize).map(|first| rule.of_first_half(first, INTERVAL)).sum()
@@ -413,13 +415,13 @@ mod halving_tests {
             let turns = of(Halving::Alternating);
             assert!(turns.abs_diff(end - turns) <= INTERVAL, "{turns} of {end}");
         }
-        // However passes divide a block.
+        // Independent of how passes divide a block.
         let parts = [(0, 1), (1, 4), (5, 3)].map(|(first, n)| Halving::Alternating.of_first_half(first, n));
         assert_eq!(parts, [1, 3, 0]);
     }
 
     #[test]
-    fn more_samples_do_not_change_halves_that_may_go_on() {
+    fn halves_of_resumable_renders_are_independent_of_the_sample_count() {
         let of = |samples| RenderOptions { samples, ..RenderOptions::default() }.halving();
         assert_eq!(of(MAX_Z_ORDER_SPP + 8), of(4 * MAX_Z_ORDER_SPP));
         assert_eq!(of(64), Halving::Before(32));

@@ -1,7 +1,7 @@
-//! The interface of techniques: ways to trace paths that lower the noise of some pictures and are decided on automatically.
+//! The interface of techniques: variance reduction that is useful for some pictures and enabled automatically.
 //!
-//! A technique says what prevents it for a scene, tries whether the picture gains by it, and adds to the options of the paths.
-//! `techniques.rs` lists them and runs their trials.
+//! A technique checks whether a scene prevents it, runs a trial of its efficiency, and configures the integrator. `techniques.rs` lists the
+//! techniques and runs their trials.
 
 use super::options::RenderOptions;
 use super::progress::{Listener, Progress, Statistics, Stopwatch, task};
@@ -17,18 +17,18 @@ thread_local! {
     pub(super) static WORKSPACE: RefCell<Workspace> = RefCell::new(Workspace::new());
 }
 
-/// Setting of a technique by the options.
+/// The user's setting of a technique.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Request {
-    /// It is not used.
+    /// Not used.
     Off,
-    /// Its trial decides.
+    /// Decided by a trial.
     Auto,
-    /// It is used wherever that is possible; else a warning gives the reason.
+    /// Used if possible; else a warning names the reason.
     On,
 }
 
-/// The picture that a technique is for.
+/// The picture to which a technique is applied.
 #[derive(Clone, Copy)]
 pub(super) struct Target<'a> {
     pub scene: &'a CompiledScene,
@@ -36,54 +36,53 @@ pub(super) struct Target<'a> {
     pub options: &'a RenderOptions,
 }
 
-/// A technique. Decisions depend on the scene, the view and the options alone, so that partial renders decide alike.
+/// A technique. Decisions depend only on the scene, the view and the options, so that all parts of a picture use the same techniques.
 pub(super) trait Technique {
-    /// The setting by the options.
+    /// The user's setting.
     fn request(&self, options: &RenderOptions) -> Request;
 
-    /// The first reason that prevents the technique, for a warning.
+    /// The reason that prevents the technique, for a warning.
     fn obstacle(&self, target: &Target<'_>) -> Option<&'static str>;
 
-    /// The first words of the warning, such as "paths are not guided".
+    /// The beginning of the warning, such as "paths are not guided".
     fn refusal(&self) -> &'static str;
 
-    /// Why the trial found no use for a technique that was asked for, for a warning.
+    /// The reason why the trial of a requested technique failed, for a warning.
     fn failure(&self, _options: &RenderOptions) -> Option<&'static str> {
         None
     }
 
-    /// Decides before the first pass, by paths that don't contribute to the picture. Runs only where the technique is asked for and
-    /// nothing prevents it.
+    /// Trial before the first pass, by paths that don't contribute to the picture. Runs unless the technique is off or prevented.
     fn try_before_first_pass(&mut self, _trial: &Trial<'_>) -> Result<(), Stopped> {
         Ok(())
     }
 
-    /// May a trial within the first pass still decide?
+    /// Is a trial within the first pass pending?
     fn is_open(&self) -> bool {
         false
     }
 
-    /// Decides within the first pass, by squares of it. Returns the squares that need not be rendered again; `None` if it was stopped.
+    /// Trial within the first pass, on squares of the picture. Returns the squares that need not be rendered again; `None` if stopped.
     fn try_in_pass(&self, _pass: &dyn PassTrial) -> Option<Vec<Block>> {
         Some(Vec::new())
     }
 
-    /// Applies the decision to the options of all paths.
+    /// Configures the integrator for all paths.
     fn configure<'a>(&'a self, _paths: &mut IntegratorOptions<'a>) {}
 
-    /// Applies the decision to the options of the camera paths of a pass.
+    /// Configures the integrator for the camera paths of a pass.
     fn configure_pass(&self, _pass: Pass, _options: &RenderOptions, _paths: &mut IntegratorOptions<'_>) {}
 
-    /// Must the film be complete between two passes?
+    /// Must the film be complete between passes?
     fn separates_passes(&self) -> bool {
         false
     }
 
-    /// Adds its statistics.
+    /// Adds the technique's statistics.
     fn report(&self, statistics: &mut Statistics);
 }
 
-/// The warning where a technique was asked for and is not used.
+/// The warning about a technique that was requested and is not used.
 pub(super) fn warning(technique: &dyn Technique, target: &Target<'_>) -> Option<Warning> {
     if technique.request(target.options) != Request::On {
         return None;
@@ -92,7 +91,7 @@ pub(super) fn warning(technique: &dyn Technique, target: &Target<'_>) -> Option<
     Some(Warning::general(("technique-unused", format!("{}: {reason}", technique.refusal()))))
 }
 
-/// The first of some reasons that holds.
+/// The first reason that holds.
 pub(super) fn first_reason(reasons: &[(bool, &'static str)]) -> Option<&'static str> {
     reasons.iter().find(|(holds, _)| *holds).map(|(_, reason)| *reason)
 }
@@ -103,7 +102,7 @@ pub(super) struct Stopped;
 /// The context of a trial before the first pass.
 pub(super) struct Trial<'a> {
     pub target: Target<'a>,
-    /// Options of paths that record radiance alone, with what the techniques before this one add.
+    /// Integrator options for radiance only, configured by the techniques before this one.
     pub paths: IntegratorOptions<'a>,
     pub progress: &'a Progress,
     pub listener: Option<&'a Listener>,
@@ -112,7 +111,7 @@ pub(super) struct Trial<'a> {
 }
 
 impl Trial<'_> {
-    /// Does one task of a group on this thread and counts its rays. `work` returns `None` if it was stopped.
+    /// Runs a task of a group on this thread and counts its rays. `work` returns `None` if stopped.
     pub fn run<T>(
         &self,
         (stage, group): (&'static str, u32),
@@ -132,7 +131,7 @@ impl Trial<'_> {
     }
 }
 
-/// Options of paths that record radiance alone, without any technique.
+/// Integrator options for radiance only, without techniques.
 pub(super) fn plain_paths<'a>(
     options: &RenderOptions,
     filter: &'a FilterSampler,
@@ -164,16 +163,16 @@ pub(super) fn plain_paths<'a>(
 
 // Trials within the first pass.
 
-/// Edge of a square of a trial in pixels.
+/// Edge of the squares of trials, pixels.
 pub(super) const EDGE: u32 = 32;
 
-/// The first pass, which renders squares for a trial.
+/// The first pass, which renders squares for trials.
 pub(super) trait PassTrial {
     fn target(&self) -> Target<'_>;
 
     fn pass(&self) -> Pass;
 
-    /// Renders squares by paths with these options.
+    /// Renders squares with integrator options changed by `configure`.
     fn render(
         &self,
         squares: &[Block],
@@ -181,14 +180,14 @@ pub(super) trait PassTrial {
     ) -> RenderedSquares<'_>;
 }
 
-/// Squares that were rendered for a trial.
+/// Squares rendered for a trial.
 pub(super) struct RenderedSquares<'a> {
-    /// Their errors; `None` if it was stopped.
+    /// `None` if stopped.
     pub errors: Option<Errors>,
     pub add_to_film: Box<dyn FnOnce() + 'a>,
 }
 
-/// The samples of a pixel, with the strategy that is tried and without it.
+/// Sums of the samples of a pixel, with the tried strategy and without.
 #[derive(Clone, Copy, Default)]
 struct PixelTally {
     tried: HalfSums,
@@ -196,10 +195,10 @@ struct PixelTally {
     count: u32,
 }
 
-/// The samples and the rays of a block.
+/// Sums of the samples of a block, and its rays.
 pub(super) struct BlockTally {
     pixels: Vec<PixelTally>,
-    /// Half the number of samples of a pixel.
+    /// Half the number of samples per pixel.
     half: u32,
     rays: RayCounts,
 }
@@ -218,7 +217,7 @@ impl BlockTally {
         pixel.plain.add(half, sample.plain);
     }
 
-    /// Counts rays.
+    /// Adds ray counts.
     pub fn count(&mut self, rays: RayCounts) {
         self.rays = self.rays.plus(rays);
     }
@@ -234,7 +233,7 @@ impl BlockTally {
     }
 }
 
-/// Sums of relative squared errors of some pixels, with and without the technique on trial, and their rays.
+/// Sums of relative squared errors of pixels, with the tried strategy and without, and ray counts.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Errors {
     pub tried: f64,
@@ -243,7 +242,7 @@ pub(super) struct Errors {
     pub light_paths: LightPathShares,
 }
 
-/// Contribution of paths from lights to the squared error and the time, relative to plain paths; splitting doesn't change it.
+/// Squared error and time of light paths, relative to plain camera paths; not affected by splitting.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct LightPathShares {
     pub error: f64,
@@ -263,7 +262,7 @@ impl Errors {
 
 // Error estimates of pixels by the difference of the means of two halves of their samples.
 
-/// Bound on the relative error of a pixel: otherwise a few fireflies would decide.
+/// Maximum relative error of a pixel, against the influence of a few fireflies.
 const LARGEST_ERROR: f64 = 3.0;
 
 /// Sums over the first and the second half of a pixel's samples.
@@ -271,14 +270,14 @@ const LARGEST_ERROR: f64 = 3.0;
 struct HalfSums([[f64; 3]; 2]);
 
 impl HalfSums {
-    /// Adds a sample to half 0 or 1; others are ignored.
+    /// Adds a sample to half 0 or 1; ignored for other values.
     pub fn add(&mut self, half: u32, rgb: [f32; 3]) {
         if let Some(sum) = self.0.get_mut(half as usize) {
             sum.iter_mut().zip(rgb).for_each(|(sum, v)| *sum += f64::from(v));
         }
     }
 
-    /// Squared difference of the means of the halves, of `half` samples each, relative to the pixel's value in `whole`; the sum over the
+    /// Squared difference of the means of the halves, of `half` samples each, relative to the squared mean of `whole`; summed over the
     /// channels.
     pub fn squared_error(&self, half: u32, whole: &HalfSums) -> f64 {
         let scale = 1.0 / f64::from(half);
@@ -286,7 +285,7 @@ impl HalfSums {
             let mean = 0.5 * scale * (whole.0[0][c] + whole.0[1][c]);
             let difference = (self.0[0][c] - self.0[1][c]) * scale;
             let squared = difference * difference / (mean * mean + 0.01);
-            // NaN counts as 0.
+            // NaN becomes 0.
             if squared > 0.0 { squared.min(LARGEST_ERROR * LARGEST_ERROR) } else { 0.0 }
         };
         (0..3).map(of_channel).sum()

@@ -1,4 +1,4 @@
-//! The list of techniques, in the order in which they decide, and the place that runs their trials.
+//! The list of techniques, in the order of their trials, and running the trials.
 
 use super::caustics::LightTracing;
 use super::guiding::PathGuiding;
@@ -10,8 +10,8 @@ use super::technique::{LightPathShares, PassTrial, Request, Stopped, Target, Tec
 use crate::error::Warning;
 use crate::integrator::{Block, CausticPlan, IntegratorOptions};
 
-/// Makes [`Techniques`] of a list in the order in which they decide: a technique sees in its trial what those before it add. A row: a
-/// field, its type and its constructor.
+/// Generates [`Techniques`] from a list in the order of trials: a technique's trial uses the configuration by the techniques before it. A
+/// row: field, type and constructor.
 macro_rules! techniques {
     ($($(#[$doc:meta])* $visibility:vis $name:ident: $technique:ty = $new:expr,)*) => {
         /// All techniques.
@@ -21,7 +21,7 @@ macro_rules! techniques {
         }
 
         impl Techniques {
-            /// Nothing is tried yet.
+            /// All techniques, before their trials.
             pub fn new(target: &Target<'_>) -> Techniques {
                 Techniques { $($name: $new(target),)* are_prepared: false }
             }
@@ -38,11 +38,11 @@ macro_rules! techniques {
 }
 
 techniques! {
-    /// Caustics by paths from lights.
+    /// Light tracing of caustics.
     light_tracing: LightTracing = untried,
     /// Path guiding.
     guiding: PathGuiding = untried,
-    /// Path sharing or splitting.
+    /// Path reuse or splitting.
     pub strategy: StrategyTrials = StrategyTrials::new,
 }
 
@@ -71,43 +71,43 @@ impl Techniques {
         Ok(())
     }
 
-    /// Applies all techniques to the options of the paths of a picture.
+    /// Configures the integrator for a picture.
     pub fn configure<'a>(&'a self, paths: &mut IntegratorOptions<'a>) {
         self.list().iter().for_each(|technique| technique.configure(paths));
     }
 
-    /// Runs the trials within the first pass. Returns the squares that need not be rendered again; `None` if it was stopped.
+    /// Runs the trials within the first pass. Returns the squares that need not be rendered again; `None` if stopped.
     pub fn try_in_pass(&self, pass: &dyn PassTrial) -> Option<Vec<Block>> {
         let squares = self.list().into_iter().map(|technique| technique.try_in_pass(pass));
         squares.collect::<Option<Vec<_>>>().map(|squares| squares.concat())
     }
 
-    /// May trials within the first pass still decide?
+    /// Are trials within the first pass pending?
     pub fn are_open(&self) -> bool {
         self.list().iter().any(|technique| technique.is_open())
     }
 
-    /// Applies all techniques to the options of the camera paths of a pass.
+    /// Configures the integrator for the camera paths of a pass.
     pub fn configure_pass(&self, pass: Pass, options: &RenderOptions, paths: &mut IntegratorOptions<'_>) {
         self.list().iter().for_each(|technique| technique.configure_pass(pass, options, paths));
     }
 
-    /// Must the film be complete between two passes?
+    /// Must the film be complete between passes?
     pub fn separate_passes(&self) -> bool {
         self.list().iter().any(|technique| technique.separates_passes())
     }
 
-    /// Which light is found by paths from lights, if any.
+    /// The setup of light tracing, if in use.
     pub fn caustics(&self) -> Option<&CausticPlan> {
         self.light_tracing.plan()
     }
 
-    /// Contribution of paths from lights to error and time, relative to paths from the camera.
+    /// Squared error and time of light paths, relative to camera paths.
     pub fn light_path_shares(&self) -> LightPathShares {
         self.light_tracing.light_path_shares()
     }
 
-    /// Warnings where techniques were asked for and are not used.
+    /// Warnings about techniques that were requested and are not used.
     pub fn warnings(&self, target: &Target<'_>) -> Vec<Warning> {
         self.list().iter().filter_map(|technique| warning(*technique, target)).collect()
     }

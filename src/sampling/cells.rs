@@ -1,21 +1,21 @@
-//! A density on the unit cube that is constant in each cell of a grid.
+//! A piecewise constant pdf on the unit cube, by grid cells.
 //!
-//! Cells are found by a walk down the pyramid of their sums, which halves the choice along one axis after another (hierarchical sample
-//! warping: Clarberg et al. 2005, "Wavelet Importance Sampling", section 4.1, here in three dimensions). It keeps stratified numbers
-//! stratified along each axis.
+//! Cells are sampled by descending a mip pyramid of sums, one axis after another (hierarchical sample warping: Clarberg et al. 2005,
+//! "Wavelet Importance Sampling", section 4.1, here in three dimensions), which preserves stratification along each axis.
 
-/// One level of the pyramid: the sums of eight cells that share a cell of the level above, x fastest.
+/// One level of the pyramid, in groups of eight cells that share a cell of the next coarser level.
 #[derive(Clone, Debug, PartialEq)]
 struct Level {
-    /// Groups of eight along each axis.
+    /// Number of groups along each axis.
     groups: [usize; 3],
+    /// Sums of the cells by group, x fastest.
     sums: Vec<[f32; 8]>,
 }
 
 impl Level {
-    /// The group of a cell, and its index there.
+    /// The group of a cell, and the cell's index in the group.
     #[inline]
-    fn place(&self, [x, y, z]: [usize; 3]) -> (usize, usize) {
+    fn position(&self, [x, y, z]: [usize; 3]) -> (usize, usize) {
         (self.group([x / 2, y / 2, z / 2]), x % 2 + y % 2 * 2 + z % 2 * 4)
     }
 
@@ -24,15 +24,15 @@ impl Level {
         (z * self.groups[1] + y) * self.groups[0] + x
     }
 
-    /// A level with the value `of` each cell.
+    /// A level of `size` cells with values `of(cell)`.
     fn new(size: [usize; 3], of: impl Fn([usize; 3]) -> f32) -> Level {
         let groups = size.map(|n| n.div_ceil(2));
         let mut level = Level { groups, sums: vec![[0.0; 8]; groups.iter().product()] };
         for z in 0..size[2] {
             for y in 0..size[1] {
                 for x in 0..size[0] {
-                    let (group, place) = level.place([x, y, z]);
-                    level.sums[group][place] = of([x, y, z]);
+                    let (group, index) = level.position([x, y, z]);
+                    level.sums[group][index] = of([x, y, z]);
                 }
             }
         }
@@ -40,18 +40,18 @@ impl Level {
     }
 }
 
-/// A density on the unit cube that is constant in each cell of a grid.
+/// A piecewise constant pdf on the unit cube, by grid cells.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CellDistribution {
     size: [usize; 3],
     /// Sum of all weights.
     sum: f64,
-    /// From single cells to the level of one group.
+    /// From single cells to a single group.
     levels: Vec<Level>,
 }
 
 impl CellDistribution {
-    /// From one weight a cell, x fastest; negative and non-finite ones count as 0. `None` if none is positive.
+    /// From one weight per cell, x fastest; negative and non-finite weights count as 0. `None` if no weight is positive.
     pub fn new(size: [usize; 3], weights: &[f32]) -> Option<CellDistribution> {
         let sum: f64 = weights.iter().filter(|w| w.is_finite() && **w > 0.0).map(|w| f64::from(*w)).sum();
         if sum <= 0.0 || weights.len() != size.iter().product::<usize>() {
@@ -63,8 +63,8 @@ impl CellDistribution {
         };
         let mut levels = vec![Level::new(size, probability)];
         while let Some(last) = levels.last().filter(|level| level.sums.len() > 1) {
-            let above = Level::new(last.groups, |cell| last.sums[last.group(cell)].iter().sum());
-            levels.push(above);
+            let coarser = Level::new(last.groups, |cell| last.sums[last.group(cell)].iter().sum());
+            levels.push(coarser);
         }
         Some(CellDistribution { size, sum, levels })
     }
@@ -82,16 +82,16 @@ impl CellDistribution {
     /// The probability of a cell.
     #[inline]
     pub fn probability(&self, cell: [usize; 3]) -> f32 {
-        let (group, place) = self.levels[0].place(cell);
-        self.levels[0].sums[group][place]
+        let (group, index) = self.levels[0].position(cell);
+        self.levels[0].sums[group][index]
     }
 
-    /// Bytes that it takes.
+    /// Memory, bytes.
     pub fn bytes(&self) -> usize {
         self.levels.iter().map(|level| size_of_val(&level.sums[..])).sum()
     }
 
-    /// The density at a point of the unit cube; 0 outside.
+    /// The pdf at a point of the unit cube; 0 outside.
     #[inline]
     pub fn pdf_volume(&self, point: [f32; 3]) -> f32 {
         let mut cell = [0; 3];
@@ -104,29 +104,29 @@ impl CellDistribution {
         self.probability(cell) * self.size.iter().product::<usize>() as f32
     }
 
-    /// A point of the unit cube, by three numbers in 0..1.
+    /// Samples a point of the unit cube by three random numbers in 0..1.
     #[inline]
     pub fn sample(&self, mut u: [f32; 3]) -> [f32; 3] {
         let mut cell = [0; 3];
         for level in self.levels.iter().rev() {
             let of = &level.sums[level.group(cell)];
             let rows = [of[0] + of[1], of[2] + of[3], of[4] + of[5], of[6] + of[7]];
-            let z = half(&mut u[2], rows[0] + rows[1], rows[2] + rows[3]);
-            let y = half(&mut u[1], rows[2 * z], rows[2 * z + 1]);
+            let z = select_half(&mut u[2], rows[0] + rows[1], rows[2] + rows[3]);
+            let y = select_half(&mut u[1], rows[2 * z], rows[2 * z + 1]);
             let first = 4 * z + 2 * y;
-            let x = half(&mut u[0], of[first], of[first + 1]);
+            let x = select_half(&mut u[0], of[first], of[first + 1]);
             cell = [2 * cell[0] + x, 2 * cell[1] + y, 2 * cell[2] + z];
         }
         std::array::from_fn(|axis| (cell[axis] as f32 + u[axis]) / self.size[axis] as f32)
     }
 }
 
-/// Chooses one of two in proportion to their sums, by a number that is uniform in 0..1 again afterwards.
+/// Selects 0 or 1 in proportion to `a` and `b`, and rescales the random number to 0..1 for reuse.
 #[inline(always)]
-fn half(u: &mut f32, a: f32, b: f32) -> usize {
-    let share = if a + b > 0.0 { a / (a + b) } else { 1.0 };
-    let is_first = *u < share;
-    *u = if is_first { *u / share } else { (*u - share) / (1.0 - share) };
+fn select_half(u: &mut f32, a: f32, b: f32) -> usize {
+    let probability = if a + b > 0.0 { a / (a + b) } else { 1.0 };
+    let is_first = *u < probability;
+    *u = if is_first { *u / probability } else { (*u - probability) / (1.0 - probability) };
     *u = u.min(1.0f32.next_down());
     usize::from(!is_first)
 }
@@ -145,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn cells_are_chosen_as_often_as_their_density_says() {
+    fn sampling_passes_chi_square() {
         const N: u32 = 200_000;
         for size in [[1, 1, 1], [5, 1, 1], [3, 4, 2], [1, 7, 3]] {
             let (cells, mut random) = (uneven(size), Random::new(9));
@@ -156,7 +156,7 @@ mod tests {
                 counts[(at[2] * size[1] + at[1]) * size[0] + at[0]] += 1;
                 assert!(cells.pdf_volume(p) > 0.0, "{p:?}");
             }
-            // The chi-square statistic has a mean of its degrees of freedom and a variance of twice that.
+            // The chi-square statistic has a mean equal to the degrees of freedom and a variance of twice that.
             let mut statistic = 0.0;
             for (at, &count) in counts.iter().enumerate() {
                 let cell = [at % size[0], at / size[0] % size[1], at / (size[0] * size[1])];
@@ -170,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn densities_integrate_to_one_and_vanish_outside() {
+    fn pdf_integrates_to_one_and_vanishes_outside() {
         let cells = uneven([6, 5, 4]);
         let centers = (0..6 * 5 * 4).map(|i| {
             let at = [i % 6, i / 6 % 5, i / 30].map(|c| c as f32 + 0.5);

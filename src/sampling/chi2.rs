@@ -1,29 +1,29 @@
-//! The chi-square test that every sampler passes: do the samples follow the density that is claimed for them?
+//! The chi-square goodness-of-fit test of samplers against their densities.
 //!
-//! Samples are counted in cells of the unit square; the density, integrated adaptively over each cell, says how many to
-//! expect. Cells with few expected samples are pooled (at least [`MIN_EXPECTED`]); samples outside (absorbed, or
-//! beyond the square's image) are a cell of their own, so that the density's total is tested as well. The significance
-//! is divided by the number of tests that run together (Bonferroni). Seeds are fixed.
+//! Samples are binned in cells of the unit square; the expected counts are the density's integrals over the cells, by
+//! adaptive quadrature. Cells are pooled until each pool expects [`MIN_EXPECTED`] samples. Samples outside (absorbed, or
+//! beyond the square's image) have a cell of their own, so that the density's integral is tested as well. The
+//! significance is corrected for the number of tests in a group (Sidak). Seeds are fixed.
 
 use crate::math::{DVec3, Vec3};
 use std::f64::consts::{PI, TAU};
 
-/// Probability that one group of tests fails although all of its samplers are right.
+/// Family-wise significance level: the probability that a group of tests fails although all of its samplers are correct.
 pub const SIGNIFICANCE: f64 = 0.01;
-/// Pooled cells expect at least this many samples.
+/// Minimum expected count of a pool of cells.
 pub const MIN_EXPECTED: f64 = 8.0;
-/// A part of a cell is split while its integral is in doubt by more than this share of the mean cell. A density that ends
-/// inside a cell leaves a doubt of that size, and the total must be known to a few of the samples.
+/// Absolute tolerance of the quadrature, relative to the area of a cell. The error at a discontinuity inside a cell is of
+/// this size, and the integral must be accurate to a few samples.
 const LEAF_ERROR: f64 = 2e-5;
-/// Splits of a cell at most.
+/// Maximum number of splits of a cell.
 const MAX_SPLITS: u32 = 20;
-/// Where a part is split: the golden section.
+/// Ratio of a split: the golden section.
 const SPLIT: f64 = 0.381_966_011_250_105_15;
 
 /// The result of a passed test.
 #[derive(Clone, Copy, Debug)]
 pub struct Chi2Report {
-    /// Probability of a statistic at least this large.
+    /// Probability of a statistic at least this large under the null hypothesis.
     pub p_value: f64,
     /// Degrees of freedom.
     pub degrees_of_freedom: usize,
@@ -39,12 +39,12 @@ pub struct Square {
 }
 
 impl Square {
-    /// All directions: azimuth about z, and z.
+    /// All directions, by azimuth about z and z (the Lambert cylindrical projection).
     pub fn sphere() -> Square {
         Square::cap(Vec3::Z, 2.0)
     }
 
-    /// Directions around an axis up to an angle, given as 1 - cos.
+    /// The spherical cap around an axis up to an angle, given as 1 - cos.
     pub fn cap(axis: Vec3, one_minus_cos_max: f64) -> Square {
         let z = axis.as_dvec3().normalize();
         let x = z.any_orthonormal_vector();
@@ -57,7 +57,7 @@ impl Square {
         TAU * self.one_minus_cos_max
     }
 
-    /// Where a direction lies; components may be outside 0..1.
+    /// The point of a direction; components may be outside 0..1.
     pub fn point(&self, w: DVec3) -> [f64; 2] {
         let l = self.axes.map(|axis| w.dot(axis));
         let sin_squared = l[0] * l[0] + l[1] * l[1];
@@ -75,7 +75,7 @@ impl Square {
     }
 }
 
-/// One test.
+/// A test.
 #[derive(Clone, Debug)]
 pub struct Chi2 {
     name: String,
@@ -86,31 +86,32 @@ pub struct Chi2 {
 }
 
 impl Chi2 {
-    /// A test, and how many run in its group.
+    /// A test of a group of `tests`.
     pub fn new(name: &str, tests: usize) -> Chi2 {
         Chi2 { name: name.to_string(), tests, cells: [24, 24], samples: 200_000, min_splits: 0 }
     }
 
-    /// Another grid (24 x 24 by default).
+    /// Sets the grid (24 x 24 by default).
     pub fn cells(mut self, columns: usize, rows: usize) -> Chi2 {
         self.cells = [columns, rows];
         self
     }
 
-    /// Another number of samples (200,000 by default).
+    /// Sets the number of samples (200,000 by default).
     pub fn samples(mut self, samples: usize) -> Chi2 {
         self.samples = samples;
         self
     }
 
-    /// Minimum number of splits of a cell along both axes (0 by default), for densities with features smaller than a cell.
+    /// Sets the minimum number of splits of a cell along both axes (0 by default), for densities with features smaller than
+    /// a cell.
     pub fn min_splits(mut self, splits: u32) -> Chi2 {
         self.min_splits = splits;
         self
     }
 
     /// Runs the test on points of the unit square; `density` is per area of the square. A sample of `None` counts as
-    /// absorbed. Says what is wrong if the samples don't follow the density.
+    /// absorbed. Describes the failure if the samples don't follow the density.
     pub fn run(
         &self,
         mut sample: impl FnMut([f32; 3]) -> Option<[f64; 2]>,
@@ -162,7 +163,7 @@ impl Chi2 {
         )
     }
 
-    /// Panics, saying why, if [`Chi2::run`] fails.
+    /// Panics with the failure of [`Chi2::run`].
     pub fn assert(
         &self,
         sample: impl FnMut([f32; 3]) -> Option<[f64; 2]>,
@@ -171,7 +172,7 @@ impl Chi2 {
         self.run(sample, density).unwrap_or_else(|error| panic!("{error}"))
     }
 
-    /// Panics, saying why, if [`Chi2::run_directions`] fails.
+    /// Panics with the failure of [`Chi2::run_directions`].
     pub fn assert_directions(
         &self,
         square: &Square,
@@ -182,9 +183,9 @@ impl Chi2 {
     }
 
     fn cell(&self, p: [f64; 2]) -> Option<usize> {
-        // Rounding may carry a sample over the border.
-        let slack = 1e-6;
-        if !p.iter().all(|x| (-slack..=1.0 + slack).contains(x)) {
+        // Rounding may move a sample across the boundary.
+        let tolerance = 1e-6;
+        if !p.iter().all(|x| (-tolerance..=1.0 + tolerance).contains(x)) {
             return None;
         }
         let [x, y] = [0, 1].map(|i| ((p[i] * self.cells[i] as f64) as usize).min(self.cells[i] - 1));
@@ -218,14 +219,14 @@ impl Chi2 {
             format!("{}: p = {:.2e} < {limit:.2e}, {report:?}; worst cells:", self.name, report.p_value);
         for (i, e, o, _) in worst.iter().take(5) {
             let (x, y) = (i % self.cells[0], i / self.cells[0]);
-            text += &format!("\n  ({x}, {y}) of {:?}: expected {e:.1}, found {o}", self.cells);
+            text += &format!("\n  ({x}, {y}) of {:?}: expected {e:.1}, observed {o}", self.cells);
         }
         text
     }
 }
 
-/// Gauss-Lobatto quadrature with 5 x 5 nodes (exact up to the 7th power), border nodes included, which detect
-/// densities that end between the border and the next node. They are slightly inside the cell, so that its own side counts.
+/// Gauss-Lobatto quadrature with 5 x 5 nodes (exact to degree 7). Its boundary nodes detect discontinuities between the
+/// boundary and the next node; they are slightly inside the cell, to evaluate one-sided limits.
 fn lobatto(f: &impl Fn([f64; 2]) -> f64, low: [f64; 2], size: [f64; 2]) -> f64 {
     const INSET: f64 = 1e-5;
     const X: [f64; 5] = [INSET, 0.172_673_164_646_011_43, 0.5, 0.827_326_835_353_988_6, 1.0 - INSET];
@@ -239,10 +240,10 @@ fn lobatto(f: &impl Fn([f64; 2]) -> f64, low: [f64; 2], size: [f64; 2]) -> f64 {
     sum * size[0] * size[1]
 }
 
-/// Splits a cell in two until the parts agree with the whole, along the axis where they agree less: a density that ends
-/// along a row or a column is followed to its end without splitting the other axis. `depths` counts splits.
+/// Adaptive quadrature: bisects a cell until the sum of the parts converges, along the axis of the larger error, so that an
+/// axis-aligned discontinuity is refined across itself only. `least` and `most` bound the number of splits.
 ///
-/// The parts are not equal: a symmetric rule over a density that ends near the centre gives the same as its two halves.
+/// The parts are unequal: for a discontinuity near the centre, the errors of a symmetric rule and of its two halves cancel.
 fn refine(
     f: &impl Fn([f64; 2]) -> f64,
     low: [f64; 2],
@@ -270,7 +271,7 @@ fn refine(
     parts[axis].map(|(low, size, whole)| refine(f, low, size, whole, tolerance, depths)).iter().sum()
 }
 
-/// The chi-square statistic of (expected, observed) pairs with small ones pooled, and the number of pools.
+/// The chi-square statistic of pooled (expected, observed) pairs, and the number of pools.
 fn pooled_statistic(mut cells: Vec<(f64, f64)>) -> (f64, usize) {
     cells.sort_by(|a, b| a.0.total_cmp(&b.0));
     let (mut statistic, mut pools) = (0.0, 0);
@@ -332,14 +333,14 @@ fn upper_gamma(a: f64, x: f64) -> f64 {
     (front * h).clamp(0.0, 1.0)
 }
 
-/// Random numbers for tests (PCG-RXS-M-XS 64, O'Neill 2014).
+/// Pseudo-random numbers for tests (PCG-RXS-M-XS 64, O'Neill 2014).
 #[derive(Clone, Debug)]
 pub struct Random {
     state: u64,
 }
 
 impl Random {
-    /// A stream.
+    /// The sequence of a seed.
     pub fn new(seed: u64) -> Random {
         Random { state: seed.wrapping_mul(0x5851_f42d_4c95_7f2d) ^ 0x1405_7b7e_f767_814f }
     }
@@ -370,23 +371,22 @@ mod tests {
 
     #[test]
     fn incomplete_gamma_against_known_values() {
-        // Chi-square tables: the 5 % points of 1, 10 and 100 degrees of freedom.
+        // Critical values of chi-square at 5 % for 1, 10 and 100 degrees of freedom.
         for (k, x) in [(1.0, 3.841_458_821), (10.0, 18.307_038_05), (100.0, 124.342_113_4)] {
             assert!((upper_gamma(k / 2.0, x / 2.0) - 0.05).abs() < 1e-8, "{k}");
         }
         assert!((ln_gamma(0.5) - 0.5 * PI.ln()).abs() < 1e-10);
     }
 
-    /// Densities that end within a cell, wherever that is.
     #[test]
-    fn densities_may_end_anywhere() {
+    fn discontinuities_within_cells_are_integrated_accurately() {
         for i in 0..200 {
-            let end = 0.4 + f64::from(i) / 1000.0;
-            let test = Chi2::new("end", 1).cells(4, 4);
+            let step = 0.4 + f64::from(i) / 1000.0;
+            let test = Chi2::new("step", 1).cells(4, 4);
             for axis in [0, 1] {
-                let found: f64 =
-                    test.expected(&|p: [f64; 2]| f64::from(u8::from(p[axis] < end))).iter().sum();
-                assert!((found - end).abs() < 5e-5, "{axis} {end}: {found}");
+                let integral: f64 =
+                    test.expected(&|p: [f64; 2]| f64::from(u8::from(p[axis] < step))).iter().sum();
+                assert!((integral - step).abs() < 5e-5, "{axis} {step}: {integral}");
             }
         }
     }
@@ -396,13 +396,13 @@ mod tests {
         let square = |u: [f32; 3]| Some([f64::from(u[0]), f64::from(u[1])]);
         let test = Chi2::new("x", 1);
         test.assert(square, |_| 1.0);
-        // Too large a total, too small a total, a tilt of +-6 % (the statistic rises by 240, 7 of its standard
-        // deviations), samples where nothing is.
+        // An integral above and below 1, a gradient of +-6 % (which raises the statistic by 240, 7 standard deviations),
+        // samples of zero density.
         assert!(test.run(square, |_| 1.02).is_err());
         assert!(test.run(square, |_| 0.98).is_err());
         assert!(test.run(square, |p| 0.94 + 0.12 * p[0]).is_err());
         assert!(test.run(square, |p| if p[0] < 0.5 { 2.0 } else { 0.0 }).is_err());
-        // Absorption that the density accounts for passes.
+        // Absorption consistent with the density passes.
         test.assert(|u| if u[2] < 0.3 { None } else { square(u) }, |_| 0.7);
     }
 }

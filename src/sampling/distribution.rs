@@ -1,4 +1,4 @@
-//! Tabulated distributions: indices by an alias table, positions in a texture by its bilinear interpolant.
+//! Tabulated distributions: discrete ones by alias tables, 2D ones with bilinearly interpolated densities.
 
 use crate::simd::Table;
 
@@ -7,37 +7,37 @@ use crate::simd::Table;
 struct AliasEntry {
     /// Probability of keeping this index.
     threshold: f32,
-    /// The index that is chosen otherwise.
+    /// The alternative index.
     alias: u32,
     /// Probability of this index.
     pdf_discrete: f32,
 }
 
-/// A chosen index with a remapped random number.
+/// A sampled index with a remapped random number.
 #[derive(Clone, Copy, Debug)]
 pub struct DiscreteSample {
     /// The index.
     pub index: usize,
     /// Its probability.
     pub pdf_discrete: f32,
-    /// Uniform in [0, 1), independent of the index (with fewer bits than the number given).
+    /// Uniform in [0, 1), independent of the index (with fewer bits than the random number had).
     pub remapped: f32,
 }
 
-/// Indices with given probabilities in constant time (Walker 1974, set up as in Vose 1991).
+/// An alias table: samples a discrete distribution in constant time (Walker 1974, constructed as in Vose 1991).
 #[derive(Clone, Debug)]
 pub struct AliasTable {
     entries: Vec<AliasEntry>,
 }
 
 impl AliasTable {
-    /// From weights, at least one; negative and non-finite ones count as 0. All zero gives equal probabilities.
+    /// From weights; negative and non-finite ones count as 0. The distribution is uniform if all are 0.
     pub fn new(weights: &[f32]) -> AliasTable {
-        let cleaned = cleaned(weights);
-        let total: f64 = cleaned.iter().sum();
-        let n = cleaned.len();
-        let mut scaled: Vec<f64> = cleaned.iter().map(|w| w / total * n as f64).collect();
-        let mut entries: Vec<AliasEntry> = cleaned
+        let sanitized = sanitized(weights);
+        let total: f64 = sanitized.iter().sum();
+        let n = sanitized.len();
+        let mut scaled: Vec<f64> = sanitized.iter().map(|w| w / total * n as f64).collect();
+        let mut entries: Vec<AliasEntry> = sanitized
             .iter()
             .enumerate()
             .map(|(i, w)| AliasEntry { threshold: 1.0, alias: i as u32, pdf_discrete: (w / total) as f32 })
@@ -56,17 +56,17 @@ impl AliasTable {
         AliasTable { entries }
     }
 
-    /// Number of indices.
+    /// Number of outcomes.
     pub fn len(&self) -> usize {
         self.entries.len()
     }
 
-    /// Always false: a table has at least one index.
+    /// Always false: a table has at least one outcome.
     pub fn is_empty(&self) -> bool {
         self.entries.is_empty()
     }
 
-    /// Chooses an index.
+    /// Samples an index.
     #[inline]
     pub fn sample(&self, u: f32) -> DiscreteSample {
         let n = self.entries.len();
@@ -95,19 +95,19 @@ impl AliasTable {
     }
 }
 
-/// Weights as f64 without negative or non-finite values; all ones if none is positive. Never empty.
-fn cleaned(weights: &[f32]) -> Vec<f64> {
+/// Weights as f64, with 0 for negative and non-finite ones; all 1 if none is positive. Never empty.
+fn sanitized(weights: &[f32]) -> Vec<f64> {
     let clean: Vec<f64> =
         weights.iter().map(|&w| if w.is_finite() && w > 0.0 { f64::from(w) } else { 0.0 }).collect();
     if clean.iter().sum::<f64>() > 0.0 { clean } else { vec![1.0; weights.len().max(1)] }
 }
 
-// Bilinear densities: positions in a texture with a density proportional to its bilinear interpolant, wrapped along u, clamped along v.
+// Sampling of images under bilinear filtering, which repeats along u and clamps along v.
 //
-// A density that is constant per texel under a bilinear lookup misses the light that a bright texel spreads over its
-// neighbours and is a large source of noise on skies with a sun; this one matches the lookup everywhere.
+// A piecewise-constant density undersamples the neighbours of bright texels, a large source of noise for skies with a sun;
+// the bilinear density is proportional to the filtered image.
 
-/// Texels per entry of the coarse distribution function.
+/// Texels per entry of the coarse CDF.
 const BLOCK: u32 = 4;
 
 /// Positions with their densities.
@@ -130,33 +130,35 @@ pub struct MapSample {
     pub pdf_area: f32,
 }
 
-/// A density on the unit square, interpolated bilinearly between values at texel centres `((i + 0.5) / width,
+/// A density on the unit square: the bilinear interpolant of values at texel centres `((i + 0.5) / width,
 /// (j + 0.5) / height)`.
 ///
-/// Along v the density's marginal is linear between row centres and constant in the outer half rows; at a given v the
-/// density along u is linear between column centres, a blend of the two rows. Both are inverted exactly and
-/// monotonically, so stratified numbers stay stratified.
+/// The marginal along v is piecewise linear between row centres and constant in the outer half rows; the conditional density
+/// along u is piecewise linear between column centres. Both CDFs are inverted exactly and monotonically, which preserves
+/// stratification.
 #[derive(Clone, Debug)]
 pub struct BilinearMap {
     width: u32,
     height: u32,
-    /// Values scaled to a mean of 1, row by row, each row with its first value repeated at the end.
+    /// Values normalised to a mean of 1, row by row, each row with its first value repeated at the end.
     values: Vec<f32>,
-    /// For each row the integral from its first texel centre up to every [`BLOCK`]th one, and to the end, in texels.
+    /// The unnormalised CDF of each row at every [`BLOCK`]th texel centre and at the end, in texels.
     coarse: Vec<f32>,
-    /// Row means; the marginal's values at row centres.
+    /// Row means: the marginal density at row centres.
     rows: Vec<f32>,
-    /// Integral of the marginal at its breakpoints 0, 0.5, 1.5, .., height - 0.5, height, divided by the height.
+    /// The marginal CDF at the knots 0, 0.5, 1.5, .., height - 0.5, height, divided by the height.
     row_cumulative: Vec<f32>,
-    /// Where the search for a block starts: the largest power of two below their number.
+    /// Initial step of the binary search for a block: the largest power of two below their number.
     first_step: u32,
-    /// First step of the search for a piece of the marginal.
+    /// Initial step of the binary search for an interval of the marginal.
     first_row_step: u32,
 }
 
 impl BilinearMap {
-    /// From one weight a texel, row by row; negative and non-finite ones count as 0. All zero gives the uniform
-    /// density. `weights` must hold `width * height` values, both at least 1.
+    /// From one weight per texel, row by row; negative and non-finite ones count as 0. The density is uniform if all are 0.
+    ///
+    /// # Panics
+    /// If `weights` doesn't have `width * height` elements, or none.
     pub fn new(width: usize, height: usize, weights: &[f32]) -> BilinearMap {
         assert!(width > 0 && height > 0 && weights.len() == width * height, "a weight for every texel");
         assert!((width + 1) * height < u32::MAX as usize, "an image of at most 2^32 texels");
@@ -182,7 +184,7 @@ impl BilinearMap {
             coarse.push(sum as f32);
             rows.push((sum / width as f64) as f32);
         }
-        let row_cumulative = cumulative_of_rows(&rows);
+        let row_cumulative = marginal_cdf(&rows);
         let first_step = (blocks.next_power_of_two() / 2) as u32;
         let first_row_step = ((height + 1).next_power_of_two() / 2) as u32;
         let (width, height) = (width as u32, height as u32);
@@ -194,7 +196,7 @@ impl BilinearMap {
         [self.width as usize, self.height as usize]
     }
 
-    /// The densities at the texel centres of a row; the first one is repeated at the end.
+    /// The density at the texel centres of a row; the first value is repeated at the end.
     pub fn row(&self, y: usize) -> &[f32] {
         let stride = self.width as usize + 1;
         &self.values[y * stride..(y + 1) * stride]
@@ -213,19 +215,19 @@ impl BilinearMap {
         let x = if x < 0.0 { x + self.width as f32 } else { x };
         let i = (x as u32).min(self.width - 1);
         let s = x - i as f32;
-        let (a, b) = (self.blend(&rows, i), self.blend(&rows, i + 1));
+        let (a, b) = (self.lerp_rows(&rows, i), self.lerp_rows(&rows, i + 1));
         a + s * (b - a)
     }
 
-    /// A position with density proportional to the interpolant.
+    /// Samples a position.
     #[inline(always)]
     pub fn sample(&self, u: [f32; 2]) -> MapSample {
         let many = self.sample_many([[u[0]], [u[1]]]);
         MapSample { uv: [many.u[0], many.v[0]], pdf_area: many.pdf_area[0] }
     }
 
-    /// Samples from many pairs of numbers, the first ones of all pairs first. All take the same steps, without branches,
-    /// so that loops over them vectorise.
+    /// Samples `N` positions from `N` pairs of random numbers, in structure-of-arrays layout: branch-free, so that loops
+    /// vectorise.
     #[inline(always)]
     pub fn sample_many<const N: usize>(&self, u: [[f32; N]; 2]) -> MapSamples<N> {
         let y = self.sample_rows(u[1]);
@@ -236,56 +238,57 @@ impl BilinearMap {
         let (mut x, pdf_area) = self.sample_columns(u[0], &rows);
         let mut v = [0.0; N];
         for i in 0..N {
-            let moved = x[i] + 0.5;
-            let moved = if moved >= self.width as f32 { moved - self.width as f32 } else { moved };
-            x[i] = moved / self.width as f32;
+            let shifted = x[i] + 0.5;
+            let wrapped = if shifted >= self.width as f32 { shifted - self.width as f32 } else { shifted };
+            x[i] = wrapped / self.width as f32;
             v[i] = (y[i] + 0.5) / self.height as f32;
         }
         MapSamples { u: x, v, pdf_area }
     }
 
-    /// The rows around a position in texel centres.
+    /// The rows of the interpolation at a position relative to the first row's centre.
     #[inline(always)]
     fn row_pair(&self, y: f32) -> RowPair {
         let last = self.height - 1;
         let y = if y > 0.0 { y } else { 0.0 };
         let low = (y as u32).min(last);
-        RowPair { low, high: (low + 1).min(last), share: y - low as f32 }
+        RowPair { low, high: (low + 1).min(last), fraction: y - low as f32 }
     }
 
+    /// Column `i`, interpolated between the rows.
     #[inline(always)]
-    fn blend(&self, rows: &RowPair, i: u32) -> f32 {
+    fn lerp_rows(&self, rows: &RowPair, i: u32) -> f32 {
         let (values, stride) = (Table::new(&self.values), self.width + 1);
         let (a, b) = (values.at(rows.low * stride + i), values.at(rows.high * stride + i));
-        a + rows.share * (b - a)
+        a + rows.fraction * (b - a)
     }
 
-    /// Inverts the marginal along v: positions in texel centres, -0.5 to height - 0.5.
+    /// Inverts the marginal CDF along v: positions relative to the first row's centre, -0.5 to height - 0.5.
     #[inline(always)]
     fn sample_rows<const N: usize>(&self, u: [f32; N]) -> [f32; N] {
         let (cumulative, values) = (Table::new(&self.row_cumulative), Table::new(&self.rows));
         let total = cumulative.at(self.height + 1);
-        // The last piece that starts at or before the target.
-        let mut pieces = [0u32; N];
+        // Branch-free binary search for the last interval that starts at or before the target.
+        let mut intervals = [0u32; N];
         let mut step = self.first_row_step;
         while step > 0 {
             for i in 0..N {
-                let next = pieces[i] + step;
+                let next = intervals[i] + step;
                 let is_before = (next <= self.height) & (cumulative.at(next) <= u[i] * total);
-                pieces[i] += if is_before { step } else { 0 };
+                intervals[i] += if is_before { step } else { 0 };
             }
             step /= 2;
         }
         let mut y = [0.0; N];
         for i in 0..N {
-            let piece = pieces[i];
-            let rest = (u[i] * total - cumulative.at(piece)) * self.height as f32;
-            let first = if piece > 0 { piece - 1 } else { 0 };
-            let (a, b) = (values.at(first), values.at(piece));
-            // The outer pieces are half a row long and constant.
-            let outer = (piece == 0) | (piece == self.height);
+            let interval = intervals[i];
+            let rest = (u[i] * total - cumulative.at(interval)) * self.height as f32;
+            let first = if interval > 0 { interval - 1 } else { 0 };
+            let (a, b) = (values.at(first), values.at(interval));
+            // The outer intervals are half a row long and constant.
+            let outer = (interval == 0) | (interval == self.height);
             let length = if outer { 0.5 } else { 1.0 };
-            let start = if piece == 0 { -0.5 } else { piece as f32 - 1.0 };
+            let start = if interval == 0 { -0.5 } else { interval as f32 - 1.0 };
             let t = invert_linear(a * length, b * length, rest) * length;
             let end = self.height as f32 - 0.5;
             y[i] = if start + t < end { start + t } else { end };
@@ -293,49 +296,48 @@ impl BilinearMap {
         y
     }
 
-    /// Inverts the density along u at blends of two rows: positions in texel centres, 0 to width, and the densities.
+    /// Inverts the conditional CDFs along u: positions relative to the first column's centre, 0 to width, and the densities.
     #[inline(always)]
     fn sample_columns<const N: usize>(&self, u: [f32; N], rows: &[RowPair; N]) -> ([f32; N], [f32; N]) {
         let coarse = Table::new(&self.coarse);
         let blocks = self.width.div_ceil(BLOCK);
         let stride = blocks + 1;
-        let sum_before = |rows: &RowPair, block: u32| {
+        let cdf = |rows: &RowPair, block: u32| {
             let (a, b) = (coarse.at(rows.low * stride + block), coarse.at(rows.high * stride + block));
-            a + rows.share * (b - a)
+            a + rows.fraction * (b - a)
         };
-        let (mut targets, mut found) = ([0.0; N], [0u32; N]);
+        let (mut targets, mut block) = ([0.0; N], [0u32; N]);
         for i in 0..N {
-            targets[i] = u[i] * sum_before(&rows[i], blocks);
+            targets[i] = u[i] * cdf(&rows[i], blocks);
         }
-        // The last block whose start is at or before the target.
+        // Branch-free binary search for the last block that starts at or before the target.
         let mut step = self.first_step;
         while step > 0 {
             for i in 0..N {
-                let next = found[i] + step;
+                let next = block[i] + step;
                 let next = if next < blocks { next } else { blocks };
-                let is_before = (next < blocks) & (sum_before(&rows[i], next) <= targets[i]);
-                found[i] += if is_before { step } else { 0 };
+                let is_before = (next < blocks) & (cdf(&rows[i], next) <= targets[i]);
+                block[i] += if is_before { step } else { 0 };
             }
             step /= 2;
         }
         let (mut x, mut density) = ([0.0; N], [0.0; N]);
         for i in 0..N {
-            (x[i], density[i]) =
-                self.sample_block(targets[i] - sum_before(&rows[i], found[i]), &rows[i], found[i]);
+            (x[i], density[i]) = self.sample_block(targets[i] - cdf(&rows[i], block[i]), &rows[i], block[i]);
         }
         (x, density)
     }
 
-    /// Inverts the density within a block of texels, from the integral since its start.
+    /// Inverts the CDF within a block of texels; `rest` is the integral from its start.
     #[inline(always)]
     fn sample_block(&self, rest: f32, rows: &RowPair, block: u32) -> (f32, f32) {
         let (mut rest, mut i) = (rest, block * BLOCK);
-        let (mut a, mut b) = (self.blend(rows, i), self.blend(rows, i + 1));
+        let (mut a, mut b) = (self.lerp_rows(rows, i), self.lerp_rows(rows, i + 1));
         let mut is_searching = true;
         for k in 2..=BLOCK {
             let area = 0.5 * (a + b);
             is_searching &= (rest >= area) & (i + 1 < self.width);
-            let next = self.blend(rows, block * BLOCK + k);
+            let next = self.lerp_rows(rows, block * BLOCK + k);
             rest -= if is_searching { area } else { 0.0 };
             i += u32::from(is_searching);
             a = if is_searching { b } else { a };
@@ -346,16 +348,16 @@ impl BilinearMap {
     }
 }
 
-/// Two rows, and the weight of the second one.
+/// Two adjacent rows, and the interpolation weight of the second.
 #[derive(Clone, Copy, Default)]
 struct RowPair {
     low: u32,
     high: u32,
-    share: f32,
+    fraction: f32,
 }
 
-/// Integrals of the marginal along v at its breakpoints, over the height.
-fn cumulative_of_rows(rows: &[f32]) -> Vec<f32> {
+/// The marginal CDF along v at its knots, divided by the height.
+fn marginal_cdf(rows: &[f32]) -> Vec<f32> {
     let n = rows.len() as f64;
     let (first, last) = (f64::from(rows[0]), f64::from(rows[rows.len() - 1]));
     let mut sum = 0.5 * first / n;
@@ -368,8 +370,8 @@ fn cumulative_of_rows(rows: &[f32]) -> Vec<f32> {
     cumulative
 }
 
-/// Where in 0..1 the integral of the function that goes linearly from `a` to `b` reaches `area`: the root of
-/// (b - a) t^2 / 2 + a t = area in the form that does not cancel.
+/// The `t` in 0..1 where the integral of the linear function from `a` to `b` is `area`: the root of
+/// (b - a) t^2 / 2 + a t = area, without cancellation.
 #[inline(always)]
 fn invert_linear(a: f32, b: f32, area: f32) -> f32 {
     let discriminant = a * a + 2.0 * (b - a) * area;
@@ -388,7 +390,7 @@ mod tests {
     const WEIGHTS: [f32; 7] = [0.0, 3.0, 0.1, 0.0, 5.0, 1.0, 0.0];
 
     #[test]
-    fn alias_table_passes_chi_square_with_its_remainder() {
+    fn alias_table_and_remapped_number_pass_chi_square() {
         let table = AliasTable::new(&WEIGHTS);
         let n = table.len() as f64;
         Chi2::new("alias table", 1).cells(7, 8).assert(
@@ -402,7 +404,7 @@ mod tests {
     }
 
     #[test]
-    fn hopeless_weights_give_equal_chances() {
+    fn invalid_weights_give_the_uniform_distribution() {
         let weights = [0.0, f32::NAN, -1.0, f32::INFINITY];
         assert_eq!(AliasTable::new(&weights).pdf_discrete(2), 0.25);
         assert_eq!(AliasTable::new(&[]).sample(0.5).index, 0);
@@ -428,9 +430,9 @@ mod bilinear_tests {
         let mut random = Random::new(3);
         for _ in 0..20_000 {
             let s = map.sample([random.next(), random.next()]);
-            let again = map.pdf_area(s.uv);
+            let evaluated = map.pdf_area(s.uv);
             assert!(s.pdf_area > 0.0, "{name}: {s:?}");
-            assert!((s.pdf_area - again).abs() <= 2e-3 * s.pdf_area + 1e-3, "{name}: {s:?} {again}");
+            assert!((s.pdf_area - evaluated).abs() <= 2e-3 * s.pdf_area + 1e-3, "{name}: {s:?} {evaluated}");
         }
     }
 
@@ -449,7 +451,7 @@ mod bilinear_tests {
     }
 
     #[test]
-    fn nothing_anywhere_is_uniform() {
+    fn invalid_weights_give_the_uniform_density() {
         let map = BilinearMap::new(3, 2, &[0.0, f32::NAN, -1.0, 0.0, 0.0, 0.0]);
         assert_eq!(map.pdf_area([0.3, 0.9]), 1.0);
         assert!(map.bytes() < 200);

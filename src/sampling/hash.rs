@@ -1,6 +1,6 @@
-//! Integer hashes and random numbers made of them: the same on every machine.
+//! Integer hashes and pseudo-random numbers, reproducible on every platform.
 
-/// A well mixed hash of 32 bits that does not map zero to zero (the mixer is Wellons' lowbias32).
+/// A 32-bit hash with good avalanche that doesn't map zero to zero (Wellons' lowbias32 of an offset argument).
 #[inline(always)]
 pub fn hash32(mut x: u32) -> u32 {
     x ^= 0xe6fe_3beb;
@@ -14,11 +14,11 @@ pub fn hash32(mut x: u32) -> u32 {
 /// A number in [0, 1) from the upper 24 bits of a hash.
 #[inline(always)]
 pub fn unit(hash: u32) -> f32 {
-    // Through i32, which every CPU converts in one step.
+    // Through i32, whose conversion is one instruction on every CPU.
     (hash >> 8) as i32 as f32 * (1.0 / 16_777_216.0)
 }
 
-/// The finaliser of SplitMix64 (Steele, Lea, Flood 2014): mixes 64 bits, and maps zero to zero.
+/// The finaliser of SplitMix64 (Steele, Lea, Flood 2014), a 64-bit hash that maps zero to zero.
 #[inline(always)]
 pub fn mix64(x: u64) -> u64 {
     let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -26,12 +26,12 @@ pub fn mix64(x: u64) -> u64 {
     x ^ (x >> 31)
 }
 
-/// The generator SplitMix64: a small stream of numbers.
+/// The pseudo-random number generator SplitMix64.
 #[derive(Clone, Debug)]
 pub struct SplitMix64(u64);
 
 impl SplitMix64 {
-    /// The stream of a seed.
+    /// The sequence of a seed.
     pub fn new(seed: u64) -> SplitMix64 {
         SplitMix64(seed)
     }
@@ -57,8 +57,7 @@ impl SplitMix64 {
     }
 }
 
-/// Point `i` of a sequence that fills the unit square evenly, however many are taken, as fractions of 2^32 (the R2 sequence
-/// of Roberts 2018).
+/// Point `i` of R2, a low-discrepancy sequence in the unit square (Roberts 2018), in units of 2^-32.
 #[inline(always)]
 pub fn r2_sequence(i: u32) -> [u32; 2] {
     [i.wrapping_mul(0xc13f_a9a9), i.wrapping_mul(0x91e1_0da5)]
@@ -68,16 +67,16 @@ pub fn r2_sequence(i: u32) -> [u32; 2] {
 mod tests {
     use super::*;
 
-    /// The first numbers of the reference implementation for the seed 1234567.
+    /// Values of the reference implementation.
     #[test]
-    fn split_mix_gives_the_published_numbers() {
+    fn split_mix_matches_the_reference_implementation() {
         let mut random = SplitMix64::new(1_234_567);
         assert_eq!(random.next_bits(), 6_457_827_717_110_365_317);
         assert_eq!(random.next_bits(), 3_203_168_211_198_807_973);
     }
 
     #[test]
-    fn units_stay_below_one() {
+    fn unit_is_below_one() {
         assert_eq!(unit(0), 0.0);
         assert_eq!(unit(1 << 31), 0.5);
         assert!(unit(u32::MAX) < 1.0);

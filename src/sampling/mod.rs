@@ -1,8 +1,8 @@
-//! Random numbers to points, directions and indices: warps with their densities, distributions over tables, and the
-//! weights that combine strategies. Every sampler here passes the chi-square harness in [`chi2`].
+//! Sampling: the Sobol sampler, warps with their densities, tabulated distributions, and multiple importance sampling
+//! weights. Samplers are tested with the chi-square test of [`chi2`].
 //!
-//! Conventions: `u` is uniform in `[0, 1)` per component. Densities name their measure. Samplers are free of libm and
-//! (apart from table searches) of data-dependent branches, so that loops over paths vectorise.
+//! Conventions: `u` is uniform in `[0, 1)` per component. Densities name their measure. Samplers call no libm and
+//! (apart from table searches) have no data-dependent branches, so that loops over paths vectorise.
 
 mod cells;
 #[doc(hidden)]
@@ -17,9 +17,9 @@ pub use distribution::AliasTable;
 pub use distribution::{BilinearMap, MapSample, MapSamples};
 pub use sampler::{MAX_Z_ORDER_SPP, UnevenSamples, ZSobolOrder};
 
-/// The power heuristic (Veach 1997, section 9.2) with exponent 2 for one sample of each of two strategies: the weight of a sample drawn with
-/// density `pdf` where the other strategy would have had density `other`, both in one measure. 0 where `pdf` is 0.
-/// Written with the ratio of the densities, so that squares neither overflow nor vanish.
+/// The power heuristic (Veach 1997, section 9.2) with exponent 2 for one sample of each of two strategies: the MIS weight of
+/// a sample with density `pdf`, where `other` is the other strategy's density in the same measure. 0 where `pdf` is 0.
+/// Computed from the ratio of the densities, so that squares neither overflow nor underflow.
 #[inline(always)]
 pub fn power_heuristic(pdf: f32, other: f32) -> f32 {
     let large = pdf >= other;
@@ -35,7 +35,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn weights_of_both_strategies_add_up_to_one() {
+    fn power_heuristic_weights_sum_to_one() {
         for (a, b) in [(1.0, 1.0), (1e-30, 1e30), (3e38, 2e38), (1e-38, 0.0), (0.3, 0.7)] {
             let sum = power_heuristic(a, b) + power_heuristic(b, a);
             assert!((sum - 1.0).abs() < 1e-6, "{a} {b}: {sum}");

@@ -1,33 +1,31 @@
-//! Owen-scrambled Sobol points (Burley 2020, "Practical Hash-based Owen Scrambling", JCGT 9(4)), evaluated for many paths
-//! at a time.
+//! Owen-scrambled Sobol points (Burley 2020, "Practical Hash-based Owen Scrambling", JCGT 9(4)).
 //!
-//! Dimensions come in sets of four. Every set consists of the first four Sobol dimensions, whose projections are the
-//! best, with a shuffle and a scramble of its own ("padding", as Burley recommends). A set agrees bit for bit
-//! with the crate `sobol_burley` for the set's seed (which returns 23 of our 24 bits), whose direction vectors it uses. Unlike
-//! there, the number of steps is fixed, without branches or table lookups that depend on the path, so that loops over paths
-//! vectorise.
+//! Dimensions are padded in sets of four: every set consists of the first four Sobol dimensions, whose projections have the
+//! lowest discrepancy, independently shuffled and scrambled. A set is bit-identical to the crate `sobol_burley` for the
+//! set's seed (to that crate's 23 bits), whose direction vectors it uses, but branch-free and without data-dependent table
+//! lookups, so that loops over paths vectorise.
 
 use super::hash::{hash32, unit};
 use std::sync::OnceLock;
 
-/// Number of samples per seed; further samples use another seed.
+/// Length of a seed's sequence; further samples use another seed.
 pub const SAMPLES_PER_SEED: u32 = 1 << 16;
 
-/// The direction vectors of the third and fourth dimension, bits reversed: `vectors[bit][dimension]`.
+/// The bit-reversed direction vectors of the third and fourth dimensions: `vectors[bit][dimension]`.
 type DirectionVectors = [[u32; 2]; 16];
 
-/// The seed of a pixel: another for each (x, y, user seed).
+/// The seed of a pixel: a hash of (x, y, user seed).
 #[inline(always)]
 pub fn pixel_seed(x: u32, y: u32, seed: u32) -> u32 {
     hash32(hash32(hash32(seed).wrapping_add(x)).wrapping_add(y))
 }
 
-/// One sample of one pixel: a point of as many dimensions as are needed.
+/// A sample's point of the Sobol sequence, whose dimensions are evaluated on demand.
 #[derive(Clone, Copy, Debug)]
 pub struct SobolPoint {
-    /// Seeds shuffles and scrambles.
+    /// Seed of the shuffles and scrambles.
     seed: u32,
-    /// Index in the sequence, below [`SAMPLES_PER_SEED`], bits reversed.
+    /// Bit-reversed index in the sequence, below [`SAMPLES_PER_SEED`].
     index_rev: u32,
 }
 
@@ -38,7 +36,7 @@ impl SobolPoint {
         SobolPoint::of_branches(seed, index, 0)
     }
 
-    /// The point of a sample with 2^`branch_bits` branches, which are consecutive points of the sequence.
+    /// The point of a sample that is split into 2^`branch_bits` branches, which are consecutive points of the sequence.
     #[inline(always)]
     pub fn of_branches(seed: u32, index: u32, branch_bits: u32) -> SobolPoint {
         let bits = SAMPLES_PER_SEED.trailing_zeros() - branch_bits;
@@ -53,25 +51,25 @@ impl SobolPoint {
         SobolPoint { index_rev: (self.index_rev >> branch_bits) | branch.reverse_bits(), ..self }
     }
 
-    /// The point that this one is a branch of.
+    /// The point of the sample that this branch belongs to.
     #[inline(always)]
-    pub fn trunk(self, branch_bits: u32) -> SobolPoint {
+    pub fn parent(self, branch_bits: u32) -> SobolPoint {
         SobolPoint { index_rev: self.index_rev << branch_bits, ..self }
     }
 
-    /// The two numbers that represent the point, for storage.
+    /// The seed and the bit-reversed index, for storage.
     #[inline(always)]
     pub fn to_parts(self) -> (u32, u32) {
         (self.seed, self.index_rev)
     }
 
-    /// The point again from its parts.
+    /// The point of [`SobolPoint::to_parts`].
     #[inline(always)]
     pub fn from_parts(seed: u32, index_rev: u32) -> SobolPoint {
         SobolPoint { seed, index_rev }
     }
 
-    /// Four coordinates in 0..1 of a set.
+    /// The coordinates in 0..1 of a set of four dimensions.
     #[inline(always)]
     pub fn sample_4d(self, dimensions: &Dimensions) -> [f32; 4] {
         let seed = dimensions.seed_of_set(self.seed);
@@ -93,7 +91,7 @@ impl SobolPoint {
     }
 }
 
-/// One set of four dimensions, ready to evaluate.
+/// A set of four dimensions.
 #[derive(Clone, Copy, Debug)]
 pub struct Dimensions {
     vectors: DirectionVectors,
@@ -106,7 +104,7 @@ impl Dimensions {
         Dimensions { vectors: *direction_vectors(), salt: hash32(set ^ 0x51ab_c0de) }
     }
 
-    /// Another seed for each set.
+    /// Decorrelates the sets.
     #[inline(always)]
     fn seed_of_set(&self, seed: u32) -> u32 {
         hash32(seed ^ self.salt)
@@ -116,14 +114,14 @@ impl Dimensions {
 fn direction_vectors() -> &'static DirectionVectors {
     static VECTORS: OnceLock<DirectionVectors> = OnceLock::new();
     VECTORS.get_or_init(|| {
-        // The sequence is linear over bits: the point of a single index bit is its direction vector.
+        // The sequence is linear over GF(2): the point of a single index bit is its direction vector.
         let vector = |bit: u32| [2, 3].map(|d| sobol_burley::parts::sobol_rev(1 << (31 - bit), d));
         std::array::from_fn(|bit| vector(bit as u32))
     })
 }
 
-/// The second Sobol dimension of an index below 2^16, bits reversed: its matrix is Pascal's triangle modulo 2, the
-/// product of four sparse ones. (The first dimension's, bits reversed, is the identity.)
+/// The second Sobol dimension of an index below 2^16, bit-reversed: its generator matrix is Pascal's triangle modulo 2, the
+/// product of four sparse matrices. (The first dimension's, bit-reversed, is the identity.)
 #[inline(always)]
 fn second_dimension_rev(mut x: u32) -> u32 {
     x ^= (x >> 1) & 0x5555;
@@ -132,7 +130,7 @@ fn second_dimension_rev(mut x: u32) -> u32 {
     x ^ ((x >> 8) & 0x00ff)
 }
 
-/// Nested uniform scrambling of a bit-reversed number by a hash (Burley 2020; constants by Vegdahl 2021).
+/// Hash-based Owen scrambling of a bit-reversed number (Burley 2020; constants by Vegdahl 2021).
 #[inline(always)]
 fn owen_scramble_rev(mut n: u32, scramble: u32) -> u32 {
     n ^= n.wrapping_mul(0x3d20_adea);
@@ -142,25 +140,24 @@ fn owen_scramble_rev(mut n: u32, scramble: u32) -> u32 {
     n ^ n.wrapping_mul(0x53a2_2864)
 }
 
-/// Largest edge of a region in bits: 16 pixels.
+/// Base-2 logarithm of the largest edge of a region: 16 pixels.
 pub(super) const MAX_EDGE_BITS: u32 = 4;
 
-/// Largest number of samples per pixel in Z order. Above, each pixel has a sequence of its own: rendering may continue from any number of
-/// samples to any other.
+/// Maximum number of samples per pixel in Z order. Above, each pixel has a sequence of its own, so that rendering can be
+/// resumed with another number of samples.
 pub const MAX_Z_ORDER_SPP: u32 = 256;
 
-/// Distributes Sobol points over the picture: the pixels of a square region, in Morton (Z) order, take consecutive runs of one
-/// sequence, each as long as the next power of two of the planned samples (the Z sampler of Ahmed, Wonka 2020, as
-/// `ZSobolSampler` in pbrt-v4).
+/// Distributes Sobol points over the picture with blue-noise error: the pixels of a square region, in Morton (Z) order, use
+/// consecutive runs of one sequence, each of the planned number of samples rounded up to a power of two (Ahmed, Wonka 2020,
+/// "Screen-Space Blue-Noise Diffusion of Monte Carlo Sampling Error via Hierarchical Ordering of Pixels"; `ZSobolSampler`
+/// of pbrt-v4).
 ///
-/// A run that begins at a multiple of its length is as good a set of points as the sequence's first ones, so each pixel's
-/// error is that of a sequence of its own. And so are the runs of 2x2, 4x4, .. pixels together, since they follow each
-/// other: their samples complement each other, and the error of the mean over such a block is lower (Ahmed, Wonka 2020,
-/// "Screen-Space Blue-Noise Diffusion of Monte Carlo Sampling Error via Hierarchical Ordering of Pixels").
+/// A run aligned to its length is as well distributed as the start of the sequence, so each pixel's error is that of a
+/// sequence of its own. So are the consecutive runs of 2x2, 4x4, .. pixels together, which lowers the error of the mean of
+/// such a block.
 ///
-/// Regions have 16x16 pixels, fewer where so many runs do not fit into one sequence (from 257 points per pixel on, all
-/// branches included), and each has a seed of its own. Their positions in the picture are fixed, so that samples depend on their pixel
-/// only.
+/// Regions have 16x16 pixels, fewer where their runs exceed one sequence (from 257 points per pixel on, all branches
+/// included), and each has its own seed. They are aligned to the picture, so that samples depend on their pixel only.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ZSobolOrder {
     seed: u32,
@@ -171,7 +168,7 @@ pub struct ZSobolOrder {
 }
 
 impl ZSobolOrder {
-    /// For `samples` a pixel, with `branches` paths from each, by the user's seed.
+    /// For `samples` per pixel, each split into `branches` paths, by the user's seed.
     pub fn new(seed: u32, samples: u32, branches: u32) -> ZSobolOrder {
         const MAX_BITS: u32 = SAMPLES_PER_SEED.trailing_zeros();
         let points = samples.saturating_mul(branches);
@@ -181,7 +178,7 @@ impl ZSobolOrder {
         ZSobolOrder { seed, run_bits, edge_bits }
     }
 
-    /// A pixel's seed, and the index of its first sample in the sequence of that seed; the others follow.
+    /// The seed of a pixel's sequence, and the index of its first sample there; the others follow.
     #[inline(always)]
     pub fn first(&self, x: u32, y: u32) -> (u32, u32) {
         let within = (1 << self.edge_bits) - 1;
@@ -190,7 +187,7 @@ impl ZSobolOrder {
     }
 }
 
-/// Morton code: the interleaved bits of `x` and `y`, below 16 each.
+/// The Morton code of `x` and `y`, below 16 each.
 #[inline(always)]
 pub(super) fn morton(x: u32, y: u32) -> u32 {
     let spread = |v: u32| {
@@ -200,25 +197,25 @@ pub(super) fn morton(x: u32, y: u32) -> u32 {
     spread(x) | (spread(y) << 1)
 }
 
-/// Distinguishes these sequences from those of [`ZSobolOrder`] with the same seed.
+/// Decorrelates these sequences from those of [`ZSobolOrder`] with the same seed.
 const SEED: u32 = 0x5f3a_9c41;
 
-/// A number of samples for each pixel.
+/// A sample count for each pixel (adaptive sampling).
 ///
-/// As in [`ZSobolOrder`], the pixels of a region of 16x16 take runs of one Sobol sequence in Morton
-/// order, each as long as the number of its samples; any run of consecutive points is well distributed.
+/// As in [`ZSobolOrder`], the pixels of a 16x16 region use consecutive runs of one Sobol sequence in Morton order, each as
+/// long as the pixel's sample count; any run of consecutive points is well distributed.
 #[derive(Clone, Debug)]
 pub struct UnevenSamples {
     seed: u32,
     width: u32,
-    /// Samples of each pixel, row by row.
+    /// Sample count of each pixel, row by row.
     counts: Vec<u32>,
     /// Start of each pixel's run in its region's sequence.
     starts: Vec<u32>,
 }
 
 impl UnevenSamples {
-    /// For `samples` a pixel, row by row. Fractions are rounded by error diffusion along the Morton order.
+    /// From sample counts by pixel, row by row. Fractions are rounded by error diffusion in Morton order.
     pub fn new(seed: u32, width: u32, samples: &[f32]) -> UnevenSamples {
         let height = samples.len() as u32 / width;
         let edge = 1u32 << MAX_EDGE_BITS;
@@ -230,8 +227,7 @@ impl UnevenSamples {
         };
         let mut order: Vec<(u32, u32)> = (0..edge).flat_map(|y| (0..edge).map(move |x| (x, y))).collect();
         order.sort_by_key(|&(x, y)| morton(x, y));
-        // Accumulated rounding error.
-        let mut rest = 0.5;
+        let mut rounding_error = 0.5;
         for (y0, x0) in (0..height)
             .step_by(edge as usize)
             .flat_map(|y| (0..width).step_by(edge as usize).map(move |x| (y, x)))
@@ -243,9 +239,9 @@ impl UnevenSamples {
                     continue;
                 }
                 let at = (y * width + x) as usize;
-                let target = f64::from(samples[at]) + rest;
+                let target = f64::from(samples[at]) + rounding_error;
                 let count = target.floor().max(0.0);
-                rest = target - count;
+                rounding_error = target - count;
                 (map.counts[at], map.starts[at]) = (count as u32, next);
                 next += count as u32;
             }
@@ -253,7 +249,7 @@ impl UnevenSamples {
         map
     }
 
-    /// The samples of pixel (`x`, `y`): the seed of its sequence, the index of the first sample there, and how many follow.
+    /// The seed of a pixel's sequence, the index of its first sample there, and its sample count.
     #[inline(always)]
     pub fn of_pixel(&self, x: u32, y: u32) -> (u32, u32, u32) {
         let at = y as usize * self.width as usize + x as usize;
@@ -267,23 +263,23 @@ mod tests {
     use super::*;
 
     #[test]
-    fn agrees_with_the_library_it_replaces() {
+    fn matches_sobol_burley() {
         for set in [0u32, 1, 2, 17, 63] {
             let dimensions = Dimensions::new(set);
             for seed in [0u32, 1, 77, 0xdead_beef] {
                 for index in (0..SAMPLES_PER_SEED).step_by(977) {
-                    let ours = SobolPoint::new(seed, index).sample_4d(&dimensions);
-                    let theirs = sobol_burley::sample_4d(index, 0, dimensions.seed_of_set(seed));
-                    // The library gives 23 bits, we give 24.
-                    let cut = ours.map(|v| (v * 8_388_608.0).floor() / 8_388_608.0);
-                    assert_eq!(cut, theirs, "set {set} seed {seed} index {index}");
+                    let point = SobolPoint::new(seed, index).sample_4d(&dimensions);
+                    let expected = sobol_burley::sample_4d(index, 0, dimensions.seed_of_set(seed));
+                    // `sobol_burley` returns 23 bits, `sample_4d` 24.
+                    let truncated = point.map(|v| (v * 8_388_608.0).floor() / 8_388_608.0);
+                    assert_eq!(truncated, expected, "set {set} seed {seed} index {index}");
                 }
             }
         }
     }
 
     #[test]
-    fn every_pair_of_dimensions_in_a_set_is_stratified() {
+    fn first_two_dimensions_of_a_set_are_stratified() {
         // The first 4^k points of an Owen-scrambled Sobol sequence in its first two dimensions form a (0, 2k, 2)-net.
         let dimensions = Dimensions::new(0);
         let mut cells = [0u32; 256];
@@ -295,20 +291,20 @@ mod tests {
     }
 
     #[test]
-    fn branches_are_points_that_follow_each_other() {
+    fn branches_are_consecutive_points() {
         for (branch_bits, index) in [(0, 5), (1, 0), (2, 77), (4, 4095)] {
-            let trunk = SobolPoint::of_branches(7, index, branch_bits);
+            let parent = SobolPoint::of_branches(7, index, branch_bits);
             for branch in 0..1 << branch_bits {
-                let point = trunk.branch(branch, branch_bits);
-                let there = SobolPoint::new(7, (index << branch_bits) + branch);
-                assert_eq!(point.to_parts(), there.to_parts(), "{branch} of {branch_bits} bits");
-                assert_eq!(point.trunk(branch_bits).to_parts(), trunk.to_parts());
+                let point = parent.branch(branch, branch_bits);
+                let expected = SobolPoint::new(7, (index << branch_bits) + branch);
+                assert_eq!(point.to_parts(), expected.to_parts(), "{branch} of {branch_bits} bits");
+                assert_eq!(point.parent(branch_bits).to_parts(), parent.to_parts());
             }
         }
     }
 
     #[test]
-    fn sets_and_samples_beyond_one_seed_are_new() {
+    fn sets_and_seeds_are_decorrelated() {
         let first = Dimensions::new(0);
         let padded = Dimensions::new(1);
         let (mut same, mut mean) = (0, 0.0);
@@ -325,16 +321,16 @@ mod tests {
 }
 
 #[cfg(test)]
-mod arrangement_tests {
+mod z_order_tests {
     use super::*;
     use std::collections::HashSet;
 
-    /// The points of all samples of a block of pixels in the first two dimensions.
-    fn points(arrangement: ZSobolOrder, x0: u32, y0: u32, edge: u32, samples: u32) -> Vec<[f32; 2]> {
+    /// The points of all samples of a block of pixels in two dimensions.
+    fn points(order: ZSobolOrder, x0: u32, y0: u32, edge: u32, samples: u32) -> Vec<[f32; 2]> {
         let dimensions = Dimensions::new(3);
         let pixels = (0..edge).flat_map(|y| (0..edge).map(move |x| (x0 + x, y0 + y)));
         let of_pixel = |(x, y)| {
-            let (seed, first) = arrangement.first(x, y);
+            let (seed, first) = order.first(x, y);
             (0..samples).map(move |s| {
                 let [u, v, ..] = SobolPoint::new(seed, first + s).sample_4d(&dimensions);
                 [u, v]
@@ -343,7 +339,7 @@ mod arrangement_tests {
         pixels.flat_map(of_pixel).collect()
     }
 
-    /// Do points fall into different cells of every grid of as many cells as there are points?
+    /// Do points form a (0, m, 2)-net, with one point in each elementary interval?
     fn is_net(points: &[[f32; 2]]) -> bool {
         let bits = points.len().trailing_zeros();
         (0..=bits).all(|split| {
@@ -356,24 +352,24 @@ mod arrangement_tests {
 
     #[test]
     fn pixels_and_blocks_of_pixels_are_stratified() {
-        let arrangement = ZSobolOrder::new(9, 16, 1);
+        let order = ZSobolOrder::new(9, 16, 1);
         for edge in [1, 2, 4, 8, 16] {
-            assert!(is_net(&points(arrangement, 32, 48, edge, 16)), "{edge}");
+            assert!(is_net(&points(order, 32, 48, edge, 16)), "{edge}");
         }
-        // Blocks that cross the grid are not.
-        assert!(!is_net(&points(arrangement, 33, 48, 4, 16)));
-        // Any first samples of a power of two are, in each pixel.
-        assert!((0..5).all(|bits| is_net(&points(arrangement, 5, 7, 1, 1 << bits))));
+        // Unaligned blocks are not.
+        assert!(!is_net(&points(order, 33, 48, 4, 16)));
+        // The first 2^k samples of each pixel are.
+        assert!((0..5).all(|bits| is_net(&points(order, 5, 7, 1, 1 << bits))));
     }
 
     #[test]
-    fn samples_of_a_region_are_all_different() {
+    fn pixels_of_a_region_use_disjoint_runs() {
         for samples in [1, 3, 100, 256, 257, 1000, 20_000, 70_000, u32::MAX] {
-            let arrangement = ZSobolOrder::new(1, samples, 1);
+            let order = ZSobolOrder::new(1, samples, 1);
             let mut starts = HashSet::new();
             for (x, y) in (0..16).flat_map(|y| (0..16).map(move |x| (x, y))) {
-                let (seed, first) = arrangement.first(x, y);
-                let run = 1 << arrangement.run_bits;
+                let (seed, first) = order.first(x, y);
+                let run = 1 << order.run_bits;
                 assert!(first % run == 0 && first + run <= SAMPLES_PER_SEED, "{samples}");
                 assert!(run >= samples.min(SAMPLES_PER_SEED), "{samples}");
                 assert!(starts.insert((seed, first)), "{samples}");
@@ -382,8 +378,8 @@ mod arrangement_tests {
         assert_eq!(ZSobolOrder::new(1, 256, 1).edge_bits, 4);
         assert_eq!(ZSobolOrder::new(1, 256, 2).edge_bits, 3);
         assert_eq!(ZSobolOrder::new(1, 70_000, 1).edge_bits, 0);
-        // From there on, the planned number of samples doesn't matter.
-        let [some, more] = [257, 5000].map(|samples| ZSobolOrder::new(1, samples, 4).first(5, 6));
-        assert_eq!(some, more);
+        // Above the limit the planned number of samples has no effect.
+        let [few, many] = [257, 5000].map(|samples| ZSobolOrder::new(1, samples, 4).first(5, 6));
+        assert_eq!(few, many);
     }
 }

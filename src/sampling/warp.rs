@@ -3,7 +3,7 @@
 use crate::math::{Vec2, Vec3, poly};
 use std::f32::consts::{FRAC_1_PI, PI};
 
-/// The unit disk, uniformly, by the concentric map (Shirley, Chiu 1997), which keeps strata compact.
+/// Samples the unit disk uniformly by the concentric mapping (Shirley, Chiu 1997), which preserves stratification.
 #[inline(always)]
 pub fn uniform_disk(u: [f32; 2]) -> Vec2 {
     let (a, b) = (2.0 * u[0] - 1.0, 2.0 * u[1] - 1.0);
@@ -18,8 +18,7 @@ pub fn uniform_disk(u: [f32; 2]) -> Vec2 {
 /// Density of [`uniform_disk`] per area.
 pub const UNIFORM_DISK_PDF_AREA: f32 = FRAC_1_PI;
 
-/// The hemisphere around z, with density proportional to the cosine (Malley's method). z is at least 1e-6, so that
-/// the density is never 0.
+/// Samples the cosine-weighted hemisphere around z (Malley's method). z is at least 1e-6, so that the density is never 0.
 #[inline(always)]
 pub fn cosine_hemisphere(u: [f32; 2]) -> Vec3 {
     let d = uniform_disk(u);
@@ -27,9 +26,9 @@ pub fn cosine_hemisphere(u: [f32; 2]) -> Vec3 {
     Vec3::new(d.x, d.y, if z_squared > 1e-12 { z_squared } else { 1e-12 }.sqrt())
 }
 
-/// The point of the unit square that [`cosine_hemisphere`] makes a direction of; of directions below the horizon, some point.
+/// The inverse of [`cosine_hemisphere`]; unspecified for directions below the horizon.
 #[inline(always)]
-pub fn square_of_cosine_hemisphere(w: Vec3) -> [f32; 2] {
+pub fn invert_cosine_hemisphere(w: Vec3) -> [f32; 2] {
     let steep = w.x * w.x <= w.y * w.y;
     let (major, minor) = if steep { (w.y, w.x) } else { (w.x, w.y) };
     let radius = (w.x * w.x + w.y * w.y).sqrt();
@@ -37,12 +36,12 @@ pub fn square_of_cosine_hemisphere(w: Vec3) -> [f32; 2] {
     let ratio = minor / if major == 0.0 { 1.0 } else { major };
     let other = radius * poly::atan_small(ratio) * (4.0 * FRAC_1_PI);
     let (a, b) = if steep { (other, radius) } else { (radius, other) };
-    let inside = |a: f32| {
+    let clamped = |a: f32| {
         let u = 0.5 * a + 0.5;
         let u = if u > 0.0 { u } else { 0.0 };
         if u < 1.0 { u } else { 1.0f32.next_down() }
     };
-    [inside(a), inside(b)]
+    [clamped(a), clamped(b)]
 }
 
 /// Density of [`cosine_hemisphere`] per solid angle for a direction with this z; 0 below the horizon.
@@ -51,7 +50,7 @@ pub fn cosine_hemisphere_pdf_solid_angle(z: f32) -> f32 {
     if z > 0.0 { z * FRAC_1_PI } else { 0.0 }
 }
 
-/// The unit sphere, uniformly.
+/// Samples the unit sphere uniformly.
 #[inline(always)]
 pub fn uniform_sphere(u: [f32; 2]) -> Vec3 {
     let z = 1.0 - 2.0 * u[0];
@@ -63,14 +62,14 @@ pub fn uniform_sphere(u: [f32; 2]) -> Vec3 {
 /// Density of [`uniform_sphere`] per solid angle.
 pub const UNIFORM_SPHERE_PDF_SOLID_ANGLE: f32 = 0.25 * FRAC_1_PI;
 
-/// 1 - cos of an angle of at most a right one, from its squared sine and squared cosine, without cancellation.
+/// 1 - cos of an angle up to 90 degrees, from its squared sine and squared cosine, without cancellation.
 #[inline(always)]
 pub fn one_minus_cos(sin_squared: f32, cos_squared: f32) -> f32 {
     sin_squared / (1.0 + cos_squared.sqrt())
 }
 
-/// Directions at most some angle away from z, uniformly. The angle comes as 1 - cos (see [`one_minus_cos`]), which
-/// keeps its precision for tiny cones, as does the sine of the result.
+/// Samples a cone around z uniformly. Its half-angle is given as 1 - cos (see [`one_minus_cos`]), which is precise for tiny
+/// cones.
 #[inline(always)]
 pub fn uniform_cone(u: [f32; 2], one_minus_cos_max: f32) -> Vec3 {
     let h = u[0] * one_minus_cos_max;
@@ -123,7 +122,7 @@ mod tests {
         let sizes = [1e-12f32, 1e-6, 0.03, 0.7, 1.0];
         for omc in sizes {
             let name = format!("cone {omc}");
-            // A cap 10 % wider than the cone would have a jump inside its cells: the caps are equal.
+            // The cap of the cone itself: the density of a wider one would be discontinuous within cells.
             let cap = Square::cap(Vec3::Z, f64::from(omc));
             Chi2::new(&name, sizes.len()).assert_directions(
                 &cap,
@@ -134,17 +133,17 @@ mod tests {
     }
 
     #[test]
-    fn the_square_is_found_again() {
+    fn cosine_hemisphere_is_invertible() {
         let steps = (0..=64).map(|k| (k as f32 / 64.0).min(1.0f32.next_down()));
         for u in steps.clone().flat_map(|u| steps.clone().map(move |v| [u, v])) {
-            let found = square_of_cosine_hemisphere(cosine_hemisphere(u));
-            let distance = (found[0] - u[0]).abs().max((found[1] - u[1]).abs());
-            assert!(distance < 2e-6 && found.iter().all(|x| (0.0..1.0).contains(x)), "{u:?} {found:?}");
+            let inverse = invert_cosine_hemisphere(cosine_hemisphere(u));
+            let distance = (inverse[0] - u[0]).abs().max((inverse[1] - u[1]).abs());
+            assert!(distance < 2e-6 && inverse.iter().all(|x| (0.0..1.0).contains(x)), "{u:?} {inverse:?}");
         }
     }
 
     #[test]
-    fn extremes_stay_on_the_sphere() {
+    fn extreme_samples_are_unit_vectors() {
         let below_one = 1.0f32.next_down();
         for u in [[0.0, 0.0], [0.5, 0.5], [below_one, below_one], [0.0, below_one], [below_one, 0.5]] {
             for w in [cosine_hemisphere(u), uniform_sphere(u), uniform_cone(u, 1.0), uniform_cone(u, 1e-20)] {

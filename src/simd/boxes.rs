@@ -1,4 +1,4 @@
-//! Scalar data and kernels of traversal: rays against boxes (slabs), and the compaction of lanes.
+//! Scalar data and kernels of BVH traversal: the slab test of boxes, and lane compaction.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -7,8 +7,8 @@ use core::arch::aarch64::*;
 #[cfg(target_arch = "x86_64")]
 use core::arch::x86_64::*;
 
-/// The lanes of triangles, by their vertices in the sheared space, whose edge functions are all at least 0 or all at most 0.
-/// (The least of numbers with a NaN among them is NaN here, which it is not on x86: this is what the scalar twin finds.)
+/// The lanes of triangles, by their vertices in sheared space, whose edge functions don't have opposite signs.
+/// (Minimum and maximum propagate NaN here, unlike on x86, so that lanes match the scalar reference.)
 #[cfg(target_arch = "aarch64")]
 #[inline(always)]
 pub(super) fn meets(
@@ -16,7 +16,7 @@ pub(super) fn meets(
     b: (float32x4_t, float32x4_t),
     c: (float32x4_t, float32x4_t),
 ) -> uint32x4_t {
-    // SAFETY: registers only, and every program for AArch64 is compiled with NEON.
+    // SAFETY: registers only, and NEON is part of the AArch64 baseline.
     unsafe {
         let u = vsubq_f32(vmulq_f32(a.0, b.1), vmulq_f32(a.1, b.0));
         let v = vsubq_f32(vmulq_f32(b.0, c.1), vmulq_f32(b.1, c.0));
@@ -27,25 +27,25 @@ pub(super) fn meets(
     }
 }
 
-/// Eight boxes: min x, max x, min y, max y, min z, max z of each.
+/// Bounds of eight boxes: min x, max x, min y, max y, min z, max z.
 pub type Planes = [[f32; 8]; 6];
 
-/// A ray against boxes: it passes plane p of an axis at `p * inverse + offset`, in one rounding where the CPU has fused
-/// multiplication. `offset` is `-origin / direction`, moved down for the near planes and up for the far ones by more
-/// than its own error, so that what is left are a few roundings relative to the result.
+/// A ray prepared for the slab test: it intersects plane p of an axis at `p * inverse + offset`, with one rounding where the
+/// CPU has fused multiply-adds. `offset` is `-origin / direction`, decreased for the near planes and increased for the far
+/// ones by a bound on its own error, which leaves a few roundings relative to the result.
 #[derive(Clone, Copy, Debug)]
 pub struct BoxRay {
     pub(super) inverse: [f32; 3],
     pub(super) near_offset: [f32; 3],
     pub(super) far_offset: [f32; 3],
-    /// Byte offset of the near planes in [`Planes`]: 64 for each axis, 32 more where the direction is negative. The far
-    /// planes are at `near ^ 32`. (The fourth is not used.)
+    /// Byte offsets of the near planes in [`Planes`]: 64 per axis, plus 32 where the direction is negative. The far planes
+    /// are at `near ^ 32`. (The fourth is padding.)
     pub(super) near: [u8; 4],
-    /// The axes in the order x, y, z of the sheared space; a permutation of 0, 1, 2. (The fourth is not used.)
+    /// The world axes of x, y, z in sheared space; a permutation of 0, 1, 2. (The fourth is padding.)
     pub(super) axes: [u8; 4],
 }
 
-/// Direction components below this count as this much, with the sign kept.
+/// Smaller direction components are replaced by this magnitude, with their sign.
 const SMALLEST: f32 = 1.0 / (1u128 << 80) as f32;
 
 /// [`BoxRay::near`] for each combination of signs.
@@ -61,40 +61,40 @@ const NEAR: [[u8; 4]; 8] = {
     table
 };
 
-/// [`BoxRay::axes`] for each longest axis of the direction.
+/// [`BoxRay::axes`] for each dominant axis of the direction.
 const AXES: [[u8; 4]; 3] = [[1, 2, 0, 0], [2, 0, 1, 0], [0, 1, 2, 0]];
 
-/// The axes in the order x, y, z of the sheared space: the last is the longest of the direction.
+/// The world axes of x, y, z in sheared space: z is the dominant axis of the direction.
 #[inline(always)]
 fn axes(direction: [f32; 3]) -> [u8; 4] {
     let [x, y, z] = [direction[0].abs(), direction[1].abs(), direction[2].abs()];
-    // In numbers, since a branch could not be predicted.
+    // Branch-free: a branch would be unpredictable.
     let is_z = usize::from((z >= x) & (z >= y));
     AXES[2 * is_z + (usize::from(y >= x) & (1 - is_z))]
 }
 
-/// Axes as indices. Without `map`, as all here: it would be compiled for the lowest CPU level.
+/// Axes as indices. Without `map`, which would be compiled for the baseline CPU level.
 #[inline(always)]
 fn indices(axes: [u8; 4]) -> [usize; 3] {
     [usize::from(axes[0].min(2)), usize::from(axes[1].min(2)), usize::from(axes[2].min(2))]
 }
 
-/// The line of a ray in the space that is sheared along it.
+/// A ray in the space sheared along it, for triangle intersection.
 #[derive(Clone, Copy, Debug)]
 pub struct ShearedLine {
-    /// The axes of the world that are x, y and z there; a permutation of 0, 1, 2.
+    /// The world axes of x, y, z in sheared space; a permutation of 0, 1, 2.
     pub(super) axes: [usize; 3],
-    /// The ray's origin, in the order of the sheared space.
+    /// The ray's origin, in that order of axes.
     pub origin: [f32; 3],
     /// Shift of x and y per unit of z.
     pub shear: [f32; 2],
 }
 
 impl ShearedLine {
-    /// Meets nothing in particular; fills unused places.
+    /// A placeholder in unused slots.
     pub const NONE: ShearedLine = ShearedLine { axes: [0, 1, 2], origin: [0.0; 3], shear: [0.0; 2] };
 
-    /// The axes of the world that are x, y and z there; a permutation of 0, 1, 2.
+    /// The world axes of x, y, z in sheared space; a permutation of 0, 1, 2.
     #[inline(always)]
     pub fn axes(&self) -> [usize; 3] {
         self.axes
@@ -114,7 +114,7 @@ impl ShearedLine {
 }
 
 impl BoxRay {
-    /// Meets nothing in particular; fills unused slots.
+    /// A placeholder in unused slots.
     pub const NONE: BoxRay = BoxRay {
         inverse: [1.0; 3],
         near_offset: [0.0; 3],
@@ -127,7 +127,7 @@ impl BoxRay {
     #[inline(always)]
     pub fn set(&mut self, origin: [f32; 3], direction: [f32; 3], reach: f32) {
         let far_away = (origin[0].abs() + origin[1].abs()) + (origin[2].abs() + reach);
-        // Four lanes, the last one idle, since that is what vectors hold.
+        // Four lanes, the last one padding, so that the loop vectorises.
         let (o, d) =
             ([origin[0], origin[1], origin[2], 0.0], [direction[0], direction[1], direction[2], 1.0]);
         let (mut inverse, mut near, mut far) = ([0.0; 4], [0.0; 4], [0.0; 4]);
@@ -136,8 +136,8 @@ impl BoxRay {
             let tiny = length < SMALLEST;
             inverse[k] = 1.0 / (if tiny { SMALLEST } else { length }).copysign(d[k]);
             let offset: f32 = -(o[k] * inverse[k]);
-            // Two roundings of the offset's are 2^-23 of it. A component that was replaced moves the ray aside by less
-            // than SMALLEST times the parameter, which is at most `far_away`.
+            // Two roundings of the offset are a relative error of 2^-23. A replaced component displaces the ray by less than
+            // SMALLEST times the parameter, which is at most `far_away`.
             let replaced = if tiny { 2.0 * far_away } else { 0.0 };
             let error = offset.abs() * (1.0 / 4_194_304.0) + replaced;
             near[k] = offset - error;
@@ -151,46 +151,46 @@ impl BoxRay {
         self.axes = axes(direction);
     }
 
-    /// One over a component of the direction that is not tiny.
+    /// The reciprocal of a component of the direction, clamped for tiny ones.
     #[inline(always)]
     pub fn inverse(&self, axis: usize) -> f32 {
         self.inverse[axis]
     }
 
-    /// The components of a vector in the order of the sheared space.
+    /// The components of a vector in the order of axes of sheared space.
     #[inline(always)]
     pub fn permute(&self, v: [f32; 3]) -> [f32; 3] {
         let [x, y, z] = self.axes();
         [v[x], v[y], v[z]]
     }
 
-    /// The line of the ray, with its origin and shear.
+    /// The sheared line of the ray with its origin and shear.
     #[inline(always)]
     pub fn line(&self, origin: [f32; 3], shear: [f32; 2]) -> ShearedLine {
         ShearedLine { axes: self.axes(), origin: self.permute(origin), shear }
     }
 
-    /// The axes in the order of the sheared space.
+    /// The world axes of x, y, z in sheared space.
     #[inline(always)]
     pub fn axes(&self) -> [usize; 3] {
         indices(self.axes)
     }
 }
 
-/// An entry of a traversal stack: a reference and the distance of its box.
+/// An entry of a traversal stack: a reference and the distance to its box.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct Entry {
     /// Node or leaf.
     pub reference: u32,
-    /// The ray's parameter at its box.
+    /// The ray's parameter where it enters the box.
     pub distance: f32,
 }
 
-/// For each mask of lanes the numbers of its lanes, in order, one a byte; then [`NO_LANE`].
+/// The indices of the lanes of each mask, in order, one per byte, padded with [`NO_LANE`].
 pub static LANES_OF_MASK: [u64; 256] = lanes_of_masks();
 
-/// Stands behind the last lane: its last three bits are those of lane 0, and four times it is beyond the bytes of eight lanes.
+/// Padding after the last lane: its low three bits are those of lane 0, and as a byte offset (times four) it is out of range.
 const NO_LANE: u64 = 32;
 
 const fn lanes_of_masks() -> [u64; 256] {
@@ -210,7 +210,7 @@ const fn lanes_of_masks() -> [u64; 256] {
     table
 }
 
-/// Compacts the lanes of a mask to the front; the others become `fill` (AVX-512) or anything (AVX2).
+/// Compacts the lanes of a mask to the front; the rest is 0 (AVX-512) or unspecified (AVX2).
 ///
 /// # Safety
 /// The CPU must have AVX2 (`AVX512`: AVX-512 VL too).
@@ -228,8 +228,8 @@ pub unsafe fn compress<const AVX512: bool>(x: __m256i, mask: u32) -> __m256i {
     }
 }
 
-/// Applies a function to each number of an array. Such loops must contain all that they call, and the standard library's
-/// `map` is seldom inlined.
+/// Applies a function to each element of an array, always inlined: the standard library's `map` is seldom inlined into
+/// functions with target features.
 #[inline(always)]
 #[allow(clippy::needless_range_loop)]
 pub fn map_each<T: Copy, U: Copy + Default, const N: usize>(values: [T; N], f: impl Fn(T) -> U) -> [U; N] {

@@ -1,4 +1,4 @@
-//! Memory in cache lines, prefetching, and lookup tables without bounds checks.
+//! Cache lines, huge pages, prefetching, and lookup tables without bounds checks.
 
 use bytemuck::{Pod, Zeroable};
 use std::mem::MaybeUninit;
@@ -16,9 +16,8 @@ impl Line {
 
 const _: () = assert!(size_of::<Line>() == 64 && align_of::<Line>() == 64);
 
-/// Reserves memory for `additional` more elements, on huge pages where the system has them for the asking: random accesses to much
-/// memory then miss fewer address translations. A list that has to grow at least doubles: however often that is, each element
-/// moves a few times at most.
+/// Reserves capacity for `additional` more elements, on huge pages where the system offers them: random accesses to large
+/// lists then cause fewer TLB misses. Growth is amortised, as for [`Vec::reserve`].
 pub fn reserve_on_huge_pages<T>(list: &mut Vec<T>, additional: usize) {
     if list.capacity() - list.len() < additional {
         list.reserve(additional);
@@ -26,21 +25,21 @@ pub fn reserve_on_huge_pages<T>(list: &mut Vec<T>, additional: usize) {
     }
 }
 
-/// The spare capacity of a list, assigned in parts by [`append_claims`].
+/// The spare capacity of a list, handed out in parts by [`append_claims`].
 pub struct Claims<'a> {
     room: &'a mut [MaybeUninit<Line>],
     claimed: &'a AtomicUsize,
     filled: &'a AtomicUsize,
 }
 
-/// A part of that capacity.
+/// A claimed part of that capacity.
 pub struct Claim<'a> {
     room: &'a mut [MaybeUninit<Line>],
     filled: &'a AtomicUsize,
 }
 
-/// Lets threads append to a list concurrently, as far as it has room: claims, one behind the other, that any thread fills. If
-/// one is not filled, nothing is appended.
+/// Lets threads append to a list concurrently within its capacity: consecutive claims that any thread may fill. If a claim
+/// is not filled, nothing is appended.
 pub fn append_claims<R>(lines: &mut Vec<Line>, work: impl FnOnce(Claims) -> R) -> R {
     let before = lines.len();
     let (claimed, filled) = (AtomicUsize::new(0), AtomicUsize::new(0));
@@ -48,15 +47,15 @@ pub fn append_claims<R>(lines: &mut Vec<Line>, work: impl FnOnce(Claims) -> R) -
     let result = work(Claims { room, claimed: &claimed, filled: &filled });
     let (claimed, filled) = (claimed.into_inner(), filled.into_inner());
     if filled == claimed {
-        // SAFETY: claims are cut one behind the other from the room behind the list's end, `claimed` lines in all, and a claim,
-        // which is used up by it, counts as filled when each of its lines is written. No claim outlives the call.
+        // SAFETY: claims are consecutive parts of the spare capacity, `claimed` lines in total. `fill` consumes a claim and
+        // counts it once all of its lines are initialised. No claim outlives the call.
         unsafe { lines.set_len(before + claimed) };
     }
     result
 }
 
 impl<'a> Claims<'a> {
-    /// The next lines; `None` where there is no room for them, and then for none after them.
+    /// Claims the next lines; `None` if they exceed the capacity, and for all further claims.
     pub fn claim(&mut self, count: usize) -> Option<Claim<'a>> {
         let room = std::mem::take(&mut self.room);
         let (own, rest) = room.split_at_mut_checked(count)?;
@@ -67,10 +66,10 @@ impl<'a> Claims<'a> {
 }
 
 impl Claim<'_> {
-    /// Copies lines there.
+    /// Copies lines into the claim.
     ///
     /// # Panics
-    /// If they are not as many as were claimed.
+    /// If their number differs from the claim's.
     pub fn fill(self, lines: &[Line]) {
         assert_eq!(self.room.len(), lines.len());
         for (to, from) in self.room.iter_mut().zip(lines) {
@@ -80,8 +79,8 @@ impl Claim<'_> {
     }
 }
 
-/// Requests huge pages for a list's memory before it is first written to: its first touch then takes a
-/// fault for each 2 MiB in place of 4 KiB. Only advice: what the list holds stays as it is.
+/// Advises the system to back a list's capacity with huge pages, which also reduces page faults on first touch to one per
+/// 2 MiB. Contents are unaffected.
 pub fn prefer_huge_pages<T>(list: &mut Vec<T>) {
     #[cfg(target_os = "linux")]
     {
@@ -90,8 +89,8 @@ pub fn prefer_huge_pages<T>(list: &mut Vec<T>) {
         let size = list.capacity().saturating_mul(size_of::<T>());
         let length = size.saturating_sub(skip) / HUGE_PAGE * HUGE_PAGE;
         if length > 0 {
-            // SAFETY: the range lies in memory that the vector owns; the advice changes how it is mapped, not what it holds.
-            // Failure (an old kernel, say) is ignored.
+            // SAFETY: the range is memory that the vector owns; the advice changes its mapping, not its contents. Failure is
+            // ignored (old kernels).
             unsafe { libc::madvise(first.wrapping_add(skip).cast(), length, libc::MADV_HUGEPAGE) };
         }
     }
@@ -99,11 +98,11 @@ pub fn prefer_huge_pages<T>(list: &mut Vec<T>) {
     let _ = list;
 }
 
-/// The size of a huge page on x86-64, and on AArch64 with small pages of 4 KiB.
+/// The size of a huge page on x86-64, and on AArch64 with a page size of 4 KiB.
 #[cfg(target_os = "linux")]
 const HUGE_PAGE: usize = 2 << 20;
 
-/// Prefetches `N` lines from `index` on into the L1 cache. Any index is allowed: it is only a hint.
+/// Prefetches `N` lines from `index` on into the L1 cache. Any index is allowed.
 #[inline(always)]
 pub fn prefetch_lines<const N: usize>(lines: &[Line], index: usize) {
     let first = lines.as_ptr().wrapping_add(index);
@@ -112,7 +111,7 @@ pub fn prefetch_lines<const N: usize>(lines: &[Line], index: usize) {
     }
 }
 
-/// Prefetches an element of a list into the L1 cache. Any index is allowed: it is only a hint.
+/// Prefetches an element of a list into the L1 cache. Any index is allowed.
 #[inline(always)]
 pub fn prefetch_element<T>(values: &[T], index: usize) {
     let first = values.as_ptr().wrapping_add(index).cast::<u8>();
@@ -124,7 +123,7 @@ pub fn prefetch_element<T>(values: &[T], index: usize) {
 /// Prefetches the cache line at an address into the L1 cache.
 #[inline(always)]
 fn prefetch(address: *const u8) {
-    // SAFETY: a prefetch reads nothing that the program can see and never faults, whatever the address.
+    // SAFETY: a prefetch has no architectural effect and never faults, whatever the address.
     #[cfg(target_arch = "x86_64")]
     unsafe {
         core::arch::x86_64::_mm_prefetch::<{ core::arch::x86_64::_MM_HINT_T0 }>(address.cast());
@@ -138,8 +137,7 @@ fn prefetch(address: *const u8) {
     let _ = address;
 }
 
-/// A list without a bounds check at each lookup, which would keep loops from being vectorised: an index beyond the end
-/// means the last element.
+/// A slice whose indices are clamped to the last element instead of bounds-checked, so that loops vectorise.
 #[derive(Debug)]
 pub struct Table<'a, T> {
     values: &'a [T],
@@ -155,7 +153,7 @@ impl<T> Clone for Table<'_, T> {
 impl<T> Copy for Table<'_, T> {}
 
 impl<'a, T: Copy> Table<'a, T> {
-    /// A view of a list of at least one element; of very long ones the first 2^32 can be looked up.
+    /// A view of a slice; only the first 2^32 elements are accessible.
     ///
     /// # Panics
     /// If the list is empty.
@@ -165,15 +163,15 @@ impl<'a, T: Copy> Table<'a, T> {
         Table { values, last: u32::try_from(values.len() - 1).unwrap_or(u32::MAX) }
     }
 
-    /// The element at an index, or the last one.
+    /// The element at an index, clamped to the last one.
     #[inline(always)]
     pub fn at(self, index: u32) -> T {
         let index = if index < self.last { index } else { self.last };
-        // SAFETY: `last` is at most the index of the list's last element, and there is one.
+        // SAFETY: the slice isn't empty, and `last` is at most the index of its last element.
         unsafe { *self.values.get_unchecked(index as usize) }
     }
 
-    /// Prefetches the element at an index. Any index is allowed: it is only a hint.
+    /// Prefetches the element at an index. Any index is allowed.
     #[inline(always)]
     pub fn prefetch(self, index: u32) {
         prefetch_element(self.values, index as usize);
@@ -185,7 +183,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_last_element_stands_for_all_beyond() {
+    fn indices_are_clamped_to_the_last_element() {
         let table = Table::new(&[3, 5, 7]);
         assert_eq!([0, 1, 2, 3, u32::MAX].map(|i| table.at(i)), [3, 5, 7, 7, 7]);
         assert_eq!(Table::new(&[9]).at(4), 9);
@@ -193,7 +191,7 @@ mod tests {
 
     #[test]
     #[should_panic(expected = "at least one element")]
-    fn there_must_be_a_last_element() {
+    fn empty_tables_panic() {
         Table::<u8>::new(&[]);
     }
 }

@@ -1,9 +1,8 @@
-//! CPU levels and dispatch to code compiled for them: the only home of `unsafe`.
+//! CPU levels and function multiversioning; the only module with `unsafe`.
 //!
-//! A loop written once runs compiled for the best level that the CPU has: put it in a [`Kernel`] whose `run` is
-//! `#[inline(always)]` (and calls only `#[inline(always)]` functions) and hand it to [`dispatch`]. The compiler
-//! vectorises it for each level. Results are the same bit for bit on all levels, since no level contracts or reorders
-//! floating-point operations.
+//! A loop in a [`Kernel`] whose `run` is `#[inline(always)]` (and calls only `#[inline(always)]` functions) is compiled and
+//! vectorised for each level; [`dispatch`] runs the version for the best level of the CPU. Results are bit-identical on all
+//! levels, since no level contracts or reorders floating-point operations.
 
 #![allow(unsafe_code)]
 
@@ -26,10 +25,10 @@ pub use wide::{ScalarWide, WIDEN, Wide, WideKernel};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU8, Ordering};
 
-/// Instruction sets that kernels are compiled for, in ascending order, for the architecture of the program.
+/// Instruction sets that kernels are compiled for on the target architecture, in ascending order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Level {
-    /// The baseline of the target; on architectures without levels of their own the only one.
+    /// The baseline of the target; the only level of other architectures.
     Scalar,
     /// AVX2 and FMA (x86-64-v3).
     #[cfg(target_arch = "x86_64")]
@@ -37,8 +36,8 @@ pub enum Level {
     /// AVX-512 F, VL, DQ, BW, CD (x86-64-v4).
     #[cfg(target_arch = "x86_64")]
     Avx512,
-    /// NEON, four wide, which every AArch64 CPU has. The baseline has it too, so loops that the compiler vectorises are
-    /// the same on both levels; what this one adds are the vectors of traversal.
+    /// NEON, which every AArch64 CPU has. It is part of the baseline, so auto-vectorised loops are the same on both levels;
+    /// this one adds the intrinsics of [`Wide`] and [`Lanes`].
     #[cfg(target_arch = "aarch64")]
     Neon,
 }
@@ -54,10 +53,10 @@ impl Level {
     #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
     pub const ALL: [Level; 1] = [Level::Scalar];
 
-    /// The highest level of the architecture: as a limit, none.
+    /// The highest level of the architecture: no limit.
     pub const HIGHEST: Level = Level::ALL[Level::ALL.len() - 1];
 
-    /// The name used in reports and options.
+    /// The name in reports and options.
     pub fn name(self) -> &'static str {
         match self {
             Level::Scalar => "scalar",
@@ -70,37 +69,37 @@ impl Level {
         }
     }
 
-    /// Does this CPU support it? (Whatever [`limit_level`] allows.)
+    /// Does this CPU support it (regardless of [`limit_level`])?
     pub fn is_available(self) -> bool {
         self <= detected_level()
     }
 }
 
-/// The best level that this CPU has.
+/// The best level of this CPU.
 #[inline]
 fn detected_level() -> Level {
     static BEST: OnceLock<Level> = OnceLock::new();
     *BEST.get_or_init(detect)
 }
 
-/// The best level that this CPU has (and that [`limit_level`] allows).
+/// The best level of this CPU within [`limit_level`].
 #[inline]
 pub fn best_level() -> Level {
     let detected = detected_level();
-    if LIMITED.load(Ordering::Relaxed) < detected as u8 { limit() } else { detected }
+    if LIMIT.load(Ordering::Relaxed) < detected as u8 { limit() } else { detected }
 }
 
-/// The highest level in use, as a number.
-static LIMITED: AtomicU8 = AtomicU8::new(Level::HIGHEST as u8);
+/// The discriminant of the highest level in use.
+static LIMIT: AtomicU8 = AtomicU8::new(Level::HIGHEST as u8);
 
 #[cold]
 fn limit() -> Level {
-    Level::ALL[usize::from(LIMITED.load(Ordering::Relaxed))]
+    Level::ALL[usize::from(LIMIT.load(Ordering::Relaxed))]
 }
 
-/// Limits the CPU level of the whole process: for tests and measurements.
+/// Limits the CPU level of the whole process, for tests and measurements.
 pub fn limit_level(level: Level) {
-    LIMITED.store(level as u8, Ordering::Relaxed);
+    LIMIT.store(level as u8, Ordering::Relaxed);
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -124,8 +123,7 @@ fn detect() -> Level {
     }
 }
 
-/// NEON belongs to the architecture. (Its lanes are numbered as they lie in memory, which they do in little-endian memory
-/// alone.)
+/// NEON is part of the architecture. (Lane order equals memory order on little-endian targets only.)
 #[cfg(target_arch = "aarch64")]
 fn detect() -> Level {
     if cfg!(target_endian = "little") { Level::Neon } else { Level::Scalar }
@@ -140,7 +138,7 @@ fn detect() -> Level {
 pub trait Kernel {
     /// The result.
     type Output;
-    /// Runs it. Mark the implementation, and all that it calls in its loops, `#[inline(always)]`.
+    /// Runs the loop. Implementations, and all functions that it calls, must be `#[inline(always)]`.
     fn run(self) -> Self::Output;
 }
 
@@ -155,7 +153,7 @@ pub fn dispatch<K: Kernel>(kernel: K) -> K::Output {
 pub fn dispatch_at<K: Kernel>(level: Level, kernel: K) -> K::Output {
     #[cfg(target_arch = "x86_64")]
     match level.min(best_level()) {
-        // SAFETY: `best_level` saw that the CPU has every feature that `run_avx512` is compiled with.
+        // SAFETY: `best_level` detected every feature that `run_avx512` is compiled with.
         Level::Avx512 => return unsafe { run_avx512(kernel) },
         // SAFETY: as above, for `run_avx2`.
         Level::Avx2 => return unsafe { run_avx2(kernel) },
@@ -182,7 +180,7 @@ fn run_avx2<K: Kernel>(kernel: K) -> K::Output {
 pub fn dispatch_wide_at<K: WideKernel>(level: Level, kernel: K) -> K::Output {
     #[cfg(target_arch = "x86_64")]
     match level.min(best_level()) {
-        // SAFETY: `best_level` saw that the CPU has every feature that `run_wide_avx512` is compiled with.
+        // SAFETY: `best_level` detected every feature that `run_wide_avx512` is compiled with.
         Level::Avx512 => return unsafe { run_wide_avx512(kernel) },
         // SAFETY: as above, for `run_wide_avx2`.
         Level::Avx2 => return unsafe { run_wide_avx2(kernel) },
@@ -190,7 +188,7 @@ pub fn dispatch_wide_at<K: WideKernel>(level: Level, kernel: K) -> K::Output {
     }
     #[cfg(target_arch = "aarch64")]
     if level.min(best_level()) == Level::Neon {
-        // SAFETY: `best_level` saw that the CPU has NEON, which is what the whole program is compiled with.
+        // SAFETY: `best_level` detected NEON, which is part of the AArch64 baseline.
         return kernel.run(unsafe { neon::Neon::new() });
     }
     let _ = level;
@@ -222,7 +220,7 @@ pub fn dispatch_lanes<K: LanesKernel>(kernel: K) -> K::Output {
 pub fn dispatch_lanes_at<K: LanesKernel>(level: Level, kernel: K) -> K::Output {
     #[cfg(target_arch = "x86_64")]
     match level.min(best_level()) {
-        // SAFETY: `best_level` saw that the CPU has every feature that `run_lanes_avx512` is compiled with.
+        // SAFETY: `best_level` detected every feature that `run_lanes_avx512` is compiled with.
         Level::Avx512 => return unsafe { run_lanes_avx512(kernel) },
         // SAFETY: as above, for `run_lanes_avx2`.
         Level::Avx2 => return unsafe { run_lanes_avx2(kernel) },
@@ -230,7 +228,7 @@ pub fn dispatch_lanes_at<K: LanesKernel>(level: Level, kernel: K) -> K::Output {
     }
     #[cfg(target_arch = "aarch64")]
     if level.min(best_level()) == Level::Neon {
-        // SAFETY: `best_level` saw that the CPU has NEON, which is what the whole program is compiled with.
+        // SAFETY: `best_level` detected NEON, which is part of the AArch64 baseline.
         return kernel.run(unsafe { neon::NeonLanes::new() });
     }
     let _ = level;
@@ -253,12 +251,12 @@ fn run_lanes_avx2<K: LanesKernel>(kernel: K) -> K::Output {
 
 #[cfg(test)]
 mod tests {
-    // Lanes count in several arrays at once.
+    // Lanes index several arrays at once.
     #![allow(clippy::needless_range_loop)]
 
     use super::*;
 
-    /// A small generator of numbers for tests (PCG, O'Neill 2014).
+    /// A pseudo-random number generator for tests (PCG, O'Neill 2014).
     struct Rng(u64);
     impl Rng {
         fn bits(&mut self) -> u32 {
@@ -269,7 +267,7 @@ mod tests {
         fn signed(&mut self) -> f32 {
             (self.bits() >> 8) as f32 / 8_388_608.0 - 1.0
         }
-        /// Now and then a special one.
+        /// Sometimes a special value.
         fn number(&mut self, special: bool) -> f32 {
             const SPECIAL: [f32; 12] = [
                 0.0,
@@ -291,7 +289,7 @@ mod tests {
         fn vector(&mut self) -> [f32; 3] {
             [self.signed(), self.signed(), self.signed()]
         }
-        /// One whose largest component lies in [1, 2), with zeros among them.
+        /// A direction whose largest component lies in [1, 2), sometimes with zeros.
         fn direction(&mut self) -> [f32; 3] {
             let mut d = self.vector();
             if self.bits().is_multiple_of(4) {
@@ -321,7 +319,7 @@ mod tests {
         type Output = ();
         #[inline(always)]
         fn run<W: Wide>(self, w: W) {
-            let (mut rng, mut met, mut missed) = (Rng(1), 0, 0);
+            let (mut rng, mut hits, mut misses) = (Rng(1), 0, 0);
             for _ in 0..4000 {
                 let (ray, origin, direction) = ray(&mut rng);
                 let mut planes = Planes::default();
@@ -331,7 +329,7 @@ mod tests {
                         (planes[2 * axis][lane], planes[2 * axis + 1][lane]) = (a.min(b), a.max(b));
                     }
                 }
-                // The last one is empty, the one before it reaches everywhere.
+                // The last box is empty, the one before it infinite.
                 for plane in 0..6 {
                     let sign = if plane % 2 == 0 { 1.0 } else { -1.0 };
                     (planes[plane][7], planes[plane][6]) = (sign * f32::INFINITY, -sign * f32::INFINITY);
@@ -352,19 +350,19 @@ mod tests {
                             scale = scale.max(1.0 / f64::from(direction[axis]).abs());
                         }
                     }
-                    let is_met = mask >> lane & 1 == 1;
-                    assert!(is_met || near > far, "{}: {near} {far}", self.0);
-                    assert!(!is_met || near <= far + 1e-5 * scale, "{}: {near} {far}", self.0);
-                    met += u32::from(is_met);
-                    missed += u32::from(!is_met);
+                    let is_hit = mask >> lane & 1 == 1;
+                    assert!(is_hit || near > far, "{}: {near} {far}", self.0);
+                    assert!(!is_hit || near <= far + 1e-5 * scale, "{}: {near} {far}", self.0);
+                    hits += u32::from(is_hit);
+                    misses += u32::from(!is_hit);
                 }
             }
-            assert!(met > 1000 && missed > 1000, "{met} {missed}");
+            assert!(hits > 1000 && misses > 1000, "{hits} {misses}");
         }
     }
 
     #[test]
-    fn boxes_that_a_ray_meets_are_found_and_others_are_not() {
+    fn box_test_is_conservative_and_tight() {
         on_all_levels(Boxes);
     }
 
@@ -373,7 +371,8 @@ mod tests {
         type Output = ();
         #[inline(always)]
         fn run<W: Wide>(self, w: W) {
-            // Along y, and so far from the coordinates' origin that nothing is known of x and z: all boxes that the y axis intersects.
+            // Along y, and so far from the coordinates' origin that the error bounds of x and z are infinite: boxes that the
+            // ray intersects along y alone.
             let mut ray = BoxRay::NONE;
             ray.set([1e30, -4.0, -1e30], [0.0, 1.0, 0.0], 2.0);
             let mut planes = [[0.0; 8]; 6];
@@ -387,7 +386,7 @@ mod tests {
     }
 
     #[test]
-    fn an_axis_that_nothing_is_known_of_counts_as_met() {
+    fn axes_with_unbounded_error_are_accepted() {
         on_all_levels(OffsetsThatOverflow);
     }
 
@@ -397,14 +396,14 @@ mod tests {
         #[inline(always)]
         fn run<W: Wide>(self, w: W) {
             let mut rng = Rng(2);
-            // Along x from the origin on, boxes that are open elsewhere: where they are entered is their first plane, unrounded.
+            // A ray along x from the origin, and boxes unbounded along y and z: the entry distance is the first plane, exactly.
             let mut ray = BoxRay::NONE;
             ray.set([0.0; 3], [1.0, 0.0, 0.0], 1.0);
             for i in 0..256 * 40 {
                 let mask = i % 256;
                 let mut planes = [[f32::NEG_INFINITY; 8], [f32::INFINITY; 8]].repeat(3);
                 for (lane, distance) in planes[0].iter_mut().enumerate() {
-                    // Zeros, numbers that agree but for their last bits, equal ones.
+                    // Zeros, values that differ in their last bits only, duplicates.
                     *distance = match rng.bits() % 4 {
                         0 => 0.0,
                         1 => f32::from_bits(0x3f80_0000 + rng.bits() % 16),
@@ -436,7 +435,7 @@ mod tests {
     }
 
     #[test]
-    fn children_are_stored_in_the_order_of_the_scalar_twin() {
+    fn children_are_stored_in_the_order_of_the_scalar_reference() {
         on_all_levels(Stores);
     }
 
@@ -444,7 +443,6 @@ mod tests {
         [(); 12].map(|()| [(); 4].map(|()| rng.number(special)))
     }
 
-    /// The shear of a ray, as its line has it.
     fn line(rng: &mut Rng) -> (BoxRay, ShearedLine, [f32; 3], [f32; 3]) {
         let (boxes, origin, direction) = ray(rng);
         (boxes, ShearedLine::new(origin, direction), origin, direction)
@@ -455,14 +453,14 @@ mod tests {
         type Output = ();
         #[inline(always)]
         fn run<W: Wide>(self, w: W) {
-            let (mut rng, mut met, mut ahead) = (Rng(3), 0, 0);
+            let (mut rng, mut hits, mut ahead) = (Rng(3), 0, 0);
             for i in 0..60_000u32 {
                 let special = i % 2 == 1;
                 let mut rows = packet(&mut rng, special);
                 let (boxes, line, origin, direction) = line(&mut rng);
                 let [kx, ky, kz] = line.axes();
                 if i % 3 == 0 {
-                    // The line runs through a vertex of each, where edge functions are zero.
+                    // The line passes through a vertex of each triangle, where edge functions are zero.
                     for lane in 0..4 {
                         for axis in [kx, ky, kz] {
                             rows[4 * axis][lane] =
@@ -472,19 +470,19 @@ mod tests {
                 }
                 let lanes = w.candidates(&rows, &boxes, &origin, &line.shear);
                 let expected = ScalarWide.candidates(&rows, &boxes, &origin, &line.shear);
-                // x86 may take in a triangle one of whose edge functions is NaN; the exact test sends it away.
+                // x86 may accept triangles with a NaN edge function; the exact test rejects them.
                 assert_eq!(lanes & expected, expected, "{} {rows:?}", self.0);
                 assert!(special || lanes == expected, "{} {rows:?}", self.0);
                 assert!(self.0 != "neon" || lanes == expected, "{} {rows:?}", self.0);
-                met += lanes.count_ones();
+                hits += lanes.count_ones();
 
                 let (row, number) = (rows[i as usize % 12], rows[i as usize % 12][i as usize % 4].to_bits());
                 assert_eq!(w.equal(&row, number), ScalarWide.equal(&row, number), "{} {row:?}", self.0);
 
-                let asked = if i % 5 == 0 { u32::MAX } else { rng.bits() & 15 };
-                let t = w.plane_parameters(&rows, &origin, &direction, asked);
-                let expected = ScalarWide.plane_parameters(&rows, &origin, &direction, asked);
-                for lane in (0..4).filter(|lane| asked >> lane & 1 == 1) {
+                let requested = if i % 5 == 0 { u32::MAX } else { rng.bits() & 15 };
+                let t = w.plane_parameters(&rows, &origin, &direction, requested);
+                let expected = ScalarWide.plane_parameters(&rows, &origin, &direction, requested);
+                for lane in (0..4).filter(|lane| requested >> lane & 1 == 1) {
                     let (a, b) = (t[lane], expected[lane]);
                     let is_same =
                         a.to_bits() == b.to_bits() || (a.is_nan() && (b.is_nan() || b.is_sign_negative()));
@@ -492,17 +490,17 @@ mod tests {
                     ahead += u32::from(a > 0.0);
                 }
             }
-            assert!(met > 10_000 && ahead > 10_000, "{met} {ahead}");
+            assert!(hits > 10_000 && ahead > 10_000, "{hits} {ahead}");
         }
     }
 
     #[test]
-    fn packets_are_tested_as_the_scalar_twin_does() {
+    fn packet_tests_match_the_scalar_reference() {
         on_all_levels(Packets);
     }
 
     #[test]
-    fn a_limit_changes_what_is_used_and_not_what_there_is() {
+    fn limit_level_affects_the_used_level_only() {
         assert_eq!(Level::ALL.last(), Some(&Level::HIGHEST));
         assert!(Level::ALL.is_sorted() && Level::Scalar.is_available());
         let available = |level: &Level| level.is_available();
@@ -514,9 +512,9 @@ mod tests {
         assert_eq!(Some(&best_level()), before.last());
     }
 
-    /// Lines are counted that move because there was no room.
+    /// Counts the lines copied by reallocations.
     #[test]
-    fn lists_that_grow_in_parts_move_each_line_a_few_times() {
+    fn growth_on_huge_pages_is_amortised() {
         for parts in [10, 100, 1000, 10_000] {
             let (mut lines, mut moved) = (Vec::new(), 0);
             for _ in 0..parts {
@@ -530,7 +528,7 @@ mod tests {
     }
 
     #[test]
-    fn claims_are_filled_in_any_order_as_far_as_there_is_room() {
+    fn claims_are_filled_in_any_order_within_the_capacity() {
         let line = |n: usize| Line([n as u32; 16]);
         let filled = |skips: bool| {
             let mut lines = vec![line(0)];
@@ -549,7 +547,7 @@ mod tests {
         };
         let lines = filled(false);
         assert_eq!(lines[..4].iter().map(|l| l.0[3]).collect::<Vec<_>>(), [0, 1, 1, 2]);
-        // A claim that nobody fills is memory that nobody wrote to.
+        // An unfilled claim is uninitialised memory.
         assert_eq!(filled(true).len(), 1);
     }
 }

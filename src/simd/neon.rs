@@ -1,11 +1,11 @@
-//! The NEON level of [`Wide`]: eight lanes are two registers of four. Results don't depend on the contents of masked lanes, and only the
-//! box test has fused instructions.
+//! The NEON level of [`Wide`] and [`Lanes`]: eight lanes are two registers of four. Results don't depend on masked lanes, and
+//! of [`Wide`] only the box test has fused multiply-adds.
 
 use super::boxes::{self, BoxRay, Entry, LANES_OF_MASK, Planes};
 use super::wide::{Lanes, WIDEN_UNITS, Wide};
 use core::arch::aarch64::*;
 
-/// Vectors of NEON, which every AArch64 program is compiled with: that is why the intrinsics below are sound.
+/// NEON vectors. The intrinsics below are sound since NEON is part of the AArch64 baseline.
 #[derive(Clone, Copy, Debug)]
 pub struct Neon(());
 
@@ -21,14 +21,14 @@ impl Neon {
 /// Eight lanes.
 type Pair<T> = (T, T);
 
-/// A number a lane, or a bit.
+/// A vector of four constants.
 #[inline(always)]
 fn four(numbers: [u32; 4]) -> uint32x4_t {
     // SAFETY: the array has the vector's size.
     unsafe { vld1q_u32(numbers.as_ptr()) }
 }
 
-/// The lanes whose bits are all set, of lanes whose bits are all alike.
+/// The bit mask of a comparison result, whose lanes are all ones or all zeros.
 #[inline(always)]
 fn mask_of(lanes: uint32x4_t) -> u32 {
     // SAFETY: registers only.
@@ -46,9 +46,9 @@ fn mask_of_pair(lanes: Pair<uint32x4_t>) -> u32 {
     }
 }
 
-/// The bytes of eight lanes in the order of `indices`, which count bytes; 0 where there is no such byte.
+/// Permutes the bytes of eight lanes by byte indices; 0 where an index is out of range.
 #[inline(always)]
-fn look_up(lanes: Pair<uint32x4_t>, indices: uint8x16_t) -> uint32x4_t {
+fn permute_bytes(lanes: Pair<uint32x4_t>, indices: uint8x16_t) -> uint32x4_t {
     // SAFETY: registers only.
     unsafe {
         let bytes = uint8x16x2_t(vreinterpretq_u8_u32(lanes.0), vreinterpretq_u8_u32(lanes.1));
@@ -56,16 +56,16 @@ fn look_up(lanes: Pair<uint32x4_t>, indices: uint8x16_t) -> uint32x4_t {
     }
 }
 
-/// The indices of bytes that move the lanes of a mask to the front; behind the last one there is no such byte.
+/// The byte indices that compact the lanes of a mask to the front; out of range after the last.
 #[inline(always)]
-fn compressing(mask: u32) -> Pair<uint8x16_t> {
+fn compaction(mask: u32) -> Pair<uint8x16_t> {
     // SAFETY: registers only; the table has an entry for each 8-bit mask.
     unsafe {
         let lanes = vcreate_u8(LANES_OF_MASK[(mask & 255) as usize]);
         let lanes = vcombine_u8(lanes, lanes);
         let twice = vzip1q_u8(lanes, lanes);
         let byte = vreinterpretq_u8_u32(vdupq_n_u32(0x0302_0100));
-        // Four times the lane, and the byte's number in the lowest two bits.
+        // Four times the lane, with the byte's index in the low two bits.
         let low = vsliq_n_u8::<2>(byte, vzip1q_u8(twice, twice));
         (low, vsliq_n_u8::<2>(byte, vzip2q_u8(twice, twice)))
     }
@@ -99,7 +99,7 @@ fn high_halves(a: uint32x4_t, b: uint32x4_t) -> uint32x4_t {
     unsafe { vreinterpretq_u32_u64(vzip2q_u64(vreinterpretq_u64_u32(a), vreinterpretq_u64_u32(b))) }
 }
 
-/// Eight keys, largest first: two times four, merged as a bitonic sequence (ibid.).
+/// Eight keys, largest first: two sorted halves, merged as a bitonic sequence (ibid.).
 #[inline(always)]
 fn sort8(keys: Pair<uint32x4_t>) -> Pair<uint32x4_t> {
     let (a, b) = (sort4(keys.0), sort4(keys.1));
@@ -115,7 +115,7 @@ fn sort8(keys: Pair<uint32x4_t>) -> Pair<uint32x4_t> {
     }
 }
 
-/// The entries of the lanes that four keys name in their last three bits.
+/// Stores the entries of the lanes in the low three bits of four keys.
 ///
 /// # Safety
 /// There must be room for four of them.
@@ -126,19 +126,19 @@ unsafe fn store(keys: uint32x4_t, children: Pair<uint32x4_t>, distances: Pair<ui
         let lanes = vandq_u32(keys, vdupq_n_u32(7));
         let indices = vmlaq_u32(vdupq_n_u32(0x0302_0100), lanes, vdupq_n_u32(0x0404_0404));
         let indices = vreinterpretq_u8_u32(indices);
-        let (child, distance) = (look_up(children, indices), look_up(distances, indices));
+        let (child, distance) = (permute_bytes(children, indices), permute_bytes(distances, indices));
         vst2q_u32(to.cast(), uint32x4x2_t(child, distance));
     }
 }
 
-/// Eight numbers from memory.
+/// Loads eight lanes.
 #[inline(always)]
 fn load_pair(numbers: &[u32; 8]) -> Pair<uint32x4_t> {
     // SAFETY: the array has eight.
     unsafe { (vld1q_u32(numbers.as_ptr()), vld1q_u32(numbers.as_ptr().add(4))) }
 }
 
-/// Four numbers in double precision.
+/// Four lanes in double precision.
 #[derive(Clone, Copy)]
 struct Doubles(float64x2_t, float64x2_t);
 
@@ -153,7 +153,7 @@ impl Doubles {
     }
 
     #[inline(always)]
-    fn spread(x: f32) -> Doubles {
+    fn splat(x: f32) -> Doubles {
         // SAFETY: registers only.
         unsafe {
             let x = vdupq_n_f64(f64::from(x));
@@ -181,7 +181,7 @@ impl Doubles {
         unsafe { Doubles(vaddq_f64(vaddq_f64(x.0, y.0), z.0), vaddq_f64(vaddq_f64(x.1, y.1), z.1)) }
     }
 
-    /// The lanes in which the signs of two numbers are alike.
+    /// The lanes with equal sign bits.
     #[inline(always)]
     fn same_signs(self, b: Doubles) -> u32 {
         // SAFETY: registers only.
@@ -193,16 +193,16 @@ impl Doubles {
         }
     }
 
-    /// Quotients in single precision; NaN where the divisor is 0.
+    /// The quotients in single precision; NaN where the divisor is 0.
     #[inline(always)]
     fn quotients(self, b: Doubles) -> [f32; 4] {
         let mut out = [0.0; 4];
         // SAFETY: the array has the vector's size.
         unsafe {
-            let quotient = |above: float64x2_t, below: float64x2_t| {
-                // A mask of ones is a NaN.
-                let bits = vreinterpretq_u64_f64(vdivq_f64(above, below));
-                vreinterpretq_f64_u64(vorrq_u64(bits, vceqzq_f64(below)))
+            let quotient = |numerator: float64x2_t, denominator: float64x2_t| {
+                // All ones are a NaN.
+                let bits = vreinterpretq_u64_f64(vdivq_f64(numerator, denominator));
+                vreinterpretq_f64_u64(vorrq_u64(bits, vceqzq_f64(denominator)))
             };
             let low = vcvt_f32_f64(quotient(self.0, b.0));
             vst1q_f32(out.as_mut_ptr(), vcvt_high_f32_f64(low, quotient(self.1, b.1)));
@@ -232,17 +232,17 @@ impl Wide for Neon {
                         (vld1q_f32(near_planes.add(4 * half)), vld1q_f32(far_planes.add(4 * half)));
                     let entry = vfmaq_n_f32(near_offset, entry, ray.inverse[axis]);
                     let exit = vfmaq_n_f32(far_offset, exit, ray.inverse[axis]);
-                    // Where an offset overflowed there is NaN: then the other operand is the result.
+                    // An overflowed offset gives NaN: then the result is the other operand.
                     near[half] = vmaxnmq_f32(near[half], entry);
                     far[half] = vminnmq_f32(far[half], exit);
                 }
             }
-            // As integers, which are compared sooner: `near` is at least 0, negative numbers come before it.
-            let is_met = |near: float32x4_t, far: float32x4_t| {
+            // Compared as integers, which has lower latency: `near` is at least 0, and negative floats are negative integers.
+            let is_hit = |near: float32x4_t, far: float32x4_t| {
                 let to = vaddq_s32(vreinterpretq_s32_f32(far), vdupq_n_s32(WIDEN_UNITS));
                 vcleq_s32(vreinterpretq_s32_f32(near), to)
             };
-            let mask = mask_of_pair((is_met(near[0], far[0]), is_met(near[1], far[1])));
+            let mask = mask_of_pair((is_hit(near[0], far[0]), is_hit(near[1], far[1])));
             (mask, (near[0], near[1]))
         }
     }
@@ -258,9 +258,9 @@ impl Wide for Neon {
                 vbslq_u32(lane_bits, four([0, 1, 2, 3]), distances.0),
                 vbslq_u32(lane_bits, four([4, 5, 6, 7]), distances.1),
             );
-            // Masked lanes become 0, which sorts behind all others. (Equal keys are one.)
+            // Masked lanes become 0, which sorts last. (Keys are unique otherwise.)
             if mask.count_ones() <= 4 {
-                let keys = sort4(look_up(keys, compressing(mask).0));
+                let keys = sort4(permute_bytes(keys, compaction(mask).0));
                 store(keys, children, distances, to.as_mut_ptr());
             } else {
                 let all = vdupq_n_u32(mask);
@@ -276,8 +276,8 @@ impl Wide for Neon {
     #[inline(always)]
     fn store_masked(self, mask: u32, child: &[u32; 8], to: &mut [Entry; 8]) {
         let children = load_pair(child);
-        let (low, high) = compressing(mask);
-        let (low, high) = (look_up(children, low), look_up(children, high));
+        let (low, high) = compaction(mask);
+        let (low, high) = (permute_bytes(children, low), permute_bytes(children, high));
         let to: *mut u32 = to.as_mut_ptr().cast();
         // SAFETY: see above.
         unsafe {
@@ -326,19 +326,19 @@ impl Wide for Neon {
         let f = [row(2).sub(a[0]), row(6).sub(a[1]), row(10).sub(a[2])];
         let cross = |i: usize, j: usize| e[i].mul(f[j]).sub(e[j].mul(f[i]));
         let n = [cross(1, 2), cross(2, 0), cross(0, 1)];
-        let spread = |k: usize| Doubles::spread(direction[k]);
-        let below = Doubles::dot(n, [spread(0), spread(1), spread(2)]);
-        let from = |k: usize| a[k].sub(Doubles::spread(origin[k]));
-        let above = Doubles::dot(n, [from(0), from(1), from(2)]);
-        // (More lanes than there are means that the quotients are wanted anyway.)
-        if lanes & (above.same_signs(below) | !15) == 0 {
+        let splat = |k: usize| Doubles::splat(direction[k]);
+        let denominator = Doubles::dot(n, [splat(0), splat(1), splat(2)]);
+        let from = |k: usize| a[k].sub(Doubles::splat(origin[k]));
+        let numerator = Doubles::dot(n, [from(0), from(1), from(2)]);
+        // (Lanes above the fourth request the quotients unconditionally.)
+        if lanes & (numerator.same_signs(denominator) | !15) == 0 {
             return [f32::NAN; 4];
         }
-        above.quotients(below)
+        numerator.quotients(denominator)
     }
 }
 
-/// NEON, which every AArch64 program is compiled with: four registers a vector.
+/// NEON: four registers per vector.
 #[derive(Clone, Copy, Debug)]
 pub struct NeonLanes(());
 
@@ -351,7 +351,7 @@ impl NeonLanes {
     }
 }
 
-// SAFETY: `self` exists, so the CPU has NEON; loads and stores go through references to arrays of the vector's size.
+// SAFETY: NEON is part of the AArch64 baseline; loads and stores go through references to arrays of the vector's size.
 impl Lanes for NeonLanes {
     type F16 = [float32x4_t; 4];
 

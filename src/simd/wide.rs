@@ -1,17 +1,16 @@
-//! The vector operations that traversal needs, behind one trait: a scalar twin here, registers of x86 and NEON in files of
-//! their own. They may differ in how much too much they accept, never in what is found: hits are decided by code that rounds
-//! alike on all levels.
+//! The vector operations of BVH traversal as a trait, with a scalar reference implementation; those for x86 and NEON are in
+//! files of their own. Levels may differ in false positives of conservative tests, never in hits, which are decided by code
+//! that rounds identically on all levels.
 //!
-//! Sixteen floats with fused multiply-adds, for convolutions: the same operations in the same order on all levels, so the
-//! same bits.
+//! Also vectors of sixteen floats with fused multiply-adds, for convolutions, bit-identical on all levels.
 
 use super::boxes::{BoxRay, Entry, Planes, map_each};
 
-/// Box tests accept this much more (Ize 2013, "Robust BVH Ray Traversal"): 32 roundings. At most four are the box
-/// test's own on either side; the shear of the triangle test moves each vertex by at most five more.
+/// The factor by which box tests widen the exit distance (Ize 2013, "Robust BVH Ray Traversal"): 32 roundings. The box test
+/// itself has at most four on either side; the shear of the triangle test displaces vertices by at most five more.
 pub const WIDEN: f32 = 1.0 + 1.0 / 524_288.0;
 
-/// At least as much in units in the last place, for numbers compared by their bits.
+/// A bound on [`WIDEN`] in ulps, for floats compared as integers.
 pub(super) const WIDEN_UNITS: i32 = 32;
 
 /// A CPU level's vectors of 8 floats, and the steps of traversal on them.
@@ -19,24 +18,22 @@ pub trait Wide: Copy {
     /// Eight floats.
     type F8: Copy;
 
-    /// The boxes that a ray may intersect with parameters from `t_min` to `t_max`, and where it enters them (at least
-    /// `t_min`): never one box too few, whatever the roundings, if what the boxes hold is found with an error of at most 16
-    /// roundings. Levels may differ in boxes that the ray misses by as much. Boxes with inverted infinite planes
-    /// are missed.
+    /// The boxes that a ray may intersect between `t_min` and `t_max`, and the entry distances (at least `t_min`).
+    /// Conservative if intersections with the contents have an error of at most 16 roundings; levels may differ in false
+    /// positives within that error. Boxes with inverted infinite planes are missed.
     fn boxes(self, planes: &Planes, ray: &BoxRay, t_min: f32, t_max: f32) -> (u32, Self::F8);
-    /// Writes the children of the lanes in `mask` with their distances (at least 0), farthest first. Distances that
-    /// agree in all but their last three bits are ordered by lane. What follows the last one is unspecified.
+    /// Stores the children of the lanes in `mask` with their distances (at least 0), farthest first. Distances that differ in
+    /// the low three bits only are ordered by lane. Entries after the last are unspecified.
     fn store_sorted(self, mask: u32, distance: Self::F8, child: &[u32; 8], to: &mut [Entry; 8]);
-    /// Writes the children of the lanes in `mask` in the order of lanes. What follows the last one, and the distances,
-    /// are unspecified.
+    /// Stores the children of the lanes in `mask` in lane order. Distances, and entries after the last, are unspecified.
     fn store_masked(self, mask: u32, child: &[u32; 8], to: &mut [Entry; 8]);
-    /// The triangles whose three edge functions have no two opposite signs, seen along the ray: see
-    /// `accel::triangle`. `rows` are those of a packet: for each axis four times vertex 0, 1, 2 and something else.
+    /// The triangles whose edge functions along the ray don't have opposite signs: see `accel::triangle`. `rows` are those of
+    /// a packet: for each axis, vertices 0, 1, 2 of four triangles and other data.
     fn candidates(self, rows: &[[f32; 4]; 12], ray: &BoxRay, origin: &[f32; 3], shear: &[f32; 2]) -> u32;
-    /// The lanes that hold these bits.
+    /// The lanes with these bits.
     fn equal(self, row: &[f32; 4], number: u32) -> u32;
-    /// Where a ray intersects the planes of four triangles: `n . (a - o) / n . d` in f64, rounded once, the same bits on all
-    /// levels; NaN where the ray is parallel to the plane, and, to save the division, where it intersects none of `lanes` ahead.
+    /// The ray's parameters at the planes of four triangles, `n . (a - o) / n . d` in f64, rounded once, bit-identical on all
+    /// levels; NaN where the ray is parallel to the plane, and where all of `lanes` are behind, to save the division.
     fn plane_parameters(
         self,
         rows: &[[f32; 4]; 12],
@@ -50,11 +47,11 @@ pub trait Wide: Copy {
 pub trait WideKernel {
     /// The result.
     type Output;
-    /// The work; mark the implementation and all that its loops call `#[inline(always)]`.
+    /// Runs the loop. Implementations, and all functions that it calls, must be `#[inline(always)]`.
     fn run<W: Wide>(self, wide: W) -> Self::Output;
 }
 
-/// The twin of all vector levels, one lane after the other.
+/// The scalar reference implementation, lane by lane.
 #[derive(Clone, Copy, Debug)]
 pub struct ScalarWide;
 
@@ -68,7 +65,7 @@ fn bits<const N: usize>(test: impl Fn(usize) -> bool) -> u32 {
     (0..N).fold(0, |mask, i| mask | (u32::from(test(i)) << i))
 }
 
-/// The key that orders children: the distance's bits with the lane in the last three.
+/// The sort key of a child: the bits of its distance with the lane in the low three.
 #[inline(always)]
 fn sort_key(distance: f32, lane: usize) -> u32 {
     (distance.to_bits() & 0x7fff_fff8) | lane as u32
@@ -96,12 +93,12 @@ impl Wide for ScalarWide {
         let mut count = 0;
         for lane in (0..8).filter(|lane| mask >> lane & 1 == 1) {
             let key = sort_key(distance[lane], lane);
-            let mut place = count;
-            while place > 0 && keys[place - 1] < key {
-                keys[place] = keys[place - 1];
-                place -= 1;
+            let mut position = count;
+            while position > 0 && keys[position - 1] < key {
+                keys[position] = keys[position - 1];
+                position -= 1;
             }
-            keys[place] = key;
+            keys[position] = key;
             count += 1;
         }
         for (key, to) in keys.iter().zip(to).take(count) {
@@ -158,10 +155,10 @@ impl Wide for ScalarWide {
             let [e, f] = [1, 2].map(|k| [edge(0, k), edge(1, k), edge(2, k)]);
             let n = [e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0]];
             let [o, d] = [*origin, *direction].map(|v| v.map(f64::from));
-            let below = n[0] * d[0] + n[1] * d[1] + n[2] * d[2];
-            let above = n[0] * (at(0, 0) - o[0]) + n[1] * (at(1, 0) - o[1]) + n[2] * (at(2, 0) - o[2]);
-            let asked = lanes >> lane & 1 == 1;
-            if asked & (below != 0.0) { (above / below) as f32 } else { f32::NAN }
+            let denominator = n[0] * d[0] + n[1] * d[1] + n[2] * d[2];
+            let numerator = n[0] * (at(0, 0) - o[0]) + n[1] * (at(1, 0) - o[1]) + n[2] * (at(2, 0) - o[2]);
+            let is_requested = lanes >> lane & 1 == 1;
+            if is_requested & (denominator != 0.0) { (numerator / denominator) as f32 } else { f32::NAN }
         })
     }
 }
@@ -171,12 +168,12 @@ pub trait Lanes: Copy {
     /// Sixteen floats.
     type F16: Copy;
 
-    /// Do 24 vectors, and as many as operations on them need, fit in the registers? (Else 6 do.)
+    /// Are there registers for 24 vectors and the operands of operations on them (otherwise for 6)?
     const HAS_MANY_REGISTERS: bool;
 
-    /// A vector from memory.
+    /// Loads a vector.
     fn load(self, from: &[f32; 16]) -> Self::F16;
-    /// One number in all lanes.
+    /// Broadcasts a value to all lanes.
     fn splat(self, number: f32) -> Self::F16;
     /// `a * b + c`, rounded once.
     fn mul_add(self, a: Self::F16, b: Self::F16, c: Self::F16) -> Self::F16;
@@ -184,9 +181,9 @@ pub trait Lanes: Copy {
     fn add(self, a: Self::F16, b: Self::F16) -> Self::F16;
     /// `a - b`.
     fn sub(self, a: Self::F16, b: Self::F16) -> Self::F16;
-    /// Writes all lanes.
+    /// Stores a vector.
     fn store(self, v: Self::F16, to: &mut [f32; 16]);
-    /// Writes positive values, and 0 in all other lanes (NaN included).
+    /// Stores the positive lanes, and 0 for all others (NaN included).
     fn store_positive(self, v: Self::F16, to: &mut [f32; 16]);
 }
 
@@ -194,11 +191,11 @@ pub trait Lanes: Copy {
 pub trait LanesKernel {
     /// The result.
     type Output;
-    /// The work; mark the implementation and all that its loops call `#[inline(always)]`.
+    /// Runs the loop. Implementations, and all functions that it calls, must be `#[inline(always)]`.
     fn run<L: Lanes>(self, lanes: L) -> Self::Output;
 }
 
-/// The scalar level: slow where the CPU has no fused multiply-add, which the standard library computes then.
+/// The scalar level: slow without hardware fused multiply-adds, which the standard library then emulates.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ScalarLanes;
 

@@ -1,11 +1,11 @@
-//! The x86 levels of [`Wide`]: the same registers and instructions, but for AVX-512's compression.
+//! The x86 levels of [`Wide`] and [`Lanes`].
 
 use super::boxes::{BoxRay, Entry, Planes, compress};
 use super::wide::{Lanes, WIDEN_UNITS, Wide};
 use core::arch::x86_64::*;
 
-/// Vectors of AVX2, with AVX-512's masks where `AVX512`. A value exists only inside a function compiled for the level:
-/// that is why the intrinsics below are sound.
+/// AVX2 vectors; if `AVX512`, with mask registers, compression and wider vectors of AVX-512. The intrinsics below are sound
+/// since values exist only inside functions compiled for the level.
 #[derive(Clone, Copy, Debug)]
 pub struct X86<const AVX512: bool>(());
 
@@ -18,7 +18,7 @@ impl<const AVX512: bool> X86<AVX512> {
     }
 }
 
-/// One stage of a sorting network on four keys: lanes are exchanged by `$shuffle`, those in `$low` keep the smaller.
+/// A stage of a sorting network on four keys: lanes are compared by `$shuffle`, those in `$low` keep the minimum.
 macro_rules! stage4 {
     ($x:ident, $shuffle:literal, $low:literal) => {{
         let other = _mm_shuffle_epi32::<$shuffle>($x);
@@ -26,7 +26,7 @@ macro_rules! stage4 {
     }};
 }
 
-/// A stage of the sort on eight keys.
+/// A stage of a sorting network on eight keys.
 macro_rules! stage8 {
     ($x:ident, [$($from:literal),*], $low:literal) => {{
         let other = _mm256_permutevar8x32_epi32($x, _mm256_setr_epi32($($from),*));
@@ -69,10 +69,10 @@ unsafe fn sort8(keys: __m256i) -> __m256i {
     x
 }
 
-/// The lanes of a packet in which three edge functions, four lanes each, are all at least 0 or all at most 0.
+/// The lanes of a packet whose three edge functions, four lanes each, don't have opposite signs.
 #[inline(always)]
 fn same_sign(not_negative: u32, not_positive: u32) -> u32 {
-    // Both halves at once: elements that cross from one half to the other are not used.
+    // Both tests at once: bits shifted from one half into the other are not used.
     let both = not_negative | (not_positive << 16);
     let all = both & (both >> 4) & (both >> 8);
     (all | (all >> 16)) & 15
@@ -111,11 +111,11 @@ impl<const AVX512: bool> Wide for X86<AVX512> {
                 let far_planes = _mm256_loadu_ps(planes.as_ptr().byte_add(at ^ 32).cast());
                 let entry = _mm256_fmadd_ps(near_planes, inverse, _mm256_set1_ps(ray.near_offset[axis]));
                 let exit = _mm256_fmadd_ps(far_planes, inverse, _mm256_set1_ps(ray.far_offset[axis]));
-                // Where an offset overflowed there is NaN: then the other operand, the second, is the result.
+                // An overflowed offset gives NaN: then the result is the second operand.
                 near = _mm256_max_ps(entry, near);
                 far = _mm256_min_ps(exit, far);
             }
-            // As integers, which are added and compared sooner: `near` is at least 0, negative numbers come before it.
+            // Compared as integers, which has lower latency: `near` is at least 0, and negative floats are negative integers.
             let from = _mm256_castps_si256(near);
             let to = _mm256_add_epi32(_mm256_castps_si256(far), _mm256_set1_epi32(WIDEN_UNITS));
             let mask = if AVX512 {
@@ -129,7 +129,7 @@ impl<const AVX512: bool> Wide for X86<AVX512> {
 
     #[inline(always)]
     fn store_sorted(self, mask: u32, distance: __m256, child: &[u32; 8], to: &mut [Entry; 8]) {
-        // SAFETY: see above. `permutevar` uses the last three bits of a key only, which are its lane.
+        // SAFETY: see above. `permutevar` uses only the low three bits of a key, which are its lane.
         unsafe {
             let lanes = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
             let keys = _mm256_or_si256(
@@ -139,7 +139,7 @@ impl<const AVX512: bool> Wide for X86<AVX512> {
             let count = mask.count_ones() as i32;
             let mut keys = compress::<AVX512>(keys, mask);
             if !AVX512 {
-                // Keys are not negative, so -1 sorts behind them. (AVX-512 fills with 0: as good, since equal keys are one.)
+                // Keys are not negative, so -1 sorts last. (AVX-512 fills with 0, which does so too.)
                 keys = _mm256_or_si256(keys, _mm256_cmpgt_epi32(lanes, _mm256_set1_epi32(count - 1)));
             }
             let children = _mm256_loadu_si256(child.as_ptr().cast());
@@ -192,7 +192,7 @@ impl<const AVX512: bool> Wide for X86<AVX512> {
             let oz = *origin.get_unchecked(usize::from(kz));
             let [sx, sy] = *shear;
             if AVX512 {
-                // All vertices at once. The fourth row of each axis is none: nothing looks at what comes of it.
+                // All vertices at once. The fourth row of each axis is not a vertex; its results are not used.
                 let x = _mm512_sub_ps(_mm512_loadu_ps(xs), _mm512_set1_ps(ox));
                 let y = _mm512_sub_ps(_mm512_loadu_ps(ys), _mm512_set1_ps(oy));
                 let z = _mm512_sub_ps(_mm512_loadu_ps(zs), _mm512_set1_ps(oz));
@@ -269,25 +269,25 @@ impl<const AVX512: bool> Wide for X86<AVX512> {
             let (fx, fy, fz) =
                 (_mm256_sub_pd(row!(2), ax), _mm256_sub_pd(row!(6), ay), _mm256_sub_pd(row!(10), az));
             let (nx, ny, nz) = (cross!(ey, fy, ez, fz), cross!(ez, fz, ex, fx), cross!(ex, fx, ey, fy));
-            // Numbers are spread before they are widened: from memory that is one instruction.
-            macro_rules! spread {
+            // Broadcast before the conversion: from memory that is one instruction.
+            macro_rules! splat {
                 ($x:expr) => {
                     _mm256_cvtps_pd(_mm_set1_ps($x))
                 };
             }
             let n = (nx, ny, nz);
-            let below = dot(n, (spread!(direction[0]), spread!(direction[1]), spread!(direction[2])));
-            let px = _mm256_sub_pd(ax, spread!(origin[0]));
-            let py = _mm256_sub_pd(ay, spread!(origin[1]));
-            let pz = _mm256_sub_pd(az, spread!(origin[2]));
-            let above = dot(n, (px, py, pz));
-            let behind = _mm256_movemask_pd(_mm256_xor_pd(above, below)) as u32;
+            let denominator = dot(n, (splat!(direction[0]), splat!(direction[1]), splat!(direction[2])));
+            let px = _mm256_sub_pd(ax, splat!(origin[0]));
+            let py = _mm256_sub_pd(ay, splat!(origin[1]));
+            let pz = _mm256_sub_pd(az, splat!(origin[2]));
+            let numerator = dot(n, (px, py, pz));
+            let behind = _mm256_movemask_pd(_mm256_xor_pd(numerator, denominator)) as u32;
             if lanes & !behind == 0 {
                 return [f32::NAN; 4];
             }
-            let parallel = _mm256_cmp_pd::<_CMP_EQ_OQ>(below, _mm256_setzero_pd());
-            // A mask of ones is a NaN.
-            let t = _mm256_cvtpd_ps(_mm256_or_pd(_mm256_div_pd(above, below), parallel));
+            let parallel = _mm256_cmp_pd::<_CMP_EQ_OQ>(denominator, _mm256_setzero_pd());
+            // All ones are a NaN.
+            let t = _mm256_cvtpd_ps(_mm256_or_pd(_mm256_div_pd(numerator, denominator), parallel));
             let mut out = [0.0; 4];
             _mm_storeu_ps(out.as_mut_ptr(), t);
             out
@@ -295,11 +295,11 @@ impl<const AVX512: bool> Wide for X86<AVX512> {
     }
 }
 
-/// AVX2 and FMA: two registers a vector. A value exists only inside a function compiled for the level.
+/// AVX2 and FMA: two registers per vector. Values exist only inside functions compiled for the level.
 #[derive(Clone, Copy, Debug)]
 pub struct Avx2(());
 
-/// AVX-512 F: a register a vector. A value exists only inside a function compiled for the level.
+/// AVX-512 F: one register per vector. Values exist only inside functions compiled for the level.
 #[derive(Clone, Copy, Debug)]
 pub struct Avx512(());
 

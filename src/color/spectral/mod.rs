@@ -1,8 +1,8 @@
 //! Spectra for spectral rendering.
 //!
-//! Spectra are relative to daylight, the CIE illuminant D65: the constant 1 is the white of Rec. 709. A path has [`LANES`]
-//! wavelengths in place of red, green and blue (Wilkie et al. 2014, "Hero Wavelength Spectral Sampling"). Their radiance is converted
-//! to linear Rec. 709 by the CIE 1931 observer ([`Wavelengths::rgb`]). Colours of Rec. 709 are converted to smooth spectra, which are
+//! Spectra are relative to the CIE illuminant D65 (daylight): the constant 1 is the white of Rec. 709. A path has [`LANES`]
+//! wavelengths in place of red, green and blue (Wilkie et al. 2014, "Hero Wavelength Spectral Sampling"). Spectral radiance is
+//! converted to linear Rec. 709 by the CIE 1931 observer ([`Wavelengths::rgb`]). Rec. 709 colours are uplifted to smooth spectra,
 //! [`Sigmoid`]s (Jakob, Hanika 2019, "A Low-Dimensional Function Space for Efficient Spectral Upsampling").
 
 mod metals;
@@ -21,27 +21,27 @@ pub const LAST_NM: f32 = 780.0;
 /// Number of wavelengths of a path.
 pub const LANES: usize = 3;
 
-/// Distance of the nodes of the observer's tables, nanometres.
+/// Spacing of the nodes of [`MATCHING`] and [`D65`], nanometres.
 const STEP_NM: f32 = 5.0;
 const NODES: usize = MATCHING.len();
 
-/// The minimum density of a wavelength, as a share of the mean one.
+/// Added to the sampling density of all wavelengths, as a fraction of the mean response.
 const MIN_DENSITY: f64 = 0.05;
 
 /// Response of the CIE 1931 observer and the density of wavelength sampling, tabulated; linear between nodes.
 struct Observer {
-    /// Linear Rec. 709 per nanometre of light that is 1 relative to D65.
+    /// Linear Rec. 709 per nanometre of a spectrum of 1 relative to D65.
     rgb: [[f32; 3]; NODES],
-    /// Density per nanometre with which wavelengths are drawn.
+    /// Sampling pdf, per nanometre.
     density: [f32; NODES],
-    /// Its integral up to the node.
+    /// Cumulative distribution function of `density`.
     cumulative: [f32; NODES],
 }
 
-/// Linear Rec. 709 of light that is 1 at one wavelength relative to D65, per nanometre, at the nodes. Its integral is white:
-/// the rows are scaled by some 1e-4 for that, as the white of Rec. 709 is rounded.
+/// Linear Rec. 709 per nanometre of a spectrum of 1 relative to D65, at the nodes. Normalized so that the integral is white: a
+/// change of some 1e-4, since the white point of Rec. 709 is rounded.
 fn rgb_at_nodes() -> [[f64; 3]; NODES] {
-    // Rec. 709 has a matrix.
+    // Never `None` for Rec. 709.
     let matrix = Primaries::REC709.rgb_from_xyz().unwrap_or_default();
     let mut rgb = [[0.0; 3]; NODES];
     for (rgb, (xyz, power)) in rgb.iter_mut().zip(MATCHING.iter().zip(D65)) {
@@ -51,7 +51,7 @@ fn rgb_at_nodes() -> [[f64; 3]; NODES] {
     rgb.map(|rgb| [0, 1, 2].map(|c| rgb[c] / white[c]))
 }
 
-/// Linear Rec. 709 of light of one wavelength by the CIE 1931 observer; black beyond its table.
+/// Linear Rec. 709 of monochromatic light by the CIE 1931 observer; black outside [`FIRST_NM`]..[`LAST_NM`].
 pub fn rgb_of_wavelength(nm: f32) -> [f32; 3] {
     static TABLE: OnceLock<[[f32; 3]; NODES]> = OnceLock::new();
     let table = TABLE.get_or_init(|| {
@@ -62,8 +62,8 @@ pub fn rgb_of_wavelength(nm: f32) -> [f32; 3] {
     if !(0.0..(NODES - 1) as f32).contains(&at) {
         return [0.0; 3];
     }
-    let (a, b, share) = (table[at as usize], table[at as usize + 1], at.fract());
-    std::array::from_fn(|i| a[i] + share * (b[i] - a[i]))
+    let (a, b, fraction) = (table[at as usize], table[at as usize + 1], at.fract());
+    std::array::from_fn(|i| a[i] + fraction * (b[i] - a[i]))
 }
 
 fn trapezoid(values: impl Iterator<Item = f64>) -> f64 {
@@ -75,7 +75,7 @@ fn observer() -> &'static Observer {
     static OBSERVER: OnceLock<Observer> = OnceLock::new();
     OBSERVER.get_or_init(|| {
         let rgb = rgb_at_nodes();
-        // Importance sampling by the observer's response: the variance of white light is smallest.
+        // Importance sampling by the observer's response, for the least variance of white light.
         let lengths = rgb.map(|[r, g, b]| (r * r + g * g + b * b).sqrt());
         let mean = lengths.iter().sum::<f64>() / NODES as f64;
         let weights = lengths.map(|length| length + MIN_DENSITY * mean);
@@ -93,8 +93,8 @@ fn observer() -> &'static Observer {
     })
 }
 
-/// Quadrature by Simpson's rule: wavelengths (nodes and midpoints) with weights in linear Rec. 709. The weighted sum of a spectrum's
-/// values, relative to D65, is its colour.
+/// Quadrature by Simpson's rule: wavelengths in nanometres (nodes and midpoints) with weights in linear Rec. 709. The weighted sum
+/// of a spectrum's values, relative to D65, is its colour.
 pub(super) fn quadrature() -> &'static [(f64, [f64; 3])] {
     static POINTS: OnceLock<Vec<(f64, [f64; 3])>> = OnceLock::new();
     POINTS.get_or_init(|| {
@@ -103,8 +103,8 @@ pub(super) fn quadrature() -> &'static [(f64, [f64; 3])] {
         let mut points = Vec::with_capacity(2 * NODES - 1);
         for i in 0..NODES {
             let nm = f64::from(FIRST_NM) + step * i as f64;
-            let share = if i == 0 || i == NODES - 1 { 1.0 } else { 2.0 };
-            points.push((nm, rgb[i].map(|v| v * share * step / 6.0)));
+            let weight = if i == 0 || i == NODES - 1 { 1.0 } else { 2.0 };
+            points.push((nm, rgb[i].map(|v| v * weight * step / 6.0)));
             if let Some(next) = rgb.get(i + 1) {
                 points.push((nm + 0.5 * step, [0, 1, 2].map(|c| (rgb[i][c] + next[c]) * step / 3.0)));
             }
@@ -113,7 +113,7 @@ pub(super) fn quadrature() -> &'static [(f64, [f64; 3])] {
     })
 }
 
-/// Linear Rec. 709 of a spectrum relative to D65; of a reflectance, its colour in daylight. Components are negative outside the gamut.
+/// Linear Rec. 709 of a spectrum relative to D65; for a reflectance, its colour under D65. Components are negative outside the gamut.
 pub fn rgb_of(spectrum: impl Fn(f64) -> f64) -> [f64; 3] {
     let mut sum = [0.0; 3];
     for (nm, weight) in quadrature() {
@@ -127,21 +127,21 @@ pub fn rgb_of(spectrum: impl Fn(f64) -> f64) -> [f64; 3] {
 pub(super) fn daylight(nm: f64) -> f64 {
     let at = ((nm - f64::from(FIRST_NM)) / f64::from(STEP_NM)).clamp(0.0, (NODES - 1) as f64);
     let i = (at as usize).min(NODES - 2);
-    let share = at - i as f64;
-    f64::from(D65[i]) * (1.0 - share) + f64::from(D65[i + 1]) * share
+    let fraction = at - i as f64;
+    f64::from(D65[i]) * (1.0 - fraction) + f64::from(D65[i + 1]) * fraction
 }
 
-/// The wavelengths of a path: the hero and two at equal distances in the cumulative distribution.
+/// The wavelengths of a path: the hero wavelength and two rotated by one and two thirds of the cumulative distribution.
 #[derive(Clone, Copy, Debug)]
 pub struct Wavelengths {
-    /// By lane, nanometres.
+    /// Wavelength per lane, nanometres.
     pub nm: [f32; LANES],
-    /// By lane: linear Rec. 709 of unit radiance at the wavelength, divided by the density and [`LANES`].
+    /// Per lane: linear Rec. 709 of unit radiance at the wavelength, divided by the pdf and [`LANES`].
     rgb: [[f32; 3]; LANES],
 }
 
 impl Wavelengths {
-    /// Samples a hero wavelength by a number in 0..1; the others follow at one and two thirds of the cumulative distribution.
+    /// Samples a hero wavelength, and the others from it, by a random number in 0..1.
     #[inline]
     pub fn draw(u: f32) -> Wavelengths {
         let observer = observer();
@@ -154,7 +154,7 @@ impl Wavelengths {
         drawn
     }
 
-    /// Linear Rec. 709 of a path's spectral contribution; unbiased.
+    /// Unbiased estimate of the linear Rec. 709 colour from a path's spectral contribution per lane.
     #[inline]
     pub fn rgb(&self, [a, b, c]: [f32; LANES]) -> [f32; 3] {
         let [x, y, z] = &self.rgb;
@@ -169,16 +169,16 @@ impl Wavelengths {
 }
 
 impl Observer {
-    /// The wavelength at a value of the cumulative distribution, and its linear Rec. 709 divided by the density and [`LANES`].
+    /// The wavelength, nanometres, at a value of the cumulative distribution, and its linear Rec. 709 divided by the pdf and [`LANES`].
     #[inline]
     fn draw(&self, u: f32) -> (f32, [f32; 3]) {
         let above = self.cumulative.partition_point(|&c| c <= u);
         let i = above.clamp(1, NODES - 1) - 1;
         let (from, to) = (self.cumulative[i], self.cumulative[i + 1]);
-        let share = ((u - from) / (to - from)).clamp(0.0, 1.0);
-        // The inverse of the integral of a straight line.
+        let fraction = ((u - from) / (to - from)).clamp(0.0, 1.0);
+        // Inverts the integral of the linear pdf between two nodes.
         let (p, q) = (self.density[i], self.density[i + 1]);
-        let t = (share * (p + q) / (p + (p * p + (q * q - p * p) * share).sqrt())).min(1.0);
+        let t = (fraction * (p + q) / (p + (p * p + (q * q - p * p) * fraction).sqrt())).min(1.0);
         let density = p + (q - p) * t;
         let (a, b) = (&self.rgb[i], &self.rgb[i + 1]);
         let scale = 1.0 / (LANES as f32 * density);
@@ -189,24 +189,25 @@ impl Observer {
 
 // Measured spectra.
 
-/// Distance of the values of a curve, nanometres.
+/// Spacing of the values of a curve, nanometres.
 const CURVE_STEP_NM: f32 = 1.0;
 const VALUES: usize = ((LAST_NM - FIRST_NM) / CURVE_STEP_NM) as usize + 1;
 
 /// Second radiation constant, nanometres times kelvins (CODATA 2018).
 pub const SECOND_RADIATION_CONSTANT: f64 = 1.438_776_877e7;
 
-/// A measured spectrum, linear between the measured values, and constant beyond the first and the last. Spectra of lights are relative
-/// to D65.
+/// A measured spectrum, resampled: linear between the measured values and constant beyond the first and the last. Spectra of lights
+/// are relative to D65.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Curve {
-    /// By wavelength, from [`FIRST_NM`] to [`LAST_NM`].
+    /// Every [`CURVE_STEP_NM`], from [`FIRST_NM`] to [`LAST_NM`].
     values: Vec<f32>,
+    /// Linear Rec. 709.
     rgb: [f32; 3],
 }
 
 /// Linear interpolation in a list of (wavelength, value), sorted by wavelength.
-fn between(measured: &[(f64, f64)], nm: f64) -> f64 {
+fn interpolated(measured: &[(f64, f64)], nm: f64) -> f64 {
     let above = measured.partition_point(|(at, _)| *at <= nm);
     match (above.checked_sub(1).map(|i| measured[i]), measured.get(above)) {
         (Some((a, from)), Some(&(b, to))) => from + (to - from) * (nm - a) / (b - a),
@@ -216,26 +217,26 @@ fn between(measured: &[(f64, f64)], nm: f64) -> f64 {
 }
 
 impl Curve {
-    /// A reflectance by wavelength, in nanometres and in rising order.
+    /// A reflectance from (wavelength in nanometres, value) in ascending order.
     pub fn reflectance(measured: &[(f64, f64)]) -> Curve {
-        Curve::new(|nm| between(measured, nm))
+        Curve::new(|nm| interpolated(measured, nm))
     }
 
-    /// The power of a light by wavelength in any unit, with the luminance that the light has.
+    /// An emission spectrum from (wavelength in nanometres, relative power), scaled to the luminance `of_luminance`.
     pub fn light(measured: &[(f64, f64)], of_luminance: f64) -> Curve {
-        Curve::new(|nm| between(measured, nm) / daylight(nm)).of_luminance(of_luminance)
+        Curve::new(|nm| interpolated(measured, nm) / daylight(nm)).of_luminance(of_luminance)
     }
 
-    /// The light of a black body of a temperature in kelvins (Planck's law).
+    /// The emission of a black body at a temperature in kelvins (Planck's law), scaled to the luminance `of_luminance`.
     pub fn black_body(kelvin: f64, of_luminance: f64) -> Curve {
         const C2: f64 = SECOND_RADIATION_CONSTANT;
-        // Relative to 560 nm, where it neither over- nor underflows.
+        // Relative to 560 nm, against over- and underflow.
         let power =
             |nm: f64| (560.0 / nm).powi(5) * (C2 / (560.0 * kelvin)).exp_m1() / (C2 / (nm * kelvin)).exp_m1();
         Curve::new(|nm| power(nm) / daylight(nm)).of_luminance(of_luminance)
     }
 
-    /// The curve of a function of the wavelength.
+    /// Samples a function of the wavelength in nanometres.
     pub(super) fn new(value: impl Fn(f64) -> f64) -> Curve {
         let values =
             (0..VALUES).map(|i| value(f64::from(FIRST_NM) + i as f64 * f64::from(CURVE_STEP_NM)) as f32);
@@ -250,16 +251,16 @@ impl Curve {
         Curve { values: self.values.iter().map(|v| v * scale).collect(), rgb: self.rgb.map(|v| v * scale) }
     }
 
-    /// Its value at a wavelength in nanometres.
+    /// The value at a wavelength in nanometres.
     #[inline]
     pub fn at(&self, nm: f32) -> f32 {
         let at = ((nm - FIRST_NM) * (1.0 / CURVE_STEP_NM)).clamp(0.0, (VALUES - 1) as f32);
         let i = (at as usize).min(VALUES - 2);
-        let share = at - i as f32;
-        self.values[i] * (1.0 - share) + self.values[i + 1] * share
+        let fraction = at - i as f32;
+        self.values[i] * (1.0 - fraction) + self.values[i + 1] * fraction
     }
 
-    /// Linear Rec. 709 of the spectrum: of a reflectance under D65. Negative outside the gamut.
+    /// Linear Rec. 709 of the spectrum, for a reflectance under D65. Components are negative outside the gamut.
     pub fn rgb(&self) -> [f32; 3] {
         self.rgb
     }
@@ -282,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_one_everywhere_is_white() {
+    fn constant_spectrum_of_one_is_white() {
         for (drawn, integral) in mean(|_| 1.0).into_iter().zip(rgb_of(|_| 1.0)) {
             assert!((integral - 1.0).abs() < 1e-9, "{integral}");
             assert!((drawn - 1.0).abs() < 1e-4, "{drawn}");
@@ -290,7 +291,7 @@ mod tests {
     }
 
     #[test]
-    fn drawn_wavelengths_have_the_mean_of_the_integral() {
+    fn sampled_wavelengths_estimate_the_integral() {
         let hump = |nm: f64| (-((nm - 530.0) / 60.0).powi(2)).exp();
         let slope = |nm: f64| (nm - 380.0) / 400.0;
         for spectrum in [&hump as &dyn Fn(f64) -> f64, &slope] {
@@ -301,12 +302,12 @@ mod tests {
         }
     }
 
-    /// CIE 015: x and y of the light of 520 nm and of the illuminant E.
+    /// CIE 015: chromaticities of monochromatic light of 520 nm and of the illuminant E.
     #[test]
-    fn lines_and_equal_energy_have_their_chromaticities() {
+    fn chromaticities_of_a_line_and_of_equal_energy_match_cie() {
         let xyz = |spectrum: &dyn Fn(f64) -> f64| {
             let [r, g, b] = rgb_of(spectrum);
-            let to = Primaries::REC709.xyz_from_rgb().expect("a space");
+            let to = Primaries::REC709.xyz_from_rgb().expect("not degenerate");
             let [x, y, z] = to.map(|row| row[0] * r + row[1] * g + row[2] * b);
             [x / (x + y + z), y / (x + y + z)]
         };
@@ -324,7 +325,7 @@ mod curve_tests {
     use super::*;
 
     #[test]
-    fn curves_are_straight_between_and_constant_beyond() {
+    fn curves_are_linear_between_nodes_and_constant_beyond() {
         let curve = Curve::reflectance(&[(400.0, 0.2), (500.0, 0.4), (600.0, 0.0)]);
         for (nm, value) in
             [(380.0, 0.2), (400.0, 0.2), (450.5, 0.301), (500.0, 0.4), (575.0, 0.1), (700.0, 0.0)]
@@ -333,12 +334,13 @@ mod curve_tests {
         }
     }
 
-    /// The illuminant A (CIE 015: x = 0.44758, y = 0.40745), a black body of 2856 K but for newer constants.
+    /// The illuminant A (CIE 015: x = 0.44758, y = 0.40745) is a black body of 2856 K by an older value of the second radiation
+    /// constant, 2855.5 K by today's.
     #[test]
-    fn black_bodies_have_their_colour() {
+    fn black_body_matches_illuminant_a() {
         let a = Curve::black_body(2855.5, 3.0);
         let [r, g, b] = a.rgb().map(f64::from);
-        let to = Primaries::REC709.xyz_from_rgb().expect("a space");
+        let to = Primaries::REC709.xyz_from_rgb().expect("not degenerate");
         let [x, y, z] = to.map(|row| row[0] * r + row[1] * g + row[2] * b);
         assert!((y - 3.0).abs() < 1e-3, "{y}");
         let (x, y) = (x / (x + y + z), y / (x + y + z));
@@ -346,10 +348,10 @@ mod curve_tests {
     }
 }
 
-// The standard observer of the CIE and its daylight, every 5 nm from 380 to 780 nm (CIE 015:2018, tables 1 and 5).
-// Made by `tools/spectra/tables.py`.
+// CIE 1931 standard observer and illuminant D65, every 5 nm from 380 to 780 nm (CIE 015:2018, tables 1 and 5).
+// Generated by `tools/spectra/tables.py`.
 
-/// The colour matching functions of 1931: X, Y and Z.
+/// CIE 1931 colour matching functions: X, Y and Z.
 pub const MATCHING: [[f32; 3]; 81] = [
     [0.001_368, 0.000_039, 0.006_450_001],
     [0.002_236, 0.000_064, 0.010_549_99],
@@ -434,7 +436,7 @@ pub const MATCHING: [[f32; 3]; 81] = [
     [0.000_041_509_94, 0.000_014_99, 0.0],
 ];
 
-/// Relative power of the illuminant D65.
+/// Relative spectral power of the illuminant D65, 100 at 560 nm.
 pub const D65: [f32; 81] = [
     49.9755, 52.3118, 54.6482, 68.7015, 82.7549, 87.1204, 91.486, 92.4589, 93.4318, 90.057, 86.6823, 95.7736,
     104.865, 110.936, 117.008, 117.41, 117.812, 116.336, 114.861, 115.392, 115.923, 112.367, 108.811,

@@ -1,5 +1,5 @@
-//! Spectra of colours: spectral uplift by sigmoids of quadratic polynomials (Jakob, Hanika 2019, "A Low-Dimensional Function Space for
-//! Efficient Spectral Upsampling"), and measured spectra.
+//! Spectral uplift of Rec. 709 colours by sigmoids of quadratic polynomials (Jakob, Hanika 2019, "A Low-Dimensional Function Space
+//! for Efficient Spectral Upsampling"), and the enum of all kinds of spectra.
 
 use super::{Curve, FIRST_NM, LAST_NM, Wavelengths, quadrature};
 use crate::color::Rgb;
@@ -15,33 +15,33 @@ const HALF_NM: f32 = 0.5 * (LAST_NM - FIRST_NM);
 pub struct Sigmoid(pub [f32; 3]);
 
 impl Sigmoid {
-    /// Its value at a wavelength, 0..1.
+    /// The value, 0..1, at a wavelength in nanometres.
     #[inline(always)]
     pub fn at(&self, nm: f32) -> f32 {
         let [a, b, c] = self.0;
         let t = (nm - MIDDLE_NM) * (1.0 / HALF_NM);
         let x = (a * t + b) * t + c;
-        // Without a difference of nearly equal numbers where it is dark.
+        // Avoids cancellation where the sigmoid is close to 0.
         let s = (1.0 + x * x).sqrt();
         let tail = 0.5 / (s * (s + x.abs()));
         if x < 0.0 { tail } else { 1.0 - tail }
     }
 }
 
-/// A wavelength mapped to -1..1.
+/// A wavelength in nanometres mapped to -1..1.
 pub(super) fn normalized(nm: f64) -> f64 {
     (nm - f64::from(MIDDLE_NM)) / f64::from(HALF_NM)
 }
 
 // Fit of a sigmoid to a colour.
 
-/// The fit stops at this error relative to the brightest channel.
+/// The fit stops at this error, relative to the brightest channel.
 const TARGET_ERROR: f64 = 1e-6;
 const MAX_STEPS: usize = 60;
 /// Largest polynomial coefficient: with larger ones a spectrum is a step between two wavelengths.
 const MAX_COEFFICIENT: f64 = 300.0;
 
-/// Linear Rec. 709 of a sigmoid reflectance under D65, and its derivatives by the coefficients.
+/// Linear Rec. 709 of a sigmoid reflectance under D65, and its Jacobian with respect to the coefficients.
 fn color_of([a, b, c]: [f64; 3]) -> ([f64; 3], [[f64; 3]; 3]) {
     let (mut rgb, mut slopes) = ([0.0; 3], [[0.0; 3]; 3]);
     for (nm, weight) in quadrature() {
@@ -66,8 +66,8 @@ fn error(found: [f64; 3], wanted: [f64; 3], scale: f64) -> f64 {
     (0..3).map(|i| ((found[i] - wanted[i]) * scale).powi(2)).sum::<f64>().sqrt()
 }
 
-/// The coefficients of the sigmoid that has a colour within 0..1 in daylight, and its error relative to the brightest channel: damped
-/// Gauss-Newton iteration (Levenberg, Marquardt) from `start`.
+/// Fits the coefficients of a sigmoid to a colour in 0..1 under D65, by the Levenberg-Marquardt method from `start`. Also returns the
+/// error relative to the brightest channel.
 pub(super) fn fit(rgb: [f64; 3], start: [f64; 3]) -> ([f64; 3], f64) {
     let scale = 1.0 / rgb.into_iter().fold(1e-9, f64::max);
     let mut best = start;
@@ -118,15 +118,16 @@ fn step(slopes: &[[f64; 3]; 3], found: [f64; 3], wanted: [f64; 3], damping: f64)
 
 // Table of sigmoids over the Rec. 709 gamut, interpolated at each texture lookup.
 
-/// Nodes along each axis.
+/// Table nodes along each axis.
 const NODES: usize = 32;
 
-/// Sigmoids by the brightest channel, its value, and the ratios of the others to it (Jakob, Hanika 2019, section 4).
+/// Sigmoids indexed by the brightest channel, its value, and the ratios of the others to it (Jakob, Hanika 2019, section 4).
 pub(super) struct Table {
     /// Values of the brightest channel, denser towards 0 and 1, where sigmoids change most.
     levels: [f32; NODES],
-    /// Ratios, denser towards 0 and 1, too: saturated colours.
+    /// Ratios to the brightest channel, also denser towards 0 and 1.
     ratios: [f32; NODES],
+    /// By brightest channel, level, ratio of the channel after the next, ratio of the next channel (fastest).
     sigmoids: Vec<Sigmoid>,
 }
 
@@ -142,7 +143,7 @@ fn ratios() -> [f64; NODES] {
     std::array::from_fn(|i| smooth(i as f64 / (NODES - 1) as f64))
 }
 
-/// The table, computed by the first call, in some tenths of a second.
+/// The table; the first call computes it, in some tenths of a second.
 pub(super) fn table() -> &'static Table {
     static TABLE: OnceLock<Table> = OnceLock::new();
     TABLE.get_or_init(|| {
@@ -152,7 +153,7 @@ pub(super) fn table() -> &'static Table {
             .into_par_iter()
             .flat_map_iter(|(m, y)| (0..NODES).map(move |x| column(&levels, m, ratios[y], ratios[x])))
             .collect();
-        // From columns to planes of one level.
+        // Transposes columns of all levels to planes of one level.
         let at = |i: usize| {
             let (m, level, rest) = (i / NODES.pow(3), i / NODES.pow(2) % NODES, i % NODES.pow(2));
             columns[m * NODES.pow(2) + rest][level]
@@ -163,7 +164,7 @@ pub(super) fn table() -> &'static Table {
     })
 }
 
-/// The sigmoids of one chromaticity at all levels: each starts from its neighbour, the first in the middle.
+/// The sigmoids of one chromaticity at all levels. From the middle level outwards, each fit starts at its neighbour's solution.
 fn column(levels: &[f64; NODES], brightest: usize, y: f64, x: f64) -> Vec<Sigmoid> {
     let solve = |level: f64, start: [f64; 3]| {
         let mut rgb = [0.0; 3];
@@ -186,19 +187,20 @@ fn column(levels: &[f64; NODES], brightest: usize, y: f64, x: f64) -> Vec<Sigmoi
         last = solve(levels[i], last);
         found[i] = single(last);
     }
-    // Nothing is darker than the second level: see `Table::of`.
+    // Never interpolated: `Table::of` clamps to the second level.
     found[0] = found[1];
     found
 }
 
 impl Table {
-    /// The sigmoid of a colour within 0..1 that is not black, and its factor: 1 for all but the darkest.
+    /// The interpolated sigmoid of a colour in 0..1 that is not black, and a factor on it: below 1 only for colours darker than the
+    /// second level.
     #[inline]
     pub fn of(&self, rgb: [f32; 3]) -> (Sigmoid, f32) {
         let [r, g, b] = rgb;
         let m = if r >= g && r >= b { 0 } else { 1 + usize::from(b > g) };
         let most = rgb[m];
-        // The node before a value, and the interpolation weight of the next one.
+        // The node below a value, and the interpolation weight of the node above.
         let split = |nodes: &[f32; NODES], value: f32| {
             let i = nodes.partition_point(|&node| node <= value).clamp(1, NODES - 1) - 1;
             (i, (value - nodes[i]) / (nodes[i + 1] - nodes[i]))
@@ -222,30 +224,28 @@ impl Table {
     }
 }
 
-// Spectra of colours: measured ones, and smooth ones of colours of Rec. 709.
-
-/// A spectrum, relative to D65 where it is light.
+/// A reflectance spectrum, or an emission spectrum relative to D65.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Spectrum {
     /// The same value at all wavelengths.
     Grey(f32),
-    /// The smooth spectrum of a colour.
+    /// The smooth spectrum of an RGB colour.
     Uplifted {
-        /// The colour.
+        /// The colour, linear Rec. 709.
         rgb: Rgb,
         /// Factor on the sigmoid.
         scale: f32,
-        /// Its shape.
+        /// Spectrum before scaling.
         shape: Sigmoid,
     },
     /// A measured spectrum.
     Measured(Arc<Curve>),
 }
 
-/// Colours of lights are scaled so that their brightest channel has this value, where sigmoids are smoothest.
+/// Emission colours are fitted with their brightest channel scaled to this value, where sigmoids are smoothest.
 const MIDDLE: f32 = 0.5;
 
-/// Divisor that scales a colour into 0..1; reflectances are unchanged.
+/// Divisor that scales a colour with brightest channel `most` into 0..1; 1 for reflectances.
 #[inline(always)]
 fn reflectance_scale(most: f32) -> f32 {
     if most > 1.0 { most / MIDDLE } else { 1.0 }
@@ -257,7 +257,7 @@ impl Spectrum {
         Spectrum::of(rgb, reflectance_scale(rgb.max_element()))
     }
 
-    /// The spectrum of the colour of a light: white is D65.
+    /// The emission spectrum of a light's colour, relative to D65.
     pub fn of_light(rgb: Rgb) -> Spectrum {
         Spectrum::of(rgb, rgb.max_element() / MIDDLE)
     }
@@ -275,7 +275,7 @@ impl Spectrum {
         Spectrum::Uplifted { rgb, scale: scale * dark, shape: Sigmoid(fitted.map(|c| c as f32)) }
     }
 
-    /// Its values at a path's wavelengths.
+    /// Values at a path's wavelengths.
     #[inline]
     pub fn at(&self, waves: &Wavelengths) -> Rgb {
         match self {
@@ -285,7 +285,7 @@ impl Spectrum {
         }
     }
 
-    /// Linear Rec. 709 of the spectrum: of a reflectance under D65, or of a light.
+    /// Linear Rec. 709 of the spectrum, for a reflectance under D65.
     pub fn rgb(&self) -> Rgb {
         match self {
             Spectrum::Grey(value) => Rgb::splat(*value),
@@ -301,7 +301,8 @@ fn uplifted(rgb: Rgb, scale: f32, waves: &Wavelengths) -> Rgb {
     waves.map(|nm| shape.at(nm) * (scale * dark))
 }
 
-/// The uplifted spectrum of a reflectance or transmittance at a path's wavelengths, by the table. The tests of this file bound the error.
+/// The uplifted spectrum of a reflectance or transmittance at a path's wavelengths, interpolated in the table: mean error below 1e-3,
+/// at most 1e-2 (test `table_round_trips_colours_approximately`).
 #[inline]
 pub fn uplift_reflectance(rgb: Rgb, waves: &Wavelengths) -> Rgb {
     let rgb = rgb.max(Rgb::ZERO);
@@ -309,12 +310,12 @@ pub fn uplift_reflectance(rgb: Rgb, waves: &Wavelengths) -> Rgb {
     if most == least { rgb } else { uplifted(rgb, reflectance_scale(most), waves) }
 }
 
-/// The values of the spectrum of a light's colour at a path's wavelengths.
+/// The uplifted emission spectrum of a light's colour at a path's wavelengths, interpolated in the table.
 #[inline]
 pub fn uplift_emission(rgb: Rgb, waves: &Wavelengths) -> Rgb {
     let rgb = rgb.max(Rgb::ZERO);
     let (most, least) = (rgb.max_element(), rgb.min_element());
-    // Infinite light stays infinite, and is counted as invalid.
+    // Infinite emission stays infinite, so that the film counts the sample as invalid.
     if most == least || !most.is_finite() { rgb } else { uplifted(rgb, most / MIDDLE, waves) }
 }
 
@@ -324,12 +325,12 @@ mod tests {
     use super::*;
 
     /// Mean and maximum error of the colours of a grid after conversion to spectra and back.
-    fn round_trip(steps: u32, look: impl Fn([f32; 3]) -> [f64; 3]) -> (f64, f64, [f32; 3]) {
+    fn round_trip(steps: u32, convert: impl Fn([f32; 3]) -> [f64; 3]) -> (f64, f64, [f32; 3]) {
         let (mut sum, mut most, mut worst) = (0.0, 0.0, [0.0; 3]);
         let level = |i: u32| (i as f32 + 0.5) / steps as f32;
         for i in 0..steps.pow(3) {
             let rgb = [i % steps, i / steps % steps, i / steps / steps].map(level);
-            let found = look(rgb);
+            let found = convert(rgb);
             let error = (0..3).map(|c| (found[c] - f64::from(rgb[c])).abs()).fold(0.0, f64::max);
             sum += error;
             if error > most {
@@ -340,31 +341,31 @@ mod tests {
     }
 
     #[test]
-    fn constant_colours_look_like_themselves() {
-        let look = |rgb: [f32; 3]| match Spectrum::of_reflectance(Rgb::from_array(rgb)) {
+    fn fit_round_trips_colours() {
+        let convert = |rgb: [f32; 3]| match Spectrum::of_reflectance(Rgb::from_array(rgb)) {
             Spectrum::Uplifted { scale, shape, .. } => {
                 rgb_of(|nm| f64::from(shape.at(nm as f32)) * f64::from(scale))
             }
             other => other.rgb().to_array().map(f64::from),
         };
-        let (mean, most, worst) = round_trip(11, look);
+        let (mean, most, worst) = round_trip(11, convert);
         println!("fitted: mean {mean:.2e} most {most:.2e} at {worst:?}");
         assert!(mean < 2e-6 && most < 2e-4, "{mean} {most} {worst:?}");
     }
 
     #[test]
-    fn colours_of_textures_look_nearly_like_themselves() {
-        let look = |rgb: [f32; 3]| {
+    fn table_round_trips_colours_approximately() {
+        let convert = |rgb: [f32; 3]| {
             let (shape, scale) = table().of(rgb);
             rgb_of(|nm| f64::from(shape.at(nm as f32) * scale))
         };
-        let (mean, most, worst) = round_trip(23, look);
+        let (mean, most, worst) = round_trip(23, convert);
         println!("table: mean {mean:.2e} most {most:.2e} at {worst:?}");
         assert!(mean < 1e-3 && most < 1e-2, "{mean} {most} {worst:?}");
     }
 
     #[test]
-    fn greys_are_the_same_at_all_wavelengths() {
+    fn greys_have_constant_spectra() {
         let waves = Wavelengths::draw(0.3);
         for value in [0.0, 1e-6, 0.18, 1.0, 40.0] {
             let grey = Rgb::splat(value);
@@ -375,7 +376,7 @@ mod tests {
     }
 
     #[test]
-    fn lights_keep_their_colour_at_any_strength() {
+    fn emission_spectra_scale_with_intensity() {
         let waves = Wavelengths::draw(0.1);
         let dim = uplift_emission(Rgb::new(0.02, 0.01, 0.004), &waves);
         let bright = uplift_emission(Rgb::new(20.0, 10.0, 4.0), &waves);

@@ -1,4 +1,4 @@
-//! View transforms: from scene-referred linear colours to display values.
+//! View transforms from scene-referred linear Rec. 709 to display values.
 
 mod table;
 
@@ -8,33 +8,33 @@ use std::path::Path;
 use std::sync::Arc;
 pub use table::ViewTable;
 
-/// How linear colours become those of a display.
+/// A view transform (tone mapping and display encoding).
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub enum ViewTransform {
     /// The sRGB transfer function; values above 1 are clipped.
     #[default]
     Srgb,
-    /// A filmic curve that rolls highlights off: Narkowicz 2016, "ACES Filmic Tone Mapping Curve", with the 0.6
-    /// exposure that its author gives for the original's brightness; then sRGB.
+    /// A filmic curve with highlight roll-off (Narkowicz 2016, "ACES Filmic Tone Mapping Curve", with the author's exposure
+    /// factor of 0.6 that matches the brightness of ACES), then sRGB.
     Filmic,
     /// Blender's AgX.
     Agx,
-    /// Blender's AgX with its look "Punchy".
+    /// Blender's AgX with the look "Punchy".
     AgxPunchy,
-    /// Khronos PBR Neutral (specification of 2024): colours below 0.8 stay as they are, highlights lose their colour.
+    /// Khronos PBR Neutral (2024): base colours below 0.8 are reproduced exactly, highlights are compressed and desaturated.
     PbrNeutral,
-    /// Stops of luminance from middle grey (0.18) as colours: blue below -4.5, then cyan, green, grey around 0, yellow, orange,
-    /// red above 3.5; black below -10, white above 6.5.
+    /// False colours of luminance in stops from middle grey (0.18): blue below -4.5, then cyan, green, grey around 0, yellow,
+    /// orange, red above 3.5; black below -10, white above 6.5.
     FalseColor,
     /// A power of 1 / 2.2; values above 1 are clipped.
     Gamma,
-    /// A table of a file.
+    /// A lookup table (LUT) from a file.
     Table(Arc<ViewTable>),
 }
 
 impl ViewTransform {
-    /// All named views, with descriptions.
+    /// All built-in views, with names and descriptions.
     pub const NAMED: [(ViewTransform, &'static str, &'static str); 7] = [
         (ViewTransform::Srgb, "srgb", "sRGB; values above 1 are clipped"),
         (ViewTransform::Filmic, "filmic", "A filmic curve (Narkowicz 2016)"),
@@ -45,27 +45,28 @@ impl ViewTransform {
         (ViewTransform::Gamma, "gamma", "A power of 1 / 2.2"),
     ];
 
-    /// The one of a name.
+    /// The built-in view of that name.
     pub fn from_name(name: &str) -> Option<ViewTransform> {
         ViewTransform::NAMED.into_iter().find(|named| named.1 == name).map(|named| named.0)
     }
 
-    /// Is this the name of a file with a table, rather than that of a view?
+    /// Is this the name of a LUT file (`.csp` or `.view`) rather than of a built-in view?
     pub fn is_file(name: &str) -> bool {
-        let is_one =
-            |ending: &std::ffi::OsStr| ["csp", "view"].iter().any(|known| ending.eq_ignore_ascii_case(known));
-        Path::new(name).extension().is_some_and(is_one)
+        let is_lut = |extension: &std::ffi::OsStr| {
+            ["csp", "view"].iter().any(|known| extension.eq_ignore_ascii_case(known))
+        };
+        Path::new(name).extension().is_some_and(is_lut)
     }
 
-    /// The one of the bytes of a file with a table (cinespace, `.csp`; or `.view`, of the exporter for Blender).
+    /// Decodes a LUT file: cinespace (`.csp`), or `.view` of the Blender exporter.
     ///
     /// # Errors
-    /// Where they aren't such a table; of a text with the line.
+    /// A description of the error; for text with the line.
     pub fn from_table(bytes: &[u8], path: &Path) -> Result<ViewTransform, String> {
         Ok(ViewTransform::Table(Arc::new(ViewTable::read(bytes, path)?)))
     }
 
-    /// Its name for users: a name, or the path of a file.
+    /// The name of a built-in view, or the path of the LUT file.
     pub fn name(&self) -> Cow<'static, str> {
         let named = ViewTransform::NAMED.into_iter().find(|named| named.0 == *self).map(|named| named.1);
         match self {
@@ -79,8 +80,8 @@ impl ViewTransform {
         match self {
             ViewTransform::Srgb => rgb.map(srgb_from_linear),
             ViewTransform::Filmic => rgb.map(|v| srgb_from_linear(filmic(v))),
-            ViewTransform::Agx => display(rgb, false).map(|v| srgb_from_linear(v as f32)),
-            ViewTransform::AgxPunchy => display(rgb, true).map(|v| srgb_from_linear(v as f32)),
+            ViewTransform::Agx => agx(rgb, false).map(|v| srgb_from_linear(v as f32)),
+            ViewTransform::AgxPunchy => agx(rgb, true).map(|v| srgb_from_linear(v as f32)),
             ViewTransform::PbrNeutral => pbr_neutral(rgb).map(srgb_from_linear),
             ViewTransform::FalseColor => false_color(luminance(rgb)),
             ViewTransform::Gamma => rgb.map(|v| v.clamp(0.0, 1.0).powf(1.0 / 2.2)),
@@ -90,14 +91,14 @@ impl ViewTransform {
 }
 
 fn filmic(linear: f32) -> f32 {
-    // The curve's limit for bright values is 2.51 / 2.43 > 1, and infinity / infinity no number.
+    // Clamped, since infinity / infinity is NaN.
     let x = if linear > 0.0 { 0.6 * linear.min(1e6) } else { 0.0 };
     x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14)
 }
 
 /// "Khronos PBR Neutral Tone Mapper", Khronos Group 2024, section "Tone Mapper".
 fn pbr_neutral(rgb: [f32; 3]) -> [f32; 3] {
-    /// Reflectance of dielectrics, which studio light adds to all colours.
+    /// Normal-incidence Fresnel reflectance of dielectrics (named F90 in the specification), subtracted from all colours.
     const F90: f32 = 0.04;
     const START: f32 = 0.8 - F90;
     const DESATURATION: f32 = 0.15;
@@ -110,12 +111,12 @@ fn pbr_neutral(rgb: [f32; 3]) -> [f32; 3] {
         return rgb;
     }
     let d = 1.0 - START;
-    let pressed = 1.0 - d * d / (peak + d - START);
-    let mix = 1.0 - 1.0 / (DESATURATION * (peak - pressed) + 1.0);
-    rgb.map(|v| v * pressed / peak * (1.0 - mix) + pressed * mix)
+    let compressed = 1.0 - d * d / (peak + d - START);
+    let mix = 1.0 - 1.0 / (DESATURATION * (peak - compressed) + 1.0);
+    rgb.map(|v| v * compressed / peak * (1.0 - mix) + compressed * mix)
 }
 
-/// Upper bounds in stops, and colours.
+/// Bands of false colours: upper bound in stops from middle grey, and display colour.
 const BANDS: [(f32, [f32; 3]); 10] = [
     (-10.0, [0.0, 0.0, 0.0]),
     (-4.5, [0.1, 0.1, 0.7]),
@@ -134,11 +135,11 @@ fn false_color(luminance: f32) -> [f32; 3] {
     BANDS.iter().find(|(below, _)| stops < *below).map_or([1.0; 3], |(_, color)| *color)
 }
 
-// AgX: the look of Blender since 4.0, as in the OpenColorIO configuration of Blender 5.0 and E. Y. Chow's generator of its
-// tables ("AgX", after T. Sobotka). Of random colours over fourteen stops 0.006 (RMS) from Blender's pictures, 0.08 at most:
-// saturated ones, which Blender maps into the display's gamut by a table of its own.
+// AgX (T. Sobotka), as in the OpenColorIO configuration of Blender 5.0 and in E. Y. Chow's generator of its tables. The display
+// values of random colours over fourteen stops differ from Blender's by 0.006 (RMS), at most by 0.08: that is for saturated
+// colours, which Blender maps into the display gamut by a table of its own.
 
-/// Rec. 2020 from Rec. 709 and back (ITU-R BT.2087-0).
+/// Rec. 2020 from Rec. 709, and the inverse (ITU-R BT.2087-0).
 const REC2020_FROM_REC709: Matrix = [
     [0.627_403_9, 0.329_283_04, 0.043_313_066],
     [0.069_097_29, 0.919_540_4, 0.011_362_316],
@@ -149,31 +150,32 @@ const REC709_FROM_REC2020: Matrix = [
     [-0.124_550_47, 1.132_899_9, -0.008_349_42],
     [-0.018_150_76, -0.100_578_9, 1.118_729_7],
 ];
-/// Moves the primaries inwards, so that bright colours run into white; configuration "AgX Log".
+/// Moves the primaries inwards, so that bright colours desaturate; from the configuration's colour space "AgX Log".
 const INSET: Matrix = [
     [0.856_627_15, 0.095_121_24, 0.048_251_606],
     [0.137_318_97, 0.761_242, 0.101_439_04],
     [0.111_898_21, 0.076_799_42, 0.811_302_4],
 ];
-/// Moves them outwards again, by what Filament's `ToneMapper.cpp` has for Blender's.
+/// Moves the primaries outwards again; the matrix for Blender's AgX in Filament's `ToneMapper.cpp`.
 const OUTSET: Matrix = [
     [1.127_100_6, -0.110_606_64, -0.016_493_94],
     [-0.141_329_76, 1.157_823_7, -0.016_493_94],
     [-0.141_329_76, -0.110_606_64, 1.251_936_4],
 ];
 
-/// Stops of the darkest value shown, and how many are shown; the curve's pivot is middle grey, 0.18.
+/// Lower end of the log2 range, and its width, stops.
 const LOWEST: f64 = -12.473_93;
 const STOPS: f64 = 16.5;
-/// Stops of the space in which looks work.
+/// Width of the log2 range in which looks are applied, stops.
 const STOPS_OF_LOOKS: f64 = 25.0;
 const DISPLAY_POWER: f64 = 2.4;
+/// Slope of the contrast curve at its pivot, middle grey (0.18).
 const SLOPE: f64 = 2.4;
 const CURVATURE: f64 = 1.5;
-/// How much of the change of hue by the curve stays.
+/// Fraction of the curve's change of hue that is kept.
 const HUE_SHIFT: f64 = 0.4;
 
-/// Blender's look "AgX - Punchy": a power, and shadows that were read off Blender's greys at multiples of 1/32.
+/// Blender's look "AgX - Punchy": an exponent, and tones of the shadows at multiples of 1/32, measured on Blender's greys.
 const PUNCHY_POWER: f64 = 1.0912;
 const PUNCHY_SHADOWS: [f64; 14] = [
     0.0, 0.03, 0.065, 0.085, 0.1030, 0.1102, 0.1246, 0.1490, 0.1889, 0.2421, 0.2923, 0.3356, 0.3735, 0.40625,
@@ -181,17 +183,17 @@ const PUNCHY_SHADOWS: [f64; 14] = [
 
 type Matrix = [[f64; 3]; 3];
 
-/// The linear display colour in 0..1 for a linear colour, with or without the look "Punchy".
-fn display(rgb: [f32; 3], is_punchy: bool) -> [f64; 3] {
+/// AgX: the linear display colour in 0..1 of a scene-referred colour, with or without the look "Punchy".
+fn agx(rgb: [f32; 3], is_punchy: bool) -> [f64; 3] {
     let wide = product(&REC2020_FROM_REC709, rgb.map(|v| f64::from(v).clamp(-1e6, 1e6)));
     let inset = product(&INSET, wide).map(|v| v.max(1e-10));
-    let formed = inset.map(|v| {
+    let contrasted = inset.map(|v| {
         let stops = v.log2() - LOWEST;
         let stops = if is_punchy { punchy(stops / STOPS_OF_LOOKS) * STOPS_OF_LOOKS } else { stops };
         curve((stops / STOPS).clamp(0.0, 1.0)).powf(DISPLAY_POWER)
     });
-    let hue = mixed_hue(hue(inset), hue(formed));
-    let outset = product(&OUTSET, with_hue(formed, hue));
+    let hue = mixed_hue(hue(inset), hue(contrasted));
+    let outset = product(&OUTSET, with_hue(contrasted, hue));
     product(&REC709_FROM_REC2020, outset).map(|v| v.clamp(0.0, 1.0))
 }
 
@@ -206,13 +208,13 @@ fn curve(x: f64) -> f64 {
     (scale * term / (1.0 + term.powf(CURVATURE)).powf(1.0 / CURVATURE) + value).clamp(0.0, 1.0)
 }
 
-/// The look's value for one in 0..1.
+/// The look "Punchy" for a log-encoded value in 0..1.
 fn punchy(x: f64) -> f64 {
-    let place = x.clamp(0.0, 1.0) * 32.0;
-    let low = place as usize;
+    let scaled = x.clamp(0.0, 1.0) * 32.0;
+    let low = scaled as usize;
     let toned = match PUNCHY_SHADOWS.get(low..low + 2) {
-        Some(pair) => pair[0] + (pair[1] - pair[0]) * place.fract(),
-        None => place / 32.0,
+        Some(pair) => pair[0] + (pair[1] - pair[0]) * scaled.fract(),
+        None => scaled / 32.0,
     };
     toned.powf(PUNCHY_POWER)
 }
@@ -234,13 +236,13 @@ fn hue([r, g, b]: [f64; 3]) -> f64 {
     (sixths / 6.0).rem_euclid(1.0)
 }
 
-/// The hue between two, the short way round.
+/// Interpolates between two hues, the shorter way around.
 fn mixed_hue(before: f64, after: f64) -> f64 {
     let turn = (after - before + 0.5).rem_euclid(1.0) - 0.5;
     (before + HUE_SHIFT * turn).rem_euclid(1.0)
 }
 
-/// The colour of the same largest and least channel with another hue.
+/// The colour with another hue and the same largest and least channel.
 fn with_hue(color: [f64; 3], hue: f64) -> [f64; 3] {
     let most = color.into_iter().fold(f64::MIN, f64::max);
     let least = color.into_iter().fold(f64::MAX, f64::min);
@@ -259,9 +261,9 @@ mod tests {
         assert!(is_near, "{found:?} where {expected:?} belongs");
     }
 
-    /// Figures of Blender 5.0.1 (16-bit PNG by `Image.save_render`).
+    /// Display values of Blender 5.0.1 (16-bit PNG by `Image.save_render`).
     #[test]
-    fn agx_is_blenders() {
+    fn agx_matches_blender() {
         let base = [
             ([0.18; 3], [0.4613, 0.4613, 0.4614]),
             ([1.0; 3], [0.771; 3]),
@@ -289,18 +291,17 @@ mod tests {
             .for_each(|(rgb, shown)| assert_near(ViewTransform::AgxPunchy.encode(*rgb), *shown, 0.01));
     }
 
-    /// Promises of the specification: colours of dielectrics under white light come out as their base colour, and its
-    /// formula worked out by hand for a highlight.
+    /// By the specification, dielectrics under white light are displayed with their base colour; and a highlight, worked out by hand.
     #[test]
     fn pbr_neutral_keeps_base_colours() {
         assert_near(pbr_neutral([0.54, 0.34, 0.14]), [0.5, 0.3, 0.1], 1e-6);
-        // Peak 3.96, pressed to 1 - 0.0576 / 3.44; 0.31 of it white.
+        // Peak 3.96, compressed to 1 - 0.0576 / 3.44, and desaturated by 0.31.
         assert_near(pbr_neutral([4.0, 1.0, 1.0]), [0.983_256, 0.468_299, 0.468_299], 1e-4);
         assert_near(pbr_neutral([0.04; 3]), [0.01; 3], 1e-6);
     }
 
     #[test]
-    fn bands_are_in_stops_from_middle_grey() {
+    fn false_colours_follow_stops_from_middle_grey() {
         let shown = |stops: f32| ViewTransform::FalseColor.encode([0.18 * stops.exp2(); 3]);
         assert_eq!(shown(0.0), [0.5; 3]);
         assert_eq!((shown(-11.0), shown(7.0)), ([0.0; 3], [1.0; 3]));
@@ -314,7 +315,7 @@ mod tests {
         for view in [Srgb, Filmic, Agx, AgxPunchy, PbrNeutral, FalseColor, Gamma] {
             for v in [-1.0, 0.0, 1e-9, 0.5, 1.0, 50.0, 1e30, f32::INFINITY, f32::NAN] {
                 let shown = view.encode([v, 0.3, 1.0]);
-                // NaN becomes 0 where numbers become bytes.
+                // NaN becomes 0 on conversion to bytes.
                 assert!(
                     shown.iter().all(|c| c.is_nan() || (0.0..=1.0).contains(c)),
                     "{view:?} {v}: {shown:?}"

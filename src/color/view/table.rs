@@ -1,8 +1,9 @@
-//! View transforms as tables: a curve per channel, then a 3D lattice of colours; from files of the format cinespace (`.csp`), as OpenColorIO
-//! writes it (`ociobakelut --format cinespace`), and from those of the exporter of Blender's scenes (`.view`).
+//! View transforms as lookup tables (LUT): a curve per channel (shaper), then a 1D or 3D LUT. Read from cinespace files (`.csp`), as
+//! written by OpenColorIO (`ociobakelut --format cinespace`), and from `.view` files of the Blender exporter.
 //!
 //! A `.view` file has, in little-endian order: the eight bytes of [`MAGIC`]; the number of knots (`u32`), the knots and their
-//! values (`f32`), for all channels; the number of nodes along an edge (`u32`), and three `u16` a node, 65,535 for 1, red fastest.
+//! values (`f32`), shared by all channels; the number of nodes along an edge (`u32`), and three `u16` per node, 65,535 for 1, red
+//! fastest.
 
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -10,21 +11,21 @@ use std::str::FromStr;
 /// First bytes of `.view` files.
 const MAGIC: &[u8] = b"OSCVIEW1";
 
-/// Maximum number of nodes along an edge of the lattice, and of a table per channel.
+/// Maximum number of nodes along an edge of a 3D LUT.
 const MAX_NODES: usize = 129;
+/// Maximum number of knots of a curve and of nodes of a 1D LUT.
 const MAX_KNOTS: usize = 65_536;
 
-/// Display values of linear colours: curves map each channel to 0..1 (clamped outside), a lattice of
-/// display values follows, between whose nodes tetrahedra interpolate.
+/// A view transform: curves map each linear channel to 0..1 (clamped), and a LUT with tetrahedral interpolation maps the result to
+/// display values.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ViewTable {
-    /// The file it is from.
     path: PathBuf,
     curves: [ToneCurve; 3],
     values: Values,
 }
 
-/// A polyline over ascending knots.
+/// A piecewise linear function over ascending knots.
 #[derive(Clone, Debug, PartialEq)]
 struct ToneCurve {
     knots: Vec<f32>,
@@ -33,21 +34,24 @@ struct ToneCurve {
 
 #[derive(Clone, Debug, PartialEq)]
 enum Values {
-    /// Each channel by itself.
+    /// 1D LUT: each channel is looked up by itself.
     Line(Vec<[f32; 3]>),
-    /// Nodes along red, green and blue; red is fastest.
+    /// 3D LUT: number of nodes along red, green and blue; values, red fastest.
     Lattice([usize; 3], Vec<[f32; 3]>),
 }
 
 impl ViewTable {
-    /// The table of a file's bytes.
+    /// Decodes a `.view` or cinespace file; `path` is stored only.
     ///
     /// # Errors
     /// A description of the error; for text with the line.
     pub fn read(bytes: &[u8], path: &Path) -> Result<ViewTable, String> {
         match bytes.strip_prefix(MAGIC) {
             Some(rest) => ViewTable::from_binary(rest, path),
-            None => ViewTable::parse(std::str::from_utf8(bytes).map_err(|_| "is no text".to_string())?, path),
+            None => ViewTable::parse(
+                std::str::from_utf8(bytes).map_err(|_| "is not UTF-8 text".to_string())?,
+                path,
+            ),
         }
     }
 
@@ -70,7 +74,7 @@ impl ViewTable {
         Ok(ViewTable { path: path.to_path_buf(), curves, values: Values::Lattice([edge; 3], nodes) })
     }
 
-    /// The table of a file's text.
+    /// Decodes a cinespace file.
     ///
     /// # Errors
     /// A description of the error, with the line.
@@ -78,9 +82,7 @@ impl ViewTable {
         let mut words = Words::new(text);
         let (head, kind) = (words.next().unwrap_or_default(), words.next().unwrap_or_default());
         if head != "CSPLUTV100" || !matches!(kind, "1D" | "3D") {
-            return Err(
-                "is no table of the format cinespace: it begins with CSPLUTV100 and 1D or 3D".to_string()
-            );
+            return Err("is not a cinespace table: expected CSPLUTV100, then 1D or 3D".to_string());
         }
         words.skip_metadata();
         let curves = [curve(&mut words)?, curve(&mut words)?, curve(&mut words)?];
@@ -94,7 +96,7 @@ impl ViewTable {
         }
     }
 
-    /// The file it is from.
+    /// Path of the LUT file.
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -104,7 +106,7 @@ impl ViewTable {
         let at = [0, 1, 2].map(|c| self.curves[c].at(rgb[c]).clamp(0.0, 1.0));
         let shown = match &self.values {
             Values::Line(line) => [0, 1, 2].map(|c| {
-                let (low, part) = place(at[c], line.len());
+                let (low, part) = cell_of(at[c], line.len());
                 line[low][c] + part * (line[low + 1][c] - line[low][c])
             }),
             Values::Lattice(size, nodes) => tetrahedral(*size, nodes, at),
@@ -123,25 +125,25 @@ impl ToneCurve {
     }
 }
 
-/// The node below a place in 0..1, and how far it is from there to the next.
-fn place(at: f32, nodes: usize) -> (usize, f32) {
+/// The node below a coordinate in 0..1, and the interpolation weight of the next node.
+fn cell_of(at: f32, nodes: usize) -> (usize, f32) {
     let scaled = at * (nodes - 1) as f32;
     let low = (scaled as usize).min(nodes - 2);
     (low, scaled - low as f32)
 }
 
-/// Linear within the tetrahedron of six of a cell (Kasson et al. 1993, "Tetrahedral interpolation"): from the cell's least
-/// node along the channels in the order of their fractions to its largest.
+/// Tetrahedral interpolation (Kasson et al. 1993): a cell is split into six tetrahedra by the order of the fractions; the vertices
+/// lead from the cell's lowest node to its highest, one channel at a time, largest fraction first.
 fn tetrahedral(size: [usize; 3], nodes: &[[f32; 3]], at: [f32; 3]) -> [f32; 3] {
-    let places = [0, 1, 2].map(|c| place(at[c], size[c]));
+    let cells = [0, 1, 2].map(|c| cell_of(at[c], size[c]));
     let strides = [1, size[0], size[0] * size[1]];
     let mut order = [0, 1, 2];
-    order.sort_by(|&a, &b| places[b].1.total_cmp(&places[a].1));
-    let mut node = (0..3).map(|c| places[c].0 * strides[c]).sum::<usize>();
-    let mut sum = nodes[node].map(|v| v * (1.0 - places[order[0]].1));
+    order.sort_by(|&a, &b| cells[b].1.total_cmp(&cells[a].1));
+    let mut node = (0..3).map(|c| cells[c].0 * strides[c]).sum::<usize>();
+    let mut sum = nodes[node].map(|v| v * (1.0 - cells[order[0]].1));
     for (step, &channel) in order.iter().enumerate() {
         node += strides[channel];
-        let weight = places[channel].1 - order.get(step + 1).map_or(0.0, |&next| places[next].1);
+        let weight = cells[channel].1 - order.get(step + 1).map_or(0.0, |&next| cells[next].1);
         (0..3).for_each(|c| sum[c] += weight * nodes[node][c]);
     }
     sum
@@ -187,8 +189,8 @@ impl<'a> Binary<'a> {
 
     fn count(&mut self, what: &str, most: usize) -> Result<usize, String> {
         let count = u32::from_le_bytes(self.take(4)?.try_into().unwrap_or_default()) as usize;
-        let is_met = (2..=most).contains(&count);
-        is_met.then_some(count).ok_or_else(|| format!("has {count} {what}, where 2 to {most} can be"))
+        let is_valid = (2..=most).contains(&count);
+        is_valid.then_some(count).ok_or_else(|| format!("has {count} {what}; the limits are 2 to {most}"))
     }
 
     fn floats(&mut self, count: usize) -> Result<Vec<f32>, String> {
@@ -201,12 +203,12 @@ impl<'a> Binary<'a> {
     }
 }
 
-/// The words of a text with their lines, from 1. Lines are counted when one is asked for.
+/// Whitespace-separated words of a text, with their line numbers from 1, counted on demand.
 struct Words<'a> {
     text: &'a str,
-    /// Where the next word begins, if there is one.
+    /// Byte offset of the next word, or of the end.
     at: usize,
-    /// A place whose line is known, and that line.
+    /// A byte offset and its line, where counting resumes.
     counted: (usize, usize),
 }
 
@@ -267,7 +269,7 @@ impl<'a> Words<'a> {
         let count = self.number(&format!("the number of {what}"))?;
         match (2..=most).contains(&count) {
             true => Ok(count),
-            false => Err(format!("line {line}: {count} {what}, where 2 to {most} can be")),
+            false => Err(format!("line {line}: {count} {what}; the limits are 2 to {most}")),
         }
     }
 
@@ -290,7 +292,7 @@ impl<'a> Words<'a> {
 mod tests {
     use super::*;
 
-    /// Curves that are square roots up to 4, a lattice of 3 x 2 x 2 nodes.
+    /// Piecewise linear square roots up to 4, and a 3D LUT of 3 x 2 x 2 nodes.
     fn text() -> String {
         let curve = "3\n0 1 4\n0 0.5 1\n";
         let mut text = format!(
@@ -308,28 +310,28 @@ mod tests {
     }
 
     #[test]
-    fn tables_hold_at_nodes_and_are_linear_between() {
+    fn tables_are_exact_at_nodes_and_linear_between() {
         let table = ViewTable::parse(&text(), Path::new("a.csp")).unwrap();
         assert_near(table.encode([0.0; 3]), [0.0; 3]);
         assert_near(table.encode([4.0; 3]), [1.0, 0.5, 1.0]);
-        // Beyond the curves, and no number at all.
+        // Beyond the curves, and NaN.
         assert_near(table.encode([f32::INFINITY, 1e30, 9.0]), [1.0, 0.5, 1.0]);
         assert_near(table.encode([f32::NAN, -1.0, -0.0]), [0.0; 3]);
-        // Between knots: 2.5 is in the middle of 1 and 4, so three quarters up.
+        // Between knots: 2.5 is midway between 1 and 4, so the curve is 0.75.
         assert_near(table.encode([2.5, 0.5, 0.0]), [0.75, 0.0625, 0.0]);
-        // Between nodes: blue only where red has its last: of (0.75, 0, 0.5) half a cell, whose diagonal plane is met.
+        // Between nodes: (0.75, 0, 0.5) is on the diagonal plane of a cell; blue is above 0 only at the last node along red.
         assert_near(table.encode([2.5, 0.0, 1.0]), [0.75, 0.125, 0.5]);
         assert_eq!(table.path(), Path::new("a.csp"));
     }
 
     #[test]
-    fn channels_may_have_tables_of_their_own() {
+    fn one_dimensional_tables_are_read() {
         let line = "CSPLUTV100\n1D\n2\n0 1\n0 1\n2\n0 1\n0 1\n2\n0 2\n0 1\n3\n0 0 0\n0.2 0.5 0.9\n1 1 1\n";
         let table = ViewTable::parse(line, Path::new("a.csp")).unwrap();
         assert_near(table.encode([0.25, 0.5, 1.0]), [0.1, 0.5, 0.9]);
     }
 
-    /// A curve that is a square root up to 4, a lattice of 2 nodes along each edge.
+    /// A piecewise linear square root up to 4, and a 3D LUT of 2 nodes along each edge.
     fn binary() -> Vec<u8> {
         let mut bytes = MAGIC.to_vec();
         bytes.extend(3u32.to_le_bytes());
@@ -341,7 +343,7 @@ mod tests {
     }
 
     #[test]
-    fn binary_tables_are_read_and_broken_ones_are_refused() {
+    fn binary_tables_are_read_and_damaged_ones_rejected() {
         let table = ViewTable::read(&binary(), Path::new("a.view")).unwrap();
         assert_near(table.encode([1.0, 2.5, 0.25]), [0.5, 0.75, 0.125]);
         for cut in MAGIC.len()..binary().len() {
@@ -352,7 +354,7 @@ mod tests {
             bytes[at] = byte;
             ViewTable::read(&bytes, Path::new("")).unwrap_err()
         };
-        assert_eq!(messages(8, 1), "has 1 knots of a curve, where 2 to 65536 can be");
+        assert_eq!(messages(8, 1), "has 1 knots of a curve; the limits are 2 to 65536");
         // 0, 16, 4; and 0, infinity, 4.
         assert_eq!(messages(19, 0x41), "knots of a curve must ascend");
         assert_eq!(messages(19, 0x7f), "has a number that isn't finite");
@@ -368,18 +370,18 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_reported_with_its_line() {
+    fn errors_name_the_line() {
         let messages = |from: &str, to: &str| {
             ViewTable::parse(&text().replacen(from, to, 1), Path::new("")).unwrap_err()
         };
         assert_eq!(
             messages("CSPLUTV100", "LUT_3D_SIZE"),
-            "is no table of the format cinespace: it begins with CSPLUTV100 and 1D or 3D"
+            "is not a cinespace table: expected CSPLUTV100, then 1D or 3D"
         );
         assert_eq!(messages("0 1 4", "0 4 1"), "line 9: knots of a curve must ascend");
         assert_eq!(messages("0 1 4", "0 x 4"), "line 9: 'x' where a number should be");
         assert_eq!(messages("0.5 1\n", "0.5 inf\n"), "line 10: a number isn't finite");
-        assert_eq!(messages("\n3 2 2", "\n3 1 2"), "line 18: 1 nodes along an edge, where 2 to 129 can be");
+        assert_eq!(messages("\n3 2 2", "\n3 1 2"), "line 18: 1 nodes along an edge; the limits are 2 to 129");
         assert_eq!(messages("\n3 2 2", "\n2 2 2"), "line 27: '1' is more than the table needs");
         assert_eq!(messages("\n3 2 2", "\n3 2 3"), "ends where a number should be");
         for cut in 0..text().len() - 2 {

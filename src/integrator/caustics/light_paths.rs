@@ -1,4 +1,4 @@
-//! Light paths: from their start at a light over casters and receivers, their connections to the camera, and the splats of these.
+//! Light tracing: emission of light paths, scattering at casters and receivers, connections to the camera, and splatting.
 
 use super::plan::{CausticTally, LightPath};
 use super::{MAX_PASSES, STILL, is_stretched};
@@ -28,14 +28,14 @@ use crate::shape::Surface;
 use std::f32::consts::FRAC_1_PI;
 use std::ops::Range;
 
-/// Minimum cosine between the directions of a path before and behind panes that it passed straight on.
+/// Minimum cosine between a path's directions before and after transmission through panes without deviation.
 const STRAIGHT: f32 = 1.0 - 4e-6;
 
-/// Separates the seeds of light paths from those of pixels.
+/// Decorrelates light paths from camera paths.
 const LIGHT_PATH_SEED: u32 = 0x3c6e_f372;
 
 impl Integrator<'_> {
-    /// Traces some of the light paths for sample `sample` of each pixel, and adds their contributions to `splats`.
+    /// Traces a range of the light paths of sample index `sample`, and appends their contributions to `splats`.
     pub fn trace_light_paths(
         &self,
         sample: u32,
@@ -46,7 +46,7 @@ impl Integrator<'_> {
         let before = w.ray_counts.all;
         let mut paths = self.start_light_paths(sample, paths);
         let mut connections = Vec::new();
-        // The bound guards against endless stacks of absent surfaces.
+        // The bound ends endless stacks of transparent surfaces.
         for pass in 0..MAX_PASSES {
             if paths.is_empty() {
                 break;
@@ -75,8 +75,8 @@ impl Integrator<'_> {
         let start = |index: u32| {
             let point = SobolPoint::new(seed, index);
             let [a, b, c, d] = point.sample_4d(&first);
-            let [of_light, of_ball, x, y] = point.sample_4d(&second);
-            let emitted = plan.emission.sample(lights, textures, [a, b], [c, d], of_light, of_ball)?;
+            let [u_light, u_target, x, y] = point.sample_4d(&second);
+            let emitted = plan.emission.sample(lights, textures, [a, b], [c, d], u_light, u_target)?;
             let EmittedRay { ray, radiance, scale, light, is_delta } = emitted;
             let hero = self.is_spectral().then(|| point.sample_4d(&wavelength)[0]);
             let wavelengths = hero.map(Wavelengths::draw);
@@ -99,7 +99,7 @@ impl Integrator<'_> {
         paths.filter_map(start).collect()
     }
 
-    /// Connects a path that hit something to the camera, and continues it.
+    /// Connects a path to the camera at a hit, and continues the path.
     fn handle_hit(
         &self,
         path: &LightPath,
@@ -126,14 +126,14 @@ impl Integrator<'_> {
         if is_black || !(connects || continues) {
             return;
         }
-        let at = self.point_of(&path.ray, *hit, material, STILL);
+        let at = self.ray_hit_point(&path.ray, *hit, material, STILL);
         let medium = &self.scene.media[usize::from(path.interior.medium())];
-        let left = if self.scene.features.absorption {
+        let transmittance = if self.scene.features.absorption {
             medium.transmittance_at(hit.t, path.wavelengths().as_ref())
         } else {
             Rgb::ONE
         };
-        let path = LightPath { radiance: path.radiance * left, ..*path };
+        let path = LightPath { radiance: path.radiance * transmittance, ..*path };
         if connects {
             connections.extend(self.connect_to_camera(&path, &at, material));
         }
@@ -142,83 +142,82 @@ impl Integrator<'_> {
         }
     }
 
-    /// Does the light of a path on its first ray reach the hit? The ray may start a little too near.
+    /// Does a path's first ray reach the hit unoccluded from the emitter? The ray may start in front of the emitter's surface, so the
+    /// part behind its origin is tested too.
     fn is_lit_along(&self, path: &LightPath, hit: &Hit, salt: u32, w: &mut Workspace) -> bool {
         let Some(emitter) = self.scene.lights.area().get(path.light as usize) else { return true };
-        let Some(behind) = emitter.emission_offset(path.ray.at(hit.t), &path.ray) else { return false };
-        let start = Ray::segment(path.ray.origin, path.ray.direction * -behind);
-        behind == 0.0 || !self.blocked(&[start], &[salt], false, w)[0]
+        let Some(offset) = emitter.emission_offset(path.ray.at(hit.t), &path.ray) else { return false };
+        let start = Ray::segment(path.ray.origin, path.ray.direction * -offset);
+        offset == 0.0 || !self.blocked(&[start], &[salt], false, w)[0]
     }
 
-    /// The actions of a path at a surface with this role.
+    /// Whether a path connects and continues at a surface with this caustic role.
     fn step(&self, path: &LightPath, role: CausticRole) -> Step {
         let (bounces, max_depth) = (path.bounces, self.options.max_depth);
-        // At scattering surfaces, light samples through panes find this light.
+        // Light that passed panes without deviation is sampled by shadow rays through panes.
         if path.is_straight && bounces > 0 && role != CausticRole::Caster {
             return Step { connects: false, continues: false };
         }
         // The first surface must be a caster.
-        let is_taken = path.has_roles
+        let is_caustic = path.has_roles
             && match role {
                 CausticRole::Caster => true,
                 CausticRole::Receiver | CausticRole::DiffuseReceiver => bounces > 0,
                 CausticRole::Neither => false,
             };
-        let is_free = path.is_only_way && bounces > 0;
+        let is_only_way = path.is_only_way && bounces > 0;
         Step {
-            connects: (is_free || is_taken && role != CausticRole::Caster) && max_depth > bounces,
+            connects: (is_only_way || is_caustic && role != CausticRole::Caster) && max_depth > bounces,
             // The connection to the camera needs one more bounce.
-            continues: (is_free || is_taken) && max_depth > bounces.saturating_add(1),
+            continues: (is_only_way || is_caustic) && max_depth > bounces.saturating_add(1),
         }
     }
 }
 
-/// The actions of a path at a surface.
+/// Whether a light path connects to the camera and continues at a surface.
 struct Step {
-    /// It is connected to the camera.
     connects: bool,
-    /// It continues.
     continues: bool,
 }
 
 // Scattering of light paths at casters and receivers.
 
-/// Number of bounces from which on Russian roulette applies at casters.
+/// First bounce with Russian roulette at casters.
 const FIRST_ROULETTE: u32 = 8;
-/// Probability of survival there.
+/// Survival probability of Russian roulette at casters.
 const SURVIVAL: f32 = 0.8;
 
-/// A hit of a light path at a surface that scatters it.
+/// A scattering vertex of a light path.
 struct CasterPoint {
-    /// Its material; normals are on the side that its BSDF is for.
+    /// The material; normals are on the side of the BSDF.
     evaluated: EvaluatedMaterial,
     ng: Vec3,
     /// Direction back along the path.
     wo: Vec3,
-    /// No path from the camera finds this light: if it is scattered specularly here, or in any way.
+    /// Whether no camera path finds the path: after specular scattering here, and after any scattering.
     is_only_way: [bool; 2],
 }
 
-/// A hit of a caster with its surface and the solids on the other side.
+/// A scattering vertex of a light path, with its surface and the interior on the other side.
 struct CasterHit {
     caster: CasterPoint,
     surface: Surface,
     beyond: Interior,
 }
 
-/// A light path's next direction.
-struct Redirected {
+/// A sampled direction in which a light path continues.
+struct ScatteredLight {
     direction: Vec3,
-    /// Factor of the radiance.
+    /// Factor on [`LightPath::radiance`].
     weight: Rgb,
-    /// Factor of the flux for a radiance of 1.
+    /// Factor on [`LightPath::scale`].
     scale: f32,
     is_specular: bool,
     is_transmission: bool,
 }
 
 impl Integrator<'_> {
-    /// The path behind a hit; `None` if it ends.
+    /// The path after scattering at a hit; `None` if the path ends.
     fn continue_path(
         &self,
         path: &LightPath,
@@ -238,7 +237,7 @@ impl Integrator<'_> {
         let survival = match role {
             CausticRole::Caster if path.bounces < FIRST_ROULETTE => 1.0,
             CausticRole::Caster => SURVIVAL,
-            // The flux of surviving paths stays the same.
+            // Surviving paths keep their flux.
             _ => (scattered.weight.max_element() * scattered.scale).min(1.0),
         };
         let ng = surface.ng;
@@ -261,13 +260,13 @@ impl Integrator<'_> {
         })
     }
 
-    /// Does a path that hit only panes enter one, continue within, or leave it in its first direction?
-    fn goes_straight_on(&self, path: &LightPath, at: &HitPoint<'_>, scattered: &Redirected) -> bool {
+    /// Does a path that hit only panes so far enter a pane, reflect within it, or leave it in the path's initial direction?
+    fn goes_straight_on(&self, path: &LightPath, at: &HitPoint<'_>, scattered: &ScatteredLight) -> bool {
         if at.material.pane_thickness <= 0.0 {
             return false;
         }
         match (at.is_back, scattered.is_transmission) {
-            // Reflected within.
+            // Reflection within the pane.
             (true, false) => true,
             (true, true) => scattered.direction.dot(path.start) > STRAIGHT,
             (false, true) => {
@@ -277,7 +276,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// The caster at a hit. Lane 0 of the arriving paths holds the state of the light path afterwards.
+    /// Evaluates the material at a hit. Also writes the light path's state to lane 0 of the arriving paths.
     fn caster_at(&self, path: &LightPath, at: &HitPoint<'_>, w: &mut Workspace) -> CasterHit {
         let wavelengths = path.wavelengths();
         let wavelengths = wavelengths.as_ref();
@@ -327,9 +326,9 @@ impl Integrator<'_> {
         CasterHit { caster, surface, beyond }
     }
 
-    fn scatter_at_caster(&self, at: &CasterPoint, u: [f32; 3]) -> Option<Redirected> {
+    fn scatter_at_caster(&self, at: &CasterPoint, u: [f32; 3]) -> Option<ScatteredLight> {
         let CasterPoint { evaluated: EvaluatedMaterial { bsdf, ns, .. }, ng, wo, .. } = at;
-        // Both normals must agree on the side.
+        // `wo` must be on the same side of both normals.
         if wo.dot(*ng) * wo.dot(*ns) <= 0.0 {
             return None;
         }
@@ -340,11 +339,11 @@ impl Integrator<'_> {
         if sample.pdf_solid_angle <= 0.0 || crosses != sample.is_transmission || direction.dot(*ng) == 0.0 {
             return None;
         }
-        let is_left = || {
+        let is_left_to_camera_paths = || {
             let is_bent = self.scene.features.bent_normals && bent_normal(*ns, *ng, direction).1;
             is_bent || is_stretched(*ns, *ng, direction, *wo)
         };
-        if !at.is_only_way[usize::from(!sample.is_specular)] && is_left() {
+        if !at.is_only_way[usize::from(!sample.is_specular)] && is_left_to_camera_paths() {
             return None;
         }
         match sample.is_specular {
@@ -353,11 +352,11 @@ impl Integrator<'_> {
         }
     }
 
-    /// Specular scattering. Refraction scales flux and radiance differently: `sample.flux` is the ratio.
-    fn scatter_specular(at: &CasterPoint, sample: &BsdfSample, direction: Vec3) -> Redirected {
+    /// Specular scattering. `sample.flux` is the ratio of the factors on flux and radiance, 1 except for refraction.
+    fn scatter_specular(at: &CasterPoint, sample: &BsdfSample, direction: Vec3) -> ScatteredLight {
         let CasterPoint { evaluated: EvaluatedMaterial { ns, .. }, ng, wo, .. } = at;
         let scale = (wo.dot(*ns) * direction.dot(*ng)) / (wo.dot(*ng) * direction.dot(*ns));
-        Redirected {
+        ScatteredLight {
             direction,
             weight: sample.weight * sample.flux,
             scale: if ns == ng { 1.0 } else { scale.abs() },
@@ -366,8 +365,13 @@ impl Integrator<'_> {
         }
     }
 
-    /// Scattering by an opaque polished surface: the BSDF for a path from the camera that arrives from the sampled direction.
-    fn scatter_glossy(&self, at: &CasterPoint, sample: &BsdfSample, direction: Vec3) -> Option<Redirected> {
+    /// Reflection by a glossy opaque surface: the BSDF with the sampled direction as `wo`, as for a camera path.
+    fn scatter_glossy(
+        &self,
+        at: &CasterPoint,
+        sample: &BsdfSample,
+        direction: Vec3,
+    ) -> Option<ScatteredLight> {
         let CasterPoint { evaluated, ng, wo, .. } = at;
         let EvaluatedMaterial { bsdf, ns, .. } = evaluated;
         if sample.is_transmission {
@@ -381,8 +385,8 @@ impl Integrator<'_> {
         let normals = [ns * side, evaluated.mapping.smooth * side, *ng * side];
         let diffuse = bsdf.diffuse_part(viewer, light);
         let (f_cos, kept) =
-            self.terminator().left((f_cos, diffuse), evaluated.relief(), (normals[0], normals), *wo);
-        Some(Redirected {
+            self.terminator().apply((f_cos, diffuse), evaluated.relief(), (normals[0], normals), *wo);
+        Some(ScatteredLight {
             direction,
             weight: f_cos * (kept / sample.pdf_solid_angle),
             scale: (direction.dot(*ng) / wo.dot(*ng)).abs(),
@@ -391,19 +395,19 @@ impl Integrator<'_> {
         })
     }
 
-    /// Scattering by any other surface: the BSDF for a path from the camera that arrives from the sampled direction.
+    /// Scattering by a receiver: the BSDF with the sampled direction as `wo`, as for a camera path.
     fn scatter_at_receiver(
         &self,
         path: &LightPath,
         at: &CasterPoint,
         material: u32,
         [a, b, lobe]: [f32; 3],
-    ) -> Option<Redirected> {
+    ) -> Option<ScatteredLight> {
         let CasterPoint { evaluated, ng, wo: wi, .. } = at;
         let EvaluatedMaterial { bsdf, ns, .. } = evaluated;
         let receiver = self.receiver(path, material, *evaluated, *ng);
         let (direction, pdf) = if receiver.is_lambert || receiver.is_opaque && ns != ng {
-            // The whole hemisphere of the geometric normal.
+            // Cosine-weighted over the hemisphere of the geometric normal.
             let side = if wi.dot(*ng) < 0.0 { -1.0 } else { 1.0 };
             let local = warp::cosine_hemisphere([a, b]);
             let direction = Frame::from_normal(*ng * side).to_world(local);
@@ -421,42 +425,42 @@ impl Integrator<'_> {
             }
             (direction, sample.pdf_solid_angle)
         };
-        let heights = [direction.dot(*ng), wi.dot(*ng)];
-        if pdf <= 0.0 || heights.contains(&0.0) {
+        let cosines = [direction.dot(*ng), wi.dot(*ng)];
+        if pdf <= 0.0 || cosines.contains(&0.0) {
             return None;
         }
-        let BsdfEval { f_cos, pdf_solid_angle } = self.scattered(&receiver.seen(direction, *wi))?;
-        Some(Redirected {
+        let BsdfEval { f_cos, pdf_solid_angle } =
+            self.eval_receiver(&receiver.with_directions(direction, *wi))?;
+        Some(ScatteredLight {
             direction,
-            // The weight of a path from the camera.
+            // The weight of a BSDF sample of a camera path.
             weight: f_cos / pdf_solid_angle,
-            scale: pdf_solid_angle / pdf * (heights[0] / heights[1]).abs(),
+            scale: pdf_solid_angle / pdf * (cosines[0] / cosines[1]).abs(),
             is_specular: false,
-            is_transmission: heights[0] * heights[1] < 0.0,
+            is_transmission: cosines[0] * cosines[1] < 0.0,
         })
     }
 }
 
-// Connections to the camera.
-
-/// A connection to the camera.
+/// A connection of a light path to the camera.
 struct CameraConnection {
-    /// From the surface to the lens.
+    /// Shadow ray from the surface to the lens, or to the near clip distance.
     segment: Ray,
+    /// Film point, pixels.
     film: [f32; 2],
-    /// Contribution to a pixel whose filter weight is 1.
+    /// Contribution to a pixel for a filter weight of 1, by channel or wavelength.
     value: Rgb,
-    /// The wavelengths of the channels; none for red, green and blue.
+    /// `None` in RGB rendering.
     wavelengths: Option<Wavelengths>,
-    /// Its shares of layers: light passes and light groups.
+    /// Fractions of `value` for layers: two light passes and the light group.
     parts: Option<[(Option<usize>, Rgb); 3]>,
-    /// Contribution of a path from the camera that finds this light; infinite where none can.
+    /// Luminance that a camera path with the same vertices would contribute; infinite if there is none.
     value_from_camera: f32,
     salt: u32,
 }
 
 impl CameraConnection {
-    /// Linear Rec. 709 of a value by channel.
+    /// Converts a value by channel or wavelength to linear Rec. 709.
     #[inline]
     fn rgb(&self, value: Rgb) -> [f32; 3] {
         let value = value.to_array();
@@ -464,26 +468,27 @@ impl CameraConnection {
     }
 }
 
-/// A surface that scatters light to the camera.
+/// The BSDF and directions at a vertex that a light path connects to the camera.
 #[derive(Clone, Copy)]
 struct Receiver {
     bsdf: Bsdf,
     is_lambert: bool,
-    /// It scatters on the camera's side only.
+    /// The BSDF reflects only.
     is_opaque: bool,
-    /// Only its diffuse lobes count.
+    /// Only the diffuse lobes are evaluated.
     is_diffuse: bool,
     ng: Vec3,
     ns: Vec3,
     mapping: Mapping,
-    /// Directions to the camera and back along the light path.
+    /// Direction to the camera.
     wo: Vec3,
+    /// Direction back along the light path.
     wi: Vec3,
 }
 
 impl Receiver {
-    /// The receiver seen along these directions.
-    fn seen(self, wo: Vec3, wi: Vec3) -> Receiver {
+    /// Sets the directions; normals of opaque surfaces are flipped to the side of `wo`.
+    fn with_directions(self, wo: Vec3, wi: Vec3) -> Receiver {
         let side = if self.is_opaque && wo.dot(self.ng) < 0.0 { -1.0 } else { 1.0 };
         Receiver {
             ng: self.ng * side,
@@ -497,21 +502,21 @@ impl Receiver {
 }
 
 impl Integrator<'_> {
-    /// The connection of a hit to the camera, before the test of visibility.
+    /// The connection of a hit to the camera, before the visibility test.
     fn connect_to_camera(
         &self,
         path: &LightPath,
         at: &HitPoint<'_>,
         material: u32,
     ) -> Option<CameraConnection> {
-        let sight = self.view.camera.connect(at.surface.p, path.lens)?;
+        let connection = self.view.camera.connect(at.surface.p, path.lens)?;
         let margin = self.options.filter.radius();
-        let is_on = |at: f32, size: u32| at > -margin && at < size as f32 + margin;
-        let has_aovs = |[x, y]: [f32; 2]| is_on(x, self.view.width) && is_on(y, self.view.height);
-        if !self.view.camera.equivalent_film_points(sight.film).any(has_aovs) {
+        let is_within = |at: f32, size: u32| at > -margin && at < size as f32 + margin;
+        let is_on_film = |[x, y]: [f32; 2]| is_within(x, self.view.width) && is_within(y, self.view.height);
+        if !self.view.camera.equivalent_film_points(connection.film).any(is_on_film) {
             return None;
         }
-        let is_back = sight.direction.dot(at.surface.ng) <= 0.0;
+        let is_back = connection.direction.dot(at.surface.ng) <= 0.0;
         let is_hidden =
             at.material.surface_visibility.is_some_and(|p| !p.visible_to.contains(RayKinds::CAMERA));
         if is_hidden || at.material.is_absent_from_behind && is_back {
@@ -520,44 +525,45 @@ impl Integrator<'_> {
         let wavelengths = path.wavelengths();
         // Texture footprint of a ray from the camera.
         let (width, spread) = self.view.camera.pixel_cone();
-        let (wo, wi) = (sight.direction, -path.ray.direction);
-        let evaluated = self.read_material(at, width + spread * sight.distance, wo, wavelengths.as_ref());
-        let receiver = self.receiver(path, material, evaluated, at.surface.ng).seen(wo, wi);
-        let BsdfEval { f_cos, pdf_solid_angle } = self.scattered(&receiver)?;
+        let (wo, wi) = (connection.direction, -path.ray.direction);
+        let evaluated =
+            self.read_material(at, width + spread * connection.distance, wo, wavelengths.as_ref());
+        let receiver = self.receiver(path, material, evaluated, at.surface.ng).with_directions(wo, wi);
+        let BsdfEval { f_cos, pdf_solid_angle } = self.eval_receiver(&receiver)?;
         let Receiver { ng, wo, wi, .. } = receiver;
-        let area = sight.pixels_per_area * (wo.dot(ng) / wi.dot(ng)).abs();
+        let area = connection.pixels_per_area * (wo.dot(ng) / wi.dot(ng)).abs();
         let plan = self.options.caustics?;
-        // The segment ends at the camera's near distance, in the medium there.
-        let [near, _] = self.view.camera.range(-sight.direction);
-        let start = if near > 0.0 { sight.lens - sight.direction * near } else { sight.lens };
+        // The segment ends at the near clip distance; absorption is that of the medium around its end.
+        let [near, _] = self.view.camera.range(-connection.direction);
+        let start = if near > 0.0 { connection.lens - connection.direction * near } else { connection.lens };
         let around = match self.camera_interior {
             CameraInterior::Same(interior) => interior,
             CameraInterior::Differs => Interior::around(self.scene, start, STILL),
         };
         let medium = &self.scene.media[usize::from(around.medium())];
-        let left = if self.scene.features.absorption {
-            medium.transmittance_at(sight.distance - near, wavelengths.as_ref())
+        let transmittance = if self.scene.features.absorption {
+            medium.transmittance_at(connection.distance - near, wavelengths.as_ref())
         } else {
             Rgb::ONE
         };
-        let value = path.radiance * f_cos * left * (path.scale * area / plan.paths as f32);
-        let found = (path.radiance * f_cos).luminance() / pdf_solid_angle;
+        let value = path.radiance * f_cos * transmittance * (path.scale * area / plan.paths as f32);
+        let value_from_camera = (path.radiance * f_cos).luminance() / pdf_solid_angle;
         let side = if wo.dot(ng) < 0.0 { -1.0 } else { 1.0 };
         let origin = offset_along(at.surface.p, ng * side, ng.abs().dot(at.surface.p_error));
         let segment = Ray::segment(origin, start - origin);
         let (seed, index) = path.point.to_parts();
         (value.max_element() > 0.0).then(|| CameraConnection {
             segment: Ray { origin_primitive: (&at.hit).into(), ..segment },
-            film: sight.film,
+            film: connection.film,
             value,
             parts: self.parts_of(&receiver, path.light),
             wavelengths,
-            value_from_camera: if path.is_only_way { f32::INFINITY } else { found },
+            value_from_camera: if path.is_only_way { f32::INFINITY } else { value_from_camera },
             salt: hash32(seed ^ hash32(index ^ path.bounces)),
         })
     }
 
-    /// A surface of this geometric normal.
+    /// A receiver whose directions are not set yet.
     fn receiver(
         &self,
         path: &LightPath,
@@ -574,17 +580,17 @@ impl Integrator<'_> {
                 group,
                 ShadingGroup::PlainMetalRough | ShadingGroup::Textured | ShadingGroup::MetalRough
             );
-        // No path from the camera finds the rest of the only ones.
+        // If no camera path finds the light, all lobes scatter it here.
         let is_diffuse = is_of_diffuse && !path.is_only_way;
         Receiver { bsdf, is_lambert, is_opaque, is_diffuse, ng, ns, mapping, wo: ng, wi: ng }
     }
 
-    /// BSDF times cosine, and the density with which a path from the camera would sample the direction of the light.
-    fn scattered(&self, at: &Receiver) -> Option<BsdfEval> {
+    /// BSDF times cosine, and the solid-angle pdf of sampling `wi` from `wo`, as a camera path would.
+    fn eval_receiver(&self, at: &Receiver) -> Option<BsdfEval> {
         let Receiver { bsdf, is_lambert, is_opaque, is_diffuse, ng, ns, mapping, wo, wi } = at;
-        let height = wi.dot(*ng);
-        let crosses = height * wo.dot(*ng) < 0.0;
-        if height == 0.0 || bsdf.is_specular() || crosses && (*is_opaque || !bsdf.scatters_through()) {
+        let cosine = wi.dot(*ng);
+        let crosses = cosine * wo.dot(*ng) < 0.0;
+        if cosine == 0.0 || bsdf.is_specular() || crosses && (*is_opaque || !bsdf.scatters_through()) {
             return None;
         }
         let evaluated = EvaluatedMaterial { bsdf: *bsdf, ns: *ns, mapping: *mapping };
@@ -608,16 +614,16 @@ impl Integrator<'_> {
             let f_cos = if *is_diffuse { bsdf.diffuse_part(wo, wi).min(eval.f_cos) } else { eval.f_cos };
             (BsdfEval { f_cos, ..eval }, diffuse)
         };
-        let side = if height < 0.0 { -1.0 } else { 1.0 };
+        let side = if cosine < 0.0 { -1.0 } else { 1.0 };
         let terminator = if crosses { Terminator::Sharp } else { self.terminator() };
         let normals = [n * side, mapping.smooth * side, *ng * side];
         let (f_cos, kept) =
-            terminator.left((eval.f_cos, diffuse), evaluated.relief(), (*ns * side, normals), *wi);
+            terminator.apply((eval.f_cos, diffuse), evaluated.relief(), (*ns * side, normals), *wi);
         let f_cos = f_cos * kept;
         (eval.pdf_solid_angle > 0.0).then_some(BsdfEval { f_cos, ..eval })
     }
 
-    /// The layers that light of this light belongs to, and its shares.
+    /// The layers (light passes and light group) of a connection, with fractions of the contribution.
     fn parts_of(&self, at: &Receiver, light: u32) -> Option<[(Option<usize>, Rgb); 3]> {
         if self.layers.count() == 0 {
             return None;
@@ -632,7 +638,7 @@ impl Integrator<'_> {
         Some([a, b, (group, Rgb::ONE)])
     }
 
-    /// Tests the visibility of connections and adds the unoccluded ones to the pixels around.
+    /// Tests the visibility of connections and splats the unoccluded ones.
     fn splat(
         &self,
         connections: &[CameraConnection],
@@ -643,21 +649,21 @@ impl Integrator<'_> {
         let salts: Vec<u32> = connections.iter().map(|c| c.salt).collect();
         let blocked = self.blocked(&segments, &salts, true, w);
         let mut tally = CausticTally::default();
-        for (connections, _) in connections.iter().zip(&blocked).filter(|(_, blocked)| !**blocked) {
-            let [x, y] = connections.film;
+        for (connection, _) in connections.iter().zip(&blocked).filter(|(_, blocked)| !**blocked) {
+            let [x, y] = connection.film;
             let is_inside = x >= 0.0 && y >= 0.0 && x < self.view.width as f32 && y < self.view.height as f32;
             if is_inside {
-                tally.add(connections.value.luminance(), connections.value_from_camera);
+                tally.add(connection.value.luminance(), connection.value_from_camera);
             }
-            for film in self.view.camera.equivalent_film_points(connections.film) {
-                self.splat_one(connections, film, splats);
+            for film in self.view.camera.equivalent_film_points(connection.film) {
+                self.splat_one(connection, film, splats);
             }
         }
         tally
     }
 
-    /// Adds a connection to the pixels whose filters include a point of the film.
-    fn splat_one(&self, connections: &CameraConnection, [film_x, film_y]: [f32; 2], splats: &mut Vec<Splat>) {
+    /// Splats a connection to the pixels whose filter covers a film point.
+    fn splat_one(&self, connection: &CameraConnection, [film_x, film_y]: [f32; 2], splats: &mut Vec<Splat>) {
         let filter = self.options.filter;
         let range = |at: f32, size: u32| {
             let (first, last) = ((at - 0.5 - filter.radius()).ceil(), (at - 0.5 + filter.radius()).floor());
@@ -668,13 +674,13 @@ impl Integrator<'_> {
             for x in range(film_x, self.view.width) {
                 let weight = of_row * filter.value(film_x - (x as f32 + 0.5));
                 if weight > 0.0 {
-                    let value = connections.value * weight;
+                    let value = connection.value * weight;
                     let of_layer = |(layer, share): (Option<usize>, Rgb)| match layer {
-                        Some(layer) => SplatPart { layer: layer as u16, rgb: connections.rgb(value * share) },
+                        Some(layer) => SplatPart { layer: layer as u16, rgb: connection.rgb(value * share) },
                         None => SplatPart::NONE,
                     };
-                    let parts = connections.parts.map(|parts| Box::new(parts.map(of_layer)));
-                    splats.push(Splat { x, y, rgb: connections.rgb(value), parts });
+                    let parts = connection.parts.map(|parts| Box::new(parts.map(of_layer)));
+                    splats.push(Splat { x, y, rgb: connection.rgb(value), parts });
                 }
             }
         }

@@ -1,28 +1,27 @@
-//! Caustics by light tracing (Arvo 1986, "Backward Ray Tracing"; Dutre, Lafortune, Willems 1993): light that smooth glass, mirrors and
-//! polished metal send from lights to other surfaces is found by paths that start at lights, and connected to the camera. Paths from
-//! the camera find it by chance only, and never where the lights are points or directions.
+//! Caustics by light tracing (Arvo 1986, "Backward Ray Tracing"; Dutre, Lafortune, Willems 1993): light paths over smooth glass,
+//! mirrors and polished metal to other surfaces, connected to the camera. Camera paths rarely hit the lights of such paths, and
+//! never point and directional lights.
 //!
-//! With E the camera, D a receiver ([`CausticRole::Receiver`](crate::compile::CausticRole)), S a caster ([`CausticRole::Caster`](crate::compile::CausticRole)) and
-//! L a light, paths from lights find all of `E D (D|S)* S L` and nothing else: they are connected to the camera at each receiver, and
-//! continue there. Paths from the camera leave out exactly these: each stores whether its first surface was a D and all others were D
-//! or S (its *chain*), and whether the last one was an S. The role of a surface follows from its material, and so is the same from both
-//! sides. The environment doesn't count as a light here: paths from the camera find its light.
+//! With E the camera, D a receiver ([`CausticRole::Receiver`](crate::compile::CausticRole)), S a caster
+//! ([`CausticRole::Caster`](crate::compile::CausticRole)) and L a light, light paths sample exactly the paths `E D (D|S)* S L`: they
+//! connect to the camera at each receiver, and continue there. Camera paths exclude exactly these: each stores whether its first
+//! surface was a D and all others were D or S (its *chain*), and whether the last one was an S. The caustic role is a property of the
+//! material, independent of the side. The environment emits no light paths: camera paths sample it.
 //!
-//! At some receivers, only the diffuse lobes take part ([`CausticRole::DiffuseReceiver`](crate::compile::CausticRole)): their other lobes are so smooth,
-//! or may be by their textures, that paths from lights would seldom meet the camera in a direction where much is reflected. Paths from
-//! lights find the product of the shares of the diffuse lobes at such vertices, paths from the camera what is missing from 1.
+//! At some receivers, only the diffuse lobes take part ([`CausticRole::DiffuseReceiver`](crate::compile::CausticRole)): the other
+//! lobes are, or may be by textures, so narrow that connections to the camera would seldom be within them. Light paths contribute the
+//! product of the diffuse lobes' fractions of the BSDF over such vertices, camera paths the complement to 1.
 //!
-//! Light that a point or directional light sends to a perfectly specular surface first is found by no path from the camera. Such light
-//! paths continue at every surface and are connected to the camera at each that scatters.
+//! No camera path samples light from a point or directional light to a perfectly specular first surface. Such light paths continue at
+//! every surface and connect to the camera at each that isn't specular.
 //!
-//! A path from a light carries flux: radiance times the cosine over the density of its start, times BSDFs. BSDFs are evaluated with
-//! the direction towards the camera as `wo`, so that values are those of paths from the camera, also where a BSDF isn't symmetric.
-//! Shading normals change measures as in Veach 1997, "Robust Monte Carlo Methods for Light Transport Simulation", section 5.3. Perfect
-//! reflection and refraction can't be evaluated: where the shading normal would be bent for the direction of a path from the camera,
-//! such a path finds the light. Textures of surfaces along the path are looked up at points, since the footprint of a path from
-//! the camera is not known there.
+//! A light path carries flux: radiance times the cosine over the pdf of its start, times BSDFs. BSDFs are evaluated with the direction
+//! towards the camera as `wo`, so that light and camera paths agree for BSDFs that aren't symmetric. Shading normals change measures
+//! as in Veach 1997, "Robust Monte Carlo Methods for Light Transport Simulation", section 5.3. Perfectly specular BSDFs can't be
+//! evaluated with another normal: where the shading normal would be bent for the camera path's direction, the path is left to camera
+//! paths. Textures along light paths are unfiltered, since the footprint of the camera path is unknown.
 //!
-//! Where neighbouring pixels share suffixes of paths, only prefixes that leave out the same light take part: see
+//! Path reuse between pixels ([`reuse`](super::reuse)) connects only prefixes that exclude the same light: see
 //! [`Prefixes::ends`](super::reuse::Prefixes::ends).
 
 mod light_paths;
@@ -43,48 +42,48 @@ use crate::sampling::hash::{hash32, unit};
 use crate::scene::RayKinds;
 use crate::shape::Surface;
 
-// Paths from the camera leave out the light that paths from lights find. The bits of a path's chain: the two low ones are about the
-// vertices before the current one, the next two include it.
+// Camera paths exclude paths that light tracing samples. Bits of a camera path's chain: the two lowest cover the vertices before the
+// current one, the next two include the current vertex.
 
-/// The first surface was a receiver, all others were receivers or casters.
+/// Vertices before the current one: the first was a receiver, all others receivers or casters.
 const ARRIVES: u32 = 1;
-/// And the last one was a caster.
+/// [`ARRIVES`], and the last of these vertices was a caster.
 const ARRIVES_BY_CASTER: u32 = 2;
 /// Number of these bits.
 const BITS: u32 = 2;
-/// [`ARRIVES`] of the chain that includes the current vertex.
+/// [`ARRIVES`] and [`ARRIVES_BY_CASTER`] of the vertices up to and including the current one.
 const LEAVES: u32 = ARRIVES << BITS;
 const LEAVES_BY_CASTER: u32 = ARRIVES_BY_CASTER << BITS;
-/// The current vertex is a receiver by its diffuse lobes only ([`CausticRole::DiffuseReceiver`]).
+/// The current vertex is a receiver with its diffuse lobes only ([`CausticRole::DiffuseReceiver`]).
 const IS_DIFFUSE: u32 = 1 << (2 * BITS);
 
 impl Integrator<'_> {
-    /// Shifts the chains of paths that arrive at their next vertex.
-    pub(super) fn arrive_in_chains(&self, w: &mut Workspace) {
+    /// Shifts the chain bits at the start of a bounce: the current vertex becomes the previous one.
+    pub(super) fn shift_chains(&self, w: &mut Workspace) {
         if self.optional.chains {
             let arrive = |chain: &mut u32| *chain = *chain >> BITS & (ARRIVES | ARRIVES_BY_CASTER);
             w.arriving.chains[..w.rays.len()].iter_mut().for_each(arrive);
         }
     }
 
-    /// Updates the chains by the roles of the materials hit.
-    pub(super) fn follow_chains(&self, bounce: u32, w: &mut Workspace) {
+    /// Updates the chains with the caustic roles of the hit materials.
+    pub(super) fn update_chains(&self, bounce: u32, w: &mut Workspace) {
         let Some(plan) = self.options.caustics else { return };
         for (i, hit) in w.hits.iter().enumerate() {
             let role = if hit.is_hit() { plan.role(w.materials[i]) } else { CausticRole::Neither };
             let chain = &mut w.arriving.chains[i];
-            let came = *chain & (ARRIVES | ARRIVES_BY_CASTER);
-            let is_taken = bounce == 0 || came != 0;
+            let before = *chain & (ARRIVES | ARRIVES_BY_CASTER);
+            let continues = bounce == 0 || before != 0;
             *chain = match role {
-                CausticRole::Receiver if is_taken => came | LEAVES,
-                CausticRole::DiffuseReceiver if is_taken => came | LEAVES | IS_DIFFUSE,
-                CausticRole::Caster if came != 0 => came | LEAVES | LEAVES_BY_CASTER,
-                _ => came,
+                CausticRole::Receiver if continues => before | LEAVES,
+                CausticRole::DiffuseReceiver if continues => before | LEAVES | IS_DIFFUSE,
+                CausticRole::Caster if before != 0 => before | LEAVES | LEAVES_BY_CASTER,
+                _ => before,
             };
         }
     }
 
-    /// Ends a chain where the shading normal was bent for the path's direction: paths from lights don't know that direction.
+    /// Ends a chain where the shading normal was bent for the camera path's direction, which light paths can't reproduce.
     pub(super) fn end_chain_if_bent(
         &self,
         bounce: u32,
@@ -102,7 +101,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// Ends chains at sorted vertices whose normals were bent before.
+    /// Ends chains at sorted vertices whose shading normals were bent on evaluation.
     pub(super) fn end_bent_chains(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
         if bounce >= 1 && self.optional.chains && self.scene.features.bent_normals {
             for i in sorted.metal_rough() {
@@ -114,7 +113,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// Ends chains where paths from lights leave out the direction that the path took (see [`stretch`]).
+    /// Ends chains where light paths exclude the sampled direction (see [`stretch`]).
     pub(super) fn end_stretched_chains(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
         if bounce >= 1 && self.optional.chains && self.scene.features.bent_normals {
             for i in sorted.all() {
@@ -128,9 +127,9 @@ impl Integrator<'_> {
         }
     }
 
-    /// The share of the light of this light at the end of arriving path `i` that paths from lights don't find.
+    /// Fraction of the emission of `light`, hit by arriving path `i`, that light paths don't sample.
     #[inline(always)]
-    pub(super) fn share_of_camera_paths(
+    pub(super) fn camera_path_fraction(
         &self,
         bounce: u32,
         i: usize,
@@ -138,15 +137,14 @@ impl Integrator<'_> {
         w: &Workspace,
     ) -> Rgb {
         let Some(plan) = self.options.caustics else { return Rgb::ONE };
-        let is_left = bounce >= 2
+        let is_caustic = bounce >= 2
             && w.arriving.chains[i] & ARRIVES_BY_CASTER != 0
-            && light.is_some_and(|light| plan.takes(&self.scene.lights, light));
-        if is_left { Rgb::ONE - get_rgb(&w.arriving.chain_share, i) } else { Rgb::ONE }
+            && light.is_some_and(|light| plan.emits_from(&self.scene.lights, light));
+        if is_caustic { Rgb::ONE - get_rgb(&w.arriving.chain_share, i) } else { Rgb::ONE }
     }
 
-    /// Multiplies the shares of the light that paths from lights find by those of the diffuse lobes of vertices where only these
-    /// receive caustics, in the directions that the paths took.
-    pub(super) fn divide_chains(&self, sorted: &SortedVertices, w: &mut Workspace) {
+    /// At diffuse receivers, multiplies a path's `chain_share` by the diffuse lobes' fraction of the BSDF in the sampled direction.
+    pub(super) fn update_chain_shares(&self, sorted: &SortedVertices, w: &mut Workspace) {
         let Workspace { wave, bsdfs, .. } = w;
         for i in sorted.all() {
             let Wave { paths, vertices: v, .. } = &mut **wave;
@@ -162,15 +160,20 @@ impl Integrator<'_> {
         }
     }
 
-    /// Discards light samples that paths from lights find.
-    pub(super) fn leave_light_samples(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
+    /// Removes the fraction of light samples that light paths sample.
+    pub(super) fn exclude_caustic_light_samples(
+        &self,
+        bounce: u32,
+        sorted: &SortedVertices,
+        w: &mut Workspace,
+    ) {
         let Some(plan) = self.options.caustics.filter(|_| bounce >= 1) else { return };
         let Wave { paths, vertices: v, .. } = &mut *w.wave;
         let chains = &paths.chains;
         for i in sorted.lit() {
-            let is_left = chains[i] & LEAVES_BY_CASTER != 0
-                && plan.takes(&self.scene.lights, self.only_light.unwrap_or(v.light.index[i]));
-            if is_left && !is_stretched_at(v, i, get(&v.light.wi, i)) {
+            let is_caustic = chains[i] & LEAVES_BY_CASTER != 0
+                && plan.emits_from(&self.scene.lights, self.only_light.unwrap_or(v.light.index[i]));
+            if is_caustic && !is_stretched_at(v, i, get(&v.light.wi, i)) {
                 let kept = Rgb::ONE - get_rgb(&paths.chain_share, i);
                 if kept == Rgb::ZERO {
                     v.light.pdf[i] = LightPdf::NONE;
@@ -182,29 +185,29 @@ impl Integrator<'_> {
     }
 }
 
-/// Does a path with this chain at a vertex leave out light that the next vertex scatters?
+/// Does a path with this chain exclude light that its next vertex scatters?
 #[inline(always)]
-pub(super) fn leaves_light(chain: u32) -> bool {
+pub(super) fn excludes_light(chain: u32) -> bool {
     chain & LEAVES != 0
 }
 
-/// Does a path with this chain at a vertex, and this share, leave out light of diffuse lobes only?
+/// Does a path with this chain and `chain_share` exclude only the diffuse lobes' fraction of such light?
 #[inline(always)]
-pub(super) fn leaves_diffuse_light(chain: u32, share: Rgb) -> bool {
-    chain & IS_DIFFUSE != 0 || leaves_light(chain) && share != Rgb::ONE
+pub(super) fn excludes_diffuse_light(chain: u32, share: Rgb) -> bool {
+    chain & IS_DIFFUSE != 0 || excludes_light(chain) && share != Rgb::ONE
 }
 
-/// Largest [`stretch`] of light that paths from lights find.
+/// Maximum [`stretch`] of light paths; camera paths sample the rest.
 const MAX_STRETCH: f32 = 3.0;
 
-/// Factor of the flux of a path from a light, relative to the radiance of a path from the camera, behind a surface with shading normal
-/// `ns` that scatters light from `wi` to `wo` (Veach 1997, section 5.3); 1 where the normals are equal. Few paths from lights hit a
-/// surface at grazing angles, and each has a large factor if `ns` is not grazing: the variance has no bound.
+/// Factor on the flux of a light path, relative to the radiance of a camera path, on scattering from `wi` to `wo` with shading normal
+/// `ns` (Veach 1997, section 5.3); 1 if the normals are equal. Few light paths hit a surface at grazing angles, and each has a large
+/// factor unless the angle to `ns` is grazing too: the variance is unbounded.
 fn stretch(ns: Vec3, ng: Vec3, wo: Vec3, wi: Vec3) -> f32 {
     ((wi.dot(ns) * wo.dot(ng)) / (wo.dot(ns) * wi.dot(ng))).abs()
 }
 
-/// Is scattering from `wi` to `wo` left to paths from the camera?
+/// Is scattering from `wi` to `wo` left to camera paths?
 fn is_stretched(ns: Vec3, ng: Vec3, wo: Vec3, wi: Vec3) -> bool {
     ns != ng && stretch(ns, ng, wo, wi) > MAX_STRETCH
 }
@@ -213,24 +216,23 @@ fn is_stretched_at(v: &Vertices, i: usize, wi: Vec3) -> bool {
     is_stretched(get(&v.ns, i), get(&v.ng, i), get(&v.wo, i), wi)
 }
 
-// Any-hit of paths from lights. They follow rays from the camera in the opposite direction: those hit the back of a surface where
-// light hits the front. So light both arrives at the front of a one-sided surface and continues behind it, where rays from the
-// camera come from behind; it ends at the back.
+// Any-hit of light paths, the reverse of camera paths: a camera path that passes a one-sided surface from behind corresponds to a
+// light path that passes its front. So at the front of a one-sided surface a light path both scatters and passes; at the back it ends.
 
-/// Whether light passes a hit.
+/// Whether a light path passes a hit, scatters there, or both.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Passage {
-    /// It continues as if the surface was absent.
+    /// The light path continues unscattered.
     pub passes: bool,
-    /// The surface scatters it.
+    /// The surface scatters.
     pub hits: bool,
 }
 
-/// Time of all hits: nothing moves where light is traced.
+/// Time of all hits: light tracing is used without motion only.
 pub(super) const STILL: f32 = 0.0;
 
 impl Integrator<'_> {
-    /// Whether light passes a hit; `salt` decides whether partly transparent surfaces are present. `is_seen`: on the segment to the camera.
+    /// Whether a light path passes a hit. `salt` seeds the opacity test; `is_seen` is true on the segment to the camera.
     pub(super) fn passage(&self, ray: &Ray, hit: &Hit, salt: u32, is_seen: bool) -> Passage {
         let index = self.scene.geometries.material(hit) as usize;
         if !self.may_be_absent[index] {
@@ -249,17 +251,17 @@ impl Integrator<'_> {
         Passage { passes: is_front || !is_present, hits: is_front && is_present }
     }
 
-    /// The ray behind a hit. Behind the front of a one-sided surface, another one at the same distance that faces the other way still
-    /// counts.
+    /// Continues the ray after a hit. After the front of a one-sided surface, a coincident surface that faces the other way can still
+    /// be hit.
     pub(super) fn past(&self, ray: &Ray, hit: &Hit) -> Ray {
-        let is_another = hit.t > ray.t_min.next_up();
-        if is_another && self.scene.geometries.is_back_of_flat(ray, hit, STILL) == Some(false) {
+        let is_farther = hit.t > ray.t_min.next_up();
+        if is_farther && self.scene.geometries.is_back_of_flat(ray, hit, STILL) == Some(false) {
             return Ray { t_min: hit.t.next_down(), origin_primitive: hit.into(), ..*ray };
         }
         Ray { t_min: hit.t, ..*ray }
     }
 
-    /// Which of some segments are occluded; `are_seen`: they end at the camera. `salts` decide about partly transparent surfaces.
+    /// Which segments are occluded. `salts` seed the opacity tests; `are_seen` is true for segments to the camera.
     pub(super) fn blocked(
         &self,
         segments: &[Ray],
@@ -298,5 +300,5 @@ impl Integrator<'_> {
     }
 }
 
-/// Bound on the number of surfaces that light passes, against endless stacks.
+/// Maximum number of surfaces that a ray passes unscattered, against endless stacks.
 pub(super) const MAX_PASSES: u32 = 4096;

@@ -1,4 +1,4 @@
-//! Which light paths from lights find, the state of such a path, and a tally of their contributions.
+//! Setup of light tracing, the state of a light path, and statistics of light paths' contributions.
 
 use crate::color::Rgb;
 use crate::color::spectral::Wavelengths;
@@ -8,23 +8,22 @@ use crate::light::{LightPathSampler, Lights};
 use crate::math::{Ray, Vec3};
 use crate::sampling::sampler::SobolPoint;
 
-/// Which light paths from lights find, and how these paths start.
+/// Setup of light tracing.
 #[derive(Clone, Debug)]
 pub struct CausticPlan {
-    /// The role of each material.
+    /// Caustic role by material.
     pub(super) roles: Vec<CausticRole>,
-    /// Paths start at the lights before this index; the environment follows.
+    /// Number of lights that emit light paths: all but the environment, which is the last.
     pub(super) light_count: u32,
-    /// Distribution of the paths' starts.
+    /// Samples emitted rays.
     pub(super) emission: LightPathSampler,
-    /// Seed of these paths.
     pub(super) seed: u32,
-    /// Number of paths for one sample of each pixel.
+    /// Number of light paths per sample of the whole picture.
     pub(super) paths: u32,
 }
 
 impl CausticPlan {
-    /// For a scene; `None` if it has no lights but the environment, or no casters.
+    /// The plan for a scene; `None` without casters or without lights other than the environment.
     pub fn new(scene: &CompiledScene, seed: u32, paths: u32) -> Option<CausticPlan> {
         let roles = scene.roles();
         let targets = scene.targets(&roles);
@@ -39,71 +38,71 @@ impl CausticPlan {
         CausticPlan { paths: paths.max(1), ..self }
     }
 
-    /// Number of paths for one sample of each pixel.
+    /// Number of light paths per sample of the whole picture.
     pub fn paths(&self) -> u32 {
         self.paths
     }
 
-    /// Do paths start at this one of the scene's lights? Not where its emission depends on the hit.
+    /// Does this light emit light paths? Not if its emission depends on the hit.
     #[inline(always)]
-    pub(super) fn takes(&self, lights: &Lights, light: u32) -> bool {
+    pub(super) fn emits_from(&self, lights: &Lights, light: u32) -> bool {
         light < self.light_count && !lights.light_emits_by_hit(light)
     }
 
-    /// The role of a material.
+    /// The caustic role of a material.
     #[inline(always)]
     pub(super) fn role(&self, material: u32) -> CausticRole {
         self.roles[material as usize]
     }
 }
 
-/// A path from a light.
+/// The state of a light path.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LightPath {
     pub ray: Ray,
-    /// Its direction at the light, of unit length.
+    /// Direction at the light, unit length.
     pub start: Vec3,
-    /// Radiance along the ray; intensity or irradiance of point and directional lights.
+    /// Radiance along the ray; intensity (point lights) or irradiance (directional lights).
     pub radiance: Rgb,
     /// Flux for a radiance of 1.
     pub scale: f32,
-    /// Solids around it.
+    /// Solids around the ray.
     pub interior: Interior,
-    /// Its random numbers, and those that choose the point of the lens.
     pub point: SobolPoint,
+    /// Random numbers for the lens points of connections.
     pub lens: [f32; 2],
-    /// Number of surfaces that scattered it.
+    /// Number of scattering vertices.
     pub bounces: u32,
-    /// All of them are casters or receivers.
+    /// Have all scattering vertices been casters or receivers?
     pub has_roles: bool,
-    /// It passed panes straight on and hit nothing else: light samples find its light.
+    /// Has the path only passed panes without deviation? Then shadow rays through panes sample the same light.
     pub is_straight: bool,
-    /// The light where it starts.
+    /// Index of the light.
     pub light: u32,
-    /// The light is a point or a direction, and the first surface perfectly specular: no path from the camera finds this light.
+    /// The light is a delta light and the first surface perfectly specular: no camera path samples this light.
     pub is_only_way: bool,
-    /// Position of the hero wavelength in the distribution of wavelengths, 0 to 1, in spectral rendering.
+    /// Random number of the hero wavelength, 0 to 1, in spectral rendering.
     pub hero: Option<f32>,
 }
 
 impl LightPath {
-    /// The wavelengths that it carries.
+    /// The path's wavelengths in spectral rendering.
     #[inline]
     pub fn wavelengths(&self) -> Option<Wavelengths> {
         self.hero.map(Wavelengths::draw)
     }
 }
 
-/// Contributions of paths from lights, to estimate their efficiency.
+/// Statistics of light paths' contributions, to estimate their efficiency.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CausticTally {
-    /// Sum of luminances, each as for a pixel that gets all of it.
+    /// Sum of the luminances of contributions, for a filter weight of 1.
     pub sum: f64,
-    /// Sum of their squares.
+    /// Sum of squared luminances.
     pub squares: f64,
-    /// Expected sum of squares for paths from the camera, with one sample of each pixel; infinite where such paths find nothing.
+    /// Expected sum of squared luminances of camera paths with one sample per pixel; infinite if camera paths can't sample the light.
     pub squares_from_camera: f64,
-    /// Rays that were traced.
+    /// Number of rays traced.
     pub rays: u64,
 }
 
@@ -115,7 +114,7 @@ impl CausticTally {
         self.squares_from_camera += value * f64::from(value_from_camera);
     }
 
-    /// Both together.
+    /// The sum of two tallies.
     pub fn plus(self, other: CausticTally) -> CausticTally {
         CausticTally {
             sum: self.sum + other.sum,

@@ -1,35 +1,35 @@
-//! The guide: histograms of directions and mean radiance by cell of position and normal, and the training data that they are made of.
+//! The path guide: directional histograms and mean radiance by cell of position and normal, and the training data for them.
 
 use crate::math::Vec3;
 use crate::sampling::hash::mix64;
 use crate::simd::Table;
 
-/// Uniform part of all histograms (defensive sampling).
+/// Weight of the uniform distribution mixed into all histograms (defensive sampling).
 const UNIFORM_FRACTION: f32 = 0.25;
 
-/// Number of equal training samples with the weight of the prior.
+/// Weight of the prior, in effective training samples.
 const PRIOR: f32 = 256.0;
 
 /// Cells with fewer training samples use their parent's.
 const MIN_COUNT: u32 = 8;
 
-/// Index of the cell without training data, with a uniform histogram.
+/// Index of the cell for points without training data, with a uniform histogram.
 pub const UNKNOWN: u32 = 0;
 
 /// Mean of cells without training data.
 pub const NO_MEAN: f32 = -1.0;
 
-/// Fraction of the picture's mean luminance that bounds the reference of Russian roulette from below.
+/// Lower bound of the reference of Russian roulette, as a fraction of the picture's mean luminance.
 const MIN_SHARE: f64 = 0.2;
 
-/// A guide: by cells of position and normal, a density of directions relative to the cosine lobe, and the mean incident radiance.
+/// A path guide: by cell of position and normal, a pdf of directions relative to the cosine lobe's, and the mean incident radiance.
 #[derive(Clone, Debug)]
 pub struct Guide {
     pub(super) grid: Grid,
-    numbers: Numbers,
-    /// By cell. Their means are of incident luminance from scattering, times the cosine over pi; [`NO_MEAN`] without training data.
+    indices: KeyIndices,
+    /// By cell. `mean` is of indirect incident luminance times the cosine over pi; [`NO_MEAN`] without training data.
     pub(super) histograms: Vec<Histogram>,
-    /// Densities of all bins of all cells.
+    /// Densities of all bins of all cells, [`BINS`] per cell.
     pub(super) densities: Vec<f32>,
     /// Minimum reference luminance of Russian roulette.
     pub(super) floor: f32,
@@ -40,7 +40,7 @@ impl Guide {
     pub fn blank() -> Guide {
         let mut guide = Guide {
             grid: Grid::new(1.0),
-            numbers: Numbers::default(),
+            indices: KeyIndices::default(),
             histograms: Vec::new(),
             densities: Vec::new(),
             floor: 0.0,
@@ -49,40 +49,40 @@ impl Guide {
         guide
     }
 
-    /// A guide by the training data of a picture with this mean luminance.
+    /// A guide from training data; `luminance` is the mean of the picture.
     pub fn new(trained: &TrainedCells, luminance: f64) -> Guide {
         let mut guide = Guide { grid: trained.grid, floor: (MIN_SHARE * luminance) as f32, ..Guide::blank() };
-        let (mut numbers, mut parents) = (Numbers::default(), Vec::<CellSums>::new());
+        let (mut indices, mut parents) = (KeyIndices::default(), Vec::<CellSums>::new());
         for cell in trained.cells() {
             let key = parent(cell.key);
-            let number = numbers.insert(key) as usize;
-            if number == parents.len() {
+            let index = indices.insert(key) as usize;
+            if index == parents.len() {
                 parents.push(CellSums::new(key));
             }
-            parents[number].add(cell);
+            parents[index].add(cell);
         }
-        let even = CellEstimate { weights: [1.0; BINS], mean: 0.0 };
+        let uniform = CellEstimate { weights: [1.0; BINS], mean: 0.0 };
         let of_parents: Vec<CellEstimate> =
-            parents.iter().map(|cell| CellEstimate::new(cell, &even, 1.0 / CELLS_OF_PARENT)).collect();
-        for (cell, learned) in parents.iter().zip(&of_parents) {
-            guide.add(cell.key, learned);
+            parents.iter().map(|cell| CellEstimate::new(cell, &uniform, 1.0 / CELLS_OF_PARENT)).collect();
+        for (cell, estimate) in parents.iter().zip(&of_parents) {
+            guide.add(cell.key, estimate);
         }
         for cell in trained.cells().filter(|cell| cell.count >= MIN_COUNT) {
-            let above = numbers.get(parent(cell.key)).map_or(&even, |number| &of_parents[number as usize]);
-            guide.add(cell.key, &CellEstimate::new(cell, above, 1.0));
+            let prior = indices.get(parent(cell.key)).map_or(&uniform, |index| &of_parents[index as usize]);
+            guide.add(cell.key, &CellEstimate::new(cell, prior, 1.0));
         }
         guide
     }
 
-    fn add(&mut self, key: u64, learned: &CellEstimate) {
-        // The cell without training data comes first.
-        let number = self.numbers.insert(key) + 1;
-        debug_assert_eq!(number as usize, self.histograms.len());
-        let mut weights = learned.weights;
+    fn add(&mut self, key: u64, estimate: &CellEstimate) {
+        // Index 0 is the cell without training data.
+        let index = self.indices.insert(key) + 1;
+        debug_assert_eq!(index as usize, self.histograms.len());
+        let mut weights = estimate.weights;
         for weight in &mut weights {
             *weight = UNIFORM_FRACTION + (1.0 - UNIFORM_FRACTION) * *weight;
         }
-        self.push(Histogram::new(&weights, learned.mean));
+        self.push(Histogram::new(&weights, estimate.mean));
     }
 
     fn push(&mut self, histogram: Histogram) {
@@ -90,15 +90,15 @@ impl Guide {
         self.histograms.push(histogram);
     }
 
-    /// Index of the cell of a key given by its halves, or of its parent.
+    /// Index of the cell with a key of these halves, else of its parent cell, else [`UNKNOWN`].
     #[inline]
     pub(super) fn find(&self, low: u32, high: u32) -> u32 {
         let key = key_of(low, high);
-        let number = self.numbers.get(key).or_else(|| self.numbers.get(parent(key)));
-        number.map_or(UNKNOWN, |number| number + 1)
+        let index = self.indices.get(key).or_else(|| self.indices.get(parent(key)));
+        index.map_or(UNKNOWN, |index| index + 1)
     }
 
-    /// The densities of all bins of all cells.
+    /// Densities of all bins of all cells.
     pub(in super::super) fn densities(&self) -> Table<'_, f32> {
         Table::new(&self.densities)
     }
@@ -109,36 +109,38 @@ impl Guide {
     }
 }
 
-/// Posterior of a cell: training data combined with the prior.
+/// Posterior of a cell: training data blended with a prior.
 struct CellEstimate {
-    /// 1 on average.
+    /// Histogram with a mean of 1.
     weights: Bins,
     mean: f32,
 }
 
 impl CellEstimate {
-    /// Estimates a cell with the posterior of its parent as prior, `trust` times as strong as usual.
-    fn new(cell: &CellSums, above: &CellEstimate, trust: f32) -> CellEstimate {
-        let prior = PRIOR * trust;
+    /// The posterior of a cell; the prior's weight is [`PRIOR`] times `trust`.
+    fn new(cell: &CellSums, prior: &CellEstimate, trust: f32) -> CellEstimate {
+        let prior_weight = PRIOR * trust;
         // Effective number of training samples.
         let effective = if cell.squares > 0.0 { (cell.sum * cell.sum / cell.squares) as f32 } else { 0.0 };
-        let own = effective / (effective + prior);
+        let own = effective / (effective + prior_weight);
         let scale = BINS as f64 / cell.sum;
-        let mean = ((cell.sum + f64::from(prior * above.mean)) / f64::from(cell.count as f32 + prior)) as f32;
-        // Overflow counts as no data.
+        let mean = ((cell.sum + f64::from(prior_weight * prior.mean))
+            / f64::from(cell.count as f32 + prior_weight)) as f32;
+        // After overflow, only the prior is used.
         let is_known = own > 0.0 && scale.is_finite() && cell.bins.iter().all(|bin| bin.is_finite());
         let own = if is_known { own } else { 0.0 };
         let weights = std::array::from_fn(|k| match is_known {
-            true => own * (scale * f64::from(cell.bins[k])) as f32 + (1.0 - own) * above.weights[k],
-            false => above.weights[k],
+            true => own * (scale * f64::from(cell.bins[k])) as f32 + (1.0 - own) * prior.weights[k],
+            false => prior.weights[k],
         });
-        CellEstimate { weights, mean: if mean.is_finite() { mean } else { above.mean } }
+        CellEstimate { weights, mean: if mean.is_finite() { mean } else { prior.mean } }
     }
 }
 
 // The grid: cells by position and normal, and their keys.
 
-/// Offset of coordinates in cells: makes them positive, and puts no border of cells into planes through the origin, where walls often are.
+/// Offset of coordinates, in cells: makes them positive, and keeps cell borders away from planes through the origin, where walls often
+/// are.
 const SHIFT: f32 = 32_768.37;
 
 /// Bit set in all keys, so that none is 0.
@@ -147,39 +149,39 @@ const IS_KEY: u64 = 1 << 63;
 /// Bit set in keys of parents.
 const IS_PARENT: u64 = 1 << 62;
 
-/// Ratio of the edges of a cell and of its parent, in bits.
+/// Base-2 logarithm of the ratio of a parent cell's edge to a cell's edge.
 const PARENT_BITS: u32 = 2;
 
-/// Approximate number of cells of a parent that a surface crosses.
+/// Approximate number of cells that a surface crosses in a parent cell.
 pub const CELLS_OF_PARENT: f32 = (1 << (2 * PARENT_BITS)) as f32;
 
-/// Cubes of space, each divided by the direction of normals. Coordinates wrap at 32,768 edges: cubes that far apart share cells.
+/// A uniform grid of cubes, subdivided by the direction of normals. Coordinates wrap after 65,536 cells.
 #[derive(Clone, Copy, Debug)]
 pub struct Grid {
-    /// Cells along a metre.
+    /// Cells per metre.
     pub scale: f32,
 }
 
 impl Grid {
-    /// A grid of cubes with edges of this many metres.
+    /// A grid of cubes of edge length `edge`, metres.
     pub fn new(edge: f32) -> Grid {
         Grid { scale: 1.0 / edge }
     }
 
-    /// The key of the cell at a point with a normal.
+    /// The key of the cell of a point, metres, and a normal.
     pub fn key(self, p: Vec3, n: Vec3) -> u64 {
         let [low, high] = self.halves(p * self.scale, n);
         key_of(low, high)
     }
 
-    /// The halves of the key at a point, in cells.
+    /// The low and high half of the key of a point, in cells, and a normal.
     #[inline(always)]
     pub fn halves(self, p: Vec3, n: Vec3) -> [u32; 2] {
-        // Truncated positive numbers.
-        let place = |x: f32| (x + SHIFT) as i32 as u32 & 0xffff;
-        let side = |x: f32| (x * 2.0 + 2.5) as i32 as u32;
-        let sides = side(n.x) | (side(n.y) << 3) | (side(n.z) << 6);
-        [place(p.x) | (place(p.y) << 16), place(p.z) | (sides << 16)]
+        // Truncation rounds down, since the numbers are positive.
+        let cell = |x: f32| (x + SHIFT) as i32 as u32 & 0xffff;
+        let quantized = |x: f32| (x * 2.0 + 2.5) as i32 as u32;
+        let normal = quantized(n.x) | (quantized(n.y) << 3) | (quantized(n.z) << 6);
+        [cell(p.x) | (cell(p.y) << 16), cell(p.z) | (normal << 16)]
     }
 }
 
@@ -191,46 +193,46 @@ pub fn key_of(low: u32, high: u32) -> u64 {
 
 /// The key of a cell's parent.
 pub fn parent(key: u64) -> u64 {
-    let place = |shift: u32| (((key >> shift) & 0xffff) >> PARENT_BITS) << shift;
-    (key & !0xffff_ffff_ffff) | IS_PARENT | place(0) | place(16) | place(32)
+    let cell = |shift: u32| (((key >> shift) & 0xffff) >> PARENT_BITS) << shift;
+    (key & !0xffff_ffff_ffff) | IS_PARENT | cell(0) | cell(16) | cell(32)
 }
 
-/// Hash map from keys to indices in order of insertion.
+/// Open-addressing hash map from keys to indices in order of insertion.
 #[derive(Clone, Debug, Default)]
-pub struct Numbers {
-    /// Slots: key and index, key 0 if free. Their number is a power of two.
+pub struct KeyIndices {
+    /// Key and index; key 0 marks a free slot. The length is a power of two.
     slots: Vec<(u64, u32)>,
     count: u32,
 }
 
-impl Numbers {
-    /// The index of a key, if it is in the map.
+impl KeyIndices {
+    /// The index of a key; `None` if absent.
     #[inline]
     pub fn get(&self, key: u64) -> Option<u32> {
         if self.slots.is_empty() {
             return None;
         }
-        let (found, number) = self.slots[self.slot(key)];
-        (found == key).then_some(number)
+        let (found, index) = self.slots[self.slot(key)];
+        (found == key).then_some(index)
     }
 
-    /// The index of a key, inserted if it is new.
+    /// The index of a key, inserted if absent.
     pub fn insert(&mut self, key: u64) -> u32 {
-        if let Some(number) = self.get(key) {
-            return number;
+        if let Some(index) = self.get(key) {
+            return index;
         }
         if 2 * (self.count as usize + 1) > self.slots.len() {
             let larger = (2 * self.slots.len()).max(64);
             let old = std::mem::replace(&mut self.slots, vec![(0, 0); larger]);
-            for (key, number) in old.into_iter().filter(|(key, _)| *key != 0) {
+            for (key, index) in old.into_iter().filter(|(key, _)| *key != 0) {
                 let slot = self.slot(key);
-                self.slots[slot] = (key, number);
+                self.slots[slot] = (key, index);
             }
         }
-        let (slot, number) = (self.slot(key), self.count);
-        self.slots[slot] = (key, number);
+        let (slot, index) = (self.slot(key), self.count);
+        self.slots[slot] = (key, index);
         self.count += 1;
-        number
+        index
     }
 
     /// The slot of a key, or the free slot for it.
@@ -245,37 +247,37 @@ impl Numbers {
     }
 }
 
-// Histograms over the unit square of directions.
+// Histograms over the unit square, which the cosine-hemisphere map takes to directions.
 
-/// Edge of a histogram.
+/// Bins per side of a histogram.
 pub const EDGE: usize = 8;
 
-/// Number of bins, in rows along the square's second coordinate.
+/// Number of bins; index = row * [`EDGE`] + column, with the row along the square's first coordinate.
 pub const BINS: usize = EDGE * EDGE;
 
-/// A number for each bin.
+/// A value per bin.
 pub type Bins = [f32; BINS];
 
 /// Cumulative distribution; the last value is 1.
-pub type Steps = [f32; EDGE];
+pub type Cdf = [f32; EDGE];
 
 /// Largest number whose product with [`EDGE`] doesn't round up to [`EDGE`].
 const BELOW_ONE: f32 = 0.999_999;
 
-/// A histogram for sampling, laid out for few cache misses.
+/// Marginal and conditional distributions of a histogram, in one block for few cache misses.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
 pub struct Histogram {
-    /// Cumulative distribution of the rows.
-    pub rows: Steps,
+    /// Marginal distribution of the rows.
+    pub rows: Cdf,
     /// The cell's mean, stored here for locality.
     pub mean: f32,
-    /// Cumulative distribution of the bins of each row.
-    pub columns: [Steps; EDGE],
+    /// Conditional distribution of the bins of each row.
+    pub columns: [Cdf; EDGE],
 }
 
 impl Histogram {
-    /// A histogram whose densities are proportional to positive weights, up to rounding.
+    /// A histogram with densities proportional to positive weights, up to rounding.
     pub fn new(weights: &Bins, mean: f32) -> Histogram {
         let (rows, _) = weights.as_chunks::<EDGE>();
         let mut histogram = Histogram { rows: [0.0; EDGE], mean, columns: [[0.0; EDGE]; EDGE] };
@@ -288,20 +290,20 @@ impl Histogram {
         histogram
     }
 
-    /// Sampled point of the square and its density, whose mean is 1.
+    /// Samples a point of the unit square; returns the point and its pdf (mean 1).
     #[inline(always)]
     pub fn sample(&self, u: [f32; 2]) -> ([f32; 2], f32) {
-        let (row, x, height) = choose(&self.rows, u[0]);
-        let (_, y, width) = choose(&self.columns[row], u[1]);
+        let (row, x, height) = sample_cdf(&self.rows, u[0]);
+        let (_, y, width) = sample_cdf(&self.columns[row], u[1]);
         ([x, y], density(height, width))
     }
 
-    /// The densities of all bins, as [`Histogram::sample`] says.
+    /// The pdf of all bins, equal to that of [`Histogram::sample`] to the bit.
     pub fn densities(&self) -> Bins {
         let mut bins = [0.0; BINS];
         for row in 0..EDGE {
             for column in 0..EDGE {
-                let (height, width) = (share(&self.rows, row), share(&self.columns[row], column));
+                let (height, width) = (probability(&self.rows, row), probability(&self.columns[row], column));
                 bins[row * EDGE + column] = density(height, width);
             }
         }
@@ -314,8 +316,8 @@ fn density(height: f32, width: f32) -> f32 {
     height * width * BINS as f32
 }
 
-/// Cumulative distribution by positive weights.
-fn cumulated(weights: &[f32; EDGE]) -> Steps {
+/// Cumulative distribution of positive weights.
+fn cumulated(weights: &[f32; EDGE]) -> Cdf {
     let total: f32 = weights.iter().sum();
     let mut steps = [1.0; EDGE];
     let mut sum = 0.0;
@@ -326,15 +328,15 @@ fn cumulated(weights: &[f32; EDGE]) -> Steps {
     steps
 }
 
-/// The share of a step.
+/// The probability of interval `k`.
 #[inline(always)]
-fn share(steps: &Steps, k: usize) -> f32 {
+fn probability(steps: &Cdf, k: usize) -> f32 {
     steps[k] - if k > 0 { steps[k - 1] } else { 0.0 }
 }
 
-/// Samples a cumulative distribution by a number in 0..1: the step, the coordinate in 0..1 over all steps, and the probability.
+/// Samples a cumulative distribution: the interval, the coordinate in 0..1 over all intervals, and the interval's probability.
 #[inline(always)]
-fn choose(steps: &Steps, u: f32) -> (usize, f32, f32) {
+fn sample_cdf(steps: &Cdf, u: f32) -> (usize, f32, f32) {
     let mut below = 0;
     for step in &steps[..EDGE - 1] {
         below += usize::from(u >= *step);
@@ -343,13 +345,13 @@ fn choose(steps: &Steps, u: f32) -> (usize, f32, f32) {
     let start = if k > 0 { steps[k - 1] } else { 0.0 };
     let share = steps[k] - start;
     let within = (u - start) / share;
-    // Steps of probability 0 are chosen by rounding only.
+    // Also handles NaN: rounding may select intervals of probability 0.
     let within = if within < BELOW_ONE { within } else { BELOW_ONE };
     let within = if within > 0.0 { within } else { 0.0 };
     (k, (k as f32 + within) * (1.0 / EDGE as f32), share)
 }
 
-/// The bin of a point of the square.
+/// The bin of a point of the unit square.
 #[inline(always)]
 pub fn bin([u, v]: [f32; 2]) -> u32 {
     let step = |x: f32| {
@@ -359,38 +361,40 @@ pub fn bin([u, v]: [f32; 2]) -> u32 {
     step(u) * EDGE as u32 + step(v)
 }
 
-// Training data: radiance by point and direction, summed by cell.
+// Training data: incident luminance by point and direction, summed by cell.
 
-/// Radiance found by a path at a vertex.
+/// Incident luminance at a path vertex.
 #[derive(Clone, Copy, Debug)]
 pub struct TrainingSample {
-    /// The point, metres.
+    /// Position, metres.
     pub p: [f32; 3],
-    /// Its shading normal.
+    /// Shading normal.
     pub n: [f32; 3],
-    /// Bin of the path's direction.
+    /// Bin of the sampled direction.
     pub bin: u32,
-    /// Incident luminance over the density of the direction relative to the cosine lobe. Its mean over directions is the irradiance
-    /// over pi, without light samples.
+    /// Incident luminance over the pdf of the direction relative to the cosine lobe's. Its expectation is the irradiance over pi,
+    /// without light samples.
     pub value: f32,
 }
 
-/// A vertex of a path whose incident radiance is not known yet.
+/// A path vertex before its incident luminance is known.
 #[derive(Clone, Copy, Debug)]
 pub struct VertexRecord {
-    /// All but the value.
+    /// Training sample with a value of 0.
     pub training_sample: TrainingSample,
+    /// Index of the path's sample in the radiance buffer.
     pub sample: u32,
-    /// Luminance of its sample before the vertex.
+    /// Luminance of the sample when the path scattered here.
     pub before: f32,
-    /// Luminance of the sample for a value of 1.
+    /// Contribution to the sample's luminance for a training value of 1.
     pub throughput_luminance: f32,
-    /// Expected mean of values by the guide; negative if unknown.
+    /// Mean of the cell by the guide; negative if unknown.
     pub expected: f32,
+    /// Did the path end here?
     pub ends: bool,
 }
 
-/// A training sample for a cell.
+/// A training sample with the key of its cell.
 #[derive(Clone, Copy, Debug)]
 pub struct CellSample {
     key: u64,
@@ -398,71 +402,72 @@ pub struct CellSample {
     value: f32,
 }
 
-/// Maximum number of training samples that decide on the size of cells.
-const TRIED: usize = 1 << 15;
+/// Maximum number of training samples from which the cell size is determined.
+const MAX_SIZING_SAMPLES: usize = 1 << 15;
 
-/// Parts of the cells, which are updated in parallel.
-const SHARES: usize = 16;
+/// Number of shards of the cells, which are updated in parallel.
+const SHARDS: usize = 16;
 
-/// The samples of a block, by part of the cells.
-pub type CellSamples = [Vec<CellSample>; SHARES];
+/// The samples of a block, by shard.
+pub type CellSamples = [Vec<CellSample>; SHARDS];
 
 impl Grid {
-    /// The smallest cells such that at least half of the samples are in cells with `wanted` samples once there are `total`; `None` without
-    /// samples.
+    /// The grid with the smallest cells such that, extrapolated to `total` samples, at least half of the samples are in cells with
+    /// `wanted` samples or more; `None` without samples.
     pub fn suited_to(samples: &[TrainingSample], total: f64, wanted: f64) -> Option<Grid> {
-        let step = samples.len().div_ceil(TRIED).max(1);
-        let tried: Vec<&TrainingSample> = samples.iter().step_by(step).collect();
-        // A quantile of distances: a few distant samples don't count.
+        let step = samples.len().div_ceil(MAX_SIZING_SAMPLES).max(1);
+        let subset: Vec<&TrainingSample> = samples.iter().step_by(step).collect();
+        // The 90 % quantile, so that a few distant samples have no effect.
         let mut distances: Vec<f32> =
-            tried.iter().map(|l| l.p.iter().fold(0.0f32, |most, x| most.max(x.abs()))).collect();
+            subset.iter().map(|l| l.p.iter().fold(0.0f32, |most, x| most.max(x.abs()))).collect();
         distances.sort_unstable_by(f32::total_cmp);
         let farthest = *distances.get(distances.len() * 9 / 10)?;
         if farthest <= 0.0 || !farthest.is_finite() {
             return None;
         }
-        // Required number in a cell of the samples at hand, at least a few.
-        let least = (wanted * tried.len() as f64 / total).max(4.0) as usize;
+        // Minimum number of samples of the subset in a cell.
+        let least = (wanted * subset.len() as f64 / total).max(4.0) as usize;
         let mut edge = farthest / 8192.0;
         loop {
             let grid = Grid::new(edge);
-            let mut keys: Vec<u64> = tried.iter().map(|l| grid.key(l.p.into(), l.n.into())).collect();
+            let mut keys: Vec<u64> = subset.iter().map(|l| grid.key(l.p.into(), l.n.into())).collect();
             keys.sort_unstable();
             let full: usize = keys.chunk_by(|a, b| a == b).map(<[u64]>::len).filter(|n| *n >= least).sum();
-            if 2 * full >= tried.len() || edge > farthest {
+            if 2 * full >= subset.len() || edge > farthest {
                 return Some(grid);
             }
             edge *= std::f32::consts::SQRT_2;
         }
     }
 
-    /// Sorts samples by cells.
+    /// Sorts samples into shards, with the keys of their cells.
     pub fn cell_samples(self, samples: &[TrainingSample]) -> CellSamples {
         let mut cell_samples: CellSamples = Default::default();
         for sample in samples {
             let key = self.key(sample.p.into(), sample.n.into());
-            // Other bits than those that the hash map uses.
-            let share = (mix64(key) >> 60) as usize;
-            cell_samples[share].push(CellSample { key, bin: sample.bin, value: sample.value });
+            // The high bits; the hash map uses the low ones.
+            let shard = (mix64(key) >> 60) as usize;
+            cell_samples[shard].push(CellSample { key, bin: sample.bin, value: sample.value });
         }
         cell_samples
     }
 }
 
-/// Sums of training samples of a cell.
+/// Sums of the training samples of a cell.
 #[derive(Clone, Copy, Debug)]
 pub struct CellSums {
     pub key: u64,
-    /// Sums of values by bin.
+    /// Sum of values by bin.
     pub bins: Bins,
-    /// Sums of all values and of their squares, and the number of samples.
+    /// Sum of all values.
     pub sum: f64,
+    /// Sum of squared values.
     pub squares: f64,
+    /// Number of samples.
     pub count: u32,
 }
 
 impl CellSums {
-    /// Zeros.
     pub fn new(key: u64) -> CellSums {
         CellSums { key, bins: [0.0; BINS], sum: 0.0, squares: 0.0, count: 0 }
     }
@@ -478,22 +483,22 @@ impl CellSums {
     }
 }
 
-/// A part of the cells.
+/// A shard of the cells, selected by a hash of the key.
 #[derive(Clone, Debug, Default)]
-pub struct Share {
-    numbers: Numbers,
+pub struct CellShard {
+    indices: KeyIndices,
     cells: Vec<CellSums>,
 }
 
-impl Share {
+impl CellShard {
     /// Adds samples. Rounding depends on their order.
     pub fn learn(&mut self, cell_samples: &[CellSample]) {
         for cell_sample in cell_samples {
-            let number = self.numbers.insert(cell_sample.key) as usize;
-            if number == self.cells.len() {
+            let index = self.indices.insert(cell_sample.key) as usize;
+            if index == self.cells.len() {
                 self.cells.push(CellSums::new(cell_sample.key));
             }
-            let cell = &mut self.cells[number];
+            let cell = &mut self.cells[index];
             cell.bins[cell_sample.bin as usize % BINS] += cell_sample.value;
             let value = f64::from(cell_sample.value);
             cell.sum += value;
@@ -503,22 +508,22 @@ impl Share {
     }
 }
 
-/// All training data.
+/// Training data summed by cell.
 #[derive(Clone, Debug)]
 pub struct TrainedCells {
     pub grid: Grid,
-    pub shares: [Share; SHARES],
+    pub shards: [CellShard; SHARDS],
 }
 
 impl TrainedCells {
-    /// A guide without training data.
+    /// Without training data.
     pub fn new(grid: Grid) -> TrainedCells {
-        TrainedCells { grid, shares: Default::default() }
+        TrainedCells { grid, shards: Default::default() }
     }
 
     /// The cells, in an order that does not depend on threads.
     pub fn cells(&self) -> impl Iterator<Item = &CellSums> {
-        self.shares.iter().flat_map(|share| &share.cells)
+        self.shards.iter().flat_map(|shard| &shard.cells)
     }
 }
 
@@ -529,7 +534,7 @@ mod tests {
     use crate::sampling::chi2::{Chi2, Random, Square};
     use crate::sampling::warp;
 
-    /// Weights with some bins of hardly any.
+    /// Random weights; every fifth bin is nearly 0.
     fn weights(random: &mut Random) -> [f32; BINS] {
         std::array::from_fn(|k| if k % 5 == 0 { 1e-6 } else { random.next() + 0.01 })
     }
@@ -547,14 +552,13 @@ mod tests {
         }
     }
 
-    /// Directions by a histogram have the density that is looked up for them.
     #[test]
     fn guided_directions_pass_chi_square() {
         let mut random = Random::new(5);
         let histogram = Histogram::new(&weights(&mut random), 0.0);
         let densities = histogram.densities();
         let frame = Frame::from_normal(Vec3::new(0.48, -0.6, 0.64));
-        let of = |w: Vec3| densities[bin(warp::square_of_cosine_hemisphere(frame.to_local(w))) as usize];
+        let of = |w: Vec3| densities[bin(warp::invert_cosine_hemisphere(frame.to_local(w))) as usize];
         Chi2::new("guided directions", 1).assert_directions(
             &Square::sphere(),
             |u| Some(frame.to_world(warp::cosine_hemisphere(histogram.sample([u[0], u[1]]).0))),
@@ -563,7 +567,7 @@ mod tests {
     }
 
     #[test]
-    fn samples_lie_in_the_bins_of_their_densities() {
+    fn sampled_pdf_equals_that_of_the_bin() {
         let mut random = Random::new(6);
         let histogram = Histogram::new(&weights(&mut random), 0.0);
         let densities = histogram.densities();
@@ -579,16 +583,16 @@ mod tests {
     }
 
     #[test]
-    fn keys_have_numbers_in_their_order() {
-        let mut numbers = Numbers::default();
-        assert_eq!(numbers.get(7), None);
+    fn keys_are_indexed_in_order_of_insertion() {
+        let mut indices = KeyIndices::default();
+        assert_eq!(indices.get(7), None);
         let keys: Vec<u64> = (1..5000u64).map(|k| k.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1).collect();
-        for (number, &key) in keys.iter().enumerate() {
-            assert_eq!(numbers.insert(key), number as u32);
-            assert_eq!(numbers.insert(keys[number / 2]), (number / 2) as u32);
+        for (index, &key) in keys.iter().enumerate() {
+            assert_eq!(indices.insert(key), index as u32);
+            assert_eq!(indices.insert(keys[index / 2]), (index / 2) as u32);
         }
-        assert!(keys.iter().enumerate().all(|(number, &key)| numbers.get(key) == Some(number as u32)));
-        assert_eq!(numbers.get(2), None);
+        assert!(keys.iter().enumerate().all(|(index, &key)| indices.get(key) == Some(index as u32)));
+        assert_eq!(indices.get(2), None);
     }
 
     fn training_sample(p: Vec3, n: Vec3, bin: u32, value: f32) -> TrainingSample {
@@ -596,7 +600,7 @@ mod tests {
     }
 
     #[test]
-    fn cells_are_as_large_as_samples_ask_for() {
+    fn cell_size_matches_the_wanted_sample_count() {
         let mut random = Random::new(7);
         let floor =
             |random: &mut Random| Vec3::new(random.next() * 4.0 - 2.0, 0.0, random.next() * 4.0 - 2.0);
@@ -618,9 +622,9 @@ mod tests {
         assert_eq!(parent(grid.key(a, Vec3::Y)), parent(grid.key(b, Vec3::Y)));
     }
 
-    /// A guide samples directions that light came from and predicts its mean; other cells are unknown.
+    /// The histogram peaks in the trained direction, the mean is estimated, and cells without training data are unknown.
     #[test]
-    fn guides_know_what_they_learned() {
+    fn guide_reproduces_its_training_data() {
         let (mut random, grid) = (Random::new(8), Grid::new(1.0));
         let here = Vec3::new(0.1, 0.0, 0.1);
         let found: Vec<TrainingSample> = (0..4000)
@@ -631,8 +635,8 @@ mod tests {
             .collect();
         let mut trained = TrainedCells::new(grid);
         let cell_samples = grid.cell_samples(&found);
-        for (share, cell_samples) in trained.shares.iter_mut().zip(&cell_samples) {
-            share.learn(cell_samples);
+        for (shard, cell_samples) in trained.shards.iter_mut().zip(&cell_samples) {
+            shard.learn(cell_samples);
         }
         let guide = Guide::new(&trained, 1.0);
         let key = grid.key(here, Vec3::Y);
@@ -644,16 +648,16 @@ mod tests {
         assert!((0.8..1.2).contains(&mean), "{mean}");
         let elsewhere = grid.key(Vec3::splat(50.0), Vec3::Y);
         assert_eq!(guide.find(elsewhere as u32, (elsewhere >> 32) as u32), UNKNOWN);
-        // A neighbour's larger cell knows something.
+        // A neighbouring cell falls back to the common parent.
         let beside = grid.key(Vec3::new(1.3, 0.0, 0.1), Vec3::Y);
         let found = guide.find(beside as u32, (beside >> 32) as u32);
         assert!(found != UNKNOWN && found as usize != cell);
         assert_eq!(guide.cells(), 2);
     }
 
-    /// Values near the limits of floats leave a usable guide: those that overflow are ignored.
+    /// Extreme values keep the guide valid: sums that overflow are ignored.
     #[test]
-    fn values_of_any_size_make_usable_guides() {
+    fn extreme_training_values_keep_the_guide_valid() {
         let (mut random, grid) = (Random::new(9), Grid::new(1.0));
         let here = Vec3::new(0.1, 0.0, 0.1);
         for size in [1e-38, 1e-20, 1e20, 1e30, 1e38, f32::INFINITY] {
@@ -664,12 +668,12 @@ mod tests {
                 })
                 .collect();
             let mut trained = TrainedCells::new(grid);
-            for (share, samples) in trained.shares.iter_mut().zip(&grid.cell_samples(&found)) {
-                share.learn(samples);
+            for (shard, samples) in trained.shards.iter_mut().zip(&grid.cell_samples(&found)) {
+                shard.learn(samples);
             }
             let guide = Guide::new(&trained, 1.0);
-            let is_usable = |density: &f32| (0.2..=BINS as f32).contains(density);
-            assert!(guide.densities.iter().all(is_usable), "{size}: {:?}", guide.densities);
+            let is_valid = |density: &f32| (0.2..=BINS as f32).contains(density);
+            assert!(guide.densities.iter().all(is_valid), "{size}: {:?}", guide.densities);
             for densities in guide.densities.chunks(BINS) {
                 assert!(
                     (densities.iter().sum::<f32>() / BINS as f32 - 1.0).abs() < 1e-4,

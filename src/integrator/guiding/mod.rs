@@ -1,20 +1,17 @@
-//! Paths are guided to where light came from (Müller, Gross, Novák 2017, "Practical Path Guiding for Efficient Light-Transport
-//! Simulation"), and ended where little is expected of them (Vorba, Křivánek 2016, "Adjoint-Driven Russian Roulette and
-//! Splitting in Light Transport Simulation").
+//! Path guiding (Müller, Gross, Novák 2017, "Practical Path Guiding for Efficient Light-Transport Simulation") and adjoint-driven
+//! Russian roulette (Vorba, Křivánek 2016, "Adjoint-Driven Russian Roulette and Splitting in Light Transport Simulation").
 //!
-//! Before the first pass, training paths measure the radiance that arrives at points of the scene by direction; the picture gets
-//! nothing of them. A [`Guide`] stores it by cells of position and normal: a histogram over the unit square, which the
-//! cosine-hemisphere map turns into directions, and the mean radiance. So the density of a direction is that of the cosine lobe times the
-//! histogram's, which includes the cosine factor. Part of each histogram is uniform, so that no direction has density 0.
+//! Before the first pass, training paths record incident radiance at their vertices; they don't contribute to the picture. A [`Guide`]
+//! stores, by cell of position and normal, the mean radiance and a histogram over the unit square, which the cosine-hemisphere map
+//! takes to directions. The pdf of a direction is the cosine lobe's times the histogram's. A uniform part of each histogram keeps the
+//! pdf above 0.
 //!
-//! Guiding applies to Lambertian vertices and to the diffuse lobe of opaque glTF materials; the probability of the lobe stays the same. The
-//! cell of a vertex depends on its position, its normal and random numbers of the path used for nothing else. All MIS weights (against
-//! light samples and shared paths) use the guided density. So the expected value is the same with any guide.
+//! Guiding applies to Lambertian vertices and to the diffuse lobe of opaque glTF materials; lobe probabilities don't change. The cell of
+//! a vertex depends on position, normal and random numbers used for nothing else, and all MIS weights (against light samples and shared
+//! paths) use the guided pdf: pictures are unbiased with any guide.
 //!
-//! The expected contribution of a path is its throughput times the albedo times the mean of the cell. Russian roulette compares it with
-//! that at the path's first guided vertex.
-//!
-//! Training paths record their radiance where they scattered.
+//! The expected contribution of a path is throughput times albedo times the mean of the cell. Russian roulette compares it with that at
+//! the path's first guided vertex.
 
 use super::Integrator;
 use super::sampling::Block;
@@ -35,7 +32,7 @@ pub(super) mod guide;
 mod scatter;
 
 impl Integrator<'_> {
-    /// Finds the cells of the vertices that are guided.
+    /// Finds the cells of guided vertices.
     pub(super) fn find_cells(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
         let (Some(guide), range) = (self.options.guide, sorted.guided()) else { return };
         let wave = &mut *w.wave;
@@ -46,7 +43,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// Computes the densities with which the vertices would sample the directions of their light samples.
+    /// Computes, for MIS, the factor of guiding on the BSDF-sampling pdf of the light samples' directions.
     pub(super) fn weigh_light_samples(&self, sorted: &SortedVertices, w: &mut Workspace) {
         if let Some(guide) = self.options.guide {
             let densities = guide.densities();
@@ -56,7 +53,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// Guides the light sample of vertex `i` alone.
+    /// [`Self::weigh_light_samples`] for vertex `i` only.
     pub(super) fn guide_light_sample(&self, i: usize, sorted: &SortedVertices, wave: &mut Wave) {
         let Some(guide) = self.options.guide else { return };
         let (densities, vertices) = (guide.densities(), &mut wave.vertices);
@@ -68,22 +65,22 @@ impl Integrator<'_> {
         }
     }
 
-    /// Density with which vertex `i` would sample the direction of its light sample, relative to that without a guide.
+    /// Factor of guiding on the BSDF-sampling pdf of the light sample of vertex `i`.
     pub(super) fn light_density(&self, v: &Vertices, i: usize) -> f32 {
         if self.options.guide.is_some() { v.guided.light_density[i] } else { 1.0 }
     }
 
-    /// Density of the direction of vertex `i` without a guide; `pdf` is that with it.
+    /// The pdf of the sampled direction of vertex `i` without guiding; `pdf` is the guided one.
     pub(super) fn unguided(&self, pdf: f32, wave: &Wave, i: usize) -> f32 {
         if self.options.guide.is_some() { pdf / wave.vertices.guided.density[i] } else { pdf }
     }
 }
 
-/// Index in [`Guide::densities`] of a direction at a vertex with this normal.
+/// Index in [`Guide::densities`] of a direction at a vertex with shading normal `ns`.
 #[inline(always)]
-pub(super) fn place(cell: u32, ns: Vec3, wi: Vec3) -> u32 {
+pub(super) fn bin_index(cell: u32, ns: Vec3, wi: Vec3) -> u32 {
     let local = Frame::from_normal(ns).to_local(wi);
-    cell * guide::BINS as u32 + guide::bin(warp::square_of_cosine_hemisphere(local))
+    cell * guide::BINS as u32 + guide::bin(warp::invert_cosine_hemisphere(local))
 }
 
 struct LightDensities<'a> {
@@ -99,14 +96,14 @@ impl Kernel for LightDensities<'_> {
     fn run(self) {
         let v = self.vertices;
         for i in self.range.start..self.range.end.min(WAVE) {
-            let place = place(v.guided.cell[i], get(&v.ns, i), get(&v.light.wi, i));
-            v.guided.light_density[i] = self.densities.at(place);
+            let index = bin_index(v.guided.cell[i], get(&v.ns, i), get(&v.light.wi, i));
+            v.guided.light_density[i] = self.densities.at(index);
         }
     }
 }
 
-/// Turns the densities of light samples at opaque glTF materials, of which only the diffuse lobe is guided, into factors of the density
-/// over all lobes.
+/// At opaque glTF materials, where only the diffuse lobe is guided, converts the factor on that lobe's pdf to one on the pdf over all
+/// lobes.
 struct LightFactors<'a> {
     vertices: &'a mut Vertices,
     range: Range<usize>,
@@ -125,11 +122,11 @@ impl Kernel for LightFactors<'_> {
     }
 }
 
-/// Salt of the random numbers that jitter points.
+/// Salt of the random numbers that jitter positions.
 const SEED: u32 = 0x51ed_270b;
 
-/// Computes the two halves of the keys of vertices. Points are jittered along the surface by at most half a cell, which blurs the borders
-/// of cells.
+/// Computes the two halves of the cell keys of vertices. Positions are jittered along the surface by at most half a cell, to blur cell
+/// borders.
 struct FindKeys<'a> {
     grid: Grid,
     wave: &'a mut Wave,
@@ -157,27 +154,28 @@ impl Kernel for FindKeys<'_> {
     }
 }
 
-/// Vertices recorded by the paths of a block.
+/// Training samples of a block.
 #[derive(Clone, Debug, Default)]
 pub struct BlockSamples {
     /// In an order that depends on the block alone.
     pub training_samples: Vec<TrainingSample>,
-    /// Sum of the luminances of the samples, and how many there are.
+    /// Sum of the luminances of the block's samples.
     pub luminance: f64,
+    /// Number of samples.
     pub samples: u64,
-    /// Sum over the vertices of the squared luminance that each contributed to its sample.
+    /// Sum over vertices of the squared contribution to the sample's luminance.
     pub squares: f64,
 }
 
-/// Minimum share of a sample's light that is distinguished from rounding.
+/// Minimum fraction of a sample's luminance that is distinguishable from rounding errors.
 const MIN_SHARE: f32 = 1e-6;
 
 impl Integrator<'_> {
-    /// Traces the samples of a block to learn from them; `None` if `stop` interrupted it.
+    /// Traces the training paths of a block; `None` if `stop` interrupted it.
     pub fn learn(&self, block: &Block, w: &mut Workspace, stop: &dyn Fn() -> bool) -> Option<BlockSamples> {
         w.training_samples.clear();
         w.vertex_records.clear();
-        w.brought_squares = 0.0;
+        w.contribution_squares = 0.0;
         let (mut light, mut samples) = (0.0, 0);
         let is_done = self.trace(block, w, stop, |sample| {
             let value = f64::from(luminance(sample.rgb));
@@ -185,18 +183,18 @@ impl Integrator<'_> {
             samples += 1;
         });
         let training_samples = std::mem::take(&mut w.training_samples);
-        let squares = w.brought_squares;
+        let squares = w.contribution_squares;
         is_done.then_some(BlockSamples { training_samples, luminance: light, samples, squares })
     }
 
-    /// Takes down the vertices of a bounce that are guided, once they are scattered.
+    /// Records the guided vertices of a bounce after scattering.
     pub(super) fn record_vertices(&self, sorted: &SortedVertices, w: &mut Workspace) {
         let (Some(guide), range) = (self.options.guide, sorted.guided()) else { return };
         let Wave { vertices, paths, .. } = &mut *w.wave;
         dispatch(FindBins { vertices, range: range.clone() });
         for i in range {
             let is_lambert = sorted.lambert().contains(&i);
-            // Mirrors and metals have no use for a guide.
+            // Without a diffuse lobe nothing is guided.
             let is_diffuse = vertices.metal_rough_closures.probability_diffuse[i] > 0.0;
             if !is_lambert && (paths.state.pdf[i].is_specular() || !is_diffuse) {
                 continue;
@@ -213,7 +211,7 @@ impl Integrator<'_> {
                 sample,
                 before: w.radiance_buffer.radiance(sample).luminance(),
                 throughput_luminance: vertices.guided.throughput_luminance[i],
-                // Facets contribute more than the mean of the cell.
+                // Glossy lobes contribute more than the mean of the cell.
                 expected: if is_lambert {
                     guide.histograms[vertices.guided.cell[i] as usize].mean
                 } else {
@@ -224,16 +222,15 @@ impl Integrator<'_> {
         }
     }
 
-    /// Makes training samples of the vertices of a wave whose paths have ended.
+    /// Converts the recorded vertices of a finished wave to training samples.
     ///
-    /// Where a path has come to another such vertex that the guide knows already, its radiance up to there counts
-    /// and then what is expected from there on: that is less noisy than what it really found (Dahm, Keller 2017, "Learning Light
-    /// Transport the Reinforced Way").
+    /// If the path's next recorded vertex is in a cell with a known mean, the incident luminance there is replaced by that mean, which
+    /// is less noisy than the path's own estimate (Dahm, Keller 2017, "Learning Light Transport the Reinforced Way").
     pub(super) fn make_training_samples(&self, w: &mut Workspace) {
         if !self.options.records_training {
             return;
         }
-        // From the end, so that the next vertex of each path is known.
+        // Backwards, so that the next vertex of each path is known.
         let mut next: Vec<Option<VertexRecord>> = vec![None; w.pixels.len()];
         for &record in w.vertex_records.iter().rev() {
             let VertexRecord { training_sample, sample, before, throughput_luminance, ends, .. } = record;
@@ -244,7 +241,7 @@ impl Integrator<'_> {
             let value = (after - before) / throughput_luminance;
             let counts = !ends && value.is_finite() && after - before > MIN_SHARE * after;
             if counts {
-                w.brought_squares += f64::from(after - before).powi(2);
+                w.contribution_squares += f64::from(after - before).powi(2);
             }
             w.training_samples
                 .push(TrainingSample { value: if counts { value } else { 0.0 }, ..training_sample });
@@ -253,7 +250,7 @@ impl Integrator<'_> {
     }
 }
 
-/// Finds the bins of the directions in which paths continue.
+/// Finds the bins of the sampled directions.
 struct FindBins<'a> {
     vertices: &'a mut Vertices,
     range: Range<usize>,
@@ -267,7 +264,7 @@ impl Kernel for FindBins<'_> {
         let v = self.vertices;
         for i in self.range.start..self.range.end.min(WAVE) {
             let local = Frame::from_normal(get(&v.ns, i)).to_local(get(&v.next_direction, i));
-            v.guided.bin[i] = guide::bin(warp::square_of_cosine_hemisphere(local));
+            v.guided.bin[i] = guide::bin(warp::invert_cosine_hemisphere(local));
         }
     }
 }

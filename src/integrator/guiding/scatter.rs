@@ -1,8 +1,8 @@
-//! Guided scattering at Lambertian vertices, and Russian roulette by the expected contribution of paths.
+//! Guided scattering, and adjoint-driven Russian roulette.
 
 use super::super::mis::DirectionPdf;
+use super::bin_index;
 use super::guide::{Guide, NO_MEAN};
-use super::place;
 use crate::integrator::Integrator;
 use crate::integrator::sampling::{FIRST_ROULETTE, ScatterParams, survival};
 use crate::integrator::shading_geometry::Horizon;
@@ -15,16 +15,16 @@ use crate::simd::{Kernel, Table, dispatch};
 use std::f32::consts::{FRAC_1_PI, PI};
 use std::ops::Range;
 
-/// The first bounce after which a path may end by its expected contribution.
-const FIRST_JUDGED: u32 = 1;
+/// First bounce with adjoint-driven Russian roulette.
+const FIRST_ADJOINT_ROULETTE: u32 = 1;
 
-/// Minimum probability with which a path continues.
-const MIN: f32 = 0.05;
+/// Minimum survival probability.
+const MIN_SURVIVAL: f32 = 0.05;
 
-/// A path whose expected contribution is at least this share of that at its first vertex continues for certain.
-const WHOLE_SHARE: f32 = 0.5;
+/// Fraction of the reference contribution from which on paths survive with probability 1.
+const CERTAIN_SURVIVAL: f32 = 0.5;
 
-/// Vertices of a class that are guided.
+/// A vertex class with guiding.
 #[derive(Clone, Copy)]
 pub(in super::super) struct Guided<C>(pub C);
 
@@ -43,9 +43,9 @@ impl<C: VertexClass> VertexClass for Guided<C> {
 }
 
 impl Integrator<'_> {
-    /// May paths end at a bounce by their expected contribution? Shared paths may not before their prefixes end.
+    /// Does adjoint-driven Russian roulette apply at a bounce? With path reuse, not within prefixes.
     pub(in super::super) fn uses_adjoint_roulette(&self, bounce: u32) -> bool {
-        let first = if self.options.reuse.is_some() { FIRST_ROULETTE } else { FIRST_JUDGED };
+        let first = if self.options.reuse.is_some() { FIRST_ROULETTE } else { FIRST_ADJOINT_ROULETTE };
         bounce >= first
     }
 }
@@ -64,7 +64,7 @@ pub(in super::super) fn scatter<T: Horizon>(
     dispatch(ScatterLambert { horizon, params, roulette, range, wave });
 }
 
-/// Scatters at vertices of opaque glTF materials, whose diffuse lobes are guided.
+/// Scatters at vertices of opaque glTF materials; the diffuse lobe is guided.
 pub(in super::super) fn scatter_metal_rough<T: Horizon>(
     horizon: T,
     params: ScatterParams<'_>,
@@ -81,18 +81,18 @@ pub(in super::super) fn scatter_metal_rough<T: Horizon>(
     dispatch(ScatterMetalRough { horizon, params, roulette, densities: guide.densities(), range, wave });
 }
 
-/// Russian roulette by the expected contribution of paths.
+/// Adjoint-driven Russian roulette.
 #[derive(Clone, Copy)]
 struct AdjointRoulette {
-    /// Luminance against which paths are judged at least.
+    /// Minimum of the reference luminance.
     floor: f32,
-    /// May paths end by that?
+    /// May paths end? Else only the reference is stored.
     uses_adjoint_roulette: bool,
 }
 
 impl AdjointRoulette {
-    /// Does a path continue of which so much is expected, and the factor that makes up for those that don't? Where the cell's mean is not
-    /// known, or no reference, as `plain` says. `reference` is what was expected at the path's first guided vertex, 0 before.
+    /// Whether a path of this expected contribution survives, and the factor on throughput if so. Without a known mean of the cell or a
+    /// reference, the result is `plain`. `reference` is the expected contribution at the path's first guided vertex, 0 before.
     #[inline(always)]
     fn survival(
         self,
@@ -104,20 +104,20 @@ impl AdjointRoulette {
     ) -> (bool, f32) {
         let is_known = mean >= 0.0;
         let is_first = *reference == 0.0;
-        let by = if is_first & is_known { expected + self.floor } else { *reference };
-        *reference = by;
-        let judged = is_known & (by > 0.0);
-        let share = expected / if judged { by * WHOLE_SHARE } else { 1.0 };
-        let q = (if share < 1.0 { share } else { 1.0 }).sqrt();
-        let q = if q > MIN { q } else { MIN };
+        let target = if is_first & is_known { expected + self.floor } else { *reference };
+        *reference = target;
+        let has_target = is_known & (target > 0.0);
+        let ratio = expected / if has_target { target * CERTAIN_SURVIVAL } else { 1.0 };
+        let q = (if ratio < 1.0 { ratio } else { 1.0 }).sqrt();
+        let q = if q > MIN_SURVIVAL { q } else { MIN_SURVIVAL };
         let q = if self.uses_adjoint_roulette { q } else { 1.0 };
-        let survives = if judged { chance < q } else { plain.0 };
-        (survives, if judged { 1.0 / q } else { plain.1 })
+        let survives = if has_target { chance < q } else { plain.0 };
+        (survives, if has_target { 1.0 / q } else { plain.1 })
     }
 }
 
-/// Samples points of the square of directions, and reads the number for roulette and the mean of the cell, into the first four lanes
-/// of the scratch memory.
+/// Samples points of the unit square by the guide. First four scratch arrays: the point (two), the random number for Russian roulette,
+/// the mean of the cell.
 struct SampleLambert<'a> {
     params: ScatterParams<'a>,
     guide: &'a Guide,
@@ -144,7 +144,7 @@ impl Kernel for SampleLambert<'_> {
     }
 }
 
-/// Scatters into the directions of the sampled points, with Russian roulette.
+/// Scatters into the directions of the sampled points of the unit square, with Russian roulette.
 struct ScatterLambert<'a, T> {
     horizon: T,
     params: ScatterParams<'a>,
@@ -179,14 +179,15 @@ impl<T: Horizon> Kernel for ScatterLambert<'_, T> {
             set_rgb(&mut path.throughput, i, throughput * scale);
             set(&mut v.next_origin, i, offset_along(get(&v.p, i), ng, v.offset[i]));
             set(&mut v.next_direction, i, wi);
-            let goes_on = survives & (throughput_luminance > 0.0) & (wi.dot(ng) > 0.0);
+            let continues = survives & (throughput_luminance > 0.0) & (wi.dot(ng) > 0.0);
             let pdf = local.z * FRAC_1_PI * density * self.params.branches;
-            path.pdf[i] = DirectionPdf::after_roulette(pdf, goes_on);
+            path.pdf[i] = DirectionPdf::after_roulette(pdf, continues);
         }
     }
 }
 
-/// As [`SampleLambert`], for the diffuse lobes of opaque glTF materials: the points of others stay; the lobe's number into a fifth lane.
+/// As [`SampleLambert`], for opaque glTF materials: only points for the diffuse lobe are guided. Fifth scratch array: the random number
+/// for the lobe.
 struct SampleMetalRough<'a> {
     params: ScatterParams<'a>,
     guide: &'a Guide,
@@ -237,12 +238,12 @@ impl<T: Horizon> Kernel for ScatterMetalRough<'_, T> {
             let (ng, ns) = (get(&v.ng, i), get(&v.ns, i));
             let closure = MetalRoughClass.closure(v, i);
             let s = closure.sample([us[i], vs[i], lobes[i]]);
-            let density = self.densities.at(place(v.guided.cell[i], ns, s.wi));
+            let density = self.densities.at(bin_index(v.guided.cell[i], ns, s.wi));
             let factor = closure.guided(s.wi, density);
             let factor = if s.is_specular { 1.0 } else { factor };
             v.guided.density[i] = factor;
             let before = get_rgb(&path.throughput, i);
-            // The value over the cosine lobe's: the expected contribution of this direction by the mean of the cell.
+            // Ratio of f_cos to the cosine lobe's pdf: relates the contribution to the mean of the cell.
             let over_cosine = s.pdf_solid_angle * PI / s.wi.dot(ns);
             v.guided.throughput_luminance[i] = (before * s.weight).luminance() * over_cosine;
             let kept = if s.is_specular { 1.0 } else { self.horizon.light_factor(v, i, [ns, ng], 1.0, s.wi) };
@@ -253,7 +254,7 @@ impl<T: Horizon> Kernel for ScatterMetalRough<'_, T> {
             let throughput = before * weight * (1.0 / factor) * kept;
             let roulette_scale = path.roulette_scale[i];
             let plain = survival(throughput, roulette_scale, chances[i], self.params.roulette);
-            // Facets may reflect much brighter light than the cell's mean.
+            // Glossy lobes may reflect radiance far above the cell's mean.
             let is_diffuse = closure.is_diffuse(lobes[i]);
             let mean = if is_diffuse { means[i] } else { NO_MEAN };
             let expected = (before * closure.diffuse_weight()).luminance() * roulette_scale * mean;
@@ -263,9 +264,9 @@ impl<T: Horizon> Kernel for ScatterMetalRough<'_, T> {
             set_rgb(&mut path.throughput, i, throughput * scale);
             set(&mut v.next_origin, i, offset_along(get(&v.p, i), ng, v.offset[i]));
             set(&mut v.next_direction, i, s.wi);
-            let goes_on = survives & (s.pdf_solid_angle > 0.0) & (s.wi.dot(ng) > 0.0);
+            let continues = survives & (s.pdf_solid_angle > 0.0) & (s.wi.dot(ng) > 0.0);
             let pdf = if s.is_specular { 0.0 } else { s.pdf_solid_angle * factor * self.params.branches };
-            path.pdf[i] = DirectionPdf::after_roulette(pdf, goes_on);
+            path.pdf[i] = DirectionPdf::after_roulette(pdf, continues);
         }
     }
 }

@@ -1,10 +1,10 @@
 use super::{
-    DIRECT, Diffuse, Fans, GroupLanes, GroupShape, LAMBERT, METAL_ROUGH, MIN_REST, NONE, Pairs, Prefixes,
-    Reuse, SCATTERED, SharedLayers, Suffixes, Tiling, layer_rest,
+    DIRECT, Diffuse, GroupLanes, GroupShape, LAMBERT, METAL_ROUGH, MIN_REST, NONE, Pairs,
+    PointVisibilityStats, Prefixes, Reuse, SCATTERED, SharedLayers, Suffixes, Tiling, layer_transmittance,
 };
 use crate::accel::{PointVisibility, PointVisibilityQuery, SetBits};
 use crate::color::Rgb;
-use crate::integrator::caustics::{leaves_diffuse_light, leaves_light};
+use crate::integrator::caustics::{excludes_diffuse_light, excludes_light};
 use crate::integrator::interior::Interior;
 use crate::integrator::radiance_buffer::{PathClass, RadianceBuffer};
 use crate::integrator::sampling::FIRST_ROULETTE;
@@ -34,7 +34,7 @@ const _: () = assert!(LAST_BOUNCE < FIRST_ROULETTE);
 const MIN_ALPHA: f32 = 0.1;
 
 impl Integrator<'_> {
-    /// Prepares to share the paths of a block that is one wave.
+    /// Resets the buffers for a block, which is one wave.
     pub(in super::super) fn begin_reuse(
         &self,
         tiling: &Tiling,
@@ -44,11 +44,11 @@ impl Integrator<'_> {
     ) {
         debug_assert!(count <= WAVE, "a block is one wave");
         let reuse = w.reuse.get_or_insert_with(|| Box::new(Reuse::new()));
-        tiling.number(block, count, &mut reuse.places);
-        for (sample, &place) in reuse.places[..count].iter().enumerate() {
-            reuse.samples[usize::from(place)] = sample as u16;
+        tiling.assign_slots(block, count, &mut reuse.slots);
+        for (sample, &slot) in reuse.slots[..count].iter().enumerate() {
+            reuse.samples[usize::from(slot)] = sample as u16;
         }
-        reuse.fans = Fans::default();
+        reuse.visibility_stats = PointVisibilityStats::default();
         reuse.prefixes.class.fill(NONE);
         reuse.suffixes.class.fill(NONE);
         reuse.layers.reset(self.layers);
@@ -57,7 +57,8 @@ impl Integrator<'_> {
 }
 
 impl Integrator<'_> {
-    /// Records the vertices where paths are cut. Radiance of suffixes is gathered separately from here on, with throughput 1.
+    /// Records the vertices where paths are cut into prefix and suffix. The suffix continues with throughput 1 and an entry of its own in
+    /// the radiance buffer.
     pub(in super::super) fn cut_paths(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
         if bounce > LAST_BOUNCE + 1 {
             return;
@@ -71,12 +72,12 @@ impl Integrator<'_> {
         }
     }
 
-    /// The key of a prefix that ends at vertex `i`: what decides which paths may continue there, and which of their light counts. That is
-    /// the number of bounces, whether suffixes leave out light that light paths find, and, where they are in use, the count of bounces
-    /// without random walks, those by kind, and that of transparent surfaces. What limits and left-out caustics do to a suffix depends on the kind of its first
-    /// ray, which its owner draws; then classes, which draw alike, share only among themselves.
+    /// The key of a prefix that ends at vertex `i`: all path state that affects its suffixes. That is the number of bounces, whether
+    /// suffixes exclude light that light tracing samples, and, if in use, the counts of bounces without random walks, of bounces by kind
+    /// and of transparent surfaces. Bounce limits by kind and disabled caustics depend on the kind of the suffix's first ray, whose
+    /// probabilities depend on the vertex class: then only prefixes of the same class share suffixes.
     fn prefix_key(&self, bounce: u32, i: usize, class: u32, paths: &Paths) -> u32 {
-        let mut key = bounce << 1 | u32::from(self.optional.chains && leaves_light(paths.chains[i]));
+        let mut key = bounce << 1 | u32::from(self.optional.chains && excludes_light(paths.chains[i]));
         if self.optional.depth {
             key = key << 3 | paths.depth[i].min(7);
         }
@@ -103,14 +104,14 @@ impl Integrator<'_> {
         radiance_buffer: &mut RadianceBuffer,
     ) {
         let Wave { paths, vertices: v, .. } = wave;
-        let k = reuse.place(paths.state.radiance_index[i]);
+        let k = reuse.slot(paths.state.radiance_index[i]);
         let Reuse { prefixes, suffixes, .. } = reuse;
-        if self.optional.chains && leaves_diffuse_light(paths.chains[i], get_rgb(&paths.chain_share, i)) {
+        if self.optional.chains && excludes_diffuse_light(paths.chains[i], get_rgb(&paths.chain_share, i)) {
             return;
         }
         if prefixes.class[k] == NONE {
             let is_in_air = !self.optional.interior || paths.interior[i] == Interior::AIR;
-            if bounce <= LAST_BOUNCE && is_in_air && spreads(v, i, class) {
+            if bounce <= LAST_BOUNCE && is_in_air && is_connectible(v, i, class) {
                 prefixes.keep(k, class, bounce, v, i, get_rgb(&paths.state.throughput, i));
                 prefixes.keys[k] = self.prefix_key(bounce, i, class, paths);
                 if self.optional.first_bounces {
@@ -125,7 +126,7 @@ impl Integrator<'_> {
             let mut throughput = get_rgb(&path.throughput, i);
             let mut begin = Rgb::ONE;
             if self.optional.component_weight {
-                // The weight of the selected component belongs to the suffix.
+                // The weight of a mix's selected component belongs to the suffix.
                 begin = get_rgb(&paths.component_weight, i);
                 throughput = throughput.zip(begin, |t, weight| if weight > 0.0 { t / weight } else { 0.0 });
             }
@@ -134,7 +135,7 @@ impl Integrator<'_> {
             if self.optional.first_bounces {
                 paths.first_bounces.copy_to(i, &mut suffixes.first_bounces, k);
             }
-            // Russian roulette uses the whole throughput.
+            // Russian roulette uses the throughput of the whole path.
             path.roulette_scale[i] *= throughput.max_element();
             set_rgb(&mut path.throughput, i, begin);
             let sample = path.radiance_index[i];
@@ -152,7 +153,7 @@ impl Integrator<'_> {
         let Wave { paths, vertices: v, .. } = &mut **wave;
         for i in sorted.metal_rough() {
             let sample = &mut paths.state.radiance_index[i];
-            let k = reuse.place(*sample);
+            let k = reuse.slot(*sample);
             let is_new = (DIRECT..SCATTERED).contains(sample) && reuse.prefixes.bounce[k] + 1 == bounce;
             if !is_new {
                 continue;
@@ -170,7 +171,7 @@ impl Integrator<'_> {
 }
 
 impl Integrator<'_> {
-    /// Transmittance of the layer of vertex `i` for the shared part of its radiance; `None` if nothing is shared.
+    /// Transmittance of the layer above the diffuse base of vertex `i`, whose radiance is shared; `None` if nothing is shared.
     #[inline(always)]
     fn shared_part(&self, v: &Vertices, i: usize, class: u32) -> Option<f32> {
         if class == LAMBERT {
@@ -179,21 +180,21 @@ impl Integrator<'_> {
         if get_rgb(&v.metal_rough.diffuse, i) == Rgb::ZERO || v.is_bent[i] > 0.0 {
             return None;
         }
-        let rest = layer_rest(&v.metal_rough, i, get(&v.ns, i), get(&v.wo, i), self.scene.shading);
+        let rest = layer_transmittance(&v.metal_rough, i, get(&v.ns, i), get(&v.wo, i), self.scene.shading);
         (rest >= MIN_REST).then_some(rest)
     }
 }
 
-/// Is a surface rough enough for its prefixes to be connected to other suffixes?
+/// Is a surface rough enough to connect prefixes that end there to other suffixes?
 #[inline(always)]
-fn spreads(v: &Vertices, i: usize, class: u32) -> bool {
+fn is_connectible(v: &Vertices, i: usize, class: u32) -> bool {
     class == LAMBERT
         || v.metal_rough.alpha[i] >= MIN_ALPHA
         || v.metal_rough_closures.probability_diffuse[i] > 0.1
 }
 
 impl Prefixes {
-    /// Records vertex `i` of a wave as the end of the prefix at place `k`.
+    /// Records vertex `i` of a wave as the end of the prefix in slot `k`.
     #[inline(always)]
     fn keep(&mut self, k: usize, class: u32, bounce: u32, from: &Vertices, i: usize, throughput: Rgb) {
         let to = &mut self.vertices;
@@ -221,7 +222,7 @@ impl Prefixes {
 }
 
 impl Suffixes {
-    /// Records vertex `i` of a wave as the start of the suffix at place `k`.
+    /// Records vertex `i` of a wave as the start of the suffix in slot `k`.
     #[inline(always)]
     fn keep(&mut self, k: usize, class: u32, from: &Vertices, i: usize, throughput: Rgb, pdf: f32) {
         let (p, ng) = (get(&from.p, i), get(&from.ng, i));
@@ -241,11 +242,11 @@ impl Suffixes {
 
 // Evaluation: contribution of one suffix to every prefix of a group, in vectorised loops.
 
-/// Places per loop: of one group or of several.
+/// Slots per vectorised loop: part of a group, or several groups.
 pub const RUN: usize = 16;
 const _: () = assert!(WAVE.is_multiple_of(RUN) && WAVE.is_multiple_of(GroupShape::MAX_PIXELS as usize));
 
-/// Computes density and value of the prefixes of a class at runs of places.
+/// Computes pdf and value of the connections of a class's prefixes in runs of slots.
 pub struct Connect<'a, C, T> {
     pub horizon: T,
     pub class: C,
@@ -267,9 +268,9 @@ impl<C: VertexClass, T: Horizon> Kernel for Connect<'_, C, T> {
             // The bound lets the compiler drop bounds checks.
             let first = (usize::from(run) * RUN).min(WAVE - RUN);
             for i in first..first + RUN {
-                let way = get(&pairs.y, i) - get(&v.next_origin, i);
-                let squared = way.dot(way);
-                let wi = way / squared.sqrt();
+                let offset = get(&pairs.y, i) - get(&v.next_origin, i);
+                let squared = offset.dot(offset);
+                let wi = offset / squared.sqrt();
                 let (ng, ns) = (get(&v.ng, i), get(&v.ns, i));
                 let closure = class.closure(v, i);
                 let eval = closure.eval(wi);
@@ -279,11 +280,11 @@ impl<C: VertexClass, T: Horizon> Kernel for Connect<'_, C, T> {
                 let (eval, relief) = closure.on_relief(horizon, (v, i), (ns, 1.0), (wi, eval));
                 let value = get_rgb(&prefixes.throughput, i) * eval.f_cos * (kept * relief);
                 let faces = (cosine > 0.0) & (wi.dot(ng) > 0.0) & (eval.pdf_solid_angle > 0.0);
-                // Paths without throughput end, so a prefix has no density where its contribution is 0.
+                // Paths without throughput end, so a connection with value 0 has pdf 0.
                 let [r, g, b] = value.to_array();
                 let has_value = (r > 0.0) | (g > 0.0) | (b > 0.0);
-                let continues_alike = prefixes.keys[i] == pairs.keys[i];
-                let connects = faces & has_value & continues_alike;
+                let has_equal_key = prefixes.keys[i] == pairs.keys[i];
+                let connects = faces & has_value & has_equal_key;
                 let is_own_class = prefixes.class[i] == class_id;
                 let density = if connects { eval.pdf_solid_angle * geometry } else { 0.0 };
                 pairs.density[i] = if is_own_class { density } else { pairs.density[i] };
@@ -296,7 +297,7 @@ impl<C: VertexClass, T: Horizon> Kernel for Connect<'_, C, T> {
     }
 }
 
-/// Replaces the densities of prefixes at runs of places by the guided ones.
+/// Multiplies the pdfs of connections in runs of slots by the factor of guiding.
 pub struct GuidePairs<'a> {
     pub runs: &'a [u16],
     pub densities: Table<'a, f32>,
@@ -314,13 +315,13 @@ impl Kernel for GuidePairs<'_> {
         for &run in runs {
             let first = (usize::from(run) * RUN).min(WAVE - RUN);
             for i in first..first + RUN {
-                let way = get(&pairs.y, i) - get(&v.next_origin, i);
-                let wi = way / way.dot(way).sqrt();
+                let offset = get(&pairs.y, i) - get(&v.next_origin, i);
+                let wi = offset / offset.dot(offset).sqrt();
                 let is_lambert = prefixes.class[i] == LAMBERT;
                 let is_metal_rough = prefixes.class[i] == METAL_ROUGH;
-                // Only these have cells.
+                // Other slots have no cell.
                 let cell = v.guided.cell[i] * u32::from(is_lambert | is_metal_rough);
-                let density = densities.at(guiding::place(cell, get(&v.ns, i), wi));
+                let density = densities.at(guiding::bin_index(cell, get(&v.ns, i), wi));
                 let factor = MetalRoughClass.closure(v, i).guided(wi, density);
                 let factor = if is_metal_rough { factor } else { 1.0 };
                 pairs.density[i] *= if is_lambert { density } else { factor };
@@ -329,19 +330,19 @@ impl Kernel for GuidePairs<'_> {
     }
 }
 
-/// The places of the group of `group` places that a place belongs to.
+/// The slots of the group, of `group` slots, that a slot belongs to.
 #[inline(always)]
-pub fn group_of(place: usize, group: usize) -> Range<usize> {
-    let first = place - place % group;
+pub fn group_of(slot: usize, group: usize) -> Range<usize> {
+    let first = slot - slot % group;
     first..(first + group).min(WAVE)
 }
 
 /// The suffixes of a round and the prefixes of their groups.
 #[derive(Clone, Copy)]
 pub struct Exchange<'a> {
-    /// Places of the suffixes.
+    /// Slots of the suffixes.
     pub owners: &'a [u16],
-    /// Places of a group.
+    /// Number of slots of a group.
     pub group: usize,
     pub prefixes: &'a Prefixes,
     pub suffixes: &'a Suffixes,
@@ -349,26 +350,26 @@ pub struct Exchange<'a> {
 }
 
 impl Exchange<'_> {
-    /// Adds `radiance` of the suffixes to the prefixes, by place: to the owners times `throughput`, to others times `value` (see
-    /// [`Pairs::value`]).
+    /// Adds `radiance` of the suffixes to the prefixes, by slot, with MIS weights: to the owners times `throughput`, to others times
+    /// `value` (see [`Pairs::value`]).
     pub fn receive(
         self,
         radiance: &RgbLanes,
         throughput: &RgbLanes,
         value: &RgbLanes,
-        gained: &mut RgbLanes,
+        received: &mut RgbLanes,
     ) {
-        dispatch(Receive { exchange: self, radiance, throughput, value, gained });
+        dispatch(Receive { exchange: self, radiance, throughput, value, received });
     }
 }
 
-/// Kernel of [`Exchange::receive`]. (The order of summation does not depend on the CPU.)
+/// Kernel of [`Exchange::receive`]. The order of summation does not depend on the CPU.
 struct Receive<'a> {
     exchange: Exchange<'a>,
     radiance: &'a RgbLanes,
     throughput: &'a RgbLanes,
     value: &'a RgbLanes,
-    gained: &'a mut RgbLanes,
+    received: &'a mut RgbLanes,
 }
 
 impl Kernel for Receive<'_> {
@@ -377,12 +378,12 @@ impl Kernel for Receive<'_> {
     #[inline(always)]
     fn run(self) {
         let Exchange { owners, group, prefixes, suffixes: s, pairs } = self.exchange;
-        let gained = self.gained;
+        let received = self.received;
         for &owner in owners {
             let owner = usize::from(owner).min(WAVE - 1);
-            let places = group_of(owner, group);
+            let slots = group_of(owner, group);
             let mut sums = [0.0; 4];
-            let (fours, rest) = pairs.density[places.clone()].as_chunks::<4>();
+            let (fours, rest) = pairs.density[slots.clone()].as_chunks::<4>();
             for four in fours {
                 for k in 0..4 {
                     sums[k] += four[k];
@@ -394,20 +395,20 @@ impl Kernel for Receive<'_> {
             let own = s.own_density(owner, prefixes);
             let sum = own + ((sums[0] + sums[1]) + (sums[2] + sums[3]));
             let radiance = get_rgb(self.radiance, owner);
-            // Densities of points very close to each other overflow.
+            // The pdf overflows for points very close to each other.
             let is_finite = own > 0.0 && sum < f32::INFINITY;
             let share = if is_finite { own / sum } else { 1.0 };
             let value = get_rgb(self.throughput, owner) * radiance * (s.rest[owner] * share);
-            let total = get_rgb(gained, owner) + value;
-            set_rgb(gained, owner, total);
+            let total = get_rgb(received, owner) + value;
+            set_rgb(received, owner, total);
             if is_finite {
                 let is_layered = s.class[owner] == METAL_ROUGH;
                 let scaled = (radiance * (1.0 / sum)).to_array();
                 for c in 0..3 {
-                    for i in places.clone() {
+                    for i in slots.clone() {
                         let rest = if is_layered { pairs.rest[i] } else { 1.0 };
                         let value = self.value[c][i] * (scaled[c] * rest);
-                        gained[c][i] += if pairs.density[i] > 0.0 { value } else { 0.0 };
+                        received[c][i] += if pairs.density[i] > 0.0 { value } else { 0.0 };
                     }
                 }
             }
@@ -416,21 +417,20 @@ impl Kernel for Receive<'_> {
 }
 
 impl Suffixes {
-    /// Density per square metre with which the owner sampled its suffix's start.
+    /// Area pdf, 1/m^2, with which the owner sampled its suffix's start.
     #[inline(always)]
     fn own_density(&self, k: usize, prefixes: &Prefixes) -> f32 {
-        let way = get(&self.p, k) - get(&prefixes.vertices.next_origin, k);
+        let offset = get(&self.p, k) - get(&prefixes.vertices.next_origin, k);
         let cosine = get(&self.wo, k).dot(get(&self.ng, k));
-        self.pdf[k] * cosine / way.dot(way)
+        self.pdf[k] * cosine / offset.dot(offset)
     }
 }
 
-// Light passes and light groups of shared paths. Radiance from a suffix scattered at both vertices, so it is indirect. The first bounce
-// of the prefix decides its light pass; where the prefix ends there, the direction to the suffix does. Radiance of light groups is shared
-// with the same weights as the whole.
+// Light passes and light groups of connected paths. They have at least two bounces, so they are indirect. The first bounce of the prefix
+// selects the light pass; if the prefix ends there, the direction to the suffix does. Radiance of light groups uses the same weights.
 
 impl SharedLayers {
-    /// Stores the shared radiance of suffix `k` by light group, and adds the rest to its owner.
+    /// Stores the shared radiance of suffix `k` by light group, and adds the rest to its owner's layers.
     pub fn finish_suffix(
         &mut self,
         k: usize,
@@ -458,21 +458,21 @@ impl SharedLayers {
         }
     }
 
-    /// Adds radiance of the suffixes of a round to prefixes.
+    /// Adds the layers of a round's suffixes to the prefixes.
     pub fn receive(&mut self, exchange: Exchange<'_>) {
         let Exchange { owners, group, prefixes, suffixes: s, pairs } = exchange;
         if let Some(diffuse) = &mut self.diffuse {
-            let Diffuse { value, throughput, gained } = &mut **diffuse;
+            let Diffuse { value, throughput, received } = &mut **diffuse;
             fill_diffuse(owners, group, prefixes, pairs, value);
-            exchange.receive(&s.radiance, throughput, value, gained);
+            exchange.receive(&s.radiance, throughput, value, received);
         }
         for group_lanes in &mut self.groups {
-            let GroupLanes { radiance, gained } = &mut **group_lanes;
-            exchange.receive(radiance, &s.throughput, &pairs.value, gained);
+            let GroupLanes { radiance, received } = &mut **group_lanes;
+            exchange.receive(radiance, &s.throughput, &pairs.value, received);
         }
     }
 
-    /// Adds radiance of a prefix, `total` in all, to the layers of its sample.
+    /// Adds the radiance received by prefix `k`, `total` in all, to the layers of its sample.
     pub fn deliver(
         &self,
         k: usize,
@@ -483,19 +483,19 @@ impl SharedLayers {
     ) {
         if let Some(diffuse) = &self.diffuse {
             let mut first = prefixes.first_bounces.get(k);
-            let of_diffuse = get_rgb(&diffuse.gained, k).min(total);
+            let of_diffuse = get_rgb(&diffuse.received, k).min(total);
             first.diffuse = Rgb::ONE;
             radiance_buffer.add_to_passes(sample, of_diffuse, PathClass::Indirect(first));
             first.diffuse = Rgb::ZERO;
             radiance_buffer.add_to_passes(sample, total - of_diffuse, PathClass::Indirect(first));
         }
         for (g, group) in self.groups.iter().enumerate() {
-            radiance_buffer.add_to_group(sample, get_rgb(&group.gained, k), g as u16);
+            radiance_buffer.add_to_group(sample, get_rgb(&group.received, k), g as u16);
         }
     }
 }
 
-/// The diffuse part of the contributions of a round.
+/// Computes the diffuse part of the connections' values in a round.
 fn fill_diffuse(owners: &[u16], group: usize, prefixes: &Prefixes, pairs: &Pairs, value: &mut RgbLanes) {
     let v = &prefixes.vertices;
     for &owner in owners {
@@ -514,38 +514,38 @@ fn fill_diffuse(owners: &[u16], group: usize, prefixes: &Prefixes, pairs: &Pairs
 }
 
 impl Reuse {
-    /// Adds the radiance of all prefixes to their samples.
+    /// Adds the radiance received by all prefixes to their samples.
     pub fn deliver(&self, radiance_buffer: &mut RadianceBuffer) {
         for (k, &sample) in self.samples[..WAVE].iter().enumerate() {
-            let (sample, gained) = (u32::from(sample), get_rgb(&self.gained, k));
-            radiance_buffer.add(sample, gained);
-            self.layers.deliver(k, sample, gained, &self.prefixes, radiance_buffer);
+            let (sample, received) = (u32::from(sample), get_rgb(&self.received, k));
+            radiance_buffer.add(sample, received);
+            self.layers.deliver(k, sample, received, &self.prefixes, radiance_buffer);
         }
     }
 }
 
 // Connection of each prefix of a group to each suffix.
 
-/// Minimum group size for testing visibility together: fewer rays are faster one by one.
-const FAN: usize = 16;
+/// Minimum group size for testing the visibility of a point together: fewer shadow rays are faster one by one.
+const MIN_GROUP: usize = 16;
 
-/// Minimum number of rays for that.
+/// Minimum number of shadow rays for testing together.
 const MIN_RAYS: u32 = 5;
 
-/// Key of prefixes for a missing suffix.
+/// Key for a missing suffix, which no prefix has.
 const NO_KEY: u32 = u32::MAX;
 
 impl Integrator<'_> {
-    /// Connects every prefix to the suffixes of its group.
+    /// Connects every prefix to all suffixes of its group.
     pub(in super::super) fn share_paths(&self, tiling: &Tiling, w: &mut Workspace) {
         let Some(mut reuse) = w.reuse.take() else { return };
         self.finish_suffixes(&mut reuse, w);
         let has = |class| reuse.prefixes.class[..WAVE].contains(&class);
         let classes = [LAMBERT, METAL_ROUGH].map(has);
-        reuse.gained.as_flattened_mut().fill(0.0);
+        reuse.received.as_flattened_mut().fill(0.0);
         let mut round = Round { group: tiling.group(), ..Round::default() };
-        for turn in 0..tiling.group() {
-            round.take_turn(turn, &mut reuse);
+        for member in 0..tiling.group() {
+            round.copy_suffixes(member, &mut reuse);
             if round.runs.is_empty() {
                 continue;
             }
@@ -557,16 +557,16 @@ impl Integrator<'_> {
             }
             self.guide_pairs(&round, &mut reuse);
             self.test_visibility(&round, &mut reuse, w);
-            let Reuse { prefixes, suffixes, pairs, gained, layers, .. } = &mut *reuse;
+            let Reuse { prefixes, suffixes, pairs, received, layers, .. } = &mut *reuse;
             let exchange = Exchange { owners: &round.owners, group: round.group, prefixes, suffixes, pairs };
-            exchange.receive(&suffixes.radiance, &suffixes.throughput, &pairs.value, gained);
+            exchange.receive(&suffixes.radiance, &suffixes.throughput, &pairs.value, received);
             layers.receive(exchange);
         }
         reuse.deliver(&mut w.radiance_buffer);
         w.reuse = Some(reuse);
     }
 
-    /// Sums the radiance of each suffix. The part that is not shared goes to its owner.
+    /// Sums the radiance of each suffix, and adds the part that is not shared to its owner.
     fn finish_suffixes(&self, reuse: &mut Reuse, w: &mut Workspace) {
         if self.options.keeps_plain {
             w.radiance_buffer.keep_plain();
@@ -597,7 +597,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// Replaces the densities by guided ones.
+    /// Applies path guiding to the pdfs.
     fn guide_pairs(&self, round: &Round, reuse: &mut Reuse) {
         if let Some(guide) = self.options.guide {
             let Reuse { prefixes, pairs, .. } = reuse;
@@ -606,10 +606,10 @@ impl Integrator<'_> {
         }
     }
 
-    /// Sets the density of prefixes to 0 where the suffix is occluded.
+    /// Sets the pdf of occluded connections to 0.
     ///
-    /// Surfaces that rays pass at random, or bend rays, count as opaque: the balance heuristic needs the visibility itself, not an estimate.
-    /// Light through them stays with its owner: in scenes with such surfaces the owner is tested like the others.
+    /// Surfaces with stochastic transparency or refraction count as opaque: the balance heuristic needs the exact visibility, not an
+    /// estimate. Suffixes sampled through them are not shared: in scenes with such surfaces, the owner's connection is tested too.
     fn test_visibility(&self, round: &Round, reuse: &mut Reuse, w: &mut Workspace) {
         let tests_owner = self.scene.features.alpha;
         for &owner in &round.owners {
@@ -620,15 +620,15 @@ impl Integrator<'_> {
         w.shadow_vertices.clear();
         for &owner in &round.owners {
             let owner = usize::from(owner);
-            let places = group_of(owner, round.group);
-            let mut asked = positive(&reuse.pairs.density[places.clone()]);
-            if round.group >= FAN && reuse.fans.are_worth_it() {
-                asked = self.test_fan(owner, round.group, asked, reuse, w);
+            let slots = group_of(owner, round.group);
+            let mut tested = positive(&reuse.pairs.density[slots.clone()]);
+            if round.group >= MIN_GROUP && reuse.visibility_stats.justify_reuse() {
+                tested = self.test_point_visibility(owner, round.group, tested, reuse, w);
             }
             let Reuse { prefixes, suffixes, .. } = &*reuse;
             let target = get(&suffixes.target, owner);
-            for k in SetBits(asked) {
-                let i = places.start + k;
+            for k in SetBits(tested) {
+                let i = slots.start + k;
                 let origin = get(&prefixes.vertices.next_origin, i);
                 let origin_primitive = prefixes.vertices.origin_primitives[i];
                 w.shadow_rays.push(Ray { origin_primitive, ..Ray::segment(origin, target - origin) });
@@ -655,33 +655,41 @@ impl Integrator<'_> {
         }
     }
 
-    /// Tests the prefixes of a group against a suffix together. Returns those that must be tested one by one.
-    fn test_fan(&self, owner: usize, group: usize, asked: u64, reuse: &mut Reuse, w: &mut Workspace) -> u64 {
-        if asked.count_ones() < MIN_RAYS {
-            return asked;
+    /// Tests the connections of a group's prefixes to a suffix together; `tested` is a bit set. Returns those that must be tested one by
+    /// one.
+    fn test_point_visibility(
+        &self,
+        owner: usize,
+        group: usize,
+        tested: u64,
+        reuse: &mut Reuse,
+        w: &mut Workspace,
+    ) -> u64 {
+        if tested.count_ones() < MIN_RAYS {
+            return tested;
         }
-        let Reuse { prefixes, suffixes, pairs, fans, .. } = reuse;
-        let places = group_of(owner, group);
+        let Reuse { prefixes, suffixes, pairs, visibility_stats, .. } = reuse;
+        let slots = group_of(owner, group);
         let vertices = &prefixes.vertices;
-        let fan = PointVisibilityQuery {
+        let query = PointVisibilityQuery {
             target: get(&suffixes.target, owner),
-            origins: vertices.next_origin.each_ref().map(|lanes| &lanes[places.clone()]),
-            origin_primitives: &vertices.origin_primitives[places.clone()],
-            rays: asked,
+            origins: vertices.next_origin.each_ref().map(|lanes| &lanes[slots.clone()]),
+            origin_primitives: &vertices.origin_primitives[slots.clone()],
+            rays: tested,
         };
         let accel = &self.scene.accel;
-        let PointVisibility { occluded_rays: stopped, unknown } = accel.point_visibility(&fan, |_| false);
-        fans.count(2 * unknown.count_ones() > asked.count_ones());
-        for k in SetBits(stopped) {
-            pairs.density[places.start + k] = 0.0;
+        let PointVisibility { occluded_rays, unknown } = accel.point_visibility(&query, |_| false);
+        visibility_stats.count(2 * unknown.count_ones() > tested.count_ones());
+        for k in SetBits(occluded_rays) {
+            pairs.density[slots.start + k] = 0.0;
         }
-        let known = u64::from((asked & !unknown).count_ones());
+        let known = u64::from((tested & !unknown).count_ones());
         w.ray_counts.all += known;
-        w.ray_counts.in_fans += known;
+        w.ray_counts.point_visibility += known;
         unknown
     }
 
-    /// Transmittances of the layers of glTF materials at the suffixes towards the prefixes; too small ones count as occluded.
+    /// Computes layer transmittances at the suffixes towards the prefixes; connections below [`MIN_REST`] count as occluded.
     fn test_layers(&self, round: &Round, reuse: &mut Reuse) {
         let Reuse { prefixes, suffixes, pairs, .. } = reuse;
         for &owner in &round.owners {
@@ -695,9 +703,9 @@ impl Integrator<'_> {
                     continue;
                 }
                 let wo = (get(&prefixes.vertices.next_origin, i) - p).normalize();
-                pairs.rest[i] = layer_rest(&suffixes.material, owner, ns, wo, self.scene.shading);
+                pairs.rest[i] = layer_transmittance(&suffixes.material, owner, ns, wo, self.scene.shading);
                 let (_, is_bent) = bent_normal(ns, ng, wo);
-                // As for the owner.
+                // The same conditions as in `shared_part`.
                 if is_bent || pairs.rest[i] < MIN_REST {
                     pairs.density[i] = 0.0;
                 }
@@ -706,42 +714,42 @@ impl Integrator<'_> {
     }
 }
 
-/// One bit for each positive number.
+/// The bit set of positive numbers.
 fn positive(densities: &[f32]) -> u64 {
     densities.iter().enumerate().fold(0, |set, (k, density)| set | u64::from(*density > 0.0) << k)
 }
 
-/// The suffixes of a round: one of each group.
+/// A round of connections: one suffix of each group.
 #[derive(Default)]
 struct Round {
-    /// Places of a group.
+    /// Number of slots of a group.
     group: usize,
-    /// Index within each group.
-    turn: usize,
-    /// Runs of places with a suffix.
+    /// Index of the suffix within each group.
+    member: usize,
+    /// Runs of slots with a suffix.
     runs: Vec<u16>,
-    /// Places of the suffixes.
+    /// Slots of the suffixes.
     owners: Vec<u16>,
 }
 
 impl Round {
-    /// Copies the suffixes of a round to the places of their groups.
-    fn take_turn(&mut self, turn: usize, reuse: &mut Reuse) {
+    /// Copies the suffix with index `member` of each group to all slots of its group.
+    fn copy_suffixes(&mut self, member: usize, reuse: &mut Reuse) {
         let Reuse { prefixes, suffixes: s, pairs, .. } = reuse;
-        self.turn = turn;
+        self.member = member;
         self.owners.clear();
         self.runs.clear();
         for first in (0..WAVE).step_by(self.group) {
-            let owner = first + turn;
-            let places = first..first + self.group;
+            let owner = first + member;
+            let slots = first..first + self.group;
             if s.class[owner] == NONE {
-                pairs.keys[places].fill(NO_KEY);
+                pairs.keys[slots].fill(NO_KEY);
                 continue;
             }
-            pairs.keys[places.clone()].fill(prefixes.keys[owner]);
+            pairs.keys[slots.clone()].fill(prefixes.keys[owner]);
             for c in 0..3 {
-                pairs.y[c][places.clone()].fill(s.p[c][owner]);
-                pairs.ng[c][places.clone()].fill(s.ng[c][owner]);
+                pairs.y[c][slots.clone()].fill(s.p[c][owner]);
+                pairs.ng[c][slots.clone()].fill(s.ng[c][owner]);
             }
             self.owners.push(owner as u16);
             for run in first / RUN..(first + self.group).div_ceil(RUN) {
@@ -753,12 +761,12 @@ impl Round {
     }
 }
 
-/// Computes the pairs of a round, with a loop for each class of prefixes.
+/// Computes the connections of a round, with a loop per class of prefixes.
 fn connect<T: Horizon>(horizon: T, [lambert, metal_rough]: [bool; 2], runs: &[u16], reuse: &mut Reuse) {
     let Reuse { prefixes, pairs, .. } = reuse;
     for &run in runs {
-        let places = usize::from(run) * RUN..(usize::from(run) + 1) * RUN;
-        pairs.density[places].fill(0.0);
+        let slots = usize::from(run) * RUN..(usize::from(run) + 1) * RUN;
+        pairs.density[slots].fill(0.0);
     }
     if lambert {
         let (class, class_id) = (LambertClass, LAMBERT);

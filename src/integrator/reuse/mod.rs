@@ -1,35 +1,32 @@
-//! Neighbouring pixels share the paths that they find (Bekaert, Sbert, Halton 2002, "Accelerating Path Tracing by Re-Using
-//! Paths").
+//! Path reuse between neighbouring pixels (Bekaert, Sbert, Halton 2002, "Accelerating Path Tracing by Re-Using Paths").
 //!
-//! Samples of the same index in a group of pixels (see [`Tiling`]) trace their paths as ever. Each path that scatters at a
-//! diffuse or rough surface, at x, and then hits another such surface, at y, is cut between them: its prefix ends at x,
-//! its suffix starts at y. When all paths of the group have ended, each prefix is connected to each suffix. With `T` the
-//! throughput of a prefix, `p` the density per solid angle of its sampling, `G` the cosine at y over the squared distance, and
-//! `L` the radiance that leaves y, found by its suffix, pixel k gets from all suffixes j
+//! The paths of samples of the same index in a group of pixels (see [`Tiling`]) are traced independently. A path that scatters at a
+//! diffuse or rough surface, at x, and then hits another, at y, is cut between them: the prefix ends at x, the suffix starts at y. When
+//! all paths of the group have ended, each prefix is connected to each suffix. With `T` the throughput of a prefix, `p` its solid-angle
+//! pdf, `G` the cosine at y over the squared distance, `V` the visibility, and `L` the radiance of the suffix from y, the estimate of
+//! pixel k from all suffixes j is
 //!
 //! ```text
 //! sum_j  T_k f(x_k, y_j) cos G(x_k, y_j) V(x_k, y_j) L_j / sum_m p_m(y_j) G(x_m, y_j) V(x_m, y_j)
 //! ```
 //!
-//! which is the balance heuristic between the ways in which the group might have found y. The visibilities `V` in the
-//! denominator are needed for that. The expected value is that of path tracing, but for filtered textures at y, which
-//! have the width that the finder of y covers. Where y is Lambertian, no contribution is larger than the one that the
-//! prefix would have got had it found y by itself.
+//! which is the balance heuristic over the prefixes of the group that could have sampled y; hence the visibilities in the denominator.
+//! The expected value is that of path tracing, except that filtered textures at y keep the footprint of the owner (the path that
+//! sampled y). If y is Lambertian, no contribution is larger than if the prefix had sampled y itself.
 //!
-//! The radiance that y scatters into a direction must be known for every prefix. A Lambertian surface scatters the same everywhere. Of glTF
-//! materials the diffuse part is shared, scaled for each viewer by what the layer above leaves of it, and the glossy part
-//! goes to the owner of the suffix. Other surfaces, and what glass or mirrors show, stay with the owner.
+//! The radiance from y must be known in the direction of every prefix. Lambertian surfaces scatter uniformly. For glTF materials, the
+//! radiance of the diffuse base is shared, times the transmittance of the layer above in each direction, and the glossy part is added to
+//! the owner only. Other surfaces, and light via glass or mirrors, are not shared.
 //!
-//! Whether a prefix takes part at some y may depend on y and on the direction of the prefix from there, and on nothing
-//! else; it must be asked for the owner and for all others alike, and prefixes that don't take part have no density.
+//! Whether a prefix connects to y may depend only on y and on the prefix's direction from y; the condition must be the same for the owner
+//! and for all others, and prefixes that don't connect have pdf 0.
 //!
-//! So surfaces that rays pass at random (alpha, sheets, panes, boundaries of media) end connections, and a suffix that its owner found
-//! through one is its own. Where the component of a mix was selected at y, its weight belongs to the suffix. No prefix ends at a
-//! vertex that samples directions with lobes towards refracted lights. Surfaces whose parameters depend on the viewer or on the path
-//! that arrives are not shared.
+//! So surfaces with stochastic transparency (alpha, sheets, panes, boundaries of media) occlude connections, and a suffix sampled through
+//! one is not shared. The weight of a mix component selected at y belongs to the suffix. No prefix ends at a vertex with lobes towards
+//! refracted lights. Surfaces whose parameters depend on the viewer or on the arriving path are not shared.
 //!
-//! Where a prefix ends depends on the random numbers before its last scattering only, and each scattering has a set of
-//! dimensions of its own, scrambled independently. So suffixes are independent of whether others take part.
+//! Where a prefix ends depends only on random numbers before its last scattering, and each bounce uses its own, independently scrambled
+//! dimensions. So suffixes are independent of which prefixes connect.
 
 mod connect;
 
@@ -48,15 +45,14 @@ use bytemuck::Zeroable;
 use std::fmt;
 use std::str::FromStr;
 
-/// Samples between two changes of the groups.
+/// Number of samples per pixel between changes of the groups.
 pub const INTERVAL: u32 = 8;
 
-/// The shape of groups of pixels that share their paths.
+/// The shape of the groups of pixels that reuse each other's paths.
 ///
-/// A group has `width` by `height` pixels, one of each cell of `spacing` by `spacing` pixels, so that `spacing * spacing`
-/// groups lie within each other. With a spacing of 1, a group is a solid block. With a larger one, the pixels of each cell
-/// belong to different groups: error that is correlated within a group covers a larger area, and differences between groups are
-/// noise of high frequency, which the eye and denoisers remove easily.
+/// A group has `width` by `height` pixels, one per cell of `spacing` by `spacing` pixels, so that `spacing * spacing` groups are
+/// interleaved. With a spacing of 1, a group is a solid block. With a larger spacing, error correlated within a group is spread over a
+/// larger area, and differences between groups are high-frequency noise, which the eye and denoisers remove easily.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GroupShape {
     width: u32,
@@ -65,13 +61,13 @@ pub struct GroupShape {
 }
 
 impl GroupShape {
-    /// Largest extent of a group, in pixels.
+    /// Maximum extent of a group, pixels.
     const MAX_EDGE: u32 = 32;
     /// Maximum number of pixels of a group.
     pub(super) const MAX_PIXELS: u32 = 64;
 
-    /// Groups of `width` by `height` pixels; `None` unless these and `spacing` are powers of two, a group has from 2 to
-    /// 64 pixels, and `spacing` times its edges is at most 32.
+    /// Groups of `width` by `height` pixels; `None` unless these and `spacing` are powers of two, a group has 2 to 64 pixels, and
+    /// `spacing` times each edge is at most 32.
     pub fn new(width: u32, height: u32, spacing: u32) -> Option<GroupShape> {
         let is_shape = [width, height, spacing].iter().all(|v| v.is_power_of_two());
         let edge = width.max(height).checked_mul(spacing)?;
@@ -82,19 +78,19 @@ impl GroupShape {
         is_possible.then_some(GroupShape { width, height, spacing })
     }
 
-    /// Pixels of a group.
+    /// Number of pixels of a group.
     pub fn pixels(self) -> u32 {
         self.width * self.height
     }
 
-    /// Edge of the squares of pixels whose samples are traced together: a multiple of the groups.
+    /// Edge, in pixels, of the square regions that groups tile and whose samples are traced in the same wave.
     fn region(self) -> u32 {
         (self.width.max(self.height) * self.spacing).max(16)
     }
 }
 
 impl fmt::Display for GroupShape {
-    /// `4x4/2`: four by four pixels, one of each cell of two by two.
+    /// `4x4/2`: four by four pixels, one per cell of two by two.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}x{}/{}", self.width, self.height, self.spacing)
     }
@@ -103,7 +99,7 @@ impl fmt::Display for GroupShape {
 impl FromStr for GroupShape {
     type Err = Error;
 
-    /// Reads what `Display` writes; a spacing that is left out is the largest up to 4 that is possible.
+    /// Parses the format of `Display`; without a spacing, the largest possible up to 4.
     ///
     /// # Errors
     /// A usage error.
@@ -126,19 +122,18 @@ impl FromStr for GroupShape {
     }
 }
 
-/// The groups of some samples: a grid of square regions, each divided alike. The grid is shifted and the groups change from
-/// pass to pass, so that no two pixels are always in different groups.
+/// The groups of pixels for [`INTERVAL`] samples: a grid of square regions with the same division into groups. The grid's shift and the
+/// groups change with each interval, so that no two pixels are always in different groups.
 #[derive(Clone, Debug)]
 pub struct Tiling {
-    /// Edge of a region in pixels.
+    /// Edge of a region, pixels.
     region: u32,
-    /// Shift of the regions to the left and up, in pixels, less than the edge.
+    /// Shift of the regions to the left and up, pixels, less than the edge.
     shift: (u32, u32),
-    /// Pixels of a group.
+    /// Number of pixels of a group.
     group: usize,
-    /// By pixel of a region, row by row: the place of its samples among those of the region with the same index. The
-    /// members of a group follow each other.
-    places: Vec<u16>,
+    /// By pixel of a region, row-major: slot of its sample. Slots of a group are consecutive.
+    slots: Vec<u16>,
 }
 
 impl Tiling {
@@ -146,50 +141,50 @@ impl Tiling {
     pub fn new(shape: GroupShape, first_sample: u32) -> Tiling {
         let pass = first_sample / INTERVAL;
         let region = shape.region();
-        let places = (0..region * region).map(|i| place(shape, pass, i % region, i / region)).collect();
-        Tiling { region, shift: shift(pass, region), group: shape.pixels() as usize, places }
+        let slots = (0..region * region).map(|i| slot(shape, pass, i % region, i / region)).collect();
+        Tiling { region, shift: shift(pass, region), group: shape.pixels() as usize, slots }
     }
 
-    /// Edge of a region in pixels. Blocks begin and end where regions do, or the picture does.
+    /// Edge of a region, pixels. Blocks are bounded by regions or the picture.
     pub fn region(&self) -> u32 {
         self.region
     }
 
-    /// Shift of the regions to the left and up, in pixels.
+    /// Shift of the regions to the left and up, pixels.
     pub fn shift(&self) -> (u32, u32) {
         self.shift
     }
 
-    /// Pixels of a group.
+    /// Number of pixels of a group.
     pub fn group(&self) -> usize {
         self.group
     }
 
-    /// The places of all samples of a block that is one wave. Members of a group have places that follow each other, from
-    /// a multiple of their number on; places of pixels beyond the block stay empty.
-    pub(super) fn number(&self, block: &Block, count: usize, places: &mut [u16; LENGTH]) {
+    /// Assigns slots to all samples of a block, which is one wave. Slots of a group are consecutive and start at a multiple of the group
+    /// size; slots of pixels outside the block stay unused.
+    pub(super) fn assign_slots(&self, block: &Block, count: usize, slots: &mut [u16; LENGTH]) {
         let (edge, (left, top)) = (self.region, self.shift);
         let column_of = |x: u32| (x + left) / edge;
         let (first_column, first_row) = (column_of(block.x0), (block.y0 + top) / edge);
         let columns = column_of(block.x0 + block.width - 1) - first_column + 1;
         let mut at = SampleCursor::new(block, 0);
-        for place in &mut places[..count.min(WAVE)] {
+        for slot in &mut slots[..count.min(WAVE)] {
             let (x, y) = (at.x + left, at.y + top);
             let region = (y / edge - first_row) * columns + x / edge - first_column;
-            let pixel = self.places[(y % edge * edge + x % edge) as usize];
+            let pixel = self.slots[(y % edge * edge + x % edge) as usize];
             let first = (region * block.samples + at.sample as u32) * edge * edge;
-            *place = first as u16 + pixel;
+            *slot = first as u16 + pixel;
             at.advance(u64::from(block.samples));
         }
     }
 }
 
-/// The place of a pixel of a region.
-fn place(shape: GroupShape, pass: u32, x: u32, y: u32) -> u16 {
+/// The slot of a pixel (x, y) of a region.
+fn slot(shape: GroupShape, pass: u32, x: u32, y: u32) -> u16 {
     let GroupShape { width, height, spacing } = shape;
     let (column, row) = (x / spacing, y / spacing);
     let columns = shape.region() / spacing;
-    // A permutation by cell assigns its pixels to groups.
+    // A random permutation per cell assigns its pixels to groups.
     let key = hash32(pass.wrapping_mul(0x9e37_79b9) ^ hash32(row * columns + column));
     let (dx, dy) = ((x ^ key) % spacing, (y ^ (key >> 8)) % spacing);
     let (dx, dy) = if (key >> 16) & 1 == 0 { (dx, dy) } else { (dy, dx) };
@@ -199,40 +194,40 @@ fn place(shape: GroupShape, pass: u32, x: u32, y: u32) -> u16 {
     (group * shape.pixels() + member) as u16
 }
 
-/// Shift of the regions in a pass, by a low-discrepancy sequence.
+/// Shift of the regions, by a low-discrepancy sequence.
 fn shift(pass: u32, region: u32) -> (u32, u32) {
     let [x, y] = r2_sequence(pass).map(|fraction| fraction >> (32 - region.trailing_zeros()));
     (x, y)
 }
 
-/// No vertex.
+/// Unused slot.
 pub const NONE: u32 = 0;
 /// A Lambertian vertex.
 pub const LAMBERT: u32 = 1;
 /// A vertex of an opaque glTF material.
 pub const METAL_ROUGH: u32 = 2;
 
-/// Ends of prefixes.
+/// End vertices of prefixes, by slot.
 #[derive(Zeroable)]
 pub struct Prefixes {
-    /// The surfaces: the data of closures, and `next_origin`, the origin of rays.
+    /// Closure data, and `next_origin`, the origin of shadow rays.
     pub vertices: Vertices,
-    /// Throughput from the camera up to the surface.
+    /// Throughput from the camera up to the vertex.
     pub throughput: RgbLanes,
-    /// Which class of vertices: [`NONE`], [`LAMBERT`] or [`METAL_ROUGH`].
+    /// Vertex class: [`NONE`], [`LAMBERT`] or [`METAL_ROUGH`].
     pub class: Words,
-    /// Number of earlier bounces of the path.
+    /// Number of bounces before the vertex.
     pub bounce: Words,
-    /// Only prefixes with equal keys share suffixes: see the file `connect.rs`.
+    /// Only prefixes with equal keys share suffixes: see `Integrator::prefix_key`.
     pub keys: Words,
     /// First bounce of the path, diffuse for prefixes that end there. Used with light passes only.
     pub first_bounces: FirstBounces,
 }
 
-/// Starts of suffixes.
+/// Start vertices of suffixes, by slot.
 #[derive(Zeroable)]
 pub struct Suffixes {
-    /// Which class of vertices.
+    /// Vertex class, as in [`Prefixes::class`].
     pub class: Words,
     pub p: Lanes3,
     /// Geometric normal, on the side where the path arrived.
@@ -241,16 +236,17 @@ pub struct Suffixes {
     pub ns: Lanes3,
     /// Direction to the end of the prefix.
     pub wo: Lanes3,
-    /// Where shadow rays to the surface end.
+    /// End point of shadow rays.
     pub target: Lanes3,
-    /// Throughput of the path there, and the density of its direction, per steradian.
+    /// Throughput of the owner's path up to the vertex.
     pub throughput: RgbLanes,
+    /// Pdf of the owner's direction at the end of the prefix, 1/sr.
     pub pdf: Lanes,
     /// Parameters of glTF materials.
     pub material: MetalRoughMaterials,
-    /// Transmittance of the layer above the diffuse part towards the end of the prefix.
+    /// Transmittance of the layer above the diffuse base towards the owner's prefix.
     pub rest: Lanes,
-    /// glTF materials: diffuse fraction of the radiance from the light sample and from the scattered ray, below the layer.
+    /// glTF materials: the diffuse base's fraction, below the layer, of the radiance by the light sample and by the scattered ray.
     pub direct_share: RgbLanes,
     pub scattered_share: RgbLanes,
     /// Radiance towards all prefixes; of glTF materials, below the layer.
@@ -260,8 +256,8 @@ pub struct Suffixes {
 }
 
 impl Suffixes {
-    /// Divides the radiance of a suffix from its light samples and its scattered ray into the part for all prefixes (of glTF materials,
-    /// below the layer), and the rest for its owner.
+    /// Splits the radiance of a suffix, from its light samples and its scattered ray, into the part shared with all prefixes (of glTF
+    /// materials, below the layer) and the rest for the owner.
     #[inline(always)]
     pub fn divide(&self, k: usize, direct: Rgb, scattered: Rgb) -> (Rgb, Rgb) {
         let radiance = direct + scattered;
@@ -274,60 +270,59 @@ impl Suffixes {
     }
 }
 
-/// A round: at each place, a prefix and one suffix of its group.
+/// Connections of a round, by slot: a prefix and one suffix of its group.
 #[derive(Zeroable)]
 pub struct Pairs {
-    /// Position and normal of the suffix's start.
+    /// Position of the suffix's start.
     pub y: Lanes3,
+    /// Geometric normal of the suffix's start.
     pub ng: Lanes3,
-    /// Required key of prefixes (see [`Prefixes::keys`]); no prefix has the value used without a suffix.
+    /// Required key of prefixes (see [`Prefixes::keys`]).
     pub keys: Words,
-    /// Density per square metre with which the prefix samples the suffix's start.
+    /// Area pdf, 1/m^2, with which the prefix samples the suffix's start; 0 without a connection.
     pub density: Lanes,
     /// Transmittance of the suffix's layer towards the prefix.
     pub rest: Lanes,
-    /// Contribution to the prefix of a radiance of 1 from the suffix, without the density of suffixes.
+    /// Prefix throughput times BSDF, cosine and geometry term; not divided by a pdf.
     pub value: RgbLanes,
 }
 
-/// Buffers of a wave for path sharing.
+/// Buffers of a wave for path reuse.
 pub(super) struct Reuse {
-    /// Place of each sample: see `Tiling::number`.
-    pub places: [u16; LENGTH],
-    /// By place: the sample.
+    /// Slot of each sample: see [`Tiling::assign_slots`].
+    pub slots: [u16; LENGTH],
+    /// By slot: the sample.
     pub samples: [u16; LENGTH],
-    /// By place.
     pub prefixes: Box<Prefixes>,
-    /// By place.
     pub suffixes: Box<Suffixes>,
     pub pairs: Box<Pairs>,
-    /// By place: radiance of prefixes from the suffixes of their group.
-    pub gained: Box<RgbLanes>,
-    /// State of light passes and light groups.
+    /// By slot: radiance received by the prefix from the suffixes of its group.
+    pub received: Box<RgbLanes>,
+    /// Light passes and light groups.
     pub layers: SharedLayers,
-    pub fans: Fans,
+    pub visibility_stats: PointVisibilityStats,
 }
 
-/// Success of visibility tests of whole groups in a block.
+/// Statistics of joint visibility tests in a block.
 #[derive(Clone, Copy, Default)]
-pub struct Fans {
-    tried: u32,
-    lost: u32,
+pub struct PointVisibilityStats {
+    tests: u32,
+    failures: u32,
 }
 
-impl Fans {
-    /// Tests before success is judged.
-    const TRIED_AT_LEAST: u32 = 32;
+impl PointVisibilityStats {
+    /// Number of tests before joint tests may be disabled.
+    const MIN_TESTS: u32 = 32;
 
-    /// Counts a test; `is_lost` if some rays had to be traced one by one.
-    pub fn count(&mut self, is_lost: bool) {
-        self.tried += 1;
-        self.lost += u32::from(is_lost);
+    /// Counts a test; `has_failed` if most rays had to be traced one by one.
+    pub fn count(&mut self, has_failed: bool) {
+        self.tests += 1;
+        self.failures += u32::from(has_failed);
     }
 
-    /// Did most tests succeed?
-    pub fn are_worth_it(self) -> bool {
-        self.tried < Self::TRIED_AT_LEAST || 2 * self.lost <= self.tried
+    /// Have at least half of the tests succeeded, or too few been made?
+    pub fn justify_reuse(self) -> bool {
+        self.tests < Self::MIN_TESTS || 2 * self.failures <= self.tests
     }
 }
 
@@ -335,74 +330,77 @@ impl Reuse {
     /// Without vertices.
     pub fn new() -> Reuse {
         Reuse {
-            places: [0; LENGTH],
+            slots: [0; LENGTH],
             samples: [0; LENGTH],
             prefixes: bytemuck::zeroed_box(),
             suffixes: bytemuck::zeroed_box(),
             pairs: bytemuck::zeroed_box(),
-            gained: bytemuck::zeroed_box(),
+            received: bytemuck::zeroed_box(),
             layers: SharedLayers::default(),
-            fans: Fans::default(),
+            visibility_stats: PointVisibilityStats::default(),
         }
     }
 
-    /// The path with this index of radiance doesn't end its prefix at this bounce after all: its direction is sampled with another density than
-    /// the BSDF's.
-    pub fn leave_out(&mut self, bounce: u32, sample: u32) {
-        let k = self.place(sample);
+    /// Discards the prefix of a path (by radiance index) if it ends at this bounce: its direction is not sampled by the BSDF alone.
+    pub fn discard_prefix(&mut self, bounce: u32, sample: u32) {
+        let k = self.slot(sample);
         if self.prefixes.bounce[k] == bounce {
             self.prefixes.class[k] = NONE;
         }
     }
 
-    /// The place of a path by the index of its radiance.
-    pub fn place(&self, sample: u32) -> usize {
-        usize::from(self.places[sample as usize % WAVE])
+    /// The slot of a path by its radiance index.
+    pub fn slot(&self, sample: u32) -> usize {
+        usize::from(self.slots[sample as usize % WAVE])
     }
 }
 
-/// Index of the radiance that arrives at the suffix of a sample from its light samples.
+/// Offset, in the radiance buffer, of the radiance of a sample's suffix by light samples at its first vertex.
 pub const DIRECT: u32 = WAVE as u32;
 
-/// Index of the radiance that arrives there from the scattered ray.
+/// Offset of the radiance of a sample's suffix by the ray scattered at its first vertex.
 pub const SCATTERED: u32 = 2 * WAVE as u32;
 
-// The layer of glTF materials above their diffuse part, whose transmittance depends on the direction.
+// Transmittance of the layer above the diffuse base of glTF materials.
 
-/// Minimum transmittance of a layer for sharing: below, few directions are sampled for the diffuse part, and their radiance would be scaled
-/// up for other prefixes.
+/// Minimum layer transmittance for reuse: at lower ones the diffuse base is rarely sampled, and its radiance would be scaled up for other
+/// prefixes.
 pub const MIN_REST: f32 = 0.1;
 
-/// Transmittance of the layer of material `k` in direction `wo`.
-pub fn layer_rest(m: &MetalRoughMaterials, k: usize, ns: Vec3, wo: Vec3, shading: ShadingModel) -> f32 {
+/// Transmittance of the layer of the material in slot `k` for direction `wo`.
+pub fn layer_transmittance(
+    m: &MetalRoughMaterials,
+    k: usize,
+    ns: Vec3,
+    wo: Vec3,
+    shading: ShadingModel,
+) -> f32 {
     let material = load_material(m, k, shading);
     material.closure(above(Frame::from_normal(ns).to_local(wo))).rest
 }
 
-// Buffers for sharing light passes and light groups: see `connect.rs`.
-
-/// Light passes and light groups of shared paths, by place.
+/// Light passes and light groups of connected paths, by slot.
 #[derive(Default)]
 pub struct SharedLayers {
-    /// For light passes: diffuse parts of pairs, of throughputs of suffixes and of radiance of prefixes; none without passes.
+    /// With light passes only.
     pub diffuse: Option<Box<Diffuse>>,
-    /// For light groups.
+    /// By light group.
     pub groups: Vec<Box<GroupLanes>>,
 }
 
-/// Diffuse parts.
+/// Diffuse parts of [`Pairs::value`], [`Suffixes::throughput`] and [`Reuse::received`].
 #[derive(Zeroable)]
 pub struct Diffuse {
     pub value: RgbLanes,
     pub throughput: RgbLanes,
-    pub gained: RgbLanes,
+    pub received: RgbLanes,
 }
 
-/// Radiance of suffixes from a light group, and of prefixes by it.
+/// Radiance of suffixes from a light group, and radiance received by prefixes.
 #[derive(Zeroable)]
 pub struct GroupLanes {
     pub radiance: RgbLanes,
-    pub gained: RgbLanes,
+    pub received: RgbLanes,
 }
 
 impl SharedLayers {
@@ -427,7 +425,7 @@ mod tests {
     }
 
     #[test]
-    fn shapes_are_read_as_they_are_written() {
+    fn shapes_round_trip_through_text() {
         for text in SHAPES {
             assert_eq!(text.parse::<GroupShape>().unwrap().to_string(), text);
         }
@@ -451,18 +449,18 @@ mod tests {
         }
     }
 
-    /// A group has one pixel of each cell, and its pixels have a range of places of their own.
+    /// A group has one pixel per cell, and its slots are consecutive.
     #[test]
-    fn groups_have_a_pixel_of_each_cell() {
+    fn groups_have_one_pixel_per_cell() {
         for (text, pass) in SHAPES.iter().flat_map(|s| [0, 3].map(|pass| (*s, pass))) {
             let (shape, tiling) = tiling(text, 8 * pass);
-            let all: HashSet<u16> = tiling.places.iter().copied().collect();
+            let all: HashSet<u16> = tiling.slots.iter().copied().collect();
             assert_eq!(all.len() as u32, tiling.region * tiling.region, "{text}");
             let mut groups: HashMap<u32, Vec<(u32, u32)>> = HashMap::new();
-            for (i, &place) in tiling.places.iter().enumerate() {
+            for (i, &slot) in tiling.slots.iter().enumerate() {
                 let (x, y) = (i as u32 % tiling.region, i as u32 / tiling.region);
                 let cell = (x / shape.spacing, y / shape.spacing);
-                groups.entry(u32::from(place) / shape.pixels()).or_default().push(cell);
+                groups.entry(u32::from(slot) / shape.pixels()).or_default().push(cell);
             }
             for cells in groups.values() {
                 let columns: HashSet<u32> = cells.iter().map(|c| c.0).collect();
@@ -480,9 +478,9 @@ mod tests {
         }
     }
 
-    /// Samples of blocks, whole or cut off, have places of their own, and groups hold one sample index of one region.
+    /// Slots of samples are unique, also in clipped blocks, and a group has one sample index and one region.
     #[test]
-    fn samples_of_a_wave_have_places() {
+    fn samples_of_a_wave_have_unique_slots() {
         for (text, samples) in [("4x4/4", 8), ("4x4/4", 3), ("8x8/4", 2), ("2x1/1", 1), ("8x8/4", 1)] {
             let (shape, tiling) = tiling(text, 16);
             let (left, top) = tiling.shift();
@@ -492,16 +490,16 @@ mod tests {
             for (x0, y0, width, height) in blocks {
                 let block = Block { x0, y0, width, height, first_sample: 16, samples };
                 let count = (width * height * samples) as usize;
-                let mut places = [0; LENGTH];
-                tiling.number(&block, count, &mut places);
+                let mut slots = [0; LENGTH];
+                tiling.assign_slots(&block, count, &mut slots);
                 let mut seen = HashSet::new();
                 let mut groups: HashMap<u32, (u32, u32, u32)> = HashMap::new();
-                for (i, &place) in places[..count].iter().enumerate() {
-                    assert!(usize::from(place) < WAVE && seen.insert(place), "{text}: {place}");
+                for (i, &slot) in slots[..count].iter().enumerate() {
+                    assert!(usize::from(slot) < WAVE && seen.insert(slot), "{text}: {slot}");
                     let (pixel, sample) = (i as u32 / samples, i as u32 % samples);
                     let (x, y) = (x0 + pixel % width + left, y0 + pixel / width + top);
                     let key = (x / tiling.region, y / tiling.region, sample);
-                    let group = u32::from(place) / shape.pixels();
+                    let group = u32::from(slot) / shape.pixels();
                     assert_eq!(*groups.entry(group).or_insert(key), key, "{text}");
                 }
             }
