@@ -742,7 +742,8 @@ impl SolidGlassClosure<'_> {
     /// Unshadowed and redirected light refracted along `wi`.
     #[inline(always)]
     fn refracted_light(&self, wi: Vec3) -> [FacetLight; 2] {
-        let Some((normal, density)) = self.glass.surface.refraction((self.wo, self.root), wi, self.eta) else {
+        let Some((normal, density)) = self.glass.surface.refraction((self.wo, self.root), wi, self.eta)
+        else {
             return [FacetLight::NONE; 2];
         };
         let [_, part] = self.split(normal, [None, Some(wi)]);

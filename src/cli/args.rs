@@ -1,9 +1,9 @@
-//! The arguments as clap parses them; nothing is decided here.
+//! Command-line arguments, as parsed by clap.
 
 use super::camera_args::{CameraArgs, ShutterArgs};
 use super::parsers::{
-    AovParser, FRAME_RATE, Frames, PreviewArg, ShowArg, bounce_limits, clamp, frames_per_second, named,
-    number, region, stops, whole,
+    AovParser, FRAME_RATE, Frames, PreviewArg, ShowArg, bounce_limits, clamp, frames_per_second, integer,
+    named, number, region, stops,
 };
 use super::picture_args::{ExrArgs, PictureArgs, Quality, views};
 use super::progress::ProgressArg;
@@ -98,7 +98,7 @@ pub(crate) enum MicrofacetArg {
 pub(crate) enum FresnelArg {
     /// Dielectric Fresnel equations for the index of refraction.
     Exact,
-    /// Schlick's approximation of it, as the glTF specification suggests.
+    /// Schlick's approximation, as the glTF specification suggests.
     Schlick,
 }
 
@@ -116,13 +116,13 @@ pub(crate) enum TreeArg {
 /// A frame of a sequence.
 #[derive(Clone, Debug)]
 pub struct SequenceFrame {
-    /// Its number, which `--animate-seed` adds to the seed.
+    /// Frame number; `--animate-seed` adds it to the seed.
     pub number: u32,
-    /// As messages name it.
+    /// Name in messages.
     pub label: String,
-    /// Denoised with the frames around it.
+    /// Temporally denoised with its neighbours.
     pub is_averaged: bool,
-    /// Not written: a neighbour of one that is.
+    /// Rendered only as a neighbour for temporal denoising, and not written.
     pub is_neighbour: bool,
 }
 
@@ -131,13 +131,13 @@ pub(crate) struct RenderArgs {
     /// Scenes to render: .gltf, .glb, .vrm, .obj, .ply, .spz, .stl, .3mf, .zip, .toml or .blend.
     #[arg(required = true, value_name = "SCENE")]
     pub scenes: Vec<PathBuf>,
-    /// The one of `scenes` that is being rendered.
+    /// The current one of `scenes`.
     #[arg(skip)]
     pub scene: PathBuf,
-    /// Without -o: marks the picture as this command's own (see `pictures`).
+    /// Without -o: the mark of pictures written by this command (see `pictures`).
     #[arg(skip)]
     pub mark: Option<String>,
-    /// The frame of a sequence that is being rendered.
+    /// The current frame of a sequence.
     #[arg(skip)]
     pub frame: Option<SequenceFrame>,
     /// Output file: .exr, .png, .jpg, .tif, .webp, .hdr or .part; may be given several times [default: SCENE.png].
@@ -157,9 +157,9 @@ pub(crate) struct RenderArgs {
     /// Image size in pixels, such as 1920x1080; short for --width and --height.
     #[arg(long, visible_alias = "resolution", value_name = "WxH", conflicts_with_all = ["width", "height"], value_parser = size)]
     pub size: Option<(u32, u32)>,
-    #[arg(long, help = setting_help("width"), value_name = "W", value_parser = whole::<u32>(1, 65536), allow_negative_numbers = true)]
+    #[arg(long, help = setting_help("width"), value_name = "W", value_parser = integer::<u32>(1, 65536), allow_negative_numbers = true)]
     pub width: Option<u32>,
-    #[arg(long, help = setting_help("height"), value_name = "H", value_parser = whole::<u32>(1, 65536), allow_negative_numbers = true)]
+    #[arg(long, help = setting_help("height"), value_name = "H", value_parser = integer::<u32>(1, 65536), allow_negative_numbers = true)]
     pub height: Option<u32>,
     /// Render an animation: a frame range such as 1-10, or 1-10x2 with a step.
     ///
@@ -172,7 +172,7 @@ pub(crate) struct RenderArgs {
     /// Render a turntable of N frames, as numbered files or as one animation.
     ///
     /// The camera orbits the model once.
-    #[arg(long, value_name = "N", value_parser = whole::<u32>(2, 100_000), conflicts_with = "frames", allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", value_parser = integer::<u32>(2, 100_000), conflicts_with = "frames", allow_negative_numbers = true)]
     pub orbit: Option<u32>,
     #[command(flatten)]
     pub shutter: ShutterArgs,
@@ -208,7 +208,7 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "Q", value_enum, conflicts_with_all = ["spp", "noise", "plan", "sample_range"])]
     pub quality: Option<Quality>,
     /// Samples per pixel [default: by the quality; 128 with a time limit and for parts of images].
-    #[arg(long, alias = "samples", value_name = "N", value_parser = whole::<u32>(1, u32::MAX), allow_negative_numbers = true)]
+    #[arg(long, alias = "samples", value_name = "N", value_parser = integer::<u32>(1, u32::MAX), allow_negative_numbers = true)]
     pub spp: Option<u32>,
     #[arg(long, help = setting_help("max_depth"), value_name = "N", allow_negative_numbers = true)]
     pub depth: Option<u32>,
@@ -218,12 +218,12 @@ pub(crate) struct RenderArgs {
     pub clamp: Option<Clamp>,
     #[arg(long, help = setting_help("filter_glossy"), value_name = "F", allow_negative_numbers = true, value_parser = strength)]
     pub filter_glossy: Option<f32>,
-    /// Lift the limits of bounces, the clamps and the glossy filter that a scene asks for, as files of Blender do, and render the caustics that it leaves out.
+    /// Ignore the scene's bounce limits, clamps, glossy filter and skipped caustics, which Blender files usually have.
     #[arg(long, conflicts_with_all = ["bounces", "clamp", "filter_glossy"])]
     pub unbiased: bool,
-    #[arg(long, help = setting_help("seed"), value_name = "N", value_parser = whole::<u32>(0, u32::MAX), allow_negative_numbers = true)]
+    #[arg(long, help = setting_help("seed"), value_name = "N", value_parser = integer::<u32>(0, u32::MAX), allow_negative_numbers = true)]
     pub seed: Option<u32>,
-    /// Each frame of a sequence has a seed of its own, the seed plus its number: noise that `oscura denoise` averages over frames.
+    /// Vary the noise of a sequence: add the frame number to the seed, so that `oscura denoise` can average over frames.
     #[arg(long)]
     pub animate_seed: bool,
     #[arg(long, help = setting_help("aovs"), value_name = "LIST", value_delimiter = ',', value_parser = AovParser)]
@@ -232,7 +232,7 @@ pub(crate) struct RenderArgs {
     pub aov_space: AovSpace,
     #[arg(long, help = setting_help("light_groups"))]
     pub light_groups: bool,
-    #[arg(long, help = setting_help("matte_levels"), value_name = "N", default_value_t = CRYPTO_LEVELS, value_parser = whole::<u32>(1, 64), allow_negative_numbers = true)]
+    #[arg(long, help = setting_help("matte_levels"), value_name = "N", default_value_t = CRYPTO_LEVELS, value_parser = integer::<u32>(1, 64), allow_negative_numbers = true)]
     pub crypto_levels: u32,
     /// Transparent background: the camera does not see the environment, which still lights the scene.
     #[arg(long, conflicts_with = "background")]
@@ -243,7 +243,7 @@ pub(crate) struct RenderArgs {
     #[command(flatten)]
     pub picture: PictureArgs,
     /// Number of threads [default: one per core]. The image does not depend on it.
-    #[arg(long, value_name = "N", value_parser = whole::<u16>(1, 1024), allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", value_parser = integer::<u16>(1, 1024), allow_negative_numbers = true)]
     pub threads: Option<u16>,
     #[command(flatten)]
     pub long: LongArgs,
@@ -311,8 +311,8 @@ pub(crate) struct RenderArgs {
 }
 
 impl RenderArgs {
-    /// Replaces `--size` by width and height.
-    pub fn settle_size(&mut self) {
+    /// Replaces `--size` by `--width` and `--height`.
+    pub fn resolve_size(&mut self) {
         if let Some((width, height)) = self.size.take() {
             (self.width, self.height) = (Some(width), Some(height));
         }
@@ -395,7 +395,7 @@ fn strength(text: &str) -> Result<f32, String> {
     number(text, fits, "a finite number, 0 or more").map(|v| v as f32)
 }
 
-/// The file of `--env`; an empty path stands for no environment.
+/// The file of `--env`; an empty path for 'none'.
 fn environment(text: OsString) -> PathBuf {
     if text == "none" { PathBuf::new() } else { text.into() }
 }
@@ -411,8 +411,7 @@ fn degrees(text: &str) -> Result<f64, String> {
     number(text, f64::is_finite, "a finite number of degrees")
 }
 
-// Arguments about renders that take long: when they stop, how they survive, how they are divided.
-
+/// Options of long renders: stopping conditions, checkpoints, partial renders, memory.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct LongArgs {
     /// Noise threshold: stop when the estimated relative error of the image is below P percent.
@@ -421,10 +420,10 @@ pub(crate) struct LongArgs {
     #[arg(long, value_name = "P", value_parser = percent, allow_negative_numbers = true)]
     pub noise: Option<f32>,
     /// Minimum samples per pixel with --noise.
-    #[arg(long, value_name = "N", value_parser = whole::<u32>(1, u32::MAX), allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", value_parser = integer::<u32>(1, u32::MAX), allow_negative_numbers = true)]
     pub min_spp: Option<u32>,
     /// Maximum samples per pixel with --noise (same as --spp).
-    #[arg(long, value_name = "N", value_parser = whole::<u32>(1, u32::MAX), allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", value_parser = integer::<u32>(1, u32::MAX), allow_negative_numbers = true)]
     pub max_spp: Option<u32>,
     #[arg(long, help = setting_help("time_limit"), value_name = "S", value_parser = seconds)]
     pub time_limit: Option<Duration>,
@@ -442,7 +441,7 @@ pub(crate) struct LongArgs {
     /// With the same or a higher number of samples. An interrupted frame of an animation is not written.
     #[arg(long)]
     pub resume: bool,
-    #[arg(long, help = setting_help("planned"), value_name = "N", value_parser = whole::<u32>(1, u32::MAX), allow_negative_numbers = true)]
+    #[arg(long, help = setting_help("planned"), value_name = "N", value_parser = integer::<u32>(1, u32::MAX), allow_negative_numbers = true)]
     pub plan: Option<u32>,
     #[arg(long, help = setting_help("sample_range"), value_name = "A..B", value_parser = range)]
     pub sample_range: Option<(u32, u32)>,
@@ -457,15 +456,15 @@ pub(crate) struct LongArgs {
     /// Memory limit, such as 8G or 500M: larger images and scenes are refused [default: the machine's memory].
     #[arg(long, value_name = "SIZE", value_parser = bytes)]
     pub memory_limit: Option<u64>,
-    /// Memory of textures, such as 4G or 500M; larger ones are compressed, and put into a temporary file. The image does not
-    /// depend on it [default: 1 KiB a pixel, from 192M to a quarter of the machine's memory].
+    /// Texture memory, such as 4G or 500M; textures beyond it are compressed, in memory or in a temporary file. The image does not
+    /// depend on it [default: 1 KiB per pixel, from 192M to a quarter of the machine's memory].
     #[arg(long, value_name = "SIZE", value_parser = bytes)]
     pub texture_memory: Option<u64>,
 }
 
 fn percent(text: &str) -> Result<f32, String> {
     let valid = |v: &f32| *v > 0.0 && *v <= 1000.0;
-    text.parse().ok().filter(valid).ok_or_else(|| "must be a number of percent above 0".to_string())
+    text.parse().ok().filter(valid).ok_or_else(|| "must be a percentage above 0, at most 1000".to_string())
 }
 
 fn seconds(text: &str) -> Result<Duration, String> {
@@ -500,8 +499,6 @@ pub(super) fn bytes(text: &str) -> Result<u64, String> {
     Ok(value as u64)
 }
 
-// Arguments about guiding.
-
 #[derive(Args, Clone, Debug)]
 pub(crate) struct GuidingArgs {
     #[arg(long, help = setting_help("guiding"), value_name = "G", default_value = "auto")]
@@ -513,7 +510,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn values() {
+    fn values_are_parsed() {
         assert_eq!((size("1920x1080"), size("8 X 9")), (Ok((1920, 1080)), Ok((8, 9))));
         assert!(["", "x", "8", "0x8", "8x65537", "8x8x8", "-1x8"].iter().all(|text| size(text).is_err()));
         assert_eq!((range("0..64"), range("8..9")), (Ok((0, 64)), Ok((8, 9))));

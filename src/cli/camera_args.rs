@@ -1,6 +1,6 @@
-//! Arguments about where the camera stands and how it sees, in place of what the scene says.
+//! Options that override the placement, projection, lens and shutter of the scene's camera.
 
-use super::parsers::{named, number, whole};
+use super::parsers::{integer, named, number};
 use clap::Args;
 use clap::builder::TypedValueParser;
 use oscura::error::{Error, Result};
@@ -8,7 +8,7 @@ use oscura::load::{LONGEST_SHUTTER, Loaded, ShutterOptions, ShutterPosition};
 use oscura::math::DVec3;
 use oscura::scene::{Aperture, Camera, Projection, ThinLens};
 
-/// Default focus distance of a lens with an aperture alone: the target, or this, metres.
+/// Default focus distance without `--target`, metres.
 const DEFAULT_FOCUS: f64 = 10.0;
 
 #[derive(Args, Clone, Debug, Default)]
@@ -25,29 +25,28 @@ pub(crate) struct CameraArgs {
     /// Focus distance, metres.
     #[arg(long, value_name = "M", value_parser = positive, allow_negative_numbers = true)]
     pub focus: Option<f64>,
-    /// Aperture of the thin lens: angle that its radius subtends from a point in focus, degrees; 0 is a pinhole camera.
+    /// Aperture of the thin lens: angle of its diameter seen from a point in focus, degrees; 0 is a pinhole camera.
     #[arg(long, value_name = "DEG", value_parser = defocus, allow_negative_numbers = true)]
     pub defocus: Option<f64>,
 }
 
 impl CameraArgs {
-    /// Changes one of a scene's cameras, also to a vertical field of view, in degrees. `middle` gives what a camera is aimed at
-    /// that only has a place.
+    /// Changes one of a scene's cameras. `fov`: vertical field of view, degrees; `center`: the default target.
     ///
     /// # Errors
-    /// A usage error for a camera that can't be aimed, or that is not of the kind that an argument is about.
+    /// A usage error if eye and target coincide, or if an option doesn't fit the camera's projection.
     pub fn apply(
         &self,
         loaded: &mut Loaded,
         number: usize,
         fov: Option<f64>,
-        middle: impl Fn(&Loaded) -> DVec3,
+        center: impl Fn(&Loaded) -> DVec3,
     ) -> Result<()> {
-        let target = self.eye.map(|_| self.target.unwrap_or_else(|| middle(loaded)));
+        let target = self.eye.map(|_| self.target.unwrap_or_else(|| center(loaded)));
         let Some(camera) = loaded.scene.cameras.get_mut(number) else { return Ok(()) };
         if let Some((eye, target)) = self.eye.zip(target) {
             if eye == target {
-                return Err(self.no_direction());
+                return Err(self.coincident_error());
             }
             camera.world_from_camera = Camera::look_at(eye, target, 30.0).world_from_camera;
             camera.motion = None;
@@ -58,53 +57,53 @@ impl CameraArgs {
             (Projection::Orthographic { half_height }, None, Some(height)) => *half_height = 0.5 * height,
             (Projection::Panorama(_), ..) => {
                 let message =
-                    format!("--fov and --view-height have no meaning for '{}', a panorama", camera.name);
+                    format!("--fov and --view-height have no effect on '{}', a panorama", camera.name);
                 return Err(Error::usage(message)
-                    .with_help("say 'longitude' and 'latitude' or 'fov' in the scene file"));
+                    .with_help("set 'longitude' and 'latitude' or 'fov' in the scene file"));
             }
             (Projection::Perspective { .. }, ..) => {
                 let message = format!(
-                    "--view-height is about parallel rays, and '{}' has a field of view",
+                    "--view-height is for orthographic cameras, but '{}' is a perspective camera",
                     camera.name
                 );
-                return Err(Error::usage(message).with_help("give --fov"));
+                return Err(Error::usage(message).with_help("use --fov"));
             }
             (Projection::Orthographic { .. }, ..) => {
-                let message = format!("--fov has no meaning for '{}', whose rays are parallel", camera.name);
-                return Err(Error::usage(message).with_help("give --view-height"));
+                let message = format!("--fov has no effect on '{}', an orthographic camera", camera.name);
+                return Err(Error::usage(message).with_help("use --view-height"));
             }
         }
-        self.open_lens(camera, target);
+        self.apply_lens(camera, target);
         Ok(())
     }
 
-    /// The eye is where it should look.
-    fn no_direction(&self) -> Error {
+    /// The error for coincident eye and target.
+    fn coincident_error(&self) -> Error {
         match self.target {
             Some(_) => Error::usage("--eye and --target are the same point"),
-            None => Error::usage("--eye is the middle of the scene, at which it would be aimed")
-                .with_help("say by --target what it is aimed at"),
+            None => Error::usage("--eye is the centre of the scene, which is also the default target")
+                .with_help("set another --target"),
         }
     }
 
-    fn open_lens(&self, camera: &mut Camera, target: Option<DVec3>) {
+    fn apply_lens(&self, camera: &mut Camera, target: Option<DVec3>) {
         if self.focus.is_none() && self.defocus.is_none() {
             return;
         }
         let target = self.eye.zip(target).map(|(eye, target)| eye.distance(target));
-        let closed = ThinLens {
+        let pinhole = ThinLens {
             defocus_angle_rad: 0.0,
             focus_distance: target.unwrap_or(DEFAULT_FOCUS),
             aperture: Aperture::default(),
         };
-        let mut lens = camera.lens.unwrap_or(closed);
+        let mut lens = camera.lens.unwrap_or(pinhole);
         lens.focus_distance = self.focus.unwrap_or(lens.focus_distance);
         lens.defocus_angle_rad = self.defocus.map_or(lens.defocus_angle_rad, f64::to_radians);
         camera.lens = Some(lens).filter(|lens| lens.defocus_angle_rad > 0.0);
     }
 }
 
-/// Three numbers with commas between.
+/// Three comma-separated numbers.
 fn point(text: &str) -> std::result::Result<DVec3, String> {
     let numbers: Vec<f64> =
         text.split(',').filter_map(|n| n.trim().parse().ok()).filter(|n: &f64| n.is_finite()).collect();
@@ -122,8 +121,7 @@ fn defocus(text: &str) -> std::result::Result<f64, String> {
     number(text, |v| (0.0..=90.0).contains(&v), "a number of degrees from 0 to 90")
 }
 
-// Arguments about motion blur.
-
+/// Options of motion blur.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct ShutterArgs {
     /// Motion blur: shutter time in frames [default: the scene's, else 0].
@@ -135,12 +133,13 @@ pub(crate) struct ShutterArgs {
     pub shutter_position: Option<ShutterPosition>,
     /// Motion blur steps: number of times at which moving objects are evaluated while the shutter is open, 2 or more
     /// [default: as many as their motion needs, at most 65].
-    #[arg(long, value_name = "N", value_parser = whole::<u32>(2, 1000), allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", value_parser = integer::<u32>(2, 1000), allow_negative_numbers = true)]
     pub motion_keys: Option<u32>,
 }
 
 impl ShutterArgs {
-    /// The choices at a frame rate, frames per second; with what motion vectors need, if they are asked for.
+    /// Options for the loader. `fps`: frame rate, frames per second; `vectors`: also sample the neighbour frames, for motion
+    /// vectors.
     pub fn options(&self, fps: f64, vectors: bool) -> ShutterOptions {
         let ShutterArgs { shutter, shutter_position, motion_keys } = *self;
         ShutterOptions { frames: shutter, position: shutter_position, fps, keys: motion_keys, vectors }
@@ -175,7 +174,7 @@ mod tests {
     }
 
     #[test]
-    fn only_what_is_given_changes() {
+    fn only_given_options_change_the_camera() {
         let own = Camera::look_at([0.0, 1.0, 5.0], [0.0; 3], 40.0);
         let mut scene = scene(own.clone());
         CameraArgs::default().apply(&mut scene, 0, None, |_| DVec3::Y).unwrap();
@@ -192,7 +191,7 @@ mod tests {
         assert_eq!(camera.world_from_camera.translation, DVec3::new(3.0, 0.0, 0.0));
         assert_eq!(camera.projection, own.projection);
         assert_eq!(camera.lens.unwrap().focus_distance, 3.0);
-        // A place alone: aimed at the middle.
+        // Without a target, the camera is aimed at the centre.
         let placed = CameraArgs { eye: Some(DVec3::new(0.0, 1.0, 4.0)), ..CameraArgs::default() };
         placed.apply(&mut scene, 0, None, |_| DVec3::Y).unwrap();
         let back = scene.scene.cameras[0].world_from_camera.matrix3.z_axis;

@@ -20,13 +20,13 @@ pub(super) struct CheckpointWriter<'a> {
     identity: Identity,
     finish: Finish,
     backdrop: Option<Backdrop>,
-    /// Time of the last checkpoint, or of the start of rendering.
+    /// When the last checkpoint was written, or rendering started.
     written: Instant,
 }
 
 impl<'a> CheckpointWriter<'a> {
-    /// For a loaded scene. `aovs_after_denoising`: the AOVs that stay if the picture will be denoised. Fingerprints are
-    /// computed only if something is written.
+    /// A writer for a loaded scene. `aovs_after_denoising`: the AOVs to keep after denoising; `None` without denoising.
+    /// Fingerprints are computed only if something will be written.
     pub fn new(
         args: &'a RenderArgs,
         targets: &'a Targets,
@@ -82,7 +82,7 @@ impl<'a> CheckpointWriter<'a> {
         Ok(rendering)
     }
 
-    /// Time of the next checkpoint.
+    /// When the next checkpoint is due.
     pub fn next_write(&self) -> Option<Instant> {
         self.args.long.checkpoint.as_ref()?;
         self.written.checked_add(self.args.long.checkpoint_interval)
@@ -91,10 +91,11 @@ impl<'a> CheckpointWriter<'a> {
     /// Writes the checkpoint if it is due. A failure, such as a full disk, is a warning.
     pub fn before_pass(&mut self, rendering: &mut Rendering, printed: &mut PrintedMessages) {
         let is_due = self.written.elapsed() >= self.args.long.checkpoint_interval;
-        // The last block of samples may be incomplete: the checkpoint must end before it.
+        // Checkpoints must end at a block boundary: write one before an incomplete last block.
         if (is_due || rendering.ends_within_block()) && rendering.is_between_blocks() {
             if let Err(error) = self.write_checkpoint(rendering) {
-                let message = format!("the checkpoint was not written; an older one is unchanged: {error}");
+                let message =
+                    format!("the checkpoint was not written; the previous one is unchanged: {error}");
                 printed.warnings(&[Warning::general(message)]);
             }
             self.written = Instant::now();
@@ -121,7 +122,7 @@ impl<'a> CheckpointWriter<'a> {
     }
 }
 
-/// Adds how to resume with more samples to the error that refuses it.
+/// Adds help to the error about resuming with more samples than planned.
 fn plan_help(error: Error) -> Error {
     match error.to_string().contains("samples are arranged for") {
         true => error.with_help("resume to at most the planned number of samples; start with --plan N, or with more than 256 samples, to resume to more"),
@@ -139,7 +140,7 @@ pub(super) fn check(args: &RenderArgs) -> Result<()> {
     }
     if long.resume && args.frames.is_some() && long.save_every.is_some() {
         let message = "--save-every and --resume can't be used together for a sequence";
-        return Err(Error::usage(message).with_help("unfinished pictures would be taken for finished ones"));
+        return Err(Error::usage(message).with_help("--resume would skip frames with unfinished pictures"));
     }
     if args.orbit.is_some() && (long.checkpoint.is_some() || long.sample_range.is_some() || parts(args) > 0) {
         return Err(Error::usage("--orbit can't be used with checkpoints or partial renders"));
@@ -147,9 +148,9 @@ pub(super) fn check(args: &RenderArgs) -> Result<()> {
     if args.frames.is_some()
         && long.checkpoint.as_ref().is_some_and(|file| !file.to_string_lossy().contains('#'))
     {
-        let message = "each frame of a sequence needs a checkpoint of its own";
+        let message = "each frame of a sequence needs its own checkpoint";
         return Err(
-            Error::usage(message).with_help("give a name with ####, such as --checkpoint frame.####.part")
+            Error::usage(message).with_help("use a name with ####, such as --checkpoint frame.####.part")
         );
     }
     check_limits(args)?;
@@ -170,12 +171,12 @@ pub(super) fn cropped(args: &RenderArgs) -> Option<Region> {
     args.exr.crop.or(args.long.region.filter(|_| parts(args) == 0))
 }
 
-/// Checks that the options of partial renders and of pictures fit the outputs.
+/// Checks that the options of partial renders and of pictures match the outputs.
 fn check_parts(args: &RenderArgs) -> Result<()> {
     let (parts, outputs) = (parts(args), args.output.len());
     if args.long.sample_range.is_some() && (outputs == 0 || parts < outputs) {
         let message = "a range of samples is written as a .part file";
-        return Err(Error::usage(message).with_help("give -o NAME.part; 'oscura merge' puts parts together"));
+        return Err(Error::usage(message).with_help("use -o NAME.part; 'oscura merge' merges parts"));
     }
     if args.long.region.is_some() && parts > 0 && parts < outputs {
         let message = "--region makes either a picture or a .part file";
@@ -183,61 +184,63 @@ fn check_parts(args: &RenderArgs) -> Result<()> {
     }
     let one_size = "parts of an image need the same number of samples:";
     if parts > 0 && (args.long.noise.is_some() || args.quality.is_some()) {
-        let message = format!("{one_size} --noise and --quality don't go together with .part");
-        return Err(Error::usage(message).with_help("give --spp, or render the part to an image"));
+        let message = format!("{one_size} --noise and --quality can't be used with .part files");
+        return Err(Error::usage(message).with_help("use --spp, or render the part to an image"));
     }
     if parts > 0 && args.long.region.is_some() && args.long.time_limit.is_some() {
-        let message = format!("{one_size} --time-limit doesn't go together with --region and .part");
-        return Err(Error::usage(message).with_help("give --spp, or render the region to an image"));
+        let message = format!("{one_size} --time-limit can't be used with --region and .part files");
+        return Err(Error::usage(message).with_help("use --spp, or render the region to an image"));
     }
     if args.exr.overscan.is_some() && parts > 0 {
         return Err(Error::usage("--overscan is for pictures, not for .part files"));
     }
     if args.exr.format.is_given() && outputs > 0 && parts == outputs {
         let message = "--exr-layout and similar options are for EXR files, not for .part files";
-        return Err(Error::usage(message).with_help("give them to 'oscura merge', which writes the EXR"));
+        return Err(Error::usage(message).with_help("use them with 'oscura merge', which writes the EXR"));
     }
     Ok(())
 }
 
 /// Checks --min-spp and --max-spp.
 fn check_limits(args: &RenderArgs) -> Result<()> {
-    let (least, most) = (args.long.min_spp, args.long.max_spp);
-    if least.is_none() && most.is_none() {
+    let (min, max) = (args.long.min_spp, args.long.max_spp);
+    if min.is_none() && max.is_none() {
         return Ok(());
     }
     if args.spp.is_some() && args.long.noise.is_none() {
-        let message = "--min-spp and --max-spp have no effect: all pixels get as many samples";
-        return Err(Error::usage(message).with_help("give --noise or --quality with them"));
+        let message = "--min-spp and --max-spp have no effect: all pixels get the same number of samples";
+        return Err(Error::usage(message).with_help("use --noise or --quality with them"));
     }
-    if args.long.noise.is_some() && args.spp.is_some() && most.is_some() {
+    if args.long.noise.is_some() && args.spp.is_some() && max.is_some() {
         let message = "with --noise, --spp and --max-spp mean the same";
-        return Err(Error::usage(message).with_help("give one of them"));
+        return Err(Error::usage(message).with_help("leave one out"));
     }
     let within = |a: Option<u32>, b: Option<u32>| a.zip(b).is_none_or(|(a, b)| a <= b);
-    if !(within(least, most) && within(least, args.spp)) {
+    if !(within(min, max) && within(min, args.spp)) {
         return Err(Error::usage("--min-spp must not be above --spp and --max-spp"));
     }
     Ok(())
 }
 
-/// Checks that a checkpoint can be written there without overwriting another file.
+/// Checks that a checkpoint can be written without overwriting another file.
 ///
 /// # Errors
-/// A usage error for the scene, an output, or something else than a checkpoint; an output error for what can't be written.
+/// A usage error if the path is the scene, an output, or a file other than a checkpoint; an output error if it can't be
+/// written.
 pub(super) fn check_file(args: &RenderArgs, file: &Path) -> Result<()> {
     if is_same_target(&args.scene, file) || args.output.iter().any(|output| is_same_target(output, file)) {
-        let message = format!("--checkpoint {} is the scene or an output, too", file.display());
-        return Err(Error::usage(message).with_help("give it a name of its own, such as NAME.part"));
+        let message = format!("--checkpoint {} is also the scene or an output", file.display());
+        return Err(Error::usage(message).with_help("use another name, such as NAME.part"));
     }
     if file.is_file() && read_header(file).is_err() {
-        let message = format!("--checkpoint {} would replace a file that is no checkpoint", file.display());
-        return Err(Error::usage(message).with_help("give another name, or delete it first"));
+        let message =
+            format!("--checkpoint {} would replace a file that is not a checkpoint", file.display());
+        return Err(Error::usage(message).with_help("use another name, or delete the file first"));
     }
     if file.exists() && !args.long.resume {
         let message = format!("the checkpoint {} exists already", file.display());
         return Err(
-            Error::usage(message).with_help("give --resume to resume from it, or delete it to start over")
+            Error::usage(message).with_help("use --resume to resume from it, or delete it to start over")
         );
     }
     check_target(file)?;

@@ -1,4 +1,4 @@
-//! The whole command line: which commands there are, and how they are read.
+//! The commands of the program, and parsing of the command line.
 
 use super::args::{
     CacheArgs, CompareArgs, CompletionsArgs, ExportArgs, HelpArgs, InspectArgs, ManArgs, NewArgs, RenderArgs,
@@ -35,19 +35,19 @@ pub(crate) struct Arguments {
 }
 
 impl Arguments {
-    /// The whole command line.
-    pub fn whole() -> clap::Command {
+    /// The clap command with all subcommands.
+    pub fn full_command() -> clap::Command {
         Arguments::command().mut_subcommands(finish)
     }
 
-    /// Reads a command line, the first word of which is the program's name.
+    /// Parses a command line; the first word is the program's name.
     ///
     /// # Errors
     /// Errors of clap, and requests for help.
     pub fn read(words: impl Iterator<Item = OsString>) -> Result<Arguments, clap::Error> {
         let command = Arguments::command();
         let words = with_command(words.collect(), &command);
-        // For the other commands, help alone would need more; finishing all takes a millisecond.
+        // Only the used subcommand is finished: all of them take a millisecond.
         let name = words.get(1).and_then(|word| word.to_str()).and_then(|word| command.find_subcommand(word));
         let mut command = match name.map(|command| command.get_name().to_string()) {
             Some(name) => command.mut_subcommand(name, finish),
@@ -61,16 +61,16 @@ impl Arguments {
         }
         let mut arguments = Arguments::from_arg_matches(&matches)?;
         match &mut arguments.command {
-            Command::Render(args) => args.settle_size(),
-            Command::View(args) => args.picture.settle_size(),
+            Command::Render(args) => args.resolve_size(),
+            Command::View(args) => args.picture.resolve_size(),
             _ => {}
         }
         Ok(arguments)
     }
 }
 
-/// A command with what its declaration leaves out: headings of help, `-q` where there is `--quiet`, and negative numbers as
-/// values. What looks like a negative number is a value of the option before it, which reports what is wrong with it.
+/// Adds help headings, `-q` for `--quiet`, and negative numbers as values of all options: the option's own parser reports
+/// invalid ones.
 fn finish(command: clap::Command) -> clap::Command {
     let command = if command.get_name() == "view" { view::adapt(command) } else { command };
     group(command.mut_args(|arg| {
@@ -80,7 +80,7 @@ fn finish(command: clap::Command) -> clap::Command {
     }))
 }
 
-/// The words with the command `render`, if they begin with a file or with an option of a command.
+/// Inserts the command `render` if the first argument is a file or an option of `render`.
 fn with_command(mut words: Vec<OsString>, command: &clap::Command) -> Vec<OsString> {
     const OWN: [&str; 4] = ["-h", "--help", "-V", "--version"];
     let Some(first) = words.get(1) else { return words };
@@ -130,14 +130,12 @@ pub(crate) enum Command {
     Man(ManArgs),
 }
 
-// Help that clap's messages lack: a scene without its extension in place of a command, an option of another command.
-
-/// The error with what probably was meant.
+/// Adds tips to clap's errors: scenes without extension, options of other commands or programs.
 fn with_tips(error: clap::Error, command: &mut clap::Command) -> clap::Error {
     match error.kind() {
-        ErrorKind::InvalidSubcommand => of_command(error, command),
-        ErrorKind::UnknownArgument => of_option(error, command),
-        ErrorKind::InvalidValue => of_view(error),
+        ErrorKind::InvalidSubcommand => with_command_tip(error, command),
+        ErrorKind::UnknownArgument => with_option_tip(error, command),
+        ErrorKind::InvalidValue => with_view_tip(error),
         _ => error,
     }
 }
@@ -150,8 +148,8 @@ fn context(error: &clap::Error, kind: ContextKind) -> Option<String> {
     }
 }
 
-/// A word that is neither a command nor a file: files of that name with an extension, or the nearest command.
-fn of_command(error: clap::Error, command: &mut clap::Command) -> clap::Error {
+/// Tip for a word that is neither a command nor a file: scenes of that name with an extension, or the nearest command.
+fn with_command_tip(error: clap::Error, command: &mut clap::Command) -> clap::Error {
     let Some(word) = context(&error, ContextKind::InvalidSubcommand) else { return error };
     let files = scenes_named(&word);
     let near = context(&error, ContextKind::SuggestedSubcommand);
@@ -163,13 +161,14 @@ fn of_command(error: clap::Error, command: &mut clap::Command) -> clap::Error {
     command.error(ErrorKind::InvalidSubcommand, format!("'{word}' is neither a command nor a file{tip}"))
 }
 
-/// An option of another name or of another command, or of the program itself; never that a dash could begin a file's name.
-fn of_option(mut error: clap::Error, command: &clap::Command) -> clap::Error {
+/// Tip for an unknown option: the name here of an option of other programs, an option of the program itself, or commands with
+/// the option. Replaces clap's tip about file names that start with a dash.
+fn with_option_tip(mut error: clap::Error, command: &clap::Command) -> clap::Error {
     let Some(option) = context(&error, ContextKind::InvalidArg) else { return error };
     let name = option.trim_start_matches('-');
     error.remove(ContextKind::Suggested);
     let tip = |mut error: clap::Error, text: String| {
-        // It shows the option that was suggested.
+        // Clap's usage line shows its own suggestion.
         error.remove(ContextKind::Usage);
         error.remove(ContextKind::SuggestedArg);
         error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![StyledStr::from(text)]));
@@ -199,8 +198,8 @@ fn of_option(mut error: clap::Error, command: &clap::Command) -> clap::Error {
     error
 }
 
-/// `--view` is looked for by those who want to see the page.
-fn of_view(mut error: clap::Error) -> clap::Error {
+/// Tip for `--view VALUE` used instead of the command `view`.
+fn with_view_tip(mut error: clap::Error) -> clap::Error {
     if context(&error, ContextKind::InvalidArg).is_some_and(|arg| arg.starts_with("--view ")) {
         let tip = StyledStr::from("'oscura view SCENE' shows a scene live in the browser");
         error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![tip]));
@@ -214,8 +213,8 @@ mod tests {
 
     #[test]
     fn each_argument_has_a_help_text() {
-        let whole = Arguments::whole();
-        for command in whole.get_subcommands() {
+        let command = Arguments::full_command();
+        for command in command.get_subcommands() {
             for argument in command.get_arguments().filter(|argument| !argument.is_hide_set()) {
                 let help = argument.get_help().map(ToString::to_string).unwrap_or_default();
                 assert!(!help.is_empty(), "{} {}", command.get_name(), argument.get_id());
@@ -224,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn each_command_line_is_its_own() {
+    fn parsing_has_no_state() {
         for name in ["a.obj", "b.obj"] {
             let words = ["oscura", "thumb", name].map(OsString::from);
             let arguments = Arguments::read(words.into_iter()).expect("a command");

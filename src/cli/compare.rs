@@ -1,4 +1,4 @@
-//! `oscura compare`: errors against a reference, and whether a difference is more than noise.
+//! `oscura compare`: error metrics against a reference, and a statistical test of differences against noise.
 
 use super::args::CompareArgs;
 use super::json;
@@ -18,7 +18,7 @@ use std::path::Path;
 pub(crate) fn run(args: &CompareArgs) -> Result<Outcome> {
     for path in args.output.iter().chain(&args.side_by_side) {
         if Format::of(path)? != Format::Png {
-            return Err(Error::usage(format!("{}: differences are written as .png", path.display())));
+            return Err(Error::usage(format!("{}: must be a .png file", path.display())));
         }
         check_target(path)?;
     }
@@ -33,22 +33,22 @@ pub(crate) fn run(args: &CompareArgs) -> Result<Outcome> {
             Some(test.ok_or_else(|| {
                 let (w, h) = (picture.width, picture.height);
                 Error::input(&args.picture, format!("{w} x {h} pixels are too few for a statistical test"))
-                    .with_help(format!("it takes {BLOCK} x {BLOCK} pixels at least; leave out --other-seed"))
+                    .with_help(format!("it needs at least {BLOCK} x {BLOCK} pixels; leave out --other-seed"))
             })?)
         }
         _ => None,
     };
-    let looks = flip(&picture, &reference);
+    let flip_map = flip(&picture, &reference);
     if let Some(path) = &args.output {
         write_png(path, &difference_picture(&picture, &reference), picture.width, picture.height)?;
     }
     if let Some(path) = &args.side_by_side {
-        write_png(path, &side_by_side(&picture, &reference, &looks), 3 * picture.width, picture.height)?;
+        write_png(path, &side_by_side(&picture, &reference, &flip_map), 3 * picture.width, picture.height)?;
     }
     if args.json {
-        json::print(&Report::new(&measured, looks.mean, test.as_ref()));
+        json::print(&Report::new(&measured, flip_map.mean, test.as_ref()));
     } else {
-        print(&measured, looks.mean, test.as_ref());
+        print(&measured, flip_map.mean, test.as_ref());
     }
     Ok(if test.is_none_or(|t| t.agrees()) { Outcome::Done } else { Outcome::Disagreement })
 }
@@ -58,7 +58,7 @@ fn write_png(path: &Path, pixels: &[u8], width: u32, height: u32) -> Result<()> 
     write_atomically(path, &png)
 }
 
-/// A picture whose numbers can be compared: finite, and as large as the reference.
+/// Reads a picture and checks that it is finite and has the size of the reference.
 fn read(path: &Path, reference: Option<&Image>) -> Result<Image> {
     let image = load_linear_rgb(path)?;
     let invalid = non_finite_pixels(&image);
@@ -70,7 +70,7 @@ fn read(path: &Path, reference: Option<&Image>) -> Result<Image> {
     {
         let sizes =
             format!("{} x {} pixels, the reference {} x {}", image.width, image.height, r.width, r.height);
-        return Err(Error::input(path, format!("has {sizes}")).with_help("compare pictures of one size"));
+        return Err(Error::input(path, format!("has {sizes}")).with_help("compare pictures of the same size"));
     }
     Ok(image)
 }
@@ -112,7 +112,7 @@ struct Report {
     z_test: Option<Verdict>,
 }
 
-/// The z-test, by channel where it is a list.
+/// The z-test; lists are per channel.
 #[derive(Serialize)]
 struct Verdict {
     agrees: bool,

@@ -1,8 +1,8 @@
-//! `oscura convert`: a layer of an EXR, or of a sequence of them, as a picture to look at.
+//! `oscura convert`: a layer of an EXR, or of a sequence of EXRs, as a display-referred picture.
 
 use super::parsers::Frames;
 use super::picture_args::ConvertArgs;
-use super::pictures::{AnimationFiles, is_moving};
+use super::pictures::{AnimationFiles, is_animation};
 use super::process::Outcome;
 use font8x8::legacy::BASIC_LEGACY;
 use oscura::color::converted;
@@ -15,7 +15,7 @@ use oscura::output::{
 use std::path::Path;
 
 pub(crate) fn run(args: &ConvertArgs) -> Result<Outcome> {
-    if is_moving(&args.output) {
+    if is_animation(&args.output) {
         return animate(args);
     }
     const ENDINGS: &str = "end the name in .png, .jpg, .tif, .webp or .hdr";
@@ -26,7 +26,7 @@ pub(crate) fn run(args: &ConvertArgs) -> Result<Outcome> {
     }
     if args.sheet && format == Format::Hdr {
         return Err(
-            Error::usage("--sheet is made to look at, and .hdr is linear").with_help("write a .png or .jpg")
+            Error::usage("--sheet is display-referred, but .hdr is linear").with_help("write a .png or .jpg")
         );
     }
     if !Frames::is_pattern(&args.picture) {
@@ -77,13 +77,11 @@ fn convert_file(args: &ConvertArgs, (picture, output): (&Path, &Path), format: F
     Ok(())
 }
 
-/// Makes one animation of a sequence.
+/// Converts a sequence to one animation.
 fn animate(args: &ConvertArgs) -> Result<Outcome> {
     if !Frames::is_pattern(&args.picture) || args.sheet {
         let message = format!("{}: an animation needs the pictures of a sequence", args.output.display());
-        return Err(
-            Error::usage(message).with_help("name them by #### in place of their numbers, without --sheet")
-        );
+        return Err(Error::usage(message).with_help("use #### instead of the frame number, without --sheet"));
     }
     let numbers = Frames::existing(&args.picture)?;
     let mut moving = AnimationFiles::new(std::slice::from_ref(&args.output), args.fps)?;
@@ -98,7 +96,7 @@ fn animate(args: &ConvertArgs) -> Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-/// The layer of a file that is to be seen, and its size.
+/// Size and RGBA pixels of the layer of `--layer`, in the display window.
 fn pixels(file: &Layered, args: &ConvertArgs, path: &Path) -> Result<([u32; 2], Vec<[f32; 4]>)> {
     let layer = args.layer.as_deref();
     let found = find(file, layer).or_else(|| find(file, Some(layer_of_pass(layer?)?)));
@@ -107,19 +105,19 @@ fn pixels(file: &Layered, args: &ConvertArgs, path: &Path) -> Result<([u32; 2], 
     Ok((size.map(|length| length as u32), rgba))
 }
 
-/// The layer of a pass by its name for `--aov`: `Z` of `depth`.
+/// The layer of an AOV by its option name, such as `Z` for `depth`.
 fn layer_of_pass(name: &str) -> Option<&'static str> {
     let channel = *Aov::from_option(name)?.info().names.first()?;
     Some(channel.rsplit_once('.').map_or(channel, |(layer, _)| layer))
 }
 
-/// How many values are no numbers that a picture could show, if some are.
+/// A note about NaN and infinite values, if there are any.
 fn invalid(rgba: &[[f32; 4]]) -> Option<String> {
     let values = rgba.as_flattened();
     let of = |is: fn(f32) -> bool| values.iter().filter(|v| is(**v)).count();
     let (nan, infinite, all) = (of(f32::is_nan), of(f32::is_infinite), values.len());
     (nan + infinite > 0).then(|| {
-        format!("of {all} values {nan} are NaN, shown as 0, and {infinite} infinite, shown as the least or the most")
+        format!("of {all} values, {nan} are NaN (shown as 0) and {infinite} infinite (shown as minimum or maximum)")
     })
 }
 
@@ -133,8 +131,8 @@ fn encode_sheet(
     encode_rgb8(&data, width as u32, height as u32, format)
 }
 
-/// The pixels of a layer, and which part has it. A layer is what channels' names have before the last dot, a part's name, or
-/// a channel that stands alone; without one it is the picture itself.
+/// Part index and pixels of a layer: a channel prefix up to the last dot, a part's name, or a single channel. Without a layer:
+/// the picture itself.
 fn find(file: &Layered, layer: Option<&str>) -> Option<(usize, Vec<[f32; 4]>)> {
     let named = layer.map(|layer| format!("{layer}."));
     (0..file.len()).find_map(|part| {
@@ -146,7 +144,7 @@ fn find(file: &Layered, layer: Option<&str>) -> Option<(usize, Vec<[f32; 4]>)> {
     })
 }
 
-/// Three channels as red, green and blue; alpha if there is any.
+/// Three channels with a prefix as RGB, with alpha if there is one.
 fn colors(file: &Layered, part: usize, prefix: &str) -> Option<Vec<[f32; 4]>> {
     let triple = |letters: [&str; 3]| {
         let names = letters.map(|letter| format!("{prefix}{letter}"));
@@ -160,12 +158,12 @@ fn colors(file: &Layered, part: usize, prefix: &str) -> Option<Vec<[f32; 4]>> {
     Some((0..r.len()).map(|i| [r[i], g[i], b[i], alpha[i]]).collect())
 }
 
-/// One channel as grey.
+/// One channel as opaque grey.
 fn grey(file: &Layered, part: usize, name: &str) -> Option<Vec<[f32; 4]>> {
     Some(file.values(part, name)?.into_iter().map(|v| [v, v, v, 1.0]).collect())
 }
 
-/// The luminance of a layer, or its only channel, whatever its letter; alpha is no picture of its own.
+/// The luminance channel Y of a layer with alpha, or its first channel, preferring others to alpha, as grey.
 fn first(file: &Layered, part: usize, prefix: &str) -> Option<Vec<[f32; 4]>> {
     let letter =
         |name: &str| name.strip_prefix(prefix).filter(|letter| !letter.contains('.')).map(str::to_string);
@@ -197,59 +195,60 @@ fn no_layer(file: &Layered, args: &ConvertArgs, path: &Path) -> Error {
     Error::input(path, message).with_help(format!("it has {}", layers.join(", ")))
 }
 
-// All layers of an EXR beside each other, small, with their names: what a file holds at a glance.
+// Contact sheet: thumbnails of all layers of an EXR with their names.
 
-/// Widest picture of a layer, pixels.
+/// Maximum width of a thumbnail, pixels.
 const WIDEST: usize = 240;
+/// Distance between thumbnails, pixels.
 const GAP: usize = 8;
-/// Height of a line of text with its gap.
+/// Height of a label with its gap, pixels.
 const LINE: usize = 14;
 const PAPER: [u8; 3] = [24, 24, 26];
 const INK: [u8; 3] = [214, 214, 208];
 
-/// Depths from here on are backgrounds.
+/// Minimum depth of the background, metres.
 const FAR: f32 = 1e9;
 
-/// A picture of 8-bit red, green and blue.
+/// An RGB image of 8 bits per channel.
 pub(super) struct Sheet {
     pub width: usize,
     pub height: usize,
     pub data: Vec<u8>,
 }
 
-/// How a layer is shown.
+/// Visualization of a layer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Kind {
-    /// Through the view.
+    /// Through the view transform.
     Color,
-    /// Grey, white for the largest value.
-    Amount,
-    /// Grey by the square root, white for the largest value.
+    /// Grey, white for the maximum.
+    Scalar,
+    /// Square root, white for the maximum.
     Variance,
-    /// Bright is near.
+    /// Near is bright.
     Depth,
     /// Components from -1 to 1 as colours.
-    Direction,
-    /// Components from the least to the largest as colours.
-    Place,
-    /// Ways in the picture: as directions, the largest way being 1.
-    Way,
-    /// Fractions as red and green.
+    Vector,
+    /// Components from minimum to maximum as colours.
+    Position,
+    /// Motion vectors as colours, relative to the maximum component.
+    Motion,
+    /// Fractional parts as red and green.
     Uv,
-    /// Numbers and hashes, a colour each; the second channel, if there is one, is the share.
+    /// A random colour per id; the second channel, if any, is the coverage.
     Id,
 }
 
-/// Some channels of a part with one name before their last dot.
+/// Channels of a part with the same prefix.
 struct Layer {
     part: usize,
     name: String,
     kind: Kind,
-    /// Names of the channels that are shown.
+    /// Names of the displayed channels.
     channels: Vec<String>,
 }
 
-/// The layers of a file in its order.
+/// The layers of a file, in file order.
 fn layers(file: &Layered) -> Vec<Layer> {
     let mut list: Vec<Layer> = Vec::new();
     for part in 0..file.len() {
@@ -261,20 +260,20 @@ fn layers(file: &Layered) -> Vec<Layer> {
                 Some(known) => known.channels.push(name.clone()),
                 None => {
                     let kind =
-                        if channel.kind == "uint" && name != "samples" { Kind::Id } else { Kind::Amount };
+                        if channel.kind == "uint" && name != "samples" { Kind::Id } else { Kind::Scalar };
                     list.push(Layer { part, name: layer.to_string(), kind, channels: vec![name] });
                 }
             }
         }
     }
-    // Further ranks of mattes say nothing by themselves.
+    // Only the first ranks of mattes are shown.
     list.retain(|layer| !layer.name.starts_with("Crypto") || layer.name.ends_with("00"));
     list.iter_mut().for_each(Layer::arrange);
     list
 }
 
 impl Layer {
-    /// Finds the kind by the channels' letters, and puts these in order.
+    /// Determines the kind from the channel names, and sorts the channels.
     fn arrange(&mut self) {
         let has = |letter: &str| self.channels.iter().any(|name| name.rsplit('.').next() == Some(letter));
         let plain = self.name.trim_end_matches(|c: char| c.is_ascii_digit());
@@ -283,9 +282,9 @@ impl Layer {
             _ if plain.starts_with("Crypto") => (Kind::Id, &["R", "G"]),
             _ if has("R") && has("G") && has("B") && is_color(plain) => (Kind::Color, &["R", "G", "B", "A"]),
             "variance" => (Kind::Variance, &["R", "G", "B"]),
-            "Vector" => (Kind::Way, &["X", "Y"]),
-            "P" => (Kind::Place, &["X", "Y", "Z"]),
-            _ if has("X") && has("Y") && has("Z") => (Kind::Direction, &["X", "Y", "Z"]),
+            "Vector" => (Kind::Motion, &["X", "Y"]),
+            "P" => (Kind::Position, &["X", "Y", "Z"]),
+            _ if has("X") && has("Y") && has("Z") => (Kind::Vector, &["X", "Y", "Z"]),
             _ if has("U") && has("V") => (Kind::Uv, &["U", "V"]),
             _ => return self.channels.truncate(1),
         };
@@ -293,7 +292,7 @@ impl Layer {
             self.channels.iter().find(|name| name.rsplit('.').next() == Some(letter)).cloned()
         };
         let found: Vec<String> = letters.iter().filter_map(find).collect();
-        // Alpha may be missing; where others are, one channel is shown as it is.
+        // Alpha may be missing; if another channel is missing, only the first is shown.
         if found.len() + usize::from(kind == Kind::Color) < letters.len() {
             return self.channels.truncate(1);
         }
@@ -301,12 +300,12 @@ impl Layer {
         self.kind = kind;
     }
 
-    /// Its name for `--layer`; empty for the picture's own channels.
+    /// The name for `--layer`; the channel names for the picture itself.
     fn label(&self) -> String {
         if self.name.is_empty() { self.channels.join(" ") } else { self.name.clone() }
     }
 
-    /// Its picture, so wide and high, red, green and blue.
+    /// The thumbnail of this size, 8-bit RGB.
     fn picture(&self, file: &Layered, (width, height): (usize, usize), options: &PngOptions) -> Vec<u8> {
         let full = file.size(self.part);
         let mut planes: Vec<Vec<f32>> = self
@@ -314,7 +313,7 @@ impl Layer {
             .iter()
             .map(|name| {
                 let values = file.values(self.part, name).unwrap_or_default();
-                smaller(&values, full, (width, height), self.kind)
+                downsampled(&values, full, (width, height), self.kind)
             })
             .collect();
         let pixels = width * height;
@@ -333,14 +332,14 @@ impl Layer {
     }
 }
 
-/// Means of the pixels that fall together; of ids, which have none, and of places one of them.
-fn smaller(values: &[f32], full: [usize; 2], (width, height): (usize, usize), kind: Kind) -> Vec<f32> {
+/// Box-filtered pixels; nearest neighbour for ids, positions and UVs.
+fn downsampled(values: &[f32], full: [usize; 2], (width, height): (usize, usize), kind: Kind) -> Vec<f32> {
     let cover = |i: usize, small: usize, full: usize| {
         let start = i * full / small;
         start..((i + 1) * full / small).max(start + 1)
     };
-    let has_mean = !matches!(kind, Kind::Id | Kind::Place | Kind::Uv);
-    let is_meant = |v: &f32| v.is_finite() && !(kind == Kind::Depth && *v >= FAR);
+    let has_mean = !matches!(kind, Kind::Id | Kind::Position | Kind::Uv);
+    let is_valid = |v: &f32| v.is_finite() && !(kind == Kind::Depth && *v >= FAR);
     let one = |x: usize, y: usize| {
         let (columns, rows) = (cover(x, width, full[0]), cover(y, height, full[1]));
         if !has_mean {
@@ -348,40 +347,40 @@ fn smaller(values: &[f32], full: [usize; 2], (width, height): (usize, usize), ki
         }
         let covered = rows.flat_map(|row| columns.clone().map(move |column| values[row * full[0] + column]));
         let (sum, count) =
-            covered.filter(is_meant).fold((0.0f64, 0u32), |(sum, n), v| (sum + f64::from(v), n + 1));
+            covered.filter(is_valid).fold((0.0f64, 0u32), |(sum, n), v| (sum + f64::from(v), n + 1));
         let empty = if kind == Kind::Depth { FAR } else { 0.0 };
         if count == 0 { empty } else { (sum / f64::from(count)) as f32 }
     };
     (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| one(x, y)).collect()
 }
 
-/// The minimum and the maximum value that are shown; both 0 where there is none.
+/// Minimum and maximum of the valid values; both 0 if there are none.
 fn range(values: &[f32], kind: Kind) -> (f32, f32) {
-    let meant = values.iter().copied().filter(|v| v.is_finite() && !(kind == Kind::Depth && *v >= FAR));
-    let (least, most) = meant.fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
-    if least <= most { (least, most) } else { (0.0, 0.0) }
+    let valid = values.iter().copied().filter(|v| v.is_finite() && !(kind == Kind::Depth && *v >= FAR));
+    let (min, max) = valid.fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
+    if min <= max { (min, max) } else { (0.0, 0.0) }
 }
 
-/// A share of a range in 0..1.
-fn share(v: f32, (least, most): (f32, f32)) -> f32 {
-    let share = (v - least) / (most - least);
-    if share.is_finite() { share.clamp(0.0, 1.0) } else { 0.0 }
+/// A value relative to a range, clamped to 0..1.
+fn normalized(v: f32, (min, max): (f32, f32)) -> f32 {
+    let t = (v - min) / (max - min);
+    if t.is_finite() { t.clamp(0.0, 1.0) } else { 0.0 }
 }
 
-/// The colour of a pixel, 0..1 as displays take it.
+/// Display colour of a pixel, 0 to 1.
 fn shown(kind: Kind, planes: &[Vec<f32>], ranges: &[(f32, f32)], i: usize) -> [f32; 3] {
     let at = |c: usize| planes.get(c).map_or(0.0, |plane| plane[i]);
-    let most = ranges.iter().fold(0.0f32, |most, (a, b)| most.max(a.abs()).max(b.abs()));
+    let max = ranges.iter().fold(0.0f32, |max, (a, b)| max.max(a.abs()).max(b.abs()));
     match kind {
-        Kind::Color | Kind::Amount => [share(at(0), (0.0, most)); 3],
-        Kind::Variance => [0, 1, 2].map(|c| share(at(c).max(0.0).sqrt(), (0.0, most.sqrt()))),
+        Kind::Color | Kind::Scalar => [normalized(at(0), (0.0, max)); 3],
+        Kind::Variance => [0, 1, 2].map(|c| normalized(at(c).max(0.0).sqrt(), (0.0, max.sqrt()))),
         Kind::Depth if at(0) >= FAR => [0.0; 3],
-        Kind::Depth => [1.0 - 0.85 * share(at(0), ranges[0]); 3],
-        Kind::Direction if (0..3).all(|c| at(c) == 0.0) => [0.0; 3],
-        Kind::Direction => [0, 1, 2].map(|c| share(at(c), (-1.0, 1.0))),
-        Kind::Place => [0, 1, 2].map(|c| share(at(c), ranges[c])),
-        Kind::Way => [share(at(0), (-most, most)), share(at(1), (-most, most)), 0.5],
-        Kind::Uv => [at(0).rem_euclid(1.0), at(1).rem_euclid(1.0), 0.0].map(|v| share(v, (0.0, 1.0))),
+        Kind::Depth => [1.0 - 0.85 * normalized(at(0), ranges[0]); 3],
+        Kind::Vector if (0..3).all(|c| at(c) == 0.0) => [0.0; 3],
+        Kind::Vector => [0, 1, 2].map(|c| normalized(at(c), (-1.0, 1.0))),
+        Kind::Position => [0, 1, 2].map(|c| normalized(at(c), ranges[c])),
+        Kind::Motion => [normalized(at(0), (-max, max)), normalized(at(1), (-max, max)), 0.5],
+        Kind::Uv => [at(0).rem_euclid(1.0), at(1).rem_euclid(1.0), 0.0].map(|v| normalized(v, (0.0, 1.0))),
         Kind::Id => {
             let coverage = if planes.len() > 1 { at(1).clamp(0.0, 1.0) } else { 1.0 };
             color_of(at(0).to_bits()).map(|v| v * coverage)
@@ -389,7 +388,7 @@ fn shown(kind: Kind, planes: &[Vec<f32>], ranges: &[(f32, f32)], i: usize) -> [f
     }
 }
 
-/// A colour that stands for an id; black for none.
+/// A random colour for an id; black for 0.
 fn color_of(id: u32) -> [f32; 3] {
     if id == 0 {
         return [0.0; 3];
@@ -399,7 +398,7 @@ fn color_of(id: u32) -> [f32; 3] {
     [0, 8, 16].map(|shift| 0.25 + 0.75 * (hash >> shift & 0xff) as f32 / 255.0)
 }
 
-/// Puts all layers onto one sheet.
+/// The contact sheet of all layers.
 pub(super) fn sheet(file: &Layered, options: &PngOptions) -> Sheet {
     let layers = layers(file);
     let size = |layer: &Layer| {
@@ -432,9 +431,7 @@ pub(super) fn sheet(file: &Layered, options: &PngOptions) -> Sheet {
     sheet
 }
 
-// Colours of files as views take them.
-
-/// Colours of another space, which the file names, become linear Rec. 709, which views are for.
+/// Converts colours from the primaries of the file's header to linear Rec. 709, for view transforms.
 pub(super) fn to_rec709(file: &Layered, rgb: &mut [Vec<f32>; 3]) {
     let Some(matrix) = file.primaries().and_then(|primaries| primaries.to_rec709()) else { return };
     for i in 0..rgb[0].len() {
@@ -443,12 +440,11 @@ pub(super) fn to_rec709(file: &Layered, rgb: &mut [Vec<f32>; 3]) {
     }
 }
 
-// Letters of 8 x 8 pixels.
-
-/// Width of a letter, pixels.
+/// Width of a glyph, pixels.
 pub(super) const WIDTH: usize = 8;
 
-/// Hands on the points of a line of text, in pixels to the right and down from its corner. What is not ASCII is a question mark.
+/// Calls `point` with x and y of all set pixels of a line of text in an 8 x 8 font, relative to the upper left corner. Other
+/// characters than ASCII become question marks.
 pub(super) fn glyph_points(text: &str, mut point: impl FnMut(usize, usize)) {
     for (i, c) in text.chars().enumerate() {
         let glyph = BASIC_LEGACY.get(c as usize).unwrap_or(&BASIC_LEGACY[usize::from(b'?')]);

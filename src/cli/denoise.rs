@@ -1,4 +1,4 @@
-//! `oscura denoise`: denoises the picture of a file, or those of a sequence.
+//! `oscura denoise`: denoises a picture, or the frames of a sequence.
 
 use super::parsers::Frames;
 use super::picture_args::DenoiseArgs;
@@ -15,21 +15,18 @@ use std::time::Instant;
 
 const RGB: [&str; 3] = ["R", "G", "B"];
 
-/// Layers of red, green and blue that hold no radiance.
+/// Prefixes of RGB layers without radiance.
 const DATA: [&str; 6] = ["albedo.", "denoising_albedo.", "variance.", "DiffCol.", "GlossCol.", "TransCol."];
 
 pub(crate) fn run(args: &DenoiseArgs) -> Result<Outcome> {
     if Format::of(&args.output)? != Format::Exr {
-        return Err(Error::usage(format!(
-            "{}: denoised pictures are written as .exr",
-            args.output.display()
-        ))
-        .with_help("'oscura convert' converts them to other formats"));
+        return Err(Error::usage(format!("{}: must be an .exr file", args.output.display()))
+            .with_help("'oscura convert' converts them to other formats"));
     }
     let is_sequence = Frames::is_pattern(&args.picture);
     if args.frames.is_some() && !is_sequence {
-        let message = format!("--frames is for sequences, and {} is one picture", args.picture.display());
-        return Err(Error::usage(message).with_help("put #### in place of the frame number"));
+        let message = format!("--frames is for sequences, but {} is one picture", args.picture.display());
+        return Err(Error::usage(message).with_help("use #### instead of the frame number"));
     }
     in_pool(args.threads.map(usize::from), || {
         if is_sequence { denoise_sequence(args) } else { denoise_file(args) }
@@ -57,20 +54,20 @@ fn denoise_file(args: &DenoiseArgs) -> Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-/// A picture with noise in a file.
+/// A file with a noisy picture.
 struct NoisyFile {
     file: Layered,
-    /// The part with the picture.
+    /// Index of the part with the picture.
     part: usize,
-    /// From another seed.
+    /// Half the difference to the picture with another seed, RGB planes.
     deviations: Option<[Vec<f32>; 3]>,
 }
 
 impl NoisyFile {
-    /// Reads a file, and the same picture with another seed.
+    /// Reads a file, and averages it with the same picture with another seed, if given.
     ///
     /// # Errors
-    /// If one of them can't be read, or is no such picture.
+    /// A file that can't be read or has no picture, or pictures that don't match.
     fn load(path: &Path, other_seed: Option<&Path>) -> Result<NoisyFile> {
         let first = load_layered(path)?;
         let part = part_with_color(&first, path)?;
@@ -83,7 +80,7 @@ impl NoisyFile {
         Ok(NoisyFile { file, part, deviations })
     }
 
-    /// The planes that denoising reads.
+    /// The layers for the denoiser.
     fn layers(&self) -> NoisyLayers<'_> {
         let NoisyFile { file, part, deviations } = self;
         let layer = |names: [&str; 3]| file.planes(file.part_with(*part, names[0])?, names);
@@ -92,7 +89,7 @@ impl NoisyFile {
         layers.expect("the part has a picture")
     }
 
-    /// Writes the file with the denoised pictures.
+    /// Writes the file with the denoised layers.
     fn write(self, result: &Denoised, by: &str, target: &Path) -> Result<()> {
         let names: Vec<String> = self.layers().names().map(str::to_string).collect();
         let NoisyFile { mut file, part, .. } = self;
@@ -108,10 +105,10 @@ impl NoisyFile {
         write_atomically(target, &bytes)
     }
 
-    /// The denoised frame of a sequence.
+    /// The frame for temporal denoising.
     ///
     /// # Errors
-    /// If there are no motion vectors.
+    /// A file without motion vectors.
     fn frame(&self, path: &Path) -> Result<Frame> {
         let vectors = MOTION.map(|name| {
             let part = self.file.part_with(self.part, name)?;
@@ -125,24 +122,22 @@ impl NoisyFile {
     }
 }
 
-// Sequences.
-
 /// Channels of motion vectors.
 const MOTION: [&str; 4] = ["Vector.X", "Vector.Y", "Vector.Z", "Vector.W"];
 
-/// Denoises the frames of a sequence, each with those near it.
+/// Denoises the frames of a sequence, each with its neighbours.
 fn denoise_sequence(args: &DenoiseArgs) -> Result<Outcome> {
     if !Frames::is_pattern(&args.output) || is_same_target(&args.picture, &args.output) {
-        let message = format!("-o {}: a sequence needs names of its own", args.output.display());
+        let message = format!("-o {}: a sequence needs another name with ####", args.output.display());
         return Err(Error::usage(message).with_help("such as -o clean.####.exr"));
     }
     let all = Frames::existing(&args.picture)?;
-    let is_wanted = |number: u32| args.frames.is_none_or(|frames| frames.contains(number));
-    let numbers = with_neighbours(&all, is_wanted);
+    let is_selected = |number: u32| args.frames.is_none_or(|frames| frames.contains(number));
+    let numbers = with_neighbours(&all, is_selected);
     if numbers.is_empty() {
         return Err(Frames::missing(&args.picture));
     }
-    let mut targets = numbers.iter().filter(|&&number| is_wanted(number));
+    let mut targets = numbers.iter().filter(|&&number| is_selected(number));
     targets.try_for_each(|&number| check_target(Frames::file(&args.output, number)))?;
     if !args.quiet {
         args.denoiser.notes().iter().for_each(|note| say!("note: {note}"));
@@ -153,7 +148,7 @@ fn denoise_sequence(args: &DenoiseArgs) -> Result<Outcome> {
         let other_seed = args.other_seed.as_ref().map(|path| Frames::file(path, number));
         let file = NoisyFile::load(&path, other_seed.as_deref())?;
         let frame = file.frame(&path)?;
-        let done = sequence.push(number, frame, is_wanted(number).then_some(file));
+        let done = sequence.push(number, frame, is_selected(number).then_some(file));
         done.into_iter().try_for_each(|frame| write_frame(args, frame))?;
     }
     sequence.finish().into_iter().try_for_each(|frame| write_frame(args, frame))?;
@@ -164,9 +159,9 @@ fn denoise_sequence(args: &DenoiseArgs) -> Result<Outcome> {
 fn write_frame(args: &DenoiseArgs, frame: Averaged<NoisyFile>) -> Result<()> {
     let Averaged { number, item: file, picture, frames } = frame;
     let layers = file.layers();
-    let of_one = description(layers.guides().names(), name_of(&layers.noise()));
+    let denoiser = description(layers.guides().names(), name_of(&layers.noise()));
     drop(layers);
-    let by = format!("{of_one}; frames {}-{}", frames.start(), frames.end());
+    let by = format!("{denoiser}; frames {}-{}", frames.start(), frames.end());
     let target = Frames::file(&args.output, number);
     file.write(&picture, &by, &target)?;
     if !args.quiet {
@@ -175,7 +170,7 @@ fn write_frame(args: &DenoiseArgs, frame: Averaged<NoisyFile>) -> Result<()> {
     Ok(())
 }
 
-/// Names of light passes and light groups (the part before `R`) in one part of a file, and in others of the same size.
+/// Prefixes of light passes and light groups (channel names without `R`) in all parts of the same size.
 fn part_names(file: &Layered, part: usize) -> Vec<String> {
     let is_light = |prefix: &String| {
         !prefix.is_empty()
@@ -203,14 +198,15 @@ fn name_of(noise: &Noise) -> &'static str {
     }
 }
 
-/// The first part with a picture.
+/// The index of the first part with a picture.
 fn part_with_color(file: &Layered, path: &Path) -> Result<usize> {
     let has = |part: &usize| file.planes(*part, RGB).is_some();
     (0..file.len()).find(has).ok_or_else(|| without_color(path))
 }
 
 fn without_color(path: &Path) -> Error {
-    Error::input(path, "has no channels R, G and B").with_help("these channels are denoised")
+    Error::input(path, "has no channels R, G and B")
+        .with_help("the picture to denoise must have these channels")
 }
 
 /// Reads the picture that was rendered with another seed.
@@ -221,18 +217,18 @@ fn load_other_seed(path: &Path, first: &Layered, part: usize) -> Result<Layered>
     match fits {
         true => Ok(other),
         false => Err(Error::input(path, "doesn't have the same size and layers")
-            .with_help("give the same picture, rendered with another seed")),
+            .with_help("it must be the same picture, rendered with another seed")),
     }
 }
 
-/// Half the difference of two pictures.
+/// Half the difference of two pictures, RGB planes.
 fn half_difference(first: &Layered, second: &Layered, part: usize) -> Option<[Vec<f32>; 3]> {
     let (first, second) = (first.planes(part, RGB)?, second.planes(part, RGB)?);
     let half = |(a, b): (&f32, &f32)| 0.5 * (a - b);
     Some([0, 1, 2].map(|c| first[c].iter().zip(second[c].iter()).map(half).collect()))
 }
 
-/// Averages all channels of floats that both have.
+/// Averages all float channels that both files have.
 fn average(file: &mut Layered, other: &Layered) {
     let fits = |part: &usize| *part < other.len() && other.size(*part) == file.size(*part);
     let parts: Vec<usize> = (0..file.len()).filter(fits).collect();

@@ -1,5 +1,5 @@
-//! `oscura help`: of commands from their arguments, of topics from the headings of options, of scene files from the documentation of
-//! the parser; completions and manual pages.
+//! `oscura help`: commands and options from their declarations, topics from the headings of options, scene files from the
+//! parser's documentation; shell completions and manual pages.
 
 use super::args::{CompletionsArgs, HelpArgs, ManArgs};
 use super::command_line::Arguments;
@@ -14,20 +14,20 @@ use std::fmt::Write;
 use strsim::levenshtein;
 use textwrap::{Options, WordSplitter, fill, wrap};
 
-/// The topic that shows all chapters.
-const WHOLE: &str = "scene-file";
+/// The topic with all chapters of the scene file reference.
+const ALL_CHAPTERS: &str = "scene-file";
 
 /// Prints the help of a command or topic.
 pub(crate) fn run(args: &HelpArgs) -> Result<Outcome> {
-    let mut command = Arguments::whole();
+    let mut command = Arguments::full_command();
     let topic = args.topic.join(" ");
     let text = match Some(topic.as_str()).filter(|topic| !topic.is_empty()) {
         None => command.render_long_help().to_string() + &topics(),
-        Some(topic) => match about(topic, &command) {
+        Some(topic) => match help_on(topic, &command) {
             Some(text) => text,
             None => {
                 let near = nearest(topic, &command).ok_or_else(|| unknown(topic, &command))?;
-                let text = about(&near, &command).ok_or_else(|| unknown(topic, &command))?;
+                let text = help_on(&near, &command).ok_or_else(|| unknown(topic, &command))?;
                 format!("There is no help on '{topic}'; this is on '{near}':\n\n{text}")
             }
         },
@@ -36,27 +36,28 @@ pub(crate) fn run(args: &HelpArgs) -> Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-/// The help of a word: a command, a chapter of scene files, a heading of options, an option, or what options are about.
-fn about(word: &str, command: &clap::Command) -> Option<String> {
+/// Help on a word: a command, a chapter of scene files, a heading of options, an AOV, an option, or options with the word in
+/// their help.
+fn help_on(word: &str, command: &clap::Command) -> Option<String> {
     let word = word.trim_start_matches('-').to_lowercase().replace(['_', ' '], "-");
-    if spellings(&word).iter().any(|word| word == WHOLE || word == "toml") {
+    if spellings(&word).iter().any(|word| word == ALL_CHAPTERS || word == "toml") {
         return Some(CHAPTERS.iter().map(shown).collect::<Vec<_>>().join("\n"));
     }
     let spellings = spellings(&word);
-    let named = spellings.iter().find_map(|word| subcommand(command, meant_command(word)));
-    let chapter = spellings.iter().find_map(|word| Chapter::find(meant(word)));
+    let named = spellings.iter().find_map(|word| subcommand(command, command_synonym(word)));
+    let chapter = spellings.iter().find_map(|word| Chapter::find(chapter_synonym(word)));
     let heading = spellings.iter().find_map(|word| heading(word));
-    let of_heading =
+    let heading_help =
         heading.and_then(|heading| options(command, |arg| arg.get_help_heading() == Some(heading)));
-    let plain = spellings.iter().find_map(|word| plain_topic(word));
-    let of_command = named.map(|mut found| found.render_long_help().to_string());
-    let parts = [plain.map(plain_text), of_command, chapter.map(shown), of_heading];
+    let plain = spellings.iter().find_map(|word| general_topic(word));
+    let command_help = named.map(|mut found| found.render_long_help().to_string());
+    let parts = [plain.map(wrapped), command_help, chapter.map(shown), heading_help];
     if parts.iter().any(Option::is_some) {
         return Some(parts.into_iter().flatten().collect::<Vec<_>>().join("\n"));
     }
     let has_name =
         |arg: &Arg| arg.get_long_and_visible_aliases().is_some_and(|names| names.contains(&&*word));
-    let pass = spellings.iter().find_map(|word| Aov::from_option(&word.replace('-', "_"))).map(about_pass);
+    let pass = spellings.iter().find_map(|word| Aov::from_option(&word.replace('-', "_"))).map(pass_help);
     if let Some(pass) = pass {
         return Some(pass + &options(command, has_name).unwrap_or_default());
     }
@@ -69,15 +70,15 @@ fn about(word: &str, command: &clap::Command) -> Option<String> {
     })
 }
 
-/// The word, and as one or as many.
+/// The word, its singular and its plural.
 fn spellings(word: &str) -> Vec<String> {
     let ends = ["s", "es"].iter().filter_map(|end| word.strip_suffix(end));
     let spellings = std::iter::once(word).chain(ends).map(str::to_string);
     spellings.chain([format!("{word}s")]).collect()
 }
 
-/// The chapter that another word stands for.
-fn meant(word: &str) -> &str {
+/// Synonyms of chapters.
+fn chapter_synonym(word: &str) -> &str {
     match word {
         "pbr" | "material" | "metal" | "glass" | "displacement" | "priority" | "bsdf" | "shader" => {
             "materials"
@@ -97,7 +98,7 @@ fn meant(word: &str) -> &str {
     }
 }
 
-/// The heading of options of a word.
+/// The option heading for a word or its synonyms.
 fn heading(word: &str) -> Option<&'static str> {
     let word = match word {
         "size" | "resolution" | "exposure" | "tone-mapping" | "tonemap" | "color" | "colour" | "alpha" => {
@@ -118,13 +119,13 @@ fn heading(word: &str) -> Option<&'static str> {
     GROUPS.iter().map(|(heading, _)| *heading).find(|heading| as_topic(heading) == as_topic(word))
 }
 
-/// A heading as a topic: one word.
+/// A heading as a topic name: lower case, with hyphens.
 fn as_topic(heading: &str) -> String {
     heading.to_lowercase().replace(' ', "-")
 }
 
-/// The command that another word stands for.
-fn meant_command(word: &str) -> &str {
+/// Synonyms of commands.
+fn command_synonym(word: &str) -> &str {
     match word {
         "watch" | "live" | "page" | "viewer" | "browser" => "view",
         "thumbnail" => "thumb",
@@ -133,20 +134,20 @@ fn meant_command(word: &str) -> &str {
     }
 }
 
-/// Topics that belong to no option: names, and what there is to say.
-const PLAIN: [(&[&str], &str); 4] = [
+/// General topics: names and text.
+const GENERAL: [(&[&str], &str); 4] = [
     (
         &["exit-codes", "exit", "code", "error", "status"],
-        "Exit codes: 0 done, 1 compare found disagreement, 2 usage (options that make no sense), 3 bad input (nothing is \
-         written), 4 output failed, 130 interrupted by a signal. Of several scenes in one command the highest. With --json \
-         a failure is a JSON object on standard output, with its exit code.",
+        "Exit codes: 0 done, 1 compare found disagreement, 2 usage (invalid options), 3 bad input (nothing is \
+         written), 4 output failed, 130 interrupted by a signal. For several scenes in one command, the highest. With --json \
+         errors are also printed as a JSON object on standard output.",
     ),
     (
         &["signals", "ctrl-c", "interrupt", "sigterm", "stop", "kill"],
-        "Ctrl-C (SIGINT), SIGTERM and SIGHUP stop rendering soon; the picture has the samples taken until then, and the exit \
-         code is 130. If some pixels have no sample yet, no picture is written and a file that was there stays. Signals \
-         within a second of the first are the same request; a later one ends the program at once. --checkpoint FILE with \
-         --resume goes on later, to the same bits.",
+        "Ctrl-C (SIGINT), SIGTERM and SIGHUP stop rendering; the picture with the samples so far is written, and the exit \
+         code is 130. If some pixels have no sample yet, no picture is written, and an existing file is kept. Signals \
+         within a second of the first are ignored; a later one ends the program at once. --checkpoint FILE with \
+         --resume continues later, with the same result, bit for bit.",
     ),
     (
         &["standard-output", "stdout", "pipe", "stdin", "standard-input"],
@@ -155,29 +156,28 @@ const PLAIN: [(&[&str], &str); 4] = [
     ),
     (
         &["gpu", "cuda", "optix", "cpu"],
-        "oscura renders on the processor (CPU) with all its cores (--threads N); it uses no graphics card.",
+        "oscura renders on the CPU with all cores (--threads N); it doesn't use the GPU.",
     ),
 ];
 
-fn plain_topic(word: &str) -> Option<&'static str> {
-    PLAIN.iter().find(|(names, _)| names.contains(&word)).map(|(_, text)| *text)
+fn general_topic(word: &str) -> Option<&'static str> {
+    GENERAL.iter().find(|(names, _)| names.contains(&word)).map(|(_, text)| *text)
 }
 
-fn plain_text(text: &str) -> String {
+fn wrapped(text: &str) -> String {
     fill(text, lines_of(WIDTH)) + "\n"
 }
 
-/// Channels of a pass, and the option that adds it.
-fn about_pass(aov: Aov) -> String {
+/// Help on an AOV: option, description and EXR channels.
+fn pass_help(aov: Aov) -> String {
     let info = aov.info();
-    plain_text(&format!("--aov {}: {}; EXR channels {}.", info.option, info.about, info.names.join(", ")))
-        + "\n"
+    wrapped(&format!("--aov {}: {}; EXR channels {}.", info.option, info.about, info.names.join(", "))) + "\n"
 }
 
-/// The help of some options of `render`; `None` if there are none.
-fn options(command: &clap::Command, is_wanted: impl Fn(&Arg) -> bool) -> Option<String> {
+/// The help of the selected options of `render`; `None` if there are none.
+fn options(command: &clap::Command, is_selected: impl Fn(&Arg) -> bool) -> Option<String> {
     let render = subcommand(command, "render")?;
-    let is_shown = |arg: &Arg| !arg.is_positional() && !arg.is_hide_set() && is_wanted(arg);
+    let is_shown = |arg: &Arg| !arg.is_positional() && !arg.is_hide_set() && is_selected(arg);
     render.get_arguments().find(|arg| is_shown(arg))?;
     let only = render.mut_args(|arg| {
         let is_hidden = !is_shown(&arg);
@@ -191,11 +191,11 @@ fn shown(chapter: &Chapter) -> String {
     format!("{}\n\n{}", chapter.title, markdown_to_text(&chapter.markdown()))
 }
 
-/// Names of all topics besides commands.
+/// Names of all topics other than commands.
 fn topic_names() -> Vec<String> {
     let chapters = CHAPTERS.iter().skip(1).map(|chapter| chapter.name().to_string());
     let headings = GROUPS.iter().map(|(heading, _)| as_topic(heading)).filter(|h| h != "help");
-    let headings = headings.chain(PLAIN.iter().map(|(names, _)| names[0].to_string()));
+    let headings = headings.chain(GENERAL.iter().map(|(names, _)| names[0].to_string()));
     let mut names: Vec<String> = chapters.collect();
     for heading in headings {
         if !names.contains(&heading) {
@@ -206,16 +206,17 @@ fn topic_names() -> Vec<String> {
 }
 
 fn topics() -> String {
-    format!("\n\nTopics of 'oscura help': {WHOLE} (all of it), {}\n", topic_names().join(", "))
+    format!("\n\nTopics of 'oscura help': {ALL_CHAPTERS} (all of it), {}\n", topic_names().join(", "))
 }
 
 fn unknown(topic: &str, command: &clap::Command) -> Error {
     let commands: Vec<&str> = command.get_subcommands().map(clap::Command::get_name).collect();
-    let help = format!("commands: {}; topics: {WHOLE}, {}", commands.join(", "), topic_names().join(", "));
+    let help =
+        format!("commands: {}; topics: {ALL_CHAPTERS}, {}", commands.join(", "), topic_names().join(", "));
     Error::usage(format!("there is no help on '{topic}'")).with_help(help)
 }
 
-/// The command, topic or option whose name is most like a word, if two letters at most differ.
+/// The nearest command, topic or option by edit distance, at most 2.
 fn nearest(word: &str, command: &clap::Command) -> Option<String> {
     const MAX: usize = 2;
     let word = word.trim_start_matches('-').to_lowercase();
@@ -223,11 +224,11 @@ fn nearest(word: &str, command: &clap::Command) -> Option<String> {
     names.extend(topic_names());
     let render = subcommand(command, "render")?;
     names.extend(render.get_arguments().filter_map(|arg| arg.get_long().map(str::to_string)));
-    let far = |name: &String| levenshtein(&word, name);
-    names.into_iter().filter(|name| far(name) <= MAX.min(word.len() / 3)).min_by_key(far)
+    let distance = |name: &String| levenshtein(&word, name);
+    names.into_iter().filter(|name| distance(name) <= MAX.min(word.len() / 3)).min_by_key(distance)
 }
 
-/// A command by name, called in usage lines as users call it.
+/// A subcommand by name, with `oscura NAME` in usage lines.
 fn subcommand(command: &clap::Command, name: &str) -> Option<clap::Command> {
     let found = command.get_subcommands().find(|c| c.get_name() == name)?.clone();
     Some(found.bin_name(format!("oscura {name}")).display_name(format!("oscura-{name}")))
@@ -238,14 +239,14 @@ pub(crate) fn completions(args: &CompletionsArgs) -> Result<Outcome> {
     let mut bytes = Vec::new();
     let name = args.shell.to_possible_value().map_or_else(String::new, |v| v.get_name().to_string());
     let shell = name.parse::<clap_complete::Shell>().map_err(Error::usage)?;
-    clap_complete::generate(shell, &mut Arguments::whole(), "oscura", &mut bytes);
+    clap_complete::generate(shell, &mut Arguments::full_command(), "oscura", &mut bytes);
     print_text(&String::from_utf8_lossy(&bytes));
     Ok(Outcome::Done)
 }
 
 /// Prints a manual page: of the program or of a command.
 pub(crate) fn man(args: &ManArgs) -> Result<Outcome> {
-    let command = Arguments::whole();
+    let command = Arguments::full_command();
     let page = match args.command.as_deref() {
         None => command,
         Some(name) => subcommand(&command, name).ok_or_else(|| unknown(name, &command))?,
@@ -256,15 +257,14 @@ pub(crate) fn man(args: &ManArgs) -> Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-// Markdown for terminals: tables become aligned columns, marks of code go, links keep their text.
-
-/// Columns of a terminal.
+/// Line width of help texts, characters.
 const WIDTH: usize = 100;
-/// Narrowest column of a table.
+/// Minimum width of a table column, characters.
 const MIN: usize = 12;
+/// Gap between table columns, characters.
 const GAP: usize = 2;
 
-/// Plain text for a terminal.
+/// Markdown as plain text for terminals: aligned table columns, no code marks, links as their text.
 pub(crate) fn markdown_to_text(markdown: &str) -> String {
     let mut text = String::new();
     let lines: Vec<&str> = markdown.lines().collect();
@@ -294,7 +294,7 @@ pub(crate) fn markdown_to_text(markdown: &str) -> String {
     text
 }
 
-/// Without marks of code and links.
+/// Removes code marks and link targets.
 fn plain(text: &str) -> String {
     let mut text = text.replace("\\|", "|").replace('`', "");
     while let Some(start) = text.find("](")
@@ -308,7 +308,7 @@ fn plain(text: &str) -> String {
     text
 }
 
-/// Wraps to lines of at most this many columns; a longer word has a line of its own.
+/// Wrapping options for lines of at most `columns` characters; longer words are not broken.
 fn lines_of(columns: usize) -> Options<'static> {
     Options::new(columns).break_words(false).word_splitter(WordSplitter::NoHyphenation)
 }
@@ -324,7 +324,7 @@ fn table(text: &mut String, lines: &[&str]) {
     let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
     let longest = |c: usize| rows.iter().filter_map(|r| r.get(c)).map(|s| s.chars().count()).max();
     let mut widths: Vec<usize> = (0..columns).map(|c| longest(c).unwrap_or(0)).collect();
-    // The widest columns give way.
+    // Shrink the widest columns.
     while widths.iter().sum::<usize>() + GAP * columns > WIDTH {
         let Some(widest) = (0..columns).max_by_key(|&c| widths[c]).filter(|&c| widths[c] > MIN) else {
             break;
@@ -349,8 +349,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn plurals_near_topics_and_slips_are_understood() {
-        let command = Arguments::whole();
+    fn plurals_synonyms_and_misspellings_are_found() {
+        let command = Arguments::full_command();
         for word in [
             "Cameras",
             "lenses",
@@ -385,13 +385,13 @@ mod tests {
             "sss",
             "parts",
         ] {
-            assert!(about(word, &command).is_some(), "{word}");
+            assert!(help_on(word, &command).is_some(), "{word}");
         }
-        assert!(about("xyzzy", &command).is_none());
-        let depth = about("depth", &command).expect("a pass and an option");
+        assert!(help_on("xyzzy", &command).is_none());
+        let depth = help_on("depth", &command).expect("a pass and an option");
         assert!(depth.contains("--aov depth") && depth.contains("bounces of a path"), "{depth}");
         for name in topic_names() {
-            assert!(about(&name, &command).is_some(), "{name}");
+            assert!(help_on(&name, &command).is_some(), "{name}");
         }
         assert_eq!(nearest("matirials", &command).as_deref(), Some("materials"));
         assert_eq!(nearest("denoze", &command).as_deref(), Some("denoise"));
@@ -413,7 +413,7 @@ mod tests {
     }
 
     #[test]
-    fn paragraphs_flow_and_marks_go() {
+    fn paragraphs_are_filled_and_marks_removed() {
         let text = markdown_to_text("One\ntwo `three` [four](five).\n\n## Six\n- seven\n- eight");
         assert_eq!(text, "One two three four.\n\nSix\n- seven\n- eight\n");
         let long = markdown_to_text(&format!("- {}", "word ".repeat(30)));

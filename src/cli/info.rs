@@ -36,7 +36,7 @@ struct Part {
     header: BTreeMap<String, String>,
 }
 
-/// A channel; range and mean are those of its finite values, and null where there are none.
+/// A channel; minimum, maximum and mean of the finite values, null if there are none.
 #[derive(Serialize)]
 struct Channel {
     name: String,
@@ -90,7 +90,7 @@ impl Part {
     }
 }
 
-/// Few digits, readable at any size.
+/// A number in six significant digits or fewer, with an exponent for very small and large ones.
 fn short(value: f64) -> String {
     match value.abs() {
         _ if value.is_nan() => "-".to_string(),

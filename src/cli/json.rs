@@ -1,5 +1,5 @@
-//! How `--json` prints: one line, a blank behind commas and colons, and numbers as plain decimals, never with an exponent,
-//! so that any tool can read them. NaN and infinities become null.
+//! JSON output: one line, with a space after commas and colons, and numbers without exponents, which not all tools parse.
+//! NaN and infinities become null.
 
 use super::picture_args::Quality;
 use super::report::{self, Run, ShapeCounts};
@@ -34,20 +34,18 @@ impl Formatter for OneLine {
     }
 }
 
-/// Prints a value in a line of its own on standard output. Nobody listening any more is no error.
+/// Prints a value as one line on standard output. A closed pipe is not an error.
 pub(crate) fn print(value: &impl Serialize) {
     let mut line = io::stdout().lock();
     let written = write(&mut line, value).map_err(io::Error::from);
-    report::note_stdout(written.and_then(|()| writeln!(line)).and_then(|()| line.flush()));
+    report::report_stdout_error(written.and_then(|()| writeln!(line)).and_then(|()| line.flush()));
 }
 
 fn write(writer: &mut impl Write, value: &impl Serialize) -> serde_json::Result<()> {
     value.serialize(&mut serde_json::Serializer::with_formatter(writer, OneLine))
 }
 
-// Output of `--json`: a run, or the error that ended it.
-
-/// A finished run; times in seconds, sizes in bytes.
+/// The report of a render; times in seconds, sizes in bytes.
 #[derive(Serialize)]
 struct RunReport<'a> {
     load_s: f64,
@@ -86,12 +84,12 @@ struct RunReport<'a> {
     outputs: &'a [String],
     notes: Vec<String>,
     warnings: Vec<String>,
-    /// Codes of the warnings, in their order; empty where one has none.
+    /// Codes of the warnings, in order; an empty string for warnings without a code.
     warning_codes: Vec<&'static str>,
     left_out: &'a [String],
 }
 
-/// The object about a finished run.
+/// The report of a render.
 pub(crate) fn of_run(run: &Run) -> impl Serialize {
     let (s, c) = (&run.statistics, &run.compiled);
     RunReport {
@@ -135,7 +133,7 @@ pub(crate) fn of_run(run: &Run) -> impl Serialize {
     }
 }
 
-/// An error as the only entry of an object.
+/// An object with an error.
 #[derive(Serialize)]
 struct Failure {
     error: ErrorReport,
@@ -147,11 +145,11 @@ struct ErrorReport {
     exit_code: u8,
     file: Option<String>,
     problems: Vec<String>,
-    /// Codes of the problems, in their order; empty where one has none.
+    /// Codes of the problems, in order; an empty string for problems without a code.
     codes: Vec<&'static str>,
 }
 
-/// The object about an error that ends the program with this code.
+/// The report of an error with its exit code.
 pub(crate) fn of_error(error: &Error, exit_code: u8) -> impl Serialize {
     let kind = match error.kind {
         ErrorKind::Usage => "usage",
@@ -182,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_are_plain_decimals_and_the_rest_parses() {
+    fn numbers_have_no_exponents_and_strings_are_escaped() {
         let value = Example {
             small: 1.5e-9,
             large: 1e21,

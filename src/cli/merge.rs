@@ -1,6 +1,6 @@
-//! `oscura merge`: a picture from its parts.
+//! `oscura merge`: merges partial renders into a picture.
 
-use super::parsers::{stops, whole};
+use super::parsers::{integer, stops};
 use super::picture_args::{DenoiserArgs, ExrFormatArgs, views};
 use super::pictures::{EncodeOptions, FinishedPicture, Pictures, Targets};
 use super::process::Outcome;
@@ -25,7 +25,7 @@ struct MergeReport {
     parts: usize,
     width: u32,
     height: u32,
-    /// The mean of those that are there.
+    /// Mean over all pixels.
     samples_per_pixel: f64,
     /// Render time of all parts together, seconds.
     render_s: f64,
@@ -46,27 +46,27 @@ fn merge(args: &MergeArgs) -> Result<Outcome> {
     let start = Instant::now();
     let targets = Targets::check(&args.output)?;
     if let Some(part) = targets.parts().first() {
-        return Err(Error::usage(format!("{}: parts become pictures", part.display())));
+        return Err(Error::usage(format!("{}: must be a picture, not a .part file", part.display())));
     }
     let twice = args.parts.iter().enumerate().find(|(at, part)| args.parts[..*at].contains(part));
     if let Some((_, part)) = twice {
         return Err(Error::input(part, ("parts-overlap", "is given twice")));
     }
-    let mut parts = heads(&args.parts)?;
-    // Channels that show first samples take the parts in the order of samples.
+    let mut parts = headers(&args.parts)?;
+    // Some channels have the value of the first sample: merge in the order of samples.
     parts.sort_by_key(|(_, header)| (header.first_sample, header.region.y0, header.region.x0));
     let missing = check_parts(&parts)?;
     if !args.allow_missing {
         refuse_missing(&parts[0].0, &missing)?;
     }
     check_memory_before_merging(&parts)?;
-    let (mut film, behind) = sum(&parts)?;
+    let (mut film, backdrop) = sum(&parts)?;
     args.exr.check(film.names().any(|name| name.starts_with("Crypto")))?;
     let warnings = film_warnings(&film);
     let denoised = denoise(args, &parts[0], &mut film)?;
     let first = &parts[0].1;
     film.resolve_catchers(first.channels.caught());
-    behind.iter().for_each(|backdrop| film.composite_over(backdrop));
+    backdrop.iter().for_each(|backdrop| film.composite_over(backdrop));
     let finish = &first.finish;
     let mut earlier: Vec<Warning> = finish.warnings.iter().map(Warning::general).collect();
     if !missing.is_empty() {
@@ -75,13 +75,13 @@ fn merge(args: &MergeArgs) -> Result<Outcome> {
         );
     }
     let samples = film.mean_samples();
-    let shot = FinishedPicture {
+    let finished = FinishedPicture {
         film: Cow::Borrowed(&film),
         warnings,
         metadata: Metadata { denoised, ..metadata(&parts, samples, missing.is_empty()) },
     };
     let how = encoding(args, finish);
-    let pictures = Pictures::encode(&how, &targets, shot, &png(args, finish, &targets)?, &earlier);
+    let pictures = Pictures::encode(&how, &targets, finished, &png(args, finish, &targets)?, &earlier);
     earlier.extend(pictures.warnings.iter().cloned());
     pictures.write()?;
     let sum = |of: fn(&PartHeader) -> f64| parts.iter().map(|(_, header)| of(header)).sum();
@@ -103,30 +103,30 @@ fn merge(args: &MergeArgs) -> Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-/// The heads of all files; those that can't be read are reported together.
-fn heads(files: &[PathBuf]) -> Result<Vec<(PathBuf, PartHeader)>> {
-    let (mut heads, mut failed) = (Vec::new(), None::<Error>);
+/// Reads the headers of all files; reports all unreadable ones together.
+fn headers(files: &[PathBuf]) -> Result<Vec<(PathBuf, PartHeader)>> {
+    let (mut headers, mut failed) = (Vec::new(), None::<Error>);
     for file in files {
         match (read_header(file), &mut failed) {
-            (Ok(header), _) => heads.push((file.clone(), header)),
+            (Ok(header), _) => headers.push((file.clone(), header)),
             (Err(error), Some(all)) => all.append(error),
             (Err(error), none) => *none = Some(error),
         }
     }
-    failed.map_or(Ok(heads), Err)
+    failed.map_or(Ok(headers), Err)
 }
 
-/// An error that names the first part, if something is missing.
+/// The error for missing parts, with the path of the first part.
 fn refuse_missing(file: &Path, missing: &[String]) -> Result<()> {
     if missing.is_empty() {
         return Ok(());
     }
     let problem = |what: &String| Problem::new("", format!("no part has {what}")).with_code("part-missing");
     let error = Error::input_problems(file, missing.iter().map(problem).collect());
-    Err(error.with_help("render what is missing, or take what is there by --allow-missing"))
+    Err(error.with_help("render the missing parts, or use --allow-missing"))
 }
 
-/// Denoises if that is asked for, now or when the parts were rendered; returns the denoiser in words.
+/// Denoises if requested now or when the parts were rendered; returns the denoiser's description.
 fn denoise(
     args: &MergeArgs,
     (file, first): &(PathBuf, PartHeader),
@@ -145,25 +145,25 @@ fn denoise(
     Ok(Some(denoise_film(film, kept)))
 }
 
-/// The film of all parts, and its background.
+/// The merged film of all parts, and its backdrop.
 fn sum(parts: &[(PathBuf, PartHeader)]) -> Result<(Film, Option<oscura::scene::Backdrop>)> {
     let (file, first) = &parts[0];
     let layout =
         first.channels.layout().ok_or_else(|| Error::input(file, "has channels that are unknown"))?;
     let mut film = Film::of_layout(first.width, first.height, layout)?;
-    let mut behind = None;
+    let mut backdrop = None;
     for (file, header) in parts {
         let part = read_part(file)?;
         if part.header != *header {
             return Err(Error::input(file, "was changed while it was read"));
         }
         film.merge_film(&part.film);
-        behind = part.backdrop;
+        backdrop = part.backdrop;
     }
-    Ok((film, behind))
+    Ok((film, backdrop))
 }
 
-/// The metadata of the parts' headers, as a single run writes it.
+/// Metadata of the merged picture, from the parts' headers.
 fn metadata(parts: &[(PathBuf, PartHeader)], samples: f64, is_complete: bool) -> Metadata {
     let first = &parts[0].1;
     let Finish { seed, world_to_camera, world_to_ndc, pixel_aspect, aov_space, world_offset, mattes, .. } =
@@ -188,7 +188,7 @@ fn metadata(parts: &[(PathBuf, PartHeader)], samples: f64, is_complete: bool) ->
     }
 }
 
-/// Encoding as the arguments say, else as the parts do.
+/// Encoding options of the arguments, else of the parts.
 fn encoding(args: &MergeArgs, finish: &Finish) -> EncodeOptions {
     EncodeOptions {
         owner: args.owner.clone().or_else(|| finish.owner.clone()),
@@ -199,16 +199,16 @@ fn encoding(args: &MergeArgs, finish: &Finish) -> EncodeOptions {
     }
 }
 
-/// View as the arguments say, else as the parts do.
+/// Display options of the arguments, else of the parts.
 ///
 /// # Errors
-/// Where the table by which pictures are to be shown can't be read.
+/// A lookup table of the view transform that can't be read.
 fn png(args: &MergeArgs, finish: &Finish, targets: &Targets) -> Result<PngOptions> {
     let view = match &args.view {
         Some(view) => view.clone(),
-        None if ViewTransform::is_file(&finish.view) && targets.has_shown() => {
+        None if ViewTransform::is_file(&finish.view) && targets.has_display_referred() => {
             let path = Path::new(&finish.view);
-            let help = "the parts name it as their view; --view chooses another";
+            let help = "the parts use it as view transform; --view sets another";
             read_view(path).map_err(|e| Error::input(path, e).with_help(help))?
         }
         None => ViewTransform::from_name(&finish.view).unwrap_or_default(),
@@ -237,8 +237,6 @@ fn say(args: &MergeArgs, report: &MergeReport, warnings: &[Warning]) {
         json::print(report);
     }
 }
-
-// Arguments of `oscura merge`.
 
 #[derive(Args, Debug)]
 pub(crate) struct MergeArgs {
@@ -279,7 +277,7 @@ pub(crate) struct MergeArgs {
     #[arg(long, value_name = "NAME")]
     pub owner: Option<String>,
     /// Number of threads [default: one per core].
-    #[arg(long, value_name = "N", value_parser = whole::<u16>(1, 1024), allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", value_parser = integer::<u16>(1, 1024), allow_negative_numbers = true)]
     pub threads: Option<u16>,
     /// Print errors only.
     #[arg(long)]

@@ -1,12 +1,12 @@
-//! The command line: arguments become options, options run. The only place that prints. Reports go to standard error;
-//! standard output is for results: `--json`, `compare` and `inspect`.
+//! The command-line program. Only this module prints: messages to standard error, results (`--json`, `compare`, `inspect`) to
+//! standard output.
 
 use command_line::{Arguments, Command};
 use oscura::error::Error;
 use process::{Outcome, exit_code};
 use std::ffi::OsString;
 
-/// Prints a line on standard error. Nobody listening any more is no reason to stop.
+/// Prints a line on standard error; ignores a closed pipe.
 macro_rules! say {
     ($($text:tt)*) => {{
         use std::io::Write;
@@ -45,19 +45,19 @@ mod show;
 mod thumbnail;
 mod view;
 
-/// Runs the program with these arguments, the first of which is its own name. Returns the exit code: 0 done, 1 pictures
-/// disagree, 2 usage, 3 bad input, 4 output failed, 130 interrupted.
+/// Runs the program; the first argument is its name. Returns the exit code: 0 done, 1 pictures disagree, 2 usage, 3 bad
+/// input, 4 output failed, 130 interrupted.
 pub fn main(arguments: impl Iterator<Item = OsString>) -> u8 {
     let words: Vec<OsString> = arguments.collect();
     let wants_json = words.iter().take_while(|word| *word != "--").any(|word| word == "--json");
     let arguments = match Arguments::read(words.into_iter()) {
         Ok(arguments) => arguments,
-        Err(error) => return refuse(error, wants_json),
+        Err(error) => return print_clap_error(error, wants_json),
     };
     report::code_with_stdout(run(arguments))
 }
 
-/// Runs a command; its exit code.
+/// Runs a command and returns the exit code.
 fn run(arguments: Arguments) -> u8 {
     let (json, result) = match arguments.command {
         Command::Render(a) => (a.json, render::run(&a)),
@@ -94,17 +94,17 @@ fn run(arguments: Arguments) -> u8 {
     }
 }
 
-/// Says what is wrong with the arguments, or what they ask about the program. Returns the exit code.
-fn refuse(error: clap::Error, wants_json: bool) -> u8 {
+/// Prints clap's error, help or version. Returns the exit code.
+fn print_clap_error(error: clap::Error, wants_json: bool) -> u8 {
     if let Some(table) = parsers::aov_table_requested(&error) {
         report::print_text(table);
         return 0;
     }
-    // Nobody listening is no reason to end otherwise.
+    // A closed pipe doesn't change the exit code.
     let _ = error.print();
     let code = u8::try_from(error.exit_code()).unwrap_or(2);
     if wants_json && error.use_stderr() {
-        // The lines after the first one are about usage.
+        // The other lines are tips and usage.
         let text = error.to_string();
         let message = text.lines().next().unwrap_or_default();
         let error = Error::usage(message.strip_prefix("error: ").unwrap_or(message));

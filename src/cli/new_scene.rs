@@ -1,5 +1,5 @@
-//!
-//! `oscura export`: a Blender file as a folder of files that other programs read, too.
+//! `oscura new`: writes a commented scene file, or a sidecar for a model. `oscura export`: exports a Blender file to a folder of
+//! files in common formats. `oscura cache`: the cache of exported Blender files.
 
 use super::args::{CacheArgs, ExportArgs, NewArgs};
 use super::process::Outcome;
@@ -16,26 +16,24 @@ use oscura::scene::{Camera, Material, Model, Scene};
 use std::fmt::Write;
 use std::path::Path;
 
-// `oscura new`: a commented scene to start from, or settings for a model ([`beside`]).
-
-/// The scene that is written.
+/// The scene file of `oscura new`.
 const STARTER: &str = include_str!("starter.toml");
 
 pub(crate) fn run(args: &NewArgs) -> Result<Outcome> {
     let path = match (&args.beside, &args.scene) {
         (Some(model), _) => return write_sidecar(model, args),
         (None, Some(path)) => path,
-        (None, None) => return Err(Error::usage("name the file to write")),
+        (None, None) => return Err(Error::usage("the scene file to write is missing")),
     };
     if path.extension().is_none_or(|e| !e.eq_ignore_ascii_case("toml")) {
-        let message = format!("{}: scene files end in .toml", path.display());
+        let message = format!("{}: the extension of scene files is .toml", path.display());
         return Err(
             Error::usage(message).with_help(format!("oscura new {}", path.with_extension("toml").display()))
         );
     }
     if path.exists() && !args.force {
         let message = format!("{} exists already", path.display());
-        return Err(Error::usage(message).with_help("choose another name, or replace it by --force"));
+        return Err(Error::usage(message).with_help("choose another name, or replace it with --force"));
     }
     check_target(path)?;
     let name = path.file_name().unwrap_or_default().to_string_lossy();
@@ -47,17 +45,16 @@ pub(crate) fn run(args: &NewArgs) -> Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-// `oscura new --beside MODEL`: a file of settings for what the model can't carry, filled in from the model.
-
+/// `oscura new --beside MODEL`: writes a sidecar with proposals for the model's contents.
 fn write_sidecar(model: &Path, args: &NewArgs) -> Result<Outcome> {
     let path = sidecar_path(model);
     if path == model || model.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")) {
-        let message = format!("{} is no model", model.display());
-        return Err(Error::usage(message).with_help("name a .glb, .gltf, .obj or .ply file"));
+        let message = format!("{} is not a model", model.display());
+        return Err(Error::usage(message).with_help("use a .glb, .gltf, .obj or .ply file"));
     }
     if path.exists() && !args.force {
         let message = format!("{} exists already", path.display());
-        return Err(Error::usage(message).with_help("replace it by --force"));
+        return Err(Error::usage(message).with_help("replace it with --force"));
     }
     check_target(&path)?;
     let options = LoadOptions { no_sidecar: true, brings_environment: true, ..LoadOptions::default() };
@@ -72,16 +69,16 @@ fn write_sidecar(model: &Path, args: &NewArgs) -> Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-/// The whole file. Lines of prose begin with "# ", those to be used when wanted with "#" alone.
+/// The text of the sidecar. Comments start with "# ", commented-out keys with "#" only.
 fn text(model: &Path, loaded: &Loaded) -> String {
     let name = model.file_name().unwrap_or_default().to_string_lossy();
     let lost = loaded.blender.clone().unwrap_or_default();
     let mut parts = vec![head(&name, loaded.blender.is_some())];
     parts.push(PICTURE.to_string());
-    parts.push(WORLD.to_string());
+    parts.push(ENVIRONMENT.to_string());
     parts.extend(cameras(&loaded.scene));
-    parts.push(LAMP.to_string());
-    parts.extend(lamps(&lost));
+    parts.push(LIGHT.to_string());
+    parts.extend(area_lights(&lost));
     parts.extend(materials(&lost));
     parts.extend(own_materials(&loaded.scene, &lost));
     parts.extend(objects(&lost));
@@ -90,13 +87,13 @@ fn text(model: &Path, loaded: &Loaded) -> String {
 
 fn head(name: &str, is_of_blender: bool) -> String {
     let mut text = format!(
-        "# What {name} can't carry. It lies beside the model and is used with it; `oscura help sidecar` explains each key.\n\
-         # Lines with a # right before a word are proposals: take the # away to use them.\n"
+        "# Sidecar of {name}: data that its format can't store, used with the model; `oscura help sidecar` explains each key.\n\
+         # Lines with a # directly before a word are proposals: remove the # to use them.\n"
     );
     if is_of_blender {
         text.push_str(
-            "# Blender's glTF files never hold: the world, area lights, sizes of lamps, depth of field, shift, the picture's\n\
-             # size, volumes, subsurface scattering, and nodes beside Principled BSDF. `oscura render x.blend` needs none of this.\n",
+            "# Blender's glTF export lacks: the world, area lights, radii of lights, depth of field, lens shift, the picture's\n\
+             # size, volumes, subsurface scattering, and nodes other than Principled BSDF. `oscura render x.blend` has all of this.\n",
         );
     }
     text
@@ -110,27 +107,27 @@ const PICTURE: &str = "\
 #exposure = 0.0
 ";
 
-const WORLD: &str = "\
-# The world: a colour, or a picture around the scene.
+const ENVIRONMENT: &str = "\
+# The environment: a constant colour, or an image around the scene.
 #[environment]
 #background = [0.05, 0.05, 0.05]
 # or: image = \"studio.exr\", rotation = 0, strength = 1
 ";
 
-const LAMP: &str = "\
-# A lamp in place of the stage's light, in metres and watts; others are area, spot and sun (`oscura help lights`).
+const LIGHT: &str = "\
+# A light instead of the stage's light, in metres and watts; other types are area, spot and sun (`oscura help lights`).
 #[[lights]]
 #name = \"key\"
 #point = { position = [2.0, 3.0, 2.0], radius = 0.3, power = 500.0 }
 ";
 
-/// Name of the camera that a model without one is framed by.
+/// Name of the stage's camera for models without a camera.
 const FRAMING: &str = "default";
 
 /// Maximum number of materials with a proposal.
 const MAX_MATERIALS: usize = 12;
 
-/// Materials of the model that nothing was proposed for.
+/// Proposals for the model's other materials.
 fn own_materials(scene: &Scene, lost: &BlenderExport) -> Vec<String> {
     let is_proposed = |name: &String| {
         [&lost.white, &lost.lost, &lost.unused_alpha].iter().any(|names| names.contains(name))
@@ -142,10 +139,10 @@ fn own_materials(scene: &Scene, lost: &BlenderExport) -> Vec<String> {
         }
     }
     let part = |material: &&Material| {
-        // Others than those of glTF have no keys that a part of them could change.
+        // Only glTF materials have parameters that can be changed singly.
         let kind = if matches!(material.model, Model::Pbr(_)) { "" } else { "#type = \"pbr\"\n" };
         format!(
-            "# A material of the model: keys of type \"pbr\" change it, with a type it becomes another.\n\
+            "# A material of the model: keys of type \"pbr\" change its parameters; a `type` replaces it.\n\
              #[materials.{}]\n{kind}#base_color = [0.8, 0.8, 0.8]\n#metallic = 0.0\n#roughness = 0.5\n",
             key(&material.name)
         )
@@ -159,12 +156,11 @@ const MAX_CAMERAS: usize = 8;
 fn cameras(scene: &Scene) -> Vec<String> {
     let proposal = |name: &str| {
         format!(
-            "# Depth of field and shift (in heights of the picture) of a camera.\n\
+            "# Depth of field and lens shift (in picture heights) of a camera.\n\
              #[[camera]]\n#name = {}\n#f_stop = 2.8\n#focal_length = 50\n#focus_distance = 5.0\n#shift = [0.0, 0.0]\n",
             quoted(name)
         )
     };
-    // The one that the whole model is framed by is none of its own.
     let own = scene.cameras.iter().filter(|c| c.name != FRAMING).take(MAX_CAMERAS);
     let proposals: Vec<String> = own.map(|camera| proposal(&camera.name)).collect();
     let framing = scene.cameras.iter().find(|camera| camera.name == FRAMING);
@@ -174,22 +170,22 @@ fn cameras(scene: &Scene) -> Vec<String> {
     }
 }
 
-/// The camera of a model without one, to begin with; `oscura view` finds others.
+/// A proposal of the stage's camera, for a model without a camera.
 fn framed(camera: &Camera) -> String {
     let eye = camera.world_from_camera.translation;
     let to = eye - camera.world_from_camera.matrix3.z_axis;
     let list = |v: DVec3| format!("[{:.4}, {:.4}, {:.4}]", v.x, v.y, v.z);
     format!(
-        "# A camera: as the model is shown without one.\n#[camera]\n#look_from = {}\n#look_at = {}\n#vfov = 30\n",
+        "# A camera: the default view of the model.\n#[camera]\n#look_from = {}\n#look_at = {}\n#vfov = 30\n",
         list(eye),
         list(to)
     )
 }
 
-fn lamps(lost: &BlenderExport) -> Option<String> {
+fn area_lights(lost: &BlenderExport) -> Option<String> {
     let mut text = String::from(
-        "# Empty nodes with names of lamps: area lights become such nodes. Their sizes (metres) and power (watts) are lost:\n\
-         # these are guesses.\n",
+        "# Empty nodes named like lights: the export of area lights. Their sizes (metres) and power (watts) are lost: these are\n\
+         # guesses.\n",
     );
     for name in &lost.lights {
         let name = quoted(name);
@@ -209,19 +205,11 @@ fn materials(lost: &BlenderExport) -> Vec<String> {
     };
     let color = "#base_color = [0.8, 0.8, 0.8]\n#roughness = 0.5\n";
     [
-        with(
-            &lost.white,
-            "Pure white without a texture: nodes that could not be exported may be lost.",
-            color,
-        ),
-        with(
-            &lost.lost,
-            "Made of other nodes than Principled BSDF, which are lost: white and diffuse.",
-            color,
-        ),
+        with(&lost.white, "Pure white without a texture: its nodes may not have been exported.", color),
+        with(&lost.lost, "Other nodes than Principled BSDF are lost: it is white and diffuse.", color),
         with(
             &lost.unused_alpha,
-            "The image of its base colour has alpha, which it does not use; or \"mask\", for sharp edges.",
+            "The image of its base colour has an unused alpha channel; \"mask\" is for sharp edges.",
             "#alpha = \"blend\"\n",
         ),
     ]
@@ -231,7 +219,7 @@ fn materials(lost: &BlenderExport) -> Vec<String> {
 fn objects(lost: &BlenderExport) -> Vec<String> {
     let part = |(name, inside): &(String, String)| {
         format!(
-            "# Its material is lost and it encloses the {inside}: it may have been a volume, and hides all else.\n\
+            "# Its material is lost and it encloses the {inside}: it may have been a volume, and hides the scene.\n\
              [objects.{}]\nhidden = true\n",
             key(name)
         )
@@ -262,12 +250,12 @@ fn key(name: &str) -> String {
 
 pub(crate) fn export_blender_file(args: &ExportArgs) -> Result<Outcome> {
     if !is_of_blender(&args.scene) {
-        let message = format!("{} is not a .blend file, and only those are exported", args.scene.display());
+        let message = format!("{} is not a .blend file: only those can be exported", args.scene.display());
         return Err(Error::usage(message));
     }
     check_scene_path(&args.scene)?;
     check_folder(&args.output, args.force).map_err(|error| match error.kind {
-        ErrorKind::Usage => error.with_help("choose another name, or replace its files by --force"),
+        ErrorKind::Usage => error.with_help("choose another name, or replace its files with --force"),
         _ => error,
     })?;
     let options = LoadOptions {
@@ -275,7 +263,7 @@ pub(crate) fn export_blender_file(args: &ExportArgs) -> Result<Outcome> {
         gltf: GltfOptions { scene: args.scene_name.clone(), ..GltfOptions::default() },
         ..LoadOptions::default()
     };
-    // On the disk of the folder, so that the export appears there as a whole.
+    // A temporary folder on the same file system, so that the export can be moved atomically.
     let parent = args.output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let exported = export(&args.scene, &options, parent)?;
     if !args.quiet {
@@ -287,7 +275,7 @@ pub(crate) fn export_blender_file(args: &ExportArgs) -> Result<Outcome> {
         let problems = exported.warnings.iter().map(|w| Problem::new("", w.to_string())).collect();
         let file = Some(args.scene.clone());
         let error = Error { kind: ErrorKind::Input, file, problems, source_text: None };
-        return Err(error.with_help("--strict makes warnings errors"));
+        return Err(error.with_help("--strict treats warnings as errors"));
     }
     let names = move_folder(&exported.folder, &args.output)?;
     if !args.quiet {
@@ -298,16 +286,14 @@ pub(crate) fn export_blender_file(args: &ExportArgs) -> Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-// `oscura cache`: what is kept of Blender files for the next time.
-
 pub(crate) fn run_cache(args: &CacheArgs) -> Result<Outcome> {
     let Some(folder) = args.folder.clone().or_else(default_cache) else {
-        let error = Error::usage("this system names no folder for caches: nothing is kept");
-        return Err(error.with_help("name a folder by --cache"));
+        let error = Error::usage("this system has no user cache directory: nothing is cached");
+        return Err(error.with_help("set a folder with --cache"));
     };
     let (found, verb) = match args.clear {
         true => (clear_cache(&folder)?, "deleted"),
-        false => (cache_size(&folder)?, "kept"),
+        false => (cache_size(&folder)?, "cached"),
     };
     let mib = found.bytes as f64 / f64::from(1 << 20);
     print_line(&format!("{}: {} files of {mib:.1} MiB {verb}", folder.display(), found.files));
@@ -319,7 +305,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_of_all_kinds_are_keys() {
+    fn names_are_quoted_as_toml_keys() {
         assert_eq!(key("Wood_2-a"), "Wood_2-a");
         assert_eq!(key("Wood.001"), "\"Wood.001\"");
         assert_eq!(key("a \"b\"\n\\"), "\"a \\\"b\\\"\\u000A\\\\\"");

@@ -1,4 +1,4 @@
-//! Under which heading help lists each option, and which options `-h` shows.
+//! Headings of the options in help, and the options that `-h` shows.
 
 use clap::{Arg, ArgAction, Command};
 
@@ -156,13 +156,13 @@ const COMMON: [&str; 26] = [
     "help",
 ];
 
-/// The heading of an option, and its place among those of all.
+/// The heading of an option, and its position among all options.
 fn place(id: &str) -> Option<(&'static str, usize)> {
     let all = GROUPS.iter().flat_map(|(heading, ids)| ids.iter().map(move |id| (*heading, *id)));
     all.enumerate().find(|(_, (_, own))| *own == id).map(|(at, (heading, _))| (heading, at))
 }
 
-/// Puts the options of commands that have many under headings. `-h` of `render` and `view` leaves out the less common ones.
+/// Groups the options of some commands under headings. `-h` of `render` and `view` hides less common options.
 pub(super) fn group(command: Command) -> Command {
     if !GROUPED.contains(&command.get_name()) {
         return command;
@@ -198,9 +198,10 @@ mod tests {
     fn each_option_has_one_heading() {
         let ids: Vec<&str> = GROUPS.iter().flat_map(|(_, ids)| ids.iter().copied()).collect();
         for (at, id) in ids.iter().enumerate() {
-            assert!(!ids[..at].contains(id), "{id} stands twice");
+            assert!(!ids[..at].contains(id), "{id} is listed twice");
         }
-        for command in Arguments::whole().get_subcommands().filter(|c| GROUPED.contains(&c.get_name())) {
+        for command in Arguments::full_command().get_subcommands().filter(|c| GROUPED.contains(&c.get_name()))
+        {
             for arg in command.get_arguments().filter(|arg| !arg.is_positional()) {
                 assert!(arg.get_help_heading().is_some(), "{} {}", command.get_name(), arg.get_id());
             }
@@ -209,9 +210,9 @@ mod tests {
     }
 
     #[test]
-    fn headings_stand_in_order_and_few_options_are_common() {
+    fn headings_are_in_order_and_few_options_are_common() {
         for name in ["render", "view"] {
-            let mut command = Arguments::whole();
+            let mut command = Arguments::full_command();
             let command = command.find_subcommand_mut(name).expect("the command");
             let (short, long) = (command.render_help().to_string(), command.render_long_help().to_string());
             let lines = |text: &str| text.lines().map(str::to_string).collect::<Vec<_>>();

@@ -1,6 +1,6 @@
-//! Options as other renderers and programs call them: the message of an unknown option names ours.
+//! Names of options in other renderers, for tips about unknown options.
 
-/// What an option of another name is here: other names, without their dashes, and what to write.
+/// Option names of other programs, without dashes, and tips about the equivalent here.
 const NAMES: [(&[&str], &str); 26] = [
     (&["s", "n", "sample", "samples-per-pixel", "num-samples"], "--spp N sets the samples per pixel"),
     (&["t", "j", "thread", "num-threads", "nthreads", "cpus"], "--threads N sets the number of threads"),
@@ -17,30 +17,30 @@ const NAMES: [(&[&str], &str); 26] = [
         &["F", "format", "render-format", "file-format"],
         "the extension of -o FILE sets the format, such as -o room.exr",
     ),
-    (&["out", "outfile", "output-file", "render-output"], "-o FILE names the picture"),
-    (&["outdir", "output-dir", "output-folder", "dir"], "-o FOLDER/FILE names the picture with its folder"),
+    (&["out", "outfile", "output-file", "render-output"], "-o FILE sets the output file"),
+    (&["outdir", "output-dir", "output-folder", "dir"], "-o FOLDER/FILE sets the output folder and file"),
     (
         &["hdri", "hdr", "envmap", "environment", "environment-map", "ibl", "skybox", "world"],
-        "--env FILE lights the scene by an environment map",
+        "--env FILE sets the environment map",
     ),
     (&["passes", "pass", "aovs", "layers", "render-passes"], "--aov LIST adds passes ('oscura help passes')"),
     (&["cryptomatte", "crypto"], "--aov crypto_object,crypto_material,crypto_asset adds Cryptomatte"),
     (
         &["max-bounces", "max-depth", "ray-depth", "maxdepth", "path-depth"],
-        "--depth N sets the bounces of all kinds, --bounces those of each",
+        "--depth N sets the maximum number of bounces, --bounces the limits by type",
     ),
     (
         &["tonemap", "tone-map", "tonemapping", "tone-mapping", "view-transform", "look", "ocio"],
         "--view NAME sets the view transform, such as --view agx",
     ),
-    (&["gamma"], "--view gamma shows a power of 1 / 2.2"),
+    (&["gamma"], "--view gamma is the power 1 / 2.2"),
     (
         &["alpha", "film-transparent", "transparent-background", "no-background"],
-        "--transparent leaves the background out",
+        "--transparent makes the background transparent",
     ),
     (
         &["gpu", "cuda", "optix", "metal", "device", "cycles-device", "engine", "E"],
-        "oscura renders on the processor ('oscura help gpu')",
+        "oscura renders on the CPU ('oscura help gpu')",
     ),
     (
         &["adaptive", "adaptive-threshold", "noise-threshold", "error", "noise-level"],
@@ -50,21 +50,21 @@ const NAMES: [(&[&str], &str); 26] = [
     (&["log-level", "loglevel", "debug", "log", "V"], "-v prints details, -q errors only"),
     (
         &["fireflies", "firefly", "clamping", "clamp-indirect", "clamp-direct"],
-        "--clamp indirect=10 takes fireflies out, with their light",
+        "--clamp indirect=10 removes fireflies, and darkens the picture",
     ),
     (&["turntable", "spin"], "--orbit N renders a turntable of N frames"),
     (
         &["dof", "aperture", "f-stop", "fstop", "lens-radius"],
-        "--defocus and --focus give depth of field ('oscura help camera')",
+        "--defocus and --focus set depth of field ('oscura help camera')",
     ),
     (
         &["from", "camera-position", "position", "origin", "lookfrom", "look-from"],
-        "--eye X,Y,Z places the camera, --view-from NAME a model's",
+        "--eye X,Y,Z sets the camera position, --view-from NAME the view of a model without a camera",
     ),
-    (&["lookat", "look-at", "at", "to"], "--target X,Y,Z is what the camera looks at"),
+    (&["lookat", "look-at", "at", "to"], "--target X,Y,Z sets the look-at point"),
     (
         &["tile", "tiles", "bucket", "rect", "cropwindow", "crop-window", "window"],
-        "--crop X0,Y0,X1,Y1 renders a part of the picture",
+        "--crop X0,Y0,X1,Y1 renders only a rectangle of pixels",
     ),
     (
         &["ui", "gui", "interactive", "live", "viewer"],
@@ -72,7 +72,7 @@ const NAMES: [(&[&str], &str); 26] = [
     ),
 ];
 
-/// What an option of this name, without its dashes, is here.
+/// The tip for an option name of another program, without dashes.
 pub(super) fn known_as(name: &str) -> Option<&'static str> {
     let name = name.replace('_', "-");
     NAMES.iter().find(|(names, _)| names.contains(&&*name)).map(|(_, tip)| *tip)
@@ -84,9 +84,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn tips_name_options_that_there_are_by_names_that_there_are_not() {
-        let whole = Arguments::whole();
-        let render = whole.find_subcommand("render").expect("a command");
+    fn tips_name_existing_options_and_other_names_are_unused() {
+        let command = Arguments::full_command();
+        let render = command.find_subcommand("render").expect("a command");
         let has = |word: &str| {
             let mut arguments = render.get_arguments();
             arguments.any(|arg| {

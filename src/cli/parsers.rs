@@ -1,3 +1,5 @@
+//! Parsers of command-line values.
+
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{Arg, Command, ValueEnum};
@@ -13,28 +15,26 @@ use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-// Numbers among the arguments.
-
-/// A number for which `is_valid` holds.
-pub(super) fn number(text: &str, is_valid: impl Fn(f64) -> bool, what: &str) -> Result<f64, String> {
-    text.parse().ok().filter(|&v| is_valid(v)).ok_or_else(|| format!("must be {what}"))
+/// Parses a number for which `is_valid` holds; `expected` describes valid numbers in the error message.
+pub(super) fn number(text: &str, is_valid: impl Fn(f64) -> bool, expected: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|&v| is_valid(v)).ok_or_else(|| format!("must be {expected}"))
 }
 
-/// A whole number within bounds, both included.
-pub(super) fn whole<T: TryFrom<u32>>(
-    least: u32,
-    most: u32,
+/// Parses an integer from `min` to `max`.
+pub(super) fn integer<T: TryFrom<u32>>(
+    min: u32,
+    max: u32,
 ) -> impl Fn(&str) -> Result<T, String> + Clone + Send + Sync + 'static {
     move |text| {
-        let value = text.parse::<u32>().ok().filter(|v| (least..=most).contains(v));
-        value.and_then(|v| T::try_from(v).ok()).ok_or_else(|| match most {
-            u32::MAX => format!("must be a whole number, {least} or more"),
-            _ => format!("must be a whole number from {least} to {most}"),
+        let value = text.parse::<u32>().ok().filter(|v| (min..=max).contains(v));
+        value.and_then(|v| T::try_from(v).ok()).ok_or_else(|| match max {
+            u32::MAX => format!("must be a whole number, {min} or more"),
+            _ => format!("must be a whole number from {min} to {max}"),
         })
     }
 }
 
-/// Stops of exposure; the range is that of scene files.
+/// Exposure, stops; the range is that of scene files.
 pub(super) fn stops(text: &str) -> Result<f32, String> {
     number(text, |v| (-100.0..=100.0).contains(&v), "a number from -100 to 100").map(|v| v as f32)
 }
@@ -51,9 +51,7 @@ pub(super) fn region(text: &str) -> Result<Region, String> {
     }
 }
 
-// Limits by name.
-
-/// Reads `name=value,name=value`; each name may be given once.
+/// Parses `name=value,name=value`; each name may occur once.
 fn limits(text: &str, names: &'static [&'static str]) -> Result<HashMap<&'static str, f64>, String> {
     let mut found = HashMap::new();
     for entry in text.split(',') {
@@ -70,7 +68,7 @@ fn limits(text: &str, names: &'static [&'static str]) -> Result<HashMap<&'static
     Ok(found)
 }
 
-/// Maximum numbers of bounces by kind.
+/// Maximum numbers of bounces by type.
 pub(super) fn bounce_limits(text: &str) -> Result<BounceLimits, String> {
     let found = limits(text, BounceLimits::NAMES)?;
     if let Some(value) = found.values().find(|v| v.fract() != 0.0 || **v > f64::from(u32::MAX)) {
@@ -79,15 +77,13 @@ pub(super) fn bounce_limits(text: &str) -> Result<BounceLimits, String> {
     Ok(BounceLimits::by_name(|name| found.get(name).map(|limit| *limit as u32)))
 }
 
-/// Maximum light of a path.
+/// Maximum contribution of a path.
 pub(super) fn clamp(text: &str) -> Result<Clamp, String> {
     let found = limits(text, Clamp::NAMES)?;
     Ok(Clamp::by_name(|name| found.get(name).map(|limit| *limit as f32)))
 }
 
-// Arguments that are one of some names of the library's.
-
-/// One of `all`, by its name; `about` says what it is, where that is not empty.
+/// One of `all` by name; `about` is the help of a value, or empty.
 pub(super) fn named<T: Copy + Send + Sync + 'static>(
     all: &'static [T],
     name: fn(T) -> &'static str,
@@ -98,22 +94,20 @@ pub(super) fn named<T: Copy + Send + Sync + 'static>(
         about => PossibleValue::new(name(one)).help(about),
     };
     let parser = PossibleValuesParser::new(all.iter().map(value));
-    parser.try_map(move |text| all.iter().copied().find(|&one| name(one) == text).ok_or("is no such name"))
+    parser.try_map(move |text| all.iter().copied().find(|&one| name(one) == text).ok_or("unknown name"))
 }
 
-// The argument of `--preview`.
-
-/// Address at which tev listens by default.
+/// Default address of tev.
 const TEV: &str = "127.0.0.1:14158";
 
-/// Where a running render is shown.
+/// Values of `--preview`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum PreviewArg {
-    /// On a page that a browser opens.
+    /// A page, opened in the browser.
     Page,
-    /// On a page whose address is printed only.
+    /// A page; only its address is printed.
     Address,
-    /// By the viewer tev, which listens at an address.
+    /// The viewer tev at an address, HOST:PORT.
     Tev(String),
 }
 
@@ -127,33 +121,29 @@ impl FromStr for PreviewArg {
             "tev" => Ok(PreviewArg::Tev(TEV.to_string())),
             _ => match text.strip_prefix("tev:") {
                 Some(address) if address.contains(':') => Ok(PreviewArg::Tev(address.to_string())),
-                _ => Err("it is page, address, tev, or tev:HOST:PORT".to_string()),
+                _ => Err("must be page, address, tev, or tev:HOST:PORT".to_string()),
             },
         }
     }
 }
 
-// The argument of `--show`.
-
-/// How pictures are drawn.
+/// Values of `--show`: graphics protocols of terminals.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum ShowArg {
-    /// As the terminal can, by what its variables say.
+    /// Detected from environment variables.
     Auto,
-    /// Characters of two pixels each.
+    /// Block characters of two pixels each.
     Blocks,
-    /// The protocol of kitty, which others know, too.
+    /// The kitty graphics protocol.
     Kitty,
     /// Sixel graphics.
     Sixel,
 }
 
-// Numbered sequences of pictures: `--frames 1-10x2`.
-
-/// Maximum number of pictures of one command; beyond, the range is surely a slip.
+/// Maximum number of frames of a range; more are probably a mistake.
 const MAX: u64 = 1 << 20;
 
-/// Maximum number of digits of a number in a name.
+/// Maximum number of digits of a frame number.
 const MAX_DIGITS: usize = 20;
 
 /// Default frame rate, frames per second.
@@ -198,37 +188,37 @@ impl FromStr for Frames {
 }
 
 impl Frames {
-    /// The numbers of the frames.
+    /// The frame numbers.
     pub(crate) fn numbers(self) -> impl Iterator<Item = u32> {
         (self.first..=self.last).step_by(self.step as usize)
     }
 
-    /// Are there several, of which each follows the last?
+    /// Whether there are several frames, with step 1.
     pub(crate) fn are_consecutive(self) -> bool {
         self.step == 1 && self.last > self.first
     }
 
-    /// The file for a frame: `#` in the name stand for the digits of its number, as `%04d` does for four; without any,
-    /// `.####` comes before the extension.
+    /// The file of a frame: `####` or `%04d` in the name is replaced by the number with at least four digits; without a
+    /// pattern, `.####` is inserted before the extension.
     pub(crate) fn file(path: &Path, number: u32) -> PathBuf {
         let (head, width, tail) = Frames::parts_of_name(path);
         path.with_file_name(format!("{head}{number:0width$}{tail}"))
     }
 
-    /// Stands `#` or `%04d` in a file's name?
+    /// Whether a file name has a pattern such as `####` or `%04d`.
     pub(crate) fn is_pattern(path: &Path) -> bool {
-        with_marks(&path.file_name().unwrap_or_default().to_string_lossy()).contains('#')
+        with_hashes(&path.file_name().unwrap_or_default().to_string_lossy()).contains('#')
     }
 
-    /// Is it one of them?
+    /// Whether a frame is in the range.
     pub(crate) fn contains(self, number: u32) -> bool {
         (self.first..=self.last).contains(&number) && (number - self.first).is_multiple_of(self.step)
     }
 
-    /// The numbers of the frames that are there, in order.
+    /// The numbers of the frames with existing files, sorted.
     ///
     /// # Errors
-    /// If the folder can't be read, or there are none.
+    /// A folder that can't be read, or no frames.
     pub(crate) fn existing(path: &Path) -> Result<Vec<u32>, Error> {
         let (head, _, tail) = Frames::parts_of_name(path);
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
@@ -243,15 +233,15 @@ impl Frames {
         if numbers.is_empty() { Err(Frames::missing(path)) } else { Ok(numbers) }
     }
 
-    /// None of the frames that are asked for is there.
+    /// The error for missing frames.
     pub(crate) fn missing(path: &Path) -> Error {
         Error::input(path, "there are no such frames")
     }
 
-    /// Prefix of a name before the frame number, the least number of digits, and the suffix.
+    /// Splits a file name: prefix, minimum number of digits, suffix.
     fn parts_of_name(path: &Path) -> (String, usize, String) {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
-        let name = with_marks(&name);
+        let name = with_hashes(&name);
         let pattern = match name.contains('#') {
             true => name.to_string(),
             false => {
@@ -265,8 +255,8 @@ impl Frames {
     }
 }
 
-/// A name with `#` in place of the first `%d`, `%4d` or `%04d` of C.
-fn with_marks(name: &str) -> Cow<'_, str> {
+/// Replaces the first `%d`, `%4d` or `%04d` of a name by `#` for each digit.
+fn with_hashes(name: &str) -> Cow<'_, str> {
     for (at, _) in name.match_indices('%') {
         let rest = &name[at + 1..];
         let digits = rest.find(|c: char| !c.is_ascii_digit()).unwrap_or(rest.len());
@@ -278,12 +268,10 @@ fn with_marks(name: &str) -> Cow<'_, str> {
     Cow::Borrowed(name)
 }
 
-// `--aov`: names of the film's table of channels, `all`, and `help` for the table.
-
-/// All three Cryptomattes.
+/// Synonym for all three Cryptomattes.
 const ALL_MATTES: &str = "cryptomatte";
 
-/// Reads one name.
+/// Parses a name of `--aov`: an AOV, `all`, or `help` for the table of AOVs.
 #[derive(Clone)]
 pub(super) struct AovParser;
 
@@ -296,7 +284,7 @@ impl AovParser {
             // Names of earlier versions.
             PossibleValue::new("nearest").hide(true),
             PossibleValue::new("material").hide(true),
-            // Names that others give them.
+            // Names in other programs.
             PossibleValue::new(ALL_MATTES).hide(true),
             PossibleValue::new("z").hide(true),
             PossibleValue::new("normals").hide(true),
@@ -328,7 +316,7 @@ impl TypedValueParser for AovParser {
     }
 }
 
-/// The table, if it was requested.
+/// The table of AOVs, if `--aov help` requested it.
 pub(super) fn aov_table_requested(error: &clap::Error) -> Option<&str> {
     match (error.kind(), error.get(ContextKind::ValidValue)) {
         (ErrorKind::DisplayHelp, Some(ContextValue::String(table))) => Some(table),
@@ -336,9 +324,9 @@ pub(super) fn aov_table_requested(error: &clap::Error) -> Option<&str> {
     }
 }
 
-/// All AOVs with their channels.
+/// The table of all AOVs with their channels.
 fn table() -> String {
-    let mut text = String::from("Channels of EXRs besides R, G, B and A:\n\n");
+    let mut text = String::from("EXR channels in addition to R, G, B and A:\n\n");
     for info in Aov::ALL.iter().map(|aov| aov.info()) {
         text += &format!("{:<22} {} ({})\n{:22} {}\n", info.option, names(info), kind(info), "", info.about);
     }
@@ -346,7 +334,7 @@ fn table() -> String {
     text
 }
 
-/// `DiffDir.RGB` for three names of a layer.
+/// Channel names grouped by layer, such as `DiffDir.RGB`.
 fn names(info: &AovInfo) -> String {
     let layer = |name: &'static str| name.rsplit_once('.').map_or(("", name), |parts| parts);
     let mut layers: Vec<(&str, String)> = Vec::new();
@@ -377,7 +365,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn viewers_are_named() {
+    fn preview_values_are_parsed() {
         assert_eq!("address".parse(), Ok(PreviewArg::Address));
         assert_eq!("tev".parse(), Ok(PreviewArg::Tev("127.0.0.1:14158".to_string())));
         assert_eq!("tev:[::1]:99".parse(), Ok(PreviewArg::Tev("[::1]:99".to_string())));
@@ -392,7 +380,7 @@ mod frames_tests {
     use super::*;
 
     #[test]
-    fn ranges() {
+    fn ranges_are_parsed() {
         let list = |text: &str| Frames::from_str(text).map(|f| f.numbers().collect::<Vec<_>>());
         assert_eq!(list("7"), Ok(vec![7]));
         assert_eq!(list("1-4"), Ok(vec![1, 2, 3, 4]));
@@ -403,7 +391,7 @@ mod frames_tests {
     }
 
     #[test]
-    fn names() {
+    fn frame_numbers_are_inserted_into_names() {
         let file = |path: &str, n| Frames::file(Path::new(path), n).to_string_lossy().replace('\\', "/");
         assert_eq!(file("a/out.exr", 7), "a/out.0007.exr");
         assert_eq!(file("a/out_##.exr", 7), "a/out_07.exr");

@@ -1,7 +1,6 @@
-//! Arguments about pictures: `--quality`, which sets samples and denoising; the view transform; the layout of EXRs and the part of the
-//! frame that they hold; and those of the commands that read pictures.
+//! Options of pictures: `--quality`, view transform, EXR layout, crop and overscan; arguments of the commands that read pictures.
 
-use super::parsers::{FRAME_RATE, Frames, frames_per_second, named, number, region, stops, whole};
+use super::parsers::{FRAME_RATE, Frames, frames_per_second, integer, named, number, region, stops};
 use clap::builder::{PossibleValue, PossibleValuesParser, StringValueParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use oscura::error::{Error, Result, Warning};
@@ -16,12 +15,11 @@ use serde::Serialize;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
-/// View transforms by name, or the file of a table.
+/// Parser of view transforms: a name, or the file of a lookup table.
 pub(super) fn views() -> Views {
     Views
 }
 
-/// Parses what [`views`] says.
 #[derive(Clone)]
 pub(super) struct Views;
 
@@ -41,7 +39,7 @@ impl TypedValueParser for Views {
                 StringValueParser::new().try_map(read).parse_ref(command, argument, value)
             }
             false => {
-                let named = |name: String| ViewTransform::from_name(&name).ok_or("is no such view");
+                let named = |name: String| ViewTransform::from_name(&name).ok_or("unknown view transform");
                 PossibleValuesParser::new(named_views()).try_map(named).parse_ref(command, argument, value)
             }
         }
@@ -66,10 +64,10 @@ pub(crate) struct PictureArgs {
     /// merge'.
     #[arg(long)]
     pub denoise: bool,
-    /// Do not denoise, even if the scene file asks for it.
+    /// Do not denoise, even if the scene file enables it.
     #[arg(long, conflicts_with = "denoise")]
     pub no_denoise: bool,
-    /// Denoise each frame of a sequence alone, not with the two before and after it.
+    /// Denoise each frame of a sequence on its own, without the two frames before and after it.
     #[arg(long, conflicts_with = "no_denoise")]
     pub denoise_alone: bool,
     #[command(flatten)]
@@ -91,14 +89,14 @@ fn kelvin(text: &str) -> std::result::Result<f32, String> {
 #[derive(Args, Debug)]
 pub(crate) struct DenoiseArgs {
     /// Image to denoise (.exr) with R, G, B; better with the guides albedo.R, .G, .B and N.X, .Y, .Z (--aov albedo,normal).
-    /// With #### in place of its number, all frames of a sequence, each averaged with its neighbours by motion vectors
+    /// With #### instead of the number, all frames of a sequence, each averaged with its neighbours by motion vectors
     /// (--aov motion).
     pub picture: PathBuf,
     /// Output file (.exr), of sequences with ####: all channels of the input, its colour and light passes denoised.
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
-    /// Frames of the sequence to denoise, such as 7, 1-10 or 1-10x2 [default: all]. Two frames before and after are read, too, if
-    /// they are there.
+    /// Frames of the sequence to denoise, such as 7, 1-10 or 1-10x2 [default: all]. Up to two frames before and after are also
+    /// read.
     #[arg(long, value_name = "A-B")]
     pub frames: Option<Frames>,
     /// The same image rendered with another seed: both are averaged, and their difference estimates the noise. Without
@@ -108,7 +106,7 @@ pub(crate) struct DenoiseArgs {
     #[command(flatten)]
     pub denoiser: DenoiserArgs,
     /// Number of threads [default: one per core]. The image does not depend on it.
-    #[arg(long, value_name = "N", value_parser = whole::<u16>(1, 1024), allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", value_parser = integer::<u16>(1, 1024), allow_negative_numbers = true)]
     pub threads: Option<u16>,
     /// Print errors only.
     #[arg(long)]
@@ -126,7 +124,7 @@ pub(crate) struct InfoArgs {
 
 #[derive(Args, Debug)]
 pub(crate) struct ConvertArgs {
-    /// Image (.exr); with #### in place of its number all frames of a sequence.
+    /// Image (.exr); with #### instead of the number all frames of a sequence.
     pub picture: PathBuf,
     /// Output file: .png, .jpg, .tif, .webp or .hdr; of sequences with ####, or one .gif, .apng, .mp4 or .webm.
     #[arg(short, long, value_name = "FILE")]
@@ -160,23 +158,21 @@ pub(crate) struct ConvertArgs {
     pub quiet: bool,
 }
 
-// Options of earlier versions about the denoiser.
-
-/// Choice of a denoiser.
+/// Values of `--denoiser`, which only earlier versions had.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum DenoiserArg {
     /// The only denoiser.
     Own,
-    /// The same: the network of Open Image Denoise is built in.
+    /// A synonym: the network of Open Image Denoise is built in.
     Oidn,
 }
 
 #[derive(Args, Clone, Debug)]
 pub(crate) struct DenoiserArgs {
-    /// The denoiser; there is one.
+    /// Ignored: there is only one denoiser.
     #[arg(long, value_name = "DENOISER", hide = true)]
     pub denoiser: Option<DenoiserArg>,
-    /// The library of Open Image Denoise, whose network is built in.
+    /// Ignored: the network of Open Image Denoise is built in.
     #[arg(long, value_name = "FILE", hide = true)]
     pub oidn_library: Option<PathBuf>,
 }
@@ -213,7 +209,7 @@ pub(crate) struct ExrFormatArgs {
     #[arg(long, value_name = "KIND", default_value = "zip", value_parser = compressions())]
     pub exr_compression: ExrCompression,
     /// Write tiled EXRs with tiles of N x N pixels.
-    #[arg(long, value_name = "N", value_parser = whole::<u32>(8, 4096), allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", value_parser = integer::<u32>(8, 4096), allow_negative_numbers = true)]
     pub exr_tiles: Option<u32>,
     /// Colour space of EXRs.
     #[arg(long, value_name = "SPACE", default_value = "rec709", value_parser = spaces())]
@@ -240,11 +236,11 @@ pub(crate) struct ExrArgs {
 }
 
 fn percent(text: &str) -> std::result::Result<f64, String> {
-    number(text, |v| (0.0..=100.0).contains(&v), "a number of percent from 0 to 100")
+    number(text, |v| (0.0..=100.0).contains(&v), "a percentage from 0 to 100")
 }
 
 impl ExrFormatArgs {
-    /// How EXRs are written whose pixels stand so in the frame.
+    /// Options for writing EXRs with this window.
     pub fn options(&self, window: Option<ExrWindow>) -> ExrOptions {
         let of = |names: &[String], kind| names.iter().map(|name| (name.clone(), kind)).collect::<Vec<_>>();
         let mut types = of(&self.exr_half, PixelType::Half);
@@ -253,7 +249,7 @@ impl ExrFormatArgs {
         ExrOptions { layout, compression, tiles: self.exr_tiles, types, space: self.working_space, window }
     }
 
-    /// Is anything chosen?
+    /// Whether any option differs from its default.
     pub fn is_given(&self) -> bool {
         let types = self.exr_half.len() + self.exr_float.len();
         let (layout, compression) = (ExrLayout::default(), ExrCompression::default());
@@ -264,30 +260,29 @@ impl ExrFormatArgs {
             || types > 0
     }
 
-    /// Do mattes, if there are any, stay what they are?
+    /// Checks that the format preserves the ids of Cryptomattes.
     ///
     /// # Errors
-    /// A usage error for what would change their ids.
+    /// A usage error for lossy compression or half floats of Cryptomattes.
     pub fn check(&self, has_mattes: bool) -> Result<()> {
         if !self.exr_compression.keeps_ids() && has_mattes {
             let message = "this --exr-compression would change the ids of Cryptomattes";
-            return Err(Error::usage(message).with_help("take zip, zips or piz"));
+            return Err(Error::usage(message).with_help("use zip, zips or piz"));
         }
         if let Some(name) = self.exr_half.iter().find(|name| name.to_ascii_lowercase().starts_with("crypto"))
         {
             let message = format!("--exr-half {name} would change the ids of Cryptomattes");
-            return Err(Error::usage(message).with_help("they are 32-bit floats"));
+            return Err(Error::usage(message).with_help("they must be 32-bit floats"));
         }
         Ok(())
     }
 }
 
 impl ExrArgs {
-    /// Where the pixels stand in a frame of so many, if they are not just those of the frame; `cropped` are those of it that
-    /// are rendered, if not all.
+    /// The window of crop and overscan in a frame of width and height `frame`, pixels; `None` without either.
     ///
     /// # Errors
-    /// A usage error for a crop that is beyond the frame, and for a backdrop that would not fit what is left.
+    /// A usage error for a crop beyond the frame, or for a backdrop picture, which fits only the whole frame.
     pub fn window(
         &self,
         frame: (u32, u32),
@@ -300,32 +295,31 @@ impl ExrArgs {
         }
         if let Some(crop) = cropped.filter(|crop| crop.x1 > frame.0 || crop.y1 > frame.1) {
             let message = format!("{crop} is not within {} x {} pixels", frame.0, frame.1);
-            return Err(Error::usage(message).with_help("give less to --crop or --region"));
+            return Err(Error::usage(message).with_help("use a smaller --crop or --region"));
         }
         if matches!(backdrop, Some(Backdrop::Picture(_))) {
-            let message =
-                "a picture as --background doesn't go together with --crop, --region and --overscan";
-            return Err(Error::usage(message).with_help("lay it behind the finished picture"));
+            let message = "a picture as --background can't be used with --crop, --region or --overscan";
+            return Err(Error::usage(message).with_help("composite it behind the finished picture"));
         }
         Ok(Some(Framed::new(frame, cropped, percent)))
     }
 }
 
-/// The window of a frame that is rendered; it may exceed the frame.
+/// The rendered window of a frame; with overscan, it exceeds the frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Framed {
-    /// The first pixel of the file, in the frame.
+    /// The first pixel of the file, relative to the frame.
     origin: (i32, i32),
-    /// Width and height of the frame.
+    /// Width and height of the frame, pixels.
     frame: (u32, u32),
-    /// Size with overscan.
+    /// Width and height with overscan, pixels.
     pub size: (u32, u32),
-    /// The rendered region, if not all, in its own pixels.
+    /// The rendered region of `size`; `None` for all.
     pub region: Option<Region>,
 }
 
 impl Framed {
-    /// Adds overscan of `percent` percent around a frame, or around what is cropped from it.
+    /// Adds overscan of `percent` percent around a frame, or around its crop rectangle.
     fn new(frame: (u32, u32), cropped: Option<Region>, percent: f64) -> Framed {
         let border = |size: u32| (f64::from(size) * percent / 100.0).ceil() as u32;
         let (x, y) = (border(frame.0), border(frame.1));
@@ -338,27 +332,27 @@ impl Framed {
         }
     }
 
-    /// May the picture of a camera get pixels around it?
+    /// Checks that the camera supports overscan.
     ///
     /// # Errors
-    /// A usage error for panoramas, which show all that they can.
+    /// A usage error for panoramas.
     pub fn check_camera(self, camera: &Camera) -> Result<()> {
         let is_larger = self.size != self.frame;
         match camera.projection {
             Projection::Panorama(_) if is_larger => {
-                let message = format!("--overscan has no meaning for '{}', which is a panorama", camera.name);
+                let message = format!("--overscan is not supported for '{}', a panorama", camera.name);
                 Err(Error::usage(message).with_help("leave --overscan out"))
             }
             _ => Ok(()),
         }
     }
 
-    /// For the header.
+    /// The window for the EXR header.
     pub fn window(self) -> ExrWindow {
         ExrWindow { origin: self.origin, frame: self.frame }
     }
 
-    /// The camera that sees the frame and what is around it, in pixels of the same size.
+    /// The camera with a field of view that includes the overscan, with pixels of the same size.
     pub fn widened(self, mut camera: Camera) -> Camera {
         let factor = f64::from(self.size.1) / f64::from(self.frame.1);
         if factor > 1.0 {
@@ -378,11 +372,11 @@ impl Framed {
     }
 }
 
-/// A quality. Without `--quality` it is `Normal`, unless the user or the scene says how many samples to take.
+/// Values of `--quality`. The default is `Normal`, unless the user or the scene sets the number of samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, ValueEnum)]
 #[serde(rename_all = "lowercase")]
 pub(crate) enum Quality {
-    /// 8 samples per pixel, denoised: a look at composition and light.
+    /// 8 samples per pixel, denoised: for judging composition and light.
     Draft,
     /// Noise below 12 % before denoising.
     Normal,
@@ -394,7 +388,7 @@ pub(crate) enum Quality {
 
 /// The settings of a quality.
 pub(crate) struct Preset {
-    /// Noise threshold, percent; without one, all samples are taken.
+    /// Noise threshold, percent; `None` takes all samples.
     pub noise: Option<f32>,
     /// Maximum number of samples per pixel.
     pub samples: u32,
@@ -411,7 +405,7 @@ impl Quality {
         }
     }
 
-    /// True if the picture's error is promised to be below the noise threshold.
+    /// Whether the noise threshold bounds the error of the result, as it isn't denoised.
     pub fn promises_error(self) -> bool {
         !self.preset().denoise
     }
@@ -453,7 +447,7 @@ mod tests {
     }
 
     #[test]
-    fn pixels_of_the_frame_stay_where_they_are() {
+    fn overscan_keeps_the_rays_of_the_frame() {
         use oscura::math::DVec3;
         let framed = args("x --overscan 10").window((40, 20), None, None).ok().flatten().expect("a window");
         let camera = Camera { shift: [0.2, -0.1], ..Camera::look_at([0.0, 1.0, 5.0], [0.0; 3], 35.0) };

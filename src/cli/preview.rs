@@ -1,4 +1,4 @@
-//! `--preview`: a picture is shown while it renders.
+//! `--preview`: shows a picture while it renders.
 
 use super::args::RenderArgs;
 use super::page::PagePreview;
@@ -14,11 +14,9 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 use tev_client::{PacketCreateImage, PacketUpdateImage, TevClient};
 
-/// Who looks on.
+/// The viewer of a preview.
 pub(super) enum Preview {
-    /// A page.
     Page(PagePreview),
-    /// Another program.
     Tev(Tev),
 }
 
@@ -26,16 +24,16 @@ impl Preview {
     /// Starts the requested preview.
     ///
     /// # Errors
-    /// If the page or the viewer isn't there.
-    pub fn open(args: &RenderArgs, how: &PreviewArg) -> Result<Preview> {
-        match how {
+    /// The page can't be served, or tev can't be reached.
+    pub fn open(args: &RenderArgs, preview: &PreviewArg) -> Result<Preview> {
+        match preview {
             PreviewArg::Page => PagePreview::open(args, true).map(Preview::Page),
             PreviewArg::Address => PagePreview::open(args, false).map(Preview::Page),
             PreviewArg::Tev(address) => Tev::open(address, &args.scene).map(Preview::Tev),
         }
     }
 
-    /// A picture begins.
+    /// Starts a new picture.
     pub fn begin(
         &mut self,
         rendering: &Rendering,
@@ -50,7 +48,7 @@ impl Preview {
         }
     }
 
-    /// When the picture so far is to be shown next; `None` if nobody looks any more.
+    /// When to show the picture next; `None` if the viewer is gone.
     pub fn next_show(&self) -> Option<Instant> {
         match self {
             Preview::Page(page) => Some(page.next_show()),
@@ -58,7 +56,7 @@ impl Preview {
         }
     }
 
-    /// Shows the picture so far, unless one was shown a moment ago.
+    /// Shows the picture so far, unless the last one is too recent.
     pub fn show(&mut self, rendering: &Rendering, is_finished: bool, printed: &mut PrintedMessages) {
         match self {
             Preview::Page(page) => page.show(rendering, is_finished),
@@ -67,34 +65,32 @@ impl Preview {
     }
 }
 
-// `--preview=tev`: a running tev, a viewer of high dynamic range pictures, shows the picture with all its passes while it
-// renders.
-
-/// To wait for a connection, and for a viewer that takes nothing for a while.
+/// Timeout of connecting and sending.
 const PATIENCE: Duration = Duration::from_secs(5);
-/// Between two pictures, or a multiple of the time that sending one took.
+/// Minimum time between two pictures.
 const PAUSE: Duration = Duration::from_millis(500);
-const SHARE: u32 = 10;
+/// Minimum time between two pictures, relative to the time of sending one.
+const SENDING_FACTOR: u32 = 10;
 
-/// A connection to tev.
+/// A connection to tev, a viewer of high dynamic range pictures, which shows the picture with all passes.
 pub(super) struct Tev {
-    /// Until it breaks.
+    /// `None` after the connection broke.
     client: Option<TevClient>,
     address: String,
-    /// Name of the picture there.
+    /// Name of the picture in tev.
     name: String,
     next: Instant,
 }
 
 impl Tev {
-    /// Connects to a tev, which shows the pictures of a scene by its name.
+    /// Connects to tev; the picture is named after the scene.
     ///
     /// # Errors
-    /// If none listens.
+    /// tev can't be reached.
     pub fn open(address: &str, scene: &Path) -> Result<Tev> {
         let failed = |error: std::io::Error| {
             Error::usage(format!("--preview: no tev answers at {address}: {error}")).with_help(
-                "start tev first; it listens at 127.0.0.1:14158, or where its --host says (=tev:HOST:PORT)",
+                "start tev first; its default address is 127.0.0.1:14158, others are set by its --host and by =tev:HOST:PORT",
             )
         };
         let mut failure = std::io::Error::other("no such address");
@@ -114,7 +110,7 @@ impl Tev {
         Err(failed(failure))
     }
 
-    /// A picture begins, in the place of the one before.
+    /// Starts a new picture, which replaces the previous one.
     pub fn begin(&mut self, rendering: &Rendering, printed: &mut PrintedMessages) {
         self.next = Instant::now();
         let film = rendering.film();
@@ -130,12 +126,12 @@ impl Tev {
         self.check(sent, printed);
     }
 
-    /// When the picture so far is to be sent next, if the viewer is still there.
+    /// When to send the picture next; `None` if tev is gone.
     pub fn next_show(&self) -> Option<Instant> {
         self.client.as_ref().map(|_| self.next)
     }
 
-    /// Sends the picture so far, unless one was sent a moment ago.
+    /// Sends the picture so far, unless the last one is too recent.
     pub fn show(&mut self, rendering: &Rendering, is_finished: bool, printed: &mut PrintedMessages) {
         let start = Instant::now();
         let Some(client) = self.client.as_mut().filter(|_| is_finished || start >= self.next) else { return };
@@ -163,10 +159,10 @@ impl Tev {
             data: &data,
         });
         self.check(Some(sent), printed);
-        self.next = Instant::now() + PAUSE.max(start.elapsed() * SHARE);
+        self.next = Instant::now() + PAUSE.max(start.elapsed() * SENDING_FACTOR);
     }
 
-    /// A viewer that is closed meanwhile is no reason to lose the picture.
+    /// Warns if sending failed; rendering continues without the preview.
     fn check(&mut self, sent: Option<std::io::Result<()>>, printed: &mut PrintedMessages) {
         if let Some(Err(error)) = sent {
             self.client = None;

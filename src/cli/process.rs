@@ -1,5 +1,4 @@
-//! Services of the operating system: signals, its own memory, and the exit
-//! codes by which commands end.
+//! Signals, memory of the process, limits of time and memory, and exit codes.
 
 use super::report;
 use oscura::error::{Error, ErrorKind, Result};
@@ -12,20 +11,21 @@ use std::thread;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// Signals this soon after the first are the same request: `timeout` and job schedulers signal the process and its
-/// group, so that it gets two.
+/// Signals within this time of the first are ignored: `timeout` and job schedulers signal both the process and its process
+/// group.
 const SAME_REQUEST: Duration = Duration::from_secs(1);
 
-/// Handle that signals cancel; `None` until signals are watched for.
+/// State of the signal handler; `None` until it is installed.
 static WATCHED: Mutex<Option<Watched>> = Mutex::new(None);
 
 struct Watched {
     cancel: CancelHandle,
+    /// Time of the first signal.
     first: Option<Instant>,
 }
 
 impl Watched {
-    /// Cancels at the first signal. True for a further one, a second or more later.
+    /// Cancels at the first signal. Returns true for another one, a second or more later.
     fn signal(&mut self, now: Instant) -> bool {
         self.cancel.cancel();
         let first = *self.first.get_or_insert(now);
@@ -33,11 +33,11 @@ impl Watched {
     }
 }
 
-/// Watches for Ctrl-C and SIGTERM. The first signal cancels the returned handle; another one, at least a second later,
-/// ends the process with exit code 130.
+/// Handles Ctrl-C and SIGTERM. The first signal cancels the returned handle; another one, at least a second later, ends the
+/// process with exit code 130. There is one handler per process, which may run the program several times (Python).
 ///
 /// # Errors
-/// If the system refuses the handler. There is one for the whole process, which may run the program several times (Python).
+/// The system refuses the handler.
 pub(crate) fn cancel_by_signals() -> Result<CancelHandle> {
     let cancel = CancelHandle::new();
     let mut watched = WATCHED.lock().unwrap_or_else(PoisonError::into_inner);
@@ -55,42 +55,42 @@ pub(crate) fn cancel_by_signals() -> Result<CancelHandle> {
     Ok(cancel)
 }
 
-/// The command line that was read last: a process may run the program several times (Python).
+/// The last command line; a process may run the program several times (Python).
 static WORDS: Mutex<Vec<OsString>> = Mutex::new(Vec::new());
 
-/// The words of the command line behind the program's name.
+/// The arguments of the last command line, without the program's name.
 pub(crate) fn words() -> impl Iterator<Item = OsString> {
     WORDS.lock().unwrap_or_else(PoisonError::into_inner).clone().into_iter().skip(1)
 }
 
-/// Remembers the words of a command line for [`words`].
+/// Stores a command line for [`words`].
 pub(crate) fn remember_words(words: &[OsString]) {
     WORDS.lock().unwrap_or_else(PoisonError::into_inner).clone_from(&words.to_vec());
 }
 
-/// Peak memory of the process, bytes; where the system reports it (Linux).
+/// Peak resident memory of the process, bytes; only on Linux.
 pub(crate) fn peak_memory() -> Option<u64> {
     kib("/proc/self/status", "VmHWM:")
 }
 
-/// The memory that the process has now.
+/// Resident memory of the process, bytes; only on Linux.
 pub(crate) fn memory_now() -> Option<u64> {
     kib("/proc/self/status", "VmRSS:")
 }
 
-/// The memory that the process may have: the machine's, or less where its group of processes has a limit.
+/// Memory of the machine, or the limit of the process's control group, bytes; only on Linux.
 pub(crate) fn memory_of_machine() -> Option<u64> {
-    let of_group = std::fs::read_to_string("/sys/fs/cgroup/memory.max").ok();
-    let of_group = of_group.and_then(|text| text.trim().parse().ok());
-    kib("/proc/meminfo", "MemTotal:").into_iter().chain(of_group).min()
+    let group_limit = std::fs::read_to_string("/sys/fs/cgroup/memory.max").ok();
+    let group_limit = group_limit.and_then(|text| text.trim().parse().ok());
+    kib("/proc/meminfo", "MemTotal:").into_iter().chain(group_limit).min()
 }
 
-/// Bytes of a file.
+/// Size of a file, bytes.
 pub(crate) fn size_of(path: &Path) -> Option<u64> {
     std::fs::metadata(path).ok().map(|metadata| metadata.len())
 }
 
-/// A line of one of the system's files, kibibytes there and bytes here.
+/// A value in KiB from a file of `/proc`, as bytes.
 fn kib(file: &str, key: &str) -> Option<u64> {
     let status = std::fs::read_to_string(file).ok()?;
     let line = status.lines().find(|l| l.starts_with(key))?;
@@ -98,28 +98,28 @@ fn kib(file: &str, key: &str) -> Option<u64> {
     Some(kib * 1024)
 }
 
-// Limits of time and memory that end the process: files from anywhere become small pictures without anyone watching, and what
-// takes long or much may be anywhere, also inside a decoder.
+// Limits of time and memory for thumbnails, which end the process: thumbnailers handle untrusted files unattended, and any
+// decoder may use too much.
 
-/// How often the limits are looked at.
+/// Time between two checks of the limits.
 const INTERVAL: Duration = Duration::from_millis(20);
 
-/// Limits of the work on one file; `None` is none.
+/// Limits for one file; `None` for no limit.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Limits {
     pub time: Option<Duration>,
-    /// Bytes that the process may have.
+    /// Resident memory of the process, bytes.
     pub memory: Option<u64>,
 }
 
-/// Watches for as long as it lives.
+/// Enforces limits until it is dropped.
 pub(super) struct Watchdog {
     stop: Option<Sender<()>>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl Watchdog {
-    /// Begins to watch. Of what is reached `error` makes the error that the process ends with.
+    /// Starts the watchdog. If a limit is exceeded, the process ends with the error that `error` makes of the message.
     pub fn begin(limits: Limits, error: impl Fn(String) -> Error + Send + 'static) -> Watchdog {
         if limits.time.is_none() && limits.memory.is_none() {
             return Watchdog { stop: None, thread: None };
@@ -135,7 +135,7 @@ impl Watchdog {
                 }
             }
         };
-        // Without a thread for it nothing is watched; then little else would run either.
+        // Limits aren't enforced if no thread can be started.
         Watchdog { stop: Some(stop), thread: thread::Builder::new().spawn(watch).ok() }
     }
 }
@@ -150,27 +150,26 @@ impl Drop for Watchdog {
 }
 
 impl Limits {
-    /// Message about the limit that is reached.
+    /// The message about an exceeded limit.
     fn reached(&self, start: Instant) -> Option<String> {
         if let Some(time) = self.time.filter(|time| start.elapsed() >= *time) {
             return Some(format!("takes longer than {} s (--time-limit)", time.as_secs_f64()));
         }
-        let most = self.memory?;
-        let taken = memory_now().filter(|taken| *taken > most)?;
+        let max = self.memory?;
+        let used = memory_now().filter(|used| *used > max)?;
         let mib = |bytes: u64| bytes >> 20;
-        Some(format!("takes {} MiB of memory, more than {} MiB (--memory-limit)", mib(taken), mib(most)))
+        Some(format!("takes {} MiB of memory, more than {} MiB (--memory-limit)", mib(used), mib(max)))
     }
 }
 
-/// How a command ended.
+/// Outcome of a command.
 pub(crate) enum Outcome {
-    /// As asked.
     Done,
-    /// `compare` found that the pictures disagree.
+    /// `compare`: the pictures disagree.
     Disagreement,
-    /// Stopped by a signal; partial results are written.
+    /// Stopped by a signal; partial results were written.
     Interrupted,
-    /// Some of many failed, and the errors are printed; the exit code of the worst.
+    /// Some of several scenes failed, and the errors were printed; the highest exit code.
     Failed(u8),
 }
 
@@ -189,15 +188,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_run_of_a_process_has_a_handle_of_its_own() {
-        let first = cancel_by_signals().expect("watched for");
-        let second = cancel_by_signals().expect("watched for");
+    fn each_run_of_a_process_has_its_own_handle() {
+        let first = cancel_by_signals().expect("a handler");
+        let second = cancel_by_signals().expect("a handler");
         first.cancel();
         assert!(!second.is_cancelled());
     }
 
     #[test]
-    fn signals_within_a_second_are_one() {
+    fn further_signals_within_a_second_are_ignored() {
         let mut watched = Watched { cancel: CancelHandle::new(), first: None };
         let start = Instant::now();
         let after = |ms| start + Duration::from_millis(ms);

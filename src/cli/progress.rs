@@ -13,14 +13,14 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// Minimum time between two progress lines for programs.
-pub(super) const MACHINE_PAUSE: Duration = Duration::from_millis(500);
+/// Minimum interval between machine-readable lines.
+pub(super) const MACHINE_INTERVAL: Duration = Duration::from_millis(500);
 
-/// Time of the first plain line. The time of each further one is twice that of the line before.
+/// Elapsed time at the first plain line; doubles for each further line.
 const FIRST_LINE: Duration = Duration::from_secs(2);
 
-/// Longest time between two plain lines: a log shows that the program is alive.
-const LONGEST_PAUSE: Duration = Duration::from_secs(600);
+/// Maximum interval between plain lines.
+const MAX_INTERVAL: Duration = Duration::from_secs(600);
 
 /// How progress is reported.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -45,13 +45,13 @@ struct ProgressLine {
     samples_total: u64,
     elapsed_s: f64,
     rays: u64,
-    /// The picture's relative error, where --noise is given and it is known.
+    /// Estimated relative error of the picture, with `--noise` and once there is an estimate.
     #[serde(skip_serializing_if = "Option::is_none")]
     estimated_error: Option<f64>,
 }
 
 impl ProgressLine {
-    /// Prints it with another share of the work done.
+    /// Prints the line with this progress.
     fn print(self, kind: ProgressArg, progress: f64) {
         if kind == ProgressArg::Openjd {
             let speed = self.rays as f64 / self.elapsed_s.max(1e-9) / 1e6;
@@ -63,48 +63,52 @@ impl ProgressLine {
     }
 }
 
-/// Progress that programs were sent.
+/// The latest machine-readable progress.
 #[derive(Default)]
 pub(crate) struct LastLine {
-    /// When the last line was printed.
+    /// Elapsed time when a line was last printed.
     printed: Duration,
-    /// The last line, printed or not.
-    newest: Option<ProgressLine>,
+    /// The latest line, printed or not.
+    latest: Option<ProgressLine>,
 }
 
-/// Shows how far rendering is.
+/// Reports the progress of rendering.
 pub(crate) enum Progress {
     Silent,
-    /// For other programs.
+    /// Machine-readable lines.
     Machine {
         kind: ProgressArg,
         last: Mutex<LastLine>,
     },
     Bar {
         bar: ProgressBar,
-        ends: StopCriteria,
+        criteria: StopCriteria,
     },
     Lines {
-        /// When the next line is printed.
+        /// Elapsed time at which the next line is due.
         next: Mutex<Duration>,
-        ends: StopCriteria,
+        criteria: StopCriteria,
         /// Prefix of lines: the frame of a sequence.
         label: String,
     },
 }
 
-/// Conditions that end rendering besides the number of samples.
+/// Stop conditions besides the number of samples.
 #[derive(Clone, Copy)]
 pub(crate) struct StopCriteria {
-    /// The time that it may take.
-    pub limit: Option<Duration>,
-    /// The error decides.
+    pub time_limit: Option<Duration>,
+    /// There is a noise threshold.
     pub by_noise: bool,
 }
 
 impl Progress {
-    /// Chooses by what standard error is. `frame` names the frame of a sequence.
-    pub fn new(quiet: bool, kind: Option<ProgressArg>, ends: StopCriteria, frame: Option<&str>) -> Progress {
+    /// Without `kind`, shows a bar if standard error is a terminal, else plain lines. `frame` names the frame of a sequence.
+    pub fn new(
+        quiet: bool,
+        kind: Option<ProgressArg>,
+        criteria: StopCriteria,
+        frame: Option<&str>,
+    ) -> Progress {
         let label = frame.map_or_else(String::new, |frame| format!("{frame}: "));
         if let Some(kind @ (ProgressArg::Json | ProgressArg::Openjd)) = kind {
             return Progress::Machine { kind, last: Mutex::default() };
@@ -113,23 +117,23 @@ impl Progress {
             return Progress::Silent;
         }
         if kind == Some(ProgressArg::Plain) || !std::io::stderr().is_terminal() {
-            return Progress::Lines { next: Mutex::new(FIRST_LINE), ends, label };
+            return Progress::Lines { next: Mutex::new(FIRST_LINE), criteria, label };
         }
-        let bar = ProgressBar::new(1000);
+        let bar = ProgressBar::new(STEPS as u64);
         let style = "{prefix}{bar:40} {percent:>3} %  {elapsed} elapsed{msg}";
         if let Ok(style) = ProgressStyle::with_template(style) {
             bar.set_style(style);
         }
         bar.set_prefix(label);
-        Progress::Bar { bar, ends }
+        Progress::Bar { bar, criteria }
     }
 
-    /// Takes the renderer's news; may be called from any thread.
+    /// Handles an event of the renderer; may be called from any thread.
     pub fn show(&self, event: &Event) {
         let Event::Progress { samples_done, samples_total, rays, elapsed, error, .. } = *event else {
             return;
         };
-        let share = (samples_done as f64 / samples_total.max(1) as f64).min(1.0);
+        let fraction = (samples_done as f64 / samples_total.max(1) as f64).min(1.0);
         let seconds = elapsed.as_secs_f64().max(1e-9);
         let speed = rays as f64 / seconds / 1e6;
         match self {
@@ -137,7 +141,7 @@ impl Progress {
             Progress::Machine { kind, last } => {
                 let mut last = last.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
                 let elapsed_s = elapsed.as_secs_f64();
-                let (event, progress) = ("progress", share);
+                let (event, progress) = ("progress", fraction);
                 let estimated_error = error;
                 let line = ProgressLine {
                     event,
@@ -148,47 +152,47 @@ impl Progress {
                     rays,
                     estimated_error,
                 };
-                last.newest = Some(line);
-                if samples_done < samples_total && elapsed < last.printed + MACHINE_PAUSE {
+                last.latest = Some(line);
+                if samples_done < samples_total && elapsed < last.printed + MACHINE_INTERVAL {
                     return;
                 }
                 last.printed = elapsed;
-                line.print(*kind, share);
+                line.print(*kind, fraction);
             }
-            Progress::Bar { bar, ends } => {
-                bar.set_position((share * 1000.0) as u64);
-                let left = ends.left(share, elapsed, error);
-                let left = left.map_or_else(String::new, |left| format!(", about {left} left"));
+            Progress::Bar { bar, criteria } => {
+                bar.set_position((fraction * STEPS) as u64);
+                let remaining = criteria.remaining(fraction, elapsed, error);
+                let remaining = remaining.map_or_else(String::new, |time| format!(", about {time} left"));
                 let error = error.map_or_else(String::new, |error| format!("  error {:.2} %", error * 100.0));
-                bar.set_message(format!("{left}  {speed:.1} M rays/s{error}"));
+                bar.set_message(format!("{remaining}  {speed:.1} M rays/s{error}"));
             }
-            Progress::Lines { next, ends, label } => {
+            Progress::Lines { next, criteria, label } => {
                 let mut next = next.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
                 if elapsed < *next {
                     return;
                 }
                 *next = next_line(elapsed);
-                let error_known = error.is_some();
-                let left = ends.left(share, elapsed, error);
-                let left = left.map_or_else(String::new, |left| format!("about {left} left, "));
+                let is_error_known = error.is_some();
+                let remaining = criteria.remaining(fraction, elapsed, error);
+                let remaining = remaining.map_or_else(String::new, |time| format!("about {time} left, "));
                 let error = error.map_or_else(String::new, |error| format!(", error {:.2} %", error * 100.0));
-                // Without an estimate of the noise nobody knows how far it is.
-                let done = match ends.is_known(error_known) {
-                    true => format!("{:.1} %  ", share * 100.0),
+                // With a noise threshold the progress is unknown until the noise is estimated.
+                let done = match criteria.is_progress_known(is_error_known) {
+                    true => format!("{:.1} %  ", fraction * 100.0),
                     false => String::new(),
                 };
-                say!("{label}{done}{seconds:.0} s elapsed, {left}{speed:.1} M rays/s{error}");
+                say!("{label}{done}{seconds:.0} s elapsed, {remaining}{speed:.1} M rays/s{error}");
             }
         }
     }
 
-    /// Takes the bar off the screen. Programs get a last line: that all is done, if it is, however many samples that took.
+    /// Clears the bar. For a complete picture, prints a last machine-readable line with progress 1 unless the latest had it.
     pub fn finish(&self, is_complete: bool) {
         match self {
             Progress::Bar { bar, .. } => bar.finish_and_clear(),
             Progress::Machine { kind, last } => {
                 let last = last.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-                if let Some(line) = last.newest.filter(|line| is_complete && line.progress < 1.0) {
+                if let Some(line) = last.latest.filter(|line| is_complete && line.progress < 1.0) {
                     line.print(*kind, 1.0);
                 }
             }
@@ -197,33 +201,38 @@ impl Progress {
     }
 }
 
-/// When the plain line after one at this time is printed.
+/// Elapsed time at which the plain line after one at `elapsed` is due.
 fn next_line(elapsed: Duration) -> Duration {
-    elapsed + elapsed.min(LONGEST_PAUSE)
+    elapsed + elapsed.min(MAX_INTERVAL)
 }
 
-/// Shorter times say nothing about how long the rest takes: memory is being filled for the first time.
-const MIN_KNOWN: Duration = Duration::from_millis(500);
+/// Minimum elapsed time for estimates of the remaining time: rendering is slower at first, while memory is touched for the
+/// first time.
+const MIN_ESTIMATE: Duration = Duration::from_millis(500);
 
 impl StopCriteria {
-    /// Does the share of the samples say how far rendering is?
-    fn is_known(self, is_error_known: bool) -> bool {
+    /// Whether the fraction of samples taken is the progress.
+    fn is_progress_known(self, is_error_known: bool) -> bool {
         is_error_known || !self.by_noise
     }
 
-    /// How long a picture will take of which a share is done and that has this error; `None` where too little is known.
-    fn left(self, share: f64, elapsed: Duration, error: Option<f64>) -> Option<String> {
-        if self.is_known(error.is_some()) { left(share, elapsed, self.limit) } else { None }
+    /// Estimated remaining time, readable; `None` if too little is known.
+    fn remaining(self, fraction: f64, elapsed: Duration, error: Option<f64>) -> Option<String> {
+        if self.is_progress_known(error.is_some()) {
+            remaining(fraction, elapsed, self.time_limit)
+        } else {
+            None
+        }
     }
 }
 
-/// How long a picture will take of which a share is done; `None` where too little of it is.
-fn left(share: f64, elapsed: Duration, limit: Option<Duration>) -> Option<String> {
-    if elapsed < MIN_KNOWN || share <= 0.0 {
+/// Estimated remaining time when a fraction is done, readable; `None` if too little is done.
+fn remaining(fraction: f64, elapsed: Duration, limit: Option<Duration>) -> Option<String> {
+    if elapsed < MIN_ESTIMATE || fraction <= 0.0 {
         return None;
     }
-    let until = limit.map_or(f64::INFINITY, |limit| limit.saturating_sub(elapsed).as_secs_f64());
-    let seconds = (elapsed.as_secs_f64() * (1.0 / share - 1.0)).min(until).max(0.0);
+    let until_limit = limit.map_or(f64::INFINITY, |limit| limit.saturating_sub(elapsed).as_secs_f64());
+    let seconds = (elapsed.as_secs_f64() * (1.0 / fraction - 1.0)).min(until_limit).max(0.0);
     Some(match seconds {
         ..90.0 => format!("{:.0} s", seconds.ceil()),
         ..5400.0 => format!("{:.0} min", seconds / 60.0),
@@ -231,18 +240,18 @@ fn left(share: f64, elapsed: Duration, limit: Option<Duration>) -> Option<String
     })
 }
 
-// Progress of steps before and after rendering: loading, building, denoising.
+// Progress of the stages before and after rendering: loading, building, denoising.
 
-/// How long something may take before it is reported that it does.
-const PATIENCE: Duration = Duration::from_secs(2);
+/// Stages shorter than this are not reported.
+const MIN_REPORTED: Duration = Duration::from_secs(2);
 
-/// Steps of a bar.
+/// Resolution of progress bars.
 const STEPS: f64 = 1000.0;
 
-/// To whom it is reported.
+/// Destination and format of progress reports.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum ProgressTarget {
-    Nobody,
+    None,
     /// A bar on standard error.
     Terminal,
     /// Lines on standard error.
@@ -254,12 +263,12 @@ pub(super) enum ProgressTarget {
 }
 
 impl ProgressTarget {
-    /// As the caller has it, and by what standard error is.
+    /// From the arguments; without them, a bar if standard error is a terminal, else lines.
     pub fn of(quiet: bool, kind: Option<ProgressArg>) -> ProgressTarget {
         match kind {
             Some(ProgressArg::Json) => ProgressTarget::Json,
             Some(ProgressArg::Openjd) => ProgressTarget::Openjd,
-            _ if quiet || kind == Some(ProgressArg::None) => ProgressTarget::Nobody,
+            _ if quiet || kind == Some(ProgressArg::None) => ProgressTarget::None,
             Some(ProgressArg::Plain) => ProgressTarget::Lines,
             _ if std::io::stderr().is_terminal() => ProgressTarget::Terminal,
             _ => ProgressTarget::Lines,
@@ -267,91 +276,94 @@ impl ProgressTarget {
     }
 }
 
-/// A line for programs.
+/// A line of `--progress json` for a stage.
 #[derive(Serialize)]
-struct WaitingLine {
+struct StageLine {
     /// `load`, `build` or `denoise`.
     event: &'static str,
-    /// 0..1, where it is known.
+    /// 0..1, if known.
     #[serde(skip_serializing_if = "Option::is_none")]
     progress: Option<f64>,
     elapsed_s: f64,
 }
 
-/// Says that something takes a while, from two seconds on and until it is dropped.
+/// Reports the progress of a stage on its own thread, from two seconds on until dropped.
 pub(super) struct StageProgress {
-    /// Hangs up when it is over.
-    over: Option<Sender<()>>,
+    /// Dropped to stop the thread.
+    stop: Option<Sender<()>>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl StageProgress {
-    /// For what `label` names, which begins now; the counter is that of the work.
+    /// For a stage that starts now. `counter` counts its work.
     pub fn new(target: ProgressTarget, label: &'static str, counter: &WorkCounter) -> StageProgress {
-        if target == ProgressTarget::Nobody {
-            return StageProgress { over: None, thread: None };
+        if target == ProgressTarget::None {
+            return StageProgress { stop: None, thread: None };
         }
-        let (over, until) = channel();
+        let (stop, stopped) = channel();
         let counter = counter.clone();
-        let thread = std::thread::spawn(move || wait(target, label, &counter, &until));
-        StageProgress { over: Some(over), thread: Some(thread) }
+        let thread = std::thread::spawn(move || report_stage(target, label, &counter, &stopped));
+        StageProgress { stop: Some(stop), thread: Some(thread) }
     }
 }
 
 impl Drop for StageProgress {
     fn drop(&mut self) {
-        self.over = None;
-        // It can't fail; if it did, a message would be missing.
+        self.stop = None;
+        // A failure would only lose a message.
         self.thread.take().map(JoinHandle::join);
     }
 }
 
-/// Reports until it is over, or nothing if that is soon.
-fn wait(target: ProgressTarget, label: &'static str, counter: &WorkCounter, until: &Receiver<()>) {
+/// Reports the progress of a stage until stopped.
+fn report_stage(target: ProgressTarget, label: &'static str, counter: &WorkCounter, stopped: &Receiver<()>) {
     let start = Instant::now();
-    let goes_on = |pause| until.recv_timeout(pause) == Err(RecvTimeoutError::Timeout);
-    if !goes_on(PATIENCE) {
+    // Waits; returns false if the stage ended.
+    let is_running = |interval| stopped.recv_timeout(interval) == Err(RecvTimeoutError::Timeout);
+    if !is_running(MIN_REPORTED) {
         return;
     }
     if target == ProgressTarget::Terminal {
-        return draw(label, counter, goes_on);
+        return draw_bar(label, counter, is_running);
     }
-    let mut pause = if target == ProgressTarget::Lines { PATIENCE } else { MACHINE_PAUSE };
+    let mut interval = if target == ProgressTarget::Lines { MIN_REPORTED } else { MACHINE_INTERVAL };
     loop {
         let (elapsed_s, progress) = (start.elapsed().as_secs_f64(), counter.share());
-        let share = progress.map_or_else(String::new, |share| format!("{:.0} %, ", share * 100.0));
+        let percent = progress.map_or_else(String::new, |fraction| format!("{:.0} %, ", fraction * 100.0));
         match target {
-            ProgressTarget::Json => json::print(&WaitingLine { event: label, progress, elapsed_s }),
-            ProgressTarget::Openjd => print_line(&format!("openjd_status: {label}, {share}{elapsed_s:.0} s")),
+            ProgressTarget::Json => json::print(&StageLine { event: label, progress, elapsed_s }),
+            ProgressTarget::Openjd => {
+                print_line(&format!("openjd_status: {label}, {percent}{elapsed_s:.0} s"))
+            }
             _ => {
-                say!("{label:<8} {share}{elapsed_s:.0} s so far");
-                pause = Duration::from_secs_f64(elapsed_s);
+                say!("{label:<8} {percent}{elapsed_s:.0} s so far");
+                interval = Duration::from_secs_f64(elapsed_s);
             }
         }
-        if !goes_on(pause) {
+        if !is_running(interval) {
             return;
         }
     }
 }
 
-/// A bar on the terminal; as long as nobody knows how much there is to do, a spinner.
-fn draw(label: &'static str, counter: &WorkCounter, goes_on: impl Fn(Duration) -> bool) {
-    let bar = ProgressBar::new(STEPS as u64).with_message(label).with_elapsed(PATIENCE);
+/// Draws a bar on the terminal, or a spinner while the progress is unknown.
+fn draw_bar(label: &'static str, counter: &WorkCounter, is_running: impl Fn(Duration) -> bool) {
+    let bar = ProgressBar::new(STEPS as u64).with_message(label).with_elapsed(MIN_REPORTED);
     let style = |template| ProgressStyle::with_template(template).ok();
-    let spinner = style("{spinner} {msg}  {elapsed}");
-    let known = style("{msg:8} {bar:40} {percent:>3} %  {elapsed} elapsed");
-    known.iter().for_each(|style| bar.set_style(style.clone()));
+    let spinner_style = style("{spinner} {msg}  {elapsed}");
+    let bar_style = style("{msg:8} {bar:40} {percent:>3} %  {elapsed} elapsed");
+    bar_style.iter().for_each(|style| bar.set_style(style.clone()));
     let mut is_known = true;
     loop {
-        let share = counter.share();
-        if share.is_some() != is_known {
-            is_known = share.is_some();
-            let style = if is_known { &known } else { &spinner };
+        let progress = counter.share();
+        if progress.is_some() != is_known {
+            is_known = progress.is_some();
+            let style = if is_known { &bar_style } else { &spinner_style };
             style.iter().for_each(|style| bar.set_style(style.clone()));
         }
-        bar.set_position((share.unwrap_or(0.0) * STEPS) as u64);
+        bar.set_position((progress.unwrap_or(0.0) * STEPS) as u64);
         bar.tick();
-        if !goes_on(Duration::from_millis(100)) {
+        if !is_running(Duration::from_millis(100)) {
             return bar.finish_and_clear();
         }
     }
@@ -362,20 +374,20 @@ mod tests {
     use super::*;
 
     #[test]
-    fn pauses_between_lines_double() {
-        let lines = std::iter::successors(Some(FIRST_LINE), |&last| Some(next_line(last)));
-        let seconds: Vec<u64> = lines.take(11).map(|time| time.as_secs()).collect();
+    fn intervals_between_lines_double() {
+        let times = std::iter::successors(Some(FIRST_LINE), |&time| Some(next_line(time)));
+        let seconds: Vec<u64> = times.take(11).map(|time| time.as_secs()).collect();
         assert_eq!(seconds, [2, 4, 8, 16, 32, 64, 128, 256, 512, 1024, 1624]);
     }
 
     #[test]
-    fn nothing_is_reported_of_the_rest_before_something_is_known() {
+    fn remaining_time_is_estimated_from_the_fraction_done() {
         let (second, minute) = (Duration::from_secs(1), Duration::from_secs(60));
-        assert_eq!(left(0.5, Duration::from_millis(100), None), None);
-        assert_eq!(left(0.0, second, None), None);
-        assert_eq!(left(0.25, second, None).as_deref(), Some("3 s"));
-        assert_eq!(left(0.001, second, Some(minute)).as_deref(), Some("59 s"));
-        assert_eq!(left(0.1, minute, None).as_deref(), Some("9 min"));
-        assert_eq!(left(0.999, second, None).as_deref(), Some("1 s"));
+        assert_eq!(remaining(0.5, Duration::from_millis(100), None), None);
+        assert_eq!(remaining(0.0, second, None), None);
+        assert_eq!(remaining(0.25, second, None).as_deref(), Some("3 s"));
+        assert_eq!(remaining(0.001, second, Some(minute)).as_deref(), Some("59 s"));
+        assert_eq!(remaining(0.1, minute, None).as_deref(), Some("9 min"));
+        assert_eq!(remaining(0.999, second, None).as_deref(), Some("1 s"));
     }
 }

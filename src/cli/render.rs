@@ -5,7 +5,7 @@ use super::checkpoint::CheckpointWriter;
 use super::parsers::Frames;
 use super::picture_args::Quality;
 use super::pictures::{
-    self, AnimationFiles, Denoising, FinishedPicture, Pictures, Targets, check_stdout, still,
+    self, AnimationFiles, Denoising, FinishedPicture, Pictures, Targets, check_stdout, stills,
 };
 use super::preview::Preview;
 use super::process::{Outcome, cancel_by_signals, exit_code};
@@ -22,7 +22,7 @@ use oscura::compile::Compiler;
 use oscura::denoise::temporal::with_neighbours;
 use oscura::error::{Error, ErrorKind, Result, Warning};
 use oscura::film::{Aov, Film};
-use oscura::load::stage::{Background, Turntable, middle};
+use oscura::load::stage::{Background, Turntable, scene_center};
 use oscura::load::{LoadOptions, Loaded, is_of_blender, load, load_frames};
 use oscura::output::is_same_target;
 use oscura::render::{CancelHandle, PassOutcome, RarePaths, RenderOptions, Rendering, Statistics, in_pool};
@@ -62,41 +62,42 @@ fn run_picture(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
     let mut loaded = load_scene(args, cancel, &options)?;
     print_default_output(args);
     if args.mark.is_some() {
-        let parts = options.files.paths();
-        let refuse = |target: &PathBuf| pictures::refuse_part(&args.scene, target, &parts, ELSEWHERE);
+        let files = options.files.paths();
+        let refuse = |target: &PathBuf| pictures::refuse_scene_file(&args.scene, target, &files, OUTPUT_HELP);
         args.output.iter().try_for_each(refuse)?;
     }
-    let mut kept = RunState::new(args, Compiler::single())?;
-    run_one(args, cancel, targets, Some(&environment), &mut loaded, start, &mut kept)
+    let mut state = RunState::new(args, Compiler::single())?;
+    run_one(args, cancel, targets, Some(&environment), &mut loaded, start, &mut state)
 }
 
-/// Help where a picture without -o would overwrite another file.
-const ELSEWHERE: &str = "name the picture by -o FILE, which may replace a file";
+/// Help if the default output would overwrite another file.
+const OUTPUT_HELP: &str = "choose the output with -o FILE, which overwrites existing files";
 
-/// Says where a picture without `-o` goes, and what else could be done.
+/// Prints the default output file and suggests `oscura view`.
 fn print_default_output(args: &RenderArgs) {
     if args.mark.is_some() && !args.quiet {
         let (file, scene) = (args.output[0].display(), args.scene.display().to_string());
         let scene = if scene.contains(' ') { format!("\"{scene}\"") } else { scene };
-        say!("note: without -o, the picture is {file} ('oscura view {scene}' shows it live in a browser)");
+        say!("note: the default output is {file} ('oscura view {scene}' shows the scene live in a browser)");
     }
 }
 
-/// Renders the frames of an animation; with --resume, those whose files are missing.
+/// Renders the frames of an animation; with `--resume`, only frames whose files are missing.
 fn run_frames(args: &RenderArgs, frames: Frames, cancel: &CancelHandle) -> Result<Outcome> {
-    let moving = Some(AnimationFiles::of(args)?);
-    let still = still(&args.output);
-    let file = |number| still.iter().map(|path| Frames::file(path, number)).collect::<Vec<_>>();
+    let animations = Some(AnimationFiles::of(args)?);
+    let stills = stills(&args.output);
+    let files = |number| stills.iter().map(|path| Frames::file(path, number)).collect::<Vec<_>>();
     for number in frames.numbers() {
-        Targets::check(&file(number))?;
+        Targets::check(&files(number))?;
     }
     // Without numbered files (only --show or video output) all frames are rendered.
-    let is_missing =
-        |number: u32| !args.long.resume || still.is_empty() || !file(number).iter().all(|path| path.exists());
+    let is_missing = |number: u32| {
+        !args.long.resume || stills.is_empty() || !files(number).iter().all(|path| path.exists())
+    };
     let all: Vec<u32> = frames.numbers().collect();
     let missing: Vec<u32> = all.iter().copied().filter(|&number| is_missing(number)).collect();
     print_existing(args, all.len() - missing.len());
-    // Frames averaged with a missing one are rendered again.
+    // Neighbours of missing frames are rendered again, for temporal denoising.
     let is_averaged = averages_frames(args);
     let rendered =
         if is_averaged { with_neighbours(&all, |n| missing.contains(&n)) } else { missing.clone() };
@@ -106,17 +107,17 @@ fn run_frames(args: &RenderArgs, frames: Frames, cancel: &CancelHandle) -> Resul
             .try_for_each(|&number| checkpoint::check_file(args, &Frames::file(checkpoint, number)))?;
     }
     let (mut start, mut numbers, mut outcome) = (Instant::now(), rendered.iter().copied(), Outcome::Done);
-    let mut kept = RunState { moving, ..RunState::new(args, Compiler::sequence())? };
+    let mut state = RunState { animations, ..RunState::new(args, Compiler::sequence())? };
     check_scene_path(&args.scene)?;
     check_memory_before_loading(args)?;
     let environment = EnvironmentOverride::load(args)?;
-    // While a frame is rendered, its own limits count.
+    // Only runs while loading: rendering has its own memory checks.
     let mut watchdog = Some(watch_memory(args));
     let mut result =
         load_frames(&args.scene, &load_options(args)?, rendered.iter().copied(), args.fps, &mut |loaded| {
             watchdog = None;
             let Some(number) = numbers.next() else { return Ok(ControlFlow::Break(())) };
-            let targets = Targets::check(&file(number))?;
+            let targets = Targets::check(&files(number))?;
             let mut args = args.clone();
             let label = match is_of_blender(&args.scene) {
                 true => format!("frame    {number}"),
@@ -125,7 +126,7 @@ fn run_frames(args: &RenderArgs, frames: Frames, cancel: &CancelHandle) -> Resul
             let is_neighbour = !missing.contains(&number);
             args.frame = Some(SequenceFrame { number, label, is_averaged, is_neighbour });
             args.long.checkpoint = args.long.checkpoint.map(|file| Frames::file(&file, number));
-            outcome = run_one(&args, cancel, targets, Some(&environment), loaded, start, &mut kept)?;
+            outcome = run_one(&args, cancel, targets, Some(&environment), loaded, start, &mut state)?;
             start = Instant::now();
             watchdog = Some(watch_memory(&args));
             Ok(match outcome {
@@ -135,51 +136,54 @@ fn run_frames(args: &RenderArgs, frames: Frames, cancel: &CancelHandle) -> Resul
         });
     drop(watchdog);
     match (&result, &outcome) {
-        (Ok(()), Outcome::Done) => result = kept.finish(args),
-        _ => kept.print_unfinished(args),
+        (Ok(()), Outcome::Done) => result = state.finish(args),
+        _ => state.print_unfinished(args),
     }
     result.map(|()| outcome)
 }
 
-/// Reports how many frames are skipped.
+/// Prints the number of skipped frames.
 fn print_existing(args: &RenderArgs, frames: usize) {
     if !args.quiet && frames > 0 {
-        say!("resume   {frames} frames exist and are left out");
+        say!("resume   {frames} frames exist and are skipped");
     }
 }
 
-// `oscura render` of one scene or of several, one after another.
+// `oscura render` of one or more scenes.
 
-/// Placeholders for the scene's name in file names.
-const STEMS: [&str; 2] = ["{stem}", "{name}"];
+/// Placeholders in file names for the scene's file stem.
+const STEM_PLACEHOLDERS: [&str; 2] = ["{stem}", "{name}"];
 
-/// Renders all scenes. Failures are listed at the end; the highest exit code is returned.
+/// Renders all scenes one after another. Failures are listed at the end; the highest exit code is returned.
 pub(crate) fn run(args: &RenderArgs) -> Result<Outcome> {
-    let shots: Vec<RenderArgs> = args.scenes.iter().map(|scene| of_scene(args, scene)).collect();
+    let shots: Vec<RenderArgs> = args.scenes.iter().map(|scene| args_for_scene(args, scene)).collect();
     check(&shots)?;
     check_stdout(args)?;
     show::check(args)?;
     let cancel = cancel_by_signals()?;
     match &shots[..] {
         [only] => run_scene(only, &cancel),
-        _ => all(args, &shots, &cancel),
+        _ => run_scenes(args, &shots, &cancel),
     }
 }
 
-/// The arguments for one of the scenes: file names with placeholders replaced, and the default name of the picture.
-fn of_scene(args: &RenderArgs, scene: &Path) -> RenderArgs {
+/// The arguments for one scene: placeholders in file names are replaced and the default output is set.
+fn args_for_scene(args: &RenderArgs, scene: &Path) -> RenderArgs {
     let stem = scene.file_stem().unwrap_or_default().to_string_lossy();
-    let has_stem = |path: &PathBuf| STEMS.iter().any(|mark| path.to_string_lossy().contains(mark));
-    let named = |path: &PathBuf| match has_stem(path) {
+    let has_placeholder =
+        |path: &PathBuf| STEM_PLACEHOLDERS.iter().any(|text| path.to_string_lossy().contains(text));
+    let with_stem = |path: &PathBuf| match has_placeholder(path) {
         true => PathBuf::from(
-            STEMS.iter().fold(path.to_string_lossy().into_owned(), |name, mark| name.replace(mark, &stem)),
+            STEM_PLACEHOLDERS
+                .iter()
+                .fold(path.to_string_lossy().into_owned(), |name, text| name.replace(text, &stem)),
         ),
         false => path.clone(),
     };
     let mut own = args.clone();
     own.scene = scene.to_path_buf();
-    own.output = args.output.iter().map(named).collect();
-    own.long.checkpoint = args.long.checkpoint.as_ref().map(named);
+    own.output = args.output.iter().map(with_stem).collect();
+    own.long.checkpoint = args.long.checkpoint.as_ref().map(with_stem);
     let is_sequence = args.frames.is_some() || args.orbit.is_some();
     if own.output.is_empty() && own.show.is_none() && !is_sequence {
         own.output.push(format!("{stem}.png").into());
@@ -191,9 +195,9 @@ fn of_scene(args: &RenderArgs, scene: &Path) -> RenderArgs {
 /// Checks that all output files can be written and that no two scenes write the same file.
 fn check(shots: &[RenderArgs]) -> Result<()> {
     for shot in shots {
-        // A scene that isn't there is reported as such.
+        // Missing scenes are reported later.
         if let Some(mark) = shot.mark.as_ref().filter(|_| shot.scene.exists()) {
-            let check = |target: &PathBuf| pictures::check(target, mark, ELSEWHERE);
+            let check = |target: &PathBuf| pictures::check(target, mark, OUTPUT_HELP);
             shot.output.iter().try_for_each(check)?;
         }
         if shot.output.is_empty() && shot.show.is_none() {
@@ -204,26 +208,27 @@ fn check(shots: &[RenderArgs]) -> Result<()> {
     for shot in shots.iter().filter(|shot| shot.frames.is_none() && shot.orbit.is_none()) {
         Targets::check(&shot.output)?;
     }
-    for (at, shot) in shots.iter().enumerate() {
-        for earlier in &shots[..at] {
+    for (index, shot) in shots.iter().enumerate() {
+        for earlier in &shots[..index] {
             let files = |args: &RenderArgs| -> Vec<PathBuf> {
                 args.output.iter().chain(&args.long.checkpoint).cloned().collect()
             };
-            let theirs = files(earlier);
-            let same =
-                files(shot).into_iter().find(|own| theirs.iter().any(|file| is_same_target(own, file)));
-            if let Some(file) = same {
+            let earlier_files = files(earlier);
+            let duplicate = (files(shot).into_iter())
+                .find(|own| earlier_files.iter().any(|file| is_same_target(own, file)));
+            if let Some(file) = duplicate {
                 let (a, b) = (earlier.scene.display(), shot.scene.display());
                 let message = format!("{a} and {b} would both write {}", file.display());
-                return Err(Error::usage(message)
-                    .with_help("put {stem} into the names of files, such as -o '{stem}.exr'"));
+                return Err(
+                    Error::usage(message).with_help("use {stem} in file names, such as -o '{stem}.exr'")
+                );
             }
         }
     }
     Ok(())
 }
 
-fn all(args: &RenderArgs, shots: &[RenderArgs], cancel: &CancelHandle) -> Result<Outcome> {
+fn run_scenes(args: &RenderArgs, shots: &[RenderArgs], cancel: &CancelHandle) -> Result<Outcome> {
     let mut failures: Vec<(&Path, u8)> = Vec::new();
     for shot in shots {
         if !args.quiet {
@@ -255,16 +260,16 @@ fn all(args: &RenderArgs, shots: &[RenderArgs], cancel: &CancelHandle) -> Result
 
 // One picture of `oscura render`: load, compile, render, write, report.
 
-/// Loads the scene, with progress reports if it takes long.
+/// Loads the scene and reports progress.
 pub(super) fn load_scene(args: &RenderArgs, cancel: &CancelHandle, options: &LoadOptions) -> Result<Loaded> {
     print_export(args);
     let target = ProgressTarget::of(args.quiet, args.long.progress);
-    let waiting = StageProgress::new(target, "load", &options.counter);
+    let progress = StageProgress::new(target, "load", &options.counter);
     let watchdog = watch_memory(args);
     let loaded = load(&args.scene, options);
-    drop((waiting, watchdog));
-    // A signal also ends Blender: its failure is not reported then.
-    stop_before_pixels(cancel)?;
+    drop((progress, watchdog));
+    // A signal also ends Blender, whose failure is then not reported.
+    check_interrupted(cancel)?;
     loaded
 }
 
@@ -275,8 +280,8 @@ fn print_export(args: &RenderArgs) {
     }
 }
 
-/// Are motion vectors needed?
-fn has_vectors(args: &RenderArgs) -> bool {
+/// Whether motion vectors are needed.
+fn needs_motion_vectors(args: &RenderArgs) -> bool {
     averages_frames(args) || args.aov.iter().any(|aovs| aovs.contains(Aov::Motion))
 }
 
@@ -290,7 +295,7 @@ pub(super) fn load_options(args: &RenderArgs) -> Result<LoadOptions> {
         allow_external: args.allow_external,
         brings_environment: args.env.is_some(),
         gltf: args.asset.options(),
-        shutter: args.shutter.options(args.fps, has_vectors(args)),
+        shutter: args.shutter.options(args.fps, needs_motion_vectors(args)),
         point_radius: args.point_radius,
         up: args.stage.up,
         smooth_rad: args.stage.smooth.map(f64::to_radians),
@@ -303,8 +308,8 @@ pub(super) fn load_options(args: &RenderArgs) -> Result<LoadOptions> {
     })
 }
 
-/// Renders one picture of a scene that began to load at `start`; `environment` is what the arguments put in place of the
-/// scene's, unless that has been done.
+/// Renders and writes one picture of a scene whose loading began at `start`. `environment` overrides the scene's; `None` if
+/// already applied.
 pub(super) fn run_one(
     args: &RenderArgs,
     cancel: &CancelHandle,
@@ -314,53 +319,55 @@ pub(super) fn run_one(
     start: Instant,
     state: &mut RunState,
 ) -> Result<Outcome> {
-    let mut shot = match shoot(args, cancel, targets, environment, loaded, start, state)? {
+    let mut shot = match render_picture(args, cancel, targets, environment, loaded, start, state)? {
         ControlFlow::Continue(shot) => shot,
         ControlFlow::Break(outcome) => return Ok(outcome),
     };
     let Some(frame) = shot.args.frame.clone().filter(|_| shot.is_averaged) else {
-        return shot.write(&mut state.printed, state.moving.as_mut());
+        return shot.write(&mut state.printed, state.animations.as_mut());
     };
-    let denoising = Instant::now();
-    let alone = shot.picture.frame()?;
-    let seconds = denoising.elapsed().as_secs_f64();
+    let denoising_start = Instant::now();
+    let denoised = shot.picture.frame()?;
+    let seconds = denoising_start.elapsed().as_secs_f64();
     shot.run.denoise_s = Some(seconds);
     shot.run.total_s += seconds;
-    let done = state.sequence.push(frame.number, alone, (!frame.is_neighbour).then_some(shot));
-    done.into_iter().try_for_each(|frame| state.write(frame))?;
+    let finished = state.sequence.push(frame.number, denoised, (!frame.is_neighbour).then_some(shot));
+    finished.into_iter().try_for_each(|frame| state.write(frame))?;
     Ok(Outcome::Done)
 }
 
-/// Renders one picture; breaks with how the run ended if there is none.
-fn shoot(
+/// Renders one picture; breaks with the run's outcome if there is no picture.
+fn render_picture(
     args: &RenderArgs,
     cancel: &CancelHandle,
     targets: Targets,
     environment: Option<&EnvironmentOverride>,
     loaded: &mut Loaded,
     start: Instant,
-    RunState { printed, compiler, moving, preview, .. }: &mut RunState,
+    RunState { printed, compiler, animations, preview, .. }: &mut RunState,
 ) -> Result<ControlFlow<Outcome, Shot>> {
     let (given, args) = (args, completed(args, &loaded.scene.settings));
     let prepared = prepare_files((given, &args), &targets, environment, loaded, start, compiler)?;
-    let Prepared { scene, labels, camera, resolved, how, kept_aovs, png, build, load_s, .. } = prepared;
+    let Prepared { scene, labels, camera, resolved, encoding, output_aovs, png, build, load_s, .. } =
+        prepared;
     let Prepared { mut notes, mut warnings, left_out, .. } = prepared;
-    let log: Vec<Warning> = warnings.iter().chain(&build.notes).cloned().collect();
-    check_size(&targets, moving.as_ref(), &resolved.options)?;
+    let messages: Vec<Warning> = warnings.iter().chain(&build.notes).cloned().collect();
+    check_size(&targets, animations.as_ref(), &resolved.options)?;
     begin(&args, cancel, printed, (&notes, &warnings, &left_out))?;
-    let denoising = Denoising::of(&args, &targets, kept_aovs);
-    let encode = |shot: FinishedPicture| Pictures::encode(&how, &targets, shot, &png, &log);
-    let mut keeper = CheckpointWriter::new(&args, &targets, loaded, &resolved, &png, &log, denoising.kept())?;
+    let denoising = Denoising::of(&args, &targets, output_aovs);
+    let encode = |picture: FinishedPicture| Pictures::encode(&encoding, &targets, picture, &png, &messages);
+    let mut checkpoint =
+        CheckpointWriter::new(&args, &targets, loaded, &resolved, &png, &messages, denoising.output_aovs())?;
     let rendering = Rendering::labelled(scene, labels, &camera, resolved.options)?;
-    let rendering = keeper.begin(rendering.placed(loaded.scene.backdrop.clone(), loaded.offset))?;
-    preview.iter_mut().for_each(|shown| shown.begin(&rendering, &png, &camera, build.triangles, printed));
-    let (mut rendering, kept) =
-        take_picture(&args, cancel, rendering, &mut keeper, &encode, printed, preview.as_mut())?;
+    let rendering = checkpoint.begin(rendering.placed(loaded.scene.backdrop.clone(), loaded.offset))?;
+    preview.iter_mut().for_each(|preview| preview.begin(&rendering, &png, &camera, build.triangles, printed));
+    let (mut rendering, checkpoint) =
+        render_passes(&args, cancel, rendering, &mut checkpoint, &encode, printed, preview.as_mut())?;
     if let Some(ended) = end_without_picture(&args, &rendering, &resolved.options) {
-        return kept.and(ended).map(ControlFlow::Break);
+        return checkpoint.and(ended).map(ControlFlow::Break);
     }
     warnings.extend(error_warnings(&args, &rendering, printed));
-    let (denoise_s, is_averaged) = (denoising.run(&mut rendering, printed), denoising.is_over_frames());
+    let (denoise_s, is_averaged) = (denoising.run(&mut rendering, printed), denoising.is_temporal());
     let (outputs, picture) = (targets.names(rendering.is_complete()), rendering.into_picture());
     notes.extend(dark_note(&args, picture.film(), png.exposure, &loaded.scene, printed));
     let run = Run {
@@ -382,38 +389,41 @@ fn shoot(
     Ok(ControlFlow::Continue(Shot {
         args,
         targets,
-        how,
+        encoding,
         png,
-        kept_aovs,
+        output_aovs,
         picture,
         is_averaged,
-        kept,
-        log,
+        checkpoint,
+        messages,
         run,
     }))
 }
 
-/// Prints the notes and warnings of loading and what was left out; ends where warnings or a signal do.
+/// Prints the messages of loading.
+///
+/// # Errors
+/// With `--strict`, if there are warnings; if a signal arrived.
 fn begin(
     args: &RenderArgs,
     cancel: &CancelHandle,
     printed: &mut PrintedMessages,
-    found: (&[Warning], &[Warning], &[String]),
+    (notes, warnings, left_out): (&[Warning], &[Warning], &[String]),
 ) -> Result<()> {
-    print_scene(args, printed, found);
-    refuse_warnings(args, found.1, ErrorKind::Input)?;
-    stop_before_pixels(cancel)
+    print_messages(args, printed, (notes, warnings, left_out));
+    refuse_warnings(args, warnings, ErrorKind::Input)?;
+    check_interrupted(cancel)
 }
 
 /// Checks that the outputs can store pictures of this size.
-fn check_size(targets: &Targets, moving: Option<&AnimationFiles>, options: &RenderOptions) -> Result<()> {
+fn check_size(targets: &Targets, animations: Option<&AnimationFiles>, options: &RenderOptions) -> Result<()> {
     let RenderOptions { width, height, .. } = *options;
     targets.check_size(width, height)?;
-    moving.map_or(Ok(()), |moving| moving.check_size(width, height))
+    animations.map_or(Ok(()), |animations| animations.check_size(width, height))
 }
 
-/// Prepares a scene for files, and looks for options that these have no use for; the arguments are those that were given, and
-/// those with what the scene says.
+/// Prepares a scene for output files and warns of options without effect. `given` are the arguments as given, `args` those
+/// completed by the scene's settings.
 fn prepare_files(
     (given, args): (&RenderArgs, &RenderArgs),
     targets: &Targets,
@@ -425,8 +435,8 @@ fn prepare_files(
     if let Some(frame) = args.frame.as_ref().filter(|_| args.verbose) {
         say!("{}", frame.label);
     }
-    let wants = PictureUse::of_files(args, targets.has_exr());
-    let mut prepared = prepare(args, wants, environment, loaded, start, compiler)?;
+    let usage = PictureUse::of_files(args, targets.has_exr());
+    let mut prepared = prepare(args, usage, environment, loaded, start, compiler)?;
     if let Some(frame) = args.frame.as_ref().filter(|_| args.animate_seed) {
         let options = &mut prepared.resolved.options;
         *options = options.seed(options.seed.wrapping_add(frame.number));
@@ -436,7 +446,7 @@ fn prepare_files(
     Ok(prepared)
 }
 
-/// How a run ends whose picture is not written: `None` if it is.
+/// Outcome of a run whose picture is not written; `None` if it is written.
 fn end_without_picture(
     args: &RenderArgs,
     rendering: &Rendering,
@@ -448,19 +458,20 @@ fn end_without_picture(
     is_incomplete(rendering, options).then(|| Err(nothing_written()))
 }
 
-/// True where a signal came before each pixel had a sample: pixels without one are black. Those outside of a region have none.
+/// True if a signal arrived before each pixel within the region had a sample.
 fn is_incomplete(rendering: &Rendering, options: &RenderOptions) -> bool {
     let film = rendering.film();
     let all = u64::from(film.width()) * u64::from(film.height());
-    let wanted = options.region.map_or(all, |region| u64::from(region.width()) * u64::from(region.height()));
-    rendering.statistics().interrupted && film.unsampled_pixels() > all.saturating_sub(wanted)
+    let in_region =
+        options.region.map_or(all, |region| u64::from(region.width()) * u64::from(region.height()));
+    rendering.statistics().interrupted && film.unsampled_pixels() > all.saturating_sub(in_region)
 }
 
-/// True for an interrupted frame of an animation: it is not written, since --resume would take it for a finished one.
+/// True for an interrupted frame of an animation, which is not written: `--resume` would treat it as finished.
 fn is_unfinished_frame(args: &RenderArgs, rendering: &Rendering) -> bool {
     let is_unfinished = args.frames.is_some() && rendering.statistics().interrupted;
     if is_unfinished {
-        say!("the frame that was being rendered is not written");
+        say!("the interrupted frame is not written");
     }
     is_unfinished
 }
@@ -480,7 +491,7 @@ fn dark_note(
     Some(note)
 }
 
-/// Warns where the error may be larger than asked for or than it seems.
+/// Warns if the error exceeds the threshold or may be underestimated.
 fn error_warnings(args: &RenderArgs, rendering: &Rendering, printed: &mut PrintedMessages) -> Vec<Warning> {
     let (rare, noise) = (rendering.rare_paths(), noise_warning(args, &rendering.statistics()));
     let warnings: Vec<Warning> = rare.map(rare_warning).into_iter().chain(noise).collect();
@@ -490,12 +501,12 @@ fn error_warnings(args: &RenderArgs, rendering: &Rendering, printed: &mut Printe
     warnings
 }
 
-/// Warns of light that few paths carry, of which the estimate of the noise knows too little.
+/// Warns of rare bright paths, which the noise estimate underestimates.
 fn rare_warning(RarePaths { share, pixel: [x, y], .. }: RarePaths) -> Warning {
     Warning::general(format!(
-        "rare bright paths remain: single samples hold {:.0} % of the picture's light, most of it near pixel {x}, {y}, and more may be \
-         missing than the estimated noise shows; more samples, --caustics on (light through glass and off mirrors) or --guiding on find it, --clamp \
-         cuts it off",
+        "rare bright paths remain: single samples contribute {:.0} % of the picture's light, most of it near pixel {x}, {y}, so \
+         the noise may be underestimated; more samples, --caustics on (light through glass and off mirrors) or --guiding on \
+         help, and --clamp removes them",
         (share * 100.0).max(1.0)
     ))
     .with_code("rare-paths")
@@ -504,19 +515,21 @@ fn rare_warning(RarePaths { share, pixel: [x, y], .. }: RarePaths) -> Warning {
 /// Warns if the noise threshold was not reached.
 fn noise_warning(args: &RenderArgs, statistics: &Statistics) -> Option<Warning> {
     let is_promised = args.quality.is_none_or(Quality::promises_error);
-    let asked = args.long.noise.filter(|_| is_promised && !statistics.interrupted)?;
+    let threshold = args.long.noise.filter(|_| is_promised && !statistics.interrupted)?;
     let message = match statistics.error {
-        Some(error) if error <= f64::from(asked) / 100.0 => return None,
+        Some(error) if error <= f64::from(threshold) / 100.0 => return None,
         Some(error) => {
-            format!("the noise is {:.2} %, not the {asked} % asked for", error * 100.0)
+            format!("the noise is {:.2} %, above the threshold of {threshold} %", error * 100.0)
         }
-        None => "there are too few samples to estimate the noise: at least 16 a pixel are needed".to_string(),
+        None => {
+            "there are too few samples to estimate the noise: at least 16 per pixel are needed".to_string()
+        }
     };
     Some(Warning::general(("noise-not-reached", message)))
 }
 
-/// Prints the notes and warnings of loading, and with --explain what was left out.
-fn print_scene(
+/// Prints the notes and warnings of loading, and with `--explain` what was left out.
+fn print_messages(
     args: &RenderArgs,
     printed: &mut PrintedMessages,
     (notes, warnings, left_out): (&[Warning], &[Warning], &[String]),
@@ -527,61 +540,62 @@ fn print_scene(
     printed.notes(notes);
     printed.warnings(warnings);
     if args.explain {
-        left_out.iter().for_each(|what| say!("left out: {what}"));
+        left_out.iter().for_each(|item| say!("left out: {item}"));
     }
 }
 
-/// Renders until all samples are taken or something stops it; writes what `encode` makes of the picture so far as often as
-/// it is wanted.
-fn take_picture<'a>(
+/// Renders until finished or stopped. With `--save-every`, writes intermediate pictures encoded by `encode`. Also returns the
+/// result of writing the checkpoint.
+fn render_passes<'a>(
     args: &RenderArgs,
     cancel: &CancelHandle,
     rendering: Rendering,
-    keeper: &mut CheckpointWriter,
+    checkpoint: &mut CheckpointWriter,
     encode: &dyn Fn(FinishedPicture) -> Pictures<'a>,
     printed: &mut PrintedMessages,
     mut preview: Option<&mut Preview>,
 ) -> Result<(Rendering, Result<()>)> {
-    let ends = StopCriteria { limit: args.long.time_limit, by_noise: args.long.noise.is_some() };
+    let criteria = StopCriteria { time_limit: args.long.time_limit, by_noise: args.long.noise.is_some() };
     let progress = Progress::new(
         args.quiet,
         args.long.progress,
-        ends,
+        criteria,
         args.frame.as_ref().map(|frame| frame.label.as_str()),
     );
     let progress = Arc::new(progress);
-    let shown = progress.clone();
+    let event_progress = progress.clone();
     let mut rendering =
-        rendering.with_cancel_handle(cancel.clone()).on_event(move |event| shown.show(&event));
+        rendering.with_cancel_handle(cancel.clone()).on_event(move |event| event_progress.show(&event));
     let mut saved = Instant::now();
     loop {
-        keeper.before_pass(&mut rendering, printed);
+        checkpoint.before_pass(&mut rendering, printed);
         let due = [
-            keeper.next_write(),
-            preview.as_ref().and_then(|shown| shown.next_show()),
-            args.long.save_every.and_then(|pause| saved.checked_add(pause)),
+            checkpoint.next_write(),
+            preview.as_ref().and_then(|preview| preview.next_show()),
+            args.long.save_every.and_then(|interval| saved.checked_add(interval)),
         ];
         let due = due.into_iter().flatten().min();
         if rendering.run_until(|| due.is_some_and(|due| Instant::now() >= due)) != PassOutcome::Progressed {
             break;
         }
-        preview.iter_mut().for_each(|shown| shown.show(&rendering, false, printed));
-        if args.long.save_every.is_some_and(|pause| saved.elapsed() >= pause) {
-            // A full disk only costs this intermediate picture.
+        preview.iter_mut().for_each(|preview| preview.show(&rendering, false, printed));
+        if args.long.save_every.is_some_and(|interval| saved.elapsed() >= interval) {
+            // Errors such as a full disk don't end rendering.
             if let Err(error) = encode(FinishedPicture::from(&rendering)).write() {
-                printed.warnings(&[Warning::general(format!("the picture so far was not written: {error}"))]);
+                let message = format!("the intermediate picture was not written: {error}");
+                printed.warnings(&[Warning::general(message)]);
             }
             saved = Instant::now();
         }
     }
-    preview.iter_mut().for_each(|shown| shown.show(&rendering, true, printed));
+    preview.iter_mut().for_each(|preview| preview.show(&rendering, true, printed));
     progress.finish(rendering.is_complete());
-    let kept = keeper.finish(&mut rendering);
-    Ok((rendering, kept))
+    let checkpoint = checkpoint.finish(&mut rendering);
+    Ok((rendering, checkpoint))
 }
 
-/// Interrupted before each pixel has a sample: nothing is written, and a picture that is there stays.
-fn stop_before_pixels(cancel: &CancelHandle) -> Result<()> {
+/// Error if a signal arrived before rendering. Existing pictures are not overwritten.
+fn check_interrupted(cancel: &CancelHandle) -> Result<()> {
     if cancel.is_cancelled() { Err(nothing_written()) } else { Ok(()) }
 }
 
@@ -590,14 +604,13 @@ fn nothing_written() -> Error {
     Error { kind: ErrorKind::Interrupted, ..Error::usage(message) }
 }
 
-// `oscura render --orbit N`: turntables.
-
-/// Renders all frames of a turntable, counter-clockwise seen from above, starting at the camera's position.
+/// `oscura render --orbit N`: renders all frames of a turntable, counter-clockwise seen from above, starting at the camera's
+/// position.
 fn run_turntable(args: &RenderArgs, count: u32, cancel: &CancelHandle) -> Result<Outcome> {
-    let still = still(&args.output);
-    let files = |k: u32| still.iter().map(|path| Frames::file(path, k)).collect::<Vec<_>>();
+    let stills = stills(&args.output);
+    let files = |k: u32| stills.iter().map(|path| Frames::file(path, k)).collect::<Vec<_>>();
     (0..count).try_for_each(|k| Targets::check(&files(k)).map(drop))?;
-    let moving = Some(AnimationFiles::of(args)?);
+    let animations = Some(AnimationFiles::of(args)?);
     let mut start = Instant::now();
     check_scene_path(&args.scene)?;
     let environment = EnvironmentOverride::load(args)?;
@@ -610,7 +623,7 @@ fn run_turntable(args: &RenderArgs, count: u32, cancel: &CancelHandle) -> Result
     let first = loaded.scene.cameras.get(number).cloned();
     let first = first.ok_or_else(|| Error::input(&args.scene, "has no camera"))?;
     let table = turntable(&loaded);
-    let mut kept = RunState { moving, ..RunState::new(args, Compiler::sequence())? };
+    let mut state = RunState { animations, ..RunState::new(args, Compiler::sequence())? };
     for k in 0..count {
         let frame = Some(SequenceFrame {
             number: k,
@@ -623,22 +636,23 @@ fn run_turntable(args: &RenderArgs, count: u32, cancel: &CancelHandle) -> Result
         let now = f64::from(k);
         let neighbours =
             [now - 1.0, now + 1.0].map(|frame| table.camera(&first, angle(frame)).world_from_camera);
-        let motion = has_vectors(args).then(|| Keyframes { keys: Vec::new(), neighbours: Some(neighbours) });
+        let motion =
+            needs_motion_vectors(args).then(|| Keyframes { keys: Vec::new(), neighbours: Some(neighbours) });
         loaded.scene.cameras[number] = Camera { motion, ..table.camera(&first, angle(now)) };
         table.light(&mut loaded.scene, angle(now));
         let targets = Targets::check(&files(k))?;
-        let outcome = run_one(args, cancel, targets, None, &mut loaded, start, &mut kept);
+        let outcome = run_one(args, cancel, targets, None, &mut loaded, start, &mut state);
         if !matches!(outcome, Ok(Outcome::Done)) {
-            kept.print_unfinished(args);
+            state.print_unfinished(args);
             return outcome;
         }
         start = Instant::now();
     }
-    kept.finish(args)?;
+    state.finish(args)?;
     Ok(Outcome::Done)
 }
 
 /// Turntable around the framed model, else around the centre of the scene.
 fn turntable(loaded: &Loaded) -> Turntable {
-    loaded.turntable.unwrap_or_else(|| Turntable::new(middle(loaded), false))
+    loaded.turntable.unwrap_or_else(|| Turntable::new(scene_center(loaded), false))
 }

@@ -1,5 +1,4 @@
-//! Messages to the user: errors, warnings the report at the end, and a note on pictures that are
-//! nearly black.
+//! Messages to the user: errors, warnings, the final report, and a note about nearly black pictures.
 
 use super::picture_args::Quality;
 use miette::{Diagnostic, LabeledSpan, NamedSource, SourceCode};
@@ -49,14 +48,14 @@ impl Diagnostic for SourceProblem<'_> {
     }
 }
 
-/// Prints an error with all its problems, and with source lines where known.
+/// Prints an error with all its problems, and their source lines if known.
 pub(crate) fn error(error: &Error) {
     let file = error.file.as_ref().map(|f| f.display().to_string());
     let count = error.problems.len();
     match &file {
         Some(file) if count > 1 => say!("error: {file}: {count} problems"),
         Some(file) => say!("error: {file}"),
-        None if count == 1 => return plain(&error.problems[0], "error: ", "  "),
+        None if count == 1 => return print_plain(&error.problems[0], "error: ", "  "),
         None => say!("error:"),
     }
     for line in shortened(&error.problems, |problem| &problem.message) {
@@ -71,21 +70,21 @@ pub(crate) fn error(error: &Error) {
             (Some(text), Some(_)) => {
                 say!("{}", snippet(problem, text, file.as_deref().unwrap_or("input")))
             }
-            _ => plain(problem, "  ", "    "),
+            _ => print_plain(problem, "  ", "    "),
         }
     }
 }
 
-/// A problem in words alone: its first line after `lead`, what helps after `indent`.
-fn plain(problem: &Problem, lead: &str, indent: &str) {
+/// Prints a problem without source line: the message after `prefix`, the help after `indent`.
+fn print_plain(problem: &Problem, prefix: &str, indent: &str) {
     let place = if problem.place.is_empty() { String::new() } else { format!("{}: ", problem.place) };
-    say!("{lead}{place}{}", problem.message);
+    say!("{prefix}{place}{}", problem.message);
     if let Some(help) = &problem.help {
         say!("{indent}help: {help}");
     }
 }
 
-/// A problem with its source line, or an excerpt of a very long line.
+/// Text of a problem with its source line, or an excerpt of a very long line.
 fn snippet(problem: &Problem, text: &str, file: &str) -> String {
     if let Some(excerpt) = problem.span.as_ref().and_then(|span| Excerpt::of_long_line(text, span)) {
         let Excerpt { line, column, shown, marker } = excerpt;
@@ -100,16 +99,16 @@ fn snippet(problem: &Problem, text: &str, file: &str) -> String {
     let mut out = String::new();
     match handler.render_report(&mut out, &SourceProblem { problem, source }) {
         Ok(()) => out,
-        // Span outside of the text: print the message alone.
+        // The span is outside of the text.
         Err(_) => format!("  {problem}"),
     }
 }
 
-/// Colours on a terminal only, and never against `NO_COLOR` (<https://no-color.org>).
+/// Colours only on terminals and without `NO_COLOR` (<https://no-color.org>).
 fn theme() -> miette::GraphicalTheme {
     use std::io::IsTerminal;
-    let refused = std::env::var_os("NO_COLOR").is_some_and(|v| !v.is_empty());
-    if !refused && std::io::stderr().is_terminal() {
+    let no_color = std::env::var_os("NO_COLOR").is_some_and(|v| !v.is_empty());
+    if !no_color && std::io::stderr().is_terminal() {
         miette::GraphicalTheme::unicode()
     } else {
         miette::GraphicalTheme::unicode_nocolor()
@@ -118,46 +117,45 @@ fn theme() -> miette::GraphicalTheme {
 
 /// Prints a line on standard output. A closed pipe is not an error.
 pub(crate) fn print_line(line: &str) {
-    note_stdout(writeln!(std::io::stdout(), "{line}"));
+    report_stdout_error(writeln!(std::io::stdout(), "{line}"));
 }
 
 /// Prints text without adding a line break.
 pub(crate) fn print_text(text: &str) {
-    note_stdout(std::io::stdout().write_all(text.as_bytes()));
+    report_stdout_error(std::io::stdout().write_all(text.as_bytes()));
 }
 
 /// Writes the bytes of a picture to standard output.
 ///
 /// # Errors
-/// An output error, also where nobody reads on: the picture is lost.
+/// An output error, also for a closed pipe.
 pub(crate) fn print_bytes(bytes: &[u8]) -> oscura::error::Result<()> {
     let mut out = std::io::stdout();
     let written = out.write_all(bytes).and_then(|()| out.flush());
     written.map_err(|error| Error::output(Path::new("standard output"), format!("can't be written: {error}")))
 }
 
-/// Something that was printed on standard output is lost.
-static IS_STDOUT_LOST: AtomicBool = AtomicBool::new(false);
+/// Writing to standard output failed.
+static HAS_STDOUT_FAILED: AtomicBool = AtomicBool::new(false);
 
-/// Says when standard output can't be written, once. Nobody listening any more is no error.
-pub(crate) fn note_stdout(written: std::io::Result<()>) {
-    let Err(error) = written else { return };
-    if error.kind() != std::io::ErrorKind::BrokenPipe && !IS_STDOUT_LOST.swap(true, Ordering::Relaxed) {
+/// Prints the first error of writing to standard output. A closed pipe is not an error.
+pub(crate) fn report_stdout_error(result: std::io::Result<()>) {
+    let Err(error) = result else { return };
+    if error.kind() != std::io::ErrorKind::BrokenPipe && !HAS_STDOUT_FAILED.swap(true, Ordering::Relaxed) {
         say!("error: standard output can't be written: {error}");
     }
 }
 
-/// The exit code of a run, whose standard output may have failed.
+/// Flushes standard output. Returns the exit code: `code`, or that of output errors if it is 0 and standard output failed.
 pub(crate) fn code_with_stdout(code: u8) -> u8 {
-    // The rest of the buffer.
-    note_stdout(std::io::stdout().flush());
-    match IS_STDOUT_LOST.load(Ordering::Relaxed) {
+    report_stdout_error(std::io::stdout().flush());
+    match HAS_STDOUT_FAILED.load(Ordering::Relaxed) {
         true if code == 0 => 4,
         _ => code,
     }
 }
 
-/// Messages printed so far: frames of an animation print only new ones.
+/// Messages printed so far; each is printed only once per animation.
 #[derive(Default)]
 pub(crate) struct PrintedMessages(HashSet<String>);
 
@@ -174,17 +172,17 @@ impl PrintedMessages {
 
     fn print(&mut self, kind: &str, list: &[Warning]) {
         let new: Vec<Warning> =
-            list.iter().filter(|what| self.0.insert(format!("{kind}: {what}"))).cloned().collect();
-        for line in shortened(&new, |what| &what.message) {
+            list.iter().filter(|message| self.0.insert(format!("{kind}: {message}"))).cloned().collect();
+        for line in shortened(&new, |warning| &warning.message) {
             match line {
-                Line::One(what) => say!("{kind}: {what}"),
+                Line::One(warning) => say!("{kind}: {warning}"),
                 Line::More(count) => say!("{kind}: ... and {count} more of this kind"),
             }
         }
     }
 }
 
-/// Everything about a finished run.
+/// Report of a finished run.
 pub(crate) struct Run {
     /// From the start of loading to the end of writing, seconds.
     pub total_s: f64,
@@ -205,58 +203,58 @@ pub(crate) struct Run {
 }
 
 impl Run {
-    /// The parts of memory that are at least a fiftieth of the peak, the largest first.
+    /// Memory by part, largest first; parts below 2 % of the peak are omitted.
     fn memory_by_part(&self, peak: u64) -> String {
         let mut parts: Vec<_> =
             self.compiled.memory.iter().filter(|part| part.bytes.saturating_mul(50) >= peak).collect();
         parts.sort_by_key(|part| std::cmp::Reverse(part.bytes));
-        let words: Vec<String> =
+        let items: Vec<String> =
             parts.iter().map(|part| format!("{} {:.1}", part.name, mib(part.bytes))).collect();
-        if words.is_empty() { String::new() } else { format!(": {}", words.join(", ")) }
+        if items.is_empty() { String::new() } else { format!(": {}", items.join(", ")) }
     }
 
-    /// Samples per pixel, not an integer if the render was stopped early.
-    fn samples_in_words(&self) -> String {
+    /// Samples per pixel as text; not an integer if the render was stopped early.
+    fn samples_text(&self) -> String {
         let samples = (self.statistics.samples_per_pixel * 100.0).round() / 100.0;
         format!("{samples} sample{} per pixel", if samples == 1.0 { "" } else { "s" })
     }
 
-    /// The line at the end: of a frame of a sequence, or of a single picture.
+    /// Prints the final line of a picture or of a frame of a sequence.
     pub fn print_end(&self, frame: Option<&str>) {
         let s = &self.statistics;
         if s.interrupted {
-            say!("stopped  by a signal: the picture has the samples taken until then");
+            say!("stopped  by a signal: the picture has fewer samples");
         } else if s.timed_out {
-            say!("stopped  by --time-limit: another run may stop elsewhere and give other pixels");
+            say!("stopped  by --time-limit: the picture is not reproducible");
         }
         let noise = s.error.map(|error| format!(", noise {:.1} %", error * 100.0)).unwrap_or_default();
         let (outputs, time) = (self.outputs.join(", "), readable_time(self.total_s));
         let denoised = if self.denoise_s.is_some() { ", denoised" } else { "" };
-        let facts =
-            format!("{}x{}, {}{noise}{denoised}, {time}", self.size.0, self.size.1, self.samples_in_words());
+        let summary =
+            format!("{}x{}, {}{noise}{denoised}, {time}", self.size.0, self.size.1, self.samples_text());
         match (frame, self.outputs.is_empty()) {
-            (Some(frame), true) => say!("{frame}: {facts}"),
-            (Some(frame), false) => say!("{frame}: {outputs}, {facts}"),
-            (None, true) => say!("rendered {facts}"),
-            (None, false) => say!("wrote    {outputs}: {facts}"),
+            (Some(frame), true) => say!("{frame}: {summary}"),
+            (Some(frame), false) => say!("{frame}: {outputs}, {summary}"),
+            (None, true) => say!("rendered {summary}"),
+            (None, false) => say!("wrote    {outputs}: {summary}"),
         }
     }
 
-    /// The details for people, before the last line.
+    /// Prints the details of `--verbose`.
     pub fn print_details(&self) {
         let (s, c) = (&self.statistics, &self.compiled);
         say!(
             "scene    {}, {}, {}{}{}{}, {:.1} MiB{}",
             counted(c.triangles, "triangle"),
             counted(c.quads, "quad"),
-            ShapeCounts(c.analytic).words(),
-            if c.curves > 0 { format!("{}, ", counted(c.curves, "curve piece")) } else { String::new() },
+            ShapeCounts(c.analytic).text(),
+            if c.curves > 0 { format!("{}, ", counted(c.curves, "curve segment")) } else { String::new() },
             if c.splats > 0 { format!("{}, ", counted(c.splats, "Gaussian splat")) } else { String::new() },
             counted(c.lights, "light"),
             mib(c.bytes),
             if c.tree == TreeQuality::Fast { ", fast tree" } else { "" }
         );
-        if let Some(line) = textures(c, s) {
+        if let Some(line) = texture_line(c, s) {
             say!("{line}");
         }
         let shared =
@@ -268,7 +266,7 @@ impl Run {
             "picture  {} x {}, {}, {}{branches}{shared}{guided}{caustics}, {}",
             self.size.0,
             self.size.1,
-            self.samples_in_words(),
+            self.samples_text(),
             counted(s.samples, "path"),
             counted(s.rays, "ray")
         );
@@ -289,7 +287,7 @@ impl Run {
     }
 }
 
-/// `4.2 s`, `41 s`, `12 min 5 s`, `3 h 20 min`.
+/// A time as text: `4.2 s`, `41 s`, `12 min 5 s`, `3 h 20 min`.
 fn readable_time(seconds: f64) -> String {
     let whole = seconds.round() as u64;
     match seconds {
@@ -300,8 +298,8 @@ fn readable_time(seconds: f64) -> String {
     }
 }
 
-/// Memory of textures.
-fn textures(c: &CompileReport, s: &Statistics) -> Option<String> {
+/// Line about texture memory; `None` without textures.
+fn texture_line(c: &CompileReport, s: &Statistics) -> Option<String> {
     let t = &c.textures;
     if t.decoded + t.unneeded == 0 {
         return None;
@@ -320,26 +318,26 @@ fn textures(c: &CompileReport, s: &Statistics) -> Option<String> {
     Some(line)
 }
 
-/// `1 light`, `2 lights`.
-pub(super) fn counted(n: u64, what: &str) -> String {
-    format!("{n} {what}{}", if n == 1 { "" } else { "s" })
+/// A count with its noun: `1 light`, `2 lights`.
+pub(super) fn counted(n: u64, noun: &str) -> String {
+    format!("{n} {noun}{}", if n == 1 { "" } else { "s" })
 }
 
 fn mib(bytes: u64) -> f64 {
     bytes as f64 / (1024.0 * 1024.0)
 }
 
-// Similar messages: the first few are printed, the others counted.
+// Shortening of lists with many similar messages.
 
-/// Number of similar messages that are printed.
-const FIRST: usize = 5;
+/// Number of similar messages that are printed; the rest is counted.
+const MAX_SIMILAR: usize = 5;
 
 /// An entry of a shortened list of messages.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) enum Line<'m, T> {
     /// A message.
     One(&'m T),
-    /// Number of further messages similar to the one before.
+    /// Number of omitted messages similar to the one before.
     More(usize),
 }
 
@@ -348,23 +346,23 @@ pub(crate) fn shortened<'m, T>(list: &'m [T], text: impl Fn(&T) -> &str) -> Vec<
     let kinds: Vec<String> = list.iter().map(|item| kind(text(item))).collect();
     let mut counts: HashMap<&str, usize> = HashMap::new();
     kinds.iter().for_each(|kind| *counts.entry(kind).or_default() += 1);
-    let mut shown: HashMap<&str, usize> = HashMap::new();
+    let mut seen_by_kind: HashMap<&str, usize> = HashMap::new();
     let mut lines = Vec::new();
     for (item, kind) in list.iter().zip(&kinds) {
-        let (count, at) = (counts[kind.as_str()], shown.entry(kind).or_default());
-        *at += 1;
-        // Printing the one message takes no more space than counting it.
-        if *at <= FIRST || count == FIRST + 1 {
+        let (count, seen) = (counts[kind.as_str()], seen_by_kind.entry(kind).or_default());
+        *seen += 1;
+        // A single omitted message would be replaced by a line of the same length.
+        if *seen <= MAX_SIMILAR || count == MAX_SIMILAR + 1 {
             lines.push(Line::One(item));
         }
-        if *at == FIRST && count > FIRST + 1 {
-            lines.push(Line::More(count - FIRST));
+        if *seen == MAX_SIMILAR && count > MAX_SIMILAR + 1 {
+            lines.push(Line::More(count - MAX_SIMILAR));
         }
     }
     lines
 }
 
-/// The message with quoted names and numbers replaced: similar messages have the same.
+/// The message with quoted names and numbers replaced; equal for similar messages.
 fn kind(text: &str) -> String {
     let mut out = String::new();
     let (mut rest, mut is_in_word) = (text, false);
@@ -373,58 +371,55 @@ fn kind(text: &str) -> String {
         let quoted = rest.strip_prefix('\'').filter(|_| !is_in_word);
         let quoted = quoted.and_then(|inner| Some(inner.find('\'')? + 2));
         let digits = rest.find(|c: char| !c.is_ascii_digit()).unwrap_or(rest.len());
-        let (mark, length) = match quoted {
+        let (replacement, length) = match quoted {
             Some(length) => ('\'', length),
             None if digits > 0 => ('0', digits),
             None => (first, first.len_utf8()),
         };
-        out.push(mark);
-        is_in_word = mark.is_alphanumeric();
+        out.push(replacement);
+        is_in_word = replacement.is_alphanumeric();
         rest = &rest[length..];
     }
     out
 }
 
-// Excerpts of very long lines, as in scene files without line breaks.
+/// Maximum length of lines that are printed whole, bytes.
+const MAX_LINE: usize = 240;
+/// Characters of an excerpt on each side of the location.
+const CONTEXT: usize = 40;
 
-/// Lines up to this many characters are printed whole.
-const LONGEST: usize = 240;
-/// Characters printed on each side of the location.
-const AROUND: usize = 40;
-
-/// Location in a text, with an excerpt.
+/// Location in a text with very long lines, such as scene files without line breaks.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) struct Excerpt {
-    /// Line, from 1.
+    /// From 1.
     pub line: usize,
-    /// Column in characters, from 1.
+    /// In characters, from 1.
     pub column: usize,
-    /// Excerpt of the line, with dots where it is cut.
+    /// Excerpt of the line, with `...` where it is cut.
     pub shown: String,
-    /// Markers below the excerpt.
+    /// Line of markers below the excerpt.
     pub marker: String,
 }
 
 impl Excerpt {
-    /// The place of a span of bytes in a line that is too long to show, or whose neighbours are; `None` where lines are
-    /// short, and for a span that doesn't fit the text.
+    /// Location of a byte span if its line or a neighbouring line is very long; `None` for short lines and invalid spans.
     pub fn of_long_line(text: &str, span: &Range<usize>) -> Option<Excerpt> {
         let (before, rest) = (text.get(..span.start)?, text.get(span.start..)?);
         let line = before.matches('\n').count();
         let neighbours = text.lines().skip(line.saturating_sub(1)).take(if line == 0 { 2 } else { 3 });
-        if neighbours.map(str::len).max()? <= LONGEST {
+        if neighbours.map(str::len).max()? <= MAX_LINE {
             return None;
         }
-        let start = before.rfind('\n').map_or(0, |at| at + 1);
+        let start = before.rfind('\n').map_or(0, |newline| newline + 1);
         let rest = rest.lines().next().unwrap_or_default();
         let column = before[start..].chars().count();
-        let head: String = before[start..].chars().skip(column.saturating_sub(AROUND)).collect();
+        let head: String = before[start..].chars().skip(column.saturating_sub(CONTEXT)).collect();
         let marked = text.get(span.clone()).and_then(|t| t.lines().next()).map_or(1, |t| t.chars().count());
-        let marked = marked.clamp(1, AROUND);
-        let tail: String = rest.chars().take(marked + AROUND).collect();
+        let marked = marked.clamp(1, CONTEXT);
+        let tail: String = rest.chars().take(marked + CONTEXT).collect();
         let (left, right) = (
-            if column > AROUND { "..." } else { "" },
-            if rest.chars().count() > marked + AROUND { "..." } else { "" },
+            if column > CONTEXT { "..." } else { "" },
+            if rest.chars().count() > marked + CONTEXT { "..." } else { "" },
         );
         // Control characters would misalign the markers.
         let shown = format!("{left}{head}{tail}{right}").replace(char::is_control, " ");
@@ -434,14 +429,12 @@ impl Excerpt {
     }
 }
 
-// Counts of analytic shapes, as text and JSON.
-
-/// A count for each of [`ShapeTag::ALL`].
+/// Number of analytic shapes of each kind in [`ShapeTag::ALL`], printed as text or JSON.
 #[derive(Clone, Copy)]
 pub(crate) struct ShapeCounts(pub [u64; ShapeTag::ALL.len()]);
 
 impl ShapeCounts {
-    /// The shapes of a scene.
+    /// Counts the shapes of a scene.
     pub fn of(scene: &Scene) -> ShapeCounts {
         let mut counts = ShapeCounts([0; ShapeTag::ALL.len()]);
         for shape in &scene.shapes {
@@ -454,27 +447,27 @@ impl ShapeCounts {
         ShapeTag::ALL.iter().copied().zip(self.0)
     }
 
-    /// `1 sphere, 2 disks, `: the kinds that are there, each with a comma.
-    pub fn words(self) -> String {
-        let there = self.iter().filter(|(_, count)| *count > 0);
-        let one = |(tag, count): (ShapeTag, u64)| {
+    /// Text such as `1 sphere, 2 disks, `, with a trailing comma unless empty.
+    pub fn text(self) -> String {
+        let nonzero = self.iter().filter(|(_, count)| *count > 0);
+        let item = |(tag, count): (ShapeTag, u64)| {
             format!("{count} {}, ", if count == 1 { tag.name() } else { tag.plural() })
         };
-        there.map(one).collect()
+        nonzero.map(item).collect()
     }
 }
 
-/// A key for each kind.
+/// A map with a key for each kind.
 impl Serialize for ShapeCounts {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_map(self.iter().map(|(tag, count)| (tag.plural().replace(' ', "_"), count)))
     }
 }
 
-// Replaces placeholders for caller choices in the library's messages by option names.
+// Option names in the library's messages.
 
-/// Command-line option of a choice.
-fn option(choice: Choice) -> &'static str {
+/// Command-line option of a placeholder.
+fn option_name(choice: Choice) -> &'static str {
     match choice {
         Choice::AllowExternal => "--allow-external",
         Choice::Aovs => "--aov",
@@ -503,12 +496,12 @@ fn replace(text: &mut String) {
     for choice in Choice::ALL {
         let term = choice.to_string();
         if text.contains(&term) {
-            *text = text.replace(&term, option(choice));
+            *text = text.replace(&term, option_name(choice));
         }
     }
 }
 
-/// Names options in an error.
+/// Replaces option placeholders in an error.
 pub(crate) fn name_options_in_error(mut error: Error) -> Error {
     for problem in &mut error.problems {
         replace(&mut problem.message);
@@ -519,12 +512,12 @@ pub(crate) fn name_options_in_error(mut error: Error) -> Error {
     error
 }
 
-/// Names options in warnings or notes.
+/// Replaces option placeholders in warnings or notes.
 pub(crate) fn name_options_in_warnings(warnings: &mut [Warning]) {
     warnings.iter_mut().for_each(|warning| replace(&mut warning.message));
 }
 
-/// Names options in the notes and warnings of loading.
+/// Replaces option placeholders in the notes and warnings of loading.
 pub(crate) fn name_options_in_loaded(loaded: &mut Loaded) {
     name_options_in_warnings(&mut loaded.warnings);
     name_options_in_warnings(&mut loaded.notes);
@@ -544,7 +537,7 @@ mod excerpt_tests {
         assert!(excerpt.shown.starts_with("...") && excerpt.shown.ends_with("X, 9 ]"), "{excerpt:?}");
         assert!(excerpt.shown.len() < 120, "{excerpt:?}");
         assert_eq!(excerpt.shown.chars().nth(excerpt.marker.find('^').expect("a mark")), Some('X'));
-        // A neighbour would be shown too.
+        // The next line, which miette would print as well, is long.
         assert!(Excerpt::of_long_line(&long, &(0..1)).is_some());
     }
 
@@ -557,54 +550,54 @@ mod excerpt_tests {
     }
 }
 
-/// Mean luminance below which a picture is nearly black: a hundredth of middle grey.
-const DARK: f64 = 0.18 / 100.0;
-/// Share of pixels as bright as middle grey that makes a dark picture one of a small bright thing.
-const SEEN: f64 = 1e-3;
-/// Maximum number of pixels that are looked at.
-const LOOKED_AT: u64 = 1 << 18;
+/// Mean luminance below which a picture is nearly black: 1 % of middle grey.
+const MAX_DARK_MEAN: f64 = 0.18 / 100.0;
+/// Fraction of pixels brighter than middle grey above which a picture is not nearly black, whatever its mean.
+const MIN_BRIGHT_FRACTION: f64 = 1e-3;
+/// Maximum number of pixels tested.
+const MAX_TESTED: u64 = 1 << 18;
 
-/// A note for a picture that is nearly black at this exposure (stops).
+/// A note if the picture is nearly black at this exposure (stops).
 pub(super) fn darkness_note(film: &Film, exposure: f32, scene: &Scene, file: &Path) -> Option<Warning> {
     let all = u64::from(film.width()) * u64::from(film.height());
-    let step = all.div_ceil(LOOKED_AT).max(1);
+    let step = all.div_ceil(MAX_TESTED).max(1);
     let width = u64::from(film.width());
     let (count, scale) = (all.div_ceil(step), f64::from(exposure).exp2());
     let (mut sum, mut bright, mut covered) = (0.0, 0u64, 0.0);
-    for at in (0..all).step_by(usize::try_from(step).unwrap_or(1)) {
-        let [r, g, b, alpha] = film.mean_rgba((at % width) as u32, (at / width) as u32);
+    for index in (0..all).step_by(usize::try_from(step).unwrap_or(1)) {
+        let [r, g, b, alpha] = film.mean_rgba((index % width) as u32, (index / width) as u32);
         let value = f64::from(luminance([r, g, b])) * scale;
         sum += value.max(0.0);
         bright += u64::from(value > 0.18);
         covered += f64::from(alpha);
-        // Most pictures are seen to be bright after few pixels.
-        if bright as f64 > SEEN * count as f64 {
+        // For most pictures few pixels suffice.
+        if bright as f64 > MIN_BRIGHT_FRACTION * count as f64 {
             return None;
         }
     }
     let mean = sum / count.max(1) as f64;
-    // Nothing in the picture is something else, which is reported elsewhere.
-    if !(mean < DARK && covered > 0.0) {
+    // Empty pictures are reported elsewhere.
+    if !(mean < MAX_DARK_MEAN && covered > 0.0) {
         return None;
     }
     let stops = (0.18 / mean.max(1e-30)).log2();
-    let brighter = match mean > 1e-12 {
-        true => format!("--exposure {} shows it", (f64::from(exposure) + stops).round()),
-        false => "no light reaches what the camera sees".to_string(),
+    let hint = match mean > 1e-12 {
+        true => format!("try --exposure {}", (f64::from(exposure) + stops).round()),
+        false => "no light reaches the visible surfaces".to_string(),
     };
-    let of_units = match is_of_gltf(file) && scene.lights.iter().any(|light| light.profile.is_none()) {
-        true => format!("; its lights may be meant in other units: {} compat", Choice::LightUnits),
+    let units_hint = match is_gltf(file) && scene.lights.iter().any(|light| light.profile.is_none()) {
+        true => format!("; its lights may have other units: try {} compat", Choice::LightUnits),
         false => String::new(),
     };
-    let how_dark = match mean > 1e-12 {
+    let darkness = match mean > 1e-12 {
         true => format!("nearly black (mean luminance {mean:.1e})"),
         false => "black".to_string(),
     };
-    let of_dark = if scene.lights.is_empty() { "; --env FILE or --stage light it" } else { "" };
-    Some(Warning::general(format!("the picture is {how_dark}: {brighter}{of_units}{of_dark}")))
+    let light_hint = if scene.lights.is_empty() { "; add light with --env FILE or --stage" } else { "" };
+    Some(Warning::general(format!("the picture is {darkness}: {hint}{units_hint}{light_hint}")))
 }
 
-fn is_of_gltf(file: &Path) -> bool {
+fn is_gltf(file: &Path) -> bool {
     let extension = file.extension().unwrap_or_default().to_ascii_lowercase();
     is_named_as_scene(file) && ["gltf", "glb", "vrm", "zip"].iter().any(|gltf| extension == *gltf)
 }
@@ -614,20 +607,20 @@ mod tests {
     use super::*;
 
     #[test]
-    fn times_are_short() {
+    fn times_are_readable() {
         let times = [0.04, 9.96, 99.0, 725.0, 12_000.0].map(readable_time);
         assert_eq!(times, ["0.0 s", "10 s", "99 s", "12 min 5 s", "3 h 20 min"]);
     }
 
     #[test]
-    fn names_and_numbers_make_no_kinds() {
+    fn kinds_ignore_names_and_numbers() {
         assert_eq!(kind("there is no material 'm7' in 12 files"), "there is no material ' in 0 files");
         assert_eq!(kind("it's the ä 'x"), "it's the ä 'x");
         assert_ne!(kind("2 triangles"), kind("2 quads"));
     }
 
     #[test]
-    fn the_first_of_each_kind_are_shown() {
+    fn only_the_first_of_each_kind_are_shown() {
         let list: Vec<String> =
             (0..20).flat_map(|i| [format!("no '{i}'"), format!("other {i}")]).take(27).collect();
         let lines = shortened(&list, |text| text);
@@ -638,7 +631,7 @@ mod tests {
         assert_eq!(lines.iter().map(count).sum::<usize>(), 27);
         assert_eq!(lines.len(), 12);
         assert_eq!((&lines[9], &lines[11]), (&Line::More(9), &Line::More(8)));
-        // Six are shown: no line is saved by counting one.
+        // Omitting one of six would not save a line.
         assert_eq!(shortened(&list[..12], |text| text).len(), 12);
     }
 }

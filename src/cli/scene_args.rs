@@ -1,6 +1,9 @@
-use super::parsers::{number, whole};
+//! Arguments shared by all commands that load scenes.
+
+use super::parsers::{integer, number};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
+use oscura::color::linear_from_srgb;
 use oscura::error::{Error, Result, Warning};
 use oscura::load::blender::{BlenderOptions, default_cache};
 use oscura::load::gltf::{Glass, GltfOptions, LightUnits};
@@ -10,36 +13,35 @@ use oscura::load::subdivide::{MAX_LEVELS, Subdivision};
 use oscura::load::{Up, extensions, is_named_as_scene, is_scene, names_in};
 use std::path::{Path, PathBuf};
 
-// Arguments about glTF assets, the same for all commands that load them.
-
 /// Units of light intensities.
 #[derive(Clone, Copy, Debug, Default, ValueEnum)]
 pub(crate) enum LightUnitsArg {
-    /// As the glTF specification says, which Blender's exporter follows by default.
+    /// As in the glTF specification and by default in Blender's exporter.
     #[default]
     Auto,
     /// Candela and lux, divided by 683 lm/W.
     Spec,
     /// Watts per steradian (Blender's mode Unitless).
     Compat,
-    /// Watts of the whole light (Blender's mode Raw).
+    /// Total power in watts (Blender's mode Raw).
     Raw,
 }
 
 /// Interpretation of transmissive materials without a volume.
 #[derive(Clone, Copy, Debug, Default, ValueEnum)]
 pub(crate) enum GlassArg {
-    /// Solid for closed meshes of Blender's exporter, else thin.
+    /// Solid for closed meshes from Blender's exporter, else thin.
     #[default]
     Auto,
-    /// Solid: refracts.
+    /// Solid, with refraction.
     Solid,
     /// As auto, but flat window panes become single sheets, which do not block shadow rays.
     Panes,
-    /// Thin-walled, as the glTF specification says.
+    /// Thin-walled, as in the glTF specification.
     Thin,
 }
 
+// Arguments about glTF files.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct AssetArgs {
     /// Time of the animation, seconds [default: the rest pose].
@@ -94,8 +96,7 @@ fn moment(text: &str) -> std::result::Result<f64, String> {
     value.ok_or_else(|| "not a number of seconds".to_string())
 }
 
-// Arguments about files of Blender, the same for all commands that load them.
-
+// Arguments about .blend files.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct BlenderArgs {
     /// Blender executable, or a Python with the module bpy [default: OSCURA_BLENDER, else searched].
@@ -105,7 +106,7 @@ pub(crate) struct BlenderArgs {
     #[arg(long, value_name = "LAYER")]
     pub view_layer: Option<String>,
     /// Maximum size of baked textures, 16 to 16384 pixels [default: 1024; 512 for ambient occlusion and bevels].
-    #[arg(long, value_name = "N", value_parser = whole::<u32>(16, 16384), allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", value_parser = integer::<u32>(16, 16384), allow_negative_numbers = true)]
     pub bake: Option<u32>,
     /// Cache folder of baked textures [default: see 'oscura cache'].
     #[arg(long, value_name = "FOLDER", conflicts_with = "no_cache")]
@@ -116,7 +117,6 @@ pub(crate) struct BlenderArgs {
 }
 
 impl BlenderArgs {
-    /// The chosen options.
     pub(crate) fn options(&self) -> BlenderOptions {
         let cache = self.cache.clone().or_else(default_cache).filter(|_| !self.no_cache);
         BlenderOptions {
@@ -128,8 +128,6 @@ impl BlenderArgs {
         }
     }
 }
-
-// Arguments about how models without a camera or light are shown, the same for all commands that render them.
 
 /// Lighting of scenes without lights.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -147,12 +145,12 @@ pub(crate) enum StageArg {
 }
 
 impl StageArg {
-    /// As users write it.
+    /// Name on the command line.
     pub fn name(self) -> String {
         self.to_possible_value().map(|value| value.get_name().to_string()).unwrap_or_default()
     }
 
-    /// The one of a name.
+    /// Finds the variant by name.
     pub fn of(name: &str) -> Option<StageArg> {
         StageArg::from_str(name, false).ok()
     }
@@ -161,7 +159,7 @@ impl StageArg {
 /// Ground of models without a camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum GroundArg {
-    /// Nothing.
+    /// No ground.
     None,
     /// Ground in the colour of the background that receives shadows and faint reflections.
     Shadow,
@@ -169,6 +167,7 @@ pub(crate) enum GroundArg {
     Floor,
 }
 
+// Arguments about the presentation of models without a camera or lights.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct StageArgs {
     /// Lighting of a scene without lights [default: studio].
@@ -185,25 +184,25 @@ pub(crate) struct StageArgs {
     /// such as 30,20 [default: three-quarter].
     #[arg(long, value_name = "VIEW", allow_hyphen_values = true)]
     pub view_from: Option<ViewFrom>,
-    /// Zoom: factor on the model's size in the image.
+    /// Zoom factor of the model in the image.
     #[arg(long, value_name = "F", default_value = "1", value_parser = zoom, allow_negative_numbers = true)]
     pub zoom: f64,
     /// Vertical field of view, degrees [default: the camera's, 30 for models without one].
     #[arg(long, value_name = "DEG", value_parser = fov, allow_negative_numbers = true)]
     pub fov: Option<f64>,
-    /// Up axis of OBJ and PLY files; auto guesses it from the exporting program and the model's shape.
+    /// Up axis of OBJ and PLY files; auto guesses it from the exporter and the model's shape.
     #[arg(long, value_name = "AXIS", default_value = "auto", value_parser = up(), allow_hyphen_values = true)]
     pub up: Up,
-    /// Smooth shading of OBJ and PLY meshes without normals, except at edges sharper than this crease angle, degrees [30
-    /// if no angle is given].
+    /// Smooth shading of OBJ and PLY meshes without normals, except at edges sharper than this crease angle, degrees [default
+    /// without a value: 30].
     #[arg(long, value_name = "DEG", num_args = 0..=1, require_equals = true, default_missing_value = "30", value_parser = crease)]
     pub smooth: Option<f64>,
     /// Catmull-Clark subdivision levels of OBJ and PLY meshes.
-    #[arg(long, value_name = "LEVELS", value_parser = whole::<u32>(0, MAX_LEVELS), allow_negative_numbers = true)]
+    #[arg(long, value_name = "LEVELS", value_parser = integer::<u32>(0, MAX_LEVELS), allow_negative_numbers = true)]
     pub subdivide: Option<u32>,
 }
 
-/// The background named by `--background`.
+/// Value of `--background`.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum BackgroundArg {
     Transparent,
@@ -213,21 +212,21 @@ pub(crate) enum BackgroundArg {
 }
 
 impl StageArgs {
-    /// The subdivision that `--subdivide` asks for.
+    /// Subdivision requested by `--subdivide`.
     pub fn subdivision(&self) -> Option<Subdivision> {
         self.subdivide.map(|levels| Subdivision { levels, has_round_corners: false })
     }
 
-    /// No colour of the background is chosen, which would have to look as it was given.
-    pub fn leaves_view_open(&self) -> bool {
+    /// False if a background colour or image is chosen, which a filmic view would change.
+    pub fn allows_filmic_view(&self) -> bool {
         self.stage != Some(StageArg::White)
             && matches!(self.background, None | Some(BackgroundArg::Transparent))
     }
 
-    /// The choices, for a picture of this width over height; reads the background image, within a memory limit, bytes.
+    /// Stage options for a picture with this width / height. Reads the background image within a memory limit, bytes.
     ///
     /// # Errors
-    /// An input error if that can't be read.
+    /// An input error if the background image can't be read.
     pub fn options(
         &self,
         aspect: Option<f64>,
@@ -249,7 +248,7 @@ impl StageArgs {
         let background = match &self.background {
             None => None,
             Some(BackgroundArg::Transparent) => Some(Background::Transparent),
-            Some(BackgroundArg::Color(srgb)) => Some(Background::Color(srgb.map(linear))),
+            Some(BackgroundArg::Color(srgb)) => Some(Background::Color(srgb.map(linear_from_srgb))),
             Some(BackgroundArg::File(path)) => {
                 Some(Background::Picture(load_picture(path, memory_limit, warnings)?))
             }
@@ -270,15 +269,10 @@ impl StageArgs {
     }
 }
 
-/// The transfer function of sRGB.
-fn linear(v: f32) -> f32 {
-    oscura::color::linear_from_srgb(v)
-}
-
-/// A colour, `transparent`, or the name of a file.
+/// Parses a colour, `transparent`, or a file name.
 fn background(text: &str) -> std::result::Result<BackgroundArg, String> {
     let named = match text {
-        "" => return Err("must be a colour such as #e0e0e0, transparent, or a picture".into()),
+        "" => return Err("must be a colour such as #e0e0e0, transparent, or an image file".into()),
         "transparent" | "none" => return Ok(BackgroundArg::Transparent),
         "white" => Some([1.0; 3]),
         "black" => Some([0.0; 3]),
@@ -291,14 +285,14 @@ fn background(text: &str) -> std::result::Result<BackgroundArg, String> {
     let Some(digits) = text.strip_prefix('#') else {
         if Path::new(text).extension().is_none() && !Path::new(text).exists() {
             return Err(
-                "is neither white, grey, black, a colour such as #e0e0e0, transparent, nor a picture".into(),
+                "must be white, grey, black, a colour such as #e0e0e0, transparent, or an image file".into(),
             );
         }
         return Ok(BackgroundArg::File(text.into()));
     };
     let is_hex = digits.len() == 6 && digits.bytes().all(|b| b.is_ascii_hexdigit());
     let value = u32::from_str_radix(digits, 16).ok().filter(|_| is_hex);
-    let value = value.ok_or("a colour has six hexadecimal digits, such as #e0e0e0")?;
+    let value = value.ok_or("colours need six hexadecimal digits, such as #e0e0e0")?;
     Ok(BackgroundArg::Color([16, 8, 0].map(|shift| (value >> shift & 255) as f32 / 255.0)))
 }
 
@@ -314,39 +308,39 @@ fn crease(text: &str) -> std::result::Result<f64, String> {
     number(text, |v| (0.0..=180.0).contains(&v), "a number of degrees from 0 to 180")
 }
 
-/// The axis of a name.
+/// Finds an up axis by name.
 pub(crate) fn up_of(name: &str) -> Option<Up> {
     Up::ALL.iter().copied().find(|up| up.name() == name)
 }
 
-/// Parser of axes by name.
+/// Parser of up axes by name.
 pub(crate) fn up() -> impl TypedValueParser<Value = Up> {
     let names = Up::ALL.iter().map(|up| PossibleValue::new(up.name()));
     let parser = PossibleValuesParser::new(names);
-    parser.try_map(|name| up_of(&name).ok_or("is no axis"))
+    parser.try_map(|name| up_of(&name).ok_or("is not an axis"))
 }
 
-// Errors of the scene argument: a missing file, or a folder.
+// Errors of the scene argument, such as a missing file or a folder.
 
-/// Maximum number of files that a message lists.
-const LISTED: usize = 8;
+/// Maximum number of files listed in a message.
+const MAX_LISTED: usize = 8;
 
-/// Extensions of files that may have been meant as the picture to write.
-const PICTURES: [&str; 5] = ["exr", "hdr", "png", "jpg", "jpeg"];
+/// Extensions of files that were probably meant as outputs.
+const OUTPUT_EXTENSIONS: [&str; 5] = ["exr", "hdr", "png", "jpg", "jpeg"];
 
-/// Is there a file? Loading it reports other problems.
+/// Checks that there is a file. Other problems are reported by loading.
 ///
 /// # Errors
-/// An input error with its remedy where there is none.
+/// An input error with help if there is no file, or if it is an image.
 pub(crate) fn check_scene_path(path: &Path) -> Result<()> {
     if path == Path::new("-") {
         let error = Error::input(path, "scenes are not read from standard input");
-        return Err(error.with_help("give the name of a file; its images lie beside it"));
+        return Err(error.with_help("give a file name; images are found relative to the file"));
     }
     if path.is_dir() {
         return Err(Error::input(path, "is a folder").with_help(scenes_in(path)));
     }
-    // Reading a path reports its other problems.
+    // Other problems of the path are reported by reading the file.
     if matches!(path.try_exists(), Ok(false)) {
         let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let (message, help) = match folder.is_dir() {
@@ -358,25 +352,25 @@ pub(crate) fn check_scene_path(path: &Path) -> Result<()> {
         return Err(Error::input(path, message).with_help(help));
     }
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
-    if PICTURES.contains(&extension.as_str()) {
+    if OUTPUT_EXTENSIONS.contains(&extension.as_str()) {
         let message = format!("files of type '.{extension}' can't be rendered");
-        let help = "it is a picture; the scene comes first: oscura render scene.glb -o picture.png";
+        let help = "to write it, use -o: oscura render scene.glb -o picture.png";
         return Err(Error::input(path, message).with_help(help));
     }
     Ok(())
 }
 
-/// Scenes with this stem in the current folder.
+/// Scenes in the current folder with this file stem.
 pub(super) fn scenes_named(stem: &str) -> Vec<String> {
-    let is_meant =
+    let is_match =
         |name: &String| is_named_as_scene(name) && Path::new(name).file_stem().is_some_and(|s| s == stem);
     let mut names: Vec<String> = names_in(Path::new(".")).unwrap_or_default();
-    names.retain(is_meant);
+    names.retain(is_match);
     names.sort();
     names
 }
 
-/// Names the scenes in a folder.
+/// Help text that lists the scenes in a folder.
 fn scenes_in(folder: &Path) -> String {
     let entries = folder.read_dir().into_iter().flatten().flatten();
     let mut names: Vec<String> = entries
@@ -384,15 +378,15 @@ fn scenes_in(folder: &Path) -> String {
         .map(|entry| entry.file_name().to_string_lossy().into_owned())
         .collect();
     names.sort();
-    let more = names.len().saturating_sub(LISTED);
-    names.truncate(LISTED);
+    let more = names.len().saturating_sub(MAX_LISTED);
+    names.truncate(MAX_LISTED);
     match (names.is_empty(), more) {
         (true, _) => {
             let types: Vec<String> = extensions().map(|extension| format!(".{extension}")).collect();
             format!("there are no scenes ({}) in this folder", types.join(", "))
         }
-        (false, 0) => format!("the scenes there: {}", names.join(", ")),
-        (false, more) => format!("the scenes there: {}, and {more} more", names.join(", ")),
+        (false, 0) => format!("scenes in this folder: {}", names.join(", ")),
+        (false, more) => format!("scenes in this folder: {}, and {more} more", names.join(", ")),
     }
 }
 

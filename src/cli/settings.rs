@@ -1,10 +1,10 @@
-//! From arguments to settings: choices, preparation of the scene, memory limits, options without effect.
+//! Settings from arguments: choices, preparation of the scene, memory checks, options without effect.
 
 use super::args::{CRYPTO_LEVELS, FilterArg, FresnelArg, MicrofacetArg, RenderArgs, TreeArg};
 use super::checkpoint::cropped;
 use super::parsers::FRAME_RATE;
 use super::picture_args::{Framed, Preset, Quality};
-use super::pictures::{EncodeOptions, format_of, is_moving, is_part};
+use super::pictures::{EncodeOptions, format_of, is_animation, is_part};
 use super::process;
 use super::process::{Limits, Watchdog};
 use super::progress::{ProgressTarget, StageProgress};
@@ -15,7 +15,7 @@ use oscura::error::{Error, Result, Warning};
 use oscura::film::{Aov, AovSet, AovSpace, Source};
 use oscura::image::Image;
 use oscura::load::image::load_environment_within;
-use oscura::load::stage::middle;
+use oscura::load::stage::scene_center;
 use oscura::load::{Loaded, asks_for_denoising};
 use oscura::output::part::{PartHeader, Region};
 use oscura::output::{Format, PngOptions, ViewTransform};
@@ -31,10 +31,10 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Default maximum of samples per pixel with a noise threshold.
+/// Default of `--max-spp` with a noise threshold.
 const MAX_SAMPLES: u32 = 1 << 16;
 
-/// The render settings of the arguments.
+/// Render settings requested by the arguments.
 pub(crate) fn requested(args: &RenderArgs) -> RequestedOptions {
     let filter = args.filter.map(|f| match f {
         FilterArg::Box => Filter::Box,
@@ -58,7 +58,7 @@ pub(crate) fn requested(args: &RenderArgs) -> RequestedOptions {
         settings: Settings {
             width: args.width,
             height: args.height,
-            // With a noise threshold, the maximum.
+            // The maximum, with a noise threshold.
             samples: args.spp.or(args.long.noise.map(|_| args.long.max_spp.unwrap_or(MAX_SAMPLES))),
             depth: args.depth.or(args.unbiased.then_some(RenderOptions::default().max_depth)),
             bounces: args.bounces.or(args.unbiased.then_some(BounceLimits::NONE)),
@@ -95,7 +95,7 @@ pub(crate) fn requested(args: &RenderArgs) -> RequestedOptions {
     }
 }
 
-/// Without techniques that nobody asked for and that would do harm, though trials find a gain.
+/// Disables automatic techniques where trials are known to overestimate their gain.
 fn without_harmful_techniques(
     options: RenderOptions,
     args: &RenderArgs,
@@ -103,40 +103,40 @@ fn without_harmful_techniques(
 ) -> RenderOptions {
     let mut options = options;
     if is_stage_lit && args.splitting == Splitting::Auto {
-        // Trials overestimate its gain there: at equal time it had 1.3 to 1.4 times the error.
+        // On stages splitting increases the error by a factor of 1.3 to 1.4 at equal time.
         options = options.splitting(Splitting::OFF);
     }
     if args.picture.denoise && args.path_reuse == PathReuse::Auto {
-        // Denoising takes noise that pixels share for detail and leaves patches of it.
+        // Denoisers mistake correlated noise of pixels for detail, which leaves blotches.
         options = options.path_reuse(PathReuse::Off);
     }
     options
 }
 
-/// Removes AOVs and light groups, which only EXRs can store.
+/// Removes AOVs and light groups, which only EXRs store.
 pub(crate) fn without_exr(requested: RequestedOptions) -> RequestedOptions {
     let options = requested.options.aovs(AovSet::NONE).light_groups(false);
     RequestedOptions { options, ..requested }
 }
 
-/// Checks that --transparent-glass has an effect.
+/// Checks that `--transparent-glass` has an effect.
 ///
 /// # Errors
-/// A usage error where the camera sees the environment.
+/// A usage error if the camera sees the environment.
 pub(crate) fn check_glass(args: &RenderArgs, scene: &Scene) -> Result<()> {
     let sees_environment = scene.environment_visible_to.contains(RayKinds::CAMERA);
     if args.transparent_glass && sees_environment && scene.environment != Environment::Black {
-        let message = "--transparent-glass has no effect where the camera sees the environment";
+        let message = "--transparent-glass has no effect while the camera sees the environment";
         return Err(Error::usage(message).with_help("add --transparent, or a --background"));
     }
     Ok(())
 }
 
-/// Options of display-referred output.
+/// Options of display-referred pictures.
 pub(crate) fn png(args: &RenderArgs, exposure: f32, is_stage_lit: bool, opaque: bool) -> PngOptions {
     let view = match &args.view {
         Some(view) => view.clone(),
-        None if is_stage_lit && args.stage.leaves_view_open() => ViewTransform::Filmic,
+        None if is_stage_lit && args.stage.allows_filmic_view() => ViewTransform::Filmic,
         None => ViewTransform::Srgb,
     };
     PngOptions {
@@ -151,9 +151,9 @@ pub(crate) fn png(args: &RenderArgs, exposure: f32, is_stage_lit: bool, opaque: 
 
 // Preparation of a loaded scene: resolved options, memory check, compiled geometry.
 
-/// Use of the pictures.
+/// What the rendered pictures are used for.
 pub(super) struct PictureUse {
-    /// AOVs can be stored.
+    /// An output stores AOVs.
     pub has_exr: bool,
     /// Texture coordinates may be requested later.
     pub keeps_uv: bool,
@@ -162,22 +162,22 @@ pub(super) struct PictureUse {
 }
 
 impl PictureUse {
-    /// Pictures that are written to files.
+    /// Pictures written to files.
     pub fn of_files(args: &RenderArgs, has_exr: bool) -> PictureUse {
         let pictures = args.frames.map_or(1, |frames| frames.numbers().count() as u64);
         PictureUse { has_exr, keeps_uv: false, pictures }
     }
 }
 
+/// A scene ready for rendering.
 pub(super) struct Prepared {
     pub scene: Arc<CompiledScene>,
     pub labels: Labels,
     pub camera: Camera,
     pub resolved: ResolvedOptions,
-    /// Options of encoding.
-    pub how: EncodeOptions,
-    /// AOVs that the files are to have.
-    pub kept_aovs: AovSet,
+    pub encoding: EncodeOptions,
+    /// AOVs to write to files.
+    pub output_aovs: AovSet,
     pub png: PngOptions,
     pub build: CompileReport,
     pub load_s: f64,
@@ -186,14 +186,14 @@ pub(super) struct Prepared {
     pub left_out: Vec<String>,
 }
 
-/// Settles options and compiles what was loaded since `start`; `environment` is what the arguments put in place of the
-/// scene's, unless that has been done.
+/// Resolves options and compiles a scene whose loading began at `start`. `environment` overrides the scene's; `None` if already
+/// applied.
 ///
 /// # Errors
-/// If arguments don't fit the scene, if there is not enough memory, and as compiling has them.
+/// Arguments don't fit the scene, there is not enough memory, or compiling fails.
 pub(super) fn prepare(
     args: &RenderArgs,
-    wants: PictureUse,
+    usage: PictureUse,
     environment: Option<&EnvironmentOverride>,
     loaded: &mut Loaded,
     start: Instant,
@@ -201,20 +201,20 @@ pub(super) fn prepare(
 ) -> Result<Prepared> {
     name_options_in_loaded(loaded);
     let mut warnings = std::mem::take(&mut loaded.warnings);
-    let mut resolved = resolve(args, wants.has_exr, loaded)?;
-    let kept_aovs = resolved.options.aovs;
+    let mut resolved = resolve(args, usage.has_exr, loaded)?;
+    let output_aovs = resolved.options.aovs;
     resolved.options = without_harmful_techniques(resolved.options, args, loaded.is_stage_lit);
     if args.picture.denoise {
         let is_averaged = args.frame.as_ref().is_some_and(|frame| frame.is_averaged);
-        let of_sequence = if is_averaged { sequence_guides() } else { AovSet::NONE };
-        let needed = denoising_guides().union(of_sequence);
-        resolved.options = resolved.options.aovs(kept_aovs.union(needed)).halves(!is_averaged);
+        let temporal_guides = if is_averaged { sequence_guides() } else { AovSet::NONE };
+        let needed = denoising_guides().union(temporal_guides);
+        resolved.options = resolved.options.aovs(output_aovs.union(needed)).halves(!is_averaged);
     }
     warnings.extend(environment.map_or(Vec::new(), |e| e.apply(args, &mut loaded.scene)));
     check_glass(args, &loaded.scene)?;
     let load_s = start.elapsed().as_secs_f64();
 
-    args.place.apply(loaded, resolved.camera.unwrap_or(0), args.stage.fov, middle)?;
+    args.place.apply(loaded, resolved.camera.unwrap_or(0), args.stage.fov, scene_center)?;
     let frame = (resolved.options.width, resolved.options.height);
     args.exr.format.check(resolved.options.aovs.mattes().next().is_some())?;
     let framed = args.exr.window(frame, cropped(args), loaded.scene.backdrop.as_ref())?;
@@ -225,8 +225,8 @@ pub(super) fn prepare(
         resolved.options = resolved.options.size(framed.size.0, framed.size.1).region(framed.region);
     }
     check_memory_before_building(args, loaded, &resolved)?;
-    compiler.set_tree(resolved.tree(wants.pictures));
-    compiler.keep_uv(wants.keeps_uv || resolved.options.aovs.contains(Aov::Uv));
+    compiler.set_tree(resolved.tree(usage.pictures));
+    compiler.keep_uv(usage.keeps_uv || resolved.options.aovs.contains(Aov::Uv));
     let (scene, mut build) = compiled(args, compiler, &loaded.scene, &resolved, &camera)?;
     warnings.append(&mut build.warnings);
     let (mut notes, mut left_out) = (std::mem::take(&mut loaded.notes), std::mem::take(&mut loaded.left_out));
@@ -241,8 +241,8 @@ pub(super) fn prepare(
         labels,
         camera,
         resolved,
-        how: EncodeOptions::of(args, framed.map(Framed::window)),
-        kept_aovs,
+        encoding: EncodeOptions::of(args, framed.map(Framed::window)),
+        output_aovs,
         png,
         build,
         load_s,
@@ -252,7 +252,7 @@ pub(super) fn prepare(
     })
 }
 
-/// Compiles the scene, with a progress bar. Errors name the scene's file.
+/// Compiles the scene and reports progress. Errors name the scene file.
 fn compiled(
     args: &RenderArgs,
     compiler: &mut Compiler,
@@ -268,26 +268,26 @@ fn compiled(
     compiled.map_err(|error| error.in_file(&args.scene))
 }
 
-/// Memory for textures: about as much as a picture of this size can show of them, but at most a quarter of the machine's memory, unless the
-/// user says something else.
+/// Memory limit of textures: `--texture-memory`, by default about what a picture of this size needs, at most a quarter of the
+/// machine's memory.
 fn texture_memory(args: &RenderArgs, (width, height): (u32, u32)) -> u64 {
     let quarter = process::memory_of_machine().map_or(u64::MAX, |bytes| bytes / 4);
     args.long.texture_memory.unwrap_or_else(|| texture_memory_for(width, height).min(quarter))
 }
 
-/// Resolves all options, without channels that no output can store.
+/// Resolves all options; without EXR outputs, removes AOVs and light groups.
 fn resolve(args: &RenderArgs, has_exr: bool, loaded: &mut Loaded) -> Result<ResolvedOptions> {
     if has_exr {
         return requested(args).resolve(&loaded.scene);
     }
     let mut resolved = without_exr(requested(args)).resolve(&loaded.scene)?;
-    // The AOVs of the scene file are validated but not rendered.
+    // AOVs of the scene file are validated but not rendered.
     resolved.options = resolved.options.aovs(AovSet::NONE);
     loaded.scene.settings.aovs = None;
     Ok(resolved)
 }
 
-// Settings of the scene file that are arguments of the command line.
+// Settings of the scene file that complete the arguments.
 
 /// The arguments, completed by the scene's settings.
 pub(super) fn completed(args: &RenderArgs, settings: &Settings) -> RenderArgs {
@@ -295,7 +295,7 @@ pub(super) fn completed(args: &RenderArgs, settings: &Settings) -> RenderArgs {
     args.view = args.view.or_else(|| settings.view.clone());
     args.picture.white_balance = args.picture.white_balance.or(settings.white_balance);
     apply_quality(&mut args, settings);
-    // A quality that is asked for overrides what the scene says of samples and denoising.
+    // A quality overrides the scene's samples and denoising.
     if args.quality.is_none() {
         args.picture.denoise |= settings.denoise == Some(true) && !args.picture.no_denoise;
         apply_noise_threshold(&mut args, settings);
@@ -306,53 +306,52 @@ pub(super) fn completed(args: &RenderArgs, settings: &Settings) -> RenderArgs {
     args
 }
 
-/// The scene's crop in a picture of the size that the arguments ask for: the same part of the frame, in whole pixels around it.
+/// The scene's crop, scaled to the picture size of the arguments and rounded outwards to whole pixels.
 fn resized_crop([x0, y0, x1, y1]: [u32; 4], args: &RenderArgs, settings: &Settings) -> Region {
-    let scale = |wanted: Option<u32>, own: Option<u32>| {
-        wanted.zip(own).map(|(wanted, own)| f64::from(wanted) / f64::from(own.max(1)))
+    let scale = |new: Option<u32>, old: Option<u32>| {
+        new.zip(old).map(|(new, old)| f64::from(new) / f64::from(old.max(1)))
     };
     let [x, y] = [scale(args.width, settings.width), scale(args.height, settings.height)];
     // One dimension alone keeps the aspect ratio.
     let [x, y] = [x.or(y).unwrap_or(1.0), y.or(x).unwrap_or(1.0)];
-    let before = |edge: u32, scale: f64| (f64::from(edge) * scale).floor() as u32;
-    let after = |edge: u32, scale: f64, own: Option<u32>| {
-        let size = own.map_or(u32::MAX, |own| (f64::from(own) * scale).round() as u32);
+    let scaled_start = |edge: u32, scale: f64| (f64::from(edge) * scale).floor() as u32;
+    let scaled_end = |edge: u32, scale: f64, frame: Option<u32>| {
+        let size = frame.map_or(u32::MAX, |frame| (f64::from(frame) * scale).round() as u32);
         ((f64::from(edge) * scale).ceil() as u32).min(size)
     };
-    let [x1, y1] = [after(x1, x, settings.width), after(y1, y, settings.height)];
-    Region { x0: before(x0, x), y0: before(y0, y), x1, y1 }
+    let [x1, y1] = [scaled_end(x1, x, settings.width), scaled_end(y1, y, settings.height)];
+    Region { x0: scaled_start(x0, x), y0: scaled_start(y0, y), x1, y1 }
 }
 
-/// The quality of a render: what `--quality` says, or `Normal` where neither the user nor the scene says when to stop. Parts
-/// of pictures have none, since all parts need the same number of samples.
+/// Quality of a render: `--quality`, or `Normal` if neither the user nor the scene sets a stop condition. Partial renders have
+/// none, since all parts need the same number of samples.
 fn quality_of(args: &RenderArgs, settings: &Settings) -> Option<Quality> {
-    let has_end = has_stop_condition(args) || args.long.time_limit.is_some();
-    let of_scene = settings.samples.is_some() || settings.noise.is_some();
+    let by_args = has_stop_condition(args) || args.long.time_limit.is_some();
+    let by_scene = settings.samples.is_some() || settings.noise.is_some();
     let is_part = args.output.iter().any(|path| is_part(path));
-    args.quality.or((!has_end && !of_scene && !is_part).then_some(Quality::Normal))
+    args.quality.or((!by_args && !by_scene && !is_part).then_some(Quality::Normal))
 }
 
-/// Are frames denoised with those around them?
+/// Whether frames are denoised together with their neighbours.
 pub(super) fn averages_frames(args: &RenderArgs) -> bool {
     let is_sequence = args.orbit.is_some() || args.frames.is_some_and(|frames| frames.are_consecutive());
     let is_denoised = || {
-        let of_scene = || asks_for_denoising(&args.scene);
+        let by_scene = || asks_for_denoising(&args.scene);
         let quality = quality_of(args, &Settings::default());
-        args.picture.denoise || quality.map_or_else(of_scene, |quality| quality.preset().denoise)
+        args.picture.denoise || quality.map_or_else(by_scene, |quality| quality.preset().denoise)
     };
     is_sequence && !args.picture.no_denoise && !args.picture.denoise_alone && is_denoised()
 }
 
-/// True if the arguments give a number of samples or a noise threshold, or ask for a part of a picture, all parts of which have the same
-/// number of samples.
+/// True if the arguments set the number of samples or a noise threshold, or request a partial render, since all parts need the
+/// same number of samples.
 fn has_stop_condition(args: &RenderArgs) -> bool {
     let long = &args.long;
     let is_part = long.sample_range.is_some() || long.region.is_some();
-    let is_counted = args.spp.is_some() || is_part || long.plan.is_some();
-    is_counted || long.noise.is_some()
+    args.spp.is_some() || is_part || long.plan.is_some() || long.noise.is_some()
 }
 
-/// Puts the settings of the quality into the arguments.
+/// Applies the preset of the quality to the arguments.
 fn apply_quality(args: &mut RenderArgs, settings: &Settings) {
     args.quality = quality_of(args, settings);
     let Some(Preset { noise, samples, denoise }) = args.quality.map(Quality::preset) else { return };
@@ -364,7 +363,7 @@ fn apply_quality(args: &mut RenderArgs, settings: &Settings) {
     }
 }
 
-/// The scene's noise threshold, unless the user says how many samples to take.
+/// Applies the scene's noise threshold, unless the arguments have a stop condition.
 fn apply_noise_threshold(args: &mut RenderArgs, settings: &Settings) {
     if !has_stop_condition(args) && settings.noise.is_some() {
         args.long.noise = settings.noise;
@@ -375,47 +374,47 @@ fn apply_noise_threshold(args: &mut RenderArgs, settings: &Settings) {
 // Memory limits, checked before loading and before building.
 
 /// Upper bound of memory per triangle while building the BVH, bytes.
-const BYTES_A_TRIANGLE: u64 = 150;
+const BYTES_PER_TRIANGLE: u64 = 150;
 
-/// Memory that each key of a triangle takes that changes its shape, bytes: in the tree, and twice with its vertices.
-const BYTES_A_KEY: u64 = 100;
+/// Additional memory per keyframe of a deforming triangle, bytes: once in the BVH and twice for its vertices.
+const BYTES_PER_KEY: u64 = 100;
 
-/// Maximum number of bytes of memory that anything may take.
+/// Memory limit, bytes: `--memory-limit`, by default the machine's memory.
 pub(super) fn memory_limit(args: &RenderArgs) -> Option<u64> {
     args.long.memory_limit.or_else(process::memory_of_machine)
 }
 
-/// Watches the limit that the arguments set while files are read, which nobody knows beforehand what they hold.
+/// Enforces `--memory-limit` while loading, whose memory can't be estimated in advance.
 pub(super) fn watch_memory(args: &RenderArgs) -> Watchdog {
-    let too_much = |message: String| {
+    let exceeded = |message: String| {
         let help = "make its images smaller, or raise the limit";
         Error::usage(format!("loading the scene {message}")).with_help(help)
     };
-    Watchdog::begin(Limits { time: None, memory: args.long.memory_limit }, too_much)
+    Watchdog::begin(Limits { time: None, memory: args.long.memory_limit }, exceeded)
 }
 
 /// Checks the size of the scene file.
 pub(super) fn check_memory_before_loading(args: &RenderArgs) -> Result<()> {
     let size = process::size_of(&args.scene).unwrap_or(0);
-    refuse(args.long.memory_limit, &[("the file", size)]).map_err(smaller)
+    check_memory(args.long.memory_limit, &[("the file", size)]).map_err(with_memory_help)
 }
 
-/// Checks the memory of merging these parts.
+/// Checks the memory of merging partial renders.
 pub(super) fn check_memory_before_merging(parts: &[(PathBuf, PartHeader)]) -> Result<()> {
     let bytes_of = |pixels: u64, header: &PartHeader| {
-        let a_pixel = header.channels.layout().map_or(0, |layout| layout.bytes_per_pixel());
-        pixels.saturating_mul(a_pixel)
+        let bytes_per_pixel = header.channels.layout().map_or(0, |layout| layout.bytes_per_pixel());
+        pixels.saturating_mul(bytes_per_pixel)
     };
-    let whole = |(_, h): &(PathBuf, PartHeader)| bytes_of(u64::from(h.width) * u64::from(h.height), h);
+    let picture = |(_, h): &(PathBuf, PartHeader)| bytes_of(u64::from(h.width) * u64::from(h.height), h);
     let part = |(_, h): &(PathBuf, PartHeader)| {
         bytes_of(u64::from(h.region.width()) * u64::from(h.region.height()), h)
     };
-    let [picture, largest] = [parts.iter().map(whole).max(), parts.iter().map(part).max()];
-    refuse(None, &[("the picture", picture.unwrap_or(0)), ("the largest part", largest.unwrap_or(0))])
-        .map_err(|error| error.with_help("merge it on a machine with more"))
+    let [picture, largest] = [parts.iter().map(picture).max(), parts.iter().map(part).max()];
+    check_memory(None, &[("the picture", picture.unwrap_or(0)), ("the largest part", largest.unwrap_or(0))])
+        .map_err(|error| error.with_help("merge it on a machine with more memory"))
 }
 
-/// Checks the memory of the loaded scene, its compiled form and the film.
+/// Checks the memory needed for building and rendering.
 pub(super) fn check_memory_before_building(
     args: &RenderArgs,
     loaded: &Loaded,
@@ -423,46 +422,39 @@ pub(super) fn check_memory_before_building(
 ) -> Result<()> {
     let scene = &loaded.scene;
     let triangles: usize = scene.meshes.iter().map(|mesh| mesh.triangles.len()).sum();
-    let keys = |(&mesh, moving): (&usize, &Keyframes<_>)| {
-        scene.meshes.get(mesh).map_or(0, |mesh| mesh.triangles.len() * moving.keys.len())
+    let triangle_keys = |(&mesh, motion): (&usize, &Keyframes<_>)| {
+        scene.meshes.get(mesh).map_or(0, |mesh| mesh.triangles.len() * motion.keys.len())
     };
-    let of_keys: usize = scene.motion.meshes.iter().map(keys).sum();
+    let keys: usize = scene.motion.meshes.iter().map(triangle_keys).sum();
     let labels = Labels::of(scene, &resolved.options);
-    refuse(
+    check_memory(
         args.long.memory_limit,
         &[
-            ("the scene as loaded", process::memory_now().unwrap_or(0)),
-            (
-                "building the tree over its triangles",
-                triangles as u64 * BYTES_A_TRIANGLE + of_keys as u64 * BYTES_A_KEY,
-            ),
+            ("the loaded scene", process::memory_now().unwrap_or(0)),
+            ("building the BVH", triangles as u64 * BYTES_PER_TRIANGLE + keys as u64 * BYTES_PER_KEY),
             ("the picture", film_bytes(&resolved.options, &labels)),
             (
-                "splats of light paths",
-                if may_send(scene) { splat_bytes(&resolved.options, &labels) } else { 0 },
+                "light tracing",
+                if may_have_caustics(scene) { splat_bytes(&resolved.options, &labels) } else { 0 },
             ),
-            ("learning what guides paths", guiding_bytes(&resolved.options)),
-            (
-                "taking the noise out",
-                if args.picture.denoise { denoising_bytes(resolved, &labels) } else { 0 },
-            ),
-            ("frames that wait for others", waiting_bytes(args, resolved, &labels)),
+            ("path guiding", guiding_bytes(&resolved.options)),
+            ("denoising", if args.picture.denoise { denoising_bytes(resolved, &labels) } else { 0 }),
+            ("neighbouring frames", temporal_denoising_bytes(args, resolved, &labels)),
         ],
     )
-    .map_err(smaller)
+    .map_err(with_memory_help)
 }
 
-/// True if the scene may have caustics: lights, and smooth glass, mirrors or metal.
-fn may_send(scene: &Scene) -> bool {
+/// True if a material is not purely diffuse: the scene may have caustics.
+fn may_have_caustics(scene: &Scene) -> bool {
     scene.materials.iter().any(|material| !matches!(material.model, Model::Lambert { .. }))
 }
 
-fn smaller(error: Error) -> Error {
-    error.with_help("make the picture smaller, render parts of it by --region, or leave out --aov")
+fn with_memory_help(error: Error) -> Error {
+    error.with_help("make the picture smaller, render it in parts with --region, or omit --aov")
 }
 
-/// Maximum memory of denoising, besides the film: planes of the picture, its guides and the parts of its light, before and
-/// after.
+/// Maximum memory of denoising, besides the film, bytes: colour, guides and components, before and after denoising.
 fn denoising_bytes(resolved: &ResolvedOptions, labels: &Labels) -> u64 {
     let options = &resolved.options;
     let planes =
@@ -470,164 +462,157 @@ fn denoising_bytes(resolved: &ResolvedOptions, labels: &Labels) -> u64 {
     u64::from(options.width) * u64::from(options.height) * 4 * planes
 }
 
-/// Memory of frames that are denoised with their neighbours: those that are not written yet, and all that these are averaged
-/// with.
-fn waiting_bytes(args: &RenderArgs, resolved: &ResolvedOptions, labels: &Labels) -> u64 {
+/// Memory of temporal denoising, bytes: pending frames and their neighbours.
+fn temporal_denoising_bytes(args: &RenderArgs, resolved: &ResolvedOptions, labels: &Labels) -> u64 {
     let options = &resolved.options;
     if !args.picture.denoise || !args.frame.as_ref().is_some_and(|frame| frame.is_averaged) {
         return 0;
     }
-    let parts = (options.aovs.of(Source::PartOfColor).iter().count() + labels.light_groups.len()) as u64;
+    let components = (options.aovs.of(Source::PartOfColor).iter().count() + labels.light_groups.len()) as u64;
     let frames = 1 + 2 * REACH as u64;
     let pixels = u64::from(options.width) * u64::from(options.height);
-    REACH as u64 * film_bytes(options, labels) + frames * pixels * 4 * (16 + 3 * parts)
+    REACH as u64 * film_bytes(options, labels) + frames * pixels * 4 * (16 + 3 * components)
 }
 
-/// A size in GiB, or in MiB if small.
-fn readable(bytes: u64) -> String {
+/// A size as text, in GiB or MiB.
+fn readable_size(bytes: u64) -> String {
     match bytes >> 30 {
         0 => format!("{:.0} MiB", bytes as f64 / f64::from(1u32 << 20)),
         _ => format!("{:.1} GiB", bytes as f64 / f64::from(1u32 << 30)),
     }
 }
 
-/// Error if more bytes are needed than the limit or the machine allows.
-fn refuse(allowed: Option<u64>, needed: &[(&str, u64)]) -> Result<()> {
-    let Some(limit) = allowed.or_else(process::memory_of_machine) else { return Ok(()) };
-    let all = needed.iter().fold(0u64, |sum, (_, bytes)| sum.saturating_add(*bytes));
-    if all <= limit {
+/// Checks that the needed bytes fit into `limit`, by default the machine's memory.
+fn check_memory(limit: Option<u64>, needed: &[(&str, u64)]) -> Result<()> {
+    let Some(available) = limit.or_else(process::memory_of_machine) else { return Ok(()) };
+    let total = needed.iter().fold(0u64, |sum, (_, bytes)| sum.saturating_add(*bytes));
+    if total <= available {
         return Ok(());
     }
     let items: Vec<String> = (needed.iter().filter(|(_, bytes)| *bytes > 0))
-        .map(|(what, bytes)| format!("{what} {}", readable(*bytes)))
+        .map(|(item, bytes)| format!("{item} {}", readable_size(*bytes)))
         .collect();
-    let whose = if allowed.is_some() { "--memory-limit allows" } else { "the machine has" };
-    let message = format!("this takes more memory than {whose}, {}: {}", readable(limit), items.join(", "));
+    let source = if limit.is_some() { "--memory-limit allows" } else { "the machine has" };
+    let message =
+        format!("this takes more memory than {source}, {}: {}", readable_size(available), items.join(", "));
     Err(Error::usage(message))
 }
 
 // Warnings about options without effect.
 
-/// Kinds of output of a run.
-struct Made {
-    /// EXRs, or partial renders.
+/// Kinds of outputs of a run. Partial renders count as all kinds except animations.
+struct OutputKinds {
     exr: bool,
-    /// Display-referred pictures, also previews and partial renders.
-    shown: bool,
-    /// The same, or Radiance HDR.
+    /// Display-referred pictures and previews.
+    display_referred: bool,
+    /// Outputs with exposure: display-referred or Radiance HDR.
     exposed: bool,
-    /// Formats with 16 bits per channel.
+    /// Integer formats with 16 bits per channel.
     deep: bool,
-    /// Formats with alpha.
+    /// Outputs with alpha.
     alpha: bool,
     /// GIF, APNG or video.
-    moving: bool,
+    animation: bool,
 }
 
-impl Made {
-    fn of(args: &RenderArgs) -> Made {
-        let is = |wanted: &[Format]| {
-            let fits = |path: &&PathBuf| format_of(path).is_ok_and(|f| wanted.contains(&f));
-            args.output.iter().any(|path| fits(&path))
+impl OutputKinds {
+    fn of(args: &RenderArgs) -> OutputKinds {
+        let has_format = |formats: &[Format]| {
+            args.output.iter().any(|path| format_of(path).is_ok_and(|format| formats.contains(&format)))
         };
         let part = args.output.iter().any(|path| is_part(path));
-        let moving = args.output.iter().any(|path| is_moving(path));
+        let animation = args.output.iter().any(|path| is_animation(path));
         let live = args.show.is_some() || args.preview.is_some();
-        let pictures = is(&[Format::Png, Format::Jpeg, Format::Tiff, Format::WebP]);
-        let shown = pictures || moving || live || part;
-        Made {
-            exr: part || is(&[Format::Exr]),
-            shown,
-            exposed: shown || is(&[Format::Hdr]),
-            deep: part || is(&[Format::Png, Format::Tiff]),
-            alpha: part || live || moving || is(&[Format::Exr, Format::Png, Format::Tiff, Format::WebP]),
-            moving,
+        let pictures = has_format(&[Format::Png, Format::Jpeg, Format::Tiff, Format::WebP]);
+        let display_referred = pictures || animation || live || part;
+        OutputKinds {
+            exr: part || has_format(&[Format::Exr]),
+            display_referred,
+            exposed: display_referred || has_format(&[Format::Hdr]),
+            deep: part || has_format(&[Format::Png, Format::Tiff]),
+            alpha: part
+                || live
+                || animation
+                || has_format(&[Format::Exr, Format::Png, Format::Tiff, Format::WebP]),
+            animation,
         }
     }
 }
 
 const NO_EXR: &str = "no output is an EXR";
-const NOT_SHOWN: &str = "no output is a picture for looking at, such as a PNG";
+const NO_DISPLAY_REFERRED: &str = "no output is display-referred, such as a PNG";
 
-/// One warning per option that is given and has no effect.
+/// A warning for each option that is given but has no effect.
 pub(super) fn unused_option_warnings(args: &RenderArgs, scene: &Scene, prepared: &Prepared) -> Vec<Warning> {
-    let made = Made::of(args);
-    let aovs = prepared.kept_aovs;
+    let outputs = OutputKinds::of(args);
     let given = args.aov.iter().fold(AovSet::NONE, |all, aovs| all.union(*aovs));
-    let aovs = given.union(aovs);
+    let aovs = given.union(prepared.output_aovs);
     let has_mattes = aovs.mattes().next().is_some();
-    let placed = [Aov::Position, Aov::Normal, Aov::GeometricNormal, Aov::DenoisingNormal];
-    let has_placed = placed.into_iter().any(|aov| aovs.contains(aov));
+    let spatial = [Aov::Position, Aov::Normal, Aov::GeometricNormal, Aov::DenoisingNormal];
+    let has_spatial = spatial.into_iter().any(|aov| aovs.contains(aov));
     let is_space_chosen = args.aov_space != AovSpace::default();
-    let moves = scene.instances.iter().any(|i| !matches!(i.motion, Motion::Still))
+    let has_motion = scene.instances.iter().any(|i| !matches!(i.motion, Motion::Still))
         || scene.cameras.iter().any(|camera| camera.motion.is_some())
         || args.shutter.shutter.is_some();
-    let timed = args.frames.is_some() || args.orbit.is_some() && made.moving || moves;
-    // For each option: is it given, has it an effect, and the reason if not.
+    let uses_fps = args.frames.is_some() || args.orbit.is_some() && outputs.animation || has_motion;
+    // For each option: whether it is given, whether it has an effect, and the reason if not.
     let options = [
-        ("--aov", !args.aov.is_empty(), made.exr, NO_EXR),
-        ("--light-groups", args.light_groups, made.exr, NO_EXR),
-        ("--float", args.float, made.exr, NO_EXR),
-        ("--owner", args.owner.is_some(), made.exr, NO_EXR),
-        ("what --exr-... and --working-space say", args.exr.format.is_given(), made.exr, NO_EXR),
+        ("--aov", !args.aov.is_empty(), outputs.exr, NO_EXR),
+        ("--light-groups", args.light_groups, outputs.exr, NO_EXR),
+        ("--float", args.float, outputs.exr, NO_EXR),
+        ("--owner", args.owner.is_some(), outputs.exr, NO_EXR),
+        ("--exr-... or --working-space", args.exr.format.is_given(), outputs.exr, NO_EXR),
         ("--crypto-levels", args.crypto_levels != CRYPTO_LEVELS, has_mattes, "--aov has no Cryptomatte"),
-        ("--aov-space", is_space_chosen, has_placed, "--aov has no position, normal or geometric_normal"),
-        ("--view", args.view.is_some(), made.shown, NOT_SHOWN),
-        ("--exposure", args.exposure.is_some(), made.exposed, NOT_SHOWN),
-        ("--white-balance", args.picture.white_balance.is_some(), made.exposed, NOT_SHOWN),
-        ("--dither", args.dither, made.shown, NOT_SHOWN),
-        ("--deep", args.picture.deep, made.deep, "no output is a PNG or TIFF"),
+        ("--aov-space", is_space_chosen, has_spatial, "--aov has no position, normal or geometric_normal"),
+        ("--view", args.view.is_some(), outputs.display_referred, NO_DISPLAY_REFERRED),
+        ("--exposure", args.exposure.is_some(), outputs.exposed, NO_DISPLAY_REFERRED),
+        ("--white-balance", args.picture.white_balance.is_some(), outputs.exposed, NO_DISPLAY_REFERRED),
+        ("--dither", args.dither, outputs.display_referred, NO_DISPLAY_REFERRED),
+        ("--deep", args.picture.deep, outputs.deep, "no output is a PNG or TIFF"),
         (
             "the transparent background",
             args.transparent
                 || matches!(args.stage.background, Some(super::scene_args::BackgroundArg::Transparent)),
-            made.alpha,
-            "the output has no alpha; .png, .tif, .webp and .exr have",
+            outputs.alpha,
+            "the output format has no alpha; use .png, .tif, .webp or .exr",
         ),
-        (
-            "--fps",
-            args.fps != FRAME_RATE,
-            timed,
-            "there is no sequence, no moving picture and no open shutter",
-        ),
+        ("--fps", args.fps != FRAME_RATE, uses_fps, "there is no sequence, animation file or open shutter"),
     ];
-    let idle = options.into_iter().filter(|(_, is_given, works, _)| *is_given && !works);
-    idle.map(|(option, _, _, why)| Warning::general(format!("{option} has no effect: {why}"))).collect()
+    let unused = options.into_iter().filter(|(_, is_given, has_effect, _)| *is_given && !has_effect);
+    unused.map(|(option, _, _, why)| Warning::general(format!("{option} has no effect: {why}"))).collect()
 }
 
-/// Notes of options that are fine and do nothing for this scene.
+/// Notes about valid options that do nothing for this scene.
 pub(super) fn idle_option_notes(args: &RenderArgs, scene: &Scene) -> Vec<Warning> {
     let has_groups = scene.light_groups().len() > 1;
-    let is_idle = args.light_groups && Made::of(args).exr && !has_groups;
-    let message = "--light-groups: the scene has no light groups, and all its light is in RGBA_default";
+    let is_idle = args.light_groups && OutputKinds::of(args).exr && !has_groups;
+    let message = "--light-groups: the scene has no light groups; all light is in RGBA_default";
     let groups = is_idle.then(|| Warning::general(message));
-    let range = args.long.sample_range.and_then(|range| block_note(range, args.spp));
+    let range = args.long.sample_range.and_then(|range| sample_range_note(range, args.spp));
     groups.into_iter().chain(range).collect()
 }
 
-/// Says which samples a range means that doesn't begin and end with blocks.
-fn block_note((from, until): (u32, u32), samples: Option<u32>) -> Option<Warning> {
-    let whole = |sample: u32| sample.checked_next_multiple_of(SAMPLE_BLOCK).unwrap_or(u32::MAX);
-    let (first, last) = (whole(from), whole(until));
-    // The last block of a picture may be a part of one.
+/// A note if a sample range doesn't begin and end at block boundaries.
+fn sample_range_note((start, end): (u32, u32), samples: Option<u32>) -> Option<Warning> {
+    let rounded = |sample: u32| sample.checked_next_multiple_of(SAMPLE_BLOCK).unwrap_or(u32::MAX);
+    let (rounded_start, rounded_end) = (rounded(start), rounded(end));
+    // The last block of a picture may be incomplete.
     let message = format!(
-        "--sample-range: samples come in blocks of {SAMPLE_BLOCK}, which belong to the range of their first sample: \
-         {first}..{last}, or up to the last of the picture"
+        "--sample-range is rounded to blocks of {SAMPLE_BLOCK} samples: {rounded_start}..{rounded_end}, or up to the picture's \
+         last sample"
     );
-    let is_other = first != from || last != until && samples != Some(until);
-    is_other.then(|| Warning::general(message))
+    let is_rounded = rounded_start != start || rounded_end != end && samples != Some(end);
+    is_rounded.then(|| Warning::general(message))
 }
 
-// Environment of the arguments, which overrides the scene's.
-
-/// Environment map of `--env`, loaded once for all frames.
+/// Environment map of `--env`, which overrides the scene's; loaded once for all frames.
 pub(crate) struct EnvironmentOverride {
     image: Option<Image>,
     warnings: Vec<Warning>,
 }
 
 impl EnvironmentOverride {
-    /// Loads the environment map of the arguments, if any.
+    /// Loads the environment map, if any.
     ///
     /// # Errors
     /// An input error if it can't be read.
@@ -639,7 +624,7 @@ impl EnvironmentOverride {
         Ok(EnvironmentOverride { image, warnings })
     }
 
-    /// Replaces or adjusts a scene's environment; returns warnings.
+    /// Replaces the scene's environment and applies `--env-strength` and `--env-rotation`; returns warnings.
     pub fn apply(&self, args: &RenderArgs, scene: &mut Scene) -> Vec<Warning> {
         let mut warnings = self.warnings.clone();
         if args.env.is_some() {
@@ -678,7 +663,7 @@ impl EnvironmentOverride {
             Environment::Black => {}
         }
         if args.env_rotation.is_some() {
-            warnings.push(Warning::general("--env-rotation has no effect: there is no environment picture"));
+            warnings.push(Warning::general("--env-rotation has no effect: there is no environment map"));
         }
         warnings
     }

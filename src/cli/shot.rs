@@ -1,4 +1,4 @@
-//! Rendered pictures that are to be written: at once, or once the frames around them are there.
+//! Writing of rendered pictures: at once, or after their neighbouring frames.
 
 use super::args::RenderArgs;
 use super::pictures::{AnimationFiles, EncodeOptions, FinishedPicture, Pictures, Targets};
@@ -18,68 +18,67 @@ use std::time::Instant;
 pub(super) struct RunState {
     pub printed: PrintedMessages,
     pub compiler: Compiler,
-    /// Animation files that frames are added to.
-    pub moving: Option<AnimationFiles>,
-    /// Preview window.
+    /// Animation files to which frames are added.
+    pub animations: Option<AnimationFiles>,
     pub preview: Option<Preview>,
-    /// Frames that are denoised with those around them.
+    /// Frames to denoise together with their neighbours.
     pub sequence: Sequence<Shot>,
 }
 
 impl RunState {
-    /// Opens the preview and starts with an empty compiler.
+    /// Opens the preview.
     ///
     /// # Errors
-    /// If the preview can't be opened.
+    /// The preview can't be opened.
     pub fn new(args: &RenderArgs, compiler: Compiler) -> Result<RunState> {
         let preview = args.preview.as_ref().map(|how| Preview::open(args, how)).transpose()?;
         Ok(RunState {
             printed: PrintedMessages::default(),
             compiler,
-            moving: None,
+            animations: None,
             preview,
             sequence: Sequence::default(),
         })
     }
 
-    /// Writes pending frames, and the animation files.
+    /// Writes pending frames and the animation files.
     pub fn finish(mut self, args: &RenderArgs) -> Result<()> {
-        let last = self.sequence.finish();
-        last.into_iter().try_for_each(|frame| self.write(frame))?;
-        self.moving.map_or(Ok(()), |moving| moving.finish(args.quiet))
+        let pending = self.sequence.finish();
+        pending.into_iter().try_for_each(|frame| self.write(frame))?;
+        self.animations.map_or(Ok(()), |animations| animations.finish(args.quiet))
     }
 
-    /// Writes a frame that was averaged with its neighbours.
+    /// Writes a frame averaged with its neighbours.
     pub fn write(&mut self, frame: Averaged<Shot>) -> Result<()> {
         let Averaged { item: mut shot, picture, frames, .. } = frame;
-        shot.picture.set_denoised(&picture, &frames, shot.kept_aovs);
-        shot.write(&mut self.printed, self.moving.as_mut()).map(drop)
+        shot.picture.set_denoised(&picture, &frames, shot.output_aovs);
+        shot.write(&mut self.printed, self.animations.as_mut()).map(drop)
     }
 
     /// Reports files that are not written because the run ended early.
     pub fn print_unfinished(&self, args: &RenderArgs) {
-        let waiting: Vec<String> = self.sequence.waiting().map(|number| number.to_string()).collect();
-        if !args.quiet && !waiting.is_empty() {
-            say!("frames that wait for their neighbours are not written: {}", waiting.join(", "));
+        let pending: Vec<String> = self.sequence.waiting().map(|number| number.to_string()).collect();
+        if !args.quiet && !pending.is_empty() {
+            say!("frames whose neighbours are missing are not written: {}", pending.join(", "));
         }
-        self.moving.iter().for_each(|moving| moving.print_unfinished(args));
+        self.animations.iter().for_each(|animations| animations.print_unfinished(args));
     }
 }
 
-/// A picture to write, with its entry in the report.
+/// A rendered picture to write, with its report.
 pub(super) struct Shot {
     pub args: RenderArgs,
     pub targets: Targets,
-    pub how: EncodeOptions,
+    pub encoding: EncodeOptions,
     pub png: PngOptions,
-    pub kept_aovs: AovSet,
+    pub output_aovs: AovSet,
     pub picture: Picture,
-    /// To be denoised with the frames around it.
+    /// Denoised together with neighbouring frames.
     pub is_averaged: bool,
-    /// How the checkpoint was written.
-    pub kept: Result<()>,
-    /// Everything that is not in the picture.
-    pub log: Vec<Warning>,
+    /// Result of writing the checkpoint.
+    pub checkpoint: Result<()>,
+    /// Warnings and notes of loading and building, for metadata.
+    pub messages: Vec<Warning>,
     pub run: Run,
 }
 
@@ -88,17 +87,18 @@ impl Shot {
     pub fn write(
         self,
         printed: &mut PrintedMessages,
-        moving: Option<&mut AnimationFiles>,
+        animations: Option<&mut AnimationFiles>,
     ) -> Result<Outcome> {
-        let Shot { args, targets, how, png, picture, kept, log, mut run, .. } = self;
-        let writing = Instant::now();
-        let pictures = Pictures::encode(&how, &targets, FinishedPicture::from(&picture), &png, &log);
+        let Shot { args, targets, encoding, png, picture, checkpoint, messages, mut run, .. } = self;
+        let start = Instant::now();
+        let pictures =
+            Pictures::encode(&encoding, &targets, FinishedPicture::from(&picture), &png, &messages);
         print_pictures(&args, printed, &pictures, picture.statistics().interrupted)?;
         run.warnings.extend(pictures.warnings.iter().cloned());
         pictures.write()?;
-        kept?; // after the pictures: who runs out of space for the one may have some for the others
-        moving.map_or(Ok(()), |moving| moving.add_film(picture.film(), &png))?;
-        run.write_s = writing.elapsed().as_secs_f64();
+        checkpoint?; // after the pictures, which may fit on a disk that was too full for the checkpoint
+        animations.map_or(Ok(()), |animations| animations.add_film(picture.film(), &png))?;
+        run.write_s = start.elapsed().as_secs_f64();
         run.total_s += run.write_s;
         run.peak_memory = peak_memory();
         show::draw(&args, picture.film(), &png);
@@ -119,7 +119,7 @@ fn print_pictures(
     if is_interrupted { Ok(()) } else { refuse_warnings(args, &pictures.warnings, ErrorKind::Output) }
 }
 
-/// Prints the report of a run, and gives how it ended.
+/// Prints the report of a run and returns its outcome.
 fn print_run(args: &RenderArgs, run: &Run) -> Outcome {
     if args.verbose {
         run.print_details();
@@ -133,7 +133,7 @@ fn print_run(args: &RenderArgs, run: &Run) -> Outcome {
     if run.statistics.interrupted { Outcome::Interrupted } else { Outcome::Done }
 }
 
-/// With `--strict`, warnings are problems.
+/// With `--strict`, returns an error with the warnings as problems.
 pub(super) fn refuse_warnings(args: &RenderArgs, warnings: &[Warning], kind: ErrorKind) -> Result<()> {
     if !args.strict || warnings.is_empty() {
         return Ok(());

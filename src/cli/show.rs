@@ -1,4 +1,4 @@
-//! `--show`: shows the finished picture in the terminal, also over SSH.
+//! `--show`: shows the finished picture in the terminal.
 
 use super::args::RenderArgs;
 use super::parsers::ShowArg;
@@ -13,65 +13,65 @@ use std::env;
 use std::fmt::Write as _;
 use std::io::{IsTerminal, Write as _};
 
-/// Width and height of terminals that don't report theirs, in characters.
-const USUAL_SIZE: (u32, u32) = (80, 24);
+/// Default terminal size, characters.
+const DEFAULT_SIZE: (u32, u32) = (80, 24);
 
-/// Rows kept for the text after the picture.
-const ROWS_LEFT: u32 = 2;
+/// Rows reserved for the text after the picture.
+const RESERVED_ROWS: u32 = 2;
 
-/// Can the picture be drawn?
+/// Checks that pictures can be shown.
 ///
 /// # Errors
-/// A usage error where standard output is not a terminal with colours, or is used for JSON or progress.
+/// A usage error if standard output is not a terminal with colours, or is used for JSON or progress.
 pub(super) fn check(args: &RenderArgs) -> Result<()> {
     if args.show.is_none() {
         return Ok(());
     }
     if args.json || matches!(args.long.progress, Some(ProgressArg::Json | ProgressArg::Openjd)) {
-        let message = "--show writes to standard output, as JSON and progress for programs do";
-        return Err(Error::usage(message).with_help("leave one of them out"));
+        let message = "--show, --json and --progress json or openjd all write to standard output";
+        return Err(Error::usage(message).with_help("use only one of them"));
     }
     if !std::io::stdout().is_terminal() {
         let message = "--show needs a terminal as standard output";
-        return Err(Error::usage(message).with_help("leave it out, and write a picture by -o"));
+        return Err(Error::usage(message).with_help("write a file with -o instead"));
     }
     if args.show == Some(ShowArg::Auto) && variable("TERM").is_empty_or("dumb") {
-        let message = "--show needs a terminal that shows colours (TERM is not set, or dumb)";
-        return Err(Error::usage(message).with_help("choose: --show=blocks, kitty or sixel"));
+        let message = "--show needs a terminal with colours (TERM is not set, or dumb)";
+        return Err(Error::usage(message).with_help("choose --show=blocks, kitty or sixel"));
     }
     Ok(())
 }
 
-/// Draws a picture as PNGs would show it.
+/// Draws a picture with the display options of PNGs.
 pub(super) fn draw(args: &RenderArgs, film: &Film, png: &PngOptions) {
-    let Some(how) = args.show else { return };
+    let Some(protocol) = args.show else { return };
     let size = terminal_size::terminal_size().map(|(w, h)| (u32::from(w.0), u32::from(h.0)));
-    let (columns, rows) = size.filter(|(w, h)| *w > 0 && *h > ROWS_LEFT).unwrap_or(USUAL_SIZE);
-    let room = (columns, rows - ROWS_LEFT);
+    let (columns, rows) = size.filter(|(w, h)| *w > 0 && *h > RESERVED_ROWS).unwrap_or(DEFAULT_SIZE);
+    let max_cells = (columns, rows - RESERVED_ROWS);
     let picture = || Pixels { size: (film.width(), film.height()), rgba: rgba8(film, png) };
-    let text = match chosen(how) {
-        // Only for terminals known to support it; pictures that PNG can't hold are drawn as blocks.
+    let blocks =
+        || block_text(&downscaled(&picture(), (max_cells.0, max_cells.1 * 2)), supports_true_color());
+    let text = match resolved_protocol(protocol) {
+        // Pictures too large for PNG are drawn as blocks.
         ShowArg::Kitty => match encode_png(film, &PngOptions { deep: false, ..png.clone() }) {
-            Ok(encoded) => kitty_text(&encoded.bytes, cells((film.width(), film.height()), room)),
-            Err(_) => block_text(&downscaled(&picture(), (room.0, room.1 * 2)), has_all_colors()),
+            Ok(encoded) => kitty_text(&encoded.bytes, cells((film.width(), film.height()), max_cells)),
+            Err(_) => blocks(),
         },
-        ShowArg::Sixel => sixel_text(&downscaled(&picture(), (room.0 * CELL.0, room.1 * CELL.1))),
-        ShowArg::Blocks | ShowArg::Auto => {
-            block_text(&downscaled(&picture(), (room.0, room.1 * 2)), has_all_colors())
-        }
+        ShowArg::Sixel => sixel_text(&downscaled(&picture(), (max_cells.0 * CELL.0, max_cells.1 * CELL.1))),
+        ShowArg::Blocks | ShowArg::Auto => blocks(),
     };
     let mut output = std::io::stdout().lock();
     // A closed terminal is not an error.
     let _ = output.write_all(text.as_bytes()).and_then(|()| output.flush());
 }
 
-/// Columns and rows of a picture in cells that are twice as high as wide.
-fn cells(picture: (u32, u32), room: (u32, u32)) -> (u32, u32) {
-    let (width, height) = fitted_size(picture, (room.0, room.1 * 2));
+/// Size of a picture in character cells, which are twice as high as wide.
+fn cells(picture: (u32, u32), max_cells: (u32, u32)) -> (u32, u32) {
+    let (width, height) = fitted_size(picture, (max_cells.0, max_cells.1 * 2));
     (width, height.div_ceil(2))
 }
 
-/// A variable of the environment; empty where it is not set.
+/// Value of an environment variable; empty if not set.
 fn variable(name: &str) -> Variable {
     Variable(env::var(name).unwrap_or_default())
 }
@@ -83,38 +83,38 @@ impl Variable {
         self.0.is_empty() || self.0 == other
     }
 
-    fn begins_with(&self, starts: &[&str]) -> bool {
-        starts.iter().any(|start| self.0.starts_with(start))
+    fn starts_with_any(&self, prefixes: &[&str]) -> bool {
+        prefixes.iter().any(|prefix| self.0.starts_with(prefix))
     }
 }
 
-/// Graphics protocol of the terminal. Multiplexers don't pass graphics through.
-fn chosen(how: ShowArg) -> ShowArg {
+/// Resolves `Auto` to the graphics protocol of the terminal. Multiplexers don't pass graphics through.
+fn resolved_protocol(protocol: ShowArg) -> ShowArg {
     let (term, program) = (variable("TERM"), variable("TERM_PROGRAM"));
-    let is_multiplexed = !variable("TMUX").0.is_empty() || term.begins_with(&["screen", "tmux"]);
+    let is_multiplexed = !variable("TMUX").0.is_empty() || term.starts_with_any(&["screen", "tmux"]);
     let is_kitty = !variable("KITTY_WINDOW_ID").0.is_empty()
-        || term.begins_with(&["xterm-kitty", "xterm-ghostty"])
-        || program.begins_with(&["ghostty", "WezTerm"]);
-    match how {
+        || term.starts_with_any(&["xterm-kitty", "xterm-ghostty"])
+        || program.starts_with_any(&["ghostty", "WezTerm"]);
+    match protocol {
         ShowArg::Auto if is_multiplexed => ShowArg::Blocks,
         ShowArg::Auto if is_kitty => ShowArg::Kitty,
-        ShowArg::Auto if term.begins_with(&["foot", "mlterm", "yaft"]) => ShowArg::Sixel,
+        ShowArg::Auto if term.starts_with_any(&["foot", "mlterm", "yaft"]) => ShowArg::Sixel,
         ShowArg::Auto => ShowArg::Blocks,
-        how => how,
+        protocol => protocol,
     }
 }
 
-/// Does the terminal show 24-bit colour? Nearly all do; SSH doesn't pass on COLORTERM, which says so.
-fn has_all_colors() -> bool {
-    !variable("TERM_PROGRAM").begins_with(&["Apple_Terminal"]) && variable("TERM").0 != "linux"
+/// Whether the terminal supports 24-bit colour, as nearly all do. COLORTERM is not tested: SSH doesn't pass it on.
+fn supports_true_color() -> bool {
+    !variable("TERM_PROGRAM").starts_with_any(&["Apple_Terminal"]) && variable("TERM").0 != "linux"
 }
 
 // The terminal graphics protocol of kitty.
 
-/// Maximum number of characters of a chunk.
+/// Maximum number of base64 characters in a chunk.
 const MAX_CHUNK: usize = 4096;
 
-/// A PNG, drawn over `columns` and `rows`; the terminal's response is suppressed.
+/// Escape sequences that draw a PNG over `columns` and `rows`, without a response from the terminal.
 fn kitty_text(png: &[u8], (columns, rows): (u32, u32)) -> String {
     let encoded = STANDARD.encode(png);
     let chunks: Vec<&str> =
@@ -132,8 +132,8 @@ fn kitty_text(png: &[u8], (columns, rows): (u32, u32)) -> String {
 
 // Downscaling.
 
-/// Minimum alpha of a pixel that is drawn.
-const OPAQUE: u8 = 128;
+/// Minimum alpha of drawn pixels.
+const MIN_ALPHA: u8 = 128;
 
 /// Display-referred RGBA with straight alpha, row by row from the top.
 struct Pixels {
@@ -142,32 +142,33 @@ struct Pixels {
 }
 
 impl Pixels {
-    /// A pixel; transparent black beyond the edge.
+    /// A pixel; transparent black outside of the picture.
     pub fn at(&self, x: u32, y: u32) -> [u8; 4] {
         let (width, height) = self.size;
         if x >= width || y >= height {
             return [0; 4];
         }
-        let at = (y as usize * width as usize + x as usize) * 4;
-        [self.rgba[at], self.rgba[at + 1], self.rgba[at + 2], self.rgba[at + 3]]
+        let index = (y as usize * width as usize + x as usize) * 4;
+        [self.rgba[index], self.rgba[index + 1], self.rgba[index + 2], self.rgba[index + 3]]
     }
 }
 
-/// The largest size with a picture's aspect ratio that fits into `room` and doesn't enlarge it.
-fn fitted_size((width, height): (u32, u32), room: (u32, u32)) -> (u32, u32) {
-    let across = f64::from(room.0) / f64::from(width.max(1));
-    let down = f64::from(room.1) / f64::from(height.max(1));
-    let scale = across.min(down).min(1.0);
-    let edge = |pixels: u32, most: u32| ((f64::from(pixels) * scale).round() as u32).clamp(1, most.max(1));
-    (edge(width, room.0), edge(height, room.1))
+/// Size of a picture scaled down, if necessary, to fit into `max_size`; keeps the aspect ratio.
+fn fitted_size((width, height): (u32, u32), max_size: (u32, u32)) -> (u32, u32) {
+    let scale_x = f64::from(max_size.0) / f64::from(width.max(1));
+    let scale_y = f64::from(max_size.1) / f64::from(height.max(1));
+    let scale = scale_x.min(scale_y).min(1.0);
+    let scaled = |pixels: u32, max: u32| ((f64::from(pixels) * scale).round() as u32).clamp(1, max.max(1));
+    (scaled(width, max_size.0), scaled(height, max_size.1))
 }
 
-/// The picture scaled down to fit into `room`: each pixel is the linear mean of those that it covers.
-fn downscaled(picture: &Pixels, room: (u32, u32)) -> Pixels {
-    let size = fitted_size(picture.size, room);
-    let range = |at: u32, count: u32, of: u32| {
-        let edge = |at: u32| (u64::from(at) * u64::from(of) / u64::from(count)) as u32;
-        edge(at)..edge(at + 1).max(edge(at) + 1)
+/// Scales a picture down to fit into `max_size`, by a box filter in linear light.
+fn downscaled(picture: &Pixels, max_size: (u32, u32)) -> Pixels {
+    let size = fitted_size(picture.size, max_size);
+    // Source pixels of a pixel, along one axis.
+    let range = |index: u32, count: u32, source_count: u32| {
+        let edge = |index: u32| (u64::from(index) * u64::from(source_count) / u64::from(count)) as u32;
+        edge(index)..edge(index + 1).max(edge(index) + 1)
     };
     let mut rgba = Vec::with_capacity(size.0 as usize * size.1 as usize * 4);
     for y in 0..size.1 {
@@ -181,7 +182,7 @@ fn downscaled(picture: &Pixels, room: (u32, u32)) -> Pixels {
     Pixels { size, rgba }
 }
 
-/// The mean of pixels, each weighted by its alpha.
+/// Mean of pixels in linear light, weighted by alpha.
 fn mean(pixels: impl Iterator<Item = [u8; 4]>) -> [u8; 4] {
     let (mut sum, mut alphas, mut count) = ([0.0f32; 3], 0.0f32, 0.0f32);
     for [r, g, b, a] in pixels {
@@ -197,13 +198,13 @@ fn mean(pixels: impl Iterator<Item = [u8; 4]>) -> [u8; 4] {
     [r, g, b, byte(alphas / count.max(1.0))]
 }
 
-// Two pixels per character: the upper half block, with foreground and background colour.
+// Half blocks: two pixels per character, in foreground and background colour.
 
-/// The picture as half blocks; in 256 colours where the terminal lacks 24-bit colour.
-fn block_text(picture: &Pixels, has_all_colors: bool) -> String {
-    let color = |layer: u8, [r, g, b, _]: [u8; 4]| match has_all_colors {
+/// The picture as half blocks, in 24-bit colour or else in 256 colours.
+fn block_text(picture: &Pixels, is_true_color: bool) -> String {
+    let color = |layer: u8, [r, g, b, _]: [u8; 4]| match is_true_color {
         true => format!("{layer};2;{r};{g};{b}"),
-        false => format!("{layer};5;{}", cube([r, g, b])),
+        false => format!("{layer};5;{}", nearest_of_256([r, g, b])),
     };
     let (width, height) = picture.size;
     let mut text = String::new();
@@ -211,7 +212,7 @@ fn block_text(picture: &Pixels, has_all_colors: bool) -> String {
         let mut last = String::new();
         for x in 0..width {
             let (upper, lower) = (picture.at(x, y), picture.at(x, y + 1));
-            let (code, character) = match (upper[3] >= OPAQUE, lower[3] >= OPAQUE) {
+            let (code, character) = match (upper[3] >= MIN_ALPHA, lower[3] >= MIN_ALPHA) {
                 (true, true) => (format!("{};{}", color(38, upper), color(48, lower)), '▀'),
                 (true, false) => (format!("0;{}", color(38, upper)), '▀'),
                 (false, true) => (format!("0;{}", color(38, lower)), '▄'),
@@ -229,17 +230,17 @@ fn block_text(picture: &Pixels, has_all_colors: bool) -> String {
     text
 }
 
-/// The nearest of xterm's 256 colours: in the cube of 6 x 6 x 6, or among the greys.
-fn cube(rgb: [u8; 3]) -> u8 {
+/// Index of the nearest of xterm's 256 colours: in the 6 x 6 x 6 cube, or among the greys.
+fn nearest_of_256(rgb: [u8; 3]) -> u8 {
     const LEVELS: [u8; 6] = [0, 95, 135, 175, 215, 255];
-    let near = |code: u8| (0..6u8).min_by_key(|&i| LEVELS[usize::from(i)].abs_diff(code)).unwrap_or(0);
-    let [r, g, b] = rgb.map(near);
+    let nearest = |code: u8| (0..6u8).min_by_key(|&i| LEVELS[usize::from(i)].abs_diff(code)).unwrap_or(0);
+    let [r, g, b] = rgb.map(nearest);
     let grey = ((u32::from(rgb[0]) + u32::from(rgb[1]) + u32::from(rgb[2])) / 3).saturating_sub(3) / 10;
     let grey = (grey as u8).min(23);
-    let far =
+    let distance_squared =
         |other: [u8; 3]| -> u32 { rgb.iter().zip(other).map(|(a, b)| u32::from(a.abs_diff(b)).pow(2)).sum() };
     let in_cube = [r, g, b].map(|i| LEVELS[usize::from(i)]);
-    match far([8 + 10 * grey; 3]) < far(in_cube) {
+    match distance_squared([8 + 10 * grey; 3]) < distance_squared(in_cube) {
         true => 232 + grey,
         false => 16 + 36 * r + 6 * g + b,
     }
@@ -247,13 +248,13 @@ fn cube(rgb: [u8; 3]) -> u8 {
 
 // Sixel graphics (DEC VT340 manual, chapter 14): bands of six rows, colour by colour.
 
-/// Assumed pixels of a character cell: few terminals have fewer.
+/// Assumed size of a character cell, pixels; few terminals have smaller cells.
 const CELL: (u32, u32) = (8, 16);
 
-/// Levels of red, green and blue: 252 colours.
+/// Levels of red, green and blue; 252 colours.
 const LEVELS: [u32; 3] = [6, 7, 6];
 
-/// Thresholds in sixteenths (Bayer 1973), which hide the steps between the levels.
+/// Dithering thresholds in sixteenths (Bayer 1973).
 const BAYER: [[u32; 4]; 4] = [[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]];
 
 /// The picture as sixels; transparent pixels leave the screen unchanged.
@@ -262,13 +263,13 @@ fn sixel_text(picture: &Pixels) -> String {
     // Aspect ratio 1:1, transparent background, size.
     let mut text = format!("\x1bP0;1q\"1;1;{width};{height}");
     for color in 0..LEVELS.iter().product() {
-        let [r, g, b] = parts(color);
-        let percent = |part: u32, levels: u32| (part * 100 + (levels - 1) / 2) / (levels - 1);
+        let [r, g, b] = levels_of(color);
+        let percent = |level: u32, levels: u32| (level * 100 + (levels - 1) / 2) / (levels - 1);
         let (r, g, b) = (percent(r, LEVELS[0]), percent(g, LEVELS[1]), percent(b, LEVELS[2]));
         let _ = write!(text, "#{color};2;{r};{g};{b}");
     }
     for top in (0..height).step_by(6) {
-        band(picture, top, &mut text);
+        add_band(picture, top, &mut text);
         text.push('-');
     }
     text.push_str("\x1b\\\n");
@@ -276,14 +277,14 @@ fn sixel_text(picture: &Pixels) -> String {
 }
 
 /// Appends a band of six rows.
-fn band(picture: &Pixels, top: u32, text: &mut String) {
+fn add_band(picture: &Pixels, top: u32, text: &mut String) {
     let width = picture.size.0 as usize;
     let mut masks: Vec<Option<Vec<u8>>> = vec![None; LEVELS.iter().product::<u32>() as usize];
     for row in 0..6 {
         for x in 0..picture.size.0 {
             let pixel = picture.at(x, top + row);
-            if pixel[3] >= OPAQUE {
-                let color = color(pixel, x, top + row) as usize;
+            if pixel[3] >= MIN_ALPHA {
+                let color = color_index(pixel, x, top + row) as usize;
                 masks[color].get_or_insert_with(|| vec![0; width])[x as usize] |= 1 << row;
             }
         }
@@ -301,8 +302,8 @@ fn band(picture: &Pixels, top: u32, text: &mut String) {
     }
 }
 
-/// The number of a pixel's colour.
-fn color(pixel: [u8; 4], x: u32, y: u32) -> u32 {
+/// Index of a pixel's colour, with dithering.
+fn color_index(pixel: [u8; 4], x: u32, y: u32) -> u32 {
     let threshold = BAYER[(y % 4) as usize][(x % 4) as usize];
     let level = |c: usize| {
         let steps = LEVELS[c] - 1;
@@ -312,8 +313,8 @@ fn color(pixel: [u8; 4], x: u32, y: u32) -> u32 {
     (level(0) * LEVELS[1] + level(1)) * LEVELS[2] + level(2)
 }
 
-/// The levels of a colour by its number.
-fn parts(color: u32) -> [u32; 3] {
+/// Levels of a colour, by index.
+fn levels_of(color: u32) -> [u32; 3] {
     [color / (LEVELS[1] * LEVELS[2]), color / LEVELS[2] % LEVELS[1], color % LEVELS[2]]
 }
 
@@ -322,7 +323,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn pieces_are_marked() {
+    fn all_chunks_but_the_last_are_marked() {
         let text = kitty_text(&[7; 4000], (40, 12));
         let chunks: Vec<&str> = text.trim_end().split_inclusive("\x1b\\").collect();
         assert_eq!(chunks.len(), 2);
@@ -338,17 +339,17 @@ mod scaled_tests {
     use super::*;
 
     #[test]
-    fn sizes_keep_their_shape_and_never_grow() {
+    fn fitted_sizes_keep_the_aspect_ratio_and_never_grow() {
         assert_eq!(fitted_size((1280, 720), (80, 44)), (78, 44));
         assert_eq!(fitted_size((10, 10), (80, 44)), (10, 10));
         assert_eq!(fitted_size((10_000, 10), (80, 44)), (80, 1));
     }
 
     #[test]
-    fn small_pixels_are_means_of_light() {
+    fn downscaling_averages_in_linear_light() {
         let rgba = [[255, 255, 255, 255], [0, 0, 0, 255], [255, 0, 0, 255], [9, 9, 9, 0]].concat();
         let small = downscaled(&Pixels { size: (4, 1), rgba }, (2, 9));
-        // Half the light of white has the code 188; what is transparent adds no colour.
+        // Half of white in linear light has the sRGB code 188; transparent pixels add no colour.
         assert_eq!((small.size, small.at(0, 0)), ((2, 1), [188, 188, 188, 255]));
         assert_eq!((small.at(1, 0), small.at(2, 0)), ([255, 0, 0, 128], [0; 4]));
     }
@@ -365,7 +366,7 @@ mod blocks_tests {
         let expected = "\x1b[38;2;255;0;0;48;2;0;0;255m▀\x1b[0;38;2;0;255;0m▄\x1b[0m\n";
         assert_eq!(block_text(&picture, true), expected);
         assert_eq!(block_text(&picture, false), "\x1b[38;5;196;48;5;21m▀\x1b[0;38;5;46m▄\x1b[0m\n");
-        assert_eq!((cube([128; 3]), cube([0; 3]), cube([255; 3])), (244, 16, 231));
+        assert_eq!([[128; 3], [0; 3], [255; 3]].map(nearest_of_256), [244, 16, 231]);
     }
 }
 
@@ -385,10 +386,10 @@ mod sixel_tests {
     #[test]
     fn colors_are_distinct_and_keep_their_mean() {
         for number in 0..252 {
-            let [r, g, b] = parts(number);
+            let [r, g, b] = levels_of(number);
             assert_eq!((r * LEVELS[1] + g) * LEVELS[2] + b, number);
         }
-        let reds = (0..16).map(|i| parts(color([128, 0, 0, 255], i % 4, i / 4))[0]);
+        let reds = (0..16).map(|i| levels_of(color_index([128, 0, 0, 255], i % 4, i / 4))[0]);
         // 128 / 255 of five steps, in the mean of a 4 x 4 square.
         assert!((f64::from(reds.sum::<u32>()) / 16.0 - 2.51).abs() < 0.05);
     }

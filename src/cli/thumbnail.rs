@@ -1,6 +1,8 @@
+//! `oscura thumb` and `oscura install-thumbnailer`: thumbnails of models.
+
 use super::args::bytes;
-use super::parsers::whole;
-use super::pictures::{check, mark, marked, refuse_part};
+use super::parsers::integer;
+use super::pictures::{check, mark, marked, refuse_scene_file};
 use super::process::{Limits, Outcome, Watchdog, cancel_by_signals, exit_code};
 use super::report;
 use super::report::{name_options_in_error, print_text};
@@ -21,38 +23,34 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-// `oscura thumb`: small pictures of many models.
-
-/// Scattering events of a path: more are not seen at this size.
+/// Maximum path depth; deeper paths are hardly visible at thumbnail size.
 const DEPTH: u32 = 6;
 
-/// Help where a picture would overwrite another file.
-const ELSEWHERE: &str = "give another place by -o FOLDER or --file FILE, or replace it by --force";
+/// Help if a thumbnail would overwrite another file.
+const OUTPUT_HELP: &str = "choose another file with -o FOLDER or --file FILE, or overwrite it with --force";
 
-/// Makes all pictures; models that fail are listed, and the worst decides the exit code.
+/// Renders all thumbnails. Failures are listed at the end; the highest exit code is returned.
 pub(super) fn run(args: &ThumbArgs) -> Result<Outcome> {
     let cancel = cancel_by_signals()?;
     let targets = targets(args)?;
     let threads = args.threads.map(usize::from);
-    in_pool(threads, || all(args, &targets, &cancel))?
+    in_pool(threads, || render_all(args, &targets, &cancel))?
 }
 
-/// The picture's file, if it is named: by `--file`, or by `-o NAME.png`.
+/// The output file given by `--file` or `-o NAME.png`, if any.
 fn named_file(args: &ThumbArgs) -> Option<&PathBuf> {
     let is_picture =
         |path: &&PathBuf| Format::of(path).is_ok_and(|format| format == Format::Png) && !path.is_dir();
     args.file.as_ref().or_else(|| args.output.as_ref().filter(is_picture))
 }
 
-/// Where each picture goes.
+/// Output file of each model.
 fn targets(args: &ThumbArgs) -> Result<Vec<PathBuf>> {
     if let Some(file) = named_file(args) {
         return match args.models.len() {
             1 => Ok(vec![file.clone()]),
-            many => {
-                Err(Error::usage(format!("{} is the picture of one model, not of {many}", file.display()))
-                    .with_help("give a folder by -o"))
-            }
+            many => Err(Error::usage(format!("{} is one file for {many} models", file.display()))
+                .with_help("choose a folder with -o")),
         };
     }
     if let Some(folder) = &args.output {
@@ -60,25 +58,25 @@ fn targets(args: &ThumbArgs) -> Result<Vec<PathBuf>> {
     }
     let mut targets: Vec<PathBuf> = Vec::new();
     for model in &args.models {
-        // Beside the model `scan.png` would be its rendering or its texture.
+        // Next to the model, `scan.png` may be its rendering or a texture.
         let target = match &args.output {
             Some(folder) => folder.join(model.with_extension("png").file_name().unwrap_or_default()),
             None => model.with_extension("thumb.png"),
         };
         if targets.contains(&target) {
-            let message = format!("two models would become {}", target.display());
-            return Err(Error::usage(message).with_help("give those of one name apart, or without -o"));
+            let message = format!("two models have the thumbnail {}", target.display());
+            return Err(Error::usage(message).with_help("omit -o, or run the command for each folder"));
         }
         targets.push(target);
     }
     Ok(targets)
 }
 
-fn all(args: &ThumbArgs, targets: &[PathBuf], cancel: &CancelHandle) -> Result<Outcome> {
+fn render_all(args: &ThumbArgs, targets: &[PathBuf], cancel: &CancelHandle) -> Result<Outcome> {
     let mut failures: Vec<(&Path, Error)> = Vec::new();
     for (model, target) in args.models.iter().zip(targets) {
         let start = Instant::now();
-        match one(args, model, target, cancel) {
+        match render_one(args, model, target, cancel) {
             Ok(true) if !args.quiet => {
                 say!("wrote    {} in {:.1} s", target.display(), start.elapsed().as_secs_f64());
             }
@@ -102,22 +100,23 @@ fn all(args: &ThumbArgs, targets: &[PathBuf], cancel: &CancelHandle) -> Result<O
     Ok(Outcome::Failed(worst))
 }
 
-/// Limits for file managers, which ask for the picture of any model that is in view.
+/// Limits for file managers, which request thumbnails of all visible models.
 const LIMITS: &str = "--time-limit 60 --memory-limit 4G";
 
-/// Makes one; false if it was stopped.
-fn one(args: &ThumbArgs, model: &Path, target: &Path, cancel: &CancelHandle) -> Result<bool> {
+/// Renders one thumbnail; returns false if cancelled.
+fn render_one(args: &ThumbArgs, model: &Path, target: &Path, cancel: &CancelHandle) -> Result<bool> {
     let time = args.time_limit.map(|seconds| Duration::from_secs(seconds.into()));
     let file = model.to_path_buf();
-    let too_much =
-        move |message: String| Error::input(&file, message).with_help("what else was asked for is not made");
-    let _watchdog = Watchdog::begin(Limits { time, memory: args.memory_limit }, too_much);
+    let exceeded = move |message: String| {
+        Error::input(&file, message).with_help("the remaining thumbnails are not made")
+    };
+    let _watchdog = Watchdog::begin(Limits { time, memory: args.memory_limit }, exceeded);
     check_scene_path(model)?;
     check_target(target)?;
-    refuse_part(model, target, &[model.to_path_buf()], ELSEWHERE)?;
+    refuse_scene_file(model, target, &[model.to_path_buf()], OUTPUT_HELP)?;
     let mark = mark("thumb", model);
     if named_file(args).is_none() && !args.force {
-        check(target, &mark, ELSEWHERE)?;
+        check(target, &mark, OUTPUT_HELP)?;
     }
     let stage = args.stage.options(Some(1.0), args.memory_limit, &mut Vec::new())?;
     let options = LoadOptions {
@@ -130,10 +129,10 @@ fn one(args: &ThumbArgs, model: &Path, target: &Path, cancel: &CancelHandle) -> 
         ..LoadOptions::default()
     };
     let loaded = load(model, &options)?;
-    refuse_part(model, target, &options.files.paths(), ELSEWHERE)?;
+    refuse_scene_file(model, target, &options.files.paths(), OUTPUT_HELP)?;
     let is_stage_lit = loaded.is_stage_lit;
     let (width, height) = size(args.size, &loaded);
-    // Denoising does more for a few samples than what makes each of them better, in less time.
+    // With few samples, denoising is worth more than techniques that cost time per sample.
     let mut rendering = Renderer::new(loaded)
         .size(width, height)
         .samples(args.spp)
@@ -152,31 +151,30 @@ fn one(args: &ThumbArgs, model: &Path, target: &Path, cancel: &CancelHandle) -> 
     }
     rendering.denoise(AovSet::NONE);
     let picture = rendering.into_picture();
-    let view = match is_stage_lit && args.stage.leaves_view_open() {
+    let view = match is_stage_lit && args.stage.allows_filmic_view() {
         true => ViewTransform::Filmic,
         false => ViewTransform::Srgb,
     };
     let mut output = picture.output_options().clone();
     output.png = PngOptions { view, ..output.png };
-    // By what they hold, not by the name: that of a file manager's temporary file may end in anything.
+    // Always PNG: temporary files of file managers may have any extension.
     let encoded = encode(picture.film(), Format::Png, &output, target)?;
     write_atomically(target, &marked(encoded.bytes, &mark))?;
     Ok(true)
 }
 
-/// Square for models that were framed; else of the shape that the scene asks for.
+/// Size with this longer side: square for automatically framed models, else with the scene's aspect ratio.
 fn size(longer: u32, loaded: &Loaded) -> (u32, u32) {
     let settings = &loaded.scene.settings;
-    let of_scene = match (settings.width, settings.height) {
+    let scene_aspect = match (settings.width, settings.height) {
         (Some(w), Some(h)) if h > 0 => Some(f64::from(w) / f64::from(h)),
         _ => loaded.scene.cameras.first().and_then(|c| c.aspect_ratio),
     };
-    let aspect = of_scene.filter(|a| *a > 0.0 && a.is_finite() && loaded.turntable.is_none()).unwrap_or(1.0);
-    let of = |share: f64| ((f64::from(longer) * share).round() as u32).max(1);
-    (of(aspect.min(1.0)), of(1.0 / aspect.max(1.0)))
+    let aspect =
+        scene_aspect.filter(|a| *a > 0.0 && a.is_finite() && loaded.turntable.is_none()).unwrap_or(1.0);
+    let scaled = |factor: f64| ((f64::from(longer) * factor).round() as u32).max(1);
+    (scaled(aspect.min(1.0)), scaled(1.0 / aspect.max(1.0)))
 }
-
-// Arguments of the commands about small pictures.
 
 #[derive(Args, Debug)]
 pub(crate) struct ThumbArgs {
@@ -193,18 +191,18 @@ pub(crate) struct ThumbArgs {
     #[arg(id = "force_overwrite", long = "force")]
     pub force: bool,
     /// Longer side of the thumbnail, pixels.
-    #[arg(long, value_name = "N", default_value = "512", value_parser = whole::<u32>(1, 8192), allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", default_value = "512", value_parser = integer::<u32>(1, 8192), allow_negative_numbers = true)]
     pub size: u32,
     /// Samples per pixel; the thumbnail is denoised.
-    #[arg(long, value_name = "N", default_value = "4", value_parser = whole::<u32>(1, u32::MAX), allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", default_value = "4", value_parser = integer::<u32>(1, u32::MAX), allow_negative_numbers = true)]
     pub spp: u32,
     /// Number of threads [default: one per core].
-    #[arg(long, value_name = "N", value_parser = whole::<u16>(1, 1024), allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", value_parser = integer::<u16>(1, 1024), allow_negative_numbers = true)]
     pub threads: Option<u16>,
-    /// Time limit for each model, seconds; the program ends when one takes longer.
-    #[arg(long, value_name = "SECONDS", value_parser = whole::<u32>(1, u32::MAX), allow_negative_numbers = true)]
+    /// Time limit per model, seconds; the program ends if a model takes longer.
+    #[arg(long, value_name = "SECONDS", value_parser = integer::<u32>(1, u32::MAX), allow_negative_numbers = true)]
     pub time_limit: Option<u32>,
-    /// Memory limit, such as 2G or 500M; the program ends when a model takes more.
+    /// Memory limit, such as 2G or 500M; the program ends if a model takes more.
     #[arg(long, value_name = "SIZE", value_parser = bytes)]
     pub memory_limit: Option<u64>,
     /// Let glTF and OBJ files and sidecars refer to files outside their folder.
@@ -230,10 +228,10 @@ pub(crate) struct ThumbnailerArgs {
     pub quiet: bool,
 }
 
-// `oscura install-thumbnailer`: the files by which file managers find out that `oscura thumb` makes small pictures of models
-// (the thumbnailers of GNOME and Xfce, and the shared MIME database of freedesktop.org).
+// `oscura install-thumbnailer`: registers `oscura thumb` with file managers (thumbnailer entries of GNOME and Xfce, and the shared
+// MIME database of freedesktop.org).
 
-/// Types of models: name, description, extension, and the first bytes of such files, if they have a signature.
+/// File types: MIME type, description, extension, and magic bytes, if any.
 const TYPES: [(&str, &str, &str, Option<&str>); 7] = [
     ("model/gltf-binary", "glTF model (binary)", "glb", Some("glTF")),
     ("model/gltf+json", "glTF model", "gltf", None),
@@ -244,20 +242,20 @@ const TYPES: [(&str, &str, &str, Option<&str>); 7] = [
     ("model/vrm", "VRM avatar", "vrm", None),
 ];
 
-/// The program that updates the database of MIME types.
-const UPDATE: &str = "update-mime-database";
+/// Program that updates the MIME database.
+const UPDATE_COMMAND: &str = "update-mime-database";
 
-/// Files to write.
+/// Files to install, with their contents.
 struct Installed {
     thumbnailer: (PathBuf, String),
     types: (PathBuf, String),
-    /// The folder of all types.
+    /// Folder of the MIME database.
     mime: PathBuf,
 }
 
 impl Installed {
-    /// Below the user's folder of data.
-    fn below(data: &Path) -> Installed {
+    /// In the user's data folder.
+    fn in_folder(data: &Path) -> Installed {
         let mime = data.join("mime");
         Installed {
             thumbnailer: (data.join("thumbnailers/oscura.thumbnailer"), thumbnailer(&program())),
@@ -274,17 +272,17 @@ impl Installed {
 /// Writes, prints or removes the files.
 pub(crate) fn install(args: &ThumbnailerArgs) -> Result<Outcome> {
     if args.print {
-        // Where nothing is written, the usual place says enough (packages are built without a home).
-        let installed = Installed::below(&data_folder().unwrap_or_else(|_| "~/.local/share".into()));
+        // Package builds may have no home folder.
+        let installed = Installed::in_folder(&data_folder().unwrap_or_else(|_| "~/.local/share".into()));
         for (path, text) in installed.files() {
             print_text(&format!("# {}\n{text}\n", path.display()));
         }
         return Ok(Outcome::Done);
     }
-    let installed = Installed::below(&data_folder()?);
-    let say = |what: &str, path: &Path| {
+    let installed = Installed::in_folder(&data_folder()?);
+    let say = |action: &str, path: &Path| {
         if !args.quiet {
-            say!("{what:<8} {}", path.display());
+            say!("{action:<8} {}", path.display());
         }
     };
     for (path, text) in installed.files() {
@@ -299,49 +297,47 @@ pub(crate) fn install(args: &ThumbnailerArgs) -> Result<Outcome> {
         }
     }
     if !args.quiet {
-        explain(args.remove, update(&installed.mime), &installed.mime);
+        print_hints(args.remove, update_mime_database(&installed.mime), &installed.mime);
     }
     Ok(Outcome::Done)
 }
 
-/// Prints further notes.
-fn explain(is_removal: bool, is_updated: bool, mime: &Path) {
+/// Prints hints after installing or removing.
+fn print_hints(is_removal: bool, is_updated: bool, mime: &Path) {
     if !is_updated {
-        say!("next     {UPDATE} {} (it was not found or failed; types show after it)", mime.display());
+        say!("next     {UPDATE_COMMAND} {} (was not found or failed; needed for thumbnails)", mime.display());
     }
     if is_removal {
         return;
     }
-    say!(
-        "note     pictures show when file managers have started anew; they keep failures: ~/.cache/thumbnails/fail"
-    );
+    say!("note     restart file managers to see thumbnails; delete failed ones in ~/.cache/thumbnails/fail");
     if !program().starts_with("/usr") {
         let path = program();
         say!(
-            "note     GNOME's file manager lets thumbnailers see /usr only; it needs the program there, not at {}",
+            "note     GNOME's file manager only runs thumbnailers in /usr, so oscura must be there instead of at {}",
             path.display()
         );
     }
     say!("undo     oscura install-thumbnailer --remove");
 }
 
-/// Lets the system read the types again, if it has the means.
-fn update(mime: &Path) -> bool {
-    let mut command = Command::new(UPDATE);
+/// Updates the MIME database; returns false if that fails.
+fn update_mime_database(mime: &Path) -> bool {
+    let mut command = Command::new(UPDATE_COMMAND);
     command.arg(mime).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
     mime.is_dir() && command.status().is_ok_and(|status| status.success())
 }
 
-/// `$XDG_DATA_HOME`, else `~/.local/share` (XDG Base Directory Specification).
+/// The user's data folder: `$XDG_DATA_HOME`, else `~/.local/share` (XDG Base Directory Specification).
 fn data_folder() -> Result<PathBuf> {
-    let given = |name: &str| env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
-    let usual = || given("HOME").map(|home| home.join(".local/share"));
-    given("XDG_DATA_HOME").or_else(usual).ok_or_else(|| {
-        Error::usage("can't find the folder of the user's data").with_help("set XDG_DATA_HOME to a folder")
+    let variable = |name: &str| env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
+    let default = || variable("HOME").map(|home| home.join(".local/share"));
+    variable("XDG_DATA_HOME").or_else(default).ok_or_else(|| {
+        Error::usage("can't find the user's data folder").with_help("set XDG_DATA_HOME to a folder")
     })
 }
 
-/// How the system starts this program: by its file, or by its name where it runs inside of another (Python).
+/// Path of this program; if it runs within another program (Python), `oscura` in PATH.
 fn program() -> PathBuf {
     let own = env::current_exe().ok().filter(|path| path.file_stem().is_some_and(|stem| stem == "oscura"));
     let on_path = || {
@@ -351,19 +347,19 @@ fn program() -> PathBuf {
     own.or_else(on_path).unwrap_or_else(|| PathBuf::from("oscura"))
 }
 
-/// The entry of a thumbnailer; `%s` is the size in pixels, `%o` the picture and `%i` the model.
+/// Thumbnailer entry. `%s` is the size in pixels, `%o` the output and `%i` the input.
 fn thumbnailer(program: &Path) -> String {
     let names: Vec<&str> = TYPES.iter().map(|(name, ..)| *name).collect();
     let program = program.display().to_string();
-    // The specification has no quotes in TryExec.
-    let (tried, run) = (value(&program), value(&quoted(&program)));
+    // TryExec is not quoted, by the specification.
+    let (try_exec, exec) = (escaped(&program), escaped(&quoted(&program)));
     format!(
-        "[Thumbnailer Entry]\nTryExec={tried}\nExec={run} thumb --quiet {LIMITS} --size %s --file %o %i\nMimeType={};\n",
+        "[Thumbnailer Entry]\nTryExec={try_exec}\nExec={exec} thumb --quiet {LIMITS} --size %s --file %o %i\nMimeType={};\n",
         names.join(";")
     )
 }
 
-/// A word of a command, in quotes (Desktop Entry Specification, "The Exec key").
+/// Quotes an argument (Desktop Entry Specification, "The Exec key").
 fn quoted(word: &str) -> String {
     let mut out = String::from("\"");
     for c in word.chars() {
@@ -377,14 +373,14 @@ fn quoted(word: &str) -> String {
     out + "\""
 }
 
-/// A string as the value of a key, which is read before its quotes are (Desktop Entry Specification, "Possible value types").
-fn value(text: &str) -> String {
+/// Escapes a string value; applied after quoting (Desktop Entry Specification, "Possible value types").
+fn escaped(text: &str) -> String {
     text.replace('\\', r"\\").replace('\n', r"\n").replace('\t', r"\t").replace('\r', r"\r")
 }
 
-/// The types with their extensions, which systems may know already.
+/// XML file for the MIME database.
 fn types() -> String {
-    let of = |(name, about, extension, magic): &(&str, &str, &str, Option<&str>)| {
+    let element = |(name, about, extension, magic): &(&str, &str, &str, Option<&str>)| {
         let magic = magic.map_or_else(String::new, |start| {
             format!(
                 "    <magic priority=\"60\"><match type=\"string\" value=\"{start}\" offset=\"0\"/></magic>\n"
@@ -395,10 +391,10 @@ fn types() -> String {
              </mime-type>\n"
         )
     };
-    let all: String = TYPES.iter().map(of).collect();
+    let elements: String = TYPES.iter().map(element).collect();
     format!(
         "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n\
-         <mime-info xmlns=\"http://www.freedesktop.org/standards/shared-mime-info\">\n{all}</mime-info>\n"
+         <mime-info xmlns=\"http://www.freedesktop.org/standards/shared-mime-info\">\n{elements}</mime-info>\n"
     )
 }
 
@@ -407,7 +403,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn paths_with_characters_of_the_command_are_escaped() {
+    fn special_characters_of_paths_are_escaped() {
         let line = |path: &str, key: &str| {
             let entry = thumbnailer(Path::new(path));
             let found = entry.lines().find_map(|line| line.strip_prefix(key)).map(str::to_string);

@@ -1,12 +1,12 @@
-//! `oscura view`: a page that shows a scene while it renders. One thread renders (on the pool's threads), one takes
-//! requests and starts a thread for each ([`Page`]), one watches files and signals.
+//! `oscura view`: a web page that shows a scene while it renders. One thread renders (with the pool's threads), one accepts HTTP
+//! requests and starts a thread for each ([`Page`]), and one watches files and signals.
 
 use super::args::RenderArgs;
 use super::page::{
     Edits, Frame, LightInfo, Page, PageDisplay, Pose, RECORDED, RenderRequest, SceneInfo, Shared,
-    ViewRequest, bind, own_command, strengthen,
+    ViewRequest, bind, own_command, set_environment_strength,
 };
-use super::parsers::whole;
+use super::parsers::integer;
 use super::process::{Outcome, cancel_by_signals};
 use super::render::{load_options, load_scene};
 use super::scene_args::{BackgroundArg, StageArg, check_scene_path};
@@ -29,9 +29,10 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// How often signals and files are looked at.
-const TICK: Duration = Duration::from_millis(50);
-const WATCH: Duration = Duration::from_millis(500);
+/// Interval between tests for signals.
+const SIGNAL_INTERVAL: Duration = Duration::from_millis(50);
+/// Interval between tests for changed files.
+const WATCH_INTERVAL: Duration = Duration::from_millis(500);
 
 /// Serves the page until a signal ends it.
 pub(crate) fn run(args: &ViewArgs) -> Result<Outcome> {
@@ -39,11 +40,11 @@ pub(crate) fn run(args: &ViewArgs) -> Result<Outcome> {
     args.picture.scene = args.picture.scenes.first().cloned().unwrap_or_default();
     let cancel = cancel_by_signals()?;
     let threads = args.picture.threads.map(usize::from);
-    in_pool(threads, || show(&args, &cancel))?
+    in_pool(threads, || serve(&args, &cancel))?
 }
 
-fn show(args: &ViewArgs, cancel: &CancelHandle) -> Result<Outcome> {
-    // A port in use is reported before the scene is loaded.
+fn serve(args: &ViewArgs, cancel: &CancelHandle) -> Result<Outcome> {
+    // Before loading, to report ports in use at once.
     let server = bind(args.port)?;
     let files = SavedFiles::default();
     let model = Model::load(args, &files, cancel)?;
@@ -51,39 +52,39 @@ fn show(args: &ViewArgs, cancel: &CancelHandle) -> Result<Outcome> {
     if !args.picture.quiet {
         facts.notes.iter().for_each(|note| say!("note: {note}"));
     }
-    let wish = model.wish(args, &facts, &poses)?;
+    let request = model.request(args, &facts, &poses)?;
     let display = PageDisplay { denoise: !args.picture.picture.no_denoise, ..model.display() };
-    let shared = Shared::new(wish, display, facts, poses);
+    let shared = Shared::new(request, display, facts, poses);
     let page = Page::open(server, shared, &args.picture, !args.no_open);
     // Rendering stays on this thread, which belongs to the pool.
     std::thread::scope(|scope| {
-        scope.spawn(|| watch_over(args.watch.then_some(&files), cancel, &page.shared));
-        let done = render_wishes(args, model, &files, cancel, &page.shared);
+        scope.spawn(|| watch(args.watch.then_some(&files), cancel, &page.shared));
+        let result = render_requests(args, model, &files, cancel, &page.shared);
         page.shared.end();
-        done
+        result
     })?;
     Ok(Outcome::Done)
 }
 
-/// Ends all at a signal, and has the scene loaded again when one of these files was saved.
-fn watch_over(files: Option<&SavedFiles>, cancel: &CancelHandle, shared: &Shared) {
-    let mut looked = Instant::now();
-    while !shared.lock().is_over {
-        std::thread::sleep(TICK);
+/// Stops all threads on a signal and requests reloading when one of the files changes.
+fn watch(files: Option<&SavedFiles>, cancel: &CancelHandle, shared: &Shared) {
+    let mut last_check = Instant::now();
+    while !shared.lock().is_stopped {
+        std::thread::sleep(SIGNAL_INTERVAL);
         if cancel.is_cancelled() {
             shared.end();
         }
-        let Some(files) = files.filter(|_| looked.elapsed() >= WATCH) else { continue };
-        looked = Instant::now();
+        let Some(files) = files.filter(|_| last_check.elapsed() >= WATCH_INTERVAL) else { continue };
+        last_check = Instant::now();
         if files.have_changed() {
-            shared.wish(|state| state.wish.loads += 1);
+            shared.request(|state| state.request.loads += 1);
         }
     }
 }
 
-// The arguments of `oscura view`: those of `render`, but for what concerns files that are written.
+// Arguments of `oscura view`: those of `render` except for output files, sequences and reports.
 
-/// Arguments of `render` that have no meaning here: they are about files, sequences and reports.
+/// Arguments of `render` without meaning here.
 const UNUSED: [&str; 38] = [
     "output",
     "verbose",
@@ -130,7 +131,7 @@ pub(crate) struct ViewArgs {
     #[command(flatten)]
     pub picture: RenderArgs,
     /// Port of the local web server [default: a free one].
-    #[arg(long, value_name = "N", value_parser = whole::<u16>(0, 65535), default_value = "0", hide_default_value = true)]
+    #[arg(long, value_name = "N", value_parser = integer::<u16>(0, 65535), default_value = "0", hide_default_value = true)]
     pub port: u16,
     /// Print the page's address without opening a browser.
     #[arg(long)]
@@ -140,22 +141,21 @@ pub(crate) struct ViewArgs {
     pub watch: bool,
 }
 
-/// Takes the unused arguments out of the command's help.
+/// Hides unused arguments from the command's help.
 pub(crate) fn adapt(command: Command) -> Command {
     let command = command.mut_arg("scenes", |arg| {
-        arg.num_args(1)
-            .help("The scene: .gltf, .glb, .vrm, .obj, .ply, .spz, .stl, .3mf, .zip, .toml or .blend")
+        arg.num_args(1).help("Scene: .gltf, .glb, .vrm, .obj, .ply, .spz, .stl, .3mf, .zip, .toml or .blend")
     });
-    // Arguments that `render` requires are optional here.
+    // Required in `render`, optional here.
     let output = Arg::new("output").short('o').long("output").action(ArgAction::Append);
     let command = command.mut_arg("output", |_| output.value_parser(value_parser!(PathBuf)));
     UNUSED.iter().fold(command, |command, id| command.mut_arg(id, |arg| arg.hide(true)))
 }
 
-/// Refuses unused arguments that were given.
+/// Refuses unused arguments.
 ///
 /// # Errors
-/// As clap reports unknown arguments.
+/// Like clap's for unknown arguments.
 pub(crate) fn refuse_unused(
     command: &mut Command,
     matches: &ArgMatches,
@@ -166,38 +166,37 @@ pub(crate) fn refuse_unused(
         "output" => "-o".to_string(),
         id => format!("--{}", id.replace('_', "-")),
     };
-    let message = format!("{argument} has no meaning for what is shown in a browser; 'oscura render' has it");
+    let message = format!("{argument} is not supported by 'oscura view', only by 'oscura render'");
     Err(command.error(ErrorKind::UnknownArgument, message))
 }
 
-// The viewed scene: loaded, compiled, and adjusted to the requests of pages.
+/// Default number of samples per pixel.
+const DEFAULT_SAMPLES: u32 = 1024;
+/// Maximum number of pixels of the initial picture, without `--width` and `--height`.
+const MAX_INITIAL_PIXELS: u64 = 640_000;
+/// Maximum number of lights listed by pages.
+const MAX_LIGHTS: usize = 512;
 
-/// Samples of a finished picture, unless the arguments say so.
-const SAMPLES: u32 = 1024;
-/// Maximum number of pixels that a picture has at first, unless the arguments say so.
-const PIXELS: u64 = 640_000;
-/// Maximum number of lights that pages list.
-const MOST_LIGHTS: usize = 512;
-
+/// The viewed scene: loaded, compiled, and adjusted to requests of pages.
 struct Model {
     pub loaded: Loaded,
     pub resolved: ResolvedOptions,
     pub compiled: Arc<CompiledScene>,
-    /// Samples of a finished picture.
+    /// Samples per pixel of a finished picture.
     pub samples: u32,
     pub png: PngOptions,
-    /// Which wish for loading it follows.
+    /// Number of the reload request it was loaded for.
     pub loads: u64,
     compiler: Compiler,
     triangles: u64,
     notes: Vec<String>,
-    /// How the environment was turned when it was loaded, degrees.
+    /// Rotation of the environment as loaded, degrees.
     own_rotation: Option<f64>,
     rotation: Option<f64>,
-    /// Strength of the environment as it was loaded, if it has one that could be another.
+    /// Strength of the environment as loaded; `None` if it can't be scaled.
     own_strength: Option<f64>,
     strength: Option<f64>,
-    /// The materials and lights as loaded, and their changes.
+    /// Materials and lights as loaded; `edits` are applied to them.
     own_materials: Arc<[Material]>,
     own_lights: Vec<Light>,
     light_infos: Arc<[LightInfo]>,
@@ -205,14 +204,14 @@ struct Model {
 }
 
 impl Model {
-    /// Loads and compiles the scene, and has its files watched in place of those before; where that fails, besides them.
+    /// Loads and compiles the scene. Its files replace the watched files, or are added to them if loading fails.
     ///
     /// # Errors
-    /// As `oscura render` does.
+    /// Those of `oscura render`.
     pub fn load(args: &ViewArgs, files: &SavedFiles, cancel: &CancelHandle) -> Result<Model> {
-        let newer = SavedFiles::default();
-        let model = Model::read(&args.picture, &newer, cancel);
-        files.replace_by(&newer, model.is_err());
+        let new_files = SavedFiles::default();
+        let model = Model::read(&args.picture, &new_files, cancel);
+        files.replace_by(&new_files, model.is_err());
         model
     }
 
@@ -229,10 +228,10 @@ impl Model {
         let mut loaded = load_scene(args, cancel, &options)?;
         let mut compiler = Compiler::sequence();
         compiler.expect_other_cameras();
-        let wants = PictureUse { has_exr: true, keeps_uv: true, pictures: 1 };
+        let usage = PictureUse { has_exr: true, keeps_uv: true, pictures: 1 };
         let prepared = prepare(
             &completed(args, &loaded.scene.settings),
-            wants,
+            usage,
             Some(&environment),
             &mut loaded,
             start,
@@ -243,12 +242,12 @@ impl Model {
         let own_strength = strength(&loaded.scene.environment, args.env_strength);
         let own_materials = loaded.scene.materials.clone().into();
         let own_lights = loaded.scene.lights.clone();
-        let light_infos = LightInfo::all(&loaded.scene).into_iter().take(MOST_LIGHTS).collect();
+        let light_infos = LightInfo::all(&loaded.scene).into_iter().take(MAX_LIGHTS).collect();
         Ok(Model {
             loaded,
             resolved,
             compiled: scene,
-            samples: args.spp.unwrap_or(SAMPLES),
+            samples: args.spp.unwrap_or(DEFAULT_SAMPLES),
             png,
             loads: 0,
             compiler,
@@ -265,12 +264,12 @@ impl Model {
         })
     }
 
-    /// The initial settings.
-    pub fn wish(&self, args: &ViewArgs, facts: &SceneInfo, poses: &[Pose]) -> Result<ViewRequest> {
-        let fits = |&&(w, h): &&(u32, u32)| u64::from(w) * u64::from(h) <= PIXELS;
+    /// The initial request.
+    pub fn request(&self, args: &ViewArgs, facts: &SceneInfo, poses: &[Pose]) -> Result<ViewRequest> {
+        let fits = |&&(w, h): &&(u32, u32)| u64::from(w) * u64::from(h) <= MAX_INITIAL_PIXELS;
         let is_chosen = args.picture.width.or(args.picture.height).is_some();
-        let whole = (self.resolved.options.width, self.resolved.options.height);
-        let size = facts.sizes.iter().rev().find(fits).filter(|_| !is_chosen).copied().unwrap_or(whole);
+        let full = (self.resolved.options.width, self.resolved.options.height);
+        let size = facts.sizes.iter().rev().find(fits).filter(|_| !is_chosen).copied().unwrap_or(full);
         let camera = self.resolved.camera.unwrap_or(0);
         let pose =
             poses.get(camera).cloned().ok_or_else(|| Error::input(&args.picture.scene, "has no camera"))?;
@@ -286,10 +285,12 @@ impl Model {
         PageDisplay::new(self.png.clone())
     }
 
-    /// Facts about it for pages.
+    /// Information about the scene for pages.
     pub fn facts(&self, args: &ViewArgs) -> SceneInfo {
         let (w, h) = (self.resolved.options.width, self.resolved.options.height);
-        let part = |(n, of): (u64, u64)| [w, h].map(|v| (u64::from(v) * n / of).max(1) as u32).into();
+        let scaled = |(numerator, denominator): (u64, u64)| {
+            [w, h].map(|v| (u64::from(v) * numerator / denominator).max(1) as u32).into()
+        };
         let has_stage = self.loaded.turntable.is_some() && args.picture.env.is_none();
         let name = args.picture.scene.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let camera = |(i, camera): (usize, &Camera)| match camera.name.as_str() {
@@ -303,7 +304,7 @@ impl Model {
             name,
             cameras: self.loaded.scene.cameras.iter().enumerate().map(camera).collect(),
             triangles: self.triangles,
-            sizes: [(1, 4), (1, 2), (3, 4), (1, 1)].map(part).to_vec(),
+            sizes: [(1, 4), (1, 2), (3, 4), (1, 1)].map(scaled).to_vec(),
             rotation: self.own_rotation,
             strength: self.own_strength,
             sidecar: sidecar.as_ref().and_then(|path| Some(path.file_name()?.to_string_lossy().into_owned())),
@@ -323,14 +324,14 @@ impl Model {
         }
     }
 
-    /// Passes that can be shown. Motion is known only if it was asked for at loading.
+    /// Option name and description of passes that can be shown. Motion must be requested at loading.
     fn passes(&self) -> Vec<(&'static str, &'static str)> {
-        let knows_motion = self.resolved.options.aovs.contains(Aov::Motion);
-        let shown = Aov::ALL.iter().filter(|aov| knows_motion || **aov != Aov::Motion);
-        shown.map(|aov| (aov.info().option, aov.info().about)).collect()
+        let has_motion = self.resolved.options.aovs.contains(Aov::Motion);
+        let passes = Aov::ALL.iter().filter(|aov| has_motion || **aov != Aov::Motion);
+        passes.map(|aov| (aov.info().option, aov.info().about)).collect()
     }
 
-    /// The scene's cameras.
+    /// Poses of the scene's cameras.
     pub fn poses(&self, args: &ViewArgs) -> Vec<Pose> {
         let scene = &self.loaded.scene;
         let bounds = scene_extent(scene, &instance_extents(scene)).0;
@@ -340,7 +341,7 @@ impl Model {
             let eye = camera.world_from_camera.translation;
             let ahead = camera.world_from_camera.transform_vector3(DVec3::NEG_Z);
             let distance = (0.5 * (low + high) - eye).dot(ahead);
-            // A camera within the scene may look away from its middle.
+            // The centre may be behind cameras within the scene.
             let distance = if distance > 0.0 { distance } else { 0.5 * low.distance(high).max(1e-3) };
             let pose = Pose::new(camera.clone(), distance);
             match number == chosen {
@@ -351,10 +352,10 @@ impl Model {
         scene.cameras.iter().enumerate().map(pose).collect()
     }
 
-    /// Loads the scene again, as the wish of a number asks for.
+    /// Reloads the scene for the reload request of a number.
     ///
     /// # Errors
-    /// As [`Model::load`]; the scene then stays as it was.
+    /// Those of [`Model::load`]; the scene is then unchanged.
     pub fn reload(
         &mut self,
         args: &ViewArgs,
@@ -362,7 +363,7 @@ impl Model {
         cancel: &CancelHandle,
         loads: u64,
     ) -> Result<()> {
-        // Also if it fails: it is tried once.
+        // Set even if loading fails, which is not retried.
         self.loads = loads;
         *self = Model { loads, ..Model::load(args, files, cancel)? };
         Ok(())
@@ -371,34 +372,36 @@ impl Model {
     /// Adjusts and compiles the scene for a request.
     ///
     /// # Errors
-    /// Those of compiling; the scene then stays as it was.
-    pub fn follow(&mut self, wish: &ViewRequest) -> Result<()> {
-        let camera = wish.pose.camera();
-        let wanted = wish.rotation.or(self.own_rotation);
-        let strength = wish.strength.or(self.own_strength);
-        let view = View::new(&self.compiled, camera, wish.size.0, wish.size.1);
-        let is_same = wanted == self.rotation && strength == self.strength && wish.edits == self.edits;
+    /// Those of compiling; the scene is then unchanged.
+    pub fn update(&mut self, request: &ViewRequest) -> Result<()> {
+        let camera = request.pose.camera();
+        let rotation = request.rotation.or(self.own_rotation);
+        let strength = request.strength.or(self.own_strength);
+        let view = View::new(&self.compiled, camera, request.size.0, request.size.1);
+        let is_same = rotation == self.rotation && strength == self.strength && request.edits == self.edits;
         if is_same && !view.needs_new_anchor(&self.compiled) {
             return Ok(());
         }
         let before = (self.rotation, self.strength, self.edits.clone());
-        self.change(wanted, strength, &wish.edits);
+        self.apply(rotation, strength, &request.edits);
         let size = (self.resolved.options.width, self.resolved.options.height);
         match self.compiler.compile(&self.loaded.scene, self.resolved.shading, camera, size) {
             Ok((compiled, _)) => self.compiled = compiled,
             Err(error) => {
-                self.change(before.0, before.1, &before.2);
+                self.apply(before.0, before.1, &before.2);
                 return Err(error);
             }
         }
         Ok(())
     }
 
-    /// Changes the scene, which is not compiled yet.
-    fn change(&mut self, rotation: Option<f64>, strength: Option<f64>, edits: &Edits) {
-        turn(&mut self.loaded.scene, rotation);
-        if let (Some(before), Some(wanted)) = (self.strength, strength) {
-            strengthen(&mut self.loaded.scene, before, wanted);
+    /// Changes the scene without compiling it. `rotation` in degrees.
+    fn apply(&mut self, rotation: Option<f64>, strength: Option<f64>, edits: &Edits) {
+        if let Some(degrees) = rotation {
+            self.loaded.scene.turn_environment(degrees.to_radians());
+        }
+        if let (Some(old), Some(new)) = (self.strength, strength) {
+            set_environment_strength(&mut self.loaded.scene, old, new);
         }
         if *edits != self.edits {
             self.loaded.scene.materials = edits.applied(&self.own_materials);
@@ -408,19 +411,13 @@ impl Model {
     }
 }
 
-/// Turns an environment's picture to an angle, degrees.
-fn turn(scene: &mut Scene, wanted: Option<f64>) {
-    if let Some(degrees) = wanted {
-        scene.turn_environment(degrees.to_radians());
-    }
-}
-
-/// The names of a scene's objects by number, of the first million.
+/// Names of the scene's objects by number, at most a million.
 fn objects(scene: &Scene) -> Arc<[String]> {
     let all = ObjectId::all(scene).take(1_000_000);
     all.map(|object| object.name(scene).unwrap_or_default().to_string()).collect()
 }
 
+/// Rotation of an environment map, degrees.
 fn rotation(environment: &Environment) -> Option<f64> {
     match environment {
         Environment::Image { rotation_rad, .. } => Some(rotation_rad.to_degrees()),
@@ -428,7 +425,7 @@ fn rotation(environment: &Environment) -> Option<f64> {
     }
 }
 
-/// The strength of an environment, as `--env-strength` has it; `None` where nothing could be stronger.
+/// Strength of an environment, as for `--env-strength`; `None` if scaling has no effect.
 fn strength(environment: &Environment, given: Option<f32>) -> Option<f64> {
     let own = match environment {
         Environment::Image { strength, .. } => f64::from(*strength),
@@ -438,107 +435,115 @@ fn strength(environment: &Environment, given: Option<f32>) -> Option<f64> {
     Some(own).filter(|strength| *strength > 0.0)
 }
 
-// Renders the requests of pages: a small picture first, then the full one, pass by pass.
+// Rendering of requests: first a small preview, then the full picture, pass by pass.
 
-/// How long a small first picture may take, seconds.
+/// Maximum time of a preview, seconds.
 const PREVIEW_S: f64 = 0.06;
-/// Samples a second assumed until the first picture is measured.
-const FIRST_GUESS: f64 = 5e5;
-/// Largest size of the finished picture over that of a first one.
-const COARSEST: u32 = 8;
+/// Samples per second assumed before the first measurement.
+const INITIAL_SPEED: f64 = 5e5;
+/// Maximum ratio of the full size to a preview's.
+const MAX_PREVIEW_SCALE: u32 = 8;
 
-/// Fulfils wishes until all is over.
+/// Renders requests until stopped.
 ///
 /// # Errors
-/// If there is no memory for the first picture.
-fn render_wishes(
+/// There is not enough memory for the first picture.
+fn render_requests(
     args: &ViewArgs,
     mut model: Model,
     files: &SavedFiles,
     cancel: &CancelHandle,
     shared: &Shared,
 ) -> Result<()> {
-    let (mut done, mut speed) = (0, FIRST_GUESS);
-    // Why the scene could not be loaded again; empty if it could.
-    let mut broken = String::new();
-    while let Some(mut order) = shared.next_order(done) {
-        done = order.number;
-        if order.wish.loads != model.loads {
-            let args = &chosen(args, &order.wish);
-            let loaded = model.reload(args, files, cancel, order.wish.loads);
-            let taken = loaded.and_then(|()| replace_by(args, &model, &mut order.wish, shared));
-            broken = taken.err().map_or(String::new(), |error| error.to_string());
+    let (mut done, mut speed) = (0, INITIAL_SPEED);
+    // Error of the last reload; empty if it succeeded.
+    let mut reload_error = String::new();
+    while let Some(mut render_request) = shared.next_request(done) {
+        done = render_request.number;
+        if render_request.request.loads != model.loads {
+            let args = &with_choices(args, &render_request.request);
+            let loaded = model.reload(args, files, cancel, render_request.request.loads);
+            let result =
+                loaded.and_then(|()| show_reloaded(args, &model, &mut render_request.request, shared));
+            reload_error = result.err().map_or(String::new(), |error| error.to_string());
         }
-        // After an error the earlier scene stays and is rendered.
-        let followed = model.follow(&order.wish);
-        report_trouble(shared, followed.err().map_or(broken.clone(), |error| error.to_string()));
-        if let Err(error) = render(&model, &order, shared, &mut speed) {
+        // After errors the previous scene is rendered.
+        let updated = model.update(&render_request.request);
+        show_error(shared, updated.err().map_or(reload_error.clone(), |error| error.to_string()));
+        if let Err(error) = render(&model, &render_request, shared, &mut speed) {
             if shared.lock().frame.is_none() {
                 return Err(error);
             }
-            report_trouble(shared, error.to_string());
+            show_error(shared, error.to_string());
         }
     }
     Ok(())
 }
 
-/// The arguments with the choices of pages.
-fn chosen(args: &ViewArgs, wish: &ViewRequest) -> ViewArgs {
+/// The arguments with the choices of a request.
+fn with_choices(args: &ViewArgs, request: &ViewRequest) -> ViewArgs {
     let mut args = args.clone();
-    args.picture.stage.up = wish.up.unwrap_or(args.picture.stage.up);
-    args.picture.stage.stage = wish.stage.or(args.picture.stage.stage);
+    args.picture.stage.up = request.up.unwrap_or(args.picture.stage.up);
+    args.picture.stage.stage = request.stage.or(args.picture.stage.stage);
     args
 }
 
-/// Shows the facts of a scene that was loaded again, and adjusts the request to it.
-fn replace_by(args: &ViewArgs, model: &Model, wish: &mut ViewRequest, shared: &Shared) -> Result<()> {
+/// Shows the information of a reloaded scene and adjusts requests to it.
+fn show_reloaded(args: &ViewArgs, model: &Model, request: &mut ViewRequest, shared: &Shared) -> Result<()> {
     let (facts, poses) = (model.facts(args), model.poses(args));
-    let own = model.wish(args, &facts, &poses)?;
+    let own = model.request(args, &facts, &poses)?;
     shared.show(|state| {
         let before = std::mem::replace(&mut state.facts, facts).sizes;
         state.poses = poses;
-        for wish in [&mut *wish, &mut state.wish] {
-            wish.fit(&own, &before, &state.facts, &state.poses);
+        for request in [&mut *request, &mut state.request] {
+            request.fit(&own, &before, &state.facts, &state.poses);
         }
     });
     Ok(())
 }
 
-/// Shows an error, unless it is shown already.
-fn report_trouble(shared: &Shared, trouble: String) {
-    if shared.lock().trouble != trouble {
-        shared.show(|state| state.trouble = trouble);
+/// Shows an error on pages; empty for none.
+fn show_error(shared: &Shared, error: String) {
+    if shared.lock().error_message != error {
+        shared.show(|state| state.error_message = error);
     }
 }
 
-/// Renders until all samples are taken or something else is wanted.
-fn render(model: &Model, order: &RenderRequest, shared: &Shared, speed: &mut f64) -> Result<()> {
-    let (width, height) = order.wish.size;
+/// Renders until finished or cancelled by a newer request.
+fn render(model: &Model, render_request: &RenderRequest, shared: &Shared, speed: &mut f64) -> Result<()> {
+    let (width, height) = render_request.request.size;
     let pixels = f64::from(width) * f64::from(height);
     let takes_long = |scale: &u32| pixels / f64::from(scale * scale) / *speed > PREVIEW_S;
-    let scale = [1, 2, 4].into_iter().find(|scale| !takes_long(scale)).unwrap_or(COARSEST);
+    let scale = [1, 2, 4].into_iter().find(|scale| !takes_long(scale)).unwrap_or(MAX_PREVIEW_SCALE);
     let steps = [(scale, Some(1)), (1, None)];
     for (scale, samples) in steps.into_iter().skip(usize::from(scale == 1)) {
         let is_last = samples.is_none();
-        if !render_at(model, order, shared, speed, (scale, samples.unwrap_or(model.samples)), is_last)? {
+        if !render_at(
+            model,
+            render_request,
+            shared,
+            speed,
+            (scale, samples.unwrap_or(model.samples)),
+            is_last,
+        )? {
             break;
         }
     }
     Ok(())
 }
 
-/// Renders at the size divided by a scale. Returns false if a newer request cancelled it.
+/// Renders at the size divided by `scale`. Returns false if cancelled by a newer request.
 fn render_at(
     model: &Model,
-    order: &RenderRequest,
+    render_request: &RenderRequest,
     shared: &Shared,
     speed: &mut f64,
     (scale, samples): (u32, u32),
     is_last: bool,
 ) -> Result<bool> {
-    let (width, height) = order.wish.size;
-    let aovs = order.wish.aov.map_or(RECORDED, |aov| RECORDED.with(aov));
-    // A limit makes the first pass one of a single sample.
+    let (width, height) = render_request.request.size;
+    let aovs = render_request.request.aov.map_or(RECORDED, |aov| RECORDED.with(aov));
+    // With a time limit, the first pass takes a single sample.
     let options = model
         .resolved
         .options
@@ -547,16 +552,17 @@ fn render_at(
         .aovs(aovs)
         .halves(true)
         .time_limit(Some(Duration::from_secs(1 << 30)))
-        // The first picture can't wait until paths have learned.
+        // Training would delay the first picture.
         .guiding(Guiding::Off)
-        // Estimated, but never low enough to stop.
+        // Unreachable threshold: the noise is only estimated.
         .noise(Some(f32::MIN_POSITIVE));
     let labels = Labels::of(&model.loaded.scene, &options);
-    let camera = order.wish.pose.for_rendering();
+    let camera = render_request.request.pose.for_rendering();
     let rendering = Rendering::labelled(model.compiled.clone(), labels, &camera, options)?;
     let scene = &model.loaded;
-    let mut rendering =
-        rendering.with_cancel_handle(order.cancel.clone()).placed(scene.scene.backdrop.clone(), scene.offset);
+    let mut rendering = rendering
+        .with_cancel_handle(render_request.cancel.clone())
+        .placed(scene.scene.backdrop.clone(), scene.offset);
     loop {
         let (start, before) = (Instant::now(), rendering.statistics().samples);
         let outcome = rendering.next_pass();
@@ -568,9 +574,9 @@ fn render_at(
             *speed = taken as f64 / start.elapsed().as_secs_f64().max(1e-4);
         }
         let is_done = outcome != PassOutcome::Progressed;
-        let frame = Frame { scale, ..Frame::of(&rendering, is_done && is_last, order.number) };
-        // A late frame would replace a newer one.
-        if order.cancel.is_cancelled() {
+        let frame = Frame { scale, ..Frame::of(&rendering, is_done && is_last, render_request.number) };
+        // It would replace a newer frame.
+        if render_request.cancel.is_cancelled() {
             return Ok(false);
         }
         shared.show(|state| state.frame = Some(frame.into()));

@@ -14,40 +14,39 @@ use std::time::SystemTime;
 /// Options of loading.
 #[derive(Clone, Debug, Default)]
 pub struct LoadOptions {
-    /// The files that a glTF asset refers to may lie outside its folder.
+    /// Allow a glTF asset to refer to files outside its own folder.
     pub allow_external: bool,
-    /// The caller lights the scene with an environment of its own, or wants none: a scene without light gets no default
-    /// sky.
+    /// The caller sets the environment itself: scenes without lights get no default sky.
     pub brings_environment: bool,
-    /// Options for Blender's files.
+    /// Options for Blender files.
     pub blender: BlenderOptions,
     /// Options for glTF assets.
     pub gltf: GltfOptions,
-    /// Radius, in metres, of the spheres that the points of a point cloud become; without it such a file is refused.
+    /// Sphere radius for points of point clouds, metres; `None` estimates one from the spacing of the points.
     pub point_radius: Option<f64>,
-    /// Leave out the materials, textures and images of mesh files: the caller replaces all of them.
+    /// Skip the materials, textures and images of mesh files: the caller replaces all of them.
     pub geometry_only: bool,
-    /// The named attributes of vertices that materials read; others of PLY files are left out. `None` for all.
+    /// Names of the vertex attributes to load from PLY files; `None` loads all.
     pub attributes: Option<Arc<BTreeSet<String>>>,
     /// The up axis of OBJ and PLY files; models are rotated to y up.
     pub up: Up,
-    /// Smooth normals for meshes of OBJ and PLY files that have none: the angle between two faces, in radians from 0 to pi, up to
-    /// which the edge between them is rounded. `None` shows their facets.
+    /// Auto-smooth angle for meshes of OBJ and PLY files without normals, radians, 0 to pi: edges with a smaller angle between
+    /// the face normals are smooth. `None`: flat shading.
     pub smooth_rad: Option<f64>,
     /// Catmull-Clark subdivision of the meshes of OBJ and PLY files.
     pub subdivision: Option<Subdivision>,
-    /// Keep the polygons of OBJ files ([`Loaded::polygons`]), as something asks for subdivision.
+    /// Keep the polygons of OBJ files ([`Loaded::polygons`]) for subdivision.
     pub keeps_polygons: bool,
     /// Shutter interval and motion keys.
     pub shutter: ShutterOptions,
-    /// Names of empty nodes of the model where lights will be placed: the shutter's keys cover their trajectories. Those of a
-    /// sidecar are added.
+    /// Names of the model's empty nodes where lights will be placed: motion keys cover their trajectories. The loader
+    /// adds those of the sidecar.
     pub lit_nodes: BTreeSet<String>,
-    /// The stage of a model without camera or light.
+    /// Stage (camera, lights, ground) for models without a camera or light.
     pub stage: StageOptions,
-    /// Maximum number of bytes that the pixels of one image may take: larger ones are refused by their headers, as damaged ones are.
+    /// Maximum size of the pixels of one image, bytes; larger images are refused after reading their headers.
     pub memory_limit: Option<u64>,
-    /// Records the files that are read or looked for.
+    /// Collects the paths of all files that were read or not found.
     pub files: SavedFiles,
     /// Progress of reading PLY and OBJ files.
     pub counter: WorkCounter,
@@ -64,28 +63,28 @@ pub struct Loaded {
     pub warnings: Vec<Warning>,
     /// Notes about choices made and files found, where nothing is wrong.
     pub notes: Vec<Warning>,
-    /// Data that was not read because the picture doesn't need it, with the savings; for `--explain`.
+    /// Data that was skipped because it has no effect on the picture, with the savings; for `--explain`.
     pub left_out: Vec<String>,
     /// Empty nodes of the model.
     pub empties: Vec<EmptyNode>,
-    /// Losses of Blender's own exporter, where it wrote the file.
+    /// What Blender's glTF exporter dropped; `None` for files by other programs.
     pub blender: Option<BlenderExport>,
     /// The file declares area lights, however dim.
     pub has_area_lights: bool,
-    /// Materials of faces for which the file has none.
+    /// Default materials, for faces without a material in the file.
     pub stand_ins: Vec<MaterialId>,
     /// The polygons of meshes, for subdivision.
     pub polygons: Polygons,
-    /// The up axis by the file.
+    /// Hints of the file about its up axis.
     pub up_hint: UpHint,
     /// The origin of the model's meshes in world space, metres: coordinates beyond the precision of
-    /// f32 are stored relative to it. The scene is placed where the file says.
+    /// f32 are stored relative to it, and instances are translated by it.
     pub offset: DVec3,
     /// The scene is the model of another program, whose emissive parts need not be meant as lights.
     pub is_model: bool,
-    /// A stage that loading added lights the scene.
+    /// The lights are those of a stage that the loader added.
     pub is_stage_lit: bool,
-    /// The turntable of a camera that loading added.
+    /// The turntable of the camera that the loader added.
     pub turntable: Option<Turntable>,
 }
 
@@ -95,73 +94,67 @@ pub struct Loaded {
 pub struct EmptyNode {
     /// Its name.
     pub name: String,
-    /// Its world transform at the picture's time.
+    /// At the frame's time.
     pub world_from_node: DAffine3,
-    /// Its world transform at other times, if it moves while the shutter is open.
+    /// Keys over the shutter interval; `None` for nodes at rest.
     pub motion: Option<Keyframes<DAffine3>>,
 }
 
-/// Signs in a glTF file by Blender that its exporter dropped something. All by name.
+/// Names of objects and materials of a glTF file from Blender from which the exporter seems to have dropped data.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct BlenderExport {
-    /// Empty nodes with names of lights: the exporter turns area lights into these.
+    /// Empty nodes named like lights: the exporter writes area lights as empty nodes.
     pub lights: Vec<String>,
-    /// Materials that are pure white and without a texture, as those become whose colour comes from other nodes.
+    /// Pure white materials without a texture: probably the colour came from a node that the exporter doesn't support.
     pub white: Vec<String>,
-    /// Metals of roughness 1 without a texture, as those become whose roughness or metalness comes from other nodes.
+    /// Metals of roughness 1 without a texture: probably roughness or metalness came from an unsupported node.
     pub rough_metal: Vec<String>,
-    /// Materials without any parameters, as those become that are made of other nodes than Principled BSDF.
+    /// Materials without any parameters: probably their shader is not a Principled BSDF.
     pub lost: Vec<String>,
     /// Opaque materials whose base colour has an image with alpha.
     pub unused_alpha: Vec<String>,
-    /// Objects of such lost materials that enclose a camera or a light, as the cubes of fogs do: with the name of that.
+    /// Objects with a material of `lost` that enclose a camera or a light, such as the domain of a fog, with its name.
     pub enclosing: Vec<(String, String)>,
 }
 
 impl From<Scene> for Loaded {
-    /// A scene that was built in code.
+    /// Wraps a scene that was built in code.
     fn from(scene: Scene) -> Loaded {
         Loaded { scene, ..Loaded::default() }
     }
 }
 
-// Options for files of Blender.
-
-/// Options for files of Blender.
+/// Options for Blender files.
 #[derive(Clone, Debug, Default)]
 pub struct BlenderOptions {
-    /// Blender's program, or a Python that has `bpy`; else what the environment variable `OSCURA_BLENDER` names, else
-    /// what is found.
+    /// Path of Blender, or of a Python with `bpy`; `None`: the environment variable `OSCURA_BLENDER`, else the first one found.
     pub program: Option<PathBuf>,
-    /// The frame to render, in Blender's numbering; else that of the requested time, else the file's current one.
+    /// Frame to render, in Blender's numbering; `None`: the frame at the requested time, else the file's current one.
     pub frame: Option<u32>,
-    /// The view layer to show, by its name; else the first that is rendered.
+    /// Name of the view layer to render; `None`: the first that is enabled for rendering.
     pub view_layer: Option<String>,
-    /// Largest edge of pictures that nodes are baked to, pixels; else 1024.
+    /// Maximum edge of baked textures, pixels; `None`: 1024.
     pub bake: Option<u32>,
-    /// The cache folder for baked images, created if it is missing; `None`
-    /// keeps nothing.
+    /// The cache folder for baked textures, created if it is missing; `None`: no cache.
     pub cache: Option<PathBuf>,
 }
-
-// Options for glTF assets.
 
 /// Options of a glTF asset; the defaults are the default scene of the file in its rest pose.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct GltfOptions {
-    /// The time of its animations, seconds; `None` shows the rest pose.
+    /// Animation time, seconds; `None`: the rest pose.
     pub time_s: Option<f64>,
-    /// The scene to show, by name or number, in place of the file's default.
+    /// Name or number of the scene to load; `None`: the file's default scene.
     pub scene: Option<String>,
-    /// The node to show with all below it, by name or number, in place of a whole scene.
+    /// Name or number of the root node to load with its descendants; `None`: the whole scene.
     pub node: Option<String>,
-    /// The variant of its materials (KHR_materials_variants), by name or number.
+    /// Name or number of the material variant (KHR_materials_variants).
     pub variant: Option<String>,
     /// Units of its lights.
     pub light_units: LightUnits,
     /// Interpretation of transmissive materials without a volume.
     pub glass: Glass,
-    /// Go on without the extensions that the file demands and that are not supported.
+    /// Ignore unsupported extensions that the file requires.
     pub force: bool,
 }
 
@@ -169,46 +162,44 @@ pub struct GltfOptions {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum LightUnits {
     /// The specification's units, also the default of Blender's exporter; spot lights in files by Blender
-    /// fade as they do there.
+    /// get Blender's falloff from the inner to the outer cone angle.
     #[default]
     Auto,
-    /// Candela and lux, turned into watts by 683 lm/W.
+    /// Candela and lux, converted to watts at 683 lm/W.
     Spec,
     /// Watts per steradian and per square metre (Blender's mode "Unitless").
     Compat,
-    /// Watts of the whole light as Blender shows them; sun lights in watts per square metre (Blender's mode "Raw").
+    /// Total power in watts, as in Blender's interface; sun lights in watts per square metre (Blender's mode "Raw").
     Raw,
 }
 
-/// Interpretation of materials with transmission and without a volume (thickness 0). Where they become solids, their
-/// colour applies once to light that has passed the whole body, as in Blender; the colour of solids that the file declares applies at
-/// each crossing of their surface, as the specification says.
+/// Interpretation of materials with transmission and without a volume (thickness 0). As solids, they tint light once per
+/// traversal of the body, as in Blender; solids declared by the file tint at each interface, as the specification says.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Glass {
-    /// Solid in files by Blender, which leaves the volume out for ordinary glass, where the meshes enclose bodies; thin
-    /// where they don't, and in all other files, as the specification says. In Blender files all is solid, as in
-    /// Blender, except open sheets, which refract nevertheless.
+    /// In glTF files by Blender, whose exporter omits the volume of ordinary glass: solid for closed meshes, thin for open
+    /// ones. In other glTF files: thin, as the specification says. In Blender files: refracting for all meshes.
     #[default]
     Auto,
-    /// They refract like the surface of a solid body.
+    /// Refracting interfaces of solid bodies.
     Solid,
-    /// As [`Glass::Auto`]; and flat closed meshes, the panes of windows, become single sheets, whether a volume is declared or
-    /// not. Light samples pass sheets, whereas light behind a solid is found by BSDF sampling only. Sheets don't refract and have no
-    /// edges. The same applies to open sheets of Blender files.
+    /// As [`Glass::Auto`], but flat closed meshes (window panes) and open sheets of Blender files become thin sheets without
+    /// refraction, declared volume or not. Shadow rays pass thin sheets; emitters behind a solid are reached by BSDF
+    /// sampling only.
     Panes,
-    /// They are thin walls that do not refract, as the specification says.
+    /// Thin walls without refraction, as the specification says.
     Thin,
 }
 
 impl GltfOptions {
-    /// Finds an entry by name or number; `names` are those of all entries in order.
+    /// Index of the entry with this name, or else with this index.
     ///
     /// # Errors
     /// A help text that lists the entries.
-    pub(super) fn find(names: &[String], wanted: &str) -> Result<usize, String> {
+    pub(super) fn find(names: &[String], name_or_index: &str) -> Result<usize, String> {
         const LISTED: usize = 20;
-        let by_number = || wanted.parse::<usize>().ok().filter(|&i| i < names.len());
-        names.iter().position(|n| n == wanted).or_else(by_number).ok_or_else(|| {
+        let by_number = || name_or_index.parse::<usize>().ok().filter(|&i| i < names.len());
+        names.iter().position(|n| n == name_or_index).or_else(by_number).ok_or_else(|| {
             let mut list: Vec<String> =
                 names.iter().take(LISTED).enumerate().map(|(i, name)| format!("{i} '{name}'")).collect();
             if names.len() > LISTED {
@@ -219,34 +210,32 @@ impl GltfOptions {
     }
 }
 
-// Axes of files.
-
-/// Which axis of the file points up.
+/// The up axis of a file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Up {
-    /// Guessed by what the file says about its origin and by the model's shape.
+    /// Guessed from the program that wrote the file and from the model's shape.
     Auto,
-    /// x.
+    /// +x.
     X,
-    /// y, as in scenes.
+    /// +y, as in scenes.
     #[default]
     Y,
-    /// z, as in Blender and most scans and CAD.
+    /// +z, as in Blender and most scans and CAD.
     Z,
-    /// Against x.
+    /// -x.
     NegX,
-    /// Against y.
+    /// -y.
     NegY,
-    /// Against z.
+    /// -z.
     NegZ,
 }
 
-/// The writer of a file.
+/// Hints of a file about its up axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct UpHint {
-    /// The axis that this writer's files have up.
+    /// The up axis customary for the program or format that wrote the file, with its name for messages.
     pub writer: Option<(Up, &'static str)>,
-    /// Files of this format mostly have y up; else they have z up about as often.
+    /// Files of this format are mostly y-up; otherwise y-up and z-up are about equally likely.
     pub is_mostly_y: bool,
 }
 
@@ -267,8 +256,7 @@ impl Up {
         }
     }
 
-    /// The rotation that turns the axis up, exact in every number. The front stays where most programs have it: -y of models
-    /// with z up comes to the front, z.
+    /// Rotation from the file's axes to y up, all entries 0 or ±1. The front of z-up models, -y, becomes +z.
     pub(super) fn rotation(self) -> DMat3 {
         let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
         let (x, y, z) = match self {
@@ -283,23 +271,21 @@ impl Up {
     }
 }
 
-// Which files a scene was made of, and when they were saved.
-
 /// Modification time and size of a file; `None` if it does not exist.
 type Stamp = Option<(Option<SystemTime>, u64)>;
 
-/// The files that loading has read or not found. Clones are the same list.
+/// The files that the loader has read or not found, with their modification times. Clones share one list.
 #[derive(Clone, Debug, Default)]
 pub struct SavedFiles(Arc<Mutex<BTreeMap<PathBuf, Stamp>>>);
 
 impl SavedFiles {
-    /// Records a file with its current modification time, before it is read.
+    /// Records a file with its current modification time; call before reading it.
     pub fn note(&self, path: impl AsRef<Path>) {
         let path = path.as_ref();
         self.lock().entry(path.to_path_buf()).or_insert_with(|| stamp(path));
     }
 
-    /// Was any of them saved, removed or created since it was recorded or since the last call?
+    /// Whether any file was saved, removed or created since it was recorded or since the last call.
     pub fn have_changed(&self) -> bool {
         let mut has_any = false;
         for (path, known) in self.lock().iter_mut() {
@@ -310,7 +296,7 @@ impl SavedFiles {
         has_any
     }
 
-    /// Replaces the list by that of a newer load, or, if that load failed, adds to it.
+    /// Replaces the list by that of a newer load, or, if that load failed, merges the two.
     pub fn replace_by(&self, newer: &SavedFiles, has_failed: bool) {
         let newer = newer.lock().clone();
         let mut own = self.lock();
@@ -320,7 +306,7 @@ impl SavedFiles {
         own.extend(newer);
     }
 
-    /// Their paths.
+    /// The recorded paths, sorted.
     pub fn paths(&self) -> Vec<PathBuf> {
         self.lock().keys().cloned().collect()
     }
@@ -350,7 +336,7 @@ mod saved_tests {
     }
 
     #[test]
-    fn what_a_scene_is_made_of_is_watched_and_nothing_else() {
+    fn exactly_the_files_of_a_scene_are_watched() {
         let folder = tempfile::tempdir().unwrap();
         let file = |name: &str| folder.path().join(name);
         fs::create_dir(file("scenes")).unwrap();
@@ -382,7 +368,7 @@ mod saved_tests {
     }
 
     #[test]
-    fn a_load_that_failed_is_watched_besides() {
+    fn files_of_a_failed_load_are_added() {
         let (own, newer) = (SavedFiles::default(), SavedFiles::default());
         own.note("a");
         newer.note("b");
@@ -396,15 +382,15 @@ mod saved_tests {
 /// Options of the shutter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ShutterOptions {
-    /// Shutter time, frames; `None`: as the scene says, else 0 (no motion blur).
+    /// Shutter time, frames; `None`: the scene's, else 0 (no motion blur).
     pub frames: Option<f64>,
-    /// When it is open; `None`: as the scene says, else centred at the picture's time.
+    /// Position of the interval; `None`: the scene's, else centred on the frame.
     pub position: Option<ShutterPosition>,
     /// Frames per second, for animations in seconds.
     pub fps: f64,
-    /// Number of motion keys, 2 or more; `None`: as many as the trajectories need.
+    /// Number of motion keys, 2 or more; `None`: as many as interpolation within the tolerance needs.
     pub keys: Option<u32>,
-    /// Sample the previous and the next frame, too, for motion vectors.
+    /// Also sample the previous and the next frame, for motion vectors.
     pub vectors: bool,
 }
 
@@ -414,15 +400,15 @@ impl Default for ShutterOptions {
     }
 }
 
-/// When the shutter is open.
+/// Position of the shutter interval relative to the frame's time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ShutterPosition {
-    /// It opens at the picture's time.
+    /// Opens at the frame's time.
     Start,
-    /// The picture's time is the middle of the interval.
+    /// Centred on the frame's time.
     #[default]
     Centre,
-    /// It closes at the picture's time.
+    /// Closes at the frame's time.
     End,
 }
 
@@ -448,23 +434,23 @@ const TOLERANCE: f64 = 1e-3;
 const LAST_TOLERANCE: f64 = 1e-2;
 
 impl ShutterOptions {
-    /// With the scene's settings where the user has none.
+    /// Fills unset options with the scene's.
     #[must_use]
     pub fn or(self, frames: Option<f64>, position: Option<ShutterPosition>) -> ShutterOptions {
         ShutterOptions { frames: self.frames.or(frames), position: self.position.or(position), ..self }
     }
 
-    /// Is the shutter time above 0?
+    /// Whether the shutter time is above 0.
     pub fn is_open(&self) -> bool {
         self.frames.is_some_and(|frames| frames > 0.0)
     }
 
-    /// Are samples at other times needed?
+    /// Whether transforms at times other than the frame's are needed.
     pub fn needs_motion(&self) -> bool {
         self.is_open() || self.vectors
     }
 
-    /// A time in the shutter interval (`share` 0 to 1), frames relative to the picture's time.
+    /// A time in the shutter interval, `share` from 0 (open) to 1 (close), in frames relative to the frame's time.
     pub fn frame_at(&self, share: f64) -> f64 {
         let frames = self.frames.unwrap_or(0.0);
         match self.position.unwrap_or_default() {
@@ -474,15 +460,15 @@ impl ShutterOptions {
         }
     }
 
-    /// The times of `keys` keys, frames relative to the picture's time.
+    /// Equidistant times of `keys` motion keys, in frames relative to the frame's time.
     pub fn key_frames(&self, keys: usize) -> impl Iterator<Item = f64> + use<> {
         let options = *self;
         let last = keys.saturating_sub(1).max(1) as f64;
         (0..keys).map(move |key| options.frame_at(key as f64 / last))
     }
 
-    /// Number of keys for objects whose transforms at a frame are `transforms(frame)`, such that interpolation between keys is within the
-    /// tolerance; and whether it is within it at the maximum number of keys.
+    /// Number of motion keys with which interpolation of `transforms(frame)` is within the tolerance; false if it is out of
+    /// the tolerance even at the maximum number of keys.
     pub fn keys_for(&self, transforms: &mut dyn FnMut(f64) -> Vec<DAffine3>) -> (usize, bool) {
         if !self.is_open() {
             return (0, true);
@@ -501,7 +487,7 @@ impl ShutterOptions {
         (steps + 1, self.is_accurate(steps, transforms, &path_lengths, LAST_TOLERANCE))
     }
 
-    /// Approximate lengths of the trajectories in the shutter interval.
+    /// Approximate lengths of the trajectories over the shutter interval, metres.
     fn path_lengths(&self, transforms: &mut dyn FnMut(f64) -> Vec<DAffine3>) -> Vec<f64> {
         const STEPS: u32 = 8;
         let mut before = transforms(self.frame_at(0.0));
@@ -516,7 +502,7 @@ impl ShutterOptions {
         path_lengths
     }
 
-    /// Is interpolation over this number of steps within the tolerance?
+    /// Whether interpolation between `steps + 1` equidistant keys is within the tolerance.
     fn is_accurate(
         &self,
         steps: usize,
@@ -524,7 +510,7 @@ impl ShutterOptions {
         path_lengths: &[f64],
         tolerance: f64,
     ) -> bool {
-        // Some per step, at irregular times: periodic motion must not alias.
+        // Irregular test times in each step: periodic motion must not alias.
         let between = (7 / steps).max(2);
         let inner = |k: usize| (k as f64 + 0.9) / (between as f64 + 0.8);
         let (mut from, mut is_accurate) = (transforms(self.frame_at(0.0)), true);
@@ -547,15 +533,14 @@ impl ShutterOptions {
     }
 }
 
-/// Does a transform approximate another within the tolerance? `path_length` is the length of the trajectory.
-fn is_near(found: &DAffine3, sampled: &DAffine3, tolerance: f64, path_length: f64) -> bool {
+/// Whether an interpolated transform is within the tolerance. `path_length`: length of the trajectory, metres.
+fn is_near(interpolated: &DAffine3, sampled: &DAffine3, tolerance: f64, path_length: f64) -> bool {
     let axes = |m: &DAffine3| [m.matrix3.x_axis, m.matrix3.y_axis, m.matrix3.z_axis];
-    let is_near =
-        |(found, sampled): (DVec3, DVec3)| (found - sampled).length() <= tolerance * sampled.length();
+    let is_near = |(axis, sampled): (DVec3, DVec3)| (axis - sampled).length() <= tolerance * sampled.length();
     // Motion below the precision of f64 counts as none.
     let distance = tolerance * path_length + 1e-12 * sampled.translation.length();
-    let is_placed = found.translation.distance(sampled.translation) <= distance;
-    is_placed && axes(found).into_iter().zip(axes(sampled)).all(is_near)
+    let is_placed = interpolated.translation.distance(sampled.translation) <= distance;
+    is_placed && axes(interpolated).into_iter().zip(axes(sampled)).all(is_near)
 }
 
 #[cfg(test)]
@@ -577,14 +562,14 @@ mod tests {
     }
 
     #[test]
-    fn straight_ways_need_two_keys_and_turns_as_many_as_their_angle() {
+    fn translations_need_two_keys_and_rotations_more_with_their_angle() {
         let shift = |frame: f64| vec![DAffine3::from_translation(DVec3::X * frame)];
         assert_eq!(open(0.5).keys_for(&mut |f| shift(f)), (2, true));
         assert_eq!(open(0.0).keys_for(&mut |f| shift(f)), (0, true));
         let turn = |speed: f64| move |frame: f64| vec![DAffine3::from_rotation_y(speed * frame)];
         let keys = |speed: f64| open(1.0).keys_for(&mut turn(speed));
         assert_eq!(keys(0.05), (2, true));
-        // 1 - cos(a / 2) is a thousandth at 5.1 degrees.
+        // The error 1 - cos(a / 2) reaches the tolerance of 1e-3 at a step of 5.1 degrees.
         assert_eq!(keys(1.0), (17, true));
         assert_eq!(keys(std::f64::consts::TAU), (65, true));
         assert_eq!(keys(20.0), (65, false));
@@ -592,7 +577,7 @@ mod tests {
     }
 
     #[test]
-    fn the_shutter_opens_before_at_and_after_the_moment() {
+    fn positions_shift_the_shutter_interval() {
         let frames = |position| {
             let options = ShutterOptions { position: Some(position), ..open(0.5) };
             options.key_frames(3).collect::<Vec<_>>()

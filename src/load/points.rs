@@ -1,4 +1,4 @@
-//! Point clouds: vertices without faces, shown as spheres.
+//! Point clouds (vertices without faces) as spheres.
 
 use super::{LoadOptions, Loaded};
 use crate::error::{Choice, Error, Result, Warning};
@@ -7,23 +7,23 @@ use crate::scene::{Material, MaterialId, Shape};
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
-/// Maximum number of distinct colours; more are quantized.
+/// Maximum number of distinct colours; with more, colours are quantized.
 const MAX_COLORS: usize = 1 << 15;
-/// Levels of each channel (as its square root, which is nearly even to the eye) where colours are rounded.
+/// Quantization steps of each channel's square root, which is nearly perceptually uniform.
 const LEVELS: f32 = 31.0;
 
 /// The points of a file.
 pub(super) struct Cloud<'a> {
     /// Relative to the origin, metres.
     pub positions: &'a [[f32; 3]],
-    /// Linear RGBA of each; empty where the file has none.
+    /// Linear RGBA per point; empty if the file has none.
     pub colors: &'a [[f32; 4]],
-    /// The origin of the positions.
+    /// World-space origin of the positions, metres.
     pub origin: DVec3,
 }
 
 impl Cloud<'_> {
-    /// Adds the points as spheres of the radius that the caller wants, else of one by their spacing.
+    /// Adds the points as spheres of the requested radius, else of a radius estimated from their spacing.
     ///
     /// # Errors
     /// A usage error for an invalid radius.
@@ -33,10 +33,9 @@ impl Cloud<'_> {
             Some(_) => return Err(Error::usage("the radius of points must be a finite number above 0")),
             None => self.radius_by_spacing(path, loaded),
         };
-        let exact = self.distinct_colors();
-        let rounded = |i: usize| self.color(i).map(|c| ((c.sqrt() * LEVELS).round() / LEVELS).powi(2));
-        let round = exact > MAX_COLORS;
-        if round {
+        let quantized = |i: usize| self.color(i).map(|c| ((c.sqrt() * LEVELS).round() / LEVELS).powi(2));
+        let is_quantized = self.distinct_colors() > MAX_COLORS;
+        if is_quantized {
             let message =
                 format!("the points have more than {MAX_COLORS} colours, which are rounded to 32 levels");
             loaded.warnings.push(Warning::new(path, "", message));
@@ -49,7 +48,7 @@ impl Cloud<'_> {
                 dropped += 1;
                 continue;
             }
-            let albedo = if round { rounded(i) } else { self.color(i) };
+            let albedo = if is_quantized { quantized(i) } else { self.color(i) };
             let scene = &mut loaded.scene;
             let material = *materials.entry(albedo.map(f32::to_bits)).or_insert_with(|| {
                 scene.materials.push(Material::lambert("point", albedo));
@@ -58,13 +57,13 @@ impl Cloud<'_> {
             scene.shapes.push(Shape::sphere(center, radius, material));
         }
         if dropped > 0 {
-            let message = format!("{dropped} points that are not finite numbers were dropped");
+            let message = format!("{dropped} points with positions that aren't finite were dropped");
             loaded.warnings.push(Warning::new(path, "", ("points-not-finite", message)));
         }
         Ok(())
     }
 
-    /// A radius that closes the gaps between neighbours, with a note.
+    /// A radius estimated from the spacing, with a note.
     fn radius_by_spacing(&self, path: &Path, loaded: &mut Loaded) -> f64 {
         let radius = radius(self.positions);
         let message = format!(
@@ -77,10 +76,10 @@ impl Cloud<'_> {
     }
 
     fn color(&self, i: usize) -> [f32; 3] {
-        self.colors.get(i).map_or([0.8; 3], |c| [c[0], c[1], c[2]].map(sane))
+        self.colors.get(i).map_or([0.8; 3], |c| [c[0], c[1], c[2]].map(clamped))
     }
 
-    /// The number of distinct colours, counted up to one more than the maximum.
+    /// Number of distinct colours, at most the maximum plus one.
     fn distinct_colors(&self) -> usize {
         let mut seen = HashSet::new();
         for i in 0..self.colors.len() {
@@ -93,26 +92,26 @@ impl Cloud<'_> {
     }
 }
 
-fn sane(x: f32) -> f32 {
+fn clamped(x: f32) -> f32 {
     if x.is_nan() { 0.0 } else { x.clamp(0.0, 1.0) }
 }
 
-// The spacing of the points of a cloud.
+// Radius from the spacing of the points.
 
-/// Points whose neighbours are looked for.
+/// Maximum number of points at which the spacing is measured.
 const PROBES: usize = 2000;
-/// Which neighbour counts, from the nearest: points of a square grid have four.
+/// The spacing is the distance of the k-th nearest neighbour: points of a square grid have four at the same distance.
 const NEIGHBOUR: usize = 4;
-/// Radius over the distance of that neighbour: half a square's diagonal, so that spheres on a grid leave no gaps.
+/// Radius over spacing: half a square's diagonal, so that spheres on a grid leave no gaps.
 const RADIUS: f64 = 0.71;
-/// Points that a cell of the search should hold, if they lie on a surface.
+/// Expected number of points per cell of the search grid, for points on a surface.
 const IN_CELL: f64 = 4.0;
-/// Largest radius, as a share of the cloud's size: few points stay small.
+/// Maximum radius relative to the diagonal of the cloud's bounds, for clouds of few points.
 const MAX: f64 = 0.02;
-/// Radius of a cloud whose points have no distance, as a share of its size, or in metres where it has none.
+/// Radius of clouds without a spacing, relative to the diagonal of their bounds; in metres for bounds of size 0.
 const MIN: f64 = 1e-3;
 
-/// A radius for the points' spheres, above 0: by the median distance of the fourth neighbour.
+/// Sphere radius from the median distance of the fourth nearest neighbour; above 0.
 fn radius(positions: &[[f32; 3]]) -> f64 {
     let points: Vec<DVec3> =
         positions.iter().map(|p| DVec3::from(p.map(f64::from))).filter(|p| p.is_finite()).collect();
@@ -130,7 +129,7 @@ fn radius(positions: &[[f32; 3]]) -> f64 {
     if median > 0.0 { (RADIUS * median).min(MAX * size) } else { MIN * size }
 }
 
-/// Points by the cubes that they are in.
+/// Uniform grid of points for neighbour search.
 struct Grid<'p> {
     points: &'p [DVec3],
     min: DVec3,
@@ -152,8 +151,8 @@ impl Grid<'_> {
         ((p - self.min) / self.side).floor().as_ivec3().to_array()
     }
 
-    /// The distance of the neighbour that counts, of points apart from `p`: exact up to a cell's side, else that of the
-    /// farthest in the cells around.
+    /// Distance of the k-th nearest neighbour that doesn't coincide with `p`, among the 27 cells around it: exact up to the
+    /// cell size; the farthest if there are fewer.
     fn neighbour(&self, p: DVec3) -> Option<f64> {
         let middle = self.cell(p);
         let mut near: Vec<f64> = Vec::new();
@@ -173,7 +172,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_grid_of_points_becomes_closed() {
+    fn spheres_on_a_grid_leave_no_gaps() {
         let row = |y: u16| (0..100u16).map(move |x| [f32::from(x) * 0.5, f32::from(y) * 0.5, 0.0]);
         let points: Vec<[f32; 3]> = (0..100).flat_map(row).collect();
         let found = radius(&points);

@@ -1,5 +1,5 @@
-//! Media whose coefficients are textures in space: when a scene is loaded, they are evaluated on grids in the boxes around the solids that
-//! they fill, so that all later stages see grids only.
+//! Media with procedural textures as coefficients: baked to voxel grids over the bounding boxes of the solids at load time,
+//! so that all later stages handle grids only.
 
 use super::Loaded;
 use crate::error::{Error, Warning};
@@ -14,17 +14,18 @@ use crate::texture::{
 use rayon::prelude::*;
 use std::sync::Arc;
 
-/// Default maximum of the voxels of a grid, and of those along its longest edge.
+/// Default maximum number of voxels of a grid.
 const VOXELS: f64 = (1u64 << 21) as f64;
+/// Default maximum number of voxels along the longest edge of a grid.
 const MAX_RESOLUTION: u32 = 512;
 
-/// Maximum number of voxels of all grids of a material; where there would be more, they are coarser.
+/// Maximum number of voxels of all grids of a material; limits their resolution.
 const MAX_VOXELS: f64 = (1u64 << 26) as f64;
 
 /// Replaces the textures of all media by grids.
 ///
 /// # Errors
-/// That of a damaged image of such a texture.
+/// A damaged image of such a texture.
 pub(super) fn apply(loaded: &mut Loaded) -> Result<(), Error> {
     for id in (0..loaded.scene.materials.len() as u32).map(MaterialId) {
         let Some(medium) = loaded.scene.materials[id.index()].medium else { continue };
@@ -37,7 +38,7 @@ pub(super) fn apply(loaded: &mut Loaded) -> Result<(), Error> {
     Ok(())
 }
 
-/// Removes the textures of media in components of mixes, with a warning: those media are homogeneous.
+/// Removes the textures of media in components of mixes, with a warning: these media become homogeneous.
 fn remove_from_mixes(material: &mut Material, warnings: &mut Vec<Warning>) {
     let Model::Mix { components } = &mut material.model else { return };
     for part in components.iter_mut().map(|component| &mut component.material) {
@@ -50,7 +51,7 @@ fn remove_from_mixes(material: &mut Material, warnings: &mut Vec<Warning>) {
     }
 }
 
-/// Evaluates the textures of a material's medium for each solid that has the material. Solids but the first get copies of it.
+/// Bakes the medium's textures for each solid with the material. Solids after the first get copies of the material.
 fn evaluate(loaded: &mut Loaded, id: MaterialId, medium: Medium) -> Result<(), Error> {
     let textures = medium.textures;
     let solids = Solid::all(&loaded.scene, id);
@@ -64,18 +65,18 @@ fn evaluate(loaded: &mut Loaded, id: MaterialId, medium: Medium) -> Result<(), E
         CompiledTextures::of_some(&loaded.scene.textures, &loaded.scene.images, &used.collect::<Vec<_>>())?;
     loaded.warnings.extend(report.warnings);
     let max_voxels = MAX_VOXELS / solids.len() as f64;
-    let (resolution, most) = match textures.resolution {
+    let (resolution, max_voxels) = match textures.resolution {
         0 => (MAX_RESOLUTION, VOXELS.min(max_voxels)),
-        wanted => (wanted, max_voxels),
+        resolution => (resolution, max_voxels),
     };
     let camera_from_world = loaded
         .scene
         .cameras
         .first()
         .map_or(DMat4::IDENTITY, |camera| DMat4::from(camera.world_from_camera.inverse()));
-    let mut is_cut = false;
+    let mut is_clamped = false;
     for (number, solid) in solids.iter().enumerate() {
-        let voxels = Voxels::of(solid, resolution, most);
+        let voxels = Voxels::of(solid, resolution, max_voxels);
         let at = |texture| voxels.values(solid, (&compiled, texture), &camera_from_world);
         let values = Values {
             density: textures.density.map(at),
@@ -84,33 +85,31 @@ fn evaluate(loaded: &mut Loaded, id: MaterialId, medium: Medium) -> Result<(), E
         };
         let own = &loaded.scene.materials[id.index()];
         let (name, own) = (own.name.clone(), own.clone());
-        let (filling, was_cut) = values.medium(&mut loaded.scene, medium, &voxels, &name);
-        is_cut |= was_cut;
-        let filled = Material { medium: Some(filling), ..own };
+        let (baked, was_clamped) = values.medium(&mut loaded.scene, medium, &voxels, &name);
+        is_clamped |= was_clamped;
+        let baked = Material { medium: Some(baked), ..own };
         if number == 0 {
-            loaded.scene.materials[id.index()] = filled;
+            loaded.scene.materials[id.index()] = baked;
         } else {
-            let copy = loaded.scene.add_material(filled);
+            let copy = loaded.scene.add_material(baked);
             solid.set_material(&mut loaded.scene, copy);
         }
     }
-    if is_cut {
+    if is_clamped {
         let name = &loaded.scene.materials[id.index()].name;
         let message =
-            format!("material '{name}': its medium is too dense in places, where its density is clamped");
+            format!("material '{name}': the density of its medium is clamped, as it is too high in places");
         loaded.warnings.push(Warning::general(("medium-too-dense", message)));
     }
     Ok(())
 }
 
-/// A solid that a medium fills.
+/// A solid with a procedural medium.
 struct Solid {
-    /// The object of the scene.
     object: SolidObject,
     data: ObjectData,
-    /// From the space of the box to the world.
     world_from_box: DAffine3,
-    /// The box around it.
+    /// Corners of the bounding box, in box space.
     low: DVec3,
     high: DVec3,
 }
@@ -119,12 +118,12 @@ struct Solid {
 enum SolidObject {
     Instance(usize),
     Shape(usize),
-    /// Objects that share one grid, since none can have a material of its own.
+    /// Objects with one shared grid, as none can have its own material.
     Several,
 }
 
 impl Solid {
-    /// The solids of a material: each instance and shape that can have a material of its own, and one for all others.
+    /// The solids of a material: one for each instance and shape that can have its own material, and one for all others.
     fn all(scene: &Scene, id: MaterialId) -> Vec<Solid> {
         let has = |instance: &Instance, mesh: &Mesh| {
             instance.material.map_or_else(|| mesh.parts.iter().any(|p| p.material == id), |own| own == id)
@@ -171,7 +170,7 @@ impl Solid {
         others.into_iter().chain(solids).collect()
     }
 
-    /// Assigns a material to its object.
+    /// Assigns a material to the object.
     fn set_material(&self, scene: &mut Scene, material: MaterialId) {
         match self.object {
             SolidObject::Instance(index) => scene.instances[index].material = Some(material),
@@ -181,7 +180,7 @@ impl Solid {
     }
 }
 
-/// Adds an object to those that share a grid in a box along the axes of the world, which is their space.
+/// Adds an object to the solid with a shared grid, which is axis-aligned in world space.
 fn join(others: &mut Option<Solid>, data: ObjectData, (low, high): (DVec3, DVec3)) {
     let (world_from_object, object_from_world) = (DAffine3::IDENTITY, DAffine3::IDENTITY);
     let data = ObjectData { world_from_object, object_from_world, location: Vec3::ZERO, ..data };
@@ -191,14 +190,14 @@ fn join(others: &mut Option<Solid>, data: ObjectData, (low, high): (DVec3, DVec3
     all.data.generated = ObjectData::generated(all.low.as_vec3(), all.high.as_vec3());
 }
 
-/// The voxels of a box, with one more on each side, so that points on its faces are interpolated.
+/// The voxels of a box, padded by one on each side, so that points on its faces are interpolated.
 struct Voxels {
     size: [u32; 3],
     world_from_voxels: DAffine3,
 }
 
 impl Voxels {
-    /// `resolution` voxels along the longest edge, but at most `max_voxels` in all.
+    /// `resolution` voxels along the longest edge, but at most `max_voxels` in total.
     fn of(solid: &Solid, resolution: u32, max_voxels: f64) -> Voxels {
         let longest = (solid.high - solid.low).max_element();
         let extent = (solid.high - solid.low).max(DVec3::splat(1e-6 * longest));
@@ -206,18 +205,18 @@ impl Voxels {
         let metres = DVec3::new(columns.x_axis.length(), columns.y_axis.length(), columns.z_axis.length());
         let along = extent * metres;
         let share = along / along.max_element().max(f64::MIN_POSITIVE);
-        let counted = |n: f64| (share * n - 1e-3).ceil().max(DVec3::ONE);
-        let mut counts = counted(resolution.into());
+        let counts_for = |n: f64| (share * n - 1e-3).ceil().max(DVec3::ONE);
+        let mut counts = counts_for(resolution.into());
         while counts.element_product() > max_voxels && counts.max_element() > 1.0 {
-            counts = counted((0.97 * counts.max_element()).floor());
+            counts = counts_for((0.97 * counts.max_element()).floor());
         }
         let step = (extent / counts).max(DVec3::splat(1e-12));
-        let place = DAffine3::from_translation(solid.low - step) * DAffine3::from_scale(step);
+        let box_from_voxels = DAffine3::from_translation(solid.low - step) * DAffine3::from_scale(step);
         let size = [counts.x, counts.y, counts.z].map(|n| n as u32 + 2);
-        Voxels { size, world_from_voxels: solid.world_from_box * place }
+        Voxels { size, world_from_voxels: solid.world_from_box * box_from_voxels }
     }
 
-    /// Colours of a texture in the middles of voxels; negative and non-finite numbers become 0.
+    /// Texture values at the voxel centres, x fastest; negative and non-finite values become 0.
     fn values(
         &self,
         solid: &Solid,
@@ -255,7 +254,7 @@ impl Voxels {
     }
 }
 
-/// A texture at a point of a solid.
+/// Evaluates a texture at a world-space point of a solid: linear RGBA.
 fn color(
     solid: &Solid,
     (textures, texture): (&CompiledTextures, TextureId),
@@ -285,7 +284,7 @@ fn color(
     PointReader::new(textures, point).with_hit(Some(&hit)).eval(texture)
 }
 
-/// Values of textures on voxels; `None` where the medium has no texture.
+/// Baked textures of a medium, linear RGB per voxel; `None` for coefficients without a texture.
 struct Values {
     density: Option<Vec<[f32; 3]>>,
     color: Option<Vec<[f32; 3]>>,
@@ -293,22 +292,22 @@ struct Values {
 }
 
 impl Values {
-    /// The medium with grids in place of textures, and whether densities were clamped.
+    /// The medium with grids instead of textures, and whether densities were clamped.
     fn medium(self, scene: &mut Scene, medium: Medium, voxels: &Voxels, name: &str) -> (Medium, bool) {
-        let mut filling = Medium { textures: MediumTextures::default(), ..medium };
-        let whole = match (self.density, &self.color) {
+        let mut baked = Medium { textures: MediumTextures::default(), ..medium };
+        let rgb_density = match (self.density, &self.color) {
             (Some(values), _) => values,
             (None, Some(color)) => vec![[1.0; 3]; color.len()],
             (None, None) => Vec::new(),
         };
-        let (mut density, tint) = factor_tint(&whole);
-        filling.extinction = [0, 1, 2].map(|c| medium.extinction[c] * tint.map_or(1.0, |tint| tint[c]));
-        let max_extinction = filling.extinction.into_iter().fold(0.0, f32::max);
+        let (mut density, tint) = factor_tint(&rgb_density);
+        baked.extinction = [0, 1, 2].map(|c| medium.extinction[c] * tint.map_or(1.0, |tint| tint[c]));
+        let max_extinction = baked.extinction.into_iter().fold(0.0, f32::max);
         // Slightly below the maximum that validation allows.
         let mean_free_paths = voxels.uniform_grid(name).longest_diagonal() * f64::from(max_extinction);
-        let most = (0.9 * Grid::MAX_MEAN_FREE_PATHS / mean_free_paths) as f32;
-        let is_cut = density.iter().any(|&d| d > most);
-        density.iter_mut().for_each(|d| *d = d.min(most));
+        let max_density = (0.9 * Grid::MAX_MEAN_FREE_PATHS / mean_free_paths) as f32;
+        let is_clamped = density.iter().any(|&d| d > max_density);
+        density.iter_mut().for_each(|d| *d = d.min(max_density));
         let density = &density;
         let mut add = |channel: &dyn Fn(usize, usize) -> f32| {
             [0, 1, 2].map(|c| {
@@ -317,26 +316,26 @@ impl Values {
             })
         };
         if tint.is_none() {
-            filling.extinction_grids = Some(add(&|i, c| whole[i][c]));
+            baked.extinction_grids = Some(add(&|i, c| rgb_density[i][c]));
         }
         if let Some(color) = &self.color {
-            let extinction = |i: usize, c: usize| if tint.is_none() { whole[i][c] } else { density[i] };
-            filling.scattering_grids = Some(add(&|i, c| extinction(i, c) * color[i][c].min(1.0)));
+            let extinction = |i: usize, c: usize| if tint.is_none() { rgb_density[i][c] } else { density[i] };
+            baked.scattering_grids = Some(add(&|i, c| extinction(i, c) * color[i][c].min(1.0)));
         }
-        let is_even = density.is_empty();
+        let is_uniform = density.is_empty();
         let grid =
-            if is_even { voxels.uniform_grid(name) } else { voxels.grid(name, density.iter().copied()) };
-        filling.grid = Some(scene.add_grid(grid));
+            if is_uniform { voxels.uniform_grid(name) } else { voxels.grid(name, density.iter().copied()) };
+        baked.grid = Some(scene.add_grid(grid));
         if medium.emission != [0.0; 3] {
             let (grids, tint) = emission_grids(self.emission, scene, voxels, name);
-            filling.emission = [0, 1, 2].map(|c| medium.emission[c] * tint[c]);
-            filling.glow = Some(grids);
+            baked.emission = [0, 1, 2].map(|c| medium.emission[c] * tint[c]);
+            baked.glow = Some(grids);
         }
-        (filling, is_cut)
+        (baked, is_clamped)
     }
 }
 
-/// The grids of the emission, and a factor by channel.
+/// The grids of the emission, and a factor per channel.
 fn emission_grids(
     values: Option<Vec<[f32; 3]>>,
     scene: &mut Scene,
@@ -356,8 +355,8 @@ fn emission_grids(
     }
 }
 
-/// Colours as scalars times a common tint, whose largest channel is 1. If there is none (hues differ), the scalars are the largest
-/// channels.
+/// Factors colours into scalars and one tint with largest channel 1. If hues differ, there is no tint, and the scalars are
+/// the largest channels.
 fn factor_tint(values: &[[f32; 3]]) -> (Vec<f32>, Option<[f32; 3]>) {
     const CLOSE: f32 = 1e-3;
     let sums = values.iter().fold([0.0f64; 3], |sums, v| [0, 1, 2].map(|c| sums[c] + f64::from(v[c])));

@@ -1,27 +1,26 @@
-//! Smooth normals for meshes that have none: sums of the normals of faces around a vertex, weighted by their angles there
-//! (Thuermer and Wuethrich 1998, "Computing Vertex Normals from Polygonal Facets"). Faces that meet at more than the crease
-//! angle keep an edge between them.
+//! Smooth normals for meshes without normals: sums of the face normals around a vertex, weighted by the angles of the faces
+//! (Thuermer and Wuethrich 1998, "Computing Vertex Normals from Polygonal Facets"). Edges above the crease angle stay sharp.
 
 use crate::math::DVec3;
 use crate::scene::Mesh;
 use rayon::prelude::*;
 
-/// End of a chain of vertices.
+/// End of a chain of copies of a vertex.
 const NONE: u32 = u32::MAX;
 
-/// Adds smooth normals to a mesh without normals; `crease_rad` is the angle between the normals of two faces up to which the
-/// edge between them is rounded. Vertices at creases are duplicated. Faces are adjacent where their corners have equal positions,
-/// whatever else they have. Nothing happens to a mesh with normals; false then.
+/// Adds smooth normals to a mesh without normals, else returns false. `crease_rad` is the maximum angle between face normals
+/// at a smooth edge, radians. Vertices at creases are duplicated. Vertices with equal positions count as one, regardless of
+/// other attributes.
 pub(super) fn smooth(mesh: &mut Mesh, crease_rad: f64) -> bool {
     if !mesh.normals.is_empty() || mesh.triangles.is_empty() {
         return false;
     }
     let faces: Vec<DVec3> = mesh.triangles.par_iter().map(|t| face_normal(mesh, t)).collect();
     let around = VertexFaces::of(mesh);
-    let least_cos = crease_rad.cos() - 1e-9;
+    let min_cos = crease_rad.cos() - 1e-9;
     let normals: Vec<Vec<(u32, [f32; 3])>> = (0..around.starts.len() - 1)
         .into_par_iter()
-        .map(|point| point_normals(mesh, &faces, &around, point, least_cos))
+        .map(|point| point_normals(mesh, &faces, &around, point, min_cos))
         .collect();
     let mut corners = vec![[0.0f32; 3]; 3 * mesh.triangles.len()];
     for (corner, normal) in normals.into_iter().flatten() {
@@ -35,26 +34,27 @@ fn position(mesh: &Mesh, vertex: u32) -> DVec3 {
     DVec3::from(cleaned(mesh.positions[vertex as usize]).map(f64::from))
 }
 
-/// A position without the rounding of sines and cosines: coordinates far below the last digit of the largest one are zero, as at
-/// the poles of spheres, whose vertices would not be in one place otherwise.
+/// Sets coordinates below the precision of the largest one to zero. Without it, rounding separates the coincident vertices at the
+/// poles of spheres.
 fn cleaned(p: [f32; 3]) -> [f32; 3] {
-    let least = p.iter().fold(0.0f32, |most, x| most.max(x.abs())) * f32::EPSILON;
-    // Zero has two signs.
-    p.map(|x| if x.abs() < least { 0.0 } else { x + 0.0 })
+    let epsilon = p.iter().fold(0.0f32, |max, x| max.max(x.abs())) * f32::EPSILON;
+    // Adding 0 turns -0 into 0.
+    p.map(|x| if x.abs() < epsilon { 0.0 } else { x + 0.0 })
 }
 
-/// Unit normal of a triangle; zero without area.
+/// Unit normal of a triangle; zero for degenerate triangles.
 fn face_normal(mesh: &Mesh, triangle: &[u32; 3]) -> DVec3 {
     let [a, b, c] = triangle.map(|v| position(mesh, v));
     (b - a).cross(c - a).normalize_or_zero()
 }
 
-/// Corners of triangles (three a triangle) grouped by point: vertices with the same position are one point.
+/// Triangle corners grouped by point; vertices with the same position are one point.
 struct VertexFaces {
-    /// The number of the point of each vertex.
+    /// Point number of each vertex.
     points: Vec<u32>,
-    /// Start of each point's corners, and the end of the last.
+    /// Start of each point's corners in `corners`, and the end of the last.
     starts: Vec<u32>,
+    /// Corner numbers: 3 times the triangle plus 0 to 2.
     corners: Vec<u32>,
 }
 
@@ -90,21 +90,21 @@ impl VertexFaces {
     }
 }
 
-/// The normals of the corners at a point: sums over groups of faces that are connected by smooth edges.
+/// Corner numbers and normals at a point: sums over groups of faces connected by smooth edges.
 fn point_normals(
     mesh: &Mesh,
     faces: &[DVec3],
     around: &VertexFaces,
     point: usize,
-    least_cos: f64,
+    min_cos: f64,
 ) -> Vec<(u32, [f32; 3])> {
     let corners = around.corners_of(point);
     let face = |corner: u32| faces[corner as usize / 3];
     let vertex =
         |corner: u32, step: u32| mesh.triangles[corner as usize / 3][((corner % 3 + step) % 3) as usize];
-    // The edges that leave the point, by their other ends, with the corners that they belong to.
+    // Edges of the point: the other end, and the index of the corner.
     let end = |corner: u32, step: u32| around.points[vertex(corner, step) as usize];
-    // Triangles without area, as at poles, are skipped.
+    // Degenerate triangles, as at poles, are skipped.
     let with_area = corners.iter().enumerate().filter(|(_, c)| face(**c) != DVec3::ZERO);
     let mut edges: Vec<(u32, usize)> =
         with_area.flat_map(|(i, &c)| [1, 2].map(|step| (end(c, step), i))).collect();
@@ -112,7 +112,7 @@ fn point_normals(
     let mut groups = Groups::new(corners.len());
     for pair in edges.windows(2) {
         let ((a, i), (b, j)) = (pair[0], pair[1]);
-        if a == b && face(corners[i]).dot(face(corners[j])) >= least_cos {
+        if a == b && face(corners[i]).dot(face(corners[j])) >= min_cos {
             groups.join(i, j);
         }
     }
@@ -151,12 +151,12 @@ impl Groups {
     }
 }
 
-/// Assigns the normals of corners to vertices. A vertex whose corners have different normals is duplicated; corners of triangles
-/// without area use any of its copies.
+/// Assigns corner normals to vertices. Vertices with different corner normals are duplicated; corners of degenerate triangles
+/// keep the first copy.
 fn assign_normals(mesh: &mut Mesh, corners: &[[f32; 3]]) {
     let count = mesh.positions.len();
     let (mut normals, mut is_used) = (vec![[0.0, 0.0, 1.0]; count], vec![false; count]);
-    // The next copy of a vertex, and the vertex that each is a copy of.
+    // The next copy of each vertex, and the original of each copy.
     let (mut next, mut origins) = (vec![NONE; count], (0..count as u32).collect::<Vec<_>>());
     for (vertex, &normal) in mesh.triangles.as_flattened_mut().iter_mut().zip(corners) {
         if normal == [0.0; 3] {
@@ -186,7 +186,7 @@ fn assign_normals(mesh: &mut Mesh, corners: &[[f32; 3]]) {
     mesh.normals = normals;
 }
 
-/// Appends copies of entries, unless the list is empty.
+/// Appends copies of the entries `origins`, unless the list is empty.
 fn append_copies<T: Copy>(list: &mut Vec<T>, origins: &[u32]) {
     if !list.is_empty() {
         list.reserve(origins.len());
@@ -199,7 +199,7 @@ mod tests {
     use super::*;
     use crate::scene::MaterialId;
 
-    /// A sphere of rings; with vertices of their own for each triangle, if they are not shared.
+    /// A UV sphere; if not `is_shared`, each triangle has its own vertices.
     fn sphere(slices: u32, rings: u32, is_shared: bool) -> Mesh {
         let (mut positions, mut triangles) = (Vec::new(), Vec::new());
         for j in 0..=rings {
@@ -229,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn a_sphere_gets_its_own_normals_however_its_vertices_are_shared() {
+    fn a_sphere_gets_radial_normals_with_shared_and_separate_vertices() {
         for is_shared in [true, false] {
             let mut mesh = sphere(32, 17, is_shared);
             let count = mesh.positions.len();
@@ -249,7 +249,7 @@ mod tests {
     }
 
     #[test]
-    fn creases_stay_and_their_vertices_are_doubled() {
+    fn creases_stay_sharp_and_their_vertices_are_duplicated() {
         let mut sharp = cube();
         smooth(&mut sharp, 30f64.to_radians());
         assert_eq!((sharp.positions.len(), sharp.uv_sets[0].len()), (24, 24));
@@ -265,7 +265,7 @@ mod tests {
         smooth(&mut round, 91f64.to_radians());
         assert_eq!(round.positions.len(), 8);
         for (p, n) in round.positions.iter().zip(&round.normals) {
-            // Three right angles at each corner, however its squares were cut.
+            // Angle weights make the result independent of the triangulation.
             let outwards = (DVec3::from(p.map(f64::from)) - 0.5).normalize();
             assert!(outwards.distance(DVec3::from(n.map(f64::from))) < 1e-6, "{p:?} {n:?}");
         }

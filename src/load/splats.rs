@@ -1,8 +1,8 @@
-//! Gaussian splats of files: code shared by all formats. Splats that are damaged or invisible are left out or repaired, with counts.
+//! Gaussian splats: code shared by all formats. Invalid or invisible splats are left out or repaired, and counted.
 //!
-//! SPZ: compressed Gaussian splats of Niantic Labs (the format's description and sizes: its README, versions 2 to 4). Versions 2 and 3
-//! are one gzip stream; version 4 has a plain header and a Zstandard stream for each attribute. Numbers are whole: positions of 24
-//! bits, all else of 8 or 10. x points right, y up and z back.
+//! SPZ: compressed Gaussian splats of Niantic Labs (format described in its README, versions 2 to 4). Versions 2 and 3
+//! are one gzip stream; version 4 has an uncompressed header and a Zstandard stream for each attribute. Positions have 24-bit
+//! fixed-point coordinates, other attributes 8 or 10 bits. x points right, y up and z back.
 
 use super::mesh_tools::NAMELESS;
 use super::{LoadOptions, Loaded, Up, UpHint, files, mesh_tools};
@@ -16,42 +16,42 @@ use std::borrow::Cow;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Minimum ratio of the shortest to the longest axis of a splat: flatter ones exceed single precision.
+/// Minimum ratio of the shortest to the longest axis of a splat, limited by single precision.
 const MIN_AXIS_RATIO: f32 = 1e-4;
 
-/// A splat as a file has it, in linear scale and opacity.
+/// A splat of a file, with linear scales and opacity.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct FileSplat<'a> {
     pub center: DVec3,
-    /// Standard deviations along its axes.
+    /// Standard deviations along the splat's axes.
     pub scales: [f32; 3],
     /// Quaternion x, y, z, w of any length.
     pub rotation: [f32; 4],
     /// 0 to 1.
     pub opacity: f32,
-    /// RGB coefficients of spherical harmonics; as many as the degree asks for.
+    /// RGB coefficients of spherical harmonics: (degree + 1)^2.
     pub coefficients: &'a [[f32; 3]],
 }
 
-/// Splats that are gathered.
+/// Splats of a file, and counts of invalid ones.
 #[derive(Default)]
 pub(super) struct SplatList {
     /// Relative to the origin.
     centers: Vec<[f32; 3]>,
     splats: Splats,
-    /// Where the file has the origin.
+    /// Origin of the centers, in file space.
     origin: DVec3,
     not_finite: usize,
     invisible: usize,
     flat: usize,
-    unturned: usize,
+    zero_rotations: usize,
 }
 
 impl SplatList {
     /// An empty list with capacity for `count`.
     ///
     /// # Errors
-    /// If there is not enough memory.
+    /// Not enough memory.
     pub fn new(count: usize, degree: u8, origin: DVec3) -> std::result::Result<SplatList, Problem> {
         let mut list = SplatList { origin, ..SplatList::default() };
         list.splats.degree = degree;
@@ -67,7 +67,7 @@ impl SplatList {
         }
     }
 
-    /// Adds a splat, if anything of it can be seen.
+    /// Adds a splat if it is valid and visible.
     pub fn push(&mut self, splat: &FileSplat<'_>) {
         let FileSplat { center, scales, rotation, opacity, coefficients } = splat;
         let center = (*center - self.origin).as_vec3();
@@ -82,16 +82,16 @@ impl SplatList {
             self.invisible += 1;
             return;
         }
-        let least = longest * MIN_AXIS_RATIO;
-        self.flat += usize::from(scales.iter().any(|scale| scale.abs() < least));
-        let turned = Quat::from_array(*rotation);
-        let length = turned.length();
-        // An overflow of the squares counts as none.
-        let is_turned = length > 0.0 && length.is_finite();
-        self.unturned += usize::from(!is_turned);
-        let rotation = if is_turned { turned / length } else { Quat::IDENTITY };
+        let min_scale = longest * MIN_AXIS_RATIO;
+        self.flat += usize::from(scales.iter().any(|scale| scale.abs() < min_scale));
+        let quaternion = Quat::from_array(*rotation);
+        let length = quaternion.length();
+        // The length may overflow.
+        let is_rotation = length > 0.0 && length.is_finite();
+        self.zero_rotations += usize::from(!is_rotation);
+        let rotation = if is_rotation { quaternion / length } else { Quat::IDENTITY };
         self.centers.push(center.to_array());
-        self.splats.scales.push(scales.map(|scale| scale.abs().max(least)));
+        self.splats.scales.push(scales.map(|scale| scale.abs().max(min_scale)));
         self.splats.rotations.push(rotation.to_array());
         self.splats.opacities.push(opacity.min(1.0));
         let limit = f16::MAX.to_f32();
@@ -99,12 +99,12 @@ impl SplatList {
         self.splats.coefficients.extend(coefficients.iter().map(half));
     }
 
-    /// The colours are linear.
+    /// Sets whether colours are linear; the default is sRGB-encoded.
     pub fn set_linear(&mut self, is_linear: bool) {
         self.splats.is_linear = is_linear;
     }
 
-    /// Messages about skipped, repaired and invisible splats.
+    /// Warnings about invalid splats, and a note about invisible ones.
     pub fn messages(&self) -> (Vec<(&'static str, String)>, Option<String>) {
         let mut messages = Vec::new();
         let mut add = |count: usize, code: &'static str, what: &str| {
@@ -112,24 +112,24 @@ impl SplatList {
                 messages.push((code, format!("{count} splats {what}")));
             }
         };
-        add(self.not_finite, "splats-not-finite", "with numbers that are not finite were left out");
-        add(self.unturned, "splats-not-rotated", "with a zero quaternion are not rotated");
+        add(self.not_finite, "splats-not-finite", "with values that aren't finite were left out");
+        add(self.zero_rotations, "splats-not-rotated", "with a zero quaternion are not rotated");
         let faint = (self.invisible > 0)
             .then(|| format!("{} splats without size or of an opacity below 1/255", self.invisible));
         (messages, faint)
     }
 
-    /// The centers.
+    /// Centers relative to the origin.
     pub fn centers(&self) -> &[[f32; 3]] {
         &self.centers
     }
 
-    /// Are there no visible splats?
+    /// Whether there are no visible splats.
     pub fn is_empty(&self) -> bool {
         self.centers.is_empty()
     }
 
-    /// The mesh of all, with a material.
+    /// A mesh of all splats with one material.
     pub fn into_mesh(self, name: &str, material: MaterialId) -> Mesh {
         let part = MeshPart { first_triangle: 0, triangle_count: 0, material };
         Mesh {
@@ -142,7 +142,7 @@ impl SplatList {
     }
 }
 
-/// The material of splats: they emit their colours and scatter nothing.
+/// The material of splats: emission of their colours, without scattering.
 pub(super) fn material() -> Material {
     let radiance = ColorSlot::constant([1.0; 3]);
     Material {
@@ -152,14 +152,14 @@ pub(super) fn material() -> Material {
     }
 }
 
-/// The scene of a file that holds splats alone, whose `up` axis its format has by custom.
+/// The scene of a file with splats only; `up`: the up axis customary for its format, with the reason for messages.
 pub(super) fn finish(path: &Path, list: SplatList, up: (Up, &'static str)) -> Result<Loaded> {
     let mut loaded = Loaded::default();
     let (messages, faint) = list.messages();
     loaded.warnings.extend(messages.into_iter().map(|what| Warning::new(path, "", what)));
     loaded.left_out.extend(faint);
     if list.is_empty() {
-        return Err(Error::input(path, ("splats-invisible", "holds no splats that can be seen")));
+        return Err(Error::input(path, ("splats-invisible", "has no visible splats")));
     }
     u32::try_from(list.centers.len())
         .map_err(|_| Error::input(path, "has more than 4,294,967,295 splats"))?;
@@ -174,12 +174,12 @@ pub(super) fn finish(path: &Path, list: SplatList, up: (Up, &'static str)) -> Re
     Ok(loaded)
 }
 
-/// The opacity of a logit.
+/// Logistic function: opacity from its logit.
 pub(super) fn sigmoid(x: f32) -> f32 {
     1.0 / (1.0 + exp(-x))
 }
 
-/// e to the power x, the same bits on all CPUs: infinite or 0 beyond what single precision holds.
+/// e to the power x, with the same bits on all CPUs; infinity or 0 beyond the range of single precision.
 pub(super) fn exp(x: f32) -> f32 {
     match x {
         x if x > 88.0 => f32::INFINITY,
@@ -188,21 +188,22 @@ pub(super) fn exp(x: f32) -> f32 {
     }
 }
 
-/// First bytes of every file, after it is unpacked.
+/// First bytes of SPZ files, after decompression.
 pub(crate) const MAGIC: &[u8] = b"NGSP";
 
-/// Bytes of the header up to version 3, and from version 4 on.
+/// Size of the header up to version 3, bytes.
 const OLD_HEADER: usize = 16;
+/// Size of the header from version 4 on, bytes.
 const HEADER: usize = 32;
-/// Maximum compression ratio of Zstandard streams: files that claim more are refused.
+/// Maximum compression ratio of Zstandard streams; files that claim more are refused.
 const MAX_RATIO: usize = 1024;
-/// Colours are stored as 0.5 + 0.15 times their coefficient.
+/// Colours are stored as 0.5 + 0.15 times their first coefficient.
 const COLOR_SCALE: f32 = 0.15;
 
-/// Reads a file.
+/// Reads an SPZ file.
 ///
 /// # Errors
-/// An input error for a file that is damaged or of an unknown version.
+/// An input error for a damaged file or an unknown version.
 pub(in crate::load) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     options.files.note(path);
     let bytes = files::read_model(path)?;
@@ -213,7 +214,7 @@ pub(in crate::load) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded
     Ok(loaded)
 }
 
-/// The attributes of all splats, one list after the other.
+/// The attribute lists of all splats, in file order.
 struct Streams<'a> {
     positions: Cow<'a, [u8]>,
     alphas: Cow<'a, [u8]>,
@@ -224,7 +225,7 @@ struct Streams<'a> {
 }
 
 impl<'a> Streams<'a> {
-    /// The lists of these sizes, by `next`, which gives the one that follows.
+    /// Reads lists of these sizes in bytes; `next` reads the next one.
     fn of<E>(
         sizes: [usize; 6],
         mut next: impl FnMut(usize) -> std::result::Result<Cow<'a, [u8]>, E>,
@@ -241,51 +242,53 @@ impl<'a> Streams<'a> {
     }
 }
 
-/// The header.
 struct Header {
     version: u32,
+    /// Number of splats.
     count: usize,
+    /// Degree of spherical harmonics.
     degree: u8,
+    /// Fractional bits of positions.
     fraction_bits: u8,
 }
 
 impl Header {
     fn of(bytes: &[u8]) -> std::result::Result<Header, Problem> {
         if !bytes.starts_with(MAGIC) || bytes.len() < OLD_HEADER {
-            return Err(Problem::new("", "is no SPZ file: its header is missing"));
+            return Err(Problem::new("", "is not an SPZ file: its header is missing"));
         }
         let word = |at: usize| u32::from_le_bytes(std::array::from_fn(|k| bytes[at + k]));
         let (version, degree, fraction_bits) = (word(4), bytes[12], bytes[13]);
         if !(2..=4).contains(&version) {
-            let help = "convert it to PLY, or save it by another version of the program that wrote it";
-            return Err(
-                Problem::new("", format!("is SPZ of version {version}: 2 to 4 are read")).with_help(help)
-            );
+            let help = "convert it to PLY, or save it with another version of the program that wrote it";
+            return Err(Problem::new("", format!("is SPZ version {version}: versions 2 to 4 are supported"))
+                .with_help(help));
         }
         if degree > 4 || fraction_bits > 24 {
-            let message = format!("has harmonics of degree {degree} and {fraction_bits} bits of fractions");
+            let message =
+                format!("has spherical harmonics of degree {degree} and {fraction_bits} fractional bits");
             return Err(Problem::new("", message).with_help("the file is damaged"));
         }
         Ok(Header { version, count: word(8) as usize, degree, fraction_bits })
     }
 
-    /// Coefficients a channel after the first.
+    /// Coefficients per channel after the first.
     fn in_file(&self) -> usize {
         Splats::coefficients_of(self.degree) - 1
     }
 
-    /// Bytes of rotations of a splat.
+    /// Size of a splat's rotation, bytes.
     fn in_rotation(&self) -> usize {
         if self.version >= 3 { 4 } else { 3 }
     }
 
-    /// Bytes of each list: positions, alphas, colours, scales, rotations, harmonics.
+    /// Sizes of the lists, bytes: positions, alphas, colours, scales, rotations, harmonics.
     fn sizes(&self) -> [usize; 6] {
         [9, 1, 3, 3, self.in_rotation(), 3 * self.in_file()].map(|n: usize| n.saturating_mul(self.count))
     }
 }
 
-/// The splats of a file, and a list of unread data.
+/// The splats of a file, and a warning about unread data.
 pub(in crate::load) fn read(bytes: &[u8]) -> std::result::Result<(SplatList, Option<String>), Problem> {
     let header = Header::of(bytes)?;
     let streams = if header.version >= 4 { packed(&header, bytes)? } else { plain(&header, bytes)? };
@@ -296,10 +299,10 @@ pub(in crate::load) fn read(bytes: &[u8]) -> std::result::Result<(SplatList, Opt
     let mut coefficients: Vec<[f32; 3]> = Vec::new();
     for i in 0..header.count {
         let three = |list: &[u8]| -> [f32; 3] { std::array::from_fn(|k| f32::from(list[3 * i + k])) };
-        let place = |axis: usize| {
+        let coordinate = |axis: usize| {
             let at = 9 * i + 3 * axis;
             let [a, b, c] = [0, 1, 2].map(|k: usize| streams.positions[at + k]);
-            // The sign is in the highest bit.
+            // The shift sign-extends 24 bits.
             f64::from(i32::from_le_bytes([0, a, b, c]) >> 8) * unit
         };
         coefficients.clear();
@@ -308,11 +311,11 @@ pub(in crate::load) fn read(bytes: &[u8]) -> std::result::Result<(SplatList, Opt
         let byte = |b: u8| (f32::from(b) - 128.0) / 128.0;
         let rest = own.chunks_exact(3).take(Splats::coefficients_of(degree) - 1);
         coefficients.extend(rest.map(|c| [byte(c[0]), byte(c[1]), byte(c[2])]));
-        let turn = &streams.rotations[in_rotation * i..in_rotation * (i + 1)];
+        let rotation = &streams.rotations[in_rotation * i..in_rotation * (i + 1)];
         list.push(&FileSplat {
-            center: DVec3::new(place(0), place(1), place(2)),
+            center: DVec3::new(coordinate(0), coordinate(1), coordinate(2)),
             scales: three(&streams.scales).map(|s| exp(s / 16.0 - 10.0)),
-            rotation: if in_rotation == 4 { smallest_three(turn) } else { first_three(turn) },
+            rotation: if in_rotation == 4 { smallest_three(rotation) } else { first_three(rotation) },
             opacity: f32::from(streams.alphas[i]) / 255.0,
             coefficients: &coefficients,
         });
@@ -321,34 +324,34 @@ pub(in crate::load) fn read(bytes: &[u8]) -> std::result::Result<(SplatList, Opt
     Ok((list, left_out.then(|| "spherical harmonics of degree 4 are left out".to_string())))
 }
 
-fn cut(header: &Header) -> Problem {
-    let message = format!("is cut short or damaged: its {} splats are not all there", header.count);
+fn truncated(header: &Header) -> Problem {
+    let message = format!("is truncated or damaged: data of its {} splats is missing", header.count);
     Problem::new("", message).with_help("export or download the file again")
 }
 
-/// Lists that follow the header.
+/// Uncompressed lists after the header.
 fn plain<'a>(header: &Header, bytes: &'a [u8]) -> std::result::Result<Streams<'a>, Problem> {
     let mut rest = &bytes[OLD_HEADER..];
     let next = |size: usize| {
-        let (list, after) = rest.split_at_checked(size).ok_or_else(|| cut(header))?;
+        let (list, after) = rest.split_at_checked(size).ok_or_else(|| truncated(header))?;
         rest = after;
         Ok(Cow::Borrowed(list))
     };
     Streams::of(header.sizes(), next)
 }
 
-/// Lists in streams of their own; empty ones have none.
+/// Lists in one Zstandard stream each; empty ones have none.
 fn packed<'a>(header: &Header, bytes: &'a [u8]) -> std::result::Result<Streams<'a>, Problem> {
     let sizes = header.sizes();
-    let (wanted, word) = (sizes.iter().filter(|size| **size > 0).count(), |at: usize| {
+    let (stream_count, word) = (sizes.iter().filter(|size| **size > 0).count(), |at: usize| {
         let bytes: [u8; 8] = bytes.get(at..at.checked_add(8)?)?.try_into().ok()?;
         usize::try_from(u64::from_le_bytes(bytes)).ok()
     });
-    if bytes.len() < HEADER || usize::from(bytes[15]) != wanted {
-        return Err(cut(header));
+    if bytes.len() < HEADER || usize::from(bytes[15]) != stream_count {
+        return Err(truncated(header));
     }
     let table = word(16).map_or(0, |word| word & 0xffff_ffff);
-    let mut at = table.saturating_add(16 * wanted);
+    let mut at = table.saturating_add(16 * stream_count);
     let mut number = 0;
     let next = |size: usize| {
         if size == 0 {
@@ -356,52 +359,52 @@ fn packed<'a>(header: &Header, bytes: &'a [u8]) -> std::result::Result<Streams<'
         }
         let entry = table.saturating_add(16 * number);
         number += 1;
-        let held = word(entry)
+        let compressed = word(entry)
             .and_then(|length| bytes.get(at..at.checked_add(length)?))
-            .ok_or_else(|| cut(header))?;
-        at += held.len();
-        if size > held.len().saturating_mul(MAX_RATIO) {
-            return Err(cut(header));
+            .ok_or_else(|| truncated(header))?;
+        at += compressed.len();
+        if size > compressed.len().saturating_mul(MAX_RATIO) {
+            return Err(truncated(header));
         }
-        let list = unzstd(held, size)?;
-        if list.len() == size { Ok(Cow::Owned(list)) } else { Err(cut(header)) }
+        let list = unzstd(compressed, size)?;
+        if list.len() == size { Ok(Cow::Owned(list)) } else { Err(truncated(header)) }
     };
     Streams::of(sizes, next)
 }
 
-/// At most `size` bytes of a Zstandard stream.
+/// Decompresses at most `size` bytes of a Zstandard stream.
 #[cfg(feature = "ktx2")]
-fn unzstd(held: &[u8], size: usize) -> std::result::Result<Vec<u8>, Problem> {
+fn unzstd(compressed: &[u8], size: usize) -> std::result::Result<Vec<u8>, Problem> {
     use std::io::Read;
-    let broken = |e: String| Problem::new("", format!("holds Zstandard data that can't be inflated: {e}"));
-    let decoder = ruzstd::StreamingDecoder::new(held).map_err(|e| broken(e.to_string()))?;
+    let invalid = |e: String| Problem::new("", format!("has invalid Zstandard data: {e}"));
+    let decoder = ruzstd::StreamingDecoder::new(compressed).map_err(|e| invalid(e.to_string()))?;
     let mut list = Vec::new();
-    decoder.take(size as u64).read_to_end(&mut list).map_err(|e| broken(e.to_string()))?;
+    decoder.take(size as u64).read_to_end(&mut list).map_err(|e| invalid(e.to_string()))?;
     Ok(list)
 }
 
 #[cfg(not(feature = "ktx2"))]
 fn unzstd(_: &[u8], _: usize) -> std::result::Result<Vec<u8>, Problem> {
-    let message = "is SPZ of version 4, which this build can't inflate";
-    Err(Problem::new("", message).with_help("build it with the feature 'ktx2', which brings Zstandard"))
+    let message = "is SPZ version 4, which needs Zstandard";
+    Err(Problem::new("", message).with_help("build with the feature 'ktx2', which includes Zstandard"))
 }
 
-/// A quaternion (x, y, z, w) of three bytes: x, y and z, where w is not negative.
+/// A quaternion (x, y, z, w) from three bytes for x, y and z; w is not negative.
 fn first_three(bytes: &[u8]) -> [f32; 4] {
     let [x, y, z] = [0, 1, 2].map(|k: usize| f32::from(bytes[k]) / 127.5 - 1.0);
     [x, y, z, (1.0 - (x * x + y * y + z * z)).max(0.0).sqrt()]
 }
 
-/// A quaternion (x, y, z, w) without its largest number, whose place is in the upper two bits; each of the others has a sign and
-/// nine bits, the last one in the lowest.
+/// A quaternion (x, y, z, w) in smallest-three encoding: the index of the largest component in the upper two bits; each of the
+/// others has a sign and nine bits, the last component in the lowest bits.
 fn smallest_three(bytes: &[u8]) -> [f32; 4] {
     let mut word = u32::from_le_bytes(std::array::from_fn(|k| bytes[k]));
     let largest = (word >> 30) as usize;
     let (mut quaternion, mut squares) = ([0.0; 4], 0.0);
-    for place in (0..4).rev().filter(|place| *place != largest) {
-        let size = (word & 511) as f32 / 511.0 * std::f32::consts::FRAC_1_SQRT_2;
-        quaternion[place] = if word & 512 != 0 { -size } else { size };
-        squares += size * size;
+    for component in (0..4).rev().filter(|component| *component != largest) {
+        let magnitude = (word & 511) as f32 / 511.0 * std::f32::consts::FRAC_1_SQRT_2;
+        quaternion[component] = if word & 512 != 0 { -magnitude } else { magnitude };
+        squares += magnitude * magnitude;
         word >>= 10;
     }
     quaternion[largest] = (1.0f32 - squares).max(0.0).sqrt();
@@ -412,13 +415,13 @@ fn smallest_three(bytes: &[u8]) -> [f32; 4] {
 mod tests {
     use super::*;
 
-    /// One splat of version 3 with harmonics of degree 1, by the description.
+    /// An SPZ file of version 3 with one splat of degree 1.
     fn file() -> Vec<u8> {
         let mut bytes = MAGIC.to_vec();
         bytes.extend([3, 0, 0, 0, 1, 0, 0, 0, 1, 12, 0, 0]);
         // 1, -0.5 and 2 in units of 1 / 4096.
-        for place in [4096i32, -2048, 8192] {
-            bytes.extend(&place.to_le_bytes()[..3]);
+        for coordinate in [4096i32, -2048, 8192] {
+            bytes.extend(&coordinate.to_le_bytes()[..3]);
         }
         bytes.push(204);
         bytes.extend([255, 0, 128]);
@@ -432,7 +435,7 @@ mod tests {
 
     #[test]
     fn splats_are_unpacked() {
-        let (list, warning) = read(&file()).expect("it is whole");
+        let (list, warning) = read(&file()).expect("a complete file");
         assert!(warning.is_none());
         assert_eq!(list.centers(), [[1.0, -0.5, 2.0]]);
         let splats = &list.splats;

@@ -1,9 +1,9 @@
-//! STL meshes: binary and ASCII, with the colours of faces that VisCAM, SolidView and Materialise Magics write.
+//! STL meshes: binary and ASCII, with face colours as written by VisCAM, SolidView and Materialise Magics.
 //!
 //! Layout: 3D Systems 1988, "StereoLithography Interface Specification". Binary files have 80 bytes of header, the number of
-//! triangles (u32, little-endian), and 50 bytes for each: normal and corners as floats, and two bytes of attributes, where
-//! programs put colours of five bits per channel. Normals of files are those of the faces, and not read. Corners at the same place
-//! become one vertex. Files have neither units nor materials; z points up by the custom of printing and CAD.
+//! triangles (u32, little-endian), and 50 bytes per triangle: normal and corners as f32, and a 16-bit attribute, which some
+//! programs use for colours of five bits per channel. Normals are face normals and are not read. Coincident corners are merged
+//! to one vertex. Files have neither units nor materials; z is up by the custom of printing and CAD.
 
 use super::mesh_tools::{NAMELESS, Repairs, bound_colors, color_triangles, triangulate};
 use super::words::{decimal_commas, is_no_number};
@@ -15,17 +15,19 @@ use crate::scene::{Instance, Material, MaterialId, Mesh, MeshId, MeshPart};
 use std::collections::HashMap;
 use std::path::Path;
 
-/// Bytes before the triangles of a binary file, and of each triangle.
+/// Size of the header with the triangle count of a binary file, bytes.
 const HEADER: usize = 84;
+/// Size of a triangle of a binary file, bytes.
 const FACET: usize = 50;
 
-/// The corners of all faces, three a triangle.
+/// The contents of a file.
 #[derive(Default)]
 struct Facets {
+    /// Three per triangle.
     corners: Vec<[f64; 3]>,
-    /// Linear RGBA of each triangle; empty where the file has no colours.
+    /// Linear RGBA per triangle; empty if the file has no colours.
     colors: Vec<[f32; 4]>,
-    /// Harmless errors.
+    /// Recoverable problems.
     warnings: Vec<String>,
 }
 
@@ -61,7 +63,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     Ok(loaded)
 }
 
-/// The scene of the faces.
+/// Adds the mesh with its material and instance.
 fn add_mesh(path: &Path, facets: &Facets, origin: DVec3, loaded: &mut Loaded) -> Result<()> {
     let mut mesh = indexed(&facets.corners, origin);
     let mut material = Material::lambert("default", [0.8; 3]);
@@ -86,14 +88,14 @@ fn add_mesh(path: &Path, facets: &Facets, origin: DVec3, loaded: &mut Loaded) ->
     Ok(())
 }
 
-/// A mesh around an origin whose triangles share the corners that they have in common.
+/// An indexed mesh relative to `origin`.
 fn indexed(corners: &[[f64; 3]], origin: DVec3) -> Mesh {
     let mut mesh = Mesh { name: "mesh".to_string(), ..Mesh::default() };
     let mut known: HashMap<[u64; 3], u32> = HashMap::with_capacity(corners.len() / 4);
     mesh.triangles.reserve_exact(corners.len() / 3);
     for triangle in corners.as_chunks::<3>().0 {
         let vertex = |corner: [f64; 3]| {
-            // Zeros of both signs are one place.
+            // Adding 0 merges -0 with 0.
             *known.entry(corner.map(|x| (x + 0.0).to_bits())).or_insert_with(|| {
                 mesh.positions.push((DVec3::from_array(corner) - origin).as_vec3().to_array());
                 (mesh.positions.len() - 1) as u32
@@ -104,7 +106,7 @@ fn indexed(corners: &[[f64; 3]], origin: DVec3) -> Mesh {
     mesh
 }
 
-/// Is it text? Headers of binary files begin with `solid`, too; then their lengths fit their counts, or they have zeros.
+/// Whether a file is text. Binary files may also begin with `solid`; they have a size that matches their count, or zero bytes.
 fn is_ascii(bytes: &[u8]) -> bool {
     let start = bytes.trim_ascii_start();
     let has_word = start.len() >= 5 && start[..5].eq_ignore_ascii_case(b"solid");
@@ -112,31 +114,32 @@ fn is_ascii(bytes: &[u8]) -> bool {
     has_word && !fits && !bytes.contains(&0)
 }
 
-/// The number of triangles that a binary header promises.
+/// The number of triangles in a binary header.
 fn count(bytes: &[u8]) -> Option<u64> {
     let word = bytes.get(80..HEADER)?;
     Some(u64::from(u32::from_le_bytes(word.try_into().ok()?)))
 }
 
 fn binary(path: &Path, bytes: &[u8]) -> Result<Facets> {
-    let Some(promised) = count(bytes) else {
-        let message = format!("is no STL file: it ends after {} bytes, inside its header", bytes.len());
+    let Some(declared) = count(bytes) else {
+        let message = format!("is not an STL file: it ends after {} bytes, inside its header", bytes.len());
         return Err(Error::input(path, ("cut-short", message)));
     };
     let mut facets = Facets::default();
-    let held = (bytes.len() - HEADER) / FACET;
-    let wanted = usize::try_from(promised).unwrap_or(usize::MAX);
-    if wanted > held && held == 0 {
-        let message = format!("promises {promised} triangles, but ends after its header");
+    let available = (bytes.len() - HEADER) / FACET;
+    let expected = usize::try_from(declared).unwrap_or(usize::MAX);
+    if expected > available && available == 0 {
+        let message = format!("declares {declared} triangles, but ends after its header");
         return Err(Error::input(path, ("cut-short", message)).with_help("export or download the file again"));
     }
-    if wanted > held {
-        let message =
-            format!("promises {promised} triangles, but holds {held}: it is cut short or its count is wrong");
+    if expected > available {
+        let message = format!(
+            "declares {declared} triangles, but holds {available}: it is truncated or its count is wrong"
+        );
         facets.warnings.push(message);
     }
     let rows = bytes[HEADER..].as_chunks::<FACET>().0;
-    let rows = &rows[..wanted.min(held)];
+    let rows = &rows[..expected.min(available)];
     let float = |b: &[u8]| f64::from(f32::from_le_bytes([b[0], b[1], b[2], b[3]]));
     facets.corners.reserve_exact(rows.len() * 3);
     for row in rows {
@@ -147,16 +150,17 @@ fn binary(path: &Path, bytes: &[u8]) -> Result<Facets> {
     Ok(facets)
 }
 
-/// The colours of binary faces. Magics names a default in the header (`COLOR=`), which counts where bit 15 is set, and has red
-/// lowest; the others set bit 15 where a face has a colour, and have blue lowest.
+/// Face colours of binary files. Magics has a default colour in the header (`COLOR=`), for faces with bit 15 set, and red in the
+/// lowest bits; other programs set bit 15 for faces with a colour, and have blue in the lowest bits.
 fn colors(header: &[u8], rows: &[[u8; FACET]]) -> Vec<[f32; 4]> {
     let attribute = |row: &[u8; FACET]| u16::from_le_bytes([row[48], row[49]]);
     let table = srgb_table();
     let level = |value: u16| table[usize::from((value & 31) * 255 / 31)];
-    let of_magics = header.windows(6).position(|w| w == b"COLOR=").and_then(|at| header.get(at + 6..at + 9));
-    let Some(default) = of_magics else {
+    let magics_default =
+        header.windows(6).position(|w| w == b"COLOR=").and_then(|at| header.get(at + 6..at + 9));
+    let Some(default) = magics_default else {
         let has_color = |row: &[u8; FACET]| attribute(row) & 0x8000 != 0;
-        // A few bits that mean something else are no colours.
+        // Attributes may have other meanings.
         if !rows.iter().any(has_color) {
             return Vec::new();
         }
@@ -174,15 +178,15 @@ fn colors(header: &[u8], rows: &[[u8; FACET]]) -> Vec<[f32; 4]> {
     rows.iter().map(color).collect()
 }
 
-/// The colour of faces without one beside faces that have one.
+/// The colour of faces without one, in files with face colours.
 fn linear_grey() -> f32 {
     0.8
 }
 
-/// Reads text: `vertex x y z` counts, up to `endloop` for each face; normals and names don't.
+/// Reads text: `vertex x y z` up to `endloop` for each face; normals and names are ignored.
 fn ascii(bytes: &[u8]) -> std::result::Result<Facets, Problem> {
     let (mut facets, mut polygon) = (Facets::default(), Vec::<[f64; 3]>::new());
-    let mut short = 0usize;
+    let mut degenerate = 0usize;
     for (number, line) in bytes.split(|&b| b == b'\n' || b == b'\r').enumerate() {
         let mut words = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
         let Some(keyword) = words.next() else { continue };
@@ -192,17 +196,17 @@ fn ascii(bytes: &[u8]) -> std::result::Result<Facets, Problem> {
                 Problem::new(format!("line {}", number + 1), message)
             })?);
         } else if keyword.eq_ignore_ascii_case(b"endloop") || keyword.eq_ignore_ascii_case(b"endfacet") {
-            short += usize::from(matches!(polygon.len(), 1 | 2));
+            degenerate += usize::from(matches!(polygon.len(), 1 | 2));
             let corners: Vec<[f32; 3]> = polygon.iter().map(|c| c.map(|x| x as f32)).collect();
             facets.corners.extend(triangulate(&corners).into_iter().flatten().map(|k| polygon[k]));
             polygon.clear();
         }
     }
     if !polygon.is_empty() {
-        facets.warnings.push("ends inside a face, which is left out: it is cut short".into());
+        facets.warnings.push("ends inside a face, which is left out: the file is truncated".into());
     }
-    if short > 0 {
-        facets.warnings.push(format!("{short} faces of fewer than three corners: left out"));
+    if degenerate > 0 {
+        facets.warnings.push(format!("{degenerate} faces of fewer than three corners: left out"));
     }
     Ok(facets)
 }
@@ -223,7 +227,7 @@ mod tests {
 
     const CORNERS: [[f32; 3]; 4] = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
-    /// A binary file of faces by numbers of corners, with their attributes.
+    /// A binary file of faces: indices into `CORNERS`, and attribute.
     fn file(header: &[u8], faces: &[([usize; 3], u16)]) -> Vec<u8> {
         let mut bytes = header.to_vec();
         bytes.resize(80, 0);
@@ -245,7 +249,7 @@ mod tests {
     }
 
     #[test]
-    fn binary_files_share_corners_whatever_their_header_says() {
+    fn corners_are_merged_for_any_binary_header() {
         for header in [&b""[..], b"solid by some program"] {
             let loaded =
                 read(&file(header, &[([0, 1, 2], 0), ([0, 2, 3], 0)])).unwrap_or_else(|e| panic!("{e}"));
@@ -256,15 +260,15 @@ mod tests {
     }
 
     #[test]
-    fn binary_files_cut_short_are_no_text() {
+    fn truncated_binary_files_are_not_read_as_text() {
         let whole = file(b"solid by some program", &[([0, 1, 2], 0), ([0, 2, 3], 0)]);
         let loaded = read(&whole[..whole.len() - 20]).unwrap_or_else(|e| panic!("{e}"));
         assert_eq!(loaded.scene.meshes[0].triangles, [[0, 1, 2]]);
-        assert!(loaded.warnings[0].to_string().contains("promises 2 triangles, but holds 1"));
+        assert!(loaded.warnings[0].to_string().contains("declares 2 triangles, but holds 1"));
     }
 
     #[test]
-    fn both_kinds_of_colours() {
+    fn both_color_conventions_are_read() {
         let red = [1.0, 0.0, 0.0, 1.0];
         let of = |bytes: &[u8]| read(bytes).expect("it loads").scene.meshes.remove(0);
         let mesh = of(&file(b"", &[([0, 1, 2], 0x8000 | 31 << 10), ([0, 2, 3], 0)]));
@@ -284,7 +288,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_broken_is_named() {
+    fn damaged_files_are_reported() {
         let whole = file(b"", &[([0, 1, 2], 0), ([0, 2, 3], 0)]);
         let cut = read(&whole[..whole.len() - 9]).expect("one triangle is left");
         assert_eq!(cut.scene.meshes[0].triangles.len(), 1);

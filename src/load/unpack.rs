@@ -1,4 +1,4 @@
-//! Models inside ZIP archives: they are unpacked into a temporary folder, which exists as long as images may be decoded from it.
+//! Models inside ZIP archives: unpacked to a temporary folder, which exists as long as images may be decoded from it.
 
 use super::zip::{Archive, MAX_BYTES};
 use super::{Loaded, files, formats};
@@ -8,16 +8,16 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use tempfile::TempDir;
 
-/// The contents of an archive in a temporary folder, which is deleted when this is dropped.
+/// The contents of an archive in a temporary folder, which is deleted with the last reference.
 #[derive(Debug)]
 pub(super) struct Unpacked {
     folder: Arc<TempDir>,
-    /// The model among them.
+    /// Path of the model in the folder.
     pub model: PathBuf,
 }
 
 impl Unpacked {
-    /// Unpacks an archive and picks its model: the one with the shortest path, glTF before others.
+    /// Unpacks an archive and picks its model: by the rank of its format (glTF first), then by the depth of its path.
     ///
     /// # Errors
     /// An input error if the archive is damaged, protected, or holds no model.
@@ -32,7 +32,7 @@ impl Unpacked {
         for entry in archive.entries().iter().filter(|e| !e.name.ends_with('/')) {
             let relative = entry.name.replace('\\', "/");
             if relative.is_empty() || files::leads_outside(Path::new(&relative)) {
-                let message = format!("holds a file whose path leads out of it: '{}'", entry.name);
+                let message = format!("holds a file with a path outside the archive: '{}'", entry.name);
                 return Err(fail(message).with_code("path-outside"));
             }
             let data = archive
@@ -57,18 +57,18 @@ impl Unpacked {
         Ok(Unpacked { model: folder.path().join(model), folder: Arc::new(folder) })
     }
 
-    /// Is it a file of the archive?
+    /// Whether a file belongs to the archive.
     pub fn holds(&self, file: Option<&PathBuf>) -> bool {
         file.is_some_and(|file| file.starts_with(self.folder.path()))
     }
 
-    /// Keeps the folder for as long as pictures of the scene may be decoded from it.
+    /// Keeps the folder while the scene has images that are not decoded yet.
     pub fn keep_for(&self, loaded: &mut Loaded) {
         keep_for(&self.folder, loaded);
     }
 }
 
-/// Keeps a folder for as long as a scene has images that are still encoded.
+/// Keeps a folder while a scene has images that are not decoded yet.
 pub(super) fn keep_for(folder: &Arc<TempDir>, loaded: &mut Loaded) {
     for image in &mut loaded.scene.images {
         if let Pixels::Encoded(encoded) = &*image.pixels {
@@ -78,7 +78,7 @@ pub(super) fn keep_for(folder: &Arc<TempDir>, loaded: &mut Loaded) {
     }
 }
 
-/// An image whose file is in a temporary folder.
+/// An image file in a temporary folder, with a reference that keeps the folder.
 #[derive(Debug)]
 struct TemporaryImage {
     source: Arc<dyn ImageSource>,

@@ -1,4 +1,4 @@
-//! Which axis of a model points up, where its format leaves that open.
+//! Rotation of models to y up, and a guess of the up axis for formats that don't define it.
 
 pub use super::options::{Up, UpHint};
 use super::{LoadOptions, Loaded};
@@ -7,18 +7,18 @@ use crate::math::{DAffine3, DQuat, DVec2, DVec3};
 use crate::scene::{Environment, Scene};
 use std::path::Path;
 
-/// Rotates a model from an up axis to y up.
+/// Rotates a model with the up axis `up` to y up.
 pub(super) fn rotate_to_y_up(scene: &mut Scene, up: Up) {
     if matches!(up, Up::Auto | Up::Y) {
         return;
     }
     let rotation = up.rotation();
-    let turn = DAffine3::from_mat3(rotation);
+    let y_up_from_model = DAffine3::from_mat3(rotation);
     for instance in &mut scene.instances {
-        instance.world_from_object = turn * instance.world_from_object;
+        instance.world_from_object = y_up_from_model * instance.world_from_object;
     }
     for curves in &mut scene.curves {
-        curves.world_from_object = turn * curves.world_from_object;
+        curves.world_from_object = y_up_from_model * curves.world_from_object;
     }
     let quaternion = DQuat::from_mat3(&rotation);
     for shape in &mut scene.shapes {
@@ -33,14 +33,14 @@ fn rotate_loaded(loaded: &mut Loaded, up: Up) {
     loaded.offset = up.rotation() * loaded.offset;
 }
 
-/// Rotates a model by the up axis of the options, before the sidecar is applied, whose coordinates are those of the rotated model.
+/// Rotates a model by the up axis of the options. Call before the sidecar is applied, which is in y-up coordinates.
 pub(super) fn apply_up_option(options: &LoadOptions, loaded: &mut Loaded) {
     if options.up != Up::Auto {
         rotate_loaded(loaded, options.up);
     }
 }
 
-/// Rotates a model by a guess of its up axis, unless the options define it or a camera, light or environment implies it.
+/// Rotates a model by its guessed up axis, unless the options define the axis or the file has a camera, light or environment.
 pub(super) fn apply_guessed_up(path: &Path, options: &LoadOptions, loaded: &mut Loaded) {
     let scene = &loaded.scene;
     let is_bare = scene.cameras.is_empty() && scene.lights.is_empty();
@@ -60,9 +60,9 @@ pub(super) fn apply_guessed_up(path: &Path, options: &LoadOptions, loaded: &mut 
 
 // A guess of the up axis: y or z, the only common ones.
 //
-// In the spirit of Fu, Cohen-Or, Dror, Sheffer 2008, "Upright Orientation of Man-Made Objects": things stand on flat or
-// wide bases below their middle, and are mirrored left and right, not up and down. Weights and thresholds here were set by
-// a dozen models and their copies turned on their backs.
+// After Fu, Cohen-Or, Dror, Sheffer 2008, "Upright Orientation of Man-Made Objects": objects stand on flat or wide bases
+// below their centre, and have left-right, but no up-down symmetry. Weights and thresholds were tuned on a dozen models and
+// rotated copies of them.
 
 /// Maximum number of triangles that are examined.
 const MAX_TRIANGLES: usize = 200_000;
@@ -70,13 +70,13 @@ const MAX_TRIANGLES: usize = 200_000;
 const BASE: f64 = 0.03;
 /// Cells along each axis of the grid for the symmetry test.
 const CELLS: usize = 16;
-/// By how much the evidence for z must exceed that for y: in formats that mostly have y up, and in others.
+/// Minimum lead of z's score over y's: in other formats, and in mostly y-up formats.
 const LEAD: [f64; 2] = [0.45, 0.1];
-/// Minimum number of triangles of a terrain: an open surface whose faces mostly look one way.
+/// Minimum number of triangles of a terrain.
 const TERRAIN: usize = 100;
 
-/// The axis and the reason; an empty reason without evidence. A model's position in the world is no evidence:
-/// it is the same for a copy that was moved to the origin.
+/// The up axis and the reason for messages; empty without evidence. The model's position is no evidence, so that translated
+/// copies have the same up axis.
 fn up(loaded: &Loaded) -> (Up, &'static str) {
     let UpHint { writer, is_mostly_y } = loaded.up_hint;
     if let Some((up, why)) = writer {
@@ -89,12 +89,12 @@ fn up(loaded: &Loaded) -> (Up, &'static str) {
     if let Some(axis) =
         [(2, Up::Y), (1, Up::Z)].iter().find(|(axis, _)| surface.size[*axis] < 1e-4 * surface.size.x)
     {
-        return (axis.1, "its shape, which is that of a drawing");
+        return (axis.1, "its flat shape, as of a drawing");
     }
     if let Some(up) = surface.terrain() {
-        return (up, "its shape, which is that of terrain");
+        return (up, "its shape, as of terrain");
     }
-    let lead = surface.evidence(2) - surface.evidence(1);
+    let lead = surface.up_score(2) - surface.up_score(1);
     match lead > LEAD[usize::from(!is_mostly_y)] {
         true => (Up::Z, "its shape: base and symmetry"),
         false if lead < -LEAD[1] => (Up::Y, "its shape: base and symmetry"),
@@ -102,11 +102,11 @@ fn up(loaded: &Loaded) -> (Up, &'static str) {
     }
 }
 
-/// Some faces of a model.
+/// Sampled faces of a model.
 struct Surface {
     /// Vertices and centres of faces and edges, or the points of a cloud.
     points: Vec<DVec3>,
-    /// Centres and area vectors of faces.
+    /// Centres and area-weighted normals of faces.
     faces: Vec<(DVec3, DVec3)>,
     min: DVec3,
     size: DVec3,
@@ -141,26 +141,26 @@ impl Surface {
     fn terrain(&self) -> Option<Up> {
         let all: f64 = self.faces.iter().map(|f| f.1.length()).sum();
         let sum: DVec3 = self.faces.iter().map(|f| f.1).sum();
-        let looks = |axis: usize| self.faces.len() >= TERRAIN && sum[axis].abs() > 0.6 * all;
+        let faces_along = |axis: usize| self.faces.len() >= TERRAIN && sum[axis].abs() > 0.6 * all;
         let is_flat = |axis: usize| 3.0 * self.size[axis] < self.size[3 - axis].min(self.size.x);
         let is_cloud = self.faces.is_empty();
         [(1, Up::Y), (2, Up::Z)]
             .into_iter()
-            .find(|&(axis, _)| looks(axis) || is_cloud && is_flat(axis))
+            .find(|&(axis, _)| faces_along(axis) || is_cloud && is_flat(axis))
             .map(|f| f.1)
     }
 
-    /// The evidence for an axis.
-    fn evidence(&self, axis: usize) -> f64 {
-        2.0 * self.flat_base(axis) + self.support(axis) - 1.5 * self.mirrored(axis)
+    /// Score of an up axis.
+    fn up_score(&self, axis: usize) -> f64 {
+        2.0 * self.flat_base(axis) + self.support(axis) - 1.5 * self.mirror_symmetry(axis)
     }
 
-    /// The coordinates along the two other axes.
-    fn across(&self, p: DVec3, axis: usize) -> DVec2 {
+    /// Projection onto the two other axes.
+    fn without_axis(&self, p: DVec3, axis: usize) -> DVec2 {
         DVec2::new(p[(axis + 1) % 3], p[(axis + 2) % 3])
     }
 
-    /// Fraction of the bounding box's floor that is covered by downward faces at the bottom.
+    /// Fraction of the bounding box's floor covered by downward faces of the base.
     fn flat_base(&self, axis: usize) -> f64 {
         let top = self.min[axis] + BASE * self.size[axis];
         let down = self
@@ -168,34 +168,35 @@ impl Surface {
             .iter()
             .filter(|(middle, area)| middle[axis] < top && -area[axis] > 0.98 * area.length());
         let step = self.points.len() as f64 / (7.0 * self.faces.len().max(1) as f64);
-        let floor = self.across(self.size, axis);
+        let floor = self.without_axis(self.size, axis);
         (down.map(|f| -f.1[axis]).sum::<f64>() * step / (floor.x * floor.y)).min(1.0)
     }
 
-    /// Stability of the base: the convex hull of the lowest points as a fraction of the box's floor if the centre is above it;
-    /// low or negative if the model would tip over.
+    /// Stability: 0.4 plus the area of the base's convex hull relative to the box's floor if the centre is above the hull; less,
+    /// or negative, if the model would tip over.
     fn support(&self, axis: usize) -> f64 {
         let top = self.min[axis] + BASE * self.size[axis];
-        let low = self.points.iter().filter(|p| p[axis] <= top).map(|&p| self.across(p, axis)).collect();
+        let low =
+            self.points.iter().filter(|p| p[axis] <= top).map(|&p| self.without_axis(p, axis)).collect();
         let hull = hull(low);
         let middle = self.points.iter().sum::<DVec3>() / self.points.len() as f64;
-        let middle = self.across(middle, axis);
+        let middle = self.without_axis(middle, axis);
         let (mut area, mut is_inside) = (0.0, hull.len() > 2);
         for (i, &a) in hull.iter().enumerate() {
             let b = hull[(i + 1) % hull.len()];
             area += 0.5 * a.perp_dot(b);
             is_inside &= (b - a).perp_dot(middle - a) >= 0.0;
         }
-        let floor = self.across(self.size, axis);
-        let share = (area / (floor.x * floor.y)).clamp(0.0, 1.0);
-        if is_inside { 0.4 + share } else { 0.5 * share - 0.3 }
+        let floor = self.without_axis(self.size, axis);
+        let fraction = (area / (floor.x * floor.y)).clamp(0.0, 1.0);
+        if is_inside { 0.4 + fraction } else { 0.5 * fraction - 0.3 }
     }
 
-    /// Mirror symmetry of the model along an axis, 0 to 1: intersection over union of the occupied cells and their mirror image.
-    fn mirrored(&self, axis: usize) -> f64 {
+    /// Mirror symmetry along an axis, 0 to 1: from the intersection over union of the occupied cells and their mirror image.
+    fn mirror_symmetry(&self, axis: usize) -> f64 {
         let scale = self.size.max_element();
         let cells = (self.size / scale * CELLS as f64).max(DVec3::ONE);
-        let mut filled = vec![false; CELLS.pow(3)];
+        let mut occupied = vec![false; CELLS.pow(3)];
         let cell = |p: DVec3, is_mirrored: bool| {
             let mut at = ((p - self.min) / self.size).clamp(DVec3::ZERO, DVec3::ONE);
             if is_mirrored {
@@ -204,13 +205,13 @@ impl Surface {
             let at = (at * cells).min(cells - 1.0);
             (at.x as usize * CELLS + at.y as usize) * CELLS + at.z as usize
         };
-        let mut image = filled.clone();
+        let mut image = occupied.clone();
         for &p in &self.points {
-            filled[cell(p, false)] = true;
+            occupied[cell(p, false)] = true;
             image[cell(p, true)] = true;
         }
-        let both = filled.iter().zip(&image).filter(|(a, b)| **a && **b).count() as f64;
-        let either = filled.iter().zip(&image).filter(|(a, b)| **a || **b).count() as f64;
+        let both = occupied.iter().zip(&image).filter(|(a, b)| **a && **b).count() as f64;
+        let either = occupied.iter().zip(&image).filter(|(a, b)| **a || **b).count() as f64;
         ((both / either.max(1.0) - 0.55) / 0.35).clamp(0.0, 1.0)
     }
 }
@@ -246,7 +247,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_hull_holds_all_points() {
+    fn the_convex_hull_of_a_square_has_four_corners() {
         let square = [[0.0, 0.0], [2.0, 0.0], [1.0, 1.0], [2.0, 2.0], [0.0, 2.0], [0.5, 0.2], [1.0, 0.0]];
         let found = hull(square.map(DVec2::from).to_vec());
         assert_eq!(found, [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]].map(DVec2::from));

@@ -1,6 +1,6 @@
-//! Words and whole numbers in text files.
+//! Words and integers in text files.
 
-/// The next word of a text, between blanks, and the rest.
+/// The next whitespace-separated word of a text, and the rest.
 #[inline]
 pub(super) fn next_word(text: &[u8]) -> Option<(&[u8], &[u8])> {
     let start = text.iter().position(|b| !b.is_ascii_whitespace())?;
@@ -9,8 +9,8 @@ pub(super) fn next_word(text: &[u8]) -> Option<(&[u8], &[u8])> {
     Some(text.split_at(length))
 }
 
-/// Is a word no number, as programs write one: `nan`, and those of the Windows runtime (`1.#IND`, `-nan(ind)`, `1.#QNAN`,
-/// `1.#INF`)?
+/// Whether a word is a spelling of NaN or infinity: `nan`, or one of the Windows runtime (`1.#IND`, `-nan(ind)`, `1.#QNAN`,
+/// `1.#INF`).
 pub(super) fn is_no_number(word: &[u8]) -> bool {
     let word = word.strip_prefix(b"-").or(word.strip_prefix(b"+")).unwrap_or(word).to_ascii_lowercase();
     let rest = word.strip_prefix(b"nan");
@@ -21,7 +21,7 @@ pub(super) fn is_no_number(word: &[u8]) -> bool {
     is_nan || word.starts_with(b"1.#") && mark.is_some_and(is_of_windows)
 }
 
-/// The remedy, for a message, where numbers of a line have decimal commas; else nothing.
+/// Help for a message if numbers of a line have decimal commas; else empty.
 pub(super) fn decimal_commas(line: &[u8]) -> &'static str {
     let is_between = |w: &[u8]| w[1] == b',' && w[0].is_ascii_digit() && w[2].is_ascii_digit();
     match line.windows(3).any(is_between) {
@@ -30,14 +30,14 @@ pub(super) fn decimal_commas(line: &[u8]) -> &'static str {
     }
 }
 
-/// Does UTF-16 text begin like that: with a byte order mark, or with a zero byte after each letter?
+/// Whether text is UTF-16: it starts with a byte order mark, or alternate bytes are zero.
 pub(super) fn is_utf_16(start: &[u8]) -> bool {
     let is_letter = |pair: &[u8]| matches!(pair, [0, 1..=127] | [1..=127, 0]);
     matches!(start, [0xff, 0xfe, ..] | [0xfe, 0xff, ..])
         || start.len() >= 4 && start[..start.len().min(16)].chunks_exact(2).all(is_letter)
 }
 
-/// A whole number of at most 18 digits, with or without a sign.
+/// An integer of at most 18 digits, with or without a sign.
 #[inline]
 pub(super) fn integer(word: &[u8]) -> Option<i64> {
     let (negative, digits) = match word {
@@ -60,7 +60,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_windows_writes_for_no_number() {
+    fn spellings_of_nan_are_recognized() {
         for word in ["nan", "-NaN", "1.#IND", "-1.#IND00", "1.#QNAN", "-nan(ind)", "1.#INF"] {
             assert!(is_no_number(word.as_bytes()), "{word}");
         }

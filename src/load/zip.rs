@@ -1,4 +1,4 @@
-//! ZIP archives (PKWARE, "APPNOTE.TXT", 6.3.10), of which stored and deflated entries are read.
+//! ZIP archives (PKWARE, "APPNOTE.TXT", 6.3.10), with stored and deflated entries.
 
 use super::files;
 use crate::error::{Error, Result};
@@ -6,28 +6,29 @@ use flate2::read::DeflateDecoder;
 use std::io::Read;
 use std::path::Path;
 
-/// Maximum number of entries of an archive, and of bytes of all together.
+/// Maximum number of entries of an archive.
 const MAX_ENTRIES: usize = 1 << 16;
+/// Maximum size of all entries together, bytes.
 pub(super) const MAX_BYTES: u64 = 1 << 33;
-/// Largest compression ratio of deflate.
+/// Maximum compression ratio of deflate.
 const MAX_RATIO: u64 = 1032;
 
-/// Does a file begin like an archive?
+/// Whether a file starts with the signature of a ZIP archive.
 pub(super) fn is_archive(start: &[u8]) -> bool {
     start.starts_with(b"PK\x03\x04")
 }
 
-/// An archive in memory, whose files are read one by one.
+/// A ZIP archive in memory.
 pub(super) struct Archive {
     bytes: Vec<u8>,
     entries: Vec<Entry>,
 }
 
 impl Archive {
-    /// Reads an archive and the list of its files.
+    /// Reads an archive and its central directory.
     ///
     /// # Errors
-    /// An input error if it can't be read, or its list is broken.
+    /// An input error if the file can't be read or the directory is damaged.
     pub fn open(path: &Path) -> Result<Archive> {
         let bytes = files::read(path, MAX_BYTES).map_err(|message| Error::input(path, message))?;
         let damaged =
@@ -36,33 +37,31 @@ impl Archive {
         Ok(Archive { bytes, entries })
     }
 
-    /// Its entries.
     pub fn entries(&self) -> &[Entry] {
         &self.entries
     }
 
-    /// The bytes of an entry, up to a maximum.
+    /// The bytes of an entry of at most `max` bytes.
     ///
     /// # Errors
-    /// A message that follows the name of the archive.
-    pub fn data(&self, entry: &Entry, most: u64) -> std::result::Result<Vec<u8>, String> {
-        entry.data(&self.bytes, most)
+    /// A message that follows the name of the entry.
+    pub fn data(&self, entry: &Entry, max: u64) -> std::result::Result<Vec<u8>, String> {
+        entry.data(&self.bytes, max)
     }
 
-    /// Bytes of the archive itself.
+    /// Size of the archive, bytes.
     pub fn size(&self) -> usize {
         self.bytes.len()
     }
 
-    /// The bytes of one of its files; names are compared as those of packages are (ECMA-376, part 2): capitals don't count, and they may
-    /// begin with a slash.
+    /// The bytes of a file by name; names are case-insensitive and may start with a slash (ECMA-376, part 2).
     ///
     /// # Errors
-    /// A message that follows the name of the archive.
+    /// A message that follows the name of the file.
     pub fn file(&self, name: &str) -> std::result::Result<Vec<u8>, String> {
-        let plain = |name: &str| name.trim_start_matches('/').replace('\\', "/");
-        let wanted = plain(name);
-        let entry = self.entries.iter().find(|entry| plain(&entry.name).eq_ignore_ascii_case(&wanted));
+        let normalized = |name: &str| name.trim_start_matches('/').replace('\\', "/");
+        let name = normalized(name);
+        let entry = self.entries.iter().find(|entry| normalized(&entry.name).eq_ignore_ascii_case(&name));
         entry.ok_or("is not in the archive")?.data(&self.bytes, MAX_BYTES)
     }
 }
@@ -71,29 +70,32 @@ impl Archive {
 pub(super) struct Entry {
     pub name: String,
     is_encrypted: bool,
+    /// Compression method: 0 stored, 8 deflated.
     method: u16,
+    /// Compressed size, bytes.
     packed: u64,
+    /// Uncompressed size, bytes.
     size: u64,
-    /// Offset of its local header.
+    /// Offset of the local header, bytes.
     at: u64,
 }
 
 impl Entry {
-    /// Its bytes; the error says what is wrong with it.
-    fn data(&self, archive: &[u8], most: u64) -> std::result::Result<Vec<u8>, String> {
-        let cut = || "is cut short".to_string();
+    /// The uncompressed bytes; errors are messages that follow the name.
+    fn data(&self, archive: &[u8], max: u64) -> std::result::Result<Vec<u8>, String> {
+        let cut = || "is truncated".to_string();
         if self.is_encrypted {
             return Err("is encrypted: unpack the archive first".into());
         }
-        if self.size > most || self.size > self.packed.saturating_mul(MAX_RATIO).saturating_add(64) {
+        if self.size > max || self.size > self.packed.saturating_mul(MAX_RATIO).saturating_add(64) {
             return Err(format!(
-                "claims {} bytes, more than its {} packed ones justify",
+                "claims {} bytes, which is too large for its {} compressed bytes",
                 self.size, self.packed
             ));
         }
         let at = usize::try_from(self.at).map_err(|_| cut())?;
         let header = archive.get(at..).filter(|h| h.starts_with(b"PK\x03\x04")).ok_or_else(cut)?;
-        let skipped = [26, 28].map(|place| number(header, place, 2));
+        let skipped = [26, 28].map(|at| number(header, at, 2));
         let [Some(name), Some(extra)] = skipped else { return Err(cut()) };
         let start = 30 + (name + extra) as usize;
         let packed = header.get(start..).and_then(|rest| rest.get(..self.packed as usize)).ok_or_else(cut)?;
@@ -106,7 +108,7 @@ impl Entry {
                 if bytes.len() as u64 == self.size { Ok(bytes) } else { Err(cut()) }
             }
             method => {
-                Err(format!("is packed by method {method}, which is not read: unpack the archive first"))
+                Err(format!("has the unsupported compression method {method}: unpack the archive first"))
             }
         }
     }
@@ -118,8 +120,8 @@ fn number(bytes: &[u8], at: usize, length: usize) -> Option<u64> {
     Some(bytes.iter().rev().fold(0, |value, &byte| value << 8 | u64::from(byte)))
 }
 
-/// The files of an archive by its central directory; `None` if that is broken. Archives beyond 4 GiB (ZIP64) have their numbers
-/// in extra fields.
+/// The entries of an archive's central directory; `None` if it is damaged. ZIP64 archives (beyond 4 GiB) have large numbers in
+/// extra fields.
 fn entries(bytes: &[u8]) -> Option<Vec<Entry>> {
     let tail = bytes.len().saturating_sub(22 + usize::from(u16::MAX));
     let end = bytes[tail..].windows(4).rposition(|w| w == b"PK\x05\x06")? + tail;
@@ -133,7 +135,7 @@ fn entries(bytes: &[u8]) -> Option<Vec<Entry>> {
     let (mut at, mut entries) = (usize::try_from(at).ok()?, Vec::new());
     for _ in 0..count {
         let header = bytes.get(at..).filter(|h| h.starts_with(b"PK\x01\x02"))?;
-        let lengths = [28, 30, 32].map(|place| number(header, place, 2));
+        let lengths = [28, 30, 32].map(|at| number(header, at, 2));
         let [name, extra, comment] = [lengths[0]? as usize, lengths[1]? as usize, lengths[2]? as usize];
         let mut entry = Entry {
             name: String::from_utf8_lossy(header.get(46..46 + name)?).into_owned(),
@@ -151,7 +153,7 @@ fn entries(bytes: &[u8]) -> Option<Vec<Entry>> {
 }
 
 impl Entry {
-    /// Takes numbers of eight bytes from the extra field of ZIP64 where the header has no room for them.
+    /// Replaces saturated 32-bit numbers by the 64-bit numbers of the ZIP64 extra field.
     fn widen(&mut self, mut extra: &[u8]) {
         const FULL: u64 = 0xffff_ffff;
         while let (Some(kind), Some(length)) = (number(extra, 0, 2), number(extra, 2, 2)) {

@@ -59,7 +59,7 @@ fn people_get_a_tree_with_units_and_places() {
         "'panel': black; emits (3, 3, 3) W/sr/m2 from its front\n",
         "'bulb': point, (4, 4, 4) W/sr, at (1, 2, 3)\n",
         "environment constant, (0, 0, 1) W/sr/m2\n",
-        "0 'camera': perspective, 60 degrees high, at (0, 0, 4) towards (0, 0, -1), lens of radius 34.9075 mm",
+        "0 'camera': perspective, 60 degrees high, at (0, 0, 4) towards (0, 0, -1), lens radius 34.9075 mm",
         "settings   samples 3\n",
         "house.obj: line 11: 1 lines, which have no surface",
         "material 'lamp': nothing refers to it",

@@ -68,7 +68,7 @@ fn checkpoints_replace_nothing_else() {
         let output = oscura(folder, &[&["render", "endless.toml", "-o", "a.exr"], &small[..], more].concat());
         (code(&output), stderr(&output))
     };
-    for (file, why) in [("endless.toml", "scene"), ("a.exr", "output"), ("notes.txt", "no checkpoint")] {
+    for (file, why) in [("endless.toml", "scene"), ("a.exr", "output"), ("notes.txt", "not a checkpoint")] {
         let (code, messages) = render(&["--checkpoint", file]);
         assert!(code == 2 && messages.contains(why), "{file}: {messages}");
     }

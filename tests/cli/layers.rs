@@ -114,7 +114,7 @@ fn wrong_names_are_reported() {
     let folder = tempfile::tempdir().unwrap();
     for (from, to, message) in [
         (r#""emission""#, r#""emissions""#, "there is no AOV 'emissions'"),
-        (r#"group = "key""#, r#"group = "k.y""#, "'k.y' can't be the name of a group"),
+        (r#"group = "key""#, r#"group = "k.y""#, "'k.y' is not a valid name of a light group"),
         (r#"aovs = ["material_id", "emission"]"#, "aovs = 3", "must be a list of names"),
     ] {
         fs::write(folder.path().join("a.toml"), LIGHTS.replace(from, to)).unwrap();

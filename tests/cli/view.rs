@@ -216,7 +216,7 @@ fn pictures_so_far_are_saved_as_files() {
     let (status, exr) = view.ask("GET", "/picture.exr", "", &[]);
     assert_eq!((status, &exr[..4]), (200, &[0x76, 0x2f, 0x31, 0x01][..]));
     assert_eq!(&view.ask("GET", "/picture.png", "", &[]).1[1..4], b"PNG");
-    for page in ["/", "/page.css", "/page.js", "/hands.js", "/materials.js", "/picture.js", "/icon.svg"] {
+    for page in ["/", "/page.css", "/page.js", "/gestures.js", "/materials.js", "/picture.js", "/icon.svg"] {
         assert_eq!(view.ask("GET", page, "", &[]).0, 200, "{page}");
     }
     assert_eq!(view.ask("GET", "/../Cargo.toml", "", &[]).0, 404);
@@ -436,7 +436,7 @@ fn passes_have_small_pictures() {
     let (state, _) = view.finished();
     view.post("/set", r#"{"pass": "albedo"}"#);
     let (after, _) = view.wait(|state| state["pass"] == "albedo");
-    assert_eq!((&after["order"], &after["finished"]), (&state["order"], &true.into()));
+    assert_eq!((&after["request_number"], &after["finished"]), (&state["request_number"], &true.into()));
 }
 
 #[test]
@@ -538,7 +538,7 @@ fn saved_scenes_are_loaded_again_and_broken_ones_reported() {
     let file = view.folder.path().join("scene.toml");
     view.finished();
     fs::write(&file, "[camera").unwrap();
-    let is_told = |state: &Value| state["trouble"].as_str().is_some_and(|t| t.contains("scene.toml"));
+    let is_told = |state: &Value| state["error_message"].as_str().is_some_and(|t| t.contains("scene.toml"));
     let (_, pixels) = view.wait(|state| is_told(state) && state["finished"] == true);
     assert_eq!(pixel(&pixels, 32, 24), [255, 0, 0, 255], "the old picture stays, and goes on");
     view.post("/move", r#"{"pan": [0.5, 0]}"#);
@@ -546,7 +546,7 @@ fn saved_scenes_are_loaded_again_and_broken_ones_reported() {
     assert!(is_told(&state), "the scene is still broken: {state}");
     view.post("/camera", "0");
     fs::write(&file, SCENE.replace("[1, 0, 0]", "[0, 1, 0]")).unwrap();
-    let (state, pixels) = view.wait(|state| state["trouble"] == "" && state["finished"] == true);
+    let (state, pixels) = view.wait(|state| state["error_message"] == "" && state["finished"] == true);
     assert_eq!(pixel(&pixels, 32, 24), [0, 255, 0, 255], "{state}");
 }
 

@@ -223,10 +223,10 @@ def check(page, other, program, pictures):
     program.scene.write_text(SCENE.replace("[0.8, 0.1, 0.1]", "[0.1, 0.8, 0.1]").replace("radius = 0.5", "radius = 1.5"))
     wait_to_see(page, lambda seen: seen["mean"][1] > seen["mean"][0] + 20, "a large green ball for a small red one")
     program.scene.write_text("[camera\n")
-    wait_for(page, "!document.getElementById('trouble').hidden", "a broken scene is reported")
+    wait_for(page, "!document.getElementById('error-message').hidden", "a broken scene is reported")
     pictures(page, "trouble")
     program.scene.write_text(SCENE)
-    wait_for(page, "document.getElementById('trouble').hidden", "a mended scene is shown")
+    wait_for(page, "document.getElementById('error-message').hidden", "a mended scene is shown")
 
     for name, signature in [("EXR", b"\x76\x2f\x31\x01"), ("PNG", b"\x89PNG")]:
         with page.expect_download() as download:

@@ -139,13 +139,10 @@ fn a_light_without_a_shape_changes_those_of_its_name() {
     let scene = with_sidecar(&format!("{sun}{point}{change}")).unwrap_or_else(|e| panic!("{e}")).scene;
     assert_eq!([scene.lights[0].intensity, scene.lights[1].intensity], [[5.0; 3], [3.0; 3]]);
     for (more, part) in [
-        (
-            "[[lights]]\nname = \"kye\"\ncolor = 1",
-            "there is no light 'kye' that could be changed (did you mean 'key'?)",
-        ),
+        ("[[lights]]\nname = \"kye\"\ncolor = 1", "there is no light 'kye' to change (did you mean 'key'?)"),
         (
             "[[lights]]\nname = \"new\"",
-            "there is no light 'new' that could be changed (a new light has one of area, point, spot, sun)",
+            "there is no light 'new' to change (a new light needs one of area, point, spot, sun)",
         ),
         ("pont = {}", "has no key 'pont' (did you mean 'point'?)"),
         ("radiance = -1", "radiance"),
@@ -489,7 +486,7 @@ fn what_has_no_texture_of_its_own_is_white_there_and_elsewhere_it_is_an_error() 
     let own = model.specular_color.texture.expect("a texture");
     assert_eq!(scene.textures[own.index()], Texture::Solid([1.0; 3]));
     for (toml, part) in [
-        ("[materials.cloth]\ntype = \"lambert\"\ncolor = \"mine\"\n", "there is no texture of a model"),
+        ("[materials.cloth]\ntype = \"lambert\"\ncolor = \"mine\"\n", "there is no model's texture"),
         (
             "[materials.cloth]\nspecular_color = \"lies\"\n[textures.lies]\ntype = \"image\"\nfile = \"a.png\"\nmapping = \"own\"\n",
             "can't be read",

@@ -124,7 +124,7 @@ fn materials_and_colours() {
         &(groups.replace("#00FF00", "#00FF0080") + &object("pid='6' pindex='0'")),
         "<item objectid='1'/>",
     );
-    assert_eq!(said(&transparent), ["1 colours are not opaque, but shown so"]);
+    assert_eq!(said(&transparent), ["1 transparent colours are rendered opaque"]);
 }
 
 #[test]
@@ -198,7 +198,7 @@ fn faults_have_their_place() {
 
     let index = good(&object("").replacen("v2='2'", "v2='9'", 1), "<item objectid='1'/>");
     assert_eq!(index.scene.meshes[0].triangles.len(), 3);
-    assert_eq!(said(&index), ["1 triangles with a vertex that is missing: left out"]);
+    assert_eq!(said(&index), ["1 triangles with a missing vertex: left out"]);
     let number = good(&object("").replacen("z='10'", "z='NaN'", 1), "<item objectid='1'/>");
     assert_eq!(number.scene.meshes[0].triangles.len(), 1);
     assert_eq!(number.scene.meshes[0].parts[0].triangle_count, 1);

@@ -31,7 +31,7 @@ pub(crate) fn run(args: &InspectArgs) -> Result<Outcome> {
         no_sidecar: args.no_sidecar,
         blender: args.blender.options(),
         gltf: args.asset.options(),
-        // Additions of 'render' are listed, though they are not in the file.
+        // Reports the additions that 'render' would make.
         stage: StageOptions { is_dry_run: true, ..StageOptions::studio() },
         ..LoadOptions::default()
     };
@@ -46,7 +46,7 @@ pub(crate) fn run(args: &InspectArgs) -> Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-/// Decodes the images that are still encoded, one after the other, to report damaged ones as rendering would.
+/// Decodes images, one at a time, to report damaged ones as rendering would.
 fn decode_images(loaded: &mut Loaded) -> Result<()> {
     let mut seen = HashSet::new();
     for image in &loaded.scene.images {
@@ -62,9 +62,7 @@ fn decode_images(loaded: &mut Loaded) -> Result<()> {
     Ok(())
 }
 
-// Output as JSON.
-
-/// One object with everything.
+/// The JSON output.
 #[derive(Serialize)]
 struct Contents<'a> {
     file: String,
@@ -278,9 +276,7 @@ fn warning(warning: &Warning) -> WarningEntry<'_> {
     WarningEntry { file, place: &warning.place, message: &warning.message }
 }
 
-// The objects of a scene as JSON.
-
-/// The lower and the upper corner.
+/// Minimum and maximum corner, metres.
 pub type Bounds = [[f64; 3]; 2];
 
 /// The bounds of a non-empty extent.
@@ -288,7 +284,7 @@ pub fn bounds(extent: Extent) -> Option<Bounds> {
     extent.0.map(|(low, high)| [low.to_array(), high.to_array()])
 }
 
-/// A placed mesh or a primitive.
+/// An instance of a mesh, a shape, a quad or curves.
 #[derive(Serialize)]
 #[serde(untagged)]
 pub enum Object<'a> {
@@ -332,7 +328,7 @@ pub enum Object<'a> {
     },
 }
 
-/// All of them; `extents` are those of the instances.
+/// All objects of a scene; `extents`: of the instances.
 pub fn objects<'a>(scene: &'a Scene, extents: &[Extent]) -> Vec<Object<'a>> {
     let named = |id: MaterialId| scene.materials[id.index()].name.as_str();
     let instances = scene.instances.iter().zip(extents).map(|(i, e)| {

@@ -1,4 +1,4 @@
-//! The answer for people.
+//! Text output of `oscura inspect`.
 
 use crate::cli::report::ShapeCounts;
 use oscura::image::{Encoded, Encoding, Image, Pixels};
@@ -12,7 +12,7 @@ use oscura::scene::{
 use std::collections::HashMap;
 use std::path::Path;
 
-/// Everything, line by line.
+/// All lines of the output.
 pub fn lines(path: &Path, loaded: &Loaded) -> Vec<String> {
     let scene = &loaded.scene;
     let mut out = vec![path.display().to_string()];
@@ -69,7 +69,7 @@ fn geometry(scene: &Scene, out: &mut Vec<String>) {
         plural(scene.meshes.len(), "mesh", "meshes"),
         plural(scene.instances.len(), "time", "times"),
         plural(placed_triangles(scene) as usize, "triangle", "triangles"),
-        ShapeCounts::of(scene).words(),
+        ShapeCounts::of(scene).text(),
         plural(scene.quads.len(), "quad", "quads"),
         strands(scene)
     ));
@@ -81,7 +81,7 @@ fn geometry(scene: &Scene, out: &mut Vec<String>) {
     section(out, "objects", count);
 }
 
-/// How many curves there are, where there are some.
+/// The number of strands, with a comma in front; empty without curves.
 fn strands(scene: &Scene) -> String {
     match scene.curves.iter().map(|c| c.strands.len()).sum::<usize>() {
         0 => String::new(),
@@ -109,7 +109,7 @@ fn image_line(image: &Image) -> String {
     )
 }
 
-/// Entries of a list, separated by commas.
+/// Comma-separated entries.
 fn join(entries: impl Iterator<Item = String>) -> String {
     entries.collect::<Vec<_>>().join(",")
 }
@@ -162,9 +162,7 @@ fn settings(scene: &Scene) -> Vec<String> {
     shown
 }
 
-// Materials, lights, cameras and the environment in words and units.
-
-/// Up to four digits behind the point.
+/// A number with up to four decimals.
 pub fn number(x: f64) -> String {
     let text = format!("{x:.4}");
     let trimmed = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
@@ -175,49 +173,49 @@ pub fn number(x: f64) -> String {
     }
 }
 
-/// Numbers in brackets.
+/// Numbers in parentheses.
 pub fn list<T: Into<f64> + Copy>(values: &[T]) -> String {
     let shown: Vec<String> = values.iter().map(|&v| number(v.into())).collect();
     format!("({})", shown.join(", "))
 }
 
-/// A material's properties that differ from the default.
+/// Description of a material: model and parameters.
 pub fn describe_material(scene: &Scene, m: &Material) -> String {
     let mut parts = vec![match &m.model {
         Model::SchlickMetal { color: c, roughness } => {
-            format!("metal, colour {}, roughness {}", color(c), share(roughness))
+            format!("metal, colour {}, roughness {}", color_slot(c), number_slot(roughness))
         }
         Model::Conductor { eta, k, roughness, .. } => {
-            format!("metal of index {} + i {}, roughness {}", list(eta), list(k), share(roughness))
+            format!("metal of index {} + i {}, roughness {}", list(eta), list(k), number_slot(roughness))
         }
         Model::Dielectric { ior, tint, .. } => {
-            format!("glass of index {}, tint {}", number((*ior).into()), color(tint))
+            format!("glass of index {}, tint {}", number((*ior).into()), color_slot(tint))
         }
         Model::Glass { ior, tint, roughness, is_thin } => {
             let (ior, kind) = (number((*ior).into()), if *is_thin { "thin glass" } else { "glass" });
-            format!("{kind} of index {ior}, tint {}, roughness {}", color(tint), share(roughness))
+            format!("{kind} of index {ior}, tint {}, roughness {}", color_slot(tint), number_slot(roughness))
         }
         Model::Pbr(p) => pbr(p),
         Model::Mix { components } => {
-            let part = |c: &MixComponent| format!("{} of {}", color(&c.weight), c.material.model.name());
+            let part = |c: &MixComponent| format!("{} of {}", color_slot(&c.weight), c.material.model.name());
             format!("mix: {}", components.iter().map(part).collect::<Vec<_>>().join(", "))
         }
         plain => parameters(plain),
     }];
     if let Some(e) = &m.emission {
         let sides = if e.two_sided { "both sides" } else { "its front" };
-        parts.push(format!("emits {} W/sr/m2 from {sides}", color(&e.radiance)));
+        parts.push(format!("emits {} W/sr/m2 from {sides}", color_slot(&e.radiance)));
     }
     if let Some(medium) = &m.medium {
         let (extinction, albedo) = (list(&medium.extinction), list(&medium.albedo));
-        parts.push(format!("filled with a medium of extinction {extinction} a metre, albedo {albedo}"));
+        parts.push(format!("medium of extinction {extinction} 1/m, albedo {albedo}"));
     }
     match m.alpha_mode {
         AlphaMode::Opaque => {}
         AlphaMode::Mask { cutoff } => {
-            parts.push(format!("alpha {} cut at {}", share(&m.alpha), number(cutoff.into())))
+            parts.push(format!("alpha {} cut at {}", number_slot(&m.alpha), number(cutoff.into())))
         }
-        AlphaMode::Blend => parts.push(format!("alpha {}", share(&m.alpha))),
+        AlphaMode::Blend => parts.push(format!("alpha {}", number_slot(&m.alpha))),
     }
     if m.normal_map.is_some() {
         parts.push("normal map".to_string());
@@ -242,8 +240,8 @@ fn parameters(model: &Model) -> String {
     model.visit("", &mut |name, parameter| {
         let name = if name == "color" { "colour" } else { name };
         match parameter {
-            Parameter::Color(slot) => text += &format!(", {name} {}", color(slot)),
-            Parameter::Number(slot) => text += &format!(", {name} {}", share(slot)),
+            Parameter::Color(slot) => text += &format!(", {name} {}", color_slot(slot)),
+            Parameter::Number(slot) => text += &format!(", {name} {}", number_slot(slot)),
             Parameter::Constant(value) => text += &format!(", {name} {}", number((*value).into())),
             Parameter::Texture(_) => {}
         }
@@ -254,21 +252,21 @@ fn parameters(model: &Model) -> String {
 fn pbr(p: &PbrMaterial) -> String {
     let mut parts = vec![format!(
         "glTF, base colour {}, metallic {}, roughness {}",
-        color(&p.base_color),
-        share(&p.metallic),
-        share(&p.roughness)
+        color_slot(&p.base_color),
+        number_slot(&p.metallic),
+        number_slot(&p.roughness)
     )];
     if p.transmission.factor > 0.0 {
         let wall = match (p.has_volume, p.keeps_radiance) {
             (true, _) => "solid",
-            (false, true) => "an open sheet that bends light",
+            (false, true) => "a refracting open sheet",
             (false, false) => "thin-walled",
         };
         let ior = number(p.ior.into());
-        parts.push(format!("transmission {} ({wall}, index {ior})", share(&p.transmission)));
+        parts.push(format!("transmission {} ({wall}, index {ior})", number_slot(&p.transmission)));
     }
     if p.specular.factor != 1.0 || p.specular.texture.is_some() {
-        parts.push(format!("specular {}", share(&p.specular)));
+        parts.push(format!("specular {}", number_slot(&p.specular)));
     }
     let layers = [
         ("rough diffuse", p.diffuse_roughness.factor > 0.0),
@@ -285,7 +283,7 @@ fn pbr(p: &PbrMaterial) -> String {
     parts.join(", ")
 }
 
-fn color(slot: &ColorSlot) -> String {
+fn color_slot(slot: &ColorSlot) -> String {
     match (slot.texture, slot.factor) {
         (None, c) => list(&c),
         (Some(_), [1.0, 1.0, 1.0]) => "texture".to_string(),
@@ -293,7 +291,7 @@ fn color(slot: &ColorSlot) -> String {
     }
 }
 
-fn share(slot: &FloatSlot) -> String {
+fn number_slot(slot: &FloatSlot) -> String {
     match (slot.texture, slot.factor) {
         (None, x) => number(x.into()),
         (Some(_), 1.0) => "texture".to_string(),
@@ -301,19 +299,19 @@ fn share(slot: &FloatSlot) -> String {
     }
 }
 
-/// The unit of a light's strength.
+/// The unit of a light's intensity or irradiance.
 pub fn light_unit(light: &Light) -> &'static str {
     if light.kind.position().is_some() { "W/sr" } else { "W/m2" }
 }
 
-/// A light with its strength and place.
+/// Description of a light: type, intensity, position and direction.
 pub fn describe_light(light: &Light) -> String {
     let at = light.kind.position().map(|p| format!("at {}", list(&p.to_array())));
     let towards = light.kind.direction().map(|d| format!("towards {}", list(&d.to_array())));
     let place: Vec<String> = at.into_iter().chain(towards).collect();
     let more = match light.kind {
         LightKind::Spot { inner_angle_rad, outer_angle_rad, .. } => format!(
-            ", full to {} and dark from {} degrees off its axis",
+            ", full to {} and dark from {} degrees off the axis",
             number(inner_angle_rad.to_degrees()),
             number(outer_angle_rad.to_degrees())
         ),
@@ -334,7 +332,7 @@ pub fn environment_name(environment: &Environment) -> &'static str {
     }
 }
 
-/// The environment with its radiance.
+/// Description of the environment.
 pub fn describe_environment(scene: &Scene) -> String {
     match &scene.environment {
         Environment::Black => "none".to_string(),
@@ -343,7 +341,7 @@ pub fn describe_environment(scene: &Scene) -> String {
             format!("gradient, {} W/sr/m2 below to {} above", list(nadir), list(zenith))
         }
         Environment::Image { image, strength, rotation_rad } => format!(
-            "image '{}', strength {}, turned by {} degrees",
+            "image '{}', strength {}, rotated by {} degrees",
             scene.images[image.index()].name,
             number((*strength).into()),
             number(rotation_rad.to_degrees())
@@ -351,8 +349,8 @@ pub fn describe_environment(scene: &Scene) -> String {
     }
 }
 
-/// The angles of a panorama, in words.
-fn words_of_panorama(panorama: &Panorama) -> String {
+/// Description of a panorama's projection.
+fn describe_panorama(panorama: &Panorama) -> String {
     let from_to = |[from, to]: [f64; 2]| {
         format!("{} to {} degrees", number(from.to_degrees()), number(to.to_degrees()))
     };
@@ -369,7 +367,7 @@ fn words_of_panorama(panorama: &Panorama) -> String {
     }
 }
 
-/// A camera with its projection, place and lens.
+/// Description of a camera: projection, position, direction and lens.
 pub fn describe_camera(camera: &Camera) -> String {
     let projection = match camera.projection {
         Projection::Perspective { vfov_rad } => {
@@ -378,7 +376,7 @@ pub fn describe_camera(camera: &Camera) -> String {
         Projection::Orthographic { half_height } => {
             format!("orthographic, {} m high", number(2.0 * half_height))
         }
-        Projection::Panorama(panorama) => words_of_panorama(&panorama),
+        Projection::Panorama(panorama) => describe_panorama(&panorama),
     };
     let placement = camera.world_from_camera;
     let mut text = format!(
@@ -387,15 +385,15 @@ pub fn describe_camera(camera: &Camera) -> String {
         list(&(-placement.matrix3.z_axis).to_array())
     );
     if let Some(aspect) = camera.aspect_ratio {
-        text += &format!(", {} times as wide", number(aspect));
+        text += &format!(", aspect ratio {}", number(aspect));
     }
     if camera.pixel_aspect != 1.0 {
-        text += &format!(", pixels {} times as wide as high", number(camera.pixel_aspect));
+        text += &format!(", pixel aspect {}", number(camera.pixel_aspect));
     }
     if let Some(lens) = camera.lens {
         let radius = lens.focus_distance * (lens.defocus_angle_rad / 2.0).tan();
         text += &format!(
-            ", lens of radius {} mm in focus at {} m",
+            ", lens radius {} mm, focus distance {} m",
             number(radius * 1000.0),
             number(lens.focus_distance)
         );
@@ -403,20 +401,18 @@ pub fn describe_camera(camera: &Camera) -> String {
     text
 }
 
-// The objects of a scene as a tree: the names of instances are paths of nodes.
-
-/// Lines of the tree that are shown.
+/// Maximum number of lines of the tree.
 const MAX_LINES: usize = 400;
 
 #[derive(Default)]
 struct Node<'a> {
     name: &'a str,
-    /// Objects placed here.
+    /// Descriptions of the node's objects.
     content: Vec<String>,
     children: Vec<usize>,
 }
 
-/// The tree of all objects, indented by two blanks a level.
+/// The tree of all objects, from their names as node paths; indented by two spaces per level.
 pub fn tree(scene: &Scene) -> Vec<String> {
     let mut nodes: Vec<Node> = vec![Node::default()];
     let mut known: HashMap<(usize, &str), usize> = HashMap::new();
@@ -424,11 +420,11 @@ pub fn tree(scene: &Scene) -> Vec<String> {
         let mesh = &scene.meshes[instance.mesh.index()];
         let materials: Vec<String> =
             instance_materials(scene, instance).into_iter().map(|m| material_name(scene, m)).collect();
-        let made_of = match &mesh.splats {
+        let primitives = match &mesh.splats {
             None => plural(mesh.triangles.len(), "triangle", "triangles"),
             Some(splats) => format!("{} Gaussian splats of degree {}", splats.len(), splats.degree),
         };
-        let content = format!("mesh '{}', {made_of}, {}", mesh.name, materials.join(", "));
+        let content = format!("mesh '{}', {primitives}, {}", mesh.name, materials.join(", "));
         insert(&mut nodes, &mut known, &instance.name, content);
     }
     for s in &scene.shapes {
@@ -452,7 +448,7 @@ pub fn tree(scene: &Scene) -> Vec<String> {
     while let Some((at, depth)) = stack.pop() {
         let node = &nodes[at];
         let name = if node.name.is_empty() { "(unnamed)" } else { node.name };
-        lines.push(format!("{}{name}{}", "  ".repeat(depth), described(&node.content)));
+        lines.push(format!("{}{name}{}", "  ".repeat(depth), node_contents(&node.content)));
         stack.extend(node.children.iter().rev().map(|&c| (c, depth + 1)));
     }
     if lines.len() > MAX_LINES {
@@ -482,8 +478,8 @@ fn insert<'a>(
     nodes[at].content.push(content);
 }
 
-/// Contents of a node, in one line; equal ones are counted.
-fn described(content: &[String]) -> String {
+/// The objects of a node in one line; equal ones are counted.
+fn node_contents(content: &[String]) -> String {
     let Some(first) = content.first() else { return String::new() };
     if content.iter().all(|c| c == first) && content.len() > 1 {
         return format!(": {} times {first}", content.len());
@@ -497,14 +493,12 @@ fn material_name(scene: &Scene, id: MaterialId) -> String {
     format!("'{}'", scene.materials[id.index()].name)
 }
 
-// Counts and sizes of a scene.
-
-/// Triangles that the instances place; those of a mesh count as often as it is placed.
+/// Number of triangles of all instances.
 pub fn placed_triangles(scene: &Scene) -> u64 {
     scene.instances.iter().map(|i| scene.meshes[i.mesh.index()].triangles.len() as u64).sum()
 }
 
-/// The materials of an instance, each once.
+/// The distinct materials of an instance.
 pub fn instance_materials(scene: &Scene, instance: &Instance) -> Vec<MaterialId> {
     if let Some(material) = instance.material {
         return vec![material];
@@ -518,7 +512,7 @@ pub fn instance_materials(scene: &Scene, instance: &Instance) -> Vec<MaterialId>
     ids
 }
 
-/// Which materials something uses.
+/// Whether each material is used.
 pub fn used_materials(scene: &Scene) -> Vec<bool> {
     let mut used = vec![false; scene.materials.len()];
     let surfaces = scene.shapes.iter().map(|s| s.material).chain(scene.quads.iter().map(|q| q.material));
@@ -530,7 +524,7 @@ pub fn used_materials(scene: &Scene) -> Vec<bool> {
     used
 }
 
-/// Which images a material in use or the environment reaches.
+/// Whether each image is used by a used material or the environment.
 pub fn used_images(scene: &Scene) -> Vec<bool> {
     let used = used_materials(scene);
     let materials = scene.materials.iter().zip(used).filter(|(_, used)| *used);
@@ -546,14 +540,14 @@ pub fn used_images(scene: &Scene) -> Vec<bool> {
     images
 }
 
-/// The images that a material reaches, by index, each once and in order.
+/// The indices of a material's images, sorted and distinct.
 pub fn material_images(scene: &Scene, material: &Material) -> Vec<usize> {
     let mut textures = vec![false; scene.textures.len()];
     for id in material.textures() {
         textures[id.index()] = true;
     }
     let mut images = Vec::new();
-    // A texture comes after those that it is made of, so one pass backwards reaches them all.
+    // Input textures precede the textures that use them: one backward pass visits all.
     for (i, texture) in scene.textures.iter().enumerate().rev() {
         if !textures[i] {
             continue;

@@ -1,4 +1,4 @@
-//! Changes of pages to a scene's materials, lights and environment, their undo, and how they are written into a scene file or a sidecar.
+//! Edits of materials, lights and environment on the page, and saving them to a scene file or a sidecar.
 
 use oscura::scene::{
     ColorSlot, Emission, Environment, FloatSlot, Light, Material, Model, PbrMaterial, Scene,
@@ -6,10 +6,10 @@ use oscura::scene::{
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// Strongest emission that pages ask for, W/sr/m2.
-const MOST: f32 = 1e4;
+/// Maximum emission, W/sr/m2.
+const MAX_EMISSION: f32 = 1e4;
 
-/// New values of one material; `None` stays.
+/// New values of a material; `None` keeps the value.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct MaterialEdit {
@@ -19,19 +19,19 @@ pub(crate) struct MaterialEdit {
     pub roughness: Option<f32>,
     /// 0..1.
     pub metallic: Option<f32>,
-    /// The largest component of the radiance, W/sr/m2; its hue is the material's own, else white.
+    /// Largest component of the radiance, W/sr/m2; the hue is the material's, else white.
     pub emission: Option<f32>,
 }
 
 impl MaterialEdit {
-    /// Are all numbers in range?
+    /// Whether all numbers are in range.
     pub fn is_valid(&self) -> bool {
-        let shares = self.base_color.iter().flatten().chain(&self.roughness).chain(&self.metallic);
-        shares.into_iter().all(|v| (0.0..=1.0).contains(v))
-            && self.emission.is_none_or(|v| (0.0..=MOST).contains(&v))
+        let fractions = self.base_color.iter().flatten().chain(&self.roughness).chain(&self.metallic);
+        fractions.into_iter().all(|v| (0.0..=1.0).contains(v))
+            && self.emission.is_none_or(|v| (0.0..=MAX_EMISSION).contains(&v))
     }
 
-    /// This one after an earlier one.
+    /// Merges with an earlier edit; this edit has precedence.
     fn after(self, earlier: MaterialEdit) -> MaterialEdit {
         MaterialEdit {
             base_color: self.base_color.or(earlier.base_color),
@@ -42,7 +42,7 @@ impl MaterialEdit {
     }
 }
 
-/// A material as a page shows it: its values, and which of them come from textures, which a constant replaces.
+/// A material on the page: its values, and the names of textured ones, whose texture an edit replaces.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct MaterialInfo {
     pub name: String,
@@ -52,9 +52,8 @@ pub(crate) struct MaterialInfo {
     pub metallic: f32,
     pub emission: f32,
     pub textures: Vec<&'static str>,
-    /// Can it be changed?
     pub is_editable: bool,
-    /// It is the surface of a light.
+    /// Whether it is the surface of a light.
     pub is_light: bool,
 }
 
@@ -83,7 +82,7 @@ impl MaterialInfo {
     }
 }
 
-/// The parameters of a material that pages change; those of plain diffuse ones are those of a glTF material that looks alike.
+/// The parameters of an editable material; diffuse and emissive ones are converted to equivalent glTF materials.
 fn pbr(material: &Material) -> Option<PbrMaterial> {
     match &material.model {
         Model::Pbr(model) => Some((**model).clone()),
@@ -108,39 +107,39 @@ fn largest(rgb: [f32; 3]) -> f32 {
     rgb.into_iter().fold(0.0, f32::max)
 }
 
-/// The radiance of an emission of this strength, with the hue that the material has.
+/// The radiance with this largest component and the material's hue.
 fn radiance(material: &Material, strength: f32) -> [f32; 3] {
     let own = material.emission.as_ref().map_or([1.0; 3], |emission| emission.radiance.factor);
     match largest(own) {
         0.0 => [strength; 3],
-        most => own.map(|v| v / most * strength),
+        max => own.map(|v| v / max * strength),
     }
 }
 
-/// New values of a light; `None` is unchanged.
+/// New values of a light; `None` keeps the value.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct LightEdit {
-    /// In the light's unit, times `color`.
+    /// In the light's unit; multiplied by `color`.
     pub strength: Option<f32>,
     /// Linear Rec. 709, 0..1.
     pub color: Option<[f32; 3]>,
 }
 
 impl LightEdit {
-    /// Are all numbers in range?
+    /// Whether all numbers are in range.
     pub fn is_valid(&self) -> bool {
         self.color.iter().flatten().all(|v| (0.0..=1.0).contains(v))
             && self.strength.is_none_or(|v| (0.0..=1e12).contains(&v))
     }
 
-    /// This one after an earlier one.
+    /// Merges with an earlier edit; this edit has precedence.
     fn after(self, earlier: LightEdit) -> LightEdit {
         LightEdit { strength: self.strength.or(earlier.strength), color: self.color.or(earlier.color) }
     }
 }
 
-/// Values of the lights of a name on a page: those of the first one.
+/// A light on the page; for several lights with the same name, the values of the first.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(crate) struct LightInfo {
     pub name: String,
@@ -161,7 +160,7 @@ impl LightInfo {
         LightInfo { name: name.to_string(), strength, color, unit, key }
     }
 
-    /// All lights with a name; the environment's sun is the environment's.
+    /// All named lights, without the environment's sun.
     pub fn all(scene: &Scene) -> Vec<LightInfo> {
         let is_own = |(i, _): &(usize, &Light)| scene.environment_sun != Some(*i as u32);
         let punctual = scene.lights.iter().enumerate().filter(is_own).map(|(_, light)| {
@@ -182,13 +181,13 @@ impl LightInfo {
         all
     }
 
-    /// It with a change.
+    /// The light after an edit.
     fn changed(&self, edit: LightEdit) -> LightInfo {
         let (strength, color) = (edit.strength.unwrap_or(self.strength), edit.color.unwrap_or(self.color));
         LightInfo { strength, color, ..self.clone() }
     }
 
-    /// A change as keys of a file.
+    /// An edit as a table of a scene file.
     fn table(&self, edit: LightEdit) -> Table {
         let strength = edit.strength.map(|v| (self.key, number(v)));
         let lines = strength.into_iter().chain(edit.color.map(|rgb| ("color", color(rgb)))).collect();
@@ -196,7 +195,7 @@ impl LightInfo {
     }
 }
 
-/// All changes, by the names of materials and lights.
+/// All edits, by the names of materials and lights.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Edits {
     materials: BTreeMap<String, MaterialEdit>,
@@ -204,7 +203,7 @@ pub(crate) struct Edits {
 }
 
 impl Edits {
-    /// Was this material changed?
+    /// Whether a material was edited.
     pub fn has(&self, name: &str) -> bool {
         self.materials.contains_key(name)
     }
@@ -219,7 +218,7 @@ impl Edits {
         *own = edit.after(*own);
     }
 
-    /// The materials with the changes, surfaces of lights among them.
+    /// The edited materials, including surfaces of lights.
     pub fn applied(&self, own: &[Material]) -> Vec<Material> {
         let changed = |material: &Material| match (material.is_light, self.materials.get(&material.name)) {
             (true, _) => self.changed_surface(material),
@@ -237,7 +236,7 @@ impl Edits {
         material
     }
 
-    /// Changes lights without a surface, which were `own` before, but not the sun of the environment.
+    /// Applies the edits to lights without a surface, except the environment's sun; `own` are the lights before all edits.
     pub fn change_lights(&self, scene: &mut Scene, own: &[Light]) {
         let sun = scene.environment_sun;
         for (i, (light, own)) in scene.lights.iter_mut().zip(own).enumerate() {
@@ -248,29 +247,29 @@ impl Edits {
         }
     }
 
-    /// The lights with the changes.
+    /// The edited lights.
     pub fn light_infos(&self, own: &[LightInfo]) -> Vec<LightInfo> {
         let changed =
             |light: &LightInfo| light.changed(self.lights.get(&light.name).copied().unwrap_or_default());
         own.iter().map(changed).collect()
     }
 
-    /// The tables of a scene file that say the same; `own` are the materials and lights as they were.
+    /// The edits as tables of a scene file; `own` and `lights` are the values before all edits.
     pub fn tables(&self, own: &[Material], lights: &[LightInfo]) -> Vec<Table> {
-        let of_material = |(name, edit): (&String, &MaterialEdit)| {
+        let material_table = |(name, edit): (&String, &MaterialEdit)| {
             let material = own.iter().find(|material| material.name == *name && !material.is_light)?;
             let header = format!("[materials.{}]", key(name));
             Some(Table { header, name: None, lines: lines(material, *edit) })
         };
-        let of_light = |(name, edit): (&String, &LightEdit)| {
+        let light_table = |(name, edit): (&String, &LightEdit)| {
             Some(lights.iter().find(|light| light.name == *name)?.table(*edit))
         };
-        let materials = self.materials.iter().filter_map(of_material);
-        materials.chain(self.lights.iter().filter_map(of_light)).collect()
+        let materials = self.materials.iter().filter_map(material_table);
+        materials.chain(self.lights.iter().filter_map(light_table)).collect()
     }
 }
 
-/// The colour of a light with a change, as files have it.
+/// The intensity or radiance of a light after an edit.
 fn changed_light(own: [f32; 3], edit: LightEdit) -> [f32; 3] {
     if edit == LightEdit::default() {
         return own;
@@ -291,23 +290,21 @@ fn changed(material: &Material, edit: MaterialEdit) -> Material {
         let radiance = ColorSlot::constant(radiance(&material, strength));
         material.emission = Some(Emission { radiance, two_sided });
     }
-    // A plain one stays what it is as long as only its colour changes.
-    let is_plain = edit.roughness.is_none() && edit.metallic.is_none();
+    // The model is kept if only the colour or the emission changes.
+    let keeps_model = edit.roughness.is_none() && edit.metallic.is_none();
     material.model = match material.model {
-        Model::Lambert { .. } if is_plain => Model::Lambert { albedo: model.base_color },
-        Model::Black if is_plain && edit.base_color.is_none() => Model::Black,
+        Model::Lambert { .. } if keeps_model => Model::Lambert { albedo: model.base_color },
+        Model::Black if keeps_model && edit.base_color.is_none() => Model::Black,
         _ => Model::Pbr(Box::new(model)),
     };
     material
 }
 
-// As TOML.
-
-/// A table: its header, and lines of keys with their values.
+/// A TOML table: header, keys and values.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Table {
     header: String,
-    /// Of an entry of a list: the value of its key `name`.
+    /// Value of the key `name`, for entries of lists.
     name: Option<String>,
     lines: Vec<(&'static str, String)>,
 }
@@ -319,13 +316,13 @@ impl Table {
         format!("{}\n{}", self.header, name.chain(lines).collect::<String>())
     }
 
-    /// The line of a file at which it begins.
-    fn place(&self, lines: &[String]) -> Option<usize> {
+    /// The index of the table's header line in a file.
+    fn position(&self, lines: &[String]) -> Option<usize> {
         let is_header = |line: &String| line.split('#').next().unwrap_or("").trim() == self.header;
-        let mut places = (0..lines.len()).filter(|&at| is_header(&lines[at]));
-        let Some(name) = &self.name else { return places.next() };
-        // An entry that only changes a light, not one that adds it.
-        places.find(|&at| {
+        let mut headers = (0..lines.len()).filter(|&at| is_header(&lines[at]));
+        let Some(name) = &self.name else { return headers.next() };
+        // Only entries that change a light, not those that add it.
+        headers.find(|&at| {
             let end = end_of(lines, at);
             let own = |key: &str| lines[at + 1..end].iter().find_map(|line| value_of(line, key));
             let is_added = ["area", "point", "spot", "sun"].iter().any(|shape| {
@@ -337,13 +334,13 @@ impl Table {
     }
 }
 
-/// The line after a table whose header is the line `at`.
+/// The index of the line after the table with its header at line `at`.
 fn end_of(lines: &[String], at: usize) -> usize {
     let next = lines[at + 1..].iter().position(|line| line.trim_start().starts_with('['));
     next.map_or(lines.len(), |n| at + 1 + n)
 }
 
-/// The value of a key in a line of a file.
+/// The value in a line `key = value`.
 fn value_of<'l>(line: &'l str, key: &str) -> Option<&'l str> {
     line.split_once('=').filter(|(own, _)| own.trim() == key).map(|(_, value)| value)
 }
@@ -361,13 +358,13 @@ fn color(rgb: [f32; 3]) -> String {
     format!("[{:?}, {:?}, {:?}]", rgb[0], rgb[1], rgb[2])
 }
 
-/// The keys of a changed material; all of them where the file has no material of that kind.
+/// The keys of an edited material: the changed ones, or all if it is not a glTF material.
 fn lines(material: &Material, edit: MaterialEdit) -> Vec<(&'static str, String)> {
     let changed = changed(material, edit);
     let mut lines: Vec<(&'static str, String)> = Vec::new();
-    let is_other = !matches!(material.model, Model::Pbr(_));
+    let needs_all = !matches!(material.model, Model::Pbr(_));
     match &changed.model {
-        Model::Pbr(model) if is_other => {
+        Model::Pbr(model) if needs_all => {
             lines.push(("type", "\"pbr\"".to_string()));
             lines.push(("base_color", color(model.base_color.factor)));
             lines.push(("metallic", number(model.metallic.factor)));
@@ -385,7 +382,7 @@ fn lines(material: &Material, edit: MaterialEdit) -> Vec<(&'static str, String)>
             lines.extend(edit.roughness.map(|v| ("roughness", number(v))));
         }
     }
-    if let Some(emission) = changed.emission.filter(|_| is_other || edit.emission.is_some()) {
+    if let Some(emission) = changed.emission.filter(|_| needs_all || edit.emission.is_some()) {
         let key = if matches!(changed.model, Model::Black) { "radiance" } else { "emission" };
         lines.push((key, color(emission.radiance.factor)));
     }
@@ -398,13 +395,13 @@ fn key(name: &str) -> String {
     if is_bare { name.to_string() } else { format!("{name:?}") }
 }
 
-/// A file with these tables: keys of tables that it has are replaced or added, other tables come at its end. All else, with its
-/// comments, stays as it was.
+/// Merges tables into the text of a file: keys of existing tables are replaced or added, new tables are appended. The rest,
+/// including comments, is unchanged.
 pub(crate) fn merged(file: &str, tables: &[Table]) -> String {
     let mut lines: Vec<String> = file.lines().map(str::to_string).collect();
     for table in tables {
-        match table.place(&lines) {
-            Some(at) => put(&mut lines, at, table),
+        match table.position(&lines) {
+            Some(at) => set_keys(&mut lines, at, table),
             None => {
                 if lines.last().is_some_and(|line| !line.trim().is_empty()) {
                     lines.push(String::new());
@@ -416,12 +413,12 @@ pub(crate) fn merged(file: &str, tables: &[Table]) -> String {
     lines.join("\n") + "\n"
 }
 
-/// Replaces and adds keys of the table whose header is the line `at`.
-fn put(lines: &mut Vec<String>, at: usize, table: &Table) {
+/// Replaces and adds keys of the table with its header at line `at`.
+fn set_keys(lines: &mut Vec<String>, at: usize, table: &Table) {
     for (key, value) in &table.lines {
         let end = end_of(lines, at);
-        let is_it = |line: &String| value_of(line, key).is_some();
-        let own = lines[at + 1..end].iter().position(is_it).map(|n| at + 1 + n);
+        let has_key = |line: &String| value_of(line, key).is_some();
+        let own = lines[at + 1..end].iter().position(has_key).map(|n| at + 1 + n);
         let new = format!("{key} = {value}");
         match own {
             Some(own) => lines[own] = new,
@@ -433,17 +430,14 @@ fn put(lines: &mut Vec<String>, at: usize, table: &Table) {
     }
 }
 
-// The environment's strength.
-
-/// An environment with another strength: that of its picture, else a factor on it, as `--env-strength` has it; its sun, a light of the
-/// scene, along with it.
-pub(crate) fn strengthen(scene: &mut Scene, before: f64, wanted: f64) {
-    let ratio = (wanted / before) as f32;
-    let times = |rgb: [f32; 3]| rgb.map(|v| v * ratio);
+/// Scales the environment and its sun from the strength `before` to `strength`, as `--env-strength` does.
+pub(crate) fn set_environment_strength(scene: &mut Scene, before: f64, strength: f64) {
+    let ratio = (strength / before) as f32;
+    let scaled = |rgb: [f32; 3]| rgb.map(|v| v * ratio);
     match &mut scene.environment {
         Environment::Image { strength, .. } => *strength *= ratio,
-        Environment::Constant(color) => *color = times(*color),
-        Environment::Gradient { nadir, zenith } => (*nadir, *zenith) = (times(*nadir), times(*zenith)),
+        Environment::Constant(color) => *color = scaled(*color),
+        Environment::Gradient { nadir, zenith } => (*nadir, *zenith) = (scaled(*nadir), scaled(*zenith)),
         Environment::Black => {}
     }
     scene.scale_environment_sun(ratio);
@@ -462,7 +456,7 @@ mod tests {
     }
 
     #[test]
-    fn later_changes_come_on_top_and_undo_leaves_nothing() {
+    fn edits_of_a_material_are_merged() {
         let own = [Material::gltf("a", PbrMaterial::default()), Material::lambert("b", [0.5; 3])];
         let mut both = edits("a", MaterialEdit { roughness: Some(0.25), ..MaterialEdit::default() });
         both.change("a".to_string(), MaterialEdit { metallic: Some(1.0), ..MaterialEdit::default() });
@@ -483,7 +477,7 @@ mod tests {
     }
 
     #[test]
-    fn files_keep_what_is_not_changed() {
+    fn merging_keeps_the_rest_of_the_file() {
         let own = [Material::gltf("a b", PbrMaterial::default())];
         let edits = edits(
             "a b",
@@ -506,7 +500,7 @@ mod tests {
     }
 
     #[test]
-    fn lights_change_by_name_and_entries_that_add_them_stay() {
+    fn lights_are_edited_by_name_and_entries_that_add_them_are_kept() {
         let lamp = |name: &str, direction: Option<DVec3>, intensity| {
             let kind = match direction {
                 Some(direction) => LightKind::Directional { direction },

@@ -1,6 +1,5 @@
-//! A small server of HTTP/1.1 (RFC 9112) over the standard library's sockets: one request a connection, answered in a thread
-//! of its own. Whatever a client decides has a limit: how long a request is, how long it takes, how slowly an answer is
-//! taken, and how many come at a time.
+//! A small HTTP/1.1 server (RFC 9112) on the standard library's sockets: one request per connection, one thread per connection.
+//! Sizes of requests, times of receiving and sending, and the number of connections are limited.
 
 use std::collections::BTreeMap;
 use std::io;
@@ -10,31 +9,31 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
-/// Maximum number of connections at a time; each has a thread.
+/// Maximum number of concurrent connections.
 const MAX_CONNECTIONS: usize = 64;
-/// Longest request line with all its headers, and longest body, bytes.
+/// Maximum size of the request line with all headers, and of the body, bytes.
 const MAX_BYTES: usize = 1 << 16;
-/// How long a request may take to arrive.
+/// Timeout of receiving a request.
 const READING: Duration = Duration::from_secs(5);
-/// How long an answer may take to leave.
+/// Timeout of sending a response.
 const WRITING: Duration = Duration::from_secs(30);
-/// Bytes and time for reading the rest of a refused request: closing the socket earlier would discard the response.
+/// Maximum bytes and time for reading the rest of a refused request: closing the socket earlier would discard the response.
 const LINGERING: (usize, Duration) = (1 << 20, Duration::from_millis(500));
-/// Between two tries to accept a connection where the system has no room for it.
+/// Time between two attempts after a connection could not be accepted.
 const PAUSE: Duration = Duration::from_millis(50);
 
-/// A request that has arrived in full.
+/// A complete request.
 pub(super) struct Request {
     pub method: String,
     /// Path and query.
     pub target: String,
-    /// Names in small letters.
+    /// Names in lower case.
     headers: Vec<(String, String)>,
     pub body: Vec<u8>,
 }
 
 impl Request {
-    /// The value of a header, by its name in small letters.
+    /// The value of a header; `name` in lower case.
     pub fn header(&self, name: &str) -> Option<&str> {
         self.headers.iter().find(|(own, _)| own == name).map(|(_, value)| value.as_str())
     }
@@ -47,52 +46,51 @@ pub(super) struct Response {
     pub body: Vec<u8>,
 }
 
-/// Answers requests, in many threads.
-pub(super) type Answering = dyn Fn(&Request) -> Response + Send + Sync;
+/// Handles requests, in several threads.
+pub(super) type Handler = dyn Fn(&Request) -> Response + Send + Sync;
 
-/// Why a request is not answered as asked.
-enum Flaw {
-    /// The client is gone or too slow: nothing more is reported.
+enum ReceiveError {
+    /// The client is gone or too slow: no response is sent.
     Gone,
-    /// Refused with a status and a reason.
+    /// The request is refused with a status and a reason.
     Refused(u16, &'static str),
 }
 
-impl From<io::Error> for Flaw {
-    fn from(_: io::Error) -> Flaw {
-        Flaw::Gone
+impl From<io::Error> for ReceiveError {
+    fn from(_: io::Error) -> ReceiveError {
+        ReceiveError::Gone
     }
 }
 
-/// Answers until all is over, which is noticed with the next connection.
-pub(super) fn serve(listener: &TcpListener, is_over: &AtomicBool, answer: &Arc<Answering>) {
+/// Serves until `is_stopped`, which is checked at the next connection.
+pub(super) fn serve(listener: &TcpListener, is_stopped: &AtomicBool, answer: &Arc<Handler>) {
     let open = Arc::new(Open::default());
     for (number, stream) in (0u64..).zip(listener.incoming()) {
-        if is_over.load(Ordering::SeqCst) {
+        if is_stopped.load(Ordering::SeqCst) {
             return;
         }
         let Ok(stream) = stream else {
             std::thread::sleep(PAUSE);
             continue;
         };
-        let Some(slot) = Slot::take(&open, number, &stream) else { continue };
+        let Some(slot) = Slot::reserve(&open, number, &stream) else { continue };
         let answer = answer.clone();
         let work = move || {
-            // A client that is gone is no loss.
-            let _ = converse(stream, &slot, &*answer);
+            // Errors of clients that are gone are ignored.
+            let _ = handle_connection(stream, &slot, &*answer);
         };
         // If no thread can be started, the connection and its slot are dropped with the closure.
         let _ = std::thread::Builder::new().name("page".to_string()).spawn(work);
     }
 }
 
-/// The connections that are open, by their numbers.
+/// The open connections, by number.
 #[derive(Default)]
 struct Open(Mutex<BTreeMap<u64, Connection>>);
 
 struct Connection {
     stream: TcpStream,
-    /// Its request has not arrived yet.
+    /// The request is not complete yet.
     is_reading: bool,
 }
 
@@ -102,22 +100,21 @@ impl Open {
     }
 }
 
-/// A connection's place among those that may be open; it is free again when this is dropped, also by a panic.
+/// One of the allowed connections; freed on drop, also by a panic.
 struct Slot {
     open: Arc<Open>,
     number: u64,
 }
 
 impl Slot {
-    /// Where all places are taken, the oldest connection that has not sent its request yet is closed; without one, there is
-    /// no place.
-    fn take(open: &Arc<Open>, number: u64, stream: &TcpStream) -> Option<Slot> {
+    /// Reserves a slot. If all are in use, closes the oldest connection without a complete request; `None` without one.
+    fn reserve(open: &Arc<Open>, number: u64, stream: &TcpStream) -> Option<Slot> {
         let stream = stream.try_clone().ok()?;
         let mut connections = open.lock();
         if connections.len() >= MAX_CONNECTIONS {
             let slow = connections.iter().find(|(_, connection)| connection.is_reading).map(|(n, _)| *n)?;
             if let Some(connection) = connections.remove(&slow) {
-                // Its thread wakes up and ends.
+                // The read in its thread fails, and the thread ends.
                 let _ = connection.stream.shutdown(Shutdown::Both);
             }
         }
@@ -125,7 +122,7 @@ impl Slot {
         Some(Slot { open: open.clone(), number })
     }
 
-    /// Says that the request has arrived in full. Returns whether the connection still has its place.
+    /// Marks the request as complete. Returns false if the connection has lost its slot.
     fn request_arrived(&self) -> bool {
         match self.open.lock().get_mut(&self.number) {
             Some(connection) => {
@@ -143,25 +140,25 @@ impl Drop for Slot {
     }
 }
 
-fn converse(mut stream: TcpStream, slot: &Slot, answer: &Answering) -> io::Result<()> {
+fn handle_connection(mut stream: TcpStream, slot: &Slot, answer: &Handler) -> io::Result<()> {
     stream.set_nodelay(true)?;
     match receive(&mut stream, Instant::now() + READING) {
         Ok(_) if !slot.request_arrived() => Ok(()),
         Ok(request) => send(&mut stream, &answer(&request), request.method == "HEAD"),
-        Err(Flaw::Gone) => Ok(()),
-        Err(Flaw::Refused(status, reason)) => {
+        Err(ReceiveError::Gone) => Ok(()),
+        Err(ReceiveError::Refused(status, reason)) => {
             let headers = vec![("Content-Type", "text/plain; charset=utf-8".to_string())];
             send(&mut stream, &Response { status, headers, body: reason.into() }, false)?;
             stream.shutdown(Shutdown::Write)?;
             let (mut bytes, until) = (Vec::new(), Instant::now() + LINGERING.1);
-            while bytes.len() < LINGERING.0 && more(&mut stream, &mut bytes, until).is_ok() {}
+            while bytes.len() < LINGERING.0 && receive_some(&mut stream, &mut bytes, until).is_ok() {}
             Ok(())
         }
     }
 }
 
 /// Reads a request.
-fn receive(stream: &mut TcpStream, until: Instant) -> Result<Request, Flaw> {
+fn receive(stream: &mut TcpStream, until: Instant) -> Result<Request, ReceiveError> {
     let mut bytes = Vec::new();
     let mut searched = 0;
     let end = loop {
@@ -170,28 +167,28 @@ fn receive(stream: &mut TcpStream, until: Instant) -> Result<Request, Flaw> {
             break searched + at;
         }
         if bytes.len() > MAX_BYTES {
-            return Err(Flaw::Refused(431, "the request's header is too long"));
+            return Err(ReceiveError::Refused(431, "the request's header is too long"));
         }
         searched = bytes.len().saturating_sub(3);
-        more(stream, &mut bytes, until)?;
+        receive_some(stream, &mut bytes, until)?;
     };
     let mut body = bytes.split_off(end + 4);
     bytes.truncate(end);
-    let mut request = parse(&bytes).ok_or(Flaw::Refused(400, "this is no request of HTTP/1.1"))?;
+    let mut request = parse(&bytes).ok_or(ReceiveError::Refused(400, "this is not an HTTP/1.1 request"))?;
     if request.header("transfer-encoding").is_some() {
-        return Err(Flaw::Refused(501, "bodies are taken by their length only"));
+        return Err(ReceiveError::Refused(501, "only bodies with Content-Length are supported"));
     }
     let length = request.header("content-length").map_or(Some(0), |text| {
         let is_number = !text.is_empty() && text.bytes().all(|b| b.is_ascii_digit());
-        // A length that overflows is too long.
+        // Overflow means too long.
         is_number.then(|| text.parse().unwrap_or(usize::MAX))
     });
-    let length = length.ok_or(Flaw::Refused(400, "the body's length is no number"))?;
+    let length = length.ok_or(ReceiveError::Refused(400, "Content-Length is not a number"))?;
     if length > MAX_BYTES {
-        return Err(Flaw::Refused(413, "the request's body is too long"));
+        return Err(ReceiveError::Refused(413, "the request's body is too long"));
     }
     while body.len() < length {
-        more(stream, &mut body, until)?;
+        receive_some(stream, &mut body, until)?;
     }
     body.truncate(length);
     request.body = body;
@@ -199,11 +196,11 @@ fn receive(stream: &mut TcpStream, until: Instant) -> Result<Request, Flaw> {
 }
 
 /// Appends received bytes.
-fn more(stream: &mut TcpStream, bytes: &mut Vec<u8>, until: Instant) -> Result<(), Flaw> {
-    stream.set_read_timeout(Some(left(until)?))?;
+fn receive_some(stream: &mut TcpStream, bytes: &mut Vec<u8>, until: Instant) -> Result<(), ReceiveError> {
+    stream.set_read_timeout(Some(remaining(until)?))?;
     let mut chunk = [0; 4096];
     match stream.read(&mut chunk) {
-        Ok(0) => Err(Flaw::Gone),
+        Ok(0) => Err(ReceiveError::Gone),
         Ok(length) => {
             bytes.extend(&chunk[..length]);
             Ok(())
@@ -213,12 +210,12 @@ fn more(stream: &mut TcpStream, bytes: &mut Vec<u8>, until: Instant) -> Result<(
     }
 }
 
-fn left(until: Instant) -> io::Result<Duration> {
-    let left = until.saturating_duration_since(Instant::now());
-    if left.is_zero() { Err(ErrorKind::TimedOut.into()) } else { Ok(left) }
+fn remaining(until: Instant) -> io::Result<Duration> {
+    let remaining = until.saturating_duration_since(Instant::now());
+    if remaining.is_zero() { Err(ErrorKind::TimedOut.into()) } else { Ok(remaining) }
 }
 
-/// The request line and the headers; `None` for what RFC 9112 doesn't allow.
+/// Parses the request line and the headers; `None` if RFC 9112 doesn't allow them.
 fn parse(head: &[u8]) -> Option<Request> {
     let mut lines = std::str::from_utf8(head).ok()?.split("\r\n");
     let words: Vec<&str> = lines.next()?.split(' ').collect();
@@ -226,12 +223,12 @@ fn parse(head: &[u8]) -> Option<Request> {
     if method.is_empty() || !target.starts_with('/') || !matches!(version, "HTTP/1.0" | "HTTP/1.1") {
         return None;
     }
-    let is_of_name = |b: u8| b.is_ascii_alphanumeric() || b"!#$%&'*+-.^_`|~".contains(&b);
+    let is_token = |b: u8| b.is_ascii_alphanumeric() || b"!#$%&'*+-.^_`|~".contains(&b);
     let header = |line: &str| {
         let (name, value) = line.split_once(':').filter(|(name, _)| !name.is_empty())?;
         let value = value.trim_matches([' ', '\t']);
-        let is_sound = name.bytes().all(is_of_name) && !value.contains(['\r', '\n', '\0']);
-        is_sound.then(|| (name.to_ascii_lowercase(), value.to_string()))
+        let is_valid = name.bytes().all(is_token) && !value.contains(['\r', '\n', '\0']);
+        is_valid.then(|| (name.to_ascii_lowercase(), value.to_string()))
     };
     let headers: Vec<_> = lines.map(header).collect::<Option<_>>()?;
     let count = |name: &str| headers.iter().filter(|(own, _)| own == name).count();
@@ -241,7 +238,7 @@ fn parse(head: &[u8]) -> Option<Request> {
     Some(Request { method: method.to_string(), target: target.to_string(), headers, body: Vec::new() })
 }
 
-/// Sends an answer, without its body if only the head is asked for.
+/// Sends a response, without the body for HEAD requests.
 fn send(stream: &mut TcpStream, response: &Response, is_head_only: bool) -> io::Result<()> {
     let Response { status, headers, body } = response;
     let mut head = format!("HTTP/1.1 {status} {}\r\nConnection: close\r\n", reason(*status));
@@ -255,10 +252,10 @@ fn send(stream: &mut TcpStream, response: &Response, is_head_only: bool) -> io::
     if is_head_only { Ok(()) } else { write(stream, body, until) }
 }
 
-/// Writes in parts, so that who takes them slowly doesn't get more time for each.
+/// Writes in chunks, so that the timeout applies to the whole response.
 fn write(stream: &mut TcpStream, mut bytes: &[u8], until: Instant) -> io::Result<()> {
     while !bytes.is_empty() {
-        stream.set_write_timeout(Some(left(until)?))?;
+        stream.set_write_timeout(Some(remaining(until)?))?;
         match stream.write(&bytes[..bytes.len().min(1 << 18)]) {
             Ok(0) => return Err(ErrorKind::WriteZero.into()),
             Ok(length) => bytes = &bytes[length..],

@@ -1,22 +1,21 @@
-// The material that was clicked on and the lamp that was chosen: their values, sliders that change them, and the lines that say the
-// same in a file.
+// The selected material and the selected light: their values, their sliders, and the changes as lines of a scene file.
 
 const $ = (id) => document.getElementById(id);
 const SLIDERS = ["roughness", "metallic", "emission"];
-const DARKEST = 2 ** -7;       // the left end of the slider of emission is none at all
+const DARKEST = 2 ** -7;       // at the left end of the slider, emission is 0
 
 const toLinear = (v) => (v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4);
 const toShown = (v) => (v <= 0.0031308 ? 12.92 * v : 1.055 * v ** (1 / 2.4) - 0.055);
 const rgbOf = (hex) => [1, 3, 5].map((at) => Number(toLinear(parseInt(hex.slice(at, at + 2), 16) / 255).toPrecision(4)));
 const hexOf = (rgb) => "#" + rgb.map((v) => Math.round(255 * toShown(Math.min(v, 1))).toString(16).padStart(2, "0")).join("");
 
-/** Gives an input its value, unless someone is at it. */
+/** Sets the value of an input, unless the user is changing it. */
 function put(id, value) {
   if (!$(id).matches(":active") && document.activeElement?.id !== id) $(id).value = value;
   else if ($(id).type === "range" && !$(id).matches(":active")) $(id).value = value;
 }
 
-/** Shows and changes the scene's lamps. The slider's unit is a stop over the strength that a lamp had; its left end is none. */
+/** Shows and changes the scene's lights. The slider is in stops relative to the initial strength; its left end is 0. */
 export function lamps({ heldLive, fill }) {
   const own = new Map();
   const chosen = () => own.get($("lamp").value);
@@ -41,7 +40,7 @@ export function lamps({ heldLive, fill }) {
     choose: (name) => { $("lamp").value = name; show(); },
     update: (lights) => {
       now = lights;
-      // What a lamp was first is the middle of its slider.
+      // The initial strength is at the middle of the slider.
       for (const lamp of lights) if (!own.has(lamp.name)) own.set(lamp.name, lamp);
       $("lamp-fields").hidden = lights.length === 0;
       fill($("lamp"), lights.map(({ name }) => [name, name]), $("lamp").value || lights[0]?.name);
@@ -50,11 +49,11 @@ export function lamps({ heldLive, fill }) {
   };
 }
 
-/** Shows and changes materials; `heldLive` sends the changes of an input, `post` a command; `chooseLamp` shows the lamp of a name. */
+/** Shows and changes materials; `heldLive` sends the changes of an input, `post` a command; `chooseLamp` selects a light by name. */
 export function materials({ heldLive, post, copy, chooseLamp }) {
   let own = null, status = null;
 
-  /** Sends a value of the material. */
+  /** Sends changes of a material parameter. */
   const listen = (input, key, read) =>
     heldLive(input, (v) => (own ? { material: [own.name, { [key]: read(v) }] } : null));
   listen($("base_color"), "base_color", rgbOf);
@@ -72,7 +71,7 @@ export function materials({ heldLive, post, copy, chooseLamp }) {
     const now = own && (status?.edited[own.name] ?? own);
     $("material-fields").hidden = !now?.is_editable;
     $("material-hint").hidden = Boolean(now?.is_editable);
-    const reason = now?.is_light ? "is a lamp: its sliders are above." : "is of shaders that have no such sliders.";
+    const reason = now?.is_light ? "is a light: its sliders are above." : "can't be edited here: its shaders have no such parameters.";
     if (now && !now.is_editable) $("material-hint").textContent = `'${now.name}' ${reason}`;
     if (!now?.is_editable) return;
     $("material-name").textContent = now.name;
@@ -90,7 +89,7 @@ export function materials({ heldLive, post, copy, chooseLamp }) {
 
   return {
     undo,
-    /** Chooses the material at a place of the picture. */
+    /** Selects the material at a position of the picture. */
     choose: async (x, y) => {
       const answer = await fetch(`material?x=${x}&y=${y}`);
       if (!answer.ok) return;
@@ -105,7 +104,7 @@ export function materials({ heldLive, post, copy, chooseLamp }) {
       $("save").hidden = news.facts.sidecar === null;
       $("save").disabled = !news.toml;
       $("save").textContent = "Save";
-      $("save").title = `Write the changes into ${news.facts.sidecar}, beside the model`;
+      $("save").title = `Write the changes to the sidecar ${news.facts.sidecar}`;
       $("toml-row").hidden = !news.toml;
       if (document.activeElement !== $("toml")) $("toml").value = news.toml;
       show();

@@ -1,5 +1,5 @@
-//! A page in the browser that shows a picture while it renders: its requests and its server. [`state`] is shared by
-//! the threads that answer requests and the one that renders.
+//! The page in the browser that shows a picture while it renders, and its server. [`state`] is shared by the server's threads
+//! and the rendering thread.
 
 mod edits;
 mod http;
@@ -9,7 +9,7 @@ mod server;
 mod state;
 
 use super::args::RenderArgs;
-pub(super) use edits::{Edits, LightInfo, strengthen};
+pub(super) use edits::{Edits, LightInfo, set_environment_strength};
 use oscura::error::Result;
 use oscura::film::Aov;
 use oscura::output::PngOptions;
@@ -22,47 +22,45 @@ pub(super) use state::{
 };
 use std::time::{Duration, Instant};
 
-// `oscura render --preview`: the page shows what is rendered anyway.
-
-/// Between two pictures.
+/// Minimum time between two pictures.
 const PAUSE: Duration = Duration::from_millis(250);
-/// For pages to fetch the last picture.
+/// Time for pages to fetch the last picture.
 const FAREWELL: Duration = Duration::from_millis(300);
 
-/// A page that looks on.
+/// The read-only page of `oscura render --preview`.
 pub(crate) struct PagePreview {
     page: Page,
     shown: Option<Instant>,
 }
 
 impl PagePreview {
-    /// Opens the page, in a browser too if that is wanted.
+    /// Serves the page, and opens it in a browser if `opens`.
     ///
     /// # Errors
-    /// A usage error if this machine has no port for it.
+    /// A usage error if no port is free.
     pub fn open(args: &RenderArgs, opens: bool) -> Result<PagePreview> {
         let server = bind(0)?;
         let pose = Pose::new(Camera::look_at([0.0, 0.0, 1.0], [0.0; 3], 30.0), 1.0);
-        let wish = ViewRequest::new(pose, (1, 1));
+        let request = ViewRequest::new(pose, (1, 1));
         let facts = SceneInfo {
             name: args.scene.file_name().unwrap_or_default().to_string_lossy().into_owned(),
             command: std::iter::once("oscura".to_string()).chain(state::arguments()).collect(),
             ..SceneInfo::default()
         };
         let display = PageDisplay::new(PngOptions::default());
-        let shared = Shared::new(wish, display, facts, Vec::new());
+        let shared = Shared::new(request, display, facts, Vec::new());
         Ok(PagePreview { page: Page::open(server, shared, args, opens), shown: None })
     }
 
-    /// A picture begins.
+    /// Starts a new picture.
     pub fn begin(&mut self, rendering: &Rendering, png: &PngOptions, camera: &Camera, triangles: u64) {
         let film = rendering.film();
         let has = |aov: &&Aov| film.aov(**aov).is_some();
         let size = (film.width(), film.height());
         self.shown = None;
-        self.page.shared.wish(|state| {
-            state.wish.pose = Pose::new(camera.clone(), 1.0);
-            state.wish.size = size;
+        self.page.shared.request(|state| {
+            state.request.pose = Pose::new(camera.clone(), 1.0);
+            state.request.size = size;
             let PageDisplay { aov, denoise, split, .. } = state.display;
             state.display = PageDisplay { aov, denoise, split, ..PageDisplay::new(png.clone()) };
             state.facts.sizes = vec![size];
@@ -74,18 +72,18 @@ impl PagePreview {
         });
     }
 
-    /// When the picture so far is to be shown next.
+    /// When to show the picture next.
     pub fn next_show(&self) -> Instant {
         self.shown.map_or_else(Instant::now, |shown| shown + PAUSE)
     }
 
-    /// Shows the picture so far, unless one was shown a moment ago.
+    /// Shows the picture so far, unless the last one is too recent.
     pub fn show(&mut self, rendering: &Rendering, is_finished: bool) {
         if !is_finished && self.shown.is_some_and(|shown| shown.elapsed() < PAUSE) {
             return;
         }
-        let order = self.page.shared.lock().wishes;
-        let frame = Frame::of(rendering, is_finished, order);
+        let request_number = self.page.shared.lock().request_number;
+        let frame = Frame::of(rendering, is_finished, request_number);
         self.page.shared.show(|state| state.frame = Some(frame.into()));
         self.shown = Some(Instant::now());
     }

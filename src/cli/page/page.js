@@ -1,7 +1,7 @@
-// Shows the picture as it refines, and the choices beside it. What is shown is always what the program says: choices are
-// sent to it, and come back with the next picture, so that several pages stay alike.
+// Shows the picture and the settings. All state is the program's: changes are sent to it and come back with the next picture,
+// so that several pages are in sync.
 
-import { listen } from "./hands.js";
+import { listen } from "./gestures.js";
 import { lamps, materials } from "./materials.js";
 import { decode, drawHistogram, outliner, put, thumbnails } from "./picture.js";
 
@@ -13,13 +13,13 @@ const lamp = lamps({ heldLive, fill });
 const material = materials({ heldLive, post: (url) => post(url), copy, chooseLamp: lamp.choose });
 let status = null, namesObjects = true;
 
-/** Values that every picture has besides the pass that is shown. */
+/** Channels that are always recorded. */
 const RECORDED = /^([RGBAZ]$|N\.|albedo\.|denoising_|object\.|material\.)/;
 
-/** Sends something to the program. */
+/** Sends a request to the program. */
 async function post(url, body) {
   const answer = await fetch(url, { method: "POST", body: JSON.stringify(body ?? null) });
-  if (!answer.ok) showTrouble(await answer.text());
+  if (!answer.ok) showError(await answer.text());
   return answer.ok;
 }
 
@@ -27,12 +27,12 @@ function set(choice) {
   return post("set", choice);
 }
 
-function showTrouble(text) {
-  $("trouble").textContent = text;
-  $("trouble").hidden = !text;
+function showError(text) {
+  $("error-message").textContent = text;
+  $("error-message").hidden = !text;
 }
 
-/** Asks for the next picture, again and again. */
+/** Fetches new pictures in a loop. */
 async function follow() {
   let version = 0;
   for (;;) {
@@ -48,9 +48,9 @@ async function follow() {
   }
 }
 
-/** Draws an answer. */
+/** Draws a response. */
 function draw(buffer) {
-  const wasFinished = status?.finished, order = status?.order;
+  const wasFinished = status?.finished, requestNumber = status?.request_number;
   let image;
   ({ status, image } = decode(buffer));
   if (image) {
@@ -58,12 +58,12 @@ function draw(buffer) {
     drawHistogram($("histogram"), image);
   }
   $("waiting").hidden = true;
-  if (status.order !== order) outline.clear();
+  if (status.request_number !== requestNumber) outline.clear();
   if (status.finished && !wasFinished) $("announcement").textContent = "The picture is done.";
   fit();
   showStatus();
   showThumbnails(status);
-  // For programs that drive the page.
+  // For tests that drive the page.
   document.body.dataset.version = status.version;
   document.body.dataset.samples = status.preview ? 0 : status.samples;
   document.body.dataset.finished = status.finished;
@@ -71,7 +71,7 @@ function draw(buffer) {
   return status.version;
 }
 
-/** Makes the picture as large as the window allows, at most at two pixels of the screen for one of its own. */
+/** Scales the picture to the window, by a factor of at most 2. */
 function fit() {
   if (!status) return;
   const [width, height] = status.size;
@@ -81,7 +81,7 @@ function fit() {
   $("frame").style.height = `${Math.round(height * scale)}px`;
 }
 
-/** Fills a list of choices, unless it has them already. */
+/** Fills a select element, unless it has these choices already. */
 function fill(select, choices, chosen) {
   const wanted = JSON.stringify(choices);
   if (select.dataset.choices !== wanted) {
@@ -101,10 +101,10 @@ function slide(id, value, text) {
   $(`${id}-value`).textContent = text;
 }
 
-/** Two digits, or all before the point. */
-const percent = (share) => (share < 1 ? (100 * share).toPrecision(2) : Math.round(100 * share));
+/** A fraction in percent with two significant digits; whole percents from 100 on. */
+const percent = (fraction) => (fraction < 1 ? (100 * fraction).toPrecision(2) : Math.round(100 * fraction));
 
-/** Brings everything beside the picture up to date. */
+/** Updates everything except the picture. */
 function showStatus() {
   const facts = status.facts;
   document.title = `${facts.name} - oscura`;
@@ -115,7 +115,7 @@ function showStatus() {
   const error = status.error && !status.preview ? `, noise ${percent(status.error)} %` : "";
   $("state").textContent = `${progress}, ${status.seconds.toFixed(1)} s${error}${status.finished ? ", done" : ""}`;
   $("progress").value = status.preview ? 0 : status.samples / facts.samples;
-  showTrouble(status.trouble);
+  showError(status.error_message);
   slide("exposure", status.exposure, `${status.exposure.toFixed(1)} stops`);
   slide("defocus", status.defocus, status.defocus ? `${status.defocus.toFixed(2)}°` : "off");
   $("denoise").checked = status.denoise;
@@ -152,7 +152,7 @@ function showStatus() {
   }
 }
 
-/** Numbers and the object under the mouse. */
+/** Shows the values and the object at a position of the picture. */
 async function probe(x, y) {
   const answer = await fetch(`probe?x=${x}&y=${y}`);
   if (!answer.ok) return;
@@ -167,7 +167,7 @@ async function probe(x, y) {
   $("probe").textContent = `${column}, ${row}  ${rgb}${depth}${more}`;
 }
 
-/** The same for changes that can be undone: those of a slider while it is held are one. */
+/** Like `live`, for changes that can be undone: all changes while a slider is held are one step. */
 function heldLive(input, choice) {
   let isHeld = false;
   live(input, (v) => {
@@ -180,7 +180,7 @@ function heldLive(input, choice) {
   input.addEventListener("change", () => { isHeld = false; });
 }
 
-/** Sends the value of an input, but not more often than answers come; nothing where `choice` gives none. */
+/** Sends the value of an input on each change, one request at a time; nothing if `choice` returns null. */
 function live(input, choice) {
   let busy = false, again = false;
   const send = async () => {
@@ -209,7 +209,7 @@ $("denoise").addEventListener("input", () => set({ denoise: $("denoise").checked
 $("camera").addEventListener("input", () => post("camera", Number($("camera").value)));
 $("reset").addEventListener("click", () => post("camera", Number($("camera").value)));
 $("reload").addEventListener("click", () => post("reload"));
-/** Copies what a field has, and says so on the button. */
+/** Copies the text of a field to the clipboard, with feedback on the button. */
 async function copy(button, field) {
   try {
     await navigator.clipboard.writeText(field.value);
@@ -233,7 +233,7 @@ $("theme").addEventListener("click", () => {
   root.colorScheme = { "": "light", light: "dark", dark: "" }[root.colorScheme];
 });
 
-/** Keys that work wherever the focus is, but where text or a choice is entered. */
+/** Global keys, except in text fields and select elements. */
 const keys = {
   "?": () => $("help").showModal(),
   d: () => $("denoise").click(),

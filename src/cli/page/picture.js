@@ -1,6 +1,6 @@
-// What is drawn of a picture besides the picture: its histogram, the outline of an object, passes as thumbnails.
+// Decoding of pictures, histogram, outlines of objects, thumbnails of passes.
 
-/** An answer of the program: a length, JSON of that length, pixels unless they are as before. */
+/** Decodes a response: length of the JSON (u32, little-endian), JSON, RGBA pixels unless they are unchanged. */
 export function decode(buffer) {
   const length = new DataView(buffer).getUint32(0, true);
   const status = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
@@ -8,14 +8,14 @@ export function decode(buffer) {
   return { status, image: pixels.length ? new ImageData(pixels, status.width, status.height) : null };
 }
 
-/** Draws pixels into a canvas, which takes their size. */
+/** Draws pixels to a canvas, which is resized to them. */
 export function put(canvas, image) {
   if (canvas.width !== image.width) canvas.width = image.width;
   if (canvas.height !== image.height) canvas.height = image.height;
   canvas.getContext("2d").putImageData(image, 0, 0);
 }
 
-/** How often the values of red, green and blue occur, and the share of pixels that have one at its limit. */
+/** Draws an RGB histogram, with the percentage of clipped pixels as label. */
 export function drawHistogram(canvas, image) {
   const counts = [0, 1, 2].map(() => new Uint32Array(256));
   const data = image.data;
@@ -25,23 +25,23 @@ export function drawHistogram(canvas, image) {
     if (Math.max(data[i], data[i + 1], data[i + 2]) === 255) clipped++;
   }
   const { width, height } = canvas, context = canvas.getContext("2d");
-  // Peaks of plain backgrounds are cut, and the square root keeps small parts visible.
-  const most = (6 * data.length) / 4 / 256;
+  // Peaks of uniform backgrounds are clipped, and the square root keeps small counts visible.
+  const max = (6 * data.length) / 4 / 256;
   context.clearRect(0, 0, width, height);
   context.globalCompositeOperation = "lighter";
   ["#c22", "#2a2", "#33d"].forEach((color, c) => {
     context.fillStyle = color;
     counts[c].forEach((count, x) => {
-      const bar = Math.round(Math.min(1, Math.sqrt(count / most)) * height);
+      const bar = Math.round(Math.min(1, Math.sqrt(count / max)) * height);
       context.fillRect(x, height - bar, 1, bar);
     });
   });
-  const share = (100 * clipped) / (data.length / 4);
-  canvas.setAttribute("aria-label", `Histogram; ${share.toFixed(1)} % of the pixels are at the upper limit`);
-  canvas.title = `${share.toFixed(1)} % of the pixels are at the upper limit`;
+  const percent = (100 * clipped) / (data.length / 4);
+  canvas.setAttribute("aria-label", `Histogram; ${percent.toFixed(1)} % of the pixels are clipped`);
+  canvas.title = `${percent.toFixed(1)} % of the pixels are clipped`;
 }
 
-/** Shows the outline and the name of what is at a place, asked for once an object and picture. */
+/** Shows the outline and the name of the object at a position; fetched once per object and picture. */
 export function outliner(svg, path, label) {
   let shown = 0, at = 0, busy = false;
   const clear = () => {
@@ -68,13 +68,13 @@ export function outliner(svg, path, label) {
   return { show, clear };
 }
 
-/** Passes that are always recorded, with their captions. */
+/** Passes with thumbnails, and their captions. */
 const SHOWN = [["", "colour"], ["albedo", "albedo"], ["normal", "normal"], ["depth", "depth"], ["object_id", "objects"]];
 
-/** How long a view stays before its small pictures are asked for, milliseconds. */
+/** Delay before the thumbnails of a view are fetched, milliseconds. */
 const REST = 700;
 
-/** Buttons with small pictures that choose a pass. That of the pass that is shown is drawn from `picture`. */
+/** Thumbnail buttons that select a pass. The thumbnail of the displayed pass is drawn from `picture`. */
 export function thumbnails(group, picture, choose) {
   let key = null, timer = 0;
   const buttons = SHOWN.map(([pass, caption]) => {
@@ -104,8 +104,8 @@ export function thumbnails(group, picture, choose) {
       button.hidden = pass !== "" && !status.facts.passes.some(([name]) => name === pass);
       button.setAttribute("aria-pressed", status.pass === pass);
     }
-    // New ones of each view, and at its end.
-    const wanted = JSON.stringify([status.order, status.finished, status.exposure, status.view]);
+    // Refreshed for each view, and when it is finished.
+    const wanted = JSON.stringify([status.request_number, status.finished, status.exposure, status.view]);
     if (status.preview || wanted === key) return;
     key = wanted;
     clearTimeout(timer);

@@ -1,4 +1,4 @@
-//! Pictures of a frame for pages: colour, the denoised picture or a pass, in 8 bits.
+//! 8-bit pictures of a frame for the page: colour, noisy or denoised, or a pass; outlines of objects.
 
 use super::state::{Denoised, Frame, PageDisplay};
 use oscura::film::{Aov, Film, Values};
@@ -15,21 +15,21 @@ impl Pixels {
     /// The picture of a frame for the page.
     pub fn of(frame: &Frame, denoised: Option<&Denoised>, display: &PageDisplay) -> Pixels {
         let pass = display.aov.and_then(|aov| Some((aov, frame.film.aov(aov)?)));
-        let of_film = |film: &Film, rgba| Pixels { width: film.width(), height: film.height(), rgba };
+        let with_size = |film: &Film, rgba| Pixels { width: film.width(), height: film.height(), rgba };
         match (pass, denoised) {
-            (Some((aov, planes)), _) => of_film(&frame.film, show(aov, planes, &display.png)),
-            (None, None) => of_film(&frame.film, rgba8(&frame.film, &display.png)),
+            (Some((aov, planes)), _) => with_size(&frame.film, show(aov, planes, &display.png)),
+            (None, None) => with_size(&frame.film, rgba8(&frame.film, &display.png)),
             (None, Some(Denoised { film, .. })) => {
-                let after = of_film(film, rgba8(film, &display.png));
+                let after = with_size(film, rgba8(film, &display.png));
                 if display.split <= 0.0 {
                     return after;
                 }
-                after.right_of(display.split, of_film(&frame.film, rgba8(&frame.film, &display.png)))
+                after.right_of(display.split, with_size(&frame.film, rgba8(&frame.film, &display.png)))
             }
         }
     }
 
-    /// Another picture to the left of a share of the width, this one to its right, in the size of the other.
+    /// Composes `left` with this picture to the right of `split`, a fraction of the width; the size is that of `left`.
     fn right_of(&self, split: f64, mut left: Pixels) -> Pixels {
         let (width, height) = (left.width as usize, left.height as usize);
         let first = ((split * width as f64) as usize).min(width);
@@ -43,9 +43,9 @@ impl Pixels {
         left
     }
 
-    /// The same, at most so wide: means of blocks of pixels.
-    pub fn reduced(&self, most: u32) -> Pixels {
-        let step = self.width.div_ceil(most).max(1) as usize;
+    /// Downsamples by an integer factor to a width of at most `max_width`, with a box filter.
+    pub fn reduced(&self, max_width: u32) -> Pixels {
+        let step = self.width.div_ceil(max_width).max(1) as usize;
         let (width, height) = (self.width as usize / step, (self.height as usize / step).max(1));
         let mean = |x: usize, y: usize, c: usize| {
             let rows = (y * step)..(y * step + step).min(self.height as usize);
@@ -58,30 +58,30 @@ impl Pixels {
             }
             (sum / count) as u8
         };
-        let places = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
-        let rgba = places.flat_map(|(x, y)| [0, 1, 2, 3].map(|c| mean(x, y, c))).collect();
+        let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+        let rgba = pixels.flat_map(|(x, y)| [0, 1, 2, 3].map(|c| mean(x, y, c))).collect();
         Pixels { width: width as u32, height: height as u32, rgba }
     }
 }
 
-/// A pass as colours: colours by the look, directions as normal maps have them, ids by hue, other numbers from black for the
-/// least to white for the largest (depths the other way round, in logarithms).
+/// Visualizes a pass: colours through the view transform, normals as in normal maps, ids as random colours, other values from
+/// black for the minimum to white for the maximum (depths inverted and logarithmic).
 fn show(aov: Aov, planes: Vec<Values>, png: &PngOptions) -> Vec<u8> {
     let names = aov.info().names;
     let planes: Vec<Vec<f32>> = planes.into_iter().map(Values::into_floats).collect();
     let is = |ending: &str| names.first().is_some_and(|name| name.ends_with(ending));
     let gain = png.exposure.exp2();
     let rgb: Box<dyn Fn(usize) -> [f32; 3]> = if aov.info().option.ends_with("_id") {
-        Box::new(|i| hue(planes[0][i]))
+        Box::new(|i| id_color(planes[0][i]))
     } else if is("00.R") {
-        Box::new(|i| hue(planes[0][i]).map(|c| c * planes[1][i]))
+        Box::new(|i| id_color(planes[0][i]).map(|c| c * planes[1][i]))
     } else if is(".R") {
         Box::new(|i| png.view.encode([0, 1, 2].map(|c| gain * planes[c][i])))
     } else if names[0].starts_with('N') && is(".X") {
         Box::new(|i| [0, 1, 2].map(|c| 0.5 + 0.5 * planes[c][i]))
     } else {
         let is_depth = is("Z");
-        let scaled: Vec<Vec<f32>> = planes.iter().map(|plane| spread(plane, is_depth)).collect();
+        let scaled: Vec<Vec<f32>> = planes.iter().map(|plane| normalized(plane, is_depth)).collect();
         Box::new(move |i| {
             [0, 1, 2]
                 .map(|c| scaled.get(c).or(scaled.last().filter(|_| scaled.len() == 1)).map_or(0.0, |p| p[i]))
@@ -96,19 +96,19 @@ fn show(aov: Aov, planes: Vec<Values>, png: &PngOptions) -> Vec<u8> {
         .collect()
 }
 
-/// Values scaled to 0..1.
-fn spread(plane: &[f32], is_depth: bool) -> Vec<f32> {
+/// Values scaled to 0..1; invalid values and background depths become 0.
+fn normalized(plane: &[f32], is_depth: bool) -> Vec<f32> {
     let value = |v: f32| if is_depth { -v.max(1e-6).ln() } else { v };
-    let is_there = |v: f32| v.is_finite() && v < 0.5 * oscura::film::BACKGROUND_DEPTH;
-    let there = plane.iter().copied().filter(|&v| is_there(v)).map(value);
-    let (low, high) = there.fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+    let is_valid = |v: f32| v.is_finite() && v < 0.5 * oscura::film::BACKGROUND_DEPTH;
+    let valid = plane.iter().copied().filter(|&v| is_valid(v)).map(value);
+    let (low, high) = valid.fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
     let range = (high - low).max(1e-20);
-    let share = |&v: &f32| if is_there(v) { (value(v) - low) / range } else { 0.0 };
-    plane.iter().map(share).collect()
+    let scaled = |&v: &f32| if is_valid(v) { (value(v) - low) / range } else { 0.0 };
+    plane.iter().map(scaled).collect()
 }
 
-/// A colour for an id, whatever it is a number of; black for none.
-fn hue(id: f32) -> [f32; 3] {
+/// A random colour for an id; black for 0.
+fn id_color(id: f32) -> [f32; 3] {
     if id == 0.0 {
         return [0.0; 3];
     }
@@ -122,21 +122,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_spread_from_black_to_white() {
-        assert_eq!(spread(&[1.0, 3.0, 2.0, f32::NAN], false), [0.0, 1.0, 0.5, 0.0]);
-        let depths = spread(&[1.0, 100.0, 10.0, oscura::film::BACKGROUND_DEPTH], true);
+    fn values_are_scaled_from_black_to_white() {
+        assert_eq!(normalized(&[1.0, 3.0, 2.0, f32::NAN], false), [0.0, 1.0, 0.5, 0.0]);
+        let depths = normalized(&[1.0, 100.0, 10.0, oscura::film::BACKGROUND_DEPTH], true);
         assert_eq!((depths[0], depths[1], depths[3]), (1.0, 0.0, 0.0));
         assert!((depths[2] - 0.5).abs() < 1e-6);
     }
 
     #[test]
-    fn ids_have_colours_of_their_own() {
-        assert_eq!(hue(0.0), [0.0; 3]);
-        assert_ne!(hue(1.0), hue(2.0));
+    fn ids_have_different_colors() {
+        assert_eq!(id_color(0.0), [0.0; 3]);
+        assert_ne!(id_color(1.0), id_color(2.0));
     }
 
     #[test]
-    fn a_split_has_the_noisy_picture_at_its_left() {
+    fn the_noisy_picture_is_left_of_the_split() {
         let filled =
             |width, height, v: u8| Pixels { width, height, rgba: vec![v; 4 * (width * height) as usize] };
         let both = filled(2, 1, 200).right_of(0.5, filled(4, 2, 10));
@@ -149,29 +149,28 @@ mod tests {
     fn reduced_pictures_are_means_of_blocks() {
         let rgba = [0, 100, 50, 50, 100, 200, 50, 50, 9, 9].iter().flat_map(|&v| [v; 4]).collect();
         let small = Pixels { width: 5, height: 2, rgba }.reduced(2);
-        // Steps of three columns: the last two have no whole block.
+        // Blocks of three columns: the last two columns are dropped.
         assert_eq!((small.width, small.height, small.rgba.len()), (1, 1, 4));
         let same = Pixels { width: 2, height: 1, rgba: vec![7; 8] }.reduced(160);
         assert_eq!((same.width, same.height, same.rgba), (2, 1, vec![7; 8]));
     }
 }
 
-// Where an object is in a frame: its outline as an SVG path.
-
-/// An object at a place of the picture.
+/// The outline of an object in a frame.
 #[derive(Debug, PartialEq, serde::Serialize)]
 pub(super) struct Outline {
-    /// From 1.
+    /// Object id, from 1.
     pub object: u32,
     pub name: String,
-    /// Size of the frame, whose pixels are the path's units.
+    /// Size of the frame, pixels.
     pub width: u32,
     pub height: u32,
+    /// SVG path, in pixels.
     pub path: String,
 }
 
 impl Outline {
-    /// The object at shares of the picture's width and height; `None` where there is none or the frame doesn't know.
+    /// The object at fractions of the picture's width and height; `None` for the background or without object ids.
     pub fn at(frame: &Frame, (x, y): (f64, f64), names: &[String]) -> Option<Outline> {
         let (x, y) = frame.pixel(x, y)?;
         let Values::Uint(ids) = frame.film.aov(Aov::ObjectId)?.into_iter().next()? else { return None };
@@ -179,19 +178,19 @@ impl Outline {
         let object = *ids.get((y * width + x) as usize).filter(|id| **id > 0)?;
         let name = names.get(object as usize - 1).filter(|name| !name.is_empty());
         let name = name.cloned().unwrap_or_else(|| format!("object {object}"));
-        let is_it = |x: usize, y: usize| {
+        let is_inside = |x: usize, y: usize| {
             x < width as usize && y < height as usize && ids[y * width as usize + x] == object
         };
-        Some(Outline { object, name, width, height, path: path(width as usize, height as usize, is_it) })
+        Some(Outline { object, name, width, height, path: path(width as usize, height as usize, is_inside) })
     }
 }
 
-/// The sides between pixels that belong to something and those that don't, as a path of horizontal and vertical lines.
-fn path(width: usize, height: usize, is_it: impl Fn(usize, usize) -> bool) -> String {
+/// The pixel edges between inside and outside, as an SVG path of horizontal and vertical lines.
+fn path(width: usize, height: usize, is_inside: impl Fn(usize, usize) -> bool) -> String {
     let mut path = String::new();
     // Beyond the upper and left edge, the wrapped index is outside as well.
-    let across = |x: usize, y: usize| is_it(x, y) != is_it(x, y.wrapping_sub(1));
-    let down = |y: usize, x: usize| is_it(x, y) != is_it(x.wrapping_sub(1), y);
+    let across = |x: usize, y: usize| is_inside(x, y) != is_inside(x, y.wrapping_sub(1));
+    let down = |y: usize, x: usize| is_inside(x, y) != is_inside(x.wrapping_sub(1), y);
     for y in 0..=height {
         runs(width, |x| across(x, y)).into_iter().for_each(|(from, to)| path += &format!("M{from} {y}H{to}"));
     }
@@ -201,10 +200,10 @@ fn path(width: usize, height: usize, is_it: impl Fn(usize, usize) -> bool) -> St
     path
 }
 
-/// The longest runs of places that suit, as ranges.
-fn runs(count: usize, suits: impl Fn(usize) -> bool) -> Vec<(usize, usize)> {
+/// The maximal runs of indices for which `is_edge` holds, as ranges.
+fn runs(count: usize, is_edge: impl Fn(usize) -> bool) -> Vec<(usize, usize)> {
     let mut runs: Vec<(usize, usize)> = Vec::new();
-    for at in (0..count).filter(|&at| suits(at)) {
+    for at in (0..count).filter(|&at| is_edge(at)) {
         match runs.last_mut() {
             Some((_, end)) if *end == at => *end = at + 1,
             _ => runs.push((at, at + 1)),
@@ -218,7 +217,7 @@ mod outline_tests {
     use super::path;
 
     #[test]
-    fn outlines_go_around_what_belongs_to_an_object() {
+    fn outlines_enclose_the_pixels_of_an_object() {
         let one = path(4, 3, |x, y| (x, y) == (1, 1));
         assert_eq!(one, "M1 1H2M1 2H2M1 1V2M2 1V2");
         let all = path(4, 3, |x, y| x < 4 && y < 3);

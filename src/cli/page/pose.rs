@@ -1,68 +1,69 @@
-//! Where the camera stands, and how hands move it: around a target, sideways, nearer.
+//! The camera of the page: orbit, pan, dolly and lens.
 
 use crate::cli::camera_args::CameraArgs;
 use oscura::math::{DAffine3, DVec3};
 use oscura::scene::{Aperture, Camera, Projection, ThinLens};
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// Nearest to straight up or down that the camera goes, radians: there up has no meaning.
+/// Minimum angle between the view direction and the vertical, radians; the up vector is undefined there.
 const POLE: f64 = 0.002;
 
 /// A camera that can be moved.
 #[derive(Clone, Debug)]
 pub(crate) struct Pose {
     camera: Camera,
-    /// Centre of the orbit; straight ahead of the camera.
+    /// Centre of the orbit, on the camera's axis.
     target: DVec3,
     is_moved: bool,
     is_lens_changed: bool,
+    /// The height of an orthographic view was changed.
     is_zoomed: bool,
     given: Given,
 }
 
-/// Camera options of the command line, repeated in the command that renders the view.
+/// Camera options on the command line, to be repeated in the command that renders the view.
 #[derive(Clone, Copy, Debug, Default)]
 struct Given {
-    place: bool,
+    eye: bool,
     height: bool,
     lens: bool,
-    /// Degrees.
+    /// Vertical field of view, degrees.
     fov: Option<f64>,
 }
 
-/// A mouse movement.
+/// A camera movement.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub(crate) struct Move {
     /// Around the target, radians: to the right and up.
     pub orbit: [f64; 2],
-    /// Sideways, in heights of the picture at the target's distance: to the right and up.
+    /// Translation in picture heights at the target's distance: to the right and up.
     pub pan: [f64; 2],
-    /// Factor on the distance of the target.
+    /// Factor on the distance to the target.
     pub dolly: Option<f64>,
 }
 
 impl Pose {
-    /// A scene's camera, whose target is so far ahead.
+    /// A scene's camera; `distance` to the target, metres.
     pub fn new(camera: Camera, distance: f64) -> Pose {
-        let target = camera.world_from_camera.translation + distance * ahead(&camera);
+        let target = camera.world_from_camera.translation + distance * forward(&camera);
         let given = Given::default();
         Pose { camera, target, is_moved: false, is_lens_changed: false, is_zoomed: false, given }
     }
 
-    /// The pose that camera arguments ask for, and a vertical field of view in degrees.
+    /// Takes the target of the camera options, and remembers the given options. `fov`: vertical, degrees.
     #[must_use]
-    pub fn with_arguments(self, place: &CameraArgs, fov: Option<f64>) -> Pose {
+    pub fn with_arguments(self, args: &CameraArgs, fov: Option<f64>) -> Pose {
         let given = Given {
-            place: place.eye.is_some(),
-            height: place.view_height.is_some(),
-            lens: place.focus.or(place.defocus).is_some(),
+            eye: args.eye.is_some(),
+            height: args.view_height.is_some(),
+            lens: args.focus.or(args.defocus).is_some(),
             fov,
         };
-        Pose { target: place.target.unwrap_or(self.target), given, ..self }
+        Pose { target: args.target.unwrap_or(self.target), given, ..self }
     }
 
-    /// Did anybody move it or change its lens?
+    /// Whether the camera was moved or its lens changed.
     pub fn is_changed(&self) -> bool {
         self.is_moved || self.is_lens_changed
     }
@@ -71,7 +72,7 @@ impl Pose {
         &self.camera
     }
 
-    /// Moves it, unless the numbers make no sense.
+    /// Applies a movement; ignores values that aren't finite.
     pub fn apply(&mut self, step: Move) {
         let numbers = step.orbit.iter().chain(&step.pan).chain(&step.dolly);
         if !numbers.clone().all(|v| v.is_finite()) || step == Move::default() {
@@ -80,7 +81,7 @@ impl Pose {
         let eye = self.camera.world_from_camera.translation;
         let offset = eye - self.target;
         let distance = offset.length().max(1e-9);
-        // From the target to the camera.
+        // Spherical coordinates of the direction from the target to the camera.
         let azimuth = offset.x.atan2(offset.z) + step.orbit[0] % (2.0 * PI);
         let highest = FRAC_PI_2 - POLE;
         let elevation =
@@ -91,9 +92,9 @@ impl Pose {
         let up = back.cross(right);
         let factor = step.dolly.unwrap_or(1.0).clamp(0.05, 20.0);
         let height = self.visible_height(distance);
-        let is_parallel = matches!(self.camera.projection, Projection::Orthographic { .. });
+        let is_orthographic = matches!(self.camera.projection, Projection::Orthographic { .. });
         self.target += height * (step.pan[0] * right + step.pan[1] * up);
-        let distance = if is_parallel { distance } else { (distance * factor).clamp(1e-6, 1e9) };
+        let distance = if is_orthographic { distance } else { (distance * factor).clamp(1e-6, 1e9) };
         if let Projection::Orthographic { half_height } = &mut self.camera.projection {
             *half_height = (*half_height * factor).clamp(1e-6, 1e9);
             self.is_zoomed |= factor != 1.0;
@@ -101,25 +102,25 @@ impl Pose {
         let rotation = oscura::math::DMat3::from_cols(right, up, back);
         self.camera.world_from_camera =
             DAffine3::from_mat3_translation(rotation, self.target + distance * back);
-        // Its own way began elsewhere.
+        // An animation doesn't apply to the new placement.
         self.camera.motion = None;
         self.is_moved = true;
     }
 
-    /// Height of the field of view at a distance, metres.
+    /// Visible height at a distance, metres.
     fn visible_height(&self, distance: f64) -> f64 {
         match self.camera.projection {
             Projection::Perspective { vfov_rad } => 2.0 * distance * (0.5 * vfov_rad).tan(),
             Projection::Orthographic { half_height } => 2.0 * half_height,
-            // As near the middle of the picture.
+            // The scale near the centre of the picture.
             Projection::Panorama(panorama) => 2.0 * distance * (0.5 * panorama.height_rad().min(2.0)).tan(),
         }
     }
 
-    /// Brings the target as far ahead as what the middle of the picture shows.
+    /// Moves the target to a distance from the camera, metres.
     pub fn set_target_distance(&mut self, distance: f64) {
         if distance.is_finite() && distance > 0.0 {
-            self.target = self.camera.world_from_camera.translation + distance * ahead(&self.camera);
+            self.target = self.camera.world_from_camera.translation + distance * forward(&self.camera);
         }
     }
 
@@ -128,8 +129,8 @@ impl Pose {
         self.change_lens(|lens| lens.focus_distance = distance);
     }
 
-    /// Opens the lens to an angle, degrees; 0 closes it.
-    pub fn open(&mut self, degrees: f64) {
+    /// Sets the angle of the lens's diameter seen from a point in focus, degrees; 0 is a pinhole.
+    pub fn set_defocus(&mut self, degrees: f64) {
         self.change_lens(|lens| lens.defocus_angle_rad = degrees.clamp(0.0, 90.0).to_radians());
     }
 
@@ -145,24 +146,24 @@ impl Pose {
         self.is_lens_changed = true;
     }
 
-    /// How far the lens is open, degrees.
+    /// The angle of the lens's diameter seen from a point in focus, degrees.
     pub fn defocus(&self) -> f64 {
         self.camera.lens.map_or(0.0, |lens| lens.defocus_angle_rad.to_degrees())
     }
 
-    /// The camera as rendering takes it.
+    /// The camera for rendering, without a lens of angle 0.
     pub fn for_rendering(&self) -> Camera {
         let mut camera = self.camera.clone();
         camera.lens = camera.lens.filter(|lens| lens.defocus_angle_rad > 0.0);
         camera
     }
 
-    /// The arguments of `oscura render` that move a scene's camera here.
+    /// The arguments of `oscura render` for this camera.
     pub fn arguments(&self) -> Vec<String> {
         let point = |p: DVec3| format!("{},{},{}", short(p.x), short(p.y), short(p.z));
         let mut arguments = Vec::new();
         let mut add = |option: &str, value: String| arguments.extend([option.to_string(), value]);
-        if self.is_moved || self.given.place {
+        if self.is_moved || self.given.eye {
             add("--eye", point(self.camera.world_from_camera.translation));
             add("--target", point(self.target));
         }
@@ -185,11 +186,11 @@ impl Pose {
     }
 }
 
-fn ahead(camera: &Camera) -> DVec3 {
+fn forward(camera: &Camera) -> DVec3 {
     camera.world_from_camera.transform_vector3(DVec3::NEG_Z)
 }
 
-/// A number with seven digits.
+/// A number with seven significant digits.
 fn short(v: f64) -> String {
     let digits = if v == 0.0 { 0 } else { (6 - v.abs().log10().floor() as i32).clamp(0, 12) };
     let text = format!("{v:.*}", digits as usize);
@@ -216,11 +217,11 @@ mod tests {
         pose.apply(Move { orbit: [0.3, 9.0], ..Move::default() });
         let eye = pose.camera.world_from_camera.translation;
         assert!((eye.length() - 5.0).abs() < 1e-12 && eye.y > 4.99 && eye.y < 5.0);
-        assert!((ahead(&pose.camera) + eye / 5.0).length() < 1e-12, "the target stays in the middle");
+        assert!((forward(&pose.camera) + eye / 5.0).length() < 1e-12, "the target stays on the axis");
     }
 
     #[test]
-    fn pans_move_by_pictures_and_dollies_by_factors() {
+    fn pans_are_in_picture_heights_and_dollies_are_factors() {
         let mut pose = pose();
         pose.apply(Move { pan: [1.0, 0.0], dolly: Some(0.5), ..Move::default() });
         let width = 10.0 * 15f64.to_radians().tan();
@@ -233,18 +234,18 @@ mod tests {
     }
 
     #[test]
-    fn arguments_tell_what_changed() {
+    fn arguments_describe_changes_and_given_options() {
         let mut pose = pose();
         assert!(pose.arguments().is_empty());
         pose.apply(Move { dolly: Some(2.0), ..Move::default() });
-        pose.open(1.5);
+        pose.set_defocus(1.5);
         let messages = pose.arguments().join(" ");
         assert_eq!(messages, "--eye 0,0,10 --target 0,0,0 --focus 10 --defocus 1.5");
         let place = CameraArgs { view_height: Some(3.0), defocus: Some(0.0), ..CameraArgs::default() };
-        let mut parallel = pose.camera.clone();
-        parallel.projection = Projection::Orthographic { half_height: 1.5 };
-        parallel.lens = None;
-        let mut given = Pose::new(parallel, 5.0).with_arguments(&place, None);
+        let mut orthographic = pose.camera.clone();
+        orthographic.projection = Projection::Orthographic { half_height: 1.5 };
+        orthographic.lens = None;
+        let mut given = Pose::new(orthographic, 5.0).with_arguments(&place, None);
         assert_eq!(given.arguments().join(" "), "--view-height 3 --defocus 0");
         given.apply(Move { dolly: Some(0.5), ..Move::default() });
         let messages = given.arguments();

@@ -1,13 +1,13 @@
-//! Serves the page and its requests, on this machine only.
+//! Serves the page on the loopback interface.
 //!
-//! Requests must name this machine as their host, so that no foreign name that leads here is served, must not come from
-//! another site's pages, and must have the page's key in their path, which other users of this machine don't know.
+//! Requests must have a local host name (against DNS rebinding), must not come from other sites' pages (against cross-site
+//! requests), and must have the page's secret key in their path (against other users of the machine).
 //!
-//! Pages show denoised pictures while the rendering goes on.
+//! A thread denoises pictures while rendering continues.
 
 use super::edits::{LightEdit, MaterialEdit, MaterialInfo, merged};
 use super::http;
-use super::http::{Answering, Request, Response};
+use super::http::{Handler, Request, Response};
 use super::pixels::{Outline, Pixels};
 use super::pose::Move;
 use super::state::{Denoised, Frame, RECORDED, Shared, State, state_json};
@@ -36,53 +36,53 @@ const HEADERS: [(&str, &str); 5] = [
     ),
 ];
 
-/// A bound port of this machine, and the access key of the page.
+/// A bound port, and the key of the page.
 pub(crate) struct Server {
     listener: TcpListener,
     address: SocketAddr,
-    door: PageKey,
+    page_key: PageKey,
 }
 
-/// Takes a port of this machine, 0 for any that is free.
+/// Binds a port; 0 for any free port.
 ///
 /// # Errors
-/// A usage error if it is taken.
+/// A usage error if the port can't be bound.
 pub(crate) fn bind(port: u16) -> Result<Server> {
-    let taken = TcpListener::bind((Ipv4Addr::LOCALHOST, port));
-    let taken = taken.and_then(|listener| listener.local_addr().map(|address| (listener, address)));
-    let (listener, address) = taken.map_err(|e| {
+    let bound = TcpListener::bind((Ipv4Addr::LOCALHOST, port));
+    let bound = bound.and_then(|listener| listener.local_addr().map(|address| (listener, address)));
+    let (listener, address) = bound.map_err(|e| {
         Error::usage(format!("port {port} of this machine can't be used: {e}"))
-            .with_help("give another one by --port, or none for any that is free")
+            .with_help("set another --port, or leave it out for any free port")
     })?;
-    Ok(Server { listener, address, door: PageKey::new()? })
+    Ok(Server { listener, address, page_key: PageKey::new()? })
 }
 
 /// A page that is served until it is dropped.
 pub(crate) struct Page {
     address: SocketAddr,
-    is_over: Arc<AtomicBool>,
+    is_stopped: Arc<AtomicBool>,
     /// The shared state.
     pub shared: Arc<Shared>,
 }
 
 impl Page {
-    /// Serves a page, tells where it is, and opens it.
+    /// Serves a page, prints its address, and opens it in a browser if `opens`.
     pub fn open(server: Server, shared: Shared, args: &RenderArgs, opens: bool) -> Page {
-        let Server { listener, address, door } = server;
-        let page = Page { address, is_over: Arc::default(), shared: Arc::new(shared) };
-        let place = format!("http://{address}{}", door.page());
+        let Server { listener, address, page_key } = server;
+        let page = Page { address, is_stopped: Arc::default(), shared: Arc::new(shared) };
+        let url = format!("http://{address}{}", page_key.page());
         if !args.quiet {
-            say!("view     {place} (Ctrl-C ends it)");
+            say!("view     {url} (Ctrl-C ends it)");
         }
-        let way_in = format!("http://{address}{}", door.way_in());
-        let (is_over, shared) = (page.is_over.clone(), page.shared.clone());
+        let one_time_path = format!("http://{address}{}", page_key.one_time_path());
+        let (is_stopped, shared) = (page.is_stopped.clone(), page.shared.clone());
         let (denoised, threads) = (shared.clone(), args.threads.map(usize::from));
         std::thread::spawn(move || denoise_frames(&denoised, threads));
-        let answer = move |request: &Request| response(answered(request, address.port(), &door, &shared));
-        let answer: Arc<Answering> = Arc::new(answer);
-        std::thread::spawn(move || http::serve(&listener, &is_over, &answer));
-        if opens && let Err(error) = open::that_detached(&way_in) {
-            say!("no browser could be started ({error}): open {place} in one");
+        let answer = move |request: &Request| response(handle(request, address.port(), &page_key, &shared));
+        let answer: Arc<Handler> = Arc::new(answer);
+        std::thread::spawn(move || http::serve(&listener, &is_stopped, &answer));
+        if opens && let Err(error) = open::that_detached(&one_time_path) {
+            say!("no browser could be started ({error}): open {url} in a browser");
         }
         page
     }
@@ -91,20 +91,20 @@ impl Page {
 impl Drop for Page {
     fn drop(&mut self) {
         self.shared.end();
-        self.is_over.store(true, Ordering::SeqCst);
-        // The thread that accepts connections looks up at the next one.
+        self.is_stopped.store(true, Ordering::SeqCst);
+        // The accepting thread checks the flag at the next connection.
         let _ = TcpStream::connect(self.address);
     }
 }
 
-fn answered(request: &Request, port: u16, door: &PageKey, shared: &Shared) -> Answer {
+fn handle(request: &Request, port: u16, page_key: &PageKey, shared: &Shared) -> Answer {
     if let Some(reason) = refusal(request, port) {
         return Answer::text(403, reason);
     }
-    let url = match door.way(&request.target) {
-        Route::To(url) => url,
-        Route::Elsewhere(place) => return Answer { place: Some(place), ..Answer::text(303, "") },
-        Route::Closed => return Answer::text(403, "open the address that the program printed"),
+    let url = match page_key.route(&request.target) {
+        Route::Path(url) => url,
+        Route::Redirect(path) => return Answer { location: Some(path), ..Answer::text(303, "") },
+        Route::Forbidden => return Answer::text(403, "open the address that the program printed"),
     };
     match (request.method.as_str(), std::str::from_utf8(&request.body)) {
         ("GET", _) => get(url, shared),
@@ -114,13 +114,13 @@ fn answered(request: &Request, port: u16, door: &PageKey, shared: &Shared) -> An
     }
 }
 
-/// Why a request isn't answered, if so.
+/// The reason to refuse a request, if any.
 fn refusal(request: &Request, port: u16) -> Option<&'static str> {
     let [host, origin, site] = ["host", "origin", "sec-fetch-site"].map(|name| request.header(name));
-    refusal_of(host, origin, site, port)
+    refusal_by_headers(host, origin, site, port)
 }
 
-fn refusal_of(
+fn refusal_by_headers(
     host: Option<&str>,
     origin: Option<&str>,
     site: Option<&str>,
@@ -128,18 +128,18 @@ fn refusal_of(
 ) -> Option<&'static str> {
     let is_own = |host: &str| {
         ["127.0.0.1", "localhost"].into_iter().any(|own| match host.strip_prefix(own) {
-            // The port that browsers leave out.
+            // Browsers omit the default port.
             Some("") => port == 80,
             Some(rest) => rest.strip_prefix(':') == Some(port.to_string().as_str()),
             None => false,
         })
     };
     if !host.is_some_and(is_own) {
-        return Some("this page is served to this machine only, by the name 127.0.0.1 or localhost");
+        return Some("this page is only available on this machine, as 127.0.0.1 or localhost");
     }
     let is_own_page = |origin: &str| origin.strip_prefix("http://").is_some_and(is_own);
     if origin.is_some_and(|origin| !is_own_page(origin)) || matches!(site, Some("cross-site" | "same-site")) {
-        return Some("requests from other sites' pages are not answered");
+        return Some("requests from pages of other sites are refused");
     }
     None
 }
@@ -149,24 +149,22 @@ fn response(answer: Answer) -> Response {
     headers.push(("Content-Type", answer.kind.to_string()));
     headers
         .extend(answer.name.map(|name| ("Content-Disposition", format!("attachment; filename=\"{name}\""))));
-    headers.extend(answer.place.map(|place| ("Location", place)));
+    headers.extend(answer.location.map(|path| ("Location", path)));
     Response { status: answer.status, headers, body: answer.body }
 }
 
-// Requests of the page, and the responses.
-
-/// How long a page waits for news before it asks again.
+/// Timeout of the long polling of `/frame`.
 const PATIENCE: Duration = Duration::from_secs(20);
 
-/// Why a page that looks on may not do something.
-const LOOK_ON: &str =
-    "this picture is rendered to the end as it was begun; 'oscura view' shows what can be turned";
+/// Message for changes on a read-only page.
+const READ_ONLY: &str =
+    "the settings of a render with --preview can't be changed; 'oscura view' is interactive";
 
 const PAGE: [(&str, &str, &str); 7] = [
     ("/", "text/html; charset=utf-8", include_str!("index.html")),
     ("/page.css", "text/css; charset=utf-8", include_str!("page.css")),
     ("/page.js", "text/javascript; charset=utf-8", include_str!("page.js")),
-    ("/hands.js", "text/javascript; charset=utf-8", include_str!("hands.js")),
+    ("/gestures.js", "text/javascript; charset=utf-8", include_str!("gestures.js")),
     ("/materials.js", "text/javascript; charset=utf-8", include_str!("materials.js")),
     ("/picture.js", "text/javascript; charset=utf-8", include_str!("picture.js")),
     ("/icon.svg", "image/svg+xml", include_str!("icon.svg")),
@@ -176,10 +174,10 @@ pub(super) struct Answer {
     pub status: u16,
     pub kind: &'static str,
     pub body: Vec<u8>,
-    /// A name to save it by.
+    /// File name for downloads.
     pub name: Option<&'static str>,
-    /// The path to go to instead.
-    pub place: Option<String>,
+    /// Path of a redirection.
+    pub location: Option<String>,
 }
 
 impl Answer {
@@ -196,11 +194,11 @@ impl Answer {
     }
 
     fn of(kind: &'static str) -> Answer {
-        Answer { status: 200, kind, body: Vec::new(), name: None, place: None }
+        Answer { status: 200, kind, body: Vec::new(), name: None, location: None }
     }
 }
 
-/// Answers a question.
+/// Handles a GET request.
 pub(super) fn get(url: &str, shared: &Shared) -> Answer {
     let (path, query) = url.split_once('?').unwrap_or((url, ""));
     let number = |key: &str| {
@@ -213,28 +211,30 @@ pub(super) fn get(url: &str, shared: &Shared) -> Answer {
     match path {
         "/frame" => frame(number("after").map_or(0, |v| v as u64), shared),
         "/probe" => {
-            let place = number("x").zip(number("y"));
+            let position = number("x").zip(number("y"));
             let frame = shared.lock().frame.clone();
-            match place.zip(frame).and_then(|((x, y), frame)| frame.probe(x, y)) {
+            match position.zip(frame).and_then(|((x, y), frame)| frame.probe(x, y)) {
                 Some(found) => Answer::json(&found),
                 None => Answer::text(404, "there is no such pixel yet"),
             }
         }
         "/outline" => {
-            let place = number("x").zip(number("y"));
+            let position = number("x").zip(number("y"));
             let (frame, names) = {
                 let state = shared.lock();
                 (state.frame.clone(), state.facts.objects.clone())
             };
-            match place.zip(frame).and_then(|(place, frame)| Outline::at(&frame, place, &names)) {
+            match position.zip(frame).and_then(|(position, frame)| Outline::at(&frame, position, &names)) {
                 Some(found) => Answer::json(&json!(found)),
                 None => Answer::text(404, "there is no object here"),
             }
         }
-        "/material" => match number("x").zip(number("y")).and_then(|place| material_at(place, shared)) {
-            Some(found) => Answer::json(&json!(found)),
-            None => Answer::text(404, "there is no material here"),
-        },
+        "/material" => {
+            match number("x").zip(number("y")).and_then(|position| material_at(position, shared)) {
+                Some(found) => Answer::json(&json!(found)),
+                None => Answer::text(404, "there is no material here"),
+            }
+        }
         "/thumbnail" => thumbnail(query.strip_prefix("pass=").unwrap_or_default(), shared),
         "/picture.exr" => picture(Format::Exr, "picture.exr", shared),
         "/picture.png" => picture(Format::Png, "picture.png", shared),
@@ -242,7 +242,7 @@ pub(super) fn get(url: &str, shared: &Shared) -> Answer {
     }
 }
 
-/// The material that a pixel shows, as it was loaded.
+/// The original material at a pixel.
 fn material_at((x, y): (f64, f64), shared: &Shared) -> Option<MaterialInfo> {
     let (frame, materials) = {
         let state = shared.lock();
@@ -254,8 +254,8 @@ fn material_at((x, y): (f64, f64), shared: &Shared) -> Option<MaterialInfo> {
     materials.get((id as usize).checked_sub(1)?).map(MaterialInfo::of)
 }
 
-/// The state as JSON and the pixels behind it: the JSON's length as four bytes, the lowest first; the JSON; RGBA, unless who
-/// asks has it already: encoding takes longer than a first picture.
+/// The state and the pixels: length of the JSON (u32, little-endian), JSON, RGBA. Pixels are omitted if the page has them
+/// already, as encoding takes longer than a first picture.
 fn frame(version: u64, shared: &Shared) -> Answer {
     let state = shared.wait_for_news(version, PATIENCE);
     let (Some(frame), true) = (state.frame.clone(), state.version > version) else {
@@ -271,7 +271,7 @@ fn frame(version: u64, shared: &Shared) -> Answer {
     text_and_pixels(text, &Pixels::of(&frame, denoised.as_ref(), &display))
 }
 
-/// Adds the size of the pixels to the text.
+/// Encodes JSON with the size of the pixels, and the pixels.
 fn text_and_pixels(mut text: Value, pixels: &Pixels) -> Answer {
     (text["width"], text["height"]) = (pixels.width.into(), pixels.height.into());
     let text = text.to_string();
@@ -282,18 +282,18 @@ fn text_and_pixels(mut text: Value, pixels: &Pixels) -> Answer {
     Answer::bytes(body)
 }
 
-/// Widest small picture of a pass, pixels.
+/// Maximum width of thumbnails, pixels.
 const THUMBNAIL: u32 = 160;
 
-/// A small picture of a pass, in the form of [`frame`]; "" is colour.
+/// A thumbnail of a pass, encoded as in [`frame`]; "" is colour.
 fn thumbnail(pass: &str, shared: &Shared) -> Answer {
     let (frame, mut display, denoised) = {
         let state = shared.lock();
         (state.frame.clone(), state.display.clone(), state.denoised_frame().cloned())
     };
     (display.aov, display.split) = (Aov::from_option(pass), 0.0);
-    let has_it = |frame: &Frame| display.aov.is_none_or(|aov| frame.film.aov(aov).is_some());
-    match frame.filter(|frame| has_it(frame) && (pass.is_empty() || display.aov.is_some())) {
+    let has_pass = |frame: &Frame| display.aov.is_none_or(|aov| frame.film.aov(aov).is_some());
+    match frame.filter(|frame| has_pass(frame) && (pass.is_empty() || display.aov.is_some())) {
         Some(frame) => {
             let small = Pixels::of(&frame, denoised.as_ref(), &display).reduced(THUMBNAIL);
             text_and_pixels(json!({ "pass": pass }), &small)
@@ -302,7 +302,7 @@ fn thumbnail(pass: &str, shared: &Shared) -> Answer {
     }
 }
 
-/// The picture so far as a file.
+/// The picture so far as a file to download.
 fn picture(format: Format, name: &'static str, shared: &Shared) -> Answer {
     let (frame, display, denoised) = {
         let state = shared.lock();
@@ -325,47 +325,50 @@ fn picture(format: Format, name: &'static str, shared: &Shared) -> Answer {
     }
 }
 
-/// Settings that a page may change; `None` stays.
+/// Settings to change; `None` keeps a setting.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 struct Settings {
     exposure: Option<f32>,
     view: Option<String>,
-    /// An AOV by its option; "" for colour.
+    /// Option name of an AOV; "" for colour.
     pass: Option<String>,
+    /// Rotation of the environment, degrees.
     rotation: Option<f64>,
     /// Strength of the environment.
     strength: Option<f64>,
-    /// A material by its name, and its new values.
+    /// Name of a material, and its new values.
     material: Option<(String, MaterialEdit)>,
-    /// The lights of a name, and their new values.
+    /// Name of lights, and their new values.
     light: Option<(String, LightEdit)>,
-    /// This and the change before are one, as of a slider that is still held.
+    /// Undo this change together with the one before, as for a slider that is still held.
     is_same: bool,
     size: Option<(u32, u32)>,
     defocus: Option<f64>,
     denoise: Option<bool>,
-    /// Share of the width that shows the picture before denoising.
+    /// Fraction of the width that shows the noisy picture.
     split: Option<f64>,
-    /// The axis that points up.
+    /// Up axis.
     up: Option<String>,
     stage: Option<String>,
 }
 
-/// Applies a request.
+/// Handles a POST request.
 pub(super) fn post(url: &str, body: &str, shared: &Shared) -> Answer {
     if !shared.lock().facts.is_live && url != "/set" {
-        return Answer::text(403, LOOK_ON);
+        return Answer::text(403, READ_ONLY);
     }
     let done = match url {
-        "/move" => serde_json::from_str(body).map_err(|e| e.to_string()).map(|step| go(step, shared)),
+        "/move" => {
+            serde_json::from_str(body).map_err(|e| e.to_string()).map(|step| move_camera(step, shared))
+        }
         "/set" => serde_json::from_str(body).map_err(|e| e.to_string()).and_then(|s| set(s, shared)),
         "/focus" => serde_json::from_str(body).map_err(|e| e.to_string()).and_then(|p| focus(p, shared)),
         "/camera" => serde_json::from_str(body).map_err(|e| e.to_string()).and_then(|n| camera(n, shared)),
         "/undo" => undo(shared),
         "/save" => save(shared),
         "/reload" => {
-            shared.wish(|state| state.wish.loads += 1);
+            shared.request(|state| state.request.loads += 1);
             Ok(())
         }
         _ => return Answer::text(404, "there is no such page"),
@@ -376,37 +379,39 @@ pub(super) fn post(url: &str, body: &str, shared: &Shared) -> Answer {
     }
 }
 
-fn go(step: Move, shared: &Shared) {
+fn move_camera(step: Move, shared: &Shared) {
     let depth = {
         let state = shared.lock();
-        // A frame of an earlier wish may be another camera's.
-        let fits = |frame: &&Arc<Frame>| frame.order == state.wishes && !state.wish.pose.is_changed();
+        // Frames of earlier requests may be of another camera.
+        let fits = |frame: &&Arc<Frame>| {
+            frame.request_number == state.request_number && !state.request.pose.is_changed()
+        };
         let frame = state.frame.as_ref().filter(fits).cloned();
         drop(state);
         frame.and_then(|frame| frame.depth(0.5, 0.5))
     };
-    shared.wish(|state| {
-        if let (Some(depth), false) = (depth, state.wish.pose.is_changed()) {
-            state.wish.pose.set_target_distance(depth);
+    shared.request(|state| {
+        if let (Some(depth), false) = (depth, state.request.pose.is_changed()) {
+            state.request.pose.set_target_distance(depth);
         }
-        state.wish.pose.apply(step);
+        state.request.pose.apply(step);
     });
 }
 
-/// Goes back to one of the scene's cameras.
+/// Resets to one of the scene's cameras.
 fn camera(number: usize, shared: &Shared) -> std::result::Result<(), String> {
     let pose = shared.lock().poses.get(number).cloned().ok_or("there is no such camera")?;
-    shared.wish(|state| {
-        state.wish.pose = pose;
-        state.wish.camera = number;
+    shared.request(|state| {
+        state.request.pose = pose;
+        state.request.camera = number;
     });
     Ok(())
 }
 
 fn focus((x, y): (f64, f64), shared: &Shared) -> std::result::Result<(), String> {
     let frame = shared.lock().frame.clone();
-    let depth = frame.and_then(|frame| frame.depth(x, y)).ok_or("there is no surface at this place")?;
-    shared.wish(|state| state.wish.pose.focus(depth));
+    let depth = frame.and_then(|frame| frame.depth(x, y)).ok_or("there is no surface at this point")?;
+    shared.request(|state| state.request.pose.focus(depth));
     Ok(())
 }
 
@@ -425,9 +430,9 @@ fn set(settings: Settings, shared: &Shared) -> std::result::Result<(), String> {
     let loads = up.is_some() || stage.is_some();
     let is_lens = settings.size.is_some() || settings.defocus.is_some();
     let is_edit = settings.strength.is_some() || settings.material.is_some() || settings.light.is_some();
-    let is_wish = settings.rotation.is_some() || is_lens || loads || is_edit;
-    if is_wish && !shared.lock().facts.is_live {
-        return Err(LOOK_ON.to_string());
+    let needs_render = settings.rotation.is_some() || is_lens || loads || is_edit;
+    if needs_render && !shared.lock().facts.is_live {
+        return Err(READ_ONLY.to_string());
     }
     let sizes = shared.lock().facts.sizes.clone();
     if settings.size.is_some_and(|size| !sizes.contains(&size)) {
@@ -448,49 +453,54 @@ fn set(settings: Settings, shared: &Shared) -> std::result::Result<(), String> {
         shared.show(look_changes);
     }
     let is_recorded =
-        |state: &State| aov.is_none_or(|aov| RECORDED.contains(aov) || state.wish.aov == Some(aov));
+        |state: &State| aov.is_none_or(|aov| RECORDED.contains(aov) || state.request.aov == Some(aov));
     let is_live = shared.lock().facts.is_live;
-    if is_wish || (is_live && settings.pass.is_some() && !is_recorded(&shared.lock())) {
-        shared.wish(|state| {
+    if needs_render || (is_live && settings.pass.is_some() && !is_recorded(&shared.lock())) {
+        shared.request(|state| {
             let is_new = !settings.is_same || state.before.is_empty();
             if is_edit && is_new {
-                state.before.push((state.wish.edits.clone(), state.wish.strength));
+                state.before.push((state.request.edits.clone(), state.request.strength));
             }
-            state.wish.strength = settings.strength.or(state.wish.strength);
-            settings.material.into_iter().for_each(|(name, edit)| state.wish.edits.change(name, edit));
-            settings.light.into_iter().for_each(|(name, edit)| state.wish.edits.change_light(name, edit));
-            (state.wish.up, state.wish.stage) = (up.or(state.wish.up), stage.or(state.wish.stage));
-            state.wish.loads += u64::from(loads);
-            state.wish.aov = aov.filter(|aov| !RECORDED.contains(*aov)).or(state.wish.aov);
-            state.wish.rotation = settings.rotation.or(state.wish.rotation);
-            state.wish.size = settings.size.unwrap_or(state.wish.size);
-            settings.defocus.filter(|d| d.is_finite()).into_iter().for_each(|d| state.wish.pose.open(d));
+            state.request.strength = settings.strength.or(state.request.strength);
+            settings.material.into_iter().for_each(|(name, edit)| state.request.edits.change(name, edit));
+            settings.light.into_iter().for_each(|(name, edit)| state.request.edits.change_light(name, edit));
+            (state.request.up, state.request.stage) =
+                (up.or(state.request.up), stage.or(state.request.stage));
+            state.request.loads += u64::from(loads);
+            state.request.aov = aov.filter(|aov| !RECORDED.contains(*aov)).or(state.request.aov);
+            state.request.rotation = settings.rotation.or(state.request.rotation);
+            state.request.size = settings.size.unwrap_or(state.request.size);
+            settings
+                .defocus
+                .filter(|d| d.is_finite())
+                .into_iter()
+                .for_each(|d| state.request.pose.set_defocus(d));
         });
     }
     Ok(())
 }
 
-/// Takes the last change of materials, lights or of the environment's strength back.
+/// Undoes the last change of materials, lights or the environment's strength.
 fn undo(shared: &Shared) -> std::result::Result<(), String> {
     if shared.lock().before.is_empty() {
         return Err("there is nothing to undo".to_string());
     }
-    shared.wish(|state| {
+    shared.request(|state| {
         if let Some(before) = state.before.pop() {
-            (state.wish.edits, state.wish.strength) = before;
+            (state.request.edits, state.request.strength) = before;
         }
     });
     Ok(())
 }
 
-/// Writes the changes of materials and lights into the model's sidecar, which keeps all else that it has.
+/// Merges the changes of materials and lights into the model's sidecar.
 fn save(shared: &Shared) -> std::result::Result<(), String> {
     let (path, tables) = {
         let state = shared.lock();
         let path = state.facts.sidecar_path.clone();
         (
-            path.ok_or("the scene's own file has its materials and lights: copy the lines")?,
-            state.wish.edits.tables(&state.facts.materials, &state.facts.lights),
+            path.ok_or("a scene file has no sidecar: copy the lines into the scene file")?,
+            state.request.edits.tables(&state.facts.materials, &state.facts.lights),
         )
     };
     let before = text_of(&path).map_err(|error| error.to_string())?.unwrap_or_default();
@@ -498,7 +508,7 @@ fn save(shared: &Shared) -> std::result::Result<(), String> {
     if let Err(error) = toml::de::DeTable::parse(&after) {
         let message = error.message();
         return Err(format!(
-            "{} has these materials or lights in another form ({message}): copy the lines",
+            "{} defines these materials or lights in another form ({message}): copy the lines",
             path.display()
         ));
     }
@@ -517,38 +527,36 @@ fn check_numbers(settings: &Settings) -> std::result::Result<(), String> {
     fits.then_some(()).ok_or("a number is out of range".to_string())
 }
 
-// The key of a page: a random part of its address, which keeps out other users of the machine.
-
-/// Bytes of a key.
+/// Length of a key, bytes.
 const LENGTH: usize = 16;
 
-/// Who knows the key comes in. Browsers are started by an address that is good for one use: others can see it in the list
-/// of running programs.
+/// The secret key in the page's path, which keeps out other users of the machine. Browsers are started with a one-time key, as
+/// other users can see the arguments of processes.
 struct PageKey {
     key: String,
-    /// The key for one use, until it is used.
+    /// The one-time key; `None` after its use.
     once: Mutex<Option<String>>,
-    first: String,
+    one_time_key: String,
 }
 
-/// Where a request goes.
+/// The route of a request.
 #[derive(Debug, PartialEq)]
 enum Route<'a> {
-    /// To this path of the page, with its query.
-    To(&'a str),
-    /// The client is sent to another path.
-    Elsewhere(String),
-    Closed,
+    /// A path of the page, with its query.
+    Path(&'a str),
+    /// Redirection to another path.
+    Redirect(String),
+    Forbidden,
 }
 
 impl PageKey {
-    /// A door with new keys.
+    /// Generates random keys.
     ///
     /// # Errors
-    /// If the system has no random numbers.
+    /// The system has no random numbers.
     pub fn new() -> Result<PageKey> {
-        let (key, first) = (random_key()?, random_key()?);
-        Ok(PageKey { key, once: Mutex::new(Some(first.clone())), first })
+        let (key, one_time_key) = (random_key()?, random_key()?);
+        Ok(PageKey { key, once: Mutex::new(Some(one_time_key.clone())), one_time_key })
     }
 
     /// The path of the page.
@@ -556,23 +564,23 @@ impl PageKey {
         format!("/{}/", self.key)
     }
 
-    /// The path that leads there once.
-    pub fn way_in(&self) -> String {
-        format!("/open/{}", self.first)
+    /// The path that redirects to the page once.
+    pub fn one_time_path(&self) -> String {
+        format!("/open/{}", self.one_time_key)
     }
 
-    pub fn way<'a>(&self, target: &'a str) -> Route<'a> {
+    pub fn route<'a>(&self, target: &'a str) -> Route<'a> {
         if let Some(key) = target.strip_prefix("/open/") {
             let mut once = self.once.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
             return match once.take_if(|own| own == key) {
-                Some(_) => Route::Elsewhere(self.page()),
-                None => Route::Closed,
+                Some(_) => Route::Redirect(self.page()),
+                None => Route::Forbidden,
             };
         }
         match target.strip_prefix('/').and_then(|rest| rest.strip_prefix(self.key.as_str())) {
-            Some("") => Route::Elsewhere(self.page()),
-            Some(url) if url.starts_with('/') => Route::To(url),
-            _ => Route::Closed,
+            Some("") => Route::Redirect(self.page()),
+            Some(url) if url.starts_with('/') => Route::Path(url),
+            _ => Route::Forbidden,
         }
     }
 }
@@ -590,41 +598,42 @@ mod key_tests {
     use super::*;
 
     #[test]
-    fn only_who_knows_the_key_comes_in() {
-        let door = PageKey::new().expect("random numbers");
-        let page = door.page();
+    fn paths_without_the_key_are_forbidden() {
+        let page_key = PageKey::new().expect("random numbers");
+        let page = page_key.page();
         assert_eq!(page.len(), 2 * LENGTH + 2);
-        assert_eq!(door.way(&page), Route::To("/"));
-        assert_eq!(door.way(&format!("{page}frame?after=1")), Route::To("/frame?after=1"));
-        assert_eq!(door.way(page.trim_end_matches('/')), Route::Elsewhere(page.clone()));
+        assert_eq!(page_key.route(&page), Route::Path("/"));
+        assert_eq!(page_key.route(&format!("{page}frame?after=1")), Route::Path("/frame?after=1"));
+        assert_eq!(page_key.route(page.trim_end_matches('/')), Route::Redirect(page.clone()));
         let other = PageKey::new().expect("random numbers").page();
         for target in ["/", "/frame", "/open/", &other, &format!("{}x/", page.trim_end_matches('/'))] {
-            assert_eq!(door.way(target), Route::Closed, "{target}");
+            assert_eq!(page_key.route(target), Route::Forbidden, "{target}");
         }
     }
 
     #[test]
-    fn the_way_in_leads_there_once() {
-        let door = PageKey::new().expect("random numbers");
-        let way_in = door.way_in();
-        assert_eq!(door.way(&format!("{way_in}0")), Route::Closed);
-        assert_eq!(door.way(&way_in), Route::Elsewhere(door.page()));
-        assert_eq!(door.way(&way_in), Route::Closed);
-        assert_ne!(way_in.trim_start_matches("/open/"), door.page().trim_matches('/'));
+    fn the_one_time_path_redirects_once() {
+        let page_key = PageKey::new().expect("random numbers");
+        let one_time_path = page_key.one_time_path();
+        assert_eq!(page_key.route(&format!("{one_time_path}0")), Route::Forbidden);
+        assert_eq!(page_key.route(&one_time_path), Route::Redirect(page_key.page()));
+        assert_eq!(page_key.route(&one_time_path), Route::Forbidden);
+        assert_ne!(one_time_path.trim_start_matches("/open/"), page_key.page().trim_matches('/'));
     }
 }
 
-/// Denoises frames, where that is wanted, until all is over: the first of each size, then whenever the samples have doubled.
+/// Denoises frames, if enabled, until the page is closed: the first of each size, then whenever the samples have doubled.
 pub(super) fn denoise_frames(shared: &Shared, threads: Option<usize>) {
     let mut last: Option<Denoised> = None;
     while let Some(frame) = shared.next_frame(|frame| is_due(frame, last.as_ref())) {
         let mut film = frame.film.clone();
         let Ok(by) = in_pool(threads, || denoise_film(&mut film, AovSet::all())) else { return };
-        let Frame { samples, scale, is_finished, order, .. } = *frame;
-        let denoised = Denoised { film: film.into(), by: by.into(), samples, scale, is_finished, order };
+        let Frame { samples, scale, is_finished, request_number, .. } = *frame;
+        let denoised =
+            Denoised { film: film.into(), by: by.into(), samples, scale, is_finished, request_number };
         last = Some(denoised.clone());
-        // One of an earlier view would take the place of a newer picture.
-        if shared.lock().frame.as_ref().is_some_and(|shown| shown.order == order) {
+        // Discard frames of earlier views.
+        if shared.lock().frame.as_ref().is_some_and(|shown| shown.request_number == request_number) {
             shared.show(|state| state.denoised = Some(denoised));
         }
     }
@@ -632,7 +641,7 @@ pub(super) fn denoise_frames(shared: &Shared, threads: Option<usize>) {
 
 fn is_due(frame: &Frame, last: Option<&Denoised>) -> bool {
     last.is_none_or(|last| {
-        (frame.order, frame.scale) != (last.order, last.scale)
+        (frame.request_number, frame.scale) != (last.request_number, last.scale)
             || frame.samples >= 2.0 * last.samples
             || (frame.is_finished && !last.is_finished)
     })
@@ -643,12 +652,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_this_machine_and_its_own_page_are_answered() {
+    fn only_requests_of_the_own_page_are_answered() {
         let own = Some("127.0.0.1:8080");
-        assert_eq!(refusal_of(own, None, None, 8080), None);
+        assert_eq!(refusal_by_headers(own, None, None, 8080), None);
         let page = Some("http://localhost:8080");
-        assert_eq!(refusal_of(Some("localhost:8080"), page, Some("same-origin"), 8080), None);
-        assert_eq!(refusal_of(own, None, Some("none"), 8080), None);
+        assert_eq!(refusal_by_headers(Some("localhost:8080"), page, Some("same-origin"), 8080), None);
+        assert_eq!(refusal_by_headers(own, None, Some("none"), 8080), None);
         for host in [
             None,
             Some("evil.example"),
@@ -658,21 +667,25 @@ mod tests {
             Some("127.0.0.1:"),
             Some("127.0.0.1.evil.example:8080"),
         ] {
-            assert!(refusal_of(host, None, None, 8080).is_some(), "{host:?}");
+            assert!(refusal_by_headers(host, None, None, 8080).is_some(), "{host:?}");
         }
         for origin in ["http://evil.example", "null", "https://127.0.0.1:8080", "http://127.0.0.1:80"] {
-            assert!(refusal_of(own, Some(origin), None, 8080).is_some(), "{origin}");
+            assert!(refusal_by_headers(own, Some(origin), None, 8080).is_some(), "{origin}");
         }
-        assert!(refusal_of(own, None, Some("cross-site"), 8080).is_some());
+        assert!(refusal_by_headers(own, None, Some("cross-site"), 8080).is_some());
     }
 
     #[test]
-    fn browsers_leave_out_port_80() {
+    fn port_80_may_be_omitted() {
         for host in ["127.0.0.1", "localhost", "localhost:80"] {
-            assert_eq!(refusal_of(Some(host), Some(&format!("http://{host}")), None, 80), None, "{host}");
+            assert_eq!(
+                refusal_by_headers(Some(host), Some(&format!("http://{host}")), None, 80),
+                None,
+                "{host}"
+            );
         }
         for host in ["127.0.0.1:81", "localhost:", "evil.example"] {
-            assert!(refusal_of(Some(host), None, None, 80).is_some(), "{host}");
+            assert!(refusal_by_headers(Some(host), None, None, 80).is_some(), "{host}");
         }
     }
 }

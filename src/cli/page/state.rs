@@ -1,4 +1,4 @@
-//! Requested and shown pictures; shared by the threads that serve them and the one that renders.
+//! The state of the page: requested and displayed pictures. Shared by the server's threads and the rendering thread.
 
 use super::edits::{Edits, LightInfo, MaterialInfo, text};
 use super::pose::Pose;
@@ -18,27 +18,28 @@ use std::time::Duration;
 #[derive(Clone, Debug)]
 pub(crate) struct ViewRequest {
     pub pose: Pose,
-    /// Number of the scene's camera that the pose started at.
+    /// Index of the scene's camera that the pose is based on.
     pub camera: usize,
     /// Pixels.
     pub size: (u32, u32),
-    /// How far the environment's picture is turned, degrees; without, as the scene has it.
+    /// Rotation of the environment image, degrees; `None`: the scene's.
     pub rotation: Option<f64>,
-    /// The environment's strength, as `--env-strength` has it; without, as the scene has it.
+    /// Strength of the environment, as for `--env-strength`; `None`: the scene's.
     pub strength: Option<f64>,
-    /// Changed materials and lights.
+    /// Edited materials and lights.
     pub edits: Edits,
-    /// Further AOV to record, besides colour and depth.
+    /// An AOV to record in addition to [`RECORDED`].
     pub aov: Option<Aov>,
-    /// The axis that points up, and what lights a model, if pages chose them.
+    /// The up axis, if selected on the page.
     pub up: Option<Up>,
+    /// The stage, if selected on the page.
     pub stage: Option<StageArg>,
-    /// How often the scene was to be loaded again.
+    /// Number of requests to reload the scene.
     pub loads: u64,
 }
 
 impl ViewRequest {
-    /// A view by the first camera, with the scene's own settings.
+    /// A view of the first camera with the scene's settings.
     pub fn new(pose: Pose, size: (u32, u32)) -> ViewRequest {
         ViewRequest {
             pose,
@@ -54,15 +55,15 @@ impl ViewRequest {
         }
     }
 
-    /// Adjusts the request to a scene that was loaded again: `own` is its initial request, `sizes_before` were the sizes to choose from.
+    /// Adjusts the request to a reloaded scene: `own` is its initial request, `sizes_before` the available sizes before.
     pub fn fit(&mut self, own: &ViewRequest, sizes_before: &[(u32, u32)], facts: &SceneInfo, poses: &[Pose]) {
         if !facts.sizes.contains(&self.size) {
-            let place = sizes_before.iter().position(|size| *size == self.size);
-            self.size = place.and_then(|at| facts.sizes.get(at)).copied().unwrap_or(own.size);
+            let index = sizes_before.iter().position(|size| *size == self.size);
+            self.size = index.and_then(|at| facts.sizes.get(at)).copied().unwrap_or(own.size);
         }
         match poses.get(self.camera) {
             None => (self.camera, self.pose) = (own.camera, own.pose.clone()),
-            // A camera that nobody has moved is the file's.
+            // An unmoved camera follows the file.
             Some(fresh) if !self.pose.is_changed() => self.pose = fresh.clone(),
             Some(_) => {}
         }
@@ -71,44 +72,45 @@ impl ViewRequest {
     }
 }
 
-/// Facts about the scene for the page.
+/// Information about the scene for the page.
 #[derive(Clone, Debug, Default, serde::Serialize)]
 pub(crate) struct SceneInfo {
     pub name: String,
     pub cameras: Vec<String>,
     pub triangles: u64,
-    /// Sizes that pictures may have.
+    /// Available sizes of the picture, pixels.
     pub sizes: Vec<(u32, u32)>,
-    /// Degrees; none without a picture as environment.
+    /// Rotation of the environment image, degrees; `None` without an image.
     pub rotation: Option<f64>,
-    /// The environment's strength; none without an environment.
+    /// Strength of the environment; `None` without an environment.
     pub strength: Option<f64>,
-    /// The file beside the model that changes of materials and lights are written to; none where the scene's own file has them.
+    /// The model's sidecar, which edits are saved to; `None` for scene files.
     pub sidecar: Option<String>,
     #[serde(skip)]
     pub sidecar_path: Option<PathBuf>,
-    /// The materials as they were loaded, by number.
+    /// The original materials.
     #[serde(skip)]
     pub materials: Arc<[Material]>,
-    /// The lights as they were loaded.
+    /// The original lights.
     #[serde(skip)]
     pub lights: Arc<[LightInfo]>,
-    /// Samples of the finished picture.
+    /// Samples per pixel of the finished picture.
     pub samples: u32,
-    /// Passes that may be shown, with their descriptions.
+    /// Available passes with their descriptions.
     pub passes: Vec<(&'static str, &'static str)>,
-    /// The axis that points up, where that may be chosen.
+    /// The up axis; `None` if it can't be selected.
     pub up: Option<&'static str>,
-    /// The stage of a model without a camera.
+    /// The stage; `None` if it can't be selected.
     pub stage: Option<String>,
-    /// The names that both may have.
+    /// Names of the up axes to select from.
     pub ups: Vec<&'static str>,
+    /// Names of the stages to select from.
     pub stages: Vec<String>,
     /// Notes and warnings.
     pub notes: Vec<String>,
-    /// May pages move the camera and the like? Else they look on.
+    /// The page is interactive, else read-only.
     pub is_live: bool,
-    /// The start of a command that renders this scene; choices of pages follow.
+    /// The start of a command that renders this scene, without the settings of the page.
     #[serde(skip)]
     pub command: Vec<String>,
     /// Names of the objects, by number.
@@ -117,81 +119,80 @@ pub(crate) struct SceneInfo {
 }
 
 pub(crate) struct State {
-    pub wish: ViewRequest,
-    /// Counts wishes.
-    pub wishes: u64,
+    pub request: ViewRequest,
+    /// Number of the current request.
+    pub request_number: u64,
     pub display: PageDisplay,
     pub facts: SceneInfo,
     /// The scene's cameras.
     pub poses: Vec<Pose>,
-    /// Materials, lights and the environment's strength before each unsaved change.
+    /// Undo stack: edits and strength of the environment before each unsaved change.
     pub before: Vec<(Edits, Option<f64>)>,
     /// The latest picture.
     pub frame: Option<Arc<Frame>>,
-    /// The latest one that was denoised.
+    /// The latest denoised picture.
     pub denoised: Option<Denoised>,
     /// The last error; empty if there was none.
-    pub trouble: String,
-    /// Counts all that pages show.
+    pub error_message: String,
+    /// Counts changes of the displayed state.
     pub version: u64,
-    /// The version at which the pixels changed.
+    /// The version of the last change of pixels.
     pub pixels_version: u64,
-    pub is_over: bool,
+    pub is_stopped: bool,
     /// Stops the rendering in progress.
     cancel: CancelHandle,
 }
 
-/// A wish to fulfil.
+/// A request for the rendering thread.
 pub(crate) struct RenderRequest {
-    pub wish: ViewRequest,
-    /// Which one it is.
+    pub request: ViewRequest,
     pub number: u64,
-    /// Used when a newer one comes.
+    /// Cancelled by the next request.
     pub cancel: CancelHandle,
 }
 
-/// The state for many threads.
+/// The shared state.
 pub(crate) struct Shared {
     state: Mutex<State>,
     changed: Condvar,
 }
 
 impl Shared {
-    pub fn new(wish: ViewRequest, display: PageDisplay, facts: SceneInfo, poses: Vec<Pose>) -> Shared {
+    pub fn new(request: ViewRequest, display: PageDisplay, facts: SceneInfo, poses: Vec<Pose>) -> Shared {
         let state = State {
-            wish,
-            wishes: 1,
+            request,
+            request_number: 1,
             display,
             facts,
             poses,
             before: Vec::new(),
             frame: None,
             denoised: None,
-            trouble: String::new(),
+            error_message: String::new(),
             version: 0,
             pixels_version: 0,
-            is_over: false,
+            is_stopped: false,
             cancel: CancelHandle::new(),
         };
         Shared { state: Mutex::new(state), changed: Condvar::new() }
     }
 
-    /// A thread that panicked leaves a state that is still whole: every change is made in one go.
+    /// Locks the state. After a panic it is still consistent, as every change is made at once.
     pub fn lock(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
     }
 
     /// Changes the request and cancels the current rendering.
-    pub fn wish(&self, change: impl FnOnce(&mut State)) {
+    pub fn request(&self, change: impl FnOnce(&mut State)) {
         let mut state = self.lock();
         change(&mut state);
-        state.wishes += 1;
+        state.request_number += 1;
         state.version += 1;
         state.cancel.cancel();
         self.changed.notify_all();
     }
 
-    /// Changes the displayed pass.
+    /// Changes the displayed picture or display settings.
     pub fn show(&self, change: impl FnOnce(&mut State)) {
         let mut state = self.lock();
         change(&mut state);
@@ -200,47 +201,52 @@ impl Shared {
         self.changed.notify_all();
     }
 
-    /// Ends everything that waits.
+    /// Wakes and ends all waiting threads.
     pub fn end(&self) {
-        self.wish(|state| state.is_over = true);
+        self.request(|state| state.is_stopped = true);
     }
 
-    /// Waits for a newer wish than one that was fulfilled; `None` when all is over.
-    pub fn next_order(&self, done: u64) -> Option<RenderRequest> {
-        let has_news = |state: &mut State| state.wishes <= done && !state.is_over;
-        let state = self.changed.wait_while(self.lock(), has_news);
+    /// Waits for a request after number `done`; `None` after [`Shared::end`].
+    pub fn next_request(&self, done: u64) -> Option<RenderRequest> {
+        let is_old = |state: &mut State| state.request_number <= done && !state.is_stopped;
+        let state = self.changed.wait_while(self.lock(), is_old);
         let mut state = state.unwrap_or_else(|poisoned| poisoned.into_inner());
-        if state.is_over {
+        if state.is_stopped {
             return None;
         }
         state.cancel = CancelHandle::new();
-        Some(RenderRequest { wish: state.wish.clone(), number: state.wishes, cancel: state.cancel.clone() })
+        Some(RenderRequest {
+            request: state.request.clone(),
+            number: state.request_number,
+            cancel: state.cancel.clone(),
+        })
     }
 
-    /// Waits for a frame of what is wanted that is due to be denoised; `None` when all is over.
+    /// Waits for a frame of the current request for which `is_due` holds, with denoising enabled; `None` after
+    /// [`Shared::end`].
     pub fn next_frame(&self, is_due: impl Fn(&Frame) -> bool) -> Option<Arc<Frame>> {
-        let suits = |state: &State, frame: &Frame| frame.order == state.wishes && is_due(frame);
+        let matches =
+            |state: &State, frame: &Frame| frame.request_number == state.request_number && is_due(frame);
         let waits = |state: &mut State| {
-            let due = state.display.denoise && state.frame.as_ref().is_some_and(|frame| suits(state, frame));
-            !due && !state.is_over
+            let due =
+                state.display.denoise && state.frame.as_ref().is_some_and(|frame| matches(state, frame));
+            !due && !state.is_stopped
         };
         let state = self.changed.wait_while(self.lock(), waits);
         let state = state.unwrap_or_else(|poisoned| poisoned.into_inner());
-        state.frame.clone().filter(|_| !state.is_over)
+        state.frame.clone().filter(|_| !state.is_stopped)
     }
 
-    /// Waits for a newer version than `version`, at most for `most`.
-    pub fn wait_for_news(&self, version: u64, most: Duration) -> MutexGuard<'_, State> {
+    /// Waits for a version after `version`, at most for `timeout`.
+    pub fn wait_for_news(&self, version: u64, timeout: Duration) -> MutexGuard<'_, State> {
         let is_old =
-            |state: &mut State| (state.version <= version || state.frame.is_none()) && !state.is_over;
-        let waited = self.changed.wait_timeout_while(self.lock(), most, is_old);
+            |state: &mut State| (state.version <= version || state.frame.is_none()) && !state.is_stopped;
+        let waited = self.changed.wait_timeout_while(self.lock(), timeout, is_old);
         waited.unwrap_or_else(|poisoned| poisoned.into_inner()).0
     }
 }
 
-// The status that pages get, as JSON.
-
-/// Everything but the pixels and their size.
+/// The state for the page as JSON, without pixels and their size.
 pub(super) fn state_json(state: &State, frame: &Frame) -> Value {
     let png = &state.display.png;
     let pass = state.display.aov.filter(|&aov| frame.film.aov(aov).is_some());
@@ -249,25 +255,25 @@ pub(super) fn state_json(state: &State, frame: &Frame) -> Value {
         "samples": frame.samples,
         "seconds": frame.seconds,
         "error": frame.error,
-        "finished": frame.is_finished && frame.order == state.wishes,
+        "finished": frame.is_finished && frame.request_number == state.request_number,
         "preview": frame.scale > 1,
-        "order": frame.order,
+        "request_number": frame.request_number,
         "denoise": state.display.denoise,
         "denoised": state.denoised_frame().map(|denoised| denoised.samples),
         "split": state.display.split,
-        "trouble": state.trouble,
-        "up": state.wish.up.map(Up::name).or(state.facts.up),
-        "stage": state.wish.stage.map(StageArg::name).or(state.facts.stage.clone()),
+        "error_message": state.error_message,
+        "up": state.request.up.map(Up::name).or(state.facts.up),
+        "stage": state.request.stage.map(StageArg::name).or(state.facts.stage.clone()),
         "facts": state.facts,
-        "size": state.wish.size,
-        "camera": state.wish.camera,
-        "rotation": state.wish.rotation.or(state.facts.rotation),
-        "strength": state.wish.strength.or(state.facts.strength),
+        "size": state.request.size,
+        "camera": state.request.camera,
+        "rotation": state.request.rotation.or(state.facts.rotation),
+        "strength": state.request.strength.or(state.facts.strength),
         "edited": edited(state),
-        "lights": state.wish.edits.light_infos(&state.facts.lights),
-        "toml": text(&state.wish.edits.tables(&state.facts.materials, &state.facts.lights)),
+        "lights": state.request.edits.light_infos(&state.facts.lights),
+        "toml": text(&state.request.edits.tables(&state.facts.materials, &state.facts.lights)),
         "undo": state.before.len(),
-        "defocus": state.wish.pose.defocus(),
+        "defocus": state.request.pose.defocus(),
         "exposure": png.exposure,
         "view": png.view.name(),
         "views": state.display.views(),
@@ -276,10 +282,10 @@ pub(super) fn state_json(state: &State, frame: &Frame) -> Value {
     })
 }
 
-/// The materials that pages changed, as they are now.
+/// The edited materials.
 fn edited(state: &State) -> Value {
-    let all = state.wish.edits.applied(&state.facts.materials);
-    let names = all.iter().filter(|material| state.wish.edits.has(&material.name));
+    let all = state.request.edits.applied(&state.facts.materials);
+    let names = all.iter().filter(|material| state.request.edits.has(&material.name));
     let infos = names.map(|material| (material.name.clone(), json!(MaterialInfo::of(material))));
     Value::Object(infos.collect::<Map<_, _>>())
 }
@@ -287,8 +293,10 @@ fn edited(state: &State) -> Value {
 impl State {
     /// The denoised picture of the displayed pass, if there is one and it is requested.
     pub fn denoised_frame(&self) -> Option<&Denoised> {
-        let order = self.frame.as_ref()?.order;
-        self.denoised.as_ref().filter(|denoised| self.display.denoise && denoised.order == order)
+        let request_number = self.frame.as_ref()?.request_number;
+        self.denoised
+            .as_ref()
+            .filter(|denoised| self.display.denoise && denoised.request_number == request_number)
     }
 }
 
@@ -299,34 +307,34 @@ fn command(state: &State) -> String {
         return words.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" ");
     }
     let mut add = |option: &str, value: String| words.extend([option.to_string(), value]);
-    let (width, height) = state.wish.size;
+    let (width, height) = state.request.size;
     add("--width", width.to_string());
     add("--height", height.to_string());
-    if state.wish.camera > 0 {
-        add("--camera", state.wish.camera.to_string());
+    if state.request.camera > 0 {
+        add("--camera", state.request.camera.to_string());
     }
-    if let Some(rotation) = state.wish.rotation {
+    if let Some(rotation) = state.request.rotation {
         add("--env-rotation", rotation.to_string());
     }
-    if let Some(strength) = state.wish.strength {
+    if let Some(strength) = state.request.strength {
         add("--env-strength", strength.to_string());
     }
-    if let Some(stage) = state.wish.stage {
+    if let Some(stage) = state.request.stage {
         add("--stage", stage.name());
     }
-    // The scene file may set other values.
+    // The scene file may have other values.
     add("--exposure", state.display.png.exposure.to_string());
     add("--spp", state.facts.samples.to_string());
     add("--view", state.display.png.view.name().to_string());
-    // An axis with a minus sign could be taken for an option.
-    words.extend(state.wish.up.map(|up| format!("--up={}", up.name())));
+    // An axis such as -y could be parsed as an option.
+    words.extend(state.request.up.map(|up| format!("--up={}", up.name())));
     words.push(if state.display.denoise { "--denoise" } else { "--no-denoise" }.to_string());
-    words.extend(state.wish.pose.arguments());
+    words.extend(state.request.pose.arguments());
     words.extend(["-o".to_string(), "picture.exr".to_string(), "-o".to_string(), "picture.png".to_string()]);
     words.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" ")
 }
 
-/// The `render` command of this process, without the settings of pages.
+/// The `render` command with the arguments of this process, without the settings of the page.
 pub(crate) fn own_command() -> Vec<String> {
     let words = ["oscura", "render"].map(str::to_string);
     words.into_iter().chain(given(arguments())).collect()
@@ -337,7 +345,7 @@ pub(super) fn arguments() -> impl Iterator<Item = String> {
     process::words().map(|word| word.to_string_lossy().into_owned())
 }
 
-/// The arguments of this process that a render takes as well and that the page doesn't set.
+/// The arguments that `render` also has and the page doesn't set.
 fn given(arguments: impl Iterator<Item = String>) -> Vec<String> {
     const FLAGS: [&str; 4] = ["--no-open", "--watch", "--denoise", "--no-denoise"];
     const SET: [&str; 19] = [
@@ -378,7 +386,7 @@ fn given(arguments: impl Iterator<Item = String>) -> Vec<String> {
     kept
 }
 
-/// A word as shells take it.
+/// A word quoted for POSIX shells.
 fn quoted(word: &str) -> String {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_./,:=+%@".contains(c);
     match !word.is_empty() && word.chars().all(is_plain) {
@@ -387,43 +395,41 @@ fn quoted(word: &str) -> String {
     }
 }
 
-// A picture on its way, as pages show it.
-
-/// How pictures are shown.
+/// Display settings.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct PageDisplay {
     pub png: PngOptions,
-    /// The pass to show in place of colour.
+    /// The displayed pass; `None` for colour.
     pub aov: Option<Aov>,
-    /// A view besides those with names, to go back to.
+    /// The view transform from a lookup table, if the render has one.
     pub own_view: Option<ViewTransform>,
-    /// Is the denoised picture shown, once there is one?
+    /// Show the denoised picture.
     pub denoise: bool,
-    /// Share of the width, from the left, that shows the picture before denoising.
+    /// Fraction of the width, from the left, that shows the noisy picture.
     pub split: f64,
 }
 
 impl PageDisplay {
-    /// The colour setting.
+    /// Displays colour without denoising.
     pub fn new(png: PngOptions) -> PageDisplay {
         let own_view = Some(png.view.clone()).filter(|view| matches!(view, ViewTransform::Table(_)));
         PageDisplay { png, aov: None, own_view, denoise: false, split: 0.0 }
     }
 
-    /// The names of all views.
+    /// The names of all view transforms.
     pub fn views(&self) -> Vec<String> {
         let named = ViewTransform::NAMED.iter().map(|named| named.1.to_string());
         named.chain(self.own_view.iter().map(|view| view.name().into_owned())).collect()
     }
 
-    /// The view of a name.
+    /// A view transform by name.
     pub fn view(&self, name: &str) -> Option<ViewTransform> {
         let own = self.own_view.as_ref().filter(|view| view.name() == name);
         own.cloned().or_else(|| ViewTransform::from_name(name))
     }
 }
 
-/// AOVs that `oscura view` always records: those for denoising, and those that are shown small or at once.
+/// AOVs that `oscura view` always records: the guides for denoising, and the passes with thumbnails.
 pub(crate) const RECORDED: AovSet = AovSet::NONE
     .with(Aov::Depth)
     .with(Aov::Normal)
@@ -433,38 +439,39 @@ pub(crate) const RECORDED: AovSet = AovSet::NONE
     .with(Aov::DenoisingAlbedo)
     .with(Aov::DenoisingNormal);
 
-/// A frame after denoising.
+/// A denoised frame; the other fields are those of the noisy frame.
 #[derive(Clone)]
 pub(crate) struct Denoised {
     pub film: Arc<Film>,
-    /// The denoiser and its guides.
+    /// Description of the denoiser and its guides.
     pub by: Arc<str>,
-    // As the frame had them.
     pub samples: f64,
     pub scale: u32,
     pub is_finished: bool,
-    pub order: u64,
+    pub request_number: u64,
 }
 
-/// A picture so far.
+/// A picture in progress.
 pub(crate) struct Frame {
-    /// Colour, [`RECORDED`], and at most one more AOV; of a render in progress, what it records.
+    /// Colour and AOVs.
     pub film: Film,
     pub output: OutputOptions,
+    /// Samples per pixel.
     pub samples: f64,
+    /// Render time.
     pub seconds: f64,
-    /// Estimated relative error of the whole picture, once there is an estimate.
+    /// Estimated relative error of the picture, if there is an estimate.
     pub error: Option<f64>,
-    /// Size of the finished picture over that of this one.
+    /// Downsampling factor of previews: size of the finished picture over that of this one.
     pub scale: u32,
     pub is_finished: bool,
-    /// The number of the wish that it fulfils.
-    pub order: u64,
+    /// Number of its request.
+    pub request_number: u64,
 }
 
 impl Frame {
-    /// The picture so far, in full size, for the wish of a number.
-    pub fn of(rendering: &Rendering, is_finished: bool, order: u64) -> Frame {
+    /// The picture so far, in full size, for request number `request_number`.
+    pub fn of(rendering: &Rendering, is_finished: bool, request_number: u64) -> Frame {
         let statistics = rendering.statistics();
         Frame {
             film: rendering.shown().into_owned(),
@@ -474,11 +481,11 @@ impl Frame {
             error: statistics.error,
             scale: 1,
             is_finished,
-            order,
+            request_number,
         }
     }
 
-    /// Everything about the pixel at a place, as shares of width and height from the upper left corner.
+    /// All values of the pixel at fractions of width and height from the upper left corner.
     pub fn probe(&self, x: f64, y: f64) -> Option<Value> {
         let (x, y) = self.pixel(x, y)?;
         let mut values = Map::new();
@@ -494,18 +501,19 @@ impl Frame {
         Some(json!({ "x": x * scale, "y": y * scale, "samples": self.film.samples(x, y), "values": values }))
     }
 
-    /// Depth at a place, metres; `None` where nothing was hit.
+    /// Depth at fractions of width and height, metres; `None` for the background.
     pub fn depth(&self, x: f64, y: f64) -> Option<f64> {
         let (x, y) = self.pixel(x, y)?;
         let depth = *self.film.pixel(x, y).ok()?.plane("Z")?.into_floats().first()?;
         (depth > 0.0 && depth < 0.5 * oscura::film::BACKGROUND_DEPTH).then_some(f64::from(depth))
     }
 
+    /// The pixel at fractions of width and height; `None` outside of the picture.
     pub(super) fn pixel(&self, x: f64, y: f64) -> Option<(u32, u32)> {
-        let place = |share: f64, size: u32| {
-            ((0.0..=1.0).contains(&share)).then_some(((share * f64::from(size)) as u32).min(size - 1))
+        let index = |fraction: f64, size: u32| {
+            ((0.0..=1.0).contains(&fraction)).then_some(((fraction * f64::from(size)) as u32).min(size - 1))
         };
-        Some((place(x, self.film.width())?, place(y, self.film.height())?))
+        Some((index(x, self.film.width())?, index(y, self.film.height())?))
     }
 }
 
@@ -515,22 +523,22 @@ mod tests {
     use oscura::scene::Camera;
 
     #[test]
-    fn wishes_fit_a_scene_that_has_changed() {
+    fn requests_are_adjusted_to_a_reloaded_scene() {
         let pose = |x: f64| Pose::new(Camera::look_at([x, 0.0, 5.0], [x, 0.0, 0.0], 30.0), 5.0);
-        let eye = |wish: &ViewRequest| wish.pose.camera().world_from_camera.translation.x;
+        let eye = |request: &ViewRequest| request.pose.camera().world_from_camera.translation.x;
         let own = ViewRequest::new(pose(0.0), (40, 30));
         let facts =
             |width: u32| SceneInfo { sizes: vec![(width / 2, 30), (width, 60)], ..SceneInfo::default() };
         let before = facts(100).sizes;
-        let mut wish =
+        let mut request =
             ViewRequest { pose: pose(1.0), camera: 1, size: (100, 60), rotation: Some(3.0), ..own.clone() };
-        wish.fit(&own, &before, &facts(80), &[pose(7.0), pose(8.0)]);
-        assert_eq!((wish.size, wish.camera, eye(&wish), wish.rotation), ((80, 60), 1, 8.0, None));
-        wish.fit(&own, &before, &facts(80), &[pose(0.0)]);
-        assert_eq!((wish.size, wish.camera, eye(&wish)), ((80, 60), 0, 0.0));
-        wish.pose.open(1.0);
-        wish.fit(&own, &[], &facts(20), &[pose(9.0)]);
-        assert_eq!((wish.size, eye(&wish)), (own.size, 0.0), "what hands have done stays");
+        request.fit(&own, &before, &facts(80), &[pose(7.0), pose(8.0)]);
+        assert_eq!((request.size, request.camera, eye(&request), request.rotation), ((80, 60), 1, 8.0, None));
+        request.fit(&own, &before, &facts(80), &[pose(0.0)]);
+        assert_eq!((request.size, request.camera, eye(&request)), ((80, 60), 0, 0.0));
+        request.pose.set_defocus(1.0);
+        request.fit(&own, &[], &facts(20), &[pose(9.0)]);
+        assert_eq!((request.size, eye(&request)), (own.size, 0.0), "changes of the camera are kept");
     }
 }
 
@@ -539,7 +547,7 @@ mod status_tests {
     use super::*;
 
     #[test]
-    fn the_page_replaces_what_it_sets() {
+    fn options_set_by_the_page_are_dropped() {
         let words = "view a.glb --no-open --port 80 --spp 64 --exposure=1 --env x.hdr --width 10 \
                      --view-height 3 --fov=30 --denoise --depth 4";
         let kept = given(words.split(' ').map(str::to_string));
@@ -547,7 +555,7 @@ mod status_tests {
     }
 
     #[test]
-    fn words_are_quoted_where_shells_need_it() {
+    fn words_are_quoted_for_shells() {
         assert_eq!(
             [quoted("a-1.glb"), quoted("my scene.glb"), quoted("it's"), quoted("")],
             ["a-1.glb", "'my scene.glb'", "'it'\\''s'", "''"]

@@ -1,4 +1,4 @@
-//! Polygons and strips to triangles, with their indices checked.
+//! Triangulates polygons and strips, with checks of their indices.
 
 use super::rows::Face;
 use crate::error::Problem;
@@ -6,7 +6,7 @@ use crate::load::mesh_tools::triangulate;
 use crate::scene::Mesh;
 use std::collections::HashMap;
 
-/// The meaning of a list of indices.
+/// Interpretation of an index list.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum FaceLayout {
     Polygon,
@@ -17,32 +17,33 @@ pub(super) enum FaceLayout {
 /// Maximum number of problems of one kind in an error.
 const LISTED: usize = 10;
 
-/// Adds faces to a mesh and notes those that refer to missing vertices.
+/// Adds faces to a mesh and collects problems of faces that refer to missing vertices.
 #[derive(Default)]
 pub(super) struct Faces {
     problems: Vec<Problem>,
-    bad: usize,
-    /// Faces that precede the vertices in the file.
-    waiting: Vec<(FaceLayout, usize, Face)>,
+    /// Number of faces that refer to missing vertices.
+    invalid_count: usize,
+    /// Faces that precede the vertices in the file, with layout and row.
+    pending: Vec<(FaceLayout, usize, Face)>,
     vertices_known: bool,
-    /// Attributes per corner, where the file has them.
+    /// Per-corner attributes, if the file has them.
     pub wedges: Option<Wedges>,
-    /// The material of each triangle, where the file has them.
+    /// Material index per triangle, if the file has them.
     pub materials: Option<Vec<i64>>,
-    /// Faces of fewer than three corners.
-    pub short: usize,
-    /// The colour of each triangle, where faces have colours and vertices have none.
+    /// Number of faces of fewer than three corners.
+    pub degenerate_count: usize,
+    /// Linear RGBA per triangle, if faces have colours and vertices have none.
     pub colors: Option<Vec<[f32; 4]>>,
 }
 
 impl Faces {
-    /// For a file with or without attributes per corner and materials of faces.
+    /// For files with or without per-corner attributes and material indices.
     pub fn new(has_wedges: bool, has_materials: bool) -> Faces {
         let wedges = has_wedges.then(Wedges::default);
         Faces { wedges, materials: has_materials.then(Vec::new), ..Faces::default() }
     }
 
-    /// Keeps the colours of faces if wanted.
+    /// Also collects face colours if `has_colors`.
     pub fn with_colors(self, has_colors: bool) -> Faces {
         Faces { colors: has_colors.then(Vec::new), ..self }
     }
@@ -62,7 +63,7 @@ impl Faces {
     #[inline]
     fn add_triangles(&mut self, mesh: &mut Mesh, kind: FaceLayout, i: usize, face: &Face) {
         if !self.vertices_known {
-            return self.waiting.push((kind, i, face.clone()));
+            return self.pending.push((kind, i, face.clone()));
         }
         let indices = &face.indices[..];
         let count = mesh.positions.len() as i64;
@@ -78,12 +79,12 @@ impl Faces {
             return mesh.triangles.push([*a, *b, *c].map(|v| v as u32));
         }
         match indices.iter().find(|&&v| !(inside(v) || kind == FaceLayout::Strip && v == -1)) {
-            Some(&v) => self.complain(kind, i, v, count),
-            None if indices.len() < 3 => self.short += 1,
+            Some(&v) => self.add_problem(kind, i, v, count),
+            None if indices.len() < 3 => self.degenerate_count += 1,
             None if kind == FaceLayout::Polygon => {
-                let cut = cut_polygon(mesh, indices);
+                let triangles = add_polygon(mesh, indices);
                 if let Some(wedges) = &mut self.wedges {
-                    wedges.add(face, &cut);
+                    wedges.add(face, &triangles);
                 }
             }
             None => {
@@ -95,44 +96,46 @@ impl Faces {
         }
     }
 
-    /// Call when the vertices have been read: adds the faces that came before them.
-    pub fn catch_up(&mut self, mesh: &mut Mesh) {
+    /// Adds the faces that precede the vertices in the file; call after reading the vertices.
+    pub fn add_pending(&mut self, mesh: &mut Mesh) {
         self.vertices_known = true;
-        for (kind, i, face) in std::mem::take(&mut self.waiting) {
+        for (kind, i, face) in std::mem::take(&mut self.pending) {
             self.add(mesh, kind, i, &face);
         }
     }
 
-    /// The faces left out, in words.
+    /// Descriptions of the faces left out, for warnings.
     pub fn left_out(&self) -> Vec<String> {
         let mut list = Vec::new();
         if let Some(first) = self.problems.first() {
             let (place, message) = (&first.place, &first.message);
-            list.push(format!("{} faces with missing vertices ({place}: {message})", self.bad));
+            list.push(format!("{} faces with missing vertices ({place}: {message})", self.invalid_count));
         }
-        if self.short > 0 {
-            list.push(format!("{} faces of fewer than three corners", self.short));
+        if self.degenerate_count > 0 {
+            list.push(format!("{} faces of fewer than three corners", self.degenerate_count));
         }
-        if let Some(odd) = self.wedges.as_ref().map(|wedges| wedges.odd).filter(|&odd| odd > 0) {
-            let what = format!("texture coordinates of {odd} faces, which are not two numbers a corner");
-            list.push(what);
+        let mismatched = self.wedges.as_ref().map_or(0, |wedges| wedges.mismatched_count);
+        if mismatched > 0 {
+            list.push(format!(
+                "texture coordinates of {mismatched} faces, which are not two numbers a corner"
+            ));
         }
         list
     }
 
-    /// Everything that was wrong.
+    /// Takes the problems; the last one counts those beyond the maximum.
     pub fn problems(&mut self) -> Vec<Problem> {
-        if self.bad > LISTED {
-            let message = format!("{} more faces refer to missing vertices", self.bad - LISTED);
+        if self.invalid_count > LISTED {
+            let message = format!("{} more faces refer to missing vertices", self.invalid_count - LISTED);
             self.problems.push(Problem::new("", message));
         }
         std::mem::take(&mut self.problems)
     }
 
     #[cold]
-    fn complain(&mut self, kind: FaceLayout, i: usize, vertex: i64, count: i64) {
-        self.bad += 1;
-        if self.bad <= LISTED {
+    fn add_problem(&mut self, kind: FaceLayout, i: usize, vertex: i64, count: i64) {
+        self.invalid_count += 1;
+        if self.invalid_count <= LISTED {
             let name = if kind == FaceLayout::Polygon { "face" } else { "tristrips" };
             let message = format!("refers to vertex {vertex}, but there are {count}");
             self.problems.push(Problem::new(format!("{name} {i}"), message));
@@ -140,12 +143,12 @@ impl Faces {
     }
 }
 
-/// Adds a polygon; gives the corners of its triangles.
-fn cut_polygon(mesh: &mut Mesh, indices: &[i64]) -> Vec<[usize; 3]> {
+/// Triangulates a polygon; returns triangles as corner numbers of the polygon.
+fn add_polygon(mesh: &mut Mesh, indices: &[i64]) -> Vec<[usize; 3]> {
     let corners: Vec<[f32; 3]> = indices.iter().map(|&v| mesh.positions[v as usize]).collect();
-    let cut = triangulate(&corners);
-    mesh.triangles.extend(cut.iter().map(|t| t.map(|k| indices[k] as u32)));
-    cut
+    let triangles = triangulate(&corners);
+    mesh.triangles.extend(triangles.iter().map(|t| t.map(|k| indices[k] as u32)));
+    triangles
 }
 
 fn add_strip(mesh: &mut Mesh, indices: &[i64]) {
@@ -155,48 +158,46 @@ fn add_strip(mesh: &mut Mesh, indices: &[i64]) {
     }
 }
 
-// Attributes per face corner ("wedges" in MeshLab): texture coordinates, of which a vertex has
-// different ones where a seam runs through it, and the texture that a face shows.
-
-/// Wedges of all triangles so far.
+/// Per-corner attributes of triangles ("wedges" in MeshLab): texture coordinates, which differ between faces at seams, and
+/// the texture index of the face.
 #[derive(Default)]
 pub(super) struct Wedges {
-    /// Texture coordinates; v grows downwards.
+    /// Texture coordinates of each triangle's corners; v grows downwards.
     corners: Vec<[[f32; 2]; 3]>,
-    /// Numbers of textures.
+    /// Texture index of each triangle; -1 for none.
     textures: Vec<i64>,
-    /// Faces whose list has not two numbers a corner.
-    pub odd: usize,
+    /// Number of faces whose coordinate list isn't two numbers per corner.
+    pub mismatched_count: usize,
 }
 
-/// Triangles in a row that show the same texture, or have the same material.
+/// Triangles with the same texture or material index, `number`.
 pub(super) struct Run {
     pub number: i64,
     pub triangles: Vec<[u32; 3]>,
 }
 
 impl Wedges {
-    /// Adds the triangles that a face was cut into, by numbers of its corners. Coordinates that it lacks are 0.
+    /// Adds the attributes of a face's triangles, given as corner numbers. Missing coordinates are 0.
     #[inline]
-    pub fn add(&mut self, face: &Face, cut: &[[usize; 3]]) {
-        let is_even = face.wedges.len() == 2 * face.indices.len();
+    pub fn add(&mut self, face: &Face, triangles: &[[usize; 3]]) {
+        let is_complete = face.wedges.len() == 2 * face.indices.len();
         // An empty list is a face without coordinates.
-        self.odd += usize::from(!is_even && !face.wedges.is_empty());
-        let uv = |k: usize| match (is_even, face.wedges.get(2 * k..2 * k + 2)) {
+        self.mismatched_count += usize::from(!is_complete && !face.wedges.is_empty());
+        let uv = |k: usize| match (is_complete, face.wedges.get(2 * k..2 * k + 2)) {
             (true, Some(&[u, v])) => [u, 1.0 - v],
             _ => [0.0; 2],
         };
-        self.corners.extend(cut.iter().map(|t| t.map(uv)));
+        self.corners.extend(triangles.iter().map(|t| t.map(uv)));
         self.textures.resize(self.corners.len(), if face.wedges.is_empty() { -1 } else { face.texture });
     }
 
-    /// Triangles up to this number that have no wedges: those of strips.
+    /// Pads up to `triangles` triangles with default attributes, for strips.
     pub fn pad(&mut self, triangles: usize) {
         self.corners.resize(triangles, [[0.0; 2]; 3]);
         self.textures.resize(triangles, -1);
     }
 
-    /// Splits vertices with several texture coordinates.
+    /// Duplicates vertices on texture seams, one for each texture coordinate.
     pub fn split(&self, mesh: &mut Mesh) {
         let count = mesh.positions.len();
         let mut first: Vec<Option<[u32; 2]>> = vec![None; count];
@@ -216,7 +217,7 @@ impl Wedges {
                     mesh.normals.extend(normal);
                     mesh.colors.extend(color);
                     mesh.attributes.iter_mut().for_each(|attribute| attribute.push_copy(old));
-                    // Not more than there are corners; those fit, or the mesh is refused.
+                    // At most one vertex per corner; meshes with too many are refused later.
                     (mesh.positions.len() - 1) as u32
                 });
             }
@@ -224,14 +225,14 @@ impl Wedges {
         mesh.uv_sets = vec![uvs];
     }
 
-    /// The mesh's triangles by texture, of which those below 0 and from `textures` on are none, as -1; the first comes first.
+    /// Triangles grouped by texture index, ascending; indices not in `0..textures` count as -1.
     pub fn runs(&self, triangles: &[[u32; 3]], textures: usize) -> Vec<Run> {
-        let is_there = |texture: i64| usize::try_from(texture).is_ok_and(|texture| texture < textures);
-        runs(triangles, self.textures.iter().map(|&texture| if is_there(texture) { texture } else { -1 }))
+        let is_valid = |texture: i64| usize::try_from(texture).is_ok_and(|texture| texture < textures);
+        runs(triangles, self.textures.iter().map(|&texture| if is_valid(texture) { texture } else { -1 }))
     }
 }
 
-/// Triangles by their numbers, which rise from run to run.
+/// Groups triangles by `numbers`, ascending.
 pub(super) fn runs(triangles: &[[u32; 3]], numbers: impl Iterator<Item = i64>) -> Vec<Run> {
     let mut runs: Vec<Run> = Vec::new();
     let mut place: HashMap<i64, usize> = HashMap::new();
@@ -263,9 +264,9 @@ mod tests {
         wedges.add(&face(&[0, 1, 2], &[0.0, 0.0, 0.5, 0.0, 0.25, 1.0], 0), &[[0, 1, 2]]);
         wedges.add(&face(&[1, 2, 3], &[0.5, 0.0, 0.75, 1.0, 0.0, 0.0], 1), &[[0, 1, 2]]);
         wedges.add(&face(&[2, 3, 0], &[0.0; 4], 7), &[[0, 1, 2]]);
-        assert_eq!(wedges.odd, 1);
+        assert_eq!(wedges.mismatched_count, 1);
         wedges.split(&mut mesh);
-        // Vertex 2 has three pairs, vertices 0 and 3 two.
+        // Vertex 2 has three texture coordinates, vertices 0 and 3 two.
         assert_eq!(mesh.triangles, [[0, 1, 2], [1, 4, 3], [5, 6, 7]]);
         assert_eq!(mesh.uv_sets[0][2], [0.25, 0.0]);
         assert_eq!(mesh.uv_sets[0][4], [0.75, 0.0]);

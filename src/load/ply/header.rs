@@ -1,7 +1,7 @@
-//! The header, checked before the parser sees it, and reading of one element list after another.
+//! Header validation, and sequential reading of the elements.
 //!
-//! `ply-rs` panics on numbers beyond 64 bits, trusts counts and reports wrong lines, so the header's shape and counts
-//! are checked here against the bytes that the file really holds, and lines are counted here.
+//! `ply-rs` panics on numbers beyond 64 bits, trusts counts and reports wrong lines, so the header is checked here before
+//! parsing, its counts are compared with the file's size, and lines are counted here.
 
 use super::rows::{self, Face, Lines, Record, Slot, Vertex, cut, split_line};
 use crate::error::Problem;
@@ -13,11 +13,11 @@ use ply_rs::ply::{ElementDef, Encoding, Header, PropertyType, ScalarType};
 
 type Result<T> = std::result::Result<T, Problem>;
 
-/// Longest header that is looked for, in bytes.
-const LONGEST_HEADER: usize = 1 << 20;
+/// Maximum length of a header, bytes.
+const MAX_HEADER: usize = 1 << 20;
 
-/// Rows that are counted at a time.
-const COUNTED: usize = 1 << 16;
+/// Rows between two updates of the progress counter.
+const ROWS_PER_UPDATE: usize = 1 << 16;
 
 /// A file whose header has been read; element lists are read in file order.
 pub(super) struct Source<'a> {
@@ -26,8 +26,8 @@ pub(super) struct Source<'a> {
     rest: &'a [u8],
     /// The rest of an ascii payload.
     lines: Lines<'a>,
-    /// Unknown lines of the header.
-    strays: Vec<String>,
+    /// Descriptions of unknown header lines.
+    unknown_lines: Vec<String>,
     /// The named attributes of vertices.
     attributes: Vec<NamedAttribute>,
     /// Progress: number of rows read.
@@ -36,29 +36,30 @@ pub(super) struct Source<'a> {
 
 /// A header's text.
 struct HeaderText {
-    /// With plain line ends, ASCII only, without lines that mean nothing.
+    /// Normalized: LF line ends, ASCII only, without blank and unknown lines.
     text: String,
-    /// Its length in the file, bytes.
+    /// Length in the file, bytes.
     length: usize,
-    /// Its lines in the file.
+    /// Number of lines in the file.
     lines: usize,
-    /// Unsupported elements, with their counts.
-    strays: Vec<String>,
+    /// Descriptions of unknown header lines.
+    unknown_lines: Vec<String>,
     /// The named attributes of vertices.
     attributes: Vec<NamedAttribute>,
 }
 
-/// A line `comment oscura attribute INDEX COUNT NAME`: the properties `aINDEX_0`, `aINDEX_1`, ... of a vertex are an attribute of that name.
+/// A header line `comment oscura attribute INDEX COUNT NAME`: the vertex properties `aINDEX_0`, `aINDEX_1`, ... form the
+/// attribute NAME.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct NamedAttribute {
     pub index: u8,
-    /// Properties, 1 to 4.
+    /// Number of components, 1 to 4.
     pub count: u8,
     pub name: String,
 }
 
 impl NamedAttribute {
-    /// The attribute of a header line, which may have any characters in its name; `None` for other lines.
+    /// Parses a header line; `None` if it doesn't declare an attribute. The name may have any characters.
     fn of(line: &[u8]) -> Option<std::result::Result<NamedAttribute, &'static str>> {
         let line = String::from_utf8_lossy(line);
         let rest = line.trim_end_matches(['\r', '\n']).strip_prefix("comment oscura attribute ")?;
@@ -75,23 +76,24 @@ impl NamedAttribute {
     }
 }
 
-/// Words that lines of headers begin with.
+/// First words of header lines.
 const KEYWORDS: [&str; 7] = ["ply", "format", "comment", "obj_info", "element", "property", "end_header"];
 
-/// Which attributes the vertex element defines completely.
+/// Attributes of which the vertex element has all properties.
 pub(super) struct VertexLayout {
     pub position: bool,
     pub normal: bool,
     pub uv: bool,
     pub color: bool,
-    /// Faces have colours, which vertices lack.
+    /// Faces have colours and vertices have none.
     pub face_color: bool,
-    /// Attributes of which a part is missing, so that the rest means nothing.
+    /// Attributes of which some properties are missing; they are skipped.
     pub incomplete: Vec<&'static str>,
 }
 
 impl VertexLayout {
-    /// The error about unsupported vertices.
+    /// # Errors
+    /// Vertices without positions.
     pub fn check(&self) -> Result<()> {
         match self.position {
             true => Ok(()),
@@ -102,32 +104,33 @@ impl VertexLayout {
 
 /// Parts of a file that are not read, for warnings.
 pub(super) struct Unread {
-    /// Data whose absence is visible: a warning.
+    /// Data with an effect on the picture: warnings.
     pub visible: Vec<String>,
-    /// Data that no picture depends on: a note.
+    /// Data without an effect on the picture: notes.
     pub irrelevant: Vec<String>,
-    /// Texture files that comments name.
+    /// Texture files named by comments.
     pub texture_files: Vec<String>,
-    /// The axis that the file's writer has up.
+    /// The up axis customary for the program that wrote the file, with its name for messages.
     pub writer_up: Option<(Up, &'static str)>,
-    /// Positions may be finer than single floats.
+    /// Positions may be more precise than f32.
     pub has_exact_positions: bool,
 }
 
-/// Names of texture coordinates and of colours.
+/// Property names of texture coordinates and of colours.
 const UVS: [[&str; 2]; 4] = [["s", "t"], ["u", "v"], ["texture_u", "texture_v"], ["texture_s", "texture_t"]];
 const COLORS: [[&str; 3]; 3] =
     [["red", "green", "blue"], ["r", "g", "b"], ["diffuse_red", "diffuse_green", "diffuse_blue"]];
 
 impl<'a> Source<'a> {
-    /// Checks and reads the header, and begins to count rows.
+    /// Validates and parses the header, and starts the progress counter.
     pub fn open(bytes: &'a [u8], counter: &'a WorkCounter) -> Result<Source<'a>> {
-        let HeaderText { text, length, lines, strays, attributes } = header_text(bytes)?;
+        let HeaderText { text, length, lines, unknown_lines, attributes } = header_text(bytes)?;
         let header = Parser::<super::SkippedElement>::new()
             .read_header(&mut text.as_bytes())
             .map_err(|e| Problem::new("header", first_line(&e.to_string())))?;
         let rest = &bytes[length..];
-        let source = Source { header, rest, lines: Lines::new(rest, lines), strays, attributes, counter };
+        let source =
+            Source { header, rest, lines: Lines::new(rest, lines), unknown_lines, attributes, counter };
         source.check_attributes()?;
         source.check_counts()?;
         source.check_types()?;
@@ -135,7 +138,7 @@ impl<'a> Source<'a> {
         Ok(source)
     }
 
-    /// The element lists in file order.
+    /// The elements in file order.
     pub fn elements(&self) -> Vec<(String, ElementDef)> {
         self.header.elements.iter().map(|(name, e)| (name.clone(), e.clone())).collect()
     }
@@ -162,17 +165,17 @@ impl<'a> Source<'a> {
         VertexLayout { position, normal, uv, color, face_color, incomplete }
     }
 
-    /// Has an element a property?
+    /// Whether an element has a property.
     pub fn has(&self, element: &str, property: &str) -> bool {
         self.header.elements.get(element).is_some_and(|e| e.properties.contains_key(property))
     }
 
-    /// Rows of an element.
+    /// Number of rows of an element.
     pub fn count(&self, element: &str) -> usize {
         self.header.elements.get(element).map_or(0, |e| e.count)
     }
 
-    /// Are the vertices Gaussian splats?
+    /// Whether the vertices are Gaussian splats.
     pub fn holds_splats(&self) -> bool {
         let has = |name: &str| self.has("vertex", name);
         has("f_dc_0") && (has("opacity") || has("scale_0")) || has("packed_position")
@@ -200,25 +203,25 @@ impl<'a> Source<'a> {
         Ok(())
     }
 
-    /// Do faces say which material they have?
+    /// Whether faces have material indices.
     pub fn has_materials(&self) -> bool {
         let face = self.header.elements.get("face").and_then(|face| face.properties.get("material_index"));
         face.is_some_and(|p| matches!(p.data_type, PropertyType::Scalar(_)))
     }
 
-    /// Do the corners of faces have texture coordinates of their own?
+    /// Whether faces have per-corner texture coordinates.
     pub fn has_wedges(&self) -> bool {
         let face = self.header.elements.get("face").and_then(|face| face.properties.get("texcoord"));
         face.is_some_and(|p| matches!(p.data_type, PropertyType::List(..)))
     }
 
-    /// The pictures that comments name, as MeshLab writes them.
+    /// Texture files named by comments, as MeshLab writes them.
     fn texture_files(&self) -> Vec<String> {
         let named = self.header.comments.iter().filter_map(|c| c.trim().strip_prefix("TextureFile"));
         named.map(|file| file.trim().to_string()).collect()
     }
 
-    /// The axis that is up in files of the program that a comment names.
+    /// The up axis customary for the program named in a comment.
     fn writer_up(&self) -> Option<(Up, &'static str)> {
         let is_by = |name: &str| {
             self.header
@@ -231,7 +234,7 @@ impl<'a> Source<'a> {
         writers.iter().find(|(name, _)| is_by(name)).map(|&(_, why)| (Up::Z, why))
     }
 
-    /// Text may have any number of digits.
+    /// Whether positions may be more precise than f32; text may have any number of digits.
     fn has_exact_positions(&self) -> bool {
         let is_double = |p: &PropertyType| matches!(p, PropertyType::Scalar(ScalarType::Double));
         let vertex = self.header.elements.get("vertex");
@@ -239,7 +242,7 @@ impl<'a> Source<'a> {
             || vertex.is_some_and(|v| v.properties.get("x").is_some_and(|p| is_double(&p.data_type)))
     }
 
-    /// Properties that are not read, with their elements, and unknown lines of the header.
+    /// Unread properties with their elements, and unknown header lines.
     pub fn unread(&self, layout: &VertexLayout) -> Unread {
         let incomplete = layout.incomplete.iter();
         let visible = incomplete.map(|what| format!("{what} of which a property is missing")).collect();
@@ -262,7 +265,7 @@ impl<'a> Source<'a> {
             },
             ("tristrips", PropertyType::List(..)) => is_index(name),
             ("vertex" | "tristrips", _) => false,
-            // Elements of other names are left out as a whole.
+            // Other elements are reported as a whole.
             _ => true,
         };
         for (element, definition) in self.header.elements.iter().filter(|(_, e)| e.count > 0) {
@@ -273,11 +276,11 @@ impl<'a> Source<'a> {
                 if is_shown { unread.visible.push(what) } else { unread.irrelevant.push(what) }
             }
         }
-        unread.visible.extend(self.strays.iter().cloned());
+        unread.visible.extend(self.unknown_lines.iter().cloned());
         unread
     }
 
-    /// Reads the next element list, which must be the next in file order, and hands each row with its number to `each`.
+    /// Reads the rows of an element and calls `each` with row number and record. Elements must be read in file order.
     pub fn read<E: Record>(
         &mut self,
         definition: &ElementDef,
@@ -288,8 +291,8 @@ impl<'a> Source<'a> {
         }
         let counter = self.counter;
         let each = |row: usize, record: &E| {
-            if (row + 1).is_multiple_of(COUNTED) {
-                counter.add(COUNTED as u64);
+            if (row + 1).is_multiple_of(ROWS_PER_UPDATE) {
+                counter.add(ROWS_PER_UPDATE as u64);
             }
             each(row, record);
         };
@@ -315,7 +318,7 @@ impl<'a> Source<'a> {
         let held = self.rest.len() as u128 + 1;
         if needed > held {
             let message = format!(
-                "the header promises at least {needed} bytes of data, but the file holds {}: it is cut short or its counts are wrong",
+                "the header declares at least {needed} bytes of data, but the file holds {}: it is cut short or its counts are wrong",
                 self.rest.len()
             );
             return Err(Problem::new("", message).with_help("export or download the file again"));
@@ -335,8 +338,9 @@ impl<'a> Source<'a> {
                     _ => true,
                 };
                 if let PropertyType::List(ScalarType::Float | ScalarType::Double, _) = p.data_type {
-                    let message =
-                        format!("the lists of property '{property}' of '{name}' need whole lengths");
+                    let message = format!(
+                        "the list length of property '{property}' of '{name}' must be an integer type"
+                    );
                     return Err(Problem::new("header", message));
                 }
                 if !ok {
@@ -349,7 +353,7 @@ impl<'a> Source<'a> {
     }
 }
 
-/// Is it the name of lists of vertices?
+/// Whether a list property holds vertex indices.
 fn is_index(name: &str) -> bool {
     name == "vertex_index" || name == "vertex_indices"
 }
@@ -365,9 +369,9 @@ fn header_text(bytes: &[u8]) -> Result<HeaderText> {
         }
         return Err(Problem::new("", "is not a PLY file: it doesn't start with 'ply'"));
     }
-    let (mut text, mut at, mut lines, mut strays) = (String::new(), 0, 0, Vec::new());
+    let (mut text, mut at, mut lines, mut unknown_lines) = (String::new(), 0, 0, Vec::new());
     let mut attributes = Vec::new();
-    let limit = bytes.len().min(LONGEST_HEADER);
+    let limit = bytes.len().min(MAX_HEADER);
     while at < limit {
         let (content, next) = split_line(&bytes[at..]);
         at += next;
@@ -382,7 +386,7 @@ fn header_text(bytes: &[u8]) -> Result<HeaderText> {
         let first = words.next().unwrap_or_default();
         if !KEYWORDS.contains(&first) {
             let shown: String = line.chars().take(40).collect();
-            strays.push(format!("line {lines} of the header, '{shown}', is unknown"));
+            unknown_lines.push(format!("line {lines} of the header, '{shown}', is unknown"));
             continue;
         }
         if let Some(attribute) = NamedAttribute::of(content) {
@@ -398,7 +402,7 @@ fn header_text(bytes: &[u8]) -> Result<HeaderText> {
         text.push_str(line);
         text.push('\n');
         if line == "end_header" {
-            return Ok(HeaderText { text, length: at, lines, strays, attributes });
+            return Ok(HeaderText { text, length: at, lines, unknown_lines, attributes });
         }
     }
     Err(Problem::new("header", "does not end: 'end_header' is missing"))

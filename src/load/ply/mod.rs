@@ -1,21 +1,24 @@
-//! PLY meshes: ascii and binary of either byte order. `ply-rs` parses the header; the rows fill typed records here,
-//! which become the mesh one by one.
+//! PLY meshes: ascii and binary of either byte order. `ply-rs` parses the header; rows are decoded here into typed records.
 //!
-//! Read: `x y z`, `nx ny nz`, texture coordinates (`s t`, `u v`, `texture_u texture_v`; v turned to grow downwards),
-//! `red green blue alpha` or `diffuse_red` and so on (integers are sRGB-encoded, floats linear), faces of any size
-//! (`vertex_index` or `vertex_indices`), with colours where vertices have none, with texture coordinates of their corners (`texcoord`, as MeshLab writes them) and the
-//! number of their picture (`texnumber`) or of their material (`material_index`), and `tristrips`. A header line
-//! `comment oscura attribute INDEX COUNT NAME` makes the properties `aINDEX_0` to `aINDEX_3` of vertices, as many as COUNT says, an
-//! attribute that graphs of nodes read by its name (floats as they are, integers as shares of the largest); four floats called `tangent` are
-//! tangents with their handedness. Other elements, and properties of faces that a picture would show,
-//! are left out with a warning, and any other property without. Where comments name pictures (`TextureFile`, as MeshLab
-//! writes them) and there are texture coordinates, they are the colour: the first one, or that of the face's number. Vertices without faces are a point
-//! cloud, which becomes spheres. Positions beyond the precision of single floats are kept around an origin of their own.
-//! Files of Gaussian splats are recognised by their properties (`splats.rs`).
+//! Supported vertex properties: `x y z`, `nx ny nz`, texture coordinates (`s t`, `u v`, `texture_u texture_v`; v is flipped
+//! to grow downwards) and colours (`red green blue alpha`, `diffuse_red` and so on; integers are sRGB-encoded, floats
+//! linear). A header line `comment oscura attribute INDEX COUNT NAME` makes the first COUNT of the properties `aINDEX_0` to
+//! `aINDEX_3` an attribute that node graphs read by name (integers are normalized to 0..1); four floats named `tangent` are
+//! tangents with handedness.
+//!
+//! Supported face properties: polygons (`vertex_index` or `vertex_indices`), colours if vertices have none, per-corner
+//! texture coordinates (`texcoord`, as MeshLab writes them), texture index (`texnumber`) and material index
+//! (`material_index`); also `tristrips`. Unsupported elements and visible face properties cause a warning; other
+//! properties are skipped.
+//!
+//! With texture coordinates, texture files of comments (`TextureFile`, as MeshLab writes them) give the base colour: the
+//! first file, or that of `texnumber`. Vertices without faces are a point cloud and become spheres. Positions beyond the
+//! precision of f32 are stored relative to an origin. Files of Gaussian splats are recognised by their properties
+//! (`splats.rs`).
 
 mod faces;
 mod header;
-pub(super) mod places;
+pub(super) mod point_instances;
 mod rows;
 mod splats;
 
@@ -81,7 +84,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     Ok(loaded)
 }
 
-/// Reads the content of a PLY file relative to an origin, and lists unread data; `path` is for messages.
+/// Reads the mesh relative to `origin` (metres), and lists unread data; `path` is for messages.
 fn parse(path: &Path, bytes: &[u8], origin: DVec3, options: &LoadOptions) -> Result<(Mesh, Faces, Unread)> {
     let fail = |problem: Problem| Error::input_problems(path, vec![problem]);
     let mut source = Source::open(bytes, &options.counter).map_err(fail)?;
@@ -95,7 +98,7 @@ fn parse(path: &Path, bytes: &[u8], origin: DVec3, options: &LoadOptions) -> Res
     for (name, definition) in source.elements() {
         match name.as_str() {
             "vertex" => {
-                // The counts have been compared with the bytes that the file holds.
+                // The header check has compared the counts with the file's size.
                 mesh.positions.reserve_exact(definition.count);
                 mesh.normals.reserve_exact(if defined.normal { definition.count } else { 0 });
                 let add = |_, v: &Vertex| {
@@ -112,7 +115,7 @@ fn parse(path: &Path, bytes: &[u8], origin: DVec3, options: &LoadOptions) -> Res
                     attributes.push(v);
                 };
                 source.read(&definition, add).map_err(fail)?;
-                faces.catch_up(&mut mesh);
+                faces.add_pending(&mut mesh);
             }
             "face" | "tristrips" => {
                 let kind = if name == "face" { FaceLayout::Polygon } else { FaceLayout::Strip };
@@ -122,7 +125,7 @@ fn parse(path: &Path, bytes: &[u8], origin: DVec3, options: &LoadOptions) -> Res
             }
             _ => {
                 source.read(&definition, |_, _: &SkippedElement| {}).map_err(fail)?;
-                let message = format!("{} of the element '{name}', which is no surface", definition.count);
+                let message = format!("{} rows of the unsupported element '{name}'", definition.count);
                 left_out.visible.extend((definition.count > 0).then_some(message));
             }
         }
@@ -146,18 +149,18 @@ fn parse(path: &Path, bytes: &[u8], origin: DVec3, options: &LoadOptions) -> Res
 /// The attribute that holds tangents.
 pub(super) const TANGENT: &str = "tangent";
 
-/// Makes the attribute of four floats that is called `tangent` the tangents of a mesh: unit vectors with their handedness, 0 where
-/// texture coordinates give them.
+/// Moves the four-component attribute `tangent` to the mesh's tangents: unit vectors with handedness; zero vectors stand for
+/// tangents from the texture coordinates.
 fn take_tangents(mesh: &mut Mesh) {
-    let is_it = |a: &VertexAttribute| a.name == TANGENT && a.width == 4;
-    let Some(at) = mesh.attributes.iter().position(is_it) else { return };
+    let is_tangent = |a: &VertexAttribute| a.name == TANGENT && a.width == 4;
+    let Some(at) = mesh.attributes.iter().position(is_tangent) else { return };
     let values = mesh.attributes.remove(at).values;
     if !mesh.normals.is_empty() && values.iter().all(|x| x.is_finite()) {
         mesh.tangents = values.as_chunks::<4>().0.to_vec();
     }
 }
 
-/// Errors of the faces. Faces with missing vertices are errors only if no other face remains.
+/// Errors of the faces. Missing vertices are an error only if no triangle remains.
 fn problems(mesh: &Mesh, faces: &mut Faces) -> Vec<Problem> {
     let mut problems = faces.problems();
     if !mesh.triangles.is_empty() {
@@ -167,18 +170,18 @@ fn problems(mesh: &Mesh, faces: &mut Faces) -> Vec<Problem> {
     problems
 }
 
-/// Largest number of a face's material.
+/// Maximum material index of a face.
 const LAST_MATERIAL: i64 = 65_535;
 
 fn invalid_material(materials: &[i64]) -> Option<Problem> {
-    let odd = materials.iter().find(|material| !(0..=LAST_MATERIAL).contains(*material))?;
-    let message = format!("a face has the 'material_index' {odd}, but it must be 0 to {LAST_MATERIAL}");
+    let invalid = materials.iter().find(|material| !(0..=LAST_MATERIAL).contains(*material))?;
+    let message = format!("a face has the 'material_index' {invalid}, but it must be 0 to {LAST_MATERIAL}");
     Some(Problem::new("", message))
 }
 
 /// Named vertex attributes that node graphs read.
 struct Attributes {
-    /// Their indices in the header.
+    /// INDEX of each attribute in the header.
     numbers: Vec<u8>,
     lists: Vec<VertexAttribute>,
 }
@@ -187,7 +190,7 @@ impl Attributes {
     fn of(source: &Source, options: &LoadOptions, left_out: &mut Unread) -> Attributes {
         let mut attributes = Attributes { numbers: Vec::new(), lists: Vec::new() };
         for named in source.attributes() {
-            if options.attributes.as_ref().is_some_and(|wanted| !wanted.contains(&named.name)) {
+            if options.attributes.as_ref().is_some_and(|names| !names.contains(&named.name)) {
                 left_out.irrelevant.push(format!("the attribute '{}', which no node reads", named.name));
             } else if attributes.lists.iter().any(|known| known.name == named.name) {
                 left_out.visible.push(format!("a second attribute '{}'", named.name));
@@ -209,7 +212,7 @@ impl Attributes {
     }
 }
 
-/// Runs of triangles with one material each; if `are_materials`, their numbers are indices of materials, else of textures.
+/// Runs of triangles with one material each. Their numbers are material indices if `are_materials`, else texture indices.
 struct Runs {
     runs: Vec<Run>,
     are_materials: bool,
@@ -221,7 +224,7 @@ fn unused_alpha(mesh: &Mesh) -> Option<String> {
     (count > 0).then(|| format!("the alpha of {count} vertex colours, which are taken as opaque"))
 }
 
-/// The scene of a mesh around an origin, with a part for each run of triangles.
+/// The scene of a mesh relative to `origin`, with one part for each run of triangles.
 fn finish(
     path: &Path,
     mut mesh: Mesh,
@@ -272,7 +275,8 @@ fn finish(
     Ok(loaded)
 }
 
-/// Sorts a mesh's triangles by run; returns for each run its material and the number of triangles that repairs will keep.
+/// Sorts a mesh's triangles by run; returns for each run its material and its number of triangles with finite positions,
+/// which repairs keep.
 fn sort_by_run(mesh: &mut Mesh, runs: Runs) -> Vec<(u32, u32)> {
     mesh.triangles.clear();
     let finite = |t: &&[u32; 3]| t.iter().all(|&i| mesh.positions[i as usize].iter().all(|x| x.is_finite()));
@@ -285,9 +289,7 @@ fn sort_by_run(mesh: &mut Mesh, runs: Runs) -> Vec<(u32, u32)> {
     runs.runs.into_iter().enumerate().map(count).collect()
 }
 
-// Texture files that comments of a PLY file name.
-
-/// For each material of the mesh the index of its texture file, if any.
+/// Index of the texture file of each material, if any.
 fn texture_numbers(runs: Option<&[Run]>, files: &[String]) -> Vec<Option<usize>> {
     match runs {
         None => vec![(!files.is_empty()).then_some(0)],
@@ -295,7 +297,7 @@ fn texture_numbers(runs: Option<&[Run]>, files: &[String]) -> Vec<Option<usize>>
     }
 }
 
-/// Assigns the textures to the mesh's materials, if it has texture coordinates; else warns.
+/// Assigns the texture files to the mesh's materials, or warns if it has no texture coordinates.
 fn add_textures(
     path: &Path,
     files: &[String],
@@ -325,7 +327,7 @@ fn left_out(name: &str, why: &str) -> String {
     format!("the texture '{name}' of a comment: left out{why}")
 }
 
-/// The error of an image as the end of a sentence.
+/// The error of an image as a clause of the warning.
 fn reason(error: Error) -> String {
     let messages: Vec<String> = error.problems.into_iter().map(|p| p.message).collect();
     format!("since it {}", messages.join("; "))

@@ -1,19 +1,19 @@
-//! Typed records that are filled property by property: from text by `ascii`, from bytes by `binary`.
+//! Decodes rows of elements, ascii and binary, into typed records.
 
 use crate::color::{linear_from_srgb, srgb_table};
 use crate::error::Problem;
 use crate::load::words::{decimal_commas, integer, is_no_number, next_word};
 use ply_rs::ply::{ElementDef, Property, PropertyAccess, PropertyType, ScalarType};
 
-/// The record of a row of an element.
+/// A decoded row of an element.
 pub(super) trait Record {
     /// A record with default values.
     fn new() -> Self;
-    /// The field of a scalar property, if it is read.
+    /// The field of a scalar property; `None` skips the property.
     fn slot(name: &str) -> Option<Slot>;
     /// Stores a scalar property.
     fn set(&mut self, slot: Slot, value: &Property);
-    /// The field of a list property, if it is read.
+    /// The field of a list property; `None` skips the property.
     fn list(&mut self, name: &str) -> Option<List<'_>>;
 }
 
@@ -31,17 +31,17 @@ pub(super) enum Slot {
     Uv(usize),
     Color(usize),
     Alpha,
-    /// A component of an attribute: the attribute's number and the component.
+    /// INDEX and component of a named attribute.
     Attribute(u8, u8),
-    /// The index of a face's texture file.
+    /// Texture index of a face.
     Texture,
-    /// The number of a face's material.
+    /// Material index of a face.
     Material,
-    /// A value of a row of splats, by its place.
+    /// Index into the values of a row of splats or point instances.
     Value(u8),
 }
 
-/// One vertex; what the file lacks keeps its default.
+/// One vertex; properties missing in the file keep their defaults.
 pub(super) struct Vertex {
     pub position: [f64; 3],
     pub normal: [f32; 3],
@@ -49,7 +49,7 @@ pub(super) struct Vertex {
     pub uv: [f32; 2],
     /// Linear RGBA.
     pub color: [f32; 4],
-    /// Named attributes by the numbers that the header gives them.
+    /// Named attributes by INDEX of the header.
     pub attributes: Vec<[f32; 4]>,
 }
 
@@ -79,7 +79,7 @@ impl Record for Vertex {
     #[inline]
     fn set(&mut self, slot: Slot, value: &Property) {
         match slot {
-            Slot::Position(i) => self.position[i] = exact(value),
+            Slot::Position(i) => self.position[i] = to_f64(value),
             Slot::Normal(i) => self.normal[i] = number(value),
             Slot::Uv(i) => self.uv[i] = number(value),
             Slot::Color(i) => self.color[i] = color(value),
@@ -100,15 +100,16 @@ impl Record for Vertex {
     }
 }
 
-/// One polygon or strip: indices as the file says, not yet checked.
+/// One polygon or strip.
 #[derive(Clone)]
 pub(super) struct Face {
+    /// Vertex indices, unchecked.
     pub indices: Vec<i64>,
-    /// Texture coordinates of its corners, u and v in turn, as in the file: v grows upwards.
+    /// Per-corner texture coordinates, u and v alternating, as in the file: v grows upwards.
     pub wedges: Vec<f32>,
-    /// Index of its texture file.
+    /// Texture index.
     pub texture: i64,
-    /// Index of its material.
+    /// Material index.
     pub material: i64,
     /// Linear RGBA.
     pub color: [f32; 4],
@@ -135,10 +136,10 @@ impl Record for Face {
     }
 
     fn set(&mut self, slot: Slot, value: &Property) {
-        // `as` saturates; NaN becomes 0, the first one.
+        // `as` saturates; NaN becomes 0.
         match slot {
-            Slot::Texture => self.texture = exact(value) as i64,
-            Slot::Material => self.material = exact(value) as i64,
+            Slot::Texture => self.texture = to_f64(value) as i64,
+            Slot::Material => self.material = to_f64(value) as i64,
             Slot::Color(channel) => self.color[channel] = color(value),
             Slot::Alpha => self.color[3] = unit(value),
             _ => {}
@@ -155,7 +156,7 @@ impl Record for Face {
     }
 }
 
-/// An element that is skipped.
+/// The record of skipped elements.
 pub(super) struct SkippedElement;
 
 impl Record for SkippedElement {
@@ -174,14 +175,14 @@ impl Record for SkippedElement {
     }
 }
 
-/// The parser of `ply-rs` needs a type of rows, also for headers.
+/// `ply-rs` needs a row type, even for parsing the header alone.
 impl PropertyAccess for SkippedElement {
     fn new() -> SkippedElement {
         SkippedElement
     }
 }
 
-/// A scalar as it is; lists (refused by the header check) give NaN.
+/// A scalar in single precision; NaN for lists, which the header check refuses.
 #[inline]
 pub(super) fn number(value: &Property) -> f32 {
     match *value {
@@ -197,9 +198,9 @@ pub(super) fn number(value: &Property) -> f32 {
     }
 }
 
-/// The same in double precision.
+/// A scalar in double precision; NaN for lists.
 #[inline]
-pub(super) fn exact(value: &Property) -> f64 {
+pub(super) fn to_f64(value: &Property) -> f64 {
     match *value {
         Property::Int(v) => f64::from(v),
         Property::UInt(v) => f64::from(v),
@@ -226,17 +227,15 @@ pub(super) fn color(value: &Property) -> f32 {
     }
 }
 
-// Rows of ascii elements, one a line.
-
 /// The lines of an ascii payload.
 pub(super) struct Lines<'a> {
     rest: &'a [u8],
-    /// Number of the line that was taken last, from 1.
+    /// Number of the current line in the file, from 1.
     number: usize,
 }
 
 impl<'a> Lines<'a> {
-    /// The lines of `bytes`, which follow line `before` of the file.
+    /// The lines of `bytes`; `before` is the number of header lines.
     pub fn new(bytes: &'a [u8], before: usize) -> Lines<'a> {
         Lines { rest: bytes, number: before }
     }
@@ -256,16 +255,16 @@ impl<'a> Lines<'a> {
     }
 }
 
-/// The field of a property.
+/// Type and field of a scalar property, or name of a list property.
 enum FieldTarget<'a> {
     Scalar(&'a ScalarType, Option<Slot>),
     List(&'a str),
 }
 
-/// Reads all rows of an element and hands each with its number to `each`.
+/// Reads the rows of an ascii element, one per line, and calls `each` with row number and record.
 ///
 /// # Errors
-/// The line that doesn't fit the definition, or the row in which the file ends.
+/// A line that doesn't match the definition, or a truncated file.
 pub(super) fn read_ascii<E: Record>(
     lines: &mut Lines,
     definition: &ElementDef,
@@ -294,7 +293,7 @@ pub(super) fn read_ascii<E: Record>(
     Ok(())
 }
 
-/// Fills the record from a line, which must hold exactly its values.
+/// Fills the record from a line; `None` if the line doesn't match the definition.
 #[inline]
 fn read_row<E: Record>(line: &[u8], targets: &[FieldTarget], record: &mut E) -> Option<()> {
     let mut words = Words(line);
@@ -344,8 +343,7 @@ impl<'a> Iterator for Words<'a> {
     }
 }
 
-/// A number of a type; integers out of range are clamped.
-/// Positions keep all digits that are written.
+/// Parses a scalar of a type. Integers out of range are clamped; positions are parsed in double precision.
 #[inline]
 fn scalar(kind: &ScalarType, slot: Slot, word: &[u8]) -> Option<Property> {
     let text = std::str::from_utf8(word).ok()?;
@@ -354,40 +352,39 @@ fn scalar(kind: &ScalarType, slot: Slot, word: &[u8]) -> Option<Property> {
         ScalarType::Float => Property::Float(text.parse().ok().or_else(|| real(text).map(|v| v as f32))?),
         ScalarType::Double => Property::Double(real(text)?),
         // `as` saturates.
-        ScalarType::Char => Property::Char(whole(text)? as i8),
-        ScalarType::UChar => Property::UChar(whole(text)? as u8),
-        ScalarType::Short => Property::Short(whole(text)? as i16),
-        ScalarType::UShort => Property::UShort(whole(text)? as u16),
-        ScalarType::Int => Property::Int(whole(text)? as i32),
-        ScalarType::UInt => Property::UInt(whole(text)? as u32),
+        ScalarType::Char => Property::Char(finite_number(text)? as i8),
+        ScalarType::UChar => Property::UChar(finite_number(text)? as u8),
+        ScalarType::Short => Property::Short(finite_number(text)? as i16),
+        ScalarType::UShort => Property::UShort(finite_number(text)? as u16),
+        ScalarType::Int => Property::Int(finite_number(text)? as i32),
+        ScalarType::UInt => Property::UInt(finite_number(text)? as u32),
     })
 }
 
-/// A number; NaN for words such as `nan` that programs write for a missing value.
+/// Parses a number; NaN for words such as `nan` that stand for a missing value.
 fn real(text: &str) -> Option<f64> {
     text.parse().ok().or_else(|| is_no_number(text.as_bytes()).then_some(f64::NAN))
 }
 
-/// A whole number, also when it is written as `3.0`.
-fn whole(text: &str) -> Option<f64> {
+/// Parses a finite number of an integer type, which may be written as `3.0`.
+fn finite_number(text: &str) -> Option<f64> {
     text.parse::<f64>().ok().filter(|v| v.is_finite())
 }
 
-// Rows of binary elements, decoded from the file's bytes into one record that is used again for every row.
-//
-// `ply-rs` makes a string for every property and a list for every face, which takes most of its time.
+// Binary rows are decoded into one reused record: `ply-rs` spends most of its time on allocating a string for each property
+// and a list for each face.
 
-/// A property of the rows.
+/// A property of an element.
 struct Field<'a> {
     name: &'a str,
     data: &'a PropertyType,
     slot: Option<Slot>,
 }
 
-/// Reads all rows of an element from the front of `rest` and hands each with its number to `each`.
+/// Reads the rows of a binary element from the front of `rest` and calls `each` with row number and record.
 ///
 /// # Errors
-/// The number of the row in which the bytes end, or whose list has an impossible length.
+/// The number of the row where the bytes end or a list has an invalid length.
 pub(super) fn read_binary<E: Record>(
     rest: &mut &[u8],
     definition: &ElementDef,
@@ -447,7 +444,7 @@ fn take<'a>(rest: &mut &'a [u8], length: usize) -> Option<&'a [u8]> {
     Some(bytes)
 }
 
-/// Bytes of a number.
+/// Size of a scalar, bytes.
 pub(super) fn size(kind: &ScalarType) -> usize {
     match kind {
         ScalarType::Char | ScalarType::UChar => 1,
@@ -457,7 +454,7 @@ pub(super) fn size(kind: &ScalarType) -> usize {
     }
 }
 
-/// The first `N` bytes in little-endian order; 0 where there are fewer.
+/// The first `N` bytes in little-endian order; zeros if there are fewer.
 #[inline]
 fn ordered<const N: usize>(bytes: &[u8], big: bool) -> [u8; N] {
     let mut out = bytes.first_chunk::<N>().copied().unwrap_or([0; N]);
@@ -481,7 +478,7 @@ fn binary_scalar(kind: &ScalarType, bytes: &[u8], big: bool) -> Property {
     }
 }
 
-/// Replaces the list by the integers in `bytes`. The header check refuses index lists of other types.
+/// Decodes `bytes` into `list`; empty for float types, which the header check refuses.
 fn integers(kind: &ScalarType, bytes: &[u8], big: bool, list: &mut Vec<i64>) {
     fn fill<const N: usize>(list: &mut Vec<i64>, bytes: &[u8], big: bool, value: fn([u8; N]) -> i64) {
         list.clear();
@@ -498,9 +495,7 @@ fn integers(kind: &ScalarType, bytes: &[u8], big: bool, list: &mut Vec<i64>) {
     }
 }
 
-// Lines of a file, and the problem of one that ends too early.
-
-/// The line's content and the offset of the next line; ends are LF, CR LF or CR.
+/// The first line without its end (LF, CR LF or CR), and the offset of the next line.
 pub(super) fn split_line(bytes: &[u8]) -> (&[u8], usize) {
     match bytes.iter().position(|&b| b == b'\n' || b == b'\r') {
         None => (bytes, bytes.len()),
@@ -511,7 +506,7 @@ pub(super) fn split_line(bytes: &[u8]) -> (&[u8], usize) {
     }
 }
 
-/// The file ends inside row `i` of an element.
+/// The error for a file that ends inside row `i` of an element.
 pub(super) fn cut(definition: &ElementDef, i: usize) -> Problem {
     let message = format!("the file ends inside '{}' {i} of {}", definition.name, definition.count);
     Problem::new("", message).with_help("export or download the file again")

@@ -1,13 +1,14 @@
-//! PLY files of Gaussian splats: as the program of Kerbl et al. 2023 writes them, and compressed by PlayCanvas's SuperSplat.
+//! PLY files of Gaussian splats: the layout of Kerbl et al. 2023 (reference implementation), and the compressed layout of
+//! PlayCanvas's SuperSplat.
 //!
-//! Plain: `x y z`, logarithms of standard deviations `scale_0..2` (`scale_2` is missing where splats are flat), the quaternion
-//! `rot_0..3` (w first), the logit of the `opacity`, and coefficients of spherical harmonics, `f_dc_0..2` and `f_rest_*`, all of
-//! red first. Compressed: an element `chunk` with bounds for each 256 splats, between which `packed_position`, `packed_scale`
-//! (11, 10 and 11 bits) and `packed_color` (8 bits, opacity last) lie; `packed_rotation` has the place of the largest number
-//! of the quaternion and 10 bits for each of the others; the element `sh` has a byte a coefficient.
+//! Plain: `x y z`, logarithms of standard deviations `scale_0..2` (2D splats lack `scale_2`), the quaternion `rot_0..3`
+//! (w first), the logit `opacity`, and spherical harmonics coefficients `f_dc_0..2` and `f_rest_*`, channel by channel.
+//! Compressed: the element `chunk` has bounds for every 256 splats; `packed_position`, `packed_scale` (11, 10 and 11 bits)
+//! and `packed_color` (8 bits, opacity last) are fractions between them; `packed_rotation` has the index of the largest
+//! component of the quaternion and 10 bits for each of the others; the element `sh` has one byte per coefficient.
 
 use super::header::Source;
-use super::rows::{List, Record, Slot, exact};
+use super::rows::{List, Record, Slot, to_f64};
 use crate::error::{Error, Problem, Result, Warning};
 use crate::load::splats::{FileSplat, SplatList, exp, finish, sigmoid};
 use crate::load::{LoadOptions, Loaded, Up, mesh_tools};
@@ -16,7 +17,7 @@ use crate::scene::Splats;
 use ply_rs::ply::Property;
 use std::path::Path;
 
-/// Names of the properties that are read, but for those that count up; each with the place of its value.
+/// Names of the supported properties except `f_rest_*`, in the order of a row's values.
 const NAMES: [&str; 36] = [
     "x",
     "y",
@@ -63,13 +64,13 @@ const PACKED: usize = 14;
 const CHUNK: usize = 18;
 const CHUNK_COLORS: usize = 30;
 const REST: usize = NAMES.len();
-/// Coefficients `f_rest_*` of the highest degree that is written, 4.
+/// Number of coefficients `f_rest_*` at degree 4, the highest that programs write.
 const MAX_REST: usize = 72;
 
-/// Splats of a chunk.
-const IN_CHUNK: usize = 256;
+/// Splats per chunk.
+const CHUNK_SIZE: usize = 256;
 
-/// A row of one of the elements.
+/// A row of any of the elements: values by index of `NAMES`, then `f_rest_*`.
 struct Row {
     values: [f64; REST + MAX_REST],
 }
@@ -92,7 +93,7 @@ impl Record for Row {
         if let Slot::Value(place) = slot
             && let Some(to) = self.values.get_mut(usize::from(place))
         {
-            *to = exact(value);
+            *to = to_f64(value);
         }
     }
 
@@ -111,10 +112,12 @@ impl Row {
     }
 }
 
-/// Coefficients beyond the first, by channel: how many the file has of each, and the degree that is read.
+/// Spherical harmonics of the file.
 #[derive(Clone, Copy)]
 struct Harmonics {
+    /// Coefficients per channel in the file, without the first (`f_dc`).
     in_file: usize,
+    /// The degree that is loaded.
     degree: u8,
 }
 
@@ -128,7 +131,7 @@ impl Harmonics {
         Harmonics { in_file, degree }
     }
 
-    /// The splats left out, in words.
+    /// Description of the coefficients left out, for a warning.
     fn left_out(self) -> Option<String> {
         let read = Splats::coefficients_of(self.degree) - 1;
         (self.in_file > read).then(|| {
@@ -140,17 +143,17 @@ impl Harmonics {
         })
     }
 
-    /// The coefficients of a splat after the first.
+    /// Appends the RGB coefficients of a splat after the first; `value` reads a coefficient by its `f_rest` number.
     fn read(self, value: impl Fn(usize) -> f32, to: &mut Vec<[f32; 3]>) {
-        let of_channel = |k: usize| [0, 1, 2].map(|channel: usize| value(channel * self.in_file + k));
-        to.extend((0..Splats::coefficients_of(self.degree) - 1).map(of_channel));
+        let coefficient = |k: usize| [0, 1, 2].map(|channel: usize| value(channel * self.in_file + k));
+        to.extend((0..Splats::coefficients_of(self.degree) - 1).map(coefficient));
     }
 }
 
 /// Reads the splats of a file.
 ///
 /// # Errors
-/// An input error for a file that is cut short or lacks a property, or has no splats.
+/// An input error for a truncated file, missing properties, or a file without splats.
 pub(super) fn load(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Loaded> {
     let fail = |problem: Problem| Error::input_problems(path, vec![problem]);
     let open = || Source::open(bytes, &options.counter);
@@ -164,13 +167,13 @@ pub(super) fn load(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<L
     if origin != DVec3::ZERO {
         list = read(origin).map_err(fail)?.0;
     }
-    // Cameras of photographs have y down, and what they are put together to keeps it.
+    // Splats are reconstructed in the space of photographs' cameras, which have y down.
     let mut loaded = finish(path, list, (Up::NegY, "the custom of Gaussian splats"))?;
     loaded.warnings.extend(left_out.map(|what| Warning::new(path, "", format!("{what}: left out"))));
     Ok(loaded)
 }
 
-/// Splats as they are optimised.
+/// Reads uncompressed splats.
 fn plain(mut source: Source, origin: DVec3) -> std::result::Result<(SplatList, Option<String>), Problem> {
     let is_flat = !source.has("vertex", "scale_2");
     let needed = NAMES[..PACKED].iter().filter(|name| !(is_flat && **name == "scale_2"));
@@ -205,7 +208,7 @@ fn plain(mut source: Source, origin: DVec3) -> std::result::Result<(SplatList, O
     Ok((list, harmonics.left_out()))
 }
 
-/// Bounds of the values of a chunk: the least and the greatest positions, logarithms of scales and colours.
+/// Bounds of a chunk, [minimum, maximum]: positions, logarithms of scales, colours.
 #[derive(Clone, Copy)]
 struct Bounds {
     position: [[f32; 3]; 2],
@@ -213,7 +216,7 @@ struct Bounds {
     color: [[f32; 3]; 2],
 }
 
-/// Compressed splats.
+/// Reads compressed splats.
 fn packed(mut source: Source, origin: DVec3) -> std::result::Result<(SplatList, Option<String>), Problem> {
     let needed = NAMES[PACKED..CHUNK].iter().map(|name| ("vertex", *name));
     let needed = needed.chain(NAMES[CHUNK..CHUNK_COLORS].iter().map(|name| ("chunk", *name)));
@@ -242,7 +245,7 @@ fn packed(mut source: Source, origin: DVec3) -> std::result::Result<(SplatList, 
             _ => {}
         })?;
     }
-    if chunks.len() < words.len().div_ceil(IN_CHUNK) || rest.len() < in_row.saturating_mul(words.len()) {
+    if chunks.len() < words.len().div_ceil(CHUNK_SIZE) || rest.len() < in_row.saturating_mul(words.len()) {
         let message =
             ("splats-incomplete", format!("has too few rows of 'chunk' or 'sh' for its {count} splats"));
         return Err(Problem::new("header", message).with_help("export or download the file again"));
@@ -250,40 +253,41 @@ fn packed(mut source: Source, origin: DVec3) -> std::result::Result<(SplatList, 
     let mut list = SplatList::new(words.len(), harmonics.degree, origin)?;
     let mut coefficients: Vec<[f32; 3]> = Vec::new();
     for (i, &splat) in words.iter().enumerate() {
-        let bounds = &chunks[i / IN_CHUNK];
+        let bounds = &chunks[i / CHUNK_SIZE];
         let [position, rotation, scale, color] = splat;
-        let center = between(bounds.position, thirds(position)).map(f64::from).into();
-        let scales = between(bounds.scale, thirds(scale)).map(exp);
-        let [r, g, b, opacity] = [24, 16, 8, 0].map(|shift| part(color, shift, 8));
-        let color = between(bounds.color, [r, g, b]).map(|c| (c - 0.5) / Splats::FIRST_HARMONIC);
+        let center = lerp(bounds.position, unpack_11_10_11(position)).map(f64::from).into();
+        let scales = lerp(bounds.scale, unpack_11_10_11(scale)).map(exp);
+        let [r, g, b, opacity] = [24, 16, 8, 0].map(|shift| unorm(color, shift, 8));
+        let color = lerp(bounds.color, [r, g, b]).map(|c| (c - 0.5) / Splats::FIRST_HARMONIC);
         coefficients.clear();
         coefficients.push(color);
         let own = &rest[i * in_row..(i + 1) * in_row];
         harmonics.read(|k| f32::from(own[k]) * (8.0 / 255.0) - 4.0, &mut coefficients);
-        let rotation = largest_left_out(rotation);
+        let rotation = unpack_smallest_three(rotation);
         list.push(&FileSplat { center, scales, rotation, opacity, coefficients: &coefficients });
     }
     Ok((list, harmonics.left_out()))
 }
 
-/// Bits of a word as a share of the largest number that they can hold.
-fn part(word: u32, shift: u32, bits: u32) -> f32 {
-    let most = (1u32 << bits) - 1;
-    (word >> shift & most) as f32 / most as f32
+/// A bit field as a normalized number, 0 to 1.
+fn unorm(word: u32, shift: u32, bits: u32) -> f32 {
+    let max = (1u32 << bits) - 1;
+    (word >> shift & max) as f32 / max as f32
 }
 
-/// Three numbers of 11, 10 and 11 bits.
-fn thirds(word: u32) -> [f32; 3] {
-    [part(word, 21, 11), part(word, 11, 10), part(word, 0, 11)]
+/// Three normalized numbers of 11, 10 and 11 bits.
+fn unpack_11_10_11(word: u32) -> [f32; 3] {
+    [unorm(word, 21, 11), unorm(word, 11, 10), unorm(word, 0, 11)]
 }
 
-fn between([low, high]: [[f32; 3]; 2], share: [f32; 3]) -> [f32; 3] {
-    std::array::from_fn(|k| low[k] + (high[k] - low[k]) * share[k])
+fn lerp([low, high]: [[f32; 3]; 2], t: [f32; 3]) -> [f32; 3] {
+    std::array::from_fn(|k| low[k] + (high[k] - low[k]) * t[k])
 }
 
-/// A quaternion (x, y, z, w) whose largest number, by its place in (w, x, y, z), follows from the others.
-fn largest_left_out(word: u32) -> [f32; 4] {
-    let [a, b, c] = [20, 10, 0].map(|shift| (part(word, shift, 10) - 0.5) * std::f32::consts::SQRT_2);
+/// A quaternion (x, y, z, w) in smallest-three encoding: 2 bits for the index of the largest component in (w, x, y, z), 10
+/// bits for each of the others.
+fn unpack_smallest_three(word: u32) -> [f32; 4] {
+    let [a, b, c] = [20, 10, 0].map(|shift| (unorm(word, shift, 10) - 0.5) * std::f32::consts::SQRT_2);
     let largest = (1.0 - (a * a + b * b + c * c)).max(0.0).sqrt();
     match word >> 30 {
         0 => [a, b, c, largest],

@@ -1,5 +1,5 @@
-//! Mesh files that a scene file refers to: each is read once, however often it is placed. Parts that the scene doesn't use are
-//! left out: materials that all objects replace, and everything but cameras in files that no object places.
+//! Mesh files of a scene file, each read only once. Unused parts are skipped: materials that every object replaces, and
+//! everything but cameras in files that no object places.
 
 use super::builder::SceneFileBuilder;
 use crate::error::{Error, Result, Warning};
@@ -19,21 +19,21 @@ use std::sync::Arc;
 /// The contents of a mesh file.
 #[derive(Clone, Default)]
 pub(super) struct Asset {
-    /// Its instances, with ids of the whole scene.
+    /// Instances, with ids of the scene.
     pub instances: Vec<Instance>,
-    /// The points of a point cloud, likewise.
+    /// Spheres of a point cloud, with ids of the scene.
     pub shapes: Vec<Shape>,
     cameras: Vec<Camera>,
-    /// Its materials, by their numbers in the scene.
+    /// Material ids in the scene.
     pub materials: Range<u32>,
 }
 
-/// An instance whose faces have the materials of a list.
+/// An instance with a list of materials, indexed by the `material_index` of faces.
 #[derive(Clone)]
 struct ListedMaterials {
     instance: usize,
     mesh: MeshId,
-    /// The first material of the mesh's file: the number 0 of faces.
+    /// Material id of `material_index` 0: the first of the mesh's file.
     first: u32,
     list: Vec<MaterialId>,
 }
@@ -42,17 +42,16 @@ struct ListedMaterials {
 #[derive(Default)]
 pub(super) struct Assets {
     files: HashMap<PathBuf, Option<Asset>>,
-    /// Files that some object places with their own materials.
+    /// Files whose own materials some object keeps.
     with_materials: HashSet<PathBuf>,
     /// Files that some object subdivides.
     with_polygons: HashSet<PathBuf>,
-    /// Copies of meshes with smooth normals, by the mesh and the bits of the angle of creases.
+    /// Copies of meshes with smooth normals, by mesh and bits of the crease angle.
     smooth: HashMap<(MeshId, u64), MeshId>,
     /// Vertex attributes that materials or textures may read.
     attributes: Arc<BTreeSet<String>>,
-    /// Materials of instances that list them.
     listed: Vec<ListedMaterials>,
-    /// `mesh_keys` of meshes that deform.
+    /// Labels of the `mesh_keys` of deforming meshes.
     deformed: HashMap<MeshId, String>,
 }
 
@@ -62,18 +61,17 @@ impl Assets {
         Assets { attributes: Arc::new(attributes), ..Assets::default() }
     }
 
-    /// Registers a file that some object uses with its own materials. Call it for all files before the first is read.
+    /// Registers a file whose own materials are used. Call for all files before the first is read.
     pub fn expect_materials(&mut self, build: &SceneFileBuilder, name: &str) {
         self.with_materials.insert(key(&build.resolve_path(name)));
     }
 
-    /// Registers a file that some object subdivides. Call it for all files before the first is read.
+    /// Registers a file that some object subdivides. Call for all files before the first is read.
     pub fn expect_polygons(&mut self, build: &SceneFileBuilder, name: &str) {
         self.with_polygons.insert(key(&build.resolve_path(name)));
     }
 
-    /// The contents of a file, with smooth normals by a crease angle in radians; `None` if it has problems, which have been
-    /// reported.
+    /// The contents of a file, with smooth normals for a crease angle, radians; `None` after reporting problems.
     pub fn get(
         &mut self,
         build: &mut SceneFileBuilder,
@@ -106,10 +104,10 @@ impl Assets {
         self.files.get(&key)?.as_ref()
     }
 
-    /// Records a list of materials for the next instance, by which its faces are numbered.
+    /// Records the material list of the next instance.
     ///
     /// # Errors
-    /// A message, where faces have a number beyond the list.
+    /// A message, if faces have a `material_index` beyond the list.
     pub fn list_materials(
         &mut self,
         scene: &Scene,
@@ -118,39 +116,39 @@ impl Assets {
         list: &[MaterialId],
     ) -> std::result::Result<(), String> {
         let number = |part: &MeshPart| part.material.0 - own.start;
-        let most = scene.meshes[mesh.index()].parts.iter().map(number).max().unwrap_or(0);
-        if most as usize >= list.len() {
+        let max = scene.meshes[mesh.index()].parts.iter().map(number).max().unwrap_or(0);
+        if max as usize >= list.len() {
             let count = list.len();
-            return Err(format!("'materials' names {count}, but faces have the 'material_index' {most}"));
+            return Err(format!("'materials' has {count} names, but faces have the 'material_index' {max}"));
         }
         let (instance, list) = (scene.instances.len(), list.to_vec());
         self.listed.push(ListedMaterials { instance, mesh, first: own.start, list });
         Ok(())
     }
 
-    /// Repeats the records about the `count` instances from `first` on for each of their copies, which follow in order.
-    pub fn repeat_listed(&mut self, first: usize, count: usize, copies: usize) {
+    /// Repeats the lists of the `count` instances from `first` on for `copies` copies of them, which follow in order.
+    pub fn copy_listed_materials(&mut self, first: usize, count: usize, copies: usize) {
         let own: Vec<ListedMaterials> =
             self.listed.iter().filter(|listed| listed.instance >= first).cloned().collect();
         self.listed.truncate(self.listed.len() - own.len());
         for copy in 0..copies {
-            let of_copy = own.iter().cloned();
+            let entries = own.iter().cloned();
             self.listed.extend(
-                of_copy.map(|listed| ListedMaterials { instance: listed.instance + copy * count, ..listed }),
+                entries.map(|listed| ListedMaterials { instance: listed.instance + copy * count, ..listed }),
             );
         }
     }
 
-    /// Replaces the meshes of instances with listed materials by meshes with these. Call it when all objects have been read.
+    /// Gives instances with listed materials meshes with these. Call after reading all objects.
     pub fn apply_listed_materials(&mut self, scene: &mut Scene) {
         let listed = std::mem::take(&mut self.listed);
         if listed.is_empty() {
             return;
         }
-        let with_list: HashSet<usize> = listed.iter().map(|use_of| use_of.instance).collect();
+        let with_list: HashSet<usize> = listed.iter().map(|entry| entry.instance).collect();
         let others = scene.instances.iter().enumerate().filter(|(i, _)| !with_list.contains(i));
-        // A mesh becomes that of its first list where nothing needs it as it was.
-        let mut is_taken: HashSet<MeshId> = others.map(|(_, instance)| instance.mesh).collect();
+        // Meshes that other instances or earlier lists use are cloned; the rest is changed in place.
+        let mut in_use: HashSet<MeshId> = others.map(|(_, instance)| instance.mesh).collect();
         let mut originals: HashMap<MeshId, Vec<MeshPart>> = HashMap::new();
         let mut made: HashMap<(MeshId, Vec<MaterialId>), MeshId> = HashMap::new();
         for ListedMaterials { instance, mesh, first, list } in listed {
@@ -159,7 +157,7 @@ impl Assets {
             let renamed =
                 |part: &MeshPart| MeshPart { material: list[(part.material.0 - first) as usize], ..*part };
             let parts: Vec<MeshPart> = original.iter().map(renamed).collect();
-            let with_parts = || match is_taken.insert(mesh) {
+            let with_parts = || match in_use.insert(mesh) {
                 true => {
                     scene.meshes[mesh.index()].parts = parts;
                     mesh
@@ -176,15 +174,16 @@ impl Assets {
         }
     }
 
-    /// Does a mesh have its `mesh_keys` already? A mesh has the same at all objects.
+    /// Whether the mesh has its `mesh_keys` already; objects share one mesh and its keys.
     ///
     /// # Errors
-    /// A message, if another object has different keys for it.
+    /// A message, if another object has different keys for the mesh.
     pub fn has_mesh_keys(&mut self, mesh: MeshId, label: &str) -> std::result::Result<bool, String> {
         match self.deformed.get(&mesh) {
             Some(known) if known == label => Ok(true),
             Some(_) => {
-                Err("another object gives this mesh other 'mesh_keys': place a copy of the file".to_string())
+                Err("another object has different 'mesh_keys' for this mesh: use a copy of the file"
+                    .to_string())
             }
             None => {
                 self.deformed.insert(mesh, label.to_string());
@@ -193,7 +192,7 @@ impl Assets {
         }
     }
 
-    /// The vertices of the mesh of a file, relative to the origin of the file.
+    /// The vertices of a file with one mesh.
     pub fn vertices(&self, build: &mut SceneFileBuilder, name: &str, span: Range<usize>) -> Option<Vertices> {
         let path = build.readable_path(name, span.clone())?;
         let mut loaded = self.read(build, &path, name, &span, true)?;
@@ -207,7 +206,7 @@ impl Assets {
         Some(Vertices { positions: mesh.positions, normals: mesh.normals })
     }
 
-    /// The cameras of a file.
+    /// The cameras of a file; reads nothing else if the file hasn't been loaded.
     pub fn cameras(
         &mut self,
         build: &mut SceneFileBuilder,
@@ -261,49 +260,49 @@ fn smoothed(scene: &mut Scene, id: MeshId, crease_rad: f64) -> MeshId {
     MeshId(scene.meshes.len() as u32 - 1)
 }
 
-/// The key of a path: one for all names of a file.
+/// The canonical path, so that different spellings of a path share one entry.
 fn key(path: &Path) -> PathBuf {
     path.canonicalize().unwrap_or_else(|_| path.to_path_buf())
 }
 
 fn read(path: &Path, options: &LoadOptions) -> Result<Loaded> {
-    // Files named on the command line may come through a pipe, those named by a file must not block.
+    // Only files named on the command line may be pipes; pipes named in a scene file could block.
     files::open(path).map_err(|message| Error::input(path, message))?;
     match formats::of(path) {
         Format::Model(model) => (model.load)(path, options),
         Format::SceneFile | Format::Blender | Format::Other => {
             let help = format!("use one of {}", formats::models_in_words());
-            Err(Error::input(path, "is no mesh file").with_help(help))
+            Err(Error::input(path, "is not a mesh file").with_help(help))
         }
     }
 }
 
-/// Moves a file's meshes, materials, textures and images into the scene; its lights stay behind, with a note.
+/// Moves a file's meshes, materials, textures and images into the scene; lights are dropped with a note.
 fn absorb(build: &mut SceneFileBuilder, path: &Path, mut loaded: Loaded) -> Asset {
     build.loaded.warnings.append(&mut loaded.warnings);
     build.loaded.notes.append(&mut loaded.notes);
     build.loaded.left_out.append(&mut loaded.left_out);
     let Scene { meshes, instances, mut shapes, materials, textures, images, cameras, motion, .. } =
         loaded.scene;
-    let points = shapes.len();
-    // The disks of models are lights.
+    let shape_count = shapes.len();
+    // Other shapes of models are lights.
     shapes.retain(|shape| shape.kind == ShapeKind::Sphere);
-    let lights = loaded.scene.lights.len() + loaded.scene.quads.len() + points - shapes.len();
+    let lights = loaded.scene.lights.len() + loaded.scene.quads.len() + shape_count - shapes.len();
     if lights > 0 {
         let message =
             ("lights-left-out", format!("its {lights} lights are left out: a scene file lists its own"));
         build.loaded.notes.push(Warning::new(path, "", message));
     }
     if loaded.scene.environment != Environment::Black {
-        let message = "its surroundings are left out: a scene file has an [environment] of its own";
+        let message = "its environment is left out: a scene file has its own [environment]";
         build.loaded.notes.push(Warning::new(path, "", message));
     }
     if !loaded.scene.curves.is_empty() {
-        let message = "its lines are left out: a scene file has [[curves]] for them";
+        let message = "its lines are left out: add them as [[curves]] to the scene file";
         build.loaded.warnings.push(Warning::new(path, "", message));
     }
     let scene = &mut build.loaded.scene;
-    let shift = Shift {
+    let offset = IdOffsets {
         mesh: scene.meshes.len() as u32,
         material: scene.materials.len() as u32,
         texture: scene.textures.len() as u32,
@@ -311,38 +310,38 @@ fn absorb(build: &mut SceneFileBuilder, path: &Path, mut loaded: Loaded) -> Asse
         motion: scene.motion.instances.len() as u32,
     };
     scene.images.extend(images);
-    scene.textures.extend(textures.into_iter().map(|t| shift.texture(t)));
+    scene.textures.extend(textures.into_iter().map(|t| offset.texture(t)));
     for mut material in materials {
         material.parameters_mut(&mut |_, parameter| {
             if let Some(id) = parameter.texture() {
-                id.0 += shift.texture;
+                id.0 += offset.texture;
             }
         });
         scene.materials.push(material);
     }
-    build.loaded.polygons.absorb(loaded.polygons, shift.mesh, shift.material);
+    build.loaded.polygons.absorb(loaded.polygons, offset.mesh, offset.material);
     let scene = &mut build.loaded.scene;
     for mut mesh in meshes {
-        mesh.parts.iter_mut().for_each(|p| p.material.0 += shift.material);
+        mesh.parts.iter_mut().for_each(|p| p.material.0 += offset.material);
         scene.meshes.push(mesh);
     }
     scene.motion.instances.extend(motion.instances);
-    let deformed = motion.meshes.into_iter().map(|(i, moving)| (i + shift.mesh as usize, moving));
+    let deformed = motion.meshes.into_iter().map(|(i, moving)| (i + offset.mesh as usize, moving));
     scene.motion.meshes.extend(deformed);
-    let materials = shift.material..scene.materials.len() as u32;
+    let materials = offset.material..scene.materials.len() as u32;
     let instances = instances.into_iter().map(|i| Instance {
-        motion: shift.motion(i.motion),
-        mesh: MeshId(i.mesh.0 + shift.mesh),
-        material: i.material.map(|m| MaterialId(m.0 + shift.material)),
+        motion: offset.motion(i.motion),
+        mesh: MeshId(i.mesh.0 + offset.mesh),
+        material: i.material.map(|m| MaterialId(m.0 + offset.material)),
         ..i
     });
     let shapes =
-        shapes.into_iter().map(|s| Shape { material: MaterialId(s.material.0 + shift.material), ..s });
+        shapes.into_iter().map(|s| Shape { material: MaterialId(s.material.0 + offset.material), ..s });
     Asset { instances: instances.collect(), shapes: shapes.collect(), cameras, materials }
 }
 
-/// Offsets of each type of id.
-struct Shift {
+/// Offsets added to the ids of a loaded file.
+struct IdOffsets {
     mesh: u32,
     material: u32,
     texture: u32,
@@ -350,7 +349,7 @@ struct Shift {
     motion: u32,
 }
 
-impl Shift {
+impl IdOffsets {
     fn motion(&self, motion: Motion) -> Motion {
         if let Motion::Keyed(number) = motion { Motion::Keyed(number + self.motion) } else { motion }
     }

@@ -16,22 +16,22 @@ pub(super) struct SceneFileBuilder<'a> {
     pub options: &'a LoadOptions,
     /// Problems of the file.
     pub problems: &'a Problems<'a>,
-    /// The shutter: the user's options, else the file's.
+    /// The user's shutter options, else the file's.
     pub shutter: ShutterOptions,
-    /// The file is the sidecar of a model, whose parts it may change.
+    /// The file is a sidecar, which may change parts of its model.
     pub is_sidecar: bool,
-    /// The sets of light linking.
+    /// Object sets of light linking.
     pub linking: Linking,
-    /// The nodes of the model by their names.
+    /// Nodes of the model by name.
     pub nodes: NodeIndex,
-    /// Materials that are inputs of mixes, and therefore not unused.
+    /// Names of materials that mixes use, and that are therefore not reported as unused.
     pub components: HashSet<String>,
     /// The scene so far.
     pub loaded: Loaded,
 }
 
 impl<'a> SceneFileBuilder<'a> {
-    /// Nothing read yet from `file`, whose contents will be added to `loaded`.
+    /// A builder that adds the contents of `file` to `loaded`.
     pub fn new(
         file: &'a Path,
         options: &'a LoadOptions,
@@ -44,13 +44,13 @@ impl<'a> SceneFileBuilder<'a> {
         SceneFileBuilder { file, options, problems, shutter, is_sidecar, linking, nodes, components, loaded }
     }
 
-    /// The path of a file that the scene file names.
+    /// A path relative to the scene file's folder.
     pub fn resolve_path(&self, name: &str) -> PathBuf {
         self.file.parent().unwrap_or(self.file).join(name)
     }
 
-    /// The path of a file that may be read: a sidecar may come with a model from an untrusted source, and may name only files of its
-    /// folder, unless others are permitted. Reports a problem otherwise.
+    /// The path of a file to read. Sidecars may come with a model from an untrusted source: paths outside their folder are
+    /// reported as problems unless the user permits them.
     pub fn readable_path(&self, name: &str, span: Range<usize>) -> Option<PathBuf> {
         if self.is_sidecar && !self.options.allow_external && files::leads_outside(Path::new(name)) {
             let message = ("path-outside", format!("'{name}' is outside the folder of the model"));
@@ -61,13 +61,14 @@ impl<'a> SceneFileBuilder<'a> {
         Some(self.resolve_path(name))
     }
 
-    /// The picture's time, frames.
+    /// The time of the picture, in frames.
     pub fn frame(&self) -> f64 {
         self.options.gltf.time_s.map_or(0.0, |time_s| time_s * self.shutter.fps)
     }
 }
 
-/// Is a name, or several joined by slashes, part of a node's path? With a leading slash they must be its beginning.
+/// Whether `name`, one or more node names joined by slashes, occurs in a node's path. With a leading slash the path must start
+/// with it.
 pub(super) fn is_on_path(name: &str, path: &str) -> bool {
     let begins = |at: usize, name: &str| {
         let rest = path[at..].strip_prefix(name);
@@ -79,13 +80,13 @@ pub(super) fn is_on_path(name: &str, path: &str) -> bool {
     }
 }
 
-/// A set of names, of which those that are part of a node's path are found by hashing.
+/// A set of node names with a hashed lookup of those that occur in a path; equivalent to [`is_on_path`] for each name.
 pub(super) struct NamesOnPaths<'n> {
     relative: HashSet<&'n str>,
-    /// Absolute names (with a leading slash), by the rest.
+    /// Names with a leading slash, by their text without it.
     absolute: HashMap<&'n str, &'n str>,
-    /// Maximum number of parts of a name.
-    most_parts: usize,
+    /// Maximum number of slash-separated parts of a name.
+    max_parts: usize,
 }
 
 impl<'n> NamesOnPaths<'n> {
@@ -94,16 +95,16 @@ impl<'n> NamesOnPaths<'n> {
         NamesOnPaths {
             relative: names.clone().filter(|name| !name.starts_with('/')).collect(),
             absolute: names.clone().filter_map(|name| Some((name.strip_prefix('/')?, name))).collect(),
-            most_parts: names.map(|name| name.split('/').count()).max().unwrap_or(0),
+            max_parts: names.map(|name| name.split('/').count()).max().unwrap_or(0),
         }
     }
 
-    /// The names that are part of a node's path; see [`is_on_path`].
+    /// The names that occur in a node's path.
     pub fn on_path<'p>(&'p self, path: &'p str) -> impl Iterator<Item = &'n str> + 'p {
         let starts = [0].into_iter().chain(path.match_indices('/').map(|(slash, _)| slash + 1));
         let ends = |start: usize| {
             let slashes = path[start..].match_indices('/').map(move |(slash, _)| start + slash);
-            slashes.chain([path.len()]).take(self.most_parts)
+            slashes.chain([path.len()]).take(self.max_parts)
         };
         let relative = starts.flat_map(move |start| ends(start).map(move |end| &path[start..end]));
         let relative = relative.filter_map(|name| self.relative.get(name));
@@ -112,52 +113,53 @@ impl<'n> NamesOnPaths<'n> {
     }
 }
 
-/// The instances and lights of a model by the names of their nodes. Some may be hidden, until they are removed.
+/// Instances and lights of a model by the names of their nodes. Hidden ones are skipped.
 #[derive(Default)]
 pub(super) struct NodeIndex {
-    /// Instances by each part of their paths.
+    /// Instance indices by each name of their paths.
     instances: HashMap<String, Vec<usize>>,
-    /// Lights by their names.
+    /// Light indices by name.
     lights: HashMap<String, Vec<usize>>,
-    /// Instances and lights of the scene that this was made for.
+    /// Numbers of indexed instances and lights.
     counts: [usize; 2],
+    /// Indices of hidden instances and lights.
     hidden: [HashSet<usize>; 2],
 }
 
 impl NodeIndex {
-    /// Adds instances and lights that were added to the scene since.
+    /// Indexes the instances and lights added to the scene since the last call.
     pub fn update(&mut self, scene: &Scene) {
         let [instances, lights] = self.counts;
         for (index, instance) in scene.instances.iter().enumerate().skip(instances) {
-            instance.name.split('/').for_each(|part| note(&mut self.instances, part, index));
+            instance.name.split('/').for_each(|part| insert(&mut self.instances, part, index));
         }
         for (index, light) in scene.lights.iter().enumerate().skip(lights) {
-            note(&mut self.lights, &light.name, index);
+            insert(&mut self.lights, &light.name, index);
         }
         self.counts = [scene.instances.len(), scene.lights.len()];
     }
 
-    /// The instances whose paths contain a name.
+    /// Instances with `name` in their path, see [`is_on_path`].
     pub fn instances(&self, name: &str, scene: &Scene) -> Vec<usize> {
         let first = name.strip_prefix('/').unwrap_or(name).split('/').next().unwrap_or_default();
         let listed = self.instances.get(first).into_iter().flatten().copied();
-        let is_meant = |i: &usize| is_on_path(name, &scene.instances[*i].name) && !self.hidden[0].contains(i);
-        listed.filter(is_meant).collect()
+        let is_match = |i: &usize| is_on_path(name, &scene.instances[*i].name) && !self.hidden[0].contains(i);
+        listed.filter(is_match).collect()
     }
 
-    /// The lights of a name.
+    /// Lights with a name.
     pub fn lights(&self, name: &str) -> Vec<usize> {
         let listed = self.lights.get(name).into_iter().flatten().copied();
         listed.filter(|i| !self.hidden[1].contains(i)).collect()
     }
 
-    /// Hides instances and lights until they are removed.
+    /// Marks instances and lights for removal.
     pub fn hide(&mut self, instances: &[usize], lights: &[usize]) {
         self.hidden[0].extend(instances);
         self.hidden[1].extend(lights);
     }
 
-    /// Removes hidden instances and lights from the scene, and resets the index.
+    /// Removes the hidden instances and lights from the scene, and clears the index.
     pub fn remove_hidden(&mut self, scene: &mut Scene) {
         let [instances, lights] = std::mem::take(self).hidden;
         let mut index = 0..;
@@ -167,7 +169,7 @@ impl NodeIndex {
     }
 }
 
-fn note(lists: &mut HashMap<String, Vec<usize>>, name: &str, index: usize) {
+fn insert(lists: &mut HashMap<String, Vec<usize>>, name: &str, index: usize) {
     match lists.get_mut(name) {
         Some(list) if list.last() == Some(&index) => {}
         Some(list) => list.push(index),
@@ -175,37 +177,41 @@ fn note(lists: &mut HashMap<String, Vec<usize>>, name: &str, index: usize) {
     }
 }
 
-/// Names of objects, and where they are written.
+/// Names of objects with their spans in the file.
 pub(super) type Names = Vec<(String, Range<usize>)>;
 
-/// The sets of objects that lights of a file are linked to.
+/// The object sets of light and shadow links.
 #[derive(Default)]
 pub(super) struct Linking {
     sets: Vec<NamedSet>,
 }
 
-/// The objects of the first list that are not in the second.
+/// The objects of `include` that are not in `exclude`.
 pub(super) struct NamedSet {
     pub include: Names,
     pub exclude: Names,
 }
 
 impl Linking {
-    /// The sets, by number; none are left.
+    /// Takes all sets, in the order of their numbers.
     pub fn take(&mut self) -> Vec<NamedSet> {
         std::mem::take(&mut self.sets)
     }
 
-    /// The set of objects of such names; the same lists give the same one.
+    /// The set with these lists of names, added if it is new; `None` after reporting too many sets.
     pub fn add(&mut self, include: Names, exclude: Names, fields: &Fields) -> Option<ObjectSet> {
         let is_same = |a: &Names, b: &Names| a.iter().map(|n| &n.0).eq(b.iter().map(|n| &n.0));
         let known =
             self.sets.iter().position(|s| is_same(&s.include, &include) && is_same(&s.exclude, &exclude));
         let number = known.unwrap_or(self.sets.len());
         let Some(set) = ObjectSet::new(number) else {
-            let most = ObjectSet::COUNT;
-            let message = format!("the lights of the file are linked to more than {most} sets of objects");
-            fields.problems.push_help(fields.span(), message, "give lights the same lists of names");
+            let max = ObjectSet::COUNT;
+            let message = format!("the lights of the file are linked to more than {max} sets of objects");
+            fields.problems.push_help(
+                fields.span(),
+                message,
+                "use the same lists of names for several lights",
+            );
             return None;
         };
         if known.is_none() {
@@ -221,9 +227,8 @@ mod tests {
     use crate::math::DAffine3;
     use crate::scene::{Instance, MeshId};
 
-    /// Names are found by sets and by lists as by asking for each.
     #[test]
-    fn names_are_found_at_once() {
+    fn hashed_lookups_agree_with_the_test_of_each_name() {
         let names =
             ["Fog", "Room", "/Room", "/Room/Fog", "/Fog", "a/a", "aa", "Room/Fog", "", "a/", "Fo", "a"];
         let paths =
@@ -249,9 +254,9 @@ mod tests {
         assert_eq!(scene.instances[0].name, "Room/Fog");
     }
 
-    /// As many instances as names: each name meets its own.
+    /// The index lists each instance under its own name only, so that lookups don't visit all instances.
     #[test]
-    fn few_instances_are_asked_for_a_name() {
+    fn lookups_visit_few_instances() {
         let (mut index, mut scene) = (NodeIndex::default(), Scene::default());
         for k in 0..1000 {
             let placed = Instance::new(MeshId(0), DAffine3::IDENTITY);
@@ -263,7 +268,7 @@ mod tests {
     }
 
     #[test]
-    fn names_are_those_of_nodes_on_the_way() {
+    fn names_match_whole_parts_of_paths() {
         assert!(
             is_on_path("Fog", "Fog") && is_on_path("Fog", "Room/Fog") && is_on_path("Room", "Room/Fog/3")
         );

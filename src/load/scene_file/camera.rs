@@ -1,41 +1,41 @@
-//! `[camera]`: a place and what it looks at, or a camera of a mesh file.
+//! `[camera]`: position, target and lens, or a camera of a mesh file.
 //!
 //! | Key | Meaning | Default |
 //! |---|---|---|
 //! | `look_from`, `look_at` | position and target | required |
-//! | `view_up` | which way is up | `[0, 1, 0]` |
+//! | `view_up` | up vector | `[0, 1, 0]` |
 //! | `vfov` | full vertical angle of view, degrees, above 0 and below 180 | 40 |
-//! | `aspect_ratio` | width over height | of the picture, or of all that a panorama shows |
+//! | `aspect_ratio` | width over height | of the picture, or of the panorama's angles |
 //! | `pixel_aspect` | width over height of a pixel, 0.001 to 1000, for television and anamorphic pictures; `vfov` is kept; 1 for panoramas | 1 |
-//! | `width`, `height` | picture in pixels; `[render]` has precedence | |
-//! | `defocus_angle` | full angle of the cone from a point in focus to the lens's edge, degrees; 0 is a pinhole | 0 |
+//! | `width`, `height` | resolution, pixels; `[render]` has precedence | |
+//! | `defocus_angle` | depth of field: full angle of the cone from a point in focus to the lens's edge, degrees; 0 is a pinhole | 0 |
 //! | `f_stop` | instead: focal length over the diameter of the lens, with `focal_length` in millimetres (50) | |
-//! | `focus_distance` | distance of the plane in focus | distance of `look_at` |
-//! | `focus_at` | instead: a point of that plane | |
-//! | `blades`, `blade_rotation` | instead of a round lens a polygon of 3 to 256 sides; how far it is turned counter-clockwise, degrees | round, 0 |
-//! | `aperture_ratio` | height over width of the lens: 2 for the tall discs of wide screens | 1 |
+//! | `focus_distance` | distance of the plane of focus | distance of `look_at` |
+//! | `focus_at` | instead: a point of the plane of focus | |
+//! | `blades`, `blade_rotation` | bokeh: a polygon of 3 to 256 sides, and its counter-clockwise rotation, degrees | round, 0 |
+//! | `aperture_ratio` | anamorphic bokeh: height over width of the aperture | 1 |
 //! | `shift` | lens shift `[x, y]`: the frame moves right and up by these multiples of the picture's height, its content left and down, as in Blender; vertical lines stay parallel | `[0, 0]` |
-//! | `clip` | `[near, far]`: the camera sees only what lies between these distances from its plane (of panoramas from itself), metres, as in Blender; the rest still casts shadows and stands in mirrors | all |
-//! | `shutter` | how long the shutter is open, frames, 0 to 1000: what moves in that time is blurred; `--shutter` has precedence | 0 |
-//! | `shutter_position` | `"centre"`: around the picture's time; `"start"`: from it on; `"end"`: up to it | `"centre"` |
-//! | `motion` | how the camera moves on, see `motion` | none |
+//! | `clip` | `[near, far]` clipping distances for camera rays, from the camera's plane (panoramas: from the camera), metres, as in Blender; clipped objects still cast shadows and appear in mirrors | none |
+//! | `shutter` | shutter time for motion blur, frames, 0 to 1000; `--shutter` has precedence | 0 |
+//! | `shutter_position` | `"centre"`: centred on the frame; `"start"`: opens at the frame; `"end"`: closes at the frame | `"centre"` |
+//! | `motion` | animation of the camera, see `motion` | none |
 //!
-//! or `camera = { from = "file.glb", name = "..." }`; without a name the file's first camera. The keys of the lens,
+//! or `camera = { from = "file.glb", name = "..." }`; without a name the file's first camera. The lens keys,
 //! `shift`, `clip`, `pixel_aspect` and `motion` may follow; `focus_distance` or `focus_at` is then required with `defocus_angle` and `f_stop`.
 //!
-//! How a camera sees:
+//! Projections:
 //!
 //! | Projection | Meaning | Default |
 //! |---|---|---|
-//! | `type` | `"perspective"`; `"orthographic"`: parallel rays; `"panorama"`: around itself | `"perspective"`, or as the model has it |
+//! | `type` | `"perspective"`; `"orthographic"`: parallel rays; `"panorama"`: see `projection` | `"perspective"`, or the model's |
 //! | `view_height` | orthographic: visible height, metres | required |
-//! | `projection` | panorama: `"equirectangular"`: longitude and latitude along the edges; `"fisheye_equidistant"`: an ellipse that fits into the picture, where angles with the axis grow evenly; `"fisheye_equisolid"`: all parts of the picture see equal solid angles | `"equirectangular"` |
-//! | `longitude`, `latitude` | equirectangular: angles at the left and right, and at the lower and upper edge, degrees; 0 is ahead, above it lies what is to the right and above | `[-180, 180]`, `[-90, 90]` |
+//! | `projection` | panorama: `"equirectangular"`: longitude and latitude along the edges; `"fisheye_equidistant"`: an ellipse that fits into the picture, with radius proportional to the angle from the axis; `"fisheye_equisolid"`: each pixel covers the same solid angle | `"equirectangular"` |
+//! | `longitude`, `latitude` | equirectangular: angles at the left and right, and at the lower and upper edge, degrees; 0 is ahead, positive is right and up | `[-180, 180]`, `[-90, 90]` |
 //! | `fov` | fisheye: full angle of view, degrees, up to 360; beyond it the picture is black | 180 |
 //! | `fisheye_lens`, `sensor` | fisheye_equisolid: focal length, and width and height of the sensor, millimetres | 10.5, `[36, 24]` |
 //!
-//! Panoramas have lenses that face every point of the picture, whose `focus_distance` is that of a sphere; they are round (no `blades`,
-//! no `aperture_ratio`). Depth is the distance from the camera there.
+//! The lens of a panorama faces the direction of each pixel: points at `focus_distance` from the camera are in focus, and the
+//! aperture is round (no `blades`, no `aperture_ratio`). Depth is the distance from the camera.
 
 use super::assets::Assets;
 use super::builder::SceneFileBuilder;
@@ -53,7 +53,7 @@ pub(super) fn read(build: &mut SceneFileBuilder, fields: &Fields, assets: &mut A
     build.loaded.scene.cameras = camera.into_iter().collect();
 }
 
-/// Reads what the file next to a model says about its cameras.
+/// Reads a `[camera]` of a sidecar: a new camera, or changes to the model's cameras.
 pub(super) fn adjust(build: &mut SceneFileBuilder, fields: &Fields, assets: &mut Assets) {
     if fields.has("look_from") || fields.has("from") {
         let camera = moved(build, fields, assets);
@@ -72,7 +72,7 @@ pub(super) fn adjust(build: &mut SceneFileBuilder, fields: &Fields, assets: &mut
     }
     for camera in cameras.iter_mut().filter(|c| name.as_ref().is_none_or(|n| n.value == c.name)) {
         found = true;
-        // Its problems are the same for every camera: once is enough.
+        // Lens problems are the same for every camera: report them once.
         let Some(lens) = lens(fields, &camera.world_from_camera, None) else { break };
         camera.lens = lens.or(camera.lens);
         frame.apply_to(camera);
@@ -94,7 +94,7 @@ pub(super) fn adjust(build: &mut SceneFileBuilder, fields: &Fields, assets: &mut
                 "place one by 'look_from' and 'look_at'",
             ),
         }
-        // The keys are known all the same.
+        // Marks the lens keys as known.
         lens(fields, &DAffine3::IDENTITY, Some(1.0));
     }
     finish(build, fields);
@@ -103,29 +103,29 @@ pub(super) fn adjust(build: &mut SceneFileBuilder, fields: &Fields, assets: &mut
 /// Reads the picture's size and ends the table.
 fn finish(build: &mut SceneFileBuilder, fields: &Fields) {
     let settings = &mut build.loaded.scene.settings;
-    let (width, height) = (fields.integer("width", 1, 65_536), fields.integer("height", 1, 65_536));
+    let (width, height) = (fields.unsigned("width", 1, 65_536), fields.unsigned("height", 1, 65_536));
     settings.width = settings.width.or(width);
     settings.height = settings.height.or(height);
     check_shutter(fields);
     fields.finish();
 }
 
-/// The camera at the picture's time, and its motion.
+/// The camera with its motion.
 fn moved(build: &mut SceneFileBuilder, fields: &Fields, assets: &mut Assets) -> Option<Camera> {
     let camera = chosen(build, fields, assets);
     let Some(moved) = transform::rigid_motion(build, fields, "the camera") else { return camera };
     let mut camera = camera?;
     if camera.motion.is_some() {
-        let message = "this camera is moved by its file: leave 'motion' out";
+        let message = "this camera is animated in its file: leave 'motion' out";
         fields.problems.push(fields.span(), message);
     }
     let world_from_camera = moved.at_time * camera.world_from_camera;
     camera.world_from_camera = world_from_camera;
-    camera.motion = moved.onwards.map(|onwards| onwards.map(|by| *by * world_from_camera));
+    camera.motion = moved.relative_keys.map(|relative_keys| relative_keys.map(|by| *by * world_from_camera));
     Some(camera)
 }
 
-/// The camera of a file, or the one that the table places.
+/// The camera of the file `from`, or one at `look_from`.
 fn chosen(build: &mut SceneFileBuilder, fields: &Fields, assets: &mut Assets) -> Option<Camera> {
     let mut camera = match fields.string("from") {
         Some(file) => {
@@ -163,7 +163,7 @@ fn chosen(build: &mut SceneFileBuilder, fields: &Fields, assets: &mut Assets) ->
     Some(camera)
 }
 
-/// Shift, clipping and size; unset keys leave the camera as it is.
+/// Pixel aspect, lens shift and clipping; unset keys keep the camera's values.
 struct Frame {
     pixel_aspect: Option<f64>,
     shift: Option<[f64; 2]>,
@@ -172,9 +172,9 @@ struct Frame {
 
 impl Frame {
     fn read(fields: &Fields) -> Frame {
-        let is_said = fields.has("pixel_aspect");
+        let has_aspect = fields.has("pixel_aspect");
         Frame {
-            pixel_aspect: is_said.then(|| fields.number_in("pixel_aspect", 1e-3..1e3, 1.0)),
+            pixel_aspect: has_aspect.then(|| fields.number_in("pixel_aspect", 1e-3..1e3, 1.0)),
             shift: shift(fields),
             clip: clip(fields),
         }
@@ -192,9 +192,7 @@ fn clip(fields: &Fields) -> Option<[f64; 2]> {
     let clip = fields.numbers::<2>("clip")?;
     let [near, far] = clip.value;
     if !(near >= 0.0 && far > near && far <= 1e18) {
-        fields
-            .problems
-            .push(clip.span, "'clip' must be two distances, the first from 0 and the second beyond it");
+        fields.problems.push(clip.span, "'clip' must be two distances, metres: 0 <= near < far");
         return None;
     }
     Some(clip.value)
@@ -204,14 +202,14 @@ fn clip(fields: &Fields) -> Option<[f64; 2]> {
 fn shift(fields: &Fields) -> Option<[f64; 2]> {
     let shift = fields.numbers::<2>("shift")?;
     if shift.value.iter().any(|s| s.abs() > 1e3) {
-        fields.problems.push(shift.span, "'shift' must be at most 1000 heights of the picture");
+        fields.problems.push(shift.span, "'shift' must be at most 1000 picture heights");
         return None;
     }
     Some(shift.value)
 }
 
-/// The keys of the lens; `None` if they have a problem, and none inside for a pinhole. `focus` is the distance of the
-/// plane in focus where the table doesn't say.
+/// Reads the lens: `Some(None)` is a pinhole, `None` follows a reported problem. `focus` is the default focus distance,
+/// metres.
 fn lens(fields: &Fields, world_from_camera: &DAffine3, focus: Option<f64>) -> Option<Option<ThinLens>> {
     let distance =
         fields.has("focus_distance").then(|| fields.number_in("focus_distance", 1e-9..f64::INFINITY, 1.0));
@@ -231,31 +229,31 @@ fn lens(fields: &Fields, world_from_camera: &DAffine3, focus: Option<f64>) -> Op
         }
         None => None,
     };
-    let complain = |message: &str| {
+    let fail = |message: &str| {
         fields.problems.push(fields.span(), message);
         None
     };
     if point.is_some() && distance.is_some() {
-        return complain("'focus_distance' and 'focus_at' say the same: leave one out");
+        return fail("'focus_distance' and 'focus_at' exclude each other: leave one out");
     }
     if angle.is_some() && f_stop.is_some() {
-        return complain("'defocus_angle' and 'f_stop' say the same: leave one out");
+        return fail("'defocus_angle' and 'f_stop' exclude each other: leave one out");
     }
     if f_stop.is_none() && fields.has("focal_length") {
-        return complain("'focal_length' needs 'f_stop'");
+        return fail("'focal_length' needs 'f_stop'");
     }
     if angle.is_none() && f_stop.is_none() && (distance.is_some() || point.is_some()) {
-        return complain("a plane in focus needs the size of the lens: add 'defocus_angle' or 'f_stop'");
+        return fail("a plane of focus needs a lens size: add 'defocus_angle' or 'f_stop'");
     }
     let shaped = ["blades", "blade_rotation", "aperture_ratio"].into_iter().find(|key| fields.has(key));
     if let (None, None, Some(key)) = (angle, f_stop, shaped) {
-        return complain(&format!("'{key}' needs the size of the lens: add 'defocus_angle' or 'f_stop'"));
+        return fail(&format!("'{key}' needs a lens size: add 'defocus_angle' or 'f_stop'"));
     }
     if angle.is_none() && f_stop.is_none() || angle == Some(0.0) {
         return Some(None);
     }
     let Some(focus_distance) = distance.or(to_point).or(focus) else {
-        return complain("depth of field needs 'focus_distance' or 'focus_at'");
+        return fail("depth of field needs 'focus_distance' or 'focus_at'");
     };
     let defocus_angle_rad = match f_stop {
         Some(stop) => 2.0 * (focal_length / (2.0 * stop) / focus_distance).atan(),
@@ -264,10 +262,10 @@ fn lens(fields: &Fields, world_from_camera: &DAffine3, focus: Option<f64>) -> Op
     Some(Some(ThinLens { defocus_angle_rad, focus_distance, aperture }))
 }
 
-/// The shape of the lens.
+/// The shape of the aperture.
 fn aperture(fields: &Fields) -> Aperture {
     Aperture {
-        blades: fields.integer("blades", 3, 256).unwrap_or(0),
+        blades: fields.unsigned("blades", 3, 256).unwrap_or(0),
         rotation_rad: fields.number_in("blade_rotation", -1e6..1e6, 0.0).to_radians(),
         ratio: fields.number_in("aperture_ratio", 1e-3..1e3, 1.0),
     }
@@ -286,7 +284,7 @@ const KEYS_OF_LENS: [&str; 8] = [
 ];
 
 fn placed(fields: &Fields) -> Option<Camera> {
-    fields.know(&KEYS_OF_LENS);
+    fields.mark_known(&KEYS_OF_LENS);
     let eye = fields.require("look_from", fields.vector("look_from"));
     let target = fields.require("look_at", fields.vector("look_at"));
     let up = fields.vector("view_up").map(|v| v.value);
@@ -297,12 +295,12 @@ fn placed(fields: &Fields) -> Option<Camera> {
     let aspect_ratio = fields.has("aspect_ratio").then(|| fields.number_in("aspect_ratio", 1e-4..1e4, 1.0));
     let frame = Frame::read(fields);
     let (eye, target, projection) = (eye?, target?.value, projection?);
-    // A camera that looks straight up or down has y along the view: the picture's top is where -z is then.
+    // Without 'view_up', cameras that look straight up or down have -z as up vector.
     let ups = up.map_or([DVec3::Y, DVec3::NEG_Z], |up| [up; 2]);
     let Some(placement) = ups.into_iter().find_map(|up| looking_at(eye.value, target, up)) else {
         let message = match eye.value == target {
             true => "the camera has no direction: 'look_from' and 'look_at' coincide",
-            false => "the camera has no upright: 'view_up' is parallel to the view direction",
+            false => "'view_up' is parallel to the view direction",
         };
         fields.problems.push(eye.span, message);
         return None;
@@ -323,9 +321,8 @@ fn placed(fields: &Fields) -> Option<Camera> {
     Some(camera)
 }
 
-/// The kinds of panoramas, by what they are with the other keys of a table.
 #[derive(Clone, Copy)]
-enum CameraType {
+enum PanoramaType {
     Equirectangular,
     Equidistant,
     Equisolid,
@@ -338,7 +335,7 @@ enum Type {
     Panorama,
 }
 
-/// The projection of a table, if it has one; else the keys of a perspective are unread.
+/// The projection of a table with `type`. Without `type` no key is read.
 fn read_projection(fields: &Fields) -> Option<Projection> {
     let types = [
         ("perspective", Type::Perspective),
@@ -360,19 +357,19 @@ fn read_projection(fields: &Fields) -> Option<Projection> {
     }
 }
 
-/// The key `vfov`.
+/// A perspective projection with the angle `vfov`.
 pub(super) fn perspective(fields: &Fields) -> Projection {
     Projection::Perspective { vfov_rad: fields.number_in("vfov", 1e-3..179.999, 40.0).to_radians() }
 }
 
-/// Sets the projection of a model's camera.
+/// Replaces the projection of a model's camera, if there is one.
 pub(super) fn change_projection(camera: &mut Camera, projection: Option<Projection>) {
     let Some(projection) = projection else { return };
     camera.projection = projection;
     camera.aspect_ratio = projection_aspect_ratio(&projection).or(camera.aspect_ratio);
 }
 
-/// Width over height of pictures of a projection, if that says it.
+/// Width over height of a panorama; `None` for other projections.
 pub(super) fn projection_aspect_ratio(projection: &Projection) -> Option<f64> {
     match projection {
         Projection::Panorama(panorama) => Some(panorama.aspect_ratio()),
@@ -380,34 +377,34 @@ pub(super) fn projection_aspect_ratio(projection: &Projection) -> Option<f64> {
     }
 }
 
-/// The lens of a panorama is round.
+/// Reports aperture keys, which panoramas don't support.
 fn is_round(fields: &Fields) -> bool {
     let Some(key) = ["blades", "blade_rotation", "aperture_ratio"].into_iter().find(|key| fields.has(key))
     else {
         return true;
     };
-    let message = format!("'{key}' has no meaning for panoramas, whose lenses are round");
+    let message = format!("panoramas have a round aperture: '{key}' has no effect");
     fields.problems.push_help(fields.span(), message, "leave it out");
     false
 }
 
 fn panorama(fields: &Fields) -> Option<Panorama> {
     let kinds = [
-        ("equirectangular", CameraType::Equirectangular),
-        ("fisheye_equidistant", CameraType::Equidistant),
-        ("fisheye_equisolid", CameraType::Equisolid),
+        ("equirectangular", PanoramaType::Equirectangular),
+        ("fisheye_equidistant", PanoramaType::Equidistant),
+        ("fisheye_equisolid", PanoramaType::Equisolid),
     ];
     let kind = match fields.has("projection") {
         true => fields.choice("projection", &kinds)?,
-        false => CameraType::Equirectangular,
+        false => PanoramaType::Equirectangular,
     };
     Some(match kind {
-        CameraType::Equirectangular => Panorama::Equirectangular {
+        PanoramaType::Equirectangular => Panorama::Equirectangular {
             longitude_rad: limits(fields, "longitude", 180.0)?,
             latitude_rad: limits(fields, "latitude", 90.0)?,
         },
-        CameraType::Equidistant => Panorama::FisheyeEquidistant { fov_rad: fov(fields) },
-        CameraType::Equisolid => {
+        PanoramaType::Equidistant => Panorama::FisheyeEquidistant { fov_rad: fov(fields) },
+        PanoramaType::Equisolid => {
             let size = 1e-3..1e6;
             let sensor = fields.numbers::<2>("sensor");
             if let Some(wrong) = sensor.as_ref().filter(|s| !s.value.iter().all(|v| size.contains(v))) {
@@ -429,30 +426,30 @@ fn fov(fields: &Fields) -> f64 {
     fields.number_in("fov", FOVS, 180.0).to_radians()
 }
 
-/// Angles of view of fisheyes, degrees.
+/// Range of a fisheye's angle of view, degrees.
 const FOVS: Range<f64> = 1e-3..360.0;
 
-/// Narrowest part of a panorama, degrees.
+/// Minimum extent of an equirectangular panorama, degrees.
 const MIN: f64 = 1e-3;
 
-/// Two angles that grow, radians; all that there are without the key.
-fn limits(fields: &Fields, key: &'static str, most: f64) -> Option<[f64; 2]> {
+/// Two ascending angles within -`max` to `max` degrees, in radians; the whole range without the key.
+fn limits(fields: &Fields, key: &'static str, max: f64) -> Option<[f64; 2]> {
     let Some(limits) = fields.numbers::<2>(key) else {
-        return (!fields.has(key)).then_some([-most, most].map(f64::to_radians));
+        return (!fields.has(key)).then_some([-max, max].map(f64::to_radians));
     };
     let [from, to] = limits.value;
-    if !(-most <= from && to <= most && to - from >= MIN) {
-        let message = format!("'{key}' must be two angles that grow, from -{most} to {most} degrees");
+    if !(-max <= from && to <= max && to - from >= MIN) {
+        let message = format!("'{key}' must be two ascending angles from -{max} to {max} degrees");
         fields.problems.push(limits.span, message);
         return None;
     }
     Some([from, to].map(f64::to_radians))
 }
 
-/// The shutter options of the user, else of the camera's table. Needed before objects are read; problems are reported
-/// where the camera is.
+/// The shutter options of the user, else of `[camera]`. Needed before objects are read; problems are reported when the
+/// camera is read.
 pub(super) fn shutter_options(options: ShutterOptions, root: &Fields) -> ShutterOptions {
-    let options = ShutterOptions { vectors: options.vectors || asks_for_vectors(root), ..options };
+    let options = ShutterOptions { vectors: options.vectors || requests_motion_vectors(root), ..options };
     let Some(camera) = root.raw("camera").map(|v| v.get_ref()) else { return options };
     let list = camera.as_array().into_iter().flat_map(|list| list.iter().map(|v| v.get_ref()));
     let tables = [camera].into_iter().chain(list).filter_map(|v| v.as_table());
@@ -465,14 +462,14 @@ pub(super) fn shutter_options(options: ShutterOptions, root: &Fields) -> Shutter
     })
 }
 
-/// Are motion vectors among the channels that `[render]` asks for?
-fn asks_for_vectors(root: &Fields) -> bool {
+/// Whether motion vectors are among the AOVs of `[render]`.
+fn requests_motion_vectors(root: &Fields) -> bool {
     let aovs = root.raw("render").and_then(|v| v.get_ref().as_table()?.get("aovs")?.get_ref().as_array());
     let mut names = aovs.into_iter().flat_map(|list| list.iter()).filter_map(|v| v.get_ref().as_str());
     names.any(|name| name == "motion" || name == "all")
 }
 
-/// Reports its problems.
+/// Reports problems of the shutter keys.
 fn check_shutter(camera: &Fields) {
     camera.number_in("shutter", 0.0..LONGEST_SHUTTER, 0.0);
     camera.choice("shutter_position", &ShutterPosition::ALL);

@@ -1,18 +1,18 @@
-//! `[[curves]]`: hair, fur, grass, threads; each table is many strands of one material.
+//! `[[curves]]`: hair, fur, grass, threads; each table has many strands of one material.
 //!
 //! | Key | Value |
 //! |---|---|
 //! | `name` | for reports |
 //! | `strands` | a list of strands, each a list of points `[x, y, z]` from root to tip |
-//! | `file` | or a file of them: `.curves` (text) or `.hair` (binary), see the guide |
+//! | `file` | or a file of strands: `.curves` (text) or `.hair` (binary), see the guide |
 //! | `basis` | `"linear"`, `"bezier"` (4, 7, 10, ... points per strand), `"bspline"` (4 points or more) or `"catmull-rom"`; default: the file's, else `"catmull-rom"`, and `"linear"` for `.hair` |
-//! | `radius` | metres: one number, or `[root, tip]`; needed unless the file has radii, which it replaces |
-//! | `material` | a name, by default `"default"`: `"hair"` or any opaque or thin material without emission |
-//! | `transform` | as of objects; radii grow with the cube root of its volume |
+//! | `radius` | metres: one number, or `[root, tip]`; replaces the file's radii, and is required without them |
+//! | `material` | name of a material, default `"default"`: of type `"hair"`, or any opaque or thin material without emission |
+//! | `transform` | as for objects; scales radii by the cube root of its determinant |
 //!
-//! They may have `visible_to`, `visible_to_camera`, `holdout`, `shadow_catcher`, `color`, `index` and `random` as objects have. Textures have u along the strand,
-//! from 0 at its root to 1 at its tip, and v around it. Colours of a file multiply the `color` of the material. Curves are met from
-//! outside only, are not emissive, and are static while the picture is taken.
+//! `visible_to`, `visible_to_camera`, `holdout`, `shadow_catcher`, `color`, `index` and `random` are as for objects. Texture
+//! coordinate u runs along the strand, from 0 at the root to 1 at the tip, and v around it. Colours of a file multiply the
+//! `color` of the material. Rays hit curves from outside only; curves are not emissive and have no motion.
 
 use super::builder::SceneFileBuilder;
 use super::fields::{Fields, number, numbers};
@@ -62,13 +62,13 @@ fn one<'a>(
         }
     };
     let basis = basis.or(file.basis).unwrap_or(default);
-    if let Some(odd) = file.strands.iter().position(|n| !basis.takes(*n as usize)) {
-        let (number, count) = (odd + 1, file.strands[odd]);
+    if let Some(invalid) = file.strands.iter().position(|n| !basis.takes(*n as usize)) {
+        let (number, count) = (invalid + 1, file.strands[invalid]);
         let message = format!("strand {number} of {name} has {count} points");
         fields.problems.push_help(
             span,
             message,
-            format!("'{}' takes {} a strand", basis.name(), basis.asks_for()),
+            format!("'{}' needs {} per strand", basis.name(), basis.asks_for()),
         );
         return None;
     }
@@ -97,7 +97,7 @@ fn one<'a>(
     Some(Curves { name, basis, strands, points, radii, colors, world_from_object, material, traits, info })
 }
 
-/// The radius at roots and tips.
+/// Radii at root and tip, metres.
 fn radius(fields: &Fields) -> Option<[f64; 2]> {
     let value = fields.raw("radius")?;
     let ends = number(value.get_ref()).map(|r| [r; 2]).or_else(|| numbers::<2>(value.get_ref()));
@@ -110,18 +110,18 @@ fn radius(fields: &Fields) -> Option<[f64; 2]> {
     ends.or(Some([1.0; 2]))
 }
 
-/// Radii that run evenly from point to point.
+/// Radii per point, linear over the point numbers of each strand.
 fn tapered(strands: &[u32], [root, tip]: [f64; 2]) -> Vec<f32> {
     let one = |count: u32| {
         (0..count).map(move |i| {
-            let share = f64::from(i) / f64::from((count - 1).max(1));
-            (root + (tip - root) * share) as f32
+            let t = f64::from(i) / f64::from((count - 1).max(1));
+            (root + (tip - root) * t) as f32
         })
     };
     strands.iter().flat_map(|&count| one(count)).collect()
 }
 
-/// The strands that a table lists.
+/// The strands listed by the key `strands`.
 fn strands(fields: &Fields) -> Option<CurveFile> {
     let mut file = CurveFile::default();
     for strand in fields.list("strands")? {

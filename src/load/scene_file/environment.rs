@@ -1,46 +1,45 @@
-//! `[environment]`: what is seen where nothing is hit; black without it. Exactly one of
+//! `[environment]`: the light from infinity, for rays that hit nothing; black without this table. Exactly one of
 //!
-//! - `background = [r, g, b]`: the same radiance from everywhere,
-//! - `sky = { nadir = [r, g, b], zenith = [r, g, b] }`: a vertical blend (default: white below, `[.5, .7, 1]` above),
-//! - `sky = { sun_elevation = 30 }`: a clear sky with its sun (Hosek, Wilkie 2012), see below,
-//! - `image = "file"`: equirectangular, with `rotation` (degrees counter-clockwise seen from above; 0) and `strength` (1),
-//! - `texture = "NAME"`: the values of a texture at the points of the unit sphere, such as one of `type = "nodes"`, with `rotation`, `strength` and the
-//!   `resolution` of the equirectangular image that is made of it (its width, 16 to 16384 texels; that of the largest image which the texture reads, from 2048 to 8192).
+//! - `background = [r, g, b]`: constant radiance, W/sr/m2,
+//! - `sky = { nadir = [r, g, b], zenith = [r, g, b] }`: a vertical gradient (default: white below, `[.5, .7, 1]` above),
+//! - `sky = { sun_elevation = 30 }`: a clear sky with sun (Hosek, Wilkie 2012), see below,
+//! - `image = "file"`: an equirectangular image, with `rotation` (degrees counter-clockwise seen from above; 0) and `strength` (1),
+//! - `texture = "NAME"`: a texture evaluated at the points of the unit sphere, such as one of `type = "nodes"`, with `rotation`, `strength` and
+//!   `resolution`: width of the equirectangular image that it is baked to, 16 to 16384 texels (default: width of the texture's largest image, clamped to 2048 to 8192).
 //!
-//! The clear sky is given by `sun_elevation` (degrees above the horizon, 0 to 90) and, optionally, `sun_azimuth` (degrees clockwise
+//! Keys of the clear sky: `sun_elevation` (degrees above the horizon, 0 to 90) and, optionally, `sun_azimuth` (degrees clockwise
 //! seen from above, from -z towards x; 0), `turbidity` (1 is the clearest air, 3 a clear day, 10 haze; 3), `ground_albedo` (a colour from 0 to
-//! 1, also of the ground below the horizon; 0.2), `sun` (`false` leaves the disk out, not its glow), `sun_size` (its diameter in degrees; 0.5358;
-//! larger ones soften shadows at the same irradiance) and `strength` (1: W/sr/m2, 683 cd/m2 each). At strength 1 a white wall in
-//! the sun has a radiance of some 50: `exposure = -5` in `[render]` suits it. The sun is a light of its own, which cameras and
-//! mirrors see.
+//! 1, also of the ground below the horizon; 0.2), `sun` (`false` removes the sun disk, but not its glow), `sun_size` (diameter in degrees; 0.5358;
+//! larger suns soften shadows at the same irradiance) and `strength` (factor on the radiance in W/sr/m2, at 683 lm/W; 1). At strength 1 a white wall in
+//! sunlight has a radiance of about 50 W/sr/m2: use `exposure = -5` in `[render]`. The sun is a separate light, visible to cameras and in
+//! mirrors.
 //!
-//! `sun = { direction = [x, y, z], angle = 0.5358, irradiance = [r, g, b] }` adds a sun to an image, a texture or a constant environment without one: parallel light
-//! that travels in `direction`, from a disk with a diameter of `angle` degrees that cameras and mirrors see; the irradiance of a surface that faces it is in W/m2.
+//! `sun = { direction = [x, y, z], angle = 0.5358, irradiance = [r, g, b] }` adds a sun to a constant, image or texture environment: light
+//! travels in `direction`, from a disk of `angle` degrees diameter, visible to cameras and in mirrors; `irradiance` is that of a surface perpendicular to the light, W/m2.
 //!
 //! `fog = { density = 0.1 }` fills the space around all solids (see `media`), and may stand alone.
 //!
-//! `seen = { background = [r, g, b] }` is what cameras see instead, without lighting the scene: a constant radiance, or an `image` or a `texture`
+//! `seen = { background = [r, g, b] }` replaces the environment for camera rays only, without lighting the scene: a constant radiance, or an `image` or a `texture`
 //! with `rotation` and `strength` as above.
 //!
-//! A `group` names the group of lights that it is in. With `visible_to_camera = false` it lights the scene, but is invisible to cameras: the picture is transparent there;
-//! `visible_to` lists the kinds of rays that see it, as for objects. With `sampled = false` only paths that leave the scene find its light,
-//! as in Cycles for a constant world: its occlusion is decided by the visibility of objects to scattered rays, not to shadow
-//! rays.
+//! `group` is the environment's light group. With `visible_to_camera = false` it lights the scene, but the picture is transparent there;
+//! `visible_to` lists the kinds of rays that see it, as for objects. With `sampled = false` it is reached by BSDF sampling only,
+//! as in Cycles for a constant world: objects occlude it by their visibility to scattered rays instead of shadow rays.
 //!
 //! # portals
 //!
-//! `[[portals]]`: windows and other rectangles through which the environment is sampled from within a room. They are no
-//! surfaces and change only noise: light that comes through no portal is still found, with more noise. They help most where an
-//! environment image is seen through a window.
+//! `[[portals]]`: rectangles, such as windows, through which the environment is sampled from within a room. They are not
+//! surfaces and only affect noise: light through other openings is still found, with more noise. They help most with an
+//! environment image behind a window.
 //!
 //! | Key | Value |
 //! |---|---|
 //! | `name` | for reports |
-//! | `center`, `target` or `direction`, `up`, `size` | the centre, the direction in which light comes in, and width and height, as of an area light |
-//! | `corner`, `u`, `v` | or a corner and the edges from there, at right angles; light comes in along u x v |
+//! | `center`, `target` or `direction`, `up`, `size` | the centre, the direction in which light enters, and width and height, as for area lights |
+//! | `corner`, `u`, `v` | or a corner and the two edges from there, at right angles; light enters along u x v |
 //!
-//! Beside a model, `node = "NAME"` and `size` place one at an empty node, where light comes in along the node's -z: as Blender's area lights
-//! that are portals. In glTF itself, `portal` in the `extras` of a node is its size, `[width, height]`, or true for 1 x 1.
+//! In a sidecar, `node = "NAME"` and `size` place a portal at an empty node of the model; light enters along the node's -z, as with Blender's
+//! portal area lights. In glTF files, `portal` in the `extras` of a node is the portal's size, `[width, height]`, or true for 1 x 1.
 
 use super::builder::SceneFileBuilder;
 use super::fields::Fields;
@@ -111,17 +110,15 @@ fn constant_or_image<'a>(
     let rotation_rad = fields.number("rotation").map_or(0.0, |r| r.value.to_radians());
     let strength = fields.number_in("strength", 0.0..f64::from(f32::MAX), 1.0) as f32;
     let width = fields.has("resolution").then(|| {
-        let (least, most) = WIDTHS.into_inner();
-        fields.number_in("resolution", f64::from(least)..f64::from(most), f64::from(least)) as u32
+        let (min, max) = WIDTHS.into_inner();
+        fields.number_in("resolution", f64::from(min)..f64::from(max), f64::from(min)) as u32
     });
     let is_picture = fields.has("image") || fields.has("texture");
     if !is_picture && (fields.has("rotation") || fields.has("strength")) {
-        fields
-            .problems
-            .push(fields.span(), "'rotation' and 'strength' belong to an environment image or texture");
+        fields.problems.push(fields.span(), "'rotation' and 'strength' need an environment image or texture");
     }
     if width.is_some() && !fields.has("texture") {
-        fields.problems.push(fields.span(), "'resolution' belongs to an environment texture");
+        fields.problems.push(fields.span(), "'resolution' needs an environment texture");
     }
     if let Some(c) = background {
         return Some(Environment::Constant(c.value));
@@ -155,28 +152,27 @@ fn read_camera_background<'a>(
 const PHYSICAL: [&str; 7] =
     ["sun_elevation", "sun_azimuth", "turbidity", "ground_albedo", "sun", "sun_size", "strength"];
 
-/// A sun in front of an environment.
-fn add_sun(build: &mut SceneFileBuilder, fields: &Fields, is_beside_sky: bool) {
+/// Adds the sun of the key `sun`.
+fn add_sun(build: &mut SceneFileBuilder, fields: &Fields, has_sky: bool) {
     let direction = fields.require("direction", fields.vector("direction"));
     let angle = fields.number_in("angle", 0.01..90.0, SUN_ANGLE_RAD.to_degrees());
     let irradiance = fields.require("irradiance", fields.color("irradiance"));
     fields.finish();
     let Some((direction, irradiance)) = direction.zip(irradiance) else { return };
-    let Some(way) = direction.value.try_normalize() else {
+    let Some(unit_direction) = direction.value.try_normalize() else {
         return fields.problems.push(direction.span, "'direction' must be longer than 0");
     };
-    if is_beside_sky {
-        let message = "'sky' has a sun of its own: leave 'sun' out";
+    if has_sky {
+        let message = "'sky' has its own sun: leave 'sun' out";
         return fields.problems.push(fields.span(), message);
     }
-    sky::add_sun(&mut build.loaded.scene, way, angle.to_radians(), irradiance.value);
+    sky::add_sun(&mut build.loaded.scene, unit_direction, angle.to_radians(), irradiance.value);
 }
 
 /// A clear sky, as an image and a light.
 fn add_physical(build: &mut SceneFileBuilder, sky: &Fields) {
     if sky.has("nadir") || sky.has("zenith") {
-        let message =
-            "'nadir' and 'zenith' make a blend, 'sun_elevation' and the like a clear sky: give one of both";
+        let message = "'nadir' and 'zenith' define a gradient, 'sun_elevation' and the like a clear sky: use one of both";
         sky.problems.push(sky.span(), message);
     }
     let elevation = sky.number_in("sun_elevation", 0.0..90.0, 45.0);
@@ -204,7 +200,7 @@ pub(super) fn read_portals(build: &mut SceneFileBuilder, root: &Fields) {
         let name = fields.string("name").map_or(format!("portal {}", i + 1), |n| n.value.to_string());
         let portal = match fields.has("corner") {
             true => by_corner(fields),
-            false => by_middle(build, fields),
+            false => by_center(build, fields),
         };
         fields.finish();
         if let Some([corner, edge_u, edge_v]) = portal {
@@ -222,13 +218,13 @@ fn by_corner(fields: &Fields) -> Option<[DVec3; 3]> {
         Some(cosine) if cosine < 1e-3 => Some([corner.value, u.value, v.value]),
         _ => {
             let message = "the edges 'u' and 'v' of a portal must be longer than 0 and at right angles";
-            fields.problems.push_help(v.span, message, "take a rectangle that covers the window");
+            fields.problems.push_help(v.span, message, "use a rectangle that covers the window");
             None
         }
     }
 }
 
-fn by_middle(build: &mut SceneFileBuilder, fields: &Fields) -> Option<[DVec3; 3]> {
+fn by_center(build: &mut SceneFileBuilder, fields: &Fields) -> Option<[DVec3; 3]> {
     let size = fields.require("size", fields.numbers::<2>("size"));
     let placement = if fields.has("node") { at_node(build, fields) } else { placed(fields) };
     let MovingPlacement { now: Placement { center, direction, right, scale }, .. } = placement?;
@@ -245,12 +241,13 @@ fn by_middle(build: &mut SceneFileBuilder, fields: &Fields) -> Option<[DVec3; 3]
 /// Range of `resolution`, texels.
 pub const WIDTHS: RangeInclusive<u32> = 16..=16384;
 
-/// Default widths: of textures without images, and at most of those with images, which are as wide as the widest of these.
+/// Default width for textures without images; the minimum for textures with images.
 const DEFAULT_WIDTH: u32 = 2048;
+/// Maximum default width for textures with images.
 const MAX_DEFAULT_WIDTH: u32 = 8192;
 
-/// Makes an environment of a texture of a scene: the texture is evaluated at the points of the unit sphere around the origin. Its
-/// image is added to the scene; `width` is that of the image in texels, twice its height.
+/// Bakes a texture, evaluated at the points of the unit sphere, to an environment image, which is added to the scene. `width`
+/// in texels is twice the height.
 ///
 /// # Errors
 /// An image of the texture is damaged.
@@ -271,28 +268,28 @@ pub fn environment(
     let widest = used.iter().filter_map(|id| scene.images.get(id.index())).map(|image| image.width).max();
     let default = widest.unwrap_or(0).clamp(DEFAULT_WIDTH, MAX_DEFAULT_WIDTH);
     let width = width.unwrap_or(default);
-    // Images have no detail between their texels.
-    let image = scene.add_image(evaluated(&textures, texture, width, widest.is_none()));
+    // Textures with images have no detail below their texels, and need no antialiasing.
+    let image = scene.add_image(baked(&textures, texture, width, widest.is_none()));
     Ok(Environment::Image { image, strength, rotation_rad })
 }
 
-/// The texture in all directions: at the centres of texels, and if `is_refined` at four points of those whose neighbours differ.
-fn evaluated(textures: &CompiledTextures, texture: TextureId, width: u32, is_refined: bool) -> Image {
+/// Bakes the texture at the centres of texels; if `is_antialiased`, with four samples per texel at edges.
+fn baked(textures: &CompiledTextures, texture: TextureId, width: u32, is_antialiased: bool) -> Image {
     let height = (width / 2).max(1);
     let size = [width, height];
     let value = |x: f64, y: f64| {
         let direction = direction((x / f64::from(width)) as f32, (y / f64::from(height)) as f32);
-        // Seen from within the sphere.
+        // The normal faces the centre of the sphere.
         let point =
             TexturePoint { world: direction, normal: -direction, cosine: 1.0, ..TexturePoint::default() };
         let [r, g, b, _] = PointReader::new(textures, point).eval(texture);
         [r, g, b]
     };
-    let middles = rows(size, |x, y| value(f64::from(x) + 0.5, f64::from(y) + 0.5));
-    let values = match is_refined {
-        false => middles,
-        true => rows(size, |x, y| match has_edge(&middles, size, [x, y]) {
-            false => middles[(y * width + x) as usize],
+    let centres = rows(size, |x, y| value(f64::from(x) + 0.5, f64::from(y) + 0.5));
+    let values = match is_antialiased {
+        false => centres,
+        true => rows(size, |x, y| match has_edge(&centres, size, [x, y]) {
+            false => centres[(y * width + x) as usize],
             true => mean(
                 [(0.25, 0.25), (0.75, 0.25), (0.25, 0.75), (0.75, 0.75)]
                     .map(|(s, t)| value(f64::from(x) + s, f64::from(y) + t)),
@@ -302,7 +299,7 @@ fn evaluated(textures: &CompiledTextures, texture: TextureId, width: u32, is_ref
     Image::from_linear_rgb("environment", width, height, values.into_flattened())
 }
 
-/// The values of all texels, row by row from the top.
+/// Values of all texels, row by row from the top.
 fn rows([width, height]: [u32; 2], value: impl Fn(u32, u32) -> [f32; 3] + Sync) -> Vec<[f32; 3]> {
     let mut values = vec![[0.0; 3]; width as usize * height as usize];
     values.par_chunks_exact_mut(width as usize).zip(0..height).for_each(|(row, y)| {
@@ -311,26 +308,28 @@ fn rows([width, height]: [u32; 2], value: impl Fn(u32, u32) -> [f32; 3] + Sync) 
     values
 }
 
-/// Does a texel differ from one beside it by more than a fraction of the brighter one?
+/// Whether a texel differs from a neighbour by more than a fraction of the brighter of the two.
 fn has_edge(values: &[[f32; 3]], [width, height]: [u32; 2], [x, y]: [u32; 2]) -> bool {
-    /// Below it, texels are interpolated well enough.
-    const EVEN: f32 = 0.1;
+    /// Maximum relative difference without antialiasing.
+    const MAX_DIFFERENCE: f32 = 0.1;
     let at = |x: u32, y: u32| values[(y * width + x) as usize];
     let own = at(x, y);
-    let beside = [
+    let neighbours = [
         at((x + 1) % width, y),
         at((x + width - 1) % width, y),
         at(x, (y + 1).min(height - 1)),
         at(x, y.saturating_sub(1)),
     ];
-    beside.iter().any(|other| (0..3).any(|c| (own[c] - other[c]).abs() > EVEN * own[c].max(other[c])))
+    neighbours
+        .iter()
+        .any(|other| (0..3).any(|c| (own[c] - other[c]).abs() > MAX_DIFFERENCE * own[c].max(other[c])))
 }
 
 fn mean(values: [[f32; 3]; 4]) -> [f32; 3] {
     std::array::from_fn(|c| values.iter().map(|value| value[c]).sum::<f32>() / 4.0)
 }
 
-/// The direction of equirectangular coordinates, as [`Environment::Image`] has them.
+/// The unit direction of equirectangular coordinates, in the convention of [`Environment::Image`].
 fn direction(u: f32, v: f32) -> Vec3 {
     let ((sin_phi, cos_phi), (sin_theta, cos_theta)) =
         (poly::sin_cos_turns(u - 0.5), poly::sin_cos_turns(0.5 * v));
@@ -344,7 +343,7 @@ mod tests {
     use crate::scene::nodes::{Node, NodeGraph, NodeInput, NodeKind, SocketType};
     use std::sync::Arc;
 
-    /// A checker in space shows its octants, and the environment what the texture is in each direction.
+    /// A world-space checker has one colour per octant of the sphere.
     #[test]
     fn directions_are_points_of_the_unit_sphere() {
         let mut scene = Scene::default();
@@ -365,7 +364,7 @@ mod tests {
     }
 
     #[test]
-    fn constant_textures_are_constant_environments() {
+    fn constant_textures_become_constant_environments() {
         let mut scene = Scene::default();
         let grey = scene.add_texture(Texture::Solid([0.5; 3]));
         let made = environment(&mut scene, grey, None, 2.0, 0.0, &mut Vec::new()).unwrap();
@@ -373,7 +372,7 @@ mod tests {
         assert!(scene.images.is_empty());
     }
 
-    /// An image by directions is found again where it was, texel by texel.
+    /// An environment texture node bakes to its own image, texel by texel.
     #[test]
     fn an_environment_image_passes_through_a_graph() {
         let mut scene = Scene::default();

@@ -1,4 +1,4 @@
-//! Typed access to the keys of a TOML table that notes every problem instead of stopping at the first.
+//! Typed access to the keys of a TOML table that collects all problems instead of stopping at the first.
 
 use crate::error::{Error, Message, Problem, Result};
 use crate::math::DVec3;
@@ -9,7 +9,7 @@ use std::sync::Arc;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// Help for a missing file: run the script `build.py` next to it or in the folder above, or correct the path.
+/// Help for a missing file: run the script `build.py` in its folder or the one above, if there is one.
 fn help_for_missing(path: &Path) -> String {
     let script = path.ancestors().skip(1).take(2).map(|folder| folder.join("build.py")).find(|s| s.is_file());
     match script {
@@ -21,7 +21,7 @@ fn help_for_missing(path: &Path) -> String {
 /// The problems found so far.
 pub(super) struct Problems<'a> {
     text: &'a str,
-    /// The text shared with errors that outlive the parsing.
+    /// A copy of the text for deferred errors, made on demand.
     shared_text: OnceCell<Arc<str>>,
     list: RefCell<Vec<Problem>>,
 }
@@ -42,7 +42,7 @@ impl<'a> Problems<'a> {
         self.add(span, message.into(), Some(help.into()));
     }
 
-    /// Adds a problem with a file, only at the first place that names it.
+    /// Adds a problem of a file, once for each message.
     pub fn push_of_file(&self, span: Range<usize>, path: &Path, message: String) {
         if self.list.borrow().iter().all(|problem| problem.message != message) {
             let is_missing = matches!(path.try_exists(), Ok(false));
@@ -58,8 +58,12 @@ impl<'a> Problems<'a> {
         self.list.borrow_mut().push(problem);
     }
 
-    /// Makes errors about a range of the text that are found later, when the text is no longer in memory.
-    pub fn later(&self, file: &Path, span: Range<usize>) -> impl Fn(String) -> Error + Send + Sync + use<> {
+    /// A function that makes errors about a range of the text after the text has been dropped.
+    pub fn deferred_error(
+        &self,
+        file: &Path,
+        span: Range<usize>,
+    ) -> impl Fn(String) -> Error + Send + Sync + use<> {
         let text = self.shared_text.get_or_init(|| self.text.into()).clone();
         let file = file.to_path_buf();
         move |message| {
@@ -69,7 +73,8 @@ impl<'a> Problems<'a> {
         }
     }
 
-    /// All of them, in the order of the text, as an error of the file; nothing if there are none.
+    /// # Errors
+    /// All problems, in the order of the text.
     pub fn into_result(self, file: &Path, text: &str) -> Result<()> {
         let mut problems = self.list.into_inner();
         if problems.is_empty() {
@@ -80,17 +85,17 @@ impl<'a> Problems<'a> {
     }
 }
 
-/// One table. Reading a key marks it as known; [`Fields::finish`] reports the rest.
+/// One table. Reading a key marks it as known; [`Fields::finish`] reports unknown keys.
 pub(super) struct Fields<'a> {
-    /// Description of the table, for messages.
-    what: String,
+    /// Name of the table in messages.
+    description: String,
     table: &'a DeTable<'a>,
     span: Range<usize>,
     known: RefCell<Vec<&'static str>>,
     pub problems: &'a Problems<'a>,
 }
 
-/// A value with its place.
+/// A value with its span in the text.
 #[derive(Clone)]
 pub(super) struct Located<T> {
     pub value: T,
@@ -100,46 +105,46 @@ pub(super) struct Located<T> {
 impl<'a> Fields<'a> {
     /// Access to a table that starts at `span`.
     pub fn new(
-        what: impl Into<String>,
+        description: impl Into<String>,
         table: &'a DeTable<'a>,
         span: Range<usize>,
         problems: &'a Problems<'a>,
     ) -> Fields<'a> {
-        Fields { what: what.into(), table, span, known: RefCell::new(Vec::new()), problems }
+        Fields { description: description.into(), table, span, known: RefCell::new(Vec::new()), problems }
     }
 
-    /// Description of the table, in words.
-    pub fn what(&self) -> &str {
-        &self.what
+    /// Name of the table in messages.
+    pub fn description(&self) -> &str {
+        &self.description
     }
 
-    /// Where the table is.
+    /// Span of the table in the text.
     pub fn span(&self) -> Range<usize> {
         self.span.clone()
     }
 
-    /// Is the key there? Marks it as known.
+    /// Whether the key exists; marks it as known.
     pub fn has(&self, key: &'static str) -> bool {
         self.raw(key).is_some()
     }
 
     /// Marks keys as known without reading them.
-    pub fn know(&self, keys: &[&'static str]) {
+    pub fn mark_known(&self, keys: &[&'static str]) {
         self.known.borrow_mut().extend(keys);
     }
 
-    /// The value of a key as parsed.
+    /// The parsed value of a key; marks it as known.
     pub fn raw(&self, key: &'static str) -> Option<&'a Spanned<DeValue<'a>>> {
         self.known.borrow_mut().push(key);
         self.table.get(key)
     }
 
-    /// Every key with its value, for tables whose keys are names.
+    /// All keys with their values, for tables with names as keys.
     pub fn entries(&self) -> impl Iterator<Item = (&'a str, &'a Spanned<DeValue<'a>>)> + use<'a> {
         self.table.iter().map(|(k, v)| (k.get_ref().as_ref(), v))
     }
 
-    /// The value of a name, in tables whose keys are names.
+    /// The value of a name, for tables with names as keys.
     pub fn entry(&self, name: &str) -> Option<&'a Spanned<DeValue<'a>>> {
         self.table.get(name)
     }
@@ -153,7 +158,7 @@ impl<'a> Fields<'a> {
         let value = self.raw(key)?;
         let found = read(value.get_ref());
         if found.is_none() {
-            self.problems.push(value.span(), format!("'{key}' of {} must be {expected}", self.what));
+            self.problems.push(value.span(), format!("'{key}' of {} must be {expected}", self.description));
         }
         found.map(|v| Located { value: v, span: value.span() })
     }
@@ -172,27 +177,29 @@ impl<'a> Fields<'a> {
             } else {
                 format!("from {} to {}", range.start, range.end)
             };
-            self.problems
-                .push(v.span, format!("'{key}' of {} is {}, but must be {limits}", self.what, v.value));
+            self.problems.push(
+                v.span,
+                format!("'{key}' of {} is {}, but must be {limits}", self.description, v.value),
+            );
             return default;
         }
         v.value
     }
 
-    /// A whole number from `least` to `most`, which may be below 0.
-    pub fn whole(&self, key: &'static str, least: i64, most: i64) -> Option<i64> {
-        let expected = format!("a whole number from {least} to {most}");
+    /// An integer from `min` to `max`.
+    pub fn integer(&self, key: &'static str, min: i64, max: i64) -> Option<i64> {
+        let expected = format!("a whole number from {min} to {max}");
         let read =
-            |v: &DeValue| number(v).filter(|x| x.fract() == 0.0 && *x >= least as f64 && *x <= most as f64);
+            |v: &DeValue| number(v).filter(|x| x.fract() == 0.0 && *x >= min as f64 && *x <= max as f64);
         self.typed(key, &expected, read).map(|v| v.value as i64)
     }
 
-    /// A whole number from `least` to `most`.
-    pub fn integer(&self, key: &'static str, least: u32, most: u32) -> Option<u32> {
-        self.whole(key, least.into(), most.into()).map(|n| n as u32)
+    /// A non-negative integer from `min` to `max`.
+    pub fn unsigned(&self, key: &'static str, min: u32, max: u32) -> Option<u32> {
+        self.integer(key, min.into(), max.into()).map(|n| n as u32)
     }
 
-    /// True or false.
+    /// A boolean.
     pub fn flag(&self, key: &'static str, default: bool) -> bool {
         self.typed(key, "true or false", DeValue::as_bool).map_or(default, |v| v.value)
     }
@@ -202,13 +209,13 @@ impl<'a> Fields<'a> {
         self.typed(key, "a string", DeValue::as_str)
     }
 
-    /// One of a few words.
+    /// The option named by a string.
     pub fn choice<T: Copy>(&self, key: &'static str, options: &[(&str, T)]) -> Option<T> {
         let word = self.string(key)?;
         let found = options.iter().find(|(name, _)| *name == word.value);
         if found.is_none() {
             let names: Vec<&str> = options.iter().map(|o| o.0).collect();
-            let message = format!("'{key}' of {} can't be '{}'", self.what, word.value);
+            let message = format!("'{key}' of {} can't be '{}'", self.description, word.value);
             self.problems.push_help(word.span, message, format!("one of: {}", names.join(", ")));
         }
         found.map(|o| o.1)
@@ -224,7 +231,7 @@ impl<'a> Fields<'a> {
         self.numbers::<3>(key).map(|v| Located { value: DVec3::from(v.value), span: v.span })
     }
 
-    /// A colour or radiance: three numbers from 0 up, or one for grey.
+    /// A colour or radiance: three non-negative numbers, or one for grey.
     pub fn color(&self, key: &'static str) -> Option<Located<[f32; 3]>> {
         self.typed(key, "a colour: three numbers, or one for grey, from 0 up", color)
     }
@@ -235,7 +242,7 @@ impl<'a> Fields<'a> {
         Some(Fields::new(format!("'{key}'"), v.value, v.span, self.problems))
     }
 
-    /// A table, or all tables of a list of them.
+    /// One table, or a list of tables.
     pub fn tables(&self, key: &'static str) -> Vec<Fields<'a>> {
         match self.raw(key).map(Spanned::get_ref) {
             Some(DeValue::Array(list)) => {
@@ -257,16 +264,16 @@ impl<'a> Fields<'a> {
         self.typed(key, "a list", |v| v.as_array().map(|a| &a[..])).map(|v| v.value)
     }
 
-    /// Reports a missing key.
+    /// Reports the key as missing if the table doesn't have it.
     pub fn require<T>(&self, key: &str, value: Option<T>) -> Option<T> {
         // A value of the wrong type was reported already.
         if value.is_none() && !self.table.contains_key(key) {
-            self.problems.push(self.span(), format!("{} needs '{key}'", self.what));
+            self.problems.push(self.span(), format!("{} needs '{key}'", self.description));
         }
         value
     }
 
-    /// Reports each key that was not read.
+    /// Reports all unknown keys.
     pub fn finish(&self) {
         let known = self.known.borrow();
         for (key, _) in self.table.iter() {
@@ -274,7 +281,7 @@ impl<'a> Fields<'a> {
             if known.contains(&name) {
                 continue;
             }
-            let message = format!("{} has no key '{name}'", self.what);
+            let message = format!("{} has no key '{name}'", self.description);
             match nearest(name, known.iter().copied()) {
                 Some(near) => self.problems.push_help(key.span(), message, format!("did you mean '{near}'?")),
                 None => {
@@ -314,8 +321,8 @@ pub(super) fn color(value: &DeValue) -> Option<[f32; 3]> {
     rgb.iter().all(|x| x.is_finite() && *x >= 0.0).then_some(rgb)
 }
 
-/// The table `[materials.NAME]` or `[textures.NAME]`, from the table of all materials or textures (`kind` in the singular). A
-/// problem at `span`, where the name is used, if it isn't there.
+/// The table `[materials.NAME]` or `[textures.NAME]` of `all`; `kind` is "material" or "texture". Reports a missing one at
+/// `span`, where the name is used.
 pub(super) fn named<'a>(
     all: Option<&Fields<'a>>,
     kind: &str,
@@ -335,7 +342,7 @@ pub(super) fn named<'a>(
     found
 }
 
-/// The name most like `name`, if any is close enough to be what was meant.
+/// The name nearest to `name` by edit distance, if near enough for a misspelling.
 pub(super) fn nearest<'n>(name: &str, names: impl Iterator<Item = &'n str>) -> Option<&'n str> {
     let limit = (name.chars().count() / 2).clamp(1, 4);
     names.map(|n| (strsim::osa_distance(name, n), n)).filter(|(d, _)| *d <= limit).min().map(|(_, n)| n)

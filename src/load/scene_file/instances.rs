@@ -1,6 +1,6 @@
-//! `instances` of `[[objects]]`: copies of an object at the transforms of a PLY file.
+//! `instances` of `[[objects]]`: instances of an object with the transforms of a PLY file.
 //!
-//! `mesh_keys` of objects: meshes that deform, by files with the same vertices at other frames.
+//! `mesh_keys` of objects: deforming meshes, from files with the same vertices at other frames.
 
 use super::assets::Assets;
 use super::builder::SceneFileBuilder;
@@ -12,28 +12,29 @@ use crate::load::{files, ply};
 use crate::math::{DAffine3, DMat3, DVec3, Vec3};
 use crate::sampling::hash::{hash32, unit};
 use crate::scene::{Instance, Keyframes, MeshId, Motion, ObjectInfo, Scene, Vertices};
-use ply::places::{Place, Places};
+use ply::point_instances::{PointInstance, PointInstances};
 use std::ops::Range;
 
 /// Maximum size of a file of transforms, bytes.
 const MAX_BYTES: u64 = 1 << 36;
 
-/// Reads the places of an object's copies; `None` without the key or after a problem.
-pub(super) fn read(build: &mut SceneFileBuilder, fields: &Fields, name: &str) -> Option<Vec<Place>> {
+/// Reads the instances of an object; `None` without the key or after a problem.
+pub(super) fn read(build: &mut SceneFileBuilder, fields: &Fields, name: &str) -> Option<Vec<PointInstance>> {
     let file = fields.string("instances")?;
     if fields.has("motion") {
-        let message = "copies at the places of a file don't move";
+        let message = "instances from a file can't have a 'motion'";
         fields.problems.push_help(file.span.clone(), message, "leave 'motion' or 'instances' out");
     }
     let path = build.readable_path(file.value, file.span.clone())?;
     build.options.files.note(&path);
     let read = files::read(&path, MAX_BYTES).and_then(|bytes| {
-        ply::places::read(&bytes, &build.options.counter).map_err(|p| format!("{}: {}", p.place, p.message))
+        ply::point_instances::read(&bytes, &build.options.counter)
+            .map_err(|p| format!("{}: {}", p.place, p.message))
     });
     match read {
-        Ok(Places { list, flat }) => {
+        Ok(PointInstances { list, flat }) => {
             if flat > 0 {
-                let message = format!("{flat} copies of '{name}' without an area were left out");
+                let message = format!("{flat} instances of '{name}' without an area were left out");
                 build.loaded.warnings.push(Warning::new(&path, "", message));
             }
             Some(list)
@@ -45,45 +46,51 @@ pub(super) fn read(build: &mut SceneFileBuilder, fields: &Fields, name: &str) ->
     }
 }
 
-/// Replaces what an object added to the scene, which had `[instances, quads, shapes]` before, by its copies.
+/// Replaces the instances and shapes of an object by copies for each point instance. `[instances, quads, shapes]` are the
+/// scene's counts before the object was added.
 pub(super) fn copy(
     build: &mut SceneFileBuilder,
     span: Range<usize>,
     [instances, quads, shapes]: [usize; 3],
-    places: &[Place],
+    points: &[PointInstance],
     assets: &mut Assets,
 ) {
     let scene = &mut build.loaded.scene;
     if scene.quads.len() > quads {
-        let message = "quads have no 'instances': take a triangle, a box or a mesh";
+        let message = "quads have no 'instances': use a triangle, a box or a mesh";
         return build.problems.push(span, message);
     }
     let own = scene.instances.split_off(instances);
-    assets.repeat_listed(instances, own.len(), places.len());
-    scene.instances.reserve(own.len() * places.len());
-    for (number, place) in places.iter().enumerate() {
+    assets.copy_listed_materials(instances, own.len(), points.len());
+    scene.instances.reserve(own.len() * points.len());
+    for (number, point) in points.iter().enumerate() {
         for instance in &own {
-            let copied = copied(scene, instance, number, place);
+            let copied = copied(scene, instance, number, point);
             scene.instances.push(copied);
         }
     }
     let own = scene.shapes.split_off(shapes);
-    scene.shapes.reserve(own.len() * places.len());
-    for (number, place) in places.iter().enumerate() {
+    scene.shapes.reserve(own.len() * points.len());
+    for (number, point) in points.iter().enumerate() {
         for shape in &own {
-            let Some(copy) = placed_shape(&place.world_from_object, shape.clone()) else {
-                let message = format!("the scale of copy {number} would bend a shape that stays round");
-                return build.problems.push_help(span, message, "scale copies of spheres and disks evenly");
+            let Some(copy) = placed_shape(&point.world_from_object, shape.clone()) else {
+                let message =
+                    format!("instance {number} has a non-uniform scale, but spheres and disks stay round");
+                return build.problems.push_help(
+                    span,
+                    message,
+                    "scale instances of spheres and disks uniformly",
+                );
             };
-            let info = info(&copy.info, number, place);
+            let info = info(&copy.info, number, point);
             scene.shapes.push(crate::scene::Shape { info, ..copy });
         }
     }
 }
 
-/// A copy of an instance at a place.
-fn copied(scene: &mut Scene, instance: &Instance, number: usize, place: &Place) -> Instance {
-    let moved = |key: &DAffine3| place.world_from_object * *key;
+/// A copy of an instance, transformed by a point instance.
+fn copied(scene: &mut Scene, instance: &Instance, number: usize, point: &PointInstance) -> Instance {
+    let moved = |key: &DAffine3| point.world_from_object * *key;
     let motion = match instance.motion {
         Motion::Keyed(key) => {
             let moving = scene.motion.instances[key as usize].map(moved);
@@ -93,22 +100,24 @@ fn copied(scene: &mut Scene, instance: &Instance, number: usize, place: &Place) 
         motion => motion,
     };
     let world_from_object = moved(&instance.world_from_object);
-    Instance { world_from_object, motion, info: info(&instance.info, number, place), ..instance.clone() }
+    Instance { world_from_object, motion, info: info(&instance.info, number, point), ..instance.clone() }
 }
 
-/// Attributes of a copy for node graphs: those of its transform in the file, else those of the object, and random numbers of its own.
-fn info(of_object: &ObjectInfo, number: usize, place: &Place) -> ObjectInfo {
+/// `object_info` outputs of a copy: those of the file, else those of the object; random numbers default to a hash of the
+/// instance's number.
+fn info(own: &ObjectInfo, number: usize, point: &PointInstance) -> ObjectInfo {
     ObjectInfo {
-        color: place.color.unwrap_or(of_object.color),
-        index: place.index.unwrap_or(of_object.index),
-        random: place.random.or(of_object.random).or_else(|| Some(unit(hash32(number as u32)))),
+        color: point.color.unwrap_or(own.color),
+        index: point.index.unwrap_or(own.index),
+        random: point.random.or(own.random).or_else(|| Some(unit(hash32(number as u32)))),
     }
 }
 
-/// The vertices of a mesh at frames, in the order of time.
+/// Shape keys of a mesh, sorted by frame.
 pub(super) struct MeshKeys {
+    /// Frame and vertices.
     keys: Vec<(f64, Vertices)>,
-    /// Frames and files of the table, to compare the keys of objects.
+    /// Frames and file names, to compare the keys of objects.
     label: String,
 }
 
@@ -125,30 +134,33 @@ impl MeshKeys {
         Some(MeshKeys { keys, label })
     }
 
-    /// Sets the vertices of a mesh to those at the picture's time and at the keys of the shutter interval, and adds the keys of the
-    /// transform that the instance of a deforming mesh needs.
+    /// Sets the vertices of a mesh at the frame's time and at the motion keys of the shutter interval. Returns the motion of
+    /// the instance: deforming meshes need transform keys, too.
     ///
     /// # Errors
     /// A message, if the number of vertices differs from the mesh's.
-    pub fn give(
+    pub fn apply(
         &self,
         build: &mut SceneFileBuilder,
         assets: &mut Assets,
-        (id, motion, place): (MeshId, Motion, DAffine3),
+        (id, motion, world_from_object): (MeshId, Motion, DAffine3),
     ) -> Result<Motion, String> {
         let mesh = &build.loaded.scene.meshes[id.index()];
         let count = (mesh.positions.len(), mesh.normals.len());
         for (frame, key) in &self.keys {
             let found = (key.positions.len(), key.normals.len());
             if found != count {
-                let what = |(positions, normals)| format!("{positions} vertices and {normals} normals");
-                let (found, own) = (what(found), what(count));
+                let counts = |(positions, normals)| format!("{positions} vertices and {normals} normals");
+                let (found, own) = (counts(found), counts(count));
                 return Err(format!("'mesh_keys' has {found} at frame {frame}, but the mesh has {own}"));
             }
         }
         let is_known = assets.has_mesh_keys(id, &self.label)?;
         let (now, shutter) = (build.frame(), build.shutter);
-        let still = Keyframes { keys: vec![place; 2], neighbours: shutter.vectors.then_some([place; 2]) };
+        let still = Keyframes {
+            keys: vec![world_from_object; 2],
+            neighbours: shutter.vectors.then_some([world_from_object; 2]),
+        };
         if !is_known {
             let (keys, _) = shutter.keys_for(&mut |frames| self.key_weights(now + frames));
             let keys: Vec<Vertices> = shutter.key_frames(keys).map(|f| self.at(now + f)).collect();
@@ -169,7 +181,7 @@ impl MeshKeys {
         Ok(Motion::Keyed(instances.len() as u32 - 1))
     }
 
-    /// The weight of each key at a frame, as shears, so that the tolerance of transforms applies to them.
+    /// The interpolation weight of each key at a frame, as a shear, so that the tolerance of transforms applies to it.
     fn key_weights(&self, frame: f64) -> Vec<DAffine3> {
         let (before, weight) = segment(&self.keys, frame);
         let weight = weight.unwrap_or(0.0);
@@ -182,7 +194,7 @@ impl MeshKeys {
         (0..self.keys.len()).map(|key| DAffine3::from_mat3(shear(of(key)))).collect()
     }
 
-    /// The vertices at a frame.
+    /// The interpolated vertices at a frame.
     fn at(&self, frame: f64) -> Vertices {
         let (before, weight) = segment(&self.keys, frame);
         let from = &self.keys[before].1;

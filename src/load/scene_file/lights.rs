@@ -1,37 +1,37 @@
-//! `[[lights]]`: each has exactly one shape, and optionally a `name`, a `color` (1, 1, 1), a `group`, whose
-//! light `--light-groups` keeps apart, a `motion` (see there), `visible_to_camera` and `obstacle` (both true), and
-//! `visible_to`, the kinds of rays that it lights and that see it, as for objects (all), `light_link` and `shadow_link` (below).
+//! `[[lights]]`: each has exactly one shape, and optionally a `name`, a `color` (1, 1, 1), a light `group` (rendered separately by
+//! `--light-groups`), a `motion` (see there), `visible_to_camera` and `obstacle` (both true),
+//! `visible_to`, the kinds of rays that it lights and that hit it, as for objects (all), `light_link` and `shadow_link` (below).
 //!
 //! | Shape | Value |
 //! |---|---|
-//! | `area` | `{ center, target or direction, up = [0, 1, 0], size = [width, height], shape = "rectangle", spread = 180, image, power or radiance }`: a rectangle, or an `"ellipse"` of that size, that emits light from its front, which faces the target; height is along `up`, or -z where the light emits along `up`. `spread` is the full angle in degrees of its beam, as slats in front of it would leave; the power stays. `image` is a file that covers the light, upright as seen from in front of it, and multiplies its radiance (power is that of a white one) |
+//! | `area` | `{ center, target or direction, up = [0, 1, 0], size = [width, height], shape = "rectangle", spread = 180, image, power or radiance }`: a rectangle, or an `"ellipse"` of that size, that emits from its front, towards the target; height is along `up`, or -z if the light emits along `up`. `spread` is the full beam angle in degrees, as of a grid in front of it, at the same power. `image` is a texture over the light, upright as seen from its front, that multiplies its radiance (`power` is that of a white image) |
 //! | `point` | `{ position, radius = 0, soft_falloff = false, power or intensity }`: a sphere, if it has a radius; with `ies`, see below |
-//! | `spot` | `{ position, target or direction, angle = 45, blend = 0.15, radius = 0, soft_falloff = false, power or intensity }`: a cone of the full angle, which fades over the outer share `blend` of it; with `ies`, see below |
-//! | `sun` | `{ direction, angle = 0, irradiance }`: parallel light that travels that way, or that of a disk of a diameter of `angle` degrees, infinitely far away |
+//! | `spot` | `{ position, target or direction, angle = 45, blend = 0.15, radius = 0, soft_falloff = false, power or intensity }`: a cone of the full angle, which fades over the outer fraction `blend` of it; with `ies`, see below |
+//! | `sun` | `{ direction, angle = 0, irradiance }`: light that travels in `direction`, from infinity: parallel, or from a disk of `angle` degrees diameter |
 //!
-//! With `soft_falloff` a light with a radius r is a disk that faces whatever it lights, so that what is near it, or in it, is lit more
-//! softly: at a distance d it gives d^2 / (d^2 + r^2) of what a sphere gives. Blender's points and spots are so, unless that is switched
-//! off. Such lights stop no rays.
+//! With `soft_falloff` a light of radius r is a disk that faces each shading point, with a softer falloff near and inside it:
+//! at a distance d its irradiance is d^2 / (d^2 + r^2) of a sphere's. This is the default of Blender's point and spot lights. Such
+//! lights don't occlude rays.
 //!
-//! `ies = "lamp.ies"` gives points and spots the profile of a luminaire (IES LM-63, photometry of type C; the path is relative to
-//! this file); with a radius each point of the sphere emits so, and shadows are soft. It emits along `direction` or to `target`, points without either down, and `turn`
-//! turns it about that way by so many degrees; a spot's cone cuts it. Horizontal angles turn counter-clockwise as seen from behind
-//! the light, with `clockwise = true` the other way, as Cycles has them. Without `power` and `intensity` it is as bright as the file says
-//! (candela times its factors, by 683 lm/W), times `strength`; `intensity` is that of its brightest direction, `power` that of all
-//! directions together, before a cone cuts it.
+//! `ies = "lamp.ies"` gives points and spots the profile of a luminaire (IES LM-63, type C photometry; the path is relative to
+//! this file); with a radius each point of the sphere emits with that profile, and shadows are soft. The axis is along `direction` or towards `target`, by default down for points; `turn`
+//! rotates the profile about the axis, degrees; a spot's cone masks it. Horizontal angles are counter-clockwise as seen from behind
+//! the light, with `clockwise = true` clockwise, as in Cycles. By default the intensity is that of the file
+//! (candela times its factors, at 683 lm/W) times `strength`; `intensity` sets the maximum over all directions, `power` the total
+//! power without the cone.
 //!
-//! Beside a model, `node = "NAME"` stands for position, centre and direction: the light takes the place of an empty node of
-//! the model, and of area lights the scale, as Blender exports its lights; it emits along the node's -z, and moves along with
-//! the node while the shutter is open.
+//! In a sidecar, `node = "NAME"` replaces position, centre and direction: the light is placed at an empty node of
+//! the model, and area lights are scaled by it, as Blender exports its lights; it emits along the node's -z, and follows the
+//! node's motion.
 //!
-//! An entry with a `name` and none of these changes the lights of that name that the model has, or that come before it: `color`, and by the kind of
-//! light `radiance` (area lights, and others with a radius), `intensity` (points and spots) or `irradiance` (suns).
+//! An entry with a `name` and without a shape changes the lights of that name, of the model or of previous entries: `color`, and by light type
+//! `radiance` (area lights, and others with a radius), `intensity` (points and spots) or `irradiance` (suns).
 //!
 //! Power is in watts of the visible spectrum: an area light of area A has the radiance P / (pi A), a point the intensity
-//! P / (4 pi), and so has a spot of the same power, as in Blender. Radiance is in W/sr/m2, intensity in W/sr,
-//! irradiance in W/m2 across the light. Area lights, and points and spots with a radius, are surfaces. With
-//! `visible_to_camera = false` the camera looks through them, and with `obstacle = false` they stop no light: rays pass and
-//! take theirs along once, and spheres light what is within them. Blender's are so. All other lights have no surface; mirrors show suns with an angle.
+//! P / (4 pi), and a spot of the same power, too, as in Blender. Radiance is in W/sr/m2, intensity in W/sr,
+//! irradiance in W/m2, perpendicular to the light. Area lights, and points and spots with a radius, are surfaces. With
+//! `visible_to_camera = false` camera rays pass through them. With `obstacle = false`, as in Blender, all rays pass through them and
+//! add their radiance once, and spheres also emit inwards. All other lights have no surface, but suns with an angle are visible in mirrors.
 
 use super::builder::SceneFileBuilder;
 use super::fields::{Fields, nearest};
@@ -83,7 +83,7 @@ pub(super) fn read(build: &mut SceneFileBuilder, root: &Fields) {
             [shape] => {
                 if let Some(shape_fields) = fields.table(shape) {
                     if moved.is_some() && shape_fields.has("node") {
-                        let message = "a light at a node moves along with it: leave 'motion' out";
+                        let message = "a light at a node follows its motion: leave 'motion' out";
                         fields.problems.push(shape_fields.span(), message);
                     }
                     add(
@@ -104,52 +104,51 @@ pub(super) fn read(build: &mut SceneFileBuilder, root: &Fields) {
     }
 }
 
-/// Changes the lights of a name that are there already.
+/// Changes existing lights of a name.
 fn change(build: &mut SceneFileBuilder, fields: &Fields) {
     let color = fields.color("color").map(|c| c.value);
     let strengths =
         ["radiance", "intensity", "irradiance"].map(|key| positive(fields, key).map(|v| v as f32));
-    // Of a shape that is written otherwise.
-    fields.know(&SHAPES);
+    fields.mark_known(&SHAPES);
     if let Some(name) = fields.string("name")
         && !change_all(&mut build.loaded.scene, name.value, strengths, color)
     {
         let scene = &build.loaded.scene;
         let surfaces = scene.materials.iter().filter(|material| material.is_light).map(|m| m.name.as_str());
         let names = scene.lights.iter().map(|light| light.name.as_str()).chain(surfaces);
-        let message = format!("there is no light '{}' that could be changed", name.value);
+        let message = format!("there is no light '{}' to change", name.value);
         let help = match nearest(name.value, names) {
             Some(near) => format!("did you mean '{near}'?"),
-            None => format!("a new light has one of {}", SHAPES.join(", ")),
+            None => format!("a new light needs one of {}", SHAPES.join(", ")),
         };
         fields.problems.push_help(name.span, message, help);
     }
     fields.finish();
 }
 
-/// Changes all lights of a name. Returns whether there are any.
+/// Changes all lights of a name; false if there are none.
 fn change_all(
     scene: &mut Scene,
     name: &str,
     [radiance, intensity, irradiance]: [Option<f32>; 3],
     color: Option<[f32; 3]>,
 ) -> bool {
-    let mut has_some = false;
+    let mut has_any = false;
     for light in scene.lights.iter_mut().filter(|light| light.name == name) {
         let strength = if light.kind.position().is_some() { intensity } else { irradiance };
         light.intensity = changed(light.intensity, strength, color);
-        has_some = true;
+        has_any = true;
     }
     for material in scene.materials.iter_mut().filter(|m| m.is_light && m.name == name) {
         if let Some(emission) = &mut material.emission {
             emission.radiance.factor = changed(emission.radiance.factor, radiance, color);
-            has_some = true;
+            has_any = true;
         }
     }
-    has_some
+    has_any
 }
 
-/// A light's colour with another largest component, another hue, or both.
+/// Replaces the largest component of a light's colour, its hue, or both.
 fn changed(own: [f32; 3], strength: Option<f32>, color: Option<[f32; 3]>) -> [f32; 3] {
     let largest = own.into_iter().fold(0.0, f32::max);
     let hue = color.unwrap_or(if largest > 0.0 { own.map(|v| v / largest) } else { [1.0; 3] });
@@ -175,7 +174,7 @@ fn add_local(build: &mut SceneFileBuilder, is_spot: bool, fields: &Fields, trait
         let angle_rad = fields.number_in("angle", 0.1..180.0, 45.0).to_radians();
         let blend = fields.number_in("blend", 0.0..1.0, 0.15);
         let outer_angle_rad = angle_rad / 2.0;
-        // An edge of no width has no slope.
+        // Smoothstep needs a range above 0.
         let inner_angle_rad = outer_angle_rad * (1.0 - blend).min(0.9999);
         let direction = match &node {
             Some(node) => node.as_ref().map(|n| n.now.direction),
@@ -188,16 +187,16 @@ fn add_local(build: &mut SceneFileBuilder, is_spot: bool, fields: &Fields, trait
         return add_profiled(build, fields, traits, (position, node), cone);
     }
     let radius = fields.number_in("radius", 0.0..1e9, 0.0);
-    let given = position.map(|position| {
+    let placement = position.map(|position| {
         let axis = cone.flatten().map_or(DVec3::Y, |(axis, ..)| axis);
         MovingPlacement {
-            now: Placement::of_axis(position, axis),
+            now: Placement::along_axis(position, axis),
             motion: node.flatten().and_then(|n| n.motion),
         }
     });
-    let given = given.map(|given| given.moved(traits.moved.as_ref()));
+    let placement = placement.map(|placement| placement.moved(traits.moved.as_ref()));
     let intensity = strength(fields, "intensity", 1.0 / (4.0 * PI));
-    let (Some(MovingPlacement { now, motion }), Some(intensity)) = (given, intensity) else { return };
+    let (Some(MovingPlacement { now, motion }), Some(intensity)) = (placement, intensity) else { return };
     let (position, direction) = (now.center, now.direction);
     let (kind, beam) = match cone {
         None => (LightKind::Point { position }, Beam::Even),
@@ -209,13 +208,13 @@ fn add_local(build: &mut SceneFileBuilder, is_spot: bool, fields: &Fields, trait
     };
     let is_soft = fields.flag("soft_falloff", false);
     if radius > 0.0 {
-        // A ball of a radiance has the intensity of the disk that it looks like.
+        // A sphere has the intensity of its projected disk: radiance times pi r^2.
         let radiance = intensity / (PI * radius * radius);
-        let motion = motion.map(|moving| ball_motion(build, &traits.name, position, &beam, &moving));
+        let motion = motion.map(|moving| shape_motion(build, &traits.name, position, &beam, &moving));
         return add_surface(
             build,
             (
-                Surface::Ball { position, radius, kind: ball_kind(is_soft, traits.emitter.is_obstacle) },
+                Surface::Shape { position, radius, kind: shape_kind(is_soft, traits.emitter.is_obstacle) },
                 motion,
             ),
             traits,
@@ -250,20 +249,21 @@ fn add_profiled(
     let radius = fields.number_in("radius", 0.0..1e9, 0.0);
     let is_soft = fields.flag("soft_falloff", false);
     let (Some(rotation), Some((profile, intensity))) = (rotation, profile) else { return };
-    let mut kind = turned(local, center, rotation);
+    let mut kind = rotated(local, center, rotation);
     let motion = node.and_then(|node| node.motion.as_ref());
     let mut motion = motion.map(|moving| moving.map(|then| at(local, then)));
     if let Some(moved) = &traits.moved {
         kind = transformed(kind, &moved.at_time);
-        motion = moved.onwards.as_ref().map(|onwards| onwards.map(|by| transformed(kind, by)));
+        motion =
+            moved.relative_keys.as_ref().map(|relative_keys| relative_keys.map(|by| transformed(kind, by)));
     }
     match kind {
         LightKind::Profiled { position, rotation, cone } if radius > 0.0 => {
-            let motion = motion.map(|moving| profile_ball_motion(build, &traits.name, &kind, &moving));
+            let motion = motion.map(|moving| profiled_shape_motion(build, &traits.name, &kind, &moving));
             let beam = Beam::Profile { profile: build.loaded.scene.add_profile(profile), rotation, cone };
             let radiance = intensity / (PI * radius * radius);
-            let kind = ball_kind(is_soft, traits.emitter.is_obstacle);
-            let surface = Surface::Ball { position, radius, kind };
+            let kind = shape_kind(is_soft, traits.emitter.is_obstacle);
+            let surface = Surface::Shape { position, radius, kind };
             add_surface(build, (surface, motion), traits, beam, (radiance, None));
         }
         _ => push(build, traits, (kind, motion), intensity, Some(profile)),
@@ -279,11 +279,12 @@ fn add_sun(build: &mut SceneFileBuilder, fields: &Fields, traits: LightTraits) {
     let angle_rad = fields.number_in("angle", 0.0..180.0, 0.0).to_radians();
     let irradiance = fields.require("irradiance", positive(fields, "irradiance"));
     let motion = node.flatten().and_then(|node| node.motion);
-    let given = direction.map(|way| MovingPlacement { now: Placement::of_axis(DVec3::ZERO, way), motion });
-    let given = given.map(|given| given.moved(traits.moved.as_ref()));
-    if let (Some(MovingPlacement { now, motion }), Some(irradiance)) = (given, irradiance) {
+    let placement =
+        direction.map(|axis| MovingPlacement { now: Placement::along_axis(DVec3::ZERO, axis), motion });
+    let placement = placement.map(|placement| placement.moved(traits.moved.as_ref()));
+    if let (Some(MovingPlacement { now, motion }), Some(irradiance)) = (placement, irradiance) {
         let direction = now.direction;
-        // Smaller ones are points.
+        // Smaller suns are delta lights.
         let kind = match angle_rad > 1e-5 {
             true => LightKind::Sun { direction, angle_rad },
             false => LightKind::Directional { direction },
@@ -293,22 +294,22 @@ fn add_sun(build: &mut SceneFileBuilder, fields: &Fields, traits: LightTraits) {
     }
 }
 
-/// A kind of light at another place.
-fn at(mut kind: LightKind, place: &Placement) -> LightKind {
+/// A light at another placement.
+fn at(mut kind: LightKind, placement: &Placement) -> LightKind {
     match &mut kind {
-        LightKind::Point { position } => *position = place.center,
+        LightKind::Point { position } => *position = placement.center,
         LightKind::Spot { position, direction, .. } => {
-            (*position, *direction) = (place.center, place.direction);
+            (*position, *direction) = (placement.center, placement.direction);
         }
-        LightKind::Profiled { .. } => return turned(kind, place.center, rotation(place)),
+        LightKind::Profiled { .. } => return rotated(kind, placement.center, rotation(placement)),
         LightKind::Directional { direction } | LightKind::Sun { direction, .. } => {
-            *direction = place.direction;
+            *direction = placement.direction;
         }
     }
     kind
 }
 
-/// A light with a profile that a motion without scales moves.
+/// A profiled light after a rigid motion.
 fn transformed(mut kind: LightKind, by: &DAffine3) -> LightKind {
     if let LightKind::Profiled { position, rotation, .. } = &mut kind {
         *position = by.transform_point3(*position);
@@ -317,8 +318,8 @@ fn transformed(mut kind: LightKind, by: &DAffine3) -> LightKind {
     kind
 }
 
-/// A light with a profile that emits light along -z, turned and moved.
-fn turned(mut kind: LightKind, center: DVec3, by: DQuat) -> LightKind {
+/// A profiled light rotated from its axis -z, at `center`.
+fn rotated(mut kind: LightKind, center: DVec3, by: DQuat) -> LightKind {
     if let LightKind::Profiled { position, rotation, .. } = &mut kind {
         (*position, *rotation) = (center, (by * *rotation).normalize());
     }
@@ -347,21 +348,22 @@ fn push(
     });
 }
 
-/// Largest spread, degrees, that is a beam: beyond, and by default, light goes everywhere.
+/// Maximum spread of a beam, degrees; wider spreads, and the default, are diffuse emission.
 const WIDEST_BEAM: f64 = 179.9;
 
 /// The surface of a light.
 pub(super) enum Surface {
-    /// A parallelogram that emits towards edge_u x edge_v.
+    /// Emits along edge_u x edge_v.
     Rectangle { corner: DVec3, edge_u: DVec3, edge_v: DVec3 },
-    /// An ellipse by its half axes that emits towards their cross product.
+    /// Ellipse with semi-axes axis_u and axis_v that emits along axis_u x axis_v.
     Ellipse { center: DVec3, axis_u: DVec3, axis_v: DVec3 },
-    /// A sphere, a shell or a disk that faces what it lights.
-    Ball { position: DVec3, radius: f64, kind: ShapeKind },
+    /// A sphere, a shell or a disk that faces the receiver.
+    Shape { position: DVec3, radius: f64, kind: ShapeKind },
 }
 
-/// The shape of a light with a radius: a disk that faces the receiver if it has a soft falloff; shells, which rays pass, also emit inwards.
-pub(super) fn ball_kind(is_soft: bool, is_obstacle: bool) -> ShapeKind {
+/// The shape of a light with a radius: a disk that faces the receiver if it has a soft falloff, else a sphere, or a shell
+/// that rays pass and that also emits inwards.
+pub(super) fn shape_kind(is_soft: bool, is_obstacle: bool) -> ShapeKind {
     match is_obstacle {
         _ if is_soft => ShapeKind::FacingDisk,
         true => ShapeKind::Sphere,
@@ -371,7 +373,7 @@ pub(super) fn ball_kind(is_soft: bool, is_obstacle: bool) -> ShapeKind {
 
 /// Adds an area light.
 pub(super) fn add_area(build: &mut SceneFileBuilder, fields: &Fields, traits: LightTraits) {
-    fields.know(&["power", "radiance"]);
+    fields.mark_known(&["power", "radiance"]);
     let size = fields.require("size", fields.numbers::<2>("size"));
     let is_ellipse = fields.choice("shape", &[("rectangle", false), ("ellipse", true)]).unwrap_or(false);
     let spread = fields.number_in("spread", 0.1..180.0, 180.0);
@@ -401,8 +403,7 @@ pub(super) fn add_area(build: &mut SceneFileBuilder, fields: &Fields, traits: Li
     add_surface(build, (surface, motion), traits, beam, (radiance, picture));
 }
 
-/// A picture that covers a light, upright for who looks at it. Rows of images go along v of rectangles, which runs upwards; disks have
-/// their own coordinates.
+/// The image of an area light as a texture, upright as seen from its front: v of rectangles runs upwards and is flipped.
 fn picture(
     build: &mut SceneFileBuilder,
     image: fields::Located<&str>,
@@ -422,9 +423,9 @@ fn picture(
     }))
 }
 
-/// The motion of a sphere relative to the picture's time. A rotating cone would be another beam at each time: it is warned
-/// about.
-pub(super) fn ball_motion(
+/// The motion of a light with a radius, relative to the frame's time. Rotating spot cones aren't supported and cause a
+/// warning.
+pub(super) fn shape_motion(
     build: &mut SceneFileBuilder,
     name: &str,
     position: DVec3,
@@ -434,13 +435,15 @@ pub(super) fn ball_motion(
     if let Beam::Cone { direction, .. } = beam
         && moving.all().any(|then| then.direction.distance(*direction) > 1e-6)
     {
-        let message = "the cone of a spot with a radius doesn't turn while the shutter is open: with radius = 0 it does";
+        let message =
+            "the cone of a spot with a radius doesn't rotate during the shutter interval: use radius = 0";
         build.loaded.warnings.push(Warning::new(build.file, name, message));
     }
     moving.map(|then| DAffine3::from_translation(then.center - position))
 }
 
-/// Adds a light with a surface of a radiance, times a picture if it has one, which may move on from where it is.
+/// Adds a light with a surface: `motion` is relative to the frame's time, `radiance` in W/sr/m2 is multiplied by the texture
+/// `picture`.
 fn add_surface(
     build: &mut SceneFileBuilder,
     (surface, motion): (Surface, Option<Keyframes<DAffine3>>),
@@ -453,10 +456,9 @@ fn add_surface(
     build.loaded.has_area_lights = true;
     let scene = &mut build.loaded.scene;
     let material = MaterialId(scene.materials.len() as u32);
-    let is_ball = |of| matches!(surface, Surface::Ball { kind, .. } if kind == of);
-    // A rotation has no effect on it.
-    let is_obstacle = emitter_traits.is_obstacle && !is_ball(ShapeKind::FacingDisk);
-    let emits_inwards = is_ball(ShapeKind::Shell);
+    let is_shape = |of| matches!(surface, Surface::Shape { kind, .. } if kind == of);
+    let is_obstacle = emitter_traits.is_obstacle && !is_shape(ShapeKind::FacingDisk);
+    let emits_inwards = is_shape(ShapeKind::Shell);
     let mut emitter = Material::emitter(&name, color.map(|c| c * radiance as f32), emits_inwards);
     if let Some(emission) = &mut emitter.emission {
         emission.radiance.texture = picture;
@@ -470,19 +472,19 @@ fn add_surface(
             scene.motion.quads.extend(motion.map(|moving| (scene.quads.len(), moving)));
             scene.quads.push(Quad { name, traits, ..Quad::new(corner, edge_u, edge_v, material) });
         }
-        Surface::Ball { position, radius, kind } => {
+        Surface::Shape { position, radius, kind } => {
             scene.motion.shapes.extend(motion.map(|moving| (scene.shapes.len(), moving)));
             scene.shapes.push(Shape { name, kind, traits, ..Shape::sphere(position, radius, material) });
         }
         Surface::Ellipse { center, axis_u, axis_v } => {
             let (u, v) = (axis_u.length(), axis_v.length());
-            // Rays to lights find no disks that move.
+            // Shadow rays don't support moving disks.
             if (u - v).abs() <= 1e-6 * u && motion.is_none() {
                 let normal = axis_u.cross(axis_v).normalize_or_zero();
                 let disk = Shape::disk(center, normal, u, material);
-                let turned = DMat3::from_cols(axis_u / u, normal.cross(axis_u / u), normal);
+                let axes = DMat3::from_cols(axis_u / u, normal.cross(axis_u / u), normal);
                 let rotation =
-                    if picture.is_some() { DQuat::from_mat3(&turned).normalize() } else { disk.rotation };
+                    if picture.is_some() { DQuat::from_mat3(&axes).normalize() } else { disk.rotation };
                 scene.shapes.push(Shape { name, rotation, traits, ..disk });
                 return;
             }
@@ -503,10 +505,10 @@ fn add_surface(
     }
 }
 
-/// Heights at which the mean of a profile is taken.
+/// Number of cos(theta) steps for the mean of a profile.
 const STEPS: u32 = 256;
 
-/// The profile of a light, with its largest value 1, and the intensity that this is, W/sr; `None` if it has problems.
+/// The profile of a light normalized to a maximum of 1, and its maximum intensity, W/sr; `None` after a reported problem.
 fn read_profile(build: &SceneFileBuilder, fields: &Fields) -> Option<(Arc<LightProfile>, f64)> {
     let file = fields.string("ies")?;
     let path = build.readable_path(file.value, file.span.clone())?;
@@ -519,12 +521,12 @@ fn read_profile(build: &SceneFileBuilder, fields: &Fields) -> Option<(Arc<LightP
             None
         }
     };
-    // Read in any case: what is asked for is known.
+    // Read before any return, so that the keys are known.
     let photometric = (positive(fields, "power"), positive(fields, "intensity"));
     let strength = positive(fields, "strength");
     if strength.is_some() && photometric != (None, None) {
         let message =
-            "'strength' is a factor on what the 'ies' file says, which 'power' and 'intensity' replace";
+            "'strength' scales the intensity of the 'ies' file, which 'power' and 'intensity' replace";
         fields.problems.push(fields.span(), message);
     }
     let is_clockwise = fields.flag("clockwise", false);
@@ -535,7 +537,7 @@ fn read_profile(build: &SceneFileBuilder, fields: &Fields) -> Option<(Arc<LightP
         (Some(power), None) => power / (4.0 * PI * f64::from(profile.mean(STEPS)).max(1e-9)),
         (None, Some(intensity)) => intensity,
         (Some(_), Some(_)) => {
-            let message = "the light takes either 'power' or 'intensity', or neither with 'ies'";
+            let message = "'power' and 'intensity' exclude each other: leave one out, or with 'ies' both";
             fields.problems.push(fields.span(), message);
             return None;
         }
@@ -543,33 +545,34 @@ fn read_profile(build: &SceneFileBuilder, fields: &Fields) -> Option<(Arc<LightP
     Some((Arc::new(profile), intensity))
 }
 
-/// The light in local space, where it emits along -z. A spot's cone is given by its half angles.
+/// A profiled light in local space, with axis -z; `cone`: inner and outer half angle of a spot, radians.
 pub(super) fn local(fields: &Fields, cone: Option<[f64; 2]>) -> LightKind {
     let turn_rad = fields.number_in("turn", -360.0..360.0, 0.0).to_radians();
     LightKind::Profiled { position: DVec3::ZERO, rotation: DQuat::from_rotation_z(turn_rad), cone }
 }
 
-/// How a ball with a profile moves on from where it is at the picture's time. One that turns would have another beam at each
-/// time: it is warned about.
-pub(super) fn profile_ball_motion(
+/// The motion of a profiled light with a radius, relative to the frame's time. Rotating profiles aren't supported and cause
+/// a warning.
+pub(super) fn profiled_shape_motion(
     build: &mut SceneFileBuilder,
     name: &str,
     now: &LightKind,
     moving: &Keyframes<LightKind>,
 ) -> Keyframes<DAffine3> {
-    let place = |kind: &LightKind| match *kind {
+    let pose = |kind: &LightKind| match *kind {
         LightKind::Profiled { position, rotation, .. } => (position, rotation),
         _ => (DVec3::ZERO, DQuat::IDENTITY),
     };
-    let (from, turn) = place(now);
-    if moving.all().any(|then| place(then).1.dot(turn).abs() < 1.0 - 1e-9) {
-        let message = "the profile of a light with a radius doesn't turn while the shutter is open: with radius = 0 it does";
+    let (from, rotation) = pose(now);
+    if moving.all().any(|then| pose(then).1.dot(rotation).abs() < 1.0 - 1e-9) {
+        let message =
+            "the profile of a light with a radius doesn't rotate during the shutter interval: use radius = 0";
         build.loaded.warnings.push(Warning::new(build.file, name, message));
     }
-    moving.map(|then| DAffine3::from_translation(place(then).0 - from))
+    moving.map(|then| DAffine3::from_translation(pose(then).0 - from))
 }
 
-/// The rotation of a light at a position with an axis. Point lights face down by default.
+/// The rotation from -z to a light's axis; by default the keys `target` or `direction`, else down.
 pub(super) fn aimed(fields: &Fields, position: DVec3, axis: Option<DVec3>) -> Option<DQuat> {
     let is_aimed = fields.has("target") || fields.has("direction");
     let axis = match axis {
@@ -579,8 +582,8 @@ pub(super) fn aimed(fields: &Fields, position: DVec3, axis: Option<DVec3>) -> Op
     Some(DQuat::from_rotation_arc(DVec3::NEG_Z, axis))
 }
 
-/// The rotation of a placement applied to -z.
-pub(super) fn rotation(place: &Placement) -> DQuat {
-    let back = -place.direction;
-    DQuat::from_mat3(&DMat3::from_cols(place.right, back.cross(place.right), back)).normalize()
+/// The rotation from -z and x to a placement's direction and right.
+pub(super) fn rotation(placement: &Placement) -> DQuat {
+    let back = -placement.direction;
+    DQuat::from_mat3(&DMat3::from_cols(placement.right, back.cross(placement.right), back)).normalize()
 }

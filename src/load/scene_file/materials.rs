@@ -1,73 +1,71 @@
-//! `[materials.NAME]`, each with a `type`; read when something refers to it. Colours are constants or names of textures.
+//! `[materials.NAME]`, each with a `type`; unused ones are not loaded. Colours are constants or names of textures.
 //!
 //! | `type` | Keys |
 //! |---|---|
 //! | `"lambert"` | `color` (0.8) |
 //! | `"oren-nayar"` | `color` (0.8), `roughness` 0 to 1 (1) |
 //! | `"phong"` | `diffuse` (0.5), `specular` (0.5), `exponent` from 0 (30) |
-//! | `"beckmann"` | `color` (0.8), `roughness` 0 to 1 (0.2): facets whose slopes are normally distributed, of the same reflectance at all angles, as in older files of Blender |
-//! | `"velvet"` | `color` (0.8), `deviation` 0.01 to 1 (0.5): Ashikhmin's, as in older files of Blender; `sheen_color` of `"pbr"` has a better model |
-//! | `"toon"`, `"toon-highlight"` | `color` (0.8), `size` (0.5), `smooth` (0): light from within `size` right angles of the normal, or of the mirror direction, counts alike and fades out over `smooth` right angles more |
+//! | `"beckmann"` | `color` (0.8), `roughness` 0 to 1 (0.2): Beckmann microfacets without Fresnel, as in older files of Blender |
+//! | `"velvet"` | `color` (0.8), `deviation` 0.01 to 1 (0.5): Ashikhmin velvet, as in older files of Blender; prefer `sheen_color` of `"pbr"` |
+//! | `"toon"`, `"toon-highlight"` | `color` (0.8), `size` (0.5), `smooth` (0): a constant lobe within `size` right angles of the normal, or of the mirror direction, that fades out over another `smooth` right angles |
 //! | `"metal"` | `color` (0.8) or the `name` of a metal, `fuzz` or `roughness`, both 0 to 1 (0) |
-//! | `"dielectric"` | `ior` (1.5; 1 is air, for bubbles in glass; below 1: of the inside over what is around), `fresnel` = `exact` or `schlick`, `tint` (1), `roughness` 0 to 1 (0), `thin` (false), `medium` within (see `media`) |
-//! | `"medium"` | no surface, only what is within: `density`, `color`, `anisotropy`, `emission`, `nodes`, `resolution`, `grid`, `grid_name`, `emission_grid`, `temperature_grid`, `temperature`, `temperature_law`, `up`, `min`, `max`, `transform`, see `media` |
+//! | `"dielectric"` | `ior` (1.5; 1 is air, for bubbles in glass; below 1: index of the inside relative to the outside), `fresnel` = `exact` or `schlick`, `tint` (1), `roughness` 0 to 1 (0), `thin` (false), interior `medium` (see `media`) |
+//! | `"medium"` | a medium without a surface: `density`, `color`, `anisotropy`, `emission`, `nodes`, `resolution`, `grid`, `grid_name`, `emission_grid`, `temperature_grid`, `temperature`, `temperature_law`, `up`, `min`, `max`, `transform`, see `media` |
 //! | `"hair"` | see `hair`, for `[[curves]]` |
 //! | `"emissive"` | `radiance` (required), `two_sided` (false) |
 //! | `"pbr"` | the keys of the table below |
-//! | `"mix"` | `components`, a list of `{ material = "NAME", weight = 0.5 }`: other materials of the file, without emission and alpha, and the factors on what they scatter: numbers, colours or names of textures |
-//! | `"nodes"` | `nodes`, a table of Blender's shader nodes by name, and `surface`, the shader among them that the surface has; `volume` (false): light that passes enters a solid, which a `medium` may fill; `bumps`, the output that gives the normal with the bumps of a displacement; `up` = `"z"` where vectors of the world are Blender's. The guide has a section on materials of nodes |
+//! | `"mix"` | `components`, a list of `{ material = "NAME", weight = 0.5 }`: other materials of the file, without emission and alpha, and their weights: numbers, colours or names of textures |
+//! | `"nodes"` | `nodes`, a table of Blender's shader nodes by name, and `surface`, the name of the output shader; `volume` (false): the surface bounds a solid, which a `medium` may fill; `bumps`, the output with the bump-mapped normal of a displacement; `up` = `"z"` for world vectors in Blender's axes. The guide has a section on materials of nodes |
 //!
-//! Those that may be emissive, `"emissive"` and `"pbr"`, may have a `light_group`, whose light `--light-groups` keeps apart.
+//! Emissive types, `"emissive"`, `"pbr"`, `"mix"` and `"nodes"`, may have a `light_group`, rendered separately by `--light-groups`.
 //!
-//! Those with an inside, `"dielectric"`, `"medium"` and `"pbr"`, may have a `priority`, a whole number (0). Where solids overlap, the
-//! one of the highest priority counts: glass of priority 1 around a liquid that reaches into its wall ends where the glass says. Among
-//! equals the one that light entered last counts, so that ice in water and air in glass need none.
+//! Types with an inside, `"dielectric"`, `"medium"`, `"pbr"` and `"nodes"`, may have a `priority`, a whole number (0), for nested dielectrics: where solids overlap,
+//! the one with the highest priority counts, so that a glass of priority 1 keeps its inner surface where the liquid overlaps its wall. Among
+//! equal priorities the solid entered last counts, so that ice in water and air in glass need none.
 //!
-//! Metals by name, in `type = "metal"`: `name = "gold"` in place of a colour.
+//! `type = "metal"` with `name = "gold"` instead of a colour has measured indices of refraction of aluminium, beryllium, chromium, copper,
+//! gold, iridium, molybdenum, niobium, rhodium, silver, tantalum, titanium-nitride or tungsten.
 //!
-//! Known are aluminium, beryllium, chromium, copper, gold, iridium, molybdenum, niobium, rhodium, silver, tantalum,
-//! titanium-nitride and tungsten.
-//!
-//! `type = "hair"` (Chiang et al. 2016) is a fibre of glass with pigment, for `[[curves]]`. On other shapes fibres lie where texture
-//! coordinate u grows.
+//! `type = "hair"` (Chiang et al. 2016) is a pigmented dielectric fibre, for `[[curves]]`. On other shapes fibres run along texture
+//! coordinate u.
 //!
 //! | Key | Value |
 //! |---|---|
-//! | `color` | reflectance of dense hair (0.8), or one of the next two in its place |
-//! | `melanin` | how much pigment, 0 (white) to 1 (black); `melanin_redness`, 0 (brown) to 1 (red), is 0.5 by default |
-//! | `absorption` | by channel, per radius: three numbers from 0 up, or one |
-//! | `roughness` | along the fibre, 0 to 1 (0.3) |
-//! | `radial_roughness` | around the fibre, 0 to 1 (0.3) |
-//! | `ior` | 1 to 3 (1.55) |
-//! | `tilt` | of the scales towards the root, degrees, -45 to 45 (2) |
-//! | `coat` | 0 to 1 (0): makes what the surface reflects less rough, as wet or cared-for hair is |
+//! | `color` | multiple-scattering albedo of dense hair (0.8), or instead one of the next two |
+//! | `melanin` | pigment concentration, 0 (white) to 1 (black); `melanin_redness`, 0 (brown) to 1 (red), is 0.5 by default |
+//! | `absorption` | absorption coefficient per fibre radius: three non-negative numbers, or one |
+//! | `roughness` | longitudinal roughness, 0 to 1 (0.3) |
+//! | `radial_roughness` | azimuthal roughness, 0 to 1 (0.3) |
+//! | `ior` | index of refraction, 1 to 3 (1.55) |
+//! | `tilt` | tilt of the cuticle scales towards the root, degrees, -45 to 45 (2) |
+//! | `coat` | 0 to 1 (0): reduces the roughness of the primary reflection, as for wet or groomed hair |
 //!
-//! Any material may have `displacement = { image = "heights.png", scale = 0.1 }`: meshes, boxes and quads with it are subdivided when the
-//! scene is loaded, and moved along their normals.
+//! Any material may have `displacement = { image = "heights.png", scale = 0.1 }`: meshes, boxes and quads with it are subdivided at
+//! load time, and displaced along their normals.
 //!
 //! | Displacement | Default | Meaning |
 //! |---|---|---|
-//! | `image` | required | file of heights, by texture coordinates; the red channel as it is stored, 0 to 1 |
-//! | `scale` | required | how far white lies above black, in the units of the mesh: metres, unless its placement scales |
-//! | `midlevel` | 0.5 | the value that stays where the mesh is |
-//! | `edge` | 1/256 of the mesh's box | longest edge of triangles, in the same units; about the size of a texel shows all of the image. All displaced meshes together may have 16 million triangles |
+//! | `image` | required | height map, by texture coordinates; the red channel as stored, 0 to 1 |
+//! | `scale` | required | height difference between black and white, in object units (metres, unless the object is scaled) |
+//! | `midlevel` | 0.5 | value of zero displacement |
+//! | `edge` | 1/256 of the mesh's bounds | maximum edge of triangles, in object units; about the size of a texel resolves the whole image. The limit for all displaced meshes together is 16 million triangles |
 //! | `wrap` | `repeat` | or `mirror`, `clamp` |
-//! | `repeat` | [1, 1] | how often the image lies along u and v |
+//! | `repeat` | [1, 1] | repetitions of the image along u and v |
 //!
-//! Parts of a mesh with displacements of different `edge` or `scale`, or next to one that is not displaced, come apart where they meet: give
-//! both the same, with heights that end at `midlevel` there.
+//! Parts of a mesh with different `edge` or `scale`, or next to a part without displacement, crack at their border: use
+//! the same values, and heights of `midlevel` there.
 //!
-//! `index` (0) is the number that nodes of type `object_info` give as `material_index`.
-//! `normal = "NAME"` takes the normal from a texture of type `nodes`, whose result is a vector of the world (nodes `bump`, `normal_map`).
-//! And any may have `normal = { image = "normals.png" }` or `bump = { image = "heights.png" }`: light falls on it as if its surface were
-//! uneven, while its shape stays. They go by texture coordinates, which meshes must have; quads, spheres and disks have their own.
+//! `index` (0) is the `material_index` output of nodes of type `object_info`.
+//! `normal = "NAME"` takes the shading normal from a texture of type `nodes` with a world-space vector as result (nodes `bump`, `normal_map`).
+//! Any material may have `normal = { image = "normals.png" }` or `bump = { image = "heights.png" }`, which change the shading
+//! normal, but not the shape. They need texture coordinates, which meshes may lack; quads, spheres and disks have their own.
 //!
 //! | Normals | Default | Meaning |
 //! |---|---|---|
 //! | `image` | required | `normal`: normals as in glTF, (n + 1) / 2 with y up; `bump`: heights in the red channel |
-//! | `scale` | 1 | factor on the slopes; of `bump`, at 1 white lies a hundredth of the image's width above black, as with `-bm 1` of MTL files |
-//! | `wrap` | `repeat` | or `clamp`; of `normal` also `mirror` |
-//! | `repeat` | [1, 1] | how often the image lies along u and v |
+//! | `scale` | 1 | factor on the slopes; for `bump` 1 is a height of 1/100 of the image's width from black to white, as with `-bm 1` of MTL files |
+//! | `wrap` | `repeat` | or `clamp`; for `normal` also `mirror` |
+//! | `repeat` | [1, 1] | repetitions of the image along u and v |
 
 use super::builder::SceneFileBuilder;
 use super::fields::{Fields, named, nearest};
@@ -88,7 +86,7 @@ use crate::scene::{
 use std::collections::HashMap;
 use std::ops::Range;
 
-/// The named materials and which of them have been read.
+/// The named materials; each is read on first use.
 pub(super) struct Materials<'a> {
     fields: Option<Fields<'a>>,
     done: HashMap<String, Option<MaterialId>>,
@@ -99,12 +97,12 @@ impl<'a> Materials<'a> {
         Materials { fields, done: HashMap::new() }
     }
 
-    /// Is there a material of that name?
+    /// Whether the file has a material of a name.
     pub fn contains(&self, name: &str) -> bool {
         self.fields.as_ref().is_some_and(|fields| fields.entry(name).is_some())
     }
 
-    /// The material of a name, read now if it hasn't been.
+    /// The material of a name, read on first use.
     pub fn get(
         &mut self,
         build: &mut SceneFileBuilder,
@@ -115,7 +113,7 @@ impl<'a> Materials<'a> {
         if let Some(done) = self.done.get(name) {
             return *done;
         }
-        // Beside a model its own materials are known, too.
+        // Sidecars may refer to the model's materials.
         if build.is_sidecar && !self.contains(name) {
             let own = build.loaded.scene.materials.iter().position(|m| m.name == name);
             if let Some(index) = own {
@@ -144,8 +142,8 @@ impl<'a> Materials<'a> {
         id
     }
 
-    /// Changes the materials of a model that tables are named as: all of a material where there is a `type`, else what the
-    /// keys say.
+    /// Changes model materials that have a table of the same name: tables with a `type` replace the material, others change
+    /// single parameters.
     pub fn override_model(&mut self, build: &mut SceneFileBuilder, textures: &mut Textures<'a>) {
         let Some(all) = &self.fields else { return };
         for (name, value) in all.entries() {
@@ -166,7 +164,7 @@ impl<'a> Materials<'a> {
         }
     }
 
-    /// Notes materials that nothing refers to. Their keys are checked, but their images not opened.
+    /// Checks the keys of unused materials without opening their images, and reports the materials as unused.
     pub fn check_unused(&self, build: &mut SceneFileBuilder, textures: &mut Textures<'a>) {
         textures.only_check();
         let Some(all) = &self.fields else { return };
@@ -177,7 +175,7 @@ impl<'a> Materials<'a> {
             match value.get_ref().as_table() {
                 Some(table) => {
                     let fields = Fields::new(format!("material '{name}'"), table, value.span(), all.problems);
-                    // It means to change one of the model's.
+                    // A table without a type changes a material of the model.
                     let is_change = build.is_sidecar && !fields.has("type");
                     if is_change && push_unknown(build, name, value.span()) {
                         continue;
@@ -194,7 +192,7 @@ impl<'a> Materials<'a> {
     }
 }
 
-/// Models with a reader of their own; others are read parameter by parameter.
+/// Material types; `Plain` ones are read parameter by parameter.
 #[derive(Clone, Copy)]
 enum MaterialType {
     Metal,
@@ -223,7 +221,7 @@ fn kinds() -> Vec<(&'static str, MaterialType)> {
     plain.chain(others).collect()
 }
 
-/// Largest constant that a parameter may be.
+/// Maximum of constant parameters.
 const MAX_CONSTANT: f64 = 1e6;
 
 /// Reads the parameters of a model, each by its own key.
@@ -267,7 +265,7 @@ fn read<'a>(
             Material { medium: media::table(build, textures, fields, "medium"), ..Material::new(name, model) }
         }
         MaterialType::Medium => Material {
-            medium: Some(media::filling(build, textures, fields)),
+            medium: Some(media::solid_medium(build, textures, fields)),
             ..Material::new(name, Model::Boundary {})
         },
         MaterialType::Emissive => {
@@ -280,16 +278,16 @@ fn read<'a>(
         MaterialType::Hair => Material::new(name, read_hair(fields, slot)),
         MaterialType::Pbr => {
             let medium = media::table(build, textures, fields, "medium");
-            pbr::material(name, medium, &mut Slots { build, textures, fields, of_model: false })
+            pbr::material(name, medium, &mut Slots { build, textures, fields, is_of_model: false })
         }
         MaterialType::Mix => finished(fields, mix(build, textures, fields, all, name))?,
         MaterialType::Nodes => finished(fields, shaders::read(build, textures, fields, name))?,
     };
     material.light_group = light_group;
-    material.index = fields.integer("index", 0, u32::MAX).unwrap_or(0);
+    material.index = fields.unsigned("index", 0, u32::MAX).unwrap_or(0);
     material.displacement = read_displacement(build, fields, textures.is_check());
     material.normal_map = read_normal_map(build, fields, textures.is_check());
-    // That of a graph of shaders is theirs.
+    // Shader graphs may have set their own normal.
     material.normal = material.normal.or(read_normal(build, fields, textures));
     if let MaterialType::Dielectric | MaterialType::Medium | MaterialType::Pbr | MaterialType::Nodes = kind {
         material.priority = media::priority(fields).unwrap_or(0);
@@ -299,10 +297,10 @@ fn read<'a>(
     Some(material)
 }
 
-/// A material; without one, after problems, the other keys are known all the same.
+/// Passes the material on. After a problem, marks the remaining keys as known.
 fn finished(fields: &Fields, material: Option<Material>) -> Option<Material> {
     if material.is_none() {
-        fields.know(&["displacement", "normal", "bump", "priority"]);
+        fields.mark_known(&["displacement", "normal", "bump", "priority"]);
         fields.finish();
     }
     material
@@ -340,20 +338,20 @@ fn mix<'a>(
     Some(Material::new(name, Model::Mix { components }))
 }
 
-/// Colours beyond 1, which were likely meant as 0 to 255, make more light than arrives.
+/// Warns of colours above 1, probably meant as 0 to 255: they add energy.
 fn warn_of_brightness(build: &mut SceneFileBuilder, material: &Material) {
-    let mut bright = None;
+    let mut too_bright = None;
     material.parameters(&mut |name, parameter| {
         if let Parameter::Color(slot) = parameter
             && matches!(name, "color" | "base_color" | "albedo" | "diffuse" | "tint")
             && slot.factor.iter().any(|&c| c > 1.0)
         {
-            bright.get_or_insert(slot.factor);
+            too_bright.get_or_insert(slot.factor);
         }
     });
-    if let Some([r, g, b]) = bright {
+    if let Some([r, g, b]) = too_bright {
         let message = format!(
-            "material '{}' reflects more light than arrives by its colour [{r}, {g}, {b}]: colours are linear, from 0 to 1",
+            "material '{}' reflects more light than it receives, as its colour is [{r}, {g}, {b}]: colours are linear, from 0 to 1",
             material.name
         );
         build.loaded.warnings.push(Warning::new(build.file, "", ("color-above-one", message)));
@@ -364,7 +362,7 @@ fn metal(fields: &Fields, name: &str, color: ColorSlot) -> Material {
     let measured = measured_metal(fields);
     let fuzz = fields.has("fuzz").then(|| fields.number_in("fuzz", 0.0..1.0, 0.0));
     if fuzz.is_some() && fields.has("roughness") {
-        fields.problems.push(fields.span(), "'fuzz' and 'roughness' say the same: leave one out");
+        fields.problems.push(fields.span(), "'fuzz' and 'roughness' exclude each other: leave one out");
     }
     let roughness = match fuzz {
         Some(f) => roughness_of_fuzz(f) as f32,
@@ -410,18 +408,18 @@ fn roughness_of_fuzz(fuzz: f64) -> f64 {
     if fuzz <= 0.0 {
         return 0.0;
     }
-    let wanted = fuzz * fuzz / 3.0;
+    let target = fuzz * fuzz / 3.0;
     // 1 - mean cosine grows with a; 64 halvings exhaust the precision of f64.
     let (mut low, mut high) = (0.0, 0.5);
     for _ in 0..64 {
         let a: f64 = 0.5 * (low + high);
         let deviation = 2.0 - 2.0 / (1.0 - a) - 2.0 * a * a.ln() / (1.0 - a).powi(2);
-        if deviation < wanted { low = a } else { high = a }
+        if deviation < target { low = a } else { high = a }
     }
     (0.5f64 * (low + high)).sqrt().sqrt()
 }
 
-/// Complex index of refraction eta + i k by channel of linear Rec.709.
+/// Complex index of refraction eta + i k per channel of linear Rec. 709.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct MeasuredMetal {
     pub eta: [f32; 3],
@@ -452,7 +450,7 @@ const METALS: [(&str, MeasuredMetal); 13] = [
     ("tungsten", rgb_metal([4.370_82, 3.300_25, 2.998_41], [3.500_64, 2.604_87, 2.273_23])),
 ];
 
-/// The metal that `name` asks for, if it does.
+/// The metal of the key `name`.
 pub(super) fn measured_metal(fields: &Fields) -> Option<MeasuredMetal> {
     let found = fields.choice("name", &METALS);
     let name = fields.string("name").map_or("", |name| name.value);
@@ -464,18 +462,18 @@ pub(super) fn measured_metal(fields: &Fields) -> Option<MeasuredMetal> {
 }
 
 fn read_hair(fields: &Fields, mut slot: impl FnMut(&'static str, f32) -> ColorSlot) -> Model {
-    let share = |key, otherwise| fields.number_in(key, 0.0..1.0, otherwise) as f32;
-    let radial = share("radial_roughness", 0.3);
-    let ways = ["color", "melanin", "absorption"];
-    if ways.into_iter().filter(|key| fields.has(key)).count() > 1 {
-        let message = "'color', 'melanin' and 'absorption' say the same: keep one";
+    let fraction = |key, otherwise| fields.number_in(key, 0.0..1.0, otherwise) as f32;
+    let radial = fraction("radial_roughness", 0.3);
+    let color_keys = ["color", "melanin", "absorption"];
+    if color_keys.into_iter().filter(|key| fields.has(key)).count() > 1 {
+        let message = "'color', 'melanin' and 'absorption' exclude each other: keep one";
         fields.problems.push(fields.span(), message);
     }
     if fields.has("melanin_redness") && !fields.has("melanin") {
         fields.problems.push(fields.span(), "'melanin_redness' needs 'melanin'");
     }
     let color = if fields.has("melanin") {
-        let absorption = absorption_of_melanin(share("melanin", 0.5), share("melanin_redness", 0.5));
+        let absorption = absorption_of_melanin(fraction("melanin", 0.5), fraction("melanin_redness", 0.5));
         ColorSlot::constant(hair_color(absorption, radial))
     } else if let Some(absorption) = fields.color("absorption") {
         ColorSlot::constant(hair_color(absorption.value, radial))
@@ -484,15 +482,16 @@ fn read_hair(fields: &Fields, mut slot: impl FnMut(&'static str, f32) -> ColorSl
     };
     Model::Hair {
         color,
-        roughness: FloatSlot::constant(share("roughness", 0.3)),
+        roughness: FloatSlot::constant(fraction("roughness", 0.3)),
         radial_roughness: FloatSlot::constant(radial),
         ior: fields.number_in("ior", 1.0..3.0, 1.55) as f32,
         tilt_rad: fields.number_in("tilt", -45.0..45.0, 2.0).to_radians() as f32,
-        coat: FloatSlot::constant(share("coat", 0.0)),
+        coat: FloatSlot::constant(fraction("coat", 0.0)),
     }
 }
 
-/// Absorption per radius of eumelanin (brown) and pheomelanin (red), by the concentrations that Cycles gives these numbers.
+/// Absorption coefficient per fibre radius of eumelanin (brown) and pheomelanin (red), with Cycles' mapping of `melanin` and
+/// `redness`, 0 to 1, to concentrations.
 fn absorption_of_melanin(melanin: f32, redness: f32) -> [f32; 3] {
     let amount = -(1.0 - melanin).max(1e-4).ln();
     let (brown, red) = (amount * (1.0 - redness), amount * redness);
@@ -500,14 +499,14 @@ fn absorption_of_melanin(melanin: f32, redness: f32) -> [f32; 3] {
     [of(0.506, 0.343), of(0.841, 0.733), of(1.653, 1.924)]
 }
 
-/// The displacement of a material, with a texture of its own. A check opens no image.
+/// The displacement of a material; adds its texture to the scene. A check opens no image.
 fn read_displacement(build: &mut SceneFileBuilder, fields: &Fields, is_check: bool) -> Option<Displacement> {
     let table = fields.table("displacement")?;
     let image = table.require("image", table.string("image"));
     let scale = table.require("scale", table.number("scale"));
     let midlevel = table.number("midlevel").map_or(0.5, |m| m.value as f32);
     let edge = table.number_in("edge", 1e-9..f64::from(f32::MAX), 0.0) as f32;
-    let placed = on_surface(&table, &WRAPS);
+    let placed = uv_mapping(&table, &WRAPS);
     table.finish();
     let (image, scale) = (image?, scale?);
     if is_check {
@@ -518,24 +517,25 @@ fn read_displacement(build: &mut SceneFileBuilder, fields: &Fields, is_check: bo
     Some(Displacement { texture, scale: scale.value as f32, midlevel, edge })
 }
 
-/// Ways to continue beyond the edges of an image.
+/// Wrap modes of images.
 const WRAPS: [(&str, Wrap); 3] = [("repeat", Wrap::Repeat), ("mirror", Wrap::Mirror), ("clamp", Wrap::Clamp)];
 
-/// The mapping of an image to a surface.
-struct OnSurface {
+/// Wrap mode and repetitions of an image.
+struct UvMapping {
     wrap: Wrap,
-    times: [f64; 2],
+    /// Repetitions along u and v.
+    repeat: [f64; 2],
 }
 
-fn on_surface(table: &Fields, wraps: &[(&'static str, Wrap)]) -> OnSurface {
+fn uv_mapping(table: &Fields, wraps: &[(&'static str, Wrap)]) -> UvMapping {
     let wrap = table.choice("wrap", wraps).unwrap_or(Wrap::Repeat);
-    OnSurface { wrap, times: table.numbers::<2>("repeat").map_or([1.0; 2], |r| r.value) }
+    UvMapping { wrap, repeat: table.numbers::<2>("repeat").map_or([1.0; 2], |r| r.value) }
 }
 
-impl OnSurface {
-    /// The image as a texture, which is added to the scene.
+impl UvMapping {
+    /// Adds the image as a texture to the scene.
     fn texture(&self, build: &mut SceneFileBuilder, image: ImageId) -> TextureId {
-        let scale = Vec2::new(self.times[0] as f32, self.times[1] as f32);
+        let scale = Vec2::new(self.repeat[0] as f32, self.repeat[1] as f32);
         let transform = TextureTransform { scale, ..Default::default() };
         build.loaded.scene.add_texture(Texture::Image {
             image,
@@ -547,7 +547,7 @@ impl OnSurface {
     }
 }
 
-/// A graph of nodes that gives the normal, where `normal` names a texture.
+/// The node texture that `normal` names, for shading normals.
 fn read_normal<'a>(
     build: &mut SceneFileBuilder,
     fields: &Fields<'a>,
@@ -558,19 +558,19 @@ fn read_normal<'a>(
     let texture = build.loaded.scene.textures.get(id.index());
     if !textures.is_check() && !matches!(texture, Some(Texture::Nodes(_))) {
         let help = "'normal' is the name of a texture of type \"nodes\", or { image = \"normals.png\" }";
-        fields.problems.push_help(value.span(), "this texture gives no normals", help);
+        fields.problems.push_help(value.span(), "this texture has no normals", help);
     }
     Some(id)
 }
 
-/// The normals that a material is shaded with, from `normal` or `bump`. A check opens no image.
+/// The normal map of a material, from the image of `normal` or `bump`. A check opens no image.
 pub(super) fn read_normal_map(
     build: &mut SceneFileBuilder,
     fields: &Fields,
     is_check: bool,
 ) -> Option<NormalMap> {
     if fields.has("normal") && fields.has("bump") {
-        fields.problems.push(fields.span(), "'normal' and 'bump' say the same: leave one out");
+        fields.problems.push(fields.span(), "'normal' and 'bump' exclude each other: leave one out");
     }
     if fields.raw("normal").is_some_and(|value| value.get_ref().is_str()) {
         return None;
@@ -579,8 +579,8 @@ pub(super) fn read_normal_map(
     let table = fields.table(key)?;
     let image = table.require("image", table.string("image"));
     let scale = table.number_in("scale", -1000.0..1000.0, 1.0) as f32;
-    // Where heights are mirrored, their slopes would have to turn round.
-    let placed = on_surface(&table, if is_height { &[WRAPS[0], WRAPS[2]] } else { &WRAPS });
+    // The normals of mirrored heights would need mirrored slopes, which the normal map can't represent.
+    let placed = uv_mapping(&table, if is_height { &[WRAPS[0], WRAPS[2]] } else { &WRAPS });
     table.finish();
     let (name, span) = image.map(|image| (image.value, image.span))?;
     if is_check {
@@ -593,8 +593,7 @@ pub(super) fn read_normal_map(
     let mut image = read_pixels(build, name, span, Use::Data)?;
     let heights = &build.loaded.scene.images[image.index()];
     if holds_normals(heights) {
-        let message =
-            format!("'{name}' of 'bump' looks like a map of normals: say 'normal' in place of 'bump'");
+        let message = format!("'{name}' of 'bump' looks like a normal map: use 'normal' instead of 'bump'");
         build.loaded.warnings.push(Warning::new(build.file, "", message));
     }
     let normals = normals_of_heights(heights, scale * BUMP_HEIGHT);
@@ -602,7 +601,7 @@ pub(super) fn read_normal_map(
     Some(NormalMap { texture: placed.texture(build, image), scale: 1.0 })
 }
 
-/// The material of a model, with what the keys say; `None` if it has no parameters to change.
+/// A material of the model with changed parameters; `None` if it is unlit, which is reported.
 pub(super) fn adjust_material<'a>(
     build: &mut SceneFileBuilder,
     textures: &mut Textures<'a>,
@@ -616,7 +615,7 @@ pub(super) fn adjust_material<'a>(
         return None;
     };
     let medium = media::table(build, textures, fields, "medium");
-    let slots = &mut Slots { build, textures, fields, of_model: true };
+    let slots = &mut Slots { build, textures, fields, is_of_model: true };
     pbr::adjust((&mut material, &mut model), medium, slots);
     let modes = [
         ("opaque", AlphaMode::Opaque),
@@ -644,7 +643,7 @@ pub(super) fn adjust_material<'a>(
     Some(Material { model: Model::Pbr(model), ..material })
 }
 
-/// Notes a problem if a material of the model may be meant by a name that none of them has; did it?
+/// Reports an unknown material if the name is a misspelling of one of the model's; returns whether it did.
 pub(super) fn push_unknown(build: &SceneFileBuilder, name: &str, span: Range<usize>) -> bool {
     let near = nearest(name, build.loaded.scene.materials.iter().map(|m| m.name.as_str()));
     if let Some(near) = near {
@@ -654,11 +653,11 @@ pub(super) fn push_unknown(build: &SceneFileBuilder, name: &str, span: Range<usi
     near.is_some()
 }
 
-/// Warns of a table that is named as no material of the model and that no object refers to.
+/// Warns of a material table that matches no material of the model and is used by no object.
 pub(super) fn warn_of_unknown(build: &mut SceneFileBuilder, name: &str) {
     let names = build.loaded.scene.materials.iter().map(|m| m.name.as_str());
     let help = nearest(name, names).map_or_else(String::new, |near| format!(" (did you mean '{near}'?)"));
-    let message = format!("the model has no material '{name}' and no object asks for it{help}");
+    let message = format!("the model has no material '{name}' and no object uses it{help}");
     build.loaded.warnings.push(Warning::new(build.file, "", message));
 }
 
@@ -666,8 +665,8 @@ pub(super) fn warn_of_unknown(build: &mut SceneFileBuilder, name: &str) {
 mod tests {
     use super::*;
 
-    /// One minus the mean cosine of the GGX lobe at normal incidence, by inversion of its distribution of normals; the
-    /// quantile is 1 - e^-x, which resolves the long tail.
+    /// One minus the mean cosine of the GGX lobe at normal incidence, by inverting its CDF of normals at quantiles
+    /// 1 - e^-x, which resolve the long tail.
     fn ggx_deviation(alpha: f64) -> f64 {
         let n = 200_000;
         let width = 50.0 / f64::from(n);

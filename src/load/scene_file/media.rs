@@ -1,59 +1,59 @@
-//! Participating media: `fog` of `[environment]` around all solids, `medium` of a material within its
-//! solids, with densities on a grid or by textures if it has some.
+//! Participating media: `fog` of `[environment]` around all solids, and the `medium` of a material inside its
+//! solids, homogeneous or with coefficients from a grid or textures.
 //!
 //! | Medium | Default | Meaning |
 //! |---|---|---|
 //! | `density` | 1 | extinction coefficient per metre: the mean free path is 1 / `density` metres; a number, one for each channel, or in solids a texture |
-//! | `color` | 1 | share of that light that is scattered, 0 to 1; the rest is absorbed; in solids also a texture |
-//! | `anisotropy` | 0 | mean cosine of the scattering angle, above -1 and below 1: 0 scatters to all sides, 0.8 forward as haze does |
-//! | `emission` | 0 | radiance that each metre adds; in solids also a texture |
-//! | `nodes` | none | nodes by name, as of textures of `type = "nodes"`: `density`, `color` and `emission` may be outputs of these, `"NODE.OUTPUT"` |
-//! | `resolution` | 2 million voxels in all | voxels along the longest edge of the box around a solid on which textures are evaluated, 1 to 1024 |
-//! | `grid` | none | `.vdb` or `.vol` file of factors on the density, and on the emission, in solids only; with `density = 0` the grid shines without hiding anything |
-//! | `grid_name` | `density`, or the only one | which grid of a `.vdb` file |
-//! | `emission_grid` | none | another grid of the `.vdb` file, such as `flame` (next to a `.vol` file, another such file): factors on the emission in place of those of `grid` |
-//! | `temperature_grid` | none | another grid, likewise, such as `temperature`: it emits as a black body; `emission` is what each metre of 1500 K adds, and hotter ones more: by Planck's law some 15 times as much at 1800 K |
-//! | `temperature` | 1 | kelvins where `temperature_grid` is 1, which is right for grids of kelvins; for those of 0 to 1, such as Blender's, 1500 to 2500 |
-//! | `temperature_law` | `planck` | how what is seen grows with the temperature; `stefan-boltzmann`: as all of the power does, which goes by its fourth power (twice as much at 1800 K as at 1500 K): Blender's fire |
-//! | `up` | `y` | axis of a `.vdb` file that points up: `z` in those of Blender, and for `nodes` with Blender's vectors |
-//! | `min`, `max` | the file's | corners of the box along the axes that the grid is fitted to; outside it nothing is |
-//! | `transform` | none | moves, turns, scales, mirrors or shears the grid (with what glows) from there to its place in the world, see `transform`; the solid around it is not moved |
+//! | `color` | 1 | single-scattering albedo, 0 to 1; in solids also a texture |
+//! | `anisotropy` | 0 | mean cosine of the scattering angle, above -1 and below 1: 0 is isotropic, 0.8 forward as in haze |
+//! | `emission` | 0 | emitted radiance per metre; in solids also a texture |
+//! | `nodes` | none | nodes by name, as in textures of `type = "nodes"`: `density`, `color` and `emission` may be their outputs, `"NODE.OUTPUT"` |
+//! | `resolution` | 2 million voxels in total | voxels along the longest edge of the solid's bounding box for the evaluation of textures, 1 to 1024 |
+//! | `grid` | none | `.vdb` or `.vol` file of factors on density and emission, in solids only; with `density = 0` the grid emits without extinction |
+//! | `grid_name` | `density`, or the only one | name of a grid of the `.vdb` file |
+//! | `emission_grid` | none | another grid of the `.vdb` file, such as `flame` (with a `.vol` file: another `.vol` file): factors on the emission instead of those of `grid` |
+//! | `temperature_grid` | none | another grid, likewise, such as `temperature`: black-body emission; `emission` is the radiance per metre at 1500 K, and grows with the temperature: by Planck's law about 15 times at 1800 K |
+//! | `temperature` | 1 | kelvins per unit of `temperature_grid`: 1 for grids in kelvins; 1500 to 2500 for grids of 0 to 1, such as Blender's |
+//! | `temperature_law` | `planck` | growth of the visible radiance with the temperature; `stefan-boltzmann`: with its fourth power, as the total power (twice at 1800 K of that at 1500 K), as in Blender |
+//! | `up` | `y` | up axis of a `.vdb` file: `z` for files from Blender, and for `nodes` with vectors in Blender's axes |
+//! | `min`, `max` | the file's | corners of the axis-aligned box that the grid is fitted to; the medium ends there |
+//! | `transform` | none | transform of the grids from there to world space, see `transform`; the solid is not moved |
 //!
-//! Files of OpenVDB hold one or more grids of floats (f32, f64 or f16; plain, zlib or Blosc with LZ4, as OpenVDB, Blender and Houdini write
-//! them), in boxes of up to 2^29 voxels, which may stand anyhow. Values fall to nothing over a voxel beyond the outermost ones,
-//! unless `min` or `max` say where the box ends. Level sets, vectors and NanoVDB's own files are not read.
-//! The solid that has the medium must enclose the grid: a box, say. A grid stands in the world: a solid that moves doesn't take it along.
+//! OpenVDB files hold one or more grids of floats (f32, f64 or f16; uncompressed, zlib or Blosc with LZ4, as written by OpenVDB, Blender and
+//! Houdini), with bounding boxes of up to 2^29 voxels and any affine transform. Values fall to 0 over one voxel beyond the outermost ones,
+//! unless `min` or `max` set the end of the box. Level sets, vector grids and NanoVDB files are not supported.
+//! The solid with the medium, such as a box, must enclose the grid. Grids are in world space: they don't follow the motion of a solid.
 //!
-//! Textures are evaluated in space, in the world or in the coordinates of the object, when the scene is loaded: noise makes clouds, a gradient
-//! ground fog. Quads and meshes of several materials share a grid in the space of the world; each other object has a grid of its own, with at most
-//! 2^26 voxels for all objects of a material. In pictures by wavelength an extinction whose colour differs from place to place is the mean
-//! of its channels.
+//! Textures are evaluated at load time, in world or object space: noise makes clouds, a gradient
+//! ground fog. Quads and meshes of several materials share one grid in world space; each other object has its own grid, with at most
+//! 2^26 voxels for all objects of a material. Spectral rendering uses the mean of the channels for an extinction whose hue varies
+//! in space.
 //!
 //! Media of solids without a surface (`type = "medium"`) add up where they overlap, with each other and with the fog, up to eight at a
-//! place; a `priority` above those of others displaces them, and a solid of `density = 0` that emits light nowhere is a hole in them. Solids of
-//! one material that overlap are one.
+//! point; one with a higher `priority` replaces the others, and a solid of `density = 0` without emission is a hole in them. Overlapping solids of
+//! one material count once.
 //!
-//! A `.vol` file is a grid as Mitsuba reads it: `VOL` and the byte 3, then little-endian u32: 1 (for 32-bit floats), voxels along
-//! x, y and z, 1 (channel); six f32: the least and the greatest corner of the box; then the values as f32, x fastest, z
-//! slowest. Values lie in the middles of voxels, linear in between.
+//! A `.vol` file is Mitsuba's grid format: `VOL` and the byte 3, then little-endian u32: 1 (for 32-bit floats), voxels along
+//! x, y and z, 1 (channel); six f32: the minimum and the maximum corner of the box; then the values as f32, x fastest, z
+//! slowest. Values are at voxel centres, with linear interpolation.
 //!
-//! Fog may end at a ball of `radius` metres around `center` ([0, 0, 0]). Without a `radius` it has no end, and nothing
-//! infinitely far away is seen through it or lights the scene: no sky, no sun.
+//! Fog may be limited to a ball of `radius` metres around `center` ([0, 0, 0]). Without a `radius` it is unbounded, and blocks all light
+//! from infinity: sky and sun.
 //!
 //! | Subsurface | Default | Meaning |
 //! |---|---|---|
-//! | `color` | 0.8 | colour of a thick body in white light, 0 to 1 |
-//! | `radius` | 1 | mean free path, metres; a number or one for each channel (of Blender's Random Walk: its radius times its scale times 1 - anisotropy, over 4 pi) |
-//! | `scale` | 1 | factor on it |
+//! | `color` | 0.8 | multiple-scattering albedo of a thick body, 0 to 1 |
+//! | `radius` | 1 | mean free path, metres; a number or one for each channel (from Blender's Random Walk: radius times scale times (1 - anisotropy) / (4 pi)) |
+//! | `scale` | 1 | factor on `radius` |
 //! | `anisotropy` | 0 | mean cosine of the scattering angle, above -1 and below 1 |
 //!
-//! Light enters and leaves such a body diffusely, by Lambert's law, whatever its index of refraction; in white light a body
-//! much thicker than `radius` has its `color` wherever it is seen. Cycles' Random Walk lets light in as a refracted ray
-//! and out diffusely: means over a ball agree, but its middle is darker there and its rim brighter (in a half space of
-//! colours 0.9, 0.6, 0.35 that is seen head on 0.877, 0.539, 0.294 without refraction; Chandrasekhar's H functions).
-//! Beside a model whose material transmits diffusely (KHR_materials_diffuse_transmission) its colour and picture tint light on its
-//! way in and out: a skin that is painted by the root of its colour over that of the body.
-//! A mesh with edges has no inside: it gets a diffuse base of the `color`, and a warning says so.
+//! Light enters and leaves the body diffusely, by Lambert's law, whatever its index of refraction; under white light a body
+//! much thicker than `radius` has its `color` at all viewing angles. Cycles' Random Walk refracts light on entry
+//! and lets it exit diffusely: the mean over a sphere agrees, but its centre is darker in Cycles and its rim brighter (a half space of
+//! colours 0.9, 0.6, 0.35 at normal incidence has 0.877, 0.539, 0.294 without refraction; Chandrasekhar's H functions).
+//! In a sidecar, for model materials with diffuse transmission (KHR_materials_diffuse_transmission), their colour and texture tint light on
+//! entry and exit, as a coat of paint with the square root of the colour.
+//! A mesh with open edges has no inside: it gets a diffuse base of the `color`, with a warning.
 
 use super::builder::SceneFileBuilder;
 use super::fields::{Fields, Located};
@@ -68,30 +68,30 @@ use crate::scene::{
 };
 use std::path::Path;
 
-/// Largest extinction coefficient: flights in denser media are shorter than positions are precise.
+/// Maximum extinction coefficient, 1/m: the mean free path in denser media is below the precision of positions.
 const MAX_DENSITY: f32 = 1e9;
 
-/// The keys of a medium that fills a solid.
-pub(super) fn filling<'a>(
+/// Reads the medium of a solid.
+pub(super) fn solid_medium<'a>(
     build: &mut SceneFileBuilder,
     textures: &mut Textures<'a>,
     fields: &Fields<'a>,
 ) -> Medium {
-    let varying = medium_textures(build, textures, fields);
-    let medium = Medium { textures: varying, ..medium(fields) };
-    if !varying.is_empty() && fields.has("grid") {
+    let coefficient_textures = medium_textures(build, textures, fields);
+    let medium = Medium { textures: coefficient_textures, ..medium(fields) };
+    if !coefficient_textures.is_empty() && fields.has("grid") {
         let message = "'grid' and textures exclude each other: leave one out";
         fields.problems.push(fields.span(), ("grid-and-texture", message));
     }
     let corners = [fields.vector("min"), fields.vector("max")];
     let name = fields.string("grid_name").map(|name| name.value);
     let is_z_up = fields.choice("up", &[("y", false), ("z", true)]).unwrap_or(false);
-    let glow = GlowKeys::read(fields);
-    let moved = transform::read(fields);
+    let emission = EmissionKeys::read(fields);
+    let transform = transform::read(fields);
     let Some(file) = fields.string("grid") else {
         let is_fitted = corners.iter().any(Option::is_some) || fields.has("transform");
-        if is_fitted || name.is_some() || is_z_up && !fields.has("nodes") || glow.is_given() {
-            let message = "'min', 'max', 'transform', 'grid_name', 'up', 'emission_grid' and 'temperature_grid' are about a \
+        if is_fitted || name.is_some() || is_z_up && !fields.has("nodes") || emission.is_given() {
+            let message = "'min', 'max', 'transform', 'grid_name', 'up', 'emission_grid' and 'temperature_grid' need a \
                            'grid'";
             fields.problems.push(fields.span(), message);
         }
@@ -104,10 +104,10 @@ pub(super) fn filling<'a>(
     match grid::read(&path, grid::GridChoice { name, is_z_up, has_margin }) {
         Ok(grid) => {
             let own = grid.bounds();
-            let fitted = between(own, (min.unwrap_or(own.0), max.unwrap_or(own.1)));
-            let place = GridTransform { moved: moved * fitted, is_z_up, has_margin };
-            let grid = Some(build.loaded.scene.add_grid(place.put(grid)));
-            Medium { grid, glow: glow.of_file(build, fields, &path, place), ..medium }
+            let fitted = box_from_box(own, (min.unwrap_or(own.0), max.unwrap_or(own.1)));
+            let placement = GridPlacement { world_from_file: transform * fitted, is_z_up, has_margin };
+            let grid = Some(build.loaded.scene.add_grid(placement.apply(grid)));
+            Medium { grid, glow: emission.of_file(build, fields, &path, placement), ..medium }
         }
         Err(e) => {
             fields.problems.push(file.span, e);
@@ -117,7 +117,7 @@ pub(super) fn filling<'a>(
 }
 
 /// The transform from one axis-aligned box to another.
-fn between(from: (DVec3, DVec3), to: (DVec3, DVec3)) -> DAffine3 {
+fn box_from_box(from: (DVec3, DVec3), to: (DVec3, DVec3)) -> DAffine3 {
     if from == to {
         return DAffine3::IDENTITY;
     }
@@ -125,73 +125,77 @@ fn between(from: (DVec3, DVec3), to: (DVec3, DVec3)) -> DAffine3 {
     DAffine3::from_mat3_translation(DMat3::from_diagonal(scale), to.0 - from.0 * scale)
 }
 
-/// The keys of emission by a grid of its own.
-struct GlowKeys<'a> {
+/// Keys of the emission grid.
+struct EmissionKeys<'a> {
+    /// `emission_grid`.
     factors: Option<Located<&'a str>>,
-    heat: Option<Located<&'a str>>,
+    /// `temperature_grid`.
+    temperature: Option<Located<&'a str>>,
+    /// Kelvins per unit of the temperature grid.
     kelvin: Option<f32>,
+    /// `temperature_law = "stefan-boltzmann"`.
     scales_with_power: Option<bool>,
 }
 
-/// Transform of a file's grids to world space.
-struct GridTransform {
-    /// The transform from the grids of the file to the scene.
-    moved: DAffine3,
+/// Placement of a file's grids in world space.
+struct GridPlacement {
+    world_from_file: DAffine3,
     is_z_up: bool,
+    /// Values fall to 0 over one voxel beyond the box.
     has_margin: bool,
 }
 
-impl GridTransform {
-    fn put(&self, grid: Grid) -> Grid {
-        Grid { world_from_voxels: self.moved * grid.world_from_voxels, ..grid }
+impl GridPlacement {
+    fn apply(&self, grid: Grid) -> Grid {
+        Grid { world_from_voxels: self.world_from_file * grid.world_from_voxels, ..grid }
     }
 }
 
-impl<'a> GlowKeys<'a> {
-    fn read(fields: &Fields<'a>) -> GlowKeys<'a> {
+impl<'a> EmissionKeys<'a> {
+    fn read(fields: &Fields<'a>) -> EmissionKeys<'a> {
         let kelvin =
             fields.has("temperature").then(|| fields.number_in("temperature", 1e-6..1e6, 1.0) as f32);
-        let keys = GlowKeys {
+        let keys = EmissionKeys {
             factors: fields.string("emission_grid"),
-            heat: fields.string("temperature_grid"),
+            temperature: fields.string("temperature_grid"),
             kelvin,
             scales_with_power: fields
                 .choice("temperature_law", &[("planck", false), ("stefan-boltzmann", true)]),
         };
-        if keys.factors.is_some() && keys.heat.is_some() {
+        if keys.factors.is_some() && keys.temperature.is_some() {
             let message = "'emission_grid' and 'temperature_grid' exclude each other: leave one out";
             fields.problems.push(fields.span(), message);
         }
-        if (keys.kelvin.is_some() || keys.scales_with_power.is_some()) && keys.heat.is_none() {
-            let message = "'temperature' and 'temperature_law' are about a 'temperature_grid'";
+        if (keys.kelvin.is_some() || keys.scales_with_power.is_some()) && keys.temperature.is_none() {
+            let message = "'temperature' and 'temperature_law' need a 'temperature_grid'";
             fields.problems.push(fields.span(), message);
         }
         if keys.is_given() && !fields.has("emission") {
             let message =
-                "'emission_grid' and 'temperature_grid' say where the medium emits light, but not how much";
+                "'emission_grid' and 'temperature_grid' need 'emission', the emitted radiance per metre";
             fields.problems.push_help(fields.span(), message, "add 'emission', such as 10");
         }
         keys
     }
 
     fn is_given(&self) -> bool {
-        self.factors.is_some() || self.heat.is_some()
+        self.factors.is_some() || self.temperature.is_some()
     }
 
-    /// The grid of the named file; placed as in the file, with the transform of the density grid.
+    /// Reads the emission grid, placed as the density grid of the file `path`.
     fn of_file(
         self,
         build: &mut SceneFileBuilder,
         fields: &Fields,
         path: &Path,
-        place: GridTransform,
+        placement: GridPlacement,
     ) -> Option<EmissionGrid> {
-        let kelvin = self.heat.is_some().then(|| self.kelvin.unwrap_or(1.0));
-        let name = self.heat.or(self.factors)?;
+        let kelvin = self.temperature.is_some().then(|| self.kelvin.unwrap_or(1.0));
+        let name = self.temperature.or(self.factors)?;
         let is_vdb = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("vdb"));
         let (file, choice) = match is_vdb {
             true => {
-                let GridTransform { is_z_up, has_margin, .. } = place;
+                let GridPlacement { is_z_up, has_margin, .. } = placement;
                 (path.to_path_buf(), grid::GridChoice { name: Some(name.value), is_z_up, has_margin })
             }
             false => (build.readable_path(name.value, name.span.clone())?, grid::GridChoice::default()),
@@ -199,7 +203,7 @@ impl<'a> GlowKeys<'a> {
         build.options.files.note(&file);
         match grid::read(&file, choice) {
             Ok(grid) => {
-                let grid = build.loaded.scene.add_grid(place.put(grid));
+                let grid = build.loaded.scene.add_grid(placement.apply(grid));
                 let scales_with_power = self.scales_with_power.unwrap_or(false);
                 Some(match kelvin {
                     Some(kelvin) => EmissionGrid::Temperatures { grid, kelvin, scales_with_power },
@@ -214,7 +218,7 @@ impl<'a> GlowKeys<'a> {
     }
 }
 
-/// The textures that coefficients of a medium are given.
+/// Textures of the coefficients.
 fn medium_textures<'a>(
     build: &mut SceneFileBuilder,
     textures: &mut Textures<'a>,
@@ -236,27 +240,26 @@ fn medium_textures<'a>(
     };
     let (density, color, emission) = (of("density"), of("color"), of("emission"));
     let found = MediumTextures { density, color, emission, resolution: 0 };
-    let resolution = fields.whole("resolution", 1, 1024);
+    let resolution = fields.integer("resolution", 1, 1024);
     if found.is_empty() && (resolution.is_some() || nodes.is_some()) && !fields.has("grid") {
-        let message =
-            "'nodes' and 'resolution' are about textures: give 'density', 'color' or 'emission' one";
+        let message = "'nodes' and 'resolution' need a texture: set one as 'density', 'color' or 'emission'";
         fields.problems.push(fields.span(), ("medium-without-texture", message));
     }
     MediumTextures { resolution: resolution.map_or(0, |n| n as u32), ..found }
 }
 
-/// A text in the place of a coefficient.
+/// The texture name given as a coefficient, if any.
 fn texture_name<'a>(fields: &Fields<'a>, key: &'static str) -> Option<(Value<'a>, &'a str)> {
     let value = fields.raw(key)?;
     Some((value, value.get_ref().as_str()?))
 }
 
-/// A coefficient that is no texture.
+/// A constant coefficient; `None` for textures.
 fn constant(fields: &Fields, key: &'static str) -> Option<Located<[f32; 3]>> {
     if texture_name(fields, key).is_some() { None } else { fields.color(key) }
 }
 
-/// The keys of a medium in a table; coefficients with textures are 1.
+/// Reads the constant coefficients; those with textures are 1.
 fn medium(fields: &Fields) -> Medium {
     let emission = if texture_name(fields, "emission").is_some() { [1.0; 3] } else { [0.0; 3] };
     let extinction = constant(fields, "density").map_or([1.0; 3], |d| {
@@ -266,19 +269,20 @@ fn medium(fields: &Fields) -> Medium {
         d.value.map(|x| x.min(MAX_DENSITY))
     });
     Medium {
-        albedo: share(fields, "color", 1.0),
+        albedo: albedo(fields, "color", 1.0),
         anisotropy: anisotropy(fields),
         emission: constant(fields, "emission").map_or(emission, |c| c.value),
         ..Medium::scattering(extinction)
     }
 }
 
-fn share(fields: &Fields, key: &'static str, otherwise: f32) -> [f32; 3] {
+fn albedo(fields: &Fields, key: &'static str, otherwise: f32) -> [f32; 3] {
     let Some(color) = constant(fields, key) else { return [otherwise; 3] };
     if color.value.iter().any(|c| *c > 1.0) {
-        fields
-            .problems
-            .push(color.span, format!("'{key}' must be from 0 to 1: a medium can't add light by it"));
+        fields.problems.push(
+            color.span,
+            format!("'{key}' must be from 0 to 1: a medium can't scatter more light than it receives"),
+        );
     }
     color.value.map(|c| c.min(1.0))
 }
@@ -294,7 +298,7 @@ fn anisotropy(fields: &Fields) -> f32 {
     g
 }
 
-/// The table of a medium under a key.
+/// Reads the medium of the table `key`.
 pub(super) fn table<'a>(
     build: &mut SceneFileBuilder,
     textures: &mut Textures<'a>,
@@ -302,22 +306,22 @@ pub(super) fn table<'a>(
     key: &'static str,
 ) -> Option<Medium> {
     let table = fields.table(key)?;
-    let medium = filling(build, textures, &table);
+    let medium = solid_medium(build, textures, &table);
     table.finish();
     Some(medium)
 }
 
-/// Which of several solids counts where they overlap.
+/// The priority of overlapping solids (nested dielectrics).
 pub(super) fn priority(fields: &Fields) -> Option<i32> {
-    fields.has("priority").then(|| fields.whole("priority", -1000, 1000).map_or(0, |n| n as i32))
+    fields.has("priority").then(|| fields.integer("priority", -1000, 1000).map_or(0, |n| n as i32))
 }
 
-/// The keys of a medium that is the same everywhere.
-fn even(fields: &Fields) -> Medium {
+/// Reads a homogeneous medium.
+fn homogeneous(fields: &Fields) -> Medium {
     for key in ["density", "color", "emission"] {
         if let Some((value, _)) = texture_name(fields, key) {
             let message =
-                format!("'{key}' of fog can't be a texture: only solids have boxes to evaluate it in");
+                format!("'{key}' of fog can't be a texture: textures need the bounding box of a solid");
             fields.problems.push(value.span(), ("fog-with-texture", message));
         }
     }
@@ -328,7 +332,7 @@ fn even(fields: &Fields) -> Medium {
 pub(super) fn fog(fields: &Fields) -> Option<Fog> {
     let table = fields.table("fog")?;
     let fog = Fog {
-        medium: even(&table),
+        medium: homogeneous(&table),
         center: table.vector("center").map_or(DVec3::ZERO, |c| c.value),
         radius: table.number_in("radius", 1e-9..1e18, f64::INFINITY),
     };
@@ -336,10 +340,10 @@ pub(super) fn fog(fields: &Fields) -> Option<Fog> {
     Some(fog)
 }
 
-/// `subsurface` of a glTF material: what is diffuse goes in, walks through the solid at random and comes out diffusely.
+/// `subsurface` of a glTF material: the diffuse base becomes diffuse transmission into a scattering medium.
 pub(super) fn subsurface(fields: &Fields, model: &mut PbrMaterial) -> Option<Medium> {
     let table = fields.table("subsurface")?;
-    let color = share(&table, "color", 0.8);
+    let color = albedo(&table, "color", 0.8);
     let scale = table.number_in("scale", 1e-9..1e9, 1.0);
     let radius = table.color("radius").map_or([1.0; 3], |r| {
         if r.value.iter().any(|x| *x <= 0.0) {
@@ -350,11 +354,12 @@ pub(super) fn subsurface(fields: &Fields, model: &mut PbrMaterial) -> Option<Med
     let anisotropy = anisotropy(&table);
     table.finish();
     if fields.has("transmission") || fields.has("diffuse_transmission") || fields.has("medium") {
-        let message = "'subsurface' says what light does that enters: leave transmission and 'medium' out";
+        let message =
+            "'subsurface' excludes 'transmission', 'diffuse_transmission' and 'medium': leave them out";
         fields.problems.push(fields.span(), message);
     }
     model.has_volume = true;
-    // The tint by a model's material on light's way in and out.
+    // A model's material tints light on entry and exit.
     let tint = model.diffuse_transmission.map_or(ColorSlot::constant([1.0; 3]), |through| through.color);
     let subsurface = Some(SubsurfaceEntry::Diffuse);
     model.diffuse_transmission =

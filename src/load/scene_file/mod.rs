@@ -12,26 +12,26 @@
 //! | `[[lights]]` | `lights` |
 //! | `[[portals]]` | `portals` |
 //!
-//! Angles are in degrees, lengths in metres, colours linear Rec. 709, and paths relative to the scene file. Every
-//! problem of the file is reported at once, with its line and, for a misspelt name, the nearest one that exists.
-//! Parts that nothing refers to are not loaded. A file next to a model may add what the model's format can't store (`sidecar`).
+//! Angles are in degrees, lengths in metres, colours linear Rec. 709, and paths relative to the scene file. All
+//! problems of the file are reported at once, with their lines and, for a misspelt name, the nearest one that exists.
+//! Unused parts are not loaded. A `sidecar` file next to a model adds data that the model's format can't store.
 //!
 //! # sidecar
 //!
-//! `model.oscura.toml` next to `model.glb`: what the model's format can't carry. Its parts are those of scene files, all
-//! optional, and added to the model:
+//! `model.oscura.toml` next to `model.glb`: data that the model's format can't store. It has the parts of scene files, all
+//! optional, which are added to the model:
 //!
 //! | Part | Effect |
 //! |---|---|
-//! | `[environment]` | the world |
-//! | `[[lights]]`, `[[objects]]` | more of both, with `[materials.NAME]` and `[textures.NAME]` |
-//! | `[materials.NAME]` of a material of the model | changes it: with a `type` all of it, else what the keys of type `pbr` say; `alpha` = `"opaque"`, `"mask"` or `"blend"` decides what the alpha of its base colour does; `visible_to_camera` = false hides it from the camera, and from nothing else; `visible_to` lists the rays that see it, as for objects of scene files |
-//! | `[objects.NAME]` | changes what a node of the model and all nodes below it show: `hidden = true` leaves it out (lights, too), `material = "NAME"` gives it a material of the file or of the model, `light_group = "NAME"` puts its lights and what it emits into a group; `subdivide = N` subdivides its meshes, as for objects of scene files; `visible_to`, `visible_to_camera`, `holdout`, `shadow_catcher`, `light_link` and `shadow_link` as for objects of scene files; a name that begins with a slash is that of a node without a parent; among `[[objects]]`, `node = "NAME"` says which node is meant |
-//! | `[camera]` with `look_from` | a camera before those of the model |
-//! | `[camera]` otherwise | depth of field, `shift` and `type` with its keys (panoramas ...), as of scene files, of the model's cameras, or only of that called `name`; `shutter` and `shutter_position`; with `default = true` it comes before the others; `width`, `height` |
-//! | `[[camera]]` | the same for several cameras, each by its name |
-//! | `[[portals]]` | windows through which light of the environment is looked for |
-//! | `[render]` | settings of rendering |
+//! | `[environment]` | the environment |
+//! | `[[lights]]`, `[[objects]]` | additional lights and objects, with `[materials.NAME]` and `[textures.NAME]` |
+//! | `[materials.NAME]` of a material of the model | with a `type` replaces it, else changes its parameters by the keys of type `pbr`; `alpha` = `"opaque"`, `"mask"` or `"blend"` sets its alpha mode; `visible_to_camera` = false hides it from camera rays only; `visible_to` lists the kinds of rays that hit it, as for objects of scene files |
+//! | `[objects.NAME]` | changes a node of the model and its descendants: `hidden = true` removes them (lights, too), `material = "NAME"` assigns a material of the file or of the model, `light_group = "NAME"` puts their lights and emissive surfaces into a group; `subdivide = N` subdivides their meshes, as for objects of scene files; `visible_to`, `visible_to_camera`, `holdout`, `shadow_catcher`, `light_link` and `shadow_link` as for objects of scene files; a name with a leading slash is that of a root node; in `[[objects]]`, `node = "NAME"` names the node |
+//! | `[camera]` with `look_from` | a camera that precedes those of the model |
+//! | `[camera]` otherwise | changes the model's cameras, or only that called `name`: depth of field, `shift` and `type` with its keys (panoramas ...), as in scene files; `shutter` and `shutter_position`; `default = true` puts it first; `width`, `height` |
+//! | `[[camera]]` | the same for several cameras, each with its name |
+//! | `[[portals]]` | portals for sampling the environment |
+//! | `[render]` | render settings |
 
 mod assets;
 mod builder;
@@ -96,7 +96,7 @@ impl TomlText {
                 Problem::new(format!("line {line}"), "is not UTF-8 text").with_help("save the file as UTF-8");
             Error::input_problems(path, vec![problem])
         })?;
-        // Editors of some systems begin a file with a byte order mark.
+        // Some editors begin files with a byte order mark.
         let text = text.strip_prefix('\u{feff}').map(str::to_string).unwrap_or(text);
         Ok(TomlText { path: path.to_path_buf(), text })
     }
@@ -123,13 +123,13 @@ impl TomlFile<'_> {
         Fields::new(what, self.root.get_ref(), 0..0, problems)
     }
 
-    /// Is it the TOML of another program? One or two unknown keys are misspelt ones.
+    /// Whether the file belongs to another program: more than two tables, and none of a scene's. Fewer may be misspelt.
     fn is_foreign(&self) -> bool {
         let names = || self.root.get_ref().iter().map(|(key, _)| key.get_ref().as_ref());
         names().count() > 2 && !names().any(|name: &str| TABLES.contains(&name))
     }
 
-    /// Adds the contents of the file to a scene: an empty one, or that of the model which a sidecar belongs to.
+    /// Adds the contents of the file to `loaded`: an empty scene, or the model of a sidecar.
     ///
     /// # Errors
     /// All problems of the file.
@@ -141,7 +141,7 @@ impl TomlFile<'_> {
             return Ok(loaded);
         }
         if !is_sidecar && self.is_foreign() {
-            let message = "is no scene file: it has other tables, and none of a scene's";
+            let message = "is not a scene file: it has no tables of a scene";
             return Err(Error::input(self.path, message)
                 .with_help("'oscura new first.toml' writes one to start from"));
         }
@@ -199,7 +199,7 @@ fn push_syntax_errors(text: &str, errors: &[toml::de::Error], problems: &Problem
     }
 }
 
-/// Is there a number such as `.5` at an offset of the text or one byte before?
+/// Whether a number such as `.5` starts at a byte offset of the text or one byte before.
 fn lacks_first_digit(text: &str, offset: usize) -> bool {
     [Some(offset), offset.checked_sub(1)].into_iter().flatten().any(|start| {
         let (Some(before), Some(rest)) = (text.get(..start), text.get(start..)) else { return false };
@@ -208,7 +208,7 @@ fn lacks_first_digit(text: &str, offset: usize) -> bool {
     })
 }
 
-/// Does a file have the tables that each scene needs, and is it no sidecar?
+/// Whether a file has the required tables of a scene and is not a sidecar.
 pub(super) fn is_scene(path: &Path) -> bool {
     let is_sidecar = path.to_string_lossy().ends_with(".oscura.toml");
     let Some(text) = TomlText::read(path, &LoadOptions::default()).ok().filter(|_| !is_sidecar) else {
@@ -218,7 +218,7 @@ pub(super) fn is_scene(path: &Path) -> bool {
     ["objects", "curves"].iter().any(|name| file.root.get_ref().contains_key(*name))
 }
 
-/// Does a file ask for denoising? Whatever is wrong with it shows when it is loaded.
+/// Whether a scene file sets `denoise`. Problems of the file are reported when it is loaded.
 pub(super) fn asks_for_denoising(path: &Path) -> bool {
     let Ok(text) = TomlText::read(path, &LoadOptions::default()) else { return false };
     let file = TomlFile::parse(&text);
@@ -226,14 +226,12 @@ pub(super) fn asks_for_denoising(path: &Path) -> bool {
     render.and_then(|table| table.get("denoise")?.get_ref().as_bool()) == Some(true)
 }
 
-// Sidecars.
-
-/// The sidecar's path for a model: its name with `.oscura.toml` for the extension.
+/// The path of a model's sidecar: the extension replaced by `.oscura.toml`.
 pub fn sidecar_path(model: &Path) -> PathBuf {
     model.with_extension("oscura.toml")
 }
 
-/// The text of the sidecar next to a model; `None` where there is none.
+/// The text of a model's sidecar; `None` if there is none.
 ///
 /// # Errors
 /// An input error if the file can't be read or isn't UTF-8.
@@ -243,25 +241,25 @@ pub(in crate::load) fn sidecar_text(model: &Path, options: &LoadOptions) -> Resu
     path.is_file().then(|| TomlText::read(&path, options)).transpose()
 }
 
-/// The sidecar of a model, parsed.
+/// The parsed sidecar of a model.
 pub(in crate::load) struct Sidecar<'t> {
     file: TomlFile<'t>,
 }
 
 impl<'t> Sidecar<'t> {
-    /// Syntax errors are reported by [`Sidecar::apply`].
+    /// Parses the file; [`Sidecar::apply`] reports syntax errors.
     pub fn parse(text: &'t TomlText) -> Sidecar<'t> {
         Sidecar { file: TomlFile::parse(text) }
     }
 
-    /// The options with those settings of the sidecar that the model's reader needs: the shutter, the empty nodes at which
-    /// lights are placed, and whether some mesh is subdivided. Problems of the file are reported by [`Sidecar::apply`].
+    /// The options with the sidecar's settings for the model's reader: shutter, empty nodes with lights, and subdivision.
+    /// [`Sidecar::apply`] reports problems.
     pub fn reader_options(&self, options: &LoadOptions) -> LoadOptions {
         let problems = Problems::new(self.file.text);
         let root = self.file.root(true, &problems);
         let shutter = camera::shutter_options(options.shutter, &root);
         let lit_nodes = options.lit_nodes.iter().cloned().chain(transform::nodes_of_lights(&root)).collect();
-        let keeps_polygons = options.keeps_polygons || objects::is_subdivision_asked(&root);
+        let keeps_polygons = options.keeps_polygons || objects::uses_subdivision(&root);
         LoadOptions { shutter, lit_nodes, keeps_polygons, ..options.clone() }
     }
 
@@ -280,17 +278,17 @@ impl<'t> Sidecar<'t> {
         let used: Vec<&str> =
             parts.into_iter().filter(|part| self.file.root.get_ref().contains_key(*part)).collect();
         let used = if used.is_empty() { "it is empty".to_string() } else { used.join(", ") };
-        format!("lies beside the model and was used: {used} ({} leaves it out)", Choice::NoSidecar)
+        format!("the sidecar of the model was used: {used} ({} ignores it)", Choice::NoSidecar)
     }
 }
 
-// The reference of scene files (`oscura help`, the guide): the module documentation of the parsers. `tests/loading/scene_reference/`
-// compares it with the keys that the parsers accept.
+// The scene file reference (`oscura help`, the guide) is the module documentation of the parsers;
+// `tests/loading/scene_reference/` compares it with the keys that the parsers accept.
 
 /// One chapter of the reference.
 #[derive(Clone, Copy, Debug)]
 pub struct Chapter {
-    /// Its subject, as written in a scene file.
+    /// The table or topic, as written in a scene file.
     pub title: &'static str,
     sections: &'static [Section],
 }
@@ -339,7 +337,7 @@ impl Chapter {
         self.sections.iter().map(Section::markdown).collect::<Vec<_>>().join("\n\n")
     }
 
-    /// The chapter of a title, with or without its brackets.
+    /// Finds a chapter by its title, with or without brackets.
     pub fn find(title: &str) -> Option<&'static Chapter> {
         CHAPTERS.iter().find(|c| c.name() == title || c.title == title)
     }

@@ -1,4 +1,4 @@
-//! `[textures.NAME]` of `type = "nodes"`: a graph of nodes.
+//! `[textures.NAME]` of `type = "nodes"`: a node graph.
 //!
 //! ```toml
 //! [textures.rust]
@@ -10,8 +10,8 @@
 //! ```
 //!
 //! An input is a number, a list of three, an output `"NODE.OUTPUT"` of another node, or another texture: `"textures.NAME"`, or its alpha,
-//! `"textures.NAME.alpha"`. All other keys of a node but `type` are its settings. With `up = "z"` beside `result`, vectors of the world
-//! and of the camera are those of Blender, (x, -z, y).
+//! `"textures.NAME.alpha"`. The other keys of a node except `type` are its settings. With `up = "z"` next to `result`, world and
+//! camera vectors are in Blender's axes, (x, -z, y).
 
 use super::builder::SceneFileBuilder;
 use super::fields::{Fields, nearest, number, numbers};
@@ -29,19 +29,19 @@ use std::sync::Arc;
 use toml::Spanned;
 use toml::de::DeValue;
 
-/// A value with its place in the file.
+/// A value with its span in the file.
 pub(super) type Value<'a> = &'a Spanned<DeValue<'a>>;
 
-/// Targets of links of a graph.
+/// Resolves links of a graph.
 pub(super) struct Links<'g, 'a> {
     /// Names and kinds of the nodes, in order.
     pub nodes: &'g [(&'a str, NodeKind)],
     pub textures: &'g mut Textures<'a>,
-    /// The texture that the graph is for, which can't be a part of itself.
+    /// Name of the texture with the graph, for messages about cycles.
     pub own: &'g str,
 }
 
-/// The attributes that nodes of a file name, and those that stand for outputs of nodes.
+/// Names of the vertex attributes that nodes of a file may read, including those for baked node outputs.
 pub(super) fn attribute_names(root: &Fields) -> BTreeSet<String> {
     let mut names: BTreeSet<String> =
         ["generated", "pointiness", "random_per_island", TANGENT].map(str::to_string).into();
@@ -59,7 +59,7 @@ pub(super) fn attribute_names(root: &Fields) -> BTreeSet<String> {
     names
 }
 
-/// Notes attributes that graphs read by name and no mesh has.
+/// Adds notes about attributes that graphs read and no mesh has.
 pub(super) fn warn_of_missing_attributes(build: &mut SceneFileBuilder) {
     let scene = &build.loaded.scene;
     let known: BTreeSet<&str> =
@@ -74,16 +74,16 @@ pub(super) fn warn_of_missing_attributes(build: &mut SceneFileBuilder) {
     });
     let missing: BTreeSet<String> = named.filter(|name| !known.contains(name)).map(str::to_string).collect();
     for name in missing {
-        let message = format!("no mesh has the attribute '{name}' that nodes read: it is 0 there");
+        let message = format!("no mesh has the attribute '{name}' that nodes read: its value is 0");
         build.loaded.notes.push(Warning::new(build.file, "", message));
     }
 }
 
-/// Nodes by name with their kinds, and the nodes.
+/// Names and kinds of nodes, and the graph of the nodes.
 pub(super) type NamedNodes<'a> = (Vec<(&'a str, NodeKind)>, NodeGraph);
 
 impl<'a> Textures<'a> {
-    /// The texture that a table describes; `None` after a problem.
+    /// Reads a texture of `type = "nodes"`; `None` after a problem.
     pub(super) fn nodes(
         &mut self,
         build: &mut SceneFileBuilder,
@@ -98,12 +98,12 @@ impl<'a> Textures<'a> {
         graph.is_z_up = fields.choice("up", &[("y", false), ("z", true)]).unwrap_or(false);
         let problems = graph.problems();
         for problem in &problems {
-            build.problems.push(fields.span(), format!("{}: {problem}", fields.what()));
+            build.problems.push(fields.span(), format!("{}: {problem}", fields.description()));
         }
         problems.is_empty().then(|| Texture::Nodes(Arc::new(graph)))
     }
 
-    /// The texture of an output of named nodes, whose graph has no result yet; `None` after a problem.
+    /// Adds the texture of one output of a graph; `None` after a problem.
     pub(super) fn output(
         &mut self,
         build: &mut SceneFileBuilder,
@@ -114,7 +114,7 @@ impl<'a> Textures<'a> {
         let result = Links { nodes: named, textures: self, own: "" }.input(build, value)?;
         let graph = NodeGraph { result, ..graph.clone() };
         if let Some(problem) = graph.problems().first() {
-            build.problems.push(fields.span(), format!("{}: {problem}", fields.what()));
+            build.problems.push(fields.span(), format!("{}: {problem}", fields.description()));
             return None;
         }
         if self.is_check() {
@@ -125,7 +125,7 @@ impl<'a> Textures<'a> {
         Some(TextureId(textures.len() as u32 - 1))
     }
 
-    /// The nodes that tables describe, a graph without a result; `None` after a problem.
+    /// Reads nodes as a graph without a result; `None` after a problem.
     pub(super) fn value_nodes(
         &mut self,
         build: &mut SceneFileBuilder,
@@ -152,7 +152,7 @@ impl<'a> Textures<'a> {
 }
 
 impl<'a> Textures<'a> {
-    /// Reads the image of a node of images; `None` after a problem.
+    /// Reads the image of an image node; `None` after a problem.
     fn node_image(
         &mut self,
         build: &mut SceneFileBuilder,
@@ -194,7 +194,7 @@ impl<'a> Textures<'a> {
         let mapping = Mapping::default();
         let texture = Texture::Image { image, wrap_u: wrap, wrap_v: wrap, interpolation, mapping };
         let textures = &mut build.loaded.scene.textures;
-        // One for all nodes that read an image alike.
+        // Nodes with equal settings share a texture.
         let known = textures.iter().position(|other| *other == texture);
         let number = known.unwrap_or_else(|| {
             textures.push(texture);
@@ -205,28 +205,28 @@ impl<'a> Textures<'a> {
     }
 }
 
-/// The kind that a node's `type` names.
+/// The kind of a node, from its `type`; `None` after a problem.
 fn kind(build: &mut SceneFileBuilder, name: &str, value: Value) -> Option<NodeKind> {
     let Some(table) = value.get_ref().as_table() else {
         build.problems.push(value.span(), format!("node '{name}' must be a table"));
         return None;
     };
     let Some((text, span)) = table.get("type").and_then(|v| Some((v.get_ref().as_str()?, v.span()))) else {
-        build.problems.push(value.span(), format!("node '{name}' needs 'type', a text"));
+        build.problems.push(value.span(), format!("node '{name}' needs 'type', a string"));
         return None;
     };
     let kind = NodeKind::from_name(text);
     if kind.is_none() {
         let help = match nearest(text, NodeKind::NAMES.iter().copied()) {
             Some(near) => format!("did you mean '{near}'?"),
-            None => format!("types of nodes: {}", NodeKind::NAMES.join(", ")),
+            None => format!("node types: {}", NodeKind::NAMES.join(", ")),
         };
-        build.problems.push_help(span, format!("there is no type of nodes '{text}'"), help);
+        build.problems.push_help(span, format!("there is no node type '{text}'"), help);
     }
     kind
 }
 
-/// The inputs of a node; its settings are set.
+/// Reads the inputs of a node, and its settings into `kind`; `None` after a problem.
 fn node<'a>(
     build: &mut SceneFileBuilder,
     links: &mut Links<'_, 'a>,
@@ -236,20 +236,20 @@ fn node<'a>(
 ) -> Option<Vec<NodeInput>> {
     let sockets = kind.inputs();
     let mut inputs = vec![NodeInput::Default; sockets.len()];
-    let mut is_sound = true;
+    let mut is_valid = true;
     for (key, value) in value.get_ref().as_table()?.iter() {
         let key = key.get_ref().as_ref();
         if let Some(i) = sockets.iter().position(|socket| socket.name == key) {
             match links.input(build, value) {
                 Some(input) => inputs[i] = input,
-                None => is_sound = false,
+                None => is_valid = false,
             }
         } else if key != "type" {
             let set = setting(value.get_ref())
-                .ok_or_else(|| format!("'{key}' has a value that no setting takes"))
+                .ok_or_else(|| format!("'{key}' has a value of a type that no setting has"))
                 .and_then(|setting| kind.set(key, &setting));
             if let Err(problem) = set {
-                is_sound = false;
+                is_valid = false;
                 let names: Vec<&str> = sockets.iter().map(|socket| socket.name).collect();
                 let help = format!(
                     "its inputs: {}",
@@ -259,7 +259,7 @@ fn node<'a>(
             }
         }
     }
-    is_sound.then_some(inputs)
+    is_valid.then_some(inputs)
 }
 
 fn setting(value: &DeValue) -> Option<SettingValue> {
@@ -283,7 +283,7 @@ fn setting(value: &DeValue) -> Option<SettingValue> {
 }
 
 impl<'a> Links<'_, 'a> {
-    /// The value of an input or of the result.
+    /// Reads an input or the result of a graph; `None` after a problem.
     pub fn input(&mut self, build: &mut SceneFileBuilder, value: Value<'a>) -> Option<NodeInput> {
         if let Some(text) = value.get_ref().as_str() {
             return self.link(build, value, text);
@@ -317,7 +317,7 @@ impl<'a> Links<'_, 'a> {
         };
         let outputs = self.nodes[index].1.outputs();
         let found = outputs.iter().position(|socket| socket.name == output);
-        // A node with one output needs no name for it.
+        // The output may be omitted if there is only one.
         let found = found.or_else(|| (output.is_empty() && outputs.len() == 1).then_some(0));
         if found.is_none() {
             let names: Vec<&str> = outputs.iter().map(|socket| socket.name).collect();

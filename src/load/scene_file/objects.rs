@@ -3,62 +3,62 @@
 //!
 //! | Shape | Value |
 //! |---|---|
-//! | `mesh` | a .gltf, .glb, .vrm, .obj, .ply, .spz, .stl or .3mf file; its cameras and, with a note, its lights are ignored, `material` replaces all of its own; `materials` lists those of faces by the number `material_index` that faces of PLY files may have, from 0 |
-//! | `quad` | `{ corner, u, v }`; the front is where u x v points |
+//! | `mesh` | a .gltf, .glb, .vrm, .obj, .ply, .spz, .stl or .3mf file; its cameras and, with a note, its lights are ignored, `material` replaces all of its materials; `materials` is a list, indexed by the `material_index` of faces of PLY files, from 0 |
+//! | `quad` | `{ corner, u, v }`; the front faces along u x v |
 //! | `box` | `{ min, max }`; `materials` may name six: -x, +x, -y, +y, -z, +z |
-//! | `pyramid` | `{ base, size = [x, z], height }`, over the middle `base`; `materials` may name five: base, +z, +x, -z, -x |
+//! | `pyramid` | `{ base, size = [x, z], height }`, `base` is the centre of its base; `materials` may name five: base, +z, +x, -z, -x |
 //! | `triangle` | three points |
 //!
-//! `smooth = 30` gives a `mesh` without normals smooth ones, of any type; edges where faces meet at more degrees stay sharp.
+//! `smooth = 30` gives a `mesh` without normals smooth normals; edges with a larger angle between the face normals, degrees, stay sharp.
 //!
-//! `mesh_keys = [{ frame = -0.5, mesh = "before.ply" }, { frame = 0.5, mesh = "after.ply" }]` deforms a `mesh`: each file has its vertices, in
-//! their order, at a frame (see `motion`); in between they move linearly. All objects of a mesh have the same `mesh_keys`.
+//! `mesh_keys = [{ frame = -0.5, mesh = "before.ply" }, { frame = 0.5, mesh = "after.ply" }]` deforms a `mesh`: each file has the same vertices
+//! at another frame (see `motion`), with linear interpolation in between. All objects with a mesh have the same `mesh_keys`.
 //!
-//! `instances = "leaves.ply"` places copies of the object, its transform included, by the vertices of a PLY file. Its properties: the position `x y z`;
-//! optionally a rotation, the quaternion `qx qy qz qw` or a normal `nx ny nz` to which the object's y axis turns; a factor `scale` or one for each
-//! axis, `sx sy sz`; in place of these the matrix `m00` to `m22`, row by row; and `red green blue alpha`, `index` and `random`, the outputs of nodes of type
-//! `object_info`. All copies have the object's name. They take 0.1 to 0.2 KiB each; triangles are kept once.
+//! `instances = "leaves.ply"` places instances of the object (after its `transform`) at the vertices of a PLY file. Vertex properties: the position `x y z`;
+//! optionally an orientation, either the quaternion `qx qy qz qw` or the direction `nx ny nz` of the object's y axis; a factor `scale` or one for each
+//! axis, `sx sy sz`; instead of these the matrix `m00` to `m22`, row by row; and `red green blue alpha`, `index` and `random`, the outputs of nodes of type
+//! `object_info`. All instances have the object's name. An instance takes 0.1 to 0.2 KiB; triangles are stored once.
 //!
-//! `subdivide = 2` makes smooth surfaces of the polygons of a `mesh` (`oscura help subdivision`).
+//! `subdivide = 2` subdivides the polygons of a `mesh` into smooth surfaces (`oscura help subdivision`).
 //!
-//! `visible_to = ["camera", "diffuse", "glossy", "transmission", "volume", "shadow"]` lists the kinds of rays that see an
-//! object, by default all: other rays pass through, and get no light from it. `visible_to_camera = false` removes
+//! `visible_to = ["camera", "diffuse", "glossy", "transmission", "volume", "shadow"]` lists the types of rays that hit an
+//! object, by default all: other rays pass through, and receive no light from it. `visible_to_camera = false` removes
 //! `camera`. Without `shadow` an object casts no shadow. With `holdout = true` the picture is transparent where the
-//! camera sees the object. With `shadow_catcher = true` the camera sees only what other objects change on it, to be laid
-//! over a photograph; the layer `ShadowCatcher` has the factors by channel.
+//! camera sees the object. With `shadow_catcher = true` the camera sees only the shadows and light of other objects on it, for compositing
+//! over a photograph; the layer `ShadowCatcher` has the factors per channel.
 //!
-//! `color = [r, g, b]` or `[r, g, b, alpha]` (white), `index` (0) and `random` (from 0 to 1; by default it follows from the name) are the outputs of nodes
+//! `color = [r, g, b]` or `[r, g, b, alpha]` (white), `index` (0) and `random` (0 to 1; by default a hash of the name) are the outputs of nodes
 //! of type `object_info`.
 //!
 //! `light_link` and `shadow_link` of an emissive object select the objects that it lights, and those that cast shadows in its light
 //! (`oscura help lights`).
 //!
-//! Shapes without a material take `[materials.default]`. Quads remain quads under every transform.
+//! Shapes without a material have `[materials.default]`. Quads remain quads under any transform.
 //!
 //! Shapes with a centre and a radius:
 //!
 //! | Shape | Value |
 //! |---|---|
 //! | `sphere` | `{ center, radius }` |
-//! | `disk` | `{ center, normal, radius }`; flat, its front where `normal` points (default y, up) |
+//! | `disk` | `{ center, normal, radius }`; flat, its front faces along `normal` (default y, up) |
 //!
 //! They remain spheres and disks under rotation, translation and uniform scaling, and become meshes, with a warning, under any other
-//! transform (a sphere one of 81,920 triangles), and so do emissive spheres where their motion bends them. A texture on a disk touches its edge; its top points up (of a level disk
-//! to -z) and turns with it.
+//! transform (spheres of 81,920 triangles), as do emissive spheres with non-uniformly scaling motion. The unit UV square of a disk encloses its edge; its top points up (for a
+//! horizontal disk to -z) and rotates with the object.
 //!
 //! # subdivision
 //!
-//! `subdivide = 2`, or `subdivide = { levels = 2 }`, subdivides the meshes of an object when they are loaded, by Catmull and Clark: quads of OBJ
-//! files become smooth surfaces, as in modelling programs. Vertices lie on the limit surface and have its normals. Meshes of other files
-//! are subdivided by their triangles.
+//! `subdivide = 2`, or `subdivide = { levels = 2 }`, applies Catmull-Clark subdivision to the meshes of an object at load time: quads of OBJ
+//! files become smooth surfaces, as in modelling programs. Vertices and normals are those of the limit surface. For meshes of other files
+//! the base faces are triangles.
 //!
 //! | Subdivision | Default | Meaning |
 //! |---|---|---|
-//! | `levels` | required | steps, 0 to 10; each makes four faces of one. All subdivided meshes together may have 16 million triangles |
-//! | `scheme` | `catmull-clark` | there is no other |
-//! | `corners` | `sharp` | corners of open sheets, which one face only has, stay where they are; `round`: they become round, as by default in Blender |
+//! | `levels` | required | levels, 0 to 10; each splits a face into four. The limit for all subdivided meshes together is 16 million triangles |
+//! | `scheme` | `catmull-clark` | the only scheme |
+//! | `corners` | `sharp` | boundary vertices of only one face stay fixed; `round`: they are smoothed, as by default in Blender |
 //!
-//! Open edges, and those of more than two faces, become smooth curves. Seams of texture coordinates stay where they are.
+//! Open edges, and edges of more than two faces, become smooth curves. Texture coordinates are interpolated linearly, and keep their seams.
 
 use super::assets::Assets;
 use super::builder::SceneFileBuilder;
@@ -85,7 +85,7 @@ use toml::de::DeValue;
 
 /// The keys of shapes.
 fn shapes() -> impl Iterator<Item = &'static str> {
-    ["mesh"].into_iter().chain(round_keys()).chain(["quad", "box", "pyramid", "triangle"])
+    ["mesh"].into_iter().chain(shape_keys()).chain(["quad", "box", "pyramid", "triangle"])
 }
 
 /// Reads all objects.
@@ -127,12 +127,12 @@ pub(super) fn read<'a>(
         let name = fields.string("name").map_or_else(|| format!("object {}", i + 1), |n| n.value.to_string());
         let object = Object::read(build, &fields, name);
         let before = counts(build);
-        let places = instances::read(build, &fields, &object.name);
+        let points = instances::read(build, &fields, &object.name);
         read_object(build, &fields, &object, materials, textures, assets);
-        give_traits(build, &fields, before);
+        apply_traits(build, &fields, before);
         fields.finish();
-        if let Some(places) = places {
-            instances::copy(build, fields.span(), before, &places, assets);
+        if let Some(points) = points {
+            instances::copy(build, fields.span(), before, &points, assets);
         }
     }
     assets.apply_listed_materials(&mut build.loaded.scene);
@@ -145,8 +145,8 @@ fn counts(build: &SceneFileBuilder) -> [usize; 3] {
     [scene.instances.len(), scene.quads.len(), scene.shapes.len()]
 }
 
-/// Applies an object's visibility and links to the instances, quads and shapes that it added to the scene.
-fn give_traits(build: &mut SceneFileBuilder, fields: &Fields, [instances, quads, shapes]: [usize; 3]) {
+/// Applies visibility, links and `object_info` to the instances, quads and shapes that an object added to the scene.
+fn apply_traits(build: &mut SceneFileBuilder, fields: &Fields, [instances, quads, shapes]: [usize; 3]) {
     let given = TraitOverrides::read(build, fields);
     let scene = &mut build.loaded.scene;
     if let Some(info) = traits::info(fields) {
@@ -201,7 +201,7 @@ fn read_object<'a>(
             fields.problems.push_help(
                 fields.span(),
                 message,
-                "name one, or write a table [materials.default] for all objects without",
+                "name one, or add [materials.default] for all objects without a material",
             );
             None
         }
@@ -215,7 +215,7 @@ fn read_object<'a>(
                 add_faces(build, object, &faces, &vec![id; faces.faces.len()]);
             }
         }
-        _ => add_round(build, fields, object, shape, id),
+        _ => read_shape(build, fields, object, shape, id),
     }
 }
 
@@ -228,12 +228,12 @@ fn add_mesh(
 ) {
     let Some(file) = fields.string("mesh") else { return };
     let crease = fields.has("smooth").then(|| fields.number_in("smooth", 0.0..180.0, 0.0).to_radians());
-    let how = read_subdivision(fields);
+    let subdivision = read_subdivision(fields);
     let Some(asset) = assets.get(build, file.value, file.span.clone(), crease) else { return };
     let mut asset = asset.into_owned();
-    if let Some(how) = how {
+    if let Some(subdivision) = subdivision {
         for i in &mut asset.instances {
-            i.mesh = subdivided_mesh(build, fields, i.mesh, i.motion, how).unwrap_or(i.mesh);
+            i.mesh = subdivided_mesh(build, fields, i.mesh, i.motion, subdivision).unwrap_or(i.mesh);
         }
     }
     let keys = MeshKeys::read(build, fields, assets);
@@ -247,7 +247,7 @@ fn add_mesh(
         let world_from_object = object.world_from_object * i.world_from_object;
         let mut motion = object.moved(&mut scene.motion, i);
         if let Some(keys) = &keys {
-            match keys.give(build, assets, (i.mesh, motion, world_from_object)) {
+            match keys.apply(build, assets, (i.mesh, motion, world_from_object)) {
                 Ok(given) => motion = given,
                 Err(message) => fields.problems.push(file.span.clone(), message),
             }
@@ -255,18 +255,17 @@ fn add_mesh(
         let name =
             if i.name == NAMELESS { object.name.clone() } else { format!("{}/{}", object.name, i.name) };
         let mut instance = Instance { name, world_from_object, motion, ..i.clone() };
-        give_material(&mut build.loaded.scene, &mut instance, material);
+        set_material(&mut build.loaded.scene, &mut instance, material);
         build.loaded.scene.instances.push(instance);
     }
     let Some(first) = asset.shapes.first() else { return };
     if object.motion.is_some() {
-        let message = "the points of a point cloud can't move";
+        let message = "a point cloud can't have a 'motion'";
         return fields.problems.push_help(file.span, message, "leave 'motion' out");
     }
     if placed_shape(&object.world_from_object, first.clone()).is_none() {
-        let message =
-            ("points-deformed", "the points of a point cloud are spheres, which this transform bends");
-        return fields.problems.push_help(file.span, message, "scale by the same factor along all axes");
+        let message = ("points-deformed", "this transform would deform the spheres of a point cloud");
+        return fields.problems.push_help(file.span, message, "scale uniformly");
     }
     let shapes =
         asset.shapes.iter().filter_map(|shape| placed_shape(&object.world_from_object, shape.clone()));
@@ -274,8 +273,8 @@ fn add_mesh(
     build.loaded.scene.shapes.extend(shapes);
 }
 
-/// Replaces all materials of an instance, if there is another one. Splats keep their colours, by which its own are multiplied.
-fn give_material(scene: &mut Scene, instance: &mut Instance, material: Option<MaterialId>) {
+/// Replaces the materials of an instance. For splats, the material is multiplied by their colours.
+fn set_material(scene: &mut Scene, instance: &mut Instance, material: Option<MaterialId>) {
     let Some(material) = material else { return };
     if scene.meshes[instance.mesh.index()].splats.is_some() {
         scene.materials[material.index()].use_vertex_colors = true;
@@ -283,7 +282,7 @@ fn give_material(scene: &mut Scene, instance: &mut Instance, material: Option<Ma
     instance.material = Some(material);
 }
 
-/// The materials that an object lists for the faces of its mesh by their numbers.
+/// The key `materials` of a mesh, indexed by `material_index`.
 fn mesh_materials<'a>(
     build: &mut SceneFileBuilder,
     fields: &Fields<'a>,
@@ -389,7 +388,7 @@ fn add_quad(build: &mut SceneFileBuilder, object_fields: &Fields, object: &Objec
     let m = object.world_from_object;
     let (mut corner, mut edge_u) = (m.transform_point3(corner.value), m.transform_vector3(u.value));
     let edge_v = m.transform_vector3(v.value);
-    // A mirroring transform would turn the front to the back.
+    // Mirroring transforms keep the front.
     if m.matrix3.determinant() < 0.0 {
         corner += edge_u;
         edge_u = -edge_u;
@@ -401,11 +400,9 @@ fn add_quad(build: &mut SceneFileBuilder, object_fields: &Fields, object: &Objec
 
 /// A table of `[[objects]]`.
 pub(super) struct Object {
-    /// Its name.
     pub name: String,
-    /// Its transform.
     pub world_from_object: DAffine3,
-    /// Its motion.
+    /// Motion relative to `world_from_object`.
     pub motion: Option<Keyframes<DAffine3>>,
 }
 
@@ -417,7 +414,7 @@ impl Object {
             None => Object { name, world_from_object, motion: None },
             Some(moved) => {
                 let world_from_object = moved.at_time * world_from_object;
-                Object { name, world_from_object, motion: moved.onwards }
+                Object { name, world_from_object, motion: moved.relative_keys }
             }
         }
     }
@@ -434,26 +431,30 @@ impl Object {
                 moving.map(|key| *key * self.world_from_object * instance.world_from_object)
             }
             (None, Some(own)) => own.map(|key| self.world_from_object * *key),
-            (Some(moving), Some(own)) => both(moving, &own, &self.world_from_object),
+            (Some(moving), Some(own)) => combined_motion(moving, &own, &self.world_from_object),
         };
         motion.instances.push(moving);
         Motion::Keyed(motion.instances.len() as u32 - 1)
     }
 }
 
-/// An object that moves and whose file moves, too; at as many keys as either has.
-fn both(moving: &Keyframes<DAffine3>, own: &Keyframes<DAffine3>, place: &DAffine3) -> Keyframes<DAffine3> {
+/// The motion of an animated instance of a file under a moving object, with as many keys as the longer list.
+fn combined_motion(
+    moving: &Keyframes<DAffine3>,
+    own: &Keyframes<DAffine3>,
+    transform: &DAffine3,
+) -> Keyframes<DAffine3> {
     let count = moving.keys.len().max(own.keys.len());
     let at = |i: usize| {
         let time = i as f32 / count.saturating_sub(1).max(1) as f32;
-        transform_at(&moving.keys, time) * *place * transform_at(&own.keys, time)
+        transform_at(&moving.keys, time) * *transform * transform_at(&own.keys, time)
     };
     let neighbours = moving.neighbours.zip(own.neighbours);
-    let neighbours = neighbours.map(|(m, o)| [m[0] * *place * o[0], m[1] * *place * o[1]]);
+    let neighbours = neighbours.map(|(m, o)| [m[0] * *transform * o[0], m[1] * *transform * o[1]]);
     Keyframes { keys: (0..count).map(at).collect(), neighbours }
 }
 
-/// Adds a mesh, placed.
+/// Adds a mesh with an instance.
 pub(super) fn add_placed(
     build: &mut SceneFileBuilder,
     object: &Object,
@@ -472,7 +473,7 @@ pub(super) fn add_placed(
     scene.instances.push(Instance { name, motion, ..Instance::new(mesh, world_from_object) });
 }
 
-/// Reads `[objects.NAME]`: changes of the model's own objects.
+/// Reads `[objects.NAME]`: changes of the model's objects.
 pub(super) fn override_objects<'a>(
     build: &mut SceneFileBuilder,
     all: &Fields<'a>,
@@ -490,8 +491,8 @@ pub(super) fn override_objects<'a>(
     }
 }
 
-/// Changes the objects of a node of the model and of the nodes below it: `hidden`, another `material`, the `light_group` of their
-/// emission and its links, subdivision, and visibility (see [`super::traits`]).
+/// Changes a node of the model and its descendants: `hidden`, `material`, `light_group`, links, subdivision, and visibility
+/// (see [`super::traits`]).
 pub(super) fn override_object<'a>(
     build: &mut SceneFileBuilder,
     fields: &Fields<'a>,
@@ -500,8 +501,8 @@ pub(super) fn override_object<'a>(
     textures: &mut Textures<'a>,
 ) {
     let is_hidden = fields.flag("hidden", false);
-    let wanted = fields.string("material");
-    let material = wanted.and_then(|wanted| materials.get(build, textures, wanted.value, wanted.span));
+    let named = fields.string("material");
+    let material = named.and_then(|named| materials.get(build, textures, named.value, named.span));
     let given = TraitOverrides::read(build, fields);
     let light_group = fields.has("light_group").then(|| group(fields, "light_group"));
     let subdivision = read_subdivision(fields);
@@ -530,44 +531,45 @@ pub(super) fn override_object<'a>(
         let mut instance = scene.instances[i].clone();
         instance.light_group = light_group.clone().or(instance.light_group.take());
         given.apply(&mut instance.traits);
-        give_material(scene, &mut instance, material);
+        set_material(scene, &mut instance, material);
         scene.instances[i] = instance;
     }
     for i in instances.into_iter().filter(|_| subdivision.is_some()) {
         let Instance { mesh, motion, .. } = build.loaded.scene.instances[i];
-        if let Some(mesh) = subdivision.and_then(|how| subdivided_mesh(build, fields, mesh, motion, how)) {
+        if let Some(mesh) =
+            subdivision.and_then(|options| subdivided_mesh(build, fields, mesh, motion, options))
+        {
             build.loaded.scene.instances[i].mesh = mesh;
         }
     }
 }
 
-/// Reads the keys that are specific to a kind of shape: its parameters and its rotation. `None` if there is a problem, which has
-/// been reported.
-type ReadKind = fn(&Fields) -> Option<(ShapeKind, DQuat)>;
+/// Reads the keys specific to a shape: its kind and rotation. `None` after a problem.
+type ReadShape = fn(&Fields) -> Option<(ShapeKind, DQuat)>;
 
-/// The kinds of shapes by their keys.
-const KINDS: &[(&str, ReadKind)] = &[
+/// Shapes with centre and radius, by key.
+const KINDS: &[(&str, ReadShape)] = &[
     ("sphere", |_| Some((ShapeKind::Sphere, DQuat::IDENTITY))),
     ("disk", |fields| Some((ShapeKind::Disk, facing_normal(fields)?))),
 ];
 
-/// Their keys.
-pub(super) fn round_keys() -> impl Iterator<Item = &'static str> {
+/// Keys of the shapes with centre and radius.
+pub(super) fn shape_keys() -> impl Iterator<Item = &'static str> {
     KINDS.iter().map(|(key, _)| *key)
 }
 
-/// Adds the shape of an object by its key; nothing for other keys.
-fn add_round(
+/// Reads and adds a shape with centre and radius.
+fn read_shape(
     build: &mut SceneFileBuilder,
     object_fields: &Fields,
     object: &Object,
     key: &'static str,
     material: MaterialId,
 ) {
-    let Some((_, read_kind)) = KINDS.iter().find(|(known, _)| *known == key) else { return };
+    let Some((_, read_shape_kind)) = KINDS.iter().find(|(known, _)| *known == key) else { return };
     let Some(fields) = object_fields.table(key) else { return };
     let (center, radius) = center_and_radius(&fields, key);
-    let kind = read_kind(&fields);
+    let kind = read_shape_kind(&fields);
     fields.finish();
     let (Some(center), Some(radius), Some((kind, rotation))) = (center, radius, kind) else { return };
     let shape =
@@ -588,7 +590,7 @@ fn center_and_radius(fields: &Fields, shape: &str) -> (Option<DVec3>, Option<f64
     (center.map(|c| c.value), radius)
 }
 
-/// The rotation that takes z to the key `normal`: y without it.
+/// The rotation from z to the key `normal`, default y.
 fn facing_normal(fields: &Fields) -> Option<DQuat> {
     let Some(normal) = fields.vector("normal") else { return Some(facing(DVec3::Y)) };
     let unit = normal.value.try_normalize();
@@ -598,15 +600,15 @@ fn facing_normal(fields: &Fields) -> Option<DQuat> {
     unit.map(facing)
 }
 
-/// The rotation that takes z to a unit normal and y as nearly up as may be: to -z where the normal is upright.
+/// The rotation from z to a unit normal, with y as near to up as possible; to -z for vertical normals.
 fn facing(normal: DVec3) -> DQuat {
-    let is_upright = normal.y.abs() > 1.0 - 1e-9;
-    let up = if is_upright { DVec3::NEG_Z } else { DVec3::Y };
+    let is_vertical = normal.y.abs() > 1.0 - 1e-9;
+    let up = if is_vertical { DVec3::NEG_Z } else { DVec3::Y };
     let right = up.cross(normal).normalize();
     DQuat::from_mat3(&DMat3::from_cols(right, normal.cross(right), normal)).normalize()
 }
 
-/// Is it an emissive sphere whose motion scales it non-uniformly? Only round spheres can be sampled as lights.
+/// Whether the shape is an emissive sphere with non-uniformly scaling motion, which can't be sampled as a light.
 fn is_stretched_light(build: &SceneFileBuilder, object: &Object, shape: &Shape) -> bool {
     let material = build.loaded.scene.materials.get(shape.material.index());
     let is_emissive = material.is_some_and(|material| material.emission.is_some());
@@ -614,10 +616,10 @@ fn is_stretched_light(build: &SceneFileBuilder, object: &Object, shape: &Shape) 
     is_emissive && shape.kind == ShapeKind::Sphere && object.motion.as_ref().is_some_and(stretches)
 }
 
-/// Adds a shape under the transform of its object; as a mesh, with a warning, if that makes it an ellipsoid or an ellipse.
+/// Adds a shape under the transform of its object; ellipsoids and ellipses become meshes, with a warning.
 fn add_shape(build: &mut SceneFileBuilder, object: &Object, shape: Shape) {
     let (is_stretched, kind) = (is_stretched_light(build, object, &shape), shape.kind.tag().name());
-    let reason = if is_stretched { "motion stretches the emissive" } else { "transform bends the" };
+    let reason = if is_stretched { "motion deforms the emissive" } else { "transform deforms the" };
     if let Some(placed) = placed_shape(&object.world_from_object, shape.clone()).filter(|_| !is_stretched) {
         let scene = &mut build.loaded.scene;
         scene.motion.shapes.extend(object.motion.clone().map(|moving| (scene.shapes.len(), moving)));
@@ -635,12 +637,12 @@ fn add_shape(build: &mut SceneFileBuilder, object: &Object, shape: Shape) {
     add_placed(build, object, mesh, object.world_from_object * unit);
 }
 
-/// Does an object have the key `subdivide`?
-pub(super) fn is_subdivision_asked(root: &Fields) -> bool {
-    let asks = |value: &DeValue| value.as_table().is_some_and(|table| table.contains_key("subdivide"));
+/// Whether any object has the key `subdivide`.
+pub(super) fn uses_subdivision(root: &Fields) -> bool {
+    let has_key = |value: &DeValue| value.as_table().is_some_and(|table| table.contains_key("subdivide"));
     match root.raw("objects").map(|objects| objects.get_ref()) {
-        Some(DeValue::Array(list)) => list.iter().any(|value| asks(value.get_ref())),
-        Some(DeValue::Table(all)) => all.values().any(|value| asks(value.get_ref())),
+        Some(DeValue::Array(list)) => list.iter().any(|value| has_key(value.get_ref())),
+        Some(DeValue::Table(all)) => all.values().any(|value| has_key(value.get_ref())),
         _ => false,
     }
 }
@@ -649,33 +651,34 @@ pub(super) fn is_subdivision_asked(root: &Fields) -> bool {
 fn read_subdivision(fields: &Fields) -> Option<Subdivision> {
     let given = fields.raw("subdivide")?;
     if number(given.get_ref()).is_some() {
-        let levels = fields.integer("subdivide", 0, MAX_LEVELS)?;
+        let levels = fields.unsigned("subdivide", 0, MAX_LEVELS)?;
         return Some(Subdivision { levels, has_round_corners: false });
     }
     let Some(table) = given.get_ref().as_table() else {
-        let message = format!("'subdivide' of {} must be a number of levels or a table", fields.what());
+        let message =
+            format!("'subdivide' of {} must be a number of levels or a table", fields.description());
         fields.problems.push_help(given.span(), message, "write subdivide = 2");
         return None;
     };
     let table = Fields::new("'subdivide'", table, given.span(), fields.problems);
-    let levels = table.require("levels", table.integer("levels", 0, MAX_LEVELS));
+    let levels = table.require("levels", table.unsigned("levels", 0, MAX_LEVELS));
     table.choice("scheme", &[("catmull-clark", ())]);
     let corners = table.choice("corners", &[("sharp", false), ("round", true)]);
     table.finish();
     Some(Subdivision { levels: levels?, has_round_corners: corners.unwrap_or(false) })
 }
 
-/// The subdivided mesh; `None` if it can't be subdivided, which is reported as a problem of the key.
+/// The subdivided mesh; `None` after reporting that it can't be subdivided.
 pub(super) fn subdivided_mesh(
     build: &mut SceneFileBuilder,
     fields: &Fields,
     id: MeshId,
     motion: Motion,
-    how: Subdivision,
+    subdivision: Subdivision,
 ) -> Option<MeshId> {
     let fine = match motion {
         Motion::Deforms => Err(DEFORMS.to_string()),
-        _ => build.loaded.polygons.add_to(&mut build.loaded.scene, id, how),
+        _ => build.loaded.polygons.add_to(&mut build.loaded.scene, id, subdivision),
     };
     let span = fields.raw("subdivide").map_or(fields.span(), |value| value.span());
     fine.map_err(|message| fields.problems.push(span, message)).ok()

@@ -2,29 +2,29 @@
 //!
 //! | Key | Default | Meaning |
 //! |---|---|---|
-//! | `base_color` | 1 | colour of the diffuse base, of metal and of transmitted light |
-//! | `metallic` | 0 | 0 to 1, or a texture, whose red counts |
-//! | `roughness` | 1 | the same |
-//! | `diffuse_roughness` | 0 | roughness of the diffuse part (Oren-Nayar), 0 to 1; 0 is Lambert's law |
-//! | `ior` | 1.5 | index of refraction, 1 to 10 |
-//! | `specular`, `specular_color` | 1 | factors on the dielectric's reflection; both may be textures |
-//! | `transmission` | 0 | share of light that passes, or a texture |
-//! | `opacity` | 1 | the share of the surface that is there, or a texture: rays pass what is absent |
+//! | `base_color` | 1 | colour of the diffuse base, of metals and of transmitted light |
+//! | `metallic` | 0 | 0 to 1, or the red channel of a texture |
+//! | `roughness` | 1 | 0 to 1, or the red channel of a texture |
+//! | `diffuse_roughness` | 0 | roughness of the diffuse base (Oren-Nayar), 0 to 1; 0 is Lambert's law |
+//! | `ior` | 1.5 | index of refraction, 0.1 to 10 |
+//! | `specular`, `specular_color` | 1 | factors on the dielectric reflection; both may be textures |
+//! | `transmission` | 0 | fraction of specular transmission, 0 to 1, or a texture |
+//! | `opacity` | 1 | coverage (alpha), 0 to 1, or a texture |
 //! | `volume` | false | the surface bounds a solid; otherwise it is a thin sheet |
-//! | `keeps_radiance` | false | refracted light keeps its radiance, as in Blender's Cycles; by physics it is divided by the square of the index. Without `volume` the surface is then one open sheet that bends light by the sides of its normal, as the surface of a solid does, with nothing behind |
-//! | `glass_reflection` | "white" | colour of what the surface reflects where light may pass: `"white"`, `"tinted"` (that of light that crosses it once, as Blender's Glass node) or `"none"` (nothing, and all light passes that can, as Blender's Refraction node) |
+//! | `keeps_radiance` | false | refraction doesn't scale radiance, as in Blender's Cycles; physically it is divided by the squared relative index. Without `volume` the surface then is an open sheet that refracts like the surface of a solid, by the side of its normal |
+//! | `glass_reflection` | "white" | colour of reflections of transmissive surfaces: `"white"`, `"tinted"` (as light transmitted once, as in Blender's Glass node) or `"none"` (no reflection, and full transmission, as in Blender's Refraction node) |
 //! | `attenuation_color`, `attenuation_distance` | 1, none | colour of white light after this distance in the solid, metres |
-//! | `medium` | none | what fills a solid that lets light in, see `media` |
-//! | `subsurface` | none | wax, skin, marble: `{ color, radius, scale, anisotropy }`, see `media`; in place of the diffuse base |
+//! | `medium` | none | the medium inside a transmissive solid, see `media` |
+//! | `subsurface` | none | subsurface scattering instead of the diffuse base, for wax, skin, marble: `{ color, radius, scale, anisotropy }`, see `media` |
 //! | `dispersion` | 0 | 20 / Abbe number of the solid |
 //! | `clearcoat`, `clearcoat_roughness` | 0 | a clear layer on top, 0 to 1 |
-//! | `sheen_color`, `sheen_roughness` | 0 | fibres on top |
-//! | `anisotropy`, `anisotropy_rotation` | 0 | stretched highlights, 0 to 1; degrees from the tangent |
-//! | `iridescence` | 0 | strength of a thin film |
+//! | `sheen_color`, `sheen_roughness` | 0 | a layer of fibres on top |
+//! | `anisotropy`, `anisotropy_rotation` | 0 | strength of anisotropic reflection, 0 to 1; degrees from the tangent |
+//! | `iridescence` | 0 | strength of a thin film, 0 to 1 |
 //! | `iridescence_ior`, `iridescence_thickness` | 1.3, 400 | the film's index of refraction and its thickness in nanometres |
-//! | `diffuse_transmission`, `diffuse_transmission_color` | 0, 1 | share and colour of diffuse light that passes |
-//! | `emission` | none | radiance |
-//! | `two_sided` | true | the back scatters (and emits) as the front does; false: seen from behind the surface is not there |
+//! | `diffuse_transmission`, `diffuse_transmission_color` | 0, 1 | fraction and colour of diffuse transmission |
+//! | `emission` | none | emitted radiance, W/sr/m2 |
+//! | `two_sided` | true | the back scatters (and emits) like the front; false: back faces are culled |
 
 use super::builder::SceneFileBuilder;
 use super::fields::Fields;
@@ -36,34 +36,34 @@ use crate::scene::{
     Iridescence, Material, Medium, Model, PbrMaterial, Sheen,
 };
 
-/// Reads colours, numbers and names of textures in place of others.
+/// Reads material parameters: colours, numbers and names of textures, with defaults.
 pub(super) struct Slots<'s, 'a, 'b> {
     pub build: &'s mut SceneFileBuilder<'b>,
     pub textures: &'s mut Textures<'a>,
     pub fields: &'s Fields<'a>,
-    /// The others are those of a model, which textures may refer to.
-    pub of_model: bool,
+    /// The defaults are a model's parameters, which textures may refer to.
+    pub is_of_model: bool,
 }
 
 impl Slots<'_, '_, '_> {
     fn color(&mut self, key: &'static str, otherwise: ColorSlot) -> ColorSlot {
-        match self.of_model {
+        match self.is_of_model {
             true => self.textures.color_in_place(self.build, self.fields, key, otherwise),
             false => self.textures.slot(self.build, self.fields, key).unwrap_or(otherwise),
         }
     }
 
-    /// A number from 0 to 1, or the name of a texture, whose red counts.
+    /// A number from 0 to 1, or the red channel of a texture.
     fn number(&mut self, key: &'static str, otherwise: FloatSlot) -> FloatSlot {
-        self.number_beside(key, otherwise, otherwise)
+        self.number_with_own(key, otherwise, otherwise)
     }
 
-    /// A number whose default is `otherwise` but `own` in a model that has another value.
-    fn number_beside(&mut self, key: &'static str, otherwise: FloatSlot, own: FloatSlot) -> FloatSlot {
+    /// As `number` with the default `otherwise`; textures may refer to the model's parameter `own`.
+    fn number_with_own(&mut self, key: &'static str, otherwise: FloatSlot, own: FloatSlot) -> FloatSlot {
         if self.fields.raw(key).is_none_or(|value| value.get_ref().as_str().is_none()) {
-            return share(self.fields, key, otherwise);
+            return fraction(self.fields, key, otherwise);
         }
-        let found = match self.of_model {
+        let found = match self.is_of_model {
             true => self.textures.number_in_place(self.build, self.fields, key, own),
             false => {
                 let texture = self.textures.slot(self.build, self.fields, key).and_then(|slot| slot.texture);
@@ -84,7 +84,7 @@ pub(super) fn material(name: &str, medium: Option<Medium>, slots: &mut Slots) ->
     Material { model: Model::Pbr(Box::new(model)), ..material }
 }
 
-/// Changes the properties of a glTF material that the keys define.
+/// Changes the parameters of a glTF material for which there are keys.
 pub(super) fn adjust(
     (material, model): (&mut Material, &mut PbrMaterial),
     medium: Option<Medium>,
@@ -95,7 +95,7 @@ pub(super) fn adjust(
     model.base_color = slots.color("base_color", model.base_color);
     model.metallic = slots.number("metallic", model.metallic);
     model.roughness = slots.number("roughness", model.roughness);
-    model.diffuse_roughness = share(fields, "diffuse_roughness", model.diffuse_roughness);
+    model.diffuse_roughness = fraction(fields, "diffuse_roughness", model.diffuse_roughness);
     model.ior = fields.number_in("ior", 0.1..10.0, model.ior.into()) as f32;
     model.specular = slots.number("specular", model.specular);
     model.specular_color = slots.color("specular_color", model.specular_color);
@@ -104,7 +104,7 @@ pub(super) fn adjust(
         model.glass_reflection = reflection;
     }
     if fields.has("opacity") {
-        material.alpha = slots.number_beside("opacity", FloatSlot::constant(1.0), alpha);
+        material.alpha = slots.number_with_own("opacity", FloatSlot::constant(1.0), alpha);
         material.alpha_mode = AlphaMode::Blend;
     }
     volume(slots, model);
@@ -122,14 +122,15 @@ pub(super) fn adjust(
     }
 }
 
-fn share(fields: &Fields, key: &'static str, otherwise: FloatSlot) -> FloatSlot {
+/// A number from 0 to 1.
+fn fraction(fields: &Fields, key: &'static str, otherwise: FloatSlot) -> FloatSlot {
     match fields.has(key) {
         true => FloatSlot::constant(fields.number_in(key, 0.0..1.0, otherwise.factor.into()) as f32),
         false => otherwise,
     }
 }
 
-/// The alpha of a material, also of one that doesn't use it yet.
+/// The alpha of a material; for opaque ones the alpha of the base colour.
 pub(super) fn alpha_of(material: &Material, model: &PbrMaterial) -> FloatSlot {
     match material.alpha_mode {
         AlphaMode::Opaque => {
@@ -143,10 +144,10 @@ pub(super) fn alpha_of(material: &Material, model: &PbrMaterial) -> FloatSlot {
 fn volume(slots: &Slots, model: &mut PbrMaterial) {
     let fields = slots.fields;
     model.has_volume = fields.flag("volume", model.has_volume);
-    sheet(slots, model);
+    read_keeps_radiance(slots, model);
     if let Some(color) = fields.color("attenuation_color") {
         if color.value.iter().any(|c| *c > 1.0) {
-            fields.problems.push(color.span, "'attenuation_color' must be from 0 to 1: it can't add light");
+            fields.problems.push(color.span, "'attenuation_color' must be from 0 to 1");
         }
         model.attenuation_color = color.value.map(|c| c.min(1.0));
     }
@@ -157,23 +158,24 @@ fn volume(slots: &Slots, model: &mut PbrMaterial) {
     model.dispersion = fields.number_in("dispersion", 0.0..100.0, model.dispersion.into()) as f32;
     let inside = ["attenuation_color", "attenuation_distance", "dispersion"];
     if !model.has_volume && inside.iter().any(|key| fields.has(key)) {
-        let message = "attenuation and dispersion need the inside of a solid: add 'volume = true'";
+        let message = "attenuation and dispersion need a solid: add 'volume = true'";
         fields.problems.push(fields.span(), message);
     }
 }
 
-/// Reads whether refraction keeps radiance, and so whether a surface without a volume is a thin sheet or bends light; in models the
-/// user may want thin ones.
-fn sheet(slots: &Slots, model: &mut PbrMaterial) {
+/// Reads `keeps_radiance`, which also makes surfaces without a volume refract, unless the user wants the thin sheets of a
+/// model.
+fn read_keeps_radiance(slots: &Slots, model: &mut PbrMaterial) {
     let fields = slots.fields;
-    let bends = fields.flag("keeps_radiance", model.keeps_radiance);
-    let wants_thin = slots.of_model && matches!(slots.build.options.gltf.glass, Glass::Panes | Glass::Thin);
-    model.keeps_radiance = bends && (model.has_volume || !wants_thin);
-    if bends && !model.keeps_radiance && fields.has("volume") {
-        // Blender's glass has the root of its colour at each surface.
+    let refracts = fields.flag("keeps_radiance", model.keeps_radiance);
+    let wants_thin =
+        slots.is_of_model && matches!(slots.build.options.gltf.glass, Glass::Panes | Glass::Thin);
+    model.keeps_radiance = refracts && (model.has_volume || !wants_thin);
+    if refracts && !model.keeps_radiance && fields.has("volume") {
+        // Blender's glass tints by the square root of its colour at each interface.
         model.base_color.factor = model.base_color.factor.map(f32::sqrt);
     }
-    // A thin sheet has its whole colour.
+    // Thin sheets apply their whole colour.
     model.tints_once &= model.has_volume || model.keeps_radiance;
 }
 
@@ -181,13 +183,13 @@ fn sheet(slots: &Slots, model: &mut PbrMaterial) {
 fn filling(fields: &Fields, material: &mut Material, model: &mut PbrMaterial, medium: Option<Medium>) {
     if let Some(medium) = medium {
         if !model.has_volume {
-            let message = "a 'medium' needs the inside of a solid: add 'volume = true'";
+            let message = "a 'medium' needs a solid: add 'volume = true'";
             fields.problems.push(fields.span(), message);
-        } else if !lets_light_in(model) {
+        } else if !is_transmissive(model) {
             let span = fields.raw("medium").map_or(fields.span(), |value| value.span());
             let message = ("medium-unreachable", "no light reaches this 'medium': the surface is opaque");
             let help =
-                "add 'transmission' or 'diffuse_transmission', or say 'subsurface' in place of 'medium'";
+                "add 'transmission' or 'diffuse_transmission', or use 'subsurface' instead of 'medium'";
             fields.problems.push_help(span, message, help);
         }
         material.medium = Some(medium);
@@ -197,13 +199,12 @@ fn filling(fields: &Fields, material: &mut Material, model: &mut PbrMaterial, me
     }
 }
 
-/// Does light pass the surface of a solid?
-fn lets_light_in(model: &PbrMaterial) -> bool {
-    let has_subsurface = model.diffuse_transmission.is_some();
-    has_subsurface || model.transmission.factor > 0.0
+/// Whether the surface transmits light, specularly or diffusely.
+fn is_transmissive(model: &PbrMaterial) -> bool {
+    model.diffuse_transmission.is_some() || model.transmission.factor > 0.0
 }
 
-/// Complains of keys that say how a layer is, without the one that says that it is there.
+/// Reports keys of layers without the key that enables the layer.
 fn check_layers(fields: &Fields) {
     let needs: [(&'static str, &[&'static str]); 5] = [
         ("clearcoat", &["clearcoat_roughness"]),
@@ -214,7 +215,7 @@ fn check_layers(fields: &Fields) {
     ];
     for (layer, keys) in needs {
         for key in keys.iter().filter(|key| fields.has(key) && !fields.has(layer)) {
-            fields.problems.push(fields.span(), format!("'{key}' does nothing without '{layer}'"));
+            fields.problems.push(fields.span(), format!("'{key}' has no effect without '{layer}'"));
         }
     }
 }
@@ -223,12 +224,13 @@ fn layers(model: &mut PbrMaterial, slots: &mut Slots) {
     let fields = slots.fields;
     const NONE: FloatSlot = FloatSlot::constant(0.0);
     let coat = model.clearcoat.unwrap_or(Clearcoat { factor: NONE, roughness: NONE, normal_map: None });
-    let factor = share(fields, "clearcoat", coat.factor);
-    let coat = Clearcoat { factor, roughness: share(fields, "clearcoat_roughness", coat.roughness), ..coat };
+    let factor = fraction(fields, "clearcoat", coat.factor);
+    let coat =
+        Clearcoat { factor, roughness: fraction(fields, "clearcoat_roughness", coat.roughness), ..coat };
     model.clearcoat = (coat.factor.factor > 0.0).then_some(coat);
     let sheen = model.sheen.unwrap_or(Sheen { color: ColorSlot::constant([0.0; 3]), roughness: NONE });
     let color = slots.color("sheen_color", sheen.color);
-    let sheen = Sheen { color, roughness: share(fields, "sheen_roughness", sheen.roughness) };
+    let sheen = Sheen { color, roughness: fraction(fields, "sheen_roughness", sheen.roughness) };
     model.sheen = (sheen.color.factor != [0.0; 3]).then_some(sheen);
     let anisotropy =
         model.anisotropy.unwrap_or(Anisotropy { strength: 0.0, rotation_rad: 0.0, texture: None });
@@ -241,18 +243,12 @@ fn layers(model: &mut PbrMaterial, slots: &mut Slots) {
     model.anisotropy = (anisotropy.strength > 0.0).then_some(anisotropy);
     film(fields, model);
     let white = ColorSlot::constant([1.0; 3]);
-    let through = model.diffuse_transmission.unwrap_or(DiffuseTransmission {
-        factor: NONE,
-        color: white,
-        subsurface: None,
-    });
-    let factor = share(fields, "diffuse_transmission", through.factor);
-    let through = DiffuseTransmission {
-        factor,
-        color: slots.color("diffuse_transmission_color", through.color),
-        ..through
-    };
-    model.diffuse_transmission = (through.factor.factor > 0.0).then_some(through);
+    let none = DiffuseTransmission { factor: NONE, color: white, subsurface: None };
+    let own = model.diffuse_transmission.unwrap_or(none);
+    let factor = fraction(fields, "diffuse_transmission", own.factor);
+    let color = slots.color("diffuse_transmission_color", own.color);
+    let transmission = DiffuseTransmission { factor, color, ..own };
+    model.diffuse_transmission = (transmission.factor.factor > 0.0).then_some(transmission);
 }
 
 fn film(fields: &Fields, model: &mut PbrMaterial) {
@@ -264,7 +260,7 @@ fn film(fields: &Fields, model: &mut PbrMaterial) {
         thickness_texture: None,
     });
     let mut film = Iridescence {
-        factor: share(fields, "iridescence", film.factor),
+        factor: fraction(fields, "iridescence", film.factor),
         ior: fields.number_in("iridescence_ior", 1.0..10.0, film.ior.into()) as f32,
         ..film
     };

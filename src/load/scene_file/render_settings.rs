@@ -5,11 +5,11 @@
 //! | `width`, `height` | image size in pixels | 1 to 65,536 |
 //! | `samples` | samples per pixel | at least 1 |
 //! | `depth` | maximum number of bounces of a path; 0 renders directly visible emission only | |
-//! | `bounces` | maximum numbers of bounces by kind: `{ diffuse = 5, glossy = 5, transmission = 13, volume = 1, transparent = 9, subsurface = 256 }`, of which some may be left out; `transparent` counts surfaces passed by their alpha, `subsurface` scattering beneath a surface in a row; the picture loses the light of longer paths | at least 1 |
-//! | `clamp` | maximum contribution of a single path, mean of the channels: `{ direct = 50, indirect = 10 }`, either may be left out; direct is after at most one bounce. Removes fireflies and, with them, light | above 0 |
-//! | `filter_glossy` | glossy filter, as Cycles' Filter Glossy: what paths hit after a rough bounce is roughened, which blurs caustics; 0 is off, 1 is Cycles' default | 0 to 1000 |
-//! | `skip_caustics` | caustics to leave out, as where Cycles' Reflective or Refractive Caustics are off: `{ reflective = true, refractive = true }`: on rays that a surface scattered diffusely, surfaces have no glossy reflection, or no transmission | |
-//! | `terminator` | shadow terminator of meshes with shading normals: `soft` (the default) fades light out towards the horizon of a triangle; `lifted` starts shadow rays at the curved surface that triangles stand for, as Cycles does; `off` cuts light off | |
+//! | `bounces` | maximum number of bounces by type: `{ diffuse = 5, glossy = 5, transmission = 13, volume = 1, transparent = 9, subsurface = 256 }`, each optional; `transparent` counts surfaces passed by alpha, `subsurface` consecutive scattering events beneath a surface; longer paths are lost, which darkens the picture | at least 1 |
+//! | `clamp` | maximum contribution of a single path, mean of the channels: `{ direct = 50, indirect = 10 }`, each optional; direct is after at most one bounce. Removes fireflies, and darkens the picture | above 0 |
+//! | `filter_glossy` | glossy filter, as Cycles' Filter Glossy: increases roughness after a rough bounce, which blurs caustics; 0 is off, 1 is Cycles' default | 0 to 1000 |
+//! | `skip_caustics` | caustics to skip, as without Cycles' Reflective or Refractive Caustics: `{ reflective = true, refractive = true }`: after a diffuse bounce surfaces have no glossy reflection, or no transmission | |
+//! | `terminator` | shadow terminator of meshes with shading normals: `soft` (the default) fades light out towards the horizon of a triangle; `lifted` starts shadow rays at the smooth surface approximated by the triangles, as Cycles does; `off` cuts light off | |
 //! | `seed` | random seed | |
 //! | `filter` | reconstruction filter: `box`, `gaussian`, `blackman-harris` | |
 //! | `microfacet` | `multi` or `single` scattering between microfacets | |
@@ -18,10 +18,10 @@
 //! | `aovs` | list of AOVs (render passes), as `--aov` takes them, in addition to those of `--aov` | |
 //! | `exposure` | exposure of PNG and other display-referred output, stops | -100 to 100 |
 //! | `view` | view transform of display-referred output: `srgb`, `filmic`, `agx`, `agx-punchy`, `pbr-neutral`, `false-color`, `gamma`, or a lookup table file (cinespace, `.csp`, from linear Rec. 709 to sRGB, as `ociobakelut` writes; or `.view`, as the export of Blender's scenes does) | |
-//! | `white_balance` | white balance of display-referred output: colour temperature that looks white, kelvin | 1667 to 25,000 |
-//! | `noise` | noise threshold: relative error in percent to stop at; `samples` is the maximum per pixel then | above 0 to 1000 |
+//! | `white_balance` | white balance of display-referred output: colour temperature shown as white, kelvin | 1667 to 25,000 |
+//! | `noise` | noise threshold: stops at this relative error, percent; `samples` is then the maximum per pixel | above 0 to 1000 |
 //! | `denoise` | `true` denoises the finished image | |
-//! | `caught` | what shadow catchers show: `all`, shadows as alpha and the light that objects add; or `shadows`, alpha only by the mean of the channels, as in Cycles | |
+//! | `caught` | output of shadow catchers: `all`, shadows as alpha, and light reflected by objects; or `shadows`, alpha only, from the mean of the channels, as in Cycles | |
 //! | `crop` | `[x0, y0, x1, y1]`: render only the pixels of a rectangle, x1 and y1 exclusive | within the image |
 
 use super::builder::SceneFileBuilder;
@@ -46,20 +46,20 @@ fn names(fields: &Fields, key: &'static str) -> Option<Vec<String>> {
     names
 }
 
-/// A number in a range, if it is there.
+/// A number in a range; `None` without the key.
 fn number(fields: &Fields, key: &'static str, range: Range<f64>) -> Option<f32> {
     fields.has(key).then(|| fields.number_in(key, range.clone(), range.start) as f32)
 }
 
-/// Maximum numbers of bounces by kind.
+/// Maximum numbers of bounces by type.
 fn bounces(fields: &Fields) -> Option<BounceLimits> {
     let fields = fields.table("bounces")?;
-    let found = BounceLimits::by_name(|kind| fields.integer(kind, 1, u32::MAX));
+    let found = BounceLimits::by_name(|kind| fields.unsigned(kind, 1, u32::MAX));
     fields.finish();
     Some(found)
 }
 
-/// Maximum light of a path.
+/// Maximum contribution of a path.
 fn clamp(fields: &Fields) -> Option<Clamp> {
     let fields = fields.table("clamp")?;
     let range = f64::from(f32::MIN_POSITIVE)..f64::from(f32::MAX);
@@ -68,7 +68,7 @@ fn clamp(fields: &Fields) -> Option<Clamp> {
     Some(found)
 }
 
-/// Caustics to leave out.
+/// Caustics to skip.
 fn skip_caustics(fields: &Fields) -> Option<SkippedCaustics> {
     let fields = fields.table("skip_caustics")?;
     let found = SkippedCaustics {
@@ -79,7 +79,7 @@ fn skip_caustics(fields: &Fields) -> Option<SkippedCaustics> {
     Some(found)
 }
 
-/// A part of the picture.
+/// Crop rectangle, pixels: x0, y0, x1, y1, the last two exclusive.
 fn crop(fields: &Fields) -> Option<[u32; 4]> {
     let found = fields.numbers::<4>("crop")?;
     let is_pixel = |v: &f64| v.fract() == 0.0 && (0.0..=65_536.0).contains(v);
@@ -96,16 +96,16 @@ pub(super) fn read(build: &SceneFileBuilder, fields: &Fields) -> Settings {
     let filters =
         [("box", Filter::Box), ("gaussian", Filter::Gaussian), ("blackman-harris", Filter::BlackmanHarris)];
     let settings = Settings {
-        width: fields.integer("width", 1, 65_536),
-        height: fields.integer("height", 1, 65_536),
-        samples: fields.integer("samples", 1, u32::MAX),
-        depth: fields.integer("depth", 0, u32::MAX),
+        width: fields.unsigned("width", 1, 65_536),
+        height: fields.unsigned("height", 1, 65_536),
+        samples: fields.unsigned("samples", 1, u32::MAX),
+        depth: fields.unsigned("depth", 0, u32::MAX),
         bounces: bounces(fields),
         clamp: clamp(fields),
         filter_glossy: number(fields, "filter_glossy", 0.0..1000.0),
         skip_caustics: skip_caustics(fields),
         terminator: fields.choice("terminator", &ShadowTerminator::NAMED),
-        seed: fields.integer("seed", 0, u32::MAX),
+        seed: fields.unsigned("seed", 0, u32::MAX),
         filter: fields.choice("filter", &filters),
         energy_compensation: fields
             .choice("microfacet", &[("multi", EnergyCompensation::On), ("single", EnergyCompensation::Off)]),

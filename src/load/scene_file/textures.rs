@@ -1,30 +1,30 @@
-//! `[textures.NAME]`, each with a `type`; read when something refers to it.
+//! `[textures.NAME]`, each with a `type`; unused ones are not loaded.
 //!
 //! | `type` | Keys |
 //! |---|---|
 //! | `"solid"` | `color` |
-//! | `"image"` | `file`; `wrap` = `repeat`, `mirror` or `clamp`; `interpolation` = `trilinear`, `bilinear` or `nearest`; `encoding` = `srgb` or `linear` of integers; `mapping` = `uv`, `triplanar` with the `size` that the image covers (1 m), or `own`: as the texture `"own"` lies, with its `wrap` and `interpolation` |
+//! | `"image"` | `file`; `wrap` = `repeat`, `mirror` or `clamp`; `interpolation` = `trilinear`, `bilinear` or `nearest`; `encoding` = `srgb` or `linear` of integer formats; `mapping` = `uv`, `triplanar` with the `size` of the image (1 m), or `own`: mapping, `wrap` and `interpolation` of the texture `"own"` |
 //! | `"checker"` | `even`, `odd` (colours or names of textures); `size` of a cell; `mapping` = `world` (cubes) or `uv` |
-//! | `"mix"` | `a`, `b`, `factor` (colours, numbers or names of textures): `a + factor (b - a)`, each channel by its own, alpha by the mean of the factor's |
-//! | `"own"` | none: the texture that a material of a model has where the file next to the model names this one, or what this is a part of; white where it has none. The model's factor and channel stay |
-//! | `"normal"` | none: the surface's normal n in world space as a colour, (n + 1) / 2 |
-//! | `"facing"` | `colors`, a list of colours or numbers by the cosine of the angle between the view and the normal, evenly spaced from 0 (seen at grazing angles) to 1 (head on), linear between; at least two |
-//! | `"nodes"` | `nodes`, a table of nodes by name, and `result`, the output of one of them; the guide has a section on textures of nodes |
+//! | `"mix"` | `a`, `b`, `factor` (colours, numbers or names of textures): `a + factor (b - a)` per channel; alpha uses the mean of the factor's channels |
+//! | `"own"` | none: in a sidecar, the model's own texture of the material parameter that this texture, or one made from it, replaces; white if there is none. The model's factor and channel are kept |
+//! | `"normal"` | none: the world-space normal n as a colour, (n + 1) / 2 |
+//! | `"facing"` | `colors`, at least two colours or numbers, evenly spaced over the cosine of the angle between view direction and normal, from 0 (grazing) to 1 (head on), with linear interpolation |
+//! | `"nodes"` | `nodes`, a table of nodes by name, and `result`, an output of one of them; the guide has a section on textures of nodes |
 //! | `"spectrum"` | a measured spectrum, see `spectra` |
 //! | `"perlin"`, `"turbulence"`, `"marble"` | `frequency` (cells per metre; 1), `octaves` (1 to 16; 7), `low`, `high` colours, `seed` |
 //!
-//! Textures of `type = "spectrum"`: measured spectra. Pictures by wavelength (`spectral` in `[render]`, or `--spectral`) are made
-//! with them, others with the colour that they look like.
+//! Textures of `type = "spectrum"`: measured spectra, for spectral rendering (`spectral` in `[render]`, or `--spectral`). RGB rendering
+//! uses their colour.
 //!
 //! | Key | Meaning |
 //! |---|---|
-//! | `values` | a list of pairs of a wavelength (nm, rising) and a value; or of values alone |
-//! | `from`, `to` | wavelengths of the first and the last of values alone, with even steps between (nm) |
-//! | `light` | `true`: the power of a light by wavelength in any unit, for `radiance` and `emission`; else shares of light, 0 to 1 (`false`) |
-//! | `black_body` | in place of `values`: the light of a black body of this temperature, 100 to 100,000 kelvin |
-//! | `luminance` | of a light: the luminance of its radiance, where white of radiance 1 has 1 (1) |
+//! | `values` | a list of pairs of wavelength (nm, ascending) and value; or of values only |
+//! | `from`, `to` | with values only: wavelengths of the first and the last, evenly spaced (nm) |
+//! | `light` | `true`: relative spectral power of a light, for `radiance` and `emission`; `false`: reflectance, 0 to 1 (`false`) |
+//! | `black_body` | instead of `values`: emission of a black body at this temperature, 100 to 100,000 kelvin |
+//! | `luminance` | of a light: luminance of its radiance, relative to white of radiance 1 (1) |
 //!
-//! Between values a spectrum is straight, beyond the first and the last it is constant; 380 to 780 nm count, in steps of 1 nm.
+//! Spectra are interpolated linearly, are constant beyond the first and the last value, and are sampled from 380 to 780 nm in steps of 1 nm.
 
 use super::builder::SceneFileBuilder;
 use super::fields::{Fields, color, named, number, numbers};
@@ -71,37 +71,36 @@ const KINDS: [(&str, TextureType); 12] = [
     ("marble", TextureType::Noise(NoiseKind::Marble)),
 ];
 
-/// The named textures and which of them have been read.
+/// The named textures; each is read on first use.
 pub(super) struct Textures<'a> {
     fields: Option<Fields<'a>>,
-    /// `None` while a texture is being read, and for one that has problems.
+    /// `None` while a texture is being read, and after a problem.
     done: HashMap<String, Option<TextureId>>,
-    /// Types that are read separately for each slot of a model's materials.
-    of_models: HashSet<String>,
-    /// Only the keys are checked: nothing is opened and nothing added to the scene.
+    /// Names of textures that use `"own"` and are read again for each use.
+    used_with_own: HashSet<String>,
+    /// Check keys only: open no files and add nothing to the scene.
     checking: bool,
-    /// The current meaning of `"own"`; `None` where there is none.
+    /// The current texture `"own"`; `None` outside of a model's materials.
     own: Option<Own>,
 }
 
-/// The model's own value where a texture is named in its place.
+/// The model's texture that is being replaced.
 struct Own {
     texture: Option<TextureId>,
-    /// Was it asked for?
-    is_met: bool,
+    is_used: bool,
 }
 
 impl<'a> Textures<'a> {
     pub fn new(fields: Option<Fields<'a>>) -> Textures<'a> {
-        Textures { fields, done: HashMap::new(), of_models: HashSet::new(), checking: false, own: None }
+        Textures { fields, done: HashMap::new(), used_with_own: HashSet::new(), checking: false, own: None }
     }
 
-    /// Are only keys checked?
+    /// Whether only keys are checked.
     pub fn is_check(&self) -> bool {
         self.checking
     }
 
-    /// A colour: constant, or the name of a texture.
+    /// A colour parameter: a constant, or the name of a texture.
     pub fn slot(
         &mut self,
         build: &mut SceneFileBuilder,
@@ -115,7 +114,7 @@ impl<'a> Textures<'a> {
         }
     }
 
-    /// A colour that replaces one of a model's material.
+    /// A colour parameter that replaces `own` of a model's material.
     pub fn color_in_place(
         &mut self,
         build: &mut SceneFileBuilder,
@@ -128,7 +127,7 @@ impl<'a> Textures<'a> {
         if is_own { ColorSlot { texture: found.texture, ..own } } else { found }
     }
 
-    /// A texture in the place of a number of a model's material; `None` without one.
+    /// A texture that replaces the number `own` of a model's material; `None` without one.
     pub fn number_in_place(
         &mut self,
         build: &mut SceneFileBuilder,
@@ -146,7 +145,7 @@ impl<'a> Textures<'a> {
         })
     }
 
-    /// A slot where a model's material has a texture of its own; is that one a part of it?
+    /// Reads a parameter with `texture` as `"own"`; returns whether `"own"` was used.
     fn in_place(
         &mut self,
         build: &mut SceneFileBuilder,
@@ -154,33 +153,33 @@ impl<'a> Textures<'a> {
         key: &'static str,
         texture: Option<TextureId>,
     ) -> (Option<ColorSlot>, bool) {
-        self.own = Some(Own { texture, is_met: false });
+        self.own = Some(Own { texture, is_used: false });
         let found = self.slot(build, fields, key);
-        (found, self.own.take().is_some_and(|own| own.is_met))
+        (found, self.own.take().is_some_and(|own| own.is_used))
     }
 
-    /// The texture of a name, read now if it hasn't been.
+    /// The texture of a name, read on first use.
     pub fn get(&mut self, build: &mut SceneFileBuilder, name: &str, span: Range<usize>) -> Option<TextureId> {
         if let Some(done) = self.done.get(name) {
             return *done;
         }
         let value = named(self.fields.as_ref(), "texture", name, span, build.problems)?;
         if self.checking {
-            // Its own keys have their turn in `check_unused`.
+            // `check_unused` checks its keys.
             return Some(TextureId(0));
         }
         self.done.insert(name.to_string(), None);
-        let was_met = self.own.as_mut().is_some_and(|own| std::mem::take(&mut own.is_met));
+        let was_used = self.own.as_mut().is_some_and(|own| std::mem::take(&mut own.is_used));
         let texture = self.read(build, name, value);
         let id = texture.map(|t| push(build, t));
         self.done.insert(name.to_string(), id);
         if let Some(own) = &mut self.own {
-            if own.is_met {
-                // Elsewhere it is another one.
+            if own.is_used {
+                // "own" is another texture at each use.
                 self.done.remove(name);
-                self.of_models.insert(name.to_string());
+                self.used_with_own.insert(name.to_string());
             }
-            own.is_met |= was_met;
+            own.is_used |= was_used;
         }
         id
     }
@@ -230,30 +229,31 @@ impl<'a> Textures<'a> {
         Some(Texture::Mix { a: a?, b: b?, factor: factor? })
     }
 
-    /// The model's own texture, marked as asked for.
+    /// The model's own texture, marked as used.
     fn own(&mut self, build: &mut SceneFileBuilder, fields: &Fields<'a>) -> Option<Texture> {
         if self.checking {
             return Some(Texture::Solid([1.0; 3]));
         }
         let Some(own) = &mut self.own else {
-            let message = "there is no texture of a model where this one is named";
-            let help = "\"own\" works in [materials.NAME] of a file beside a model, of a material of the model, without a 'type'";
+            let message = "there is no model's texture for \"own\" here";
+            let help = "\"own\" works in the sidecar of a model, in [materials.NAME] without a 'type', for a material of the model";
             fields.problems.push_help(fields.span(), message, help);
             return None;
         };
-        own.is_met = true;
+        own.is_used = true;
         let texture = own.texture.map(|id| build.loaded.scene.textures[id.index()].clone());
         Some(texture.unwrap_or(Texture::Solid([1.0; 3])))
     }
 
     fn image(&mut self, build: &mut SceneFileBuilder, fields: &Fields<'a>) -> Option<Texture> {
-        let (texture, lies) = image_texture(build, fields, self.checking)?;
-        if lies != Lies::Own {
+        let (texture, mapping_key) = image_texture(build, fields, self.checking)?;
+        if mapping_key != MappingKey::Own {
             return Some(texture);
         }
         for key in ["wrap", "interpolation"] {
             if fields.has(key) {
-                let message = format!("'{key}' is that of the model's own texture: leave it out");
+                let message =
+                    format!("with mapping = \"own\", '{key}' comes from the model's texture: leave it out");
                 fields.problems.push(fields.span(), message);
             }
         }
@@ -264,7 +264,7 @@ impl<'a> Textures<'a> {
             }
             _ if self.checking => Some(texture),
             _ => {
-                let message = "the model's material has no picture here that this one could lie as";
+                let message = "the model's material has no image texture here to take the mapping from";
                 fields.problems.push_help(fields.span(), message, "leave 'mapping' out");
                 None
             }
@@ -289,7 +289,7 @@ impl<'a> Textures<'a> {
         }
     }
 
-    /// A texture that the texture `own` is made of.
+    /// An input texture of the texture `own`.
     pub fn other(
         &mut self,
         build: &mut SceneFileBuilder,
@@ -305,16 +305,16 @@ impl<'a> Textures<'a> {
         self.get(build, name, span)
     }
 
-    /// From here on, textures are only looked up: what refers to them is itself not needed.
+    /// From here on, only keys are checked.
     pub fn only_check(&mut self) {
         self.checking = true;
     }
 
-    /// Notes textures that nothing refers to. Their keys are checked, but their images not opened.
+    /// Checks the keys of unused textures without opening their images, and reports the textures as unused.
     pub fn check_unused(&mut self, build: &mut SceneFileBuilder) {
         self.checking = true;
         let mut unused: Vec<_> = self.fields.iter().flat_map(|f| f.entries()).collect();
-        unused.retain(|(name, _)| !self.done.contains_key(*name) && !self.of_models.contains(*name));
+        unused.retain(|(name, _)| !self.done.contains_key(*name) && !self.used_with_own.contains(*name));
         for (name, value) in unused {
             self.read(build, name, value);
             build.loaded.left_out.push(format!("texture '{name}': nothing refers to it"));
@@ -328,17 +328,22 @@ fn push(build: &mut SceneFileBuilder, texture: Texture) -> TextureId {
     TextureId(textures.len() as u32 - 1)
 }
 
-/// The mapping of an image to surfaces.
+/// Values of `mapping`.
 #[derive(Clone, Copy, PartialEq)]
-enum Lies {
+enum MappingKey {
     Uv,
     Triplanar,
     Own,
 }
 
-const MAPPINGS: [(&str, Lies); 3] = [("uv", Lies::Uv), ("triplanar", Lies::Triplanar), ("own", Lies::Own)];
+const MAPPINGS: [(&str, MappingKey); 3] =
+    [("uv", MappingKey::Uv), ("triplanar", MappingKey::Triplanar), ("own", MappingKey::Own)];
 
-fn image_texture(build: &mut SceneFileBuilder, fields: &Fields, checking: bool) -> Option<(Texture, Lies)> {
+fn image_texture(
+    build: &mut SceneFileBuilder,
+    fields: &Fields,
+    checking: bool,
+) -> Option<(Texture, MappingKey)> {
     let wraps = [("repeat", Wrap::Repeat), ("mirror", Wrap::Mirror), ("clamp", Wrap::Clamp)];
     let wrap = fields.choice("wrap", &wraps).unwrap_or_default();
     let interpolations = [
@@ -354,8 +359,8 @@ fn image_texture(build: &mut SceneFileBuilder, fields: &Fields, checking: bool) 
         true => ImageId(0),
         false => read_image(build, file.value, file.span, purpose)?,
     };
-    let lies = fields.choice("mapping", &MAPPINGS).unwrap_or(Lies::Uv);
-    let is_triplanar = lies == Lies::Triplanar;
+    let mapping_key = fields.choice("mapping", &MAPPINGS).unwrap_or(MappingKey::Uv);
+    let is_triplanar = mapping_key == MappingKey::Triplanar;
     if !is_triplanar && fields.has("size") {
         fields.problems.push(fields.span(), "'size' of an image needs mapping = \"triplanar\"");
     }
@@ -363,10 +368,10 @@ fn image_texture(build: &mut SceneFileBuilder, fields: &Fields, checking: bool) 
         true => Mapping::Triplanar { size: fields.number_in("size", 1e-9..1e9, 1.0) as f32 },
         false => Mapping::default(),
     };
-    Some((Texture::Image { image, wrap_u: wrap, wrap_v: wrap, interpolation, mapping }, lies))
+    Some((Texture::Image { image, wrap_u: wrap, wrap_v: wrap, interpolation, mapping }, mapping_key))
 }
 
-/// Largest number of colours.
+/// Maximum number of colours of a facing texture.
 const MAX_COLORS: usize = 65_536;
 
 fn facing(fields: &Fields) -> Option<Texture> {
@@ -375,8 +380,8 @@ fn facing(fields: &Fields) -> Option<Texture> {
     match colors.filter(|colors| (2..=MAX_COLORS).contains(&colors.len())) {
         Some(colors) => Some(Texture::Facing(colors.into())),
         None => {
-            let message = "'colors' of a texture by facing must be a list of 2 to 65536 colours or numbers";
-            let help = "evenly spaced by the cosine of the angle of view, from 0 (grazing) to 1 (head on)";
+            let message = "'colors' of a facing texture must be a list of 2 to 65536 colours or numbers";
+            let help = "evenly spaced over the cosine of the view angle, from 0 (grazing) to 1 (head on)";
             fields.problems.push_help(fields.span(), message, help);
             None
         }
@@ -387,14 +392,14 @@ fn noise(fields: &Fields, kind: NoiseKind) -> Texture {
     Texture::Noise {
         kind,
         frequency: fields.number_in("frequency", 1e-6..1e6, 1.0) as f32,
-        octaves: fields.integer("octaves", 1, 16).unwrap_or(7),
+        octaves: fields.unsigned("octaves", 1, 16).unwrap_or(7),
         low: fields.color("low").map_or([0.0; 3], |c| c.value),
         high: fields.color("high").map_or([1.0; 3], |c| c.value),
-        seed: fields.integer("seed", 0, u32::MAX).unwrap_or(0),
+        seed: fields.unsigned("seed", 0, u32::MAX).unwrap_or(0),
     }
 }
 
-/// Reads an image file, named relative to the scene file, into the scene.
+/// Reads an image file, relative to the scene file, into the scene.
 pub(super) fn read_image(
     build: &mut SceneFileBuilder,
     name: &str,
@@ -403,11 +408,11 @@ pub(super) fn read_image(
 ) -> Option<ImageId> {
     let path = build.readable_path(name, span.clone())?;
     let images = &mut build.loaded.scene.images;
-    // One file serves several textures, but colours are other numbers than heights.
-    let known = path.display().to_string();
+    // Textures share an image if its encoding is the same.
+    let path_name = path.display().to_string();
     let is_same = |i: &Image| {
         let encoding = if purpose == Use::Data { Encoding::Linear } else { Encoding::Srgb };
-        i.name == known && (i.encoding == encoding || matches!(*i.pixels, Pixels::F32(_)))
+        i.name == path_name && (i.encoding == encoding || matches!(*i.pixels, Pixels::F32(_)))
     };
     if let Some(i) = images.iter().position(is_same) {
         return Some(ImageId(i as u32));
@@ -418,7 +423,7 @@ pub(super) fn read_image(
     let image = match purpose {
         Use::Environment | Use::Picture => image::read(&path, purpose, memory_limit, warnings),
         Use::Color | Use::Data => {
-            let error = build.problems.later(build.file, span.clone());
+            let error = build.problems.deferred_error(build.file, span.clone());
             let on_damage = move |e: Error| Damage::Fatal(error(e.to_string()));
             image::read_for_texture(&path, purpose, memory_limit, warnings, Arc::new(on_damage))
         }
@@ -435,7 +440,7 @@ pub(super) fn read_image(
     }
 }
 
-/// Reads an image file, as [`read_image`] does, whose pixels are needed at once.
+/// Like [`read_image`], and decodes the pixels.
 pub(super) fn read_pixels(
     build: &mut SceneFileBuilder,
     name: &str,
@@ -454,10 +459,10 @@ pub(super) fn read_pixels(
     (!image.is_encoded()).then_some(id)
 }
 
-/// Wavelengths that may be given, nanometres.
+/// Range of wavelengths, nanometres.
 const RANGE_NM: Range<f64> = 1.0..1e6;
 
-/// Largest luminance, and largest value.
+/// Maximum luminance and value.
 const MAX: f64 = 1e9;
 
 fn read_spectrum(fields: &Fields) -> Option<Curve> {
@@ -466,7 +471,9 @@ fn read_spectrum(fields: &Fields) -> Option<Curve> {
     let kelvin = fields.has("black_body").then(|| fields.number_in("black_body", 100.0..100_000.0, 5000.0));
     if let Some(kelvin) = kelvin {
         if fields.has("values") {
-            fields.problems.push(fields.span(), "'black_body' has its values: leave 'values' out");
+            fields
+                .problems
+                .push(fields.span(), "'black_body' and 'values' exclude each other: leave one out");
         }
         return Some(Curve::black_body(kelvin, luminance.unwrap_or(1.0)));
     }
@@ -479,12 +486,12 @@ fn read_spectrum(fields: &Fields) -> Option<Curve> {
     }
     if values.iter().any(|(_, value)| *value > 1.0) {
         let help = "divide by the largest, or add light = true";
-        fields.problems.push_help(fields.span(), "shares of light are at most 1", help);
+        fields.problems.push_help(fields.span(), "values of a reflectance are at most 1", help);
     }
     Some(Curve::reflectance(&values))
 }
 
-/// Pairs of a wavelength and a value.
+/// Pairs of wavelength, nanometres, and value.
 fn values(fields: &Fields) -> Option<Vec<(f64, f64)>> {
     let list = fields.require("values", fields.list("values"))?;
     let ends = ["from", "to"].map(|key| fields.has(key).then(|| fields.number_in(key, RANGE_NM, 0.0)));
@@ -502,9 +509,9 @@ fn values(fields: &Fields) -> Option<Vec<(f64, f64)>> {
         fields.problems.push(fields.span(), message);
         return None;
     };
-    let rises = pairs.windows(2).all(|pair| pair[0].0 < pair[1].0);
-    if !rises || pairs.iter().any(|(nm, _)| !RANGE_NM.contains(nm)) {
-        fields.problems.push(fields.span(), "wavelengths must rise, in nanometres from 1 on");
+    let is_ascending = pairs.windows(2).all(|pair| pair[0].0 < pair[1].0);
+    if !is_ascending || pairs.iter().any(|(nm, _)| !RANGE_NM.contains(nm)) {
+        fields.problems.push(fields.span(), "wavelengths must be ascending, in nanometres, and at least 1");
         return None;
     }
     if pairs.iter().any(|(_, value)| !(0.0..=MAX).contains(value)) {

@@ -1,22 +1,22 @@
-//! Which rays see objects and lights: `visible_to`, a list of kinds of rays, among `camera`, `diffuse`, `glossy`,
+//! Ray visibility of objects and lights: `visible_to`, a list of ray types among `camera`, `diffuse`, `glossy`,
 //! `transmission`, `volume` and `shadow`; by default all. Other rays pass through objects, and lights are
 //! invisible to them. `visible_to_camera = false` removes `camera`. Without `shadow` an object casts no shadow. With
 //! `holdout = true` the picture is transparent where the camera sees the object; with `shadow_catcher = true` it shows there only
-//! what other objects change.
+//! the shadows and light of other objects.
 //!
-//! `color = [r, g, b]` or `[r, g, b, alpha]` (white), `index` (0) and `random` (a number from 0 to 1 that follows from the name) are the outputs of nodes of
+//! `color = [r, g, b]` or `[r, g, b, alpha]` (white), `index` (0) and `random` (0 to 1; a hash of the name) are the outputs of nodes of
 //! type `object_info`.
 //!
 //! # linking
 //!
 //! `light_link = { include = ["Figure"] }` restricts a light to these objects, `{ exclude = ["Floor"] }` to all others;
-//! `shadow_link` selects in the same way the objects that cast shadows in its light. With both lists, those of the first that
-//! are not in the second. Lights have them, and emissive objects. Names are those of objects of the file or of nodes of a model, and
-//! mean all below these; with a slash before it, that of a node without a parent.
+//! `shadow_link` likewise selects the objects that cast shadows in its light. With both lists, objects of `include` that
+//! are not in `exclude`. Lights and emissive objects may have links. Names are those of objects of the file or of nodes of a model,
+//! including their descendants; a leading slash restricts a name to root nodes.
 //!
-//! The receiver of light is the surface where a path was scattered last: mirrors show a light that they are not linked to as
-//! black, cameras see it. Fog and other media are in no list: they dim all lights but those in which nothing
-//! casts shadows (`shadow_link = { include = [] }`). Lights with a `shadow_link` light rough surfaces by light samples only.
+//! The receiver is the surface of the last scattering event: mirrors show a light that they are not linked to as
+//! black, cameras see it. Fog and other media are in no list: they attenuate all lights but those without shadow casters
+//! (`shadow_link = { include = [] }`). Lights with a `shadow_link` light rough surfaces by light sampling only.
 
 use super::builder::{Names, NamesOnPaths, SceneFileBuilder};
 use super::fields::{Fields, nearest, numbers};
@@ -27,7 +27,7 @@ use crate::scene::{
 };
 use std::collections::{HashMap, HashSet};
 
-/// The kinds of rays for which something is visible; `own` if the table has no key for it.
+/// The ray types of `visible_to` and `visible_to_camera`; `own` if the table has neither.
 pub(super) fn visible_to(fields: &Fields, own: RayKinds) -> RayKinds {
     let listed = fields.list("visible_to").map(|list| {
         list.iter().fold(RayKinds::NONE, |sum, value| {
@@ -36,7 +36,7 @@ pub(super) fn visible_to(fields: &Fields, own: RayKinds) -> RayKinds {
                 Some((_, kind)) => sum.with(*kind),
                 None => {
                     let help = format!("one of: {}", RayKinds::NAMED.map(|(name, _)| name).join(", "));
-                    fields.problems.push_help(value.span(), "'visible_to' must hold kinds of rays", help);
+                    fields.problems.push_help(value.span(), "'visible_to' must be a list of ray types", help);
                     sum
                 }
             }
@@ -47,7 +47,7 @@ pub(super) fn visible_to(fields: &Fields, own: RayKinds) -> RayKinds {
     kinds.set(RayKinds::CAMERA, by_camera)
 }
 
-/// Visibility and light links in a table.
+/// Visibility and light links of a table.
 pub(super) struct TraitOverrides {
     /// Ray visibility, holdout and shadow catcher.
     pub own: Option<ObjectTraits>,
@@ -61,7 +61,7 @@ impl TraitOverrides {
         TraitOverrides { own: traits(fields), links: read_links(build, fields) }
     }
 
-    /// Changes the given traits; the rest stays.
+    /// Overrides the traits for which the table has keys.
     pub fn apply(&self, traits: &mut ObjectTraits) {
         if let Some(own) = self.own {
             *traits = ObjectTraits { links: traits.links, ..own };
@@ -70,9 +70,9 @@ impl TraitOverrides {
     }
 }
 
-/// Ray visibility, holdout and shadow catcher of a table; `None` where none of the keys is given.
+/// Ray visibility, holdout and shadow catcher of a table; `None` without any of the keys.
 pub(super) fn traits(fields: &Fields) -> Option<ObjectTraits> {
-    // All keys are asked for, so that all are known.
+    // Marks all keys as known.
     let given = ["visible_to", "visible_to_camera", "holdout", "shadow_catcher"].map(|key| fields.has(key));
     let visible_to = visible_to(fields, RayKinds::ALL);
     let is_holdout = fields.flag("holdout", false);
@@ -81,7 +81,7 @@ pub(super) fn traits(fields: &Fields) -> Option<ObjectTraits> {
     given.contains(&true).then_some(traits)
 }
 
-/// Object properties for node graphs; `None` where none of the keys is given.
+/// Outputs of `object_info` nodes; `None` without any of the keys.
 pub(super) fn info(fields: &Fields) -> Option<ObjectInfo> {
     let given = ["color", "index", "random"].map(|key| fields.has(key));
     let mut info = ObjectInfo::default();
@@ -98,7 +98,7 @@ pub(super) fn info(fields: &Fields) -> Option<ObjectInfo> {
     given.contains(&true).then_some(info)
 }
 
-/// The light links of a light or an emissive object; `None` where none are given.
+/// Links of a light or an emissive object; `None` without any of the keys.
 pub(super) fn read_links(build: &mut SceneFileBuilder, fields: &Fields) -> Option<LightLinks> {
     let given = ["light_link", "shadow_link"].map(|key| fields.has(key));
     let receivers = link(build, fields, "light_link");
@@ -154,51 +154,50 @@ pub(super) fn resolve_links(build: &mut SceneFileBuilder) {
         let message = ("unknown-object", format!("there is no object '{name}' to link to"));
         build.problems.push_help(span.clone(), message, help);
     }
-    // Each name with the sets that include it and those that exclude it, a bit for each.
-    let mut of_names: HashMap<&str, [u64; 2]> = HashMap::new();
+    // Bit masks of the sets that include and that exclude each name.
+    let mut masks_by_name: HashMap<&str, [u64; 2]> = HashMap::new();
     for (number, set) in sets.iter().enumerate().take(ObjectSet::COUNT) {
         for (which, names) in [&set.include, &set.exclude].into_iter().enumerate() {
-            names.iter().for_each(|(name, _)| of_names.entry(name).or_default()[which] |= 1 << number);
+            names.iter().for_each(|(name, _)| masks_by_name.entry(name).or_default()[which] |= 1 << number);
         }
     }
-    let of_object = |path: &str| {
+    let sets_of = |path: &str| {
         let [included, excluded] = known.on_path(path).fold([0; 2], |[a, b], name| {
-            let [included, excluded] = of_names[name];
+            let [included, excluded] = masks_by_name[name];
             [a | included, b | excluded]
         });
-        let held = (0..ObjectSet::COUNT).filter(|number| (included & !excluded) >> number & 1 != 0);
-        held.filter_map(ObjectSet::new).fold(ObjectSets::NONE, ObjectSets::with)
+        let members = (0..ObjectSet::COUNT).filter(|number| (included & !excluded) >> number & 1 != 0);
+        members.filter_map(ObjectSet::new).fold(ObjectSets::NONE, ObjectSets::with)
     };
-    build.loaded.scene.object_traits_mut().for_each(|(name, traits)| traits.sets = of_object(name));
+    build.loaded.scene.object_traits_mut().for_each(|(name, traits)| traits.sets = sets_of(name));
 }
 
-/// The names of all objects and lights: lights with a surface may be receivers, too.
+/// The names of all objects and lights: lights with a surface are receivers, too.
 fn names_of(scene: &Scene) -> impl Iterator<Item = &str> {
     scene.object_names().chain(scene.lights.iter().map(|light| light.name.as_str()))
 }
 
-/// Keys that all shapes of lights have in common.
+/// Keys common to all shapes of lights.
 pub(super) struct LightTraits {
     pub name: String,
     pub color: [f32; 3],
     pub emitter: EmitterTraits,
     pub group: String,
     pub links: LightLinks,
-    /// Its motion.
     pub moved: Option<EvaluatedMotion>,
 }
 
-/// The name of a group of lights; empty where none is given.
+/// The name of a light group; empty without the key.
 pub(super) fn group(fields: &Fields, key: &'static str) -> String {
     let Some(name) = fields.string(key) else { return String::new() };
     if !is_group_name(name.value) {
-        let message = format!("'{}' can't be the name of a group of lights", name.value);
+        let message = format!("'{}' is not a valid name of a light group", name.value);
         fields.problems.push_help(name.span, message, "use 1 to 64 letters, digits, _ and -");
     }
     name.value.to_string()
 }
 
-/// `power` times a factor, or the quantity itself.
+/// The photometric quantity: `power` times `per_watt`, or the key `quantity`.
 pub(super) fn strength(fields: &Fields, quantity: &'static str, per_watt: f64) -> Option<f64> {
     match (positive(fields, "power"), positive(fields, quantity)) {
         (Some(power), None) => Some(power * per_watt),
@@ -211,7 +210,7 @@ pub(super) fn strength(fields: &Fields, quantity: &'static str, per_watt: f64) -
     }
 }
 
-/// A number from 0 up.
+/// A non-negative number.
 pub(super) fn positive(fields: &Fields, key: &'static str) -> Option<f64> {
     fields.has(key).then(|| fields.number_in(key, 0.0..f64::from(f32::MAX), 0.0))
 }

@@ -1,22 +1,21 @@
-//! `transform = [...]`: steps applied in the order listed, each to the result of the one before, composed in f64.
+//! `transform = [...]`: steps, applied in the order listed.
 //!
 //! `{ translate = [x, y, z] }`, `{ rotate = { axis = [x, y, z], angle = degrees } }` (counter-clockwise seen from the
 //! axis's tip), `{ euler = [x, y, z] }` (degrees; about the world's x, then y, then z axis),
 //! `{ quaternion = [x, y, z, w] }`, `{ scale = s }` or `{ scale = [x, y, z] }`, and `{ matrix = [16 numbers] }` row by
-//! row for column vectors: the translation is in places 4, 8 and 12, and the last row is 0 0 0 1.
+//! row for column vectors: the translation is at positions 4, 8 and 12, and the last row is 0 0 0 1.
 //!
 //! # motion
 //!
-//! `motion` of an object, of the camera or of a light: its motion relative to its placement (of an object its `transform`). Cameras and
-//! lights can't be scaled; those at a node of a model move along with it. Times are in frames; 0 is the time of a
-//! single picture, and N that of frame N of a sequence. With `shutter` of `[camera]` (`--shutter`) pictures show the motion blur
-//! of the time that the shutter is open.
+//! `motion` of an object, of the camera or of a light: its motion in world space, after its placement (for an object its `transform`). Cameras and
+//! lights can't be scaled; those at a node of a model follow the node. Times are in frames; 0 is the time of a
+//! single picture, and N that of frame N of a sequence. `shutter` of `[camera]` (`--shutter`) adds motion blur.
 //!
 //! | Key | Meaning |
 //! |---|---|
 //! | `translate` | `[x, y, z]`: metres per frame |
-//! | `rotate` | `{ axis, angle, center = [0, 0, 0] }`: rotation by `angle` degrees per frame about an axis through a point of the world |
-//! | `keys` | instead of both: a list of `{ frame, transform }` in the order of time; at such a time the steps of `transform` follow those of the object. In between, translation, rotation and scale are interpolated linearly; before the first and after the last key they are constant |
+//! | `rotate` | `{ axis, angle, center = [0, 0, 0] }`: rotation by `angle` degrees per frame about an axis through a world-space point |
+//! | `keys` | instead of both: a list of `{ frame, transform }` in ascending order; at such a frame the steps of `transform` are applied after those of the object. In between, translation and scale are interpolated linearly and rotation spherically; before the first and after the last key they are constant |
 
 use super::builder::SceneFileBuilder;
 use super::fields::{Fields, nearest, number};
@@ -45,7 +44,7 @@ pub(super) fn read(object: &Fields) -> DAffine3 {
     let is_flat = determinant == 0.0 && !object.has("mesh");
     if !total.is_finite() || is_flat || !determinant.is_finite() {
         let span = object.raw("transform").map_or(object.span(), |t| t.span());
-        object.problems.push(span, "the transform flattens the object or is not finite");
+        object.problems.push(span, "the transform is singular or not finite");
         return DAffine3::IDENTITY;
     }
     total
@@ -108,7 +107,7 @@ fn matrix(fields: &Fields, m: [f64; 16]) -> Option<DAffine3> {
         fields.problems.push_help(
             fields.span(),
             "the last row of 'matrix' must be 0, 0, 0, 1",
-            "the 16 numbers go row by row",
+            "the 16 numbers are in row-major order",
         );
         return None;
     }
@@ -119,9 +118,9 @@ fn matrix(fields: &Fields, m: [f64; 16]) -> Option<DAffine3> {
 
 /// The motion of an object.
 enum Trajectory {
-    /// At constant velocity.
-    Even { per_frame: DVec3, axis: DVec3, rad_per_frame: f64, center: DVec3 },
-    /// From key to key.
+    /// Constant velocity and angular velocity.
+    Constant { per_frame: DVec3, axis: DVec3, rad_per_frame: f64, center: DVec3 },
+    /// Keys: frame and transform.
     Keys(Vec<(f64, DAffine3)>),
 }
 
@@ -129,49 +128,49 @@ impl Trajectory {
     /// The motion's transform at a frame.
     fn at(&self, frame: f64) -> DAffine3 {
         match self {
-            Trajectory::Even { per_frame, axis, rad_per_frame, center } => {
-                let turn = DAffine3::from_axis_angle(*axis, rad_per_frame * frame);
+            Trajectory::Constant { per_frame, axis, rad_per_frame, center } => {
+                let rotation = DAffine3::from_axis_angle(*axis, rad_per_frame * frame);
                 let to_center = DAffine3::from_translation(-*center);
-                DAffine3::from_translation(*center + *per_frame * frame) * turn * to_center
+                DAffine3::from_translation(*center + *per_frame * frame) * rotation * to_center
             }
-            Trajectory::Keys(keys) => between(keys, frame),
+            Trajectory::Keys(keys) => interpolate(keys, frame),
         }
     }
 }
 
-/// Interpolates keys by scale, rotation and translation; by the matrix where one of them shears.
-fn between(keys: &[(f64, DAffine3)], frame: f64) -> DAffine3 {
-    let (before, share) = segment(keys, frame);
-    let Some(share) = share else { return keys.get(before).map_or(DAffine3::IDENTITY, |key| key.1) };
+/// Interpolates keys by scale, rotation and translation; by the matrix if one of them shears.
+fn interpolate(keys: &[(f64, DAffine3)], frame: f64) -> DAffine3 {
+    let (before, t) = segment(keys, frame);
+    let Some(t) = t else { return keys.get(before).map_or(DAffine3::IDENTITY, |key| key.1) };
     let ((_, from), (_, to)) = (keys[before], keys[before + 1]);
     if shears(&from) || shears(&to) {
-        return mix(&from, &to, share);
+        return mix(&from, &to, t);
     }
-    let (scale0, turn0, place0) = from.to_scale_rotation_translation();
-    let (scale1, turn1, place1) = to.to_scale_rotation_translation();
+    let (scale0, rotation0, translation0) = from.to_scale_rotation_translation();
+    let (scale1, rotation1, translation1) = to.to_scale_rotation_translation();
     DAffine3::from_scale_rotation_translation(
-        scale0.lerp(scale1, share),
-        turn0.slerp(turn1, share),
-        place0.lerp(place1, share),
+        scale0.lerp(scale1, t),
+        rotation0.slerp(rotation1, t),
+        translation0.lerp(translation1, t),
     )
 }
 
-/// Is a transform more than a scale, a rotation and a translation?
+/// Whether a transform is more than scale, rotation and translation.
 fn shears(transform: &DAffine3) -> bool {
-    let (scale, turn, place) = transform.to_scale_rotation_translation();
-    let again = DAffine3::from_scale_rotation_translation(scale, turn, place);
-    !again.matrix3.abs_diff_eq(transform.matrix3, 1e-6 * scale.abs().max_element())
+    let (scale, rotation, translation) = transform.to_scale_rotation_translation();
+    let recomposed = DAffine3::from_scale_rotation_translation(scale, rotation, translation);
+    !recomposed.matrix3.abs_diff_eq(transform.matrix3, 1e-6 * scale.abs().max_element())
 }
 
-/// A motion evaluated at the picture's time and around it.
+/// A motion evaluated for a frame.
 pub(super) struct EvaluatedMotion {
-    /// Relative to the object's transform.
+    /// At the frame's time, after the object's transform.
     pub at_time: DAffine3,
-    /// Relative to the picture's time, if other times are sampled.
-    pub onwards: Option<Keyframes<DAffine3>>,
+    /// Relative to `at_time`, over the shutter interval; `None` if no other times are sampled.
+    pub relative_keys: Option<Keyframes<DAffine3>>,
 }
 
-/// The motion of something that can't be scaled: a camera or a light.
+/// The motion of a camera or light, which can't be scaled.
 pub(super) fn rigid_motion(
     build: &mut SceneFileBuilder,
     fields: &Fields,
@@ -182,7 +181,7 @@ pub(super) fn rigid_motion(
         let m = m.matrix3;
         (m * m.transpose()).abs_diff_eq(DMat3::IDENTITY, 1e-6) && m.determinant() > 0.0
     };
-    let others = moved.onwards.iter().flat_map(Keyframes::all);
+    let others = moved.relative_keys.iter().flat_map(Keyframes::all);
     if std::iter::once(&moved.at_time).chain(others).all(is_rigid) {
         return Some(moved);
     }
@@ -191,7 +190,7 @@ pub(super) fn rigid_motion(
     None
 }
 
-/// The motion of an object's table; none without the key.
+/// The key `motion` of an object.
 pub(super) fn read_motion(
     build: &mut SceneFileBuilder,
     object: &Fields,
@@ -208,20 +207,20 @@ pub(super) fn read_motion(
     let shutter = build.shutter;
     if !shutter.needs_motion() {
         warn_of_closed_shutter(build);
-        return Some(EvaluatedMotion { at_time, onwards: None });
+        return Some(EvaluatedMotion { at_time, relative_keys: None });
     }
     let (keys, is_enough) = shutter.keys_for(&mut |frames| vec![moved(frames)]);
     if !is_enough {
-        let message = format!("'{name}' turns too far while the shutter is open for {keys} keys");
+        let message = format!("'{name}' rotates too far during the shutter interval for {keys} motion keys");
         build.loaded.warnings.push(Warning::new(build.file, "", message));
     }
     let keys = shutter.key_frames(keys).map(&moved).collect();
     let neighbours = shutter.vectors.then(|| [moved(-1.0), moved(1.0)]);
-    Some(EvaluatedMotion { at_time, onwards: Some(Keyframes { keys, neighbours }) })
+    Some(EvaluatedMotion { at_time, relative_keys: Some(Keyframes { keys, neighbours }) })
 }
 
 fn warn_of_closed_shutter(build: &mut SceneFileBuilder) {
-    let message = "something moves, but the shutter is closed: 'shutter' of [camera] opens it";
+    let message = "there is motion, but the shutter time is 0: 'shutter' of [camera] adds motion blur";
     let note = Warning::new(build.file, "", message);
     if build.options.shutter.frames.is_none() && !build.loaded.notes.iter().any(|n| n.message == note.message)
     {
@@ -238,7 +237,7 @@ fn read_track(fields: &Fields) -> Option<Trajectory> {
         return read_keys(fields, "keys", "motion", |key| Some(read(key))).map(Trajectory::Keys);
     }
     let per_frame = fields.vector("translate").map(|t| t.value);
-    let mut turn = (DVec3::Y, 0.0, DVec3::ZERO);
+    let mut rotation = (DVec3::Y, 0.0, DVec3::ZERO);
     if let Some(rotate) = fields.table("rotate") {
         let axis = rotate.require("axis", rotate.vector("axis"));
         let angle = rotate.require("angle", rotate.number("angle"));
@@ -249,17 +248,17 @@ fn read_track(fields: &Fields) -> Option<Trajectory> {
             fields.problems.push(axis.span, "'axis' has length 0");
             return None;
         };
-        turn = (unit, angle?.value.to_radians(), center);
+        rotation = (unit, angle?.value.to_radians(), center);
     } else if !fields.has("translate") {
         fields.problems.push(fields.span(), "'motion' needs 'translate', 'rotate' or 'keys'");
         return None;
     }
-    let (axis, rad_per_frame, center) = turn;
-    Some(Trajectory::Even { per_frame: per_frame.unwrap_or(DVec3::ZERO), axis, rad_per_frame, center })
+    let (axis, rad_per_frame, center) = rotation;
+    Some(Trajectory::Constant { per_frame: per_frame.unwrap_or(DVec3::ZERO), axis, rad_per_frame, center })
 }
 
-/// Reads the list of keys `list` of a table: tables with a `frame`, which increases, and what `read` makes of the rest. Problems call them
-/// keys of `owner`. `None` without the list or after a problem.
+/// Reads a list of keys: tables with an ascending `frame` and a value that `read` reads. Messages call them keys of `owner`.
+/// `None` without the list or after a problem.
 pub(super) fn read_keys<'a, T>(
     fields: &Fields<'a>,
     list: &'static str,
@@ -267,23 +266,23 @@ pub(super) fn read_keys<'a, T>(
     mut read: impl FnMut(&Fields<'a>) -> Option<T>,
 ) -> Option<Vec<(f64, T)>> {
     let mut keys: Vec<(f64, T)> = Vec::new();
-    let what = format!("a key of '{owner}'");
+    let description = format!("a key of '{owner}'");
     for value in fields.list(list)? {
         let Some(table) = value.get_ref().as_table() else {
-            fields.problems.push(value.span(), format!("{what} must be a table"));
+            fields.problems.push(value.span(), format!("{description} must be a table"));
             return None;
         };
-        let key = Fields::new(&what, table, value.span(), fields.problems);
+        let key = Fields::new(&description, table, value.span(), fields.problems);
         let frame = key.require("frame", key.number("frame"));
-        let rest = read(&key);
+        let keyed = read(&key);
         key.finish();
-        let (frame, rest) = (frame?, rest?);
+        let (frame, keyed) = (frame?, keyed?);
         if keys.last().is_some_and(|(before, _)| *before >= frame.value) {
             let message = format!("the frames of '{list}' don't increase");
             fields.problems.push_help(frame.span, message, "each key must come after the one before it");
             return None;
         }
-        keys.push((frame.value, rest));
+        keys.push((frame.value, keyed));
     }
     if keys.is_empty() {
         let of = if list == owner { String::new() } else { format!(" of '{owner}'") };
@@ -293,7 +292,8 @@ pub(super) fn read_keys<'a, T>(
     Some(keys)
 }
 
-/// The last key up to a frame, or the first one, and between two keys the share of the way to the next.
+/// The index of the last key up to a frame (or of the first key), and the interpolation weight of the next key; `None`
+/// outside of the keys.
 pub(super) fn segment<T>(keys: &[(f64, T)], frame: f64) -> (usize, Option<f64>) {
     let after = keys.partition_point(|(at, _)| *at <= frame);
     let before = after.saturating_sub(1);
@@ -301,40 +301,43 @@ pub(super) fn segment<T>(keys: &[(f64, T)], frame: f64) -> (usize, Option<f64>) 
     (before, is_between.then(|| (frame - keys[before].0) / (keys[after].0 - keys[before].0)))
 }
 
-/// The placement of a light, and its motion.
+/// The placement of a light, with its motion.
 pub(super) struct MovingPlacement {
-    /// At the picture's time.
+    /// At the frame's time.
     pub now: Placement,
-    /// At other times, if it moves while the shutter is open.
+    /// Keys over the shutter interval; `None` at rest.
     pub motion: Option<Keyframes<Placement>>,
 }
 
 /// The placement of a light.
 #[derive(Clone, Copy)]
 pub(super) struct Placement {
-    /// Its center.
+    /// World space, metres.
     pub center: DVec3,
-    /// The direction of emission, of unit length.
+    /// Unit vector of emission.
     pub direction: DVec3,
-    /// The axis of its width, of unit length, orthogonal to the direction.
+    /// Unit vector along the width, orthogonal to the direction.
     pub right: DVec3,
     /// Factors on width and height.
     pub scale: [f64; 2],
 }
 
 impl MovingPlacement {
-    /// With the motion that its table gives it.
+    /// Applies the key `motion` of the light.
     pub fn moved(self, moved: Option<&EvaluatedMotion>) -> MovingPlacement {
-        let Some(EvaluatedMotion { at_time, onwards }) = moved else { return self };
+        let Some(EvaluatedMotion { at_time, relative_keys }) = moved else { return self };
         let now = self.now.moved(at_time);
-        MovingPlacement { now, motion: onwards.as_ref().map(|onwards| onwards.map(|by| now.moved(by))) }
+        MovingPlacement {
+            now,
+            motion: relative_keys.as_ref().map(|relative_keys| relative_keys.map(|by| now.moved(by))),
+        }
     }
 }
 
 impl Placement {
-    /// The placement of a light at a node; `None` if the node is flattened. Sheared axes are orthogonalized, so that the light stays a
-    /// rectangle.
-    fn of_node(m: &DAffine3) -> Option<Placement> {
+    /// The placement of a light at a node; `None` if the node's transform is singular. Sheared axes are orthogonalized, so that
+    /// the light stays a rectangle.
+    fn from_node_transform(m: &DAffine3) -> Option<Placement> {
         let (x, y, z) = (m.matrix3.x_axis, m.matrix3.y_axis, m.matrix3.z_axis);
         let direction = (-z).try_normalize()?;
         let right = -(x - direction * x.dot(direction)).try_normalize()?;
@@ -342,19 +345,19 @@ impl Placement {
         (scale[1] > 0.0).then_some(Placement { center: m.translation, direction, right, scale })
     }
 
-    /// From a position and a direction.
-    pub fn of_axis(center: DVec3, direction: DVec3) -> Placement {
+    /// A placement without a preferred `right`.
+    pub fn along_axis(center: DVec3, direction: DVec3) -> Placement {
         Placement { center, direction, right: direction.any_orthonormal_vector(), scale: [1.0; 2] }
     }
 
     /// The placement under a rigid motion.
     pub fn moved(&self, by: &DAffine3) -> Placement {
-        let turned = |v: DVec3| by.transform_vector3(v).normalize_or(v);
-        let (direction, right) = (turned(self.direction), turned(self.right));
+        let rotated = |v: DVec3| by.transform_vector3(v).normalize_or(v);
+        let (direction, right) = (rotated(self.direction), rotated(self.right));
         Placement { center: by.transform_point3(self.center), direction, right, scale: self.scale }
     }
 
-    /// From the unit square around the origin in the xy plane, which emits along z.
+    /// Transform from the unit square centred at the origin in the xy plane, emitting along z.
     pub fn world_from_unit(&self) -> DAffine3 {
         let [width, height] = self.scale;
         let (u, v) = (self.right * width, self.direction.cross(self.right) * height);
@@ -362,21 +365,20 @@ impl Placement {
     }
 }
 
-/// An area light that the table places.
+/// The placement of an area light by `center`, `up` and `target` or `direction`.
 pub(super) fn placed(fields: &Fields) -> Option<MovingPlacement> {
     let center = fields.require("center", fields.vector("center"));
     let up = fields.vector("up").map_or(DVec3::Y, |u| u.value);
     let center = center?.value;
     let direction = direction(fields, Some(center))?;
-    // Lights that emit along `up`, as ceiling lights do, have their width along x.
+    // The width of lights that emit along `up`, such as ceiling lights, is along x.
     let sides = [up.normalize_or_zero(), DVec3::NEG_Z].map(|up| up.cross(direction));
     let right = sides.into_iter().find(|s| s.length() > 1e-6).map(DVec3::normalize);
     let right = right.unwrap_or_else(|| direction.any_orthonormal_vector());
     Some(MovingPlacement { now: Placement { center, direction, right, scale: [1.0; 2] }, motion: None })
 }
 
-/// A light at an empty node of the model: it emits along the node's -z, as glTF's lights do. Seen that way, x
-/// goes to the right.
+/// The placement of a light at an empty node of the model; it emits along the node's -z, as glTF's lights do.
 pub(super) fn at_node(build: &mut SceneFileBuilder, fields: &Fields) -> Option<MovingPlacement> {
     let name = fields.string("node")?;
     let empties = &build.loaded.empties;
@@ -384,20 +386,20 @@ pub(super) fn at_node(build: &mut SceneFileBuilder, fields: &Fields) -> Option<M
         let message = ("unknown-node", format!("the model has no empty node '{}'", name.value));
         let help = match nearest(name.value, empties.iter().map(|empty| empty.name.as_str())) {
             Some(near) => format!("did you mean '{near}'?"),
-            None => format!("it has {} nodes that hold nothing", empties.len()),
+            None => format!("it has {} empty nodes", empties.len()),
         };
         fields.problems.push_help(name.span, message, help);
         return None;
     };
-    let Some(now) = Placement::of_node(&empty.world_from_node) else {
-        fields.problems.push(name.span, format!("the node '{}' is flattened to nothing", name.value));
+    let Some(now) = Placement::from_node_transform(&empty.world_from_node) else {
+        fields.problems.push(name.span, format!("the node '{}' has a scale of 0", name.value));
         return None;
     };
-    let motion = empty.motion.as_ref().map(|moving| moving.map(Placement::of_node));
+    let motion = empty.motion.as_ref().map(|moving| moving.map(Placement::from_node_transform));
     let is_flattened = motion.as_ref().is_some_and(|m| m.all().any(Option::is_none));
     if is_flattened {
         let message =
-            "the node of a light is flattened to nothing while the shutter is open: it stands still";
+            "the node of a light has a scale of 0 during the shutter interval: its motion is ignored";
         let place = format!("node '{}'", name.value);
         build.loaded.warnings.push(Warning::new(build.file, place, message));
     }
@@ -405,7 +407,7 @@ pub(super) fn at_node(build: &mut SceneFileBuilder, fields: &Fields) -> Option<M
     Some(MovingPlacement { now, motion })
 }
 
-/// The names of the nodes at which a file places lights.
+/// The names of all nodes with lights of a file.
 pub(super) fn nodes_of_lights(root: &Fields) -> Vec<String> {
     let list = root.raw("lights").and_then(|lights| lights.get_ref().as_array());
     let lights = list.into_iter().flat_map(|list| list.iter()).filter_map(|light| light.get_ref().as_table());
@@ -419,7 +421,7 @@ pub(super) fn direction(fields: &Fields, position: Option<DVec3>) -> Option<DVec
     let target = position.and_then(|p| fields.vector("target").map(|t| (t.value - p, t.span)));
     let direction = fields.vector("direction").map(|d| (d.value, d.span));
     let (vector, span) = match (target, direction) {
-        (Some(one), None) | (None, Some(one)) => one,
+        (Some(given), None) | (None, Some(given)) => given,
         (Some(_), Some((_, span))) => {
             fields.problems.push(span, "'target' and 'direction' exclude each other: leave one out");
             return None;

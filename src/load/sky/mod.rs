@@ -1,9 +1,9 @@
-//! The clear sky of Hosek and Wilkie (2012, "An Analytic Model for Full Spectral Sky-Dome Radiance") with the sun that belongs
-//! to it (2013, "Adding a Solar-Radiance Function to the Hosek-Wilkie Skylight Model"), both in W/sr/m2 of the visible
+//! The clear sky of Hosek and Wilkie (2012, "An Analytic Model for Full Spectral Sky-Dome Radiance") with its sun
+//! (2013, "Adding a Solar-Radiance Function to the Hosek-Wilkie Skylight Model"), both in W/sr/m2 of the visible
 //! spectrum; 1 W/sr/m2 is 683 cd/m2.
 //!
-//! The sky becomes an environment picture, the sun a light with a size. `dataset.bin` holds the coefficients of
-//! both; `tools/sky` writes it from the published ones, and says how it is arranged.
+//! The sky becomes an environment image, the sun a light with an angular diameter. `tools/sky` writes the coefficients
+//! `dataset.bin` from the published ones and documents their layout.
 
 use crate::error::{Error, Result};
 use crate::image::Image;
@@ -12,27 +12,27 @@ use crate::scene::{Environment, Light, LightKind, Scene};
 use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// Texels around the horizon: a third of a degree each.
+/// Width of the environment image, texels: 0.35 degrees each.
 const WIDTH: usize = 1024;
-/// Texels from straight up to straight down.
+/// Height of the environment image, texels.
 const HEIGHT: usize = 512;
 /// Quadrature steps per quadrant, in elevation and in azimuth, for the irradiance of the sky on the ground.
 const STEPS: usize = 64;
-/// Diameter of the sun seen from the earth, radians: that of the model's data.
+/// Angular diameter of the sun in the model's data, radians.
 pub const SUN_ANGLE_RAD: f64 = 0.5358 * PI / 180.0;
 
-/// A clear sky with its sun, over ground of one colour.
+/// A clear sky with its sun, over a diffuse ground.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PhysicalSky {
-    /// Elevation of the sun above the horizon, 0 to half of pi.
+    /// Elevation of the sun above the horizon, radians, 0 to pi/2.
     pub sun_elevation_rad: f64,
-    /// Azimuth of the sun, from -z towards x: clockwise seen from above.
+    /// Azimuth of the sun, radians, from -z towards x: clockwise seen from above.
     pub sun_azimuth_rad: f64,
-    /// Turbidity: 1 is the clearest air, 3 a clear day, 10 thick haze.
+    /// Turbidity, 1 to 10: 1 is the clearest air, 3 a clear day, 10 thick haze.
     pub turbidity: f64,
     /// Albedo of the ground, 0 to 1: it affects the sky, and is visible below the horizon.
     pub ground_albedo: [f64; 3],
-    /// Diameter of the sun's disk, above 0 and below pi: its light on a surface stays the same.
+    /// Angular diameter of the sun disk, radians, above 0 and below pi; the irradiance is independent of it.
     pub sun_angle_rad: f64,
     /// Add a light for the sun.
     pub has_sun: bool,
@@ -56,7 +56,7 @@ impl Default for PhysicalSky {
 }
 
 impl PhysicalSky {
-    /// Makes it a scene's environment, with an image and a light of its own.
+    /// Sets the environment image and the sun light of a scene.
     ///
     /// # Errors
     /// A value that is out of its range.
@@ -73,21 +73,21 @@ impl PhysicalSky {
         Ok(())
     }
 
-    /// Unit vector to the sun's middle.
+    /// Unit vector to the sun's centre.
     pub fn to_sun(&self) -> DVec3 {
         let (sin, cos) = self.sun_elevation_rad.sin_cos();
         let (x, z) = self.sun_azimuth_rad.sin_cos();
         DVec3::new(x * cos, sin, -z * cos)
     }
 
-    /// Irradiance of the sun on a surface that faces it, before the strength.
+    /// Irradiance of the sun on a perpendicular surface, W/m2, without the strength.
     pub fn sun_irradiance(&self) -> [f64; 3] {
-        // The integral of the cosine over the disk of the data.
+        // Projected solid angle of the disk.
         let disk = PI * (0.5 * SUN_ANGLE_RAD).sin().powi(2);
         sun_radiance(self.turbidity, self.sun_elevation_rad).map(|v| v * disk)
     }
 
-    /// Radiance of the sky, without the sun, in a direction above the horizon, before the strength.
+    /// Radiance of the sky without sun, W/sr/m2, in a unit direction above the horizon, without the strength.
     pub fn radiance(&self, direction: DVec3) -> [f64; 3] {
         let channels = self.channels();
         radiance(&channels, direction, self.to_sun())
@@ -114,7 +114,7 @@ impl PhysicalSky {
     }
 }
 
-/// Adds the sun of the environment, a light that cameras see as a disk: its light travels in `direction`.
+/// Adds the sun of the environment: light that travels in `direction`, with an angular diameter, and an irradiance in W/m2.
 pub fn add_sun(scene: &mut Scene, direction: DVec3, angle_rad: f64, irradiance: [f32; 3]) {
     let kind = LightKind::Sun { direction, angle_rad };
     let (group, visible_to) = (scene.environment_group.clone(), scene.environment_visible_to);
@@ -123,13 +123,13 @@ pub fn add_sun(scene: &mut Scene, direction: DVec3, angle_rad: f64, irradiance: 
     scene.lights.push(Light { name, group, visible_to, ..Light::new(kind, irradiance) });
 }
 
-/// A sky whose coefficients have been looked up.
+/// A sky with interpolated coefficients.
 struct Dome {
     channels: [Channel; 3],
     to_sun: DVec3,
-    /// Irradiance of the sun on a surface that faces it.
+    /// Irradiance of the sun on a perpendicular surface, W/m2.
     sun: [f64; 3],
-    /// Radiance of the ground.
+    /// Radiance of the ground, W/sr/m2.
     ground: [f64; 3],
 }
 
@@ -137,7 +137,7 @@ impl Dome {
     fn new(sky: &PhysicalSky) -> Dome {
         let (channels, to_sun, sun) = (sky.channels(), sky.to_sun(), sky.sun_irradiance());
         let from_sky = irradiance(&channels, to_sun);
-        // Matt ground reflects its albedo times irradiance over pi.
+        // Radiance of diffuse ground: albedo times irradiance over pi.
         let ground = std::array::from_fn(|c| {
             let direct = if sky.has_sun { sun[c] * to_sun.y } else { 0.0 };
             sky.ground_albedo[c] * (from_sky[c] + direct) / PI
@@ -145,7 +145,7 @@ impl Dome {
         Dome { channels, to_sun, sun, ground }
     }
 
-    /// The mapping of [`Environment::Image`].
+    /// The equirectangular image, in the convention of [`Environment::Image`].
     fn picture(&self) -> Image {
         let rows = (0..HEIGHT).into_par_iter().flat_map_iter(|row| {
             let (sin, y) = ((row as f64 + 0.5) / HEIGHT as f64 * PI).sin_cos();
@@ -168,7 +168,7 @@ fn radiance(channels: &[Channel; 3], direction: DVec3, to_sun: DVec3) -> [f64; 3
     channels.each_ref().map(|channel| channel.radiance(direction.y.max(0.0), cos_sun))
 }
 
-/// Irradiance of the sky on a horizontal plane, by the midpoint rule in the squared cosine and the azimuth.
+/// Irradiance of the sky on a horizontal surface, W/m2, by the midpoint rule in the squared cosine and the azimuth.
 fn irradiance(channels: &[Channel; 3], to_sun: DVec3) -> [f64; 3] {
     let mut sum = [0.0; 3];
     for row in 0..STEPS {
@@ -183,16 +183,14 @@ fn irradiance(channels: &[Channel; 3], to_sun: DVec3) -> [f64; 3] {
     sum.map(|v| v * PI / (4 * STEPS * STEPS) as f64)
 }
 
-// The published coefficients, and the functions that they belong to.
-
-/// See `tools/sky/dataset.py`.
+/// The published coefficients; layout: `tools/sky/dataset.py`.
 static DATASET: &[u8] = include_bytes!("dataset.bin");
 
-/// Values of turbidity, from 1 in steps of 1.
+/// Number of tabulated turbidities, from 1 in steps of 1.
 const TURBIDITIES: usize = 10;
 const CONTROL_POINTS: usize = 6;
 const PARAMETERS: usize = 9;
-/// Intervals of elevation; the sun's radiance is a cubic in each.
+/// Number of elevation intervals; the sun's radiance is a cubic in each.
 const SEGMENTS: usize = 45;
 const POWERS: usize = 4;
 
@@ -200,7 +198,7 @@ const SHAPES: usize = TURBIDITIES * 2 * CONTROL_POINTS * 3 * PARAMETERS;
 const MEANS: usize = TURBIDITIES * 2 * CONTROL_POINTS * 3;
 const SUNS: usize = TURBIDITIES * SEGMENTS * 3 * POWERS;
 
-/// The number of the data set at an index; its three arrays (shapes, means, suns) follow each other.
+/// A number of the data set, which consists of three arrays: shapes, means, suns.
 fn coefficient(index: usize) -> f64 {
     let mut bytes = [0; 4];
     bytes.copy_from_slice(&DATASET[4 * index..4 * index + 4]);
@@ -212,20 +210,20 @@ const _: () = assert!(SHAPES == 3240 && SHAPES + MEANS + SUNS == 9000);
 /// The two tabulated turbidities around a value of 1 to 10: indices and interpolation weights.
 fn turbidities(turbidity: f64) -> [(usize, f64); 2] {
     let lower = (turbidity.floor() as usize).clamp(1, TURBIDITIES) - 1;
-    let share = (turbidity - 1.0 - lower as f64).clamp(0.0, 1.0);
-    [(lower, 1.0 - share), ((lower + 1).min(TURBIDITIES - 1), share)]
+    let t = (turbidity - 1.0 - lower as f64).clamp(0.0, 1.0);
+    [(lower, 1.0 - t), ((lower + 1).min(TURBIDITIES - 1), t)]
 }
 
 /// The model's parameters of one colour channel.
 struct Channel {
     /// A to I of equation 8.
     shape: [f64; PARAMETERS],
-    /// Mean radiance, the factor on the shape.
+    /// Mean radiance, W/sr/m2; the factor on the shape.
     mean: f64,
 }
 
-/// The coefficients of a colour: linear in turbidity and albedo, quintic Bezier curves in the cube root of the elevation
-/// (section 5.2 of the paper).
+/// Interpolates the coefficients of a channel: linear in turbidity and albedo, quintic Bezier curves in the cube root of the
+/// elevation (section 5.2 of the paper).
 fn sky_channel(turbidity: f64, albedo: f64, elevation_rad: f64, channel: usize) -> Channel {
     let x = (elevation_rad / FRAC_PI_2).cbrt();
     let bernstein: [f64; CONTROL_POINTS] = std::array::from_fn(|k| {
@@ -233,10 +231,10 @@ fn sky_channel(turbidity: f64, albedo: f64, elevation_rad: f64, channel: usize) 
         binomial * x.powi(k as i32) * (1.0 - x).powi((CONTROL_POINTS - 1 - k) as i32)
     });
     let (mut shape, mut mean) = ([0.0; PARAMETERS], 0.0);
-    for (level, share) in turbidities(turbidity) {
+    for (level, turbidity_weight) in turbidities(turbidity) {
         for (ground, ground_weight) in [(0, 1.0 - albedo), (1, albedo)] {
             for (point, basis) in bernstein.iter().enumerate() {
-                let weight = share * ground_weight * basis;
+                let weight = turbidity_weight * ground_weight * basis;
                 let index = ((level * 2 + ground) * CONTROL_POINTS + point) * 3 + channel;
                 mean += weight * coefficient(SHAPES + index);
                 for (k, parameter) in shape.iter_mut().enumerate() {
@@ -249,7 +247,7 @@ fn sky_channel(turbidity: f64, albedo: f64, elevation_rad: f64, channel: usize) 
 }
 
 impl Channel {
-    /// Radiance by the cosine of the angle to the zenith and of that to the sun (equations 8 and 9).
+    /// Radiance, W/sr/m2, from the cosines of the angles to the zenith and to the sun (equations 8 and 9).
     pub fn radiance(&self, cos_zenith: f64, cos_sun: f64) -> f64 {
         // The published order has H and I swapped.
         let [a, b, c, d, e, f, g, i, h] = self.shape;
@@ -260,7 +258,7 @@ impl Channel {
     }
 }
 
-/// Mean radiance of the sun's disk, linear Rec. 709; out-of-gamut values are clipped.
+/// Mean radiance of the sun disk, W/sr/m2 in linear Rec. 709; out-of-gamut values are clipped.
 fn sun_radiance(turbidity: f64, elevation_rad: f64) -> [f64; 3] {
     let place = (2.0 * elevation_rad / PI).cbrt() * SEGMENTS as f64;
     let segment = (place as usize).min(SEGMENTS - 1);
@@ -270,7 +268,7 @@ fn sun_radiance(turbidity: f64, elevation_rad: f64) -> [f64; 3] {
             let first = SHAPES + MEANS + ((level * SEGMENTS + segment) * 3 + c) * POWERS;
             (0..POWERS).rev().fold(0.0, |sum, k| sum * x + coefficient(first + k))
         };
-        turbidities(turbidity).into_iter().map(|(level, share)| share * cubic(level)).sum::<f64>().max(0.0)
+        turbidities(turbidity).into_iter().map(|(level, weight)| weight * cubic(level)).sum::<f64>().max(0.0)
     })
 }
 
@@ -278,8 +276,8 @@ fn sun_radiance(turbidity: f64, elevation_rad: f64) -> [f64; 3] {
 mod tests {
     use super::*;
 
-    /// Values of another program (Mitsuba 3.7's `sunsky`, from the same coefficients in double precision) for a sun in the
-/// direction of the azimuth 0: turbidity, albedo, elevation, the angle to the zenith, the azimuth, radiance.
+    /// Radiances of Mitsuba 3.7's `sunsky` (the same coefficients in double precision) for a sun at azimuth 0: turbidity, albedo,
+/// elevation, zenith angle, azimuth (degrees), RGB radiance.
 #[rustfmt::skip]
 const SKIES: &[[f64; 8]] = &[
     [1.0, 0.0, 10.0, 0.0, 0.0, 0.7366, 1.5935, 2.8955],
@@ -294,8 +292,8 @@ const SKIES: &[[f64; 8]] = &[
     [10.0, 0.1, 2.0, 80.0, 120.0, 1.4403, 1.3485, 1.0799],
 ];
 
-    /// Irradiance across the sun's light in W/m2, integrated over the disk and the observer in Python from the
-    /// published spectral coefficients: turbidity, elevation.
+    /// Turbidity, elevation (degrees), and irradiance perpendicular to the sun, W/m2, integrated in Python from the published
+    /// spectral coefficients over the sun disk and the CIE observer.
     const SUNS: &[(f64, f64, [f64; 3])] = &[
         (1.0, 90.0, [158.58489, 131.65459, 103.15235]),
         (2.0, 60.0, [155.30755, 127.37388, 97.25716]),
@@ -335,9 +333,9 @@ const SKIES: &[[f64; 8]] = &[
         }
     }
 
-    /// Daylight by measurement: 100 to 130 klx on level ground under a high sun, the sky a tenth to a fifth of it.
+    /// Measured daylight on horizontal ground under a high sun is 100 to 130 klx, a tenth to a fifth of it from the sky.
     #[test]
-    fn sun_and_sky_are_as_bright_as_by_day() {
+    fn sun_and_sky_have_the_illuminance_of_daylight() {
         let dome = Dome::new(&sky(2.5, 70.0, 0.2));
         let luminance = |c: [f64; 3]| 0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2];
         let from_sky = 0.683 * luminance(irradiance(&dome.channels, dome.to_sun));
@@ -347,7 +345,7 @@ const SKIES: &[[f64; 8]] = &[
     }
 
     #[test]
-    fn the_picture_is_the_sky_where_its_texels_say() {
+    fn texels_of_the_image_have_the_radiance_of_their_directions() {
         let sky = PhysicalSky { sun_azimuth_rad: 1.0, ..sky(2.0, 35.0, 0.4) };
         let picture = Dome::new(&sky).picture();
         for (column, row) in [(0, 0), (100, 200), (700, 255), (1023, 130)] {

@@ -9,32 +9,32 @@ use crate::scene::{
 /// Margin on each side of the model, as a fraction of the picture's shorter side.
 const MARGIN: f64 = 0.1;
 
-/// A camera and where it looks, relative to the outline's coordinates.
+/// A camera and its target, relative to the outline's offset.
 pub(super) struct Framed {
     pub camera: Camera,
     /// The centre of the model.
     pub target: DVec3,
 }
 
-/// Half the picture that the model may fill, as tangents, across and up.
+/// Tangents of the half angles that the model may fill, horizontal and vertical.
 fn tangents(options: &StageOptions, settings: &Settings) -> [f64; 2] {
-    let of_scene = match (settings.width, settings.height) {
+    let scene_aspect = match (settings.width, settings.height) {
         (Some(w), Some(h)) if w > 0 && h > 0 => f64::from(w) / f64::from(h),
         _ => 16.0 / 9.0,
     };
-    let aspect = options.aspect.unwrap_or(of_scene).clamp(1e-3, 1e3);
+    let aspect = options.aspect.unwrap_or(scene_aspect).clamp(1e-3, 1e3);
     let half = (options.vfov_degrees.to_radians() / 2.0).tan();
     let shorter = aspect.min(1.0);
     [half * (aspect - 2.0 * MARGIN * shorter), half * (1.0 - 2.0 * MARGIN * shorter)]
 }
 
-/// The nearest camera in the wanted direction that sees the whole model with even margins.
+/// The nearest camera in the view direction that frames the whole model with margins.
 pub(super) fn frame(outline: &Outline, options: &StageOptions, settings: &Settings) -> Framed {
     let axes = options.view.axes();
     let center = outline.center();
     let points: Vec<DVec3> = match options.is_orbit {
         false => outline.points.iter().map(|&p| axes.transpose() * (p - center)).collect(),
-        true => swept(outline).into_iter().map(|p| axes.transpose() * p).collect(),
+        true => orbited(outline).into_iter().map(|p| axes.transpose() * p).collect(),
     };
     let size = outline.radius();
     let local = fit(&points, tangents(options, settings), size);
@@ -55,49 +55,49 @@ pub(super) fn frame(outline: &Outline, options: &StageOptions, settings: &Settin
     Framed { camera, target: on_grid(center, size) }
 }
 
-/// The outline's points, rotated about the vertical axis through its middle in 48 steps.
-fn swept(outline: &Outline) -> Vec<DVec3> {
+/// The outline's points relative to its centre, rotated about the vertical axis in 48 steps.
+fn orbited(outline: &Outline) -> Vec<DVec3> {
     let center = outline.center();
-    // Only the distance from the axis at each height matters.
+    // Only the largest distance from the axis at each height matters.
     const HEIGHTS: usize = 128;
     let height = (outline.max.y - outline.min.y).max(1e-300);
     let mut rings: Vec<Option<DVec3>> = vec![None; HEIGHTS];
-    let away = |p: DVec3| p.x.hypot(p.z);
+    let radius = |p: DVec3| p.x.hypot(p.z);
     for p in outline.points.iter().map(|&p| p - center) {
         let at = (((p.y / height + 0.5) * HEIGHTS as f64) as usize).min(HEIGHTS - 1);
-        if rings[at].is_none_or(|before| away(p) > away(before)) {
+        if rings[at].is_none_or(|before| radius(p) > radius(before)) {
             rings[at] = Some(p);
         }
     }
-    let turned = |p: DVec3| {
+    let rotated = |p: DVec3| {
         (0..48).map(move |i| {
             let (s, c) = (f64::from(i) / 48.0 * std::f64::consts::TAU).sin_cos();
-            DVec3::new(away(p) * c, p.y, away(p) * s)
+            DVec3::new(radius(p) * c, p.y, radius(p) * s)
         })
     };
-    rings.into_iter().flatten().flat_map(turned).collect()
+    rings.into_iter().flatten().flat_map(rotated).collect()
 }
 
-/// The eye from which points, given by right, up and back, fill a picture of half these tangents.
+/// The eye position (right, up, back) from which the points fill a frustum with these half-angle tangents.
 ///
-/// For an eye (x, y, z) a point p is within the tangent t if p.x - x and x - p.x are at most t (z - p.z): four planes, each
-/// of which bounds a sum of the eye's coordinates by a maximum over all points. The direction that binds decides z; in the
-/// other the model is moved to the middle.
+/// From an eye (x, y, z) a point p is within the tangent t if p.x - x and x - p.x are at most t (z - p.z): each of the four
+/// frustum planes bounds a sum of the eye's coordinates by a maximum over all points. The tighter direction determines z; in
+/// the other the model is centred.
 fn fit(points: &[DVec3], [tan_x, tan_y]: [f64; 2], size: f64) -> DVec3 {
-    let most = |value: &dyn Fn(&DVec3) -> f64| points.iter().map(value).fold(f64::NEG_INFINITY, f64::max);
+    let max = |value: &dyn Fn(&DVec3) -> f64| points.iter().map(value).fold(f64::NEG_INFINITY, f64::max);
     let bound = |axis: usize, tan: f64| {
-        let high = most(&|p| p[axis] + tan * p.z);
-        let low = most(&|p| -p[axis] + tan * p.z);
+        let high = max(&|p| p[axis] + tan * p.z);
+        let low = max(&|p| -p[axis] + tan * p.z);
         (high + low) / (2.0 * tan)
     };
-    let nearest = most(&|p| p.z) + 0.05 * size;
+    let nearest = max(&|p| p.z) + 0.05 * size;
     let z = bound(0, tan_x).max(bound(1, tan_y)).max(nearest);
-    DVec3::new(middle(points, 0, z), middle(points, 1, z), z)
+    DVec3::new(centered(points, 0, z), centered(points, 1, z), z)
 }
 
-/// The eye's position along an axis that centers the image of the points.
-fn middle(points: &[DVec3], axis: usize, z: f64) -> f64 {
-    let off_middle = |eye: f64| {
+/// The eye coordinate along an axis that centres the image of the points, by bisection.
+fn centered(points: &[DVec3], axis: usize, z: f64) -> f64 {
+    let offset = |eye: f64| {
         let slopes = points.iter().map(|p| (p[axis] - eye) / (z - p.z));
         let (low, high) =
             slopes.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), s| (low.min(s), high.max(s)));
@@ -108,29 +108,27 @@ fn middle(points: &[DVec3], axis: usize, z: f64) -> f64 {
         ends.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
     for _ in 0..60 {
         let eye = 0.5 * (low + high);
-        if off_middle(eye) > 0.0 { low = eye } else { high = eye }
+        if offset(eye) > 0.0 { low = eye } else { high = eye }
     }
     0.5 * (low + high)
 }
 
-// The outline: points whose hull approximates the scene's, for framing.
-
 /// Directions are binned into cells of a cube map: `CELLS` by `CELLS` per face.
 const CELLS: usize = 32;
 
-/// Models with coordinates beyond this can't be framed: their squares would overflow.
+/// Maximum coordinate of models that can be framed, metres: squares of larger ones overflow.
 const FARTHEST: f64 = 1e150;
 
-/// The farthest points of a scene in all directions.
+/// The farthest points of a scene in all directions; their hull approximates the scene's.
 pub(super) struct Outline {
-    /// Relative to the offset it was made with, metres.
+    /// Relative to the offset of [`Outline::of`], metres.
     pub points: Vec<DVec3>,
-    /// Lower corner of the box around them.
+    /// Minimum corner of the bounds.
     pub min: DVec3,
-    /// Greatest corner.
+    /// Maximum corner of the bounds.
     pub max: DVec3,
-    /// Names of outliers that are left out.
-    pub stray: Option<String>,
+    /// Description of outliers, which are left out.
+    pub outliers: Option<String>,
 }
 
 impl Outline {
@@ -142,12 +140,12 @@ impl Outline {
         let fits = |p: DVec3| p.is_finite() && p.abs().max_element() < FARTHEST;
         let Some((min, max)) = bounds.filter(|&(min, max)| fits(min) && fits(max)) else {
             let (min, max) = (DVec3::splat(-1.0), DVec3::splat(1.0));
-            return Outline { points: corners(min, max).to_vec(), min, max, stray: None };
+            return Outline { points: corners(min, max).to_vec(), min, max, outliers: None };
         };
         let limit = limit(scene, &extents);
         let visit = |each: &mut dyn FnMut(DVec3)| {
             let mut near = |p: DVec3| {
-                if limit.as_ref().is_none_or(|limit| limit.holds(p)) {
+                if limit.as_ref().is_none_or(|limit| limit.contains(p)) {
                     each(p);
                 }
             };
@@ -165,17 +163,17 @@ impl Outline {
         let mut far = Farthest::new((min + max) * 0.5, (max - min) * 0.5);
         visit(&mut |p| far.add(p - offset));
         let points = far.points();
-        // Meshes of one point must not lead to a division by zero.
+        // Meshes of one point have an empty list.
         let points = if points.is_empty() { corners(min, max).to_vec() } else { points };
-        Outline { points, min, max, stray: limit.map(|limit| limit.beyond) }
+        Outline { points, min, max, outliers: limit.map(|limit| limit.outliers) }
     }
 
-    /// The centre of the box.
+    /// The centre of the bounds.
     pub fn center(&self) -> DVec3 {
         (self.min + self.max) * 0.5
     }
 
-    /// Half the diagonal of the box, above 0.
+    /// Half the diagonal of the bounds, above 0.
     pub fn radius(&self) -> f64 {
         ((self.max - self.min).length() * 0.5).max(1e-6)
     }
@@ -189,7 +187,7 @@ fn corners(min: DVec3, max: DVec3) -> [DVec3; 8] {
     })
 }
 
-/// Points around a shape: more of them where there are few shapes.
+/// Points on the surface of a shape's ellipsoid; fewer in scenes of many shapes.
 fn visit_shape(shape: &Shape, count: usize, add: &mut dyn FnMut(DVec3)) {
     let half = shape.half_extent();
     let rings = if count > 1000 { 2 } else { 16 };
@@ -202,28 +200,29 @@ fn visit_shape(shape: &Shape, count: usize, add: &mut dyn FnMut(DVec3)) {
     }
 }
 
-/// The farthest point from a middle in each cell of directions. The error relative to the true hull is less than
-/// the width of a cell, a few percent of the model's size where it is smooth, nothing at its corners.
+/// The farthest point from a centre in each cell of directions. The error relative to the true hull is less than
+/// the width of a cell, a few percent of the model's size for smooth surfaces, and zero at corners.
 struct Farthest {
-    middle: DVec3,
-    /// Scale that makes the bounding box a cube, so that its sides have equally many cells.
+    center: DVec3,
+    /// Scale from the bounding box to a cube, so that its sides have equally many cells.
     scale: DVec3,
-    /// All points, as long as they are fewer than the cells.
+    /// All points, while there are fewer than cells.
     few: Vec<DVec3>,
+    /// Squared distance and position of the farthest point.
     cells: Vec<Option<(f64, DVec3)>>,
 }
 
 impl Farthest {
-    fn new(middle: DVec3, half: DVec3) -> Farthest {
+    fn new(center: DVec3, half: DVec3) -> Farthest {
         let scale = half.max(DVec3::splat(1e-6 * half.max_element().max(1e-300))).recip();
-        Farthest { middle, scale, few: Vec::new(), cells: vec![None; 6 * CELLS * CELLS] }
+        Farthest { center, scale, few: Vec::new(), cells: vec![None; 6 * CELLS * CELLS] }
     }
 
     fn add(&mut self, p: DVec3) {
         if self.few.len() <= self.cells.len() && p.is_finite() {
             self.few.push(p);
         }
-        let d = (p - self.middle) * self.scale;
+        let d = (p - self.center) * self.scale;
         let a = d.abs();
         let axis = if a.x >= a.y && a.x >= a.z {
             0
@@ -250,27 +249,27 @@ impl Farthest {
     }
 }
 
-/// A position rounded to a power of two well below `size`: sums with distant coordinates stay exact.
+/// A position rounded to a multiple of a power of two well below `size`: sums with large coordinates stay exact.
 pub(super) fn on_grid(p: DVec3, size: f64) -> DVec3 {
     let step = (size.max(1e-300).log2().floor() - 20.0).exp2();
     if step > 0.0 && step.is_finite() { (p / step).round() * step } else { p }
 }
 
-// Outliers: objects so distant that a picture of everything would show nothing.
+// Outliers: objects so distant that framing them would shrink the rest to a dot.
 
-/// Objects this many times as far from the center as all nearer ones, with nothing between, are outliers.
+/// Objects at least this many times as far from the centre as all nearer ones are outliers.
 const GAP: f64 = 20.0;
-/// Fraction of the scene that must be nearer than a gap, by number of triangles; all other shapes together have the weight of all
-/// triangles.
-const MAX: f64 = 0.9;
-/// Maximum number of triangles considered; of larger scenes every second, third, ... one of each mesh is.
+/// Fraction of the scene's weight that must be nearer than a gap. Each triangle has weight 1; all other shapes together weigh
+/// as much as all triangles.
+const MIN_NEARER: f64 = 0.9;
+/// Maximum number of triangles examined; larger meshes are subsampled.
 const MAX_TRIANGLES: usize = 1 << 19;
-/// Maximum number of triangle centres in the median.
+/// Maximum number of items in the median.
 const MEDIAN: usize = 50_000;
 /// Maximum number of names in a message.
 const LISTED: usize = 3;
 
-/// A part of a scene.
+/// The bounds of a part of the scene.
 #[derive(Clone, Copy)]
 struct Item {
     min: DVec3,
@@ -279,50 +278,49 @@ struct Item {
 }
 
 impl Item {
-    fn middle(&self) -> DVec3 {
+    fn center(&self) -> DVec3 {
         (self.min + self.max) * 0.5
     }
 
-    /// Distance of its box from a point.
-    fn near(&self, p: DVec3) -> f64 {
+    /// Distance of the box from a point.
+    fn min_distance(&self, p: DVec3) -> f64 {
         (self.min - p).max(p - self.max).max(DVec3::ZERO).length()
     }
 
-    /// Distance of its box's farthest corner.
-    fn far(&self, p: DVec3) -> f64 {
+    /// Distance of the box's farthest corner from a point.
+    fn max_distance(&self, p: DVec3) -> f64 {
         (self.min - p).abs().max((self.max - p).abs()).length()
     }
 }
 
-/// The sphere that holds the scene without outliers.
+/// The sphere that contains the scene without outliers.
 pub(super) struct Limit {
-    middle: DVec3,
-    distance: f64,
-    /// The outliers' names and distance.
-    pub beyond: String,
+    center: DVec3,
+    radius: f64,
+    /// Names and distance of the outliers.
+    pub outliers: String,
 }
 
 impl Limit {
-    /// Is a point part of the scene?
-    pub fn holds(&self, p: DVec3) -> bool {
-        p.distance(self.middle) <= self.distance
+    /// Whether the sphere contains a point.
+    pub fn contains(&self, p: DVec3) -> bool {
+        p.distance(self.center) <= self.radius
     }
 }
 
-/// Finds the gap that separates outliers from the scene; `None` where there is no such gap. The scene
-/// need not be valid.
+/// Finds the gap that separates outliers from the scene; `None` without such a gap. The scene need not be valid.
 fn limit(scene: &Scene, extents: &[Extent]) -> Option<Limit> {
     let items = Items::of(scene);
     if items.count == 0 {
         return limit_of_splats(scene);
     }
-    let (middle, all) = items.median()?;
+    let (center, all) = items.median()?;
     let (mut far, mut weight) = (0.0f64, 0.0);
-    for bin in items.by_distance(middle) {
-        if bin.near > GAP * far && far > 0.0 && weight >= MAX * all {
-            let distance = 0.5 * (far + bin.near);
-            let beyond = beyond(scene, extents, middle, distance, bin.near);
-            return Some(Limit { middle, distance, beyond });
+    for bin in items.by_distance(center) {
+        if bin.near > GAP * far && far > 0.0 && weight >= MIN_NEARER * all {
+            let radius = 0.5 * (far + bin.near);
+            let outliers = outliers(scene, extents, center, radius, bin.near);
+            return Some(Limit { center, radius, outliers });
         }
         far = far.max(bin.far);
         weight += bin.weight;
@@ -330,7 +328,7 @@ fn limit(scene: &Scene, extents: &[Extent]) -> Option<Limit> {
     None
 }
 
-/// Items in an octave of distances from the centre.
+/// Items within an octave of distances from the centre.
 #[derive(Clone, Copy)]
 struct Bin {
     /// Distance of the nearest box.
@@ -344,12 +342,12 @@ impl Bin {
     const EMPTY: Bin = Bin { near: f64::INFINITY, far: 0.0, weight: 0.0 };
 }
 
-/// Maximum number of splats that determine the extent of a scan.
+/// Maximum number of splats examined.
 const MAX_SPLATS: usize = 100_000;
-/// Fraction of the splats that are near the centre of the scanned subject, and the factor of their distance up to which others count.
+/// The radius of the limit: the distance quantile of the splats, and the factor on it.
 const NEAR_SPLATS: (f64, f64) = (0.9, 1.5);
 
-/// Scans have some splats, or all of their surroundings, far away from the scanned subject, without a gap.
+/// The limit of a scan, which often has distant splats (the surroundings of the subject) without a gap.
 fn limit_of_splats(scene: &Scene) -> Option<Limit> {
     let placed = scene.instances.iter().filter_map(|i| Some((i, scene.meshes.get(i.mesh.index())?)));
     let placed = placed.filter(|(_, mesh)| mesh.splats.is_some());
@@ -360,33 +358,33 @@ fn limit_of_splats(scene: &Scene) -> Option<Limit> {
         mesh.positions.iter().step_by(step).map(world)
     });
     let centers: Vec<DVec3> = centers.filter(|p| p.is_finite()).collect();
-    let of_axis = |axis: usize| {
+    let median = |axis: usize| {
         let mut all: Vec<f64> = centers.iter().map(|p| p[axis]).collect();
         all.sort_unstable_by(f64::total_cmp);
         all.get(all.len() / 2).copied()
     };
-    let middle = DVec3::new(of_axis(0)?, of_axis(1)?, of_axis(2)?);
-    let mut distances: Vec<f64> = centers.iter().map(|p| p.distance(middle)).collect();
+    let center = DVec3::new(median(0)?, median(1)?, median(2)?);
+    let mut distances: Vec<f64> = centers.iter().map(|p| p.distance(center)).collect();
     distances.sort_unstable_by(f64::total_cmp);
-    let (share, factor) = NEAR_SPLATS;
-    let distance = factor * distances[(share * (distances.len() - 1) as f64) as usize];
-    let beyond = distances.len() - distances.partition_point(|d| *d <= distance);
+    let (quantile, factor) = NEAR_SPLATS;
+    let radius = factor * distances[(quantile * (distances.len() - 1) as f64) as usize];
+    let outliers = distances.len() - distances.partition_point(|d| *d <= radius);
     let farthest = *distances.last()?;
-    (beyond > 0 && distance > 0.0).then(|| Limit {
-        middle,
-        distance,
-        beyond: format!("about {} splats, up to {farthest:.3} m from the middle", beyond * step),
+    (outliers > 0 && radius > 0.0).then(|| Limit {
+        center,
+        radius,
+        outliers: format!("about {} splats, up to {farthest:.3} m from the centre", outliers * step),
     })
 }
 
-/// Visits the parts of a scene that have a position, without allocating a list.
+/// Visits the parts of a scene without allocating a list.
 struct Items<'s> {
     scene: &'s Scene,
     /// Every `step`-th triangle is an item.
     step: usize,
     /// Weight of an item that is not a triangle.
     weight: f64,
-    /// Number of items, including those without a finite position.
+    /// Number of items, including those with positions that aren't finite.
     count: usize,
     boxes_of_curves: Vec<(DVec3, DVec3)>,
 }
@@ -437,13 +435,13 @@ impl<'s> Items<'s> {
         self.boxes_of_curves.iter().for_each(|&(min, max)| finite(min, max, self.weight));
     }
 
-    /// The median of the middles, axis by axis, and the weight of all items.
+    /// The weighted median of the centres, per axis, and the weight of all items.
     fn median(&self) -> Option<(DVec3, f64)> {
         let step = self.count.div_ceil(MEDIAN).max(1);
         let (mut picked, mut at, mut all) = (Vec::new(), 0, 0.0);
         self.visit(|item| {
             if at % step == 0 {
-                picked.push((item.middle(), item.weight));
+                picked.push((item.center(), item.weight));
             }
             at += 1;
             all += item.weight;
@@ -452,23 +450,23 @@ impl<'s> Items<'s> {
         let mut along = |axis: usize| {
             picked.sort_unstable_by(|a, b| a.0[axis].total_cmp(&b.0[axis]));
             let mut sum = 0.0;
-            let middle = picked.iter().find(|(_, weight)| {
+            let median = picked.iter().find(|(_, weight)| {
                 sum += weight;
                 sum >= half
             });
-            middle.map(|(p, _)| p[axis])
+            median.map(|(p, _)| p[axis])
         };
         Some((DVec3::new(along(0)?, along(1)?, along(2)?), all))
     }
 
-    /// The items in order of their distance from `middle`, in bins of an octave: a gap of more than that has all nearer items in
-    /// lower bins, so that bins find the same gaps as sorting does.
-    fn by_distance(&self, middle: DVec3) -> impl Iterator<Item = Bin> {
+    /// The items binned by distance from `center`, in ascending octaves. As a gap is wider than an octave, all nearer items are
+    /// in lower bins, and bins find the same gaps as sorting.
+    fn by_distance(&self, center: DVec3) -> impl Iterator<Item = Bin> {
         const { assert!(GAP > 2.0) };
         let mut bins = vec![Bin::EMPTY; 1 << 11];
         self.visit(|item| {
-            let (near, far) = (item.near(middle), item.far(middle));
-            // The exponent of a number that isn't negative.
+            let (near, far) = (item.min_distance(center), item.max_distance(center));
+            // The exponent of a non-negative number.
             let bin = &mut bins[(near.to_bits() >> 52) as usize];
             *bin = Bin { near: bin.near.min(near), far: bin.far.max(far), weight: bin.weight + item.weight };
         });
@@ -483,13 +481,13 @@ fn curves_box(curves: &Curves) -> Option<(DVec3, DVec3)> {
     (min.x <= max.x).then_some((min, max))
 }
 
-/// Names the objects beyond `distance`; the nearest is `near` away.
-fn beyond(scene: &Scene, extents: &[Extent], middle: DVec3, distance: f64, near: f64) -> String {
+/// Describes the objects beyond `radius`, metres; the nearest is at the distance `near`.
+fn outliers(scene: &Scene, extents: &[Extent], center: DVec3, radius: f64, near: f64) -> String {
     let box_of = |(min, max)| Item { min, max, weight: 1.0 };
     let mut names: Vec<String> = Vec::new();
     let mut add = |name: &str, item: Item| {
-        if item.far(middle) > distance {
-            let part = if item.near(middle) < distance { "parts of " } else { "" };
+        if item.max_distance(center) > radius {
+            let part = if item.min_distance(center) < radius { "parts of " } else { "" };
             let name = if name.is_empty() { "an object".to_string() } else { format!("'{name}'") };
             names.push(format!("{part}{name}"));
         }
@@ -514,43 +512,41 @@ fn beyond(scene: &Scene, extents: &[Extent], middle: DVec3, distance: f64, near:
     // Three significant digits.
     let unit = 10f64.powf(near.log10().floor() - 2.0);
     let meters = (near / unit).round() * unit;
-    format!("{}{more}, some {meters} m away", names.join(", "))
+    format!("{}{more}, about {meters} m away", names.join(", "))
 }
-
-// A camera that goes around a model.
 
 /// The axis of a turntable animation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Turntable {
-    /// A point of the vertical axis.
-    middle: DVec3,
-    /// The stage's light moves with the camera, as if the model rotated.
-    turns_light: bool,
+    /// A point of the vertical axis, world space.
+    center: DVec3,
+    /// The stage's light rotates with the camera, as if the model rotated.
+    rotates_light: bool,
 }
 
 impl Turntable {
-    /// About the vertical axis through a point.
-    pub fn new(middle: DVec3, turns_light: bool) -> Turntable {
-        Turntable { middle, turns_light }
+    /// A turntable about the vertical axis through a point.
+    pub fn new(center: DVec3, rotates_light: bool) -> Turntable {
+        Turntable { center, rotates_light }
     }
 
-    /// The centre of the rotating objects.
-    pub fn middle(&self) -> DVec3 {
-        self.middle
+    /// The centre of the orbited objects.
+    pub fn center(&self) -> DVec3 {
+        self.center
     }
 
-    /// The camera at an angle, radians, counter-clockwise seen from above, without motion.
+    /// The camera orbited by an angle, radians, counter-clockwise seen from above, without motion.
     pub fn camera(&self, camera: &Camera, angle_rad: f64) -> Camera {
-        let turn = DAffine3::from_translation(self.middle)
+        let orbit = DAffine3::from_translation(self.center)
             * DAffine3::from_quat(DQuat::from_rotation_y(angle_rad))
-            * DAffine3::from_translation(-self.middle);
-        Camera { world_from_camera: turn * camera.world_from_camera, motion: None, ..camera.clone() }
+            * DAffine3::from_translation(-self.center);
+        Camera { world_from_camera: orbit * camera.world_from_camera, motion: None, ..camera.clone() }
     }
 
-    /// Sets the stage's light for the same angle.
+    /// Rotates the stage's light by the same angle.
     pub fn light(&self, scene: &mut Scene, angle_rad: f64) {
         if let Environment::Image { rotation_rad, .. } = &mut scene.environment
-            && self.turns_light
+            && self.rotates_light
         {
             *rotation_rad = angle_rad;
         }

@@ -1,7 +1,7 @@
 //! The ground below a bare model.
 //!
-//! Undersides on the ground: one-sided sheets that lie on it and face down. Their fronts are never seen, and they are absent
-//! from behind; but light that the ground reflects would end at them, and leave a black patch in their place.
+//! Undersides, one-sided faces that lie on the ground and face down, are removed: they are invisible from above, but would block
+//! light reflected by the ground, and leave a black patch.
 
 use super::framing::{Outline, on_grid};
 use super::light;
@@ -17,27 +17,26 @@ use crate::scene::{
 };
 use std::collections::{HashMap, HashSet};
 
-/// Radius of the ground in radii of the model: its edge is a degree below the horizon.
+/// Radius of the ground in model radii: its edge is a degree below the horizon.
 const REACH: f64 = 60.0;
-/// Distance of the ground below the lowest point, in radii of the model: avoids coplanar faces.
+/// Distance of the ground below the lowest point, in model radii: avoids coplanar faces.
 const GAP: f64 = 2e-4;
 /// Roughness of the ground: slightly reflective.
 const ROUGHNESS: f32 = 0.4;
-/// Specular level of the ground: less than that of glass.
+/// Factor on the ground's specular reflection.
 const SPECULAR: f32 = 0.45;
-/// Luminance of grounds above which their gloss has its whole strength.
+/// Luminance of the ground's colour above which specular reflection has its full strength.
 const GLOSSY: f32 = 0.3;
-/// Radius of its gloss, in radii of the model: farther away it is seen at grazing angles, where it would mirror the lights
-/// of the stage and so look unlike the background.
+/// Radius of the specular reflection, in model radii: at the grazing angles farther away it would reflect the stage's lights, and
+/// differ from the background.
 const GLOSS_REACH: f64 = 3.0;
 /// Roughness and colour of a floor.
 const FLOOR: (f32, [f32; 3]) = (0.12, [0.16, 0.16, 0.165]);
-/// Radius of a ground that doesn't have the background's colour, in radii of the model: it fades out towards there, so that no
-/// horizon is seen.
+/// Radius where grounds with another colour than the background have faded out, in model radii; hides the horizon.
 const FADE_REACH: f64 = 30.0;
-/// Texels along each side of the picture by which something fades.
+/// Resolution of the fade texture, texels.
 const FADE_TEXELS: u32 = 128;
-/// Fraction of the radius of a fade within which nothing fades.
+/// Fraction of a fade's radius where it starts.
 const FADE_START: f64 = 0.2;
 /// Maximum reflectance of a ground.
 const WHITEST: f64 = 0.95;
@@ -45,15 +44,15 @@ const WHITEST: f64 = 0.95;
 /// The blending of a ground into the background.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Blending {
-    /// It has the background's colour in the light of the stage.
+    /// Looks like the background's colour under the stage's light.
     Color,
-    /// A shadow catcher, transparent elsewhere, for any background.
+    /// A shadow catcher, for any background.
     Catcher,
-    /// It fades out with distance.
+    /// Fades out with distance.
     Fading,
 }
 
-/// Adds the ground that the options ask for, and sets the background to its colour where they blend.
+/// Adds the ground of the options, and sets the stage's backdrop.
 pub(super) fn add(loaded: &mut Loaded, options: &StageOptions, outline: &Outline, is_lit: bool) {
     let ground = options.ground_for(is_lit);
     let is_stage = options.light.is_stage() && !is_lit;
@@ -71,14 +70,14 @@ pub(super) fn add(loaded: &mut Loaded, options: &StageOptions, outline: &Outline
     let size = outline.radius();
     let center = outline.center();
     let below = DVec3::new(center.x, outline.min.y - GAP * size, center.z);
-    leave_out(loaded, outline.min.y + GAP * size);
-    let (melting, color) = melting(options, ground, is_stage);
-    let material = material(&mut loaded.scene, ground, melting, color);
+    remove_undersides(loaded, outline.min.y + GAP * size);
+    let (blending, color) = choose_blending(options, ground, is_stage);
+    let material = material(&mut loaded.scene, ground, blending, color);
     let material = loaded.scene.add_material(material);
     let center = on_grid(below, size) + loaded.offset;
     let mut disk = Shape::disk(center, DVec3::Y, REACH * size, material);
-    disk.name = own_name(&loaded.scene);
-    if melting == Blending::Catcher {
+    disk.name = unused_name(&loaded.scene);
+    if blending == Blending::Catcher {
         disk.traits = ObjectTraits { is_shadow_catcher: true, ..ObjectTraits::default() };
     }
     loaded.scene.shapes.push(disk);
@@ -86,38 +85,37 @@ pub(super) fn add(loaded: &mut Loaded, options: &StageOptions, outline: &Outline
 
 /// The blending of a ground into the background, and its colour.
 ///
-/// Shadow catchers cost more: their shadows are found by tracing paths twice, and techniques that need the whole picture
-/// are off. So they are for backgrounds that no ground can look like: pictures, none, and those brighter than white in the
-/// light of the stage.
-fn melting(options: &StageOptions, ground: Ground, is_stage: bool) -> (Blending, [f32; 3]) {
+/// Shadow catchers trace paths twice and turn off some techniques, so they are used only for backgrounds that no ground can
+/// match: pictures, transparency, and colours brighter than white under the stage's light.
+fn choose_blending(options: &StageOptions, ground: Ground, is_stage: bool) -> (Blending, [f32; 3]) {
     if ground == Ground::Floor {
         return (Blending::Fading, FLOOR.1);
     }
-    let wanted = match (&options.background, is_stage) {
+    let target = match (&options.background, is_stage) {
         (None, false) => return (Blending::Fading, [0.5; 3]),
         (Some(Background::Transparent | Background::Picture(_)), _) | (_, false) => {
             return (Blending::Catcher, [0.5; 3]);
         }
         _ => options.backdrop(),
     };
-    let white = light::reflected(options.light, wanted, DVec3::Y);
-    let color: [f64; 3] = std::array::from_fn(|c| f64::from(wanted[c]) / white[c].max(1e-3));
-    let melting = match color.iter().any(|&v| v > WHITEST) {
+    let white = light::reflected(options.light, target, DVec3::Y);
+    let color: [f64; 3] = std::array::from_fn(|c| f64::from(target[c]) / white[c].max(1e-3));
+    let blending = match color.iter().any(|&v| v > WHITEST) {
         true => Blending::Catcher,
         false => Blending::Color,
     };
-    (melting, color.map(|v| v.clamp(0.0, WHITEST) as f32))
+    (blending, color.map(|v| v.clamp(0.0, WHITEST) as f32))
 }
 
 /// The material of a ground.
-fn material(scene: &mut Scene, ground: Ground, melting: Blending, color: [f32; 3]) -> Material {
-    // White lights mirrored in a ground of a strong or dark colour would hide that colour.
+fn material(scene: &mut Scene, ground: Ground, blending: Blending, color: [f32; 3]) -> Material {
+    // White reflections would hide saturated or dark colours of the ground.
     let gloss = SPECULAR * (luminance(color) / GLOSSY).min(1.0);
-    let most = color.iter().copied().fold(1e-3, f32::max);
-    let tint = ColorSlot::constant(color.map(|v| v / most));
+    let max = color.iter().copied().fold(1e-3, f32::max);
+    let tint = ColorSlot::constant(color.map(|v| v / max));
     let (roughness, specular) = match ground {
         Ground::Floor => (FLOOR.0, FloatSlot::constant(1.0)),
-        _ => (ROUGHNESS, FloatSlot { factor: gloss, ..fading(scene, GLOSS_REACH) }),
+        _ => (ROUGHNESS, FloatSlot { factor: gloss, ..fade_texture(scene, GLOSS_REACH) }),
     };
     let parameters = PbrMaterial {
         base_color: ColorSlot::constant(color),
@@ -128,22 +126,22 @@ fn material(scene: &mut Scene, ground: Ground, melting: Blending, color: [f32; 3
         ..PbrMaterial::default()
     };
     let mut material = Material::gltf("ground", parameters);
-    if melting == Blending::Fading {
-        (material.alpha_mode, material.alpha) = (AlphaMode::Blend, fading(scene, FADE_REACH));
+    if blending == Blending::Fading {
+        (material.alpha_mode, material.alpha) = (AlphaMode::Blend, fade_texture(scene, FADE_REACH));
     }
     material
 }
 
-/// A texture that is 1 in the centre of the ground and fades to 0 at `reach` radii of the model.
-fn fading(scene: &mut Scene, reach: f64) -> FloatSlot {
-    let place = |i: u32| (f64::from(i) + 0.5) / f64::from(FADE_TEXELS) * 2.0 - 1.0;
+/// A texture that is 1 at the centre of the ground and fades to 0 at `reach` model radii.
+fn fade_texture(scene: &mut Scene, reach: f64) -> FloatSlot {
+    let coordinate = |i: u32| (f64::from(i) + 0.5) / f64::from(FADE_TEXELS) * 2.0 - 1.0;
     let mut rgb = Vec::with_capacity((FADE_TEXELS * FADE_TEXELS * 3) as usize);
     for row in 0..FADE_TEXELS {
         for column in 0..FADE_TEXELS {
-            let away = place(row).hypot(place(column));
-            // The outermost texels repeat beyond the image.
+            let radius = coordinate(row).hypot(coordinate(column));
+            // The wrap mode repeats the outermost texels, which must be 0.
             let end = 1.0 - 2.0 / f64::from(FADE_TEXELS);
-            rgb.extend([(1.0 - light::smooth(FADE_START, end, away)) as f32; 3]);
+            rgb.extend([(1.0 - light::smooth(FADE_START, end, radius)) as f32; 3]);
         }
     }
     let image = scene.add_image(Image::from_linear_rgb("fading", FADE_TEXELS, FADE_TEXELS, rgb));
@@ -163,35 +161,35 @@ fn fading(scene: &mut Scene, reach: f64) -> FloatSlot {
     FloatSlot::texture(texture, 0)
 }
 
-/// A name that nothing else in the scene has.
-fn own_name(scene: &Scene) -> String {
+/// A name that no instance has.
+fn unused_name(scene: &Scene) -> String {
     let is_taken = |name: &str| scene.instances.iter().any(|i| i.name == name);
     let names = (1..).map(|n| if n == 1 { "ground".to_string() } else { format!("ground {n}") });
     names.into_iter().find(|name| !is_taken(name)).unwrap_or_default()
 }
 
-/// Makes the environment invisible to cameras.
+/// Makes the environment invisible to camera rays.
 pub(super) fn hide_environment(scene: &mut Scene) {
     scene.environment_visible_to = scene.environment_visible_to.without(RayKinds::CAMERA);
 }
 
-/// An edge by the bits of its ends' coordinates, in order.
+/// The bits of an edge's end positions, sorted.
 type Edge = [[u32; 3]; 2];
 
-/// Removes undersides up to a height, relative to the model's offset. Those that close a body stay: its inside would be
-/// open to the ground. Meshes are not changed, as others may refer to them: instances get copies.
-pub(super) fn leave_out(loaded: &mut Loaded, height: f64) {
+/// Removes undersides up to a height, metres relative to the model's offset. Undersides of closed bodies stay. Instances get
+/// copies of their meshes, as other instances may share them.
+pub(super) fn remove_undersides(loaded: &mut Loaded, height: f64) {
     let scene = &mut loaded.scene;
     let (mut count, mut emptied) = (0, HashSet::new());
     for index in 0..scene.instances.len() {
         let instance = &scene.instances[index];
         let is_static = !scene.motion.meshes.contains_key(&instance.mesh.index());
-        let Some(hidden) = is_static.then(|| undersides(scene, instance, loaded.offset, height)).flatten()
+        let Some(removed) = is_static.then(|| undersides(scene, instance, loaded.offset, height)).flatten()
         else {
             continue;
         };
-        count += hidden.len();
-        let rest = without(&scene.meshes[instance.mesh.index()], &hidden);
+        count += removed.len();
+        let rest = without(&scene.meshes[instance.mesh.index()], &removed);
         if rest.triangles.is_empty() {
             emptied.insert(index);
             continue;
@@ -202,27 +200,28 @@ pub(super) fn leave_out(loaded: &mut Loaded, height: f64) {
     let mut number = 0..;
     scene.instances.retain(|_| !number.next().is_some_and(|index: usize| emptied.contains(&index)));
     if count > 0 {
-        let message = format!("{count} one-sided faces that look down on the ground can't be seen: left out");
+        let message = format!("{count} one-sided faces that face the ground are invisible: left out");
         loaded.notes.push(Warning::general(message));
     }
 }
 
-/// Numbers of an instance's triangles that are undersides; `None` if there are none.
+/// Indices of an instance's triangles that are undersides; `None` if there are none.
 fn undersides(scene: &Scene, instance: &Instance, offset: DVec3, height: f64) -> Option<HashSet<usize>> {
     let mesh = &scene.meshes[instance.mesh.index()];
-    let place = &instance.world_from_object;
-    let world = |i: u32| place.transform_point3(DVec3::from(mesh.positions[i as usize].map(f64::from)));
+    let world_from_object = &instance.world_from_object;
+    let world =
+        |i: u32| world_from_object.transform_point3(DVec3::from(mesh.positions[i as usize].map(f64::from)));
     let is_low: Vec<bool> =
         (0..mesh.positions.len() as u32).map(|i| world(i).y - offset.y <= height).collect();
-    let lows = |t: &[u32; 3]| t.iter().filter(|&&i| is_low[i as usize]).count();
-    let side = place.matrix3.determinant().signum();
+    let low_count = |t: &[u32; 3]| t.iter().filter(|&&i| is_low[i as usize]).count();
+    let side = world_from_object.matrix3.determinant().signum();
     let mut down: Vec<usize> = Vec::new();
     for part in &mesh.parts {
         let material = &scene.materials[instance.material.unwrap_or(part.material).index()];
         let is_sheet = !material.double_sided && is_opaque(&material.model);
         let first = part.first_triangle as usize;
         let all = first..first + part.triangle_count as usize;
-        down.extend(all.filter(|&t| is_sheet && lows(&mesh.triangles[t]) == 3).filter(|&t| {
+        down.extend(all.filter(|&t| is_sheet && low_count(&mesh.triangles[t]) == 3).filter(|&t| {
             let [a, b, c] = mesh.triangles[t].map(world);
             (b - a).cross(c - a).y * side < 0.0
         }));
@@ -230,12 +229,12 @@ fn undersides(scene: &Scene, instance: &Instance, offset: DVec3, height: f64) ->
     if down.is_empty() {
         return None;
     }
-    let rising = mesh.triangles.iter().filter(|t| lows(t) == 2).flat_map(|t| edges(mesh, t)).collect();
-    let hidden = unattached(mesh, &down, &rising);
-    (!hidden.is_empty()).then_some(hidden)
+    let rising = mesh.triangles.iter().filter(|t| low_count(t) == 2).flat_map(|t| edges(mesh, t)).collect();
+    let removed = unattached(mesh, &down, &rising);
+    (!removed.is_empty()).then_some(removed)
 }
 
-/// Does no light pass the surface?
+/// Whether the surface transmits no light.
 fn is_opaque(model: &Model) -> bool {
     match model.transmission() {
         Transmission::None => true,
@@ -244,14 +243,14 @@ fn is_opaque(model: &Model) -> bool {
     }
 }
 
-/// The edges of a triangle; corners at the same place are one.
+/// The edges of a triangle by position: coincident vertices count as one.
 fn edges(mesh: &Mesh, triangle: &[u32; 3]) -> [Edge; 3] {
     let corner = |i: u32| mesh.positions[i as usize].map(|x| (x + 0.0).to_bits());
     let [a, b, c] = triangle.map(corner);
     [[a, b], [b, c], [c, a]].map(|[a, b]| if a <= b { [a, b] } else { [b, a] })
 }
 
-/// The triangles among `down` whose connected sheets share no edge with a triangle that rises.
+/// The triangles among `down` in connected components that share no edge with `rising`.
 fn unattached(mesh: &Mesh, down: &[usize], rising: &HashSet<Edge>) -> HashSet<usize> {
     let mut neighbours: HashMap<Edge, Vec<usize>> = HashMap::new();
     for &t in down {
@@ -273,14 +272,14 @@ fn unattached(mesh: &Mesh, down: &[usize], rising: &HashSet<Edge>) -> HashSet<us
     down.iter().copied().filter(|t| !attached.contains(t)).collect()
 }
 
-/// A mesh without some of its triangles.
-fn without(mesh: &Mesh, hidden: &HashSet<usize>) -> Mesh {
+/// A mesh without the `removed` triangles.
+fn without(mesh: &Mesh, removed: &HashSet<usize>) -> Mesh {
     let mut rest = Mesh { triangles: Vec::new(), ..mesh.clone() };
     for part in &mut rest.parts {
         let first = part.first_triangle as usize;
         let all = first..first + part.triangle_count as usize;
         part.first_triangle = rest.triangles.len() as u32;
-        rest.triangles.extend(all.filter(|t| !hidden.contains(t)).map(|t| mesh.triangles[t]));
+        rest.triangles.extend(all.filter(|t| !removed.contains(t)).map(|t| mesh.triangles[t]));
         part.triangle_count = rest.triangles.len() as u32 - part.first_triangle;
     }
     rest.parts.retain(|part| part.triangle_count > 0);
@@ -308,25 +307,25 @@ mod tests {
     }
 
     #[test]
-    fn sheets_that_look_down_go_and_bottoms_of_boxes_stay() {
+    fn open_undersides_are_removed_and_bottoms_of_boxes_stay() {
         let square = || vec![[0.0; 3], [1.0, 0.0, 0.0], [1.0, 0.0, 1.0], [0.0, 0.0, 1.0]];
         let (down, up) = ([[0, 1, 2], [0, 2, 3]], [[2, 1, 0], [3, 2, 0]]);
         let mut alone = loaded(square(), down.to_vec());
-        leave_out(&mut alone, 1e-4);
+        remove_undersides(&mut alone, 1e-4);
         assert!(alone.scene.instances.is_empty() && alone.notes[0].message.starts_with("2 one-sided"));
-        // Back to back with one that looks up, which stays.
+        // Back to back with a sheet that faces up and stays.
         let mut sheet = loaded(square(), [down, up].concat());
-        leave_out(&mut sheet, 1e-4);
-        let shown = &sheet.scene.instances[0].mesh;
-        assert_eq!(sheet.scene.meshes[shown.index()].triangles, up);
-        assert_eq!(sheet.scene.meshes[0].triangles.len(), 4, "known elsewhere");
+        remove_undersides(&mut sheet, 1e-4);
+        let mesh = &sheet.scene.instances[0].mesh;
+        assert_eq!(sheet.scene.meshes[mesh.index()].triangles, up);
+        assert_eq!(sheet.scene.meshes[0].triangles.len(), 4, "shared meshes don't change");
         let (mesh, _) = box_faces(DVec3::ZERO, DVec3::ONE).to_mesh("box", DVec3::ZERO);
         let mut closed = loaded(mesh.positions, mesh.triangles);
-        leave_out(&mut closed, 1e-4);
+        remove_undersides(&mut closed, 1e-4);
         assert_eq!((closed.scene.meshes.len(), closed.notes.len()), (1, 0));
         // High above the ground.
         let mut high = loaded(square(), down.to_vec());
-        leave_out(&mut high, -0.5);
+        remove_undersides(&mut high, -0.5);
         assert_eq!(high.scene.instances.len(), 1);
     }
 }

@@ -1,5 +1,4 @@
-//! The light of stages: small generated environment images, which are sampled with little noise and don't depend on the
-//! model's size.
+//! The light of stages: small generated environment images, which cause little noise and are independent of the model's size.
 
 use super::options::{StageLight, StageOptions};
 use crate::color::luminance;
@@ -11,27 +10,27 @@ use crate::scene::{
 };
 use std::f64::consts::PI;
 
-/// Texels around the horizon.
+/// Width of the environment image, texels.
 const WIDTH: u32 = 256;
-/// Texels from straight up to straight down.
+/// Height of the environment image, texels.
 const HEIGHT: u32 = 128;
 
 type Rgb = [f64; 3];
 
-/// A soft box far away.
+/// A distant softbox.
 struct SoftBox {
-    /// From the camera's side of the model towards its right, degrees.
+    /// From the direction of the camera towards the camera's right, degrees.
     azimuth: f64,
     /// Above the horizon, degrees.
     elevation: f64,
-    /// Half its width and height, as angles in degrees.
+    /// Half angles of width and height, degrees.
     half: [f64; 2],
-    /// Radiance at its centre.
+    /// Radiance at the centre, W/sr/m2.
     radiance: f64,
 }
 
-/// Key, fill and rim light, and a weak one above. White that faces the key reflects about 1.2 in all (tested), which the
-/// filmic view shows as 0.73.
+/// Key, fill and rim light, and a weak top light. A white diffuse surface that faces the key light has a radiance of about 1.2
+/// (tested), which the filmic view displays as 0.73.
 const STUDIO: [SoftBox; 4] = [
     SoftBox { azimuth: -54.0, elevation: 45.0, half: [25.0, 25.0], radiance: 5.8 },
     SoftBox { azimuth: 75.0, elevation: 20.0, half: [22.0, 30.0], radiance: 0.4 },
@@ -39,7 +38,7 @@ const STUDIO: [SoftBox; 4] = [
     SoftBox { azimuth: 0.0, elevation: 90.0, half: [30.0, 30.0], radiance: 0.4 },
 ];
 
-/// Generates the environment and adds its picture to the scene.
+/// Generates the environment and adds its image to the scene.
 pub(super) fn environment(scene: &mut Scene, options: &StageOptions) -> Environment {
     if options.light == StageLight::White {
         return Environment::Constant([1.0; 3]);
@@ -48,17 +47,17 @@ pub(super) fn environment(scene: &mut Scene, options: &StageOptions) -> Environm
     Environment::Image { image, strength: 1.0, rotation_rad: 0.0 }
 }
 
-/// The picture of a stage's light, turned to the camera's side.
+/// The environment image of a stage, rotated to the camera's azimuth.
 fn picture(options: &StageOptions) -> Image {
-    let facing = options.view.azimuth_degrees.to_radians();
+    let camera_azimuth = options.view.azimuth_degrees.to_radians();
     let horizon = options.backdrop();
     let mut rgb = Vec::with_capacity((WIDTH * HEIGHT * 3) as usize);
     for row in 0..HEIGHT {
         let (sin, y) = ((f64::from(row) + 0.5) / f64::from(HEIGHT) * PI).sin_cos();
         for column in 0..WIDTH {
-            // The mapping of `Environment::Image`.
-            let around = ((f64::from(column) + 0.5) / f64::from(WIDTH) - 0.5) * 2.0 * PI;
-            let azimuth = (PI / 2.0 - around) - facing;
+            // In the convention of `Environment::Image`.
+            let phi = ((f64::from(column) + 0.5) / f64::from(WIDTH) - 0.5) * 2.0 * PI;
+            let azimuth = (PI / 2.0 - phi) - camera_azimuth;
             let direction = DVec3::new(sin * azimuth.sin(), y, sin * azimuth.cos());
             rgb.extend(radiance(options.light, horizon, direction).map(|v| v as f32));
         }
@@ -66,8 +65,8 @@ fn picture(options: &StageOptions) -> Image {
     Image::from_linear_rgb("stage", WIDTH, HEIGHT, rgb)
 }
 
-/// Radiance from a direction; the camera is on the side of z. The horizon and everything below it have the background's colour,
-/// for reflections at grazing angles and light from the ground.
+/// Radiance from a direction, with the camera at +z. The horizon and everything below have the background's colour, for
+/// reflections at grazing angles and light from the ground.
 fn radiance(light: StageLight, horizon: [f32; 3], direction: DVec3) -> Rgb {
     let horizon = horizon.map(f64::from);
     let elevation = elevation_degrees(direction);
@@ -94,9 +93,9 @@ fn radiance(light: StageLight, horizon: [f32; 3], direction: DVec3) -> Rgb {
 }
 
 impl SoftBox {
-    /// Its weight in a direction, 0..1, with soft edges.
+    /// Coverage in a direction, 0 to 1, with soft edges.
     fn coverage(&self, direction: DVec3) -> f64 {
-        let axis = toward(self.azimuth, self.elevation);
+        let axis = direction_of(self.azimuth, self.elevation);
         let forward = direction.dot(axis);
         if forward <= 0.0 {
             return 0.0;
@@ -110,13 +109,13 @@ impl SoftBox {
     }
 }
 
-/// A disk of this radius in degrees with a soft edge.
+/// Coverage of a disk with a soft edge, 0 to 1; angles in degrees.
 fn disk(direction: DVec3, azimuth: f64, elevation: f64, radius: f64) -> f64 {
-    let angle = direction.dot(toward(azimuth, elevation)).clamp(-1.0, 1.0).acos().to_degrees();
+    let angle = direction.dot(direction_of(azimuth, elevation)).clamp(-1.0, 1.0).acos().to_degrees();
     1.0 - smooth(0.5 * radius, radius, angle)
 }
 
-fn toward(azimuth: f64, elevation: f64) -> DVec3 {
+fn direction_of(azimuth: f64, elevation: f64) -> DVec3 {
     let (sin, cos) = elevation.to_radians().sin_cos();
     let (x, z) = azimuth.to_radians().sin_cos();
     DVec3::new(x * cos, sin, z * cos)
@@ -130,13 +129,13 @@ fn mix(a: f64, b: f64, t: f64) -> f64 {
     a + (b - a) * t
 }
 
-/// A cubic from 0 at `low` to 1 at `high`.
+/// Smoothstep from 0 at `low` to 1 at `high`.
 pub(super) fn smooth(low: f64, high: f64, x: f64) -> f64 {
     let t = ((x - low) / (high - low)).clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)
 }
 
-/// Irradiance over pi of a stage's light on a surface of this normal. The camera is at +z.
+/// Radiance of a white diffuse surface in a stage's light (irradiance over pi). The camera is at +z.
 pub(super) fn reflected(light: StageLight, horizon: [f32; 3], normal: DVec3) -> Rgb {
     const STEPS: u32 = 64;
     if light == StageLight::White {
@@ -159,31 +158,28 @@ pub(super) fn reflected(light: StageLight, horizon: [f32; 3], normal: DVec3) -> 
     sum.map(|v| v * cell / PI)
 }
 
-// Light emitted by the surfaces of a scene.
-
-/// Emissive parts count as the scene's lights if their power, spread evenly over the inside of the box around all, gives white
-/// walls of at least this radiance. A PNG shows it as 38 of 255; the soft sky makes some 30 times of it.
+/// Emissive surfaces light the scene if their power, spread evenly over the faces of the scene's bounding box, gives white
+/// walls at least this radiance, W/sr/m2. A PNG shows it as 38 of 255; the soft sky gives 30 times as much.
 const MIN_WALL_RADIANCE: f64 = 0.02;
 
 /// Maximum number of texels along each side of an image for its mean.
 const TEXELS: u32 = 256;
 
-/// The role of emissive surfaces in a scene's lighting.
+/// Classification of a scene's emissive surfaces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum EmittedLight {
-    /// There are none.
+    /// No emissive surfaces.
     None,
-    /// They glow, without lighting the scene noticeably. None is brighter than white paper in full
-    /// light, as those of glTF are that use no `KHR_materials_emissive_strength`.
+    /// Too dim to light the scene, with factors of at most 1, as in glTF without `KHR_materials_emissive_strength`.
     Glow,
-    /// Lamps of little power.
+    /// Too dim to light the scene, with factors above 1.
     Dim,
-    /// They light the scene.
+    /// Light sources.
     Light,
 }
 
-/// The role of a scene's emissive surfaces. The scene need not be valid. Unused materials don't count.
-pub(super) fn of(scene: &Scene) -> EmittedLight {
+/// Classifies a scene's emissive surfaces. The scene need not be valid. Unused materials don't count.
+pub(super) fn classify_emission(scene: &Scene) -> EmittedLight {
     let radiances: Vec<f64> =
         scene.materials.iter().map(|m| m.emission.map_or(0.0, |e| mean(scene, &e.radiance))).collect();
     let strength = |id: MaterialId| {
@@ -200,8 +196,8 @@ pub(super) fn of(scene: &Scene) -> EmittedLight {
         power += radiances[material.index()] * area();
     };
     for s in &scene.shapes {
-        let share = if s.kind != ShapeKind::Disk { 4.0 } else { 1.0 };
-        add(s.material, &|| share * PI * s.radius * s.radius);
+        let area_factor = if s.kind != ShapeKind::Disk { 4.0 } else { 1.0 };
+        add(s.material, &|| area_factor * PI * s.radius * s.radius);
     }
     for q in &scene.quads {
         add(q.material, &|| q.edge_u.cross(q.edge_v).length());
@@ -215,15 +211,15 @@ pub(super) fn of(scene: &Scene) -> EmittedLight {
         let area =
             |&[a, b, c]: &[u32; 3]| 0.5 * (corner(b) - corner(a)).cross(corner(c) - corner(a)).length();
         for part in &mesh.parts {
-            let triangles = run(&mesh.triangles, part);
+            let triangles = triangles_of(&mesh.triangles, part);
             add(instance.material.unwrap_or(part.material), &|| triangles.iter().map(area).sum());
         }
     }
     if strongest <= 0.0 {
         return EmittedLight::None;
     }
-    match power / inside(scene) {
-        // Areas that are not finite don't count.
+    match power / bounds_area(scene) {
+        // NaN from areas that aren't finite counts as light.
         radiance if radiance.is_nan() || radiance >= MIN_WALL_RADIANCE => EmittedLight::Light,
         _ if strongest <= 1.0 => EmittedLight::Glow,
         _ => EmittedLight::Dim,
@@ -231,18 +227,18 @@ pub(super) fn of(scene: &Scene) -> EmittedLight {
 }
 
 /// The triangles of a part.
-fn run<'m>(triangles: &'m [[u32; 3]], part: &MeshPart) -> &'m [[u32; 3]] {
+fn triangles_of<'m>(triangles: &'m [[u32; 3]], part: &MeshPart) -> &'m [[u32; 3]] {
     let first = part.first_triangle as usize;
     triangles.get(first..first.saturating_add(part.triangle_count as usize)).unwrap_or_default()
 }
 
-/// Area of the box around a scene, above 0.
-fn inside(scene: &Scene) -> f64 {
+/// Surface area of a scene's bounding box, m2, above 0.
+fn bounds_area(scene: &Scene) -> f64 {
     let size = scene_extent(scene, &instance_extents(scene)).0.map_or(DVec3::ONE, |(low, high)| high - low);
     (2.0 * (size.x * size.y + size.y * size.z + size.z * size.x)).max(f64::MIN_POSITIVE)
 }
 
-/// Mean luminance of a slot; of a texture, over its whole image.
+/// Mean luminance of a colour parameter; of a texture, over its whole image.
 fn mean(scene: &Scene, slot: &ColorSlot) -> f64 {
     let texture = slot.texture.map_or([1.0; 3], |id| mean_of_texture(scene, id));
     f64::from(luminance(std::array::from_fn(|c| slot.factor[c] * texture[c])))
@@ -263,14 +259,13 @@ fn mean_of_texture(scene: &Scene, id: TextureId) -> [f32; 3] {
 
 fn mean_of_image(image: &Image) -> [f32; 3] {
     let (columns, rows) = (image.width.min(TEXELS), image.height.min(TEXELS));
-    let place = |i: u32, count: u32, size: u32| {
-        // Below the size, which is a u32.
+    let center = |i: u32, count: u32, size: u32| {
         ((2 * u64::from(i) + 1) * u64::from(size) / (2 * u64::from(count))) as u32
     };
     let mut sum = [0.0f64; 3];
     for y in 0..rows {
         for x in 0..columns {
-            let texel = image.rgba(place(x, columns, image.width), place(y, rows, image.height));
+            let texel = image.rgba(center(x, columns, image.width), center(y, rows, image.height));
             (0..3).for_each(|c| sum[c] += f64::from(texel[c]));
         }
     }
@@ -282,21 +277,21 @@ fn mean_of_image(image: &Image) -> [f32; 3] {
 mod tests {
     use super::*;
 
-    /// The filmic view shows 1.35 as 0.76: white is not burnt out however it is turned; and no side is lost in the dark.
+    /// White diffuse surfaces of any orientation are neither clipped (the filmic view displays 1.35 as 0.76) nor black.
     #[test]
     fn white_stays_below_one_and_shade_is_not_black() {
         for light in [StageLight::Studio, StageLight::Sky, StageLight::Sunset, StageLight::White] {
             let mut all: Vec<f64> = Vec::new();
             for azimuth in (0..360).step_by(15) {
                 for elevation in (-90..=90).step_by(15) {
-                    let normal = toward(f64::from(azimuth), f64::from(elevation));
+                    let normal = direction_of(f64::from(azimuth), f64::from(elevation));
                     all.extend(reflected(light, light.background(), normal));
                 }
             }
-            let (least, most) = all.iter().fold((9.0f64, 0.0f64), |(l, m), &v| (l.min(v), m.max(v)));
+            let (min, max) = all.iter().fold((9.0f64, 0.0f64), |(l, m), &v| (l.min(v), m.max(v)));
             let limit = if light == StageLight::White { 1.01 } else { 1.35 };
-            assert!(most <= limit && least > 0.08, "{light}: {least} to {most}");
-            assert!(light == StageLight::White || most > 2.0 * least, "{light}: {least} to {most}");
+            assert!(max <= limit && min > 0.08, "{light}: {min} to {max}");
+            assert!(light == StageLight::White || max > 2.0 * min, "{light}: {min} to {max}");
         }
     }
 }

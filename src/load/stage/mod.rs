@@ -1,5 +1,5 @@
-//! Additions to bare models: a camera that sees all of them, light, a ground that takes their shadow, a material. What a file
-//! contains stays as it is: a scene with a camera is a scene, and only gets light where it has none at all.
+//! The stage of bare models: a camera that frames the model, light, a ground with shadows, a default material. Scenes with a
+//! camera only get light if they have none.
 
 mod framing;
 mod ground;
@@ -16,19 +16,18 @@ use light::EmittedLight;
 pub use options::ViewFrom;
 pub use options::{Background, Ground, StageLight, StageOptions};
 
-/// Radiance of the soft sky straight down and straight up. The mean over the sphere of a blend linear in y is that
-/// of the two: (0.560, 0.6, 0.640), a luminance of 0.59. It is dark below, so that pale models stand out from what is
-/// behind them when they are seen from above, and have a lit and a shaded side. Faces that look straight up reflect
-/// (0.6 + 0.54 * 2 / 3) = 0.96 times their albedo: white ones are not burnt out in a PNG.
+/// Radiance of the soft sky at nadir and zenith. The mean over the sphere of a gradient linear in y is the mean
+/// of the two: (0.560, 0.6, 0.640), a luminance of 0.59. The dark nadir contrasts with pale models seen from above, and shades
+/// their undersides. Faces that point up reflect (0.6 + 0.54 * 2 / 3) = 0.96 times their albedo: white isn't clipped in a PNG.
 const SOFT_SKY: ([f32; 3], [f32; 3]) = ([0.064, 0.06, 0.056], [1.056, 1.14, 1.224]);
 
-/// Completes a scene, with notes: a camera that frames the model, unless there is one; light, unless anything
-/// lights it or the caller has an environment; ground and material by [`StageOptions`], where there is no camera either.
-/// Emissive parts light a scene with a camera, unless it is a model ([`Loaded::is_model`]) whose parts only glow; a model
-/// without a camera is to be looked at, and is lit, too. Light that the caller chose takes the place of an environment.
+/// Completes a scene, with notes. A scene without a camera gets a camera that frames it, ground and material by
+/// [`StageOptions`], and light unless it has lights or the caller has an environment. A scene with a camera gets light only if it has
+/// none; its emissive surfaces count as light, unless it is a model ([`Loaded::is_model`]) whose surfaces only glow. A
+/// light chosen by the caller replaces the environment.
 pub fn complete(loaded: &mut Loaded, options: &StageOptions, brings_environment: bool) {
     if options.is_dry_run {
-        return foretell(loaded, options, brings_environment);
+        return dry_run(loaded, options, brings_environment);
     }
     let scene = &loaded.scene;
     let has_bodies = !(scene.instances.is_empty() && scene.shapes.is_empty() && scene.quads.is_empty());
@@ -37,15 +36,14 @@ pub fn complete(loaded: &mut Loaded, options: &StageOptions, brings_environment:
         loaded.warnings.push(Warning::general(message));
     }
     let is_bare = scene.cameras.is_empty();
-    // A black environment that a scene file asks for is a choice, and stays.
-    let has_lamps =
+    let has_lights =
         scene.environment != Environment::Black || !scene.lights.is_empty() || loaded.has_area_lights;
     let is_chosen = options.is_light_chosen && options.light.is_stage();
-    let is_lit = brings_environment || has_lamps && !is_chosen;
+    let is_lit = brings_environment || has_lights && !is_chosen;
     if is_bare {
         set_up(loaded, options, is_lit);
     } else {
-        let emitted_light = light::of(&loaded.scene);
+        let emitted_light = light::classify_emission(&loaded.scene);
         let is_dark = !is_lit && (is_chosen || lacks_light(loaded, emitted_light));
         if is_dark {
             light_scene(loaded, options, emitted_light);
@@ -55,8 +53,8 @@ pub fn complete(loaded: &mut Loaded, options: &StageOptions, brings_environment:
     background(loaded, options);
 }
 
-/// Reports additions, but adds only cameras.
-fn foretell(loaded: &mut Loaded, options: &StageOptions, brings_environment: bool) {
+/// Adds only cameras, but reports all additions.
+fn dry_run(loaded: &mut Loaded, options: &StageOptions, brings_environment: bool) {
     let scene = &loaded.scene;
     let (materials, stand_ins) = (scene.materials.clone(), loaded.stand_ins.clone());
     let (images, textures, shapes) = (scene.images.len(), scene.textures.len(), scene.shapes.len());
@@ -72,20 +70,19 @@ fn foretell(loaded: &mut Loaded, options: &StageOptions, brings_environment: boo
     loaded.is_stage_lit = false;
 }
 
-/// The middle of a scene: what a camera that loading added goes around, else that of the box around everything but what
-/// lies far away from all else.
-pub fn middle(loaded: &Loaded) -> DVec3 {
+/// The centre of a scene, world space: that of the turntable, else of the bounds without outliers.
+pub fn scene_center(loaded: &Loaded) -> DVec3 {
     match loaded.turntable {
-        Some(table) => table.middle(),
+        Some(table) => table.center(),
         None => Outline::of(&loaded.scene, loaded.offset).center() + loaded.offset,
     }
 }
 
-/// Does a scene with a camera but without lights need light? Warns where there is little.
+/// Whether a scene with a camera but without lights needs light; warns if its emissive surfaces are dim.
 fn lacks_light(loaded: &mut Loaded, emitted_light: EmittedLight) -> bool {
     if emitted_light == EmittedLight::Dim && loaded.is_model {
         let message = format!(
-            "no light but emissive parts of little power: the picture will be dark ({} adds light)",
+            "the only lights are dim emissive surfaces: the picture will be dark ({} adds light)",
             Choice::Stage
         );
         loaded.warnings.push(Warning::general(("little-light", message)));
@@ -93,11 +90,11 @@ fn lacks_light(loaded: &mut Loaded, emitted_light: EmittedLight) -> bool {
     emitted_light == EmittedLight::None || emitted_light == EmittedLight::Glow && loaded.is_model
 }
 
-/// The whole stage around a model without a camera.
+/// Adds the whole stage around a model without a camera.
 fn set_up(loaded: &mut Loaded, options: &StageOptions, is_lit: bool) {
     let outline = Outline::of(&loaded.scene, loaded.offset);
-    if let Some(stray) = &outline.stray {
-        let message = format!("{stray}, would make all else a dot: the camera frames the rest");
+    if let Some(outliers) = &outline.outliers {
+        let message = format!("{outliers}, would shrink the rest to a dot: the camera frames the rest");
         loaded.warnings.push(Warning::general(message));
     }
     let framed = framing::frame(&outline, options, &loaded.scene.settings);
@@ -108,24 +105,24 @@ fn set_up(loaded: &mut Loaded, options: &StageOptions, is_lit: bool) {
     camera.world_from_camera.translation += loaded.offset;
     loaded.scene.cameras.push(camera);
     if options.light.is_stage() {
-        apply(loaded);
+        apply_clay(loaded);
     }
     if is_lit || !options.light.is_stage() {
         let message = format!("no camera: shown from {} ({} decides)", options.view, Choice::ViewFrom);
         loaded.notes.push(Warning::general(message));
         if !is_lit {
-            light_plainly(loaded, options);
+            light_without_stage(loaded, options);
         }
     } else {
         let ground = options.ground_for(is_lit);
-        let lights = lights_in_words(&loaded.scene);
+        let lights = light_description(&loaded.scene);
         loaded.scene.environment = light::environment(&mut loaded.scene, options);
         let message = format!(
             "no camera{}: shown from {}, {}{lights}{} ({}, {} and {} change that)",
             if lights.is_empty() { " and no light" } else { "" },
             options.view,
             options.light,
-            ground.in_words(),
+            ground.description(),
             Choice::ViewFrom,
             Choice::Stage,
             Choice::Ground
@@ -135,52 +132,52 @@ fn set_up(loaded: &mut Loaded, options: &StageOptions, is_lit: bool) {
     ground::add(loaded, options, &outline, is_lit);
 }
 
-/// The light of a model without a stage: the soft sky, or none at all.
-fn light_plainly(loaded: &mut Loaded, options: &StageOptions) {
+/// Lights a model without a stage: the soft sky, or no light.
+fn light_without_stage(loaded: &mut Loaded, options: &StageOptions) {
     if options.light == StageLight::Soft {
-        soften(loaded);
-    } else if lights_in_words(&loaded.scene).is_empty() && light::of(&loaded.scene) == EmittedLight::None {
-        let message = (
-            "no-light",
-            format!("no light at all: the picture will be black ({} adds light)", Choice::Stage),
-        );
+        add_soft_sky(loaded);
+    } else if light_description(&loaded.scene).is_empty()
+        && light::classify_emission(&loaded.scene) == EmittedLight::None
+    {
+        let message =
+            ("no-light", format!("no light: the picture will be black ({} adds light)", Choice::Stage));
         loaded.warnings.push(Warning::general(message));
     }
 }
 
-/// Light alone, for a scene that has a camera.
+/// Adds only light, for a scene with a camera.
 fn light_scene(loaded: &mut Loaded, options: &StageOptions, emitted_light: EmittedLight) {
     if options.is_light_chosen && options.light.is_stage() {
-        let message = match (lights_in_words(&loaded.scene), emitted_light) {
+        let message = match (light_description(&loaded.scene), emitted_light) {
             ("", EmittedLight::None) => format!("no light: {}", options.light),
-            ("", _) => format!("no light but emissive parts: {}, too", options.light),
+            ("", _) => format!("no light but emissive surfaces: added {}", options.light),
             (lights, _) => format!("{}{lights}", options.light),
         };
         loaded.scene.environment = light::environment(&mut loaded.scene, options);
         loaded.is_stage_lit = true;
         loaded.notes.push(Warning::general(("stage-light", message)));
     } else if options.light != StageLight::None {
-        soften(loaded);
+        add_soft_sky(loaded);
     }
 }
 
-/// The treatment of a scene's emissive surfaces under a stage's light.
-fn lights_in_words(scene: &Scene) -> &'static str {
+/// Description of the file's lights and environment for the note about the stage's light; empty without any.
+fn light_description(scene: &Scene) -> &'static str {
     match (scene.environment == Environment::Black, scene.lights.is_empty()) {
         (true, true) => "",
-        (true, false) => ", beside the lights of the file",
-        (false, true) => ", in place of the environment of the file",
-        (false, false) => ", in place of the environment of the file and beside its lights",
+        (true, false) => ", in addition to the lights of the file",
+        (false, true) => ", instead of the environment of the file",
+        (false, false) => ", instead of the environment of the file and in addition to its lights",
     }
 }
 
-/// The soft sky, with a warning.
-fn soften(loaded: &mut Loaded) {
+/// Adds the soft sky, with a warning.
+fn add_soft_sky(loaded: &mut Loaded) {
     let scene = &mut loaded.scene;
-    let message = match light::of(scene) {
+    let message = match light::classify_emission(scene) {
         EmittedLight::None => "no light: lit by a soft default sky of mean radiance 0.6".to_string(),
         _ => format!(
-            "no light but emissive parts: lit by a soft default sky of mean radiance 0.6, too ({} for none)",
+            "no light but emissive surfaces: added a soft default sky of mean radiance 0.6 ({} for none)",
             Choice::Environment
         ),
     };
@@ -191,19 +188,20 @@ fn soften(loaded: &mut Loaded) {
 
 /// Warns of stage options without effect, as the scene or the caller overrides them.
 fn warn_of_unused(loaded: &mut Loaded, options: &StageOptions, brings_environment: bool) {
-    let mut say = |is_unused: bool, what: Choice, why: &str| {
+    let mut warn_if = |is_unused: bool, option: Choice, why: &str| {
         if is_unused {
-            loaded.warnings.push(Warning::general(("unused-option", format!("{what} has no effect: {why}"))));
+            let message = format!("{option} has no effect: {why}");
+            loaded.warnings.push(Warning::general(("unused-option", message)));
         }
     };
-    let own_camera = "the scene has a camera of its own";
-    say(options.is_light_chosen && brings_environment, Choice::Stage, "another environment is asked for");
-    say(options.is_view_chosen, Choice::ViewFrom, own_camera);
-    say(options.ground.is_some_and(|g| g != Ground::None), Choice::Ground, own_camera);
-    say(options.zoom != 1.0, Choice::Zoom, own_camera);
+    let own_camera = "the scene has its own camera";
+    warn_if(options.is_light_chosen && brings_environment, Choice::Stage, "another environment is requested");
+    warn_if(options.is_view_chosen, Choice::ViewFrom, own_camera);
+    warn_if(options.ground.is_some_and(|g| g != Ground::None), Choice::Ground, own_camera);
+    warn_if(options.zoom != 1.0, Choice::Zoom, own_camera);
 }
 
-/// The background.
+/// Sets the background of the options.
 fn background(loaded: &mut Loaded, options: &StageOptions) {
     match &options.background {
         None => {}
@@ -221,20 +219,20 @@ fn background(loaded: &mut Loaded, options: &StageOptions) {
 
 // The material of models without one.
 
-/// Linear reflectance of clay: dark enough for light to model it, a little warm.
+/// Linear albedo of clay: dark enough for visible shading, slightly warm.
 const COLOR: [f32; 3] = [0.60, 0.57, 0.53];
-/// Perceptual roughness: a slight gloss.
+/// Roughness of clay: slightly glossy.
 const ROUGHNESS: f32 = 0.5;
 
 /// Assigns a clay material to faces without one; vertex colours and textures replace its colour.
-fn apply(loaded: &mut Loaded) {
+fn apply_clay(loaded: &mut Loaded) {
     for id in std::mem::take(&mut loaded.stand_ins) {
         let Some(material) = loaded.scene.materials.get_mut(id.index()) else { continue };
         let base_color = match &material.model {
             Model::Lambert { albedo } if albedo.texture.is_some() || material.use_vertex_colors => *albedo,
             Model::Pbr(_) if material.use_vertex_colors => ColorSlot::constant([1.0; 3]),
             Model::Lambert { .. } | Model::Pbr(_) => ColorSlot::constant(COLOR),
-            // Something has changed it since.
+            // An override of the sidecar.
             _ => continue,
         };
         let clay = PbrMaterial {
@@ -253,7 +251,7 @@ mod tests {
     use crate::math::{DVec2, DVec3};
     use crate::scene::{Instance, Material, MaterialId, Mesh, MeshId, Motion, Projection, RayKinds, Shape};
 
-    fn ball(center: DVec3, radius: f64, material: Material) -> Loaded {
+    fn sphere_scene(center: DVec3, radius: f64, material: Material) -> Loaded {
         let mut loaded = Loaded::default();
         loaded.scene.materials.push(material);
         loaded.scene.shapes.push(Shape::sphere(center, radius, MaterialId(0)));
@@ -264,11 +262,11 @@ mod tests {
         Material::lambert("grey", [0.5; 3])
     }
 
-    fn soft() -> StageOptions {
+    fn default_options() -> StageOptions {
         StageOptions::default()
     }
 
-    /// A mesh of these points, three a triangle.
+    /// A mesh of these points, three per triangle.
     fn points(positions: &[DVec3]) -> Loaded {
         let mut loaded = Loaded::default();
         loaded.scene.materials.push(grey());
@@ -282,8 +280,8 @@ mod tests {
         loaded
     }
 
-    /// Image coordinates of a point: -1 to 1 over the height, times the aspect ratio horizontally.
-    fn seen(loaded: &Loaded, p: DVec3) -> DVec2 {
+    /// Image coordinates of a point: -1 to 1 vertically, minus to plus the aspect ratio horizontally.
+    fn projected(loaded: &Loaded, p: DVec3) -> DVec2 {
         let camera = &loaded.scene.cameras[0];
         let Projection::Perspective { vfov_rad } = camera.projection else { panic!("a perspective") };
         let local = camera.world_from_camera.inverse().transform_point3(p);
@@ -292,7 +290,7 @@ mod tests {
     }
 
     #[test]
-    fn models_fill_the_picture_with_even_margins_from_everywhere() {
+    fn models_fill_the_picture_with_equal_margins_in_all_views() {
         let mut state = 1u64;
         let mut random = || {
             state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
@@ -313,7 +311,7 @@ mod tests {
                 complete(&mut loaded, &options, false);
                 let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
                 for p in cloud.iter().map(|p| DVec3::from(p.as_vec3())) {
-                    let at = seen(&loaded, p);
+                    let at = projected(&loaded, p);
                     (low, high) = (low.min(at), high.max(at));
                 }
                 let free = 0.2 * aspect.min(1.0);
@@ -325,7 +323,7 @@ mod tests {
         }
     }
 
-    /// A wavy sheet of some hundred triangles within a metre of the middle.
+    /// A wavy sheet of a few hundred triangles within a metre of the centre.
     fn sheet() -> Vec<DVec3> {
         let corner = |i: u32, j: u32| {
             let (x, z) = (f64::from(i) * 0.1 - 0.9, f64::from(j) * 0.1 - 0.9);
@@ -336,7 +334,7 @@ mod tests {
     }
 
     #[test]
-    fn what_lies_far_from_all_else_is_not_framed_and_is_named() {
+    fn outliers_are_not_framed_and_are_named() {
         let names =
             |loaded: &Loaded| loaded.warnings.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n");
         // Another object, and triangles of the same one.
@@ -348,30 +346,31 @@ mod tests {
         let noise = [40.0, 41.0, 40.0].map(|x| DVec3::new(-x, x, 0.0));
         let mut inside = points(&[sheet(), noise.to_vec()].concat());
         inside.scene.instances[0].name = "scan".into();
-        for (mut loaded, name) in [(apart, "'crumb', some 1000000 m away"), (inside, "parts of 'scan', some")]
+        for (mut loaded, name) in
+            [(apart, "'crumb', about 1000000 m away"), (inside, "parts of 'scan', about")]
         {
             complete(&mut loaded, &StageOptions::studio(), false);
             assert!(names(&loaded).contains(name), "{}", names(&loaded));
-            let most =
-                sheet().iter().fold(0.0, |most: f64, &p| most.max(seen(&loaded, p).abs().max_element()));
-            assert!((0.5..2.0).contains(&most), "{most}");
-            assert!(middle(&loaded).length() < 0.3);
+            let max =
+                sheet().iter().fold(0.0, |max: f64, &p| max.max(projected(&loaded, p).abs().max_element()));
+            assert!((0.5..2.0).contains(&max), "{max}");
+            assert!(scene_center(&loaded).length() < 0.3);
         }
-        // Nearer, it belongs to the picture; so does a ground that reaches far; and of two nobody knows which is stray.
+        // No outliers: nearer objects, a large ground, and the second of two equal objects.
         let near = [10.0, 11.0, 10.0].map(|x| DVec3::new(-x, x, 0.0));
         let ground = [[-1e4, 0.0, -1e4], [1e4, 0.0, -1e4], [0.0, 0.0, 1e4]].map(DVec3::from);
-        let twin = sheet().iter().map(|&p| p + DVec3::X * 1e4).collect();
-        for more in [near.to_vec(), ground.to_vec(), twin] {
+        let distant = sheet().iter().map(|&p| p + DVec3::X * 1e4).collect();
+        for more in [near.to_vec(), ground.to_vec(), distant] {
             let mut loaded = points(&[sheet(), more.clone()].concat());
             complete(&mut loaded, &StageOptions::studio(), false);
             assert_eq!(names(&loaded), "");
-            more.iter().for_each(|&p| assert!(seen(&loaded, p).abs().max_element() < 2.0));
+            more.iter().for_each(|&p| assert!(projected(&loaded, p).abs().max_element() < 2.0));
         }
     }
 
     #[test]
-    fn what_would_be_added_is_reported_and_left_out() {
-        let mut loaded = ball(DVec3::ZERO, 1.0, grey());
+    fn dry_runs_report_additions_and_add_only_cameras() {
+        let mut loaded = sphere_scene(DVec3::ZERO, 1.0, grey());
         loaded.stand_ins.push(MaterialId(0));
         complete(&mut loaded, &StageOptions { is_dry_run: true, ..StageOptions::studio() }, false);
         let scene = &loaded.scene;
@@ -384,26 +383,26 @@ mod tests {
     }
 
     #[test]
-    fn a_model_that_turns_stays_in_view() {
+    fn models_stay_in_view_of_orbiting_cameras() {
         let corners = [[-1.0, 0.0, -2.0], [1.0, 0.0, 2.0], [0.9, 1.0, -2.0]].map(DVec3::from);
         let mut loaded = points(&corners);
         let options = StageOptions { is_orbit: true, aspect: Some(1.0), ..StageOptions::studio() };
         complete(&mut loaded, &options, false);
         let table = loaded.turntable.expect("a turntable");
         let first = loaded.scene.cameras[0].clone();
-        let mut most = 0.0f64;
+        let mut max = 0.0f64;
         for step in 0..36 {
             loaded.scene.cameras[0] = table.camera(&first, f64::from(step) * 0.1745);
-            corners.iter().for_each(|&p| most = most.max(seen(&loaded, p).abs().max_element()));
+            corners.iter().for_each(|&p| max = max.max(projected(&loaded, p).abs().max_element()));
         }
-        assert!(most < 0.83 && most > 0.7, "{most}");
+        assert!(max < 0.83 && max > 0.7, "{max}");
     }
 
     #[test]
-    fn emissive_parts_light_scenes_but_not_bare_models() {
-        let emissive = || ball(DVec3::ZERO, 1.0, Material::emitter("lamp", [1.0; 3], false));
+    fn emissive_surfaces_light_scenes_but_not_bare_models() {
+        let emissive = || sphere_scene(DVec3::ZERO, 1.0, Material::emitter("lamp", [1.0; 3], false));
         let mut bare = emissive();
-        complete(&mut bare, &soft(), false);
+        complete(&mut bare, &default_options(), false);
         assert!(matches!(bare.scene.environment, Environment::Gradient { .. }));
         let codes: Vec<&str> = bare.warnings.iter().map(|w| w.code).collect();
         assert_eq!(codes, ["default-sky"]);
@@ -412,14 +411,14 @@ mod tests {
         complete(&mut scene, &StageOptions::studio(), false);
         assert_eq!((&scene.scene.environment, scene.warnings.len()), (&Environment::Black, 0));
         let mut without = emissive();
-        complete(&mut without, &soft(), true);
+        complete(&mut without, &default_options(), true);
         assert_eq!((&without.scene.environment, without.warnings.len()), (&Environment::Black, 0));
         assert_eq!(without.notes.len(), 1);
     }
 
-    /// A room of 4 m with a camera and a ball of this radius that emits light.
-    fn glowing(radius: f64, radiance: f32) -> Loaded {
-        let mut loaded = ball(DVec3::ZERO, radius, Material::emitter("led", [radiance; 3], false));
+    /// A scene of about 4 m with a camera and an emissive sphere of this radius, metres.
+    fn glowing_sphere(radius: f64, radiance: f32) -> Loaded {
+        let mut loaded = sphere_scene(DVec3::ZERO, radius, Material::emitter("led", [radiance; 3], false));
         loaded.scene.materials.push(grey());
         loaded.scene.shapes.push(Shape::sphere(DVec3::new(0.0, -2.0, 0.0), 2.0, MaterialId(1)));
         loaded.scene.cameras.push(crate::scene::Camera::look_at([0.0, 0.0, 5.0], [0.0; 3], 40.0));
@@ -428,25 +427,25 @@ mod tests {
     }
 
     #[test]
-    fn models_with_cameras_are_lit_unless_parts_of_them_are_lamps() {
+    fn models_with_cameras_are_lit_unless_emissive_surfaces_light_them() {
         let outcome = |mut loaded: Loaded| {
             complete(&mut loaded, &StageOptions::studio(), false);
             let codes: Vec<&str> = loaded.warnings.iter().map(|w| w.code).collect();
             (loaded.scene.environment != Environment::Black, codes.join(" "))
         };
-        assert_eq!(outcome(glowing(0.05, 1.0)), (true, "default-sky".to_string()));
-        assert_eq!(outcome(glowing(0.05, 9.0)), (false, "little-light".to_string()));
-        // A lamp that lights the room, whether it is large or strong.
-        assert_eq!(outcome(glowing(0.7, 1.0)), (false, String::new()));
-        assert_eq!(outcome(glowing(0.05, 300.0)), (false, String::new()));
+        assert_eq!(outcome(glowing_sphere(0.05, 1.0)), (true, "default-sky".to_string()));
+        assert_eq!(outcome(glowing_sphere(0.05, 9.0)), (false, "little-light".to_string()));
+        // Emitters that light the scene, large or strong.
+        assert_eq!(outcome(glowing_sphere(0.7, 1.0)), (false, String::new()));
+        assert_eq!(outcome(glowing_sphere(0.05, 300.0)), (false, String::new()));
         // Emitters in scene files are intended.
-        assert_eq!(outcome(Loaded { is_model: false, ..glowing(0.05, 1.0) }), (false, String::new()));
+        assert_eq!(outcome(Loaded { is_model: false, ..glowing_sphere(0.05, 1.0) }), (false, String::new()));
     }
 
     #[test]
-    fn the_mean_of_a_picture_tells_how_brightly_a_part_shines() {
+    fn emission_textures_count_with_their_mean() {
         for (value, expected) in [(0.0, EmittedLight::Glow), (1.0, EmittedLight::Light)] {
-            let mut loaded = glowing(0.7, 1.0);
+            let mut loaded = glowing_sphere(0.7, 1.0);
             let rgb = vec![value; 3 * 600 * 4];
             let image = loaded.scene.add_image(crate::image::Image::from_linear_rgb("glow", 600, 4, rgb));
             let texture = loaded.scene.add_texture(crate::scene::Texture::Image {
@@ -457,12 +456,12 @@ mod tests {
                 mapping: Default::default(),
             });
             loaded.scene.materials[0].emission.as_mut().unwrap().radiance.texture = Some(texture);
-            assert_eq!(light::of(&loaded.scene), expected);
+            assert_eq!(light::classify_emission(&loaded.scene), expected);
         }
     }
 
     #[test]
-    fn a_chosen_light_reaches_scenes_with_a_camera() {
+    fn a_chosen_light_is_added_to_scenes_with_a_camera() {
         let chosen = StageOptions { is_light_chosen: true, ..StageOptions::studio() };
         let lit = |mut loaded: Loaded, brings: bool| {
             complete(&mut loaded, &chosen, brings);
@@ -470,17 +469,17 @@ mod tests {
             (matches!(loaded.scene.environment, Environment::Image { .. }), codes.join(" "))
         };
         for radius in [0.05, 0.7] {
-            assert_eq!(lit(glowing(radius, 1.0), false), (true, "stage-light".to_string()));
+            assert_eq!(lit(glowing_sphere(radius, 1.0), false), (true, "stage-light".to_string()));
         }
-        let mut sunny = glowing(0.05, 1.0);
+        let mut sunny = glowing_sphere(0.05, 1.0);
         sunny.scene.environment = Environment::Constant([1.0; 3]);
         assert_eq!(lit(sunny, false), (true, "stage-light".to_string()));
-        assert_eq!(lit(glowing(0.05, 1.0), true), (false, "unused-option".to_string()));
+        assert_eq!(lit(glowing_sphere(0.05, 1.0), true), (false, "unused-option".to_string()));
     }
 
     #[test]
-    fn the_studio_is_for_bare_models_alone() {
-        let mut bare = ball(DVec3::ZERO, 1.0, grey());
+    fn only_bare_models_get_the_whole_studio() {
+        let mut bare = sphere_scene(DVec3::ZERO, 1.0, grey());
         complete(&mut bare, &StageOptions::studio(), false);
         assert!(matches!(bare.scene.environment, Environment::Image { .. }));
         assert_eq!(bare.scene.shapes.len(), 2, "the ball and the ground");
@@ -489,14 +488,14 @@ mod tests {
         );
         assert_eq!((bare.warnings.len(), bare.notes.len()), (0, 1), "{:?}", bare.notes);
         assert!(bare.scene.validate().is_empty());
-        // A camera of its own: only light, as it has none.
-        let mut scene = ball(DVec3::ZERO, 1.0, grey());
+        // A scene with a camera but no light gets only light.
+        let mut scene = sphere_scene(DVec3::ZERO, 1.0, grey());
         scene.scene.cameras = bare.scene.cameras.clone();
         complete(&mut scene, &StageOptions::studio(), false);
         assert!(matches!(scene.scene.environment, Environment::Gradient { .. }));
         assert_eq!((scene.scene.shapes.len(), scene.warnings.len()), (1, 1));
-        // Light of its own: only a camera.
-        let mut lit = ball(DVec3::ZERO, 1.0, grey());
+        // A scene with light gets only a camera.
+        let mut lit = sphere_scene(DVec3::ZERO, 1.0, grey());
         lit.scene.environment = Environment::Constant([1.0; 3]);
         complete(&mut lit, &StageOptions::studio(), false);
         assert_eq!(lit.scene.environment, Environment::Constant([1.0; 3]));
@@ -504,26 +503,26 @@ mod tests {
         assert!(lit.scene.environment_visible_to.contains(RayKinds::CAMERA) && lit.scene.backdrop.is_none());
     }
 
-    /// Behind what no ground can look like it catches shadows; floors and grounds before an environment fade.
+    /// Grounds are shadow catchers for backgrounds that no ground can match; floors, and grounds in an environment, fade out.
     #[test]
-    fn grounds_melt_into_whatever_is_behind_them() {
+    fn grounds_blend_into_any_background() {
         let picture = crate::image::Image::from_linear_rgb("sky", 1, 1, vec![0.2; 3]);
         let none = StageOptions::studio;
-        let before = |background| StageOptions { background: Some(background), ..none() };
-        let on = |ground, options| StageOptions { ground: Some(ground), ..options };
+        let with_background = |background| StageOptions { background: Some(background), ..none() };
+        let with_ground = |ground, options| StageOptions { ground: Some(ground), ..options };
         for (options, is_lit, is_catcher, is_fading) in [
             (none(), false, false, false),
-            (before(Background::Color([0.5, 0.01, 0.01])), false, false, false),
-            (before(Background::Color([0.9; 3])), false, false, false),
-            (before(Background::Color([1.5; 3])), false, true, false),
+            (with_background(Background::Color([0.5, 0.01, 0.01])), false, false, false),
+            (with_background(Background::Color([0.9; 3])), false, false, false),
+            (with_background(Background::Color([1.5; 3])), false, true, false),
             (StageOptions { light: StageLight::White, ..none() }, false, true, false),
-            (before(Background::Transparent), false, true, false),
-            (before(Background::Picture(picture)), false, true, false),
-            (on(Ground::Floor, none()), false, false, true),
-            (on(Ground::Shadow, none()), true, false, true),
-            (on(Ground::Shadow, before(Background::Transparent)), true, true, false),
+            (with_background(Background::Transparent), false, true, false),
+            (with_background(Background::Picture(picture)), false, true, false),
+            (with_ground(Ground::Floor, none()), false, false, true),
+            (with_ground(Ground::Shadow, none()), true, false, true),
+            (with_ground(Ground::Shadow, with_background(Background::Transparent)), true, true, false),
         ] {
-            let mut loaded = ball(DVec3::ZERO, 1.0, grey());
+            let mut loaded = sphere_scene(DVec3::ZERO, 1.0, grey());
             complete(&mut loaded, &options, is_lit);
             let ground = loaded.scene.shapes.last().expect("a ground");
             let material = &loaded.scene.materials[ground.material.index()];
@@ -535,19 +534,19 @@ mod tests {
 
     #[test]
     fn files_without_materials_get_clay() {
-        let mut loaded = ball(DVec3::ZERO, 1.0, grey());
+        let mut loaded = sphere_scene(DVec3::ZERO, 1.0, grey());
         loaded.stand_ins.push(MaterialId(0));
         complete(&mut loaded, &StageOptions::studio(), false);
         assert!(loaded.scene.materials[0].model.pbr().is_some());
-        let mut own = ball(DVec3::ZERO, 1.0, grey());
+        let mut own = sphere_scene(DVec3::ZERO, 1.0, grey());
         complete(&mut own, &StageOptions::studio(), false);
         assert_eq!(own.scene.materials[0], grey());
     }
 
     #[test]
     fn a_caller_with_an_environment_gets_no_other_light() {
-        for options in [soft(), StageOptions::studio()] {
-            let mut loaded = ball(DVec3::ZERO, 1.0, grey());
+        for options in [default_options(), StageOptions::studio()] {
+            let mut loaded = sphere_scene(DVec3::ZERO, 1.0, grey());
             complete(&mut loaded, &options, true);
             assert_eq!(loaded.scene.environment, Environment::Black);
             assert_eq!((loaded.warnings.len(), loaded.notes.len()), (0, 1), "{:?}", loaded.warnings);
@@ -556,7 +555,7 @@ mod tests {
 
     #[test]
     fn an_empty_scene_gets_a_finite_camera() {
-        for options in [soft(), StageOptions::studio()] {
+        for options in [default_options(), StageOptions::studio()] {
             let mut loaded = Loaded::default();
             complete(&mut loaded, &options, false);
             assert!(loaded.scene.cameras[0].world_from_camera.is_finite());

@@ -8,28 +8,28 @@ use std::str::FromStr;
 /// The lighting of scenes without lights.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum StageLight {
-    /// A soft sky without ground and backdrop, for programs that use the scene further.
+    /// A soft sky without ground and backdrop.
     #[default]
     Soft,
-    /// A large key light from the camera's left, a fill and a rim light, as soft boxes far away.
+    /// Three-point lighting with distant softboxes: a large key light from the camera's left, a fill and a rim light.
     Studio,
     /// A blue sky with a hazy sun.
     Sky,
     /// A low, warm sun.
     Sunset,
-    /// The same white from all directions.
+    /// Constant white environment.
     White,
-    /// None.
+    /// No light.
     None,
 }
 
 impl StageLight {
-    /// Does it add a ground and default materials?
+    /// Whether the stage has a ground and default materials.
     pub(super) fn is_stage(self) -> bool {
         !matches!(self, StageLight::Soft | StageLight::None)
     }
 
-    /// Radiance of the stage's own background, straight ahead.
+    /// Radiance of the stage's background in the view direction, W/sr/m2.
     pub(super) fn background(self) -> [f32; 3] {
         match self {
             StageLight::Sky => [0.42, 0.50, 0.60],
@@ -45,9 +45,9 @@ impl fmt::Display for StageLight {
         f.write_str(match self {
             StageLight::Soft => "a soft sky",
             StageLight::Studio => "studio light",
-            StageLight::Sky => "the light of a sky",
-            StageLight::Sunset => "the light of a low sun",
-            StageLight::White => "white light from all around",
+            StageLight::Sky => "sky light",
+            StageLight::Sunset => "sunset light",
+            StageLight::White => "white light from all directions",
             StageLight::None => "no light",
         })
     }
@@ -56,33 +56,33 @@ impl fmt::Display for StageLight {
 /// The ground of a model without camera and light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ground {
-    /// Nothing.
+    /// No ground.
     None,
-    /// A ground of the background's colour, visible only by shadows and a faint reflection.
+    /// A ground of the background's colour, with shadows and a faint reflection.
     Shadow,
-    /// A darker, shiny floor.
+    /// A darker, glossy floor.
     Floor,
 }
 
 impl Ground {
-    /// Its part of the note about the stage, with a comma in front.
-    pub(super) fn in_words(self) -> &'static str {
+    /// Description in the note about the stage, with a comma in front.
+    pub(super) fn description(self) -> &'static str {
         match self {
             Ground::None => "",
-            Ground::Shadow => ", on a ground that takes its shadow",
-            Ground::Floor => ", on a shiny floor",
+            Ground::Shadow => ", on a ground that catches shadows",
+            Ground::Floor => ", on a glossy floor",
         }
     }
 }
 
-/// The background that cameras see instead of the environment.
+/// The background for camera rays, instead of the environment.
 #[derive(Clone, Debug)]
 pub enum Background {
-    /// Nothing: the picture is transparent there.
+    /// Transparent, alpha 0.
     Transparent,
     /// Linear Rec. 709.
     Color([f32; 3]),
-    /// A picture, scaled to cover the whole frame.
+    /// An image, scaled to cover the whole frame.
     Picture(Image),
 }
 
@@ -91,25 +91,25 @@ pub enum Background {
 pub struct StageOptions {
     /// The lighting of scenes without lights.
     pub light: StageLight,
-    /// The caller asked for this light; scenes that have a camera get it, too.
+    /// The light was set by the caller: it also applies to scenes with a camera.
     pub is_light_chosen: bool,
-    /// The ground; by default one that suits the light and the background.
+    /// The ground; `None`: depends on light and background.
     pub ground: Option<Ground>,
-    /// The background; by default one that suits the light. Applies to every scene.
+    /// The background; `None`: depends on the light. Applies to all scenes.
     pub background: Option<Background>,
     /// The camera's direction.
     pub view: ViewFrom,
-    /// The caller asked for this view.
+    /// The view was set by the caller.
     pub is_view_chosen: bool,
-    /// Factor on the size of the model in the picture, above 0; at 1 it leaves margins of a tenth of the shorter side.
+    /// Factor on the size of the model in the picture, above 0; 1 leaves margins of a tenth of the shorter side.
     pub zoom: f64,
     /// Full vertical angle of view, degrees, above 0 and below 180.
     pub vfov_degrees: f64,
-    /// Width over height of the picture, where the caller decides it; else the scene's settings do, else 16:9.
+    /// Width over height of the picture; `None`: of the scene's settings, else 16:9.
     pub aspect: Option<f64>,
-    /// The camera will orbit the model, which must remain in view.
+    /// The camera will orbit the model: keep it in view from all azimuths.
     pub is_orbit: bool,
-    /// Only report what would be added next to an existing camera.
+    /// Only report the additions to a scene with a camera.
     pub is_dry_run: bool,
 }
 
@@ -133,12 +133,12 @@ impl Default for StageOptions {
 }
 
 impl StageOptions {
-    /// The stage of product shots.
+    /// Studio light, for product shots.
     pub fn studio() -> StageOptions {
         StageOptions { light: StageLight::Studio, ..StageOptions::default() }
     }
 
-    /// The colour behind everything on a stage.
+    /// Radiance of the stage's backdrop, W/sr/m2.
     pub(super) fn backdrop(&self) -> [f32; 3] {
         match self.background {
             Some(Background::Color(color)) => color,
@@ -146,19 +146,17 @@ impl StageOptions {
         }
     }
 
-    /// The ground of a bare model; `is_lit`: light does not come from the stage.
+    /// The ground of a bare model; `is_lit`: the scene has its own light.
     pub(super) fn ground_for(&self, is_lit: bool) -> Ground {
-        let suits = match self.light.is_stage() && !is_lit {
+        let default = match self.light.is_stage() && !is_lit {
             true => Ground::Shadow,
             false => Ground::None,
         };
-        self.ground.unwrap_or(suits)
+        self.ground.unwrap_or(default)
     }
 }
 
-// Directions from which models are seen.
-
-/// The camera's direction as seen from the model, whose front is +z.
+/// Direction from the model, with front +z, to the camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ViewFrom {
     /// From the front towards x, degrees.
@@ -167,7 +165,7 @@ pub struct ViewFrom {
     pub elevation_degrees: f64,
 }
 
-/// Views by name: azimuth and elevation.
+/// Named views: azimuth and elevation, degrees.
 const NAMED: [(&str, f64, f64); 8] = [
     ("three-quarter", 32.0, 20.0),
     ("front", 0.0, 8.0),
@@ -180,7 +178,7 @@ const NAMED: [(&str, f64, f64); 8] = [
 ];
 
 impl Default for ViewFrom {
-    /// Three quarters: from the front, right and above.
+    /// Three-quarter view: from the front, right and above.
     fn default() -> ViewFrom {
         let (_, azimuth_degrees, elevation_degrees) = NAMED[0];
         ViewFrom { azimuth_degrees, elevation_degrees }
@@ -188,21 +186,21 @@ impl Default for ViewFrom {
 }
 
 impl ViewFrom {
-    /// The names that it may be parsed from.
+    /// The names of the named views.
     pub fn names() -> impl Iterator<Item = &'static str> {
         NAMED.iter().map(|(name, ..)| *name)
     }
 
     /// Unit vector from the model to the camera.
-    fn towards(self) -> DVec3 {
+    fn to_camera(self) -> DVec3 {
         let (sin, cos) = self.elevation_degrees.to_radians().sin_cos();
         let (x, z) = self.azimuth_degrees.to_radians().sin_cos();
         DVec3::new(x * cos, sin, z * cos).normalize()
     }
 
-    /// Columns: right, up, back.
+    /// Camera axes as columns: right, up, back.
     pub(super) fn axes(self) -> DMat3 {
-        let back = self.towards();
+        let back = self.to_camera();
         let (x, z) = self.azimuth_degrees.to_radians().sin_cos();
         let right = DVec3::new(z, 0.0, -x);
         DMat3::from_cols(right, back.cross(right), back)

@@ -1,5 +1,5 @@
-//! Catmull-Clark subdivision of coarse meshes when they are loaded, by request: vertices of the result lie on the limit surface and
-//! have its normals. Polygons of OBJ files count as they are; meshes of other files are subdivided by their triangles.
+//! Catmull-Clark subdivision of meshes at load time: vertices of the result lie on the limit surface and have its normals. OBJ
+//! files are subdivided by their polygons, other files by their triangles.
 
 mod refine;
 
@@ -9,62 +9,62 @@ use crate::scene::{MaterialId, Mesh, MeshId, MeshPart, Scene, VertexAttribute};
 use refine::{Edges, Fans, Layer, NONE};
 use std::collections::{BTreeMap, HashMap};
 
-/// Maximum number of triangles that all subdivided meshes of a scene may have together.
+/// Maximum number of triangles of all subdivided meshes of a scene together.
 const MAX_TRIANGLES: u64 = 16_000_000;
 
-/// Maximum number of steps.
+/// Maximum number of levels.
 pub const MAX_LEVELS: u32 = 10;
 
-/// How a mesh is subdivided.
+/// Options of subdivision.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Subdivision {
-    /// Steps, from 0, which changes nothing, to [`MAX_LEVELS`]; each makes four faces of one.
+    /// Levels, 0 (no change) to [`MAX_LEVELS`]; each splits a face into four.
     pub levels: u32,
-    /// Corners of open sheets, which only one face has, become round, too, as Blender has it by default; else they stay where they
-    /// are.
+    /// Smooth boundary vertices of only one face, as by default in Blender; else they stay fixed.
     pub has_round_corners: bool,
 }
 
-/// Why a mesh that deforms is not subdivided.
+/// Error message for deforming meshes.
 pub(super) const DEFORMS: &str = "meshes that deform are not subdivided";
 
-/// The polygons that meshes of a scene were triangulated from, and the subdivided meshes made of them.
+/// The polygons of triangulated meshes of a scene, and the subdivided meshes.
 #[derive(Clone, Debug, Default)]
 pub struct Polygons {
     cages: BTreeMap<MeshId, Cage>,
+    /// Subdivided meshes by base mesh and options.
     made: HashMap<(MeshId, Subdivision), MeshId>,
-    /// Triangles of all subdivided meshes.
+    /// Number of triangles of all subdivided meshes.
     triangles: u64,
 }
 
 impl Polygons {
-    /// Keeps the polygons of a mesh.
+    /// Stores the polygons of a mesh.
     pub(super) fn keep(&mut self, id: MeshId, cage: Cage) {
         self.cages.insert(id, cage);
     }
 
-    /// Subdivides a mesh of a scene: returns another mesh, which all calls with the same arguments share.
+    /// Adds a subdivided mesh to the scene; calls with the same arguments share one mesh.
     ///
     /// # Errors
-    /// A message, if the mesh deforms or all would have too many triangles.
+    /// A message, if the mesh deforms or there would be too many triangles.
     pub(super) fn add_to(
         &mut self,
         scene: &mut Scene,
         id: MeshId,
-        how: Subdivision,
+        subdivision: Subdivision,
     ) -> Result<MeshId, String> {
-        if let Some(known) = self.made.get(&(id, how)) {
+        if let Some(known) = self.made.get(&(id, subdivision)) {
             return Ok(*known);
         }
-        let fine = match self.subdivided(scene, id, how)? {
+        let fine = match self.subdivided(scene, id, subdivision)? {
             Some(mesh) => scene.add_mesh(mesh),
             None => id,
         };
-        self.made.insert((id, how), fine);
+        self.made.insert((id, subdivision), fine);
         Ok(fine)
     }
 
-    /// A mesh of a scene, subdivided: its polygons if they are stored, else its triangles. `None` without levels.
+    /// A subdivided mesh, of the stored polygons or else of the triangles. `None` for 0 levels.
     ///
     /// # Errors
     /// As for [`Polygons::add_to`].
@@ -72,28 +72,28 @@ impl Polygons {
         &mut self,
         scene: &Scene,
         id: MeshId,
-        how: Subdivision,
+        subdivision: Subdivision,
     ) -> Result<Option<Mesh>, String> {
-        if how.levels == 0 {
+        if subdivision.levels == 0 {
             return Ok(None);
         }
         if scene.motion.meshes.contains_key(&id.index()) {
             return Err(DEFORMS.into());
         }
-        let of_triangles;
+        let new_cage;
         let cage = match self.cages.get(&id) {
             Some(cage) => cage,
             None => {
-                of_triangles = Cage::of_triangles(&scene.meshes[id.index()]);
-                &of_triangles
+                new_cage = Cage::of_triangles(&scene.meshes[id.index()]);
+                &new_cage
             }
         };
-        let fine = subdivided(cage, how, MAX_TRIANGLES - self.triangles)?;
+        let fine = subdivided(cage, subdivision, MAX_TRIANGLES - self.triangles)?;
         self.triangles += fine.triangles.len() as u64;
         Ok(Some(fine))
     }
 
-    /// Adds the polygons of a file whose meshes and materials become part of a scene.
+    /// Adds the polygons of a file; `meshes` and `materials` are added to its ids.
     pub(super) fn absorb(&mut self, other: Polygons, meshes: u32, materials: u32) {
         for (id, mut cage) in other.cages {
             cage.materials.iter_mut().for_each(|material: &mut MaterialId| material.0 += materials);
@@ -102,30 +102,30 @@ impl Polygons {
     }
 }
 
-/// The fine mesh on the limit surface of a cage.
+/// The subdivided mesh on the limit surface of a cage.
 ///
 /// # Errors
-/// A message, if it would have too many triangles.
-fn subdivided(cage: &Cage, how: Subdivision, budget: u64) -> Result<Mesh, String> {
-    let count = cage.triangles_after(how.levels);
+/// A message, if it would have more than `budget` triangles.
+fn subdivided(cage: &Cage, subdivision: Subdivision, budget: u64) -> Result<Mesh, String> {
+    let count = cage.triangles_after(subdivision.levels);
     if count > budget {
-        let fitting = (1..how.levels).rev().find(|&n| cage.triangles_after(n) <= budget);
+        let fitting = (1..subdivision.levels).rev().find(|&n| cage.triangles_after(n) <= budget);
         let remedy = match fitting {
-            Some(levels) => format!("of this mesh, at most {levels} fit"),
-            None => "leave it as it is".to_string(),
+            Some(levels) => format!("use at most {levels} levels"),
+            None => "don't subdivide it".to_string(),
         };
         return Err(format!(
             "'{}' would have {count} triangles after {} levels of subdivision, but all subdivided meshes together may have {MAX_TRIANGLES}: {remedy}",
-            cage.mesh.name, how.levels
+            cage.mesh.name, subdivision.levels
         ));
     }
     let cage = cage.sorted();
-    let edges = if how.has_round_corners { Edges::RoundCorners } else { Edges::SharpCorners };
+    let edges = if subdivision.has_round_corners { Edges::RoundCorners } else { Edges::SharpCorners };
     let mut arities = cage.arities.clone();
     let (mut points, mut uvs) = (cage.point_layer(), cage.uv_layers());
-    // Colours, where there are some, before attributes.
+    // Colours, if any, precede attributes.
     let mut fours: Vec<Layer<4>> = cage.color_layer().into_iter().chain(cage.attribute_layers()).collect();
-    for _ in 0..how.levels {
+    for _ in 0..subdivision.levels {
         points = points.refined(&arities, edges);
         uvs.iter_mut().for_each(|layer| *layer = layer.refined(&arities, Edges::Fixed));
         fours.iter_mut().for_each(|layer| *layer = layer.refined(&arities, Edges::Fixed));
@@ -139,7 +139,7 @@ fn subdivided(cage: &Cage, how: Subdivision, budget: u64) -> Result<Mesh, String
     fours.iter_mut().for_each(|layer| to_limit(layer, &arities));
     let mut mesh = assembled(&points, &normals, &uvs, &fours, &cage.mesh);
     mesh.name.clone_from(&cage.mesh.name);
-    mesh.parts = parts(&cage, how.levels);
+    mesh.parts = parts(&cage, subdivision.levels);
     Ok(mesh)
 }
 
@@ -148,7 +148,7 @@ fn to_limit<const N: usize>(layer: &mut Layer<N>, arities: &[u32]) {
     layer.values = layer.limits(&fans, Edges::Fixed);
 }
 
-/// The runs of triangles of the cage's materials.
+/// Mesh parts for the runs of the cage's materials.
 fn parts(cage: &Cage, levels: u32) -> Vec<MeshPart> {
     let (mut parts, mut first_triangle) = (Vec::new(), 0);
     let mut arities = cage.arities.iter();
@@ -161,7 +161,7 @@ fn parts(cage: &Cage, levels: u32) -> Vec<MeshPart> {
     parts
 }
 
-/// A mesh of quads with a vertex for each combination of values that corners have; colours and attributes are those of the cage.
+/// The triangle mesh of quads, with one vertex for each distinct combination of corner values.
 fn assembled(
     points: &Layer<3>,
     normals: &Layer<3>,
@@ -171,14 +171,14 @@ fn assembled(
 ) -> Mesh {
     let attributes = cage.attributes.iter().map(|a| VertexAttribute::new(a.name.clone(), a.width)).collect();
     let mut mesh = Mesh { uv_sets: vec![Vec::new(); uvs.len()], attributes, ..Mesh::default() };
-    let (colors, of_attributes) = fours.split_at(fours.len() - cage.attributes.len());
+    let (colors, attribute_layers) = fours.split_at(fours.len() - cage.attributes.len());
     let is_same = |a: u32, b: u32| {
         let (a, b) = (a as usize, b as usize);
         normals.corners[a] == normals.corners[b]
             && uvs.iter().all(|layer| layer.corners[a] == layer.corners[b])
             && fours.iter().all(|layer| layer.corners[a] == layer.corners[b])
     };
-    // The vertices of each point, in a chain, and a corner of each.
+    // Linked lists of the vertices of each point, and one corner of each vertex.
     let (mut heads, mut chain, mut corner_of) = (vec![NONE; points.values.len()], Vec::new(), Vec::new());
     let mut vertices = Vec::with_capacity(points.corners.len());
     for c in 0..points.corners.len() as u32 {
@@ -197,7 +197,7 @@ fn assembled(
                 set.push(layer.at(c).map(|x| x as f32));
             }
             mesh.colors.extend(colors.iter().map(|layer| layer.at(c).map(|x| x as f32)));
-            for (attribute, layer) in mesh.attributes.iter_mut().zip(of_attributes) {
+            for (attribute, layer) in mesh.attributes.iter_mut().zip(attribute_layers) {
                 let value = layer.at(c).map(|x| x as f32);
                 attribute.values.extend_from_slice(&value[..attribute.width as usize]);
             }
@@ -209,7 +209,6 @@ fn assembled(
     mesh
 }
 
-/// Closed forms: numbers of Euler, limits of cubes, planes, curves of open edges, seams of texture coordinates.
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -227,7 +226,7 @@ mod tests {
         }
     }
 
-    /// From -1 to 1; quads that face outwards.
+    /// A cube from -1 to 1 of quads that face outwards.
     fn cube() -> Cage {
         let positions: Vec<[f32; 3]> =
             (0..8).map(|i| [0, 1, 2].map(|k| (i >> k & 1) as f32 * 2.0 - 1.0)).collect();
@@ -236,8 +235,8 @@ mod tests {
         cage(&positions, &quads)
     }
 
-    fn fine(cage: &Cage, how: Subdivision, levels: u32) -> Mesh {
-        subdivided(cage, Subdivision { levels, ..how }, MAX_TRIANGLES).expect("fits")
+    fn fine(cage: &Cage, subdivision: Subdivision, levels: u32) -> Mesh {
+        subdivided(cage, Subdivision { levels, ..subdivision }, MAX_TRIANGLES).expect("fits")
     }
 
     fn point(mesh: &Mesh, vertex: usize) -> DVec3 {
@@ -250,11 +249,11 @@ mod tests {
     }
 
     #[test]
-    fn numbers_of_vertices_edges_and_faces_are_those_of_euler() {
+    fn counts_of_vertices_and_faces_satisfy_eulers_formula() {
         let mesh = fine(&cube(), SHARP, 3);
-        // After n steps a closed mesh of quads has F 4^n faces and F 4^n + 2 vertices.
+        // After n levels a closed mesh of quads has F 4^n faces and F 4^n + 2 vertices.
         assert_eq!((mesh.triangles.len(), mesh.positions.len()), (2 * 6 * 64, 6 * 64 + 2));
-        // A tetrahedron has 12 corners, and so many quads after one step; 4 + 6 + 4 vertices.
+        // A tetrahedron has 12 corners, hence 12 quads after one level, and 4 + 6 + 4 vertices.
         let corners = [[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]];
         let tetrahedron = cage(&corners, &[&[0, 1, 2], &[0, 3, 1], &[0, 2, 3], &[1, 3, 2]]);
         let mesh = fine(&tetrahedron, SHARP, 1);
@@ -262,9 +261,9 @@ mod tests {
     }
 
     #[test]
-    fn a_cube_ends_up_at_its_known_limits_after_any_number_of_steps() {
-        // Halstead, Kass, DeRose 1993 with n = 3 at corners: (9 v + 4 sum e + sum f) / 24 = v / 2. In the middle of a face after one step
-        // n = 4: (16 + 4 * 3 + 20 / 9) / 36.
+    fn limit_points_of_a_cube_are_independent_of_the_level() {
+        // Halstead, Kass, DeRose 1993 with n = 3 at corners: (9 v + 4 sum e + sum f) / 24 = v / 2. At the centre of a face after one
+        // level n = 4: (16 + 4 * 3 + 20 / 9) / 36.
         let middle = (16.0 + 12.0 + 20.0 / 9.0) / 36.0;
         for levels in 1..=5 {
             let mesh = fine(&cube(), SHARP, levels);
@@ -273,7 +272,7 @@ mod tests {
             for v in 0..mesh.positions.len() {
                 let normal = DVec3::from(mesh.normals[v].map(f64::from));
                 assert!((normal.length() - 1.0).abs() < 1e-6);
-                // By symmetry, normals at corners and in the middle of faces point outwards.
+                // By symmetry, normals at corners and face centres are radial.
                 let p = point(&mesh, v);
                 if p.distance(DVec3::splat(0.5)) < 1e-6 || p.distance(DVec3::Z * middle) < 1e-6 {
                     assert!(normal.distance(p.normalize()) < 1e-6, "{normal} at {p}");
@@ -285,7 +284,7 @@ mod tests {
 
     #[test]
     fn normals_are_those_of_the_limit_surface() {
-        // Where the facets of many more steps lead.
+        // Reference: area-weighted facet normals at a high level.
         let (coarse, dense) = (fine(&cube(), SHARP, 2), fine(&cube(), SHARP, 6));
         let mut sums = vec![DVec3::ZERO; dense.positions.len()];
         for t in &dense.triangles {
@@ -303,7 +302,7 @@ mod tests {
         }
     }
 
-    /// A sheet of quads over 0..2 x 0..2, with triangles among them.
+    /// A sheet over 0..2 x 0..2 of quads and two triangles.
     fn sheet() -> Cage {
         let mut positions: Vec<[f32; 3]> = (0..9).map(|i| [(i % 3) as f32, (i / 3) as f32, 0.0]).collect();
         positions[4] = [1.2, 0.9, 0.0];
@@ -319,26 +318,26 @@ mod tests {
     }
 
     #[test]
-    fn a_plane_stays_a_plane_with_its_outline() {
+    fn planar_sheets_stay_planar_and_keep_sharp_corners() {
         let mesh = fine(&sheet(), SHARP, 4);
         assert!(mesh.positions.iter().all(|p| p[2] == 0.0 && p[0] >= 0.0 && p[1] >= 0.0));
         assert!(mesh.normals.iter().all(|n| (n[2] - 1.0).abs() < 1e-6));
-        // The far corner belongs to two triangles, and is rounded: between its neighbours, a spline.
+        // The far corner belongs to two triangles and is rounded to a spline between its neighbours.
         let rounded = 4.0 - area(&mesh);
         assert!(rounded > 0.02 && rounded < 0.2, "{rounded}");
         for corner in [DVec3::ZERO, DVec3::X * 2.0, DVec3::Y * 2.0] {
             assert!(distance(&mesh, corner) < 1e-7, "{corner}");
         }
         let round = fine(&sheet(), Subdivision { has_round_corners: true, ..SHARP }, 4);
-        // A vertex of a cubic B-spline ends at (a + 4 v + b) / 6.
+        // The limit of a cubic B-spline's vertex is (a + 4 v + b) / 6.
         assert!(
             distance(&round, DVec3::new(1.0, 1.0, 0.0) / 6.0) < 1e-7 && distance(&round, DVec3::ZERO) > 0.1
         );
     }
 
     #[test]
-    fn open_edges_are_cubic_splines_whatever_lies_beside_them() {
-        // A strip of quads along a bent line; its open edge depends on that line alone.
+    fn open_edges_are_cubic_splines_of_their_own_vertices() {
+        // A strip of quads along a polyline; its open edge depends on that polyline only.
         let line = [[0.0, 0.0], [1.0, 1.0], [2.0, -1.0], [3.0, 0.0]];
         let positions: Vec<[f32; 3]> =
             [0.0, 5.0].iter().flat_map(|z| line.map(|[x, y]| [x, y + z * x, *z])).collect();
@@ -346,14 +345,14 @@ mod tests {
         let mesh = fine(&strip, SHARP, 5);
         let own = |i: usize| DVec3::new(f64::from(line[i][0]), f64::from(line[i][1]), 0.0);
         assert!(distance(&mesh, (own(0) + 4.0 * own(1) + own(2)) / 6.0) < 1e-6);
-        // In the middle of a span, weights 1, 23, 23, 1 of 48.
+        // At the middle of a span the weights are 1, 23, 23, 1 over 48.
         let middle = (own(0) + 23.0 * own(1) + 23.0 * own(2) + own(3)) / 48.0;
         assert!(distance(&mesh, middle) < 1e-6, "{}", distance(&mesh, middle));
     }
 
     #[test]
-    fn seams_of_texture_coordinates_stay_and_their_insides_are_smooth() {
-        // Two quads side by side whose coordinates differ at the edge between them.
+    fn seams_of_texture_coordinates_stay_and_interiors_are_smooth() {
+        // Two adjacent quads with different coordinates at their common edge.
         let positions = [
             [0.0, 0.0, 0.0],
             [1.0, 0.0, 0.0],
@@ -379,9 +378,9 @@ mod tests {
                 assert!((uv[0] - if is_left { 0.5 } else { 0.7 }).abs() < 1e-7);
             }
         }
-        // Nine points, and each twice.
+        // Nine points with two vertices each.
         assert_eq!((on_seam, sides), (18, [9, 9]));
-        // Without a seam, coordinates that are a linear function of a regular grid's positions stay that.
+        // Without a seam, coordinates linear in the positions of a regular grid stay linear.
         let positions: Vec<[f32; 3]> = (0..16).map(|i| [(i % 4) as f32, (i / 4) as f32, 0.0]).collect();
         let quads: Vec<[u32; 4]> =
             (0..9).map(|i| i / 3 * 4 + i % 3).map(|a| [a, a + 1, a + 5, a + 4]).collect();
@@ -389,7 +388,7 @@ mod tests {
         grid.mesh.uv_sets = vec![positions.iter().map(|p| [p[0] / 3.0, 1.0 - p[1] / 3.0]).collect()];
         let mesh = fine(&grid, SHARP, 3);
         for (p, uv) in mesh.positions.iter().zip(&mesh.uv_sets[0]) {
-            // Edges move as splines, their coordinates not: corners of one face apart, both are the same here.
+            // Only the interior: boundary positions move along splines, their coordinates don't.
             let error = (uv[0] - p[0] / 3.0).abs().max((uv[1] - 1.0 + p[1] / 3.0).abs());
             let is_inside = p[..2].iter().all(|x| *x > 1.0 && *x < 2.0);
             assert!(!is_inside || error < 1e-6, "{p:?} {uv:?}");
@@ -397,8 +396,8 @@ mod tests {
     }
 
     #[test]
-    fn vertices_of_several_sheets_and_odd_faces_do_no_harm() {
-        // Two tetrahedra that share a point, three sheets at one edge, a face turned the other way, and one that repeats a corner.
+    fn non_manifold_meshes_have_finite_results() {
+        // Two tetrahedra that share a vertex, an edge of three faces, a flipped face, and one that repeats a corner.
         let p = |x: f32, y: f32, z: f32| [x, y, z];
         let positions = [
             p(0.0, 0.0, 0.0),
@@ -424,22 +423,22 @@ mod tests {
             &[3, 1, 1, 5],
             &[1, 2, 7],
         ];
-        let odd = cage(&positions, &faces);
+        let non_manifold = cage(&positions, &faces);
         for levels in 1..4 {
-            let mesh = fine(&odd, SHARP, levels);
+            let mesh = fine(&non_manifold, SHARP, levels);
             assert!(mesh.positions.as_flattened().iter().all(|x| x.is_finite()));
             assert!(mesh.normals.iter().all(|n| (DVec3::from(n.map(f64::from)).length() - 1.0).abs() < 1e-5));
             assert_eq!(mesh.parts[0].triangle_count as usize, mesh.triangles.len());
-            // The point that both share stays.
+            // The shared vertex stays fixed.
             assert!(distance(&mesh, DVec3::ZERO) == 0.0);
         }
     }
 
     #[test]
-    fn materials_keep_their_faces_and_limits_are_reported() {
-        let mut of_two = cube();
-        of_two.materials = [0, 1, 0, 0, 1, 1].map(MaterialId).to_vec();
-        let mesh = fine(&of_two, SHARP, 2);
+    fn materials_keep_their_faces_and_too_many_triangles_are_reported() {
+        let mut two_materials = cube();
+        two_materials.materials = [0, 1, 0, 0, 1, 1].map(MaterialId).to_vec();
+        let mesh = fine(&two_materials, SHARP, 2);
         let counts: Vec<(u32, u32, u32)> =
             mesh.parts.iter().map(|p| (p.material.0, p.first_triangle, p.triangle_count)).collect();
         assert_eq!(counts, [(0, 0, 96), (1, 96, 96)]);
@@ -450,6 +449,6 @@ mod tests {
         }
         let error =
             subdivided(&cube(), Subdivision { levels: 10, ..SHARP }, 1_000_000).expect_err("too many");
-        assert!(error.contains("12582912 triangles") && error.contains("at most 8"), "{error}");
+        assert!(error.contains("12582912 triangles") && error.contains("at most 8 levels"), "{error}");
     }
 }

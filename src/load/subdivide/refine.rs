@@ -1,7 +1,5 @@
-//! One step of Catmull and Clark 1978, "Recursively Generated B-Spline Surfaces on Arbitrary Topological Meshes", and the
-//! limits of its values.
-//!
-//! The coarse polygons that are subdivided, and each of their attributes with a connectivity of its own.
+//! One level of subdivision (Catmull and Clark 1978, "Recursively Generated B-Spline Surfaces on Arbitrary Topological
+//! Meshes"), and limit points and normals. Each attribute of the polygons is a layer with its own connectivity.
 
 use crate::math::DVec3;
 use crate::scene::{MaterialId, Mesh, VertexAttribute};
@@ -10,27 +8,27 @@ use std::collections::HashMap;
 use std::f64::consts::TAU;
 use std::hash::Hash;
 
-/// Rule for open edges and their ends.
+/// Boundary rule.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Edges {
-    /// They become cubic B-splines; corners of one face only stay where they are.
+    /// Cubic B-splines; vertices of only one face stay fixed.
     SharpCorners,
-    /// They become cubic B-splines, around corners, too.
+    /// Cubic B-splines, also at vertices of only one face.
     RoundCorners,
-    /// They and their ends stay what they are: texture coordinates along seams.
+    /// Linear, with fixed vertices: for seams of texture coordinates.
     Fixed,
 }
 
 /// Rule for a vertex.
 enum VertexRule {
-    /// The middle of a ring of this many faces.
+    /// Interior vertex of this valence.
     Inner(f64),
-    /// On a curve between two neighbours.
+    /// On a boundary curve between two neighbours.
     Curve([u32; 2]),
     Fixed,
 }
 
-fn place(fans: &Fans, value: usize, edges: Edges) -> VertexRule {
+fn vertex_rule(fans: &Fans, value: usize, edges: Edges) -> VertexRule {
     if fans.is_inner(value) {
         return VertexRule::Inner(f64::from(fans.faces[value]));
     }
@@ -57,28 +55,28 @@ impl<const N: usize> Layer<N> {
         self.values[self.corners[corner as usize] as usize]
     }
 
-    /// After one step: each corner has become a quad of the vertex's value, that of its edge, its face and the edge before.
+    /// The layer after one level: each corner becomes a quad of vertex point, edge point, face point and previous edge point.
     pub fn refined(&self, arities: &[u32], edges: Edges) -> Layer<N> {
         let fans = Fans::new(arities, &self.corners, self.values.len());
-        let (points, count) = (self.face_values(arities), self.values.len());
+        let (face_points, count) = (self.face_values(arities), self.values.len());
         let (first_edge, first_face) = (count, count + fans.edge_count);
-        let mut of_corner = Vec::with_capacity(self.corners.len());
+        let mut corner_faces = Vec::with_capacity(self.corners.len());
         for (face, &arity) in arities.iter().enumerate() {
-            of_corner.extend(std::iter::repeat_n(face as u32, arity as usize));
+            corner_faces.extend(std::iter::repeat_n(face as u32, arity as usize));
         }
-        let (middles, edge_values) = self.edge_values(&fans, &points, &of_corner);
-        let mut values = self.vertex_values(&fans, edges, &points, &of_corner, &middles);
+        let (middles, edge_values) = self.edge_values(&fans, &face_points, &corner_faces);
+        let mut values = self.vertex_values(&fans, edges, &face_points, &corner_faces, &middles);
         values.extend(edge_values);
-        values.extend(points);
+        values.extend(face_points);
         let mut corners = Vec::with_capacity(4 * self.corners.len());
-        for (c, (&vertex, &face)) in self.corners.iter().zip(&of_corner).enumerate() {
+        for (c, (&vertex, &face)) in self.corners.iter().zip(&corner_faces).enumerate() {
             let edge = |corner: usize| first_edge as u32 + fans.edges[corner];
             corners.extend([vertex, edge(c), first_face as u32 + face, edge(fans.before[c] as usize)]);
         }
         Layer { values, corners }
     }
 
-    /// The means of faces.
+    /// Face points: means of the corners.
     fn face_values(&self, arities: &[u32]) -> Vec<[f64; N]> {
         let mut first = 0;
         let mean = |&arity: &u32| {
@@ -89,26 +87,26 @@ impl<const N: usize> Layer<N> {
         arities.iter().map(mean).collect()
     }
 
-    /// The middles of edges, and what edges become.
+    /// Midpoints of edges, and edge points.
     fn edge_values(
         &self,
         fans: &Fans,
-        points: &[[f64; N]],
-        of_corner: &[u32],
+        face_points: &[[f64; N]],
+        corner_faces: &[u32],
     ) -> (Vec<[f64; N]>, Vec<[f64; N]>) {
         let mut middles = vec![[0.0; N]; fans.edge_count];
         let mut values = middles.clone();
         for c in 0..self.corners.len() {
             let edge = fans.edges[c] as usize;
             let middle = scaled(sum(self.at(c as u32), self.at(fans.next[c])), 0.5);
-            let point = |c: usize| points[of_corner[c] as usize];
+            let face_point = |c: usize| face_points[corner_faces[c] as usize];
             middles[edge] = middle;
             values[edge] = match fans.twins[c] {
                 NONE => middle,
-                // One order for both sides, as sums depend on it.
-                twin => {
-                    let (a, b) = (c.min(twin as usize), c.max(twin as usize));
-                    sum(scaled(middle, 0.5), scaled(sum(point(a), point(b)), 0.25))
+                // The order of summation is the same from both sides.
+                opposite => {
+                    let (a, b) = (c.min(opposite as usize), c.max(opposite as usize));
+                    sum(scaled(middle, 0.5), scaled(sum(face_point(a), face_point(b)), 0.25))
                 }
             };
         }
@@ -119,19 +117,21 @@ impl<const N: usize> Layer<N> {
         &self,
         fans: &Fans,
         edges: Edges,
-        points: &[[f64; N]],
-        of_corner: &[u32],
+        face_points: &[[f64; N]],
+        corner_faces: &[u32],
         middles: &[[f64; N]],
     ) -> Vec<[f64; N]> {
         let moved = |value: usize| {
             let own = self.values[value];
-            match place(fans, value, edges) {
+            match vertex_rule(fans, value, edges) {
                 VertexRule::Inner(n) => {
                     let mut around = [0.0; N];
                     for c in fans.around(fans.first[value]) {
                         let middle = middles[fans.edges[c as usize] as usize];
-                        around =
-                            sum(around, sum(points[of_corner[c as usize] as usize], scaled(middle, 2.0)));
+                        around = sum(
+                            around,
+                            sum(face_points[corner_faces[c as usize] as usize], scaled(middle, 2.0)),
+                        );
                     }
                     scaled(sum(scaled(around, 1.0 / n), scaled(own, n - 3.0)), 1.0 / n)
                 }
@@ -145,12 +145,12 @@ impl<const N: usize> Layer<N> {
         (0..self.values.len()).map(moved).collect()
     }
 
-    /// Where the values of quads end up after steps without end (Halstead, Kass, DeRose 1993, "Efficient, Fair Interpolation using
-    /// Catmull-Clark Surfaces", section 3).
+    /// Limit points of a layer of quads (Halstead, Kass, DeRose 1993, "Efficient, Fair Interpolation using Catmull-Clark
+    /// Surfaces", section 3).
     pub fn limits(&self, fans: &Fans, edges: Edges) -> Vec<[f64; N]> {
         let limit = |value: usize| {
             let own = self.values[value];
-            match place(fans, value, edges) {
+            match vertex_rule(fans, value, edges) {
                 VertexRule::Inner(n) => {
                     let mut around = [0.0; N];
                     for c in fans.around(fans.first[value]) {
@@ -171,10 +171,8 @@ impl<const N: usize> Layer<N> {
     }
 }
 
-// Normals of limit surfaces.
-
-/// Unit normals at the limits of the points of quads: in the middle of rings by the tangents of Halstead, Kass, DeRose 1993 (appendix
-/// A); at open and sharp edges means of the facets on each side, weighted by their areas.
+/// Unit normals of the limit surface: at interior vertices from the tangents of Halstead, Kass, DeRose 1993 (appendix A), at
+/// boundary vertices area-weighted means of the adjacent facets' normals.
 pub(super) fn normals(points: &Layer<3>, limits: &[[f64; 3]], fans: &Fans) -> Layer<3> {
     let mut normals = Layer { values: Vec::new(), corners: vec![NONE; points.corners.len()] };
     for corner in 0..points.corners.len() as u32 {
@@ -183,11 +181,11 @@ pub(super) fn normals(points: &Layer<3>, limits: &[[f64; 3]], fans: &Fans) -> La
         }
         let number = normals.values.len() as u32;
         let value = points.corners[corner as usize] as usize;
-        let start = leftmost_start(fans, corner);
-        let faceted = || facets(points, limits, fans, start);
+        let start = rightmost_corner(fans, corner);
+        let facet_mean = || facet_normal(points, limits, fans, start);
         let normal = match fans.is_inner(value) {
-            true => smooth(points, fans, start).unwrap_or_else(faceted),
-            false => faceted(),
+            true => limit_normal(points, fans, start).unwrap_or_else(facet_mean),
+            false => facet_mean(),
         };
         for c in fans.around(start) {
             normals.corners[c as usize] = number;
@@ -197,20 +195,21 @@ pub(super) fn normals(points: &Layer<3>, limits: &[[f64; 3]], fans: &Fans) -> La
     normals
 }
 
-/// The corner from which going left reaches all of its fan.
-fn leftmost_start(fans: &Fans, corner: u32) -> u32 {
+/// The rightmost corner of a fan: iteration to the left from it visits the whole fan.
+fn rightmost_corner(fans: &Fans, corner: u32) -> u32 {
     let mut start = corner;
     loop {
         match fans.right(start) {
             NONE => return start,
-            // A ring is closed.
+            // The fan is closed.
             right if right == corner => return corner,
             right => start = right,
         }
     }
 }
 
-fn smooth(points: &Layer<3>, fans: &Fans, start: u32) -> Option<DVec3> {
+/// Normal from the limit tangents; `None` if they are parallel.
+fn limit_normal(points: &Layer<3>, fans: &Fans, start: u32) -> Option<DVec3> {
     let ring: Vec<(DVec3, DVec3)> = fans
         .around(start)
         .map(|c| {
@@ -230,7 +229,7 @@ fn smooth(points: &Layer<3>, fans: &Fans, start: u32) -> Option<DVec3> {
     u.cross(v).try_normalize()
 }
 
-fn facets(points: &Layer<3>, limits: &[[f64; 3]], fans: &Fans, start: u32) -> DVec3 {
+fn facet_normal(points: &Layer<3>, limits: &[[f64; 3]], fans: &Fans, start: u32) -> DVec3 {
     let limit = |c: u32| DVec3::from(limits[points.corners[c as usize] as usize]);
     let facet = |c: u32| {
         let at = limit(c);
@@ -239,16 +238,16 @@ fn facets(points: &Layer<3>, limits: &[[f64; 3]], fans: &Fans, start: u32) -> DV
     fans.around(start).map(facet).sum::<DVec3>().normalize_or(DVec3::Y)
 }
 
-/// Values that corners of faces refer to: points, or texture coordinates, which may differ between the faces at a point.
+/// Values of one attribute with the connectivity of the faces; texture coordinates may have seams where points have none.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Layer<const N: usize> {
     pub values: Vec<[f64; N]>,
-    /// The value of each corner.
+    /// Value index of each corner.
     pub corners: Vec<u32>,
 }
 
 impl<const N: usize> Layer<N> {
-    /// A layer of the values that `at` gives for vertices with keys; equal keys are one value.
+    /// A layer from `at`, which returns key and value of a vertex; vertices with equal keys share a value.
     fn new<K: Hash + Eq>(corners: &[u32], at: impl Fn(u32) -> (K, [f32; N])) -> Layer<N> {
         let (mut known, mut layer) = (HashMap::new(), Layer::default());
         for &vertex in corners {
@@ -264,28 +263,28 @@ impl<const N: usize> Layer<N> {
     }
 }
 
-/// Polygons of any size, as a file has them.
+/// The polygons of a mesh before subdivision.
 #[derive(Clone, Debug, Default)]
 pub(in crate::load) struct Cage {
     /// Name, positions, texture coordinates, colours and attributes of vertices; nothing else.
     pub mesh: Mesh,
-    /// The point that each vertex is at: faces hang together where they share points.
+    /// Point index of each vertex; faces are connected by shared points.
     pub points: Vec<u32>,
-    /// The vertices of all corners.
+    /// Vertex index of each corner.
     pub corners: Vec<u32>,
-    /// Corners of each face.
+    /// Number of corners of each face.
     pub arities: Vec<u32>,
-    /// The material of each face.
+    /// Material of each face.
     pub materials: Vec<MaterialId>,
 }
 
 impl Cage {
-    /// The triangles of a mesh as faces; they hang together where corners have the same position.
+    /// The triangles of a mesh as faces, connected where corners have the same position.
     pub fn of_triangles(mesh: &Mesh) -> Cage {
         let mut known: HashMap<[u32; 3], u32> = HashMap::new();
         let point = |p: &[f32; 3]| {
             let next = known.len() as u32;
-            // Zero has two signs.
+            // Adding 0 turns -0 into 0.
             *known.entry(p.map(|x| (x + 0.0).to_bits())).or_insert(next)
         };
         let parts = mesh.parts.iter();
@@ -307,7 +306,7 @@ impl Cage {
         }
     }
 
-    /// Takes its name, and whether there are colours, from the mesh of its triangles.
+    /// Copies the name from the triangulated mesh, and drops the colours if that has none.
     pub fn finish(&mut self, mesh: &Mesh) {
         self.mesh.name.clone_from(&mesh.name);
         if mesh.colors.is_empty() {
@@ -315,12 +314,12 @@ impl Cage {
         }
     }
 
-    /// How many triangles `levels` steps make of it.
+    /// Number of triangles after `levels` levels.
     pub fn triangles_after(&self, levels: u32) -> u64 {
         2 * (self.corners.len() as u64).saturating_mul(4u64.saturating_pow(levels.saturating_sub(1)))
     }
 
-    /// Without faces whose corners are not finite, and with those of a material together, in the order in which materials first appear.
+    /// The faces with finite corners, sorted by material in order of first appearance.
     pub fn sorted(&self) -> Cage {
         let mut order: HashMap<MaterialId, usize> = HashMap::new();
         for material in &self.materials {
@@ -348,12 +347,12 @@ impl Cage {
         sorted
     }
 
-    /// The points of its corners.
+    /// Positions of the corners.
     pub(super) fn point_layer(&self) -> Layer<3> {
         Layer::new(&self.corners, |v| (self.points[v as usize], self.mesh.positions[v as usize]))
     }
 
-    /// Texture coordinates of its corners, which hang together where both point and coordinates are the same.
+    /// Texture coordinates of the corners, connected where both point and coordinates are the same.
     pub(super) fn uv_layers(&self) -> Vec<Layer<2>> {
         let sets = self.mesh.uv_sets.iter().filter(|set| !set.is_empty());
         sets.map(|set| self.varying(set)).collect()
@@ -364,7 +363,7 @@ impl Cage {
         (!self.mesh.colors.is_empty()).then(|| self.varying(&self.mesh.colors))
     }
 
-    /// Attributes, likewise, each filled up with zeros.
+    /// Attributes, likewise, padded with zeros.
     pub(super) fn attribute_layers(&self) -> Vec<Layer<4>> {
         let of = |attribute: &VertexAttribute| {
             self.varying_by(|v| {
@@ -387,31 +386,30 @@ impl Cage {
     }
 }
 
-// Adjacency of faces at edges and vertices.
-
-/// No corner, edge.
+/// No corner, edge or vertex.
 pub(super) const NONE: u32 = u32::MAX;
 
-/// The connectivity of one layer. The edge of a corner goes from it to the next corner of its face.
+/// The connectivity of one layer, as half-edges: the edge of a corner leads to the next corner of its face.
 pub(super) struct Fans {
-    /// The edge of each corner.
+    /// Edge index of each corner.
     pub edges: Vec<u32>,
-    /// The corner on the other side of each corner's edge; `NONE` at sharp edges: those of one face, of more than two, and of two
-    /// that run against each other.
+    /// The opposite half-edge of each corner; `NONE` at sharp edges: those of one face, of more than two, or of two with
+    /// opposite orientations.
     pub twins: Vec<u32>,
-    /// The next corner of its face, and the one before.
+    /// The next corner of the face.
     pub next: Vec<u32>,
+    /// The previous corner of the face.
     pub before: Vec<u32>,
-    /// Some corner of each value; `NONE` without.
+    /// One corner of each value; `NONE` for unused values.
     pub first: Vec<u32>,
-    /// Corners at each value.
+    /// Number of corners of each value.
     pub faces: Vec<u32>,
-    /// Edges that are sharp at each value, and the sum of their other ends' numbers, of which up to two are kept.
+    /// Sharp edges at each value.
     pub sharp: Vec<Sharp>,
     pub edge_count: usize,
 }
 
-/// The sharp edges at a value.
+/// The sharp edges at a value: their number, and the other ends of the first two.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Sharp {
     pub count: u32,
@@ -419,7 +417,7 @@ pub(super) struct Sharp {
 }
 
 impl Fans {
-    /// The fans of faces with these numbers of corners, whose corners refer to `count` values.
+    /// The connectivity of faces with these numbers of corners; `corners` are indices of `count` values.
     pub fn new(arities: &[u32], corners: &[u32], count: usize) -> Fans {
         let (next, before) = rings(arities);
         let mut uses: Vec<(u32, u32, u32)> = (0..corners.len() as u32)
@@ -463,25 +461,25 @@ impl Fans {
         fans
     }
 
-    /// The corner at the same value in the face on the left; `NONE` behind a sharp edge.
+    /// The corner at the same value in the left neighbour face; `NONE` at a sharp edge.
     pub fn left(&self, corner: u32) -> u32 {
         self.twins[self.before[corner as usize] as usize]
     }
 
-    /// The corner at the same value in the face on the right; `NONE` behind a sharp edge.
+    /// The corner at the same value in the right neighbour face; `NONE` at a sharp edge.
     pub fn right(&self, corner: u32) -> u32 {
         match self.twins[corner as usize] {
             NONE => NONE,
-            twin => self.next[twin as usize],
+            opposite => self.next[opposite as usize],
         }
     }
 
-    /// The corners around a value from one on, to the left, until a sharp edge or once around.
+    /// The corners around a value from `start` to the left, until a sharp edge or once around.
     pub fn around(&self, start: u32) -> impl Iterator<Item = u32> + '_ {
         std::iter::successors(Some(start), move |&c| Some(self.left(c)).filter(|&c| c != NONE && c != start))
     }
 
-    /// Is a value the middle of one closed ring of faces?
+    /// Whether the faces at a value form one closed fan.
     pub fn is_inner(&self, value: usize) -> bool {
         self.sharp[value].count == 0
             && self.first[value] != NONE
@@ -491,14 +489,14 @@ impl Fans {
 
 impl Sharp {
     fn add(&mut self, end: u32) {
-        if let Some(place) = self.ends.get_mut(self.count as usize) {
-            *place = end;
+        if let Some(slot) = self.ends.get_mut(self.count as usize) {
+            *slot = end;
         }
         self.count += 1;
     }
 }
 
-/// The next corner and the one before in each face.
+/// The next and the previous corner of each corner.
 fn rings(arities: &[u32]) -> (Vec<u32>, Vec<u32>) {
     let (mut next, mut before, mut first) = (Vec::new(), Vec::new(), 0);
     for &arity in arities {

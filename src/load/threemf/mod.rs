@@ -1,7 +1,7 @@
-//! 3MF: a ZIP package (ECMA-376, part 2) with an XML model, its objects placed by build items, in real units, z up.
+//! 3MF: a ZIP package (ECMA-376, part 2) with an XML model, in physical units, z up; build items place objects.
 //!
-//! Read: meshes, components, several model parts (production extension), base materials, colours of corners, textures. Left out with a
-//! warning: beams, slices, composite materials and layered properties. Support objects, which matter only to printing, are left out.
+//! Supported: meshes, components, several model parts (production extension), base materials, corner colours, textures. Beams,
+//! slices, composite materials and layered properties cause a warning. Support structures for printing are skipped.
 
 mod model;
 
@@ -22,12 +22,13 @@ use std::path::Path;
 use std::rc::Rc;
 use std::sync::Arc;
 
-/// Where the start part is if the package doesn't say.
+/// Default path of the start part.
 const START: &str = "3D/3dmodel.model";
-/// The type of the relation to the start part.
+/// Suffix of the relationship type of the start part.
 const START_TYPE: &str = "/3dmodel";
-/// Maximum depth of nested components, and maximum number of placed objects.
+/// Maximum depth of nested components.
 const MAX_DEPTH: usize = 64;
+/// Maximum number of placed objects.
 const MAX_INSTANCES: usize = 1 << 20;
 /// Linear grey of triangles without a colour in a mesh where others have one.
 const GREY: [f32; 4] = [0.8, 0.8, 0.8, 1.0];
@@ -35,7 +36,7 @@ const GREY: [f32; 4] = [0.8, 0.8, 0.8, 1.0];
 /// Reads a 3MF file.
 ///
 /// # Errors
-/// An input error if the file is damaged or shows nothing.
+/// An input error if the file is damaged or has no visible objects.
 pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     options.files.note(path);
     let archive = Archive::open(path)?;
@@ -46,21 +47,26 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     for item in &root.items {
         reader.place(&start, item, DAffine3::from_scale(DVec3::splat(root.metres)), 0)?;
     }
-    let Reader { mut loaded, repairs, unread, supports, broken, .. } = reader;
+    let Reader { mut loaded, repairs, unread, supports, invalid_triangles, .. } = reader;
     loaded.warnings.extend(repairs.warnings(path));
     let mut warn = |message: String| loaded.warnings.push(Warning::new(path, "", message));
-    if broken > 0 {
-        warn(format!("{broken} triangles with a vertex that is missing: left out"));
+    if invalid_triangles > 0 {
+        warn(format!("{invalid_triangles} triangles with a missing vertex: left out"));
     }
-    unread.iter().for_each(|what| warn(format!("{what} are not read")));
+    unread.iter().for_each(|what| warn(format!("{what} are not supported")));
     if supports > 0 {
-        loaded.left_out.push(format!("{supports} support objects, which matter only to printing"));
+        loaded.left_out.push(format!("{supports} support structures for printing"));
     }
     if loaded.scene.instances.is_empty() {
-        let what =
-            if unread.is_empty() { String::new() } else { format!(": {} are not read", unread.join(", ")) };
-        let help = "the file's build names no object with triangles";
-        return Err(Error::input(path, ("no-surface", format!("shows nothing{what}"))).with_help(help));
+        let what = if unread.is_empty() {
+            String::new()
+        } else {
+            format!(": {} are not supported", unread.join(", "))
+        };
+        let help = "the file's build has no object with triangles";
+        return Err(
+            Error::input(path, ("no-surface", format!("has nothing to render{what}"))).with_help(help)
+        );
     }
     loaded.up_hint = UpHint { writer: Some((Up::Z, "the 3MF specification")), is_mostly_y: false };
     loaded.scene.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
@@ -82,14 +88,14 @@ struct Reader<'a> {
     archive: Archive,
     loaded: Loaded,
     models: HashMap<String, Rc<Model>>,
-    /// The meshes of objects by part and number; `None` for those without triangles.
+    /// Meshes by part and object id; `None` for objects without triangles.
     meshes: HashMap<(String, u32), Option<MeshId>>,
     /// Materials by part and appearance.
     materials: HashMap<(String, Appearance), MaterialId>,
     repairs: Repairs,
     unread: Vec<String>,
     supports: usize,
-    broken: usize,
+    invalid_triangles: usize,
 }
 
 impl<'a> Reader<'a> {
@@ -105,7 +111,7 @@ impl<'a> Reader<'a> {
             repairs: Repairs::default(),
             unread: Vec::new(),
             supports: 0,
-            broken: 0,
+            invalid_triangles: 0,
         }
     }
 
@@ -113,20 +119,20 @@ impl<'a> Reader<'a> {
         Error::input_problems(self.path, vec![Problem::new(place, message)])
     }
 
-    /// The part with the build, by the relations of the package.
+    /// The path of the start part, from the package relationships.
     fn start_part(&self) -> String {
         let relations = self.archive.file("_rels/.rels").unwrap_or_default();
         model::target(&String::from_utf8_lossy(&relations), START_TYPE).unwrap_or_else(|| START.to_string())
     }
 
-    /// A model part.
+    /// Reads a model part, once.
     fn model(&mut self, part: &str) -> Result<Rc<Model>> {
         if let Some(known) = self.models.get(part) {
             return Ok(known.clone());
         }
         let bytes = self.archive.file(part).map_err(|why| self.fail(part, why))?;
         self.options.counter.add(1);
-        let text = std::str::from_utf8(&bytes).map_err(|_| self.fail(part, "is no UTF-8"))?;
+        let text = std::str::from_utf8(&bytes).map_err(|_| self.fail(part, "is not UTF-8"))?;
         let model = model::parse(text.trim_start_matches('\u{feff}'));
         let model = model.map_err(|p| self.fail(&place_in(part, &p.place), p.message))?;
         for what in &model.unread {
@@ -135,7 +141,7 @@ impl<'a> Reader<'a> {
             }
         }
         if model.transparent > 0 {
-            let message = format!("{} colours are not opaque, but shown so", model.transparent);
+            let message = format!("{} transparent colours are rendered opaque", model.transparent);
             self.loaded.warnings.push(Warning::new(self.path, part, message));
         }
         let model = Rc::new(model);
@@ -143,25 +149,26 @@ impl<'a> Reader<'a> {
         Ok(model)
     }
 
-    /// Adds an object of a part as instances: that of its own mesh, and those of its components.
-    fn place(&mut self, part: &str, what: &Reference, world: DAffine3, depth: usize) -> Result<()> {
-        let part = what.part.as_deref().unwrap_or(part);
+    /// Adds instances of an object's mesh and, recursively, of its components.
+    fn place(&mut self, part: &str, reference: &Reference, world: DAffine3, depth: usize) -> Result<()> {
+        let part = reference.part.as_deref().unwrap_or(part);
         let model = self.model(part)?;
-        let place = format!("{part}, object {}", what.object);
-        let Some(object) = model.objects.get(&what.object) else {
-            return Err(self.fail(&place, ("object-undefined", "is placed, but not defined")));
+        let place = format!("{part}, object {}", reference.object);
+        let Some(object) = model.objects.get(&reference.object) else {
+            return Err(self.fail(&place, ("object-undefined", "is used, but not defined")));
         };
         if depth > MAX_DEPTH {
-            return Err(
-                self.fail(&place, ("object-cycle", "contains itself, or components beyond 64 levels"))
-            );
+            return Err(self.fail(
+                &place,
+                ("object-cycle", "contains itself, or nests components more than 64 levels deep"),
+            ));
         }
         if object.is_support {
             self.supports += 1;
             return Ok(());
         }
-        let world = world * what.transform;
-        if let Some(mesh) = self.mesh(part, &model, what.object, object)? {
+        let world = world * reference.transform;
+        if let Some(mesh) = self.mesh(part, &model, reference.object, object)? {
             let name = if object.name.is_empty() { NAMELESS.to_string() } else { object.name.clone() };
             self.loaded.scene.instances.push(Instance { name, ..Instance::new(mesh, world) });
         }
@@ -174,12 +181,12 @@ impl<'a> Reader<'a> {
         object.components.iter().try_for_each(|component| self.place(part, component, world, depth + 1))
     }
 
-    /// The mesh of an object, from the cache if it was built before.
+    /// The mesh of an object, built once.
     fn mesh(&mut self, part: &str, model: &Model, id: u32, object: &Object) -> Result<Option<MeshId>> {
         if let Some(known) = self.meshes.get(&(part.to_string(), id)) {
             return Ok(*known);
         }
-        self.broken += object.broken;
+        self.invalid_triangles += object.invalid_triangles;
         let built = build_mesh(model, object);
         let mesh = match built.mesh.triangles.is_empty() {
             true => None,
@@ -205,7 +212,7 @@ impl<'a> Reader<'a> {
     /// Repairs a mesh and updates its parts.
     fn finish(&mut self, mesh: &mut Mesh) {
         let is_whole = mesh.positions.as_flattened().iter().all(|x| x.is_finite());
-        // Removed triangles are subtracted from the parts that they belong to.
+        // Repairs will remove triangles with vertices that aren't finite.
         if !is_whole {
             let usable =
                 |t: &[u32; 3]| t.iter().all(|&i| mesh.positions[i as usize].iter().all(|x| x.is_finite()));
@@ -246,7 +253,7 @@ impl<'a> Reader<'a> {
         id
     }
 
-    /// The material of a texture; grey, with a warning, if its image can't be read.
+    /// A textured material; grey, with a warning, if the image can't be read.
     fn textured(&mut self, part: &str, model: &Model, id: u32) -> Material {
         let plain = Material::lambert("texture", [0.8; 3]);
         if self.options.geometry_only {
@@ -273,7 +280,7 @@ impl<'a> Reader<'a> {
         let bytes = self.archive.file(&file.path).map_err(|why| format!("'{}' {why}", file.path))?;
         let (path, at) = (self.path.to_path_buf(), place.to_string());
         let on_damage: OnDamage = Arc::new(move |e| {
-            Damage::LeftOut(Warning::new(&path, at.as_str(), format!("is left out: {}", in_words(e))))
+            Damage::LeftOut(Warning::new(&path, at.as_str(), format!("is left out: {}", joined_messages(e))))
         });
         let of = ImageFile {
             bytes: bytes.into(),
@@ -282,7 +289,8 @@ impl<'a> Reader<'a> {
             mime: None,
             memory_limit: self.options.memory_limit,
         };
-        let image = for_texture(&of, Use::Color, &mut self.loaded.warnings, on_damage).map_err(in_words)?;
+        let image =
+            for_texture(&of, Use::Color, &mut self.loaded.warnings, on_damage).map_err(joined_messages)?;
         let [wrap_u, wrap_v] = file.tiles.each_ref().map(|style| match style.as_str() {
             "mirror" => Wrap::Mirror,
             "clamp" | "none" => Wrap::Clamp,
@@ -298,11 +306,11 @@ fn place_in(part: &str, place: &str) -> String {
     if place.is_empty() { part.to_string() } else { format!("{part}, {place}") }
 }
 
-fn in_words(error: Error) -> String {
+fn joined_messages(error: Error) -> String {
     error.problems.into_iter().map(|p| p.message).collect::<Vec<_>>().join("; ")
 }
 
-/// A mesh whose triangles are sorted by appearance, and the number of triangles of each.
+/// A mesh with triangles sorted by appearance, and the number of triangles of each appearance.
 struct Built {
     mesh: Mesh,
     parts: Vec<(Appearance, u32)>,
@@ -315,21 +323,21 @@ struct Corner {
     uv: [f32; 2],
 }
 
-/// Vertices are split where triangles give them several colours or texture coordinates.
+/// Builds the mesh of an object; vertices with several colours or texture coordinates are duplicated.
 fn build_mesh(model: &Model, object: &Object) -> Built {
     let appearances: Vec<(Appearance, [Corner; 3])> =
         object.triangles.iter().map(|t| appearance_of(model, object, t)).collect();
     let has_colors = appearances.iter().any(|(appearance, _)| *appearance == Appearance::Colors);
     let has_uv = appearances.iter().any(|(appearance, _)| matches!(appearance, Appearance::Texture(_)));
-    // Parts without colour are grey next to coloured ones.
-    let as_shown = |appearance: Appearance| {
+    // In meshes with colours, triangles without a colour get vertex colours, too.
+    let resolved = |appearance: Appearance| {
         if has_colors && appearance == Appearance::Plain { Appearance::Colors } else { appearance }
     };
     let mut sorted: BTreeMap<Appearance, Vec<usize>> = BTreeMap::new();
     appearances
         .iter()
         .enumerate()
-        .for_each(|(i, (appearance, _))| sorted.entry(as_shown(*appearance)).or_default().push(i));
+        .for_each(|(i, (appearance, _))| sorted.entry(resolved(*appearance)).or_default().push(i));
     let mut mesh = Mesh { positions: object.vertices.clone(), ..Mesh::default() };
     if !has_colors && !has_uv {
         mesh.triangles = object.triangles.iter().map(|t| t.corners).collect();
@@ -375,7 +383,7 @@ impl Corner {
     }
 }
 
-/// Appearance of a triangle, by its own property or that of its object.
+/// Appearance of a triangle, from its own property or that of its object.
 fn appearance_of(model: &Model, object: &Object, triangle: &Triangle) -> (Appearance, [Corner; 3]) {
     let plain = Corner { color: GREY, uv: [0.0; 2] };
     let Property { group, index } = object.property;

@@ -1,5 +1,5 @@
 //! The XML of a model part: 3D Manufacturing Format, core specification 1.3, materials and properties extension 1.2, production
-//! extension 1.1. Elements are recognised by their names without prefixes.
+//! extension 1.1. Namespace prefixes are ignored.
 
 use crate::color::srgb_table;
 use crate::error::Problem;
@@ -8,22 +8,22 @@ use quick_xml::events::{BytesStart, Event};
 use quick_xml::{Reader, XmlVersion};
 use std::collections::{BTreeSet, HashMap};
 
-/// The index of a property that is not given.
+/// The index of a missing property.
 pub(super) const NONE: u32 = u32::MAX;
 
 /// A model part.
 #[derive(Default)]
 pub(super) struct Model {
-    /// Metres of its unit.
+    /// Length unit, metres.
     pub metres: f64,
     pub objects: HashMap<u32, Object>,
     pub groups: HashMap<u32, Group>,
     pub textures: HashMap<u32, TextureFile>,
-    /// The visible items.
+    /// Build items.
     pub items: Vec<Reference>,
-    /// Elements that are not read, by name.
+    /// Names of unsupported elements.
     pub unread: BTreeSet<&'static str>,
-    /// Colours that are not opaque.
+    /// Number of colours that aren't opaque.
     pub transparent: usize,
 }
 
@@ -31,22 +31,23 @@ pub(super) struct Model {
 #[derive(Default)]
 pub(super) struct Object {
     pub name: String,
-    /// Is it a support structure for printing?
+    /// A support structure for printing.
     pub is_support: bool,
     /// Default property of triangles.
     pub property: Property,
     pub vertices: Vec<[f32; 3]>,
     pub triangles: Vec<Triangle>,
     pub components: Vec<Reference>,
-    /// Triangles with an invalid index.
-    pub broken: usize,
+    /// Number of triangles with an invalid index.
+    pub invalid_triangles: usize,
 }
 
 #[derive(Clone, Copy)]
 pub(super) struct Triangle {
     pub corners: [u32; 3],
-    /// The group and, for each corner, the index in it; [`NONE`] for the object's default.
+    /// Property group; [`NONE`] for the object's default.
     pub group: u32,
+    /// Index in the group for each corner; [`NONE`] for the object's default.
     pub indices: [u32; 3],
 }
 
@@ -63,22 +64,22 @@ impl Default for Property {
     }
 }
 
-/// A reference to an object, with its transform.
+/// A reference to an object, with a transform.
 pub(super) struct Reference {
     pub object: u32,
-    /// The part that contains the object, if not this one.
+    /// Path of the part with the object; `None`: the same part.
     pub part: Option<String>,
-    /// In units of the file.
+    /// In length units of the file.
     pub transform: DAffine3,
 }
 
-/// A list of properties.
+/// A property group.
 pub(super) enum Group {
-    /// Base materials: a triangle has one.
+    /// Base materials, one per triangle: linear RGBA.
     Materials(Vec<[f32; 4]>),
-    /// Colours of corners.
+    /// Corner colours: linear RGBA.
     Colors(Vec<[f32; 4]>),
-    /// Texture coordinates, from the lower left.
+    /// Texture coordinates with origin at the lower left.
     TextureCoordinates { texture: u32, list: Vec<[f32; 2]> },
 }
 
@@ -90,7 +91,7 @@ pub(super) struct TextureFile {
     pub is_nearest: bool,
 }
 
-/// Elements that change the picture and are not read.
+/// Unsupported elements with an effect on the picture, and their descriptions.
 const UNREAD: [(&str, &str); 6] = [
     ("beam", "beams of lattices"),
     ("compositematerials", "composite materials"),
@@ -100,7 +101,7 @@ const UNREAD: [(&str, &str); 6] = [
     ("displacementtriangle", "displaced triangles"),
 ];
 
-/// Reads the text of a part.
+/// Parses the XML of a part.
 ///
 /// # Errors
 /// A problem with its line.
@@ -110,11 +111,11 @@ pub(super) fn parse(text: &str) -> Result<Model, Problem> {
     loop {
         let event = reader.read_event();
         let at = || format!("line {}", 1 + text[..reader.buffer_position() as usize].matches('\n').count());
-        let broken = |what: String| Problem::new(at(), what);
-        match event.map_err(|e| broken(format!("the XML is damaged: {e}")))? {
-            Event::Start(element) => parser.begin(&element).map_err(broken)?,
+        let problem = |what: String| Problem::new(at(), what);
+        match event.map_err(|e| problem(format!("the XML is damaged: {e}")))? {
+            Event::Start(element) => parser.begin(&element).map_err(problem)?,
             Event::Empty(element) => {
-                parser.begin(&element).map_err(broken)?;
+                parser.begin(&element).map_err(problem)?;
                 parser.end(element.local_name().as_ref());
             }
             Event::End(element) => parser.end(element.local_name().as_ref()),
@@ -124,7 +125,7 @@ pub(super) fn parse(text: &str) -> Result<Model, Problem> {
     }
     match parser.is_model {
         true => Ok(parser.model),
-        false => Err(Problem::new("", "holds no element 'model'")),
+        false => Err(Problem::new("", "has no element 'model'")),
     }
 }
 
@@ -132,8 +133,9 @@ pub(super) fn parse(text: &str) -> Result<Model, Problem> {
 struct Parser {
     model: Model,
     is_model: bool,
-    /// The open elements.
+    /// The open object, with its id.
     object: Option<(u32, Object)>,
+    /// The open property group, with its id.
     group: Option<(u32, Group)>,
 }
 
@@ -194,7 +196,7 @@ impl Parser {
 
     fn vertex(&mut self, element: &BytesStart) -> Result<(), String> {
         let Some((_, object)) = &mut self.object else { return Ok(()) };
-        let mut place = [None; 3];
+        let mut position = [None; 3];
         for_each(element, |key, value| {
             let axis = match key {
                 "x" => 0,
@@ -202,10 +204,10 @@ impl Parser {
                 "z" => 2,
                 _ => return Ok(()),
             };
-            place[axis] = Some(number(value)? as f32);
+            position[axis] = Some(number(value)? as f32);
             Ok(())
         })?;
-        let [Some(x), Some(y), Some(z)] = place else { return Err("a vertex lacks x, y or z".into()) };
+        let [Some(x), Some(y), Some(z)] = position else { return Err("a vertex lacks x, y or z".into()) };
         object.vertices.push([x, y, z]);
         Ok(())
     }
@@ -214,7 +216,7 @@ impl Parser {
         let Some((_, object)) = &mut self.object else { return Ok(()) };
         let (mut corners, mut indices, mut group) = ([NONE; 3], [NONE; 3], NONE);
         for_each(element, |key, value| {
-            let place = match key {
+            let target = match key {
                 "v1" => &mut corners[0],
                 "v2" => &mut corners[1],
                 "v3" => &mut corners[2],
@@ -224,12 +226,12 @@ impl Parser {
                 "pid" => &mut group,
                 _ => return Ok(()),
             };
-            *place = value.trim().parse().unwrap_or(NONE);
+            *target = value.trim().parse().unwrap_or(NONE);
             Ok(())
         })?;
         // All vertices of a mesh precede its triangles.
         if corners.iter().any(|&corner| corner as usize >= object.vertices.len()) {
-            object.broken += 1;
+            object.invalid_triangles += 1;
             return Ok(());
         }
         let [first, ..] = indices;
@@ -272,7 +274,7 @@ fn reference(element: &BytesStart) -> Result<Reference, String> {
     })
 }
 
-/// Twelve numbers, rows of a matrix that multiplies row vectors: its rows are the columns here.
+/// Twelve numbers: a row-major matrix for row vectors, hence its rows are columns here.
 fn affine(text: &str) -> Result<DAffine3, String> {
     let numbers: Vec<f64> = text.split_whitespace().map(number).collect::<Result<_, _>>()?;
     let rows = numbers.as_chunks::<3>().0;
@@ -294,7 +296,7 @@ fn unit(element: &BytesStart) -> Result<f64, String> {
     })
 }
 
-/// `#RRGGBB` or `#RRGGBBAA`, encoded as sRGB, as linear RGBA.
+/// Linear RGBA from sRGB-encoded `#RRGGBB` or `#RRGGBBAA`.
 fn color_of(text: &str) -> Option<[f32; 4]> {
     let digits = text.trim().strip_prefix('#').filter(|d| d.is_ascii() && matches!(d.len(), 6 | 8))?;
     let byte = |k: usize| match digits.get(2 * k..2 * k + 2) {
@@ -323,7 +325,7 @@ fn require(element: &BytesStart, key: &str) -> Result<String, String> {
     attribute(element, key)?.ok_or_else(missing)
 }
 
-/// An attribute by its name without prefix.
+/// An attribute by its local name.
 fn attribute(element: &BytesStart, key: &str) -> Result<Option<String>, String> {
     let mut found = None;
     for_each(element, |name, value| {
@@ -335,21 +337,22 @@ fn attribute(element: &BytesStart, key: &str) -> Result<Option<String>, String> 
     Ok(found)
 }
 
-/// Calls `each` with the names and values of all attributes.
+/// Calls `each` with the local names and values of all attributes.
 fn for_each(
     element: &BytesStart,
     mut each: impl FnMut(&str, &str) -> Result<(), String>,
 ) -> Result<(), String> {
     for attribute in element.attributes().with_checks(false) {
-        let broken = |e: String| format!("an attribute is damaged: {e}");
-        let attribute = attribute.map_err(|e| broken(e.to_string()))?;
-        let value = attribute.normalized_value(XmlVersion::Implicit1_0).map_err(|e| broken(e.to_string()))?;
+        let message = |e: String| format!("an attribute is invalid: {e}");
+        let attribute = attribute.map_err(|e| message(e.to_string()))?;
+        let value =
+            attribute.normalized_value(XmlVersion::Implicit1_0).map_err(|e| message(e.to_string()))?;
         each(attribute.key.local_name().as_ref(), &value)?;
     }
     Ok(())
 }
 
-/// The target of the first relation whose type has an end.
+/// The target of the first relationship whose type ends in `end`.
 pub(super) fn target(relations: &str, end: &str) -> Option<String> {
     let mut reader = Reader::from_str(relations);
     loop {

@@ -1,6 +1,6 @@
-//! OpenVDB files (`.vdb`), in the versions 222 to 224 that OpenVDB writes since 2013: one grid of floats, uncompressed or
-//! compressed by zlib or Blosc, as f64, f32 or f16. It becomes a dense grid over the box of its active voxels, with a margin of a voxel on each
-//! side: values fall to 0 over the distance of two voxels.
+//! OpenVDB files (`.vdb`) of versions 222 to 224, written by OpenVDB since 2013: a grid of f64, f32 or f16, uncompressed or
+//! compressed by zlib or Blosc, becomes a dense grid over the bounding box of its active voxels. A margin of one voxel on each side
+//! is optional: interpolated values then fall to 0 there.
 
 mod values;
 
@@ -12,41 +12,41 @@ use values::{Bytes, Mask, Number, Values};
 
 const MAGIC: i64 = 0x5644_4220;
 const VERSIONS: std::ops::RangeInclusive<u32> = 222..=224;
-/// Maximum number of voxels of the box: two GiB.
+/// Maximum number of voxels of the dense grid: two GiB.
 const MAX_VOXELS: u64 = 1 << 29;
 /// Rotation from z up to y up.
 const Z_UP: DAffine3 = DAffine3 {
     matrix3: DMat3 { x_axis: DVec3::X, y_axis: DVec3::NEG_Z, z_axis: DVec3::Y },
     translation: DVec3::ZERO,
 };
-/// Characters of a file's unique name.
+/// Length of the file's UUID, bytes.
 const UUID: usize = 36;
 
 /// A grid in a file.
 struct Entry {
     name: String,
-    /// The type of the tree, such as `Tree_float_5_4_3`.
+    /// Type of the tree, such as `Tree_float_5_4_3`.
     kind: String,
-    /// Name of the grid whose tree it shares; empty for none.
+    /// Name of the grid with the shared tree; empty if the tree is its own.
     instance_of: String,
+    /// Offset in the file, bytes.
     at: i64,
 }
 
-/// Reads the grid of a name, or `density`, or the only one, from a world with y or z up; the error is a message.
-///
-/// Without a margin the box ends where its active voxels do.
+/// Reads the grid with a name, or `density`, or the only one, from a file with y or z up; with or without a margin of one
+/// voxel. Errors are messages.
 pub(super) fn parse(
     bytes: &[u8],
     file: &str,
-    wanted: Option<&str>,
+    grid_name: Option<&str>,
     (is_z_up, has_margin): (bool, bool),
 ) -> Result<Grid, String> {
     let mut from = Bytes::new(bytes);
     let entries = entries(&mut from)?;
-    let entry = chosen(&entries, wanted)?;
+    let entry = chosen(&entries, grid_name)?;
     let (map, cubes) = grid(&mut from, entry)?;
-    let up = if is_z_up { Z_UP } else { DAffine3::IDENTITY };
-    dense(&(up * map), &cubes, format!("{file} ({})", entry.name), has_margin)
+    let world_from_file = if is_z_up { Z_UP } else { DAffine3::IDENTITY };
+    dense(&(world_from_file * map), &cubes, format!("{file} ({})", entry.name), has_margin)
 }
 
 /// The grids of the file.
@@ -57,11 +57,11 @@ fn entries(from: &mut Bytes) -> Result<Vec<Entry>, String> {
     let version = from.u32()?;
     if !VERSIONS.contains(&version) {
         let (first, last) = (VERSIONS.start(), VERSIONS.end());
-        return Err(format!("is of version {version}, but only {first} to {last} are read"));
+        return Err(format!("is of version {version}, but only {first} to {last} are supported"));
     }
     from.take(8)?;
     if from.u8()? == 0 {
-        return Err("has no offsets of its grids (it was streamed): write it to a file by OpenVDB".into());
+        return Err("has no grid offsets (it was streamed): save it as a file with OpenVDB".into());
     }
     from.take(UUID)?;
     metadata(from)?;
@@ -71,7 +71,7 @@ fn entries(from: &mut Bytes) -> Result<Vec<Entry>, String> {
         let name = from.text()?;
         let (kind, instance_of) = (from.text()?, from.text()?);
         let (at, _, end) = (from.i64()?, from.i64()?, from.i64()?);
-        // Grids of the same name have a number after a separator.
+        // Grids with the same name have a suffix with a number after a separator.
         let name = name.split('\u{1e}').next().unwrap_or_default().to_string();
         entries.push(Entry { name, kind, instance_of, at });
         // Entries must be in order, or a small file could refer to billions of them.
@@ -80,7 +80,7 @@ fn entries(from: &mut Bytes) -> Result<Vec<Entry>, String> {
     Ok(entries)
 }
 
-/// Names, types and bytes of a map of metadata; those of text.
+/// Reads a metadata map; returns names and values of strings.
 fn metadata(from: &mut Bytes) -> Result<Vec<(String, String)>, String> {
     let count = from.u32()?;
     let mut texts = Vec::new();
@@ -94,14 +94,16 @@ fn metadata(from: &mut Bytes) -> Result<Vec<(String, String)>, String> {
     Ok(texts)
 }
 
-fn chosen<'a>(entries: &'a [Entry], wanted: Option<&str>) -> Result<&'a Entry, String> {
+fn chosen<'a>(entries: &'a [Entry], grid_name: Option<&str>) -> Result<&'a Entry, String> {
     let named = |name: &str| entries.iter().find(|entry| entry.name == name);
     let names = || {
         let names: Vec<String> = entries.iter().map(|entry| format!("'{}'", entry.name)).collect();
         if names.is_empty() { "none".to_string() } else { names.join(", ") }
     };
-    match (wanted, entries) {
-        (Some(wanted), _) => named(wanted).ok_or_else(|| format!("has no grid '{wanted}', but {}", names())),
+    match (grid_name, entries) {
+        (Some(grid_name), _) => {
+            named(grid_name).ok_or_else(|| format!("has no grid '{grid_name}', but {}", names()))
+        }
         (None, [only]) => Ok(only),
         (None, _) => named("density")
             .ok_or_else(|| format!("has no grid 'density': 'grid_name' must be one of {}", names())),
@@ -115,17 +117,17 @@ fn grid(from: &mut Bytes, entry: &Entry) -> Result<(DAffine3, Vec<Cube>), String
         "Tree_float_5_4_3_HalfFloat" => Number::Half,
         "Tree_double_5_4_3" => Number::Double,
         kind => {
-            return Err(format!("has the grid '{}' of the kind {kind}: only floats are read", entry.name));
+            return Err(format!("has the grid '{}' of type {kind}: only floats are supported", entry.name));
         }
     };
     if !entry.instance_of.is_empty() {
         let message = format!("has the grid '{}' as an instance of '{}'", entry.name, entry.instance_of);
-        return Err(message + ", which is not read: name that one");
+        return Err(message + ", which is not supported: use that one");
     }
     from.seek(entry.at)?;
     let compression = from.u32()?;
-    let about = metadata(from)?;
-    if about.iter().any(|(key, value)| key == "class" && value == "level set") {
+    let metadata = metadata(from)?;
+    if metadata.iter().any(|(key, value)| key == "class" && value == "level set") {
         return Err(format!("has a level set in '{}', which holds distances, not densities", entry.name));
     }
     let map = read_map(from)?;
@@ -133,7 +135,7 @@ fn grid(from: &mut Bytes, entry: &Entry) -> Result<(DAffine3, Vec<Cube>), String
     Ok((map, read_tree(from, &mut values)?))
 }
 
-/// The box around cubes and a margin: its least corner, and voxels along each axis; one voxel where there are no cubes.
+/// The bounding box of the cubes with a margin: minimum corner and size in voxels; one voxel if there are no cubes.
 fn box_of(cubes: &[Cube], margin: i64) -> Result<([i64; 3], [u64; 3]), String> {
     let (mut low, mut high) = ([i64::MAX; 3], [i64::MIN; 3]);
     for cube in cubes {
@@ -157,7 +159,7 @@ fn box_of(cubes: &[Cube], margin: i64) -> Result<([i64; 3], [u64; 3]), String> {
     Ok((low, size))
 }
 
-/// Copies cubes into one dense box; the map transforms voxel centers to world space.
+/// Copies cubes into a dense grid; `map` is the transform from index space to world space.
 fn dense(map: &DAffine3, cubes: &[Cube], name: String, has_margin: bool) -> Result<Grid, String> {
     let (low, size) = box_of(cubes, i64::from(has_margin))?;
     let [along_x, along_y, _] = size.map(|n| n as usize);
@@ -179,10 +181,10 @@ fn dense(map: &DAffine3, cubes: &[Cube], name: String, has_margin: bool) -> Resu
             positive += u64::from(value > 0.0);
         }
     }
-    // Filters leave some negative values around dense voxels.
+    // Filtering may leave a few negative values.
     if negative > positive {
         return Err(format!(
-            "{name} holds more negative values than positive ones, as distances do, not densities"
+            "{name} has more negative values than positive ones: it seems to hold distances, not densities"
         ));
     }
     let corner = DVec3::from_array(low.map(|c| c as f64 - 0.5));
@@ -190,9 +192,7 @@ fn dense(map: &DAffine3, cubes: &[Cube], name: String, has_margin: bool) -> Resu
     Ok(Grid { name, size: size.map(|n| n as u32), values: Arc::new(values), world_from_voxels })
 }
 
-// The maps of OpenVDB (transforms from index space to world space).
-
-/// Reads the transform of a grid: from voxels, whose centres are at integers, to the file's world.
+/// Reads the map of a grid: the transform from index space, with voxel centres at integers, to the file's world space.
 fn read_map(from: &mut Bytes) -> Result<DAffine3, String> {
     let kind = from.text()?;
     let scaled = |scale, origin| DAffine3::from_mat3_translation(DMat3::from_diagonal(scale), origin);
@@ -209,7 +209,7 @@ fn read_map(from: &mut Bytes) -> Result<DAffine3, String> {
         }
         "TranslationMap" => DAffine3::from_translation(from.vector()?),
         "AffineMap" | "UnitaryMap" => affine(from)?,
-        _ => return Err(format!("has a transform of the kind '{kind}', which is not read")),
+        _ => return Err(format!("has a transform of the unsupported type '{kind}'")),
     };
     let volume = map.matrix3.determinant();
     match map.is_finite() && volume != 0.0 && volume.is_finite() {
@@ -218,12 +218,12 @@ fn read_map(from: &mut Bytes) -> Result<DAffine3, String> {
     }
 }
 
-/// Skips vectors: the rest of a scale's header is redundant.
+/// Skips vectors, as the rest of a scale map is redundant.
 fn skip_vectors(from: &mut Bytes, count: usize) -> Result<(), String> {
     (0..count).try_for_each(|_| from.vector().map(|_| ()))
 }
 
-/// A matrix whose rows are the images of the axes and of the origin.
+/// Reads a row-major matrix for row vectors: rows are the images of the axes and of the origin.
 fn affine(from: &mut Bytes) -> Result<DAffine3, String> {
     let mut rows = [[0.0; 4]; 4];
     for value in rows.as_flattened_mut() {
@@ -233,36 +233,38 @@ fn affine(from: &mut Bytes) -> Result<DAffine3, String> {
     Ok(DAffine3::from_mat3_translation(DMat3::from_cols(x, y, z), origin))
 }
 
-// The tree of a grid: a root with nodes of 32^3, each with nodes of 16^3, each with leaves of 8^3 voxels (the layout 5_4_3). A file
-// has the nodes first and then, in the same order, the voxels of all leaves.
+// The tree of a grid (layout 5_4_3): the root has upper nodes of 32^3 children, these have lower nodes of 16^3 children, these
+// have leaves of 8^3 voxels. A file has all nodes first and then, in the same order, the voxels of all leaves.
 
-/// Bits of a coordinate within the nodes of a level and all below it; and the level's own.
+/// Upper nodes: bits of a coordinate within the node, and bits of the child index.
 const UPPER: (u32, u32) = (12, 5);
+/// Lower nodes, likewise.
 const LOWER: (u32, u32) = (7, 4);
+/// Bits of a coordinate within a leaf.
 const LEAF: u32 = 3;
 const LEAF_VOXELS: usize = 1 << (3 * LEAF);
 
-/// Cubes of voxels along a coordinate that have one value, or the values of a leaf.
+/// An active tile, or a leaf.
 struct Cube {
-    /// Coordinates of its first voxel.
+    /// Coordinates of the first voxel.
     pub origin: [i32; 3],
-    /// Voxels along an edge.
+    /// Edge length, voxels.
     pub edge: u32,
     pub voxels: Voxels,
 }
 
 /// The values of a cube.
 enum Voxels {
-    /// One value throughout.
+    /// A constant tile.
     Same(f32),
-    /// Each voxel's, that along z fastest; 512.
+    /// The 512 voxels of a leaf, z fastest.
     Each(Vec<f32>),
 }
 
-/// Reads all cubes of a tree in which values are active.
+/// Reads the active tiles and leaves of a tree.
 fn read_tree(from: &mut Bytes, values: &mut Values) -> Result<Vec<Cube>, String> {
     if from.i32()? != 1 {
-        return Err("has a tree of several buffers, which is not read".into());
+        return Err("has a tree of several buffers, which is not supported".into());
     }
     values.background = values.single(from)?;
     let (tiles, children) = (from.u32()?, from.u32()?);
@@ -290,7 +292,7 @@ fn read_tree(from: &mut Bytes, values: &mut Values) -> Result<Vec<Cube>, String>
         let active = Mask::read(from, LEAF_VOXELS)?;
         let mut each = values.read(from, &active)?;
         for (index, value) in each.iter_mut().enumerate() {
-            // Inactive voxels are empty, whatever their stored value.
+            // Inactive voxels are empty, regardless of their stored value.
             if !active.is_on(index) {
                 *value = 0.0;
             }
@@ -309,9 +311,7 @@ fn check_origin(origin: [i32; 3], taken: &mut HashSet<[i32; 3]>) -> Result<(), S
     }
 }
 
-/// Reads a node with its tiles; the origins of its children, which follow it.
-///
-/// A file has the children of a child before its next sibling, so the upper level can't be read at once.
+/// Reads a node, adds its active tiles to `cubes`, and returns the origins of its children, which follow in depth-first order.
 fn node(
     from: &mut Bytes,
     values: &Values,
@@ -323,18 +323,22 @@ fn node(
     let active = Mask::read(from, count)?;
     let tiles = values.read(from, &active)?;
     let below = bits - own;
-    let place = |index: usize| {
+    let child_origin = |index: usize| {
         let index = index as i32;
         let within = [index >> (2 * own), index >> own, index].map(|i| i & ((1 << own) - 1));
         [0, 1, 2].map(|k| origin[k].wrapping_add(within[k] << below))
     };
     for index in active.on().filter(|&index| !children.is_on(index)) {
-        cubes.push(Cube { origin: place(index), edge: 1 << below, voxels: Voxels::Same(tiles[index]) });
+        cubes.push(Cube {
+            origin: child_origin(index),
+            edge: 1 << below,
+            voxels: Voxels::Same(tiles[index]),
+        });
     }
-    Ok(children.on().map(place).collect())
+    Ok(children.on().map(child_origin).collect())
 }
 
-/// Files that OpenVDB 12 wrote, and ones written here by its description, whole and damaged.
+/// Files written by OpenVDB 12 and by the tests, intact and damaged.
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -342,12 +346,12 @@ mod tests {
     use flate2::write::ZlibEncoder;
     use std::io::Write;
 
-    /// A grid of a world whose y points up, without a margin.
-    fn parse(bytes: &[u8], file: &str, wanted: Option<&str>) -> Result<Grid, String> {
-        super::parse(bytes, file, wanted, (false, false))
+    /// Reads a y-up grid without a margin.
+    fn parse(bytes: &[u8], file: &str, grid_name: Option<&str>) -> Result<Grid, String> {
+        super::parse(bytes, file, grid_name, (false, false))
     }
 
-    /// Two grids, packed by Blosc; the second, `density`, has 1 + i + 10 j + 100 k over 64 at the voxel (i - 2, j + 4, k + 1).
+    /// Two grids, compressed by Blosc; the second, `density`, is (1 + i + 10 j + 100 k) / 64 at the voxel (i - 2, j + 4, k + 1).
     const BLOSC: &[u8] = include_bytes!("tests/blosc.vdb");
     /// A density as half floats, and a boolean grid.
     const HALF: &[u8] = include_bytes!("tests/half.vdb");
@@ -373,7 +377,7 @@ mod tests {
 
     #[test]
     fn files_of_openvdb_are_read() {
-        assert_is_the_density(&parse(BLOSC, "smoke.vdb", None).expect("density is what is read"));
+        assert_is_the_density(&parse(BLOSC, "smoke.vdb", None).expect("the default grid"));
         assert_is_the_density(&parse(BLOSC, "smoke.vdb", Some("density")).expect("by its name"));
         assert_is_the_density(&parse(HALF, "smoke.vdb", None).expect("half floats"));
         let other = parse(BLOSC, "smoke.vdb", Some("temperature")).expect("the other grid");
@@ -381,45 +385,44 @@ mod tests {
     }
 
     #[test]
-    fn z_becomes_y() {
+    fn z_up_grids_are_rotated_to_y_up() {
         let grid = parse(BLOSC, "smoke.vdb", None).expect("a grid");
-        let up = super::parse(BLOSC, "smoke.vdb", None, (true, false)).expect("a grid that stands");
+        let up = super::parse(BLOSC, "smoke.vdb", None, (true, false)).expect("a rotated grid");
         assert_eq!((up.size, &up.values), (grid.size, &grid.values));
         for at in [[6.0, 4.0, 1.0], [9.0, 7.0, 3.0], [15.0, 9.0, 5.0]] {
-            let [flat, stands] =
+            let [z_up, y_up] =
                 [&grid, &up].map(|grid| grid.world_from_voxels.transform_point3(DVec3::from_array(at)));
-            assert!((stands - DVec3::new(flat.x, flat.z, -flat.y)).length() < 1e-12, "{stands} {flat}");
+            assert!((y_up - DVec3::new(z_up.x, z_up.z, -z_up.y)).length() < 1e-12, "{y_up} {z_up}");
         }
     }
 
     #[test]
-    fn margins_are_empty_and_move_nothing() {
+    fn margins_are_empty_and_keep_positions() {
         let grid = parse(BLOSC, "smoke.vdb", None).expect("a grid");
         let wide = super::parse(BLOSC, "smoke.vdb", None, (false, true)).expect("a wider one");
         assert_eq!(wide.size, grid.size.map(|n| n + 2));
         assert_eq!(wide.values.iter().sum::<f32>(), grid.values.iter().sum::<f32>());
         for at in [[6, 4, 1], [9, 7, 3]] {
-            let beside = at.map(|k| k + 1);
-            assert_eq!(value(&wide, beside), value(&grid, at));
-            let [a, b] = [(&grid, at), (&wide, beside)].map(|(grid, at)| {
+            let shifted = at.map(|k| k + 1);
+            assert_eq!(value(&wide, shifted), value(&grid, at));
+            let [a, b] = [(&grid, at), (&wide, shifted)].map(|(grid, at)| {
                 grid.world_from_voxels.transform_point3(DVec3::from_array(at.map(f64::from)))
             });
             assert!((a - b).length() < 1e-12, "{a} {b}");
         }
     }
 
-    /// Transforms as OpenVDB writes them: rows are the images of the axes.
     #[test]
-    fn grids_stand_as_their_maps_say() {
+    fn maps_of_all_types_are_read() {
         let map = |kind: &str, numbers: &[f64]| {
             let mut w = Writer(Vec::new());
             w.text(kind);
             w.0.extend(numbers.iter().flat_map(|x| x.to_le_bytes()));
             read_map(&mut Bytes::new(&w.0))
         };
-        let turned = [0.0, 2.0, 0.0, 0.0, -1.0, 0.0, 0.5, 0.0, 0.0, 0.0, 3.0, 0.0, 7.0, 8.0, 9.0, 1.0];
-        let turned = map("AffineMap", &turned).expect("a map");
-        assert_eq!(turned.transform_point3(DVec3::new(1.0, 10.0, 100.0)), DVec3::new(-3.0, 10.0, 314.0));
+        let matrix = [0.0, 2.0, 0.0, 0.0, -1.0, 0.0, 0.5, 0.0, 0.0, 0.0, 3.0, 0.0, 7.0, 8.0, 9.0, 1.0];
+        let affine = map("AffineMap", &matrix).expect("a map");
+        assert_eq!(affine.transform_point3(DVec3::new(1.0, 10.0, 100.0)), DVec3::new(-3.0, 10.0, 314.0));
         let moved = map("TranslationMap", &[1.0, 2.0, 3.0]).expect("a map");
         assert_eq!(moved.transform_point3(DVec3::ONE), DVec3::new(2.0, 3.0, 4.0));
         let scaled = [&[1.0, 2.0, 3.0, 0.5, -0.25, 2.0][..], &[0.0; 12]].concat();
@@ -436,7 +439,7 @@ mod tests {
         assert_eq!((grid.size, grid.values.as_slice()), ([1; 3], &[0.0][..]));
     }
 
-    /// How a file is written here.
+    /// Options of written test files.
     #[derive(Clone, Copy)]
     struct Form {
         compression: u32,
@@ -448,8 +451,9 @@ mod tests {
 
     const PLAIN: Form = Form { compression: 0, kind: "Tree_float_5_4_3", class: "fog volume", sign: 1.0 };
 
-    /// Where the first grid's entry begins in a file that is written here, and where the origin of the root's child is.
+    /// Offset of the first grid's entry in a written file, bytes.
     const ENTRY: usize = 65;
+    /// Offset of the origin of the root's child, bytes.
     const ORIGIN: usize = 320;
 
     struct Writer(Vec<u8>);
@@ -464,9 +468,9 @@ mod tests {
             self.0.extend(text.as_bytes());
         }
 
-        /// Values of a node of which those that `active` says are there.
+        /// Writes the values of a node; with the flag 2, only active ones.
         fn values(&mut self, form: Form, all: &[f32], active: &[bool]) {
-            // Inactive ones are the background.
+            // Inactive values are the background.
             self.0.push(0);
             let is_there = |i: usize| form.compression & 2 == 0 || active[i];
             let bytes: Vec<u8> =
@@ -495,7 +499,7 @@ mod tests {
         }
     }
 
-    /// A grid of one leaf at (0, 0, 0), whose voxel i is i + 1 where i is even and else inactive, beside a tile of 8^3 voxels of 5.
+    /// A grid with a leaf at (0, 0, 0), with i + 1 at even voxels i and inactive odd voxels, next to a tile of 8^3 voxels of 5.
     fn written(form: Form) -> Vec<u8> {
         let mut w = Writer(MAGIC.to_le_bytes().to_vec());
         [224, 12, 0].into_iter().for_each(|word| w.word(word));
@@ -537,7 +541,7 @@ mod tests {
     }
 
     #[test]
-    fn all_ways_to_store_values_are_read() {
+    fn all_compression_flags_are_read() {
         for compression in 0..4 {
             let grid = parse(&written(Form { compression, ..PLAIN }), "made.vdb", None).expect("a grid");
             // The tile follows the leaf along z.
@@ -552,17 +556,17 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_read_is_reported() {
+    fn unsupported_and_invalid_files_are_reported() {
         let with = |at: usize, byte: u8| {
             let mut bytes = written(PLAIN);
             bytes[at] = byte;
             bytes
         };
-        // Four billion grids, each of which leads back to itself.
+        // Four billion grid entries, each referring to itself.
         let mut endless = written(PLAIN);
         endless[ENTRY - 4..ENTRY].fill(255);
         endless[ENTRY + 51..ENTRY + 59].copy_from_slice(&(ENTRY as i64).to_le_bytes());
-        for (bytes, wanted, words) in [
+        for (bytes, grid_name, words) in [
             (b"nonsense".to_vec(), None, "is not an OpenVDB file"),
             (endless, None, "a position before itself"),
             (with(ORIGIN, 8), None, "nodes overlap"),
@@ -576,12 +580,12 @@ mod tests {
             (written(Form { class: "level set", ..PLAIN }), None, "level set"),
             (written(Form { kind: "Tree_vec3s_5_4_3", ..PLAIN }), None, "Tree_vec3s"),
         ] {
-            let message = parse(&bytes, "made.vdb", wanted).expect_err(words);
+            let message = parse(&bytes, "made.vdb", grid_name).expect_err(words);
             assert!(message.contains(words), "{message}: {words}");
         }
     }
 
-    /// Every beginning of a file, and files with bytes changed at random: an error or a grid, and nothing else.
+    /// Truncated files, and files with random changes, cause errors or valid grids.
     #[test]
     fn damaged_files_are_errors_or_grids() {
         let files =
@@ -598,10 +602,10 @@ mod tests {
             for _ in 0..3000 {
                 let mut damaged = whole.clone();
                 for _ in 0..=next() % 3 {
-                    // Nodes' masks, which any bits may be in, take most of the file: half of the changes are at its ends.
-                    let place = next();
+                    // Half of the changes are in the first 700 bytes, as most of the rest are masks, where any bits are valid.
+                    let random = next();
                     let at =
-                        if next() % 2 == 0 { place % 700 } else { whole.len() - 1 - place % whole.len() };
+                        if next() % 2 == 0 { random % 700 } else { whole.len() - 1 - random % whole.len() };
                     damaged[at] = next() as u8;
                 }
                 if let Ok(grid) = parse(&damaged, "damaged.vdb", Some("density")) {

@@ -1,7 +1,7 @@
-//! The values of a node: only those that are active where the file leaves out the others, compressed by zlib or Blosc.
+//! The values of a node: all, or only the active ones; uncompressed, or compressed by zlib or Blosc.
 //!
-//! Buffers of the library Blosc (format 1 and 2), in which OpenVDB stores values: blocks of bytes that are sorted by their position in a
-//! number (byte shuffle), split by that position, and compressed with LZ4.
+//! Blosc buffers (formats 1 and 2) consist of blocks that are byte-shuffled, split into one stream for each byte of a number, and
+//! compressed with LZ4.
 
 use crate::math::DVec3;
 use flate2::read::ZlibDecoder;
@@ -29,20 +29,24 @@ pub(super) struct Values {
     pub background: f64,
 }
 
-/// The inactive values of a node, which it may omit.
+/// Encodings of the inactive values of a node; 0: all are the background.
 mod inactive {
-    /// All have the background value; or its negative.
+    /// All are the negative background.
     pub const MINUS_BACKGROUND: u8 = 1;
+    /// All are one stored value.
     pub const ONE: u8 = 2;
+    /// A mask selects the background or its negative.
     pub const MASKED_SIGNS: u8 = 3;
+    /// A mask selects the background or one stored value.
     pub const MASKED_ONE: u8 = 4;
+    /// A mask selects one of two stored values.
     pub const MASKED_TWO: u8 = 5;
-    /// None is omitted.
+    /// All values are stored.
     pub const ALL: u8 = 6;
 }
 
 impl Values {
-    /// One number in full width.
+    /// One number; f16 grids store it as f32.
     pub fn single(&self, from: &mut Bytes) -> Result<f64, String> {
         match self.number {
             Number::Double => from.f64(),
@@ -54,17 +58,17 @@ impl Values {
     pub fn read(&self, from: &mut Bytes, active: &Mask) -> Result<Vec<f32>, String> {
         let kind = from.u8()?;
         if kind > inactive::ALL {
-            return Err(format!("has values of the unknown kind {kind}"));
+            return Err(format!("has values of the unknown encoding {kind}"));
         }
-        let mut others = [self.background, self.background];
+        let mut inactive_values = [self.background, self.background];
         if kind == inactive::MINUS_BACKGROUND || kind == inactive::MASKED_SIGNS {
-            others[0] = -self.background;
+            inactive_values[0] = -self.background;
         }
         if [inactive::ONE, inactive::MASKED_ONE, inactive::MASKED_TWO].contains(&kind) {
-            others[0] = self.single(from)?;
+            inactive_values[0] = self.single(from)?;
         }
         if kind == inactive::MASKED_TWO {
-            others[1] = self.single(from)?;
+            inactive_values[1] = self.single(from)?;
         }
         let is_masked = [inactive::MASKED_SIGNS, inactive::MASKED_ONE, inactive::MASKED_TWO].contains(&kind);
         let selection = if is_masked { Some(Mask::read(from, active.len())?) } else { None };
@@ -78,13 +82,13 @@ impl Values {
             true => stored.next().unwrap_or(0.0),
             false => {
                 let is_second = selection.as_ref().is_some_and(|mask| mask.is_on(index));
-                others[usize::from(is_second)] as f32
+                inactive_values[usize::from(is_second)] as f32
             }
         };
         Ok((0..active.len()).map(value).collect())
     }
 
-    /// Compressed numbers.
+    /// Decompresses `count` numbers.
     fn numbers(&self, from: &mut Bytes, count: usize) -> Result<Vec<f32>, String> {
         let width = match self.number {
             Number::Half => 2,
@@ -105,35 +109,33 @@ impl Values {
         })
     }
 
-    fn unpacked(&self, from: &mut Bytes, wanted: usize) -> Result<Vec<u8>, String> {
+    fn unpacked(&self, from: &mut Bytes, size: usize) -> Result<Vec<u8>, String> {
         if self.compression & (BLOSC | ZIP) == 0 {
-            return Ok(from.take(wanted)?.to_vec());
+            return Ok(from.take(size)?.to_vec());
         }
         // Incompressible data is stored raw, after its negated length.
         let length = from.i64()?;
         if length <= 0 {
             let stored = from.take(usize::try_from(-(length as i128)).unwrap_or(usize::MAX))?;
-            return match stored.len() == wanted {
+            return match stored.len() == size {
                 true => Ok(stored.to_vec()),
-                false => Err(format!("holds {} bytes where {wanted} should be", stored.len())),
+                false => Err(format!("holds {} bytes instead of {size}", stored.len())),
             };
         }
         let packed = from.take(usize::try_from(length).unwrap_or(usize::MAX))?;
         if self.compression & BLOSC != 0 {
-            return unpack(packed, wanted);
+            return unpack(packed, size);
         }
-        let mut bytes = Vec::with_capacity(wanted);
-        let unpacked = ZlibDecoder::new(packed).take(wanted as u64 + 1).read_to_end(&mut bytes);
+        let mut bytes = Vec::with_capacity(size);
+        let unpacked = ZlibDecoder::new(packed).take(size as u64 + 1).read_to_end(&mut bytes);
         match unpacked {
-            Ok(length) if length == wanted => Ok(bytes),
-            _ => Err("holds values that zlib can't inflate".into()),
+            Ok(length) if length == size => Ok(bytes),
+            _ => Err("has invalid zlib data".into()),
         }
     }
 }
 
-// Numbers from a file in memory, one after another.
-
-/// The unread bytes. Every read is bounds-checked; errors are messages.
+/// A reader of little-endian data in memory. Every read is bounds-checked; errors are messages.
 pub(super) struct Bytes<'a> {
     all: &'a [u8],
     at: usize,
@@ -144,7 +146,7 @@ impl<'a> Bytes<'a> {
         Bytes { all, at: 0 }
     }
 
-    /// Skips to an offset from the beginning that does not lie before what has been read.
+    /// Skips forward to an offset from the start.
     pub fn skip_to(&mut self, to: i64) -> Result<(), String> {
         if usize::try_from(to).is_ok_and(|to| to < self.at) {
             return Err("has an entry that refers to a position before itself".into());
@@ -152,10 +154,10 @@ impl<'a> Bytes<'a> {
         self.seek(to)
     }
 
-    /// Goes on at an offset from the beginning.
+    /// Moves to an offset from the start.
     pub fn seek(&mut self, to: i64) -> Result<(), String> {
         let to = usize::try_from(to).ok().filter(|&to| to <= self.all.len());
-        self.at = to.ok_or("names a place beyond its end")?;
+        self.at = to.ok_or("has an offset beyond its end")?;
         Ok(())
     }
 
@@ -203,14 +205,14 @@ impl<'a> Bytes<'a> {
         Ok([self.i32()?, self.i32()?, self.i32()?])
     }
 
-    /// A length and as many bytes of text.
+    /// A length-prefixed string.
     pub fn text(&mut self) -> Result<String, String> {
         let length = self.u32()? as usize;
         Ok(String::from_utf8_lossy(self.take(length)?).into_owned())
     }
 }
 
-/// Bits, the lowest of each byte first.
+/// A bit mask, lowest bit of each byte first.
 pub(super) struct Mask<'a>(&'a [u8]);
 
 impl<'a> Mask<'a> {
@@ -231,31 +233,31 @@ impl<'a> Mask<'a> {
         8 * self.0.len()
     }
 
-    /// The bits that are on.
+    /// Indices of the bits that are on.
     pub fn on(&self) -> impl Iterator<Item = usize> + '_ {
         (0..self.len()).filter(|&index| self.is_on(index))
     }
 }
 
-/// Bytes of a buffer's header.
+/// Size of a Blosc header, bytes.
 const HEADER: usize = 16;
 const SHUFFLED: u8 = 1;
 const STORED: u8 = 2;
 const BITS_SHUFFLED: u8 = 4;
 const UNSPLIT: u8 = 0x10;
-/// Only blocks of numbers up to this size are split, bytes,
+/// Maximum size of numbers in split blocks, bytes.
 const WIDEST_SPLIT: usize = 16;
-/// and only if they hold this many numbers.
+/// Minimum count of numbers in split blocks.
 const SHORTEST_SPLIT: usize = 128;
 
-/// Unpacks a buffer that holds `wanted` bytes; the error is a message.
-pub(super) fn unpack(packed: &[u8], wanted: usize) -> Result<Vec<u8>, String> {
+/// Decompresses a Blosc buffer to `size` bytes; errors are messages.
+pub(super) fn unpack(packed: &[u8], size: usize) -> Result<Vec<u8>, String> {
     if packed.len() < HEADER {
         return Err(DAMAGED.into());
     }
     let (flags, width) = (packed[2], usize::from(packed[3]).max(1));
     let [length, block] = [4, 8].map(|at| word(packed, at).unwrap_or(0) as usize);
-    if length != wanted || block == 0 {
+    if length != size || block == 0 {
         return Err(DAMAGED.into());
     }
     if flags & STORED != 0 {
@@ -295,7 +297,7 @@ fn word(packed: &[u8], at: usize) -> Option<u32> {
     Some(u32::from_le_bytes(bytes.try_into().ok()?))
 }
 
-/// A block of `pieces`, each after its length.
+/// Decompresses a block of `pieces` length-prefixed streams.
 fn unpack_block(packed: &[u8], mut at: usize, size: usize, pieces: usize) -> Result<Vec<u8>, String> {
     let piece = size / pieces;
     let mut bytes = Vec::with_capacity(size);
@@ -303,18 +305,18 @@ fn unpack_block(packed: &[u8], mut at: usize, size: usize, pieces: usize) -> Res
         let length = word(packed, at).ok_or(DAMAGED)? as usize;
         let end = (at + 4).checked_add(length).ok_or(DAMAGED)?;
         let source = packed.get(at + 4..end).ok_or(DAMAGED)?;
-        let wanted = bytes.len() + piece;
+        let target = bytes.len() + piece;
         match length == piece {
             true => bytes.extend_from_slice(source),
-            false => unpack_lz4(source, wanted, &mut bytes).ok_or(DAMAGED)?,
+            false => unpack_lz4(source, target, &mut bytes).ok_or(DAMAGED)?,
         }
         at = end;
     }
     Ok(bytes)
 }
 
-/// Appends a block of LZ4 (its "block format") until there are `wanted` bytes. Matches must not reach before its start.
-fn unpack_lz4(mut source: &[u8], wanted: usize, out: &mut Vec<u8>) -> Option<()> {
+/// Appends a decompressed LZ4 block ("LZ4 Block Format Description") until `out` has `target` bytes; `None` if it is invalid.
+fn unpack_lz4(mut source: &[u8], target: usize, out: &mut Vec<u8>) -> Option<()> {
     let first = out.len();
     let byte = |source: &mut &[u8]| {
         let (&first, rest) = source.split_first()?;
@@ -337,20 +339,20 @@ fn unpack_lz4(mut source: &[u8], wanted: usize, out: &mut Vec<u8>) -> Option<()>
             Some(length)
         };
         let literals = length(token >> 4, &mut source)?;
-        if literals > source.len() || out.len() + literals > wanted {
+        if literals > source.len() || out.len() + literals > target {
             return None;
         }
         let (now, rest) = source.split_at(literals);
         out.extend_from_slice(now);
         source = rest;
         if source.is_empty() {
-            return (out.len() == wanted).then_some(());
+            return (out.len() == target).then_some(());
         }
         let (low, rest) = source.split_first_chunk::<2>()?;
         source = rest;
         let back = usize::from(u16::from_le_bytes(*low));
         let count = length(token & 15, &mut source)? + 4;
-        if back == 0 || back > out.len() - first || out.len() + count > wanted {
+        if back == 0 || back > out.len() - first || out.len() + count > target {
             return None;
         }
         for _ in 0..count {
@@ -359,7 +361,7 @@ fn unpack_lz4(mut source: &[u8], wanted: usize, out: &mut Vec<u8>) -> Option<()>
     }
 }
 
-/// Reverses the byte shuffle. Trailing bytes that make no whole number are copied.
+/// Reverses the byte shuffle. Trailing bytes beyond the last whole number are copied.
 fn unshuffle(bytes: &[u8], width: usize, out: &mut Vec<u8>) {
     let count = bytes.len() / width;
     for i in 0..count {
@@ -373,8 +375,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lz4_blocks_are_unpacked() {
-        // Three literals, a match of seven that overlaps itself, and two literals.
+    fn lz4_blocks_are_decompressed() {
+        // Three literals, an overlapping match of seven, and two literals.
         let packed = [0x33, b'a', b'b', b'c', 3, 0, 0x20, b'x', b'y'];
         let mut out = Vec::new();
         unpack_lz4(&packed, 12, &mut out).expect("a block");
@@ -393,19 +395,19 @@ mod tests {
     }
 
     #[test]
-    fn numbers_are_put_together() {
+    fn the_byte_shuffle_is_reversed() {
         let mut out = Vec::new();
         unshuffle(&[1, 2, 3, 11, 12, 13, 9], 2, &mut out);
         assert_eq!(out, [1, 11, 2, 12, 3, 13, 9]);
     }
 
     #[test]
-    fn stored_buffers_are_copied_and_others_named() {
+    fn stored_buffers_are_copied_and_unsupported_codecs_reported() {
         let header = |flags: u8| [2, 1, flags, 4, 4, 0, 0, 0, 4, 0, 0, 0, 20, 0, 0, 0];
         let stored = [&header(STORED)[..], &[1, 2, 3, 4]].concat();
         assert_eq!(unpack(&stored, 4).expect("stored"), [1, 2, 3, 4]);
         assert!(unpack(&stored, 5).is_err() && unpack(&stored[..19], 4).is_err());
         let other = [&header(4 << 5)[..], &[0; 8]].concat();
-        assert!(unpack(&other, 4).expect_err("another codec").contains("Zstandard"));
+        assert!(unpack(&other, 4).expect_err("an unsupported codec").contains("Zstandard"));
     }
 }

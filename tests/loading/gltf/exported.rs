@@ -152,6 +152,6 @@ fn misspelt_names_of_a_model_are_reported() {
     fails("[materials.Marble]\nbase_color = 0.5\n", "material 'Marble' needs 'type'");
     fails("[materials.Wood]\nbase_colour = 1\n", "material 'Wood' has no key 'base_colour'");
     let warned = load(&room(BLENDER, 255), Some("[materials.Wod]\ntype = \"lambert\"\n")).warnings;
-    let words = "the model has no material 'Wod' and no object asks for it (did you mean 'Wood'?)";
+    let words = "the model has no material 'Wod' and no object uses it (did you mean 'Wood'?)";
     assert!(warned.iter().any(|w| w.message == words), "{warned:?}");
 }

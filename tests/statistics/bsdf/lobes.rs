@@ -8,7 +8,7 @@ use oscura::color::Rgb;
 use oscura::math::{Vec2, Vec3};
 use oscura::scene::{
     Anisotropy, Clearcoat, ColorSlot, DiffuseTransmission, EnergyCompensation, FloatSlot, GlassReflection,
-    Iridescence, Model, PbrMaterial, Sheen,
+    Iridescence, Model, PbrMaterial, Sheen, SubsurfaceEntry,
 };
 use std::cell::Cell;
 
@@ -146,7 +146,16 @@ pub fn anisotropy(strength: f32) -> Option<Anisotropy> {
 
 /// Light scattered through.
 pub fn through(factor: f32, color: [f32; 3]) -> Option<DiffuseTransmission> {
-    Some(DiffuseTransmission { factor: number(factor), color: ColorSlot::constant(color) })
+    let color = ColorSlot::constant(color);
+    Some(DiffuseTransmission { factor: number(factor), color, subsurface: None })
+}
+
+/// A body with subsurface scattering whose surface has roughness 0.4.
+fn body(entry: SubsurfaceEntry) -> PbrMaterial {
+    pbr(|p| {
+        let through = through(1.0, [1.0; 3]).map(|t| DiffuseTransmission { subsurface: Some(entry), ..t });
+        (p.roughness, p.diffuse_transmission, p.has_volume) = (number(0.4), through, true);
+    })
 }
 
 /// The same coat with a normal of its own.
@@ -284,6 +293,8 @@ pub fn layers() -> Vec<(&'static str, PbrMaterial)> {
             }),
         ),
         ("leaf", pbr(|p| p.diffuse_transmission = through(0.6, [0.2, 0.8, 0.1]))),
+        ("refracting body", body(SubsurfaceEntry::Refraction { ior: 1.5 })),
+        ("skin", body(SubsurfaceEntry::Skin { ior: 1.4 })),
         (
             "anisotropic glass",
             pbr(|p| {

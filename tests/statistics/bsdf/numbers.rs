@@ -6,7 +6,7 @@ use oscura::math::{Vec2, Vec3};
 use oscura::sampling::chi2::Random;
 use oscura::scene::{
     Anisotropy, Clearcoat, ColorSlot, DiffuseTransmission, EnergyCompensation, FloatSlot, FresnelModel,
-    Iridescence, Model, PbrMaterial, Sheen,
+    Iridescence, Model, PbrMaterial, Sheen, SubsurfaceEntry,
 };
 
 /// In 0..1, often an end or just beside it, sometimes a denormal.
@@ -70,7 +70,10 @@ fn pbr(random: &mut Random) -> PbrMaterial {
         });
     }
     if has(random) {
-        p.diffuse_transmission = Some(DiffuseTransmission { factor: slot(random), color: color(random) });
+        let subsurface =
+            has(random).then(|| SubsurfaceEntry::Refraction { ior: ior(random).clamp(1.01, 3.8) });
+        p.diffuse_transmission =
+            Some(DiffuseTransmission { factor: slot(random), color: color(random), subsurface });
     }
     p
 }

@@ -1,7 +1,7 @@
-//! Blender's shader nodes as materials: the closures of Cycles 5.0 by the models that scatter as they do.
+//! Converts Blender's shader nodes to materials: closures of Cycles 5.0 to the equivalent BSDF models.
 //!
-//! Diffuse reflection of a half space by the dipole of Jensen, Marschner, Levoy, Hanrahan 2001, "A Practical Model for Subsurface
-//! Light Transport": what the radius of Blender's Random Walk (Skin) means.
+//! The radius of Blender's Random Walk (Skin) is converted by the diffuse reflectance of a half space in the dipole model of Jensen,
+//! Marschner, Levoy, Hanrahan 2001, "A Practical Model for Subsurface Light Transport".
 
 use super::Lowering;
 use super::Shader;
@@ -16,21 +16,21 @@ use std::f32::consts::PI;
 const NONE: FloatSlot = FloatSlot::constant(0.0);
 const WHITE: [f32; 3] = [1.0; 3];
 
-/// Opaque bases of lower indices reflect all light, but up to 4 % of what arrives evenly from all sides: a surface's index of 0 is no
-/// mistake in Cycles.
+/// Opaque bases of a lower index of refraction are total reflectors: they reflect at least 96 % of uniform illumination. An index of
+/// 0 is valid in Cycles.
 const TOTAL_REFLECTION: f32 = 0.2;
 
-/// Glass of a smaller index of refraction has this one: beyond a grazing angle of a thousandth, all is reflected.
+/// Minimum index of refraction of glass: it transmits only within a thousandth of a radian of the normal.
 const MIN_GLASS_IOR: f32 = 1e-3;
 
-/// Subsurface scattering of less weight counts as diffuse reflection.
+/// Subsurface scattering with a smaller weight becomes diffuse reflection.
 const MIN_SUBSURFACE: f32 = 0.5;
 
-/// Mean length of light's way through a coat over its thickness.
-const COAT_WAY: f32 = 1.1;
+/// Mean path length of light through a coat, relative to its thickness.
+const COAT_PATH: f32 = 1.1;
 
-/// A material without any lobe.
-fn bare() -> PbrMaterial {
+/// A material without any lobes.
+fn without_lobes() -> PbrMaterial {
     PbrMaterial {
         base_color: ColorSlot::constant([0.0; 3]),
         metallic: NONE,
@@ -43,7 +43,7 @@ fn is_black(slot: &ColorSlot) -> bool {
     slot.texture.is_none() && slot.factor.iter().all(|c| *c <= 0.0)
 }
 
-/// The index of refraction of which the reflectance at normal incidence is `factor` times that of `ior`.
+/// The index of refraction with `factor` times the reflectance at normal incidence of `ior`.
 fn scaled_ior(ior: f32, factor: f32) -> f32 {
     let root = (ior - 1.0) / (ior + 1.0);
     let root = (root * root * factor).clamp(0.0, 0.99).sqrt();
@@ -51,7 +51,7 @@ fn scaled_ior(ior: f32, factor: f32) -> f32 {
 }
 
 impl Lowering<'_, '_, '_> {
-    /// Adds the closures of a shader that isn't made of others.
+    /// Adds the closures of a shader other than mix and add.
     pub(super) fn add_closure(&mut self, index: usize, weight: NodeInput) {
         let model = match self.shaders[index].shader {
             Shader::Principled => return self.principled(index, weight),
@@ -77,14 +77,17 @@ impl Lowering<'_, '_, '_> {
                 let color = self.color_slot(color);
                 let through =
                     DiffuseTransmission { factor: FloatSlot::constant(1.0), color, subsurface: None };
-                Model::Pbr(Box::new(PbrMaterial { diffuse_transmission: Some(through), ..bare() }))
+                Model::Pbr(Box::new(PbrMaterial { diffuse_transmission: Some(through), ..without_lobes() }))
             }
             Shader::Sheen => {
                 let color = self.color(index, "color", [0.8; 3]);
                 let color = self.color_slot(color);
                 let roughness = self.number(index, "roughness", 0.5);
                 let roughness = self.float_slot(roughness);
-                Model::Pbr(Box::new(PbrMaterial { sheen: Some(Sheen { color, roughness }), ..bare() }))
+                Model::Pbr(Box::new(PbrMaterial {
+                    sheen: Some(Sheen { color, roughness }),
+                    ..without_lobes()
+                }))
             }
             Shader::Velvet => {
                 let (color, deviation) =
@@ -135,19 +138,19 @@ impl Lowering<'_, '_, '_> {
         }
     }
 
-    /// Colour and angles of a toon shader.
+    /// Colour, size and smoothness of a toon shader.
     fn toon(&mut self, index: usize) -> (ColorSlot, FloatSlot, FloatSlot) {
         let color = self.color(index, "color", [0.8; 3]);
         let (size, smooth) = (self.number(index, "size", 0.5), self.number(index, "smooth", 0.0));
         (self.color_slot(color), self.float_slot(size), self.float_slot(smooth))
     }
 
-    /// A layer of total reflection that has its colour at all angles.
+    /// A reflection lobe with constant reflectance over all angles.
     fn glossy(&mut self, index: usize) -> Model {
         let color = self.color(index, "color", [0.8; 3]);
         let color = self.color_slot(color);
-        let is_even = self.number(index, "anisotropy", 0.0) == NodeInput::Value([0.0; 3]);
-        if is_even && self.constant(index, "beckmann", 0.0) > 0.0 {
+        let is_isotropic = self.number(index, "anisotropy", 0.0) == NodeInput::Value([0.0; 3]);
+        if is_isotropic && self.constant(index, "beckmann", 0.0) > 0.0 {
             let roughness = self.number(index, "roughness", 0.2);
             return Model::Beckmann { color, roughness: self.float_slot(roughness) };
         }
@@ -157,7 +160,7 @@ impl Lowering<'_, '_, '_> {
             specular_color: color,
             reflects_evenly: true,
             energy_compensation: self.energy_compensation(index),
-            ..bare()
+            ..without_lobes()
         };
         self.set_roughness(index, &mut pbr, "anisotropy", "rotation");
         Model::Pbr(Box::new(pbr))
@@ -168,40 +171,39 @@ impl Lowering<'_, '_, '_> {
         let tint = self.constant_color(index, "edge_tint", [0.695, 0.726, 0.770]);
         let mut pbr = PbrMaterial {
             metallic: FloatSlot::constant(1.0),
-            base_color: self.edged(color, tint, 1.0),
+            base_color: self.f82_color(color, tint, 1.0),
             energy_compensation: self.energy_compensation(index),
-            ..bare()
+            ..without_lobes()
         };
         self.set_roughness(index, &mut pbr, "anisotropy", "rotation");
         Model::Pbr(Box::new(pbr))
     }
 
-    /// The colour by Schlick of a metal that reflects as much on the whole as one that has a tint at 82 degrees (F82, Kutz et
-    /// al. 2021).
-    fn edged(&mut self, color: NodeInput, tint: [f32; 3], metallic: f32) -> ColorSlot {
+    /// Schlick base colour of a metal with the same directional-hemispherical albedo as the F82-tint model (Kutz et al. 2021).
+    fn f82_color(&mut self, color: NodeInput, tint: [f32; 3], metallic: f32) -> ColorSlot {
         let NodeInput::Value(base) = color else { return self.color_slot(color) };
         let cosine: f32 = 1.0 / 7.0;
         let edged = [0, 1, 2].map(|c| {
-            let at_edge = base[c] + (1.0 - base[c]) * (1.0 - cosine).powi(5);
-            let lost = at_edge * (1.0 - tint[c]) / (cosine * (1.0 - cosine).powi(6));
-            // The mean of cosine (1 - cosine)^6 is 1 / 126, that of Schlick's term base + (1 - base) / 21.
-            let by_schlick = base[c] - lost / 126.0 * 21.0 / 20.0;
-            (base[c] + metallic * (by_schlick - base[c])).max(0.0)
+            let schlick_f82 = base[c] + (1.0 - base[c]) * (1.0 - cosine).powi(5);
+            let factor = schlick_f82 * (1.0 - tint[c]) / (cosine * (1.0 - cosine).powi(6));
+            // The cosine-weighted mean of cosine (1 - cosine)^6 is 1 / 126, that of Schlick's term base + (1 - base) / 21.
+            let schlick_base = base[c] - factor / 126.0 * 21.0 / 20.0;
+            (base[c] + metallic * (schlick_base - base[c])).max(0.0)
         });
         ColorSlot::constant(edged)
     }
 
-    /// Light that one facet mirrors into others; `None` leaves it to the picture's setting.
+    /// Multiple scattering between microfacets; `None`: the render setting `microfacet`.
     fn energy_compensation(&mut self, index: usize) -> Option<EnergyCompensation> {
         match self.constant(index, "multiscatter", -1.0) {
-            unsaid if unsaid < 0.0 => None,
+            unset if unset < 0.0 => None,
             0.0 => Some(EnergyCompensation::Off),
             _ => Some(EnergyCompensation::On),
         }
     }
 
-    /// Roughness with its anisotropy: in Blender the alphas are those of the roughness over and times the root of
-    /// 1 - 0.9 anisotropy; in glTF the one across is that of the roughness.
+    /// Roughness and anisotropy. Blender's alphas along and across are roughness^2 / aspect and roughness^2 * aspect with
+    /// aspect = sqrt(1 - 0.9 anisotropy); glTF's alpha across is roughness^2.
     fn set_roughness(&mut self, index: usize, pbr: &mut PbrMaterial, anisotropy: &str, rotation: &str) {
         let default = if anisotropy == "anisotropic" { 0.5 } else { 0.2 };
         let roughness = self.number(index, "roughness", default);
@@ -212,7 +214,7 @@ impl Lowering<'_, '_, '_> {
         }
         let rotation = self.constant(index, rotation, 0.0);
         let NodeInput::Value([roughness, ..]) = roughness else {
-            return self.warn("anisotropy needs a roughness that doesn't vary: it is left out".to_string());
+            return self.warn("anisotropy needs a constant roughness: it is left out".to_string());
         };
         let aspect = (1.0 - 0.9 * anisotropic.abs().min(1.0)).sqrt();
         let (along, across) = (roughness * roughness / aspect, roughness * roughness * aspect);
@@ -239,13 +241,11 @@ impl Lowering<'_, '_, '_> {
         }))
     }
 
-    /// A dielectric interface as in Cycles: refracted light keeps its radiance, and what bounds no solid is a sheet that
-    /// bends light.
+    /// A dielectric interface as in Cycles: refraction doesn't scale radiance, and surfaces that bound no solid refract, too.
     fn interface(&self) -> PbrMaterial {
-        PbrMaterial { has_volume: self.is_solid, keeps_radiance: true, ..bare() }
+        PbrMaterial { has_volume: self.is_solid, keeps_radiance: true, ..without_lobes() }
     }
 
-    /// Light passes straight on.
     fn transparent(&mut self, index: usize, weight: NodeInput) {
         let color = self.color(index, "color", WHITE);
         self.only_mixes &= color == NodeInput::Value(WHITE);
@@ -255,7 +255,7 @@ impl Lowering<'_, '_, '_> {
 
     fn subsurface(&mut self, index: usize, weight: NodeInput) {
         let color = self.color(index, "color", [0.8; 3]);
-        let (color, paint) = self.painted(index, color, "body");
+        let (color, paint) = self.albedo_and_paint(index, color, "body");
         let scale = self.constant(index, "scale", 0.05);
         let radius = self.constant_color(index, "radius", [1.0, 0.2, 0.1]);
         let anisotropy = self.constant(index, "anisotropy", 0.0);
@@ -263,15 +263,15 @@ impl Lowering<'_, '_, '_> {
         let paths = mean_free_paths(radius.map(|r| r * scale), color, skin_ior);
         let entry = Self::subsurface_entry(skin_ior, self.constant(index, "ior", 1.4));
         let mut material = Material::new(self.material, Model::Black);
-        let mut pbr = bare();
+        let mut pbr = without_lobes();
         let roughness = self.number(index, "roughness", 1.0);
         pbr.roughness = self.float_slot(roughness);
-        scatter_within(&mut material, pbr, entry, (color, paint), paths, anisotropy);
+        set_subsurface(&mut material, pbr, entry, (color, paint), paths, anisotropy);
         self.add_component(index, weight, material);
     }
 
-    /// How light enters a body: refracted by Random Walk, half of it diffusely by Random Walk (Skin), which has an index of
-    /// refraction of its own, and diffusely where the index is 0 (Christensen-Burley).
+    /// How light enters a body: refracted (Random Walk); half of it diffusely, with an index of refraction of its own (Random
+    /// Walk (Skin)); or diffusely where the index is 0 (Christensen-Burley).
     fn subsurface_entry(skin_ior: f32, ior: f32) -> SubsurfaceEntry {
         let clamped = |ior: f32| ior.clamp(MIN_BODY_IOR, MAX_BODY_IOR);
         match skin_ior > 0.0 {
@@ -281,22 +281,22 @@ impl Lowering<'_, '_, '_> {
         }
     }
 
-    /// The albedo of a body whose surface has a colour, and the colour of its paint. Light crosses the paint on its way in and on its
-    /// way out: paint of a colour that varies is the root of the colour over that of the body.
-    fn painted(&mut self, index: usize, color: NodeInput, key: &str) -> ([f32; 3], ColorSlot) {
+    /// Splits a subsurface colour into the constant albedo of the body and the tint of a coat of paint. Light crosses the paint
+    /// on entry and exit: the tint is the square root of colour over albedo. The key `key` is the body's albedo.
+    fn albedo_and_paint(&mut self, index: usize, color: NodeInput, key: &str) -> ([f32; 3], ColorSlot) {
         if let NodeInput::Value(color) = color {
             return (color, ColorSlot::constant(WHITE));
         }
         if self.color(index, key, WHITE) == NodeInput::Value(WHITE) {
-            self.warn(format!("subsurface scattering of a colour that varies is that of a white body: '{key}' says its colour"));
+            self.warn(format!("subsurface scattering with a textured colour is that of a white body: '{key}' sets its colour"));
         }
         let body = self.constant_color(index, key, WHITE).map(|c| c.clamp(1e-3, 1.0));
-        let over = self.product(color, NodeInput::Value(body.map(|c| 1.0 / c)));
-        let over = self.push(NodeKind::SeparateXyz {}, &[over]);
-        let NodeInput::Link { node, .. } = over else { return (body, ColorSlot::constant(WHITE)) };
+        let ratio = self.product(color, NodeInput::Value(body.map(|c| 1.0 / c)));
+        let ratio = self.push(NodeKind::SeparateXyz {}, &[ratio]);
+        let NodeInput::Link { node, .. } = ratio else { return (body, ColorSlot::constant(WHITE)) };
         let roots = [0, 1, 2].map(|output| {
-            let share = self.clamped(NodeInput::Link { node, output });
-            self.push(NodeKind::Math { operation: MathOperation::Sqrt, use_clamp: false }, &[share])
+            let channel = self.clamped(NodeInput::Link { node, output });
+            self.push(NodeKind::Math { operation: MathOperation::Sqrt, use_clamp: false }, &[channel])
         });
         let paint = self.push(NodeKind::CombineXyz {}, &roots);
         (body, self.color_slot(paint))
@@ -305,9 +305,9 @@ impl Lowering<'_, '_, '_> {
     fn principled(&mut self, index: usize, weight: NodeInput) {
         let alpha = self.number(index, "alpha", 1.0);
         let alpha = self.clamped(alpha);
-        let passes = self.complement(alpha);
-        let passes = self.product(weight, passes);
-        self.add_transparency(passes, NodeInput::Value(WHITE));
+        let transparency = self.complement(alpha);
+        let transparency = self.product(weight, transparency);
+        self.add_transparency(transparency, NodeInput::Value(WHITE));
         let weight = self.product(weight, alpha);
         let (mut pbr, coat_tint) = self.principled_lobes(index);
         self.principled_emission(index, weight, coat_tint);
@@ -324,12 +324,12 @@ impl Lowering<'_, '_, '_> {
                     None => NodeInput::Value(pbr.base_color.factor),
                     Some(_) => self.color(index, "base_color", [0.8; 3]),
                 };
-                let painted = self.painted(index, color, "subsurface_body");
+                let painted = self.albedo_and_paint(index, color, "subsurface_body");
                 pbr.base_color = ColorSlot::constant([0.0; 3]);
                 let paths = mean_free_paths(radius.map(|r| r * scale), painted.0, skin_ior);
                 let ior = self.constant(index, "ior", 1.5);
                 let entry = Self::subsurface_entry(skin_ior, self.constant(index, "subsurface_ior", ior));
-                scatter_within(&mut material, pbr, entry, painted, paths, anisotropy);
+                set_subsurface(&mut material, pbr, entry, painted, paths, anisotropy);
                 return self.add_component(index, weight, material);
             }
         }
@@ -341,7 +341,7 @@ impl Lowering<'_, '_, '_> {
         self.add_component(index, weight, material);
     }
 
-    /// The lobes of the Principled shader, and the tint of what lies under its coat.
+    /// The lobes of the Principled shader, and the coat's tint of the lobes and emission below it.
     fn principled_lobes(&mut self, index: usize) -> (PbrMaterial, [f32; 3]) {
         let mut pbr = self.interface();
         let base = self.color(index, "base_color", [0.8; 3]);
@@ -363,14 +363,14 @@ impl Lowering<'_, '_, '_> {
             pbr.specular_color = self.color_slot(tint);
         } else if tint != NodeInput::Value(WHITE) {
             let tint = self.constant_color(index, "specular_tint", WHITE);
-            pbr.base_color = self.edged(base, tint, pbr.metallic.factor);
+            pbr.base_color = self.f82_color(base, tint, pbr.metallic.factor);
         }
         let coat_tint = self.principled_layers(index, &mut pbr);
         pbr.base_color.factor = [0, 1, 2].map(|c| pbr.base_color.factor[c] * coat_tint[c]);
         (pbr, coat_tint)
     }
 
-    /// The index of refraction of the Principled shader, and the strength of its reflection.
+    /// The index of refraction of the Principled shader, and the factor on its reflection.
     fn dielectric(&mut self, index: usize, level: FloatSlot, is_opaque: bool) -> (f32, FloatSlot) {
         let given = self.constant(index, "ior", 1.5);
         if is_opaque && (TOTAL_REFLECTION..1.0).contains(&given) && level.factor > 0.0 {
@@ -378,7 +378,7 @@ impl Lowering<'_, '_, '_> {
         }
         let ior = given.max(if is_opaque { 1.0 } else { MIN_GLASS_IOR });
         match level.texture {
-            // As of glTF's index of 0, all is reflected.
+            // In glTF, an index of 0 is total reflection.
             None if is_opaque && given < TOTAL_REFLECTION && level.factor >= 0.5 => {
                 (0.0, FloatSlot::constant(1.0))
             }
@@ -389,10 +389,10 @@ impl Lowering<'_, '_, '_> {
         }
     }
 
-    /// Coat, sheen and film; gives the tint of what lies under the coat.
+    /// Sets coat, sheen and thin film; returns the coat's tint of the lobes below it.
     fn principled_layers(&mut self, index: usize, pbr: &mut PbrMaterial) -> [f32; 3] {
         let weight = self.number(index, "coat_weight", 0.0);
-        let mut under = WHITE;
+        let mut tint_below = WHITE;
         if weight != NodeInput::Value([0.0; 3]) {
             let ior = self.constant(index, "coat_ior", 1.5).max(1.0);
             let tint = self.constant_color(index, "coat_tint", WHITE);
@@ -402,8 +402,8 @@ impl Lowering<'_, '_, '_> {
             let factor = FloatSlot { factor: slot.factor * reflectance.min(1.0), ..slot };
             let roughness = self.float_slot(roughness);
             pbr.clearcoat = Some(Clearcoat { factor, roughness, normal_map: None });
-            let share = if slot.texture.is_none() { slot.factor.min(1.0) } else { 1.0 };
-            under = tint.map(|t| 1.0 + (poly::exp(COAT_WAY * poly::ln(t.max(1e-6))) - 1.0) * share);
+            let coverage = if slot.texture.is_none() { slot.factor.min(1.0) } else { 1.0 };
+            tint_below = tint.map(|t| 1.0 + (poly::exp(COAT_PATH * poly::ln(t.max(1e-6))) - 1.0) * coverage);
         }
         let weight = self.number(index, "sheen_weight", 0.0);
         if weight != NodeInput::Value([0.0; 3]) {
@@ -424,7 +424,7 @@ impl Lowering<'_, '_, '_> {
                 thickness_texture: None,
             });
         }
-        under
+        tint_below
     }
 
     fn principled_emission(&mut self, index: usize, weight: NodeInput, coat_tint: [f32; 3]) {
@@ -436,8 +436,8 @@ impl Lowering<'_, '_, '_> {
     }
 }
 
-/// Reduced mean free paths in metres from the radii that a shader has: of Random Walk, or of Random Walk (Skin) where it has an
-/// index of refraction.
+/// Reduced mean free paths, metres, from the radii of a shader: of Random Walk, or with `skin_ior` above 0 of Random Walk
+/// (Skin).
 fn mean_free_paths(radius: [f32; 3], color: [f32; 3], skin_ior: f32) -> [f32; 3] {
     if skin_ior <= 0.0 {
         return radius.map(|r| r / (4.0 * PI));
@@ -445,8 +445,8 @@ fn mean_free_paths(radius: [f32; 3], color: [f32; 3], skin_ior: f32) -> [f32; 3]
     [0, 1, 2].map(|c| radius[c] * path_per_length(color[c], skin_ior.clamp(MIN_BODY_IOR, MAX_BODY_IOR)))
 }
 
-/// Fills a material with what scatters light beneath its surface, of an albedo and a paint, and of reduced mean free paths in metres.
-fn scatter_within(
+/// Adds subsurface scattering to a material: albedo of the body, tint of its paint, reduced mean free paths in metres.
+fn set_subsurface(
     material: &mut Material,
     mut pbr: PbrMaterial,
     entry: SubsurfaceEntry,
@@ -457,10 +457,11 @@ fn scatter_within(
     let anisotropy = anisotropy.clamp(-0.99, 0.99);
     let paths = paths.map(|path| (path * (1.0 - anisotropy)).max(1e-6));
     let mut medium = Medium::subsurface(color.map(|c| c.clamp(0.0, 1.0)), paths, anisotropy);
-    // The little light that dark bodies scatter is also attenuated at the surface, which is crossed twice, as is light that passes without scattering.
-    let kept = medium.albedo.map(|albedo| (albedo / MIN_ALBEDO).min(1.0).sqrt());
+    // Albedos below the minimum are represented by a surface tint, which applies on entry and exit; it also attenuates
+    // unscattered light.
+    let tint = medium.albedo.map(|albedo| (albedo / MIN_ALBEDO).min(1.0).sqrt());
     medium.albedo = medium.albedo.map(|albedo| albedo.max(MIN_ALBEDO));
-    let color = ColorSlot { factor: [0, 1, 2].map(|c| paint.factor[c] * kept[c]), ..paint };
+    let color = ColorSlot { factor: [0, 1, 2].map(|c| paint.factor[c] * tint[c]), ..paint };
     pbr.has_volume = true;
     pbr.diffuse_transmission =
         Some(DiffuseTransmission { factor: FloatSlot::constant(1.0), color, subsurface: Some(entry) });
@@ -472,34 +473,35 @@ fn scatter_within(
 const MIN_BODY_IOR: f32 = 1.01;
 const MAX_BODY_IOR: f32 = 3.8;
 
-/// The least albedo of single scattering in bodies, as in Cycles.
+/// Minimum single-scattering albedo of subsurface scattering, as in Cycles.
 const MIN_ALBEDO: f32 = 0.2;
 
-/// Steps of the bisection, no more than Cycles takes: its rest of 2^-12 makes the paths of bright bodies a tenth longer or shorter.
+/// Steps of the bisection, as many as in Cycles: the error of 2^-12 changes the mean free paths of bright bodies by up to a tenth.
 const STEPS: i32 = 11;
 
-/// The reduced albedo from which a body counts as white, and its complement.
+/// Bodies of at least this colour count as white, with this complement of the reduced albedo.
 const NEARLY_WHITE: (f32, f64) = (0.995, 1e-6);
 
-/// Reduced mean free path of a body of a colour over its diffusion length 1 / sqrt(3 sigma_a sigma_t), at an index of refraction.
+/// Reduced mean free path relative to the diffusion length 1 / sqrt(3 sigma_a sigma_t'), for a body of a colour and index of
+/// refraction.
 pub(super) fn path_per_length(color: f32, ior: f32) -> f32 {
-    let absorbed = if color >= NEARLY_WHITE.0 {
+    let absorption = if color >= NEARLY_WHITE.0 {
         NEARLY_WHITE.1
     } else {
-        absorbed_share(f64::from(color), extrapolation(ior))
+        absorption_of_color(f64::from(color), extrapolation(ior))
     };
-    (3.0 * absorbed).sqrt() as f32
+    (3.0 * absorption).sqrt() as f32
 }
 
-/// 4 A / 3 of the dipole: how far outside of an index of refraction its boundary lies, in mean free paths.
+/// 4 A D of the dipole model in reduced mean free paths: 4 A / 3.
 fn extrapolation(ior: f32) -> f64 {
     let eta = f64::from(ior);
     let diffuse_fresnel = -1.440 / (eta * eta) + 0.710 / eta + 0.668 + 0.0636 * eta;
     4.0 / 3.0 * (1.0 + diffuse_fresnel) / (1.0 - diffuse_fresnel)
 }
 
-/// One minus the reduced albedo of a half space that reflects a share of diffuse light.
-fn absorbed_share(color: f64, extrapolation: f64) -> f64 {
+/// One minus the reduced albedo of a half space with a diffuse reflectance of `color`.
+fn absorption_of_color(color: f64, extrapolation: f64) -> f64 {
     let (mut low, mut high) = (0.0, 1.0);
     for _ in 0..STEPS {
         let middle = 0.5 * (low + high);
@@ -508,10 +510,10 @@ fn absorbed_share(color: f64, extrapolation: f64) -> f64 {
     0.5 * (low + high)
 }
 
-/// Diffuse reflectance of a half space; it falls with what is absorbed.
-fn reflectance(absorbed: f64, extrapolation: f64) -> f64 {
-    let root = (3.0 * absorbed).sqrt();
-    0.5 * (1.0 - absorbed) * (1.0 + (-extrapolation * root).exp()) * (-root).exp()
+/// Diffuse reflectance of a half space; `absorption` is one minus the reduced albedo.
+fn reflectance(absorption: f64, extrapolation: f64) -> f64 {
+    let root = (3.0 * absorption).sqrt();
+    0.5 * (1.0 - absorption) * (1.0 + (-extrapolation * root).exp()) * (-root).exp()
 }
 
 #[cfg(test)]
@@ -519,19 +521,19 @@ mod tests {
     use super::*;
 
     #[test]
-    fn colors_come_back() {
+    fn inversion_recovers_the_color() {
         for ior in [1.01, 1.4, 2.0] {
             for color in [0.05, 0.3, 0.8, 0.99] {
-                let absorbed = f64::from(path_per_length(color, ior)).powi(2) / 3.0;
-                let rest = 0.5f64.powi(STEPS + 1);
-                let [least, most] = [absorbed + rest, (absorbed - rest).max(0.0)]
-                    .map(|absorbed| reflectance(absorbed, extrapolation(ior)) as f32);
+                let absorption = f64::from(path_per_length(color, ior)).powi(2) / 3.0;
+                let error = 0.5f64.powi(STEPS + 1);
+                let [least, most] = [absorption + error, (absorption - error).max(0.0)]
+                    .map(|absorption| reflectance(absorption, extrapolation(ior)) as f32);
                 assert!((least..=most).contains(&color), "{ior} {color}: {least} {most}");
             }
         }
     }
 
-    /// The paths of dark bodies are long, those of white bodies short, of black ones 1 / sqrt(1/3).
+    /// Mean free paths fall with the colour; the maximum, for black, is sqrt(3) diffusion lengths.
     #[test]
     fn paths_shorten_with_the_color() {
         let paths = [0.0, 0.1, 0.5, 0.9, 0.999].map(|color| path_per_length(color, 1.4));

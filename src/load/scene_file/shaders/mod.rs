@@ -3,28 +3,28 @@
 //! | Key | Meaning |
 //! |---|---|
 //! | `nodes` | nodes by name: those of textures of `type = "nodes"`, and the shaders below |
-//! | `surface` | the shader that the surface has: `"NODE"` |
-//! | `bumps` | the output that gives the normal of the surface with the bumps of a displacement, as `normal` of shaders: `"NODE.OUTPUT"`; normal maps shadow light against it |
-//! | `volume` | true: light that passes enters a solid (false) |
-//! | `up` | `"z"`: vectors of the world are those of Blender, as of textures of nodes (`"y"`) |
-//! | `medium`, `priority` | of a solid, as of `type = "pbr"` |
-//! | `light_group` | of what it emits |
+//! | `surface` | name of the output shader: `"NODE"` |
+//! | `bumps` | the output with the bump-mapped normal of a displacement, like `normal` of shaders: `"NODE.OUTPUT"`; normal maps self-shadow relative to it |
+//! | `volume` | true: the surface bounds a solid (false) |
+//! | `up` | `"z"`: world vectors are in Blender's axes, as in textures of nodes (`"y"`) |
+//! | `medium`, `priority` | of the solid, as for `type = "pbr"` |
+//! | `light_group` | light group of the emission |
 //!
 //! | Shader | Inputs |
 //! |---|---|
 //! | `principled_bsdf` | those of Blender's node, in lower case with `_` for spaces: `base_color`, `metallic`, `roughness`, `specular_ior_level`, ... |
 //! | `diffuse_bsdf`, `glossy_bsdf`, `glass_bsdf`, `refraction_bsdf`, `translucent_bsdf`, `transparent_bsdf`, `sheen_bsdf`, `metallic_bsdf`, `subsurface_scattering` | the same: `color`, `roughness`, `ior`, `anisotropy`, `normal` |
-//! | `velvet_bsdf` | `color`, `roughness`, `normal`: Sheen of Ashikhmin |
-//! | `toon_bsdf`, `toon_highlight_bsdf` | `color`, `size`, `smooth`, `normal`: the components of Toon |
-//! | `subsurface_scattering`, `principled_bsdf` | `body`, `subsurface_body`: the colour of a body that a colour which varies paints |
-//! | | `skin_ior`, `subsurface_skin_ior`: above 0, the scattering is Random Walk (Skin) of this index of refraction: its radius is a diffusion length, and mean free paths depend on the colour |
-//! | `glossy_bsdf`, `glass_bsdf`, `refraction_bsdf` | `beckmann`: 1 for facets whose slopes are normally distributed, in place of GGX; they lose what they mirror into each other |
-//! | all with facets | `multiscatter`: 1 gives back the light that facets mirror into each other, 0 loses it, as GGX of Blender does; without it `microfacet` of `[render]` counts |
+//! | `velvet_bsdf` | `color`, `roughness`, `normal`: Blender's Sheen with Ashikhmin's distribution |
+//! | `toon_bsdf`, `toon_highlight_bsdf` | `color`, `size`, `smooth`, `normal`: Blender's Toon, Diffuse and Glossy |
+//! | `subsurface_scattering`, `principled_bsdf` | `body`, `subsurface_body`: the body's colour beneath a textured colour |
+//! | | `skin_ior`, `subsurface_skin_ior`: above 0, Random Walk (Skin) with this index of refraction: the radius is a diffusion length, and mean free paths depend on the colour |
+//! | `glossy_bsdf`, `glass_bsdf`, `refraction_bsdf` | `beckmann`: 1 for the Beckmann distribution with single scattering instead of GGX |
+//! | all with microfacets | `multiscatter`: 1 compensates the energy loss of single scattering, 0 doesn't, as Blender's GGX; default: `microfacet` of `[render]` |
 //! | `emission` | `color`, `strength` (1) |
-//! | `mix_shader` | `factor` (0.5), `a`, `b`: shaders; without one nothing is scattered |
+//! | `mix_shader` | `factor` (0.5), `a`, `b`: shaders; a missing one is black |
 //! | `add_shader` | `a`, `b` |
 //!
-//! A colour in the place of a shader is an emission, as in Cycles.
+//! A colour instead of a shader is an emission, as in Cycles.
 
 use super::builder::SceneFileBuilder;
 use super::fields::{Fields, nearest};
@@ -44,7 +44,7 @@ use std::sync::Arc;
 
 mod closures;
 
-/// Closures of a material, above which its graph is refused: shaders that several mixes share count once for each.
+/// Maximum number of closures of a material; shaders shared by several mixes count once for each.
 const MAX_CLOSURES: usize = 64;
 
 /// A shader node with its inputs, in the order of [`Shader::inputs`].
@@ -68,7 +68,7 @@ pub(super) fn read<'a>(
     fields: &Fields<'a>,
     name: &str,
 ) -> Option<Material> {
-    fields.know(&["surface", "nodes", "bumps", "volume", "up", "medium"]);
+    fields.mark_known(&["surface", "nodes", "bumps", "volume", "up", "medium"]);
     let surface = fields.require("surface", fields.string("surface"));
     let table = fields.require("nodes", fields.table("nodes"))?;
     let is_solid = fields.flag("volume", false);
@@ -92,7 +92,7 @@ pub(super) fn read<'a>(
         return None;
     };
     if let Some(problem) = graph.problems().first() {
-        build.problems.push(fields.span(), format!("{}: {problem}", fields.what()));
+        build.problems.push(fields.span(), format!("{}: {problem}", fields.description()));
         return None;
     }
     let mut lowering = Lowering {
@@ -113,7 +113,7 @@ pub(super) fn read<'a>(
     };
     if let Err(problem) = lowering.add(first, NodeInput::Value([1.0; 3])) {
         let span = fields.span();
-        build.problems.push(span, ("shader-graph-invalid", format!("{}: {problem}", fields.what())));
+        build.problems.push(span, ("shader-graph-invalid", format!("{}: {problem}", fields.description())));
         return None;
     }
     let mut material = lowering.finish();
@@ -123,7 +123,7 @@ pub(super) fn read<'a>(
     Some(material)
 }
 
-/// The shader of a name; `"NODE.OUTPUT"` names the same as `"NODE"`.
+/// The index of a shader by name; `"NODE.OUTPUT"` is equivalent to `"NODE"`.
 fn position(names: &[&str], text: &str) -> Option<usize> {
     let node = text.split_once('.').map_or(text, |(node, _)| node);
     names.iter().position(|name| *name == node)
@@ -148,7 +148,7 @@ fn shader_node<'a>(
     let shader = Shader::of(value)?;
     let sockets = shader.inputs();
     let mut inputs = vec![ShaderInput::Value(NodeInput::Default); sockets.len()];
-    let mut is_sound = true;
+    let mut is_valid = true;
     for (key, value) in value.get_ref().as_table()?.iter() {
         let key = key.get_ref().as_ref();
         let Some(i) = sockets.iter().position(|socket| *socket == key) else {
@@ -156,7 +156,7 @@ fn shader_node<'a>(
                 let help = format!("its inputs: {}", sockets.join(", "));
                 let message = format!("node '{name}': {} has no input '{key}'", shader.name());
                 build.problems.push_help(value.span(), message, help);
-                is_sound = false;
+                is_valid = false;
             }
             continue;
         };
@@ -165,42 +165,42 @@ fn shader_node<'a>(
             Some(shader) => inputs[i] = ShaderInput::Shader(shader),
             None => match links.input(build, value) {
                 Some(input) => inputs[i] = ShaderInput::Value(input),
-                None => is_sound = false,
+                None => is_valid = false,
             },
         }
     }
-    is_sound.then_some(ShaderNode { name, shader, inputs })
+    is_valid.then_some(ShaderNode { name, shader, inputs })
 }
 
-/// Turns the graph of shaders into a list of weighted materials, emission and transparency. Weights are graphs of nodes.
+/// Lowers the shader graph to a list of weighted materials, emission and transparency. Weights are node graphs.
 struct Lowering<'l, 'b, 'a> {
     build: &'l mut SceneFileBuilder<'b>,
     material: &'l str,
     is_solid: bool,
-    /// Nothing is added to the scene.
+    /// Add nothing to the scene.
     checking: bool,
-    /// The value nodes, to which those of weights are added.
+    /// The value nodes, and nodes added for weights.
     graph: NodeGraph,
-    /// The normal of the surface with bumps.
+    /// The bump-mapped normal of the surface.
     bumps: NodeInput,
     shaders: &'l [ShaderNode<'a>],
-    /// Textures of outputs, each once.
+    /// Textures by node and output.
     textures: HashMap<(usize, usize), TextureId>,
     components: Vec<(NodeInput, Material)>,
-    /// Radiance.
+    /// Radiance, W/sr/m2.
     emission: NodeInput,
-    /// Share of light that passes.
+    /// RGB fraction of light that passes straight through.
     transparency: NodeInput,
-    /// Transmitted light may have a colour.
+    /// The transparency may be coloured.
     is_tinted: bool,
-    /// Nothing was added up: weights and transparency sum up to 1.
+    /// There is no add shader: weights and transparency sum to 1.
     only_mixes: bool,
-    /// The shaders on the way from the surface.
+    /// Shaders from the output to the current one, to detect cycles.
     path: Vec<usize>,
 }
 
 impl Lowering<'_, '_, '_> {
-    /// Adds what a shader scatters and emits.
+    /// Adds the closures and the emission of a shader.
     fn add(&mut self, index: usize, weight: NodeInput) -> Result<(), String> {
         let node = &self.shaders[index];
         if self.path.contains(&index) {
@@ -230,7 +230,7 @@ impl Lowering<'_, '_, '_> {
         Ok(())
     }
 
-    /// Adds the shader of an input; a colour in its place is an emission.
+    /// Adds the shader of an input; a colour instead is an emission.
     fn add_input(&mut self, index: usize, key: &str, weight: NodeInput) -> Result<(), String> {
         if weight == NodeInput::Value([0.0; 3]) {
             return Ok(());
@@ -251,18 +251,18 @@ impl Lowering<'_, '_, '_> {
     }
 
     fn add_transparency(&mut self, weight: NodeInput, color: NodeInput) {
-        let share = self.product(weight, color);
-        self.transparency = self.sum(self.transparency, share);
+        let transparency = self.product(weight, color);
+        self.transparency = self.sum(self.transparency, transparency);
     }
 
-    /// The input of a shader node by name.
+    /// An input of a shader node by name.
     fn input(&self, index: usize, key: &str) -> ShaderInput {
         let node = &self.shaders[index];
         let i = node.shader.inputs().iter().position(|name| *name == key);
         i.map_or(ShaderInput::Value(NodeInput::Default), |i| node.inputs[i])
     }
 
-    /// The colour of an input; shaders count as none.
+    /// A colour input; the default for shaders.
     fn color(&self, index: usize, key: &str, default: [f32; 3]) -> NodeInput {
         match self.input(index, key) {
             ShaderInput::Value(NodeInput::Default) | ShaderInput::Shader(_) => NodeInput::Value(default),
@@ -270,12 +270,12 @@ impl Lowering<'_, '_, '_> {
         }
     }
 
-    /// The number of an input.
+    /// A number input.
     fn number(&self, index: usize, key: &str, default: f32) -> NodeInput {
         self.color(index, key, [default; 3])
     }
 
-    /// An input that has to be the same everywhere: its value, or the default with a warning.
+    /// An input that must be constant; the default with a warning if it isn't.
     fn constant(&mut self, index: usize, key: &str, default: f32) -> f32 {
         self.constant_color(index, key, [default; 3])[0]
     }
@@ -286,7 +286,7 @@ impl Lowering<'_, '_, '_> {
             _ => {
                 let shader = self.shaders[index].shader.name();
                 self.warn(format!(
-                    "'{key}' of {shader} '{}' can't vary over the surface: its default counts",
+                    "'{key}' of {shader} '{}' must be constant: its default is used",
                     self.shaders[index].name
                 ));
                 default
@@ -299,7 +299,7 @@ impl Lowering<'_, '_, '_> {
         self.build.loaded.warnings.push(Warning::new(self.build.file, "", message));
     }
 
-    // Arithmetic of weights, folded where both sides are constants.
+    // Arithmetic of weights, with constant folding.
 
     fn push(&mut self, kind: NodeKind, inputs: &[NodeInput]) -> NodeInput {
         let mut all = vec![NodeInput::Default; kind.inputs().len()];
@@ -342,7 +342,7 @@ impl Lowering<'_, '_, '_> {
     fn quotient(&mut self, a: NodeInput, b: NodeInput) -> NodeInput {
         match (a, b) {
             (NodeInput::Value(a), NodeInput::Value([b, ..])) if b > 0.0 => NodeInput::Value(a.map(|x| x / b)),
-            // Cycles' division gives 0 by 0.
+            // As in Cycles, division by 0 is 0.
             _ => self.push(NodeKind::VectorMath { operation: VectorOperation::Divide }, &[a, b]),
         }
     }
@@ -354,7 +354,7 @@ impl Lowering<'_, '_, '_> {
         }
     }
 
-    /// A colour as a number, as inputs of numbers take it.
+    /// Converts a colour to a number, as links to number inputs do.
     fn as_number(&mut self, a: NodeInput) -> NodeInput {
         let kind = match a {
             NodeInput::Link { node, output } => self.graph.nodes[node].kind.outputs()[output].kind,
@@ -372,7 +372,7 @@ impl Lowering<'_, '_, '_> {
 
     // Parameters of materials.
 
-    /// The texture of an output; of other textures the texture itself.
+    /// The texture of an input; `None` for constants and alpha.
     fn texture(&mut self, input: NodeInput) -> Option<TextureId> {
         if self.checking {
             return Some(TextureId(0));
@@ -392,7 +392,7 @@ impl Lowering<'_, '_, '_> {
         }
     }
 
-    /// The texture of a vector, of which zero is none.
+    /// The texture of a vector; `None` for zero.
     fn vector_texture(&mut self, input: NodeInput) -> Option<TextureId> {
         match input {
             NodeInput::Value([0.0, 0.0, 0.0]) => None,
@@ -409,21 +409,22 @@ impl Lowering<'_, '_, '_> {
         }
     }
 
-    /// A graph of the nodes that a result needs.
+    /// The subgraph of the nodes that a result depends on.
     fn pruned(&self, result: NodeInput) -> NodeGraph {
         let whole = NodeGraph { result, ..self.graph.clone() };
         let order = whole.order().unwrap_or_default();
-        let place: HashMap<usize, usize> = order.iter().enumerate().map(|(new, &old)| (old, new)).collect();
-        let moved = |input: NodeInput| match input {
-            NodeInput::Link { node, output } => NodeInput::Link { node: place[&node], output },
+        let new_index: HashMap<usize, usize> =
+            order.iter().enumerate().map(|(new, &old)| (old, new)).collect();
+        let renumbered = |input: NodeInput| match input {
+            NodeInput::Link { node, output } => NodeInput::Link { node: new_index[&node], output },
             other => other,
         };
         let nodes = order.iter().map(|&old| {
             let node = &whole.nodes[old];
-            let inputs = node.inputs.iter().copied().map(moved).collect();
+            let inputs = node.inputs.iter().copied().map(renumbered).collect();
             Node { kind: node.kind.clone(), inputs, image: node.image, reads_alpha: self.reads_alpha(old) }
         });
-        NodeGraph { nodes: nodes.collect(), result: moved(result), is_z_up: whole.is_z_up }
+        NodeGraph { nodes: nodes.collect(), result: renumbered(result), is_z_up: whole.is_z_up }
     }
 
     /// Does anything in the material read the second output of a node, which is the alpha of images?
@@ -452,9 +453,9 @@ impl Lowering<'_, '_, '_> {
         }
     }
 
-    /// The probability with which rays pass, and the factor on their radiance. A sheet that scatters and emits nothing is
-    /// passed by all.
-    fn passing(&mut self) -> (NodeInput, ColorSlot) {
+    /// The probability that a ray passes straight through, and the factor on its throughput. The probability is 1 without
+    /// closures and emission.
+    fn straight_transmission(&mut self) -> (NodeInput, ColorSlot) {
         const ALL: NodeInput = NodeInput::Value([1.0; 3]);
         let transparency = self.transparency;
         if !self.is_tinted {
@@ -463,21 +464,21 @@ impl Lowering<'_, '_, '_> {
         if self.components.is_empty() && self.emission == NodeInput::Value([0.0; 3]) {
             return (ALL, self.color_slot(transparency));
         }
-        let share = match transparency {
+        let probability = match transparency {
             NodeInput::Value([r, g, b]) => NodeInput::Value([((r + g + b) / 3.0).clamp(0.0, 1.0); 3]),
-            varying => {
-                let number = self.as_number(varying);
+            textured => {
+                let number = self.as_number(textured);
                 self.clamped(number)
             }
         };
-        let color = self.quotient(transparency, share);
-        (share, self.color_slot(color))
+        let color = self.quotient(transparency, probability);
+        (probability, self.color_slot(color))
     }
 
-    /// The material of all closures. Rays pass with a probability; what is scattered and emitted is divided by the other one.
+    /// The material of all closures. Closures and emission are divided by alpha, the probability that a ray doesn't pass.
     fn finish(mut self) -> Material {
-        let (passes, passing) = self.passing();
-        let alpha = self.complement(passes);
+        let (transparency, passing) = self.straight_transmission();
+        let alpha = self.complement(transparency);
         let is_opaque = alpha == NodeInput::Value([1.0; 3]);
         let is_sole =
             self.components.len() == 1 && self.only_mixes && self.emission == NodeInput::Value([0.0; 3]);
@@ -487,7 +488,7 @@ impl Lowering<'_, '_, '_> {
         for (weight, material) in components.into_iter().filter(|_| !is_clear) {
             let weight = match (is_opaque, is_sole) {
                 (true, _) => weight,
-                // All that doesn't pass is this one's.
+                // The weight of the only closure is alpha.
                 (false, true) => NodeInput::Value([1.0; 3]),
                 (false, false) => self.quotient(weight, alpha),
             };
@@ -508,7 +509,7 @@ impl Lowering<'_, '_, '_> {
             material.emission = Some(Emission { radiance, two_sided: true });
         }
         if is_clear && material.emission.is_some() {
-            // Light is added on the way of rays that pass.
+            // Emission is added to the rays that pass.
             material.emitter_traits = Some(EmitterTraits { is_obstacle: false, ..EmitterTraits::default() });
         } else if !is_opaque {
             material.passing = passing;
@@ -518,7 +519,7 @@ impl Lowering<'_, '_, '_> {
     }
 }
 
-/// Defines the shader nodes: name in files and inputs.
+/// Defines the shader nodes: doc comment, name in files, inputs.
 macro_rules! shaders {
     ($($(#[$doc:meta])* $shader:ident $name:literal ($($input:ident),*);)*) => {
         /// A shader node.
@@ -539,7 +540,7 @@ macro_rules! shaders {
                 match self { $(Shader::$shader => $name,)* }
             }
 
-            /// Names of its inputs.
+            /// Names of the inputs.
             pub fn inputs(self) -> &'static [&'static str] {
                 match self { $(Shader::$shader => &[$(stringify!($input)),*],)* }
             }
@@ -548,18 +549,18 @@ macro_rules! shaders {
 }
 
 shaders! {
-    /// Disney's and Autodesk's material.
+    /// Principled BSDF of Blender (Disney 2012, OpenPBR).
     Principled "principled_bsdf" (
         base_color, metallic, roughness, ior, alpha, normal, diffuse_roughness, subsurface_weight, subsurface_radius,
         subsurface_scale, subsurface_ior, subsurface_anisotropy, subsurface_skin_ior, subsurface_body, specular_ior_level, specular_tint,
         anisotropic, anisotropic_rotation, transmission_weight, coat_weight, coat_roughness, coat_ior, coat_tint, sheen_weight, sheen_roughness, sheen_tint,
         emission_color, emission_strength, thin_film_thickness, thin_film_ior, multiscatter
     );
-    /// Lambert, or Oren-Nayar where it is rough.
+    /// Lambert, or Oren-Nayar with a roughness above 0.
     Diffuse "diffuse_bsdf" (color, roughness, normal);
-    /// Microfacets that reflect the same share at all angles.
+    /// Microfacet reflection without Fresnel.
     Glossy "glossy_bsdf" (color, roughness, anisotropy, rotation, multiscatter, beckmann, normal);
-    /// A metal of a reflectance at normal and at grazing incidence.
+    /// A metal with reflectance at normal incidence and edge tint (F82).
     Metallic "metallic_bsdf" (base_color, edge_tint, roughness, anisotropy, rotation, multiscatter, normal);
     /// A dielectric interface.
     Glass "glass_bsdf" (color, roughness, ior, multiscatter, beckmann, normal);
@@ -567,19 +568,19 @@ shaders! {
     Refraction "refraction_bsdf" (color, roughness, ior, multiscatter, beckmann, normal);
     /// Diffuse transmission.
     Translucent "translucent_bsdf" (color, normal);
-    /// Light passes straight on.
+    /// Straight transmission.
     Transparent "transparent_bsdf" (color);
-    /// Fibres.
+    /// Microfibre sheen.
     Sheen "sheen_bsdf" (color, roughness, normal);
-    /// The velvet of Ashikhmin.
+    /// Ashikhmin velvet.
     Velvet "velvet_bsdf" (color, roughness, normal);
-    /// Light in steps, around the normal.
+    /// A constant lobe around the normal.
     Toon "toon_bsdf" (color, size, smooth, normal);
-    /// Light in steps, around the mirror direction.
+    /// A constant lobe around the mirror direction.
     ToonHighlight "toon_highlight_bsdf" (color, size, smooth, normal);
-    /// A body that scatters light within.
+    /// Subsurface scattering.
     Subsurface "subsurface_scattering" (color, roughness, scale, radius, ior, anisotropy, skin_ior, body, normal);
-    /// Emitted light.
+    /// Emission.
     Emission "emission" (color, strength);
     /// Two shaders mixed.
     Mix "mix_shader" (factor, a, b);
@@ -588,7 +589,7 @@ shaders! {
 }
 
 impl Shader {
-    /// The shader that a node's table describes; `None` for other nodes.
+    /// The shader of a node's table; `None` for value nodes.
     pub fn of(value: Value) -> Option<Shader> {
         let name = value.get_ref().as_table()?.get("type")?.get_ref().as_str()?;
         Shader::from_name(name)

@@ -1,12 +1,12 @@
-// What hands do on the picture: orbit, pan, dolly, point at pixels, focus.
+// Mouse, touch and keyboard on the picture: orbit, pan, dolly, probe pixels, focus.
 
-const TURN = Math.PI;          // radians for a drag over the picture's height
-const STEP = 0.08;             // of a turn or a height, for a key
-const WHEEL = 0.0015;          // in the exponent, for a pixel of the wheel
-const STILL = 4;               // pixels that a click may move
-const DOUBLE = 350;            // milliseconds between two clicks
+const ORBIT = Math.PI;         // radians per picture height of a drag
+const STEP = 0.08;             // of ORBIT or of a picture height, per key press
+const WHEEL = 0.0015;          // natural logarithm of the dolly factor per pixel of the wheel
+const CLICK_TOLERANCE = 4;     // maximum movement of a click, pixels
+const DOUBLE = 350;            // maximum time between the clicks of a double click, milliseconds
 
-/** Calls back for what happens on the picture; steps are gathered until the last one was taken. */
+/** Calls the callbacks for gestures on the picture; camera moves are merged while the last one is being sent. */
 export function listen(canvas, { move, probe, isAiming, focus, tap, leave }) {
   let step = null, busy = false;
   const add = (change) => {
@@ -30,19 +30,19 @@ export function listen(canvas, { move, probe, isAiming, focus, tap, leave }) {
     const box = canvas.getBoundingClientRect();
     return [(event.clientX - box.left) / box.width, (event.clientY - box.top) / box.height];
   };
-  // Fingers or the mouse that are down, by their ids: where they were last.
+  // Last positions of pressed pointers, by id.
   const held = new Map();
-  let travelled = 0, mouse = [0.5, 0.5], isProbing = false, lastClick = -Infinity, wasPinch = false;
+  let dragged = 0, mouse = [0.5, 0.5], isProbing = false, lastClick = -Infinity, wasPinch = false;
 
-  /** Middle of what is held, and how far two fingers are apart. */
-  const grip = () => {
+  /** Centre of the pressed pointers, and the distance between two fingers. */
+  const centroid = () => {
     const [a, b = a] = [...held.values()];
-    return { x: (a[0] + b[0]) / 2, y: (a[1] + b[1]) / 2, apart: Math.hypot(a[0] - b[0], a[1] - b[1]) };
+    return { x: (a[0] + b[0]) / 2, y: (a[1] + b[1]) / 2, distance: Math.hypot(a[0] - b[0], a[1] - b[1]) };
   };
   canvas.addEventListener("pointerdown", (event) => {
     canvas.setPointerCapture(event.pointerId);
     canvas.focus({ preventScroll: true });
-    if (held.size === 0) [travelled, wasPinch] = [0, false];
+    if (held.size === 0) [dragged, wasPinch] = [0, false];
     if (held.size < 2) held.set(event.pointerId, [event.clientX, event.clientY]);
     wasPinch ||= held.size === 2;
     canvas.classList.add("grabbed");
@@ -57,19 +57,19 @@ export function listen(canvas, { move, probe, isAiming, focus, tap, leave }) {
       isProbing = false;
       return;
     }
-    const before = grip();
+    const before = centroid();
     held.set(event.pointerId, [event.clientX, event.clientY]);
-    const after = grip();
+    const after = centroid();
     const [dx, dy] = [after.x - before.x, after.y - before.y].map((v) => v / canvas.clientHeight);
-    travelled += Math.hypot(after.x - before.x, after.y - before.y) + Math.abs(after.apart - before.apart);
-    if (travelled >= STILL) leave();
-    if (held.size === 2) add({ pan: [-dx, dy], dolly: after.apart > 0 ? before.apart / after.apart : 1 });
+    dragged += Math.hypot(after.x - before.x, after.y - before.y) + Math.abs(after.distance - before.distance);
+    if (dragged >= CLICK_TOLERANCE) leave();
+    if (held.size === 2) add({ pan: [-dx, dy], dolly: after.distance > 0 ? before.distance / after.distance : 1 });
     else if (wasPinch) return;
     else if (event.shiftKey || event.buttons & 6) add({ pan: [-dx, dy] });
-    else add({ orbit: [-dx * TURN, dy * TURN] });
+    else add({ orbit: [-dx * ORBIT, dy * ORBIT] });
   });
   const release = (event) => {
-    const isClick = held.delete(event.pointerId) && travelled < STILL && !wasPinch && event.type === "pointerup";
+    const isClick = held.delete(event.pointerId) && dragged < CLICK_TOLERANCE && !wasPinch && event.type === "pointerup";
     if (held.size === 0) canvas.classList.remove("grabbed");
     if (!isClick || event.button > 0) return;
     const isDouble = event.timeStamp - lastClick < DOUBLE;
@@ -87,10 +87,10 @@ export function listen(canvas, { move, probe, isAiming, focus, tap, leave }) {
     add({ dolly: Math.exp(Math.max(-300, Math.min(300, event.deltaY)) * WHEEL) });
   }, { passive: false });
 
-  const turns = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
+  const directions = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
   canvas.addEventListener("keydown", (event) => {
-    const turn = turns[event.key];
-    if (turn) add(event.shiftKey ? { pan: turn.map((v) => v * STEP) } : { orbit: turn.map((v) => v * STEP * TURN) });
+    const direction = directions[event.key];
+    if (direction) add(event.shiftKey ? { pan: direction.map((v) => v * STEP) } : { orbit: direction.map((v) => v * STEP * ORBIT) });
     else if (event.key === "+" || event.key === "=") add({ dolly: 1 - STEP });
     else if (event.key === "-") add({ dolly: 1 + STEP });
     else if (event.key === "f") focus(...mouse);

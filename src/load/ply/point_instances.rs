@@ -1,13 +1,13 @@
-//! Places of copies of an object: a PLY file whose vertices say where each copy stands, how it is turned and scaled.
+//! Instances from a PLY file: each vertex is one instance, with position, orientation and scale.
 
 use super::header::Source;
-use super::rows::{List, Record, Slot, color, exact, unit};
+use super::rows::{List, Record, Slot, color, to_f64, unit};
 use crate::error::Problem;
 use crate::math::{DAffine3, DMat3, DQuat, DVec3};
 use crate::work_counter::WorkCounter;
 use ply_rs::ply::Property;
 
-/// Names of the properties of vertices that are read.
+/// Names of the supported vertex properties.
 const NAMES: [&str; 29] = [
     "x", "y", "z", "nx", "ny", "nz", "qx", "qy", "qz", "qw", "scale", "sx", "sy", "sz", "m00", "m01", "m02",
     "m10", "m11", "m12", "m20", "m21", "m22", "red", "green", "blue", "alpha", "random", "index",
@@ -22,10 +22,9 @@ const ALPHA: usize = 26;
 const RANDOM: usize = 27;
 const INDEX: usize = 28;
 
-/// The transform of a copy, and the outputs of its `object_info` nodes.
+/// The transform of an instance, and the outputs of its `object_info` nodes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::load) struct Place {
-    /// Moves the object there.
+pub(in crate::load) struct PointInstance {
     pub world_from_object: DAffine3,
     /// Linear RGBA.
     pub color: Option<[f32; 4]>,
@@ -35,16 +34,16 @@ pub(in crate::load) struct Place {
     pub index: Option<f32>,
 }
 
-/// The contents of a file.
+/// The instances of a file.
 #[derive(Debug, Default)]
-pub(in crate::load) struct Places {
-    /// In order.
-    pub list: Vec<Place>,
-    /// Copies without a volume, such as those of scale 0, which are left out.
+pub(in crate::load) struct PointInstances {
+    /// In file order.
+    pub list: Vec<PointInstance>,
+    /// Number of skipped instances with a singular transform, such as scale 0.
     pub flat: usize,
 }
 
-/// A row of the vertices.
+/// One vertex: values by index of `NAMES`.
 struct Row {
     values: [f64; NAMES.len()],
 }
@@ -65,7 +64,7 @@ impl Record for Row {
             self.values[place] = match place {
                 COLOR..ALPHA => f64::from(color(value)),
                 ALPHA => f64::from(unit(value)),
-                _ => exact(value),
+                _ => to_f64(value),
             };
         }
     }
@@ -75,7 +74,7 @@ impl Record for Row {
     }
 }
 
-/// Which properties a file has.
+/// Properties present in a file.
 struct Layout {
     has_normal: bool,
     has_rotation: bool,
@@ -90,7 +89,7 @@ struct Layout {
 
 impl Layout {
     /// # Errors
-    /// Positions or parts of something are missing, or rotations are given twice.
+    /// Positions or components of another property are missing, or scales or rotations are given twice.
     fn of(source: &Source) -> Result<Layout, Problem> {
         let group = |first: usize, end: usize| {
             let missing: Vec<&str> =
@@ -102,7 +101,7 @@ impl Layout {
             }
         };
         if !group(0, NORMAL)? {
-            return Err(Problem::new("header", "vertices lack x, y, z, the places of the copies"));
+            return Err(Problem::new("header", "vertices lack x, y, z, the positions of the instances"));
         }
         let layout = Layout {
             has_normal: group(NORMAL, ROTATION)?,
@@ -126,10 +125,10 @@ impl Layout {
         Ok(layout)
     }
 
-    fn place(&self, row: &Row) -> Place {
+    fn instance(&self, row: &Row) -> PointInstance {
         let v = &row.values;
         let triple = |first: usize| DVec3::new(v[first], v[first + 1], v[first + 2]);
-        let turn = if self.has_rotation {
+        let rotation = if self.has_rotation {
             let [x, y, z, w] = std::array::from_fn(|i| v[ROTATION + i]);
             let length = (x * x + y * y + z * z + w * w).sqrt();
             DMat3::from_quat(DQuat::from_xyzw(x / length, y / length, z / length, w / length))
@@ -148,11 +147,11 @@ impl Layout {
         let matrix3 = if self.has_matrix {
             DMat3::from_cols(triple(MATRIX), triple(MATRIX + 3), triple(MATRIX + 6)).transpose()
         } else {
-            turn * DMat3::from_diagonal(scale)
+            rotation * DMat3::from_diagonal(scale)
         };
         let alpha = if self.has_alpha { v[ALPHA] as f32 } else { 1.0 };
         let rgb = |i: usize| v[COLOR + i] as f32;
-        Place {
+        PointInstance {
             world_from_object: DAffine3 { matrix3, translation: triple(0) },
             color: self.has_color.then(|| [rgb(0), rgb(1), rgb(2), alpha]),
             random: self.has_random.then(|| v[RANDOM].clamp(0.0, 1.0) as f32),
@@ -161,39 +160,39 @@ impl Layout {
     }
 }
 
-/// Reads the places of a file.
+/// Reads the instances of a file.
 ///
 /// # Errors
-/// A file that is cut short, lacks properties, or holds numbers that aren't finite.
-pub(in crate::load) fn read(bytes: &[u8], counter: &WorkCounter) -> Result<Places, Problem> {
+/// A truncated file, missing properties, or transforms that aren't finite.
+pub(in crate::load) fn read(bytes: &[u8], counter: &WorkCounter) -> Result<PointInstances, Problem> {
     let mut source = Source::open(bytes, counter)?;
     let layout = Layout::of(&source)?;
-    let mut places = Places { list: Vec::with_capacity(source.count("vertex")), flat: 0 };
-    let mut bad = None;
+    let mut instances = PointInstances { list: Vec::with_capacity(source.count("vertex")), flat: 0 };
+    let mut first_invalid = None;
     for (name, definition) in source.elements() {
         let is_vertex = name == "vertex";
         source.read(&definition, |number, row: &Row| {
             if !is_vertex {
                 return;
             }
-            let place = layout.place(row);
-            if !place.world_from_object.is_finite() {
-                bad.get_or_insert(number);
-            } else if is_nothing(&place.world_from_object.matrix3) {
-                places.flat += 1;
+            let instance = layout.instance(row);
+            if !instance.world_from_object.is_finite() {
+                first_invalid.get_or_insert(number);
+            } else if is_degenerate(&instance.world_from_object.matrix3) {
+                instances.flat += 1;
             } else {
-                places.list.push(place);
+                instances.list.push(instance);
             }
         })?;
     }
-    match bad {
-        Some(number) => Err(Problem::new(format!("vertex {number}"), "its numbers give no finite transform")),
-        None => Ok(places),
+    match first_invalid {
+        Some(number) => Err(Problem::new(format!("vertex {number}"), "the transform isn't finite")),
+        None => Ok(instances),
     }
 }
 
-/// Does a transform leave a line or a point of an object?
-fn is_nothing(m: &DMat3) -> bool {
+/// Whether a transform reduces objects to lines or points.
+fn is_degenerate(m: &DMat3) -> bool {
     let [x, y, z] = [m.x_axis, m.y_axis, m.z_axis];
     [x.cross(y), y.cross(z), z.cross(x)].iter().all(|area| area.length_squared() == 0.0)
 }
@@ -202,7 +201,7 @@ fn is_nothing(m: &DMat3) -> bool {
 mod tests {
     use super::*;
 
-    fn parse(properties: &[&str], rows: &str) -> Result<Places, Problem> {
+    fn parse(properties: &[&str], rows: &str) -> Result<PointInstances, Problem> {
         let count = rows.lines().count();
         let properties: String = properties.iter().map(|p| format!("property {p}\n")).collect();
         let text = format!("ply\nformat ascii 1.0\nelement vertex {count}\n{properties}end_header\n{rows}\n");
@@ -210,13 +209,13 @@ mod tests {
     }
 
     #[test]
-    fn places_turn_and_scale() {
+    fn instances_are_rotated_and_scaled() {
         let names =
             ["float x", "float y", "float z", "float qx", "float qy", "float qz", "float qw", "float scale"];
-        // A quarter turn about y takes z to x.
-        let places = parse(&names, "1 2 3 0 2 0 2 0.5\n0 0 0 0 0 0 1 0").unwrap();
-        assert_eq!((places.list.len(), places.flat), (1, 1));
-        let at = places.list[0].world_from_object.transform_point3(DVec3::Z);
+        // A rotation by 90 degrees about y maps z to x.
+        let instances = parse(&names, "1 2 3 0 2 0 2 0.5\n0 0 0 0 0 0 1 0").unwrap();
+        assert_eq!((instances.list.len(), instances.flat), (1, 1));
+        let at = instances.list[0].world_from_object.transform_point3(DVec3::Z);
         assert!((at - DVec3::new(1.5, 2.0, 3.0)).length() < 1e-12, "{at}");
         let normals =
             parse(&["float x", "float y", "float z", "float nx", "float ny", "float nz"], "0 0 0 0 0 -2");
@@ -225,17 +224,17 @@ mod tests {
     }
 
     #[test]
-    fn matrices_are_row_by_row() {
+    fn matrices_are_row_major() {
         let names: Vec<String> =
             NAMES[..3].iter().chain(&NAMES[MATRIX..COLOR]).map(|n| format!("float {n}")).collect();
         let names: Vec<&str> = names.iter().map(String::as_str).collect();
-        let places = parse(&names, "0 0 9 1 2 3 0 1 0 0 0 1").unwrap();
-        let at = places.list[0].world_from_object.transform_point3(DVec3::new(1.0, 10.0, 100.0));
+        let instances = parse(&names, "0 0 9 1 2 3 0 1 0 0 0 1").unwrap();
+        let at = instances.list[0].world_from_object.transform_point3(DVec3::new(1.0, 10.0, 100.0));
         assert_eq!(at, DVec3::new(321.0, 10.0, 109.0));
     }
 
     #[test]
-    fn colours_and_numbers_are_read() {
+    fn colours_random_and_index_are_read() {
         let names = [
             "float x",
             "float y",
@@ -246,23 +245,23 @@ mod tests {
             "float random",
             "int index",
         ];
-        let place = parse(&names, "0 0 0 255 0 188 0.25 7").unwrap().list[0];
-        let color = place.color.unwrap();
+        let instance = parse(&names, "0 0 0 255 0 188 0.25 7").unwrap().list[0];
+        let color = instance.color.unwrap();
         assert!(
             (color[2] - 0.503).abs() < 2e-3 && [color[0], color[1], color[3]] == [1.0, 0.0, 1.0],
             "{color:?}"
         );
-        assert_eq!((place.random, place.index), (Some(0.25), Some(7.0)));
+        assert_eq!((instance.random, instance.index), (Some(0.25), Some(7.0)));
     }
 
     #[test]
-    fn incomplete_and_broken_files_are_refused() {
-        let lacks = |names: &[&str], rows: &str| parse(names, rows).unwrap_err().place;
-        assert_eq!(lacks(&["float x", "float y"], "0 0"), "header");
-        assert_eq!(lacks(&["float x", "float y", "float z", "float qx"], "0 0 0 0"), "header");
+    fn incomplete_and_invalid_files_are_refused() {
+        let error_place = |names: &[&str], rows: &str| parse(names, rows).unwrap_err().place;
+        assert_eq!(error_place(&["float x", "float y"], "0 0"), "header");
+        assert_eq!(error_place(&["float x", "float y", "float z", "float qx"], "0 0 0 0"), "header");
         let twice = ["float x", "float y", "float z", "float scale", "float sx", "float sy", "float sz"];
-        assert_eq!(lacks(&twice, "0 0 0 1 1 1 1"), "header");
-        let turned = ["float x", "float y", "float z", "float qx", "float qy", "float qz", "float qw"];
-        assert_eq!(lacks(&turned, "0 0 0 0 0 0 1\n0 0 0 0 0 0 0"), "vertex 1");
+        assert_eq!(error_place(&twice, "0 0 0 1 1 1 1"), "header");
+        let rotated = ["float x", "float y", "float z", "float qx", "float qy", "float qz", "float qw"];
+        assert_eq!(error_place(&rotated, "0 0 0 0 0 0 1\n0 0 0 0 0 0 0"), "vertex 1");
     }
 }
