@@ -66,7 +66,7 @@ fn integral(from: f64, to: f64, steps: u32, f: impl Fn(f64) -> f64) -> f64 {
 /// Wax of a colour under a surface that does nothing itself.
 fn wax(color: [f32; 3]) -> Material {
     let (factor, white) = (FloatSlot::constant(1.0), ColorSlot::constant([1.0; 3]));
-    let diffuse_transmission = Some(DiffuseTransmission { factor, color: white });
+    let diffuse_transmission = Some(DiffuseTransmission { factor, color: white, subsurface: None });
     let model = PbrMaterial { has_volume: true, diffuse_transmission, ..clay([1.0; 3]) };
     let medium = Some(Medium::subsurface(color, [0.01; 3], 0.0));
     Material { medium, ..Material::gltf("wax", model) }

@@ -58,7 +58,7 @@ fn bodies_are_mixed_by_what_enters_them() {
         specular: none,
         ior: 1.0,
         has_volume: true,
-        diffuse_transmission: Some(DiffuseTransmission { factor: whole, color: white }),
+        diffuse_transmission: Some(DiffuseTransmission { factor: whole, color: white, subsurface: None }),
         ..PbrMaterial::default()
     };
     let medium = Some(Medium::subsurface([0.6; 3], [0.01; 3], 0.0));
@@ -91,7 +91,8 @@ fn bodies_are_mixed_by_what_enters_them() {
 fn bodies_and_glass_are_kept_apart() {
     let (none, whole) = (FloatSlot::constant(0.0), FloatSlot::constant(1.0));
     let solid = PbrMaterial { metallic: none, has_volume: true, ..PbrMaterial::default() };
-    let through = DiffuseTransmission { factor: whole, color: ColorSlot::constant([1.0; 3]) };
+    let through =
+        DiffuseTransmission { factor: whole, color: ColorSlot::constant([1.0; 3]), subsurface: None };
     let body = PbrMaterial { specular: none, ior: 1.0, diffuse_transmission: Some(through), ..solid.clone() };
     let medium = Some(Medium::subsurface([0.2, 0.5, 0.8], [0.01; 3], 0.0));
     let wax = Material { medium, ..Material::gltf("wax", body) };

@@ -274,7 +274,8 @@ fn crowded(crowd: Crowd) -> Scene {
             );
             box_of(&mut scene, [-0.9, -0.9, -0.2], [0.0, 0.2, 0.5], fog);
             let (none, whole) = (FloatSlot::constant(0.0), FloatSlot::constant(1.0));
-            let diffuse_transmission = Some(DiffuseTransmission { factor: whole, color: constant(1.0) });
+            let diffuse_transmission =
+                Some(DiffuseTransmission { factor: whole, color: constant(1.0), subsurface: None });
             let wax = PbrMaterial {
                 metallic: none,
                 specular: none,

@@ -144,6 +144,7 @@ fn bodies_keep_their_colour() {
             diffuse_transmission: Some(DiffuseTransmission {
                 factor: FloatSlot::constant(1.0),
                 color: ColorSlot::constant([1.0; 3]),
+                subsurface: None,
             }),
             has_volume: true,
             base_color: ColorSlot::constant(color),

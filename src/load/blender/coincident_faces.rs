@@ -1,5 +1,5 @@
-//! Faces that lie in the same place as others, as of an object and its copy: Cycles shadows each by the other, so that they are dark
-//! in its pictures. Here they are lit, which a note explains.
+//! Coincident faces, as of an object and its copy. Cycles shadows each by the other, so that they are dark in its pictures; here they
+//! are lit, which a note explains.
 
 use crate::error::Warning;
 use crate::load::Loaded;
@@ -8,61 +8,76 @@ use crate::scene::{Instance, Mesh, Motion};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Scenes of more triangles aren't searched: a fifth of a second for this many.
+/// Maximum number of triangles of scenes that are searched, which takes 0.2 s.
 const MAX_TRIANGLES: usize = 4_000_000;
 
-/// Triangles whose centroids are this near, relative to the size of the scene, are in the same place.
+/// Triangles coincide if their centroids are in the same cell of a grid of this spacing, relative to the size of the scene.
 const RELATIVE_CELL: f64 = 1e-6;
 
-/// Fewer triangles aren't worth a note.
-const MIN_TRIANGLES: usize = 8;
+/// Minimum area of coincident triangles for a note, relative to the area of all triangles.
+const MIN_AREA: f64 = 1e-3;
 
-/// Adds a note about the objects that share most triangles.
-pub(super) fn tell(path: &Path, loaded: &mut Loaded) {
+/// Coincident triangles of two instances, or of one.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Coincidence {
+    triangles: usize,
+    /// Relative to the area of all triangles.
+    area: f64,
+}
+
+/// Adds a note that names the objects with the largest area of coincident triangles.
+pub(super) fn add_note(path: &Path, loaded: &mut Loaded) {
     let instances = &loaded.scene.instances;
     let pairs = coincident_pairs(instances, &loaded.scene.meshes);
-    let Some((&[a, b], &count)) = pairs.iter().max_by_key(|(_, count)| **count) else { return };
-    if count < MIN_TRIANGLES {
+    let Some((&[a, b], _)) = pairs.iter().max_by(|a, b| a.1.area.total_cmp(&b.1.area)) else { return };
+    if pairs.values().map(|pair| pair.area).sum::<f64>() < MIN_AREA {
         return;
     }
-    let total: usize = pairs.values().sum();
-    let named = |i: u32| format!("'{}'", instances[i as usize].name);
-    let place = match a == b {
-        true => format!("on top of each other, most of them of {}", named(a)),
-        false => format!("in the same place as others, most of them of {} and {}", named(a), named(b)),
-    };
-    let message = format!("{total} triangles are {place}: Cycles shows them dark, here they are lit");
+    let count: usize = pairs.values().map(|pair| pair.triangles).sum();
+    let name = |i: u32| format!("'{}'", instances[i as usize].name);
+    let objects = if a == b { name(a) } else { format!("{} and {}", name(a), name(b)) };
+    let message = format!(
+        "{count} triangles coincide with others, mainly of {objects}: Cycles shows them dark, here they are lit"
+    );
     loaded.notes.push(Warning::new(path, "", ("faces-coincident", message)));
 }
 
-/// The number of pairs of triangles in the same place by their instances, which are the same for doubled faces of one mesh.
-fn coincident_pairs(instances: &[Instance], meshes: &[Mesh]) -> BTreeMap<[u32; 2], usize> {
-    let mut pairs = BTreeMap::new();
+/// Coincident triangles of still instances by pairs of instances, twice the same one for duplicate faces of a mesh.
+fn coincident_pairs(instances: &[Instance], meshes: &[Mesh]) -> BTreeMap<[u32; 2], Coincidence> {
+    let mut pairs: BTreeMap<[u32; 2], Coincidence> = BTreeMap::new();
     let mesh_of = |instance: &Instance| &meshes[instance.mesh.index()];
     let is_still = |instance: &Instance| matches!(instance.motion, Motion::Still);
     let count: usize = instances.iter().map(|i| mesh_of(i).triangles.len()).sum();
     if count > MAX_TRIANGLES {
         return pairs;
     }
-    let mut centroids: Vec<(DVec3, u32)> = Vec::with_capacity(count);
+    let mut triangles: Vec<(DVec3, f64, u32)> = Vec::with_capacity(count);
     for (number, instance) in instances.iter().enumerate().filter(|(_, instance)| is_still(instance)) {
         let mesh = mesh_of(instance);
-        let corner = |i: u32| DVec3::from(mesh.positions[i as usize].map(f64::from));
-        let centroid = |[a, b, c]: [u32; 3]| (corner(a) + corner(b) + corner(c)) / 3.0;
-        let placed = |t: &[u32; 3]| instance.world_from_object.transform_point3(centroid(*t));
-        centroids.extend(mesh.triangles.iter().map(|t| (placed(t), number as u32)));
+        let corner = |i: u32| {
+            let local = DVec3::from(mesh.positions[i as usize].map(f64::from));
+            instance.world_from_object.transform_point3(local)
+        };
+        triangles.extend(mesh.triangles.iter().map(|t| {
+            let [a, b, c] = t.map(corner);
+            ((a + b + c) / 3.0, 0.5 * (b - a).cross(c - a).length(), number as u32)
+        }));
     }
-    let min = centroids.iter().fold(DVec3::INFINITY, |min, (p, _)| min.min(*p));
-    let max = centroids.iter().fold(DVec3::NEG_INFINITY, |max, (p, _)| max.max(*p));
+    let min = triangles.iter().fold(DVec3::INFINITY, |min, t| min.min(t.0));
+    let max = triangles.iter().fold(DVec3::NEG_INFINITY, |max, t| max.max(t.0));
     let cell = (max - min).max_element() * RELATIVE_CELL;
     if !(cell > 0.0 && cell.is_finite()) {
         return pairs;
     }
+    let total: f64 = triangles.iter().map(|t| t.1).sum();
     let key = |p: &DVec3| ((*p - min) / cell).round().to_array().map(|x| x as u32);
-    let mut cells: Vec<([u32; 3], u32)> = centroids.iter().map(|(p, instance)| (key(p), *instance)).collect();
-    cells.sort_unstable();
+    let mut cells: Vec<([u32; 3], u32, f64)> =
+        triangles.iter().map(|(p, area, i)| (key(p), *i, *area)).collect();
+    cells.sort_unstable_by_key(|cell| (cell.0, cell.1));
     for same in cells.chunk_by(|a, b| a.0 == b.0).filter(|same| same.len() > 1) {
-        *pairs.entry([same[0].1, same[same.len() - 1].1]).or_default() += same.len();
+        let pair = pairs.entry([same[0].1, same[same.len() - 1].1]).or_default();
+        pair.triangles += same.len();
+        pair.area += same.iter().map(|cell| cell.2).sum::<f64>() / total;
     }
     pairs
 }
@@ -86,20 +101,25 @@ mod tests {
     }
 
     #[test]
-    fn copies_in_the_same_place_are_found() {
+    fn finds_coincident_instances() {
         let pairs = coincident_pairs(&[placed("a", 0.0), placed("far", 9.0), placed("b", 1e-9)], &[grid()]);
-        assert_eq!(pairs, BTreeMap::from([([0, 2], 64)]));
+        let pair = pairs[&[0, 2]];
+        assert!(
+            pairs.len() == 1 && pair.triangles == 64 && (pair.area - 2.0 / 3.0).abs() < 1e-9,
+            "{pairs:?}"
+        );
     }
 
     #[test]
-    fn doubled_faces_are_found() {
+    fn finds_duplicate_faces() {
         let mut mesh = grid();
         mesh.triangles.extend_from_within(..10);
-        assert_eq!(coincident_pairs(&[placed("a", 0.0)], &[mesh]), BTreeMap::from([([0, 0], 20)]));
+        let pairs = coincident_pairs(&[placed("a", 0.0)], &[mesh]);
+        assert!(pairs.len() == 1 && pairs[&[0, 0]].triangles == 20, "{pairs:?}");
     }
 
     #[test]
-    fn neighbours_are_not_coincident() {
+    fn ignores_neighbours() {
         assert!(coincident_pairs(&[placed("a", 0.0), placed("b", 1e-4)], &[grid()]).is_empty());
     }
 }

@@ -93,7 +93,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     }
     match formats::is_imported_by_blender(path) {
         true => remove_blender_defaults(&mut loaded),
-        false => coincident_faces::tell(path, &mut loaded),
+        false => coincident_faces::add_note(path, &mut loaded),
     }
     loaded.scene.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let with_path = |w: &Warning| Warning { file: Some(path.to_path_buf()), ..w.clone() };

@@ -122,7 +122,7 @@ pub fn translucent(scene: &mut Scene, medium: Medium) -> MaterialId {
         specular: FloatSlot::constant(0.0),
         ior: 1.0,
         has_volume: true,
-        diffuse_transmission: Some(DiffuseTransmission { factor, color: white }),
+        diffuse_transmission: Some(DiffuseTransmission { factor, color: white, subsurface: None }),
         ..PbrMaterial::default()
     };
     material(scene, Material { medium: Some(medium), ..Material::gltf("wax", wax) })

@@ -368,8 +368,11 @@ fn layers() -> Scene {
         thickness_max_nm: 500.0,
         thickness_texture: Some((TextureId(0), 1)),
     });
-    let through =
-        Some(DiffuseTransmission { factor: share(0.5), color: ColorSlot::constant([0.9, 0.5, 0.5]) });
+    let through = Some(DiffuseTransmission {
+        factor: share(0.5),
+        color: ColorSlot::constant([0.9, 0.5, 0.5]),
+        subsurface: None,
+    });
     let clear = |has_volume, roughness| PbrMaterial {
         metallic: share(0.0),
         transmission: share(1.0),

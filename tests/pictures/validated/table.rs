@@ -12,7 +12,7 @@ use oscura::scene::{
     Material, MaterialId, Medium, MediumTextures, Mesh, MeshId, MeshPart, MixComponent, Model, Motion,
     NoiseKind, NormalMap, ObjectInfo, ObjectSet, ObjectSets, ObjectTraits, PbrMaterial, Portal, ProfileId,
     Projection, Quad, RayKinds, Scene, Settings, ShadowTerminator, Shape, ShapeKind, Sheen, SkippedCaustics,
-    Splats, SpotFade, Texture, TextureId, TextureTransform, ThinLens, VertexAttribute, Wrap,
+    Splats, SpotFade, SubsurfaceEntry, Texture, TextureId, TextureTransform, ThinLens, VertexAttribute, Wrap,
 };
 
 /// Ids mostly change to others that may exist.
@@ -110,7 +110,7 @@ structs! {
     Sheen { color, roughness }
     Anisotropy { strength, rotation_rad, texture }
     Iridescence { factor, ior, thickness_min_nm, thickness_max_nm, thickness_texture }
-    DiffuseTransmission { factor, color }
+    DiffuseTransmission { factor, color, subsurface }
     TextureTransform { offset, rotation_rad, scale }
     Image { name, width, height, channels, encoding, pixels }
     LightProfile { vertical_deg, horizontal_deg, values }
@@ -137,6 +137,7 @@ enums! {
     AlphaMode { Opaque {} Mask { cutoff } Blend {} } {}
     FresnelModel { Exact {} Schlick {} } {}
     GlassReflection { White {} Tinted {} None {} } {}
+    SubsurfaceEntry { Diffuse {} Skin { ior } Refraction { ior } } {}
     EnergyCompensation { On {} Off {} } {}
     CatcherOutput { All {} Shadows {} } {}
     ShadowTerminator { Soft {} Lifted {} Off {} } {}
