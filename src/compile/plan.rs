@@ -10,7 +10,7 @@ use crate::error::Warning;
 use crate::math::{DAffine3, DMat3, DVec3, TransformKeys};
 use crate::scene::{Instance, MaterialId, Mesh, MeshId, Motion, ObjectTraits, Quad, Scene, TextureId};
 use rayon::prelude::*;
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::sync::Arc;
 
 /// Meshes with fewer triangles are merged: a copy costs less than the traversal of an instance.
@@ -20,6 +20,9 @@ const MIN_SHARED_TRIANGLES: usize = 1024;
 /// placements of meshes with 128 triangles take 132 MB instead of 1,027, and 5.7 s instead of 10.1 at 16 samples, of which
 /// tracing takes 4.4 s instead of 3.6.
 const MAX_COPIED_TRIANGLES: usize = 1 << 22;
+
+/// Maximum number of triangles of all instances of an emissive mesh for light sampling, which needs copies: about 1 GB with the lights.
+const MAX_COPIED_EMITTERS: usize = 1 << 22;
 
 /// Meshes with fewer triangles are never shared: copies take less memory than placements.
 const MIN_TRIANGLES_OF_INSTANCES: usize = 8;
@@ -110,7 +113,7 @@ pub(super) fn plan(
         || scene.instances.iter().filter(is_visible).map(|i| scene.meshes[i.mesh.index()].triangles.len());
     let keeps_geometry = is_sequence && triangles().sum::<usize>() >= MIN_KEPT_TRIANGLES;
     let mut plan = Plan { numbers, attributes, ..Plan::default() };
-    let mut invisible = 0;
+    let (mut invisible, mut unsampled) = (0, HashSet::new());
     for (index, instance) in scene.instances.iter().enumerate() {
         if !is_visible(&instance) {
             invisible += 1;
@@ -122,12 +125,15 @@ pub(super) fn plan(
         }
         let mesh = &scene.meshes[instance.mesh.index()];
         let emits = part_materials(mesh, instance).any(|m| materials[m.index()].emission.is_some());
-        let can_be_placed = !emits && condition(&world_from_object.matrix3) <= MAX_SHARED_CONDITION;
         let is_shared = uses[instance.mesh.index()] > 1 && mesh.triangles.len() >= min_shared;
-        let motion = motion::keys(scene, instance, origin).map(|keys| {
-            plan.motions.push(keys);
-            plan.motions.len() as u32 - 1
-        });
+        let copied = mesh.triangles.len().saturating_mul(uses[instance.mesh.index()]);
+        let too_many = is_shared && copied > MAX_COPIED_EMITTERS;
+        if emits && too_many && unsampled.insert(instance.mesh) {
+            warnings.push(Warning::general(unsampled_message(mesh, uses[instance.mesh.index()])));
+        }
+        let is_flat = condition(&world_from_object.matrix3) > MAX_SHARED_CONDITION;
+        let can_be_placed = (!emits || too_many) && !is_flat;
+        let motion = plan.add_motion(motion::keys(scene, instance, origin));
         let mode = match instance.motion {
             Motion::Keyed(_) if motion.is_some() || motion::deforms(scene, instance.mesh) => {
                 InstanceMode::Moving
@@ -155,6 +161,12 @@ impl Plan {
     /// Is a mesh inside out?
     pub fn is_inside_out(&self, mesh: MeshId) -> bool {
         self.inside_out.get(mesh.index()).is_some_and(|&is| is)
+    }
+
+    /// Adds the motion of an instance; gives its index.
+    fn add_motion(&mut self, keys: Option<TransformKeys>) -> Option<u32> {
+        self.motions.push(keys?);
+        Some(self.motions.len() as u32 - 1)
     }
 
     /// Assigns an index to each shared mesh, deforming ones last.
@@ -288,6 +300,16 @@ fn is_usable(instance: &Instance, linear: &DMat3, warnings: &mut Vec<Warning>) -
     };
     warnings.push(Warning { place: instance.name.clone(), ..Warning::general(message) });
     is_invertible(linear)
+}
+
+/// The warning about an emissive mesh with too many instances for light sampling.
+fn unsampled_message(mesh: &Mesh, instances: usize) -> (&'static str, String) {
+    let (name, triangles) = (&mesh.name, mesh.triangles.len());
+    let message = format!(
+        "mesh '{name}' emits light and has {instances} instances of {triangles} triangles, too many for light sampling: its \
+         light is only found by BSDF samples, with more noise"
+    );
+    ("emitters-unsampled", message)
 }
 
 fn count_uses(scene: &Scene) -> Vec<usize> {

@@ -4,8 +4,8 @@ use crate::support::{assert_radiance, camera, material, mean, measure, options, 
 use oscura::compile::{CompileOptions, CompileReport, compile};
 use oscura::math::{DAffine3, DVec3, Ray, Vec3};
 use oscura::scene::{
-    AlphaMode, Emission, Environment, FloatSlot, Instance, Material, MaterialId, Mesh, MeshId, MeshPart,
-    Model, PbrMaterial, Scene,
+    AlphaMode, ColorSlot, Emission, Environment, FloatSlot, Instance, Material, MaterialId, Mesh, MeshId,
+    MeshPart, Model, PbrMaterial, Scene,
 };
 
 fn report(scene: &Scene) -> CompileReport {
@@ -44,6 +44,36 @@ fn unplaced_meshes_are_left_out() {
     let report = report(&scene);
     assert_eq!(report.triangles, 2);
     assert!(report.left_out.iter().any(|l| l.contains("1800")), "{:?}", report.left_out);
+}
+
+/// 2,400 instances of 1,800 emissive triangles are not copied, and only BSDF samples find them: a grey floor below two of them is lit
+/// as by the same two alone.
+#[test]
+fn emissive_meshes_with_too_many_instances_are_shared() {
+    let lit = |instances: usize| {
+        let mut scene = Scene::default();
+        let grey = material(&mut scene, Material::lambert("grey", [0.5; 3]));
+        let black = Material::new("lamp", Model::Black);
+        let emission = Some(Emission { radiance: ColorSlot::constant([1.0; 3]), two_sided: true });
+        let lamp = material(&mut scene, Material { emission, ..black });
+        scene.meshes.extend([square(30, lamp), square(1, grey)]);
+        let floor = DAffine3::from_translation(DVec3::new(0.0, 0.0, -0.3));
+        place(&mut scene, 1, floor);
+        for i in 0..instances {
+            // All but two are behind the floor, which is seen from the front.
+            let z = if i < 2 { 0.7 + i as f64 } else { -1.0 - i as f64 };
+            place(&mut scene, 0, DAffine3::from_translation(DVec3::new(1.0, 0.0, z)));
+        }
+        scene.cameras.push(look_down_z());
+        let report = report(&scene);
+        let is_unsampled = report.warnings.iter().any(|w| w.code == "emitters-unsampled");
+        (report.triangles, is_unsampled, mean(&picture(&scene, &options(8, 1024, 4))))
+    };
+    let (few, many) = (lit(2), lit(2400));
+    assert!(!few.1 && many.1);
+    assert_eq!(many.0, 1802, "shared");
+    let relative = (many.2 / few.2 - 1.0).abs();
+    assert!(few.2 > 1e-3 && relative < 0.05, "{} {}", few.2, many.2);
 }
 
 #[test]
