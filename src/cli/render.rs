@@ -613,6 +613,7 @@ fn run_turntable(args: &RenderArgs, count: u32, cancel: &CancelHandle) -> Result
     let animations = Some(AnimationFiles::of(args)?);
     let mut start = Instant::now();
     check_scene_path(&args.scene)?;
+    check_memory_before_loading(args)?;
     let environment = EnvironmentOverride::load(args)?;
     let mut options = load_options(args)?;
     options.stage.is_orbit = true;

@@ -335,9 +335,6 @@ fn complete(
 /// Warns of options that have no effect on files of this type.
 fn warn_of_unused_options(path: &Path, options: &LoadOptions, is_mesh_file: bool, loaded: &mut Loaded) {
     let mut warn = |message: &str| loaded.warnings.push(Warning::new(path, "", message));
-    if is_of_blender(path) && options.shutter.is_open() {
-        warn("motion in Blender files is not blurred: they are exported at one time");
-    }
     if is_mesh_file && options.gltf.time_s.is_some() {
         warn("files of this type have no animations: all frames are the same picture");
     }
