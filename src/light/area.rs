@@ -4,7 +4,7 @@
 use super::punctual::{Aim, SpotCone, relative_mean};
 use super::{LightBounds, LightSample, LightSource};
 use crate::color::Rgb;
-use crate::math::{Bounds3, Mat3, Ray, Vec2, Vec3, gamma, offset_ray_origin};
+use crate::math::{Bounds3, Frame, Mat3, Ray, Vec2, Vec3, gamma, offset_ray_origin};
 use crate::scene::{self, LightProfile, TextureId};
 use crate::shape::{
     Analytic, LightPoint, Packed, Shape, SphericalParallelogram, SphericalRectangle, SphericalTriangle,
@@ -253,6 +253,76 @@ impl AreaLight {
     }
 }
 
+// A grid lets only light of a small part of the light pass to a point: only that part is sampled.
+
+impl AreaLight {
+    /// The part of a rectangle or disk whose light passes its grid to a point, as a rectangle that bounds it; the whole shape without a
+    /// grid, or if the bounding rectangle isn't smaller.
+    #[inline(always)]
+    fn part_seen_from(&self, reference: Vec3) -> SeenPart {
+        match self.beam {
+            Beam::Grid { tan_half, .. } => self.part_behind_grid(tan_half, reference),
+            _ => SeenPart::Whole,
+        }
+    }
+
+    #[cold]
+    fn part_behind_grid(&self, tan_half: f32, reference: Vec3) -> SeenPart {
+        let whole = match &self.shape {
+            AreaShape::Rectangle(edges) => *edges,
+            AreaShape::Analytic(disk) if disk.normal().is_some() => {
+                let (center, radius) = disk.center_and_radius();
+                let frame = Frame::from_normal(self.normal);
+                let [u, v] =
+                    [frame.to_world(Vec3::X), frame.to_world(Vec3::Y)].map(|axis| axis * (2.0 * radius));
+                Edges { corner: center - 0.5 * (u + v), edge_u: u, edge_v: v }
+            }
+            AreaShape::Parallelogram(_) | AreaShape::Triangle(_) | AreaShape::Analytic(_) => {
+                return SeenPart::Whole;
+            }
+        };
+        let to_reference = reference - whole.corner;
+        let reach = tan_half * to_reference.dot(self.normal).abs();
+        // The interval of an edge within reach of the point below the reference.
+        let clipped = |edge: Vec3| {
+            let at = to_reference.dot(edge) / edge.length_squared();
+            let reach = reach / edge.length();
+            let (start, end) = ((at - reach).max(0.0), (at + reach).min(1.0));
+            (start < end).then_some((edge * start, edge * (end - start)))
+        };
+        let Some(((start_u, edge_u), (start_v, edge_v))) = clipped(whole.edge_u).zip(clipped(whole.edge_v))
+        else {
+            return SeenPart::Nothing;
+        };
+        let is_round = matches!(self.shape, AreaShape::Analytic(_));
+        match is_round && edge_u.cross(edge_v).length() > 0.5 * whole.edge_u.cross(whole.edge_v).length() {
+            true => SeenPart::Whole,
+            false => SeenPart::Part(Edges { corner: whole.corner + start_u + start_v, edge_u, edge_v }),
+        }
+    }
+
+    /// Whether a point in the plane of a light that is sampled by a bounding rectangle is on the light.
+    #[inline(always)]
+    fn contains(&self, point: Vec3) -> bool {
+        match &self.shape {
+            AreaShape::Analytic(disk) => {
+                let (center, radius) = disk.center_and_radius();
+                (point - center).length_squared() <= radius * radius
+            }
+            _ => true,
+        }
+    }
+}
+
+/// The part of a light whose light reaches a point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum SeenPart {
+    Whole,
+    /// A rectangle that bounds it.
+    Part(Edges),
+    Nothing,
+}
+
 impl LightSource for AreaLight {
     /// Uniform by solid angle for flat lights and spheres.
     #[inline]
@@ -260,16 +330,18 @@ impl LightSource for AreaLight {
         if self.is_in_plane(reference) {
             return LightSample::NONE;
         }
-        let LightPoint { point, pdf_solid_angle } = match &self.shape {
-            AreaShape::Rectangle(e) => rectangle(e, reference).sample(u),
-            AreaShape::Parallelogram(e) => parallelogram(e, reference).sample(u),
-            AreaShape::Triangle(e) => triangle(e, reference).sample(u),
-            AreaShape::Analytic(shape) => shape.sample(reference, u),
+        let LightPoint { point, pdf_solid_angle } = match (self.part_seen_from(reference), &self.shape) {
+            (SeenPart::Nothing, _) => return LightSample::NONE,
+            (SeenPart::Part(part), _) => rectangle(&part, reference).sample(u),
+            (SeenPart::Whole, AreaShape::Rectangle(e)) => rectangle(e, reference).sample(u),
+            (SeenPart::Whole, AreaShape::Parallelogram(e)) => parallelogram(e, reference).sample(u),
+            (SeenPart::Whole, AreaShape::Triangle(e)) => triangle(e, reference).sample(u),
+            (SeenPart::Whole, AreaShape::Analytic(shape)) => shape.sample(reference, u),
         };
         let normal = self.normal_at(point, reference);
         let to =
             direction_to_point(reference, point, pdf_solid_angle, (normal, self.point_error, self.two_sided));
-        if to.pdf_solid_angle <= 0.0 {
+        if to.pdf_solid_angle <= 0.0 || matches!(self.beam, Beam::Grid { .. }) && !self.contains(point) {
             return LightSample::NONE;
         }
         LightSample {
@@ -284,11 +356,15 @@ impl LightSource for AreaLight {
 
     #[inline]
     fn pdf_solid_angle(&self, reference: Vec3, point: Vec3) -> f32 {
-        match &self.shape {
-            AreaShape::Rectangle(e) => rectangle(e, reference).pdf_solid_angle(point),
-            AreaShape::Parallelogram(e) => parallelogram(e, reference).pdf_solid_angle(point),
-            AreaShape::Triangle(e) => triangle(e, reference).pdf_solid_angle(point),
-            AreaShape::Analytic(shape) => shape.pdf_solid_angle(reference, point),
+        match (self.part_seen_from(reference), &self.shape) {
+            (SeenPart::Nothing, _) => 0.0,
+            (SeenPart::Part(part), _) => rectangle(&part, reference).pdf_solid_angle(point),
+            (SeenPart::Whole, AreaShape::Rectangle(e)) => rectangle(e, reference).pdf_solid_angle(point),
+            (SeenPart::Whole, AreaShape::Parallelogram(e)) => {
+                parallelogram(e, reference).pdf_solid_angle(point)
+            }
+            (SeenPart::Whole, AreaShape::Triangle(e)) => triangle(e, reference).pdf_solid_angle(point),
+            (SeenPart::Whole, AreaShape::Analytic(shape)) => shape.pdf_solid_angle(reference, point),
         }
     }
 

@@ -100,10 +100,16 @@ fn obstacles_shade() {
     assert_radiance("shade", &scene, &options(8, 16, 1), 0.0, 1.0);
 }
 
-/// Slats let more light straight on and none beyond their angle.
+/// A grid passes most light straight ahead, and none beyond its half angle: closed form.
 #[test]
 fn beams_of_a_grid() {
-    let (radius, height, half_angle_rad) = (0.3, 2.0, 0.6f64);
+    beams_of_a_grid_of(0.6);
+    // Light of a ninth of the disk reaches a point.
+    beams_of_a_grid_of(0.05);
+}
+
+fn beams_of_a_grid_of(half_angle_rad: f64) {
+    let (radius, height) = (0.3, 2.0);
     let beam = Beam::Grid { half_angle_rad };
     let scale = 1.0 / (half_angle_rad.tan() - half_angle_rad);
     // Over rings of the disk: cos^4 / h^2 is the density of projected solid angle.
@@ -112,7 +118,7 @@ fn beams_of_a_grid() {
         let rho = radius * (f64::from(i) + 0.5) / f64::from(n);
         let cosine = height / rho.hypot(height);
         2.0 * rho * radius / f64::from(n) * cosine.powi(4) / (height * height)
-            * (half_angle_rad.tan() - rho / height)
+            * (half_angle_rad.tan() - rho / height).max(0.0)
             * scale
     };
     let truth = 0.8 * 3.0 * (0..n).map(ring).sum::<f64>();
@@ -127,6 +133,11 @@ fn beams_of_a_grid() {
         }
         assert_radiance(&format!("grid, {lights}"), &scene, &options(16, 256, 1), truth, 4e-3);
     }
+}
+
+#[test]
+fn no_light_leaves_the_beam_of_a_grid() {
+    let beam = Beam::Grid { half_angle_rad: 0.6 };
     let mut scene = grey_floor();
     let emitter_traits = emitter_traits(&mut scene, 3.0, EmitterTraits { beam, ..EmitterTraits::default() });
     quad(&mut scene, [3.0, 2.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0], emitter_traits);

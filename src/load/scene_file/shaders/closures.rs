@@ -454,7 +454,7 @@ fn set_subsurface(
     paths: [f32; 3],
     anisotropy: f32,
 ) {
-    let anisotropy = anisotropy.clamp(-0.99, 0.99);
+    let anisotropy = anisotropy.clamp(0.0, MAX_BODY_ANISOTROPY);
     let paths = paths.map(|path| (path * (1.0 - anisotropy)).max(1e-6));
     let mut medium = Medium::subsurface(color.map(|c| c.clamp(0.0, 1.0)), paths, anisotropy);
     // Albedos below the minimum are represented by a surface tint, which applies on entry and exit; it also attenuates
@@ -472,6 +472,9 @@ fn set_subsurface(
 /// Range of the index of refraction of a body, as in Cycles.
 const MIN_BODY_IOR: f32 = 1.01;
 const MAX_BODY_IOR: f32 = 3.8;
+
+/// Maximum anisotropy of a body, as in Cycles; the minimum is 0.
+const MAX_BODY_ANISOTROPY: f32 = 0.9;
 
 /// Minimum single-scattering albedo of subsurface scattering, as in Cycles.
 const MIN_ALBEDO: f32 = 0.2;
