@@ -141,8 +141,8 @@ impl Axis {
 
 /// Splits primitives in two by the binned SAH: reorders them and returns the size of the first part.
 fn split(primitives: &mut [Primitive], space: &NormalizedSpace, has_idle_threads: bool) -> usize {
-    let halves = primitives.len() / 2;
-    let Some(axis) = Axis::longest(primitives, space) else { return halves };
+    let half = primitives.len() / 2;
+    let Some(axis) = Axis::longest(primitives, space) else { return half };
     let of_slice = |slice: &[Primitive]| {
         let mut bins = [Bin::EMPTY; BINS];
         for p in slice {
@@ -165,7 +165,7 @@ fn split(primitives: &mut [Primitive], space: &NormalizedSpace, has_idle_threads
     };
     match middle {
         middle if middle > 0 && middle < primitives.len() => middle,
-        _ => halves,
+        _ => half,
     }
 }
 
@@ -221,7 +221,8 @@ fn partition(primitives: &mut [Primitive], is_first: impl Fn(&Primitive) -> bool
     prefix_sums(&mut to_back);
     let mut to_front: Vec<usize> = back.par_rchunks(PARALLEL).map(count).collect();
     prefix_sums(&mut to_front);
-    // For each chunk of the front: the distance from the end of the back up to which its swaps reach.
+    // Misplaced primitives of the front are swapped, in order, with those of the back from its end. For each chunk of the front: the
+    // length of the suffix of the back with as many misplaced primitives as all chunks up to this one.
     let ends: Vec<usize> = to_back.par_iter().map(|&n| suffix_with(back, n, &to_front, &is_first)).collect();
     let (mut jobs, mut rest, mut taken) = (Vec::with_capacity(ends.len()), back, 0);
     for (chunk, end) in front.chunks_mut(PARALLEL).zip(ends) {
@@ -249,8 +250,8 @@ fn prefix_sums(numbers: &mut [usize]) {
     }
 }
 
-/// Length of the shortest suffix of a list with `wanted` primitives that satisfy `is_first`; `sums` are prefix sums of their number
-/// per chunk, from the last chunk on.
+/// Length of the shortest suffix of a list with `wanted` primitives that satisfy `is_first`. `sums[i]`: number of these primitives in
+/// the last i + 1 chunks.
 fn suffix_with(
     list: &[Primitive],
     wanted: usize,
@@ -296,7 +297,7 @@ pub fn build(
     let limit = (primitives.len() / MIN_CHUNKS).clamp(MIN_CHUNK, MAX_CHUNK);
     let count = large_to_front(primitives, space, limit);
     let (large, primitives) = primitives.split_at_mut(count);
-    // In the space of a large ground plane, the triangles of a scan on it may fall below the resolution.
+    // Without large primitives such as a ground plane, the unit cube is smaller, and small triangles have more digits in it.
     let own_space = (count > 0).then(|| NormalizedSpace::of(primitives));
     let space = own_space.as_ref().unwrap_or(space);
     let chunks = split_into_chunks(primitives, space, limit, options.counter);
@@ -422,6 +423,7 @@ pub fn append<T: Send>(
     build: impl Fn(usize, &mut Workspace) -> Result<TreePart<T>, BufferFull> + Sync,
 ) -> Result<Vec<(u32, T)>, BufferFull> {
     let start = lines.len();
+    // A claim is a range of the spare capacity that one thread fills.
     let (parts, overflow) = append_claims(lines, |claims| {
         let mut waiting = Vec::new();
         waiting.resize_with(count, || None);

@@ -1,7 +1,7 @@
 //! Input of an [`Accel`](super::Accel): geometries, instances, options, a memory estimate, and the conversion of geometries to
 //! primitives with bounds. Invalid and degenerate primitives are dropped.
 
-use super::layout::{ANALYTIC_LINES, CURVES, INSTANCE_LINES, MAX_LINE, SPLAT_LINES, TRIANGLE_LINES};
+use super::layout::{ANALYTIC_LINES, CURVE_LANES, INSTANCE_LINES, MAX_LINE, SPLAT_LINES, TRIANGLE_LINES};
 use crate::math::{Bounds3, DAffine3, TransformKeys, Vec3};
 use crate::shape::triangle::LANES;
 use crate::shape::{Analytic, CurveSegment, CurveSegments, Quad, Shape, SplatCloud, triangle};
@@ -53,7 +53,7 @@ pub struct MovingInstance {
 /// A geometry placed in the world.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AccelInstance {
-    /// Index of the geometry; not 0, which is the world's.
+    /// Index of the geometry; not 0, whose shapes are in world space.
     pub geometry: u32,
     /// Object-to-world transform.
     pub world_from_object: DAffine3,
@@ -78,9 +78,10 @@ pub struct AccelInput<'a> {
     pub geometries: &'a [&'a Geometry],
     /// Instances: `Hit::instance` is the index plus 1.
     pub instances: &'a [AccelInstance],
-    /// Index of the first moving instance: from here on instances go to the top tree above the world's.
+    /// Index of the first moving instance. These are in a top-level BVH, which has the BVH of the world (geometry 0 and the static
+    /// instances) as a child.
     pub first_moving: usize,
-    /// Index of the first geometry that changes between rebuilds: these belong to moving instances and are built after the world.
+    /// Index of the first geometry that changes between rebuilds. Only moving instances use these; their trees follow the world's.
     pub first_changing: usize,
     /// Instances that move while the shutter is open; indices from `first_moving` on.
     pub moving: &'a [MovingInstance],
@@ -127,7 +128,7 @@ impl BuildOptions<'_> {
 pub enum Reuse {
     /// Nothing.
     Nothing,
-    /// Trees of geometries below `first_changing`, without the world's.
+    /// Trees of geometries 1 to `first_changing` - 1.
     Shared,
     /// Shared geometries and the world with the instances that do not move.
     World,
@@ -215,7 +216,7 @@ impl Estimate {
     /// bytes per segment for 400 strands of 19 segments).
     pub fn add_curves(&mut self, count: usize) {
         self.curves += count as u64;
-        self.add(count, in_packets(ANALYTIC_LINES as u64, CURVES as u64) + LINE / 2);
+        self.add(count, in_packets(ANALYTIC_LINES as u64, CURVE_LANES as u64) + LINE / 2);
     }
 
     /// Adds Gaussian splats.
@@ -263,7 +264,7 @@ impl Display for TooLarge {
         let numbers = numbers.iter().filter(|(count, _)| *count > 0);
         let numbers: Vec<String> = numbers.map(|(count, what)| format!("{count} {what}")).collect();
         let limit = gib(Estimate::LIMIT);
-        // Below the limit the error was found during the build, with packets emptier than estimated.
+        // If the estimate is below the limit, the build has run out of addresses, since packets were emptier than estimated.
         let size = if bytes > Estimate::LIMIT { gib(bytes) } else { limit };
         let about = if bytes > Estimate::LIMIT { "about" } else { "more than" };
         write!(

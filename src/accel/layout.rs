@@ -71,7 +71,9 @@ pub struct Node {
     pub padding: [u32; 8],
 }
 
-/// Part number of a lane of a [`TrianglePacket`]: a triangle of a mesh.
+// Part numbers of lanes of a [`TrianglePacket`].
+
+/// A triangle of a mesh.
 pub const PART_TRIANGLE: u32 = 0;
 /// The half `corner, corner + u, corner + u + v` of a quad.
 pub const PART_QUAD_FIRST: u32 = 1;
@@ -157,8 +159,8 @@ pub const MOVING_TRIANGLES: u8 = u8::MAX;
 #[repr(C, align(64))]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct AnalyticPacket {
-    /// Parameters of each shape ([`Packed::numbers`]).
-    pub numbers: [[f32; 6]; LANES],
+    /// Parameters of each shape ([`Packed::parameters`]).
+    pub parameters: [[f32; 6]; LANES],
     /// Primitive ids.
     pub id: [u32; LANES],
     /// Kinds of the shapes ([`Packed::kind`]); 0 in unused lanes.
@@ -173,26 +175,26 @@ impl AnalyticPacket {
     /// The shape of a lane.
     #[inline(always)]
     pub fn packed(&self, lane: usize) -> Packed {
-        Packed { kind: self.kind[lane], numbers: self.numbers[lane] }
+        Packed { kind: self.kind[lane], parameters: self.parameters[lane] }
     }
 }
 
 /// `kind` of a [`CurvePacket`].
 pub const CURVE_SEGMENTS: u8 = u8::MAX - 1;
 
-/// Number of curve segments in a packet.
-pub const CURVES: usize = 2;
+/// Number of curve segments in a [`CurvePacket`].
+pub const CURVE_LANES: usize = 2;
 
 /// Two curve segments. `kind` and `next` are at the same offsets as in [`AnalyticPacket`].
 #[repr(C, align(64))]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct CurvePacket {
     /// End points of each segment, metres.
-    ends: [[[f32; 3]; 2]; CURVES],
+    ends: [[[f32; 3]; 2]; CURVE_LANES],
     /// Tangents at the end points.
-    tangents: [[[f32; 3]; 2]; CURVES],
+    tangents: [[[f32; 3]; 2]; CURVE_LANES],
     /// Primitive ids; `u32::MAX` in an unused lane.
-    pub id: [u32; CURVES],
+    pub id: [u32; CURVE_LANES],
     /// Radii at the first segment's end points, metres.
     first_radii: [f32; 2],
     /// [`CURVE_SEGMENTS`].
@@ -206,9 +208,9 @@ pub struct CurvePacket {
 impl CurvePacket {
     /// A packet of one or two segments with their ids.
     pub fn of(segments: impl Iterator<Item = (CurveSegment, u32)>, next: u32) -> CurvePacket {
-        let mut packet = CurvePacket { id: [u32::MAX; CURVES], next, ..CurvePacket::zeroed() };
+        let mut packet = CurvePacket { id: [u32::MAX; CURVE_LANES], next, ..CurvePacket::zeroed() };
         packet.kind = [CURVE_SEGMENTS; LANES];
-        for (lane, (segment, id)) in segments.take(CURVES).enumerate() {
+        for (lane, (segment, id)) in segments.take(CURVE_LANES).enumerate() {
             packet.ends[lane] = segment.ends.map(|p| p.to_array());
             packet.tangents[lane] = segment.tangents.map(|t| t.to_array());
             *(if lane == 0 { &mut packet.first_radii } else { &mut packet.second_radii }) = segment.radii;
@@ -378,7 +380,8 @@ pub struct InstanceRecord {
 }
 
 impl InstanceRecord {
-    /// Record of the world's tree below a top tree over moving instances: in world space, so without a matrix.
+    /// Record by which a top-level BVH over moving instances refers to the BVH of the world, which is in world space: the matrix is
+    /// unused.
     pub fn world(root: u32, reach: f32) -> InstanceRecord {
         InstanceRecord { object_from_world: [[0.0; 4]; 3], root, instance: 0, next: DONE, reach }
     }

@@ -148,7 +148,7 @@ pub fn write_triangles(
     next: u32,
 ) {
     let mut header = AnalyticPacket {
-        numbers: [[0.0; 6]; LANES],
+        parameters: [[0.0; 6]; LANES],
         id: [u32::MAX; LANES],
         kind: [0; LANES],
         next,

@@ -6,10 +6,10 @@
 use super::binary_tree::Binary;
 use super::input::{Geometry, Primitive, PrimitiveKind, triangle_vertices};
 use super::layout::{
-    ANALYTIC_LINES, AnalyticPacket, BufferFull, CURVES, CurvePacket, DONE, INSTANCE_LINES, InstanceRecord,
-    KIND_ANALYTIC, KIND_INSTANCE, KIND_TRIANGLES, MAX_LINE, NODE_LINES, Node, PART_QUAD_FIRST,
-    PART_QUAD_SECOND, PART_TRIANGLE, SPLAT_LINES, SplatPacket, TRIANGLE_LINES, TrianglePacket, leaf_ref,
-    line_of, view_mut,
+    ANALYTIC_LINES, AnalyticPacket, BufferFull, CURVE_LANES, CurvePacket, DONE, INSTANCE_LINES,
+    InstanceRecord, KIND_ANALYTIC, KIND_INSTANCE, KIND_TRIANGLES, MAX_LINE, NODE_LINES, Node,
+    PART_QUAD_FIRST, PART_QUAD_SECOND, PART_TRIANGLE, SPLAT_LINES, SplatPacket, TRIANGLE_LINES,
+    TrianglePacket, leaf_ref, line_of, view_mut,
 };
 use super::motion;
 use crate::math::{Bounds3, Vec3};
@@ -233,7 +233,7 @@ fn leaf_cost(area: f32, lanes: [u8; 5]) -> f32 {
     let cost = COST_LEAF
         + COST_TRIANGLES * packets(lanes[0])
         + COST_ANALYTIC * packets(lanes[1])
-        + COST_CURVES * f32::from(lanes[2].div_ceil(CURVES as u8))
+        + COST_CURVES * f32::from(lanes[2].div_ceil(CURVE_LANES as u8))
         + COST_SPLATS * packets(lanes[3])
         + COST_INSTANCE * f32::from(lanes[4]);
     area * cost
@@ -430,7 +430,7 @@ impl TreeWriter<'_> {
             *view_mut(region, at(written)) = self.analytic_packet(four, next(written));
             written += 1;
         }
-        for two in curves.as_slice().chunks(CURVES) {
+        for two in curves.as_slice().chunks(CURVE_LANES) {
             *view_mut(region, at(written)) = self.curve_packet(two, next(written));
             written += 1;
         }
@@ -449,7 +449,7 @@ impl TreeWriter<'_> {
     fn analytic_packet(&self, ids: &[u32], next: u32) -> AnalyticPacket {
         let first = self.shapes.geometry.triangles.len() + self.shapes.geometry.quads.len();
         let mut packet = AnalyticPacket {
-            numbers: [[0.0; 6]; LANES],
+            parameters: [[0.0; 6]; LANES],
             id: [u32::MAX; LANES],
             kind: [0; LANES],
             next,
@@ -457,7 +457,7 @@ impl TreeWriter<'_> {
         };
         for (lane, id) in ids.iter().enumerate() {
             let packed = self.shapes.geometry.analytic[*id as usize - first].pack();
-            (packet.kind[lane], packet.numbers[lane]) = (packed.kind, packed.numbers);
+            (packet.kind[lane], packet.parameters[lane]) = (packed.kind, packed.parameters);
             packet.id[lane] = *id;
         }
         packet
@@ -488,7 +488,7 @@ impl ShapeSource<'_> {
         [
             triangles,
             (KIND_ANALYTIC, LANES, ANALYTIC_LINES),
-            (KIND_ANALYTIC, CURVES, ANALYTIC_LINES),
+            (KIND_ANALYTIC, CURVE_LANES, ANALYTIC_LINES),
             (KIND_ANALYTIC, LANES, SPLAT_LINES),
             (KIND_INSTANCE, 1, INSTANCE_LINES),
         ]

@@ -47,7 +47,7 @@ impl Blend {
 
     /// The attenuated diffuse albedo for `wo`, and the probability of sampling diffuse reflection.
     pub fn base(&self, wo: Vec3) -> (Rgb, f32) {
-        let Some(closures) = self.closures(ggx::above(wo)) else { return (Rgb::ZERO, 0.0) };
+        let Some(closures) = self.closures(ggx::to_upper_side(wo)) else { return (Rgb::ZERO, 0.0) };
         let (mut color, mut probability_diffuse) = (Rgb::ZERO, 0.0);
         for (weight, (closure, probability)) in self.weights.into_iter().zip(closures) {
             color += weight * closure.diffuse;
@@ -65,7 +65,13 @@ fn closure(part: &MetalRough, above: Vec3) -> MetalRoughClosure {
     }
     let (diffuse, albedo) = (part.diffuse, part.diffuse.mean());
     let probability_diffuse = if albedo > MIN_ALBEDO { 1.0 } else { 0.0 };
-    MetalRoughClosure { diffuse, rest: 1.0, albedo, probability_diffuse, ..MetalRoughClosure::default() }
+    MetalRoughClosure {
+        diffuse,
+        layer_transmittance: 1.0,
+        albedo,
+        probability_diffuse,
+        ..MetalRoughClosure::default()
+    }
 }
 
 /// Value and pdf of a part's closure for directions above the surface.
@@ -80,7 +86,7 @@ fn eval(closure: &MetalRoughClosure, part: &MetalRough, above: Vec3, wi: Vec3) -
 
 impl Lobe for Blend {
     fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
-        let above = ggx::above(wo);
+        let above = ggx::to_upper_side(wo);
         let Some(closures) = self.closures(above) else { return BsdfSample::ABSORBED };
         let first = closures[0].1;
         let k = usize::from(u[2] >= first);
@@ -110,7 +116,7 @@ impl Lobe for Blend {
         if (wo.z < 0.0) != (wi.z < 0.0) {
             return BsdfEval::ZERO;
         }
-        let above = ggx::above(wo);
+        let above = ggx::to_upper_side(wo);
         let closures = self.closures(above);
         let wi = Vec3::new(wi.x, wi.y, wi.z.abs());
         closures.map_or(BsdfEval::ZERO, |closures| self.eval_above(&closures, above, wi))
@@ -132,10 +138,10 @@ impl Lobe for Blend {
     /// The roughness is that of the BSDF with the brighter glossy reflection.
     fn appearance(&self) -> Appearance {
         let [a, b] = self.parts.map(|part| part.appearance());
-        let [of_a, of_b] = self.weights;
-        let (glossy_a, glossy_b) = (of_a * a.glossy, of_b * b.glossy);
+        let [weight_a, weight_b] = self.weights;
+        let (glossy_a, glossy_b) = (weight_a * a.glossy, weight_b * b.glossy);
         Appearance {
-            diffuse: of_a * a.diffuse + of_b * b.diffuse,
+            diffuse: weight_a * a.diffuse + weight_b * b.diffuse,
             glossy: (glossy_a + glossy_b).min(Rgb::ONE),
             roughness: if glossy_a.luminance() >= glossy_b.luminance() { a.roughness } else { b.roughness },
             ..Appearance::BLACK
@@ -143,7 +149,7 @@ impl Lobe for Blend {
     }
 
     fn diffuse_part(&self, wo: Vec3, wi: Vec3) -> Rgb {
-        let (mut diffuse, above) = (Rgb::ZERO, ggx::above(wo));
+        let (mut diffuse, above) = (Rgb::ZERO, ggx::to_upper_side(wo));
         for (&weight, part) in self.weights.iter().zip(&self.parts) {
             if part.diffuse != Rgb::ZERO {
                 diffuse += weight * closure(part, above).diffuse;

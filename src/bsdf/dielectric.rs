@@ -163,7 +163,7 @@ impl Lobe for ThinDielectric {
 impl Transmissive for Dielectric {
     const SCATTERS_THROUGH: bool = false;
     const REFRACTS: bool = true;
-    const TURNS_OVER: bool = true;
+    const SIDES_MAY_SWAP: bool = true;
 
     #[inline(always)]
     fn with_ior(self, ior: f32) -> Self {
@@ -179,7 +179,7 @@ impl Transmissive for Dielectric {
 impl Transmissive for ThinDielectric {
     const SCATTERS_THROUGH: bool = false;
     const REFRACTS: bool = false;
-    const TURNS_OVER: bool = true;
+    const SIDES_MAY_SWAP: bool = true;
 
     #[inline(always)]
     fn with_ior(self, _ior: f32) -> Self {

@@ -10,9 +10,9 @@ const NODES: [usize; 3] = [32, 16, 40];
 /// Smallest value of the table; values are stored as 16-bit fractions of the range `MIN..MIN + 1`.
 const MIN: f32 = -0.1;
 
-/// Mean cosines of facets: the cosine at which the Fresnel curve's weight equals its mean over all facets, so that the albedo weighted
-/// by the curve is the directional albedo times the weight at this cosine. It varies slowly with the index, and is the view cosine
-/// for smooth surfaces. Stored is the difference of the [`scaled`] mean cosine and the [`scaled`] view cosine.
+/// The albedo weighted by a Fresnel curve is the directional albedo times the curve's mean over all facets. The table has the cosine at
+/// which the curve equals this mean, the mean cosine of the facets: it varies slowly with the index of refraction, and is the view
+/// cosine for smooth surfaces. Stored is the [`scaled`] mean cosine minus the [`scaled`] view cosine.
 type Table = [[[u16; NODES[2]]; NODES[1]]; NODES[0]];
 
 static MEAN_COSINE: Table = decoded(include_bytes!("mean_cosine.bin"));
@@ -39,7 +39,7 @@ fn index_axis(curve: DielectricCurve) -> f32 {
     (2.0 * curve.amplitude.sqrt() / (1.0 - curve.amplitude)).sqrt() * (1.0 / LARGEST)
 }
 
-/// Maps a cosine to a scale with a fine resolution where facets of this roughness are shadowed.
+/// Stretches the range of small cosines, at which facets of this roughness are shadowed, for a finer resolution there. Keeps 0 and 1.
 #[inline(always)]
 fn scaled(cosine: f32, roughness: f32) -> f32 {
     cosine * (1.0 + roughness) / (cosine + roughness)
@@ -109,10 +109,10 @@ mod tests {
         let r = least + (1.0 - least) * row as f64 / (NODES[0] - 1) as f64;
         let x = column as f64 / (NODES[2] - 1) as f64;
         let cosine = (x * r / (1.0 + r - x)).powi(2).min(1.0);
-        let lights: Vec<(f64, f64)> = reflections(direction(cosine), [r * r; 2], 0.5, POINTS).collect();
-        let total: f64 = lights.iter().map(|(_, light)| light).sum();
+        let reflected: Vec<(f64, f64)> = reflections(direction(cosine), [r * r; 2], 0.5, POINTS).collect();
+        let total: f64 = reflected.iter().map(|(_, light)| light).sum();
         let mean =
-            |f: &dyn Fn(f64) -> f64| lights.iter().map(|(c, light)| light * f(*c)).sum::<f64>() / total;
+            |f: &dyn Fn(f64) -> f64| reflected.iter().map(|(c, light)| light * f(*c)).sum::<f64>() / total;
         let scaled = |c: f64| c * (1.0 + r) / (c + r);
         std::array::from_fn(|index| {
             // The first node represents the limit for indices near 1.
@@ -139,14 +139,14 @@ mod tests {
     /// Writes the data file when `OSCURA_WRITE_TABLES` is set, then compares some nodes.
     #[test]
     fn table_equals_quadrature() {
-        let unit = |v: f64| (v - f64::from(MIN)) * 65535.0;
+        let quantized = |v: f64| (v - f64::from(MIN)) * 65535.0;
         if std::env::var_os("OSCURA_WRITE_TABLES").is_some() {
             let mut bytes = Vec::new();
             for row in 0..NODES[0] {
                 let columns: Vec<_> = (0..NODES[2]).map(|column| nodes(row, column)).collect();
                 for index in 0..NODES[1] {
                     for column in &columns {
-                        let value = unit(column[index]).round();
+                        let value = quantized(column[index]).round();
                         assert!((0.0..=65535.0).contains(&value), "{row} {index}: {value}");
                         bytes.extend((value as u16).to_le_bytes());
                     }
@@ -159,7 +159,7 @@ mod tests {
             let (row, column) = (i / NODES[2], i % NODES[2]);
             for (index, value) in nodes(row, column).into_iter().enumerate() {
                 let found = f64::from(MEAN_COSINE[row][index][column]);
-                assert!((found - unit(value)).abs() < 0.6, "{row} {index} {column}: {found} {value}");
+                assert!((found - quantized(value)).abs() < 0.6, "{row} {index} {column}: {found} {value}");
             }
         }
     }

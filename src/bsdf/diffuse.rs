@@ -139,8 +139,8 @@ impl Lobe for OrenNayar {
         let single = self.color * (self.normalisation() * (1.0 + self.roughness * s_over_t));
         let mean = self.normalisation() * (1.0 + C2 * self.roughness);
         let lost = |cosine| (1.0 - self.single_albedo(cosine)).max(0.0);
-        let between = self.color * self.color * mean / (Rgb::ONE - self.color * (1.0 - mean));
-        let multiple = between * (lost(zo) * lost(zi) / (1.0 - mean).max(1e-7));
+        let multiple_color = self.color * self.color * mean / (Rgb::ONE - self.color * (1.0 - mean));
+        let multiple = multiple_color * (lost(zo) * lost(zi) / (1.0 - mean).max(1e-7));
         let probability_uniform = self.probability_uniform(zo);
         let cosine = zi * FRAC_1_PI;
         let pdf_solid_angle = probability_uniform * (0.5 * FRAC_1_PI) + (1.0 - probability_uniform) * cosine;
@@ -194,9 +194,9 @@ impl MaterialProgram for OrenNayarProgram {
 
 /// Ideal diffuse transmission with albedo 1, two-sided: f = 1 / pi (KHR_materials_diffuse_transmission).
 #[derive(Clone, Copy, Debug)]
-pub struct DiffuseThrough;
+pub struct LambertTransmission;
 
-impl DiffuseThrough {
+impl LambertTransmission {
     /// See [`super::Bsdf::sample`].
     #[inline(always)]
     pub fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {

@@ -122,7 +122,7 @@ macro_rules! bsdfs {
             /// Samples a direction by random numbers in 0..1: `u[2]` selects the lobe, `u[0]` and `u[1]` the direction.
             #[inline]
             pub fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
-                let wo = with_side(wo);
+                let wo = without_negative_zero(wo);
                 match self {
                     Bsdf::Black => BsdfSample::ABSORBED,
                     $(Bsdf::$opaque(lobe) => lobe.sample(wo, u),)*
@@ -133,7 +133,7 @@ macro_rules! bsdfs {
             /// Value and pdf of a pair of directions; specular lobes count as zero.
             #[inline]
             pub fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
-                let (wo, wi) = (with_side(wo), with_side(wi));
+                let (wo, wi) = (without_negative_zero(wo), without_negative_zero(wi));
                 match self {
                     Bsdf::Black => BsdfEval::ZERO,
                     $(Bsdf::$opaque(lobe) => lobe.eval(wo, wi),)*
@@ -171,13 +171,13 @@ macro_rules! bsdfs {
                 }
             }
 
-            /// See [`Transmissive::TURNS_OVER`].
+            /// See [`Transmissive::SIDES_MAY_SWAP`].
             #[inline]
             pub fn turns_over(&self) -> bool {
                 match self {
                     Bsdf::Black => false,
                     $(Bsdf::$opaque(_) => false,)*
-                    $(Bsdf::$transmissive(_) => <$transmissive as Transmissive>::TURNS_OVER,)*
+                    $(Bsdf::$transmissive(_) => <$transmissive as Transmissive>::SIDES_MAY_SWAP,)*
                 }
             }
 
@@ -215,7 +215,7 @@ macro_rules! bsdfs {
                 match self {
                     Bsdf::Black => Rgb::ZERO,
                     $(Bsdf::$opaque(_) => Rgb::ZERO,)*
-                    $(Bsdf::$transmissive(lobe) => lobe.straight(with_side(wo)),)*
+                    $(Bsdf::$transmissive(lobe) => lobe.straight(without_negative_zero(wo)),)*
                 }
             }
 
@@ -230,7 +230,7 @@ macro_rules! bsdfs {
 
             /// See [`Lobe::diffuse_part`].
             pub fn diffuse_part(&self, wo: Vec3, wi: Vec3) -> Rgb {
-                let (wo, wi) = (with_side(wo), with_side(wi));
+                let (wo, wi) = (without_negative_zero(wo), without_negative_zero(wi));
                 match self {
                     Bsdf::Black => Rgb::ZERO,
                     $(Bsdf::$opaque(lobe) => lobe.diffuse_part(wo, wi),)*

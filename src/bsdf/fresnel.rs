@@ -90,7 +90,7 @@ pub enum LayerFresnel {
 
 impl LayerFresnel {
     /// Constant reflectance at all angles.
-    pub const EVEN: LayerFresnel = LayerFresnel::Exact(DielectricCurve { amplitude: 0.0 });
+    pub const CONSTANT: LayerFresnel = LayerFresnel::Exact(DielectricCurve { amplitude: 0.0 });
 
     /// The Fresnel term of a layer by a model and its index of refraction (see [`DielectricCurve::of_ior`]).
     #[inline(always)]
@@ -161,8 +161,8 @@ impl DielectricCurve {
     #[inline(always)]
     pub fn weight(self, cosine: f32) -> f32 {
         let cosine = if cosine < 1.0 { cosine } else { 1.0 };
-        let normal = self.amplitude * self.amplitude;
-        let weight = (self.reflectance(cosine) - normal) / (1.0 - normal);
+        let f0 = self.amplitude * self.amplitude;
+        let weight = (self.reflectance(cosine) - f0) / (1.0 - f0);
         let weight = if weight > 0.0 { weight } else { 0.0 };
         if weight < 1.0 { weight } else { 1.0 }
     }
@@ -223,8 +223,8 @@ mod dielectric_curve_tests {
     use crate::bsdf::reference::fresnel;
 
     fn curve_in_f64(cosine: f64, ior: f64) -> f64 {
-        let normal = fresnel(1.0, ior).0;
-        (fresnel(cosine, ior).0 - normal) / (1.0 - normal)
+        let f0 = fresnel(1.0, ior).0;
+        (fresnel(cosine, ior).0 - f0) / (1.0 - f0)
     }
 
     #[test]

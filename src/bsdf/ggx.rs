@@ -11,9 +11,9 @@ pub const MIN_ALPHA: f32 = 1e-3;
 /// Minimum cosine in denominators.
 pub const MIN_COS: f32 = 1e-6;
 
-/// Mirrors a direction to the upper side (z > 0), with a z of at least [`MIN_COS`].
+/// Mirrors a direction to the upper side (z > 0), with a z of at least [`MIN_COS`]. The result for `wo` is called `above`.
 #[inline(always)]
-pub fn above(wo: Vec3) -> Vec3 {
+pub fn to_upper_side(wo: Vec3) -> Vec3 {
     let z = wo.z.abs();
     Vec3::new(wo.x, wo.y, if z > MIN_COS { z } else { MIN_COS })
 }
@@ -71,8 +71,8 @@ pub fn reflection(wo: Vec3, wi: Vec3, alpha: f32) -> Reflection {
 
 /// Rows of the table: roughness r = sqrt(alpha) from [`MIN_ROUGHNESS`] to 1.
 const ROWS: usize = 128;
-/// Columns of the table: for `full` by s (1 + r) / (s + r) with s the square root of the view cosine (its features scale with
-/// cos / alpha), for `grazing / full` by s.
+/// Columns of the table, with s the square root of the view cosine: s for `grazing / full`; s (1 + r) / (s + r) for `full`, whose
+/// features scale with cos / alpha.
 const COLUMNS: usize = 96;
 /// Square root of [`MIN_ALPHA`].
 pub(super) const MIN_ROUGHNESS: f32 = 0.031_622_777;

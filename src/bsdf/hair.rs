@@ -307,7 +307,7 @@ impl Lobe for Hair {
 impl Transmissive for Hair {
     const SCATTERS_THROUGH: bool = true;
     const REFRACTS: bool = false;
-    const TURNS_OVER: bool = false;
+    const SIDES_MAY_SWAP: bool = false;
 
     fn with_ior(self, _ior: f32) -> Self {
         self

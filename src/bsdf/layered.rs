@@ -9,7 +9,7 @@
 //! Energy is conserved on both sides, but transmission through layers is not reciprocal.
 
 use super::dielectric::tint_of_crossing;
-use super::diffuse::{DiffuseThrough, OrenNayar};
+use super::diffuse::{LambertTransmission, OrenNayar};
 use super::fresnel::LayerFresnel;
 use super::ggx::DirectionalAlbedo;
 use super::lobe::{LocalFrame, MIN_ALBEDO, MaterialProgram, Refracted, Slots, always};
@@ -18,7 +18,7 @@ use super::metal_rough::{MetalRough, MetalRoughClosure, MetalRoughProgram};
 use super::microsurface::{Facets, Isotropic, Microsurface, MicrosurfaceProgram};
 use super::rough_dielectric::{GlassReflectance, RoughDielectric, Walls};
 use super::sheen::Sheen;
-use super::subsurface::Body;
+use super::subsurface::SubsurfaceBoundary;
 use super::thin_film::ThinFilm;
 use super::{Appearance, BsdfEval, BsdfSample, Lobe, Refraction, Transmissive, ggx};
 use crate::color::Rgb;
@@ -36,13 +36,13 @@ pub struct Layered {
     pub opaque: MetalRough<Microsurface>,
     /// Roughness 0..1 of the diffuse base by [`OrenNayar`]; 0 is Lambert's law.
     pub diffuse_roughness: f32,
-    /// Diffuse transmission albedo, under the same interface.
-    pub through: Rgb,
+    /// Albedo of diffuse transmission, under the same interface.
+    pub transmission_albedo: Rgb,
     /// The body that scatters the transmitted light; `None` without subsurface scattering.
-    pub body: Option<Body>,
+    pub body: Option<SubsurfaceBoundary>,
     /// Glass of the same interface.
     pub glass: RoughDielectric,
-    /// Weight of `glass`, 0..1; the opaque material and `through` have weight 1 - `glass_share`.
+    /// Weight of `glass`, 0..1; the opaque material and `transmission_albedo` have weight 1 - `glass_share`.
     pub glass_share: f32,
     /// Thin film on the interface.
     pub film: ThinFilm,
@@ -63,7 +63,7 @@ struct LayeredClosure {
     rough: OrenNayar,
     /// Scaling of diffusely transmitted light by refraction.
     crossing: Refracted,
-    /// Weights of coat, sheen, opaque, diffuse transmission, rough diffuse base, glass.
+    /// Weights of the components, from [`COAT`] to [`GLASS`].
     weights: [Rgb; PARTS],
     probabilities: [f32; PARTS],
 }
@@ -71,44 +71,49 @@ struct LayeredClosure {
 /// Number of components.
 const PARTS: usize = 6;
 
-/// Index of glass, the last component.
+// Indices of the components.
+const COAT: usize = 0;
+const SHEEN: usize = 1;
+const OPAQUE: usize = 2;
+const DIFFUSE_TRANSMISSION: usize = 3;
+const ROUGH_DIFFUSE: usize = 4;
 const GLASS: usize = 5;
 
 impl Layered {
     /// Removes glossy reflection or transmission; sheen and diffuse components remain.
-    pub(super) fn leave_out(&mut self, lobes: SkippedCaustics) {
-        if lobes.reflective {
+    pub(super) fn remove_lobes(&mut self, skipped: SkippedCaustics) {
+        if skipped.reflective {
             self.opaque.remove_reflection();
             (self.coat.factor, self.film.factor) = (0.0, 0.0);
         }
-        self.glass.leave_out(lobes);
+        self.glass.remove_lobes(skipped);
     }
 
-    /// Value of the transmission that `through` colours.
+    /// Value of diffuse transmission, or of the subsurface boundary, for a `transmission_albedo` of 1.
     #[inline(always)]
-    fn eval_through(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
-        self.body.map_or_else(|| DiffuseThrough.eval(wo, wi), |body| body.eval(wo, wi))
+    fn eval_transmission(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
+        self.body.map_or_else(|| LambertTransmission.eval(wo, wi), |body| body.eval(wo, wi))
     }
 
     #[inline]
     fn closure(&self, wo: Vec3) -> LayeredClosure {
-        let above = ggx::above(wo);
+        let above = ggx::to_upper_side(wo);
         let (mut opaque, mut glass) = (self.opaque, self.glass);
         if self.film.factor > 0.0 {
             opaque.layer_f0 = self.film.f0(opaque.layer_f0, opaque.layer_f90, opaque.layer_fresnel, above.z);
             opaque.metal_f0 = self.film.f0(opaque.metal_f0, 1.0, LayerFresnel::Schlick, above.z);
             let (color, f0, f90) = (glass.reflectance.color(), opaque.layer_f0, opaque.layer_f90);
-            glass.reflectance = GlassReflectance::Between { color, f0, f90 };
+            glass.reflectance = GlassReflectance::Remapped { color, f0, f90 };
         }
         let rough = self.take_rough(&mut opaque);
         let opaque_closure = opaque.closure(above);
         // Layers lie on the outside of solids.
-        let transmits_light = self.glass_share > 0.0 || self.through != Rgb::ZERO;
+        let transmits_light = self.glass_share > 0.0 || self.transmission_albedo != Rgb::ZERO;
         let is_inside = wo.z < 0.0 && transmits_light && self.glass.walls == Walls::Solid;
         let (mut coat, mut sheen, mut remaining) = (0.0, Rgb::ZERO, 1.0);
         if !is_inside && self.coat.factor > 0.0 {
             let attenuation;
-            [coat, attenuation] = self.coat.shares(wo);
+            [coat, attenuation] = self.coat.albedo_and_attenuation(wo);
             remaining -= attenuation;
         }
         if !is_inside && self.sheen.color != Rgb::ZERO {
@@ -117,35 +122,36 @@ impl Layered {
             remaining *= 1.0 - self.sheen.color.max_element() * albedo;
         }
         let opaque_weight = remaining * (1.0 - self.glass_share);
-        let through = self.through * (opaque_closure.rest * opaque_weight);
-        let rough_weight = opaque_closure.rest * opaque_weight;
+        let transmitted = self.transmission_albedo * (opaque_closure.layer_transmittance * opaque_weight);
+        let rough_weight = opaque_closure.layer_transmittance * opaque_weight;
         // If the surface also refracts, radiance inside is scaled by the squared index.
         let refracts = self.glass_share > 0.0 && self.glass.walls == Walls::Solid;
         let crossing = self.glass.refraction.at(if refracts { self.glass.eta(wo) } else { 1.0 });
         let glass_weight = remaining * self.glass_share;
-        let strength = self.coat.factor * f32::from(u8::from(!is_inside));
-        let shares = [
+        let coat_weight = self.coat.factor * f32::from(u8::from(!is_inside));
+        // Estimated albedo of each component, the unnormalised selection probability.
+        let albedos = [
             coat,
             sheen.mean(),
             opaque_weight * opaque_closure.albedo,
-            through.mean(),
+            transmitted.mean(),
             rough.color.mean() * rough_weight,
             // Without glass the index may be invalid.
             if glass_weight > 0.0 { glass_weight * glass.albedo_estimate(above.z, wo.z < 0.0) } else { 0.0 },
         ];
-        let total: f32 = shares.iter().sum();
+        let total: f32 = albedos.iter().sum();
         let scale = if total > MIN_ALBEDO { 1.0 / total } else { 0.0 };
         LayeredClosure {
             weights: [
-                Rgb::splat(strength),
+                Rgb::splat(coat_weight),
                 sheen,
                 Rgb::splat(opaque_weight),
-                through * crossing.weight,
+                transmitted * crossing.weight,
                 Rgb::splat(rough_weight),
                 Rgb::splat(glass_weight),
             ],
             crossing,
-            probabilities: shares.map(|s| s * scale),
+            probabilities: albedos.map(|albedo| albedo * scale),
             opaque,
             opaque_closure,
             above,
@@ -158,10 +164,13 @@ impl Layered {
     pub(super) fn base(&self, wo: Vec3) -> (OrenNayar, f32) {
         let LayeredClosure { opaque_closure, rough, weights, probabilities, .. } = self.closure(wo);
         if self.diffuse_roughness > 0.0 {
-            return (OrenNayar { color: rough.color * weights[4], ..rough }, probabilities[4]);
+            return (
+                OrenNayar { color: rough.color * weights[ROUGH_DIFFUSE], ..rough },
+                probabilities[ROUGH_DIFFUSE],
+            );
         }
-        let color = opaque_closure.diffuse * weights[2];
-        (OrenNayar { color, roughness: 0.0 }, probabilities[2] * opaque_closure.probability_diffuse)
+        let color = opaque_closure.diffuse * weights[OPAQUE];
+        (OrenNayar { color, roughness: 0.0 }, probabilities[OPAQUE] * opaque_closure.probability_diffuse)
     }
 
     /// Moves a rough diffuse base out of the opaque component; black if the base is Lambertian.
@@ -180,19 +189,19 @@ impl Layered {
         let has = |part: usize| closure.probabilities[part] > 0.0;
         let mut sum = Rgb::ZERO;
         if (wo.z < 0.0) != (wi.z < 0.0) {
-            if has(3) {
-                sum += closure.weights[3] * self.eval_through(wo, wi).f_cos;
+            if has(DIFFUSE_TRANSMISSION) {
+                sum += closure.weights[DIFFUSE_TRANSMISSION] * self.eval_transmission(wo, wi).f_cos;
             }
             return sum;
         }
-        if has(1) {
-            sum += closure.weights[1] * self.sheen.eval(wo, wi).f_cos;
+        if has(SHEEN) {
+            sum += closure.weights[SHEEN] * self.sheen.eval(wo, wi).f_cos;
         }
-        if has(2) {
-            sum += closure.weights[2] * closure.opaque_closure.diffuse * (wi.z.abs() * FRAC_1_PI);
+        if has(OPAQUE) {
+            sum += closure.weights[OPAQUE] * closure.opaque_closure.diffuse * (wi.z.abs() * FRAC_1_PI);
         }
-        if has(4) {
-            sum += closure.weights[4] * closure.rough.eval(wo, wi).f_cos;
+        if has(ROUGH_DIFFUSE) {
+            sum += closure.weights[ROUGH_DIFFUSE] * closure.rough.eval(wo, wi).f_cos;
         }
         sum
     }
@@ -206,15 +215,15 @@ impl Layered {
         };
         let has = |part: usize| closure.probabilities[part] > 0.0;
         if (wo.z < 0.0) == (wi.z < 0.0) {
-            if has(0) {
-                add(0, self.coat.eval(wo, wi));
+            if has(COAT) {
+                add(COAT, self.coat.eval(wo, wi));
             }
-            if has(1) {
-                add(1, self.sheen.eval(wo, wi));
+            if has(SHEEN) {
+                add(SHEEN, self.sheen.eval(wo, wi));
             }
-            if has(2) {
+            if has(OPAQUE) {
                 add(
-                    2,
+                    OPAQUE,
                     closure.opaque_closure.eval(
                         &closure.opaque.surface,
                         closure.above,
@@ -222,11 +231,11 @@ impl Layered {
                     ),
                 );
             }
-            if has(4) {
-                add(4, closure.rough.eval(wo, wi));
+            if has(ROUGH_DIFFUSE) {
+                add(ROUGH_DIFFUSE, closure.rough.eval(wo, wi));
             }
-        } else if has(3) {
-            add(3, self.eval_through(wo, wi));
+        } else if has(DIFFUSE_TRANSMISSION) {
+            add(DIFFUSE_TRANSMISSION, self.eval_transmission(wo, wi));
         }
         if has(GLASS) {
             add(GLASS, closure.glass.eval(wo, wi));
@@ -239,7 +248,7 @@ impl Lobe for Layered {
     #[inline]
     fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
         let closure = self.closure(wo);
-        let (mut part, mut rest) = (0, u[2]);
+        let (mut part, mut rest) = (COAT, u[2]);
         while part < PARTS - 1 && rest >= closure.probabilities[part] {
             rest -= closure.probabilities[part];
             part += 1;
@@ -251,16 +260,16 @@ impl Lobe for Layered {
         }
         let u = [u[0], u[1], (rest / probability).min(1.0f32.next_down())];
         let s = match part {
-            0 => self.coat.sample(wo, u),
-            1 => self.sheen.sample(wo, u),
-            2 => closure.opaque_closure.sample(&closure.opaque.surface, wo, closure.above, u),
-            3 => {
+            COAT => self.coat.sample(wo, u),
+            SHEEN => self.sheen.sample(wo, u),
+            OPAQUE => closure.opaque_closure.sample(&closure.opaque.surface, wo, closure.above, u),
+            DIFFUSE_TRANSMISSION => {
                 let Refracted { eta, flux, .. } = closure.crossing;
                 let sample =
-                    self.body.map_or_else(|| DiffuseThrough.sample(wo, u), |body| body.sample(wo, u));
+                    self.body.map_or_else(|| LambertTransmission.sample(wo, u), |body| body.sample(wo, u));
                 BsdfSample { eta, flux, ..sample }
             }
-            4 => closure.rough.sample(wo, u),
+            ROUGH_DIFFUSE => closure.rough.sample(wo, u),
             _ => closure.glass.sample(wo, u),
         };
         if s.is_specular {
@@ -285,7 +294,8 @@ impl Lobe for Layered {
     #[inline]
     fn is_specular(&self) -> bool {
         let coat = self.coat.factor == 0.0 || self.coat.is_mirror();
-        let opaque = self.glass_share >= 1.0 || (self.opaque.is_specular() && self.through == Rgb::ZERO);
+        let opaque =
+            self.glass_share >= 1.0 || (self.opaque.is_specular() && self.transmission_albedo == Rgb::ZERO);
         let glass = self.glass_share <= 0.0 || self.glass.is_smooth();
         coat && opaque && glass && self.sheen.color == Rgb::ZERO
     }
@@ -300,7 +310,7 @@ impl Lobe for Layered {
 
     #[inline]
     fn albedo(&self) -> Rgb {
-        let opaque = (self.opaque.albedo() + self.through).min(Rgb::ONE);
+        let opaque = (self.opaque.albedo() + self.transmission_albedo).min(Rgb::ONE);
         opaque * (1.0 - self.glass_share) + self.glass.tint * self.glass_share
     }
 
@@ -309,7 +319,7 @@ impl Lobe for Layered {
         let glass = self.glass.appearance();
         let mix = |a: Rgb, b: Rgb| (a * (1.0 - self.glass_share) + b * self.glass_share).min(Rgb::ONE);
         Appearance {
-            diffuse: mix(opaque.diffuse + self.through + self.sheen.color, Rgb::ZERO),
+            diffuse: mix(opaque.diffuse + self.transmission_albedo + self.sheen.color, Rgb::ZERO),
             glossy: mix(opaque.glossy, glass.glossy),
             transmission: mix(Rgb::ZERO, glass.transmission),
             roughness: opaque.roughness,
@@ -324,7 +334,7 @@ impl Lobe for Layered {
 impl Transmissive for Layered {
     const SCATTERS_THROUGH: bool = true;
     const REFRACTS: bool = true;
-    const TURNS_OVER: bool = false;
+    const SIDES_MAY_SWAP: bool = false;
 
     #[inline(always)]
     fn with_ior(mut self, ior: f32) -> Self {
@@ -346,7 +356,7 @@ impl Transmissive for Layered {
 
 impl<S: Facets> MetalRough<S> {
     /// The same material with another microfacet distribution.
-    pub fn on<T>(self, surface: T) -> MetalRough<T> {
+    pub fn with_surface<T>(self, surface: T) -> MetalRough<T> {
         MetalRough {
             diffuse: self.diffuse,
             layer_f0: self.layer_f0,
@@ -368,7 +378,7 @@ pub(super) fn transmits(pbr: &PbrMaterial) -> bool {
 }
 
 /// Whether the dielectric's reflectance follows from its index of refraction alone (no KHR_materials_specular).
-pub(super) fn is_plain(pbr: &PbrMaterial) -> bool {
+pub(super) fn has_default_specular(pbr: &PbrMaterial) -> bool {
     always(&pbr.specular, 1.0) && pbr.specular_color == ColorSlot::constant([1.0; 3])
 }
 
@@ -390,7 +400,7 @@ pub(super) fn facets(pbr: &PbrMaterial) -> MicrosurfaceProgram {
     MicrosurfaceProgram { roughness: pbr.roughness, anisotropy: pbr.anisotropy }
 }
 
-/// Whether the material is solid or thin-walled.
+/// Whether the material is solid or thin-walled. Cycles' glass, which keeps radiance, refracts as a solid even without a volume.
 pub(super) fn walls(pbr: &PbrMaterial) -> Walls {
     if pbr.has_volume || pbr.keeps_radiance { Walls::Solid } else { Walls::Thin }
 }
@@ -414,8 +424,8 @@ pub struct LayeredProgram {
     tints_once: bool,
     /// Colour of the glass's reflection.
     reflection: GlassReflection,
-    /// See [`is_plain`].
-    is_plain: bool,
+    /// See [`has_default_specular`].
+    has_default_specular: bool,
     coat_fresnel: LayerFresnel,
     clearcoat: Option<Clearcoat>,
     sheen: Option<crate::scene::Sheen>,
@@ -435,7 +445,7 @@ impl LayeredProgram {
             refraction: refraction(pbr),
             tints_once: pbr.tints_once,
             reflection: pbr.glass_reflection,
-            is_plain: is_plain(pbr),
+            has_default_specular: has_default_specular(pbr),
             coat_fresnel: Coat::fresnel(shading.fresnel),
             clearcoat: pbr.clearcoat,
             sheen: pbr.sheen,
@@ -445,9 +455,9 @@ impl LayeredProgram {
     }
 
     /// The body of subsurface scattering, with the facets of the surface.
-    fn body(&self, facets: Microsurface) -> Option<Body> {
+    fn body(&self, facets: Microsurface) -> Option<SubsurfaceBoundary> {
         let through = self.diffuse_transmission.as_ref()?;
-        through.subsurface.map(|entry| Body::new(entry, facets))
+        through.subsurface.map(|entry| SubsurfaceBoundary::new(entry, facets))
     }
 
     /// Whether there may be glass.
@@ -462,12 +472,13 @@ impl MaterialProgram for LayeredProgram {
     fn evaluate(&self, slots: &impl Slots, frame: &LocalFrame) -> Layered {
         let energy_compensation = self.opaque.energy_compensation;
         let surface = self.facets.evaluate(slots, frame);
-        let plain = self.opaque.evaluate(slots, frame);
-        let base = plain.metal_f0;
-        let mut opaque = plain.on(surface);
-        let reflectance = match self.is_plain {
+        let metal_rough = self.opaque.evaluate(slots, frame);
+        // As reflectance of the metal it is not yet scaled by weights.
+        let base_color = metal_rough.metal_f0;
+        let mut opaque = metal_rough.with_surface(surface);
+        let reflectance = match self.has_default_specular {
             true => GlassReflectance::colored(self.reflection),
-            false => GlassReflectance::Between {
+            false => GlassReflectance::Remapped {
                 color: self.reflection,
                 f0: opaque.layer_f0,
                 f90: opaque.layer_f90,
@@ -484,13 +495,13 @@ impl MaterialProgram for LayeredProgram {
             .diffuse_transmission
             .as_ref()
             .map_or((0.0, Rgb::ZERO), |d| (slots.clamped_number(&d.factor), slots.clamped_color(&d.color)));
-        opaque.diffuse = base * (diffuse * (1.0 - diffuse_transmission));
-        let tint = tint_of_crossing(base, self.tints_once);
+        opaque.diffuse = base_color * (diffuse * (1.0 - diffuse_transmission));
+        let tint = tint_of_crossing(base_color, self.tints_once);
         let (ior, walls, refraction) = (self.ior, self.walls, self.refraction);
         Layered {
             opaque,
             diffuse_roughness: slots.clamped_number(&self.diffuse_roughness),
-            through: color * (diffuse * diffuse_transmission),
+            transmission_albedo: color * (diffuse * diffuse_transmission),
             body: self.body(surface),
             glass: RoughDielectric {
                 surface,
@@ -591,12 +602,13 @@ impl Coat {
         self.lobe().is_mirror()
     }
 
-    /// Directional albedo of the coat, and the fraction of light that the layers below lose, both times its weight. Without energy
-    /// compensation the loss exceeds the albedo by the light lost between facets (as in [`super::MetalRough`]).
+    /// The coat's directional albedo, and the fraction of light by which it attenuates the layers below, both times its weight. They
+    /// are equal except without energy compensation, where light lost between facets must not reach the layers below either (as in
+    /// [`super::MetalRough`]).
     #[inline(always)]
-    pub fn shares(&self, wo: Vec3) -> [f32; 2] {
+    pub fn albedo_and_attenuation(&self, wo: Vec3) -> [f32; 2] {
         let cosine = wo.dot(self.normal).abs().clamp(ggx::MIN_COS, 1.0);
-        let mut loss = 1.0;
+        let mut white_albedo = 1.0;
         let albedo = if self.is_mirror() {
             self.fresnel.reflectance(F0, Rgb::ONE, cosine).r
         } else {
@@ -608,7 +620,7 @@ impl Coat {
             if matches!(self.fresnel, LayerFresnel::Exact(_))
                 && self.energy_compensation == EnergyCompensation::Off
             {
-                loss = table.full;
+                white_albedo = table.full;
             }
             let grazing = match self.fresnel {
                 LayerFresnel::Schlick => table.grazing,
@@ -619,7 +631,7 @@ impl Coat {
             };
             DirectionalAlbedo { full: table.full, grazing }.reflectance(F0, 1.0).r * gain
         };
-        [albedo, albedo / loss].map(|share| (self.factor * share).min(1.0))
+        [albedo, albedo / white_albedo].map(|fraction| (self.factor * fraction).min(1.0))
     }
 
     /// See [`super::Bsdf::sample`], for a coat of weight 1. Reflections below the surface of the base are lost.
@@ -668,9 +680,9 @@ mod tests {
             energy_compensation: EnergyCompensation::On,
         };
         let layered = Layered {
-            opaque: m.on(Microsurface::isotropic(0.3)),
+            opaque: m.with_surface(Microsurface::isotropic(0.3)),
             diffuse_roughness: 0.0,
-            through: Rgb::ZERO,
+            transmission_albedo: Rgb::ZERO,
             body: None,
             glass: RoughDielectric {
                 surface: Microsurface::isotropic(0.3),

@@ -20,7 +20,7 @@ pub trait Lobe: Copy {
         false
     }
 
-    /// Whether the whole BSDF is a diffuse base, which is shaded with the bumped normal.
+    /// Whether the BSDF is diffuse reflection alone. A diffuse base is shaded with the mapped normal; lobes above it may use a bent one.
     fn is_base(&self) -> bool {
         false
     }
@@ -82,9 +82,9 @@ pub trait Transmissive: Lobe {
     /// Whether there may be refraction.
     const REFRACTS: bool;
 
-    /// Whether both sides may be exchanged: glass of a relative index below 1 is replaced by glass of the inverse index seen from the
-    /// inside. False for BSDFs with layers on the outside.
-    const TURNS_OVER: bool;
+    /// Whether inside and outside may be swapped: glass of a relative index below 1 is replaced by glass of the inverse index seen from
+    /// the inside. False for BSDFs with layers on the outside.
+    const SIDES_MAY_SWAP: bool;
 
     /// Replaces the index of refraction, by that of one wavelength of a dispersive material or relative to another medium.
     fn with_ior(self, ior: f32) -> Self;
@@ -111,7 +111,7 @@ pub struct BsdfSample {
     /// Index of refraction on the side of `wi` over that on the side of `wo`; the weight is divided by its square. 1 unless refracted,
     /// and with [`Refraction::KeepsRadiance`].
     pub eta: f32,
-    /// Factor on the weight for light paths, which transport importance (Veach 1997, section 5.2).
+    /// Factor from the weight of camera paths to that of light paths: refraction is not symmetric (Veach 1997, section 5.2).
     pub flux: f32,
     /// Whether the sample is from a delta component, which [`super::Bsdf::eval`] excludes.
     pub is_specular: bool,
@@ -207,11 +207,11 @@ pub(super) const MIN_ALBEDO: f32 = 1e-30;
 
 /// Replaces a z of -0 by 0, so that its sign bit agrees with the comparison `z < 0`.
 #[inline(always)]
-pub(super) fn with_side(v: Vec3) -> Vec3 {
+pub(super) fn without_negative_zero(v: Vec3) -> Vec3 {
     Vec3::new(v.x, v.y, v.z + 0.0)
 }
 
-/// The parameters of a BSDF: constants, and textures with factors.
+/// The parameters of a BSDF before texture look-ups: constants, and textures with factors.
 pub trait MaterialProgram {
     /// Type of the BSDF.
     type Lobe: Lobe;

@@ -204,7 +204,7 @@ impl Conductor {
 impl Lobe for Conductor {
     #[inline]
     fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
-        let above = ggx::above(wo);
+        let above = ggx::to_upper_side(wo);
         if self.surface.is_mirror() {
             return BsdfSample::mirror(wo, self.reflectance(above.z), 1.0);
         }
@@ -231,7 +231,7 @@ impl Lobe for Conductor {
         if self.surface.is_mirror() || (wo.z < 0.0) != (wi.z < 0.0) || wi.z == 0.0 {
             return BsdfEval::ZERO;
         }
-        let above = ggx::above(wo);
+        let above = ggx::to_upper_side(wo);
         let r = self.surface.reflection(above, Vec3::new(wi.x, wi.y, wi.z.abs()));
         let factor = self.reflectance(r.cos_half.min(1.0)) * self.compensation(above);
         BsdfEval { f_cos: factor * r.f_cos, pdf_solid_angle: r.pdf_solid_angle }
@@ -341,7 +341,7 @@ impl<F: Facets, R: Fn(f32) -> Rgb> FacetReflection<F, R> {
     /// See [`super::Bsdf::sample`].
     #[inline(always)]
     pub fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
-        let above = ggx::above(wo);
+        let above = ggx::to_upper_side(wo);
         if self.is_mirror() {
             return BsdfSample::mirror(wo, (self.reflectance)(above.z), 1.0);
         }
@@ -368,7 +368,7 @@ impl<F: Facets, R: Fn(f32) -> Rgb> FacetReflection<F, R> {
         if self.is_mirror() || (wo.z < 0.0) != (wi.z < 0.0) || wi.z == 0.0 {
             return BsdfEval::ZERO;
         }
-        let above = ggx::above(wo);
+        let above = ggx::to_upper_side(wo);
         let r = self.facets.reflection(above, Vec3::new(wi.x, wi.y, wi.z.abs()));
         let factor = (self.reflectance)(r.cos_half) * self.compensation(above);
         BsdfEval { f_cos: factor * r.f_cos, pdf_solid_angle: r.pdf_solid_angle }

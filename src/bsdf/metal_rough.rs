@@ -43,12 +43,12 @@ pub struct MetalRoughClosure {
     /// Diffuse albedo, attenuated by the dielectric layer.
     pub diffuse: Rgb,
     /// Transmittance of the dielectric layer to the base, 0..1.
-    pub rest: f32,
+    pub layer_transmittance: f32,
     /// Reflectance of the microfacets at normal incidence, compensation included.
     pub f0: Rgb,
-    /// Reflectance at grazing incidence minus `f0` of terms with Schlick's weight.
+    /// F90 - F0, compensation included, of the part of the reflectance that is interpolated by Schlick's weight.
     pub schlick_rise: Rgb,
-    /// Reflectance at grazing incidence minus `f0` of terms with the weight of `curve`.
+    /// F90 - F0, compensation included, of the part that is interpolated by the weight of `curve`.
     pub exact_rise: Rgb,
     /// The exact Fresnel curve of the dielectric layer.
     pub curve: DielectricCurve,
@@ -92,7 +92,8 @@ impl<S: Facets> MetalRough<S> {
         self.closure_by(table, layer_grazing, above)
     }
 
-    /// The closure from the directional albedo of the facets and its part `layer_grazing` weighted by the layer's Fresnel term.
+    /// The closure from the directional albedo of the facets. `layer_grazing`: that albedo weighted by the layer's Fresnel term, from 0
+    /// at normal to 1 at grazing incidence.
     #[inline(always)]
     pub fn closure_by(&self, table: DirectionalAlbedo, layer_grazing: f32, above: Vec3) -> MetalRoughClosure {
         // Mirrors have an albedo of 1 and the Fresnel weight of a single cosine.
@@ -106,39 +107,42 @@ impl<S: Facets> MetalRough<S> {
             EnergyCompensation::On => table.compensation(f0),
             EnergyCompensation::Off => Rgb::ONE,
         };
-        let (of_layer, of_metal) = (compensation(self.layer_f0), compensation(self.metal_f0));
-        let layer = (layer_table.reflectance(self.layer_f0, self.layer_f90) * of_layer).max_element();
+        let (layer_compensation, metal_compensation) =
+            (compensation(self.layer_f0), compensation(self.metal_f0));
+        let layer =
+            (layer_table.reflectance(self.layer_f0, self.layer_f90) * layer_compensation).max_element();
         // Without compensation, energy lost between facets must not go to the base. (With Schlick's weight it does, so that
         // existing pictures stay the same.)
-        let loses = matches!(
+        let withholds_lost_energy = matches!(
             (self.energy_compensation, self.layer_fresnel),
             (EnergyCompensation::Off, LayerFresnel::Exact(_))
         );
-        let blocked = if loses { layer / full } else { layer };
-        let rest = if blocked < 1.0 { 1.0 - blocked } else { 0.0 };
-        let (of_layer, of_metal) = (of_layer * (1.0 - self.metallic), of_metal * self.metallic);
-        let f0 = self.layer_f0 * of_layer + self.metal_f0 * of_metal;
+        let blocked = if withholds_lost_energy { layer / full } else { layer };
+        let layer_transmittance = if blocked < 1.0 { 1.0 - blocked } else { 0.0 };
+        let layer_factor = layer_compensation * (1.0 - self.metallic);
+        let metal_factor = metal_compensation * self.metallic;
+        let f0 = self.layer_f0 * layer_factor + self.metal_f0 * metal_factor;
         let (schlick_rise, exact_rise, curve, specular);
         match self.layer_fresnel {
             LayerFresnel::Schlick => {
-                let f90 = of_layer * self.layer_f90 + of_metal;
+                let f90 = layer_factor * self.layer_f90 + metal_factor;
                 (schlick_rise, exact_rise, curve) = (f90 - f0, Rgb::ZERO, DielectricCurve::default());
                 specular = f0 * (full - grazing) + f90 * grazing;
             }
             LayerFresnel::Exact(exact) => {
-                schlick_rise = of_metal * (Rgb::ONE - self.metal_f0);
-                exact_rise = of_layer * (Rgb::splat(self.layer_f90) - self.layer_f0);
+                schlick_rise = metal_factor * (Rgb::ONE - self.metal_f0);
+                exact_rise = layer_factor * (Rgb::splat(self.layer_f90) - self.layer_f0);
                 curve = exact;
                 specular = f0 * full + schlick_rise * grazing + exact_rise * layer_grazing;
             }
         }
-        let diffuse = self.diffuse * rest;
+        let diffuse = self.diffuse * layer_transmittance;
         let (s, d) = (specular.mean(), diffuse.mean());
         let albedo = s + d;
         let normalization = if albedo > MIN_ALBEDO { albedo } else { 1.0 };
         MetalRoughClosure {
             diffuse,
-            rest,
+            layer_transmittance,
             f0,
             schlick_rise,
             exact_rise,
@@ -153,7 +157,7 @@ impl<S: Facets> MetalRough<S> {
 impl<S: Facets> Lobe for MetalRough<S> {
     #[inline(always)]
     fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
-        let above = ggx::above(wo);
+        let above = ggx::to_upper_side(wo);
         self.closure(above).sample(&self.surface, wo, above, u)
     }
 
@@ -162,7 +166,7 @@ impl<S: Facets> Lobe for MetalRough<S> {
         if (wo.z < 0.0) != (wi.z < 0.0) {
             return BsdfEval::ZERO;
         }
-        let above = ggx::above(wo);
+        let above = ggx::to_upper_side(wo);
         self.closure(above).eval(&self.surface, above, Vec3::new(wi.x, wi.y, wi.z.abs()))
     }
 
@@ -190,7 +194,7 @@ impl<S: Facets> Lobe for MetalRough<S> {
 
     fn diffuse_part(&self, wo: Vec3, wi: Vec3) -> Rgb {
         let is_reflected = (wo.z < 0.0) == (wi.z < 0.0);
-        let diffuse = self.closure(ggx::above(wo)).diffuse;
+        let diffuse = self.closure(ggx::to_upper_side(wo)).diffuse;
         diffuse * if is_reflected { FRAC_1_PI * wi.z.abs() } else { 0.0 }
     }
 }
@@ -281,7 +285,7 @@ impl MetalRoughProgram {
             // KHR_materials_ior: 0 means total reflection.
             ior_f0: if pbr.ior == 0.0 { 1.0 } else { fresnel::f0_from_eta(pbr.ior) },
             layer_fresnel: if pbr.reflects_evenly {
-                LayerFresnel::EVEN
+                LayerFresnel::CONSTANT
             } else {
                 LayerFresnel::new(shading.fresnel, pbr.ior)
             },

@@ -31,9 +31,9 @@ mod thin_film;
 pub use crate::scene::ShadingModel;
 pub use dielectric::SmoothInterface;
 pub use dielectric_table::mean_cosine;
-pub use diffuse::DiffuseThrough;
+pub use diffuse::LambertTransmission;
 pub use fresnel::{DielectricCurve, LayerFresnel};
-pub use ggx::{DirectionalAlbedo, above};
+pub use ggx::{DirectionalAlbedo, to_upper_side};
 pub use layered::Coat;
 pub use lobe::{
     Appearance, BsdfEval, BsdfSample, Factors, Lobe, LocalFrame, MaterialProgram, Refraction, Slots,
@@ -50,7 +50,7 @@ use crate::math::Vec3;
 use crate::scene::{
     ColorSlot, EnergyCompensation, FresnelModel, GlassReflection, Model, PbrMaterial, SkippedCaustics,
 };
-use lobe::{always, with_side};
+use lobe::{always, without_negative_zero};
 
 dispatch::bsdfs! {
     opaque {
@@ -106,10 +106,10 @@ impl Bsdf {
     }
 
     /// Index of refraction and alpha (0 if smooth) of an interface of solid glass; `None` for other BSDFs.
-    pub fn solid_face(&self) -> Option<(f32, f32)> {
+    pub fn solid_ior_and_alpha(&self) -> Option<(f32, f32)> {
         match self {
             Bsdf::Dielectric(glass) => Some((glass.ior, 0.0)),
-            Bsdf::RoughDielectric(glass) => glass.solid_face(),
+            Bsdf::RoughDielectric(glass) => glass.solid_ior_and_alpha(),
             _ => None,
         }
     }
@@ -127,13 +127,13 @@ impl Bsdf {
         }
     }
 
-    /// Splits the BSDF for `wo` into the diffuse base, attenuated by the layers above, the layers, and the base's fraction (0..1) of the
-    /// directional albedo.
+    /// Splits the BSDF for `wo`: the diffuse base as attenuated by the layers above it; the layers; and the fraction (0..1) of the
+    /// directional albedo that is the base's.
     pub fn split_base(self, wo: Vec3) -> (Bsdf, Bsdf, f32) {
         match self {
             base if base.is_base() => (base, Bsdf::Black, 1.0),
             Bsdf::MetalRough(material) => {
-                let closure = material.closure(above(wo));
+                let closure = material.closure(to_upper_side(wo));
                 let base = Bsdf::Lambert(Lambert { albedo: closure.diffuse });
                 (base, self.without_base(), closure.probability_diffuse)
             }
@@ -153,14 +153,16 @@ impl Bsdf {
         }
     }
 
-    /// Whether there is diffuse reflection or transmission.
+    /// Whether there is a diffuse base, or diffuse transmission.
     pub fn has_base(&self) -> bool {
         match self {
             Bsdf::Phong(_) => true,
             Bsdf::Toon(toon) => !toon.is_glossy,
             Bsdf::MetalRough(material) => material.diffuse != Rgb::ZERO,
             Bsdf::Blend(blend) => blend.parts.iter().any(|part| part.diffuse != Rgb::ZERO),
-            Bsdf::Layered(layered) => layered.opaque.diffuse != Rgb::ZERO || layered.through != Rgb::ZERO,
+            Bsdf::Layered(layered) => {
+                layered.opaque.diffuse != Rgb::ZERO || layered.transmission_albedo != Rgb::ZERO
+            }
             other => other.is_base(),
         }
     }
@@ -182,10 +184,10 @@ impl Bsdf {
         }
     }
 
-    /// Removes glossy and specular reflection or transmission. Glass that keeps one of them also keeps the energy that multiple
-    /// scattering between facets moves into it from the other.
-    pub fn leave_out(&mut self, lobes: SkippedCaustics) {
-        let SkippedCaustics { reflective, refractive } = lobes;
+    /// Removes glossy and specular reflection or transmission, for skipped caustics. In glass that keeps one of the two lobes, that
+    /// lobe still includes the light that energy compensation has moved into it from the removed one.
+    pub fn remove_lobes(&mut self, skipped: SkippedCaustics) {
+        let SkippedCaustics { reflective, refractive } = skipped;
         match self {
             Bsdf::SchlickMetal(_) | Bsdf::Beckmann(_) | Bsdf::Conductor(_) if reflective => {
                 *self = Bsdf::Black
@@ -199,8 +201,8 @@ impl Bsdf {
             {
                 *self = Bsdf::Black;
             }
-            Bsdf::RoughDielectric(glass) => glass.leave_out(lobes),
-            Bsdf::Layered(layered) => layered.leave_out(lobes),
+            Bsdf::RoughDielectric(glass) => glass.remove_lobes(skipped),
+            Bsdf::Layered(layered) => layered.remove_lobes(skipped),
             _ => {}
         }
     }
@@ -293,6 +295,7 @@ impl BsdfProgram {
             }
             .into(),
             Model::Dielectric { ior, tint, fresnel } => DielectricProgram::new(*ior, *tint, *fresnel).into(),
+            // The index-matched boundary of a medium.
             Model::Boundary {} => {
                 let tint = ColorSlot::constant([1.0; 3]);
                 DielectricProgram::new(1.0, tint, FresnelModel::Exact).into()
@@ -349,7 +352,8 @@ impl BsdfProgram {
             return layered();
         }
         if layered::transmits(pbr) {
-            let is_clear = is_dielectric && always(&pbr.transmission, 1.0) && layered::is_plain(pbr);
+            let is_clear =
+                is_dielectric && always(&pbr.transmission, 1.0) && layered::has_default_specular(pbr);
             return if is_clear { BsdfProgram::of_glass(pbr, energy_compensation) } else { layered() };
         }
         if is_dielectric && always(&pbr.specular, 0.0) {

@@ -31,7 +31,7 @@ pub enum GlassReflectance {
     Colored(GlassReflection),
     /// KHR_materials_specular: Fresnel's equations remapped to `f0` at normal and `f90` at grazing incidence. Total internal reflection
     /// stays 1.
-    Between {
+    Remapped {
         /// Colour of the reflection.
         color: GlassReflection,
         /// Reflectance at normal incidence.
@@ -48,22 +48,24 @@ pub enum GlassReflectance {
 /// Smith term as for metals, refraction by the separable one, which is closer to the exact beta function of Heitz et al. 2016,
 /// "Multiple-Scattering Microfacet BSDFs with the Smith Model", eq. 20. With [`EnergyCompensation::Off`] shadowed light is lost.
 ///
-/// With [`EnergyCompensation::On`] shadowed light of solid glass is redirected. In random walks among facets (the model of that paper)
-/// most of it ends in the denser medium, trapped by total internal reflection. So a fraction of the light shadowed on the rarer side
-/// stays there, and the rest is added to the lobe on the denser side, with the tint of one more crossing; light reflected from
-/// within to below the horizon is partly transmitted, partly reflected back. Redirected light is lifted away from the horizon, where
-/// it would be shadowed again. White glass conserves energy exactly for all view directions, alphas, indices and reflectances; value
-/// and pdf are closed forms without tables, and sample weights are 1. As with other compensation reciprocity is lost: under uniform
-/// illumination the outgoing radiance is 0.5 to 1.9 times the incident (alphas of 0.1 to 1, indices of 1.33 to 2; extremes near the
-/// horizon within).
+/// With [`EnergyCompensation::On`] shadowed light of solid glass is redirected as in random walks among facets (the model of that
+/// paper), where most of it ends in the denser medium, trapped by total internal reflection. Of the light shadowed in the rarer
+/// medium, a fraction stays in that medium; the rest is added to the lobe in the denser medium, tinted by one more crossing. Of the
+/// light from inside the glass that a facet reflects below the horizon, a fraction is transmitted; the rest is reflected back
+/// inside. Redirected light is lifted away from the horizon, where it would be shadowed again. White glass conserves energy exactly
+/// for all view directions, alphas, indices and reflectances; value and pdf are closed forms without tables, and all samples have
+/// weight 1. As with other compensation reciprocity is lost: under uniform illumination the outgoing radiance is 0.5 to 1.9 times
+/// the incident (alphas of 0.1 to 1, indices of 1.33 to 2; extremes at grazing angles inside the glass).
 ///
-/// Compared with random walks for alphas of 0.1 to 1 and indices of 1.05 to 2.4, the reflected fraction is wrong by 0.013 on average and
-/// up to 0.22 near the horizon within glass of an index near 1, and 3 % of the light through a ball has a wrong direction. Division
-/// by the single-scattering albedo (Turquin 2019, section 4) has errors of 0.05 and 11 %, but is closer near the horizon within.
+/// Compared with random walks for alphas of 0.1 to 1 and indices of 1.05 to 2.4, the reflected fraction is wrong by 0.013 on
+/// average and up to 0.22 at grazing angles inside glass of an index near 1, and 3 % of the light through a ball has a wrong
+/// direction. Division by the single-scattering albedo (Turquin 2019, section 4) has errors of 0.05 and 11 %, but is closer at
+/// grazing angles inside.
 ///
-/// Thin-walled glass is compensated by division by the directional albedo. Reflection colours (as of Cycles' Glass BSDF) multiply the
-/// reflectance of a facet, in thin glass the sum of all interreflections, without a change of transmission. With a remapped
-/// reflectance a facet transmits one minus the reflectance of its brightest channel, so only that channel conserves energy exactly.
+/// Thin-walled glass is compensated by division by the directional albedo. Reflection colours (as of Cycles' Glass BSDF) multiply
+/// the reflected light alone: that of a facet, or in thin glass the sum of all interreflections. Transmission is unchanged. With a
+/// remapped reflectance a facet transmits one minus the reflectance of its brightest channel, so only that channel conserves energy
+/// exactly.
 #[derive(Clone, Copy, Debug)]
 pub struct RoughDielectric {
     /// GGX facets; specular if smooth.
@@ -98,7 +100,7 @@ impl GlassReflectance {
     pub fn color(&self) -> GlassReflection {
         match *self {
             GlassReflectance::Plain => GlassReflection::White,
-            GlassReflectance::Colored(color) | GlassReflectance::Between { color, .. } => color,
+            GlassReflectance::Colored(color) | GlassReflectance::Remapped { color, .. } => color,
         }
     }
 }
@@ -116,7 +118,7 @@ pub(super) struct Facet {
 }
 
 impl RoughDielectric {
-    /// Raises the alphas of solid glass to a minimum. (Not of thin glass, whose transmission is straight.)
+    /// Raises the alphas of solid glass to a minimum. (Not of thin glass, which transmits without refraction.)
     pub(super) fn roughen(&mut self, least: f32) {
         if self.walls == Walls::Solid && self.surface.alpha.iter().any(|alpha| *alpha < least) {
             self.surface.roughen(least);
@@ -125,12 +127,12 @@ impl RoughDielectric {
         }
     }
 
-    /// Removes reflection or transmission.
-    pub(super) fn leave_out(&mut self, lobes: SkippedCaustics) {
-        if lobes.refractive {
+    /// Removes reflection or transmission, for skipped caustics.
+    pub(super) fn remove_lobes(&mut self, skipped: SkippedCaustics) {
+        if skipped.refractive {
             self.tint = Rgb::ZERO;
         }
-        if lobes.reflective {
+        if skipped.reflective {
             self.reflectance = GlassReflectance::Colored(GlassReflection::None);
         }
     }
@@ -156,11 +158,11 @@ impl RoughDielectric {
         let total = interface.cos_transmitted <= 0.0 && interface.reflectance > 0.0;
         let mut reflected = match self.reflectance {
             GlassReflectance::Plain | GlassReflectance::Colored(_) => Rgb::splat(interface.reflectance),
-            GlassReflectance::Between { .. } if total => Rgb::ONE,
-            GlassReflectance::Between { f0, f90, .. } => {
-                let normal = fresnel::f0_from_eta(eta);
-                let rise = (interface.reflectance - normal) / (1.0 - normal).max(1e-6);
-                (f0 + (Rgb::splat(f90) - f0) * rise).clamp(Rgb::ZERO, Rgb::ONE)
+            GlassReflectance::Remapped { .. } if total => Rgb::ONE,
+            GlassReflectance::Remapped { f0, f90, .. } => {
+                let f0_of_ior = fresnel::f0_from_eta(eta);
+                let weight = (interface.reflectance - f0_of_ior) / (1.0 - f0_of_ior).max(1e-6);
+                (f0 + (Rgb::splat(f90) - f0) * weight).clamp(Rgb::ZERO, Rgb::ONE)
             }
         };
         if self.walls == Walls::Thin {
@@ -297,7 +299,7 @@ impl RoughDielectric {
     }
 
     /// Index of refraction and larger alpha (0 if smooth) of solid glass; `None` if thin-walled.
-    pub(super) fn solid_face(&self) -> Option<(f32, f32)> {
+    pub(super) fn solid_ior_and_alpha(&self) -> Option<(f32, f32)> {
         let [a, b] = self.surface.alpha();
         (self.walls == Walls::Solid).then_some((self.ior, if self.is_smooth() { 0.0 } else { a.max(b) }))
     }
@@ -307,7 +309,7 @@ impl RoughDielectric {
     fn sample_smooth(&self, wo: Vec3, u: f32) -> BsdfSample {
         let eta = self.eta(wo);
         // The same cosine as in `albedo_estimate`.
-        let facet = self.facet(ggx::above(wo).z.min(1.0), eta);
+        let facet = self.facet(ggx::to_upper_side(wo).z.min(1.0), eta);
         let p = facet.probability_reflected;
         if u < p {
             return BsdfSample::mirror(wo, facet.reflected / p, p);
@@ -358,7 +360,7 @@ impl Lobe for RoughDielectric {
         if self.is_smooth() {
             return self.sample_smooth(wo, u[2]);
         }
-        let (above, eta) = (ggx::above(wo), self.eta(wo));
+        let (above, eta) = (ggx::to_upper_side(wo), self.eta(wo));
         let sampled = match self.walls {
             Walls::Solid => {
                 let closure = SolidGlassClosure::new(self, above, eta);
@@ -391,7 +393,7 @@ impl Lobe for RoughDielectric {
         if self.is_smooth() || wi.z == 0.0 {
             return BsdfEval::ZERO;
         }
-        let above = ggx::above(wo);
+        let above = ggx::to_upper_side(wo);
         let wi = Vec3::new(wi.x, wi.y, if wo.z < 0.0 { -wi.z } else { wi.z });
         match self.walls {
             Walls::Solid => SolidGlassClosure::new(self, above, self.eta(wo)).eval(wi),
@@ -428,7 +430,7 @@ impl Lobe for RoughDielectric {
 impl Transmissive for RoughDielectric {
     const SCATTERS_THROUGH: bool = true;
     const REFRACTS: bool = true;
-    const TURNS_OVER: bool = true;
+    const SIDES_MAY_SWAP: bool = true;
 
     #[inline(always)]
     fn with_ior(self, ior: f32) -> Self {
@@ -445,7 +447,7 @@ impl Transmissive for RoughDielectric {
         if self.walls != Walls::Thin || !self.is_smooth() {
             return Rgb::ZERO;
         }
-        self.facet(ggx::above(wo).z.min(1.0), self.ior).transmitted
+        self.facet(ggx::to_upper_side(wo).z.min(1.0), self.ior).transmitted
     }
 }
 
@@ -454,7 +456,7 @@ impl Transmissive for RoughDielectric {
 /// The closure of solid glass for one view direction.
 pub struct SolidGlassClosure<'a> {
     glass: &'a RoughDielectric,
-    /// The view direction with z > 0, in the frame of the facets' axis.
+    /// The view direction with z > 0, in the frame with x along the anisotropy direction.
     wo: Vec3,
     /// [`Microsurface::smith_root`] of `wo`.
     root: f32,
@@ -468,9 +470,9 @@ pub struct SolidGlassClosure<'a> {
 #[derive(Clone, Copy)]
 struct Redirection {
     /// Fraction of the light shadowed on the rarer side that stays on that side.
-    stays: f32,
-    /// Fraction of the light reflected below the horizon from within that is transmitted.
-    leaves: f32,
+    fraction_staying: f32,
+    /// Of the light from inside that a facet reflects below the horizon, the fraction that is transmitted.
+    fraction_transmitted: f32,
     /// Lift on the rarer side.
     rarer: Lift,
     /// Lift on the denser side.
@@ -480,22 +482,27 @@ struct Redirection {
 impl Redirection {
     /// From the rarer side, the fraction that stays is the reflectance of a second facet at normal incidence. From the denser side, odds
     /// were fitted to random walks for alphas of 0.3 to 1, indices of 1.02 to 2.4 and cosines of 0.4 to 0.95 (most errors below 0.07;
-    /// larger for steep views within an index near 1), as a function of alpha and of the view cosine relative to the critical one,
-    /// whose square is near 2 (n - 1). Lifts were chosen so that uniform illumination is nearly preserved.
+    /// larger for views near the normal from inside an index near 1), as a function of alpha and of the view cosine relative to the
+    /// cosine of the critical angle, whose square is near 2 (n - 1). Lifts were chosen so that uniform illumination is nearly preserved.
     #[inline(always)]
     fn new(cosine: f32, eta: f32, surface: &Microsurface) -> Redirection {
         let [a, b] = surface.alpha();
         let alpha = 0.5 * (a + b);
         let (rarer, denser) = (Lift { reach: 0.5 * alpha }, Lift { reach: 4.0 * alpha });
         if eta >= 1.0 {
-            return Redirection { stays: fresnel::f0_from_eta(eta), leaves: 0.0, rarer, denser };
+            return Redirection {
+                fraction_staying: fresnel::f0_from_eta(eta),
+                fraction_transmitted: 0.0,
+                rarer,
+                denser,
+            };
         }
-        let steep = cosine * cosine * eta / (2.0 * (1.0 - eta)).max(1e-9);
-        let odds = steep * steep + 1.0 / 6.0;
+        let relative_cos_squared = cosine * cosine * eta / (2.0 * (1.0 - eta)).max(1e-9);
+        let odds = relative_cos_squared * relative_cos_squared + 1.0 / 6.0;
         let fraction = |odds: f32| odds / (1.0 + odds);
         Redirection {
-            stays: fraction(odds * (0.6 + 0.8 * alpha)),
-            leaves: fraction(odds * (0.075 + 0.375 * alpha)),
+            fraction_staying: fraction(odds * (0.6 + 0.8 * alpha)),
+            fraction_transmitted: fraction(odds * (0.075 + 0.375 * alpha)),
             rarer,
             denser,
         }
@@ -513,9 +520,9 @@ impl Lift {
     #[inline(always)]
     fn up(self, v: Vec3) -> Vec3 {
         let (a, z) = (self.reach, v.z.abs());
-        let tangent = ((1.0 + z + a) / ((1.0 + a) * (1.0 + z))).sqrt();
+        let tangential_scale = ((1.0 + z + a) / ((1.0 + a) * (1.0 + z))).sqrt();
         let lifted = (z * (z + a) / (1.0 + a)).sqrt();
-        Vec3::new(v.x * tangent, v.y * tangent, lifted.copysign(v.z)).normalize()
+        Vec3::new(v.x * tangential_scale, v.y * tangential_scale, lifted.copysign(v.z)).normalize()
     }
 
     /// Inverse of [`Lift::up`], and the density factor dz / dz'.
@@ -524,8 +531,8 @@ impl Lift {
         let (a, lifted) = (self.reach, v.z.abs());
         let root = (a * a + 4.0 * (1.0 + a) * lifted * lifted).sqrt();
         let z = 2.0 * (1.0 + a) * lifted * lifted / (a + root);
-        let tangent = ((1.0 + z) * (1.0 + a) / (1.0 + z + a)).sqrt();
-        let low = Vec3::new(v.x * tangent, v.y * tangent, z.copysign(v.z));
+        let tangential_scale = ((1.0 + z) * (1.0 + a) / (1.0 + z + a)).sqrt();
+        let low = Vec3::new(v.x * tangential_scale, v.y * tangential_scale, z.copysign(v.z));
         (low, 2.0 * (1.0 + a) * lifted / root)
     }
 }
@@ -623,14 +630,14 @@ impl SolidGlassClosure<'_> {
         denser: (&mut FacetLobe, f32),
     ) {
         let ((rarer, unshadowed), (denser, unshadowed_denser)) = (rarer, denser);
-        // Directions on the wrong side are lost.
-        let stays = if unshadowed > 0.0 { redirection.stays } else { 0.0 };
-        let hidden = rarer.unshadowed.times(1.0 - unshadowed);
-        rarer.lifted = hidden.times(stays);
+        // A facet may reflect to the far side or refract to the near side (unshadowed fraction 0): nothing stays on the rarer side.
+        let stays = if unshadowed > 0.0 { redirection.fraction_staying } else { 0.0 };
+        let shadowed = rarer.unshadowed.times(1.0 - unshadowed);
+        rarer.lifted = shadowed.times(stays);
         rarer.unshadowed = rarer.unshadowed.times(unshadowed);
-        // With one more crossing.
-        let joining = hidden.times(1.0 - stays).tinted(self.glass.tint);
-        denser.lifted = denser.unshadowed.times(1.0 - unshadowed_denser).plus(joining);
+        // Tinted by one more crossing of the interface.
+        let redirected = shadowed.times(1.0 - stays).tinted(self.glass.tint);
+        denser.lifted = denser.unshadowed.times(1.0 - unshadowed_denser).plus(redirected);
         denser.unshadowed = denser.unshadowed.times(unshadowed_denser);
     }
 
@@ -675,15 +682,18 @@ impl SolidGlassClosure<'_> {
         let normal = ggx::sample_visible_normal(self.wo, surface.alpha(), [u[0], u[1]]);
         let [mirrored, refracted] = self.split(normal, [None; 2]);
         let mut rest = u[2];
-        for (part, mirrors) in [(mirrored, true), (refracted, false)] {
+        for (part, is_reflection) in [(mirrored, true), (refracted, false)] {
             if rest < part.unshadowed.probability {
-                let is_seen = (part.direction.z > 0.0) == mirrors;
-                return is_seen.then(|| surface.from_axis(part.direction.normalize()));
+                let is_on_its_side = (part.direction.z > 0.0) == is_reflection;
+                return is_on_its_side.then(|| surface.from_axis(part.direction.normalize()));
             }
             rest -= part.unshadowed.probability;
             if rest < part.lifted.probability {
                 let (redirection, mut wi) = (self.redirection?, part.direction.normalize());
-                if mirrors && wi.z <= 0.0 && rest >= part.lifted.probability * redirection.leaves {
+                if is_reflection
+                    && wi.z <= 0.0
+                    && rest >= part.lifted.probability * redirection.fraction_transmitted
+                {
                     wi.z = -wi.z;
                 }
                 return Some(surface.from_axis(self.lift(&redirection, wi.z < 0.0).up(wi)));
@@ -698,16 +708,16 @@ impl SolidGlassClosure<'_> {
     pub fn eval(&self, wi: Vec3) -> BsdfEval {
         let wi = self.glass.surface.to_axis(wi);
         let crosses = wi.z < 0.0;
-        let toward = |v: Vec3| if crosses { self.refracted_light(v) } else { self.reflected_light(v) };
-        let [mut light, _] = toward(wi);
+        let light_along = |v: Vec3| if crosses { self.refracted_light(v) } else { self.reflected_light(v) };
+        let [mut light, _] = light_along(wi);
         if let Some(redirection) = &self.redirection {
             let (low, stretch) = self.lift(redirection, crosses).down(wi);
-            let [_, mut lifted] = toward(low);
+            let [_, mut lifted] = light_along(low);
             if self.eta < 1.0 && low.z.abs() < self.wo.z {
-                let [_, against] = self.reflected_light(Vec3::new(low.x, low.y, -low.z.abs()));
+                let [_, below_horizon] = self.reflected_light(Vec3::new(low.x, low.y, -low.z.abs()));
                 lifted = lifted.plus(match crosses {
-                    true => against.times(redirection.leaves).tinted(self.glass.tint),
-                    false => against.times(1.0 - redirection.leaves),
+                    true => below_horizon.times(redirection.fraction_transmitted).tinted(self.glass.tint),
+                    false => below_horizon.times(1.0 - redirection.fraction_transmitted),
                 });
             }
             light = light.plus(lifted.times(stretch));

@@ -48,15 +48,16 @@ impl Camera {
             }
         };
         let pixel = 2.0 * half_height / f64::from(height);
-        let across = pixel * camera.pixel_aspect;
+        let pixel_width = pixel * camera.pixel_aspect;
         let [shift_x, shift_y] = camera.shift.map(|s| s * 2.0 * half_height);
-        let to_corner = right * (shift_x - across * 0.5 * f64::from(width)) + up * (half_height + shift_y);
+        let to_corner =
+            right * (shift_x - pixel_width * 0.5 * f64::from(width)) + up * (half_height + shift_y);
         let is_perspective = !matches!(camera.projection, Projection::Orthographic { .. });
         let corner = if is_perspective { to_corner - back } else { to_corner };
         Camera {
             origin: (camera.world_from_camera.translation - anchor).as_vec3(),
             corner: corner.as_vec3(),
-            step_x: (right * across).as_vec3(),
+            step_x: (right * pixel_width).as_vec3(),
             step_y: (up * -pixel).as_vec3(),
             forward: (-back).as_vec3(),
             right: right.as_vec3(),
@@ -424,7 +425,8 @@ impl Camera {
         };
         // Depth of the point relative to the focus plane.
         let ratio = depth / self.focus_distance;
-        let (start, place) = if self.is_perspective {
+        // `on_film`: the film point, on the plane at distance 1 or, orthographic, on the camera plane.
+        let (start, on_film) = if self.is_perspective {
             let start = self.origin + offset;
             let focus = start + (p - start) / ratio;
             (start, (focus - self.origin) / self.focus_distance)
@@ -436,48 +438,50 @@ impl Camera {
         let to_lens = start - p;
         let distance = to_lens.length();
         let direction = to_lens / distance;
-        let film = place - self.corner;
-        let (width, height) = (self.step_x.length_squared(), self.step_y.length_squared());
+        let film = on_film - self.corner;
+        let (width_squared, height_squared) = (self.step_x.length_squared(), self.step_y.length_squared());
         let cosine = -direction.dot(self.forward);
         let on_plane = match self.is_perspective {
             true => 1.0 / (distance * distance * cosine * cosine * cosine),
             false => 1.0 / cosine,
         };
         let connection = FilmConnection {
-            film: [film.dot(self.step_x) / width, film.dot(self.step_y) / height],
+            film: [film.dot(self.step_x) / width_squared, film.dot(self.step_y) / height_squared],
             lens: start,
             direction,
             distance,
-            pixels_per_area: on_plane / (width * height).sqrt(),
+            pixels_per_area: on_plane / (width_squared * height_squared).sqrt(),
         };
         connection.pixels_per_area.is_finite().then_some(connection)
     }
 
     /// Connects a point of the scene to a panorama.
     ///
-    /// Pairs of a direction and a lens point form a set with the measure of rotations (times the distance from the lens center).
-    /// That measure is invariant to fixing either the ray's direction or its intersection with a sphere around the camera, so the
-    /// lens may be sampled perpendicular to the direction of the scene point. The film density is that of the direction in focus.
+    /// The aperture is perpendicular to the direction in focus, which is unknown before the lens point is chosen. It is sampled
+    /// perpendicular to the direction of the scene point instead, with the same pdf: the rays of one lens radius differ by rotations
+    /// about the lens center, and the measure of rotations is the same whether it is split into direction in focus and angle on the
+    /// aperture, or into direction of the scene point and that angle. The film density is that of the direction in focus.
     fn connect_panorama(&self, panorama: &Panorama, p: Vec3, lens: [f32; 2]) -> Option<FilmConnection> {
         let to = p - self.origin;
-        let away = to.length();
-        let (towards, focus) = (to / away, self.focus_distance);
+        let center_distance = to.length();
+        let (towards, focus) = (to / center_distance, self.focus_distance);
         let (x, y) = if self.has_lens() { self.aperture.point(lens) } else { (0.0, 0.0) };
         let radius_squared = x * x + y * y;
         // Ray parameter of the point: 0 on the lens, 1 on the focus sphere. Points within the lens radius have no connection.
-        let behind = away * away - radius_squared;
-        if behind.is_nan() || behind <= 0.0 {
+        let excess = center_distance * center_distance - radius_squared;
+        if excess.is_nan() || excess <= 0.0 {
             return None;
         }
         let sum = radius_squared + focus * focus;
-        let fraction = (radius_squared + (radius_squared * radius_squared + sum * behind).sqrt()) / sum;
-        // Rotates the direction of the point into the direction in focus; `along` and `across` are the cosine and sine of the angle
-        // between them. The angle is towards the lens point if the focus sphere lies behind the point.
+        let fraction = (radius_squared + (radius_squared * radius_squared + sum * excess).sqrt()) / sum;
+        // Rotates the direction of the point into the direction in focus, by an angle that is positive (towards the lens point) if the
+        // focus sphere lies behind the point.
         let ((u, v), radius) = (towards.any_orthonormal_pair(), radius_squared.sqrt());
         let side = if radius > 0.0 { (u * x + v * y) / radius } else { Vec3::ZERO };
-        let (along, across) = (fraction * focus / away, (1.0 - fraction) * radius / away);
-        let ahead = towards * along - side * across;
-        let start = self.origin + (towards * across + side * along) * radius;
+        let (cosine, sine) =
+            (fraction * focus / center_distance, (1.0 - fraction) * radius / center_distance);
+        let ahead = towards * cosine - side * sine;
+        let start = self.origin + (towards * sine + side * cosine) * radius;
         let to_lens = start - p;
         let distance = to_lens.length();
         let direction = to_lens / distance;
@@ -488,7 +492,8 @@ impl Camera {
             lens: start,
             direction,
             distance,
-            pixels_per_area: panorama.pixels_per_steradian(local) / (away * away * -direction.dot(towards)),
+            pixels_per_area: panorama.pixels_per_steradian(local)
+                / (center_distance * center_distance * -direction.dot(towards)),
         };
         (connection.pixels_per_area > 0.0 && connection.pixels_per_area.is_finite()).then_some(connection)
     }

@@ -6,7 +6,7 @@ use super::report::PrintedMessages;
 use oscura::error::{Error, Result, Warning};
 use oscura::film::AovSet;
 use oscura::load::Loaded;
-use oscura::output::part::{Finish, Identity, Region, read_header, read_part};
+use oscura::output::part::{Identity, OutputSettings, Region, read_header, read_part};
 use oscura::output::{PngOptions, check_target, is_same_target, remove_leftovers};
 use oscura::render::{Rendering, ResolvedOptions, identity};
 use oscura::scene::Backdrop;
@@ -18,7 +18,7 @@ pub(super) struct CheckpointWriter<'a> {
     args: &'a RenderArgs,
     parts: &'a [PathBuf],
     identity: Identity,
-    finish: Finish,
+    output_settings: OutputSettings,
     backdrop: Option<Backdrop>,
     /// When the last checkpoint was written, or rendering started.
     written: Instant,
@@ -36,10 +36,10 @@ impl<'a> CheckpointWriter<'a> {
         warnings: &[Warning],
         aovs_after_denoising: Option<AovSet>,
     ) -> Result<CheckpointWriter<'a>> {
-        let keeps = args.long.checkpoint.is_some() || !targets.parts().is_empty();
-        let identity = if keeps { identity(&mut loaded.scene, resolved)? } else { Identity::new() };
+        let writes_parts = args.long.checkpoint.is_some() || !targets.parts().is_empty();
+        let identity = if writes_parts { identity(&mut loaded.scene, resolved)? } else { Identity::new() };
         let offset = loaded.offset.to_array();
-        let finish = Finish {
+        let output_settings = OutputSettings {
             world_offset: (offset != [0.0; 3]).then_some(offset.map(f64::to_bits)),
             warnings: warnings.iter().map(Warning::to_string).collect(),
             denoise: aovs_after_denoising
@@ -53,14 +53,14 @@ impl<'a> CheckpointWriter<'a> {
             exposure: png.exposure.to_bits(),
             dither: png.dither,
             opaque: png.opaque,
-            ..Finish::default()
+            ..OutputSettings::default()
         };
-        let backdrop = if keeps { loaded.scene.backdrop.clone() } else { None };
+        let backdrop = if writes_parts { loaded.scene.backdrop.clone() } else { None };
         Ok(CheckpointWriter {
             args,
             parts: targets.parts(),
             identity,
-            finish,
+            output_settings,
             backdrop,
             written: Instant::now(),
         })
@@ -68,13 +68,13 @@ impl<'a> CheckpointWriter<'a> {
 
     /// Resumes from the checkpoint with --resume, if it exists.
     pub fn begin(&self, rendering: Rendering) -> Result<Rendering> {
-        let keeps = self.args.long.checkpoint.is_some() || !self.parts.is_empty();
-        let mut rendering = if keeps { rendering.with_whole_passes() } else { rendering };
+        let writes_parts = self.args.long.checkpoint.is_some() || !self.parts.is_empty();
+        let mut rendering = if writes_parts { rendering.with_whole_passes() } else { rendering };
         let Some(file) = &self.args.long.checkpoint else { return Ok(rendering) };
         if !file.exists() {
             return Ok(rendering);
         }
-        rendering.go_on(file, read_part(file)?, &self.identity).map_err(plan_help)?;
+        rendering.resume(file, read_part(file)?, &self.identity).map_err(plan_help)?;
         if !self.args.quiet {
             let samples = rendering.film().samples(0, 0);
             say!("resume   {} from {samples} samples per pixel", file.display());
@@ -110,7 +110,7 @@ impl<'a> CheckpointWriter<'a> {
         };
         if rendering.is_complete() {
             for path in self.parts {
-                rendering.write_part(path, &self.identity, &self.finish, self.backdrop.as_ref())?;
+                rendering.write_part(path, &self.identity, &self.output_settings, self.backdrop.as_ref())?;
             }
         }
         checkpoint
@@ -118,7 +118,7 @@ impl<'a> CheckpointWriter<'a> {
 
     fn write_checkpoint(&self, rendering: &mut Rendering) -> Result<()> {
         let Some(file) = &self.args.long.checkpoint else { return Ok(()) };
-        rendering.write_part(file, &self.identity, &self.finish, self.backdrop.as_ref())
+        rendering.write_part(file, &self.identity, &self.output_settings, self.backdrop.as_ref())
     }
 }
 
@@ -140,7 +140,8 @@ pub(super) fn check(args: &RenderArgs) -> Result<()> {
     }
     if long.resume && args.frames.is_some() && long.save_every.is_some() {
         let message = "--save-every and --resume can't be used together for a sequence";
-        return Err(Error::usage(message).with_help("--resume would skip frames with unfinished pictures"));
+        return Err(Error::usage(message)
+            .with_help("--resume skips frames that have a picture, even an unfinished one"));
     }
     if args.orbit.is_some() && (long.checkpoint.is_some() || long.sample_range.is_some() || parts(args) > 0) {
         return Err(Error::usage("--orbit can't be used with checkpoints or partial renders"));
@@ -182,13 +183,13 @@ fn check_parts(args: &RenderArgs) -> Result<()> {
         let message = "--region makes either a picture or a .part file";
         return Err(Error::usage(message).with_help("render them in two runs"));
     }
-    let one_size = "parts of an image need the same number of samples:";
+    let equal_samples = "parts of an image need the same number of samples:";
     if parts > 0 && (args.long.noise.is_some() || args.quality.is_some()) {
-        let message = format!("{one_size} --noise and --quality can't be used with .part files");
+        let message = format!("{equal_samples} --noise and --quality can't be used with .part files");
         return Err(Error::usage(message).with_help("use --spp, or render the part to an image"));
     }
     if parts > 0 && args.long.region.is_some() && args.long.time_limit.is_some() {
-        let message = format!("{one_size} --time-limit can't be used with --region and .part files");
+        let message = format!("{equal_samples} --time-limit can't be used with --region and .part files");
         return Err(Error::usage(message).with_help("use --spp, or render the region to an image"));
     }
     if args.exr.overscan.is_some() && parts > 0 {
@@ -215,8 +216,8 @@ fn check_limits(args: &RenderArgs) -> Result<()> {
         let message = "with --noise, --spp and --max-spp mean the same";
         return Err(Error::usage(message).with_help("leave one out"));
     }
-    let within = |a: Option<u32>, b: Option<u32>| a.zip(b).is_none_or(|(a, b)| a <= b);
-    if !(within(min, max) && within(min, args.spp)) {
+    let in_order = |a: Option<u32>, b: Option<u32>| a.zip(b).is_none_or(|(a, b)| a <= b);
+    if !(in_order(min, max) && in_order(min, args.spp)) {
         return Err(Error::usage("--min-spp must not be above --spp and --max-spp"));
     }
     Ok(())

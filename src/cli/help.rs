@@ -41,7 +41,7 @@ pub(crate) fn run(args: &HelpArgs) -> Result<Outcome> {
 fn help_on(word: &str, command: &clap::Command) -> Option<String> {
     let word = word.trim_start_matches('-').to_lowercase().replace(['_', ' '], "-");
     if spellings(&word).iter().any(|word| word == ALL_CHAPTERS || word == "toml") {
-        return Some(CHAPTERS.iter().map(shown).collect::<Vec<_>>().join("\n"));
+        return Some(CHAPTERS.iter().map(chapter_text).collect::<Vec<_>>().join("\n"));
     }
     let spellings = spellings(&word);
     let named = spellings.iter().find_map(|word| subcommand(command, command_synonym(word)));
@@ -51,7 +51,7 @@ fn help_on(word: &str, command: &clap::Command) -> Option<String> {
         heading.and_then(|heading| options(command, |arg| arg.get_help_heading() == Some(heading)));
     let plain = spellings.iter().find_map(|word| general_topic(word));
     let command_help = named.map(|mut found| found.render_long_help().to_string());
-    let parts = [plain.map(wrapped), command_help, chapter.map(shown), heading_help];
+    let parts = [plain.map(wrapped), command_help, chapter.map(chapter_text), heading_help];
     if parts.iter().any(Option::is_some) {
         return Some(parts.into_iter().flatten().collect::<Vec<_>>().join("\n"));
     }
@@ -77,7 +77,7 @@ fn spellings(word: &str) -> Vec<String> {
     spellings.chain([format!("{word}s")]).collect()
 }
 
-/// Synonyms of chapters.
+/// Synonyms of chapters. Words such as "meshe" are plurals without their s (see [`spellings`]).
 fn chapter_synonym(word: &str) -> &str {
     match word {
         "pbr" | "material" | "metal" | "glass" | "displacement" | "priority" | "bsdf" | "shader" => {
@@ -152,7 +152,8 @@ const GENERAL: [(&[&str], &str); 4] = [
     (
         &["standard-output", "stdout", "pipe", "stdin", "standard-input"],
         "-o - writes a PNG to standard output, -o exr:- an EXR (also jpg:-, tif:-, webp:-, hdr:-). Progress, notes, warnings and \
-         the report go to standard error; -q prints errors only. Scenes are read from files: their images lie beside them.",
+         the report go to standard error; -q prints errors only. Scenes can't be read from standard input, since their \
+         images lie beside the file.",
     ),
     (
         &["gpu", "cuda", "optix", "cpu"],
@@ -187,7 +188,7 @@ fn options(command: &clap::Command, is_selected: impl Fn(&Arg) -> bool) -> Optio
     Some(format!("Options of 'oscura render'\n\n{text}\n"))
 }
 
-fn shown(chapter: &Chapter) -> String {
+fn chapter_text(chapter: &Chapter) -> String {
     format!("{}\n\n{}", chapter.title, markdown_to_text(&chapter.markdown()))
 }
 
@@ -260,7 +261,7 @@ pub(crate) fn man(args: &ManArgs) -> Result<Outcome> {
 /// Line width of help texts, characters.
 const WIDTH: usize = 100;
 /// Minimum width of a table column, characters.
-const MIN: usize = 12;
+const MIN_COLUMN_WIDTH: usize = 12;
 /// Gap between table columns, characters.
 const GAP: usize = 2;
 
@@ -326,7 +327,8 @@ fn table(text: &mut String, lines: &[&str]) {
     let mut widths: Vec<usize> = (0..columns).map(|c| longest(c).unwrap_or(0)).collect();
     // Shrink the widest columns.
     while widths.iter().sum::<usize>() + GAP * columns > WIDTH {
-        let Some(widest) = (0..columns).max_by_key(|&c| widths[c]).filter(|&c| widths[c] > MIN) else {
+        let Some(widest) = (0..columns).max_by_key(|&c| widths[c]).filter(|&c| widths[c] > MIN_COLUMN_WIDTH)
+        else {
             break;
         };
         widths[widest] -= 1;

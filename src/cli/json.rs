@@ -86,6 +86,7 @@ struct RunReport<'a> {
     warnings: Vec<String>,
     /// Codes of the warnings, in order; an empty string for warnings without a code.
     warning_codes: Vec<&'static str>,
+    /// Messages about data that was skipped because it has no effect on the picture.
     left_out: &'a [String],
 }
 
@@ -104,7 +105,7 @@ pub(crate) fn of_run(run: &Run) -> impl Serialize {
         seed: run.seed,
         samples: s.samples,
         samples_per_pixel: s.samples_per_pixel,
-        path_reuse: s.path_reuse.map(|shape| shape.to_string()),
+        path_reuse: s.path_reuse.map(|block| block.to_string()),
         branches: s.branches,
         quality: run.quality,
         light_paths: s.light_paths,
@@ -133,7 +134,7 @@ pub(crate) fn of_run(run: &Run) -> impl Serialize {
     }
 }
 
-/// An object with an error.
+/// The JSON object of an error.
 #[derive(Serialize)]
 struct Failure {
     error: ErrorReport,

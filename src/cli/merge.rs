@@ -11,7 +11,7 @@ use clap::Args;
 use oscura::error::{Error, Problem, Result, Warning};
 use oscura::film::{Aov, AovSet, Film};
 use oscura::math::{DMat4, DVec3};
-use oscura::output::part::{Finish, PartHeader, check_parts, read_header, read_part};
+use oscura::output::part::{OutputSettings, PartHeader, check_parts, read_header, read_part};
 use oscura::output::{Matte, Metadata, PngOptions, ViewTransform, read_view};
 use oscura::render::{denoise_film, film_warnings, in_pool};
 use serde::Serialize;
@@ -65,7 +65,7 @@ fn merge(args: &MergeArgs) -> Result<Outcome> {
     let warnings = film_warnings(&film);
     let denoised = denoise(args, &parts[0], &mut film)?;
     let first = &parts[0].1;
-    film.resolve_catchers(first.channels.caught());
+    film.resolve_catchers(first.channels.catcher_output());
     backdrop.iter().for_each(|backdrop| film.composite_over(backdrop));
     let finish = &first.finish;
     let mut earlier: Vec<Warning> = finish.warnings.iter().map(Warning::general).collect();
@@ -166,8 +166,16 @@ fn sum(parts: &[(PathBuf, PartHeader)]) -> Result<(Film, Option<oscura::scene::B
 /// Metadata of the merged picture, from the parts' headers.
 fn metadata(parts: &[(PathBuf, PartHeader)], samples: f64, is_complete: bool) -> Metadata {
     let first = &parts[0].1;
-    let Finish { seed, world_to_camera, world_to_ndc, pixel_aspect, aov_space, world_offset, mattes, .. } =
-        &first.finish;
+    let OutputSettings {
+        seed,
+        world_to_camera,
+        world_to_ndc,
+        pixel_aspect,
+        aov_space,
+        world_offset,
+        mattes,
+        ..
+    } = &first.finish;
     let aovs = first.channels.aovs().unwrap_or_default();
     let mattes = aovs.mattes().zip(mattes).map(|((_, kind), names)| Matte::new(kind, names.clone()));
     Metadata {
@@ -189,7 +197,7 @@ fn metadata(parts: &[(PathBuf, PartHeader)], samples: f64, is_complete: bool) ->
 }
 
 /// Encoding options of the arguments, else of the parts.
-fn encoding(args: &MergeArgs, finish: &Finish) -> EncodeOptions {
+fn encoding(args: &MergeArgs, finish: &OutputSettings) -> EncodeOptions {
     EncodeOptions {
         owner: args.owner.clone().or_else(|| finish.owner.clone()),
         reproducible: args.reproducible || finish.reproducible,
@@ -203,7 +211,7 @@ fn encoding(args: &MergeArgs, finish: &Finish) -> EncodeOptions {
 ///
 /// # Errors
 /// A lookup table of the view transform that can't be read.
-fn png(args: &MergeArgs, finish: &Finish, targets: &Targets) -> Result<PngOptions> {
+fn png(args: &MergeArgs, finish: &OutputSettings, targets: &Targets) -> Result<PngOptions> {
     let view = match &args.view {
         Some(view) => view.clone(),
         None if ViewTransform::is_file(&finish.view) && targets.has_display_referred() => {

@@ -84,7 +84,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn tips_name_existing_options_and_other_names_are_unused() {
+    fn tips_name_options_that_exist_and_foreign_names_are_no_options() {
         let command = Arguments::full_command();
         let render = command.find_subcommand("render").expect("a command");
         let has = |word: &str| {

@@ -286,10 +286,10 @@ impl Key<'_> {
     fn sphere(&self, shape: &Analytic) -> Option<Analytic> {
         let (Analytic::Sphere(_) | Analytic::FacingDisk(_) | Analytic::Shell(_)) = shape else { return None };
         let packed = shape.pack();
-        let [x, y, z, radius, ..] = packed.numbers;
+        let [x, y, z, radius, ..] = packed.parameters;
         let [x, y, z] = self.point(Vec3::new(x, y, z)).to_array();
         let scale = self.world_from_object.matrix3.x_axis.length() as f32;
-        Analytic::unpack(&Packed { numbers: [x, y, z, radius * scale, 0.0, 0.0], ..packed })
+        Analytic::unpack(&Packed { parameters: [x, y, z, radius * scale, 0.0, 0.0], ..packed })
     }
 }
 

@@ -345,7 +345,7 @@ impl CompiledMaterial {
             && self.alpha.is_none()
             && self.emission.is_none()
             && self.components.is_empty();
-        self.alike().filter(|_| is_plain).and_then(|bsdf| bsdf.solid_face())
+        self.alike().filter(|_| is_plain).and_then(|bsdf| bsdf.solid_ior_and_alpha())
     }
 }
 

@@ -33,9 +33,9 @@ impl Integrator<'_> {
         if camera.is_panorama() {
             start.panoramic(camera);
         } else if camera.has_lens() {
-            dispatch(StartBehindLens { camera, start });
+            dispatch(StartLensRays { camera, start });
         } else {
-            dispatch(StartBehindPinhole { camera, start });
+            dispatch(StartPinholeRays { camera, start });
         }
         if self.is_moving() || self.scene.accel.uses_times() {
             self.start_times(w);
@@ -55,7 +55,7 @@ impl Integrator<'_> {
             self.clip_ray_ends(count, w);
         }
         if camera.is_panorama() {
-            end_blank_rays(&w.arriving.state, &mut w.rays);
+            end_rays_outside_image_circle(&w.arriving.state, &mut w.rays);
         }
     }
 
@@ -69,7 +69,7 @@ impl Integrator<'_> {
     }
 
     /// Distance along a camera ray between the clip planes, metres.
-    pub(super) fn reach(&self, w: &Workspace, i: usize) -> f32 {
+    pub(super) fn clip_length(&self, w: &Workspace, i: usize) -> f32 {
         let [near, far] = self.range(w, i);
         far - near
     }
@@ -140,7 +140,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// Sets each path's seed and sample index, and the corner of its pixel in the first two scratch arrays.
+    /// Sets each path's seed and (shuffled) sample index, and the corner of its pixel in the first two scratch arrays.
     fn start_camera_samples(&self, samples: &mut CameraSamples<'_>, w: &mut Workspace) {
         let (path, [film_x, film_y, ..]) = (&mut w.arriving.state, &mut w.wave.scratch);
         w.pixels.clear();
@@ -184,8 +184,8 @@ impl StartPaths<'_> {
     }
 }
 
-/// Sets `t_max` to 0 for rays of zero throughput, so that nothing is hit.
-fn end_blank_rays(path: &PathState, rays: &mut [Ray]) {
+/// Sets `t_max` to 0 for rays of zero throughput, which lie outside the image circle of a panorama, so that they hit nothing.
+fn end_rays_outside_image_circle(path: &PathState, rays: &mut [Ray]) {
     for (i, ray) in rays.iter_mut().enumerate() {
         if get_rgb(&path.throughput, i) == Rgb::ZERO {
             ray.t_max = 0.0;
@@ -194,17 +194,17 @@ fn end_blank_rays(path: &PathState, rays: &mut [Ray]) {
 }
 
 /// Rays of cameras with a lens.
-struct StartBehindLens<'a> {
+struct StartLensRays<'a> {
     camera: &'a Camera,
     start: StartPaths<'a>,
 }
 
-impl Kernel for StartBehindLens<'_> {
+impl Kernel for StartLensRays<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run(self) {
-        let StartBehindLens { camera, start } = self;
+        let StartLensRays { camera, start } = self;
         let count = start.count.min(WAVE);
         draw::<true>(start.path, start.scratch, start.dimensions, start.branch_bits, count);
         sample_filter(start.scratch, start.filter, count);
@@ -213,17 +213,17 @@ impl Kernel for StartBehindLens<'_> {
 }
 
 /// Rays of pinhole cameras, which need half of the random numbers.
-struct StartBehindPinhole<'a> {
+struct StartPinholeRays<'a> {
     camera: &'a Camera,
     start: StartPaths<'a>,
 }
 
-impl Kernel for StartBehindPinhole<'_> {
+impl Kernel for StartPinholeRays<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run(self) {
-        let StartBehindPinhole { camera, start } = self;
+        let StartPinholeRays { camera, start } = self;
         let count = start.count.min(WAVE);
         draw::<false>(start.path, start.scratch, start.dimensions, start.branch_bits, count);
         sample_filter(start.scratch, start.filter, count);
@@ -231,8 +231,8 @@ impl Kernel for StartBehindPinhole<'_> {
     }
 }
 
-// Separate loops vectorise; one loop over all steps does not. References to loop data as arguments let the compiler assume that it
-// doesn't change.
+// Separate loops vectorise; one loop over all steps does not. They are functions since references as arguments don't alias, so that the
+// compiler may assume that loop data doesn't change.
 
 /// Initialises paths, and draws film and lens samples into scratch arrays 2 to 5.
 #[inline(always)]

@@ -83,7 +83,7 @@ impl Integrator<'_> {
         }
         let general = sorted.general();
         for i in general.clone().filter(|&i| is_diffuse(i)) {
-            bsdfs[i - general.start].leave_out(skipped);
+            bsdfs[i - general.start].remove_lobes(skipped);
         }
     }
 }

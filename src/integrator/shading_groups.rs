@@ -9,7 +9,7 @@ use super::wave::{
 use crate::bsdf::phase::{henyey_greenstein, sample_henyey_greenstein};
 use crate::bsdf::{
     Bsdf, BsdfClass, BsdfEval, BsdfSample, DielectricCurve, DirectionalAlbedo, Facets, Isotropic,
-    LayerFresnel, MetalRough, MetalRoughClosure, ShadingModel, above, mean_cosine,
+    LayerFresnel, MetalRough, MetalRoughClosure, ShadingModel, mean_cosine, to_upper_side,
 };
 use crate::color::Rgb;
 use crate::compile::{CompiledMaterial, CompiledScene};
@@ -532,7 +532,7 @@ fn store_closure(m: &mut MetalRoughClosures, k: usize, closure: &MetalRoughClosu
 fn load_closure(m: &MetalRoughClosures, curve: f32, k: usize) -> MetalRoughClosure {
     MetalRoughClosure {
         diffuse: get_rgb(&m.diffuse, k),
-        rest: 0.0,
+        layer_transmittance: 0.0,
         f0: get_rgb(&m.f0, k),
         schlick_rise: get_rgb(&m.schlick_rise, k),
         exact_rise: get_rgb(&m.exact_rise, k),
@@ -593,7 +593,7 @@ impl<const COMPENSATES: bool, const EXACT: bool> Kernel for PrepareClosures<'_, 
             let (ns, is_bent) = bent_normal(ns, get(&v.ng, i), wo);
             v.is_bent[i] = if is_bent { 1.0 } else { 0.0 };
             set(&mut v.ns, i, ns);
-            [x[i], y[i], z[i]] = above(Frame::from_normal(ns).to_local(wo)).to_array();
+            [x[i], y[i], z[i]] = to_upper_side(Frame::from_normal(ns).to_local(wo)).to_array();
         }
         for i in range.clone() {
             let surface = Isotropic { alpha: v.metal_rough.alpha[i] };
@@ -637,7 +637,7 @@ impl VertexClass for MetalRoughClass {
     #[inline(always)]
     fn closure(&self, v: &Vertices, i: usize) -> MetalRoughVertex {
         let frame = Frame::from_normal(get(&v.ns, i));
-        let wo = above(frame.to_local(get(&v.wo, i)));
+        let wo = to_upper_side(frame.to_local(get(&v.wo, i)));
         let surface = Isotropic { alpha: v.metal_rough.alpha[i] };
         MetalRoughVertex {
             lobes: load_closure(&v.metal_rough_closures, v.metal_rough.curve[i], i),

@@ -286,7 +286,7 @@ impl Integrator<'_> {
             let (here, last) = (w.arriving.interior[i], w.medium_segments[i].crossed.map_or(0.0, |c| c.at));
             let crossing = (&hit, time);
             let Some(mut beyond) = self.beyond_boundary(&w.rays[i], crossing, here, last) else { continue };
-            let far = if is_clipped { self.reach(w, i) } else { f32::INFINITY };
+            let far = if is_clipped { self.clip_length(w, i) } else { f32::INFINITY };
             if is_clipped && !self.scene.accel.next_one(&Ray { t_max: far, ..w.rays[i] }, &hit, time).is_hit()
             {
                 beyond = Interior::AIR;

@@ -418,10 +418,10 @@ fn interpolate_shape(from: &AreaShape, to: &AreaShape, t: f32) -> AreaShape {
         (AreaShape::Parallelogram(a), AreaShape::Parallelogram(b)) => AreaShape::Parallelogram(edges(a, b)),
         (AreaShape::Triangle(a), AreaShape::Triangle(b)) => AreaShape::Triangle(edges(a, b)),
         (AreaShape::Analytic(a), AreaShape::Analytic(b)) => {
-            let (packed, other) = (a.pack(), b.numbers());
-            let number = |i: usize| packed.numbers[i] + (other[i] - packed.numbers[i]) * t;
-            let numbers = std::array::from_fn(number);
-            AreaShape::Analytic(Analytic::unpack(&Packed { numbers, ..packed }).unwrap_or(*a))
+            let (packed, other) = (a.pack(), b.parameters());
+            let number = |i: usize| packed.parameters[i] + (other[i] - packed.parameters[i]) * t;
+            let parameters = std::array::from_fn(number);
+            AreaShape::Analytic(Analytic::unpack(&Packed { parameters, ..packed }).unwrap_or(*a))
         }
         _ => *from,
     }

@@ -1,8 +1,8 @@
 //! Part files (`.part`): exact sums of a partial or unfinished picture. EXR can't store them, since sums are pairs of an f64 and an f32,
 //! and lists of ids.
 //!
-//! Format: 16 bytes magic number; length of the header as a u64; header, JSON; the film's sums; the background image, if any; further
-//! state for resuming; and the CRC-32 of all that. Numbers are little-endian.
+//! Format: 16 bytes magic number; length of the header as a u64; header, JSON; the film's sums; the background image, if any; state
+//! for resuming; and the CRC-32 of all that. Numbers are little-endian.
 
 use super::atomic::write_with;
 use crate::error::{Error, Problem, Result};
@@ -33,26 +33,26 @@ pub struct PartFile {
     pub film: Film,
     /// Background image.
     pub backdrop: Option<Backdrop>,
-    /// Further state that resuming needs.
-    pub further: Vec<u8>,
+    /// State for resuming other than the film: of the noise estimate.
+    pub resume_state: Vec<u8>,
 }
 
 /// Writer that computes a checksum.
 struct Checked<T> {
     inner: T,
-    sum: crc32fast::Hasher,
+    checksum: crc32fast::Hasher,
 }
 
 impl<T> Checked<T> {
     fn new(inner: T) -> Checked<T> {
-        Checked { inner, sum: crc32fast::Hasher::new() }
+        Checked { inner, checksum: crc32fast::Hasher::new() }
     }
 }
 
 impl<T: Write> Write for Checked<T> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let count = self.inner.write(bytes)?;
-        self.sum.update(&bytes[..count]);
+        self.checksum.update(&bytes[..count]);
         Ok(count)
     }
 
@@ -64,12 +64,12 @@ impl<T: Write> Write for Checked<T> {
 impl<T: Read> Read for Checked<T> {
     fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
         let count = self.inner.read(bytes)?;
-        self.sum.update(&bytes[..count]);
+        self.checksum.update(&bytes[..count]);
         Ok(count)
     }
 }
 
-/// Writes a part file atomically. Sets the header's fields about background and further state.
+/// Writes a part file atomically. Sets the header's fields about background and state for resuming.
 ///
 /// # Errors
 /// An output error; an existing file is then unchanged.
@@ -78,13 +78,13 @@ pub fn write_part(
     mut header: PartHeader,
     film: &Film,
     backdrop: Option<&Backdrop>,
-    further: &[u8],
+    resume_state: &[u8],
 ) -> Result<()> {
-    header.further_bytes = further.len() as u64;
+    header.further_bytes = resume_state.len() as u64;
     header.finish.behind = match backdrop {
-        None => Behind::Nothing,
-        Some(Backdrop::Color(color)) => Behind::Color(color.map(f32::to_bits)),
-        Some(Backdrop::Picture(image)) => Behind::Picture(image.width, image.height),
+        None => StoredBackground::Nothing,
+        Some(Backdrop::Color(color)) => StoredBackground::Color(color.map(f32::to_bits)),
+        Some(Backdrop::Picture(image)) => StoredBackground::Picture(image.width, image.height),
     };
     let head = serde_json::to_vec(&header).map_err(|e| Error::output(path, e.to_string()))?;
     write_with(path, &mut |writer| {
@@ -100,9 +100,9 @@ pub fn write_part(
                 writer.write_all(bytes.as_flattened())
             })?;
         }
-        writer.write_all(further)?;
-        let sum = writer.sum.clone().finalize();
-        writer.write_all(&sum.to_le_bytes())
+        writer.write_all(resume_state)?;
+        let checksum = writer.checksum.clone().finalize();
+        writer.write_all(&checksum.to_le_bytes())
     })
 }
 
@@ -125,7 +125,7 @@ pub fn read_part(path: &Path) -> Result<PartFile> {
     let layout = header.channels.layout().ok_or_else(|| damaged(path, "its channels are unknown"))?;
     let pixels = u64::from(region.width()) * u64::from(region.height());
     let behind = match header.finish.behind {
-        Behind::Picture(width, height) => (u64::from(width) * u64::from(height)).checked_mul(16),
+        StoredBackground::Picture(width, height) => (u64::from(width) * u64::from(height)).checked_mul(16),
         _ => Some(0),
     };
     // Check sizes of the header before allocating memory.
@@ -137,15 +137,15 @@ pub fn read_part(path: &Path) -> Result<PartFile> {
     let mut film = Film::of_layout(region.width(), region.height(), layout)?.at(region.x0, region.y0);
     let rest = film.read_sums(&mut reader).and_then(|()| {
         let backdrop = read_backdrop(&mut reader, &header.finish.behind)?;
-        let mut further = Vec::new();
-        Read::by_ref(&mut reader).take(header.further_bytes).read_to_end(&mut further)?;
-        let sum = reader.sum.clone().finalize();
+        let mut resume_state = Vec::new();
+        Read::by_ref(&mut reader).take(header.further_bytes).read_to_end(&mut resume_state)?;
+        let checksum = reader.checksum.clone().finalize();
         let mut end = Vec::new();
         Read::by_ref(&mut reader).take(5).read_to_end(&mut end)?;
-        Ok((backdrop, further, end == sum.to_le_bytes()))
+        Ok((backdrop, resume_state, end == checksum.to_le_bytes()))
     });
     match rest {
-        Ok((backdrop, further, true)) => Ok(PartFile { header, film, backdrop, further }),
+        Ok((backdrop, resume_state, true)) => Ok(PartFile { header, film, backdrop, resume_state }),
         Ok(_) => Err(damaged(path, "its checksum is wrong")),
         Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => Err(damaged(path, "it ends early")),
         Err(error) => Err(damaged(path, &error.to_string())),
@@ -194,7 +194,7 @@ fn check(header: &PartHeader) -> std::result::Result<(), &'static str> {
         region.x0 <= region.x1 && region.x1 <= *width && region.y0 <= region.y1 && region.y1 <= *height;
     let has_samples = first_sample <= end_sample && end_sample <= samples;
     let has_valid_background = match header.finish.behind {
-        Behind::Picture(width, height) => width > 0 && height > 0,
+        StoredBackground::Picture(width, height) => width > 0 && height > 0,
         _ => true,
     };
     if is_within && has_samples && has_valid_background {
@@ -204,11 +204,11 @@ fn check(header: &PartHeader) -> std::result::Result<(), &'static str> {
     }
 }
 
-fn read_backdrop(reader: &mut dyn Read, behind: &Behind) -> io::Result<Option<Backdrop>> {
+fn read_backdrop(reader: &mut dyn Read, behind: &StoredBackground) -> io::Result<Option<Backdrop>> {
     Ok(match *behind {
-        Behind::Nothing => None,
-        Behind::Color(bits) => Some(Backdrop::Color(bits.map(f32::from_bits))),
-        Behind::Picture(width, height) => {
+        StoredBackground::Nothing => None,
+        StoredBackground::Color(bits) => Some(Backdrop::Color(bits.map(f32::from_bits))),
+        StoredBackground::Picture(width, height) => {
             let mut pixels = vec![0.0f32; width as usize * height as usize * 4];
             reader.read_exact(bytemuck::cast_slice_mut(&mut pixels))?;
             let pixels = Arc::new(Pixels::F32(pixels));
@@ -234,17 +234,17 @@ fn damaged(path: &Path, what: &str) -> Error {
 /// Everything that samples depend on, by name: values of settings, fingerprints of scene data.
 pub type Identity = BTreeMap<String, String>;
 
-/// Prefix of fingerprints.
-pub const PRINT: &str = "#";
+/// Prefix of fingerprints among the values of an [`Identity`].
+pub const FINGERPRINT_PREFIX: &str = "#";
 
-/// Messages about the differences of two identities.
+/// Messages about the differences of two identities: `ours` is "here", `theirs` is "there".
 pub fn differences(ours: &Identity, theirs: &Identity) -> Vec<String> {
     let names = ours.keys().chain(theirs.keys().filter(|name| !ours.contains_key(*name)));
     let differing = names.filter(|name| ours.get(*name) != theirs.get(*name));
-    let word = |value: Option<&String>| value.map_or("missing", String::as_str).to_string();
+    let shown = |value: Option<&String>| value.map_or("missing", String::as_str).to_string();
     let messages = differing.map(|name| {
-        let (ours, theirs) = (word(ours.get(name)), word(theirs.get(name)));
-        match ours.starts_with(PRINT) || theirs.starts_with(PRINT) {
+        let (ours, theirs) = (shown(ours.get(name)), shown(theirs.get(name)));
+        match ours.starts_with(FINGERPRINT_PREFIX) || theirs.starts_with(FINGERPRINT_PREFIX) {
             true => format!("{name} changed"),
             false => format!("{name} is {ours} here and {theirs} there"),
         }
@@ -283,9 +283,9 @@ impl std::fmt::Display for Region {
     }
 }
 
-/// The path strategy.
+/// The path strategy of a render, as stored in the header.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Way {
+pub struct StoredStrategy {
     /// Path splitting: number of paths from the first hit of each camera ray.
     pub branches: u32,
     /// Path reuse: block of pixels that share paths, by name.
@@ -294,7 +294,7 @@ pub struct Way {
 
 /// Cost of rendering.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Effort {
+pub struct RenderCost {
     /// Wall-clock time of rendering, seconds.
     pub wall_s: f64,
     /// CPU time of rendering, seconds.
@@ -326,7 +326,7 @@ pub struct Channels {
 
 impl Channels {
     /// The output of shadow catchers.
-    pub fn caught(&self) -> CatcherOutput {
+    pub fn catcher_output(&self) -> CatcherOutput {
         if self.shadows_only { CatcherOutput::Shadows } else { CatcherOutput::All }
     }
 
@@ -349,9 +349,9 @@ impl Channels {
     }
 }
 
-/// Background of transparent pixels. The pixels of an image follow the film's sums in the file.
+/// Background of transparent pixels, as stored in the header. The pixels of an image follow the film's sums in the file.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub enum Behind {
+pub enum StoredBackground {
     /// Nothing.
     #[default]
     Nothing,
@@ -363,7 +363,7 @@ pub enum Behind {
 
 /// Output settings. Floats are stored as bits.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Finish {
+pub struct OutputSettings {
     /// Random seed.
     pub seed: u32,
     /// World-to-camera matrix, column-major.
@@ -406,7 +406,7 @@ pub struct Finish {
     #[serde(default)]
     pub opaque: bool,
     /// Background.
-    pub behind: Behind,
+    pub behind: StoredBackground,
 }
 
 /// Header of a part file.
@@ -427,14 +427,14 @@ pub struct PartHeader {
     /// End of the samples in this file, exclusive.
     pub end_sample: u32,
     /// Path strategy; `None` if undecided.
-    pub way: Option<Way>,
+    pub way: Option<StoredStrategy>,
     /// Channels.
     pub channels: Channels,
     /// Cost of rendering.
-    pub effort: Effort,
+    pub effort: RenderCost,
     /// Output settings.
-    pub finish: Finish,
-    /// Size of the further state, bytes.
+    pub finish: OutputSettings,
+    /// Size of the state for resuming, bytes.
     pub further_bytes: u64,
 }
 
@@ -462,7 +462,8 @@ fn intersection(a: &Bounds, b: &Bounds) -> Option<Bounds> {
     both.iter().all(|(from, to)| from < to).then_some(both)
 }
 
-fn words(&[(x0, x1), (y0, y1), (from, to)]: &Bounds) -> String {
+/// The samples and pixels of a range, for messages.
+fn description(&[(x0, x1), (y0, y1), (from, to)]: &Bounds) -> String {
     format!("samples {from}..{to} of the pixels {}", Region { x0, y0, x1, y1 })
 }
 
@@ -473,7 +474,7 @@ fn words(&[(x0, x1), (y0, y1), (from, to)]: &Bounds) -> String {
 pub fn check_parts(parts: &[(PathBuf, PartHeader)]) -> Result<Vec<String>> {
     let Some((first_file, first)) = most_common(parts) else { return Ok(Vec::new()) };
     let foreign = parts.iter().filter_map(|(file, header)| {
-        let mut different = differences(&first.identity, &header.identity);
+        let mut different = differences(&header.identity, &first.identity);
         if (header.width, header.height, header.samples) != (first.width, first.height, first.samples)
             || header.channels != first.channels
         {
@@ -521,7 +522,7 @@ fn overlaps(parts: &[(PathBuf, PartHeader)]) -> Vec<Problem> {
     for (at, (file, header)) in parts.iter().enumerate() {
         for (earlier, other) in &parts[..at] {
             if let Some(both) = intersection(&bounds(header), &bounds(other)) {
-                let message = format!("has {}, which {} has as well", words(&both), earlier.display());
+                let message = format!("has {}, which {} has as well", description(&both), earlier.display());
                 problems.push(Problem::new(file.display().to_string(), message).with_code("parts-overlap"));
             }
         }
@@ -542,7 +543,7 @@ fn missing(parts: &[(PathBuf, PartHeader)], first: &PartHeader) -> Vec<String> {
         missing = missing.iter().flat_map(|bounds| without(bounds, part)).collect();
     }
     let more = missing.len().saturating_sub(LISTED);
-    let mut list: Vec<String> = missing.iter().take(LISTED).map(words).collect();
+    let mut list: Vec<String> = missing.iter().take(LISTED).map(description).collect();
     list.extend((more > 0).then(|| format!("and {more} more")));
     list
 }
@@ -586,7 +587,7 @@ mod tests {
 #[cfg(test)]
 mod cover_tests {
     use super::*;
-    use crate::output::part::{Channels, Effort, Finish, Identity};
+    use crate::output::part::{Channels, Identity, OutputSettings, RenderCost};
 
     fn part(name: &str, region: [u32; 4], first_sample: u32, end_sample: u32) -> (PathBuf, PartHeader) {
         let [x0, y0, x1, y1] = region;
@@ -608,8 +609,8 @@ mod cover_tests {
             end_sample,
             way: None,
             channels,
-            effort: Effort::default(),
-            finish: Finish::default(),
+            effort: RenderCost::default(),
+            finish: OutputSettings::default(),
             further_bytes: 0,
         };
         (name.into(), header)
@@ -639,7 +640,7 @@ mod cover_tests {
         other.1.identity.insert("seed".to_string(), "1".to_string());
         let error = check_parts(&[part("a", all, 0, 16), other]).unwrap_err();
         assert!(
-            error.to_string().contains("b: is of another picture than a: seed is 0 here and 1 there"),
+            error.to_string().contains("b: is of another picture than a: seed is 1 here and 0 there"),
             "{error}"
         );
     }

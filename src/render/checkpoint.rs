@@ -9,7 +9,8 @@ use crate::compile::{Fingerprint, of_curves, of_mesh};
 use crate::error::{Error, Result};
 use crate::image::{Image, Pixels};
 use crate::output::part::{
-    Channels, Effort, Finish, Identity, PRINT, PartFile, PartHeader, Way, differences, write_part,
+    Channels, FINGERPRINT_PREFIX, Identity, OutputSettings, PartFile, PartHeader, RenderCost, StoredStrategy,
+    differences, write_part,
 };
 use crate::sampling::MAX_Z_ORDER_SPP;
 use crate::scene::{Backdrop, CatcherOutput, Scene};
@@ -72,7 +73,8 @@ pub fn identity(scene: &mut Scene, resolved: &ResolvedOptions) -> Result<Identit
         camera_environment,
         ..rest
     };
-    let prints = prints.map(|(name, print)| (name.to_string(), format!("{PRINT}{:016x}", print.value())));
+    let prints =
+        prints.map(|(name, print)| (name.to_string(), format!("{FINGERPRINT_PREFIX}{:016x}", print.value())));
     Ok(prints.into_iter().chain(options(resolved)).collect())
 }
 
@@ -93,8 +95,11 @@ fn options(resolved: &ResolvedOptions) -> impl Iterator<Item = (String, String)>
         ("the AOVs", aovs.join(",")),
         ("the terminator", options.terminator.name().to_string()),
         ("the halves that denoising needs", halves.to_string()),
-        ("shading", format!("{PRINT}{:016x}", of_debug(&resolved.shading).value())),
-        ("one of the other options", format!("{PRINT}{:016x}", of_debug(&options.hashed()).value())),
+        ("shading", format!("{FINGERPRINT_PREFIX}{:016x}", of_debug(&resolved.shading).value())),
+        (
+            "one of the other options",
+            format!("{FINGERPRINT_PREFIX}{:016x}", of_debug(&options.hashed()).value()),
+        ),
     ];
     let entries = separate.into_iter().chain(options.identity_entries());
     entries.map(|(name, value)| (name.to_string(), value))
@@ -167,7 +172,7 @@ impl Rendering {
         end - self.schedule.next_sample() < SAMPLE_BLOCK && !end.is_multiple_of(SAMPLE_BLOCK)
     }
 
-    /// Writes the sums so far, as a part of the picture or a checkpoint for [`Rendering::go_on`]. Atomic.
+    /// Writes the sums so far, as a part of the picture or a checkpoint for [`Rendering::resume`]. Atomic.
     ///
     /// # Errors
     /// An output error.
@@ -175,7 +180,7 @@ impl Rendering {
         &mut self,
         path: &Path,
         identity: &Identity,
-        finish: &Finish,
+        finish: &OutputSettings,
         backdrop: Option<&Backdrop>,
     ) -> Result<()> {
         if self.options.is_part() {
@@ -184,7 +189,7 @@ impl Rendering {
         }
         let statistics = self.statistics();
         let warnings = self.techniques.warnings(&self.target()).into_iter().map(|w| w.to_string());
-        let finish = Finish {
+        let finish = OutputSettings {
             seed: self.options.seed,
             world_to_camera: self.view.camera_from_world.to_cols_array().map(f64::to_bits),
             world_to_ndc: self.view.ndc_from_world.map(|ndc| ndc.to_cols_array().map(f64::to_bits)),
@@ -207,12 +212,12 @@ impl Rendering {
             region: self.options.pixels(),
             first_sample: self.options.samples_to_render().start,
             end_sample: self.schedule.next_sample(),
-            way: Some(Way {
+            way: Some(StoredStrategy {
                 branches: self.techniques.strategy.now().branches(),
                 shared: self.techniques.strategy.now().shape().map(|shape| shape.to_string()),
             }),
             channels: self.channels(),
-            effort: Effort {
+            effort: RenderCost {
                 wall_s: statistics.render_s,
                 cpu_s: statistics.render_cpu_s,
                 paths: statistics.samples,
@@ -221,8 +226,8 @@ impl Rendering {
             finish,
             further_bytes: 0,
         };
-        let further = self.noise.as_ref().map(|noise| noise.to_bytes()).unwrap_or_default();
-        write_part(path, header, &self.film, backdrop, &further)
+        let resume_state = self.noise.as_ref().map(|noise| noise.to_bytes()).unwrap_or_default();
+        write_part(path, header, &self.film, backdrop, &resume_state)
     }
 
     fn channels(&self) -> Channels {
@@ -240,8 +245,8 @@ impl Rendering {
     ///
     /// # Errors
     /// An input error that names the differences between the pictures.
-    pub fn go_on(&mut self, file: &Path, part: PartFile, identity: &Identity) -> Result<()> {
-        let PartFile { header, film, further, .. } = part;
+    pub fn resume(&mut self, file: &Path, part: PartFile, identity: &Identity) -> Result<()> {
+        let PartFile { header, film, resume_state, .. } = part;
         let of = |identity: &Identity| -> Identity {
             let counts = |(name, _): &(&String, &String)| !MAY_DIFFER.contains(&name.as_str());
             identity.iter().filter(counts).map(|(name, value)| (name.clone(), value.clone())).collect()
@@ -269,20 +274,20 @@ impl Rendering {
             self.techniques.strategy = StrategyTrials::decided(strategy);
         }
         self.film = film;
-        let Effort { wall_s, cpu_s, paths, rays } = header.effort;
+        let RenderCost { wall_s, cpu_s, paths, rays } = header.effort;
         let duration = |s: f64| Duration::try_from_secs_f64(s).unwrap_or_default();
         self.spent = Spent { wall: duration(wall_s), cpu: duration(cpu_s) };
         self.schedule.resume_at(header.end_sample, self.spent.wall);
         self.progress.resume_at(paths, rays);
         if let Some(noise) = &mut self.noise {
-            noise.restore(&further, self.film.width() as usize * self.film.height() as usize);
+            noise.restore(&resume_state, self.film.width() as usize * self.film.height() as usize);
         }
         Ok(())
     }
 }
 
 /// The path strategy stored in a file.
-fn strategy(way: &Way) -> Option<PathStrategy> {
+fn strategy(way: &StoredStrategy) -> Option<PathStrategy> {
     match &way.shared {
         Some(shape) => shape.parse().ok().map(PathStrategy::Shared),
         None => way.branches.is_power_of_two().then_some(PathStrategy::Alone { branches: way.branches }),

@@ -37,7 +37,7 @@ add! {
     add_image: Image => images, ImageId;
     /// Adds a grid and returns its id, for media.
     add_grid: Grid => grids, GridId;
-    /// Adds a profile and returns its id, for beams of emissive surfaces.
+    /// Adds a light profile (IES) and returns its id, for the directional distribution of emissive surfaces.
     add_profile: Arc<LightProfile> => profiles, ProfileId;
 }
 
@@ -265,8 +265,8 @@ impl Scene {
         names
     }
 
-    /// Sets the rotation of the environment image, radians, and rotates the camera's environment and the environment's sun with
-    /// it. Does nothing for other environments.
+    /// Sets the rotation of the environment image, radians. Rotates with it the environment that camera rays see, and the
+    /// environment's sun. Does nothing for other environments.
     pub fn turn_environment(&mut self, to_rad: f64) {
         let Environment::Image { rotation_rad, .. } = &mut self.environment else { return };
         let by = DQuat::from_rotation_y(to_rad - *rotation_rad);

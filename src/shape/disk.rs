@@ -26,8 +26,8 @@ impl Disk {
 
     /// Unpacks a disk.
     #[inline(always)]
-    pub(super) fn unpack(numbers: &[f32; 6]) -> Disk {
-        let [x, y, z, a, b, c] = *numbers;
+    pub(super) fn unpack(parameters: &[f32; 6]) -> Disk {
+        let [x, y, z, a, b, c] = *parameters;
         Disk { center: Vec3::new(x, y, z), axis: Vec3::new(a, b, c) }
     }
 
@@ -167,7 +167,7 @@ impl Shape for Disk {
         pdf_solid_angle_of_area(point - reference, self.unit_normal(), self.area())
     }
 
-    fn numbers(&self) -> [f32; 6] {
+    fn parameters(&self) -> [f32; 6] {
         let ([x, y, z], [a, b, c]) = (self.center.to_array(), self.axis.to_array());
         [x, y, z, a, b, c]
     }
@@ -192,8 +192,8 @@ impl FacingDisk {
 
     /// Unpacks a disk.
     #[inline(always)]
-    pub(super) fn unpack(numbers: &[f32; 6]) -> FacingDisk {
-        let [x, y, z, radius, ..] = *numbers;
+    pub(super) fn unpack(parameters: &[f32; 6]) -> FacingDisk {
+        let [x, y, z, radius, ..] = *parameters;
         FacingDisk { center: Vec3::new(x, y, z), radius }
     }
 
@@ -302,7 +302,7 @@ impl Shape for FacingDisk {
         is_on_disk.then(|| (across.max(0.0) / along) as f32)
     }
 
-    fn numbers(&self) -> [f32; 6] {
+    fn parameters(&self) -> [f32; 6] {
         let [x, y, z] = self.center.to_array();
         [x, y, z, self.radius, 0.0, 0.0]
     }

@@ -49,7 +49,7 @@ macro_rules! shapes {
             #[inline(always)]
             pub fn unpack(packed: &Packed) -> Option<Analytic> {
                 $(if packed.kind == packed_kind(ShapeTag::$shape) {
-                    return Some(Analytic::$shape($shape::unpack(&packed.numbers)));
+                    return Some(Analytic::$shape($shape::unpack(&packed.parameters)));
                 })*
                 None
             }
@@ -95,7 +95,7 @@ const fn packed_kind(tag: ShapeTag) -> u8 {
 impl Analytic {
     /// The form stored in leaves of the BVH.
     pub fn pack(&self) -> Packed {
-        Packed { kind: packed_kind(self.tag()), numbers: self.numbers() }
+        Packed { kind: packed_kind(self.tag()), parameters: self.parameters() }
     }
 }
 
@@ -173,7 +173,7 @@ impl Shape for Analytic {
         each!(self, shape => shape.emission_offset(receiver, ray))
     }
 
-    fn numbers(&self) -> [f32; 6] {
-        each!(self, shape => shape.numbers())
+    fn parameters(&self) -> [f32; 6] {
+        each!(self, shape => shape.parameters())
     }
 }

@@ -37,8 +37,8 @@ impl Sphere {
 
     /// Unpacks a sphere.
     #[inline(always)]
-    pub(super) fn unpack(numbers: &[f32; 6]) -> Sphere {
-        let [x, y, z, radius, ..] = *numbers;
+    pub(super) fn unpack(parameters: &[f32; 6]) -> Sphere {
+        let [x, y, z, radius, ..] = *parameters;
         Sphere { center: Vec3::new(x, y, z), radius }
     }
 
@@ -148,7 +148,7 @@ impl Shape for Sphere {
         SphereSampler::new(self.center, self.radius, reference).pdf_solid_angle()
     }
 
-    fn numbers(&self) -> [f32; 6] {
+    fn parameters(&self) -> [f32; 6] {
         let [x, y, z] = self.center.to_array();
         [x, y, z, self.radius, 0.0, 0.0]
     }
@@ -270,8 +270,8 @@ impl SphereSampler {
     }
 }
 
-/// A sphere that each ray intersects once: from outside on the near side, from inside on the far side. Non-blocking spherical lights are
-/// shells: points inside receive light from all directions, and rays through a shell collect its radiance once.
+/// A sphere that each ray intersects once: from outside on the near side, from inside on the far side. Spherical lights that
+/// don't occlude are shells: points inside receive light from all directions, and rays through a shell collect its radiance once.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shell(pub Sphere);
 
@@ -283,8 +283,8 @@ impl Shell {
 
     /// Unpacks a sphere.
     #[inline(always)]
-    pub(super) fn unpack(numbers: &[f32; 6]) -> Shell {
-        Shell(Sphere::unpack(numbers))
+    pub(super) fn unpack(parameters: &[f32; 6]) -> Shell {
+        Shell(Sphere::unpack(parameters))
     }
 
     /// Tessellation of the unit sphere.
@@ -351,15 +351,16 @@ impl Shape for Shell {
         self.0.pdf_solid_angle(reference, point)
     }
 
-    /// Light emitted inwards only reaches receivers inside: receivers beyond the far side see its outward emission.
+    /// Light emitted inwards only illuminates receivers inside the sphere: those outside, on the far side, see the emission of the far
+    /// side, since a ray intersects a shell once.
     fn emission_offset(&self, receiver: Vec3, ray: &Ray) -> Option<f32> {
         let Sphere { center, radius } = self.0;
         let is_inward = ray.direction.dot(ray.origin - center) < 0.0;
         (!is_inward || receiver.distance(center) <= radius).then_some(0.0)
     }
 
-    fn numbers(&self) -> [f32; 6] {
-        self.0.numbers()
+    fn parameters(&self) -> [f32; 6] {
+        self.0.parameters()
     }
 }
 

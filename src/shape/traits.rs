@@ -44,10 +44,10 @@ pub trait Shape {
     /// Area of the largest orthographic projection, square metres.
     fn largest_projection(&self) -> f32;
 
-    /// Unit normal of the front at a point; `reference` is the view point, used by facing shapes.
+    /// Unit normal of the front at a point; `reference` is the view point, used by shapes that face it ([`Shape::is_facing`]).
     fn normal_at(&self, point: Vec3, reference: Vec3) -> Vec3;
 
-    /// Samples a point uniformly by area; of facing shapes on the bounding sphere.
+    /// Samples a point uniformly by area; on the bounding sphere if the shape faces each ray's origin.
     fn point_by_area(&self, u: [f32; 2]) -> Vec3;
 
     /// Samples a point of the shape as a light for `reference`.
@@ -56,19 +56,20 @@ pub trait Shape {
     /// Solid-angle pdf of [`Shape::sample`] for a point visible from `reference`.
     fn pdf_solid_angle(&self, reference: Vec3, point: Vec3) -> f32;
 
-    /// Whether the shape faces each ray's origin.
+    /// Whether the shape turns to face each ray's origin, like a billboard.
     fn is_facing(&self) -> bool {
         false
     }
 
-    /// Distance by which the surface as seen from a receiver on an emitted ray is behind the ray's origin, metres; `None` if the line
-    /// doesn't intersect that surface.
+    /// For an emitted ray that reaches a receiver: the distance, metres, from the point where a ray from the receiver would hit the
+    /// shape to the emitted ray's origin in front of it; `None` if that ray would miss the shape or hit
+    /// it elsewhere. Not 0 for shapes that face the receiver.
     fn emission_offset(&self, _receiver: Vec3, _ray: &Ray) -> Option<f32> {
         Some(0.0)
     }
 
-    /// Parameters for packing.
-    fn numbers(&self) -> [f32; 6];
+    /// Parameters of the shape, packed for the BVH.
+    fn parameters(&self) -> [f32; 6];
 }
 
 /// Parametrization of a surface by texture coordinates.
@@ -87,8 +88,8 @@ pub struct Parametrization {
 pub struct Packed {
     /// Kind of the shape, above 0.
     pub kind: u8,
-    /// Parameters ([`Shape::numbers`]).
-    pub numbers: [f32; 6],
+    /// Parameters ([`Shape::parameters`]).
+    pub parameters: [f32; 6],
 }
 
 /// A point on a surface.

@@ -1,4 +1,4 @@
-//! Storage of compressed levels: in memory up to a limit, then in a temporary file, with a cache of the tiles read from it.
+//! Storage of compressed MIP levels: in memory up to a limit, then in a temporary file, with a cache of the tiles read from it.
 
 use crate::error::Warning;
 use crate::image::{Damage, Image};
@@ -89,8 +89,8 @@ pub struct TexturesOnDemand {
 }
 
 impl Store {
-    /// A store with a memory limit of about `bytes`, of which images of `decoding` bytes may be decoded at the same time. A quarter is the
-    /// tile cache; compressed levels take what decoding leaves, but at least a quarter, too.
+    /// A store with a memory limit of about `bytes`. `decoding`: maximum size of images that are decoded at the same time. The tile cache
+    /// takes a quarter; compressed levels take `bytes` minus `decoding`, between one and three quarters.
     pub fn new(bytes: u64, decoding: u64) -> Store {
         let quarter = bytes / 4;
         let free_bytes = bytes.saturating_sub(decoding.max(quarter)).max(quarter);
@@ -200,7 +200,7 @@ impl Store {
     pub fn warn_of_damage(&self, image: &Image, damage: Damage) {
         self.warn(&image.name, || {
             let message =
-                "a coarse copy of the image, or black, was shown where its finer texels were needed";
+                "a coarse copy of the image, or black, was used instead of MIP levels that could not be decoded";
             let warning = match damage {
                 Damage::LeftOut(Warning { file, place, .. }) => {
                     Warning { file, place, ..Warning::general(String::new()) }

@@ -5,7 +5,7 @@ use crate::support::{
     assert_radiance, camera, material, options, pbr, picture, quad, rendering, sphere, walls,
 };
 use oscura::math::DVec3;
-use oscura::output::part::{Finish, Identity, Region, read_header, read_part};
+use oscura::output::part::{Identity, OutputSettings, Region, read_header, read_part};
 use oscura::render::{Guiding, PassOutcome, PathReuse, RenderOptions, Rendering, Splitting};
 use oscura::scene::{AlphaMode, ColorSlot, Environment, FloatSlot, FresnelModel, Material, Model, Scene};
 use std::path::Path;
@@ -195,7 +195,7 @@ fn parts_are_guided_as_the_whole_is() {
     let files: Vec<_> = (0..4).map(|i| folder.path().join(format!("{i}.part"))).collect();
     for (&(region, samples), file) in parts.iter().zip(&files) {
         let mut part = finished(&scene, &options.region(region).sample_range(samples));
-        part.write_part(file, &Identity::new(), &Finish::default(), None).expect("a file");
+        part.write_part(file, &Identity::new(), &OutputSettings::default(), None).expect("a file");
     }
     let header = read_header(&files[0]).expect("a head");
     let layout = header.channels.layout().expect("known channels");
@@ -211,12 +211,12 @@ fn going_on_gives_the_picture_of_a_single_run() {
     let (scene, options) = (room(false), guided(plain(options(32, 32, 100))));
     let mut first = rendering(&scene, &options).with_whole_passes();
     first.next_pass();
-    first.write_part(&file, &Identity::new(), &Finish::default(), None).expect("a file");
+    first.write_part(&file, &Identity::new(), &OutputSettings::default(), None).expect("a file");
     // To as many samples, and to more that are arranged alike.
     for samples in [32, 30] {
         let options = options.samples(samples);
         let mut second = rendering(&scene, &options).with_whole_passes();
-        second.go_on(&file, read_part(&file).expect("a file"), &Identity::new()).expect("it goes on");
+        second.resume(&file, read_part(&file).expect("a file"), &Identity::new()).expect("it goes on");
         second.run();
         assert!(bits(second.film()) == bits(&picture(&scene, &options)), "{samples}");
     }

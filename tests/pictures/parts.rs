@@ -3,7 +3,7 @@
 use crate::support::{material, options, quad};
 use oscura::compile::{CompileOptions, compile};
 use oscura::film::{Aov, AovSet, Film, Reduction};
-use oscura::output::part::{Finish, Identity, PartFile, Region, check_parts, read_header, read_part};
+use oscura::output::part::{Identity, OutputSettings, PartFile, Region, check_parts, read_header, read_part};
 use oscura::render::{CancelHandle, PassOutcome, RenderOptions, Rendering, in_pool};
 use oscura::scene::{Camera, Environment, Material, Scene};
 use oscura::simd::{Level, limit_level};
@@ -39,7 +39,7 @@ fn at_once(scene: &Scene, options: &RenderOptions) -> Film {
 fn write(scene: &Scene, options: &RenderOptions, file: &Path) {
     let mut rendering = rendering(scene, options);
     assert_eq!(rendering.run(), PassOutcome::Done);
-    rendering.write_part(file, &Identity::new(), &Finish::default(), None).expect("a file");
+    rendering.write_part(file, &Identity::new(), &OutputSettings::default(), None).expect("a file");
 }
 
 /// Puts a picture together, parts in the order of their samples, as `oscura merge` does.
@@ -141,18 +141,22 @@ fn going_on_gives_the_picture_of_a_single_run() {
             let mut rendering = rendering(&scene, options);
             if file.exists() {
                 let part = read_part(&file).expect("a file");
-                rendering.go_on(&file, part, &Identity::new()).expect("it goes on");
+                rendering.resume(&file, part, &Identity::new()).expect("it goes on");
             }
             rendering
         };
         let mut rendering = begin(&options);
         while rendering.is_between_blocks() && rendering.next_pass() == PassOutcome::Progressed {
             if rendering.statistics().samples / (192 * 192) >= 8 * passes {
-                rendering.write_part(&file, &Identity::new(), &Finish::default(), None).expect("a file");
+                rendering
+                    .write_part(&file, &Identity::new(), &OutputSettings::default(), None)
+                    .expect("a file");
                 rendering = begin(&options);
             }
             if rendering.ends_within_block() {
-                rendering.write_part(&file, &Identity::new(), &Finish::default(), None).expect("a file");
+                rendering
+                    .write_part(&file, &Identity::new(), &OutputSettings::default(), None)
+                    .expect("a file");
             }
         }
         assert!(bits(rendering.film()) == bits(whole.film()), "{passes}");
@@ -172,12 +176,13 @@ fn a_finished_picture_goes_on_to_more_samples() {
     let mut rendering_of_few = rendering(&scene, &few);
     while rendering_of_few.next_pass() == PassOutcome::Progressed {
         if rendering_of_few.ends_within_block() {
-            let written = rendering_of_few.write_part(&file, &Identity::new(), &Finish::default(), None);
+            let written =
+                rendering_of_few.write_part(&file, &Identity::new(), &OutputSettings::default(), None);
             written.expect("a file");
         }
     }
     let mut more = rendering(&scene, &many);
-    more.go_on(&file, read_part(&file).expect("a file"), &Identity::new()).expect("it goes on");
+    more.resume(&file, read_part(&file).expect("a file"), &Identity::new()).expect("it goes on");
     assert_eq!(more.film().samples(0, 0), 264);
     more.run();
     assert!(bits(more.film()) == bits(&at_once(&scene, &many)));
@@ -185,7 +190,7 @@ fn a_finished_picture_goes_on_to_more_samples() {
     let planned = options(8, 8, 5).planned(24);
     write(&scene, &planned, &file);
     let mut more = rendering(&scene, &planned.samples(24));
-    more.go_on(&file, read_part(&file).expect("a file"), &Identity::new()).expect("it goes on");
+    more.resume(&file, read_part(&file).expect("a file"), &Identity::new()).expect("it goes on");
     more.run();
     assert!(bits(more.film()) == bits(&at_once(&scene, &options(8, 24, 5))));
 }

@@ -31,7 +31,7 @@ pub(crate) fn run(args: &InspectArgs) -> Result<Outcome> {
         no_sidecar: args.no_sidecar,
         blender: args.blender.options(),
         gltf: args.asset.options(),
-        // Reports the additions that 'render' would make.
+        // Reports what 'render' would add to the scene: camera, light, ground.
         stage: StageOptions { is_dry_run: true, ..StageOptions::studio() },
         ..LoadOptions::default()
     };

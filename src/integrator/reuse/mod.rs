@@ -30,7 +30,7 @@
 
 mod connect;
 
-use crate::bsdf::{ShadingModel, above};
+use crate::bsdf::{ShadingModel, to_upper_side};
 use crate::color::Rgb;
 use crate::error::{Error, Result};
 use crate::integrator::radiance_buffer::Layers;
@@ -376,7 +376,7 @@ pub fn layer_transmittance(
     shading: ShadingModel,
 ) -> f32 {
     let material = load_material(m, k, shading);
-    material.closure(above(Frame::from_normal(ns).to_local(wo))).rest
+    material.closure(to_upper_side(Frame::from_normal(ns).to_local(wo))).layer_transmittance
 }
 
 /// Light passes and light groups of connected paths, by slot.
