@@ -323,7 +323,7 @@ fn colours_of_solids() {
     for (tints_once, roughness, seen) in [(false, 0.0, 0.36), (true, 0.0, 0.6), (true, 0.3, 0.6)] {
         let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
         let pbr = PbrMaterial {
-            base_color: oscura::scene::ColorSlot::constant([0.6; 3]),
+            base_color: ColorSlot::constant([0.6; 3]),
             metallic: FloatSlot::constant(0.0),
             roughness: FloatSlot::constant(roughness),
             transmission: FloatSlot::constant(1.0),
@@ -347,8 +347,7 @@ fn one_sided_surfaces_are_absent_from_behind() {
         let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
         let mut wall = Material::lambert("wall", [0.5; 3]);
         wall.double_sided = false;
-        wall.emission =
-            Some(Emission { radiance: oscura::scene::ColorSlot::constant([0.0; 3]), two_sided: false });
+        wall.emission = Some(Emission { radiance: ColorSlot::constant([0.0; 3]), two_sided: false });
         let wall = material(&mut scene, wall);
         let (u, v) = ([18.0, 0.0, 0.0], [0.0, 18.0, 0.0]);
         let (u, v) = if from_front { (u, v) } else { (v, u) };
