@@ -8,6 +8,7 @@ use super::geometry::{Geometries, Placement, Primitive, Space, primitive, vertic
 use super::hit_reader::{HitReader, SurfaceHit, point_reader};
 use super::material::{CompiledEmission, CompiledMaterial};
 use super::objects::{ObjectId, part_materials};
+use super::plan::MAX_COPIED_EMITTERS;
 use crate::accel;
 use crate::accel::is_valid_position;
 use crate::bsdf::Slots;
@@ -171,8 +172,16 @@ impl Emitters {
     /// Adds each emissive primitive of moving placements as a light with a key per key of the motion. Other analytic shapes than
     /// spheres are excluded: only BSDF samples find their emission.
     fn add_moving(&mut self, geometries: &Geometries, materials: &[CompiledMaterial]) {
+        let mut instances = vec![0; geometries.shared.len()];
+        for placement in geometries.placements.iter().filter(|p| p.moves) {
+            instances[placement.geometry as usize] += 1;
+        }
         for (index, placement) in geometries.placements.iter().enumerate().filter(|(_, p)| p.moves) {
             let space = &*geometries.shared[placement.geometry as usize];
+            let primitives = space.attributes.materials.len();
+            if primitives.saturating_mul(instances[placement.geometry as usize]) > MAX_COPIED_EMITTERS {
+                continue;
+            }
             let keys = keys_of(geometries, placement, space);
             for (prim, own) in space.attributes.materials.iter().enumerate() {
                 let (prim, material) = (prim as u32, placement.material.unwrap_or(*own));

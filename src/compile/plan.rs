@@ -22,7 +22,7 @@ const MIN_SHARED_TRIANGLES: usize = 1024;
 const MAX_COPIED_TRIANGLES: usize = 1 << 22;
 
 /// Maximum number of triangles of all instances of an emissive mesh for light sampling, which needs copies: about 1 GB with the lights.
-const MAX_COPIED_EMITTERS: usize = 1 << 22;
+pub(super) const MAX_COPIED_EMITTERS: usize = 1 << 22;
 
 /// Meshes with fewer triangles are never shared: copies take less memory than placements.
 const MIN_TRIANGLES_OF_INSTANCES: usize = 8;
