@@ -102,7 +102,7 @@ pub(crate) enum Command {
     Merge(MergeArgs),
     /// List a scene's contents, and what would not be rendered.
     Inspect(InspectArgs),
-    /// Export a Blender file as .glb, with an .oscura.toml for what glTF cannot represent.
+    /// Export a Blender file as a scene file (.toml) with its meshes and images.
     Export(ExportArgs),
     /// Compare an image with a reference: error metrics, FLIP, statistical tests.
     Compare(CompareArgs),

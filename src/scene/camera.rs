@@ -84,6 +84,17 @@ pub fn looking_at(eye: DVec3, target: DVec3, up: DVec3) -> Option<DAffine3> {
     Some(DAffine3::from_mat3_translation(DMat3::from_cols(right, back.cross(right), back), eye))
 }
 
+/// The rotation and translation of a transform: axes orthonormalised in the order z, y, x, right-handed. `None` for
+/// singular transforms.
+pub fn without_scale(transform: &DAffine3) -> Option<DAffine3> {
+    let m = transform.matrix3;
+    let z = m.z_axis.try_normalize()?;
+    let y = (m.y_axis - z * m.y_axis.dot(z)).try_normalize()?;
+    let rotation = DMat3::from_cols(y.cross(z), y, z);
+    let placed = DAffine3::from_mat3_translation(rotation, transform.translation);
+    placed.is_finite().then_some(placed)
+}
+
 /// Panoramic projections.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Panorama {

@@ -29,7 +29,7 @@ mod validate;
 mod watertightness;
 
 pub use bounds::{Extent, MeshHulls, instance_extents, scene_extent};
-pub use camera::{Aperture, Camera, Panorama, Projection, ThinLens, looking_at};
+pub use camera::{Aperture, Camera, Panorama, Projection, ThinLens, looking_at, without_scale};
 pub use geometry::{
     CurveBasis, Curves, Instance, Keyframes, Mesh, MeshPart, Motion, Quad, SceneMotion, Shape, ShapeKind,
     ShapeTag, Splats, VertexAttribute, Vertices, f16,

@@ -8,22 +8,12 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-/// A triangle that emits light, before a camera.
-const MODEL: &str = r#"{
-    "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0, 1, 2]}],
-    "nodes": [{"mesh": 0}, {"name": "front", "camera": 0, "translation": [0.3, 0.3, 2]}, {"name": "lamp"}],
-    "cameras": [{"type": "perspective", "perspective": {"yfov": 0.7, "znear": 0.1}}],
-    "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "material": 0}]}],
-    "materials": [{"emissiveFactor": [1, 0.5, 0.25]}],
-    "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0]}],
-    "bufferViews": [{"buffer": 0, "byteLength": 36}],
-    "buffers": [{"byteLength": 36, "uri": "data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA"}]
-}"#;
-
-/// What the exporter puts beside it.
-const SIDECAR: &str = "[render]\nwidth = 40\nheight = 20\nsamples = 2\n[environment]\nbackground = 0\n\
-[[camera]]\nname = \"front\"\ndefault = true\nshift = [0, 0]\n\
-[[lights]]\nvisible_to_camera = false\nobstacle = false\npoint = { node = \"lamp\", radius = 0.1, power = 5 }\n";
+/// A triangle that emits light, before a camera, as the exporter writes scenes.
+const SCENE: &str = "[render]\nwidth = 40\nheight = 20\nsamples = 2\n[environment]\nbackground = 0\n\
+[[camera]]\nname = \"front\"\ntransform = [{ translate = [0.3, 0.3, 2] }]\nvfov = 40\nshift = [0, 0]\n\
+[[lights]]\nvisible_to_camera = false\nobstacle = false\npoint = { radius = 0.1, power = 5 }\ntransform = []\n\
+[materials.glow]\ntype = \"emissive\"\nradiance = [1, 0.5, 0.25]\n\
+[[objects]]\ntriangle = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]\nmaterial = \"glow\"\n";
 
 /// A folder with a file of Blender, the export of it, and no search path but its own `bin`.
 struct Place {
@@ -36,14 +26,7 @@ impl Place {
         let place = Place { folder };
         fs::create_dir(place.path("bin")).expect("made");
         fs::write(place.path("room.blend"), "BLENDER").expect("written");
-        let json = format!("{MODEL}{}", " ".repeat(3 - (MODEL.len() + 3) % 4));
-        let mut glb = b"glTF\x02\0\0\0".to_vec();
-        glb.extend((json.len() as u32 + 20).to_le_bytes());
-        glb.extend((json.len() as u32).to_le_bytes());
-        glb.extend(b"JSON");
-        glb.extend(json.as_bytes());
-        fs::write(place.path("model.glb"), glb).expect("written");
-        fs::write(place.path("model.toml"), SIDECAR).expect("written");
+        fs::write(place.path("exported.toml"), SCENE).expect("written");
         place
     }
 
@@ -66,11 +49,11 @@ impl Place {
         path
     }
 
-    /// A Blender that exports the model.
+    /// A Blender that exports the scene.
     fn blender(&self, name: &str) -> PathBuf {
         let here = self.folder.path().display();
         let script = format!(
-            "cp {here}/model.glb $FOLDER/$NAME.glb; cp {here}/model.toml $FOLDER/$NAME.oscura.toml\n\
+            "cp {here}/exported.toml $FOLDER/$NAME.toml\n\
              echo '{{\"error\": null, \"warnings\": [[\"Smoke\", \"is lost\"]], \"notes\": [[\"\", \"a note\"]]}}' > $ANSWER"
         );
         self.program(name, "Blender 4.5.1 LTS", &script)
@@ -123,10 +106,10 @@ fn large_images_of_the_export_stay_until_they_are_decoded() {
     noisy.save(place.path("large.png")).expect("written");
     let ball = "[textures.t]\ntype = \"image\"\nfile = \"scene.image0.png\"\n[materials.m]\ntype = \"lambert\"\n\
                 color = \"t\"\n[[objects]]\nsphere = { center = [0, 0, 0], radius = 1 }\nmaterial = \"m\"\n";
-    fs::write(place.path("model.toml"), format!("{SIDECAR}{ball}")).expect("written");
+    fs::write(place.path("exported.toml"), format!("{SCENE}{ball}")).expect("written");
     let here = place.path("").display().to_string();
     let script = format!(
-        "cp {here}/model.glb $FOLDER/$NAME.glb; cp {here}/model.toml $FOLDER/$NAME.oscura.toml\n\
+        "cp {here}/exported.toml $FOLDER/$NAME.toml\n\
          cp {here}/large.png $FOLDER/scene.image0.png\n\
          echo '{{\"error\": null, \"warnings\": [], \"notes\": []}}' > $ANSWER"
     );
@@ -180,12 +163,12 @@ fn an_export_appears_whole_and_replaces_nothing_unasked() {
         place.run(None, &[&args[..], more].concat())
     };
     assert_eq!(code(&export(&[])), 0);
-    assert_eq!(names(&place.path("out")), ["scene.glb", "scene.oscura.toml"]);
-    fs::write(place.path("out/scene.glb"), "precious").expect("written");
+    assert_eq!(names(&place.path("out")), ["scene.toml"]);
+    fs::write(place.path("out/scene.toml"), "precious").expect("written");
     assert_eq!(code(&export(&[])), 2);
-    assert_eq!(place.text("out/scene.glb"), "precious");
+    assert_eq!(place.text("out/scene.toml"), "precious");
     assert_eq!(code(&export(&["--force"])), 0);
-    assert_ne!(place.text("out/scene.glb"), "precious");
+    assert_ne!(place.text("out/scene.toml"), "precious");
     let strict =
         place.run(None, &["export", "room.blend", "-o", "new", "--strict", "--blender", name(&blender)]);
     assert_eq!(code(&strict), 3);
@@ -193,9 +176,9 @@ fn an_export_appears_whole_and_replaces_nothing_unasked() {
     let left: Vec<String> =
         names(place.folder.path()).into_iter().filter(|n| n.starts_with(".oscura")).collect();
     assert!(left.is_empty(), "{left:?}");
-    let rendered = place.run(None, &["render", "out/scene.glb", "-o", "again.exr"]);
+    let rendered = place.run(None, &["render", "out/scene.toml", "-o", "again.exr"]);
     assert_eq!(code(&rendered), 0, "{}", stderr(&rendered));
-    assert_eq!(code(&place.run(None, &["export", "model.glb", "-o", "other"])), 2);
+    assert_eq!(code(&place.run(None, &["export", "exported.toml", "-o", "other"])), 2);
 }
 
 #[test]

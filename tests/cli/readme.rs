@@ -256,7 +256,10 @@ fn stand_ins(folder: &Path) {
             (
                 "blender",
                 "if [ \"$1\" = --version ]; then echo 'Blender 4.5.1 LTS'; exit 0; fi\n\
-                 while [ \"$1\" != -- ]; do shift; done\ncp \"$(dirname \"$0\")/../room.glb\" \"$3/$4.glb\"\n\
+                 while [ \"$1\" != -- ]; do shift; done\ncp \"$(dirname \"$0\")/../room.glb\" \"$3\"\n\
+                 echo 'environment.background = 1' > \"$3/$4.toml\"\n\
+                 echo 'camera.from = \"room.glb\"' >> \"$3/$4.toml\"\n\
+                 echo 'objects = [{ mesh = \"room.glb\" }]' >> \"$3/$4.toml\"\n\
                  echo '{\"error\": null, \"warnings\": [], \"notes\": []}' > \"$5\"\n",
             ),
             (

@@ -82,7 +82,7 @@ fn what_is_no_motion_says_so() {
         ("{ keys = [] }", "'keys'"),
         ("{ keys = [{ frame = 1 }, { frame = 1 }] }", "frames of 'keys'"),
         ("{ keys = [{ frame = nan }] }", "'frame'"),
-        ("{ keys = [{ frame = 0, transform = [{ scale = 0 }] }] }", "flattens"),
+        ("{ keys = [{ frame = 0, transform = [{ scale = 0 }] }] }", "singular"),
         ("{ translate = [1, 0, 0], keys = [{ frame = 0 }] }", "'translate'"),
         ("{ rotate = { axis = [0, 0, 0], angle = 3 } }", "length 0"),
         ("{ translate = [1, inf, 0] }", "finite"),
@@ -229,6 +229,75 @@ fn cameras_and_lights_neither_grow_nor_follow_two() {
     for text in [format!("{camera}{BALL}"), light] {
         let error = read_by(&text, &LoadOptions::default()).expect_err("it scales").to_string();
         assert!(error.contains("'motion'") && error.matches("error").count() <= 1, "{error}");
+    }
+}
+
+/// By a transform, cameras and lights stand and move as by positions and directions, and area lights grow.
+#[test]
+fn transforms_place_cameras_and_lights() {
+    let motion =
+        "motion = { keys = [{ frame = 0 }, { frame = 1, transform = [{ translate = [0, 4, 0] }] }] }\n";
+    // Towards -x, with y upwards.
+    let turned = "transform = [{ scale = [2, 3, 1] }, { euler = [0, 90, 0] }, { translate = [3, 0, 0] }]\n";
+    let lit = |light: &str, place: &str| {
+        let scene = read(&format!("{HEAD}{BALL}[[lights]]\nname = \"l\"\n{light}\n{place}{motion}")).scene;
+        format!("{:?} {:?} {:?} {:?}", scene.lights, scene.quads, scene.shapes, scene.motion)
+    };
+    // Up to what a quarter turn leaves of a direction by rounding.
+    let rounded = |text: String| text.replace("2.220446049250313e-16", "0.0").replace("-0.0", "0.0");
+    for (shape, own, transformed) in [
+        ("point", "position = [3, 0, 0], power = 5", "power = 5"),
+        ("point", "position = [3, 0, 0], power = 5, radius = 0.5", "power = 5, radius = 0.5"),
+        ("sun", "direction = [-1, 0, 0], irradiance = 1", "irradiance = 1"),
+    ] {
+        let (by_place, by_transform) =
+            (format!("{shape} = {{ {own} }}"), format!("{shape} = {{ {transformed} }}"));
+        assert_eq!(rounded(lit(&by_place, "")), rounded(lit(&by_transform, turned)), "{shape}");
+    }
+    let area = |light: &str, place: &str| {
+        let scene = read(&format!("{HEAD}{BALL}[[lights]]\n{light}\n{place}")).scene;
+        let middle = scene.quads[0].corner + (scene.quads[0].edge_u + scene.quads[0].edge_v) / 2.0;
+        (middle, scene.quads[0].edge_u, scene.quads[0].edge_v, scene.motion.quads.get(&0).cloned())
+    };
+    let (at, u, v, _) =
+        area("area = { center = [3, 0, 0], direction = [-1, 0, 0], size = [4, 3], power = 5 }", "");
+    let scaled = area("area = { size = [2, 1], power = 5 }", turned);
+    assert!(at.distance(scaled.0) < 1e-9 && u.distance(scaled.1) < 1e-9 && v.distance(scaled.2) < 1e-9);
+    let grows = "motion = { keys = [{ frame = -0.25 }, { frame = 0.25, transform = [{ scale = 3 }] }] }\n";
+    let keys = area("area = { size = [1, 1], power = 5 }", &format!("transform = []\n{grows}"))
+        .3
+        .expect("it moves")
+        .keys;
+    // Halfway it is twice as large.
+    let widths: Vec<f64> = keys.iter().map(|key| 2.0 * key.matrix3.x_axis.length()).collect();
+    assert!((widths[0] - 1.0).abs() < 1e-9 && (widths[widths.len() - 1] - 3.0).abs() < 1e-9, "{widths:?}");
+
+    let look = "look_from = [0, 1, 5]\nlook_at = [0, 0, 0]\n";
+    let angle = (0.2f64).atan().to_degrees();
+    let placed = format!(
+        "transform = [{{ scale = 2 }}, {{ euler = [-{angle}, 0, 0] }}, {{ translate = [0, 1, 5] }}]\n"
+    );
+    let camera = |text: &str| read(&format!("{text}{BALL}")).scene.cameras;
+    let (by_place, head) =
+        (HEAD.replace(look, &format!("{look}{motion}")), HEAD.replace(look, &format!("{placed}{motion}")));
+    let (expected, found) = (camera(&by_place).remove(0), camera(&head).remove(0));
+    assert!(expected.world_from_camera.abs_diff_eq(found.world_from_camera, 1e-9));
+    let keys = |motion: Option<oscura::scene::Keyframes<DAffine3>>| motion.expect("it moves").keys;
+    let (expected, found) = (keys(expected.motion), keys(found.motion));
+    assert!(expected.len() == found.len());
+    assert!(expected.iter().zip(&found).all(|(a, b)| a.abs_diff_eq(*b, 1e-9)), "{expected:?} {found:?}");
+
+    let two = HEAD.replace("[camera]\n", "[[camera]]\nname = \"front\"\n");
+    let two = two.replace("[materials]", &format!("[[camera]]\nname = \"back\"\n{placed}[materials]"));
+    let names: Vec<String> = camera(&two).into_iter().map(|camera| camera.name).collect();
+    assert_eq!(names, ["front", "back"]);
+    for (text, complaint) in [
+        (HEAD.replace(look, &format!("{look}{placed}")), "'transform' and 'look_from' exclude each other"),
+        (HEAD.replace(look, "transform = [{ scale = 0 }]\n"), "singular"),
+    ] {
+        let error =
+            read_by(&format!("{text}{BALL}"), &LoadOptions::default()).expect_err(complaint).to_string();
+        assert!(error.contains(complaint), "{error}");
     }
 }
 

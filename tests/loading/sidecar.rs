@@ -515,7 +515,7 @@ fn sheets_of_glass_bend_light_unless_thin_ones_are_asked_for() {
         "extensions": {"KHR_materials_transmission": {"transmissionFactor": 1}}"#;
     let materials = format!(r#""materials": [{{"name": "pane", {glass}}}, {{"name": "ball", {glass}}}]"#);
     let model = MODEL.replace(plain, &materials).replace("IMAGE", PIXEL);
-    let generator = r#""asset": {"generator": "Khronos glTF Blender I/O v5.0, oscura", "version"#;
+    let generator = r#""asset": {"generator": "Khronos glTF Blender I/O v5.0", "version"#;
     let model = model.replace(r#""asset": {"version"#, generator);
     let both = r#""material": 0}, {"attributes": {"POSITION": 0}, "material": 1}"#;
     let model = model.replace(r#""material": 0}"#, both);

@@ -3,7 +3,7 @@
     blender --background --python export.py -- FILE.blend FOLDER NAME ANSWER.json [--frame N] [--scene NAME]
     python export.py -- ...                      where Python has the module bpy
 
-Writes NAME.glb and NAME.oscura.toml to FOLDER, and what was lost, or why there is no export, to ANSWER.json.
+Writes NAME.toml and the files that it names to FOLDER, and what was lost, or why there is no export, to ANSWER.json.
 """
 
 import os

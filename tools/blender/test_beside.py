@@ -1,4 +1,4 @@
-"""Tries what the exporter puts beside the model: settings, views, media, motion, strands, profiles of lamps.
+"""Tries what the exporter says beside meshes: settings, views, media, motion, strands, profiles of lamps.
 
     python test_beside.py            with a Python that has bpy
 """
@@ -26,7 +26,7 @@ class BesideTest(SceneTest):
         tree.links.new(through.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
         for k, material in enumerate((haze, wax, leaf)):
             self.add_plane(material, location=(3 * k, 0, 0))
-        _, settings, answer = self.export()
+        settings, answer = self.export()
         self.assertEqual(answer["warnings"], [])
         found = settings["materials"]
         self.assertEqual(found["haze"], {"type": "medium", "density": [1.0, 0.5, 2.0], "color": [1.0, 1.0, 1.0]})
@@ -36,20 +36,14 @@ class BesideTest(SceneTest):
         surface, _ = self.surface(found["leaf"])
         self.assertEqual(surface, {"type": "translucent_bsdf", "color": [0.25, 0.5, 0.125]})
 
-    def rows(self, glb, number):
-        """The rows of an accessor of three floats."""
-        accessor = glb.json["accessors"][number]
-        start = glb.json["bufferViews"][accessor["bufferView"]].get("byteOffset", 0) + accessor.get("byteOffset", 0)
-        return np.frombuffer(bytes(glb.binary[start:]), "<f4", 3 * accessor["count"]).reshape(-1, 3)
-
     def test_scattering_of_skin_is_told_by_its_index_of_refraction(self):
         material, _, principled = shader_tree("skin")
         for method, skin, ior in (("RANDOM_WALK", None, None), ("RANDOM_WALK_SKIN", 1.4, None), ("BURLEY", None, 0.0)):
             principled.subsurface_method = method
             principled.inputs["Subsurface Weight"].default_value = 1.0
             self.add_plane(material)
-            surface = self.surface(self.export()[1]["materials"]["skin"])[0]
-            np.testing.assert_array_equal([surface.get("subsurface_skin_ior"), surface.get("subsurface_ior")], [skin and np.float32(skin), ior])
+            surface = self.surface(self.export()[0]["materials"]["skin"])[0]
+            self.assertEqual([surface.get("subsurface_skin_ior"), surface.get("subsurface_ior")], [skin, ior])
 
     def relief(self, method, is_smooth=True):
         """A roof over a plane that a displacement makes."""
@@ -61,7 +55,7 @@ class BesideTest(SceneTest):
         shown = self.add_plane(material)
         if is_smooth:
             shown.data.shade_smooth()
-        _, settings, answer = self.export()
+        settings, answer = self.export()
         self.assertEqual(answer["warnings"], [])
         surface, feeding = self.surface(settings["materials"]["relief"])
         return self.mesh(settings, "Plane"), feeding(surface, "normal") if "normal" in surface else None
@@ -85,7 +79,7 @@ class BesideTest(SceneTest):
         shown = self.add_plane(material)
         shown.rotation_euler = (0, 0, np.pi / 2)
         places = np.array([vertex.co for vertex in shown.data.vertices])
-        _, settings, answer = self.export()
+        settings, answer = self.export()
         self.assertEqual(answer["warnings"], [])
         found = self.mesh(settings, "Plane")
         self.assertEqual(len(found["x"]), len(places))
@@ -135,7 +129,7 @@ class BesideTest(SceneTest):
         material.displacement_method = "BOTH"
         bpy.ops.mesh.primitive_cube_add()
         bpy.context.object.data.materials.append(material)
-        _, settings, _ = self.export()
+        settings, _ = self.export()
         found = self.mesh(settings, "Cube")
         normals = np.stack([found["nx"], found["ny"], found["nz"]], -1)
         np.testing.assert_allclose(np.abs(normals), 3**-0.5, atol=1e-3)
@@ -151,36 +145,37 @@ class BesideTest(SceneTest):
         tree.links.new(relief.outputs[0], tree.nodes["Material Output"].inputs["Displacement"])
         tree.links.new(mapped.outputs[0], principled.inputs["Normal"])
         self.add_plane(material)
-        surface, feeding = self.surface(self.export()[1]["materials"]["mapped"])
+        surface, feeding = self.surface(self.export()[0]["materials"]["mapped"])
         self.assertEqual(feeding(surface, "normal")["type"], "normal_map")
 
-    def test_motion_of_objects_and_cameras_is_an_animation(self):
+    def test_objects_cameras_and_lights_move_by_keys(self):
         moved = self.add_plane(None, "Moved")
-        for thing, path in ((moved, (2, 0, 0)), (self.scene.camera, (0, 1, 8))):
+        for kind in ("POINT", "AREA"):
+            self.lamp(kind)
+        for thing, path in ((moved, (2, 0, 0)), (self.scene.camera, (0, 1, 8)), (self.scene.objects["area"], (0, 0, 6))):
             thing.keyframe_insert("location", frame=1)
             thing.location = path
             thing.keyframe_insert("location", frame=3)
         self.add_plane(None, "Still", (0, 4, 0))
         self.scene.frame_set(2)
-        model, settings, answer = self.export()
-        self.assertNotIn("animations", model)
+        settings, answer = self.export()
+        self.assertFalse([entry for kind in ("camera", "lights", "objects") for entry in settings[kind] if "motion" in entry])
         self.scene.render.use_motion_blur, self.scene.render.motion_blur_shutter = True, 0.25
-        model, settings, answer = self.export()
-        (animation,) = model["animations"]
-        names = {model["nodes"][channel["target"]["node"]]["name"] for channel in animation["channels"]}
-        self.assertEqual(names, {"Eye"})
+        settings, answer = self.export()
+        (camera,), lights = settings["camera"], {light["name"]: light for light in settings["lights"]}
+        self.assertEqual((camera["transform"], lights["area"]["transform"]), ([], []))
+        self.assertEqual((len(lights["point"]["transform"]), lights["point"].get("motion")), (1, None))
         placed = self.placed(settings)
         self.assertEqual((len(placed["Still"]["transform"]), placed["Still"].get("motion")), (1, None))
-        keys = placed["Moved"]["motion"]["keys"]
-        now = answer["moment"] * answer["fps"]
-        np.testing.assert_allclose([key["frame"] - now for key in keys], [-0.125, 0, 0.125], atol=1e-5)
-        places = [key["transform"][0]["matrix"][3] for key in keys]
-        self.assertTrue(places[0] < places[1] < places[2] and abs(places[1] - 1) < 1e-6, places)
-        self.assertEqual(settings["camera"][0]["shutter"], 0.25)
-        times = model["accessors"][animation["samplers"][0]["input"]]
-        self.assertEqual(times["count"], 3)
-        self.assertAlmostEqual(times["max"][0] - answer["moment"], 0.125 / answer["fps"], places=6)
-        self.assertNotIn("animations", self.export("--shutter", "0")[0])
+        # Places in the axes of scene files.
+        for entry, axis, now in ((placed["Moved"], 0, 1), (camera, 2, -0.5), (lights["area"], 1, 3)):
+            keys = entry["motion"]["keys"]
+            self.assertEqual([key["frame"] for key in keys], [-0.125, 0, 0.125])
+            first, second, third = (key["transform"][0]["matrix"][3 + 4 * axis] for key in keys)
+            self.assertTrue(first < second < third or first > second > third, (first, second, third))
+            self.assertAlmostEqual(second, now, places=6)
+        self.assertEqual(camera["shutter"], 0.25)
+        self.assertFalse([entry for entry in self.export("--shutter", "0")[0]["camera"] if "motion" in entry])
 
     def test_shapes_of_deforming_meshes_are_files(self):
         """A key shape that grows: three files of the same vertices, and normals that follow."""
@@ -194,11 +189,11 @@ class BesideTest(SceneTest):
             key.keyframe_insert("value", frame=frame)
         self.scene.frame_set(2)
         self.scene.render.use_motion_blur, self.scene.render.motion_blur_shutter = True, 1.0
-        _, settings, answer = self.export()
+        settings, answer = self.export()
         self.assertEqual(answer["warnings"], [])
         (entry,) = self.placed(settings).values()
-        now, keys = answer["moment"] * answer["fps"], entry["mesh_keys"]
-        np.testing.assert_allclose([k["frame"] - now for k in keys], [-0.5, 0, 0.5], atol=1e-5)
+        keys = entry["mesh_keys"]
+        self.assertEqual([k["frame"] for k in keys], [-0.5, 0, 0.5])
         files = [read_ply(self.folder / k["mesh"]) for k in keys]
         heights = [columns["z"].max() for _, columns, _ in files]
         self.assertTrue(heights[0] < heights[1] < heights[2] and abs(heights[1] - 1) < 1e-6, heights)
@@ -233,7 +228,7 @@ class BesideTest(SceneTest):
         self.scene.world = sky
         self.scene.frame_set(1)
         for options, expected in (((), 0.0), (("--frame", "11"), 1.0), (("--time", "0.25"), 0.5)):
-            _, settings, answer = self.export(*options)
+            settings, answer = self.export(*options)
             self.assertEqual(answer["warnings"], [])
             red = np.array([1 - expected, expected, 0])
             (plain, _), (driven, _), (squares, feeding) = (self.surface(settings["materials"][name]) for name in ("plain", "driven", "squares"))
@@ -255,7 +250,7 @@ class BesideTest(SceneTest):
         lamp = bpy.data.lights.new("lamp", "POINT")
         lamp.energy = 10
         self.scene.collection.objects.link(bpy.data.objects.new("lamp", lamp))
-        _, settings, answer = self.export()
+        settings, answer = self.export()
         found = settings["render"]
         # What Blender shows of middle grey by AgX.
         self.assertAlmostEqual(self.shown(found["view"], 0.18), 0.4613, places=3)
@@ -283,7 +278,7 @@ class BesideTest(SceneTest):
     def test_views_with_looks_and_curves_are_tables(self):
         view = self.scene.view_settings
         view.view_transform, view.look, view.exposure = "AgX", "AgX - Punchy", 1.0
-        _, settings, answer = self.export()
+        settings, answer = self.export()
         self.assertEqual(settings["render"]["exposure"], 1.0)
         self.assertAlmostEqual(self.shown(settings["render"]["view"], 0.18), 0.3463, places=3)
         self.assertFalse([message for _, message in answer["warnings"] + answer["notes"] if "view" in message])
@@ -292,12 +287,12 @@ class BesideTest(SceneTest):
         curve = view.curve_mapping.curves[3]
         curve.points[1].location = (1.0, 0.5)
         view.curve_mapping.update()
-        found = self.export()[1]["render"]
+        found = self.export()[0]["render"]
         self.assertNotIn("exposure", found)
         self.assertAlmostEqual(self.shown(found["view"], 1.0), 1.0, places=2)
         self.assertAlmostEqual(self.shown(found["view"], 0.25), 0.5371, places=2)
         view.use_curve_mapping = False
-        self.assertEqual(self.export()[1]["render"]["view"], "srgb")
+        self.assertEqual(self.export()[0]["render"]["view"], "srgb")
 
 
     def test_profiles_of_lamps_and_the_reach_of_cameras(self):
@@ -316,7 +311,7 @@ class BesideTest(SceneTest):
         eye = self.scene.camera
         eye.location, eye.rotation_euler = (0, 0, 5), (0, 0, 0)
         eye.data.clip_start, eye.data.clip_end = 0.1, 100
-        _, settings, answer = self.export()
+        settings, answer = self.export()
         (light,) = settings["lights"]
         self.assertEqual((self.folder / light["point"]["ies"]).read_text(), profile)
         # Cycles has 177.83 lumens to a watt.
@@ -326,7 +321,7 @@ class BesideTest(SceneTest):
         self.assertNotIn("clip", settings["camera"][0])
         for start, end in ((4.0, 100.0), (0.1, 5.2)):
             eye.data.clip_start, eye.data.clip_end = start, end
-            found = self.export()[1]["camera"][0]["clip"]
+            found = self.export()[0]["camera"][0]["clip"]
             np.testing.assert_allclose(found, [start, end], rtol=1e-5)
 
 
@@ -344,7 +339,7 @@ class BesideTest(SceneTest):
             for radius, soft in ((0.3, True), (0.3, False), (0.0, True)):
                 self.lamp(kind, name=f"{kind} {radius} {soft}", shadow_soft_size=radius, use_soft_falloff=soft)
         bpy.ops.mesh.primitive_cube_add(size=1)
-        for light in self.export()[1]["lights"]:
+        for light in self.export()[0]["lights"]:
             kind, radius, soft = self.scene.objects[light["name"]].data.name.split()
             shape = light[kind.lower()]
             self.assertEqual(shape.get("soft_falloff", False), soft == "True" and radius == "0.3", light)
@@ -360,7 +355,7 @@ class BesideTest(SceneTest):
             if obj.type == "LIGHT":
                 obj.scale = scales[obj.data.name]
         bpy.ops.mesh.primitive_cube_add(size=1)
-        _, settings, answer = self.export()
+        settings, answer = self.export()
         self.assertEqual(answer["warnings"], [])
         spots = {self.scene.objects[light["name"]].data.name: light["spot"] for light in settings["lights"]}
         self.assertEqual({name for name, spot in spots.items() if "ies" in spot}, {"elliptic"})
@@ -383,15 +378,22 @@ class BesideTest(SceneTest):
         self.scene.collection.objects.link(lamp.parent)
         lamp.parent.scale, lamp.location, lamp.rotation_euler = (2, 1, 1), (0.5, 0, 3), (0, 0, np.pi / 4)
         bpy.ops.mesh.primitive_cube_add(size=1)
-        model, settings, answer = self.export()
+        settings, answer = self.export()
         self.assertEqual([text for _, text in answer["warnings"]], ["is skewed by the scale of its parent: the nearest rectangle shines instead"])
-        (node,) = (node for node in model["nodes"] if node["name"] == settings["lights"][0]["area"]["node"])
-        # Edges that are as long as before, along the diagonals of the axes: glTF's y is Blender's z.
-        u, v, w, place = np.array(node["matrix"]).reshape(4, 4)[:, :3]
+        # Edges that are as long as before, along the diagonals of the axes: y is Blender's z.
+        u, v, w, place = np.array(settings["lights"][0]["transform"][0]["matrix"]).reshape(4, 4).T[:, :3]
         np.testing.assert_allclose(place, (1, 3, 0), atol=1e-6)
         np.testing.assert_allclose(w, (0, 1, 0), atol=1e-6)
         np.testing.assert_allclose(u, (1.25**0.5, 0, -(1.25**0.5)), rtol=1e-5)
         np.testing.assert_allclose(v, (-(1.25**0.5), 0, -(1.25**0.5)), rtol=1e-5)
+
+    def test_lamps_that_are_scaled_to_nothing_cost_no_picture(self):
+        for kind in ("POINT", "AREA"):
+            self.lamp(kind)
+            self.scene.objects[kind.lower()].scale = (0, 0, 0)
+        settings, answer = self.export()
+        self.assertEqual([light["name"] for light in settings["lights"]], ["point"])
+        self.assertEqual([place for place, _ in answer["warnings"]], ["area"])
 
     def profile(self, file):
         """Angles and values of a profile: rows by longitude."""
@@ -417,7 +419,7 @@ class BesideTest(SceneTest):
         tree.links.new(half.outputs[0], strength.inputs[0])
         tree.links.new(strength.outputs[0], emission.inputs["Strength"])
         bpy.ops.mesh.primitive_cube_add(size=1)
-        _, settings, answer = self.export()
+        settings, answer = self.export()
         self.assertFalse(answer["warnings"])
         screen, point = settings["lights"]
         image = bpy.data.images.load(str(self.folder / screen["area"]["image"]))
@@ -440,7 +442,7 @@ class BesideTest(SceneTest):
         falloff.inputs["Strength"].default_value = 2.0
         tree.links.new(falloff.outputs["Constant"], emission.inputs["Strength"])
         bpy.ops.mesh.primitive_cube_add(size=1, location=(0, 3, 4))
-        _, settings, answer = self.export()
+        settings, answer = self.export()
         (light,) = settings["lights"]
         self.assertAlmostEqual(light["point"]["power"], 10 * 2 * 5**2, delta=2)
         self.assertIn("as bright as in Blender 5 m away", answer["warnings"][0][1])
@@ -460,7 +462,7 @@ class BesideTest(SceneTest):
         return tree, tree.nodes.new("CompositorNodeRLayers"), end
 
     def test_light_and_faces_that_cycles_makes_otherwise_are_told(self):
-        told = lambda kind: " ".join(message for _, message in self.export()[2][kind])
+        told = lambda kind: " ".join(message for _, message in self.export()[1][kind])
         plane, cycles = self.add_plane(None, "Sea"), self.scene.cycles
         fine = plane.modifiers.new("Fine", "SUBSURF")
         for kind in ("warnings", "notes"):
@@ -473,7 +475,7 @@ class BesideTest(SceneTest):
             fine.use_adaptive_subdivision = True
         else:
             cycles.feature_set, plane.cycles.use_adaptive_subdivision = "EXPERIMENTAL", True
-        answer = self.export()[2]
+        answer = self.export()[1]
         self.assertEqual([place for place, _ in answer["warnings"]], [""])
         self.assertEqual([place for place, text in answer["notes"] if "adaptive subdivision" in text], ["Sea"])
 
@@ -486,7 +488,7 @@ class BesideTest(SceneTest):
         fine.use_adaptive_subdivision = True
         self.scene.render.resolution_x = self.scene.render.resolution_y = 64
         eye.data.type, eye.data.ortho_scale = "ORTHO", 4.0
-        faces = lambda: len(read_ply(self.folder / self.export()[1]["objects"][0]["mesh"])[2])
+        faces = lambda: len(read_ply(self.folder / self.export()[0]["objects"][0]["mesh"])[2])
         # Edges of two metres have 32 pixels.
         for size, levels in ((1.0, 5), (8.0, 2)):
             fine.adaptive_pixel_size = size
@@ -495,7 +497,7 @@ class BesideTest(SceneTest):
     def test_worlds_are_off_where_view_layers_say_so(self):
         self.scene.world = bpy.data.worlds.new("grey")
         self.scene.world.use_nodes = True
-        found = lambda: self.export()[1]["environment"]["background"]
+        found = lambda: self.export()[0]["environment"]["background"]
         self.assertGreater(min(found()), 0.0)
         self.scene.view_layers[0].use_sky = False
         self.assertEqual(found(), [0.0] * 3)
@@ -505,11 +507,11 @@ class BesideTest(SceneTest):
         plane.parent = bpy.data.objects.new("holder", None)
         self.scene.collection.objects.link(plane.parent)
         plane.matrix_parent_inverse[3][3] = 0.9999999
-        self.assertEqual(self.export()[1]["objects"][0]["transform"][0]["matrix"][12:], [0.0, 0.0, 0.0, 1.0])
+        self.assertEqual(self.export()[0]["objects"][0]["transform"][0]["matrix"][12:], [0.0, 0.0, 0.0, 1.0])
 
     def test_what_changes_the_picture_afterwards_is_named(self):
         def told():
-            answer = self.export()[2]
+            answer = self.export()[1]
             return [" ".join(m for _, m in answer[kind]) for kind in ("warnings", "notes")]
 
         tree, layers, end = self.composed()
@@ -533,7 +535,7 @@ class BesideTest(SceneTest):
     def test_light_ends_where_cycles_ends_it(self):
         names = ("depth", "bounces", "clamp", "filter_glossy", "skip_caustics", "microfacet", "caught")
         cycles = self.scene.cycles
-        found = lambda: {name: value for name, value in self.export()[1]["render"].items() if name in names}
+        found = lambda: {name: value for name, value in self.export()[0]["render"].items() if name in names}
         for kind, limit in (("", 12), ("diffuse_", 4), ("glossy_", 4), ("transmission_", 12), ("volume_", 0), ("transparent_max_", 8)):
             self.assertEqual(cycles.bl_rna.properties[f"{kind or 'max_'}bounces"].default, limit)
             setattr(cycles, f"{kind or 'max_'}bounces", limit)
@@ -559,17 +561,17 @@ class BesideTest(SceneTest):
         shader.distribution, shader.inputs["Metallic"].default_value = "GGX", 1.0
         self.add_plane(rough).is_shadow_catcher = True
         names = {"depth", "bounces", "clamp", "filter_glossy", "microfacet", "caught", "terminator"}
-        found = self.export()[1]["render"]
+        found = self.export()[0]["render"]
         self.assertLessEqual(names, set(found))
         self.assertEqual((found["microfacet"], found["caught"], found["terminator"]), ("single", "shadows", "lifted"))
         for obj in self.scene.objects:
             obj.cycles.shadow_terminator_geometry_offset = 0.0
-        self.assertEqual(self.export()[1]["render"]["terminator"], "off")
+        self.assertEqual(self.export()[0]["render"]["terminator"], "off")
         # As the add-on registers it, so that Blender keeps its name.
         bpy.utils.register_class(context.Engine)
         self.addCleanup(bpy.utils.unregister_class, context.Engine)
         self.scene.render.engine = context.ENGINE
-        self.assertFalse(names & set(self.export()[1]["render"]))
+        self.assertFalse(names & set(self.export()[0]["render"]))
 
     def test_pixels_that_are_not_square(self):
         render, eye = self.scene.render, self.scene.camera
@@ -577,15 +579,14 @@ class BesideTest(SceneTest):
         eye.data.shift_x = 0.1
         for aspect, heights in (((1, 1), 1), ((1.5, 1), 120 * 1.5 / 160), ((1, 2), 1)):
             render.pixel_aspect_x, render.pixel_aspect_y = aspect
-            model, settings, answer = self.export()
+            settings, answer = self.export()
             found = settings["camera"][0]
             self.assertEqual(found.get("pixel_aspect", 1), aspect[0] / aspect[1])
             # Blender fits the sensor to the longer side of the picture as it is shown.
             self.assertAlmostEqual(found["shift"][0], 0.1 * heights, places=6)
-            shown = model["cameras"][0]["perspective"]
-            self.assertAlmostEqual(shown["aspectRatio"], 120 * aspect[0] / (160 * aspect[1]), places=6)
-            longer = max(shown["aspectRatio"], 1)
-            self.assertAlmostEqual(np.tan(shown["yfov"] / 2) * longer, 36 / 2 / eye.data.lens, places=6)
+            self.assertAlmostEqual(found["aspect_ratio"], 120 * aspect[0] / (160 * aspect[1]), places=6)
+            longer = max(found["aspect_ratio"], 1)
+            self.assertAlmostEqual(np.tan(np.radians(found["vfov"]) / 2) * longer, 36 / 2 / eye.data.lens, places=6)
             self.assertFalse(answer["warnings"])
 
 

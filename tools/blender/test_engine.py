@@ -277,7 +277,7 @@ class EngineTest(unittest.TestCase):
     def test_the_menu_exports_a_folder(self):
         folder = self.folder / "exported"
         bpy.ops.export_scene.oscura(directory=str(folder))
-        self.assertEqual({path.name for path in folder.iterdir()}, {"scene.glb", "scene.mesh0.ply", "scene.mesh1.ply", "scene.oscura.toml", "scene.view"})
+        self.assertEqual({path.name for path in folder.iterdir()}, {"scene.mesh0.ply", "scene.mesh1.ply", "scene.toml", "scene.view"})
         with self.assertRaisesRegex(RuntimeError, "not empty"):
             bpy.ops.export_scene.oscura(directory=str(folder))
         bpy.ops.export_scene.oscura(directory=str(folder), use_replace=True)

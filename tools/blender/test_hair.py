@@ -39,7 +39,7 @@ class HairTest(SceneTest):
         tree.links.new(shader.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
         paint(tree, shader)
         self.grow(material)
-        _, settings, answer = self.export()
+        settings, answer = self.export()
         self.assertEqual(answer["warnings"], [])
         points, counts, _, colors = self.strands(settings["curves"][0])
         self.assertEqual(counts.tolist(), [5] * 40)
@@ -103,7 +103,7 @@ class HairTest(SceneTest):
         system.settings.type, system.settings.count, system.settings.hair_length = "HAIR", 20, 0.5
         system.settings.render_step, system.settings.material = 2, 2
         system.settings.root_radius, system.settings.tip_radius, system.settings.radius_scale = 1, 0.5, 0.1
-        _, settings, answer = self.export()
+        settings, answer = self.export()
         by_name = {entry["name"]: entry for entry in settings["curves"]}
         reed, fur = by_name["Reed"], by_name["Sphere/Fur"]
         self.assertEqual(settings["materials"][reed["material"]]["melanin"], 0.25)
@@ -135,7 +135,7 @@ class HairTest(SceneTest):
         settings.child_type, settings.rendered_child_count, settings.child_length = "SIMPLE", 3, 0.5
         settings.use_parent_particles, settings.display_method = True, "NONE"
         settings.root_radius, settings.tip_radius, settings.radius_scale, settings.use_close_tip = 1, 0.5, 0.1, True
-        _, found, answer = self.export()
+        found, answer = self.export()
         self.assertEqual(answer["warnings"], [])
         points, counts, radii, _ = self.strands(found["curves"][0])
         self.assertEqual(len(counts), 120)

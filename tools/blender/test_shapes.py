@@ -40,7 +40,7 @@ class ShapesTest(SceneTest):
         lens = SimpleNamespace(type="PERSP", sensor_fit="AUTO", sensor_width=36.0, sensor_height=24.0, clip_start=0.1, clip_end=100.0)
         for focal_length in (50.0, 1e30, math.inf):
             lens.lens = focal_length
-            self.assertTrue(0 < camera.gltf(lens, self.scene)["perspective"]["yfov"] < math.pi, focal_length)
+            self.assertTrue(0 < camera.projection(lens, self.scene)["vfov"] < 180, focal_length)
 
     def test_sensors_of_fisheyes_have_the_shape_of_the_picture(self):
         """By pixels that are wider than high, too."""
@@ -49,14 +49,14 @@ class ShapesTest(SceneTest):
         data.type, data.sensor_fit, data.sensor_height = "PANO", "VERTICAL", 20
         settings = data if hasattr(data, "panorama_type") else data.cycles
         settings.panorama_type = "FISHEYE_EQUISOLID"
-        self.assertEqual(self.export()[1]["camera"][0]["sensor"], [60, 20])
+        self.assertEqual(self.export()[0]["camera"][0]["sensor"], [60, 20])
 
     def test_keys_and_modifiers_that_make_vertices(self):
         """A key that widens a cube, then a subdivision: the model is as wide as the evaluated mesh, once."""
         cube = self.add("cube", "Cube", self.patterned(), size=2)
         self.stretch(cube, 0, 3, 0.5)
         cube.modifiers.new("Fine", "SUBSURF").render_levels = 2
-        _, settings, answer = self.export()
+        settings, answer = self.export()
         self.assertEqual(answer["warnings"], [])
         cube.modifiers["Fine"].levels = 2
         evaluated = cube.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
@@ -120,7 +120,7 @@ class ShapesTest(SceneTest):
         tree.links.new(made.outputs[0], shader.inputs["Base Color"])
         shader.inputs["Base Color"].default_value = (0.25, 0.5, 0.75, 1)
         self.add("cube", "Cube", material)
-        _, settings, answer = self.export()
+        settings, answer = self.export()
         found = next(node for node in settings["materials"]["toon"]["nodes"].values() if node["type"] == "principled_bsdf")
         self.assertEqual(found["base_color"], [0.25, 0.5, 0.75])
         self.assertTrue(any("Shader to RGB" in str(warning) for warning in answer["warnings"]), answer)
@@ -140,7 +140,7 @@ class ShapesTest(SceneTest):
         group.add([i for i, vertex in enumerate(grid.data.vertices) if vertex.co.x > 0.5], 1.0, "REPLACE")
         moved = grid.modifiers.new("Moved", "DISPLACE")
         moved.direction, moved.mid_level, moved.strength, moved.vertex_group = "X", 0, 6, "right"
-        _, settings, answer = self.export()
+        settings, answer = self.export()
         self.assertEqual(answer["warnings"], [])
         mesh = self.mesh(settings, "Grid")
         # By where vertices were before, of which the last were at 1.
@@ -173,7 +173,7 @@ class ShapesTest(SceneTest):
         ):
             tree.links.new(output, target)
         asking.modifiers.new("Nodes", "NODES").node_group = tree
-        _, settings, _ = self.export()
+        settings, _ = self.export()
         count = {name: len(self.mesh(settings, name)["x"]) for name in ("Sea", "Spring", "Sheet", "Asking")}
         self.assertGreaterEqual(count["Sea"], 17 * 17)
         self.assertGreaterEqual(count["Spring"], 4 * 20)
@@ -193,7 +193,7 @@ class ShapesTest(SceneTest):
             normals.data.foreach_set("vector", np.array(leaning, np.float32).ravel())
             obj = bpy.data.objects.new("Fold", mesh)
             self.scene.collection.objects.link(obj)
-            columns = self.mesh(self.export()[1], "Fold")
+            columns = self.mesh(self.export()[0], "Fold")
             found = sorted((round(float(x)), round(float(nx), 2)) for x, nx in zip(columns["x"], columns["nx"]))
             outer = [(0, 0.0)] * 2, [(2, 0.6)] * 2
             middle = [(1, 0.0)] * 2 + [(1, 0.6)] * 2 if is_sharp else [(1, 0.6)] * 2
@@ -205,7 +205,7 @@ class ShapesTest(SceneTest):
         self.add("cube", "Leaf", None, size=0.1).parent = base
         for kind, count in (("VERTS", 4), ("FACES", 1), ("NONE", 1)):
             base.instance_type = kind
-            names = [entry["name"] for entry in self.export()[1]["objects"]]
+            names = [entry["name"] for entry in self.export()[0]["objects"]]
             of_leaves = [name for name in names if "Leaf" in name]
             self.assertEqual(len(of_leaves), count, names)
             self.assertEqual("Leaf" in of_leaves, kind == "NONE", names)
@@ -228,7 +228,7 @@ class ShapesTest(SceneTest):
             empty.instance_type, empty.instance_collection = "COLLECTION", inside
             home.objects.link(empty)
         self.scene.view_layers[0].layer_collection.children["Unseen"].indirect_only = True
-        _, settings, _ = self.export()
+        settings, _ = self.export()
         shown = self.placed(settings)
         rays = {name: entry["visible_to"] for name, entry in shown.items() if "visible_to" in entry}
         self.assertEqual(len(shown), 5)
@@ -245,7 +245,7 @@ class ShapesTest(SceneTest):
         second = self.scene.view_layers.new("Second")
         second.layer_collection.children["Aside"].exclude, second.use = True, False
         for more, expected in (((), {"Ball", "Floor"}), (("--view-layer", "Second"), {"Floor"})):
-            self.assertEqual(set(self.placed(self.export(*more)[1])), expected, more)
+            self.assertEqual(set(self.placed(self.export(*more)[0])), expected, more)
         bpy.utils.register_class(context.Engine)
         self.addCleanup(bpy.utils.unregister_class, context.Engine)
         shown = context.in_final_render(self.scene, second, lambda graph: [obj.name for obj in graph.objects if obj.type == "MESH"])
@@ -258,7 +258,7 @@ class ShapesTest(SceneTest):
         tree.links.new(place.outputs[0], picture.inputs["Vector"])
         tree.links.new(picture.outputs["Color"], shader.inputs["Base Color"])
         self.add("plane", "Plane", material)
-        _, settings, answer = self.export()
+        settings, answer = self.export()
         self.assertEqual(answer["warnings"], [])
         mesh = self.mesh(settings, "Plane")
         np.testing.assert_array_equal([mesh["a0_0"], mesh["a0_1"]], np.zeros((2, 4)))

@@ -27,16 +27,7 @@ def _points_of(radius, material):
 
 
 class SurfacesTest(SceneTest):
-    """What meshes and materials become where glTF has something else."""
-
-    def values(self, model, number):
-        """The rows of an accessor of floats, or of whole numbers up to 1."""
-        accessor = model.json["accessors"][number]
-        view = model.json["bufferViews"][accessor["bufferView"]]
-        width, (kind, one) = {"VEC3": 3, "VEC4": 4}[accessor["type"]], {5126: ("<f4", 1), 5123: ("<u2", 65535), 5121: ("<u1", 255)}[accessor["componentType"]]
-        start = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
-        rows = np.frombuffer(bytes(model.binary[start:]), kind, width * accessor["count"])
-        return rows.reshape(-1, width) / one
+    """What meshes and materials become."""
 
     def add(self, kind, material, **settings):
         getattr(bpy.ops.mesh, f"primitive_{kind}_add")(**settings)
@@ -56,7 +47,7 @@ class SurfacesTest(SceneTest):
         balls.elements.new()
         for name, data in (("Text", text), ("Ring", ring), ("Balls", balls)):
             self.scene.collection.objects.link(bpy.data.objects.new(name, data))
-        _, settings, _ = self.export()
+        settings, _ = self.export()
         self.assertEqual([entry["name"] for entry in sorted(settings["objects"], key=lambda entry: entry["name"])], ["Balls", "Ring", "Text"])
 
     def test_points_become_small_spheres_with_their_attributes(self):
@@ -74,7 +65,7 @@ class SurfacesTest(SceneTest):
         radii.data.foreach_set("value", np.tile(np.array([0.1, 0.05], np.float32), 15))
         cloud.modifiers.new("Points", "NODES").node_group = _points_of("width", paint)
         grid = np.array([vertex.co for vertex in cloud.data.vertices])
-        _, settings, answer = self.export()
+        settings, answer = self.export()
         self.assertEqual(answer["warnings"], [])
         mesh = self.mesh(settings, "Cloud")
         places, shown = (np.stack([mesh[name] for name in names], 1) for names in (("x", "y", "z"), ("a0_0", "a0_1", "a0_2")))
@@ -97,7 +88,7 @@ class SurfacesTest(SceneTest):
         self.add("plane", glass, rotation=(np.pi / 2, 0, 0.4))
         self.add("plane", glass, location=(0, 0, 3))
         self.add("cube", glass, location=(4, 0, 0))
-        _, settings, answer = self.export()
+        settings, answer = self.export()
         solid, sheet = ({name for name, table in settings["materials"].items() if table.get("volume", False) == is_solid} for is_solid in (True, False))
         used = {entry["name"]: set(entry["materials"]) for entry in settings["objects"]}
         self.assertEqual((used, len(solid), len(sheet)), ({"Plane": sheet, "Plane.001": sheet, "Cube": solid}, 1, 1))
@@ -116,7 +107,7 @@ class SurfacesTest(SceneTest):
         metal, _, shader = shader_tree("metal")
         shader.inputs["Metallic"].default_value = 1.0
         self.add("plane", metal, location=(0, 0, 3))
-        _, settings, answer = self.export()
+        settings, answer = self.export()
         self.assertEqual({name: table.get("volume", False) for name, table in settings["materials"].items()}, {"glass": False, "metal": False})
         self.assertFalse([said for _, said in answer["notes"] if "Solidify" in said])
 
@@ -138,7 +129,7 @@ class SurfacesTest(SceneTest):
         self.add("cube", shader_tree("plastic")[0], location=(9, 0, 0))
 
         def exported():
-            _, settings, answer = self.export()
+            settings, answer = self.export()
             self.assertEqual(answer["warnings"], [])
             nodes = {name: table["nodes"][table["surface"]] for name, table in settings["materials"].items()}
             kept = {name: node.get("multiscatter") for name, node in nodes.items()}
@@ -156,7 +147,7 @@ class SurfacesTest(SceneTest):
             for distribution in ("BECKMANN", "GGX"):
                 glass = self.glass(name + distribution, kind, location=(place, len(distribution), 0))[2]
                 glass.distribution = distribution
-        nodes = {name: table["nodes"][table["surface"]] for name, table in self.export()[1]["materials"].items()}
+        nodes = {name: table["nodes"][table["surface"]] for name, table in self.export()[0]["materials"].items()}
         told = {name: node.get("beckmann") for name, node in nodes.items()}
         kinds = ("glass", "refraction", "glossy")
         self.assertEqual(told, {kind + name: value for kind in kinds for name, value in (("BECKMANN", 1.0), ("GGX", None))})
@@ -167,7 +158,7 @@ class SurfacesTest(SceneTest):
         glossy.component = "GLOSSY"
         _, _, velvet = self.glass("velvet", "BsdfSheen", location=(6, 0, 0), Roughness=0.4)
         velvet.distribution = "ASHIKHMIN"
-        _, settings, answer = self.export()
+        settings, answer = self.export()
         nodes = {name: table["nodes"][table["surface"]] for name, table in settings["materials"].items()}
         kinds = {name: node["type"] for name, node in nodes.items()}
         self.assertEqual(kinds, {"diffuse": "toon_bsdf", "glossy": "toon_highlight_bsdf", "velvet": "velvet_bsdf"})
@@ -181,15 +172,15 @@ class SurfacesTest(SceneTest):
         world = bpy.data.worlds.new("World")
         self.scene.world, world.use_nodes = world, True
         made.visible_camera = False
-        self.assertNotIn("sampled", self.export()[1]["environment"])
+        self.assertNotIn("sampled", self.export()[0]["environment"])
         made.visible_shadow = False
-        found = self.export()[1]["environment"]
+        found = self.export()[0]["environment"]
         self.assertIs(found["sampled"], False)
         self.assertNotIn("visible_to", found)
         # A world that differs is sampled by Cycles.
         tree = world.node_tree
         tree.links.new(tree.nodes.new("ShaderNodeTexSky").outputs[0], tree.nodes["Background"].inputs[0])
-        self.assertNotIn("sampled", self.export()[1]["environment"])
+        self.assertNotIn("sampled", self.export()[0]["environment"])
 
     def test_worlds_are_hidden_from_kinds_of_rays(self):
         material, _, _ = shader_tree("plain")
@@ -197,11 +188,11 @@ class SurfacesTest(SceneTest):
         world = bpy.data.worlds.new("World")
         self.scene.world = world
         world.cycles_visibility.glossy = world.cycles_visibility.scatter = False
-        model, settings, answer = self.export()
+        settings, answer = self.export()
         self.assertEqual(settings["environment"]["visible_to"], ["camera", "diffuse", "transmission", "shadow"])
         self.assertEqual(answer["warnings"], [])
         world.cycles_visibility.camera = False
-        self.assertIs(self.export()[1]["environment"]["visible_to_camera"], False)
+        self.assertIs(self.export()[0]["environment"]["visible_to_camera"], False)
 
     def test_worlds_that_cameras_see_otherwise(self):
         self.add("cube", shader_tree("plain")[0])
@@ -215,29 +206,29 @@ class SurfacesTest(SceneTest):
             tree.links.new(shader.outputs[0], socket)
         tree.links.new(path.outputs["Is Camera Ray"], mix.inputs[0])
         tree.links.new(mix.outputs[0], tree.nodes["World Output"].inputs["Surface"])
-        _, settings, answer = self.export()
+        settings, answer = self.export()
         np.testing.assert_allclose(settings["environment"]["background"], [0.1, 0.2, 0.3], rtol=1e-5)
         np.testing.assert_allclose(settings["environment"]["seen"]["background"], [0.5, 0.6, 0.7], rtol=1e-5)
         self.assertEqual(answer["warnings"], [])
         tree.links.new(sky.outputs[0], other.inputs[0])
-        settings = self.export()[1]
+        settings = self.export()[0]
         self.assertIn(settings["environment"]["seen"]["texture"], settings["textures"])
         tree.links.new(path.outputs["Is Glossy Ray"], mix.inputs[0])
-        _, settings, answer = self.export()
+        settings, answer = self.export()
         self.assertEqual([about for about, message in answer["warnings"] if "kind of ray" in message], ["World"])
         np.testing.assert_allclose(settings["environment"]["background"], [0.1, 0.2, 0.3], rtol=1e-5)
 
     def test_shadow_catchers_show_what_cycles_shows(self):
         material, _, _ = shader_tree("plain")
         made = self.add("plane", material)
-        self.assertNotIn("caught", self.export()[1]["render"])
+        self.assertNotIn("caught", self.export()[0]["render"])
         made.is_shadow_catcher = True
-        self.assertEqual(self.export()[1]["render"]["caught"], "shadows")
+        self.assertEqual(self.export()[0]["render"]["caught"], "shadows")
 
     def test_smooth_faces_beside_flat_ones_have_the_normals_of_their_vertices(self):
         tin = self.add("cylinder", shader_tree("tin")[0])
         tin.data.polygons.foreach_set("use_smooth", [len(face.vertices) == 4 for face in tin.data.polygons])
-        upward = np.abs(self.mesh(self.export()[1], "Cylinder")["nz"])
+        upward = np.abs(self.mesh(self.export()[0], "Cylinder")["nz"])
         self.assertTrue(((upward > 0.1) & (upward < 0.9)).any(), "the sides lean towards the lids, as in Cycles")
         self.assertTrue((upward > 0.999).any(), "the lids are flat")
 
@@ -262,7 +253,7 @@ class SurfacesTest(SceneTest):
         wax, _, shader = shader_tree("wax")
         shader.inputs["Subsurface Weight"].default_value = 1.0
         change(self.with_hole(wax))
-        _, settings, answer = self.export()
+        settings, answer = self.export()
         self.assertIn("1 holes, which are closed", "".join(message for _, message in answer["notes"]))
         self.assertIs(settings["materials"]["wax"]["volume"], True)
         (entry,) = settings["objects"]
@@ -298,7 +289,7 @@ class SurfacesTest(SceneTest):
         blockers.collection_objects[0].light_linking.link_state = "EXCLUDE"
         lamp.light_linking.receiver_collection = receivers
         third.light_linking.blocker_collection = blockers
-        model, settings, answer = self.export()
+        settings, answer = self.export()
         self.assertEqual(answer["warnings"], [])
         lights = {light["name"]: light for light in settings["lights"]}
         self.assertEqual(lights["Rim"]["light_link"], {"include": ["/First", "/Second"]})
@@ -325,7 +316,7 @@ class SurfacesTest(SceneTest):
         self.scene.collection.objects.link(child)
         for obj in (string, child):
             obj.light_linking.blocker_collection = blockers
-        _, settings, _ = self.export()
+        settings, _ = self.export()
         shining = [entry for entry in settings["objects"] if "glow" in entry["materials"]]
         self.assertEqual([entry["shadow_link"] for entry in shining], [{"include": ["/Floor"]}] * 4)
 
@@ -335,7 +326,7 @@ class SurfacesTest(SceneTest):
         checker.inputs["Scale"].default_value = 2.0
         tree.links.new(checker.outputs["Fac"], shader.inputs["Anisotropic"])
         self.add("plane", metal)
-        _, settings, answer = self.export()
+        settings, answer = self.export()
         ((place, message),) = answer["warnings"]
         self.assertEqual((place, "Anisotropic" in message), ("metal", True))
         surface, _ = self.surface(settings["materials"]["metal"])
@@ -350,7 +341,7 @@ class SurfacesTest(SceneTest):
             bpy.ops.object.shade_smooth()
             bpy.context.object.data.materials.append(metal)
             bpy.context.object.name = name
-        _, settings, answer = self.export()
+        settings, answer = self.export()
         self.assertEqual(answer["warnings"], [])
         found = self.mesh(settings, "brushed")
         tangents = np.stack([found[f"a0_{k}"] for k in range(4)], 1)
@@ -367,9 +358,9 @@ class SurfacesTest(SceneTest):
         shown = bpy.context.object
         shown.data.shade_smooth()
         shown.data.materials.append(material)
-        self.assertNotIn("a0_0", self.mesh(self.export()[1], shown.name))
+        self.assertNotIn("a0_0", self.mesh(self.export()[0], shown.name))
         shown.data.uv_layers.remove(shown.data.uv_layers[0])
-        found = self.mesh(self.export()[1], shown.name)
+        found = self.mesh(self.export()[0], shown.name)
         self.assertNotIn("s", found)
         away = np.hypot(found["x"], found["y"]) > 0.3
         tangents = np.stack([found[f"a0_{k}"] for k in range(3)], 1)[away]
@@ -392,7 +383,7 @@ class SurfacesTest(SceneTest):
         for name, value in (("Subsurface Weight", 1.0), ("Metallic", 0.25), ("Transmission Weight", 0.5)):
             shader.inputs[name].default_value = value
         self.add("cube", jade, location=(8, 0, 0))
-        _, settings, answer = self.export()
+        settings, answer = self.export()
         self.assertEqual(answer["warnings"], [])
         # The body lies beneath what metal and glass leave; the other part has all of them.
         nodes = settings["materials"]["jade"]["nodes"]

@@ -17,7 +17,7 @@ class TreesTest(SceneTest):
         for k, color in enumerate(colors):
             made = self.add_plane(material, f"Plane {k}", (3 * k, 0, 0), data)
             data, made.color = made.data, (*color, 1)
-        _, settings, answer = self.export()
+        settings, answer = self.export()
         surface, feeding = self.surface(settings["materials"]["own"])
         self.assertEqual((feeding(surface, "base_color")["type"], surface["base_color"].split(".")[1]), ("object_info", "color"))
         found = self.placed(settings)
@@ -34,7 +34,7 @@ class TreesTest(SceneTest):
         for name, polish in (("First", 0.375), ("Second", 0.75)):
             made = self.add_plane(material, name, data=data)
             data, made["polish"] = made.data, polish
-        _, settings, _ = self.export()
+        settings, _ = self.export()
         (first,), (second,) = (self.placed(settings)[name]["materials"] for name in ("First", "Second"))
         roughnesses = [self.surface(settings["materials"][name])[0]["roughness"] for name in (first, second)]
         np.testing.assert_allclose(roughnesses, [0.375, 0.75], atol=1e-6)
@@ -47,7 +47,7 @@ class TreesTest(SceneTest):
         node.image = bpy.data.images.load(picture.filepath_raw)
         tree.links.new(node.outputs["Color"], shader.inputs["Base Color"])
         self.add_plane(material)
-        shown = lambda *more: self.surface(self.export(*more)[1]["materials"]["label"])
+        shown = lambda *more: self.surface(self.export(*more)[0]["materials"]["label"])
         for more, expected in (((), "scene.image0.png"), (("--links",), str(self.folder / "a picture.png"))):
             surface, feeding = shown(*more)
             self.assertEqual(feeding(surface, "base_color")["file"], expected)
@@ -58,7 +58,7 @@ class TreesTest(SceneTest):
         shader.name, noise.name = "プリンシプルBSDF", "ノイズテクスチャ"
         tree.links.new(noise.outputs["Color"], shader.inputs["Base Color"])
         self.add_plane(material)
-        _, settings, answer = self.export()
+        settings, answer = self.export()
         surface, feeding = self.surface(settings["materials"]["wood"])
         self.assertEqual((answer["warnings"], feeding(surface, "base_color")["type"]), ([], "noise_texture"))
 

@@ -56,7 +56,7 @@ class VolumesTest(SceneTest):
         material, _, _ = self.medium("white", "VolumePrincipled", Density=2.0, Anisotropy=0.25)
         cloud = self.add_volume(OTHER, material)
         cloud.location, cloud.scale = (1, 2, 3), (2, 2, 2)
-        model, settings, answer = self.export()
+        settings, answer = self.export()
         self.assertEqual(answer["warnings"], [])
         (found,) = settings["materials"].values()
         matrix = np.array(found["transform"][0]["matrix"]).reshape(4, 4)
@@ -76,14 +76,14 @@ class VolumesTest(SceneTest):
         self.add_volume(SMOKE, material)
         for limit, expected in ((12, None), (13, None), (3, 4), (0, 1)):
             self.scene.cycles.volume_bounces = limit
-            _, settings, answer = self.export()
+            settings, answer = self.export()
             self.assertEqual((settings["render"]["bounces"].get("volume"), answer["warnings"]), (expected, []), limit)
 
     def test_densities_of_the_world_are_kept(self):
         material, _, _ = self.medium("white", "VolumePrincipled", Density=2.0)
         cloud = self.add_volume(SMOKE, material)
         cloud.scale, cloud.data.render.space = (2, 2, 2), "WORLD"
-        _, settings, _ = self.export()
+        settings, _ = self.export()
         self.assertEqual(settings["materials"]["white (Cloud)"]["density"], [2.0] * 3)
 
     def test_fire_by_temperature_and_light_by_attributes(self):
@@ -98,7 +98,7 @@ class VolumesTest(SceneTest):
         node.inputs["Color"].default_value = (1, 0.5, 0, 1)
         self.add_volume(SMOKE, fire, "Fire")
         self.add_volume(SMOKE, glow, "Glow").location = (50, 0, 0)
-        _, settings, answer = self.export()
+        settings, answer = self.export()
         self.assertEqual(answer["warnings"], [])
         found = settings["materials"]["fire (Fire)"]
         expected = {"grid_name": "density", "temperature_grid": "temperature", "temperature": 3.0, "temperature_law": "stefan-boltzmann"}
@@ -117,7 +117,7 @@ class VolumesTest(SceneTest):
             tree.links.new(node.outputs[0], add.inputs[k])
         tree.links.new(add.outputs[0], tree.nodes["Material Output"].inputs["Volume"])
         self.add_volume(SMOKE, material)
-        _, settings, answer = self.export()
+        settings, answer = self.export()
         self.assertEqual(answer["warnings"], [])
         found = settings["materials"]["both (Cloud)"]
         self.assertEqual((found["density"], found["color"]), ([1.0, 0.5, 1.0], [0.5, 0.5, 0.0]))
@@ -133,7 +133,7 @@ class VolumesTest(SceneTest):
         box = bpy.context.object
         box.scale = (1, 0.5, 2)
         box.data.materials.append(material)
-        _, settings, answer = self.export()
+        settings, answer = self.export()
         self.assertEqual(answer["warnings"], [])
         (found,) = (entries for entries in settings["materials"].values() if "nodes" in entries and entries["type"] == "medium")
         node, output = found["density"].split(".")
@@ -141,7 +141,7 @@ class VolumesTest(SceneTest):
         np.testing.assert_allclose(found["nodes"][node]["b"], [0.5, 0.25, 1.0], rtol=1e-6)
         # Colours vary likewise.
         tree.links.new(place.outputs["Generated"], next(own for own in tree.nodes if own.bl_idname == "ShaderNodeVolumeScatter").inputs["Color"])
-        _, settings, answer = self.export()
+        settings, answer = self.export()
         self.assertEqual(answer["warnings"], [])
 
     def test_volumes_of_several_shaders_are_one_medium(self):
@@ -153,7 +153,7 @@ class VolumesTest(SceneTest):
         tree.links.new(add.outputs[0], tree.nodes["Material Output"].inputs["Volume"])
         bpy.ops.mesh.primitive_cube_add(size=2)
         bpy.context.object.data.materials.append(material)
-        _, settings, _ = self.export()
+        settings, _ = self.export()
         found = settings["materials"]["mist"]
         np.testing.assert_allclose((found["density"], found["color"]), ([2.0, 3.0, 1.0], [0.5, 1 / 3, 1.0]), rtol=1e-6)
         # By a share that varies all of it does.
@@ -161,7 +161,7 @@ class VolumesTest(SceneTest):
             tree.links.new(part.outputs[0], mix.inputs[1 + k])
         tree.links.new(noise.outputs[0], mix.inputs[0])
         tree.links.new(mix.outputs[0], tree.nodes["Material Output"].inputs["Volume"])
-        _, settings, answer = self.export()
+        settings, answer = self.export()
         found = settings["materials"]["mist"]
         self.assertEqual((answer["warnings"], [type(found[key]) for key in ("density", "color", "emission")]), ([], [str] * 3))
 
@@ -172,7 +172,7 @@ class VolumesTest(SceneTest):
         self.add_volume(self.folder / "nowhere.vdb", material, "Gone")
         self.add_volume(SMOKE, None, "Bare")
         self.add_volume(OTHER, other, "Masked")
-        _, settings, answer = self.export()
+        settings, answer = self.export()
         warnings = dict(answer["warnings"])
         for name, words in (("Gone", "nowhere.vdb"), ("Bare", "no material")):
             self.assertIn(words, warnings[name])
@@ -184,7 +184,7 @@ class VolumesTest(SceneTest):
         material, _, _ = self.medium("white", "VolumePrincipled")
         for k in range(2):
             self.add_volume(SMOKE, material, f"Cloud {k}").location = (k, 0, 0)
-        _, settings, answer = self.export()
+        settings, answer = self.export()
         self.assertEqual((answer["warnings"], len(settings["materials"])), ([], 2))
 
     def test_volumes_that_move_are_told(self):
@@ -199,15 +199,15 @@ class VolumesTest(SceneTest):
                 thing.location = (place, 0, 0)
                 thing.keyframe_insert("location", frame=frame)
         self.scene.frame_set(2)
-        told = [place for place, message in self.export()[2]["warnings"] if "moves" in message]
+        told = [place for place, message in self.export()[1]["warnings"] if "moves" in message]
         self.assertEqual(told, [])
         self.scene.render.use_motion_blur = True
-        told = [place for place, message in self.export()[2]["warnings"] if "moves" in message]
+        told = [place for place, message in self.export()[1]["warnings"] if "moves" in message]
         self.assertEqual(sorted(told), ["Carried", "Own"])
         # Nothing moves before the first frame and behind the last one.
-        told = [place for place, message in self.export("--frame", "9")[2]["warnings"] if "moves" in message]
+        told = [place for place, message in self.export("--frame", "9")[1]["warnings"] if "moves" in message]
         self.assertEqual(told, [])
-        told = [place for place, message in self.export("--shutter", "0", "--vectors", "yes")[2]["warnings"] if "moves" in message]
+        told = [place for place, message in self.export("--shutter", "0", "--vectors", "yes")[1]["warnings"] if "moves" in message]
         self.assertEqual(told, [])
 
     def test_frames_of_sequences_and_packed_files(self):
@@ -217,14 +217,14 @@ class VolumesTest(SceneTest):
         sequence = self.add_volume(self.folder / "smoke_0001.vdb", material, "Sequence").data
         sequence.is_sequence, sequence.frame_start, sequence.frame_duration = True, 1, 2
         for frame, has_temperature in ((1, True), (2, False)):
-            _, _, answer = self.export("--frame", str(frame))
+            _, answer = self.export("--frame", str(frame))
             self.assertEqual(answer["warnings"], [])
             written = (self.folder / "scene.0.vdb").read_bytes()
             self.assertEqual(b"temperature" in written, has_temperature)
         sequence.is_sequence = False
         bpy.ops.file.pack_all()
         (self.folder / "smoke_0001.vdb").unlink()
-        _, settings, answer = self.export()
+        settings, answer = self.export()
         self.assertEqual((answer["warnings"], list(settings["materials"])), ([], ["white (Sequence)"]))
 
     def test_volumes_of_nodes_stand_in_each_instance(self):
@@ -240,7 +240,7 @@ class VolumesTest(SceneTest):
             made.location = (0, 0, 9 * k)
             made.modifiers.new("Lumps", "NODES").node_group = tree
             self.scene.collection.objects.link(made)
-        model, settings, answer = self.export()
+        settings, answer = self.export()
         self.assertEqual(answer["warnings"], [])
         heights = [found["transform"][0]["matrix"][7] for found in settings["materials"].values()]
         self.assertEqual(sorted(heights), [0.0, 9.0])
@@ -251,7 +251,7 @@ class VolumesTest(SceneTest):
         module.write(str(self.folder / "ball.vdb"), [module.createLevelSetSphere(radius=2.0)])
         material, _, _ = self.medium("white", "VolumePrincipled")
         self.add_volume(self.folder / "ball.vdb", material)
-        _, settings, answer = self.export()
+        settings, answer = self.export()
         self.assertIn("level set", dict(answer["warnings"])["Cloud"])
         self.assertNotIn("materials", settings)
 

@@ -2,7 +2,6 @@
 
 import json
 import os
-import struct
 import subprocess
 import sys
 import tempfile
@@ -17,22 +16,13 @@ HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE))
 
 
-class Glb:
-    """The two chunks of a .glb file."""
-
-    def __init__(self, path):
-        data = Path(path).read_bytes()
-        length = struct.unpack_from("<I", data, 12)[0]
-        self.json, self.binary = json.loads(data[20 : 20 + length]), data[28 + length :]
-
-
 def run_exporter(scene, out, *more):
-    """The model that comes of a scene's file, in a folder."""
+    """The scene file that comes of one of Blender, in a folder."""
     command = [sys.executable, str(HERE / "export.py"), "--", str(scene), str(out), "scene", str(out / "answer.json"), *more]
     done = subprocess.run(command, capture_output=True, text=True)
     if done.returncode:
         raise RuntimeError(f"{done.stdout[-2000:]}\n{done.stderr[-2000:]}")
-    return Glb(out / "scene.glb")
+    return tomllib.loads((out / "scene.toml").read_text())
 
 
 def shader_tree(name, *kinds):
@@ -82,11 +72,10 @@ class SceneTest(unittest.TestCase):
         return made
 
     def export(self, *more):
-        """The model, the file of settings, and the answer."""
+        """The scene file and the answer."""
         bpy.ops.wm.save_as_mainfile(filepath=str(self.folder / "scene.blend"))
-        model = run_exporter(self.folder / "scene.blend", self.folder, *more)
-        settings = tomllib.loads((self.folder / "scene.oscura.toml").read_text())
-        return model.json, settings, json.loads((self.folder / "answer.json").read_text())
+        settings = run_exporter(self.folder / "scene.blend", self.folder, *more)
+        return settings, json.loads((self.folder / "answer.json").read_text())
 
     def placed(self, settings):
         """The objects that oscura evaluates, by name."""

@@ -46,7 +46,7 @@ def save(folder, build):
 def ours(folder, name, samples, denoised, seed=1):
     """The picture and its seconds of processor time."""
     path = folder / f"{name}.oscura.{samples}.{seed}{'.denoised' * denoised}.exr"
-    command = [PROGRAM, "render", str(folder / name / "scene.glb"), "-o", str(path), "--unbiased", "--float", "--quiet"]
+    command = [PROGRAM, "render", str(folder / name / "scene.toml"), "-o", str(path), "--unbiased", "--float", "--quiet"]
     command += ["--spp", str(samples), "--seed", str(seed), "--threads", "2", *["--denoise"] * denoised]
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     subprocess.run(command, check=True)
@@ -84,7 +84,7 @@ def main():
         name = build.__name__
         if sys.argv[2:] and name not in sys.argv[2:]:
             continue
-        if not (folder / name / "scene.glb").exists():
+        if not (folder / name / "scene.toml").exists():
             save(folder, build)
         reference, _ = ours(folder, name, REFERENCE, False, 77)
         shown = []

@@ -1,5 +1,5 @@
 //! Blender files (.blend) and the formats that Blender imports (USD, FBX, Alembic, Collada). Blender without a window, or Python
-//! with the module `bpy`, runs the exporter `tools/blender/oscura_blender`, which writes a `.glb` and its `.oscura.toml` sidecar.
+//! with the module `bpy`, runs the exporter `tools/blender/oscura_blender`, which writes a scene file and the files that it refers to.
 //!
 //! Such files can hold scripts. They are opened with scripts off, with Blender's factory settings and offline.
 //!
@@ -7,8 +7,7 @@
 //! digits and `.oscura`). Above a maximum size it deletes the least recently used files (`cache.py`).
 
 pub use super::options::BlenderOptions;
-use super::scene_file::{Sidecar, sidecar_text};
-use super::{LoadOptions, Loaded, SavedFiles, ShutterOptions, formats, gltf, unpack};
+use super::{LoadOptions, Loaded, SavedFiles, formats, gltf, scene_file, unpack};
 use crate::error::{Error, Result, Warning};
 use crate::scene::{Environment, Settings};
 use std::path::{Path, PathBuf};
@@ -24,16 +23,12 @@ mod process;
 pub struct Exported {
     /// The folder of the exported files.
     pub folder: PathBuf,
-    /// Path of the exported model (.glb).
-    pub model: PathBuf,
+    /// Path of the exported scene file (.toml).
+    pub scene: PathBuf,
     /// Warnings about losses of the export.
     pub warnings: Vec<Warning>,
     /// Notes of the export.
     pub notes: Vec<Warning>,
-    /// Time of the rendered frame in the animations, seconds; `None` for still scenes.
-    pub time_s: Option<f64>,
-    /// Frames per second of the animations.
-    pub fps: Option<f64>,
     parent: Arc<TempDir>,
 }
 
@@ -59,12 +54,10 @@ fn export_with(path: &Path, options: &LoadOptions, parent: &Path, links: bool) -
     let exported = process::run(&host, &path, options, work.path(), &folder, links)?;
     let warning = |(place, message): (String, String)| Warning::new(&path, place, message);
     Ok(Exported {
-        model: folder.join(process::MODEL).with_extension("glb"),
+        scene: folder.join(process::NAME).with_extension("toml"),
         folder,
         warnings: exported.warnings.into_iter().map(warning).collect(),
         notes: exported.notes.into_iter().map(warning).collect(),
-        time_s: exported.moment,
-        fps: exported.fps,
         parent: Arc::new(work),
     })
 }
@@ -73,19 +66,20 @@ fn export_with(path: &Path, options: &LoadOptions, parent: &Path, links: bool) -
 pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     options.files.note(path);
     let exported = export_with(path, options, &env::temp_dir(), true)?;
-    // Blender has applied these options already.
-    let gltf_options = gltf::GltfOptions { time_s: exported.time_s, scene: None, ..options.gltf.clone() };
-    let fps = exported.fps.filter(|fps| *fps > 0.0).unwrap_or(options.shutter.fps);
-    let shutter = ShutterOptions { fps, ..options.shutter };
-    let inner = LoadOptions { gltf: gltf_options, files: SavedFiles::default(), shutter, ..options.clone() };
+    // Blender has applied these options already: frame 0 of the scene file is the rendered frame.
+    let gltf_options = gltf::GltfOptions { time_s: None, scene: None, ..options.gltf.clone() };
+    let inner = LoadOptions { gltf: gltf_options, files: SavedFiles::default(), ..options.clone() };
     let is_temporary =
         |file: &Option<PathBuf>| file.as_ref().is_some_and(|f| f.starts_with(&exported.folder));
-    let mut loaded = read(&exported, &inner).map_err(|error| match is_temporary(&error.file) {
-        true => Error { file: Some(path.to_path_buf()), ..error }
-            .with_help("this is about what Blender exported; 'oscura export' keeps it"),
-        false => error,
-    })?;
+    let mut loaded =
+        scene_file::load(&exported.scene, &inner).map_err(|error| match is_temporary(&error.file) {
+            true => Error { file: Some(path.to_path_buf()), ..error }
+                .with_help("this is about what Blender exported; 'oscura export' keeps it"),
+            false => error,
+        })?;
     unpack::keep_for(&exported.parent, &mut loaded);
+    // The user didn't write the scene file: no notes about it.
+    loaded.notes.retain(|note| note.file.as_ref() != Some(&exported.scene));
     for warning in loaded.warnings.iter_mut().chain(&mut loaded.notes) {
         if is_temporary(&warning.file) {
             warning.file = Some(path.to_path_buf());
@@ -109,22 +103,6 @@ fn remove_blender_defaults(loaded: &mut Loaded) {
         scene.environment = Environment::Black;
     }
     scene.settings = Settings::default();
-}
-
-fn read(exported: &Exported, options: &LoadOptions) -> Result<Loaded> {
-    // Paths in the exported files are the exporter's own and may lie outside the folder.
-    let options = &LoadOptions { allow_external: true, ..options.clone() };
-    let text = sidecar_text(&exported.model, options)?;
-    let sidecar = text.as_ref().map(Sidecar::parse);
-    let options = &sidecar.as_ref().map_or_else(|| options.clone(), |s| s.reader_options(options));
-    let mut loaded = gltf::load(&exported.model, options)?;
-    if let Some(sidecar) = sidecar {
-        let notes = loaded.notes.len();
-        sidecar.apply(options, &mut loaded)?;
-        // Notes about the sidecar are dropped: the user didn't write it.
-        loaded.notes.truncate(notes);
-    }
-    Ok(loaded)
 }
 
 /// Extension of cache files.

@@ -9,8 +9,8 @@ use std::path::{Path, PathBuf, absolute};
 use std::process::{Command, ExitStatus, Stdio};
 use std::{env, fs};
 
-/// File name of the exported model, without extension.
-pub(super) const MODEL: &str = "scene";
+/// File name of the exported scene file, without extension.
+pub(super) const NAME: &str = "scene";
 
 /// The exporter's Python package: file names and contents.
 const PACKAGE: &[(&str, &str)] = &[
@@ -28,12 +28,10 @@ const PACKAGE: &[(&str, &str)] = &[
     ("fingerprint.py", include_str!("../../../tools/blender/oscura_blender/fingerprint.py")),
     ("foreign.py", include_str!("../../../tools/blender/oscura_blender/foreign.py")),
     ("geometry.py", include_str!("../../../tools/blender/oscura_blender/geometry.py")),
-    ("glb.py", include_str!("../../../tools/blender/oscura_blender/glb.py")),
     ("glow.py", include_str!("../../../tools/blender/oscura_blender/glow.py")),
     ("grids.py", include_str!("../../../tools/blender/oscura_blender/grids.py")),
     ("hair.py", include_str!("../../../tools/blender/oscura_blender/hair.py")),
     ("image_files.py", include_str!("../../../tools/blender/oscura_blender/image_files.py")),
-    ("instances.py", include_str!("../../../tools/blender/oscura_blender/instances.py")),
     ("lamp_trees.py", include_str!("../../../tools/blender/oscura_blender/lamp_trees.py")),
     ("lights.py", include_str!("../../../tools/blender/oscura_blender/lights.py")),
     ("links.py", include_str!("../../../tools/blender/oscura_blender/links.py")),
@@ -47,9 +45,9 @@ const PACKAGE: &[(&str, &str)] = &[
     ("points.py", include_str!("../../../tools/blender/oscura_blender/points.py")),
     ("relief.py", include_str!("../../../tools/blender/oscura_blender/relief.py")),
     ("report.py", include_str!("../../../tools/blender/oscura_blender/report.py")),
+    ("scene_file.py", include_str!("../../../tools/blender/oscura_blender/scene_file.py")),
     ("settings.py", include_str!("../../../tools/blender/oscura_blender/settings.py")),
     ("shaders.py", include_str!("../../../tools/blender/oscura_blender/shaders.py")),
-    ("sidecar.py", include_str!("../../../tools/blender/oscura_blender/sidecar.py")),
     ("skies.py", include_str!("../../../tools/blender/oscura_blender/skies.py")),
     ("skins.py", include_str!("../../../tools/blender/oscura_blender/skins.py")),
     ("stills.py", include_str!("../../../tools/blender/oscura_blender/stills.py")),
@@ -87,7 +85,7 @@ pub(super) fn run(
     let (log, answer) = (work.join("log.txt"), work.join("report.json"));
     let output = File::create(&log).and_then(|f| Ok((f.try_clone()?, f))).map_err(unwritable)?;
     let mut command = command(host, &script);
-    command.arg("--").arg(file).arg(folder).arg(MODEL).arg(&answer);
+    command.arg("--").arg(file).arg(folder).arg(NAME).arg(&answer);
     for (option, value) in arguments(options) {
         command.arg(option).arg(value);
     }
@@ -333,10 +331,6 @@ type Messages = Vec<(String, String)>;
 pub(super) struct Report {
     /// Error message of a failed export.
     pub error: Option<String>,
-    /// Time of the rendered frame in the animations, seconds; `None` without animations.
-    pub moment: Option<f64>,
-    /// Frames per second of the animations.
-    pub fps: Option<f64>,
     /// Losses of the export.
     pub warnings: Messages,
     /// Notes about choices of the exporter.

@@ -21,7 +21,7 @@ pub(super) fn blender_losses(
     export_losses: &[ExportLosses],
     report: &mut Report,
 ) -> Option<BlenderExport> {
-    if !doc.is_from_blender() || doc.is_our_export() {
+    if !doc.is_from_blender() {
         return None;
     }
     let lights = lights(doc, hierarchy, report);

@@ -116,12 +116,6 @@ impl<'a> Document<'a> {
         generator.is_some_and(|g| g.contains("Blender I/O"))
     }
 
-    /// Is it oscura's own export of a Blender file? Then it is lossless, and glass without an explicit thickness is solid.
-    pub fn is_our_export(&self) -> bool {
-        let generator = self.json.pointer("/asset/generator").and_then(Value::as_str);
-        self.is_from_blender() && generator.is_some_and(|g| g.ends_with("oscura"))
-    }
-
     /// Describes a JSON pointer by the name of the object that it refers to, if there is one: `material 'a', field`.
     pub fn in_names(&self, pointer: &str) -> String {
         const LISTS: [(&str, &str); 8] = [

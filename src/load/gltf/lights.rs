@@ -11,7 +11,7 @@ use crate::math::{DAffine3, DMat3, DQuat, DVec3};
 use crate::scene::{
     Camera, EmitterTraits, GROUP_KEY, Instance, Light, LightKind, LightLinks, LightProfile, Material,
     MaterialId, Mesh, MeshId, MeshPart, ObjectTraits, Portal, Projection, Quad, RayKinds, Scene, Shape,
-    ShapeKind, SpotFade, is_group_name,
+    ShapeKind, SpotFade, is_group_name, without_scale,
 };
 use crate::shape::mesh_of;
 use gltf::json::camera::Type;
@@ -93,17 +93,6 @@ fn orthographic(camera: &Value, at: &str, report: &mut Report) -> Valid<(Project
     let (half_width, half_height) = (size("xmag")?, size("ymag")?);
     let aspect = Some(half_width / half_height).filter(|a| *a > 0.0 && a.is_finite());
     Ok((Projection::Orthographic { half_height }, aspect))
-}
-
-/// The rotation and translation of a transform: axes orthonormalised in the order z, y, x, right-handed. `None` for
-/// singular transforms.
-fn without_scale(transform: &DAffine3) -> Option<DAffine3> {
-    let m = transform.matrix3;
-    let z = m.z_axis.try_normalize()?;
-    let y = (m.y_axis - z * m.y_axis.dot(z)).try_normalize()?;
-    let rotation = DMat3::from_cols(y.cross(z), y, z);
-    let placed = DAffine3::from_mat3_translation(rotation, transform.translation);
-    placed.is_finite().then_some(placed)
 }
 
 /// Divisors from the file's units (candela, lux) to W/sr for point and spot lights, and to W/m2 for directional lights.

@@ -1,9 +1,12 @@
-//! `[camera]`: position, target and lens, or a camera of a mesh file.
+//! `[camera]`: position, target and lens, a transform and lens, or a camera of a mesh file. Several cameras are tables
+//! `[[camera]]`, each with a name; the first is rendered, or that of `--camera NAME`.
 //!
 //! | Key | Meaning | Default |
 //! |---|---|---|
+//! | `name` | its name | `"camera"` |
 //! | `look_from`, `look_at` | position and target | required |
 //! | `view_up` | up vector | `[0, 1, 0]` |
+//! | `transform` | instead of these three: steps as for objects (see `transform`), applied to a camera at the origin that looks along -z, with y up; scale has no effect | |
 //! | `vfov` | full vertical angle of view, degrees, above 0 and below 180 | 40 |
 //! | `aspect_ratio` | width over height | of the picture, or of the panorama's angles |
 //! | `pixel_aspect` | width over height of a pixel, 0.001 to 1000, for television and anamorphic pictures; `vfov` is kept; 1 for panoramas | 1 |
@@ -43,19 +46,19 @@ use super::fields::{Fields, nearest, number};
 use super::transform;
 use crate::load::{LONGEST_SHUTTER, ShutterOptions, ShutterPosition};
 use crate::math::{DAffine3, DVec3};
-use crate::scene::{Aperture, Camera, Panorama, Projection, ThinLens, looking_at};
+use crate::scene::{Aperture, Camera, Panorama, Projection, ThinLens, looking_at, without_scale};
 use std::ops::Range;
 
 /// Reads the camera of a scene file.
 pub(super) fn read(build: &mut SceneFileBuilder, fields: &Fields, assets: &mut Assets) {
     let camera = moved(build, fields, assets);
     finish(build, fields);
-    build.loaded.scene.cameras = camera.into_iter().collect();
+    build.loaded.scene.cameras.extend(camera);
 }
 
 /// Reads a `[camera]` of a sidecar: a new camera, or changes to the model's cameras.
 pub(super) fn adjust(build: &mut SceneFileBuilder, fields: &Fields, assets: &mut Assets) {
-    if fields.has("look_from") || fields.has("from") {
+    if ["look_from", "transform", "from"].into_iter().any(|key| fields.has(key)) {
         let camera = moved(build, fields, assets);
         finish(build, fields);
         build.loaded.scene.cameras.splice(0..0, camera);
@@ -113,15 +116,22 @@ fn finish(build: &mut SceneFileBuilder, fields: &Fields) {
 /// The camera with its motion.
 fn moved(build: &mut SceneFileBuilder, fields: &Fields, assets: &mut Assets) -> Option<Camera> {
     let camera = chosen(build, fields, assets);
-    let Some(moved) = transform::rigid_motion(build, fields, "the camera") else { return camera };
-    let mut camera = camera?;
+    let may_scale = fields.has("transform");
+    let moved = match may_scale {
+        true => transform::read_motion(build, fields, "the camera"),
+        false => transform::rigid_motion(build, fields, "the camera"),
+    };
+    let (Some(moved), Some(mut camera)) = (&moved, camera.clone()) else { return camera };
     if camera.motion.is_some() {
         let message = "this camera is animated in its file: leave 'motion' out";
         fields.problems.push(fields.span(), message);
     }
-    let world_from_camera = moved.at_time * camera.world_from_camera;
-    camera.world_from_camera = world_from_camera;
-    camera.motion = moved.relative_keys.map(|relative_keys| relative_keys.map(|by| *by * world_from_camera));
+    let (now, motion) = transform::with_motion(camera.world_from_camera, Some(moved));
+    camera.world_from_camera = if may_scale { without_scale(&now).unwrap_or(now) } else { now };
+    camera.motion = motion.map(|keys| match may_scale {
+        true => keys.map(|key| without_scale(key).unwrap_or(now)),
+        false => keys,
+    });
     Some(camera)
 }
 
@@ -285,30 +295,19 @@ const KEYS_OF_LENS: [&str; 8] = [
 
 fn placed(fields: &Fields) -> Option<Camera> {
     fields.mark_known(&KEYS_OF_LENS);
-    let eye = fields.require("look_from", fields.vector("look_from"));
-    let target = fields.require("look_at", fields.vector("look_at"));
-    let up = fields.vector("view_up").map(|v| v.value);
+    let placement = if fields.has("transform") { by_transform(fields) } else { by_target(fields) };
+    let name = fields.string("name").map_or("camera", |name| name.value).to_string();
     let projection = match fields.has("type") {
         true => read_projection(fields),
         false => Some(perspective(fields)),
     };
     let aspect_ratio = fields.has("aspect_ratio").then(|| fields.number_in("aspect_ratio", 1e-4..1e4, 1.0));
     let frame = Frame::read(fields);
-    let (eye, target, projection) = (eye?, target?.value, projection?);
-    // Without 'view_up', cameras that look straight up or down have -z as up vector.
-    let ups = up.map_or([DVec3::Y, DVec3::NEG_Z], |up| [up; 2]);
-    let Some(placement) = ups.into_iter().find_map(|up| looking_at(eye.value, target, up)) else {
-        let message = match eye.value == target {
-            true => "the camera has no direction: 'look_from' and 'look_at' coincide",
-            false => "'view_up' is parallel to the view direction",
-        };
-        fields.problems.push(eye.span, message);
-        return None;
-    };
-    let lens = lens(fields, &placement, Some(eye.value.distance(target)))?;
+    let ((world_from_camera, focus), projection) = (placement?, projection?);
+    let lens = lens(fields, &world_from_camera, focus)?;
     let mut camera = Camera {
-        name: "camera".to_string(),
-        world_from_camera: placement,
+        name,
+        world_from_camera,
         projection,
         aspect_ratio: aspect_ratio.or(projection_aspect_ratio(&projection)),
         pixel_aspect: 1.0,
@@ -319,6 +318,34 @@ fn placed(fields: &Fields) -> Option<Camera> {
     };
     frame.apply_to(&mut camera);
     Some(camera)
+}
+
+/// The placement of a camera by `transform`, without a default focus distance.
+fn by_transform(fields: &Fields) -> Option<(DAffine3, Option<f64>)> {
+    if let Some(key) = ["look_from", "look_at", "view_up"].into_iter().find(|key| fields.has(key)) {
+        let message = format!("'transform' and '{key}' exclude each other: leave one out");
+        fields.problems.push(fields.span(), message);
+    }
+    without_scale(&transform::read(fields)).map(|placement| (placement, None))
+}
+
+/// The placement of a camera by `look_from`, `look_at` and `view_up`, and its default focus distance, metres.
+fn by_target(fields: &Fields) -> Option<(DAffine3, Option<f64>)> {
+    let eye = fields.require("look_from", fields.vector("look_from"));
+    let target = fields.require("look_at", fields.vector("look_at"));
+    let up = fields.vector("view_up").map(|v| v.value);
+    let (eye, target) = (eye?, target?.value);
+    // Without 'view_up', cameras that look straight up or down have -z as up vector.
+    let ups = up.map_or([DVec3::Y, DVec3::NEG_Z], |up| [up; 2]);
+    let placement = ups.into_iter().find_map(|up| looking_at(eye.value, target, up));
+    if placement.is_none() {
+        let message = match eye.value == target {
+            true => "the camera has no direction: 'look_from' and 'look_at' coincide",
+            false => "'view_up' is parallel to the view direction",
+        };
+        fields.problems.push(eye.span, message);
+    }
+    Some((placement?, Some(eye.value.distance(target))))
 }
 
 #[derive(Clone, Copy)]

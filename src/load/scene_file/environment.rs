@@ -37,6 +37,7 @@
 //! | `name` | for reports |
 //! | `center`, `target` or `direction`, `up`, `size` | the centre, the direction in which light enters, and width and height, as for area lights |
 //! | `corner`, `u`, `v` | or a corner and the two edges from there, at right angles; light enters along u x v |
+//! | `transform`, `size` | or steps as for objects (see `transform`), applied to a portal at the origin where light enters along -z, with its height along y |
 //!
 //! In a sidecar, `node = "NAME"` and `size` place a portal at an empty node of the model; light enters along the node's -z, as with Blender's
 //! portal area lights. In glTF files, `portal` in the `extras` of a node is the portal's size, `[width, height]`, or true for 1 x 1.
@@ -46,7 +47,7 @@ use super::fields::Fields;
 use super::media;
 use super::textures::{Textures, read_pixels};
 use super::traits::{group, visible_to};
-use super::transform::{MovingPlacement, Placement, at_node, placed};
+use super::transform::{MovingPlacement, Placement, at_node, by_transform, placed};
 use crate::error::{Result, Warning};
 use crate::image::Image;
 use crate::load::image::Use;
@@ -226,7 +227,11 @@ fn by_corner(fields: &Fields) -> Option<[DVec3; 3]> {
 
 fn by_center(build: &mut SceneFileBuilder, fields: &Fields) -> Option<[DVec3; 3]> {
     let size = fields.require("size", fields.numbers::<2>("size"));
-    let placement = if fields.has("node") { at_node(build, fields) } else { placed(fields) };
+    let placement = match () {
+        () if fields.has("node") => at_node(build, fields),
+        () if fields.has("transform") => by_transform(build, fields, None),
+        () => placed(fields),
+    };
     let MovingPlacement { now: Placement { center, direction, right, scale }, .. } = placement?;
     let size = size?;
     if size.value.iter().any(|s| *s <= 0.0) {

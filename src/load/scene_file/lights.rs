@@ -20,6 +20,9 @@
 //! (candela times its factors, at 683 lm/W) times `strength`; `intensity` sets the maximum over all directions, `power` the total
 //! power without the cone.
 //!
+//! `transform = [...]` of an entry (see `transform`) replaces position, centre, direction, target and up: its steps are applied to a
+//! light at the origin that emits along -z, with its height along y. Only area lights are scaled by it.
+//!
 //! In a sidecar, `node = "NAME"` replaces position, centre and direction: the light is placed at an empty node of
 //! the model, and area lights are scaled by it, as Blender exports its lights; it emits along the node's -z, and follows the
 //! node's motion.
@@ -77,21 +80,20 @@ pub(super) fn read(build: &mut SceneFileBuilder, root: &Fields) {
             beam: Beam::Even,
         };
         let links = traits::read_links(build, &fields).unwrap_or_default();
-        let moved = transform::rigid_motion(build, &fields, &name);
+        let (placed, moved) = match fields.has("transform") {
+            true => {
+                let moved = transform::read_motion(build, &fields, &name);
+                (Some(transform::by_transform(build, &fields, moved.as_ref())), None)
+            }
+            false => (None, transform::rigid_motion(build, &fields, &name)),
+        };
         let given: Vec<&'static str> = SHAPES.into_iter().filter(|s| fields.has(s)).collect();
         match given[..] {
             [shape] => {
                 if let Some(shape_fields) = fields.table(shape) {
-                    if moved.is_some() && shape_fields.has("node") {
-                        let message = "a light at a node follows its motion: leave 'motion' out";
-                        fields.problems.push(shape_fields.span(), message);
-                    }
-                    add(
-                        build,
-                        shape,
-                        &shape_fields,
-                        LightTraits { name, color, emitter, group, links, moved },
-                    );
+                    check_node(&fields, &shape_fields);
+                    let traits = LightTraits { name, color, emitter, group, links, placed, moved };
+                    add(build, shape, &shape_fields, traits);
                     shape_fields.finish();
                 }
             }
@@ -101,6 +103,18 @@ pub(super) fn read(build: &mut SceneFileBuilder, root: &Fields) {
             }
         }
         fields.finish();
+    }
+}
+
+/// Reports the keys that contradict `node`.
+fn check_node(fields: &Fields, shape: &Fields) {
+    if !shape.has("node") {
+        return;
+    }
+    if fields.has("transform") {
+        fields.problems.push(shape.span(), "'transform' and 'node' exclude each other: leave one out");
+    } else if fields.has("motion") {
+        fields.problems.push(shape.span(), "a light at a node follows its motion: leave 'motion' out");
     }
 }
 
@@ -163,9 +177,18 @@ fn add(build: &mut SceneFileBuilder, shape: &str, fields: &Fields, traits: Light
     }
 }
 
+/// The placement of a light by `node` or `transform`; `None` without these keys, `Some(None)` after a problem.
+fn given_place(
+    build: &mut SceneFileBuilder,
+    fields: &Fields,
+    traits: &mut LightTraits,
+) -> Option<Option<MovingPlacement>> {
+    if fields.has("node") { Some(at_node(build, fields)) } else { traits.placed.take() }
+}
+
 /// Adds a point or a spot.
-fn add_local(build: &mut SceneFileBuilder, is_spot: bool, fields: &Fields, traits: LightTraits) {
-    let node = fields.has("node").then(|| at_node(build, fields));
+fn add_local(build: &mut SceneFileBuilder, is_spot: bool, fields: &Fields, mut traits: LightTraits) {
+    let node = given_place(build, fields, &mut traits);
     let position = match &node {
         Some(node) => node.as_ref().map(|n| n.now.center),
         None => fields.require("position", fields.vector("position")).map(|p| p.value),
@@ -270,8 +293,8 @@ fn add_profiled(
     }
 }
 
-fn add_sun(build: &mut SceneFileBuilder, fields: &Fields, traits: LightTraits) {
-    let node = fields.has("node").then(|| at_node(build, fields));
+fn add_sun(build: &mut SceneFileBuilder, fields: &Fields, mut traits: LightTraits) {
+    let node = given_place(build, fields, &mut traits);
     let direction: Option<DVec3> = match &node {
         Some(node) => node.as_ref().map(|n| n.now.direction),
         None => direction(fields, None),
@@ -372,12 +395,12 @@ pub(super) fn shape_kind(is_soft: bool, is_obstacle: bool) -> ShapeKind {
 }
 
 /// Adds an area light.
-pub(super) fn add_area(build: &mut SceneFileBuilder, fields: &Fields, traits: LightTraits) {
+pub(super) fn add_area(build: &mut SceneFileBuilder, fields: &Fields, mut traits: LightTraits) {
     fields.mark_known(&["power", "radiance"]);
     let size = fields.require("size", fields.numbers::<2>("size"));
     let is_ellipse = fields.choice("shape", &[("rectangle", false), ("ellipse", true)]).unwrap_or(false);
     let spread = fields.number_in("spread", 0.1..180.0, 180.0);
-    let placement = if fields.has("node") { at_node(build, fields) } else { placed(fields) };
+    let placement = given_place(build, fields, &mut traits).unwrap_or_else(|| placed(fields));
     let Some(size) = size else { return };
     if size.value.iter().any(|s| *s <= 0.0) {
         return fields.problems.push(size.span, "'size' of an area light must be above 0");

@@ -2,7 +2,7 @@
 //!
 //! | Part | Chapter of this reference |
 //! |---|---|
-//! | `[camera]` | `camera` |
+//! | `[camera]`, `[[camera]]` | `camera` |
 //! | `[environment]` | `environment` |
 //! | `[render]` | `render` |
 //! | `[textures.NAME]` | `textures` |
@@ -27,7 +27,7 @@
 //! | `[[lights]]`, `[[objects]]` | additional lights and objects, with `[materials.NAME]` and `[textures.NAME]` |
 //! | `[materials.NAME]` of a material of the model | with a `type` replaces it, else changes its parameters by the keys of type `pbr`; `alpha` = `"opaque"`, `"mask"` or `"blend"` sets its alpha mode; `visible_to_camera` = false hides it from camera rays only; `visible_to` lists the kinds of rays that hit it, as for objects of scene files |
 //! | `[objects.NAME]` | changes a node of the model and its descendants: `hidden = true` removes them (lights, too), `material = "NAME"` assigns a material of the file or of the model, `light_group = "NAME"` puts their lights and emissive surfaces into a group; `subdivide = N` subdivides their meshes, as for objects of scene files; `visible_to`, `visible_to_camera`, `holdout`, `shadow_catcher`, `light_link` and `shadow_link` as for objects of scene files; a name with a leading slash is that of a root node; in `[[objects]]`, `node = "NAME"` names the node |
-//! | `[camera]` with `look_from` | a camera that precedes those of the model |
+//! | `[camera]` with `look_from` or `transform` | a camera that precedes those of the model |
 //! | `[camera]` otherwise | changes the model's cameras, or only that called `name`: depth of field, `shift` and `type` with its keys (panoramas ...), as in scene files; `shutter` and `shutter_position`; `default = true` puts it first; `width`, `height` |
 //! | `[[camera]]` | the same for several cameras, each with its name |
 //! | `[[portals]]` | portals for sampling the environment |
@@ -179,10 +179,8 @@ fn read_parts<'a>(build: &mut SceneFileBuilder, root: &Fields<'a>) {
     }
     nodes::warn_of_missing_attributes(build);
     traits::resolve_links(build);
-    match build.is_sidecar {
-        true => root.tables("camera").iter().for_each(|fields| camera::adjust(build, fields, &mut assets)),
-        false => root.table("camera").iter().for_each(|fields| camera::read(build, fields, &mut assets)),
-    }
+    let read_camera = if build.is_sidecar { camera::adjust } else { camera::read };
+    root.tables("camera").iter().for_each(|fields| read_camera(build, fields, &mut assets));
     root.finish();
     materials.check_unused(build, &mut textures);
     textures.check_unused(build);

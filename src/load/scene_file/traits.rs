@@ -20,7 +20,7 @@
 
 use super::builder::{Names, NamesOnPaths, SceneFileBuilder};
 use super::fields::{Fields, nearest, numbers};
-use super::transform::EvaluatedMotion;
+use super::transform::{EvaluatedMotion, MovingPlacement};
 use crate::scene::{
     EmitterTraits, LightLinks, Link, ObjectInfo, ObjectSet, ObjectSets, ObjectTraits, RayKinds, Scene,
     is_group_name,
@@ -184,6 +184,9 @@ pub(super) struct LightTraits {
     pub emitter: EmitterTraits,
     pub group: String,
     pub links: LightLinks,
+    /// The placement by `transform`: `None` without the key, `Some(None)` if it is singular.
+    pub placed: Option<Option<MovingPlacement>>,
+    /// The motion of a light without `transform`.
     pub moved: Option<EvaluatedMotion>,
 }
 

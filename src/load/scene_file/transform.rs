@@ -5,10 +5,13 @@
 //! `{ quaternion = [x, y, z, w] }`, `{ scale = s }` or `{ scale = [x, y, z] }`, and `{ matrix = [16 numbers] }` row by
 //! row for column vectors: the translation is at positions 4, 8 and 12, and the last row is 0 0 0 1.
 //!
+//! It places objects and, instead of positions and directions, cameras, lights and portals, which without steps are at the origin, look or
+//! emit along -z, and have y as up vector. Its scale applies to the size of area lights and portals; cameras and other lights ignore it.
+//!
 //! # motion
 //!
 //! `motion` of an object, of the camera or of a light: its motion in world space, after its placement (for an object its `transform`). Cameras and
-//! lights can't be scaled; those at a node of a model follow the node. Times are in frames; 0 is the time of a
+//! lights can't be scaled by it, unless they have a `transform`; those at a node of a model follow the node. Times are in frames; 0 is the time of a
 //! single picture, and N that of frame N of a sequence. `shutter` of `[camera]` (`--shutter`) adds motion blur.
 //!
 //! | Key | Meaning |
@@ -323,6 +326,16 @@ pub(super) struct Placement {
 }
 
 impl MovingPlacement {
+    /// The placement of a light by its transforms; `None` if the one at the frame's time is singular. Motion with a singular
+    /// key is ignored.
+    fn from_transforms(now: &DAffine3, motion: Option<&Keyframes<DAffine3>>) -> Option<MovingPlacement> {
+        let now = Placement::from_transform(now)?;
+        let motion = motion.map(|keys| keys.map(Placement::from_transform));
+        let motion = motion.filter(|keys| keys.all().all(Option::is_some));
+        let motion = motion.map(|keys| keys.map(|key| key.unwrap_or(now)));
+        Some(MovingPlacement { now, motion })
+    }
+
     /// Applies the key `motion` of the light.
     pub fn moved(self, moved: Option<&EvaluatedMotion>) -> MovingPlacement {
         let Some(EvaluatedMotion { at_time, relative_keys }) = moved else { return self };
@@ -335,9 +348,9 @@ impl MovingPlacement {
 }
 
 impl Placement {
-    /// The placement of a light at a node; `None` if the node's transform is singular. Sheared axes are orthogonalized, so that
-    /// the light stays a rectangle.
-    fn from_node_transform(m: &DAffine3) -> Option<Placement> {
+    /// The placement of a light by its transform; `None` if it is singular. Sheared axes are orthogonalized, so that the light
+    /// stays a rectangle.
+    fn from_transform(m: &DAffine3) -> Option<Placement> {
         let (x, y, z) = (m.matrix3.x_axis, m.matrix3.y_axis, m.matrix3.z_axis);
         let direction = (-z).try_normalize()?;
         let right = -(x - direction * x.dot(direction)).try_normalize()?;
@@ -391,20 +404,48 @@ pub(super) fn at_node(build: &mut SceneFileBuilder, fields: &Fields) -> Option<M
         fields.problems.push_help(name.span, message, help);
         return None;
     };
-    let Some(now) = Placement::from_node_transform(&empty.world_from_node) else {
+    let Some(placed) = MovingPlacement::from_transforms(&empty.world_from_node, empty.motion.as_ref()) else {
         fields.problems.push(name.span, format!("the node '{}' has a scale of 0", name.value));
         return None;
     };
-    let motion = empty.motion.as_ref().map(|moving| moving.map(Placement::from_node_transform));
-    let is_flattened = motion.as_ref().is_some_and(|m| m.all().any(Option::is_none));
-    if is_flattened {
-        let message =
-            "the node of a light has a scale of 0 during the shutter interval: its motion is ignored";
+    if placed.motion.is_none() && empty.motion.is_some() {
         let place = format!("node '{}'", name.value);
-        build.loaded.warnings.push(Warning::new(build.file, place, message));
+        build.loaded.warnings.push(Warning::new(build.file, place, SINGULAR_MOTION));
     }
-    let motion = motion.filter(|_| !is_flattened).map(|moving| moving.map(|then| then.unwrap_or(now)));
-    Some(MovingPlacement { now, motion })
+    Some(placed)
+}
+
+/// The warning about a light whose transform is singular at another time of the shutter interval.
+const SINGULAR_MOTION: &str = "the light has a scale of 0 during the shutter interval: its motion is ignored";
+
+/// The placement of a light or portal by the key `transform`, with the motion `moved`: it emits along -z, with its height along
+/// y. `None` without the key, or if the transform is singular.
+pub(super) fn by_transform(
+    build: &mut SceneFileBuilder,
+    fields: &Fields,
+    moved: Option<&EvaluatedMotion>,
+) -> Option<MovingPlacement> {
+    let span = fields.raw("transform")?.span();
+    let (world_from_light, keys) = with_motion(read(fields), moved);
+    let placed = MovingPlacement::from_transforms(&world_from_light, keys.as_ref());
+    match &placed {
+        None => fields.problems.push(span, "the light has a scale of 0 at this frame"),
+        Some(placed) if placed.motion.is_none() && keys.is_some() => {
+            build.loaded.warnings.push(Warning::new(build.file, fields.description(), SINGULAR_MOTION));
+        }
+        Some(_) => {}
+    }
+    placed
+}
+
+/// A transform followed by a motion: at the frame's time, and its keys over the shutter interval.
+pub(super) fn with_motion(
+    transform: DAffine3,
+    moved: Option<&EvaluatedMotion>,
+) -> (DAffine3, Option<Keyframes<DAffine3>>) {
+    let Some(EvaluatedMotion { at_time, relative_keys }) = moved else { return (transform, None) };
+    let now = *at_time * transform;
+    (now, relative_keys.as_ref().map(|keys| keys.map(|by| *by * now)))
 }
 
 /// The names of all nodes with lights of a file.

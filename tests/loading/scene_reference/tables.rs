@@ -141,6 +141,14 @@ pub const TABLES: &[Table] = &[
     ),
     lines(
         "camera",
+        "[materials]\na = { type = \"lambert\" }\n[camera]\n",
+        &[
+            ("name", "\"front\"", "\"back\""),
+            ("transform", "[{ translate = [0, 1, 5] }]", "[{ euler = [0, 30, 0] }]"),
+        ],
+    ),
+    lines(
+        "camera",
         "[materials]\na = { type = \"lambert\" }\n[camera]\nlook_from = [0, 1, 5]\nlook_at = [0, 0, 0]\n",
         &[("f_stop", "2.8", "4"), ("focal_length", "35", "50"), ("focus_at", "[0, 0, 1]", "[0, 0, 2]")],
     ),
@@ -257,6 +265,13 @@ pub const TABLES: &[Table] = &[
         between: "\n",
         after: BALL,
         keys: &[("target", "[0, 0, 1]", "[1, 0, 0]")],
+    },
+    Table {
+        about: "portal",
+        before: "[materials]\na = { type = \"lambert\" }\n[environment]\nbackground = 1\n[[portals]]\nsize = [1, 1]\n",
+        between: "\n",
+        after: BALL,
+        keys: &[("transform", "[{ scale = 2 }]", "[{ euler = [0, 30, 0] }]")],
     },
     Table {
         about: "curves",

@@ -9,7 +9,7 @@ from . import preferences, program
 
 
 class ExportFolder(bpy.types.Operator):
-    """Export the scene as a model with a file of what glTF can't carry, for the path tracer oscura"""
+    """Export the scene as a scene file with its meshes and images, for the path tracer oscura"""
 
     bl_idname = "export_scene.oscura"
     bl_label = "Export for Oscura"

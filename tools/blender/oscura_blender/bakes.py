@@ -7,7 +7,6 @@ import bpy
 import numpy as np
 
 from . import cache, fingerprint, glow, shaders, trees
-from .context import choose, opened
 
 UV = "oscura bake"
 
@@ -72,11 +71,7 @@ class Baker:
         self.report.note(self.material.name, f"{reason} is baked, since oscura doesn't evaluate it")
         pixels, file = self._pixels(found, self.edge), f"{self.options.name}.baked{len(self.found.bakes)}.exr"
         self.found.bakes.append(file)
-        image = glow.picture(self.edge, self.edge)
-        image.pixels.foreach_set(pixels.astype(np.float32).ravel())
-        image.file_format, image.filepath_raw = "OPEN_EXR", os.path.join(self.options.folder, file)
-        image.save()
-        bpy.data.images.remove(image)
+        glow.save(pixels, os.path.join(self.options.folder, file))
         return file, found.output.type == "VECTOR"
 
     def mean(self, found, reason, default):
@@ -114,35 +109,30 @@ class Baker:
             bpy.data.materials.remove(own)
 
     def _baked(self, own, light, edge, looks):
-        bake_scene = glow.new_scene()
-        bake_scene.cycles.samples = SAMPLES if looks else 1
         mesh, idle = self.holder.data.copy(), bpy.data.materials.new("oscura idle")
         idle.use_nodes = True
         shown = bpy.data.objects.new("oscura baked", mesh)
+        for slot, other in enumerate(self.holder.data.materials):
+            mesh.materials[slot] = own if other == self.material else idle
+        shown.matrix_world = self.found.placements[self.holder.name][0].matrix
+        around = self._surroundings() if looks else []
+
+        def make():
+            with glow.stage(shown, *around) as scene:
+                scene.cycles.samples = SAMPLES if looks else 1
+                shining, dark = own.node_tree, idle.node_tree
+                shining.links.new(light, glow.light(shining, shaders.end(shining)).inputs["Color"])
+                glow.light(dark, shaders.end(dark))
+                pixels = glow.baked(edge, edge, [shining, dark], margin=8, uv_layer=UV)
+            return np.nan_to_num(pixels, posinf=0).astype(np.float16)
+
         try:
-            for slot, other in enumerate(self.holder.data.materials):
-                mesh.materials[slot] = own if other == self.material else idle
-            places = self.found.placements[self.holder.name]
-            shown.matrix_world = places[0][1]
-            around = self._surroundings(bake_scene) if looks else []
-            key = self._key(own, light, edge, shown, around)
-            kept = self.store.get(key)
-            if kept is None:
-                with opened(bake_scene):
-                    bake_scene.collection.objects.link(shown)
-                    choose(shown, bake_scene)
-                    tree, dark = own.node_tree, idle.node_tree
-                    shine = lambda image: _shine(tree, light, image)
-                    pixels = glow.baked(edge, edge, [shine, lambda image: _shine(dark, None, image)], margin=8, uv_layer=UV)
-                kept = {"pixels": np.nan_to_num(pixels, posinf=0).astype(np.float16)}
-                self.store.put(key, kept)
+            return self.store.kept(self._key(own, light, edge, shown, around), make)
+        finally:
             for obj in around:
                 bpy.data.objects.remove(obj)
-            return kept["pixels"]
-        finally:
             bpy.data.meshes.remove(mesh)
             bpy.data.materials.remove(idle)
-            bpy.data.scenes.remove(bake_scene)
 
     def _key(self, own, light, edge, shown, around):
         digest = cache.digest()
@@ -151,17 +141,16 @@ class Baker:
             digest.update(repr([tuple(row) for row in obj.matrix_world]).encode())
             fingerprint.add_mesh(digest, obj.data)
         fingerprint.add_tree(digest, own.node_tree)
-        return digest.hexdigest()
+        return digest
 
-    def _surroundings(self, bake_scene):
+    def _surroundings(self):
         """Everything else at its places."""
         made = []
         for other in self.found.objects.values():
-            for number, (_, matrix) in enumerate(self.found.placements[other.name] if other is not None else []):
+            for number, place in enumerate(self.found.placements[other.name] if other is not None else []):
                 if other != self.holder or number > 0:
                     obj = bpy.data.objects.new("oscura neighbour", other.data)
-                    obj.matrix_world = matrix
-                    bake_scene.collection.objects.link(obj)
+                    obj.matrix_world = place.matrix
                     made.append(obj)
         return made
 
@@ -174,19 +163,12 @@ def lay_out(holder):
     rendered = next((layer.name for layer in layers if layer.active_render), None)
     layers.new(name=UV)
     layers.active = layers[UV]
-    bake_scene = glow.new_scene()
-    try:
-        with opened(bake_scene):
-            bake_scene.collection.objects.link(holder)
-            choose(holder, bake_scene)
-            bpy.ops.object.mode_set(mode="EDIT")
-            bpy.ops.mesh.reveal()
-            bpy.ops.mesh.select_all(action="SELECT")
-            bpy.ops.uv.smart_project(angle_limit=1.15, island_margin=0.004)
-            bpy.ops.object.mode_set(mode="OBJECT")
-            bake_scene.collection.objects.unlink(holder)
-    finally:
-        bpy.data.scenes.remove(bake_scene)
+    with glow.stage(holder):
+        bpy.ops.object.mode_set(mode="EDIT")
+        bpy.ops.mesh.reveal()
+        bpy.ops.mesh.select_all(action="SELECT")
+        bpy.ops.uv.smart_project(angle_limit=1.15, island_margin=0.004)
+        bpy.ops.object.mode_set(mode="OBJECT")
     if rendered is not None:
         layers[rendered].active_render = True
 
@@ -219,15 +201,3 @@ def _coded(tree, socket, is_normal):
     coded.inputs[1].default_value, coded.inputs[2].default_value = (1 / VECTOR_RANGE,) * 3, (0.5,) * 3
     tree.links.new(socket, coded.inputs[0])
     return coded.outputs[0]
-
-
-def _shine(tree, socket, image):
-    """Lets a tree shine with what a socket gives, or with nothing; the tree is thrown away afterwards."""
-    end = shaders.end(tree)
-    glow.aim(tree, image)
-    light = tree.nodes.new("ShaderNodeEmission")
-    light.inputs["Color"].default_value = (0, 0, 0, 1)
-    if socket is not None:
-        tree.links.new(socket, light.inputs["Color"])
-    tree.links.new(light.outputs[0], end.inputs["Surface"])
-    return lambda: None

@@ -39,6 +39,15 @@ class Store:
     def __init__(self, folder=None):
         self.folder = Path(folder) if folder else None
 
+    def kept(self, digest, make):
+        """The array of a result: the one that was kept for a hash, else one that is made now, and kept."""
+        key = digest.hexdigest()
+        found = self.get(key)
+        if found is None:
+            found = {"made": make()}
+            self.put(key, found)
+        return found["made"]
+
     def get(self, key):
         """The arrays of a result by name; None if it isn't there, or damaged."""
         if self.folder is None:

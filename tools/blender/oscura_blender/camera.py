@@ -1,14 +1,12 @@
-"""Cameras: as glTF has them, and what it can't carry."""
+"""Cameras: their projections and lenses."""
 
 import math
-from collections import namedtuple
 from itertools import chain
 
 import numpy as np
 
+from .scene_file import Exact
 from .settings import resolution
-
-Window = namedtuple("Window", ("is_perspective", "scale", "middle"))
 
 # Kinds of objects that are nothing to see.
 UNSEEN = ("CAMERA", "LIGHT", "EMPTY", "ARMATURE", "LIGHT_PROBE", "SPEAKER", "LATTICE")
@@ -32,37 +30,16 @@ def pixel_aspect(scene):
     return scene.render.pixel_aspect_x / scene.render.pixel_aspect_y
 
 
-def gltf(camera, scene):
-    """The camera as glTF has it."""
+def projection(camera, scene):
+    """The keys of a camera that is no panorama."""
     width, height = frame(scene)
-    by_width = is_fitted_by_width(camera, width, height)
+    share, aspect_ratio = height / width if is_fitted_by_width(camera, width, height) else 1, Exact(width / height)
     if camera.type == "ORTHO":
-        half_height = camera.ortho_scale / 2 * (height / width if by_width else 1)
-        sides = {"xmag": half_height * width / height, "ymag": half_height}
-        return {"type": "orthographic", "orthographic": {**sides, **_range(camera)}}
+        return {"type": "orthographic", "view_height": Exact(camera.ortho_scale * share), "aspect_ratio": aspect_ratio}
     sensor = camera.sensor_height if camera.sensor_fit == "VERTICAL" else camera.sensor_width
-    # Importers leave cameras of infinite focal lengths behind; models have no angle of 0.
-    tangent = max(sensor / (2 * camera.lens) * (height / width if by_width else 1), 1e-6)
-    lens = {"yfov": 2 * math.atan(tangent), "aspectRatio": width / height}
-    return {"type": "perspective", "perspective": {**lens, **_range(camera)}}
-
-
-def window(camera, scene):
-    """Where a camera's picture lies in its space: factors and sums that take places, of perspective ones over their depth, to 0 to 1
-    over it; None for panoramas."""
-    if camera.type == "PANO":
-        return None
-    (kind, sides), (width, height) = list(gltf(camera, scene).items())[1], frame(scene)
-    half = sides["ymag"] if camera.type == "ORTHO" else math.tan(sides["yfov"] / 2)
-    scale = height / width / (2 * half), 1 / (2 * half)
-    edge = width if is_fitted_by_width(camera, width, height) else height
-    shift = camera.shift_x * edge / width, camera.shift_y * edge / height
-    return Window(kind == "perspective", scale, tuple(0.5 - part for part in shift))
-
-
-def _range(camera):
-    near = max(camera.clip_start, 1e-6)
-    return {"znear": near, "zfar": max(camera.clip_end, near * 2)}
+    # Importers leave cameras of infinite focal lengths behind, and there is no angle of 0.
+    tangent = max(sensor / (2 * camera.lens) * share, 1e-6)
+    return {"vfov": Exact(math.degrees(2 * math.atan(tangent))), "aspect_ratio": aspect_ratio}
 
 
 def boxes(graph):
@@ -95,7 +72,7 @@ def _is_clipping(obj, camera, corners):
 
 
 def entries(obj, camera, scene, corners, report):
-    """The entries of [[camera]] for a camera of the model; the corners are those of `boxes`."""
+    """The entries of [[camera]] for a camera, without its place; the corners are those of `boxes`."""
     width, height = frame(scene)
     by_width = is_fitted_by_width(camera, width, height)
     panorama = _panorama(obj, camera, (width, height), report) if camera.type == "PANO" else {}
@@ -105,9 +82,7 @@ def entries(obj, camera, scene, corners, report):
         shift = [camera.shift_x * across / down, camera.shift_y]
     else:
         shift = [s * (width / height if by_width else 1) for s in (camera.shift_x, camera.shift_y)]
-    found = {"name": obj.name, **panorama}
-    if obj == scene.camera:
-        found["default"] = True
+    found = panorama or projection(camera, scene)
     if not panorama and pixel_aspect(scene) != 1:
         found["pixel_aspect"] = pixel_aspect(scene)
     if any(shift):
@@ -141,27 +116,14 @@ def _panorama(obj, camera, size, report):
             return {"type": "panorama", "longitude": longitude, "latitude": latitude}
         report.warn(obj.name, "panoramas that are mirrored or empty are not supported: it is rendered in perspective")
         return {}
-    fov = min(degrees(of.fisheye_fov), 360)
+    fisheye = {"type": "panorama", "projection": "fisheye_equisolid", "fov": min(degrees(of.fisheye_fov), 360)}
     if kind == "FISHEYE_EQUIDISTANT":
-        return {"type": "panorama", "projection": "fisheye_equidistant", "fov": fov}
+        return {**fisheye, "projection": "fisheye_equidistant"}
     if kind == "FISHEYE_EQUISOLID":
-        sensor = _sensor(camera, size)
-        return {
-            "type": "panorama",
-            "projection": "fisheye_equisolid",
-            "fov": fov,
-            "fisheye_lens": of.fisheye_lens,
-            "sensor": sensor,
-        }
+        return {**fisheye, "fisheye_lens": of.fisheye_lens, "sensor": _sensor(camera, size)}
     if kind == "MIRRORBALL":
         # Seen from afar, a ball shows equal solid angles in equal areas: it is a fisheye of all directions.
-        return {
-            "type": "panorama",
-            "projection": "fisheye_equisolid",
-            "fov": 360,
-            "fisheye_lens": 1,
-            "sensor": [4, 4],
-        }
+        return {**fisheye, "fov": 360, "fisheye_lens": 1, "sensor": [4, 4]}
     items = of.bl_rna.properties["panorama_type"].enum_items
     report.warn(obj.name, f"panoramas of type '{items[kind].name}' are not supported: it is rendered in perspective")
     return {}

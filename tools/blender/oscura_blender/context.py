@@ -18,13 +18,6 @@ NO_CAMERA = "oscura no camera"
 _moment = (1, 0.0)
 # The engine whose render is going on.
 _rendering = None
-# The name of the engine that its scene is set up for.
-_chosen = None
-
-
-def engine_of(scene):
-    """The name of the engine that a scene is set up for, also while it is in a final render of ours."""
-    return _chosen if _rendering is not None else scene.render.engine
 
 
 def go(scene, frame):
@@ -57,13 +50,12 @@ class Engine(bpy.types.RenderEngine):
 def in_final_render(scene, layer, job):
     """What a job gives that gets the dependency graph of a final render of a view layer: with modifiers, objects and instances as they are
     rendered."""
-    global _chosen
     render, outcome = scene.render, []
     # No picture is made: a small one takes no memory.
     kept = {"engine": ENGINE, "resolution_x": 32, "resolution_y": 32, "resolution_percentage": 100}
     kept |= {key: False for key in SWITCHES}
     before = {key: getattr(render, key) for key in kept}
-    _chosen, camera = before["engine"], None
+    camera = None
 
     def run(graph):
         for key, value in before.items():

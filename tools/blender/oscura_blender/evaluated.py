@@ -1,9 +1,9 @@
-"""Meshes as files of their own, and their materials as graphs of nodes in the file of settings."""
+"""Meshes as files of their own, and their materials as graphs of nodes in the scene file."""
 
 import os
 
-from . import bakes, geometry, instances, media, mesh_files, node_graph, panes, relief, report as reports, sidecar, shaders, skins, trees
-from .glb import Y_UP
+from . import bakes, geometry, media, mesh_files, node_graph, panes, relief, report as reports, scene_file, shaders, skins, trees
+from .scene_file import Y_UP
 
 # Tables of the materials of faces without one, and of what has no surface.
 DEFAULT = {"type": "nodes", "surface": "surface", "nodes": {"surface": {"type": "principled_bsdf", "multiscatter": 1.0}}}
@@ -74,7 +74,7 @@ class Evaluated:
         return name
 
     def tables(self):
-        named = [(f"[materials.{sidecar.value(name)}]", entries) for name, entries in sorted(self.materials.items())]
+        named = [(f"[materials.{scene_file.value(name)}]", entries) for name, entries in sorted(self.materials.items())]
         return named + [("[[objects]]", entries) for entries in self.objects]
 
 
@@ -114,7 +114,7 @@ class Materials:
         try:
             filling = media.read(end.inputs["Volume"], exposure)
             medium = None if filling.is_nothing() else filling.entries()
-            graph.asks_object |= filling.graph.asks_object
+            graph.asks_object |= filling.asks_object
         except media.Varying as varying:
             is_lost = True
             baker.warn(f"its volume can't be evaluated ({varying}) and is left out")
@@ -150,7 +150,7 @@ def _write(made, holder, known, told, report):
     for slot, entry in enumerate(shown):
         if entry is not None and entry.whole is None and entry.scatters_within:
             skins.close(holder, slot, report)
-    shapes = moves.shapes_of(holder, found.marks[holder.name][0][0], report) if moves is not None else None
+    shapes = moves.shapes_of(holder, found.placements[holder.name][0].mark[0], report) if moves is not None else None
     is_solid = not bool((skins.sides_of_edges(mesh) == 1).any())
     listed, attributes, asks_object = [], set(), False
     for slot, (material, entry) in enumerate(zip(mesh.materials, shown) if shown else [(None, None)]):
@@ -173,7 +173,7 @@ def _write(made, holder, known, told, report):
     traits, group = geometry.traits_of(extras), extras.get("light_group")
     shared = {"mesh": file, "materials": listed, **traits, **({"mesh_keys": keys} if keys else {}), **({"light_group": group} if group else {})}
     still = {}  # matrices and infos by name
-    for (name, matrix), info, mark in zip(found.placements[holder.name], found.infos[holder.name], found.marks[holder.name]):
+    for name, matrix, mark, info in found.placements[holder.name]:
         if _is_nothing(matrix):
             continue
         info, motion = info if asks_object else {}, _motion(mark, moves)
@@ -184,9 +184,12 @@ def _write(made, holder, known, told, report):
     for name, copies in still.items():
         entries = {"name": name, **shared, **found.links.shining.get(name, {})}
         if len(copies) >= LEAST_COPIES:
-            made.objects.append({**entries, "instances": instances.write(made, copies)})
+            file = f"{made.name}.places{made.places}.ply"
+            made.places += 1
+            mesh_files.write_places(os.path.join(made.folder, file), copies)
+            made.objects.append({**entries, "instances": file})
         else:
-            made.objects += ({**entries, "transform": sidecar.placed(Y_UP @ matrix), **info} for matrix, info in copies)
+            made.objects += ({**entries, "transform": scene_file.placed(Y_UP @ matrix), **info} for matrix, info in copies)
 
 
 def _is_nothing(matrix):
@@ -198,17 +201,17 @@ def _is_nothing(matrix):
 def _motion(mark, moves):
     """The motion of an object; None of one that stands still."""
     matrices = moves.of(mark) if moves is not None else None
-    if matrices is None or any(abs(then.to_3x3().determinant()) < 1e-30 for then in matrices):
+    if matrices is None:
         return None
-    return {"keys": [{"frame": frame, "transform": sidecar.placed(Y_UP @ then)} for frame, then in zip(moves.frames(), matrices)]}
+    return {"keys": [{"frame": frame, "transform": scene_file.placed(Y_UP @ then)} for frame, then in zip(moves.offsets, matrices)]}
 
 
 def _shapes(made, written, file, told):
     """Writes the shapes of a mesh that deforms; gives its `mesh_keys`."""
     (moves, shapes), keys = told, []
-    for number, (frame, offset, shape) in enumerate(zip(moves.frames(), moves.offsets, shapes)):
-        name = file if offset == 0.0 else file.replace(".ply", f".{number}.ply")
-        if offset != 0.0:
+    for number, (frame, shape) in enumerate(zip(moves.offsets, shapes)):
+        name = file if frame == 0.0 else file.replace(".ply", f".{number}.ply")
+        if frame != 0.0:
             written.write_shape(os.path.join(made.folder, name), shape)
         keys.append({"frame": frame, "mesh": name})
     return keys

@@ -6,31 +6,29 @@ import sys
 import traceback
 
 import bpy
+from mathutils import Matrix
 
 import addon_utils  # isort: skip (bpy puts it on the path)
 
-from . import adaptive, cache, camera, context, evaluated, geometry, glb, hair, image_files, lights, motion, settings, sidecar, volumes, world
+from . import adaptive, cache, camera, context, evaluated, geometry, hair, image_files, lights, motion, scene_file, settings, volumes, world
 from .report import Report, Stop, listed
 
 OLDEST = (4, 2, 0)
+
+# What the program may say about an export, by type.
+OPTIONS = {
+    "frame": int, "time": float, "scene": str, "view-layer": str, "cache": str, "bake": int, "shutter": float, "shutter-position": str,
+    "vectors": str,
+}  # fmt: skip
 
 
 def main(arguments):
     """Exports; what happened goes to the answer's file, and an error also to the exit code."""
     parser = argparse.ArgumentParser(prog="export.py")
-    parser.add_argument("file")
-    parser.add_argument("folder")
-    parser.add_argument("name")
-    parser.add_argument("answer")
-    parser.add_argument("--frame", type=int)
-    parser.add_argument("--time", type=float)
-    parser.add_argument("--scene")
-    parser.add_argument("--view-layer")
-    parser.add_argument("--cache")
-    parser.add_argument("--bake", type=int)
-    parser.add_argument("--shutter", type=float)
-    parser.add_argument("--shutter-position")
-    parser.add_argument("--vectors")
+    for name in ("file", "folder", "name", "answer"):
+        parser.add_argument(name)
+    for name, kind in OPTIONS.items():
+        parser.add_argument(f"--{name}", type=kind)
     parser.add_argument("--links", action="store_true")
     options = parser.parse_args(arguments)
     report = Report()
@@ -61,23 +59,19 @@ def export(options, report):
         volumes.unpack()
         _go_to_moment(scene, options)
         layer.update()
-        grids = volumes.Store(options.folder, options.name, glb.Y_UP)
+        grids = volumes.Store(options.folder, options.name)
         found, moves, boxes = _collected(scene, layer, grids, options, report)
-        found.exposure, found.grids = settings.film_exposure(scene), grids
+        found.exposure = settings.film_exposure(scene)
         images = image_files.Images(options.folder, options.name, options.links)
-        tables, cameras, empties = _settings(scene, found, boxes, store, images, options, report)
+        tables = _settings(scene, found, moves, boxes, store, images, options, report)
     made = evaluated.take(found, moves, (found, store, options, report), images)
     world.settle(dict(tables)["[environment]"], found)
-    comment = f"What glTF can't carry of {os.path.basename(options.file)}; 'oscura help sidecar' explains it."
     if moves is not None:
         motion.tell_of_volumes(found, moves, report)
-        if moves.matrices or moves.shapes:
-            report.tell(moment=moves.moment, fps=moves.fps)
-            comment += f" What moves: --time {moves.moment!r} --fps {moves.fps:g}."
-    glb.write(os.path.join(options.folder, f"{options.name}.glb"), found, cameras, empties, moves)
     found.links.settle({entry["name"] for entry in made.objects})
     store.trim()
-    sidecar.write(os.path.join(options.folder, f"{options.name}.oscura.toml"), comment, tables + made.tables())
+    comment = f"{os.path.basename(options.file)}; 'oscura help scene-file' explains each key."
+    scene_file.write(os.path.join(options.folder, f"{options.name}.toml"), comment, tables + made.tables())
 
 
 def _collected(scene, layer, grids, options, report):
@@ -148,34 +142,54 @@ def _go_to_moment(scene, options):
     context.go(scene, frame)
 
 
-def _settings(scene, found, boxes, store, images, options, report):
-    """The tables of the file of settings, and the nodes of cameras and lights."""
+def _settings(scene, found, moves, boxes, store, images, options, report):
+    """All tables but those of materials and objects."""
     tables = [("[render]", settings.read(scene, found, options.folder, options.name, report))]
     tables += world.tables(scene, found.questions.layer, options.folder, options.name, store, images, report)
-    cameras, named = [], []
-    opened = motion.shutter(scene, options, found.questions.layer)
-    for obj in found.cameras:
-        data = obj.data
-        cameras.append((obj.name, obj.matrix_world.normalized(), camera.gltf(data, scene)))
-        entries = camera.entries(obj, data, scene, boxes, report)
-        if opened is not None and opened.frames > 0:
-            entries.update({"shutter": opened.frames, "shutter_position": opened.position})
-        named.append(("[[camera]]", entries))
+    tables += [("[[camera]]", entries) for entries in _cameras(scene, found, moves, boxes, options, report)]
+    tables += _lights(scene, found, moves, boxes, options, report)
+    return tables + hair.entries(found, options.folder, options.name, report)
+
+
+def _cameras(scene, found, moves, boxes, options, report):
+    """The entries of all cameras, that of the picture first."""
     if scene.camera is None:
         report.warn("", "has no active camera")
     elif scene.camera not in found.cameras:
         report.warn(scene.camera.name, "is the active camera, but no camera: pictures are seen from the first camera")
-    empties, shining = [], []
-    for number, (obj, matrix) in enumerate(found.lights):
-        name = f"light {number}: {obj.name}"
-        window = lights.portal(obj, name, obj.data)
+    opened = motion.shutter(scene, options, found.questions.layer)
+    for obj in found.cameras:
+        matrix = obj.matrix_world.normalized()
+        if scene_file.is_flat(matrix):
+            if obj == scene.camera:
+                raise Stop(f"the camera '{obj.name}' is scaled to nothing")
+            report.warn(obj.name, "this camera is scaled to nothing: it is left out")
+            continue
+        matrices = moves.of(("camera", obj.name)) if moves is not None else None
+        place = scene_file.placement(matrix, moves and moves.offsets, matrices)
+        entries = {"name": obj.name, **place, **camera.entries(obj, obj.data, scene, boxes, report)}
+        if opened is not None and opened.frames > 0:
+            entries.update({"shutter": opened.frames, "shutter_position": opened.position})
+        yield entries
+
+
+def _lights(scene, found, moves, boxes, options, report):
+    """The tables of lights and portals."""
+    tables, exposure = [], settings.film_exposure(scene)
+    for number, (obj, matrix, mark) in enumerate(found.lights):
+        if scene_file.is_flat(matrix):
+            if obj.data.type != "POINT":
+                report.warn(obj.name, "its scale leaves it no extent: it is left out")
+                continue
+            matrix = Matrix.Translation(matrix.translation)
+        window = lights.portal(obj, obj.data)
         if window is not None:
-            empties.append((name, matrix))
-            shining.append(("[[portals]]", window))
-        exposure = settings.film_exposure(scene)
-        entries = lights.entries(obj, (name, matrix), obj.data, exposure, found.links, boxes, options.folder, report)
-        if entries:
-            empties.append((name, lights.upright(matrix, obj.data, obj.name, report)))
-            shining += [("[[lights]]", entry) for entry in entries]
-    strands = hair.entries(found, glb.Y_UP, options.folder, options.name, report)
-    return tables + named + shining + strands, cameras, empties
+            tables.append(("[[portals]]", {**window, **scene_file.placement(matrix, None, None)}))
+        placed = f"light {number}: {obj.name}", matrix
+        made = lights.entries(obj, placed, obj.data, exposure, found.links, boxes, options.folder, report)
+        if made:
+            upright = lambda matrix: lights.upright(matrix, obj.data, obj.name, report)
+            matrices = moves.of(mark) if moves is not None else None
+            place = scene_file.placement(upright(matrix), moves and moves.offsets, matrices and [upright(then) for then in matrices])
+            tables += [("[[lights]]", {**entry, **place}) for entry in made]
+    return tables

@@ -22,7 +22,8 @@ def keeps_all(node):
 def model(holders):
     """The value of `microfacet` of [render] for most shaders; None for multiple scattering, the default."""
     kept = lost = 0
-    for material in trees.of_materials(holders):
+    materials = {material.name: material for holder in holders for material in holder.data.materials if material is not None}
+    for material in materials.values():
         if not material.use_nodes or material.node_tree is None:
             continue
         for _, node in trees.nodes_with_trees(material.node_tree, KINDS):

@@ -7,10 +7,6 @@ import numpy as np
 
 from . import meshes
 
-# Under which name the elements of an attribute have their values.
-VECTORS = ("FLOAT_VECTOR", "FLOAT2")
-COLORS = ("FLOAT_COLOR", "BYTE_COLOR")
-
 # What nodes look like, and what the hash of a tree has in another way.
 LOOKS = {
     "rna_type", "name", "label", "location", "location_absolute", "width", "width_hidden", "height", "dimensions", "select",
@@ -27,24 +23,11 @@ def add_mesh(digest, mesh):
     # Their order follows from what was baked on the way.
     for attribute in sorted(mesh.attributes, key=lambda attribute: attribute.name):
         digest.update(f"|{attribute.name}|{attribute.domain}|{attribute.data_type}|".encode())
-        digest.update(_values(attribute))
+        kind = meshes.ATTRIBUTES.get(attribute.data_type)
+        digest.update(meshes.read(attribute.data, *kind).tobytes() if kind else repr([str(item.value) for item in attribute.data]).encode())
     marks = [(layer.name, layer.active_render, layer.active) for layer in mesh.uv_layers]
     colors = mesh.color_attributes
     digest.update(repr((marks, colors.render_color_index, colors.active_color_index)).encode())
-
-
-def _values(attribute):
-    if not len(attribute.data):
-        return b""
-    kind = attribute.data_type
-    if kind == "STRING":
-        return repr([element.value for element in attribute.data]).encode()
-    key = "vector" if kind in VECTORS else "color" if kind in COLORS else "value"
-    size = np.size(getattr(attribute.data[0], key))
-    whole = kind in ("INT", "INT8", "BOOLEAN", "INT32_2D", "INT16_2D")
-    values = np.empty(len(attribute.data) * size, np.int32 if whole else np.float32)
-    attribute.data.foreach_get(key, values)
-    return values.tobytes()
 
 
 def add_tree(digest, tree, _inside=()):

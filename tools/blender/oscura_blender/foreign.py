@@ -52,12 +52,11 @@ def as_blend(arguments):
 def _import(file, report):
     bpy.ops.wm.read_factory_settings(use_empty=True)
     extension = os.path.splitext(file)[1].lower().removeprefix(".")
-    for operator, options in IMPORTERS.get(extension, ()):
-        if _is_there(operator):
-            _call(operator, filepath=file, **options)
-            break
-    else:
+    known = ((_operator(path), options) for path, options in IMPORTERS.get(extension, ()))
+    operator, options = next((found for found in known if found[0] is not None), (None, {}))
+    if operator is None:
         raise Stop(f"Blender {bpy.app.version_string} has no importer for files of type '.{extension}'")
+    operator(filepath=file, **options)
     scene = bpy.context.scene
     if addon_utils.enable("cycles") is not None:
         scene.render.engine = "CYCLES"
@@ -70,21 +69,18 @@ def _import(file, report):
     _tell(scene, extension, report)
 
 
-def _is_there(operator):
-    module, name = operator.split(".")
-    if operator == "import_scene.fbx" and addon_utils.enable("io_scene_fbx") is None:
-        return False
+def _operator(path):
+    """An operator by its module and name; None where there is none."""
+    module, name = path.split(".")
+    if path == "import_scene.fbx" and addon_utils.enable("io_scene_fbx") is None:
+        return None
     # Every name is an attribute; only those of operators that exist have a type.
+    operator = getattr(getattr(bpy.ops, module), name)
     try:
-        getattr(getattr(bpy.ops, module), name).get_rna_type()
+        operator.get_rna_type()
     except (AttributeError, KeyError):
-        return False
-    return True
-
-
-def _call(operator, **options):
-    module, name = operator.split(".")
-    getattr(getattr(bpy.ops, module), name)(**options)
+        return None
+    return operator
 
 
 def _mend_sizes(scene, report):

@@ -2,6 +2,7 @@
 of geometry nodes and of particles."""
 
 import re
+from collections import namedtuple
 
 import bpy
 import numpy as np
@@ -37,18 +38,19 @@ MOST_LAYERS = 7
 MOST_FACES = 4_000_000
 
 
+# Of a mesh: the name of an object, its matrix, what tells it from all others at all times, and what it answers to nodes that ask about objects.
+Placement = namedtuple("Placement", ("name", "matrix", "mark", "info"))
+
+
 class Collected:
     """What there is to render. Meshes are owned by new objects at the origin; all else by the scene."""
 
     def __init__(self):
         self.graph = None  # what all is taken from
         self.objects = {}  # mesh objects by what they were made of
-        self.infos = {}  # by the name of the mesh object: what each placement answers to nodes that ask about objects
-        self.placements = {}  # by the name of the mesh object: (name, matrix) of each placement
-        self.marks = {}  # by the name of the mesh object: what tells each placement from others at all times
-        self.light_marks = []  # the same of lights
+        self.placements = {}  # lists by the name of the mesh object
         self.extras = {}  # by the name of the mesh object: what its nodes say about rays and pictures
-        self.lights = []  # (object, matrix)
+        self.lights = []  # (object, matrix, mark)
         self.cameras = []  # objects
         self.exposure = 1.0  # the film's factor on all light
         self.hair = []  # of strands: name, strands, matrix, material, entries for rays and pictures
@@ -89,8 +91,7 @@ def collect(scene, layer, graph, store, report):
         if not instance.show_self or (not instance.is_instance and original.hide_render):
             continue
         if obj.type == "LIGHT":
-            found.lights.append((original, instance.matrix_world.copy()))
-            found.light_marks.append(mark(instance))
+            found.lights.append((original, instance.matrix_world.copy(), mark(instance)))
         elif obj.type == "CURVES" and layer.use_strand:
             hair.add_curves(found, obj, instance, traits())
         elif obj.type == "VOLUME" and layer.use_volumes:
@@ -147,9 +148,7 @@ def _add_mesh(found, obj, instance, report):
     holder = found.objects[key]
     if holder is None:
         return
-    found.placements[holder.name].append((name, instance.matrix_world.copy()))
-    found.marks[holder.name].append(mark(instance))
-    found.infos[holder.name].append(objectwise.info(instance, obj))
+    found.placements[holder.name].append(Placement(name, instance.matrix_world.copy(), mark(instance), objectwise.info(instance, obj)))
     found.links.place(name, _linked(obj, parent))
 
 
@@ -166,8 +165,7 @@ def _add_volume(found, obj, instance, store, report):
     if extras := _extras(found, obj, parent):
         found.extras[holder.name] = extras
     # It stands in the world and is marked as nothing else, so that nothing moves it.
-    found.placements[holder.name], found.marks[holder.name] = [(name, Matrix.Identity(4))], [("volume", holder.name)]
-    found.infos[holder.name] = [objectwise.info(instance, obj)]
+    found.placements[holder.name] = [Placement(name, Matrix.Identity(4), ("volume", holder.name), objectwise.info(instance, obj))]
     found.links.place(name, _linked(obj, parent))
     found.volumes[mark(instance)] = name
 
@@ -257,12 +255,12 @@ def _holder(found, obj):
     holder = bpy.data.objects.new(f"oscura {len(found.objects)}", mesh)
     # The mesh has its shape. Keys would give it another once more, or none where modifiers have made other vertices.
     holder.shape_key_clear()
-    found.placements[holder.name], found.marks[holder.name], found.infos[holder.name] = [], [], []
+    found.placements[holder.name] = []
     return holder
 
 
 def _add_missing_coordinates(mesh):
-    """Cycles looks at the origin of texture coordinates that a mesh doesn't have, glTF at other ones."""
+    """Cycles looks at the origin of texture coordinates that a mesh doesn't have, oscura at the first ones."""
     trees_of = (material.node_tree for material in mesh.materials if material is not None and material.node_tree is not None)
     nodes = (node for tree in trees_of for _, node in trees.nodes_with_trees(tree, ("ShaderNodeUVMap",)))
     missing = {node.uv_map for node in nodes if node.uv_map and not node.from_instancer} - set(mesh.attributes.keys())

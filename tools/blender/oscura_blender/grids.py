@@ -1,16 +1,19 @@
 """Volumes whose shaders read grids: by which grid each part of a medium goes, and what it is taken times."""
 
-from . import shaders
-from .media import BODY, Varying
+from . import media, shaders
+from .node_graph import as_triple, feed
 
-ONE, BLACK = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
+# Inputs of shaders that may go by a grid, besides those of Emission.
+GRIDDED = (
+    "Density", "Emission Strength", "Emission Color", "Temperature", "Scatter Coefficients", "Absorption Coefficients", "Emission Coefficients",
+)  # fmt: skip
 
 # The grids that outputs of Volume Info have.
 VOLUME_INFO = {"Color": "color", "Density": "density", "Flame": "flame", "Temperature": "temperature"}
 
 # The radiance of a metre of a black body of 1500 K in Cycles, whose law is that of Stefan and Boltzmann: a constant over pi, times
 # a millionth.
-BODY_OF_1500_KELVIN = BODY * 1500.0**4
+BODY_OF_1500_KELVIN = media.BODY * 1500.0**4
 
 
 class Part:
@@ -20,18 +23,21 @@ class Part:
         self.kind, self.factor, self.grid, self.kelvin, self.cosine = kind, factor, grid, kelvin, cosine
 
 
-class Medium:
+class Gridded:
+    """A number or three, and the grid that they are taken times."""
+
+    def __init__(self, factor, grid):
+        self.factor, self.grid = factor, grid
+
+
+class Medium(media.Filling):
     """What a tree says about a volume that has some grids."""
 
     def __init__(self, name, known):
+        super().__init__()
         self.name, self.known = name, known
-        self.parts = []
         self.asked = set()  # grids that the tree speaks of
         self.remarks = []  # what can't be said
-
-    def add(self, kind, factor, grid, **more):
-        if any(factor):
-            self.parts.append(Part(kind, tuple(float(f) for f in factor), grid, **more))
 
     def has(self, grid):
         """Is there such a grid? Without it a shader of Blender has no factor."""
@@ -39,8 +45,112 @@ class Medium:
             self.asked.add(grid)
         return grid in self.known
 
+    def read(self, found, share):
+        """Adds what a shader says; what can't be said is left out."""
+        try:
+            super().read(found, share)
+        except media.Varying as varying:
+            reason = f"varies by {varying}, and is" if found.node.bl_idname in media.READERS else "is"
+            self.remarks.append(f"the {found.node.bl_label} of its volume {reason} left out")
+
+    def given(self, node, name, groups):
+        """An input of a shader: one that goes by a grid, or else is the same everywhere."""
+        may_vary = name in GRIDDED or node.bl_idname == "ShaderNodeEmission"
+        try:
+            value = self._factor(node.inputs[name], groups)
+        except media.Varying:
+            if may_vary:
+                raise
+            value = None
+        if may_vary or not (value is None or isinstance(value, Gridded)):
+            return self.positive(value)
+        is_color = node.inputs[name].type == "RGBA"
+        self.remarks.append(f"{node.bl_label}, {name} of its volume varies and is taken as {'white' if is_color else 0}")
+        return [1.0] * 3 if is_color else 0.0
+
+    def _factor(self, socket, groups):
+        value = shaders.constant(socket) if not groups else None
+        if value is not None:
+            return list(value) if isinstance(value, tuple) else value
+        found = feed(socket, groups)
+        node, kind = found.node, found.node.bl_idname if found.node is not None else ""
+        parts = lambda *sockets: [self._factor(entry, found.groups) for entry in sockets]
+        if node is None:
+            return found.value
+        if kind == "ShaderNodeAttribute" and node.attribute_type == "GEOMETRY" and found.output.name != "Alpha":
+            return self._by_grid(node.attribute_name)
+        if kind == "ShaderNodeVolumeInfo":
+            return self._by_grid(VOLUME_INFO[found.output.name])
+        if kind == "ShaderNodeMath" and node.operation in ("MULTIPLY", "DIVIDE") and not node.use_clamp:
+            first, second = parts(*node.inputs[:2])
+            return self.product(first, second) if node.operation == "MULTIPLY" else self.ratio(first, second)
+        if kind == "ShaderNodeVectorMath" and node.operation in ("MULTIPLY", "SCALE"):
+            return self.product(*parts(node.inputs[0], node.inputs["Scale" if node.operation == "SCALE" else 1]))
+        raise media.Varying(node.bl_label)
+
+    def _by_grid(self, name):
+        # What asks for a grid that isn't there gets nothing.
+        return Gridded(1.0, name) if self.has(name) else 0.0
+
+    def folded(self, operation, fold, a, b):
+        names = {value.grid for value in (a, b) if isinstance(value, Gridded)}
+        if not names:
+            return super().folded(operation, fold, a, b)
+        if len(names) > 1 or operation == "divide" and isinstance(b, Gridded):
+            raise media.Varying("two grids")
+        factors = (value.factor if isinstance(value, Gridded) else value for value in (a, b))
+        return Gridded(super().folded(operation, fold, *factors), names.pop())
+
+    def cosine(self, node, groups):
+        phase = getattr(node, "phase", "HENYEY_GREENSTEIN")
+        if phase != "HENYEY_GREENSTEIN":
+            self.remarks.append(f"scattering by {phase.replace('_', ' ').title()} is the same to all sides here")
+            return 0.0
+        value = shaders.constant(node.inputs["Anisotropy"])
+        return self.given(node, "Anisotropy", groups) if value is None else value
+
+    def by_name(self, node, density):
+        grid = node.inputs["Density Attribute"].default_value
+        if self.has(node.inputs["Color Attribute"].default_value):
+            self.remarks.append("the colours of its grid are left out")
+        if not self.has(grid):
+            return density
+        if not isinstance(density, Gridded):
+            return Gridded(density, grid)
+        if density.grid != grid:
+            raise media.Varying("Density of two grids")
+        self.remarks.append(f"its density goes by the square of '{grid}' in Blender, and by '{grid}' here")
+        return density
+
+    def black_body(self, node, groups, share):
+        intensity = self.given(node, "Blackbody Intensity", groups)
+        if intensity <= 0:
+            return
+        kelvin, named = self.given(node, "Temperature", groups), node.inputs["Temperature Attribute"].default_value
+        if self.has(named):
+            if isinstance(kelvin, Gridded):
+                raise media.Varying("Temperature of two grids")
+            kelvin = Gridded(kelvin, named)
+        light = self.product(self.product(self.given(node, "Blackbody Tint", groups), intensity * share), BODY_OF_1500_KELVIN)
+        if isinstance(kelvin, Gridded):
+            self._add("heat", Gridded(light, kelvin.grid), kelvin=kelvin.factor)
+        else:
+            self._add("shine", self.product(self.product(light, (kelvin / 1500.0) ** 4), [max(c, 0.0) for c in shaders.blackbody(kelvin)]))
+
+    def add(self, density, color, cosine=0.0):
+        self._add("scatter", self.product(density, color), cosine=cosine)
+        self._add("absorb", self.product(density, self.positive(self.difference(1.0, color))))
+
+    def shine(self, light):
+        self._add("shine", light)
+
+    def _add(self, kind, value, **more):
+        factor, grid = (value.factor, value.grid) if isinstance(value, Gridded) else (value, None)
+        if any(as_triple(factor)):
+            self.parts.append(Part(kind, tuple(map(float, as_triple(factor))), grid, **more))
+
     def entries(self, place, scale, report):
-        """As files of settings have it, densities times a scale; None for what does nothing."""
+        """As scene files have it, densities times a scale; None for what does nothing."""
         for remark in self.remarks:
             report.warn(self.name, remark)
         dense = [part for part in self.parts if part.kind in ("scatter", "absorb")]
@@ -104,197 +214,8 @@ def read(material, known, report):
     """What a material says of a volume with grids of some names."""
     medium = Medium(material.name, known)
     end = shaders.end(material.node_tree) if material.use_nodes and material.node_tree is not None else None
-    feeding = shaders.source(end.inputs["Volume"]) if end is not None else None
-    if feeding is not None:
-        _read(medium, feeding.node, 1.0)
-    elif end is not None and shaders.source(end.inputs["Surface"]) is not None:
+    if end is not None and (shown := feed(end.inputs["Volume"])).node is not None:
+        medium.read(shown, 1.0)
+    elif end is not None and feed(end.inputs["Surface"]).node is not None:
         medium.remarks.append("has a surface and no volume: objects that are volumes show nothing of it")
     return medium
-
-
-def product(socket):
-    """What an input is: a factor (a number or three), and the name of the grid that it is taken times or None.
-
-    Raises Varying for all else.
-    """
-    value = shaders.constant(socket)
-    if value is not None:
-        return value, None
-    feeding = shaders.source(socket)
-    node = feeding.node if feeding is not None else None
-    if node is None or node.mute:
-        raise Varying(socket.node.bl_label)
-    if node.bl_idname == "ShaderNodeAttribute" and node.attribute_type == "GEOMETRY" and feeding.name != "Alpha":
-        return 1.0, node.attribute_name
-    if node.bl_idname == "ShaderNodeVolumeInfo":
-        return 1.0, VOLUME_INFO[feeding.name]
-    if node.bl_idname == "ShaderNodeMath" and node.operation in ("MULTIPLY", "DIVIDE") and not node.use_clamp:
-        return _combined(node, *(product(entry) for entry in node.inputs[:2]))
-    if node.bl_idname == "ShaderNodeVectorMath" and node.operation in ("MULTIPLY", "SCALE"):
-        return _combined(node, product(node.inputs[0]), product(node.inputs["Scale" if node.operation == "SCALE" else 1]))
-    raise Varying(node.bl_label)
-
-
-def _combined(node, first, second):
-    (a, grid), (b, other) = first, second
-    if node.operation == "DIVIDE":
-        if other is not None or not isinstance(b, float) or b == 0:
-            raise Varying(node.bl_label)
-        b = 1 / b
-    if grid is not None and other is not None:
-        raise Varying(f"{node.bl_label} of two grids")
-    if isinstance(a, float) and isinstance(b, float):
-        return a * b, grid or other
-    return tuple(x * y for x, y in zip(_triple(a), _triple(b))), grid or other
-
-
-def _triple(value):
-    return (value,) * 3 if isinstance(value, float) else tuple(value)
-
-
-class _Inputs:
-    """The inputs of a shader of volumes."""
-
-    def __init__(self, medium, node):
-        self.medium, self.node = medium, node
-
-    def number(self, name):
-        """An input that is the same everywhere; one that isn't is 0."""
-        value = shaders.constant(self.node.inputs[name])
-        if value is None:
-            self.medium.remarks.append(f"{self.node.bl_label}, {name} of its volume varies and is taken as 0")
-            return 0.0
-        return value
-
-    def color(self, name="Color", least=0.0):
-        value = shaders.constant(self.node.inputs[name])
-        if value is None:
-            self.medium.remarks.append(f"{self.node.bl_label}, {name} of its volume varies and is taken as white")
-            return ONE
-        return tuple(max(c, least) for c in _triple(value))
-
-    def factor(self, *names):
-        """The product of inputs, white if they are none, and the grid that it is taken times."""
-        factor, grid = ONE, None
-        for name in names:
-            own, other = product(self.node.inputs[name])
-            if other is not None and not self.medium.has(other):
-                # What asks for a grid that isn't there gets nothing.
-                return BLACK, None
-            if grid is not None and other is not None and grid != other:
-                raise Varying(f"{self.node.bl_label} of two grids")
-            factor, grid = tuple(a * max(b, 0.0) for a, b in zip(factor, _triple(own))), grid or other
-        return factor, grid
-
-    def named(self, name, otherwise=None):
-        """The grid that an input names; None if there is none of that name."""
-        grid = self.node.inputs[name].default_value
-        return grid if self.medium.has(grid) else otherwise
-
-
-def _read(medium, node, share):
-    reader = _READERS.get(node.bl_idname)
-    if reader is None or node.mute:
-        medium.remarks.append(f"the {node.bl_label} of its volume is left out")
-        return
-    try:
-        reader(medium, _Inputs(medium, node), share)
-    except Varying as varying:
-        medium.remarks.append(f"the {node.bl_label} of its volume varies by {varying}, and is left out")
-
-
-def _times(factor, *more):
-    for other in more:
-        factor = tuple(f * o for f, o in zip(factor, _triple(other)))
-    return factor
-
-
-def _cosine(given):
-    node = given.node
-    phase = getattr(node, "phase", "HENYEY_GREENSTEIN")
-    if phase != "HENYEY_GREENSTEIN":
-        given.medium.remarks.append(f"scattering by {phase.replace('_', ' ').title()} is the same to all sides here")
-        return 0.0
-    return given.number("Anisotropy")
-
-
-def _absorption(medium, given, share):
-    density, grid = given.factor("Density")
-    medium.add("absorb", _times(density, share, [max(1 - c, 0.0) for c in given.color()]), grid)
-
-
-def _scatter(medium, given, share):
-    density, grid = given.factor("Density")
-    medium.add("scatter", _times(density, share, given.color()), grid, cosine=_cosine(given))
-
-
-def _coefficients_node(medium, given, share):
-    for name, kind in (("Scatter", "scatter"), ("Absorption", "absorb"), ("Emission", "shine")):
-        factor, grid = given.factor(f"{name} Coefficients")
-        medium.add(kind, _times(factor, share), grid, **({"cosine": _cosine(given)} if kind == "scatter" else {}))
-
-
-def _emission(medium, given, share):
-    factor, grid = given.factor("Strength", "Color")
-    medium.add("shine", _times(factor, share), grid)
-
-
-def _principled(medium, given, share):
-    density, grid = given.factor("Density")
-    named = given.named("Density Attribute")
-    if grid is not None and named is not None and grid != named:
-        raise Varying("Density of two grids")
-    if grid is not None and grid == named:
-        medium.remarks.append(f"its density goes by the square of '{grid}' in Blender, and by '{grid}' here")
-    grid = grid or named
-    if given.named("Color Attribute") is not None:
-        medium.remarks.append("the colours of its grid are left out")
-    color, hidden = given.color(), given.color("Absorption Color")
-    density = _times(density, share)
-    medium.add("scatter", _times(density, color), grid, cosine=_cosine(given))
-    lost = [max(1 - c, 0.0) * max(1 - h**0.5, 0.0) for c, h in zip(color, hidden)]
-    medium.add("absorb", _times(density, lost), grid)
-    factor, shining = given.factor("Emission Strength", "Emission Color")
-    medium.add("shine", _times(factor, share), shining)
-    _black_body(medium, given, share)
-
-
-def _black_body(medium, given, share):
-    intensity = given.number("Blackbody Intensity")
-    if intensity <= 0:
-        return
-    kelvin, grid = given.factor("Temperature")
-    named = given.named("Temperature Attribute")
-    if grid is not None and named is not None:
-        raise Varying("Temperature of two grids")
-    grid, kelvin = grid or named, kelvin[0]
-    tint = _times(given.color("Blackbody Tint"), intensity * share)
-    if grid is not None:
-        medium.add("heat", _times(tint, BODY_OF_1500_KELVIN), grid, kelvin=kelvin)
-        return
-    light = BODY_OF_1500_KELVIN * (kelvin / 1500.0) ** 4
-    medium.add("shine", _times(tint, light, [max(c, 0.0) for c in shaders.blackbody(kelvin)]), None)
-
-
-def _sum(medium, given, share):
-    for socket in given.node.inputs[:2]:
-        if (feeding := shaders.source(socket)) is not None:
-            _read(medium, feeding.node, share)
-
-
-def _mix(medium, given, share):
-    factor = min(max(given.number(given.node.inputs[0].name), 0.0), 1.0)
-    for socket, part in zip(given.node.inputs[1:3], (1 - factor, factor)):
-        if part > 0 and (feeding := shaders.source(socket)) is not None:
-            _read(medium, feeding.node, share * part)
-
-
-_READERS = {
-    "ShaderNodeVolumeAbsorption": _absorption,
-    "ShaderNodeVolumeScatter": _scatter,
-    "ShaderNodeVolumePrincipled": _principled,
-    "ShaderNodeVolumeCoefficients": _coefficients_node,
-    "ShaderNodeEmission": _emission,
-    "ShaderNodeAddShader": _sum,
-    "ShaderNodeMixShader": _mix,
-}

@@ -1,4 +1,4 @@
-"""Hair: curves and the strands of particles, as files of strands beside the model, each placement in the place where it stands."""
+"""Hair: curves and the strands of particles, as files of strands beside the scene file, each placement in the place where it stands."""
 
 import math
 import os
@@ -6,7 +6,7 @@ import struct
 
 import numpy as np
 
-from . import shaders, sidecar, strand_colors, undeformed
+from . import meshes, scene_file, shaders, strand_colors, undeformed
 
 # Radius of curves without one, metres.
 USUAL_RADIUS = 0.005
@@ -66,16 +66,16 @@ class Strands:
 
 def of_curves(data):
     """The strands of an evaluated Curves object's data."""
-    counts = np.diff(_read(data.curve_offset_data, "value", 1, np.int32, len(data.curves) + 1))
-    points = _read(data.points, "position", 3, np.float32, len(data.points))
+    counts = np.diff(meshes.read(data.curve_offset_data, "value", 1, np.int32).ravel())
+    points = meshes.read(data.points, "position", 3, np.float32)
     radii = np.full(len(points), USUAL_RADIUS, np.float32)
     if (given := data.attributes.get("radius")) is not None and given.domain == "POINT":
-        radii = _read(given.data, "value", 1, np.float32, len(points))
+        radii = meshes.read(given.data, "value", 1, np.float32).ravel()
     roots = points[np.cumsum(counts) - counts]
     low, size = roots.min(0, initial=0), np.ptp(roots, axis=0) if len(roots) else 1
     found = Roots((roots - low) / np.where(size == 0, 1, size))
     if (given := data.attributes.get("surface_uv_coordinate")) is not None and given.domain == "CURVE":
-        found.uvs, found.active = {given.name: _read(given.data, "vector", 2, np.float32, len(counts))}, given.name
+        found.uvs, found.active = {given.name: meshes.read(given.data, "vector", 2, np.float32)}, given.name
     return Strands(points, counts, radii, found).where(counts > 1)
 
 
@@ -135,14 +135,8 @@ def _radii(settings, strands, steps):
     return radii.astype(np.float32)
 
 
-def _read(owner, name, size, kind, count):
-    values = np.empty(count * size, kind)
-    owner.foreach_get(name, values)
-    return values.reshape(count, size) if size > 1 else values
-
-
-def entries(found, turn, folder, name, report):
-    """The tables of all strands and of their materials; the strands go to the folder, turned to the axes of models."""
+def entries(found, folder, name, report):
+    """The tables of all strands and of their materials; the strands go to the folder."""
     tables, materials = [], {}
     for number, (place, strands, matrix, material, traits) in enumerate(found.hair):
         is_short = strands.counts <= MOST_POINTS
@@ -156,9 +150,9 @@ def entries(found, turn, folder, name, report):
             materials[key] = _material(material, report)
         settings, paint = materials[key]
         file = f"{name}.{number}.hair"
-        strands.write(os.path.join(folder, file), turn @ matrix, None if paint is None else np.clip(paint(strands, matrix), 0, 1))
+        strands.write(os.path.join(folder, file), scene_file.Y_UP @ matrix, None if paint is None else np.clip(paint(strands, matrix), 0, 1))
         tables.append(("[[curves]]", {"name": place, "file": file, "basis": "catmull-rom", "material": f"{key} (strands)", **traits}))
-    named = [(f"[materials.{sidecar.value(f'{key} (strands)')}]", settings) for key, (settings, _) in materials.items()]
+    named = [(f"[materials.{scene_file.value(f'{key} (strands)')}]", settings) for key, (settings, _) in materials.items()]
     return named + tables
 
 

@@ -40,7 +40,7 @@ def take(light, name, place, distance, folder, report):
             report.warn(place, "the node tree of this light is not carried over: its mean is taken")
         return [_factor(quotient[lit].mean(0))]
     if light.type == "AREA":
-        _write_picture(quotient, os.path.join(folder, f"{file}.exr"))
+        glow.save(quotient, os.path.join(folder, f"{file}.exr"))
         return [(1.0, [1.0] * 3, {"image": f"{file}.exr"})]
     return _profiles(quotient, _reach(light), file, folder)
 
@@ -138,17 +138,6 @@ def _plain():
     mesh = bpy.data.meshes.new("oscura plain")
     mesh.from_pydata([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], [], [(0, 1, 2, 3)])
     return mesh
-
-
-def _write_picture(pixels, path):
-    """Writes rows from below."""
-    image = glow.picture(pixels.shape[1], pixels.shape[0])
-    full = np.ones((*pixels.shape[:2], 4), np.float32)
-    full[..., :3] = pixels
-    image.pixels.foreach_set(full.ravel())
-    image.filepath_raw, image.file_format = path, "OPEN_EXR"
-    image.save()
-    bpy.data.images.remove(image)
 
 
 def write_profile(values, reach, path):

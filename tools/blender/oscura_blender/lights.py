@@ -1,4 +1,4 @@
-"""Lights: everything about them is in the file of settings; the model only has empty nodes where they stand."""
+"""Lights."""
 
 import math
 import os
@@ -19,13 +19,13 @@ LUMENS_PER_WATT, OUR_LUMENS_PER_WATT = 177.83, 683.0
 SKEW = 1e-4
 
 
-def entries(obj, node, light, exposure, links, corners, folder, report):
-    """The entries of [[lights]] for a light at a node (its name and matrix), times the film's exposure: none for lights without power, several
-    where its node tree emits by pictures. Profiles and pictures go to the folder. `corners` are those of the boxes around all visible
-    objects."""
-    if light.type == "AREA" and light.cycles.is_portal:
+def entries(obj, placed, light, exposure, links, corners, folder, report):
+    """The entries of [[lights]] for a light, without its place, times the film's exposure: none for lights without power or area, several
+    where its node tree emits by pictures. `placed` are a name for its files and its matrix. Profiles and pictures go to the folder.
+    `corners` are those of the boxes around all visible objects."""
+    if light.type == "AREA" and (light.cycles.is_portal or 0 in _size_of_area(light)):
         return []
-    found, (name, matrix) = [], node
+    found, (name, matrix) = [], placed
     for strength, color, more in _parts(obj, name, light, corners, folder, report):
         energy = light.energy * strength * exposure
         if energy == 0 or not any(color):
@@ -35,7 +35,7 @@ def entries(obj, node, light, exposure, links, corners, folder, report):
             continue
         kind, values = _shape(obj, (name, matrix.to_scale()), light, energy, more, folder, report)
         common = {"name": obj.name + more.get("end", ""), "color": color, **_common(obj, light, links)}
-        found.append({**common, kind: {"node": name, **values}})
+        found.append({**common, kind: values})
     return found
 
 
@@ -55,9 +55,9 @@ def _common(obj, light, links):
     return found
 
 
-def _shape(obj, node, light, energy, more, folder, report):
-    """The key of a light's shape at a node (its name and scale), and its values."""
-    name, scale = node
+def _shape(obj, placed, light, energy, more, folder, report):
+    """The key of a light's shape, and its values. `placed` are a name for its files and its scale."""
+    name, scale = placed
     shape = {"POINT": _point, "SPOT": _spot, "SUN": _sun, "AREA": _area}[light.type]
     kind, values = shape(light, energy, scale)
     if kind == "spot" and not (cone := cones.Cone(light, scale)).is_plain():
@@ -77,16 +77,15 @@ def _shape(obj, node, light, energy, more, folder, report):
     return kind, {**values, "ies": file, "strength": strength, "clockwise": True, "turn": 90}
 
 
-def portal(obj, name, light):
-    """The entries of [[portals]] for an area light at the node `name` that is one; round ones become rectangles around them."""
+def portal(obj, light):
+    """The entries of [[portals]] for an area light that is one, without its place; round ones become rectangles around them."""
     if light.type != "AREA" or not light.cycles.is_portal:
         return None
-    size = light.size, (light.size_y if light.shape in ("RECTANGLE", "ELLIPSE") else light.size)
-    return {"name": obj.name, "node": name, "size": [max(s, 1e-9) for s in size]}
+    return {"name": obj.name, "size": [max(s, 1e-9) for s in _size_of_area(light)]}
 
 
 def upright(matrix, light, place, report):
-    """The matrix of a light's node: that of an area light without the skew that a scaled parent gives it. Lengths and the plane of
+    """The matrix of a light: that of an area light without the skew that a scaled parent gives it. Lengths and the plane of
     its edges stay, and it shines to the side of its axis."""
     if light.type != "AREA":
         return matrix
@@ -137,11 +136,16 @@ def _sun(light, energy, _scale):
     return "sun", {"angle": math.degrees(min(light.angle, math.pi)), "irradiance": energy}
 
 
+def _size_of_area(light):
+    """Width and height of an area light. With a size of 0 it emits nothing in Cycles."""
+    return light.size, (light.size_y if light.shape in ("RECTANGLE", "ELLIPSE") else light.size)
+
+
 def _area(light, energy, scale):
-    size = light.size, (light.size_y if light.shape in ("RECTANGLE", "ELLIPSE") else light.size)
+    size = _size_of_area(light)
     is_round = light.shape in ("DISK", "ELLIPSE")
     area = size[0] * size[1] * abs(scale.x * scale.y) * (math.pi / 4 if is_round else 1)
-    values = {"size": [max(s, 1e-9) for s in size]}
+    values = {"size": list(size)}
     if is_round:
         values["shape"] = "ellipse"
     spread = math.degrees(light.spread)
@@ -151,7 +155,7 @@ def _area(light, energy, scale):
 
 
 def _profile(node, name, light, folder, place, report):
-    """The file of a light's profile beside the model; None where there is none, or where it can't be used."""
+    """The file of a light's profile beside the scene file; None where there is none, or where it can't be used."""
     if light.type not in ("POINT", "SPOT"):
         report.warn(place, "profiles (IES) are carried over of points and spots only: this light shines evenly")
         return None

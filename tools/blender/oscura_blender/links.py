@@ -4,7 +4,7 @@ KEYS = (("light_link", "receiver_collection"), ("shadow_link", "blocker_collecti
 
 
 class Links:
-    """The collections that lights are linked to, and the nodes of the model that they hold."""
+    """The collections that lights are linked to, and the objects that they hold."""
 
     def __init__(self, objects):
         self.members = {}  # by the name of a collection: names of objects that it includes, and of those that it excludes

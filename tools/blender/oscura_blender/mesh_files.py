@@ -1,27 +1,22 @@
-"""Meshes as binary PLY: triangles with their materials by number, normals, texture coordinates and named attributes, in the axes of Blender."""
+"""Meshes as binary PLY: triangles with their materials by number, normals, texture coordinates and named attributes, in the
+axes of Blender; and the places of copies."""
+
+from itertools import chain
 
 import numpy as np
 
 from . import brushed, meshes, undeformed
-
-# Numbers of an attribute by its type, and the key of its values.
-TYPES = {
-    "FLOAT": ("value", 1),
-    "INT": ("value", 1),
-    "INT8": ("value", 1),
-    "BOOLEAN": ("value", 1),
-    "FLOAT2": ("vector", 2),
-    "FLOAT_VECTOR": ("vector", 3),
-    "FLOAT_COLOR": ("color", 4),
-    "BYTE_COLOR": ("color", 4),
-    "QUATERNION": ("value", 4),
-}
+from .scene_file import Y_UP
 
 # Odd numbers by which the bits of a corner's columns are mixed to one.
 MIX = (0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F)
 
 GENERATED = "generated"
 NORMAL = ("nx", "ny", "nz")
+
+# Properties of the places of copies, and those that nodes ask for.
+PLACE = ("x", "y", "z", *(f"m{row}{column}" for row in range(3) for column in range(3)))
+INFO = ("red", "green", "blue", "alpha", "index", "random")
 
 
 class Column:
@@ -73,25 +68,38 @@ class MeshFile:
 
     def _write(self, path, columns, labels):
         columns = [Column(("x", "y", "z"), meshes.positions(self.mesh), True), *columns]
-        read = [column.values if self.first is None else column.of(self.first, self.vertices) for column in columns]
-        rows = np.concatenate(read, 1)
-        properties = [name for column in columns for name in column.names]
-        head = ["ply", "format binary_little_endian 1.0"]
-        head += [f"comment oscura attribute {index} {width} {name}" for index, width, name in labels]
-        head += [f"element vertex {len(rows)}", *(f"property float {name}" for name in properties)]
-        head += [f"element face {len(self.triangles)}", "property list uchar int vertex_indices"]
-        kind = [("count", "u1"), ("corners", "<i4", 3)]
-        if self.last > 0:
-            head.append("property ushort material_index")
-            kind.append(("material", "<u2"))
+        rows = np.concatenate([column.values if self.first is None else column.of(self.first, self.vertices) for column in columns], 1)
+        kind = [("count", "u1"), ("corners", "<i4", 3)] + ([("material", "<u2")] if self.last > 0 else [])
         faces = np.empty(len(self.triangles), kind)
         faces["count"], faces["corners"] = 3, self.triangles
         if self.last > 0:
             faces["material"] = self.materials
-        with open(path, "wb") as file:
-            file.write("\n".join([*head, "end_header\n"]).encode())
-            file.write(np.ascontiguousarray(rows, "<f4").data)
+        remarks = [f"comment oscura attribute {index} {width} {name}" for index, width, name in labels]
+        _write_ply(path, [name for column in columns for name in column.names], rows, remarks, faces)
+
+
+def _write_ply(path, names, rows, remarks=(), faces=None):
+    """Writes vertices, rows of numbers of these names, and faces, if there are some."""
+    head = ["ply", "format binary_little_endian 1.0", *remarks, f"element vertex {len(rows)}", *(f"property float {name}" for name in names)]
+    if faces is not None:
+        head += [f"element face {len(faces)}", "property list uchar int vertex_indices"]
+        head += ["property ushort material_index"] if "material" in faces.dtype.names else []
+    with open(path, "wb") as file:
+        file.write("\n".join([*head, "end_header\n"]).encode())
+        file.write(np.ascontiguousarray(rows, "<f4").data)
+        if faces is not None:
             file.write(faces.view("u1").data)
+
+
+def write_places(path, copies):
+    """Writes the matrices of copies, and what nodes know of each."""
+    flat = chain.from_iterable(chain.from_iterable(matrix for matrix, _ in copies))
+    matrices = np.array(Y_UP) @ np.fromiter(flat, np.float64, 16 * len(copies)).reshape(-1, 4, 4)
+    columns, names = [matrices[:, :3, 3], matrices[:, :3, :3].reshape(-1, 9)], PLACE
+    if copies[0][1]:
+        columns.append(np.array([[*info["color"], info["index"], info["random"]] for _, info in copies]))
+        names += INFO
+    _write_ply(path, names, np.concatenate(columns, 1))
 
 
 def _columns(mesh, names, tangents):
@@ -118,10 +126,8 @@ def _attributes(mesh, names):
     """The attributes of these names: name, values, and whether they are those of vertices; others are spread to corners."""
     for name in sorted(names):
         found = mesh.attributes.get(undeformed.ATTRIBUTE if name == GENERATED else name)
-        if found is not None and found.data_type in TYPES and len(found.data):
-            key, width = TYPES[found.data_type]
-            kind = {"INT": np.int32, "INT8": np.int32, "BOOLEAN": bool}.get(found.data_type, np.float32)
-            values = meshes.read(found.data, key, width, kind).astype(np.float32)
+        if found is not None and found.data_type in meshes.ATTRIBUTES and len(found.data):
+            values = meshes.read(found.data, *meshes.ATTRIBUTES[found.data_type]).astype(np.float32)
             yield name, _on_corners(mesh, found.domain, values), found.domain == "POINT"
         elif name == GENERATED and not mesh.use_auto_texspace:
             yield name, undeformed.coordinates(mesh, meshes.positions(mesh)), True

@@ -7,6 +7,22 @@ import bpy
 import numpy as np
 
 
+# What the values of attributes are called, how many numbers each has, and of what type they are.
+ATTRIBUTES = {
+    "FLOAT": ("value", 1, np.float32),
+    "INT": ("value", 1, np.int32),
+    "INT8": ("value", 1, np.int32),
+    "BOOLEAN": ("value", 1, bool),
+    "INT16_2D": ("value", 2, np.int32),
+    "INT32_2D": ("value", 2, np.int32),
+    "FLOAT2": ("vector", 2, np.float32),
+    "FLOAT_VECTOR": ("vector", 3, np.float32),
+    "FLOAT_COLOR": ("color", 4, np.float32),
+    "BYTE_COLOR": ("color", 4, np.float32),
+    "QUATERNION": ("value", 4, np.float32),
+}
+
+
 def read(owner, key, width, kind):
     """A property of all elements of a collection: a row of `width` numbers each."""
     values = np.empty(width * len(owner), kind)

@@ -4,7 +4,7 @@ another shape gets motion keys, in which the picture has its moment."""
 import bpy
 import numpy as np
 
-from . import context, geometry, meshes
+from . import context, geometry, meshes, scene_file
 
 POSITIONS = {"START": "start", "CENTER": "centre", "END": "end"}
 
@@ -16,7 +16,7 @@ MOST_STEPS = 5
 
 
 class Shutter:
-    """How long it is open, frames; when, as files of settings have it; and whether motion vectors are wanted."""
+    """How long it is open, frames; when, as scene files have it; and whether motion vectors are wanted."""
 
     def __init__(self, frames, position, has_vectors):
         self.frames, self.position, self.has_vectors = frames, position, has_vectors
@@ -45,20 +45,11 @@ def shutter(scene, options, layer):
 class Moves:
     """Where things are at moments; what stands still is not among them."""
 
-    def __init__(self, offsets, fps):
-        self.offsets, self.fps = offsets, fps
-        # Nothing of an animation is before its beginning.
-        self.moment = (max(-offsets[0], 1.0) + 1.0) / fps
+    def __init__(self, offsets):
+        self.offsets = offsets  # frames from the picture's on
         self.matrices = {}  # by what tells placements, cameras and lights apart
         self.shapes = {}  # positions of vertices by the name of the mesh object
         self.volumes = {}  # matrices of volume objects while the shutter is open, by the same marks
-
-    def times(self):
-        return [self.moment + offset / self.fps for offset in self.offsets]
-
-    def frames(self):
-        """The same in frames."""
-        return [self.moment * self.fps + offset for offset in self.offsets]
 
     def shapes_of(self, holder, name, report):
         """The places of the vertices of a mesh at all moments, if it deforms; those that were changed on the way are lost."""
@@ -72,8 +63,9 @@ class Moves:
         return shapes
 
     def of(self, mark):
-        """The matrices of something that moves; None for others."""
-        return self.matrices.get(mark)
+        """The matrices of something that moves; None for others, and for what has no extent at some moment."""
+        found = self.matrices.get(mark, ())
+        return found if found and not any(map(scene_file.is_flat, found)) else None
 
     def drop_the_still(self):
         """Forgets what doesn't move, and what is not there all the time."""
@@ -96,8 +88,8 @@ def record(scene, graph, found, shutter):
     now = scene.frame_current_final
     keys = _keys(found)
     offsets, open_at = shutter.offsets(keys), shutter.open_at(keys)
-    moves = Moves(offsets, scene.render.fps / scene.render.fps_base)
-    first = {marks[0]: name for name, marks in found.marks.items() if marks}
+    moves = Moves(offsets)
+    first = {places[0].mark: name for name, places in found.placements.items() if places}
     for offset in offsets:
         context.go(scene, now + offset)
         _look(scene, graph, first, moves, offset in open_at)
@@ -108,7 +100,7 @@ def record(scene, graph, found, shutter):
 
 def _keys(found):
     """How many moments the most exacting object asks for."""
-    names = {mark[0] for marks in found.marks.values() for mark in marks}
+    names = {place.mark[0] for places in found.placements.values() for place in places}
     settings = (getattr(bpy.data.objects[name], "cycles", None) for name in names if name in bpy.data.objects)
     steps = max((s.motion_steps for s in settings if s is not None and s.use_motion_blur), default=1)
     return max(KEYS, 2 ** min(steps, MOST_STEPS) + 1)

@@ -1,4 +1,4 @@
-"""Node trees as graphs that oscura evaluates: each node of Blender becomes one of the file of settings, with groups, reroutes and muted
+"""Node trees as graphs that oscura evaluates: each node of Blender becomes one of the scene file, with groups, reroutes and muted
 nodes resolved. Nodes without a counterpart are baked (`bakes.py`), and shaders without one become the most similar one."""
 
 from . import bakes, facets, image_files, mesh_files, shaders
@@ -91,6 +91,16 @@ KINDS = {
     "ShaderNodeLayerWeight": Kind("layer_weight", _same("Blend", "Normal"), _same("Fresnel", "Facing")),
     "ShaderNodeBlackbody": Kind("blackbody", _same("Temperature"), _same("Color")),
     "ShaderNodeWavelength": Kind("wavelength", _same("Wavelength"), _same("Color")),
+    "ShaderNodeNewGeometry": Kind("geometry", {}, _same("Position", "Normal", "Tangent", "True Normal", "Incoming", "Parametric", "Backfacing")),
+    "ShaderNodeWireframe": Kind("wireframe", _same("Size"), FACTOR, ("use_pixel_size",)),
+    "ShaderNodeLightPath": Kind(
+        "light_path",
+        {},
+        _same(
+            *(f"Is {kind} Ray" for kind in ("Camera", "Shadow", "Diffuse", "Glossy", "Singular", "Reflection", "Transmission", "Volume Scatter")),
+            *("Ray Length", "Ray Depth"),
+        ),
+    ),
     "ShaderNodeCameraData": Kind("camera_data", {}, _same("View Vector", "View Z Depth", "View Distance")),
     "ShaderNodeVectorTransform": Kind(
         "vector_transform", _same("Vector"), _same("Vector"), ("vector_type", "convert_from", "convert_to")
@@ -248,6 +258,15 @@ def _zero(output):
     return None if output.type == "SHADER" else 0.0 if output.type == "VALUE" else [0.0, 0.0, 0.0]
 
 
+def as_triple(value):
+    return [value] * 3 if isinstance(value, (int, float)) else value
+
+
+def is_number(value, number):
+    """Is a value this number, in all of its parts?"""
+    return isinstance(value, (int, float, list)) and all(part == number for part in as_triple(value))
+
+
 class Graph:
     """The nodes of a material, written one after another."""
 
@@ -282,6 +301,22 @@ class Graph:
         name = f"{entries['type']}_{len(self.nodes)}"
         self.nodes[name] = entries
         return name
+
+    # Arithmetic of values, which are numbers, lists of three, or outputs of nodes: folded where they are constant.
+
+    def folded(self, operation, fold, a, b):
+        if isinstance(a, str) or isinstance(b, str):
+            return f"{self.made({'type': 'vector_math', 'operation': operation, 'a': a, 'b': b})}.vector"
+        pairs = zip(as_triple(a), as_triple(b), strict=True)
+        return [fold(x, y) for x, y in pairs] if isinstance(a, list) or isinstance(b, list) else fold(a, b)
+
+    def sum(self, a, b):
+        return b if is_number(a, 0.0) else a if is_number(b, 0.0) else self.folded("add", lambda x, y: x + y, a, b)
+
+    def product(self, a, b):
+        if is_number(a, 0.0) or is_number(b, 0.0):
+            return 0.0
+        return b if is_number(a, 1.0) else a if is_number(b, 1.0) else self.folded("multiply", lambda x, y: x * y, a, b)
 
     def shader(self, found):
         """The name of a shader; None for none."""
@@ -715,13 +750,7 @@ def _curves(name, count, key):
     return write
 
 
-# Outputs of nodes that oscura doesn't have.
-LACKING = ("Pointiness", "Random Per Island", "Diffuse Depth", "Glossy Depth", "Transparent Depth", "Transmission Depth", "Portal Depth")
-
-
 def _by_name(node, socket):
-    if socket.name in LACKING:
-        raise Unsupported(f"{socket.name} of {node.bl_label}")
     return socket.name.lower().replace(" ", "_")
 
 
@@ -735,10 +764,6 @@ def _coordinates(graph, node, groups):
         inverse = node.object.matrix_world.inverted_safe()
         entries["object_matrix"] = [float(x) for row in list(inverse)[:3] for x in row]
     return entries
-
-
-def _geometry(graph, node, groups):
-    return {"type": "geometry"}
 
 
 def _uv_map(graph, node, groups):
@@ -772,16 +797,6 @@ def _tangent(graph, node, groups):
     if node.direction_type == "UV_MAP" and node.uv_map:
         graph.baker.warn(f"{node.bl_label} of the UV map '{node.uv_map}' is that of the active one")
     return {"type": "tangent", "direction_type": node.direction_type.lower(), "axis": node.axis.lower()}
-
-
-def _wireframe(graph, node, groups):
-    entries = {"type": "wireframe", "use_pixel_size": node.use_pixel_size}
-    graph.put(entries, "size", node.inputs[0], groups)
-    return entries
-
-
-def _light_path(graph, node, groups):
-    return {"type": "light_path"}
 
 
 def _normal_map(graph, node, groups):
@@ -871,14 +886,11 @@ def _first(_node, socket):
 
 SPECIAL = {
     "ShaderNodeTexCoord": (_coordinates, _by_name),
-    "ShaderNodeNewGeometry": (_geometry, _by_name),
     "ShaderNodeUVMap": (_uv_map, _by_name),
     "ShaderNodeAttribute": (_attribute, lambda node, socket: {"Fac": "factor"}.get(socket.name, socket.name.lower())),
     "ShaderNodeVertexColor": (_color_attribute, _by_name),
     "ShaderNodeObjectInfo": (_object_info, _by_name),
     "ShaderNodeTangent": (_tangent, _by_name),
-    "ShaderNodeWireframe": (_wireframe, lambda node, socket: "factor"),
-    "ShaderNodeLightPath": (_light_path, _by_name),
     "ShaderNodeNormalMap": (_normal_map, _by_name),
     "ShaderNodeBump": (_bump, _by_name),
     "ShaderNodeNormal": (_normal, _by_name),

@@ -127,7 +127,7 @@ def _random_of(instance, original):
 
 
 def hashed(number):
-    """The hash of two words, a number and 0 (Jenkins' lookup3)."""
+    """The hash of two words, a number (or each of an array) and 0 (Jenkins' lookup3)."""
     turned = lambda x, k: ((x << k) | (x >> (32 - k))) & MASK
     a = b = c = (0xDEADBEEF + (2 << 2) + 13) & MASK
     a = (a + number) & MASK

@@ -14,7 +14,7 @@ def tell_of_upright(holder, slot, found, report):
     if _stands(holder, slot, found):
         message = "a single upright sheet of glass bends light as if a solid began there, as in Cycles"
         material = holder.data.materials[slot].name
-        report.note(material, f"{message}; with a thickness (a Solidify modifier) or --glass panes light passes it straight")
+        report.note(material, f"{message}; with a thickness (a Solidify modifier) light passes it straight")
 
 
 def _stands(holder, slot, found):
@@ -30,5 +30,5 @@ def _stands(holder, slot, found):
     size = float(np.ptp(centers, 0).max())
     if np.abs(np.abs(normals @ axis) - 1).max() > STRAIGHT or np.abs(heights).max() > STRAIGHT * size:
         return False
-    turned = [np.linalg.inv(np.array(matrix.to_3x3())).T @ axis for _, matrix in found.placements[holder.name] if matrix.determinant()]
+    turned = [np.linalg.inv(np.array(matrix.to_3x3())).T @ axis for _, matrix, *_ in found.placements[holder.name] if matrix.determinant()]
     return bool(turned) and all(abs(up[2]) < UPRIGHT * np.linalg.norm(up) for up in turned)

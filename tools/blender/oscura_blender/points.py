@@ -12,19 +12,6 @@ MOST_FACES = 1_000_000
 LEVELS = (4, 3, 2, 1)
 FACES = (1280, 320, 80, 20)
 
-# What an attribute of a kind is called in its values, its numbers, and of what type they are.
-KINDS = {
-    "FLOAT": ("value", 1, np.float32),
-    "INT": ("value", 1, np.int32),
-    "INT8": ("value", 1, np.int8),
-    "BOOLEAN": ("value", 1, bool),
-    "FLOAT2": ("vector", 2, np.float32),
-    "FLOAT_VECTOR": ("vector", 3, np.float32),
-    "FLOAT_COLOR": ("color", 4, np.float32),
-    "BYTE_COLOR": ("color", 4, np.float32),
-    "QUATERNION": ("value", 4, np.float32),
-}
-
 # What is in the shape already.
 SHAPE = ("position", "radius")
 
@@ -71,9 +58,9 @@ def _sphere(level):
 
 def _repeat(attribute, mesh, corners):
     """Gives all corners of a point's sphere what the point has."""
-    if attribute.name in SHAPE or attribute.name.startswith(".") or attribute.data_type not in KINDS:
+    if attribute.name in SHAPE or attribute.name.startswith(".") or attribute.data_type not in meshes.ATTRIBUTES:
         return
-    key, size, kind = KINDS[attribute.data_type]
+    key, size, kind = meshes.ATTRIBUTES[attribute.data_type]
     values = meshes.read(attribute.data, key, size, kind)
     own = mesh.attributes.new(attribute.name, attribute.data_type, "POINT")
     own.data.foreach_set(key, np.repeat(values, corners, axis=0).ravel())

@@ -5,8 +5,7 @@ of their vertices, and bumps are a node of the surface's graph."""
 import bpy
 import numpy as np
 
-from . import glow, meshes, shaders, undeformed
-from .context import choose, opened
+from . import glow, meshes, shaders, trees, undeformed
 
 HEIGHTS = "oscura heights"
 
@@ -25,16 +24,9 @@ def object_scale(material, node):
 
 def displace(holders, found, report):
     """Moves the vertices of all meshes with materials that displace them."""
-    wanted = [holder for holder in holders if is_displaced(holder)]
-    if not wanted:
-        return
-    bake_scene = glow.new_scene()
-    try:
-        with opened(bake_scene):
-            for holder in wanted:
-                _displace(holder, found.placements[holder.name][0][1], bake_scene, report)
-    finally:
-        bpy.data.scenes.remove(bake_scene)
+    for holder in holders:
+        if is_displaced(holder):
+            _displace(holder, found.placements[holder.name][0].matrix, report)
 
 
 def is_displaced(holder):
@@ -52,9 +44,9 @@ def _displaces(material):
     return material.displacement_method != "BUMP" and _node(material) is not None
 
 
-def _displace(holder, matrix, bake_scene, report):
+def _displace(holder, matrix, report):
     mesh = holder.data
-    bake = lambda feed: _baked(holder, matrix, bake_scene, feed)
+    bake = lambda feed: _baked(holder, matrix, feed)
     offsets = np.zeros((len(mesh.vertices), 3), np.float32)
     along_normals = {_is_along_normals(material) for material in mesh.materials if material is not None and _displaces(material)}
     if True in along_normals:
@@ -69,28 +61,40 @@ def _displace(holder, matrix, bake_scene, report):
     _move(mesh, offsets)
 
 
-def _baked(holder, matrix, bake_scene, feed):
+def _baked(holder, matrix, feed):
     """Three numbers for each vertex: the light of its materials after `feed` linked nodes to an emission."""
     mesh = holder.data
     layer = mesh.color_attributes.new(HEIGHTS, "FLOAT_COLOR", "POINT")
     active = mesh.color_attributes.active_color_index
     mesh.color_attributes.active_color = layer
     holder.matrix_world = matrix
-    bake_scene.collection.objects.link(holder)
-    undo = [_shine(material, matrix, feed) for material in dict.fromkeys(mesh.materials) if material is not None]
+    shown = list(mesh.materials)
+    shining = {material: _shining(material, matrix, feed) for material in shown if material is not None}
+    for slot, material in enumerate(shown):
+        mesh.materials[slot] = shining.get(material)
     try:
-        choose(holder, bake_scene)
-        bpy.ops.object.bake(type="EMIT", target="VERTEX_COLORS")
+        with glow.stage(holder):
+            bpy.ops.object.bake(type="EMIT", target="VERTEX_COLORS")
         found = np.empty(len(mesh.vertices) * 4, np.float32)
         mesh.color_attributes[HEIGHTS].data.foreach_get("color", found)
     finally:
-        for restore in undo:
-            restore()
-        bake_scene.collection.objects.unlink(holder)
+        for slot, material in enumerate(shown):
+            mesh.materials[slot] = material
+        for material in shining.values():
+            bpy.data.materials.remove(material)
         holder.matrix_world.identity()
         mesh.color_attributes.remove(mesh.color_attributes[HEIGHTS])
         mesh.color_attributes.active_color_index = min(active, len(mesh.color_attributes) - 1)
     return np.nan_to_num(found.reshape(-1, 4)[:, :3])
+
+
+def _shining(material, matrix, feed):
+    """A copy of a material that shines with what displaces it."""
+    own = trees.copied(material)
+    light = glow.light(own.node_tree, shaders.end(own.node_tree))
+    if _displaces(own):
+        feed(own, light, matrix)
+    return own
 
 
 def _move(mesh, offsets):
@@ -114,87 +118,53 @@ def _kept_normals(mesh):
     return normals * np.repeat(stays[meshes.material_slots(mesh)], meshes.face_sizes(mesh))[:, None]
 
 
-def _shine(material, matrix, feed):
-    """Lets a material shine with what displaces it; gives what undoes it."""
-    tree = material.node_tree
-    end = shaders.end(tree)
-    before = shaders.source(end.inputs["Surface"])
-    glow = tree.nodes.new("ShaderNodeEmission")
-    glow.inputs["Color"].default_value = (0, 0, 0, 1)
-    made = [glow]
-    if _displaces(material):
-        made += feed(material, glow, matrix)
-    tree.links.new(glow.outputs[0], end.inputs["Surface"])
-
-    def restore():
-        for other in made:
-            tree.nodes.remove(other)
-        if before is not None:
-            tree.links.new(before, end.inputs["Surface"])
-
-    return restore
-
-
 def _is_along_normals(material):
     """Does it move vertices along the normals of the mesh?"""
     node = _node(material)
     return node.bl_idname == "ShaderNodeDisplacement" and shaders.source(node.inputs["Normal"]) is None
 
 
-def _heights(material, glow, matrix):
+def _heights(material, light, matrix):
     """Feeds (Height - Midlevel) * Scale as its positive and its negative part: light has no sign."""
     tree, node = material.node_tree, _node(material)
     if not _is_along_normals(material):
-        return []
+        return
     size = abs(matrix.to_3x3().determinant()) ** (1 / 3) if node.space == "WORLD" else 1.0
-    math = lambda operation: _math(tree, operation)
-    above, scaled, local, below = math("SUBTRACT"), math("MULTIPLY"), math("DIVIDE"), math("MULTIPLY")
-    _join(tree, node.inputs["Height"], above.inputs[0])
-    _join(tree, node.inputs["Midlevel"], above.inputs[1])
-    tree.links.new(above.outputs[0], scaled.inputs[0])
-    _join(tree, node.inputs["Scale"], scaled.inputs[1])
-    tree.links.new(scaled.outputs[0], local.inputs[0])
-    local.inputs[1].default_value = max(size, 1e-9)
-    tree.links.new(local.outputs[0], below.inputs[0])
-    below.inputs[1].default_value = -1.0
-    parts = [math("MAXIMUM"), math("MAXIMUM")]
+    above = _math(tree, "SUBTRACT", node.inputs["Height"], node.inputs["Midlevel"])
+    local = _math(tree, "DIVIDE", _math(tree, "MULTIPLY", above, node.inputs["Scale"]), max(size, 1e-9))
     both = tree.nodes.new("ShaderNodeCombineXYZ")
-    for k, (part, source) in enumerate(zip(parts, (local, below))):
-        tree.links.new(source.outputs[0], part.inputs[0])
-        part.inputs[1].default_value = 0.0
-        tree.links.new(part.outputs[0], both.inputs[k])
-    tree.links.new(both.outputs[0], glow.inputs["Color"])
-    return [above, scaled, local, below, *parts, both]
+    for part, sign in zip(both.inputs, (1.0, -1.0)):
+        tree.links.new(_math(tree, "MAXIMUM", _math(tree, "MULTIPLY", local, sign), 0.0), part)
+    tree.links.new(both.outputs[0], light.inputs["Color"])
 
 
 def _vectors(sign):
     """Feeds the positive or the negative part of the vector in world space that displaces."""
 
-    def feed(material, glow, _):
+    def feed(material, light, _):
         tree = material.node_tree
         if _is_along_normals(material):
-            return []
+            return
         scaled, part = tree.nodes.new("ShaderNodeVectorMath"), tree.nodes.new("ShaderNodeVectorMath")
         scaled.operation, part.operation = "MULTIPLY", "MAXIMUM"
         tree.links.new(shaders.source(shaders.end(tree).inputs["Displacement"]), scaled.inputs[0])
         scaled.inputs[1].default_value = (sign, sign, sign)
         tree.links.new(scaled.outputs[0], part.inputs[0])
         part.inputs[1].default_value = (0.0, 0.0, 0.0)
-        tree.links.new(part.outputs[0], glow.inputs["Color"])
-        return [scaled, part]
+        tree.links.new(part.outputs[0], light.inputs["Color"])
 
     return feed
 
 
-def _math(tree, operation):
+def _math(tree, operation, *given):
+    """The output of a node of inputs of others, outputs and numbers."""
     node = tree.nodes.new("ShaderNodeMath")
     node.operation = operation
-    return node
-
-
-def _join(tree, socket, target):
-    source = shaders.source(socket)
-    if source is not None:
-        tree.links.new(source, target)
-    else:
-        target.default_value = socket.default_value
+    for target, value in zip(node.inputs, given):
+        if isinstance(value, float):
+            target.default_value = value
+        elif value.is_output:
+            tree.links.new(value, target)
+        else:
+            shaders.feed(tree, value, target)
+    return node.outputs[0]

@@ -18,17 +18,12 @@ class Report:
     def __init__(self):
         self.warnings = []
         self.notes = []
-        self.told = {}
 
     def warn(self, place, message):
         self._add(self.warnings, place, message)
 
     def note(self, place, message):
         self._add(self.notes, place, message)
-
-    def tell(self, **values):
-        """Answers more than messages."""
-        self.told.update(values)
 
     @staticmethod
     def _add(messages, place, message):
@@ -37,7 +32,7 @@ class Report:
             messages.append((place, message))
 
     def write(self, path, error=None):
-        answer = {"error": error, "warnings": self.warnings, "notes": self.notes, **self.told}
+        answer = {"error": error, "warnings": self.warnings, "notes": self.notes}
         with open(path, "w", encoding="utf-8") as file:
             json.dump(answer, file)
 

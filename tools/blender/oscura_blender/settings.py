@@ -3,7 +3,7 @@
 import bpy
 import numpy as np
 
-from . import facets, view_table
+from . import facets, node_graph, view_table
 from .context import ENGINE
 
 # The working space of oscura, and of Blender's scenes unless they say otherwise.
@@ -237,19 +237,5 @@ def _is_composed(scene):
         return False
     ends = [node for node in tree.nodes if node.type in ("COMPOSITE", "GROUP_OUTPUT") and node.inputs]
     end = next((node for node in ends if getattr(node, "is_active_output", True)), None)
-    origin = _origin(end.inputs[0]) if end is not None else None
+    origin = node_graph.feed(end.inputs[0]).output if end is not None else None
     return origin is not None and (origin.node.type, origin.name) != ("R_LAYERS", "Image")
-
-
-def _origin(given):
-    """The output that an input is linked to, past reroutes and nodes that are off."""
-    while given is not None and given.is_linked:
-        output = given.links[0].from_socket
-        if output.node.type == "REROUTE":
-            given = output.node.inputs[0]
-        elif output.node.mute:
-            through = [link.from_socket for link in output.node.internal_links if link.to_socket == output]
-            given = through[0] if through else None
-        else:
-            return output
-    return None

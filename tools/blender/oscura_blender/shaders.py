@@ -2,7 +2,7 @@
 
 import bpy
 
-from . import glow
+from . import stills
 
 _MATH = {
     "ADD": lambda a, b: a + b,
@@ -82,19 +82,16 @@ def blackbody(temperature):
 
 
 def _evaluated_blackbody(temperature):
-    """The same where lights don't tell it (before Blender 4.5)."""
-    material = bpy.data.materials.new("oscura body")
-    try:
-        material.use_nodes = True
-        tree = material.node_tree
-        body = tree.nodes.new("ShaderNodeBlackbody")
-        body.inputs[0].default_value = temperature
-        feed_body = lambda inputs: tree.links.new(body.outputs[0], inputs["Color"])
-        with glow.board([material]):
-            pixels = glow.baked(4, 4, [lambda image: glow.shine(tree, end(tree), output(tree), image, feed_body)])
-        return tuple(float(c) for c in pixels[2, 2, :3])
-    finally:
-        bpy.data.materials.remove(material)
+    """The same where lights don't tell it (before Blender 4.5): a world of that colour."""
+    world = bpy.data.worlds.new("oscura body")
+    world.use_nodes = True
+    body = world.node_tree.nodes.new("ShaderNodeBlackbody")
+    body.inputs[0].default_value = temperature
+    world.node_tree.links.new(body.outputs[0], world.node_tree.nodes["Background"].inputs["Color"])
+    with stills.around(world) as scene:
+        stills.look_along(scene, 1.0)
+        stills.prepare(scene, (4, 4), 1)
+        return tuple(float(c) for c in stills.shown(scene)[2, 2])
 
 
 def end(tree):

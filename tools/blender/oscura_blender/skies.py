@@ -2,13 +2,12 @@
 
 import math
 import os
-from contextlib import contextmanager
 
 import bpy
 import numpy as np
 from mathutils import Vector
 
-from . import cache, context, fingerprint, stills
+from . import cache, fingerprint, stills
 
 # Width of the picture of a sky.
 WIDTH = 2048
@@ -40,7 +39,7 @@ def file(node, target, number):
 
     key = cache.digest()
     key.update(repr(("sky", WIDTH, _settings(node))).encode())
-    _kept(key, target, make).tofile(path)
+    target.store.kept(key, make).tofile(path)
     return name
 
 
@@ -54,37 +53,23 @@ def sun(world, node, target):
     key = cache.digest()
     key.update(repr(("sun", EDGE)).encode())
     fingerprint.add_tree(key, world.node_tree)
-    irradiance = _kept(key, target, lambda: _irradiance(world, to_sun, angle))
+    irradiance = target.store.kept(key, lambda: _irradiance(world, to_sun, angle))
     return (to_sun, angle, [float(c) for c in irradiance]) if irradiance.min() > 0 else None
 
 
 def _irradiance(world, to_sun, angle):
     """Irradiance of a surface that faces a disk in a direction, without the light around the disk, in three colours; 0 where there is no disk."""
-    scene = context.new_scene("oscura sun")
-    own = world.copy()
-    try:
-        own.cycles.sampling_method = "NONE"  # nothing is lit
-        scene.world = own
-        _look_at(scene, to_sun, AROUND * angle)
+    with stills.around(world.copy()) as scene:
+        camera = bpy.data.cameras.new("oscura camera")
+        camera.angle, camera.clip_start = AROUND * angle, 1e-4
+        stills.place(scene, camera, rotation_euler=to_sun.to_track_quat("-Z", "Y").to_euler())
         stills.prepare(scene, (EDGE, EDGE), 1)
         pixels = stills.shown(scene)
-    finally:
-        bpy.data.scenes.remove(scene)
-        bpy.data.worlds.remove(own)
     at = AROUND * ((np.arange(EDGE) + 0.5) / EDGE * 2 - 1)
     radius = np.hypot(*np.meshgrid(at, at))
     disk = pixels - pixels[radius > 1.1].mean(0)
     solid_angle = (2 * math.tan(AROUND * angle / 2) / EDGE) ** 2
     return disk[radius < 1.05].sum(0) * solid_angle if (disk[radius < 0.9] > 0).all() else np.zeros(3)
-
-
-def _kept(key, target, make):
-    """An array from the cache, else made and cached."""
-    kept = target.store.get(key.hexdigest())
-    if kept is None:
-        kept = {"made": make()}
-        target.store.put(key.hexdigest(), kept)
-    return kept["made"]
 
 
 def _settings(node):
@@ -98,31 +83,15 @@ def _settings(node):
     return sorted(values.items())
 
 
-@contextmanager
 def _alone(node):
     """A scene that shows nothing but a sky, without the disk of its sun."""
-    scene, world = context.new_scene("oscura sky"), bpy.data.worlds.new("oscura sky")
-    try:
-        world.use_nodes = True
-        world.cycles.sampling_method = "NONE"  # nothing is lit
-        tree = world.node_tree
-        tree.nodes.clear()
-        sky, shader, end = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("TexSky", "Background", "OutputWorld"))
-        for key, value in _settings(node):
-            if not sky.is_property_readonly(key):
-                setattr(sky, key, value)
-        sky.sun_disc = False
-        tree.links.new(sky.outputs[0], shader.inputs["Color"])
-        tree.links.new(shader.outputs[0], end.inputs["Surface"])
-        scene.world = world
-        yield scene
-    finally:
-        bpy.data.scenes.remove(scene)
-        bpy.data.worlds.remove(world)
-
-
-def _look_at(scene, direction, angle):
-    """A camera at the origin that looks in a direction and sees an angle."""
-    camera = bpy.data.cameras.new("oscura camera")
-    camera.angle, camera.clip_start = angle, 1e-4
-    stills.place(scene, camera, rotation_euler=direction.to_track_quat("-Z", "Y").to_euler())
+    world = bpy.data.worlds.new("oscura sky")
+    world.use_nodes = True
+    tree = world.node_tree
+    sky = tree.nodes.new("ShaderNodeTexSky")
+    for key, value in _settings(node):
+        if not sky.is_property_readonly(key):
+            setattr(sky, key, value)
+    sky.sun_disc = False
+    tree.links.new(sky.outputs[0], tree.nodes["Background"].inputs["Color"])
+    return stills.around(world)

@@ -3,9 +3,25 @@
 import math
 import os
 import tempfile
+from contextlib import contextmanager
 
 import bpy
 import numpy as np
+
+from . import context
+
+
+@contextmanager
+def around(world):
+    """A scene within a world; both are removed afterwards."""
+    scene = context.new_scene("oscura still")
+    try:
+        world.cycles.sampling_method = "NONE"  # nothing is lit
+        scene.world = world
+        yield scene
+    finally:
+        bpy.data.scenes.remove(scene)
+        bpy.data.worlds.remove(world)
 
 
 def look_around(scene, turn=0.0, highest=math.pi / 2):

@@ -7,7 +7,6 @@ import bpy
 import numpy as np
 
 from . import bakes, glow, meshes, objectwise, shaders, trees, undeformed
-from .context import choose, opened
 
 # Places along a strand where colours are evaluated, if they vary there.
 PLACES = 9
@@ -32,7 +31,7 @@ BROWN, RED = np.array([0.506, 0.841, 1.653]), np.array([0.343, 0.733, 1.924])
 
 def random(count):
     """The number of chance that Cycles gives each strand."""
-    return np.array([objectwise.hashed(number) / objectwise.MASK for number in range(count)])
+    return objectwise.hashed(np.arange(count)) / objectwise.MASK
 
 
 def of_pigment(melanin, redness, tint, radial_roughness):
@@ -56,23 +55,14 @@ def evaluate(material, node, key, strands, matrix):
     source = own.node_tree.nodes[node.name].inputs[key]
     _rewrite(own.node_tree)
     mesh = _triangles(strands, shares, own)
-    bake_scene, shown = glow.new_scene(), bpy.data.objects.new("oscura strands", mesh)
+    shown = bpy.data.objects.new("oscura strands", mesh)
     shown.matrix_world = matrix
-    bake_scene.collection.objects.link(shown)
     edge = math.ceil(math.sqrt(count * along))
     try:
-        with opened(bake_scene):
-            choose(shown, bake_scene)
-
-            def shine(image):
-                tree = own.node_tree
-                return glow.shine(
-                    tree, shaders.end(tree), tree.nodes[node.name], image, lambda inputs: shaders.feed(tree, source, inputs["Color"])
-                )
-
-            pixels = glow.baked(edge, edge, [shine], uv_layer=bakes.UV)
+        with glow.stage(shown):
+            shaders.feed(own.node_tree, source, glow.light(own.node_tree, shaders.end(own.node_tree)).inputs["Color"])
+            pixels = glow.baked(edge, edge, [own.node_tree], margin=0, uv_layer=bakes.UV)
     finally:
-        bpy.data.scenes.remove(bake_scene)
         bpy.data.meshes.remove(mesh)
         bpy.data.materials.remove(own)
     seen = np.nan_to_num(pixels.reshape(-1, 4)[: count * along, :3].reshape(count, along, 3))

@@ -1,7 +1,5 @@
 """Walks through node trees, and constants in the place of what nodes give."""
 
-import bpy
-
 from . import report
 
 
@@ -37,26 +35,12 @@ def copied(material):
     return own
 
 
-def own(holder, material):
-    """A mesh's material that no other mesh has: in the place of one that others have, a copy."""
-    if material.users < 2:
-        return material
-    made, slots = copied(material), holder.data.materials
-    for i, other in enumerate(slots):
-        if other == material:
-            slots[i] = made
-    return made
-
-
 def replace(tree, socket, value):
-    """Puts a number, or three or four, in the place of an output; gives the new one."""
+    """Puts a number, or three or four, in the place of an output."""
     targets = [link.to_socket for link in socket.links]
-    if not targets:
-        return None
-    made = constant_node(tree, value, socket.type == "RGBA")
+    made = _constant(tree, value, socket.type == "RGBA") if targets else None
     for target in targets:
         tree.links.new(made, target)
-    return made
 
 
 def feed_attribute(tree, targets, name, output):
@@ -67,23 +51,12 @@ def feed_attribute(tree, targets, name, output):
         tree.links.new(node.outputs[output], target)
 
 
-def constant_node(tree, value, is_color=False):
+def _constant(tree, value, is_color):
     """The output of a new node with a value."""
-    if isinstance(value, (int, float)):
-        node = tree.nodes.new("ShaderNodeValue")
-        node.outputs[0].default_value = value
-        return node.outputs[0]
-    values = tuple(value)
-    if is_color:
-        node = tree.nodes.new("ShaderNodeRGB")
-        node.outputs[0].default_value = (*values[:3], 1.0)
-        return node.outputs[0]
-    node = tree.nodes.new("ShaderNodeCombineXYZ")
-    for target, part in zip(node.inputs, values):
+    is_number = isinstance(value, (int, float))
+    node = tree.nodes.new(f"ShaderNode{'Value' if is_number else 'RGB' if is_color else 'CombineXYZ'}")
+    if is_number or is_color:
+        node.outputs[0].default_value = value if is_number else (*value[:3], 1.0)
+    for target, part in zip(node.inputs, () if is_number else value):
         target.default_value = part
     return node.outputs[0]
-
-
-def of_materials(holders):
-    """The materials of these objects, each once."""
-    return list({m.name: m for holder in holders for m in holder.data.materials if isinstance(m, bpy.types.Material)}.values())

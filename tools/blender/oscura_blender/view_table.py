@@ -21,7 +21,7 @@ ROW = 1024
 
 
 def write(scene, folder, name, with_light):
-    """Writes the table beside the model and gives the file's name. With light: exposure and white balance are part of it."""
+    """Writes the table beside the scene file and gives the file's name. With light: exposure and white balance are part of it."""
     with viewed(scene, with_light) as copy, tempfile.TemporaryDirectory() as scratch:
         picture = os.path.join(scratch, "view.png")
         knots, values = _curve(copy, picture)

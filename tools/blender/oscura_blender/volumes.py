@@ -1,4 +1,4 @@
-"""Volume objects: their grids go to .vdb files beside the model, and a box without a surface around each that its medium fills.
+"""Volume objects: their grids go to .vdb files beside the scene file, and a box without a surface around each that its medium fills.
 
 Grids come from the evaluated object: files (of the frame's number, packed or not), modifiers and geometry nodes alike."""
 
@@ -9,7 +9,8 @@ import bpy
 import numpy as np
 from mathutils import Vector
 
-from . import grids, sidecar
+from . import grids, scene_file
+from .scene_file import Y_UP
 
 # Kinds of grids that are read.
 NUMBERS = ("FLOAT", "DOUBLE")
@@ -37,10 +38,10 @@ def unpack():
 
 
 class Store:
-    """The files of volumes in a folder: one of each object's data. `up` takes Blender's axes to those of models."""
+    """The files of volumes in a folder: one of each object's data."""
 
-    def __init__(self, folder, name, up):
-        self.folder, self.name, self.up = folder, name, up
+    def __init__(self, folder, name):
+        self.folder, self.name = folder, name
         self.files = {}  # by what the data is
 
     def file(self, data, place, report):
@@ -91,8 +92,7 @@ def add(store, obj, instance, name, report):
     made = bpy.data.materials.new(f"{material.name} ({name})")
     where = {}
     if "grid_name" in entries:
-        turned = store.up @ matrix @ store.up.inverted()
-        where = {"grid": file, "up": "z", "transform": sidecar.placed(turned)}
+        where = {"grid": file, "up": "z", "transform": scene_file.placed(Y_UP @ matrix @ Y_UP.inverted())}
     corners = _corners(obj, data, AROUND if where else 0)
     mesh = bpy.data.meshes.new(name)
     is_mirrored = matrix.determinant() < 0

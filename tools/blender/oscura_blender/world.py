@@ -7,7 +7,7 @@ import shutil
 import bpy
 import numpy as np
 
-from . import cache, context, fingerprint, geometry, media, shaders, sidecar, skies, stills, trees, world_graph
+from . import cache, fingerprint, geometry, media, scene_file, shaders, skies, stills, trees, world_graph
 from .node_graph import Unsupported, feed
 from .settings import film_exposure
 
@@ -25,7 +25,7 @@ WIDTH = 2048
 WIDEST = 8192
 
 
-# The name of its texture in the file of settings.
+# The name of its texture in the scene file.
 TEXTURE = "world"
 
 
@@ -39,7 +39,7 @@ class _Target:
     def texture(self, entries):
         """The name of a texture, which is a table of its own."""
         name = TEXTURE if not self.textures else f"{TEXTURE} {len(self.textures) + 1}"
-        self.textures.append((f"[textures.{sidecar.value(name)}]", entries))
+        self.textures.append((f"[textures.{scene_file.value(name)}]", entries))
         return name
 
     def picture(self, ending):
@@ -232,36 +232,29 @@ def _turn(vector):
 def _rendered(world, target):
     """Renders what the world shows to a picture around the origin, unless it is kept; gives its name."""
     file = target.picture(".exr")
+    path = os.path.join(target.folder, file)
+
+    def make():
+        own = world.copy()
+        own.cycles_visibility.camera = True
+        sizes = [node.image.size[0] for _, node in trees.nodes_with_trees(own.node_tree, ("ShaderNodeTexEnvironment",)) if node.image]
+        width = min(max([WIDTH, *sizes]), WIDEST)
+        has_sky = any(True for _ in trees.nodes_with_trees(own.node_tree, ("ShaderNodeTexSky",)))
+        with stills.around(own) as scene:
+            stills.look_around(scene)
+            stills.prepare(scene, (width, width // 2), 16 if has_sky else 4)
+            scene.render.filepath = path
+            bpy.ops.render.render(write_still=True, scene=scene.name)
+        return np.fromfile(path, np.uint8)
+
     digest = cache.digest()
     digest.update(b"world")
     fingerprint.add_tree(digest, world.node_tree)
-    kept = target.store.get(digest.hexdigest())
-    if kept is None:
-        _render(world, os.path.join(target.folder, file))
-        target.store.put(digest.hexdigest(), {"picture": np.fromfile(os.path.join(target.folder, file), np.uint8)})
-    else:
-        kept["picture"].tofile(os.path.join(target.folder, file))
+    target.store.kept(digest, make).tofile(path)
     return file
 
 
-def _render(world, path):
-    world = world.copy()
-    sizes = [n.image.size[0] for n in world.node_tree.nodes if n.bl_idname == "ShaderNodeTexEnvironment" and n.image]
-    has_sun = any(n.bl_idname == "ShaderNodeTexSky" for n in world.node_tree.nodes)
-    width = min(max([WIDTH, *sizes]), WIDEST)
-    scene = context.new_scene("oscura world")
-    try:
-        world.cycles_visibility.camera = True
-        world.cycles.sampling_method = "NONE"  # nothing is lit
-        scene.world = world
-        stills.look_around(scene)
-        stills.prepare(scene, (width, width // 2), 16 if has_sun else 4)
-        scene.render.filepath = path
-        bpy.ops.render.render(write_still=True, scene=scene.name)
-    finally:
-        bpy.data.scenes.remove(scene)
-        bpy.data.worlds.remove(world)
-
+LIGHT_PATH = "ShaderNodeLightPath"
 
 # The outputs of Light Path nodes that are 1 for rays of a kind; all others are 0.
 _CAMERA = {"Is Camera Ray"}
@@ -270,25 +263,12 @@ _DIFFUSE = {"Is Diffuse Ray", "Ray Depth"}
 
 def _light_path_outputs(tree):
     """The names of the outputs of Light Path nodes that a tree uses."""
-    found = set()
-    for node in tree.nodes:
-        if node.bl_idname == "ShaderNodeGroup" and node.node_tree:
-            found |= _light_path_outputs(node.node_tree)
-        elif node.bl_idname == "ShaderNodeLightPath":
-            found |= {out.name for out in node.outputs if out.is_linked}
-    return found
+    return {out.name for _, node in trees.nodes_with_trees(tree, (LIGHT_PATH,)) for out in node.outputs if out.is_linked}
 
 
 def _settle_light_paths(tree, rays):
     """Puts the answers of Light Path nodes for rays of a kind in their place."""
-    for node in list(tree.nodes):
-        if node.bl_idname == "ShaderNodeGroup" and node.node_tree:
-            node.node_tree = node.node_tree.copy()
-            _settle_light_paths(node.node_tree, rays)
-        if node.bl_idname != "ShaderNodeLightPath":
-            continue
+    trees.own_groups(tree)
+    for inner, node in list(trees.nodes_with_trees(tree, (LIGHT_PATH,))):
         for out in node.outputs:
-            for link in list(out.links):
-                value = tree.nodes.new("ShaderNodeValue")
-                value.outputs[0].default_value = 1.0 if out.name in rays else 0.0
-                tree.links.new(value.outputs[0], link.to_socket)
+            trees.replace(inner, out, float(out.name in rays))

@@ -1,7 +1,7 @@
 """Node trees of worlds as graphs that oscura evaluates in each direction: their points are those of the unit sphere."""
 
 from . import node_graph, shaders
-from .node_graph import Unsupported, feed
+from .node_graph import Unsupported, as_triple, feed
 
 BLACK = [0.0, 0.0, 0.0]
 
@@ -36,47 +36,25 @@ class WorldGraph(node_graph.Graph):
         self._sky = sky
 
     def radiance(self, found):
-        """The light of what feeds the surface of a world: a triple, or the output of a node."""
+        """The light of what feeds the surface of a world: a number, a triple, or the output of a node."""
         node = found.node
-        if node is None:
-            return BLACK if found.value is None else self._color(found.value)
+        if node is None or found.output.type != "SHADER":
+            return self.value(found)
         kind, groups = node.bl_idname, found.groups
-        if found.output.type != "SHADER":
-            return self._color(self.value(found))
         if kind in ("ShaderNodeBackground", "ShaderNodeEmission"):
             color, strength = (self.value(feed(node.inputs[key], groups), to) for key, to in (("Color", "RGBA"), ("Strength", "VALUE")))
-            return self._product(self._color(color), strength)
+            return self.product(color, strength)
         if kind == "ShaderNodeAddShader":
-            return self._sum(*(self.radiance(feed(socket, groups)) for socket in node.inputs))
+            return self.sum(*(self.radiance(feed(socket, groups)) for socket in node.inputs))
         if kind == "ShaderNodeMixShader":
-            factor = self.value(feed(node.inputs[0], groups), "VALUE")
-            first, second = node.inputs[1:3]
-            if not isinstance(factor, str):
-                factor = min(max(factor, 0.0), 1.0)
-                parts = [(socket, share) for socket, share in ((first, 1 - factor), (second, factor)) if share > 0]
-                return self._sum(*(self._product(self.radiance(feed(socket, groups)), share) for socket, share in parts))
-            a, b = (self.radiance(feed(socket, groups)) for socket in (first, second))
-            return f"{self.made({'type': 'mix', 'data_type': 'vector', 'factor': factor, 'a': a, 'b': b})}.result"
-        return BLACK  # surfaces and volumes shine not
-
-    def _color(self, value):
-        return [value] * 3 if isinstance(value, float) else value
-
-    def _product(self, color, factor):
-        if isinstance(color, list) and isinstance(factor, float):
-            return [c * factor for c in color]
-        return color if factor == 1.0 else self._math("multiply", color, factor)
-
-    def _sum(self, first, *others):
-        for other in others:
-            if isinstance(first, list) and isinstance(other, list):
-                first = [a + b for a, b in zip(first, other)]
-            else:
-                first = self._math("add", first, other)
-        return first
-
-    def _math(self, operation, a, b):
-        return f"{self.made({'type': 'vector_math', 'operation': operation, 'a': a, 'b': self._color(b)})}.vector"
+            factor, (first, second) = self.value(feed(node.inputs[0], groups), "VALUE"), node.inputs[1:3]
+            if isinstance(factor, str):
+                a, b = (as_triple(self.radiance(feed(socket, groups))) for socket in (first, second))
+                return f"{self.made({'type': 'mix', 'data_type': 'vector', 'factor': factor, 'a': a, 'b': b})}.result"
+            factor = min(max(factor, 0.0), 1.0)
+            parts = [self.product(self.radiance(feed(part, groups)), share) for part, share in ((first, 1 - factor), (second, factor)) if share > 0]
+            return self.sum(*parts, *[0.0] * (2 - len(parts)))
+        return 0.0  # surfaces and volumes shine not
 
     def value(self, found, to="RGBA"):
         if found.node is not None and found.node.bl_idname in DIRECTIONS:
@@ -124,8 +102,8 @@ def read(world, images, sky):
         return BLACK
     graph = WorldGraph(images, sky)
     radiance = graph.radiance(feed(end.inputs["Surface"]))
-    if isinstance(radiance, list):
-        return [max(c, 0.0) for c in radiance]
+    if not isinstance(radiance, str):
+        return [max(c, 0.0) for c in as_triple(radiance)]
     needed = _needed(graph.nodes, radiance)
     return {"type": "nodes", "up": "z", "result": radiance, "nodes": {name: graph.nodes[name] for name in graph.nodes if name in needed}}
 

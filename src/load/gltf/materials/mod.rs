@@ -453,7 +453,6 @@ impl MaterialBuilder<'_, '_> {
         self.needs.glass = true;
         match self.doc.options.glass {
             Glass::Solid => make_solid(model),
-            Glass::Auto if self.doc.is_our_export() => make_solid(model),
             Glass::Auto | Glass::Panes if !model.has_volume && self.doc.is_from_blender() => {
                 self.needs.body = true;
                 make_solid(model);
@@ -536,7 +535,7 @@ impl ExportLosses {
     /// Detects the losses; none in files of other exporters.
     fn of(builder: &MaterialBuilder, base: ColorSlot, alpha: AlphaMode) -> ExportLosses {
         let extension = |name: &str| builder.raw.get("extensions").is_some_and(|e| e.get(name).is_some());
-        if !builder.doc.is_from_blender() || builder.doc.is_our_export() || extension("KHR_materials_unlit") {
+        if !builder.doc.is_from_blender() || extension("KHR_materials_unlit") {
             return ExportLosses::default();
         }
         let pbr = builder.raw.get("pbrMetallicRoughness");
