@@ -8,7 +8,6 @@ use super::geometry::{Geometries, Placement, Primitive, Space, primitive, vertic
 use super::hit_reader::{HitReader, SurfaceHit, point_reader};
 use super::material::{CompiledEmission, CompiledMaterial};
 use super::objects::{ObjectId, part_materials};
-use super::plan::MAX_COPIED_EMITTERS;
 use crate::accel;
 use crate::accel::is_valid_position;
 use crate::bsdf::Slots;
@@ -22,6 +21,9 @@ use crate::texture::{CameraData, CompiledTextures, ObjectData, PathData};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::ops::Range;
+
+/// Maximum number of triangles of all instances of an emissive mesh for light sampling, which needs copies: about 1 GB with the lights.
+pub(super) const MAX_COPIED_EMITTERS: usize = 1 << 22;
 
 /// Area lights and their primitives.
 #[derive(Debug, Default)]

@@ -1,6 +1,6 @@
 //! Decides how each instance is compiled: merged into the world, or as a static or moving placement of a shared mesh.
 
-use super::emitters::Shifts;
+use super::emitters::{MAX_COPIED_EMITTERS, Shifts};
 use super::fingerprint::Fingerprint;
 use super::material::CompiledMaterial;
 use super::objects::{ObjectMaterials, only_material, part_materials};
@@ -20,9 +20,6 @@ const MIN_SHARED_TRIANGLES: usize = 1024;
 /// placements of meshes with 128 triangles take 132 MB instead of 1,027, and 5.7 s instead of 10.1 at 16 samples, of which
 /// tracing takes 4.4 s instead of 3.6.
 const MAX_COPIED_TRIANGLES: usize = 1 << 22;
-
-/// Maximum number of triangles of all instances of an emissive mesh for light sampling, which needs copies: about 1 GB with the lights.
-pub(super) const MAX_COPIED_EMITTERS: usize = 1 << 22;
 
 /// Meshes with fewer triangles are never shared: copies take less memory than placements.
 const MIN_TRIANGLES_OF_INSTANCES: usize = 8;

@@ -206,7 +206,7 @@ def _coefficients(parts, scale):
     if (whole := sum(weight for weight, _ in weights)) > 0:
         cosine = sum(weight * cosine for weight, cosine in weights) / whole
         if cosine:
-            found["anisotropy"] = max(min(cosine, 0.99), -0.99)
+            found["anisotropy"] = max(min(cosine, 0.999), -0.999)
     return found
 
 

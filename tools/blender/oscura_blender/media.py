@@ -102,7 +102,7 @@ class Filling(node_graph.Graph):
         glow = self.product(self.glow, self.exposure)
         found = {"density": _capped(density), "color": color if isinstance(color, str) else [min(c, 1.0) for c in as_triple(color)]}
         if cosine:
-            found["anisotropy"] = max(min(cosine, 0.99), -0.99)
+            found["anisotropy"] = max(min(cosine, 0.999), -0.999)
         if not is_number(glow, 0.0):
             found["emission"] = glow if isinstance(glow, str) else as_triple(glow)
         if self.is_varying():
