@@ -364,7 +364,7 @@ impl fmt::Display for Choice {
             Choice::Background => "`StageOptions::background`",
             Choice::NewSidecar => "`scene_file::sidecar_path`",
             Choice::Blender => "`BlenderOptions::program`",
-            Choice::Environment => "`LoadOptions::brings_environment`",
+            Choice::Environment => "`LoadOptions::overrides_environment`",
             Choice::Float => "`OutputOptions::float`",
             Choice::Force => "`GltfOptions::force`",
             Choice::Glass => "`GltfOptions::glass`",

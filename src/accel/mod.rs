@@ -143,7 +143,7 @@ impl Accel {
 
     /// The next hit after `hit` in the order of [`Accel::closest`], including coincident hits at the same distance. Curves have no
     /// such order: coincident curves may be missed.
-    pub fn next_one(&self, ray: &Ray, hit: &Hit, time: f32) -> Hit {
+    pub fn closest_after(&self, ray: &Ray, hit: &Hit, time: f32) -> Hit {
         let ray = Ray { t_min: hit.t.next_down(), origin_primitive: hit.into(), ..*ray };
         let mut next = Hit::MISS;
         self.traverse_in_time(&[ray], &[time], NextHit(&mut next));

@@ -400,7 +400,7 @@ fn deep_trees_are_traversed_completely() {
     }
 }
 
-/// Three copies of each primitive and two instances with two copies each, all coincident: [`Accel::next_one`] enumerates all seven
+/// Three copies of each primitive and two instances with two copies each, all coincident: [`Accel::closest_after`] enumerates all seven
 /// copies of each hit in the order of instances and ids.
 #[test]
 fn next_one_enumerates_coincident_primitives_in_order() {
@@ -428,7 +428,7 @@ fn next_one_enumerates_coincident_primitives_in_order() {
         let mut hit = many.closest_one(&ray);
         while hit.is_hit() && found.len() < MAX * 7 {
             found.push((hit.t, hit.instance, hit.prim));
-            hit = many.next_one(&ray, &hit, 0.0);
+            hit = many.closest_after(&ray, &hit, 0.0);
         }
         assert!(found.is_sorted_by(|a, b| a < b), "{found:?}");
         assert_eq!(found.len(), 7 * expected.len());

@@ -161,7 +161,7 @@ impl Lobe for ThinDielectric {
 }
 
 impl Transmissive for Dielectric {
-    const SCATTERS_THROUGH: bool = false;
+    const HAS_SCATTERED_TRANSMISSION: bool = false;
     const REFRACTS: bool = true;
     const SIDES_MAY_SWAP: bool = true;
 
@@ -177,7 +177,7 @@ impl Transmissive for Dielectric {
 }
 
 impl Transmissive for ThinDielectric {
-    const SCATTERS_THROUGH: bool = false;
+    const HAS_SCATTERED_TRANSMISSION: bool = false;
     const REFRACTS: bool = false;
     const SIDES_MAY_SWAP: bool = true;
 
@@ -256,7 +256,7 @@ impl MaterialProgram for ThinDielectricProgram {
         ThinDielectric { ior: self.ior, tint: slots.clamped_color(&self.tint) }
     }
 
-    fn may_pass_straight(&self) -> bool {
+    fn may_transmit_unscattered(&self) -> bool {
         true
     }
 

@@ -79,12 +79,12 @@ macro_rules! bsdfs {
                 }
             }
 
-            /// See [`MaterialProgram::may_pass_straight`].
-            pub fn may_pass_straight(&self) -> bool {
+            /// See [`MaterialProgram::may_transmit_unscattered`].
+            pub fn may_transmit_unscattered(&self) -> bool {
                 match self {
                     BsdfProgram::Black => false,
-                    $(BsdfProgram::$opaque(program) => program.may_pass_straight(),)*
-                    $(BsdfProgram::$transmissive(program) => program.may_pass_straight(),)*
+                    $(BsdfProgram::$opaque(program) => program.may_transmit_unscattered(),)*
+                    $(BsdfProgram::$transmissive(program) => program.may_transmit_unscattered(),)*
                 }
             }
 
@@ -161,13 +161,13 @@ macro_rules! bsdfs {
                 }
             }
 
-            /// Whether there may be non-specular transmission; see [`Transmissive::SCATTERS_THROUGH`].
+            /// Whether there may be non-specular transmission; see [`Transmissive::HAS_SCATTERED_TRANSMISSION`].
             #[inline(always)]
-            pub fn scatters_through(&self) -> bool {
+            pub fn has_scattered_transmission(&self) -> bool {
                 match self {
                     Bsdf::Black => false,
                     $(Bsdf::$opaque(_) => false,)*
-                    $(Bsdf::$transmissive(_) => <$transmissive as Transmissive>::SCATTERS_THROUGH,)*
+                    $(Bsdf::$transmissive(_) => <$transmissive as Transmissive>::HAS_SCATTERED_TRANSMISSION,)*
                 }
             }
 

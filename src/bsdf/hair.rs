@@ -305,7 +305,7 @@ impl Lobe for Hair {
 }
 
 impl Transmissive for Hair {
-    const SCATTERS_THROUGH: bool = true;
+    const HAS_SCATTERED_TRANSMISSION: bool = true;
     const REFRACTS: bool = false;
     const SIDES_MAY_SWAP: bool = false;
 

@@ -332,7 +332,7 @@ impl Lobe for Layered {
 }
 
 impl Transmissive for Layered {
-    const SCATTERS_THROUGH: bool = true;
+    const HAS_SCATTERED_TRANSMISSION: bool = true;
     const REFRACTS: bool = true;
     const SIDES_MAY_SWAP: bool = false;
 
@@ -529,7 +529,7 @@ impl MaterialProgram for LayeredProgram {
         }
     }
 
-    fn may_pass_straight(&self) -> bool {
+    fn may_transmit_unscattered(&self) -> bool {
         self.transmission.is_some() && self.walls == Walls::Thin && always(&self.facets.roughness, 0.0)
     }
 

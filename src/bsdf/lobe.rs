@@ -77,7 +77,7 @@ impl Appearance {
 /// A [`Lobe`] that may transmit.
 pub trait Transmissive: Lobe {
     /// Whether there may be a non-specular transmission lobe.
-    const SCATTERS_THROUGH: bool;
+    const HAS_SCATTERED_TRANSMISSION: bool;
 
     /// Whether there may be refraction.
     const REFRACTS: bool;
@@ -221,7 +221,7 @@ pub trait MaterialProgram {
 
     /// Whether there may be [straight transmission](super::Bsdf::straight), decided without textures: false if only a texture makes
     /// thin glass smooth.
-    fn may_pass_straight(&self) -> bool {
+    fn may_transmit_unscattered(&self) -> bool {
         false
     }
 

@@ -97,10 +97,10 @@ impl Bsdf {
 
     /// Index of refraction, reflection and refraction of a smooth interface of solid glass at an incident cosine, from inside or from
     /// outside; `None` for other BSDFs.
-    pub fn smooth_interface(&self, cosine: f32, is_inside: bool) -> Option<(f32, SmoothInterface)> {
+    pub fn specular_interface(&self, cosine: f32, is_inside: bool) -> Option<(f32, SmoothInterface)> {
         match self {
             Bsdf::Dielectric(glass) => Some((glass.ior, glass.interface(cosine, is_inside))),
-            Bsdf::RoughDielectric(glass) => Some((glass.ior, glass.smooth_interface(cosine, is_inside)?)),
+            Bsdf::RoughDielectric(glass) => Some((glass.ior, glass.specular_interface(cosine, is_inside)?)),
             _ => None,
         }
     }
@@ -129,7 +129,7 @@ impl Bsdf {
 
     /// Splits the BSDF for `wo`: the diffuse base as attenuated by the layers above it; the layers; and the fraction (0..1) of the
     /// directional albedo that is the base's.
-    pub fn split_base(self, wo: Vec3) -> (Bsdf, Bsdf, f32) {
+    pub fn split_layers(self, wo: Vec3) -> (Bsdf, Bsdf, f32) {
         match self {
             base if base.is_base() => (base, Bsdf::Black, 1.0),
             Bsdf::MetalRough(material) => {

@@ -266,7 +266,7 @@ impl MaterialProgram for RoughDielectricProgram {
         }
     }
 
-    fn may_pass_straight(&self) -> bool {
+    fn may_transmit_unscattered(&self) -> bool {
         self.walls == Walls::Thin && self.facets.is_always_smooth()
     }
 
@@ -288,7 +288,7 @@ impl RoughDielectric {
     }
 
     /// Reflection and refraction of smooth solid glass; `None` otherwise.
-    pub(super) fn smooth_interface(&self, cosine: f32, is_inside: bool) -> Option<SmoothInterface> {
+    pub(super) fn specular_interface(&self, cosine: f32, is_inside: bool) -> Option<SmoothInterface> {
         if self.walls != Walls::Solid || !self.is_smooth() {
             return None;
         }
@@ -428,7 +428,7 @@ impl Lobe for RoughDielectric {
 }
 
 impl Transmissive for RoughDielectric {
-    const SCATTERS_THROUGH: bool = true;
+    const HAS_SCATTERED_TRANSMISSION: bool = true;
     const REFRACTS: bool = true;
     const SIDES_MAY_SWAP: bool = true;
 

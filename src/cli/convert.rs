@@ -10,7 +10,8 @@ use oscura::error::{Error, Result};
 use oscura::film::Aov;
 use oscura::load::image::{Layered, load_layered};
 use oscura::output::{
-    Format, Linear, PngOptions, check_target, encode_rgb8, encode_shown, is_color, shown8, write_atomically,
+    Format, Linear, PngOptions, check_target, display_rgba8, encode_display_png, encode_rgb8, is_color,
+    write_atomically,
 };
 use std::path::Path;
 
@@ -65,7 +66,7 @@ fn convert_file(args: &ConvertArgs, (picture, output): (&Path, &Path), format: F
         false => {
             let ([width, height], rgba) = pixels(&file, args, picture)?;
             let linear = Linear { width, height, rgba: &rgba };
-            (encode_shown(&linear, format, &options), invalid(&rgba))
+            (encode_display_png(&linear, format, &options), invalid(&rgba))
         }
     };
     let bytes = bytes.map_err(|message| Error::output(output, message))?;
@@ -324,7 +325,10 @@ impl Layer {
             let at = |c: usize, i: usize| planes.get(c).map_or(1.0, |plane| plane[i]);
             let rgba: Vec<[f32; 4]> = (0..pixels).map(|i| [at(0, i), at(1, i), at(2, i), at(3, i)]).collect();
             let linear = Linear { width: width as u32, height: height as u32, rgba: &rgba };
-            return shown8(&linear, options).chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
+            return display_rgba8(&linear, options)
+                .chunks_exact(4)
+                .flat_map(|p| [p[0], p[1], p[2]])
+                .collect();
         }
         let ranges: Vec<(f32, f32)> = planes.iter().map(|plane| range(plane, self.kind)).collect();
         let color = |i: usize| shown(self.kind, &planes, &ranges, i).map(|v| (v * 255.0 + 0.5) as u8);

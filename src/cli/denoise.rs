@@ -177,11 +177,11 @@ fn part_names(file: &Layered, part: usize) -> Vec<String> {
             && !DATA.contains(&prefix.as_str())
             && !prefix.to_ascii_lowercase().starts_with("crypto")
     };
-    let names_in = |part| {
+    let file_names_in = |part| {
         let names = file.channels(part).into_iter().map(move |c| file.plain_name(part, &c.name));
         names.collect::<Vec<String>>()
     };
-    let all = (0..file.len()).filter(|&other| file.size(other) == file.size(part)).flat_map(names_in);
+    let all = (0..file.len()).filter(|&other| file.size(other) == file.size(part)).flat_map(file_names_in);
     all.filter_map(|name| Some(name.strip_suffix('R')?.to_string())).filter(is_light).collect()
 }
 

@@ -9,7 +9,7 @@ use oscura::error::{Error, ErrorKind, Problem, Result};
 use oscura::load::blender::{BlenderOptions, cache_size, clear_cache, default_cache, export};
 use oscura::load::gltf::GltfOptions;
 use oscura::load::scene_file::sidecar_path;
-use oscura::load::{BlenderExport, LoadOptions, Loaded, is_of_blender, load};
+use oscura::load::{BlenderExport, LoadOptions, Loaded, is_blender_file, load};
 use oscura::math::DVec3;
 use oscura::output::{check_folder, check_target, move_folder, write_atomically};
 use oscura::scene::{Camera, Material, Model, Scene};
@@ -57,7 +57,7 @@ fn write_sidecar(model: &Path, args: &NewArgs) -> Result<Outcome> {
         return Err(Error::usage(message).with_help("replace it with --force"));
     }
     check_target(&path)?;
-    let options = LoadOptions { no_sidecar: true, brings_environment: true, ..LoadOptions::default() };
+    let options = LoadOptions { no_sidecar: true, overrides_environment: true, ..LoadOptions::default() };
     let loaded = load(model, &options).map_err(name_options_in_error)?;
     write_atomically(&path, text(model, &loaded).as_bytes())?;
     if !args.quiet {
@@ -85,12 +85,12 @@ fn text(model: &Path, loaded: &Loaded) -> String {
     parts.join("\n")
 }
 
-fn head(name: &str, is_of_blender: bool) -> String {
+fn head(name: &str, is_blender_file: bool) -> String {
     let mut text = format!(
         "# Sidecar of {name}: data that its format can't store, used with the model; `oscura help sidecar` explains each key.\n\
          # Lines with a # directly before a word are proposals: remove the # to use them.\n"
     );
-    if is_of_blender {
+    if is_blender_file {
         text.push_str(
             "# Blender's glTF export lacks: the world, area lights, radii of lights, depth of field, lens shift, the picture's\n\
              # size, volumes, subsurface scattering, and nodes other than Principled BSDF. `oscura render x.blend` has all of this.\n",
@@ -249,7 +249,7 @@ fn key(name: &str) -> String {
 }
 
 pub(crate) fn export_blender_file(args: &ExportArgs) -> Result<Outcome> {
-    if !is_of_blender(&args.scene) {
+    if !is_blender_file(&args.scene) {
         let message = format!("{} is not a .blend file: only those can be exported", args.scene.display());
         return Err(Error::usage(message));
     }

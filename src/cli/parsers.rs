@@ -5,7 +5,7 @@ use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{Arg, Command, ValueEnum};
 use oscura::error::Error;
 use oscura::film::{Aov, AovInfo, AovSet, PixelType};
-use oscura::load::names_in;
+use oscura::load::file_names_in;
 use oscura::output::part::Region;
 use oscura::render::ALL_AOVS;
 use oscura::scene::{BounceLimits, Clamp};
@@ -223,7 +223,7 @@ impl Frames {
         let (head, _, tail) = Frames::parts_of_name(path);
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let mut numbers = Vec::new();
-        for name in names_in(folder)? {
+        for name in file_names_in(folder)? {
             let digits = name.strip_prefix(&head).and_then(|rest| rest.strip_suffix(&tail));
             let number = digits.and_then(|digits| digits.parse().ok());
             numbers

@@ -23,7 +23,7 @@ use oscura::denoise::temporal::with_neighbours;
 use oscura::error::{Error, ErrorKind, Result, Warning};
 use oscura::film::{Aov, Film};
 use oscura::load::stage::{Background, Turntable, scene_center};
-use oscura::load::{LoadOptions, Loaded, is_of_blender, load, load_frames};
+use oscura::load::{LoadOptions, Loaded, is_blender_file, load, load_frames};
 use oscura::output::is_same_target;
 use oscura::render::{CancelHandle, PassOutcome, RarePaths, RenderOptions, Rendering, Statistics, in_pool};
 use oscura::scene::{Camera, Keyframes, Scene};
@@ -119,7 +119,7 @@ fn run_frames(args: &RenderArgs, frames: Frames, cancel: &CancelHandle) -> Resul
             let Some(number) = numbers.next() else { return Ok(ControlFlow::Break(())) };
             let targets = Targets::check(&files(number))?;
             let mut args = args.clone();
-            let label = match is_of_blender(&args.scene) {
+            let label = match is_blender_file(&args.scene) {
                 true => format!("frame    {number}"),
                 false => format!("frame    {number}, {:.3} s", f64::from(number) / args.fps),
             };
@@ -275,7 +275,7 @@ pub(super) fn load_scene(args: &RenderArgs, cancel: &CancelHandle, options: &Loa
 
 /// Prints that Blender exports the scene.
 fn print_export(args: &RenderArgs) {
-    if !args.quiet && is_of_blender(&args.scene) {
+    if !args.quiet && is_blender_file(&args.scene) {
         say!("export   {} by Blender", args.scene.display());
     }
 }
@@ -293,7 +293,7 @@ pub(super) fn load_options(args: &RenderArgs) -> Result<LoadOptions> {
     }
     Ok(LoadOptions {
         allow_external: args.allow_external,
-        brings_environment: args.env.is_some(),
+        overrides_environment: args.env.is_some(),
         gltf: args.asset.options(),
         shutter: args.shutter.options(args.fps, needs_motion_vectors(args)),
         point_radius: args.point_radius,

@@ -10,7 +10,7 @@ use oscura::load::gltf::{Glass, GltfOptions, LightUnits};
 use oscura::load::image::load_picture;
 use oscura::load::stage::{Background, Ground, StageLight, StageOptions, ViewFrom};
 use oscura::load::subdivide::{MAX_LEVELS, Subdivision};
-use oscura::load::{Up, extensions, is_named_as_scene, is_scene, names_in};
+use oscura::load::{Up, extensions, file_names_in, is_named_as_scene, is_scene};
 use std::path::{Path, PathBuf};
 
 /// Units of light intensities.
@@ -364,7 +364,7 @@ pub(crate) fn check_scene_path(path: &Path) -> Result<()> {
 pub(super) fn scenes_named(stem: &str) -> Vec<String> {
     let is_match =
         |name: &String| is_named_as_scene(name) && Path::new(name).file_stem().is_some_and(|s| s == stem);
-    let mut names: Vec<String> = names_in(Path::new(".")).unwrap_or_default();
+    let mut names: Vec<String> = file_names_in(Path::new(".")).unwrap_or_default();
     names.retain(is_match);
     names.sort();
     names

@@ -16,12 +16,12 @@ use oscura::film::{Aov, AovSet, AovSpace, Source};
 use oscura::image::Image;
 use oscura::load::image::load_environment_within;
 use oscura::load::stage::scene_center;
-use oscura::load::{Loaded, asks_for_denoising};
+use oscura::load::{Loaded, requests_denoising};
 use oscura::output::part::{PartHeader, Region};
 use oscura::output::{Format, PngOptions, ViewTransform};
 use oscura::render::{
     BvhQuality, Labels, PathReuse, RenderOptions, RequestedOptions, ResolvedOptions, SAMPLE_BLOCK, Splitting,
-    denoising_guides, film_bytes, guiding_bytes, sequence_guides, shows_alpha, splat_bytes,
+    denoising_guides, film_bytes, guiding_bytes, has_visible_alpha, sequence_guides, splat_bytes,
 };
 use oscura::scene::{
     BounceLimits, Camera, Clamp, EnergyCompensation, Environment, Filter, FresnelModel, ImageId, Keyframes,
@@ -89,7 +89,7 @@ pub(crate) fn requested(args: &RenderArgs) -> RequestedOptions {
             .splitting(args.splitting)
             .caustics(args.picture.caustics)
             .guiding(args.guiding.guiding)
-            .least_samples(args.long.min_spp.unwrap_or(0))
+            .min_samples(args.long.min_spp.unwrap_or(0))
             .noise(args.long.noise.map(|percent| percent / 100.0))
             .time_limit(args.long.time_limit),
     }
@@ -234,7 +234,7 @@ pub(super) fn prepare(
     left_out.append(&mut build.left_out);
     let labels = Labels::of(&loaded.scene, &resolved.options);
     build.memory.push(MemoryPart { name: "picture", bytes: film_bytes(&resolved.options, &labels) });
-    let opaque = !shows_alpha(&scene, &resolved.options);
+    let opaque = !has_visible_alpha(&scene, &resolved.options);
     let png = png(args, resolved.display.exposure, loaded.is_stage_lit, opaque);
     Ok(Prepared {
         scene,
@@ -336,7 +336,7 @@ fn quality_of(args: &RenderArgs, settings: &Settings) -> Option<Quality> {
 pub(super) fn averages_frames(args: &RenderArgs) -> bool {
     let is_sequence = args.orbit.is_some() || args.frames.is_some_and(|frames| frames.are_consecutive());
     let is_denoised = || {
-        let by_scene = || asks_for_denoising(&args.scene);
+        let by_scene = || requests_denoising(&args.scene);
         let quality = quality_of(args, &Settings::default());
         args.picture.denoise || quality.map_or_else(by_scene, |quality| quality.preset().denoise)
     };
@@ -630,7 +630,7 @@ impl EnvironmentOverride {
         if args.env.is_some() {
             scene.scale_environment_sun(0.0);
             scene.environment_sun = None;
-            scene.environment_unsampled = false;
+            scene.environment_bsdf_only = false;
             scene.camera_environment = None;
         }
         if let Some(image) = &self.image {
@@ -648,7 +648,7 @@ impl EnvironmentOverride {
                 let ratio = if before > 0.0 { *strength / before } else { 1.0 };
                 scene.scale_environment_sun(ratio);
                 if let Some(degrees) = args.env_rotation {
-                    scene.turn_environment(degrees.to_radians());
+                    scene.set_environment_rotation(degrees.to_radians());
                 }
                 return warnings;
             }

@@ -20,7 +20,7 @@ use oscura::compile::{CompiledScene, Compiler, ObjectId, View};
 use oscura::error::{Error, Result, Warning};
 use oscura::film::Aov;
 use oscura::load::scene_file::sidecar_path;
-use oscura::load::{LoadOptions, Loaded, SavedFiles, Up, has_ambiguous_up};
+use oscura::load::{LoadOptions, Loaded, Up, WatchedFiles, has_ambiguous_up};
 use oscura::math::DVec3;
 use oscura::output::PngOptions;
 use oscura::render::{CancelHandle, Guiding, Labels, PassOutcome, Rendering, ResolvedOptions, in_pool};
@@ -46,7 +46,7 @@ pub(crate) fn run(args: &ViewArgs) -> Result<Outcome> {
 fn serve(args: &ViewArgs, cancel: &CancelHandle) -> Result<Outcome> {
     // Before loading, to report ports in use at once.
     let server = bind(args.port)?;
-    let files = SavedFiles::default();
+    let files = WatchedFiles::default();
     let model = Model::load(args, &files, cancel)?;
     let (facts, poses) = (model.facts(args), model.poses(args));
     if !args.picture.quiet {
@@ -67,7 +67,7 @@ fn serve(args: &ViewArgs, cancel: &CancelHandle) -> Result<Outcome> {
 }
 
 /// Stops all threads on a signal and requests reloading when one of the files changes.
-fn watch(files: Option<&SavedFiles>, cancel: &CancelHandle, shared: &Shared) {
+fn watch(files: Option<&WatchedFiles>, cancel: &CancelHandle, shared: &Shared) {
     let mut last_check = Instant::now();
     while !shared.lock().is_stopped {
         std::thread::sleep(SIGNAL_INTERVAL);
@@ -208,14 +208,14 @@ impl Model {
     ///
     /// # Errors
     /// Those of `oscura render`.
-    pub fn load(args: &ViewArgs, files: &SavedFiles, cancel: &CancelHandle) -> Result<Model> {
-        let new_files = SavedFiles::default();
+    pub fn load(args: &ViewArgs, files: &WatchedFiles, cancel: &CancelHandle) -> Result<Model> {
+        let new_files = WatchedFiles::default();
         let model = Model::read(&args.picture, &new_files, cancel);
         files.replace_by(&new_files, model.is_err());
         model
     }
 
-    fn read(args: &RenderArgs, files: &SavedFiles, cancel: &CancelHandle) -> Result<Model> {
+    fn read(args: &RenderArgs, files: &WatchedFiles, cancel: &CancelHandle) -> Result<Model> {
         let start = Instant::now();
         check_scene_path(&args.scene)?;
         check_memory_before_loading(args)?;
@@ -227,7 +227,7 @@ impl Model {
         let options = LoadOptions { files: files.clone(), ..load_options(args)? };
         let mut loaded = load_scene(args, cancel, &options)?;
         let mut compiler = Compiler::sequence();
-        compiler.expect_other_cameras();
+        compiler.allow_camera_changes();
         let usage = PictureUse { has_exr: true, keeps_uv: true, pictures: 1 };
         let prepared = prepare(
             &completed(args, &loaded.scene.settings),
@@ -359,7 +359,7 @@ impl Model {
     pub fn reload(
         &mut self,
         args: &ViewArgs,
-        files: &SavedFiles,
+        files: &WatchedFiles,
         cancel: &CancelHandle,
         loads: u64,
     ) -> Result<()> {
@@ -398,7 +398,7 @@ impl Model {
     /// Changes the scene without compiling it. `rotation` in degrees.
     fn apply(&mut self, rotation: Option<f64>, strength: Option<f64>, edits: &Edits) {
         if let Some(degrees) = rotation {
-            self.loaded.scene.turn_environment(degrees.to_radians());
+            self.loaded.scene.set_environment_rotation(degrees.to_radians());
         }
         if let (Some(old), Some(new)) = (self.strength, strength) {
             set_environment_strength(&mut self.loaded.scene, old, new);
@@ -451,7 +451,7 @@ const MAX_PREVIEW_SCALE: u32 = 8;
 fn render_requests(
     args: &ViewArgs,
     mut model: Model,
-    files: &SavedFiles,
+    files: &WatchedFiles,
     cancel: &CancelHandle,
     shared: &Shared,
 ) -> Result<()> {

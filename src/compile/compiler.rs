@@ -83,7 +83,7 @@ impl Compiler {
     }
 
     /// Keeps the full resolution of textures, as other cameras will render the same scene.
-    pub fn expect_other_cameras(&mut self) {
+    pub fn allow_camera_changes(&mut self) {
         self.has_other_cameras = true;
     }
 
@@ -236,7 +236,7 @@ fn lights(
     }
     scene.environment_sun.into_iter().for_each(|sun| lights.show_sun(sun));
     if scene.fog.as_ref().is_some_and(media::is_opaque_to_far_light) {
-        lights.hide_far();
+        lights.exclude_infinite_lights();
     }
     Ok((lights, tables))
 }
@@ -295,7 +295,7 @@ fn environment(
         Some(environment) => {
             environment.set_portals(&scene.portals, anchor);
             let decides_shadows = scene.object_traits().any(|traits| traits.visible_to.has_own_shadows());
-            environment.set_sampled(!scene.environment_unsampled, decides_shadows);
+            environment.set_sampled(!scene.environment_bsdf_only, decides_shadows);
         }
         None if scene.portals.is_empty() => {}
         None => {
@@ -346,7 +346,7 @@ fn features(
         normals: geometries.has_normals(),
         bent_normals: geometries.has_normals() || mapped_normals,
         mapped_normals,
-        footprints: textures.use_footprints(),
+        footprints: textures.use_ray_footprints(),
         media: media.len() > 1 || is_foggy,
         priorities: media.iter().skip(1).any(|m| m.priority != media[1].priority),
         scattering: boundaries || media.iter().any(|m| m.scattering.is_some()),

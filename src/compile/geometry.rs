@@ -249,13 +249,13 @@ impl Geometries {
 
     /// Is the hit on a triangle of the world, and has the world no second UV set?
     #[inline(always)]
-    pub fn is_plainly_textured(&self, hit: &Hit) -> bool {
+    pub fn is_single_uv_triangle(&self, hit: &Hit) -> bool {
         hit.instance == 0
             && (hit.prim as usize) < self.world.shapes.triangles.len()
             && self.world.attributes.uv[1].is_empty()
     }
 
-    /// Texture coordinates and tangents of a triangle of the world; see [`Geometries::is_plainly_textured`].
+    /// Texture coordinates and tangents of a triangle of the world; see [`Geometries::is_single_uv_triangle`].
     #[inline(always)]
     pub fn texture_corners(&self, hit: &Hit) -> Option<TextureCorners> {
         let (shapes, attributes) = (&self.world.shapes, &self.world.attributes);

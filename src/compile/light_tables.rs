@@ -258,7 +258,7 @@ fn caught(emitters: &Emitters, geometries: &Geometries, materials: &[CompiledMat
     }
     let mut caught = vec![false; emitters.lights.len()];
     for (light, _, material) in emitters.owners(geometries) {
-        caught[light] = materials[material as usize].is_of_caught_object();
+        caught[light] = materials[material as usize].is_shadow_catcher_object();
     }
     caught
 }

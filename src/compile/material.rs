@@ -31,10 +31,10 @@ pub struct CompiledMaterial {
     /// In spectral rendering: the spectrum of the emission, if uniform and not white.
     pub light_spectrum: Option<Arc<Spectrum>>,
     /// Single-sided: rays pass from behind.
-    pub is_absent_from_behind: bool,
+    pub is_single_sided: bool,
     /// A smooth thin sheet that transmits without refraction: shadow rays pass it. Not if emissive, as shadow rays would miss
     /// the emission.
-    pub passes_straight: bool,
+    pub is_transparent_to_shadow_rays: bool,
     /// Maximum distance, metres, of two flat parallel faces that form a pane, which shadow rays pass; 0 for no panes.
     pub pane_thickness: f32,
     /// Index-matched interface: it only bounds a medium.
@@ -188,7 +188,7 @@ impl Slots for ByWavelength<'_> {
 }
 
 /// A colour factor at a path's wavelengths, or in RGB if `waves` is `None`.
-pub fn share_at(slots: &PointReader<'_>, slot: &ColorSlot, waves: Option<&Wavelengths>) -> Rgb {
+pub fn color_at_wavelengths(slots: &PointReader<'_>, slot: &ColorSlot, waves: Option<&Wavelengths>) -> Rgb {
     match waves {
         None => slots.color(slot),
         Some(waves) => ByWavelength { slots, waves }.color(slot),
@@ -205,7 +205,7 @@ fn emission_of(
     material: &Material,
     textures: &CompiledTextures,
     shading: ShadingModel,
-    is_absent_from_behind: bool,
+    is_single_sided: bool,
 ) -> (Option<CompiledEmission>, Option<Arc<Spectrum>>) {
     let light = material.emission.map(|e| match shading.spectral {
         true => light_spectrum(e.radiance, textures),
@@ -217,7 +217,7 @@ fn emission_of(
         (radiance.factor != [0.0; 3]).then_some(CompiledEmission {
             radiance,
             // Absent surfaces do not emit.
-            two_sided: e.two_sided && !is_absent_from_behind,
+            two_sided: e.two_sided && !is_single_sided,
             beam,
         })
     });
@@ -247,10 +247,10 @@ impl CompiledMaterial {
 
     pub(super) fn new(material: &Material, textures: &CompiledTextures, shading: ShadingModel) -> Self {
         let model = fold_model(&material.model, textures);
-        let is_absent_from_behind = !material.double_sided && !is_transmissive(&model);
+        let is_single_sided = !material.double_sided && !is_transmissive(&model);
         let program = BsdfProgram::of(&model, shading);
         let class = program.class();
-        let (emission, light_spectrum) = emission_of(material, textures, shading, is_absent_from_behind);
+        let (emission, light_spectrum) = emission_of(material, textures, shading, is_single_sided);
         let alpha = alpha_of(material, textures);
         let visibility = material.emitter_traits.map(|t| SurfaceVisibility::of_emitter(&t, alpha.is_some()));
         let normal_map = effective_map(material.normal_map, textures).filter(|_| class != BsdfClass::Black);
@@ -280,9 +280,9 @@ impl CompiledMaterial {
             albedo: constant.map_or(Rgb::ZERO, |b| b.albedo()),
             emission,
             light_spectrum,
-            passes_straight: program.may_pass_straight() && emission.is_none(),
+            is_transparent_to_shadow_rays: program.may_transmit_unscattered() && emission.is_none(),
             pane_thickness: 0.0,
-            is_absent_from_behind,
+            is_single_sided,
             medium: medium_of(material, &model, class, shading),
             is_boundary: matches!(model, Model::Boundary {}),
             medium_index: 0,
@@ -326,8 +326,8 @@ impl CompiledMaterial {
             let reflectance = compiled.constant.map_or(1.0, |_| compiled.albedo.luminance().clamp(0.0, 1.0));
             let material = Some(Box::new(CompiledMaterial {
                 // Shadow rays end at the mix.
-                passes_straight: false,
-                is_absent_from_behind: self.is_absent_from_behind,
+                is_transparent_to_shadow_rays: false,
+                is_single_sided: self.is_single_sided,
                 is_component: true,
                 ..compiled
             }));
@@ -453,7 +453,7 @@ impl CompiledMaterial {
     }
 
     /// Is its object excluded from the reference picture of shadow catchers? Not for pure emitters, which don't scatter light.
-    pub fn is_of_caught_object(&self) -> bool {
+    pub fn is_shadow_catcher_object(&self) -> bool {
         let is_pure_emitter = !self.uses_normals() && self.emission.is_some();
         !is_pure_emitter && !self.surface_visibility.is_some_and(|v| v.is_catcher)
     }
@@ -483,8 +483,8 @@ impl CompiledMaterial {
     pub fn may_be_absent(&self) -> bool {
         self.alpha.is_some()
             || self.surface_visibility.is_some()
-            || self.is_absent_from_behind
-            || self.passes_straight
+            || self.is_single_sided
+            || self.is_transparent_to_shadow_rays
             || self.pane_thickness > 0.0
             || self.is_boundary
     }

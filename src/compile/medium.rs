@@ -318,7 +318,7 @@ impl Scattering {
 
     /// The medium with its coefficients at a path's wavelengths.
     #[inline(always)]
-    pub fn in_lanes(&self, waves: Option<&Wavelengths>) -> Cow<'_, Scattering> {
+    pub fn at_wavelengths(&self, waves: Option<&Wavelengths>) -> Cow<'_, Scattering> {
         match (&self.spectra, waves) {
             (Some(spectra), Some(waves)) => Cow::Owned(self.at(spectra, waves)),
             _ => Cow::Borrowed(self),
@@ -364,7 +364,7 @@ impl Scattering {
     #[inline]
     pub fn emission_at(&self, p: Vec3, waves: Option<&Wavelengths>) -> Rgb {
         let factor = self.grid().map_or(Rgb::ONE, |grid| grid.emission.at(p, waves));
-        self.in_lanes(waves).emission * factor
+        self.at_wavelengths(waves).emission * factor
     }
 
     /// Is the extinction equal in all channels?

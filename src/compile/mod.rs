@@ -34,7 +34,7 @@ pub use geometry::{Corners, Geometries, Placement, Space, SurfaceCoordinates, Te
 pub use hit_reader::{HitReader, SurfaceHit, point_reader};
 pub use light_tables::MAX_RECEIVER_CLASSES;
 pub use material::{
-    Alpha, CompiledComponent, CompiledEmission, CompiledMaterial, SurfaceVisibility, share_at,
+    Alpha, CompiledComponent, CompiledEmission, CompiledMaterial, SurfaceVisibility, color_at_wavelengths,
 };
 pub use media::OVERLAP_LIMIT;
 pub use medium::{Ball, Density, GridMedium, Medium, Scattering};

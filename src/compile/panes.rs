@@ -299,7 +299,7 @@ impl RefractedLights {
         anchor: DVec3,
         (lights, textures): (&Lights, &CompiledTextures),
     ) -> RefractedLights {
-        if !materials.iter().any(|material| material.face_of_refractor().is_some()) {
+        if !materials.iter().any(|material| material.refractor_interface().is_some()) {
             return RefractedLights::default();
         }
         let lights = lights.small_lights(textures);
@@ -338,7 +338,7 @@ impl RefractedLights {
 
 impl CompiledMaterial {
     /// Index of refraction and GGX alpha of refractive glass or water; `None` for other materials.
-    pub fn face_of_refractor(&self) -> Option<(f32, f32)> {
+    pub fn refractor_interface(&self) -> Option<(f32, f32)> {
         let is_glass = matches!(self.class, BsdfClass::Dielectric | BsdfClass::RoughDielectric);
         let is_plain = is_glass
             && !self.is_boundary
@@ -351,7 +351,7 @@ impl CompiledMaterial {
 
 /// A refractor, if material and shape are suitable.
 fn body(bounds: Bounds3, sides: Vec<Side>, material: &CompiledMaterial) -> Option<Refractor> {
-    let (ior, alpha) = material.face_of_refractor()?;
+    let (ior, alpha) = material.refractor_interface()?;
     let margin = Vec3::splat(REFRACTOR_MARGIN * bounds.extent().length());
     let bounds = Bounds3 { min: bounds.min - margin, max: bounds.max + margin };
     let (medium, is_rough) = (material.medium_index, alpha > 0.0);
@@ -368,7 +368,7 @@ struct Place<'a> {
 
 impl Place<'_> {
     fn body(&self, triangles: &[[u32; 3]], material: &CompiledMaterial) -> Option<Refractor> {
-        let (_, alpha) = material.face_of_refractor()?;
+        let (_, alpha) = material.refractor_interface()?;
         // Most smooth bodies are round: reject them by a few triangles.
         let step = triangles.len().div_ceil(PROBES).max(1);
         let few: Vec<RefractorFace> =

@@ -132,7 +132,7 @@ impl Integrator<'_> {
         let medium = &self.scene.media[usize::from(medium)];
         match &medium.scattering {
             Some(scattering) => {
-                scattering.in_lanes(wavelengths).transmittance_between(ray, span, (apart, wavelengths))
+                scattering.at_wavelengths(wavelengths).transmittance_between(ray, span, (apart, wavelengths))
             }
             None if medium.absorption.is_some() && span[1].is_finite() => {
                 medium.transmittance_at((span[1] - span[0]) * ray.1.length(), wavelengths)

@@ -174,7 +174,7 @@ fn solids_around(scene: &CompiledScene, p: Vec3, direction: Vec3, time: f32) -> 
     for number in 0..MAX_SURFACES {
         hit = match number {
             0 => scene.accel.closest_one_in_time(&ray, time),
-            _ if has_neighbours => scene.accel.next_one(&ray, &hit, time),
+            _ if has_neighbours => scene.accel.closest_after(&ray, &hit, time),
             _ => scene.accel.closest_one_in_time(&Ray { t_min: hit.t, ..ray }, time),
         };
         if !hit.is_hit() {

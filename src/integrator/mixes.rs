@@ -17,7 +17,7 @@ use super::wave::{Lanes3, Vertices, get, get_rgb, set, set_rgb};
 use super::workspace::Workspace;
 use crate::bsdf::BsdfEval;
 use crate::color::Rgb;
-use crate::compile::share_at;
+use crate::compile::color_at_wavelengths;
 use crate::math::{Frame, Vec3};
 use crate::sampling::sampler::{Dimensions, SobolPoint};
 use std::ops::Range;
@@ -89,7 +89,7 @@ impl Integrator<'_> {
             if within.is_some_and(|medium| filled != 0 && filled != medium) {
                 return (Rgb::ZERO, 0.0);
             }
-            let weight = share_at(&slots, &component.weight, wavelengths).max(Rgb::ZERO);
+            let weight = color_at_wavelengths(&slots, &component.weight, wavelengths).max(Rgb::ZERO);
             (weight, weight.luminance() * component.reflectance)
         }));
         let total: f32 = w.components.iter().map(|(_, importance)| importance).sum();
@@ -132,7 +132,7 @@ pub(super) fn eval_lobes(evaluated: &EvaluatedMaterial, ng: Vec3, [wo, wi]: [Vec
     let bent = Frame::from_normal(scattering_normal(evaluated.ns, ng, wo));
     let mapped = Frame::from_normal(evaluated.ns);
     let wo_bent = bent.to_local(wo);
-    let (base, glossy, fraction) = evaluated.bsdf.split_base(wo_bent);
+    let (base, glossy, fraction) = evaluated.bsdf.split_layers(wo_bent);
     let (a, b) = (
         base.eval(local_viewer(&mapped, wo, ng), mapped.to_local(wi)),
         glossy.eval(wo_bent, bent.to_local(wi)),
@@ -209,7 +209,7 @@ impl Integrator<'_> {
         if !evaluated.mapping.is_mapped || bent == evaluated.ns {
             return EvaluatedMaterial { ns: bent, ..evaluated };
         }
-        let (base, above, fraction) = evaluated.bsdf.split_base(Frame::from_normal(bent).to_local(wo));
+        let (base, above, fraction) = evaluated.bsdf.split_layers(Frame::from_normal(bent).to_local(wo));
         let p = probability(fraction);
         let path = &mut w.arriving.state;
         let dimensions = self.dimensions(bounce, Purpose::Mix);

@@ -161,9 +161,9 @@ impl<'a> Integrator<'a> {
         let groups = groups_of(scene, options.filter_glossy > 0.0);
         let dimensions = (0..sets).map(Dimensions::new).collect();
         let layers = Layers::new(options.aovs, options.light_groups, options.catchers);
-        let excluded = scene.materials.iter().map(|m| m.is_of_caught_object()).collect();
+        let excluded = scene.materials.iter().map(|m| m.is_shadow_catcher_object()).collect();
         let absent_or_excluded =
-            scene.materials.iter().map(|m| m.may_be_absent() || m.is_of_caught_object()).collect();
+            scene.materials.iter().map(|m| m.may_be_absent() || m.is_shadow_catcher_object()).collect();
         let may_be_absent = scene.materials.iter().map(|m| m.may_be_absent()).collect();
         Integrator {
             scene,

@@ -65,7 +65,7 @@ impl Integrator<'_> {
         let direction = ray.direction.normalize();
         let cosine = -direction.dot(normal);
         let evaluated = self.read_material(&at, 0.0, -direction, wavelengths);
-        let (ior, front) = evaluated.bsdf.smooth_interface(cosine, false)?;
+        let (ior, front) = evaluated.bsdf.specular_interface(cosine, false)?;
         let within = direction / ior + normal * (cosine / ior - front.cos_transmitted);
         let origin = offset_along(at.surface.p, -normal, normal.abs().dot(at.surface.p_error));
         let inner = Ray { origin_primitive: hit.into(), ..Ray::new(origin, within) };
@@ -89,7 +89,7 @@ impl Integrator<'_> {
             return None;
         }
         let exit_material = self.read_material(&exit, 0.0, -within, wavelengths);
-        let (_, back) = exit_material.bsdf.smooth_interface(front.cos_transmitted, true)?;
+        let (_, back) = exit_material.bsdf.specular_interface(front.cos_transmitted, true)?;
         let medium = &self.scene.media[usize::from(material.medium_index)];
         let absorbed = medium.transmittance_at(exit_hit.t, wavelengths);
         // Geometric series over the orders of reflection between the faces.

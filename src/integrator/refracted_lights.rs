@@ -198,7 +198,7 @@ impl Integrator<'_> {
         }
         let index = self.scene.geometries.material(&hit);
         let material = &self.scene.materials[index as usize];
-        let (ior, alpha) = material.face_of_refractor()?;
+        let (ior, alpha) = material.refractor_interface()?;
         let at = self.ray_hit_point(&ray, hit, index, 0.0);
         let is_filtered = self.options.filter_glossy > 0.0 && material.pane_thickness <= 0.0;
         let filtered = if is_filtered { FILTERED_ALPHA } else { 0.0 };

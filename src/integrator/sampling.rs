@@ -4,7 +4,7 @@ use super::wave::PathState;
 use crate::color::Rgb;
 use crate::sampling::hash::{hash32, unit};
 use crate::sampling::sampler::Dimensions;
-use crate::sampling::{UnevenSamples, ZSobolOrder};
+use crate::sampling::{AdaptiveSamples, ZSobolOrder};
 
 /// Sample counts and random sequences of pixels.
 #[derive(Clone, Copy, Debug)]
@@ -12,7 +12,7 @@ pub enum SamplePlan<'a> {
     /// The same number of samples for all pixels.
     Even(ZSobolOrder),
     /// A sample count per pixel (adaptive sampling), all in one pass.
-    Uneven(&'a UnevenSamples),
+    Uneven(&'a AdaptiveSamples),
 }
 
 impl SamplePlan<'_> {

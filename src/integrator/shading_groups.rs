@@ -453,7 +453,8 @@ impl Closure for GeneralClosure<'_> {
     fn eval(&self, wi: Vec3) -> BsdfEval {
         let crosses = self.crosses(wi);
         // An early exit, since most BSDFs only reflect.
-        let is_possible = if crosses { self.bsdf.scatters_through() } else { wi.dot(self.ng) != 0.0 };
+        let is_possible =
+            if crosses { self.bsdf.has_scattered_transmission() } else { wi.dot(self.ng) != 0.0 };
         if !is_possible || self.bsdf.is_specular() {
             return BsdfEval::ZERO;
         }

@@ -96,7 +96,7 @@ impl Integrator<'_> {
                 material = if KNOWS_MATERIALS { w.materials[i] } else { self.scene.geometries.material(hit) };
                 group = match self.groups[material as usize] {
                     _ if is_last => ShadingGroup::None,
-                    ShadingGroup::Textured if !self.scene.geometries.is_plainly_textured(hit) => {
+                    ShadingGroup::Textured if !self.scene.geometries.is_single_uv_triangle(hit) => {
                         ShadingGroup::MetalRough
                     }
                     group @ (ShadingGroup::Plain | ShadingGroup::PlainMetalRough) => {
@@ -257,7 +257,7 @@ impl Integrator<'_> {
         }
         let wavelengths = w.times.wavelengths(w.arriving.state.radiance_index[i]);
         let mut evaluated = self.read_material(&at, w.arriving.footprints.width[i], wo, wavelengths);
-        if material.passes_straight && w.arriving.state.pdf[i].competes() {
+        if material.is_transparent_to_shadow_rays && w.arriving.state.pdf[i].competes() {
             evaluated.bsdf = self.scatter_at_thin_glass(evaluated.bsdf, i, w);
         }
         let pane = self.reflect_at_pane(material.pane_thickness, i, w);

@@ -21,7 +21,7 @@ use super::workspace::{SampleTimes, Workspace};
 use crate::bsdf::Bsdf;
 use crate::color::Rgb;
 use crate::color::spectral::Wavelengths;
-use crate::compile::{Alpha, CompiledMaterial, share_at};
+use crate::compile::{Alpha, CompiledMaterial, color_at_wavelengths};
 use crate::math::{Frame, Hit, Ray, Vec3};
 use crate::scene::RayKinds;
 use crate::shape::Surface;
@@ -308,7 +308,7 @@ impl Integrator<'_> {
         let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
         material.alpha.is_none()
             && material.surface_visibility.is_none()
-            && !material.passes_straight
+            && !material.is_transparent_to_shadow_rays
             && material.pane_thickness <= 0.0
             && !material.is_boundary
             && self.scene.geometries.is_back_of_flat(ray, hit, time) == Some(false)
@@ -323,7 +323,7 @@ impl Integrator<'_> {
     fn advance_past(&self, ray: &mut Ray, hit: &Hit, time: f32) -> bool {
         let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
         let is_for_some = material.visible_to() != RayKinds::ALL;
-        let may_have_neighbours = material.is_boundary || material.is_absent_from_behind || is_for_some;
+        let may_have_neighbours = material.is_boundary || material.is_single_sided || is_for_some;
         let is_back =
             if may_have_neighbours { self.scene.geometries.is_back_of_flat(ray, hit, time) } else { None };
         let has_neighbours = is_back.is_some_and(|is_back| is_back || material.is_boundary || is_for_some);
@@ -350,7 +350,7 @@ impl Integrator<'_> {
         hits.resize(rays.len(), Hit::MISS);
         times.closest(&self.scene.accel, rays, samples, hits);
         for (k, hit, time) in coincident.drain(..) {
-            hits[k] = self.scene.accel.next_one(&rays[k], &hit, time);
+            hits[k] = self.scene.accel.closest_after(&rays[k], &hit, time);
         }
     }
 
@@ -368,8 +368,8 @@ impl Integrator<'_> {
             return HitResponse::Stops;
         }
         let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
-        let is_absent = material.is_boundary
-            || material.is_absent_from_behind && self.scene.geometries.is_back(ray, hit, time);
+        let is_absent =
+            material.is_boundary || material.is_single_sided && self.scene.geometries.is_back(ray, hit, time);
         let is_present = !is_absent && self.is_present(material, ray, hit, (time, kind), uniform);
         match material.surface_visibility {
             _ if !is_present => HitResponse::Passes,
@@ -415,7 +415,7 @@ impl Integrator<'_> {
     ) -> Option<Rgb> {
         let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
         let color = material.alpha.and_then(|alpha| alpha.passing)?;
-        let read = |_: &Alpha, slots: &PointReader<'_>, _| share_at(slots, &color, wavelengths);
+        let read = |_: &Alpha, slots: &PointReader<'_>, _| color_at_wavelengths(slots, &color, wavelengths);
         self.read_alpha((ray, hit, time), material, kinds, read)
     }
 
@@ -539,7 +539,7 @@ impl Integrator<'_> {
             return Rgb::ZERO;
         }
         let index = self.scene.geometries.material(hit);
-        if !self.scene.materials[index as usize].passes_straight {
+        if !self.scene.materials[index as usize].is_transparent_to_shadow_rays {
             return Rgb::ZERO;
         }
         let wo = -ray.direction.normalize();

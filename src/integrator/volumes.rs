@@ -99,7 +99,7 @@ impl Integrator<'_> {
             if !hit.is_hit() && segment.scatter_t.is_finite() {
                 let medium = &self.scene.media[usize::from(segment.medium)];
                 let wavelengths = w.times.wavelengths(w.arriving.state.radiance_index[i]);
-                let weigh = |s: &Scattering| segment.weight_of_scattering(&s.in_lanes(wavelengths));
+                let weigh = |s: &Scattering| segment.weight_of_scattering(&s.at_wavelengths(wavelengths));
                 weight = medium.scattering.as_ref().map_or(Rgb::ZERO, weigh);
                 if !segment.is_alone() {
                     weight *= self.overlapping_passing_weight(i, segment.scatter_t, w);
@@ -135,7 +135,8 @@ impl Integrator<'_> {
         if let Some(scattering) = &medium.scattering
             && scattering.emission.max_element() > 0.0
         {
-            let scattering = &scattering.in_lanes(w.times.wavelengths(w.arriving.state.radiance_index[i]));
+            let scattering =
+                &scattering.at_wavelengths(w.times.wavelengths(w.arriving.state.radiance_index[i]));
             let salt = RandomChoice::MediumEmission.hash(&w.arriving.state, i, bounce);
             let value = self.segment_emission(segment, scattering, i, (to, salt), None, w);
             self.add_medium_emission(bounce, i, value, w);
@@ -150,9 +151,11 @@ impl Integrator<'_> {
         let medium = &self.scene.media[usize::from(segment.medium)];
         let wavelengths = w.times.wavelengths(w.arriving.state.radiance_index[i]);
         match &medium.scattering {
-            Some(scattering) => {
-                segment.weight_of_passing((&scattering.in_lanes(wavelengths), wavelengths), &w.rays[i], to)
-            }
+            Some(scattering) => segment.weight_of_passing(
+                (&scattering.at_wavelengths(wavelengths), wavelengths),
+                &w.rays[i],
+                to,
+            ),
             None if medium.absorption.is_some() && to.is_finite() => {
                 medium.transmittance_at(to - segment.extent[0], wavelengths)
             }
@@ -287,7 +290,8 @@ impl Integrator<'_> {
             let crossing = (&hit, time);
             let Some(mut beyond) = self.beyond_boundary(&w.rays[i], crossing, here, last) else { continue };
             let far = if is_clipped { self.clip_length(w, i) } else { f32::INFINITY };
-            if is_clipped && !self.scene.accel.next_one(&Ray { t_max: far, ..w.rays[i] }, &hit, time).is_hit()
+            if is_clipped
+                && !self.scene.accel.closest_after(&Ray { t_max: far, ..w.rays[i] }, &hit, time).is_hit()
             {
                 beyond = Interior::AIR;
             }
@@ -441,7 +445,7 @@ impl Integrator<'_> {
     ) -> MediumSegment {
         match &self.scene.media[usize::from(medium)].scattering {
             Some(s) => {
-                let scattering = (medium, &*s.in_lanes(wavelengths), wavelengths);
+                let scattering = (medium, &*s.at_wavelengths(wavelengths), wavelengths);
                 MediumSegment::draw(
                     scattering,
                     (ray.origin, ray.direction),
@@ -529,7 +533,7 @@ impl Integrator<'_> {
         w: &Workspace,
     ) -> Rgb {
         let wavelengths = w.times.wavelengths(w.arriving.state.radiance_index[i]);
-        let scattering = &*scattering.in_lanes(wavelengths);
+        let scattering = &*scattering.at_wavelengths(wavelengths);
         let (segment, salt) = (
             &segments[k],
             hash32(RandomChoice::OverlappingEmission { medium: k as u32 }.hash(&w.arriving.state, i, bounce)),
@@ -538,7 +542,7 @@ impl Integrator<'_> {
             || segments.iter().enumerate().filter(|&(other, _)| other != k).map(|(_, segment)| segment);
         let is_clear = |other: &MediumSegment| {
             let medium = &self.scene.media[usize::from(other.medium)];
-            medium.scattering.as_ref().is_some_and(|s| other.is_unweighted(&s.in_lanes(wavelengths)))
+            medium.scattering.as_ref().is_some_and(|s| other.is_unweighted(&s.at_wavelengths(wavelengths)))
         };
         if others().all(is_clear) {
             return self.segment_emission(segment, scattering, i, (to, salt), None, w);

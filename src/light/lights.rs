@@ -181,9 +181,9 @@ impl Lights {
     }
 
     /// For closed scenes: lights at infinity are selected only where no other light arrives.
-    pub fn hide_far(&mut self) {
-        self.sampler.hide_far();
-        self.linked.iter_mut().for_each(LightSampler::hide_far);
+    pub fn exclude_infinite_lights(&mut self) {
+        self.sampler.exclude_infinite_lights();
+        self.linked.iter_mut().for_each(LightSampler::exclude_infinite_lights);
     }
 
     /// Makes a sun, given by its index among the punctual lights, visible to camera rays.
@@ -504,8 +504,8 @@ impl LightSampler {
         }
     }
 
-    /// See [`Lights::hide_far`].
-    pub fn hide_far(&mut self) {
+    /// See [`Lights::exclude_infinite_lights`].
+    pub fn exclude_infinite_lights(&mut self) {
         self.far_irradiance = 0.0;
     }
 
@@ -708,7 +708,7 @@ mod tests {
     #[test]
     fn hidden_far_lights_are_not_selected_where_others_arrive() {
         let mut lights = mixed();
-        lights.hide_far();
+        lights.exclude_infinite_lights();
         let below = Receiver { p: Vec3::new(2.0, 0.0, 0.0), normal: Vec3::Y };
         assert_eq!(lights.far_pdf_discrete(0, &below), 0.0);
         assert!((0..100).all(|i| lights.select(0, &below, [0.5, i as f32 / 100.0]).index < 5));

@@ -107,7 +107,7 @@ impl CurveFile {
 
     /// Drops strands with points or radii above [`MAX_COORDINATE`] in world space; returns their number. All points must
     /// have a radius.
-    pub fn leave_out_far(&mut self, world_from_object: DAffine3) -> usize {
+    pub fn remove_distant_strands(&mut self, world_from_object: DAffine3) -> usize {
         let scale = world_from_object.matrix3.to_cols_array().iter().fold(0.0f64, |max, x| max.max(x.abs()));
         let is_near = |i: usize| {
             let point = world_from_object.transform_point3(DVec3::from(self.points[i].map(f64::from)));

@@ -152,7 +152,7 @@ pub fn text_of(path: &Path) -> crate::error::Result<Option<String>> {
 ///
 /// # Errors
 /// An input error if it can't be read.
-pub fn names_in(folder: &Path) -> crate::error::Result<Vec<String>> {
+pub fn file_names_in(folder: &Path) -> crate::error::Result<Vec<String>> {
     let unreadable = |e| Error::input(folder, unreadable(e));
     let entries = std::fs::read_dir(folder).map_err(unreadable)?;
     entries.map(|entry| Ok(entry.map_err(unreadable)?.file_name().to_string_lossy().into_owned())).collect()

@@ -31,11 +31,11 @@ mod vdb;
 mod words;
 mod zip;
 
-pub use files::{names_in, text_of};
+pub use files::{file_names_in, text_of};
 pub use formats::extensions;
 pub use options::{
-    BlenderExport, EmptyNode, LONGEST_SHUTTER, LoadOptions, Loaded, SavedFiles, ShutterOptions,
-    ShutterPosition,
+    BlenderExport, EmptyNode, LONGEST_SHUTTER, LoadOptions, Loaded, ShutterOptions, ShutterPosition,
+    WatchedFiles,
 };
 pub use upright::{Up, UpHint};
 
@@ -89,7 +89,7 @@ fn load_each(
     }
     options.files.note(path);
     let unpacked = unpack::Unpacked::new(path)?;
-    let inner = LoadOptions { files: SavedFiles::default(), ..options.clone() };
+    let inner = LoadOptions { files: WatchedFiles::default(), ..options.clone() };
     let report_archive = |file: &mut Option<PathBuf>| {
         if unpacked.holds(file.as_ref()) {
             *file = Some(path.to_path_buf());
@@ -184,7 +184,7 @@ pub fn load_frames(
     fps: f64,
     each: &mut dyn FnMut(&mut Loaded) -> Result<ControlFlow<()>>,
 ) -> Result<()> {
-    if !is_of_blender(&path) {
+    if !is_blender_file(&path) {
         return load_times(path, options, numbers.map(|number| f64::from(number) / fps), each);
     }
     for frame in numbers {
@@ -198,7 +198,7 @@ pub fn load_frames(
 }
 
 /// Is a file of Blender's, or of a format that Blender imports (USD, FBX, Alembic, Collada), by its extension?
-pub fn is_of_blender(path: impl AsRef<Path>) -> bool {
+pub fn is_blender_file(path: impl AsRef<Path>) -> bool {
     matches!(formats::of(path.as_ref()), Format::Blender)
 }
 
@@ -214,9 +214,9 @@ pub fn is_scene(path: impl AsRef<Path>) -> bool {
 }
 
 /// Does a scene file enable denoising (`denoise` of `[render]`)? Reads only the scene file itself.
-pub fn asks_for_denoising(path: impl AsRef<Path>) -> bool {
+pub fn requests_denoising(path: impl AsRef<Path>) -> bool {
     let path = path.as_ref();
-    matches!(formats::of(path), Format::SceneFile) && scene_file::asks_for_denoising(path)
+    matches!(formats::of(path), Format::SceneFile) && scene_file::requests_denoising(path)
 }
 
 /// Help text for files of other programs: how to convert them, by their extension.
@@ -327,7 +327,7 @@ fn complete(
     displace::apply(loaded);
     procedural_media::apply(loaded)?;
     loaded.is_model = model.is_some() || formats::is_imported_by_blender(path);
-    stage::complete(loaded, &options.stage, options.brings_environment);
+    stage::complete(loaded, &options.stage, options.overrides_environment);
     let problems = loaded.scene.validate();
     if problems.is_empty() { Ok(()) } else { Err(Error::input_problems(path, problems)) }
 }

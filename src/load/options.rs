@@ -17,7 +17,7 @@ pub struct LoadOptions {
     /// Allow a glTF asset to refer to files outside its own folder.
     pub allow_external: bool,
     /// The caller sets the environment itself: scenes without lights get no default sky.
-    pub brings_environment: bool,
+    pub overrides_environment: bool,
     /// Options for Blender files.
     pub blender: BlenderOptions,
     /// Options for glTF assets.
@@ -47,7 +47,7 @@ pub struct LoadOptions {
     /// Maximum size of the pixels of one image, bytes; larger images are refused after reading their headers.
     pub memory_limit: Option<u64>,
     /// Collects the paths of all files that were read or not found.
-    pub files: SavedFiles,
+    pub files: WatchedFiles,
     /// Progress of reading PLY and OBJ files.
     pub counter: WorkCounter,
     /// Don't look for the model's sidecar (`model.oscura.toml` next to `model.glb`).
@@ -72,7 +72,7 @@ pub struct Loaded {
     /// The file declares area lights, however dim.
     pub has_area_lights: bool,
     /// Default materials, for faces without a material in the file.
-    pub stand_ins: Vec<MaterialId>,
+    pub default_materials: Vec<MaterialId>,
     /// The polygons of meshes, for subdivision.
     pub polygons: Polygons,
     /// Hints of the file about its up axis.
@@ -276,9 +276,9 @@ type Stamp = Option<(Option<SystemTime>, u64)>;
 
 /// The files that the loader has read or not found, with their modification times. Clones share one list.
 #[derive(Clone, Debug, Default)]
-pub struct SavedFiles(Arc<Mutex<BTreeMap<PathBuf, Stamp>>>);
+pub struct WatchedFiles(Arc<Mutex<BTreeMap<PathBuf, Stamp>>>);
 
-impl SavedFiles {
+impl WatchedFiles {
     /// Records a file with its current modification time; call before reading it.
     pub fn note(&self, path: impl AsRef<Path>) {
         let path = path.as_ref();
@@ -297,7 +297,7 @@ impl SavedFiles {
     }
 
     /// Replaces the list by that of a newer load, or, if that load failed, merges the two.
-    pub fn replace_by(&self, newer: &SavedFiles, has_failed: bool) {
+    pub fn replace_by(&self, newer: &WatchedFiles, has_failed: bool) {
         let newer = newer.lock().clone();
         let mut own = self.lock();
         if !has_failed {
@@ -369,7 +369,7 @@ mod saved_tests {
 
     #[test]
     fn files_of_a_failed_load_are_added() {
-        let (own, newer) = (SavedFiles::default(), SavedFiles::default());
+        let (own, newer) = (WatchedFiles::default(), WatchedFiles::default());
         own.note("a");
         newer.note("b");
         own.replace_by(&newer, true);

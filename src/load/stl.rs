@@ -6,7 +6,7 @@
 //! to one vertex. Files have neither units nor materials; z is up by the custom of printing and CAD.
 
 use super::mesh_tools::{NAMELESS, Repairs, bound_colors, color_triangles, triangulate};
-use super::words::{decimal_commas, is_no_number};
+use super::words::{decimal_commas, is_nan_word};
 use super::{LoadOptions, Loaded, Up, UpHint, files, mesh_tools};
 use crate::color::srgb_table;
 use crate::error::{Error, Problem, Result, Warning};
@@ -80,7 +80,7 @@ fn add_mesh(path: &Path, facets: &Facets, origin: DVec3, loaded: &mut Loaded) ->
     u32::try_from(mesh.positions.len()).map_err(too_many)?;
     let triangle_count = u32::try_from(mesh.triangles.len()).map_err(too_many)?;
     mesh.parts = vec![MeshPart { first_triangle: 0, triangle_count, material: MaterialId(0) }];
-    loaded.stand_ins = vec![MaterialId(0)];
+    loaded.default_materials = vec![MaterialId(0)];
     let scene = &mut loaded.scene;
     scene.materials.push(material);
     scene.meshes.push(mesh);
@@ -216,7 +216,7 @@ fn corner<'w>(mut words: impl Iterator<Item = &'w [u8]>) -> Option<[f64; 3]> {
     for value in &mut corner {
         let word = words.next()?;
         let number = std::str::from_utf8(word).ok().and_then(|word| word.parse().ok());
-        *value = number.or_else(|| is_no_number(word).then_some(f64::NAN))?;
+        *value = number.or_else(|| is_nan_word(word).then_some(f64::NAN))?;
     }
     Some(corner)
 }

@@ -11,7 +11,7 @@ pub(super) fn next_word(text: &[u8]) -> Option<(&[u8], &[u8])> {
 
 /// Whether a word is a spelling of NaN or infinity: `nan`, or one of the Windows runtime (`1.#IND`, `-nan(ind)`, `1.#QNAN`,
 /// `1.#INF`).
-pub(super) fn is_no_number(word: &[u8]) -> bool {
+pub(super) fn is_nan_word(word: &[u8]) -> bool {
     let word = word.strip_prefix(b"-").or(word.strip_prefix(b"+")).unwrap_or(word).to_ascii_lowercase();
     let rest = word.strip_prefix(b"nan");
     let is_nan = rest.is_some_and(|r| r.is_empty() || r.starts_with(b"(") && r.ends_with(b")"));
@@ -62,10 +62,10 @@ mod tests {
     #[test]
     fn spellings_of_nan_are_recognized() {
         for word in ["nan", "-NaN", "1.#IND", "-1.#IND00", "1.#QNAN", "-nan(ind)", "1.#INF"] {
-            assert!(is_no_number(word.as_bytes()), "{word}");
+            assert!(is_nan_word(word.as_bytes()), "{word}");
         }
         for word in ["1.5", "nano", "1.#X", "#IND", "inf", ""] {
-            assert!(!is_no_number(word.as_bytes()), "{word}");
+            assert!(!is_nan_word(word.as_bytes()), "{word}");
         }
     }
 

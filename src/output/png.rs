@@ -48,14 +48,14 @@ pub struct Linear<'a> {
 /// The message of the encoder.
 pub fn encode_png(film: &Film, options: &PngOptions) -> Result<Encoded, String> {
     let picture = Linear { width: film.width(), height: film.height(), rgba: &film.rgba() };
-    Ok(Encoded { bytes: encode_shown(&picture, Format::Png, options)?, warnings: vec![] })
+    Ok(Encoded { bytes: encode_display_png(&picture, Format::Png, options)?, warnings: vec![] })
 }
 
 /// Encodes pixels in a display-referred format or as HDR. Without alpha in the format pixels are composited over black.
 ///
 /// # Errors
 /// The message of the encoder.
-pub fn encode_shown(picture: &Linear, format: Format, options: &PngOptions) -> Result<Vec<u8>, String> {
+pub fn encode_display_png(picture: &Linear, format: Format, options: &PngOptions) -> Result<Vec<u8>, String> {
     if format == Format::Hdr {
         return encode_hdr(picture, options);
     }
@@ -92,7 +92,7 @@ pub(super) fn straight8(picture: &Linear, options: &PngOptions) -> Vec<u8> {
 }
 
 /// 8-bit RGBA pixels of a linear picture, with colours composited over black (premultiplied).
-pub fn shown8(picture: &Linear, options: &PngOptions) -> Vec<u8> {
+pub fn display_rgba8(picture: &Linear, options: &PngOptions) -> Vec<u8> {
     narrow(&codes(picture, options, Shape { alpha: true, straight: false, most: 255.0 }))
 }
 
@@ -280,7 +280,7 @@ mod tests {
     fn png_texts_are_read_back_and_pixels_unchanged() {
         let rgba = [[0.2, 0.5, 0.8, 1.0]; 4 * 3];
         let picture = Linear { width: 4, height: 3, rgba: &rgba };
-        let plain = encode_shown(&picture, Format::Png, &PngOptions::default()).expect("encoded");
+        let plain = encode_display_png(&picture, Format::Png, &PngOptions::default()).expect("encoded");
         let file = tempfile::NamedTempFile::new().expect("a file");
         let text_of = |bytes: &[u8], keyword: &str| {
             std::fs::write(file.path(), bytes).expect("written");
@@ -315,14 +315,15 @@ mod tests {
             (Format::WebP, false, 1),
         ] {
             let options = PngOptions { deep, ..PngOptions::default() };
-            let bytes = encode_shown(&picture, format, &options).expect("encoded");
+            let bytes = encode_display_png(&picture, format, &options).expect("encoded");
             let read = image::load_from_memory(&bytes).expect("a picture");
             assert_eq!(read.color().bytes_per_pixel(), if deep { 6 } else { 3 }, "{format:?}");
             let expected = [0.2, 0.5, 0.8].map(|v| byte(ViewTransform::Srgb.encode([v; 3])[0]));
             let pixel = read.to_rgb8().get_pixel(7, 4).0;
             assert!(pixel.iter().zip(expected).all(|(a, b)| a.abs_diff(b) <= most), "{format:?} {pixel:?}");
         }
-        let hdr = encode_shown(&picture, Format::Hdr, &PngOptions { exposure: 1.0, ..PngOptions::default() });
+        let hdr =
+            encode_display_png(&picture, Format::Hdr, &PngOptions { exposure: 1.0, ..PngOptions::default() });
         let read = image::load_from_memory(&hdr.expect("encoded")).expect("a picture").to_rgb32f();
         let pixel = read.get_pixel(3, 3).0;
         assert!(pixel.iter().zip([0.4, 1.0, 1.6]).all(|(a, b)| (a - b).abs() < 0.01), "{pixel:?}");

@@ -1,7 +1,7 @@
 //! Video by the program `ffmpeg`, to which frames are piped as they are rendered; and animated GIF and PNG. Files are created atomically.
 
 use super::atomic::{create, place};
-use super::png::{Linear, PngOptions, shown8, straight8};
+use super::png::{Linear, PngOptions, display_rgba8, straight8};
 use crate::error::{Error, Result};
 use image::codecs::gif::{GifEncoder, Repeat};
 use image::{Delay, Frame, RgbaImage};
@@ -237,7 +237,7 @@ fn frame(picture: &Linear, options: &PngOptions, has_alpha: bool) -> Vec<u8> {
     if has_alpha {
         return straight8(picture, options);
     }
-    let mut rgba = shown8(picture, options);
+    let mut rgba = display_rgba8(picture, options);
     rgba.chunks_exact_mut(4).for_each(|pixel| pixel[3] = 255);
     rgba
 }
@@ -333,7 +333,7 @@ impl Animation {
 mod tests {
     use super::*;
     use crate::film::{AovSet, Film};
-    use crate::output::{Format, encode_shown, rgba8};
+    use crate::output::{Format, encode_display_png, rgba8};
 
     /// A picture with alpha 0.5.
     fn half_transparent() -> Film {
@@ -348,7 +348,7 @@ mod tests {
     fn opaque_frames_are_composited_over_black() {
         let (film, options) = (half_transparent(), PngOptions::default());
         let picture = Linear { width: 16, height: 16, rgba: &film.rgba() };
-        let jpeg = encode_shown(&picture, Format::Jpeg, &options).expect("encoded");
+        let jpeg = encode_display_png(&picture, Format::Jpeg, &options).expect("encoded");
         let jpeg = image::load_from_memory(&jpeg).expect("a picture").into_rgb8();
         let frame = frame(&picture, &options, false);
         for (pixel, expected) in frame.chunks_exact(4).zip(jpeg.pixels()) {

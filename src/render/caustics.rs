@@ -86,7 +86,10 @@ impl Technique for LightTracing {
         let is_moving = scene.is_moving() || view.moving.is_some();
         first_reason(&[
             (features.scattering, "the scene has media that scatter or have no surface"),
-            (scene.materials.iter().any(|m| m.passes_straight), "the scene has thin sheets of glass"),
+            (
+                scene.materials.iter().any(|m| m.is_transparent_to_shadow_rays),
+                "the scene has thin sheets of glass",
+            ),
             (is_moving, "something moves in the scene, or the camera does"),
             (features.links, "lights of the scene are linked to some objects only"),
             (features.ray_kinds, "objects or lights of the scene are visible to some ray kinds only"),

@@ -13,7 +13,7 @@ use crate::integrator::{
     TrainingSample, WAVE,
 };
 use crate::sampling::hash::hash32;
-use crate::sampling::{MAX_Z_ORDER_SPP, UnevenSamples};
+use crate::sampling::{AdaptiveSamples, MAX_Z_ORDER_SPP};
 use rayon::prelude::*;
 
 /// Fraction of the planned samples spent on training.
@@ -240,7 +240,7 @@ impl Training<'_> {
         let pixels = width as usize * height as usize;
         let per_pixel = paths as f64 / pixels as f64;
         let seed = hash32(seed ^ hash32(SEED ^ number));
-        let samples = UnevenSamples::new(seed, width, &vec![per_pixel as f32; pixels]);
+        let samples = AdaptiveSamples::new(seed, width, &vec![per_pixel as f32; pixels]);
         let integrator = self.integrator(SamplePlan::Uneven(&samples), guide);
         let blocks = blocks(width, height, per_pixel);
         let (steps, at_once) = (blocks.len().div_ceil(BLOCKS), steps_at_once());

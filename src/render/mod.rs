@@ -32,8 +32,8 @@ pub use options::{
     Splitting, setting_help,
 };
 pub use picture::{
-    Labels, Picture, denoise_film, denoising_guides, film_bytes, film_warnings, sequence_guides, shows_alpha,
-    splat_bytes,
+    Labels, Picture, denoise_film, denoising_guides, film_bytes, film_warnings, has_visible_alpha,
+    sequence_guides, splat_bytes,
 };
 pub use progress::{CancelHandle, Event, PassOutcome, Statistics, TaskSpan, record_tasks, recorded_tasks};
 pub use renderer::{Renderer, in_pool};

@@ -169,7 +169,7 @@ macro_rules! render_settings {
                 guiding: Guiding = Guiding::default(), named("guiding"), user;
             "Minimum samples per pixel with a noise threshold", "" =>
                 /// At most `samples`.
-                least_samples: u32 = 0, free, internal;
+                min_samples: u32 = 0, free, internal;
             "Noise threshold: stop when the estimated relative error of the image is below this, or after the maximum of samples", "" =>
                 /// As a fraction: the root of the mean over pixels and channels of `(x - r)^2 / (r^2 + 0.01)`, with the picture
                 /// `x` and the converged picture `r`.

@@ -278,7 +278,7 @@ pub(super) fn of_film(film: &Film, has_stopped: bool) -> Vec<Warning> {
 
 /// Do display-referred pictures have alpha? Only with an environment invisible to cameras, transparent glass, holdouts or shadow catchers;
 /// others are composited over black. EXRs always have alpha.
-pub fn shows_alpha(scene: &CompiledScene, options: &RenderOptions) -> bool {
+pub fn has_visible_alpha(scene: &CompiledScene, options: &RenderOptions) -> bool {
     let features = &scene.features;
     let is_hidden = !features.environment_visible_to.contains(RayKinds::CAMERA);
     is_hidden || features.catchers || features.holdouts || options.transparent_glass

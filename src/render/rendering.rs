@@ -4,7 +4,7 @@ use super::noise::{Noise, RarePaths};
 use super::options::{DisplaySettings, RenderOptions};
 use super::pass::{PassWork, render_all};
 use super::picture;
-use super::picture::{Labels, Picture, denoise_film, layout, of_film, shows_alpha};
+use super::picture::{Labels, Picture, denoise_film, has_visible_alpha, layout, of_film};
 use super::progress::{
     CancelHandle, Event, Listener, PassOutcome, Progress, Spent, Statistics, Stopwatch, divided,
 };
@@ -322,7 +322,7 @@ impl Rendering {
                 exposure: self.display.exposure,
                 view: self.display.view.clone(),
                 white_balance: self.display.white_balance,
-                opaque: !shows_alpha(&self.scene, &self.options),
+                opaque: !has_visible_alpha(&self.scene, &self.options),
                 ..PngOptions::default()
             },
             metadata,
@@ -426,7 +426,7 @@ impl Rendering {
     /// Predicts the number of samples for the noise threshold.
     fn forecast(&self) {
         let Some((noise, wanted)) = self.noise.as_ref().zip(self.options.noise) else { return };
-        let (least, range) = (self.options.least_samples, self.options.samples_to_render());
+        let (least, range) = (self.options.min_samples, self.options.samples_to_render());
         if let Some((error, samples)) = noise.error().zip(noise.samples_for(f64::from(wanted), least, range))
         {
             let pixels = u64::from(self.film.width()) * u64::from(self.film.height());
@@ -436,7 +436,7 @@ impl Rendering {
 
     /// Is the estimated error below the noise threshold?
     fn has_converged(&self) -> bool {
-        if self.schedule.next_sample() < self.options.least_samples {
+        if self.schedule.next_sample() < self.options.min_samples {
             return false;
         }
         let error = self.noise.as_ref().and_then(Noise::error);

@@ -15,7 +15,7 @@ pub mod warp;
 pub use cells::CellDistribution;
 pub use distribution::AliasTable;
 pub use distribution::{BilinearMap, MapSample, MapSamples};
-pub use sampler::{MAX_Z_ORDER_SPP, UnevenSamples, ZSobolOrder};
+pub use sampler::{AdaptiveSamples, MAX_Z_ORDER_SPP, ZSobolOrder};
 
 /// The power heuristic (Veach 1997, section 9.2) with exponent 2 for one sample of each of two strategies: the MIS weight of
 /// a sample with density `pdf`, where `other` is the other strategy's density in the same measure. 0 where `pdf` is 0.

@@ -205,7 +205,7 @@ const SEED: u32 = 0x5f3a_9c41;
 /// As in [`ZSobolOrder`], the pixels of a 16x16 region use consecutive runs of one Sobol sequence in Morton order, each as
 /// long as the pixel's sample count; any run of consecutive points is well distributed.
 #[derive(Clone, Debug)]
-pub struct UnevenSamples {
+pub struct AdaptiveSamples {
     seed: u32,
     width: u32,
     /// Sample count of each pixel, row by row.
@@ -214,12 +214,12 @@ pub struct UnevenSamples {
     starts: Vec<u32>,
 }
 
-impl UnevenSamples {
+impl AdaptiveSamples {
     /// From sample counts by pixel, row by row. Fractions are rounded by error diffusion in Morton order.
-    pub fn new(seed: u32, width: u32, samples: &[f32]) -> UnevenSamples {
+    pub fn new(seed: u32, width: u32, samples: &[f32]) -> AdaptiveSamples {
         let height = samples.len() as u32 / width;
         let edge = 1u32 << MAX_EDGE_BITS;
-        let mut map = UnevenSamples {
+        let mut map = AdaptiveSamples {
             seed: hash32(seed ^ SEED),
             width,
             counts: vec![0; samples.len()],

@@ -267,7 +267,7 @@ impl Scene {
 
     /// Sets the rotation of the environment image, radians. Rotates with it the environment that camera rays see, and the
     /// environment's sun. Does nothing for other environments.
-    pub fn turn_environment(&mut self, to_rad: f64) {
+    pub fn set_environment_rotation(&mut self, to_rad: f64) {
         let Environment::Image { rotation_rad, .. } = &mut self.environment else { return };
         let by = DQuat::from_rotation_y(to_rad - *rotation_rad);
         if let Some(Environment::Image { rotation_rad: seen, .. }) = &mut self.camera_environment {

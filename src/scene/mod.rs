@@ -94,7 +94,7 @@ pub struct Scene {
     pub environment_visible_to: RayKinds,
     /// No light sampling of the environment: it contributes only through scattered rays that leave the scene, so that visibility to
     /// their ray kinds, not to shadow rays, determines its shadows.
-    pub environment_unsampled: bool,
+    pub environment_bsdf_only: bool,
     /// Backdrop of transparent pixels.
     pub backdrop: Option<Backdrop>,
     /// Light group of the environment; empty for the default group.

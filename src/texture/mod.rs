@@ -257,7 +257,7 @@ impl CompiledTextures {
     }
 
     /// Do lookups depend on the ray footprint?
-    pub fn use_footprints(&self) -> bool {
+    pub fn use_ray_footprints(&self) -> bool {
         self.textures.iter().any(|texture| match texture {
             Compiled::Image { lookup, .. } => lookup.has_pyramid(),
             Compiled::Nodes(program) => program.reads_width(),

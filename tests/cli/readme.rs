@@ -237,18 +237,21 @@ fn oscura(folder: &Path, arguments: &[String]) -> Output {
 fn program(folder: &Path, arguments: &[String]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_oscura"));
     command.args(arguments).current_dir(folder);
-    let stand_ins = folder.join("bin");
-    if stand_ins.exists() {
+    let default_materials = folder.join("bin");
+    if default_materials.exists() {
         let own = std::env::var_os("PATH").unwrap_or_default();
-        let path = std::env::join_paths([stand_ins.clone()].into_iter().chain(std::env::split_paths(&own)));
-        command.env("PATH", path.expect("a search path")).env("OSCURA_BLENDER", stand_ins.join("blender"));
+        let path =
+            std::env::join_paths([default_materials.clone()].into_iter().chain(std::env::split_paths(&own)));
+        command
+            .env("PATH", path.expect("a search path"))
+            .env("OSCURA_BLENDER", default_materials.join("blender"));
     }
     command
 }
 
 /// Scripts in place of programs that the README's user has: a Blender whose every scene is the room, and an ffmpeg that
 /// writes what it is given. None where scripts can't stand for programs.
-fn stand_ins(folder: &Path) {
+fn default_materials(folder: &Path) {
     #[cfg(unix)]
     {
         use std::os::unix::fs::PermissionsExt;
@@ -376,7 +379,7 @@ fn file_named(paragraph: &str) -> Option<&str> {
 fn every_command_and_snippet_works() {
     let folder = tempfile::tempdir().expect("a folder");
     fixtures(folder.path());
-    stand_ins(folder.path());
+    default_materials(folder.path());
     let (mut commands, mut snippets) = (0, Vec::new());
     for block in blocks(&readme()) {
         match block.language.as_str() {

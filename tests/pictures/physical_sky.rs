@@ -67,7 +67,7 @@ fn cameras_see_the_sun_of_the_sky() {
     let aureole = measure(&hidden, &options(16, 16, 1)).0;
     assert!((aureole / (0.5 * green(sky.radiance(sky.to_sun()))) - 1.0).abs() < 0.03, "{aureole}");
     // Turned away with its picture.
-    scene.turn_environment(1.0);
+    scene.set_environment_rotation(1.0);
     let turned = oscura::math::DQuat::from_rotation_y(1.0) * sky.to_sun();
     scene.cameras[0] = camera(DVec3::ZERO, turned, DVec3::Y, 1e-3);
     assert_radiance("the sun turned", &scene, &options(16, 16, 1), truth, 2e-3);

@@ -71,7 +71,7 @@ fn rays_decide_about_an_environment_without_samples() {
         sphere(&mut scene, [0.0, 2.0, 0.0], 1.0, black);
         scene.set_object_traits("sphere", ball);
         assert_radiance(what, &scene, &options(16, 64, 2), 0.8 * 1.5 * sampled, 4e-3);
-        scene.environment_unsampled = true;
+        scene.environment_bsdf_only = true;
         assert_radiance(&format!("{what}, found"), &scene, &options(16, 64, 2), 0.8 * 1.5 * found, 4e-3);
         // Beside a lamp that both ways agree about: above the ball, or beside it.
         let point = Light::point([30.0, 40.0, 0.0], [2e4; 3]);

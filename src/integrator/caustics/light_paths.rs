@@ -241,7 +241,7 @@ impl Integrator<'_> {
             _ => (scattered.weight.max_element() * scattered.scale).min(1.0),
         };
         let ng = surface.ng;
-        let is_lost = material.is_absent_from_behind && scattered.direction.dot(ng) <= 0.0;
+        let is_lost = material.is_single_sided && scattered.direction.dot(ng) <= 0.0;
         if roulette >= survival || is_lost {
             return None;
         }
@@ -519,7 +519,7 @@ impl Integrator<'_> {
         let is_back = connection.direction.dot(at.surface.ng) <= 0.0;
         let is_hidden =
             at.material.surface_visibility.is_some_and(|p| !p.visible_to.contains(RayKinds::CAMERA));
-        if is_hidden || at.material.is_absent_from_behind && is_back {
+        if is_hidden || at.material.is_single_sided && is_back {
             return None;
         }
         let wavelengths = path.wavelengths();
@@ -590,7 +590,10 @@ impl Integrator<'_> {
         let Receiver { bsdf, is_lambert, is_opaque, is_diffuse, ng, ns, mapping, wo, wi } = at;
         let cosine = wi.dot(*ng);
         let crosses = cosine * wo.dot(*ng) < 0.0;
-        if cosine == 0.0 || bsdf.is_specular() || crosses && (*is_opaque || !bsdf.scatters_through()) {
+        if cosine == 0.0
+            || bsdf.is_specular()
+            || crosses && (*is_opaque || !bsdf.has_scattered_transmission())
+        {
             return None;
         }
         let evaluated = EvaluatedMaterial { bsdf: *bsdf, ns: *ns, mapping: *mapping };

@@ -244,7 +244,7 @@ impl Integrator<'_> {
         };
         let is_present = material.surface_visibility.is_none_or(is_seen_as_such)
             && unit(hash32(salt)) < self.opacity(ray, hit, STILL, material, RayKinds::NONE);
-        if !material.is_absent_from_behind {
+        if !material.is_single_sided {
             return Passage { passes: !is_present, hits: is_present };
         }
         let is_front = !self.scene.geometries.is_back(ray, hit, STILL);

@@ -7,7 +7,7 @@
 //! digits and `.oscura`). Above a maximum size it deletes the least recently used files (`cache.py`).
 
 pub use super::options::BlenderOptions;
-use super::{LoadOptions, Loaded, SavedFiles, formats, gltf, scene_file, unpack};
+use super::{LoadOptions, Loaded, WatchedFiles, formats, gltf, scene_file, unpack};
 use crate::error::{Error, Result, Warning};
 use crate::scene::{Environment, Settings};
 use std::path::{Path, PathBuf};
@@ -68,7 +68,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let exported = export_with(path, options, &env::temp_dir(), true)?;
     // Blender has applied these options already: frame 0 of the scene file is the rendered frame.
     let gltf_options = gltf::GltfOptions { time_s: None, scene: None, ..options.gltf.clone() };
-    let inner = LoadOptions { gltf: gltf_options, files: SavedFiles::default(), ..options.clone() };
+    let inner = LoadOptions { gltf: gltf_options, files: WatchedFiles::default(), ..options.clone() };
     let is_temporary =
         |file: &Option<PathBuf>| file.as_ref().is_some_and(|f| f.starts_with(&exported.folder));
     let mut loaded =

@@ -5,8 +5,8 @@ use super::report::{Report, Valid};
 use crate::error::{Choice, Error, Problem, Result};
 use crate::load::decoders::Decoder;
 use crate::load::options::GltfOptions;
-use crate::load::words::{is_no_number, is_utf_16};
-use crate::load::{LoadOptions, SavedFiles};
+use crate::load::words::{is_nan_word, is_utf_16};
+use crate::load::{LoadOptions, WatchedFiles};
 use gltf::json::accessor::ComponentType;
 use gltf::{Glb, binary};
 use serde::de::DeserializeOwned;
@@ -27,7 +27,7 @@ pub(super) struct Document<'a> {
     /// May URIs lead out of the asset's folder?
     pub allow_external: bool,
     /// Records the files read.
-    pub files: &'a SavedFiles,
+    pub files: &'a WatchedFiles,
     /// Options for glTF.
     pub options: &'a GltfOptions,
     /// Maximum size of one decoded image, bytes.
@@ -292,7 +292,7 @@ fn replace_non_finite(text: &[u8]) -> (Vec<u8>, usize) {
         };
         let word = &text[at..at + length];
         let unsigned = word.strip_prefix(b"-").unwrap_or(word).to_ascii_lowercase();
-        let is_non_finite = is_no_number(word) || matches!(&unsigned[..], b"infinity" | b"inf" | b"1.#inf");
+        let is_non_finite = is_nan_word(word) || matches!(&unsigned[..], b"infinity" | b"inf" | b"1.#inf");
         count += usize::from(is_non_finite);
         out.extend(if is_non_finite { b"0" } else { word });
         at += length;

@@ -142,9 +142,9 @@ fn at(
         list.into_iter().map(|found| Warning { place: doc.in_names(&found.place), ..found }).collect()
     };
     let (warnings, notes) = (with_names(report.warnings()), with_names(report.notes()));
-    let stand_ins = materials::stand_ins(&scene.materials);
+    let default_materials = materials::default_materials(&scene.materials);
     let messages = Loaded { warnings, notes, left_out, ..Loaded::default() };
-    let mut loaded = Loaded { scene, empties, blender, has_area_lights, stand_ins, ..messages };
+    let mut loaded = Loaded { scene, empties, blender, has_area_lights, default_materials, ..messages };
     points_and_lines.add(doc, options, &mut loaded)?;
     Ok((loaded, still))
 }

@@ -117,8 +117,8 @@ fn up_hint(path: &Path) -> UpHint {
     // Unreadable files were reported earlier.
     let _ = ModelReader::open(path).map(|file| file.take(1 << 10).read_to_end(&mut head));
     let head = String::from_utf8_lossy(&head);
-    let is_of_blender = head.lines().any(|l| l.starts_with('#') && l.contains("Blender"));
-    UpHint { writer: is_of_blender.then_some((Up::Y, "Blender, which wrote it")), is_mostly_y: true }
+    let is_blender_file = head.lines().any(|l| l.starts_with('#') && l.contains("Blender"));
+    UpHint { writer: is_blender_file.then_some((Up::Y, "Blender, which wrote it")), is_mostly_y: true }
 }
 
 /// The models of `tobj`, and the filter with the statements that `tobj` drops.
@@ -243,7 +243,7 @@ impl Palette<'_> {
         loaded.scene.materials.push(material);
         let id = MaterialId(loaded.scene.materials.len() as u32 - 1);
         if found.is_none() {
-            loaded.stand_ins.push(id);
+            loaded.default_materials.push(id);
         }
         self.ids.insert((name, has_colors), id);
         id

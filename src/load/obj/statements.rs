@@ -7,7 +7,7 @@
 
 use super::lines::{LineFilter, Words, decoded, double, float};
 use crate::error::Problem;
-use crate::load::words::{decimal_commas, integer, is_no_number};
+use crate::load::words::{decimal_commas, integer, is_nan_word};
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::io::Write;
 
@@ -159,7 +159,7 @@ impl Statements {
                 out.push(b' ');
                 out.extend(word);
                 may_be_far |= kind == 0 && is_large(word);
-            } else if i < max && is_no_number(word) {
+            } else if i < max && is_nan_word(word) {
                 out.extend(b" nan");
             } else if let Some(value) = float(word).filter(|_| i >= max) {
                 color[i - max] = value;

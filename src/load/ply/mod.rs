@@ -264,7 +264,7 @@ fn finish(
             material = Material { use_vertex_colors: true, ..Material::lambert("vertex colours", [1.0; 3]) };
         }
         loaded.scene.materials.push(material);
-        loaded.stand_ins.push(MaterialId(i));
+        loaded.default_materials.push(MaterialId(i));
     }
     loaded.scene.meshes.push(mesh);
     loaded

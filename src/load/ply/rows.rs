@@ -2,7 +2,7 @@
 
 use crate::color::{linear_from_srgb, srgb_table};
 use crate::error::Problem;
-use crate::load::words::{decimal_commas, integer, is_no_number, next_word};
+use crate::load::words::{decimal_commas, integer, is_nan_word, next_word};
 use ply_rs::ply::{ElementDef, Property, PropertyAccess, PropertyType, ScalarType};
 
 /// A decoded row of an element.
@@ -363,7 +363,7 @@ fn scalar(kind: &ScalarType, slot: Slot, word: &[u8]) -> Option<Property> {
 
 /// Parses a number; NaN for words such as `nan` that stand for a missing value.
 fn real(text: &str) -> Option<f64> {
-    text.parse().ok().or_else(|| is_no_number(text.as_bytes()).then_some(f64::NAN))
+    text.parse().ok().or_else(|| is_nan_word(text.as_bytes()).then_some(f64::NAN))
 }
 
 /// Parses a finite number of an integer type, which may be written as `3.0`.

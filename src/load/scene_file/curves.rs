@@ -81,7 +81,7 @@ fn one<'a>(
             return None;
         }
     }
-    let far = file.leave_out_far(world_from_object);
+    let far = file.remove_distant_strands(world_from_object);
     let message = match (far, file.strands.is_empty()) {
         (0, true) => Some(format!("{name} hold no strands")),
         (0, false) => None,

@@ -67,7 +67,7 @@ pub(super) fn read<'a>(build: &mut SceneFileBuilder, fields: &Fields<'a>, textur
         build.loaded.scene.camera_environment = read_camera_background(build, &seen, textures);
     }
     build.loaded.scene.environment_visible_to = visible_to(fields, RayKinds::ALL);
-    build.loaded.scene.environment_unsampled = !fields.flag("sampled", true);
+    build.loaded.scene.environment_bsdf_only = !fields.flag("sampled", true);
     build.loaded.scene.environment_group = group(fields, "group");
     build.loaded.scene.fog = media::fog(fields);
     let sun = fields.table("sun");

@@ -217,7 +217,7 @@ pub(super) fn is_scene(path: &Path) -> bool {
 }
 
 /// Whether a scene file sets `denoise`. Problems of the file are reported when it is loaded.
-pub(super) fn asks_for_denoising(path: &Path) -> bool {
+pub(super) fn requests_denoising(path: &Path) -> bool {
     let Ok(text) = TomlText::read(path, &LoadOptions::default()) else { return false };
     let file = TomlFile::parse(&text);
     let render = file.root.get_ref().get("render").and_then(|table| table.get_ref().as_table());

@@ -25,9 +25,9 @@ const SOFT_SKY: ([f32; 3], [f32; 3]) = ([0.064, 0.06, 0.056], [1.056, 1.14, 1.22
 /// [`StageOptions`], and light unless it has lights or the caller has an environment. A scene with a camera gets light only if it has
 /// none; its emissive surfaces count as light, unless it is a model ([`Loaded::is_model`]) whose surfaces only glow. A
 /// light chosen by the caller replaces the environment.
-pub fn complete(loaded: &mut Loaded, options: &StageOptions, brings_environment: bool) {
+pub fn complete(loaded: &mut Loaded, options: &StageOptions, overrides_environment: bool) {
     if options.is_dry_run {
-        return dry_run(loaded, options, brings_environment);
+        return dry_run(loaded, options, overrides_environment);
     }
     let scene = &loaded.scene;
     let has_bodies = !(scene.instances.is_empty() && scene.shapes.is_empty() && scene.quads.is_empty());
@@ -39,7 +39,7 @@ pub fn complete(loaded: &mut Loaded, options: &StageOptions, brings_environment:
     let has_lights =
         scene.environment != Environment::Black || !scene.lights.is_empty() || loaded.has_area_lights;
     let is_chosen = options.is_light_chosen && options.light.is_stage();
-    let is_lit = brings_environment || has_lights && !is_chosen;
+    let is_lit = overrides_environment || has_lights && !is_chosen;
     if is_bare {
         set_up(loaded, options, is_lit);
     } else {
@@ -48,22 +48,22 @@ pub fn complete(loaded: &mut Loaded, options: &StageOptions, brings_environment:
         if is_dark {
             light_scene(loaded, options, emitted_light);
         }
-        warn_of_unused(loaded, options, brings_environment);
+        warn_of_unused(loaded, options, overrides_environment);
     }
     background(loaded, options);
 }
 
 /// Adds only cameras, but reports all additions.
-fn dry_run(loaded: &mut Loaded, options: &StageOptions, brings_environment: bool) {
+fn dry_run(loaded: &mut Loaded, options: &StageOptions, overrides_environment: bool) {
     let scene = &loaded.scene;
-    let (materials, stand_ins) = (scene.materials.clone(), loaded.stand_ins.clone());
+    let (materials, default_materials) = (scene.materials.clone(), loaded.default_materials.clone());
     let (images, textures, shapes) = (scene.images.len(), scene.textures.len(), scene.shapes.len());
     let environment = (scene.environment.clone(), scene.environment_visible_to);
     let backdrop = scene.backdrop.clone();
-    complete(loaded, &StageOptions { is_dry_run: false, ..options.clone() }, brings_environment);
+    complete(loaded, &StageOptions { is_dry_run: false, ..options.clone() }, overrides_environment);
     let scene = &mut loaded.scene;
     (scene.environment, scene.environment_visible_to) = environment;
-    (scene.backdrop, scene.materials, loaded.stand_ins) = (backdrop, materials, stand_ins);
+    (scene.backdrop, scene.materials, loaded.default_materials) = (backdrop, materials, default_materials);
     scene.images.truncate(images);
     scene.textures.truncate(textures);
     scene.shapes.truncate(shapes);
@@ -187,7 +187,7 @@ fn add_soft_sky(loaded: &mut Loaded) {
 }
 
 /// Warns of stage options without effect, as the scene or the caller overrides them.
-fn warn_of_unused(loaded: &mut Loaded, options: &StageOptions, brings_environment: bool) {
+fn warn_of_unused(loaded: &mut Loaded, options: &StageOptions, overrides_environment: bool) {
     let mut warn_if = |is_unused: bool, option: Choice, why: &str| {
         if is_unused {
             let message = format!("{option} has no effect: {why}");
@@ -195,7 +195,11 @@ fn warn_of_unused(loaded: &mut Loaded, options: &StageOptions, brings_environmen
         }
     };
     let own_camera = "the scene has its own camera";
-    warn_if(options.is_light_chosen && brings_environment, Choice::Stage, "another environment is requested");
+    warn_if(
+        options.is_light_chosen && overrides_environment,
+        Choice::Stage,
+        "another environment is requested",
+    );
     warn_if(options.is_view_chosen, Choice::ViewFrom, own_camera);
     warn_if(options.ground.is_some_and(|g| g != Ground::None), Choice::Ground, own_camera);
     warn_if(options.zoom != 1.0, Choice::Zoom, own_camera);
@@ -226,7 +230,7 @@ const ROUGHNESS: f32 = 0.5;
 
 /// Assigns a clay material to faces without one; vertex colours and textures replace its colour.
 fn apply_clay(loaded: &mut Loaded) {
-    for id in std::mem::take(&mut loaded.stand_ins) {
+    for id in std::mem::take(&mut loaded.default_materials) {
         let Some(material) = loaded.scene.materials.get_mut(id.index()) else { continue };
         let base_color = match &material.model {
             Model::Lambert { albedo } if albedo.texture.is_some() || material.use_vertex_colors => *albedo,
@@ -371,7 +375,7 @@ mod tests {
     #[test]
     fn dry_runs_report_additions_and_add_only_cameras() {
         let mut loaded = sphere_scene(DVec3::ZERO, 1.0, grey());
-        loaded.stand_ins.push(MaterialId(0));
+        loaded.default_materials.push(MaterialId(0));
         complete(&mut loaded, &StageOptions { is_dry_run: true, ..StageOptions::studio() }, false);
         let scene = &loaded.scene;
         assert!(loaded.notes[0].code == "stage", "{:?}", loaded.notes);
@@ -535,7 +539,7 @@ mod tests {
     #[test]
     fn files_without_materials_get_clay() {
         let mut loaded = sphere_scene(DVec3::ZERO, 1.0, grey());
-        loaded.stand_ins.push(MaterialId(0));
+        loaded.default_materials.push(MaterialId(0));
         complete(&mut loaded, &StageOptions::studio(), false);
         assert!(loaded.scene.materials[0].model.pbr().is_some());
         let mut own = sphere_scene(DVec3::ZERO, 1.0, grey());

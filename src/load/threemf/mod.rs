@@ -247,7 +247,7 @@ impl<'a> Reader<'a> {
         scene.materials.push(material);
         let id = MaterialId(scene.materials.len() as u32 - 1);
         if appearance == Appearance::Plain {
-            self.loaded.stand_ins.push(id);
+            self.loaded.default_materials.push(id);
         }
         self.materials.insert(key, id);
         id

@@ -78,7 +78,7 @@ structs! {
     Fog { medium, center, radius }
     Scene {
         name, meshes, instances, shapes, quads, curves, materials, textures, images, grids, profiles, lights, environment, camera_environment, fog, environment_visible_to,
-        environment_unsampled, backdrop, environment_group, environment_sun, portals, cameras, motion, settings,
+        environment_bsdf_only, backdrop, environment_group, environment_sun, portals, cameras, motion, settings,
     }
     Curves { name, basis, strands, points, radii, colors, world_from_object, material, traits, info }
     Mesh { name, positions, triangles, normals, uv_sets, tangents, colors, attributes, splats, parts }

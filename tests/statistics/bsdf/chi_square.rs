@@ -25,7 +25,7 @@ fn samples_follow_the_density_in(cases: &Cases) {
     let pairs: Vec<_> = pairs.filter(|_| cases.takes()).collect();
     for ((name, bsdf), cosine) in &pairs {
         // Transmission ends within cells.
-        let splits = if bsdf.scatters_through() { 2 } else { 0 };
+        let splits = if bsdf.has_scattered_transmission() { 2 } else { 0 };
         let wo = direction(*cosine, 0.7);
         Chi2::new(&format!("{name} from {cosine}"), pairs.len())
             .cells(32, 32)

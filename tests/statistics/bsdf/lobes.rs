@@ -360,7 +360,7 @@ fn glass_of_coloured_reflection_is_known_as_smooth() {
             let program = BsdfProgram::of(&model, ShadingModel::default());
             let what = format!("{reflection:?} {roughness} {has_volume}");
             assert_eq!(program.is_smooth_glass(), roughness == 0.0, "{what}");
-            assert_eq!(program.may_pass_straight(), roughness == 0.0 && !has_volume, "{what}");
+            assert_eq!(program.may_transmit_unscattered(), roughness == 0.0 && !has_volume, "{what}");
             let bsdf = program.evaluate(&Factors, &LocalFrame::STRAIGHT);
             assert_eq!(bsdf.is_specular(), roughness == 0.0, "{what}");
             let reflected = bsdf.appearance().glossy.to_array();

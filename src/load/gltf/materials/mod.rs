@@ -118,7 +118,7 @@ fn default_material() -> Material {
 }
 
 /// Materials of a scene that stand in for missing ones: those equal to the default material.
-pub(super) fn stand_ins(materials: &[Material]) -> Vec<MaterialId> {
+pub(super) fn default_materials(materials: &[Material]) -> Vec<MaterialId> {
     let default = default_material();
     let is_default =
         |m: &Material| m.name == default.name && m.model == default.model && m.emission.is_none();
