@@ -32,7 +32,10 @@ class ShapesTest(SceneTest):
 
     def patterned(self):
         """A material of noise by generated coordinates, which are looked up where nothing is linked."""
-        material, tree, shader, noise = shader_tree("pattern", "TexNoise")
+        material, tree, shader, line, noise = shader_tree("pattern", "TexNoise", "TexNoise")
+        # It has no coordinates.
+        line.noise_dimensions = "1D"
+        tree.links.new(line.outputs[0], shader.inputs["Roughness"])
         tree.links.new(noise.outputs[0], shader.inputs["Base Color"])
         return material
 

@@ -51,8 +51,10 @@ def _lookups(tree):
             # Those of another object are not of this mesh.
             targets = [] if node.from_instancer else [link.to_socket for link in node.outputs["Generated"].links]
         else:
-            is_idle = node.inputs["Vector"].is_linked or not any(out.is_linked for out in node.outputs)
-            targets = [] if is_idle else [node.inputs["Vector"]]
+            # Noise of one dimension has none: a lookup by name fails on sockets that are not available.
+            vector = next((socket for socket in node.inputs if socket.name == "Vector" and not socket.is_unavailable), None)
+            is_idle = vector is None or vector.is_linked or not any(out.is_linked for out in node.outputs)
+            targets = [] if is_idle else [vector]
         if targets:
             yield inner, targets
 
