@@ -344,7 +344,7 @@ fn what_is_kept_is_reported_and_deleted() {
     fs::write(&ours, vec![0; 1 << 20]).expect("written");
     fs::write(place.path("kept/mine.oscura"), "text").expect("written");
     let messages = place.run(None, &["cache", "--cache", "kept"]);
-    assert_eq!(stdout(&messages), "kept: 1 files of 1.0 MiB kept\n");
+    assert_eq!(stdout(&messages), "kept: 1 files of 1.0 MiB cached\n");
     let deleted = place.run(None, &["cache", "--cache", "kept", "--clear"]);
     assert_eq!((code(&deleted), stdout(&deleted)), (0, "kept: 1 files of 1.0 MiB deleted\n".to_string()));
     assert!(!ours.exists() && place.path("kept/mine.oscura").exists());

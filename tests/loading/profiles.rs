@@ -76,7 +76,7 @@ fn damaged_profiles_are_named_with_their_light() {
         (point, &HALF.replace("1 2 0", "2 2 0"), "type 2"),
         ("point = { position = [0, 4, 0], ies = \"other.ies\" }", HALF, "other.ies: can't be read"),
         ("point = { position = [0, 4, 0], ies = \"lamp.ies\", strength = 2, power = 1 }", HALF, "'strength'"),
-        ("point = { position = [0, 4, 0], ies = \"lamp.ies\", power = 1, intensity = 1 }", HALF, "either"),
+        ("point = { position = [0, 4, 0], ies = \"lamp.ies\", power = 1, intensity = 1 }", HALF, "exclude"),
         ("point = { position = [0, 4, 0], ies = \"lamp.ies\", direction = [0, 0, 0] }", HALF, "no direction"),
         ("spot = { position = [0, 4, 0], ies = \"lamp.ies\" }", HALF, "'target' or 'direction'"),
         ("point = { position = [0, 4, 0], ies = 3 }", HALF, "'ies'"),

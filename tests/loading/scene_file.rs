@@ -351,7 +351,7 @@ fn faces_have_the_materials_of_a_list() {
     let attributes = &scene.meshes[meshes[0] as usize].attributes;
     assert_eq!(attributes.iter().map(|a| a.name.as_str()).collect::<Vec<_>>(), ["rust"]);
     let shown = write(&["materials = [\"red\", \"red\"]"]).expect_err("too few").to_string();
-    assert!(shown.contains("names 2") && shown.contains("'material_index' 2"), "{shown}");
+    assert!(shown.contains("2 names") && shown.contains("'material_index' 2"), "{shown}");
     // A mesh that one list uses alone is not copied.
     let alone = write(&[both]).unwrap_or_else(|e| panic!("{e}")).scene;
     assert_eq!(alone.meshes.len(), 1);

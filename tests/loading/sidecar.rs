@@ -214,7 +214,7 @@ fn depth_of_field_says_what_it_lacks() {
     fails("f_stop = 2\ndefocus_angle = 1\nfocus_distance = 3", "'defocus_angle' and 'f_stop'");
     fails("f_stop = 2\nfocus_at = [0, 0, -1]\nfocus_distance = 3", "'focus_distance' and 'focus_at'");
     fails("name = \"front\"\nf_stop = 2\nfocus_at = [0, 0, 9]", "behind the camera");
-    fails("blades = 5", "'blades' needs the size of the lens");
+    fails("blades = 5", "'blades' needs a lens size");
     fails("f_stop = 2\nfocus_distance = 3\nblades = 2", "from 3 to 256");
 }
 

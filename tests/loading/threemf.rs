@@ -203,7 +203,7 @@ fn faults_have_their_place() {
     assert_eq!(number.scene.meshes[0].triangles.len(), 1);
     assert_eq!(number.scene.meshes[0].parts[0].triangle_count, 1);
     let unread = good(&(object("") + "<m:multiproperties id='4'/>"), "<item objectid='1'/>");
-    assert_eq!(said(&unread), ["layered properties are not read"]);
+    assert_eq!(said(&unread), ["layered properties are not supported"]);
     let support = good(
         &(object("") + "<object id='3' type='support'><mesh/></object>"),
         "<item objectid='1'/><item objectid='3'/>",
