@@ -348,17 +348,15 @@ fn render_picture(
 ) -> Result<ControlFlow<Outcome, Shot>> {
     let (given, args) = (args, completed(args, &loaded.scene.settings));
     let prepared = prepare_files((given, &args), &targets, environment, loaded, start, compiler)?;
-    let Prepared { scene, labels, camera, resolved, encoding, output_aovs, png, build, load_s, .. } =
-        prepared;
-    let Prepared { mut notes, mut warnings, left_out, .. } = prepared;
+    let Prepared { camera, resolved, encoding, png, build, mut notes, mut warnings, left_out, .. } = prepared;
     let messages: Vec<Warning> = warnings.iter().chain(&build.notes).cloned().collect();
     check_size(&targets, animations.as_ref(), &resolved.options)?;
     begin(&args, cancel, printed, (&notes, &warnings, &left_out))?;
-    let denoising = Denoising::of(&args, &targets, output_aovs);
+    let denoising = Denoising::of(&args, &targets, prepared.output_aovs);
     let encode = |picture: FinishedPicture| Pictures::encode(&encoding, &targets, picture, &png, &messages);
     let mut checkpoint =
         CheckpointWriter::new(&args, &targets, loaded, &resolved, &png, &messages, denoising.output_aovs())?;
-    let rendering = Rendering::labelled(scene, labels, &camera, resolved.options)?;
+    let rendering = Rendering::labelled(prepared.scene, prepared.labels, &camera, resolved.options)?;
     let rendering = checkpoint.begin(rendering.placed(loaded.scene.backdrop.clone(), loaded.offset))?;
     preview.iter_mut().for_each(|preview| preview.begin(&rendering, &png, &camera, build.triangles, printed));
     let (mut rendering, checkpoint) =
@@ -372,7 +370,7 @@ fn render_picture(
     notes.extend(dark_note(&args, picture.film(), png.exposure, &loaded.scene, printed));
     let run = Run {
         total_s: start.elapsed().as_secs_f64(),
-        load_s,
+        load_s: prepared.load_s,
         denoise_s,
         write_s: 0.0,
         size: (resolved.options.width, resolved.options.height),
@@ -391,7 +389,7 @@ fn render_picture(
         targets,
         encoding,
         png,
-        output_aovs,
+        output_aovs: prepared.output_aovs,
         picture,
         is_averaged,
         checkpoint,

@@ -262,13 +262,11 @@ impl CompiledMaterial {
         let coat_normal_map = effective_map(coat.and_then(|c| c.normal_map), textures);
         // Coat and base have different normals if either has a map.
         let is_mapped = normal_map.is_some() || normal.is_some();
-        let uses_frame =
-            is_anisotropic(&model) || (coat.is_some() && (is_mapped || coat_normal_map.is_some()));
-        let uses_uv = is_textured
-            || uses_frame
-            || is_mapped
-            || emission.is_some_and(|e| e.radiance.texture.is_some())
-            || alpha.is_some_and(|a| a.is_textured());
+        let maps_coat = coat.is_some() && (is_mapped || coat_normal_map.is_some());
+        let uses_frame = is_anisotropic(&model) || maps_coat;
+        let has_texture_outside_bsdf =
+            emission.is_some_and(|e| e.radiance.texture.is_some()) || alpha.is_some_and(|a| a.is_textured());
+        let uses_uv = is_textured || uses_frame || is_mapped || has_texture_outside_bsdf;
         let is_constant = !is_textured && !material.use_vertex_colors && !uses_frame;
         let example = is_constant.then(|| program.evaluate(&Factors, &LocalFrame::STRAIGHT));
         let constant = example.filter(|_| !is_spectral);

@@ -416,10 +416,8 @@ fn focus((x, y): (f64, f64), shared: &Shared) -> std::result::Result<(), String>
 }
 
 fn set(settings: Settings, shared: &Shared) -> std::result::Result<(), String> {
-    let aov = match settings.pass.as_deref() {
-        None | Some("") => None,
-        Some(name) => Some(Aov::from_option(name).ok_or("there is no such pass")?),
-    };
+    let pass = settings.pass.as_deref().filter(|name| !name.is_empty());
+    let aov = pass.map(|name| Aov::from_option(name).ok_or("there is no such pass")).transpose()?;
     let display = shared.lock().display.clone();
     let view = settings.view.as_deref().map(|name| display.view(name).ok_or("there is no such view"));
     let view = view.transpose()?;
@@ -453,7 +451,7 @@ fn set(settings: Settings, shared: &Shared) -> std::result::Result<(), String> {
         shared.show(look_changes);
     }
     let is_recorded =
-        |state: &State| aov.is_none_or(|aov| RECORDED.contains(aov) || state.request.aov == Some(aov));
+        |state: &State| aov.is_none_or(|a| RECORDED.contains(a) || state.request.aov == Some(a));
     let is_live = shared.lock().facts.is_live;
     if needs_render || (is_live && settings.pass.is_some() && !is_recorded(&shared.lock())) {
         shared.request(|state| {
@@ -464,17 +462,14 @@ fn set(settings: Settings, shared: &Shared) -> std::result::Result<(), String> {
             state.request.strength = settings.strength.or(state.request.strength);
             settings.material.into_iter().for_each(|(name, edit)| state.request.edits.change(name, edit));
             settings.light.into_iter().for_each(|(name, edit)| state.request.edits.change_light(name, edit));
-            (state.request.up, state.request.stage) =
-                (up.or(state.request.up), stage.or(state.request.stage));
+            state.request.up = up.or(state.request.up);
+            state.request.stage = stage.or(state.request.stage);
             state.request.loads += u64::from(loads);
             state.request.aov = aov.filter(|aov| !RECORDED.contains(*aov)).or(state.request.aov);
             state.request.rotation = settings.rotation.or(state.request.rotation);
             state.request.size = settings.size.unwrap_or(state.request.size);
-            settings
-                .defocus
-                .filter(|d| d.is_finite())
-                .into_iter()
-                .for_each(|d| state.request.pose.set_defocus(d));
+            let defocus = settings.defocus.filter(|defocus| defocus.is_finite());
+            defocus.into_iter().for_each(|defocus| state.request.pose.set_defocus(defocus));
         });
     }
     Ok(())
