@@ -112,7 +112,7 @@ fn what_is_no_terminal_is_refused_before_work_starts() {
         assert!(!folder.path().join("a.png").exists());
     };
     refused(&[], "--show needs a terminal");
-    refused(&["--json"], "JSON");
+    refused(&["--json"], "--json");
 }
 
 #[test]

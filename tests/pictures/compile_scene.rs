@@ -57,8 +57,8 @@ fn emissive_meshes_with_too_many_instances_are_shared() {
         let emission = Some(Emission { radiance: ColorSlot::constant([1.0; 3]), two_sided: true });
         let lamp = material(&mut scene, Material { emission, ..black });
         scene.meshes.extend([square(30, lamp), square(1, grey)]);
-        let floor = DAffine3::from_translation(DVec3::new(0.0, 0.0, -0.3));
-        place(&mut scene, 1, floor);
+        let below = DAffine3::from_translation(DVec3::new(0.0, 0.0, -0.3));
+        place(&mut scene, 1, below * DAffine3::from_scale(DVec3::splat(50.0)));
         for i in 0..instances {
             // All but two are behind the floor, which is seen from the front.
             let z = if i < 2 { 0.7 + i as f64 } else { -1.0 - i as f64 };
