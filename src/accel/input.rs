@@ -281,7 +281,7 @@ impl std::error::Error for TooLarge {}
 /// Numbers of dropped primitives, by reason.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Dropped {
-    /// Primitives with NaN, infinite or too large coordinates (beyond [`MAX_COORDINATE`]) or vertex indices out of range.
+    /// Primitives with NaN, infinite or too large coordinates (beyond `MAX_COORDINATE`) or vertex indices out of range.
     pub not_finite: u64,
     /// Triangles and quads of zero area, analytic shapes and curve segments of zero radius, splats of zero opacity.
     pub degenerate: u64,
@@ -305,7 +305,7 @@ impl Dropped {
 /// Largest absolute coordinate of a primitive, metres: box areas must not overflow single precision.
 pub const MAX_COORDINATE: f32 = 1e18;
 
-/// Whether a point is finite and within [`MAX_COORDINATE`].
+/// Whether a point is finite and within `MAX_COORDINATE`.
 pub fn is_valid_position(p: Vec3) -> bool {
     // NaN compares false.
     p.abs().max_element() <= MAX_COORDINATE && p.is_finite()

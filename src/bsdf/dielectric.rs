@@ -207,7 +207,7 @@ pub struct DielectricProgram {
     pub refraction: Refraction,
     /// See [`Dielectric::tint`].
     pub tint: ColorSlot,
-    /// Whether `tint` is the total of two crossings (entry and exit); see [`tint_of_crossing`].
+    /// Whether `tint` is the total of two crossings (entry and exit); see `tint_of_crossing`.
     pub tints_once: bool,
     /// See [`Dielectric::fresnel`].
     pub fresnel: FresnelModel,

@@ -379,7 +379,7 @@ pub const METALS: [(&str, &[[f32; 3]]); 13] = [
     ),
 ];
 
-/// A metal with a measured complex index of refraction: an index into [`METALS`].
+/// A metal with a measured complex index of refraction: an index into `METALS`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Metal(u8);
 

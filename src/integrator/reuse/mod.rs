@@ -388,7 +388,7 @@ pub struct SharedLayers {
     pub groups: Vec<Box<GroupLanes>>,
 }
 
-/// Diffuse parts of [`Pairs::value`], [`Suffixes::throughput`] and [`Reuse::received`].
+/// Diffuse parts of [`Pairs::value`], [`Suffixes::throughput`] and `Reuse::received`.
 #[derive(Zeroable)]
 pub struct Diffuse {
     pub value: RgbLanes,
