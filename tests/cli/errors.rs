@@ -321,7 +321,7 @@ fn nearly_black_pictures_name_the_exposure() {
     let dark = render(folder.path(), "b.png", &["--exposure", "-12"]);
     assert!(stderr(&dark).contains("--exposure"), "{}", stderr(&dark));
     let messages = stderr(&dark);
-    let stops = messages.split("--exposure ").nth(1).and_then(|rest| rest.split_whitespace().next());
+    let stops = messages.split("--exposure ").nth(1).and_then(|rest| rest.split([';', '\n']).next());
     let stops: f64 = stops.and_then(|stops| stops.parse().ok()).expect("a number of stops");
     assert!((-4.0..=4.0).contains(&stops), "{messages}");
 }
