@@ -180,6 +180,7 @@ fn place(scene: &Scene, plan: &Plan, numbering: &Numbering, mut geometries: Geom
             let mut placed = placement(step, material, numbering.instance(step.instance));
             let has_keys = |space: &Arc<Space>| !space.shapes.keys.is_empty();
             placed.moves |= geometries.shared.get(step.geometry).is_some_and(has_keys);
+            placed.is_unsampled = plan.unsampled.contains(&instance.mesh);
             geometries.placements.push(placed);
             instances.push(AccelInstance {
                 // Geometry 0 of the BVH is the world.
@@ -199,6 +200,7 @@ fn placement(step: &Step, material: Option<u32>, object: ObjectId) -> Placement 
         object,
         moves: step.motion.is_some(),
         motion: step.motion,
+        is_unsampled: false,
     }
 }
 
@@ -257,6 +259,7 @@ impl Baked {
             object: shape.object,
             moves: true,
             motion: Some(motion),
+            is_unsampled: false,
         });
         // Geometry 0 of the BVH is the world.
         self.instances

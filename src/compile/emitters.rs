@@ -22,9 +22,6 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-/// Maximum number of triangles of all instances of an emissive mesh for light sampling, which needs copies: about 1 GB with the lights.
-pub(super) const MAX_COPIED_EMITTERS: usize = 1 << 22;
-
 /// Area lights and their primitives.
 #[derive(Debug, Default)]
 pub struct Emitters {
@@ -174,16 +171,9 @@ impl Emitters {
     /// Adds each emissive primitive of moving placements as a light with a key per key of the motion. Other analytic shapes than
     /// spheres are excluded: only BSDF samples find their emission.
     fn add_moving(&mut self, geometries: &Geometries, materials: &[CompiledMaterial]) {
-        let mut instances = vec![0; geometries.shared.len()];
-        for placement in geometries.placements.iter().filter(|p| p.moves) {
-            instances[placement.geometry as usize] += 1;
-        }
-        for (index, placement) in geometries.placements.iter().enumerate().filter(|(_, p)| p.moves) {
+        let is_sampled = |p: &Placement| p.moves && !p.is_unsampled;
+        for (index, placement) in geometries.placements.iter().enumerate().filter(|(_, p)| is_sampled(p)) {
             let space = &*geometries.shared[placement.geometry as usize];
-            let primitives = space.attributes.materials.len();
-            if primitives.saturating_mul(instances[placement.geometry as usize]) > MAX_COPIED_EMITTERS {
-                continue;
-            }
             let keys = keys_of(geometries, placement, space);
             for (prim, own) in space.attributes.materials.iter().enumerate() {
                 let (prim, material) = (prim as u32, placement.material.unwrap_or(*own));

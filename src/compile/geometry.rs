@@ -61,6 +61,8 @@ pub struct Placement {
     pub moves: bool,
     /// Index into [`Geometries::motions`]; `None` if only its mesh deforms.
     pub motion: Option<u32>,
+    /// Its emission is not light-sampled: its mesh has too many instances.
+    pub is_unsampled: bool,
 }
 
 /// Object-to-world transform.

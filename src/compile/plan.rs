@@ -1,6 +1,6 @@
 //! Decides how each instance is compiled: merged into the world, or as a static or moving placement of a shared mesh.
 
-use super::emitters::{MAX_COPIED_EMITTERS, Shifts};
+use super::emitters::Shifts;
 use super::fingerprint::Fingerprint;
 use super::material::CompiledMaterial;
 use super::objects::{ObjectMaterials, only_material, part_materials};
@@ -31,6 +31,9 @@ const MAX_SHARED_CONDITION: f64 = 1e3;
 /// Frames of a sequence with fewer visible triangles are compiled from scratch: this takes milliseconds, and traversal is
 /// faster without instances.
 const MIN_KEPT_TRIANGLES: usize = 1 << 16;
+
+/// Maximum number of triangles of all instances of an emissive mesh for light sampling, which needs copies: about 1 GB with the lights.
+const MAX_COPIED_EMITTERS: usize = 1 << 22;
 
 /// Compilation of an instance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -76,6 +79,8 @@ pub(super) struct Plan {
     pub attributes: Arc<[String]>,
     /// Material indices of objects.
     pub numbers: ObjectMaterials,
+    /// Emissive meshes with too many instances for light sampling.
+    pub unsampled: HashSet<MeshId>,
     /// By mesh: must its triangles be flipped? Empty if none must.
     pub inside_out: Vec<bool>,
     /// Offsets of flat lights that are coplanar with other surfaces.
@@ -110,7 +115,7 @@ pub(super) fn plan(
         || scene.instances.iter().filter(is_visible).map(|i| scene.meshes[i.mesh.index()].triangles.len());
     let keeps_geometry = is_sequence && triangles().sum::<usize>() >= MIN_KEPT_TRIANGLES;
     let mut plan = Plan { numbers, attributes, ..Plan::default() };
-    let (mut invisible, mut unsampled) = (0, HashSet::new());
+    let mut invisible = 0;
     for (index, instance) in scene.instances.iter().enumerate() {
         if !is_visible(&instance) {
             invisible += 1;
@@ -125,7 +130,7 @@ pub(super) fn plan(
         let is_shared = uses[instance.mesh.index()] > 1 && mesh.triangles.len() >= min_shared;
         let copied = mesh.triangles.len().saturating_mul(uses[instance.mesh.index()]);
         let too_many = is_shared && copied > MAX_COPIED_EMITTERS;
-        if emits && too_many && unsampled.insert(instance.mesh) {
+        if emits && too_many && plan.unsampled.insert(instance.mesh) {
             warnings.push(Warning::general(unsampled_message(mesh, uses[instance.mesh.index()])));
         }
         let is_flat = condition(&world_from_object.matrix3) > MAX_SHARED_CONDITION;

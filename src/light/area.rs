@@ -332,7 +332,13 @@ impl LightSource for AreaLight {
         }
         let LightPoint { point, pdf_solid_angle } = match (self.part_seen_from(reference), &self.shape) {
             (SeenPart::Nothing, _) => return LightSample::NONE,
-            (SeenPart::Part(part), _) => rectangle(&part, reference).sample(u),
+            (SeenPart::Part(part), _) => {
+                let sampled = rectangle(&part, reference).sample(u);
+                if !self.contains(sampled.point) {
+                    return LightSample::NONE;
+                }
+                sampled
+            }
             (SeenPart::Whole, AreaShape::Rectangle(e)) => rectangle(e, reference).sample(u),
             (SeenPart::Whole, AreaShape::Parallelogram(e)) => parallelogram(e, reference).sample(u),
             (SeenPart::Whole, AreaShape::Triangle(e)) => triangle(e, reference).sample(u),
@@ -341,7 +347,7 @@ impl LightSource for AreaLight {
         let normal = self.normal_at(point, reference);
         let to =
             direction_to_point(reference, point, pdf_solid_angle, (normal, self.point_error, self.two_sided));
-        if to.pdf_solid_angle <= 0.0 || matches!(self.beam, Beam::Grid { .. }) && !self.contains(point) {
+        if to.pdf_solid_angle <= 0.0 {
             return LightSample::NONE;
         }
         LightSample {

@@ -8,7 +8,7 @@ use crate::scene::{Instance, Mesh, Motion};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Maximum number of triangles of scenes that are searched, which takes 0.2 s.
+/// Maximum number of triangles of scenes that are searched, for which time and memory are small beside those of loading.
 const MAX_TRIANGLES: usize = 4_000_000;
 
 /// Triangles coincide if their centroids are in the same cell of a grid of this spacing, relative to the size of the scene.
