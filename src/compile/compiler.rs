@@ -363,6 +363,7 @@ fn features(
             .any(|m| m.reads_path || !m.visible_to().contains(RayKinds::ALL.without(RayKinds::CAMERA))),
         catchers: materials.iter().any(|m| m.surface_visibility.is_some_and(|p| p.is_catcher)),
         links: false,
+        graphs: materials.iter().any(|m| m.graphs.is_some()),
         mixes: materials.iter().any(|m| !m.components.is_empty()),
         mirrors: materials.iter().any(|m| m.alike().is_some_and(|b| b.is_mirror())),
         holdouts: materials.iter().any(|m| m.surface_visibility.is_some_and(|p| p.is_holdout)),

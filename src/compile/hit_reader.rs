@@ -79,8 +79,13 @@ pub fn point_reader<'h>(
     width: f32,
     hit: Option<&'h HitData<'h>>,
 ) -> PointReader<'h> {
+    PointReader::new(textures, texture_point(at, surface, wo, width)).with_hit(hit)
+}
+
+/// The point of texture lookups at a surface point, for the view direction `wo` and the filter width of the path.
+#[inline(always)]
+pub fn texture_point(at: &SurfaceCoordinates, surface: &Surface, wo: Vec3, width: f32) -> TexturePoint {
     let (world, normal) = (surface.p, surface.ng);
     let cosine = surface.ns.dot(wo).abs();
-    let point = TexturePoint { uv: at.uv, world, normal, cosine, width, uv_per_metre: at.uv_per_metre };
-    PointReader::new(textures, point).with_hit(hit)
+    TexturePoint { uv: at.uv, world, normal, cosine, width, uv_per_metre: at.uv_per_metre }
 }

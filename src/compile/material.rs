@@ -12,7 +12,7 @@ use crate::scene::{
     ObjectSets, ObjectTraits, ParameterMut, Parameters, PbrMaterial, RayKinds, TextureId, Transmission,
 };
 use crate::shape::Surface;
-use crate::texture::{CompiledTextures, PointReader};
+use crate::texture::{CompiledTextures, JointGraphs, PointReader};
 use std::sync::Arc;
 
 /// A compiled material.
@@ -72,6 +72,8 @@ pub struct CompiledMaterial {
     /// The BSDF depends on tangents or on a second normal.
     pub uses_frame: bool,
     coat_normal_map: Option<NormalMap>,
+    /// The node graphs of the BSDF and its normals; of a mix those of the weights of its components.
+    pub graphs: Option<JointGraphs>,
     /// Components of a mix; empty for other materials.
     pub components: Vec<CompiledComponent>,
     /// A component of a mix: light paths, which don't select one, end there.
@@ -270,6 +272,9 @@ impl CompiledMaterial {
         let is_constant = !is_textured && !material.use_vertex_colors && !uses_frame;
         let example = is_constant.then(|| program.evaluate(&Factors, &LocalFrame::STRAIGHT));
         let constant = example.filter(|_| !is_spectral);
+        let normals = [normal_map.map(|map| map.texture), coat_normal_map.map(|map| map.texture)];
+        let normals = normals.into_iter().chain([normal, material.bumped_normal]).flatten();
+        let graphs = textures.join_graphs(textures_of(&model).into_iter().chain(normals));
         let depends_on_hit = |id: TextureId| textures.depends_on_viewer(id) || textures.reads_hit(id);
         CompiledMaterial {
             class,
@@ -299,6 +304,7 @@ impl CompiledMaterial {
             uses_uv,
             uses_frame,
             coat_normal_map,
+            graphs,
             components: Vec::new(),
             is_component: false,
             program,
@@ -336,12 +342,12 @@ impl CompiledMaterial {
             component.depends_on_viewer |= self.depends_on_viewer;
             component.reads_path |= self.reads_path;
         }
-        self.with_blend()
+        self.with_blend(textures)
     }
 
     /// Replaces two components by a single BSDF, their weighted sum, if [`Blend`](crate::bsdf::Blend) supports it: without
     /// random selection there is less noise. The components must have equal normals and no emission, alpha or medium.
-    fn with_blend(self) -> CompiledMaterial {
+    fn with_blend(self, textures: &CompiledTextures) -> CompiledMaterial {
         let [CompiledComponent { weight: of_a, material: Some(a), .. }, second] = &self.components[..] else {
             return self;
         };
@@ -367,8 +373,11 @@ impl CompiledMaterial {
         let (class, example) = (program.class(), example.filter(|_| is_spectral));
         let (normal_map, normal, bumped_normal) = normals(a);
         let components = Vec::new();
+        let graphs = [&self.graphs, &a.graphs, &b.graphs].into_iter().flatten();
+        let graphs = textures.join_graphs(graphs.flat_map(|graphs| graphs.textures.to_vec()));
         CompiledMaterial {
             class,
+            graphs,
             program,
             constant,
             example,
@@ -639,9 +648,14 @@ fn is_transmissive(model: &Model) -> bool {
 
 /// Has a model a texture that satisfies a predicate?
 fn has_texture(model: &Model, predicate: impl Fn(TextureId) -> bool) -> bool {
-    let mut found = false;
-    model.visit("", &mut |_, parameter| found |= parameter.texture().is_some_and(&predicate));
-    found
+    textures_of(model).into_iter().any(predicate)
+}
+
+/// The textures of a model.
+fn textures_of(model: &Model) -> Vec<TextureId> {
+    let mut textures = Vec::new();
+    model.visit("", &mut |_, parameter| textures.extend(parameter.texture()));
+    textures
 }
 
 /// Alpha of a material.

@@ -31,7 +31,7 @@ pub use compiler::{Compiler, compile};
 pub use density_grid::{BlackBodies, CompiledEmissionGrid, DensityGrid, GridRay};
 pub use fingerprint::{Fingerprint, of_curves, of_mesh};
 pub use geometry::{Corners, Geometries, Placement, Space, SurfaceCoordinates, TextureCorners, Transform};
-pub use hit_reader::{HitReader, SurfaceHit, point_reader};
+pub use hit_reader::{HitReader, SurfaceHit, point_reader, texture_point};
 pub use light_tables::MAX_RECEIVER_CLASSES;
 pub use material::{
     Alpha, CompiledComponent, CompiledEmission, CompiledMaterial, SurfaceVisibility, color_at_wavelengths,

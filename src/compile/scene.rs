@@ -190,6 +190,8 @@ pub struct Features {
     pub links: bool,
     /// Some textures depend on the incident path.
     pub paths: bool,
+    /// Some BSDFs, normals or weights of mixes are node graphs.
+    pub graphs: bool,
     /// Some materials are mixes.
     pub mixes: bool,
     /// Some materials are smooth mirrors.

@@ -33,6 +33,9 @@ impl Integrator<'_> {
         if self.optional.component_weight {
             w.arriving.component_weight.as_flattened_mut().fill(1.0);
         }
+        if self.scene.features.graphs {
+            self.evaluate_graphs(bounce, w, |_, _, material| !material.components.is_empty());
+        }
         let dimensions = self.dimensions(bounce, Purpose::Mix);
         for i in 0..w.hits.len() {
             let material = &self.scene.materials[w.materials[i] as usize];
@@ -65,7 +68,7 @@ impl Integrator<'_> {
     }
 
     fn select_component(&self, bounce: u32, i: usize, dimensions: &Dimensions, w: &mut Workspace) {
-        let at = self.hit_point(bounce, i, w);
+        let at = self.vertex_point(bounce, i, w);
         if let Some(component) = self.component_around(&at, w.arriving.interior[i]) {
             w.materials[i] = component;
             return;
@@ -79,6 +82,7 @@ impl Integrator<'_> {
         let hit_data = self.hit_data(&at, &coordinates, wo);
         let width = w.arriving.footprints.width[i];
         let slots = self.slots(&coordinates, &at.surface, wo, width, hit_data.as_ref());
+        let slots = slots.with_results(w.graphs.at(i).and_then(|hit| w.graphs.results(hit, &at)));
         let path = &mut w.arriving.state;
         let wavelengths = w.times.wavelengths(path.radiance_index[i]);
         let components = &at.material.components;

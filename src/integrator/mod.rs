@@ -21,6 +21,7 @@ mod limits;
 mod medium_segment;
 mod mis;
 mod mixes;
+mod node_graphs;
 mod panes;
 mod radiance_buffer;
 mod random_walks;

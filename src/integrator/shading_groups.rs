@@ -240,6 +240,7 @@ fn group_of(material: &CompiledMaterial, by_wavelength: bool) -> ShadingGroup {
                 // The vectorised texture loops support the most common inputs only.
                 BsdfClass::MetalRough
                     if material.uses_uv
+                        && material.graphs.is_none()
                         && !material.uses_vertex_colors
                         && !material.reads_hit
                         && material.normal.is_none() =>

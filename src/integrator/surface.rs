@@ -15,7 +15,7 @@ use super::wave::{
     CornerLanes, Lanes3, PathState, TexturedLanes, Vertices, WAVE, get, get_rgb, set, set_rgb,
 };
 use super::workspace::Workspace;
-use crate::bsdf::{Bsdf, BsdfClass, LocalFrame, MetalRough};
+use crate::bsdf::{Bsdf, LocalFrame, MetalRough};
 use crate::color::Rgb;
 use crate::color::spectral::Wavelengths;
 use crate::compile::{HitReader, SurfaceCoordinates, SurfaceHit, point_reader};
@@ -23,7 +23,7 @@ use crate::math::{Frame, Hit, Ray, Vec2, Vec3, select};
 use crate::scene::{RayKinds, SkippedCaustics};
 use crate::shape::{Surface, shading_normal, triangle_surface};
 use crate::simd::{Kernel, dispatch, map_each};
-use crate::texture::{CameraData, HitData, PathData, PointReader, TexturePoint};
+use crate::texture::{CameraData, GraphResults, HitData, PathData, PointReader, TexturePoint};
 use std::ops::Range;
 
 /// A surface with its BSDF.
@@ -48,6 +48,9 @@ impl Vertex {
 impl Integrator<'_> {
     /// Builds the vertices of the arriving paths, sorted by shading group, and adds the emission of surfaces.
     pub(super) fn surfaces(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
+        if self.scene.features.graphs {
+            self.evaluate_graphs(bounce, w, |w, i, _| w.groups[i] != ShadingGroup::None);
+        }
         self.sort(bounce, sorted, w);
         self.make_plain(sorted.plain(), &mut w.wave.vertices);
         self.make_plain(sorted.plain_metal_rough(), &mut w.wave.vertices);
@@ -227,10 +230,15 @@ impl Integrator<'_> {
     pub(super) fn hit_point(&self, bounce: u32, i: usize, w: &Workspace) -> HitPoint<'_> {
         let time = w.times.of(w.arriving.state.radiance_index[i]);
         let at = self.ray_hit_point(&w.rays[i], w.hits[i], w.materials[i], time);
-        if !self.scene.features.paths {
-            return at;
+        HitPoint { path: self.origin_of_hit(bounce, i, w), ..at }
+    }
+
+    /// Properties of arriving path `i` that node graphs read; unknown if none reads them.
+    pub(super) fn origin_of_hit(&self, bounce: u32, i: usize, w: &Workspace) -> PathOrigin {
+        match self.scene.features.paths {
+            true => self.path_origin(bounce, i, &w.arriving),
+            false => PathOrigin::UNKNOWN,
         }
-        HitPoint { path: self.path_origin(bounce, i, &w.arriving), ..at }
     }
 
     /// The hit point of a ray on a surface with a material.
@@ -244,19 +252,14 @@ impl Integrator<'_> {
     /// Builds the vertex at the hit of ray `i`: geometry, textures, emission, interfaces of solids, and AOVs.
     fn vertex(&self, bounce: u32, i: usize, w: &mut Workspace) -> Vertex {
         let wo = -w.rays[i].direction;
-        let mut at = self.hit_point(bounce, i, w);
+        let at = self.vertex_point(bounce, i, w);
         let HitPoint { material, is_back, .. } = at;
-        if material.class == BsdfClass::Hair {
-            // Hair scatters in all directions around the fibre.
-            at.surface.ng = at.surface.ns;
-        }
         let is_solid = material.medium_index != 0;
         if is_solid && is_back {
             let wavelengths = w.times.wavelengths(w.arriving.state.radiance_index[i]);
             self.assume_inside(material, at.hit.t, i, &mut w.arriving, wavelengths);
         }
-        let wavelengths = w.times.wavelengths(w.arriving.state.radiance_index[i]);
-        let mut evaluated = self.read_material(&at, w.arriving.footprints.width[i], wo, wavelengths);
+        let mut evaluated = self.read_vertex_material(i, &at, wo, w);
         if material.is_transparent_to_shadow_rays && w.arriving.state.pdf[i].competes() {
             evaluated.bsdf = self.scatter_at_thin_glass(evaluated.bsdf, i, w);
         }
@@ -378,23 +381,48 @@ impl Integrator<'_> {
             Some(bsdf) => {
                 EvaluatedMaterial { bsdf, ns: at.surface.ns, mapping: Mapping::none(at.surface.ns) }
             }
-            None => self.textured(at, width, wo, wavelengths),
+            None => {
+                let HitPoint { surface, hit, time, .. } = at;
+                let footprints = self.scene.features.footprints;
+                let coordinates = self.scene.geometries.coordinates(surface, hit, footprints, *time);
+                self.textured(at, &coordinates, (width, wo), (wavelengths, None))
+            }
         }
     }
 
-    /// Looks up textures, vertex colours and the normal map.
+    /// [`Integrator::read_material`] at the hit of ray `i`, where node graphs may have been evaluated already.
+    #[inline(always)]
+    fn read_vertex_material(
+        &self,
+        i: usize,
+        at: &HitPoint<'_>,
+        wo: Vec3,
+        w: &Workspace,
+    ) -> EvaluatedMaterial {
+        let wavelengths = w.times.wavelengths(w.arriving.state.radiance_index[i]);
+        let width = w.arriving.footprints.width[i];
+        match w.graphs.at(i) {
+            None => self.read_material(at, width, wo, wavelengths),
+            Some(evaluated) => {
+                let results = w.graphs.results(evaluated, at);
+                self.textured(at, &evaluated.coordinates, (width, wo), (wavelengths, results))
+            }
+        }
+    }
+
+    /// Looks up textures, vertex colours and the normal map, given known results of node graphs.
     fn textured(
         &self,
         at: &HitPoint<'_>,
-        width: f32,
-        wo: Vec3,
-        wavelengths: Option<&Wavelengths>,
+        coordinates: &SurfaceCoordinates,
+        (width, wo): (f32, Vec3),
+        (wavelengths, results): (Option<&Wavelengths>, Option<GraphResults<'_>>),
     ) -> EvaluatedMaterial {
-        let HitPoint { surface, hit, material, time, .. } = at;
-        let hit_point = at;
-        let at = self.scene.geometries.coordinates(surface, hit, self.scene.features.footprints, *time);
-        let hit_data = self.hit_data(hit_point, &at, wo);
-        let slots = self.slots(&at, surface, wo, width, hit_data.as_ref());
+        let HitPoint { surface, material, .. } = at;
+        let has_all_results = results.is_some() && material.graphs.as_ref().is_some_and(|g| g.is_complete);
+        let hit_data = if has_all_results { None } else { self.hit_data(at, coordinates, wo) };
+        let slots = self.slots(coordinates, surface, wo, width, hit_data.as_ref()).with_results(results);
+        let at = coordinates;
         let (ns, points_inwards) = material.shading_normal(&slots, surface, at.tangent_frame);
         let frame = if material.uses_frame {
             let scattering = Frame::from_normal(scattering_normal(ns, surface.ng, wo));

@@ -3,6 +3,7 @@
 use super::first_hit::FirstHits;
 use super::guiding::guide::{TrainingSample, VertexRecord};
 use super::medium_segment::{MediumSegment, ShadowSegment};
+use super::node_graphs::HitGraphs;
 use super::radiance_buffer::RadianceBuffer;
 use super::reuse::Reuse;
 use super::shading_groups::ShadingGroup;
@@ -30,6 +31,8 @@ pub struct Workspace {
     pub(super) escaped: Vec<u32>,
     /// Material of each hit.
     pub(super) materials: Vec<u32>,
+    /// Results of node graphs at the hits.
+    pub(super) graphs: HitGraphs,
     /// Weight and importance of each component of the current mix.
     pub(super) components: Vec<(Rgb, f32)>,
     /// BSDFs of the vertices without a vectorised class.
@@ -99,6 +102,7 @@ impl Workspace {
             groups: Vec::with_capacity(WAVE),
             escaped: Vec::with_capacity(WAVE),
             materials: Vec::with_capacity(WAVE),
+            graphs: HitGraphs::default(),
             components: Vec::new(),
             bsdfs: Vec::new(),
             shadow_rays: Vec::with_capacity(WAVE),
@@ -145,6 +149,7 @@ impl Workspace {
         self.overlapping_segments.clear();
         self.shadow_segments.clear();
         self.rays_before_split = None;
+        self.graphs.clear(0);
     }
 
     /// Finds the nearest hits of `rays`.

@@ -4,6 +4,7 @@
 mod by_rows;
 mod hit;
 mod image;
+mod joint_graphs;
 mod levels;
 mod nodes;
 mod noise;
@@ -16,6 +17,7 @@ use crate::color::spectral::{Spectrum, Wavelengths, uplift_reflectance};
 use crate::error::Error;
 use crate::image::Image;
 use crate::math::{Vec2, Vec3};
+use crate::scene::nodes::NodeGraph;
 use crate::scene::{ImageId, LightProfile, MAX_TEXTURE_NESTING, NoiseKind, Texture, TextureId};
 pub use hit::{
     AttributeList, AttributeValue, CameraData, HitAttributes, HitData, ObjectData, PathData, StrandData,
@@ -24,8 +26,10 @@ pub use hit::{
 use hit::{TextureCoordinates, UvMap, triplanar};
 pub use image::ImageLookup;
 use image::{ImageSampling, Taps};
+pub use joint_graphs::{GraphResults, JointGraphs};
 use levels::{Images, Levels};
 pub use levels::{TextureNeeds, TextureReport};
+pub use nodes::LANES as GRAPH_LANES;
 use nodes::Program;
 pub use noise::{marble, perlin, turbulence};
 use std::cell::Cell;
@@ -219,24 +223,27 @@ impl CompiledTextures {
     pub fn depends_on_viewer(&self, id: TextureId) -> bool {
         self.has_part(id, |texture| match texture {
             Compiled::Facing(_) => true,
-            Compiled::Nodes(program) => program.depends_on_viewer(),
+            Compiled::Nodes(program, _) => program.depends_on_viewer(),
             _ => false,
         })
     }
 
     /// Does the value need [`HitData`]?
     pub fn reads_hit(&self, id: TextureId) -> bool {
-        self.has_part(id, |texture| matches!(texture, Compiled::Nodes(program) if program.reads_hit()))
+        self.has_part(id, |texture| matches!(texture, Compiled::Nodes(program, _) if program.reads_hit()))
     }
 
     /// Does the value depend on tangents of the first UV set?
     pub fn reads_tangents(&self, id: TextureId) -> bool {
-        self.has_part(id, |texture| matches!(texture, Compiled::Nodes(program) if program.reads_tangents()))
+        self.has_part(
+            id,
+            |texture| matches!(texture, Compiled::Nodes(program, _) if program.reads_tangents()),
+        )
     }
 
     /// Does the value depend on the incident path (ray type, length, depth)?
     pub fn reads_path(&self, id: TextureId) -> bool {
-        self.has_part(id, |texture| matches!(texture, Compiled::Nodes(program) if program.reads_path()))
+        self.has_part(id, |texture| matches!(texture, Compiled::Nodes(program, _) if program.reads_path()))
     }
 
     /// Does a predicate hold for a texture or any texture nested in it?
@@ -260,7 +267,7 @@ impl CompiledTextures {
     pub fn use_ray_footprints(&self) -> bool {
         self.textures.iter().any(|texture| match texture {
             Compiled::Image { lookup, .. } => lookup.has_pyramid(),
-            Compiled::Nodes(program) => program.reads_width(),
+            Compiled::Nodes(program, _) => program.reads_width(),
             _ => false,
         })
     }
@@ -309,7 +316,7 @@ fn compile(
             // Vectors may have negative components, which `constant` clips.
             match program.constant().filter(|_| !graph.is_vector()) {
                 Some([r, g, b]) => Compiled::Constant([r, g, b, 1.0]),
-                None => Compiled::Nodes(Arc::new(program)),
+                None => Compiled::Nodes(Arc::new(program), graph.clone()),
             }
         }
         Texture::Normal => Compiled::Normal,
@@ -412,7 +419,7 @@ enum Compiled {
     },
     /// Two textures and the factor that mixes them.
     Mix([u32; 3]),
-    Nodes(Arc<Program>),
+    Nodes(Arc<Program>, Arc<NodeGraph>),
     Normal,
     /// Colours by viewing cosine, evenly spaced from 0 to 1; at least two.
     Facing(Arc<[[f32; 3]]>),
@@ -433,7 +440,7 @@ impl Compiled {
         match self {
             Compiled::Checker { even, odd, .. } => vec![*even, *odd],
             Compiled::Mix(parts) => parts.to_vec(),
-            Compiled::Nodes(program) => program.textures().map(|part| part.0).collect(),
+            Compiled::Nodes(program, _) => program.textures().map(|part| part.0).collect(),
             _ => Vec::new(),
         }
     }
@@ -486,7 +493,7 @@ fn break_cycles(textures: &mut [Compiled]) {
 
 /// Do lookups recurse into all nested textures?
 fn is_recursive(texture: &Compiled) -> bool {
-    matches!(texture, Compiled::Mix(_) | Compiled::Nodes(_))
+    matches!(texture, Compiled::Mix(_) | Compiled::Nodes(..))
 }
 
 /// `a + factor (b - a)` by channel; the factor of alpha is the mean of the others.
@@ -504,6 +511,8 @@ pub struct PointReader<'a> {
     textures: &'a CompiledTextures,
     point: TexturePoint,
     hit: Option<&'a HitData<'a>>,
+    /// Known results of node graphs at the point.
+    results: Option<GraphResults<'a>>,
     last: Cell<(u32, [f32; 4])>,
     /// Texels of the last lookup, by parity of the mip level: a lookup uses at most two successive levels.
     taps: [Cell<(u64, Taps)>; 2],
@@ -515,13 +524,19 @@ impl<'a> PointReader<'a> {
     pub fn new(textures: &'a CompiledTextures, point: TexturePoint) -> PointReader<'a> {
         let nothing = (u64::MAX, Taps::default());
         let taps = [Cell::new(nothing), Cell::new(nothing)];
-        PointReader { textures, point, hit: None, last: Cell::new((u32::MAX, [0.0; 4])), taps }
+        PointReader { textures, point, hit: None, results: None, last: Cell::new((u32::MAX, [0.0; 4])), taps }
     }
 
     /// The reader with the hit data that node graphs read.
     #[inline(always)]
     pub fn with_hit(self, hit: Option<&'a HitData<'a>>) -> PointReader<'a> {
         PointReader { hit, ..self }
+    }
+
+    /// The reader with known results of node graphs.
+    #[inline(always)]
+    pub fn with_results(self, results: Option<GraphResults<'a>>) -> PointReader<'a> {
+        PointReader { results, ..self }
     }
 
     /// Linear RGBA of a texture.
@@ -576,7 +591,7 @@ impl<'a> PointReader<'a> {
                     return [r, g, b, 1.0];
                 }
                 Some(Compiled::Mix(parts)) => return self.mix(*parts),
-                Some(Compiled::Nodes(program)) => return self.nodes(program),
+                Some(Compiled::Nodes(program, _)) => return self.nodes(at, program),
                 Some(Compiled::Facing(colors)) => return color_by_cosine(colors, self.point.cosine),
                 Some(Compiled::Noise { kind, frequency, octaves, low, high, seed }) => {
                     let value = noise_value(*kind, self.scene_point().world * *frequency, *octaves, *seed);
@@ -591,23 +606,26 @@ impl<'a> PointReader<'a> {
 
     /// The vector result of a node graph, world space; `None` for other textures.
     pub fn vector(&self, id: TextureId) -> Option<Vec3> {
-        let Some(Compiled::Nodes(program)) = self.textures.textures.get(id.index()) else { return None };
-        Some(Vec3::from_array(program.as_vector(self.result(program))))
+        let Some(Compiled::Nodes(program, _)) = self.textures.textures.get(id.index()) else { return None };
+        Some(Vec3::from_array(program.as_vector(self.result(id.index(), program))))
     }
 
     /// Is the hit on a back face? False without hit data.
     pub fn is_back(&self) -> bool {
-        self.hit.is_some_and(|hit| hit.is_back)
+        self.results.map_or_else(|| self.hit.is_some_and(|hit| hit.is_back), |results| results.is_back)
     }
 
     #[inline(never)]
-    fn nodes(&self, program: &Program) -> [f32; 4] {
-        let [r, g, b] = self.result(program).map(nodes::reflectance);
+    fn nodes(&self, index: usize, program: &Program) -> [f32; 4] {
+        let [r, g, b] = self.result(index, program).map(nodes::reflectance);
         [r, g, b, 1.0]
     }
 
-    /// The result of a node graph at the point.
-    fn result(&self, program: &Program) -> [f32; 3] {
+    /// The result of the node graph with an index at the point.
+    fn result(&self, index: usize, program: &Program) -> [f32; 3] {
+        if let Some(known) = self.results.and_then(|results| results.get(index)) {
+            return known;
+        }
         program.at(
             self.scene_point(),
             self.hit,

@@ -2,15 +2,15 @@
 
 use super::color::{self, Table};
 use super::math;
-use super::noise::{self, Fractal, noise_texture};
+use super::noise::{self, Fractal, NoisePoints, NoiseTexture, noise_textures};
 use super::noise::{hash_floats, hash_to_vector};
-use super::patterns::{self, BrickPattern, Wave};
+use super::patterns::{self, BrickPattern, Wave, WaveNoise};
 use super::source::Source;
 use super::voronoi::Voronoi;
 use crate::color::luminance;
 use crate::scene::TextureId;
 use crate::scene::nodes::{
-    ClampType, Dimensions, EnvironmentProjection, FactorMode, ImageProjection, MixType, NodeKind,
+    ClampType, Dimensions, EnvironmentProjection, FactorMode, ImageProjection, MixType, NodeKind, NoiseType,
     NormalSpace, RampInterpolation, TransformType,
 };
 use crate::texture::image::ImageSampling;
@@ -151,22 +151,42 @@ pub struct CompiledStep {
 
 /// The registers of a program, with a lane for each point.
 #[derive(Debug, Default)]
-pub struct Registers<const LANES: usize>(Vec<[f32; LANES]>);
+pub struct Registers<const LANES: usize> {
+    values: Vec<[f32; LANES]>,
+    /// Number of lanes in use.
+    lanes: usize,
+    noise_points: NoisePoints,
+}
 
 impl<const LANES: usize> Registers<LANES> {
-    /// Ensures `count` registers and sets the constants.
-    pub fn prepare(&mut self, count: usize, constants: &[(u16, f32)]) {
-        if self.0.len() < count {
-            self.0.resize(count, [0.0; LANES]);
+    /// Prepares `count` registers for a number of points, and sets the constants.
+    pub fn prepare(&mut self, count: usize, constants: &[(u16, f32)], lanes: usize) {
+        self.lanes = lanes.min(LANES);
+        if self.values.len() < count {
+            self.values.resize(count, [0.0; LANES]);
         }
         for &(register, value) in constants {
-            self.0[register as usize] = [value; LANES];
+            self.values[register as usize] = [value; LANES];
         }
     }
 
     /// The value of a register at a point.
     pub fn at(&self, register: u16, lane: usize) -> f32 {
-        self.0[register as usize][lane]
+        self.values[register as usize][lane]
+    }
+
+    /// The inputs of a step at a point.
+    fn inputs<const I: usize>(&self, step: &CompiledStep, lane: usize) -> [f32; I] {
+        std::array::from_fn(|i| self.at(step.inputs[i], lane))
+    }
+
+    /// Sets the outputs of a step at a point.
+    fn set(&mut self, step: &CompiledStep, lane: usize, values: &[f32]) {
+        for (&register, &value) in step.outputs.iter().zip(values) {
+            if register != UNUSED {
+                self.values[register as usize][lane] = value;
+            }
+        }
     }
 
     /// Applies a function of `I` scalars with `O` results to all lanes.
@@ -177,8 +197,8 @@ impl<const LANES: usize> Registers<LANES> {
         f: impl Fn([f32; I]) -> [f32; O],
     ) {
         let mut results = [[0.0f32; LANES]; O];
-        let inputs: [&[f32; LANES]; I] = std::array::from_fn(|i| &self.0[step.inputs[i] as usize]);
-        for lane in 0..LANES {
+        let inputs: [&[f32; LANES]; I] = std::array::from_fn(|i| &self.values[step.inputs[i] as usize]);
+        for lane in 0..self.lanes.min(LANES) {
             let values = f(std::array::from_fn(|i| inputs[i][lane]));
             for (result, value) in results.iter_mut().zip(values) {
                 result[lane] = value;
@@ -186,7 +206,7 @@ impl<const LANES: usize> Registers<LANES> {
         }
         for (&register, result) in step.outputs.iter().zip(&results) {
             if register != UNUSED {
-                self.0[register as usize] = *result;
+                self.values[register as usize] = *result;
             }
         }
     }
@@ -197,7 +217,7 @@ pub fn fold(operation: &Operation, inputs: &[f32], outputs: u32) -> Vec<f32> {
     let constants: Vec<(u16, f32)> = inputs.iter().enumerate().map(|(i, &v)| (i as u16, v)).collect();
     let first = inputs.len() as u16;
     let mut registers = Registers::<1>::default();
-    registers.prepare(inputs.len() + outputs as usize, &constants);
+    registers.prepare(inputs.len() + outputs as usize, &constants, 1);
     let outputs: Vec<u16> = (first..first + outputs as u16).collect();
     let step =
         CompiledStep { operation: operation.clone(), inputs: (0..first).collect(), outputs: outputs.clone() };
@@ -239,12 +259,7 @@ fn load<const LANES: usize>(step: &CompiledStep, points: &Points<'_>, r: &mut Re
             Operation::Load(source) => source,
             _ => return,
         };
-        let values = source.read(&point, moved.as_ref().or(hit), points.is_z_up, texture);
-        for (&register, value) in step.outputs.iter().zip(values) {
-            if register != UNUSED {
-                r.0[register as usize][lane] = value;
-            }
-        }
+        r.set(step, lane, &source.read(&point, moved.as_ref().or(hit), points.is_z_up, texture));
     }
 }
 
@@ -395,22 +410,13 @@ fn run_color_node<const LANES: usize>(kind: &NodeKind, step: &CompiledStep, r: &
 fn run_noise_node<const LANES: usize>(kind: &NodeKind, step: &CompiledStep, r: &mut Registers<LANES>) {
     match *kind {
         NodeKind::NoiseTexture { dimensions, noise_type, normalize } => {
-            let has_color = step.outputs[1..].iter().any(|&register| register != UNUSED);
-            r.each(
-                step,
-                |[x, y, z, w, scale, detail, roughness, lacunarity, offset, gain, distortion]: [f32; 11]| {
-                    let (detail, roughness) = (detail.clamp(0.0, 15.0), roughness.max(0.0));
-                    let fractal =
-                        Fractal { noise_type, normalize, detail, roughness, lacunarity, offset, gain };
-                    let [x, y, z, w] = [x, y, z, w].map(|c| c * scale);
-                    match dimensions {
-                        Dimensions::One => noise_texture([w], distortion, &fractal, has_color),
-                        Dimensions::Two => noise_texture([x, y], distortion, &fractal, has_color),
-                        Dimensions::Three => noise_texture([x, y, z], distortion, &fractal, has_color),
-                        Dimensions::Four => noise_texture([x, y, z, w], distortion, &fractal, has_color),
-                    }
-                },
-            );
+            let node = NoiseNode { step, noise_type, normalize };
+            match dimensions {
+                Dimensions::One => node.run(r, |[_, _, _, w]| [w]),
+                Dimensions::Two => node.run(r, |[x, y, _, _]| [x, y]),
+                Dimensions::Three => node.run(r, |[x, y, z, _]| [x, y, z]),
+                Dimensions::Four => node.run(r, |p| p),
+            }
         }
         NodeKind::VoronoiTexture { dimensions, distance, feature, normalize } => {
             r.each(step, |[x, y, z, w, scale, detail, roughness, lacunarity, smoothness, exponent, randomness]: [f32; 11]| {
@@ -449,22 +455,52 @@ fn run_noise_node<const LANES: usize>(kind: &NodeKind, step: &CompiledStep, r: &
     }
 }
 
+/// A step of a noise texture node.
+struct NoiseNode<'a> {
+    step: &'a CompiledStep,
+    noise_type: NoiseType,
+    normalize: bool,
+}
+
+impl NoiseNode<'_> {
+    /// Evaluates the noise at all points together; `coordinates` selects those of the node's dimensions.
+    fn run<const N: usize, const LANES: usize>(
+        &self,
+        r: &mut Registers<LANES>,
+        coordinates: impl Fn([f32; 4]) -> [f32; N],
+    ) {
+        let NoiseNode { step, noise_type, normalize } = *self;
+        let mut textures: [NoiseTexture<N>; LANES] = std::array::from_fn(|lane| {
+            let [x, y, z, w, scale, detail, roughness, lacunarity, offset, gain, distortion] =
+                r.inputs(step, lane);
+            let (detail, roughness) = (detail.clamp(0.0, 15.0), roughness.max(0.0));
+            let fractal = Fractal { noise_type, normalize, detail, roughness, lacunarity, offset, gain };
+            NoiseTexture { p: coordinates([x, y, z, w].map(|c| c * scale)), distortion, fractal }
+        });
+        let has_color = step.outputs[1..].iter().any(|&register| register != UNUSED);
+        let mut results = [[0.0; 4]; LANES];
+        let lanes = r.lanes;
+        noise_textures(&mut textures[..lanes], has_color, &mut r.noise_points, &mut results);
+        for (lane, values) in results.iter().enumerate().take(lanes) {
+            r.set(step, lane, values);
+        }
+    }
+}
+
 fn run_pattern_node<const LANES: usize>(kind: &NodeKind, step: &CompiledStep, r: &mut Registers<LANES>) {
     match *kind {
         NodeKind::WaveTexture { wave_type, bands_direction, rings_direction, wave_profile } => {
             let wave =
                 Wave { wave_type, bands: bands_direction, rings: rings_direction, profile: wave_profile };
-            r.each(step, |[x, y, z, scale, distortion, detail, detail_scale, roughness, phase]: [f32; 9]| {
-                let detail = detail.clamp(0.0, 15.0);
-                [wave.evaluate(
-                    [x, y, z].map(|c| c * scale),
-                    distortion,
-                    detail,
-                    detail_scale,
-                    roughness,
-                    phase,
-                ); 4]
-            });
+            for lane in 0..r.lanes {
+                let [x, y, z, scale, distortion, detail, detail_scale, roughness, phase] =
+                    r.inputs(step, lane);
+                let noise =
+                    WaveNoise { distortion, detail: detail.clamp(0.0, 15.0), detail_scale, roughness };
+                let p = [x, y, z].map(|c| c * scale);
+                let value = wave.evaluate(p, &noise, phase, &mut r.noise_points);
+                r.set(step, lane, &[value; 4]);
+            }
         }
         NodeKind::MagicTexture { turbulence_depth } => {
             r.each(step, |[x, y, z, scale, distortion]: [f32; 5]| {

@@ -43,36 +43,38 @@ struct Step {
     outputs: u32,
 }
 
-/// A program that evaluates a graph at many points at a time.
+/// A program that evaluates one or several graphs at many points at a time.
 #[derive(Clone, Debug)]
 pub struct Program {
     steps: Vec<CompiledStep>,
     constants: Vec<(u16, f32)>,
     registers: usize,
-    result: [u16; 3],
+    /// By graph.
+    results: Vec<[u16; 3]>,
     is_z_up: bool,
 }
+
+/// Maximum number of points that are evaluated together.
+pub const LANES: usize = 16;
 
 impl Program {
     /// Compiles a graph; black if it has [problems](NodeGraph::problems). `attributes` are the names of vertex attributes by index.
     pub fn new(graph: &NodeGraph, attributes: &[String]) -> Program {
-        let mut builder = Builder { attributes, is_z_up: graph.is_z_up, ..Builder::default() };
-        if !graph.problems().is_empty() {
-            return builder.finish([Scalar::of(0.0); 3]);
-        }
-        let mut outputs: HashMap<usize, Vec<[Scalar; 3]>> = HashMap::new();
-        for node in graph.order().unwrap_or_default() {
-            let node_outputs = builder.node(graph, node, &outputs);
-            outputs.insert(node, node_outputs);
-        }
-        let result = builder.input(graph, &graph.result, SocketType::Color, &outputs);
-        builder.finish(result)
+        Program::of_graphs(&[graph], attributes)
+    }
+
+    /// Compiles graphs with the same up axis, which share common parts.
+    pub fn of_graphs(graphs: &[&NodeGraph], attributes: &[String]) -> Program {
+        let is_z_up = graphs.first().is_some_and(|graph| graph.is_z_up);
+        let mut builder = Builder { attributes, is_z_up, ..Builder::default() };
+        let results = graphs.iter().map(|graph| builder.result(graph)).collect();
+        builder.finish(results)
     }
 
     /// The result, if it is constant; negative components become 0.
     pub fn constant(&self) -> Option<[f32; 3]> {
         let value = |register: u16| self.constants.iter().find(|c| c.0 == register).map(|c| c.1);
-        let [r, g, b] = self.result.map(|register| value(register).map(reflectance));
+        let [r, g, b] = self.results[0].map(|register| value(register).map(reflectance));
         if self.steps.is_empty() { Some([r?, g?, b?]) } else { None }
     }
 
@@ -118,7 +120,8 @@ impl Program {
         })
     }
 
-    /// The unclamped result at a point, with the data of its hit if there are any. `texture` gives linear RGBA of other textures there.
+    /// The unclamped result of the first graph at a point, with the data of its hit if there are any. `texture` gives linear RGBA of other
+    /// textures there.
     pub fn at(
         &self,
         point: TexturePoint,
@@ -134,9 +137,29 @@ impl Program {
         let textures = &|id, _| texture(id);
         let points = Points { points: &[point], hits: &[hit], is_z_up: self.is_z_up, textures, images };
         self.evaluate(&points, &mut registers);
-        let result = self.result.map(|register| registers.at(register, 0));
+        let result = self.results[0].map(|register| registers.at(register, 0));
         REGISTERS.set(registers);
         result
+    }
+
+    /// Appends the unclamped results of all graphs at up to [`LANES`] points, those of a point together. `textures` and `images` are as
+    /// in [`Points`].
+    pub fn at_points(
+        &self,
+        (points, hits): (&[TexturePoint], &[Option<&HitData<'_>>]),
+        textures: &dyn Fn(TextureId, usize) -> [f32; 4],
+        images: &ReadImage<'_>,
+        results: &mut Vec<[f32; 3]>,
+    ) {
+        thread_local! {
+            static REGISTERS: Cell<Registers<LANES>> = Cell::default();
+        }
+        let mut registers = REGISTERS.take();
+        self.evaluate(&Points { points, hits, is_z_up: self.is_z_up, textures, images }, &mut registers);
+        for lane in 0..points.len() {
+            results.extend(self.results.iter().map(|of_graph| of_graph.map(|r| registers.at(r, lane))));
+        }
+        REGISTERS.set(registers);
     }
 
     /// A result as a vector in the scene's world space (y up).
@@ -146,7 +169,7 @@ impl Program {
 
     /// Evaluates the program at points.
     fn evaluate<const LANES: usize>(&self, points: &Points<'_>, registers: &mut Registers<LANES>) {
-        registers.prepare(self.registers, &self.constants);
+        registers.prepare(self.registers, &self.constants, points.points.len());
         for step in &self.steps {
             run(step, points, registers);
         }
@@ -185,6 +208,19 @@ struct Builder<'a> {
 const MAX_BUMPS: u32 = 2;
 
 impl Builder<'_> {
+    /// The result of a graph.
+    fn result(&mut self, graph: &NodeGraph) -> [Scalar; 3] {
+        if !graph.problems().is_empty() {
+            return [Scalar::of(0.0); 3];
+        }
+        let mut outputs: HashMap<usize, Vec<[Scalar; 3]>> = HashMap::new();
+        for node in graph.order().unwrap_or_default() {
+            let node_outputs = self.node(graph, node, &outputs);
+            outputs.insert(node, node_outputs);
+        }
+        self.input(graph, &graph.result, SocketType::Color, &outputs)
+    }
+
     /// Adds a step unless an equal one exists; folds it if all inputs are constant.
     fn step(&mut self, operation: Operation, inputs: Vec<Scalar>, outputs: u32) -> Vec<Scalar> {
         let constants: Option<Vec<f32>> = inputs
@@ -591,8 +627,8 @@ impl Builder<'_> {
     }
 
     /// Removes unused steps and allocates registers.
-    fn finish(self, result: [Scalar; 3]) -> Program {
-        let last_reads = last_reads(&self.steps, result);
+    fn finish(self, results: Vec<[Scalar; 3]>) -> Program {
+        let last_reads = last_reads(&self.steps, results.as_flattened());
         let mut registers = RegisterAllocator::default();
         let mut steps = Vec::new();
         for (i, step) in self.steps.into_iter().enumerate() {
@@ -614,14 +650,14 @@ impl Builder<'_> {
             let outputs = registers.results[&(i as u32)].clone();
             steps.push(CompiledStep { operation: step.operation, inputs, outputs });
         }
-        let result = result.map(|number| registers.of(number));
+        let results = results.into_iter().map(|result| result.map(|number| registers.of(number))).collect();
         let (constants, count) = (registers.constants(), registers.count as usize);
-        Program { steps, constants, registers: count, result, is_z_up: self.is_z_up }
+        Program { steps, constants, registers: count, results, is_z_up: self.is_z_up }
     }
 }
 
-/// By step and output: the index of the last step that reads it; the number of steps for the result, `None` for unused outputs.
-fn last_reads(steps: &[Step], result: [Scalar; 3]) -> Vec<Vec<Option<usize>>> {
+/// By step and output: the index of the last step that reads it; the number of steps for results, `None` for unused outputs.
+fn last_reads(steps: &[Step], results: &[Scalar]) -> Vec<Vec<Option<usize>>> {
     let mut last: Vec<Vec<Option<usize>>> =
         steps.iter().map(|step| vec![None; step.outputs as usize]).collect();
     let mark = |numbers: &[Scalar], by: usize, last: &mut Vec<Vec<Option<usize>>>| {
@@ -631,7 +667,7 @@ fn last_reads(steps: &[Step], result: [Scalar; 3]) -> Vec<Vec<Option<usize>>> {
             }
         }
     };
-    mark(&result, steps.len(), &mut last);
+    mark(results, steps.len(), &mut last);
     for (i, step) in steps.iter().enumerate().rev() {
         if last[i].iter().any(Option::is_some) {
             mark(&step.inputs, i, &mut last);

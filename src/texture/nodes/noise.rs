@@ -185,38 +185,129 @@ fn lattice_gradient<const N: usize>(hash: u32, d: [f32; N]) -> f32 {
 /// Maximum number of corners of a cell.
 const CORNERS: usize = 16;
 
-/// Maximum number of points that are evaluated together: the octaves of a fractal sum.
-const MAX_POINTS: usize = 16;
+/// Maximum number of octaves of a fractal sum.
+const MAX_OCTAVES: usize = 16;
 
-/// Gradient noise, about -1..1, at up to [`MAX_POINTS`] points. SIMD lanes are the corners of a cell, or the points if these are more.
-#[inline]
-fn signed_noises<const N: usize>(points: &[[f32; N]]) -> [f32; MAX_POINTS] {
-    let mut values = [0.0; MAX_POINTS];
-    if 4 * points.len() < 3 << N {
-        for (value, &p) in values.iter_mut().zip(points) {
-            *value = simd::dispatch(Lattice(p));
+/// SIMD lanes of a batch of points.
+const BATCH: usize = 16;
+
+/// Gradient noise, about -1..1, at points given by coordinate. SIMD lanes are points, or the corners of a cell for few points.
+struct GradientNoise<'a, const N: usize> {
+    points: [&'a [f32]; N],
+    values: &'a mut [f32],
+}
+
+impl<const N: usize> simd::Kernel for GradientNoise<'_, N> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let (count, mut first) = (self.values.len(), 0);
+        while first < count {
+            let rest = count - first;
+            if 4 * rest < 3 << N {
+                let mut p = [0.0; N];
+                for i in 0..N {
+                    p[i] = self.points[i][first];
+                }
+                self.values[first] = at_point(p);
+                first += 1;
+            } else if rest <= BATCH / 2 {
+                at_points::<N, { BATCH / 2 }>(&self.points, first, &mut self.values[first..]);
+                first = count;
+            } else {
+                let end = if rest < BATCH { count } else { first + BATCH };
+                at_points::<N, BATCH>(&self.points, first, &mut self.values[first..end]);
+                first = end;
+            }
         }
-    } else if points.len() <= 8 {
-        values[..8].copy_from_slice(&simd::dispatch(Batch::<N, 8>(points)));
-    } else {
-        values = simd::dispatch(Batch::<N, MAX_POINTS>(points));
     }
-    values
+}
+
+/// Points at which noise is evaluated together, by coordinate, and the noise there.
+#[derive(Debug, Default)]
+pub struct NoisePoints {
+    coordinates: [Vec<f32>; 4],
+    noises: Vec<f32>,
+}
+
+impl NoisePoints {
+    fn clear(&mut self) {
+        for list in &mut self.coordinates {
+            list.clear();
+        }
+    }
+
+    fn push<const N: usize>(&mut self, p: [f32; N]) {
+        for (list, x) in self.coordinates.iter_mut().zip(p) {
+            list.push(x);
+        }
+    }
+
+    /// The noise at all points, in the order of their addition.
+    fn evaluate<const N: usize>(&mut self) -> &[f32] {
+        let count = self.coordinates[0].len();
+        if self.noises.len() < count {
+            self.noises.resize(count, 0.0);
+        }
+        let points = std::array::from_fn(|i| &self.coordinates[i][..]);
+        simd::dispatch(GradientNoise::<N> { points, values: &mut self.noises[..count] });
+        &self.noises[..count]
+    }
 }
 
 /// A coordinate wrapped into the period.
 #[inline(always)]
 fn wrapped(x: f32) -> f32 {
-    if x.abs() < WRAP_PERIOD {
-        return x;
+    if x.abs() < MAX_WRAPPED {
+        return wrapped_below_max(x);
     }
+    // Coordinates this large lie on lattice points, where the noise is 0: shift them by half a cell.
+    x % WRAP_PERIOD + 0.5
+}
+
+/// Magnitude below which remainders are computed by a division.
+const MAX_WRAPPED: f32 = 1e12;
+
+/// [`wrapped`] for coordinates below [`MAX_WRAPPED`], free of branches and calls.
+#[inline(always)]
+fn wrapped_below_max(x: f32) -> f32 {
     // The same remainder as by `%`, exact in double precision, without a call.
     let wide = f64::from(x);
     let periods = (wide / f64::from(WRAP_PERIOD)).trunc();
-    let rest =
-        if x.abs() < 1e12 { (wide - periods * f64::from(WRAP_PERIOD)) as f32 } else { x % WRAP_PERIOD };
-    // Coordinates this large lie on lattice points, where the noise is 0: shift them by half a cell.
-    rest + if x.abs() >= 1_000_000.0 { 0.5 } else { 0.0 }
+    let rest = (wide - periods * f64::from(WRAP_PERIOD)) as f32;
+    let rest = rest + if x.abs() >= 1_000_000.0 { 0.5 } else { 0.0 };
+    if x.abs() < WRAP_PERIOD { x } else { rest }
+}
+
+/// Wraps coordinates into the period; those of most points are within it.
+#[inline(always)]
+fn wrap_all<const LANES: usize>(coordinates: &mut [f32; LANES]) {
+    let (mut are_within, mut are_below_max) = (true, true);
+    for x in coordinates.iter() {
+        are_within &= x.abs() < WRAP_PERIOD;
+        are_below_max &= x.abs() < MAX_WRAPPED;
+    }
+    if are_within {
+        return;
+    }
+    if are_below_max {
+        for x in coordinates.iter_mut() {
+            *x = wrapped_below_max(*x);
+        }
+    } else {
+        for x in coordinates.iter_mut() {
+            *x = wrapped(*x);
+        }
+    }
+}
+
+/// A whole number of magnitude below 2^22 as an integer. A saturating conversion does not vectorise.
+#[inline(always)]
+fn to_integer(whole: f32) -> u32 {
+    // Adding 1.5 * 2^23 moves the number to the lowest bits of the mantissa.
+    const SHIFT: f32 = 12_582_912.0;
+    (whole + SHIFT).to_bits().wrapping_sub(SHIFT.to_bits())
 }
 
 /// Quintic interpolation weight between corners.
@@ -233,85 +324,73 @@ fn scaled<const N: usize>(value: f32) -> f32 {
 }
 
 /// Gradient noise at a point. Loops over the corners of the cell have no branches, so that they vectorise.
-struct Lattice<const N: usize>([f32; N]);
-
-impl<const N: usize> simd::Kernel for Lattice<N> {
-    type Output = f32;
-
-    #[inline(always)]
-    fn run(self) -> f32 {
-        let (mut cell, mut inside) = ([0u32; N], [0.0f32; N]);
+#[inline(always)]
+fn at_point<const N: usize>(p: [f32; N]) -> f32 {
+    let (mut cell, mut inside) = ([0u32; N], [0.0f32; N]);
+    for i in 0..N {
+        let x = wrapped(p[i]);
+        let floor = x.floor();
+        cell[i] = to_integer(floor);
+        inside[i] = x - floor;
+    }
+    let mut corners = [0.0f32; CORNERS];
+    for corner in 0..1 << N {
+        let (mut words, mut offset) = ([0u32; N], [0.0; N]);
         for i in 0..N {
-            let x = wrapped(self.0[i]);
-            let floor = x.floor();
-            cell[i] = floor as i32 as u32;
-            inside[i] = x - floor;
+            let bit = (corner >> i & 1) as u32;
+            words[i] = cell[i].wrapping_add(bit);
+            offset[i] = inside[i] - bit as f32;
         }
-        let mut corners = [0.0f32; CORNERS];
-        for corner in 0..1 << N {
+        corners[corner as usize] = lattice_gradient(hash_words(words), offset);
+    }
+    for (i, &x) in inside.iter().enumerate() {
+        let t = fade(x);
+        for k in 0..1 << (N - 1 - i) {
+            corners[k] = (1.0 - t) * corners[2 * k] + t * corners[2 * k + 1];
+        }
+    }
+    scaled::<N>(corners[0])
+}
+
+/// Gradient noise at up to `LANES` points from `first` on. Loops over the points have no branches, so that they vectorise.
+#[inline(always)]
+fn at_points<const N: usize, const LANES: usize>(points: &[&[f32]; N], first: usize, values: &mut [f32]) {
+    let count = values.len();
+    let (mut cell, mut inside) = ([[0u32; LANES]; N], [[0.0f32; LANES]; N]);
+    for i in 0..N {
+        inside[i][..count].copy_from_slice(&points[i][first..first + count]);
+        wrap_all(&mut inside[i]);
+        for lane in 0..LANES {
+            let floor = inside[i][lane].floor();
+            cell[i][lane] = to_integer(floor);
+            inside[i][lane] -= floor;
+        }
+    }
+    let mut corners = [[0.0f32; LANES]; CORNERS];
+    for (corner, values) in corners.iter_mut().enumerate().take(1 << N) {
+        for lane in 0..LANES {
             let (mut words, mut offset) = ([0u32; N], [0.0; N]);
             for i in 0..N {
                 let bit = (corner >> i & 1) as u32;
-                words[i] = cell[i].wrapping_add(bit);
-                offset[i] = inside[i] - bit as f32;
+                words[i] = cell[i][lane].wrapping_add(bit);
+                offset[i] = inside[i][lane] - bit as f32;
             }
-            corners[corner as usize] = lattice_gradient(hash_words(words), offset);
+            values[lane] = lattice_gradient(hash_words(words), offset);
         }
-        for (i, &x) in inside.iter().enumerate() {
-            let t = fade(x);
-            for k in 0..1 << (N - 1 - i) {
-                corners[k] = (1.0 - t) * corners[2 * k] + t * corners[2 * k + 1];
-            }
-        }
-        scaled::<N>(corners[0])
     }
-}
-
-/// Gradient noise at several points. Loops over the points have no branches, so that they vectorise.
-struct Batch<'a, const N: usize, const LANES: usize>(&'a [[f32; N]]);
-
-impl<const N: usize, const LANES: usize> simd::Kernel for Batch<'_, N, LANES> {
-    type Output = [f32; LANES];
-
-    #[inline(always)]
-    fn run(self) -> [f32; LANES] {
-        let (mut cell, mut inside) = ([[0u32; LANES]; N], [[0.0f32; LANES]; N]);
-        for i in 0..N {
-            for (x, p) in inside[i].iter_mut().zip(self.0) {
-                *x = wrapped(p[i]);
-            }
+    for (i, inside) in inside.iter().enumerate() {
+        for k in 0..1 << (N - 1 - i) {
             for lane in 0..LANES {
-                let floor = inside[i][lane].floor();
-                cell[i][lane] = floor as i32 as u32;
-                inside[i][lane] -= floor;
+                let t = fade(inside[lane]);
+                corners[k][lane] = (1.0 - t) * corners[2 * k][lane] + t * corners[2 * k + 1][lane];
             }
         }
-        let mut corners = [[0.0f32; LANES]; CORNERS];
-        for (corner, values) in corners.iter_mut().enumerate().take(1 << N) {
-            for lane in 0..LANES {
-                let (mut words, mut offset) = ([0u32; N], [0.0; N]);
-                for i in 0..N {
-                    let bit = (corner >> i & 1) as u32;
-                    words[i] = cell[i][lane].wrapping_add(bit);
-                    offset[i] = inside[i][lane] - bit as f32;
-                }
-                values[lane] = lattice_gradient(hash_words(words), offset);
-            }
-        }
-        for (i, inside) in inside.iter().enumerate() {
-            for k in 0..1 << (N - 1 - i) {
-                for lane in 0..LANES {
-                    let t = fade(inside[lane]);
-                    corners[k][lane] = (1.0 - t) * corners[2 * k][lane] + t * corners[2 * k + 1][lane];
-                }
-            }
-        }
-        let mut values = [0.0; LANES];
-        for lane in 0..LANES {
-            values[lane] = scaled::<N>(corners[0][lane]);
-        }
-        values
     }
+    let mut scaled_values = [0.0; LANES];
+    for lane in 0..LANES {
+        scaled_values[lane] = scaled::<N>(corners[0][lane]);
+    }
+    values.copy_from_slice(&scaled_values[..count]);
 }
 
 /// Parameters of a fractal sum.
@@ -329,44 +408,53 @@ pub struct Fractal {
 
 impl Fractal {
     /// The sum at a point.
-    #[inline]
-    pub fn evaluate<const N: usize>(&self, p: [f32; N]) -> f32 {
+    pub fn evaluate<const N: usize>(&self, p: [f32; N], points: &mut NoisePoints) -> f32 {
+        points.clear();
+        self.push_octaves(p, points);
+        self.sum(points.evaluate::<N>())
+    }
+
+    /// The sum, given the noise of each octave.
+    fn sum(&self, noises: &[f32]) -> f32 {
         match self.noise_type {
-            NoiseType::Fbm => self.fbm(p),
-            NoiseType::Multifractal => self.multifractal(p),
-            NoiseType::Ridged => self.ridged(p),
-            NoiseType::Hybrid => self.hybrid(p),
-            NoiseType::HeteroTerrain => self.hetero_terrain(p),
+            NoiseType::Fbm => self.fbm(noises),
+            NoiseType::Multifractal => self.multifractal(noises),
+            NoiseType::Ridged => self.ridged(noises),
+            NoiseType::Hybrid => self.hybrid(noises),
+            NoiseType::HeteroTerrain => self.hetero_terrain(noises),
         }
     }
 
     /// Number of whole octaves after the first, and the weight of one more.
     fn octaves(&self) -> (usize, f32) {
-        let detail = self.detail.min((MAX_POINTS - 1) as f32);
+        let detail = self.detail.min((MAX_OCTAVES - 1) as f32);
         let whole = detail.floor();
         (whole as usize, detail - whole)
     }
 
-    /// The noise of each octave, including the last, fractional one.
-    fn noises<const N: usize>(&self, mut p: [f32; N]) -> [f32; MAX_POINTS] {
+    /// Number of octaves, including the last, fractional one.
+    fn octave_count(&self) -> usize {
         let (octaves, rest) = self.octaves();
-        let (mut points, mut scale) = ([[0.0; N]; MAX_POINTS], 1.0);
-        let points = &mut points[..1 + octaves + usize::from(rest != 0.0)];
-        for point in &mut *points {
+        1 + octaves + usize::from(rest != 0.0)
+    }
+
+    /// Adds the points at which the octaves of a sum evaluate noise.
+    fn push_octaves<const N: usize>(&self, mut p: [f32; N], points: &mut NoisePoints) {
+        let mut scale = 1.0;
+        for _ in 0..self.octave_count() {
             // Rounded as in Cycles, where this differs between types of sums.
             if self.noise_type == NoiseType::Fbm {
-                *point = p.map(|x| x * scale);
+                points.push(p.map(|x| x * scale));
                 scale *= self.lacunarity;
             } else {
-                *point = p;
+                points.push(p);
                 p = p.map(|x| x * self.lacunarity);
             }
         }
-        signed_noises(points)
     }
 
-    fn fbm<const N: usize>(&self, p: [f32; N]) -> f32 {
-        let ((octaves, rest), noises) = (self.octaves(), self.noises(p));
+    fn fbm(&self, noises: &[f32]) -> f32 {
+        let (octaves, rest) = self.octaves();
         let (mut amplitude, mut total, mut sum) = (1.0, 0.0, 0.0);
         for noise in &noises[..=octaves] {
             sum += noise * amplitude;
@@ -382,8 +470,8 @@ impl Fractal {
         (1.0 - rest) * low + rest * high
     }
 
-    fn multifractal<const N: usize>(&self, p: [f32; N]) -> f32 {
-        let ((octaves, rest), noises) = (self.octaves(), self.noises(p));
+    fn multifractal(&self, noises: &[f32]) -> f32 {
+        let (octaves, rest) = self.octaves();
         let (mut value, mut power) = (1.0, 1.0);
         for noise in &noises[..=octaves] {
             value *= power * noise + 1.0;
@@ -392,8 +480,8 @@ impl Fractal {
         if rest != 0.0 { value * (rest * power * noises[octaves + 1] + 1.0) } else { value }
     }
 
-    fn hetero_terrain<const N: usize>(&self, p: [f32; N]) -> f32 {
-        let ((octaves, rest), noises) = (self.octaves(), self.noises(p));
+    fn hetero_terrain(&self, noises: &[f32]) -> f32 {
+        let (octaves, rest) = self.octaves();
         let mut power = self.roughness;
         let mut value = self.offset + noises[0];
         for noise in &noises[1..=octaves] {
@@ -403,9 +491,9 @@ impl Fractal {
         if rest != 0.0 { value + rest * (noises[octaves + 1] + self.offset) * power * value } else { value }
     }
 
-    fn hybrid<const N: usize>(&self, p: [f32; N]) -> f32 {
+    fn hybrid(&self, noises: &[f32]) -> f32 {
         const MIN_WEIGHT: f32 = 0.001;
-        let ((octaves, rest), noises) = (self.octaves(), self.noises(p));
+        let (octaves, rest) = self.octaves();
         let (mut power, mut value, mut weight) = (1.0, 0.0, 1.0f32);
         for noise in &noises[..=octaves] {
             if weight <= MIN_WEIGHT {
@@ -423,8 +511,8 @@ impl Fractal {
         value
     }
 
-    fn ridged<const N: usize>(&self, p: [f32; N]) -> f32 {
-        let ((octaves, _), noises) = (self.octaves(), self.noises(p));
+    fn ridged(&self, noises: &[f32]) -> f32 {
+        let (octaves, _) = self.octaves();
         let ridge = |noise: f32| {
             let signal = self.offset - noise.abs();
             signal * signal
@@ -455,25 +543,58 @@ fn add<const N: usize>(a: [f32; N], b: [f32; N]) -> [f32; N] {
     std::array::from_fn(|i| a[i] + b[i])
 }
 
-/// The noise texture at a scaled point: value and colour.
-pub fn noise_texture<const N: usize>(
-    mut p: [f32; N],
-    distortion: f32,
-    fractal: &Fractal,
+/// The noise texture at a scaled point.
+#[derive(Clone, Copy, Debug)]
+pub struct NoiseTexture<const N: usize> {
+    /// Scaled texture coordinates.
+    pub p: [f32; N],
+    /// Factor on the noise that is added to the coordinates.
+    pub distortion: f32,
+    pub fractal: Fractal,
+}
+
+/// Value and colour of noise textures at several points; the colour equals the value unless `has_color`. The noise of all points and octaves
+/// is evaluated together.
+pub fn noise_textures<const N: usize>(
+    textures: &mut [NoiseTexture<N>],
     has_color: bool,
-) -> [f32; 4] {
-    if distortion != 0.0 {
-        let points: [[f32; N]; N] = std::array::from_fn(|i| add(p, offset(i as f32)));
-        let noises = signed_noises(&points);
-        p = add(p, std::array::from_fn(|i| noises[i] * distortion));
+    points: &mut NoisePoints,
+    results: &mut [[f32; 4]],
+) {
+    distort(textures, points);
+    points.clear();
+    let channels = if has_color { 3 } else { 1 };
+    for texture in textures.iter() {
+        texture.fractal.push_octaves(texture.p, points);
+        for channel in 1..channels {
+            texture.fractal.push_octaves(add(texture.p, offset((N + channel - 1) as f32)), points);
+        }
     }
-    let value = fractal.evaluate(p);
-    if !has_color {
-        return [value; 4];
+    let mut noises = points.evaluate::<N>();
+    for (texture, result) in textures.iter().zip(results) {
+        let count = texture.fractal.octave_count();
+        let sums = std::array::from_fn::<f32, 3, _>(|channel| match channel < channels {
+            true => texture.fractal.sum(&noises[channel * count..]),
+            false => 0.0,
+        });
+        noises = &noises[channels * count..];
+        *result = if has_color { [sums[0], sums[0], sums[1], sums[2]] } else { [sums[0]; 4] };
     }
-    let second = fractal.evaluate(add(p, offset(N as f32)));
-    let third = fractal.evaluate(add(p, offset(N as f32 + 1.0)));
-    [value, value, second, third]
+}
+
+/// Adds noise to the coordinates of textures with distortion.
+fn distort<const N: usize>(textures: &mut [NoiseTexture<N>], points: &mut NoisePoints) {
+    points.clear();
+    let distorted = || |texture: &&mut NoiseTexture<N>| texture.distortion != 0.0;
+    for texture in textures.iter_mut().filter(distorted()) {
+        for i in 0..N {
+            points.push(add(texture.p, offset(i as f32)));
+        }
+    }
+    let noises = points.evaluate::<N>();
+    for (texture, noises) in textures.iter_mut().filter(distorted()).zip(noises.chunks_exact(N)) {
+        texture.p = add(texture.p, std::array::from_fn(|i| noises[i] * texture.distortion));
+    }
 }
 
 // Gabor noise.
@@ -580,17 +701,23 @@ mod tests {
             assert_eq!(wrapped(x), x % WRAP_PERIOD + if x.abs() >= 1e6 { 0.5 } else { 0.0 });
         }
         assert!(wrapped(f32::INFINITY).is_nan());
+        for whole in [0.0, -1.0, 7.0, WRAP_PERIOD, -WRAP_PERIOD - 1.0, 4_194_303.0, -4_194_304.0] {
+            assert_eq!(to_integer(whole) as i32, whole as i32);
+        }
     }
 
     /// Noise at several points is bit-identical to noise at each.
     fn batches_agree<const N: usize>() {
         let mut random = Random::new(7);
-        for count in 1..=MAX_POINTS {
-            let points: Vec<[f32; N]> =
-                (0..count).map(|k| [(); N].map(|()| (random.next() - 0.5) * 4f32.powi(k as i32))).collect();
-            let together = signed_noises(&points);
-            for (p, value) in points.iter().zip(together) {
-                assert_eq!(simd::dispatch(Lattice(*p)).to_bits(), value.to_bits(), "{p:?}");
+        let mut points = NoisePoints::default();
+        for count in 1..=3 * BATCH {
+            points.clear();
+            let list: Vec<[f32; N]> = (0..count)
+                .map(|k| [(); N].map(|()| (random.next() - 0.5) * 4f32.powi(k as i32 % 24)))
+                .collect();
+            list.iter().for_each(|&p| points.push(p));
+            for (&p, value) in list.iter().zip(points.evaluate::<N>()) {
+                assert_eq!(at_point(p).to_bits(), value.to_bits(), "{p:?}");
             }
         }
     }

@@ -1,6 +1,6 @@
 //! Procedural pattern nodes as in Cycles: waves, magic, gradients, checkers, bricks.
 
-use super::noise::Fractal;
+use super::noise::{Fractal, NoisePoints};
 use crate::math::poly;
 use crate::scene::nodes::{BandsDirection, GradientType, NoiseType, RingsDirection, WaveProfile, WaveType};
 use std::f32::consts::{FRAC_PI_2, TAU};
@@ -18,17 +18,20 @@ pub struct Wave {
     pub profile: WaveProfile,
 }
 
+/// Noise that distorts a wave texture.
+#[derive(Clone, Copy, Debug)]
+pub struct WaveNoise {
+    /// Factor on the noise; none at 0.
+    pub distortion: f32,
+    pub detail: f32,
+    /// Scale of the noise, relative to the wave's coordinates.
+    pub detail_scale: f32,
+    pub roughness: f32,
+}
+
 impl Wave {
-    /// The wave at a scaled point, 0..1.
-    pub fn evaluate(
-        &self,
-        p: [f32; 3],
-        distortion: f32,
-        detail: f32,
-        detail_scale: f32,
-        roughness: f32,
-        phase: f32,
-    ) -> f32 {
+    /// The wave at a scaled point, 0..1; `phase` in radians.
+    pub fn evaluate(&self, p: [f32; 3], noise: &WaveNoise, phase: f32, points: &mut NoisePoints) -> f32 {
         let [x, y, z] = p.map(nudged);
         let length = |x: f32, y: f32, z: f32| (x * x + y * y + z * z).sqrt() * 20.0;
         let mut n = match (self.wave_type, self.bands, self.rings) {
@@ -41,17 +44,18 @@ impl Wave {
             (WaveType::Rings, _, RingsDirection::Z) => length(x, y, 0.0),
             (WaveType::Rings, _, RingsDirection::Spherical) => length(x, y, z),
         } + phase;
-        if distortion != 0.0 {
+        if noise.distortion != 0.0 {
             let fractal = Fractal {
                 noise_type: NoiseType::Fbm,
                 normalize: true,
-                detail,
-                roughness,
+                detail: noise.detail,
+                roughness: noise.roughness,
                 lacunarity: 2.0,
                 offset: 0.0,
                 gain: 0.0,
             };
-            n += distortion * (fractal.evaluate([x, y, z].map(|c| c * detail_scale)) * 2.0 - 1.0);
+            let value = fractal.evaluate([x, y, z].map(|c| c * noise.detail_scale), points);
+            n += noise.distortion * (value * 2.0 - 1.0);
         }
         match self.profile {
             WaveProfile::Sine => 0.5 + 0.5 * poly::sin_cos(n - FRAC_PI_2).0,

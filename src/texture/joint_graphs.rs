@@ -1,0 +1,86 @@
+//! Node graphs that are evaluated together: all graphs that a material reads at a hit, for several hits at a time.
+
+use super::nodes::Program;
+use super::{Compiled, CompiledTextures, HitData, PointReader, TexturePoint};
+use crate::scene::TextureId;
+use crate::scene::nodes::NodeGraph;
+use std::sync::Arc;
+
+/// Node graphs compiled to one program, in which common parts are evaluated once.
+#[derive(Clone, Debug)]
+pub struct JointGraphs {
+    /// The textures that are these graphs.
+    pub textures: Arc<[TextureId]>,
+    /// No other texture of the list reads hit data.
+    pub is_complete: bool,
+    program: Arc<Program>,
+}
+
+/// The results of a material's node graphs at a hit.
+#[derive(Clone, Copy, Debug)]
+pub struct GraphResults<'a> {
+    /// The graphs.
+    pub textures: &'a [TextureId],
+    /// The unclamped result of each graph.
+    pub values: &'a [[f32; 3]],
+    /// Is the hit on a back face?
+    pub is_back: bool,
+}
+
+impl GraphResults<'_> {
+    /// The result of the texture with an index, if it is known.
+    #[inline]
+    pub(super) fn get(&self, index: usize) -> Option<[f32; 3]> {
+        let known = self.textures.iter().position(|texture| texture.index() == index)?;
+        self.values.get(known).copied()
+    }
+}
+
+impl CompiledTextures {
+    /// Joins those of the textures that are node graphs; `None` if there are none. Graphs with another up axis than the first are left out.
+    pub fn join_graphs(&self, textures: impl IntoIterator<Item = TextureId>) -> Option<JointGraphs> {
+        let (mut joined, mut is_complete) = (Vec::new(), true);
+        let mut graphs: Vec<&NodeGraph> = Vec::new();
+        for texture in textures {
+            let Some(Compiled::Nodes(_, graph)) = self.textures.get(texture.index()) else {
+                is_complete &= !self.reads_hit(texture);
+                continue;
+            };
+            if joined.contains(&texture) {
+                continue;
+            }
+            let has_same_axis = graphs.first().is_none_or(|first| first.is_z_up == graph.is_z_up);
+            if !has_same_axis {
+                is_complete = false;
+                continue;
+            }
+            joined.push(texture);
+            graphs.push(graph);
+        }
+        (!joined.is_empty()).then(|| JointGraphs {
+            textures: joined.into(),
+            is_complete,
+            program: Arc::new(Program::of_graphs(&graphs, &self.attributes)),
+        })
+    }
+}
+
+impl JointGraphs {
+    /// Appends the results of all graphs at up to [`GRAPH_LANES`](super::GRAPH_LANES) points, those of a point together.
+    pub fn evaluate(
+        &self,
+        textures: &CompiledTextures,
+        points: &[TexturePoint],
+        hits: &[Option<&HitData<'_>>],
+        results: &mut Vec<[f32; 3]>,
+    ) {
+        let reader = |lane: usize| PointReader::new(textures, points[lane]).with_hit(hits[lane]);
+        let in_scene: Vec<TexturePoint> = (0..points.len()).map(|lane| reader(lane).scene_point()).collect();
+        self.program.at_points(
+            (&in_scene, hits),
+            &|texture, lane| reader(lane).look_up(texture),
+            &|texture, reading, uv, footprint| textures.image_of_node(texture, reading, uv, footprint),
+            results,
+        );
+    }
+}
