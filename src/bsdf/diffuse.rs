@@ -72,7 +72,7 @@ impl MaterialProgram for LambertProgram {
 
     #[inline]
     fn evaluate(&self, slots: &impl Slots, _frame: &LocalFrame) -> Lambert {
-        Lambert { albedo: slots.clamped_color(&self.albedo) }
+        Lambert { albedo: slots.reflectance(&self.albedo) }
     }
 }
 
@@ -80,7 +80,7 @@ impl MaterialProgram for LambertProgram {
 /// Energy-Preserving Rough Diffuse BRDF"). Two-sided and reciprocal; a white surface reflects all light; roughness 0 is Lambertian.
 #[derive(Clone, Copy, Debug)]
 pub struct OrenNayar {
-    /// Albedo of a facet, 0..1.
+    /// Albedo of a facet, 0..1; above 1 multiple scattering is that of white facets, since it would grow without bound.
     pub color: Rgb,
     /// Roughness, 0..1.
     pub roughness: f32,
@@ -139,7 +139,8 @@ impl Lobe for OrenNayar {
         let single = self.color * (self.normalisation() * (1.0 + self.roughness * s_over_t));
         let mean = self.normalisation() * (1.0 + C2 * self.roughness);
         let lost = |cosine| (1.0 - self.single_albedo(cosine)).max(0.0);
-        let multiple_color = self.color * self.color * mean / (Rgb::ONE - self.color * (1.0 - mean));
+        let color = self.color.min(Rgb::ONE);
+        let multiple_color = self.color * color * mean / (Rgb::ONE - color * (1.0 - mean));
         let multiple = multiple_color * (lost(zo) * lost(zi) / (1.0 - mean).max(1e-7));
         let probability_uniform = self.probability_uniform(zo);
         let cosine = zi * FRAC_1_PI;
@@ -185,10 +186,7 @@ impl MaterialProgram for OrenNayarProgram {
 
     #[inline]
     fn evaluate(&self, slots: &impl Slots, _frame: &LocalFrame) -> OrenNayar {
-        OrenNayar {
-            color: slots.clamped_color(&self.color),
-            roughness: slots.clamped_number(&self.roughness),
-        }
+        OrenNayar { color: slots.reflectance(&self.color), roughness: slots.clamped_number(&self.roughness) }
     }
 }
 

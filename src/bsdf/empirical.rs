@@ -242,7 +242,7 @@ impl MaterialProgram for ToonProgram {
 
     fn evaluate(&self, slots: &impl Slots, _frame: &LocalFrame) -> Toon {
         let angles = [slots.clamped_number(&self.size), slots.clamped_number(&self.smooth)];
-        Toon::new(slots.clamped_color(&self.color), angles, self.is_glossy)
+        Toon::new(slots.reflectance(&self.color), angles, self.is_glossy)
     }
 }
 
@@ -336,7 +336,7 @@ impl MaterialProgram for VelvetProgram {
     #[inline]
     fn evaluate(&self, slots: &impl Slots, _frame: &LocalFrame) -> Velvet {
         let deviation = slots.clamped_number(&self.deviation).max(MIN_DEVIATION);
-        Velvet { color: slots.clamped_color(&self.color), deviation }
+        Velvet { color: slots.reflectance(&self.color), deviation }
     }
 }
 

@@ -494,7 +494,7 @@ impl MaterialProgram for LayeredProgram {
         let (diffuse_transmission, color) = self
             .diffuse_transmission
             .as_ref()
-            .map_or((0.0, Rgb::ZERO), |d| (slots.clamped_number(&d.factor), slots.clamped_color(&d.color)));
+            .map_or((0.0, Rgb::ZERO), |d| (slots.clamped_number(&d.factor), slots.reflectance(&d.color)));
         opaque.diffuse = base_color * (diffuse * (1.0 - diffuse_transmission));
         let tint = tint_of_crossing(base_color, self.tints_once);
         let (ior, walls, refraction) = (self.ior, self.walls, self.refraction);

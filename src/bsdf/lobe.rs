@@ -236,6 +236,9 @@ pub trait MaterialProgram {
     }
 }
 
+/// Upper bound of reflectances.
+const MAX_REFLECTANCE: f32 = 100.0;
+
 /// Evaluates the slots (factor times texture) of a material at a hit.
 pub trait Slots {
     /// Value of a colour slot, unclamped.
@@ -247,6 +250,12 @@ pub trait Slots {
     #[inline(always)]
     fn wavelengths(&self) -> Option<&Wavelengths> {
         None
+    }
+
+    /// A reflectance. Textures may exceed 1, as in Cycles, up to a bound that keeps paths finite.
+    #[inline(always)]
+    fn reflectance(&self, slot: &ColorSlot) -> Rgb {
+        self.color(slot).clamp(Rgb::ZERO, Rgb::splat(MAX_REFLECTANCE))
     }
 
     /// A colour clamped to 0..1.

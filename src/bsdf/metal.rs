@@ -85,7 +85,7 @@ impl MaterialProgram for SchlickMetalProgram {
     #[inline]
     fn evaluate(&self, slots: &impl Slots, _frame: &LocalFrame) -> SchlickMetal {
         SchlickMetal {
-            f0: slots.clamped_color(&self.color),
+            f0: slots.reflectance(&self.color),
             alpha: slots.alpha(&self.roughness),
             energy_compensation: self.energy_compensation,
         }
@@ -163,7 +163,7 @@ impl MaterialProgram for BeckmannProgram {
 
     #[inline]
     fn evaluate(&self, slots: &impl Slots, _frame: &LocalFrame) -> Beckmann {
-        Beckmann { color: slots.clamped_color(&self.color), alpha: slots.alpha(&self.roughness) }
+        Beckmann { color: slots.reflectance(&self.color), alpha: slots.alpha(&self.roughness) }
     }
 }
 

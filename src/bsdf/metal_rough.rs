@@ -323,7 +323,7 @@ impl MaterialProgram for MetalRoughProgram {
 
     #[inline]
     fn evaluate(&self, slots: &impl Slots, _frame: &LocalFrame) -> MetalRough {
-        let base = slots.clamped_color(&self.base_color);
+        let base = slots.reflectance(&self.base_color);
         let (metallic, specular) =
             (slots.clamped_number(&self.metallic), slots.clamped_number(&self.specular));
         let alpha = slots.alpha(&self.roughness);

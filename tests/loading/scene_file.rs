@@ -371,19 +371,6 @@ fn material_of_nodes(surface: &str, nodes: &str) -> Material {
     loaded.scene.materials.into_iter().find(|m| m.name == "m").expect("the material")
 }
 
-/// Diffuse colours above 1 reflect more than arrives, as in Cycles: a second closure reflects the rest.
-#[test]
-fn diffuse_colours_above_one_are_not_cut_off() {
-    for shader in ["diffuse_bsdf\", color", "principled_bsdf\", base_color"] {
-        let nodes = format!("d = {{ type = \"{shader} = [9, 1.5, 0.5] }}\n");
-        let loaded = load_text(&with_nodes("d", &nodes)).unwrap_or_else(|e| panic!("{e}"));
-        let material = loaded.scene.materials.into_iter().find(|m| m.name == "m").expect("the material");
-        let [excess, _] = material.model.components() else { panic!("{shader}") };
-        assert_eq!(excess.weight, ColorSlot::constant([8.0, 0.5, 0.0]));
-        assert_eq!(excess.material.model, Model::Lambert { albedo: ColorSlot::constant([1.0; 3]) });
-    }
-}
-
 /// The graph of a colour knows that another one reads the alpha of its image.
 #[test]
 fn graphs_know_whose_alpha_is_read() {

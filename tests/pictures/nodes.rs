@@ -343,3 +343,39 @@ fn glossy_shaders_have_the_same_reflectance_at_all_angles() {
         }
     }
 }
+
+/// Colours above 1 reflect more light than arrives, as in Cycles, whether they are constant or computed: a ball of that albedo under
+/// uniform light of radiance 1.
+#[test]
+fn colours_above_one_are_not_cut_off() {
+    let shaders = [
+        "surface = { type = \"diffuse_bsdf\", color = COLOR }",
+        "surface = { type = \"diffuse_bsdf\", color = COLOR, roughness = 0.5 }",
+        "surface = { type = \"principled_bsdf\", base_color = COLOR, specular_ior_level = 0 }",
+    ];
+    let computed = "at = { type = \"texture_coordinate\" }\n\
+                    one = { type = \"vector_math\", operation = \"sign\", a = \"at.object\" }\n\
+                    one2 = { type = \"vector_math\", operation = \"multiply\", a = \"one.vector\", b = \"one.vector\" }\n\
+                    double = { type = \"vector_math\", operation = \"multiply\", a = \"one2.vector\", b = [2, 1.5, 0.5] }\n";
+    for shader in shaders {
+        for color in ["[2, 1.5, 0.5]", "\"double.vector\""] {
+            let text = format!(
+                "[camera]\nlook_from = [0, 3, 4]\nlook_at = [0, 0.1, 0]\nvfov = 4\n[environment]\nbackground = [1, 1, 1]\n\
+                 [[objects]]\nsphere = {{ center = [0, 0, 0], radius = 1 }}\nmaterial = \"m\"\n[materials.m]\ntype = \"nodes\"\n\
+                 surface = \"surface\"\n[materials.m.nodes]\n{computed}{}\n",
+                shader.replace("COLOR", color)
+            );
+            let folder = tempfile::tempdir().expect("a temporary folder");
+            let path = folder.path().join("scene.toml");
+            std::fs::write(&path, text).expect("written");
+            let scene = load(&path, &LoadOptions::default()).unwrap_or_else(|e| panic!("{e}")).scene;
+            let film = picture(&scene, &options(8, 64, 4));
+            let mean = blocks(&film, 8, 8);
+            for (value, albedo) in mean.iter().zip([2.0, 1.5, 0.5]) {
+                // Rough facets beyond white don't scatter among each other more than white ones.
+                let tolerance = if shader.contains("roughness") { 0.1 } else { 0.01 };
+                assert!((value / albedo - 1.0).abs() < tolerance, "{shader} {color}: {mean:?}");
+            }
+        }
+    }
+}

@@ -63,11 +63,7 @@ impl Lowering<'_, '_, '_> {
             }
             Shader::Transparent => return self.transparent(index, weight),
             Shader::Subsurface => return self.subsurface(index, weight),
-            Shader::Diffuse => {
-                let color = self.color(index, "color", [0.8; 3]);
-                self.add_excess(index, weight, color);
-                self.diffuse(index)
-            }
+            Shader::Diffuse => self.diffuse(index),
             Shader::Glossy => self.glossy(index),
             Shader::Metallic => self.metal(index),
             Shader::Glass => self.glass(index, GlassReflection::Tinted),
@@ -113,18 +109,6 @@ impl Lowering<'_, '_, '_> {
         material.bumped_normal = self.vector_texture(self.bumps);
         if weight != NodeInput::Value([0.0; 3]) {
             self.components.push((weight, material));
-        }
-    }
-
-    /// Adds the diffuse reflection of a constant colour above 1, of which materials reflect no more than 1.
-    fn add_excess(&mut self, index: usize, weight: NodeInput, color: NodeInput) {
-        let NodeInput::Value(color) = color else { return };
-        let excess = color.map(|c| (c - 1.0).max(0.0));
-        if excess != [0.0; 3] {
-            self.only_mixes = false;
-            let weight = self.product(weight, NodeInput::Value(excess));
-            let white = Model::Lambert { albedo: ColorSlot::constant(WHITE) };
-            self.add_component(index, weight, Material::new(self.material, white));
         }
     }
 
@@ -332,10 +316,6 @@ impl Lowering<'_, '_, '_> {
                 set_subsurface(&mut material, pbr, entry, painted, paths, anisotropy);
                 return self.add_component(index, weight, material);
             }
-        }
-        if is_opaque {
-            let color = self.color(index, "base_color", [0.8; 3]);
-            self.add_excess(index, weight, color);
         }
         material.model = Model::Pbr(Box::new(pbr));
         self.add_component(index, weight, material);
