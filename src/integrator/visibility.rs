@@ -1,7 +1,9 @@
 //! Ray kinds, light linking and holdouts: visibility of objects and lights by ray kind and receiver.
 //!
 //! The lobe that scatters a path determines the kind of its next ray. At surfaces with several lobes, a kind is sampled in proportion to
-//! its fraction of the BSDF's value, so that each kind alone is unbiased.
+//! its fraction of the BSDF's value. Where visibility or materials depend on the kind, throughput is that of the lobes of this kind, so
+//! that each kind alone is unbiased. If the kind only counts for bounce limits, throughput is that of all lobes, as in Cycles: that has
+//! less noise, since paths differ by kind only where a limit ends them.
 //!
 //! The occlusion of sampled lights is determined by the same set of objects for light sampling and BSDF sampling: for diffuse reflection
 //! and media the objects visible to shadow rays, for glossy reflection and transmission those visible to glossy and transmission rays. So
@@ -93,14 +95,15 @@ impl Integrator<'_> {
             if paths.state.pdf[i].is_specular() {
                 first.diffuse = Rgb::ZERO;
             }
-            let is_diffuse = select_diffuse(first, bounce, i, paths);
+            let separates_lobes = self.scene.features.ray_kinds;
+            let is_diffuse = select_diffuse(first, (bounce, i), paths, separates_lobes);
             let kind = match (first.crosses, is_diffuse) {
                 (true, _) => RayKinds::TRANSMISSION,
                 (false, true) => RayKinds::DIFFUSE,
                 (false, false) => RayKinds::GLOSSY,
             };
             paths.visibility[i] = paths.visibility[i].with_kind(kind);
-            if bounce == 0 && self.optional.first_bounces && !first.crosses {
+            if bounce == 0 && self.optional.first_bounces && !first.crosses && separates_lobes {
                 let diffuse = if is_diffuse { Rgb::ONE } else { Rgb::ZERO };
                 paths.first_bounces.set(i, FirstBounce { diffuse, ..first });
             }
@@ -218,8 +221,14 @@ impl Integrator<'_> {
     }
 }
 
-/// Selects the diffuse or the other lobes of path `i`, and weights throughput; true for diffuse.
-fn select_diffuse(first: FirstBounce, bounce: u32, i: usize, paths: &mut Paths) -> bool {
+/// Selects the diffuse or the other lobes of path `i`; true for diffuse. With `separates_lobes`, throughput becomes that of the selected
+/// lobes over the probability.
+fn select_diffuse(
+    first: FirstBounce,
+    (bounce, i): (u32, usize),
+    paths: &mut Paths,
+    separates_lobes: bool,
+) -> bool {
     let throughput = get_rgb(&paths.state.throughput, i);
     let part = throughput * first.diffuse;
     let (part_sum, sum) = (part.r + part.g + part.b, throughput.r + throughput.g + throughput.b);
@@ -232,6 +241,9 @@ fn select_diffuse(first: FirstBounce, bounce: u32, i: usize, paths: &mut Paths) 
     }
     let path = &mut paths.state;
     let is_diffuse = RandomChoice::RayKind.uniform(path, i, bounce) < probability;
+    if !separates_lobes {
+        return is_diffuse;
+    }
     let rest = match is_diffuse {
         true => part / probability,
         false => (throughput - part) / (1.0 - probability),
