@@ -283,102 +283,57 @@ impl fmt::Display for Warning {
     }
 }
 
-/// An option of the caller that a message refers to. Messages contain its name in the library, which programs may replace by
-/// the name of their own option.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Choice {
-    /// Permission to read files outside an asset's folder.
-    AllowExternal,
-    /// Additional channels of the picture.
-    Aovs,
-    /// The background.
-    Background,
-    /// A sidecar file, for settings that the model's format lacks.
-    NewSidecar,
-    /// The path of Blender.
-    Blender,
-    /// An environment by the caller, or none.
-    Environment,
-    /// 32-bit float pixels.
-    Float,
-    /// Permission to ignore required extensions that are not supported.
-    Force,
-    /// The interpretation of transparent materials without a volume.
-    Glass,
-    /// The ground below a bare model.
-    Ground,
-    /// The unit of lights.
-    LightUnits,
-    /// The memory limit of an image.
-    MemoryLimit,
-    /// Sidecar files are ignored.
-    NoSidecar,
-    /// The radius of the points of a point cloud.
-    PointRadius,
-    /// Smooth normals for meshes without normals.
-    Smooth,
-    /// The levels of subdivision surfaces.
-    Subdivide,
-    /// The default lights of scenes without light.
-    Stage,
-    /// The up axis of a file.
-    Up,
-    /// The default viewpoint of a bare model.
-    ViewFrom,
-    /// The size of a bare model in the picture.
-    Zoom,
-}
-
-impl Choice {
-    /// All choices.
-    pub const ALL: [Choice; 20] = [
-        Choice::AllowExternal,
-        Choice::Aovs,
-        Choice::Background,
-        Choice::NewSidecar,
-        Choice::Blender,
-        Choice::Environment,
-        Choice::Float,
-        Choice::Force,
-        Choice::Glass,
-        Choice::Ground,
-        Choice::LightUnits,
-        Choice::MemoryLimit,
-        Choice::NoSidecar,
-        Choice::PointRadius,
-        Choice::Smooth,
-        Choice::Subdivide,
-        Choice::Stage,
-        Choice::Up,
-        Choice::ViewFrom,
-        Choice::Zoom,
-    ];
+named_enum! {
+    /// An option of the caller that a message refers to. Messages contain its name in the library, which programs may replace by
+    /// the name of their own option.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    Choice {
+        /// Permission to read files outside an asset's folder.
+        AllowExternal = "`LoadOptions::allow_external`",
+        /// Additional channels of the picture.
+        Aovs = "`Renderer::aovs`",
+        /// The background.
+        Background = "`StageOptions::background`",
+        /// A sidecar file, for settings that the model's format lacks.
+        NewSidecar = "`scene_file::sidecar_path`",
+        /// The path of Blender.
+        Blender = "`BlenderOptions::program`",
+        /// An environment by the caller, or none.
+        Environment = "`LoadOptions::overrides_environment`",
+        /// 32-bit float pixels.
+        Float = "`OutputOptions::float`",
+        /// Permission to ignore required extensions that are not supported.
+        Force = "`GltfOptions::force`",
+        /// The interpretation of transparent materials without a volume.
+        Glass = "`GltfOptions::glass`",
+        /// The ground below a bare model.
+        Ground = "`StageOptions::ground`",
+        /// The unit of lights.
+        LightUnits = "`GltfOptions::light_units`",
+        /// The memory limit of an image.
+        MemoryLimit = "`LoadOptions::memory_limit`",
+        /// Sidecar files are ignored.
+        NoSidecar = "`LoadOptions::no_sidecar`",
+        /// The radius of the points of a point cloud.
+        PointRadius = "`LoadOptions::point_radius`",
+        /// Smooth normals for meshes without normals.
+        Smooth = "`LoadOptions::smooth_rad`",
+        /// The levels of subdivision surfaces.
+        Subdivide = "`LoadOptions::subdivision`",
+        /// The default lights of scenes without light.
+        Stage = "`StageOptions::light`",
+        /// The up axis of a file.
+        Up = "`LoadOptions::up`",
+        /// The default viewpoint of a bare model.
+        ViewFrom = "`StageOptions::view`",
+        /// The size of a bare model in the picture.
+        Zoom = "`StageOptions::zoom`",
+    }
 }
 
 /// Its name in the library, in backticks.
 impl fmt::Display for Choice {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Choice::AllowExternal => "`LoadOptions::allow_external`",
-            Choice::Aovs => "`Renderer::aovs`",
-            Choice::Background => "`StageOptions::background`",
-            Choice::NewSidecar => "`scene_file::sidecar_path`",
-            Choice::Blender => "`BlenderOptions::program`",
-            Choice::Environment => "`LoadOptions::overrides_environment`",
-            Choice::Float => "`OutputOptions::float`",
-            Choice::Force => "`GltfOptions::force`",
-            Choice::Glass => "`GltfOptions::glass`",
-            Choice::Ground => "`StageOptions::ground`",
-            Choice::LightUnits => "`GltfOptions::light_units`",
-            Choice::MemoryLimit => "`LoadOptions::memory_limit`",
-            Choice::NoSidecar => "`LoadOptions::no_sidecar`",
-            Choice::PointRadius => "`LoadOptions::point_radius`",
-            Choice::Smooth => "`LoadOptions::smooth_rad`",
-            Choice::Subdivide => "`LoadOptions::subdivision`",
-            Choice::Stage => "`StageOptions::light`",
-            Choice::Up => "`LoadOptions::up`",
-            Choice::ViewFrom => "`StageOptions::view`",
-            Choice::Zoom => "`StageOptions::zoom`",
-        })
+        f.write_str(self.name())
     }
 }

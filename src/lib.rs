@@ -80,6 +80,9 @@
 #[doc = include_str!("../README.md")]
 struct Readme;
 
+#[macro_use]
+mod named;
+
 pub mod error;
 pub mod film;
 #[cfg(doc)]

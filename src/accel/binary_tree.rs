@@ -4,6 +4,7 @@
 
 use super::input::Primitive;
 use crate::math::{Bounds3, DVec3, Vec3};
+use crate::sampling::hash::murmur32;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
@@ -181,7 +182,7 @@ const COLLAPSED: f32 = 1.0 / 131_072.0;
 /// Growth of a box: a pseudo-random fraction below 1/4096 of its size, because clustering degrades to one merge per pass where all
 /// boxes are equal. Collapsed boxes grow by more, so that rounding can't make them equal again.
 fn growth(index: u32, size: Vec3) -> Vec3 {
-    let random = hash(index);
+    let random = murmur32(index);
     let part = |shift: u32| ((random >> shift) & 1023) as f32 / 1024.0;
     let most = if size.max_element() < COLLAPSED {
         Vec3::splat(8.0 * COLLAPSED)
@@ -189,13 +190,6 @@ fn growth(index: u32, size: Vec3) -> Vec3 {
         (size + Vec3::splat(1.0 / 4096.0)) / 4096.0
     };
     most * Vec3::new(part(0), part(10), part(20))
-}
-
-/// 32-bit hash (the finaliser of MurmurHash3).
-fn hash(x: u32) -> u32 {
-    let x = (x ^ (x >> 16)).wrapping_mul(0x85eb_ca6b);
-    let x = (x ^ (x >> 13)).wrapping_mul(0xc2b2_ae35);
-    x ^ (x >> 16)
 }
 
 /// The core of the scene: a box around the centroids of most primitives.

@@ -3,19 +3,17 @@
 use super::traversal::ShallowSlot;
 use super::*;
 use crate::math::{DAffine3, DQuat, DVec3, NO_HIT, OriginPrimitive, Vec3};
+use crate::sampling::hash::SplitMix64;
 use crate::shape::{Analytic, CurveSegments, Quad, Sphere};
 use crate::work_counter::WorkCounter;
 
-/// Pseudo-random numbers for tests (PCG, O'Neill 2014).
-pub struct Rng(u64);
+pub struct Rng(SplitMix64);
 impl Rng {
     pub fn new(seed: u64) -> Rng {
-        Rng(seed.wrapping_mul(2).wrapping_add(0x9e37_79b9_7f4a_7c15))
+        Rng(SplitMix64::new(seed))
     }
     pub fn bits(&mut self) -> u32 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        let x = (((self.0 >> 18) ^ self.0) >> 27) as u32;
-        x.rotate_right((self.0 >> 59) as u32)
+        self.0.next_bits() as u32
     }
     pub fn unit(&mut self) -> f32 {
         (self.bits() >> 8) as f32 / 16_777_216.0

@@ -22,21 +22,7 @@ const FLOOR: f32 = 0.01;
 /// and of the albedo weighted by (1 - cos)^5, both with [`FLOOR`] added.
 type Table = [[[[[u16; 2]; NODES[3]]; NODES[2]]; NODES[1]]; NODES[0]];
 
-static ANISOTROPIC: Table = decoded(include_bytes!("anisotropic.bin"));
-
-/// Decodes little-endian numbers, the last axis contiguous.
-const fn decoded(bytes: &[u8; size_of::<Table>()]) -> Table {
-    let mut table = [[[[[0; 2]; NODES[3]]; NODES[2]]; NODES[1]]; NODES[0]];
-    let [_, nb, nc, nd] = NODES;
-    let mut n = 0;
-    while 2 * n < bytes.len() {
-        let at = n / 2;
-        let (a, b, c, d) = (at / (nb * nc * nd), at / (nc * nd) % nb, at / nd % nc, at % nd);
-        table[a][b][c][d][n % 2] = u16::from_le_bytes([bytes[2 * n], bytes[2 * n + 1]]);
-        n += 1;
-    }
-    table
-}
+static ANISOTROPIC: Table = table_file!(u16, "anisotropic.bin");
 
 /// Root of the largest alpha in the table for the root of the smaller alpha.
 #[inline(always)]

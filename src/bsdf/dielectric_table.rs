@@ -15,20 +15,7 @@ const MIN: f32 = -0.1;
 /// cosine for smooth surfaces. Stored is the [`scaled`] mean cosine minus the [`scaled`] view cosine.
 type Table = [[[u16; NODES[2]]; NODES[1]]; NODES[0]];
 
-static MEAN_COSINE: Table = decoded(include_bytes!("mean_cosine.bin"));
-
-/// Decodes little-endian numbers, the last axis contiguous.
-const fn decoded(bytes: &[u8; size_of::<Table>()]) -> Table {
-    let mut table = [[[0; NODES[2]]; NODES[1]]; NODES[0]];
-    let [_, nb, nc] = NODES;
-    let mut n = 0;
-    while 2 * n < bytes.len() {
-        let (a, b, c) = (n / (nb * nc), n / nc % nb, n % nc);
-        table[a][b][c] = u16::from_le_bytes([bytes[2 * n], bytes[2 * n + 1]]);
-        n += 1;
-    }
-    table
-}
+static MEAN_COSINE: Table = table_file!(u16, "mean_cosine.bin");
 
 /// Table coordinate of an index of refraction n: the fourth root of n^2 - 1 = 4 q / (1 - q)^2, with q the reflected amplitude at normal
 /// incidence, scaled to 0..1. Near n = 1 mean cosines are about linear in it.

@@ -79,22 +79,7 @@ pub(super) const MIN_ROUGHNESS: f32 = 0.031_622_777;
 const _: () = assert!((MIN_ROUGHNESS * MIN_ROUGHNESS - MIN_ALPHA).abs() < 1e-9);
 
 /// Pairs (full, grazing / full).
-static ALBEDO: [[[f32; 2]; COLUMNS]; ROWS] = decoded(include_bytes!("albedo.bin"));
-
-/// Decodes a table of little-endian single-precision numbers, row by row, with `N` per entry.
-pub(super) const fn decoded<const N: usize, const C: usize, const R: usize>(
-    bytes: &[u8],
-) -> [[[f32; N]; C]; R] {
-    assert!(bytes.len() == 4 * N * C * R);
-    let mut table = [[[0.0; N]; C]; R];
-    let mut i = 0;
-    while i < N * C * R {
-        let b = [bytes[4 * i], bytes[4 * i + 1], bytes[4 * i + 2], bytes[4 * i + 3]];
-        table[i / N / C][i / N % C][i % N] = f32::from_le_bytes(b);
-        i += 1;
-    }
-    table
-}
+static ALBEDO: [[[f32; 2]; COLUMNS]; ROWS] = table_file!(f32, "albedo.bin");
 
 /// Single-scattering directional albedo for a view cosine and alpha. With Schlick's Fresnel term the albedo is linear in f0 and f90.
 #[derive(Clone, Copy, Debug)]

@@ -5,6 +5,20 @@
 //! into a denser medium is scaled by 1 / eta^2, and back on the way out (as in pbrt and Mitsuba); [`BsdfSample::eta`] lets Russian
 //! roulette undo this scaling.
 
+/// The little-endian numbers of a file as nested arrays, the last axis contiguous.
+macro_rules! table_file {
+    ($number:ty, $file:literal) => {{
+        const BYTES: &[[u8; size_of::<$number>()]] = include_bytes!($file).as_chunks().0;
+        let mut numbers = [0 as $number; BYTES.len()];
+        let mut i = 0;
+        while i < numbers.len() {
+            numbers[i] = <$number>::from_le_bytes(BYTES[i]);
+            i += 1;
+        }
+        bytemuck::must_cast(numbers)
+    }};
+}
+
 pub mod anisotropic_table;
 mod blend;
 mod dielectric;

@@ -10,7 +10,7 @@ use std::f32::consts::FRAC_1_PI;
 const NODES: usize = 16;
 
 /// Triples (a, b, R) by roughness and view cosine.
-static SHEEN: [[[f32; 3]; NODES]; NODES] = ggx::decoded(include_bytes!("sheen.bin"));
+static SHEEN: [[[f32; 3]; NODES]; NODES] = table_file!(f32, "sheen.bin");
 
 /// A layer of normally oriented fibres (Zeltner, Burley, Chiang 2022, "Practical Multiple-Scattering Sheen Using Linearly
 /// Transformed Cosines"): all orders of scattering in a slab of SGGX microflakes, fitted by a linearly transformed cosine

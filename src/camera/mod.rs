@@ -530,17 +530,9 @@ mod tests {
     use crate::scene;
 
     fn pinhole() -> scene::Camera {
-        scene::Camera {
-            name: String::new(),
-            world_from_camera: DAffine3::from_translation(DVec3::new(10.0, 0.0, 0.0)),
-            projection: Projection::Perspective { vfov_rad: std::f64::consts::FRAC_PI_2 },
-            aspect_ratio: None,
-            pixel_aspect: 1.0,
-            lens: None,
-            shift: [0.0; 2],
-            clip: None,
-            motion: None,
-        }
+        let vfov_rad = std::f64::consts::FRAC_PI_2;
+        let place = DAffine3::from_translation(DVec3::new(10.0, 0.0, 0.0));
+        scene::Camera::new(place, Projection::Perspective { vfov_rad })
     }
 
     #[test]

@@ -13,8 +13,8 @@ use clap::{Args, ValueEnum};
 use oscura::film::{AovSet, AovSpace};
 use oscura::output::ViewTransform;
 use oscura::output::part::Region;
-use oscura::render::{Guiding, PathReuse, Splitting, setting_help};
-use oscura::scene::{BounceLimits, Clamp, ShadowTerminator};
+use oscura::render::{BvhQuality, Guiding, PathReuse, Splitting, setting_help};
+use oscura::scene::{BounceLimits, Clamp, EnergyCompensation, Filter, FresnelModel, ShadowTerminator};
 use std::ffi::OsString;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -78,39 +78,21 @@ pub(crate) struct ManArgs {
     pub command: Option<String>,
 }
 
-/// Reconstruction filters.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub(crate) enum FilterArg {
-    Box,
-    Gaussian,
-    BlackmanHarris,
+/// Parser of `--tree`.
+fn tree() -> impl TypedValueParser<Value = BvhQuality> {
+    named(&BvhQuality::ALL, BvhQuality::name, |quality| match quality {
+        BvhQuality::Fast => "Fast to build",
+        BvhQuality::Full => "Fewest traversal steps per ray",
+        _ => "Fast for renders of few rays, else full",
+    })
 }
 
-/// Single or multiple scattering between microfacets (energy compensation).
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub(crate) enum MicrofacetArg {
-    Multi,
-    Single,
-}
-
-/// Fresnel terms.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub(crate) enum FresnelArg {
-    /// Dielectric Fresnel equations for the index of refraction.
-    Exact,
-    /// Schlick's approximation, as the glTF specification suggests.
-    Schlick,
-}
-
-/// Quality of the BVH.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub(crate) enum TreeArg {
-    /// Fast for renders of few rays, else full.
-    Auto,
-    /// Fast to build.
-    Fast,
-    /// Fewest traversal steps per ray.
-    Full,
+/// Parser of `--fresnel`.
+fn fresnel() -> impl TypedValueParser<Value = FresnelModel> {
+    named(&FresnelModel::ALL, FresnelModel::name, |model| match model {
+        FresnelModel::Exact => "Dielectric Fresnel equations for the index of refraction",
+        FresnelModel::Schlick => "Schlick's approximation, as the glTF specification suggests",
+    })
 }
 
 /// A frame of a sequence.
@@ -247,8 +229,8 @@ pub(crate) struct RenderArgs {
     pub threads: Option<u16>,
     #[command(flatten)]
     pub long: LongArgs,
-    #[arg(long, help = setting_help("filter"))]
-    pub filter: Option<FilterArg>,
+    #[arg(long, help = setting_help("filter"), value_parser = named(&Filter::ALL, Filter::name, |_| ""))]
+    pub filter: Option<Filter>,
     /// Show the image in the browser while it renders; =address only prints the page's address, =tev (or =tev:HOST:PORT)
     /// sends the image to a running tev.
     #[arg(long, value_name = "HOW", num_args = 0..=1, require_equals = true, default_missing_value = "page")]
@@ -260,23 +242,23 @@ pub(crate) struct RenderArgs {
     #[arg(long)]
     pub float: bool,
     /// Microfacet scattering: multi compensates the energy that single scattering loses [default: multi].
-    #[arg(long)]
-    pub microfacet: Option<MicrofacetArg>,
+    #[arg(long, value_parser = named(&EnergyCompensation::ALL, EnergyCompensation::name, |_| ""))]
+    pub microfacet: Option<EnergyCompensation>,
     /// Fresnel term of the dielectric layers of glTF materials [default: exact].
-    #[arg(long)]
-    pub fresnel: Option<FresnelArg>,
+    #[arg(long, value_parser = fresnel())]
+    pub fresnel: Option<FresnelModel>,
     /// Spectral rendering: sample wavelengths instead of red, green and blue.
     #[arg(long)]
     pub spectral: bool,
-    #[arg(long, help = setting_help("terminator"), value_parser = named(&ShadowTerminator::NAMED, |(name, _)| name, |_| "").map(|(_, terminator)| terminator))]
+    #[arg(long, help = setting_help("terminator"), value_parser = named(&ShadowTerminator::ALL, ShadowTerminator::name, |_| ""))]
     pub terminator: Option<ShadowTerminator>,
     #[arg(long, help = setting_help("path_reuse"), value_name = "REUSE", default_value = "auto", hide_default_value = true)]
     pub path_reuse: PathReuse,
     #[arg(long, help = setting_help("splitting"), value_name = "PATHS", default_value = "auto", hide_default_value = true)]
     pub splitting: Splitting,
     /// BVH quality: fast builds sooner, full traces faster. The image does not depend on it.
-    #[arg(long, default_value = "auto")]
-    pub tree: TreeArg,
+    #[arg(long, default_value = "auto", value_parser = tree())]
+    pub tree: BvhQuality,
     /// View transform of PNG and other 8- or 16-bit output: a name, or a lookup table (.csp) [default: srgb; filmic for
     /// models lit by a stage, unless --background is given].
     #[arg(long, value_name = "VIEW", value_parser = views())]

@@ -151,7 +151,7 @@ fn frames(text: &str) -> std::result::Result<f64, String> {
 }
 
 fn position() -> impl TypedValueParser<Value = ShutterPosition> {
-    named(&ShutterPosition::ALL, |(name, _)| name, |_| "").map(|(_, position)| position)
+    named(&ShutterPosition::ALL, ShutterPosition::name, |_| "")
 }
 
 #[cfg(test)]

@@ -124,7 +124,7 @@ impl<'a> CheckpointWriter<'a> {
 
 /// Adds help to the error about resuming with more samples than planned.
 fn plan_help(error: Error) -> Error {
-    match error.to_string().contains("samples are arranged for") {
+    match error.problems.iter().any(|problem| problem.code == "other-sample-plan") {
         true => error.with_help("resume to at most the planned number of samples; start with --plan N, or with more than 256 samples, to resume to more"),
         false => error,
     }

@@ -393,7 +393,7 @@ fn shown(kind: Kind, planes: &[Vec<f32>], ranges: &[(f32, f32)], i: usize) -> [f
 }
 
 /// A random colour for an id; black for 0.
-fn color_of(id: u32) -> [f32; 3] {
+pub(super) fn color_of(id: u32) -> [f32; 3] {
     if id == 0 {
         return [0.0; 3];
     }

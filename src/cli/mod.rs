@@ -33,6 +33,7 @@ mod page;
 mod parsers;
 mod picture_args;
 mod pictures;
+mod pixels;
 mod preview;
 mod process;
 mod progress;
@@ -43,6 +44,7 @@ mod settings;
 mod shot;
 mod show;
 mod thumbnail;
+mod toml_names;
 mod view;
 
 /// Runs the program; the first argument is its name. Returns the exit code: 0 done, 1 pictures disagree, 2 usage, 3 bad

@@ -5,6 +5,7 @@ use super::args::{CacheArgs, ExportArgs, NewArgs};
 use super::process::Outcome;
 use super::report::{PrintedMessages, name_options_in_error, print_line};
 use super::scene_args::check_scene_path;
+use super::toml_names::{key, quoted};
 use oscura::error::{Error, ErrorKind, Problem, Result};
 use oscura::load::blender::{BlenderOptions, cache_size, clear_cache, default_cache, export};
 use oscura::load::gltf::GltfOptions;
@@ -227,27 +228,6 @@ fn objects(lost: &BlenderExport) -> Vec<String> {
     lost.enclosing.iter().map(part).collect()
 }
 
-/// A name as a TOML string.
-fn quoted(name: &str) -> String {
-    let mut text = String::from("\"");
-    for c in name.chars() {
-        match c {
-            '"' | '\\' => text.extend(['\\', c]),
-            c if c.is_control() => {
-                let _ = write!(text, "\\u{:04X}", u32::from(c));
-            }
-            c => text.push(c),
-        }
-    }
-    text + "\""
-}
-
-/// A name as a key of a TOML table.
-fn key(name: &str) -> String {
-    let is_bare = !name.is_empty() && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-');
-    if is_bare { name.to_string() } else { quoted(name) }
-}
-
 pub(crate) fn export_blender_file(args: &ExportArgs) -> Result<Outcome> {
     if !is_blender_file(&args.scene) {
         let message = format!("{} is not a .blend file: only those can be exported", args.scene.display());
@@ -298,16 +278,4 @@ pub(crate) fn run_cache(args: &CacheArgs) -> Result<Outcome> {
     let mib = found.bytes as f64 / f64::from(1 << 20);
     print_line(&format!("{}: {} files of {mib:.1} MiB {verb}", folder.display(), found.files));
     Ok(Outcome::Done)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn names_are_quoted_as_toml_keys() {
-        assert_eq!(key("Wood_2-a"), "Wood_2-a");
-        assert_eq!(key("Wood.001"), "\"Wood.001\"");
-        assert_eq!(key("a \"b\"\n\\"), "\"a \\\"b\\\"\\u000A\\\\\"");
-    }
 }

@@ -1,6 +1,6 @@
 //! Arguments shared by all commands that load scenes.
 
-use super::parsers::{integer, number};
+use super::parsers::{integer, named, number};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use oscura::color::linear_from_srgb;
@@ -13,32 +13,35 @@ use oscura::load::subdivide::{MAX_LEVELS, Subdivision};
 use oscura::load::{Up, extensions, file_names_in, is_named_as_scene, is_scene};
 use std::path::{Path, PathBuf};
 
-/// Units of light intensities.
-#[derive(Clone, Copy, Debug, Default, ValueEnum)]
-pub(crate) enum LightUnitsArg {
-    /// As in the glTF specification and by default in Blender's exporter.
-    #[default]
-    Auto,
-    /// Candela and lux, divided by 683 lm/W.
-    Spec,
-    /// Watts per steradian (Blender's mode Unitless).
-    Compat,
-    /// Total power in watts (Blender's mode Raw).
-    Raw,
+/// Parser of `--light-units`.
+fn light_units() -> impl TypedValueParser<Value = LightUnits> {
+    named(&LightUnits::ALL, LightUnits::name, |units| match units {
+        LightUnits::Auto => "As in the glTF specification and by default in Blender's exporter",
+        LightUnits::Spec => "Candela and lux, divided by 683 lm/W",
+        LightUnits::Compat => "Watts per steradian (Blender's mode Unitless)",
+        LightUnits::Raw => "Total power in watts (Blender's mode Raw)",
+    })
 }
 
-/// Interpretation of transmissive materials without a volume.
-#[derive(Clone, Copy, Debug, Default, ValueEnum)]
-pub(crate) enum GlassArg {
-    /// Solid for closed meshes from Blender's exporter, else thin.
-    #[default]
-    Auto,
-    /// Solid, with refraction.
-    Solid,
-    /// As auto, but flat window panes become single sheets, which do not block shadow rays.
-    Panes,
-    /// Thin-walled, as in the glTF specification.
-    Thin,
+/// Parser of `--glass`.
+fn glass() -> impl TypedValueParser<Value = Glass> {
+    named(&Glass::ALL, Glass::name, |glass| match glass {
+        Glass::Auto => "Solid for closed meshes from Blender's exporter, else thin",
+        Glass::Solid => "Solid, with refraction",
+        Glass::Panes => "As auto, but flat window panes become single sheets, which do not block shadow rays",
+        Glass::Thin => "Thin-walled, as in the glTF specification",
+    })
+}
+
+/// Parser of `--ground`.
+fn ground() -> impl TypedValueParser<Value = Ground> {
+    named(&Ground::ALL, Ground::name, |ground| match ground {
+        Ground::None => "No ground",
+        Ground::Shadow => {
+            "Ground in the colour of the background that receives shadows and faint reflections"
+        }
+        Ground::Floor => "Glossy floor",
+    })
 }
 
 // Arguments about glTF files.
@@ -57,11 +60,11 @@ pub(crate) struct AssetArgs {
     #[arg(long, value_name = "VARIANT")]
     pub variant: Option<String>,
     /// Units of light intensities.
-    #[arg(long, value_name = "UNITS", default_value = "auto")]
-    pub light_units: LightUnitsArg,
+    #[arg(long, value_name = "UNITS", default_value = "auto", value_parser = light_units())]
+    pub light_units: LightUnits,
     /// Interpretation of transmissive materials without a volume.
-    #[arg(long, value_name = "KIND", default_value = "auto")]
-    pub glass: GlassArg,
+    #[arg(long, value_name = "KIND", default_value = "auto", value_parser = glass())]
+    pub glass: Glass,
     /// Ignore required glTF extensions that are not supported.
     #[arg(long)]
     pub force: bool,
@@ -74,18 +77,8 @@ impl AssetArgs {
             scene: self.scene_name.clone(),
             node: self.node.clone(),
             variant: self.variant.clone(),
-            light_units: match self.light_units {
-                LightUnitsArg::Auto => LightUnits::Auto,
-                LightUnitsArg::Spec => LightUnits::Spec,
-                LightUnitsArg::Compat => LightUnits::Compat,
-                LightUnitsArg::Raw => LightUnits::Raw,
-            },
-            glass: match self.glass {
-                GlassArg::Auto => Glass::Auto,
-                GlassArg::Solid => Glass::Solid,
-                GlassArg::Panes => Glass::Panes,
-                GlassArg::Thin => Glass::Thin,
-            },
+            light_units: self.light_units,
+            glass: self.glass,
             force: self.force,
         }
     }
@@ -156,17 +149,6 @@ impl StageArg {
     }
 }
 
-/// Ground of models without a camera.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum GroundArg {
-    /// No ground.
-    None,
-    /// Ground in the colour of the background that receives shadows and faint reflections.
-    Shadow,
-    /// Glossy floor.
-    Floor,
-}
-
 // Arguments about the presentation of models without a camera or lights.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct StageArgs {
@@ -174,8 +156,8 @@ pub(crate) struct StageArgs {
     #[arg(long, value_name = "STAGE")]
     pub stage: Option<StageArg>,
     /// Ground under a model without a camera [default: shadow on a stage, none with --env].
-    #[arg(long, value_name = "GROUND")]
-    pub ground: Option<GroundArg>,
+    #[arg(long, value_name = "GROUND", value_parser = ground())]
+    pub ground: Option<Ground>,
     /// Background: #rrggbb, white, grey, black, transparent, or an image file [default: the stage's, else the
     /// environment].
     #[arg(long, value_name = "COLOR|FILE", value_parser = background)]
@@ -240,11 +222,6 @@ impl StageArgs {
             Some(StageArg::White) => StageLight::White,
             Some(StageArg::None) => StageLight::None,
         };
-        let ground = self.ground.map(|ground| match ground {
-            GroundArg::None => Ground::None,
-            GroundArg::Shadow => Ground::Shadow,
-            GroundArg::Floor => Ground::Floor,
-        });
         let background = match &self.background {
             None => None,
             Some(BackgroundArg::Transparent) => Some(Background::Transparent),
@@ -256,7 +233,7 @@ impl StageArgs {
         Ok(StageOptions {
             light,
             is_light_chosen: self.stage.is_some_and(|s| s != StageArg::None),
-            ground,
+            ground: self.ground,
             background,
             view: self.view_from.unwrap_or_default(),
             is_view_chosen: self.view_from.is_some(),

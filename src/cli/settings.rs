@@ -1,6 +1,6 @@
 //! Settings from arguments: choices, preparation of the scene, memory checks, options without effect.
 
-use super::args::{CRYPTO_LEVELS, FilterArg, FresnelArg, MicrofacetArg, RenderArgs, TreeArg};
+use super::args::{CRYPTO_LEVELS, RenderArgs};
 use super::checkpoint::cropped;
 use super::parsers::FRAME_RATE;
 use super::picture_args::{Framed, Preset, Quality};
@@ -20,12 +20,12 @@ use oscura::load::{Loaded, requests_denoising};
 use oscura::output::part::{PartHeader, Region};
 use oscura::output::{Format, PngOptions, ViewTransform};
 use oscura::render::{
-    BvhQuality, Labels, PathReuse, RenderOptions, RequestedOptions, ResolvedOptions, SAMPLE_BLOCK, Splitting,
+    Labels, PathReuse, RenderOptions, RequestedOptions, ResolvedOptions, SAMPLE_BLOCK, Splitting,
     denoising_guides, film_bytes, guiding_bytes, has_visible_alpha, sequence_guides, splat_bytes,
 };
 use oscura::scene::{
-    BounceLimits, Camera, Clamp, EnergyCompensation, Environment, Filter, FresnelModel, ImageId, Keyframes,
-    Model, Motion, RayKinds, Scene, Settings, SkippedCaustics,
+    BounceLimits, Camera, Clamp, Environment, ImageId, Keyframes, Model, Motion, RayKinds, Scene, Settings,
+    SkippedCaustics,
 };
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -36,24 +36,6 @@ const MAX_SAMPLES: u32 = 1 << 16;
 
 /// Render settings requested by the arguments.
 pub(crate) fn requested(args: &RenderArgs) -> RequestedOptions {
-    let filter = args.filter.map(|f| match f {
-        FilterArg::Box => Filter::Box,
-        FilterArg::Gaussian => Filter::Gaussian,
-        FilterArg::BlackmanHarris => Filter::BlackmanHarris,
-    });
-    let energy_compensation = args.microfacet.map(|m| match m {
-        MicrofacetArg::Multi => EnergyCompensation::On,
-        MicrofacetArg::Single => EnergyCompensation::Off,
-    });
-    let fresnel = args.fresnel.map(|f| match f {
-        FresnelArg::Exact => FresnelModel::Exact,
-        FresnelArg::Schlick => FresnelModel::Schlick,
-    });
-    let tree = match args.tree {
-        TreeArg::Auto => BvhQuality::Auto,
-        TreeArg::Fast => BvhQuality::Fast,
-        TreeArg::Full => BvhQuality::Full,
-    };
     RequestedOptions {
         settings: Settings {
             width: args.width,
@@ -67,15 +49,15 @@ pub(crate) fn requested(args: &RenderArgs) -> RequestedOptions {
             skip_caustics: args.unbiased.then_some(SkippedCaustics::NONE),
             terminator: args.terminator,
             seed: args.seed,
-            filter,
-            energy_compensation,
-            fresnel,
+            filter: args.filter,
+            energy_compensation: args.microfacet,
+            fresnel: args.fresnel,
             spectral: args.spectral.then_some(true),
             exposure: args.exposure,
             ..Settings::default()
         },
         camera: args.camera.clone(),
-        tree,
+        tree: args.tree,
         options: RenderOptions::default()
             .aovs(args.aov.iter().fold(AovSet::NONE, |all, aovs| all.union(*aovs)))
             .aov_space(args.aov_space)

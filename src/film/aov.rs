@@ -162,25 +162,19 @@ table! {
         "Variance of the pixel's colour, estimated as if samples were independent (an upper bound); infinite below two samples"
 }
 
-/// Coordinate space of the AOVs `position`, `normal`, `geometric_normal` and `denoising_normal`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum AovSpace {
-    /// World space: right-handed, y up, metres.
-    #[default]
-    World,
-    /// Camera space at the time of the frame: x to the right, y up, z backwards (visible points have negative z), metres.
-    Camera,
+named_enum! {
+    /// Coordinate space of the AOVs `position`, `normal`, `geometric_normal` and `denoising_normal`.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+    AovSpace {
+        /// World space: right-handed, y up, metres.
+        #[default]
+        World = "world",
+        /// Camera space at the time of the frame: x to the right, y up, z backwards (visible points have negative z), metres.
+        Camera = "camera",
+    }
 }
 
 impl AovSpace {
-    /// Name for users and in file headers.
-    pub fn name(self) -> &'static str {
-        match self {
-            AovSpace::World => "world",
-            AovSpace::Camera => "camera",
-        }
-    }
-
     /// Whether a channel, by its name in files, depends on the space.
     pub fn concerns(channel: &str) -> bool {
         ["P.", "N.", "Ng.", "denoising_normal."].iter().any(|layer| channel.starts_with(layer))
@@ -195,8 +189,7 @@ impl FromStr for AovSpace {
     /// # Errors
     /// A usage error.
     fn from_str(text: &str) -> Result<AovSpace> {
-        let all = [AovSpace::World, AovSpace::Camera];
-        let found = all.into_iter().find(|space| space.name() == text);
+        let found = AovSpace::ALL.into_iter().find(|space| space.name() == text);
         found.ok_or_else(|| Error::usage(format!("'{text}' is neither world nor camera")))
     }
 }

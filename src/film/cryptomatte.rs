@@ -1,5 +1,6 @@
 //! Cryptomatte: coverage of pixels by ids, and ids as hashes of names.
 
+use crate::sampling::hash::murmur32;
 use std::ops::Range;
 
 /// Sample counts of ids by pixel, as linked lists in one array: most pixels have a single id.
@@ -119,10 +120,7 @@ fn murmur3_32(bytes: &[u8]) -> u32 {
         hash = hash.rotate_left(13).wrapping_mul(5).wrapping_add(0xe654_6b64);
     }
     let rest = rest.iter().rev().fold(0, |k, &byte| k << 8 | u32::from(byte));
-    hash ^= scrambled(rest) ^ bytes.len() as u32;
-    hash = (hash ^ hash >> 16).wrapping_mul(0x85eb_ca6b);
-    hash = (hash ^ hash >> 13).wrapping_mul(0xc2b2_ae35);
-    hash ^ hash >> 16
+    murmur32(hash ^ scrambled(rest) ^ bytes.len() as u32)
 }
 
 /// Cryptomatte ids of a scene; lists that no AOV needs are empty.

@@ -55,7 +55,7 @@ use std::path::{Path, PathBuf};
 /// An input error with all problems of the file.
 pub fn load(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Loaded> {
     let mut scene = Loaded::default();
-    load_each(path.as_ref(), options, [options.gltf.time_s], &mut |loaded| {
+    load_each(path.as_ref(), options, [Moment::Time(options.gltf.time_s)], &mut |loaded| {
         scene = std::mem::take(loaded);
         Ok(ControlFlow::Break(()))
     })?;
@@ -74,18 +74,27 @@ pub fn load_times(
     times: impl IntoIterator<Item = f64>,
     each: &mut dyn FnMut(&mut Loaded) -> Result<ControlFlow<()>>,
 ) -> Result<()> {
-    load_each(path.as_ref(), options, times.into_iter().map(Some), each)
+    load_each(path.as_ref(), options, times.into_iter().map(|time_s| Moment::Time(Some(time_s))), each)
 }
 
-/// Loads a file at several times, seconds; `None` is the rest pose. Archives are unpacked to a temporary folder.
+/// What to load of an animation.
+#[derive(Clone, Copy)]
+enum Moment {
+    /// The pose at a time, seconds; `None` is the rest pose.
+    Time(Option<f64>),
+    /// A frame of a Blender file.
+    Frame(u32),
+}
+
+/// Loads a file at several moments. Archives are unpacked to a temporary folder.
 fn load_each(
     path: &Path,
     options: &LoadOptions,
-    times: impl IntoIterator<Item = Option<f64>>,
+    moments: impl IntoIterator<Item = Moment>,
     each: &mut dyn FnMut(&mut Loaded) -> Result<ControlFlow<()>>,
 ) -> Result<()> {
     if !is_archive(path)? {
-        return load_file(path, options, times, each);
+        return load_file(path, options, moments, each);
     }
     options.files.note(path);
     let unpacked = unpack::Unpacked::new(path)?;
@@ -95,7 +104,7 @@ fn load_each(
             *file = Some(path.to_path_buf());
         }
     };
-    let loaded = load_file(&unpacked.model, &inner, times, &mut |loaded| {
+    let loaded = load_file(&unpacked.model, &inner, moments, &mut |loaded| {
         let messages = loaded.warnings.iter_mut().chain(&mut loaded.notes);
         messages.for_each(|warning| report_archive(&mut warning.file));
         unpacked.keep_for(loaded);
@@ -135,7 +144,7 @@ fn is_archive(path: &Path) -> Result<bool> {
 fn load_file(
     path: &Path,
     options: &LoadOptions,
-    times: impl IntoIterator<Item = Option<f64>>,
+    moments: impl IntoIterator<Item = Moment>,
     each: &mut dyn FnMut(&mut Loaded) -> Result<ControlFlow<()>>,
 ) -> Result<()> {
     let format = formats::of(path);
@@ -147,17 +156,24 @@ fn load_file(
     let mut options = sidecar.as_ref().map_or_else(|| options.clone(), |s| s.reader_options(options));
     options.keeps_polygons |= options.subdivision.is_some();
     if matches!(format, Format::Model(model) if model.is_gltf) {
+        let times = moments.into_iter().map(|moment| match moment {
+            Moment::Time(time_s) => time_s,
+            Moment::Frame(_) => None,
+        });
         return gltf::load_times(path, &options, times, &mut |loaded| {
             complete(path, &options, sidecar.as_ref(), loaded)?;
             each(loaded)
         });
     }
-    for time_s in times {
-        options.gltf.time_s = time_s;
+    for (i, moment) in moments.into_iter().enumerate() {
+        match moment {
+            Moment::Frame(frame) => options.blender.frame = Some(frame),
+            Moment::Time(time_s) => options.gltf.time_s = time_s,
+        }
         let mut loaded = match format {
             Format::Model(model) => (model.load)(path, &options)?,
             Format::SceneFile => scene_file::load(path, &options)?,
-            Format::Blender => blender::load(path, &options)?,
+            Format::Blender => blender::load(path, &options, i == 0)?,
             Format::Other => {
                 let extension = formats::extension(path);
                 return Err(Error::input(path, format!("files of type '.{extension}' can't be rendered"))
@@ -184,17 +200,12 @@ pub fn load_frames(
     fps: f64,
     each: &mut dyn FnMut(&mut Loaded) -> Result<ControlFlow<()>>,
 ) -> Result<()> {
-    if !is_blender_file(&path) {
-        return load_times(path, options, numbers.map(|number| f64::from(number) / fps), each);
-    }
-    for frame in numbers {
-        let blender = blender::BlenderOptions { frame: Some(frame), ..options.blender.clone() };
-        let mut loaded = load(&path, &LoadOptions { blender, ..options.clone() })?;
-        if each(&mut loaded)?.is_break() {
-            break;
-        }
-    }
-    Ok(())
+    let is_blender = is_blender_file(&path);
+    let moment = |number| match is_blender {
+        true => Moment::Frame(number),
+        false => Moment::Time(Some(f64::from(number) / fps)),
+    };
+    load_each(path.as_ref(), options, numbers.map(moment), each)
 }
 
 /// Is a file of Blender's, or of a format that Blender imports (USD, FBX, Alembic, Collada), by its extension?

@@ -158,37 +158,41 @@ pub struct GltfOptions {
     pub force: bool,
 }
 
-/// Units of the lights of KHR_lights_punctual. The file doesn't say which mode its exporter used.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum LightUnits {
-    /// The specification's units, also the default of Blender's exporter; spot lights in files by Blender
-    /// get Blender's falloff from the inner to the outer cone angle.
-    #[default]
-    Auto,
-    /// Candela and lux, converted to watts at 683 lm/W.
-    Spec,
-    /// Watts per steradian and per square metre (Blender's mode "Unitless").
-    Compat,
-    /// Total power in watts, as in Blender's interface; sun lights in watts per square metre (Blender's mode "Raw").
-    Raw,
+named_enum! {
+    /// Units of the lights of KHR_lights_punctual. The file doesn't say which mode its exporter used.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+    LightUnits {
+        /// The specification's units, also the default of Blender's exporter; spot lights in files by Blender
+        /// get Blender's falloff from the inner to the outer cone angle.
+        #[default]
+        Auto = "auto",
+        /// Candela and lux, converted to watts at 683 lm/W.
+        Spec = "spec",
+        /// Watts per steradian and per square metre (Blender's mode "Unitless").
+        Compat = "compat",
+        /// Total power in watts, as in Blender's interface; sun lights in watts per square metre (Blender's mode "Raw").
+        Raw = "raw",
+    }
 }
 
-/// Interpretation of materials with transmission and without a volume (thickness 0). As solids, they tint light once per
-/// traversal of the body, as in Blender; solids declared by the file tint at each interface, as the specification says.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Glass {
-    /// In glTF files by Blender, whose exporter omits the volume of ordinary glass: solid for closed meshes, thin for open
-    /// ones. In other glTF files: thin, as the specification says. In Blender files: refracting for all meshes.
-    #[default]
-    Auto,
-    /// Refracting interfaces of solid bodies.
-    Solid,
-    /// As [`Glass::Auto`], but flat closed meshes (window panes) and open sheets of Blender files become thin sheets without
-    /// refraction, declared volume or not. Shadow rays pass thin sheets; emitters behind a solid are reached by BSDF
-    /// sampling only.
-    Panes,
-    /// Thin walls without refraction, as the specification says.
-    Thin,
+named_enum! {
+    /// Interpretation of materials with transmission and without a volume (thickness 0). As solids, they tint light once per
+    /// traversal of the body, as in Blender; solids declared by the file tint at each interface, as the specification says.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+    Glass {
+        /// In glTF files by Blender, whose exporter omits the volume of ordinary glass: solid for closed meshes, thin for open
+        /// ones. In other glTF files: thin, as the specification says. In Blender files: refracting for all meshes.
+        #[default]
+        Auto = "auto",
+        /// Refracting interfaces of solid bodies.
+        Solid = "solid",
+        /// As [`Glass::Auto`], but flat closed meshes (window panes) and open sheets of Blender files become thin sheets without
+        /// refraction, declared volume or not. Shadow rays pass thin sheets; emitters behind a solid are reached by BSDF
+        /// sampling only.
+        Panes = "panes",
+        /// Thin walls without refraction, as the specification says.
+        Thin = "thin",
+    }
 }
 
 impl GltfOptions {
@@ -210,24 +214,26 @@ impl GltfOptions {
     }
 }
 
-/// The up axis of a file.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Up {
-    /// Guessed from the program that wrote the file and from the model's shape.
-    Auto,
-    /// +x.
-    X,
-    /// +y, as in scenes.
-    #[default]
-    Y,
-    /// +z, as in Blender and most scans and CAD.
-    Z,
-    /// -x.
-    NegX,
-    /// -y.
-    NegY,
-    /// -z.
-    NegZ,
+named_enum! {
+    /// The up axis of a file.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+    Up {
+        /// Guessed from the program that wrote the file and from the model's shape.
+        Auto = "auto",
+        /// +x.
+        X = "x",
+        /// +y, as in scenes.
+        #[default]
+        Y = "y",
+        /// +z, as in Blender and most scans and CAD.
+        Z = "z",
+        /// -x.
+        NegX = "-x",
+        /// -y.
+        NegY = "-y",
+        /// -z.
+        NegZ = "-z",
+    }
 }
 
 /// Hints of a file about its up axis.
@@ -240,22 +246,6 @@ pub struct UpHint {
 }
 
 impl Up {
-    /// All of them.
-    pub const ALL: [Up; 7] = [Up::Auto, Up::X, Up::Y, Up::Z, Up::NegX, Up::NegY, Up::NegZ];
-
-    /// Its name on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Up::Auto => "auto",
-            Up::X => "x",
-            Up::Y => "y",
-            Up::Z => "z",
-            Up::NegX => "-x",
-            Up::NegY => "-y",
-            Up::NegZ => "-z",
-        }
-    }
-
     /// Rotation from the file's axes to y up, all entries 0 or ±1. The front of z-up models, -y, becomes +z.
     pub(super) fn rotation(self) -> DMat3 {
         let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
@@ -400,25 +390,18 @@ impl Default for ShutterOptions {
     }
 }
 
-/// Position of the shutter interval relative to the frame's time.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum ShutterPosition {
-    /// Opens at the frame's time.
-    Start,
-    /// Centred on the frame's time.
-    #[default]
-    Centre,
-    /// Closes at the frame's time.
-    End,
-}
-
-impl ShutterPosition {
-    /// All of them, by name.
-    pub const ALL: [(&str, ShutterPosition); 3] = [
-        ("start", ShutterPosition::Start),
-        ("centre", ShutterPosition::Centre),
-        ("end", ShutterPosition::End),
-    ];
+named_enum! {
+    /// Position of the shutter interval relative to the frame's time.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+    ShutterPosition {
+        /// Opens at the frame's time.
+        Start = "start",
+        /// Centred on the frame's time.
+        #[default]
+        Centre = "centre",
+        /// Closes at the frame's time.
+        End = "end",
+    }
 }
 
 /// Maximum shutter time, frames.

@@ -43,7 +43,6 @@ pub(super) struct SplatList {
     origin: DVec3,
     not_finite: usize,
     invisible: usize,
-    flat: usize,
     zero_rotations: usize,
 }
 
@@ -83,7 +82,6 @@ impl SplatList {
             return;
         }
         let min_scale = longest * MIN_AXIS_RATIO;
-        self.flat += usize::from(scales.iter().any(|scale| scale.abs() < min_scale));
         let quaternion = Quat::from_array(*rotation);
         let length = quaternion.length();
         // The length may overflow.

@@ -6,100 +6,62 @@ use crate::math::{DMat4, DVec3};
 use exr::meta::attribute::Chromaticities;
 use exr::prelude::{Blocks, Compression, Encoding, LineOrder, Vec2};
 
-/// Arrangement of channels in an EXR.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum ExrLayout {
-    /// One part: R, G, B, A and Z without a layer name, others with one. The most compatible.
-    #[default]
-    Single,
-    /// A part for each layer, named after it, the picture first: programs can read layers selectively.
-    Multipart,
-    /// One part with Blender's channel names in one view layer: `ViewLayer.Combined.R`.
-    Layers,
+named_enum! {
+    /// Arrangement of channels in an EXR.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+    ExrLayout {
+        /// One part: R, G, B, A and Z without a layer name, others with one. The most compatible.
+        #[default]
+        Single = "single",
+        /// A part for each layer, named after it, the picture first: programs can read layers selectively.
+        Multipart = "multipart",
+        /// One part with Blender's channel names in one view layer: `ViewLayer.Combined.R`.
+        Layers = "layers",
+    }
 }
 
-/// Compression of pixels.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum ExrCompression {
-    /// No compression.
-    None,
-    /// Run-length encoding; lossless.
-    Rle,
-    /// Deflate, 16 lines at a time; lossless.
-    #[default]
-    Zip,
-    /// Deflate line by line; lossless.
-    Zips,
-    /// Wavelets; lossless, best for noisy pictures.
-    Piz,
-    /// Deflate after truncation of 32-bit floats to 24 bits; lossy.
-    Pxr24,
-    /// Blocks of 4 x 4 half floats in 14 bytes; lossy.
-    B44,
-    /// B44 with flat blocks in 3 bytes; lossy.
-    B44a,
-    /// Discrete cosine transform, 32 lines at a time; lossy.
-    Dwaa,
-    /// Discrete cosine transform, 256 lines at a time; lossy.
-    Dwab,
+named_enum! {
+    /// Compression of pixels.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+    ExrCompression {
+        /// No compression.
+        None = "none",
+        /// Run-length encoding; lossless.
+        Rle = "rle",
+        /// Deflate, 16 lines at a time; lossless.
+        #[default]
+        Zip = "zip",
+        /// Deflate line by line; lossless.
+        Zips = "zips",
+        /// Wavelets; lossless, best for noisy pictures.
+        Piz = "piz",
+        /// Deflate after truncation of 32-bit floats to 24 bits; lossy.
+        Pxr24 = "pxr24",
+        /// Blocks of 4 x 4 half floats in 14 bytes; lossy.
+        B44 = "b44",
+        /// B44 with flat blocks in 3 bytes; lossy.
+        B44a = "b44a",
+        /// Discrete cosine transform, 32 lines at a time; lossy.
+        Dwaa = "dwaa",
+        /// Discrete cosine transform, 256 lines at a time; lossy.
+        Dwab = "dwab",
+    }
 }
 
 impl ExrLayout {
-    /// All variants.
-    pub const ALL: [ExrLayout; 3] = [ExrLayout::Single, ExrLayout::Multipart, ExrLayout::Layers];
-
-    /// Name for users.
-    pub fn name(self) -> &'static str {
-        self.words().0
-    }
-
     /// A description, for lists.
     pub fn about(self) -> &'static str {
-        self.words().1
-    }
-
-    fn words(self) -> (&'static str, &'static str) {
         match self {
-            ExrLayout::Single => ("single", "One part: R, G, B, A and Z without a layer's name"),
-            ExrLayout::Multipart => ("multipart", "A part for each layer"),
+            ExrLayout::Single => "One part: R, G, B, A and Z without a layer's name",
+            ExrLayout::Multipart => "A part for each layer",
             ExrLayout::Layers => {
-                ("layers", "One part, all in one render layer as Blender names it: ViewLayer.Combined.R")
+                "One part, all in one render layer as Blender names it: ViewLayer.Combined.R"
             }
         }
     }
 }
 
 impl ExrCompression {
-    /// All variants.
-    pub const ALL: [ExrCompression; 10] = [
-        ExrCompression::None,
-        ExrCompression::Rle,
-        ExrCompression::Zip,
-        ExrCompression::Zips,
-        ExrCompression::Piz,
-        ExrCompression::Pxr24,
-        ExrCompression::B44,
-        ExrCompression::B44a,
-        ExrCompression::Dwaa,
-        ExrCompression::Dwab,
-    ];
-
-    /// Name for users.
-    pub fn name(self) -> &'static str {
-        match self {
-            ExrCompression::None => "none",
-            ExrCompression::Rle => "rle",
-            ExrCompression::Zip => "zip",
-            ExrCompression::Zips => "zips",
-            ExrCompression::Piz => "piz",
-            ExrCompression::Pxr24 => "pxr24",
-            ExrCompression::B44 => "b44",
-            ExrCompression::B44a => "b44a",
-            ExrCompression::Dwaa => "dwaa",
-            ExrCompression::Dwab => "dwab",
-        }
-    }
-
     /// Whether 32-bit floats are lossless, as needed for Cryptomatte ids.
     pub fn keeps_ids(self) -> bool {
         !matches!(self, ExrCompression::Pxr24 | ExrCompression::Dwaa | ExrCompression::Dwab)
@@ -223,28 +185,19 @@ pub(super) fn layer_of(name: &str) -> &str {
 
 // Colour space.
 
-/// Colour space of EXRs. Pictures are rendered in linear Rec. 709.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum WorkingSpace {
-    /// Linear Rec. 709.
-    #[default]
-    Rec709,
-    /// ACEScg, converted from the rendering space.
-    AcesCg,
+named_enum! {
+    /// Colour space of EXRs. Pictures are rendered in linear Rec. 709.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+    WorkingSpace {
+        /// Linear Rec. 709.
+        #[default]
+        Rec709 = "rec709",
+        /// ACEScg, converted from the rendering space.
+        AcesCg = "acescg",
+    }
 }
 
 impl WorkingSpace {
-    /// All variants.
-    pub const ALL: [WorkingSpace; 2] = [WorkingSpace::Rec709, WorkingSpace::AcesCg];
-
-    /// Name for users.
-    pub fn name(self) -> &'static str {
-        match self {
-            WorkingSpace::Rec709 => "rec709",
-            WorkingSpace::AcesCg => "acescg",
-        }
-    }
-
     /// A description, for lists.
     pub fn about(self) -> &'static str {
         match self {

@@ -78,6 +78,9 @@ pub fn identity(scene: &mut Scene, resolved: &ResolvedOptions) -> Result<Identit
     Ok(prints.into_iter().chain(options(resolved)).collect())
 }
 
+/// Name of the entry with the number of samples that the sample order is made for.
+const ARRANGED: &str = "the number that samples are arranged for";
+
 /// The settings that pixels depend on, as entries of the identity.
 fn options(resolved: &ResolvedOptions) -> impl Iterator<Item = (String, String)> {
     let options = resolved.options;
@@ -91,7 +94,7 @@ fn options(resolved: &ResolvedOptions) -> impl Iterator<Item = (String, String)>
     let separate = [
         ("version", PICTURES.to_string()),
         ("size", format!("{} x {}", options.width, options.height)),
-        ("the number that samples are arranged for", arranged),
+        (ARRANGED, arranged),
         ("the AOVs", aovs.join(",")),
         ("the terminator", options.terminator.name().to_string()),
         ("the halves that denoising needs", halves.to_string()),
@@ -244,7 +247,8 @@ impl Rendering {
     /// Resumes from a file of [`Rendering::write_part`] for the same picture, perhaps with fewer samples.
     ///
     /// # Errors
-    /// An input error that names the differences between the pictures.
+    /// An input error that names the differences between the pictures. Its code is `other-sample-plan` if the planned numbers of samples
+    /// need different sample orders.
     pub fn resume(&mut self, file: &Path, part: PartFile, identity: &Identity) -> Result<()> {
         let PartFile { header, film, resume_state, .. } = part;
         let of = |identity: &Identity| -> Identity {
@@ -261,7 +265,9 @@ impl Rendering {
         }
         if !different.is_empty() {
             let message = format!("is of another picture: {}", different.join("; "));
-            return Err(Error::input(file, message).with_help("delete it to start again"));
+            let has_other_plan = identity.get(ARRANGED) != header.identity.get(ARRANGED);
+            let code = if has_other_plan { "other-sample-plan" } else { "" };
+            return Err(Error::input(file, (code, message)).with_help("delete it to start again"));
         }
         if header.end_sample > samples.end {
             let message =

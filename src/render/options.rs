@@ -81,18 +81,20 @@ pub enum Guiding {
     Off,
 }
 
-/// Build quality of the BVH over a scene's triangles. Pictures don't depend on it; a full build takes longer and makes rays faster.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum BvhQuality {
-    /// Fast for 130,000 triangles or more and fewer than four camera rays per triangle, else full. (With a time limit, at most a million
-    /// camera rays per second are assumed.)
-    #[default]
-    Auto,
-    /// Fast build.
-    Fast,
-    /// Best tree.
-    Full,
+named_enum! {
+    /// Build quality of the BVH over a scene's triangles. Pictures don't depend on it; a full build takes longer and makes rays faster.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+    #[non_exhaustive]
+    BvhQuality {
+        /// Fast for 130,000 triangles or more and fewer than four camera rays per triangle, else full. (With a time limit, at most a million
+        /// camera rays per second are assumed.)
+        #[default]
+        Auto = "auto",
+        /// Fast build.
+        Fast = "fast",
+        /// Best tree.
+        Full = "full",
+    }
 }
 
 /// The table of render settings. A row is

@@ -11,6 +11,14 @@ pub fn hash32(mut x: u32) -> u32 {
     x ^ (x >> 16)
 }
 
+/// The finaliser of MurmurHash3 (Appleby), a bijection of 32 bits that maps zero to zero.
+#[inline(always)]
+pub fn murmur32(x: u32) -> u32 {
+    let x = (x ^ (x >> 16)).wrapping_mul(0x85eb_ca6b);
+    let x = (x ^ (x >> 13)).wrapping_mul(0xc2b2_ae35);
+    x ^ (x >> 16)
+}
+
 /// A number in [0, 1) from the upper 24 bits of a hash.
 #[inline(always)]
 pub fn unit(hash: u32) -> f32 {

@@ -188,6 +188,21 @@ impl Light {
 }
 
 impl Camera {
+    /// An unnamed camera at rest with square pixels, without lens, shift and clip distances.
+    pub fn new(world_from_camera: DAffine3, projection: Projection) -> Camera {
+        Camera {
+            name: String::new(),
+            world_from_camera,
+            projection,
+            aspect_ratio: None,
+            pixel_aspect: 1.0,
+            lens: None,
+            shift: [0.0; 2],
+            clip: None,
+            motion: None,
+        }
+    }
+
     /// A pinhole camera at `from` that looks at a point with y up; `vfov_deg` is the vertical field of view, degrees.
     pub fn look_at(from: impl Into<DVec3>, at: impl Into<DVec3>, vfov_deg: f64) -> Camera {
         let (from, at) = (from.into(), at.into());
@@ -197,17 +212,7 @@ impl Camera {
             let rotation = DMat3::from_cols(DVec3::X, back.cross(DVec3::X), back);
             DAffine3::from_mat3_translation(rotation, from)
         });
-        Camera {
-            name: String::new(),
-            world_from_camera,
-            projection: Projection::Perspective { vfov_rad: vfov_deg.to_radians() },
-            aspect_ratio: None,
-            pixel_aspect: 1.0,
-            lens: None,
-            shift: [0.0; 2],
-            clip: None,
-            motion: None,
-        }
+        Camera::new(world_from_camera, Projection::Perspective { vfov_rad: vfov_deg.to_radians() })
     }
 }
 

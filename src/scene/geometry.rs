@@ -216,35 +216,23 @@ impl Shape {
     }
 }
 
-/// Basis of curves.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum CurveBasis {
-    /// Piecewise linear.
-    Linear,
-    /// Consecutive cubic Bezier curves: every third point is interpolated.
-    Bezier,
-    /// A uniform cubic B-spline, not clamped: its ends are near the first and the last point.
-    BSpline,
-    /// A cubic Catmull-Rom spline, which interpolates all points.
-    #[default]
-    CatmullRom,
+named_enum! {
+    /// Basis of curves.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+    CurveBasis {
+        /// Piecewise linear.
+        Linear = "linear",
+        /// Consecutive cubic Bezier curves: every third point is interpolated.
+        Bezier = "bezier",
+        /// A uniform cubic B-spline, not clamped: its ends are near the first and the last point.
+        BSpline = "bspline",
+        /// A cubic Catmull-Rom spline, which interpolates all points.
+        #[default]
+        CatmullRom = "catmull-rom",
+    }
 }
 
 impl CurveBasis {
-    /// All bases.
-    pub const ALL: [CurveBasis; 4] =
-        [CurveBasis::Linear, CurveBasis::Bezier, CurveBasis::BSpline, CurveBasis::CatmullRom];
-
-    /// Name in files.
-    pub fn name(self) -> &'static str {
-        match self {
-            CurveBasis::Linear => "linear",
-            CurveBasis::Bezier => "bezier",
-            CurveBasis::BSpline => "bspline",
-            CurveBasis::CatmullRom => "catmull-rom",
-        }
-    }
-
     /// The basis with a name.
     pub fn of_name(name: &str) -> Option<CurveBasis> {
         CurveBasis::ALL.into_iter().find(|basis| basis.name() == name)
@@ -386,11 +374,6 @@ impl Splats {
     /// Number of coefficients of a splat, for a degree of spherical harmonics.
     pub fn coefficients_of(degree: u8) -> usize {
         (usize::from(degree) + 1).pow(2)
-    }
-
-    /// The degree with this number of coefficients.
-    pub fn degree_of(coefficients: usize) -> Option<u8> {
-        (0..=Splats::MAX_DEGREE).find(|&degree| Splats::coefficients_of(degree) == coefficients)
     }
 
     /// Number of splats.

@@ -217,24 +217,28 @@ impl Material {
 
 // Scattering models.
 
-/// Compensation for the energy loss of single-scattering microfacet models.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum EnergyCompensation {
-    /// By a factor (Turquin 2019), or in solid glass by a multiple-scattering lobe (see [`crate::bsdf::RoughDielectric`]).
-    #[default]
-    On,
-    /// None, for comparison with single-scattering renderers.
-    Off,
+named_enum! {
+    /// Compensation for the energy loss of single-scattering microfacet models.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+    EnergyCompensation {
+        /// By a factor (Turquin 2019), or in solid glass by a multiple-scattering lobe (see [`crate::bsdf::RoughDielectric`]).
+        #[default]
+        On = "multi",
+        /// None, for comparison with single-scattering renderers.
+        Off = "single",
+    }
 }
 
-/// Fresnel term of dielectrics.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum FresnelModel {
-    /// The Fresnel equations.
-    #[default]
-    Exact,
-    /// Schlick's approximation, as in the thesis and in the glTF specification.
-    Schlick,
+named_enum! {
+    /// Fresnel term of dielectrics.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+    FresnelModel {
+        /// The Fresnel equations.
+        #[default]
+        Exact = "exact",
+        /// Schlick's approximation, as in the thesis and in the glTF specification.
+        Schlick = "schlick",
+    }
 }
 
 impl Parameters for FresnelModel {}
@@ -548,25 +552,18 @@ pub struct PbrMaterial {
     pub diffuse_transmission: Option<DiffuseTransmission>,
 }
 
-/// Colour of the reflection of glass, including total internal reflection.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum GlassReflection {
-    /// White (physical).
-    #[default]
-    White,
-    /// The transmission colour of a single interface, as of Cycles' Glass BSDF.
-    Tinted,
-    /// Black: refraction only, without Fresnel losses, as of Cycles' Refraction BSDF.
-    None,
-}
-
-impl GlassReflection {
-    /// All values with their names in scene files.
-    pub const ALL: [(&str, GlassReflection); 3] = [
-        ("white", GlassReflection::White),
-        ("tinted", GlassReflection::Tinted),
-        ("none", GlassReflection::None),
-    ];
+named_enum! {
+    /// Colour of the reflection of glass, including total internal reflection.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+    GlassReflection {
+        /// White (physical).
+        #[default]
+        White = "white",
+        /// The transmission colour of a single interface, as of Cycles' Glass BSDF.
+        Tinted = "tinted",
+        /// Black: refraction only, without Fresnel losses, as of Cycles' Refraction BSDF.
+        None = "none",
+    }
 }
 
 impl Parameters for GlassReflection {}

@@ -3,53 +3,45 @@
 use super::material::{EnergyCompensation, FresnelModel};
 use crate::color::ViewTransform;
 
-/// Reconstruction filter.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum Filter {
-    /// Constant, one pixel wide.
-    Box,
-    /// Truncated Gaussian, sigma 0.5 pixels, radius 1.5 pixels.
-    Gaussian,
-    /// Blackman-Harris window, radius 1.5 pixels.
-    #[default]
-    BlackmanHarris,
+named_enum! {
+    /// Reconstruction filter.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+    #[non_exhaustive]
+    Filter {
+        /// Constant, one pixel wide.
+        Box = "box",
+        /// Truncated Gaussian, sigma 0.5 pixels, radius 1.5 pixels.
+        Gaussian = "gaussian",
+        /// Blackman-Harris window, radius 1.5 pixels.
+        #[default]
+        BlackmanHarris = "blackman-harris",
+    }
 }
 
-/// Output of shadow catchers.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum CatcherOutput {
-    /// Shadows as alpha, and light of other objects as colour, for compositing over a plate of the real surface.
-    #[default]
-    All,
-    /// Shadows as alpha only, averaged over the channels, like Cycles.
-    Shadows,
+named_enum! {
+    /// Output of shadow catchers.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+    CatcherOutput {
+        /// Shadows as alpha, and light of other objects as colour, for compositing over a plate of the real surface.
+        #[default]
+        All = "all",
+        /// Shadows as alpha only, averaged over the channels, like Cycles.
+        Shadows = "shadows",
+    }
 }
 
-/// Remedy for the shadow terminator problem: hard shadow edges along triangles with interpolated normals at grazing light.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum ShadowTerminator {
-    /// Light fades out smoothly towards the triangle's horizon.
-    #[default]
-    Soft,
-    /// Shadow rays start at the interpolated curved surface, also lit from below the triangle's horizon; like a Geometry Offset of
-    /// 0.1 in Cycles.
-    Lifted,
-    /// No remedy.
-    Off,
-}
-
-impl ShadowTerminator {
-    /// All values with their names in options and scene files.
-    pub const NAMED: [(&str, ShadowTerminator); 3] = [
-        ("soft", ShadowTerminator::Soft),
-        ("lifted", ShadowTerminator::Lifted),
-        ("off", ShadowTerminator::Off),
-    ];
-
-    /// Name in options and scene files.
-    pub fn name(self) -> &'static str {
-        Self::NAMED.iter().find(|(_, other)| *other == self).map_or("", |(name, _)| name)
+named_enum! {
+    /// Remedy for the shadow terminator problem: hard shadow edges along triangles with interpolated normals at grazing light.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+    ShadowTerminator {
+        /// Light fades out smoothly towards the triangle's horizon.
+        #[default]
+        Soft = "soft",
+        /// Shadow rays start at the interpolated curved surface, also lit from below the triangle's horizon; like a Geometry Offset of
+        /// 0.1 in Cycles.
+        Lifted = "lifted",
+        /// No remedy.
+        Off = "off",
     }
 }
 

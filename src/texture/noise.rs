@@ -2,20 +2,15 @@
 //! integer hash of the cell's coordinates instead of a permutation table of 256 entries.
 
 use crate::math::{Vec3, poly};
+use crate::sampling::hash::murmur32;
 
 /// Scales the noise to -1..1: with the twelve edge gradients its largest magnitude is just above 1.
 const SCALE: f32 = 0.96;
 
-/// Hash of lattice coordinates and a seed, combined one by one with the finaliser of MurmurHash3 (Appleby), a bijection
-/// of 32 bits.
+/// Hash of lattice coordinates and a seed, combined one by one.
 #[inline(always)]
 fn hash(x: i32, y: i32, z: i32, seed: u32) -> u32 {
-    let mix = |h: u32| {
-        let h = (h ^ (h >> 16)).wrapping_mul(0x85eb_ca6b);
-        let h = (h ^ (h >> 13)).wrapping_mul(0xc2b2_ae35);
-        h ^ (h >> 16)
-    };
-    let step = |h: u32, v: i32| mix(h.wrapping_mul(0x9e37_79b1).wrapping_add(v as u32));
+    let step = |h: u32, v: i32| murmur32(h.wrapping_mul(0x9e37_79b1).wrapping_add(v as u32));
     step(step(step(seed ^ 0x5bd1_e995, x), y), z)
 }
 

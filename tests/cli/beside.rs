@@ -27,8 +27,7 @@ const ROOM: &str = r#"{
 
 fn renders(folder: &Path, more: &[&str]) -> String {
     let args = [&["render", "room.gltf", "-o", "room.png", "--width", "16", "--spp", "1"], more].concat();
-    let output = oscura(folder, &args);
-    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let output = run(folder, &args, 0);
     stderr(&output)
 }
 
@@ -41,8 +40,7 @@ fn settings_beside_a_model_are_filled_in_and_used() {
     for words in ["oscura new --beside", "'Area \"soft\"'", "'Wood.001'", "'Fog box'"] {
         assert!(before.contains(words), "'{words}' is not in {before}");
     }
-    let made = oscura(folder, &["new", "--beside", "room.gltf"]);
-    assert_eq!(code(&made), 0, "{}", stderr(&made));
+    run(folder, &["new", "--beside", "room.gltf"], 0);
     let path = folder.join("room.oscura.toml");
     let text = fs::read_to_string(&path).unwrap();
     for line in [
@@ -73,12 +71,12 @@ fn settings_beside_a_model_are_filled_in_and_used() {
     renders(folder, &[]);
 
     fs::write(&path, "precious").unwrap();
-    assert_eq!(code(&oscura(folder, &["new", "--beside", "room.gltf"])), 2);
+    run(folder, &["new", "--beside", "room.gltf"], 2);
     assert_eq!(fs::read_to_string(&path).unwrap(), "precious");
-    assert_eq!(code(&oscura(folder, &["new", "--beside", "room.gltf", "--force", "--quiet"])), 0);
-    assert_eq!(code(&oscura(folder, &["new", "--beside", "none.glb"])), 3);
-    assert_eq!(code(&oscura(folder, &["new", "--beside", "room.oscura.toml"])), 2);
-    assert_eq!(code(&oscura(folder, &["new"])), 2);
+    run(folder, &["new", "--beside", "room.gltf", "--force", "--quiet"], 0);
+    run(folder, &["new", "--beside", "none.glb"], 3);
+    run(folder, &["new", "--beside", "room.oscura.toml"], 2);
+    run(folder, &["new"], 2);
 }
 
 /// A bare scan gets proposals for a camera, a lamp and its material, which all hold.
@@ -87,7 +85,7 @@ fn a_scan_gets_a_camera_a_lamp_and_its_material() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     fs::write(folder.join("scan.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\n").unwrap();
-    assert_eq!(code(&oscura(folder, &["new", "--beside", "scan.obj"])), 0);
+    run(folder, &["new", "--beside", "scan.obj"], 0);
     let path = folder.join("scan.oscura.toml");
     let text = fs::read_to_string(&path).unwrap();
     for line in
@@ -97,8 +95,7 @@ fn a_scan_gets_a_camera_a_lamp_and_its_material() {
     }
     fs::write(&path, text.replace("\n#", "\n").replace("\n ", "\n# ")).unwrap();
     let args = ["render", "scan.obj", "-o", "a.png", "--width", "16", "--spp", "1", "--strict"];
-    let output = oscura(folder, &args);
-    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let output = run(folder, &args, 0);
     assert!(stderr(&output).contains("scan.oscura.toml"), "{}", stderr(&output));
     assert!(!stderr(&output).contains("stage"), "{}", stderr(&output));
 }

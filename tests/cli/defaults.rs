@@ -23,8 +23,7 @@ fn a_scene_alone_is_rendered_to_a_picture_of_its_name() {
     let folder = tempfile::tempdir().unwrap();
     triangle(folder.path(), "models/a.obj");
     for words in [&["models/a.obj"][..], &["render", "models/a.obj"], &["--quiet", "models/a.obj"]] {
-        let output = oscura(folder.path(), &[words, &SMALL].concat());
-        assert_eq!(code(&output), 0, "{words:?}: {}", stderr(&output));
+        let output = run(folder.path(), &[words, &SMALL].concat(), 0);
         assert_eq!(
             stderr(&output).contains("oscura view"),
             !words.contains(&"--quiet"),
@@ -43,10 +42,9 @@ fn quality_in_one_word() {
     triangle(folder.path(), "a.obj");
     let scene = "[render]\nsamples = 3\n[materials]\ngrey = { type = \"lambert\", color = 0.5 }\n[[objects]]\nmesh = \"a.obj\"\nmaterial = \"grey\"\n[camera]\nlook_from = [0, 0, 3]\nlook_at = [0, 0, 0]\n";
     fs::write(folder.path().join("own.toml"), scene).unwrap();
-    let run = |file: &str, more: &[&str]| {
+    let rendered = |file: &str, more: &[&str]| {
         let small = ["-o", "a.exr", "--size", "24x16", "--json"];
-        let output = oscura(folder.path(), &[&["render", file], &small[..], more].concat());
-        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        let output = run(folder.path(), &[&["render", file], &small[..], more].concat(), 0);
         let json = report(&output);
         let is_denoised = !json["denoise_s"].is_null();
         assert_eq!(stderr(&output).contains(", denoised, "), is_denoised, "{}", stderr(&output));
@@ -57,18 +55,18 @@ fn quality_in_one_word() {
         )
     };
     let is = |word: &str| Some(word.to_string());
-    assert_eq!(run("a.obj", &["--quality", "draft"]), (is("draft"), 8, true));
-    let (quality, samples, is_denoised) = run("a.obj", &[]);
+    assert_eq!(rendered("a.obj", &["--quality", "draft"]), (is("draft"), 8, true));
+    let (quality, samples, is_denoised) = rendered("a.obj", &[]);
     assert!(quality == is("normal") && (16..=256).contains(&samples) && is_denoised, "{samples}");
-    let (_, more, _) = run("a.obj", &["--quality", "high", "--max-spp", "512"]);
+    let (_, more, _) = rendered("a.obj", &["--quality", "high", "--max-spp", "512"]);
     assert!(samples < more && more <= 512, "{samples} {more}");
-    assert_eq!(run("a.obj", &["--quality", "final", "--max-spp", "16"]), (is("final"), 16, false));
-    assert_eq!(run("a.obj", &["--no-denoise"]), (is("normal"), samples, false));
+    assert_eq!(rendered("a.obj", &["--quality", "final", "--max-spp", "16"]), (is("final"), 16, false));
+    assert_eq!(rendered("a.obj", &["--no-denoise"]), (is("normal"), samples, false));
     // What the user or the scene says of samples holds.
-    assert_eq!(run("a.obj", &["--spp", "4"]), (None, 4, false));
-    assert_eq!(run("a.obj", &["--time-limit", "1000"]), (None, 128, false));
-    assert_eq!(run("own.toml", &[]), (None, 3, false));
-    assert_eq!(run("own.toml", &["--quality", "draft"]), (is("draft"), 8, true));
+    assert_eq!(rendered("a.obj", &["--spp", "4"]), (None, 4, false));
+    assert_eq!(rendered("a.obj", &["--time-limit", "1000"]), (None, 128, false));
+    assert_eq!(rendered("own.toml", &[]), (None, 3, false));
+    assert_eq!(rendered("own.toml", &["--quality", "draft"]), (is("draft"), 8, true));
     // Parts are of the same number of samples, whatever they show.
     let part = ["render", "a.obj", "-o", "a.part", "--size", "24x16", "--sample-range", "0..8", "--json"];
     let output = oscura(folder.path(), &part);
@@ -78,8 +76,7 @@ fn quality_in_one_word() {
         "{}",
         stderr(&output)
     );
-    let refused = oscura(folder.path(), &["render", "a.obj", "--quality", "high", "--spp", "4"]);
-    assert_eq!(code(&refused), 2);
+    run(folder.path(), &["render", "a.obj", "--quality", "high", "--spp", "4"], 2);
 }
 
 #[test]
@@ -122,8 +119,7 @@ fn pictures_go_to_standard_output() {
     for (target, start) in
         [("-", &b"\x89PNG"[..]), ("exr:-", b"\x76\x2f\x31\x01"), ("jpg:-", b"\xff\xd8\xff")]
     {
-        let output = oscura(folder.path(), &[&["a.obj", "-o", target], &SMALL[..]].concat());
-        assert_eq!(code(&output), 0, "{target}: {}", stderr(&output));
+        let output = run(folder.path(), &[&["a.obj", "-o", target], &SMALL[..]].concat(), 0);
         assert!(output.stdout.starts_with(start), "{target}");
     }
     assert_eq!(names(folder.path()), ["a.obj"]);
@@ -135,8 +131,7 @@ fn an_environment_of_none_is_none() {
     let shoot = |env: &str| {
         let scene = cornell();
         let words = ["render", &scene, "-o", "a.png", "--env", env, "--size", "16x16", "--spp", "2"];
-        let output = oscura(folder.path(), &words);
-        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        run(folder.path(), &words, 0);
         fs::read(folder.path().join("a.png")).unwrap()
     };
     assert!(shoot("none") == shoot(""));
@@ -175,10 +170,10 @@ fn a_scan_with_an_environment_passes_strict() {
     let rgb = |_, _| (1.0f32, 1.0f32, 1.0f32);
     exr::prelude::write_rgb_file(folder.path().join("env.exr"), 8, 4, rgb).unwrap();
     for more in [&[][..], &["--env", "env.exr"], &["--env", "none"]] {
-        let output =
-            oscura(folder.path(), &[&["a.obj", "-o", "a.png", "--strict"], &SMALL[..], more].concat());
-        assert_eq!(code(&output), 0, "{more:?}: {}", stderr(&output));
-        assert!(stderr(&output).contains("note: no camera"), "{}", stderr(&output));
+        says(
+            &run(folder.path(), &[&["a.obj", "-o", "a.png", "--strict"], &SMALL[..], more].concat(), 0),
+            "note: no camera",
+        );
     }
 }
 
@@ -195,11 +190,10 @@ fn help_knows_plurals_options_and_slips() {
         ("matirials", "lambert"),
         ("caustics", "--caustics"),
     ] {
-        let output = oscura(folder.path(), &["help", topic]);
-        assert_eq!(code(&output), 0, "{topic}: {}", stderr(&output));
+        let output = run(folder.path(), &["help", topic], 0);
         assert!(stdout(&output).contains(word), "{topic}: {}", stdout(&output));
     }
-    assert_eq!(code(&oscura(folder.path(), &["help", "xyzzy"])), 2);
+    run(folder.path(), &["help", "xyzzy"], 2);
 }
 
 /// Every scene of the project renders from the files that are in the repository.
@@ -225,7 +219,6 @@ fn scenes_render_in_a_fresh_clone() {
     for scene in scenes {
         let words =
             ["render", scene, "-o", "a.png", "--size", "16x16", "--spp", "1", "--depth", "4", "--strict"];
-        let output = oscura(folder.path(), &words);
-        assert_eq!(code(&output), 0, "{scene}: {}", stderr(&output));
+        run(folder.path(), &words, 0);
     }
 }

@@ -3,13 +3,6 @@
 use crate::program::*;
 use std::path::Path;
 
-fn run(folder: &Path, line: &str) -> String {
-    let args: Vec<&str> = line.split_whitespace().collect();
-    let output = oscura(folder, &args);
-    assert_eq!(code(&output), 0, "{line}: {}", stderr(&output));
-    stderr(&output)
-}
-
 const SMALL: &str = "--width 48 --spp 16 --quiet --reproducible";
 
 /// Parts of a picture that is to have no noise become it, bit by bit; others lose the noise on demand.
@@ -19,23 +12,23 @@ fn merged_parts_lose_their_noise() {
     let (folder, scene) = (folder.path(), cornell());
     let fixed =
         format!("render {scene} {SMALL} --aov normal,diffuse_direct --path-reuse off --splitting off");
-    run(folder, &format!("{fixed} --denoise -o whole.exr"));
+    run_line(folder, &format!("{fixed} --denoise -o whole.exr"));
     for (range, part) in [("0..8", "a"), ("8..16", "b")] {
-        run(folder, &format!("{fixed} --denoise --sample-range {range} -o {part}.part"));
-        run(folder, &format!("{fixed} --sample-range {range} -o plain-{part}.part"));
+        run_line(folder, &format!("{fixed} --denoise --sample-range {range} -o {part}.part"));
+        run_line(folder, &format!("{fixed} --sample-range {range} -o plain-{part}.part"));
     }
-    run(folder, "merge b.part a.part -o merged.exr --quiet");
+    run_line(folder, "merge b.part a.part -o merged.exr --quiet");
     let at = |name: &str| folder.join(name);
     assert_eq!(planes(&at("merged.exr")), planes(&at("whole.exr")));
     let says = attribute(&at("merged.exr"), "denoised");
     let expected = format!("oscura {}; guides albedo, normal", env!("CARGO_PKG_VERSION"));
     assert_eq!((&says, &attribute(&at("whole.exr"), "denoised")), (&text(&expected), &says));
 
-    run(folder, "merge a.part b.part -o plain.exr --quiet --no-denoise");
-    run(folder, &format!("{fixed} -o noisy.exr"));
+    run_line(folder, "merge a.part b.part -o plain.exr --quiet --no-denoise");
+    run_line(folder, &format!("{fixed} -o noisy.exr"));
     assert_eq!(planes(&at("plain.exr"))["G"], planes(&at("noisy.exr"))["G"]);
-    run(folder, "merge plain-a.part plain-b.part -o noisy.exr --quiet");
-    run(folder, "merge plain-a.part plain-b.part -o clean.exr --denoise --quiet");
+    run_line(folder, "merge plain-a.part plain-b.part -o noisy.exr --quiet");
+    run_line(folder, "merge plain-a.part plain-b.part -o clean.exr --denoise --quiet");
     let (noisy, clean) = (planes(&at("noisy.exr")), planes(&at("clean.exr")));
     assert!(noisy["N.X"] == clean["N.X"] && noisy["A"] == clean["A"]);
     assert!(noisy["G"] != clean["G"] && noisy["DiffDir.G"] != clean["DiffDir.G"]);
@@ -48,8 +41,8 @@ fn merged_parts_lose_their_noise() {
 fn files_say_what_took_their_noise() {
     let folder = tempfile::tempdir().unwrap();
     let (folder, scene) = (folder.path(), cornell());
-    run(folder, &format!("render {scene} {SMALL} -o a.exr --exr-layout multipart --aov albedo"));
-    run(folder, "denoise a.exr -o b.exr --quiet");
+    run_line(folder, &format!("render {scene} {SMALL} -o a.exr --exr-layout multipart --aov albedo"));
+    run_line(folder, "denoise a.exr -o b.exr --quiet");
     let info = report(&oscura(folder, &["info", "b.exr", "--json"]));
     let parts = info["parts"].as_array().expect("parts");
     assert_eq!(parts.len(), 2);
@@ -65,14 +58,14 @@ fn options_of_a_library_say_that_they_have_no_effect() {
     let folder = tempfile::tempdir().unwrap();
     let (folder, scene) = (folder.path(), cornell());
     let small = SMALL.replace("--quiet", "");
-    run(folder, &format!("render {scene} {small} --denoise -o a.exr"));
-    let messages = run(
+    run_line(folder, &format!("render {scene} {small} --denoise -o a.exr"));
+    let messages = run_line(
         folder,
         &format!("render {scene} {small} --denoise --denoiser oidn --oidn-library none.so -o b.exr"),
     );
     assert!(messages.contains("--denoiser"), "{messages}");
     assert_eq!(planes(&folder.join("a.exr")), planes(&folder.join("b.exr")));
-    let messages = run(folder, "denoise a.exr -o c.exr --denoiser oidn");
+    let messages = run_line(folder, "denoise a.exr -o c.exr --denoiser oidn");
     assert!(messages.contains("--denoiser"), "{messages}");
 }
 
@@ -96,7 +89,7 @@ fn sequences_are_denoised_over_frames() {
     moving_scene(folder);
     let layers = "--aov denoising_albedo,denoising_normal,variance,motion";
     let render = |name: &str, more: &str| {
-        run(
+        run_line(
             folder,
             &format!(
                 "render scene.toml -o {name}.##.exr --frames 1-4 --width 40 --spp 4 --quiet --reproducible {more}"
@@ -108,18 +101,18 @@ fn sequences_are_denoised_over_frames() {
     let at = |name: &str| folder.join(name);
     assert_eq!(attribute(&at("noisy.01.exr"), "worldToNDC"), attribute(&at("same.01.exr"), "worldToNDC"));
     assert_ne!(planes(&at("noisy.01.exr"))["R"], planes(&at("same.01.exr"))["R"]);
-    run(folder, "denoise noisy.##.exr -o clean.##.exr --quiet");
-    run(folder, "denoise noisy.##.exr -o part.##.exr --frames 3 --quiet");
-    run(folder, "denoise noisy.03.exr -o alone.exr --quiet");
+    run_line(folder, "denoise noisy.##.exr -o clean.##.exr --quiet");
+    run_line(folder, "denoise noisy.##.exr -o part.##.exr --frames 3 --quiet");
+    run_line(folder, "denoise noisy.03.exr -o alone.exr --quiet");
     assert!(at("clean.01.exr").exists() && at("clean.04.exr").exists() && !at("part.02.exr").exists());
     let (clean, part, alone) =
         (planes(&at("clean.03.exr")), planes(&at("part.03.exr")), planes(&at("alone.exr")));
     assert_eq!(clean, part);
     assert!(clean["R"] != alone["R"] && clean["A"] == alone["A"] && clean["Vector.X"] == alone["Vector.X"]);
 
-    run(folder, "convert clean.##.exr -o shown.##.png --quiet");
-    run(folder, "convert clean.##.exr -o shown.apng --fps 12 --quiet");
-    run(folder, "convert clean.03.exr -o alone.png --quiet");
+    run_line(folder, "convert clean.##.exr -o shown.##.png --quiet");
+    run_line(folder, "convert clean.##.exr -o shown.apng --fps 12 --quiet");
+    run_line(folder, "convert clean.03.exr -o alone.png --quiet");
     let bytes = |name: &str| std::fs::read(at(name)).unwrap();
     assert_eq!(bytes("shown.03.png"), bytes("alone.png"));
     assert!(bytes("shown.apng").windows(4).filter(|word| word == b"fcTL").count() == 4);
@@ -150,10 +143,10 @@ fn rendered_frames_are_denoised_over_frames() {
     let fixed = "render scene.toml --frames 1-6 --width 40 --spp 4 --quiet --reproducible --animate-seed --float \
                  --exr-float DiffDir,DiffInd";
     let guides = "denoising_albedo,denoising_normal,variance,motion,diffuse_direct,diffuse_indirect";
-    run(folder, &format!("{fixed} -o noisy.##.exr --path-reuse off --aov {guides}"));
-    run(folder, "denoise noisy.##.exr -o files.##.exr --quiet");
+    run_line(folder, &format!("{fixed} -o noisy.##.exr --path-reuse off --aov {guides}"));
+    run_line(folder, "denoise noisy.##.exr -o files.##.exr --quiet");
     let direct = format!("{fixed} --denoise --aov diffuse_direct,diffuse_indirect");
-    run(folder, &format!("{direct} -o direct.##.exr"));
+    run_line(folder, &format!("{direct} -o direct.##.exr"));
     let at = |name: &str| folder.join(name);
     let shown = |name: &str| {
         let mut planes = planes(&at(name));
@@ -175,12 +168,12 @@ fn rendered_frames_are_denoised_over_frames() {
     let before = std::fs::read(at("direct.03.exr")).unwrap();
     let other = std::fs::metadata(at("direct.02.exr")).unwrap().modified().unwrap();
     std::fs::remove_file(at("direct.03.exr")).unwrap();
-    run(folder, &format!("{direct} -o direct.##.exr --resume"));
+    run_line(folder, &format!("{direct} -o direct.##.exr --resume"));
     assert!(std::fs::read(at("direct.03.exr")).unwrap() == before);
     assert_eq!(std::fs::metadata(at("direct.02.exr")).unwrap().modified().unwrap(), other);
     // Alone, each frame is what a render of that frame alone is.
-    run(folder, &format!("{direct} --denoise-alone -o alone.##.exr"));
-    run(folder, &format!("{direct} -o one.##.exr").replace("1-6", "3-3"));
+    run_line(folder, &format!("{direct} --denoise-alone -o alone.##.exr"));
+    run_line(folder, &format!("{direct} -o one.##.exr").replace("1-6", "3-3"));
     assert!(planes(&at("alone.03.exr")) == planes(&at("one.03.exr")));
     assert!(planes(&at("alone.03.exr"))["R"] != planes(&at("direct.03.exr"))["R"]);
 }
@@ -192,16 +185,16 @@ fn moving_pictures_are_denoised() {
     let folder = folder.path();
     moving_scene(folder);
     let fixed = "render scene.toml --orbit 4 --width 40 --spp 2 --quiet --reproducible --animate-seed";
-    run(folder, &format!("{fixed} --denoise -o clean.apng -o clean.#.png"));
-    run(folder, &format!("{fixed} --denoise -o only.apng"));
-    run(folder, &format!("{fixed} -o noisy.apng"));
+    run_line(folder, &format!("{fixed} --denoise -o clean.apng -o clean.#.png"));
+    run_line(folder, &format!("{fixed} --denoise -o only.apng"));
+    run_line(folder, &format!("{fixed} -o noisy.apng"));
     let bytes = |name: &str| std::fs::read(folder.join(name)).unwrap();
     assert!(bytes("clean.apng") == bytes("only.apng") && bytes("only.apng") != bytes("noisy.apng"));
-    run(folder, &format!("{fixed} --denoise --denoise-alone -o alone.#.png"));
+    run_line(folder, &format!("{fixed} --denoise --denoise-alone -o alone.#.png"));
     assert!(bytes("clean.1.png") != bytes("alone.1.png"));
     // A scene that asks for denoising is as good as the option.
     let scene = std::fs::read_to_string(folder.join("scene.toml")).unwrap();
     std::fs::write(folder.join("scene.toml"), format!("[render]\ndenoise = true\n{scene}")).unwrap();
-    run(folder, &format!("{fixed} -o asked.#.png"));
+    run_line(folder, &format!("{fixed} -o asked.#.png"));
     assert!(bytes("asked.1.png") == bytes("clean.1.png"));
 }

@@ -78,8 +78,7 @@ fn the_installed_command_makes_a_picture_under_any_name() {
     let bytes = fs::read(&picture).expect("a picture");
     let image = image::load_from_memory_with_format(&bytes, image::ImageFormat::Png).expect("a PNG");
     assert_eq!((image.width(), image.height()), (64, 64));
-    let two = oscura(folder.path(), &["thumb", "a.obj", "b.obj", "--file", "c.png"]);
-    assert_eq!(code(&two), 2, "{}", stderr(&two));
+    let two = run(folder.path(), &["thumb", "a.obj", "b.obj", "--file", "c.png"], 2);
     assert!(stderr(&two).contains("c.png") && stderr(&two).contains("-o"), "{}", stderr(&two));
 }
 

@@ -34,8 +34,7 @@ fn usage_errors_exit_with_2_before_any_work() {
         &["compare", "a.exr", "b.exr", "--other-seed", "c.exr"],
         &["paint"],
     ] {
-        let output = oscura(folder.path(), args);
-        assert_eq!(code(&output), 2, "{args:?}: {}", stderr(&output));
+        let output = run(folder.path(), args, 2);
         let is_json = args.contains(&"--json");
         assert!(!output.stderr.is_empty() && output.stdout.is_empty() != is_json, "{args:?}");
         assert!(
@@ -82,8 +81,7 @@ fn what_is_no_scene_is_answered_with_the_way_to_one() {
         (&["merge", "a.part", "a.part", "-o", "x.exr"], 3, &["a.part is given twice"]),
         (&["--spp", "4", "rom.glb"], 3, &["rom.glb", "no such file", "room.glb"]),
     ] {
-        let output = oscura(folder.path(), args);
-        assert_eq!(code(&output), expected, "{args:?}: {}", stderr(&output));
+        let output = run(folder.path(), args, expected);
         let messages = stderr(&output).split_whitespace().collect::<Vec<_>>().join(" ");
         for word in words {
             assert!(messages.contains(word), "{args:?}: {word}: {messages}");
@@ -186,11 +184,8 @@ fn files_outside_the_folder_need_permission() {
     for command in
         [&["inspect", "scene/s.gltf"][..], &["render", "scene/s.gltf", "-o", "a.png", "--width", "8"]]
     {
-        let refused = oscura(folder.path(), command);
-        assert_eq!(code(&refused), 3, "{}", stderr(&refused));
-        assert!(stderr(&refused).contains("--allow-external"), "{}", stderr(&refused));
-        let allowed = oscura(folder.path(), &[command, &["--allow-external"]].concat());
-        assert_eq!(code(&allowed), 0, "{}", stderr(&allowed));
+        says(&run(folder.path(), command, 3), "--allow-external");
+        run(folder.path(), &[command, &["--allow-external"]].concat(), 0);
     }
 }
 
@@ -199,9 +194,7 @@ fn targets_that_cannot_be_written_exit_with_4_before_the_scene_is_read() {
     let folder = tempfile::tempdir().unwrap();
     fs::create_dir(folder.path().join("folder.png")).unwrap();
     for target in ["no/such/folder/a.exr", "folder.png"] {
-        let output = oscura(folder.path(), &["render", "missing.gltf", "-o", target]);
-        assert_eq!(code(&output), 4, "{}", stderr(&output));
-        assert!(stderr(&output).contains(target), "{}", stderr(&output));
+        says(&run(folder.path(), &["render", "missing.gltf", "-o", target], 4), target);
     }
     assert_eq!(names(folder.path()), ["folder.png"]);
 }
@@ -225,8 +218,7 @@ fn long_lines_are_cut_in_errors() {
     let folder = tempfile::tempdir().unwrap();
     let long = format!("no_such_key = [{}]\n", "0, ".repeat(100_000));
     fs::write(folder.path().join("a.toml"), long).unwrap();
-    let output = oscura(folder.path(), &["render", "a.toml", "-o", "a.exr"]);
-    assert_eq!(code(&output), 3);
+    let output = run(folder.path(), &["render", "a.toml", "-o", "a.exr"], 3);
     let text = stderr(&output);
     assert!(
         text.contains("no_such_key") && text.contains("a.toml:1:") && text.len() < 2000,
@@ -247,9 +239,8 @@ fn mistakes_of_one_kind_are_counted() {
         "camera = {{ look_from = [0, 0, 4], look_at = [0, 0, 0] }}\n{balls}[[objects]]\nsphere = {{ radius = 1 }}\n"
     );
     fs::write(folder.path().join("a.toml"), scene).unwrap();
-    let output = oscura(folder.path(), &["render", "a.toml", "-o", "a.exr"]);
+    let output = run(folder.path(), &["render", "a.toml", "-o", "a.exr"], 3);
     let messages = stderr(&output);
-    assert_eq!(code(&output), 3, "{messages}");
     assert!(messages.contains("195") && messages.contains("center"), "{messages}");
     assert!(messages.contains("missing4") && !messages.contains("missing5"), "{messages}");
     assert!(messages.contains("a.toml:4:"), "{messages}");
@@ -269,8 +260,7 @@ fn a_missing_file_is_one_problem_with_a_remedy() {
         "camera = { look_from = [0, 0, 4], look_at = [0, 0, 0] }\nmaterials.m = { type = \"lambert\" }\n";
     for (table, key, file) in [("curves", "file", "no.hair"), ("objects", "mesh", "no.obj")] {
         fs::write(folder.path().join("a.toml"), format!("{head}{}", uses(table, key, file))).unwrap();
-        let output = oscura(folder.path(), &["render", "a.toml", "-o", "a.exr", "--json"]);
-        assert_eq!(code(&output), 3, "{}", stderr(&output));
+        let output = run(folder.path(), &["render", "a.toml", "-o", "a.exr", "--json"], 3);
         assert_eq!(
             report(&output)["error"]["problems"].as_array().map(Vec::len),
             Some(1),

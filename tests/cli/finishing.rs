@@ -17,8 +17,7 @@ fn renders_are_denoised_on_the_way_or_later() {
     let scene = cornell();
     let make_with = |name: &str, samples: &str, more: &[&str]| {
         let first = ["render", &scene, "-o", name, "--spp", samples];
-        let output = oscura(folder.path(), &[&first[..], &size, more].concat());
-        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        run(folder.path(), &[&first[..], &size, more].concat(), 0);
     };
     let make = |name: &str, more: &[&str]| make_with(name, "4", more);
     make_with("reference.exr", "512", &["--seed", "9", "--denoise"]);
@@ -46,9 +45,7 @@ fn renders_are_denoised_on_the_way_or_later() {
     make("b.exr", &[&guides[..], &["--seed", "1"]].concat());
     for more in [&["--other-seed", "b.exr"][..], &[]] {
         let args = [&["denoise", "a.exr", "-o", "later.exr"][..], more].concat();
-        let output = oscura(folder.path(), &args);
-        assert_eq!(code(&output), 0, "{}", stderr(&output));
-        assert!(stderr(&output).contains("albedo, normal;"), "{}", stderr(&output));
+        says(&run(folder.path(), &args, 0), "albedo, normal;");
         let later = error(folder.path(), "later.exr", "reference.exr");
         assert!(later * 4.0 < before, "{before} -> {later}");
         assert_eq!(planes(&at("later.exr"))["samples"], planes(&at("a.exr"))["samples"]);
@@ -70,7 +67,7 @@ fn what_cannot_be_denoised_is_refused() {
         (&["convert", "a.exr", "-o", "b.exr"], 2),
         (&["convert", "a.exr", "-o", "b.png", "--layer", "nothing"], 3),
     ] {
-        assert_eq!(code(&oscura(folder.path(), args)), expected, "{args:?}");
+        run(folder.path(), args, expected);
     }
     assert_eq!(names(folder.path()), ["a.exr", "broken.exr", "small.exr"]);
 }
@@ -92,16 +89,12 @@ fn pictures_come_in_all_formats_and_views() {
         let mean = f64::from(differences.sum::<u32>()) / f64::from(own.width() * own.height());
         assert!(mean < if name == "a.jpg" { 6.0 } else { 0.6 }, "{name}: {mean}");
     }
-    let output = oscura(
-        folder.path(),
-        &["convert", "a.exr", "-o", "c.png", "--view", "agx", "--exposure", "1", "--deep"],
-    );
-    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    run(folder.path(), &["convert", "a.exr", "-o", "c.png", "--view", "agx", "--exposure", "1", "--deep"], 0);
     let converted = open("c.png").to_rgb16();
     // The EXR has half floats.
     assert!(png.pixels().zip(converted.pixels()).all(|(p, q)| p[0].abs_diff(q[0]) < 200));
     let picture = |view: &str| {
-        assert_eq!(code(&oscura(folder.path(), &["convert", "a.exr", "-o", "v.png", "--view", view])), 0);
+        run(folder.path(), &["convert", "a.exr", "-o", "v.png", "--view", view], 0);
         std::fs::read(folder.path().join("v.png")).unwrap()
     };
     let views = ["srgb", "filmic", "agx", "agx-punchy", "pbr-neutral", "false-color", "gamma"];
@@ -128,8 +121,7 @@ fn info_tells_ranges_and_headers_and_layers_become_pictures() {
     let text = stdout(&oscura(folder.path(), &["info", "a.exr"]));
     assert!(text.contains("ZIP16") && text.contains("owner: somebody") && text.contains("N.X"), "{text}");
     for layer in ["N", "Z", "samples"] {
-        let output = oscura(folder.path(), &["convert", "a.exr", "-o", "n.png", "--layer", layer, "--quiet"]);
-        assert_eq!(code(&output), 0, "{layer}: {}", stderr(&output));
+        run(folder.path(), &["convert", "a.exr", "-o", "n.png", "--layer", layer, "--quiet"], 0);
     }
 }
 
@@ -145,8 +137,7 @@ fn what_is_no_number_is_counted_once() {
     exr::prelude::write_rgb_file(folder.path().join("a.exr"), 4, 4, pixel).unwrap();
     exr::prelude::write_rgb_file(folder.path().join("b.exr"), 4, 4, |_, _| (0.5f32, 0.5f32, 0.5f32)).unwrap();
     let messages = |file: &str, more: &[&str]| {
-        let output = oscura(folder.path(), &[&["convert", file, "-o", "a.png"], more].concat());
-        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        let output = run(folder.path(), &[&["convert", file, "-o", "a.png"], more].concat(), 0);
         stderr(&output)
     };
     let notes = messages("a.exr", &[]);
@@ -161,9 +152,7 @@ fn sheets_show_all_layers() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let sheet = |file: &str, more: &[&str]| {
-        let output =
-            oscura(folder.path(), &[&["convert", file, "-o", "sheet.png", "--sheet"], more].concat());
-        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        run(folder.path(), &[&["convert", file, "-o", "sheet.png", "--sheet"], more].concat(), 0);
         image::open(at("sheet.png")).expect("a picture").to_rgb8()
     };
     render(folder.path(), "a.exr", &["--quiet", "--aov", "depth,normal,object_id,crypto_object"]);
@@ -178,8 +167,7 @@ fn sheets_show_all_layers() {
     let all = sheet("b.exr", &[]);
     assert!(all.width() * all.height() > 20 * tile * tall, "{} x {}", all.width(), all.height());
     // The picture itself is the first layer of that file, as it looks.
-    let output = oscura(folder.path(), &["convert", "b.exr", "-o", "beauty.png", "--view", "agx"]);
-    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    run(folder.path(), &["convert", "b.exr", "-o", "beauty.png", "--view", "agx"], 0);
     let beauty = image::open(at("beauty.png")).expect("a picture").to_rgba8();
     let all = sheet("b.exr", &["--view", "agx"]);
     let opaque: Vec<_> = beauty.enumerate_pixels().filter(|(_, _, pixel)| pixel[3] == 255).collect();
@@ -209,7 +197,7 @@ fn sheets_show_all_layers() {
         (["convert", "a.exr", "-o", "s.hdr", "--sheet", "--quiet"], 2),
         (["convert", "a.exr", "-o", "s.png", "--sheet", "--deep"], 2),
     ] {
-        assert_eq!(code(&oscura(folder.path(), &args)), expected, "{args:?}");
+        run(folder.path(), &args, expected);
     }
 }
 
@@ -223,8 +211,7 @@ fn scenes_say_how_their_pictures_are_made() {
     };
     let make = |name: &str, more: &[&str]| {
         let size = ["--width", "40", "--height", "30", "--quiet", "--reproducible", "--json"];
-        let output = oscura(folder.path(), &[&["render", "a.toml", "-o", name], &size[..], more].concat());
-        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        let output = run(folder.path(), &[&["render", "a.toml", "-o", name], &size[..], more].concat(), 0);
         report(&output)
     };
     let bytes = |name: &str| std::fs::read(folder.path().join(name)).expect("a picture");

@@ -25,8 +25,7 @@ fn denoising_keeps_the_light_of_uneven_halves() {
         let (shared, scene) = (["--width", "48", "--path-reuse", "off", "--quiet"], cornell());
         for (file, denoise) in [(plain.as_str(), &[][..]), (name, &["--denoise"][..])] {
             let args = [&["render", &scene, "-o", file][..], &shared, &parts, more, denoise].concat();
-            let output = oscura(folder.path(), &args);
-            assert_eq!(code(&output), 0, "{}", stderr(&output));
+            run(folder.path(), &args, 0);
         }
         for channel in ["R", "G", "B"] {
             let (before, after) = (mean(&at(&plain), channel), mean(&at(name), channel));
@@ -46,8 +45,7 @@ fn denoised_pictures_go_on_to_the_same_bytes() {
     let scene = cornell();
     let shoot = |more: &[&str]| {
         let fixed = ["render", &scene, "--width", "16", "--float", "--reproducible", "--denoise"];
-        let output = oscura(folder.path(), &[&fixed[..], more].concat());
-        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        run(folder.path(), &[&fixed[..], more].concat(), 0);
     };
     shoot(&["--spp", "528", "-o", "whole.exr"]);
     shoot(&["--spp", "264", "-o", "a.exr", "--checkpoint", "c.part"]);
@@ -90,17 +88,13 @@ fn a_merged_checkpoint_has_its_background() {
     fs::write(folder.join("a.obj"), triangle).unwrap();
     let args =
         ["render", "a.obj", "--width", "16", "--spp", "8", "--background", "#ff0000", "--reproducible"];
-    let made = oscura(folder, &[&args[..], &["-o", "a.png", "--checkpoint", "a.part"]].concat());
-    assert_eq!(code(&made), 0, "{}", stderr(&made));
-    let merged = oscura(folder, &["merge", "a.part", "-o", "b.png"]);
-    assert_eq!(code(&merged), 0, "{}", stderr(&merged));
+    run(folder, &[&args[..], &["-o", "a.png", "--checkpoint", "a.part"]].concat(), 0);
+    run(folder, &["merge", "a.part", "-o", "b.png"], 0);
     assert!(fs::read(folder.join("a.png")).unwrap() == fs::read(folder.join("b.png")).unwrap());
     // Another look of the same sums.
     let look = ["--view", "agx", "--exposure", "-1.5"];
-    let made = oscura(folder, &[&args[..], &look, &["-o", "c.png"]].concat());
-    assert_eq!(code(&made), 0, "{}", stderr(&made));
-    let merged = oscura(folder, &[&["merge", "a.part", "-o", "d.png"][..], &look].concat());
-    assert_eq!(code(&merged), 0, "{}", stderr(&merged));
+    run(folder, &[&args[..], &look, &["-o", "c.png"]].concat(), 0);
+    run(folder, &[&["merge", "a.part", "-o", "d.png"][..], &look].concat(), 0);
     assert!(fs::read(folder.join("c.png")).unwrap() == fs::read(folder.join("d.png")).unwrap());
     assert!(fs::read(folder.join("a.png")).unwrap() != fs::read(folder.join("d.png")).unwrap());
 }
@@ -199,8 +193,7 @@ fn light_that_few_paths_carry_is_reported() {
     let codes = |more: &[&str]| {
         let common =
             ["render", "room.toml", "-o", "a.exr", "--size", "192x128", "--noise", "1", "--max-spp", "32"];
-        let output = oscura(folder.path(), &[&common[..], &["--json"], more].concat());
-        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        let output = run(folder.path(), &[&common[..], &["--json"], more].concat(), 0);
         report(&output)["warning_codes"].to_string()
     };
     assert!(codes(&["--caustics", "off"]).contains("rare-paths"));
@@ -217,8 +210,7 @@ fn luminance_is_converted_and_not_alpha() {
     let channels = AnyChannels::sort([channel("A", 1.0), channel("Y", 0.1)].into_iter().collect());
     let file = folder.path().join("grey.exr");
     Image::from_channels(size, channels).write().to_file(&file).expect("written");
-    let output = oscura(folder.path(), &["convert", "grey.exr", "-o", "grey.hdr"]);
-    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    run(folder.path(), &["convert", "grey.exr", "-o", "grey.hdr"], 0);
     let all = pixels(&folder.path().join("grey.hdr"));
     assert!(all.iter().flatten().all(|v| (v - 0.1).abs() < 0.01), "{all:?}");
 }

@@ -53,8 +53,7 @@ point = { position = [-2, 2, 1], power = 20 }
 #[test]
 fn help_lists_all_with_their_channels() {
     let folder = tempfile::tempdir().unwrap();
-    let output = oscura(folder.path(), &["render", "--aov", "help"]);
-    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let output = run(folder.path(), &["render", "--aov", "help"], 0);
     let table = stdout(&output);
     for aov in Aov::ALL {
         let info = aov.info();
@@ -84,8 +83,7 @@ fn scene_files_ask_for_channels_and_name_groups() {
     fs::write(folder.path().join("a.toml"), LIGHTS).unwrap();
     let shoot = |more: &[&str]| {
         let fixed = ["render", "a.toml", "-o", "a.exr", "--float", "--quiet"];
-        let output = oscura(folder.path(), &[&fixed[..], more].concat());
-        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        run(folder.path(), &[&fixed[..], more].concat(), 0);
         planes(&path)
     };
     let plain = shoot(&[]);
@@ -105,8 +103,7 @@ fn scene_files_ask_for_channels_and_name_groups() {
         assert!(red.iter().any(|v| *v > 0.0), "{group} is black");
     }
     // A picture that can't hold them takes no note of the scene's wish.
-    let png = oscura(folder.path(), &["render", "a.toml", "-o", "a.png", "--strict", "--quiet"]);
-    assert_eq!(code(&png), 0, "{}", stderr(&png));
+    run(folder.path(), &["render", "a.toml", "-o", "a.png", "--strict", "--quiet"], 0);
 }
 
 #[test]
@@ -145,8 +142,7 @@ fn transparent_worlds_light_the_scene() {
     fs::write(folder.path().join("a.toml"), LIGHTS).unwrap();
     let shoot = |more: &[&str]| {
         let fixed = ["render", "a.toml", "-o", "a.exr", "--float", "--quiet", "--aov", "all"];
-        let output = oscura(folder.path(), &[&fixed[..], more].concat());
-        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        run(folder.path(), &[&fixed[..], more].concat(), 0);
         planes(&folder.path().join("a.exr"))
     };
     let (seen, hidden) = (shoot(&[]), shoot(&["--transparent"]));
@@ -195,8 +191,7 @@ fn models_name_groups_in_extras() {
     fs::write(folder.path().join("a.gltf"), json.to_string()).unwrap();
     let fixed =
         ["render", "a.gltf", "-o", "a.exr", "--width", "16", "--spp", "2", "--quiet", "--light-groups"];
-    let output = oscura(folder.path(), &fixed);
-    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    run(folder.path(), &fixed, 0);
     let planes = planes(&folder.path().join("a.exr"));
     for group in ["ceiling", "lamp"] {
         assert!(planes[&format!("RGBA_{group}.G")].iter().any(|v| *v > 0.0), "{group}");
@@ -239,8 +234,7 @@ fn headers_say_which_space_passes_are_in() {
     render(folder.path(), "a.exr", &["--quiet", "--aov", "albedo"]);
     assert_eq!(space("a.exr"), None);
     render(folder.path(), "a.part", &["--quiet", "--aov", "position", "--aov-space", "camera"]);
-    let merged = oscura(folder.path(), &["merge", "a.part", "-o", "b.exr", "--quiet"]);
-    assert_eq!(code(&merged), 0, "{}", stderr(&merged));
+    run(folder.path(), &["merge", "a.part", "-o", "b.exr", "--quiet"], 0);
     assert_eq!(space("b.exr"), text("camera"));
     let refused = oscura(folder.path(), &["render", &cornell(), "-o", "a.exr", "--aov-space", "tangent"]);
     assert!(code(&refused) == 2 && stderr(&refused).contains("'tangent'"));
@@ -282,11 +276,7 @@ fn pixels_have_the_shape_that_the_camera_says() {
     let scene =
         LIGHTS.replace("vfov = 40", "vfov = 40\npixel_aspect = 1.5").replace("width = 24\nheight = 16\n", "");
     fs::write(folder.path().join("wide.toml"), scene).unwrap();
-    let run = |args: &[&str]| {
-        let output = oscura(folder.path(), args);
-        assert_eq!(code(&output), 0, "{}", stderr(&output));
-        output
-    };
+    let run = |args: &[&str]| run(folder.path(), args, 0);
     let shared = |name: &str| {
         let meta = exr::meta::MetaData::read_from_file(folder.path().join(name), true).expect("an EXR");
         meta.headers[0].shared_attributes.clone()

@@ -16,8 +16,7 @@ fn a_time_limit_holds_for_large_pictures_and_endless_paths() {
         ("endless.toml", &["--depth", "4294967295", "--width", "64"]),
     ] {
         let fixed = ["render", scene, "-o", "a.exr", "--time-limit", "0.3", "--threads", "1", "--json"];
-        let output = oscura(folder.path(), &[&fixed, more].concat());
-        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        let output = run(folder.path(), &[&fixed, more].concat(), 0);
         let value = report(&output);
         assert_eq!((&value["timed_out"], &value["interrupted"]), (&true.into(), &false.into()), "{value}");
         // A tile or 64 bounces of one are what it may take longer; the rest is for a busy machine.
@@ -71,8 +70,7 @@ fn a_time_limit_leaves_time_for_guided_pictures() {
     let folder = tempfile::tempdir().unwrap();
     let scene = cornell();
     let size = ["render", &scene, "-o", "a.exr", "--width", "640", "--spp", "4096", "--json"];
-    let output = oscura(folder.path(), &[&size[..], &["--guiding", "on", "--time-limit", "1"]].concat());
-    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let output = run(folder.path(), &[&size[..], &["--guiding", "on", "--time-limit", "1"]].concat(), 0);
     let report = report(&output);
     let of = |key: &str| report[key].as_f64().expect(key);
     assert!(of("samples_per_pixel") > 0.0, "{report}");

@@ -17,8 +17,7 @@ fn arguments<'a>(scene: &'a str, more: &[&'a str]) -> Vec<&'a str> {
 
 fn shoot(folder: &Path, more: &[&str]) -> String {
     let scene = cornell();
-    let output = oscura(folder, &arguments(&scene, more));
-    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let output = run(folder, &arguments(&scene, more), 0);
     stderr(&output)
 }
 
@@ -159,8 +158,7 @@ fn several_scenes_in_one_go() {
     assert!(stderr(&output).contains("1 of 2 scenes failed:\n  broken.glb"), "{}", stderr(&output));
     assert_eq!(names(folder), ["broken.glb", "cornell-box.exr"]);
     let frames = ["render", &scene, "-o", "{name}_%03d.png", "--frames", "1-2"];
-    let output = oscura(folder, &[&frames[..], &small].concat());
-    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    run(folder, &[&frames[..], &small].concat(), 0);
     let made = ["broken.glb", "cornell-box.exr", "cornell-box_001.png", "cornell-box_002.png"];
     assert_eq!(names(folder), made);
 }
@@ -184,8 +182,7 @@ fn noise_that_is_asked_for_is_reached() {
     let folder = tempfile::tempdir().unwrap();
     let scene = cornell();
     let reported = |more: &[&str]| {
-        let output = oscura(folder.path(), &arguments(&scene, &[&["-o", "a.exr", "--json"], more].concat()));
-        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        let output = run(folder.path(), &arguments(&scene, &[&["-o", "a.exr", "--json"], more].concat()), 0);
         report(&output)
     };
     let json = reported(&["--noise", "3", "--spp", "400"]);
@@ -211,8 +208,7 @@ fn noise_and_a_time_limit_go_together() {
     assert!(pixels(&folder.join("noise.exr")) == pixels(&folder.join("both.exr")));
     let scene = cornell();
     let more = ["-o", "late.exr", "--noise", "0.001", "--time-limit", "0.5", "--json"];
-    let output = oscura(folder, &arguments(&scene, &more));
-    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let output = run(folder, &arguments(&scene, &more), 0);
     let json = report(&output);
     assert_eq!(json["timed_out"], true, "{json}");
     assert!(json["render_s"].as_f64().expect("a number") < 3.0, "{json}");
@@ -224,8 +220,7 @@ fn progress_goes_by_the_noise() {
     let folder = tempfile::tempdir().unwrap();
     let scene = cornell();
     let more = ["-o", "a.exr", "--width", "96", "--noise", "2", "--progress", "json"];
-    let output = oscura(folder.path(), &arguments(&scene, &more));
-    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let output = run(folder.path(), &arguments(&scene, &more), 0);
     let reported = stdout(&output);
     let lines: Vec<serde_json::Value> =
         reported.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect();

@@ -11,19 +11,17 @@ fn an_environment_of_the_caller_replaces_the_stage() {
     exr::prelude::write_rgb_file(folder.path().join("env.exr"), 16, 8, |_, _| (1.0f32, 1.0f32, 1.0f32))
         .unwrap();
     let shoot = |more: &[&str]| {
-        let output = oscura(
+        let output = run(
             folder.path(),
             &[&["render", "a.obj", "-o", "a.exr", "--width", "8", "--spp", "1"], more].concat(),
+            0,
         );
-        assert_eq!(code(&output), 0, "{}", stderr(&output));
         stderr(&output)
     };
     assert!(shoot(&[]).contains("studio"));
     assert!(!shoot(&["--env", "env.exr"]).contains("studio"));
     assert!(!shoot(&["--env", ""]).contains("studio"));
-    let missing = oscura(folder.path(), &["render", "a.obj", "-o", "b.exr", "--env", "none.exr"]);
-    assert_eq!(code(&missing), 3);
-    assert!(stderr(&missing).contains("none.exr"), "{}", stderr(&missing));
+    says(&run(folder.path(), &["render", "a.obj", "-o", "b.exr", "--env", "none.exr"], 3), "none.exr");
 }
 
 #[test]
@@ -37,8 +35,7 @@ fn a_model_with_z_up_stands_upright() {
     }
     let shoot = |scene: &str, out: &str, more: &[&str]| {
         let fixed = ["render", scene, "-o", out, "--width", "24", "--spp", "2", "--quiet"];
-        let output = oscura(folder.path(), &[&fixed[..], more].concat());
-        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        run(folder.path(), &[&fixed[..], more].concat(), 0);
         image::open(folder.path().join(out)).unwrap().into_rgb8()
     };
     let upright = shoot("y.obj", "y.png", &[]);
@@ -81,8 +78,7 @@ fn env_rotation_turns_the_environment() {
         let degrees = degrees.to_string();
         let fixed = ["render", "a.toml", "-o", "a.exr", "--width", "4", "--height", "4", "--spp", "4"];
         let more = ["--env", "env.exr", "--env-rotation", &degrees];
-        let output = oscura(folder.path(), &[&fixed[..], &more].concat());
-        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        run(folder.path(), &[&fixed[..], &more].concat(), 0);
         pixels(&folder.path().join("a.exr")).iter().map(|p| p[0]).sum::<f32>() / 16.0
     };
     let around: Vec<f32> = (0..8).map(|i| brightness(45 * i + 22)).collect();
@@ -111,7 +107,7 @@ fn microfacet_chooses_the_model() {
     "#;
     fs::write(folder.path().join("a.toml"), scene).unwrap();
     let mean = |model: &str| {
-        let output = oscura(
+        run(
             folder.path(),
             &[
                 "render",
@@ -126,8 +122,8 @@ fn microfacet_chooses_the_model() {
                 "--microfacet",
                 model,
             ],
+            0,
         );
-        assert_eq!(code(&output), 0, "{}", stderr(&output));
         let pixels = pixels(&folder.path().join("a.exr"));
         pixels.iter().map(|p| f64::from(p[1])).sum::<f64>() / pixels.len() as f64
     };
@@ -162,8 +158,7 @@ fn fresnel_chooses_the_curve() {
     fs::write(folder.path().join("b.toml"), scene("[render]\nfresnel = \"schlick\"")).unwrap();
     let mean = |file: &str, more: &[&str]| {
         let common = ["render", file, "-o", "a.exr", "--float", "--width", "8", "--height", "8"];
-        let output = oscura(folder.path(), &[&common, more].concat());
-        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        run(folder.path(), &[&common, more].concat(), 0);
         let pixels = pixels(&folder.path().join("a.exr"));
         pixels.iter().map(|p| f64::from(p[1])).sum::<f64>() / pixels.len() as f64
     };
@@ -301,9 +296,7 @@ fn strict_makes_warnings_errors_before_rendering() {
     assert_eq!(code(&shoot(&["--stage", "none"])), 0);
     assert_eq!(code(&shoot(&["--strict"])), 0);
     let scene = cornell();
-    let clean =
-        oscura(folder.path(), &["render", &scene, "-o", "b.exr", "--width", "8", "--spp", "1", "--strict"]);
-    assert_eq!(code(&clean), 0, "{}", stderr(&clean));
+    run(folder.path(), &["render", &scene, "-o", "b.exr", "--width", "8", "--spp", "1", "--strict"], 0);
 }
 
 #[test]
@@ -314,8 +307,7 @@ fn explain_says_what_was_left_out() {
     fs::write(folder.path().join("a.mtl"), "newmtl used\nKd 1 1 1\nnewmtl aside\nKd 1 0 0\n").unwrap();
     let shoot = |more: &[&str]| {
         let fixed = ["render", "a.obj", "-o", "a.exr", "--width", "8", "--spp", "1"];
-        let output = oscura(folder.path(), &[&fixed, more].concat());
-        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        let output = run(folder.path(), &[&fixed, more].concat(), 0);
         stderr(&output)
     };
     assert!(shoot(&["--explain"]).contains("left out: material 'aside'"));
@@ -338,11 +330,11 @@ fn clamped_values_stand_in_the_header() {
         material = "black"
     "#;
     fs::write(folder.path().join("bright.toml"), scene).unwrap();
-    let output = oscura(
+    run(
         folder.path(),
         &["render", "bright.toml", "-o", "a.exr", "--width", "8", "--height", "8", "--spp", "1"],
+        0,
     );
-    assert_eq!(code(&output), 0, "{}", stderr(&output));
     match attribute(&folder.path().join("a.exr"), "warnings") {
         Some(exr::prelude::AttributeValue::Text(t)) => {
             assert!(t.to_string().contains("64 values"), "{t}")
@@ -360,8 +352,7 @@ fn settings_beside_a_model_are_a_note_and_pass_strict() {
         "environment.background = [1, 1, 1]\ncamera = { look_from = [0, 0, 3], look_at = [0, 0, 0] }\n";
     fs::write(folder.path().join("a.oscura.toml"), settings).unwrap();
     let args = ["render", "a.obj", "-o", "a.png", "--width", "8", "--spp", "1", "--strict", "--json"];
-    let output = oscura(folder.path(), &args);
-    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let output = run(folder.path(), &args, 0);
     assert!(stderr(&output).contains("note: a.oscura.toml"), "{}", stderr(&output));
     let report = report(&output);
     assert_eq!(report["warnings"].as_array().map(Vec::len), Some(0), "{report}");

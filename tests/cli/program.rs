@@ -15,6 +15,23 @@ pub fn oscura(folder: &Path, args: &[&str]) -> Output {
         .expect("the program starts")
 }
 
+/// Runs the program, which must end with an exit code.
+pub fn run(folder: &Path, args: &[&str], expected: i32) -> Output {
+    let output = oscura(folder, args);
+    assert_eq!(code(&output), expected, "{args:?}: {}", stderr(&output));
+    output
+}
+
+/// Asserts that its messages contain a word.
+pub fn says(output: &Output, word: &str) {
+    assert!(stderr(output).contains(word), "'{word}' is not in: {}", stderr(output));
+}
+
+/// Runs the program with arguments separated by spaces, which must succeed; its messages.
+pub fn run_line(folder: &Path, line: &str) -> String {
+    stderr(&run(folder, &line.split_whitespace().collect::<Vec<_>>(), 0))
+}
+
 /// The exit code.
 pub fn code(output: &Output) -> i32 {
     output.status.code().expect("the program ends by itself")
@@ -55,9 +72,7 @@ pub fn render(folder: &Path, name: &str, more: &[&str]) -> Output {
     let scene = cornell();
     let mut args = vec!["render", &scene, "-o", name, "--width", "48", "--spp", "4"];
     args.extend(more);
-    let output = oscura(folder, &args);
-    assert_eq!(code(&output), 0, "{}", stderr(&output));
-    output
+    run(folder, &args, 0)
 }
 
 /// The text attribute of an EXR's header.

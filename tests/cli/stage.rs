@@ -14,8 +14,7 @@ fn pyramid(folder: &Path) {
 fn shoot(folder: &Path, more: &[&str]) -> String {
     let samples = if more.contains(&"--spp") { &[][..] } else { &["--spp", "8"] };
     let fixed = ["render", "a.obj", "--width", "48", "--height", "48"];
-    let output = oscura(folder, &[&fixed[..], samples, more].concat());
-    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let output = run(folder, &[&fixed[..], samples, more].concat(), 0);
     stderr(&output)
 }
 
@@ -181,8 +180,7 @@ fn hills_of_a_map_are_those_at_the_origin() {
     };
     let picture = |name: &str| {
         let size = ["--width", "48", "--height", "32", "--spp", "2", "--up", "z", "--float", "-o", "a.exr"];
-        let output = oscura(folder.path(), &[&["render", name][..], &size].concat());
-        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        run(folder.path(), &[&["render", name][..], &size].concat(), 0);
         let flat = exr::prelude::read_first_flat_layer_from_file(folder.path().join("a.exr")).unwrap();
         let channels = flat.layer_data.channel_data.list;
         channels.iter().flat_map(|c| c.sample_data.values_as_f32()).map(f32::to_bits).collect::<Vec<u32>>()
@@ -203,14 +201,12 @@ fn choices_about_the_stage_are_refused_or_reported_to_change_nothing() {
     for (option, value) in
         [("--stage", "disco"), ("--view-from", "12"), ("--background", "#12"), ("--up", "w"), ("--zoom", "0")]
     {
-        let output = oscura(folder.path(), &["render", "a.obj", "-o", "a.png", option, value]);
-        assert_eq!(code(&output), 2, "{option}: {}", stderr(&output));
+        run(folder.path(), &["render", "a.obj", "-o", "a.png", option, value], 2);
     }
     let scene = cornell();
     let size = ["--width", "8", "--spp", "1", "-o", "c.png"];
     let more = ["--stage", "sky", "--view-from", "top", "--ground", "floor"];
-    let output = oscura(folder.path(), &[&["render", &scene][..], &size, &more].concat());
-    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let output = run(folder.path(), &[&["render", &scene][..], &size, &more].concat(), 0);
     for option in ["--view-from", "--ground"] {
         let part = format!("{option} has no effect");
         assert!(stderr(&output).contains(&part), "'{part}' is not in {}", stderr(&output));
@@ -298,8 +294,7 @@ fn a_part_that_glows_takes_no_light_from_a_scene_with_a_camera() {
     spark(folder.path());
     let shoot = |name: &str, more: &[&str]| {
         let fixed = ["render", "a.gltf", "-o", name, "--width", "32", "--height", "24", "--spp", "16"];
-        let output = oscura(folder.path(), &[&fixed[..], more].concat());
-        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        let output = run(folder.path(), &[&fixed[..], more].concat(), 0);
         let picture = image::open(folder.path().join(name)).unwrap();
         (stderr(&output), picture.color().has_alpha(), picture.into_rgb8())
     };
@@ -338,8 +333,7 @@ fn a_camera_goes_around_a_model() {
     assert!(apart(&frame(0), &frame(1)) < 6.0, "{}", apart(&frame(0), &frame(1)));
     let gif = fs::read(folder.path().join("turn.gif")).unwrap();
     assert!(gif.starts_with(b"GIF89a"));
-    let refused = oscura(folder.path(), &["render", "a.obj", "-o", "a.gif"]);
-    assert_eq!(code(&refused), 2, "{}", stderr(&refused));
+    run(folder.path(), &["render", "a.obj", "-o", "a.gif"], 2);
 }
 
 #[test]
@@ -347,17 +341,18 @@ fn thumbnails_of_many_models_list_those_that_fail() {
     let folder = tempfile::tempdir().unwrap();
     pyramid(folder.path());
     fs::write(folder.path().join("broken.ply"), "ply\n").unwrap();
-    let output = oscura(
-        folder.path(),
-        &["thumb", "a.obj", "broken.ply", &cornell(), "-o", "thumbs", "--size", "32", "--spp", "2"],
+    says(
+        &run(
+            folder.path(),
+            &["thumb", "a.obj", "broken.ply", &cornell(), "-o", "thumbs", "--size", "32", "--spp", "2"],
+            3,
+        ),
+        "1 of 3 models failed:\n  broken.ply",
     );
-    assert_eq!(code(&output), 3, "{}", stderr(&output));
-    assert!(stderr(&output).contains("1 of 3 models failed:\n  broken.ply"), "{}", stderr(&output));
     assert_eq!(names(&folder.path().join("thumbs")), ["a.png", "cornell-box.png"]);
     let picture = image::open(folder.path().join("thumbs/a.png")).unwrap();
     assert_eq!((picture.width(), picture.height()), (32, 32));
-    let twice = oscura(folder.path(), &["thumb", "a.obj", "x/a.obj", "-o", "thumbs"]);
-    assert_eq!(code(&twice), 2, "{}", stderr(&twice));
+    run(folder.path(), &["thumb", "a.obj", "x/a.obj", "-o", "thumbs"], 2);
 }
 
 #[test]
@@ -381,17 +376,14 @@ fn thumbnails_replace_nothing_that_a_model_is_made_of() {
         &["thumb", "q.obj", "--file", "q.mtl"],
         &["thumb", "b.blend"],
     ] {
-        let output = oscura(folder.path(), &[words, &["--size", "16", "--spp", "1"]].concat());
-        assert_eq!(code(&output), 2, "{words:?}: {}", stderr(&output));
-        assert!(stderr(&output).contains("--force"), "{}", stderr(&output));
+        says(&run(folder.path(), &[words, &["--size", "16", "--spp", "1"]].concat(), 2), "--force");
     }
     assert_eq!(fs::read(file("a.obj")).unwrap(), model);
     assert_eq!(fs::read(file("q.thumb.png")).unwrap(), texture);
     assert_eq!(fs::read_to_string(file("b.thumb.png")).unwrap(), "a texture");
-    let output = oscura(folder.path(), &["thumb", "q.obj", "-o", "small", "--size", "16", "--spp", "1"]);
-    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    run(folder.path(), &["thumb", "q.obj", "-o", "small", "--size", "16", "--spp", "1"], 0);
     // A picture that is no part of its model is made anew.
     for _ in 0..2 {
-        assert_eq!(code(&oscura(folder.path(), &["thumb", "a.obj", "--size", "16", "--spp", "1"])), 0);
+        run(folder.path(), &["thumb", "a.obj", "--size", "16", "--spp", "1"], 0);
     }
 }

@@ -3,7 +3,7 @@
 use crate::program::*;
 use crate::skip::skip;
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Command;
 
 /// Runs the program in a terminal of 60 x 20 characters; what it printed there comes back. `None` where there is no Python to
 /// make a terminal.
@@ -105,10 +105,7 @@ fn terminals_that_show_graphics_get_them() {
 fn what_is_no_terminal_is_refused_before_work_starts() {
     let folder = tempfile::tempdir().unwrap();
     let refused = |more: &[&str], why: &str| {
-        let output: Output =
-            oscura(folder.path(), &[&["render", &cornell(), "-o", "a.png", "--show"], more].concat());
-        assert_eq!(code(&output), 2, "{}", stderr(&output));
-        assert!(stderr(&output).contains(why), "{}", stderr(&output));
+        says(&run(folder.path(), &[&["render", &cornell(), "-o", "a.png", "--show"], more].concat(), 2), why);
         assert!(!folder.path().join("a.png").exists());
     };
     refused(&[], "--show needs a terminal");

@@ -111,13 +111,9 @@ fn without_tev_nothing_is_rendered() {
     // A port that was free a moment ago.
     let address = TcpListener::bind("127.0.0.1:0").and_then(|l| l.local_addr()).expect("a port");
     let how = format!("--preview=tev:{address}");
-    let output = oscura(folder.path(), &["render", &cornell(), "-o", "a.exr", &how]);
-    assert_eq!(code(&output), 2, "{}", stderr(&output));
-    assert!(stderr(&output).contains("tev:HOST:PORT"), "{}", stderr(&output));
+    says(&run(folder.path(), &["render", &cornell(), "-o", "a.exr", &how], 2), "tev:HOST:PORT");
     assert!(names(folder.path()).is_empty());
-    let output = oscura(folder.path(), &["render", &cornell(), "-o", "a.exr", "--preview=teV"]);
-    assert_eq!(code(&output), 2);
-    assert!(stderr(&output).contains("tev:HOST:PORT"), "{}", stderr(&output));
+    says(&run(folder.path(), &["render", &cornell(), "-o", "a.exr", "--preview=teV"], 2), "tev:HOST:PORT");
 }
 
 #[test]

@@ -38,9 +38,7 @@ fn a_turntable_becomes_video() {
     let scene = cornell();
     let words =
         ["render", &scene, "--orbit", "5", "--fps", "12", "-o", "a.mp4", "-o", "a.webm", "-o", "a.png"];
-    let output = oscura(folder.path(), &[&words[..], &SMALL].concat());
-    assert_eq!(code(&output), 0, "{}", stderr(&output));
-    assert!(stderr(&output).contains("wrote    a.mp4"), "{}", stderr(&output));
+    says(&run(folder.path(), &[&words[..], &SMALL].concat(), 0), "wrote    a.mp4");
     for name in ["a.mp4", "a.webm"] {
         // Sizes of video are even.
         assert_eq!(shape(&folder.path().join(name)), ["62", "48", "12/1", "5"], "{name}");
@@ -68,17 +66,13 @@ fn a_sequence_becomes_video_or_an_animation() {
     let scene = cornell();
     let words = ["render", &scene, "--frames", "1-6x2", "-o", "a.gif"];
     let video = if has_ffmpeg() { &["-o", "a.webm"][..] } else { &[] };
-    let output = oscura(folder.path(), &[&words[..], video, &SMALL].concat());
-    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    run(folder.path(), &[&words[..], video, &SMALL].concat(), 0);
     assert!(fs::read(folder.path().join("a.gif")).unwrap().starts_with(b"GIF89a"));
     if !video.is_empty() {
         assert_eq!(shape(&folder.path().join("a.webm"))[3], "3");
     }
-    let resumed = oscura(folder.path(), &[&words[..], &["--resume"], &SMALL].concat());
-    assert_eq!(code(&resumed), 2, "{}", stderr(&resumed));
-    let single = oscura(folder.path(), &["render", &scene, "-o", "a.mp4"]);
-    assert_eq!(code(&single), 2, "{}", stderr(&single));
-    assert!(stderr(&single).contains("--orbit"), "{}", stderr(&single));
+    run(folder.path(), &[&words[..], &["--resume"], &SMALL].concat(), 2);
+    says(&run(folder.path(), &["render", &scene, "-o", "a.mp4"], 2), "--orbit");
 }
 
 /// Makes a video where only this folder is searched for programs.

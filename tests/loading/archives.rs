@@ -1,11 +1,11 @@
 //! Compressed models, models in archives, and files that are none.
 
 use crate::codes::code_of;
+use crate::files::{load_files, refused_copies};
 use flate2::Compression;
 use flate2::write::{DeflateEncoder, GzEncoder};
 use oscura::error::Error;
-use oscura::load::{LoadOptions, Loaded, load};
-use oscura::sampling::hash::SplitMix64;
+use oscura::load::Loaded;
 use std::io::Write;
 use std::path::Path;
 
@@ -14,10 +14,7 @@ const PLY: &[u8] = b"ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\n
                      element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
 
 fn read(name: &str, bytes: &[u8]) -> Result<Loaded, Error> {
-    let folder = tempfile::tempdir().expect("a folder");
-    let path = folder.path().join(name);
-    std::fs::write(&path, bytes).expect("written");
-    load(&path, &LoadOptions::default())
+    load_files(&[(name, bytes)])
 }
 
 fn triangles(loaded: &Result<Loaded, Error>) -> usize {
@@ -164,25 +161,11 @@ fn damaged_files_of_these_kinds_never_panic() {
         ("c.ply.gz", gzip(PLY)),
         ("d.zip", zip(&[("a.obj", OBJ), ("a.mtl", b"newmtl a\n")])),
     ];
-    let folder = tempfile::tempdir().expect("a folder");
-    let (mut stream, mut refused) = (SplitMix64::new(7), 0);
-    let mut random = |below: usize| (stream.next_bits() >> 1) as usize % below;
-    for (name, original) in &seeds {
-        let path = folder.path().join(name);
-        for _ in 0..2500 {
-            let mut bytes = original.clone();
-            for _ in 0..1 + random(3) {
-                let at = random(bytes.len());
-                match random(4) {
-                    0 => bytes[at] = random(256) as u8,
-                    1 => bytes[at] ^= 1 << random(8),
-                    2 => bytes.insert(at, b"\xff\0 1e."[random(6)]),
-                    _ => bytes.truncate(at.max(1)),
-                }
-            }
-            std::fs::write(&path, &bytes).expect("written");
-            refused += usize::from(load(&path, &LoadOptions::default()).is_err());
-        }
-    }
+    let refused: usize = seeds
+        .iter()
+        .map(|(name, original)| {
+            refused_copies(original, b"\xff\0 1e.", 2500, |bytes| read(name, bytes).is_err())
+        })
+        .sum();
     assert!(refused > 3000, "only {refused} of 10000 were refused");
 }

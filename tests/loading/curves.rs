@@ -1,20 +1,18 @@
 //! `[[curves]]` of scene files, and the files that they name.
 
+use crate::files::load_files;
 use oscura::error::Error;
-use oscura::load::{LoadOptions, Loaded, load};
+use oscura::load::Loaded;
 use oscura::scene::CurveBasis;
 
 fn with_file(curves: &str, name: &str, file: &[u8]) -> Result<Loaded, Error> {
-    let folder = tempfile::tempdir().expect("a folder");
     let text = format!(
         "camera = {{ look_from = [0, 0, 5], look_at = [0, 0, 0] }}\nenvironment.background = 1\n\
          materials.default = {{ type = \"hair\" }}\nmaterials.lamp = {{ type = \"emissive\", radiance = 1 }}\n\
          materials.glass = {{ type = \"dielectric\" }}\nmaterials.pane = {{ type = \"dielectric\", thin = true }}\n\
          materials.milk = {{ type = \"medium\", density = 1 }}\n[[curves]]\n{curves}\n"
     );
-    std::fs::write(folder.path().join("scene.toml"), text).expect("written");
-    std::fs::write(folder.path().join(name), file).expect("written");
-    load(folder.path().join("scene.toml"), &LoadOptions::default())
+    load_files(&[("scene.toml", text.as_bytes()), (name, file)])
 }
 
 fn read(curves: &str) -> Result<Loaded, Error> {

@@ -1,9 +1,9 @@
 //! Images by way of the files that refer to them: textures and environments of scene files, maps of OBJ materials.
 
+use crate::files::load_files;
 use crate::skip::skip;
 use image::{ImageFormat, Rgb, RgbImage};
 use oscura::compile::{CompileOptions, compile};
-use oscura::error::Error;
 use oscura::image::Encoding;
 use oscura::load::image::load_environment;
 use oscura::load::{LoadOptions, Loaded, load};
@@ -16,15 +16,6 @@ fn png(width: u32, height: u32) -> Vec<u8> {
     let picture = RgbImage::from_pixel(width, height, Rgb([188, 0, 255]));
     picture.write_to(&mut out, ImageFormat::Png).expect("encoded");
     out.into_inner()
-}
-
-/// Loads the first of some files that lie in one folder.
-fn load_files(files: &[(&str, &[u8])]) -> Result<Loaded, Error> {
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    for (name, content) in files {
-        std::fs::write(folder.path().join(name), content).expect("written");
-    }
-    load(folder.path().join(files[0].0), &LoadOptions::default())
 }
 
 /// The image's pixel behind a texture, in linear colour.

@@ -1,5 +1,6 @@
 //! What a file says and the scene doesn't hold is named.
 
+use crate::files::{load_files, load_files_by};
 use oscura::load::{LoadOptions, Loaded, load};
 use oscura::scene::Model;
 
@@ -7,12 +8,8 @@ const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
 
 /// Loads the first of some files that lie in one folder; the points of point clouds get a radius.
 fn open(files: &[(&str, &str)]) -> Result<Loaded, String> {
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    for (name, content) in files {
-        std::fs::write(folder.path().join(name), content).expect("written");
-    }
     let options = LoadOptions { point_radius: Some(0.25), ..LoadOptions::default() };
-    load(folder.path().join(files[0].0), &options).map_err(|e| e.to_string())
+    load_files_by(files, &options).map_err(|e| e.to_string())
 }
 
 fn loaded(files: &[(&str, &str)]) -> Loaded {
@@ -115,11 +112,8 @@ fn properties_of_ply_files_that_are_not_read() {
 fn the_picture_that_a_ply_file_names_is_its_colour() {
     let coordinates = "property float s\nproperty float t\n";
     let text = ply("comment TextureFile wall.tga\n", coordinates, "0.5 0.5", "", "");
-    let folder = tempfile::tempdir().expect("a folder");
-    std::fs::write(folder.path().join("a.ply"), text).expect("written");
     let picture = [0, 0, 2, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 1, 0, 24, 0, 10, 20, 30];
-    std::fs::write(folder.path().join("wall.tga"), picture).expect("written");
-    let loaded = load(folder.path().join("a.ply"), &LoadOptions::default());
+    let loaded = load_files(&[("a.ply", text.as_bytes()), ("wall.tga", &picture)]);
     let loaded = loaded.unwrap_or_else(|e| panic!("{e}"));
     assert!(!loaded.warnings.iter().any(|w| w.message.contains("wall")), "{:?}", loaded.warnings);
     let Model::Lambert { albedo } = &loaded.scene.materials[0].model else { panic!("not diffuse") };
@@ -213,9 +207,7 @@ fn obj_files_of_vertices_alone_are_point_clouds() {
     let far = "v 512345.25 4512345.75 1\nv 512346.25 4512345.75 1\nv 512345.25 4512346.75 1\n";
     assert_eq!(loaded(&[("a.obj", far)]).scene.shapes[1].center.x, 512346.25);
     for text in ["v 0 0 0\nv 1 0 0\nl 1 2\n", "vn 0 0 1\n", "o name\n"] {
-        let folder = tempfile::tempdir().expect("a folder");
-        std::fs::write(folder.path().join("a.obj"), text).expect("written");
-        let error = load(folder.path().join("a.obj"), &LoadOptions::default()).expect_err("no surface");
+        let error = load_files(&[("a.obj", text)]).expect_err("no surface");
         assert!(error.problems[0].code == "no-surface", "{error}");
     }
 }

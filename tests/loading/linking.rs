@@ -1,7 +1,8 @@
 //! What lights are linked to, in scene files and beside models.
 
+use crate::files::load_files;
 use oscura::error::Error;
-use oscura::load::{LoadOptions, Loaded, load};
+use oscura::load::Loaded;
 use oscura::scene::{LightLinks, Link, ObjectSets};
 
 const SCENE: &str = r#"
@@ -23,10 +24,7 @@ material = "lamp"
 "#;
 
 fn scene(more: &str) -> Result<Loaded, Error> {
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    let path = folder.path().join("scene.toml");
-    std::fs::write(&path, format!("{SCENE}{more}\n")).expect("written");
-    load(path, &LoadOptions::default())
+    load_files(&[("scene.toml", format!("{SCENE}{more}\n"))])
 }
 
 /// The sets that the ball and the sides of the box are in.

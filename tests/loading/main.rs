@@ -4,6 +4,7 @@ mod archives;
 #[path = "../common/codes.rs"]
 mod codes;
 mod curves;
+mod files;
 mod gltf;
 mod images;
 mod instances;

@@ -1,5 +1,6 @@
 //! `motion` of objects in scene files, and the shutter.
 
+use crate::files::load_files_by;
 use oscura::load::{LoadOptions, Loaded, ShutterOptions, load};
 use oscura::math::{DAffine3, DVec3, transform_at};
 use oscura::scene::{LightKind, Motion};
@@ -9,10 +10,7 @@ const HEAD: &str = "[camera]\nlook_from = [0, 1, 5]\nlook_at = [0, 0, 0]\nshutte
 const BALL: &str = "sphere = { center = [1, 2, 3], radius = 1 }\n";
 
 fn read_by(text: &str, options: &LoadOptions) -> Result<Loaded, oscura::Error> {
-    let folder = tempfile::tempdir().expect("a folder");
-    let path = folder.path().join("scene.toml");
-    std::fs::write(&path, text).expect("written");
-    load(&path, options)
+    load_files_by(&[("scene.toml", text)], options)
 }
 
 fn read(text: &str) -> Loaded {
@@ -143,15 +141,12 @@ const LAMP: &str = r#"{
 #[test]
 fn lights_move_with_their_nodes() {
     let with = |light: &str, frames: f64| {
-        let folder = tempfile::tempdir().expect("a folder");
-        let path = folder.path().join("a.gltf");
-        std::fs::write(&path, LAMP).expect("written");
-        std::fs::write(folder.path().join("a.oscura.toml"), format!("[[lights]]\n{light}\n"))
-            .expect("written");
         let mut options = LoadOptions::default();
         options.gltf.time_s = Some(0.5);
         options.shutter = ShutterOptions { frames: Some(frames), ..ShutterOptions::default() };
-        load(&path, &options).unwrap_or_else(|e| panic!("{light}: {e}")).scene
+        let sidecar = format!("[[lights]]\n{light}\n");
+        let files = [("a.gltf", LAMP), ("a.oscura.toml", &sidecar)];
+        load_files_by(&files, &options).unwrap_or_else(|e| panic!("{light}: {e}")).scene
     };
     let ways = |keys: &[DAffine3]| keys.iter().map(|key| key.translation.x).collect::<Vec<_>>();
     let scene = with("area = { node = \"Lamp\", size = [1, 2], power = 1 }", 12.0);

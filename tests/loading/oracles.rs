@@ -1,5 +1,6 @@
 //! Our readers against others: `tobj` for OBJ, `image` for pictures, and the official validator's reports for glTF.
 
+use crate::files::load_files;
 use crate::skip::skip;
 use image::{DynamicImage, ImageBuffer, ImageFormat, Luma, Rgb, Rgba};
 use oscura::color::linear_from_srgb;
@@ -157,16 +158,13 @@ fn obj_files_hold_what_tobj_finds_in_them() {
 
 /// A scene whose only texture is an image file.
 fn texels(name: &str, bytes: &[u8]) -> oscura::image::Image {
-    let folder = tempfile::tempdir().expect("a folder");
-    std::fs::write(folder.path().join(name), bytes).expect("written");
     let scene = format!(
         "camera = {{ look_from = [0, 0, 5], look_at = [0, 0, 0] }}\nenvironment.background = 1\n\
          textures.t = {{ type = \"image\", file = \"{name}\" }}\nmaterials.m = {{ type = \"lambert\", color = \"t\" }}\n\
          [[objects]]\nsphere = {{ center = [0, 0, 0], radius = 1 }}\nmaterial = \"m\"\n"
     );
-    let path = folder.path().join("a.toml");
-    std::fs::write(&path, scene).expect("written");
-    load_file(&path).scene.images.remove(0)
+    let loaded = load_files(&[("a.toml", scene.as_bytes()), (name, bytes)]);
+    loaded.unwrap_or_else(|e| panic!("{e}")).scene.images.remove(0)
 }
 
 /// Pictures of noise in every format and depth that can be written here, read by `image` and by us.

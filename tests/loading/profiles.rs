@@ -1,8 +1,9 @@
 //! Profiles of luminaires (IES LM-63), in scene files and by EXT_lights_ies in glTF.
 
+use crate::files::load_files;
 use crate::gltf::asset::{triangle_bytes, triangle_with};
 use oscura::error::Error;
-use oscura::load::{LoadOptions, Loaded, load};
+use oscura::load::Loaded;
 use oscura::math::{DQuat, DVec3};
 use oscura::scene::{Light, LightKind};
 use serde_json::{Value, json};
@@ -12,13 +13,8 @@ use std::sync::Arc;
 const HALF: &str = "IESNA:LM-63-1995\nTILT=NONE\n1 1 1 2 1 1 2 0 0 0 1 1 1\n0 90\n0\n1366 1366\n";
 
 fn with_files(name: &str, content: &str, ies: &str, more: &[(&str, &[u8])]) -> Result<Loaded, Error> {
-    let folder = tempfile::tempdir().expect("a folder");
-    std::fs::write(folder.path().join(name), content).expect("written");
-    std::fs::write(folder.path().join("lamp.ies"), ies).expect("written");
-    for (name, bytes) in more {
-        std::fs::write(folder.path().join(name), bytes).expect("written");
-    }
-    load(folder.path().join(name), &LoadOptions::default())
+    let files = [(name, content.as_bytes()), ("lamp.ies", ies.as_bytes())];
+    load_files(&[&files[..], more].concat())
 }
 
 fn lit(light: &str, ies: &str) -> Result<Loaded, Error> {

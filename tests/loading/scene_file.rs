@@ -1,10 +1,10 @@
 //! Scene files: what they build, and that every problem is reported with its line.
 
 use crate::codes::code_of;
+use crate::files::{load_files, load_files_by, refused_copies};
 use oscura::error::Error;
 use oscura::load::{LoadOptions, Loaded, load};
 use oscura::math::{DAffine3, DVec3};
-use oscura::sampling::hash::SplitMix64;
 use oscura::scene::nodes::{NodeInput, NodeKind};
 use oscura::scene::{
     AlphaMode, ColorSlot, EnergyCompensation, FloatSlot, Material, Model, Projection, Texture,
@@ -16,11 +16,7 @@ fn scenes() -> PathBuf {
 }
 
 fn load_text(text: &str) -> Result<Loaded, Error> {
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    std::fs::write(folder.path().join("a.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").expect("written");
-    let path = folder.path().join("scene.toml");
-    std::fs::write(&path, text).expect("written");
-    load(&path, &LoadOptions::default())
+    load_files(&[("scene.toml", text), ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")])
 }
 
 fn with_camera(rest: &str) -> String {
@@ -47,35 +43,29 @@ fn every_example_loads_without_warnings() {
 /// Objects of one file have facets or smooth normals, each by its own angle; those of one angle share their mesh.
 #[test]
 fn objects_are_smoothed_by_their_angles() {
-    let folder = tempfile::tempdir().expect("a temporary folder");
     // Two triangles that meet at a right angle.
     let roof = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 3 4\n";
-    std::fs::write(folder.path().join("roof.obj"), roof).expect("written");
-    let path = folder.path().join("scene.toml");
     let object = |more: &str| format!("[[objects]]\nmesh = \"roof.obj\"\n{more}");
     let objects = ["", "smooth = 30\n", "smooth = 120\n", "smooth = 120\n"].map(object).concat();
-    std::fs::write(&path, with_camera(&objects)).expect("written");
-    let scene = load(&path, &LoadOptions::default()).expect("it loads").scene;
+    let files = [("scene.toml", with_camera(&objects)), ("roof.obj", roof.into())];
+    let scene = load_files(&files).expect("it loads").scene;
     let vertices = |i: usize| {
         let mesh = &scene.meshes[scene.instances[i].mesh.index()];
         (mesh.positions.len(), mesh.normals.len())
     };
     assert_eq!([0, 1, 2].map(vertices), [(4, 0), (6, 6), (4, 4)]);
     assert_eq!(scene.instances[2].mesh, scene.instances[3].mesh);
-    let wrong = with_camera(&object("smooth = 190\n"));
-    std::fs::write(&path, wrong).expect("written");
-    let error = load(&path, &LoadOptions::default()).expect_err("too wide an angle").to_string();
+    let error =
+        load_text(&with_camera(&object("smooth = 190\n"))).expect_err("too wide an angle").to_string();
     assert!(error.contains("'smooth'"), "{error}");
     let of_ball = "[[objects]]\nsphere = { center = [0, 0, 0], radius = 1 }\nsmooth = 30\n";
-    std::fs::write(&path, with_camera(of_ball)).expect("written");
-    let error = load(&path, &LoadOptions::default()).expect_err("spheres are smooth").to_string();
+    let error = load_text(&with_camera(of_ball)).expect_err("spheres are smooth").to_string();
     assert!(error.contains("smooth"), "{error}");
     // Models as they are, where the caller asks for it.
     let options = LoadOptions { smooth_rad: Some(2.0), ..LoadOptions::default() };
-    let loaded = load(folder.path().join("roof.obj"), &options).expect("it loads");
+    let loaded = load_files_by(&[("roof.obj", roof)], &options).expect("it loads");
     assert_eq!(loaded.scene.meshes[0].normals.len(), 4);
-    std::fs::write(&path, with_camera(&object(""))).expect("written");
-    let loaded = load(&path, &options).expect("it loads");
+    let loaded = load_files_by(&files, &options).expect("it loads");
     assert!(loaded.warnings.iter().any(|w| w.code == "unused-option"), "{:?}", loaded.warnings);
 }
 
@@ -234,30 +224,12 @@ fn cycles_of_textures_are_refused_and_bent_spheres_become_meshes() {
     assert_eq!(loaded.warnings.len(), 1);
 }
 
-/// A number for damaging files: the same ones on every run.
-fn random(stream: &mut SplitMix64) -> usize {
-    (stream.next_bits() >> 1) as usize
-}
-
 #[test]
 fn damaged_scene_files_never_panic() {
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    let path = folder.path().join("scene.toml");
     let original = std::fs::read(scenes().join("materials.toml")).expect("it exists");
-    let (mut stream, mut refused) = (SplitMix64::new(1), 0);
-    for _ in 0..600 {
-        let mut bytes = original.clone();
-        for _ in 0..1 + random(&mut stream) % 4 {
-            let at = random(&mut stream) % bytes.len();
-            match random(&mut stream) % 3 {
-                0 => bytes.truncate(at.max(1)),
-                1 => bytes[at] = random(&mut stream) as u8,
-                _ => bytes.insert(at, b"[]{}=\"#.-9e\n,"[random(&mut stream) % 13]),
-            }
-        }
-        std::fs::write(&path, &bytes).expect("written");
-        refused += usize::from(load(&path, &LoadOptions::default()).is_err_and(|e| !e.problems.is_empty()));
-    }
+    let refused = refused_copies(&original, b"[]{}=\"#.-9e\n,", 600, |bytes| {
+        load_files(&[("scene.toml", bytes)]).is_err_and(|e| !e.problems.is_empty())
+    });
     assert!(refused > 200, "only {refused} of 600 were refused");
 }
 
@@ -560,10 +532,7 @@ fn components_of_mixes_are_not_unused() {
     let mix = "materials.a = { type = \"lambert\" }\nmaterials.b = { type = \"lambert\" }\nmaterials.z = { type = \"lambert\" }\n\
                materials.both = { type = \"mix\", components = [{ material = \"a\" }, { material = \"b\" }] }\n\
                [[objects]]\nsphere = { center = [0, 0, 0], radius = 1 }\nmaterial = \"both\"\n";
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    let path = folder.path().join("scene.toml");
-    std::fs::write(&path, with_camera(mix)).expect("written");
-    let loaded = load(&path, &LoadOptions::default()).expect("it loads");
+    let loaded = load_text(&with_camera(mix)).expect("it loads");
     let unused: Vec<_> = loaded.left_out.iter().filter_map(|line| line.split('\'').nth(1)).collect();
     assert_eq!(unused, ["default", "z"], "{:?}", loaded.left_out);
 }

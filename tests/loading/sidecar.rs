@@ -1,5 +1,6 @@
 //! Settings that lie beside a model, lights of scene files, and materials that a scene file replaces.
 
+use crate::files::load_files_by;
 use oscura::error::Error;
 use oscura::load::gltf::{Glass, GltfOptions};
 use oscura::load::{LoadOptions, Loaded, load};
@@ -26,17 +27,9 @@ const MODEL: &str = r#"{
 /// A PNG of one black pixel.
 const PIXEL: &str = "data:image/png;base64,iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAIAAACQd1PeAAAADElEQVR4nGNgYGAAAAAEAAH2FzhVAAAAAElFTkSuQmCC";
 
-fn load_first(files: &[(&str, &str)], options: &LoadOptions) -> Result<Loaded, Error> {
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    for (name, content) in files {
-        std::fs::write(folder.path().join(name), content).expect("written");
-    }
-    load(folder.path().join(files[0].0), options)
-}
-
 fn with_sidecar(toml: &str) -> Result<Loaded, Error> {
     let model = MODEL.replace("IMAGE", PIXEL);
-    load_first(&[("model.gltf", &model), ("model.oscura.toml", toml)], &LoadOptions::default())
+    load_files_by(&[("model.gltf", model.as_str()), ("model.oscura.toml", toml)], &LoadOptions::default())
 }
 
 const FULL: &str = r#"
@@ -105,7 +98,7 @@ fn an_area_light_stands_where_the_exporter_left_an_empty_node() {
     let with = |name: &str| {
         let toml = format!("[[lights]]\narea = {{ node = \"{name}\", size = [1, 0.5], power = 4 }}\n");
         let files = [("model.gltf", model.as_str()), ("model.oscura.toml", toml.as_str())];
-        load_first(&files, &LoadOptions::default())
+        load_files_by(&files, &LoadOptions::default())
     };
     let scene = with("Area").unwrap_or_else(|e| panic!("{e}")).scene;
     let quad = &scene.quads[0];
@@ -157,9 +150,9 @@ fn a_light_without_a_shape_changes_those_of_its_name() {
 fn sidecars_can_be_left_alone() {
     let model = MODEL.replace("IMAGE", PIXEL);
     let files = [("model.gltf", model.as_str()), ("model.oscura.toml", "this is no TOML")];
-    assert!(load_first(&files, &LoadOptions::default()).is_err());
+    assert!(load_files_by(&files, &LoadOptions::default()).is_err());
     let options = LoadOptions { no_sidecar: true, ..LoadOptions::default() };
-    let loaded = load_first(&files, &options).unwrap_or_else(|e| panic!("{e}"));
+    let loaded = load_files_by(&files, &options).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(loaded.scene.settings.width, Some(320));
 }
 
@@ -236,7 +229,7 @@ fn cameras_need_not_see_a_material() {
             .replace("IMAGE", PIXEL)
             .replace("\"materials\": [{", "\"materials\": [{\"name\": \"paint\", ");
         let files = [("model.gltf", model.as_str()), ("model.oscura.toml", toml.as_str())];
-        load_first(&files, &LoadOptions::default()).unwrap_or_else(|e| panic!("{e}"))
+        load_files_by(&files, &LoadOptions::default()).unwrap_or_else(|e| panic!("{e}"))
     };
     for more in ["", "alpha = \"blend\"\n"] {
         let loaded = read(more);
@@ -253,7 +246,7 @@ fn bodies_keep_the_paint_of_the_model() {
         let named = format!("\"materials\": [{{\"name\": \"skin\", \"extensions\": {{{extension}}}, ");
         let model = MODEL.replace("IMAGE", PIXEL).replace("\"materials\": [{", &named);
         let files = [("model.gltf", model.as_str()), ("model.oscura.toml", toml)];
-        let loaded = load_first(&files, &LoadOptions::default()).unwrap_or_else(|e| panic!("{e}"));
+        let loaded = load_files_by(&files, &LoadOptions::default()).unwrap_or_else(|e| panic!("{e}"));
         let skin = loaded.scene.materials.iter().find(|m| m.name == "skin").expect("the model's");
         assert!(skin.medium.is_some());
         let Model::Pbr(pbr) = &skin.model else { panic!("{:?}", skin.model) };
@@ -315,7 +308,7 @@ fn scene_of(objects: &str) -> Result<Loaded, Error> {
         ),
         ("b.mtl", "newmtl m\nmap_Kd missing.png\n"),
     ];
-    load_first(&files, &LoadOptions::default())
+    load_files_by(&files, &LoadOptions::default())
 }
 
 #[test]
@@ -344,7 +337,7 @@ fn a_file_that_only_gives_its_camera_adds_no_meshes() {
                 camera = { from = \"model.gltf\", name = \"front\", defocus_angle = 1, focus_distance = 2 }\n\
                 [[objects]]\nsphere = { center = [0, 0, 0], radius = 1 }\n";
     let files = [("scene.toml", toml), ("model.gltf", &MODEL.replace("IMAGE", "missing.png"))];
-    let loaded = load_first(&files, &LoadOptions::default()).unwrap_or_else(|e| panic!("{e}"));
+    let loaded = load_files_by(&files, &LoadOptions::default()).unwrap_or_else(|e| panic!("{e}"));
     assert!(loaded.scene.meshes.is_empty() && loaded.scene.images.is_empty());
     assert_eq!(loaded.scene.cameras[0].name, "front");
     assert_eq!(loaded.scene.cameras[0].lens.expect("a lens").focus_distance, 2.0);
@@ -378,7 +371,7 @@ fn extras_of_nodes_say_the_same() {
     let of = |extras: &str| {
         let node = format!("{{\"mesh\": 0, \"extras\": {extras}}}");
         let model = MODEL.replace("IMAGE", PIXEL).replace("{\"mesh\": 0}", &node);
-        load_first(&[("model.gltf", &model)], &LoadOptions::default()).unwrap_or_else(|e| panic!("{e}"))
+        load_files_by(&[("model.gltf", &model)], &LoadOptions::default()).unwrap_or_else(|e| panic!("{e}"))
     };
     let unseen = RayKinds::ALL.without(RayKinds::CAMERA).without(RayKinds::VOLUME);
     for (extras, visible_to, is_holdout, is_shadow_catcher) in [
@@ -409,7 +402,7 @@ fn links_leave_the_other_traits_of_a_model_as_they_are() {
         [("scene.toml", scene.as_str()), ("model.gltf", &model)],
         [("model.gltf", &model), ("model.oscura.toml", &beside)],
     ] {
-        let loaded = load_first(&files, &LoadOptions::default()).unwrap_or_else(|e| panic!("{e}"));
+        let loaded = load_files_by(&files, &LoadOptions::default()).unwrap_or_else(|e| panic!("{e}"));
         let traits = loaded.scene.instances[0].traits;
         assert_eq!(traits.visible_to, RayKinds::ALL.without(RayKinds::CAMERA), "{files:?}");
         assert!(!traits.links.receivers.holds(traits.sets), "{files:?}");
@@ -425,7 +418,7 @@ fn with_painted(toml: &str) -> Result<Loaded, Error> {
     let plain = r#""materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]"#;
     let model = MODEL.replace(plain, PAINTED).replace("IMAGE", PIXEL);
     assert!(model.contains("cloth"));
-    load_first(&[("model.gltf", &model), ("model.oscura.toml", toml)], &LoadOptions::default())
+    load_files_by(&[("model.gltf", model.as_str()), ("model.oscura.toml", toml)], &LoadOptions::default())
 }
 
 #[test]
@@ -528,7 +521,7 @@ fn sheets_of_glass_bend_light_unless_thin_ones_are_asked_for() {
         let options =
             LoadOptions { gltf: GltfOptions { glass, ..GltfOptions::default() }, ..LoadOptions::default() };
         let files = [("model.gltf", model.as_str()), ("model.oscura.toml", toml)];
-        let scene = load_first(&files, &options).unwrap_or_else(|e| panic!("{e}")).scene;
+        let scene = load_files_by(&files, &options).unwrap_or_else(|e| panic!("{e}")).scene;
         for (index, expected) in [pane, ball].into_iter().enumerate() {
             let Model::Pbr(p) = &scene.materials[index].model else { panic!("no glTF material") };
             let found = (p.has_volume, p.keeps_radiance, p.tints_once, p.base_color.factor[0]);

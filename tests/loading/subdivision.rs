@@ -1,6 +1,6 @@
 //! Catmull-Clark subdivision of meshes from files, by options, scene files and files beside models.
 
-use oscura::error::Error;
+use crate::files::load_files_by;
 use oscura::load::subdivide::Subdivision;
 use oscura::load::{LoadOptions, Loaded, load};
 
@@ -8,14 +8,6 @@ use oscura::load::{LoadOptions, Loaded, load};
 const BOX: &str = "o box\nv -1 -1 -1\nv 1 -1 -1\nv -1 1 -1\nv 1 1 -1\nv -1 -1 1\nv 1 -1 1\nv -1 1 1\nv 1 1 1\n\
     vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nusemtl a\n\
     f 5/1 6/2 8/3 7/4\nf 2/1 1/2 3/3 4/4\ng sides\nusemtl b\nf 1/1 5/2 7/3 3/4\nf 6/1 2/2 4/3 8/4\ns 1\nf 1/1 2/2 6/3 5/4\n";
-
-fn load_first(files: &[(&str, &str)], options: &LoadOptions) -> Result<Loaded, Error> {
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    for (name, content) in files {
-        std::fs::write(folder.path().join(name), content).expect("written");
-    }
-    load(folder.path().join(files[0].0), options)
-}
 
 fn levels(levels: u32) -> LoadOptions {
     let subdivision = Some(Subdivision { levels, has_round_corners: false });
@@ -29,9 +21,9 @@ fn triangles(loaded: &Loaded) -> Vec<usize> {
 
 #[test]
 fn polygons_of_obj_files_become_smooth() {
-    let plain = load_first(&[("a.obj", BOX)], &LoadOptions::default()).expect("it loads");
+    let plain = load_files_by(&[("a.obj", BOX)], &LoadOptions::default()).expect("it loads");
     assert_eq!(triangles(&plain), [4, 6], "groups are objects of their own");
-    let fine = load_first(&[("a.obj", BOX)], &levels(2)).expect("it loads");
+    let fine = load_files_by(&[("a.obj", BOX)], &levels(2)).expect("it loads");
     // One object of five quads, each of which becomes 16: two triangles of each.
     assert_eq!(triangles(&fine), [5 * 16 * 2]);
     let mesh = &fine.scene.meshes[0];
@@ -56,7 +48,10 @@ fn objects_of_scene_files_choose_levels() {
             "camera = {{ look_from = [0, 0, 5], look_at = [0, 0, 0] }}\nenvironment.background = 1\n\
              materials.m = {{ type = \"lambert\" }}\n{objects}"
         );
-        load_first(&[("s.toml", &text), ("a.obj", BOX), ("t.ply", TETRAHEDRON)], &LoadOptions::default())
+        load_files_by(
+            &[("s.toml", text.as_str()), ("a.obj", BOX), ("t.ply", TETRAHEDRON)],
+            &LoadOptions::default(),
+        )
     };
     let keys = [
         "",
@@ -93,26 +88,26 @@ const TETRAHEDRON: &str = "ply\nformat ascii 1.0\nelement vertex 4\nproperty flo
 #[test]
 fn files_beside_models_and_options_subdivide() {
     let beside = "[objects.box]\nsubdivide = 2\n";
-    let loaded = load_first(&[("a.obj", BOX), ("a.oscura.toml", beside)], &LoadOptions::default());
+    let loaded = load_files_by(&[("a.obj", BOX), ("a.oscura.toml", beside)], &LoadOptions::default());
     assert_eq!(triangles(&loaded.expect("it loads")), [160]);
-    assert_eq!(triangles(&load_first(&[("t.ply", TETRAHEDRON)], &levels(2)).expect("it loads")), [96]);
-    assert_eq!(triangles(&load_first(&[("a.obj", BOX)], &levels(0)).expect("it loads")), [10]);
+    assert_eq!(triangles(&load_files_by(&[("t.ply", TETRAHEDRON)], &levels(2)).expect("it loads")), [96]);
+    assert_eq!(triangles(&load_files_by(&[("a.obj", BOX)], &levels(0)).expect("it loads")), [10]);
     // Nine quads become 2 * 9 * 4^10 triangles.
     let mut grid: String = (0..16).map(|i| format!("v {} {} 0\n", i % 4, i / 4)).collect();
     for a in (0..9).map(|i| i / 3 * 4 + i % 3 + 1) {
         grid += &format!("f {a} {} {} {}\n", a + 1, a + 5, a + 4);
     }
-    let error = load_first(&[("a.obj", &grid)], &levels(10)).expect_err("too many").to_string();
+    let error = load_files_by(&[("a.obj", &grid)], &levels(10)).expect_err("too many").to_string();
     assert!(error.contains("18874368") && error.contains('9'), "{error}");
     let text = "camera = { look_from = [0, 0, 5], look_at = [0, 0, 0] }\nenvironment.background = 1\n\
                 [[objects]]\nmesh = \"a.obj\"\nsubdivide = 10\n";
-    let error = load_first(&[("s.toml", text), ("a.obj", &grid)], &LoadOptions::default());
+    let error = load_files_by(&[("s.toml", text), ("a.obj", &grid)], &LoadOptions::default());
     let error = error.expect_err("too many").to_string();
     assert!(error.contains("16000000") && error.contains("line 5"), "{error}");
     // Two objects of one surface: each for itself, which a warning tells.
     let parts =
         "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 2 0 0\nv 2 1 0\no left\nf 1 2 3 4\no right\nf 2 5 6 3\n";
-    let loaded = load_first(&[("p.obj", parts)], &levels(1)).expect("it loads");
+    let loaded = load_files_by(&[("p.obj", parts)], &levels(1)).expect("it loads");
     assert!(
         loaded.warnings.iter().any(|w| w.message.contains("'left'") && w.message.contains("'right'")),
         "{:?}",
@@ -120,7 +115,7 @@ fn files_beside_models_and_options_subdivide() {
     );
     let scene = "camera = { look_from = [0, 0, 5], look_at = [0, 0, 0] }\nenvironment.background = 1\n\
                  [materials.m]\ntype = \"lambert\"\n[[objects]]\nmesh = \"a.obj\"\nmaterial = \"m\"\n";
-    let loaded = load_first(&[("s.toml", scene), ("a.obj", BOX)], &levels(1)).expect("it loads");
+    let loaded = load_files_by(&[("s.toml", scene), ("a.obj", BOX)], &levels(1)).expect("it loads");
     assert!(loaded.warnings.iter().any(|w| w.code == "unused-option"), "{:?}", loaded.warnings);
 }
 
@@ -129,7 +124,7 @@ fn corners_with_several_normals_are_one_point() {
     // Normals of faces in the file are no creases, and far away coordinates keep their digits.
     let text = "v 500000 0 0\nv 500001 0 0\nv 500002 0 0\nv 500000 1 0\nv 500001 1 0\nv 500002 1 0\n\
                 vn 0 0 1\nvn 0 1 1\nf 1//1 2//1 5//1 4//1\nf 2//2 3//2 6//2 5//2\n";
-    let loaded = load_first(&[("a.obj", text)], &levels(1)).expect("it loads");
+    let loaded = load_files_by(&[("a.obj", text)], &levels(1)).expect("it loads");
     let mesh = &loaded.scene.meshes[0];
     assert_eq!((mesh.positions.len(), mesh.triangles.len()), (15, 16));
     assert!(mesh.normals.iter().all(|n| n[2] > 0.999));

@@ -2,10 +2,10 @@
 
 use super::archives::zip;
 use crate::codes::code_of;
+use crate::files::{load_files_by, refused_copies};
 use oscura::error::Error;
-use oscura::load::{LoadOptions, Loaded, load};
+use oscura::load::{LoadOptions, Loaded};
 use oscura::math::{DMat3, DVec3};
-use oscura::sampling::hash::SplitMix64;
 use oscura::scene::{Mapping, Model, Texture, Wrap};
 
 const RELATIONS: &[u8] = b"<?xml version='1.0'?><Relationships xmlns='r'><Relationship Id='a' Type='t/thumbnail' \
@@ -18,12 +18,9 @@ const CORNER: &str = "<mesh><vertices><vertex x='0' y='0' z='0'/><vertex x='10' 
     <triangle v1='1' v2='2' v3='3'/><triangle v1='2' v2='0' v3='3'/></triangles></mesh>";
 
 fn read_files(files: &[(&str, &[u8])]) -> Result<Loaded, Error> {
-    let folder = tempfile::tempdir().expect("a folder");
-    let path = folder.path().join("a.3mf");
-    let relations = [("_rels/.rels", RELATIONS)];
-    std::fs::write(&path, zip(&[&relations, files].concat())).expect("written");
+    let package = zip(&[&[("_rels/.rels", RELATIONS)], files].concat());
     let options = LoadOptions { up: oscura::load::Up::Y, ..LoadOptions::default() };
-    load(&path, &options)
+    load_files_by(&[("a.3mf", package)], &options)
 }
 
 /// A model of resources and a build.
@@ -221,20 +218,7 @@ fn faults_have_their_place() {
 #[test]
 fn damaged_models_never_panic() {
     let whole = model("", &object("pid='5' pindex='0'"), "<item objectid='1'/>").into_bytes();
-    let (mut stream, mut refused) = (SplitMix64::new(3), 0);
-    let mut random = |below: usize| (stream.next_bits() >> 1) as usize % below;
-    for _ in 0..1500 {
-        let mut bytes = whole.clone();
-        for _ in 0..1 + random(3) {
-            let at = random(bytes.len());
-            match random(4) {
-                0 => bytes[at] = random(256) as u8,
-                1 => bytes.insert(at, b"<>'/ 9"[random(6)]),
-                2 => bytes.truncate(at.max(1)),
-                _ => drop(bytes.remove(at.min(bytes.len() - 1))),
-            }
-        }
-        refused += usize::from(read_files(&[("3D/start.model", &bytes)]).is_err());
-    }
+    let refused =
+        refused_copies(&whole, b"<>'/ 9", 1500, |bytes| read_files(&[("3D/start.model", bytes)]).is_err());
     assert!(refused > 400, "only {refused} of 1500 were refused");
 }

@@ -3,22 +3,19 @@
 
 use crate::support::differences::{assert_same_bits, assert_same_means, noise};
 use crate::support::sheet::{self, Variant};
-use crate::support::{camera, material, measure, options, pbr, quad, rendering, sphere, walls};
-use oscura::math::{DAffine3, DVec3};
+use crate::support::{
+    camera, dielectric, material, measure, options, pbr, place, quad, rendering, sphere, walls,
+};
+use oscura::math::DVec3;
 use oscura::render::{Caustics, Guiding, PathReuse, RenderOptions, Splitting};
 use oscura::scene::{
-    AlphaMode, ColorSlot, FloatSlot, FresnelModel, Instance, Interpolation, Light, LightKind, Material, Mesh,
-    Model, NoiseKind, PbrMaterial, Projection, Scene, Texture, TextureId,
+    AlphaMode, ColorSlot, FloatSlot, Light, LightKind, Material, Mesh, Model, NoiseKind, PbrMaterial,
+    Projection, Scene, Texture, TextureId,
 };
 
 /// Nothing but caustics differs.
 fn plain(options: RenderOptions) -> RenderOptions {
     options.path_reuse(PathReuse::Off).splitting(Splitting::OFF)
-}
-
-fn glass() -> Material {
-    let tint = ColorSlot::constant([1.0; 3]);
-    Material::new("glass", Model::Dielectric { ior: 1.5, tint, fresnel: FresnelModel::Exact })
 }
 
 fn rough_diffuse(color: [f32; 3]) -> Material {
@@ -57,22 +54,13 @@ fn lean(mut scene: Scene, of: Material) -> Scene {
         .map(|[a, b]| DVec3::new(0.7 * f64::from(a), 0.6 * f64::from(b), 1.0).normalize())
         .map(|n| n.as_vec3().to_array())
         .to_vec();
-    let mesh = scene.add_mesh(mesh);
-    scene.instances.push(Instance::new(mesh, DAffine3::IDENTITY));
+    place(&mut scene, mesh);
     scene
 }
 
 /// A painted and bumpy sheet in a room of its own.
 fn painted() -> Scene {
-    let variant = Variant {
-        colored: false,
-        smooth: true,
-        tangents: true,
-        mirrored: false,
-        from_behind: false,
-        interpolation: Interpolation::Trilinear,
-    };
-    let mut scene = sheet::scene(&variant);
+    let mut scene = sheet::scene(&Variant::SMOOTH);
     scene.environment = Scene::default().environment;
     if let Model::Pbr(pbr) = &mut scene.materials[0].model {
         (pbr.roughness, pbr.metallic) = (FloatSlot::constant(0.6), FloatSlot::constant(0.0));
@@ -82,7 +70,7 @@ fn painted() -> Scene {
     quad(&mut scene, [-1.0, -1.0, 0.0], [2.0, 0.0, 0.0], [0.0, 0.0, 2.0], wall);
     let shine = material(&mut scene, Material::emitter("lamp", [3.0; 3], true));
     quad(&mut scene, [-1.0, 1.2, 0.3], [2.0, 0.0, 0.0], [0.0, 0.0, 1.2], shine);
-    let clear = material(&mut scene, glass());
+    let clear = material(&mut scene, dielectric(1.5));
     sphere(&mut scene, [0.2, -0.1, 0.6], 0.35, clear);
     scene
 }
@@ -111,14 +99,14 @@ fn cluttered() -> Scene {
     quad(&mut scene, [-0.9, -0.9, -0.5], [0.8, 0.0, 0.2], [0.0, 1.0, 0.0], paper);
     let smooth = material(&mut scene, pbr("smooth", [0.5, 0.6, 0.7], 0.0, 0.2));
     quad(&mut scene, [-0.3, -0.98, 0.9], [1.2, 0.0, 0.0], [0.0, 0.0, -0.6], smooth);
-    let small = material(&mut scene, glass());
+    let small = material(&mut scene, dielectric(1.5));
     sphere(&mut scene, [-0.5, -0.75, 0.3], 0.2, small);
     scene
 }
 
 /// With a ball of polished metal that a texture colours.
 fn colored_metal() -> Scene {
-    let mut scene = room(lambert, glass());
+    let mut scene = room(lambert, dielectric(1.5));
     let kind = NoiseKind::Turbulence;
     let (low, high) = ([0.9, 0.3, 0.2], [0.3, 0.8, 0.9]);
     scene.textures.push(Texture::Noise { kind, frequency: 4.0, octaves: 2, low, high, seed: 0 });
@@ -138,11 +126,11 @@ fn rooms_keep_their_means() {
     let polished = || pbr("polished", [0.9, 0.8, 0.7], 1.0, 0.2);
     let plastic = |color| pbr("plastic", color, 0.0, 0.45);
     let scenes = [
-        ("diffuse", room(lambert, glass())),
+        ("diffuse", room(lambert, dielectric(1.5))),
         ("rough diffuse", room(rough_diffuse, mirror())),
         ("plastic", room(plastic, polished())),
-        ("leaning", lean(room(lambert, glass()), lambert([0.8; 3]))),
-        ("leaning plastic", lean(room(lambert, glass()), plastic([0.8; 3]))),
+        ("leaning", lean(room(lambert, dielectric(1.5)), lambert([0.8; 3]))),
+        ("leaning plastic", lean(room(lambert, dielectric(1.5)), plastic([0.8; 3]))),
         ("cluttered", cluttered()),
         ("painted", painted()),
         ("colored metal", colored_metal()),
@@ -158,7 +146,7 @@ fn rooms_keep_their_means() {
 
 #[test]
 fn rooms_keep_their_means_at_every_depth() {
-    let scene = room(lambert, glass());
+    let scene = room(lambert, dielectric(1.5));
     for depth in [2, 3, 4] {
         let off = plain(options(32, 32, depth)).caustics(Caustics::Off);
         assert_same_means(&format!("depth {depth}"), &scene, [&off, &off.caustics(Caustics::On)], 32);
@@ -188,7 +176,7 @@ fn rooms_keep_their_means_however_paths_are_traced() {
 
 /// With a small lamp.
 fn dim_room() -> Scene {
-    let mut scene = room(lambert, glass());
+    let mut scene = room(lambert, dielectric(1.5));
     let shine = material(&mut scene, Material::emitter("small lamp", [40.0, 30.0, 20.0], false));
     // The lamp is the last of the quads.
     scene.quads.pop();

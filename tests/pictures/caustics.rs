@@ -2,22 +2,19 @@
 //! them, too.
 
 use crate::support::differences::{assert_same_bits, assert_same_means, bits, noise};
-use crate::support::{assert_radiance, camera, material, mean, options, picture, quad, rendering, sphere};
+use crate::support::{
+    assert_radiance, camera, dielectric, material, mean, options, picture, place, quad, rendering, sphere,
+};
 use oscura::compile::{CompileOptions, compile};
 use oscura::film::{Aov, AovSet, Source, Values};
-use oscura::math::{DAffine3, DVec3};
+use oscura::math::DVec3;
 use oscura::output::part::Region;
 use oscura::render::{Caustics, Labels, PathReuse, RenderOptions, Rendering, Splitting};
 use oscura::scene::{
-    Aperture, ColorSlot, FloatSlot, FresnelModel, Instance, Light, LightKind, Material, MaterialId, Mesh,
-    Model, PbrMaterial, Projection, Scene, ThinLens,
+    Aperture, ColorSlot, FloatSlot, Light, LightKind, Material, MaterialId, Mesh, Model, PbrMaterial,
+    Projection, Scene, ThinLens,
 };
 use std::f64::consts::PI;
-
-fn glass(ior: f32) -> Material {
-    let tint = ColorSlot::constant([1.0; 3]);
-    Material::new("glass", Model::Dielectric { ior, tint, fresnel: FresnelModel::Exact })
-}
 
 fn pbr(metallic: f32, roughness: f32) -> Material {
     let pbr = PbrMaterial {
@@ -108,7 +105,7 @@ fn a_sun_and_its_image_in_a_mirror() {
 fn a_point_seen_through_a_slab() {
     let (n, thickness) = (1.5, 0.2);
     let mut scene = Scene::default();
-    let clear = material(&mut scene, glass(n as f32));
+    let clear = material(&mut scene, dielectric(n as f32));
     let (low, high) = (0.5, 0.5 + thickness);
     quad(&mut scene, [-0.05, high, 0.05], [0.1, 0.0, 0.0], [0.0, 0.0, -0.1], clear);
     quad(&mut scene, [-0.05, low, -0.05], [0.1, 0.0, 0.0], [0.0, 0.0, 0.1], clear);
@@ -166,8 +163,7 @@ fn smooth_ball(of: Material) -> impl Fn(&mut Scene) {
         let triangles = triangles.filter(|t| is_a_triangle(&normals, *t)).collect();
         let mut mesh = Mesh::new("ball", positions.collect(), triangles, of);
         mesh.normals = normals.iter().map(|n| n.as_vec3().to_array()).collect();
-        let mesh = scene.add_mesh(mesh);
-        scene.instances.push(Instance::new(mesh, DAffine3::IDENTITY));
+        place(scene, mesh);
     }
 }
 
@@ -185,11 +181,11 @@ fn plain(options: RenderOptions) -> RenderOptions {
 #[ignore = "means of many pictures, which take long"]
 fn caustics_change_no_mean() {
     let things: [(&str, Scene); 6] = [
-        ("glass", stage(ball(glass(1.5)))),
+        ("glass", stage(ball(dielectric(1.5)))),
         ("mirror", stage(ball(pbr(1.0, 0.0)))),
         ("polished", stage(ball(pbr(1.0, 0.2)))),
         ("smooth mirror", stage(smooth_ball(pbr(1.0, 0.0)))),
-        ("smooth glass", stage(smooth_ball(glass(1.5)))),
+        ("smooth glass", stage(smooth_ball(dielectric(1.5)))),
         ("smooth polished", stage(smooth_ball(pbr(1.0, 0.2)))),
     ];
     for (what, scene) in &things {
@@ -201,7 +197,7 @@ fn caustics_change_no_mean() {
 #[test]
 #[ignore = "means of many pictures, which take long"]
 fn caustics_seen_by_a_lens_or_through_a_filter_are_the_same() {
-    let mut scene = stage(ball(glass(1.5)));
+    let mut scene = stage(ball(dielectric(1.5)));
     scene.cameras[0].lens =
         Some(ThinLens { defocus_angle_rad: 0.06, focus_distance: 3.5, aperture: Aperture::default() });
     let off =
@@ -216,7 +212,7 @@ fn caustics_seen_by_a_lens_or_through_a_filter_are_the_same() {
 
 #[test]
 fn caustics_from_the_lamp_are_less_noisy() {
-    let mut scene = stage(ball(glass(1.5)));
+    let mut scene = stage(ball(dielectric(1.5)));
     // In place of the large lamp.
     let small = material(&mut scene, Material::emitter("small lamp", [12.0; 3], false));
     scene.quads.pop();
@@ -228,7 +224,11 @@ fn caustics_from_the_lamp_are_less_noisy() {
 
 #[test]
 fn caustics_have_the_same_bits_whatever_the_machine() {
-    assert_same_bits("caustics", &stage(ball(glass(1.5))), &plain(options(48, 9, 12)).caustics(Caustics::On));
+    assert_same_bits(
+        "caustics",
+        &stage(ball(dielectric(1.5))),
+        &plain(options(48, 9, 12)).caustics(Caustics::On),
+    );
 }
 
 /// Without glass, mirrors or lamps nothing is done.
@@ -238,7 +238,7 @@ fn nothing_happens_without_caustics() {
     let mut without = rendering(&scene, &options(32, 8, 12).caustics(Caustics::Auto));
     without.run();
     assert_eq!(without.statistics().light_paths, None);
-    let mut with = rendering(&stage(ball(glass(1.5))), &options(32, 8, 12).caustics(Caustics::On));
+    let mut with = rendering(&stage(ball(dielectric(1.5))), &options(32, 8, 12).caustics(Caustics::On));
     with.run();
     assert!(with.statistics().light_paths.is_some());
 }
@@ -247,7 +247,7 @@ fn nothing_happens_without_caustics() {
 #[test]
 fn nothing_comes_from_lamps_too_far_away() {
     let paths_from_lamps = |height: f64| {
-        let mut scene = stage(ball(glass(1.5)));
+        let mut scene = stage(ball(dielectric(1.5)));
         let white = material(&mut scene, Material::emitter("far lamp", [1.0; 3], false));
         quad(&mut scene, [-1.0, height, -1.0], [2.0, 0.0, 0.0], [0.0, 0.0, 2.0], white);
         let mut rendering = rendering(&scene, &options(32, 1, 12).caustics(Caustics::On));
@@ -263,7 +263,7 @@ fn nothing_comes_from_lamps_too_far_away() {
 #[test]
 #[ignore = "means of many pictures, which take long"]
 fn layers_have_their_share_of_caustics() {
-    let mut scene = stage(ball(glass(1.5)));
+    let mut scene = stage(ball(dielectric(1.5)));
     // Its diffuse and its glossy part both show caustics.
     let plastic = material(&mut scene, pbr(0.0, 0.5));
     scene.quads[0].material = plastic;
@@ -325,7 +325,7 @@ fn layers_have_their_share_of_caustics() {
 #[test]
 fn the_variance_has_that_of_caustics() {
     let mut scene = Scene::default();
-    let clear = material(&mut scene, glass(1.5));
+    let clear = material(&mut scene, dielectric(1.5));
     sphere(&mut scene, [0.0, 1.0, 0.0], 0.3, clear);
     floor_from_above(&mut scene, DVec3::new(0.0, 0.4, 0.0), 0.3);
     lamp(&mut scene, LightKind::Point { position: DVec3::new(0.0, 2.0, 0.0) }, 5.0);
@@ -344,7 +344,7 @@ fn the_variance_has_that_of_caustics() {
 /// Ranges of samples and regions make the picture of a single run.
 #[test]
 fn parts_have_their_share_of_caustics() {
-    let scene = stage(ball(glass(1.5)));
+    let scene = stage(ball(dielectric(1.5)));
     let whole = plain(options(32, 24, 12)).caustics(Caustics::On).halves(true);
     let film = |options: RenderOptions| picture(&scene, &options);
     let part = |options: RenderOptions| {

@@ -1,6 +1,6 @@
 //! What compiling makes of a scene: what is shared, merged and left out, and that the picture stays what it should be.
 
-use crate::support::{assert_radiance, camera, material, mean, measure, options, picture, quad};
+use crate::support::{assert_radiance, camera, gltf_glass, material, mean, measure, options, picture, quad};
 use oscura::compile::{CompileOptions, CompileReport, compile};
 use oscura::math::{DAffine3, DVec3, Ray, Vec3};
 use oscura::scene::{
@@ -298,14 +298,11 @@ fn volumes_absorb() {
     let glass = Material::new(
         "tinted",
         Model::Pbr(Box::new(PbrMaterial {
-            metallic: FloatSlot::constant(0.0),
-            roughness: FloatSlot::constant(0.0),
-            transmission: FloatSlot::constant(1.0),
             ior: 1.0,
             has_volume: true,
             attenuation_color: [0.5; 3],
             attenuation_distance: 2.0,
-            ..PbrMaterial::default()
+            ..gltf_glass(0.0)
         })),
     );
     let glass = material(&mut scene, glass);
@@ -324,13 +321,10 @@ fn colours_of_solids() {
         let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
         let pbr = PbrMaterial {
             base_color: ColorSlot::constant([0.6; 3]),
-            metallic: FloatSlot::constant(0.0),
-            roughness: FloatSlot::constant(roughness),
-            transmission: FloatSlot::constant(1.0),
             ior: 1.0,
             has_volume: true,
             tints_once,
-            ..PbrMaterial::default()
+            ..gltf_glass(roughness)
         };
         let glass = material(&mut scene, Material::new("tinted", Model::Pbr(Box::new(pbr))));
         quad(&mut scene, [-99.0, -99.0, 0.0], [198.0, 0.0, 0.0], [0.0, 198.0, 0.0], glass);

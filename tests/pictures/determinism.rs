@@ -3,7 +3,7 @@
 use crate::panes::under_a_pane;
 use crate::refracted_lights::scene_behind;
 use crate::support::sheet::{self, Variant};
-use crate::support::{material, options, picture, quad, sphere};
+use crate::support::{gltf_glass, material, options, picture, quad, sphere};
 use oscura::film::{Aov, AovSet, Film, Values};
 use oscura::image::Image;
 use oscura::math::DVec3;
@@ -24,8 +24,7 @@ fn scene(name: &str) -> Scene {
 fn everything() -> Scene {
     let interpolation = Interpolation::Trilinear;
     let (smooth, tangents) = (true, true);
-    let variant =
-        Variant { colored: false, smooth, tangents, mirrored: false, from_behind: false, interpolation };
+    let variant = Variant { smooth, tangents, interpolation, ..Variant::SMOOTH };
     let mut scene = sheet::scene(&variant);
     let sky = (0..32 * 16).flat_map(|i| [0.3, 0.5, 1.0].map(|c| if i == 70 { 90.0 } else { c })).collect();
     scene.images.push(Image::from_linear_rgb("sky", 32, 16, sky));
@@ -36,14 +35,11 @@ fn everything() -> Scene {
     let paper = material(&mut scene, paper);
     quad(&mut scene, [-1.5, -0.5, 0.6], [1.5, 0.0, 0.3], [0.0, 1.5, 0.0], paper);
     let glass = PbrMaterial {
-        metallic: FloatSlot::constant(0.0),
-        roughness: FloatSlot::constant(0.0),
-        transmission: FloatSlot::constant(1.0),
         has_volume: true,
         attenuation_color: [0.4, 0.9, 0.8],
         attenuation_distance: 0.5,
         dispersion: 2.0,
-        ..PbrMaterial::default()
+        ..gltf_glass(0.0)
     };
     let glass = material(&mut scene, Material::new("glass", Model::Pbr(Box::new(glass))));
     sphere(&mut scene, [0.5, 0.1, 0.6], 0.5, glass);

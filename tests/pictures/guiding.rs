@@ -2,12 +2,12 @@
 
 use crate::support::differences::{assert_same_bits, bits, differences, noise};
 use crate::support::{
-    assert_radiance, camera, material, options, pbr, picture, quad, rendering, sphere, walls,
+    assert_radiance, camera, dielectric, material, options, pbr, picture, quad, rendering, sphere, walls,
 };
 use oscura::math::DVec3;
 use oscura::output::part::{Identity, OutputSettings, Region, read_header, read_part};
 use oscura::render::{Guiding, PassOutcome, PathReuse, RenderOptions, Rendering, Splitting};
-use oscura::scene::{AlphaMode, ColorSlot, Environment, FloatSlot, FresnelModel, Material, Model, Scene};
+use oscura::scene::{AlphaMode, ColorSlot, Environment, FloatSlot, Material, Model, Scene};
 use std::path::Path;
 
 /// Nothing but guiding differs.
@@ -33,9 +33,7 @@ fn room(things: bool) -> Scene {
         sphere(&mut scene, [-0.5, -0.7, -0.4], 0.3, plastic);
         let metal = material(&mut scene, pbr("metal", [0.9, 0.7, 0.4], 1.0, 0.3));
         sphere(&mut scene, [-0.1, -0.75, 0.2], 0.25, metal);
-        let tint = ColorSlot::constant([1.0; 3]);
-        let glass = Model::Dielectric { ior: 1.5, tint, fresnel: FresnelModel::Exact };
-        let glass = material(&mut scene, Material::new("glass", glass));
+        let glass = material(&mut scene, dielectric(1.5));
         sphere(&mut scene, [-0.6, -0.8, 0.3], 0.2, glass);
         let mut paper = Material::lambert("paper", [0.7, 0.3, 0.3]);
         (paper.alpha_mode, paper.alpha) = (AlphaMode::Blend, FloatSlot::constant(0.5));

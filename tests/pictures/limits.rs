@@ -2,8 +2,8 @@
 
 use crate::support::differences::{assert_same_bits, bits};
 use crate::support::{
-    assert_radiance, camera, grey_floor, material, mean, measure, options, pbr, picture, quad, sphere,
-    translucent, walls,
+    assert_radiance, camera, dielectric, grey_floor, material, mean, measure, options, pbr, picture, quad,
+    sphere, translucent, walls,
 };
 use oscura::Renderer;
 use oscura::math::DVec3;
@@ -104,9 +104,7 @@ fn mirrors_and_glass_are_limited_by_their_own_bounces() {
     quad(&mut corner, [0.0, 0.0, -9.0], [0.0, 9.0, 0.0], [0.0, 0.0, 18.0], mirror);
     corner.cameras.push(camera(DVec3::new(3.0, 1.0, 0.0), DVec3::new(1.0, 0.0, 0.0), DVec3::Y, 1.0));
     let mut balls = sky();
-    let tint = ColorSlot::constant([1.0; 3]);
-    let glass = Model::Dielectric { ior: 1.0001, tint, fresnel: FresnelModel::Exact };
-    let glass = material(&mut balls, Material::new("glass", glass));
+    let glass = material(&mut balls, dielectric(1.0001));
     sphere(&mut balls, [0.0, 0.0, 2.0], 1.0, glass);
     sphere(&mut balls, [0.0, 0.0, -2.0], 1.0, glass);
     balls.cameras.push(camera(DVec3::new(0.0, 0.0, 8.0), DVec3::ZERO, DVec3::Y, 1.0));

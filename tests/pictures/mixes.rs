@@ -1,13 +1,13 @@
 //! Mixes of materials: closed forms, and the same means whatever the technique.
 
 use crate::support::differences::{assert_same_bits, assert_same_means};
-use crate::support::{assert_radiance, camera, floor, material, measure, options, quad, sphere};
+use crate::support::{assert_radiance, camera, dielectric, floor, material, measure, options, quad, sphere};
 use oscura::math::DVec3;
 use oscura::render::{Caustics, Guiding, PathReuse, Splitting};
 use oscura::scene::nodes::{Node, NodeGraph, NodeInput, NodeKind};
 use oscura::scene::{
-    AlphaMode, ColorSlot, DiffuseTransmission, Emission, Environment, FloatSlot, FresnelModel, Light,
-    LightKind, Mapping, Material, Medium, MixComponent, Model, PbrMaterial, Scene, Texture,
+    AlphaMode, ColorSlot, DiffuseTransmission, Emission, Environment, FloatSlot, Light, LightKind, Mapping,
+    Material, Medium, MixComponent, Model, PbrMaterial, Scene, Texture,
 };
 use std::sync::Arc;
 
@@ -18,11 +18,6 @@ fn mix(parts: Vec<(ColorSlot, Material)>) -> Material {
 
 fn grey(albedo: f32) -> Material {
     Material::lambert("grey", [albedo; 3])
-}
-
-fn glass() -> Material {
-    let tint = ColorSlot::constant([1.0; 3]);
-    Material::new("glass", Model::Dielectric { ior: 1.5, tint, fresnel: FresnelModel::Exact })
 }
 
 /// A large sheet in even light of 1, seen straight on.
@@ -42,7 +37,7 @@ fn even_light_shows_the_weighted_sum() {
     }
     // A mix of all that reflects and passes loses no light.
     let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
-    let body = material(&mut scene, mix(vec![(constant(0.4), grey(1.0)), (constant(0.6), glass())]));
+    let body = material(&mut scene, mix(vec![(constant(0.4), grey(1.0)), (constant(0.6), dielectric(1.5))]));
     sphere(&mut scene, [0.0; 3], 1.0, body);
     scene.cameras.push(camera(DVec3::new(0.3, 0.2, 5.0), DVec3::ZERO, DVec3::Y, 5.0));
     assert_radiance("diffuse and glass", &scene, &options(8, 256, 200), 1.0, 4e-3);
@@ -161,7 +156,7 @@ fn room() -> Scene {
     let [a, b] = [0.9, 0.1].map(|value| scene.add_texture(solid(value)));
     let cells = |even, odd| Texture::Checker { even, odd, cell_size: 0.25, mapping: Mapping::World };
     let (first, second) = (scene.add_texture(cells(a, b)), scene.add_texture(cells(b, a)));
-    let parts = vec![(ColorSlot::texture(first), grey(0.8)), (ColorSlot::texture(second), glass())];
+    let parts = vec![(ColorSlot::texture(first), grey(0.8)), (ColorSlot::texture(second), dielectric(1.5))];
     let mixed = material(&mut scene, mix(parts));
     sphere(&mut scene, [0.0, 1.0, 0.0], 0.8, mixed);
     let lamp = material(&mut scene, Material::emitter("lamp", [20.0; 3], true));

@@ -2,12 +2,12 @@
 //! lamp, and the same means however light is found.
 
 use crate::support::differences::{assert_same_bits, assert_same_means};
-use crate::support::{assert_radiance, camera, material, options, quad};
+use crate::support::{assert_radiance, camera, gltf_glass, material, options, quad};
 use oscura::math::DVec3;
 use oscura::render::{Caustics, Guiding, PathReuse, Splitting};
 use oscura::scene::{
-    ColorSlot, Environment, FloatSlot, GlassReflection, Light, LightKind, Material, Model, PbrMaterial,
-    Projection, Scene,
+    ColorSlot, Environment, GlassReflection, Light, LightKind, Material, Model, PbrMaterial, Projection,
+    Scene,
 };
 use std::f64::consts::PI;
 
@@ -22,11 +22,8 @@ fn colored(roughness: f32, share: f32, glass_reflection: GlassReflection) -> Mat
     let pbr = PbrMaterial {
         base_color: ColorSlot::constant([share; 3]),
         glass_reflection,
-        metallic: FloatSlot::constant(0.0),
-        roughness: FloatSlot::constant(roughness),
-        transmission: FloatSlot::constant(1.0),
         keeps_radiance: true,
-        ..PbrMaterial::default()
+        ..gltf_glass(roughness)
     };
     Material::new("sheet", Model::Pbr(Box::new(pbr)))
 }

@@ -1,13 +1,13 @@
 //! Media without a surface that fill one place: they add up, against closed forms, quadrature, and single media of the sums.
 
 use crate::support::differences::assert_same_bits;
-use crate::support::{camera, cuboid, material, options, picture, quad, sphere};
+use crate::support::{block, camera, material, options, picture, quad, sphere};
 use oscura::compile::{CompileOptions, compile};
-use oscura::math::{DAffine3, DVec3};
+use oscura::math::DVec3;
 use oscura::render::{PassOutcome, RenderOptions, Rendering};
 use oscura::scene::{
-    EmissionGrid, Environment, Fog, Grid, GridId, Instance, Light, LightKind, Material, MaterialId, Medium,
-    Mesh, Model, Projection, Scene, ShadingModel,
+    EmissionGrid, Environment, Fog, Grid, GridId, Light, LightKind, Material, MaterialId, Medium, Model,
+    Projection, Scene, ShadingModel,
 };
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -501,9 +501,7 @@ fn boxes_in_one_place_on_a_floor() {
 
 /// A box over the floor.
 fn cube(scene: &mut Scene, material: MaterialId) {
-    let (positions, triangles) = cuboid([-1.0, -1.0, 0.0], [1.0, 1.0, 2.0]);
-    let mesh = scene.add_mesh(Mesh::new("box", positions, triangles, material));
-    scene.instances.push(Instance::new(mesh, DAffine3::IDENTITY));
+    block(scene, [-1.0, -1.0, 0.0], [1.0, 1.0, 2.0], material);
 }
 
 /// Fire in coloured smoke in fog, by threads and CPU levels.

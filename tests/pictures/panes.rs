@@ -1,11 +1,13 @@
 //! Solid panes of glass: light samples pass them, and the ways to find light agree.
 
-use crate::support::{assert_radiance, camera, cuboid, material, measure, options, pbr, quad, sphere};
-use oscura::math::{DAffine3, DVec3};
+use crate::support::{
+    assert_radiance, block, camera, dielectric, material, measure, options, pbr, quad, sphere,
+};
+use oscura::math::DVec3;
 use oscura::render::{Caustics, RenderOptions};
 use oscura::scene::{
-    AlphaMode, Clearcoat, ColorSlot, FloatSlot, FresnelModel, Instance, Light, LightKind, Material,
-    MaterialId, Mesh, Model, PbrMaterial, Scene, Sheen,
+    AlphaMode, Clearcoat, ColorSlot, FloatSlot, Light, LightKind, Material, MaterialId, Model, PbrMaterial,
+    Scene, Sheen,
 };
 use std::f64::consts::PI;
 
@@ -26,16 +28,12 @@ fn clear_share(cosine: f64) -> f64 {
 }
 
 fn glass(scene: &mut Scene) -> MaterialId {
-    let tint = ColorSlot::constant([1.0; 3]);
-    let model = Model::Dielectric { ior: IOR as f32, tint, fresnel: FresnelModel::Exact };
-    material(scene, Material::new("glass", model))
+    material(scene, dielectric(IOR as f32))
 }
 
 /// Adds a pane between two heights.
 fn pane(scene: &mut Scene, low: f64, high: f64, material: MaterialId) {
-    let (positions, triangles) = cuboid([-40.0, low, -40.0], [40.0, high, 40.0]);
-    let mesh = scene.add_mesh(Mesh::new("pane", positions, triangles, material));
-    scene.instances.push(Instance::new(mesh, DAffine3::IDENTITY));
+    block(scene, [-40.0, low, -40.0], [40.0, high, 40.0], material);
 }
 
 fn floor_seen_from_below(scene: &mut Scene, of: Material) {
@@ -170,9 +168,7 @@ fn room_with_skylight(floor: Material, has_ball: bool) -> Scene {
         quad(&mut scene, corner, u, v, wall);
     }
     let glass = glass(&mut scene);
-    let (positions, triangles) = cuboid([-1.0, 1.2, -1.0], [1.0, 1.25, 1.0]);
-    let mesh = scene.add_mesh(Mesh::new("skylight", positions, triangles, glass));
-    scene.instances.push(Instance::new(mesh, DAffine3::IDENTITY));
+    block(&mut scene, [-1.0, 1.2, -1.0], [1.0, 1.25, 1.0], glass);
     if has_ball {
         sphere(&mut scene, [-0.1, 0.4, -0.1], 0.3, glass);
     }

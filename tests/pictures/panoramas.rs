@@ -1,13 +1,12 @@
 //! Panoramic cameras: closed forms of what they show, and light from the lamp that looks for them.
 
 use crate::support::differences::assert_same_means;
-use crate::support::{assert_radiance, camera, material, options, pbr, picture, quad, sphere};
+use crate::support::{assert_radiance, camera, dielectric, material, options, pbr, picture, quad, sphere};
 use oscura::film::{Aov, AovSet};
 use oscura::math::{DAffine3, DVec3};
 use oscura::render::{Caustics, PathReuse, RenderOptions, Splitting};
 use oscura::scene::{
-    Camera, ColorSlot, Environment, FresnelModel, Keyframes, Light, LightKind, Material, Model, Panorama,
-    Projection, Scene, ThinLens,
+    Camera, Environment, Keyframes, Light, LightKind, Material, Panorama, Projection, Scene, ThinLens,
 };
 use std::f64::consts::PI;
 
@@ -139,9 +138,7 @@ fn stage(kind: Panorama) -> Scene {
     let mut scene = Scene::default();
     let grey = material(&mut scene, Material::lambert("grey", [0.7, 0.6, 0.5]));
     quad(&mut scene, [-3.0, 0.0, 3.0], [6.0, 0.0, 0.0], [0.0, 0.0, -6.0], grey);
-    let tint = ColorSlot::constant([1.0; 3]);
-    let glass = Model::Dielectric { ior: 1.5, tint, fresnel: FresnelModel::Exact };
-    let glass = material(&mut scene, Material::new("glass", glass));
+    let glass = material(&mut scene, dielectric(1.5));
     sphere(&mut scene, [0.1, 0.6, 0.1], 0.45, glass);
     let shine = material(&mut scene, Material::emitter("lamp", [3.0; 3], false));
     quad(&mut scene, [-1.6, 2.5, -1.6], [3.2, 0.0, 0.0], [0.0, 0.0, 3.2], shine);

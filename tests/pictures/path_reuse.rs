@@ -3,14 +3,15 @@
 use crate::support::differences::{assert_same_bits, assert_same_means, bits, differences, noise};
 use crate::support::sheet::{self, Variant};
 use crate::support::{
-    assert_radiance, camera, cuboid, material, mean, options, pbr, picture, quad, rendering, sphere, walls,
+    assert_radiance, block, camera, dielectric, material, mean, options, pbr, picture, quad, rendering,
+    sphere, walls,
 };
 use oscura::math::{DAffine3, DVec3, Vec3};
 use oscura::render::{GroupShape, PassOutcome, PathReuse, RenderOptions, Splitting};
 use oscura::scene::{
     AlphaMode, BounceLimits, Clamp, ColorSlot, DiffuseTransmission, Environment, FloatSlot, Instance,
-    Interpolation, Material, Medium, Mesh, MeshId, MeshPart, MixComponent, Model, PbrMaterial, Scene,
-    SkippedCaustics, Texture,
+    Material, Medium, Mesh, MeshId, MeshPart, MixComponent, Model, PbrMaterial, Scene, SkippedCaustics,
+    Texture,
 };
 use std::path::Path;
 
@@ -37,12 +38,7 @@ fn room() -> Scene {
     walls(&mut scene, [1.0; 3], |scene, i| material(scene, surfaces[i].clone()));
     let metal = material(&mut scene, pbr("metal", [0.9, 0.6, 0.3], 1.0, 0.45));
     sphere(&mut scene, [-0.5, -0.7, -0.3], 0.3, metal);
-    let glass = Model::Dielectric {
-        ior: 1.5,
-        tint: ColorSlot::constant([1.0; 3]),
-        fresnel: oscura::scene::FresnelModel::Exact,
-    };
-    let glass = material(&mut scene, Material::new("glass", glass));
+    let glass = material(&mut scene, dielectric(1.5));
     sphere(&mut scene, [0.4, -0.6, 0.1], 0.25, glass);
     let lamp = material(&mut scene, Material::emitter("lamp", [20.0; 3], false));
     quad(&mut scene, [-0.3, 0.3, -0.3], [0.0, 0.0, 0.6], [0.6, 0.0, 0.0], lamp);
@@ -52,15 +48,7 @@ fn room() -> Scene {
 
 /// A wavy, textured, normal-mapped sheet of plastic over a floor, in even light from above.
 fn waves() -> Scene {
-    let variant = Variant {
-        colored: false,
-        smooth: true,
-        tangents: true,
-        mirrored: false,
-        from_behind: false,
-        interpolation: Interpolation::Trilinear,
-    };
-    let mut scene = sheet::scene(&variant);
+    let mut scene = sheet::scene(&Variant::SMOOTH);
     let wall = material(&mut scene, pbr("wall", [0.9; 3], 0.0, 0.3));
     quad(&mut scene, [-2.0, -1.0, -0.5], [4.0, 0.0, 0.0], [0.0, 0.0, 1.5], wall);
     quad(&mut scene, [1.0, -1.0, -0.5], [0.0, 2.0, 0.0], [0.0, 0.0, 1.5], wall);
@@ -228,11 +216,6 @@ enum Crowd {
 fn crowded(crowd: Crowd) -> Scene {
     let mut scene = room();
     let constant = |w: f32| ColorSlot::constant([w; 3]);
-    let box_of = |scene: &mut Scene, low, high, of| {
-        let (positions, triangles) = cuboid(low, high);
-        let mesh = scene.add_mesh(Mesh::new("box", positions, triangles, of));
-        scene.instances.push(Instance::new(mesh, DAffine3::IDENTITY));
-    };
     match crowd {
         Crowd::Sheets => {
             let mut paper = Material::lambert("paper", [0.7; 3]);
@@ -250,7 +233,7 @@ fn crowded(crowd: Crowd) -> Scene {
             quad(&mut scene, [-0.9, -0.9, 0.3], [0.8, 0.0, 0.0], [0.0, 1.2, 0.0], thin);
             let solid =
                 material(&mut scene, Material::gltf("solid", PbrMaterial { has_volume: true, ..clear }));
-            box_of(&mut scene, [0.2, -0.9, -0.5], [0.25, 0.6, 0.5], solid);
+            block(&mut scene, [0.2, -0.9, -0.5], [0.25, 0.6, 0.5], solid);
         }
         Crowd::Mixes => {
             let by_view = scene.add_texture(Texture::Facing([[0.1; 3], [0.8; 3]].into()));
@@ -263,7 +246,7 @@ fn crowded(crowd: Crowd) -> Scene {
                 let components =
                     parts.into_iter().map(|(weight, material)| MixComponent { weight, material }).collect();
                 let mixed = material(&mut scene, Material::new("mix", Model::Mix { components }));
-                box_of(&mut scene, [x, -0.98, -0.6], [x + 0.5, 0.1, -0.1], mixed);
+                block(&mut scene, [x, -0.98, -0.6], [x + 0.5, 0.1, -0.1], mixed);
             }
         }
         Crowd::Bodies => {
@@ -272,7 +255,7 @@ fn crowded(crowd: Crowd) -> Scene {
                 &mut scene,
                 Material { medium: Some(fog), ..Material::new("fog", Model::Boundary {}) },
             );
-            box_of(&mut scene, [-0.9, -0.9, -0.2], [0.0, 0.2, 0.5], fog);
+            block(&mut scene, [-0.9, -0.9, -0.2], [0.0, 0.2, 0.5], fog);
             let (none, whole) = (FloatSlot::constant(0.0), FloatSlot::constant(1.0));
             let diffuse_transmission =
                 Some(DiffuseTransmission { factor: whole, color: constant(1.0), subsurface: None });

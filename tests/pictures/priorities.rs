@@ -1,35 +1,29 @@
 //! Solids that overlap, of which the one of the higher priority counts: against closed forms, and against models whose solids
 //! touch exactly.
 
-use crate::support::{assert_radiance, camera, cuboid, material, measure, options, quad};
-use oscura::math::{DAffine3, DVec3};
+use crate::support::{assert_radiance, block, camera, gltf_glass, material, measure, options, quad};
+use oscura::math::DVec3;
 use oscura::render::Caustics;
 use oscura::scene::{
-    Environment, FloatSlot, Instance, Light, LightKind, Material, MaterialId, Mesh, Model, PbrMaterial,
-    Projection, Scene,
+    Environment, Light, LightKind, Material, MaterialId, Model, PbrMaterial, Projection, Scene,
 };
 use std::f64::consts::PI;
 
 /// Smooth clear glass that leaves a share of light after a metre.
 pub fn glass(scene: &mut Scene, ior: f32, left: f32, priority: i32) -> MaterialId {
     let pbr = PbrMaterial {
-        metallic: FloatSlot::constant(0.0),
-        roughness: FloatSlot::constant(0.0),
-        transmission: FloatSlot::constant(1.0),
         has_volume: true,
         ior,
         attenuation_color: [left; 3],
         attenuation_distance: 1.0,
-        ..PbrMaterial::default()
+        ..gltf_glass(0.0)
     };
     material(scene, Material { priority, ..Material::new("glass", Model::Pbr(Box::new(pbr))) })
 }
 
 /// A closed block, wide in x and z, between two heights.
 fn slab(scene: &mut Scene, [low, high]: [f64; 2], half: f64, material: MaterialId) {
-    let (positions, triangles) = cuboid([-half, low, -half], [half, high, half]);
-    let mesh = scene.add_mesh(Mesh::new("slab", positions, triangles, material));
-    scene.instances.push(Instance::new(mesh, DAffine3::IDENTITY));
+    block(scene, [-half, low, -half], [half, high, half], material);
 }
 
 /// Beer's law through two slabs of air that absorb, from above and from below: 3 m in all, of which 1 m belongs to both.

@@ -1,11 +1,13 @@
 //! Small lights behind glass and water that light samples don't pass: closed forms, and the same means however their light is found.
 
-use crate::support::{assert_radiance, camera, cuboid, material, measure, options, pbr, quad};
-use oscura::math::{DAffine3, DVec3};
+use crate::support::{
+    assert_radiance, block, camera, gltf_glass, material, measure, options, pbr, place, quad,
+};
+use oscura::math::DVec3;
 use oscura::render::{Caustics, Guiding, RenderOptions, Splitting};
 use oscura::scene::{
-    AlphaMode, Clearcoat, ColorSlot, FloatSlot, Instance, Light, LightKind, Material, MaterialId, Mesh,
-    Model, PbrMaterial, Scene,
+    AlphaMode, Clearcoat, ColorSlot, FloatSlot, Light, LightKind, Material, MaterialId, Mesh, Model,
+    PbrMaterial, Scene,
 };
 use std::f64::consts::PI;
 
@@ -13,15 +15,7 @@ const IOR: f64 = 1.5;
 
 /// Glass: bodies, or open sheets, which leave radiance as it is. Lights behind glass that is absent once in ten million rays are found by paths alone.
 fn glass(roughness: f32, is_solid: bool, is_looked_through: bool) -> Material {
-    let pbr = PbrMaterial {
-        base_color: ColorSlot::constant([1.0; 3]),
-        metallic: FloatSlot::constant(0.0),
-        roughness: FloatSlot::constant(roughness),
-        transmission: FloatSlot::constant(1.0),
-        has_volume: is_solid,
-        keeps_radiance: !is_solid,
-        ..PbrMaterial::default()
-    };
+    let pbr = PbrMaterial { has_volume: is_solid, keeps_radiance: !is_solid, ..gltf_glass(roughness) };
     let mut glass = Material::new("glass", Model::Pbr(Box::new(pbr)));
     if !is_looked_through {
         (glass.alpha_mode, glass.alpha) = (AlphaMode::Blend, FloatSlot::constant(1.0f32.next_down()));
@@ -44,12 +38,6 @@ fn floor(scene: &mut Scene, of: Material) {
     scene.cameras.push(camera(DVec3::new(0.1, 0.3, 0.2), DVec3::ZERO, DVec3::X, 1e-3));
 }
 
-fn body(scene: &mut Scene, low: [f64; 3], high: [f64; 3], of: MaterialId) {
-    let (positions, triangles) = cuboid(low, high);
-    let mesh = scene.add_mesh(Mesh::new("body", positions, triangles, of));
-    scene.instances.push(Instance::new(mesh, DAffine3::IDENTITY));
-}
-
 fn sun(scene: &mut Scene, irradiance: f32, degrees: f64) {
     let kind = LightKind::Sun { direction: DVec3::new(0.6, -0.8, 0.0), angle_rad: degrees.to_radians() };
     scene.lights.push(Light::new(kind, [irradiance; 3]));
@@ -61,7 +49,7 @@ fn the_sun_shines_into_level_water() {
     let mut scene = Scene::default();
     floor(&mut scene, Material::lambert("grey", [0.8; 3]));
     let glass = material(&mut scene, glass(0.0, true, true));
-    body(&mut scene, [-40.0, -1.0, -40.0], [40.0, 1.0, 40.0], glass);
+    block(&mut scene, [-40.0, -1.0, -40.0], [40.0, 1.0, 40.0], glass);
     sun(&mut scene, 5.0, 0.5);
     let truth = 0.8 / PI * 5.0 * 0.8 * transmittance(0.8);
     let options: RenderOptions = options(8, 256, 2).caustics(Caustics::Off);
@@ -107,8 +95,7 @@ fn wavy(scene: &mut Scene, low: f64, high: f64, of: MaterialId) {
         face(index(0, 0, k + 1), index(1, 0, k + 1), index(1, 0, k), index(0, 0, k));
         face(index(0, N, k), index(1, N, k), index(1, N, k + 1), index(0, N, k + 1));
     }
-    let mesh = scene.add_mesh(Mesh::new("waves", positions, triangles, of));
-    scene.instances.push(Instance::new(mesh, DAffine3::IDENTITY));
+    place(scene, Mesh::new("waves", positions, triangles, of));
 }
 
 /// What is between the floor and the light.
@@ -120,12 +107,12 @@ pub fn scene_behind(what: &str, of: Material, has_lamp: bool, is_looked_through:
     let roughness = if what.starts_with("frosted") { 0.4 } else { 0.0 };
     let glass = material(&mut scene, glass(roughness, what != "frosted sheet", is_looked_through));
     match what {
-        "frosted pane" => body(&mut scene, [-1.0, 0.5, -1.0], [2.0, 0.52, 1.0], glass),
+        "frosted pane" => block(&mut scene, [-1.0, 0.5, -1.0], [2.0, 0.52, 1.0], glass),
         "frosted sheet" => {
             quad(&mut scene, [-1.0, 0.5, 1.0], [3.0, 0.0, 0.0], [0.0, 0.0, -2.0], glass);
         }
         "waves" => wavy(&mut scene, -0.5, 0.6, glass),
-        _ => body(&mut scene, [-6.0, -0.5, -6.0], [6.0, 0.6, 6.0], glass),
+        _ => block(&mut scene, [-6.0, -0.5, -6.0], [6.0, 0.6, 6.0], glass),
     }
     if has_lamp {
         let lamp = material(&mut scene, Material::emitter("lamp", [20.0; 3], true));

@@ -1,6 +1,6 @@
 //! Smooth thin sheets of glass: light samples pass them, and the ways to find light agree.
 
-use crate::support::{assert_radiance, camera, material, measure, options, quad, sphere};
+use crate::support::{assert_radiance, camera, gltf_glass, material, measure, options, quad, sphere};
 use oscura::math::DVec3;
 use oscura::scene::{
     AlphaMode, Clearcoat, ColorSlot, Environment, FloatSlot, Light, LightKind, Material, Model, PbrMaterial,
@@ -17,13 +17,7 @@ fn clear_share(cosine: f64) -> f64 {
 }
 
 fn thin(tint: [f32; 3]) -> PbrMaterial {
-    PbrMaterial {
-        base_color: ColorSlot::constant(tint),
-        metallic: FloatSlot::constant(0.0),
-        roughness: FloatSlot::constant(0.0),
-        transmission: FloatSlot::constant(1.0),
-        ..PbrMaterial::default()
-    }
+    PbrMaterial { base_color: ColorSlot::constant(tint), ..gltf_glass(0.0) }
 }
 
 fn pbr(model: PbrMaterial) -> Material {

@@ -1,12 +1,12 @@
 //! Lamps that face what they light, and lamps that also light what is within them, against closed forms.
 
 use crate::support::differences::assert_same_means;
-use crate::support::{assert_radiance, camera, grey_floor, material, options, quad, sphere};
+use crate::support::{assert_radiance, camera, dielectric, grey_floor, material, options, quad, sphere};
 use oscura::math::{DAffine3, DVec3};
 use oscura::render::{Caustics, Guiding, PathReuse, RenderOptions, Splitting};
 use oscura::scene::{
-    Beam, ColorSlot, EmitterTraits, FloatSlot, FresnelModel, Keyframes, Material, Model, PbrMaterial,
-    RayKinds, Scene, Shape, ShapeKind,
+    Beam, ColorSlot, EmitterTraits, FloatSlot, Keyframes, Material, Model, PbrMaterial, RayKinds, Scene,
+    Shape, ShapeKind,
 };
 
 const RADIANCE: f32 = 3.0;
@@ -95,11 +95,6 @@ fn polished() -> Material {
     Material { double_sided: true, ..Material::new("metal", Model::Pbr(Box::new(pbr))) }
 }
 
-fn glass() -> Material {
-    let tint = ColorSlot::constant([1.0; 3]);
-    Material::new("glass", Model::Dielectric { ior: 1.5, tint, fresnel: FresnelModel::Exact })
-}
-
 /// Something above a floor, that is partly within a lamp.
 fn beneath_lamp(kind: ShapeKind, thing: Material) -> Scene {
     let mut scene = Scene::default();
@@ -124,7 +119,7 @@ fn plain(samples: u32) -> RenderOptions {
 fn caustics_of_such_lamps_change_no_mean() {
     for kind in [ShapeKind::FacingDisk, ShapeKind::Shell] {
         // A bias of light that started within glass showed with so many only.
-        for (name, thing, seeds) in [("polished", polished(), 64), ("glass", glass(), 256)] {
+        for (name, thing, seeds) in [("polished", polished(), 64), ("glass", dielectric(1.5), 256)] {
             let (scene, off) = (beneath_lamp(kind, thing), plain(32));
             let on = off.caustics(Caustics::On);
             assert_same_means(&format!("{kind:?}, {name}"), &scene, [&off, &on], seeds);

@@ -1,25 +1,9 @@
 //! Light inside of solids that absorb, and solids within solids, against closed forms.
 
+use crate::priorities::glass;
 use crate::support::{assert_radiance, camera, material, options, quad, sphere, tinted_solid};
 use oscura::math::DVec3;
-use oscura::scene::{
-    Environment, FloatSlot, Light, LightKind, Material, MaterialId, Model, PbrMaterial, Scene,
-};
-
-/// Smooth clear glass that leaves a share of light after a metre.
-fn glass(scene: &mut Scene, ior: f32, left: f32) -> MaterialId {
-    let pbr = PbrMaterial {
-        metallic: FloatSlot::constant(0.0),
-        roughness: FloatSlot::constant(0.0),
-        transmission: FloatSlot::constant(1.0),
-        has_volume: true,
-        ior,
-        attenuation_color: [left; 3],
-        attenuation_distance: 1.0,
-        ..PbrMaterial::default()
-    };
-    material(scene, Material::new("glass", Model::Pbr(Box::new(pbr))))
-}
+use oscura::scene::{Environment, Light, LightKind, Material, Scene};
 
 fn look(scene: &mut Scene, from: [f64; 3], at: [f64; 3]) {
     scene.cameras.push(camera(from.into(), at.into(), DVec3::X, 1e-3));
@@ -30,7 +14,7 @@ fn look(scene: &mut Scene, from: [f64; 3], at: [f64; 3]) {
 fn what_shines_inside_is_absorbed_on_the_way() {
     for (eye, way) in [(5.0, 1.5), (1.0, 0.5)] {
         let mut scene = Scene::default();
-        let fog = glass(&mut scene, 1.0, 0.5);
+        let fog = glass(&mut scene, 1.0, 0.5, 0);
         sphere(&mut scene, [0.0; 3], 2.0, fog);
         let lamp = material(&mut scene, Material::emitter("lamp", [3.0; 3], false));
         sphere(&mut scene, [0.0; 3], 0.5, lamp);
@@ -44,7 +28,7 @@ fn what_shines_inside_is_absorbed_on_the_way() {
 #[test]
 fn sampled_light_is_absorbed_on_the_way() {
     let floor_in_a_solid = |scene: &mut Scene| {
-        let fog = glass(scene, 1.0, 0.4);
+        let fog = glass(scene, 1.0, 0.4, 0);
         sphere(scene, [0.0; 3], 4.0, fog);
         let grey = material(scene, Material::lambert("grey", [0.8; 3]));
         quad(scene, [-1.0, 0.0, 1.0], [2.0, 0.0, 0.0], [0.0, 0.0, -2.0], grey);
@@ -75,7 +59,7 @@ fn sampled_light_is_absorbed_on_the_way() {
 fn glass_inside_the_same_glass_is_not_there() {
     for inner in [None, Some(0.7)] {
         let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
-        let green = glass(&mut scene, 1.5, 0.5);
+        let green = glass(&mut scene, 1.5, 0.5, 0);
         sphere(&mut scene, [0.0; 3], 1.0, green);
         if let Some(radius) = inner {
             sphere(&mut scene, [0.0; 3], radius, green);
@@ -96,11 +80,11 @@ fn reflectance_between_nested_dielectrics() {
         [(1.5f64, 2.4f64, 0.0f64), (2.4, 1.5, 0.0), (1.33, 2.0, 0.8), (2.0, 1.33, 0.6), (2.0, 1.33, 0.7)]
     {
         let mut scene = Scene::default();
-        let around = glass(&mut scene, outer as f32, 1.0);
+        let around = glass(&mut scene, outer as f32, 1.0, 0);
         sphere(&mut scene, [0.0; 3], 100.0, around);
         let walls = material(&mut scene, Material::emitter("walls", [1.0; 3], true));
         sphere(&mut scene, [0.0; 3], 50.0, walls);
-        let within = glass(&mut scene, inner as f32, 1e-30);
+        let within = glass(&mut scene, inner as f32, 1e-30, 0);
         sphere(&mut scene, [0.0; 3], 10.0, within);
         // Towards a point of the inner sphere where the ray arrives at that sine with the normal.
         let point = DVec3::new(10.0, 0.0, 0.0);
@@ -128,8 +112,8 @@ fn overlapping_solids_share_the_overlap() {
     let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
     // Two slabs of index 1, 1 m thick each, that overlap by 0.4 m. Along the way down: 0.6 m of the upper, then, from
     // where the lower begins, 1 m of that.
-    let upper = glass(&mut scene, 1.0, 0.5);
-    let lower = glass(&mut scene, 1.0, 0.25);
+    let upper = glass(&mut scene, 1.0, 0.5, 0);
+    let lower = glass(&mut scene, 1.0, 0.25, 0);
     for (top, bottom, of) in [(1.0, 0.0, upper), (0.4, -0.6, lower)] {
         quad(&mut scene, [-50.0, top, 50.0], [100.0, 0.0, 0.0], [0.0, 0.0, -100.0], of);
         quad(&mut scene, [-50.0, bottom, 50.0], [0.0, 0.0, -100.0], [100.0, 0.0, 0.0], of);
@@ -144,7 +128,7 @@ fn overlapping_solids_share_the_overlap() {
 #[test]
 fn a_body_of_two_materials_is_left() {
     let mut scene = Scene::default();
-    let (front, back) = (glass(&mut scene, 1.5, 0.5), glass(&mut scene, 1.5, 0.5));
+    let (front, back) = (glass(&mut scene, 1.5, 0.5, 0), glass(&mut scene, 1.5, 0.5, 0));
     quad(&mut scene, [-50.0, 1.0, 50.0], [100.0, 0.0, 0.0], [0.0, 0.0, -100.0], front);
     quad(&mut scene, [-50.0, 0.0, 50.0], [0.0, 0.0, -100.0], [100.0, 0.0, 0.0], back);
     let walls = material(&mut scene, Material::emitter("walls", [1.0; 3], true));
@@ -163,7 +147,7 @@ fn a_body_of_two_materials_is_left() {
 fn a_sheet_of_glass_is_a_window() {
     let radiance = |with_ball: bool| {
         let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
-        let clear = glass(&mut scene, 1.5, 1.0);
+        let clear = glass(&mut scene, 1.5, 1.0, 0);
         quad(&mut scene, [-50.0, 1.0, 50.0], [100.0, 0.0, 0.0], [0.0, 0.0, -100.0], clear);
         let black = material(&mut scene, Material::lambert("black", [0.0; 3]));
         quad(&mut scene, [-50.0, -9.0, 50.0], [100.0, 0.0, 0.0], [0.0, 0.0, -100.0], black);

@@ -1,6 +1,6 @@
 //! Pictures by wavelength: against closed forms, and against pictures by red, green and blue where both mean the same.
 
-use crate::support::{camera, material, options, pbr, quad, sphere, walls};
+use crate::support::{camera, gltf_glass, material, options, pbr, quad, sphere, walls};
 use oscura::color::spectral::{Curve, rgb_of};
 use oscura::compile::{CompileOptions, compile};
 use oscura::math::DVec3;
@@ -66,14 +66,7 @@ fn in_furnace(light: [f32; 3], of: impl FnOnce(&mut Scene) -> Material) -> Scene
 fn white_stays_white() {
     let glass =
         Model::Dielectric { ior: 1.5, tint: ColorSlot::constant([1.0; 3]), fresnel: FresnelModel::Exact };
-    let dispersive = PbrMaterial {
-        transmission: FloatSlot::constant(1.0),
-        metallic: FloatSlot::constant(0.0),
-        roughness: FloatSlot::constant(0.0),
-        has_volume: true,
-        dispersion: 1.0,
-        ..PbrMaterial::default()
-    };
+    let dispersive = PbrMaterial { has_volume: true, dispersion: 1.0, ..gltf_glass(0.0) };
     let bodies = [
         ("plaster", Material::lambert("white", [1.0; 3])),
         ("metal", pbr("metal", [1.0; 3], 1.0, 0.0)),
@@ -162,13 +155,10 @@ fn grey_room() -> Scene {
     let metal = material(&mut scene, pbr("metal", [0.8; 3], 1.0, 0.3));
     sphere(&mut scene, [0.2, -0.75, -0.2], 0.25, metal);
     let absorbing = PbrMaterial {
-        transmission: FloatSlot::constant(1.0),
-        metallic: FloatSlot::constant(0.0),
-        roughness: FloatSlot::constant(0.0),
         has_volume: true,
         attenuation_color: [0.3; 3],
         attenuation_distance: 0.2,
-        ..PbrMaterial::default()
+        ..gltf_glass(0.0)
     };
     let glass = material(&mut scene, Material::new("glass", Model::Pbr(Box::new(absorbing))));
     sphere(&mut scene, [0.55, -0.8, 0.3], 0.2, glass);
@@ -195,14 +185,11 @@ fn absorbing_solids_have_the_colour_they_are_given() {
     let color = [0.9, 0.4, 0.15];
     let scene = in_furnace([1.0; 3], |_| {
         let glass = PbrMaterial {
-            transmission: FloatSlot::constant(1.0),
-            metallic: FloatSlot::constant(0.0),
-            roughness: FloatSlot::constant(0.0),
             ior: 1.0,
             has_volume: true,
             attenuation_color: color,
             attenuation_distance: 2.0,
-            ..PbrMaterial::default()
+            ..gltf_glass(0.0)
         };
         Material::new("glass", Model::Pbr(Box::new(glass)))
     });

@@ -2,7 +2,9 @@
 //! machine.
 
 use crate::support::differences::{assert_same_bits, assert_same_means, noise};
-use crate::support::{assert_radiance, camera, material, options, pbr, quad, rendering, sphere, walls};
+use crate::support::{
+    assert_radiance, camera, dielectric, material, options, pbr, quad, rendering, sphere, walls,
+};
 use oscura::math::DVec3;
 use oscura::render::{PathReuse, RenderOptions, Splitting};
 use oscura::scene::{AlphaMode, ColorSlot, Environment, FloatSlot, Material, Model, Scene};
@@ -18,12 +20,7 @@ fn yard() -> Scene {
     quad(&mut scene, [-2.0, 0.0, -2.0], [0.0, 0.0, 4.0], [4.0, 0.0, 0.0], floor);
     let chalk = material(&mut scene, Material::lambert("chalk", [0.8, 0.7, 0.6]));
     sphere(&mut scene, [-0.6, 0.4, 0.0], 0.4, chalk);
-    let glass = Model::Dielectric {
-        ior: 1.5,
-        tint: ColorSlot::constant([1.0; 3]),
-        fresnel: oscura::scene::FresnelModel::Exact,
-    };
-    let glass = material(&mut scene, Material::new("glass", glass));
+    let glass = material(&mut scene, dielectric(1.5));
     sphere(&mut scene, [0.5, 0.3, 0.3], 0.3, glass);
     let mut paper = Material::lambert("paper", [0.7, 0.2, 0.2]);
     (paper.alpha_mode, paper.alpha) = (AlphaMode::Blend, FloatSlot::constant(0.4));

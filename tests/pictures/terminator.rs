@@ -1,9 +1,9 @@
 //! The softened edge of self-shadowing on smooth shapes of few triangles, where there are no shadows.
 
-use crate::support::{camera, material, mean, options, picture};
+use crate::support::{camera, material, mean, options, picture, place};
 use oscura::film::{Aov, AovSet, Values};
-use oscura::math::{DAffine3, DVec3};
-use oscura::scene::{Environment, Instance, Light, LightKind, Material, Mesh, Scene, ShadowTerminator};
+use oscura::math::DVec3;
+use oscura::scene::{Environment, Light, LightKind, Material, Mesh, Scene, ShadowTerminator};
 use std::f64::consts::{PI, TAU};
 
 /// A ball of few triangles, shaded as a round one, that scatters evenly.
@@ -21,8 +21,7 @@ pub fn ball(rings: u32, around: u32) -> Scene {
     let faces = (0..rings).flat_map(|ring| (0..around).map(move |step| ring * row + step));
     let triangles = faces.flat_map(|a| [[a, a + row, a + row + 1], [a, a + row + 1, a + 1]]).collect();
     let mesh = Mesh { normals: positions.clone(), ..Mesh::new("ball", positions, triangles, grey) };
-    let mesh = scene.add_mesh(mesh);
-    scene.instances.push(Instance::new(mesh, DAffine3::IDENTITY));
+    place(&mut scene, mesh);
     scene.cameras.push(camera(DVec3::new(7.0, 1.3, 0.9), DVec3::ZERO, DVec3::Z, 16.0));
     scene
 }

@@ -1,25 +1,21 @@
 //! Glass that is transparent in the picture: alpha against closed forms, and pictures laid over what was left out.
 
-use crate::support::{camera, material, options, picture, quad, sphere};
+use crate::support::{camera, gltf_glass, material, options, picture, quad, sphere};
 use oscura::film::Film;
 use oscura::math::DVec3;
 use oscura::render::{PathReuse, RenderOptions, Splitting, in_pool};
 use oscura::scene::{
-    ColorSlot, Environment, FloatSlot, Light, LightKind, Material, MaterialId, Model, PbrMaterial, RayKinds,
-    Scene,
+    ColorSlot, Environment, Light, LightKind, Material, MaterialId, Model, PbrMaterial, RayKinds, Scene,
 };
 
 /// Clear glass, solid or thin; `color` tints thin sheets, and is what a metre of a solid leaves.
 fn glass(scene: &mut Scene, color: [f32; 3], is_solid: bool, roughness: f32) -> MaterialId {
     let pbr = PbrMaterial {
         base_color: ColorSlot::constant(if is_solid { [1.0; 3] } else { color }),
-        metallic: FloatSlot::constant(0.0),
-        roughness: FloatSlot::constant(roughness),
-        transmission: FloatSlot::constant(1.0),
         has_volume: is_solid,
         attenuation_color: color,
         attenuation_distance: 1.0,
-        ..PbrMaterial::default()
+        ..gltf_glass(roughness)
     };
     material(scene, Material::new("glass", Model::Pbr(Box::new(pbr))))
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 
 /// Modules by rank. A module may import those of lower ranks.
 const RANKS: &[(u32, &[&str])] = &[
-    (0, &["error", "work_counter", "guide", "math", "simd", "color"]),
+    (0, &["error", "named", "work_counter", "guide", "math", "simd", "color"]),
     (1, &["image", "sampling"]),
     (2, &["scene", "metrics"]),
     (3, &["load", "shape", "texture", "bsdf", "camera"]),

@@ -4,10 +4,9 @@ use crate::cli::report::ShapeCounts;
 use oscura::image::{Encoded, Encoding, Image, Pixels};
 use oscura::load::Loaded;
 use oscura::scene::{
-    AlphaMode, BounceLimits, Camera, Clamp, ColorSlot, EnergyCompensation, Environment, FloatSlot,
-    FresnelModel, GlassReflection, Instance, Light, LightKind, Material, MaterialId, MixComponent, Model,
-    Panorama, Parameter, Parameters, PbrMaterial, Projection, Scene, SkippedCaustics, Texture,
-    instance_extents, scene_extent,
+    AlphaMode, BounceLimits, Camera, Clamp, ColorSlot, Environment, FloatSlot, GlassReflection, Instance,
+    Light, LightKind, Material, MaterialId, MixComponent, Model, Panorama, Parameter, Parameters,
+    PbrMaterial, Projection, Scene, SkippedCaustics, Texture, instance_extents, scene_extent,
 };
 use std::collections::HashMap;
 use std::path::Path;
@@ -141,16 +140,8 @@ fn settings(scene: &Scene) -> Vec<String> {
     shown.extend(s.filter_glossy.map(|f| format!("filter_glossy {f}")));
     shown.extend(s.terminator.map(|t| format!("terminator {}", t.name())));
     shown.extend(s.filter.map(|f| format!("filter {f:?}")));
-    let scattering = |e: EnergyCompensation| match e {
-        EnergyCompensation::On => "multi",
-        EnergyCompensation::Off => "single",
-    };
-    shown.extend(s.energy_compensation.map(|e| format!("microfacet {}", scattering(e))));
-    let fresnel = |f: FresnelModel| match f {
-        FresnelModel::Exact => "exact",
-        FresnelModel::Schlick => "schlick",
-    };
-    shown.extend(s.fresnel.map(|f| format!("fresnel {}", fresnel(f))));
+    shown.extend(s.energy_compensation.map(|e| format!("microfacet {}", e.name())));
+    shown.extend(s.fresnel.map(|f| format!("fresnel {}", f.name())));
     shown.extend(s.spectral.map(|spectral| format!("spectral {spectral}")));
     shown.extend(s.exposure.map(|e| format!("exposure {e}")));
     shown.extend(s.view.as_ref().map(|view| format!("view {}", view.name())));

@@ -1,5 +1,6 @@
 //! Edits of materials, lights and environment on the page, and saving them to a scene file or a sidecar.
 
+use crate::cli::toml_names::{key, quoted};
 use oscura::scene::{
     ColorSlot, Emission, Environment, FloatSlot, Light, Material, Model, PbrMaterial, Scene,
 };
@@ -191,7 +192,7 @@ impl LightInfo {
     fn table(&self, edit: LightEdit) -> Table {
         let strength = edit.strength.map(|v| (self.key, number(v)));
         let lines = strength.into_iter().chain(edit.color.map(|rgb| ("color", color(rgb)))).collect();
-        Table { header: "[[lights]]".to_string(), name: Some(format!("{:?}", self.name)), lines }
+        Table { header: "[[lights]]".to_string(), name: Some(quoted(&self.name)), lines }
     }
 }
 
@@ -387,12 +388,6 @@ fn lines(material: &Material, edit: MaterialEdit) -> Vec<(&'static str, String)>
         lines.push((key, color(emission.radiance.factor)));
     }
     lines
-}
-
-/// A name as a key of a TOML table.
-fn key(name: &str) -> String {
-    let is_bare = !name.is_empty() && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-');
-    if is_bare { name.to_string() } else { format!("{name:?}") }
 }
 
 /// Merges tables into the text of a file: keys of existing tables are replaced or added, new tables are appended. The rest,

@@ -1,67 +1,39 @@
 //! 8-bit pictures of a frame for the page: colour, noisy or denoised, or a pass; outlines of objects.
 
 use super::state::{Denoised, Frame, PageDisplay};
+use crate::cli::convert::color_of;
+use crate::cli::pixels::Pixels;
 use oscura::film::{Aov, Film, Values};
 use oscura::output::{PngOptions, rgba8};
 
-/// RGBA, 8 bits, row by row from the top.
-pub(super) struct Pixels {
-    pub width: u32,
-    pub height: u32,
-    pub rgba: Vec<u8>,
+/// The picture of a frame for the page.
+pub(super) fn of_frame(frame: &Frame, denoised: Option<&Denoised>, display: &PageDisplay) -> Pixels {
+    let pass = display.aov.and_then(|aov| Some((aov, frame.film.aov(aov)?)));
+    let with_size = |film: &Film, rgba| Pixels { size: (film.width(), film.height()), rgba };
+    match (pass, denoised) {
+        (Some((aov, planes)), _) => with_size(&frame.film, show(aov, planes, &display.png)),
+        (None, None) => with_size(&frame.film, rgba8(&frame.film, &display.png)),
+        (None, Some(Denoised { film, .. })) => {
+            let after = with_size(film, rgba8(film, &display.png));
+            if display.split <= 0.0 {
+                return after;
+            }
+            let before = with_size(&frame.film, rgba8(&frame.film, &display.png));
+            composed(before, &after, display.split)
+        }
+    }
 }
 
-impl Pixels {
-    /// The picture of a frame for the page.
-    pub fn of(frame: &Frame, denoised: Option<&Denoised>, display: &PageDisplay) -> Pixels {
-        let pass = display.aov.and_then(|aov| Some((aov, frame.film.aov(aov)?)));
-        let with_size = |film: &Film, rgba| Pixels { width: film.width(), height: film.height(), rgba };
-        match (pass, denoised) {
-            (Some((aov, planes)), _) => with_size(&frame.film, show(aov, planes, &display.png)),
-            (None, None) => with_size(&frame.film, rgba8(&frame.film, &display.png)),
-            (None, Some(Denoised { film, .. })) => {
-                let after = with_size(film, rgba8(film, &display.png));
-                if display.split <= 0.0 {
-                    return after;
-                }
-                after.right_of(display.split, with_size(&frame.film, rgba8(&frame.film, &display.png)))
-            }
-        }
+/// `left` with `right` to the right of `split`, a fraction of the width; the size is that of `left`.
+fn composed(mut left: Pixels, right: &Pixels, split: f64) -> Pixels {
+    let (width, height) = left.size;
+    let first = ((split * f64::from(width)) as u32).min(width);
+    for (x, y) in (0..height).flat_map(|y| (first..width).map(move |x| (x, y))) {
+        let scaled = |at: u32, from: u32, to: u32| (u64::from(at) * u64::from(to) / u64::from(from)) as u32;
+        let pixel = right.at(scaled(x, width, right.size.0), scaled(y, height, right.size.1));
+        left.rgba[4 * (y as usize * width as usize + x as usize)..][..4].copy_from_slice(&pixel);
     }
-
-    /// Composes `left` with this picture to the right of `split`, a fraction of the width; the size is that of `left`.
-    fn right_of(&self, split: f64, mut left: Pixels) -> Pixels {
-        let (width, height) = (left.width as usize, left.height as usize);
-        let first = ((split * width as f64) as usize).min(width);
-        for y in 0..height {
-            for x in first..width {
-                let at = (y * self.height as usize / height) * self.width as usize
-                    + x * self.width as usize / width;
-                left.rgba[4 * (y * width + x)..][..4].copy_from_slice(&self.rgba[4 * at..][..4]);
-            }
-        }
-        left
-    }
-
-    /// Downsamples by an integer factor to a width of at most `max_width`, with a box filter.
-    pub fn reduced(&self, max_width: u32) -> Pixels {
-        let step = self.width.div_ceil(max_width).max(1) as usize;
-        let (width, height) = (self.width as usize / step, (self.height as usize / step).max(1));
-        let mean = |x: usize, y: usize, c: usize| {
-            let rows = (y * step)..(y * step + step).min(self.height as usize);
-            let (mut sum, mut count) = (0, 0);
-            for row in rows {
-                for column in x * step..x * step + step {
-                    sum += u32::from(self.rgba[4 * (row * self.width as usize + column) + c]);
-                    count += 1;
-                }
-            }
-            (sum / count) as u8
-        };
-        let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
-        let rgba = pixels.flat_map(|(x, y)| [0, 1, 2, 3].map(|c| mean(x, y, c))).collect();
-        Pixels { width: width as u32, height: height as u32, rgba }
-    }
+    left
 }
 
 /// Visualizes a pass: colours through the view transform, normals as in normal maps, ids as random colours, other values from
@@ -72,9 +44,9 @@ fn show(aov: Aov, planes: Vec<Values>, png: &PngOptions) -> Vec<u8> {
     let is = |ending: &str| names.first().is_some_and(|name| name.ends_with(ending));
     let gain = png.exposure.exp2();
     let rgb: Box<dyn Fn(usize) -> [f32; 3]> = if aov.info().option.ends_with("_id") {
-        Box::new(|i| id_color(planes[0][i]))
+        Box::new(|i| color_of(planes[0][i].to_bits()))
     } else if is("00.R") {
-        Box::new(|i| id_color(planes[0][i]).map(|c| c * planes[1][i]))
+        Box::new(|i| color_of(planes[0][i].to_bits()).map(|c| c * planes[1][i]))
     } else if is(".R") {
         Box::new(|i| png.view.encode([0, 1, 2].map(|c| gain * planes[c][i])))
     } else if names[0].starts_with('N') && is(".X") {
@@ -107,16 +79,6 @@ fn normalized(plane: &[f32], is_depth: bool) -> Vec<f32> {
     plane.iter().map(scaled).collect()
 }
 
-/// A random colour for an id; black for 0.
-fn id_color(id: f32) -> [f32; 3] {
-    if id == 0.0 {
-        return [0.0; 3];
-    }
-    let mixed = id.to_bits().wrapping_mul(0x9e37_79b1) ^ (id.to_bits() >> 15);
-    let part = |shift: u32| 0.25 + 0.75 * ((mixed.wrapping_mul(0x85eb_ca6b) >> shift & 255) as f32 / 255.0);
-    [part(24), part(16), part(8)]
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -130,29 +92,12 @@ mod tests {
     }
 
     #[test]
-    fn ids_have_different_colors() {
-        assert_eq!(id_color(0.0), [0.0; 3]);
-        assert_ne!(id_color(1.0), id_color(2.0));
-    }
-
-    #[test]
     fn the_noisy_picture_is_left_of_the_split() {
-        let filled =
-            |width, height, v: u8| Pixels { width, height, rgba: vec![v; 4 * (width * height) as usize] };
-        let both = filled(2, 1, 200).right_of(0.5, filled(4, 2, 10));
-        assert_eq!((both.width, both.height), (4, 2));
+        let filled = |size: (u32, u32), v: u8| Pixels { size, rgba: vec![v; 4 * (size.0 * size.1) as usize] };
+        let both = composed(filled((4, 2), 10), &filled((2, 1), 200), 0.5);
+        assert_eq!(both.size, (4, 2));
         let reds: Vec<u8> = both.rgba.chunks(4).map(|pixel| pixel[0]).collect();
         assert_eq!(reds, [10, 10, 200, 200, 10, 10, 200, 200]);
-    }
-
-    #[test]
-    fn reduced_pictures_are_means_of_blocks() {
-        let rgba = [0, 100, 50, 50, 100, 200, 50, 50, 9, 9].iter().flat_map(|&v| [v; 4]).collect();
-        let small = Pixels { width: 5, height: 2, rgba }.reduced(2);
-        // Blocks of three columns: the last two columns are dropped.
-        assert_eq!((small.width, small.height, small.rgba.len()), (1, 1, 4));
-        let same = Pixels { width: 2, height: 1, rgba: vec![7; 8] }.reduced(160);
-        assert_eq!((same.width, same.height, same.rgba), (2, 1, vec![7; 8]));
     }
 }
 

@@ -8,10 +8,11 @@
 use super::edits::{LightEdit, MaterialEdit, MaterialInfo, merged};
 use super::http;
 use super::http::{Handler, Request, Response};
-use super::pixels::{Outline, Pixels};
+use super::pixels::{Outline, of_frame};
 use super::pose::Move;
 use super::state::{Denoised, Frame, RECORDED, Shared, State, state_json};
 use crate::cli::args::RenderArgs;
+use crate::cli::pixels::{Pixels, downscaled};
 use crate::cli::scene_args::{StageArg, up_of};
 use oscura::error::{Error, Result};
 use oscura::film::{Aov, AovSet, Values};
@@ -266,14 +267,14 @@ fn frame(version: u64, shared: &Shared) -> Answer {
     let has_pixels = version >= state.pixels_version;
     drop(state);
     if has_pixels {
-        return text_and_pixels(text, &Pixels { width: 0, height: 0, rgba: Vec::new() });
+        return text_and_pixels(text, &Pixels { size: (0, 0), rgba: Vec::new() });
     }
-    text_and_pixels(text, &Pixels::of(&frame, denoised.as_ref(), &display))
+    text_and_pixels(text, &of_frame(&frame, denoised.as_ref(), &display))
 }
 
 /// Encodes JSON with the size of the pixels, and the pixels.
 fn text_and_pixels(mut text: Value, pixels: &Pixels) -> Answer {
-    (text["width"], text["height"]) = (pixels.width.into(), pixels.height.into());
+    (text["width"], text["height"]) = (pixels.size.0.into(), pixels.size.1.into());
     let text = text.to_string();
     let mut body = Vec::with_capacity(4 + text.len() + pixels.rgba.len());
     body.extend((text.len() as u32).to_le_bytes());
@@ -295,7 +296,7 @@ fn thumbnail(pass: &str, shared: &Shared) -> Answer {
     let has_pass = |frame: &Frame| display.aov.is_none_or(|aov| frame.film.aov(aov).is_some());
     match frame.filter(|frame| has_pass(frame) && (pass.is_empty() || display.aov.is_some())) {
         Some(frame) => {
-            let small = Pixels::of(&frame, denoised.as_ref(), &display).reduced(THUMBNAIL);
+            let small = downscaled(&of_frame(&frame, denoised.as_ref(), &display), (THUMBNAIL, u32::MAX));
             text_and_pixels(json!({ "pass": pass }), &small)
         }
         None => Answer::text(404, "there is no picture of this pass yet"),

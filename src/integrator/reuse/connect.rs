@@ -724,8 +724,6 @@ fn positive(densities: &[f32]) -> u64 {
 struct Round {
     /// Number of slots of a group.
     group: usize,
-    /// Index of the suffix within each group.
-    member: usize,
     /// Runs of slots with a suffix.
     runs: Vec<u16>,
     /// Slots of the suffixes.
@@ -736,7 +734,6 @@ impl Round {
     /// Copies the suffix with index `member` of each group to all slots of its group.
     fn copy_suffixes(&mut self, member: usize, reuse: &mut Reuse) {
         let Reuse { prefixes, suffixes: s, pairs, .. } = reuse;
-        self.member = member;
         self.owners.clear();
         self.runs.clear();
         for first in (0..WAVE).step_by(self.group) {

@@ -62,8 +62,8 @@ fn export_with(path: &Path, options: &LoadOptions, parent: &Path, links: bool) -
     })
 }
 
-/// Exports a Blender file and loads the result.
-pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
+/// Exports a Blender file and loads the result. Coincident faces are searched in the first frame of a sequence only.
+pub(super) fn load(path: &Path, options: &LoadOptions, is_first_frame: bool) -> Result<Loaded> {
     options.files.note(path);
     let exported = export_with(path, options, &env::temp_dir(), true)?;
     // Blender has applied these options already: frame 0 of the scene file is the rendered frame.
@@ -87,7 +87,8 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     }
     match formats::is_imported_by_blender(path) {
         true => remove_blender_defaults(&mut loaded),
-        false => coincident_faces::add_note(path, &mut loaded),
+        false if is_first_frame => coincident_faces::add_note(path, &mut loaded),
+        false => {}
     }
     loaded.scene.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let with_path = |w: &Warning| Warning { file: Some(path.to_path_buf()), ..w.clone() };

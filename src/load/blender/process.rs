@@ -1,7 +1,7 @@
 //! Runs the exporter in a Blender or Python process.
 
 use crate::error::{Choice, Error, Result};
-use crate::load::{LoadOptions, ShutterPosition, formats};
+use crate::load::{LoadOptions, formats};
 use serde::Deserialize;
 use std::ffi::{OsStr, OsString};
 use std::fs::File;
@@ -148,9 +148,7 @@ fn arguments(options: &LoadOptions) -> Vec<(&'static str, OsString)> {
     let cache = options.blender.cache.as_ref().map(|f| ("--cache", absolute(f).into_os_string()));
     let bake = options.blender.bake.map(|edge| ("--bake", edge.to_string().into()));
     let shutter = options.shutter.frames.map(|frames| ("--shutter", format!("{frames:?}").into()));
-    let named = |position| ShutterPosition::ALL.iter().find(|(_, known)| *known == position);
-    let position = options.shutter.position.and_then(named);
-    let position = position.map(|(name, _)| ("--shutter-position", (*name).into()));
+    let position = options.shutter.position.map(|p| ("--shutter-position", p.name().into()));
     let vectors = options.shutter.vectors.then(|| ("--vectors", "on".into()));
     let all = [frame, time, scene, layer, cache, bake, shutter, position, vectors];
     all.into_iter().flatten().collect()

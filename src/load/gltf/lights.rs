@@ -46,18 +46,7 @@ pub(super) fn camera(doc: &Document, node: &Node, index: usize, report: &mut Rep
         Some(_) => name_of(raw, "camera", index),
         None => name_of(node_raw, "camera of node", node.index),
     };
-    let (lens, shift, motion) = (None, [0.0; 2], None);
-    Ok(Camera {
-        name,
-        world_from_camera,
-        projection,
-        aspect_ratio,
-        pixel_aspect: 1.0,
-        lens,
-        shift,
-        clip: None,
-        motion,
-    })
+    Ok(Camera { name, aspect_ratio, ..Camera::new(world_from_camera, projection) })
 }
 
 fn perspective(camera: &Value, at: &str, report: &mut Report) -> Valid<(Projection, Option<f64>)> {

@@ -305,17 +305,8 @@ fn placed(fields: &Fields) -> Option<Camera> {
     let frame = Frame::read(fields);
     let ((world_from_camera, focus), projection) = (placement?, projection?);
     let lens = lens(fields, &world_from_camera, focus)?;
-    let mut camera = Camera {
-        name,
-        world_from_camera,
-        projection,
-        aspect_ratio: aspect_ratio.or(projection_aspect_ratio(&projection)),
-        pixel_aspect: 1.0,
-        lens,
-        shift: [0.0; 2],
-        clip: None,
-        motion: None,
-    };
+    let aspect_ratio = aspect_ratio.or(projection_aspect_ratio(&projection));
+    let mut camera = Camera { name, aspect_ratio, lens, ..Camera::new(world_from_camera, projection) };
     frame.apply_to(&mut camera);
     Some(camera)
 }
@@ -483,9 +474,10 @@ pub(super) fn shutter_options(options: ShutterOptions, root: &Fields) -> Shutter
     tables.fold(options, |options, table| {
         let frames = table.get("shutter").and_then(|v| number(v.get_ref()));
         let position = table.get("shutter_position").and_then(|v| v.get_ref().as_str());
-        let named = position.and_then(|name| ShutterPosition::ALL.iter().find(|(known, _)| *known == name));
+        let named =
+            position.and_then(|name| ShutterPosition::ALL.into_iter().find(|known| known.name() == name));
         let frames = frames.filter(|f| (0.0..=LONGEST_SHUTTER).contains(f));
-        options.or(frames, named.map(|(_, position)| *position))
+        options.or(frames, named)
     })
 }
 
@@ -499,5 +491,5 @@ fn requests_motion_vectors(root: &Fields) -> bool {
 /// Reports problems of the shutter keys.
 fn check_shutter(camera: &Fields) {
     camera.number_in("shutter", 0.0..LONGEST_SHUTTER, 0.0);
-    camera.choice("shutter_position", &ShutterPosition::ALL);
+    camera.choice("shutter_position", &ShutterPosition::NAMED);
 }

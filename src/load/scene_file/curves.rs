@@ -51,7 +51,7 @@ fn one<'a>(
     let traits = traits::traits(fields).unwrap_or_default();
     let info = traits::info(fields).unwrap_or_default();
     let world_from_object = transform::read(fields);
-    let basis = fields.choice("basis", &CurveBasis::ALL.map(|basis| (basis.name(), basis)));
+    let basis = fields.choice("basis", &CurveBasis::NAMED);
     let radius = radius(fields);
     let (file, span, default) = match (fields.has("strands"), fields.has("file")) {
         (true, false) => (strands(fields)?, fields.span(), CurveBasis::default()),

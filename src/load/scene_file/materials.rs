@@ -377,9 +377,8 @@ fn metal(fields: &Fields, name: &str, color: ColorSlot) -> Material {
 }
 
 fn dielectric(fields: &Fields, tint: ColorSlot) -> Model {
-    let models = [("exact", FresnelModel::Exact), ("schlick", FresnelModel::Schlick)];
     let ior = fields.number_in("ior", 0.1..10.0, 1.5) as f32;
-    let fresnel = fields.choice("fresnel", &models).unwrap_or_default();
+    let fresnel = fields.choice("fresnel", &FresnelModel::NAMED).unwrap_or_default();
     let roughness = fields.number_in("roughness", 0.0..1.0, 0.0) as f32;
     let is_thin = fields.flag("thin", false);
     if roughness == 0.0 && !is_thin {

@@ -100,7 +100,7 @@ pub(super) fn adjust(
     model.specular = slots.number("specular", model.specular);
     model.specular_color = slots.color("specular_color", model.specular_color);
     model.transmission = slots.number("transmission", model.transmission);
-    if let Some(reflection) = fields.choice("glass_reflection", &GlassReflection::ALL) {
+    if let Some(reflection) = fields.choice("glass_reflection", &GlassReflection::NAMED) {
         model.glass_reflection = reflection;
     }
     if fields.has("opacity") {

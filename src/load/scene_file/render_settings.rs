@@ -93,8 +93,6 @@ fn crop(fields: &Fields) -> Option<[u32; 4]> {
 }
 
 pub(super) fn read(build: &SceneFileBuilder, fields: &Fields) -> Settings {
-    let filters =
-        [("box", Filter::Box), ("gaussian", Filter::Gaussian), ("blackman-harris", Filter::BlackmanHarris)];
     let settings = Settings {
         width: fields.unsigned("width", 1, 65_536),
         height: fields.unsigned("height", 1, 65_536),
@@ -106,11 +104,9 @@ pub(super) fn read(build: &SceneFileBuilder, fields: &Fields) -> Settings {
         skip_caustics: skip_caustics(fields),
         terminator: fields.choice("terminator", &ShadowTerminator::NAMED),
         seed: fields.unsigned("seed", 0, u32::MAX),
-        filter: fields.choice("filter", &filters),
-        energy_compensation: fields
-            .choice("microfacet", &[("multi", EnergyCompensation::On), ("single", EnergyCompensation::Off)]),
-        fresnel: fields
-            .choice("fresnel", &[("exact", FresnelModel::Exact), ("schlick", FresnelModel::Schlick)]),
+        filter: fields.choice("filter", &Filter::NAMED),
+        energy_compensation: fields.choice("microfacet", &EnergyCompensation::NAMED),
+        fresnel: fields.choice("fresnel", &FresnelModel::NAMED),
         spectral: fields.has("spectral").then(|| fields.flag("spectral", false)),
         aovs: names(fields, "aovs"),
         view: view(build, fields),
@@ -119,7 +115,7 @@ pub(super) fn read(build: &SceneFileBuilder, fields: &Fields) -> Settings {
         denoise: fields.has("denoise").then(|| fields.flag("denoise", false)),
         crop: crop(fields),
         exposure: number(fields, "exposure", -100.0..100.0),
-        caught: fields.choice("caught", &[("all", CatcherOutput::All), ("shadows", CatcherOutput::Shadows)]),
+        caught: fields.choice("caught", &CatcherOutput::NAMED),
     };
     fields.finish();
     settings

@@ -41,17 +41,8 @@ pub(super) fn frame(outline: &Outline, options: &StageOptions, settings: &Settin
     let eye = on_grid(center + axes * local, size);
     let vfov_rad = 2.0 * ((options.vfov_degrees.to_radians() / 2.0).tan() / options.zoom).atan();
     let world_from_camera = DAffine3::from_mat3_translation(axes, eye);
-    let camera = Camera {
-        name: "default".to_string(),
-        world_from_camera,
-        projection: Projection::Perspective { vfov_rad },
-        aspect_ratio: None,
-        pixel_aspect: 1.0,
-        lens: None,
-        shift: [0.0; 2],
-        clip: None,
-        motion: None,
-    };
+    let projection = Projection::Perspective { vfov_rad };
+    let camera = Camera { name: "default".to_string(), ..Camera::new(world_from_camera, projection) };
     Framed { camera, target: on_grid(center, size) }
 }
 

@@ -253,6 +253,7 @@ fn apply_clay(loaded: &mut Loaded) {
 mod tests {
     use super::*;
     use crate::math::{DVec2, DVec3};
+    use crate::sampling::hash::SplitMix64;
     use crate::scene::{Instance, Material, MaterialId, Mesh, MeshId, Motion, Projection, RayKinds, Shape};
 
     fn sphere_scene(center: DVec3, radius: f64, material: Material) -> Loaded {
@@ -295,11 +296,8 @@ mod tests {
 
     #[test]
     fn models_fill_the_picture_with_equal_margins_in_all_views() {
-        let mut state = 1u64;
-        let mut random = || {
-            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-            (state >> 40) as f64 / f64::from(1u32 << 24)
-        };
+        let mut numbers = SplitMix64::new(1);
+        let mut random = || numbers.next_unit();
         for (extent, aspect) in
             [([3.0, 1.0, 0.2], 1.0), ([0.3, 5.0, 1.0], 16.0 / 9.0), ([1.0, 1.0, 9.0], 0.5)]
         {

@@ -53,15 +53,17 @@ impl fmt::Display for StageLight {
     }
 }
 
-/// The ground of a model without camera and light.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Ground {
-    /// No ground.
-    None,
-    /// A ground of the background's colour, with shadows and a faint reflection.
-    Shadow,
-    /// A darker, glossy floor.
-    Floor,
+named_enum! {
+    /// The ground of a model without camera and light.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    Ground {
+        /// No ground.
+        None = "none",
+        /// A ground of the background's colour, with shadows and a faint reflection.
+        Shadow = "shadow",
+        /// A darker, glossy floor.
+        Floor = "floor",
+    }
 }
 
 impl Ground {

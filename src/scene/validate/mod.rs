@@ -279,17 +279,8 @@ mod tests {
         };
         scene.lights.push(Light { name: "lamp".into(), ..Light::new(kind, [f32::INFINITY, 0.0, 0.0]) });
         scene.shapes.push(Shape { name: "ball".into(), ..Shape::sphere(DVec3::ZERO, -1.0, MaterialId(0)) });
-        scene.cameras.push(Camera {
-            name: "eye".into(),
-            world_from_camera: DAffine3::IDENTITY,
-            projection: Projection::Perspective { vfov_rad: 4.0 },
-            aspect_ratio: None,
-            pixel_aspect: 1.0,
-            lens: None,
-            shift: [0.0; 2],
-            clip: None,
-            motion: None,
-        });
+        let eye = Camera::new(DAffine3::IDENTITY, Projection::Perspective { vfov_rad: 4.0 });
+        scene.cameras.push(Camera { name: "eye".into(), ..eye });
         scene.settings = Settings { width: Some(0), ..Settings::default() };
         assert_eq!(
             problems(&scene),

@@ -1,5 +1,6 @@
 //! Small files made on the spot.
 
+use crate::files::load_files_by;
 use oscura::error::Error;
 use oscura::load::{LoadOptions, Loaded, load};
 use oscura::scene::Scene;
@@ -63,15 +64,8 @@ pub fn load_with(asset: &Value, files: &[(&str, &[u8])]) -> Result<Loaded, Error
 
 /// The same with options.
 pub fn load_by(asset: &Value, files: &[(&str, &[u8])], options: &LoadOptions) -> Result<Loaded, Error> {
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    for (name, content) in files {
-        let path = folder.path().join(name);
-        std::fs::create_dir_all(path.parent().expect("a folder")).expect("made");
-        std::fs::write(path, content).expect("written");
-    }
-    let path = folder.path().join("a.gltf");
-    std::fs::write(&path, asset.to_string()).expect("written");
-    load(&path, options)
+    let text = asset.to_string();
+    load_files_by(&[&[("a.gltf", text.as_bytes())], files].concat(), options)
 }
 
 /// Loads an asset over the triangle's bytes.

@@ -3,6 +3,7 @@
 use super::asset::{corners, floats, load_triangle, load_with, triangle_bytes, triangle_with};
 use super::materials::RED;
 use crate::codes::has_code;
+use crate::files::load_files;
 use oscura::load::Loaded;
 use oscura::math::DVec3;
 use oscura::scene::Scene;
@@ -158,11 +159,8 @@ fn words_for_no_number_in_the_json_become_zero() {
     });
     let text =
         text.to_string().replace("7777", "NaN").replace("8888", "-nan(ind)").replace("9999", "1.#QNAN");
-    let folder = tempfile::tempdir().expect("a folder");
-    std::fs::write(folder.path().join("a.bin"), triangle_bytes()).expect("written");
-    let path = folder.path().join("a.gltf");
-    std::fs::write(&path, text).expect("written");
-    let loaded = super::asset::open(&path).unwrap_or_else(|e| panic!("{e}"));
+    let files = [("a.gltf", text.as_bytes()), ("a.bin", &triangle_bytes())];
+    let loaded = load_files(&files).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(loaded.scene.instances[0].world_from_object.translation, DVec3::Y);
     assert_eq!(loaded.scene.instances[0].name, "a \"NaN\", b");
     assert!(messages(&loaded).contains("[json-not-a-number]"), "{}", messages(&loaded));

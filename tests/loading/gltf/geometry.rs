@@ -1,8 +1,9 @@
 //! Accessors, primitives and buffers.
 
 use super::asset::{
-    corners, floats, glb, load_triangle, load_with, open, scene, triangle, triangle_bytes, triangle_with,
+    corners, floats, glb, load_triangle, load_with, scene, triangle, triangle_bytes, triangle_with,
 };
+use crate::files::load_files;
 use serde_json::json;
 
 #[test]
@@ -19,10 +20,7 @@ fn one_triangle() {
 fn the_binary_container_holds_the_same() {
     let mut asset = triangle();
     asset["buffers"][0].as_object_mut().expect("an object").remove("uri");
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    let path = folder.path().join("a.glb");
-    std::fs::write(&path, glb(&asset, &triangle_bytes())).expect("written");
-    let scene = open(&path).expect("it loads").scene;
+    let scene = load_files(&[("a.glb", glb(&asset, &triangle_bytes()))]).expect("it loads").scene;
     assert_eq!(scene.meshes[0].triangles, [[0, 1, 2]]);
 }
 

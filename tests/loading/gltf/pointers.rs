@@ -3,6 +3,7 @@
 use super::asset::{floats, triangle_bytes};
 use super::materials::RED;
 use super::motion::{at, pointer_target, with_floats};
+use crate::files::folder_of;
 use oscura::load::{LoadOptions, Loaded, load_times};
 use oscura::math::DVec3;
 use oscura::scene::{LightKind, Mapping, Model, PbrMaterial, Projection, Quad, Texture};
@@ -142,13 +143,9 @@ fn textures_move_and_nodes_vanish() {
     asset["accessors"].as_array_mut().expect("a list").push(flags);
     asset["buffers"][0]["byteLength"] = json!(bytes.len());
     drive(&mut asset, "/nodes/0/extensions/KHR_node_visibility/visible", 8, "STEP");
-    let folder = tempfile::tempdir().expect("a folder");
+    let text = asset.to_string();
+    let folder = folder_of(&[("a.bin", bytes.as_slice()), ("red.png", RED), ("a.gltf", text.as_bytes())]);
     let path = folder.path().join("a.gltf");
-    for (name, content) in
-        [("a.bin", bytes.as_slice()), ("red.png", RED), ("a.gltf", asset.to_string().as_bytes())]
-    {
-        std::fs::write(folder.path().join(name), content).expect("written");
-    }
     let mut seen = Vec::new();
     load_times(&path, &LoadOptions::default(), [0.0, 1.0, 3.0, 1.0], &mut |loaded| {
         let transform = match loaded.scene.textures.first() {

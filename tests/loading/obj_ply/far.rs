@@ -1,6 +1,7 @@
 //! Coordinates beyond the precision of single floats and point clouds of OBJ files.
 
 use super::*;
+use crate::files::load_files_by;
 use oscura::Renderer;
 use oscura::glam::DVec3;
 use oscura::load::stage::StageOptions;
@@ -65,15 +66,12 @@ fn ply(place: DVec3, is_binary: bool) -> Vec<u8> {
 }
 
 fn on_stage(name: &str, content: &[u8]) -> Loaded {
-    let folder = tempfile::tempdir().expect("a folder");
-    let path = folder.path().join(name);
-    std::fs::write(&path, content).expect("written");
     let options = LoadOptions {
         up: oscura::load::Up::Z,
         stage: StageOptions { aspect: Some(1.0), ..StageOptions::studio() },
         ..LoadOptions::default()
     };
-    load(&path, &options).unwrap_or_else(|e| panic!("{e}"))
+    load_files_by(&[(name, content)], &options).unwrap_or_else(|e| panic!("{e}"))
 }
 
 #[test]

@@ -8,22 +8,12 @@ mod obj;
 mod ply;
 mod splats;
 
+use crate::files::load_files;
 use crate::skip::skip;
 use oscura::error::Error;
 use oscura::load::{LoadOptions, Loaded, load};
 use oscura::scene::Scene;
 use std::path::{Path, PathBuf};
-
-/// Loads the first of some files, which lie in one folder; names may hold folders.
-fn load_files(files: &[(&str, &[u8])]) -> Result<Loaded, Error> {
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    for (name, content) in files {
-        let path = folder.path().join(name);
-        std::fs::create_dir_all(path.parent().expect("a folder")).expect("made");
-        std::fs::write(path, content).expect("written");
-    }
-    load(folder.path().join(files[0].0), &LoadOptions::default())
-}
 
 /// The scene of an OBJ file alone.
 fn obj_scene(text: impl AsRef<[u8]>) -> Scene {

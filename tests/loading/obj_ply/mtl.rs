@@ -11,7 +11,7 @@ fn each_model_has_its_keys() {
     let mtl = b"newmtl a\nKd 0.1 0.2 0.3\nnewmtl b\nKd 1 1 1\nPr 0.4\nPm 1\nnewmtl c\nKe 3 2 1\nnewmtl g\nNi 1.45\nillum 7\n";
     let text = b"mtllib missing.mtl\nmtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2 3\nusemtl b\n\
                  f 1 2 3\nusemtl c\nf 1 2 3\nusemtl g\nf 1 2 3\n";
-    let loaded = load_files(&[("a.obj", text), ("m.mtl", mtl)]).unwrap_or_else(|e| panic!("{e}"));
+    let loaded = load_files(&[("a.obj", &text[..]), ("m.mtl", mtl)]).unwrap_or_else(|e| panic!("{e}"));
     assert!(loaded.warnings.iter().any(|w| w.message.contains("missing.mtl")), "{:?}", loaded.warnings);
     let by_name = |n: &str| loaded.scene.materials.iter().find(|m| m.name == n).expect("the material");
     assert!(matches!(by_name("a").model, Model::Lambert { albedo } if albedo.factor == [0.1, 0.2, 0.3]));

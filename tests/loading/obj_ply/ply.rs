@@ -1,8 +1,9 @@
 //! What PLY files may hold.
 
 use super::{binary_ply, load_ply};
+use crate::files::load_files_by;
 use oscura::load::subdivide::Subdivision;
-use oscura::load::{LoadOptions, Loaded, load};
+use oscura::load::{LoadOptions, Loaded};
 
 #[test]
 fn ply_reads_both_byte_orders_alike_and_refuses_every_truncation() {
@@ -104,10 +105,12 @@ fn point_clouds_become_spheres_of_the_wanted_radius() {
         by_spacing.notes[0].code == "point-cloud" && messages[0].contains("point_radius"),
         "{messages:?}"
     );
-    let folder = tempfile::tempdir().expect("a folder");
-    let path = folder.path().join("a.ply");
-    std::fs::write(&path, text).expect("written");
-    let with = |radius| load(&path, &LoadOptions { point_radius: Some(radius), ..LoadOptions::default() });
+    let with = |radius| {
+        load_files_by(
+            &[("a.ply", text)],
+            &LoadOptions { point_radius: Some(radius), ..LoadOptions::default() },
+        )
+    };
     let loaded = with(0.25).unwrap_or_else(|e| panic!("{e}"));
     let scene = &loaded.scene;
     assert_eq!((scene.shapes.len(), scene.materials.len()), (3, 2));
@@ -130,10 +133,7 @@ const WITH_ATTRIBUTES: &str = "ply\nformat ascii 1.0\ncomment oscura attribute 3
     0 0 0 0.5 -1 0\n1 0 0 0.25 2 255\n0 1 0 3 4 51\n1 1 0 5 6 0\n3 0 1 2 1\n3 2 1 3 0\n";
 
 fn load_with(content: &[u8], options: &LoadOptions) -> Loaded {
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    let path = folder.path().join("a.ply");
-    std::fs::write(&path, content).expect("written");
-    load(&path, options).unwrap_or_else(|e| panic!("{e}"))
+    load_files_by(&[("a.ply", content)], options).unwrap_or_else(|e| panic!("{e}"))
 }
 
 #[test]

@@ -1,8 +1,9 @@
 //! PLY files of Gaussian splats, plain and compressed, whole and damaged.
 
-use super::{load_files, load_ply};
+use super::load_ply;
 use crate::codes::code_of;
-use oscura::load::{LoadOptions, Up, load};
+use crate::files::{load_files, load_files_by};
+use oscura::load::{LoadOptions, Up};
 use oscura::math::DVec3;
 use oscura::scene::Scene;
 
@@ -47,7 +48,7 @@ fn a_material_of_the_scene_file_keeps_the_colours() {
     let scene = b"[camera]\nlook_from = [0, 0, 5]\nlook_at = [0, 0, 0]\n[materials]\nlit = { type = \"lambert\", color = 0.9 }\n\
         [[objects]]\nmesh = \"a.ply\"\nmaterial = \"lit\"\n";
     let splats = plain(0, &[row(&[], USUAL)]);
-    let loaded = load_files(&[("s.toml", scene), ("a.ply", &splats)]).unwrap_or_else(|e| panic!("{e}"));
+    let loaded = load_files(&[("s.toml", &scene[..]), ("a.ply", &splats)]).unwrap_or_else(|e| panic!("{e}"));
     let material = loaded.scene.instances[0].material.expect("another one");
     let material = &loaded.scene.materials[material.index()];
     assert!(material.name == "lit" && material.use_vertex_colors && material.emission.is_none());
@@ -74,10 +75,9 @@ fn plain_splats_are_activated() {
     close(&only_splats(&turned.scene).rotations[0], &[1.0, 0.0, 0.0, 0.0]);
     assert_eq!(only_splats(&turned.scene).degree, 0);
     // y points down in them.
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    let path = folder.path().join("a.ply");
-    std::fs::write(&path, plain(0, &[row(&[], USUAL)])).expect("written");
-    let guessed = load(&path, &LoadOptions { up: Up::Auto, ..LoadOptions::default() }).expect("it loads");
+    let files = [("a.ply", plain(0, &[row(&[], USUAL)]))];
+    let guessed = load_files_by(&files, &LoadOptions { up: Up::Auto, ..LoadOptions::default() });
+    let guessed = guessed.expect("it loads");
     assert!(
         guessed.notes.iter().any(|note| note.code == "up-guessed" && note.message.starts_with("-y")),
         "{:?}",

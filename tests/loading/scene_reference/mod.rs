@@ -4,7 +4,7 @@
 mod keys;
 mod tables;
 
-use oscura::load::load;
+use crate::files::load_files;
 use oscura::load::scene_file::{CHAPTERS, Chapter};
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -14,10 +14,7 @@ const WRONG: &str = "xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx";
 
 /// All messages and remedies about a scene file.
 fn complaints(text: &str) -> Vec<(String, String)> {
-    let folder = tempfile::tempdir().expect("a folder");
-    let path = folder.path().join("scene.toml");
-    std::fs::write(&path, text).expect("written");
-    let error = load(&path, &Default::default()).expect_err("the scene has a wrong key");
+    let error = load_files(&[("scene.toml", text)]).expect_err("the scene has a wrong key");
     error.problems.into_iter().map(|p| (p.message, p.help.unwrap_or_default())).collect()
 }
 

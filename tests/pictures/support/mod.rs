@@ -9,8 +9,8 @@ use oscura::film::Film;
 use oscura::math::{DAffine3, DMat3, DVec3};
 use oscura::render::{PassOutcome, RenderOptions, Rendering};
 use oscura::scene::{
-    Camera, ColorSlot, DiffuseTransmission, Filter, FloatSlot, Material, MaterialId, Medium, Model,
-    PbrMaterial, Projection, Quad, Scene, Shape,
+    Camera, ColorSlot, DiffuseTransmission, Filter, FloatSlot, FresnelModel, Instance, Material, MaterialId,
+    Medium, Mesh, Model, PbrMaterial, Projection, Quad, Scene, Shape,
 };
 use std::sync::Arc;
 
@@ -19,17 +19,9 @@ pub fn camera(from: DVec3, at: DVec3, up: DVec3, vfov_deg: f64) -> Camera {
     let back = (from - at).normalize();
     let right = up.cross(back).normalize();
     let rotation = DMat3::from_cols(right, back.cross(right), back);
-    Camera {
-        name: "camera".into(),
-        world_from_camera: DAffine3::from_mat3_translation(rotation, from),
-        projection: Projection::Perspective { vfov_rad: vfov_deg.to_radians() },
-        aspect_ratio: None,
-        pixel_aspect: 1.0,
-        lens: None,
-        shift: [0.0; 2],
-        clip: None,
-        motion: None,
-    }
+    let place = DAffine3::from_mat3_translation(rotation, from);
+    let pinhole = Camera::new(place, Projection::Perspective { vfov_rad: vfov_deg.to_radians() });
+    Camera { name: "camera".into(), ..pinhole }
 }
 
 /// Options for a small picture.
@@ -144,17 +136,30 @@ pub fn pbr(name: &str, color: [f32; 3], metallic: f32, roughness: f32) -> Materi
     Material::new(name, Model::Pbr(Box::new(pbr)))
 }
 
+/// White glass of a roughness as in glTF, thin where nothing else is set.
+pub fn gltf_glass(roughness: f32) -> PbrMaterial {
+    PbrMaterial {
+        metallic: FloatSlot::constant(0.0),
+        roughness: FloatSlot::constant(roughness),
+        transmission: FloatSlot::constant(1.0),
+        ..PbrMaterial::default()
+    }
+}
+
+/// Smooth white glass of an index of refraction.
+pub fn dielectric(ior: f32) -> Material {
+    let tint = ColorSlot::constant([1.0; 3]);
+    Material::new("glass", Model::Dielectric { ior, tint, fresnel: FresnelModel::Exact })
+}
+
 /// The material of a solid of the index of air that tints light by a share, once on its whole way through.
 pub fn tinted_solid(scene: &mut Scene, share: f32) -> MaterialId {
     let pbr = PbrMaterial {
         base_color: ColorSlot::constant([share; 3]),
-        metallic: FloatSlot::constant(0.0),
-        roughness: FloatSlot::constant(0.0),
-        transmission: FloatSlot::constant(1.0),
         has_volume: true,
         tints_once: true,
         ior: 1.0,
-        ..PbrMaterial::default()
+        ..gltf_glass(0.0)
     };
     material(scene, Material::new("solid", Model::Pbr(Box::new(pbr))))
 }
@@ -166,6 +171,18 @@ pub fn cuboid(low: [f64; 3], high: [f64; 3]) -> (Vec<[f32; 3]>, Vec<[u32; 3]>) {
     let faces = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
     let triangles = faces.into_iter().flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]]);
     ((0..8).map(corner).collect(), triangles.collect())
+}
+
+/// Adds a mesh where its positions are.
+pub fn place(scene: &mut Scene, mesh: Mesh) {
+    let mesh = scene.add_mesh(mesh);
+    scene.instances.push(Instance::new(mesh, DAffine3::IDENTITY));
+}
+
+/// Adds a closed box.
+pub fn block(scene: &mut Scene, low: [f64; 3], high: [f64; 3], material: MaterialId) {
+    let (positions, triangles) = cuboid(low, high);
+    place(scene, Mesh::new("block", positions, triangles, material));
 }
 
 /// Adds a sphere.

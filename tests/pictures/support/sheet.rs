@@ -27,6 +27,18 @@ pub struct Variant {
     pub interpolation: Interpolation,
 }
 
+impl Variant {
+    /// The front of one with shading normals and tangents.
+    pub const SMOOTH: Variant = Variant {
+        colored: false,
+        smooth: true,
+        tangents: true,
+        mirrored: false,
+        from_behind: false,
+        interpolation: Interpolation::Trilinear,
+    };
+}
+
 /// A wavy sheet over -1..1 in x and y.
 fn sheet(variant: &Variant) -> Mesh {
     let (mut positions, mut normals, mut uv, mut tangents) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
