@@ -1,4 +1,4 @@
-"""Tries what the exporter says beside meshes: settings, views, media, motion, strands, profiles of lamps.
+"""Tests displacement, motion blur, lights, render settings and color management.
 
     python test_beside.py            with a Python that has bpy
 """
@@ -9,11 +9,11 @@ import bpy
 import numpy as np
 from testing import SceneTest, main, read_ply, shader_tree
 
-from oscura_blender import context
+from oscura_blender import final_render
 
 
 class BesideTest(SceneTest):
-    def test_media_and_coats_reach_the_file_of_settings(self):
+    def test_media_subsurface_and_translucency(self):
         haze, tree, shader, scatter = shader_tree("haze", "VolumeScatter")
         scatter.inputs["Color"].default_value, scatter.inputs["Density"].default_value = (0.5, 0.25, 1, 1), 2.0
         tree.links.new(scatter.outputs[0], tree.nodes["Material Output"].inputs["Volume"])
@@ -36,7 +36,7 @@ class BesideTest(SceneTest):
         surface, _ = self.surface(found["leaf"])
         self.assertEqual(surface, {"type": "translucent_bsdf", "color": [0.25, 0.5, 0.125]})
 
-    def test_scattering_of_skin_is_told_by_its_index_of_refraction(self):
+    def test_subsurface_methods(self):
         material, _, principled = shader_tree("skin")
         for method, skin, ior in (("RANDOM_WALK", None, None), ("RANDOM_WALK_SKIN", 1.4, None), ("BURLEY", None, 0.0)):
             principled.subsurface_method = method
@@ -46,7 +46,7 @@ class BesideTest(SceneTest):
             self.assertEqual([surface.get("subsurface_skin_ior"), surface.get("subsurface_ior")], [skin, ior])
 
     def relief(self, method, is_smooth=True):
-        """A roof over a plane that a displacement makes."""
+        """A plane displaced to a gable roof."""
         material, tree, _, height, relief = shader_tree("relief", "TexCoord", "Displacement")
         material.displacement_method = method
         tree.links.new(height.outputs["UV"], relief.inputs["Height"])
@@ -60,7 +60,7 @@ class BesideTest(SceneTest):
         surface, feeding = self.surface(settings["materials"]["relief"])
         return self.mesh(settings, "Plane"), feeding(surface, "normal") if "normal" in surface else None
 
-    def test_displaced_vertices_stand_where_the_heights_say(self):
+    def test_displacement_moves_vertices(self):
         found, bump = self.relief("DISPLACEMENT")
         self.assertIsNone(bump)
         # The middle of u and v as a number is their mean over three.
@@ -69,7 +69,7 @@ class BesideTest(SceneTest):
         self.assertLess(found["nz"].max(), 0.95)
 
     def moved(self, kind, feed):
-        """How a displacement of a node of this kind moves the vertices of a plane that is turned about the vertical, in its own space."""
+        """The displacement of a rotated plane's vertices in object space, by a type of node."""
         material, tree, _, vector, relief = shader_tree("moved", "CombineXYZ", kind)
         material.displacement_method = "DISPLACEMENT"
         for socket, value in zip(vector.inputs, (0.1, -0.2, 0.3)):
@@ -86,7 +86,7 @@ class BesideTest(SceneTest):
         corners = np.stack([found["x"], found["y"], found["z"]], -1)
         return corners[np.lexsort(corners.round(3).T)] - places[np.lexsort(places.round(3).T)]
 
-    def test_displacement_goes_where_its_normal_points(self):
+    def test_displacement_along_a_normal(self):
         def feed(tree, vector, relief):
             tree.links.new(vector.outputs[0], relief.inputs["Normal"])
             relief.inputs["Height"].default_value, relief.inputs["Midlevel"].default_value = 2.0, 0.5
@@ -104,25 +104,25 @@ class BesideTest(SceneTest):
 
         return self.moved("VectorDisplacement", feed)
 
-    def test_vectors_of_the_world_displace(self):
+    def test_vector_displacement_in_world_space(self):
         np.testing.assert_allclose(self.displaced_by_vectors("WORLD"), np.array([[-0.4, -0.2, 0.6]] * 4), atol=1e-4)
 
-    def test_vectors_of_the_object_displace(self):
+    def test_vector_displacement_in_object_space(self):
         np.testing.assert_allclose(self.displaced_by_vectors("OBJECT"), np.array([[0.2, -0.4, 0.6]] * 4), atol=1e-4)
 
-    def test_bumps_of_what_is_displaced_as_well_are_on_its_former_normals(self):
+    def test_displacement_and_bump_keeps_normals(self):
         found, bump = self.relief("BOTH")
         self.assertEqual((bump["type"], bump["distance"], bump["object_scale"]), ("bump", 2.0, 2.0))
         self.assertGreater(np.ptp(found["z"]), 0.5)
         np.testing.assert_allclose(found["nz"], 1, atol=1e-3)
 
-    def test_bumps_of_flat_faces_that_are_displaced_as_well_are_on_their_former_normals(self):
+    def test_displacement_and_bump_keeps_normals_of_flat_faces(self):
         found, bump = self.relief("BOTH", is_smooth=False)
         self.assertEqual(bump["type"], "bump")
         self.assertGreater(np.ptp(found["z"]), 0.5)
         np.testing.assert_allclose(found["nz"], 1, atol=1e-3)
 
-    def test_flat_faces_that_are_bumped_and_displaced_have_the_normals_of_their_vertices(self):
+    def test_displacement_and_bump_of_flat_faces_uses_vertex_normals(self):
         material, tree, _, relief = shader_tree("hilly", "Displacement")
         relief.inputs["Height"].default_value = 0.7
         tree.links.new(relief.outputs[0], tree.nodes["Material Output"].inputs["Displacement"])
@@ -134,11 +134,11 @@ class BesideTest(SceneTest):
         normals = np.stack([found["nx"], found["ny"], found["nz"]], -1)
         np.testing.assert_allclose(np.abs(normals), 3**-0.5, atol=1e-3)
 
-    def test_bumps_alone_leave_the_vertices(self):
+    def test_bump_only_keeps_vertices(self):
         found, bump = self.relief("BUMP")
         self.assertEqual((bump["type"], bump["object_scale"], np.ptp(found["z"])), ("bump", 1.0, 0))
 
-    def test_maps_of_normals_stand_on_smooth_normals(self):
+    def test_normal_maps_have_no_displacement_bumps(self):
         material, tree, principled, height, relief, mapped = shader_tree("mapped", "TexCoord", "Displacement", "NormalMap")
         material.displacement_method = "BUMP"
         tree.links.new(height.outputs["UV"], relief.inputs["Height"])
@@ -148,7 +148,7 @@ class BesideTest(SceneTest):
         surface, feeding = self.surface(self.export()[0]["materials"]["mapped"])
         self.assertEqual(feeding(surface, "normal")["type"], "normal_map")
 
-    def test_objects_cameras_and_lights_move_by_keys(self):
+    def test_motion_keys_of_objects_cameras_and_lights(self):
         moved = self.add_plane(None, "Moved")
         for kind in ("POINT", "AREA"):
             self.lamp(kind)
@@ -167,7 +167,7 @@ class BesideTest(SceneTest):
         self.assertEqual((len(lights["point"]["transform"]), lights["point"].get("motion")), (1, None))
         placed = self.placed(settings)
         self.assertEqual((len(placed["Still"]["transform"]), placed["Still"].get("motion")), (1, None))
-        # Places in the axes of scene files.
+        # Positions in the coordinates of scene files.
         for entry, axis, now in ((placed["Moved"], 0, 1), (camera, 2, -0.5), (lights["area"], 1, 3)):
             keys = entry["motion"]["keys"]
             self.assertEqual([key["frame"] for key in keys], [-0.125, 0, 0.125])
@@ -177,8 +177,8 @@ class BesideTest(SceneTest):
         self.assertEqual(camera["shutter"], 0.25)
         self.assertFalse([entry for entry in self.export("--shutter", "0")[0]["camera"] if "motion" in entry])
 
-    def test_shapes_of_deforming_meshes_are_files(self):
-        """A key shape that grows: three files of the same vertices, and normals that follow."""
+    def test_deformation_motion_blur(self):
+        """A shape key that grows has a file for each frame, with its normals."""
         shown = self.add_plane(None, "Bent")
         shown.data.shade_smooth()
         shown.shape_key_add(name="Basis")
@@ -201,8 +201,8 @@ class BesideTest(SceneTest):
         self.assertTrue(slopes[0] > slopes[1] > slopes[2], slopes)
         self.assertEqual({len(columns["x"]) for _, columns, _ in files}, {4})
 
-    def test_node_trees_have_the_values_of_the_moment(self):
-        """Colours by keys and by drivers, and the world's."""
+    def test_animated_node_trees(self):
+        """Colors by keyframes and drivers, and that of the world."""
         def fade(socket):
             for frame, color in ((1, (1, 0, 0, 1)), (11, (0, 1, 0, 1))):
                 socket.default_value = color
@@ -238,7 +238,7 @@ class BesideTest(SceneTest):
             (color,) = [node["color1"] for node in around.values() if node["type"] == "checker_texture"]
             np.testing.assert_allclose(color, red, atol=1e-6)
 
-    def test_settings_of_the_scene(self):
+    def test_render_settings(self):
         view, render, cycles = self.scene.view_settings, self.scene.render, self.scene.cycles
         view.view_transform, view.exposure = "AgX", 1.5
         cycles.samples, cycles.use_adaptive_sampling, cycles.adaptive_threshold = 300, True, 0.02
@@ -252,7 +252,7 @@ class BesideTest(SceneTest):
         self.scene.collection.objects.link(bpy.data.objects.new("lamp", lamp))
         settings, answer = self.export()
         found = settings["render"]
-        # What Blender shows of middle grey by AgX.
+        # Middle gray by AgX in Blender.
         self.assertAlmostEqual(self.shown(found["view"], 0.18), 0.4613, places=3)
         self.assertEqual((found["exposure"], found["samples"], found["denoise"]), (1.5, 300, True))
         self.assertAlmostEqual(found["noise"], 4.0, places=4)
@@ -264,7 +264,7 @@ class BesideTest(SceneTest):
 
 
     def shown(self, table, grey):
-        """What a table shows of a grey."""
+        """The display value of a gray by a table."""
         content = (self.folder / table).read_bytes()
         self.assertEqual(content[:8], b"OSCVIEW1")
         (count,) = struct.unpack_from("<I", content, 8)
@@ -275,7 +275,7 @@ class BesideTest(SceneTest):
         greys = [lattice[k, k, k, 1] / 65535.0 for k in range(nodes)]
         return np.interp(place, range(nodes), greys)
 
-    def test_views_with_looks_and_curves_are_tables(self):
+    def test_view_tables(self):
         view = self.scene.view_settings
         view.view_transform, view.look, view.exposure = "AgX", "AgX - Punchy", 1.0
         settings, answer = self.export()
@@ -295,7 +295,7 @@ class BesideTest(SceneTest):
         self.assertEqual(self.export()[0]["render"]["view"], "srgb")
 
 
-    def test_profiles_of_lamps_and_the_reach_of_cameras(self):
+    def test_ies_profiles_and_clipping(self):
         profile = "IESNA:LM-63-2002\nTILT=NONE\n1 1000 1 2 1 1 2 0 0 0 1 1 10\n0 90\n0\n100 0\n"
         (self.folder / "lamp.ies").write_text(profile)
         lamp = bpy.data.lights.new("lamp", "POINT")
@@ -314,7 +314,7 @@ class BesideTest(SceneTest):
         settings, answer = self.export()
         (light,) = settings["lights"]
         self.assertEqual((self.folder / light["point"]["ies"]).read_text(), profile)
-        # Cycles has 177.83 lumens to a watt.
+        # Cycles' luminous efficacy is 177.83 lm/W.
         self.assertAlmostEqual(light["point"]["strength"], 2 * 3 * 683 / 177.83, places=4)
         self.assertEqual((light["point"]["clockwise"], light["point"]["turn"]), (True, 90))
         self.assertAlmostEqual(light["point"]["radius"], 0.1, places=6)
@@ -326,7 +326,7 @@ class BesideTest(SceneTest):
 
 
     def lamp(self, kind, *kinds, **settings):
-        """The tree of a new lamp, its Emission, and new nodes."""
+        """The tree of a new light, its Emission, and new nodes."""
         data = bpy.data.lights.new(kind.lower(), kind)
         for key, value in {"energy": 10.0, "use_nodes": True, **settings}.items():
             setattr(data, key, value)
@@ -334,7 +334,7 @@ class BesideTest(SceneTest):
         tree = data.node_tree
         return (tree, tree.nodes["Emission"], *(tree.nodes.new(f"ShaderNode{kind}") for kind in kinds))
 
-    def test_lamps_with_a_soft_falloff(self):
+    def test_soft_falloff(self):
         for kind in ("POINT", "SPOT"):
             for radius, soft in ((0.3, True), (0.3, False), (0.0, True)):
                 self.lamp(kind, name=f"{kind} {radius} {soft}", shadow_soft_size=radius, use_soft_falloff=soft)
@@ -345,8 +345,8 @@ class BesideTest(SceneTest):
             self.assertEqual(shape.get("soft_falloff", False), soft == "True" and radius == "0.3", light)
             self.assertAlmostEqual(shape["radius"], float(radius), places=6)
 
-    def test_scales_stretch_the_cones_of_spots(self):
-        """Along x by 4, along y by 1: half the angle and the profile go by the tangent."""
+    def test_scaled_spot_cones(self):
+        """Scales of 4 and 1 act on the tangent of the half angle."""
         self.lamp("SPOT", name="elliptic", spot_size=np.pi / 4, spot_blend=0.0)
         self.lamp("SPOT", name="narrow", spot_size=np.pi / 2, spot_blend=0.0)
         self.lamp("SPOT", name="even", spot_size=np.pi / 4, spot_blend=0.5)
@@ -371,7 +371,7 @@ class BesideTest(SceneTest):
             edge = np.interp(0.5, row[::-1], down[::-1])
             self.assertAlmostEqual(edge, np.degrees(np.arctan(factor * tangent)), delta=0.4, msg=f"{longitude}")
 
-    def test_area_lights_that_are_skewed_stand_upright(self):
+    def test_skewed_area_lights(self):
         self.lamp("AREA", shape="RECTANGLE", size=0.5, size_y=2.0)
         (lamp,) = (obj for obj in self.scene.objects if obj.type == "LIGHT")
         lamp.parent = bpy.data.objects.new("stretched", None)
@@ -379,7 +379,7 @@ class BesideTest(SceneTest):
         lamp.parent.scale, lamp.location, lamp.rotation_euler = (2, 1, 1), (0.5, 0, 3), (0, 0, np.pi / 4)
         bpy.ops.mesh.primitive_cube_add(size=1)
         settings, answer = self.export()
-        self.assertEqual([text for _, text in answer["warnings"]], ["is skewed by the scale of its parent: the nearest rectangle shines instead"])
+        self.assertEqual([text for _, text in answer["warnings"]], ["this light is skewed by the scale of its parent: it is replaced by a rectangle"])
         # Edges that are as long as before, along the diagonals of the axes: y is Blender's z.
         u, v, w, place = np.array(settings["lights"][0]["transform"][0]["matrix"]).reshape(4, 4).T[:, :3]
         np.testing.assert_allclose(place, (1, 3, 0), atol=1e-6)
@@ -387,7 +387,7 @@ class BesideTest(SceneTest):
         np.testing.assert_allclose(u, (1.25**0.5, 0, -(1.25**0.5)), rtol=1e-5)
         np.testing.assert_allclose(v, (-(1.25**0.5), 0, -(1.25**0.5)), rtol=1e-5)
 
-    def test_lamps_that_are_scaled_to_nothing_cost_no_picture(self):
+    def test_lights_with_a_scale_of_zero(self):
         for kind in ("POINT", "AREA"):
             self.lamp(kind)
             self.scene.objects[kind.lower()].scale = (0, 0, 0)
@@ -396,21 +396,21 @@ class BesideTest(SceneTest):
         self.assertEqual([place for place, _ in answer["warnings"]], ["area"])
 
     def profile(self, file):
-        """Angles and values of a profile: rows by longitude."""
+        """Polar angles and intensities of a profile, by azimuth."""
         lines = (self.folder / file).read_text().splitlines()[2:]
         rows, columns = (int(word) for word in lines[0].split()[3:5])
         down, around, *values = ([float(word) for word in line.split()] for line in lines[2:])
         self.assertEqual((len(down), len(around), len(values)), (rows, columns, columns))
         return np.array(down), np.array(around), np.array(values)
 
-    def test_trees_of_lamps_are_pictures_and_profiles(self):
-        # A screen is red where x is above the middle, seen along the axes of the lamp.
+    def test_node_trees_of_lights(self):
+        # An area light that is red for positive x in its own space.
         tree, emission, place, parts, half = self.lamp("AREA", "NewGeometry", "SeparateXYZ", "Math", size=2.0)
         half.operation, half.inputs[1].default_value = "GREATER_THAN", 0.5
         tree.links.new(place.outputs["Parametric"], parts.inputs[0])
         tree.links.new(parts.outputs[0], half.inputs[0])
         tree.links.new(half.outputs[0], emission.inputs["Strength"])
-        # A point that shines towards its own +x alone, with 3 times the strength.
+        # A point light that emits towards its own +x only, with 3 times the strength.
         tree, emission, place, parts, half, strength = self.lamp("POINT", "TexCoord", "SeparateXYZ", "Math", "Math")
         half.operation, half.inputs[1].default_value = "GREATER_THAN", 0.0
         strength.operation, strength.inputs[1].default_value = "MULTIPLY", 3.0
@@ -437,7 +437,7 @@ class BesideTest(SceneTest):
         np.testing.assert_allclose(beside[turned < 89], 1, atol=0.01)
         np.testing.assert_allclose(beside[turned > 91], 0, atol=0.01)
 
-    def test_light_that_falls_off_otherwise_is_right_where_things_are(self):
+    def test_light_falloff_nodes(self):
         tree, emission, falloff = self.lamp("POINT", "LightFalloff")
         falloff.inputs["Strength"].default_value = 2.0
         tree.links.new(falloff.outputs["Constant"], emission.inputs["Strength"])
@@ -445,10 +445,10 @@ class BesideTest(SceneTest):
         settings, answer = self.export()
         (light,) = settings["lights"]
         self.assertAlmostEqual(light["point"]["power"], 10 * 2 * 5**2, delta=2)
-        self.assertIn("as bright as in Blender 5 m away", answer["warnings"][0][1])
+        self.assertIn("right at a distance of 5 m", answer["warnings"][0][1])
 
     def composed(self):
-        """The scene's compositor with its Render Layers and what it ends in."""
+        """A new compositing tree, its Render Layers and its output node."""
         if hasattr(self.scene, "compositing_node_group"):
             tree = bpy.data.node_groups.new("composed", "CompositorNodeTree")
             tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
@@ -461,16 +461,16 @@ class BesideTest(SceneTest):
             end = tree.nodes.new("CompositorNodeComposite")
         return tree, tree.nodes.new("CompositorNodeRLayers"), end
 
-    def test_light_and_faces_that_cycles_makes_otherwise_are_told(self):
+    def test_warnings_of_fast_gi_and_adaptive_subdivision(self):
         told = lambda kind: " ".join(message for _, message in self.export()[1][kind])
         plane, cycles = self.add_plane(None, "Sea"), self.scene.cycles
         fine = plane.modifiers.new("Fine", "SUBSURF")
         for kind in ("warnings", "notes"):
-            for word in ("fast approximation", "adaptive subdivision"):
+            for word in ("Fast GI", "adaptive subdivision"):
                 self.assertNotIn(word, told(kind))
         cycles.use_fast_gi = True
         self.scene.render.resolution_x = self.scene.render.resolution_y = 64
-        # Blender 5 and newer, or older ones.
+        # Since Blender 5.0, and before.
         if hasattr(fine, "use_adaptive_subdivision"):
             fine.use_adaptive_subdivision = True
         else:
@@ -479,7 +479,7 @@ class BesideTest(SceneTest):
         self.assertEqual([place for place, _ in answer["warnings"]], [""])
         self.assertEqual([place for place, text in answer["notes"] if "adaptive subdivision" in text], ["Sea"])
 
-    def test_adaptive_subdivision_is_as_fine_as_the_camera_sees(self):
+    def test_adaptive_subdivision_levels(self):
         plane, cycles, eye = self.add_plane(None, "Sea"), self.scene.cycles, self.scene.camera
         fine = plane.modifiers.new("Fine", "SUBSURF")
         fine.subdivision_type = "SIMPLE"
@@ -494,7 +494,7 @@ class BesideTest(SceneTest):
             fine.adaptive_pixel_size = size
             self.assertEqual(faces(), 2 * 4**levels, size)
 
-    def test_worlds_are_off_where_view_layers_say_so(self):
+    def test_view_layers_without_environment(self):
         self.scene.world = bpy.data.worlds.new("grey")
         self.scene.world.use_nodes = True
         found = lambda: self.export()[0]["environment"]["background"]
@@ -502,21 +502,21 @@ class BesideTest(SceneTest):
         self.scene.view_layers[0].use_sky = False
         self.assertEqual(found(), [0.0] * 3)
 
-    def test_matrices_end_in_the_row_that_they_must_have(self):
+    def test_last_row_of_matrices(self):
         plane = self.add_plane(None, "Tilted")
         plane.parent = bpy.data.objects.new("holder", None)
         self.scene.collection.objects.link(plane.parent)
         plane.matrix_parent_inverse[3][3] = 0.9999999
         self.assertEqual(self.export()[0]["objects"][0]["transform"][0]["matrix"][12:], [0.0, 0.0, 0.0, 1.0])
 
-    def test_what_changes_the_picture_afterwards_is_named(self):
+    def test_warnings_of_compositing_and_sequencer(self):
         def told():
             answer = self.export()[1]
             return [" ".join(m for _, m in answer[kind]) for kind in ("warnings", "notes")]
 
         tree, layers, end = self.composed()
         tree.links.new(layers.outputs["Image"], end.inputs[0])
-        self.assertNotIn("compositor", told()[0])
+        self.assertNotIn("compositing", told()[0])
         glare = tree.nodes.new("CompositorNodeGlare")
         tree.links.new(layers.outputs["Image"], glare.inputs["Image"])
         tree.links.new(glare.outputs["Image"], end.inputs[0])
@@ -526,13 +526,13 @@ class BesideTest(SceneTest):
         strip = strips.new_effect(name="card", type="COLOR", channel=1, frame_start=1, **last)
         self.scene.view_layers[0].aovs.add().name = "wear"
         warnings = told()[0]
-        for lost in ("compositor", "sequencer", "'wear' of shaders"):
+        for lost in ("compositing", "sequencer", "AOV 'wear'"):
             self.assertIn(lost, warnings)
         glare.mute = strip.mute = True
-        for kept in ("compositor", "sequencer"):
+        for kept in ("compositing", "sequencer"):
             self.assertNotIn(kept, told()[0])
 
-    def test_light_ends_where_cycles_ends_it(self):
+    def test_limits_of_bounces_and_clamping(self):
         names = ("depth", "bounces", "clamp", "filter_glossy", "skip_caustics", "microfacet", "caught")
         cycles = self.scene.cycles
         found = lambda: {name: value for name, value in self.export()[0]["render"].items() if name in names}
@@ -547,7 +547,7 @@ class BesideTest(SceneTest):
         self.scene.render.engine = "BLENDER_EEVEE"
         self.assertEqual(found(), usual)
         self.scene.render.engine = "CYCLES"
-        # Clamps are before the film's exposure there, and of what is seen here.
+        # Cycles clamps before the film's exposure.
         cycles.film_exposure, cycles.sample_clamp_direct = 2.0, 3.0
         cycles.max_bounces, cycles.blur_glossy = 4, 0.0
         few = {"depth": 5, "bounces": {"volume": 1, "transparent": 9, "subsurface": 256}, "clamp": {"direct": 6.0, "indirect": 20.0}}
@@ -555,8 +555,8 @@ class BesideTest(SceneTest):
         cycles.caustics_refractive = False
         self.assertEqual(found(), {**few, "skip_caustics": {"refractive": True}})
 
-    def test_files_of_our_own_engine_have_its_limits(self):
-        """And what is there for the likeness to Cycles alone is not."""
+    def test_settings_of_the_add_on(self):
+        """Settings that imitate Cycles are missing."""
         rough, _, shader = shader_tree("rough")
         shader.distribution, shader.inputs["Metallic"].default_value = "GGX", 1.0
         self.add_plane(rough).is_shadow_catcher = True
@@ -568,12 +568,12 @@ class BesideTest(SceneTest):
             obj.cycles.shadow_terminator_geometry_offset = 0.0
         self.assertEqual(self.export()[0]["render"]["terminator"], "off")
         # As the add-on registers it, so that Blender keeps its name.
-        bpy.utils.register_class(context.Engine)
-        self.addCleanup(bpy.utils.unregister_class, context.Engine)
-        self.scene.render.engine = context.ENGINE
+        bpy.utils.register_class(final_render.Engine)
+        self.addCleanup(bpy.utils.unregister_class, final_render.Engine)
+        self.scene.render.engine = final_render.ENGINE
         self.assertFalse(names & set(self.export()[0]["render"]))
 
-    def test_pixels_that_are_not_square(self):
+    def test_pixel_aspect(self):
         render, eye = self.scene.render, self.scene.camera
         render.resolution_x, render.resolution_y = 120, 160
         eye.data.shift_x = 0.1

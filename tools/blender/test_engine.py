@@ -1,4 +1,4 @@
-"""Tries the render engine in Blender without a window.
+"""Tests the render engine in Blender without a window.
 
     python test_engine.py            with a Python that has bpy; OSCURA names the program
 
@@ -29,7 +29,7 @@ SAMPLES, DEPTH = 7, 5
 
 
 def extension_command(*arguments):
-    """Runs the script that `blender --command extension` runs."""
+    """The module behind `blender --command extension`."""
     tool = Path(bpy.utils.system_resource("SCRIPTS")) / "addons_core/bl_pkg/cli/blender_ext.py"
     return subprocess.run([sys.executable, str(tool), *map(str, arguments)], capture_output=True, text=True)
 
@@ -43,7 +43,7 @@ def build(folder):
 
 
 def make_scene():
-    """A plane, a lamp and a mirror ball, set up for our engine."""
+    """A plane, a light and a mirror ball for this render engine."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.preferences.addon_enable(module=MODULE)
     bpy.context.preferences.addons[MODULE].preferences.program = PROGRAM
@@ -103,7 +103,7 @@ class EngineTest(unittest.TestCase):
         self.engine._fill = noted
 
     def command_line(self, *more):
-        """The channels of what the program makes of the saved file."""
+        """The channels that the program renders from the saved file."""
         blend = self.folder / "scene.blend"
         picture = self.folder / ("####.exr" if "--frames" in more else "picture.exr")
         bpy.ops.wm.save_as_mainfile(filepath=str(blend), copy=True)
@@ -111,21 +111,21 @@ class EngineTest(unittest.TestCase):
         subprocess.run([*command, *more], check=True, capture_output=True)
         return self.exr.read(self.folder / "0002.exr" if "--frames" in more else picture)
 
-    def test_the_package_is_valid_and_whole(self):
+    def test_extension_package(self):
         for path in (self.package, HERE / "engine"):
             done = extension_command("validate", path)
             self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
         with zipfile.ZipFile(self.package) as package:
             packed = set(package.namelist())
             self.assertEqual(packed, {p.name for p in (HERE / "engine").iterdir() if p.is_file()})
-        # It would say so.
+        # The validation reports problems.
         broken = self.folder / "broken"
         shutil.copytree(HERE / "engine", broken, ignore=shutil.ignore_patterns("__pycache__"))
         manifest = broken / "blender_manifest.toml"
         manifest.write_text(manifest.read_text().replace('blender_version_min = "4.2.0"', ""))
         self.assertNotEqual(extension_command("validate", broken).returncode, 0)
 
-    def test_pictures_are_those_of_the_command_line_bit_for_bit(self):
+    def test_picture_equals_command_line(self):
         layer = self.scene.view_layers[0]
         layer.oscura.use_depth = layer.oscura.use_normal = layer.oscura.use_albedo = True
         bpy.ops.render.render()
@@ -136,14 +136,14 @@ class EngineTest(unittest.TestCase):
             np.testing.assert_array_equal(passes["Combined"][:, k], expected[letter].ravel())
         self.assertGreater(passes["Combined"].std(), 0.05)
         np.testing.assert_array_equal(passes["Depth"][:, 0], expected["Z"].ravel())
-        # Up is z in Blender: the plane's normal.
+        # The plane's normal is z in Blender.
         self.assertGreater(passes["Normal"][: 48 * 4, 2].mean(), 0.99)
-        # They arrive in Blender's own picture.
+        # The passes are in the render result.
         written = self.exr.read(self.saved_layers())
         for name, k in (("Combined.R", 0), ("Combined.B", 2), ("Depth.Z", 0), ("Normal.Z", 2), ("Albedo.G", 1)):
             ours = passes[name.split(".")[0]][:, k]
             np.testing.assert_array_equal(written[f"{layer.name}.{name}"].ravel(), ours)
-        # And leave the compositor's node.
+        # The compositing node has the same.
         tree = bpy.data.scenes.new("compositing")
         tree.use_nodes = True
         nodes = getattr(tree, "node_tree", None) or bpy.data.node_groups.new("compositing", "CompositorNodeTree")
@@ -152,7 +152,7 @@ class EngineTest(unittest.TestCase):
         outputs = {socket.name for socket in node.outputs if socket.enabled}
         self.assertLessEqual({"Image", "Depth", "Normal", "Albedo"}, outputs)
 
-    def test_all_passes_are_those_of_the_command_line_and_light_adds_up(self):
+    def test_passes_equal_command_line_and_add_up(self):
         layer = self.scene.view_layers[0]
         table = sys.modules[f"{MODULE}.passes"].TABLE
         for entry in table:
@@ -162,14 +162,14 @@ class EngineTest(unittest.TestCase):
         filled = self.filled[-1]
         self.assertEqual(set(filled), {"Combined", *(entry.name for entry in table)})
         for entry in table:
-            if not entry.is_direction:
+            if not entry.is_vector:
                 for k, channel in enumerate(entry.channels):
                     np.testing.assert_array_equal(filled[entry.name][:, k], expected[channel].ravel(), channel)
         light = ("DiffDir", "DiffInd", "GlossDir", "GlossInd", "TransDir", "TransInd", "Emit", "Env")
         np.testing.assert_allclose(sum(filled[name] for name in light), filled["Combined"][:, :3], rtol=1e-5, atol=1e-6)
         self.assertTrue(all(filled[name].any() for name in ("DiffDir", "DiffInd", "DiffCol", "Env")))
 
-    def test_mattes_reach_blenders_cryptomatte_node(self):
+    def test_cryptomatte_node(self):
         layer = self.scene.view_layers[0]
         layer.use_pass_cryptomatte_object, layer.pass_cryptomatte_depth = True, 4
         self.composite_matte("Sphere")
@@ -183,13 +183,13 @@ class EngineTest(unittest.TestCase):
         self.assertTrue(((truth > 0.1) & (truth < 0.9)).any())
         (written,) = self.folder.glob("matte*.exr")
         np.testing.assert_allclose(next(iter(self.exr.read(written).values())), truth, atol=1e-6)
-        texts = self.exr.texts(self.saved_layers())
+        texts = self.exr.header_strings(self.saved_layers())
         key = f"cryptomatte/{self.mattes.key_of(f'{layer.name}.CryptoObject')}"
         self.assertEqual(texts[f"{key}/name"], f"{layer.name}.CryptoObject")
         self.assertIn('"Sphere":"%08x"' % self.mattes.hashed(b"Sphere"), texts[f"{key}/manifest"])
 
     def composite_matte(self, name):
-        """Has Blender's own node write the matte of a name as it renders."""
+        """Renders a matte by Blender's Cryptomatte node."""
         if bpy.app.version >= (5, 0, 0):
             tree = self.scene.compositing_node_group = bpy.data.node_groups.new("mattes", "CompositorNodeTree")
         else:
@@ -229,14 +229,14 @@ class EngineTest(unittest.TestCase):
         bpy.data.images["Render Result"].save_render(str(saved))
         return saved
 
-    def test_the_files_settings_count(self):
+    def test_settings(self):
         self.scene.oscura.seed = 3
         first = self.command_line("--aov", "samples")
         self.assertEqual(set(first["samples"].ravel()), {SAMPLES})
         self.scene.oscura.seed = 4
         self.assertTrue((first["R"] != self.command_line()["R"]).any())
 
-    def test_noise_denoising_and_passes_of_the_file_count(self):
+    def test_noise_denoising_and_passes(self):
         settings = self.scene.oscura
         settings.samples, settings.noise = 512, 20.0
         self.scene.view_layers[0].oscura.use_samples = True
@@ -250,7 +250,7 @@ class EngineTest(unittest.TestCase):
         self.assertLess(noise(smooth), noise(rough))
         np.testing.assert_array_equal(self.command_line("--no-denoise")["R"], rough["R"])
 
-    def test_a_region_is_that_part_of_the_picture(self):
+    def test_render_region(self):
         render = self.scene.render
         render.use_border = True
         render.border_min_x, render.border_max_x, render.border_min_y, render.border_max_y = 0.25, 0.75, 0.5, 1.0
@@ -259,7 +259,7 @@ class EngineTest(unittest.TestCase):
         self.assertEqual(expected.shape, (18, 24))
         np.testing.assert_array_equal(self.filled[-1]["Combined"][:, 1], expected.ravel())
 
-    def test_each_view_layer_is_rendered(self):
+    def test_view_layers(self):
         ball = bpy.data.objects["Sphere"]
         aside = bpy.data.collections.new("aside")
         self.scene.collection.children.link(aside)
@@ -269,12 +269,12 @@ class EngineTest(unittest.TestCase):
         second.layer_collection.children["aside"].exclude = True
         self.scene.oscura.refresh = 1000
         bpy.ops.render.render()
-        # Finished pictures may be seen once more on the way.
+        # Updates may repeat a finished picture.
         with_ball, without = (self.filled[k]["Combined"][:, 0] for k in (0, -1))
         self.assertTrue((with_ball != without).any())
         np.testing.assert_array_equal(without, self.command_line("--view-layer", "Second")["R"].ravel())
 
-    def test_the_menu_exports_a_folder(self):
+    def test_export_operator(self):
         folder = self.folder / "exported"
         bpy.ops.export_scene.oscura(directory=str(folder))
         self.assertEqual({path.name for path in folder.iterdir()}, {"scene.mesh0.ply", "scene.mesh1.ply", "scene.toml", "scene.view"})
@@ -282,25 +282,25 @@ class EngineTest(unittest.TestCase):
             bpy.ops.export_scene.oscura(directory=str(folder))
         bpy.ops.export_scene.oscura(directory=str(folder), use_replace=True)
 
-    def test_cancelling_ends_the_program_and_keeps_what_is_there(self):
+    def test_cancel(self):
         self.scene.oscura.samples, self.scene.oscura.refresh = 1_000_000, 0.2
         engine = self.engine.Engine
         plain = engine.is_cancelled
-        # Once there are pictures and news.
+        # After the first pictures and messages.
         engine.is_cancelled = lambda _: len(self.filled) >= 2 and children[0].status
         children = []
-        start = self.engine.program.Child
-        self.engine.program.Child = lambda command: children.append(start(command)) or children[-1]
+        start = self.engine.program.Process
+        self.engine.program.Process = lambda command: children.append(start(command)) or children[-1]
         try:
             bpy.ops.render.render()
         finally:
             engine.is_cancelled = plain
-            self.engine.program.Child = start
+            self.engine.program.Process = start
         self.assertIsNotNone(children[0].process.returncode)
         self.assertGreaterEqual(len(self.filled), 3)
         self.assertGreater(self.filled[-1]["Combined"][:, :3].mean(), 0.01)
 
-    def test_errors_have_the_text_of_the_program(self):
+    def test_error_messages(self):
         bpy.context.preferences.addons[MODULE].preferences.program = "/nowhere/oscura"
         with self.assertRaisesRegex(RuntimeError, "there is no program /nowhere/oscura"):
             bpy.ops.render.render()
@@ -309,7 +309,7 @@ class EngineTest(unittest.TestCase):
         with self.assertRaisesRegex(RuntimeError, "camera 'Eye'"):
             bpy.ops.render.render()
 
-    def test_an_animation_has_its_frames(self):
+    def test_animation(self):
         ball = bpy.data.objects["Sphere"]
         for frame, place in ((1, 0.0), (2, 1.0)):
             ball.location.x = place

@@ -1,4 +1,4 @@
-"""Tries what the exporter writes of glass, black bodies and groups of lights, and what it keeps for the next time.
+"""Tests glass, blackbody, light groups, and the cache.
 
     python test_export.py            with a Python that has bpy
 """
@@ -14,7 +14,7 @@ from testing import main, run_exporter
 
 
 def make_scene(path, grey=0.5, height=0.0):
-    """Two grids of many corners in the model: one of noise, which is one with a picture; vertex colours on both."""
+    """Two meshes with a color attribute, one with a baked node and one with an image texture."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     picture = bpy.data.images.new("picture", 64, 64)
     picture.pixels[:] = np.random.default_rng(1).random(64 * 64 * 4).tolist()
@@ -39,12 +39,12 @@ def make_scene(path, grey=0.5, height=0.0):
 
 
 def contents(folder):
-    """The files that make the picture."""
+    """The exported files but the answer."""
     return {path.name: path.read_bytes() for path in folder.iterdir() if path.suffix in (".ply", ".exr", ".png", ".toml")}
 
 
 def make_glass(path):
-    """A ball of glass that absorbs, and a lamp with a black body's colour, both in groups of lights."""
+    """An absorbing glass sphere and a light with a Blackbody node, in light groups."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.mesh.primitive_uv_sphere_add()
     ball = bpy.context.object
@@ -91,12 +91,12 @@ class GlassTest(unittest.TestCase):
         red, green, blue = lamp["color"]
         self.assertTrue(red > 2 * green > 4 * blue, lamp["color"])
 
-    def test_absorption_black_bodies_and_groups(self):
+    def test_absorption_blackbody_and_light_groups(self):
         settings = self.export()
         self.check_lamp(settings)
         glass, (ball,) = settings["materials"]["glass"], settings["objects"]
         self.assertEqual((ball["light_group"], ball["materials"], glass["volume"]), ("balls_here", ["glass"], True))
-        # Of each metre: the density times what the colour lacks.
+        # Absorption: the density times one minus the color.
         np.testing.assert_allclose(glass["medium"]["density"], [0.0, 2.0, 3.0], rtol=1e-5)
         self.assertEqual(glass["medium"]["color"], [0.0] * 3)
         surface = glass["nodes"][glass["surface"]]
@@ -110,7 +110,7 @@ class KeptTest(unittest.TestCase):
         self.cache = self.folder / "cache"
 
     def export(self, *more):
-        """The files that come of the scene's."""
+        """The files of an export."""
         out = Path(tempfile.mkdtemp(dir=self.folder))
         run_exporter(self.folder / "scene.blend", out, "--bake", "32", *more)
         self.assertIsNone(json.loads((out / "answer.json").read_text())["error"])
@@ -120,10 +120,10 @@ class KeptTest(unittest.TestCase):
         return self.export("--cache", str(self.cache))
 
     def kept(self):
-        """What is kept: times of the last change by name."""
+        """The files in the cache, by name."""
         return {path.name: path.stat().st_ino for path in self.cache.iterdir()}
 
-    def test_what_is_kept_is_what_is_exported(self):
+    def test_cache_hits(self):
         make_scene(self.folder / "scene.blend")
         expected = self.export()
         self.assertEqual(self.cached(), expected)
@@ -132,17 +132,17 @@ class KeptTest(unittest.TestCase):
         self.assertTrue(all(name.endswith(".oscura") and len(name) == 39 for name in first))
         self.assertEqual(self.cached(), expected)
         self.assertEqual(self.kept(), first, "nothing was made again")
-        # The picture reaches the export as it is.
+        # The image is copied unchanged.
         self.assertIn((self.folder / "scene.png").read_bytes(), expected.values())
 
-    def test_what_changes_is_made_again(self):
+    def test_cache_misses(self):
         for change in ({}, {"grey": 0.25}, {"height": 0.5}):
             make_scene(self.folder / "scene.blend", **change)
             before = len(self.kept()) if self.cache.exists() else 0
             self.assertEqual(self.cached(), self.export())
             self.assertEqual(len(self.kept()), before + 1, change)
 
-    def test_damaged_files_are_made_again(self):
+    def test_damaged_cache_files(self):
         make_scene(self.folder / "scene.blend")
         expected = self.cached()
         for path in self.cache.iterdir():
@@ -150,7 +150,7 @@ class KeptTest(unittest.TestCase):
         self.assertEqual(self.cached(), expected)
         self.assertTrue(all(path.stat().st_size > 100 for path in self.cache.iterdir()))
 
-    def test_a_folder_that_takes_nothing_is_no_reason_to_end(self):
+    def test_unwritable_cache(self):
         make_scene(self.folder / "scene.blend")
         self.cache.write_text("no folder")
         self.assertEqual(self.cached(), self.export())

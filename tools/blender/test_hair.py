@@ -1,4 +1,4 @@
-"""Tries what strands of particles and Curves objects become.
+"""Tests hair particles and Curves objects.
 
     python test_hair.py              with a Python that has bpy
 """
@@ -9,12 +9,12 @@ import bpy
 import numpy as np
 from testing import SceneTest, main, shader_tree
 
-from oscura_blender import strand_colors
+from oscura_blender import hair_colors
 
 
 class HairTest(SceneTest):
     def strands(self, entry):
-        """The points of a file, how many each strand has, their radii, and their colours, None without."""
+        """The points of a file, the counts of strands, radii, and colors or None."""
         data = (self.folder / entry["file"]).read_bytes()
         _, count, points, arrays = struct.unpack("<4sIII", data[:16])
         counts = np.frombuffer(data, "<u2", count, 128).astype(int) + 1
@@ -24,7 +24,7 @@ class HairTest(SceneTest):
         return places.reshape(-1, 3), counts, thickness / 2, rest.reshape(-1, 3) if arrays & 16 else None
 
     def grow(self, material, count=40):
-        """Hair of 5 points on a square of 2, whose texture coordinates go from 0 to 1."""
+        """Hair with 5 points on a plane of size 2 with a UV map."""
         bpy.ops.mesh.primitive_plane_add(size=2)
         body = bpy.context.object
         body.data.materials.append(bpy.data.materials.new("skin"))
@@ -34,7 +34,7 @@ class HairTest(SceneTest):
         system.settings.render_step, system.settings.material = 2, 2
 
     def painted(self, kind, paint):
-        """The settings of hair of a shader that `paint` changes, its points, and their colours."""
+        """Settings, points and colors of hair with a shader that `paint` changes."""
         material, tree, principled, shader = shader_tree("fibre", kind)
         tree.links.new(shader.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
         paint(tree, shader)
@@ -54,17 +54,17 @@ class HairTest(SceneTest):
         self.assertEqual(settings["color"], [1.0] * 3)
         np.testing.assert_allclose(colors, np.broadcast_to(np.linspace(0, 1, 5)[:, None], colors.shape), atol=0.01)
 
-    def test_colors_of_the_place_where_strands_grow(self):
+    def test_colors_of_roots(self):
         for output in ("UV", "Generated"):
             with self.subTest(output):
                 self.setUp()
                 link = lambda tree, shader: tree.links.new(tree.nodes.new("ShaderNodeTexCoord").outputs[output], shader.inputs["Color"])
                 _, points, colors = self.painted("BsdfDiffuse", link)
-                # The model's z is the other way round.
+                # The scene file's z axis is Blender's -y.
                 roots = points[:, :1, [0, 2]] * (1, -1) * 0.5 + 0.5
                 np.testing.assert_allclose(colors[..., :2], np.broadcast_to(roots, (40, 5, 2)), atol=2e-3)
 
-    def test_pigment_by_chance(self):
+    def test_random_melanin(self):
         def paint(_, shader):
             shader.parametrization = "MELANIN"
             shader.inputs["Melanin"].default_value, shader.inputs["Melanin Redness"].default_value = 0.4, 0.25
@@ -72,14 +72,14 @@ class HairTest(SceneTest):
 
         settings, _, colors = self.painted("BsdfHairPrincipled", paint)
         self.assertEqual(settings["color"], [1.0] * 3)
-        amounts = np.log(colors[:, 0]) ** 2 / strand_colors._steepness(0.3) ** 2
+        amounts = np.log(colors[:, 0]) ** 2 / hair_colors._log_color_slope(0.3) ** 2
         units = 0.75 * np.array([0.506, 0.841, 1.653]) + 0.25 * np.array([0.343, 0.733, 1.924])
         melanin = 1 - np.exp(-amounts / units)
-        expected = 0.4 * (1 + 0.5 * (2 * strand_colors.random(40) - 1))
+        expected = 0.4 * (1 + 0.5 * (2 * hair_colors.random(40) - 1))
         np.testing.assert_allclose(melanin, np.repeat(expected[:, None], 3, 1), atol=1e-4)
         self.assertGreater(np.ptp(expected), 0.3)
 
-    def test_hair_becomes_strands(self):
+    def test_particle_hair(self):
         made = bpy.data.hair_curves.new("Curves")
         made.add_curves([3, 2])
         points = [(0, 0, 0), (0, 0, 1), (0, 1, 1), (1, 0, 0), (1, 0, 2)]
@@ -119,14 +119,14 @@ class HairTest(SceneTest):
         np.testing.assert_allclose(np.linalg.norm(roots, axis=1), 1, atol=0.03)
         np.testing.assert_allclose(np.linalg.norm(tips - roots, axis=1), 0.5, rtol=0.05)
         np.testing.assert_allclose(radii[:5], [0.05, 0.04375, 0.0375, 0.03125, 0], rtol=0.01)
-        # The slot of the strands has no faces.
+        # The material of strands is on no face.
         (sphere,) = (entry for entry in settings["objects"] if entry["name"] == "Sphere")
         self.assertEqual(sphere["materials"], ["skin", "default"])
         self.assertEqual(set(settings["materials"]), {reed["material"], "skin", "default"})
         self.assertFalse(answer["warnings"])
 
-    def test_strands_that_are_cut_end_where_they_are_cut(self):
-        """Half as long, and as thick there as whole ones at their tips; parents aren't shown beside their children."""
+    def test_cut_strands(self):
+        """Cut strands have half the length and the radius of uncut tips; parents aren't rendered with children."""
         material, tree, _, shader = shader_tree("fibre", "BsdfDiffuse")
         tree.links.new(shader.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
         self.grow(material)

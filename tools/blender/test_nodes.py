@@ -1,4 +1,4 @@
-"""Materials that oscura evaluates: node trees as graphs, meshes as files of their own, in the graph of a final render.
+"""Tests node trees of materials and worlds, attributes and baking.
 
     python test_nodes.py        with a Python that has bpy
 """
@@ -19,10 +19,10 @@ class NodesTest(SceneTest):
         return super().export(*more)[0]
 
     def vertices(self, settings, number):
-        """The head of a mesh's file and its columns of vertices."""
+        """The header of a mesh file and its vertices."""
         return read_ply(self.folder / settings["objects"][number]["mesh"])[:2]
 
-    def test_trees_are_written_as_they_are(self):
+    def test_node_trees(self):
         material, tree, shader, noise, ramp, place = shader_tree("rust", "TexNoise", "ValToRGB", "TexCoord")
         tree.links.new(place.outputs["Object"], noise.inputs["Vector"])
         tree.links.new(noise.outputs[0], ramp.inputs[0])
@@ -40,7 +40,7 @@ class NodesTest(SceneTest):
         self.assertTrue(noise["vector"].endswith(".object"))
         self.assertEqual(settings["objects"][0]["materials"], ["rust"])
 
-    def test_textures_have_mappings_of_their_own(self):
+    def test_texture_mappings(self):
         material, tree, shader, noise, place = shader_tree("old", "TexNoise", "TexCoord")
         tree.links.new(place.outputs["Object"], noise.inputs["Vector"])
         tree.links.new(noise.outputs[0], shader.inputs["Base Color"])
@@ -56,7 +56,7 @@ class NodesTest(SceneTest):
         self.assertEqual([axes[axis] for axis in "xyz"], [axes["x"], axes["x"], 0.0])
         self.assertTrue(fed({"x": axes["x"]}, "x")["vector"].endswith(".object"))
 
-    def test_constant_colours_are_numbers_by_their_luminance(self):
+    def test_conversion_of_constants(self):
         material, tree, shader, color = shader_tree("one", "RGB")
         color.outputs[0].default_value = (1.0, 0.5, 0.0, 1.0)
         tree.links.new(color.outputs[0], shader.inputs["Roughness"])
@@ -67,7 +67,7 @@ class NodesTest(SceneTest):
         self.assertEqual(surface["base_color"], [1.0, 0.5, 0.0])
         self.assertAlmostEqual(surface["roughness"], 0.2126729 + 0.5 * 0.7151522, places=5)
 
-    def test_rendered_worlds_are_kept(self):
+    def test_cached_worlds(self):
         world = bpy.data.worlds.new("sky")
         bpy.context.scene.world = world
         world.use_nodes = True
@@ -90,7 +90,7 @@ class NodesTest(SceneTest):
         self.export("--cache", str(cache))
         self.assertNotEqual(picture.read_bytes(), first)
 
-    def test_pictures_of_what_is_seen_and_of_what_lights_are_two(self):
+    def test_light_path_in_rendered_worlds(self):
         world = bpy.data.worlds.new("paper")
         bpy.context.scene.world = world
         world.use_nodes = True
@@ -112,7 +112,7 @@ class NodesTest(SceneTest):
         lit, seen = (bpy.data.images.load(str(file)) for file in files)
         self.assertAlmostEqual(np.mean(lit.pixels[:][0::4]) / np.mean(seen.pixels[:][0::4]), 0.1, places=2)
 
-    def test_worlds_are_textures(self):
+    def test_world_textures(self):
         world = bpy.data.worlds.new("sky")
         bpy.context.scene.world = world
         world.use_nodes = True
@@ -143,7 +143,7 @@ class NodesTest(SceneTest):
         tree.links.new(tree.nodes.new("ShaderNodeRGB").outputs[0], background.inputs["Color"])
         self.assertEqual(len(self.export()["environment"]["background"]), 3)
 
-    def test_suns_of_skies_are_lights(self):
+    def test_sun_of_sky_textures(self):
         world = bpy.data.worlds.new("sky")
         bpy.context.scene.world = world
         world.use_nodes = True
@@ -163,13 +163,13 @@ class NodesTest(SceneTest):
         background.inputs["Strength"].default_value = 0.5
         grey = self.export()["environment"]["sun"]["irradiance"]
         np.testing.assert_allclose(grey, [max(plain["irradiance"]) / 2] * 3, rtol=1e-3)
-        # What the horizon cuts is no light.
+        # A sun at the horizon is no light.
         sky.sun_elevation = 0.0
         self.assertNotIn("sun", self.export()["environment"])
         sky.sun_elevation, sky.sun_disc = math.radians(30), False
         self.assertNotIn("sun", self.export()["environment"])
 
-    def test_groups_reroutes_and_muted_nodes_are_resolved(self):
+    def test_groups_reroutes_and_muted_nodes(self):
         inner = bpy.data.node_groups.new("inner", "ShaderNodeTree")
         inner.interface.new_socket("Amount", in_out="INPUT", socket_type="NodeSocketFloat").default_value = 0.25
         inner.interface.new_socket("Result", in_out="OUTPUT", socket_type="NodeSocketFloat")
@@ -194,7 +194,7 @@ class NodesTest(SceneTest):
         self.assertEqual([value["operation"] for value in values], ["multiply", "multiply"])
         np.testing.assert_allclose([value["a"] for value in values], [0.25, 0.4], atol=1e-6)
 
-    def test_what_has_no_surface_is_black_and_colours_shine(self):
+    def test_materials_without_surface_and_color_as_surface(self):
         bare = bpy.data.materials.new("bare")
         bare.use_nodes = True
         bare.node_tree.nodes.clear()
@@ -217,7 +217,7 @@ class NodesTest(SceneTest):
         self.assertEqual(shown["type"], "emission")
         np.testing.assert_allclose(shown["color"], [0.1, 0.5, 0.9], atol=1e-6)
 
-    def test_attributes_that_nodes_read_go_along(self):
+    def test_attributes(self):
         material, tree, shader, first, second = shader_tree("painted", "UVMap", "VertexColor")
         first.uv_map, second.layer_name = "other", "paint"
         tree.links.new(first.outputs[0], shader.inputs["Emission Color"])
@@ -233,7 +233,7 @@ class NodesTest(SceneTest):
         self.assertEqual(sorted(named), ["other", "paint"])
         self.assertEqual(len(values["x"]), 4)
 
-    def test_originals_that_are_hidden_and_meshes_that_are_edited_are_shown(self):
+    def test_hidden_originals_and_edit_mode(self):
         material, *_ = shader_tree("grey")
         hidden = bpy.data.collections.new("originals")
         hidden.hide_render = hidden.hide_viewport = True
@@ -255,7 +255,7 @@ class NodesTest(SceneTest):
         _, values = self.vertices(settings, number)
         self.assertEqual((values["z"].min(), values["z"].max()), (-1, 1))
 
-    def test_images_whose_files_are_missing_are_magenta(self):
+    def test_missing_images(self):
         material, tree, shader, node, alpha = shader_tree("lost", "TexImage", "TexImage")
         picture = bpy.data.images.new("picture", 8, 8)
         picture.filepath_raw, picture.file_format = str(self.folder / "picture.png"), "PNG"
@@ -280,7 +280,7 @@ class NodesTest(SceneTest):
         self.assertNotIn("normal", found["empty"]["nodes"][found["empty"]["surface"]])
         self.assertEqual(warnings(), ["images whose files are missing are magenta, as in Blender: 'picture.png'"])
 
-    def test_missing_images_end_where_they_are_clipped(self):
+    def test_missing_images_with_clip(self):
         material, tree, shader, node = shader_tree("lost", "TexImage")
         picture = bpy.data.images.new("picture", 8, 8)
         picture.filepath_raw, picture.file_format = str(self.folder / "picture.png"), "PNG"
@@ -295,7 +295,7 @@ class NodesTest(SceneTest):
         found = bpy.data.images.load(str(self.folder / image["file"]))
         self.assertEqual((tuple(found.size), list(found.pixels)), ((1, 1), [1.0, 0.0, 1.0, 1.0]))
 
-    def test_constants_of_arithmetic_reach_inputs_that_may_not_vary(self):
+    def test_constant_folding(self):
         material, tree, shader, half = shader_tree("wax", "Math")
         half.operation, half.inputs[0].default_value, half.inputs[1].default_value = "MULTIPLY", 1.5, 0.5
         tree.links.new(half.outputs[0], shader.inputs["Subsurface Weight"])
@@ -304,8 +304,8 @@ class NodesTest(SceneTest):
         mix = table["nodes"][table["surface"]]
         self.assertEqual((mix["type"], mix["factor"]), ("mix_shader", 0.75))
 
-    def test_what_is_not_evaluated_is_baked_and_told(self):
-        """The occlusion of a plane that half of a wall stands on, within a group; its normals by Bevel are signed."""
+    def test_baked_nodes(self):
+        """Ambient Occlusion in a group, and signed normals of Bevel."""
         inner = bpy.data.node_groups.new("nooks", "ShaderNodeTree")
         inner.interface.new_socket("Shade", in_out="OUTPUT", socket_type="NodeSocketFloat")
         occlusion, end = inner.nodes.new("ShaderNodeAmbientOcclusion"), inner.nodes.new("NodeGroupOutput")

@@ -1,4 +1,4 @@
-"""Tries what the exporter knows of meshes before they change their shape.
+"""Tests cameras, meshes of final renders, generated coordinates and view layers.
 
     python test_shapes.py            with a Python that has bpy
 """
@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 from testing import SceneTest, main, shader_tree
 
-from oscura_blender import camera, context, undeformed
+from oscura_blender import camera, final_render, generated_coordinates
 
 
 class ShapesTest(SceneTest):
@@ -23,7 +23,7 @@ class ShapesTest(SceneTest):
         return made
 
     def stretch(self, obj, axis, factor, share):
-        """Gives an object a key that stretches its mesh along an axis, in force by a share."""
+        """Adds a shape key that stretches a mesh along an axis, with a value."""
         obj.shape_key_add(name="Basis")
         key = obj.shape_key_add(name="Stretched")
         for point in key.data:
@@ -31,22 +31,22 @@ class ShapesTest(SceneTest):
         key.value = share
 
     def patterned(self):
-        """A material of noise by generated coordinates, which are looked up where nothing is linked."""
+        """A material with a noise texture without a linked vector."""
         material, tree, shader, line, noise = shader_tree("pattern", "TexNoise", "TexNoise")
-        # It has no coordinates.
+        # The mesh has no UV map.
         line.noise_dimensions = "1D"
         tree.links.new(line.outputs[0], shader.inputs["Roughness"])
         tree.links.new(noise.outputs[0], shader.inputs["Base Color"])
         return material
 
-    def test_cameras_of_any_focal_length_have_an_angle(self):
+    def test_extreme_focal_lengths(self):
         lens = SimpleNamespace(type="PERSP", sensor_fit="AUTO", sensor_width=36.0, sensor_height=24.0, clip_start=0.1, clip_end=100.0)
         for focal_length in (50.0, 1e30, math.inf):
             lens.lens = focal_length
-            self.assertTrue(0 < camera.projection(lens, self.scene)["vfov"] < 180, focal_length)
+            self.assertTrue(0 < camera._projection(lens, 160, 120)["vfov"] < 180, focal_length)
 
-    def test_sensors_of_fisheyes_have_the_shape_of_the_picture(self):
-        """By pixels that are wider than high, too."""
+    def test_fisheye_sensor(self):
+        """Also with a pixel aspect."""
         render, data = self.scene.render, self.scene.camera.data
         render.resolution_x, render.resolution_y, render.pixel_aspect_x = 200, 100, 1.5
         data.type, data.sensor_fit, data.sensor_height = "PANO", "VERTICAL", 20
@@ -54,8 +54,8 @@ class ShapesTest(SceneTest):
         settings.panorama_type = "FISHEYE_EQUISOLID"
         self.assertEqual(self.export()[0]["camera"][0]["sensor"], [60, 20])
 
-    def test_keys_and_modifiers_that_make_vertices(self):
-        """A key that widens a cube, then a subdivision: the model is as wide as the evaluated mesh, once."""
+    def test_shape_keys_and_subdivision(self):
+        """The exported mesh is the evaluated one, with the shape key applied once."""
         cube = self.add("cube", "Cube", self.patterned(), size=2)
         self.stretch(cube, 0, 3, 0.5)
         cube.modifiers.new("Fine", "SUBSURF").render_levels = 2
@@ -68,7 +68,7 @@ class ShapesTest(SceneTest):
         places = self.mesh(settings, "Cube")["x"]
         np.testing.assert_allclose((places.max(), places.min()), (wide, -wide), rtol=1e-5)
 
-    def test_generated_coordinates_are_those_before_the_shape(self):
+    def test_undeformed_generated_coordinates(self):
         pattern = self.patterned()
         row = self.add("cube", "Row", pattern, size=2)
         array = row.modifiers.new("Array", "ARRAY")
@@ -95,17 +95,17 @@ class ShapesTest(SceneTest):
             for instance in graph.object_instances:
                 if instance.object.type == "MESH":
                     mesh = instance.object.data.copy()
-                    undeformed.settle(mesh, instance.object)
-                    if (layer := mesh.attributes.get(undeformed.ATTRIBUTE)) is not None:
+                    generated_coordinates.add_undeformed(mesh, instance.object)
+                    if (layer := mesh.attributes.get(generated_coordinates.ATTRIBUTE)) is not None:
                         values = np.empty(3 * len(mesh.vertices), np.float32)
                         layer.data.foreach_get("vector", values)
                         found[instance.object.name] = values.reshape(-1, 3)
 
-        bpy.utils.register_class(context.Engine)
-        self.addCleanup(bpy.utils.unregister_class, context.Engine)
-        context.in_final_render(self.scene, self.scene.view_layers[0], look)
+        bpy.utils.register_class(final_render.Engine)
+        self.addCleanup(bpy.utils.unregister_class, final_render.Engine)
+        final_render.run(self.scene, self.scene.view_layers[0], look)
         self.assertEqual(set(found), {"Row", "Bent", "Half", "Made"})
-        # A mesh that nodes make has its own extent.
+        # A mesh by geometry nodes has its own texture space.
         np.testing.assert_allclose((found["Made"].min(0), found["Made"].max(0)), [(0, 0, 0), (1, 1, 1)], atol=1e-5)
         corners = np.array([vertex.co for vertex in plain.data.vertices]) * 0.5 + 0.5
         # The second is one and a half lengths away; the mirrored half is three lengths away from the other.
@@ -116,7 +116,7 @@ class ShapesTest(SceneTest):
         self.assertEqual([scene.name for scene in bpy.data.scenes], [self.scene.name])
         self.assertEqual(len(bpy.data.objects), 7)
 
-    def test_shader_to_rgb_is_none_as_in_cycles(self):
+    def test_shader_to_rgb(self):
         material, tree, shader, made = shader_tree("toon", "ShaderToRGB")
         glow = tree.nodes.new("ShaderNodeEmission")
         tree.links.new(glow.outputs[0], made.inputs[0])
@@ -128,8 +128,8 @@ class ShapesTest(SceneTest):
         self.assertEqual(found["base_color"], [0.25, 0.5, 0.75])
         self.assertTrue(any("Shader to RGB" in str(warning) for warning in answer["warnings"]), answer)
 
-    def test_patterns_do_not_follow_what_deforms(self):
-        """The left half is red, the right one green, of a mesh of two faces whose right edge is moved away."""
+    def test_generated_coordinates_of_deformed_meshes(self):
+        """The left half is red and the right one green, of two faces whose right edge is moved."""
         material, tree, shader, place, parts, ramp = shader_tree("halves", "TexCoord", "SeparateXYZ", "ValToRGB")
         ramp.color_ramp.interpolation = "CONSTANT"
         for element, position, color in zip(ramp.color_ramp.elements, (0, 0.5), ((1, 0, 0, 1), (0, 1, 0, 1))):
@@ -150,8 +150,8 @@ class ShapesTest(SceneTest):
         np.testing.assert_allclose(mesh["a0_0"], np.where(mesh["x"] > 1, 1, mesh["x"] / 2 + 0.5), atol=1e-6)
         self.assertEqual(mesh["x"].max(), 7)
 
-    def test_shapes_are_those_of_final_renders(self):
-        """An ocean, a screw and a surface are finer than in the viewport; nodes ask whether they are shown there."""
+    def test_render_settings_of_modifiers(self):
+        """Ocean, Screw and Subdivision have render levels; the Is Viewport node is false."""
         sea, spring, asking = (self.add("plane", name, None) for name in ("Sea", "Spring", "Asking"))
         ocean = sea.modifiers.new("Ocean", "OCEAN")
         ocean.resolution, ocean.viewport_resolution = 4, 2
@@ -184,8 +184,8 @@ class ShapesTest(SceneTest):
         self.assertGreater(count["Asking"], 4)
 
     @unittest.skipIf(bpy.app.version < (4, 5), "Blender has no normals that are free of their edges")
-    def test_custom_normals_count_by_vertex(self):
-        """Cycles has one normal for each vertex between sharp edges: where corners have others, the last one's."""
+    def test_custom_normals(self):
+        """Cycles has one normal for each vertex between sharp edges: that of the last corner."""
         leaning = [(0, 0, 1)] * 4 + [(0.6, 0, 0.8)] * 4
         for is_sharp in (True, False):
             mesh = bpy.data.meshes.new("fold")
@@ -203,7 +203,7 @@ class ShapesTest(SceneTest):
             self.assertEqual(found, outer[0] + middle + outer[1])
             bpy.data.objects.remove(obj)
 
-    def test_instances_on_vertices_and_faces_replace_their_original(self):
+    def test_instancing_on_vertices_and_faces(self):
         base = self.add("plane", "Base", None, size=4)
         self.add("cube", "Leaf", None, size=0.1).parent = base
         for kind, count in (("VERTS", 4), ("FACES", 1), ("NONE", 1)):
@@ -213,8 +213,8 @@ class ShapesTest(SceneTest):
             self.assertEqual(len(of_leaves), count, names)
             self.assertEqual("Leaf" in of_leaves, kind == "NONE", names)
 
-    def test_collections_for_indirect_light_are_unseen(self):
-        """Also what is in another collection as well, and instances that an object in there makes."""
+    def test_indirect_only(self):
+        """Also for objects in several collections, and for instances."""
         for name in ("Seen", "Unseen", "Inside"):
             collection = bpy.data.collections.new(name)
             if name != "Inside":
@@ -237,8 +237,8 @@ class ShapesTest(SceneTest):
         self.assertEqual(len(shown), 5)
         self.assertEqual(rays, {name: ["diffuse", "glossy", "transmission", "volume", "shadow"] for name in ("b", "c", "of Unseen/d")})
 
-    def test_view_layers_show_what_is_in_them(self):
-        """Also one that isn't in use, and the others are afterwards as they were."""
+    def test_view_layers(self):
+        """Also one that isn't used for rendering, without changes of the others."""
         aside = bpy.data.collections.new("Aside")
         self.scene.collection.children.link(aside)
         ball = self.add_plane(None, "Ball")
@@ -249,12 +249,12 @@ class ShapesTest(SceneTest):
         second.layer_collection.children["Aside"].exclude, second.use = True, False
         for more, expected in (((), {"Ball", "Floor"}), (("--view-layer", "Second"), {"Floor"})):
             self.assertEqual(set(self.placed(self.export(*more)[0])), expected, more)
-        bpy.utils.register_class(context.Engine)
-        self.addCleanup(bpy.utils.unregister_class, context.Engine)
-        shown = context.in_final_render(self.scene, second, lambda graph: [obj.name for obj in graph.objects if obj.type == "MESH"])
+        bpy.utils.register_class(final_render.Engine)
+        self.addCleanup(bpy.utils.unregister_class, final_render.Engine)
+        shown = final_render.run(self.scene, second, lambda graph: [obj.name for obj in graph.objects if obj.type == "MESH"])
         self.assertEqual((shown, [layer.use for layer in self.scene.view_layers]), (["Floor"], [True, False]))
 
-    def test_texture_coordinates_that_a_mesh_lacks_are_the_origin(self):
+    def test_missing_uv_maps(self):
         material, tree, shader, picture, place = shader_tree("label", "TexImage", "UVMap")
         picture.image, place.uv_map = bpy.data.images.new("picture", 4, 4), "nowhere"
         picture.image.pack()

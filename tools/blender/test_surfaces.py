@@ -1,4 +1,4 @@
-"""Tries what meshes and materials become where glTF has something else, and what lights are linked to.
+"""Tests meshes, shaders, worlds and light linking.
 
     python test_surfaces.py            with a Python that has bpy
 """
@@ -11,7 +11,7 @@ import bmesh  # isort: skip (bpy puts it on the path)
 
 
 def _points_of(radius, material):
-    """Nodes that make points of vertices, of radii by an attribute."""
+    """Geometry nodes that turn vertices into points with radii by an attribute."""
     group = bpy.data.node_groups.new("Points", "GeometryNodeTree")
     for way in ("INPUT", "OUTPUT"):
         group.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
@@ -27,7 +27,7 @@ def _points_of(radius, material):
 
 
 class SurfacesTest(SceneTest):
-    """What meshes and materials become."""
+    """Tests meshes and materials."""
 
     def add(self, kind, material, **settings):
         getattr(bpy.ops.mesh, f"primitive_{kind}_add")(**settings)
@@ -35,7 +35,7 @@ class SurfacesTest(SceneTest):
         made.data.materials.append(material)
         return made
 
-    def test_curves_texts_and_metaballs_come_once(self):
+    def test_curves_texts_and_metaballs(self):
         text = bpy.data.curves.new("Text", "FONT")
         text.body, text.extrude = "o", 0.1
         ring = bpy.data.curves.new("Ring", "CURVE")
@@ -50,8 +50,8 @@ class SurfacesTest(SceneTest):
         settings, _ = self.export()
         self.assertEqual([entry["name"] for entry in sorted(settings["objects"], key=lambda entry: entry["name"])], ["Balls", "Ring", "Text"])
 
-    def test_points_become_small_spheres_with_their_attributes(self):
-        """A cloud by nodes: 30 corners of a grid, of two radii and with a colour of their own."""
+    def test_point_clouds(self):
+        """A point cloud by geometry nodes: 30 points of two radii, with colors."""
         paint, tree, shader, attribute = shader_tree("paint", "Attribute")
         attribute.attribute_name = "shade"
         tree.links.new(attribute.outputs["Color"], shader.inputs["Base Color"])
@@ -72,16 +72,16 @@ class SurfacesTest(SceneTest):
         self.check_points(grid, given, places, shown)
 
     def check_points(self, grid, given, places, shown):
-        """Are there spheres of two radii around all points, of their colours?"""
+        """Checks radii and colors of spheres around all points."""
         away = np.linalg.norm(places[:, None] - grid, axis=2)
         nearest = away.argmin(1)
         self.assertEqual(set(nearest), set(range(30)))
-        # As large as spheres when seen: corners lie a little outside.
+        # Spheres have the silhouette's area: vertices are slightly outside.
         ratio = away.min(1) / np.tile([0.1, 0.05], 15)[nearest]
         self.assertTrue(((ratio > 1.0) & (ratio < 1.01)).all(), (ratio.min(), ratio.max()))
         np.testing.assert_allclose(shown, given[nearest, :3], atol=2e-5)
 
-    def test_glass_without_an_inside_is_a_sheet(self):
+    def test_glass_sheets_and_solids(self):
         glass, _, shader = shader_tree("glass")
         shader.inputs["Transmission Weight"].default_value = 1.0
         shader.inputs["Base Color"].default_value = (0.25, 0.25, 0.25, 1)
@@ -95,12 +95,12 @@ class SurfacesTest(SceneTest):
         self.check_notes(answer)
 
     def check_notes(self, answer):
-        """Is what is told of upright sheets of glass told once?"""
+        """Checks that there is one note on sheets of glass."""
         ((about, said),) = [note for note in answer["notes"] if "Solidify" in note[1]]
         self.assertEqual(about, "glass")
-        self.assertIn("bends light", said)
+        self.assertIn("refracts light", said)
 
-    def test_glass_on_sheets_alone_is_not_copied(self):
+    def test_glass_sheets_only(self):
         glass, _, shader = shader_tree("glass")
         shader.inputs["Transmission Weight"].default_value = 1.0
         self.add("grid", glass)
@@ -112,7 +112,7 @@ class SurfacesTest(SceneTest):
         self.assertFalse([said for _, said in answer["notes"] if "Solidify" in said])
 
     def glass(self, name, kind="BsdfGlass", location=(0, 0, 0), **inputs):
-        """A cube of one shader; gives its material, tree and node."""
+        """A cube with a shader; returns material, tree and node."""
         made, tree, _, node = shader_tree(name, kind)
         for key, value in inputs.items():
             node.inputs[key].default_value = value
@@ -120,7 +120,7 @@ class SurfacesTest(SceneTest):
         self.add("cube", made, location=location)
         return made, tree, node
 
-    def test_each_shader_says_what_its_facets_do(self):
+    def test_multiple_scattering_between_microfacets(self):
         frosted, _, glass = self.glass("frosted", Roughness=0.5)
         metal, _, shader = shader_tree("metal")
         shader.inputs["Metallic"].default_value = 1.0
@@ -138,11 +138,11 @@ class SurfacesTest(SceneTest):
         self.assertEqual(exported(), (None, {"frosted": 1.0, "metal": 1.0, "smooth": None, "plastic": 1.0}))
         glass.distribution = "GGX"
         self.assertEqual(exported(), (None, {"frosted": 0.0, "metal": 1.0, "smooth": None, "plastic": 1.0}))
-        # All that is rendered goes by what most say.
+        # The model of most shaders is that of the picture.
         shader.distribution = "GGX"
         self.assertEqual(exported(), ("single", {"frosted": 0.0, "metal": 0.0, "smooth": None, "plastic": 1.0}))
 
-    def test_shaders_say_how_their_facets_are_distributed(self):
+    def test_microfacet_distributions(self):
         for name, kind, place in (("glass", "BsdfGlass", 0), ("refraction", "BsdfRefraction", 3), ("glossy", "BsdfAnisotropic", 6)):
             for distribution in ("BECKMANN", "GGX"):
                 glass = self.glass(name + distribution, kind, location=(place, len(distribution), 0))[2]
@@ -152,7 +152,7 @@ class SurfacesTest(SceneTest):
         kinds = ("glass", "refraction", "glossy")
         self.assertEqual(told, {kind + name: value for kind in kinds for name, value in (("BECKMANN", 1.0), ("GGX", None))})
 
-    def test_toon_and_velvet_are_shaders_of_their_own(self):
+    def test_toon_and_velvet(self):
         _, _, diffuse = self.glass("diffuse", "BsdfToon", Size=0.3, Smooth=0.1)
         _, _, glossy = self.glass("glossy", "BsdfToon", location=(3, 0, 0))
         glossy.component = "GLOSSY"
@@ -166,7 +166,7 @@ class SurfacesTest(SceneTest):
             self.assertAlmostEqual(found, truth, 5)
         self.assertEqual(answer["warnings"], [])
 
-    def test_even_worlds_are_left_to_paths_where_rays_see_different_things(self):
+    def test_sampling_of_uniform_worlds(self):
         material, _, _ = shader_tree("plain")
         made = self.add("cube", material)
         world = bpy.data.worlds.new("World")
@@ -177,12 +177,12 @@ class SurfacesTest(SceneTest):
         found = self.export()[0]["environment"]
         self.assertIs(found["sampled"], False)
         self.assertNotIn("visible_to", found)
-        # A world that differs is sampled by Cycles.
+        # Cycles samples non-uniform worlds.
         tree = world.node_tree
         tree.links.new(tree.nodes.new("ShaderNodeTexSky").outputs[0], tree.nodes["Background"].inputs[0])
         self.assertNotIn("sampled", self.export()[0]["environment"])
 
-    def test_worlds_are_hidden_from_kinds_of_rays(self):
+    def test_ray_visibility_of_worlds(self):
         material, _, _ = shader_tree("plain")
         self.add("cube", material)
         world = bpy.data.worlds.new("World")
@@ -194,7 +194,7 @@ class SurfacesTest(SceneTest):
         world.cycles_visibility.camera = False
         self.assertIs(self.export()[0]["environment"]["visible_to_camera"], False)
 
-    def test_worlds_that_cameras_see_otherwise(self):
+    def test_light_path_in_worlds(self):
         self.add("cube", shader_tree("plain")[0])
         world = bpy.data.worlds.new("World")
         self.scene.world, world.use_nodes = world, True
@@ -218,14 +218,14 @@ class SurfacesTest(SceneTest):
         self.assertEqual([about for about, message in answer["warnings"] if "kind of ray" in message], ["World"])
         np.testing.assert_allclose(settings["environment"]["background"], [0.1, 0.2, 0.3], rtol=1e-5)
 
-    def test_shadow_catchers_show_what_cycles_shows(self):
+    def test_shadow_catchers(self):
         material, _, _ = shader_tree("plain")
         made = self.add("plane", material)
         self.assertNotIn("caught", self.export()[0]["render"])
         made.is_shadow_catcher = True
         self.assertEqual(self.export()[0]["render"]["caught"], "shadows")
 
-    def test_smooth_faces_beside_flat_ones_have_the_normals_of_their_vertices(self):
+    def test_smooth_faces_beside_flat_ones(self):
         tin = self.add("cylinder", shader_tree("tin")[0])
         tin.data.polygons.foreach_set("use_smooth", [len(face.vertices) == 4 for face in tin.data.polygons])
         upward = np.abs(self.mesh(self.export()[0], "Cylinder")["nz"])
@@ -233,7 +233,7 @@ class SurfacesTest(SceneTest):
         self.assertTrue((upward > 0.999).any(), "the lids are flat")
 
     def with_hole(self, material):
-        """A ball without one of its faces."""
+        """A sphere without one of its faces."""
         ball, work = self.add("uv_sphere", material), bmesh.new()
         work.from_mesh(ball.data)
         work.faces.ensure_lookup_table()
@@ -242,19 +242,19 @@ class SurfacesTest(SceneTest):
         work.free()
         return ball.data
 
-    def test_holes_of_bodies_of_one_colour_are_closed(self):
+    def test_hole_filling(self):
         self.closes_hole(lambda mesh: None)
 
-    def test_holes_of_bodies_that_face_inwards_are_closed(self):
+    def test_hole_filling_with_inward_normals(self):
         self.closes_hole(lambda mesh: mesh.flip_normals())
 
     def closes_hole(self, change):
-        """A body with a hole, changed, is closed by faces that run around as those beside them."""
+        """A hole is filled by faces with the orientation of their neighbors."""
         wax, _, shader = shader_tree("wax")
         shader.inputs["Subsurface Weight"].default_value = 1.0
         change(self.with_hole(wax))
         settings, answer = self.export()
-        self.assertIn("1 holes, which are closed", "".join(message for _, message in answer["notes"]))
+        self.assertIn("1 holes are filled", "".join(message for _, message in answer["notes"]))
         self.assertIs(settings["materials"]["wax"]["volume"], True)
         (entry,) = settings["objects"]
         _, vertices, faces = read_ply(self.folder / entry["mesh"])
@@ -266,7 +266,7 @@ class SurfacesTest(SceneTest):
         edges = np.sort(sides, axis=1)
         self.assertEqual(set(np.unique(edges, axis=0, return_counts=True)[1].tolist()), {2})
 
-    def test_lights_and_objects_that_shine_are_linked_to_nodes(self):
+    def test_light_linking(self):
         first, second, third = (self.add("plane", None, location=(3 * k, 0, 0)) for k in range(3))
         first.name, second.name, third.name = "First", "Second", "Third"
         glow = bpy.data.materials.new("glow")
@@ -300,7 +300,7 @@ class SurfacesTest(SceneTest):
         links = {name: entry["shadow_link"] for name, entry in shown.items() if "shadow_link" in entry}
         self.assertEqual(links, {"Third": {"exclude": ["/Second"]}})
 
-    def test_all_instances_of_what_shines_are_linked(self):
+    def test_light_linking_of_instances(self):
         glow, _, shader = shader_tree("glow")
         shader.inputs["Emission Strength"].default_value = 2.0
         self.add("plane", shader_tree("plain")[0]).name = "Floor"
@@ -321,7 +321,7 @@ class SurfacesTest(SceneTest):
         self.assertEqual([entry["shadow_link"] for entry in shining], [{"include": ["/Floor"]}] * 4)
 
 
-    def test_of_what_varies_and_may_not_the_mean_is_taken_by_name(self):
+    def test_mean_of_varying_inputs(self):
         metal, tree, shader, checker = shader_tree("metal", "TexChecker")
         checker.inputs["Scale"].default_value = 2.0
         tree.links.new(checker.outputs["Fac"], shader.inputs["Anisotropic"])
@@ -332,8 +332,8 @@ class SurfacesTest(SceneTest):
         surface, _ = self.surface(settings["materials"]["metal"])
         self.assertTrue(0.3 < surface["anisotropic"] < 0.7, surface["anisotropic"])
 
-    def test_brushed_metals_are_brushed_around_their_axis(self):
-        """Tangents of a cylinder's mantle run around it; those of what isn't brushed are those of texture coordinates."""
+    def test_radial_tangents(self):
+        """Tangents of a cylinder are around its axis; isotropic shaders need none."""
         for name, strength in (("brushed", 0.5), ("plain", 0.0)):
             metal, _, shader = shader_tree(name)
             shader.inputs["Metallic"].default_value, shader.inputs["Anisotropic"].default_value = 1.0, strength
@@ -350,8 +350,8 @@ class SurfacesTest(SceneTest):
         self.assertEqual(set(tangents[:, 3]), {1.0})
         self.assertNotIn("a0_0", self.mesh(settings, "plain"))
 
-    def test_maps_on_meshes_without_texture_coordinates_stand_on_longitudes(self):
-        """Tangents run around the vertical axis, as those of Cycles do."""
+    def test_normal_maps_without_uv_maps(self):
+        """Tangents are around the z axis, as in Cycles."""
         material, tree, principled, mapped = shader_tree("mapped", "NormalMap")
         tree.links.new(mapped.outputs[0], principled.inputs["Normal"])
         bpy.ops.mesh.primitive_uv_sphere_add(segments=64, ring_count=32)
@@ -369,7 +369,7 @@ class SurfacesTest(SceneTest):
         self.assertGreater(np.median(along), 0.99)
         self.assertEqual(np.median(found["a0_3"][away]), 1.0)
 
-    def test_bodies_of_varying_colours_know_their_brightest(self):
+    def test_subsurface_of_varying_color(self):
         wax, tree, shader, checker = shader_tree("wax", "TexChecker")
         checker.inputs["Color1"].default_value, checker.inputs["Color2"].default_value = (0.75, 0.25, 0.5, 1), (0.25, 0.5, 0.125, 1)
         checker.inputs["Scale"].default_value = 1.5
@@ -385,13 +385,13 @@ class SurfacesTest(SceneTest):
         self.add("cube", jade, location=(8, 0, 0))
         settings, answer = self.export()
         self.assertEqual(answer["warnings"], [])
-        # The body lies beneath what metal and glass leave; the other part has all of them.
+        # The part with subsurface scattering has neither metal nor glass.
         nodes = settings["materials"]["jade"]["nodes"]
         mix = self.surface(settings["materials"]["jade"])[0]
         shares = [[nodes[mix[key]][name] for name in ("metallic", "transmission_weight", "subsurface_weight")] for key in ("a", "b")]
         self.assertAlmostEqual(mix["factor"], 0.375)
         np.testing.assert_allclose(shares, [(0.4, 1, 0), (0, 0, 1)], atol=1e-6)
-        # A share that scatters beneath the surface is a mix of all and nothing.
+        # A weight below 1 is a mix of two shaders.
         for name, share in (("wax", 0.75), ("faint", 0.25)):
             table = settings["materials"][name]
             mix = self.surface(table)[0]

@@ -1,4 +1,4 @@
-"""Tries what the exporter makes of trees that ask about objects, sides, rays and the angle of view.
+"""Tests nodes that read properties of objects, and linked images.
 
     python test_trees.py            with a Python that has bpy
 """
@@ -9,7 +9,7 @@ from testing import SceneTest, main, shader_tree
 
 
 class TreesTest(SceneTest):
-    def test_objects_of_one_mesh_have_their_own_colours_without_pictures(self):
+    def test_object_color(self):
         material, tree, shader, info = shader_tree("own", "ObjectInfo")
         tree.links.new(info.outputs["Color"], shader.inputs["Base Color"])
         colors = [(0.25, 0.5, 0.75), (0.5, 0.125, 0.0)]
@@ -25,8 +25,8 @@ class TreesTest(SceneTest):
         np.testing.assert_allclose([found[f"Plane {k}"]["color"] for k in range(2)], [(*color, 1) for color in colors], atol=1e-6)
         self.assertEqual(answer["warnings"], [])
 
-    def test_attributes_of_objects_are_read_by_name(self):
-        """Constants stand in their place, in a material of its own for each answer."""
+    def test_object_attributes(self):
+        """Attributes are replaced by constants, in a material for each value."""
         material, tree, shader, own = shader_tree("own", "Attribute")
         own.attribute_type, own.attribute_name = "OBJECT", "polish"
         tree.links.new(next(out for out in own.outputs if out.identifier == "Fac"), shader.inputs["Roughness"])
@@ -39,7 +39,7 @@ class TreesTest(SceneTest):
         roughnesses = [self.surface(settings["materials"][name])[0]["roughness"] for name in (first, second)]
         np.testing.assert_allclose(roughnesses, [0.375, 0.75], atol=1e-6)
 
-    def test_pictures_of_files_may_be_links(self):
+    def test_linked_images(self):
         material, tree, shader, node = shader_tree("label", "TexImage")
         picture = bpy.data.images.new("picture", 8, 8)
         picture.filepath_raw, picture.file_format = str(self.folder / "a picture.png"), "PNG"
@@ -53,7 +53,7 @@ class TreesTest(SceneTest):
             self.assertEqual(feeding(surface, "base_color")["file"], expected)
         self.assertEqual((self.folder / "scene.image0.png").read_bytes(), (self.folder / "a picture.png").read_bytes())
 
-    def test_nodes_have_names_in_any_language(self):
+    def test_non_ascii_names(self):
         material, tree, shader, noise = shader_tree("wood", "TexNoise")
         shader.name, noise.name = "プリンシプルBSDF", "ノイズテクスチャ"
         tree.links.new(noise.outputs["Color"], shader.inputs["Base Color"])

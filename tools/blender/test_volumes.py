@@ -1,4 +1,4 @@
-"""Tries what the exporter makes of volume objects: files of grids, the boxes around them, and what shaders make of them.
+"""Tests volume objects and volume shaders.
 
     python test_volumes.py           with a Python that has bpy
 """
@@ -28,7 +28,7 @@ def openvdb():
 
 class VolumesTest(SceneTest):
     def medium(self, name, kind, **inputs):
-        """A material of a volume; gives it, its tree and the volume's node."""
+        """A material with a volume shader; returns it, its tree and the node."""
         material, tree, shader, node = shader_tree(name, kind)
         tree.nodes.remove(shader)
         for key, value in inputs.items():
@@ -46,13 +46,13 @@ class VolumesTest(SceneTest):
         return made
 
     def box(self, settings, name):
-        """The least and the greatest corner of an object in the axes of models."""
+        """The bounds of an object in the coordinates of scene files."""
         matrix = np.array(self.placed(settings)[name]["transform"][0]["matrix"]).reshape(4, 4)
         found = self.mesh(settings, name)
         places = np.stack([found[key] for key in "xyz"], 1) @ matrix[:3, :3].T + matrix[:3, 3]
         return places.min(0), places.max(0)
 
-    def test_volumes_stand_as_their_objects_do(self):
+    def test_placement_of_volumes(self):
         material, _, _ = self.medium("white", "VolumePrincipled", Density=2.0, Anisotropy=0.25)
         cloud = self.add_volume(OTHER, material)
         cloud.location, cloud.scale = (1, 2, 3), (2, 2, 2)
@@ -61,7 +61,7 @@ class VolumesTest(SceneTest):
         (found,) = settings["materials"].values()
         matrix = np.array(found["transform"][0]["matrix"]).reshape(4, 4)
         np.testing.assert_allclose(matrix, [[2, 0, 0, 1], [0, 2, 0, 3], [0, 0, 2, -2], [0, 0, 0, 1]], atol=1e-6)
-        # As much is in the way of light as at a scale of one.
+        # The optical thickness is that at a scale of one.
         expected = {"type": "medium", "grid": "scene.0.vdb", "up": "z", "grid_name": "density", "anisotropy": 0.25}
         self.assertEqual({key: found[key] for key in expected}, expected)
         self.assertEqual((found["density"], found["color"]), ([1.0] * 3, [0.5] * 3))
@@ -71,7 +71,7 @@ class VolumesTest(SceneTest):
         self.assertTrue((low < [-1.25, 8.5, -13.75]).all() and (high > [6.75, 16.5, -5.75]).all(), (low, high))
         self.assertLess((high - low).max(), 2 * (7.5 + 1.125) + 4 * 2 * 0.5)
 
-    def test_light_ends_in_volumes_as_in_cycles(self):
+    def test_volume_bounces(self):
         material, _, _ = self.medium("white", "VolumePrincipled", Density=2.0)
         self.add_volume(SMOKE, material)
         for limit, expected in ((12, None), (13, None), (3, 4), (0, 1)):
@@ -79,14 +79,14 @@ class VolumesTest(SceneTest):
             settings, answer = self.export()
             self.assertEqual((settings["render"]["bounces"].get("volume"), answer["warnings"]), (expected, []), limit)
 
-    def test_densities_of_the_world_are_kept(self):
+    def test_density_space(self):
         material, _, _ = self.medium("white", "VolumePrincipled", Density=2.0)
         cloud = self.add_volume(SMOKE, material)
         cloud.scale, cloud.data.render.space = (2, 2, 2), "WORLD"
         settings, _ = self.export()
         self.assertEqual(settings["materials"]["white (Cloud)"]["density"], [2.0] * 3)
 
-    def test_fire_by_temperature_and_light_by_attributes(self):
+    def test_blackbody_and_emission_grids(self):
         fire, _, node = self.medium("fire", "VolumePrincipled", Density=1.0, Temperature=3.0)
         node.inputs["Blackbody Intensity"].default_value = 2.0
         node.inputs["Blackbody Tint"].default_value = (1, 0.5, 0.25, 1)
@@ -122,7 +122,7 @@ class VolumesTest(SceneTest):
         found = settings["materials"]["both (Cloud)"]
         self.assertEqual((found["density"], found["color"]), ([1.0, 0.5, 1.0], [0.5, 0.5, 0.0]))
 
-    def test_densities_that_are_trees_stay_trees(self):
+    def test_density_by_nodes(self):
         material, tree, node = self.medium("fog", "VolumeScatter", Color=(0.5, 0.25, 1, 1))
         place, parts, times = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("TexCoord", "SeparateXYZ", "Math"))
         times.operation, times.inputs[1].default_value = "MULTIPLY", 3.0
@@ -139,12 +139,24 @@ class VolumesTest(SceneTest):
         node, output = found["density"].split(".")
         self.assertEqual((found["color"], found["up"], found["nodes"][node]["operation"]), ([1.0] * 3, "z", "multiply"))
         np.testing.assert_allclose(found["nodes"][node]["b"], [0.5, 0.25, 1.0], rtol=1e-6)
-        # Colours vary likewise.
+        # Colors may vary as well.
         tree.links.new(place.outputs["Generated"], next(own for own in tree.nodes if own.bl_idname == "ShaderNodeVolumeScatter").inputs["Color"])
         settings, answer = self.export()
         self.assertEqual(answer["warnings"], [])
 
-    def test_volumes_of_several_shaders_are_one_medium(self):
+    def test_density_by_image_textures(self):
+        material, tree, node = self.medium("slices", "VolumeScatter")
+        texture, image = tree.nodes.new("ShaderNodeTexImage"), bpy.data.images.new("slices", 4, 4)
+        image.pack()
+        texture.image = image
+        tree.links.new(texture.outputs["Color"], node.inputs["Density"])
+        bpy.ops.mesh.primitive_cube_add(size=2)
+        bpy.context.object.data.materials.append(material)
+        settings, answer = self.export()
+        (file,) = (entry["file"] for entry in settings["materials"]["slices"]["nodes"].values() if entry["type"] == "image_texture")
+        self.assertEqual((answer["warnings"], (self.folder / file).exists()), ([], True))
+
+    def test_mixed_volume_shaders(self):
         material, tree, scatter = self.medium("mist", "VolumeScatter", Density=2.0, Color=(0.5, 0.5, 0.5, 1))
         absorb, light, add, mix, noise = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("VolumeAbsorption", "Emission", "AddShader", "MixShader", "TexNoise"))
         absorb.inputs["Density"].default_value, absorb.inputs["Color"].default_value = 4.0, (0.75, 0.5, 1, 1)
@@ -156,7 +168,7 @@ class VolumesTest(SceneTest):
         settings, _ = self.export()
         found = settings["materials"]["mist"]
         np.testing.assert_allclose((found["density"], found["color"]), ([2.0, 3.0, 1.0], [0.5, 1 / 3, 1.0]), rtol=1e-6)
-        # By a share that varies all of it does.
+        # A varying mix factor makes all values vary.
         for k, part in enumerate((add, light)):
             tree.links.new(part.outputs[0], mix.inputs[1 + k])
         tree.links.new(noise.outputs[0], mix.inputs[0])
@@ -165,7 +177,7 @@ class VolumesTest(SceneTest):
         found = settings["materials"]["mist"]
         self.assertEqual((answer["warnings"], [type(found[key]) for key in ("density", "color", "emission")]), ([], [str] * 3))
 
-    def test_what_is_lost_is_told_by_name(self):
+    def test_warnings(self):
         material, _, _ = self.medium("white", "VolumePrincipled")
         other, _, node = self.medium("other", "VolumePrincipled")
         node.inputs["Density Attribute"].default_value = "mask"
@@ -180,14 +192,14 @@ class VolumesTest(SceneTest):
         self.assertTrue(any("'mask'" in message for message in told), told)
         self.assertEqual({name for name in settings["materials"]}, {"other (Masked)"})
 
-    def test_volumes_that_overlap_need_no_word(self):
+    def test_overlapping_volumes(self):
         material, _, _ = self.medium("white", "VolumePrincipled")
         for k in range(2):
             self.add_volume(SMOKE, material, f"Cloud {k}").location = (k, 0, 0)
         settings, answer = self.export()
         self.assertEqual((answer["warnings"], len(settings["materials"])), ([], 2))
 
-    def test_volumes_that_move_are_told(self):
+    def test_warnings_of_moving_volumes(self):
         material, _, _ = self.medium("white", "VolumePrincipled")
         parent = bpy.data.objects.new("Parent", None)
         self.scene.collection.objects.link(parent)
@@ -199,18 +211,18 @@ class VolumesTest(SceneTest):
                 thing.location = (place, 0, 0)
                 thing.keyframe_insert("location", frame=frame)
         self.scene.frame_set(2)
-        told = [place for place, message in self.export()[1]["warnings"] if "moves" in message]
+        told = [place for place, message in self.export()[1]["warnings"] if "motion blur" in message]
         self.assertEqual(told, [])
         self.scene.render.use_motion_blur = True
-        told = [place for place, message in self.export()[1]["warnings"] if "moves" in message]
+        told = [place for place, message in self.export()[1]["warnings"] if "motion blur" in message]
         self.assertEqual(sorted(told), ["Carried", "Own"])
-        # Nothing moves before the first frame and behind the last one.
-        told = [place for place, message in self.export("--frame", "9")[1]["warnings"] if "moves" in message]
+        # Nothing moves outside the keyframes.
+        told = [place for place, message in self.export("--frame", "9")[1]["warnings"] if "motion blur" in message]
         self.assertEqual(told, [])
-        told = [place for place, message in self.export("--shutter", "0", "--vectors", "yes")[1]["warnings"] if "moves" in message]
+        told = [place for place, message in self.export("--shutter", "0", "--vectors", "yes")[1]["warnings"] if "motion blur" in message]
         self.assertEqual(told, [])
 
-    def test_frames_of_sequences_and_packed_files(self):
+    def test_sequences_and_packed_files(self):
         for number, path in ((1, SMOKE), (2, OTHER)):
             shutil.copyfile(path, self.folder / f"smoke_{number:04}.vdb")
         material, _, _ = self.medium("white", "VolumePrincipled")
@@ -227,7 +239,7 @@ class VolumesTest(SceneTest):
         settings, answer = self.export()
         self.assertEqual((answer["warnings"], list(settings["materials"])), ([], ["white (Sequence)"]))
 
-    def test_volumes_of_nodes_stand_in_each_instance(self):
+    def test_volumes_by_geometry_nodes(self):
         material, _, _ = self.medium("white", "VolumePrincipled")
         tree = bpy.data.node_groups.new("Lumps", "GeometryNodeTree")
         tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
@@ -246,7 +258,7 @@ class VolumesTest(SceneTest):
         self.assertEqual(sorted(heights), [0.0, 9.0])
 
     @unittest.skipIf(openvdb() is None, "this Blender comes without OpenVDB's module")
-    def test_level_sets_are_told(self):
+    def test_level_sets(self):
         module = openvdb()
         module.write(str(self.folder / "ball.vdb"), [module.createLevelSetSphere(radius=2.0)])
         material, _, _ = self.medium("white", "VolumePrincipled")

@@ -1,4 +1,4 @@
-"""What tests of the exporter share: it runs as a program, on scenes that are made by script."""
+"""Common parts of the exporter's tests, which run it as a process on scenes made with `bpy`."""
 
 import json
 import os
@@ -17,7 +17,7 @@ sys.path.insert(0, str(HERE))
 
 
 def run_exporter(scene, out, *more):
-    """The scene file that comes of one of Blender, in a folder."""
+    """Exports a scene to a folder; returns the scene file."""
     command = [sys.executable, str(HERE / "export.py"), "--", str(scene), str(out), "scene", str(out / "answer.json"), *more]
     done = subprocess.run(command, capture_output=True, text=True)
     if done.returncode:
@@ -34,7 +34,7 @@ def shader_tree(name, *kinds):
 
 
 def read_ply(path):
-    """The lines of a mesh's head, its vertices as columns by name, and the corners of its triangles."""
+    """The header of a PLY file, vertex properties by name, and triangles."""
     head, rest = path.read_bytes().split(b"end_header\n", 1)
     lines = head.decode().splitlines()
     count = {words[1]: int(words[2]) for words in map(str.split, lines) if words[0] == "element"}
@@ -78,20 +78,20 @@ class SceneTest(unittest.TestCase):
         return settings, json.loads((self.folder / "answer.json").read_text())
 
     def placed(self, settings):
-        """The objects that oscura evaluates, by name."""
+        """Objects of the scene file by name."""
         return {entry["name"]: entry for entry in settings.get("objects", []) if "mesh" in entry}
 
     def mesh(self, settings, name):
-        """The columns of vertices of the mesh of an evaluated object."""
+        """The vertex properties of an object's mesh."""
         return read_ply(self.folder / self.placed(settings)[name]["mesh"])[1]
 
     def surface(self, table):
-        """The node of a material's surface, and a function that gives the nodes that feed the inputs of another."""
+        """The surface node of a material, and a function for the node that an input is linked to."""
         nodes = table["nodes"]
         return nodes[table["surface"]], lambda node, key: nodes[node[key].split(".")[0]]
 
     def pixels(self, path):
-        """The numbers of a picture as they are stored."""
+        """The pixels of an image without a color space conversion."""
         image = bpy.data.images.load(path)
         image.colorspace_settings.name = "Non-Color"
         width, height = image.size
@@ -101,7 +101,7 @@ class SceneTest(unittest.TestCase):
 
 
 def main():
-    """Runs the tests of the program."""
+    """Runs the tests of the calling module."""
     done = unittest.main(exit=False, verbosity=2)
     sys.stdout.flush()
     sys.stderr.flush()

@@ -1,8 +1,8 @@
-"""The render engine "Oscura" in Blender: it hands scenes to the program oscura and its pictures back to Blender."""
+"""The add-on: oscura as a render engine in Blender. It runs the program oscura and reads its pictures."""
 
 from . import engine, export, panels, preferences, properties
 
-# In the order in which they need each other.
+# In the order of their dependencies.
 MODULES = (preferences, properties, engine, panels, export)
 
 

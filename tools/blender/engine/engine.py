@@ -1,4 +1,4 @@
-"""The render engine: it contains no renderer, everything is done by the program."""
+"""The render engine. The program renders a copy of the scene, and its picture is read while it is written."""
 
 import tempfile
 from pathlib import Path
@@ -8,8 +8,8 @@ import numpy as np
 
 from . import exr, mattes, passes, preferences, program
 
-# Time between two looks at the child, seconds.
-PAUSE = 0.1
+# Seconds between checks of the process.
+INTERVAL = 0.1
 
 
 class Engine(bpy.types.RenderEngine):
@@ -21,7 +21,7 @@ class Engine(bpy.types.RenderEngine):
     bl_use_postprocess = True
 
     def update_render_passes(self, scene=None, renderlayer=None):
-        """Tells Blender which passes a view layer has."""
+        """Registers the passes of a view layer."""
         for entry in (passes.COMBINED, *passes.chosen(renderlayer)):
             self.register_pass(scene, renderlayer, entry.name, len(entry.letters), entry.letters, entry.kind)
 
@@ -31,45 +31,45 @@ class Engine(bpy.types.RenderEngine):
             with tempfile.TemporaryDirectory(prefix="oscura-") as folder:
                 self._render(depsgraph, Path(folder))
         except (program.ProgramError, preferences.MissingProgram, exr.UnreadablePicture, OSError) as error:
-            # The first shows it in the picture's window, the second ends an operator with it.
+            # The first shows the error in the image editor, the second lets the operator fail.
             self.error_set(str(error))
             self.report({"ERROR"}, str(error))
 
     def is_cancelled(self):
-        """Does the user want it to stop?"""
+        """Did the user cancel the render?"""
         return self.test_break()
 
     def _render(self, depsgraph, folder):
         scene = depsgraph.scene.original
-        # Named as what the user knows: messages begin with it.
+        # Messages begin with the name of the file.
         blend = folder / f"{Path(bpy.data.filepath).stem or 'untitled'}.blend"
         picture = folder / "picture.exr"
-        self.update_stats("", "Handing over the scene")
+        self.update_stats("", "Saving the scene")
         program.write_copy(blend, scene)
-        child = program.Child(_command(blend, picture, scene, depsgraph.view_layer))
+        process = program.Process(_command(blend, picture, scene, depsgraph.view_layer))
         try:
-            result = self._follow(child, picture, scene, depsgraph.view_layer)
-            report = child.answer()
+            result = self._show_progress(process, picture, scene, depsgraph.view_layer)
+            report = process.result()
         finally:
-            child.stop()
-        self._tell(report, folder)
+            process.stop()
+        self._report(report, folder)
         if picture.exists():
             _fill(result, exr.read(picture))
-            # The whole result, not the part that is being filled, keeps texts.
-            mattes.tell(self.get_result(), exr.texts(picture), depsgraph.view_layer)
+            # Metadata is kept by the whole result, not by the region.
+            mattes.add_metadata(self.get_result(), exr.header_strings(picture), depsgraph.view_layer)
         self.end_result(result)
 
-    def _follow(self, child, picture, scene, layer):
-        """Shows what the child does until it ends; gives the result to fill."""
+    def _show_progress(self, process, picture, scene, layer):
+        """Shows progress and pictures until the process ends; returns the render result."""
         (left, right), (bottom, top) = region(scene, self.resolution_x, self.resolution_y)
         result = self.begin_result(0, 0, right - left, top - bottom, layer=layer.name)
         shown = None
-        while not child.wait(PAUSE):
+        while not process.wait(INTERVAL):
             if self.is_cancelled():
-                child.stop()
+                process.stop()
                 break
-            self.update_progress(child.progress)
-            self.update_stats("", child.status or "Exporting")
+            self.update_progress(process.progress)
+            self.update_stats("", process.status or "Exporting")
             changed = picture.stat().st_mtime_ns if picture.exists() else None
             if changed != shown:
                 shown = changed
@@ -77,8 +77,8 @@ class Engine(bpy.types.RenderEngine):
                 self.update_result(result)
         return result
 
-    def _tell(self, report, folder):
-        """Hands on what the program found."""
+    def _report(self, report, folder):
+        """Shows warnings and notes."""
         for kind, messages in (("WARNING", report.get("warnings", [])), ("INFO", report.get("notes", []))):
             for message in messages:
                 self.report({kind}, message.replace(f"{folder}/", "").replace(f"{folder}\\", ""))
@@ -96,7 +96,7 @@ def _command(blend, picture, scene, layer):
 
 
 def region(scene, width, height):
-    """First and last but one pixel by axis of the part of the picture that Blender wants, as the exporter has it."""
+    """The render region, or the whole picture, in pixels: first and last + 1 by axis, with the rounding of the exporter."""
     render = scene.render
     if not render.use_border:
         return (0, width), (0, height)
@@ -105,8 +105,7 @@ def region(scene, width, height):
 
 
 def _fill(result, picture):
-    """Puts a picture's channels into the passes of a result."""
-    # A region is all that the picture holds.
+    """Copies the channels of a picture, which is that of the region, to the passes of a result."""
     for target in result.layers[0].passes:
         entry = passes.by_name(target.name)
         if entry is not None:

@@ -1,4 +1,4 @@
-"""File > Export: a folder with the scene as the program reads it."""
+"""File > Export > Oscura: writes a scene file with its meshes and images to a folder."""
 
 import tempfile
 from pathlib import Path
@@ -23,19 +23,19 @@ class ExportFolder(bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def execute(self, context):
-        """Exports to the folder."""
+        """Runs `oscura export`."""
         with tempfile.TemporaryDirectory(prefix="oscura-") as folder:
             blend = Path(folder) / f"{Path(bpy.data.filepath).stem or 'untitled'}.blend"
             program.write_copy(blend, context.scene)
             try:
                 command = program.arguments("export", blend, bpy.path.abspath(self.directory), context.scene)
-                child = program.Child(command + (["--force"] if self.use_replace else []))
-                child.wait(None)
-                child.answer()
+                process = program.Process(command + (["--force"] if self.use_replace else []))
+                process.wait(None)
+                process.result()
             except (program.ProgramError, preferences.MissingProgram) as error:
                 self.report({"ERROR"}, str(error))
                 return {"CANCELLED"}
-        for line in child.lines:
+        for line in process.lines:
             if line.startswith("warning: "):
                 self.report({"WARNING"}, line.removeprefix("warning: ").replace(f"{folder}/", ""))
         return {"FINISHED"}

@@ -1,5 +1,5 @@
-"""Reads the pictures that the program writes: OpenEXR files of one part with scan lines, plain or compressed by ZIP
-(https://openexr.com/en/latest/OpenEXRFileLayout.html). Blender's own readers give Python the colour alone."""
+"""Reads the program's pictures: single-part scan-line OpenEXR files without compression or with ZIP
+(https://openexr.com/en/latest/OpenEXRFileLayout.html). Blender's Python API reads color channels only."""
 
 import struct
 import zlib
@@ -8,29 +8,29 @@ import numpy as np
 
 MAGIC = 20000630
 TYPES = (np.dtype("<u4"), np.dtype("<f2"), np.dtype("<f4"))
-# Lines of a block, by the number of the compression.
+# Scan lines of a block, by compression.
 LINES = {0: 1, 2: 1, 3: 16}
 
 
 class UnreadablePicture(Exception):
-    """A file is not one of those pictures."""
+    """The file is damaged or of another type."""
 
 
 def read(path):
-    """The channels of a file by name: arrays of shape (height, width), the bottom row first as in Blender."""
+    """The channels of a file by name, shape (height, width), rows from the bottom."""
     return _open(path, _Reader.picture)
 
 
-def texts(path):
-    """The texts of a file's header by name."""
-    return _open(path, lambda reader: reader.texts)
+def header_strings(path):
+    """The string attributes of a file's header by name."""
+    return _open(path, lambda reader: reader.strings)
 
 
-def _open(path, what):
+def _open(path, read):
     with open(path, "rb") as file:
         data = file.read()
     try:
-        return what(_Reader(data))
+        return read(_Reader(data))
     except (struct.error, zlib.error, ValueError, IndexError, KeyError) as error:
         raise UnreadablePicture(f"{path} can't be read: {error}") from error
 
@@ -40,12 +40,12 @@ class _Reader:
         self.data, self.at = data, 0
         magic, flags = self._take("<iI")
         if magic != MAGIC or flags & 0x1A00:
-            raise ValueError("it is no OpenEXR file of one part with scan lines")
-        header, self.texts = {}, {}
+            raise ValueError("it is no single-part scan-line OpenEXR file")
+        header, self.strings = {}, {}
         for name, kind, value in self._attributes():
             header[name] = value
             if kind == "string":
-                self.texts[name] = value.decode("latin-1")
+                self.strings[name] = value.decode("latin-1")
         x0, y0, x1, y1 = struct.unpack("<4i", header["dataWindow"])
         self.width, self.height, self.top = x1 - x0 + 1, y1 - y0 + 1, y0
         self.compression = header["compression"][0]
@@ -78,7 +78,7 @@ class _Reader:
             first = y - self.top
             count = min(lines, self.height - first)
             block = self.data[offset + 8 : offset + 8 + size]
-            plain = _plain(block) if len(block) < count * line else block
+            plain = _decompressed(block) if len(block) < count * line else block
             rows = np.frombuffer(plain, np.uint8).reshape(count, line)
             start = 0
             for name, kind in self.channels:
@@ -89,7 +89,7 @@ class _Reader:
 
 
 def _channels(data):
-    """Names and types, from the header's list."""
+    """Names and types of channels."""
     at = 0
     while data[at]:
         end = data.index(b"\0", at)
@@ -98,8 +98,8 @@ def _channels(data):
         at = end + 17
 
 
-def _plain(block):
-    """Undoes ZIP: differences of neighbours, the even bytes before the odd ones, then deflate."""
+def _decompressed(block):
+    """ZIP compression stores even bytes before odd ones, as differences of neighbors, by deflate."""
     coded = np.frombuffer(zlib.decompress(block), np.uint8).copy()
     coded[1:] -= 128
     summed = np.cumsum(coded, dtype=np.uint8)

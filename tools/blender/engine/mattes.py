@@ -1,29 +1,29 @@
-"""What files say about Cryptomattes (Psyop's specification 1.2.0), in the words of Blender's render results."""
+"""Metadata of Cryptomattes (specification 1.2.0) for Blender's render results."""
 
 from . import passes
 
 MASK = 0xFFFFFFFF
 
 
-def tell(result, texts, layer):
-    """Hands the manifests in a file's header to a result: under the names that its layers get when Blender writes them."""
+def add_metadata(result, strings, layer):
+    """Adds the manifests in a file's header to a result, under the names that Blender gives the layers in files."""
     for kind in passes.matte_kinds(layer):
-        owner = next((key for key, value in texts.items() if key.endswith("/name") and value == kind), None)
+        owner = next((key for key, value in strings.items() if key.endswith("/name") and value == kind), None)
         if owner is None:
             continue
         name = f"{layer.name}.{kind}"
-        for what in ("hash", "conversion", "manifest"):
-            result.stamp_data_add_field(f"cryptomatte/{key_of(name)}/{what}", texts[owner.removesuffix("name") + what])
+        for field in ("hash", "conversion", "manifest"):
+            result.stamp_data_add_field(f"cryptomatte/{key_of(name)}/{field}", strings[owner.removesuffix("name") + field])
         result.stamp_data_add_field(f"cryptomatte/{key_of(name)}/name", name)
 
 
 def key_of(name):
-    """What marks a matte's attributes: the first seven digits of the hash of its name."""
+    """The key in the names of attributes: the first seven digits of the hash of the layer's name."""
     return f"{hashed(name.encode()):08x}"[:7]
 
 
 def hashed(data):
-    """MurmurHash3_x86_32 with seed 0, from its description."""
+    """MurmurHash3_x86_32 with seed 0."""
     whole = len(data) // 4 * 4
     value = 0
     for at in range(0, whole, 4):

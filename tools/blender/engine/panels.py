@@ -1,15 +1,15 @@
-"""Panels: our own, and those of Blender and of Cycles whose settings count here, too."""
+"""The add-on's panels, and those of Blender and of Cycles that the exporter reads."""
 
 import bpy
 
 from . import passes
 from .engine import Engine
 
-# Panels of Blender's that all engines share, but for these.
-NOT_OURS = {"RENDER_PT_simplify", "RENDER_PT_freestyle", "VIEWLAYER_PT_filter", "VIEWLAYER_PT_layer_passes"}
+# Common panels of Blender whose settings are not read.
+HIDDEN_PANELS = {"RENDER_PT_simplify", "RENDER_PT_freestyle", "VIEWLAYER_PT_filter", "VIEWLAYER_PT_layer_passes"}
 
-# Panels of Cycles with settings that the exporter reads. It looks for Cycles' own names.
-OF_CYCLES = (
+# Panels of Cycles whose settings are read.
+CYCLES_PANELS = (
     "CYCLES_CAMERA_PT_dof",
     "CYCLES_CAMERA_PT_dof_aperture",
     "CYCLES_LIGHT_PT_light",
@@ -24,11 +24,11 @@ OF_CYCLES = (
     "CYCLES_WORLD_PT_surface",
 )
 
-_shared = []
+_extended = []
 
 
-class OurPanel:
-    """A panel that shows itself with our engine."""
+class OscuraPanel:
+    """A panel for this render engine only."""
 
     bl_space_type = "PROPERTIES"
     bl_region_type = "WINDOW"
@@ -39,13 +39,13 @@ class OurPanel:
         return context.engine in cls.COMPAT_ENGINES
 
     def column(self):
-        """A column of properties with their names at the left."""
+        """A column of properties with labels on the left."""
         self.layout.use_property_split = True
         self.layout.use_property_decorate = False
         return self.layout.column()
 
 
-class SamplingPanel(OurPanel, bpy.types.Panel):
+class SamplingPanel(OscuraPanel, bpy.types.Panel):
     bl_idname = "OSCURA_RENDER_PT_sampling"
     bl_label = "Sampling"
     bl_context = "render"
@@ -56,7 +56,7 @@ class SamplingPanel(OurPanel, bpy.types.Panel):
             column.prop(context.scene.oscura, name)
 
 
-class PassesPanel(OurPanel, bpy.types.Panel):
+class PassesPanel(OscuraPanel, bpy.types.Panel):
     bl_idname = "OSCURA_VIEWLAYER_PT_passes"
     bl_label = "Passes"
     bl_context = "view_layer"
@@ -71,10 +71,10 @@ class PassesPanel(OurPanel, bpy.types.Panel):
 
 
 def _panels():
-    """Panels of others that are shown with our engine."""
+    """Panels of Blender and Cycles that are shown with this render engine."""
     for panel in bpy.types.Panel.__subclasses__():
         engines = getattr(panel, "COMPAT_ENGINES", ())
-        if "BLENDER_RENDER" in engines and panel.__name__ not in NOT_OURS or panel.__name__ in OF_CYCLES:
+        if "BLENDER_RENDER" in engines and panel.__name__ not in HIDDEN_PANELS or panel.__name__ in CYCLES_PANELS:
             yield panel
 
 
@@ -82,14 +82,14 @@ def register():
     bpy.utils.register_class(SamplingPanel)
     bpy.utils.register_class(PassesPanel)
     for panel in _panels():
-        # Not added in place: some panels share one set.
-        _shared.append((panel, panel.__dict__.get("COMPAT_ENGINES")))
+        # The set is replaced, not changed: some panels share one.
+        _extended.append((panel, panel.__dict__.get("COMPAT_ENGINES")))
         panel.COMPAT_ENGINES = {*panel.COMPAT_ENGINES, Engine.bl_idname}
 
 
 def unregister():
-    while _shared:
-        panel, own = _shared.pop()
+    while _extended:
+        panel, own = _extended.pop()
         if own is None:
             del panel.COMPAT_ENGINES
         else:

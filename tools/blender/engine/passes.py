@@ -1,4 +1,4 @@
-"""Passes: how Blender calls what the program's pictures hold."""
+"""Passes in Blender, and the channels of the program's pictures."""
 
 from dataclasses import dataclass
 
@@ -7,8 +7,8 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Pass:
-    """A pass of Blender: its name in render results, what users see, what it says, its channels' letters, what kind of
-    values Blender takes them for, and the names of the channels in files."""
+    """A pass: its name in render results, title and description, channel identifiers and type in Blender, and its channels in
+    files."""
 
     option: str  # of `oscura render --aov`
     name: str
@@ -17,12 +17,12 @@ class Pass:
     letters: str
     kind: str
     channels: tuple
-    is_direction: bool = False  # vectors, in files with y up
+    is_vector: bool = False  # with y up in files
 
     def values(self, picture):
-        """The pass as rows of a picture of these channels, shape (height, width, channels)."""
+        """The values of the pass, shape (height, width, channels)."""
         planes = [picture[name].astype(np.float32, copy=False) for name in self.channels]
-        if self.is_direction:
+        if self.is_vector:
             x, y, z = planes
             planes = [x, -z, y]
         return np.stack(planes, axis=-1)
@@ -31,16 +31,15 @@ class Pass:
 COMBINED = Pass("", "Combined", "Combined", "The picture", "RGBA", "COLOR", ("R", "G", "B", "A"))
 
 
-
-def _colour(option, name, title, about):
-    """A pass of three colours, in files and in Blender of one name."""
+def _color(option, name, title, about):
+    """A color pass with the same name in files and in Blender."""
     return Pass(option, name, title, about, "RGB", "COLOR", tuple(f"{name}.{letter}" for letter in "RGB"))
 
 
 TABLE = (
-    Pass("depth", "Depth", "Depth", "Distance from the camera's plane", "Z", "VALUE", ("Z",)),
-    Pass("nearest", "Nearest", "Nearest Depth", "Least distance of any sample", "Z", "VALUE", ("nearest.Z",)),
-    Pass("position", "Position", "Position", "Where surfaces are", "XYZ", "VECTOR", ("P.X", "P.Y", "P.Z"), True),
+    Pass("depth", "Depth", "Depth", "Depth along the viewing direction", "Z", "VALUE", ("Z",)),
+    Pass("nearest", "Nearest", "Nearest Depth", "Least depth of all samples", "Z", "VALUE", ("nearest.Z",)),
+    Pass("position", "Position", "Position", "Position of surfaces in the world", "XYZ", "VECTOR", ("P.X", "P.Y", "P.Z"), True),
     Pass("normal", "Normal", "Normal", "Shading normal", "XYZ", "VECTOR", ("N.X", "N.Y", "N.Z"), True),
     Pass(
         "geometric_normal",
@@ -52,36 +51,36 @@ TABLE = (
         ("Ng.X", "Ng.Y", "Ng.Z"),
         True,
     ),
-    Pass("facing", "Facing", "Facing", "Cosine between normal and view", "X", "VALUE", ("facing.V",)),
+    Pass("facing", "Facing", "Facing", "Cosine of the angle between normal and view direction", "X", "VALUE", ("facing.V",)),
     Pass("albedo", "Albedo", "Albedo", "Reflectance", "RGB", "COLOR", ("albedo.R", "albedo.G", "albedo.B")),
     Pass("roughness", "Roughness", "Roughness", "Roughness of the material", "X", "VALUE", ("roughness.V",)),
-    _colour("diffuse_direct", "DiffDir", "Diffuse Direct", "Scattered light of lights, times its colour"),
-    _colour("diffuse_indirect", "DiffInd", "Diffuse Indirect", "Scattered light of surfaces, times its colour"),
-    _colour("diffuse_color", "DiffCol", "Diffuse Color", "Colour of what is scattered diffusely"),
-    _colour("glossy_direct", "GlossDir", "Glossy Direct", "Reflected light of lights, times its colour"),
-    _colour("glossy_indirect", "GlossInd", "Glossy Indirect", "Reflected light of surfaces, times its colour"),
-    _colour("glossy_color", "GlossCol", "Glossy Color", "Colour of what is reflected, seen along the normal"),
-    _colour("transmission_direct", "TransDir", "Transmission Direct", "Light of lights let through, times its colour"),
-    _colour("transmission_indirect", "TransInd", "Transmission Indirect", "Light of surfaces let through, times its colour"),
-    _colour("transmission_color", "TransCol", "Transmission Color", "Colour of what is let through"),
-    _colour("emission", "Emit", "Emission", "What surfaces emit towards the camera"),
-    _colour("environment", "Env", "Environment", "The world where the camera sees it"),
-    Pass("shadow", "Shadow", "Shadow", "Share of the direct light that something blocks", "X", "VALUE", ("shadow.V",)),
-    Pass("object_id", "Object", "Object", "Number of the object", "X", "VALUE", ("object.id",)),
-    Pass("material", "Material", "Material", "Number of the material", "X", "VALUE", ("material.id",)),
-    Pass("samples", "Samples", "Samples", "Samples a pixel", "X", "VALUE", ("samples",)),
+    _color("diffuse_direct", "DiffDir", "Diffuse Direct", "Direct diffuse light, times the diffuse color"),
+    _color("diffuse_indirect", "DiffInd", "Diffuse Indirect", "Indirect diffuse light, times the diffuse color"),
+    _color("diffuse_color", "DiffCol", "Diffuse Color", "Color of diffuse reflection"),
+    _color("glossy_direct", "GlossDir", "Glossy Direct", "Direct glossy light, times the glossy color"),
+    _color("glossy_indirect", "GlossInd", "Glossy Indirect", "Indirect glossy light, times the glossy color"),
+    _color("glossy_color", "GlossCol", "Glossy Color", "Color of glossy reflection at normal incidence"),
+    _color("transmission_direct", "TransDir", "Transmission Direct", "Direct transmitted light, times the transmission color"),
+    _color("transmission_indirect", "TransInd", "Transmission Indirect", "Indirect transmitted light, times the transmission color"),
+    _color("transmission_color", "TransCol", "Transmission Color", "Color of transmission"),
+    _color("emission", "Emit", "Emission", "Emission that the camera sees"),
+    _color("environment", "Env", "Environment", "World background that the camera sees"),
+    Pass("shadow", "Shadow", "Shadow", "Fraction of direct light that is blocked", "X", "VALUE", ("shadow.V",)),
+    Pass("object_id", "Object", "Object", "Index of the object", "X", "VALUE", ("object.id",)),
+    Pass("material", "Material", "Material", "Index of the material", "X", "VALUE", ("material.id",)),
+    Pass("samples", "Samples", "Samples", "Samples per pixel", "X", "VALUE", ("samples",)),
     Pass(
         "variance",
         "Variance",
         "Variance",
-        "Variance of the colour, were the samples independent",
+        "Variance of the color for independent samples",
         "RGB",
         "COLOR",
         ("variance.R", "variance.G", "variance.B"),
     ),
 )
 
-# Kinds of Cryptomattes: Blender's names of them, of its own switches and of the program's options.
+# Cryptomattes: names of layers, Blender's switches, and the program's options.
 MATTES = {
     "CryptoObject": ("use_pass_cryptomatte_object", "crypto_object"),
     "CryptoMaterial": ("use_pass_cryptomatte_material", "crypto_material"),
@@ -90,17 +89,17 @@ MATTES = {
 
 
 def _matte(name):
-    """One layer of a matte: two ids, each with its share."""
+    """A layer of a Cryptomatte: two IDs, each with its coverage."""
     return Pass("", name, name, "", "RGBA", "COLOR", tuple(f"{name}.{letter}" for letter in "RGBA"))
 
 
 def matte_kinds(layer):
-    """The kinds of mattes that a view layer asks for by Blender's own switches, where its Cryptomatte node looks for them."""
+    """The Cryptomattes of a view layer by Blender's own switches, which its Cryptomatte node needs."""
     return [kind for kind, (switch, _) in MATTES.items() if getattr(layer, switch)]
 
 
 def chosen(layer):
-    """All passes of a view layer but the picture."""
+    """All passes of a view layer besides Combined."""
     levels = -(-layer.pass_cryptomatte_depth // 2)
     layers = [_matte(f"{kind}{level:02}") for kind in matte_kinds(layer) for level in range(levels)]
     return [*layer.oscura.chosen(), *layers]
@@ -115,7 +114,7 @@ def arguments(layer):
 
 
 def by_name(name):
-    """The pass of a name in render results; None for others."""
+    """The pass with a name in render results; None without one."""
     if name[:-2] in MATTES:
         return _matte(name)
     return next((entry for entry in (COMBINED, *TABLE) if entry.name == name), None)

@@ -1,4 +1,4 @@
-"""What holds for all files: where the program is, and where it keeps what it made of scenes."""
+"""Preferences: the paths of the program and of its cache."""
 
 import os
 import shutil
@@ -7,7 +7,7 @@ import bpy
 
 
 class MissingProgram(Exception):
-    """The program was not found; the message says where to name it."""
+    """The program was not found."""
 
 
 class Preferences(bpy.types.AddonPreferences):
@@ -15,17 +15,17 @@ class Preferences(bpy.types.AddonPreferences):
 
     program: bpy.props.StringProperty(
         name="Program",
-        description="The program oscura; empty for the one that the environment variable OSCURA names, else that of the search path",
+        description="Path of the program oscura; if empty, the environment variable OSCURA, and then the search path",
         subtype="FILE_PATH",
     )
     cache: bpy.props.StringProperty(
         name="Cache",
-        description="Folder that keeps meshes and baked pictures for the next time; empty for the user's folder of caches",
+        description="Folder for baked images; if empty, the user's cache folder",
         subtype="DIR_PATH",
     )
     use_cache: bpy.props.BoolProperty(
-        name="Keep Meshes and Baked Pictures",
-        description="Export and bake what did not change only once",
+        name="Cache Baked Images",
+        description="Bake unchanged meshes and materials only once",
         default=True,
     )
 

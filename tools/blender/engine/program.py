@@ -1,4 +1,4 @@
-"""Runs the program as a child, and tells what it says."""
+"""Runs the program."""
 
 import json
 import os
@@ -12,23 +12,23 @@ import bpy
 
 from . import preferences
 
-# How long a child that was asked to stop may take to write what it has, seconds.
-GRACE = 20.0
+# Seconds that the program has to write its picture after it is asked to stop.
+STOP_TIMEOUT = 20.0
 
 PROGRESS = re.compile(r"(\d+(?:\.\d+)?) %  (.*)")
 
 
 class ProgramError(Exception):
-    """The program failed; the message is what it says."""
+    """The program failed; the message is its own."""
 
 
 def write_copy(path, scene):
-    """Writes a scene as it is now, saved or not, to a file of its own."""
+    """Writes a scene in its current state to a file."""
     bpy.data.libraries.write(str(path), {scene}, path_remap="ABSOLUTE", fake_user=False, compress=False)
 
 
 def arguments(command, blend, output, scene):
-    """The arguments that are the same for all commands about a scene in a file of its own."""
+    """The arguments that all commands have."""
     chosen = preferences.current()
     found = [preferences.find_program(), command, str(blend), "-o", str(output), "--scene", scene.name]
     found += ["--blender", bpy.app.binary_path or sys.executable]
@@ -38,25 +38,25 @@ def arguments(command, blend, output, scene):
     return [*found, "--cache", folder] if folder else found
 
 
-class Child:
-    """A running program. Its standard error is read as it comes, so that it never waits for us."""
+class Process:
+    """A running program. Threads read its output, so that it never blocks."""
 
     def __init__(self, command):
         self.progress = 0.0  # from 0 to 1
         self.status = ""
         self.lines = []
         self.is_stopped = False
-        # Of a group of its own, that it can be stopped with the Blender that it runs.
+        # A process group, so that Blender, which the program runs, stops as well.
         group = {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP} if os.name == "nt" else {"start_new_session": True}
         pipes = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
         try:
             self.process = subprocess.Popen(command, **pipes, **group, encoding="utf-8", errors="replace")
         except OSError as error:
             raise ProgramError(f"{command[0]} can't be run: {error}") from error
-        self.answers = []
+        self.outputs = []
         self.readers = [
             threading.Thread(target=self._read_errors, daemon=True),
-            threading.Thread(target=lambda: self.answers.append(self.process.stdout.read()), daemon=True),
+            threading.Thread(target=lambda: self.outputs.append(self.process.stdout.read()), daemon=True),
         ]
         for reader in self.readers:
             reader.start()
@@ -70,7 +70,7 @@ class Child:
                 self.lines.append(line.rstrip())
 
     def wait(self, seconds):
-        """Waits for its end at most so long; says whether it has ended."""
+        """Waits at most so many seconds; returns whether the process has ended."""
         try:
             self.process.wait(seconds)
         except subprocess.TimeoutExpired:
@@ -78,7 +78,7 @@ class Child:
         return True
 
     def stop(self):
-        """Lets it write what it has, and ends it."""
+        """Stops the process, which writes its picture first."""
         if self.process.poll() is not None:
             return
         self.is_stopped = True
@@ -86,22 +86,22 @@ class Child:
             self.process.send_signal(signal.CTRL_BREAK_EVENT)
         else:
             os.killpg(self.process.pid, signal.SIGTERM)
-        if not self.wait(GRACE):
+        if not self.wait(STOP_TIMEOUT):
             self.process.kill()
             self.process.wait()
 
-    def answer(self):
-        """What it says at its end: the report on its run, empty if there is none."""
+    def result(self):
+        """The report that the program prints at its end; empty without one."""
         for reader in self.readers:
             reader.join()
         self.process.stdout.close()
         self.process.stderr.close()
         try:
-            report = json.loads(self.answers[0].splitlines()[-1])
+            report = json.loads(self.outputs[0].splitlines()[-1])
         except (IndexError, ValueError):
             report = {}
         if self.process.returncode == 0 or self.is_stopped:
             return report
         problems = report.get("error", {}).get("problems")
-        said = "\n".join(problems or self.lines[-12:])
-        raise ProgramError(said or f"the program ended with {self.process.returncode} and said nothing")
+        message = "\n".join(problems or self.lines[-12:])
+        raise ProgramError(message or f"the program ended with exit code {self.process.returncode}")

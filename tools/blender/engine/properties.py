@@ -1,5 +1,5 @@
-"""What a file says about rendering with Oscura, by scene and by view layer. The program reads `samples`, `noise`,
-`denoise`, `depth` and `seed` of the scene, and the passes of the view layer, from the file itself (`oscura_blender/settings.py`); their defaults are those of the program."""
+"""Properties of scenes and view layers. The exporter reads `samples`, `noise`, `denoise`, `depth` and `seed`, and the passes, from the saved copy
+(`oscura_blender/settings.py`); defaults are those of the program, since files store only changed properties."""
 
 import bpy
 
@@ -9,14 +9,14 @@ from . import passes
 class SceneSettings(bpy.types.PropertyGroup):
     samples: bpy.props.IntProperty(
         name="Samples",
-        description="Samples a pixel; with a noise that is promised, the most of them",
+        description="Samples per pixel; with Noise the maximum",
         default=128,
         min=1,
         soft_max=4096,
     )
     noise: bpy.props.FloatProperty(
         name="Noise",
-        description="Stop when the picture's relative error is about so many percent; 0 takes all samples",
+        description="Stop when the estimated relative error of the picture is below this; 0 to take all samples",
         default=0.0,
         min=0.0,
         max=1000.0,
@@ -25,25 +25,25 @@ class SceneSettings(bpy.types.PropertyGroup):
     )
     denoise: bpy.props.BoolProperty(
         name="Denoise",
-        description="Take the noise out of the finished picture and its light passes",
+        description="Denoise the finished picture and its light passes",
         default=False,
     )
     depth: bpy.props.IntProperty(
         name="Depth",
-        description="Most scattering events of a path; 0 shows what shines and nothing else",
+        description="Maximum number of bounces; 0 for emission only",
         default=100,
         min=0,
     )
-    seed: bpy.props.IntProperty(name="Seed", description="Seed of all randomness", default=0, min=0)
+    seed: bpy.props.IntProperty(name="Seed", description="Seed of random numbers", default=0, min=0)
     time_limit: bpy.props.FloatProperty(
         name="Time Limit",
-        description="Most time to render a picture, seconds; 0 for no limit",
+        description="Maximum time for a picture in seconds; 0 for no limit",
         default=0.0,
         min=0.0,
     )
     refresh: bpy.props.FloatProperty(
         name="Refresh",
-        description="Time between two looks at the picture while it is rendered, seconds",
+        description="Seconds between updates of the picture while it is rendered",
         default=2.0,
         min=0.1,
         soft_max=60.0,
@@ -51,7 +51,7 @@ class SceneSettings(bpy.types.PropertyGroup):
 
 
 class LayerSettings(bpy.types.PropertyGroup):
-    """One switch for each pass, named `use_` and the option of the program."""
+    """A switch for each pass, named after the program's option."""
 
     __annotations__ = {
         f"use_{entry.option}": bpy.props.BoolProperty(name=entry.title, description=entry.about)
@@ -59,7 +59,7 @@ class LayerSettings(bpy.types.PropertyGroup):
     }
 
     def chosen(self):
-        """The passes that are switched on."""
+        """The passes that are on."""
         return [entry for entry in passes.TABLE if getattr(self, f"use_{entry.option}")]
 
 

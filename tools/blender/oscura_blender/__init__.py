@@ -1,1 +1,1 @@
-"""Exports scenes of Blender 4.2 and newer for oscura: a scene file with meshes, hair, grids and pictures beside it."""
+"""Exports scenes of Blender 4.2 and newer: a scene file, and its meshes, images, strands and grids."""

@@ -1,47 +1,48 @@
-"""Nodes that oscura can't evaluate (ambient occlusion, bevel, scripts, ...): Cycles bakes what they give to pictures of floats, on texture
-coordinates made for it, and image nodes stand in their place. Of inputs that may not vary over a surface the mean is taken."""
+"""Nodes that oscura can't evaluate (Ambient Occlusion, Bevel, Script, ...) are baked by Cycles to float images, on a UV map made for it. Inputs
+that may not vary over a surface get the mean."""
 
 import os
 
 import bpy
 import numpy as np
 
-from . import cache, fingerprint, glow, shaders, trees
+from . import cache, cycles, fingerprint, node_trees
+from .node_links import converted, output_node
 
-UV = "oscura bake"
+UV_MAP = "oscura bake"
 
-# Texels along the edge of a picture; of one of nodes that look around, which is smooth; and of one whose mean is wanted.
-EDGE, EDGE_OF_LOOKING, EDGE_OF_MEANS = 1024, 512, 128
+# Resolution of images; of nodes that trace rays, whose output is smooth; and of images for means.
+RESOLUTION, RESOLUTION_OF_RAYS, RESOLUTION_OF_MEANS = 1024, 512, 128
 
-# Samples of nodes that look around, of as many rays each as the node says.
+# Nodes that trace rays to surfaces around, and the samples for them, each of as many rays as the node says.
+RAY_NODES = ("ShaderNodeAmbientOcclusion", "ShaderNodeBevel", "ShaderNodeRaycast")
 SAMPLES = 8
-LOOKING = ("ShaderNodeAmbientOcclusion", "ShaderNodeBevel", "ShaderNodeRaycast")
 
-# Meshes of more faces keep their trees unbaked: laying out coordinates takes minutes for them.
-MOST_FACES = 400_000
+# Meshes with more faces are not baked: unwrapping them takes minutes.
+MAX_FACES = 400_000
 
-# Vectors are stored as shares of this, around a half: light has no sign.
+# Vectors are encoded as v / RANGE + 0.5, since emission has no sign.
 VECTOR_RANGE = 16.0
 
-# Share of texels that may be brighter than the brightest colour.
-BRIGHTEST = 0.999
+# The quantile of texels that is taken for the maximum of a color.
+MAXIMUM = 0.999
 
 
 class BakeRequests:
-    """Notes what of a material has to be baked."""
+    """Stands for `Baker` while a material is read for the first time: collects what would be baked, without a mesh."""
 
     def __init__(self):
-        self.reasons = []  # the nodes and inputs
-        self.warnings = []  # about the rest
+        self.reasons = []
+        self.warnings = []
 
-    def image(self, found, reason):
+    def image(self, source, reason):
         self.reasons.append(reason)
 
-    def mean(self, found, reason, default):
+    def mean(self, source, reason, default):
         self.reasons.append(reason)
         return default
 
-    def brightest(self, found, reason):
+    def maximum(self, source, reason):
         self.reasons.append(reason)
         return [1.0, 1.0, 1.0]
 
@@ -50,120 +51,117 @@ class BakeRequests:
 
 
 class Baker:
-    """Bakes what nodes of a material give on a mesh."""
+    """Bakes outputs of nodes of a material on a mesh."""
 
-    def __init__(self, holder, material, told):
-        self.holder, self.material = holder, material
-        self.found, self.store, self.options, self.report = told
-        looks = trees.has(material.node_tree, LOOKING) if material.node_tree is not None else False
-        edge = EDGE_OF_LOOKING if looks else EDGE
-        self.edge = min(edge, self.options.bake or edge)
-        self.is_bakable = len(holder.data.polygons) <= MOST_FACES
+    def __init__(self, export, entry, material):
+        self.export, self.entry, self.material = export, entry, material
+        has_rays = material.node_tree is not None and node_trees.has_linked(material.node_tree, RAY_NODES)
+        resolution = RESOLUTION_OF_RAYS if has_rays else RESOLUTION
+        self.resolution = min(resolution, export.options.bake or resolution)
+        self.is_possible = len(entry.object.data.polygons) <= MAX_FACES
 
     def warn(self, message):
-        self.report.warn(self.material.name, message)
+        self.export.report.warn(self.material.name, message)
 
-    def image(self, found, reason):
-        """The file of a picture of an output, and whether it holds vectors; None where nothing can be baked."""
-        if not self.is_bakable:
-            self.report.warn(self.material.name, f"{reason} is left out: {self.holder.data.name} has too many faces to bake it")
+    def image(self, source, reason):
+        """The file with an output, and whether it holds vectors; None for meshes that aren't baked."""
+        if not self.is_possible:
+            self.warn(f"{reason} is left out: the mesh {self.entry.object.data.name} has too many faces to bake it")
             return None
-        self.report.note(self.material.name, f"{reason} is baked, since oscura doesn't evaluate it")
-        pixels, file = self._pixels(found, self.edge), f"{self.options.name}.baked{len(self.found.bakes)}.exr"
-        self.found.bakes.append(file)
-        glow.save(pixels, os.path.join(self.options.folder, file))
-        return file, found.output.type == "VECTOR"
+        self.export.report.note(self.material.name, f"{reason} is baked, since it can't be evaluated")
+        pixels = self._pixels(source, self.resolution)
+        file = self.export.new_file("baked", ".exr")
+        cycles.save(pixels, os.path.join(self.export.folder, file))
+        return file, source.output.type == "VECTOR"
 
-    def mean(self, found, reason, default):
-        """The mean of an output over the mesh, as a number or three."""
-        texels = self._texels(found)
+    def mean(self, source, reason, default):
+        """The mean of an output, a number or three as the default."""
+        texels = self._texels(source)
         if not len(texels):
             return default
         mean = [float(c) for c in texels.mean(0)]
-        self.report.warn(self.material.name, f"{reason} varies over the surface: its mean is taken")
-        return mean if isinstance(default, list) else shaders.as_type(tuple(mean), False)
+        self.warn(f"{reason} may not vary over a surface: its mean is taken")
+        return mean if isinstance(default, list) else converted(mean, source.output.type, "VALUE")
 
-    def brightest(self, found, reason):
-        """The brightest colour of an output, by channel."""
-        texels = self._texels(found)
-        return np.clip(np.quantile(texels, BRIGHTEST, axis=0), 1e-3, 1.0).tolist() if len(texels) else [1.0, 1.0, 1.0]
+    def maximum(self, source, reason):
+        """The maximum of each channel of a color."""
+        texels = self._texels(source)
+        return np.clip(np.quantile(texels, MAXIMUM, axis=0), 1e-3, 1.0).tolist() if len(texels) else [1.0, 1.0, 1.0]
 
-    def _texels(self, found):
-        if not self.is_bakable:
+    def _texels(self, source):
+        if not self.is_possible:
             return np.zeros((0, 3))
-        pixels = self._pixels(found, min(EDGE_OF_MEANS, self.edge)).reshape(-1, 4).astype(np.float64)
+        pixels = self._pixels(source, min(RESOLUTION_OF_MEANS, self.resolution)).reshape(-1, 4).astype(np.float64)
         colors = pixels[pixels[:, 3] > 0][:, :3]
-        return (colors - 0.5) * VECTOR_RANGE if found.output.type == "VECTOR" else colors
+        return (colors - 0.5) * VECTOR_RANGE if source.output.type == "VECTOR" else colors
 
-    def _pixels(self, found, edge):
-        """The texels (edge, edge, 4) of an output; alpha is 0 where no face lies."""
-        lay_out(self.holder)
-        own = trees.copied(self.material)
+    def _pixels(self, source, resolution):
+        """The baked image of an output; alpha is 0 outside faces."""
+        unwrap(self.entry.object)
+        copy = node_trees.copy_material(self.material)
         try:
-            light, output = _lift(own.node_tree, found), found.output
-            if output.type == "VECTOR":
-                light = _coded(own.node_tree, light, found.node.bl_idname == "ShaderNodeBevel")
-            looks = any(node.bl_idname in LOOKING for _, node in trees.nodes_with_trees(own.node_tree, LOOKING))
-            return self._baked(own, light, edge, looks)
+            tree = copy.node_tree
+            color = _top_level_output(tree, source)
+            if source.output.type == "VECTOR":
+                color = _encoded(tree, color, source.node.bl_idname == "ShaderNodeBevel")
+            has_rays = any(True for _ in node_trees.find_nodes(tree, RAY_NODES))
+            return self._bake(copy, color, resolution, has_rays)
         finally:
-            bpy.data.materials.remove(own)
+            bpy.data.materials.remove(copy)
 
-    def _baked(self, own, light, edge, looks):
-        mesh, idle = self.holder.data.copy(), bpy.data.materials.new("oscura idle")
-        idle.use_nodes = True
-        shown = bpy.data.objects.new("oscura baked", mesh)
-        for slot, other in enumerate(self.holder.data.materials):
-            mesh.materials[slot] = own if other == self.material else idle
-        shown.matrix_world = self.found.placements[self.holder.name][0].matrix
-        around = self._surroundings() if looks else []
+    def _bake(self, copy, color, resolution, has_rays):
+        """Bakes the color as the emission of a copy of the material; faces of other materials are black."""
+        original = self.entry.object.data
+        mesh, black = original.copy(), bpy.data.materials.new("oscura idle")
+        black.use_nodes = True
+        target = bpy.data.objects.new("oscura baked", mesh)
+        for slot, material in enumerate(original.materials):
+            mesh.materials[slot] = copy if material == self.material else black
+        target.matrix_world = self.entry.placements[0].matrix
+        surroundings = self._surroundings() if has_rays else []
 
         def make():
-            with glow.stage(shown, *around) as scene:
-                scene.cycles.samples = SAMPLES if looks else 1
-                shining, dark = own.node_tree, idle.node_tree
-                shining.links.new(light, glow.light(shining, shaders.end(shining)).inputs["Color"])
-                glow.light(dark, shaders.end(dark))
-                pixels = glow.baked(edge, edge, [shining, dark], margin=8, uv_layer=UV)
+            with cycles.baking_scene(target, *surroundings) as scene:
+                scene.cycles.samples = SAMPLES if has_rays else 1
+                trees = [copy.node_tree, black.node_tree]
+                emission, _ = (cycles.add_emission(tree, output_node(tree)) for tree in trees)
+                copy.node_tree.links.new(color, emission.inputs["Color"])
+                pixels = cycles.bake_emission(resolution, resolution, trees, margin=8, uv_layer=UV_MAP)
             return np.nan_to_num(pixels, posinf=0).astype(np.float16)
 
-        try:
-            return self.store.kept(self._key(own, light, edge, shown, around), make)
-        finally:
-            for obj in around:
-                bpy.data.objects.remove(obj)
-            bpy.data.meshes.remove(mesh)
-            bpy.data.materials.remove(idle)
-
-    def _key(self, own, light, edge, shown, around):
-        digest = cache.digest()
-        digest.update(repr(("bake", edge, light.node.name, light.identifier, [tuple(row) for row in shown.matrix_world])).encode())
-        for obj in (shown, *around):
+        digest = cache.new_digest("bake", resolution, color.node.name, color.identifier)
+        for obj in (target, *surroundings):
             digest.update(repr([tuple(row) for row in obj.matrix_world]).encode())
             fingerprint.add_mesh(digest, obj.data)
-        fingerprint.add_tree(digest, own.node_tree)
-        return digest
+        fingerprint.add_tree(digest, copy.node_tree)
+        try:
+            return self.export.cache.get(digest, make)
+        finally:
+            for obj in surroundings:
+                bpy.data.objects.remove(obj)
+            bpy.data.meshes.remove(mesh)
+            bpy.data.materials.remove(black)
 
     def _surroundings(self):
-        """Everything else at its places."""
+        """Objects for all other placements of meshes."""
         made = []
-        for other in self.found.objects.values():
-            for number, place in enumerate(self.found.placements[other.name] if other is not None else []):
-                if other != self.holder or number > 0:
-                    obj = bpy.data.objects.new("oscura neighbour", other.data)
-                    obj.matrix_world = place.matrix
-                    made.append(obj)
+        for entry in self.export.mesh_entries():
+            for placement in entry.placements[1:] if entry is self.entry else entry.placements:
+                obj = bpy.data.objects.new("oscura neighbour", entry.object.data)
+                obj.matrix_world = placement.matrix
+                made.append(obj)
         return made
 
 
-def lay_out(holder):
-    """Gives a mesh texture coordinates that use no point of a picture twice; what is there goes on looking up its own."""
-    layers = holder.data.uv_layers
-    if UV in layers:
+def unwrap(obj):
+    """Adds a UV map without overlaps to a mesh object. The map that textures use by default stays the same."""
+    layers = obj.data.uv_layers
+    if UV_MAP in layers:
         return
     rendered = next((layer.name for layer in layers if layer.active_render), None)
-    layers.new(name=UV)
-    layers.active = layers[UV]
-    with glow.stage(holder):
+    layers.new(name=UV_MAP)
+    layers.active = layers[UV_MAP]
+    with cycles.baking_scene(obj):
         bpy.ops.object.mode_set(mode="EDIT")
         bpy.ops.mesh.reveal()
         bpy.ops.mesh.select_all(action="SELECT")
@@ -173,31 +171,26 @@ def lay_out(holder):
         layers[rendered].active_render = True
 
 
-def _lift(tree, found):
-    """The socket of a copy of a tree at its top level that gives what an output within groups does."""
-    trees_of, node = [tree], None
-    for group in found.groups:
-        trees_of.append(trees_of[-1].nodes[group.name].node_tree)
-    node = trees_of[-1].nodes[found.node.name]
-    socket = next(s for s in node.outputs if s.identifier == found.output.identifier)
-    kind = {"RGBA": "NodeSocketColor", "VECTOR": "NodeSocketVector"}.get(socket.type, "NodeSocketFloat")
-    for inner, outer, group in reversed(list(zip(trees_of[1:], trees_of, found.groups))):
-        made = inner.interface.new_socket("oscura", in_out="OUTPUT", socket_type=kind)
+def _top_level_output(tree, source):
+    """An output in a copy of a tree; one within groups is passed through new outputs of the groups."""
+    trees = [tree]
+    for group in source.groups:
+        trees.append(trees[-1].nodes[group.name].node_tree)
+    output = next(s for s in trees[-1].nodes[source.node.name].outputs if s.identifier == source.output.identifier)
+    socket_type = {"RGBA": "NodeSocketColor", "VECTOR": "NodeSocketVector"}.get(output.type, "NodeSocketFloat")
+    for inner, outer, group in reversed(list(zip(trees[1:], trees, source.groups))):
+        made = inner.interface.new_socket("oscura", in_out="OUTPUT", socket_type=socket_type)
         end = next(n for n in inner.nodes if n.bl_idname == "NodeGroupOutput" and n.is_active_output)
-        inner.links.new(socket, next(s for s in end.inputs if s.identifier == made.identifier))
-        socket = next(s for s in outer.nodes[group.name].outputs if s.identifier == made.identifier)
-    return socket
+        inner.links.new(output, next(s for s in end.inputs if s.identifier == made.identifier))
+        output = next(s for s in outer.nodes[group.name].outputs if s.identifier == made.identifier)
+    return output
 
 
-def _coded(tree, socket, is_normal):
-    """A vector as light; a normal in the space of the object."""
+def _encoded(tree, output, is_normal):
+    """A vector as a color; normals in object space."""
     if is_normal:
-        turn = tree.nodes.new("ShaderNodeVectorTransform")
-        turn.vector_type, turn.convert_from, turn.convert_to = "NORMAL", "WORLD", "OBJECT"
-        tree.links.new(socket, turn.inputs[0])
-        socket = turn.outputs[0]
-    coded = tree.nodes.new("ShaderNodeVectorMath")
-    coded.operation = "MULTIPLY_ADD"
-    coded.inputs[1].default_value, coded.inputs[2].default_value = (1 / VECTOR_RANGE,) * 3, (0.5,) * 3
-    tree.links.new(socket, coded.inputs[0])
-    return coded.outputs[0]
+        transform = tree.nodes.new("ShaderNodeVectorTransform")
+        transform.vector_type, transform.convert_from, transform.convert_to = "NORMAL", "WORLD", "OBJECT"
+        tree.links.new(output, transform.inputs[0])
+        output = transform.outputs[0]
+    return node_trees.link_operation(tree, "ShaderNodeVectorMath", "MULTIPLY_ADD", output, (1 / VECTOR_RANGE,) * 3, (0.5,) * 3)

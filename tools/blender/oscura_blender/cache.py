@@ -1,5 +1,4 @@
-"""What is kept for the next time: each result in a file named by a hash of all that it was made from, so that none is ever
-out of date. The program tells the folder, says what it holds, and clears it (`oscura cache`)."""
+"""The cache of baked and rendered pictures: files named by a hash of everything that the picture depends on."""
 
 import hashlib
 import io
@@ -12,78 +11,77 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-# `oscura cache` knows its files by 32 hexadecimal digits and this.
-ENDING = ".oscura"
+# `oscura cache` recognizes files by 32 hexadecimal digits and this extension.
+EXTENSION = ".oscura"
 
-# Most bytes that are kept; what was not used for longest goes first.
-MOST = 4 << 30
+# Size of the cache in bytes; the least recently used files are deleted first.
+MAX_SIZE = 4 << 30
 
 
 @lru_cache(maxsize=1)
-def _ourselves():
-    """Who makes the results: Blender, and this package."""
-    found = hashlib.blake2b(bpy.app.version_string.encode())
+def _version():
+    """A hash of Blender's version and this package."""
+    digest = hashlib.blake2b(bpy.app.version_string.encode())
     for path in sorted(Path(__file__).parent.glob("*.py")):
-        found.update(path.read_bytes())
-    return found.digest()
+        digest.update(path.read_bytes())
+    return digest.digest()
 
 
-def digest():
-    """The beginning of every hash."""
-    return hashlib.blake2b(_ourselves(), digest_size=16)
+def new_digest(*values):
+    """A hash of the version and some values."""
+    digest = hashlib.blake2b(_version(), digest_size=16)
+    digest.update(repr(values).encode())
+    return digest
 
 
-class Store:
-    """The results in a folder; without a folder, none."""
+class Cache:
+    """The arrays in a folder; without a folder nothing is kept."""
 
     def __init__(self, folder=None):
         self.folder = Path(folder) if folder else None
 
-    def kept(self, digest, make):
-        """The array of a result: the one that was kept for a hash, else one that is made now, and kept."""
+    def get(self, digest, make):
+        """The array of a hash; if it isn't in the cache, `make` computes it."""
         key = digest.hexdigest()
-        found = self.get(key)
-        if found is None:
-            found = {"made": make()}
-            self.put(key, found)
-        return found["made"]
+        array = self._read(key)
+        if array is None:
+            array = make()
+            self._write(key, array)
+        return array
 
-    def get(self, key):
-        """The arrays of a result by name; None if it isn't there, or damaged."""
+    def _read(self, key):
+        """None without the file, or if it is damaged."""
         if self.folder is None:
             return None
-        path = self._path(key)
+        path = self.folder / f"{key}{EXTENSION}"
         try:
             with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as arrays:
-                found = {name: arrays[name] for name in arrays.files}
+                array = arrays["made"]
             os.utime(path)  # it was used now
-        except (OSError, ValueError, EOFError, zipfile.BadZipFile):
+        except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile):
             return None
-        return found
+        return array
 
-    def put(self, key, arrays):
-        """Keeps the arrays of a result; it appears as a whole. A folder that takes none is no reason to end."""
+    def _write(self, key, array):
+        """Renames a complete file, so that other processes read no partial one. The export goes on without a writable folder."""
         if self.folder is None:
             return
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
             with tempfile.NamedTemporaryFile(dir=self.folder, delete=False) as file:
-                np.savez(file, **arrays)
-            os.replace(file.name, self._path(key))
+                np.savez(file, made=array)
+            os.replace(file.name, self.folder / f"{key}{EXTENSION}")
         except OSError as error:
-            print(f"{self.folder} keeps nothing: {error}")
+            print(f"can't write to the cache {self.folder}: {error}")
 
     def trim(self):
-        """Deletes the oldest results of a folder that holds too much."""
+        """Deletes the least recently used files of a cache that is too large."""
         if self.folder is None or not self.folder.is_dir():
             return
-        files = [(path, path.stat()) for path in self.folder.glob(f"*{ENDING}")]
-        left = sum(stat.st_size for _, stat in files) - MOST
+        files = [(path, path.stat()) for path in self.folder.glob(f"*{EXTENSION}")]
+        excess = sum(stat.st_size for _, stat in files) - MAX_SIZE
         for path, stat in sorted(files, key=lambda entry: entry[1].st_mtime):
-            if left <= 0:
+            if excess <= 0:
                 break
             path.unlink(missing_ok=True)
-            left -= stat.st_size
-
-    def _path(self, key):
-        return self.folder / f"{key}{ENDING}"
+            excess -= stat.st_size

@@ -1,221 +1,218 @@
-"""Volumes whose shaders read grids: by which grid each part of a medium goes, and what it is taken times."""
+"""Volume shaders of volume objects: each coefficient is a constant, or a constant times a grid of the object."""
 
-from . import media, shaders
-from .node_graph import as_triple, feed
+from . import media
+from .node_links import as_triple, blackbody, constant, follow, output_node
+from .node_types import Unsupported
 
-# Inputs of shaders that may go by a grid, besides those of Emission.
-GRIDDED = (
+# Inputs that may be a grid, besides those of Emission.
+GRID_INPUTS = (
     "Density", "Emission Strength", "Emission Color", "Temperature", "Scatter Coefficients", "Absorption Coefficients", "Emission Coefficients",
 )  # fmt: skip
 
-# The grids that outputs of Volume Info have.
+# Grids by the outputs of Volume Info.
 VOLUME_INFO = {"Color": "color", "Density": "density", "Flame": "flame", "Temperature": "temperature"}
 
-# The radiance of a metre of a black body of 1500 K in Cycles, whose law is that of Stefan and Boltzmann: a constant over pi, times
-# a millionth.
-BODY_OF_1500_KELVIN = media.BODY * 1500.0**4
+# Emission of a black body of 1500 K.
+EMISSION_AT_1500_K = media.BLACKBODY * 1500.0**4
 
 
-class Part:
-    """A coefficient by channel and the grid that it is taken times; None where it is the same everywhere."""
-
-    def __init__(self, kind, factor, grid=None, kelvin=None, cosine=0.0):
-        self.kind, self.factor, self.grid, self.kelvin, self.cosine = kind, factor, grid, kelvin, cosine
-
-
-class Gridded:
-    """A number or three, and the grid that they are taken times."""
+class Scaled:
+    """A grid times a number or three."""
 
     def __init__(self, factor, grid):
         self.factor, self.grid = factor, grid
 
 
-class Medium(media.Filling):
-    """What a tree says about a volume that has some grids."""
+def _factor(value):
+    return value.factor if isinstance(value, Scaled) else value
 
-    def __init__(self, name, known):
+
+class Part:
+    """A coefficient by channel, and its grid; None where it is the same everywhere. Kinds are "scatter", "absorb", "emit" and "blackbody", which
+    also has the scale of its grid of temperatures."""
+
+    def __init__(self, kind, value, kelvin=None, cosine=0.0):
+        self.kind, self.kelvin, self.cosine = kind, kelvin, cosine
+        self.factor, self.grid = tuple(map(float, as_triple(_factor(value)))), value.grid if isinstance(value, Scaled) else None
+
+
+class GridMedium(media.Medium):
+    """The sum of volume shaders of an object with some grids."""
+
+    def __init__(self, name, grids):
         super().__init__()
-        self.name, self.known = name, known
-        self.asked = set()  # grids that the tree speaks of
-        self.remarks = []  # what can't be said
+        self.name, self.grids = name, grids
+        self.used = set()  # names of grids in the node tree
+        self.losses = []  # messages
 
-    def has(self, grid):
-        """Is there such a grid? Without it a shader of Blender has no factor."""
-        if grid:
-            self.asked.add(grid)
-        return grid in self.known
-
-    def read(self, found, share):
-        """Adds what a shader says; what can't be said is left out."""
+    def read(self, source, weight):
+        """Adds a shader; one that oscura can't evaluate is left out."""
         try:
-            super().read(found, share)
-        except media.Varying as varying:
-            reason = f"varies by {varying}, and is" if found.node.bl_idname in media.READERS else "is"
-            self.remarks.append(f"the {found.node.bl_label} of its volume {reason} left out")
+            super().read(source, weight)
+        except Unsupported as reason:
+            why = f", since it varies by {reason}" if source.node.bl_idname in media.READERS else ""
+            self.losses.append(f"the volume shader {source.node.bl_label} is left out{why}")
 
-    def given(self, node, name, groups):
-        """An input of a shader: one that goes by a grid, or else is the same everywhere."""
-        may_vary = name in GRIDDED or node.bl_idname == "ShaderNodeEmission"
+    def input(self, node, name, groups):
+        may_vary = name in GRID_INPUTS or node.bl_idname == "ShaderNodeEmission"
         try:
-            value = self._factor(node.inputs[name], groups)
-        except media.Varying:
+            value = self._evaluate(node.inputs[name], groups)
+        except Unsupported:
             if may_vary:
                 raise
             value = None
-        if may_vary or not (value is None or isinstance(value, Gridded)):
+        if may_vary or not (value is None or isinstance(value, Scaled)):
             return self.positive(value)
         is_color = node.inputs[name].type == "RGBA"
-        self.remarks.append(f"{node.bl_label}, {name} of its volume varies and is taken as {'white' if is_color else 0}")
+        self.losses.append(f"{name} of the volume shader {node.bl_label} varies and is taken as {'white' if is_color else 0}")
         return [1.0] * 3 if is_color else 0.0
 
-    def _factor(self, socket, groups):
-        value = shaders.constant(socket) if not groups else None
+    def _evaluate(self, socket, groups):
+        """An input as a constant or a scaled grid."""
+        value = constant(socket, groups)
         if value is not None:
-            return list(value) if isinstance(value, tuple) else value
-        found = feed(socket, groups)
-        node, kind = found.node, found.node.bl_idname if found.node is not None else ""
-        parts = lambda *sockets: [self._factor(entry, found.groups) for entry in sockets]
+            return value
+        source = follow(socket, groups)
+        node = source.node
         if node is None:
-            return found.value
-        if kind == "ShaderNodeAttribute" and node.attribute_type == "GEOMETRY" and found.output.name != "Alpha":
-            return self._by_grid(node.attribute_name)
+            return source.value
+        kind = node.bl_idname
+        if kind == "ShaderNodeAttribute" and node.attribute_type == "GEOMETRY" and source.output.name != "Alpha":
+            return self._grid(node.attribute_name)
         if kind == "ShaderNodeVolumeInfo":
-            return self._by_grid(VOLUME_INFO[found.output.name])
-        if kind == "ShaderNodeMath" and node.operation in ("MULTIPLY", "DIVIDE") and not node.use_clamp:
-            first, second = parts(*node.inputs[:2])
-            return self.product(first, second) if node.operation == "MULTIPLY" else self.ratio(first, second)
-        if kind == "ShaderNodeVectorMath" and node.operation in ("MULTIPLY", "SCALE"):
-            return self.product(*parts(node.inputs[0], node.inputs["Scale" if node.operation == "SCALE" else 1]))
-        raise media.Varying(node.bl_label)
+            return self._grid(VOLUME_INFO[source.output.name])
+        operations = {"MULTIPLY": self.product, "SCALE": self.product, "DIVIDE": self.ratio}
+        is_math = kind == "ShaderNodeMath" and not node.use_clamp or kind == "ShaderNodeVectorMath" and node.operation != "DIVIDE"
+        if not is_math or node.operation not in operations:
+            raise Unsupported(node.bl_label)
+        second = node.inputs["Scale" if node.operation == "SCALE" else 1]
+        return operations[node.operation](*(self._evaluate(entry, source.groups) for entry in (node.inputs[0], second)))
 
-    def _by_grid(self, name):
-        # What asks for a grid that isn't there gets nothing.
-        return Gridded(1.0, name) if self.has(name) else 0.0
+    def has(self, grid):
+        if grid:
+            self.used.add(grid)
+        return grid in self.grids
+
+    def _grid(self, name):
+        return Scaled(1.0, name) if self.has(name) else 0.0
 
     def folded(self, operation, fold, a, b):
-        names = {value.grid for value in (a, b) if isinstance(value, Gridded)}
-        if not names:
+        grids = {value.grid for value in (a, b) if isinstance(value, Scaled)}
+        if not grids:
             return super().folded(operation, fold, a, b)
-        if len(names) > 1 or operation == "divide" and isinstance(b, Gridded):
-            raise media.Varying("two grids")
-        factors = (value.factor if isinstance(value, Gridded) else value for value in (a, b))
-        return Gridded(super().folded(operation, fold, *factors), names.pop())
+        if len(grids) > 1 or operation == "divide" and isinstance(b, Scaled):
+            raise Unsupported("two grids")
+        return Scaled(super().folded(operation, fold, _factor(a), _factor(b)), grids.pop())
 
     def cosine(self, node, groups):
         phase = getattr(node, "phase", "HENYEY_GREENSTEIN")
         if phase != "HENYEY_GREENSTEIN":
-            self.remarks.append(f"scattering by {phase.replace('_', ' ').title()} is the same to all sides here")
+            self.losses.append(f"the phase function {phase.replace('_', ' ').title()} is replaced by isotropic scattering")
             return 0.0
-        value = shaders.constant(node.inputs["Anisotropy"])
-        return self.given(node, "Anisotropy", groups) if value is None else value
+        value = constant(node.inputs["Anisotropy"], groups)
+        return self.input(node, "Anisotropy", groups) if value is None else value
 
-    def by_name(self, node, density):
-        grid = node.inputs["Density Attribute"].default_value
+    def density(self, node, groups, weight):
+        """The density of a shader, times the grid that it names."""
+        density = super().density(node, groups, weight)
+        if node.bl_idname != "ShaderNodeVolumePrincipled":
+            return density
         if self.has(node.inputs["Color Attribute"].default_value):
-            self.remarks.append("the colours of its grid are left out")
+            self.losses.append("the grid of its Color Attribute is left out")
+        grid = node.inputs["Density Attribute"].default_value
         if not self.has(grid):
             return density
-        if not isinstance(density, Gridded):
-            return Gridded(density, grid)
+        if not isinstance(density, Scaled):
+            return Scaled(density, grid)
         if density.grid != grid:
-            raise media.Varying("Density of two grids")
-        self.remarks.append(f"its density goes by the square of '{grid}' in Blender, and by '{grid}' here")
+            raise Unsupported("Density of two grids")
+        self.losses.append(f"its density is the grid '{grid}', not its square as in Cycles")
         return density
 
-    def black_body(self, node, groups, share):
-        intensity = self.given(node, "Blackbody Intensity", groups)
+    def emit_blackbody(self, node, groups, weight):
+        intensity = self.input(node, "Blackbody Intensity", groups)
         if intensity <= 0:
             return
-        kelvin, named = self.given(node, "Temperature", groups), node.inputs["Temperature Attribute"].default_value
-        if self.has(named):
-            if isinstance(kelvin, Gridded):
-                raise media.Varying("Temperature of two grids")
-            kelvin = Gridded(kelvin, named)
-        light = self.product(self.product(self.given(node, "Blackbody Tint", groups), intensity * share), BODY_OF_1500_KELVIN)
-        if isinstance(kelvin, Gridded):
-            self._add("heat", Gridded(light, kelvin.grid), kelvin=kelvin.factor)
+        kelvin, grid = self.input(node, "Temperature", groups), node.inputs["Temperature Attribute"].default_value
+        if self.has(grid):
+            if isinstance(kelvin, Scaled):
+                raise Unsupported("Temperature of two grids")
+            kelvin = Scaled(kelvin, grid)
+        light = self.product(self.product(self.input(node, "Blackbody Tint", groups), intensity * weight), EMISSION_AT_1500_K)
+        if isinstance(kelvin, Scaled):
+            self._add("blackbody", Scaled(light, kelvin.grid), kelvin=kelvin.factor)
         else:
-            self._add("shine", self.product(self.product(light, (kelvin / 1500.0) ** 4), [max(c, 0.0) for c in shaders.blackbody(kelvin)]))
+            self.emit(self.product(self.product(light, (kelvin / 1500.0) ** 4), [max(c, 0.0) for c in blackbody(kelvin)]))
 
-    def add(self, density, color, cosine=0.0):
-        self._add("scatter", self.product(density, color), cosine=cosine)
-        self._add("absorb", self.product(density, self.positive(self.difference(1.0, color))))
+    def add_part(self, extinction, albedo, cosine=0.0):
+        self._add("scatter", self.product(extinction, albedo), cosine=cosine)
+        self._add("absorb", self.product(extinction, self.positive(self.difference(1.0, albedo))))
 
-    def shine(self, light):
-        self._add("shine", light)
+    def emit(self, emission):
+        self._add("emit", emission)
 
     def _add(self, kind, value, **more):
-        factor, grid = (value.factor, value.grid) if isinstance(value, Gridded) else (value, None)
-        if any(as_triple(factor)):
-            self.parts.append(Part(kind, tuple(map(float, as_triple(factor))), grid, **more))
+        if any(as_triple(_factor(value))):
+            self.parts.append(Part(kind, value, **more))
 
-    def entries(self, place, scale, report):
-        """As scene files have it, densities times a scale; None for what does nothing."""
-        for remark in self.remarks:
-            report.warn(self.name, remark)
-        dense = [part for part in self.parts if part.kind in ("scatter", "absorb")]
-        shining = [part for part in self.parts if part.kind in ("shine", "heat")]
-        grid = self._grid(dense, "density", report)
-        dense = [part for part in dense if part.grid == grid]
-        found = _coefficients(dense, scale)
-        if shining:
-            if not dense:
-                grid = next((part.grid for part in shining if part.grid is not None), None)
-            found.update(self._light(shining, grid, scale, report))
-        if not any(found["density"]) and "emission" not in found:
+    # The table.
+
+    def entries(self, obj, scale, report):
+        """The table of the medium for an object, densities times a scale; None for an empty one."""
+        for loss in self.losses:
+            report.warn(self.name, loss)
+        extinct = [part for part in self.parts if part.kind in ("scatter", "absorb")]
+        emitting = [part for part in self.parts if part.kind in ("emit", "blackbody")]
+        grid, extinct = self._of_one_grid(extinct, "density", report)
+        entries = _coefficients(extinct, scale)
+        if emitting:
+            if not extinct:
+                grid = next((part.grid for part in emitting if part.grid is not None), None)
+            entries.update(self._emission(emitting, grid, scale, report))
+        if not any(entries["density"]) and "emission" not in entries:
             return None
         if grid is None:
-            report.warn(place, "its volume goes by none of its grids: it fills the box around them")
-            return found
-        return {**found, "grid_name": grid}
+            report.warn(obj, "its material uses none of its grids: the volume fills its bounding box")
+            return entries
+        return {**entries, "grid_name": grid}
 
-    def _grid(self, parts, what, report):
-        """The grid of most parts; others are left out."""
-        names = [part.grid for part in parts]
-        if not names:
-            return None
-        first = next((name for name in names if name is not None), None)
-        if len(set(names)) > 1:
-            lost = ", ".join(sorted("none" if name is None else f"'{name}'" for name in set(names) - {first}))
-            report.warn(self.name, f"its {what} goes by several grids: '{first}' is kept, {lost} left out")
-        return first
+    def _of_one_grid(self, parts, what, report):
+        """The first grid of parts, and the parts with it; others are left out."""
+        grids = {part.grid for part in parts}
+        first = next((part.grid for part in parts if part.grid is not None), None)
+        if len(grids) > 1:
+            lost = ", ".join(sorted("a constant" if grid is None else f"'{grid}'" for grid in grids - {first}))
+            report.warn(self.name, f"its {what} has several grids: '{first}' is kept, and left out {lost}")
+        return first, [part for part in parts if part.grid == first]
 
-    def _light(self, parts, dense, scale, report):
-        """The entries of what shines."""
-        heat = [part for part in parts if part.kind == "heat"]
-        if heat and len(heat) < len(parts):
-            report.warn(self.name, "it shines as a black body and besides: the black body is kept")
-        parts = heat or parts
-        grid = self._grid(parts, "light", report)
-        parts = [part for part in parts if part.grid == grid]
+    def _emission(self, parts, density_grid, scale, report):
+        blackbodies = [part for part in parts if part.kind == "blackbody"]
+        if blackbodies and len(blackbodies) < len(parts):
+            report.warn(self.name, "it has blackbody emission and another: the other is left out")
+        grid, parts = self._of_one_grid(blackbodies or parts, "emission", report)
         emission = [scale * sum(part.factor[c] for part in parts) for c in range(3)]
-        if grid is None:
-            if dense is not None:
-                report.warn(self.name, "its light is the same everywhere in Blender, and goes by the grid of densities here")
-            return {"emission": emission}
-        if not heat:
-            return {"emission": emission, **({} if grid == dense else {"emission_grid": grid})}
-        law = {"temperature_law": "stefan-boltzmann", "temperature": heat[0].kelvin}
-        return {"emission": emission, "temperature_grid": grid, **law}
+        if blackbodies:
+            law = {"temperature_law": "stefan-boltzmann", "temperature": blackbodies[0].kelvin}
+            return {"emission": emission, "temperature_grid": grid, **law}
+        if grid is None and density_grid is not None:
+            report.warn(self.name, "its emission is uniform in Cycles, and proportional to the density here")
+        return {"emission": emission, **({} if grid in (None, density_grid) else {"emission_grid": grid})}
 
 
 def _coefficients(parts, scale):
-    scattered, lost = ([sum(p.factor[c] for p in parts if p.kind in kinds) for c in range(3)] for kinds in (("scatter",), ("scatter", "absorb")))
-    found = {"density": [scale * l for l in lost], "color": [s / l if l > 0 else 0.0 for s, l in zip(scattered, lost)]}
-    weights = [(sum(p.factor), p.cosine) for p in parts if p.kind == "scatter"]
-    if (whole := sum(weight for weight, _ in weights)) > 0:
-        cosine = sum(weight * cosine for weight, cosine in weights) / whole
-        if cosine:
-            found["anisotropy"] = max(min(cosine, 0.999), -0.999)
-    return found
+    scattering = [part for part in parts if part.kind == "scatter"]
+    scattered, extinct = ([sum(part.factor[c] for part in kind) for c in range(3)] for kind in (scattering, parts))
+    cosine = media.mean_cosine([sum(part.factor) for part in scattering], scattering)
+    albedo = [s / e if e > 0 else 0.0 for s, e in zip(scattered, extinct)]
+    return {"density": [scale * e for e in extinct], "color": albedo, **media.anisotropy(cosine)}
 
 
-def read(material, known, report):
-    """What a material says of a volume with grids of some names."""
-    medium = Medium(material.name, known)
-    end = shaders.end(material.node_tree) if material.use_nodes and material.node_tree is not None else None
-    if end is not None and (shown := feed(end.inputs["Volume"])).node is not None:
-        medium.read(shown, 1.0)
-    elif end is not None and feed(end.inputs["Surface"]).node is not None:
-        medium.remarks.append("has a surface and no volume: objects that are volumes show nothing of it")
+def read(material, grids, report):
+    """The medium of a material on an object with some grids."""
+    medium = GridMedium(material.name, grids)
+    end = output_node(material.node_tree) if material.use_nodes else None
+    if end is not None and (source := follow(end.inputs["Volume"])).node is not None:
+        medium.read(source, 1.0)
+    elif end is not None and follow(end.inputs["Surface"]).node is not None:
+        medium.losses.append("has a surface shader and no volume shader: volume objects with it are left out")
     return medium

@@ -1,29 +1,29 @@
-"""Volumes of solids and of the world: what each metre scatters, absorbs and adds. What differs from place to place is a graph of nodes."""
+"""Participating media of meshes and of the world by volume shaders: extinction, single-scattering albedo and emission, each a constant or a graph
+of nodes."""
 
-from . import node_graph, shaders
-from .node_graph import as_triple, feed, is_number
+from . import nodes
+from .node_links import as_triple, blackbody, constant, follow, is_number
+from .node_types import Unsupported
 
-# Radiance of a metre of a black body over the fourth power of its temperature in Cycles.
-BODY = 5.670373e-14 / 3.14159265
-
-
-class Varying(Exception):
-    """The medium can't be said; the message names the node."""
+# Emission of a black body in Cycles over the fourth power of its temperature: the Stefan-Boltzmann constant / pi, times a millionth.
+BLACKBODY = 5.670373e-14 / 3.14159265
 
 
 class Part:
-    """A shader of volumes: its extinction per metre, the share that it scatters, and the mean cosine of that."""
+    """A shader's extinction per metre, albedo and mean cosine of scattering."""
 
-    def __init__(self, density, color, cosine=0.0):
-        self.density, self.color, self.cosine = density, color, cosine
+    def __init__(self, extinction, albedo, cosine=0.0):
+        self.extinction, self.albedo, self.cosine = extinction, albedo, cosine
 
 
-class Filling(node_graph.Graph):
-    """What fills a volume: parts, and what each metre adds. Values are numbers, lists of three, or outputs of nodes."""
+class Medium(nodes.Graph):
+    """The sum of volume shaders. Values are numbers, lists of three, or references to outputs of nodes."""
 
-    def __init__(self, exposure=1.0):
-        super().__init__(exposure)
-        self.parts, self.glow, self.exposure = [], 0.0, exposure
+    def __init__(self, exposure=1.0, images=None):
+        super().__init__(images)
+        self.parts, self.emission, self.exposure = [], 0.0, exposure
+
+    # Arithmetic besides that of `Graph`.
 
     def difference(self, a, b):
         return a if is_number(b, 0.0) else self.folded("subtract", lambda x, y: x - y, a, b)
@@ -31,161 +31,165 @@ class Filling(node_graph.Graph):
     def ratio(self, a, b):
         return a if is_number(b, 1.0) else self.folded("divide", lambda x, y: x / y if y else 0.0, a, b)
 
-    def lesser(self, a, b):
-        return self.folded("minimum", min, a, b)
-
     def positive(self, a):
         return self.folded("maximum", max, a, 0.0)
 
     def power(self, a, exponent):
-        if not isinstance(a, str):
-            return [x**exponent for x in a] if isinstance(a, list) else a**exponent
-        return f"{self.made({'type': 'vector_math', 'operation': 'power', 'a': a, 'b': [exponent] * 3})}.vector"
+        if isinstance(a, str):
+            return self._vector_math("power", a=a, b=[exponent] * 3)
+        return [x**exponent for x in a] if isinstance(a, list) else a**exponent
 
-    def given(self, node, name, groups):
-        """An input of a node, not below 0."""
+    # Inputs.
+
+    def input(self, node, name, groups):
+        """The value of an input, at least 0."""
         socket = node.inputs[name]
-        plain = shaders.constant(socket) if not groups else None
-        found = super().value(feed(socket, groups), socket.type) if plain is None else plain
-        return self.positive(list(found) if isinstance(found, tuple) else found)
+        value = constant(socket, groups)
+        return self.positive(super().value(follow(socket, groups), socket.type) if value is None else value)
 
     def cosine(self, node, groups):
+        """The mean cosine of a shader's phase function; others than Henyey-Greenstein's are taken as isotropic."""
         if getattr(node, "phase", "HENYEY_GREENSTEIN") != "HENYEY_GREENSTEIN":
             return 0.0
-        found = super().value(feed(node.inputs["Anisotropy"], groups), "VALUE")
-        if isinstance(found, str):
-            raise Varying(f"{node.bl_label}, Anisotropy")
-        return found
+        value = super().value(follow(node.inputs["Anisotropy"], groups), "VALUE")
+        if isinstance(value, str):
+            raise Unsupported(f"{node.bl_label}, Anisotropy")
+        return value
 
-    def by_name(self, node, density):
-        """The density of a shader that may name a grid for it."""
-        return density
+    def density(self, node, groups, weight):
+        return self.product(self.input(node, "Density", groups), weight)
 
-    def black_body(self, node, groups, share):
-        intensity = self.given(node, "Blackbody Intensity", groups)
+    # What shaders add, times the weight of mixes.
+
+    def add_part(self, extinction, albedo, cosine=0.0):
+        if not is_number(extinction, 0.0):
+            self.parts.append(Part(extinction, albedo, cosine))
+
+    def emit(self, emission):
+        self.emission = self.sum(self.emission, emission)
+
+    def emit_blackbody(self, node, groups, weight):
+        intensity = self.input(node, "Blackbody Intensity", groups)
         if is_number(intensity, 0.0):
             return
-        kelvin = self.given(node, "Temperature", groups)
+        kelvin = self.input(node, "Temperature", groups)
         if isinstance(kelvin, str):
-            color = f"{self.made({'type': 'blackbody', 'temperature': kelvin})}.color"
+            color = f"{self.new({'type': 'blackbody', 'temperature': kelvin})}.color"
         else:
-            color = list(max(c, 0.0) for c in shaders.blackbody(kelvin))
-        # Intensity mixes between 1 and the fourth power.
+            color = [max(c, 0.0) for c in blackbody(kelvin)]
+        # The intensity interpolates between 1 and the fourth power.
         power = self.sum(1.0, self.product(intensity, self.difference(self.power(kelvin, 4.0), 1.0)))
-        light = self.product(self.product(power, BODY), self.product(color, self.given(node, "Blackbody Tint", groups)))
-        self.shine(self.product(light, share))
+        emission = self.product(self.product(power, BLACKBODY), self.product(color, self.input(node, "Blackbody Tint", groups)))
+        self.emit(self.product(emission, weight))
 
-    def read(self, found, share):
-        """Adds what a shader says, times a share."""
-        if found.node is None or is_number(share, 0.0):
+    def read(self, source, weight):
+        if source.node is None or is_number(weight, 0.0):
             return
-        if found.node.bl_idname not in READERS:
-            raise Varying(found.node.bl_label)
-        READERS[found.node.bl_idname](self, found.node, found.groups, share)
+        if source.node.bl_idname not in READERS:
+            raise Unsupported(source.node.bl_label)
+        READERS[source.node.bl_idname](self, source.node, source.groups, weight)
 
-    def add(self, density, color, cosine=0.0):
-        if not is_number(density, 0.0):
-            self.parts.append(Part(density, color, cosine))
+    # The table.
 
-    def shine(self, light):
-        self.glow = self.sum(self.glow, light)
-
-    def is_nothing(self):
-        return not self.parts and is_number(self.glow, 0.0)
+    def is_empty(self):
+        return not self.parts and is_number(self.emission, 0.0)
 
     def is_varying(self):
-        return any(isinstance(value, str) for value in (self.glow, *(x for p in self.parts for x in (p.density, p.color))))
+        values = [self.emission, *(value for part in self.parts for value in (part.extinction, part.albedo))]
+        return any(isinstance(value, str) for value in values)
 
     def entries(self):
-        """As scene files have it."""
-        density, color, cosine = self._whole()
-        glow = self.product(self.glow, self.exposure)
-        found = {"density": _capped(density), "color": color if isinstance(color, str) else [min(c, 1.0) for c in as_triple(color)]}
-        if cosine:
-            found["anisotropy"] = max(min(cosine, 0.999), -0.999)
-        if not is_number(glow, 0.0):
-            found["emission"] = glow if isinstance(glow, str) else as_triple(glow)
+        extinction, albedo, cosine = self._total()
+        emission = self.product(self.emission, self.exposure)
+        entries = {
+            "density": extinction if isinstance(extinction, str) else [min(x, 1e9) for x in as_triple(extinction)],
+            "color": albedo if isinstance(albedo, str) else [min(x, 1.0) for x in as_triple(albedo)],
+            **anisotropy(cosine),
+        }
+        if not is_number(emission, 0.0):
+            entries["emission"] = as_triple(emission)
         if self.is_varying():
-            found.update(up="z", nodes=self.nodes)
-        return found
+            entries.update(up="z", nodes=self.nodes)
+        return entries
 
-    def _whole(self):
-        """The extinction of all parts, the share that is scattered, and the mean cosine."""
+    def _total(self):
+        """The extinction, albedo and mean cosine of all parts together."""
         if len(self.parts) <= 1:
-            return next(((p.density, p.color, p.cosine) for p in self.parts), (0.0, 0.0, 0.0))
-        density = scattered = 0.0
+            return next(((p.extinction, p.albedo, p.cosine) for p in self.parts), (0.0, 0.0, 0.0))
+        extinction = scattered = 0.0
         for part in self.parts:
-            density = self.sum(density, part.density)
-            scattered = self.sum(scattered, self.product(part.density, part.color))
-        # By how much each part scatters, where that is known.
-        known = [(sum(as_triple(self.product(p.density, p.color))), p) for p in self.parts if not isinstance(p.density, str) and not isinstance(p.color, str)]
-        weights = known if len(known) == len(self.parts) else [(0.0 if is_number(p.color, 0.0) else 1.0, p) for p in self.parts]
-        total = sum(weight for weight, _ in weights)
-        cosine = sum(weight * part.cosine for weight, part in weights) / total if total > 0 else 0.0
-        return density, self.ratio(scattered, density), cosine
+            extinction = self.sum(extinction, part.extinction)
+            scattered = self.sum(scattered, self.product(part.extinction, part.albedo))
+        if any(isinstance(value, str) for part in self.parts for value in (part.extinction, part.albedo)):
+            weights = [0.0 if is_number(part.albedo, 0.0) else 1.0 for part in self.parts]
+        else:
+            weights = [sum(as_triple(self.product(part.extinction, part.albedo))) for part in self.parts]
+        return extinction, self.ratio(scattered, extinction), mean_cosine(weights, self.parts)
 
 
-def _capped(density):
-    return density if isinstance(density, str) else [min(d, 1e9) for d in as_triple(density)]
+def mean_cosine(weights, parts):
+    total = sum(weights)
+    return sum(weight * part.cosine for weight, part in zip(weights, parts)) / total if total > 0 else 0.0
 
 
-def read(socket, exposure=1.0):
-    """What feeds a volume's input.
-
-    Raises Varying for what can't be said.
-    """
-    filling = Filling(exposure)
-    filling.read(feed(socket), 1.0)
-    if filling.baker.reasons:
-        raise Varying(filling.baker.reasons[0])
-    return filling
+def anisotropy(cosine):
+    return {"anisotropy": max(min(cosine, 0.999), -0.999)} if cosine else {}
 
 
-def _absorption(filling, node, groups, share):
-    lost = filling.positive(filling.difference(1.0, filling.given(node, "Color", groups)))
-    density = filling.product(filling.given(node, "Density", groups), share)
-    filling.add(filling.product(density, lost), 0.0)
+def read(socket, export):
+    """The medium of a Volume input. Raises `Unsupported` for what oscura can't evaluate."""
+    medium = Medium(export.exposure, export.images)
+    medium.read(follow(socket), 1.0)
+    if medium.baker.reasons:
+        raise Unsupported(medium.baker.reasons[0])
+    return medium
 
 
-def _scatter(filling, node, groups, share):
-    density = filling.product(filling.given(node, "Density", groups), share)
-    filling.add(filling.product(density, filling.given(node, "Color", groups)), 1.0, filling.cosine(node, groups))
+def _absorption(medium, node, groups, weight):
+    absorbed = medium.positive(medium.difference(1.0, medium.input(node, "Color", groups)))
+    medium.add_part(medium.product(medium.density(node, groups, weight), absorbed), 0.0)
 
 
-def _coefficients(filling, node, groups, share):
-    coefficient = lambda kind: filling.product(filling.given(node, f"{kind} Coefficients", groups), share)
-    filling.add(coefficient("Scatter"), 1.0, filling.cosine(node, groups))
-    filling.add(coefficient("Absorption"), 0.0)
-    filling.shine(coefficient("Emission"))
+def _scatter(medium, node, groups, weight):
+    density = medium.density(node, groups, weight)
+    medium.add_part(medium.product(density, medium.input(node, "Color", groups)), 1.0, medium.cosine(node, groups))
 
 
-def _principled(filling, node, groups, share):
-    density = filling.by_name(node, filling.product(filling.given(node, "Density", groups), share))
-    color, hidden = (filling.given(node, name, groups) for name in ("Color", "Absorption Color"))
-    # What isn't scattered is absorbed, but for the root of the other colour.
-    rest = filling.positive(filling.difference(1.0, color))
-    lost = rest if is_number(hidden, 0.0) else filling.product(rest, filling.positive(filling.difference(1.0, filling.power(hidden, 0.5))))
-    taken = 1.0 if lost is rest and not isinstance(color, str) and max(as_triple(color)) <= 1.0 else filling.sum(color, lost)
-    filling.add(filling.product(density, taken), filling.ratio(color, taken), filling.cosine(node, groups))
-    light = filling.product(filling.given(node, "Emission Strength", groups), filling.given(node, "Emission Color", groups))
-    filling.shine(filling.product(light, share))
-    filling.black_body(node, groups, share)
+def _coefficients(medium, node, groups, weight):
+    coefficient = lambda kind: medium.product(medium.input(node, f"{kind} Coefficients", groups), weight)
+    medium.add_part(coefficient("Scatter"), 1.0, medium.cosine(node, groups))
+    medium.add_part(coefficient("Absorption"), 0.0)
+    medium.emit(coefficient("Emission"))
 
 
-def _emission(filling, node, groups, share):
-    light = filling.product(filling.given(node, "Strength", groups), filling.given(node, "Color", groups))
-    filling.shine(filling.product(light, share))
+def _principled(medium, node, groups, weight):
+    density = medium.density(node, groups, weight)
+    color, absorption = (medium.input(node, name, groups) for name in ("Color", "Absorption Color"))
+    # Cycles scatters by the color, and absorbs what is left times one minus the square root of the absorption color.
+    rest = medium.positive(medium.difference(1.0, color))
+    is_plain = is_number(absorption, 0.0)
+    absorbed = rest if is_plain else medium.product(rest, medium.positive(medium.difference(1.0, medium.power(absorption, 0.5))))
+    extinct = 1.0 if is_plain and not isinstance(color, str) and max(as_triple(color)) <= 1.0 else medium.sum(color, absorbed)
+    medium.add_part(medium.product(density, extinct), medium.ratio(color, extinct), medium.cosine(node, groups))
+    emission = medium.product(medium.input(node, "Emission Strength", groups), medium.input(node, "Emission Color", groups))
+    medium.emit(medium.product(emission, weight))
+    medium.emit_blackbody(node, groups, weight)
 
 
-def _sum(filling, node, groups, share):
+def _emission(medium, node, groups, weight):
+    emission = medium.product(medium.input(node, "Strength", groups), medium.input(node, "Color", groups))
+    medium.emit(medium.product(emission, weight))
+
+
+def _add(medium, node, groups, weight):
     for socket in node.inputs[:2]:
-        filling.read(feed(socket, groups), share)
+        medium.read(follow(socket, groups), weight)
 
 
-def _mix(filling, node, groups, share):
-    factor = filling.lesser(filling.given(node, node.inputs[0].name, groups), 1.0)
-    for socket, part in zip(node.inputs[1:3], (filling.difference(1.0, factor), factor)):
-        filling.read(feed(socket, groups), filling.product(share, part))
+def _mix(medium, node, groups, weight):
+    factor = medium.folded("minimum", min, medium.input(node, node.inputs[0].name, groups), 1.0)
+    for socket, part in zip(node.inputs[1:3], (medium.difference(1.0, factor), factor)):
+        medium.read(follow(socket, groups), medium.product(weight, part))
 
 
 READERS = {
@@ -194,6 +198,6 @@ READERS = {
     "ShaderNodeVolumePrincipled": _principled,
     "ShaderNodeVolumeCoefficients": _coefficients,
     "ShaderNodeEmission": _emission,
-    "ShaderNodeAddShader": _sum,
+    "ShaderNodeAddShader": _add,
     "ShaderNodeMixShader": _mix,
 }

@@ -1,44 +1,42 @@
-"""What is said about an export."""
+"""Warnings and notes about an export."""
 
 import json
 
-
-# Materials that were made of others, by name.
+# Names of temporary materials, and the names of the materials that they are copies of.
 ALIASES = {}
 
 
 class Stop(Exception):
-    """There can be no export; the message says why."""
+    """The export is impossible; the message says why."""
 
 
 class Report:
-    """Warnings tell of what is lost, notes of choices. Each is a pair of a place (the name of a material or an object;
-    empty for the whole file) and a message, said once."""
+    """Warnings name what is lost, notes name choices. Each is a pair: the name of a material or object (empty for the whole file) and a
+    message. Repeated messages are dropped."""
 
     def __init__(self):
         self.warnings = []
         self.notes = []
 
-    def warn(self, place, message):
-        self._add(self.warnings, place, message)
+    def warn(self, name, message):
+        self._add(self.warnings, name, message)
 
-    def note(self, place, message):
-        self._add(self.notes, place, message)
+    def note(self, name, message):
+        self._add(self.notes, name, message)
 
     @staticmethod
-    def _add(messages, place, message):
-        place = ALIASES.get(place, place)
-        if (place, message) not in messages:
-            messages.append((place, message))
+    def _add(messages, name, message):
+        entry = ALIASES.get(name, name), message
+        if entry not in messages:
+            messages.append(entry)
 
     def write(self, path, error=None):
-        answer = {"error": error, "warnings": self.warnings, "notes": self.notes}
         with open(path, "w", encoding="utf-8") as file:
-            json.dump(answer, file)
+            json.dump({"error": error, "warnings": self.warnings, "notes": self.notes}, file)
 
 
 def listed(names, most=6):
-    """Names in a sentence; of many only the first."""
+    """Names for a message; only the first of many."""
     names = sorted({ALIASES.get(name, name) for name in names})
     shown = ", ".join(f"'{name}'" for name in names[:most])
     more = len(names) - most

@@ -1,28 +1,28 @@
-"""Writes the scene file: the little of TOML that it needs, and transforms in the axes of oscura."""
+"""Writes the scene file: the subset of TOML that it needs, and transforms in its coordinate system."""
 
 import json
 import math
 
 from mathutils import Matrix
 
-# From Blender's axes (z up) to those of scene files (y up).
+# From Blender's coordinate system (z up) to that of scene files (y up).
 Y_UP = Matrix(((1, 0, 0, 0), (0, 0, 1, 0), (0, -1, 0, 0), (0, 0, 0, 1)))
 
 
 class Exact(float):
-    """A number of which all digits are written."""
+    """A number that is written with all digits."""
 
 
 def number(value):
-    """A number as TOML has it, as short as single precision allows unless it is exact."""
+    """A number in TOML, with the digits of single precision unless it is `Exact`."""
     if not math.isfinite(value):
-        raise ValueError(f"{value} is no number for a file")
+        raise ValueError(f"{value} can't be written to a scene file")
     text = repr(float(value)) if isinstance(value, Exact) else f"{float(value):.7g}"
     return text if any(c in text for c in ".e") else text + ".0"
 
 
 def value(of):
-    """Any value. Names in double quotes are the same in JSON and TOML."""
+    """Any value in TOML. Strings are written as in JSON, but for DEL."""
     if isinstance(of, bool):
         return "true" if of else "false"
     if isinstance(of, int):
@@ -36,32 +36,32 @@ def value(of):
     return number(of)
 
 
-def is_flat(matrix):
-    """Does a matrix scale by 0 along an axis? Scene files have such transforms of still meshes only."""
+def is_singular(matrix):
+    """Does a matrix scale by 0 along an axis? Only meshes that don't move may have such transforms."""
     return abs(matrix.to_3x3().determinant()) < 1e-30
 
 
-def placed(matrix, kind=float):
-    """A transform by a matrix: its last row exactly, which products of Blender's matrices have up to rounding."""
+def transform(matrix, kind=float):
+    """The value of `transform` for a matrix, whose last row is written without rounding errors."""
     return [{"matrix": [kind(x) for row in list(matrix)[:3] for x in row] + [0.0, 0.0, 0.0, 1.0]}]
 
 
 def placement(matrix, frames, matrices):
-    """The keys of the place of a camera or a light, in Blender's axes: its matrix, or those at frames if it moves."""
+    """`transform` of a camera or a light by its matrix in Blender; with matrices at frames also `motion`."""
     if matrices is None:
-        return {"transform": placed(Y_UP @ matrix, Exact)}
-    keys = [{"frame": frame, "transform": placed(Y_UP @ then, Exact)} for frame, then in zip(frames, matrices)]
+        return {"transform": transform(Y_UP @ matrix, Exact)}
+    keys = [{"frame": frame, "transform": transform(Y_UP @ then, Exact)} for frame, then in zip(frames, matrices)]
     return {"transform": [], "motion": {"keys": keys}}
 
 
 def table(title, entries):
-    """A table; keys whose value is None are left out."""
+    """A table without the keys whose value is None."""
     lines = [f"{key} = {value(v)}" for key, v in entries.items() if v is not None]
     return "\n".join([title, *lines])
 
 
 def write(path, comment, tables):
-    """Writes tables, each a pair of its title in brackets and its entries."""
+    """Writes tables: pairs of a title in brackets and a dictionary."""
     head = f"# {comment}" if any(title == "[[objects]]" for title, _ in tables) else f"# {comment}\n\nobjects = []"
     parts = [head] + [table(title, entries) for title, entries in tables if entries]
     with open(path, "w", encoding="utf-8", newline="\n") as file:

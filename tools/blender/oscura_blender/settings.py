@@ -1,168 +1,156 @@
-"""What the scene says about rendering."""
+"""Render settings: resolution, samples, limits of bounces, passes, color management."""
 
 import bpy
 import numpy as np
 
-from . import facets, node_graph, view_table
-from .context import ENGINE
+from . import multiscatter, view_table
+from .final_render import ENGINE
+from .node_links import follow
 
-# The working space of oscura, and of Blender's scenes unless they say otherwise.
+# The working space of oscura, and of Blender by default.
 REC709 = "Linear Rec.709"
 
-# The view that is the same here, by Blender's name, and the one whose steps no table can hold. The others become tables.
+# Views that scene files name, by Blender's names. False Color has steps that no table can hold; others become tables.
 VIEWS = {"Standard": "srgb", "False Color": "false-color"}
 
-# Scattering beneath a surface after which Cycles ends a path.
+# Cycles' limit of scattering events below a surface.
 SUBSURFACE_STEPS = 256
 
-# Passes of view layers, with the channels that they stand for here.
-PASSES = {
-    "use_pass_z": "depth",
-    "use_pass_position": "position",
-    "use_pass_normal": "normal",
-    "use_pass_vector": "motion",
-    "use_pass_uv": "uv",
-    "use_pass_object_index": "object_id",
-    "use_pass_material_index": "material_id",
-    **{
-        f"use_pass_{kind}_{part}": f"{kind}_{part}"
-        for kind in ("diffuse", "glossy", "transmission")
-        for part in ("direct", "indirect", "color")
-    },
-    "use_pass_emit": "emission",
-    "use_pass_environment": "environment",
-    "use_pass_shadow": "shadow",
-    "use_pass_cryptomatte_object": "crypto_object",
-    "use_pass_cryptomatte_material": "crypto_material",
-    "use_pass_cryptomatte_asset": "crypto_asset",
-}
-LOST_PASSES = {"use_pass_mist": "Mist", "use_pass_ambient_occlusion": "Ambient Occlusion"}
-
-
-def film_exposure(scene):
-    """The factor that Cycles' film puts on all light."""
-    return scene.cycles.film_exposure if scene.render.engine == "CYCLES" else 1.0
+# Passes of view layers, by Blender's switches without "use_pass_", and their names in scene files where these differ.
+PASSES = (
+    "z", "position", "normal", "vector", "uv", "object_index", "material_index", "diffuse_direct", "diffuse_indirect", "diffuse_color",
+    "glossy_direct", "glossy_indirect", "glossy_color", "transmission_direct", "transmission_indirect", "transmission_color", "emit",
+    "environment", "shadow",
+)  # fmt: skip
+CRYPTOMATTES = ("cryptomatte_object", "cryptomatte_material", "cryptomatte_asset")
+PASS_NAMES = {
+    "z": "depth", "vector": "motion", "object_index": "object_id", "material_index": "material_id", "emit": "emission",
+    "cryptomatte_object": "crypto_object", "cryptomatte_material": "crypto_material", "cryptomatte_asset": "crypto_asset",
+}  # fmt: skip
+UNSUPPORTED_PASSES = {"mist": "Mist", "ambient_occlusion": "Ambient Occlusion"}
 
 
 def resolution(scene):
-    """Width and height of the picture."""
+    """Width and height of the picture in pixels."""
     render = scene.render
     share = render.resolution_percentage / 100
     return tuple(max(1, int(n * share)) for n in (render.resolution_x, render.resolution_y))
 
 
-def read(scene, found, folder, name, report):
-    """The entries of [render]; a view that is a table goes to the folder."""
-    layer = found.questions.layer
+def read(export):
+    scene, layer, report = export.scene, export.layer, export.report
     width, height = resolution(scene)
     entries = {"width": width, "height": height}
-    cycles = getattr(scene, "cycles", None)
     if scene.render.engine == ENGINE:
-        entries.update(_chosen_for_us(scene))
-        entries["aovs"] = _passes_for_us(layer) or None
+        entries.update(_addon_settings(scene))
+        entries["aovs"] = _addon_passes(layer) or None
     else:
-        if scene.render.engine == "CYCLES" and cycles:
-            _read_cycles(cycles, entries, report)
+        if scene.render.engine == "CYCLES":
+            entries.update(_cycles_settings(scene.cycles, report))
             entries["aovs"] = _passes(layer, report) or None
         else:
-            report.note("", f"is set up for {scene.render.engine}; the exporter reads it as Cycles would")
-        if cycles:
-            entries.update(_limits(cycles, report))
-        if any("is_shadow_catcher" in extras for extras in found.extras.values()):
+            report.note("", f"the render engine is {scene.render.engine}: it is rendered as by Cycles")
+        entries.update(_limits(scene.cycles, report))
+        mesh_entries = export.mesh_entries()
+        if any("is_shadow_catcher" in entry.traits for entry in mesh_entries):
             entries["caught"] = "shadows"
         entries["terminator"] = _terminator(scene)
-        entries["microfacet"] = facets.model([h for h in found.objects.values() if h is not None])
-    entries.update(view(scene, folder, name, report))
+        materials = (material for entry in mesh_entries for material in entry.object.data.materials if material is not None)
+        entries["microfacet"] = multiscatter.model(materials)
+    entries.update(view(scene, export.folder, export.name, report))
     entries["crop"] = _crop(scene.render, width, height)
-    _tell_of_the_rest(scene, report)
+    _warn_of_losses(scene, report)
     return entries
 
 
 def _terminator(scene):
-    """Whether shadow rays start at the surface that triangles stand for: unless no object has an offset for it."""
-    offsets = [getattr(getattr(obj, "cycles", None), "shadow_terminator_geometry_offset", 0.1) for obj in scene.objects if obj.type == "MESH"]
-    return "lifted" if any(offset > 0 for offset in offsets) else "off"
+    """Whether shadow rays start at the smooth surface: unless all objects have a geometry offset of 0."""
+    has_offset = any(getattr(obj.cycles, "shadow_terminator_geometry_offset", 0.1) > 0 for obj in scene.objects if obj.type == "MESH")
+    return "lifted" if has_offset else "off"
 
 
 def view(scene, folder, name, report):
-    """How pictures to look at are encoded."""
-    view = scene.view_settings
-    found = {"view": VIEWS.get(view.view_transform)}
-    look = "" if view.look in ("None", "") else view.look
-    if found["view"] == "false-color":
-        report.note("", "is viewed by False Color; its steps here are others than Blender's")
-        return {**found, **_light_of(view)}
-    # Curves come before exposure; tints are Blender's own.
-    is_balanced = getattr(view, "use_white_balance", False)
-    with_light = view.use_curve_mapping or (is_balanced and abs(view.white_balance_tint - 10.0) > 1e-3)
-    if found["view"] is None or look or with_light or abs(view.gamma - 1) > 1e-6:
-        found["view"] = view_table.write(scene, folder, name, with_light)
-    return found if with_light else {**found, **_light_of(view)}
+    """The view transform; a table is written to the folder."""
+    settings = scene.view_settings
+    entries = {"view": VIEWS.get(settings.view_transform)}
+    if entries["view"] == "false-color":
+        report.note("", "the view is False Color, whose steps differ from Blender's")
+        return {**entries, **_exposure(settings)}
+    # Curves act before the exposure, and only Blender has tints: tables with them have exposure and white balance as well.
+    is_balanced = getattr(settings, "use_white_balance", False)  # since Blender 4.3
+    with_exposure = settings.use_curve_mapping or (is_balanced and abs(settings.white_balance_tint - 10.0) > 1e-3)
+    has_look = settings.look not in ("None", "")
+    if entries["view"] is None or has_look or with_exposure or abs(settings.gamma - 1) > 1e-6:
+        entries["view"] = view_table.write(scene, folder, name, with_exposure)
+    return entries if with_exposure else {**entries, **_exposure(settings)}
 
 
-def _light_of(view):
-    """Exposure and white balance."""
-    found = {}
-    if view.exposure:
-        found["exposure"] = max(-100.0, min(100.0, view.exposure))
-    if getattr(view, "use_white_balance", False):
-        found["white_balance"] = min(max(view.white_balance_temperature, 1667.0), 25000.0)
-    return found
+def _exposure(settings):
+    entries = {}
+    if settings.exposure:
+        entries["exposure"] = max(-100.0, min(100.0, settings.exposure))
+    if getattr(settings, "use_white_balance", False):
+        entries["white_balance"] = min(max(settings.white_balance_temperature, 1667.0), 25000.0)
+    return entries
 
 
 def _crop(render, width, height):
-    """The region to render in pixels, rows from the top; None for the whole picture."""
+    """The render region in pixels, rows from the top; None without one."""
     if not render.use_border:
         return None
     # Blender multiplies in single precision.
     edge = lambda part, size: int(np.float32(part) * np.float32(size))
     left, right = (edge(part, width) for part in (render.border_min_x, render.border_max_x))
     bottom, top = (edge(part, height) for part in (render.border_min_y, render.border_max_y))
-    # Blender's regions have a pixel at least.
+    # Regions have at least one pixel.
     return [left, height - max(top, bottom + 1), max(right, left + 1), height - bottom]
 
 
+def _switched_on(layer, passes):
+    return [PASS_NAMES.get(name, name) for name in passes if getattr(layer, f"use_pass_{name}", False)]
+
+
 def _passes(layer, report):
-    """The channels that the passes of a view layer stand for."""
-    found = [aov for switch, aov in PASSES.items() if getattr(layer, switch, False)]
-    if getattr(layer.cycles, "pass_debug_sample_count", False):
-        found.append("samples")
-    lost = [name for switch, name in LOST_PASSES.items() if getattr(layer, switch, False)]
-    lost += [f"'{aov.name}' of shaders" for aov in layer.aovs]
+    """The passes of a view layer."""
+    passes = _switched_on(layer, (*PASSES, *CRYPTOMATTES))
+    if layer.cycles.pass_debug_sample_count:
+        passes.append("samples")
+    lost = [UNSUPPORTED_PASSES[name] for name in _switched_on(layer, UNSUPPORTED_PASSES)]
+    lost += [f"shader AOV '{aov.name}'" for aov in layer.aovs]
     if lost:
-        report.warn("", f"passes that can't be rendered: {', '.join(lost)}")
-    return found
+        report.warn("", f"passes are not supported: {', '.join(lost)}")
+    return passes
 
 
-def _chosen_for_us(scene):
-    """What the add-on's panels say."""
-    chosen = _stored(scene)
-    found = {name: chosen[name] for name in ("samples", "depth", "seed") if name in chosen}
-    if chosen.get("noise", 0) > 0:
-        found["noise"] = max(chosen["noise"], 0.001)
-    if chosen.get("denoise"):
-        found["denoise"] = True
-    return found
+def _addon_settings(scene):
+    """The settings of the add-on's panels."""
+    stored = _addon_properties(scene)
+    entries = {name: stored[name] for name in ("samples", "depth", "seed") if name in stored}
+    if stored.get("noise", 0) > 0:
+        entries["noise"] = max(stored["noise"], 0.001)
+    if stored.get("denoise"):
+        entries["denoise"] = True
+    return entries
 
 
-def _passes_for_us(layer):
-    """The passes that the add-on's panel has, and Blender's own switches of Cryptomattes."""
-    found = [name.removeprefix("use_") for name, is_on in _stored(layer).items() if name.startswith("use_") and is_on]
-    mattes = (switch for switch in PASSES if switch.startswith("use_pass_cryptomatte_"))
-    return found + [PASSES[switch] for switch in mattes if getattr(layer, switch)]
+def _addon_passes(layer):
+    """The passes of the add-on's panel, and Cryptomattes."""
+    passes = [name.removeprefix("use_") for name, is_on in _addon_properties(layer).items() if name.startswith("use_") and is_on]
+    return passes + _switched_on(layer, CRYPTOMATTES)
 
 
-def _stored(owner):
-    """What the add-on keeps with a scene or a view layer. Without the add-on Blender has it as it was stored: what was
-    changed."""
-    stored = (owner.bl_system_properties_get() or {}) if hasattr(owner, "bl_system_properties_get") else owner
+def _addon_properties(owner):
+    """The add-on's properties of a scene or view layer as stored in the file, since the add-on is not installed: only changed ones."""
+    has_getter = hasattr(owner, "bl_system_properties_get")  # since Blender 5.0
+    stored = (owner.bl_system_properties_get() or {}) if has_getter else owner
     return dict(stored.get("oscura") or {})
 
 
-def _read_cycles(cycles, entries, report):
-    entries["samples"] = cycles.samples
+def _cycles_settings(cycles, report):
+    """Samples, noise threshold, denoising, seed and pixel filter."""
+    entries = {"samples": cycles.samples}
     if cycles.use_adaptive_sampling:
-        # Cycles stops a pixel at an error of the threshold times the root of its brightness; middle grey lies near a quarter.
+        # Cycles' threshold is the error of a pixel relative to the square root of its brightness, which is near 1/4 for middle gray.
         threshold = cycles.adaptive_threshold or 0.01
         entries["noise"] = min(max(200 * threshold, 0.01), 1000.0)
         report.note("", f"Cycles' noise threshold {threshold:.3g} is taken as --noise {entries['noise']:.3g}; --spp chooses otherwise")
@@ -172,70 +160,52 @@ def _read_cycles(cycles, entries, report):
         entries["seed"] = cycles.seed
     if cycles.pixel_filter_type == "BOX":
         entries["filter"] = "box"
-    _tell_of_light_left_out(cycles, report)
+    if cycles.use_fast_gi:
+        report.warn("", "Cycles' Fast GI Approximation is not supported: paths have all their bounces")
+    return entries
 
 
 def _limits(cycles, report):
-    """The limits of paths. Cycles doesn't count the last bounce."""
+    """Limits of bounces, clamping, and caustics. Cycles doesn't count the last bounce."""
     kinds = {kind: getattr(cycles, f"{kind}_bounces") for kind in ("diffuse", "glossy", "transmission", "volume")}
     bounces = {kind: limit + 1 for kind, limit in kinds.items() if limit < cycles.max_bounces}
     bounces["transparent"] = cycles.transparent_max_bounces + 1
     bounces["subsurface"] = SUBSURFACE_STEPS
     clamps = {"direct": cycles.sample_clamp_direct, "indirect": cycles.sample_clamp_indirect}
     clamp = {which: limit * cycles.film_exposure for which, limit in clamps.items() if limit > 0 and cycles.film_exposure > 0}
-    words = [f"{kind} {limit}" for kind, limit in kinds.items() if limit < cycles.max_bounces]
-    words.append(f"{cycles.transparent_max_bounces} transparent surfaces")
-    limited = ", ".join([f"{cycles.max_bounces} in all", *words])
-    clamped = "".join(f", {which} light clamped at {clamps[which]:.4g}" for which in clamp)
-    filtered = f", glossy filter {cycles.blur_glossy:.4g}" if cycles.blur_glossy > 0 else ""
     skipped = {kind: True for kind in ("reflective", "refractive") if not getattr(cycles, f"caustics_{kind}")}
-    without = f", no {' and no '.join(skipped)} caustics" if skipped else ""
-    report.note("", f"light ends where Cycles ends it (bounces: {limited}{clamped}{filtered}{without}); --unbiased lifts the limits")
+    report.note("", "bounces, clamping, Filter Glossy and caustics are limited as in Cycles; --unbiased lifts the limits")
     limits = {"depth": cycles.max_bounces + 1, "bounces": bounces, "clamp": clamp or None}
     return {**limits, "filter_glossy": cycles.blur_glossy or None, "skip_caustics": skipped or None}
 
 
-def _tell_of_light_left_out(cycles, report):
-    """Tells which light Cycles leaves out or estimates; here all is followed."""
-    if cycles.use_fast_gi:
-        report.warn("", "Cycles' fast approximation of global illumination is not supported: light is followed through all bounces")
-
-
-def _tell_of_the_rest(scene, report):
+def _warn_of_losses(scene, report):
+    """Settings that the export can't have, and post-processing, which Blender runs itself for its render engines."""
     render = scene.render
-    # Blender 5 and newer.
-    space = getattr(getattr(bpy.data, "colorspace", None), "working_space", REC709)
+    space = bpy.data.colorspace.working_space if hasattr(bpy.data, "colorspace") else REC709  # since Blender 5.0
     if space != REC709:
-        report.warn("", f"colours are numbers in {space} and taken for {REC709}")
-    _tell_of_what_follows(scene, report)
-    if getattr(render, "use_freestyle", False):
-        report.warn("", "Freestyle lines are not supported")
-    if getattr(render, "use_multiview", False):
-        report.warn("", "stereo is not supported: one picture is rendered")
-
-
-def _tell_of_what_follows(scene, report):
-    """Blender changes the picture by nodes and strips after it was rendered. Of its own engines only: what our engine renders
-    goes through them there."""
-    tell = report.note if scene.render.engine == ENGINE else report.warn
-    if scene.render.use_compositing and _is_composed(scene):
-        tell("", "the nodes of its compositor are not run: the picture is what they would be given")
+        report.warn("", f"the working space {space} is not supported: colors are taken as {REC709}")
+    tell = report.note if render.engine == ENGINE else report.warn
+    if render.use_compositing and _has_compositing(scene):
+        tell("", "compositing nodes are not run")
     editor = scene.sequence_editor
-    # Blender 5 and newer, or older ones.
+    # `sequences` before Blender 5.0.
     strips = getattr(editor, "strips" if hasattr(editor, "strips") else "sequences", ())
-    if scene.render.use_sequencer and any(not strip.mute for strip in strips):
-        tell("", "strips of its sequencer are not shown: the picture is that of the scene")
+    if render.use_sequencer and any(not strip.mute for strip in strips):
+        tell("", "strips of the sequencer are not rendered: the picture is that of the scene")
+    if getattr(render, "use_freestyle", False):  # not in all builds
+        report.warn("", "Freestyle is not supported")
+    if render.use_multiview:
+        report.warn("", "stereoscopy is not supported: one picture is rendered")
 
 
-def _is_composed(scene):
-    """Do the compositor's nodes change the picture?"""
-    if hasattr(scene, "compositing_node_group"):
+def _has_compositing(scene):
+    """Do compositing nodes change the picture?"""
+    if hasattr(scene, "compositing_node_group"):  # since Blender 5.0
         tree = scene.compositing_node_group
     else:
         tree = scene.node_tree if scene.use_nodes else None
-    if tree is None:
-        return False
-    ends = [node for node in tree.nodes if node.type in ("COMPOSITE", "GROUP_OUTPUT") and node.inputs]
-    end = next((node for node in ends if getattr(node, "is_active_output", True)), None)
-    origin = node_graph.feed(end.inputs[0]).output if end is not None else None
-    return origin is not None and (origin.node.type, origin.name) != ("R_LAYERS", "Image")
+    nodes = [node for node in tree.nodes if node.type in ("COMPOSITE", "GROUP_OUTPUT") and node.inputs] if tree is not None else []
+    end = next((node for node in nodes if getattr(node, "is_active_output", True)), None)
+    output = follow(end.inputs[0]).output if end is not None else None
+    return output is not None and (output.node.type, output.name) != ("R_LAYERS", "Image")

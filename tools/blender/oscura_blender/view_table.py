@@ -1,5 +1,4 @@
-"""The view of a scene as a table: what Blender makes of the nodes of a lattice of
-colours. The file is binary: src/color/view/table.rs says how."""
+"""View transforms as a 3D lookup table of a scene's display colors, which Blender fills. src/color/view/table.rs describes the file."""
 
 import contextlib
 import os
@@ -9,20 +8,22 @@ import tempfile
 import bpy
 import numpy
 
-# Nodes along an edge of the lattice, and of the curve before it.
+from . import cycles
+
+# Entries along an edge of the table, and of the 1D table before it.
 NODES = 65
 KNOTS = 1025
 
-# What the curves span besides 0, in scene-linear values: from 14 stops below middle grey to 12.5 above, where AgX ends.
+# The range of scene-linear values besides 0: from 14 stops below middle gray to 12.5 above, where AgX ends.
 DARKEST, BRIGHTEST = 0.18 * 2.0**-14, 0.18 * 2.0**12.5
 
-# Pixels a row of the pictures that Blender encodes.
+# Width of the images that Blender encodes.
 ROW = 1024
 
 
-def write(scene, folder, name, with_light):
-    """Writes the table beside the scene file and gives the file's name. With light: exposure and white balance are part of it."""
-    with viewed(scene, with_light) as copy, tempfile.TemporaryDirectory() as scratch:
+def write(scene, folder, name, with_exposure):
+    """Writes the table, with exposure and white balance or without; returns the file's name."""
+    with viewed(scene, with_exposure) as copy, tempfile.TemporaryDirectory() as scratch:
         picture = os.path.join(scratch, "view.png")
         knots, values = _curve(copy, picture)
         node = numpy.interp(numpy.linspace(0.0, 1.0, NODES), values, knots)
@@ -37,56 +38,52 @@ def write(scene, folder, name, with_light):
 
 
 @contextlib.contextmanager
-def viewed(scene, with_light):
-    """A copy of the scene that encodes 16-bit pictures for displays of sRGB."""
+def viewed(scene, with_exposure):
+    """A copy of the scene that encodes 16-bit images for sRGB displays."""
     copy = scene.copy()
     try:
-        if not with_light:
+        if not with_exposure:
             copy.view_settings.exposure = 0.0
-            if hasattr(copy.view_settings, "use_white_balance"):
+            if hasattr(copy.view_settings, "use_white_balance"):  # since Blender 4.3
                 copy.view_settings.use_white_balance = False
-        # A configuration of colours of the user's own may call it otherwise; then it stays what it is.
+        # A custom OpenColorIO configuration may have no display of this name.
         with contextlib.suppress(TypeError):
             copy.display_settings.display_device = "sRGB"
         copy.render.dither_intensity = 0.0
-        files = copy.render.image_settings
-        if hasattr(files, "media_type"):
-            files.media_type = "IMAGE"
-        files.file_format, files.color_mode, files.color_depth = "PNG", "RGB", "16"
-        files.color_management, files.compression = "FOLLOW_SCENE", 0
+        cycles.set_output(copy, "PNG", "16")
+        copy.render.image_settings.color_management, copy.render.image_settings.compression = "FOLLOW_SCENE", 0
         yield copy
     finally:
         bpy.data.scenes.remove(copy)
 
 
 def _curve(scene, picture):
-    """Ascending values, and to which of 0 to 1 they go: half by stops, half as greys are shown, so that the nodes are dense
-    where the view changes much, and there are some where only one of the channels does."""
+    """The 1D table: ascending scene-linear values, and their positions (from 0 to 1) in the 3D table. Positions are the mean of the logarithm and of
+    the display value of gray: entries are dense where the view changes fast, and there are some where only saturated colors change."""
     stops = numpy.exp2(numpy.linspace(numpy.log2(DARKEST), numpy.log2(BRIGHTEST), KNOTS - 1))
     knots = numpy.concatenate([[0.0], stops])
-    grey = encoded(scene, numpy.repeat(knots[:, None], 3, axis=1), picture)[:, 1].astype(float)
-    grey = numpy.maximum.accumulate(grey)
-    evenly = numpy.linspace(0.0, 1.0, KNOTS)
-    span = grey[-1] - grey[0]
-    values = 0.5 * evenly + 0.5 * (grey - grey[0]) / span if span > 0.01 else evenly
-    return knots, values
+    gray = encoded(scene, numpy.repeat(knots[:, None], 3, axis=1), picture)[:, 1].astype(float)
+    gray = numpy.maximum.accumulate(gray)
+    uniform = numpy.linspace(0.0, 1.0, KNOTS)
+    span = gray[-1] - gray[0]
+    return knots, 0.5 * uniform + 0.5 * (gray - gray[0]) / span if span > 0.01 else uniform
 
 
 def encoded(scene, colors, picture):
-    """What displays show of linear colours, in 0 to 1."""
+    """The display colors (0 to 1) of linear colors, shape (colors, 3), by way of a file."""
     rows = -(-len(colors) // ROW)
     pixels = numpy.ones((rows * ROW, 4), numpy.float32)
     pixels[: len(colors), :3] = colors
-    made = bpy.data.images.new("oscura view", ROW, rows, alpha=False, float_buffer=True)
-    read = None
+    image = bpy.data.images.new("oscura view", ROW, rows, alpha=False, float_buffer=True)
+    display = None
     try:
-        made.pixels.foreach_set(pixels.ravel())
-        made.save_render(picture, scene=scene)
-        read = bpy.data.images.load(picture)
-        read.colorspace_settings.name = "Non-Color"
-        read.pixels.foreach_get(pixels.reshape(-1))
+        image.pixels.foreach_set(pixels.ravel())
+        image.save_render(picture, scene=scene)
+        display = bpy.data.images.load(picture)
+        display.colorspace_settings.name = "Non-Color"
+        display.pixels.foreach_get(pixels.reshape(-1))
     finally:
-        bpy.data.images.remove(made)
-        if read is not None:
-            bpy.data.images.remove(read)
+        bpy.data.images.remove(image)
+        if display is not None:
+            bpy.data.images.remove(display)
     return pixels[: len(colors), :3]

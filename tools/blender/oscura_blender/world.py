@@ -1,86 +1,210 @@
-"""The world: a constant, a picture, or a texture of its nodes; what oscura can't evaluate, Cycles renders to a picture."""
+"""The world: a constant, an environment image, or a texture of nodes. Other worlds are rendered to an image by Cycles."""
 
 import math
 import os
 import shutil
 
 import bpy
-import numpy as np
 
-from . import cache, fingerprint, geometry, media, scene_file, shaders, skies, stills, trees, world_graph
-from .node_graph import Unsupported, feed
-from .settings import film_exposure
+from . import cache, cycles, fingerprint, media, node_trees, objects, scene_file, sky, world_nodes
+from .image_files import path_of
+from .node_links import constant, follow, linked, output_node
+from .node_types import Unsupported
 
-# Colour spaces whose values are light as oscura has it.
+# Color spaces without a conversion to linear Rec. 709.
 LINEAR = ("Linear Rec.709", "Linear", "Linear BT.709", "Non-Color", "Raw", "Generic Data")
 
-# Kinds of rays that a world may be hidden from besides those of the camera, and what Cycles calls them.
-RAYS = {"diffuse": "diffuse", "glossy": "glossy", "transmission": "transmission", "volume": "scatter"}
+# Rays besides those of the camera to which a world is visible, by their names in Cycles.
+RAYS = {"diffuse": "diffuse", "glossy": "glossy", "transmission": "transmission", "scatter": "volume"}
 
-# Outputs of coordinates that go by the camera of the scene.
-OF_CAMERAS = ("Window", "Camera")
+# Width of rendered images: at least, and at most with image textures.
+WIDTH, MAX_WIDTH = 2048, 8192
 
-# Width of pictures made of node trees, and the width of the largest made of a picture.
-WIDTH = 2048
-WIDEST = 8192
+LIGHT_PATH = "ShaderNodeLightPath"
 
-
-# The name of its texture in the scene file.
-TEXTURE = "world"
+# Outputs of Light Path that are 1 for rays of a kind; all others are 0.
+CAMERA_RAY = {"Is Camera Ray"}
+DIFFUSE_RAY = {"Is Diffuse Ray", "Ray Depth"}
 
 
-class _Target:
-    """Where pictures go, and where those that take long are kept."""
+def tables(export):
+    """The table [environment], and those of its textures."""
+    writer = _Writer(export)
+    return [("[environment]", writer.entries()), *writer.textures]
 
-    def __init__(self, folder, name, store, images):
-        self.folder, self.name, self.store, self.images = folder, name, store, images
-        self.textures, self.skies, self.pictures = [], 0, 0
 
-    def texture(self, entries):
-        """The name of a texture, which is a table of its own."""
-        name = TEXTURE if not self.textures else f"{TEXTURE} {len(self.textures) + 1}"
+def disable_sampling(entries, export):
+    """Cycles takes no light samples of a uniform world: whether objects hide it depends on scattered rays. It matters where shadow rays see
+    other objects than those."""
+    has_hidden = any(name in entry.traits for entry in export.mesh_entries() for name in objects.VISIBILITY if name != "visible_camera")
+    if "background" in entries and has_hidden:
+        entries["sampled"] = False
+
+
+class _Writer:
+    """Writes the world of a view layer, and its images."""
+
+    def __init__(self, export):
+        self.export, self.report = export, export.report
+        self.world = export.scene.world if export.layer.use_sky else None
+        self.tree = node_trees.tree_of(self.world) if self.world is not None else None
+        self.textures = []  # tables
+        self._images = self._skies = 0
+
+    def entries(self):
+        world, exposure = self.world, self.export.exposure
+        is_hidden = self.export.scene.render.film_transparent or (world is not None and not world.cycles_visibility.camera)
+        seen, lit = self._by_rays(is_hidden)
+        entries = _exposed(lit, exposure)
+        if seen is not None:
+            entries["seen"] = _exposed(seen, exposure)
+        entries.update(self._fog())
+        if world is not None:
+            hidden = [kind for name, kind in RAYS.items() if not getattr(world.cycles_visibility, name)]
+            if hidden:
+                entries["visible_to"] = [kind for kind in ("camera", *RAYS.values(), "shadow") if kind not in hidden]
+            if group := objects.light_group(world):
+                entries["group"] = group
+        if is_hidden:
+            entries["visible_to_camera"] = False
+        return entries
+
+    def _fog(self):
+        """The volume of the world, which is infinite, as in Cycles."""
+        end = output_node(self.tree)
+        if end is None or linked(end.inputs["Volume"]) is None:
+            return {}
+        try:
+            medium = media.read(end.inputs["Volume"], self.export)
+            if medium.is_varying():
+                raise Unsupported("nodes")
+        except Unsupported as reason:
+            self.report.warn(self.world.name, f"the volume of the world is left out, since it varies in space ({reason})")
+            return {}
+        return {} if medium.is_empty() else {"fog": medium.entries()}
+
+    def _by_rays(self, is_hidden):
+        """The entries for camera rays, None if they are the same or the world is hidden from cameras, and for all other rays."""
+        if self.tree is None:
+            return None, self._radiance(self.world)
+        coordinates = (node for _, node in node_trees.find_nodes(self.tree, ("ShaderNodeTexCoord",)))
+        if any(node.outputs[name].is_linked for node in coordinates for name in ("Window", "Camera")):
+            self.report.warn(self.world.name, "Window and Camera coordinates of the world are those of a panorama")
+        light_paths = node_trees.find_nodes(self.tree, (LIGHT_PATH,))
+        used = {out.name for _, node in light_paths for out in node.outputs if out.is_linked}
+        if not used:
+            return None, self._radiance(self.world)
+        if used != CAMERA_RAY:
+            self.report.warn(self.world.name, "the world depends on the kind of ray: rays other than the camera's see what diffuse rays do")
+        return None if is_hidden else self._seen_by(CAMERA_RAY), self._seen_by(DIFFUSE_RAY)
+
+    def _seen_by(self, rays):
+        """The entries of the world for a kind of rays, with constants instead of Light Path."""
+        world = self.world.copy()
+        try:
+            node_trees.copy_groups(world.node_tree)
+            for tree, node in list(node_trees.find_nodes(world.node_tree, (LIGHT_PATH,))):
+                for output in node.outputs:
+                    node_trees.replace_output(tree, output, float(output.name in rays))
+            return self._radiance(world)
+        finally:
+            bpy.data.worlds.remove(world)
+
+    def _radiance(self, world):
+        if world is None:
+            return {"background": [0, 0, 0]}
+        if self.tree is None:
+            return {"background": list(world.color)}
+        image = self._environment_image(world.node_tree)
+        if image is not None:
+            return image
+        sky_nodes = []
+
+        def sky_file(node):
+            sky_nodes.append(node)
+            self._skies += 1
+            file = f"{self.export.name}.sky{self._skies}.exr"
+            sky.render(node, self.export, os.path.join(self.export.folder, file))
+            return file
+
+        try:
+            radiance = world_nodes.read(world, self.export.images, sky_file)
+            sun = self._sun(world, [node for node in sky_nodes if sky.has_sun(node)])
+        except Unsupported:
+            return {"image": self._rendered(world)}
+        return {"background": radiance} if isinstance(radiance, list) else {"texture": self._texture(radiance), **sun}
+
+    def _sun(self, world, sky_nodes):
+        """The entry of the sun of sky textures."""
+        if not sky_nodes:
+            return {}
+        sun = sky.sun(world, sky_nodes[0], self.export) if len(sky_nodes) == 1 and not sky_nodes[0].inputs[0].is_linked else None
+        if sun is None:
+            raise Unsupported("a sun that is no light")
+        (x, y, z), angle, irradiance = sun
+        return {"sun": {"direction": [-x, -z, y], "angle": math.degrees(angle), "irradiance": irradiance}}
+
+    def _environment_image(self, tree):
+        """The entries of a Background by an environment texture alone, rotated about the vertical or not; None for others."""
+        end = output_node(tree)
+        node = follow(end.inputs["Surface"]).node if end is not None else None
+        if node is None or node.bl_idname != "ShaderNodeBackground":
+            return None
+        strength, source = constant(node.inputs["Strength"]), linked(node.inputs["Color"])
+        node = source.node if source is not None else None
+        if strength is None or node is None or node.bl_idname != "ShaderNodeTexEnvironment" or node.mute:
+            return None
+        image = node.image
+        is_plain = node.projection == "EQUIRECTANGULAR" and image is not None and image.source == "FILE"
+        rotation = _rotation(node.inputs["Vector"]) if is_plain else None
+        if rotation is None or image.colorspace_settings.name not in LINEAR:
+            return None
+        extension = os.path.splitext(image.filepath_raw or image.name)[1].lower()
+        if extension not in (".exr", ".hdr") or not (image.packed_file or os.path.isfile(path_of(image))):
+            return None
+        file = self._new_image(extension)
+        path = os.path.join(self.export.folder, file)
+        if image.packed_file:
+            with open(path, "wb") as out:
+                out.write(image.packed_file.data)
+        else:
+            shutil.copyfile(path_of(image), path)
+        return {"image": file, **({"rotation": math.degrees(rotation)} if rotation else {}), "strength": max(strength, 0.0)}
+
+    def _texture(self, entries):
+        """Adds a texture; returns its name."""
+        name = f"world {len(self.textures) + 1}" if self.textures else "world"
         self.textures.append((f"[textures.{scene_file.value(name)}]", entries))
         return name
 
-    def picture(self, ending):
-        """The name of another picture: what the camera sees and what lights the scene may be two."""
-        self.pictures += 1
-        return f"{self.name}.world{self.pictures if self.pictures > 1 else ''}{ending}"
+    def _new_image(self, extension):
+        self._images += 1
+        return f"{self.export.name}.world{self._images if self._images > 1 else ''}{extension}"
 
-    def sky(self, node):
-        self.skies += 1
-        return skies.file(node, self, self.skies)
+    def _rendered(self, world):
+        """Renders the world to an image; returns its file."""
+        file = self._new_image(".exr")
+        path = os.path.join(self.export.folder, file)
 
+        def make():
+            copy = world.copy()
+            copy.cycles_visibility.camera = True
+            images = (node.image for _, node in node_trees.find_nodes(copy.node_tree, ("ShaderNodeTexEnvironment",)))
+            width = min(max([WIDTH, *(image.size[0] for image in images if image)]), MAX_WIDTH)
+            has_sky = any(True for _ in node_trees.find_nodes(copy.node_tree, ("ShaderNodeTexSky",)))
+            with cycles.world_scene(copy) as scene:
+                cycles.add_panoramic_camera(scene)
+                cycles.set_up(scene, (width, width // 2), 16 if has_sky else 4)
+                return cycles.render_to(scene, path)
 
-def tables(scene, layer, folder, name, store, images, report):
-    """The table [environment], and those of its textures; pictures go to the folder."""
-    target = _Target(folder, name, store, images)
-    found = _entries(scene, layer, target, report)
-    return [("[environment]", found), *target.textures]
-
-
-def _entries(scene, layer, target, report):
-    world = scene.world if layer.use_sky else None
-    factor = film_exposure(scene)
-    hidden = scene.render.film_transparent or (world is not None and not world.cycles_visibility.camera)
-    seen, found = _parts(world, target, hidden, report)
-    found = _exposed(found, factor)
-    if seen is not None:
-        found["seen"] = _exposed(seen, factor)
-    found.update(_fog(world, factor, report))
-    if world is not None:
-        visible = world.cycles_visibility
-        unseen = [kind for kind in RAYS if not getattr(visible, RAYS[kind], True)]
-        if unseen:
-            found["visible_to"] = [kind for kind in ("camera", *RAYS, "shadow") if kind not in unseen]
-        if group := geometry.light_group(world):
-            found["group"] = group
-    if hidden:
-        found["visible_to_camera"] = False
-    return found
+        digest = cache.new_digest("world")
+        fingerprint.add_tree(digest, world.node_tree)
+        self.export.cache.get(digest, make).tofile(path)
+        return file
 
 
 def _exposed(entries, factor):
+    """Entries times the film's exposure."""
     if factor == 1:
         return entries
     if "background" in entries:
@@ -91,184 +215,26 @@ def _exposed(entries, factor):
     return exposed
 
 
-def settle(entries, objects):
-    """Cycles takes no light samples of an even world: what hides it is what scattered rays see. That is told where shadow rays see
-    something else."""
-    hidden = any(key in extras for extras in objects.extras.values() for key in geometry.VISIBILITY if key != "visible_camera")
-    if "background" in entries and hidden:
-        entries["sampled"] = False
-
-
-def _fog(world, factor, report):
-    """The volume of the world, which has no end, as in Cycles."""
-    end = shaders.end(world.node_tree) if world is not None and world.use_nodes and world.node_tree else None
-    if end is None or shaders.source(end.inputs["Volume"]) is None:
-        return {}
-    try:
-        filling = media.read(end.inputs["Volume"], factor)
-        if filling.is_varying():
-            raise media.Varying("nodes")
-    except media.Varying as varying:
-        report.warn(world.name, f"the volume of the world differs from place to place ({varying}) and is left out")
-        return {}
-    return {} if filling.is_nothing() else {"fog": filling.entries()}
-
-
-def _parts(world, target, is_hidden, report):
-    """The entries of what cameras see, if that is something else and not hidden from them, and of what lights the scene."""
-    tree = world.node_tree if world is not None and world.use_nodes else None
-    asked = _light_path_outputs(tree) if tree else set()
-    if tree and any(node.outputs[name].is_linked for _, node in trees.nodes_with_trees(tree, ("ShaderNodeTexCoord",)) for name in OF_CAMERAS):
-        report.warn(world.name, "coordinates of the window or the camera are those of a panorama in the world")
-    if not asked:
-        return None, _light(world, target)
-    if asked != {"Is Camera Ray"}:
-        report.warn(world.name, "the world differs by the kind of ray: others than the camera's see what diffuse ones do")
-    seen = None if is_hidden else _as_seen_by(world, _CAMERA, target)
-    return seen, _as_seen_by(world, _DIFFUSE, target)
-
-
-def _as_seen_by(world, rays, target):
-    """The entries of a world as rays of a kind see it."""
-    world = world.copy()
-    try:
-        _settle_light_paths(world.node_tree, rays)
-        return _light(world, target)
-    finally:
-        bpy.data.worlds.remove(world)
-
-
-def _light(world, target):
-    if world is None:
-        return {"background": [0, 0, 0]}
-    if not world.use_nodes or world.node_tree is None:
-        return {"background": list(world.color)}
-    end = shaders.end(world.node_tree)
-    shown = feed(end.inputs["Surface"]) if end is not None else None
-    node = shown.node if shown is not None else None
-    if node is not None and node.bl_idname == "ShaderNodeBackground":
-        strength = shaders.constant(node.inputs["Strength"])
-        picture = _picture(shaders.source(node.inputs["Color"]), target) if strength is not None else None
-        if picture:
-            return {**picture, "strength": max(strength, 0.0)}
-    shown_skies = []
-
-    def sky(node):
-        shown_skies.append(node)
-        return target.sky(node)
-
-    try:
-        radiance = world_graph.read(world, target.images, sky)
-        sun = _sun(world, shown_skies, target)
-    except Unsupported:
-        return {"image": _rendered(world, target)}
-    if isinstance(radiance, list):
-        return {"background": radiance}
-    return {"texture": target.texture(radiance), **sun}
-
-
-def _sun(world, shown_skies, target):
-    """The entry for the sun of the sky nodes of a world, none without one."""
-    found = [sky for sky in shown_skies if skies.has_sun(sky)]
-    if not found:
-        return {}
-    sun = skies.sun(world, found[0], target) if len(found) == 1 and not found[0].inputs[0].is_linked else None
-    if sun is None:
-        raise Unsupported("a sun that is no light")
-    (x, y, z), angle, irradiance = sun
-    return {"sun": {"direction": [-x, -z, y], "angle": math.degrees(angle), "irradiance": irradiance}}
-
-
-def _picture(feeding, target):
-    """The entries for a picture that the world shows as it is, but turned about the vertical; else None."""
-    if feeding is None or feeding.node.bl_idname != "ShaderNodeTexEnvironment" or feeding.node.mute:
-        return None
-    node = feeding.node
-    image = node.image
-    is_plain = node.projection == "EQUIRECTANGULAR" and image is not None and image.source == "FILE"
-    turn = _turn(node.inputs["Vector"]) if is_plain else None
-    if turn is None or image.colorspace_settings.name not in LINEAR:
-        return None
-    ending = os.path.splitext(image.filepath_raw or image.name)[1].lower()
-    if ending not in (".exr", ".hdr"):
-        return None
-    path = bpy.path.abspath(image.filepath_raw, library=image.library)
-    if not image.packed_file and not os.path.isfile(path):
-        return None
-    file = target.picture(ending)
-    destination = os.path.join(target.folder, file)
-    if image.packed_file:
-        with open(destination, "wb") as out:
-            out.write(image.packed_file.data)
-    else:
-        shutil.copyfile(path, destination)
-    return {"image": file, "rotation": math.degrees(turn)} if turn else {"image": file}
-
-
-def _turn(vector):
-    """How far a mapping turns a picture counter-clockwise seen from above, radians; None for any other mapping."""
-    feeding = shaders.source(vector)
-    if feeding is None:
+def _rotation(vector):
+    """The rotation of an environment image by a Mapping node, counter-clockwise seen from above, in radians; None for any other mapping."""
+    source = linked(vector)
+    if source is None:
         return None if vector.is_linked else 0.0
-    if feeding.node.bl_idname == "ShaderNodeTexCoord":
-        return 0.0 if feeding.name == "Generated" else None
-    mapping = feeding.node
+    if source.node.bl_idname == "ShaderNodeTexCoord":
+        return 0.0 if source.name == "Generated" else None
+    mapping = source.node
     if mapping.bl_idname != "ShaderNodeMapping" or mapping.mute:
         return None
-    before = shaders.source(mapping.inputs["Vector"])
+    before = linked(mapping.inputs["Vector"])
     if before is None or before.node.bl_idname != "ShaderNodeTexCoord" or before.name != "Generated":
         return None
-    values = {i.name: shaders.constant(i) for i in mapping.inputs if i.name != "Vector" and i.enabled}
+    zero, one = [0.0, 0.0, 0.0], [1.0, 1.0, 1.0]
+    values = {"Location": zero, "Rotation": zero, "Scale": one}
+    values.update({socket.name: constant(socket) for socket in mapping.inputs if socket.name != "Vector" and socket.enabled})
     if None in values.values():
         return None
-    still = (0.0, 0.0, 0.0)
-    rotation, scale = values.get("Rotation", still), values.get("Scale", (1.0, 1.0, 1.0))
-    if values.get("Location", still) != still or scale != (1.0, 1.0, 1.0) or rotation[:2] != (0.0, 0.0):
+    rotation = values["Rotation"]
+    if values["Location"] != zero or values["Scale"] != one or rotation[:2] != zero[:2]:
         return None
-    # A point is turned before it is looked up, so the picture turns the other way.
+    # Mapping rotates the direction that is looked up, so that the image rotates the other way.
     return rotation[2] if mapping.vector_type == "TEXTURE" else -rotation[2]
-
-
-def _rendered(world, target):
-    """Renders what the world shows to a picture around the origin, unless it is kept; gives its name."""
-    file = target.picture(".exr")
-    path = os.path.join(target.folder, file)
-
-    def make():
-        own = world.copy()
-        own.cycles_visibility.camera = True
-        sizes = [node.image.size[0] for _, node in trees.nodes_with_trees(own.node_tree, ("ShaderNodeTexEnvironment",)) if node.image]
-        width = min(max([WIDTH, *sizes]), WIDEST)
-        has_sky = any(True for _ in trees.nodes_with_trees(own.node_tree, ("ShaderNodeTexSky",)))
-        with stills.around(own) as scene:
-            stills.look_around(scene)
-            stills.prepare(scene, (width, width // 2), 16 if has_sky else 4)
-            scene.render.filepath = path
-            bpy.ops.render.render(write_still=True, scene=scene.name)
-        return np.fromfile(path, np.uint8)
-
-    digest = cache.digest()
-    digest.update(b"world")
-    fingerprint.add_tree(digest, world.node_tree)
-    target.store.kept(digest, make).tofile(path)
-    return file
-
-
-LIGHT_PATH = "ShaderNodeLightPath"
-
-# The outputs of Light Path nodes that are 1 for rays of a kind; all others are 0.
-_CAMERA = {"Is Camera Ray"}
-_DIFFUSE = {"Is Diffuse Ray", "Ray Depth"}
-
-
-def _light_path_outputs(tree):
-    """The names of the outputs of Light Path nodes that a tree uses."""
-    return {out.name for _, node in trees.nodes_with_trees(tree, (LIGHT_PATH,)) for out in node.outputs if out.is_linked}
-
-
-def _settle_light_paths(tree, rays):
-    """Puts the answers of Light Path nodes for rays of a kind in their place."""
-    trees.own_groups(tree)
-    for inner, node in list(trees.nodes_with_trees(tree, (LIGHT_PATH,))):
-        for out in node.outputs:
-            trees.replace(inner, out, float(out.name in rays))
