@@ -437,12 +437,11 @@ impl Lights {
     }
 }
 
-/// Minimum probability of selecting from either group, lights at a position or at infinity, if both may contribute, since the estimates
-/// ignore occlusion.
-const MIN_SHARE: f32 = 0.25;
+/// Minimum probability of selecting from either group, lights at a position or at infinity, if both may contribute.
+const MIN_SHARE: f32 = 0.02;
 
-/// Selects a light for a receiver: first between lights at a position and lights at infinity, by estimated irradiance; then among the
-/// former by a [`LightTree`], among the latter by irradiance.
+/// Selects a light for a receiver: first between lights at a position and lights at infinity, by the root of their estimated irradiance;
+/// then among the former by a [`LightTree`], among the latter by irradiance.
 #[derive(Clone, Debug)]
 struct LightSampler {
     /// Over the lights at a position.
@@ -546,7 +545,10 @@ impl LightSampler {
                 if self.far_irradiance <= 0.0 {
                     return 1.0;
                 }
-                let probability = near / (near + self.far_irradiance);
+                // The root is a compromise, since the estimates ignore occlusion: in proportion there would be no noise where both
+                // groups arrive, and much where the stronger one is occluded.
+                let (near, far) = (near.sqrt(), self.far_irradiance.sqrt());
+                let probability = near / (near + far);
                 let probability = if probability > MIN_SHARE { probability } else { MIN_SHARE };
                 if probability < 1.0 - MIN_SHARE { probability } else { 1.0 - MIN_SHARE }
             }

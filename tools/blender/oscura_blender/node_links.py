@@ -48,7 +48,7 @@ def follow(socket, groups=()):
         elif node.bl_idname == SHADER_TO_RGB:
             return Source(value=default(socket), groups=groups, type=socket.type)
         elif node.bl_idname in ("ShaderNodeTexImage", "ShaderNodeTexEnvironment") and _is_uniform(node):
-            return Source(value=_without_image(node.image, output), groups=groups, type=output.type)
+            return Source(value=_without_image(output), groups=groups, type=output.type)
         else:
             return Source(output, groups)
         if socket is None:
@@ -111,10 +111,8 @@ def _is_uniform(node):
     return node.image is None or (image_files.is_missing(node.image) and getattr(node, "extension", "") != "CLIP")
 
 
-def _without_image(image, output):
-    """The value of an image texture without an image: black, and magenta where the file is missing."""
-    if image is None:
-        return zero(output)
+def _without_image(output):
+    """The value of an image texture without an image or with a missing file: magenta, as in Cycles."""
     return 1.0 if output.type == "VALUE" else [1.0, 0.0, 1.0]
 
 

@@ -2,6 +2,7 @@
 
 import re
 
+import bmesh
 import bpy
 import numpy as np
 from mathutils import Matrix
@@ -91,11 +92,12 @@ class _Collector:
                 self._add_volume(instance)
             elif obj.type in UNSUPPORTED:
                 unsupported.setdefault(UNSUPPORTED[obj.type], []).append(original.name)
-            elif obj.type in MESH_TYPES and self.layer.use_solid:
-                self._add_mesh(instance)
-            if not instance.is_instance and any(map(_is_smoke, original.modifiers)):
+            elif any(map(_is_smoke, original.modifiers)):
+                # Cycles shows the smoke in place of the mesh.
                 message = "smoke of fluid domains is left out: show it as a volume object (.vdb files of its cache)"
                 self.report.warn(original.name, message)
+            elif obj.type in MESH_TYPES and self.layer.use_solid:
+                self._add_mesh(instance)
         for kind, names in unsupported.items():
             self.report.warn("", f"{kind} is not supported, and left out: {listed(names)}")
 
@@ -112,15 +114,15 @@ class _Collector:
         if values and (mesh_key, values) not in export.meshes and self._is_too_large(obj):
             values = next((known[1] for known in export.meshes if known[0] == mesh_key), values)
         if (mesh_key, values) not in export.meshes:
-            export.meshes[mesh_key, values] = self._new_entry(obj, traits, values)
+            export.meshes[mesh_key, values] = self._new_entry(instance, traits, values)
         entry = export.meshes[mesh_key, values]
         if entry is not None:
             entry.placements.append(Placement(name, instance.matrix_world.copy(), key(instance), object_info.info(instance)))
             export.links.add(name, _owner(obj, parent))
 
-    def _new_entry(self, obj, traits, values):
+    def _new_entry(self, instance, traits, values):
         """The mesh of an evaluated object; None if it has no faces."""
-        mesh = self._new_mesh(obj)
+        mesh = self._new_mesh(instance)
         if mesh is None:
             return None
         object_info.apply(mesh, values)
@@ -132,13 +134,16 @@ class _Collector:
         owner.shape_key_clear()
         return MeshEntry(owner, traits)
 
-    def _new_mesh(self, obj):
+    def _new_mesh(self, instance):
+        obj = instance.object
         if obj.type == "POINTCLOUD":
             mesh = point_clouds.to_mesh(obj.data)
         elif obj.data.is_editmode:
             # The file was saved in Edit Mode.
             obj.original.update_from_editmode()
             mesh = bpy.data.meshes.new_from_object(obj, preserve_all_data_layers=True, depsgraph=self.export.depsgraph)
+            if instance.is_instance and len(mesh.polygons) != len(obj.data.polygons):
+                mesh = _copy_of_edited(obj.data)
         else:
             # Meshes of instances by geometry nodes belong to no object: they can't be got by `new_from_object`.
             mesh = obj.data.copy()
@@ -219,8 +224,20 @@ def _is_instanced_on_parent(instance):
     return not instance.is_instance and parent is not None and parent.instance_type in ("VERTS", "FACES")
 
 
+def _copy_of_edited(mesh):
+    """A copy of the mesh of an instance by geometry nodes of an object in Edit Mode, of which plain copies have no corners."""
+    edited = bmesh.new()
+    edited.from_mesh(mesh)
+    copy = bpy.data.meshes.new(mesh.name)
+    edited.to_mesh(copy)
+    edited.free()
+    for material in mesh.materials:
+        copy.materials.append(material)
+    return copy
+
+
 def _is_smoke(modifier):
-    return modifier.type == "FLUID" and modifier.fluid_type == "DOMAIN" and modifier.domain_settings.domain_type == "GAS"
+    return modifier.show_render and modifier.type == "FLUID" and modifier.fluid_type == "DOMAIN" and modifier.domain_settings.domain_type == "GAS"
 
 
 def _name(obj, parent):
