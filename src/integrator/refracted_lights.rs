@@ -30,9 +30,10 @@ use crate::compile::{Refractor, Side};
 use crate::light::{LightPosition, SmallLight};
 use crate::math::{Bounds3, Ray, Vec3, offset_along};
 use crate::sampling::sampler::SobolPoint;
+use std::f32::consts::PI;
 
-/// Probability of sampling a lobe instead of the BSDF, if there are any.
-const SHARE: f32 = 0.5;
+/// Maximum probability of sampling a lobe instead of the BSDF.
+const MAX_SHARE: f32 = 0.5;
 
 /// GGX alpha assumed for surfaces roughened by the glossy filter after diffuse scattering.
 const FILTERED_ALPHA: f32 = 0.4;
@@ -98,7 +99,9 @@ impl Integrator<'_> {
         let is_opaque = i < sorted.medium().start;
         let is_lit_from = |d: Vec3| !is_opaque || d.dot(ng) > 0.0;
         let refracted = &self.scene.refracted_lights;
+        let mut irradiance = 0.0;
         for light in &refracted.lights {
+            let count_before = found.count();
             for body in &refracted.bodies {
                 if body.medium == 0 || found.interior.contains(body.medium) {
                     for side in &body.sides {
@@ -111,8 +114,20 @@ impl Integrator<'_> {
                     }
                 }
             }
+            if found.count() > count_before {
+                irradiance += light.irradiance_at(p);
+            }
         }
+        found.share = self.share_of_lobes(irradiance);
         found
+    }
+
+    /// The probability of sampling a lobe, given the irradiance of the refracted lights: by the root of the irradiances of these lights and
+    /// of the environment, which the BSDF samples alone may find.
+    fn share_of_lobes(&self, irradiance: f32) -> f32 {
+        let around = self.scene.lights.environment().map_or(0.0, |e| PI * e.mean_luminance());
+        let (lobes, around) = (irradiance.sqrt(), around.sqrt());
+        MAX_SHARE * if lobes > 0.0 { lobes / (lobes + around) } else { 1.0 }
     }
 
     /// Adds the lobe of a body with two rough faces, if a ray towards a light hits it first.
@@ -213,7 +228,7 @@ impl Integrator<'_> {
         })
     }
 
-    /// Replaces BSDF samples by lobe samples with probability [`SHARE`], else reweights them by the pdf of the mixture.
+    /// Replaces BSDF samples by lobe samples with the probability of the vertex, else reweights them by the pdf of the mixture.
     pub(super) fn scatter_to_refracted_lights(
         &self,
         bounce: u32,
@@ -226,14 +241,14 @@ impl Integrator<'_> {
             let lobes = w.light_lobes[k];
             let i = lobes.vertex as usize;
             let choice = RandomChoice::LightLobe.uniform(&w.wave.paths.state, i, bounce);
-            if choice >= SHARE {
+            if choice >= lobes.share {
                 self.weigh_scattered(i, &lobes, sorted, w);
                 continue;
             }
             let state = &w.wave.paths.state;
             let point = SobolPoint::from_parts(state.seed[i], state.shuffled[i]);
             let [a, b, _, roulette] = point.sample_4d(&dimensions);
-            let wi = lobes.sample(choice / SHARE, [a, b]);
+            let wi = lobes.sample(choice / lobes.share, [a, b]);
             let value = self.value_towards(i, wi, sorted, w);
             let (paths, v) = (&mut w.wave.paths, &mut w.wave.vertices);
             if self.optional.interior {
@@ -243,7 +258,7 @@ impl Integrator<'_> {
                 paths.state.pdf[i] = DirectionPdf::after_roulette(0.0, false);
                 continue;
             };
-            let pdf = (1.0 - SHARE) * value.pdf_solid_angle + SHARE * lobes.pdf_solid_angle(wi);
+            let pdf = (1.0 - lobes.share) * value.pdf_solid_angle + lobes.share * lobes.pdf_solid_angle(wi);
             let throughput = lobes.throughput * value.f_cos * (1.0 / pdf);
             // Russian roulette as for a BSDF sample: higher pdfs must not lower the survival probability.
             let scale = lobes.roulette_scale * (pdf / value.pdf_solid_angle);
@@ -270,10 +285,10 @@ impl Integrator<'_> {
             false => self.value_towards(i, wi, sorted, w).map(|value| value.pdf_solid_angle),
         };
         let share =
-            of_lobes.map_or(0.0, |pdf| SHARE * lobes.pdf_solid_angle(wi) / pdf.max(f32::MIN_POSITIVE));
+            of_lobes.map_or(0.0, |pdf| lobes.share * lobes.pdf_solid_angle(wi) / pdf.max(f32::MIN_POSITIVE));
         let throughput = &mut w.wave.paths.state.throughput;
         let value = get_rgb(throughput, i);
-        set_rgb(throughput, i, value * (1.0 / (1.0 - SHARE + share)));
+        set_rgb(throughput, i, value * (1.0 / (1.0 - lobes.share + share)));
     }
 
     /// BSDF value and pdf of vertex `i` for light from `wi`; `None` if `wi` crosses or is below the surface.

@@ -231,6 +231,8 @@ pub(super) struct LightLobes {
     pub vertex: u32,
     lobes: [Lobe; MAX_LOBES],
     count: usize,
+    /// Probability of sampling a lobe instead of the BSDF.
+    pub share: f32,
     pub throughput: Rgb,
     pub roulette_scale: f32,
     pub interior: Interior,
@@ -240,7 +242,20 @@ impl LightLobes {
     /// Without lobes.
     pub fn new(vertex: usize, throughput: Rgb, roulette_scale: f32, interior: Interior) -> LightLobes {
         let lobes = [Lobe { axis: Vec3::Z, alpha: 1.0 }; MAX_LOBES];
-        LightLobes { vertex: vertex as u32, lobes, count: 0, throughput, roulette_scale, interior }
+        LightLobes {
+            vertex: vertex as u32,
+            lobes,
+            count: 0,
+            share: 0.0,
+            throughput,
+            roulette_scale,
+            interior,
+        }
+    }
+
+    /// Number of lobes.
+    pub fn count(&self) -> usize {
+        self.count
     }
 
     /// Are there no lobes?

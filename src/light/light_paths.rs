@@ -385,43 +385,51 @@ pub struct SmallLight {
     pub position: LightPosition,
     /// Radius, metres; of lights at infinity the angular radius, radians.
     pub size: f32,
+    /// Estimated luminance of the irradiance at normal incidence: at a distance of 1 metre, or of lights at infinity anywhere.
+    pub irradiance: f32,
+}
+
+impl SmallLight {
+    /// Estimated luminance of the unoccluded irradiance at a point, at normal incidence.
+    pub fn irradiance_at(&self, p: Vec3) -> f32 {
+        match self.position {
+            LightPosition::Far(_) => self.irradiance,
+            LightPosition::Near(middle) => self.irradiance / (middle - p).length_squared().max(1e-12),
+        }
+    }
 }
 
 impl Lights {
     /// The brightest small lights at infinity, then those at a position.
     pub fn small_lights(&self, textures: &CompiledTextures) -> Vec<SmallLight> {
-        let mut far: Vec<(f32, SmallLight)> = Vec::new();
-        let mut near: Vec<(f32, SmallLight)> = Vec::new();
+        let (mut far, mut near) = (Vec::new(), Vec::new());
         for light in self.punctual() {
-            let position = match (light.origin(), light.sun()) {
+            let (to, size) = match (light.origin(), light.sun()) {
                 (LightOrigin::Point(position), _) => {
-                    let power = light.bounds(textures).map_or(0.0, |bounds| bounds.weight);
-                    near.push((power, SmallLight { position: LightPosition::Near(position), size: 0.0 }));
+                    let irradiance = light.bounds(textures).map_or(0.0, |bounds| bounds.weight);
+                    near.push(SmallLight { position: LightPosition::Near(position), size: 0.0, irradiance });
                     continue;
                 }
                 (LightOrigin::Direction(to), _) => (to, 0.0),
                 (LightOrigin::Cone, Some(sun)) => (sun.center(), sun.half_angle()),
                 (LightOrigin::Cone, None) => continue,
             };
-            let small = SmallLight { position: LightPosition::Far(position.0), size: position.1 };
-            far.push((light.irradiance().unwrap_or(0.0), small));
+            let irradiance = light.irradiance().unwrap_or(0.0);
+            far.push(SmallLight { position: LightPosition::Far(to), size, irradiance });
         }
         for light in self.area() {
-            let power = light.bounds(textures).map_or(0.0, |bounds| bounds.weight);
-            near.push((
-                power,
-                SmallLight { position: LightPosition::Near(light.center()), size: radius(light) },
-            ));
+            let irradiance = light.bounds(textures).map_or(0.0, |bounds| bounds.weight);
+            let position = LightPosition::Near(light.center());
+            near.push(SmallLight { position, size: radius(light), irradiance });
         }
-        if let Some((irradiance, spot)) = self.environment().and_then(spot_of) {
-            far.push((irradiance, spot));
-        }
-        let brightest = |mut list: Vec<(f32, SmallLight)>| {
-            list.retain(|(power, _)| *power > 0.0);
-            list.sort_by(|(a, _), (b, _)| b.total_cmp(a));
-            list.into_iter().take(MAX_LIGHTS).map(|(_, light)| light)
+        far.extend(self.environment().and_then(spot_of));
+        let brightest = |mut list: Vec<SmallLight>| {
+            list.retain(|light| light.irradiance > 0.0);
+            list.sort_by(|a, b| b.irradiance.total_cmp(&a.irradiance));
+            list.truncate(MAX_LIGHTS);
+            list
         };
-        brightest(far).chain(brightest(near)).collect()
+        [brightest(far), brightest(near)].concat()
     }
 }
 
@@ -431,8 +439,8 @@ fn radius(light: &AreaLight) -> f32 {
     (light.area() / (sides * PI)).sqrt()
 }
 
-/// The brightest spot of an environment image, and the luminance of its irradiance.
-fn spot_of(environment: &EnvironmentLight) -> Option<(f32, SmallLight)> {
+/// The brightest spot of an environment image.
+fn spot_of(environment: &EnvironmentLight) -> Option<SmallLight> {
     environment.image_map()?;
     let at = |k: usize| (k as f32 + 0.5) / GRID as f32;
     let directions: Vec<Vec3> =
@@ -444,8 +452,9 @@ fn spot_of(environment: &EnvironmentLight) -> Option<(f32, SmallLight)> {
     let fraction = count / directions.len() as f32;
     let spread = near(densest).map(|d| (*d - axis).length_squared()).sum::<f32>() / count;
     // The radius of a uniform disk is sqrt(2) times the root mean square distance.
-    let light = SmallLight { position: LightPosition::Far(axis), size: (2.0 * spread).sqrt() };
-    (fraction >= MIN_SMALL_LIGHT_SHARE).then_some((fraction * environment.mean_luminance() * 4.0 * PI, light))
+    let (position, size) = (LightPosition::Far(axis), (2.0 * spread).sqrt());
+    let irradiance = fraction * environment.mean_luminance() * 4.0 * PI;
+    (fraction >= MIN_SMALL_LIGHT_SHARE).then_some(SmallLight { position, size, irradiance })
 }
 
 #[cfg(test)]

@@ -24,7 +24,10 @@ const PACKAGE: &[(&str, &str)] = &[
     ("export.py", include_str!("../../../tools/blender/oscura_blender/export.py")),
     ("final_render.py", include_str!("../../../tools/blender/oscura_blender/final_render.py")),
     ("fingerprint.py", include_str!("../../../tools/blender/oscura_blender/fingerprint.py")),
-    ("generated_coordinates.py", include_str!("../../../tools/blender/oscura_blender/generated_coordinates.py")),
+    (
+        "generated_coordinates.py",
+        include_str!("../../../tools/blender/oscura_blender/generated_coordinates.py"),
+    ),
     ("grids.py", include_str!("../../../tools/blender/oscura_blender/grids.py")),
     ("hair.py", include_str!("../../../tools/blender/oscura_blender/hair.py")),
     ("hair_colors.py", include_str!("../../../tools/blender/oscura_blender/hair_colors.py")),
