@@ -272,9 +272,6 @@ impl CompiledMaterial {
         let is_constant = !is_textured && !material.use_vertex_colors && !uses_frame;
         let example = is_constant.then(|| program.evaluate(&Factors, &LocalFrame::STRAIGHT));
         let constant = example.filter(|_| !is_spectral);
-        let normals = [normal_map.map(|map| map.texture), coat_normal_map.map(|map| map.texture)];
-        let normals = normals.into_iter().chain([normal, material.bumped_normal]).flatten();
-        let graphs = textures.join_graphs(textures_of(&model).into_iter().chain(normals));
         let depends_on_hit = |id: TextureId| textures.depends_on_viewer(id) || textures.reads_hit(id);
         CompiledMaterial {
             class,
@@ -304,7 +301,7 @@ impl CompiledMaterial {
             uses_uv,
             uses_frame,
             coat_normal_map,
-            graphs,
+            graphs: None,
             components: Vec::new(),
             is_component: false,
             program,
@@ -312,13 +309,16 @@ impl CompiledMaterial {
         .with_components(&model, textures, shading)
     }
 
-    /// Adds the components of a mix. The mix needs the hit data of all components.
+    /// Adds the node graphs, and the components of a mix, which needs the hit data of all components.
     fn with_components(
         mut self,
         model: &Model,
         textures: &CompiledTextures,
         shading: ShadingModel,
     ) -> CompiledMaterial {
+        let maps = [self.normal_map, self.coat_normal_map].into_iter().flatten().map(|map| map.texture);
+        let normals = [self.normal, self.bumped_normal].into_iter().flatten();
+        self.graphs = textures.join_graphs(textures_of(model).into_iter().chain(maps).chain(normals));
         for MixComponent { weight, material } in model.components() {
             let compiled = CompiledMaterial::new(material, textures, shading);
             self.add_needs(&compiled);

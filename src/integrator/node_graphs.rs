@@ -1,60 +1,11 @@
 //! Evaluates the node graphs of materials for several hits at a time.
 
 use super::Integrator;
-use super::shading_geometry::HitPoint;
+use super::shading_geometry::{EvaluatedHit, HitGraphs, HitPoint};
 use super::workspace::Workspace;
 use crate::bsdf::BsdfClass;
-use crate::compile::{CompiledMaterial, SurfaceCoordinates, texture_point};
-use crate::shape::Surface;
-use crate::texture::{GRAPH_LANES, GraphResults, HitData, JointGraphs, TexturePoint};
-
-/// Results of node graphs at the hits of a wave.
-#[derive(Default)]
-pub(super) struct HitGraphs {
-    /// By hit: index in `evaluated`; [`NOT_EVALUATED`] without.
-    indices: Vec<u32>,
-    evaluated: Vec<EvaluatedHit>,
-    /// The results at one hit after the other.
-    values: Vec<[f32; 3]>,
-    /// Material and index of each hit to evaluate, sorted.
-    hits: Vec<(u32, u32)>,
-}
-
-const NOT_EVALUATED: u32 = u32::MAX;
-
-/// A hit at which graphs were evaluated.
-pub(super) struct EvaluatedHit {
-    surface: Surface,
-    is_back: bool,
-    pub coordinates: SurfaceCoordinates,
-    /// Index of the first of its results.
-    first_value: u32,
-}
-
-impl HitGraphs {
-    /// Hit `i`, if graphs were evaluated there.
-    #[inline]
-    pub fn at(&self, i: usize) -> Option<&EvaluatedHit> {
-        self.evaluated.get(*self.indices.get(i)? as usize)
-    }
-
-    /// The results at a hit of a material.
-    #[inline]
-    pub fn results<'a>(&'a self, hit: &EvaluatedHit, at: &HitPoint<'a>) -> Option<GraphResults<'a>> {
-        let textures = &at.material.graphs.as_ref()?.textures;
-        let values = &self.values[hit.first_value as usize..][..textures.len()];
-        Some(GraphResults { textures, values, is_back: at.is_back })
-    }
-
-    /// Forgets all results.
-    pub fn clear(&mut self, hits: usize) {
-        self.indices.clear();
-        self.indices.resize(hits, NOT_EVALUATED);
-        self.evaluated.clear();
-        self.values.clear();
-        self.hits.clear();
-    }
-}
+use crate::compile::{CompiledMaterial, texture_point};
+use crate::texture::{GRAPH_LANES, HitData, JointGraphs, TexturePoint};
 
 impl Integrator<'_> {
     /// Evaluates the graphs of the hits that `is_needed` selects by index and material.

@@ -3,10 +3,11 @@
 use super::wave::{Vertices, get};
 use crate::bsdf::Bsdf;
 use crate::color::Rgb;
-use crate::compile::CompiledMaterial;
+use crate::compile::{CompiledMaterial, SurfaceCoordinates};
 use crate::math::{Frame, Hit, Vec3, select};
 use crate::scene::RayKinds;
 use crate::shape::Surface;
+use crate::texture::GraphResults;
 
 /// A hit of a ray, with the surface evaluated.
 #[derive(Clone, Copy)]
@@ -20,6 +21,54 @@ pub(super) struct HitPoint<'a> {
     pub time: f32,
     /// Properties of the arriving path for node graphs.
     pub path: PathOrigin,
+}
+
+/// Results of node graphs at the hits of a wave.
+#[derive(Default)]
+pub(super) struct HitGraphs {
+    /// By hit: index in `evaluated`; [`NOT_EVALUATED`] without.
+    pub indices: Vec<u32>,
+    pub evaluated: Vec<EvaluatedHit>,
+    /// The results at one hit after the other.
+    pub values: Vec<[f32; 3]>,
+    /// Material and index of each hit to evaluate, sorted.
+    pub hits: Vec<(u32, u32)>,
+}
+
+const NOT_EVALUATED: u32 = u32::MAX;
+
+/// A hit at which graphs were evaluated.
+pub(super) struct EvaluatedHit {
+    pub surface: Surface,
+    pub is_back: bool,
+    pub coordinates: SurfaceCoordinates,
+    /// Index of the first of its results.
+    pub first_value: u32,
+}
+
+impl HitGraphs {
+    /// Hit `i`, if graphs were evaluated there.
+    #[inline]
+    pub fn at(&self, i: usize) -> Option<&EvaluatedHit> {
+        self.evaluated.get(*self.indices.get(i)? as usize)
+    }
+
+    /// The results at a hit of a material.
+    #[inline]
+    pub fn results<'a>(&'a self, hit: &EvaluatedHit, at: &HitPoint<'a>) -> Option<GraphResults<'a>> {
+        let textures = &at.material.graphs.as_ref()?.textures;
+        let values = &self.values[hit.first_value as usize..][..textures.len()];
+        Some(GraphResults { textures, values, is_back: at.is_back })
+    }
+
+    /// Forgets all results.
+    pub fn clear(&mut self, hits: usize) {
+        self.indices.clear();
+        self.indices.resize(hits, NOT_EVALUATED);
+        self.evaluated.clear();
+        self.values.clear();
+        self.hits.clear();
+    }
 }
 
 /// A material evaluated at a hit.

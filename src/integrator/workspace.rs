@@ -3,9 +3,9 @@
 use super::first_hit::FirstHits;
 use super::guiding::guide::{TrainingSample, VertexRecord};
 use super::medium_segment::{MediumSegment, ShadowSegment};
-use super::node_graphs::HitGraphs;
 use super::radiance_buffer::RadianceBuffer;
 use super::reuse::Reuse;
+use super::shading_geometry::HitGraphs;
 use super::shading_groups::ShadingGroup;
 use super::slabs::{LightLobes, RayCrossings, ShadowCrossings};
 use super::wave::{Paths, WAVE, Wave};

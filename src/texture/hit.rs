@@ -5,7 +5,7 @@
 
 use crate::math::{DAffine3, DMat4, DVec3, Mat3, Vec2, Vec3};
 use crate::sampling::hash::mix64;
-use crate::scene::{Curves, Instance, Mapping, Mesh, ObjectInfo, Quad, Shape, TextureTransform};
+use crate::scene::{Curves, Instance, Mapping, Mesh, ObjectInfo, Quad, Shape, TextureId, TextureTransform};
 
 /// An attribute of all vertices; NaN at vertices of meshes without it.
 #[derive(Clone, Debug, Default)]
@@ -130,6 +130,26 @@ impl HitAttributes<'_> {
         let list = self.lists.get(usize::from(number))?;
         let corner = |i: usize| list.at(triangle, std::array::from_fn(|k| f32::from(u8::from(i == k))));
         Some([corner(0)?, corner(1)?, corner(2)?])
+    }
+}
+
+/// The results of a material's node graphs at a hit.
+#[derive(Clone, Copy, Debug)]
+pub struct GraphResults<'a> {
+    /// The graphs.
+    pub textures: &'a [TextureId],
+    /// The unclamped result of each graph.
+    pub values: &'a [[f32; 3]],
+    /// Is the hit on a back face?
+    pub is_back: bool,
+}
+
+impl GraphResults<'_> {
+    /// The result of the texture with an index, if it is known.
+    #[inline]
+    pub fn get(&self, index: usize) -> Option<[f32; 3]> {
+        let known = self.textures.iter().position(|texture| texture.index() == index)?;
+        self.values.get(known).copied()
     }
 }
 

@@ -16,26 +16,6 @@ pub struct JointGraphs {
     program: Arc<Program>,
 }
 
-/// The results of a material's node graphs at a hit.
-#[derive(Clone, Copy, Debug)]
-pub struct GraphResults<'a> {
-    /// The graphs.
-    pub textures: &'a [TextureId],
-    /// The unclamped result of each graph.
-    pub values: &'a [[f32; 3]],
-    /// Is the hit on a back face?
-    pub is_back: bool,
-}
-
-impl GraphResults<'_> {
-    /// The result of the texture with an index, if it is known.
-    #[inline]
-    pub(super) fn get(&self, index: usize) -> Option<[f32; 3]> {
-        let known = self.textures.iter().position(|texture| texture.index() == index)?;
-        self.values.get(known).copied()
-    }
-}
-
 impl CompiledTextures {
     /// Joins those of the textures that are node graphs; `None` if there are none. Graphs with another up axis than the first are left out.
     pub fn join_graphs(&self, textures: impl IntoIterator<Item = TextureId>) -> Option<JointGraphs> {

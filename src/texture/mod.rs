@@ -20,13 +20,13 @@ use crate::math::{Vec2, Vec3};
 use crate::scene::nodes::NodeGraph;
 use crate::scene::{ImageId, LightProfile, MAX_TEXTURE_NESTING, NoiseKind, Texture, TextureId};
 pub use hit::{
-    AttributeList, AttributeValue, CameraData, HitAttributes, HitData, ObjectData, PathData, StrandData,
-    TexturePoint,
+    AttributeList, AttributeValue, CameraData, GraphResults, HitAttributes, HitData, ObjectData, PathData,
+    StrandData, TexturePoint,
 };
 use hit::{TextureCoordinates, UvMap, triplanar};
 pub use image::ImageLookup;
 use image::{ImageSampling, Taps};
-pub use joint_graphs::{GraphResults, JointGraphs};
+pub use joint_graphs::JointGraphs;
 use levels::{Images, Levels};
 pub use levels::{TextureNeeds, TextureReport};
 pub use nodes::LANES as GRAPH_LANES;

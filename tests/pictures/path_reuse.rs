@@ -291,7 +291,8 @@ fn sharing_in_crowded_rooms_changes_no_mean() {
     }
 }
 
-/// Bounces by kind, left-out caustics and the glossy filter decide alike for the members of a group. The clamp compares the light of a path with
+/// Left-out caustics and the glossy filter decide alike for the members of a group. Whether a bounce counts as diffuse or glossy is drawn by
+/// the lobes' shares: of each colour where paths are shared, else of all colours together, which differs by less than a thousandth. The clamp compares the light of a path with
 /// its owner's throughput: a picture loses as much as alone, but at the borders of objects.
 #[test]
 fn sharing_keeps_limits_of_paths() {
@@ -299,15 +300,15 @@ fn sharing_keeps_limits_of_paths() {
     let plain = options(EDGE, 32, 100).path_reuse(PathReuse::Off).splitting(Splitting::OFF);
     let bounces = BounceLimits { diffuse: 2, glossy: 2, transmission: 8, ..BounceLimits::NONE };
     let skipped = SkippedCaustics { reflective: true, refractive: true };
-    for (what, options) in [
-        ("bounces", plain.bounces(bounces)),
-        ("caustics", plain.skip_caustics(skipped)),
-        ("filter", plain.filter_glossy(1.0)),
+    for (what, options, least) in [
+        ("bounces", plain.bounces(bounces), 1e-3),
+        ("caustics", plain.skip_caustics(skipped), 0.0),
+        ("filter", plain.filter_glossy(1.0), 0.0),
     ] {
         let shared = options.path_reuse(groups("4x4/2"));
         let found = differences(&scene, [&options, &shared], 16).whole;
         println!("{what}: {:.1e} +- {:.1e}", found.0, found.1);
-        assert!(found.0.abs() < 4.5 * found.1 && found.1 < 2e-3, "{what}: {found:?}");
+        assert!(found.0.abs() < f64::max(4.5 * found.1, least) && found.1 < 2e-3, "{what}: {found:?}");
     }
     let clamped = plain.clamp(Clamp { direct: f32::INFINITY, indirect: 0.4 });
     let [free, alone, shared] = [plain, clamped, clamped.path_reuse(groups("4x4/2"))]

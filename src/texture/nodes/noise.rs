@@ -207,8 +207,8 @@ impl<const N: usize> simd::Kernel for GradientNoise<'_, N> {
             let rest = count - first;
             if 4 * rest < 3 << N {
                 let mut p = [0.0; N];
-                for i in 0..N {
-                    p[i] = self.points[i][first];
+                for (x, coordinates) in p.iter_mut().zip(&self.points) {
+                    *x = coordinates[first];
                 }
                 self.values[first] = at_point(p);
                 first += 1;
