@@ -255,6 +255,28 @@ class NodesTest(SceneTest):
         _, values = self.vertices(settings, number)
         self.assertEqual((values["z"].min(), values["z"].max()), (-1, 1))
 
+    def test_instances_of_an_edited_object(self):
+        """Meshes that geometry nodes of an object in Edit Mode instance are not that object's mesh."""
+        bpy.ops.mesh.primitive_cube_add()
+        edited = bpy.context.object
+        edited.name = "Edited"
+        tree = bpy.data.node_groups.new("copies", "GeometryNodeTree")
+        for way in ("INPUT", "OUTPUT"):
+            tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+        types = ("NodeGroupInput", "NodeGroupOutput", "GeometryNodeExtrudeMesh", "GeometryNodeMeshLine", "GeometryNodeInstanceOnPoints", "GeometryNodeJoinGeometry")
+        start, end, extrude, line, copies, both = (tree.nodes.new(name) for name in types)
+        tree.links.new(start.outputs[0], extrude.inputs["Mesh"])
+        tree.links.new(line.outputs["Mesh"], copies.inputs["Points"])
+        tree.links.new(extrude.outputs["Mesh"], copies.inputs["Instance"])
+        tree.links.new(start.outputs[0], both.inputs[0])
+        tree.links.new(copies.outputs["Instances"], both.inputs[0])
+        tree.links.new(both.outputs[0], end.inputs[0])
+        edited.modifiers.new("copies", "NODES").node_group = tree
+        bpy.ops.object.mode_set(mode="EDIT")
+        settings = self.export()
+        counts = sorted(len(self.vertices(settings, i)[1]["x"]) for i in range(len(settings["objects"])))
+        self.assertTrue(len(counts) > 1 and counts[0] < counts[-1], counts)
+
     def test_missing_images(self):
         material, tree, shader, node, alpha = shader_tree("lost", "TexImage", "TexImage")
         picture = bpy.data.images.new("picture", 8, 8)
@@ -271,10 +293,10 @@ class NodesTest(SceneTest):
         base = lambda found, name: found[name]["nodes"][found[name]["surface"]]["base_color"]
         warnings = lambda: [message for _, message in json.loads((self.folder / "answer.json").read_text())["warnings"]]
         found = self.export()["materials"]
-        self.assertEqual((type(base(found, "lost")), base(found, "empty"), warnings()), (str, [0.0] * 3, []))
+        self.assertEqual((type(base(found, "lost")), base(found, "empty"), warnings()), (str, [1.0, 0.0, 1.0], []))
         (self.folder / "picture.png").unlink()
         found = self.export()["materials"]
-        self.assertEqual((base(found, "lost"), base(found, "empty")), ([1.0, 0.0, 1.0], [0.0] * 3))
+        self.assertEqual((base(found, "lost"), base(found, "empty")), ([1.0, 0.0, 1.0], [1.0, 0.0, 1.0]))
         lost = found["lost"]["nodes"][found["lost"]["surface"]]
         self.assertEqual((lost["alpha"], lost["normal"]), (1.0, [1.0, 0.0, 1.0]))
         self.assertNotIn("normal", found["empty"]["nodes"][found["empty"]["surface"]])
