@@ -5,6 +5,7 @@ use super::*;
 use crate::error::Warning;
 use crate::image::{Damage, Encoded, Encoding, ImageSource, Pixels};
 use crate::math::Vec2;
+use crate::scene::nodes::{Node, NodeInput, NodeKind};
 use crate::scene::{Interpolation, Mapping, Wrap};
 use std::sync::atomic::AtomicU64;
 use std::sync::atomic::Ordering::Relaxed;
@@ -380,4 +381,45 @@ fn concurrent_lookups_agree_and_decode_once() {
         }
     });
     assert_eq!(source.decodes.load(Relaxed), 1);
+}
+
+/// Graphs that are evaluated together at several points have the bits of each graph at each point.
+#[test]
+fn joint_graphs_equal_single_ones() {
+    let node = |name: &str, inputs: &[(usize, NodeInput)]| {
+        let kind = NodeKind::from_name(name).expect("a node");
+        let mut all = vec![NodeInput::Default; kind.inputs().len()];
+        inputs.iter().for_each(|&(i, input)| all[i] = input);
+        Node { kind, inputs: all, image: None, reads_alpha: false }
+    };
+    let value = |x: f32| NodeInput::Value([x; 3]);
+    let link = |node, output| NodeInput::Link { node, output };
+    // Noise with a fraction of an octave and distortion, which the others read.
+    let nodes = vec![
+        node("noise_texture", &[(3, value(2.5)), (8, value(0.7))]),
+        node("voronoi_texture", &[(0, link(0, 1))]),
+        node("wave_texture", &[(2, link(0, 0)), (3, value(3.0))]),
+    ];
+    let graph = |node, output| {
+        let graph = NodeGraph { nodes: nodes.clone(), result: link(node, output), is_z_up: true };
+        Texture::Nodes(Arc::new(graph))
+    };
+    let list = [graph(0, 1), graph(1, 0), graph(2, 0)];
+    let textures = CompiledTextures::resident(&list, &[], Vec3::new(1.0, 2.0, 3.0));
+    let joint = textures.join_graphs((0..3).map(TextureId)).expect("graphs");
+    for count in [1, 5, GRAPH_LANES] {
+        let at = |i: usize| Vec3::new(0.37 * i as f32, -1.1, 2.0 + i as f32);
+        let points: Vec<TexturePoint> =
+            (0..count).map(|i| TexturePoint { world: at(i), ..TexturePoint::default() }).collect();
+        let mut results = Vec::new();
+        joint.evaluate(&textures, &points, &vec![None; count], &mut results);
+        assert_eq!(results.len(), 3 * count);
+        for (point, of_point) in points.iter().zip(results.chunks(3)) {
+            for (id, result) in (0..3).map(TextureId).zip(of_point) {
+                let [r, g, b, _] = textures.eval_at(id, point);
+                assert!(r > 0.0, "{id:?}");
+                assert_eq!(result.map(|x| nodes::reflectance(x).to_bits()), [r, g, b].map(f32::to_bits));
+            }
+        }
+    }
 }
