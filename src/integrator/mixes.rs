@@ -76,13 +76,13 @@ impl Integrator<'_> {
         if at.material.emission.is_some() {
             self.emit(bounce, i, &at, w);
         }
-        let footprints = self.scene.features.footprints;
-        let coordinates = self.scene.geometries.coordinates(&at.surface, &at.hit, footprints, at.time);
+        let evaluated = w.graphs.at(i);
+        let results = evaluated.and_then(|hit| w.graphs.results(hit, &at));
+        let coordinates = evaluated.map_or_else(|| self.coordinates(&at), |hit| hit.coordinates);
         let wo = -w.rays[i].direction;
-        let hit_data = self.hit_data(&at, &coordinates, wo);
+        let hit_data = self.missing_hit_data(results, &at, &coordinates, wo);
         let width = w.arriving.footprints.width[i];
-        let slots = self.slots(&coordinates, &at.surface, wo, width, hit_data.as_ref());
-        let slots = slots.with_results(w.graphs.at(i).and_then(|hit| w.graphs.results(hit, &at)));
+        let slots = self.slots(&coordinates, &at.surface, wo, width, hit_data.as_ref()).with_results(results);
         let path = &mut w.arriving.state;
         let wavelengths = w.times.wavelengths(path.radiance_index[i]);
         let components = &at.material.components;

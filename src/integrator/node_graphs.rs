@@ -49,8 +49,7 @@ impl Integrator<'_> {
         for (lane, i) in chunk.iter().map(|&(_, i)| i as usize).enumerate() {
             let at = self.vertex_point(bounce, i, w);
             let wo = -w.rays[i].direction;
-            let footprints = self.scene.features.footprints;
-            let coordinates = self.scene.geometries.coordinates(&at.surface, &at.hit, footprints, at.time);
+            let coordinates = self.coordinates(&at);
             let width = w.arriving.footprints.width[i];
             points[lane] = texture_point(&coordinates, &at.surface, wo, width);
             data[lane] = self.hit_data(&at, &coordinates, wo);

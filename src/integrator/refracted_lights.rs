@@ -118,7 +118,9 @@ impl Integrator<'_> {
                 irradiance += light.irradiance_at(p);
             }
         }
-        found.share = self.share_of_lobes(irradiance);
+        if !found.is_empty() {
+            found.share = self.share_of_lobes(irradiance);
+        }
         found
     }
 
@@ -127,7 +129,7 @@ impl Integrator<'_> {
     fn share_of_lobes(&self, irradiance: f32) -> f32 {
         let around = self.scene.lights.environment().map_or(0.0, |e| PI * e.mean_luminance());
         let (lobes, around) = (irradiance.sqrt(), around.sqrt());
-        MAX_SHARE * if lobes > 0.0 { lobes / (lobes + around) } else { 1.0 }
+        MAX_SHARE * lobes / (lobes + around)
     }
 
     /// Adds the lobe of a body with two rough faces, if a ray towards a light hits it first.

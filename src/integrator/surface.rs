@@ -381,13 +381,25 @@ impl Integrator<'_> {
             Some(bsdf) => {
                 EvaluatedMaterial { bsdf, ns: at.surface.ns, mapping: Mapping::none(at.surface.ns) }
             }
-            None => {
-                let HitPoint { surface, hit, time, .. } = at;
-                let footprints = self.scene.features.footprints;
-                let coordinates = self.scene.geometries.coordinates(surface, hit, footprints, *time);
-                self.textured(at, &coordinates, (width, wo), (wavelengths, None))
-            }
+            None => self.textured(at, &self.coordinates(at), (width, wo), (wavelengths, None)),
         }
+    }
+
+    /// Inputs of textures at a hit point, for lookups filtered by the ray footprint.
+    pub(super) fn coordinates(&self, at: &HitPoint<'_>) -> SurfaceCoordinates {
+        self.scene.geometries.coordinates(&at.surface, &at.hit, self.scene.features.footprints, at.time)
+    }
+
+    /// [`Integrator::hit_data`] for those graphs of the material whose results are not known; `None` if all are.
+    pub(super) fn missing_hit_data(
+        &self,
+        results: Option<GraphResults<'_>>,
+        at: &HitPoint<'_>,
+        coordinates: &SurfaceCoordinates,
+        wo: Vec3,
+    ) -> Option<HitData<'_>> {
+        let are_all_known = results.is_some() && at.material.graphs.as_ref().is_some_and(|g| g.is_complete);
+        if are_all_known { None } else { self.hit_data(at, coordinates, wo) }
     }
 
     /// [`Integrator::read_material`] at the hit of ray `i`, where node graphs may have been evaluated already.
@@ -419,20 +431,19 @@ impl Integrator<'_> {
         (wavelengths, results): (Option<&Wavelengths>, Option<GraphResults<'_>>),
     ) -> EvaluatedMaterial {
         let HitPoint { surface, material, .. } = at;
-        let has_all_results = results.is_some() && material.graphs.as_ref().is_some_and(|g| g.is_complete);
-        let hit_data = if has_all_results { None } else { self.hit_data(at, coordinates, wo) };
+        let hit_data = self.missing_hit_data(results, at, coordinates, wo);
         let slots = self.slots(coordinates, surface, wo, width, hit_data.as_ref()).with_results(results);
-        let at = coordinates;
-        let (ns, points_inwards) = material.shading_normal(&slots, surface, at.tangent_frame);
+        let tangent_frame = coordinates.tangent_frame;
+        let (ns, points_inwards) = material.shading_normal(&slots, surface, tangent_frame);
         let frame = if material.uses_frame {
             let scattering = Frame::from_normal(scattering_normal(ns, surface.ng, wo));
-            let coat = material.coat_normal(&slots, surface, at.tangent_frame);
+            let coat = material.coat_normal(&slots, surface, tangent_frame);
             let coat = scattering_normal(coat, surface.ng, wo);
-            material.local_frame(&scattering, at.tangent_frame, coat)
+            material.local_frame(&scattering, tangent_frame, coat)
         } else {
             LocalFrame::STRAIGHT
         };
-        let vertex_color = Rgb::from_slice(&at.color);
+        let vertex_color = Rgb::from_slice(&coordinates.color);
         let bsdf = match wavelengths {
             None => material.bsdf(&slots, &frame, vertex_color),
             Some(wavelengths) => material.bsdf_by_wavelength(&slots, &frame, vertex_color, wavelengths),

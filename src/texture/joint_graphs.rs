@@ -1,7 +1,7 @@
 //! Node graphs that are evaluated together: all graphs that a material reads at a hit, for several hits at a time.
 
 use super::nodes::Program;
-use super::{Compiled, CompiledTextures, HitData, PointReader, TexturePoint};
+use super::{Compiled, CompiledTextures, GRAPH_LANES, HitData, PointReader, TexturePoint};
 use crate::scene::TextureId;
 use crate::scene::nodes::NodeGraph;
 use std::sync::Arc;
@@ -21,8 +21,9 @@ impl CompiledTextures {
     pub fn join_graphs(&self, textures: impl IntoIterator<Item = TextureId>) -> Option<JointGraphs> {
         let (mut joined, mut is_complete) = (Vec::new(), true);
         let mut graphs: Vec<&NodeGraph> = Vec::new();
+        let mut alone = None;
         for texture in textures {
-            let Some(Compiled::Nodes(_, graph)) = self.textures.get(texture.index()) else {
+            let Some(Compiled::Nodes(program, graph)) = self.textures.get(texture.index()) else {
                 is_complete &= !self.reads_hit(texture);
                 continue;
             };
@@ -36,17 +37,19 @@ impl CompiledTextures {
             }
             joined.push(texture);
             graphs.push(graph);
+            alone = Some(program).filter(|_| graphs.len() == 1);
         }
-        (!joined.is_empty()).then(|| JointGraphs {
-            textures: joined.into(),
-            is_complete,
-            program: Arc::new(Program::of_graphs(&graphs, &self.attributes)),
-        })
+        let program = match alone {
+            Some(program) => program.clone(),
+            None if graphs.is_empty() => return None,
+            None => Arc::new(Program::of_graphs(&graphs, &self.attributes)),
+        };
+        Some(JointGraphs { textures: joined.into(), is_complete, program })
     }
 }
 
 impl JointGraphs {
-    /// Appends the results of all graphs at up to [`GRAPH_LANES`](super::GRAPH_LANES) points, those of a point together.
+    /// Appends the results of all graphs at up to [`GRAPH_LANES`] points, those of a point together.
     pub fn evaluate(
         &self,
         textures: &CompiledTextures,
@@ -55,9 +58,12 @@ impl JointGraphs {
         results: &mut Vec<[f32; 3]>,
     ) {
         let reader = |lane: usize| PointReader::new(textures, points[lane]).with_hit(hits[lane]);
-        let in_scene: Vec<TexturePoint> = (0..points.len()).map(|lane| reader(lane).scene_point()).collect();
+        let mut in_scene = [TexturePoint::default(); GRAPH_LANES];
+        for (to, point) in in_scene.iter_mut().zip(points) {
+            *to = textures.scene_point(point);
+        }
         self.program.at_points(
-            (&in_scene, hits),
+            (&in_scene[..points.len()], hits),
             &|texture, lane| reader(lane).look_up(texture),
             &|texture, reading, uv, footprint| textures.image_of_node(texture, reading, uv, footprint),
             results,

@@ -199,6 +199,12 @@ impl CompiledTextures {
         }
     }
 
+    /// A point in the original scene's world space, before `compile` moved it.
+    #[inline(always)]
+    fn scene_point(&self, point: &TexturePoint) -> TexturePoint {
+        TexturePoint { world: point.world + self.world_offset, ..*point }
+    }
+
     /// Linear RGBA of the image of a node; `footprint` is in texture coordinates.
     fn image_of_node(
         &self,
@@ -643,7 +649,7 @@ impl<'a> PointReader<'a> {
     /// The point in the original scene's world space, before `compile` moved it.
     #[inline(always)]
     fn scene_point(&self) -> TexturePoint {
-        TexturePoint { world: self.point.world + self.textures.world_offset, ..self.point }
+        self.textures.scene_point(&self.point)
     }
 
     #[inline(always)]

@@ -5,6 +5,7 @@
 use crate::error::Warning;
 use crate::load::Loaded;
 use crate::math::{DVec2, DVec3};
+use crate::sampling::hash::mix64;
 use crate::scene::{Instance, Mesh, Motion};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -56,11 +57,9 @@ pub(super) fn add_note(path: &Path, loaded: &mut Loaded) {
 }
 
 /// A triangle in world space.
-#[derive(Clone, Copy)]
 struct Face {
     corners: [DVec3; 3],
     instance: u32,
-    is_found: bool,
 }
 
 impl Face {
@@ -79,70 +78,105 @@ impl Face {
     }
 }
 
+/// The triangles of still instances, numbered from instance to instance. They are transformed anew at each access: as many as are
+/// searched would take more memory than the scene.
+struct Faces<'a> {
+    /// Number of the first triangle, number of the instance, and its parts.
+    instances: Vec<(u32, u32, &'a Instance, &'a Mesh)>,
+    count: u32,
+}
+
+impl<'a> Faces<'a> {
+    /// `None` for too many triangles.
+    fn of(instances: &'a [Instance], meshes: &'a [Mesh]) -> Option<Faces<'a>> {
+        let mut faces = Faces { instances: Vec::new(), count: 0 };
+        let mut count = 0;
+        for (number, instance) in (0..).zip(instances).filter(|(_, i)| matches!(i.motion, Motion::Still)) {
+            let mesh = &meshes[instance.mesh.index()];
+            faces.instances.push((count as u32, number, instance, mesh));
+            count += mesh.triangles.len();
+            if count > MAX_TRIANGLES {
+                return None;
+            }
+        }
+        Some(Faces { count: count as u32, ..faces })
+    }
+
+    fn get(&self, number: u32) -> Face {
+        let after = self.instances.partition_point(|&(first, ..)| first <= number);
+        let (first, instance, placed, mesh) = self.instances[after - 1];
+        let corners = mesh.triangles[(number - first) as usize].map(|i| {
+            let local = DVec3::from(mesh.positions[i as usize].map(f64::from));
+            placed.world_from_object.transform_point3(local)
+        });
+        Face { corners, instance }
+    }
+
+    fn iter(&self) -> impl Iterator<Item = Face> + '_ {
+        (0..self.count).map(|number| self.get(number))
+    }
+}
+
 /// Coincident triangles of still instances by pairs of instances, twice the same one for faces of one mesh.
 fn coincident_pairs(instances: &[Instance], meshes: &[Mesh]) -> BTreeMap<[u32; 2], Coincidence> {
-    let count: usize = instances.iter().map(|i| meshes[i.mesh.index()].triangles.len()).sum();
-    if count > MAX_TRIANGLES {
-        return BTreeMap::new();
+    let Some(faces) = Faces::of(instances, meshes) else { return BTreeMap::new() };
+    let (mut min, mut max, mut total) = (DVec3::INFINITY, DVec3::NEG_INFINITY, 0.0);
+    for face in faces.iter() {
+        (min, max, total) = (min.min(face.centroid()), max.max(face.centroid()), total + face.area());
     }
-    let mut faces = faces_of(instances, meshes);
-    let min = faces.iter().fold(DVec3::INFINITY, |min, face| min.min(face.centroid()));
-    let max = faces.iter().fold(DVec3::NEG_INFINITY, |max, face| max.max(face.centroid()));
     let cell = (max - min).max_element() * RELATIVE_CELL;
     if !(cell > 0.0 && cell.is_finite()) {
         return BTreeMap::new();
     }
-    let mut pairs = Pairs { total: faces.iter().map(Face::area).sum(), by_instances: BTreeMap::new() };
-    let place = |face: &Face| ((face.centroid() - min) / cell).round().to_array().map(|x| x as i64);
-    faces.sort_by_cached_key(place);
-    for same in faces.chunk_by_mut(|a, b| place(a) == place(b)).filter(|same| same.len() > 1) {
-        let partner = [same[0].instance, same[same.len() - 1].instance];
-        for face in same {
-            pairs.add(face, if face.instance == partner[0] { partner[1] } else { partner[0] });
-        }
-    }
-    let plane = |face: &Face| {
+    let (mut places, mut planes) = (Vec::new(), Vec::new());
+    for (number, face) in (0..).zip(faces.iter()) {
+        let centroid = face.centroid() - min;
         let normal = face.normal().normalize_or_zero();
         let [x, y, z] = (normal / NORMAL_CELL).to_array();
-        [x, y, z, normal.dot(face.centroid() - min) / cell].map(|value| value.round() as i64)
-    };
-    faces.sort_by_cached_key(plane);
+        places.push((hash_of((centroid / cell).to_array()), number));
+        planes.push((hash_of([x, y, z, normal.dot(centroid) / cell]), number));
+    }
+    let mut pairs =
+        Pairs { total, is_found: vec![false; faces.count as usize], by_instances: BTreeMap::new() };
+    for same in alike(&mut places) {
+        let [first, last] = [same[0].1, same[same.len() - 1].1].map(|number| faces.get(number).instance);
+        for &(_, number) in same {
+            let face = faces.get(number);
+            pairs.add(number, &face, if face.instance == first { last } else { first });
+        }
+    }
     let mut tests = MAX_TESTS;
-    for same in faces.chunk_by_mut(|a, b| plane(a) == plane(b)).filter(|same| same.len() > 1) {
-        add_overlaps(same, &mut pairs, &mut tests);
+    for same in alike(&mut planes) {
+        let group: Vec<(u32, Face)> = same.iter().map(|&(_, number)| (number, faces.get(number))).collect();
+        add_overlaps(&group, &mut pairs, &mut tests);
     }
     pairs.by_instances
 }
 
-fn faces_of(instances: &[Instance], meshes: &[Mesh]) -> Vec<Face> {
-    let is_still = |instance: &Instance| matches!(instance.motion, Motion::Still);
-    let mut faces = Vec::new();
-    for (number, instance) in (0..).zip(instances).filter(|(_, instance)| is_still(instance)) {
-        let mesh = &meshes[instance.mesh.index()];
-        let corner = |i: u32| {
-            let local = DVec3::from(mesh.positions[i as usize].map(f64::from));
-            instance.world_from_object.transform_point3(local)
-        };
-        faces.extend(mesh.triangles.iter().map(|t| Face {
-            corners: t.map(corner),
-            instance: number,
-            is_found: false,
-        }));
-    }
-    faces
+/// Hash of a cell of coordinates; cells of different coordinates hardly ever have the same one.
+fn hash_of<const N: usize>(coordinates: [f64; N]) -> u64 {
+    coordinates.into_iter().fold(1, |hash, x| mix64(hash ^ x.round() as i64 as u64))
+}
+
+/// The groups of at least two triangles with the same hash, in ascending order of their numbers.
+fn alike(keys: &mut [(u64, u32)]) -> impl Iterator<Item = &[(u64, u32)]> {
+    keys.sort_unstable();
+    keys.chunk_by(|a, b| a.0 == b.0).filter(|same| same.len() > 1)
 }
 
 /// The coincident triangles found so far.
 struct Pairs {
     /// Area of all triangles.
     total: f64,
+    /// By triangle.
+    is_found: Vec<bool>,
     by_instances: BTreeMap<[u32; 2], Coincidence>,
 }
 
 impl Pairs {
     /// Counts a triangle, once, that coincides with one of another instance or of its own.
-    fn add(&mut self, face: &mut Face, other: u32) {
-        if !std::mem::replace(&mut face.is_found, true) {
+    fn add(&mut self, number: u32, face: &Face, other: u32) {
+        if !std::mem::replace(&mut self.is_found[number as usize], true) {
             let key = [face.instance.min(other), face.instance.max(other)];
             let pair = self.by_instances.entry(key).or_default();
             pair.triangles += 1;
@@ -152,8 +186,8 @@ impl Pairs {
 }
 
 /// Adds the triangles of one plane that overlap; at most `tests` pairs are compared.
-fn add_overlaps(faces: &mut [Face], pairs: &mut Pairs, tests: &mut usize) {
-    let normal = faces[0].normal().abs();
+fn add_overlaps(faces: &[(u32, Face)], pairs: &mut Pairs, tests: &mut usize) {
+    let normal = faces[0].1.normal().abs();
     if normal.max_element() <= 0.0 {
         return;
     }
@@ -161,14 +195,15 @@ fn add_overlaps(faces: &mut [Face], pairs: &mut Pairs, tests: &mut usize) {
     let axis = (0..3).max_by(|&i, &j| normal[i].total_cmp(&normal[j])).unwrap_or(0);
     let [u, v] = [(axis + 1) % 3, (axis + 2) % 3];
     let flat: Vec<[DVec2; 3]> =
-        faces.iter().map(|face| shrunk(face.corners.map(|c| DVec2::new(c[u], c[v])))).collect();
+        faces.iter().map(|(_, face)| shrunk(face.corners.map(|c| DVec2::new(c[u], c[v])))).collect();
     let (cells, large) = cells_of(&flat);
     let mut compare = |i: usize, j: usize| {
         *tests = tests.saturating_sub(1);
-        if *tests > 0 && i != j && !(faces[i].is_found && faces[j].is_found) && overlap(&flat[i], &flat[j]) {
-            let [a, b] = [faces[i].instance, faces[j].instance];
-            pairs.add(&mut faces[i], b);
-            pairs.add(&mut faces[j], a);
+        let [(a, face_a), (b, face_b)] = [&faces[i], &faces[j]];
+        let is_known = pairs.is_found[*a as usize] && pairs.is_found[*b as usize];
+        if *tests > 0 && i != j && !is_known && overlap(&flat[i], &flat[j]) {
+            pairs.add(*a, face_a, face_b.instance);
+            pairs.add(*b, face_b, face_a.instance);
         }
     };
     for same in cells.chunk_by(|a, b| a.0 == b.0) {
