@@ -1,6 +1,6 @@
 //! Builds the geometry of a plan: the world with merged meshes, and a separate space for each shared (instanced) mesh.
 
-use super::geometry::{Attributes, Geometries, Placement, Space, Transform, normal_matrix};
+use super::geometry::{Attributes, Geometries, Placement, Space, Transform};
 use super::material::CompiledMaterial;
 use super::motion;
 use super::motion::{MovingShape, moving_shapes};
@@ -9,7 +9,7 @@ use super::plan::{InstanceMode, Plan, Step, normal_map_set};
 use crate::accel;
 use crate::accel::{AccelInstance, MovingInstance};
 use crate::error::Result;
-use crate::math::{Bounds3, DAffine3, DVec3, Mat3, Vec3, poly};
+use crate::math::{Bounds3, DAffine3, DVec3, Mat3, Vec3, normal_matrix, poly};
 use crate::scene::{Keyframes, MaterialId, Mesh, Scene, Splats};
 use crate::shape::{Analytic, CurveSegments, Quad, Shape as _, SplatCloud};
 use crate::simd::reserve_on_huge_pages;

@@ -7,12 +7,12 @@
 //! segments are shortened until their bounding boxes are not much larger than the segments. Tangents are those of the curve,
 //! for smooth shading.
 
-use super::geometry::{CurveAttributes, Space, SurfaceCoordinates, frame_of};
+use super::geometry::{CurveAttributes, Space, SurfaceCoordinates};
 use super::limits;
 use super::material::CompiledMaterial;
 use super::objects::{Numbering, ObjectMaterials};
 use crate::error::Result;
-use crate::math::{DVec3, Vec3};
+use crate::math::{DVec3, Vec3, frame_of};
 use crate::sampling::hash::mix64;
 use crate::scene::{CurveBasis, Curves, Scene};
 use crate::shape::{CurveSegment, CurveSegments, Surface};

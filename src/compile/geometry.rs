@@ -3,8 +3,8 @@
 use super::objects::{ObjectId, Owners};
 use crate::accel;
 use crate::math::{
-    Bounds3, DAffine3, DMat3, Hit, Mat3, OriginPrimitive, Ray, TransformKeys, Vec2, Vec3, gamma, segment,
-    transform_at,
+    Bounds3, DAffine3, Hit, Mat3, OriginPrimitive, Ray, TransformKeys, Vec2, Vec3, frame_of, gamma,
+    normal_matrix, segment, transform_at, uv_frame,
 };
 use crate::shape::triangle::interpolate;
 use crate::shape::{
@@ -541,22 +541,6 @@ impl Attributes {
     }
 }
 
-/// A tangent frame with x along `tangent` (orthogonalised to `n`) and y = `handedness` (n x x).
-pub(super) fn frame_of(tangent: Vec3, n: Vec3, handedness: f32) -> Option<Mat3> {
-    let t = (tangent - n * n.dot(tangent)).try_normalize()?;
-    Some(Mat3::from_cols(t, n.cross(t) * handedness.signum(), n))
-}
-
-/// A tangent frame from the texture coordinates of a triangle: x towards increasing u, y towards decreasing v (up in the image).
-fn uv_frame(corners: [Vec3; 3], uv: [Vec2; 3], n: Vec3) -> Option<Mat3> {
-    let (e1, e2) = (corners[1] - corners[0], corners[2] - corners[0]);
-    let (d1, d2) = (uv[1] - uv[0], uv[2] - uv[0]);
-    let determinant = d1.x * d2.y - d1.y * d2.x;
-    let tangent = (e1 * d2.y - e2 * d1.y) * determinant.signum();
-    let up = (e1 * d2.x - e2 * d1.x) * determinant.signum();
-    frame_of(tangent, n, if n.cross(tangent).dot(up) < 0.0 { -1.0 } else { 1.0 })
-}
-
 // Transforms from object to world space.
 
 impl Transform {
@@ -574,13 +558,6 @@ impl Transform {
     pub(super) fn to_double(self) -> DAffine3 {
         DAffine3 { matrix3: self.linear.as_dmat3(), translation: self.translation.as_dvec3() }
     }
-}
-
-/// The inverse transpose, scaled so that its longest column has length 1.
-pub(super) fn normal_matrix(m: &DMat3) -> DMat3 {
-    let n = m.inverse().transpose();
-    let largest = n.x_axis.length().max(n.y_axis.length()).max(n.z_axis.length());
-    n * (1.0 / largest)
 }
 
 impl Placement {

@@ -335,7 +335,7 @@ fn complete(
     // Subdivision is done; meshes of the next time sample differ.
     loaded.polygons = subdivide::Polygons::default();
     mesh_tools::flatten_placements(path, loaded);
-    displace::apply(loaded);
+    displace::apply(loaded)?;
     procedural_media::apply(loaded)?;
     loaded.is_model = model.is_some() || formats::is_imported_by_blender(path);
     stage::complete(loaded, &options.stage, options.overrides_environment);

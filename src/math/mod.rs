@@ -10,9 +10,11 @@ pub use ray::{
     offset_ray_origin,
 };
 use std::sync::Arc;
+pub use tangent_frame::{frame_of, normal_matrix, uv_frame};
 
 pub mod poly;
 mod ray;
+mod tangent_frame;
 
 /// Selects one of two vectors without a branch, so that loops vectorise.
 #[inline(always)]

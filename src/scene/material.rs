@@ -87,17 +87,32 @@ pub enum Beam {
     },
 }
 
-/// Displacement of a mesh along its normals by a height map.
+/// Displacement of meshes while a file is loaded.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Displacement {
-    /// Height map (an image texture with UV mapping) and its channel.
+    /// Texture and its channel, which vectors ignore.
     pub texture: (TextureId, u8),
-    /// Distance between the heights 0 and 1 in mesh units.
-    pub scale: f32,
-    /// Height of zero displacement.
-    pub midlevel: f32,
-    /// Maximum edge length of the subdivided triangles in mesh units; 0 is 1/256 of the diagonal of the mesh's bounding box.
-    pub edge: f32,
+    /// Meaning of the texture.
+    pub kind: DisplacementKind,
+}
+
+/// How a texture displaces vertices.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum DisplacementKind {
+    /// By heights along the normals; the mesh is subdivided first.
+    Heights {
+        /// Distance between the heights 0 and 1 in mesh units.
+        scale: f32,
+        /// Height of zero displacement.
+        midlevel: f32,
+        /// Maximum edge length of the subdivided triangles in mesh units; 0 is 1/256 of the diagonal of the mesh's bounding box.
+        edge: f32,
+    },
+    /// By the vectors of a node graph, world space, metres.
+    Vectors {
+        /// Keep the normals of the undisplaced surface.
+        keeps_normals: bool,
+    },
 }
 
 /// A material.
@@ -185,6 +200,7 @@ impl Material {
 }
 
 impl Parameters for AlphaMode {}
+impl Parameters for DisplacementKind {}
 impl Parameters for EmitterTraits {}
 
 parameters_of_fields! {
@@ -192,7 +208,7 @@ parameters_of_fields! {
         name, model, emission, double_sided, alpha_mode, alpha, passing, normal_map, normal, bumped_normal, use_vertex_colors,
         medium, displacement, priority, emitter_traits, index, light_group, is_light,
     }
-    Displacement { texture, scale, midlevel, edge }
+    Displacement { texture, kind }
     Emission { radiance, two_sided }
 }
 

@@ -40,9 +40,9 @@ pub use light::{
     group_or_default, is_group_name,
 };
 pub use material::{
-    AlphaMode, Anisotropy, Beam, Clearcoat, DiffuseTransmission, Displacement, Emission, EmitterTraits,
-    EnergyCompensation, FresnelModel, GlassReflection, Iridescence, Material, MixComponent, Model,
-    PbrMaterial, Sheen, SubsurfaceEntry, Transmission, hair_color, hair_color_scale,
+    AlphaMode, Anisotropy, Beam, Clearcoat, DiffuseTransmission, Displacement, DisplacementKind, Emission,
+    EmitterTraits, EnergyCompensation, FresnelModel, GlassReflection, Iridescence, Material, MixComponent,
+    Model, PbrMaterial, Sheen, SubsurfaceEntry, Transmission, hair_color, hair_color_scale,
 };
 pub use medium::{EmissionGrid, Fog, Grid, Medium, MediumTextures, coefficients};
 pub use object_traits::{LightLinks, Link, ObjectInfo, ObjectSet, ObjectSets, ObjectTraits, RayKinds};

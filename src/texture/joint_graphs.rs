@@ -49,6 +49,11 @@ impl CompiledTextures {
 }
 
 impl JointGraphs {
+    /// A result as a vector in the scene's world space.
+    pub fn as_vector(&self, result: [f32; 3]) -> [f32; 3] {
+        self.program.as_vector(result)
+    }
+
     /// Appends the results of all graphs at up to [`GRAPH_LANES`] points, those of a point together.
     pub fn evaluate(
         &self,

@@ -15,7 +15,6 @@ import zipfile
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-PROGRAM = os.environ.get("OSCURA", str(HERE.parent.parent / "target/release/oscura"))
 
 # Blender looks here for what a user has installed.
 USER = tempfile.mkdtemp(prefix="oscura-test-")
@@ -23,6 +22,8 @@ os.environ["BLENDER_USER_RESOURCES"] = USER
 
 import bpy  # noqa: E402  (it reads the variable)
 import numpy as np  # noqa: E402
+
+from testing import PROGRAM  # noqa: E402
 
 MODULE = "bl_ext.user_default.oscura"
 SAMPLES, DEPTH = 7, 5

@@ -13,6 +13,7 @@ import bpy
 import numpy as np
 
 HERE = Path(__file__).resolve().parent
+PROGRAM = os.environ.get("OSCURA", str(HERE.parent.parent / "target/release/oscura"))
 sys.path.insert(0, str(HERE))
 
 
@@ -84,6 +85,13 @@ class SceneTest(unittest.TestCase):
     def mesh(self, settings, name):
         """The vertex properties of an object's mesh."""
         return read_ply(self.folder / self.placed(settings)[name]["mesh"])[1]
+
+    def extent(self, name):
+        """The corners of the exported object's bounding box, as the program loads it, in Blender's axes."""
+        done = subprocess.run([PROGRAM, "inspect", "--json", str(self.folder / "scene.toml")], capture_output=True, text=True, check=True)
+        objects = {entry["name"]: entry for entry in json.loads(done.stdout)["objects"]}
+        corners = np.array(objects[name]["extent"])[:, [0, 2, 1]] * (1, -1, 1)
+        return np.array([corners.min(0), corners.max(0)])
 
     def surface(self, table):
         """The surface node of a material, and a function for the node that an input is linked to."""

@@ -25,9 +25,9 @@ use crate::load::image::Use;
 use crate::load::{LoadOptions, Loaded, image};
 use crate::math::Vec2;
 use crate::scene::{
-    AlphaMode, Anisotropy, Clearcoat, ColorSlot, Displacement, Emission, FloatSlot, FresnelModel, ImageId,
-    Interpolation, Mapping, Material, Model, NormalMap, PbrMaterial, Scene, Sheen, Texture, TextureId,
-    TextureTransform, Wrap,
+    AlphaMode, Anisotropy, Clearcoat, ColorSlot, Displacement, DisplacementKind, Emission, FloatSlot,
+    FresnelModel, ImageId, Interpolation, Mapping, Material, Model, NormalMap, PbrMaterial, Scene, Sheen,
+    Texture, TextureId, TextureTransform, Wrap,
 };
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -193,7 +193,7 @@ impl Conversion<'_, '_> {
     fn displacement(&mut self) -> Option<Displacement> {
         let scale = self.source.map("disp").filter(|map| map.has_bump)?.bump;
         let texture = self.number_map("disp", false)?;
-        Some(Displacement { texture, scale, midlevel: 0.0, edge: 0.0 })
+        Some(Displacement { texture, kind: DisplacementKind::Heights { scale, midlevel: 0.0, edge: 0.0 } })
     }
 
     fn warn_of_maps(&mut self) {

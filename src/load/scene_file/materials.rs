@@ -40,6 +40,7 @@
 //! | `tilt` | tilt of the cuticle scales towards the root, degrees, -45 to 45 (2) |
 //! | `coat` | 0 to 1 (0): reduces the roughness of the primary reflection, as for wet or groomed hair |
 //!
+//! Materials of nodes may have `displacement = { vector = "NODE.OUTPUT" }`, which moves the vertices of meshes by a vector in world space.
 //! Any material may have `displacement = { image = "heights.png", scale = 0.1 }`: meshes, boxes and quads with it are subdivided at
 //! load time, and displaced along their normals.
 //!
@@ -79,9 +80,9 @@ use crate::load::displace::{BUMP_HEIGHT, holds_normals, normals_of_heights};
 use crate::load::image::Use;
 use crate::math::Vec2;
 use crate::scene::{
-    AlphaMode, ColorSlot, Displacement, Emission, EmitterTraits, FloatSlot, FresnelModel, ImageId,
-    Interpolation, Mapping, Material, MaterialId, MixComponent, Model, NormalMap, Parameter, ParameterMut,
-    Parameters, Texture, TextureId, TextureTransform, Wrap, hair_color,
+    AlphaMode, ColorSlot, Displacement, DisplacementKind, Emission, EmitterTraits, FloatSlot, FresnelModel,
+    ImageId, Interpolation, Mapping, Material, MaterialId, MixComponent, Model, NormalMap, Parameter,
+    ParameterMut, Parameters, Texture, TextureId, TextureTransform, Wrap, hair_color,
 };
 use std::collections::HashMap;
 use std::ops::Range;
@@ -285,7 +286,9 @@ fn read<'a>(
     };
     material.light_group = light_group;
     material.index = fields.unsigned("index", 0, u32::MAX).unwrap_or(0);
-    material.displacement = read_displacement(build, fields, textures.is_check());
+    if !shaders::has_displacement(fields) {
+        material.displacement = read_displacement(build, fields, textures.is_check());
+    }
     material.normal_map = read_normal_map(build, fields, textures.is_check());
     // Shader graphs may have set their own normal.
     material.normal = material.normal.or(read_normal(build, fields, textures));
@@ -513,7 +516,8 @@ fn read_displacement(build: &mut SceneFileBuilder, fields: &Fields, is_check: bo
     }
     let image = read_pixels(build, image.value, image.span, Use::Data)?;
     let texture = (placed.texture(build, image), 0);
-    Some(Displacement { texture, scale: scale.value as f32, midlevel, edge })
+    let kind = DisplacementKind::Heights { scale: scale.value as f32, midlevel, edge };
+    Some(Displacement { texture, kind })
 }
 
 /// Wrap modes of images.

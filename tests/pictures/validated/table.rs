@@ -6,13 +6,14 @@ use super::mutate::{Mutate, enums, fields, structs};
 use oscura::image::{Encoding, Image, Pixels};
 use oscura::scene::{
     AlphaMode, Anisotropy, Aperture, Backdrop, Beam, BounceLimits, Camera, CatcherOutput, Clamp, Clearcoat,
-    ColorSlot, CurveBasis, Curves, DiffuseTransmission, Displacement, Emission, EmissionGrid, EmitterTraits,
-    EnergyCompensation, Environment, Filter, FloatSlot, Fog, FresnelModel, GlassReflection, Grid, GridId,
-    ImageId, Instance, Interpolation, Iridescence, Light, LightKind, LightLinks, LightProfile, Link, Mapping,
-    Material, MaterialId, Medium, MediumTextures, Mesh, MeshId, MeshPart, MixComponent, Model, Motion,
-    NoiseKind, NormalMap, ObjectInfo, ObjectSet, ObjectSets, ObjectTraits, PbrMaterial, Portal, ProfileId,
-    Projection, Quad, RayKinds, Scene, Settings, ShadowTerminator, Shape, ShapeKind, Sheen, SkippedCaustics,
-    Splats, SpotFade, SubsurfaceEntry, Texture, TextureId, TextureTransform, ThinLens, VertexAttribute, Wrap,
+    ColorSlot, CurveBasis, Curves, DiffuseTransmission, Displacement, DisplacementKind, Emission,
+    EmissionGrid, EmitterTraits, EnergyCompensation, Environment, Filter, FloatSlot, Fog, FresnelModel,
+    GlassReflection, Grid, GridId, ImageId, Instance, Interpolation, Iridescence, Light, LightKind,
+    LightLinks, LightProfile, Link, Mapping, Material, MaterialId, Medium, MediumTextures, Mesh, MeshId,
+    MeshPart, MixComponent, Model, Motion, NoiseKind, NormalMap, ObjectInfo, ObjectSet, ObjectSets,
+    ObjectTraits, PbrMaterial, Portal, ProfileId, Projection, Quad, RayKinds, Scene, Settings,
+    ShadowTerminator, Shape, ShapeKind, Sheen, SkippedCaustics, Splats, SpotFade, SubsurfaceEntry, Texture,
+    TextureId, TextureTransform, ThinLens, VertexAttribute, Wrap,
 };
 
 /// Ids mostly change to others that may exist.
@@ -94,7 +95,7 @@ structs! {
         name, model, emission, double_sided, alpha_mode, alpha, passing, normal_map, normal, bumped_normal, use_vertex_colors, medium, displacement,
         priority, emitter_traits, index, light_group, is_light,
     }
-    Displacement { texture, scale, midlevel, edge }
+    Displacement { texture, kind }
     Emission { radiance, two_sided }
     EmitterTraits { visible_to, is_obstacle, beam }
     MixComponent { weight, material }
@@ -135,6 +136,7 @@ enums! {
     ShapeKind { Sphere {} Disk {} FacingDisk {} Shell {} } {}
     CurveBasis { Linear {} Bezier {} BSpline {} CatmullRom {} } {}
     AlphaMode { Opaque {} Mask { cutoff } Blend {} } {}
+    DisplacementKind { Heights { scale, midlevel, edge } Vectors { keeps_normals } } {}
     FresnelModel { Exact {} Schlick {} } {}
     GlassReflection { White {} Tinted {} None {} } {}
     SubsurfaceEntry { Diffuse {} Skin { ior } Refraction { ior } } {}

@@ -65,7 +65,8 @@ class SurfaceGraph(nodes.Graph):
     def __init__(self, exposure, images, baker):
         super().__init__(images, baker)
         self.exposure = exposure
-        self.displacement = None  # height, scale and scale exponent of bump mapping by displacement
+        self.displacement = None  # the entries of a displacement of vertices
+        self.bump_mapping = None  # height, scale and exponent of the object's scale, of bump mapping by displacement
         self.bumps = None  # the reference to its normal
         self.tangent_axis = None  # the axis of anisotropic reflection; empty for the UV map
 
@@ -201,9 +202,9 @@ class SurfaceGraph(nodes.Graph):
 
     def _add_bumps(self, entries):
         """Adds bump mapping by displacement to a shader's normal."""
-        if self.displacement is None or entries["type"] in ("emission", "transparent_bsdf"):
+        if self.bump_mapping is None or entries["type"] in ("emission", "transparent_bsdf"):
             return
-        height, scale, exponent = self.displacement
+        height, scale, exponent = self.bump_mapping
         bump = {"type": "bump", "strength": 1.0, "height": height, "distance": scale, "object_scale": exponent}
         if self.bumps is None:
             self.bumps = f"{self.new(bump)}.normal"

@@ -1,4 +1,4 @@
-"""Generated texture coordinates: those of the mesh before shape keys, deforming modifiers and displacement. Where these move vertices, an
+"""Generated texture coordinates: those of the mesh before shape keys and deforming modifiers. Where these move vertices, an
 attribute holds the coordinates."""
 
 import numpy as np
@@ -25,12 +25,6 @@ def add_undeformed(mesh, obj):
     if any(tree is not None and any(True for _ in _users(tree)) for tree in trees):
         undeformed = meshes.read(obj.data.vertices, "undeformed_co", 3, np.float32)
         _add(mesh, coordinates(obj.data, undeformed))
-
-
-def keep(mesh, vertices):
-    """Adds the coordinates of vertices that are about to be moved, unless the mesh has some."""
-    if ATTRIBUTE not in mesh.attributes:
-        _add(mesh, coordinates(mesh, vertices))
 
 
 def use_attribute(tree):

@@ -20,7 +20,7 @@ class Material:
     def __init__(self, graph, surface=None, medium=None, fixed=None):
         self.nodes, self.surface, self.medium = graph.nodes, surface, medium
         self.fixed = fixed  # the table of a material without a surface
-        self.tangent_axis, self.bumps = graph.tangent_axis or "", graph.bumps
+        self.tangent_axis, self.bumps, self.displacement = graph.tangent_axis or "", graph.bumps, graph.displacement
         self.attributes, self.reads_object = graph.attributes, graph.reads_object
         nodes = graph.nodes.values()
         self.is_transmissive = any(_has_input(node, TRANSMISSIVE) for node in nodes)
@@ -35,6 +35,8 @@ class Material:
         entries = {"type": "nodes", "surface": self.surface, "up": "z"}
         if self.bumps is not None:
             entries["bumps"] = self.bumps
+        if self.displacement is not None:
+            entries["displacement"] = self.displacement
         if self.is_transmissive and is_solid:
             entries["volume"] = True
             if self.medium is not None:
@@ -74,7 +76,7 @@ class Materials:
         end = output_node(tree)
         if end is None:
             return Material(graph, fixed=BLACK)
-        _add_bumps(graph, material)
+        displacement.read(graph, material)
         if node_trees.has_linked(tree, (SHADER_TO_RGB,)):
             baker.warn("Shader to RGB is ignored, as in Cycles: inputs that it is linked to have their own values")
         medium, is_lost = None, False
@@ -91,11 +93,3 @@ class Materials:
         if medium is not None:
             return Material(graph, fixed={"type": "medium", **medium})
         return Material(graph, fixed=TRANSPARENT if is_lost else BLACK)
-
-
-def _add_bumps(graph, material):
-    """Bump mapping by displacement."""
-    node = displacement.bump_node(material)
-    if node is not None:
-        height, scale = (graph.value(follow(node.inputs[name]), "VALUE") for name in ("Height", "Scale"))
-        graph.displacement = height, scale, displacement.scale_exponent(material, node)

@@ -2,7 +2,7 @@
 
 import os
 
-from . import displacement, materials, mesh_files, mesh_topology, objects, scene_file
+from . import materials, mesh_files, mesh_topology, objects, scene_file
 from .report import ALIASES
 from .scene_file import Y_UP
 
@@ -19,10 +19,7 @@ class Writer:
         self._tables = {}  # by material and whether it is on a solid
 
     def write_all(self):
-        entries = self.export.mesh_entries()
-        for entry in entries:
-            displacement.displace(entry, self.export.report)
-        for entry in entries:
+        for entry in self.export.mesh_entries():
             self._write(entry)
 
     def tables(self):

@@ -50,6 +50,9 @@ class Graph:
     def sum(self, a, b):
         return b if is_number(a, 0.0) else a if is_number(b, 0.0) else self.folded("add", lambda x, y: x + y, a, b)
 
+    def difference(self, a, b):
+        return a if is_number(b, 0.0) else self.folded("subtract", lambda x, y: x - y, a, b)
+
     def product(self, a, b):
         if is_number(a, 0.0) or is_number(b, 0.0):
             return 0.0
@@ -100,6 +103,12 @@ class Graph:
         if "coordinates" not in self.nodes:
             self.nodes["coordinates"] = {"type": "texture_coordinate"}
         return f"coordinates.{output}"
+
+    def surface(self, output):
+        """An output of a Geometry node."""
+        if "surface_geometry" not in self.nodes:
+            self.nodes["surface_geometry"] = {"type": "geometry"}
+        return f"surface_geometry.{output}"
 
     # Nodes.
 

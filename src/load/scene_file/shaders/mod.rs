@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `nodes` | nodes by name: those of textures of `type = "nodes"`, and the shaders below |
 //! | `surface` | name of the output shader: `"NODE"` |
+//! | `displacement` | `{ vector = "NODE.OUTPUT" }`: meshes' vertices move by this vector, world space, metres; with `keep_normals = true` the surface is shaded with the normals of the undisplaced mesh (false). Meshes aren't subdivided, and instances of a mesh are displaced as the first is |
 //! | `bumps` | the output with the bump-mapped normal of a displacement, like `normal` of shaders: `"NODE.OUTPUT"`; normal maps self-shadow relative to it |
 //! | `volume` | true: the surface bounds a solid (false) |
 //! | `up` | `"z"`: world vectors are in Blender's axes, as in textures of nodes (`"y"`) |
@@ -36,8 +37,8 @@ use crate::scene::nodes::{
     ClampType, MathOperation, Node, NodeGraph, NodeInput, NodeKind, SocketType, VectorOperation,
 };
 use crate::scene::{
-    AlphaMode, ColorSlot, Emission, EmitterTraits, FloatSlot, Material, MixComponent, Model, Texture,
-    TextureId,
+    AlphaMode, ColorSlot, Displacement, DisplacementKind, Emission, EmitterTraits, FloatSlot, Material,
+    MixComponent, Model, Texture, TextureId,
 };
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -86,6 +87,8 @@ pub(super) fn read<'a>(
         return None;
     }
     let bumps = fields.raw("bumps").map_or(Some(NodeInput::Value([0.0; 3])), |v| links.input(build, v))?;
+    let displacement =
+        has_displacement(fields).then(|| read_displacement(build, &mut links, fields)).flatten();
     let surface = surface?;
     let Some(first) = position(&names, surface.value) else {
         unknown(build, &names, surface.value, surface.span);
@@ -116,11 +119,28 @@ pub(super) fn read<'a>(
         build.problems.push(span, ("shader-graph-invalid", format!("{}: {problem}", fields.description())));
         return None;
     }
-    let mut material = lowering.finish();
-    if let Some(medium) = medium {
-        material.medium = Some(medium);
-    }
-    Some(material)
+    let displacement = displacement.and_then(|vector| lowering.displacement(vector));
+    let material = lowering.finish();
+    Some(Material { displacement, medium: medium.or(material.medium), ..material })
+}
+
+/// Does the material have a displacement by vectors?
+pub(super) fn has_displacement(fields: &Fields) -> bool {
+    let table = fields.raw("displacement").and_then(|value| value.get_ref().as_table());
+    table.is_some_and(|table| table.contains_key("vector"))
+}
+
+/// The vector of a displacement, and whether normals are kept.
+fn read_displacement<'a>(
+    build: &mut SceneFileBuilder,
+    links: &mut Links<'_, 'a>,
+    fields: &Fields<'a>,
+) -> Option<(NodeInput, bool)> {
+    let table = fields.table("displacement")?;
+    let vector = links.input(build, table.raw("vector")?);
+    let keeps_normals = table.flag("keep_normals", false);
+    table.finish();
+    Some((vector?, keeps_normals))
 }
 
 /// The index of a shader by name; `"NODE.OUTPUT"` is equivalent to `"NODE"`.
@@ -407,6 +427,12 @@ impl Lowering<'_, '_, '_> {
                 self.texture(vector)
             }
         }
+    }
+
+    /// The displacement by a vector, which may keep normals; `None` for zero.
+    fn displacement(&mut self, (vector, keeps_normals): (NodeInput, bool)) -> Option<Displacement> {
+        let texture = (self.vector_texture(vector)?, 0);
+        Some(Displacement { texture, kind: DisplacementKind::Vectors { keeps_normals } })
     }
 
     /// The subgraph of the nodes that a result depends on.
