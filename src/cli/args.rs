@@ -13,7 +13,7 @@ use clap::{Args, ValueEnum};
 use oscura::film::{AovSet, AovSpace};
 use oscura::output::ViewTransform;
 use oscura::output::part::Region;
-use oscura::render::{BvhQuality, Guiding, PathReuse, Splitting, setting_help};
+use oscura::render::{BvhQuality, Guiding, LightSelection, PathReuse, Splitting, setting_help};
 use oscura::scene::{BounceLimits, Clamp, EnergyCompensation, Filter, FresnelModel, ShadowTerminator};
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -485,6 +485,8 @@ pub(super) fn bytes(text: &str) -> Result<u64, String> {
 pub(crate) struct GuidingArgs {
     #[arg(long, help = setting_help("guiding"), value_name = "G", default_value = "auto")]
     pub guiding: Guiding,
+    #[arg(long, help = setting_help("light_selection"), value_name = "L", default_value = "auto")]
+    pub light_selection: LightSelection,
 }
 
 #[cfg(test)]

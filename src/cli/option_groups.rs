@@ -114,6 +114,7 @@ pub(super) const GROUPS: [(&str, &[&str]); 13] = [
         &[
             "filter",
             "guiding",
+            "light_selection",
             "path_reuse",
             "splitting",
             "microfacet",

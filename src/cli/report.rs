@@ -261,9 +261,10 @@ impl Run {
             s.path_reuse.map(|shape| format!(", shared by {} pixels", shape.pixels())).unwrap_or_default();
         let branches = if s.branches > 1 { format!(" of {} branches", s.branches) } else { String::new() };
         let guided = if s.guide_cells.is_some() { ", guided" } else { "" };
+        let learned = if s.light_cells.is_some() { ", lights selected by visibility" } else { "" };
         let caustics = if s.light_paths.is_some() { ", caustics by light tracing" } else { "" };
         say!(
-            "picture  {} x {}, {}, {}{branches}{shared}{guided}{caustics}, {}",
+            "picture  {} x {}, {}, {}{branches}{shared}{guided}{learned}{caustics}, {}",
             self.size.0,
             self.size.1,
             self.samples_text(),

@@ -71,6 +71,7 @@ pub(crate) fn requested(args: &RenderArgs) -> RequestedOptions {
             .splitting(args.splitting)
             .caustics(args.picture.caustics)
             .guiding(args.guiding.guiding)
+            .light_selection(args.guiding.light_selection)
             .min_samples(args.long.min_spp.unwrap_or(0))
             .noise(args.long.noise.map(|percent| percent / 100.0))
             .time_limit(args.long.time_limit),

@@ -15,7 +15,8 @@ use oscura::output::{
     Format, PngOptions, ViewTransform, check_target, encode, make_folder, remove_file, write_atomically,
 };
 use oscura::render::{
-    CancelHandle, Caustics, Guiding, PathReuse, Renderer, Splitting, denoising_guides, in_pool,
+    CancelHandle, Caustics, Guiding, LightSelection, PathReuse, Renderer, Splitting, denoising_guides,
+    in_pool,
 };
 use std::env;
 use std::ffi::OsString;
@@ -139,6 +140,7 @@ fn render_one(args: &ThumbArgs, model: &Path, target: &Path, cancel: &CancelHand
         .max_depth(DEPTH)
         .caustics(Caustics::Off)
         .guiding(Guiding::Off)
+        .light_selection(LightSelection::Estimated)
         .path_reuse(PathReuse::Off)
         .splitting(Splitting::OFF)
         .aovs(denoising_guides())

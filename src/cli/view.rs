@@ -23,7 +23,9 @@ use oscura::load::scene_file::sidecar_path;
 use oscura::load::{LoadOptions, Loaded, Up, WatchedFiles, has_ambiguous_up};
 use oscura::math::DVec3;
 use oscura::output::PngOptions;
-use oscura::render::{CancelHandle, Guiding, Labels, PassOutcome, Rendering, ResolvedOptions, in_pool};
+use oscura::render::{
+    CancelHandle, Guiding, Labels, LightSelection, PassOutcome, Rendering, ResolvedOptions, in_pool,
+};
 use oscura::scene::{Camera, Environment, Light, Material, Scene, instance_extents, scene_extent};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -554,6 +556,7 @@ fn render_at(
         .time_limit(Some(Duration::from_secs(1 << 30)))
         // Training would delay the first picture.
         .guiding(Guiding::Off)
+        .light_selection(LightSelection::Estimated)
         // Unreachable threshold: the noise is only estimated.
         .noise(Some(f32::MIN_POSITIVE));
     let labels = Labels::of(&model.loaded.scene, &options);

@@ -10,9 +10,10 @@
 use super::Integrator;
 use super::guiding::Guided;
 use super::lifted_rays::{exchange_normals, lift_shadow_rays, restore_normals};
+use super::light_visibility::{LightProbe, LightVisibility};
 use super::mis::LightPdf;
 use super::radiance_buffer::RadianceOrigin;
-use super::sampling::Purpose;
+use super::sampling::{Block, Purpose};
 use super::shading_geometry::{Horizon, Relief, Sharp, SharpRelief, Soft, Terminator};
 use super::shading_groups::{
     Closure, GeneralClass, LambertClass, MediumClass, MetalRoughClass, SortedVertices, VertexClass,
@@ -137,7 +138,8 @@ impl Integrator<'_> {
         }
         let (lights, opaque) = (&self.scene.lights, sorted.metal_rough().end);
         let linked = self.scene.features.links;
-        dispatch(SelectLights { wave, count, opaque, lights, dimensions, linked });
+        let visibility = self.options.light_visibility;
+        dispatch(SelectLights { wave, count, opaque, lights, visibility, dimensions, linked });
         if let Some(rectangles) = lights.rectangles() {
             return dispatch(SampleRectangles { wave, count, rectangles: Table::new(rectangles) });
         }
@@ -175,6 +177,7 @@ struct SelectLights<'a> {
     /// Number of vertices with opaque BSDFs, which come first: only there does light selection use the normal.
     opaque: usize,
     lights: &'a Lights,
+    visibility: Option<&'a LightVisibility>,
     dimensions: &'a Dimensions,
     /// Is light linking in use?
     linked: bool,
@@ -193,12 +196,12 @@ impl Kernel for SelectLights<'_> {
         }
         for first in (0..count).step_by(BATCH) {
             // Loops, because `array::from_fn` is not always inlined.
-            let mut receivers = [Receiver { p: Vec3::ZERO, normal: Vec3::ZERO }; BATCH];
+            let mut receivers = [Receiver::new(Vec3::ZERO, Vec3::ZERO); BATCH];
             let mut numbers = [[0.0; 2]; BATCH];
             for lane in 0..BATCH {
                 let i = first + lane;
                 let normal = if i < self.opaque { get(&v.ns, i) } else { Vec3::ZERO };
-                receivers[lane] = Receiver { p: get(&v.p, i), normal };
+                receivers[lane] = LightVisibility::receiver(self.visibility, get(&v.p, i), normal);
                 numbers[lane] = [choice0[i], choice1[i]];
             }
             let lanes = BATCH.min(count - first);
@@ -300,6 +303,43 @@ impl<S: VectorSampler> Kernel for SampleLight<'_, S> {
 }
 
 impl Integrator<'_> {
+    /// A receiver of light, with the learned weights of groups of lights.
+    #[inline]
+    pub(super) fn light_receiver(&self, p: Vec3, normal: Vec3) -> Receiver<'_> {
+        LightVisibility::receiver(self.options.light_visibility, p, normal)
+    }
+
+    /// The light samples of a block of camera paths; `None` if `stop` holds.
+    pub fn probe_lights(
+        &self,
+        block: &Block,
+        w: &mut Workspace,
+        stop: &dyn Fn() -> bool,
+    ) -> Option<Vec<LightProbe>> {
+        w.light_probes.clear();
+        let is_done = self.trace(block, w, stop, |_| {});
+        let probes = std::mem::take(&mut w.light_probes);
+        is_done.then_some(probes)
+    }
+
+    /// Records which light samples are occluded.
+    fn record_light_probes(&self, sorted: &SortedVertices, w: &mut Workspace) {
+        let Workspace { wave, shadow_vertices, occluded, light_probes, .. } = w;
+        let mut rays = shadow_vertices.iter().zip(&*occluded).peekable();
+        for i in sorted.lit() {
+            let is_visible =
+                rays.next_if(|&(&vertex, _)| vertex as usize == i).is_some_and(|(_, occluded)| !occluded);
+            light_probes.push(LightProbe {
+                p: get(&wave.vertices.p, i).to_array(),
+                n: get(&wave.paths.receiver_normal, i).to_array(),
+                group: self.scene.lights.group_of(wave.vertices.light.index[i]),
+                is_visible,
+            });
+        }
+    }
+}
+
+impl Integrator<'_> {
     /// Samples lights at the vertices and adds the unoccluded contributions.
     pub(super) fn add_direct_light(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
         let count = self.light_samples(bounce);
@@ -381,6 +421,9 @@ impl Integrator<'_> {
         }
         if self.scene.features.boundaries {
             self.end_shadow_segments(w);
+        }
+        if self.options.records_light_probes {
+            self.record_light_probes(sorted, w);
         }
         if shows_shadow {
             self.record_shadows(bounce, sorted, w);

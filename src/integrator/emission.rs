@@ -7,6 +7,7 @@
 //! [`RadianceBuffer::convert_to_rgb`](super::radiance_buffer::RadianceBuffer::convert_to_rgb) converts the result.
 
 use super::Integrator;
+use super::light_visibility::LightVisibility;
 use super::radiance_buffer::{PathClass, RadianceOrigin, class_of_path};
 use super::sampling::Purpose;
 use super::shading_geometry::HitPoint;
@@ -18,8 +19,8 @@ use crate::bsdf::{Bsdf, Slots};
 use crate::color::Rgb;
 use crate::color::spectral::{Spectrum, Wavelengths, uplift_emission};
 use crate::light::{
-    AreaLight, EnvironmentLight, ImageMap, LightSource, Lights, Radiance, Receiver, SelectedSun,
-    TexelPosition, solid_angle_density,
+    AreaLight, EnvironmentLight, ImageMap, LightSource, Lights, Radiance, SelectedSun, TexelPosition,
+    solid_angle_density,
 };
 use crate::math::{Hit, Ray, Vec3};
 use crate::sampling::sampler::SobolPoint;
@@ -54,7 +55,7 @@ impl Integrator<'_> {
             let moving = self.scene.lights.are_moving().then(|| self.scene.lights.area_at(index, *time));
             let area = moving.as_ref().unwrap_or(&self.scene.lights.area()[index as usize]);
             let p = self.start_of_ray(i, w);
-            let receiver = Receiver { p, normal: get(&w.arriving.receiver_normal, i) };
+            let receiver = self.light_receiver(p, get(&w.arriving.receiver_normal, i));
             let class = class(i, &w.arriving, self.scene.features.links);
             let pdf_discrete = self.scene.lights.pdf_discrete(class, &receiver, index);
             let through_panes = self.pane_density_ratio(i, (p, surface.p), area.normal_at(surface.p, p), w);
@@ -88,7 +89,7 @@ impl Integrator<'_> {
                 if self.optional.visibility && !self.sees_light(bounce, i, index, &w.arriving) {
                     continue;
                 }
-                let receiver = Receiver { p: w.rays[i].origin, normal: get(&w.arriving.receiver_normal, i) };
+                let receiver = self.light_receiver(w.rays[i].origin, get(&w.arriving.receiver_normal, i));
                 let class = class(i, &w.arriving, self.scene.features.links);
                 let far = self.scene.lights.far_pdf_discrete(class, &receiver);
                 let pdf_discrete = pdf_discrete[class as usize] * far;
@@ -166,7 +167,8 @@ impl Integrator<'_> {
         let linked = self.scene.features.links;
         if lights.use_tree() {
             let (rays, escaped, arriving) = (&w.rays, &w.escaped, &w.arriving);
-            dispatch(FarShares { lights, rays, escaped, arriving, linked, scratch });
+            let visibility = self.options.light_visibility;
+            dispatch(FarShares { lights, visibility, rays, escaped, arriving, linked, scratch });
         } else {
             scratch[0][..w.escaped.len()].fill(1.0);
         }
@@ -204,6 +206,7 @@ impl Integrator<'_> {
 /// Computes the light tree's probability of selecting lights at infinity, at the origins of escaped rays: first scratch array.
 struct FarShares<'a> {
     lights: &'a Lights,
+    visibility: Option<&'a LightVisibility>,
     rays: &'a [Ray],
     escaped: &'a [u32],
     arriving: &'a Paths,
@@ -217,10 +220,11 @@ impl Kernel for FarShares<'_> {
 
     #[inline(always)]
     fn run(self) {
-        let FarShares { lights, rays, escaped, arriving, linked, scratch: [far, ..] } = self;
+        let FarShares { lights, visibility, rays, escaped, arriving, linked, scratch: [far, ..] } = self;
         for (far, &i) in far.iter_mut().zip(escaped) {
             let i = i as usize;
-            let receiver = Receiver { p: rays[i].origin, normal: get(&arriving.receiver_normal, i) };
+            let normal = get(&arriving.receiver_normal, i);
+            let receiver = LightVisibility::receiver(visibility, rays[i].origin, normal);
             *far = lights.far_pdf_discrete(class(i, arriving, linked), &receiver);
         }
     }

@@ -17,6 +17,7 @@ mod guiding;
 mod interfaces;
 mod interior;
 mod lifted_rays;
+mod light_visibility;
 mod limits;
 mod medium_segment;
 mod mis;
@@ -43,6 +44,7 @@ mod workspace;
 
 pub use caustics::{CausticPlan, CausticTally};
 pub use guiding::{BlockSamples, CellSamples, Grid, Guide, TrainedCells, TrainingSample};
+pub use light_visibility::{LightProbe, LightVisibility};
 pub use sampling::{Block, SamplePlan};
 
 pub use wave::WAVE;
@@ -102,6 +104,10 @@ pub struct IntegratorOptions<'a> {
     pub caustics: Option<&'a CausticPlan>,
     /// Path guide, if any.
     pub guide: Option<&'a Guide>,
+    /// Learned weights of light selection, if any.
+    pub light_visibility: Option<&'a LightVisibility>,
+    /// Record which light samples are occluded.
+    pub records_light_probes: bool,
     /// Record training samples for a guide, which may be blank. Excludes path reuse and splitting.
     pub records_training: bool,
 }

@@ -23,7 +23,7 @@ use super::workspace::Workspace;
 use crate::color::Rgb;
 use crate::color::spectral::Wavelengths;
 use crate::compile::Scattering;
-use crate::light::{LightSource, Receiver};
+use crate::light::LightSource;
 use crate::math::{Hit, Ray, Vec3};
 use crate::sampling::hash::{hash32, unit};
 use crate::sampling::sampler::SobolPoint;
@@ -82,7 +82,7 @@ impl Integrator<'_> {
         if medium != 0 || lights.is_empty() {
             return None;
         }
-        let selected = lights.select(0, &Receiver { p: origin, normal: Vec3::ZERO }, u);
+        let selected = lights.select(0, &self.light_receiver(origin, Vec3::ZERO), u);
         if selected.pdf_discrete > 0.0 { lights.center(selected.index) } else { None }
     }
 
@@ -196,7 +196,7 @@ impl Integrator<'_> {
         let pdf = w.arriving.state.pdf[i];
         let (index, volume) = self.scene.lights.volume_of_medium(medium).filter(|_| pdf.competes())?;
         let p = self.start_of_ray(i, w);
-        let receiver = Receiver { p, normal: get(&w.arriving.receiver_normal, i) };
+        let receiver = self.light_receiver(p, get(&w.arriving.receiver_normal, i));
         let class = class(i, &w.arriving, self.scene.features.links);
         let pdf_discrete = self.scene.lights.pdf_discrete(class, &receiver, index);
         let is_shadowed = self.is_shadowed(i, &w.arriving);

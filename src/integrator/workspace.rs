@@ -2,6 +2,7 @@
 
 use super::first_hit::FirstHits;
 use super::guiding::guide::{TrainingSample, VertexRecord};
+use super::light_visibility::LightProbe;
 use super::medium_segment::{MediumSegment, ShadowSegment};
 use super::radiance_buffer::RadianceBuffer;
 use super::reuse::Reuse;
@@ -82,6 +83,8 @@ pub struct Workspace {
     pub(super) rays_before_split: Option<u64>,
     /// Recorded vertices of the wave, to train a guide.
     pub(super) vertex_records: Vec<VertexRecord>,
+    /// Recorded light samples.
+    pub(super) light_probes: Vec<LightProbe>,
     /// Finished training samples.
     pub(super) training_samples: Vec<TrainingSample>,
     /// Sum over recorded vertices of the squared contribution to the sample's luminance.
@@ -130,6 +133,7 @@ impl Workspace {
             reuse: None,
             rays_before_split: None,
             vertex_records: Vec::new(),
+            light_probes: Vec::new(),
             training_samples: Vec::new(),
             contribution_squares: 0.0,
             ray_counts: RayCounts::default(),

@@ -16,6 +16,8 @@ const HALVING_DEPTH: u32 = 10;
 #[derive(Clone, Debug, Default)]
 pub struct LightTree {
     nodes: Vec<Node>,
+    /// Per child of the root: a light.
+    first_lights: [u32; WIDTH],
     /// Per light: child positions on the path from the root, the first in the lowest bits; `u64::MAX` for dark lights.
     trails: Vec<u64>,
 }
@@ -29,24 +31,48 @@ pub struct Descent {
     u: f64,
     /// Probability of the path so far.
     pdf: f32,
+    level: Level,
+}
+
+/// The place of a node in the tree.
+#[derive(Clone, Copy, Debug)]
+struct Level {
+    /// Depth, 0 for the root.
+    depth: u32,
+    /// Position of the child of the root that contains the node.
+    child: usize,
+}
+
+impl Level {
+    const ROOT: Level = Level { depth: 0, child: 0 };
+
+    /// The level of the child at a position in a node of this level.
+    #[inline(always)]
+    fn below(self, position: usize) -> Level {
+        Level { depth: self.depth + 1, child: if self.depth == 0 { position } else { self.child } }
+    }
 }
 
 impl Descent {
     /// No light reaches the point. Not a valid index of a light.
     const NOWHERE: u32 = u32::MAX;
     /// A descent that ended without a light.
-    pub const ENDED: Descent = Descent { at: Descent::NOWHERE, u: 0.0, pdf: 0.0 };
+    pub const ENDED: Descent = Descent { at: Descent::NOWHERE, u: 0.0, pdf: 0.0, level: Level::ROOT };
 
     /// A descent at the root, with a random number in 0..1.
     #[inline(always)]
     pub fn new(u: f64) -> Descent {
-        Descent { at: 0, u, pdf: 1.0 }
+        Descent { at: 0, u, pdf: 1.0, level: Level::ROOT }
     }
 
-    /// The selected light and its probability, if the descent has reached one.
+    /// The selected light and its probability; with probability 0, a light near which the descent ended, if none of those there light the
+    /// point.
     #[inline(always)]
-    pub fn chosen(&self) -> Option<(u32, f32)> {
-        (self.at & LEAF != 0 && self.at != Descent::NOWHERE).then_some((self.at & !LEAF, self.pdf))
+    pub fn chosen(&self, tree: &LightTree) -> (u32, f32) {
+        match self.at {
+            at if at & LEAF != 0 && at != Descent::NOWHERE => (at & !LEAF, self.pdf),
+            _ => (tree.first_lights[self.level.child], 0.0),
+        }
     }
 }
 
@@ -56,25 +82,31 @@ impl LightTree {
         let mut items: Vec<Item> =
             (lights.iter().enumerate()).map(|(i, l)| Item { light: i as u32, bounds: *l }).collect();
         items.retain(|i| i.bounds.weight > 0.0 && i.bounds.weight.is_finite());
-        let mut tree = LightTree { nodes: Vec::new(), trails: vec![u64::MAX; lights.len()] };
+        let trails = vec![u64::MAX; lights.len()];
+        let mut tree = LightTree { nodes: Vec::new(), first_lights: [0; WIDTH], trails };
         if !items.is_empty() {
             tree.add_node(&mut items, 0, 0);
+        }
+        for light in (0..lights.len() as u32).rev() {
+            if let Some(group) = tree.group(light) {
+                tree.first_lights[group / WIDTH] = light;
+            }
         }
         tree
     }
 
-    /// Selects a light by a random number in 0..1; returns light and probability, `None` if no light reaches the point. The random number
-    /// is rescaled and reused at each step, hence double precision.
+    /// Selects a light by a random number in 0..1; returns light and probability, 0 if no light reaches the point. The random number is
+    /// rescaled and reused at each step, hence double precision.
     #[inline(always)]
-    pub fn sample(&self, receiver: &Receiver, u: f64) -> Option<(u32, f32)> {
+    pub fn sample(&self, receiver: &Receiver<'_>, u: f64) -> (u32, f32) {
         let mut descent = Descent::new(u);
         while self.step(receiver, &mut descent) {}
-        descent.chosen()
+        descent.chosen(self)
     }
 
     /// [`LightTree::sample`] for many points, interleaved to hide the latency of loading nodes.
     #[inline(always)]
-    pub fn descend_many<const N: usize>(&self, receivers: &[Receiver; N], descents: &mut [Descent; N]) {
+    pub fn descend_many<const N: usize>(&self, receivers: &[Receiver<'_>; N], descents: &mut [Descent; N]) {
         let mut active: [usize; N] = std::array::from_fn(|i| i);
         let mut count = N;
         while count > 0 {
@@ -91,9 +123,9 @@ impl LightTree {
 
     /// One step of a descent; returns whether it continues.
     #[inline(always)]
-    fn step(&self, receiver: &Receiver, descent: &mut Descent) -> bool {
+    fn step(&self, receiver: &Receiver<'_>, descent: &mut Descent) -> bool {
         let Some(node) = self.nodes.get(descent.at as usize) else { return false };
-        let estimates = node.estimates(receiver);
+        let estimates = weighted(node.estimates(receiver), descent.level, receiver);
         let sum = sum(&estimates);
         if sum <= 0.0 || sum.is_nan() {
             descent.at = Descent::NOWHERE;
@@ -116,6 +148,7 @@ impl LightTree {
         descent.pdf *= chosen / sum;
         descent.u = ((target - before) / f64::from(chosen)).min(1.0f64.next_down());
         descent.at = node.child[position];
+        descent.level = descent.level.below(position);
         let continues = descent.at & LEAF == 0;
         if continues {
             prefetch_element(&self.nodes, descent.at as usize);
@@ -125,21 +158,21 @@ impl LightTree {
 
     /// Estimated luminance of the irradiance of all lights at a point; 0 only where no light arrives.
     #[inline(always)]
-    pub fn irradiance(&self, receiver: &Receiver) -> f32 {
-        self.nodes.first().map_or(0.0, |root| sum(&root.estimates(receiver)))
+    pub fn irradiance(&self, receiver: &Receiver<'_>) -> f32 {
+        self.nodes.first().map_or(0.0, |root| sum(&weighted(root.estimates(receiver), Level::ROOT, receiver)))
     }
 
     /// The probability of selecting a light.
     #[inline(always)]
-    pub fn pdf_discrete(&self, receiver: &Receiver, light: u32) -> f32 {
+    pub fn pdf_discrete(&self, receiver: &Receiver<'_>, light: u32) -> f32 {
         let mut trail = self.trails[light as usize];
         if trail == u64::MAX {
             return 0.0;
         }
-        let (mut at, mut pdf) = (0, 1.0);
+        let (mut at, mut pdf, mut level) = (0, 1.0, Level::ROOT);
         loop {
             let node = &self.nodes[at];
-            let estimates = node.estimates(receiver);
+            let estimates = weighted(node.estimates(receiver), level, receiver);
             let sum = sum(&estimates);
             if sum <= 0.0 || sum.is_nan() {
                 return 0.0;
@@ -152,7 +185,15 @@ impl LightTree {
                 return pdf;
             }
             at = child as usize;
+            level = level.below(position);
         }
+    }
+
+    /// The group of a light by its positions in the root and below; `None` for lights outside the tree.
+    pub fn group(&self, light: u32) -> Option<usize> {
+        let trail = *self.trails.get(light as usize)?;
+        let position = |level: u32| (trail >> (POSITION_BITS * level)) as usize & (WIDTH - 1);
+        (trail != u64::MAX).then(|| position(0) * WIDTH + position(1))
     }
 
     /// Memory, bytes.
@@ -301,12 +342,50 @@ const WIDTH: usize = 8;
 /// Marks a child that is a light; the other bits are its index.
 const LEAF: u32 = 1 << 31;
 
+/// Number of groups of lights with learned weights: the children of the children of the tree's root, and the lights at infinity.
+pub const LIGHT_GROUPS: usize = WIDTH * WIDTH + 1;
+
+/// Factors on the estimates of groups of lights, above 0.
+#[derive(Clone, Copy, Debug)]
+pub struct LightWeights {
+    /// By child of the tree's root.
+    near: [f32; WIDTH],
+    /// By child of each of these.
+    inner: [[f32; WIDTH]; WIDTH],
+    /// Of the lights at infinity.
+    pub far: f32,
+}
+
+impl LightWeights {
+    /// Weights from factors by group, and how much each group counts among those of the same child of the root.
+    pub fn new(factors: &[f32; LIGHT_GROUPS], counts: &[f32; LIGHT_GROUPS]) -> LightWeights {
+        let inner: [[f32; WIDTH]; WIDTH] =
+            std::array::from_fn(|child| std::array::from_fn(|inner| factors[child * WIDTH + inner]));
+        let near = std::array::from_fn(|child| {
+            let groups = child * WIDTH..(child + 1) * WIDTH;
+            let sum: f32 = groups.clone().map(|group| counts[group] * factors[group]).sum();
+            let count: f32 = counts[groups].iter().sum();
+            if count > 0.0 { sum / count } else { 1.0 }
+        });
+        LightWeights { near, inner, far: factors[LIGHT_GROUPS - 1] }
+    }
+}
+
 /// A receiver of light: a point, and its normal if only light from one side contributes.
 #[derive(Clone, Copy, Debug)]
-pub struct Receiver {
+pub struct Receiver<'a> {
     pub p: Vec3,
     /// Unit normal on the lit side; zero if light from both sides contributes.
     pub normal: Vec3,
+    /// Factors on estimates, which stand for occlusion.
+    pub weights: Option<&'a LightWeights>,
+}
+
+impl Receiver<'_> {
+    /// A receiver without weights.
+    pub fn new(p: Vec3, normal: Vec3) -> Receiver<'static> {
+        Receiver { p, normal, weights: None }
+    }
 }
 
 /// Eight children as a structure of arrays; unused ones have weight 0.
@@ -329,6 +408,21 @@ struct Node {
 }
 
 const _: () = assert!(size_of::<Node>() == 384);
+
+/// Estimates of the children of a node times the receiver's weights for them.
+#[inline(always)]
+fn weighted(mut estimates: [f32; WIDTH], level: Level, receiver: &Receiver<'_>) -> [f32; WIDTH] {
+    let Some(weights) = receiver.weights else { return estimates };
+    let factors = match level.depth {
+        0 => &weights.near,
+        1 => &weights.inner[level.child],
+        _ => return estimates,
+    };
+    for i in 0..WIDTH {
+        estimates[i] *= factors[i];
+    }
+    estimates
+}
 
 /// Pairwise sum: equal bits on every CPU, and a shorter dependency chain.
 #[inline(always)]
@@ -370,7 +464,7 @@ impl Node {
     /// along the axis (lights in a plane hardly light a point just below the plane unless they are close), and that at the receiver is the
     /// mean of the largest possible cosine and the center's.
     #[inline(always)]
-    pub fn estimates(&self, receiver: &Receiver) -> [f32; WIDTH] {
+    pub fn estimates(&self, receiver: &Receiver<'_>) -> [f32; WIDTH] {
         let (p, n) = (receiver.p, receiver.normal);
         let any_side = if n == Vec3::ZERO { 1.0 } else { 0.0 };
         let mut estimates = [0.0; WIDTH];
@@ -462,7 +556,7 @@ mod tests {
         let receiver = |i: usize| {
             let p = Vec3::new(random.next(), random.next(), random.next()) * 14.0 - 2.0;
             let normal = warp::uniform_sphere([random.next(), random.next()]);
-            Receiver { p, normal: if i.is_multiple_of(4) { Vec3::ZERO } else { normal } }
+            Receiver::new(p, if i.is_multiple_of(4) { Vec3::ZERO } else { normal })
         };
         (0..40).map(receiver).collect()
     }
@@ -482,11 +576,12 @@ mod tests {
                 let mut lost = 0;
                 for k in 0..SAMPLES {
                     let u = (f64::from(k) + f64::from(random.next())) / f64::from(SAMPLES);
-                    let Some((light, pdf)) = tree.sample(&receiver, u) else {
+                    let (light, pdf) = tree.sample(&receiver, u);
+                    if pdf == 0.0 {
                         assert!(probabilities < 1.0 - 1e-4);
                         lost += 1;
                         continue;
-                    };
+                    }
                     let again = tree.pdf_discrete(&receiver, light);
                     assert!(pdf > 0.0 && (pdf - again).abs() <= 1e-5 * pdf, "{count}: {pdf} {again}");
                 }
@@ -530,7 +625,7 @@ mod tests {
         let mut lights = vec![one; 10_000];
         lights[17].weight = 0.0;
         let tree = LightTree::new(&lights);
-        let receiver = Receiver { p: Vec3::ONE, normal: Vec3::ZERO };
+        let receiver = Receiver::new(Vec3::ONE, Vec3::ZERO);
         assert_eq!(tree.pdf_discrete(&receiver, 17), 0.0);
         let sum: f64 = (0..10_000).map(|i| f64::from(tree.pdf_discrete(&receiver, i))).sum();
         assert!((sum - 1.0).abs() < 1e-3, "{sum}");

@@ -1,13 +1,13 @@
 //! The lights of a scene, light selection, and lights with motion.
 
 use super::{
-    AreaLight, Descent, EnvironmentLight, LightBounds, LightSample, LightSource, LightTree, PunctualLight,
-    PunctualSource, RECTANGLE_NUMBERS, Receiver, Sun, UniformRectangle, VolumeLight,
+    AreaLight, Descent, EnvironmentLight, LIGHT_GROUPS, LightBounds, LightSample, LightSource, LightTree,
+    PunctualLight, PunctualSource, RECTANGLE_NUMBERS, Receiver, Sun, UniformRectangle, VolumeLight,
 };
 use crate::math::{Vec3, gamma, offset_ray_origin, segment};
 use crate::sampling::AliasTable;
 use crate::texture::CompiledTextures;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::f32::consts::PI;
 
 /// All lights; indices run through the area lights, the punctual lights, the emissive media, then the environment. See `LightSampler` for
@@ -151,6 +151,17 @@ impl Lights {
         let sampled = self.environment.iter().filter(|e| e.is_sampled() && has(index));
         far.extend(sampled.map(|e| (index, e.mean_luminance() * PI)));
         LightSampler::new(&bounds, near, &far, self.count_sampled() == 1)
+    }
+
+    /// The group of a light, for [`LightWeights`](super::LightWeights) of receivers of class 0.
+    pub fn group_of(&self, light: u32) -> u8 {
+        self.sampler.tree.group(light).unwrap_or(LIGHT_GROUPS - 1) as u8
+    }
+
+    /// Number of groups of lights of class 0 between which light selection chooses.
+    pub fn count_groups(&self) -> usize {
+        let groups: BTreeSet<u8> = (0..self.len() as u32).map(|light| self.group_of(light)).collect();
+        groups.len()
     }
 
     /// The sampler for receivers of a class.
@@ -299,7 +310,7 @@ impl Lights {
 
     /// Selects a light for a receiver of a class by two random numbers in 0..1.
     #[inline(always)]
-    pub fn select(&self, class: u32, receiver: &Receiver, u: [f32; 2]) -> SelectedLight {
+    pub fn select(&self, class: u32, receiver: &Receiver<'_>, u: [f32; 2]) -> SelectedLight {
         let sampler = self.sampler_of_class(class);
         match sampler.select_group(receiver, u) {
             SelectedGroup::Near { probability, u } => {
@@ -313,7 +324,7 @@ impl Lights {
     #[inline(always)]
     pub fn select_many<const N: usize>(
         &self,
-        receivers: &[Receiver; N],
+        receivers: &[Receiver<'_>; N],
         numbers: &[[f32; 2]; N],
         count: usize,
     ) -> [SelectedLight; N] {
@@ -330,7 +341,7 @@ impl Lights {
         self.sampler.tree.descend_many(receivers, &mut descents);
         for i in 0..count.min(N) {
             if probabilities[i] > 0.0 {
-                selected[i] = SelectedLight::near(probabilities[i], descents[i].chosen());
+                selected[i] = SelectedLight::near(probabilities[i], descents[i].chosen(&self.sampler.tree));
             }
         }
         selected
@@ -340,7 +351,7 @@ impl Lights {
     pub fn select_by_class<const N: usize>(
         &self,
         class: impl Fn(usize) -> u32,
-        receivers: &[Receiver; N],
+        receivers: &[Receiver<'_>; N],
         numbers: &[[f32; 2]; N],
         count: usize,
     ) -> [SelectedLight; N] {
@@ -352,13 +363,13 @@ impl Lights {
 
     /// The probability of selecting an area light or an emissive medium for a receiver of a class.
     #[inline(always)]
-    pub fn pdf_discrete(&self, class: u32, receiver: &Receiver, index: u32) -> f32 {
+    pub fn pdf_discrete(&self, class: u32, receiver: &Receiver<'_>, index: u32) -> f32 {
         self.sampler_of_class(class).pdf_discrete(receiver, index)
     }
 
     /// The probability of selecting any of the lights at infinity.
     #[inline(always)]
-    pub fn far_pdf_discrete(&self, class: u32, receiver: &Receiver) -> f32 {
+    pub fn far_pdf_discrete(&self, class: u32, receiver: &Receiver<'_>) -> f32 {
         self.sampler_of_class(class).far_pdf_discrete(receiver)
     }
 
@@ -472,11 +483,8 @@ impl SelectedLight {
 
     /// A selection from the tree of a group with this probability.
     #[inline(always)]
-    pub fn near(probability: f32, chosen: Option<(u32, f32)>) -> SelectedLight {
-        chosen.map_or(SelectedLight::NONE, |(index, pdf)| SelectedLight {
-            index,
-            pdf_discrete: probability * pdf,
-        })
+    pub fn near(probability: f32, (index, pdf): (u32, f32)) -> SelectedLight {
+        SelectedLight { index, pdf_discrete: probability * pdf }
     }
 }
 
@@ -510,7 +518,7 @@ impl LightSampler {
 
     /// Selects between lights at a position and at infinity, and among the latter.
     #[inline(always)]
-    pub fn select_group(&self, receiver: &Receiver, u: [f32; 2]) -> SelectedGroup {
+    pub fn select_group(&self, receiver: &Receiver<'_>, u: [f32; 2]) -> SelectedGroup {
         if self.is_single {
             return SelectedGroup::Far(SelectedLight { index: 0, pdf_discrete: 1.0 });
         }
@@ -532,7 +540,7 @@ impl LightSampler {
 
     /// The probability of selecting from the lights at a position.
     #[inline(always)]
-    fn near_share(&self, receiver: &Receiver) -> f32 {
+    fn near_share(&self, receiver: &Receiver<'_>) -> f32 {
         match (self.has_near, self.far.is_empty()) {
             (true, true) => 1.0,
             (false, _) => 0.0,
@@ -547,7 +555,8 @@ impl LightSampler {
                 }
                 // The root is a compromise, since the estimates ignore occlusion: in proportion there would be no noise where both
                 // groups arrive, and much where the stronger one is occluded.
-                let (near, far) = (near.sqrt(), self.far_irradiance.sqrt());
+                let weight = receiver.weights.map_or(1.0, |weights| weights.far);
+                let (near, far) = (near.sqrt(), (self.far_irradiance * weight).sqrt());
                 let probability = near / (near + far);
                 let probability = if probability > MIN_SHARE { probability } else { MIN_SHARE };
                 if probability < 1.0 - MIN_SHARE { probability } else { 1.0 - MIN_SHARE }
@@ -557,7 +566,7 @@ impl LightSampler {
 
     /// The probability of selecting a light at a position.
     #[inline(always)]
-    pub fn pdf_discrete(&self, receiver: &Receiver, index: u32) -> f32 {
+    pub fn pdf_discrete(&self, receiver: &Receiver<'_>, index: u32) -> f32 {
         if self.is_single {
             return 1.0;
         }
@@ -566,7 +575,7 @@ impl LightSampler {
 
     /// The probability of selecting from the lights at infinity.
     #[inline(always)]
-    pub fn far_pdf_discrete(&self, receiver: &Receiver) -> f32 {
+    pub fn far_pdf_discrete(&self, receiver: &Receiver<'_>) -> f32 {
         1.0 - self.near_share(receiver)
     }
 
@@ -682,7 +691,7 @@ mod tests {
         let (lights, mut random) = (mixed(), Random::new(3));
         for _ in 0..20 {
             let p = Vec3::new(12.0 * random.next() - 4.0, 5.0 * random.next(), 8.0 * random.next() - 4.0);
-            let receiver = Receiver { p, normal: random.direction() };
+            let receiver = Receiver::new(p, random.direction());
             let far = lights.far_pdf_discrete(0, &receiver);
             let expected = |index: u32| match index {
                 6 => far * lights.environment_pdf_discrete(0),
@@ -711,7 +720,7 @@ mod tests {
     fn hidden_far_lights_are_not_selected_where_others_arrive() {
         let mut lights = mixed();
         lights.exclude_infinite_lights();
-        let below = Receiver { p: Vec3::new(2.0, 0.0, 0.0), normal: Vec3::Y };
+        let below = Receiver::new(Vec3::new(2.0, 0.0, 0.0), Vec3::Y);
         assert_eq!(lights.far_pdf_discrete(0, &below), 0.0);
         assert!((0..100).all(|i| lights.select(0, &below, [0.5, i as f32 / 100.0]).index < 5));
     }

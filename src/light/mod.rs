@@ -20,7 +20,7 @@ pub use area::{
 };
 pub use environment::{EnvironmentLight, EnvironmentSample, ImageMap, TexelPosition, solid_angle_density};
 pub use light_paths::{EmittedRay, LightPathSampler, LightPosition, SmallLight, TargetSphere, TargetSpheres};
-pub use light_tree::{Descent, LightTree, Receiver};
+pub use light_tree::{Descent, LIGHT_GROUPS, LightTree, LightWeights, Receiver};
 pub use lights::{LightMotions, Lights, MovingLight, SelectedLight, SelectedSun};
 pub use punctual::Sun;
 use punctual::{Directional, Point, Profiled, Spot};

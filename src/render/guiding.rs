@@ -12,6 +12,7 @@ use crate::integrator::{
     Block, BlockSamples, CellSamples, Grid, Guide, Integrator, IntegratorOptions, SamplePlan, TrainedCells,
     TrainingSample, WAVE,
 };
+use crate::math::Vec3;
 use crate::sampling::hash::hash32;
 use crate::sampling::{AdaptiveSamples, MAX_Z_ORDER_SPP};
 use rayon::prelude::*;
@@ -283,7 +284,7 @@ impl Training<'_> {
 }
 
 /// Divides the picture into square blocks of about one wave of paths each.
-fn blocks(width: u32, height: u32, per_pixel: f64) -> Vec<Block> {
+pub(super) fn blocks(width: u32, height: u32, per_pixel: f64) -> Vec<Block> {
     let edge = ((WAVE as f64 / per_pixel).sqrt() as u32).clamp(8, 1024);
     let rows = (0..height).step_by(edge as usize);
     let square = |(x0, y0): (u32, u32)| Block {
@@ -323,7 +324,8 @@ impl TrainingState {
         let mean = self.luminance / self.samples.max(1) as f64;
         found.iter().for_each(|l| self.noise.add(l, mean));
         if self.cells.is_none() {
-            let all: Vec<TrainingSample> = found.iter().flat_map(|l| &l.training_samples).copied().collect();
+            let samples = found.iter().flat_map(|l| &l.training_samples);
+            let all: Vec<[Vec3; 2]> = samples.map(|s| [s.p.into(), s.n.into()]).collect();
             let total = all.len() as f64 * of as f64;
             self.cells = Grid::suited_to(&all, total, SAMPLES_OF_CELL).map(TrainedCells::new);
         }

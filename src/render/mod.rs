@@ -11,6 +11,7 @@
 mod caustics;
 mod checkpoint;
 mod guiding;
+mod light_selection;
 mod noise;
 mod options;
 mod pass;
@@ -28,8 +29,8 @@ pub use checkpoint::identity;
 pub use guiding::guiding_bytes;
 pub use noise::RarePaths;
 pub use options::{
-    ALL_AOVS, BvhQuality, Caustics, Guiding, PathReuse, RenderOptions, RequestedOptions, ResolvedOptions,
-    Splitting, setting_help,
+    ALL_AOVS, BvhQuality, Caustics, Guiding, LightSelection, PathReuse, RenderOptions, RequestedOptions,
+    ResolvedOptions, Splitting, setting_help,
 };
 pub use picture::{
     Labels, Picture, denoise_film, denoising_guides, film_bytes, film_warnings, has_visible_alpha,

@@ -81,6 +81,19 @@ pub enum Guiding {
     Off,
 }
 
+/// Selection of lights for light samples. The mean of the picture doesn't depend on it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum LightSelection {
+    /// Learned where that lowers the noise, by a trial before the first pass (a hundredth of the planned samples, or less).
+    #[default]
+    Auto,
+    /// By estimates times learned fractions of unoccluded samples, by place.
+    Learned,
+    /// By estimates of unoccluded irradiance.
+    Estimated,
+}
+
 named_enum! {
     /// Build quality of the BVH over a scene's triangles. Pictures don't depend on it; a full build takes longer and makes rays faster.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -169,6 +182,8 @@ macro_rules! render_settings {
                 caustics: Caustics = Caustics::default(), hashed, user;
             "Path guiding at diffuse surfaces, with guided Russian roulette: on, off, or auto, where it lowers the noise of indirect light. Training takes a fifth of the samples of the whole image, also for a part of it; rooms lit through a door gain several times that", "" =>
                 guiding: Guiding = Guiding::default(), named("guiding"), user;
+            "Selection of lights: by estimates of their irradiance, or also learned where they are occluded, as in buildings with many lamps; auto where that lowers the noise, learned or estimated", "" =>
+                light_selection: LightSelection = LightSelection::default(), named("light selection"), user;
             "Minimum samples per pixel with a noise threshold", "" =>
                 /// At most `samples`.
                 min_samples: u32 = 0, free, internal;
@@ -365,6 +380,7 @@ macro_rules! from_words {
 from_words! {
     Caustics: "auto" => Auto, "on" => On, "off" => Off;
     Guiding: "auto" => Auto, "on" => On, "off" => Off;
+    LightSelection: "auto" => Auto, "learned" => Learned, "estimated" => Estimated;
 }
 
 const DEFAULT_ASPECT: f64 = 16.0 / 9.0;

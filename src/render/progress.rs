@@ -132,6 +132,8 @@ pub struct Statistics {
     pub branches: u32,
     /// Number of light paths per sample of the whole picture, with light tracing of caustics.
     pub light_paths: Option<u32>,
+    /// Number of cells with learned weights of lights, with learned light selection.
+    pub light_cells: Option<u32>,
     /// Number of cells of the guide with training data, with path guiding.
     pub guide_cells: Option<u32>,
     /// Number of decodes of texture images on demand.

@@ -1,8 +1,8 @@
 //! The builder of renderings: from a scene to a picture at once, or pass by pass.
 
 use super::options::{
-    BvhQuality, Caustics, Guiding, PathReuse, RenderOptions, RequestedOptions, Splitting, parameter,
-    render_settings,
+    BvhQuality, Caustics, Guiding, LightSelection, PathReuse, RenderOptions, RequestedOptions, Splitting,
+    parameter, render_settings,
 };
 use super::picture::{Labels, Picture, denoising_guides};
 use super::progress::{CancelHandle, Event, Listener};

@@ -157,6 +157,8 @@ pub(super) fn plain_paths<'a>(
         keeps_plain: false,
         caustics: None,
         guide: None,
+        light_visibility: None,
+        records_light_probes: false,
         records_training: false,
     }
 }

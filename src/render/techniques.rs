@@ -2,6 +2,7 @@
 
 use super::caustics::LightTracing;
 use super::guiding::PathGuiding;
+use super::light_selection::LearnedSelection;
 use super::options::RenderOptions;
 use super::path_strategy::StrategyTrials;
 use super::progress::Statistics;
@@ -38,6 +39,8 @@ macro_rules! techniques {
 }
 
 techniques! {
+    /// Learned light selection.
+    light_selection: LearnedSelection = untried,
     /// Light tracing of caustics.
     light_tracing: LightTracing = untried,
     /// Path guiding.

@@ -16,6 +16,7 @@ mod facing;
 mod grids;
 mod guiding;
 mod lamps;
+mod light_selection;
 mod limits;
 mod linking;
 mod mapped_normals;

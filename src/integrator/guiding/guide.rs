@@ -412,14 +412,16 @@ const SHARDS: usize = 16;
 pub type CellSamples = [Vec<CellSample>; SHARDS];
 
 impl Grid {
-    /// The grid with the smallest cells such that, extrapolated to `total` samples, at least half of the samples are in cells with
+    /// The grid with the smallest cells such that, extrapolated from these positions and normals to `total` samples, at least half of the samples are in cells with
     /// `wanted` samples or more; `None` without samples.
-    pub fn suited_to(samples: &[TrainingSample], total: f64, wanted: f64) -> Option<Grid> {
-        let step = samples.len().div_ceil(MAX_SIZING_SAMPLES).max(1);
-        let subset: Vec<&TrainingSample> = samples.iter().step_by(step).collect();
+    pub fn suited_to(places: &[[Vec3; 2]], total: f64, wanted: f64) -> Option<Grid> {
+        let step = places.len().div_ceil(MAX_SIZING_SAMPLES).max(1);
+        let subset: Vec<&[Vec3; 2]> = places.iter().step_by(step).collect();
         // The 90 % quantile, so that a few distant samples have no effect.
-        let mut distances: Vec<f32> =
-            subset.iter().map(|l| l.p.iter().fold(0.0f32, |most, x| most.max(x.abs()))).collect();
+        let mut distances: Vec<f32> = subset
+            .iter()
+            .map(|[p, _]| p.to_array().iter().fold(0.0f32, |most, x| most.max(x.abs())))
+            .collect();
         distances.sort_unstable_by(f32::total_cmp);
         let farthest = *distances.get(distances.len() * 9 / 10)?;
         if farthest <= 0.0 || !farthest.is_finite() {
@@ -430,7 +432,7 @@ impl Grid {
         let mut edge = farthest / 8192.0;
         loop {
             let grid = Grid::new(edge);
-            let mut keys: Vec<u64> = subset.iter().map(|l| grid.key(l.p.into(), l.n.into())).collect();
+            let mut keys: Vec<u64> = subset.iter().map(|&&[p, n]| grid.key(p, n)).collect();
             keys.sort_unstable();
             let full: usize = keys.chunk_by(|a, b| a == b).map(<[u64]>::len).filter(|n| *n >= least).sum();
             if 2 * full >= subset.len() || edge > farthest {

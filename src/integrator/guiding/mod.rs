@@ -24,6 +24,7 @@ use crate::sampling::hash::hash32;
 use crate::sampling::warp;
 use crate::simd::{Kernel, Table, dispatch};
 pub use guide::{CellSamples, Grid, Guide, TrainedCells, TrainingSample};
+pub(super) use guide::{KeyIndices, parent};
 use guide::{NO_MEAN, VertexRecord};
 pub(super) use scatter::{Guided, scatter, scatter_metal_rough};
 use std::ops::Range;

@@ -1,0 +1,105 @@
+//! Learned light selection: before the first pass, the light samples of some paths show which lights are occluded where. These paths are
+//! spread over the whole picture and discarded, so that all parts of a picture select lights with the same probabilities.
+
+use super::guiding::blocks;
+use super::options::{LightSelection, RenderOptions};
+use super::progress::{Statistics, new_task_group};
+use super::technique::{Request, Stopped, Target, Technique, Trial, first_reason};
+use crate::integrator::{Integrator, IntegratorOptions, LightProbe, LightVisibility, SamplePlan};
+use crate::sampling::hash::hash32;
+use crate::sampling::{AdaptiveSamples, MAX_Z_ORDER_SPP};
+use rayon::prelude::*;
+
+/// Fraction of the planned samples that is spent.
+const SHARE: f64 = 1.0 / 128.0;
+/// Minimum and maximum number of paths.
+const PATHS: [u64; 2] = [1 << 11, 1 << 17];
+
+/// Samples per pixel assumed with a noise threshold.
+const PLANNED_BY_NOISE: u32 = 64;
+
+/// Maximum expected ratio of the variance of light selection, with weights and without, for automatic use.
+const MAX_RATIO: f32 = 0.8;
+
+/// Decorrelates these paths from pictures with the same seed.
+const SEED: u32 = 0x3c6e_f372;
+
+/// Learned light selection.
+#[derive(Clone, Debug, Default)]
+pub(super) struct LearnedSelection {
+    visibility: Option<LightVisibility>,
+    is_learned: bool,
+}
+
+impl Technique for LearnedSelection {
+    fn request(&self, options: &RenderOptions) -> Request {
+        match options.light_selection {
+            LightSelection::Estimated => Request::Off,
+            LightSelection::Auto => Request::Auto,
+            LightSelection::Learned => Request::On,
+        }
+    }
+
+    fn refusal(&self) -> &'static str {
+        "light selection is not learned"
+    }
+
+    fn obstacle(&self, target: &Target<'_>) -> Option<&'static str> {
+        let Target { scene, options, .. } = target;
+        first_reason(&[
+            (scene.features.links, "lights of the scene are linked to some objects only"),
+            (scene.lights.count_groups() < 2, "there is nothing to select"),
+            (options.max_depth == 0, "without bounces there is no light on surfaces"),
+            (planned(options) / 2 < PATHS[0], "there are too few samples"),
+        ])
+    }
+
+    fn failure(&self, _options: &RenderOptions) -> Option<&'static str> {
+        (self.is_learned && self.visibility.is_none()).then_some("no path found a lit surface")
+    }
+
+    fn try_before_first_pass(&mut self, trial: &Trial<'_>) -> Result<(), Stopped> {
+        let learned = LightVisibility::learn(&probes(trial)?);
+        let is_requested = trial.target.options.light_selection == LightSelection::Learned;
+        let pays = |ratio: f32| is_requested || ratio <= MAX_RATIO;
+        self.visibility = learned.filter(|&(_, ratio)| pays(ratio)).map(|(visibility, _)| visibility);
+        self.is_learned = true;
+        Ok(())
+    }
+
+    fn configure<'a>(&'a self, paths: &mut IntegratorOptions<'a>) {
+        paths.light_visibility = self.visibility.as_ref();
+    }
+
+    fn report(&self, statistics: &mut Statistics) {
+        statistics.light_cells = self.visibility.as_ref().map(|visibility| visibility.cells() as u32);
+    }
+}
+
+/// Number of planned samples of the whole picture; not more than a sample pattern has, since rendering may be resumed with more samples.
+fn planned(options: &RenderOptions) -> u64 {
+    let most = if options.noise.is_some() { PLANNED_BY_NOISE } else { MAX_Z_ORDER_SPP };
+    let samples = options.samples.max(options.planned).min(most).next_power_of_two();
+    u64::from(samples) * u64::from(options.width) * u64::from(options.height)
+}
+
+/// The light samples of some paths, in an order that doesn't depend on threads.
+fn probes(trial: &Trial<'_>) -> Result<Vec<LightProbe>, Stopped> {
+    let RenderOptions { width, height, seed, .. } = *trial.target.options;
+    let paths = ((SHARE * planned(trial.target.options) as f64) as u64).clamp(PATHS[0], PATHS[1]);
+    let pixels = width as usize * height as usize;
+    let per_pixel = paths as f64 / pixels as f64;
+    let samples = AdaptiveSamples::new(hash32(seed ^ SEED), width, &vec![per_pixel as f32; pixels]);
+    let options = IntegratorOptions {
+        plan: SamplePlan::Uneven(&samples),
+        records_light_probes: true,
+        ..trial.paths.clone()
+    };
+    let integrator = Integrator::new(trial.target.scene, trial.target.view, options);
+    let (blocks, group) = (blocks(width, height, per_pixel), new_task_group());
+    let of_block = |block| {
+        trial.run(("light selection", group), trial.stop, |w| integrator.probe_lights(block, w, &trial.stop))
+    };
+    let found: Result<Vec<Vec<LightProbe>>, Stopped> = blocks.par_iter().map(of_block).collect();
+    Ok(found?.concat())
+}
