@@ -121,7 +121,7 @@ impl LightVisibility {
     }
 
     /// The weights at a point; `None` far from all light samples.
-    #[inline]
+    #[inline(never)]
     fn at(&self, p: Vec3, n: Vec3) -> Option<&LightWeights> {
         let key = self.grid.key(p, n);
         let index = self.indices.get(key).or_else(|| self.indices.get(parent(key)))?;
@@ -129,8 +129,11 @@ impl LightVisibility {
     }
 
     /// A receiver with the weights at its point.
-    #[inline]
+    #[inline(always)]
     pub fn receiver(visibility: Option<&LightVisibility>, p: Vec3, normal: Vec3) -> Receiver<'_> {
-        Receiver { p, normal, weights: visibility.and_then(|visibility| visibility.at(p, normal)) }
+        match visibility {
+            None => Receiver::new(p, normal),
+            Some(visibility) => Receiver { p, normal, weights: visibility.at(p, normal) },
+        }
     }
 }

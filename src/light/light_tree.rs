@@ -40,7 +40,7 @@ struct Level {
     /// Depth, 0 for the root.
     depth: u32,
     /// Position of the child of the root that contains the node.
-    child: usize,
+    child: u32,
 }
 
 impl Level {
@@ -49,7 +49,7 @@ impl Level {
     /// The level of the child at a position in a node of this level.
     #[inline(always)]
     fn below(self, position: usize) -> Level {
-        Level { depth: self.depth + 1, child: if self.depth == 0 { position } else { self.child } }
+        Level { depth: self.depth + 1, child: if self.depth == 0 { position as u32 } else { self.child } }
     }
 }
 
@@ -71,7 +71,7 @@ impl Descent {
     pub fn chosen(&self, tree: &LightTree) -> (u32, f32) {
         match self.at {
             at if at & LEAF != 0 && at != Descent::NOWHERE => (at & !LEAF, self.pdf),
-            _ => (tree.first_lights[self.level.child], 0.0),
+            _ => (tree.first_lights[self.level.child as usize], 0.0),
         }
     }
 }
@@ -383,6 +383,7 @@ pub struct Receiver<'a> {
 
 impl Receiver<'_> {
     /// A receiver without weights.
+    #[inline(always)]
     pub fn new(p: Vec3, normal: Vec3) -> Receiver<'static> {
         Receiver { p, normal, weights: None }
     }
@@ -415,7 +416,7 @@ fn weighted(mut estimates: [f32; WIDTH], level: Level, receiver: &Receiver<'_>) 
     let Some(weights) = receiver.weights else { return estimates };
     let factors = match level.depth {
         0 => &weights.near,
-        1 => &weights.inner[level.child],
+        1 => &weights.inner[level.child as usize],
         _ => return estimates,
     };
     for i in 0..WIDTH {

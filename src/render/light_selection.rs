@@ -11,7 +11,7 @@ use crate::sampling::{AdaptiveSamples, MAX_Z_ORDER_SPP};
 use rayon::prelude::*;
 
 /// Fraction of the planned samples that is spent.
-const SHARE: f64 = 1.0 / 128.0;
+const SHARE: f64 = 1.0 / 256.0;
 /// Minimum and maximum number of paths.
 const PATHS: [u64; 2] = [1 << 11, 1 << 17];
 
@@ -19,7 +19,7 @@ const PATHS: [u64; 2] = [1 << 11, 1 << 17];
 const PLANNED_BY_NOISE: u32 = 64;
 
 /// Maximum expected ratio of the variance of light selection, with weights and without, for automatic use.
-const MAX_RATIO: f32 = 0.8;
+const MAX_RATIO: f32 = 0.5;
 
 /// Decorrelates these paths from pictures with the same seed.
 const SEED: u32 = 0x3c6e_f372;
@@ -50,7 +50,7 @@ impl Technique for LearnedSelection {
             (scene.features.links, "lights of the scene are linked to some objects only"),
             (scene.lights.count_groups() < 2, "there is nothing to select"),
             (options.max_depth == 0, "without bounces there is no light on surfaces"),
-            (planned(options) / 2 < PATHS[0], "there are too few samples"),
+            (planned(options) < least(options), "there are too few samples"),
         ])
     }
 
@@ -81,6 +81,11 @@ fn planned(options: &RenderOptions) -> u64 {
     let most = if options.noise.is_some() { PLANNED_BY_NOISE } else { MAX_Z_ORDER_SPP };
     let samples = options.samples.max(options.planned).min(most).next_power_of_two();
     u64::from(samples) * u64::from(options.width) * u64::from(options.height)
+}
+
+/// Minimum number of planned samples: automatic learning takes at most a 128th of them.
+fn least(options: &RenderOptions) -> u64 {
+    PATHS[0] * if options.light_selection == LightSelection::Auto { 128 } else { 2 }
 }
 
 /// The light samples of some paths, in an order that doesn't depend on threads.

@@ -85,7 +85,7 @@ pub enum Guiding {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum LightSelection {
-    /// Learned where that lowers the noise, by a trial before the first pass (a hundredth of the planned samples, or less).
+    /// Learned where that lowers the noise, by a trial before the first pass (a 128th of the planned samples, or less).
     #[default]
     Auto,
     /// By estimates times learned fractions of unoccluded samples, by place.

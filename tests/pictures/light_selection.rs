@@ -56,7 +56,7 @@ fn selection_is_learned_where_lights_are_occluded() {
     ];
     for (what, scene, is_learned) in cases {
         for seed in [0, 1] {
-            let mut rendering = rendering(&scene, &plain(options(64, 32, 8)).seed(seed));
+            let mut rendering = rendering(&scene, &plain(options(96, 32, 8)).seed(seed));
             rendering.next_pass();
             assert_eq!(rendering.statistics().light_cells.is_some(), is_learned, "{what}, {seed}");
         }
