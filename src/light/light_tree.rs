@@ -553,7 +553,7 @@ mod tests {
         (0..count).map(&mut light).collect()
     }
 
-    fn receivers(random: &mut Random) -> Vec<Receiver> {
+    fn receivers(random: &mut Random) -> Vec<Receiver<'static>> {
         let receiver = |i: usize| {
             let p = Vec3::new(random.next(), random.next(), random.next()) * 14.0 - 2.0;
             let normal = warp::uniform_sphere([random.next(), random.next()]);
@@ -569,7 +569,10 @@ mod tests {
         for count in [1, 2, 7, 8, 9, 100, 3000] {
             let lights = random_lights(count, &mut random);
             let tree = LightTree::new(&lights);
-            for receiver in receivers(&mut random) {
+            let factors = std::array::from_fn(|_| random.next() + 0.01);
+            let weights = LightWeights::new(&factors, &[1.0; LIGHT_GROUPS]);
+            for (i, receiver) in receivers(&mut random).into_iter().enumerate() {
+                let receiver = Receiver { weights: (i % 2 == 0).then_some(&weights), ..receiver };
                 let probabilities: f64 =
                     (0..count).map(|i| f64::from(tree.pdf_discrete(&receiver, i as u32))).sum();
                 assert!(probabilities < 1.0 + 1e-4, "{count}: {probabilities}");
@@ -631,6 +634,6 @@ mod tests {
         let sum: f64 = (0..10_000).map(|i| f64::from(tree.pdf_discrete(&receiver, i))).sum();
         assert!((sum - 1.0).abs() < 1e-3, "{sum}");
         assert!(tree.bytes() < 128 * lights.len(), "{}", tree.bytes());
-        assert!(LightTree::new(&[]).sample(&receiver, 0.5).is_none());
+        assert_eq!(LightTree::new(&[]).sample(&receiver, 0.5).1, 0.0);
     }
 }

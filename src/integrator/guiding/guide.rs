@@ -609,7 +609,8 @@ mod tests {
         let samples: Vec<TrainingSample> =
             (0..20_000).map(|_| training_sample(floor(&mut random), Vec3::Y, 0, 1.0)).collect();
         for wanted in [500.0, 2000.0] {
-            let grid = Grid::suited_to(&samples, 320_000.0, wanted).expect("samples");
+            let places: Vec<[Vec3; 2]> = samples.iter().map(|l| [l.p.into(), l.n.into()]).collect();
+            let grid = Grid::suited_to(&places, 320_000.0, wanted).expect("samples");
             let mut keys: Vec<u64> = samples.iter().map(|l| grid.key(l.p.into(), l.n.into())).collect();
             keys.sort_unstable();
             keys.dedup();
