@@ -103,10 +103,8 @@ impl<S: Facets> MetalRough<S> {
         let layer_grazing = if is_mirror { self.layer_fresnel.weight(above.z) } else { layer_grazing };
         let table = DirectionalAlbedo { full, grazing };
         let layer_table = DirectionalAlbedo { full, grazing: layer_grazing };
-        let compensation = |f0| match self.energy_compensation {
-            EnergyCompensation::On => table.compensation(f0),
-            EnergyCompensation::Off => Rgb::ONE,
-        };
+        let is_compensated = self.energy_compensation == EnergyCompensation::On;
+        let compensation = |f0| Rgb::select(is_compensated, table.compensation(f0), Rgb::ONE);
         let (layer_compensation, metal_compensation) =
             (compensation(self.layer_f0), compensation(self.metal_f0));
         let layer =

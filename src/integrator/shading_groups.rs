@@ -9,7 +9,7 @@ use super::wave::{
 use crate::bsdf::phase::{henyey_greenstein, sample_henyey_greenstein};
 use crate::bsdf::{
     Bsdf, BsdfClass, BsdfEval, BsdfSample, DielectricCurve, DirectionalAlbedo, Facets, Isotropic,
-    LayerFresnel, MetalRough, MetalRoughClosure, ShadingModel, mean_cosine, to_upper_side,
+    LayerFresnel, MetalRough, MetalRoughClosure, mean_cosine, to_upper_side,
 };
 use crate::color::Rgb;
 use crate::compile::{CompiledMaterial, CompiledScene};
@@ -499,23 +499,27 @@ pub(super) fn store_material(m: &mut MetalRoughMaterials, k: usize, material: &M
         LayerFresnel::Schlick => 0.0,
         LayerFresnel::Exact(curve) => curve.amplitude,
     };
+    m.compensates[k] = f32::from(u8::from(material.energy_compensation == EnergyCompensation::On));
 }
 
 /// Loads the material of a vertex.
 #[inline(always)]
-pub(super) fn load_material(m: &MetalRoughMaterials, k: usize, shading: ShadingModel) -> MetalRough {
+pub(super) fn load_material(m: &MetalRoughMaterials, k: usize, fresnel: FresnelModel) -> MetalRough {
     MetalRough {
         diffuse: get_rgb(&m.diffuse, k),
         layer_f0: get_rgb(&m.layer_f0, k),
         layer_f90: m.layer_f90[k],
-        layer_fresnel: match shading.fresnel {
+        layer_fresnel: match fresnel {
             FresnelModel::Schlick => LayerFresnel::Schlick,
             FresnelModel::Exact => LayerFresnel::Exact(DielectricCurve { amplitude: m.curve[k] }),
         },
         metal_f0: get_rgb(&m.metal_f0, k),
         metallic: m.metallic[k],
         surface: Isotropic { alpha: m.alpha[k] },
-        energy_compensation: shading.energy_compensation,
+        energy_compensation: match m.compensates[k] > 0.0 {
+            true => EnergyCompensation::On,
+            false => EnergyCompensation::Off,
+        },
     }
 }
 
@@ -554,40 +558,26 @@ pub(super) fn copy_metal_rough(from: &Vertices, i: usize, to: &mut Vertices, k: 
 }
 
 /// Bends shading normals for the viewer and computes the closures of opaque glTF materials.
-pub(super) fn prepare(wave: &mut Wave, range: Range<usize>, shading: ShadingModel) {
-    match (shading.energy_compensation, shading.fresnel) {
-        (EnergyCompensation::On, FresnelModel::Exact) => {
-            dispatch(PrepareClosures::<true, true> { wave, range })
-        }
-        (EnergyCompensation::On, FresnelModel::Schlick) => {
-            dispatch(PrepareClosures::<true, false> { wave, range })
-        }
-        (EnergyCompensation::Off, FresnelModel::Exact) => {
-            dispatch(PrepareClosures::<false, true> { wave, range })
-        }
-        (EnergyCompensation::Off, FresnelModel::Schlick) => {
-            dispatch(PrepareClosures::<false, false> { wave, range })
-        }
+pub(super) fn prepare(wave: &mut Wave, range: Range<usize>, fresnel: FresnelModel) {
+    match fresnel {
+        FresnelModel::Exact => dispatch(PrepareClosures::<true> { wave, range }),
+        FresnelModel::Schlick => dispatch(PrepareClosures::<false> { wave, range }),
     }
 }
 
-struct PrepareClosures<'a, const COMPENSATES: bool, const EXACT: bool> {
+struct PrepareClosures<'a, const EXACT: bool> {
     wave: &'a mut Wave,
     range: Range<usize>,
 }
 
-impl<const COMPENSATES: bool, const EXACT: bool> Kernel for PrepareClosures<'_, COMPENSATES, EXACT> {
+impl<const EXACT: bool> Kernel for PrepareClosures<'_, EXACT> {
     type Output = ();
 
     #[inline(always)]
     fn run(self) {
         let Wave { vertices: v, scratch, .. } = self.wave;
         let [x, y, z, full, grazing, mean_cosines, ..] = scratch;
-        let shading = ShadingModel {
-            energy_compensation: if COMPENSATES { EnergyCompensation::On } else { EnergyCompensation::Off },
-            fresnel: if EXACT { FresnelModel::Exact } else { FresnelModel::Schlick },
-            spectral: false,
-        };
+        let fresnel = if EXACT { FresnelModel::Exact } else { FresnelModel::Schlick };
         let range = self.range.start..self.range.end.min(WAVE);
         // The second loop looks up tables, which does not vectorise.
         for i in range.clone() {
@@ -609,7 +599,7 @@ impl<const COMPENSATES: bool, const EXACT: bool> Kernel for PrepareClosures<'_, 
         for i in range {
             let albedo = DirectionalAlbedo { full: full[i], grazing: grazing[i] };
             let wo = Vec3::new(x[i], y[i], z[i]);
-            let material = load_material(&v.metal_rough, i, shading);
+            let material = load_material(&v.metal_rough, i, fresnel);
             let layer_grazing = match material.layer_fresnel {
                 LayerFresnel::Schlick => albedo.grazing,
                 LayerFresnel::Exact(curve) => albedo.full * curve.weight(mean_cosines[i]),

@@ -59,7 +59,7 @@ impl Integrator<'_> {
             self.remove_caustic_lobes(sorted, w);
         }
         self.keep_unbent_normals(sorted.metal_rough(), &mut w.wave.vertices);
-        prepare(&mut w.wave, sorted.metal_rough(), self.scene.shading);
+        prepare(&mut w.wave, sorted.metal_rough(), self.scene.shading.fresnel);
         self.select_lobes(bounce, sorted.metal_rough(), w);
     }
 
@@ -642,7 +642,7 @@ impl Integrator<'_> {
             ns: get(&v.ns, k),
             material: w.materials[i],
         };
-        let bsdf = Bsdf::MetalRough(load_material(&v.metal_rough, k, self.scene.shading));
+        let bsdf = Bsdf::MetalRough(load_material(&v.metal_rough, k, self.scene.shading.fresnel));
         // Time 0: moving geometry is in other shading groups.
         let paths = &w.wave.paths.state;
         let weight = self.aov_weight(bounce, [i, k], paths, w);

@@ -334,6 +334,8 @@ pub struct MetalRoughMaterials {
     pub metallic: Lanes,
     /// Amplitude of the layer's Fresnel curve, with exact Fresnel only.
     pub curve: Lanes,
+    /// 1 with energy compensation, else 0.
+    pub compensates: Lanes,
     /// GGX alpha.
     pub alpha: Lanes,
 }

@@ -375,7 +375,7 @@ pub fn layer_transmittance(
     wo: Vec3,
     shading: ShadingModel,
 ) -> f32 {
-    let material = load_material(m, k, shading);
+    let material = load_material(m, k, shading.fresnel);
     material.closure(to_upper_side(Frame::from_normal(ns).to_local(wo))).layer_transmittance
 }
 
