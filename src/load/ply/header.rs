@@ -1,15 +1,11 @@
-//! Header validation, and sequential reading of the elements.
-//!
-//! `ply-rs` panics on numbers beyond 64 bits, trusts counts and reports wrong lines, so the header is checked here before
-//! parsing, its counts are compared with the file's size, and lines are counted here.
+//! Header validation, and sequential reading of the elements. Counts are compared with the file's size.
 
+use super::declarations::{Declarations, ElementDef, Encoding, PropertyType, ScalarType};
 use super::rows::{self, Face, Lines, Record, Slot, Vertex, cut, split_line};
 use crate::error::Problem;
 use crate::load::Up;
 use crate::load::words::is_utf_16;
 use crate::work_counter::WorkCounter;
-use ply_rs::parser::Parser;
-use ply_rs::ply::{ElementDef, Encoding, Header, PropertyType, ScalarType};
 
 type Result<T> = std::result::Result<T, Problem>;
 
@@ -21,7 +17,8 @@ const ROWS_PER_UPDATE: usize = 1 << 16;
 
 /// A file whose header has been read; element lists are read in file order.
 pub(super) struct Source<'a> {
-    header: Header,
+    header: Declarations,
+    encoding: Encoding,
     /// The rest of a binary payload.
     rest: &'a [u8],
     /// The rest of an ascii payload.
@@ -34,10 +31,9 @@ pub(super) struct Source<'a> {
     counter: &'a WorkCounter,
 }
 
-/// A header's text.
+/// A header as it stands in the file.
 struct HeaderText {
-    /// Normalized: LF line ends, ASCII only, without blank and unknown lines.
-    text: String,
+    declarations: Declarations,
     /// Length in the file, bytes.
     length: usize,
     /// Number of lines in the file.
@@ -124,30 +120,26 @@ const COLORS: [[&str; 3]; 3] =
 impl<'a> Source<'a> {
     /// Validates and parses the header, and starts the progress counter.
     pub fn open(bytes: &'a [u8], counter: &'a WorkCounter) -> Result<Source<'a>> {
-        let HeaderText { text, length, lines, unknown_lines, attributes } = header_text(bytes)?;
-        let header = Parser::<super::SkippedElement>::new()
-            .read_header(&mut text.as_bytes())
-            .map_err(|e| Problem::new("header", first_line(&e.to_string())))?;
-        let rest = &bytes[length..];
-        let source =
-            Source { header, rest, lines: Lines::new(rest, lines), unknown_lines, attributes, counter };
+        let HeaderText { declarations: header, length, lines, unknown_lines, attributes } =
+            header_text(bytes)?;
+        let (encoding, rest) = (header.encoding()?, &bytes[length..]);
+        let lines = Lines::new(rest, lines);
+        let source = Source { header, encoding, rest, lines, unknown_lines, attributes, counter };
         source.check_attributes()?;
         source.check_counts()?;
         source.check_types()?;
-        counter.begin(source.header.elements.iter().map(|(_, e)| e.count as u64).sum());
+        counter.begin(source.header.elements.iter().fold(0, |sum, e| sum.saturating_add(e.count as u64)));
         Ok(source)
     }
 
     /// The elements in file order.
-    pub fn elements(&self) -> Vec<(String, ElementDef)> {
-        self.header.elements.iter().map(|(name, e)| (name.clone(), e.clone())).collect()
+    pub fn elements(&self) -> Vec<ElementDef> {
+        self.header.elements.clone()
     }
 
     /// The attributes of the vertices.
     pub fn vertex_layout(&self) -> VertexLayout {
-        let of = |element: &str, name: &str| {
-            self.header.elements.get(element).is_some_and(|e| e.properties.contains_key(name))
-        };
+        let of = |element: &str, name: &str| self.has(element, name);
         let has = |name: &str| of("vertex", name);
         let all = |names: &[&str]| names.iter().all(|name| has(name));
         let any = |names: &[&str]| names.iter().any(|name| has(name));
@@ -167,12 +159,12 @@ impl<'a> Source<'a> {
 
     /// Whether an element has a property.
     pub fn has(&self, element: &str, property: &str) -> bool {
-        self.header.elements.get(element).is_some_and(|e| e.properties.contains_key(property))
+        self.header.element(element).is_some_and(|e| e.property(property).is_some())
     }
 
     /// Number of rows of an element.
     pub fn count(&self, element: &str) -> usize {
-        self.header.elements.get(element).map_or(0, |e| e.count)
+        self.header.element(element).map_or(0, |e| e.count)
     }
 
     /// Whether the vertices are Gaussian splats.
@@ -187,11 +179,10 @@ impl<'a> Source<'a> {
     }
 
     fn check_attributes(&self) -> Result<()> {
-        let vertex = self.header.elements.get("vertex");
         for attribute in &self.attributes {
             for component in 0..attribute.count {
                 let property = format!("a{}_{component}", attribute.index);
-                if !vertex.is_some_and(|v| v.properties.contains_key(&property)) {
+                if !self.has("vertex", &property) {
                     let message = format!(
                         "the attribute '{}' needs the property '{property}' of 'vertex'",
                         attribute.name
@@ -205,14 +196,14 @@ impl<'a> Source<'a> {
 
     /// Whether faces have material indices.
     pub fn has_materials(&self) -> bool {
-        let face = self.header.elements.get("face").and_then(|face| face.properties.get("material_index"));
-        face.is_some_and(|p| matches!(p.data_type, PropertyType::Scalar(_)))
+        let face = self.header.element("face").and_then(|face| face.property("material_index"));
+        matches!(face, Some(PropertyType::Scalar(_)))
     }
 
     /// Whether faces have per-corner texture coordinates.
     pub fn has_wedges(&self) -> bool {
-        let face = self.header.elements.get("face").and_then(|face| face.properties.get("texcoord"));
-        face.is_some_and(|p| matches!(p.data_type, PropertyType::List(..)))
+        let face = self.header.element("face").and_then(|face| face.property("texcoord"));
+        matches!(face, Some(PropertyType::List(..)))
     }
 
     /// Texture files named by comments, as MeshLab writes them.
@@ -236,10 +227,8 @@ impl<'a> Source<'a> {
 
     /// Whether positions may be more precise than f32; text may have any number of digits.
     fn has_exact_positions(&self) -> bool {
-        let is_double = |p: &PropertyType| matches!(p, PropertyType::Scalar(ScalarType::Double));
-        let vertex = self.header.elements.get("vertex");
-        matches!(self.header.encoding, Encoding::Ascii)
-            || vertex.is_some_and(|v| v.properties.get("x").is_some_and(|p| is_double(&p.data_type)))
+        let x = self.header.element("vertex").and_then(|vertex| vertex.property("x"));
+        self.encoding == Encoding::Ascii || x == Some(PropertyType::Scalar(ScalarType::Double))
     }
 
     /// Unread properties with their elements, and unknown header lines.
@@ -268,9 +257,9 @@ impl<'a> Source<'a> {
             // Other elements are reported as a whole.
             _ => true,
         };
-        for (element, definition) in self.header.elements.iter().filter(|(_, e)| e.count > 0) {
-            let properties = definition.properties.iter();
-            for (name, _) in properties.filter(|(name, p)| !known(element, name, &p.data_type)) {
+        for definition in self.header.elements.iter().filter(|e| e.count > 0) {
+            let (element, properties) = (&definition.name, definition.properties.iter());
+            for (name, _) in properties.filter(|(name, data)| !known(element, name, data)) {
                 let what = format!("property '{name}' of '{element}'");
                 let is_shown = name.contains("texcoord") || element == "face" && Vertex::slot(name).is_some();
                 if is_shown { unread.visible.push(what) } else { unread.irrelevant.push(what) }
@@ -296,7 +285,7 @@ impl<'a> Source<'a> {
             }
             each(row, record);
         };
-        let big = match self.header.encoding {
+        let big = match self.encoding {
             Encoding::Ascii => return rows::read_ascii(&mut self.lines, definition, each),
             Encoding::BinaryBigEndian => true,
             Encoding::BinaryLittleEndian => false,
@@ -306,11 +295,11 @@ impl<'a> Source<'a> {
 
     fn check_counts(&self) -> Result<()> {
         let mut needed: u128 = 0;
-        for (_, e) in &self.header.elements {
-            let smallest: usize = match self.header.encoding {
+        for e in &self.header.elements {
+            let smallest: usize = match self.encoding {
                 // A digit and a separator for each property.
                 Encoding::Ascii => e.properties.len() * 2,
-                _ => e.properties.iter().map(|(_, p)| smallest_size(&p.data_type)).sum(),
+                _ => e.properties.iter().map(|(_, data)| smallest_size(data)).sum(),
             };
             needed += e.count as u128 * smallest as u128;
         }
@@ -327,17 +316,17 @@ impl<'a> Source<'a> {
     }
 
     fn check_types(&self) -> Result<()> {
-        for (name, e) in &self.header.elements {
-            for (property, p) in &e.properties {
+        for ElementDef { name, properties, .. } in &self.header.elements {
+            for (property, data) in properties {
                 let is_index = is_index(property);
-                let ok = match (name.as_str(), &p.data_type) {
+                let ok = match (name.as_str(), data) {
                     ("face" | "tristrips", PropertyType::List(_, item)) if is_index => {
                         !matches!(item, ScalarType::Float | ScalarType::Double)
                     }
                     ("face" | "tristrips", PropertyType::Scalar(_)) => !is_index,
                     _ => true,
                 };
-                if let PropertyType::List(ScalarType::Float | ScalarType::Double, _) = p.data_type {
+                if let PropertyType::List(ScalarType::Float | ScalarType::Double, _) = data {
                     let message = format!(
                         "the list length of property '{property}' of '{name}' must be an integer type"
                     );
@@ -358,10 +347,6 @@ fn is_index(name: &str) -> bool {
     name == "vertex_index" || name == "vertex_indices"
 }
 
-fn first_line(text: &str) -> String {
-    text.replace("\n\t", "; ").lines().next().unwrap_or_default().trim().to_string()
-}
-
 fn header_text(bytes: &[u8]) -> Result<HeaderText> {
     if !bytes.starts_with(b"ply") {
         if is_utf_16(bytes) {
@@ -369,7 +354,8 @@ fn header_text(bytes: &[u8]) -> Result<HeaderText> {
         }
         return Err(Problem::new("", "is not a PLY file: it doesn't start with 'ply'"));
     }
-    let (mut text, mut at, mut lines, mut unknown_lines) = (String::new(), 0, 0, Vec::new());
+    let (mut declarations, mut at, mut lines, mut unknown_lines) =
+        (Declarations::default(), 0, 0, Vec::new());
     let mut attributes = Vec::new();
     let limit = bytes.len().min(MAX_HEADER);
     while at < limit {
@@ -382,8 +368,10 @@ fn header_text(bytes: &[u8]) -> Result<HeaderText> {
         if line.is_empty() {
             continue;
         }
-        let mut words = line.split_ascii_whitespace();
-        let first = words.next().unwrap_or_default();
+        let first = line.split_ascii_whitespace().next().unwrap_or_default();
+        if lines == 1 && first != "ply" {
+            return Err(Problem::new("", "is not a PLY file: its first line is not 'ply'"));
+        }
         if !KEYWORDS.contains(&first) {
             let shown: String = line.chars().take(40).collect();
             unknown_lines.push(format!("line {lines} of the header, '{shown}', is unknown"));
@@ -393,17 +381,10 @@ fn header_text(bytes: &[u8]) -> Result<HeaderText> {
             let place = || format!("line {lines}");
             attributes.push(attribute.map_err(|message| Problem::new(place(), message))?);
         }
-        if !matches!(first, "comment" | "obj_info")
-            // The parser also accepts digits before letters.
-            && words.any(|w| w.split(|c: char| !c.is_ascii_digit()).any(|n| n.len() > 18))
-        {
-            return Err(Problem::new(format!("line {lines}"), "holds a number that is too large"));
-        }
-        text.push_str(line);
-        text.push('\n');
         if line == "end_header" {
-            return Ok(HeaderText { text, length: at, lines, unknown_lines, attributes });
+            return Ok(HeaderText { declarations, length: at, lines, unknown_lines, attributes });
         }
+        declarations.read_line(line, lines)?;
     }
     Err(Problem::new("header", "does not end: 'end_header' is missing"))
 }

@@ -1,4 +1,4 @@
-//! PLY meshes: ascii and binary of either byte order. `ply-rs` parses the header; rows are decoded here into typed records.
+//! PLY meshes: ascii and binary of either byte order. Rows are decoded into typed records.
 //!
 //! Supported vertex properties: `x y z`, `nx ny nz`, texture coordinates (`s t`, `u v`, `texture_u texture_v`; v is flipped
 //! to grow downwards) and colours (`red green blue alpha`, `diffuse_red` and so on; integers are sRGB-encoded, floats
@@ -16,6 +16,7 @@
 //! precision of f32 are stored relative to an origin. Files of Gaussian splats are recognised by their properties
 //! (`splats.rs`).
 
+mod declarations;
 mod faces;
 mod header;
 pub(super) mod point_instances;
@@ -95,7 +96,8 @@ fn parse(path: &Path, bytes: &[u8], origin: DVec3, options: &LoadOptions) -> Res
     faces = faces.with_colors(defined.face_color);
     let mut left_out = source.unread(&defined);
     let mut attributes = Attributes::of(&source, options, &mut left_out);
-    for (name, definition) in source.elements() {
+    for definition in source.elements() {
+        let name = &definition.name;
         match name.as_str() {
             "vertex" => {
                 // The header check has compared the counts with the file's size.

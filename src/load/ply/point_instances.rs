@@ -1,11 +1,11 @@
 //! Instances from a PLY file: each vertex is one instance, with position, orientation and scale.
 
+use super::declarations::Property;
 use super::header::Source;
 use super::rows::{List, Record, Slot, color, to_f64, unit};
 use crate::error::Problem;
 use crate::math::{DAffine3, DMat3, DQuat, DVec3};
 use crate::work_counter::WorkCounter;
-use ply_rs::ply::Property;
 
 /// Names of the supported vertex properties.
 const NAMES: [&str; 29] = [
@@ -169,7 +169,8 @@ pub(in crate::load) fn read(bytes: &[u8], counter: &WorkCounter) -> Result<Point
     let layout = Layout::of(&source)?;
     let mut instances = PointInstances { list: Vec::with_capacity(source.count("vertex")), flat: 0 };
     let mut first_invalid = None;
-    for (name, definition) in source.elements() {
+    for definition in source.elements() {
+        let name = &definition.name;
         let is_vertex = name == "vertex";
         source.read(&definition, |number, row: &Row| {
             if !is_vertex {

@@ -1,9 +1,9 @@
 //! Decodes rows of elements, ascii and binary, into typed records.
 
+use super::declarations::{ElementDef, Property, PropertyType, ScalarType};
 use crate::color::{linear_from_srgb, srgb_table};
 use crate::error::Problem;
 use crate::load::words::{decimal_commas, integer, is_nan_word, next_word};
-use ply_rs::ply::{ElementDef, Property, PropertyAccess, PropertyType, ScalarType};
 
 /// A decoded row of an element.
 pub(super) trait Record {
@@ -175,14 +175,7 @@ impl Record for SkippedElement {
     }
 }
 
-/// `ply-rs` needs a row type, even for parsing the header alone.
-impl PropertyAccess for SkippedElement {
-    fn new() -> SkippedElement {
-        SkippedElement
-    }
-}
-
-/// A scalar in single precision; NaN for lists, which the header check refuses.
+/// A scalar in single precision.
 #[inline]
 pub(super) fn number(value: &Property) -> f32 {
     match *value {
@@ -194,11 +187,10 @@ pub(super) fn number(value: &Property) -> f32 {
         Property::UInt(v) => v as f32,
         Property::Float(v) => v,
         Property::Double(v) => v as f32,
-        _ => f32::NAN,
     }
 }
 
-/// A scalar in double precision; NaN for lists.
+/// A scalar in double precision.
 #[inline]
 pub(super) fn to_f64(value: &Property) -> f64 {
     match *value {
@@ -273,7 +265,7 @@ pub(super) fn read_ascii<E: Record>(
     let targets: Vec<FieldTarget> = definition
         .properties
         .iter()
-        .map(|(name, p)| match &p.data_type {
+        .map(|(name, data)| match data {
             PropertyType::Scalar(kind) => FieldTarget::Scalar(kind, E::slot(name)),
             PropertyType::List(..) => FieldTarget::List(name),
         })
@@ -371,8 +363,7 @@ fn finite_number(text: &str) -> Option<f64> {
     text.parse::<f64>().ok().filter(|v| v.is_finite())
 }
 
-// Binary rows are decoded into one reused record: `ply-rs` spends most of its time on allocating a string for each property
-// and a list for each face.
+// Binary rows are decoded into one reused record.
 
 /// A property of an element.
 struct Field<'a> {
@@ -393,7 +384,7 @@ pub(super) fn read_binary<E: Record>(
 ) -> Result<(), usize> {
     let properties = definition.properties.iter();
     let fields: Vec<Field> =
-        properties.map(|(name, p)| Field { name, data: &p.data_type, slot: E::slot(name) }).collect();
+        properties.map(|(name, data)| Field { name, data, slot: E::slot(name) }).collect();
     let mut record = E::new();
     for row in 0..definition.count {
         for field in &fields {

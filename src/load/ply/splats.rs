@@ -7,6 +7,7 @@
 //! and `packed_color` (8 bits, opacity last) are fractions between them; `packed_rotation` has the index of the largest
 //! component of the quaternion and 10 bits for each of the others; the element `sh` has one byte per coefficient.
 
+use super::declarations::Property;
 use super::header::Source;
 use super::rows::{List, Record, Slot, to_f64};
 use crate::error::{Error, Problem, Result, Warning};
@@ -14,7 +15,6 @@ use crate::load::splats::{FileSplat, SplatList, exp, finish, sigmoid};
 use crate::load::{LoadOptions, Loaded, Up, mesh_tools};
 use crate::math::DVec3;
 use crate::scene::Splats;
-use ply_rs::ply::Property;
 use std::path::Path;
 
 /// Names of the supported properties except `f_rest_*`, in the order of a row's values.
@@ -186,7 +186,8 @@ fn plain(mut source: Source, origin: DVec3) -> std::result::Result<(SplatList, O
     let harmonics = Harmonics::of(&source, "vertex");
     let mut list = SplatList::new(source.count("vertex"), harmonics.degree, origin)?;
     let mut coefficients: Vec<[f32; 3]> = Vec::new();
-    for (name, definition) in source.elements() {
+    for definition in source.elements() {
+        let name = &definition.name;
         let is_splats = name == "vertex";
         source.read(&definition, |_, row: &Row| {
             if !is_splats {
@@ -232,7 +233,8 @@ fn packed(mut source: Source, origin: DVec3) -> std::result::Result<(SplatList, 
     let harmonics = Harmonics::of(&source, "sh");
     let (mut chunks, mut words, mut rest): (Vec<Bounds>, Vec<[u32; 4]>, Vec<u8>) = Default::default();
     let in_row = 3 * harmonics.in_file;
-    for (name, definition) in source.elements() {
+    for definition in source.elements() {
+        let name = &definition.name;
         source.read(&definition, |_, row: &Row| match name.as_str() {
             "chunk" => {
                 let pair = |first: usize| [row.at(first), row.at(first + 3)];
