@@ -40,6 +40,8 @@
 //! [profile.release.package.oscura]
 //! codegen-units = 4
 //! # Large, and not performance-critical.
+//! [profile.release.package.image]
+//! opt-level = 1
 //! [profile.release.package.gltf]
 //! opt-level = 0
 //! [profile.release.package.gltf-json]

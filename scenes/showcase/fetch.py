@@ -10,8 +10,11 @@ def fetch(url, path, checksum):
     """Brings a file from a public address to a path, unless it is there. Ends the program if its SHA-256 is another."""
     if not os.path.exists(path):
         print("fetching", url)
-        with urllib.request.urlopen(url, timeout=60) as answer:
-            data = answer.read()
+        try:
+            with urllib.request.urlopen(url, timeout=60) as answer:
+                data = answer.read()
+        except OSError as error:
+            sys.exit("%s can't be fetched: %s\nwith a connection to the net run this again, or put that file at %s" % (url, error, path))
         with open(path, "wb") as file:
             file.write(data)
     with open(path, "rb") as file:

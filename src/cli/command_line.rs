@@ -19,7 +19,13 @@ use std::ffi::OsString;
 use std::path::Path;
 use strsim::levenshtein;
 
-const AFTER: &str = "Exit codes: 0 done, 1 compare found disagreement, 2 usage, 3 bad input, 4 output failed, \
+const AFTER: &str = "Examples:
+  oscura scan.ply                renders scan.png
+  oscura room.glb -o room.exr    linear radiance for compositing; --aov LIST adds passes
+  oscura view room.glb           the live page, in the browser
+  oscura new first.toml          a scene file to start from
+
+Exit codes: 0 done, 1 compare found disagreement, 2 usage, 3 bad input, 4 output failed, \
 130 interrupted. A setting comes from the command line, else from the scene file, else from its default. 'oscura help \
 scene-file' explains scene files; NO_COLOR turns colours off.";
 

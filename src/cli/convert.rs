@@ -61,9 +61,11 @@ fn convert_file(args: &ConvertArgs, (picture, output): (&Path, &Path), format: F
     check_target(output)?;
     let file = load_layered(picture)?;
     let options = png_options(args);
-    let (bytes, invalid) = match args.sheet {
-        true => (encode_sheet(&file, format, &options), None),
-        false => {
+    let data = args.layer.as_deref().filter(|_| format != Format::Hdr && !args.deep);
+    let (bytes, invalid) = match data.and_then(|name| data_layer(&file, name)) {
+        _ if args.sheet => (encode_sheet(&file, format, &options), None),
+        Some(layer) => (layer.encode(&file, format, &options), None),
+        None => {
             let ([width, height], rgba) = pixels(&file, args, picture)?;
             let linear = Linear { width, height, rgba: &rgba };
             (encode_display_png(&linear, format, &options), invalid(&rgba))
@@ -104,6 +106,14 @@ fn pixels(file: &Layered, args: &ConvertArgs, path: &Path) -> Result<([u32; 2], 
     let (part, rgba) = found.ok_or_else(|| no_layer(file, args, path))?;
     let (size, rgba) = file.in_display_window(part, &rgba);
     Ok((size.map(|length| length as u32), rgba))
+}
+
+/// A layer by name or AOV that holds data other than colours or a single number: a view transform does not show it.
+fn data_layer(file: &Layered, name: &str) -> Option<Layer> {
+    let of_pass = layer_of_pass(name);
+    let is_named = |layer: &Layer| layer.name == name || Some(&*layer.name) == of_pass;
+    let found = layers(file).into_iter().find(is_named)?;
+    (!matches!(found.kind, Kind::Color | Kind::Scalar | Kind::Variance)).then_some(found)
 }
 
 /// The layer of an AOV by its option name, such as `Z` for `depth`.
@@ -304,6 +314,18 @@ impl Layer {
     /// The name for `--layer`; the channel names for the picture itself.
     fn label(&self) -> String {
         if self.name.is_empty() { self.channels.join(" ") } else { self.name.clone() }
+    }
+
+    /// The layer at its size, in the display window.
+    fn encode(
+        &self,
+        file: &Layered,
+        format: Format,
+        options: &PngOptions,
+    ) -> std::result::Result<Vec<u8>, String> {
+        let data = self.picture(file, file.size(self.part).into(), options);
+        let ([width, height], pixels) = file.in_display_window(self.part, data.as_chunks::<3>().0);
+        encode_rgb8(pixels.as_flattened(), width as u32, height as u32, format)
     }
 
     /// The thumbnail of this size, 8-bit RGB.

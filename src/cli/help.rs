@@ -135,7 +135,7 @@ fn command_synonym(word: &str) -> &str {
 }
 
 /// General topics: names and text.
-const GENERAL: [(&[&str], &str); 4] = [
+const GENERAL: [(&[&str], &str); 5] = [
     (
         &["exit-codes", "exit", "code", "error", "status"],
         "Exit codes: 0 done, 1 compare found disagreement, 2 usage (invalid options), 3 bad input (nothing is \
@@ -154,6 +154,12 @@ const GENERAL: [(&[&str], &str); 4] = [
         "-o - writes a PNG to standard output, -o exr:- an EXR (also jpg:-, tif:-, webp:-, hdr:-). Progress, notes, warnings and \
          the report go to standard error; -q prints errors only. Scenes can't be read from standard input, since their \
          images lie beside the file.",
+    ),
+    (
+        &["library", "python", "numpy", "rust", "crate", "api"],
+        "oscura is also a library: for Rust the crate of the same name (Renderer::new(oscura::load(\"scene.glb\")?); cargo doc \
+         --open), for Python a module that renders to numpy arrays (oscura.render(oscura.load(\"scene.glb\")); pip install \
+         ./tools/python in the sources).",
     ),
     (
         &["gpu", "cuda", "optix", "cpu"],

@@ -1,11 +1,11 @@
 //! Names of options in other renderers, for tips about unknown options.
 
 /// Option names of other programs, without dashes, and tips about the equivalent here.
-const NAMES: [(&[&str], &str); 26] = [
+const NAMES: [(&[&str], &str); 27] = [
     (&["s", "n", "sample", "samples-per-pixel", "num-samples"], "--spp N sets the samples per pixel"),
     (&["t", "j", "thread", "num-threads", "nthreads", "cpus"], "--threads N sets the number of threads"),
     (
-        &["W", "H", "w", "x", "y", "res", "resx", "resy", "dimensions"],
+        &["W", "H", "w", "x", "y", "r", "res", "resx", "resy", "dimensions"],
         "--size WxH sets the size, such as --size 1920x1080",
     ),
     (&["scale", "percent", "resolution-percentage"], "--size WxH sets the size in pixels"),
@@ -65,6 +65,10 @@ const NAMES: [(&[&str], &str); 26] = [
     (
         &["tile", "tiles", "bucket", "rect", "cropwindow", "crop-window", "window"],
         "--crop X0,Y0,X1,Y1 renders only a rectangle of pixels",
+    ),
+    (
+        &["part", "parts", "shard", "shards", "chunk", "split", "slice"],
+        "--sample-range A..B renders a share of the samples, for 'oscura merge' ('oscura help farm')",
     ),
     (
         &["ui", "gui", "interactive", "live", "viewer"],

@@ -133,6 +133,9 @@ pub(crate) struct ConvertArgs {
     #[arg(long, value_name = "N", default_value_t = FRAME_RATE, value_parser = frames_per_second, allow_negative_numbers = true)]
     pub fps: f64,
     /// Layer, part or channel to convert instead of the combined image: N, DiffDir, Z, ...
+    ///
+    /// Depths, directions, positions, ids and mattes are scaled to their ranges or coloured, as by --sheet, but in .hdr,
+    /// with --deep and in sequences to one animation: there they are the values.
     #[arg(long, value_name = "LAYER")]
     pub layer: Option<String>,
     /// Contact sheet: thumbnails of all layers with their names; data channels are scaled to their ranges.

@@ -195,8 +195,8 @@ fn args_for_scene(args: &RenderArgs, scene: &Path) -> RenderArgs {
 /// Checks that all output files can be written and that no two scenes write the same file.
 fn check(shots: &[RenderArgs]) -> Result<()> {
     for shot in shots {
-        // Missing scenes are reported later.
-        if let Some(mark) = shot.mark.as_ref().filter(|_| shot.scene.exists()) {
+        // Missing scenes, and files that are none, are reported later.
+        if let Some(mark) = shot.mark.as_ref().filter(|_| check_scene_path(&shot.scene).is_ok()) {
             let check = |target: &PathBuf| pictures::check(target, mark, OUTPUT_HELP);
             shot.output.iter().try_for_each(check)?;
         }

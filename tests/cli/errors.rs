@@ -49,7 +49,7 @@ fn usage_errors_exit_with_2_before_any_work() {
 #[test]
 fn what_is_no_scene_is_answered_with_the_way_to_one() {
     let folder = tempfile::tempdir().unwrap();
-    for name in ["b.max", "c.PNG", "room.glb"] {
+    for name in ["b.max", "c.PNG", "d.png", "room.glb"] {
         fs::write(folder.path().join(name), "not read at all").unwrap();
     }
     for (args, expected, words) in [
@@ -58,6 +58,8 @@ fn what_is_no_scene_is_answered_with_the_way_to_one() {
         (&["render", ".", "-o", "x.png"], 3, &["is a folder", "room.glb"]),
         (&["render", "b.max", "-o", "x.png"], 3, &["'.max'", "glTF"]),
         (&["render", "c.PNG", "-o", "x.png"], 3, &["'.png'", "picture", "scene.glb"]),
+        (&["d.png"], 3, &["'.png'", "picture", "scene.glb"]),
+        (&["room.glb", "--shard", "1/4"], 2, &["tip: --sample-range A..B"]),
         (&["rom.glb"], 3, &["rom.glb", "no such file", "room.glb"]),
         (&["-"], 3, &["standard input"]),
         // No complaint about the picture of a scene that isn't there.
@@ -87,7 +89,7 @@ fn what_is_no_scene_is_answered_with_the_way_to_one() {
             assert!(messages.contains(word), "{args:?}: {word}: {messages}");
         }
     }
-    assert_eq!(names(folder.path()), ["b.max", "c.PNG", "room.glb"]);
+    assert_eq!(names(folder.path()), ["b.max", "c.PNG", "d.png", "room.glb"]);
 }
 
 /// The Cornell box with a text replaced.

@@ -201,6 +201,45 @@ fn sheets_show_all_layers() {
     }
 }
 
+/// Layers that are no colours look as on the sheet; with `--deep` and in .hdr they are values.
+#[test]
+fn layers_of_data_look_as_on_the_sheet() {
+    let folder = tempfile::tempdir().unwrap();
+    render(
+        folder.path(),
+        "a.exr",
+        &["--quiet", "--aov", "depth,normal,crypto_object", "--crop", "4,0,48,44"],
+    );
+    let convert = |layer: &str, target: &str, more: &[&str]| {
+        let args = ["convert", "a.exr", "-o", target, "--quiet", "--layer", layer];
+        run(folder.path(), &[&args[..], more].concat(), 0);
+        image::open(folder.path().join(target)).expect("a picture")
+    };
+    let shown = |layer: &str| convert(layer, "layer.png", &[]).to_rgb8();
+    run(folder.path(), &["convert", "a.exr", "-o", "sheet.png", "--sheet"], 0);
+    let sheet = image::open(folder.path().join("sheet.png")).expect("a picture").to_rgb8();
+    let (width, height) = (sheet.width() - 43, sheet.height() - 43);
+    for (layer, option) in [("Z", "depth"), ("N", "normal"), ("CryptoObject00", "crypto_object")] {
+        let picture = shown(layer);
+        assert_eq!((picture.dimensions(), &picture), ((48, 48), &shown(option)), "{layer}");
+        let rendered = |x: u32, y: u32| picture.get_pixel(4 + x, y);
+        let is_at = |left: u32, top: u32| {
+            (0..44 * 44).all(|i| sheet.get_pixel(left + i % 44, top + i / 44) == rendered(i % 44, i / 44))
+        };
+        assert!((0..width).any(|left| (0..height).any(|top| is_at(left, top))), "{layer}");
+    }
+    let colors: std::collections::HashSet<[u8; 3]> = shown("crypto_object").pixels().map(|p| p.0).collect();
+    assert!(colors.len() > 4, "{colors:?}");
+    let depths = planes(&folder.path().join("a.exr")).remove("Z").expect("depths");
+    let linear = convert("Z", "z.hdr", &[]).to_rgb32f();
+    let ratio = linear.get_pixel(24, 24).0[0] / depths[24 * 44 + 20];
+    assert!((ratio - 1.0).abs() < 0.01, "{ratio}");
+    // On the back wall, whose normal has no x.
+    let x_of_normal = |picture: image::DynamicImage| picture.to_rgb8().get_pixel(36, 22).0[0];
+    assert_eq!(x_of_normal(convert("N", "n.png", &["--deep"])), 0);
+    assert!((120..136).contains(&x_of_normal(convert("N", "n.png", &[]))));
+}
+
 #[test]
 fn scenes_say_how_their_pictures_are_made() {
     let folder = tempfile::tempdir().unwrap();

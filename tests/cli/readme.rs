@@ -116,8 +116,8 @@ fn fixtures(folder: &Path) {
         "assets/cornell-box.gltf",
         "scenes/meshes/torus.ply",
         "scenes/cornell-spheres.toml",
-        "scenes/fur.toml",
-        "scenes/curves/fur.hair",
+        "scenes/rings.toml",
+        "scenes/meshes/torus-quads.obj",
     ] {
         let target = folder.join(name);
         fs::create_dir_all(target.parent().expect("a folder")).expect("made");
