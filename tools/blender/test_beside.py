@@ -112,6 +112,24 @@ class BesideTest(SceneTest):
         displacement, bump = self.relief("BUMP")
         self.assertEqual((bump["type"], bump["object_scale"], displacement), ("bump", 1.0, None))
 
+    def test_bumps_of_displacement_without_its_node(self):
+        # The part of the vector along the normal, also within groups.
+        material, tree, _, group = shader_tree("rough", "Group")
+        group.node_tree = inner = bpy.data.node_groups.new("inner", "ShaderNodeTree")
+        inner.interface.new_socket("Result", in_out="OUTPUT", socket_type="NodeSocketFloat")
+        noise, end = inner.nodes.new("ShaderNodeTexNoise"), inner.nodes.new("NodeGroupOutput")
+        inner.links.new(noise.outputs[0], end.inputs[0])
+        material.displacement_method = "BUMP"
+        tree.links.new(group.outputs[0], tree.nodes["Material Output"].inputs["Displacement"])
+        self.add_plane(material)
+        settings, answer = self.export()
+        self.assertEqual(answer["warnings"], [])
+        surface, feeding = self.surface(settings["materials"]["rough"])
+        bump = feeding(surface, "normal")
+        self.assertEqual((bump["type"], bump["distance"], bump["object_scale"]), ("bump", 1.0, 0.0))
+        along = feeding(bump, "height")
+        self.assertEqual((along["operation"], feeding(along, "a")["type"], along["b"]), ("dot_product", "noise_texture", "surface_geometry.normal"))
+
     def test_normal_maps_have_no_displacement_bumps(self):
         material, tree, principled, height, relief, mapped = shader_tree("mapped", "TexCoord", "Displacement", "NormalMap")
         material.displacement_method = "BUMP"
