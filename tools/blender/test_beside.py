@@ -581,6 +581,19 @@ class BesideTest(SceneTest):
             self.assertAlmostEqual(np.tan(np.radians(found["vfov"]) / 2) * longer, 36 / 2 / eye.data.lens, places=6)
             self.assertFalse(answer["warnings"])
 
+    def test_active_cameras_of_other_types(self):
+        spot = bpy.data.objects.new("spot", bpy.data.lights.new("spot", "SPOT"))
+        spot.data.spot_size, spot.location = np.pi / 2, (1, 2, 3)
+        empty = bpy.data.objects.new("empty", None)
+        for active, focal_length in ((empty, 50), (spot, 16)):
+            self.scene.collection.objects.link(active)
+            self.scene.camera = active
+            settings, answer = self.export()
+            cameras = settings["camera"]
+            self.assertEqual(([found["name"] for found in cameras], answer["warnings"]), ([active.name, "Eye"], []))
+            across = np.tan(np.radians(cameras[0]["vfov"]) / 2) * cameras[0]["aspect_ratio"]
+            self.assertAlmostEqual(across, 36 / 2 / focal_length, places=6)
+
 
 if __name__ == "__main__":
     main()
