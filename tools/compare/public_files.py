@@ -73,7 +73,7 @@ def set_up(scene, width, samples):
     height = max(1, round(width * render.resolution_y / render.resolution_x))
     set_all(render, engine="CYCLES", resolution_x=width, resolution_y=height, resolution_percentage=100)
     set_all(render, use_border=False, use_crop_to_border=False, use_compositing=False, use_sequencer=False)
-    set_all(render, use_single_layer=False, use_multiview=False, use_stamp=False, use_file_extension=False, use_overwrite=True, use_placeholder=False)
+    set_all(render, use_single_layer=False, use_multiview=False, use_freestyle=False, use_stamp=False, use_file_extension=False, use_overwrite=True, use_placeholder=False)
     set_all(scene.cycles, device="CPU", samples=samples, time_limit=0, use_adaptive_sampling=False, use_denoising=False)
     set_all(scene.cycles, use_animated_seed=False, use_sample_subset=False, sample_offset=0)
     # As oscura's default: the first view layer that is rendered.
