@@ -523,10 +523,9 @@ impl Geometry<Exact> for TangentMesh<'_> {
         [u, -v]
     }
 
+    /// Without a tangent of its own or of a neighbour, where texture coordinates have no area, a corner has MikkTSpace's default: x, left-handed.
     fn set_tangent(&mut self, space: Option<TangentSpace>, face: usize, corner: usize) {
-        if let Some(space) = space {
-            self.tangents[face][corner] = space.tangent_encoded();
-        }
+        self.tangents[face][corner] = space.unwrap_or_default().tangent_encoded();
     }
 }
 
@@ -576,6 +575,16 @@ mod tests {
             uv_sets: vec![vec![[0.0, 1.0], [1.0, 1.0], [0.0, 0.0], [0.0, 1.0]]],
             colors: vec![[1.0; 4]; 4],
             ..Mesh::default()
+        }
+    }
+
+    #[test]
+    fn tangents_without_texture_area_are_those_of_mikktspace() {
+        // On a line and at a point.
+        for uv in [[[0.0, 0.5], [1.0, 0.5], [0.0, 0.5], [1.0, 0.5]], [[0.5; 2]; 4]] {
+            let mesh = Mesh { uv_sets: vec![uv.to_vec()], ..mirrored_halves() };
+            let found = with_tangents(&mesh, 0).expect("has all it needs");
+            assert_eq!(found.tangents, [[1.0, 0.0, 0.0, -1.0]; 4]);
         }
     }
 

@@ -112,6 +112,24 @@ class BesideTest(SceneTest):
         displacement, bump = self.relief("BUMP")
         self.assertEqual((bump["type"], bump["object_scale"], displacement), ("bump", 1.0, None))
 
+    def test_bumps_of_displacement_without_its_node(self):
+        # The part of the vector along the normal, also within groups.
+        material, tree, _, group = shader_tree("rough", "Group")
+        group.node_tree = inner = bpy.data.node_groups.new("inner", "ShaderNodeTree")
+        inner.interface.new_socket("Result", in_out="OUTPUT", socket_type="NodeSocketFloat")
+        noise, end = inner.nodes.new("ShaderNodeTexNoise"), inner.nodes.new("NodeGroupOutput")
+        inner.links.new(noise.outputs[0], end.inputs[0])
+        material.displacement_method = "BUMP"
+        tree.links.new(group.outputs[0], tree.nodes["Material Output"].inputs["Displacement"])
+        self.add_plane(material)
+        settings, answer = self.export()
+        self.assertEqual(answer["warnings"], [])
+        surface, feeding = self.surface(settings["materials"]["rough"])
+        bump = feeding(surface, "normal")
+        self.assertEqual((bump["type"], bump["distance"], bump["object_scale"]), ("bump", 1.0, 0.0))
+        along = feeding(bump, "height")
+        self.assertEqual((along["operation"], feeding(along, "a")["type"], along["b"]), ("dot_product", "noise_texture", "surface_geometry.normal"))
+
     def test_normal_maps_have_no_displacement_bumps(self):
         material, tree, principled, height, relief, mapped = shader_tree("mapped", "TexCoord", "Displacement", "NormalMap")
         material.displacement_method = "BUMP"
@@ -562,6 +580,19 @@ class BesideTest(SceneTest):
             longer = max(found["aspect_ratio"], 1)
             self.assertAlmostEqual(np.tan(np.radians(found["vfov"]) / 2) * longer, 36 / 2 / eye.data.lens, places=6)
             self.assertFalse(answer["warnings"])
+
+    def test_active_cameras_of_other_types(self):
+        spot = bpy.data.objects.new("spot", bpy.data.lights.new("spot", "SPOT"))
+        spot.data.spot_size, spot.location = np.pi / 2, (1, 2, 3)
+        empty = bpy.data.objects.new("empty", None)
+        for active, focal_length in ((empty, 50), (spot, 16)):
+            self.scene.collection.objects.link(active)
+            self.scene.camera = active
+            settings, answer = self.export()
+            cameras = settings["camera"]
+            self.assertEqual(([found["name"] for found in cameras], answer["warnings"]), ([active.name, "Eye"], []))
+            across = np.tan(np.radians(cameras[0]["vfov"]) / 2) * cameras[0]["aspect_ratio"]
+            self.assertAlmostEqual(across, 36 / 2 / focal_length, places=6)
 
 
 if __name__ == "__main__":

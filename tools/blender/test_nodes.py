@@ -194,6 +194,31 @@ class NodesTest(SceneTest):
         self.assertEqual([value["operation"] for value in values], ["multiply", "multiply"])
         np.testing.assert_allclose([value["a"] for value in values], [0.25, 0.4], atol=1e-6)
 
+    def test_inputs_without_a_source(self):
+        """Muted nodes and hidden inputs: values are those of the last input."""
+        material, tree, shader, color, value, group = shader_tree("silent", "RGB", "Value", "Group")
+        group.node_tree = inner = bpy.data.node_groups.new("inner", "ShaderNodeTree")
+        for way in ("INPUT", "OUTPUT"):
+            inner.interface.new_socket("Color", in_out=way, socket_type="NodeSocketColor")
+        ends = inner.nodes.new("NodeGroupInput"), inner.nodes.new("NodeGroupOutput")
+        inner.links.new(ends[0].outputs[0], ends[1].inputs[0])
+        gamma, noise = tree.nodes.new("ShaderNodeGamma"), tree.nodes.new("ShaderNodeTexNoise")
+        shader.inputs["Roughness"].default_value = 0.375
+        group.inputs[0].default_value, gamma.inputs["Gamma"].default_value = (0.125, 0.25, 0.5, 1), 2.0
+        gamma.inputs["Color"].hide_value = True
+        tree.links.new(value.outputs[0], shader.inputs["Roughness"])
+        tree.links.new(color.outputs[0], noise.inputs["Vector"])
+        tree.links.new(group.outputs[0], gamma.inputs["Color"])
+        tree.links.new(gamma.outputs[0], shader.inputs["Base Color"])
+        tree.links.new(noise.outputs[0], shader.inputs["Metallic"])
+        color.mute = value.mute = group.mute = True
+        self.add_plane(material)
+        table = self.export()["materials"]["silent"]
+        surface = table["nodes"][table["surface"]]
+        fed = lambda name: table["nodes"][surface[name].split(".")[0]]
+        self.assertEqual((surface["roughness"], fed("base_color")["color"]), (0.375, [0.125, 0.25, 0.5]))
+        self.assertEqual(fed("metallic")["vector"], "coordinates.generated")
+
     def test_materials_without_surface_and_color_as_surface(self):
         bare = bpy.data.materials.new("bare")
         bare.use_nodes = True

@@ -13,12 +13,14 @@ A row has, besides what the programs said, took and ended with:
 - `mean`: the mean of ours over that of Cycles, all pixels and colours, transparent films over black; `mean_noise` is its noise;
 - `blocks`: the sum of the differences of blocks of 16 x 16 pixels, without sign, over the sum of Cycles' blocks;
 - `noise_ours` and `noise_cycles`: the same of half the difference of two seeds, which is as large as the noise of their mean;
+- `variance_ours` and `variance_cycles`: those of a sample count's displayed values (sRGB, clipped), by the difference of two seeds;
 - `ours_cpu`: seconds of processor time of the program and the Blender that exports, with an empty cache of baked textures;
   `ours_cpu_cached` those of the second seed, `ours_render_cpu` those of the render alone; `ours_export_cpu` is all besides;
 - `cycles_cpu`: those of Blender's start, of opening the file and of the first render (`cycles_start_cpu`, `..open..`, `..render..`);
 - `cycles_mb`, `ours_mb`: the largest process. Ours may be the Blender that exports; `ours_render_mb` is what the renderer tells.
 
-or `skipped` or `failed`, which say why there is nothing to compare. The summary counts files and lists those out of bounds.
+or `skipped` or `failed`, which say why there is nothing to compare. The summary counts files, lists those out of bounds, and gives the speed at
+equal error of each: Cycles' variance times the processor time of its render (with the scene's synchronization) over the same of ours.
 """
 
 import argparse
@@ -71,7 +73,7 @@ def set_up(scene, width, samples):
     height = max(1, round(width * render.resolution_y / render.resolution_x))
     set_all(render, engine="CYCLES", resolution_x=width, resolution_y=height, resolution_percentage=100)
     set_all(render, use_border=False, use_crop_to_border=False, use_compositing=False, use_sequencer=False)
-    set_all(render, use_single_layer=False, use_multiview=False, use_stamp=False, use_file_extension=False, use_overwrite=True, use_placeholder=False)
+    set_all(render, use_single_layer=False, use_multiview=False, use_freestyle=False, use_stamp=False, use_file_extension=False, use_overwrite=True, use_placeholder=False)
     set_all(scene.cycles, device="CPU", samples=samples, time_limit=0, use_adaptive_sampling=False, use_denoising=False)
     set_all(scene.cycles, use_animated_seed=False, use_sample_subset=False, sample_offset=0)
     # As oscura's default: the first view layer that is rendered.
@@ -233,7 +235,20 @@ def measure(a, b):
     share = lambda values: round(float(abs(values).sum() / total), 5) if total > 0 else None
     found = {"mean": round(float(ours / reference), 5), "mean_noise": round(float(np.hypot(*means)), 5)}
     found["blocks"] = share((of[0][0] + of[0][1] - of[1][0] - of[1][1]) / 2)
+    found |= {f"variance_{name}": variance(x) for name, x in (("ours", a), ("cycles", b))}
     return found | {f"noise_{name}": share((x[0] - x[1]) / 2) for name, x in zip(("ours", "cycles"), of)}
+
+
+def variance(pictures):
+    """The mean variance of the displayed values of a picture, by two of different seeds."""
+    displayed = [np.clip(np.where(x < 0.0031308, 12.92 * x, 1.055 * np.maximum(x, 0) ** (1 / 2.4) - 0.055), 0, 1) for x in pictures]
+    return float(((displayed[0] - displayed[1]) ** 2).mean() / 2)
+
+
+def speed(row):
+    """The speed at equal error, in times that of Cycles; None where there is nothing to measure."""
+    ours, reference = (row.get(f"variance_{of}", 0) * row.get(f"{of}_render_cpu", 0) for of in ("ours", "cycles"))
+    return reference / ours if ours > 0 and reference > 0 else None
 
 
 def compare(path, out, cycles, width, samples):
@@ -266,6 +281,18 @@ def table(title, rows, common):
         print(f"| {row['name']} | {row['mean']:.4f} | {percent(row['blocks'])} | {noise} | {time} | {'; '.join(messages)} |")
 
 
+def speeds(rows):
+    """The table of speeds at equal error."""
+    found = sorted(((speed(row), row) for row in rows if speed(row) is not None), key=lambda entry: entry[0])
+    values = np.array([value for value, _ in found] or [1.0])
+    print(f"\n## speed at equal error: median {np.median(values):.2f}, geometric mean {np.exp(np.log(values).mean()):.2f}, of {len(found)}\n")
+    print("| File | mean | blocks | render CPU ours, Cycles | variance ours / Cycles | speed |\n|---|---:|---:|---:|---:|---:|")
+    for value, row in found:
+        time = f"{row['ours_render_cpu']:.2f} s, {row['cycles_render_cpu']:.2f} s"
+        ratio = row["variance_ours"] / row["variance_cycles"]
+        print(f"| {row['name']} | {row['mean']:.4f} | {100 * (row['blocks'] or 0):.1f} % | {time} | {ratio:.3f} | {value:.2f} |")
+
+
 def opening(text):
     """The first words of a message."""
     return " ".join(text.split()[:WORDS])
@@ -296,6 +323,7 @@ def summary(out):
     common = {text for text, n in count.items() if 2 * n > len(compared)}
     common |= {text for text in count if text.startswith(("is set up for", "light ends where"))}
     table("out of bounds", outside, common)
+    speeds(compared)
     table(f"more than {SLOW} times Cycles' processor time", sorted(slow, key=lambda r: r["cycles_cpu"] / r["ours_cpu"]), common)
 
 

@@ -3,6 +3,7 @@
 import math
 from itertools import chain
 
+import bpy
 import numpy as np
 
 from . import cycles, motion, scene_file
@@ -22,8 +23,6 @@ def tables(export):
     scene, report, moves = export.scene, export.report, export.moves
     if scene.camera is None:
         report.warn("", "has no active camera")
-    elif scene.camera not in export.cameras:
-        report.warn(scene.camera.name, "is the active camera, but has another type: the first camera is used")
     shutter = motion.Shutter(scene, export.layer, export.options)
     for obj in export.cameras:
         matrix = obj.matrix_world.normalized()
@@ -34,10 +33,21 @@ def tables(export):
             continue
         matrices = moves.matrices_of(("camera", obj.name)) if moves is not None else None
         placement = scene_file.placement(matrix, moves and moves.frames, matrices)
-        entries = {"name": obj.name, **placement, **_entries(obj, obj.data, scene, export.boxes, report)}
+        entries = {"name": obj.name, **placement, **_entries(obj, _data(obj), scene, export.boxes, report)}
         if shutter.frames > 0:
             entries.update({"shutter": shutter.frames, "shutter_position": shutter.position})
         yield "[[camera]]", entries
+
+
+def _data(obj):
+    """The camera of an object. Objects of other types see as in Cycles."""
+    if obj.type == "CAMERA":
+        return obj.data
+    camera = bpy.data.cameras.new("oscura camera")
+    camera.clip_start, camera.clip_end = 1e-5, 1e5
+    if obj.type == "LIGHT" and obj.data.type == "SPOT":
+        camera.lens = 16 / math.tan(obj.data.spot_size / 2)
+    return camera
 
 
 def bounding_boxes(depsgraph):

@@ -12,14 +12,20 @@ def read(graph, material):
     node, method = source.node, material.displacement_method
     if node is None:
         return
-    if method != "DISPLACEMENT" and node.bl_idname == DISPLACEMENT:
+    is_height = node.bl_idname == DISPLACEMENT
+    if method != "DISPLACEMENT" and is_height:
         height, scale = (graph.value(follow(node.inputs[name], source.groups), "VALUE") for name in ("Height", "Scale"))
         # One for object space, and one where Cycles computes slopes in that space.
         graph.bump_mapping = height, scale, float(node.space == "OBJECT") + float(method == "BOTH")
-    if method != "BUMP":
-        vector = _VECTORS.get(node.bl_idname, lambda graph, source: graph.value(source, "VECTOR"))(graph, source)
-        if not is_number(vector, 0.0):
-            graph.displacement = {"vector": vector, "keep_normals": method == "BOTH"}
+    if method == "BUMP" and is_height:
+        return
+    vector = _VECTORS.get(node.bl_idname, lambda graph, source: graph.value(source, "VECTOR"))(graph, source)
+    if method != "BUMP" and not is_number(vector, 0.0):
+        graph.displacement = {"vector": vector, "keep_normals": method == "BOTH"}
+    if method != "DISPLACEMENT" and not is_height and isinstance(vector, str):
+        # Cycles takes the part along the normal.
+        along = graph.new({"type": "vector_math", "operation": "dot_product", "a": vector, "b": graph.surface("normal")})
+        graph.bump_mapping = f"{along}.value", 1.0, float(method == "BOTH")
 
 
 def _height(graph, source):

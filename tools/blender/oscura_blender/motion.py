@@ -105,10 +105,9 @@ def _record_frame(export, names, moves, is_open):
             moves.volumes.setdefault(key, []).append(instance.matrix_world.copy())
         if key in names and obj.type == "MESH" and _may_deform(obj.original):
             moves.shapes.setdefault(names[key], []).append(meshes.positions(obj.data))
-    for obj in export.scene.objects:
-        if obj.type == "CAMERA":
-            matrix = obj.evaluated_get(export.depsgraph).matrix_world.normalized()
-            moves.matrices.setdefault(("camera", obj.name), []).append(matrix)
+    for obj in export.cameras:
+        matrix = obj.evaluated_get(export.depsgraph).matrix_world.normalized()
+        moves.matrices.setdefault(("camera", obj.name), []).append(matrix)
 
 
 def _may_deform(obj):

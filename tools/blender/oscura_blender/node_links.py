@@ -15,11 +15,11 @@ LUMINANCE = (0.2126729, 0.7151522, 0.0721750)
 
 
 class Source:
-    """The source of an input: an output with the group nodes around it, outermost first, or a value of a socket type, which is None for an output
-    without a source."""
+    """The source of an input: an output with the group nodes around it, outermost first, or a value of a socket type, which is the default of an
+    input without a link, or that of a node."""
 
-    def __init__(self, output=None, groups=(), value=None, type=None):
-        self.output, self.groups, self.value, self.type = output, groups, value, type
+    def __init__(self, output=None, groups=(), value=None, type=None, is_default=False):
+        self.output, self.groups, self.value, self.type, self.is_default = output, groups, value, type, is_default
 
     @property
     def node(self):
@@ -27,11 +27,12 @@ class Source:
 
 
 def follow(socket, groups=()):
-    """The source of an input within groups."""
+    """The source of an input within groups. As in Cycles, an input has its own value where the last node has no source, such as a muted one."""
     while True:
         links = [link for link in socket.links if not link.is_muted and link.is_valid]
+        own = Source(value=default(socket), groups=groups, type=socket.type, is_default=True)
         if not links:
-            return Source(value=default(socket), groups=groups, type=socket.type)
+            return own
         output = links[0].from_socket
         node = output.node
         if node.mute and node.bl_idname != "NodeReroute":
@@ -46,13 +47,13 @@ def follow(socket, groups=()):
             end = next((n for n in nodes if n.bl_idname == "NodeGroupOutput" and n.is_active_output), None)
             socket, groups = _by_identifier(end.inputs, output) if end else None, (*groups, node)
         elif node.bl_idname == SHADER_TO_RGB:
-            return Source(value=default(socket), groups=groups, type=socket.type)
+            return own
         elif node.bl_idname in ("ShaderNodeTexImage", "ShaderNodeTexEnvironment") and _is_uniform(node):
             return Source(value=_without_image(output), groups=groups, type=output.type)
         else:
             return Source(output, groups)
         if socket is None:
-            return Source(value=zero(output), groups=groups)
+            return own
 
 
 def _by_identifier(sockets, wanted):

@@ -90,7 +90,7 @@ class Graph:
     def put(self, entries, name, socket, groups, implicit="generated"):
         """Writes an input. Without a link, a vector is a texture coordinate, and a normal that of the surface, which is the default."""
         source = follow(socket, groups)
-        if source.node is None and socket.hide_value:
+        if source.is_default and socket.type == "VECTOR" and socket.hide_value:
             if name != "normal" and implicit != "position":
                 entries[name] = self.coordinates(implicit)
             return

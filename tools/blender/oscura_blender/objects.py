@@ -39,9 +39,9 @@ def collect(export, depsgraph):
     export.depsgraph = depsgraph
     _Collector(export).collect()
     scene = export.scene
-    export.cameras = [obj for obj in scene.objects if obj.type == "CAMERA" and obj.name != final_render.PLACEHOLDER_CAMERA]
-    # The active camera is the first.
-    export.cameras.sort(key=lambda obj: obj != scene.camera)
+    # The active camera is the first: it may be of any type, and of another scene.
+    others = (obj for obj in scene.objects if obj.type == "CAMERA" and obj != scene.camera)
+    export.cameras = [obj for obj in (scene.camera, *others) if obj is not None and obj.name != final_render.PLACEHOLDER_CAMERA]
 
 
 def key(instance):
