@@ -109,3 +109,26 @@ def reliefs():
         stone = add("ico_sphere", made, (-1.2 + 2.4 * i, 0, 0.9), method, True, radius=0.9, subdivisions=6)
         stone.rotation_euler = (0, 0, 0.4 * i)
     camera()
+
+
+def vector_reliefs():
+    """Displacement by vectors in each space, and by a vector without a node for it."""
+    floor()
+    _lit()
+    for i, space in enumerate(("OBJECT", "WORLD", "TANGENT", None)):
+        made = material(f"moved {space}", Base_Color=(0.3, 0.5, 0.6, 1), Roughness=0.6)
+        made.displacement_method = "DISPLACEMENT"
+        tree = made.node_tree
+        place, noise = tree.nodes.new("ShaderNodeTexCoord"), tree.nodes.new("ShaderNodeTexNoise")
+        noise.inputs["Scale"].default_value = 2.0
+        moved = tree.nodes.new("ShaderNodeVectorDisplacement" if space else "ShaderNodeVectorMath")
+        if space:
+            moved.space, moved.inputs["Midlevel"].default_value = space, 0.5
+        else:
+            moved.operation, moved.inputs[1].default_value = "SUBTRACT", (0.5, 0.5, 0.5)
+        tree.links.new(place.outputs["Object"], noise.inputs["Vector"])
+        tree.links.new(noise.outputs["Color"], moved.inputs[0])
+        tree.links.new(moved.outputs[0], tree.nodes["Material Output"].inputs["Displacement"])
+        ball = add("uv_sphere", made, (-2.1 + 1.4 * i, 0, 0.8), made.name, True, radius=0.5, segments=64, ring_count=32)
+        ball.scale, ball.rotation_euler = (1, 1, 1.4), (0, 0.4, 0.5)
+    camera()

@@ -60,7 +60,7 @@ from blend_sheets import drowned, glowing_glass, pool_sky, pool_sun, window_pane
 from blend_facing import facing_color, facing_light, facing_mix, facing_ramp
 from blend_places import places_color, places_forms, places_light, places_shaders
 from blend_habits import clear_pictures, cut_hair, indirect_things, lampshades, stretched_lamps
-from blend_layers import foggy, media_in_solids, reliefs, tinted_layers, translucent, waxen
+from blend_layers import foggy, media_in_solids, reliefs, tinted_layers, translucent, vector_reliefs, waxen
 from blend_studio import catchers, libraries, mirrored, near_and_far, newer_shaders, patterns, profiles, soft_profiles, strands, udims
 from blend_trees import (
     bright_bakes,
@@ -80,7 +80,7 @@ SCENES = [
     world_sky, world_nodes, world_for_the_camera, depth_of_field, blades, unseen, visibility, world_unseen, orthographic, portrait, sensor_fit, instances, hidden_things, other_objects, points, generated, furs, keyed_materials,
     glass, shaders, principled, procedural, textured, posed,
     groups, leaves, ray_kinds,
-    blurred, blurred_camera, translucent, media_in_solids, foggy, waxen, tinted_layers, reliefs,
+    blurred, blurred_camera, translucent, media_in_solids, foggy, waxen, tinted_layers, reliefs, vector_reliefs,
     object_info, object_noise, instancer_attributes, two_sides, ray_tricks, fresnel_behind, view_trees, facing_color, facing_mix, facing_light, facing_ramp, places_color, places_forms, places_shaders, places_light, bright_bakes, nooks,
     equirectangular, equirectangular_part, fisheye_equidistant, fisheye_equisolid, mirror_ball, panorama_out_of_focus,
     window_sheet, window_sheet_node, window_pane, window_within, pool_sky, pool_sun, drowned, glowing_glass,
