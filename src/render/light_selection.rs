@@ -13,7 +13,7 @@ use rayon::prelude::*;
 /// Fraction of the planned samples that is spent.
 const SHARE: f64 = 1.0 / 256.0;
 /// Minimum and maximum number of paths.
-const PATHS: [u64; 2] = [1 << 11, 1 << 17];
+const PATHS: [u64; 2] = [1 << 11, 1 << 16];
 
 /// Samples per pixel assumed with a noise threshold.
 const PLANNED_BY_NOISE: u32 = 64;
