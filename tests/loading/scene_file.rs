@@ -246,6 +246,27 @@ fn a_camera_may_look_straight_down() {
 }
 
 #[test]
+fn keys_by_the_names_of_other_programs_are_answered_with_ours() {
+    let text = "camera = { position = [0, 0, 5], target = [0, 0, 0], fov = 40, up = [0, 1, 0] }\nrender = { spp = 4 }\n\
+                [[objects]]\nsphere = { position = [0, 0, 0], radius = 1 }\ntranslate = [1, 0, 0]\nmaterial = \"m\"\n\
+                [materials.m]\ntype = \"lambert\"\nalbedo = [1, 1, 1]\n";
+    let shown = load_text(text).expect_err("other names").to_string();
+    for (theirs, ours) in [
+        ("position", "look_from"),
+        ("target", "look_at"),
+        ("fov", "vfov"),
+        ("up", "view_up"),
+        ("spp", "samples"),
+        ("position", "center"),
+        ("translate", "transform"),
+        ("albedo", "color"),
+    ] {
+        let words = format!("has no key '{theirs}' (did you mean '{ours}'?)");
+        assert!(shown.contains(&words), "'{words}' is not in:\n{shown}");
+    }
+}
+
+#[test]
 fn a_mistake_makes_no_other_key_unknown() {
     let text = "camera = { look_form = [0, 0, 5], look_at = [0, 0, 0], f_stop = 2, focus_at = [0, 0, 0], blades = 5 }\n\
                 [[lights]]\narea = { center = [0, 4, 0], direction = [0, -1, 0], size = [0, 1], power = 30 }\n";

@@ -282,7 +282,7 @@ impl<'a> Fields<'a> {
                 continue;
             }
             let message = format!("{} has no key '{name}'", self.description);
-            match nearest(name, known.iter().copied()) {
+            match known_synonym(name, &known).or_else(|| nearest(name, known.iter().copied())) {
                 Some(near) => self.problems.push_help(key.span(), message, format!("did you mean '{near}'?")),
                 None => {
                     let mut names = known.clone();
@@ -340,6 +340,25 @@ pub(super) fn named<'a>(
         problems.push_help(span, format!("there is no {kind} '{name}'"), help);
     }
     found
+}
+
+/// Names of keys in other programs and formats, and ours.
+const SYNONYMS: [(&[&str], &[&str]); 9] = [
+    (&["position", "eye", "origin", "location"], &["look_from", "center", "transform"]),
+    (&["target", "lookat", "interest"], &["look_at"]),
+    (&["fov", "yfov", "field_of_view"], &["vfov"]),
+    (&["up"], &["view_up"]),
+    (&["spp"], &["samples"]),
+    (&["translate", "rotate", "scale", "matrix", "rotation"], &["transform"]),
+    (&["albedo", "diffuse", "base_color", "kd"], &["color", "base_color"]),
+    (&["intensity", "energy", "strength", "emission"], &["power", "radiance", "intensity"]),
+    (&["vertices", "file", "model"], &["mesh", "points"]),
+];
+
+/// The key among `known` that other programs call `name`.
+fn known_synonym<'n>(name: &str, known: &[&'n str]) -> Option<&'n str> {
+    let ours = SYNONYMS.iter().filter(|(theirs, _)| theirs.contains(&name)).flat_map(|(_, ours)| *ours);
+    ours.filter_map(|own| known.iter().find(|key| *key == own)).next().copied()
 }
 
 /// The name nearest to `name` by edit distance, if near enough for a misspelling.
