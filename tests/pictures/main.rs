@@ -11,6 +11,7 @@ mod closed_form;
 mod compile_scene;
 mod converged;
 mod curves;
+mod denoised;
 mod determinism;
 mod facing;
 mod grids;

@@ -1,0 +1,92 @@
+//! The brightness of regions of denoised pictures of ten scenes.
+
+use crate::support::options;
+use oscura::compile::{CompileOptions, compile};
+use oscura::film::{AovSet, Film};
+use oscura::render::{PathReuse, RenderOptions, Rendering, denoise_film, denoising_guides};
+use oscura::scene::Scene;
+use std::path::Path;
+
+/// Scenes of all kinds: diffuse light, glass and metal, hair, depth of field, motion, small lamps, plastics, light through a window,
+/// media, light in a beam of fog.
+const SCENES: [&str; 10] = [
+    "thesis/cornell-box.toml",
+    "cornell-spheres.toml",
+    "fur.toml",
+    "thesis/defocus-out.toml",
+    "flying-balls.toml",
+    "many-lights.toml",
+    "plastics.toml",
+    "window.toml",
+    "smoke.toml",
+    "cornell-beam.toml",
+];
+const WIDTH: u32 = 96;
+const HEIGHT: u32 = 64;
+const BLOCK: usize = 32;
+
+type Planes = [Vec<f32>; 3];
+
+fn load(name: &str) -> Scene {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name);
+    oscura::load::load(&path, &Default::default()).expect("the scene loads").scene
+}
+
+fn settings(samples: u32, seed: u32) -> RenderOptions {
+    let options = options(WIDTH, samples, 100).size(WIDTH, HEIGHT).seed(seed);
+    options.path_reuse(PathReuse::Off).aovs(denoising_guides()).halves(true)
+}
+
+fn rendering(scene: &Scene, options: RenderOptions) -> Rendering {
+    let (compiled, _) = compile(scene, &CompileOptions::default()).expect("the scene compiles");
+    Rendering::new(compiled, &scene.cameras[0], options).expect("the film fits")
+}
+
+fn color(film: &Film) -> Planes {
+    ["R", "G", "B"].map(|name| film.plane(name).expect("a colour").into_floats())
+}
+
+fn denoised(film: &Film) -> Planes {
+    let mut film = film.clone();
+    denoise_film(&mut film, AovSet::NONE);
+    color(&film)
+}
+
+/// Differences between the sums over blocks of the denoised and the noisy picture, in standard deviations of the noise.
+fn block_deviations(film: &Film) -> Vec<f32> {
+    let (noisy, denoised) = (color(film), denoised(film));
+    let noise = film.deviations().expect("half buffers");
+    let (width, height) = (WIDTH as usize, HEIGHT as usize);
+    let blocks = (0..height / BLOCK).flat_map(|y| (0..width / BLOCK).map(move |x| (BLOCK * x, BLOCK * y)));
+    let blocks = blocks.flat_map(|block| (0..3).map(move |c| (block, c)));
+    let of = |((x0, y0), c): ((usize, usize), usize)| {
+        let places = || (y0..y0 + BLOCK).flat_map(|y| (x0..x0 + BLOCK).map(move |x| y * width + x));
+        let difference: f32 = places().map(|i| denoised[c][i] - noisy[c][i]).sum();
+        let all: f32 = places().map(|i| noisy[c][i]).sum();
+        let deviation = places().map(|i| noise[c][i] * noise[c][i]).sum::<f32>().sqrt();
+        difference / deviation.max(1e-3 * all)
+    };
+    blocks.map(of).collect()
+}
+
+/// The means of all blocks are those of the noisy picture within its noise, at every number of samples. Five standard deviations, since
+/// there are 720 means, and the noise itself is estimated from two halves of the samples.
+#[test]
+fn regions_keep_their_brightness() {
+    let mut off = Vec::new();
+    for name in SCENES {
+        let scene = load(name);
+        for samples in [4, 8, 16, 64] {
+            let mut rendering = rendering(&scene, settings(samples, 5));
+            rendering.run();
+            let mut found = block_deviations(rendering.film());
+            found.sort_by(f32::total_cmp);
+            let (least, most) = (found[0], found[found.len() - 1]);
+            println!("{name} {samples}: {least:.1} to {most:.1}");
+            if least <= -5.0 || most >= 5.0 {
+                off.push(format!("{name} {samples}: {least} to {most}"));
+            }
+        }
+    }
+    assert!(off.is_empty(), "{off:?}");
+}
