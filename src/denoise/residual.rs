@@ -209,10 +209,9 @@ impl Scale {
                 kept[c] = self.refined(&next, c, plane);
             }
         }
-        let signal = each(self.width * self.height, |i| {
+        let own_signal = each(self.width * self.height, |i| {
             (0..3).map(|c| (self.residual[c][i] - kept[c][i]) * (self.residual[c][i] - kept[c][i])).sum()
         });
-        let own_signal = signal;
         let (signal, noise, wide) = self.powers(&own_signal);
         let side = |length: usize| length.min(2 * RADIUS + 1) as f32;
         let caution = CAUTION + CAUTION_OF_ONE / (side(self.width) * side(self.height));
@@ -340,26 +339,32 @@ mod tests {
     use super::*;
     use crate::sampling::hash::SplitMix64;
 
+    /// A square picture of mean 1 from two half buffers, in which few pixels are lit, and the deviation of the halves.
+    fn rare_samples(size: usize, probability: f64, seed: u64) -> [Vec<f32>; 2] {
+        let mut random = SplitMix64::new(seed);
+        let mut half = || -> Vec<f32> {
+            let mut value =
+                || if random.next_unit() < probability { (1.0 / probability) as f32 } else { 0.0 };
+            (0..size * size).map(|_| value()).collect()
+        };
+        let (a, b) = (half(), half());
+        [1.0, -1.0].map(|sign| a.iter().zip(&b).map(|(a, b)| 0.5 * (a + sign * b)).collect())
+    }
+
+    /// A channel of [`restored`], for equal channels.
+    fn restored_gray(size: usize, noisy: &[f32], deviation: &[f32], predicted: &[f32]) -> Vec<f32> {
+        let three = |plane: &[f32]| [0; 3].map(|_| plane.to_vec());
+        let [result, ..] = restored(size, size, [noisy; 3], three(deviation), three(predicted));
+        result
+    }
+
     /// Pixels with a rare bright sample in both half buffers have no apparent noise; clusters of them must not be kept as details.
     #[test]
     fn rare_bright_samples_leave_no_specks() {
         const SIZE: usize = 192;
-        const PROBABILITY: f64 = 0.065;
         for seed in 0..3 {
-            let mut random = SplitMix64::new(seed);
-            let mut half = || -> Vec<f32> {
-                let mut value =
-                    || if random.next_unit() < PROBABILITY { (1.0 / PROBABILITY) as f32 } else { 0.0 };
-                (0..SIZE * SIZE).map(|_| value()).collect()
-            };
-            let (a, b) = (half(), half());
-            let combined =
-                |sign: f32| -> Vec<f32> { a.iter().zip(&b).map(|(a, b)| 0.5 * (a + sign * b)).collect() };
-            let (noisy, deviation) = (combined(1.0), combined(-1.0));
-            let predicted = vec![1.0; SIZE * SIZE];
-            let three = |plane: &Vec<f32>| [0; 3].map(|_| plane.clone());
-            let [result, ..] =
-                restored(SIZE, SIZE, [&noisy; 3].map(Vec::as_slice), three(&deviation), three(&predicted));
+            let [noisy, deviation] = rare_samples(SIZE, 0.065, seed);
+            let result = restored_gray(SIZE, &noisy, &deviation, &vec![1.0; SIZE * SIZE]);
             let (least, largest) = result.iter().fold((f32::MAX, 0.0f32), |(l, h), v| (l.min(*v), h.max(*v)));
             assert!(least > 0.7 && largest < 1.4, "{seed}: {least} to {largest}");
             let mean = |plane: &[f32]| plane.iter().sum::<f32>() / (SIZE * SIZE) as f32;
@@ -373,22 +378,10 @@ mod tests {
     fn regions_under_an_uneven_prediction_keep_their_means() {
         const SIZE: usize = 192;
         const BLOCK: usize = 32;
-        const PROBABILITY: f64 = 0.02;
-        let mut random = SplitMix64::new(7);
-        let mut half = || -> Vec<f32> {
-            let mut value =
-                || if random.next_unit() < PROBABILITY { (1.0 / PROBABILITY) as f32 } else { 0.0 };
-            (0..SIZE * SIZE).map(|_| value()).collect()
-        };
-        let (a, b) = (half(), half());
-        let combined =
-            |sign: f32| -> Vec<f32> { a.iter().zip(&b).map(|(a, b)| 0.5 * (a + sign * b)).collect() };
-        let (noisy, deviation) = (combined(1.0), combined(-1.0));
+        let [noisy, deviation] = rare_samples(SIZE, 0.02, 7);
         let spot = |i: usize| (i % SIZE / 5 + 3 * (i / SIZE / 7)).is_multiple_of(7);
         let predicted: Vec<f32> = (0..SIZE * SIZE).map(|i| if spot(i) { 2.0 } else { 0.02 }).collect();
-        let three = |plane: &Vec<f32>| [0; 3].map(|_| plane.clone());
-        let [result, ..] =
-            restored(SIZE, SIZE, [&noisy; 3].map(Vec::as_slice), three(&deviation), three(&predicted));
+        let result = restored_gray(SIZE, &noisy, &deviation, &predicted);
         for block in 0..(SIZE / BLOCK) * (SIZE / BLOCK) {
             let (x0, y0) = (block % (SIZE / BLOCK) * BLOCK, block / (SIZE / BLOCK) * BLOCK);
             let places = || (y0..y0 + BLOCK).flat_map(|y| (x0..x0 + BLOCK).map(move |x| y * SIZE + x));

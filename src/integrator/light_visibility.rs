@@ -2,10 +2,10 @@
 //!
 //! The estimates of light selection ignore occlusion, so that in a building most samples may go to lights behind walls. As in Bayesian
 //! online regression (Vévoda, Kondapaneni, Křivánek 2018), fractions are learned by cell, here from the light samples of some paths before
-//! the first pass. Groups are the nodes two levels below the root of the light tree, and the lights at infinity. For independent occlusion with
-//! probability 1 - v, the variance is least if selection probabilities are proportional to the root of v.
+//! the first pass. Groups are the nodes two levels below the root of the light tree, and the lights at infinity. For independent occlusion
+//! with probability 1 - v, the variance is least if selection probabilities are proportional to the root of v.
 
-use super::guiding::{Grid, KeyIndices, parent};
+use super::cells::{Grid, KeyIndices, parent};
 use crate::light::{LIGHT_GROUPS, LightWeights, Receiver};
 use crate::math::Vec3;
 

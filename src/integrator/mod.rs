@@ -9,6 +9,7 @@
 //! into waves.
 
 mod caustics;
+mod cells;
 mod direct_light;
 mod emission;
 mod first_hit;
@@ -43,7 +44,8 @@ mod wave;
 mod workspace;
 
 pub use caustics::{CausticPlan, CausticTally};
-pub use guiding::{BlockSamples, CellSamples, Grid, Guide, TrainedCells, TrainingSample};
+pub use cells::Grid;
+pub use guiding::{BlockSamples, CellSamples, Guide, TrainedCells, TrainingSample};
 pub use light_visibility::{LightProbe, LightVisibility};
 pub use sampling::{Block, SamplePlan};
 

@@ -6,7 +6,9 @@
 
 use super::options::{Guiding, RenderOptions};
 use super::progress::{Statistics, divided, new_task_group};
-use super::technique::{Request, Stopped, Target, Technique, Trial, first_reason};
+use super::technique::{
+    Request, Stopped, Target, Technique, Trial, first_reason, planned_samples, spread_paths,
+};
 use crate::bsdf::BsdfClass;
 use crate::integrator::{
     Block, BlockSamples, CellSamples, Grid, Guide, Integrator, IntegratorOptions, SamplePlan, TrainedCells,
@@ -14,7 +16,6 @@ use crate::integrator::{
 };
 use crate::math::Vec3;
 use crate::sampling::hash::hash32;
-use crate::sampling::{AdaptiveSamples, MAX_Z_ORDER_SPP};
 use rayon::prelude::*;
 
 /// Fraction of the planned samples spent on training.
@@ -49,9 +50,6 @@ const MIN_LUMINANCE: f64 = 0.2;
 
 /// Maximum number of pixels of the whole picture for automatic training, which needs 12 bytes per pixel.
 const MAX_PIXELS: f64 = (1u64 << 27) as f64;
-
-/// Samples per pixel assumed for automatic guiding with a noise threshold.
-const PLANNED_BY_NOISE: u32 = 64;
 
 /// Minimum number of paths of a part if guiding is requested.
 const MIN_PART: u64 = 1 << 9;
@@ -153,11 +151,7 @@ fn steps_at_once() -> usize {
 /// Number of paths of a part of training. Depends on the number of samples only as the sample pattern does, since rendering may be resumed
 /// with more samples.
 fn part(options: &RenderOptions) -> u64 {
-    let most = match options.noise {
-        Some(_) if options.guiding == Guiding::Auto => PLANNED_BY_NOISE,
-        _ => MAX_Z_ORDER_SPP,
-    };
-    let planned = options.samples.max(options.planned).min(most).next_power_of_two();
+    let planned = planned_samples(options, options.guiding == Guiding::Auto);
     let pixels = f64::from(options.width) * f64::from(options.height);
     if options.guiding == Guiding::Auto && pixels > MAX_PIXELS {
         return 0;
@@ -237,13 +231,8 @@ impl Training<'_> {
         state: &mut TrainingState,
         stop: &(dyn Fn() -> bool + Sync),
     ) -> Result<(), Stopped> {
-        let RenderOptions { width, height, seed, .. } = *self.0.target.options;
-        let pixels = width as usize * height as usize;
-        let per_pixel = paths as f64 / pixels as f64;
-        let seed = hash32(seed ^ hash32(SEED ^ number));
-        let samples = AdaptiveSamples::new(seed, width, &vec![per_pixel as f32; pixels]);
+        let (samples, blocks) = spread_paths(self.0.target.options, hash32(SEED ^ number), paths);
         let integrator = self.integrator(SamplePlan::Uneven(&samples), guide);
-        let blocks = blocks(width, height, per_pixel);
         let (steps, at_once) = (blocks.len().div_ceil(BLOCKS), steps_at_once());
         let trace = |first: usize| -> Result<Vec<BlockSamples>, Stopped> {
             let of_steps = first..(first + at_once).min(steps);
@@ -281,21 +270,6 @@ impl Training<'_> {
             IntegratorOptions { plan, guide: Some(guide), records_training: true, ..self.0.paths.clone() };
         Integrator::new(self.0.target.scene, self.0.target.view, paths)
     }
-}
-
-/// Divides the picture into square blocks of about one wave of paths each.
-pub(super) fn blocks(width: u32, height: u32, per_pixel: f64) -> Vec<Block> {
-    let edge = ((WAVE as f64 / per_pixel).sqrt() as u32).clamp(8, 1024);
-    let rows = (0..height).step_by(edge as usize);
-    let square = |(x0, y0): (u32, u32)| Block {
-        x0,
-        y0,
-        width: edge.min(width - x0),
-        height: edge.min(height - y0),
-        first_sample: 0,
-        samples: 1,
-    };
-    rows.flat_map(|y| (0..width).step_by(edge as usize).map(move |x| (x, y))).map(square).collect()
 }
 
 /// The training data so far.

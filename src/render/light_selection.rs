@@ -1,22 +1,18 @@
 //! Learned light selection: before the first pass, the light samples of some paths show which lights are occluded where. These paths are
 //! spread over the whole picture and discarded, so that all parts of a picture select lights with the same probabilities.
 
-use super::guiding::blocks;
 use super::options::{LightSelection, RenderOptions};
 use super::progress::{Statistics, new_task_group};
-use super::technique::{Request, Stopped, Target, Technique, Trial, first_reason};
+use super::technique::{
+    Request, Stopped, Target, Technique, Trial, first_reason, planned_samples, spread_paths,
+};
 use crate::integrator::{Integrator, IntegratorOptions, LightProbe, LightVisibility, SamplePlan};
-use crate::sampling::hash::hash32;
-use crate::sampling::{AdaptiveSamples, MAX_Z_ORDER_SPP};
 use rayon::prelude::*;
 
 /// Fraction of the planned samples that is spent.
 const SHARE: f64 = 1.0 / 256.0;
 /// Minimum and maximum number of paths.
 const PATHS: [u64; 2] = [1 << 11, 1 << 16];
-
-/// Samples per pixel assumed with a noise threshold.
-const PLANNED_BY_NOISE: u32 = 64;
 
 /// Maximum expected ratio of the variance of light selection, with weights and without, for automatic use.
 const MAX_RATIO: f32 = 0.5;
@@ -76,11 +72,9 @@ impl Technique for LearnedSelection {
     }
 }
 
-/// Number of planned samples of the whole picture; not more than a sample pattern has, since rendering may be resumed with more samples.
+/// Number of planned samples of the whole picture.
 fn planned(options: &RenderOptions) -> u64 {
-    let most = if options.noise.is_some() { PLANNED_BY_NOISE } else { MAX_Z_ORDER_SPP };
-    let samples = options.samples.max(options.planned).min(most).next_power_of_two();
-    u64::from(samples) * u64::from(options.width) * u64::from(options.height)
+    u64::from(planned_samples(options, true)) * u64::from(options.width) * u64::from(options.height)
 }
 
 /// Minimum number of planned samples: automatic learning takes at most a 128th of them.
@@ -90,18 +84,15 @@ fn least(options: &RenderOptions) -> u64 {
 
 /// The light samples of some paths, in an order that doesn't depend on threads.
 fn probes(trial: &Trial<'_>) -> Result<Vec<LightProbe>, Stopped> {
-    let RenderOptions { width, height, seed, .. } = *trial.target.options;
     let paths = ((SHARE * planned(trial.target.options) as f64) as u64).clamp(PATHS[0], PATHS[1]);
-    let pixels = width as usize * height as usize;
-    let per_pixel = paths as f64 / pixels as f64;
-    let samples = AdaptiveSamples::new(hash32(seed ^ SEED), width, &vec![per_pixel as f32; pixels]);
+    let (samples, blocks) = spread_paths(trial.target.options, SEED, paths);
     let options = IntegratorOptions {
         plan: SamplePlan::Uneven(&samples),
         records_light_probes: true,
         ..trial.paths.clone()
     };
     let integrator = Integrator::new(trial.target.scene, trial.target.view, options);
-    let (blocks, group) = (blocks(width, height, per_pixel), new_task_group());
+    let group = new_task_group();
     let of_block = |block| {
         trial.run(("light selection", group), trial.stop, |w| integrator.probe_lights(block, w, &trial.stop))
     };

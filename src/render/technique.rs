@@ -9,8 +9,9 @@ use super::schedule::Pass;
 use crate::compile::{CompiledScene, View};
 use crate::error::Warning;
 use crate::film::{AovSet, AovSpace, FilterSampler, MatteIds};
-use crate::integrator::{Block, IntegratorOptions, PathSample, RayCounts, SamplePlan, Workspace};
-use crate::sampling::ZSobolOrder;
+use crate::integrator::{Block, IntegratorOptions, PathSample, RayCounts, SamplePlan, WAVE, Workspace};
+use crate::sampling::hash::hash32;
+use crate::sampling::{AdaptiveSamples, MAX_Z_ORDER_SPP, ZSobolOrder};
 use std::cell::RefCell;
 
 thread_local! {
@@ -161,6 +162,38 @@ pub(super) fn plain_paths<'a>(
         records_light_probes: false,
         records_training: false,
     }
+}
+
+// Paths of trials before the first pass.
+
+/// Samples per pixel assumed with a noise threshold.
+const PLANNED_BY_NOISE: u32 = 64;
+
+/// Number of planned samples per pixel, a power of two; not more than a sample pattern has, since rendering may be resumed with more
+/// samples. `assumes`: with a noise threshold a number is assumed.
+pub(super) fn planned_samples(options: &RenderOptions, assumes: bool) -> u32 {
+    let most = if assumes && options.noise.is_some() { PLANNED_BY_NOISE } else { MAX_Z_ORDER_SPP };
+    options.samples.max(options.planned).min(most).next_power_of_two()
+}
+
+/// Paths spread evenly over the whole picture: their samples, decorrelated by `salt`, and square blocks of about one wave of paths each.
+pub(super) fn spread_paths(options: &RenderOptions, salt: u32, paths: u64) -> (AdaptiveSamples, Vec<Block>) {
+    let RenderOptions { width, height, seed, .. } = *options;
+    let pixels = width as usize * height as usize;
+    let per_pixel = paths as f64 / pixels as f64;
+    let samples = AdaptiveSamples::new(hash32(seed ^ salt), width, &vec![per_pixel as f32; pixels]);
+    let edge = ((WAVE as f64 / per_pixel).sqrt() as u32).clamp(8, 1024);
+    let rows = (0..height).step_by(edge as usize);
+    let square = |(x0, y0): (u32, u32)| Block {
+        x0,
+        y0,
+        width: edge.min(width - x0),
+        height: edge.min(height - y0),
+        first_sample: 0,
+        samples: 1,
+    };
+    let corners = rows.flat_map(|y| (0..width).step_by(edge as usize).map(move |x| (x, y)));
+    (samples, corners.map(square).collect())
 }
 
 // Trials within the first pass.

@@ -14,6 +14,7 @@
 //! the path's first guided vertex.
 
 use super::Integrator;
+use super::cells::Grid;
 use super::sampling::Block;
 use super::shading_groups::{MetalRoughClass, SortedVertices, VertexClass};
 use super::wave::{Vertices, WAVE, Wave, get};
@@ -23,8 +24,7 @@ use crate::math::{Frame, Vec3};
 use crate::sampling::hash::hash32;
 use crate::sampling::warp;
 use crate::simd::{Kernel, Table, dispatch};
-pub use guide::{CellSamples, Grid, Guide, TrainedCells, TrainingSample};
-pub(super) use guide::{KeyIndices, parent};
+pub use guide::{CellSamples, Guide, TrainedCells, TrainingSample};
 use guide::{NO_MEAN, VertexRecord};
 pub(super) use scatter::{Guided, scatter, scatter_metal_rough};
 use std::ops::Range;

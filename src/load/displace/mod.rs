@@ -122,7 +122,7 @@ fn displace_mesh(
         return None;
     }
     let object = ObjectData::of_instance(instance, ObjectData::bounds_of_mesh(own), DVec3::ZERO);
-    let fine = tessellate::tessellated(with_generated(own, displacers), parts, budget, warnings);
+    let fine = tessellate::tessellated(with_generated(own, displacers, &object), parts, budget, warnings);
     let displaced = |mesh: Mesh| displace_vertices(mesh, parts, displacers, &object);
     let keys: Option<Keyframes<Vertices>> = keys.map(|keys| {
         keys.map(|Vertices { positions, normals }| {
@@ -139,14 +139,13 @@ fn displace_mesh(
 }
 
 /// The mesh with the generated coordinates of its undisplaced vertices, if node graphs read them.
-fn with_generated(own: &Mesh, displacers: &Displacers) -> Mesh {
+fn with_generated(own: &Mesh, displacers: &Displacers, object: &ObjectData) -> Mesh {
     /// The attribute's name in node graphs.
     const GENERATED: &str = "generated";
     let mut mesh = own.clone();
     let is_known = own.attributes.iter().any(|attribute| attribute.name == GENERATED);
     if !is_known && displacers.reads_attribute(GENERATED) {
-        let [low, high] = ObjectData::bounds_of_mesh(own);
-        let [factor, offset] = ObjectData::generated(low, high);
+        let [factor, offset] = object.generated;
         let coordinates = |p: &[f32; 3]| (Vec3::from_array(*p) * factor + offset).to_array();
         let values = own.positions.iter().flat_map(coordinates).collect();
         mesh.attributes.push(VertexAttribute { values, ..VertexAttribute::new(GENERATED, 3) });
@@ -180,17 +179,13 @@ fn displace_vertices(mut mesh: Mesh, parts: &Parts, displacers: &Displacers, obj
     let offsets: Vec<Vec3> = (0..mesh.positions.len())
         .map(|vertex| sums.get(&place(vertex)).map_or(Vec3::ZERO, |(sum, count)| *sum / *count))
         .collect();
-    // Vertices with the same position and normal share a normal after displacement.
-    let smooth: Vec<(Key, Key)> = (0..mesh.positions.len())
-        .map(|v| (key(mesh.positions[v]), mesh.normals.get(v).map_or([0; 3], |n| key(*n))))
-        .collect();
-    for (position, offset) in mesh.positions.iter_mut().zip(&offsets) {
+    let before = std::mem::take(&mut mesh.positions);
+    let moved = |(position, offset): (&[f32; 3], &Vec3)| {
         let p = Vec3::from_array(*position) + *offset;
-        if p.is_finite() {
-            *position = p.to_array();
-        }
-    }
-    set_normals(&mut mesh, parts, &directions, &smooth);
+        if p.is_finite() { p.to_array() } else { *position }
+    };
+    mesh.positions = before.iter().zip(&offsets).map(moved).collect();
+    set_normals(&mut mesh, parts, &directions, &before);
     mesh
 }
 
@@ -248,13 +243,16 @@ enum Shading {
     AsBefore,
 }
 
-/// Sets the normals of displaced vertices. Meshes without normals, displaced by height maps, become smooth.
-fn set_normals(mesh: &mut Mesh, parts: &Parts, directions: &[Vec3], smooth: &[(Key, Key)]) {
+/// Sets the normals of displaced vertices, from their positions `before` displacement. Meshes without normals, displaced by height maps, become smooth.
+fn set_normals(mesh: &mut Mesh, parts: &Parts, directions: &[Vec3], before: &[[f32; 3]]) {
     let shading = vertex_shading(mesh, parts);
     let is_flat = mesh.normals.is_empty();
     if is_flat && shading.iter().flatten().all(|shading| *shading == Shading::AsBefore) {
         return;
     }
+    // Vertices with the same position and normal share a normal after displacement.
+    let normal = |v: usize| mesh.normals.get(v).map_or([0; 3], |n| key(*n));
+    let smooth: Vec<(Key, Key)> = (0..before.len()).map(|v| (key(before[v]), normal(v))).collect();
     let mut sums: HashMap<(Key, Key), Vec3> = HashMap::new();
     for (triangle, normal) in mesh.triangles.iter().zip(face_normals(mesh)) {
         for vertex in triangle {

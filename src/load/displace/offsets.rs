@@ -14,7 +14,6 @@ use std::collections::HashMap;
 /// The displacement of a material with its compiled texture.
 pub struct Displacer {
     pub displacement: Displacement,
-    textures: Compiled,
     /// The texture as a node graph.
     graph: Option<JointGraphs>,
     /// UV set that an image of heights needs.
@@ -28,24 +27,31 @@ pub fn warn(warnings: &mut Vec<Warning>, name: &str, message: impl Into<String>)
     warnings.push(Warning::general(format!("'{name}': {}", message.into())));
 }
 
-/// Which of the compiled textures.
-#[derive(Clone, Copy)]
-enum Compiled {
-    Heights,
-    Vectors,
-}
-
 /// Displacer of each part of a mesh.
 pub type Parts<'a> = Vec<Option<&'a Displacer>>;
 
 /// The displacements of a scene's materials.
 pub struct Displacers {
     by_material: HashMap<MaterialId, Displacer>,
-    /// Textures of heights, whose images are linear data.
-    heights: CompiledTextures,
-    /// Textures of vectors.
-    vectors: CompiledTextures,
-    camera_from_world: DMat4,
+    textures: Textures,
+}
+
+/// The scene's textures, compiled for each kind of displacement that it has.
+struct Textures {
+    /// With images as linear data.
+    heights: Option<CompiledTextures>,
+    vectors: Option<CompiledTextures>,
+}
+
+impl Textures {
+    fn of(&self, displacement: &Displacement) -> Option<&CompiledTextures> {
+        if is_height(displacement) { self.heights.as_ref() } else { self.vectors.as_ref() }
+    }
+
+    /// Names of the attributes that node graphs of the scene read.
+    fn attributes(&self) -> &[String] {
+        self.heights.as_ref().or(self.vectors.as_ref()).map_or(&[], |textures| textures.attributes())
+    }
 }
 
 impl Displacer {
@@ -73,23 +79,20 @@ impl Displacers {
         let displaced = |material: u32| scene.materials[material as usize].displacement;
         let all = (0..scene.materials.len() as u32).filter_map(|i| Some((MaterialId(i), displaced(i)?)));
         let all: Vec<(MaterialId, Displacement)> = all.collect();
-        let of_kind = |are_heights: bool| {
-            let wanted = all.iter().filter(move |(_, d)| is_height(d) == are_heights);
-            wanted.map(|(_, displacement)| displacement.texture.0).collect::<Vec<TextureId>>()
+        let compiled = |are_heights: bool| {
+            let wanted = all.iter().filter(|(_, displacement)| is_height(displacement) == are_heights);
+            let some: Vec<TextureId> = wanted.map(|(_, displacement)| displacement.texture.0).collect();
+            let linear = are_heights.then(|| linear_images(scene, &some));
+            let images = linear.as_deref().unwrap_or(&scene.images);
+            let compile = || CompiledTextures::of_some(&scene.textures, images, &some);
+            (!some.is_empty()).then(compile).transpose().map(|made| made.map(|(textures, _)| textures))
         };
-        let (heights, vectors) = (of_kind(true), of_kind(false));
-        let images = linear_images(scene, &heights);
-        let compiled = |images: &[Image], some| CompiledTextures::of_some(&scene.textures, images, some);
-        let heights = compiled(&images, &heights)?.0;
-        let vectors = compiled(&scene.images, &vectors)?.0;
+        let textures = Textures { heights: compiled(true)?, vectors: compiled(false)? };
         let mut by_material = HashMap::new();
         for (id, displacement) in all {
             let texture = displacement.texture.0;
-            let (textures, kind) = match is_height(&displacement) {
-                true => (&heights, Compiled::Heights),
-                false => (&vectors, Compiled::Vectors),
-            };
-            if textures.is_lost(texture) {
+            let Some(compiled) = textures.of(&displacement) else { continue };
+            if compiled.is_lost(texture) {
                 warn(
                     warnings,
                     &scene.materials[id.index()].name,
@@ -97,15 +100,15 @@ impl Displacers {
                 );
                 continue;
             }
-            let graph = textures.join_graphs([texture]);
+            let graph = compiled.join_graphs([texture]);
             let uv_set = match scene.textures.get(texture.index()) {
                 Some(Texture::Image { mapping: Mapping::Uv { set, .. }, .. }) => Some(*set),
                 _ => None,
             };
             let index = scene.materials[id.index()].index as f32;
-            by_material.insert(id, Displacer { displacement, textures: kind, graph, uv_set, index });
+            by_material.insert(id, Displacer { displacement, graph, uv_set, index });
         }
-        Ok(Displacers { by_material, heights, vectors, camera_from_world: DMat4::IDENTITY })
+        Ok(Displacers { by_material, textures })
     }
 
     pub fn of_material(&self, id: MaterialId) -> Option<&Displacer> {
@@ -114,7 +117,7 @@ impl Displacers {
 
     /// Do node graphs of the scene read an attribute?
     pub fn reads_attribute(&self, name: &str) -> bool {
-        self.vectors.attributes().iter().any(|attribute| attribute == name)
+        self.textures.attributes().iter().any(|attribute| attribute == name)
     }
 
     /// The offset of each vertex of displaced parts in object space. `normals` are the unit directions of heights.
@@ -125,7 +128,7 @@ impl Displacers {
         normals: &[Vec3],
         object: &ObjectData,
     ) -> Vec<(u32, Vec3)> {
-        let attributes = attribute_lists(mesh, self.vectors.attributes());
+        let attributes = attribute_lists(mesh, self.textures.attributes());
         let at = MeshReader { displacers: self, mesh, normals, object, attributes: &attributes };
         let mut is_done = vec![false; mesh.positions.len()];
         let mut offsets = Vec::new();
@@ -188,10 +191,7 @@ impl MeshReader<'_> {
         let (points, hits): (Vec<TexturePoint>, Vec<HitData<'_>>) =
             corners.iter().map(|&(triangle, corner)| self.corner(displacer, triangle, corner)).unzip();
         let mut values = Vec::new();
-        let textures = match displacer.textures {
-            Compiled::Heights => &self.displacers.heights,
-            Compiled::Vectors => &self.displacers.vectors,
-        };
+        let Some(textures) = self.displacers.textures.of(&displacer.displacement) else { return Vec::new() };
         if let Some(graph) = &displacer.graph {
             let hits: Vec<Option<&HitData<'_>>> = hits.iter().map(Some).collect();
             graph.evaluate(textures, &points, &hits, &mut values);
@@ -245,10 +245,7 @@ impl MeshReader<'_> {
         let hit = HitData {
             attributes: HitAttributes { lists: self.attributes, triangle: Some((vertices, weights)) },
             object,
-            camera: CameraData {
-                camera_from_world: &self.displacers.camera_from_world,
-                ndc_from_world: None,
-            },
+            camera: CameraData { camera_from_world: &DMat4::IDENTITY, ndc_from_world: None },
             object_point: in_object[corner],
             shading_normal: normal,
             true_normal,

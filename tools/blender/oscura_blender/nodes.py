@@ -100,15 +100,16 @@ class Graph:
         """An output of a Texture Coordinate node."""
         if output == "generated":
             self.attributes.add(mesh_files.GENERATED)
-        if "coordinates" not in self.nodes:
-            self.nodes["coordinates"] = {"type": "texture_coordinate"}
-        return f"coordinates.{output}"
+        return self._shared("coordinates", "texture_coordinate", output)
 
     def surface(self, output):
         """An output of a Geometry node."""
-        if "surface_geometry" not in self.nodes:
-            self.nodes["surface_geometry"] = {"type": "geometry"}
-        return f"surface_geometry.{output}"
+        return self._shared("surface_geometry", "geometry", output)
+
+    def _shared(self, name, kind, output):
+        """An output of a node that is added once."""
+        self.nodes.setdefault(name, {"type": kind})
+        return f"{name}.{output}"
 
     # Nodes.
 
