@@ -18,6 +18,7 @@ mod guiding;
 mod interfaces;
 mod interior;
 mod lifted_rays;
+mod light_samples;
 mod light_visibility;
 mod limits;
 mod medium_segment;
@@ -232,9 +233,9 @@ impl<'a> Integrator<'a> {
 
 #[cfg(test)]
 mod tests {
-    use super::direct_light::{
-        Direct, DirectParams, EnvironmentSampler, RectangleSampler, SampleLight, SampleRectangles,
-        VectorSampler,
+    use super::direct_light::{Direct, DirectParams};
+    use super::light_samples::{
+        EnvironmentSampler, RectangleSampler, SampleLight, VectorSampler, VerticesByLight,
     };
     use super::mis::LightPdf;
     use super::sampling::ScatterParams;
@@ -248,13 +249,15 @@ mod tests {
     use crate::color::Rgb;
     use crate::image::Image;
     use crate::light::{
-        AreaLight, AreaShape, Edges, EnvironmentLight, LightSample, LightSource, Lights, Radiance,
+        AreaLight, AreaShape, Edges, EnvironmentLight, LightSample, LightSource, Lights, PunctualLight,
+        Radiance,
     };
-    use crate::math::Vec3;
+    use crate::math::{DVec3, Vec3};
     use crate::sampling::chi2::Random;
     use crate::sampling::sampler::{Dimensions, SobolPoint};
-    use crate::scene::{EnergyCompensation, Environment, FresnelModel, ImageId};
-    use crate::simd::{Kernel, Table, dispatch};
+    use crate::scene::{self, EnergyCompensation, Environment, FresnelModel, ImageId, LightKind};
+    use crate::shape::{Analytic, FacingDisk};
+    use crate::simd::{Kernel, dispatch};
     use crate::texture::CompiledTextures;
 
     /// Number of vertices in a test.
@@ -451,46 +454,71 @@ mod tests {
         compare_samples(sampler, |p, u| light.sample(&textures, p, u));
     }
 
-    #[test]
-    fn vectorised_samples_of_many_rectangles_match_scalar_ones() {
-        let mut random = Random::new(29);
+    /// Lights of all kinds: rectangles, triangles, facing disks, spheres, an emissive texture, a sun and an image.
+    fn lights_of_all_kinds(random: &mut Random) -> Lights {
         let mut area = Vec::new();
-        for k in 0..7 {
+        for k in 0..20 {
             let mut vector = || Vec3::new(random.next(), random.next(), random.next());
             let (corner, color) = (vector() * 8.0 - 4.0, vector());
             let (along, across) = vector().any_orthonormal_pair();
             let (width, height) = (0.1 + random.next(), 0.1 + random.next());
             let edges = Edges { corner, edge_u: along * width, edge_v: across * height };
+            let shape = match k % 4 {
+                0 => AreaShape::Rectangle(edges),
+                1 => AreaShape::Triangle(edges),
+                2 => AreaShape::Analytic(Analytic::FacingDisk(FacingDisk { center: corner, radius: width })),
+                _ => AreaShape::Parallelogram(Edges { edge_u: along * width + across * 0.1, ..edges }),
+            };
             let radiance = Radiance::Constant(Rgb::new(color.x, color.y, color.z));
-            area.push(AreaLight::new(AreaShape::Rectangle(edges), k % 2 == 0, radiance));
+            area.push(AreaLight::new(shape, k % 3 == 0, radiance));
         }
+        let sun = LightKind::Sun { direction: DVec3::NEG_Y, angle_rad: 0.01 };
+        let sun = PunctualLight::new(&scene::Light::new(sun, [2.0; 3]), DVec3::ZERO);
         let textures = CompiledTextures::resident(&[], &[], Vec3::ZERO);
-        let lights = Lights::new(area, Vec::new(), None, &textures);
-        let rectangles = Table::new(lights.rectangles().expect("only rectangles"));
+        Lights::new(area, vec![sun], random_image(random), &textures)
+    }
+
+    #[test]
+    fn vectorised_samples_of_many_lights_match_scalar_ones() {
+        let mut random = Random::new(29);
+        let lights = lights_of_all_kinds(&mut random);
+        let textures = CompiledTextures::resident(&[], &[], Vec3::ZERO);
         let mut wave = random_wave(&mut random);
         for i in 0..COUNT {
-            wave.vertices.light.index[i] = i as u32 % 7;
+            wave.vertices.light.index[i] = i as u32 % lights.len() as u32;
             wave.vertices.light.pdf_discrete[i] = if i % 5 == 0 { 0.0 } else { random.next() };
             (wave.scratch[0][i], wave.scratch[1][i]) = (random.next(), random.next());
         }
-        dispatch(SampleRectangles { wave: &mut wave, count: COUNT, rectangles });
+        let mut lists = VerticesByLight::default();
+        let others = lists.sample(COUNT, &lights, &mut wave).to_vec();
+        // Parallelograms and the sun.
+        let is_other = |i: &u32| matches!(i % lights.len() as u32, 3 | 7 | 11 | 15 | 19 | 20);
+        assert_eq!(others, (0..COUNT as u32).filter(is_other).collect::<Vec<_>>());
+        for &i in &others {
+            wave.vertices.light.pdf[i as usize] = LightPdf::new(0.0);
+        }
         let lit = compare_light(&wave, |i| {
             let (v, u) = (&wave.vertices.light, [wave.scratch[0][i], wave.scratch[1][i]]);
             let sample = lights.sample(&textures, v.index[i], get(&wave.vertices.p, i), u);
-            LightSample { pdf_solid_angle: sample.pdf_solid_angle * v.pdf_discrete[i], ..sample }
+            let factor = if others.contains(&(i as u32)) { 0.0 } else { v.pdf_discrete[i] };
+            LightSample { pdf_solid_angle: sample.pdf_solid_angle * factor, ..sample }
         });
-        assert!(lit > COUNT / 8, "{lit} lit");
+        assert!(lit > COUNT / 4, "{lit} lit");
+    }
+
+    /// An environment of random pixels.
+    fn random_image(random: &mut Random) -> Option<EnvironmentLight> {
+        let pixels: Vec<f32> = (0..32 * 16 * 3).map(|_| random.next() * random.next() * 4.0).collect();
+        let image = Image::from_linear_rgb("random", 32, 16, pixels);
+        let environment = Environment::Image { image: ImageId(0), rotation_rad: 0.3, strength: 2.0 };
+        EnvironmentLight::new(&environment, &[image], true)
     }
 
     #[test]
     fn vectorised_environment_samples_match_scalar_ones() {
         let mut random = Random::new(13);
-        let pixels: Vec<f32> = (0..32 * 16 * 3).map(|_| random.next() * random.next() * 4.0).collect();
-        let image = Image::from_linear_rgb("random", 32, 16, pixels);
-        let environment = Environment::Image { image: ImageId(0), rotation_rad: 0.3, strength: 2.0 };
-        let environment = EnvironmentLight::new(&environment, &[image], true);
         let textures = CompiledTextures::resident(&[], &[], Vec3::ZERO);
-        let lights = Lights::new(Vec::new(), Vec::new(), environment, &textures);
+        let lights = Lights::new(Vec::new(), Vec::new(), random_image(&mut random), &textures);
         let sampler = EnvironmentSampler::of(&lights).expect("one image environment");
         compare_samples(sampler, |p, u| lights.sample(&textures, 0, p, u));
     }

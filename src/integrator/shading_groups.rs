@@ -664,16 +664,22 @@ impl MetalRoughVertex {
     }
 
     /// Diffuse fraction of the BSDF value for light from `wi`.
+    #[inline(always)]
     pub fn diffuse_share(&self, wi: Vec3) -> Rgb {
         self.share_of(self.lobes.diffuse * FRAC_1_PI, wi).min(Rgb::ONE)
     }
 
     /// Fraction of the BSDF value for light from `wi` that a diffuse lobe with BSDF `f` has.
+    #[inline(always)]
     pub fn share_of(&self, f: Rgb, wi: Vec3) -> Rgb {
         let local = self.frame.to_local(wi);
-        let all = self.lobes.eval(&self.surface, self.wo, local).f_cos.to_array();
-        let part = (f * local.z.max(0.0)).to_array();
-        Rgb::from_array(std::array::from_fn(|c| if all[c] > 0.0 { part[c] / all[c] } else { 0.0 }))
+        let all = self.lobes.eval(&self.surface, self.wo, local).f_cos;
+        let part = f * if local.z > 0.0 { local.z } else { 0.0 };
+        let ratio = |part: f32, all: f32| {
+            let ratio = part / if all > 0.0 { all } else { 1.0 };
+            if all > 0.0 { ratio } else { 0.0 }
+        };
+        Rgb::new(ratio(part.r, all.r), ratio(part.g, all.g), ratio(part.b, all.b))
     }
 }
 

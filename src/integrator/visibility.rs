@@ -22,13 +22,15 @@ use super::shading_geometry::{PathOrigin, local_viewer};
 use super::shading_groups::{
     Closure, GeneralClass, LambertClass, MediumClass, MetalRoughClass, SortedVertices, VertexClass,
 };
-use super::wave::{FirstBounce, LightLanes, Paths, Vertices, Wave, get, get_rgb, set_rgb};
+use super::wave::{FirstBounce, LightLanes, Paths, Vertices, WAVE, Wave, get, get_rgb, set_rgb};
 use super::workspace::Workspace;
 use crate::bsdf::Bsdf;
 use crate::color::Rgb;
 use crate::compile::CompiledMaterial;
 use crate::math::{Frame, Hit, Vec3};
 use crate::scene::{LightLinks, Link, RayKinds};
+use crate::simd::{Kernel, dispatch};
+use std::ops::Range;
 
 /// Ray kinds of light samples: shadow rays end at objects visible to all of these kinds.
 pub(super) const LIGHT_SAMPLE_KINDS: RayKinds =
@@ -85,16 +87,15 @@ impl Integrator<'_> {
     /// Samples the kinds of the next rays of paths.
     pub(super) fn choose_ray_kinds(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
         let Workspace { wave, bsdfs, .. } = w;
+        dispatch(DiffuseShares { wave, range: sorted.metal_rough() });
         for i in sorted.all() {
-            let Wave { paths, vertices: v, .. } = &mut **wave;
             if sorted.medium().contains(&i) {
-                paths.visibility[i] = paths.visibility[i].with_kind(RayKinds::VOLUME);
+                let visibility = &mut wave.paths.visibility[i];
+                *visibility = visibility.with_kind(RayKinds::VOLUME);
                 continue;
             }
-            let mut first = self.scattering(sorted, v, bsdfs, i, get(&v.next_direction, i));
-            if paths.state.pdf[i].is_specular() {
-                first.diffuse = Rgb::ZERO;
-            }
+            let first = self.next_scattering(sorted, wave, bsdfs, i);
+            let paths = &mut wave.paths;
             let separates_lobes = self.scene.features.ray_kinds;
             let is_diffuse = select_diffuse(first, (bounce, i), paths, separates_lobes);
             let kind = match (first.crosses, is_diffuse) {
@@ -320,6 +321,25 @@ fn clamped_ratio(part: Rgb, whole: Rgb) -> Rgb {
     Rgb::from_array([of(0), of(1), of(2)])
 }
 
+/// Computes the diffuse fraction of opaque glTF materials for the sampled direction: first three scratch arrays.
+struct DiffuseShares<'a> {
+    wave: &'a mut Wave,
+    range: Range<usize>,
+}
+
+impl Kernel for DiffuseShares<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Wave { vertices: v, scratch: [r, g, b, ..], .. } = self.wave;
+        for i in self.range.start..self.range.end.min(WAVE) {
+            let share = MetalRoughClass.closure(v, i).diffuse_share(get(&v.next_direction, i));
+            [r[i], g[i], b[i]] = share.to_array();
+        }
+    }
+}
+
 impl FirstBounce {
     /// For a BSDF with shading normal `ns` and geometric normal `ng`, without specular lobes.
     pub fn of(bsdf: &Bsdf, [ns, ng]: [Vec3; 2], wo: Vec3, wi: Vec3) -> FirstBounce {
@@ -372,14 +392,23 @@ impl Integrator<'_> {
     /// Records the first bounces of paths.
     pub(super) fn record_first_bounces(&self, sorted: &SortedVertices, w: &mut Workspace) {
         let Workspace { wave, bsdfs, .. } = w;
+        dispatch(DiffuseShares { wave, range: sorted.metal_rough() });
         for i in sorted.all() {
-            let Wave { paths, vertices: v, .. } = &mut **wave;
-            let wi = get(&v.next_direction, i);
-            let mut first = self.scattering(sorted, v, bsdfs, i, wi);
-            if paths.state.pdf[i].is_specular() {
-                first.diffuse = Rgb::ZERO;
-            }
-            paths.first_bounces.set(i, first);
+            let first = self.next_scattering(sorted, wave, bsdfs, i);
+            wave.paths.first_bounces.set(i, first);
+        }
+    }
+
+    /// [`Integrator::scattering`] for the sampled direction, after [`DiffuseShares`]; specular lobes included, which are not diffuse.
+    fn next_scattering(&self, sorted: &SortedVertices, wave: &Wave, bsdfs: &[Bsdf], i: usize) -> FirstBounce {
+        let Wave { paths, vertices: v, scratch: [r, g, b, ..] } = wave;
+        let first = match sorted.metal_rough().contains(&i) {
+            true => FirstBounce { diffuse: Rgb::new(r[i], g[i], b[i]), crosses: false },
+            false => self.scattering(sorted, v, bsdfs, i, get(&v.next_direction, i)),
+        };
+        match paths.state.pdf[i].is_specular() {
+            true => FirstBounce { diffuse: Rgb::ZERO, ..first },
+            false => first,
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use super::first_hit::FirstHits;
 use super::guiding::guide::{TrainingSample, VertexRecord};
+use super::light_samples::VerticesByLight;
 use super::light_visibility::LightProbe;
 use super::medium_segment::{MediumSegment, ShadowSegment};
 use super::radiance_buffer::RadianceBuffer;
@@ -85,6 +86,8 @@ pub struct Workspace {
     pub(super) vertex_records: Vec<VertexRecord>,
     /// Recorded light samples.
     pub(super) light_probes: Vec<LightProbe>,
+    /// The vertices by the kind of their selected light.
+    pub(super) vertices_by_light: VerticesByLight,
     /// Finished training samples.
     pub(super) training_samples: Vec<TrainingSample>,
     /// Sum over recorded vertices of the squared contribution to the sample's luminance.
@@ -134,6 +137,7 @@ impl Workspace {
             rays_before_split: None,
             vertex_records: Vec::new(),
             light_probes: Vec::new(),
+            vertices_by_light: VerticesByLight::default(),
             training_samples: Vec::new(),
             contribution_squares: 0.0,
             ray_counts: RayCounts::default(),

@@ -1,10 +1,10 @@
-//! Emissive surfaces: rectangles, parallelograms, triangles and analytic shapes, with the angular distribution of radiance ([`Beam`]),
-//! and rectangles for vectorised sampling ([`UniformRectangle`]).
+//! Emissive surfaces: rectangles, parallelograms, triangles and analytic shapes, with the angular distribution of radiance ([`Beam`]).
 
 use super::punctual::{Aim, SpotCone, relative_mean};
+use super::uniform::{direction_to_point, is_in_plane};
 use super::{LightBounds, LightSample, LightSource};
 use crate::color::Rgb;
-use crate::math::{Bounds3, Frame, Mat3, Ray, Vec2, Vec3, gamma, offset_ray_origin};
+use crate::math::{Bounds3, Frame, Mat3, Ray, Vec2, Vec3, gamma};
 use crate::scene::{self, LightProfile, TextureId};
 use crate::shape::{
     Analytic, LightPoint, Packed, Shape, SphericalParallelogram, SphericalRectangle, SphericalTriangle,
@@ -542,105 +542,6 @@ impl Beam {
             Beam::Profile { aim, .. } => {
                 Some(aim.cone().map_or((Vec3::Z, PI), |(axis, angle)| (axis, (angle + 1e-3).min(0.5 * PI))))
             }
-        }
-    }
-}
-
-/// Is a point in a plane, within the rounding error of the plane's points?
-#[inline(always)]
-fn is_in_plane(p: Vec3, on_plane: Vec3, normal: Vec3, point_error: Vec3) -> bool {
-    let distance = (p - on_plane).dot(normal).abs();
-    distance <= 4.0 * point_error.dot(normal.abs())
-}
-
-/// The direction from `p` to a sampled point of an emissive surface (normal, rounding error of points, two-sided).
-#[inline(always)]
-fn direction_to_point(
-    p: Vec3,
-    point: Vec3,
-    pdf_solid_angle: f32,
-    (normal, point_error, two_sided): (Vec3, Vec3, bool),
-) -> LightDirection {
-    let to_light = point - p;
-    let distance = to_light.length();
-    let is_lit = two_sided | (to_light.dot(normal) < 0.0);
-    LightDirection {
-        wi: to_light / if distance > 0.0 { distance } else { 1.0 },
-        target: offset_ray_origin(point, point_error, normal, -to_light),
-        pdf_solid_angle: if is_lit & (distance > 0.0) { pdf_solid_angle } else { 0.0 },
-    }
-}
-
-/// A rectangle of constant radiance, with the data for vectorised sampling.
-#[derive(Clone, Copy, Debug)]
-pub struct UniformRectangle {
-    /// Emitted radiance.
-    pub radiance: Rgb,
-    edges: Edges,
-    normal: Vec3,
-    point_error: Vec3,
-    two_sided: bool,
-}
-
-/// Length of a packed [`UniformRectangle`].
-pub const RECTANGLE_NUMBERS: usize = 19;
-
-/// A direction towards a light.
-#[derive(Clone, Copy, Debug)]
-pub struct LightDirection {
-    /// Unit length.
-    pub wi: Vec3,
-    /// End of a shadow ray; unused for lights at infinity.
-    pub target: Vec3,
-    /// Pdf per solid angle; 0 if no light arrives.
-    pub pdf_solid_angle: f32,
-}
-
-impl UniformRectangle {
-    /// The light as a uniform rectangle; `None` if it is none.
-    pub fn of(light: &AreaLight) -> Option<UniformRectangle> {
-        match (light.shape, light.radiance) {
-            (AreaShape::Rectangle(edges), Radiance::Constant(radiance)) if light.beam == Beam::Lambertian => {
-                let (normal, point_error, two_sided) = (light.normal, light.point_error(), light.two_sided);
-                Some(UniformRectangle { radiance, edges, normal, point_error, two_sided })
-            }
-            _ => None,
-        }
-    }
-
-    /// Samples a direction from `p`, uniformly by solid angle, by two random numbers in 0..1.
-    #[inline(always)]
-    pub fn direction(&self, p: Vec3, u: [f32; 2]) -> LightDirection {
-        let Edges { corner, edge_u, edge_v } = self.edges;
-        let s = SphericalRectangle::new(corner, edge_u, edge_v, p).sample(u);
-        let is_in_plane = is_in_plane(p, corner, self.normal, self.point_error);
-        let pdf_solid_angle = if is_in_plane { 0.0 } else { s.pdf_solid_angle };
-        direction_to_point(p, s.point, pdf_solid_angle, (self.normal, self.point_error, self.two_sided))
-    }
-
-    /// Packs the rectangle into numbers.
-    #[inline(always)]
-    pub fn pack(&self) -> [f32; RECTANGLE_NUMBERS] {
-        let Edges { corner: c, edge_u: u, edge_v: v } = self.edges;
-        let (n, e, [r, g, b]) = (self.normal, self.point_error, self.radiance.to_array());
-        let two_sided = f32::from(u8::from(self.two_sided));
-        [c.x, c.y, c.z, u.x, u.y, u.z, v.x, v.y, v.z, n.x, n.y, n.z, e.x, e.y, e.z, r, g, b, two_sided]
-    }
-
-    /// The inverse of [`UniformRectangle::pack`].
-    #[inline(always)]
-    pub fn unpack(numbers: [f32; RECTANGLE_NUMBERS]) -> UniformRectangle {
-        let [cx, cy, cz, ux, uy, uz, vx, vy, vz, nx, ny, nz, ex, ey, ez, r, g, b, two_sided] = numbers;
-        UniformRectangle {
-            radiance: Rgb::new(r, g, b),
-            edges: Edges {
-                corner: Vec3::new(cx, cy, cz),
-                edge_u: Vec3::new(ux, uy, uz),
-                edge_v: Vec3::new(vx, vy, vz),
-            },
-            normal: Vec3::new(nx, ny, nz),
-            point_error: Vec3::new(ex, ey, ez),
-            two_sided: two_sided != 0.0,
         }
     }
 }

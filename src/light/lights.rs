@@ -2,7 +2,7 @@
 
 use super::{
     AreaLight, Descent, EnvironmentLight, LIGHT_GROUPS, LightBounds, LightSample, LightSource, LightTree,
-    PunctualLight, PunctualSource, RECTANGLE_NUMBERS, Receiver, Sun, UniformRectangle, VolumeLight,
+    PunctualLight, PunctualSource, Receiver, Sun, UniformLight, UniformLights, UniformRectangle, VolumeLight,
 };
 use crate::math::{Vec3, gamma, offset_ray_origin, segment};
 use crate::sampling::AliasTable;
@@ -24,8 +24,8 @@ pub struct Lights {
     /// For receivers of classes 1 and up (light linking).
     linked: Vec<LightSampler>,
     suns: Vec<SelectedSun>,
-    /// All lights, if they are static [`UniformRectangle`]s; else empty.
-    rectangles: Vec<[f32; RECTANGLE_NUMBERS]>,
+    /// For vectorised sampling; empty if lights move.
+    uniform: UniformLights,
     motions: LightMotions,
     /// Does the emission of any area light depend on the hit?
     emits_by_hit: bool,
@@ -61,7 +61,8 @@ impl Lights {
         environment: Option<EnvironmentLight>,
         textures: &CompiledTextures,
     ) -> Lights {
-        let (suns, rectangles, linked) = (Vec::new(), Vec::new(), Vec::new());
+        let (suns, linked) = (Vec::new(), Vec::new());
+        let uniform = if motions.is_empty() { UniformLights::new(&area) } else { UniformLights::default() };
         let sampler = LightSampler::new(&[], 0, &[], false);
         let emits_by_hit = area.iter().any(AreaLight::emits_by_hit);
         let mut lights = Lights {
@@ -72,13 +73,12 @@ impl Lights {
             sampler,
             linked,
             suns,
-            rectangles,
+            uniform,
             motions,
             emits_by_hit,
         };
         lights.sampler = lights.sampler_of(textures, |_| true);
         lights.suns = lights.find_suns();
-        lights.rectangles = lights.find_rectangles();
         lights
     }
 
@@ -88,7 +88,7 @@ impl Lights {
         size_of_val(&self.area[..])
             + size_of_val(&self.punctual[..])
             + self.volumes.iter().map(VolumeLight::bytes).sum::<usize>()
-            + size_of_val(&self.rectangles[..])
+            + self.uniform.bytes()
             + samplers.map(|sampler| sampler.tree.bytes()).sum::<usize>()
             + self.environment.as_ref().map_or(0, EnvironmentLight::bytes)
     }
@@ -183,14 +183,6 @@ impl Lights {
         self.punctual.iter().enumerate().filter_map(sun).collect()
     }
 
-    fn find_rectangles(&self) -> Vec<[f32; RECTANGLE_NUMBERS]> {
-        if self.area.len() < self.count_sampled() || self.are_moving() {
-            return Vec::new();
-        }
-        let rectangles = self.area.iter().map(|light| Some(UniformRectangle::of(light)?.pack()));
-        rectangles.collect::<Option<_>>().unwrap_or_default()
-    }
-
     /// For closed scenes: lights at infinity are selected only where no other light arrives.
     pub fn exclude_infinite_lights(&mut self) {
         self.sampler.exclude_infinite_lights();
@@ -266,24 +258,35 @@ impl Lights {
         &self.suns
     }
 
-    /// All lights, packed, if all are static [`UniformRectangle`]s.
+    /// The area lights for vectorised sampling; none if lights move.
     #[inline(always)]
-    pub fn rectangles(&self) -> Option<&[[f32; RECTANGLE_NUMBERS]]> {
-        (!self.rectangles.is_empty()).then_some(&self.rectangles)
+    pub fn uniform(&self) -> &UniformLights {
+        &self.uniform
     }
 
-    /// The scene's only light, if it is a static [`UniformRectangle`].
+    /// Are all sampled lights static uniform rectangles?
+    pub fn are_rectangles(&self) -> bool {
+        self.uniform.are_rectangles() && self.area.len() == self.count_sampled()
+    }
+
+    /// The scene's only light, if it is a static uniform rectangle.
     pub fn single_rectangle(&self) -> Option<UniformRectangle> {
-        match self.rectangles()? {
-            [numbers] => Some(UniformRectangle::unpack(*numbers)),
+        match self.uniform.numbers() {
+            [numbers] if self.are_rectangles() => Some(UniformRectangle::unpack(*numbers)),
             _ => None,
         }
     }
 
+    /// The environment, if it is light-sampled by an image without portals.
+    #[inline(always)]
+    pub fn sampled_image(&self) -> Option<&super::ImageMap> {
+        let is_plain = |e: &&EnvironmentLight| e.is_sampled() && !e.has_portals();
+        self.environment().filter(is_plain).and_then(EnvironmentLight::image_map)
+    }
+
     /// The scene's only light, if it is a light-sampled environment image without portals.
     pub fn single_environment_image(&self) -> Option<&super::ImageMap> {
-        let is_single = |e: &&EnvironmentLight| self.len() == 1 && e.is_sampled() && !e.has_portals();
-        self.environment().filter(is_single).and_then(EnvironmentLight::image_map)
+        self.sampled_image().filter(|_| self.len() == 1)
     }
 
     /// Is there only one light, with a vectorised sampler?

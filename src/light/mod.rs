@@ -9,15 +9,14 @@ mod lights;
 mod portals;
 mod punctual;
 mod traits;
+mod uniform;
 mod volume;
 
 use crate::color::Rgb;
 use crate::math::{DVec3, Vec3};
 use crate::scene::{self, LightKind};
 use crate::texture::CompiledTextures;
-pub use area::{
-    AreaLight, AreaShape, Beam, Edges, LightDirection, RECTANGLE_NUMBERS, Radiance, UniformRectangle,
-};
+pub use area::{AreaLight, AreaShape, Beam, Edges, Radiance};
 pub use environment::{EnvironmentLight, EnvironmentSample, ImageMap, TexelPosition, solid_angle_density};
 pub use light_paths::{EmittedRay, LightPathSampler, LightPosition, SmallLight, TargetSphere, TargetSpheres};
 pub use light_tree::{Descent, LIGHT_GROUPS, LightTree, LightWeights, Receiver};
@@ -25,6 +24,10 @@ pub use lights::{LightMotions, Lights, MovingLight, SelectedLight, SelectedSun};
 pub use punctual::Sun;
 use punctual::{Directional, Point, Profiled, Spot};
 pub use traits::{LightBounds, LightOrigin, LightSample, LightSource, PunctualSource};
+pub use uniform::{
+    LightDirection, UNIFORM_NUMBERS, UniformDisk, UniformKind, UniformLight, UniformLights, UniformRectangle,
+    UniformTriangle,
+};
 pub use volume::VolumeLight;
 
 // The table of lights without a surface (KHR_lights_punctual, measured profiles and suns).

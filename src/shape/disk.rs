@@ -3,7 +3,7 @@
 
 use super::sphere::icosphere;
 use super::traits::{LightPoint, Parametrization, PreparedRay, Shape, Surface, pdf_solid_angle_of_area};
-use crate::math::{Bounds3, DVec3, Frame, Mat3, Ray, Vec2, Vec3, gamma, orthonormal_basis};
+use crate::math::{Bounds3, DVec3, Frame, Mat3, Ray, Vec2, Vec3, gamma, orthonormal_basis, select};
 use crate::sampling::warp;
 use crate::scene::{self, Mesh};
 use crate::simd::map_each;
@@ -260,7 +260,9 @@ impl Shape for FacingDisk {
 
     #[inline(always)]
     fn normal_at(&self, _: Vec3, reference: Vec3) -> Vec3 {
-        (reference - self.center).normalize_or(Vec3::Z)
+        let to_reference = reference - self.center;
+        let scale = to_reference.length_recip();
+        select(scale.is_finite() & (scale > 0.0), to_reference * scale, Vec3::Z)
     }
 
     /// A point of the bounding sphere.
