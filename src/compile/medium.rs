@@ -141,6 +141,12 @@ impl Medium {
             || self.scattering.as_ref().is_some_and(scatters)
     }
 
+    /// Does the density vary by a grid?
+    #[inline(always)]
+    pub fn is_on_grid(&self) -> bool {
+        self.scattering.as_ref().is_some_and(|s| s.grid().is_some())
+    }
+
     /// Does the index of refraction differ between channels?
     #[inline]
     pub fn is_dispersive(&self) -> bool {

@@ -159,6 +159,11 @@ impl MediumSegment {
         self.overlapping[0] == self.overlapping[1]
     }
 
+    /// Was it made without random numbers?
+    pub fn is_straight(&self) -> bool {
+        !self.samples_distance() && self.tracked.is_none() && self.is_alone()
+    }
+
     /// Is [`Self::weight_of_passing`] always 1?
     pub fn is_unweighted(&self, medium: &Scattering) -> bool {
         let is_guided = self.equiangular.is_some() || self.guided.is_some();

@@ -18,7 +18,7 @@ use super::radiance_buffer::{PathClass, RadianceOrigin, class_of_path};
 use super::sampling::{Purpose, RandomChoice};
 use super::shading_groups::SortedVertices;
 use super::visibility::class;
-use super::wave::{LightLanes, Wave, get, get_rgb, set, set_rgb};
+use super::wave::{LightLanes, PathState, Wave, get, get_rgb, set, set_rgb};
 use super::workspace::Workspace;
 use crate::color::Rgb;
 use crate::color::spectral::Wavelengths;
@@ -76,10 +76,11 @@ impl Integrator<'_> {
             && !self.scene.accel.closest_one_in_time(ray, time).is_hit()
     }
 
-    /// Selects a light for equiangular sampling; returns its position. `None` within solids, whose surfaces occlude lights.
+    /// Selects a light for equiangular sampling; returns its position. `None` within solids, whose surfaces occlude lights, and on grids.
     fn equiangular_light(&self, medium: u16, origin: Vec3, u: [f32; 2]) -> Option<Vec3> {
-        let lights = &self.scene.lights;
-        if medium != 0 || lights.is_empty() {
+        let (lights, of_index) = (&self.scene.lights, &self.scene.media[usize::from(medium)]);
+        let is_open = medium == 0 || of_index.is_boundary;
+        if !is_open || of_index.is_on_grid() || lights.is_empty() {
             return None;
         }
         let selected = lights.select(0, &self.light_receiver(origin, Vec3::ZERO), u);
@@ -300,22 +301,44 @@ impl Integrator<'_> {
             let path = &mut w.arriving.state;
             set_rgb(&mut path.throughput, i, throughput);
             w.arriving.interior[i] = beyond;
-            let salt = hash32(RandomChoice::MediumBoundary { surface: pass }.hash(path, i, bounce));
-            let u = [unit(salt), unit(hash32(salt))];
+            let is_first = pass == 0 && w.medium_segments[i].is_straight();
+            let [distance, kind, select0, select1] = self.boundary_numbers(bounce, pass, is_first, (path, i));
             let wavelengths = w.times.wavelengths(w.arriving.state.radiance_index[i]);
             let start = (&w.rays[i], hit.t);
+            let light_position =
+                self.equiangular_light(beyond.medium(), w.rays[i].at(hit.t), [select0, select1]);
             let segment = self.sample_segment(
                 (beyond, wavelengths),
                 start,
                 throughput,
-                None,
-                u,
+                light_position,
+                [distance, kind],
                 &mut w.overlapping_segments,
             );
             w.rays[i].t_max = segment.scatter_t.min(far);
             w.medium_segments[i] = segment;
             w.medium_segments[i].crossed = Some(BoundaryCrossing { at: hit.t, before: here });
         }
+    }
+
+    /// Random numbers for the segment of path `i` behind a boundary: for the first segment of a ray (`is_first`) those that
+    /// [`Integrator::start_medium_segments`] has not used.
+    fn boundary_numbers(
+        &self,
+        bounce: u32,
+        pass: u32,
+        is_first: bool,
+        (path, i): (&PathState, usize),
+    ) -> [f32; 4] {
+        if is_first {
+            let dimensions = self.dimensions(bounce, Purpose::Medium);
+            return SobolPoint::from_parts(path.seed[i], path.shuffled[i]).sample_4d(&dimensions);
+        }
+        let mut salt = RandomChoice::MediumBoundary { surface: pass }.hash(path, i, bounce);
+        std::array::from_fn(|_| {
+            salt = hash32(salt);
+            unit(salt)
+        })
     }
 
     /// The solids behind a hit of a boundary without a surface; `last` is the distance of the previous boundary. `None` at other hits.
