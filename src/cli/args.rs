@@ -231,6 +231,8 @@ pub(crate) struct RenderArgs {
     pub long: LongArgs,
     #[arg(long, help = setting_help("filter"), value_parser = named(&Filter::ALL, Filter::name, |_| ""))]
     pub filter: Option<Filter>,
+    #[arg(long, help = setting_help("filter_radius"), value_name = "PIXELS", allow_negative_numbers = true, value_parser = filter_radius)]
+    pub filter_radius: Option<f32>,
     /// Show the image in the browser while it renders; =address only prints the page's address, =tev (or =tev:HOST:PORT)
     /// sends the image to a running tev.
     #[arg(long, value_name = "HOW", num_args = 0..=1, require_equals = true, default_missing_value = "page")]
@@ -375,6 +377,10 @@ pub(crate) struct CompareArgs {
 fn strength(text: &str) -> Result<f32, String> {
     let fits = |v: f64| v >= 0.0 && v <= f64::from(f32::MAX);
     number(text, fits, "a finite number, 0 or more").map(|v| v as f32)
+}
+
+fn filter_radius(text: &str) -> Result<f32, String> {
+    number(text, |v| (0.005..=16.0).contains(&v), "a number of pixels from 0.005 to 16").map(|v| v as f32)
 }
 
 /// The file of `--env`; an empty path for 'none'.

@@ -113,6 +113,7 @@ pub(super) const GROUPS: [(&str, &[&str]); 13] = [
         "Expert",
         &[
             "filter",
+            "filter_radius",
             "guiding",
             "light_selection",
             "path_reuse",

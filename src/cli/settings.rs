@@ -50,6 +50,7 @@ pub(crate) fn requested(args: &RenderArgs) -> RequestedOptions {
             terminator: args.terminator,
             seed: args.seed,
             filter: args.filter,
+            filter_radius: args.filter_radius,
             energy_compensation: args.microfacet,
             fresnel: args.fresnel,
             spectral: args.spectral.then_some(true),

@@ -31,13 +31,16 @@ pub struct FilterSampler {
 }
 
 impl FilterSampler {
-    /// Tabulates a filter.
-    pub fn new(filter: Filter) -> FilterSampler {
+    /// Tabulates a filter of a radius in pixels; 0 stands for the filter's default.
+    pub fn new(filter: Filter, radius: f32) -> FilterSampler {
+        let radius = f64::from(if radius > 0.0 { radius } else { filter.default_radius() });
         match filter {
-            Filter::Box => FilterSampler::tabulate(0.5, |_| 1.0),
-            // sigma = 0.5: exp(-x^2 / (2 sigma^2)).
-            Filter::Gaussian => FilterSampler::tabulate(1.5, |x| exp_of_negative(2.0 * x * x)),
-            Filter::BlackmanHarris => FilterSampler::tabulate(1.5, |x| blackman_harris(x / 1.5)),
+            Filter::Box => FilterSampler::tabulate(radius, |_| 1.0),
+            // The radius is three standard deviations: exp(-x^2 / (2 sigma^2)).
+            Filter::Gaussian => {
+                FilterSampler::tabulate(radius, |x| exp_of_negative(4.5 * (x / radius) * (x / radius)))
+            }
+            Filter::BlackmanHarris => FilterSampler::tabulate(radius, |x| blackman_harris(x / radius)),
         }
     }
 
@@ -179,7 +182,7 @@ mod tests {
     #[test]
     fn moments_of_stratified_samples_equal_those_of_the_filter() {
         for filter in FILTERS {
-            let sampler = FilterSampler::new(filter);
+            let sampler = FilterSampler::new(filter, 0.0);
             let n = 1 << 20;
             let mass = moment(filter, 0, -1.5, 1.5);
             for power in 1..=4 {
@@ -193,11 +196,35 @@ mod tests {
         }
     }
 
+    /// A filter of another radius is the default one, scaled.
+    #[test]
+    fn radii_scale_the_filter() {
+        for filter in FILTERS {
+            let (sampler, radius) = (FilterSampler::new(filter, 0.0), filter.default_radius());
+            for scale in [0.01f32, 0.5, 2.0] {
+                let scaled = FilterSampler::new(filter, radius * scale);
+                for i in 0..1000 {
+                    let u = (i as f32 + 0.5) / 1000.0;
+                    let (offset, expected) = (scaled.sample(u), sampler.sample(u) * scale);
+                    assert!(
+                        (offset - expected).abs() < 1e-5 * scale,
+                        "{filter:?} {scale}: {offset} {expected}"
+                    );
+                    let (value, expected) = (scaled.value(offset), sampler.value(sampler.sample(u)) / scale);
+                    assert!(
+                        (value - expected).abs() < 1e-3 / scale,
+                        "{filter:?} {scale}: {value} {expected}"
+                    );
+                }
+            }
+        }
+    }
+
     #[test]
     fn samples_pass_a_chi_square_test() {
         const BINS: usize = 60;
         for (k, filter) in FILTERS.into_iter().enumerate() {
-            let sampler = FilterSampler::new(filter);
+            let sampler = FilterSampler::new(filter, 0.0);
             let mut counts = [0u64; BINS];
             let n = 4_000_000u64;
             let mut random = SplitMix64::new(0x9E37_79B9_7F4A_7C15 ^ k as u64);
@@ -226,7 +253,7 @@ mod tests {
     #[test]
     fn values_equal_the_normalized_density() {
         for filter in FILTERS {
-            let sampler = FilterSampler::new(filter);
+            let sampler = FilterSampler::new(filter, 0.0);
             let mass = moment(filter, 0, -1.5, 1.5);
             for i in -1000..=1000 {
                 let x = f64::from(i) * 2e-3 + 1e-4;
@@ -240,7 +267,7 @@ mod tests {
     #[test]
     fn sampling_is_monotonic_and_symmetric() {
         for filter in FILTERS {
-            let sampler = FilterSampler::new(filter);
+            let sampler = FilterSampler::new(filter, 0.0);
             let mut last = f32::NEG_INFINITY;
             for i in 0..=1 << 18 {
                 let u = i as f32 / (1 << 18) as f32;

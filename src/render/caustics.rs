@@ -277,8 +277,11 @@ mod tests {
         let (compiled, _) = compile(&scene, &CompileOptions::default()).expect("it is valid");
         let options = RenderOptions::default().size(64, 64).caustics(Caustics::On);
         let view = View::new(&compiled, choose_camera(&scene, None).expect("a camera"), 64, 64);
-        let (filter, mattes, calls) =
-            (FilterSampler::new(options.filter), MatteIds::default(), AtomicU32::new(0));
+        let (filter, mattes, calls) = (
+            FilterSampler::new(options.filter, options.filter_radius),
+            MatteIds::default(),
+            AtomicU32::new(0),
+        );
         let trial = Trial {
             target: Target { scene: &compiled, view: &view, options: &options },
             paths: plain_paths(&options, &filter, &mattes),

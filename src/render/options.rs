@@ -152,6 +152,9 @@ macro_rules! render_settings {
                 skip_caustics: SkippedCaustics = SkippedCaustics::NONE, hashed, scene(skip_caustics);
             "Reconstruction filter", "blackman-harris" =>
                 filter: Filter = Filter::default(), named("the filter"), scene(filter);
+            "Radius of the reconstruction filter in pixels, 0.005 to 16; Cycles' filter width is the radius of its Blackman-Harris filter", "1.5; 0.5 for box" =>
+                /// 0 stands for the filter's default.
+                filter_radius: f32 = 0.0, hashed, scene(filter_radius);
             "AOVs (render passes) to write as further EXR channels", "" =>
                 aovs: AovSet = AovSet::NONE, separate, user [into];
             "Coordinate space of the AOVs position, normal and geometric_normal: world or camera", "" =>

@@ -111,7 +111,7 @@ impl Rendering {
             scene,
             view,
             labels,
-            filter: FilterSampler::new(options.filter),
+            filter: FilterSampler::new(options.filter, options.filter_radius),
             film,
             progress: Progress::new(pixels * samples.len() as u64),
             schedule: Schedule::new(samples, options.time_limit),

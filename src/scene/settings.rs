@@ -10,11 +10,21 @@ named_enum! {
     Filter {
         /// Constant, one pixel wide.
         Box = "box",
-        /// Truncated Gaussian, sigma 0.5 pixels, radius 1.5 pixels.
+        /// Gaussian, truncated at three standard deviations.
         Gaussian = "gaussian",
-        /// Blackman-Harris window, radius 1.5 pixels.
+        /// Blackman-Harris window.
         #[default]
         BlackmanHarris = "blackman-harris",
+    }
+}
+
+impl Filter {
+    /// Radius, pixels.
+    pub const fn default_radius(self) -> f32 {
+        match self {
+            Filter::Box => 0.5,
+            Filter::Gaussian | Filter::BlackmanHarris => 1.5,
+        }
     }
 }
 
@@ -178,6 +188,7 @@ scene_settings! {
     terminator: ShadowTerminator, "Remedy for the shadow terminator of meshes with shading normals";
     seed: u32, "Random seed";
     filter: Filter, "Reconstruction filter";
+    filter_radius: f32, "Radius of the reconstruction filter in pixels";
     energy_compensation: EnergyCompensation, "Energy compensation of rough surfaces; `microfacet` in scene files";
     fresnel: FresnelModel, "Fresnel term of the dielectric layers of glTF materials";
     spectral: bool, "Spectral rendering: sample wavelengths instead of red, green and blue";

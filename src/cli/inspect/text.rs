@@ -140,6 +140,7 @@ fn settings(scene: &Scene) -> Vec<String> {
     shown.extend(s.filter_glossy.map(|f| format!("filter_glossy {f}")));
     shown.extend(s.terminator.map(|t| format!("terminator {}", t.name())));
     shown.extend(s.filter.map(|f| format!("filter {f:?}")));
+    shown.extend(s.filter_radius.map(|radius| format!("filter_radius {radius}")));
     shown.extend(s.energy_compensation.map(|e| format!("microfacet {}", e.name())));
     shown.extend(s.fresnel.map(|f| format!("fresnel {}", f.name())));
     shown.extend(s.spectral.map(|spectral| format!("spectral {spectral}")));

@@ -12,6 +12,7 @@
 //! | `terminator` | shadow terminator of meshes with shading normals: `soft` (the default) fades light out towards the horizon of a triangle; `lifted` starts shadow rays at the smooth surface approximated by the triangles, as Cycles does; `off` cuts light off | |
 //! | `seed` | random seed | |
 //! | `filter` | reconstruction filter: `box`, `gaussian`, `blackman-harris` | |
+//! | `filter_radius` | radius of the filter in pixels: half the width of `box` (0.5 by default), three standard deviations of `gaussian` (1.5), half the window of `blackman-harris` (1.5), which is Cycles' filter width | 0.005 to 16 |
 //! | `microfacet` | `multi` or `single` scattering between microfacets | |
 //! | `fresnel` | Fresnel term of the dielectric layers of glTF materials: `exact` or `schlick` | |
 //! | `spectral` | `true` renders spectrally, as `--spectral` | |
@@ -105,6 +106,7 @@ pub(super) fn read(build: &SceneFileBuilder, fields: &Fields) -> Settings {
         terminator: fields.choice("terminator", &ShadowTerminator::NAMED),
         seed: fields.unsigned("seed", 0, u32::MAX),
         filter: fields.choice("filter", &Filter::NAMED),
+        filter_radius: number(fields, "filter_radius", 0.005..16.0),
         energy_compensation: fields.choice("microfacet", &EnergyCompensation::NAMED),
         fresnel: fields.choice("fresnel", &FresnelModel::NAMED),
         spectral: fields.has("spectral").then(|| fields.flag("spectral", false)),

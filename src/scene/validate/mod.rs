@@ -73,6 +73,10 @@ fn check_settings(settings: &Settings, findings: &mut Findings) {
         let is_valid = strength.is_finite() && strength >= 0.0;
         findings.require(is_valid, PLACE, "filter_glossy", strength, "a finite number of at least 0");
     }
+    if let Some(radius) = settings.filter_radius {
+        let is_valid = (0.005..=16.0).contains(&radius);
+        findings.require(is_valid, PLACE, "filter_radius", radius, "a number of pixels from 0.005 to 16");
+    }
     if let Some(exposure) = settings.exposure {
         findings.require(exposure.is_finite(), PLACE, "exposure", exposure, "a finite number");
     }

@@ -122,7 +122,7 @@ structs! {
     ThinLens { defocus_angle_rad, focus_distance, aperture }
     Aperture { blades, rotation_rad, ratio }
     Settings {
-        width, height, samples, depth, seed, filter, energy_compensation, fresnel, spectral, exposure, view, white_balance, noise, caught,
+        width, height, samples, depth, seed, filter, filter_radius, energy_compensation, fresnel, spectral, exposure, view, white_balance, noise, caught,
         denoise, crop, aovs, bounces, clamp, filter_glossy, skip_caustics, terminator,
     }
     BounceLimits { diffuse, glossy, transmission, volume, transparent, subsurface }

@@ -158,11 +158,19 @@ def _cycles_settings(cycles, report):
         entries["denoise"] = True
     if cycles.seed:
         entries["seed"] = cycles.seed
-    if cycles.pixel_filter_type == "BOX":
-        entries["filter"] = "box"
+    entries |= _pixel_filter(cycles)
     if cycles.use_fast_gi:
         report.warn("", "Cycles' Fast GI Approximation is not supported: paths have all their bounces")
     return entries
+
+
+def _pixel_filter(cycles):
+    """Only the width of a box is fixed in Cycles; a Gaussian's standard deviation is a quarter of the width."""
+    if cycles.pixel_filter_type == "BOX":
+        return {"filter": "box"}
+    is_gaussian = cycles.pixel_filter_type == "GAUSSIAN"
+    radius = cycles.filter_width * (0.75 if is_gaussian else 1)
+    return {"filter": "gaussian" if is_gaussian else None, "filter_radius": radius if is_gaussian or abs(radius - 1.5) > 1e-6 else None}
 
 
 def _limits(cycles, report):
