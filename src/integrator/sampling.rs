@@ -176,7 +176,8 @@ pub(super) enum Purpose {
     Time,
     /// Hero wavelength (1).
     Wavelength,
-    /// Selection of a mix component (1), selection of the base of a normal-mapped material (1).
+    /// Selection of a mix component (1), selection of the base of a normal-mapped material (1), alpha of the first two surfaces on the
+    /// path's ray (2).
     Mix,
 }
 
@@ -199,7 +200,7 @@ impl Purpose {
 /// with `surface` the number of surfaces that the ray has passed.
 #[derive(Clone, Copy)]
 pub(super) enum RandomChoice {
-    /// Alpha of a surface on a path's ray.
+    /// Alpha of a further surface on a path's ray.
     Alpha { surface: u32 },
     /// Alpha of a surface on a shadow ray.
     ShadowAlpha { surface: u32 },

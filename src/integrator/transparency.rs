@@ -1,6 +1,6 @@
 //! Surfaces that rays pass unscattered: alpha, one-sided surfaces, invisible objects, thin glass, clear glass and shadow catchers.
 //!
-//! Alpha is stochastic, which is unbiased for paths and shadow rays. All rays pass emitters that cast no shadow, and add their emission.
+//! Alpha is stochastic for paths, which is unbiased, and attenuates shadow rays. All rays pass emitters that cast no shadow, and add their emission.
 //! Rays from behind pass one-sided surfaces; shadow rays start on the path's side, so that they and scattered rays hit the same surfaces.
 //!
 //! Thin glass: smooth thin sheets transmit light without deviation, so shadow rays pass them, attenuated. To count no light twice, a
@@ -10,7 +10,7 @@
 
 use super::Integrator;
 use super::interior::CameraInterior;
-use super::sampling::RandomChoice;
+use super::sampling::{Purpose, RandomChoice};
 use super::shading_geometry::{EvaluatedMaterial, HitPoint, PathOrigin, scattering_normal};
 use super::shading_groups::SortedVertices;
 use super::slabs::{ShadowCrossings, behind_pane};
@@ -23,12 +23,25 @@ use crate::color::Rgb;
 use crate::color::spectral::Wavelengths;
 use crate::compile::{Alpha, CompiledMaterial, color_at_wavelengths};
 use crate::math::{Frame, Hit, Ray, Vec3};
+use crate::sampling::sampler::{Dimensions, SobolPoint};
 use crate::scene::RayKinds;
 use crate::shape::Surface;
 use crate::texture::PointReader;
 
 /// Maximum number of surfaces that a ray passes.
 const MAX_PASSED_SURFACES: u32 = 4096;
+
+/// Transmittance, by alpha, below which surfaces stop some shadow rays instead of attenuating all.
+const MIN_TRANSMITTANCE: f32 = 0.1;
+
+/// The random number that is compared with the alpha of a surface on the ray of path `i`: stratified for the first two surfaces.
+fn alpha_number(surface: u32, (path, i): (&PathState, usize), bounce: u32, dimensions: &Dimensions) -> f32 {
+    if surface > 1 {
+        return RandomChoice::Alpha { surface }.uniform(path, i, bounce);
+    }
+    let [_, _, first, second] = SobolPoint::from_parts(path.seed[i], path.shuffled[i]).sample_4d(dimensions);
+    if surface == 0 { first } else { second }
+}
 
 impl Integrator<'_> {
     /// Replaces hits of surfaces that rays pass by the next hit where the ray stops, and finds the materials of all hits.
@@ -85,6 +98,7 @@ impl Integrator<'_> {
     /// Retains the pending rays that pass the surface they hit.
     fn find_passing(&self, bounce: u32, pass: u32, w: &mut Workspace) {
         let Workspace { pending, rays, hits, arriving, excludes_casters, times, crossings, .. } = w;
+        let dimensions = self.dimensions(bounce, Purpose::Mix);
         pending.retain(|&i| {
             let i = i as usize;
             if self.is_excluded(*excludes_casters, &hits[i]) {
@@ -92,9 +106,9 @@ impl Integrator<'_> {
             }
             let path = &arriving.state;
             let time = times.of(path.radiance_index[i]);
-            let uniform = || RandomChoice::Alpha { surface: pass }.uniform(path, i, bounce);
+            let is_present = |opacity| alpha_number(pass, (path, i), bounce, &dimensions) < opacity;
             let kind = self.kind(bounce, i, arriving);
-            match self.response(&rays[i], &hits[i], time, kind, uniform) {
+            match self.response(&rays[i], &hits[i], time, kind, is_present) {
                 HitResponse::Stops => {
                     let (at, crossing) = ((bounce, i), (&rays[i], &hits[i], time));
                     let waves = times.wavelengths(arriving.state.radiance_index[i]);
@@ -219,12 +233,12 @@ impl Integrator<'_> {
                 }
                 let waves = times.wavelengths(path.radiance_index[i]);
                 let (crossing, mut next) = ((&shadow_rays[k], &hit, time), None);
-                let response = self.shadow_response(crossing, (bounce, pass, i), paths, counts.get_mut(k));
-                if let HitResponse::Passes = response
-                    && let Some(color) = self.passing(crossing, LIGHT_SAMPLE_KINDS, waves)
-                {
+                let (response, transmittance) =
+                    self.shadow_response(crossing, (bounce, pass, i), paths, counts.get_mut(k));
+                if let HitResponse::Passes = response {
+                    let color = self.passing(crossing, LIGHT_SAMPLE_KINDS, waves).unwrap_or(Rgb::ONE);
                     let contribution = get_rgb(&light.contribution, i);
-                    set_rgb(&mut light.contribution, i, contribution * color);
+                    set_rgb(&mut light.contribution, i, contribution * color * transmittance);
                 }
                 let passed = shadow_crossings.get_mut(k);
                 let passes = || self.shadow_ray_passes_glass(i, crossing, (passed, &mut next), light, waves);
@@ -240,25 +254,34 @@ impl Integrator<'_> {
         }
     }
 
-    /// The response of the shadow ray of vertex `i` to a hit. Counts transparent surfaces; the ray stops at the limit.
+    /// The response of the shadow ray of vertex `i` to a hit, and the transmittance of a passed surface by its alpha. Counts transparent
+    /// surfaces; the ray stops at the limit.
     fn shadow_response(
         &self,
         (ray, hit, time): (&Ray, &Hit, f32),
         (bounce, surface, i): (u32, u32, usize),
         paths: &Paths,
         count: Option<&mut u32>,
-    ) -> HitResponse {
-        let uniform = || RandomChoice::ShadowAlpha { surface }.uniform(&paths.state, i, bounce);
-        let response = self.response(ray, hit, time, LIGHT_SAMPLE_KINDS, uniform);
+    ) -> (HitResponse, f32) {
+        let mut transmittance = 1.0;
+        let is_present = |opacity: f32| {
+            // Opaque by chance instead of a tiny transmittance, so that rays don't pass many surfaces in vain.
+            let clear = 1.0 - opacity;
+            transmittance = if clear > 0.0 { clear.max(MIN_TRANSMITTANCE) } else { 1.0 };
+            let probability = clear / transmittance;
+            probability < 1.0
+                && RandomChoice::ShadowAlpha { surface }.uniform(&paths.state, i, bounce) >= probability
+        };
+        let response = self.response(ray, hit, time, LIGHT_SAMPLE_KINDS, is_present);
         if let (HitResponse::Passes, Some(count)) = (&response, count)
             && self.counts_as_transparent(hit)
         {
             *count += 1;
             if paths.transparent_count[i] + *count >= self.options.bounces.transparent {
-                return HitResponse::Stops;
+                return (HitResponse::Stops, 1.0);
             }
         }
-        response
+        (response, transmittance)
     }
 
     /// Tests shadow rays; those whose hit they may pass become pending.
@@ -354,7 +377,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// The response of a ray of a kind to its hit; rays stop at misses.
+    /// The response of a ray of a kind to its hit; rays stop at misses. `is_present` decides by an alpha whether the surface is there.
     #[inline(always)]
     fn response(
         &self,
@@ -362,7 +385,7 @@ impl Integrator<'_> {
         hit: &Hit,
         time: f32,
         kind: RayKinds,
-        uniform: impl Fn() -> f32,
+        is_present: impl FnMut(f32) -> bool,
     ) -> HitResponse {
         if !hit.is_hit() {
             return HitResponse::Stops;
@@ -370,7 +393,7 @@ impl Integrator<'_> {
         let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
         let is_absent =
             material.is_boundary || material.is_single_sided && self.scene.geometries.is_back(ray, hit, time);
-        let is_present = !is_absent && self.is_present(material, ray, hit, (time, kind), uniform);
+        let is_present = !is_absent && self.is_present(material, ray, hit, (time, kind), is_present);
         match material.surface_visibility {
             _ if !is_present => HitResponse::Passes,
             None => HitResponse::Stops,
@@ -380,7 +403,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// Stochastic alpha: is the surface opaque for this ray?
+    /// Is the surface opaque for this ray, by its alpha?
     #[inline(always)]
     fn is_present(
         &self,
@@ -388,9 +411,9 @@ impl Integrator<'_> {
         ray: &Ray,
         hit: &Hit,
         (time, kind): (f32, RayKinds),
-        uniform: impl Fn() -> f32,
+        mut is_present: impl FnMut(f32) -> bool,
     ) -> bool {
-        material.alpha.is_none() || uniform() < self.opacity(ray, hit, time, material, kind)
+        material.alpha.is_none() || is_present(self.opacity(ray, hit, time, material, kind))
     }
 
     /// The alpha of a surface at a hit of a ray of these kinds.
