@@ -209,19 +209,40 @@ impl MetalRoughClosure {
     /// See [`super::Bsdf::sample`]; `above` is `wo` on the upper side.
     #[inline(always)]
     pub fn sample(&self, surface: &impl Facets, wo: Vec3, above: Vec3, u: [f32; 3]) -> BsdfSample {
-        let choose_specular = u[2] < self.probability_specular;
-        let is_mirror = choose_specular & surface.is_mirror();
+        let chosen = self.sample_lobe(surface, above, u);
+        let sample = self.sample_of(surface, above, &chosen, (chosen.wi, chosen.wi.z));
+        let wi = chosen.wi;
+        BsdfSample { wi: Vec3::new(wi.x, wi.y, wi.z.copysign(wo.z)), ..sample }
+    }
+
+    /// Samples a lobe and a direction around that lobe's normal, for a viewer above the surface.
+    #[inline(always)]
+    pub fn sample_lobe(&self, surface: &impl Facets, above: Vec3, u: [f32; 3]) -> SampledLobe {
+        let is_specular = u[2] < self.probability_specular;
         let normal = surface.sample_visible_normal(above, [u[0], u[1]]);
         let reflected = normal * (2.0 * above.dot(normal)) - above;
         let diffuse = warp::cosine_hemisphere([u[0], u[1]]);
-        let wi = select(choose_specular, reflected, diffuse);
-        let value = self.eval(surface, above, wi);
+        SampledLobe { wi: select(is_specular, reflected, diffuse), is_specular }
+    }
+
+    /// The sample of a lobe's direction: `wi` in the frame of the facets, and its cosine to the normal of the diffuse base.
+    #[inline(always)]
+    pub fn sample_of(
+        &self,
+        surface: &impl Facets,
+        above: Vec3,
+        lobe: &SampledLobe,
+        (wi, base_cosine): (Vec3, f32),
+    ) -> BsdfSample {
+        let is_mirror = lobe.is_specular & surface.is_mirror();
+        let value = self.eval_around(surface, above, wi, base_cosine);
         let of_mirror = self.reflectance(above.z) / self.probability_specular;
         let weight = Rgb::select(is_mirror, of_mirror, value.f_cos / value.pdf_solid_angle);
         let pdf = if is_mirror { self.probability_specular } else { value.pdf_solid_angle };
-        let continues = (self.albedo > MIN_ALBEDO) & (wi.z > 0.0) & (pdf > 0.0);
+        let is_above = (wi.z > 0.0) | (base_cosine > 0.0) & !is_mirror;
+        let continues = (self.albedo > MIN_ALBEDO) & is_above & (pdf > 0.0);
         BsdfSample {
-            wi: Vec3::new(wi.x, wi.y, wi.z.copysign(wo.z)),
+            wi,
             weight: Rgb::select(continues, weight, Rgb::ZERO),
             pdf_solid_angle: if continues { pdf } else { 0.0 },
             eta: 1.0,
@@ -234,18 +255,31 @@ impl MetalRoughClosure {
     /// Value and pdf for directions above the surface.
     #[inline(always)]
     pub fn eval(&self, surface: &impl Facets, wo: Vec3, wi: Vec3) -> BsdfEval {
-        let cosine = wi.z * FRAC_1_PI;
+        self.eval_around(surface, wo, wi, wi.z)
+    }
+
+    /// Value and pdf for directions in the frame of the facets; `base_cosine` is that of `wi` to the normal of the diffuse base.
+    #[inline(always)]
+    pub fn eval_around(&self, surface: &impl Facets, wo: Vec3, wi: Vec3, base_cosine: f32) -> BsdfEval {
+        let cosine = (if base_cosine > 0.0 { base_cosine } else { 0.0 }) * FRAC_1_PI;
         let r = surface.reflection(wo, wi);
         let factor = self.reflectance(r.cos_half);
-        let is_glossy = !surface.is_mirror();
-        let f_cos = self.diffuse * cosine + Rgb::select(is_glossy, factor * r.f_cos, Rgb::ZERO);
+        let is_glossy = !surface.is_mirror() & (wi.z > 0.0);
         let glossy_pdf = if is_glossy { self.probability_specular * r.pdf_solid_angle } else { 0.0 };
-        let is_above = wi.z > 0.0;
         BsdfEval {
-            f_cos: Rgb::select(is_above, f_cos, Rgb::ZERO),
-            pdf_solid_angle: if is_above { self.probability_diffuse * cosine + glossy_pdf } else { 0.0 },
+            f_cos: self.diffuse * cosine + Rgb::select(is_glossy, factor * r.f_cos, Rgb::ZERO),
+            pdf_solid_angle: self.probability_diffuse * cosine + glossy_pdf,
         }
     }
+}
+
+/// A sampled lobe of a [`MetalRoughClosure`].
+#[derive(Clone, Copy, Debug)]
+pub struct SampledLobe {
+    /// Direction around the lobe's normal.
+    pub wi: Vec3,
+    /// Is it the lobe of the facets?
+    pub is_specular: bool,
 }
 
 /// The parameters of a [`MetalRough`].

@@ -2,25 +2,22 @@
 //! is multiplied by the component's weight over that probability. Direct light and MIS weights use the selected BSDF only: unbiased for
 //! each component, and so on average for the weighted sum.
 //!
-//! Normal-mapped surfaces with normals that face away from the viewer use the same mechanism. Glossy lobes are evaluated with a normal
-//! bent towards the viewer ([`super::shading_geometry::bent_normal`]); the diffuse base, whose BSDF doesn't depend on the viewer, keeps
-//! the mapped normal, as in Cycles 5.0. Since a vertex has one normal, each path selects either the base or the other lobes if the two
-//! normals differ, and divides throughput by the selection probability.
+//! General BSDFs with mapped normals that face away from the viewer use the same mechanism. Glossy lobes are evaluated with a normal bent
+//! towards the viewer, the diffuse base with the mapped normal ([`super::shading_groups::MetalRoughClass`]). Since such a vertex has one
+//! normal, each path selects either the base or the other lobes if the two normals differ, and divides throughput by the selection
+//! probability.
 
 use super::Integrator;
 use super::interior::Interior;
 use super::sampling::Purpose;
-use super::shading_geometry::{
-    EvaluatedMaterial, HitPoint, UNMAPPED, UNSHADOWED, local_viewer, scattering_normal,
-};
-use super::wave::{Lanes3, Vertices, get, get_rgb, set, set_rgb};
+use super::shading_geometry::{EvaluatedMaterial, HitPoint, local_viewer, scattering_normal};
+use super::wave::{get_rgb, set_rgb};
 use super::workspace::Workspace;
 use crate::bsdf::BsdfEval;
 use crate::color::Rgb;
 use crate::compile::color_at_wavelengths;
 use crate::math::{Frame, Vec3};
 use crate::sampling::sampler::{Dimensions, SobolPoint};
-use std::ops::Range;
 
 impl Integrator<'_> {
     /// Replaces each mix material hit by one of its components, and adds the mix's emission.
@@ -150,55 +147,6 @@ pub(super) fn eval_lobes(evaluated: &EvaluatedMaterial, ng: Vec3, [wo, wi]: [Vec
 }
 
 impl Integrator<'_> {
-    /// Saves the shading normals of opaque glTF vertices before they are bent.
-    pub(super) fn keep_unbent_normals(&self, range: Range<usize>, v: &mut Vertices) {
-        if self.scene.features.mapped_normals {
-            for c in 0..3 {
-                let (from, to): (&Lanes3, &mut Lanes3) = (&v.ns, &mut v.unbent);
-                to[c][range.clone()].copy_from_slice(&from[c][range.clone()]);
-            }
-        }
-    }
-
-    /// Selects the base or the other lobes at opaque glTF vertices whose mapped normals were bent.
-    pub(super) fn select_lobes(&self, bounce: u32, range: Range<usize>, w: &mut Workspace) {
-        if !self.scene.features.mapped_normals {
-            return;
-        }
-        let dimensions = self.dimensions(bounce, Purpose::Mix);
-        let (path, v) = (&mut w.wave.paths.state, &mut w.wave.vertices);
-        for i in range {
-            if v.relief[i] == UNMAPPED {
-                continue;
-            }
-            let closures = &mut v.metal_rough_closures;
-            let fraction = closures.probability_diffuse[i];
-            if fraction <= 0.0 {
-                v.relief[i] = UNSHADOWED;
-            }
-            if v.is_bent[i] == 0.0 {
-                continue;
-            }
-            let p = probability(fraction);
-            let [_, u, ..] = SobolPoint::from_parts(path.seed[i], path.shuffled[i]).sample_4d(&dimensions);
-            let is_base = u < p;
-            if is_base {
-                for part in [&mut closures.f0, &mut closures.schlick_rise, &mut closures.exact_rise] {
-                    set_rgb(part, i, Rgb::ZERO);
-                }
-                let unbent = get(&v.unbent, i);
-                set(&mut v.ns, i, unbent);
-            } else {
-                set_rgb(&mut closures.diffuse, i, Rgb::ZERO);
-                v.relief[i] = UNSHADOWED;
-            }
-            closures.probability_diffuse[i] = if is_base { 1.0 } else { 0.0 };
-            closures.probability_specular[i] = if is_base { 0.0 } else { 1.0 };
-            let throughput = get_rgb(&path.throughput, i);
-            set_rgb(&mut path.throughput, i, throughput * (1.0 / if is_base { p } else { 1.0 - p }));
-        }
-    }
-
     /// The material of arriving path `i` with the bent normal; if the mapped normal differs, the base or the other lobes, selected at
     /// random.
     pub(super) fn select_lobe(

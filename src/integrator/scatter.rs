@@ -331,5 +331,6 @@ fn repeat_vertices(
         v.metal_rough.alpha.repeat(count, times);
         v.metal_rough.curve.repeat(count, times);
         v.metal_rough_closures.repeat(count, times);
+        v.base_normal.repeat(count, times);
     }
 }

@@ -1,7 +1,8 @@
 //! Shading groups: vertices shaded by the same loop, their sort order, and the closures of each group.
 
 use super::shading_geometry::{
-    Horizon, Relief, SharpRelief, Soft, Terminator, bent_normal, local_viewer, under_relief,
+    Horizon, Relief, SharpRelief, Soft, Terminator, UNMAPPED, UNSHADOWED, bent_normal, local_viewer,
+    under_relief,
 };
 use super::wave::{
     MetalRoughClosures, MetalRoughMaterials, PerPath, Vertices, WAVE, Wave, get, get_rgb, set, set_rgb,
@@ -13,7 +14,7 @@ use crate::bsdf::{
 };
 use crate::color::Rgb;
 use crate::compile::{CompiledMaterial, CompiledScene};
-use crate::math::{Frame, Vec3};
+use crate::math::{Frame, Vec3, select};
 use crate::sampling::warp;
 use crate::scene::{EnergyCompensation, FresnelModel};
 use crate::simd::{Kernel, dispatch};
@@ -283,6 +284,12 @@ pub trait Closure {
         Rgb::ZERO
     }
 
+    /// The normal of the diffuse part, at a vertex with shading normal `ns`.
+    #[inline(always)]
+    fn base_normal(&self, ns: Vec3) -> Vec3 {
+        ns
+    }
+
     /// Applies the bump terminator of vertex `i`: returns value and pdf, and a factor on the value.
     #[inline(always)]
     fn on_relief<T: Horizon>(
@@ -295,7 +302,7 @@ pub trait Closure {
         if !T::HAS_RELIEF || Self::IN_MEDIUM {
             return (eval, 1.0);
         }
-        let relief = horizon.relief(v, i, ns, side, wi);
+        let relief = horizon.relief(v, i, self.base_normal(ns), side, wi);
         match Self::IS_DIFFUSE {
             true => (eval, relief),
             false if Self::BRANCHES && relief == 1.0 => (eval, 1.0),
@@ -553,6 +560,7 @@ fn load_closure(m: &MetalRoughClosures, curve: f32, k: usize) -> MetalRoughClosu
 #[inline(always)]
 pub(super) fn copy_metal_rough(from: &Vertices, i: usize, to: &mut Vertices, k: usize) {
     from.metal_rough_closures.copy_to(i, &mut to.metal_rough_closures, k);
+    from.base_normal.copy_to(i, &mut to.base_normal, k);
     to.metal_rough.alpha[k] = from.metal_rough.alpha[i];
     to.metal_rough.curve[k] = from.metal_rough.curve[i];
 }
@@ -582,8 +590,10 @@ impl<const EXACT: bool> Kernel for PrepareClosures<'_, EXACT> {
         // The second loop looks up tables, which does not vectorise.
         for i in range.clone() {
             let (ns, wo) = (get(&v.ns, i), get(&v.wo, i));
-            let (ns, is_bent) = bent_normal(ns, get(&v.ng, i), wo);
+            let (bent, is_bent) = bent_normal(ns, get(&v.ng, i), wo);
             v.is_bent[i] = if is_bent { 1.0 } else { 0.0 };
+            set(&mut v.base_normal, i, select(v.relief[i] != UNMAPPED, ns, bent));
+            let ns = bent;
             set(&mut v.ns, i, ns);
             [x[i], y[i], z[i]] = to_upper_side(Frame::from_normal(ns).to_local(wo)).to_array();
         }
@@ -606,11 +616,17 @@ impl<const EXACT: bool> Kernel for PrepareClosures<'_, EXACT> {
             };
             let closure = material.closure_by(albedo, layer_grazing, wo);
             store_closure(&mut v.metal_rough_closures, i, &closure);
+            let is_shadowed = (v.relief[i] == UNMAPPED) | (closure.probability_diffuse > 0.0);
+            v.relief[i] = if is_shadowed { v.relief[i] } else { UNSHADOWED };
         }
     }
 }
 
 /// Vertices of opaque glTF materials, after [`prepare`].
+///
+/// Where mapped normals face away from the viewer, glossy lobes are evaluated with a normal bent towards the viewer
+/// ([`super::shading_geometry::bent_normal`]); the diffuse base, whose BSDF doesn't depend on the viewer, keeps the mapped normal, as in
+/// Cycles 5.0.
 #[derive(Clone, Copy)]
 pub(super) struct MetalRoughClass;
 
@@ -621,6 +637,10 @@ pub(super) struct MetalRoughVertex {
     frame: Frame,
     /// Direction to the viewer in the frame, above the surface.
     wo: Vec3,
+    /// Normal of the diffuse base.
+    base: Vec3,
+    /// Is that another normal than the frame's?
+    has_own_base: bool,
 }
 
 impl VertexClass for MetalRoughClass {
@@ -628,7 +648,8 @@ impl VertexClass for MetalRoughClass {
 
     #[inline(always)]
     fn closure(&self, v: &Vertices, i: usize) -> MetalRoughVertex {
-        let frame = Frame::from_normal(get(&v.ns, i));
+        let (ns, base) = (get(&v.ns, i), get(&v.base_normal, i));
+        let frame = Frame::from_normal(ns);
         let wo = to_upper_side(frame.to_local(get(&v.wo, i)));
         let surface = Isotropic { alpha: v.metal_rough.alpha[i] };
         MetalRoughVertex {
@@ -636,17 +657,24 @@ impl VertexClass for MetalRoughClass {
             surface,
             frame,
             wo,
+            base,
+            has_own_base: (base.x != ns.x) | (base.y != ns.y) | (base.z != ns.z),
         }
     }
 }
 
 impl MetalRoughVertex {
+    /// Value and pdf for light from `wi`.
+    #[inline(always)]
+    fn value(&self, wi: Vec3) -> BsdfEval {
+        self.lobes.eval_around(&self.surface, self.wo, self.frame.to_local(wi), self.base.dot(wi))
+    }
+
     /// Factor on the pdf of [`Closure::sample`] if guiding multiplies the pdf of the diffuse lobe by `density`.
     #[inline(always)]
     pub fn guided(&self, wi: Vec3, density: f32) -> f32 {
-        let local = self.frame.to_local(wi);
-        let pdf = self.lobes.eval(&self.surface, self.wo, local).pdf_solid_angle;
-        let diffuse = self.lobes.probability_diffuse * local.z * FRAC_1_PI;
+        let pdf = self.value(wi).pdf_solid_angle;
+        let diffuse = self.lobes.probability_diffuse * self.base.dot(wi) * FRAC_1_PI;
         if (pdf > 0.0) & (diffuse > 0.0) { 1.0 + (density - 1.0) * (diffuse / pdf) } else { 1.0 }
     }
 
@@ -672,9 +700,8 @@ impl MetalRoughVertex {
     /// Fraction of the BSDF value for light from `wi` that a diffuse lobe with BSDF `f` has.
     #[inline(always)]
     pub fn share_of(&self, f: Rgb, wi: Vec3) -> Rgb {
-        let local = self.frame.to_local(wi);
-        let all = self.lobes.eval(&self.surface, self.wo, local).f_cos;
-        let part = f * if local.z > 0.0 { local.z } else { 0.0 };
+        let (all, cosine) = (self.value(wi).f_cos, self.base.dot(wi));
+        let part = f * if cosine > 0.0 { cosine } else { 0.0 };
         let ratio = |part: f32, all: f32| {
             let ratio = part / if all > 0.0 { all } else { 1.0 };
             if all > 0.0 { ratio } else { 0.0 }
@@ -689,19 +716,32 @@ impl Closure for MetalRoughVertex {
 
     #[inline(always)]
     fn eval(&self, wi: Vec3) -> BsdfEval {
-        self.lobes.eval(&self.surface, self.wo, self.frame.to_local(wi))
+        self.value(wi)
     }
 
     #[inline(always)]
     fn diffuse(&self, wi: Vec3) -> Rgb {
-        let cosine = self.frame.to_local(wi).z;
+        let cosine = self.base.dot(wi);
         self.lobes.diffuse * (FRAC_1_PI * if cosine > 0.0 { cosine } else { 0.0 })
     }
 
     #[inline(always)]
     fn sample(&self, u: [f32; 3]) -> BsdfSample {
-        let sample = self.lobes.sample(&self.surface, self.wo, self.wo, u);
-        BsdfSample { wi: self.frame.to_world(sample.wi), ..sample }
+        let lobe = self.lobes.sample_lobe(&self.surface, self.wo, u);
+        let around_base = Frame::from_normal(self.base).to_world(lobe.wi);
+        let wi = select(lobe.is_specular, self.frame.to_world(lobe.wi), around_base);
+        // Without rounding where both normals are equal.
+        let is_local = lobe.is_specular | !self.has_own_base;
+        let local = select(is_local, lobe.wi, self.frame.to_local(wi));
+        let is_of_base = !lobe.is_specular | !self.has_own_base;
+        let base_cosine = if is_of_base { lobe.wi.z } else { self.base.dot(wi) };
+        let sample = self.lobes.sample_of(&self.surface, self.wo, &lobe, (local, base_cosine));
+        BsdfSample { wi, ..sample }
+    }
+
+    #[inline(always)]
+    fn base_normal(&self, _ns: Vec3) -> Vec3 {
+        self.base
     }
 
     #[inline(always)]

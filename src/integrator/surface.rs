@@ -58,9 +58,7 @@ impl Integrator<'_> {
         if self.options.skip_caustics != SkippedCaustics::NONE {
             self.remove_caustic_lobes(sorted, w);
         }
-        self.keep_unbent_normals(sorted.metal_rough(), &mut w.wave.vertices);
         prepare(&mut w.wave, sorted.metal_rough(), self.scene.shading.fresnel);
-        self.select_lobes(bounce, sorted.metal_rough(), w);
     }
 
     /// Widens the footprints of paths to those at their hits.

@@ -459,8 +459,8 @@ pub struct Vertices {
     pub offset: Lanes,
     /// Offsets of shadow rays to the smooth surface, if in use.
     pub lifted: LiftLanes,
-    /// Shading normal before bending, at opaque glTF vertices in scenes with mapped normals.
-    pub unbent: Lanes3,
+    /// Normal of the diffuse base at opaque glTF vertices: where the normal is mapped, the shading normal before bending, else `ns`.
+    pub base_normal: Lanes3,
     /// 1 if the shading normal was bent, else 0; at opaque glTF vertices.
     pub is_bent: Lanes,
     /// Direction to the viewer.

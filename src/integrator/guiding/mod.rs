@@ -20,7 +20,7 @@ use super::shading_groups::{MetalRoughClass, SortedVertices, VertexClass};
 use super::wave::{Vertices, WAVE, Wave, get};
 use super::workspace::Workspace;
 use crate::color::luminance;
-use crate::math::{Frame, Vec3};
+use crate::math::{Frame, Vec3, select};
 use crate::sampling::hash::hash32;
 use crate::sampling::warp;
 use crate::simd::{Kernel, Table, dispatch};
@@ -49,8 +49,8 @@ impl Integrator<'_> {
         if let Some(guide) = self.options.guide {
             let densities = guide.densities();
             let vertices = &mut w.wave.vertices;
-            dispatch(LightDensities { vertices, range: sorted.guided(), densities });
-            dispatch(LightFactors { vertices, range: sorted.metal_rough() });
+            dispatch(LambertFactors { vertices, range: sorted.lambert(), densities });
+            dispatch(MetalRoughFactors { vertices, range: sorted.metal_rough(), densities });
         }
     }
 
@@ -58,11 +58,11 @@ impl Integrator<'_> {
     pub(super) fn guide_light_sample(&self, i: usize, sorted: &SortedVertices, wave: &mut Wave) {
         let Some(guide) = self.options.guide else { return };
         let (densities, vertices) = (guide.densities(), &mut wave.vertices);
-        if sorted.guided().contains(&i) {
-            dispatch(LightDensities { vertices, range: i..i + 1, densities });
+        if sorted.lambert().contains(&i) {
+            dispatch(LambertFactors { vertices, range: i..i + 1, densities });
         }
         if sorted.metal_rough().contains(&i) {
-            dispatch(LightFactors { vertices, range: i..i + 1 });
+            dispatch(MetalRoughFactors { vertices, range: i..i + 1, densities });
         }
     }
 
@@ -84,13 +84,13 @@ pub(super) fn bin_index(cell: u32, ns: Vec3, wi: Vec3) -> u32 {
     cell * guide::BINS as u32 + guide::bin(warp::invert_cosine_hemisphere(local))
 }
 
-struct LightDensities<'a> {
+struct LambertFactors<'a> {
     vertices: &'a mut Vertices,
     range: Range<usize>,
     densities: Table<'a, f32>,
 }
 
-impl Kernel for LightDensities<'_> {
+impl Kernel for LambertFactors<'_> {
     type Output = ();
 
     #[inline(always)]
@@ -103,22 +103,23 @@ impl Kernel for LightDensities<'_> {
     }
 }
 
-/// At opaque glTF materials, where only the diffuse lobe is guided, converts the factor on that lobe's pdf to one on the pdf over all
-/// lobes.
-struct LightFactors<'a> {
+/// Factors on the pdf over all lobes of opaque glTF materials, of which only the diffuse lobe is guided.
+struct MetalRoughFactors<'a> {
     vertices: &'a mut Vertices,
     range: Range<usize>,
+    densities: Table<'a, f32>,
 }
 
-impl Kernel for LightFactors<'_> {
+impl Kernel for MetalRoughFactors<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run(self) {
         let v = self.vertices;
         for i in self.range.start..self.range.end.min(WAVE) {
-            let closure = MetalRoughClass.closure(v, i);
-            v.guided.light_density[i] = closure.guided(get(&v.light.wi, i), v.guided.light_density[i]);
+            let (closure, wi) = (MetalRoughClass.closure(v, i), get(&v.light.wi, i));
+            let index = bin_index(v.guided.cell[i], get(&v.base_normal, i), wi);
+            v.guided.light_density[i] = closure.guided(wi, self.densities.at(index));
         }
     }
 }
@@ -192,7 +193,8 @@ impl Integrator<'_> {
     pub(super) fn record_vertices(&self, sorted: &SortedVertices, w: &mut Workspace) {
         let (Some(guide), range) = (self.options.guide, sorted.guided()) else { return };
         let Wave { vertices, paths, .. } = &mut *w.wave;
-        dispatch(FindBins { vertices, range: range.clone() });
+        let metal_rough = sorted.metal_rough().start;
+        dispatch(FindBins { vertices, range: range.clone(), metal_rough });
         for i in range {
             let is_lambert = sorted.lambert().contains(&i);
             // Without a diffuse lobe nothing is guided.
@@ -255,6 +257,8 @@ impl Integrator<'_> {
 struct FindBins<'a> {
     vertices: &'a mut Vertices,
     range: Range<usize>,
+    /// The first vertex of an opaque glTF material.
+    metal_rough: usize,
 }
 
 impl Kernel for FindBins<'_> {
@@ -264,7 +268,8 @@ impl Kernel for FindBins<'_> {
     fn run(self) {
         let v = self.vertices;
         for i in self.range.start..self.range.end.min(WAVE) {
-            let local = Frame::from_normal(get(&v.ns, i)).to_local(get(&v.next_direction, i));
+            let normal = select(i >= self.metal_rough, get(&v.base_normal, i), get(&v.ns, i));
+            let local = Frame::from_normal(normal).to_local(get(&v.next_direction, i));
             v.guided.bin[i] = guide::bin(warp::invert_cosine_hemisphere(local));
         }
     }

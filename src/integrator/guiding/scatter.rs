@@ -238,13 +238,14 @@ impl<T: Horizon> Kernel for ScatterMetalRough<'_, T> {
             let (ng, ns) = (get(&v.ng, i), get(&v.ns, i));
             let closure = MetalRoughClass.closure(v, i);
             let s = closure.sample([us[i], vs[i], lobes[i]]);
-            let density = self.densities.at(bin_index(v.guided.cell[i], ns, s.wi));
+            let base = closure.base_normal(ns);
+            let density = self.densities.at(bin_index(v.guided.cell[i], base, s.wi));
             let factor = closure.guided(s.wi, density);
             let factor = if s.is_specular { 1.0 } else { factor };
             v.guided.density[i] = factor;
             let before = get_rgb(&path.throughput, i);
             // Ratio of f_cos to the cosine lobe's pdf: relates the contribution to the mean of the cell.
-            let over_cosine = s.pdf_solid_angle * PI / s.wi.dot(ns);
+            let over_cosine = s.pdf_solid_angle * PI / s.wi.dot(base);
             v.guided.throughput_luminance[i] = (before * s.weight).luminance() * over_cosine;
             let kept = if s.is_specular { 1.0 } else { self.horizon.light_factor(v, i, [ns, ng], 1.0, s.wi) };
             let weight = match T::HAS_RELIEF && !s.is_specular {

@@ -19,7 +19,7 @@ use crate::integrator::wave::{
 };
 use crate::integrator::workspace::Workspace;
 use crate::integrator::{Block, Integrator, guiding};
-use crate::math::{Ray, offset_along};
+use crate::math::{Ray, offset_along, select};
 use crate::simd::{Kernel, Table, dispatch};
 use std::f32::consts::FRAC_1_PI;
 use std::ops::Range;
@@ -321,7 +321,8 @@ impl Kernel for GuidePairs<'_> {
                 let is_metal_rough = prefixes.class[i] == METAL_ROUGH;
                 // Other slots have no cell.
                 let cell = v.guided.cell[i] * u32::from(is_lambert | is_metal_rough);
-                let density = densities.at(guiding::bin_index(cell, get(&v.ns, i), wi));
+                let normal = select(is_metal_rough, get(&v.base_normal, i), get(&v.ns, i));
+                let density = densities.at(guiding::bin_index(cell, normal, wi));
                 let factor = MetalRoughClass.closure(v, i).guided(wi, density);
                 let factor = if is_metal_rough { factor } else { 1.0 };
                 pairs.density[i] *= if is_lambert { density } else { factor };
