@@ -22,13 +22,13 @@ use super::shading_groups::{
     eval_at_horizon, with_vertex_class,
 };
 use super::slabs::LightLobes;
-use super::wave::{Wave, get, get_rgb, set, set_rgb};
+use super::wave::{Vertices, Wave, get, get_rgb, set, set_rgb};
 use super::workspace::Workspace;
 use crate::bsdf::Bsdf;
 use crate::color::Rgb;
 use crate::compile::{Refractor, Side};
 use crate::light::{LightPosition, SmallLight};
-use crate::math::{Bounds3, Ray, Vec3, offset_along};
+use crate::math::{Bounds3, Hit, Ray, Vec3, offset_along};
 use crate::sampling::sampler::SobolPoint;
 use std::f32::consts::PI;
 
@@ -39,6 +39,7 @@ const MAX_SHARE: f32 = 0.5;
 const FILTERED_ALPHA: f32 = 0.4;
 
 /// A test ray's hit of a refractive face.
+#[derive(Clone, Copy)]
 struct Face {
     p: Vec3,
     /// Metres.
@@ -51,6 +52,40 @@ struct Face {
     /// The ray comes from inside.
     is_back: bool,
     is_sheet: bool,
+}
+
+/// Maximum number of directions tried for a refracted connection.
+const STEPS: u32 = 3;
+
+/// A search for the direction in which a vertex sees a light through a face.
+#[derive(Clone, Copy)]
+struct Search {
+    /// Index of the vertex's lobes.
+    lobes: usize,
+    vertex: usize,
+    /// The current direction.
+    axis: Vec3,
+    /// The face that the last direction hit.
+    face: Option<Face>,
+}
+
+/// The vertices that receive light.
+#[derive(Clone, Copy)]
+struct Receivers<'a> {
+    vertices: &'a Vertices,
+    /// Number of vertices, the first ones, that are lit from the side of the normal only.
+    opaque: usize,
+}
+
+impl Receivers<'_> {
+    fn p(&self, i: usize) -> Vec3 {
+        get(&self.vertices.p, i)
+    }
+
+    /// May light from this direction contribute?
+    fn is_lit(&self, i: usize, direction: Vec3) -> bool {
+        i >= self.opaque || direction.dot(get(&self.vertices.ng, i)) > 0.0
+    }
 }
 
 /// BSDF value and pdf, including the shadow terminator and guiding.
@@ -68,11 +103,49 @@ impl Integrator<'_> {
 
     /// Finds the light lobes of the vertices.
     pub(super) fn find_light_lobes(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
-        w.light_lobes.clear();
+        let mut lobes = std::mem::take(&mut w.light_lobes);
+        self.start_light_lobes(sorted, &mut lobes, w);
+        let (refracted, vertices) = (&self.scene.refracted_lights, &w.wave.vertices);
+        let mut irradiances = vec![0.0; lobes.len()];
+        let mut counts = Vec::with_capacity(lobes.len());
+        let receivers = Receivers { vertices, opaque: sorted.medium().start };
+        for light in &refracted.lights {
+            counts.clear();
+            counts.extend(lobes.iter().map(LightLobes::count));
+            for body in &refracted.bodies {
+                for side in &body.sides {
+                    self.add_lobes_of_side((light, body, side), receivers, &mut lobes);
+                }
+                if body.medium != 0 && body.is_rough {
+                    self.add_lobes_of_frosted((light, body), receivers, &mut lobes);
+                }
+            }
+            for ((found, before), irradiance) in lobes.iter().zip(&counts).zip(&mut irradiances) {
+                if found.count() > *before {
+                    *irradiance += light.irradiance_at(get(&vertices.p, found.vertex as usize));
+                }
+            }
+        }
+        for (found, irradiance) in lobes.iter_mut().zip(irradiances) {
+            found.share = self.share_of_lobes(irradiance);
+        }
+        lobes.retain(|found| !found.is_empty());
+        w.light_lobes = lobes;
+        if let (Some(_), Some(reuse)) = (&self.options.reuse, &mut w.reuse) {
+            for found in &w.light_lobes {
+                reuse.discard_prefix(bounce, w.wave.paths.state.radiance_index[found.vertex as usize]);
+            }
+        }
+    }
+
+    /// Replaces `lobes` by empty ones for the vertices at which lobes are sampled.
+    fn start_light_lobes(&self, sorted: &SortedVertices, lobes: &mut Vec<LightLobes>, w: &Workspace) {
+        lobes.clear();
         let (rough, from_outside) = (sorted.rough(), self.scene.refracted_lights.from_outside);
+        let paths = &w.wave.paths;
         for i in sorted.lit() {
-            let is_outside = !self.optional.interior || w.wave.paths.interior[i] == Interior::AIR;
-            if is_outside && !from_outside {
+            let interior = if self.optional.interior { paths.interior[i] } else { Interior::AIR };
+            if interior == Interior::AIR && !from_outside {
                 continue;
             }
             // Lobes don't account for refraction at the vertex itself.
@@ -80,48 +153,9 @@ impl Integrator<'_> {
             if rough.contains(&i) && is_glass(&w.bsdfs[i - rough.start]) {
                 continue;
             }
-            let lobes = self.lobes_of(i, sorted, w);
-            if !lobes.is_empty() {
-                w.light_lobes.push(lobes);
-                if let (Some(_), Some(reuse)) = (&self.options.reuse, &mut w.reuse) {
-                    reuse.discard_prefix(bounce, w.wave.paths.state.radiance_index[i]);
-                }
-            }
+            let throughput = get_rgb(&paths.state.throughput, i);
+            lobes.push(LightLobes::new(i, throughput, paths.state.roulette_scale[i], interior));
         }
-    }
-
-    fn lobes_of(&self, i: usize, sorted: &SortedVertices, w: &Workspace) -> LightLobes {
-        let paths = &w.wave.paths;
-        let interior = if self.optional.interior { paths.interior[i] } else { Interior::AIR };
-        let throughput = get_rgb(&paths.state.throughput, i);
-        let mut found = LightLobes::new(i, throughput, paths.state.roulette_scale[i], interior);
-        let (p, ng) = (get(&w.wave.vertices.p, i), get(&w.wave.vertices.ng, i));
-        let is_opaque = i < sorted.medium().start;
-        let is_lit_from = |d: Vec3| !is_opaque || d.dot(ng) > 0.0;
-        let refracted = &self.scene.refracted_lights;
-        let mut irradiance = 0.0;
-        for light in &refracted.lights {
-            let count_before = found.count();
-            for body in &refracted.bodies {
-                if body.medium == 0 || found.interior.contains(body.medium) {
-                    for side in &body.sides {
-                        self.add_lobes_of_side(i, (light, body, side), &is_lit_from, &mut found, w);
-                    }
-                } else if body.is_rough {
-                    let to_light = direction(light, p);
-                    if is_lit_from(to_light) && is_hit(&body.bounds, p, to_light) {
-                        self.add_lobe_of_frosted(i, light, to_light, &mut found, w);
-                    }
-                }
-            }
-            if found.count() > count_before {
-                irradiance += light.irradiance_at(p);
-            }
-        }
-        if !found.is_empty() {
-            found.share = self.share_of_lobes(irradiance);
-        }
-        found
     }
 
     /// The probability of sampling a lobe, given the irradiance of the refracted lights: by the root of the irradiances of these lights and
@@ -132,91 +166,106 @@ impl Integrator<'_> {
         MAX_SHARE * lobes / (lobes + around)
     }
 
-    /// Adds the lobe of a body with two rough faces, if a ray towards a light hits it first.
-    fn add_lobe_of_frosted(
+    /// Adds the lobes of a body with two rough faces, where a ray towards a light hits it first.
+    fn add_lobes_of_frosted(
         &self,
-        i: usize,
-        light: &SmallLight,
-        to_light: Vec3,
-        found: &mut LightLobes,
-        w: &Workspace,
+        (light, body): (&SmallLight, &Refractor),
+        receivers: Receivers<'_>,
+        lobes: &mut [LightLobes],
     ) {
-        let Some(face) = self.face_towards(i, to_light, w) else { return };
-        if face.is_back || face.is_sheet || face.alpha <= 0.0 {
-            return;
-        }
-        let spread = (face.ior - 1.0).abs() * face.alpha * std::f32::consts::SQRT_2;
-        let Some((share, size)) = angular_scale(light, get(&w.wave.vertices.p, i), face.distance) else {
-            return;
+        let search = |(k, found): (usize, &LightLobes)| {
+            let (i, is_inside) = (found.vertex as usize, found.interior.contains(body.medium));
+            let (p, axis) = (receivers.p(i), direction(light, receivers.p(i)));
+            let is_possible = !is_inside && receivers.is_lit(i, axis) && is_hit(&body.bounds, p, axis);
+            is_possible.then_some(Search { lobes: k, vertex: i, axis, face: None })
         };
-        found.add(to_light, (spread * share).hypot(size));
+        let searches: Vec<Search> = lobes.iter().enumerate().filter_map(search).collect();
+        for (search, face) in searches.iter().zip(self.faces_towards(&searches, receivers)) {
+            let Some(face) = face.filter(|face| !face.is_back && !face.is_sheet && face.alpha > 0.0) else {
+                continue;
+            };
+            let spread = (face.ior - 1.0).abs() * face.alpha * std::f32::consts::SQRT_2;
+            if let Some((share, size)) = angular_scale(light, receivers.p(search.vertex), face.distance) {
+                lobes[search.lobes].add(search.axis, (spread * share).hypot(size));
+            }
+        }
     }
 
-    /// Adds the lobes of one face between a vertex and a light.
+    /// Adds the lobes of one face between the vertices and a light.
     fn add_lobes_of_side(
         &self,
-        i: usize,
         (light, body, side): (&SmallLight, &Refractor, &Side),
-        is_lit_from: &impl Fn(Vec3) -> bool,
-        found: &mut LightLobes,
-        w: &Workspace,
+        receivers: Receivers<'_>,
+        lobes: &mut [LightLobes],
     ) {
-        let p = get(&w.wave.vertices.p, i);
-        let to_light = direction(light, p);
-        let is_within = side.normal.dot(to_light) > 0.0;
-        if !is_within && body.medium != 0 {
-            return;
+        let first = |(k, found): (usize, &LightLobes)| {
+            if body.medium != 0 && !found.interior.contains(body.medium) {
+                return None;
+            }
+            let i = found.vertex as usize;
+            let (p, to_light) = (receivers.p(i), direction(light, receivers.p(i)));
+            let is_within = side.normal.dot(to_light) > 0.0;
+            if !is_within && body.medium != 0 {
+                return None;
+            }
+            let axis = refract(to_light, side.normal, ratio(body, is_within))?;
+            let is_possible = is_hit(&body.bounds, p, axis);
+            is_possible.then_some(Search { lobes: k, vertex: i, axis, face: None })
+        };
+        let mut searches: Vec<Search> = lobes.iter().enumerate().filter_map(first).collect();
+        let mut found = Vec::new();
+        for _ in 0..STEPS {
+            searches.retain(|search| receivers.is_lit(search.vertex, search.axis));
+            let faces = self.faces_towards(&searches, receivers);
+            let mut continued = Vec::new();
+            for (search, face) in searches.drain(..).zip(faces) {
+                let is_within = side.normal.dot(direction(light, receivers.p(search.vertex))) > 0.0;
+                let fits = |face: &Face| face.is_back == is_within && face.is_sheet == (body.medium == 0);
+                let Some(face) = face.filter(fits) else { continue };
+                let next = refract(direction(light, face.p), face.normal, ratio(body, is_within));
+                let Some(next) = next.filter(|_| face.normal.dot(side.normal).abs() > 0.0) else {
+                    found.push(search);
+                    continue;
+                };
+                let has_converged = (next - search.axis).length_squared() < 1e-8;
+                let search = Search { axis: next, face: Some(face), ..search };
+                if has_converged { found.push(search) } else { continued.push(search) }
+            }
+            searches = continued;
         }
-        let ratio = if is_within { 1.0 / body.ior } else { body.ior };
-        let Some(mut axis) = refract(to_light, side.normal, ratio) else { return };
-        let mut last = None;
-        for step in 0..3 {
-            if !is_lit_from(axis) || step == 0 && !is_hit(&body.bounds, p, axis) {
-                return;
-            }
-            let Some(face) = self.face_towards(i, axis, w) else { return };
-            if face.is_back != is_within || face.is_sheet != (body.medium == 0) {
-                return;
-            }
-            let to_light = direction(light, face.p);
-            let next = refract(to_light, face.normal, ratio);
-            let Some(next) = next.filter(|_| face.normal.dot(side.normal).abs() > 0.0) else { break };
-            let has_converged = (next - axis).length_squared() < 1e-8;
-            (axis, last) = (next, Some(face));
-            if has_converged {
-                break;
-            }
-        }
-        let Some(face) = last.filter(|_| is_lit_from(axis)) else { return };
-        let Some((share, size)) = angular_scale(light, p, face.distance) else { return };
-        let bend = (1.0 - ratio).abs();
-        let narrow = (bend * face.alpha * share).hypot(size * ratio.min(1.0));
-        if face.alpha > 0.0 || size > 0.0 {
-            found.add(axis, narrow);
-            let wide = bend * side.spread * share;
-            if wide > narrow {
-                found.add(refract(direction(light, face.p), side.normal, ratio).unwrap_or(axis), wide);
-            }
+        found.extend(searches);
+        for search in found {
+            add_lobes_of_face(&search, (light, body, side), receivers, &mut lobes[search.lobes]);
         }
     }
 
-    /// The first hit of a ray from vertex `i`, if it is a refractive face.
-    fn face_towards(&self, i: usize, d: Vec3, w: &Workspace) -> Option<Face> {
-        let v = &w.wave.vertices;
-        let (p, ng) = (get(&v.p, i), get(&v.ng, i));
-        let side = if d.dot(ng) < 0.0 { -1.0 } else { 1.0 };
-        let ray = Ray {
-            origin_primitive: v.origin_primitives[i],
-            ..Ray::new(offset_along(p, ng * side, v.offset[i]), d)
+    /// The first hits of the rays of searches, where they are refractive faces.
+    fn faces_towards(&self, searches: &[Search], receivers: Receivers<'_>) -> Vec<Option<Face>> {
+        if searches.is_empty() {
+            return Vec::new();
+        }
+        let v = receivers.vertices;
+        let ray = |&Search { vertex: i, axis, .. }: &Search| {
+            let ng = get(&v.ng, i);
+            let side = if axis.dot(ng) < 0.0 { -1.0 } else { 1.0 };
+            let origin = offset_along(receivers.p(i), ng * side, v.offset[i]);
+            Ray { origin_primitive: v.origin_primitives[i], ..Ray::new(origin, axis) }
         };
-        let hit = self.scene.accel.closest_one(&ray);
+        let rays: Vec<Ray> = searches.iter().map(ray).collect();
+        let mut hits = vec![Hit::MISS; rays.len()];
+        self.scene.accel.closest(&rays, &mut hits);
+        rays.iter().zip(hits).map(|(ray, hit)| self.refractive_face(ray, hit)).collect()
+    }
+
+    /// The face at a hit; `None` if it is not refractive.
+    fn refractive_face(&self, ray: &Ray, hit: Hit) -> Option<Face> {
         if !hit.is_hit() {
             return None;
         }
         let index = self.scene.geometries.material(&hit);
         let material = &self.scene.materials[index as usize];
         let (ior, alpha) = material.refractor_interface()?;
-        let at = self.ray_hit_point(&ray, hit, index, 0.0);
+        let at = self.ray_hit_point(ray, hit, index, 0.0);
         let is_filtered = self.options.filter_glossy > 0.0 && material.pane_thickness <= 0.0;
         let filtered = if is_filtered { FILTERED_ALPHA } else { 0.0 };
         Some(Face {
@@ -319,6 +368,33 @@ impl Integrator<'_> {
         let pdf_solid_angle = eval.pdf_solid_angle * class.light_density(v, i);
         Some(Value { f_cos: eval.f_cos * kept, pdf_solid_angle })
     }
+}
+
+/// Adds the lobes of the face that a search found.
+fn add_lobes_of_face(
+    search: &Search,
+    (light, body, side): (&SmallLight, &Refractor, &Side),
+    receivers: Receivers<'_>,
+    lobes: &mut LightLobes,
+) {
+    let (p, axis) = (receivers.p(search.vertex), search.axis);
+    let Some(face) = search.face.filter(|_| receivers.is_lit(search.vertex, axis)) else { return };
+    let Some((share, size)) = angular_scale(light, p, face.distance) else { return };
+    let ratio = ratio(body, side.normal.dot(direction(light, p)) > 0.0);
+    let bend = (1.0 - ratio).abs();
+    let narrow = (bend * face.alpha * share).hypot(size * ratio.min(1.0));
+    if face.alpha > 0.0 || size > 0.0 {
+        lobes.add(axis, narrow);
+        let wide = bend * side.spread * share;
+        if wide > narrow {
+            lobes.add(refract(direction(light, face.p), side.normal, ratio).unwrap_or(axis), wide);
+        }
+    }
+}
+
+/// Index of refraction on the light's side of a face over that on the vertex's; `is_within`: the vertex is on the body's side.
+fn ratio(body: &Refractor, is_within: bool) -> f32 {
+    if is_within { 1.0 / body.ior } else { body.ior }
 }
 
 /// Unit direction from `p` to the center of a light.
