@@ -265,9 +265,12 @@ impl Integrator<'_> {
     ) -> (HitResponse, f32) {
         let mut transmittance = 1.0;
         let is_present = |opacity: f32| {
-            // Opaque by chance instead of a tiny transmittance, so that rays don't pass many surfaces in vain.
             let clear = 1.0 - opacity;
-            transmittance = if clear > 0.0 { clear.max(MIN_TRANSMITTANCE) } else { 1.0 };
+            // Opaque by chance: instead of a tiny transmittance, so that rays don't pass many surfaces in vain, and where only some kinds
+            // of rays see the surface.
+            let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
+            let is_chance = clear <= 0.0 || material.surface_visibility.is_some();
+            transmittance = if is_chance { 1.0 } else { clear.max(MIN_TRANSMITTANCE) };
             let probability = clear / transmittance;
             probability < 1.0
                 && RandomChoice::ShadowAlpha { surface }.uniform(&paths.state, i, bounce) >= probability
