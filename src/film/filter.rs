@@ -105,6 +105,28 @@ impl FilterSampler {
             0.0
         }
     }
+
+    /// Chooses one of the pixels along an axis whose filter covers a film point, with probabilities proportional to their filter
+    /// values, by a number `u` in 0..1. Returns the pixel and the sum of these values, its weight: so its expected share is the
+    /// filter's value.
+    #[inline]
+    pub fn choose_pixel(&self, at: f32, u: f32) -> (f32, f32) {
+        let pixels = |first: f32| {
+            (0..4).map(move |k| first + k as f32).map(|pixel| (pixel, self.value(at - (pixel + 0.5))))
+        };
+        let first = (at - 0.5 - self.radius).ceil();
+        let sum = pixels(first).map(|(_, value)| value).sum::<f32>();
+        let mut left = u * sum;
+        let mut chosen = first;
+        for (pixel, value) in pixels(first).filter(|(_, value)| *value > 0.0) {
+            chosen = pixel;
+            left -= value;
+            if left < 0.0 {
+                break;
+            }
+        }
+        (chosen, sum)
+    }
 }
 
 /// Cells per unit of probability in a range.
@@ -176,6 +198,28 @@ mod tests {
             let x = f64::from(i) / 1000.0;
             assert!((cosine(9.5 * x) - (9.5 * x).cos()).abs() < 1e-11);
             assert!((exp_of_negative(4.5 * x) - (-4.5 * x).exp()).abs() < 1e-15);
+        }
+    }
+
+    #[test]
+    fn chosen_pixels_share_a_point_by_their_filter_values() {
+        for filter in FILTERS {
+            let sampler = FilterSampler::new(filter);
+            for at in [7.03f32, 7.25, 7.5, 7.71, 7.999] {
+                let n = 1 << 16;
+                let mut shares = [0.0f64; 16];
+                for i in 0..n {
+                    let (pixel, weight) = sampler.choose_pixel(at, (i as f32 + 0.5) / n as f32);
+                    shares[pixel as usize] += f64::from(weight) / f64::from(n);
+                }
+                for (pixel, share) in shares.into_iter().enumerate() {
+                    let expected = f64::from(sampler.value(at - (pixel as f32 + 0.5)));
+                    assert!(
+                        (share - expected).abs() < 1e-4,
+                        "{filter:?} at {at}: pixel {pixel} has {share}, not {expected}"
+                    );
+                }
+            }
         }
     }
 

@@ -105,6 +105,8 @@ pub struct IntegratorOptions<'a> {
     pub keeps_plain: bool,
     /// Light tracing of caustics, if any.
     pub caustics: Option<&'a CausticPlan>,
+    /// Connections of light paths contribute to a single pixel each, drawn by the filter, instead of to all pixels that it covers.
+    pub single_pixel_splats: bool,
     /// Path guide, if any.
     pub guide: Option<&'a Guide>,
     /// Learned weights of light selection, if any.

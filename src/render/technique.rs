@@ -157,6 +157,7 @@ pub(super) fn plain_paths<'a>(
         branches: 1,
         keeps_plain: false,
         caustics: None,
+        single_pixel_splats: options.halves,
         guide: None,
         light_visibility: None,
         records_light_probes: false,

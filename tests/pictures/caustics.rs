@@ -11,7 +11,7 @@ use oscura::math::DVec3;
 use oscura::output::part::Region;
 use oscura::render::{Caustics, Labels, PathReuse, RenderOptions, Rendering, Splitting};
 use oscura::scene::{
-    Aperture, ColorSlot, FloatSlot, Light, LightKind, Material, MaterialId, Mesh, Model, PbrMaterial,
+    Aperture, ColorSlot, Filter, FloatSlot, Light, LightKind, Material, MaterialId, Mesh, Model, PbrMaterial,
     Projection, Scene, ThinLens,
 };
 use std::f64::consts::PI;
@@ -339,6 +339,29 @@ fn the_variance_has_that_of_caustics() {
     println!("told {reported:.2e}, real {real:.2e}");
     // Points are better spread than independent ones.
     assert!(reported >= 0.7 * real && reported < 10.0 * real, "{reported} {real}");
+}
+
+/// For denoisers, which mistake correlated noise for detail, the noise of pixels is independent; the means are the same.
+#[test]
+fn the_noise_of_caustics_is_independent_between_pixels_for_denoisers() {
+    let mut scene = Scene::default();
+    let clear = material(&mut scene, dielectric(1.5));
+    sphere(&mut scene, [0.0, 1.0, 0.0], 0.3, clear);
+    floor_from_above(&mut scene, DVec3::new(0.0, 0.4, 0.0), 0.3);
+    lamp(&mut scene, LightKind::Point { position: DVec3::new(0.0, 2.0, 0.0) }, 5.0);
+    let plain = options(64, 16, 4).filter(Filter::BlackmanHarris).caustics(Caustics::On);
+    let for_denoisers = plain.halves(true);
+    let correlation = |options: &RenderOptions| {
+        let [a, b] = [1, 2].map(|seed| picture(&scene, &options.seed(seed)).rgba());
+        let noise: Vec<f64> = a.iter().zip(&b).map(|(a, b)| f64::from(a[0] - b[0])).collect();
+        let rows = noise.chunks_exact(64);
+        let products: f64 = rows.map(|row| row.windows(2).map(|pair| pair[0] * pair[1]).sum::<f64>()).sum();
+        products / noise.iter().map(|v| v * v).sum::<f64>()
+    };
+    let [shared, own] = [correlation(&plain), correlation(&for_denoisers)];
+    println!("correlation of neighbours: {shared:.3}, for denoisers {own:.3}");
+    assert!(own.abs() < 0.1 && shared > 0.3, "{own} {shared}");
+    assert_same_means("one pixel a connection", &scene, [&plain, &for_denoisers], 16);
 }
 
 /// Ranges of samples and regions make the picture of a single run.

@@ -8,7 +8,7 @@ import sys
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 sys.path.insert(0, os.path.dirname(HERE))
-from shapes import Mesh, lathe, rounded_box, smooth_profile, tube  # noqa: E402
+from shapes import Mesh, grid, lathe, rounded_box, smooth_profile, tube  # noqa: E402
 
 OUT = os.path.join(HERE, "meshes")
 OUTER = [(0.0345, 0.0006), (0.0365, 0.0004), (0.0378, 0.0014), (0.0365, 0.0026), (0.022, 0.0046), (0.008, 0.0078),
@@ -98,6 +98,32 @@ def grapes(seed=4):
     return balls, stems
 
 
+def leaf(size, droop):
+    """A vine leaf in x and z, its stalk at the origin, its tip towards +z: five lobes with teeth, folded along the veins."""
+    lobes = [(0, 1.0), (52, 0.86), (-52, 0.86), (108, 0.62), (-108, 0.62)]
+    columns, rows = 240, 12
+
+    def point(u, v):
+        degrees = -168 + 336 * u
+        reach = max(length * math.exp(-((degrees - middle) / 27) ** 2) for middle, length in lobes)
+        near = min(abs(degrees - middle) for middle, _ in lobes)
+        reach = size * (0.36 + 0.64 * reach) * (1 + 0.035 * math.sin(math.radians(degrees * 22)) * v**6)
+        r, angle = reach * v, math.radians(degrees)
+        fold = 0.05 * min(near / 27, 1) * r - droop * r * r / size
+        return (r * math.sin(angle), fold + 0.04 * size * v * math.sin(5 * angle + 1), r * math.cos(angle))
+
+    return grid(columns, rows, point)
+
+
+def leaves():
+    """Two leaves on the spine of the grapes, one over them and one that hangs beside."""
+    over = leaf(0.052, 0.35).turned("x", 12).turned("y", 205).moved(0.055, 0.047, -0.006)
+    beside = leaf(0.044, 0.5).turned("z", -24).turned("y", 70).moved(0.062, 0.040, 0.012)
+    both = over.add(beside)
+    both.uvs = None
+    return both
+
+
 def table():
     """Planks with round edges."""
     planks = Mesh()
@@ -108,7 +134,7 @@ def table():
 
 def main():
     os.makedirs(OUT, exist_ok=True)
-    for make in (glass, wine, bottle, bottle_wine, label, cork, table):
+    for make in (glass, wine, bottle, bottle_wine, label, cork, table, leaves):
         make().save(os.path.join(OUT, make.__name__ + ".ply"))
     balls, stems = grapes()
     balls.save(os.path.join(OUT, "grapes.ply"))

@@ -20,7 +20,7 @@ use crate::integrator::workspace::Workspace;
 use crate::integrator::{Integrator, Purpose};
 use crate::light::EmittedRay;
 use crate::math::{Frame, Hit, Ray, Vec3, offset_along};
-use crate::sampling::hash::hash32;
+use crate::sampling::hash::{hash32, unit};
 use crate::sampling::sampler::{Dimensions, SobolPoint};
 use crate::sampling::warp;
 use crate::scene::RayKinds;
@@ -33,6 +33,9 @@ const STRAIGHT: f32 = 1.0 - 4e-6;
 
 /// Decorrelates light paths from camera paths.
 const LIGHT_PATH_SEED: u32 = 0x3c6e_f372;
+
+/// Decorrelates the pixels of connections from their opacity tests.
+const SPLAT_SEED: u32 = 0x5be0_cd19;
 
 impl Integrator<'_> {
     /// Traces a range of the light paths of sample index `sample`, and appends their contributions to `splats`.
@@ -665,25 +668,39 @@ impl Integrator<'_> {
         tally
     }
 
-    /// Splats a connection to the pixels whose filter covers a film point.
+    /// Splats a connection to the pixels whose filter covers a film point, or to one of them: pixels that share a light path have
+    /// correlated noise, which denoisers mistake for detail, but a pixel's own noise is lower.
     fn splat_one(&self, connection: &CameraConnection, [film_x, film_y]: [f32; 2], splats: &mut Vec<Splat>) {
         let filter = self.options.filter;
+        let (width, height) = (self.view.width, self.view.height);
+        let mut splat = |x: u32, y: u32, weight: f32| {
+            let value = connection.value * weight;
+            let of_layer = |(layer, share): (Option<usize>, Rgb)| match layer {
+                Some(layer) => SplatPart { layer: layer as u16, rgb: connection.rgb(value * share) },
+                None => SplatPart::NONE,
+            };
+            let parts = connection.parts.map(|parts| Box::new(parts.map(of_layer)));
+            splats.push(Splat { x, y, rgb: connection.rgb(value), parts });
+        };
+        if self.options.single_pixel_splats {
+            let hash = hash32(connection.salt ^ SPLAT_SEED);
+            let (x, of_column) = filter.choose_pixel(film_x, unit(hash));
+            let (y, of_row) = filter.choose_pixel(film_y, unit(hash32(hash)));
+            if x >= 0.0 && y >= 0.0 && x < width as f32 && y < height as f32 {
+                splat(x as u32, y as u32, of_row * of_column);
+            }
+            return;
+        }
         let range = |at: f32, size: u32| {
             let (first, last) = ((at - 0.5 - filter.radius()).ceil(), (at - 0.5 + filter.radius()).floor());
             (first.max(0.0) as u32)..((last + 1.0).clamp(0.0, size as f32) as u32)
         };
-        for y in range(film_y, self.view.height) {
+        for y in range(film_y, height) {
             let of_row = filter.value(film_y - (y as f32 + 0.5));
-            for x in range(film_x, self.view.width) {
+            for x in range(film_x, width) {
                 let weight = of_row * filter.value(film_x - (x as f32 + 0.5));
                 if weight > 0.0 {
-                    let value = connection.value * weight;
-                    let of_layer = |(layer, share): (Option<usize>, Rgb)| match layer {
-                        Some(layer) => SplatPart { layer: layer as u16, rgb: connection.rgb(value * share) },
-                        None => SplatPart::NONE,
-                    };
-                    let parts = connection.parts.map(|parts| Box::new(parts.map(of_layer)));
-                    splats.push(Splat { x, y, rgb: connection.rgb(value), parts });
+                    splat(x, y, weight);
                 }
             }
         }
