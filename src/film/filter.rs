@@ -204,7 +204,7 @@ mod tests {
     #[test]
     fn chosen_pixels_share_a_point_by_their_filter_values() {
         for filter in FILTERS {
-            let sampler = FilterSampler::new(filter);
+            let sampler = FilterSampler::new(filter, 0.0);
             for at in [7.03f32, 7.25, 7.5, 7.71, 7.999] {
                 let n = 1 << 16;
                 let mut shares = [0.0f64; 16];

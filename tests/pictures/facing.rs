@@ -231,7 +231,7 @@ fn shining_tables_light_rooms() {
     let truth: f64 =
         (0..16u32).map(|seed| crate::support::mean(&picture(&even, &options.seed(seed + 100)))).sum::<f64>()
             / 16.0;
-    let (mean, error) = crate::support::measure(&nearly, &options);
+    let (mean, error) = measure(&nearly, &options);
     println!("a lamp by a table: {mean:.5} +- {error:.5}, by light sampling {truth:.5}");
     assert!(error < 5e-3 * truth && (mean - truth).abs() < 4.5 * error * 1.2, "{mean} +- {error}, {truth}");
 }
