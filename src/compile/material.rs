@@ -264,9 +264,8 @@ impl CompiledMaterial {
             && (has_texture(&model, |id| textures.spectrum(id).is_some()) || program.depends_on_wavelength());
         let coat = model.pbr().and_then(|pbr| pbr.clearcoat);
         let coat_normal_map = effective_map(coat.and_then(|c| c.normal_map), textures);
-        // Coat and base have different normals if either has a map.
         let is_mapped = normal_map.is_some() || normal.is_some();
-        let maps_coat = coat.is_some() && (is_mapped || coat_normal_map.is_some());
+        let maps_coat = coat.is_some() && (is_mapped || coat_normal_map.is_some()); // their normals differ
         let uses_frame = is_anisotropic(&model) || maps_coat;
         let has_texture_outside_bsdf =
             emission.is_some_and(|e| e.radiance.texture.is_some()) || alpha.is_some_and(|a| a.is_textured());

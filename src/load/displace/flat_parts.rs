@@ -1,13 +1,11 @@
 //! Parts of flat meshes that stay flat where other parts get the normals of their vertices.
 
-use super::face_normals;
 use crate::math::Vec3;
 use crate::scene::Mesh;
 
 /// Gives a flat mesh normals: those of vertices, and in some parts those of faces, with own vertices for each corner, so that all keys
 /// of a deforming mesh have the same vertices.
-pub(super) fn split(mesh: &mut Mesh, stays_flat: &[bool], vertex_normals: &mut Vec<Vec3>) {
-    let faces: Vec<Vec3> = face_normals(mesh).collect();
+pub(super) fn split(mesh: &mut Mesh, faces: &[Vec3], stays_flat: &[bool], vertex_normals: &mut Vec<Vec3>) {
     mesh.normals = vertex_normals.iter().map(|normal| normal.to_array()).collect();
     for (part, _) in mesh.parts.clone().iter().zip(stays_flat).filter(|&(_, is_flat)| *is_flat) {
         let first = part.first_triangle as usize;

@@ -174,7 +174,8 @@ fn displace_vertices(mut mesh: Mesh, parts: &Parts, displacers: &Displacers, obj
     if mesh.normals.is_empty() && shading.contains(&Some(Shading::Kept)) {
         let stays_flat = |shading: &Option<Shading>| matches!(shading, None | Some(Shading::AsBefore));
         let stays_flat: Vec<bool> = shading.iter().map(stays_flat).collect();
-        flat_parts::split(&mut mesh, &stays_flat, &mut directions);
+        let faces: Vec<Vec3> = face_normals(&mesh).collect();
+        flat_parts::split(&mut mesh, &faces, &stays_flat, &mut directions);
     }
     let mut sums: HashMap<[Key; 2], (Vec3, f32)> = HashMap::new();
     let place = |vertex: usize| [key(mesh.positions[vertex]), key(directions[vertex].to_array())];
