@@ -6,7 +6,7 @@ use super::{
 };
 use crate::color::Rgb;
 use crate::math::Vec3;
-use crate::scene::{ColorSlot, FresnelModel};
+use crate::scene::{ColorSlot, FloatSlot, FresnelModel, PbrMaterial};
 
 /// The interface of a smooth solid dielectric; z > 0 is the outside.
 #[derive(Clone, Copy, Debug)]
@@ -203,6 +203,8 @@ impl Transmissive for ThinDielectric {
 pub struct DielectricProgram {
     /// See [`Dielectric::ior`].
     pub ior: f32,
+    /// That index where it varies over the surface.
+    pub varying_ior: Option<FloatSlot>,
     /// See [`Dielectric::refraction`].
     pub refraction: Refraction,
     /// See [`Dielectric::tint`].
@@ -219,7 +221,8 @@ impl DielectricProgram {
     /// A solid GGX dielectric with the tint applied at each crossing.
     pub(super) fn new(ior: f32, tint: ColorSlot, fresnel: FresnelModel) -> DielectricProgram {
         let refraction = Refraction::Scales;
-        DielectricProgram { ior, refraction, tint, tints_once: false, fresnel, is_beckmann: false }
+        let (tints_once, is_beckmann) = (false, false);
+        DielectricProgram { ior, varying_ior: None, refraction, tint, tints_once, fresnel, is_beckmann }
     }
 }
 
@@ -229,14 +232,20 @@ impl MaterialProgram for DielectricProgram {
     #[inline]
     fn evaluate(&self, slots: &impl Slots, _frame: &LocalFrame) -> Dielectric {
         let tint = tint_of_crossing(slots.clamped_color(&self.tint), self.tints_once);
-        let (ior, refraction, fresnel, is_beckmann) =
-            (self.ior, self.refraction, self.fresnel, self.is_beckmann);
+        let ior = ior_at(self.ior, self.varying_ior.as_ref(), slots);
+        let (refraction, fresnel, is_beckmann) = (self.refraction, self.fresnel, self.is_beckmann);
         Dielectric { ior, refraction, tint, fresnel, is_beckmann }
     }
 
     fn is_smooth_glass(&self) -> bool {
         true
     }
+}
+
+/// The index of refraction at a point.
+#[inline(always)]
+pub(super) fn ior_at(ior: f32, varying: Option<&FloatSlot>, slots: &impl Slots) -> f32 {
+    varying.map_or(ior, |slot| slots.number(slot).max(PbrMaterial::MIN_GLASS_IOR))
 }
 
 /// The parameters of a [`ThinDielectric`].

@@ -393,7 +393,7 @@ impl BsdfProgram {
 
     /// The program of pure glass.
     fn of_glass(pbr: &PbrMaterial, energy_compensation: EnergyCompensation) -> BsdfProgram {
-        let (ior, tint, tints_once) = (pbr.ior, pbr.base_color, pbr.tints_once);
+        let (ior, varying_ior, tint, tints_once) = (pbr.ior, pbr.varying_ior, pbr.base_color, pbr.tints_once);
         let (walls, refraction, is_beckmann) =
             (layered::walls(pbr), layered::refraction(pbr), pbr.is_beckmann);
         let (reflection, is_white) = (pbr.glass_reflection, pbr.glass_reflection == GlassReflection::White);
@@ -402,6 +402,7 @@ impl BsdfProgram {
             return RoughDielectricProgram {
                 facets,
                 ior,
+                varying_ior,
                 walls,
                 refraction,
                 tint,
@@ -415,7 +416,8 @@ impl BsdfProgram {
         match walls {
             Walls::Solid => {
                 let fresnel = FresnelModel::Exact;
-                DielectricProgram { ior, refraction, tint, tints_once, fresnel, is_beckmann }.into()
+                DielectricProgram { ior, varying_ior, refraction, tint, tints_once, fresnel, is_beckmann }
+                    .into()
             }
             Walls::Thin => ThinDielectricProgram { ior, tint }.into(),
         }

@@ -1,6 +1,6 @@
 //! Glass of any roughness, solid or thin-walled.
 
-use super::dielectric::{SmoothInterface, tint_of_crossing};
+use super::dielectric::{SmoothInterface, ior_at, tint_of_crossing};
 use super::microsurface::{Facets, Microsurface, MicrosurfaceProgram, beckmann_lambda, beckmann_over_ggx};
 use super::{
     Appearance, BsdfEval, BsdfSample, Lobe, LocalFrame, MaterialProgram, Refraction, Slots, Transmissive,
@@ -211,6 +211,8 @@ pub struct RoughDielectricProgram {
     pub facets: MicrosurfaceProgram,
     /// See [`RoughDielectric::ior`].
     pub ior: f32,
+    /// That index where it varies over the surface.
+    pub varying_ior: Option<FloatSlot>,
     /// See [`RoughDielectric::walls`].
     pub walls: Walls,
     /// See [`RoughDielectric::refraction`].
@@ -238,6 +240,7 @@ impl RoughDielectricProgram {
         RoughDielectricProgram {
             facets: MicrosurfaceProgram { roughness, anisotropy: None },
             ior,
+            varying_ior: None,
             walls: Walls::Solid,
             refraction: Refraction::Scales,
             tint,
@@ -256,7 +259,7 @@ impl MaterialProgram for RoughDielectricProgram {
     fn evaluate(&self, slots: &impl Slots, frame: &LocalFrame) -> RoughDielectric {
         RoughDielectric {
             surface: self.facets.evaluate(slots, frame),
-            ior: self.ior,
+            ior: ior_at(self.ior, self.varying_ior.as_ref(), slots),
             walls: self.walls,
             refraction: self.refraction,
             tint: tint_of_crossing(slots.clamped_color(&self.tint), self.tints_once),

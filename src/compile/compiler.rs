@@ -340,7 +340,7 @@ fn features(
     media: &[Medium],
 ) -> Features {
     let is_foggy = media.first().is_some_and(|m| m.scattering.is_some());
-    let boundaries = materials.iter().any(|m| m.is_boundary && m.medium_index != 0);
+    let boundaries = materials.iter().any(|m| m.bounds_medium);
     let mapped_normals = materials.iter().any(|m| m.normal_map.is_some() || m.normal.is_some());
     Features {
         alpha: materials.iter().any(CompiledMaterial::may_be_absent),

@@ -39,6 +39,8 @@ pub struct CompiledMaterial {
     pub pane_thickness: f32,
     /// Index-matched interface: it only bounds a medium.
     pub is_boundary: bool,
+    /// Rays that pass the surface unscattered enter or leave its medium.
+    pub bounds_medium: bool,
     /// The medium inside its solids; `None` for opaque and thin-walled materials.
     pub medium: Option<Medium>,
     /// Index of that medium in [`super::CompiledScene::media`]; 0 for none.
@@ -262,9 +264,8 @@ impl CompiledMaterial {
             && (has_texture(&model, |id| textures.spectrum(id).is_some()) || program.depends_on_wavelength());
         let coat = model.pbr().and_then(|pbr| pbr.clearcoat);
         let coat_normal_map = effective_map(coat.and_then(|c| c.normal_map), textures);
-        // Coat and base have different normals if either has a map.
         let is_mapped = normal_map.is_some() || normal.is_some();
-        let maps_coat = coat.is_some() && (is_mapped || coat_normal_map.is_some());
+        let maps_coat = coat.is_some() && (is_mapped || coat_normal_map.is_some()); // their normals differ
         let uses_frame = is_anisotropic(&model) || maps_coat;
         let has_texture_outside_bsdf =
             emission.is_some_and(|e| e.radiance.texture.is_some()) || alpha.is_some_and(|a| a.is_textured());
@@ -285,6 +286,7 @@ impl CompiledMaterial {
             is_single_sided,
             medium: medium_of(material, &model, class, shading),
             is_boundary: matches!(model, Model::Boundary {}),
+            bounds_medium: false,
             medium_index: 0,
             normal_map,
             normal,
@@ -500,6 +502,13 @@ impl CompiledMaterial {
     #[inline(always)]
     pub fn is_transparent(&self) -> bool {
         self.alpha.is_some() && !self.is_boundary
+    }
+
+    /// Do rays enter a medium inside its solids where they pass the surface by its alpha?
+    pub(super) fn can_be_passed_into(&self, medium: &Medium) -> bool {
+        let is_subsurface = medium.scattering.as_ref().is_some_and(|s| s.is_subsurface);
+        let is_passed_by_alpha_only = !self.is_single_sided && self.surface_visibility.is_none();
+        self.is_transparent() && is_passed_by_alpha_only && medium.does_anything() && !is_subsurface
     }
 
     /// Is it smooth glass for all texture values?

@@ -65,6 +65,7 @@ pub(super) fn number(
                     }
                     scattering.counts = material.is_boundary;
                 }
+                material.bounds_medium = material.is_boundary || material.can_be_passed_into(&medium);
                 media.push(medium);
             }
             Err(_) => left_out += 1,
@@ -288,6 +289,7 @@ fn exterior(fog: Option<&Fog>, anchor: DVec3, is_spectral: bool) -> Medium {
         anisotropy: fog.medium.anisotropy,
         density: fog_density(fog, anchor),
         counts: true,
+        is_subsurface: false,
         is_enclosed: false,
         spectra: if is_spectral {
             ScatteringSpectra::of(&fog.medium, None, false).map(Arc::new)

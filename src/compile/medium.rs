@@ -59,7 +59,11 @@ impl Medium {
         let Some(filling) = filling else { return Some(medium) };
         let extinction = Rgb::from_array(filling.extinction);
         Some(match Scattering::of(filling, medium.absorption) {
-            Some(scattering) => Medium { absorption: None, scattering: Some(scattering), ..medium },
+            Some(scattering) => {
+                let is_subsurface = model.pbr().is_some_and(is_subsurface);
+                let scattering = Some(Scattering { is_subsurface, ..scattering });
+                Medium { absorption: None, scattering, ..medium }
+            }
             None if extinction.max_element() > 0.0 => {
                 let absorption = Some(medium.absorption.unwrap_or(Rgb::ZERO) + extinction);
                 Medium { absorption, ..medium }
@@ -207,6 +211,12 @@ pub(super) fn is_transmissive_interface(pbr: &PbrMaterial) -> bool {
     pbr.transmission.factor > 0.0 || pbr.diffuse_transmission.is_some()
 }
 
+/// Does the medium stand for subsurface scattering, instead of filling a solid that refracts?
+fn is_subsurface(pbr: &PbrMaterial) -> bool {
+    pbr.transmission.factor <= 0.0
+        || pbr.diffuse_transmission.is_some_and(|through| through.subsurface.is_some())
+}
+
 /// A medium that scatters or emits.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scattering {
@@ -222,6 +232,8 @@ pub struct Scattering {
     pub density: Density,
     /// Scattering counts as bounces; false for subsurface scattering.
     pub counts: bool,
+    /// Subsurface scattering: a part of the surface's reflection, with a limit of its own.
+    pub is_subsurface: bool,
     /// Shadow rays never reach lights outside: surfaces that scatter or refract enclose the medium.
     pub is_enclosed: bool,
     /// Spectral coefficients, in spectral rendering of coloured media.
@@ -319,6 +331,7 @@ impl Scattering {
             anisotropy: medium.anisotropy,
             density: Density::Homogeneous,
             counts: true,
+            is_subsurface: false,
             is_enclosed: false,
             spectra: None,
         })
@@ -509,6 +522,7 @@ mod tests {
             anisotropy: 0.0,
             density,
             counts: true,
+            is_subsurface: false,
             is_enclosed: false,
             spectra: None,
         }

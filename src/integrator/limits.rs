@@ -15,7 +15,8 @@ use super::shading_groups::{ShadingGroup, ShadingGroupCounts, SortedVertices};
 use super::wave::{Paths, set_rgb};
 use super::workspace::Workspace;
 use crate::color::Rgb;
-use crate::scene::RayKinds;
+use crate::compile::Scattering;
+use crate::scene::{BounceLimits, RayKinds};
 
 impl Integrator<'_> {
     /// Ends paths that have reached a limit, and recounts the hits of each shading group.
@@ -44,7 +45,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// Counts the scattered rays of all sorted vertices by kind, except those within solids that scatter light.
+    /// Counts the scattered rays of all sorted vertices by kind, except those of random walks within solids.
     pub(super) fn count_bounces_by_kind(&self, sorted: &SortedVertices, w: &mut Workspace) {
         let paths = &mut w.wave.paths;
         for i in sorted.all() {
@@ -54,13 +55,32 @@ impl Integrator<'_> {
         }
     }
 
-    /// Is path `i` on a random walk within a solid?
+    /// Is path `i` on a random walk within a solid, whose scattering events aren't counted?
     fn is_in_walk(&self, i: usize, paths: &Paths) -> bool {
         if !self.optional.interior {
             return false;
         }
         let medium = &self.scene.media[usize::from(paths.interior[i].medium())];
-        medium.scattering.as_ref().is_some_and(|s| !s.counts)
+        medium.scattering.as_ref().is_some_and(|s| !s.counts && !self.limits_scattering_in(s))
+    }
+
+    /// Does the limit of scattering in media apply to the medium of a solid with a surface? Not to subsurface scattering.
+    pub(super) fn limits_scattering_in(&self, scattering: &Scattering) -> bool {
+        !scattering.is_subsurface && self.options.bounces.volume != BounceLimits::NONE.volume
+    }
+
+    /// Counts a scattering event of a random walk of path `i`; false if the path has reached a limit before.
+    pub(super) fn counts_step(&self, scattering: &Scattering, i: usize, paths: &mut Paths) -> bool {
+        if !self.limits_scattering_in(scattering) {
+            return true;
+        }
+        if self.optional.depth {
+            paths.depth[i] += 1;
+        }
+        let counts = &mut paths.bounce_counts[i];
+        let is_at_limit = counts.reach(&self.options.bounces);
+        counts.count(RayKinds::VOLUME);
+        !is_at_limit
     }
 }
 

@@ -87,6 +87,11 @@ impl Integrator<'_> {
         let (segment, ray, path) = (w.medium_segments[i], w.rays[i], &mut w.arriving.state);
         let wavelengths = w.times.wavelengths(path.radiance_index[i]);
         let Some(medium) = &self.scene.media[usize::from(segment.medium)].scattering else { return false };
+        if !self.counts_step(medium, i, &mut w.arriving) {
+            end_walk(i, w);
+            return false;
+        }
+        let path = &mut w.arriving.state;
         let medium = &*medium.at_wavelengths(wavelengths);
         let key = RandomChoice::RandomWalk.hash(path, i, bounce);
         let mut random = SplitMix64::new(u64::from(key) << u32::BITS | u64::from(step));

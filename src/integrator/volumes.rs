@@ -368,7 +368,7 @@ impl Integrator<'_> {
         /// Maximum relative distance, by rounding, between hits of two triangles at their common edge.
         const ROUNDING: f32 = 4.0 * f32::EPSILON;
         let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
-        if !material.is_boundary || material.medium_index == 0 {
+        if !material.bounds_medium {
             return None;
         }
         let own = material.medium_index;

@@ -334,7 +334,7 @@ pub struct MetalRoughMaterials {
     pub metallic: Lanes,
     /// Amplitude of the layer's Fresnel curve, with exact Fresnel only.
     pub curve: Lanes,
-    /// 1 with energy compensation, else 0.
+    /// 0 without energy compensation, 1 with, 2 if the layer also shields the base.
     pub compensates: Lanes,
     /// GGX alpha.
     pub alpha: Lanes,

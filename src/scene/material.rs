@@ -528,6 +528,8 @@ pub struct PbrMaterial {
     /// Index of refraction relative to the outside (KHR_materials_ior), by default 1.5; below 1 for bubbles, and 0 for total
     /// reflection.
     pub ior: f32,
+    /// The index of pure glass where it varies over the surface, in place of `ior`, which then is that of the solid among others.
+    pub varying_ior: Option<FloatSlot>,
     /// Strength of the dielectric reflection (KHR_materials_specular).
     pub specular: FloatSlot,
     /// Colour of the dielectric reflection at normal incidence.
@@ -546,6 +548,8 @@ pub struct PbrMaterial {
     pub keeps_radiance: bool,
     /// Colour of the reflection of the transmissive interface.
     pub glass_reflection: GlassReflection,
+    /// The base receives what the reflection would leave if its facets lost no energy, as in Cycles.
+    pub shields_base: bool,
     /// Energy compensation; `None` for the render setting.
     pub energy_compensation: Option<EnergyCompensation>,
     /// Transmission has the Beckmann distribution without energy compensation, instead of GGX.
@@ -660,6 +664,11 @@ pub enum SubsurfaceEntry {
     },
 }
 
+impl PbrMaterial {
+    /// Minimum index of refraction of glass: it transmits only within a thousandth of a radian of the normal.
+    pub const MIN_GLASS_IOR: f32 = 1e-3;
+}
+
 impl Default for PbrMaterial {
     fn default() -> PbrMaterial {
         PbrMaterial {
@@ -668,6 +677,7 @@ impl Default for PbrMaterial {
             roughness: FloatSlot::constant(1.0),
             diffuse_roughness: FloatSlot::constant(0.0),
             ior: 1.5,
+            varying_ior: None,
             specular: FloatSlot::constant(1.0),
             specular_color: ColorSlot::constant([1.0; 3]),
             reflects_evenly: false,
@@ -676,6 +686,7 @@ impl Default for PbrMaterial {
             tints_once: false,
             keeps_radiance: false,
             glass_reflection: GlassReflection::White,
+            shields_base: false,
             energy_compensation: None,
             is_beckmann: false,
             attenuation_color: [1.0; 3],
@@ -693,8 +704,8 @@ impl Default for PbrMaterial {
 parameters_of_fields! {
     MixComponent { weight, material }
     PbrMaterial {
-        base_color, metallic, roughness, diffuse_roughness, ior, specular, specular_color, reflects_evenly, transmission,
-        has_volume, tints_once, keeps_radiance, glass_reflection, energy_compensation, is_beckmann, attenuation_color, attenuation_distance, dispersion, clearcoat,
+        base_color, metallic, roughness, diffuse_roughness, ior, varying_ior, specular, specular_color, reflects_evenly, transmission,
+        has_volume, tints_once, keeps_radiance, glass_reflection, shields_base, energy_compensation, is_beckmann, attenuation_color, attenuation_distance, dispersion, clearcoat,
         sheen, anisotropy, iridescence, diffuse_transmission,
     }
     Clearcoat { factor, roughness, normal_map }

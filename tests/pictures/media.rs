@@ -294,6 +294,40 @@ fn plates_of_skin_let_through_what_they_do_in_cycles() {
     }
 }
 
+/// A white furnace seen through a ball of radius 1 of glass that refracts nothing, with a medium of density 0.5 inside.
+fn through_filled_glass(alpha: f32, color: f32, render: &str) -> f64 {
+    let text = format!(
+        "[render]\n{render}\n[camera]\nlook_from = [0, 0, 5]\nlook_at = [0, 0, 0]\nvfov = 0.1\n\
+         [environment]\nbackground = 1\n[materials.m]\ntype = \"nodes\"\nsurface = \"p\"\nvolume = true\n\
+         medium = {{ density = 0.5, color = {color} }}\n[materials.m.nodes.p]\ntype = \"principled_bsdf\"\n\
+         base_color = 1\nroughness = 0\nior = 1\ntransmission_weight = 1\nalpha = {alpha}\n[[objects]]\n\
+         sphere = {{ center = [0, 0, 0], radius = 1 }}\nmaterial = \"m\"\n"
+    );
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("scene.toml");
+    std::fs::write(&path, text).expect("written");
+    let scene = oscura::load::load(&path, &Default::default()).unwrap_or_else(|e| panic!("{e}")).scene;
+    crate::support::mean(&picture(&scene, &options(16, 256, 64)))
+}
+
+/// Rays that pass a surface by its alpha enter and leave its medium, like those that it refracts.
+#[test]
+fn media_are_entered_where_surfaces_are_transparent() {
+    for alpha in [0.0, 0.4, 1.0] {
+        let absorbed = through_filled_glass(alpha, 0.0, "");
+        assert!((absorbed - (-1.0f64).exp()).abs() < 4e-3, "alpha {alpha}: {absorbed}");
+        let scattered = through_filled_glass(alpha, 1.0, "");
+        assert!((scattered - 1.0).abs() < 1e-2, "alpha {alpha}: {scattered}");
+    }
+}
+
+/// Light that is scattered within glass ends at its surface if it may be scattered once: what passes unscattered is left.
+#[test]
+fn scattering_within_glass_is_limited_like_that_of_other_media() {
+    let limited = through_filled_glass(1.0, 1.0, "bounces = { volume = 1 }");
+    assert!((limited - (-1.0f64).exp()).abs() < 4e-3, "{limited}");
+}
+
 /// One scattering of the light of a point lamp, by quadrature along the ray.
 #[test]
 fn single_scattering_agrees_with_quadrature() {

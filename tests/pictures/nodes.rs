@@ -319,6 +319,28 @@ fn in_white_light_by(shader: &str, height: f64, fresnel: &str) -> f64 {
     crate::support::mean(&picture(&scene, &options(16, 256, 64)))
 }
 
+/// The reflectance of glass whose index of refraction a node graph gives: 1 + 0.5 z, in the middle of a ball of radius 1.
+#[test]
+fn indices_of_refraction_may_vary() {
+    for roughness in [0.0, 0.05] {
+        let text = format!(
+            "[camera]\nlook_from = [0, 0, 5]\nlook_at = [0, 0, 0]\ntype = \"orthographic\"\nview_height = 0.01\n\
+             [environment]\nbackground = 1\n[materials.shown]\ntype = \"nodes\"\nsurface = \"glass\"\nvolume = true\n\
+             medium = {{ density = 1000, color = 0 }}\n[materials.shown.nodes]\nplace = {{ type = \"geometry\" }}\n\
+             parts = {{ type = \"separate_xyz\", vector = \"place.position\" }}\n\
+             index = {{ type = \"math\", operation = \"multiply_add\", a = \"parts.z\", b = 0.5, c = 1 }}\n\
+             glass = {{ type = \"glass_bsdf\", color = 1, roughness = {roughness}, ior = \"index.value\" }}\n\
+             [[objects]]\nsphere = {{ center = [0, 0, 0], radius = 1 }}\nmaterial = \"shown\"\n"
+        );
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let path = folder.path().join("scene.toml");
+        std::fs::write(&path, text).expect("written");
+        let scene = load(&path, &LoadOptions::default()).unwrap_or_else(|e| panic!("{e}")).scene;
+        let found = crate::support::mean(&picture(&scene, &options(16, 1024, 64)));
+        assert!((found - 0.04).abs() < 2e-3, "roughness {roughness}: {found}");
+    }
+}
+
 /// A dark body much smaller than its mean free path lets light pass as much as it scatters, over a fifth.
 #[test]
 fn dark_bodies_hide_light_that_passes_them_unscattered() {

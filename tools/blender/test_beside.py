@@ -24,12 +24,19 @@ class BesideTest(SceneTest):
         leaf, tree, shader, through = shader_tree("leaf", "BsdfTranslucent")
         through.inputs["Color"].default_value = (0.25, 0.5, 0.125, 1)
         tree.links.new(through.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
-        for k, material in enumerate((haze, wax, leaf)):
+        # A surface that does nothing besides bounding its volume.
+        veil, tree, shader, clear, scatter = shader_tree("veil", "BsdfTransparent", "VolumeScatter")
+        scatter.inputs["Color"].default_value, scatter.inputs["Density"].default_value = (0.5, 0.25, 1, 1), 2.0
+        clear.inputs["Color"].default_value = (1, 1, 1, 1)
+        for shader, name in ((clear, "Surface"), (scatter, "Volume")):
+            tree.links.new(shader.outputs[0], tree.nodes["Material Output"].inputs[name])
+        for k, material in enumerate((haze, wax, leaf, veil)):
             self.add_plane(material, location=(3 * k, 0, 0))
         settings, answer = self.export()
         self.assertEqual(answer["warnings"], [])
         found = settings["materials"]
-        self.assertEqual(found["haze"], {"type": "medium", "density": [1.0, 0.5, 2.0], "color": [1.0, 1.0, 1.0]})
+        for name in ("haze", "veil"):
+            self.assertEqual(found[name], {"type": "medium", "density": [1.0, 0.5, 2.0], "color": [1.0, 1.0, 1.0]})
         surface, _ = self.surface(found["wax"])
         np.testing.assert_allclose([surface["subsurface_weight"], surface["subsurface_scale"]], [1.0, 4 * np.pi], rtol=1e-5)
         self.assertEqual((surface["subsurface_radius"], surface["subsurface_anisotropy"]), ([0.5, 0.25, 0.125], 0.0))

@@ -273,6 +273,8 @@ class NodesTest(SceneTest):
         self.scene.collection.objects.link(empty)
         bpy.ops.mesh.primitive_cube_add()
         bpy.context.object.name = "Edited"
+        # As in Cycles, it has no effect in Edit Mode.
+        bpy.context.object.modifiers.new("rounded", "SUBSURF").show_in_editmode = False
         bpy.ops.object.mode_set(mode="EDIT")
         settings = self.export()
         self.assertEqual(sorted(entry["name"] for entry in settings["objects"]), ["Edited", "Empty/Ball"])

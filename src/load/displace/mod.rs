@@ -1,6 +1,7 @@
 //! Displacement at load time: the vertices of meshes move along their normals by height maps, for which the meshes are subdivided,
 //! or by the vectors of node graphs. Also converts height maps to normal maps.
 
+mod flat_parts;
 mod normal_maps;
 mod offsets;
 mod tessellate;
@@ -9,12 +10,12 @@ use super::Loaded;
 use crate::error::{Error, Warning};
 use crate::math::{DAffine3, DVec3, Vec3};
 use crate::scene::{
-    Displacement, DisplacementKind, Instance, Keyframes, MaterialId, Mesh, MeshId, Motion, Quad, Scene,
-    VertexAttribute, Vertices,
+    DisplacementKind, Instance, Keyframes, MaterialId, Mesh, MeshId, Motion, Quad, Scene, VertexAttribute,
+    Vertices,
 };
 use crate::texture::ObjectData;
 pub(super) use normal_maps::{BUMP_HEIGHT, holds_normals, normals_of_heights};
-use offsets::{Displacers, Parts, warn};
+use offsets::{Displacer, Displacers, Parts, warn};
 use std::collections::HashMap;
 use tessellate::MAX_TRIANGLES;
 
@@ -168,7 +169,14 @@ const MIN_COHERENCE: f32 = 0.1;
 /// The mesh with displaced vertices. Vertices with the same position move together, as at UV seams and hard edges: by the mean of
 /// their offsets.
 fn displace_vertices(mut mesh: Mesh, parts: &Parts, displacers: &Displacers, object: &ObjectData) -> Mesh {
-    let directions = directions(&mesh);
+    let mut directions = directions(&mesh);
+    let shading: Vec<Option<Shading>> = parts.iter().map(|part| part.map(shading_of)).collect();
+    if mesh.normals.is_empty() && shading.contains(&Some(Shading::Kept)) {
+        let stays_flat = |shading: &Option<Shading>| matches!(shading, None | Some(Shading::AsBefore));
+        let stays_flat: Vec<bool> = shading.iter().map(stays_flat).collect();
+        let faces: Vec<Vec3> = face_normals(&mesh).collect();
+        flat_parts::split(&mut mesh, &faces, &stays_flat, &mut directions);
+    }
     let mut sums: HashMap<[Key; 2], (Vec3, f32)> = HashMap::new();
     let place = |vertex: usize| [key(mesh.positions[vertex]), key(directions[vertex].to_array())];
     for (vertex, offset) in displacers.offsets(&mesh, parts, &directions, object) {
@@ -272,18 +280,20 @@ fn set_normals(mesh: &mut Mesh, parts: &Parts, directions: &[Vec3], before: &[[f
     mesh.normals = normals.collect();
 }
 
+/// The shading of a displaced part.
+fn shading_of(displacer: &Displacer) -> Shading {
+    match displacer.displacement.kind {
+        DisplacementKind::Heights { .. } => Shading::Smooth,
+        DisplacementKind::Vectors { keeps_normals: true } => Shading::Kept,
+        DisplacementKind::Vectors { keeps_normals: false } => Shading::AsBefore,
+    }
+}
+
 /// The shading of the first displaced part with each vertex.
 fn vertex_shading(mesh: &Mesh, parts: &Parts) -> Vec<Option<Shading>> {
     let mut shading = vec![None; mesh.positions.len()];
     for (part, displacer) in mesh.parts.iter().zip(parts) {
-        let Some(Displacement { kind, .. }) = displacer.map(|displacer| displacer.displacement) else {
-            continue;
-        };
-        let of_part = match kind {
-            DisplacementKind::Heights { .. } => Shading::Smooth,
-            DisplacementKind::Vectors { keeps_normals: true } => Shading::Kept,
-            DisplacementKind::Vectors { keeps_normals: false } => Shading::AsBefore,
-        };
+        let Some(of_part) = displacer.map(shading_of) else { continue };
         let first = part.first_triangle as usize;
         for vertex in mesh.triangles[first..first + part.triangle_count as usize].as_flattened() {
             shading[*vertex as usize].get_or_insert(of_part);
@@ -297,7 +307,9 @@ mod tests {
     use super::*;
     use crate::image::{Encoding, Image, Pixels};
     use crate::scene::nodes::{Node, NodeGraph, NodeInput, NodeKind};
-    use crate::scene::{Interpolation, Mapping, Material, Shape, Texture, TextureId, TextureTransform, Wrap};
+    use crate::scene::{
+        Interpolation, Mapping, Material, MeshPart, Shape, Texture, TextureId, TextureTransform, Wrap,
+    };
     use std::sync::Arc;
 
     /// A displaced material with a height map of `n` by `n` texels.
@@ -385,6 +397,41 @@ mod tests {
         assert_eq!(sheared(true, up.clone()).normals, up);
         // Flat meshes get the normals of their vertices.
         assert_eq!(sheared(true, Vec::new()).normals, up);
+    }
+
+    /// Two squares at a right angle with a common edge, flat; only the first is displaced, and it gets the normals of its vertices.
+    #[test]
+    fn parts_without_displacement_stay_flat() {
+        let mut scene = Scene::default();
+        let sheared = displaced_by_vectors(&mut scene, true);
+        let plain = scene.add_material(Material::lambert("plain", [0.5; 3]));
+        let positions = vec![
+            [0.0; 3],
+            [1.0, 0.0, 0.0],
+            [1.0, 0.0, -1.0],
+            [0.0, 0.0, -1.0],
+            [1.0, 1.0, 0.0],
+            [1.0, 1.0, -1.0],
+        ];
+        let triangles = vec![[0, 1, 2], [0, 2, 3], [1, 4, 5], [1, 5, 2]];
+        let mut mesh = Mesh::new("corner", positions, triangles, sheared);
+        mesh.parts = vec![
+            MeshPart { first_triangle: 0, triangle_count: 2, material: sheared },
+            MeshPart { first_triangle: 2, triangle_count: 2, material: plain },
+        ];
+        let id = scene.add_mesh(mesh);
+        scene.instances.push(Instance::new(id, DAffine3::IDENTITY));
+        let loaded = applied(scene);
+        let mesh = &loaded.scene.meshes[loaded.scene.instances[0].mesh.index()];
+        let corners = |triangle: usize| mesh.triangles[triangle].map(|v| v as usize);
+        for vertex in [2, 3].into_iter().flat_map(corners) {
+            assert_eq!(mesh.normals[vertex], [-1.0, 0.0, 0.0]);
+            let p = mesh.positions[vertex];
+            // The common edge moves by its x.
+            assert!(p[1] == 1.0, "{p:?}");
+        }
+        let tilted = corners(0).map(|vertex| mesh.normals[vertex][0]);
+        assert!(tilted[0] == 0.0 && tilted[1] < -0.5 && tilted[2] < -0.5, "{tilted:?}");
     }
 
     /// A 2 x 1 quad with a linear ramp along u becomes an inclined plane between the centres of the outer texels.

@@ -55,6 +55,9 @@ UNIFORM = {
     "Subsurface Anisotropy", "Coat IOR", "Coat Tint", "Thin Film Thickness", "Thin Film IOR", "Edge Tint", "Scale", "Radius",
 }  # fmt: skip
 
+# Exceptions by closure.
+VARYING = {("glass_bsdf", "IOR"), ("refraction_bsdf", "IOR")}
+
 # Inputs that are read apart from the others, or that do nothing in Cycles.
 OTHER_INPUTS = ("Weight", "Subsurface IOR", "Tangent", "IOR", "Extinction")
 
@@ -133,7 +136,8 @@ class SurfaceGraph(nodes.Graph):
                 if source.node is not None or any(value):
                     entries["normal"] = self.value(source) if source.node is not None else value
             elif name in known:
-                value = self.uniform(node, socket, groups) if name in UNIFORM else self.value(source, socket.type)
+                is_uniform = name in UNIFORM and (entries["type"], name) not in VARYING
+                value = self.uniform(node, socket, groups) if is_uniform else self.value(source, socket.type)
                 entries[name.lower().replace(" ", "_")] = value
             elif source.node is not None and name not in OTHER_INPUTS:
                 self.baker.warn(f"{name} of {node.bl_label} is not supported")

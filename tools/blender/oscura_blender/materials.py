@@ -1,7 +1,7 @@
 """Materials as tables of the scene file."""
 
 from . import bakes, closures, displacement, media, node_trees
-from .node_links import SHADER_TO_RGB, follow, output_node
+from .node_links import SHADER_TO_RGB, constant, follow, is_number, output_node
 from .node_types import Unsupported
 
 # Tables of faces without a material, and of materials without a surface.
@@ -87,9 +87,19 @@ class Materials:
         except Unsupported as reason:
             is_lost = True
             baker.warn(f"its volume is left out, since it can't be evaluated: {reason}")
-        surface = graph.shader(follow(end.inputs["Surface"]))
+        source = follow(end.inputs["Surface"])
+        is_invisible = medium is not None and _is_invisible(source)
+        surface = None if is_invisible else graph.shader(source)
         if surface is not None:
             return Material(graph, surface, medium)
         if medium is not None:
             return Material(graph, fixed={"type": "medium", **medium})
         return Material(graph, fixed=TRANSPARENT if is_lost else BLACK)
+
+
+def _is_invisible(source):
+    """Is a surface a white Transparent shader, which does nothing besides bounding a volume?"""
+    if source.node is None or source.node.bl_idname != "ShaderNodeBsdfTransparent":
+        return False
+    color = constant(source.node.inputs["Color"], source.groups)
+    return color is not None and is_number(color, 1.0)

@@ -139,9 +139,9 @@ class _Collector:
         if obj.type == "POINTCLOUD":
             mesh = point_clouds.to_mesh(obj.data)
         elif obj.data.is_editmode:
-            # The file was saved in Edit Mode.
+            # The file was saved in Edit Mode. As in Cycles, modifiers that are off there have no effect: with all layers, they would have.
             obj.original.update_from_editmode()
-            mesh = bpy.data.meshes.new_from_object(obj, preserve_all_data_layers=True, depsgraph=self.export.depsgraph)
+            mesh = bpy.data.meshes.new_from_object(obj, preserve_all_data_layers=False, depsgraph=self.export.depsgraph)
             if instance.is_instance and len(mesh.polygons) != len(obj.data.polygons):
                 mesh = _copy_of_edited(obj.data)
         else:

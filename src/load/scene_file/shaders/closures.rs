@@ -20,8 +20,8 @@ const WHITE: [f32; 3] = [1.0; 3];
 /// 0 is valid in Cycles.
 const TOTAL_REFLECTION: f32 = 0.2;
 
-/// Minimum index of refraction of glass: it transmits only within a thousandth of a radian of the normal.
-const MIN_GLASS_IOR: f32 = 1e-3;
+/// Index of refraction of glass by default.
+const DEFAULT_IOR: f32 = 1.5;
 
 /// Subsurface scattering with a smaller weight becomes diffuse reflection.
 const MIN_SUBSURFACE: f32 = 0.5;
@@ -211,11 +211,18 @@ impl Lowering<'_, '_, '_> {
     fn glass(&mut self, index: usize, reflection: GlassReflection) -> Model {
         let color = self.color(index, "color", WHITE);
         let roughness = self.number(index, "roughness", 0.0);
+        let index_of_refraction = self.number(index, "ior", DEFAULT_IOR);
+        let slot = self.float_slot(index_of_refraction);
+        let (ior, varying_ior) = match slot.texture {
+            Some(_) => (DEFAULT_IOR, Some(slot)),
+            None => (slot.factor.max(PbrMaterial::MIN_GLASS_IOR), None),
+        };
         let is_white = color == NodeInput::Value(WHITE) && reflection == GlassReflection::Tinted;
         Model::Pbr(Box::new(PbrMaterial {
             base_color: self.color_slot(color),
             roughness: self.float_slot(roughness),
-            ior: self.constant(index, "ior", 1.5).max(MIN_GLASS_IOR),
+            ior,
+            varying_ior,
             specular: FloatSlot::constant(1.0),
             transmission: FloatSlot::constant(1.0),
             glass_reflection: if is_white { GlassReflection::White } else { reflection },
@@ -326,6 +333,7 @@ impl Lowering<'_, '_, '_> {
         let mut pbr = self.interface();
         let base = self.color(index, "base_color", [0.8; 3]);
         pbr.tints_once = true;
+        pbr.shields_base = true;
         pbr.energy_compensation = self.energy_compensation(index);
         let number = |l: &mut Self, key, default| {
             let input = l.number(index, key, default);
@@ -356,7 +364,7 @@ impl Lowering<'_, '_, '_> {
         if is_opaque && (TOTAL_REFLECTION..1.0).contains(&given) && level.factor > 0.0 {
             self.warn("an opaque surface with an index of refraction below 1 has no reflection".to_string());
         }
-        let ior = given.max(if is_opaque { 1.0 } else { MIN_GLASS_IOR });
+        let ior = given.max(if is_opaque { 1.0 } else { PbrMaterial::MIN_GLASS_IOR });
         match level.texture {
             // In glTF, an index of 0 is total reflection.
             None if is_opaque && given < TOTAL_REFLECTION && level.factor >= 0.5 => {
