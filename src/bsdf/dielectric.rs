@@ -171,7 +171,7 @@ impl Transmissive for Dielectric {
     }
 
     #[inline(always)]
-    fn crossing_tint(&self) -> Rgb {
+    fn transmission_tint(&self) -> Rgb {
         self.tint
     }
 }
@@ -188,7 +188,7 @@ impl Transmissive for ThinDielectric {
     }
 
     #[inline(always)]
-    fn crossing_tint(&self) -> Rgb {
+    fn transmission_tint(&self) -> Rgb {
         self.tint
     }
 

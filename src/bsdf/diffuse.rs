@@ -37,7 +37,7 @@ impl Lobe for Lambert {
     }
 
     #[inline(always)]
-    fn is_base(&self) -> bool {
+    fn is_diffuse_base(&self) -> bool {
         true
     }
 
@@ -149,7 +149,7 @@ impl Lobe for OrenNayar {
     }
 
     #[inline(always)]
-    fn is_base(&self) -> bool {
+    fn is_diffuse_base(&self) -> bool {
         true
     }
 

@@ -151,13 +151,13 @@ macro_rules! bsdfs {
                 }
             }
 
-            /// See [`Lobe::is_base`].
+            /// See [`Lobe::is_diffuse_base`].
             #[inline]
-            pub fn is_base(&self) -> bool {
+            pub fn is_diffuse_base(&self) -> bool {
                 match self {
                     Bsdf::Black => false,
-                    $(Bsdf::$opaque(lobe) => lobe.is_base(),)*
-                    $(Bsdf::$transmissive(lobe) => lobe.is_base(),)*
+                    $(Bsdf::$opaque(lobe) => lobe.is_diffuse_base(),)*
+                    $(Bsdf::$transmissive(lobe) => lobe.is_diffuse_base(),)*
                 }
             }
 
@@ -201,12 +201,12 @@ macro_rules! bsdfs {
                 }
             }
 
-            /// See [`Transmissive::crossing_tint`].
-            pub fn crossing_tint(&self) -> Rgb {
+            /// See [`Transmissive::transmission_tint`].
+            pub fn transmission_tint(&self) -> Rgb {
                 match self {
                     Bsdf::Black => Rgb::ONE,
                     $(Bsdf::$opaque(_) => Rgb::ONE,)*
-                    $(Bsdf::$transmissive(lobe) => lobe.crossing_tint(),)*
+                    $(Bsdf::$transmissive(lobe) => lobe.transmission_tint(),)*
                 }
             }
 

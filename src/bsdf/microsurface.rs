@@ -5,7 +5,7 @@ use super::anisotropic_table::{LARGEST_ROOT_RATIO, anisotropic_albedo, anisotrop
 use super::dielectric_table::mean_cosine;
 use super::fresnel::DielectricCurve;
 use super::ggx::{self, DirectionalAlbedo, MIN_ALPHA, MIN_COS, Reflection};
-use super::lobe::{LocalFrame, Slots, always};
+use super::lobe::{LocalFrame, Slots, is_always};
 use crate::math::{Vec2, Vec3, poly};
 use crate::scene::{Anisotropy, ColorSlot, FloatSlot};
 use std::f32::consts::PI;
@@ -260,7 +260,7 @@ pub struct MicrosurfaceProgram {
 impl MicrosurfaceProgram {
     /// Whether the facets are smooth for all values of the textures.
     pub fn is_always_smooth(&self) -> bool {
-        always(&self.roughness, 0.0) && self.anisotropy.is_none()
+        is_always(&self.roughness, 0.0) && self.anisotropy.is_none()
     }
 
     /// Evaluates the parameters at a hit.

@@ -438,7 +438,7 @@ impl Transmissive for RoughDielectric {
     }
 
     #[inline(always)]
-    fn crossing_tint(&self) -> Rgb {
+    fn transmission_tint(&self) -> Rgb {
         self.tint
     }
 

@@ -270,7 +270,7 @@ impl CompiledMaterial {
             emission.is_some_and(|e| e.radiance.texture.is_some()) || alpha.is_some_and(|a| a.is_textured());
         let uses_uv = is_textured || uses_frame || is_mapped || has_texture_outside_bsdf;
         let is_constant = !is_textured && !material.use_vertex_colors && !uses_frame;
-        let example = is_constant.then(|| program.evaluate(&Factors, &LocalFrame::STRAIGHT));
+        let example = is_constant.then(|| program.evaluate(&Factors, &LocalFrame::DEFAULT));
         let constant = example.filter(|_| !is_spectral);
         let depends_on_hit = |id: TextureId| textures.depends_on_viewer(id) || textures.reads_hit(id);
         CompiledMaterial {
@@ -367,7 +367,7 @@ impl CompiledMaterial {
         let is_constant =
             [a, b].iter().all(|m| m.alike().is_some()) && weights.iter().all(|w| w.texture.is_none());
         let is_spectral = a.example.is_some() || b.example.is_some();
-        let example = is_constant.then(|| program.evaluate(&Factors, &LocalFrame::STRAIGHT));
+        let example = is_constant.then(|| program.evaluate(&Factors, &LocalFrame::DEFAULT));
         let constant = example.filter(|_| !is_spectral);
         let albedo = constant.map_or(Rgb::ZERO, |bsdf| bsdf.albedo());
         let (class, example) = (program.class(), example.filter(|_| is_spectral));
@@ -583,7 +583,7 @@ impl CompiledMaterial {
 
     /// Tangents and coat normal at a point, in the local frame of the BSDF (of [`Frame::from_normal`]).
     pub fn local_frame(&self, frame: &Frame, tangent_frame: Option<Mat3>, coat_normal: Vec3) -> LocalFrame {
-        let default = LocalFrame::STRAIGHT;
+        let default = LocalFrame::DEFAULT;
         let flat = |v: Vec3, otherwise| {
             let local = frame.to_local(v).truncate();
             if local.length_squared() > 1e-12 { local } else { otherwise }
@@ -663,7 +663,7 @@ fn textures_of(model: &Model) -> Vec<TextureId> {
 pub struct Alpha {
     pub(super) slot: FloatSlot,
     /// Colour factor on light that passes transparent parts; `None` for white.
-    pub passing: Option<ColorSlot>,
+    pub transparent_color: Option<ColorSlot>,
     cutoff: Option<f32>,
     /// Alpha depends on the view direction.
     pub depends_on_viewer: bool,
@@ -672,12 +672,15 @@ pub struct Alpha {
 impl Alpha {
     /// Is alpha textured?
     fn is_textured(&self) -> bool {
-        self.slot.texture.is_some() || self.passing.is_some_and(|passing| passing.texture.is_some())
+        self.slot.texture.is_some()
+            || self.transparent_color.is_some_and(|transparent_color| transparent_color.texture.is_some())
     }
 
     /// Is alpha 0 everywhere? (Vertex colours and textures only multiply it.)
     pub(super) fn is_never_present(&self) -> bool {
-        self.slot.factor == 0.0 && self.passing.is_none() && self.cutoff.is_none_or(|cutoff| cutoff > 0.0)
+        self.slot.factor == 0.0
+            && self.transparent_color.is_none()
+            && self.cutoff.is_none_or(|cutoff| cutoff > 0.0)
     }
 
     /// The opacity at a point: the probability that rays hit the surface.
@@ -694,16 +697,16 @@ impl Alpha {
 /// The alpha of a material; `None` if opaque everywhere.
 fn alpha_of(material: &Material, textures: &CompiledTextures) -> Option<Alpha> {
     let slot = fold_float(material.alpha, textures);
-    let passing = fold_color(material.passing, textures);
-    let passing = (passing != ColorSlot::constant([1.0; 3])).then_some(passing);
-    let read = [slot.texture.map(|(id, _)| id), passing.and_then(|slot| slot.texture)];
+    let transparent_color = fold_color(material.transparent_color, textures);
+    let transparent_color = (transparent_color != ColorSlot::constant([1.0; 3])).then_some(transparent_color);
+    let read = [slot.texture.map(|(id, _)| id), transparent_color.and_then(|slot| slot.texture)];
     let depends_on_viewer = read.into_iter().flatten().any(|id| textures.depends_on_viewer(id));
     let cutoff = match material.alpha_mode {
         AlphaMode::Opaque => return None,
         AlphaMode::Mask { cutoff } => Some(cutoff),
         AlphaMode::Blend => None,
     };
-    let alpha = Alpha { slot, passing, cutoff, depends_on_viewer };
+    let alpha = Alpha { slot, transparent_color, cutoff, depends_on_viewer };
     let present = |a: f32| alpha.cutoff.map_or(a >= 1.0, |cutoff| a >= cutoff);
     let constant = slot.texture.is_none() && !material.use_vertex_colors;
     (!(constant && present(slot.factor))).then_some(alpha)

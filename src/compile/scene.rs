@@ -130,9 +130,9 @@ pub struct CompiledScene {
     /// By area light: is it excluded from the reference picture of shadow catchers? Empty without catchers.
     pub(super) caught_lights: Vec<bool>,
     /// Number of materials of the scene, which come first.
-    pub(super) own_materials: u32,
+    pub(super) scene_materials: u32,
     /// The scene's materials of all others.
-    pub(super) originals: Vec<MaterialId>,
+    pub(super) copy_sources: Vec<MaterialId>,
     /// Features, to skip stages of the integrator.
     pub features: Features,
     /// Data of objects for node graphs, by id; empty if no node graph reads them.
@@ -245,8 +245,8 @@ impl CompiledScene {
 
     /// The scene's material of a compiled material, which may be a copy or component.
     pub fn described_material(&self, material: u32) -> u32 {
-        let copy = material.checked_sub(self.own_materials);
-        copy.map_or(material, |copy| self.originals[copy as usize].0)
+        let copy = material.checked_sub(self.scene_materials);
+        copy.map_or(material, |copy| self.copy_sources[copy as usize].0)
     }
 
     /// The object of the scene at a hit.

@@ -321,7 +321,7 @@ impl Integrator<'_> {
         let path = &arriving.state;
         let draw = |i: usize| {
             let [u, ..] = SobolPoint::from_parts(path.seed[i], path.shuffled[i]).sample_4d(&dimensions);
-            Wavelengths::draw(u)
+            Wavelengths::sample(u)
         };
         times.start_wavelengths((0..pixels.len()).map(draw), self.options.branches);
     }

@@ -40,17 +40,17 @@ impl Interior {
     pub fn overlapping(self, media: &[Medium]) -> impl Iterator<Item = u16> {
         let number = move |k: u32| (self.bits() >> (k * BITS)) as u16;
         let top = &media[usize::from(self.medium())];
-        let adds_up = move |medium: u16| {
+        let is_additive = move |medium: u16| {
             let medium = &media[usize::from(medium)];
-            medium.adds_up && medium.priority >= top.priority
+            medium.is_additive && medium.priority >= top.priority
         };
         let count = (0..Interior::MAX).take_while(|&k| number(k) != 0).count() as u32;
-        let deepest = if top.adds_up && count > 0 { count } else { 0 };
+        let deepest = if top.is_additive && count > 0 { count } else { 0 };
         let is_first = move |k: u32| (0..k).all(|other| number(other) != number(k));
         // The medium around the scene follows the last entry.
         let entry = move |k: u32| if k < count { number(k) } else { 0 };
         (1..=deepest)
-            .map_while(move |k| adds_up(entry(k)).then_some(k))
+            .map_while(move |k| is_additive(entry(k)).then_some(k))
             .filter(move |&k| k == count || is_first(k))
             .map(entry)
     }
@@ -239,7 +239,7 @@ mod tests {
     /// Media 0 to 3 add up, 3 has a higher priority, and 4 and 5 displace others.
     #[test]
     fn overlapping_media_add_up_by_priority() {
-        let of = |adds_up, priority| Medium { adds_up, priority, ..Medium::AIR };
+        let of = |is_additive, priority| Medium { is_additive, priority, ..Medium::AIR };
         let media = [of(true, 0), of(true, 0), of(true, 0), of(true, 1), of(false, 0), of(false, 0)];
         let overlapping = |list: &[u16]| -> Vec<u16> {
             let inside = list.iter().fold(Interior::AIR, |inside, &m| inside.enter_by_priority(m, &media));

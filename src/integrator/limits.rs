@@ -60,7 +60,7 @@ impl Integrator<'_> {
             return false;
         }
         let medium = &self.scene.media[usize::from(paths.interior[i].medium())];
-        medium.scattering.as_ref().is_some_and(|s| !s.counts)
+        medium.scattering.as_ref().is_some_and(|s| !s.counts_as_bounces)
     }
 }
 

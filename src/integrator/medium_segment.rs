@@ -284,7 +284,7 @@ impl MediumSegment {
     #[inline(always)]
     fn span_before(&self, to: f32) -> f32 {
         let [begin, end] = self.extent;
-        (to.min(self.scatter_t).min(end) - begin).clamp(0.0, Scattering::FARTHEST)
+        (to.min(self.scatter_t).min(end) - begin).clamp(0.0, Scattering::MAX_DISTANCE)
     }
 
     /// Samples a point of a segment with constant emission; returns distance, metres, and pdf, 1/m.

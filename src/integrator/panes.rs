@@ -139,7 +139,7 @@ impl Integrator<'_> {
 
     /// Is a path outside all solids? Media without a surface are allowed.
     fn is_air(&self, interior: Interior) -> bool {
-        interior == Interior::AIR || self.scene.media[usize::from(interior.medium())].adds_up
+        interior == Interior::AIR || self.scene.media[usize::from(interior.medium())].is_additive
     }
 
     /// Clears the panes passed by the rays of the previous bounce.

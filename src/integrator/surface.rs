@@ -439,7 +439,7 @@ impl Integrator<'_> {
             let coat = scattering_normal(coat, surface.ng, wo);
             material.local_frame(&scattering, tangent_frame, coat)
         } else {
-            LocalFrame::STRAIGHT
+            LocalFrame::DEFAULT
         };
         let vertex_color = Rgb::from_slice(&coordinates.color);
         let bsdf = match wavelengths {
@@ -669,7 +669,7 @@ impl Integrator<'_> {
         };
         let reader = PointReader::new(&self.scene.textures, point);
         set(&mut v.textured.mapped, k, material.mapped(&reader));
-        let read = match material.bsdf(&reader, &LocalFrame::STRAIGHT, Rgb::ONE) {
+        let read = match material.bsdf(&reader, &LocalFrame::DEFAULT, Rgb::ONE) {
             Bsdf::MetalRough(m) => m,
             _ => MetalRough::BLACK,
         };

@@ -127,7 +127,7 @@ impl Integrator<'_> {
                     }
                     let path = &arriving.state;
                     let waves = times.wavelengths(path.radiance_index[i]);
-                    if let Some(color) = self.passing((&rays[i], &hits[i], time), kind, waves) {
+                    if let Some(color) = self.transparent_color((&rays[i], &hits[i], time), kind, waves) {
                         let throughput = get_rgb(&arriving.state.throughput, i);
                         set_rgb(&mut arriving.state.throughput, i, throughput * color);
                     }
@@ -236,7 +236,7 @@ impl Integrator<'_> {
                 let (response, transmittance) =
                     self.shadow_response(crossing, (bounce, pass, i), paths, counts.get_mut(k));
                 if let HitResponse::Passes = response {
-                    let color = self.passing(crossing, LIGHT_SAMPLE_KINDS, waves).unwrap_or(Rgb::ONE);
+                    let color = self.transparent_color(crossing, LIGHT_SAMPLE_KINDS, waves).unwrap_or(Rgb::ONE);
                     let contribution = get_rgb(&light.contribution, i);
                     set_rgb(&mut light.contribution, i, contribution * color * transmittance);
                 }
@@ -430,14 +430,14 @@ impl Integrator<'_> {
     }
 
     /// Transmission colour of rays that pass a surface by its alpha; `None` for white.
-    fn passing(
+    fn transparent_color(
         &self,
         (ray, hit, time): (&Ray, &Hit, f32),
         kinds: RayKinds,
         wavelengths: Option<&Wavelengths>,
     ) -> Option<Rgb> {
         let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
-        let color = material.alpha.and_then(|alpha| alpha.passing)?;
+        let color = material.alpha.and_then(|alpha| alpha.transparent_color)?;
         let read = |_: &Alpha, slots: &PointReader<'_>, _| color_at_wavelengths(slots, &color, wavelengths);
         self.read_alpha((ray, hit, time), material, kinds, read)
     }

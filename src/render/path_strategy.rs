@@ -78,7 +78,7 @@ fn obstacle_to_sharing(target: &Target<'_>) -> Option<&'static str> {
         // Suffixes have radiance at other wavelengths.
         (scene.shading.spectral, "they carry wavelengths of their own"),
         // Connections would have to estimate transmittance. Other media are enclosed by surfaces, which occlude connections.
-        (scene.media.first().is_some_and(Medium::does_anything), "a medium fills the scene"),
+        (scene.media.first().is_some_and(Medium::has_effect), "a medium fills the scene"),
         (!scene.lights.volumes().is_empty(), "the scene has emissive media"),
         (options.catchers, "the scene has shadow catchers"),
         // The ray kind of a connection differs from that of the path it replaces.

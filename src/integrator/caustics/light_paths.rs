@@ -79,7 +79,7 @@ impl Integrator<'_> {
             let emitted = plan.emission.sample(lights, textures, [a, b], [c, d], u_light, u_target)?;
             let EmittedRay { ray, radiance, scale, light, is_delta } = emitted;
             let hero = self.is_spectral().then(|| point.sample_4d(&wavelength)[0]);
-            let wavelengths = hero.map(Wavelengths::draw);
+            let wavelengths = hero.map(Wavelengths::sample);
             Some(LightPath {
                 ray,
                 start: ray.direction,
@@ -90,10 +90,10 @@ impl Integrator<'_> {
                 point,
                 lens: [x, y],
                 bounces: 0,
-                has_roles: true,
+                has_only_caustic_roles: true,
                 is_straight: true,
                 light,
-                is_only_way: is_delta,
+                is_unreachable_from_camera: is_delta,
             })
         };
         paths.filter_map(start).collect()
@@ -159,17 +159,18 @@ impl Integrator<'_> {
             return Step { connects: false, continues: false };
         }
         // The first surface must be a caster.
-        let is_caustic = path.has_roles
+        let is_caustic = path.has_only_caustic_roles
             && match role {
                 CausticRole::Caster => true,
                 CausticRole::Receiver | CausticRole::DiffuseReceiver => bounces > 0,
                 CausticRole::Neither => false,
             };
-        let is_only_way = path.is_only_way && bounces > 0;
+        let is_unreachable_from_camera = path.is_unreachable_from_camera && bounces > 0;
         Step {
-            connects: (is_only_way || is_caustic && role != CausticRole::Caster) && max_depth > bounces,
+            connects: (is_unreachable_from_camera || is_caustic && role != CausticRole::Caster)
+                && max_depth > bounces,
             // The connection to the camera needs one more bounce.
-            continues: (is_only_way || is_caustic) && max_depth > bounces.saturating_add(1),
+            continues: (is_unreachable_from_camera || is_caustic) && max_depth > bounces.saturating_add(1),
         }
     }
 }
@@ -195,7 +196,7 @@ struct CasterPoint {
     /// Direction back along the path.
     wo: Vec3,
     /// Whether no camera path finds the path: after specular scattering here, and after any scattering.
-    is_only_way: [bool; 2],
+    is_unreachable_from_camera: [bool; 2],
 }
 
 /// A scattering vertex of a light path, with its surface and the interior on the other side.
@@ -254,8 +255,9 @@ impl Integrator<'_> {
             interior: if scattered.is_transmission { beyond } else { arriving.interior[0] },
             bounces: path.bounces + 1,
             is_straight: path.is_straight && self.goes_straight_on(path, at, &scattered),
-            has_roles: path.has_roles && role != CausticRole::Neither,
-            is_only_way: path.is_only_way && (path.bounces > 0 || scattered.is_specular),
+            has_only_caustic_roles: path.has_only_caustic_roles && role != CausticRole::Neither,
+            is_unreachable_from_camera: path.is_unreachable_from_camera
+                && (path.bounces > 0 || scattered.is_specular),
             ..*path
         })
     }
@@ -289,8 +291,9 @@ impl Integrator<'_> {
             self.assume_inside(material, at.hit.t, 0, arriving, wavelengths);
         }
         let evaluated = self.read_material(at, 0.0, wo, wavelengths);
-        let is_only_way = [path.is_only_way, path.is_only_way && path.bounces > 0];
-        let mut caster = CasterPoint { evaluated, ng: at.surface.ng, wo, is_only_way };
+        let is_unreachable_from_camera =
+            [path.is_unreachable_from_camera, path.is_unreachable_from_camera && path.bounces > 0];
+        let mut caster = CasterPoint { evaluated, ng: at.surface.ng, wo, is_unreachable_from_camera };
         let (mut beyond, mut surface) = (arriving.interior[0], at.surface);
         if is_solid {
             let boundary = match self.coincident_surfaces(&path.ray, at) {
@@ -343,7 +346,7 @@ impl Integrator<'_> {
             let is_bent = self.scene.features.bent_normals && bent_normal(*ns, *ng, direction).1;
             is_bent || is_stretched(*ns, *ng, direction, *wo)
         };
-        if !at.is_only_way[usize::from(!sample.is_specular)] && is_left_to_camera_paths() {
+        if !at.is_unreachable_from_camera[usize::from(!sample.is_specular)] && is_left_to_camera_paths() {
             return None;
         }
         match sample.is_specular {
@@ -558,7 +561,11 @@ impl Integrator<'_> {
             value,
             parts: self.parts_of(&receiver, path.light),
             wavelengths,
-            value_from_camera: if path.is_only_way { f32::INFINITY } else { value_from_camera },
+            value_from_camera: if path.is_unreachable_from_camera {
+                f32::INFINITY
+            } else {
+                value_from_camera
+            },
             salt: hash32(seed ^ hash32(index ^ path.bounces)),
         })
     }
@@ -581,7 +588,7 @@ impl Integrator<'_> {
                 ShadingGroup::PlainMetalRough | ShadingGroup::Textured | ShadingGroup::MetalRough
             );
         // If no camera path finds the light, all lobes scatter it here.
-        let is_diffuse = is_of_diffuse && !path.is_only_way;
+        let is_diffuse = is_of_diffuse && !path.is_unreachable_from_camera;
         Receiver { bsdf, is_lambert, is_opaque, is_diffuse, ng, ns, mapping, wo: ng, wi: ng }
     }
 

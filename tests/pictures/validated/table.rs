@@ -92,7 +92,7 @@ structs! {
     Quad { name, corner, edge_u, edge_v, material, traits, info }
     ObjectInfo { color, index, random }
     Material {
-        name, model, emission, double_sided, alpha_mode, alpha, passing, normal_map, normal, bumped_normal, use_vertex_colors, medium, displacement,
+        name, model, emission, double_sided, alpha_mode, alpha, transparent_color, normal_map, normal, bumped_normal, use_vertex_colors, medium, displacement,
         priority, emitter_traits, index, light_group, is_light,
     }
     Displacement { texture, kind }

@@ -503,7 +503,7 @@ impl Lowering<'_, '_, '_> {
 
     /// The material of all closures. Closures and emission are divided by alpha, the probability that a ray doesn't pass.
     fn finish(mut self) -> Material {
-        let (transparency, passing) = self.straight_transmission();
+        let (transparency, transparent_color) = self.straight_transmission();
         let alpha = self.complement(transparency);
         let is_opaque = alpha == NodeInput::Value([1.0; 3]);
         let is_sole =
@@ -538,7 +538,7 @@ impl Lowering<'_, '_, '_> {
             // Emission is added to the rays that pass.
             material.emitter_traits = Some(EmitterTraits { is_obstacle: false, ..EmitterTraits::default() });
         } else if !is_opaque {
-            material.passing = passing;
+            material.transparent_color = transparent_color;
             (material.alpha_mode, material.alpha) = (AlphaMode::Blend, self.float_slot(alpha));
         }
         material
