@@ -53,7 +53,6 @@ fn z_score(difference: f64, sigma: f64) -> f64 {
 /// The result of [`z_test`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ZTest {
-    /// By channel.
     pub channels: [ChannelTest; 3],
     /// Fraction of blocks that differ by more than 3 standard deviations (0.27 % expected).
     pub beyond_3_sigma: f64,

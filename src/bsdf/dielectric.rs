@@ -201,17 +201,12 @@ impl Transmissive for ThinDielectric {
 /// The parameters of a [`Dielectric`].
 #[derive(Clone, Copy, Debug)]
 pub struct DielectricProgram {
-    /// See [`Dielectric::ior`].
     pub ior: f32,
-    /// See [`Dielectric::refraction`].
     pub refraction: Refraction,
-    /// See [`Dielectric::tint`].
     pub tint: ColorSlot,
     /// Whether `tint` is the total of two crossings (entry and exit); see `tint_of_crossing`.
     pub tints_once: bool,
-    /// See [`Dielectric::fresnel`].
     pub fresnel: FresnelModel,
-    /// See [`Dielectric::is_beckmann`].
     pub is_beckmann: bool,
 }
 
@@ -242,9 +237,7 @@ impl MaterialProgram for DielectricProgram {
 /// The parameters of a [`ThinDielectric`].
 #[derive(Clone, Copy, Debug)]
 pub struct ThinDielectricProgram {
-    /// See [`ThinDielectric::ior`].
     pub ior: f32,
-    /// See [`ThinDielectric::tint`].
     pub tint: ColorSlot,
 }
 

@@ -79,7 +79,6 @@ macro_rules! bsdfs {
                 }
             }
 
-            /// See [`MaterialProgram::may_transmit_unscattered`].
             pub fn may_transmit_unscattered(&self) -> bool {
                 match self {
                     BsdfProgram::Black => false,
@@ -88,7 +87,6 @@ macro_rules! bsdfs {
                 }
             }
 
-            /// See [`MaterialProgram::is_smooth_glass`].
             pub fn is_smooth_glass(&self) -> bool {
                 match self {
                     BsdfProgram::Black => false,
@@ -97,7 +95,6 @@ macro_rules! bsdfs {
                 }
             }
 
-            /// See [`MaterialProgram::depends_on_wavelength`].
             pub fn depends_on_wavelength(&self) -> bool {
                 match self {
                     BsdfProgram::Black => false,
@@ -151,7 +148,6 @@ macro_rules! bsdfs {
                 }
             }
 
-            /// See [`Lobe::is_diffuse_base`].
             #[inline]
             pub fn is_diffuse_base(&self) -> bool {
                 match self {
@@ -201,7 +197,6 @@ macro_rules! bsdfs {
                 }
             }
 
-            /// See [`Transmissive::transmission_tint`].
             pub fn transmission_tint(&self) -> Rgb {
                 match self {
                     Bsdf::Black => Rgb::ONE,
@@ -210,7 +205,6 @@ macro_rules! bsdfs {
                 }
             }
 
-            /// See [`Transmissive::straight`].
             pub fn straight(&self, wo: Vec3) -> Rgb {
                 match self {
                     Bsdf::Black => Rgb::ZERO,
@@ -219,7 +213,6 @@ macro_rules! bsdfs {
                 }
             }
 
-            /// See [`Lobe::appearance`].
             pub fn appearance(&self) -> Appearance {
                 match self {
                     Bsdf::Black => Appearance::BLACK,
@@ -228,7 +221,6 @@ macro_rules! bsdfs {
                 }
             }
 
-            /// See [`Lobe::diffuse_part`].
             pub fn diffuse_part(&self, wo: Vec3, wi: Vec3) -> Rgb {
                 let (wo, wi) = (without_negative_zero(wo), without_negative_zero(wi));
                 match self {
@@ -238,7 +230,6 @@ macro_rules! bsdfs {
                 }
             }
 
-            /// See [`Lobe::albedo`].
             #[inline]
             pub fn albedo(&self) -> Rgb {
                 match self {

@@ -20,7 +20,6 @@ pub trait Facets: Copy {
     fn directional_albedo(&self, wo: Vec3) -> DirectionalAlbedo;
     /// Single-scattering directional albedo weighted by the Fresnel curve of a dielectric instead of Schlick's weight.
     fn dielectric_grazing(&self, wo: Vec3, albedo: DirectionalAlbedo, curve: DielectricCurve) -> f32;
-    /// Samples a visible normal.
     fn sample_visible_normal(&self, wo: Vec3, u: [f32; 2]) -> Vec3;
     /// Evaluates a pair of directions.
     fn reflection(&self, wo: Vec3, wi: Vec3) -> Reflection;

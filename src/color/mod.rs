@@ -292,11 +292,8 @@ mod rgb_tests {
 /// CIE 1931 chromaticities (x, y) of a colour space's primaries and white point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Primaries {
-    /// Red.
     pub red: [f64; 2],
-    /// Green.
     pub green: [f64; 2],
-    /// Blue.
     pub blue: [f64; 2],
     /// White point.
     pub white: [f64; 2],

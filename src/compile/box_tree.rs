@@ -20,7 +20,6 @@ impl Bounds {
         Bounds { low: self.low.min(other.low), high: self.high.max(other.high) }
     }
 
-    /// The bounds of points.
     pub fn of(points: impl IntoIterator<Item = DVec3>) -> Bounds {
         let with = |b: Bounds, p: DVec3| Bounds { low: b.low.min(p), high: b.high.max(p) };
         points.into_iter().fold(Bounds::EMPTY, with)

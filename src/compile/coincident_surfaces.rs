@@ -254,7 +254,6 @@ fn solids(scene: &Scene, materials: &[CompiledMaterial]) -> Vec<Solid> {
 /// Minimum cosine between the normals of coplanar triangles.
 const PARALLEL: f64 = 0.9999;
 
-/// A triangle of a solid.
 #[derive(Clone, Copy, Debug)]
 struct SolidTriangle {
     pub corners: [DVec3; 3],

@@ -161,7 +161,6 @@ impl CutStrands {
         self.segments.segments.extend(visible.map(|i| (first + i) as u32));
     }
 
-    /// Appends other strands.
     fn append(&mut self, other: CutStrands) {
         let first = self.segments.points.len() as u32;
         self.segments.points.extend(other.segments.points);

@@ -48,7 +48,6 @@ impl LightTables {
 /// Light groups, as indices into [`Scene::light_groups`].
 #[derive(Clone, Debug, Default)]
 pub struct LightGroups {
-    /// By light.
     lights: Vec<u16>,
     /// By material: the light group of its emission.
     materials: Vec<u16>,
@@ -114,7 +113,6 @@ pub const MAX_RECEIVER_CLASSES: usize = 1 << 15;
 /// Light linking and shadow linking by light; empty if every light is linked to every object.
 #[derive(Clone, Debug, Default)]
 pub struct Links {
-    /// By light.
     of_lights: Vec<LightLinks>,
     /// Classes of receivers: the combinations of object sets. The first class is that of media and of objects in no set.
     classes: Vec<ObjectSets>,
@@ -180,7 +178,6 @@ impl Links {
         self.class_of_material.get(material as usize).copied().unwrap_or(0)
     }
 
-    /// The links of a light.
     #[inline]
     pub fn of_light(&self, index: u32) -> LightLinks {
         self.of_lights.get(index as usize).copied().unwrap_or_default()

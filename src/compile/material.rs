@@ -15,7 +15,6 @@ use crate::shape::Surface;
 use crate::texture::{CompiledTextures, JointGraphs, PointReader};
 use std::sync::Arc;
 
-/// A compiled material.
 #[derive(Clone, Debug)]
 pub struct CompiledMaterial {
     /// The class of its BSDF: the key of shading groups.
@@ -43,7 +42,6 @@ pub struct CompiledMaterial {
     pub medium: Option<Medium>,
     /// Index of that medium in [`super::CompiledScene::media`]; 0 for none.
     pub medium_index: u16,
-    /// Normal map.
     pub normal_map: Option<NormalMap>,
     /// A node graph for the shading normal.
     pub normal: Option<TextureId>,
@@ -465,7 +463,6 @@ impl CompiledMaterial {
         !is_pure_emitter && !self.surface_visibility.is_some_and(|v| v.is_catcher)
     }
 
-    /// Kinds of rays that it is visible to.
     pub fn visible_to(&self) -> RayKinds {
         self.surface_visibility.map_or(RayKinds::ALL, |v| v.visible_to)
     }
@@ -517,7 +514,6 @@ impl CompiledMaterial {
         self.normal_map.is_some() || self.reads_tangents || self.uses_frame
     }
 
-    /// The BSDF at a point.
     #[inline]
     pub fn bsdf(&self, slots: &PointReader<'_>, frame: &LocalFrame, vertex_color: Rgb) -> Bsdf {
         if let Some(bsdf) = self.constant {
@@ -651,7 +647,6 @@ fn has_texture(model: &Model, predicate: impl Fn(TextureId) -> bool) -> bool {
     textures_of(model).into_iter().any(predicate)
 }
 
-/// The textures of a model.
 fn textures_of(model: &Model) -> Vec<TextureId> {
     let mut textures = Vec::new();
     model.visit("", &mut |_, parameter| textures.extend(parameter.texture()));

@@ -42,7 +42,6 @@ pub struct MediumSpectra {
 }
 
 impl Medium {
-    /// Air.
     pub const AIR: Medium = Medium {
         iors: Some([1.0; 3]),
         absorption: None,

@@ -26,29 +26,24 @@ impl ObjectIds {
         ObjectIds { instances: scene.instances.len(), quads: scene.quads.len(), shapes: scene.shapes.len() }
     }
 
-    /// The id of an instance.
     pub fn instance(&self, index: usize) -> ObjectId {
         ObjectId(index as u32)
     }
 
-    /// The id of a quad.
     pub fn quad(&self, index: usize) -> ObjectId {
         ObjectId((self.instances + index) as u32)
     }
 
-    /// The id of a shape.
     pub fn shape(&self, index: usize) -> ObjectId {
         ObjectId((self.instances + self.quads + index) as u32)
     }
 
-    /// The id of curves.
     pub fn curves(&self, index: usize) -> ObjectId {
         ObjectId((self.instances + self.quads + self.shapes + index) as u32)
     }
 }
 
 impl ObjectId {
-    /// All objects of a scene.
     pub fn all(scene: &Scene) -> impl Iterator<Item = ObjectId> + use<> {
         let count = scene.instances.len() + scene.quads.len() + scene.shapes.len() + scene.curves.len();
         (0..count as u32).map(ObjectId)
@@ -116,7 +111,6 @@ pub(super) struct ObjectMaterials {
 }
 
 impl ObjectMaterials {
-    /// The materials of a scene's objects.
     pub fn of(scene: &Scene) -> ObjectMaterials {
         let originals = scene.materials.len() as u32;
         let mut all = ObjectMaterials { originals, ..ObjectMaterials::default() };

@@ -160,7 +160,6 @@ pub(super) fn plan(
 }
 
 impl Plan {
-    /// Is a mesh inside out?
     pub fn is_inside_out(&self, mesh: MeshId) -> bool {
         self.inside_out.get(mesh.index()).is_some_and(|&is| is)
     }

@@ -24,7 +24,6 @@ pub(super) struct Sources {
 }
 
 impl Sources {
-    /// The sources of a scene.
     pub fn of(scene: &Scene, plan: &Plan) -> Sources {
         Sources {
             keys: plan.keys.clone(),

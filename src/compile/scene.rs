@@ -22,7 +22,6 @@ use crate::texture::{CompiledTextures, ObjectData, TextureReport};
 use crate::work_counter::WorkCounter;
 use std::sync::Arc;
 
-/// Compile options.
 #[derive(Clone, Debug, Default)]
 pub struct CompileOptions {
     /// Shading models of all materials.
@@ -47,7 +46,6 @@ pub struct CompileOptions {
 /// A picture to be rendered.
 #[derive(Clone, Debug)]
 pub struct ExpectedPicture {
-    /// Its camera.
     pub camera: Camera,
     /// Width in pixels.
     pub width: u32,
@@ -64,7 +62,6 @@ pub struct MemoryPart {
     pub bytes: u64,
 }
 
-/// Compile report.
 #[derive(Clone, Debug, Default)]
 pub struct CompileReport {
     /// Build time, seconds.
@@ -113,13 +110,11 @@ pub struct CompiledScene {
     pub media: Vec<Medium>,
     /// Texture lookups.
     pub textures: CompiledTextures,
-    /// All lights.
     pub lights: Lights,
     /// The environment for camera rays, if it differs from the one that lights the scene and is not black.
     pub camera_environment: Option<EnvironmentLight>,
     /// Small bright lights and the bodies that refract their light.
     pub refracted_lights: RefractedLights,
-    /// Light groups.
     pub light_groups: LightGroups,
     /// Spectra by light; see [`CompiledScene::spectrum_of_light`].
     pub(super) light_spectra: Vec<Option<Arc<Spectrum>>>,

@@ -66,7 +66,6 @@ use shading_groups::{ShadingGroup, groups_of};
 use walk_guide::RandomWalks;
 use wave::{OptionalState, StateConditions};
 
-/// Options of the integrator.
 #[derive(Clone, Debug)]
 pub struct IntegratorOptions<'a> {
     /// Maximum number of bounces; with 0, only emission is visible.
@@ -165,7 +164,6 @@ pub struct Integrator<'a> {
 const PREPARED_BOUNCES: u32 = 32;
 
 impl<'a> Integrator<'a> {
-    /// An integrator for a view of a scene.
     pub fn new(scene: &'a CompiledScene, view: &'a View, options: IntegratorOptions<'a>) -> Integrator<'a> {
         let sets = 1 + 2 * PREPARED_BOUNCES.min(options.max_depth);
         let groups = groups_of(scene, options.filter_glossy > 0.0);

@@ -101,7 +101,6 @@ impl Integrator<'_> {
         !self.scene.refracted_lights.is_empty() && !self.options.records_training && !self.scene.is_moving()
     }
 
-    /// Finds the light lobes of the vertices.
     pub(super) fn find_light_lobes(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
         let mut lobes = std::mem::take(&mut w.light_lobes);
         self.start_light_lobes(sorted, &mut lobes, w);

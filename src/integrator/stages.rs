@@ -176,7 +176,6 @@ impl Integrator<'_> {
         true
     }
 
-    /// Runs stages at a bounce.
     fn run_stages(&self, stages: &[&Stage], bounce: &mut Bounce, w: &mut Workspace) {
         for stage in stages {
             if stage.bounces == Bounces::All || bounce.number == 0 {

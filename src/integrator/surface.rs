@@ -534,7 +534,6 @@ impl Integrator<'_> {
     }
 }
 
-/// Stores a surface.
 #[inline(always)]
 pub(super) fn store(v: &mut Vertices, k: usize, surface: &Surface) {
     set(&mut v.p, k, surface.p);

@@ -42,7 +42,6 @@ fn deciding_kind(kind: RayKinds) -> RayKinds {
 }
 
 impl Integrator<'_> {
-    /// The kind of the ray of arriving path `i`.
     #[inline(always)]
     pub(super) fn kind(&self, bounce: u32, i: usize, arriving: &Paths) -> RayKinds {
         match bounce {

@@ -88,7 +88,6 @@ pub(super) struct WalkGuide {
 const GUIDED_SHARE: f32 = 0.75;
 
 impl WalkGuide {
-    /// The guide of a medium.
     pub fn of(medium: &Scattering) -> WalkGuide {
         /// Outside this range, rounding makes lengths 1 or infinite.
         const ALBEDOS: [f32; 2] = [0.2, 0.9999];

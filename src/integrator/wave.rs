@@ -111,12 +111,10 @@ impl RayVisibility {
     const CLASS_SHIFT: u32 = 17;
     const CLASS_MASK: u32 = !0 << RayVisibility::CLASS_SHIFT;
 
-    /// The visibility of camera rays.
     pub fn camera() -> RayVisibility {
         RayVisibility(RayKinds::CAMERA.bits())
     }
 
-    /// The kind of the ray.
     #[inline(always)]
     pub fn kind(self) -> RayKinds {
         RayKinds::from_bits(self.0)
@@ -201,7 +199,6 @@ pub struct StateConditions<'a> {
     pub bounce_limits: bool,
     /// The number of transparent surfaces that paths pass is limited.
     pub transparent_limit: bool,
-    /// The glossy filter is on.
     pub filter_glossy: bool,
     /// Reflective or refractive caustics are disabled.
     pub skips_caustics: bool,

@@ -15,7 +15,6 @@ use crate::sampling::hash::r2_sequence;
 use std::collections::HashSet;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// A path strategy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum PathStrategy {
     /// Independent samples, split into branches at the first surface.
@@ -47,7 +46,6 @@ impl PathStrategy {
         }
     }
 
-    /// Configures the integrator for a pass.
     pub fn configure(self, pass: Pass, options: &RenderOptions, paths: &mut IntegratorOptions<'_>) {
         paths.branches = self.branches();
         paths.reuse = self.shape().map(|shape| Tiling::new(shape, pass.first_sample));
@@ -240,7 +238,6 @@ enum Tried {
     MoreSplitting,
 }
 
-/// A trial and its squares.
 struct SquareTrial {
     tried: Tried,
     squares: Vec<Block>,

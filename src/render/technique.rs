@@ -68,7 +68,6 @@ pub(super) trait Technique {
         Some(Vec::new())
     }
 
-    /// Configures the integrator for all paths.
     fn configure<'a>(&'a self, _paths: &mut IntegratorOptions<'a>) {}
 
     /// Configures the integrator for the camera paths of a pass.

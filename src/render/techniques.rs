@@ -15,7 +15,6 @@ use crate::integrator::{Block, CausticPlan, IntegratorOptions};
 /// row: field, type and constructor.
 macro_rules! techniques {
     ($($(#[$doc:meta])* $visibility:vis $name:ident: $technique:ty = $new:expr,)*) => {
-        /// All techniques.
         pub(super) struct Techniques {
             $($(#[$doc])* $visibility $name: $technique,)*
             are_prepared: bool,
@@ -39,11 +38,9 @@ macro_rules! techniques {
 }
 
 techniques! {
-    /// Learned light selection.
     light_selection: LearnedSelection = untried,
     /// Light tracing of caustics.
     light_tracing: LightTracing = untried,
-    /// Path guiding.
     guiding: PathGuiding = untried,
     /// Path reuse or splitting.
     pub strategy: StrategyTrials = StrategyTrials::new,

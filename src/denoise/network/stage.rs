@@ -47,7 +47,6 @@ pub(super) enum Input<'a> {
     SameSize(&'a Tensor),
     /// A tensor of half the resolution, upsampled by repetition.
     Upsampled(&'a Tensor),
-    /// The picture.
     Picture(&'a Picture<'a>),
 }
 
@@ -180,7 +179,6 @@ impl Stage<'_> {
         }
     }
 
-    /// The output for a range of rows.
     pub fn output(&self, rows: Range<usize>) -> Tensor {
         let channels = self.layers.last().map_or(0, |layer| layer.outputs);
         let (width, count) = (self.size[0], blocks(channels));

@@ -49,7 +49,6 @@ impl CausticPlan {
         light < self.light_count && !lights.light_emits_by_hit(light)
     }
 
-    /// The caustic role of a material.
     #[inline(always)]
     pub(super) fn role(&self, material: u32) -> CausticRole {
         self.roles[material as usize]

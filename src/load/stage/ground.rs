@@ -30,7 +30,6 @@ const FULL_SPECULAR_LUMINANCE: f32 = 0.3;
 /// Radius of the specular reflection, in model radii: at the grazing angles farther away it would reflect the stage's lights, and
 /// differ from the background.
 const SPECULAR_RADIUS: f64 = 3.0;
-/// Roughness of a floor.
 const FLOOR_ROUGHNESS: f32 = 0.12;
 /// Colour of a floor.
 const FLOOR_COLOR: [f32; 3] = [0.16, 0.16, 0.165];
@@ -109,7 +108,6 @@ fn choose_blending(options: &StageOptions, ground: Ground, is_stage: bool) -> (B
     (blending, color.map(|v| v.clamp(0.0, MAX_REFLECTANCE) as f32))
 }
 
-/// The material of a ground.
 fn material(scene: &mut Scene, ground: Ground, blending: Blending, color: [f32; 3]) -> Material {
     // White reflections would hide saturated or dark colours of the ground.
     let gloss = SPECULAR * (luminance(color) / FULL_SPECULAR_LUMINANCE).min(1.0);

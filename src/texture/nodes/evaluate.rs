@@ -40,7 +40,6 @@ pub enum Operation {
     Load(Source),
     /// Reads data at an offset along the surface, for derivatives: index of the step, and fraction of it.
     LoadOffset { source: Source, step: usize, fraction: f32 },
-    /// Normal of a normal map.
     NormalMap(NormalSpace),
     /// Normal of a bump map.
     Bump { invert: bool, filter_width: f32 },
@@ -91,7 +90,6 @@ impl Operation {
         )
     }
 
-    /// The operation of a node.
     pub fn of(kind: &NodeKind) -> Operation {
         match kind {
             NodeKind::ColorRamp { stops, interpolation } => {
@@ -141,7 +139,6 @@ pub const UNUSED: u16 = u16::MAX;
 /// A step of a program after register allocation.
 #[derive(Clone, Debug)]
 pub struct CompiledStep {
-    /// The operation.
     pub operation: Operation,
     /// Input registers.
     pub inputs: Vec<u16>,
@@ -263,7 +260,6 @@ fn load<const LANES: usize>(step: &CompiledStep, points: &Points<'_>, r: &mut Re
     }
 }
 
-/// Runs a step for all points.
 pub fn run<const LANES: usize>(step: &CompiledStep, points: &Points<'_>, r: &mut Registers<LANES>) {
     match &step.operation {
         Operation::Load(_) | Operation::LoadOffset { .. } => load(step, points, r),

@@ -290,7 +290,6 @@ impl Lowering<'_, '_, '_> {
         }
     }
 
-    /// A number input.
     fn number(&self, index: usize, key: &str, default: f32) -> NodeInput {
         self.color(index, key, [default; 3])
     }
@@ -553,7 +552,6 @@ macro_rules! shaders {
         enum Shader { $($(#[$doc])* $shader,)* }
 
         impl Shader {
-            /// The shader of a name.
             fn from_name(name: &str) -> Option<Shader> {
                 match name {
                     $($name => Some(Shader::$shader),)*
@@ -604,9 +602,7 @@ shaders! {
     Toon "toon_bsdf" (color, size, smooth, normal);
     /// A constant lobe around the mirror direction.
     ToonHighlight "toon_highlight_bsdf" (color, size, smooth, normal);
-    /// Subsurface scattering.
     Subsurface "subsurface_scattering" (color, roughness, scale, radius, ior, anisotropy, skin_ior, body, normal);
-    /// Emission.
     Emission "emission" (color, strength);
     /// Two shaders mixed.
     Mix "mix_shader" (factor, a, b);
