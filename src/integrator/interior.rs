@@ -35,8 +35,8 @@ impl Interior {
         self.0[0] as u16
     }
 
-    /// The media that overlap [`Interior::medium`] and add up with it, each once: the next entries of the list, until the first that
-    /// doesn't add up or has a lower priority; after the last entry, the medium around the scene.
+    /// The additive media that overlap [`Interior::medium`], each once: the next entries of the list, until the first that is not
+    /// additive or has a lower priority; after the last entry, the medium around the scene.
     pub fn overlapping(self, media: &[Medium]) -> impl Iterator<Item = u16> {
         let number = move |k: u32| (self.bits() >> (k * BITS)) as u16;
         let top = &media[usize::from(self.medium())];
