@@ -438,7 +438,8 @@ mod white_balance_tests {
         assert!(balanced(6504.0, [1.0; 3]).iter().all(|v| (v - 1.0).abs() < 2e-3));
         // CIE illuminant A: 2856 K, x 0.44758, y 0.40745.
         let [x, y] = [0.44758, 0.40745];
-        let lamp = apply(&Primaries::REC709.rgb_from_xyz().expect("not degenerate"), xyz([x, y])).map(|v| v as f32);
+        let lamp =
+            apply(&Primaries::REC709.rgb_from_xyz().expect("not degenerate"), xyz([x, y])).map(|v| v as f32);
         let white = balanced(2856.0, lamp);
         assert!(white.iter().all(|v| (v - 1.0).abs() < 0.01), "{lamp:?} {white:?}");
     }

@@ -146,7 +146,7 @@ impl Integrator<'_> {
     pub(super) fn add_environment(&self, bounce: u32, w: &mut Workspace) {
         let (lights, features) = (&self.scene.lights, &self.scene.features);
         if bounce > 0 {
-            if self.optional.clear {
+            if self.optional.only_clear_glass {
                 self.add_clear_background(w);
             }
         } else if !features.environment_visible_to.contains(RayKinds::CAMERA) {

@@ -93,7 +93,7 @@ impl Integrator<'_> {
     pub(super) fn filter_glossy(&self, sorted: &SortedVertices, w: &mut Workspace) {
         let Workspace { wave, bsdfs, .. } = w;
         let least = |i: usize| {
-            let fraction = 1.0 - wave.paths.least_pdf[i] / self.options.filter_glossy;
+            let fraction = 1.0 - wave.paths.min_pdf[i] / self.options.filter_glossy;
             if fraction > 0.0 { 0.5 * fraction.sqrt() } else { 0.0 }
         };
         for i in sorted.metal_rough() {
@@ -121,7 +121,7 @@ impl Integrator<'_> {
                 let is_guided = sorted.guided().contains(&i);
                 let density = pdf.value() / branches;
                 let density = if is_guided { self.unguided(density, &w.wave, i) } else { density };
-                let least = &mut w.wave.paths.least_pdf[i];
+                let least = &mut w.wave.paths.min_pdf[i];
                 *least = least.min(density);
             }
         }

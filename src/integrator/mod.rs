@@ -100,8 +100,8 @@ pub struct IntegratorOptions<'a> {
     pub reuse: Option<Tiling>,
     /// Path splitting: number of paths that continue from the first surface of each sample; a power of two, 1 with path reuse.
     pub branches: u32,
-    /// Also record the estimates without path reuse and splitting.
-    pub keeps_plain: bool,
+    /// Also record the baseline: estimates without path reuse and splitting.
+    pub records_baseline: bool,
     /// Light tracing of caustics, if any.
     pub caustics: Option<&'a CausticPlan>,
     /// Path guide, if any.
@@ -126,9 +126,9 @@ pub struct PathSample<'a> {
     /// Components of the requested AOVs of the first hit, if any, in the order of the table of AOVs.
     pub first_hit: Option<&'a [f32]>,
     /// Radiance of the requested light passes, then of the light groups.
-    pub parts: &'a [[f32; 3]],
-    /// Radiance without path reuse and splitting, if recorded.
-    pub plain: [f32; 3],
+    pub layers: &'a [[f32; 3]],
+    /// Radiance of the baseline (without path reuse and splitting), if recorded.
+    pub baseline: [f32; 3],
 }
 
 /// Traces paths through a scene.
@@ -193,7 +193,7 @@ impl<'a> Integrator<'a> {
                 skips_caustics: options.skip_caustics != SkippedCaustics::NONE,
                 light_passes: layers.has_passes(),
                 caustics: options.caustics.is_some(),
-                sharing: options.reuse.is_some(),
+                path_reuse: options.reuse.is_some(),
                 guiding: options.guide.is_some(),
                 transparent_glass: options.transparent_glass,
                 first_hits: options.aovs.of(Source::FirstHit).any(),

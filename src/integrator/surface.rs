@@ -294,8 +294,8 @@ impl Integrator<'_> {
                 vertex.mapping = vertex.mapping.on_side(-1.0);
             }
         }
-        if self.optional.chains {
-            self.end_chain_if_bent(bounce, i, &vertex.surface, wo, &mut w.arriving.chains);
+        if self.optional.caustic_chains {
+            self.end_chain_if_bent(bounce, i, &vertex.surface, wo, &mut w.arriving.caustic_chains);
         }
         if self.has_aovs(bounce, i, w) {
             self.record_vertex(bounce, i, &at, &vertex, w);

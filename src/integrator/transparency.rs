@@ -580,7 +580,7 @@ impl Integrator<'_> {
         if !w.uncovered.is_empty() {
             self.clear_alpha(w);
         }
-        if self.optional.clear {
+        if self.optional.only_clear_glass {
             self.start_clear(sorted, w);
         }
     }
@@ -589,7 +589,8 @@ impl Integrator<'_> {
     fn start_clear(&self, sorted: &SortedVertices, w: &mut Workspace) {
         let paths = &mut w.wave.paths;
         for i in sorted.all() {
-            paths.clear[i] = u32::from(w.radiance_buffer.is_covered(paths.state.radiance_index[i]));
+            paths.only_clear_glass[i] =
+                u32::from(w.radiance_buffer.is_covered(paths.state.radiance_index[i]));
         }
     }
 
@@ -608,7 +609,7 @@ impl Integrator<'_> {
             let (wo, wi, ng) = (get(&v.wo, i), get(&v.next_direction, i), get(&v.ng, i));
             let passes =
                 general.contains(&i) && paths.state.pdf[i].is_specular() && wo.dot(ng) * wi.dot(ng) < 0.0;
-            paths.clear[i] &= u32::from(passes);
+            paths.only_clear_glass[i] &= u32::from(passes);
         }
     }
 
@@ -618,7 +619,7 @@ impl Integrator<'_> {
         let scale = self.outside_radiance_scale();
         escaped.retain(|&i| {
             let i = i as usize;
-            let is_clear = arriving.clear[i] != 0;
+            let is_clear = arriving.only_clear_glass[i] != 0;
             if is_clear {
                 let passed = get_rgb(&arriving.state.throughput, i) * scale;
                 radiance_buffer.make_transparent(

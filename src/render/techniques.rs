@@ -83,8 +83,8 @@ impl Techniques {
     }
 
     /// Are trials within the first pass pending?
-    pub fn are_open(&self) -> bool {
-        self.list().iter().any(|technique| technique.is_open())
+    pub fn have_pending_trials(&self) -> bool {
+        self.list().iter().any(|technique| technique.has_pending_trial())
     }
 
     /// Configures the integrator for the camera paths of a pass.

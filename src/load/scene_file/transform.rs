@@ -252,7 +252,12 @@ fn read_trajectory(fields: &Fields) -> Option<Trajectory> {
         return None;
     }
     let (axis, rad_per_frame, center) = rotation;
-    Some(Trajectory::Constant { translation_per_frame: translation_per_frame.unwrap_or(DVec3::ZERO), axis, rad_per_frame, center })
+    Some(Trajectory::Constant {
+        translation_per_frame: translation_per_frame.unwrap_or(DVec3::ZERO),
+        axis,
+        rad_per_frame,
+        center,
+    })
 }
 
 /// Reads a list of keys: tables with an ascending `frame` and a value that `read` reads. Messages call them keys of `owner`.

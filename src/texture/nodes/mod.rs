@@ -26,7 +26,10 @@ use std::collections::HashMap;
 enum Scalar {
     /// The bits of an f32.
     Constant(u32),
-    Result { step: u32, output: u32 },
+    Result {
+        step: u32,
+        output: u32,
+    },
 }
 
 impl Scalar {
