@@ -90,36 +90,39 @@ pub(super) fn build_geometry(
     }
     let world = match reused.world {
         Some(world) => world,
-        None => {
-            let mut world = Space::EMPTY;
-            let is_hidden = |id: MaterialId| materials[id.index()].is_invisible();
-            for planned in missing.iter().filter(|planned| planned.mode == InstanceMode::Merged) {
-                let instance = &scene.instances[planned.index];
-                let mesh = mesh(planned);
-                let mut needs = needs_of(part_materials(mesh, instance), materials);
-                needs.uv[0] |= plan.keeps_uv;
-                world.owners.begin(world.shapes.triangles.len(), object_ids.instance(planned.index));
-                let material_index = |id: MaterialId| plan.object_materials.index_of(id, &instance.traits);
-                let placed = (&planned.world_from_object, plan.is_inside_out(instance.mesh));
-                world.append(
-                    mesh,
-                    (instance.material, material_index),
-                    placed,
-                    (needs, &plan.attributes),
-                    is_hidden,
-                );
-            }
-            world.append_shapes(scene, materials, origin, &object_ids, plan);
-            world.append_curves(scene, materials, origin, &object_ids, &plan.object_materials)?;
-            world.update_bounds();
-            Arc::new(world)
-        }
+        None => Arc::new(build_world(scene, materials, (origin, &object_ids), plan, (&missing, mesh))?),
     };
     let shared = shared.into_iter().flatten().collect();
     let motions = plan.motions.clone();
     let geometries = Geometries { world, shared, placements: Vec::new(), motions, moves: false };
     let static_geometry = place(scene, plan, &object_ids, geometries);
     Ok(add_moving_shapes(static_geometry, scene, materials, (origin, &object_ids), plan))
+}
+
+/// The world: all merged instances, static shapes and curves. `mesh`: the mesh of an instance, with tangents.
+fn build_world<'m>(
+    scene: &Scene,
+    materials: &[CompiledMaterial],
+    (origin, object_ids): (DVec3, &ObjectIds),
+    plan: &Plan,
+    (planned, mesh): (&[&PlannedInstance], impl Fn(&PlannedInstance) -> &'m Mesh),
+) -> Result<Space> {
+    let mut world = Space::EMPTY;
+    let is_hidden = |id: MaterialId| materials[id.index()].is_invisible();
+    for planned in planned.iter().filter(|planned| planned.mode == InstanceMode::Merged) {
+        let (instance, mesh) = (&scene.instances[planned.index], mesh(planned));
+        let mut needs = needs_of(part_materials(mesh, instance), materials);
+        needs.uv[0] |= plan.keeps_uv;
+        world.owners.begin(world.shapes.triangles.len(), object_ids.instance(planned.index));
+        let material_index = |id: MaterialId| plan.object_materials.index_of(id, &instance.traits);
+        let placed = (&planned.world_from_object, plan.is_inside_out(instance.mesh));
+        let (material, needs) = ((instance.material, material_index), (needs, &plan.attributes[..]));
+        world.append(mesh, material, placed, needs, is_hidden);
+    }
+    world.append_shapes(scene, materials, origin, object_ids, plan);
+    world.append_curves(scene, materials, origin, object_ids, &plan.object_materials)?;
+    world.update_bounds();
+    Ok(world)
 }
 
 /// Planned instances whose geometry must be built: all merged into the world, and the first of each shared mesh.

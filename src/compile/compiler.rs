@@ -196,18 +196,19 @@ fn compile_after(
         vectors: MotionVectors::of(scene, anchor),
         sources: is_sequence.then(|| Sources::of(scene, &plan)),
     };
-    warn_of_far_surfaces(&compiled, &mut report.warnings);
-    report.memory = compiled.memory();
+    report_compiled(&compiled, &mut report);
     Ok((compiled, report))
 }
 
 /// Distance from the camera, metres, above which squared triangle areas may overflow single precision.
 const MAX_DISTANCE: f32 = 4e9;
 
-fn warn_of_far_surfaces(compiled: &CompiledScene, warnings: &mut Vec<Warning>) {
+/// Reports the memory, and warns of far surfaces.
+fn report_compiled(compiled: &CompiledScene, report: &mut CompileReport) {
+    report.memory = compiled.memory();
     let reach = compiled.reach();
     if reach > MAX_DISTANCE {
-        warnings.push(Warning::general(format!(
+        report.warnings.push(Warning::general(format!(
             "surfaces are up to {reach:.1e} m away: triangles and quads longer than {MAX_DISTANCE:.0e} m are black; scale the scene down"
         )));
     }

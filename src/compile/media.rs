@@ -224,8 +224,8 @@ fn density(medium: &scene::Medium, scene: &Scene, grids: &[Arc<DensityGrid>]) ->
     let density = ready(grid);
     let channels = |grids: Option<[GridId; 3]>| grids.map(|grids| Arc::new(grids.map(ready)));
     let (extinction, scattering) = (channels(medium.extinction_grids), channels(medium.scattering_grids));
-    let emission = Arc::new(match medium.glow {
-        Some(glow) => CompiledEmissionGrid::new(glow, &scene.grids, grids),
+    let emission = Arc::new(match medium.emission_grid {
+        Some(grid) => CompiledEmissionGrid::new(grid, &scene.grids, grids),
         None => CompiledEmissionGrid::of_density(&density),
     });
     Density::Grid(GridMedium { density, extinction, scattering, emission })
@@ -283,7 +283,7 @@ fn exterior(fog: Option<&Fog>, anchor: DVec3, is_spectral: bool) -> Medium {
     let has_extinction = extinction.max_element() > 0.0;
     let scattering = Scattering {
         extinction,
-        scattered: extinction * Rgb::from_array(fog.medium.albedo),
+        scattering_coefficient: extinction * Rgb::from_array(fog.medium.albedo),
         emission: Rgb::from_array(fog.medium.emission),
         anisotropy: fog.medium.anisotropy,
         density: fog_density(fog, anchor),

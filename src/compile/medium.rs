@@ -215,7 +215,7 @@ pub struct Scattering {
     /// Extinction coefficient, per metre.
     pub extinction: Rgb,
     /// Scattering coefficient, per metre.
-    pub scattered: Rgb,
+    pub scattering_coefficient: Rgb,
     /// Emitted radiance per metre.
     pub emission: Rgb,
     /// Mean cosine g of the phase function.
@@ -309,14 +309,14 @@ impl Scattering {
     /// The scattering part of a medium; `None` for homogeneous, purely absorbing media.
     pub(super) fn of(medium: &scene::Medium, absorption: Option<Rgb>) -> Option<Scattering> {
         let extinction = Rgb::from_array(medium.extinction);
-        let scattered = extinction * Rgb::from_array(medium.albedo);
+        let scattering_coefficient = extinction * Rgb::from_array(medium.albedo);
         let emission = Rgb::from_array(medium.emission);
         let extinction = extinction + absorption.unwrap_or(Rgb::ZERO);
         let is_emissive = emission.max_element() > 0.0;
-        let has_effect = scattered.max_element() > 0.0 || is_emissive || medium.grid.is_some();
+        let has_effect = scattering_coefficient.max_element() > 0.0 || is_emissive || medium.grid.is_some();
         has_effect.then_some(Scattering {
             extinction,
-            scattered,
+            scattering_coefficient,
             emission,
             anisotropy: medium.anisotropy,
             density: Density::Homogeneous,
@@ -337,8 +337,8 @@ impl Scattering {
 
     #[cold]
     fn at(&self, spectra: &ScatteringSpectra, waves: &Wavelengths) -> Scattering {
-        let [extinction, scattered, emission] = spectra.at(waves);
-        Scattering { extinction, scattered, emission, spectra: None, ..self.clone() }
+        let [extinction, scattering_coefficient, emission] = spectra.at(waves);
+        Scattering { extinction, scattering_coefficient, emission, spectra: None, ..self.clone() }
     }
 
     /// The range of ray parameters, at least `from`, inside the medium; empty unless the second is larger.
@@ -506,7 +506,7 @@ mod tests {
         let density = Density::Ball(Ball { center: Vec3::new(0.0, 0.0, 10.0), radius });
         Scattering {
             extinction,
-            scattered: extinction,
+            scattering_coefficient: extinction,
             emission: Rgb::ZERO,
             anisotropy: 0.0,
             density,

@@ -106,8 +106,8 @@ impl Integrator<'_> {
         }
         if self.optional.interior {
             match self.camera_interior {
-                CameraInterior::Same(interior) => paths.interior[..count].fill(interior),
-                CameraInterior::Differs => {
+                CameraInterior::Constant(interior) => paths.interior[..count].fill(interior),
+                CameraInterior::PerRay => {
                     for i in 0..count {
                         let origin = get(&vertices.next_origin, i);
                         paths.interior[i] =

@@ -127,9 +127,9 @@ impl Interior {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CameraInterior {
     /// Constant for all camera rays.
-    Same(Interior),
+    Constant(Interior),
     /// Computed per ray: it varies over the plane of an orthographic camera or over time, or the camera has clip planes.
-    Differs,
+    PerRay,
 }
 
 impl CameraInterior {
@@ -139,10 +139,10 @@ impl CameraInterior {
         /// `Integrator::assume_inside`.
         const CELLS: u32 = 8;
         if !scene.features.media {
-            return CameraInterior::Same(Interior::AIR);
+            return CameraInterior::Constant(Interior::AIR);
         }
         if view.camera.is_clipped() {
-            return CameraInterior::Differs;
+            return CameraInterior::PerRay;
         }
         let is_moving = scene.is_moving() || view.moving.is_some();
         let times = if is_moving { 0..=CELLS } else { 0..=0 };
@@ -159,7 +159,7 @@ impl CameraInterior {
             let time = k as f32 / CELLS as f32;
             cells.clone().any(|j| cells.clone().any(|i| around(time, i, j) != first))
         });
-        if differs { CameraInterior::Differs } else { CameraInterior::Same(first) }
+        if differs { CameraInterior::PerRay } else { CameraInterior::Constant(first) }
     }
 }
 

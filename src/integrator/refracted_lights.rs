@@ -15,6 +15,7 @@
 use super::Integrator;
 use super::guiding::Guided;
 use super::interior::Interior;
+use super::light_lobes::LightLobes;
 use super::mis::DirectionPdf;
 use super::sampling::{FIRST_ROULETTE, Purpose, RandomChoice, survival};
 use super::shading_groups::{

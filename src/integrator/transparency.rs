@@ -13,7 +13,6 @@ use super::interior::CameraInterior;
 use super::sampling::{Purpose, RandomChoice};
 use super::shading_geometry::{EvaluatedMaterial, HitPoint, PathOrigin, scattering_normal};
 use super::shading_groups::SortedVertices;
-use super::slabs::{ShadowCrossings, behind_pane};
 use super::stages::Stages;
 use super::visibility::LIGHT_SAMPLE_KINDS;
 use super::wave::{LightLanes, OptionalState, PathState, Paths, Vertices, Wave, get, get_rgb, set_rgb};
@@ -577,7 +576,7 @@ impl Integrator<'_> {
 impl Integrator<'_> {
     /// Sets the alpha of samples that hit holdouts and shadow catchers, and initialises the state of clear paths.
     pub(super) fn set_alpha(&self, sorted: &SortedVertices, w: &mut Workspace) {
-        if !w.uncovered.is_empty() {
+        if !w.holdout_samples.is_empty() {
             self.clear_alpha(w);
         }
         if self.optional.only_clear_glass {
@@ -596,7 +595,7 @@ impl Integrator<'_> {
 
     /// 1 / ior^2 of the medium around the camera: undoes the scaling of radiance by ior^2 there, which is no transmittance.
     fn outside_radiance_scale(&self) -> Rgb {
-        let CameraInterior::Same(interior) = self.camera_interior else { return Rgb::ONE };
+        let CameraInterior::Constant(interior) = self.camera_interior else { return Rgb::ONE };
         let iors = self.scene.media[usize::from(interior.medium())].iors.unwrap_or([1.0; 3]);
         Rgb::from_array(iors.map(|ior| 1.0 / (ior * ior)))
     }
@@ -653,11 +652,11 @@ impl Integrator<'_> {
     /// Saves the camera paths of a wave, for the pass without shadow casters.
     pub(super) fn save_camera_paths(&self, w: &mut Workspace) {
         let count = w.rays.len();
-        let starts = w.starts.get_or_insert_with(bytemuck::zeroed_box);
+        let starts = w.camera_paths.get_or_insert_with(bytemuck::zeroed_box);
         for i in 0..count {
             w.arriving.copy_to(i, starts, i, OptionalState::ALL);
         }
-        w.start_rays.clone_from(&w.rays);
+        w.camera_rays.clone_from(&w.rays);
     }
 
     /// Finds the samples whose camera rays hit shadow catchers.
@@ -669,7 +668,7 @@ impl Integrator<'_> {
                 w.catcher_samples.push(w.arriving.state.radiance_index[i]);
             }
         }
-        w.uncovered.extend_from_slice(&w.catcher_samples);
+        w.holdout_samples.extend_from_slice(&w.catcher_samples);
     }
 
     /// Traces the samples at shadow catchers again without shadow casters, and records both radiances. False if `stop` interrupted it.
@@ -687,11 +686,11 @@ impl Integrator<'_> {
         w.radiance_buffer.extend(2 * count);
         w.times.repeat();
         w.rays.clear();
-        if let Some(starts) = &w.starts {
+        if let Some(starts) = &w.camera_paths {
             for (k, &sample) in samples.iter().enumerate() {
                 starts.copy_to(sample as usize, &mut w.arriving, k, OptionalState::ALL);
                 w.arriving.state.radiance_index[k] = sample + count as u32;
-                w.rays.push(w.start_rays[sample as usize]);
+                w.rays.push(w.camera_rays[sample as usize]);
             }
         }
         w.excludes_casters = true;

@@ -187,7 +187,7 @@ impl Integrator<'_> {
 
     /// Finds camera rays that hit holdouts or shadow catchers; holdouts end paths.
     pub(super) fn find_camera_exceptions(&self, w: &mut Workspace) {
-        w.uncovered.clear();
+        w.holdout_samples.clear();
         if self.scene.features.holdouts {
             self.cut_out_holdouts(w);
         }
@@ -205,7 +205,7 @@ impl Integrator<'_> {
                     // Adds the emission of media in front of the holdout.
                     self.passed(0, i, w.hits[i].t, w);
                 }
-                w.uncovered.push(w.arriving.state.radiance_index[i]);
+                w.holdout_samples.push(w.arriving.state.radiance_index[i]);
                 w.hits[i] = Hit::MISS;
                 w.materials[i] = 0;
                 set_rgb(&mut w.arriving.state.throughput, i, Rgb::ZERO);
@@ -215,7 +215,7 @@ impl Integrator<'_> {
 
     /// Sets the alpha of samples that hit holdouts and shadow catchers to 0.
     pub(super) fn clear_alpha(&self, w: &mut Workspace) {
-        for &sample in &w.uncovered {
+        for &sample in &w.holdout_samples {
             w.radiance_buffer.set_transparent(sample);
         }
     }

@@ -79,7 +79,7 @@ pub(super) struct LightPath {
     /// Index of the light.
     pub light: u32,
     /// The light is a delta light and the first surface perfectly specular: no camera path samples this light.
-    pub is_unreachable_from_camera: bool,
+    pub has_no_camera_path: bool,
     /// Random number of the hero wavelength, 0 to 1, in spectral rendering.
     pub hero: Option<f32>,
 }

@@ -184,14 +184,15 @@ fn check_medium(medium: &Medium, grids: &[Grid], place: impl Display + Copy, fin
     );
     let channel_grids =
         [("extinction_grids", medium.extinction_grids), ("scattering_grids", medium.scattering_grids)];
-    let glow = medium.glow.into_iter().flat_map(|glow| glow.grids()).map(|id| ("glow", id));
+    let emission_grids =
+        medium.emission_grid.into_iter().flat_map(|grid| grid.grids()).map(|id| ("emission_grid", id));
     let channels =
         channel_grids.iter().flat_map(|&(field, ids)| ids.into_iter().flatten().map(move |id| (field, id)));
-    for (field, id) in channels.clone().chain(glow) {
+    for (field, id) in channels.clone().chain(emission_grids) {
         findings.require(medium.grid.is_some(), place, field, id, "none without a density grid");
         findings.require(grids.get(id.index()).is_some(), place, field, id, "one of the scene's grids");
     }
-    if let Some(EmissionGrid::Temperatures { kelvin, .. }) = medium.glow {
+    if let Some(EmissionGrid::Temperatures { kelvin, .. }) = medium.emission_grid {
         findings.require((1e-6..=1e6).contains(&kelvin), place, "kelvin", kelvin, "from 1e-6 to 1e6");
     }
     let Some(id) = medium.grid else { return };

@@ -73,7 +73,7 @@ impl Mutate for ObjectSets {
 ids! { GridId ImageId MaterialId MeshId ProfileId TextureId }
 
 structs! {
-    Medium { extinction, albedo, anisotropy, emission, grid, extinction_grids, scattering_grids, glow, textures }
+    Medium { extinction, albedo, anisotropy, emission, grid, extinction_grids, scattering_grids, emission_grid, textures }
     MediumTextures { density, color, emission, resolution }
     Grid { name, size, values, world_from_voxels }
     Fog { medium, center, radius }
