@@ -405,7 +405,7 @@ impl Integrator<'_> {
     fn next_scattering(&self, sorted: &SortedVertices, wave: &Wave, bsdfs: &[Bsdf], i: usize) -> FirstBounce {
         let Wave { paths, vertices: v, scratch: [r, g, b, ..] } = wave;
         let first = match sorted.metal_rough().contains(&i) {
-            true => FirstBounce { diffuse: Rgb::new(r[i], g[i], b[i]), crosses: false },
+            true => FirstBounce { diffuse: Rgb::new(r[i], g[i], b[i]), is_transmission: false },
             false => self.scattering(sorted, v, bsdfs, i, get(&v.next_direction, i)),
         };
         match paths.state.pdf[i].is_specular() {
