@@ -161,7 +161,7 @@ pub(crate) struct ConvertArgs {
     pub quiet: bool,
 }
 
-/// Values of `--denoiser`, which only earlier versions had.
+/// Values of `--denoiser`, which has no effect.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum DenoiserArg {
     /// The only denoiser.

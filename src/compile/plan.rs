@@ -85,7 +85,7 @@ pub(super) struct Plan {
     pub inside_out: Vec<bool>,
     /// Offsets of flat lights that are coplanar with other surfaces.
     pub shifts: Shifts,
-    /// GeometryKeys for the reuse of geometry by other frames; `None` if nothing is reused.
+    /// Keys for the reuse of geometry by other frames; `None` if nothing is reused.
     pub keys: Option<GeometryKeys>,
 }
 
@@ -434,7 +434,7 @@ pub enum Tree {
     /// The fastest traversal.
     #[default]
     Full,
-    /// The quality with the lower total time, estimated from the object_materials of camera rays and triangles, so that a command always
+    /// The quality with the lower total time, estimated from the numbers of camera rays and triangles, so that a command always
     /// builds the same tree.
     For {
         /// Number of camera rays: pixels times samples.

@@ -284,7 +284,7 @@ fn color(
     PointReader::new(textures, point).with_hit(Some(&hit)).eval(texture)
 }
 
-/// SceneGeometry textures of a medium, linear RGB per voxel; `None` for coefficients without a texture.
+/// Baked textures of a medium, linear RGB per voxel; `None` for coefficients without a texture.
 struct Values {
     density: Option<Vec<[f32; 3]>>,
     color: Option<Vec<[f32; 3]>>,
