@@ -575,11 +575,11 @@ impl Integrator<'_> {
         let is_of_diffuse =
             self.options.caustics.is_some_and(|p| p.role(material) == CausticRole::DiffuseReceiver);
         let group = self.groups[material as usize];
-        let is_lambert = matches!(group, ShadingGroup::Plain | ShadingGroup::Lambert);
+        let is_lambert = matches!(group, ShadingGroup::FlatLambert | ShadingGroup::Lambert);
         let is_opaque = is_lambert
             || matches!(
                 group,
-                ShadingGroup::PlainMetalRough | ShadingGroup::Textured | ShadingGroup::MetalRough
+                ShadingGroup::FlatMetalRough | ShadingGroup::Textured | ShadingGroup::MetalRough
             );
         // If no camera path finds the light, all lobes scatter it here.
         let is_diffuse = is_of_diffuse && !path.has_no_camera_path;
