@@ -52,7 +52,7 @@ impl Integrator<'_> {
             self.evaluate_graphs(bounce, w, |w, i, _| w.groups[i] != ShadingGroup::None);
         }
         self.sort(bounce, sorted, w);
-        self.make_flat(sortedsorted.flat_lambert(), &mut w.wave.vertices);
+        self.make_flat(sorted.flat_lambert(), &mut w.wave.vertices);
         self.make_flat(sorted.flat_metal_rough(), &mut w.wave.vertices);
         self.make_textured(bounce, sorted.textured(), w);
         if self.options.skip_caustics != SkippedCaustics::NONE {

@@ -1,6 +1,6 @@
 //! How the pictures of two ways to render one scene differ.
 
-use super::picture;
+use super::{compiled, picture, shot};
 use oscura::film::Film;
 use oscura::render::{RenderOptions, in_pool};
 use oscura::scene::Scene;
