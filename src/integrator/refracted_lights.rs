@@ -22,7 +22,6 @@ use super::shading_groups::{
     Closure, GeneralClass, LambertClass, MediumClass, MetalRoughClass, SortedVertices, VertexClass,
     eval_at_horizon, with_vertex_class,
 };
-use super::slabs::LightLobes;
 use super::wave::{Vertices, Wave, get, get_rgb, set, set_rgb};
 use super::workspace::Workspace;
 use crate::bsdf::Bsdf;

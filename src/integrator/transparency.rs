@@ -10,6 +10,7 @@
 
 use super::Integrator;
 use super::interior::CameraInterior;
+use super::pane_refraction::{ShadowCrossings, behind_pane};
 use super::sampling::{Purpose, RandomChoice};
 use super::shading_geometry::{EvaluatedMaterial, HitPoint, PathOrigin, scattering_normal};
 use super::shading_groups::SortedVertices;
@@ -235,7 +236,8 @@ impl Integrator<'_> {
                 let (response, transmittance) =
                     self.shadow_response(crossing, (bounce, pass, i), paths, counts.get_mut(k));
                 if let HitResponse::Passes = response {
-                    let color = self.transparent_color(crossing, LIGHT_SAMPLE_KINDS, waves).unwrap_or(Rgb::ONE);
+                    let color =
+                        self.transparent_color(crossing, LIGHT_SAMPLE_KINDS, waves).unwrap_or(Rgb::ONE);
                     let contribution = get_rgb(&light.contribution, i);
                     set_rgb(&mut light.contribution, i, contribution * color * transmittance);
                 }
