@@ -53,7 +53,6 @@ fn z_score(difference: f64, sigma: f64) -> f64 {
 /// The result of [`z_test`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ZTest {
-    /// By channel.
     pub channels: [ChannelTest; 3],
     /// Fraction of blocks that differ by more than 3 standard deviations (0.27 % expected).
     pub beyond_3_sigma: f64,
@@ -235,13 +234,12 @@ const SENSITIVITY: [[(f64, f64); 2]; 3] =
     [[(1.0, 0.0047), (0.0, 1e-5)], [(1.0, 0.0053), (0.0, 1e-5)], [(34.1, 0.04), (13.5, 0.025)]];
 const LARGEST_WIDTH: f64 = 0.04;
 
-/// Linear sRGB to XYZ.
+/// Linear sRGB to XYZ, with the digits of FLIP's reference implementation, as of its inverse.
 const XYZ_FROM_RGB: [[f64; 3]; 3] = [
     [10135552.0 / 24577794.0, 8788810.0 / 24577794.0, 4435075.0 / 24577794.0],
     [2613072.0 / 12288897.0, 8788810.0 / 12288897.0, 887015.0 / 12288897.0],
     [1425312.0 / 73733382.0, 8788810.0 / 73733382.0, 70074185.0 / 73733382.0],
 ];
-/// The inverse.
 const RGB_FROM_XYZ: [[f64; 3]; 3] = [
     [3.241003275, -1.537398934, -0.498615861],
     [-0.969224334, 1.875930071, 0.041554224],

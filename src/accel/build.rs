@@ -367,7 +367,6 @@ pub struct TreeContents<'a> {
     pub geometry: &'a Geometry,
     /// Boxes of the instances; their ids are indices of `records`.
     pub placed: Vec<Primitive>,
-    /// Records of the instances.
     pub records: &'a [InstanceRecord],
 }
 

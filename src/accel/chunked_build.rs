@@ -395,7 +395,6 @@ pub struct TreePart<T> {
     pub root: u32,
     /// The buffer, from [`empty_buffer`].
     pub lines: Vec<Line>,
-    /// The result.
     pub result: T,
 }
 

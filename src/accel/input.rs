@@ -18,11 +18,9 @@ pub struct Geometry {
     pub positions: Vec<[f32; 3]>,
     /// Vertex indices of each triangle.
     pub triangles: Vec<[u32; 3]>,
-    /// Quads.
     pub quads: Vec<Quad>,
     /// Analytic shapes: spheres, disks and so on.
     pub analytic: Vec<Analytic>,
-    /// Curve segments.
     pub curves: CurveSegments,
     /// Gaussian splats.
     pub splats: SplatCloud,
@@ -85,7 +83,6 @@ pub struct AccelInput<'a> {
     pub first_changing: usize,
     /// Instances that move while the shutter is open; indices from `first_moving` on.
     pub moving: &'a [MovingInstance],
-    /// Quality of the trees.
     pub quality: TreeQuality,
     /// Counts the progress of the build.
     pub counter: Option<&'a WorkCounter>,
@@ -108,7 +105,6 @@ impl AccelInput<'_> {
 /// Options of the builder.
 #[derive(Clone, Copy)]
 pub struct BuildOptions<'a> {
-    /// Quality of the trees.
     pub quality: TreeQuality,
     /// Counts each primitive twice: when it is assigned to a chunk and when its tree is built.
     pub counter: Option<&'a WorkCounter>,
@@ -126,7 +122,6 @@ impl BuildOptions<'_> {
 /// The trees that a rebuild keeps from the earlier structure, at the front of the buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Reuse {
-    /// Nothing.
     Nothing,
     /// Trees of geometries 1 to `first_changing` - 1.
     Shared,
@@ -146,7 +141,6 @@ pub struct Estimate {
     pub curves: u64,
     /// Gaussian splats.
     pub splats: u64,
-    /// Instances.
     pub instances: u64,
     /// Memory of the trees, bytes.
     pub bytes: u64,
@@ -225,7 +219,6 @@ impl Estimate {
         self.add(count, in_packets(SPLAT_LINES as u64, LANES as u64) + LINE / 2);
     }
 
-    /// Adds instances.
     pub fn add_instances(&mut self, count: usize) {
         self.instances += count as u64;
         self.add(count, in_own_packet(INSTANCE_LINES as u64));

@@ -48,7 +48,6 @@ pub fn line_of(reference: u32) -> usize {
     (reference & 0x1fff_ffff) as usize
 }
 
-/// Lines of a [`Node`].
 pub const NODE_LINES: usize = 4;
 /// Lines of a [`TrianglePacket`].
 pub const TRIANGLE_LINES: usize = 3;
@@ -219,7 +218,6 @@ impl CurvePacket {
         packet
     }
 
-    /// The segment of a lane.
     #[inline(always)]
     pub fn segment(&self, lane: usize) -> CurveSegment {
         let [ends, tangents] = [self.ends[lane], self.tangents[lane]];
@@ -298,7 +296,6 @@ impl SplatPacket {
     }
 }
 
-/// A packet of a leaf.
 pub enum LeafPacket<'a> {
     /// Triangles and halves of quads.
     Triangles(&'a TrianglePacket),
@@ -310,7 +307,6 @@ pub enum LeafPacket<'a> {
     Curves(&'a CurvePacket),
     /// Gaussian splats.
     Splats(&'a SplatPacket),
-    /// An instance.
     Instance(&'a InstanceRecord),
 }
 
@@ -444,7 +440,6 @@ pub struct Plane {
 }
 
 impl Plane {
-    /// The plane of the triangle in a lane.
     #[inline(always)]
     pub fn new(packet: &TrianglePacket, lane: usize) -> Plane {
         let at = |axis: usize, vertex: usize| f64::from(packet.rows[4 * axis + vertex][lane]);

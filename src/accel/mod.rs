@@ -188,13 +188,11 @@ impl Accel {
 pub struct BuildStats {
     /// Time of the build, seconds.
     pub build_s: f64,
-    /// Quality of the trees.
     pub quality: TreeQuality,
     /// Memory of the structure, bytes.
     pub bytes: u64,
     /// Triangles; shared geometries count once.
     pub triangles: u64,
-    /// Quads.
     pub quads: u64,
     /// Analytic shapes, in the order of [`ShapeTag::ALL`].
     pub analytic: [u64; ShapeTag::ALL.len()],
@@ -202,7 +200,6 @@ pub struct BuildStats {
     pub curves: u64,
     /// Gaussian splats.
     pub splats: u64,
-    /// Instances.
     pub instances: u64,
     /// Instanced geometries (without the world's); others are not built.
     pub shared_geometries: u64,

@@ -27,7 +27,6 @@ pub struct Motions {
 }
 
 impl Motions {
-    /// The motions of an input.
     pub fn of(input: &AccelInput) -> Motions {
         let has_moving_vertices = input.geometries.iter().any(|g| !g.keys.is_empty());
         let mut transforms = Vec::new();
@@ -46,7 +45,6 @@ impl Motions {
         self.transforms.is_empty() && !self.has_moving_vertices
     }
 
-    /// The record of an instance at a time.
     #[inline]
     fn record(&self, record: &InstanceRecord, time: f32) -> InstanceRecord {
         let keys = self.transforms.get((record.instance as usize).wrapping_sub(1));

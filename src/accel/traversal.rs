@@ -97,7 +97,6 @@ pub struct RayStream<'a, O, C, const N: usize> {
     pub root: u32,
     /// Largest absolute coordinate of the world, metres.
     pub reach: f32,
-    /// The rays.
     pub rays: &'a [Ray],
     /// Ray times.
     pub times: C,
@@ -497,7 +496,6 @@ pub fn starts_near(id: u32, origin_primitive: u32) -> bool {
     id.wrapping_sub(origin_primitive).wrapping_add(NEAR) <= 2 * NEAR
 }
 
-/// Hash of a ray and its time.
 #[inline(always)]
 fn ray_hash(ray: &Ray, time: f32) -> u64 {
     let pair = |a: f32, b: f32| u64::from(a.to_bits()) << 32 | u64::from(b.to_bits());

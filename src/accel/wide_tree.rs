@@ -262,7 +262,6 @@ pub struct TreeWriter<'a> {
     pub subtrees: &'a [Subtree],
 }
 
-/// A written tree.
 #[derive(Clone, Copy, Debug)]
 pub struct WrittenTree {
     /// Reference to its root.

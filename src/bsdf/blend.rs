@@ -163,7 +163,6 @@ impl Lobe for Blend {
 /// The parameters of a [`Blend`].
 #[derive(Clone, Copy, Debug)]
 pub struct BlendProgram {
-    /// See [`Blend::weights`].
     pub weights: [ColorSlot; 2],
     /// Programs of [`Blend::parts`].
     pub parts: [MetalRoughProgram; 2],

@@ -171,7 +171,7 @@ impl Transmissive for Dielectric {
     }
 
     #[inline(always)]
-    fn crossing_tint(&self) -> Rgb {
+    fn transmission_tint(&self) -> Rgb {
         self.tint
     }
 }
@@ -188,7 +188,7 @@ impl Transmissive for ThinDielectric {
     }
 
     #[inline(always)]
-    fn crossing_tint(&self) -> Rgb {
+    fn transmission_tint(&self) -> Rgb {
         self.tint
     }
 
@@ -201,19 +201,14 @@ impl Transmissive for ThinDielectric {
 /// The parameters of a [`Dielectric`].
 #[derive(Clone, Copy, Debug)]
 pub struct DielectricProgram {
-    /// See [`Dielectric::ior`].
     pub ior: f32,
     /// That index where it varies over the surface.
     pub varying_ior: Option<FloatSlot>,
-    /// See [`Dielectric::refraction`].
     pub refraction: Refraction,
-    /// See [`Dielectric::tint`].
     pub tint: ColorSlot,
     /// Whether `tint` is the total of two crossings (entry and exit); see `tint_of_crossing`.
     pub tints_once: bool,
-    /// See [`Dielectric::fresnel`].
     pub fresnel: FresnelModel,
-    /// See [`Dielectric::is_beckmann`].
     pub is_beckmann: bool,
 }
 
@@ -251,9 +246,7 @@ pub(super) fn ior_at(ior: f32, varying: Option<&FloatSlot>, slots: &impl Slots) 
 /// The parameters of a [`ThinDielectric`].
 #[derive(Clone, Copy, Debug)]
 pub struct ThinDielectricProgram {
-    /// See [`ThinDielectric::ior`].
     pub ior: f32,
-    /// See [`ThinDielectric::tint`].
     pub tint: ColorSlot,
 }
 

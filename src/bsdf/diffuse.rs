@@ -37,7 +37,7 @@ impl Lobe for Lambert {
     }
 
     #[inline(always)]
-    fn is_base(&self) -> bool {
+    fn is_diffuse_base(&self) -> bool {
         true
     }
 
@@ -63,7 +63,6 @@ impl Lobe for Lambert {
 /// The parameters of a [`Lambert`].
 #[derive(Clone, Copy, Debug)]
 pub struct LambertProgram {
-    /// See [`Lambert::albedo`].
     pub albedo: ColorSlot,
 }
 
@@ -149,7 +148,7 @@ impl Lobe for OrenNayar {
     }
 
     #[inline(always)]
-    fn is_base(&self) -> bool {
+    fn is_diffuse_base(&self) -> bool {
         true
     }
 
@@ -175,9 +174,7 @@ impl Lobe for OrenNayar {
 /// The parameters of an [`OrenNayar`].
 #[derive(Clone, Copy, Debug)]
 pub struct OrenNayarProgram {
-    /// See [`OrenNayar::color`].
     pub color: ColorSlot,
-    /// See [`OrenNayar::roughness`].
     pub roughness: FloatSlot,
 }
 
@@ -195,7 +192,6 @@ impl MaterialProgram for OrenNayarProgram {
 pub struct LambertTransmission;
 
 impl LambertTransmission {
-    /// See [`super::Bsdf::sample`].
     #[inline(always)]
     pub fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
         let up = warp::cosine_hemisphere([u[0], u[1]]);
@@ -210,7 +206,6 @@ impl LambertTransmission {
         }
     }
 
-    /// See [`super::Bsdf::eval`].
     #[inline(always)]
     pub fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
         let is_transmission = (wo.z < 0.0) != (wi.z < 0.0);

@@ -79,7 +79,6 @@ macro_rules! bsdfs {
                 }
             }
 
-            /// See [`MaterialProgram::may_transmit_unscattered`].
             pub fn may_transmit_unscattered(&self) -> bool {
                 match self {
                     BsdfProgram::Black => false,
@@ -88,7 +87,6 @@ macro_rules! bsdfs {
                 }
             }
 
-            /// See [`MaterialProgram::is_smooth_glass`].
             pub fn is_smooth_glass(&self) -> bool {
                 match self {
                     BsdfProgram::Black => false,
@@ -97,7 +95,6 @@ macro_rules! bsdfs {
                 }
             }
 
-            /// See [`MaterialProgram::depends_on_wavelength`].
             pub fn depends_on_wavelength(&self) -> bool {
                 match self {
                     BsdfProgram::Black => false,
@@ -151,13 +148,12 @@ macro_rules! bsdfs {
                 }
             }
 
-            /// See [`Lobe::is_base`].
             #[inline]
-            pub fn is_base(&self) -> bool {
+            pub fn is_diffuse_base(&self) -> bool {
                 match self {
                     Bsdf::Black => false,
-                    $(Bsdf::$opaque(lobe) => lobe.is_base(),)*
-                    $(Bsdf::$transmissive(lobe) => lobe.is_base(),)*
+                    $(Bsdf::$opaque(lobe) => lobe.is_diffuse_base(),)*
+                    $(Bsdf::$transmissive(lobe) => lobe.is_diffuse_base(),)*
                 }
             }
 
@@ -201,16 +197,14 @@ macro_rules! bsdfs {
                 }
             }
 
-            /// See [`Transmissive::crossing_tint`].
-            pub fn crossing_tint(&self) -> Rgb {
+            pub fn transmission_tint(&self) -> Rgb {
                 match self {
                     Bsdf::Black => Rgb::ONE,
                     $(Bsdf::$opaque(_) => Rgb::ONE,)*
-                    $(Bsdf::$transmissive(lobe) => lobe.crossing_tint(),)*
+                    $(Bsdf::$transmissive(lobe) => lobe.transmission_tint(),)*
                 }
             }
 
-            /// See [`Transmissive::straight`].
             pub fn straight(&self, wo: Vec3) -> Rgb {
                 match self {
                     Bsdf::Black => Rgb::ZERO,
@@ -219,7 +213,6 @@ macro_rules! bsdfs {
                 }
             }
 
-            /// See [`Lobe::appearance`].
             pub fn appearance(&self) -> Appearance {
                 match self {
                     Bsdf::Black => Appearance::BLACK,
@@ -228,7 +221,6 @@ macro_rules! bsdfs {
                 }
             }
 
-            /// See [`Lobe::diffuse_part`].
             pub fn diffuse_part(&self, wo: Vec3, wi: Vec3) -> Rgb {
                 let (wo, wi) = (without_negative_zero(wo), without_negative_zero(wi));
                 match self {
@@ -238,7 +230,6 @@ macro_rules! bsdfs {
                 }
             }
 
-            /// See [`Lobe::albedo`].
             #[inline]
             pub fn albedo(&self) -> Rgb {
                 match self {

@@ -117,11 +117,8 @@ impl Lobe for Phong {
 /// The parameters of a [`Phong`].
 #[derive(Clone, Copy, Debug)]
 pub struct PhongProgram {
-    /// See [`Phong::diffuse`].
     pub diffuse: ColorSlot,
-    /// See [`Phong::specular`].
     pub specular: ColorSlot,
-    /// See [`Phong::exponent`].
     pub exponent: f32,
 }
 
@@ -227,13 +224,11 @@ impl Lobe for Toon {
 /// The parameters of a [`Toon`].
 #[derive(Clone, Copy, Debug)]
 pub struct ToonProgram {
-    /// See [`Toon::color`].
     pub color: ColorSlot,
     /// Angle of full intensity, as a fraction of a right angle.
     pub size: FloatSlot,
     /// Width of the falloff, as a fraction of a right angle.
     pub smooth: FloatSlot,
-    /// See [`Toon::is_glossy`].
     pub is_glossy: bool,
 }
 
@@ -324,9 +319,7 @@ impl Lobe for Velvet {
 /// The parameters of a [`Velvet`].
 #[derive(Clone, Copy, Debug)]
 pub struct VelvetProgram {
-    /// See [`Velvet::color`].
     pub color: ColorSlot,
-    /// See [`Velvet::deviation`].
     pub deviation: FloatSlot,
 }
 

@@ -11,7 +11,7 @@ pub const MIN_ALPHA: f32 = 1e-3;
 /// Minimum cosine in denominators.
 pub const MIN_COS: f32 = 1e-6;
 
-/// Mirrors a direction to the upper side (z > 0), with a z of at least [`MIN_COS`]. The result for `wo` is called `above`.
+/// Mirrors a direction to the upper side (z > 0), with a z of at least [`MIN_COS`].
 #[inline(always)]
 pub fn to_upper_side(wo: Vec3) -> Vec3 {
     let z = wo.z.abs();

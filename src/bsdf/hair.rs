@@ -313,7 +313,7 @@ impl Transmissive for Hair {
         self
     }
 
-    fn crossing_tint(&self) -> Rgb {
+    fn transmission_tint(&self) -> Rgb {
         Rgb::ONE
     }
 }

@@ -12,7 +12,7 @@ use super::dielectric::tint_of_crossing;
 use super::diffuse::{LambertTransmission, OrenNayar};
 use super::fresnel::LayerFresnel;
 use super::ggx::DirectionalAlbedo;
-use super::lobe::{LocalFrame, MIN_ALBEDO, MaterialProgram, Refracted, Slots, always};
+use super::lobe::{LocalFrame, MIN_ALBEDO, MaterialProgram, Refracted, Slots, is_always};
 use super::metal::FacetReflection;
 use super::metal_rough::{MetalRough, MetalRoughClosure, MetalRoughProgram};
 use super::microsurface::{Facets, Isotropic, Microsurface, MicrosurfaceProgram};
@@ -343,7 +343,7 @@ impl Transmissive for Layered {
     }
 
     #[inline(always)]
-    fn crossing_tint(&self) -> Rgb {
+    fn transmission_tint(&self) -> Rgb {
         self.glass.tint
     }
 
@@ -375,12 +375,12 @@ impl<S: Facets> MetalRough<S> {
 
 /// Whether the material may have glass. (An index of refraction of 0 means total reflection.)
 pub(super) fn transmits(pbr: &PbrMaterial) -> bool {
-    !always(&pbr.transmission, 0.0) && pbr.ior > 0.0 && !always(&pbr.metallic, 1.0)
+    !is_always(&pbr.transmission, 0.0) && pbr.ior > 0.0 && !is_always(&pbr.metallic, 1.0)
 }
 
 /// Whether the dielectric's reflectance follows from its index of refraction alone (no KHR_materials_specular).
 pub(super) fn has_default_specular(pbr: &PbrMaterial) -> bool {
-    always(&pbr.specular, 1.0) && pbr.specular_color == ColorSlot::constant([1.0; 3])
+    is_always(&pbr.specular, 1.0) && pbr.specular_color == ColorSlot::constant([1.0; 3])
 }
 
 /// Whether the material needs [`Layered`].
@@ -393,7 +393,7 @@ pub(super) fn is_layered(pbr: &PbrMaterial) -> bool {
 
 /// Whether there may be a diffuse base that isn't Lambertian.
 pub(super) fn is_rough_diffuse(pbr: &PbrMaterial) -> bool {
-    !always(&pbr.diffuse_roughness, 0.0) && !always(&pbr.metallic, 1.0)
+    !is_always(&pbr.diffuse_roughness, 0.0) && !is_always(&pbr.metallic, 1.0)
 }
 
 /// The microfacets of a material.
@@ -531,7 +531,7 @@ impl MaterialProgram for LayeredProgram {
     }
 
     fn may_transmit_unscattered(&self) -> bool {
-        self.transmission.is_some() && self.walls == Walls::Thin && always(&self.facets.roughness, 0.0)
+        self.transmission.is_some() && self.walls == Walls::Thin && is_always(&self.facets.roughness, 0.0)
     }
 
     fn depends_on_wavelength(&self) -> bool {

@@ -20,8 +20,8 @@ pub trait Lobe: Copy {
         false
     }
 
-    /// Whether the BSDF is diffuse reflection alone. A diffuse base is shaded with the mapped normal; lobes above it may use a bent one.
-    fn is_base(&self) -> bool {
+    /// Whether the BSDF is diffuse reflection alone: a base without layers ([`super::Bsdf::split_layers`]).
+    fn is_diffuse_base(&self) -> bool {
         false
     }
 
@@ -90,7 +90,7 @@ pub trait Transmissive: Lobe {
     fn with_ior(self, ior: f32) -> Self;
 
     /// Transmission tint, without the Fresnel term.
-    fn crossing_tint(&self) -> Rgb;
+    fn transmission_tint(&self) -> Rgb;
 
     /// Transmittance of the delta component along `-wo`; zero if light is refracted or scattered.
     #[inline(always)]
@@ -180,10 +180,8 @@ impl BsdfSample {
             wi: Vec3::new(-wo.x, -wo.y, wo.z),
             weight,
             pdf_solid_angle: probability,
-            eta: 1.0,
-            flux: 1.0,
             is_specular: true,
-            is_transmission: false,
+            ..BsdfSample::ABSORBED
         }
     }
 }
@@ -307,11 +305,10 @@ pub struct LocalFrame {
 
 impl LocalFrame {
     /// Tangents along x and y, and the coat normal equal to the shading normal.
-    pub const STRAIGHT: LocalFrame =
-        LocalFrame { tangent: Vec2::X, bitangent: Vec2::Y, coat_normal: Vec3::Z };
+    pub const DEFAULT: LocalFrame = LocalFrame { tangent: Vec2::X, bitangent: Vec2::Y, coat_normal: Vec3::Z };
 }
 
 /// Whether a slot has this value for all values of its texture. (With a factor of 0 the texture doesn't matter.)
-pub(super) fn always(slot: &FloatSlot, value: f32) -> bool {
+pub(super) fn is_always(slot: &FloatSlot, value: f32) -> bool {
     slot.factor == value && (slot.texture.is_none() || value == 0.0)
 }

@@ -75,7 +75,6 @@ pub struct SchlickMetalProgram {
     pub color: ColorSlot,
     /// Perceptual roughness.
     pub roughness: FloatSlot,
-    /// See [`SchlickMetal::energy_compensation`].
     pub energy_compensation: EnergyCompensation,
 }
 
@@ -152,7 +151,6 @@ impl Lobe for Beckmann {
 /// The parameters of [`Beckmann`].
 #[derive(Clone, Copy, Debug)]
 pub struct BeckmannProgram {
-    /// See [`Beckmann::color`].
     pub color: ColorSlot,
     /// Perceptual roughness.
     pub roughness: FloatSlot,
@@ -265,15 +263,12 @@ impl Lobe for Conductor {
 /// The parameters of a [`Conductor`].
 #[derive(Clone, Copy, Debug)]
 pub struct ConductorProgram {
-    /// See [`Conductor::eta`].
     pub eta: Rgb,
-    /// See [`Conductor::k`].
     pub k: Rgb,
     /// The metal, if its index of refraction is tabulated by wavelength.
     pub metal: Option<Metal>,
     /// Perceptual roughness.
     pub roughness: FloatSlot,
-    /// See [`Conductor::energy_compensation`].
     pub energy_compensation: EnergyCompensation,
 }
 
@@ -338,7 +333,6 @@ impl<F: Facets, R: Fn(f32) -> Rgb> FacetReflection<F, R> {
         }
     }
 
-    /// See [`super::Bsdf::sample`].
     #[inline(always)]
     pub fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
         let above = ggx::to_upper_side(wo);
@@ -362,7 +356,6 @@ impl<F: Facets, R: Fn(f32) -> Rgb> FacetReflection<F, R> {
         }
     }
 
-    /// See [`super::Bsdf::eval`].
     #[inline(always)]
     pub fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
         if self.is_mirror() || (wo.z < 0.0) != (wi.z < 0.0) || wi.z == 0.0 {

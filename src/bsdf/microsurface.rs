@@ -5,7 +5,7 @@ use super::anisotropic_table::{LARGEST_ROOT_RATIO, anisotropic_albedo, anisotrop
 use super::dielectric_table::mean_cosine;
 use super::fresnel::DielectricCurve;
 use super::ggx::{self, DirectionalAlbedo, MIN_ALPHA, MIN_COS, Reflection};
-use super::lobe::{LocalFrame, Slots, always};
+use super::lobe::{LocalFrame, Slots, is_always};
 use crate::math::{Vec2, Vec3, poly};
 use crate::scene::{Anisotropy, ColorSlot, FloatSlot};
 use std::f32::consts::PI;
@@ -20,7 +20,6 @@ pub trait Facets: Copy {
     fn directional_albedo(&self, wo: Vec3) -> DirectionalAlbedo;
     /// Single-scattering directional albedo weighted by the Fresnel curve of a dielectric instead of Schlick's weight.
     fn dielectric_grazing(&self, wo: Vec3, albedo: DirectionalAlbedo, curve: DielectricCurve) -> f32;
-    /// Samples a visible normal.
     fn sample_visible_normal(&self, wo: Vec3, u: [f32; 2]) -> Vec3;
     /// Evaluates a pair of directions.
     fn reflection(&self, wo: Vec3, wi: Vec3) -> Reflection;
@@ -260,7 +259,7 @@ pub struct MicrosurfaceProgram {
 impl MicrosurfaceProgram {
     /// Whether the facets are smooth for all values of the textures.
     pub fn is_always_smooth(&self) -> bool {
-        always(&self.roughness, 0.0) && self.anisotropy.is_none()
+        is_always(&self.roughness, 0.0) && self.anisotropy.is_none()
     }
 
     /// Evaluates the parameters at a hit.

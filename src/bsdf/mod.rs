@@ -64,7 +64,7 @@ use crate::math::Vec3;
 use crate::scene::{
     ColorSlot, EnergyCompensation, FresnelModel, GlassReflection, Model, PbrMaterial, SkippedCaustics,
 };
-use lobe::{always, without_negative_zero};
+use lobe::{is_always, without_negative_zero};
 
 dispatch::bsdfs! {
     opaque {
@@ -145,7 +145,7 @@ impl Bsdf {
     /// directional albedo that is the base's.
     pub fn split_layers(self, wo: Vec3) -> (Bsdf, Bsdf, f32) {
         match self {
-            base if base.is_base() => (base, Bsdf::Black, 1.0),
+            base if base.is_diffuse_base() => (base, Bsdf::Black, 1.0),
             Bsdf::MetalRough(material) => {
                 let closure = material.closure(to_upper_side(wo));
                 let base = Bsdf::Lambert(Lambert { albedo: closure.diffuse });
@@ -177,14 +177,14 @@ impl Bsdf {
             Bsdf::Layered(layered) => {
                 layered.opaque.diffuse != Rgb::ZERO || layered.transmission_albedo != Rgb::ZERO
             }
-            other => other.is_base(),
+            other => other.is_diffuse_base(),
         }
     }
 
     /// The BSDF without its diffuse base.
     pub fn without_base(self) -> Bsdf {
         match self {
-            base if base.is_base() => Bsdf::Black,
+            base if base.is_diffuse_base() => Bsdf::Black,
             Bsdf::MetalRough(material) => Bsdf::MetalRough(MetalRough { diffuse: Rgb::ZERO, ..material }),
             Bsdf::Blend(mut blend) => {
                 blend.change(|part| part.diffuse = Rgb::ZERO);
@@ -278,7 +278,7 @@ impl BsdfProgram {
             // Mixes are resolved to a component at each hit.
             Model::Black | Model::Mix { .. } => BsdfProgram::Black,
             Model::Lambert { albedo } => LambertProgram { albedo: *albedo }.into(),
-            Model::OrenNayar { color, roughness } if always(roughness, 0.0) => {
+            Model::OrenNayar { color, roughness } if is_always(roughness, 0.0) => {
                 LambertProgram { albedo: *color }.into()
             }
             Model::OrenNayar { color, roughness } => {
@@ -314,7 +314,7 @@ impl BsdfProgram {
                 let tint = ColorSlot::constant([1.0; 3]);
                 DielectricProgram::new(1.0, tint, FresnelModel::Exact).into()
             }
-            Model::Glass { ior, tint, roughness, is_thin: true } if always(roughness, 0.0) => {
+            Model::Glass { ior, tint, roughness, is_thin: true } if is_always(roughness, 0.0) => {
                 ThinDielectricProgram { ior: *ior, tint: *tint }.into()
             }
             Model::Glass { ior, tint, roughness, is_thin } => RoughDielectricProgram {
@@ -359,17 +359,17 @@ impl BsdfProgram {
         let is_vectorisable = !pbr.reflects_evenly || shading.fresnel == FresnelModel::Exact;
         let shading = ShadingModel { energy_compensation, ..shading };
         let layered = || LayeredProgram::new(pbr, shading).into();
-        let is_dielectric = always(&pbr.metallic, 0.0);
+        let is_dielectric = is_always(&pbr.metallic, 0.0);
         let is_rough = layered::is_rough_diffuse(pbr);
         if layered::is_layered(pbr) {
             return layered();
         }
         if layered::transmits(pbr) {
             let is_clear =
-                is_dielectric && always(&pbr.transmission, 1.0) && layered::has_default_specular(pbr);
+                is_dielectric && is_always(&pbr.transmission, 1.0) && layered::has_default_specular(pbr);
             return if is_clear { BsdfProgram::of_glass(pbr, energy_compensation) } else { layered() };
         }
-        if is_dielectric && always(&pbr.specular, 0.0) {
+        if is_dielectric && is_always(&pbr.specular, 0.0) {
             // Without specular reflection the roughness has no effect.
             let black = pbr.base_color.texture.is_none() && pbr.base_color.factor == [0.0; 3];
             return match (black, is_rough) {
@@ -383,7 +383,7 @@ impl BsdfProgram {
         if pbr.anisotropy.is_some() || is_rough || !is_vectorisable {
             return layered();
         }
-        if always(&pbr.metallic, 1.0) && always(&pbr.roughness, 0.0) {
+        if is_always(&pbr.metallic, 1.0) && is_always(&pbr.roughness, 0.0) {
             let (color, roughness) = (pbr.base_color, pbr.roughness);
             return SchlickMetalProgram { color, roughness, energy_compensation }.into();
         }
@@ -397,7 +397,7 @@ impl BsdfProgram {
         let (walls, refraction, is_beckmann) =
             (layered::walls(pbr), layered::refraction(pbr), pbr.is_beckmann);
         let (reflection, is_white) = (pbr.glass_reflection, pbr.glass_reflection == GlassReflection::White);
-        if !always(&pbr.roughness, 0.0) || pbr.anisotropy.is_some() || !is_white {
+        if !is_always(&pbr.roughness, 0.0) || pbr.anisotropy.is_some() || !is_white {
             let facets = layered::facets(pbr);
             return RoughDielectricProgram {
                 facets,

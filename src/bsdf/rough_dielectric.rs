@@ -209,23 +209,17 @@ impl RoughDielectric {
 pub struct RoughDielectricProgram {
     /// See [`RoughDielectric::surface`].
     pub facets: MicrosurfaceProgram,
-    /// See [`RoughDielectric::ior`].
     pub ior: f32,
     /// That index where it varies over the surface.
     pub varying_ior: Option<FloatSlot>,
-    /// See [`RoughDielectric::walls`].
     pub walls: Walls,
-    /// See [`RoughDielectric::refraction`].
     pub refraction: Refraction,
-    /// See [`RoughDielectric::tint`].
     pub tint: ColorSlot,
     /// Whether `tint` is the total of two crossings (entry and exit).
     pub tints_once: bool,
     /// Colour of the reflection.
     pub reflection: GlassReflection,
-    /// See [`RoughDielectric::energy_compensation`].
     pub energy_compensation: EnergyCompensation,
-    /// See [`RoughDielectric::is_beckmann`].
     pub is_beckmann: bool,
 }
 
@@ -441,7 +435,7 @@ impl Transmissive for RoughDielectric {
     }
 
     #[inline(always)]
-    fn crossing_tint(&self) -> Rgb {
+    fn transmission_tint(&self) -> Rgb {
         self.tint
     }
 

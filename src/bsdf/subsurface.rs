@@ -36,7 +36,6 @@ impl SubsurfaceBoundary {
         }
     }
 
-    /// See [`super::Bsdf::sample`].
     #[inline]
     pub fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
         let diffuse = LambertTransmission.sample(wo, u);
@@ -53,7 +52,6 @@ impl SubsurfaceBoundary {
         BsdfSample { wi, pdf_solid_angle: self.eval(wo, wi).pdf_solid_angle, ..diffuse }
     }
 
-    /// See [`super::Bsdf::eval`].
     #[inline]
     pub fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
         let diffuse = LambertTransmission.eval(wo, wi);

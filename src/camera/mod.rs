@@ -288,7 +288,6 @@ struct Aperture {
 }
 
 impl Aperture {
-    /// The aperture of a lens.
     pub fn new(lens: Option<scene::ThinLens>) -> Aperture {
         let radius = lens.map_or(0.0, |l| (l.defocus_angle_rad * 0.5).tan() * l.focus_distance) as f32;
         let aperture = lens.map_or(scene::Aperture::default(), |l| l.aperture);

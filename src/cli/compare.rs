@@ -11,7 +11,7 @@ use oscura::metrics::{
     BLOCK, ChannelTest, Errors, ZTest, difference_picture, errors, flip, non_finite_pixels, side_by_side,
     z_test,
 };
-use oscura::output::{Format, check_target, encode_png_rgb8, write_atomically};
+use oscura::output::{Format, check_target, encode_rgb8, write_atomically};
 use serde::Serialize;
 use std::path::Path;
 
@@ -54,7 +54,8 @@ pub(crate) fn run(args: &CompareArgs) -> Result<Outcome> {
 }
 
 fn write_png(path: &Path, pixels: &[u8], width: u32, height: u32) -> Result<()> {
-    let png = encode_png_rgb8(pixels, width, height).map_err(|message| Error::output(path, message))?;
+    let png =
+        encode_rgb8(pixels, width, height, Format::Png).map_err(|message| Error::output(path, message))?;
     write_atomically(path, &png)
 }
 

@@ -124,7 +124,6 @@ fn as_topic(heading: &str) -> String {
     heading.to_lowercase().replace(' ', "-")
 }
 
-/// Synonyms of commands.
 fn command_synonym(word: &str) -> &str {
     match word {
         "watch" | "live" | "page" | "viewer" | "browser" => "view",

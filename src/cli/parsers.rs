@@ -281,10 +281,9 @@ impl AovParser {
         let further = [
             PossibleValue::new(ALL_AOVS).help("All of these"),
             PossibleValue::new("help").help("Lists them with the names and types of their channels"),
-            // Names of earlier versions.
+            // Synonyms.
             PossibleValue::new("nearest").hide(true),
             PossibleValue::new("material").hide(true),
-            // Names in other programs.
             PossibleValue::new(ALL_MATTES).hide(true),
             PossibleValue::new("z").hide(true),
             PossibleValue::new("normals").hide(true),

@@ -161,7 +161,7 @@ pub(crate) struct ConvertArgs {
     pub quiet: bool,
 }
 
-/// Values of `--denoiser`, which only earlier versions had.
+/// Values of `--denoiser`, which has no effect.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum DenoiserArg {
     /// The only denoiser.
@@ -268,7 +268,7 @@ impl ExrFormatArgs {
     /// # Errors
     /// A usage error for lossy compression or half floats of Cryptomattes.
     pub fn check(&self, has_mattes: bool) -> Result<()> {
-        if !self.exr_compression.keeps_ids() && has_mattes {
+        if !self.exr_compression.preserves_ids() && has_mattes {
             let message = "this --exr-compression would change the ids of Cryptomattes";
             return Err(Error::usage(message).with_help("use zip, zips or piz"));
         }
@@ -291,7 +291,7 @@ impl ExrArgs {
         frame: (u32, u32),
         cropped: Option<Region>,
         backdrop: Option<&Backdrop>,
-    ) -> Result<Option<Framed>> {
+    ) -> Result<Option<FrameWindow>> {
         let percent = self.overscan.unwrap_or(0.0);
         if cropped.is_none() && percent == 0.0 {
             return Ok(None);
@@ -304,13 +304,13 @@ impl ExrArgs {
             let message = "a picture as --background can't be used with --crop, --region or --overscan";
             return Err(Error::usage(message).with_help("composite it behind the finished picture"));
         }
-        Ok(Some(Framed::new(frame, cropped, percent)))
+        Ok(Some(FrameWindow::new(frame, cropped, percent)))
     }
 }
 
 /// The rendered window of a frame; with overscan, it exceeds the frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Framed {
+pub(crate) struct FrameWindow {
     /// The first pixel of the file, relative to the frame.
     origin: (i32, i32),
     /// Width and height of the frame, pixels.
@@ -321,13 +321,13 @@ pub(crate) struct Framed {
     pub region: Option<Region>,
 }
 
-impl Framed {
+impl FrameWindow {
     /// Adds overscan of `percent` percent around a frame, or around its crop rectangle.
-    fn new(frame: (u32, u32), cropped: Option<Region>, percent: f64) -> Framed {
+    fn new(frame: (u32, u32), cropped: Option<Region>, percent: f64) -> FrameWindow {
         let border = |size: u32| (f64::from(size) * percent / 100.0).ceil() as u32;
         let (x, y) = (border(frame.0), border(frame.1));
         let (left, top) = cropped.map_or((0, 0), |crop| (crop.x0, crop.y0));
-        Framed {
+        FrameWindow {
             origin: (left as i32 - x as i32, top as i32 - y as i32),
             frame,
             size: (frame.0 + 2 * x, frame.1 + 2 * y),
@@ -408,8 +408,8 @@ impl Quality {
         }
     }
 
-    /// Whether the noise threshold bounds the error of the result, as it isn't denoised.
-    pub fn promises_error(self) -> bool {
+    /// Does the noise threshold bound the error of the picture? Only without denoising.
+    pub fn bounds_error(self) -> bool {
         !self.preset().denoise
     }
 }

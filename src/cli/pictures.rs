@@ -157,7 +157,7 @@ pub(crate) struct EncodeOptions {
     /// 32-bit floats for colour.
     pub float: bool,
     pub exr: ExrOptions,
-    /// Mark stored in PNGs with the default name.
+    /// Text chunk of PNGs with the default name, by which the next run knows that it may overwrite them ([`mark`]).
     pub mark: Option<String>,
 }
 

@@ -173,7 +173,6 @@ pub(crate) enum Outcome {
     Failed(u8),
 }
 
-/// The exit code of an error.
 pub(crate) fn exit_code(error: &Error) -> u8 {
     match error.kind {
         ErrorKind::Usage => 2,

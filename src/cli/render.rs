@@ -512,7 +512,7 @@ fn rare_warning(RarePaths { share, pixel: [x, y], .. }: RarePaths) -> Warning {
 
 /// Warns if the noise threshold was not reached.
 fn noise_warning(args: &RenderArgs, statistics: &Statistics) -> Option<Warning> {
-    let is_promised = args.quality.is_none_or(Quality::promises_error);
+    let is_promised = args.quality.is_none_or(Quality::bounds_error);
     let threshold = args.long.noise.filter(|_| is_promised && !statistics.interrupted)?;
     let message = match statistics.error {
         Some(error) if error <= f64::from(threshold) / 100.0 => return None,

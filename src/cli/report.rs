@@ -435,7 +435,6 @@ impl Excerpt {
 pub(crate) struct ShapeCounts(pub [u64; ShapeTag::ALL.len()]);
 
 impl ShapeCounts {
-    /// Counts the shapes of a scene.
     pub fn of(scene: &Scene) -> ShapeCounts {
         let mut counts = ShapeCounts([0; ShapeTag::ALL.len()]);
         for shape in &scene.shapes {

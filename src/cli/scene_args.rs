@@ -1,7 +1,7 @@
 //! Arguments shared by all commands that load scenes.
 
 use super::parsers::{integer, named, number};
-use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::builder::TypedValueParser;
 use clap::{Args, ValueEnum};
 use oscura::color::linear_from_srgb;
 use oscura::error::{Error, Result, Warning};
@@ -285,16 +285,9 @@ fn crease(text: &str) -> std::result::Result<f64, String> {
     number(text, |v| (0.0..=180.0).contains(&v), "a number of degrees from 0 to 180")
 }
 
-/// Finds an up axis by name.
-pub(crate) fn up_of(name: &str) -> Option<Up> {
-    Up::ALL.iter().copied().find(|up| up.name() == name)
-}
-
 /// Parser of up axes by name.
 pub(crate) fn up() -> impl TypedValueParser<Value = Up> {
-    let names = Up::ALL.iter().map(|up| PossibleValue::new(up.name()));
-    let parser = PossibleValuesParser::new(names);
-    parser.try_map(|name| up_of(&name).ok_or("is not an axis"))
+    named(&Up::ALL, Up::name, |_| "")
 }
 
 // Errors of the scene argument, such as a missing file or a folder.

@@ -3,7 +3,7 @@
 use super::args::{CRYPTO_LEVELS, RenderArgs};
 use super::checkpoint::cropped;
 use super::parsers::FRAME_RATE;
-use super::picture_args::{Framed, Preset, Quality};
+use super::picture_args::{FrameWindow, Preset, Quality};
 use super::pictures::{EncodeOptions, format_of, is_animation, is_part};
 use super::process;
 use super::process::{Limits, Watchdog};
@@ -225,7 +225,7 @@ pub(super) fn prepare(
         labels,
         camera,
         resolved,
-        encoding: EncodeOptions::of(args, framed.map(Framed::window)),
+        encoding: EncodeOptions::of(args, framed.map(FrameWindow::window)),
         output_aovs,
         png,
         build,

@@ -129,8 +129,8 @@ impl Rgb {
 
     /// Clamps each channel to the range between those of two colours.
     #[inline(always)]
-    pub fn clamp(self, least: Rgb, most: Rgb) -> Rgb {
-        self.max(least).min(most)
+    pub fn clamp(self, min: Rgb, max: Rgb) -> Rgb {
+        self.max(min).min(max)
     }
 
     /// The absolute value of each channel.
@@ -139,7 +139,7 @@ impl Rgb {
         self.map(f32::abs)
     }
 
-    /// The greatest channel.
+    /// The largest channel.
     #[inline(always)]
     pub fn max_element(self) -> f32 {
         let max = |a: f32, b: f32| if a > b { a } else { b };
@@ -292,11 +292,8 @@ mod rgb_tests {
 /// CIE 1931 chromaticities (x, y) of a colour space's primaries and white point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Primaries {
-    /// Red.
     pub red: [f64; 2],
-    /// Green.
     pub green: [f64; 2],
-    /// Blue.
     pub blue: [f64; 2],
     /// White point.
     pub white: [f64; 2],
@@ -336,16 +333,20 @@ impl Primaries {
         inverse(&self.xyz_from_rgb()?)
     }
 
-    /// The matrix from linear colours of this space to those of another, with chromatic adaptation of the white point (Bradford,
-    /// Lam 1985). `None` for degenerate primaries.
+    /// The matrix from linear colours of this space to those of another, with chromatic adaptation of the white point. `None` for
+    /// degenerate primaries.
     pub fn to(&self, other: &Primaries) -> Option<[[f64; 3]; 3]> {
-        let [own, others] = [self.white, other.white].map(|white| apply(&CONES_FROM_XYZ, xyz(white)));
-        let scaled = [0, 1, 2].map(|cone| CONES_FROM_XYZ[cone].map(|v| v * others[cone] / own[cone]));
-        let adaptation = product(&inverse(&CONES_FROM_XYZ)?, &scaled);
-        let xyz = product(&adaptation, &self.xyz_from_rgb()?);
-        let matrix = product(&inverse(&other.xyz_from_rgb()?)?, &xyz);
+        let xyz = product(&adaptation(self.white, other.white)?, &self.xyz_from_rgb()?);
+        let matrix = product(&other.rgb_from_xyz()?, &xyz);
         matrix.as_flattened().iter().all(|v| v.is_finite()).then_some(matrix)
     }
+}
+
+/// Chromatic adaptation of XYZ from one white point to another (Bradford, Lam 1985).
+fn adaptation(from: [f64; 2], to: [f64; 2]) -> Option<Matrix> {
+    let [from, to] = [from, to].map(|white| apply(&CONES_FROM_XYZ, xyz(white)));
+    let scaled = [0, 1, 2].map(|cone| CONES_FROM_XYZ[cone].map(|v| v * to[cone] / from[cone]));
+    Some(product(&inverse(&CONES_FROM_XYZ)?, &scaled))
 }
 
 /// XYZ of a chromaticity at luminance 1.
@@ -376,42 +377,19 @@ fn inverse(m: &Matrix) -> Option<Matrix> {
 
 // White balance: chromatic adaptation from a colour temperature to D65.
 
-/// Chromaticity (x, y) of the white point of Rec. 709 (D65).
-const WHITE: [f64; 2] = [0.3127, 0.3290];
-
-/// Bradford cone responses from XYZ, and the inverse (Lam 1985).
+/// Bradford cone responses from XYZ (Lam 1985).
 const CONES_FROM_XYZ: Matrix =
     [[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]];
-const XYZ_FROM_CONES: Matrix = [
-    [0.986_992_9, -0.147_054_3, 0.159_962_7],
-    [0.432_305_3, 0.518_360_3, 0.049_291_2],
-    [-0.008_528_7, 0.040_042_8, 0.968_486_7],
-];
-/// XYZ from linear Rec. 709, and the inverse (IEC 61966-2-1).
-const XYZ_FROM_RGB: Matrix = [
-    [0.412_390_8, 0.357_584_34, 0.180_480_79],
-    [0.212_639_01, 0.715_168_68, 0.072_192_32],
-    [0.019_330_82, 0.119_194_78, 0.950_532_15],
-];
-const RGB_FROM_XYZ: Matrix = [
-    [3.240_969_9, -1.537_383_2, -0.498_610_76],
-    [-0.969_243_64, 1.875_967_5, 0.041_555_06],
-    [0.055_630_08, -0.203_976_96, 1.056_971_5],
-];
 
 type Matrix = [[f64; 3]; 3];
 
 /// The chromatic adaptation matrix, for linear Rec. 709, from the white of a colour temperature, 1667 to 25000 kelvin, to D65.
 pub fn white_balance(kelvin: f64) -> [[f32; 3]; 3] {
-    let cones = |[x, y]: [f64; 2]| apply(&CONES_FROM_XYZ, [x / y, 1.0, (1.0 - x - y) / y]);
-    let (from, to) = (cones(chromaticity(kelvin)), cones(WHITE));
-    let unit = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-    let columns = unit.map(|rgb| {
-        let own = apply(&CONES_FROM_XYZ, apply(&XYZ_FROM_RGB, rgb));
-        let adapted = [0, 1, 2].map(|c| own[c] * to[c] / from[c]);
-        apply(&RGB_FROM_XYZ, apply(&XYZ_FROM_CONES, adapted))
-    });
-    [0, 1, 2].map(|row| [0, 1, 2].map(|column| columns[column][row] as f32))
+    let (space, white) = (Primaries::REC709, chromaticity(kelvin));
+    let matrices = [adaptation(white, space.white), space.xyz_from_rgb(), space.rgb_from_xyz()];
+    // Rec. 709 and colour temperatures aren't degenerate.
+    let [adaptation, xyz_from_rgb, rgb_from_xyz] = matrices.map(Option::unwrap_or_default);
+    product(&rgb_from_xyz, &product(&adaptation, &xyz_from_rgb)).map(|row| row.map(|v| v as f32))
 }
 
 /// Chromaticity of a colour temperature: daylight (CIE 15:2004, equations 3.3 and 3.4) above 4500 K, black bodies (Kang et al.
@@ -460,7 +438,8 @@ mod white_balance_tests {
         assert!(balanced(6504.0, [1.0; 3]).iter().all(|v| (v - 1.0).abs() < 2e-3));
         // CIE illuminant A: 2856 K, x 0.44758, y 0.40745.
         let [x, y] = [0.44758, 0.40745];
-        let lamp = apply(&RGB_FROM_XYZ, [x / y, 1.0, (1.0 - x - y) / y]).map(|v| v as f32);
+        let lamp =
+            apply(&Primaries::REC709.rgb_from_xyz().expect("not degenerate"), xyz([x, y])).map(|v| v as f32);
         let white = balanced(2856.0, lamp);
         assert!(white.iter().all(|v| (v - 1.0).abs() < 0.01), "{lamp:?} {white:?}");
     }

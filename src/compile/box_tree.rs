@@ -20,7 +20,6 @@ impl Bounds {
         Bounds { low: self.low.min(other.low), high: self.high.max(other.high) }
     }
 
-    /// The bounds of points.
     pub fn of(points: impl IntoIterator<Item = DVec3>) -> Bounds {
         let with = |b: Bounds, p: DVec3| Bounds { low: b.low.min(p), high: b.high.max(p) };
         points.into_iter().fold(Bounds::EMPTY, with)
@@ -101,15 +100,15 @@ impl BoxTree {
 
     /// Calls `is_found` with the items of leaves that overlap a box, until it returns true.
     pub fn any(&self, bounds: &Bounds, mut is_found: impl FnMut(usize) -> bool) -> bool {
-        let mut is_one_found = false;
+        let mut found = false;
         self.walk(|_, node, is_leaf| {
-            if is_one_found || !node.bounds.overlaps(bounds) {
+            if found || !node.bounds.overlaps(bounds) {
                 return false;
             }
-            is_one_found = is_leaf && node.items().any(&mut is_found);
+            found = is_leaf && node.items().any(&mut is_found);
             true
         });
-        is_one_found
+        found
     }
 
     /// Visits nodes depth first with their index and whether they are leaves; descends if `descend` returns true.

@@ -13,15 +13,15 @@ use rayon::prelude::*;
 struct Solid {
     /// World space.
     bounds: Bounds,
-    /// Has it several transmissive materials?
-    has_several: bool,
+    /// Does it have several transmissive materials?
+    has_several_materials: bool,
     surface: SolidSurface,
 }
 
 enum SolidSurface {
     Mesh {
         mesh: usize,
-        placed: DAffine3,
+        world_from_object: DAffine3,
     },
     /// Corner and both edges.
     Quad([DVec3; 3]),
@@ -37,20 +37,20 @@ pub(super) fn exist(
     (geometries, accel, anchor): (&Geometries, &Accel, DVec3),
 ) -> bool {
     let solids = Solids::of(scene, materials);
-    let at = SurfaceQuery { materials, geometries, accel, anchor };
+    let query = SurfaceQuery { materials, geometries, accel, anchor };
     let mut triangles = Vec::new();
     for i in 0..solids.all.len() {
         if !solids.any_near(i, &solids.all[i].bounds, |_| true) {
             continue;
         }
         let candidates = solids.candidates(i, scene);
-        if accel.is_moving() || solids.touches_shape(i, &candidates, &at) {
+        if accel.is_moving() || solids.touches_shape(i, &candidates, &query) {
             return true;
         }
         triangles.extend(candidates);
     }
-    let may_touch = |a: u32, b: u32| a != b || solids.all[a as usize].has_several;
-    any_overlap(triangles, may_touch, |point, normal| at.are_two_at(point, normal))
+    let may_touch = |a: u32, b: u32| a != b || solids.all[a as usize].has_several_materials;
+    any_overlap(triangles, may_touch, |point, normal| query.coincide_at(point, normal))
 }
 
 /// Compiled geometry for ray tests of coincidence.
@@ -62,8 +62,8 @@ struct SurfaceQuery<'a> {
 }
 
 impl SurfaceQuery<'_> {
-    /// Are there surfaces of two solids at a point with a given normal?
-    fn are_two_at(&self, p: DVec3, normal: DVec3) -> bool {
+    /// Do surfaces of two solids coincide at a point with a given normal?
+    fn coincide_at(&self, p: DVec3, normal: DVec3) -> bool {
         let reach = (p.abs().max_element() + (p - self.anchor).abs().max_element()) * f64::from(gamma(32));
         let origin = (p - self.anchor + normal * reach).as_vec3();
         let ray = Ray::segment(origin, (normal * (-2.0 * reach)).as_vec3());
@@ -128,9 +128,9 @@ impl Solids {
     /// Calls `is_found` with the solids that may touch the part of solid `i` inside `bounds`, until it returns true.
     fn any_near(&self, i: usize, bounds: &Bounds, mut is_found: impl FnMut(&Solid) -> bool) -> bool {
         let rounding = self.all[i].rounding();
-        self.tree.any(&bounds.expanded(rounding), |place| {
-            let k = self.boxes[place].number as usize;
-            (k != i || self.all[i].has_several)
+        self.tree.any(&bounds.expanded(rounding), |item| {
+            let k = self.boxes[item].number as usize;
+            (k != i || self.all[i].has_several_materials)
                 && self.all[k].is_near(bounds, rounding)
                 && is_found(&self.all[k])
         })
@@ -159,9 +159,10 @@ impl Solids {
             })
         };
         match solid.surface {
-            SolidSurface::Mesh { mesh, placed } => {
+            SolidSurface::Mesh { mesh, world_from_object } => {
                 let mesh = &scene.meshes[mesh];
-                let corners = |t: &[u32; 3]| mesh.corners_f64(*t).map(|p| placed.transform_point3(p));
+                let corners =
+                    |t: &[u32; 3]| mesh.corners_f64(*t).map(|p| world_from_object.transform_point3(p));
                 mesh.triangles.par_iter().filter_map(|t| candidate(corners(t))).collect()
             }
             SolidSurface::Quad([a, u, v]) => {
@@ -172,7 +173,7 @@ impl Solids {
     }
 
     /// Does an analytic shape coincide with the surface of solid `i`?
-    fn touches_shape(&self, i: usize, triangles: &[SolidTriangle], at: &SurfaceQuery) -> bool {
+    fn touches_shape(&self, i: usize, triangles: &[SolidTriangle], query: &SurfaceQuery) -> bool {
         let solid = &self.all[i];
         if let SolidSurface::Shape(middle, size) = solid.surface {
             return self.any_near(i, &solid.bounds, |other| match other.surface {
@@ -189,7 +190,7 @@ impl Solids {
                 let middle = (a + b + c) / 3.0;
                 let normal = (b - a).cross(c - a).normalize_or_zero();
                 self.any_near(i, &Bounds { low: middle, high: middle }, is_shape)
-                    && at.are_two_at(middle, normal)
+                    && query.coincide_at(middle, normal)
             })
     }
 }
@@ -197,8 +198,9 @@ impl Solids {
 impl Solid {
     /// Bound on the rounding error of 90 % of the vertices, which a few distant ones don't affect.
     fn typical_rounding(&self, scene: &Scene) -> f64 {
-        let SolidSurface::Mesh { mesh, placed } = self.surface else { return self.rounding() };
-        let size = |p: &[f32; 3]| placed.transform_point3(p.map(f64::from).into()).abs().max_element();
+        let SolidSurface::Mesh { mesh, world_from_object } = self.surface else { return self.rounding() };
+        let size =
+            |p: &[f32; 3]| world_from_object.transform_point3(p.map(f64::from).into()).abs().max_element();
         let mut sizes: Vec<f64> = scene.meshes[mesh].positions.iter().map(size).collect();
         let percentile_90 = sizes.len() * 9 / 10;
         let (_, size, _) = sizes.select_nth_unstable_by(percentile_90, f64::total_cmp);
@@ -210,17 +212,18 @@ fn solids(scene: &Scene, materials: &[CompiledMaterial]) -> Vec<Solid> {
     let is_solid = |id: MaterialId| is_solid(&materials[id.index()]);
     let meshes = scene.instances.par_iter().filter_map(|instance| {
         let mesh = &scene.meshes[instance.mesh.index()];
-        let placed = instance.world_from_object;
+        let world_from_object = instance.world_from_object;
         let has_solid_material = part_materials(mesh, instance).any(is_solid) && !mesh.positions.is_empty();
         has_solid_material.then(|| {
-            let points = mesh.positions.iter().map(|&p| placed.transform_point3(p.map(f64::from).into()));
+            let points =
+                mesh.positions.iter().map(|&p| world_from_object.transform_point3(p.map(f64::from).into()));
             let bounds = Bounds::of(points);
             let mut ids: Vec<MaterialId> =
                 part_materials(mesh, instance).filter(|&id| is_solid(id)).collect();
             ids.sort_unstable();
             ids.dedup();
-            let surface = SolidSurface::Mesh { mesh: instance.mesh.index(), placed };
-            Solid { bounds, has_several: ids.len() > 1, surface }
+            let surface = SolidSurface::Mesh { mesh: instance.mesh.index(), world_from_object };
+            Solid { bounds, has_several_materials: ids.len() > 1, surface }
         })
     });
     let quads = scene.quads.iter().filter(|quad| is_solid(quad.material)).map(|quad| {
@@ -231,7 +234,7 @@ fn solids(scene: &Scene, materials: &[CompiledMaterial]) -> Vec<Solid> {
         let bounds = Bounds { low: quad.corner + low, high: quad.corner + high };
         Solid {
             bounds,
-            has_several: false,
+            has_several_materials: false,
             surface: SolidSurface::Quad([quad.corner, quad.edge_u, quad.edge_v]),
         }
     });
@@ -239,7 +242,7 @@ fn solids(scene: &Scene, materials: &[CompiledMaterial]) -> Vec<Solid> {
         let half = DVec3::splat(shape.radius);
         Solid {
             bounds: Bounds { low: shape.center - half, high: shape.center + half },
-            has_several: false,
+            has_several_materials: false,
             surface: SolidSurface::Shape(shape.center, shape.radius),
         }
     });
@@ -251,7 +254,6 @@ fn solids(scene: &Scene, materials: &[CompiledMaterial]) -> Vec<Solid> {
 /// Minimum cosine between the normals of coplanar triangles.
 const PARALLEL: f64 = 0.9999;
 
-/// A triangle of a solid.
 #[derive(Clone, Copy, Debug)]
 struct SolidTriangle {
     pub corners: [DVec3; 3],
@@ -355,8 +357,8 @@ mod tests {
         scene.meshes.push(Mesh { positions, ..Mesh::default() });
         let solid = |scene: &Scene| {
             let points = scene.meshes[0].positions.iter().map(|p| DVec3::from(p.map(f64::from)));
-            let surface = SolidSurface::Mesh { mesh: 0, placed: DAffine3::IDENTITY };
-            Solid { bounds: Bounds::of(points), has_several: false, surface }
+            let surface = SolidSurface::Mesh { mesh: 0, world_from_object: DAffine3::IDENTITY };
+            Solid { bounds: Bounds::of(points), has_several_materials: false, surface }
         };
         let before = solid(&scene);
         assert_eq!(before.typical_rounding(&scene), before.rounding());

@@ -87,7 +87,7 @@ impl Compiler {
         self.has_other_cameras = true;
     }
 
-    /// Compiles a frame for a camera and a picture of `width` x `height` pixels. The anchor of the previous frame is kept as long
+    /// Compiles a frame for a camera and a picture of `width` x `height` pixels. The anchor of the previous frame is reused as long
     /// as single precision suffices.
     ///
     /// # Errors
@@ -147,26 +147,27 @@ fn compile_after(
 ) -> Result<(CompiledScene, CompileReport)> {
     let (begin, mut report) = (Instant::now(), CompileReport::default());
     let anchor = options.anchor.unwrap_or_else(|| default_anchor(scene));
-    let mut kept = earlier.map_or_else(Reusable::default, |earlier| earlier.into_reusable(scene));
+    let mut reused = earlier.map_or_else(Reusable::default, |earlier| earlier.into_reusable(scene));
     warn_of_interpolated_metals(scene, options.shading, &mut report.warnings);
-    let mut textures = textures(kept.textures.take(), scene, (anchor, options), &mut report)?;
+    let mut textures = textures(reused.textures.take(), scene, (anchor, options), &mut report)?;
     let (warnings, left_out) = (&mut report.warnings, &mut report.left_out);
-    let (materials, media, numbers) = materials(scene, (anchor, &mut textures), options.shading, warnings);
-    let named = (scene, numbers, textures.attributes().clone());
+    let (materials, media, object_materials) =
+        materials(scene, (anchor, &mut textures), options.shading, warnings);
+    let named = (scene, object_materials, textures.attributes().clone());
     let plan = plan::plan(named, &materials, anchor, is_sequence, warnings, left_out);
     let inside_out = inside_out::find(scene, &materials, &mut report.warnings);
     let shifts = emitters::find_flush_lights(scene, anchor, &mut report.notes);
     let plan = Plan { keeps_uv: options.keeps_uv, inside_out, shifts, ..plan };
     check_size(scene, &plan)?;
     let BuiltGeometry { geometries, accel } =
-        kept.geometry(scene, &materials, anchor, &plan, (options.tree, &options.counter))?;
+        reused.geometry(scene, &materials, anchor, &plan, (options.tree, &options.counter))?;
     report_accel(accel.stats(), &mut report, || plan::count_degenerate(scene, &plan));
     let objects = objects::of(scene, &materials, anchor);
     let emitters = emitters::find(&geometries, &materials, &textures, &objects);
-    let others = (&media[..], environment(scene, kept.environment.take(), anchor, &mut report.warnings));
+    let others = (&media[..], environment(scene, reused.environment.take(), anchor, &mut report.warnings));
     let surfaces = (&emitters, &geometries, &materials[..]);
     let (lights, tables) =
-        lights((scene, &plan.numbers, options.shading), anchor, others, surfaces, &textures)?;
+        lights((scene, &plan.object_materials, options.shading), anchor, others, surfaces, &textures)?;
     let refracted_lights = RefractedLights::find(scene, &materials, anchor, (&lights, &textures));
     let features = features(scene, (&geometries, &accel, anchor), &materials, &textures, &media)
         .with_lights(!tables.ray_kinds.is_empty(), tables.links.are_used());
@@ -188,25 +189,26 @@ fn compile_after(
         light_kinds: tables.ray_kinds,
         links: tables.links,
         caught_lights: tables.caught,
-        own_materials: scene.materials.len() as u32,
-        originals: plan.numbers.originals(),
+        scene_materials: scene.materials.len() as u32,
+        copy_sources: plan.object_materials.sources(),
         features,
         emitters,
         vectors: MotionVectors::of(scene, anchor),
         sources: is_sequence.then(|| Sources::of(scene, &plan)),
     };
-    warn_of_far_surfaces(&compiled, &mut report.warnings);
-    report.memory = compiled.memory();
+    report_compiled(&compiled, &mut report);
     Ok((compiled, report))
 }
 
 /// Distance from the camera, metres, above which squared triangle areas may overflow single precision.
 const MAX_DISTANCE: f32 = 4e9;
 
-fn warn_of_far_surfaces(compiled: &CompiledScene, warnings: &mut Vec<Warning>) {
+/// Reports the memory, and warns of far surfaces.
+fn report_compiled(compiled: &CompiledScene, report: &mut CompileReport) {
+    report.memory = compiled.memory();
     let reach = compiled.reach();
     if reach > MAX_DISTANCE {
-        warnings.push(Warning::general(format!(
+        report.warnings.push(Warning::general(format!(
             "surfaces are up to {reach:.1e} m away: triangles and quads longer than {MAX_DISTANCE:.0e} m are black; scale the scene down"
         )));
     }
@@ -214,7 +216,7 @@ fn warn_of_far_surfaces(compiled: &CompiledScene, warnings: &mut Vec<Warning>) {
 
 /// All lights with the tables indexed by light. Infinitely distant lights are removed if opaque fog fills the world.
 fn lights(
-    (scene, numbers, shading): (&Scene, &ObjectMaterials, ShadingModel),
+    (scene, object_materials, shading): (&Scene, &ObjectMaterials, ShadingModel),
     anchor: DVec3,
     (media, environment): (&[Medium], Option<EnvironmentLight>),
     surfaces: (&Emitters, &Geometries, &[CompiledMaterial]),
@@ -227,7 +229,7 @@ fn lights(
     let volumes = media::volume_lights(scene, surfaces.2, media, anchor);
     let listed = (emitters.lights.clone(), punctual, volumes);
     let mut lights = Lights::moving(listed, motions, environment, textures);
-    let tables = LightTables::new((scene, numbers, shading), &lights, surfaces);
+    let tables = LightTables::new((scene, object_materials, shading), &lights, surfaces);
     let links = &tables.links;
     check(links.problems())?;
     if links.are_used() {
@@ -257,15 +259,15 @@ fn warn_of_interpolated_metals(scene: &Scene, shading: ShadingModel, warnings: &
     }
 }
 
-/// The textures; `kept` are those of the earlier frame, if unchanged.
+/// The textures; `reused` are those of the earlier frame, if unchanged.
 fn textures(
-    kept: Option<CompiledTextures>,
+    reused: Option<CompiledTextures>,
     scene: &Scene,
     (anchor, options): (DVec3, &CompileOptions),
     report: &mut CompileReport,
 ) -> Result<CompiledTextures> {
     let needs = texture_needs::of(scene, options);
-    let textures = match kept {
+    let textures = match reused {
         Some(textures) if textures.suit(&needs) => textures.moved(anchor.as_vec3()),
         earlier => {
             let (list, images) = (&scene.textures, &scene.images);
@@ -285,15 +287,15 @@ fn camera_environment(scene: &Scene) -> Option<EnvironmentLight> {
     scene.camera_environment.as_ref().and_then(|seen| EnvironmentLight::new(seen, &scene.images, false))
 }
 
-/// The environment with its portals; `kept` is that of the earlier frame, if unchanged.
+/// The environment with its portals; `reused` is that of the earlier frame, if unchanged.
 fn environment(
     scene: &Scene,
-    kept: Option<Option<EnvironmentLight>>,
+    reused: Option<Option<EnvironmentLight>>,
     anchor: DVec3,
     warnings: &mut Vec<Warning>,
 ) -> Option<EnvironmentLight> {
     let new = || EnvironmentLight::new(&scene.environment, &scene.images, true);
-    let mut environment = kept.unwrap_or_else(new);
+    let mut environment = reused.unwrap_or_else(new);
     match &mut environment {
         Some(environment) => {
             environment.set_portals(&scene.portals, anchor);
@@ -326,10 +328,10 @@ fn materials(
     let mut media = media::number(scene, anchor, &mut materials, shading.spectral, warnings);
     media::warn_of_overlaps(scene, &materials, warnings);
     panes::mark(scene, &mut materials);
-    let mut numbers = ObjectMaterials::of(scene);
-    numbers.extend(&mut materials);
+    let mut object_materials = ObjectMaterials::of(scene);
+    object_materials.extend(&mut materials);
     media::mark_enclosed(scene, &materials, &mut media);
-    (materials, media, numbers)
+    (materials, media, object_materials)
 }
 
 fn features(
@@ -354,9 +356,9 @@ fn features(
         priorities: media.iter().skip(1).any(|m| m.priority != media[1].priority),
         scattering: boundaries || media.iter().any(|m| m.scattering.is_some()),
         boundaries,
-        overlaps: boundaries && media.iter().filter(|m| m.adds_up).count() > 1,
+        overlaps: boundaries && media.iter().filter(|m| m.is_additive).count() > 1,
         coincident_surfaces: coincident_surfaces::exist(scene, materials, (geometries, accel, anchor)),
-        subsurface: media.iter().filter_map(|m| m.scattering.as_ref()).any(|s| !s.counts),
+        subsurface: media.iter().filter_map(|m| m.scattering.as_ref()).any(|s| !s.counts_as_bounces),
         environment_visible_to: scene.environment_visible_to,
         camera_environment: scene.camera_environment.is_some(),
         background: *scene.camera_environment.as_ref().unwrap_or(&scene.environment) != Environment::Black,

@@ -10,7 +10,7 @@
 use super::geometry::{CurveAttributes, Space, SurfaceCoordinates};
 use super::limits;
 use super::material::CompiledMaterial;
-use super::objects::{Numbering, ObjectMaterials};
+use super::objects::{ObjectIds, ObjectMaterials};
 use crate::error::Result;
 use crate::math::{DVec3, Vec3, frame_of};
 use crate::sampling::hash::mix64;
@@ -161,7 +161,6 @@ impl CutStrands {
         self.segments.segments.extend(visible.map(|i| (first + i) as u32));
     }
 
-    /// Appends other strands.
     fn append(&mut self, other: CutStrands) {
         let first = self.segments.points.len() as u32;
         self.segments.points.extend(other.segments.points);
@@ -244,8 +243,8 @@ impl Space {
         scene: &Scene,
         materials: &[CompiledMaterial],
         origin: DVec3,
-        numbering: &Numbering,
-        numbers: &ObjectMaterials,
+        object_ids: &ObjectIds,
+        object_materials: &ObjectMaterials,
     ) -> Result<()> {
         let is_visible = |curves: &&Curves| !materials[curves.material.index()].is_invisible();
         let has_colors =
@@ -256,13 +255,13 @@ impl Space {
         let mut all = CutStrands::default();
         for (i, curves) in scene.curves.iter().enumerate().filter(|(_, curves)| is_visible(curves)) {
             let materials = &mut self.attributes.materials;
-            self.owners.begin(materials.len(), numbering.curves(i));
+            self.owners.begin(materials.len(), object_ids.curves(i));
             let before = all.segments.len();
             let cut = cut(curves, origin, has_colors, coarseness)?;
             limits::check_curve_points(all.segments.points.len() + cut.segments.points.len())?;
             all.append(cut);
             let count = all.segments.len() - before;
-            let material = numbers.number(curves.material, &curves.traits);
+            let material = object_materials.index_of(curves.material, &curves.traits);
             materials.resize(materials.len() + count, material);
         }
         self.shapes.curves = all.segments;

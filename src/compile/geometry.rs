@@ -70,7 +70,6 @@ pub struct Placement {
 pub struct Transform {
     /// Linear part.
     pub linear: Mat3,
-    /// Translation.
     pub translation: Vec3,
     /// Inverse transpose of the linear part, for normals.
     pub normal_from_object: Mat3,
@@ -176,7 +175,6 @@ pub(super) fn vertices<T: Copy>(list: &[T], t: [u32; 3]) -> [T; 3] {
 }
 
 impl Geometries {
-    /// The space of a hit.
     #[inline(always)]
     fn space(&self, hit: &Hit) -> &Space {
         match hit.instance {
@@ -199,13 +197,11 @@ impl Geometries {
         is_triangle.then(|| self.object(hit))
     }
 
-    /// The material at a hit.
     #[inline(always)]
     pub fn material(&self, hit: &Hit) -> u32 {
         self.material_of(hit.into())
     }
 
-    /// The material of a primitive.
     #[inline(always)]
     pub fn material_of(&self, OriginPrimitive { prim, instance }: OriginPrimitive) -> u32 {
         match instance.checked_sub(1) {
@@ -621,7 +617,6 @@ impl AtTime<'_> {
         self.world_from_object.inverse().transform_point3(p.as_dvec3()).as_vec3()
     }
 
-    /// The surface at a hit of `ray`.
     pub fn surface(&self, ray: &Ray, hit: &Hit) -> Surface {
         let Space { shapes, attributes, .. } = self.space;
         let mut surface = match primitive(shapes, hit.prim) {

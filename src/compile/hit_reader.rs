@@ -18,12 +18,10 @@ pub struct HitReader<'a> {
     pub camera: CameraData<'a>,
 }
 
-/// A hit on a surface.
 #[derive(Clone, Copy)]
 pub struct SurfaceHit<'a> {
     /// Surface of the hit.
     pub surface: &'a Surface,
-    /// Hit.
     pub hit: &'a Hit,
     /// Material of the hit.
     pub material: &'a CompiledMaterial,

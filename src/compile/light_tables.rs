@@ -30,13 +30,13 @@ pub(super) struct LightTables {
 impl LightTables {
     /// The tables of a scene's lights.
     pub fn new(
-        (scene, numbers, shading): (&Scene, &ObjectMaterials, ShadingModel),
+        (scene, object_materials, shading): (&Scene, &ObjectMaterials, ShadingModel),
         lights: &Lights,
         surfaces: (&Emitters, &Geometries, &[CompiledMaterial]),
     ) -> LightTables {
         let (emitters, geometries, materials) = surfaces;
         LightTables {
-            groups: LightGroups::of((scene, numbers), lights, (emitters, geometries)),
+            groups: LightGroups::of((scene, object_materials), lights, (emitters, geometries)),
             links: Links::of(scene, lights, surfaces),
             spectra: spectra((scene, shading), lights, surfaces),
             ray_kinds: ray_kinds(scene, lights, surfaces),
@@ -48,7 +48,6 @@ impl LightTables {
 /// Light groups, as indices into [`Scene::light_groups`].
 #[derive(Clone, Debug, Default)]
 pub struct LightGroups {
-    /// By light.
     lights: Vec<u16>,
     /// By material: the light group of its emission.
     materials: Vec<u16>,
@@ -68,7 +67,7 @@ const MAX_GROUPS: usize = NONE as usize - 1;
 impl LightGroups {
     /// The groups of a scene's lights; empty if there is only one group.
     pub(super) fn of(
-        (scene, numbers): (&Scene, &ObjectMaterials),
+        (scene, object_materials): (&Scene, &ObjectMaterials),
         all: &Lights,
         (emitters, geometries): (&Emitters, &Geometries),
     ) -> LightGroups {
@@ -87,7 +86,7 @@ impl LightGroups {
         let mut groups = LightGroups { lights: Vec::new(), materials, objects: objects.collect() };
         let mut lights = vec![0; emitters.lights.len()];
         for (light, object, material) in emitters.owners(geometries) {
-            lights[light] = groups.of_surface(object, numbers.original(material));
+            lights[light] = groups.of_surface(object, object_materials.original(material));
         }
         lights.extend(scene.lights.iter().map(|light| number(&light.group)));
         lights.extend(all.volumes().iter().map(|_| MEDIA));
@@ -114,7 +113,6 @@ pub const MAX_RECEIVER_CLASSES: usize = 1 << 15;
 /// Light linking and shadow linking by light; empty if every light is linked to every object.
 #[derive(Clone, Debug, Default)]
 pub struct Links {
-    /// By light.
     of_lights: Vec<LightLinks>,
     /// Classes of receivers: the combinations of object sets. The first class is that of media and of objects in no set.
     classes: Vec<ObjectSets>,
@@ -180,7 +178,6 @@ impl Links {
         self.class_of_material.get(material as usize).copied().unwrap_or(0)
     }
 
-    /// The links of a light.
     #[inline]
     pub fn of_light(&self, index: u32) -> LightLinks {
         self.of_lights.get(index as usize).copied().unwrap_or_default()

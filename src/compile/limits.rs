@@ -60,9 +60,9 @@ struct Copied {
 }
 
 fn copied<'a>(scene: &'a Scene, plan: &'a Plan) -> impl Iterator<Item = Copied> + 'a {
-    let steps = plan.steps.iter().filter(|step| step.mode == InstanceMode::Merged);
-    steps.map(|step| {
-        let mesh = &scene.meshes[scene.instances[step.instance].mesh.index()];
+    let planned_instances = plan.instances.iter().filter(|planned| planned.mode == InstanceMode::Merged);
+    planned_instances.map(|planned| {
+        let mesh = &scene.meshes[scene.instances[planned.index].mesh.index()];
         Copied { vertices: mesh.positions.len() as u64, triangles: mesh.triangles.len() }
     })
 }
@@ -80,7 +80,8 @@ fn estimate(scene: &Scene, plan: &Plan) -> Estimate {
     estimate.add_quads(scene.quads.len());
     estimate.add_analytic(scene.shapes.len());
     estimate.add_curves(scene.curves.iter().map(spans).sum());
-    estimate.add_instances(plan.steps.iter().filter(|step| step.mode != InstanceMode::Merged).count());
+    estimate
+        .add_instances(plan.instances.iter().filter(|planned| planned.mode != InstanceMode::Merged).count());
     estimate
 }
 
@@ -97,15 +98,15 @@ fn spans(curves: &Curves) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::compile::plan::Step;
+    use crate::compile::plan::PlannedInstance;
     use crate::math::DAffine3;
     use crate::scene::{Instance, Mesh, MeshId, Motion, ObjectInfo, ObjectTraits, Vertices};
 
     /// A plan without geometry, as scenes of this size don't fit in memory.
     fn plan(copies: usize, mode: InstanceMode) -> Plan {
         let world_from_object = DAffine3::IDENTITY;
-        let step = Step { instance: 0, mode, world_from_object, geometry: 0, motion: None };
-        Plan { steps: vec![step; copies], ..Plan::default() }
+        let planned = PlannedInstance { index: 0, mode, world_from_object, geometry: 0, motion: None };
+        Plan { instances: vec![planned; copies], ..Plan::default() }
     }
 
     #[test]

@@ -15,7 +15,6 @@ use crate::shape::Surface;
 use crate::texture::{CompiledTextures, JointGraphs, PointReader};
 use std::sync::Arc;
 
-/// A compiled material.
 #[derive(Clone, Debug)]
 pub struct CompiledMaterial {
     /// The class of its BSDF: the key of shading groups.
@@ -45,7 +44,6 @@ pub struct CompiledMaterial {
     pub medium: Option<Medium>,
     /// Index of that medium in [`super::CompiledScene::media`]; 0 for none.
     pub medium_index: u16,
-    /// Normal map.
     pub normal_map: Option<NormalMap>,
     /// A node graph for the shading normal.
     pub normal: Option<TextureId>,
@@ -271,7 +269,7 @@ impl CompiledMaterial {
             emission.is_some_and(|e| e.radiance.texture.is_some()) || alpha.is_some_and(|a| a.is_textured());
         let uses_uv = is_textured || uses_frame || is_mapped || has_texture_outside_bsdf;
         let is_constant = !is_textured && !material.use_vertex_colors && !uses_frame;
-        let example = is_constant.then(|| program.evaluate(&Factors, &LocalFrame::STRAIGHT));
+        let example = is_constant.then(|| program.evaluate(&Factors, &LocalFrame::DEFAULT));
         let constant = example.filter(|_| !is_spectral);
         let depends_on_hit = |id: TextureId| textures.depends_on_viewer(id) || textures.reads_hit(id);
         CompiledMaterial {
@@ -369,7 +367,7 @@ impl CompiledMaterial {
         let is_constant =
             [a, b].iter().all(|m| m.alike().is_some()) && weights.iter().all(|w| w.texture.is_none());
         let is_spectral = a.example.is_some() || b.example.is_some();
-        let example = is_constant.then(|| program.evaluate(&Factors, &LocalFrame::STRAIGHT));
+        let example = is_constant.then(|| program.evaluate(&Factors, &LocalFrame::DEFAULT));
         let constant = example.filter(|_| !is_spectral);
         let albedo = constant.map_or(Rgb::ZERO, |bsdf| bsdf.albedo());
         let (class, example) = (program.class(), example.filter(|_| is_spectral));
@@ -467,7 +465,6 @@ impl CompiledMaterial {
         !is_pure_emitter && !self.surface_visibility.is_some_and(|v| v.is_catcher)
     }
 
-    /// Kinds of rays that it is visible to.
     pub fn visible_to(&self) -> RayKinds {
         self.surface_visibility.map_or(RayKinds::ALL, |v| v.visible_to)
     }
@@ -508,7 +505,7 @@ impl CompiledMaterial {
     pub(super) fn can_be_passed_into(&self, medium: &Medium) -> bool {
         let is_subsurface = medium.scattering.as_ref().is_some_and(|s| s.is_subsurface);
         let is_passed_by_alpha_only = !self.is_single_sided && self.surface_visibility.is_none();
-        self.is_transparent() && is_passed_by_alpha_only && medium.does_anything() && !is_subsurface
+        self.is_transparent() && is_passed_by_alpha_only && medium.has_effect() && !is_subsurface
     }
 
     /// Is it smooth glass for all texture values?
@@ -526,7 +523,6 @@ impl CompiledMaterial {
         self.normal_map.is_some() || self.reads_tangents || self.uses_frame
     }
 
-    /// The BSDF at a point.
     #[inline]
     pub fn bsdf(&self, slots: &PointReader<'_>, frame: &LocalFrame, vertex_color: Rgb) -> Bsdf {
         if let Some(bsdf) = self.constant {
@@ -592,7 +588,7 @@ impl CompiledMaterial {
 
     /// Tangents and coat normal at a point, in the local frame of the BSDF (of [`Frame::from_normal`]).
     pub fn local_frame(&self, frame: &Frame, tangent_frame: Option<Mat3>, coat_normal: Vec3) -> LocalFrame {
-        let default = LocalFrame::STRAIGHT;
+        let default = LocalFrame::DEFAULT;
         let flat = |v: Vec3, otherwise| {
             let local = frame.to_local(v).truncate();
             if local.length_squared() > 1e-12 { local } else { otherwise }
@@ -660,7 +656,6 @@ fn has_texture(model: &Model, predicate: impl Fn(TextureId) -> bool) -> bool {
     textures_of(model).into_iter().any(predicate)
 }
 
-/// The textures of a model.
 fn textures_of(model: &Model) -> Vec<TextureId> {
     let mut textures = Vec::new();
     model.visit("", &mut |_, parameter| textures.extend(parameter.texture()));
@@ -672,7 +667,7 @@ fn textures_of(model: &Model) -> Vec<TextureId> {
 pub struct Alpha {
     pub(super) slot: FloatSlot,
     /// Colour factor on light that passes transparent parts; `None` for white.
-    pub passing: Option<ColorSlot>,
+    pub transparent_color: Option<ColorSlot>,
     cutoff: Option<f32>,
     /// Alpha depends on the view direction.
     pub depends_on_viewer: bool,
@@ -681,12 +676,15 @@ pub struct Alpha {
 impl Alpha {
     /// Is alpha textured?
     fn is_textured(&self) -> bool {
-        self.slot.texture.is_some() || self.passing.is_some_and(|passing| passing.texture.is_some())
+        self.slot.texture.is_some()
+            || self.transparent_color.is_some_and(|transparent_color| transparent_color.texture.is_some())
     }
 
     /// Is alpha 0 everywhere? (Vertex colours and textures only multiply it.)
     pub(super) fn is_never_present(&self) -> bool {
-        self.slot.factor == 0.0 && self.passing.is_none() && self.cutoff.is_none_or(|cutoff| cutoff > 0.0)
+        self.slot.factor == 0.0
+            && self.transparent_color.is_none()
+            && self.cutoff.is_none_or(|cutoff| cutoff > 0.0)
     }
 
     /// The opacity at a point: the probability that rays hit the surface.
@@ -703,16 +701,16 @@ impl Alpha {
 /// The alpha of a material; `None` if opaque everywhere.
 fn alpha_of(material: &Material, textures: &CompiledTextures) -> Option<Alpha> {
     let slot = fold_float(material.alpha, textures);
-    let passing = fold_color(material.passing, textures);
-    let passing = (passing != ColorSlot::constant([1.0; 3])).then_some(passing);
-    let read = [slot.texture.map(|(id, _)| id), passing.and_then(|slot| slot.texture)];
+    let transparent_color = fold_color(material.transparent_color, textures);
+    let transparent_color = (transparent_color != ColorSlot::constant([1.0; 3])).then_some(transparent_color);
+    let read = [slot.texture.map(|(id, _)| id), transparent_color.and_then(|slot| slot.texture)];
     let depends_on_viewer = read.into_iter().flatten().any(|id| textures.depends_on_viewer(id));
     let cutoff = match material.alpha_mode {
         AlphaMode::Opaque => return None,
         AlphaMode::Mask { cutoff } => Some(cutoff),
         AlphaMode::Blend => None,
     };
-    let alpha = Alpha { slot, passing, cutoff, depends_on_viewer };
+    let alpha = Alpha { slot, transparent_color, cutoff, depends_on_viewer };
     let present = |a: f32| alpha.cutoff.map_or(a >= 1.0, |cutoff| a >= cutoff);
     let constant = slot.texture.is_none() && !material.use_vertex_colors;
     (!(constant && present(slot.factor))).then_some(alpha)

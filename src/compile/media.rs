@@ -58,12 +58,12 @@ pub(super) fn number(
             Ok(index) => {
                 material.medium_index = index;
                 medium.priority = scene.materials[id].priority;
-                medium.adds_up = medium.is_boundary && medium.does_anything();
+                medium.is_additive = medium.is_boundary && medium.has_effect();
                 if let Some(scattering) = &mut medium.scattering {
                     if let Some(filling) = &scene.materials[id].medium {
                         scattering.density = density(filling, scene, &grids);
                     }
-                    scattering.counts = material.is_boundary;
+                    scattering.counts_as_bounces = material.is_boundary;
                 }
                 material.bounds_medium = material.is_boundary || material.can_be_passed_into(&medium);
                 media.push(medium);
@@ -85,7 +85,7 @@ pub(super) fn number(
 
 /// Marks media whose solids are enclosed by surfaces that no shadow ray passes.
 pub(super) fn mark_enclosed(scene: &Scene, materials: &[CompiledMaterial], media: &mut [Medium]) {
-    if !media.iter().filter_map(|m| m.scattering.as_ref()).any(|s| !s.counts) {
+    if !media.iter().filter_map(|m| m.scattering.as_ref()).any(|s| !s.counts_as_bounces) {
         return;
     }
     let mut is_open = vec![false; media.len()];
@@ -108,7 +108,7 @@ pub(super) fn mark_enclosed(scene: &Scene, materials: &[CompiledMaterial], media
     }
     for (medium, is_open) in media.iter_mut().zip(is_open) {
         if let Some(scattering) = &mut medium.scattering {
-            scattering.is_enclosed = !scattering.counts && !is_open;
+            scattering.is_enclosed = !scattering.counts_as_bounces && !is_open;
         }
     }
 }
@@ -122,7 +122,7 @@ fn number_components(mix: &mut CompiledMaterial, priority: i32, media: &mut Vec<
             Ok(index) => {
                 component.medium_index = index;
                 if let Some(scattering) = &mut medium.scattering {
-                    scattering.counts = false;
+                    scattering.counts_as_bounces = false;
                 }
                 media.push(Medium { priority, ..medium });
             }
@@ -225,8 +225,8 @@ fn density(medium: &scene::Medium, scene: &Scene, grids: &[Arc<DensityGrid>]) ->
     let density = ready(grid);
     let channels = |grids: Option<[GridId; 3]>| grids.map(|grids| Arc::new(grids.map(ready)));
     let (extinction, scattering) = (channels(medium.extinction_grids), channels(medium.scattering_grids));
-    let emission = Arc::new(match medium.glow {
-        Some(glow) => CompiledEmissionGrid::new(glow, &scene.grids, grids),
+    let emission = Arc::new(match medium.emission_grid {
+        Some(grid) => CompiledEmissionGrid::new(grid, &scene.grids, grids),
         None => CompiledEmissionGrid::of_density(&density),
     });
     Density::Grid(GridMedium { density, extinction, scattering, emission })
@@ -284,11 +284,11 @@ fn exterior(fog: Option<&Fog>, anchor: DVec3, is_spectral: bool) -> Medium {
     let has_extinction = extinction.max_element() > 0.0;
     let scattering = Scattering {
         extinction,
-        scattered: extinction * Rgb::from_array(fog.medium.albedo),
+        scattering_coefficient: extinction * Rgb::from_array(fog.medium.albedo),
         emission: Rgb::from_array(fog.medium.emission),
         anisotropy: fog.medium.anisotropy,
         density: fog_density(fog, anchor),
-        counts: true,
+        counts_as_bounces: true,
         is_subsurface: false,
         is_enclosed: false,
         spectra: if is_spectral {
@@ -299,7 +299,7 @@ fn exterior(fog: Option<&Fog>, anchor: DVec3, is_spectral: bool) -> Medium {
     };
     // Absorbing fog also needs `Scattering`, for its bounds.
     let scattering = (has_extinction || scattering.emission.max_element() > 0.0).then_some(scattering);
-    Medium { adds_up: scattering.is_some(), scattering, ..Medium::AIR }
+    Medium { is_additive: scattering.is_some(), scattering, ..Medium::AIR }
 }
 
 /// Maximum number of enclosing solids that a path keeps track of.

@@ -23,9 +23,9 @@ pub struct Medium {
     pub scattering: Option<Scattering>,
     /// Index-matched boundary, without reflection and refraction.
     pub is_boundary: bool,
-    /// Coefficients add to those of other such media at a point. Solids with a surface, and clear index-matched media, replace
+    /// Do coefficients add to those of other such media at a point? Solids with a surface, and clear index-matched media, replace
     /// the media that they overlap.
-    pub adds_up: bool,
+    pub is_additive: bool,
     /// Nested dielectrics: where solids overlap, the highest priority applies.
     pub priority: i32,
     /// Wavelength-dependent coefficients, in spectral rendering.
@@ -42,23 +42,26 @@ pub struct MediumSpectra {
 }
 
 impl Medium {
-    /// Air.
     pub const AIR: Medium = Medium {
         iors: Some([1.0; 3]),
         absorption: None,
         scattering: None,
         is_boundary: false,
-        adds_up: false,
+        is_additive: false,
         priority: 0,
         spectra: None,
     };
 
     /// The medium inside a material's solids; `None` for opaque and thin-walled materials.
-    pub(super) fn of(model: &Model, class: BsdfClass, filling: Option<&scene::Medium>) -> Option<Medium> {
+    pub(super) fn of(
+        model: &Model,
+        class: BsdfClass,
+        interior_medium: Option<&scene::Medium>,
+    ) -> Option<Medium> {
         let medium = Medium::of_model(model, class)?;
-        let Some(filling) = filling else { return Some(medium) };
-        let extinction = Rgb::from_array(filling.extinction);
-        Some(match Scattering::of(filling, medium.absorption) {
+        let Some(interior_medium) = interior_medium else { return Some(medium) };
+        let extinction = Rgb::from_array(interior_medium.extinction);
+        Some(match Scattering::of(interior_medium, medium.absorption) {
             Some(scattering) => {
                 let is_subsurface = model.pbr().is_some_and(is_subsurface);
                 let scattering = Some(Scattering { is_subsurface, ..scattering });
@@ -87,7 +90,7 @@ impl Medium {
     }
 
     /// The medium for spectral rendering.
-    pub(super) fn by_wavelength(mut self, model: &Model, filling: Option<&scene::Medium>) -> Medium {
+    pub(super) fn by_wavelength(mut self, model: &Model, interior_medium: Option<&scene::Medium>) -> Medium {
         let pbr = model.pbr();
         let cauchy = pbr.filter(|_| self.iors.is_some()).and_then(|pbr| {
             let b = cauchy_b(pbr)?;
@@ -103,10 +106,11 @@ impl Medium {
             };
             (Spectrum::of_reflectance((absorption * -distance).map(poly::exp)), distance)
         };
-        if let (Some(scattering), Some(filling)) = (&mut self.scattering, filling) {
+        if let (Some(scattering), Some(interior_medium)) = (&mut self.scattering, interior_medium) {
             let absorption = pbr.filter(|pbr| pbr.has_volume).and_then(absorption);
             let absorption = absorption.map(transmittance);
-            scattering.spectra = ScatteringSpectra::of(filling, absorption, !self.is_boundary).map(Arc::new);
+            scattering.spectra =
+                ScatteringSpectra::of(interior_medium, absorption, !self.is_boundary).map(Arc::new);
         }
         let transmittance = self.absorption.filter(|a| a.max_element() > a.min_element()).map(transmittance);
         let spectra =
@@ -139,7 +143,7 @@ impl Medium {
     }
 
     /// Does the medium absorb, scatter or emit?
-    pub fn does_anything(&self) -> bool {
+    pub fn has_effect(&self) -> bool {
         let scatters = |s: &Scattering| s.extinction.max_element() > 0.0 || s.emission.max_element() > 0.0;
         self.absorption.is_some_and(|a| a.max_element() > 0.0)
             || self.scattering.as_ref().is_some_and(scatters)
@@ -149,7 +153,7 @@ impl Medium {
     /// lights. Index 0 is the medium around the scene.
     #[inline]
     pub fn samples_distances_to_lights(&self, index: usize) -> bool {
-        let scatters = |s: &Scattering| s.grid().is_none() && s.scattered.max_element() > 0.0;
+        let scatters = |s: &Scattering| s.grid().is_none() && s.scattering_coefficient.max_element() > 0.0;
         (index == 0 || self.is_boundary) && self.scattering.as_ref().is_some_and(scatters)
     }
 
@@ -223,15 +227,15 @@ pub struct Scattering {
     /// Extinction coefficient, per metre.
     pub extinction: Rgb,
     /// Scattering coefficient, per metre.
-    pub scattered: Rgb,
+    pub scattering_coefficient: Rgb,
     /// Emitted radiance per metre.
     pub emission: Rgb,
     /// Mean cosine g of the phase function.
     pub anisotropy: f32,
     /// Spatial distribution of the coefficients.
     pub density: Density,
-    /// Scattering counts as bounces; false for subsurface scattering.
-    pub counts: bool,
+    /// Do scattering events count as bounces? Not those of subsurface scattering.
+    pub counts_as_bounces: bool,
     /// Subsurface scattering: a part of the surface's reflection, with a limit of its own.
     pub is_subsurface: bool,
     /// Shadow rays never reach lights outside: surfaces that scatter or refract enclose the medium.
@@ -314,23 +318,23 @@ impl GridMedium {
 
 impl Scattering {
     /// Larger distances count as infinite, metres.
-    pub const FARTHEST: f32 = 1e18;
+    pub const MAX_DISTANCE: f32 = 1e18;
 
     /// The scattering part of a medium; `None` for homogeneous, purely absorbing media.
     pub(super) fn of(medium: &scene::Medium, absorption: Option<Rgb>) -> Option<Scattering> {
         let extinction = Rgb::from_array(medium.extinction);
-        let scattered = extinction * Rgb::from_array(medium.albedo);
+        let scattering_coefficient = extinction * Rgb::from_array(medium.albedo);
         let emission = Rgb::from_array(medium.emission);
         let extinction = extinction + absorption.unwrap_or(Rgb::ZERO);
         let is_emissive = emission.max_element() > 0.0;
-        let does_anything = scattered.max_element() > 0.0 || is_emissive || medium.grid.is_some();
-        does_anything.then_some(Scattering {
+        let has_effect = scattering_coefficient.max_element() > 0.0 || is_emissive || medium.grid.is_some();
+        has_effect.then_some(Scattering {
             extinction,
-            scattered,
+            scattering_coefficient,
             emission,
             anisotropy: medium.anisotropy,
             density: Density::Homogeneous,
-            counts: true,
+            counts_as_bounces: true,
             is_subsurface: false,
             is_enclosed: false,
             spectra: None,
@@ -348,8 +352,8 @@ impl Scattering {
 
     #[cold]
     fn at(&self, spectra: &ScatteringSpectra, waves: &Wavelengths) -> Scattering {
-        let [extinction, scattered, emission] = spectra.at(waves);
-        Scattering { extinction, scattered, emission, spectra: None, ..self.clone() }
+        let [extinction, scattering_coefficient, emission] = spectra.at(waves);
+        Scattering { extinction, scattering_coefficient, emission, spectra: None, ..self.clone() }
     }
 
     /// The range of ray parameters, at least `from`, inside the medium; empty unless the second is larger.
@@ -372,7 +376,7 @@ impl Scattering {
         }
     }
 
-    /// The grids of a heterogeneous medium.
+    /// The grids, of a heterogeneous medium.
     #[inline]
     pub fn grid(&self) -> Option<&GridMedium> {
         match &self.density {
@@ -399,7 +403,7 @@ impl Scattering {
     #[inline]
     pub fn transmittance(&self, distance: f32) -> Rgb {
         // 0 * infinity would be NaN.
-        let distance = distance.min(Scattering::FARTHEST);
+        let distance = distance.min(Scattering::MAX_DISTANCE);
         // exp(-depth) would be below the smallest normal number; unbounded fog must be opaque.
         (self.extinction * distance).map(|depth| if depth < 87.0 { poly::exp(-depth) } else { 0.0 })
     }
@@ -407,7 +411,7 @@ impl Scattering {
     /// Mean transmittance over a distance in metres: (1 - exp(-depth)) / depth.
     #[inline]
     pub fn mean_transmittance(&self, distance: f32) -> Rgb {
-        let distance = distance.min(Scattering::FARTHEST);
+        let distance = distance.min(Scattering::MAX_DISTANCE);
         (self.extinction * distance).map(|depth| match depth {
             // Taylor series, to avoid cancellation.
             thin if thin < 1e-3 => 1.0 - 0.5 * thin,
@@ -517,11 +521,11 @@ mod tests {
         let density = Density::Ball(Ball { center: Vec3::new(0.0, 0.0, 10.0), radius });
         Scattering {
             extinction,
-            scattered: extinction,
+            scattering_coefficient: extinction,
             emission: Rgb::ZERO,
             anisotropy: 0.0,
             density,
-            counts: true,
+            counts_as_bounces: true,
             is_subsurface: false,
             is_enclosed: false,
             spectra: None,

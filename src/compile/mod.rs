@@ -1,8 +1,8 @@
 //! Compiles a scene description for rendering: flat geometry and its BVH, materials with folded constants, textures, lights,
 //! media. Invisible parts of the scene are omitted and reported.
 
-mod bake;
 mod box_tree;
+mod build_geometry;
 mod caustics;
 mod coincident_surfaces;
 mod compiler;

@@ -2,7 +2,7 @@
 
 use super::geometry::{Geometries, Primitive, Space, primitive, vertices};
 use super::material::CompiledMaterial;
-use super::objects::{Numbering, ObjectId, ObjectMaterials};
+use super::objects::{ObjectId, ObjectIds, ObjectMaterials};
 use crate::light::{MovingLight, PunctualLight};
 use crate::math::{DAffine3, DMat3, DVec3, Hit, Mat3, TransformKeys, Vec3};
 use crate::scene::{
@@ -57,7 +57,7 @@ impl Space {
         if !self.attributes.normals.is_empty() {
             self.attributes.normal_keys = moving.keys.iter().map(|key| key.normals.clone()).collect();
         }
-        self.measure();
+        self.update_bounds();
     }
 }
 
@@ -76,8 +76,8 @@ pub(super) fn moving_shapes(
     scene: &Scene,
     materials: &[CompiledMaterial],
     origin: DVec3,
-    numbering: &Numbering,
-    (numbers, keeps_uv): (&ObjectMaterials, bool),
+    object_ids: &ObjectIds,
+    (object_materials, keeps_uv): (&ObjectMaterials, bool),
 ) -> Vec<MovingShape> {
     let is_visible = |id: MaterialId| !materials[id.index()].is_invisible();
     let mut all = Vec::new();
@@ -90,8 +90,8 @@ pub(super) fn moving_shapes(
         let place = |world_from_rest: &DAffine3| {
             from_origin(&(*world_from_rest * DAffine3::from_translation(quad.corner)), origin)
         };
-        let material = numbers.number(quad.material, &quad.traits);
-        all.push(MovingShape::new(space, material, numbering.quad(i), moving, place));
+        let material = object_materials.index_of(quad.material, &quad.traits);
+        all.push(MovingShape::new(space, material, object_ids.quad(i), moving, place));
     }
     let shapes = scene.motion.shapes.iter().filter(|(_, moving)| moving.blurs());
     for (&i, moving) in shapes {
@@ -104,8 +104,8 @@ pub(super) fn moving_shapes(
         }
         let emits = materials[shape.material.index()].emission.is_some();
         let place = |world_from_rest: &DAffine3| from_origin(&placed(shape, world_from_rest, emits), origin);
-        let material = numbers.number(shape.material, &shape.traits);
-        all.push(MovingShape::new(space, material, numbering.shape(i), moving, place));
+        let material = object_materials.index_of(shape.material, &shape.traits);
+        all.push(MovingShape::new(space, material, object_ids.shape(i), moving, place));
     }
     all
 }
@@ -129,7 +129,7 @@ impl MovingShape {
         place: impl Fn(&DAffine3) -> DAffine3,
     ) -> MovingShape {
         space.attributes.materials.push(material);
-        space.measure();
+        space.update_bounds();
         let world_from_object = place(&DAffine3::IDENTITY);
         MovingShape { space, object, world_from_object, keys: moving.keys.iter().map(place).collect() }
     }
@@ -162,7 +162,7 @@ pub struct MotionVectors {
 impl MotionVectors {
     /// The motion vectors of a scene, relative to `origin`.
     pub(super) fn of(scene: &Scene, origin: DVec3) -> MotionVectors {
-        let (numbering, motion) = (Numbering::of(scene), &scene.motion);
+        let (object_ids, motion) = (ObjectIds::of(scene), &scene.motion);
         let to_origin = DAffine3::from_translation(-origin);
         let mut objects = HashMap::new();
         let mut add = |object,
@@ -177,19 +177,19 @@ impl MotionVectors {
         for (i, instance) in scene.instances.iter().enumerate() {
             let Motion::Keyed(number) = instance.motion else { continue };
             if let Some(moving) = motion.instances.get(number as usize) {
-                add(numbering.instance(i), moving, instance.world_from_object, &|m| *m);
+                add(object_ids.instance(i), moving, instance.world_from_object, &|m| *m);
             }
         }
         // The spaces of quads and shapes have their origin at the corner or centre.
         for (&i, moving) in &motion.quads {
             let Some(quad) = scene.quads.get(i) else { continue };
             let corner = DAffine3::from_translation(quad.corner);
-            add(numbering.quad(i), moving, corner, &|m| *m * corner);
+            add(object_ids.quad(i), moving, corner, &|m| *m * corner);
         }
         for (&i, moving) in &motion.shapes {
             let Some(shape) = scene.shapes.get(i) else { continue };
             let center = DAffine3::from_translation(shape.center);
-            add(numbering.shape(i), moving, center, &|m| *m * center);
+            add(object_ids.shape(i), moving, center, &|m| *m * center);
         }
         MotionVectors { objects }
     }

@@ -15,40 +15,35 @@ pub struct ObjectId(pub u32);
 
 /// Assigns ids to the objects of a scene.
 #[derive(Clone, Copy, Debug)]
-pub struct Numbering {
+pub struct ObjectIds {
     instances: usize,
     quads: usize,
     shapes: usize,
 }
 
-impl Numbering {
-    pub fn of(scene: &Scene) -> Numbering {
-        Numbering { instances: scene.instances.len(), quads: scene.quads.len(), shapes: scene.shapes.len() }
+impl ObjectIds {
+    pub fn of(scene: &Scene) -> ObjectIds {
+        ObjectIds { instances: scene.instances.len(), quads: scene.quads.len(), shapes: scene.shapes.len() }
     }
 
-    /// The id of an instance.
     pub fn instance(&self, index: usize) -> ObjectId {
         ObjectId(index as u32)
     }
 
-    /// The id of a quad.
     pub fn quad(&self, index: usize) -> ObjectId {
         ObjectId((self.instances + index) as u32)
     }
 
-    /// The id of a shape.
     pub fn shape(&self, index: usize) -> ObjectId {
         ObjectId((self.instances + self.quads + index) as u32)
     }
 
-    /// The id of curves.
     pub fn curves(&self, index: usize) -> ObjectId {
         ObjectId((self.instances + self.quads + self.shapes + index) as u32)
     }
 }
 
 impl ObjectId {
-    /// All objects of a scene.
     pub fn all(scene: &Scene) -> impl Iterator<Item = ObjectId> + use<> {
         let count = scene.instances.len() + scene.quads.len() + scene.shapes.len() + scene.curves.len();
         (0..count as u32).map(ObjectId)
@@ -106,9 +101,9 @@ impl Owners {
 #[derive(Clone, Debug, Default)]
 pub(super) struct ObjectMaterials {
     /// Number of the scene's materials.
-    own: u32,
+    originals: u32,
     /// Indices of the copies.
-    numbers: HashMap<(MaterialId, ObjectTraits), u32>,
+    copy_indices: HashMap<(MaterialId, ObjectTraits), u32>,
     /// Materials and traits of the copies, by index after the scene's materials.
     copies: Vec<(MaterialId, ObjectTraits)>,
     /// Index of the mix of each component; components follow the copies.
@@ -116,10 +111,9 @@ pub(super) struct ObjectMaterials {
 }
 
 impl ObjectMaterials {
-    /// The materials of a scene's objects.
     pub fn of(scene: &Scene) -> ObjectMaterials {
-        let own = scene.materials.len() as u32;
-        let mut all = ObjectMaterials { own, ..ObjectMaterials::default() };
+        let originals = scene.materials.len() as u32;
+        let mut all = ObjectMaterials { originals, ..ObjectMaterials::default() };
         for instance in &scene.instances {
             if instance.traits != ObjectTraits::default() {
                 let used = part_materials(&scene.meshes[instance.mesh.index()], instance);
@@ -134,23 +128,23 @@ impl ObjectMaterials {
 
     fn add(&mut self, id: MaterialId, traits: &ObjectTraits) {
         if *traits != ObjectTraits::default() {
-            self.numbers.entry((id, *traits)).or_insert_with(|| {
+            self.copy_indices.entry((id, *traits)).or_insert_with(|| {
                 self.copies.push((id, *traits));
-                self.own + self.copies.len() as u32 - 1
+                self.originals + self.copies.len() as u32 - 1
             });
         }
     }
 
     /// The compiled material's index for a material on an object with traits.
-    pub fn number(&self, id: MaterialId, traits: &ObjectTraits) -> u32 {
-        match self.are_own() {
+    pub fn index_of(&self, id: MaterialId, traits: &ObjectTraits) -> u32 {
+        match self.has_no_copies() {
             true => id.0,
-            false => self.numbers.get(&(id, *traits)).copied().unwrap_or(id.0),
+            false => self.copy_indices.get(&(id, *traits)).copied().unwrap_or(id.0),
         }
     }
 
     /// Are there no copies?
-    pub fn are_own(&self) -> bool {
+    pub fn has_no_copies(&self) -> bool {
         self.copies.is_empty()
     }
 
@@ -170,13 +164,13 @@ impl ObjectMaterials {
     }
 
     /// The scene's material of a copy; others unchanged.
-    pub fn original(&self, number: u32) -> u32 {
-        let copy = number.checked_sub(self.own).and_then(|copy| self.copies.get(copy as usize));
-        copy.map_or(number, |(id, _)| id.0)
+    pub fn original(&self, index: u32) -> u32 {
+        let copy = index.checked_sub(self.originals).and_then(|copy| self.copies.get(copy as usize));
+        copy.map_or(index, |(id, _)| id.0)
     }
 
     /// For each material after those of the scene: the material that it is a copy or component of.
-    pub fn originals(&self) -> Vec<MaterialId> {
+    pub fn sources(&self) -> Vec<MaterialId> {
         let components = self.components.iter().map(|&mix| MaterialId(self.original(mix)));
         self.copies.iter().map(|&(id, _)| id).chain(components).collect()
     }
@@ -233,14 +227,14 @@ mod object_materials_tests {
             let sphere = Shape::sphere([0.0; 3], 1.0, MaterialId(i % 100));
             scene.shapes.push(Shape { traits: traits(i as usize % 100), ..sphere });
         }
-        let numbers = ObjectMaterials::of(&scene);
+        let object_materials = ObjectMaterials::of(&scene);
         // The first has no traits; all others occur twice.
-        assert_eq!(numbers.copies.len(), 99);
-        let copy_of = |i: usize| numbers.number(MaterialId(i as u32), &traits(i));
+        assert_eq!(object_materials.copies.len(), 99);
+        let copy_of = |i: usize| object_materials.index_of(MaterialId(i as u32), &traits(i));
         assert_eq!([0, 1, 2, 99].map(copy_of), [0, 100, 101, 198]);
         // No object has this one.
-        assert_eq!(numbers.number(MaterialId(5), &traits(6)), 5);
-        assert_eq!(numbers.originals()[98], MaterialId(99));
+        assert_eq!(object_materials.index_of(MaterialId(5), &traits(6)), 5);
+        assert_eq!(object_materials.sources()[98], MaterialId(99));
     }
 }
 

@@ -259,7 +259,6 @@ const REFRACTOR_MARGIN: f32 = 0.01;
 /// Small bright lights and the bodies that refract their light.
 #[derive(Clone, Debug, Default)]
 pub struct RefractedLights {
-    /// Small lights.
     pub lights: Vec<SmallLight>,
     /// Refracting bodies.
     pub bodies: Vec<Refractor>,

@@ -35,7 +35,7 @@ const MIN_KEPT_TRIANGLES: usize = 1 << 16;
 /// Maximum number of triangles of all instances of an emissive mesh for light sampling, which needs copies: about 1 GB with the lights.
 const MAX_COPIED_EMITTERS: usize = 1 << 22;
 
-/// Compilation of an instance.
+/// How an instance is compiled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum InstanceMode {
     /// Its triangles are copied into the world.
@@ -46,11 +46,11 @@ pub(super) enum InstanceMode {
     Moving,
 }
 
-/// A visible instance.
+/// A visible instance and how it is compiled.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Step {
+pub(super) struct PlannedInstance {
     /// Index in the scene.
-    pub instance: usize,
+    pub index: usize,
     pub mode: InstanceMode,
     /// Transform, relative to the anchor.
     pub world_from_object: DAffine3,
@@ -64,13 +64,13 @@ pub(super) struct Step {
 #[derive(Debug, Default)]
 pub(super) struct Plan {
     /// The visible instances.
-    pub steps: Vec<Step>,
+    pub instances: Vec<PlannedInstance>,
     /// Shared meshes, by index in the scene; deforming ones last.
     pub meshes: Vec<usize>,
     /// Traits of the objects of each shared mesh, for its materials.
     pub mesh_traits: Vec<ObjectTraits>,
     /// Index of the first deforming mesh in `meshes`.
-    pub first_changing: usize,
+    pub first_deforming: usize,
     /// Motion of instances while the shutter is open.
     pub motions: Vec<TransformKeys>,
     /// Keep texture coordinates that no material uses.
@@ -78,7 +78,7 @@ pub(super) struct Plan {
     /// Names of the vertex attributes that node graphs read, by index.
     pub attributes: Arc<[String]>,
     /// Material indices of objects.
-    pub numbers: ObjectMaterials,
+    pub object_materials: ObjectMaterials,
     /// Emissive meshes with too many instances for light sampling.
     pub unsampled: HashSet<MeshId>,
     /// By mesh: must its triangles be flipped? Empty if none must.
@@ -86,12 +86,12 @@ pub(super) struct Plan {
     /// Offsets of flat lights that are coplanar with other surfaces.
     pub shifts: Shifts,
     /// Keys for the reuse of geometry by other frames; `None` if nothing is reused.
-    pub keys: Option<Keys>,
+    pub keys: Option<GeometryKeys>,
 }
 
 /// Fingerprints of the inputs of geometry.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Keys {
+pub(super) struct GeometryKeys {
     /// Shared meshes without deformation.
     pub shared: Vec<Fingerprint>,
     /// The world and all static placements.
@@ -100,7 +100,7 @@ pub(super) struct Keys {
 
 /// Makes the plan. Invisible instances are omitted and reported.
 pub(super) fn plan(
-    (scene, numbers, attributes): (&Scene, ObjectMaterials, Arc<[String]>),
+    (scene, object_materials, attributes): (&Scene, ObjectMaterials, Arc<[String]>),
     materials: &[CompiledMaterial],
     origin: DVec3,
     is_sequence: bool,
@@ -114,7 +114,7 @@ pub(super) fn plan(
     let triangles =
         || scene.instances.iter().filter(is_visible).map(|i| scene.meshes[i.mesh.index()].triangles.len());
     let keeps_geometry = is_sequence && triangles().sum::<usize>() >= MIN_KEPT_TRIANGLES;
-    let mut plan = Plan { numbers, attributes, ..Plan::default() };
+    let mut plan = Plan { object_materials, attributes, ..Plan::default() };
     let mut invisible = 0;
     for (index, instance) in scene.instances.iter().enumerate() {
         if !is_visible(&instance) {
@@ -146,7 +146,7 @@ pub(super) fn plan(
             _ if is_shared && can_be_placed || mesh.splats.is_some() => InstanceMode::Shared,
             _ => InstanceMode::Merged,
         };
-        plan.steps.push(Step { instance: index, mode, world_from_object, geometry: 0, motion });
+        plan.instances.push(PlannedInstance { index, mode, world_from_object, geometry: 0, motion });
     }
     if invisible > 0 {
         left_out.push(format!("{invisible} placements whose materials are fully transparent"));
@@ -160,7 +160,6 @@ pub(super) fn plan(
 }
 
 impl Plan {
-    /// Is a mesh inside out?
     pub fn is_inside_out(&self, mesh: MeshId) -> bool {
         self.inside_out.get(mesh.index()).is_some_and(|&is| is)
     }
@@ -173,24 +172,24 @@ impl Plan {
 
     /// Assigns an index to each shared mesh, deforming ones last.
     fn number_meshes(&mut self, scene: &Scene) {
-        for is_changing in [false, true] {
+        for is_deforming in [false, true] {
             let mut indices: HashMap<(usize, ObjectTraits), usize> = HashMap::new();
-            for step in self.steps.iter_mut().filter(|s| s.mode != InstanceMode::Merged) {
-                let instance = &scene.instances[step.instance];
+            for planned in self.instances.iter_mut().filter(|s| s.mode != InstanceMode::Merged) {
+                let instance = &scene.instances[planned.index];
                 let deforms = instance.motion == Motion::Deforms || motion::changes(scene, instance.mesh);
-                let changes = step.mode == InstanceMode::Moving && deforms;
-                if changes == is_changing {
+                let changes = planned.mode == InstanceMode::Moving && deforms;
+                if changes == is_deforming {
                     let next = self.meshes.len();
                     let traits = mesh_traits(instance, &scene.meshes[instance.mesh.index()]);
-                    step.geometry = *indices.entry((instance.mesh.index(), traits)).or_insert(next);
-                    if step.geometry == next {
+                    planned.geometry = *indices.entry((instance.mesh.index(), traits)).or_insert(next);
+                    if planned.geometry == next {
                         self.meshes.push(instance.mesh.index());
                         self.mesh_traits.push(traits);
                     }
                 }
             }
-            if !is_changing {
-                self.first_changing = self.meshes.len();
+            if !is_deforming {
+                self.first_deforming = self.meshes.len();
             }
         }
     }
@@ -202,8 +201,8 @@ impl Plan {
             left_out.push(format!("{} meshes without instances ({triangles} triangles)", unused().count()));
         }
         let mut placements = vec![0; scene.meshes.len()];
-        for step in self.steps.iter().filter(|s| s.mode != InstanceMode::Merged) {
-            placements[scene.instances[step.instance].mesh.index()] += 1;
+        for planned in self.instances.iter().filter(|s| s.mode != InstanceMode::Merged) {
+            placements[scene.instances[planned.index].mesh.index()] += 1;
         }
         for (mesh, placed) in scene.meshes.iter().zip(placements).filter(|(_, placed)| *placed > 1) {
             let (n, copies) = (mesh.triangles.len(), placed - 1);
@@ -217,10 +216,10 @@ impl Plan {
     pub fn material_of(&self, instance: &Instance, mesh: &Mesh) -> Option<u32> {
         let of_traits =
             || (instance.traits != ObjectTraits::default()).then(|| only_material(mesh)).flatten();
-        instance.material.or_else(of_traits).map(|id| self.numbers.number(id, &instance.traits))
+        instance.material.or_else(of_traits).map(|id| self.object_materials.index_of(id, &instance.traits))
     }
 
-    fn keys_of(&self, scene: &Scene, materials: &[CompiledMaterial], origin: DVec3) -> Keys {
+    fn keys_of(&self, scene: &Scene, materials: &[CompiledMaterial], origin: DVec3) -> GeometryKeys {
         let normal_sets: Vec<Option<usize>> = (0..scene.materials.len())
             .map(|m| normal_map_set([MaterialId(m as u32)].into_iter(), scene))
             .collect();
@@ -228,43 +227,51 @@ impl Plan {
         let named = |sum: Fingerprint, name: &String| sum.with_all(name.as_bytes());
         let of_materials = self.attributes.iter().fold(of_materials, named);
         let mut is_used = vec![false; scene.meshes.len()];
-        let is_merged = |s: &&Step| s.mode == InstanceMode::Merged;
-        let copied = self.steps.iter().filter(is_merged).map(|s| scene.instances[s.instance].mesh.index());
-        copied.chain(self.meshes[..self.first_changing].iter().copied()).for_each(|m| is_used[m] = true);
+        let is_merged = |s: &&PlannedInstance| s.mode == InstanceMode::Merged;
+        let copied = self.instances.iter().filter(is_merged).map(|s| scene.instances[s.index].mesh.index());
+        copied.chain(self.meshes[..self.first_deforming].iter().copied()).for_each(|m| is_used[m] = true);
         let of_meshes: Vec<Fingerprint> = (scene.meshes.par_iter().zip(&is_used))
             .map(|(mesh, used)| if *used { fingerprint::of_mesh(mesh) } else { Fingerprint::START })
             .collect();
-        let shared = self.meshes[..self.first_changing]
+        let shared = self.meshes[..self.first_deforming]
             .iter()
             .zip(&self.mesh_traits)
             .map(|(&m, traits)| {
-                let used =
-                    scene.meshes[m].parts.iter().map(|part| self.numbers.number(part.material, traits));
+                let used = scene.meshes[m]
+                    .parts
+                    .iter()
+                    .map(|part| self.object_materials.index_of(part.material, traits));
                 let sum = of_materials.with_fingerprint(of_meshes[m]);
-                if self.numbers.are_own() { sum } else { used.fold(sum, |sum, n| sum.with(u64::from(n))) }
+                if self.object_materials.has_no_copies() {
+                    sum
+                } else {
+                    used.fold(sum, |sum, n| sum.with(u64::from(n)))
+                }
             })
             .collect();
         let mut world = of_materials.with_vector(origin);
-        for step in self.steps.iter().filter(|s| s.mode != InstanceMode::Moving) {
-            let instance = &scene.instances[step.instance];
+        for planned in self.instances.iter().filter(|s| s.mode != InstanceMode::Moving) {
+            let instance = &scene.instances[planned.index];
             let mesh = &scene.meshes[instance.mesh.index()];
-            let number = |id| u64::from(self.numbers.number(id, &instance.traits));
+            let number = |id| u64::from(self.object_materials.index_of(id, &instance.traits));
             world = world
-                .with(step.instance as u64)
-                .with(step.geometry as u64)
-                .with(u64::from(step.mode == InstanceMode::Merged))
+                .with(planned.index as u64)
+                .with(planned.geometry as u64)
+                .with(u64::from(planned.mode == InstanceMode::Merged))
                 .with(instance.material.map_or(u64::MAX, number))
-                .with_transform(&step.world_from_object)
+                .with_transform(&planned.world_from_object)
                 .with_fingerprint(of_meshes[instance.mesh.index()]);
-            if !self.numbers.are_own() {
+            if !self.object_materials.has_no_copies() {
                 world = mesh.parts.iter().fold(world, |sum, part| sum.with(number(part.material)));
             }
         }
-        let quads = scene.quads.iter().map(|quad| self.numbers.number(quad.material, &quad.traits));
-        let shapes = scene.shapes.iter().map(|shape| self.numbers.number(shape.material, &shape.traits));
-        let curves = scene.curves.iter().map(|c| self.numbers.number(c.material, &c.traits));
+        let quads =
+            scene.quads.iter().map(|quad| self.object_materials.index_of(quad.material, &quad.traits));
+        let shapes =
+            scene.shapes.iter().map(|shape| self.object_materials.index_of(shape.material, &shape.traits));
+        let curves = scene.curves.iter().map(|c| self.object_materials.index_of(c.material, &c.traits));
         world = quads.chain(shapes).chain(curves).fold(world, |sum, number| sum.with(u64::from(number)));
-        Keys { shared, world: with_shapes(world, scene) }
+        GeometryKeys { shared, world: with_shapes(world, scene) }
     }
 }
 
@@ -388,8 +395,8 @@ const ROUNDING: f64 = 4.0 * f32::EPSILON as f64;
 
 /// The number of degenerate primitives that a plan builds.
 pub(super) fn count_degenerate(scene: &Scene, plan: &Plan) -> u64 {
-    let copied = plan.steps.iter().filter(|step| step.mode == InstanceMode::Merged);
-    let copied = copied.map(|step| scene.instances[step.instance].mesh.index());
+    let copied = plan.instances.iter().filter(|planned| planned.mode == InstanceMode::Merged);
+    let copied = copied.map(|planned| scene.instances[planned.index].mesh.index());
     let mut counts: Vec<Option<u64>> = vec![None; scene.meshes.len()];
     let of_meshes: u64 = copied
         .chain(plan.meshes.iter().copied())

@@ -1,10 +1,10 @@
 //! Reuse of textures, environment and geometry between frames of a sequence, by fingerprints of their inputs.
 
-use super::bake::{self, Baked};
+use super::build_geometry::{self, SceneGeometry};
 use super::geometry::Geometries;
 use super::limits;
 use super::material::CompiledMaterial;
-use super::plan::{Keys, Plan, Tree};
+use super::plan::{GeometryKeys, Plan, Tree};
 use crate::accel::{self, Accel, AccelInput, Reuse, TooLarge};
 use crate::error::Result;
 use crate::image::Image;
@@ -17,14 +17,13 @@ use std::sync::Arc;
 
 /// Inputs of a compiled scene, to determine which results the next frame may reuse.
 pub(super) struct Sources {
-    keys: Option<Keys>,
+    keys: Option<GeometryKeys>,
     textures: Vec<Texture>,
     images: Vec<Image>,
     environment: Environment,
 }
 
 impl Sources {
-    /// The sources of a scene.
     pub fn of(scene: &Scene, plan: &Plan) -> Sources {
         Sources {
             keys: plan.keys.clone(),
@@ -56,7 +55,7 @@ pub(super) struct Reusable {
     pub textures: Option<CompiledTextures>,
     /// The environment, if unchanged; `Some(None)` for no environment.
     pub environment: Option<Option<EnvironmentLight>>,
-    geometry: Option<(Accel, Geometries, Keys)>,
+    geometry: Option<(Accel, Geometries, GeometryKeys)>,
 }
 
 /// Geometry and its BVH.
@@ -94,39 +93,39 @@ impl Reusable {
         tree: (Tree, &WorkCounter),
     ) -> Result<BuiltGeometry> {
         let earlier = self.geometry.take();
-        let (reuse, kept, accel) = match (earlier, &plan.keys) {
+        let (reuse, reused, accel) = match (earlier, &plan.keys) {
             (Some((accel, geometries, before)), Some(now)) if before.shared == now.shared => {
                 let Geometries { world, mut shared, .. } = geometries;
                 shared.truncate(now.shared.len());
                 let is_same = before.world == now.world;
                 let reuse = if is_same { Reuse::World } else { Reuse::Shared };
-                (reuse, bake::EarlierSpaces { world: is_same.then_some(world), shared }, Some(accel))
+                (reuse, build_geometry::ReusedSpaces { world: is_same.then_some(world), shared }, Some(accel))
             }
-            _ => (Reuse::Nothing, bake::EarlierSpaces::default(), None),
+            _ => (Reuse::Nothing, build_geometry::ReusedSpaces::default(), None),
         };
-        let baked = bake::bake(scene, materials, origin, plan, kept)?;
-        let accel = build(&baked, plan, tree, reuse, accel).map_err(limits::too_large)?;
-        Ok(BuiltGeometry { geometries: baked.geometries, accel })
+        let scene_geometry = build_geometry::build_geometry(scene, materials, origin, plan, reused)?;
+        let accel = build(&scene_geometry, plan, tree, reuse, accel).map_err(limits::too_large)?;
+        Ok(BuiltGeometry { geometries: scene_geometry.geometries, accel })
     }
 }
 
 fn build(
-    baked: &Baked,
+    scene_geometry: &SceneGeometry,
     plan: &Plan,
     (tree, counter): (Tree, &WorkCounter),
     reuse: Reuse,
     earlier: Option<Accel>,
 ) -> std::result::Result<Accel, TooLarge> {
-    let Geometries { world, shared, .. } = &baked.geometries;
+    let Geometries { world, shared, .. } = &scene_geometry.geometries;
     let geometries: Vec<&accel::Geometry> = [world].into_iter().chain(shared).map(|s| &s.shapes).collect();
     let triangles = geometries.iter().map(|g| (g.triangles.len() + g.curves.len()) as u64).sum();
     let input = AccelInput {
         geometries: &geometries,
-        instances: &baked.instances,
-        first_moving: baked.first_moving,
+        instances: &scene_geometry.instances,
+        first_moving: scene_geometry.first_moving,
         // Geometry 0 is the world.
-        first_changing: plan.first_changing + 1,
-        moving: &baked.moving,
+        first_changing: plan.first_deforming + 1,
+        moving: &scene_geometry.moving,
         quality: tree.quality(triangles),
         counter: Some(counter),
     };

@@ -22,7 +22,6 @@ use crate::texture::{CompiledTextures, ObjectData, TextureReport};
 use crate::work_counter::WorkCounter;
 use std::sync::Arc;
 
-/// Compile options.
 #[derive(Clone, Debug, Default)]
 pub struct CompileOptions {
     /// Shading models of all materials.
@@ -47,7 +46,6 @@ pub struct CompileOptions {
 /// A picture to be rendered.
 #[derive(Clone, Debug)]
 pub struct ExpectedPicture {
-    /// Its camera.
     pub camera: Camera,
     /// Width in pixels.
     pub width: u32,
@@ -64,7 +62,6 @@ pub struct MemoryPart {
     pub bytes: u64,
 }
 
-/// Compile report.
 #[derive(Clone, Debug, Default)]
 pub struct CompileReport {
     /// Build time, seconds.
@@ -113,13 +110,11 @@ pub struct CompiledScene {
     pub media: Vec<Medium>,
     /// Texture lookups.
     pub textures: CompiledTextures,
-    /// All lights.
     pub lights: Lights,
     /// The environment for camera rays, if it differs from the one that lights the scene and is not black.
     pub camera_environment: Option<EnvironmentLight>,
     /// Small bright lights and the bodies that refract their light.
     pub refracted_lights: RefractedLights,
-    /// Light groups.
     pub light_groups: LightGroups,
     /// Spectra by light; see [`CompiledScene::spectrum_of_light`].
     pub(super) light_spectra: Vec<Option<Arc<Spectrum>>>,
@@ -130,9 +125,9 @@ pub struct CompiledScene {
     /// By area light: is it excluded from the reference picture of shadow catchers? Empty without catchers.
     pub(super) caught_lights: Vec<bool>,
     /// Number of materials of the scene, which come first.
-    pub(super) own_materials: u32,
+    pub(super) scene_materials: u32,
     /// The scene's materials of all others.
-    pub(super) originals: Vec<MaterialId>,
+    pub(super) copy_sources: Vec<MaterialId>,
     /// Features, to skip stages of the integrator.
     pub features: Features,
     /// Data of objects for node graphs, by id; empty if no node graph reads them.
@@ -245,8 +240,8 @@ impl CompiledScene {
 
     /// The scene's material of a compiled material, which may be a copy or component.
     pub fn described_material(&self, material: u32) -> u32 {
-        let copy = material.checked_sub(self.own_materials);
-        copy.map_or(material, |copy| self.originals[copy as usize].0)
+        let copy = material.checked_sub(self.scene_materials);
+        copy.map_or(material, |copy| self.copy_sources[copy as usize].0)
     }
 
     /// The object of the scene at a hit.

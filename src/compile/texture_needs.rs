@@ -73,8 +73,8 @@ fn unfiltered(material: &Material) -> impl Iterator<Item = TextureId> {
     let emissive = radiance.filter(|slot| slot.factor != [0.0; 3]).and_then(|slot| slot.texture);
     let is_partial = material.alpha_mode != AlphaMode::Opaque;
     let alpha = material.alpha.texture.filter(|_| is_partial).map(|(id, _)| id);
-    let passing = material.passing.texture.filter(|_| is_partial);
-    emissive.into_iter().chain(alpha).chain(passing)
+    let transparent_color = material.transparent_color.texture.filter(|_| is_partial);
+    emissive.into_iter().chain(alpha).chain(transparent_color)
 }
 
 /// The smallest footprint of rays on the surfaces of a material.
@@ -84,24 +84,26 @@ struct Footprint {
     is_used: bool,
     /// Width, metres.
     width: f32,
-    /// Width in each UV set.
-    of_sets: [f32; 2],
+    /// Width in texture space, by UV set.
+    uv_widths: [f32; 2],
 }
 
 impl Footprint {
-    const NOWHERE: Footprint =
-        Footprint { is_used: false, width: f32::INFINITY, of_sets: [f32::INFINITY; 2] };
-    const POINTS: Footprint = Footprint { is_used: true, width: 0.0, of_sets: [0.0; 2] };
+    /// Without surfaces.
+    const UNUSED: Footprint =
+        Footprint { is_used: false, width: f32::INFINITY, uv_widths: [f32::INFINITY; 2] };
+    /// Unknown: the finest mip level is needed.
+    const ZERO: Footprint = Footprint { is_used: true, width: 0.0, uv_widths: [0.0; 2] };
 
     /// The footprint on a surface with a constant UV density.
     fn at(width: f64, uv_per_metre: f64) -> Footprint {
-        let of_sets = [(width * uv_per_metre) as f32; 2];
-        Footprint { is_used: true, width: width as f32, of_sets }
+        let uv_widths = [(width * uv_per_metre) as f32; 2];
+        Footprint { is_used: true, width: width as f32, uv_widths }
     }
 
-    fn and(self, other: Footprint) -> Footprint {
-        let of_sets = [0, 1].map(|set| self.of_sets[set].min(other.of_sets[set]));
-        Footprint { is_used: self.is_used || other.is_used, width: self.width.min(other.width), of_sets }
+    fn min(self, other: Footprint) -> Footprint {
+        let uv_widths = [0, 1].map(|set| self.uv_widths[set].min(other.uv_widths[set]));
+        Footprint { is_used: self.is_used || other.is_used, width: self.width.min(other.width), uv_widths }
     }
 
     /// The minimum footprint of lookups, texture space.
@@ -109,7 +111,7 @@ impl Footprint {
         match mapping {
             Mapping::Uv { set, transform } => {
                 let Vec2 { x, y } = transform.scale;
-                self.of_sets[(*set as usize).min(1)] * (x * y).abs().sqrt()
+                self.uv_widths[(*set as usize).min(1)] * (x * y).abs().sqrt()
             }
             Mapping::World => self.width,
             Mapping::Triplanar { size } => self.width / size,
@@ -119,7 +121,7 @@ impl Footprint {
 
 /// The smallest footprint on the surfaces of each material.
 fn footprints(scene: &Scene, picture: Option<&ExpectedPicture>) -> Vec<Footprint> {
-    let nothing = || vec![Footprint::NOWHERE; scene.materials.len()];
+    let nothing = || vec![Footprint::UNUSED; scene.materials.len()];
     let eye = picture.map(Viewpoint::new);
     let needs_footprint: Vec<bool> = scene.materials.iter().map(|m| has_large_pyramid(scene, m)).collect();
     let triangles = scene.instances.iter().map(|i| scene.meshes[i.mesh.index()].triangles.len() as u64);
@@ -129,17 +131,17 @@ fn footprints(scene: &Scene, picture: Option<&ExpectedPicture>) -> Vec<Footprint
         for (part, material) in mesh.parts.iter().zip(part_materials(mesh, instance)) {
             let of_part = match &eye {
                 Some(eye) if needs_footprint[material.index()] && is_exact => eye.part(mesh, part, instance),
-                _ => Footprint::POINTS,
+                _ => Footprint::ZERO,
             };
-            all[material.index()] = all[material.index()].and(of_part);
+            all[material.index()] = all[material.index()].min(of_part);
         }
         all
     };
-    let join = |a: Vec<Footprint>, b: Vec<Footprint>| a.into_iter().zip(b).map(|(a, b)| a.and(b)).collect();
+    let join = |a: Vec<Footprint>, b: Vec<Footprint>| a.into_iter().zip(b).map(|(a, b)| a.min(b)).collect();
     let mut all =
         scene.instances.par_iter().with_min_len(64).fold(nothing, with_instance).reduce(nothing, join);
     let mut add = |material: usize, footprint: Option<Footprint>| {
-        all[material] = all[material].and(footprint.unwrap_or(Footprint::POINTS));
+        all[material] = all[material].min(footprint.unwrap_or(Footprint::ZERO));
     };
     for quad in &scene.quads {
         let corners = [quad.corner, quad.corner + quad.edge_u, quad.corner + quad.edge_v];
@@ -155,8 +157,8 @@ fn footprints(scene: &Scene, picture: Option<&ExpectedPicture>) -> Vec<Footprint
             ShapeKind::Disk => Some(0.5 / shape.radius),
             _ => None,
         };
-        let reach = DVec3::splat(shape.radius);
-        let corners = [shape.center - reach, shape.center + reach];
+        let radius = DVec3::splat(shape.radius);
+        let corners = [shape.center - radius, shape.center + radius];
         add(
             shape.material.index(),
             eye.as_ref().zip(density).map(|(eye, density)| Footprint::at(eye.width(corners), density)),
@@ -178,7 +180,7 @@ fn has_large_pyramid(scene: &Scene, material: &Material) -> bool {
     })
 }
 
-/// The camera positions of a picture.
+/// The positions of a picture's camera, and the footprint of its rays.
 struct Viewpoint {
     positions: Vec<DVec3>,
     /// Radius of the lens, metres.
@@ -209,23 +211,23 @@ impl Viewpoint {
     /// The smallest footprint on a part of an instance.
     fn part(&self, mesh: &Mesh, part: &MeshPart, instance: &Instance) -> Footprint {
         if matches!(instance.motion, Motion::Keyed(_)) {
-            return Footprint::POINTS;
+            return Footprint::ZERO;
         }
         let world: &DAffine3 = &instance.world_from_object;
         let first = part.first_triangle as usize;
         let triangles = &mesh.triangles[first..first + part.triangle_count as usize];
-        let mut footprint = Footprint { is_used: true, ..Footprint::NOWHERE };
+        let mut footprint = Footprint { is_used: true, ..Footprint::UNUSED };
         for triangle in triangles {
             let corners = mesh.corners_f64(*triangle).map(|p| world.transform_point3(p));
             let width = self.width(corners);
             let area = (corners[1] - corners[0]).cross(corners[2] - corners[0]).length();
             footprint.width = footprint.width.min(width as f32);
-            for (set, least) in mesh.uv_sets.iter().zip(&mut footprint.of_sets) {
+            for (set, smallest) in mesh.uv_sets.iter().zip(&mut footprint.uv_widths) {
                 let Some([a, b, c]) = corners_of(set, triangle) else { continue };
                 let density = (f64::from((b - a).perp_dot(c - a)).abs() / area).sqrt();
                 // Constant texture coordinates read a single texel.
                 if density > 0.0 {
-                    *least = least.min((width * density) as f32);
+                    *smallest = smallest.min((width * density) as f32);
                 }
             }
         }

@@ -59,7 +59,6 @@ pub struct Noisy<'a> {
     pub color: Color<'a>,
     /// Noise estimate.
     pub noise: Noise<'a>,
-    /// Guides.
     pub guides: Guides<'a>,
     /// Sets of parts of the picture, such as light passes or light groups: sets that add up to the picture before denoising also do
     /// afterwards.
@@ -125,7 +124,6 @@ impl<'a> NoisyLayers<'a> {
         }
     }
 
-    /// The guides.
     pub fn guides(&self) -> Guides<'_> {
         Guides { albedo: self.albedo.as_ref().map(slices), normal: self.normal.as_ref().map(slices) }
     }

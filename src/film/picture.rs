@@ -304,7 +304,6 @@ impl Film {
         self.channels().par_iter().enumerate().flat_map_iter(of).collect()
     }
 
-    /// The planes of a channel.
     fn planes_of_channel<'a>(
         &self,
         index: usize,
@@ -322,7 +321,6 @@ impl Film {
         self.planes_of(index, channel).into_iter().nth(component)
     }
 
-    /// The values of the planes of a channel.
     fn planes_of(&self, index: usize, channel: &Channel) -> Vec<Values> {
         if index == 0 {
             let rgba = self.rgba();

@@ -146,7 +146,7 @@ impl Integrator<'_> {
     pub(super) fn add_environment(&self, bounce: u32, w: &mut Workspace) {
         let (lights, features) = (&self.scene.lights, &self.scene.features);
         if bounce > 0 {
-            if self.optional.clear {
+            if self.optional.only_clear_glass {
                 self.add_clear_background(w);
             }
         } else if !features.environment_visible_to.contains(RayKinds::CAMERA) {
@@ -321,7 +321,7 @@ impl Integrator<'_> {
         let path = &arriving.state;
         let draw = |i: usize| {
             let [u, ..] = SobolPoint::from_parts(path.seed[i], path.shuffled[i]).sample_4d(&dimensions);
-            Wavelengths::draw(u)
+            Wavelengths::sample(u)
         };
         times.start_wavelengths((0..pixels.len()).map(draw), self.options.branches);
     }

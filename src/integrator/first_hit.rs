@@ -186,7 +186,6 @@ impl FirstHits {
         self.width + MAX_COMPONENTS
     }
 
-    /// Records the first hit of a sample.
     pub fn record(&mut self, sample: usize, hit: &FirstHit, aov_context: &AovContext) {
         let Some(surfaces) = self.surfaces.get_mut(sample) else { return };
         *surfaces = 1;

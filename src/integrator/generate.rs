@@ -106,8 +106,8 @@ impl Integrator<'_> {
         }
         if self.optional.interior {
             match self.camera_interior {
-                CameraInterior::Same(interior) => paths.interior[..count].fill(interior),
-                CameraInterior::Differs => {
+                CameraInterior::Constant(interior) => paths.interior[..count].fill(interior),
+                CameraInterior::PerRay => {
                     for i in 0..count {
                         let origin = get(&vertices.next_origin, i);
                         paths.interior[i] =
@@ -125,15 +125,15 @@ impl Integrator<'_> {
         if self.optional.bounce_counts {
             paths.bounce_counts[..count].fill(BounceCounts::default());
         }
-        if self.optional.least_pdf {
-            paths.least_pdf[..count].fill(f32::INFINITY);
+        if self.optional.min_pdf {
+            paths.min_pdf[..count].fill(f32::INFINITY);
         }
         if self.optional.visibility {
             paths.visibility[..count].fill(RayVisibility::camera());
         }
-        if self.optional.chains {
-            paths.chains[..count].fill(0);
-            paths.chain_share.iter_mut().for_each(|channel| channel[..count].fill(1.0));
+        if self.optional.caustic_chains {
+            paths.caustic_chains[..count].fill(0);
+            paths.caustic_chain_share.iter_mut().for_each(|channel| channel[..count].fill(1.0));
         }
         if self.optional.reference {
             paths.reference[..count].fill(0.0);

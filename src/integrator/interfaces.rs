@@ -186,7 +186,7 @@ impl Integrator<'_> {
         // Within another solid of the same medium there is no interface. Within a displacing solid the interface is index-matched.
         if is_displaced || outer.medium() == medium {
             let is_edge = is_displaced && !outer.contains(medium);
-            let tint = if is_edge { bsdf.crossing_tint() } else { Rgb::ONE };
+            let tint = if is_edge { bsdf.transmission_tint() } else { Rgb::ONE };
             return InterfaceHit { bsdf: index_matched_interface(tint), is_inverted: false, beyond };
         }
         let is_alone = outer == Interior::AIR && medium == own;
@@ -365,7 +365,7 @@ impl Integrator<'_> {
         let tint = all()
             .filter(|candidate| Some(candidate.at.material.medium_index) != refracting)
             .filter(|candidate| is_edge(candidate.at.material.medium_index))
-            .fold(Rgb::ONE, |tint, candidate| tint * candidate.evaluated.bsdf.crossing_tint());
+            .fold(Rgb::ONE, |tint, candidate| tint * candidate.evaluated.bsdf.transmission_tint());
         let mut candidate = best.unwrap_or(first);
         for other in all() {
             let span = (other.at.surface.p - candidate.at.surface.p).abs();

@@ -35,22 +35,22 @@ impl Interior {
         self.0[0] as u16
     }
 
-    /// The media that overlap [`Interior::medium`] and add up with it, each once: the next entries of the list, until the first that
-    /// doesn't add up or has a lower priority; after the last entry, the medium around the scene.
+    /// The additive media that overlap [`Interior::medium`], each once: the next entries of the list, until the first that is not
+    /// additive or has a lower priority; after the last entry, the medium around the scene.
     pub fn overlapping(self, media: &[Medium]) -> impl Iterator<Item = u16> {
         let number = move |k: u32| (self.bits() >> (k * BITS)) as u16;
         let top = &media[usize::from(self.medium())];
-        let adds_up = move |medium: u16| {
+        let is_additive = move |medium: u16| {
             let medium = &media[usize::from(medium)];
-            medium.adds_up && medium.priority >= top.priority
+            medium.is_additive && medium.priority >= top.priority
         };
         let count = (0..Interior::MAX).take_while(|&k| number(k) != 0).count() as u32;
-        let deepest = if top.adds_up && count > 0 { count } else { 0 };
+        let deepest = if top.is_additive && count > 0 { count } else { 0 };
         let is_first = move |k: u32| (0..k).all(|other| number(other) != number(k));
         // The medium around the scene follows the last entry.
         let entry = move |k: u32| if k < count { number(k) } else { 0 };
         (1..=deepest)
-            .map_while(move |k| adds_up(entry(k)).then_some(k))
+            .map_while(move |k| is_additive(entry(k)).then_some(k))
             .filter(move |&k| k == count || is_first(k))
             .map(entry)
     }
@@ -127,9 +127,9 @@ impl Interior {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CameraInterior {
     /// Constant for all camera rays.
-    Same(Interior),
+    Constant(Interior),
     /// Computed per ray: it varies over the plane of an orthographic camera or over time, or the camera has clip planes.
-    Differs,
+    PerRay,
 }
 
 impl CameraInterior {
@@ -139,10 +139,10 @@ impl CameraInterior {
         /// `Integrator::assume_inside`.
         const CELLS: u32 = 8;
         if !scene.features.media {
-            return CameraInterior::Same(Interior::AIR);
+            return CameraInterior::Constant(Interior::AIR);
         }
         if view.camera.is_clipped() {
-            return CameraInterior::Differs;
+            return CameraInterior::PerRay;
         }
         let is_moving = scene.is_moving() || view.moving.is_some();
         let times = if is_moving { 0..=CELLS } else { 0..=0 };
@@ -159,7 +159,7 @@ impl CameraInterior {
             let time = k as f32 / CELLS as f32;
             cells.clone().any(|j| cells.clone().any(|i| around(time, i, j) != first))
         });
-        if differs { CameraInterior::Differs } else { CameraInterior::Same(first) }
+        if differs { CameraInterior::PerRay } else { CameraInterior::Constant(first) }
     }
 }
 
@@ -239,7 +239,7 @@ mod tests {
     /// Media 0 to 3 add up, 3 has a higher priority, and 4 and 5 displace others.
     #[test]
     fn overlapping_media_add_up_by_priority() {
-        let of = |adds_up, priority| Medium { adds_up, priority, ..Medium::AIR };
+        let of = |is_additive, priority| Medium { is_additive, priority, ..Medium::AIR };
         let media = [of(true, 0), of(true, 0), of(true, 0), of(true, 1), of(false, 0), of(false, 0)];
         let overlapping = |list: &[u16]| -> Vec<u16> {
             let inside = list.iter().fold(Interior::AIR, |inside, &m| inside.enter_by_priority(m, &media));

@@ -61,7 +61,7 @@ impl Integrator<'_> {
             return false;
         }
         let medium = &self.scene.media[usize::from(paths.interior[i].medium())];
-        medium.scattering.as_ref().is_some_and(|s| !s.counts && !self.limits_scattering_in(s))
+        medium.scattering.as_ref().is_some_and(|s| !s.counts_as_bounces && !self.limits_scattering_in(s))
     }
 
     /// Does the limit of scattering in media apply to the medium of a solid with a surface? Not to subsurface scattering.
@@ -113,7 +113,7 @@ impl Integrator<'_> {
     pub(super) fn filter_glossy(&self, sorted: &SortedVertices, w: &mut Workspace) {
         let Workspace { wave, bsdfs, .. } = w;
         let least = |i: usize| {
-            let fraction = 1.0 - wave.paths.least_pdf[i] / self.options.filter_glossy;
+            let fraction = 1.0 - wave.paths.min_pdf[i] / self.options.filter_glossy;
             if fraction > 0.0 { 0.5 * fraction.sqrt() } else { 0.0 }
         };
         for i in sorted.metal_rough() {
@@ -141,7 +141,7 @@ impl Integrator<'_> {
                 let is_guided = sorted.guided().contains(&i);
                 let density = pdf.value() / branches;
                 let density = if is_guided { self.unguided(density, &w.wave, i) } else { density };
-                let least = &mut w.wave.paths.least_pdf[i];
+                let least = &mut w.wave.paths.min_pdf[i];
                 *least = least.min(density);
             }
         }

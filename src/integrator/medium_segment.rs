@@ -122,7 +122,7 @@ impl MediumSegment {
             (segment.scatter_t, segment.tracked) = (scatter_t, Some(DeltaTracking { weight, ..tracked }));
             return segment;
         }
-        if extent[1] <= extent[0] || medium.scattered.max_element() <= 0.0 {
+        if extent[1] <= extent[0] || medium.scattering_coefficient.max_element() <= 0.0 {
             return segment;
         }
         segment.probabilities = selection_probabilities(medium, throughput);
@@ -213,11 +213,11 @@ impl MediumSegment {
         let transmittance = self.transmittance(medium, self.scatter_t);
         if let Some(guided) = &self.guided {
             let pdf = self.of_channels(transmittance * medium.extinction) + guided.density(self.scatter_t);
-            return over(transmittance * medium.scattered, pdf);
+            return over(transmittance * medium.scattering_coefficient, pdf);
         }
         let equiangular = |equiangular: &EquiangularSampling| equiangular.density(self.scatter_t);
         let pdf = self.mixed(transmittance * medium.extinction, equiangular);
-        over(transmittance * medium.scattered, pdf)
+        over(transmittance * medium.scattering_coefficient, pdf)
     }
 
     /// Estimate of the radiance that the medium's emission adds to a path up to distance `to`; random numbers are hashed from `salt`.
@@ -288,7 +288,7 @@ impl MediumSegment {
     #[inline(always)]
     fn span_before(&self, to: f32) -> f32 {
         let [begin, end] = self.extent;
-        (to.min(self.scatter_t).min(end) - begin).clamp(0.0, Scattering::FARTHEST)
+        (to.min(self.scatter_t).min(end) - begin).clamp(0.0, Scattering::MAX_DISTANCE)
     }
 
     /// Samples a point of a segment with constant emission; returns distance, metres, and pdf, 1/m.
@@ -440,7 +440,7 @@ impl DeltaTracking {
             let is_end = scatter_t < f32::INFINITY;
             let scattered =
                 if is_end { grid.relative_scattering(ray.at(scatter_t), waves) } else { Rgb::ONE };
-            return (scatter_t, medium.scattered / medium.extinction.r * scattered);
+            return (scatter_t, medium.scattering_coefficient / medium.extinction.r * scattered);
         }
         self.follow_channels((medium, grid, waves), &ray, span)
     }
@@ -454,7 +454,7 @@ impl DeltaTracking {
         span: [f32; 2],
     ) -> (f32, Rgb) {
         let most = medium.extinction.max_element();
-        let (scattered, extinction) = (medium.scattered / most, medium.extinction / most);
+        let (scattered, extinction) = (medium.scattering_coefficient / most, medium.extinction / most);
         let sum = |rgb: Rgb| rgb.r + rgb.g + rgb.b;
         let mut weight = Rgb::ONE;
         let scatter_t = grid.density.collision(ray, span, self.first, self.salt, |t, number| {
@@ -494,7 +494,7 @@ fn over(value: Rgb, density: f32) -> Rgb {
 /// Selection probabilities of channels, in proportion to throughput times (albedo + [`MIN_ALBEDO`]).
 #[inline]
 fn selection_probabilities(medium: &Scattering, throughput: Rgb) -> [f32; 3] {
-    let (throughput, scattered) = (throughput.to_array(), medium.scattered.to_array());
+    let (throughput, scattered) = (throughput.to_array(), medium.scattering_coefficient.to_array());
     let extinction = medium.extinction.to_array();
     let mut probabilities = [0.0; 3];
     for c in 0..3 {

@@ -49,7 +49,10 @@ impl Integrator<'_> {
             return None;
         }
         let medium = interior.medium();
-        self.scene.media[usize::from(medium)].scattering.as_ref().filter(|scattering| !scattering.counts)?;
+        self.scene.media[usize::from(medium)]
+            .scattering
+            .as_ref()
+            .filter(|scattering| !scattering.counts_as_bounces)?;
         let mut indices = at.material.components.iter().map(|component| component.index);
         indices.find(|&index| self.scene.materials[index as usize].medium_index == medium)
     }
@@ -166,10 +169,10 @@ impl Integrator<'_> {
         let path = &mut w.arriving.state;
         let dimensions = self.dimensions(bounce, Purpose::Mix);
         let [_, u, ..] = SobolPoint::from_parts(path.seed[i], path.shuffled[i]).sample_4d(&dimensions);
-        let is_base = u < p;
+        let is_diffuse_base = u < p;
         let throughput = get_rgb(&path.throughput, i);
-        set_rgb(&mut path.throughput, i, throughput * (1.0 / if is_base { p } else { 1.0 - p }));
-        let (bsdf, ns) = if is_base { (base, evaluated.ns) } else { (above, bent) };
+        set_rgb(&mut path.throughput, i, throughput * (1.0 / if is_diffuse_base { p } else { 1.0 - p }));
+        let (bsdf, ns) = if is_diffuse_base { (base, evaluated.ns) } else { (above, bent) };
         EvaluatedMaterial { bsdf, ns, ..evaluated }
     }
 }

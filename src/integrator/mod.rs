@@ -18,6 +18,7 @@ mod guiding;
 mod interfaces;
 mod interior;
 mod lifted_rays;
+mod light_lobes;
 mod light_samples;
 mod light_visibility;
 mod limits;
@@ -25,6 +26,7 @@ mod medium_segment;
 mod mis;
 mod mixes;
 mod node_graphs;
+mod pane_refraction;
 mod panes;
 mod radiance_buffer;
 mod random_walks;
@@ -34,7 +36,6 @@ mod sampling;
 mod scatter;
 mod shading_geometry;
 mod shading_groups;
-mod slabs;
 mod stages;
 mod surface;
 mod transparency;
@@ -66,7 +67,6 @@ use shading_groups::{ShadingGroup, groups_of};
 use walk_guide::RandomWalks;
 use wave::{OptionalState, StateConditions};
 
-/// Options of the integrator.
 #[derive(Clone, Debug)]
 pub struct IntegratorOptions<'a> {
     /// Maximum number of bounces; with 0, only emission is visible.
@@ -101,8 +101,8 @@ pub struct IntegratorOptions<'a> {
     pub reuse: Option<Tiling>,
     /// Path splitting: number of paths that continue from the first surface of each sample; a power of two, 1 with path reuse.
     pub branches: u32,
-    /// Also record the estimates without path reuse and splitting.
-    pub keeps_plain: bool,
+    /// Also record the baseline: estimates without path reuse and splitting.
+    pub records_baseline: bool,
     /// Light tracing of caustics, if any.
     pub caustics: Option<&'a CausticPlan>,
     /// Connections of light paths contribute to a single pixel each, drawn by the filter, instead of to all pixels that it covers.
@@ -129,9 +129,9 @@ pub struct PathSample<'a> {
     /// Components of the requested AOVs of the first hit, if any, in the order of the table of AOVs.
     pub first_hit: Option<&'a [f32]>,
     /// Radiance of the requested light passes, then of the light groups.
-    pub parts: &'a [[f32; 3]],
-    /// Radiance without path reuse and splitting, if recorded.
-    pub plain: [f32; 3],
+    pub layers: &'a [[f32; 3]],
+    /// Radiance of the baseline (without path reuse and splitting), if recorded.
+    pub baseline: [f32; 3],
 }
 
 /// Traces paths through a scene.
@@ -167,7 +167,6 @@ pub struct Integrator<'a> {
 const PREPARED_BOUNCES: u32 = 32;
 
 impl<'a> Integrator<'a> {
-    /// An integrator for a view of a scene.
     pub fn new(scene: &'a CompiledScene, view: &'a View, options: IntegratorOptions<'a>) -> Integrator<'a> {
         let sets = 1 + 2 * PREPARED_BOUNCES.min(options.max_depth);
         let groups = groups_of(scene, options.filter_glossy > 0.0);
@@ -197,7 +196,7 @@ impl<'a> Integrator<'a> {
                 skips_caustics: options.skip_caustics != SkippedCaustics::NONE,
                 light_passes: layers.has_passes(),
                 caustics: options.caustics.is_some(),
-                sharing: options.reuse.is_some(),
+                path_reuse: options.reuse.is_some(),
                 guiding: options.guide.is_some(),
                 transparent_glass: options.transparent_glass,
                 first_hits: options.aovs.of(Source::FirstHit).any(),

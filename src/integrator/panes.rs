@@ -18,13 +18,13 @@ use super::Integrator;
 use super::guiding::Guided;
 use super::interior::Interior;
 use super::mis::LightPdf;
+use super::pane_refraction::{MAX_PANES, Pane, PaneList, RayCrossings, ShadowCrossings};
 use super::sampling::RandomChoice;
 use super::shading_geometry::HitPoint;
 use super::shading_groups::{
     Closure, GeneralClass, LambertClass, MediumClass, MetalRoughClass, SortedVertices, VertexClass,
     eval_at_horizon, with_vertex_class,
 };
-use super::slabs::{MAX_SLABS, RayCrossings, ShadowCrossings, Slab, Slabs};
 use super::wave::{LightLanes, PathState, Wave, get, get_rgb, set, set_rgb};
 use super::workspace::Workspace;
 use crate::bsdf::{Bsdf, SchlickMetal};
@@ -39,7 +39,7 @@ const MAX_WEDGE: f32 = 1e-3;
 /// Effect of a pane on a ray that hits it.
 #[derive(Clone, Copy, Debug)]
 struct Crossing {
-    slab: Slab,
+    pane: Pane,
     /// Transmittance and reflectance of the pane.
     transmittance: Rgb,
     reflectance: Rgb,
@@ -100,7 +100,7 @@ impl Integrator<'_> {
         // Skips the exit face of adjacent triangles.
         let margin = 2.0 * normal.abs().dot(exit.surface.p_error) / cosine;
         Some(Crossing {
-            slab: Slab { normal, thickness, ior },
+            pane: Pane { normal, thickness, ior },
             transmittance: entering * back.transmitted,
             reflectance: front.reflected + entering * back.reflected * absorbed * back.transmitted,
             offset: within * exit_hit.t - direction * advance,
@@ -139,7 +139,7 @@ impl Integrator<'_> {
 
     /// Is a path outside all solids? Media without a surface are allowed.
     fn is_air(&self, interior: Interior) -> bool {
-        interior == Interior::AIR || self.scene.media[usize::from(interior.medium())].adds_up
+        interior == Interior::AIR || self.scene.media[usize::from(interior.medium())].is_additive
     }
 
     /// Clears the panes passed by the rays of the previous bounce.
@@ -159,7 +159,7 @@ impl Integrator<'_> {
         (path, interior): (&mut PathState, Interior),
         (crossings, wavelengths): (&mut [RayCrossings], Option<&Wavelengths>),
     ) -> bool {
-        let Some(passed) = crossings.get_mut(i).filter(|passed| passed.slabs.has_room()) else {
+        let Some(passed) = crossings.get_mut(i).filter(|passed| passed.panes.has_room()) else {
             return false;
         };
         if !path.pdf[i].competes() {
@@ -171,7 +171,7 @@ impl Integrator<'_> {
         if passes {
             let throughput = get_rgb(&path.throughput, i);
             set_rgb(&mut path.throughput, i, throughput * crossing.transmittance / probability);
-            passed.slabs.push(crossing.slab);
+            passed.panes.push(crossing.pane);
             passed.offset += crossing.offset;
             passed.next = Some(Ray {
                 origin: ray.origin + crossing.offset,
@@ -208,8 +208,8 @@ impl Integrator<'_> {
         w: &Workspace,
     ) -> f32 {
         match w.crossings.get(i) {
-            Some(passed) if !passed.slabs.is_empty() => {
-                passed.slabs.density_ratio(w.rays[i].direction, origin, target, normal)
+            Some(passed) if !passed.panes.is_empty() => {
+                passed.panes.density_ratio(w.rays[i].direction, origin, target, normal)
             }
             _ => 1.0,
         }
@@ -219,7 +219,7 @@ impl Integrator<'_> {
     pub(super) fn reflect_at_pane(&self, thickness: f32, i: usize, w: &mut Workspace) -> Option<Bsdf> {
         let passed = w.crossings.get(i).filter(|_| thickness > 0.0)?;
         let state = &w.arriving.state;
-        if !state.pdf[i].competes() || !passed.slabs.has_room() {
+        if !state.pdf[i].competes() || !passed.panes.has_room() {
             return None;
         }
         let (sample, interior) = (state.radiance_index[i], w.arriving.interior[i]);
@@ -243,8 +243,8 @@ impl Integrator<'_> {
         w.shadow_crossings.extend(w.shadow_vertices.iter().map(|&i| {
             let i = i as usize;
             ShadowCrossings {
-                slabs: Slabs::NONE,
-                hits: [Hit::MISS; MAX_SLABS],
+                panes: PaneList::NONE,
+                hits: [Hit::MISS; MAX_PANES],
                 transmittance: Rgb::ONE,
                 interior: self.interior_towards_light(sorted, paths, v, i),
                 wi: get(&v.light.wi, i),
@@ -263,9 +263,9 @@ impl Integrator<'_> {
         light: &mut LightLanes,
         wavelengths: Option<&Wavelengths>,
     ) -> Option<Ray> {
-        let passed = passed.filter(|passed| passed.slabs.has_room())?;
+        let passed = passed.filter(|passed| passed.panes.has_room())?;
         let crossing = self.crossing((ray, hit, time), passed.interior, wavelengths)?;
-        passed.push(crossing.slab, *hit);
+        passed.push(crossing.pane, *hit);
         let origin_primitive = (&crossing.exit_hit).into();
         if light.is_infinite[i] > 0.0 {
             passed.transmittance *= crossing.transmittance;
@@ -274,18 +274,18 @@ impl Integrator<'_> {
             return Some(Ray { origin, t_min: hit.t + advance, origin_primitive, ..*ray });
         }
         let (origin, target) = (get(&light.origin, i), get(&light.target, i));
-        let w = passed.slabs.connect(origin, target)?;
+        let w = passed.panes.connect(origin, target)?;
         set(&mut light.wi, i, w);
         // Each further pane changes the connection's angle: evaluate all Fresnel terms again.
         let refracted = Ray { direction: w, ..*ray };
         let of = |hit: &Hit| self.crossing((&refracted, hit, time), passed.interior, wavelengths);
         let product = |all: Option<Rgb>, hit: &Hit| Some(all? * of(hit)?.transmittance);
         passed.transmittance = passed.hits().iter().fold(Some(Rgb::ONE), product)?;
-        let s = passed.slabs.length(w, origin, target);
+        let s = passed.panes.length(w, origin, target);
         // The ray restarts at the exit face.
-        let normal = crossing.slab.normal;
+        let normal = crossing.pane.normal;
         let rest = (target - crossing.exit).dot(normal) / w.dot(normal);
-        let margin = crossing.advance - crossing.slab.thickness / w.dot(normal).abs();
+        let margin = crossing.advance - crossing.pane.thickness / w.dot(normal).abs();
         let t_min = 1.0 - (rest - margin.max(0.0)) / s;
         let origin = target - w * s;
         (0.0..1.0).contains(&t_min).then_some(Ray {
@@ -302,7 +302,7 @@ impl Integrator<'_> {
         for k in 0..w.shadow_crossings.len() {
             let (passed, i) = (w.shadow_crossings[k], w.shadow_vertices[k] as usize);
             let Workspace { wave, bsdfs, occluded, .. } = &mut *w;
-            if occluded[k] || passed.slabs.is_empty() {
+            if occluded[k] || passed.panes.is_empty() {
                 continue;
             }
             let attenuated = get_rgb(&wave.vertices.light.contribution, i) * passed.transmittance;
@@ -316,7 +316,7 @@ impl Integrator<'_> {
             let index = self.only_light.unwrap_or(light.index[i]);
             let area = self.scene.lights.area().get(index as usize);
             let normal = area.map_or(Vec3::ZERO, |area| area.normal_at(target, origin));
-            let pdf = passed.pdf.scaled(passed.slabs.density_ratio(wi, origin, target, normal));
+            let pdf = passed.pdf.scaled(passed.panes.density_ratio(wi, origin, target, normal));
             light.pdf[i] = pdf;
             self.guide_light_sample(i, sorted, wave);
             let after = self.light_sample_value((i, wi, pdf), branches, sorted, wave, bsdfs);

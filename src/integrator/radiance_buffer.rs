@@ -108,7 +108,7 @@ impl Layers {
             PathClass::Direct(first) => (first, 2),
             PathClass::Indirect(first) => (first, 5),
         };
-        let rest = diffuse + if first.crosses { 2 } else { 1 };
+        let rest = diffuse + if first.is_transmission { 2 } else { 1 };
         [(layer(diffuse), first.diffuse), (layer(rest), Rgb::ONE - first.diffuse)]
     }
 }
@@ -140,15 +140,15 @@ pub struct RadianceBuffer {
     /// Number of entries with light passes.
     with_passes: usize,
     /// Radiance of the samples without path reuse and splitting; empty if not recorded.
-    plain: Vec<[f32; 3]>,
+    baseline: Vec<[f32; 3]>,
     layers: Layers,
     clamp: Clamp,
     /// With a clamp, per entry: factor from its radiance to the picture's.
     clamp_scales: Vec<Rgb>,
     /// Neither layers nor a clamp are in use.
-    is_plain: bool,
+    is_color_only: bool,
     /// Layers per entry.
-    parts: Vec<[f32; 3]>,
+    layer_values: Vec<[f32; 3]>,
 }
 
 impl RadianceBuffer {
@@ -158,31 +158,31 @@ impl RadianceBuffer {
             samples: Vec::with_capacity(WAVE),
             count: 0,
             with_passes: 0,
-            plain: Vec::new(),
+            baseline: Vec::new(),
             layers: Layers::default(),
             clamp: Clamp::NONE,
             clamp_scales: Vec::new(),
-            is_plain: true,
-            parts: Vec::new(),
+            is_color_only: true,
+            layer_values: Vec::new(),
         }
     }
 
     /// Resets the buffer to `count` samples, black and transparent.
     pub fn begin(&mut self, count: usize, layers: Layers, clamp: Clamp) {
-        self.is_plain = layers.count() == 0 && clamp == Clamp::NONE;
+        self.is_color_only = layers.count() == 0 && clamp == Clamp::NONE;
         self.clamp = clamp;
         self.samples.clear();
-        self.parts.clear();
+        self.layer_values.clear();
         self.clamp_scales.clear();
         (self.count, self.with_passes, self.layers) = (count, count, layers);
         self.extend(count);
-        self.plain.clear();
+        self.baseline.clear();
     }
 
     /// Extends the buffer to `count` entries, without light passes.
     pub fn extend(&mut self, count: usize) {
         self.samples.resize(count, [0.0; 4]);
-        self.parts.resize(count * self.layers.count(), [0.0; 3]);
+        self.layer_values.resize(count * self.layers.count(), [0.0; 3]);
         if self.clamp != Clamp::NONE {
             self.clamp_scales.resize(count, Rgb::ONE);
         }
@@ -207,26 +207,26 @@ impl RadianceBuffer {
         // Branches behind clear glass reduce alpha.
         self.samples[sample as usize][3] += self.samples[other as usize][3];
         for layer in 0..self.layers.count() {
-            let value = self.parts[other as usize * self.layers.count() + layer];
+            let value = self.layer_values[other as usize * self.layers.count() + layer];
             self.add_to_layer(sample, Some(layer), Rgb::from_array(value));
         }
     }
 
-    /// Copies the samples' radiance so far to the estimates without reuse and splitting; see [`RadianceBuffer::add_plain`].
-    pub fn keep_plain(&mut self) {
-        self.plain.clear();
-        self.plain.extend(self.samples[..self.count].iter().map(|&[r, g, b, _]| [r, g, b]));
+    /// Copies the samples' radiance so far to the estimates without reuse and splitting; see [`RadianceBuffer::add_to_baseline`].
+    pub fn copy_to_baseline(&mut self) {
+        self.baseline.clear();
+        self.baseline.extend(self.samples[..self.count].iter().map(|&[r, g, b, _]| [r, g, b]));
     }
 
     /// Adds to a sample's estimate without reuse and splitting.
-    pub fn add_plain(&mut self, sample: u32, value: Rgb) {
-        let sum = &mut self.plain[sample as usize];
+    pub fn add_to_baseline(&mut self, sample: u32, value: Rgb) {
+        let sum = &mut self.baseline[sample as usize];
         *sum = (Rgb::from_array(*sum) + value).to_array();
     }
 
     /// A sample's estimate without reuse and splitting.
-    pub fn plain(&self, sample: usize) -> [f32; 3] {
-        self.plain.get(sample).copied().unwrap_or_default()
+    pub fn baseline(&self, sample: usize) -> [f32; 3] {
+        self.baseline.get(sample).copied().unwrap_or_default()
     }
 
     /// The radiance of an entry so far.
@@ -238,7 +238,9 @@ impl RadianceBuffer {
     /// The radiance of an entry from a light group so far.
     pub fn radiance_of(&self, index: u32, group: usize) -> Rgb {
         let layer = self.layers.of_group(group);
-        layer.map_or(Rgb::ZERO, |at| Rgb::from_array(self.parts[index as usize * self.layers.count() + at]))
+        layer.map_or(Rgb::ZERO, |at| {
+            Rgb::from_array(self.layer_values[index as usize * self.layers.count() + at])
+        })
     }
 
     /// Adds a contribution after `bounces` bounces to an entry: clamps it and splits it into layers. `origin` is only called if layers
@@ -251,7 +253,7 @@ impl RadianceBuffer {
         value: Rgb,
         origin: impl FnOnce() -> RadianceOrigin,
     ) {
-        if self.is_plain {
+        if self.is_color_only {
             return self.add(index, value);
         }
         let value = self.clamped(index, bounces, value);
@@ -310,7 +312,7 @@ impl RadianceBuffer {
 
     fn add_to_layer(&mut self, index: u32, layer: Option<usize>, value: Rgb) {
         if let Some(layer) = layer {
-            let sum = &mut self.parts[index as usize * self.layers.count() + layer];
+            let sum = &mut self.layer_values[index as usize * self.layers.count() + layer];
             *sum = (Rgb::from_array(*sum) + value).to_array();
         }
     }
@@ -340,9 +342,9 @@ impl RadianceBuffer {
     pub fn set_catcher(&mut self, sample: u32, with: Rgb, without: Rgb) {
         if let Some(first) = self.layers.of_catchers() {
             let at = sample as usize * self.layers.count() + first;
-            self.parts[at] = with.to_array();
-            self.parts[at + 1] = without.to_array();
-            self.parts[at + 2] = [1.0; 3];
+            self.layer_values[at] = with.to_array();
+            self.layer_values[at + 1] = without.to_array();
+            self.layer_values[at + 2] = [1.0; 3];
         }
     }
 
@@ -355,8 +357,8 @@ impl RadianceBuffer {
             let [a, b, c, alpha] = self.samples[i];
             let [red, green, blue] = wavelengths.rgb([a, b, c]);
             self.samples[i] = [red, green, blue, alpha];
-            self.plain.get_mut(i).into_iter().for_each(|plain| *plain = wavelengths.rgb(*plain));
-            self.parts[i * count..i * count + light_layers]
+            self.baseline.get_mut(i).into_iter().for_each(|baseline| *baseline = wavelengths.rgb(*baseline));
+            self.layer_values[i * count..i * count + light_layers]
                 .iter_mut()
                 .for_each(|part| *part = wavelengths.rgb(*part));
         }
@@ -368,8 +370,8 @@ impl RadianceBuffer {
     }
 
     /// The layers of a sample.
-    pub fn parts(&self, sample: usize) -> &[[f32; 3]] {
+    pub fn layer_values(&self, sample: usize) -> &[[f32; 3]] {
         let count = self.layers.count();
-        &self.parts[sample * count..(sample + 1) * count]
+        &self.layer_values[sample * count..(sample + 1) * count]
     }
 }

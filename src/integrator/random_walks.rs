@@ -74,8 +74,8 @@ impl Integrator<'_> {
         if optional.visibility {
             paths.visibility[i] = paths.visibility[i].with_kind(RayKinds::VOLUME);
         }
-        if optional.chains {
-            paths.chains[i] = 0;
+        if optional.caustic_chains {
+            paths.caustic_chains[i] = 0;
         }
         if optional.mirrored {
             paths.mirrored[i] = 0;

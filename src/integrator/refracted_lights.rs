@@ -15,13 +15,13 @@
 use super::Integrator;
 use super::guiding::Guided;
 use super::interior::Interior;
+use super::light_lobes::LightLobes;
 use super::mis::DirectionPdf;
 use super::sampling::{FIRST_ROULETTE, Purpose, RandomChoice, survival};
 use super::shading_groups::{
     Closure, GeneralClass, LambertClass, MediumClass, MetalRoughClass, SortedVertices, VertexClass,
     eval_at_horizon, with_vertex_class,
 };
-use super::slabs::LightLobes;
 use super::wave::{Vertices, Wave, get, get_rgb, set, set_rgb};
 use super::workspace::Workspace;
 use crate::bsdf::Bsdf;
@@ -101,7 +101,6 @@ impl Integrator<'_> {
         !self.scene.refracted_lights.is_empty() && !self.options.records_training && !self.scene.is_moving()
     }
 
-    /// Finds the light lobes of the vertices.
     pub(super) fn find_light_lobes(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
         let mut lobes = std::mem::take(&mut w.light_lobes);
         self.start_light_lobes(sorted, &mut lobes, w);

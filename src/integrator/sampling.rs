@@ -223,7 +223,6 @@ pub(super) enum RandomChoice {
 }
 
 impl RandomChoice {
-    /// The hash for path `i` at a bounce.
     #[inline(always)]
     pub fn hash(self, path: &PathState, i: usize, bounce: u32) -> u32 {
         let (seed, shuffled) = (path.seed[i], path.shuffled[i]);

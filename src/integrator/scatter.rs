@@ -214,7 +214,7 @@ impl Integrator<'_> {
         }
         let has_relief = self.scene.features.mapped_normals;
         repeat_vertices(vertices, sorted, branches, [self.options.guide.is_some(), has_relief]);
-        if self.options.keeps_plain {
+        if self.options.records_baseline {
             index_branches(&mut paths.state, count, self.options.branches);
             w.radiance_buffer.extend_with_passes(WAVE + WAVE);
         }
@@ -227,13 +227,13 @@ impl Integrator<'_> {
     /// If branches were recorded separately: adds their radiance to their samples, and that of the first branch, scaled, to the estimate
     /// without splitting.
     pub(super) fn join_branches(&self, w: &mut Workspace) {
-        let Some(before) = w.rays_before_split else { return w.radiance_buffer.keep_plain() };
+        let Some(before) = w.rays_before_split else { return w.radiance_buffer.copy_to_baseline() };
         w.ray_counts.in_branches += w.ray_counts.all - before;
         let branches = self.options.branches;
-        w.radiance_buffer.keep_plain();
+        w.radiance_buffer.copy_to_baseline();
         for sample in 0..w.pixels.len() as u32 {
             let first = first_branch_index(sample, branches);
-            w.radiance_buffer.add_plain(sample, w.radiance_buffer.radiance(first) * branches as f32);
+            w.radiance_buffer.add_to_baseline(sample, w.radiance_buffer.radiance(first) * branches as f32);
             for part in first..first + branches {
                 w.radiance_buffer.join(sample, part);
             }

@@ -53,11 +53,11 @@ pub(super) use with_vertex_class;
 #[repr(u8)]
 pub enum ShadingGroup {
     /// Lambertian with constant albedo on a triangle or quad: vertices are built by a vectorised loop.
-    Plain,
+    FlatLambert,
     /// Other Lambertian vertices.
     Lambert,
     /// Opaque glTF materials without textures on a triangle or quad: vertices are built by a vectorised loop.
-    PlainMetalRough,
+    FlatMetalRough,
     /// Opaque glTF materials with textures on triangles: vertices are built by vectorised loops.
     Textured,
     /// Other opaque glTF materials.
@@ -78,8 +78,8 @@ impl ShadingGroup {
     /// The group of the same material on any shape.
     pub fn of_any_shape(self) -> ShadingGroup {
         match self {
-            ShadingGroup::Plain => ShadingGroup::Lambert,
-            ShadingGroup::PlainMetalRough => ShadingGroup::MetalRough,
+            ShadingGroup::FlatLambert => ShadingGroup::Lambert,
+            ShadingGroup::FlatMetalRough => ShadingGroup::MetalRough,
             group => group,
         }
     }
@@ -135,19 +135,19 @@ impl SortedVertices {
         self.starts[first as usize]..self.starts[behind as usize]
     }
 
-    /// [`ShadingGroup::Plain`].
-    pub fn plain(&self) -> Range<usize> {
-        self.from(ShadingGroup::Plain, ShadingGroup::Lambert)
+    /// [`ShadingGroup::FlatLambert`].
+    pub fn flat_lambert(&self) -> Range<usize> {
+        self.from(ShadingGroup::FlatLambert, ShadingGroup::Lambert)
     }
 
     /// All Lambertian groups.
     pub fn lambert(&self) -> Range<usize> {
-        self.from(ShadingGroup::Plain, ShadingGroup::PlainMetalRough)
+        self.from(ShadingGroup::FlatLambert, ShadingGroup::FlatMetalRough)
     }
 
-    /// [`ShadingGroup::PlainMetalRough`].
-    pub fn plain_metal_rough(&self) -> Range<usize> {
-        self.from(ShadingGroup::PlainMetalRough, ShadingGroup::Textured)
+    /// [`ShadingGroup::FlatMetalRough`].
+    pub fn flat_metal_rough(&self) -> Range<usize> {
+        self.from(ShadingGroup::FlatMetalRough, ShadingGroup::Textured)
     }
 
     /// [`ShadingGroup::Textured`].
@@ -157,12 +157,12 @@ impl SortedVertices {
 
     /// All groups of opaque glTF materials.
     pub fn metal_rough(&self) -> Range<usize> {
-        self.from(ShadingGroup::PlainMetalRough, ShadingGroup::Medium)
+        self.from(ShadingGroup::FlatMetalRough, ShadingGroup::Medium)
     }
 
     /// Vertices with path guiding: Lambertian and opaque glTF materials.
     pub fn guided(&self) -> Range<usize> {
-        self.from(ShadingGroup::Plain, ShadingGroup::Medium)
+        self.from(ShadingGroup::FlatLambert, ShadingGroup::Medium)
     }
 
     /// [`ShadingGroup::Medium`].
@@ -182,12 +182,12 @@ impl SortedVertices {
 
     /// Light-sampled vertices: all but specular ones.
     pub fn lit(&self) -> Range<usize> {
-        self.from(ShadingGroup::Plain, ShadingGroup::Specular)
+        self.from(ShadingGroup::FlatLambert, ShadingGroup::Specular)
     }
 
     /// All vertices.
     pub fn all(&self) -> Range<usize> {
-        self.from(ShadingGroup::Plain, ShadingGroup::None)
+        self.from(ShadingGroup::FlatLambert, ShadingGroup::None)
     }
 }
 
@@ -216,14 +216,14 @@ pub fn groups_of(scene: &CompiledScene, filters_glossy: bool) -> Vec<ShadingGrou
 
 /// The shading group of a material, on shapes that support all groups.
 fn group_of(material: &CompiledMaterial, by_wavelength: bool) -> ShadingGroup {
-    let is_plain = material.constant.is_some() && !material.uses_uv && material.emission.is_none();
+    let is_constant = material.constant.is_some() && !material.uses_uv && material.emission.is_none();
     match material.class {
         BsdfClass::Black => ShadingGroup::None,
         // Path reuse requires that the other groups don't depend on the viewer or the path.
         BsdfClass::Lambert | BsdfClass::MetalRough if material.depends_on_path() => ShadingGroup::Rough,
         BsdfClass::Lambert => {
-            if is_plain {
-                ShadingGroup::Plain
+            if is_constant {
+                ShadingGroup::FlatLambert
             } else {
                 ShadingGroup::Lambert
             }
@@ -248,8 +248,8 @@ fn group_of(material: &CompiledMaterial, by_wavelength: bool) -> ShadingGroup {
                 {
                     ShadingGroup::Textured
                 }
-                BsdfClass::MetalRough if is_plain && material.medium_index == 0 => {
-                    ShadingGroup::PlainMetalRough
+                BsdfClass::MetalRough if is_constant && material.medium_index == 0 => {
+                    ShadingGroup::FlatMetalRough
                 }
                 BsdfClass::MetalRough => ShadingGroup::MetalRough,
                 _ => ShadingGroup::Rough,

@@ -129,10 +129,12 @@ impl Integrator<'_> {
             for (i, (&[r, g, b, alpha], &pixel)) in
                 w.radiance_buffer.samples().iter().zip(&w.pixels).enumerate()
             {
-                let (parts, plain) =
-                    (if has_layers { w.radiance_buffer.parts(i) } else { &[] }, w.radiance_buffer.plain(i));
+                let (layers, baseline) = (
+                    if has_layers { w.radiance_buffer.layer_values(i) } else { &[] },
+                    w.radiance_buffer.baseline(i),
+                );
                 let first_hit = w.first_hits.get(i);
-                sink(&PathSample { pixel, rgb: [r, g, b], alpha, first_hit, parts, plain });
+                sink(&PathSample { pixel, rgb: [r, g, b], alpha, first_hit, layers, baseline });
             }
         }
     }
@@ -142,7 +144,7 @@ impl Integrator<'_> {
         let Some(tiling) = &self.options.reuse else {
             let is_done = self.trace_paths(stages, w, stop);
             self.make_training_samples(w);
-            if is_done && self.options.branches > 1 && self.options.keeps_plain {
+            if is_done && self.options.branches > 1 && self.options.records_baseline {
                 self.join_branches(w);
             }
             return is_done;
@@ -150,7 +152,7 @@ impl Integrator<'_> {
         self.begin_reuse(tiling, block, w.pixels.len(), w);
         let is_done = self.trace_paths(stages, w, stop);
         if is_done {
-            self.share_paths(tiling, w);
+            self.reuse_paths(tiling, w);
         }
         is_done
     }
@@ -176,7 +178,6 @@ impl Integrator<'_> {
         true
     }
 
-    /// Runs stages at a bounce.
     fn run_stages(&self, stages: &[&Stage], bounce: &mut Bounce, w: &mut Workspace) {
         for stage in stages {
             if stage.bounces == Bounces::All || bounce.number == 0 {
@@ -325,7 +326,7 @@ pub(super) const ARRIVE: &[Stage] = &[
     },
     Stage {
         name: "glossy filter",
-        condition: |i| i.optional.least_pdf,
+        condition: |i| i.optional.min_pdf,
         bounces: Bounces::All,
         reads: &[Vertices, Paths],
         writes: &[Vertices],
@@ -349,7 +350,7 @@ pub(super) const ARRIVE: &[Stage] = &[
     },
     Stage {
         name: "alpha",
-        condition: |i| i.scene.features.alpha || i.optional.clear,
+        condition: |i| i.scene.features.alpha || i.optional.only_clear_glass,
         bounces: Bounces::First,
         reads: &[Vertices, Results],
         writes: &[Paths, Results],
@@ -376,7 +377,7 @@ pub(super) const LEAVE: &[Stage] = &[
         run: |i, b, w| i.find_cells(b.number, &b.vertices, w),
     },
     Stage {
-        name: "sharing: cut",
+        name: "path reuse: cut",
         condition: |i| i.options.reuse.is_some(),
         bounces: Bounces::All,
         reads: &[Vertices, Paths],
@@ -425,7 +426,7 @@ pub(super) const LEAVE: &[Stage] = &[
     },
     Stage {
         name: "densities",
-        condition: |i| i.optional.least_pdf,
+        condition: |i| i.optional.min_pdf,
         bounces: Bounces::All,
         reads: &[Vertices, Paths],
         writes: &[Paths],
@@ -433,7 +434,7 @@ pub(super) const LEAVE: &[Stage] = &[
     },
     Stage {
         name: "clear glass",
-        condition: |i| i.optional.clear,
+        condition: |i| i.optional.only_clear_glass,
         bounces: Bounces::All,
         reads: &[Vertices, Scattered],
         writes: &[Paths],
@@ -488,7 +489,7 @@ pub(super) const LEAVE: &[Stage] = &[
         run: |i, b, w| i.count_bounces_by_kind(&b.vertices, w),
     },
     Stage {
-        name: "sharing: lobes",
+        name: "path reuse: lobes",
         condition: |i| i.options.reuse.is_some(),
         bounces: Bounces::All,
         reads: &[Vertices, Scattered, Shared, Paths],

@@ -52,8 +52,8 @@ impl Integrator<'_> {
             self.evaluate_graphs(bounce, w, |w, i, _| w.groups[i] != ShadingGroup::None);
         }
         self.sort(bounce, sorted, w);
-        self.make_plain(sorted.plain(), &mut w.wave.vertices);
-        self.make_plain(sorted.plain_metal_rough(), &mut w.wave.vertices);
+        self.make_flat(sorted.flat_lambert(), &mut w.wave.vertices);
+        self.make_flat(sorted.flat_metal_rough(), &mut w.wave.vertices);
         self.make_textured(bounce, sorted.textured(), w);
         if self.options.skip_caustics != SkippedCaustics::NONE {
             self.remove_caustic_lobes(sorted, w);
@@ -100,10 +100,10 @@ impl Integrator<'_> {
                     ShadingGroup::Textured if !self.scene.geometries.is_single_uv_triangle(hit) => {
                         ShadingGroup::MetalRough
                     }
-                    group @ (ShadingGroup::Plain | ShadingGroup::PlainMetalRough) => {
+                    group @ (ShadingGroup::FlatLambert | ShadingGroup::FlatMetalRough) => {
                         let has_aovs = needs_details || follows && w.arriving.mirrored[i] != 0;
-                        let is_plain = !has_aovs && self.scene.geometries.is_flat(hit);
-                        if is_plain { group } else { group.of_any_shape() }
+                        let is_flat = !has_aovs && self.scene.geometries.is_flat(hit);
+                        if is_flat { group } else { group.of_any_shape() }
                     }
                     group => group,
                 };
@@ -144,8 +144,8 @@ impl Integrator<'_> {
                     self.end_at_surface(bounce, i, w);
                     continue;
                 }
-                ShadingGroup::Plain => self.gather_plain(i, k, w),
-                ShadingGroup::PlainMetalRough => self.gather_plain_metal_rough(i, k, w),
+                ShadingGroup::FlatLambert => self.gather_flat_lambert(i, k, w),
+                ShadingGroup::FlatMetalRough => self.gather_flat_metal_rough(i, k, w),
                 ShadingGroup::Textured => self.gather_textured(i, k, w),
                 ShadingGroup::Lambert => {
                     let vertex = self.vertex(bounce, i, w);
@@ -193,7 +193,7 @@ impl Integrator<'_> {
 
     /// Gathers the corners and the albedo of a Lambertian vertex of constant albedo.
     #[inline(always)]
-    fn gather_plain(&self, i: usize, k: usize, w: &mut Workspace) {
+    fn gather_flat_lambert(&self, i: usize, k: usize, w: &mut Workspace) {
         self.gather_corners(i, k, w);
         let material = &self.scene.materials[w.materials[i] as usize];
         set_rgb(&mut w.wave.vertices.albedo, k, material.albedo);
@@ -201,7 +201,7 @@ impl Integrator<'_> {
 
     /// Gathers the corners and the parameters of an opaque glTF material.
     #[inline(always)]
-    fn gather_plain_metal_rough(&self, i: usize, k: usize, w: &mut Workspace) {
+    fn gather_flat_metal_rough(&self, i: usize, k: usize, w: &mut Workspace) {
         self.gather_corners(i, k, w);
         let material = match &self.scene.materials[w.materials[i] as usize].constant {
             Some(Bsdf::MetalRough(material)) => material,
@@ -294,8 +294,8 @@ impl Integrator<'_> {
                 vertex.mapping = vertex.mapping.on_side(-1.0);
             }
         }
-        if self.optional.chains {
-            self.end_chain_if_bent(bounce, i, &vertex.surface, wo, &mut w.arriving.chains);
+        if self.optional.caustic_chains {
+            self.end_chain_if_bent(bounce, i, &vertex.surface, wo, &mut w.arriving.caustic_chains);
         }
         if self.has_aovs(bounce, i, w) {
             self.record_vertex(bounce, i, &at, &vertex, w);
@@ -439,7 +439,7 @@ impl Integrator<'_> {
             let coat = scattering_normal(coat, surface.ng, wo);
             material.local_frame(&scattering, tangent_frame, coat)
         } else {
-            LocalFrame::STRAIGHT
+            LocalFrame::DEFAULT
         };
         let vertex_color = Rgb::from_slice(&coordinates.color);
         let bsdf = match wavelengths {
@@ -527,14 +527,13 @@ impl Integrator<'_> {
         }
     }
 
-    /// Computes plain vertices: surfaces with normals on the viewer's side.
-    pub(super) fn make_plain(&self, range: Range<usize>, vertices: &mut Vertices) {
+    /// Computes flat vertices: surfaces with normals on the viewer's side.
+    pub(super) fn make_flat(&self, range: Range<usize>, vertices: &mut Vertices) {
         self.make_surfaces(range.clone(), vertices);
         dispatch(OrientNormals { vertices, range });
     }
 }
 
-/// Stores a surface.
 #[inline(always)]
 pub(super) fn store(v: &mut Vertices, k: usize, surface: &Surface) {
     set(&mut v.p, k, surface.p);
@@ -572,7 +571,7 @@ impl<const SMOOTH: bool> Kernel for MakeSurfaces<'_, SMOOTH> {
     }
 }
 
-/// Flips the normals of plain vertices to the viewer's side.
+/// Flips the normals of flat vertices to the viewer's side.
 struct OrientNormals<'a> {
     vertices: &'a mut Vertices,
     range: Range<usize>,
@@ -669,7 +668,7 @@ impl Integrator<'_> {
         };
         let reader = PointReader::new(&self.scene.textures, point);
         set(&mut v.textured.mapped, k, material.mapped(&reader));
-        let read = match material.bsdf(&reader, &LocalFrame::STRAIGHT, Rgb::ONE) {
+        let read = match material.bsdf(&reader, &LocalFrame::DEFAULT, Rgb::ONE) {
             Bsdf::MetalRough(m) => m,
             _ => MetalRough::BLACK,
         };

@@ -10,10 +10,10 @@
 
 use super::Integrator;
 use super::interior::CameraInterior;
+use super::pane_refraction::{ShadowCrossings, behind_pane};
 use super::sampling::{Purpose, RandomChoice};
 use super::shading_geometry::{EvaluatedMaterial, HitPoint, PathOrigin, scattering_normal};
 use super::shading_groups::SortedVertices;
-use super::slabs::{ShadowCrossings, behind_pane};
 use super::stages::Stages;
 use super::visibility::LIGHT_SAMPLE_KINDS;
 use super::wave::{LightLanes, OptionalState, PathState, Paths, Vertices, Wave, get, get_rgb, set_rgb};
@@ -127,7 +127,7 @@ impl Integrator<'_> {
                     }
                     let path = &arriving.state;
                     let waves = times.wavelengths(path.radiance_index[i]);
-                    if let Some(color) = self.passing((&rays[i], &hits[i], time), kind, waves) {
+                    if let Some(color) = self.transparent_color((&rays[i], &hits[i], time), kind, waves) {
                         let throughput = get_rgb(&arriving.state.throughput, i);
                         set_rgb(&mut arriving.state.throughput, i, throughput * color);
                     }
@@ -236,7 +236,8 @@ impl Integrator<'_> {
                 let (response, transmittance) =
                     self.shadow_response(crossing, (bounce, pass, i), paths, counts.get_mut(k));
                 if let HitResponse::Passes = response {
-                    let color = self.passing(crossing, LIGHT_SAMPLE_KINDS, waves).unwrap_or(Rgb::ONE);
+                    let color =
+                        self.transparent_color(crossing, LIGHT_SAMPLE_KINDS, waves).unwrap_or(Rgb::ONE);
                     let contribution = get_rgb(&light.contribution, i);
                     set_rgb(&mut light.contribution, i, contribution * color * transmittance);
                 }
@@ -433,14 +434,14 @@ impl Integrator<'_> {
     }
 
     /// Transmission colour of rays that pass a surface by its alpha; `None` for white.
-    fn passing(
+    fn transparent_color(
         &self,
         (ray, hit, time): (&Ray, &Hit, f32),
         kinds: RayKinds,
         wavelengths: Option<&Wavelengths>,
     ) -> Option<Rgb> {
         let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
-        let color = material.alpha.and_then(|alpha| alpha.passing)?;
+        let color = material.alpha.and_then(|alpha| alpha.transparent_color)?;
         let read = |_: &Alpha, slots: &PointReader<'_>, _| color_at_wavelengths(slots, &color, wavelengths);
         self.read_alpha((ray, hit, time), material, kinds, read)
     }
@@ -580,10 +581,10 @@ impl Integrator<'_> {
 impl Integrator<'_> {
     /// Sets the alpha of samples that hit holdouts and shadow catchers, and initialises the state of clear paths.
     pub(super) fn set_alpha(&self, sorted: &SortedVertices, w: &mut Workspace) {
-        if !w.uncovered.is_empty() {
+        if !w.holdout_samples.is_empty() {
             self.clear_alpha(w);
         }
-        if self.optional.clear {
+        if self.optional.only_clear_glass {
             self.start_clear(sorted, w);
         }
     }
@@ -592,13 +593,14 @@ impl Integrator<'_> {
     fn start_clear(&self, sorted: &SortedVertices, w: &mut Workspace) {
         let paths = &mut w.wave.paths;
         for i in sorted.all() {
-            paths.clear[i] = u32::from(w.radiance_buffer.is_covered(paths.state.radiance_index[i]));
+            paths.only_clear_glass[i] =
+                u32::from(w.radiance_buffer.is_covered(paths.state.radiance_index[i]));
         }
     }
 
     /// 1 / ior^2 of the medium around the camera: undoes the scaling of radiance by ior^2 there, which is no transmittance.
     fn outside_radiance_scale(&self) -> Rgb {
-        let CameraInterior::Same(interior) = self.camera_interior else { return Rgb::ONE };
+        let CameraInterior::Constant(interior) = self.camera_interior else { return Rgb::ONE };
         let iors = self.scene.media[usize::from(interior.medium())].iors.unwrap_or([1.0; 3]);
         Rgb::from_array(iors.map(|ior| 1.0 / (ior * ior)))
     }
@@ -611,7 +613,7 @@ impl Integrator<'_> {
             let (wo, wi, ng) = (get(&v.wo, i), get(&v.next_direction, i), get(&v.ng, i));
             let passes =
                 general.contains(&i) && paths.state.pdf[i].is_specular() && wo.dot(ng) * wi.dot(ng) < 0.0;
-            paths.clear[i] &= u32::from(passes);
+            paths.only_clear_glass[i] &= u32::from(passes);
         }
     }
 
@@ -621,7 +623,7 @@ impl Integrator<'_> {
         let scale = self.outside_radiance_scale();
         escaped.retain(|&i| {
             let i = i as usize;
-            let is_clear = arriving.clear[i] != 0;
+            let is_clear = arriving.only_clear_glass[i] != 0;
             if is_clear {
                 let passed = get_rgb(&arriving.state.throughput, i) * scale;
                 radiance_buffer.make_transparent(
@@ -655,11 +657,11 @@ impl Integrator<'_> {
     /// Saves the camera paths of a wave, for the pass without shadow casters.
     pub(super) fn save_camera_paths(&self, w: &mut Workspace) {
         let count = w.rays.len();
-        let starts = w.starts.get_or_insert_with(bytemuck::zeroed_box);
+        let starts = w.camera_paths.get_or_insert_with(bytemuck::zeroed_box);
         for i in 0..count {
             w.arriving.copy_to(i, starts, i, OptionalState::ALL);
         }
-        w.start_rays.clone_from(&w.rays);
+        w.camera_rays.clone_from(&w.rays);
     }
 
     /// Finds the samples whose camera rays hit shadow catchers.
@@ -671,7 +673,7 @@ impl Integrator<'_> {
                 w.catcher_samples.push(w.arriving.state.radiance_index[i]);
             }
         }
-        w.uncovered.extend_from_slice(&w.catcher_samples);
+        w.holdout_samples.extend_from_slice(&w.catcher_samples);
     }
 
     /// Traces the samples at shadow catchers again without shadow casters, and records both radiances. False if `stop` interrupted it.
@@ -689,11 +691,11 @@ impl Integrator<'_> {
         w.radiance_buffer.extend(2 * count);
         w.times.repeat();
         w.rays.clear();
-        if let Some(starts) = &w.starts {
+        if let Some(starts) = &w.camera_paths {
             for (k, &sample) in samples.iter().enumerate() {
                 starts.copy_to(sample as usize, &mut w.arriving, k, OptionalState::ALL);
                 w.arriving.state.radiance_index[k] = sample + count as u32;
-                w.rays.push(w.start_rays[sample as usize]);
+                w.rays.push(w.camera_rays[sample as usize]);
             }
         }
         w.excludes_casters = true;

@@ -42,7 +42,6 @@ fn deciding_kind(kind: RayKinds) -> RayKinds {
 }
 
 impl Integrator<'_> {
-    /// The kind of the ray of arriving path `i`.
     #[inline(always)]
     pub(super) fn kind(&self, bounce: u32, i: usize, arriving: &Paths) -> RayKinds {
         match bounce {
@@ -98,13 +97,13 @@ impl Integrator<'_> {
             let paths = &mut wave.paths;
             let separates_lobes = self.scene.features.ray_kinds;
             let is_diffuse = select_diffuse(first, (bounce, i), paths, separates_lobes);
-            let kind = match (first.crosses, is_diffuse) {
+            let kind = match (first.is_transmission, is_diffuse) {
                 (true, _) => RayKinds::TRANSMISSION,
                 (false, true) => RayKinds::DIFFUSE,
                 (false, false) => RayKinds::GLOSSY,
             };
             paths.visibility[i] = paths.visibility[i].with_kind(kind);
-            if bounce == 0 && self.optional.first_bounces && !first.crosses && separates_lobes {
+            if bounce == 0 && self.optional.first_bounces && !first.is_transmission && separates_lobes {
                 let diffuse = if is_diffuse { Rgb::ONE } else { Rgb::ZERO };
                 paths.first_bounces.set(i, FirstBounce { diffuse, ..first });
             }
@@ -141,7 +140,7 @@ impl Integrator<'_> {
             return of(RayKinds::VOLUME, Rgb::ONE);
         }
         let found = self.scattering(sorted, v, bsdfs, i, get(&v.light.wi, i));
-        match found.crosses {
+        match found.is_transmission {
             true => of(RayKinds::TRANSMISSION, Rgb::ONE),
             false => of(RayKinds::DIFFUSE, found.diffuse) + of(RayKinds::GLOSSY, Rgb::ONE - found.diffuse),
         }
@@ -188,7 +187,7 @@ impl Integrator<'_> {
 
     /// Finds camera rays that hit holdouts or shadow catchers; holdouts end paths.
     pub(super) fn find_camera_exceptions(&self, w: &mut Workspace) {
-        w.uncovered.clear();
+        w.holdout_samples.clear();
         if self.scene.features.holdouts {
             self.cut_out_holdouts(w);
         }
@@ -206,7 +205,7 @@ impl Integrator<'_> {
                     // Adds the emission of media in front of the holdout.
                     self.passed(0, i, w.hits[i].t, w);
                 }
-                w.uncovered.push(w.arriving.state.radiance_index[i]);
+                w.holdout_samples.push(w.arriving.state.radiance_index[i]);
                 w.hits[i] = Hit::MISS;
                 w.materials[i] = 0;
                 set_rgb(&mut w.arriving.state.throughput, i, Rgb::ZERO);
@@ -216,7 +215,7 @@ impl Integrator<'_> {
 
     /// Sets the alpha of samples that hit holdouts and shadow catchers to 0.
     pub(super) fn clear_alpha(&self, w: &mut Workspace) {
-        for &sample in &w.uncovered {
+        for &sample in &w.holdout_samples {
             w.radiance_buffer.set_transparent(sample);
         }
     }
@@ -234,7 +233,7 @@ fn select_diffuse(
     let part = throughput * first.diffuse;
     let (part_sum, sum) = (part.r + part.g + part.b, throughput.r + throughput.g + throughput.b);
     let probability = if sum > 0.0 { part_sum / sum } else { 1.0 };
-    if first.crosses || probability <= 0.0 {
+    if first.is_transmission || probability <= 0.0 {
         return false;
     }
     if probability >= 1.0 {
@@ -345,9 +344,12 @@ impl FirstBounce {
     pub fn of(bsdf: &Bsdf, [ns, ng]: [Vec3; 2], wo: Vec3, wi: Vec3) -> FirstBounce {
         let frame = Frame::from_normal(ns);
         // Subsurface scattering is diffuse reflection on the whole.
-        let crosses = wi.dot(ng) * wo.dot(ng) < 0.0 && !bsdf.has_body();
+        let is_transmission = wi.dot(ng) * wo.dot(ng) < 0.0 && !bsdf.has_body();
         let (wo, wi) = (local_viewer(&frame, wo, ng), frame.to_local(wi));
-        FirstBounce { diffuse: clamped_ratio(bsdf.diffuse_part(wo, wi), bsdf.eval(wo, wi).f_cos), crosses }
+        FirstBounce {
+            diffuse: clamped_ratio(bsdf.diffuse_part(wo, wi), bsdf.eval(wo, wi).f_cos),
+            is_transmission,
+        }
     }
 }
 
@@ -367,7 +369,7 @@ impl Integrator<'_> {
         }
         if sorted.metal_rough().contains(&i) {
             let diffuse = MetalRoughClass.closure(v, i).diffuse_share(wi);
-            return FirstBounce { diffuse, crosses: false };
+            return FirstBounce { diffuse, is_transmission: false };
         }
         let bsdf = &bsdfs[i - sorted.general().start];
         FirstBounce::of(bsdf, [get(&v.ns, i), get(&v.ng, i)], get(&v.wo, i), wi)
@@ -403,7 +405,7 @@ impl Integrator<'_> {
     fn next_scattering(&self, sorted: &SortedVertices, wave: &Wave, bsdfs: &[Bsdf], i: usize) -> FirstBounce {
         let Wave { paths, vertices: v, scratch: [r, g, b, ..] } = wave;
         let first = match sorted.metal_rough().contains(&i) {
-            true => FirstBounce { diffuse: Rgb::new(r[i], g[i], b[i]), crosses: false },
+            true => FirstBounce { diffuse: Rgb::new(r[i], g[i], b[i]), is_transmission: false },
             false => self.scattering(sorted, v, bsdfs, i, get(&v.next_direction, i)),
         };
         match paths.state.pdf[i].is_specular() {

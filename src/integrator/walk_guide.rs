@@ -88,11 +88,11 @@ pub(super) struct WalkGuide {
 const GUIDED_SHARE: f32 = 0.75;
 
 impl WalkGuide {
-    /// The guide of a medium.
     pub fn of(medium: &Scattering) -> WalkGuide {
         /// Outside this range, rounding makes lengths 1 or infinite.
         const ALBEDOS: [f32; 2] = [0.2, 0.9999];
-        let (scattered, extinction) = (medium.scattered.to_array(), medium.extinction.to_array());
+        let (scattered, extinction) =
+            (medium.scattering_coefficient.to_array(), medium.extinction.to_array());
         let lengths = [0, 1, 2].map(|c| {
             let albedo = (scattered[c] / extinction[c].max(f32::MIN_POSITIVE)).clamp(ALBEDOS[0], ALBEDOS[1]);
             diffusion_length(albedo)

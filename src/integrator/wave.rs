@@ -67,7 +67,7 @@ per_path! {
         /// Diffuse fraction of the BSDF value, by channel.
         pub diffuse: RgbLanes,
         /// 1 for transmission, 0 for reflection.
-        pub crosses: Lanes,
+        pub is_transmission: Lanes,
     }
 }
 
@@ -77,26 +77,26 @@ pub struct FirstBounce {
     /// Diffuse fraction of the BSDF value, by channel.
     pub diffuse: Rgb,
     /// Is it transmission?
-    pub crosses: bool,
+    pub is_transmission: bool,
 }
 
 impl FirstBounce {
     /// Diffuse reflection.
-    pub const DIFFUSE: FirstBounce = FirstBounce { diffuse: Rgb::ONE, crosses: false };
+    pub const DIFFUSE: FirstBounce = FirstBounce { diffuse: Rgb::ONE, is_transmission: false };
 }
 
 impl FirstBounces {
     /// The first bounce of path `i`.
     #[inline]
     pub fn get(&self, i: usize) -> FirstBounce {
-        FirstBounce { diffuse: get_rgb(&self.diffuse, i), crosses: self.crosses[i] > 0.0 }
+        FirstBounce { diffuse: get_rgb(&self.diffuse, i), is_transmission: self.is_transmission[i] > 0.0 }
     }
 
     /// Sets the first bounce of path `i`.
     #[inline]
     pub fn set(&mut self, i: usize, first: FirstBounce) {
         set_rgb(&mut self.diffuse, i, first.diffuse);
-        self.crosses[i] = f32::from(u8::from(first.crosses));
+        self.is_transmission[i] = f32::from(u8::from(first.is_transmission));
     }
 }
 
@@ -111,12 +111,10 @@ impl RayVisibility {
     const CLASS_SHIFT: u32 = 17;
     const CLASS_MASK: u32 = !0 << RayVisibility::CLASS_SHIFT;
 
-    /// The visibility of camera rays.
     pub fn camera() -> RayVisibility {
         RayVisibility(RayKinds::CAMERA.bits())
     }
 
-    /// The kind of the ray.
     #[inline(always)]
     pub fn kind(self) -> RayKinds {
         RayKinds::from_bits(self.0)
@@ -201,7 +199,6 @@ pub struct StateConditions<'a> {
     pub bounce_limits: bool,
     /// The number of transparent surfaces that paths pass is limited.
     pub transparent_limit: bool,
-    /// The glossy filter is on.
     pub filter_glossy: bool,
     /// Reflective or refractive caustics are disabled.
     pub skips_caustics: bool,
@@ -210,7 +207,7 @@ pub struct StateConditions<'a> {
     /// Caustics are rendered by light tracing.
     pub caustics: bool,
     /// Path reuse is on.
-    pub sharing: bool,
+    pub path_reuse: bool,
     /// Path guiding is on.
     pub guiding: bool,
     /// Clear glass is transparent in the alpha channel.
@@ -294,17 +291,17 @@ path_state! {
     /// Number of transparent surfaces passed so far.
     transparent_count: Words, if |c| c.transparent_limit;
     /// Smallest pdf of a sampled direction so far, 1/sr, for the glossy filter.
-    least_pdf: Lanes, if |c| c.filter_glossy;
+    min_pdf: Lanes, if |c| c.filter_glossy;
     /// Weight over selection probability of the component selected at the last hit of a mix; 1 at other materials.
-    component_weight: RgbLanes, if |c| c.features.mixes && (c.sharing || c.first_hits);
+    component_weight: RgbLanes, if |c| c.features.mixes && (c.path_reuse || c.first_hits);
     /// Whether light tracing samples the path so far: see [`super::caustics`].
-    chains: Words, if |c| c.caustics;
+    caustic_chains: Words, if |c| c.caustics;
     /// Fraction of such a path's contribution that light tracing samples: product over its diffuse receivers.
-    chain_share: RgbLanes, if |c| c.caustics;
+    caustic_chain_share: RgbLanes, if |c| c.caustics;
     /// Reference luminance of adjoint-driven Russian roulette; 0 before the first guided vertex.
     reference: Lanes, if |c| c.guiding;
     /// 1 if the path has only passed clear glass since the camera, else 0.
-    clear: Words, if |c| c.transparent_glass;
+    only_clear_glass: Words, if |c| c.transparent_glass;
     /// 1 if the path has only hit smooth mirrors since the camera, else 0; unset before the first vertex.
     mirrored: Words, if |c| c.denoising_guides && c.features.mirrors;
 }

@@ -2,14 +2,15 @@
 
 use super::first_hit::FirstHits;
 use super::guiding::guide::{TrainingSample, VertexRecord};
+use super::light_lobes::LightLobes;
 use super::light_samples::VerticesByLight;
 use super::light_visibility::LightProbe;
 use super::medium_segment::{MediumSegment, ShadowSegment};
+use super::pane_refraction::{RayCrossings, ShadowCrossings};
 use super::radiance_buffer::RadianceBuffer;
 use super::reuse::Reuse;
 use super::shading_geometry::HitGraphs;
 use super::shading_groups::ShadingGroup;
-use super::slabs::{LightLobes, RayCrossings, ShadowCrossings};
 use super::wave::{Paths, WAVE, Wave};
 use crate::accel::Accel;
 use crate::bsdf::Bsdf;
@@ -48,14 +49,14 @@ pub struct Workspace {
     /// By shadow ray: ray kinds to which passed objects are visible.
     pub(super) passed_kinds: Vec<RayKinds>,
     /// Samples whose camera rays hit holdouts or shadow catchers.
-    pub(super) uncovered: Vec<u32>,
+    pub(super) holdout_samples: Vec<u32>,
     /// Samples whose camera rays hit shadow catchers.
     pub(super) catcher_samples: Vec<u32>,
     /// Is this the second pass of shadow catchers, without shadow casters?
     pub(super) excludes_casters: bool,
     /// Camera paths of the wave, for the second pass of shadow catchers.
-    pub(super) starts: Option<Box<Paths>>,
-    pub(super) start_rays: Vec<Ray>,
+    pub(super) camera_paths: Option<Box<Paths>>,
+    pub(super) camera_rays: Vec<Ray>,
     /// Times and wavelengths of the samples.
     pub(super) times: SampleTimes,
     /// Radiance, alpha and layers by sample.
@@ -116,11 +117,11 @@ impl Workspace {
             occluded: Vec::with_capacity(WAVE),
             unoccluded: Vec::new(),
             passed_kinds: Vec::new(),
-            uncovered: Vec::new(),
+            holdout_samples: Vec::new(),
             catcher_samples: Vec::new(),
             excludes_casters: false,
-            starts: None,
-            start_rays: Vec::new(),
+            camera_paths: None,
+            camera_rays: Vec::new(),
             times: SampleTimes::default(),
             radiance_buffer: RadianceBuffer::new(),
             first_hits: FirstHits::default(),
@@ -148,7 +149,7 @@ impl Workspace {
     pub(super) fn begin_wave(&mut self) {
         self.unoccluded.clear();
         self.passed_kinds.clear();
-        self.uncovered.clear();
+        self.holdout_samples.clear();
         self.catcher_samples.clear();
         self.crossings.clear();
         self.shadow_crossings.clear();

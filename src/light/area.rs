@@ -18,7 +18,6 @@ use std::sync::Arc;
 pub enum AreaShape {
     /// A parallelogram with a right angle.
     Rectangle(Edges),
-    /// A parallelogram.
     Parallelogram(Edges),
     /// The half of the parallelogram at the corner.
     Triangle(Edges),
@@ -43,7 +42,6 @@ pub enum Radiance {
     Constant(Rgb),
     /// A texture on a flat light.
     Flat {
-        /// The texture.
         texture: TextureId,
         /// Factor on the texture.
         factor: Rgb,
@@ -52,7 +50,6 @@ pub enum Radiance {
     },
     /// A texture on an analytic shape.
     Analytic {
-        /// The texture.
         texture: TextureId,
         /// Factor on the texture.
         factor: Rgb,
@@ -72,7 +69,6 @@ pub enum Radiance {
 /// An emissive surface, one-sided or two-sided.
 #[derive(Clone, Copy, Debug)]
 pub struct AreaLight {
-    /// Shape.
     pub shape: AreaShape,
     /// Unit normal of the front; unused for round shapes.
     pub normal: Vec3,
@@ -87,7 +83,6 @@ pub struct AreaLight {
 }
 
 impl AreaLight {
-    /// A light of a shape.
     pub fn new(shape: AreaShape, two_sided: bool, radiance: Radiance) -> AreaLight {
         let (normal, extent) = match shape {
             AreaShape::Rectangle(e) | AreaShape::Parallelogram(e) | AreaShape::Triangle(e) => {

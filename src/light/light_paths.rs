@@ -34,7 +34,6 @@ pub struct LightPathSampler {
 /// A ray emitted by a light.
 #[derive(Clone, Copy, Debug)]
 pub struct EmittedRay {
-    /// The ray.
     pub ray: Ray,
     /// Radiance along the ray; intensity or irradiance of delta lights.
     pub radiance: Rgb,
@@ -286,7 +285,6 @@ impl TargetSpheres {
         self.spheres.is_empty()
     }
 
-    /// The spheres.
     pub fn spheres(&self) -> &[TargetSphere] {
         &self.spheres
     }
@@ -369,7 +367,6 @@ const SPOT_COSINE: f32 = 0.9994;
 /// Minimum fraction of an environment's light in a spot.
 const MIN_SMALL_LIGHT_SHARE: f32 = 0.1;
 
-/// Position of a light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum LightPosition {
     /// At infinity, in a unit direction.
@@ -378,10 +375,8 @@ pub enum LightPosition {
     Near(Vec3),
 }
 
-/// A small light.
 #[derive(Clone, Copy, Debug)]
 pub struct SmallLight {
-    /// Position.
     pub position: LightPosition,
     /// Radius, metres; of lights at infinity the angular radius, radians.
     pub size: f32,

@@ -323,7 +323,6 @@ impl Lights {
         self.single_rectangle().is_some() || self.single_environment_image().is_some()
     }
 
-    /// The environment.
     #[inline(always)]
     pub fn environment(&self) -> Option<&EnvironmentLight> {
         self.environment.as_ref()
@@ -501,7 +500,6 @@ struct LightSampler {
     is_single: bool,
 }
 
-/// A selected light.
 #[derive(Clone, Copy, Debug)]
 pub struct SelectedLight {
     /// Index of the light.

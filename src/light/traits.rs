@@ -47,7 +47,6 @@ pub trait PunctualSource: LightSource + Clone {
 /// Origin of the emission of a light without a surface.
 #[derive(Clone, Copy, Debug)]
 pub enum LightOrigin {
-    /// A point.
     Point(Vec3),
     /// Infinity, in a unit direction.
     Direction(Vec3),
@@ -109,7 +108,6 @@ impl LightBounds {
         emission_rad: 0.0,
     };
 
-    /// Bounds of the union.
     pub fn union(&self, other: &LightBounds) -> LightBounds {
         let (axis, normals_rad) =
             union_of_cones((self.axis, self.normals_rad), (other.axis, other.normals_rad));

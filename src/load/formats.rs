@@ -16,7 +16,6 @@ pub(super) struct ModelFormat {
     pub has_ambiguous_up: bool,
 }
 
-/// All model formats.
 const MODELS: &[ModelFormat] = &[
     ModelFormat {
         extensions: &["gltf", "glb", "vrm"],
@@ -51,9 +50,7 @@ const GZIP: &str = "gz";
 
 /// The format of a file.
 pub(super) enum Format {
-    /// A model.
     Model(&'static ModelFormat),
-    /// A scene file.
     SceneFile,
     /// A Blender file, or a format that Blender imports.
     Blender,

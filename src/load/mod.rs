@@ -252,13 +252,13 @@ fn conversion_hint(extension: &str) -> String {
 }
 
 /// Adds smooth normals to meshes if requested; warns if the option has no effect.
-fn add_smooth_normals(path: &Path, options: &LoadOptions, is_of_meshes: bool, loaded: &mut Loaded) {
+fn add_smooth_normals(path: &Path, options: &LoadOptions, is_mesh_file: bool, loaded: &mut Loaded) {
     let Some(crease_rad) = options.smooth_rad else { return };
-    let meshes = loaded.scene.meshes.iter_mut().filter(|_| is_of_meshes);
+    let meshes = loaded.scene.meshes.iter_mut().filter(|_| is_mesh_file);
     let count =
         meshes.map(|mesh| smooth::smooth(mesh, crease_rad)).filter(|is_smoothed| *is_smoothed).count();
     if count == 0 {
-        let why = match is_of_meshes {
+        let why = match is_mesh_file {
             true => "all meshes have normals",
             false => "it is for OBJ and PLY files; scene files have the key 'smooth' of objects",
         };
@@ -271,10 +271,10 @@ fn add_smooth_normals(path: &Path, options: &LoadOptions, is_of_meshes: bool, lo
 ///
 /// # Errors
 /// If the meshes would have too many triangles.
-fn subdivide_all(path: &Path, options: &LoadOptions, is_of_meshes: bool, loaded: &mut Loaded) -> Result<()> {
-    let Some(how) = options.subdivision else { return Ok(()) };
-    if !is_of_meshes || loaded.scene.meshes.is_empty() {
-        let why = match is_of_meshes {
+fn subdivide_all(path: &Path, options: &LoadOptions, is_mesh_file: bool, loaded: &mut Loaded) -> Result<()> {
+    let Some(subdivision) = options.subdivision else { return Ok(()) };
+    if !is_mesh_file || loaded.scene.meshes.is_empty() {
+        let why = match is_mesh_file {
             true => "there are no meshes",
             false => {
                 "it is for OBJ and PLY files; objects of scene files, and beside models, have the key 'subdivide'"
@@ -287,7 +287,7 @@ fn subdivide_all(path: &Path, options: &LoadOptions, is_of_meshes: bool, loaded:
     let Loaded { scene, polygons, .. } = loaded;
     for id in (0..scene.meshes.len() as u32).map(MeshId) {
         if let Some(mesh) =
-            polygons.subdivided(scene, id, how).map_err(|message| Error::input(path, message))?
+            polygons.subdivided(scene, id, subdivision).map_err(|message| Error::input(path, message))?
         {
             scene.meshes[id.index()] = mesh;
         }

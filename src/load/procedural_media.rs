@@ -329,7 +329,7 @@ impl Values {
         if medium.emission != [0.0; 3] {
             let (grids, tint) = emission_grids(self.emission, scene, voxels, name);
             baked.emission = [0, 1, 2].map(|c| medium.emission[c] * tint[c]);
-            baked.glow = Some(grids);
+            baked.emission_grid = Some(grids);
         }
         (baked, is_clamped)
     }

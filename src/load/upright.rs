@@ -150,7 +150,6 @@ impl Surface {
             .map(|f| f.1)
     }
 
-    /// Score of an up axis.
     fn up_score(&self, axis: usize) -> f64 {
         2.0 * self.flat_base(axis) + self.support(axis) - 1.5 * self.mirror_symmetry(axis)
     }

@@ -114,7 +114,6 @@ impl Bounds3 {
         !self.min.cmple(self.max).all()
     }
 
-    /// The center.
     pub fn center(&self) -> Vec3 {
         self.min * 0.5 + self.max * 0.5
     }

@@ -7,7 +7,6 @@ use bytemuck::{Pod, Zeroable};
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable, PartialEq)]
 pub struct Ray {
-    /// Origin.
     pub origin: Vec3,
     /// Hits at or before this parameter are ignored; at least 0.
     pub t_min: f32,
@@ -32,7 +31,6 @@ pub struct OriginPrimitive {
 }
 
 impl OriginPrimitive {
-    /// No primitive.
     pub const NONE: OriginPrimitive = OriginPrimitive { prim: NO_HIT, instance: 0 };
 
     /// The primitive if it belongs to `instance`, else [`NO_HIT`].
@@ -89,7 +87,6 @@ pub struct Hit {
 }
 
 impl Hit {
-    /// No hit.
     pub const MISS: Hit = Hit { t: f32::INFINITY, u: 0.0, v: 0.0, prim: NO_HIT, instance: 0 };
 
     /// Did the ray hit anything?

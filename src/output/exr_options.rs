@@ -63,7 +63,7 @@ impl ExrLayout {
 
 impl ExrCompression {
     /// Whether 32-bit floats are lossless, as needed for Cryptomatte ids.
-    pub fn keeps_ids(self) -> bool {
+    pub fn preserves_ids(self) -> bool {
         !matches!(self, ExrCompression::Pxr24 | ExrCompression::Dwaa | ExrCompression::Dwab)
     }
 }

@@ -18,8 +18,8 @@ pub use atomic::{
 pub use exr::{DENOISED, Matte, Metadata, encode_exr, encode_layered};
 pub use exr_options::{ExrCompression, ExrLayout, ExrOptions, ExrWindow, WorkingSpace, is_color};
 pub use png::{
-    Linear, PngOptions, display_rgba8, encode_display_png, encode_png, encode_png_rgb8, encode_rgb8,
-    png_text, rgba8, with_png_text,
+    Linear, PngOptions, display_rgba8, encode_display_png, encode_png, encode_rgb8, png_text, rgba8,
+    with_png_text,
 };
 use std::path::Path;
 pub use video::{Animation, AnimationFormat, Video, VideoFormat};

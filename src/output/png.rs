@@ -65,8 +65,8 @@ pub fn encode_display_png(picture: &Linear, format: Format, options: &PngOptions
         _ => picture.rgba.iter().any(|pixel| byte(pixel[3]) != 255),
     };
     let depth = if options.deep && matches!(format, Format::Png | Format::Tiff) { 65535.0 } else { 255.0 };
-    let shape = Shape { alpha, straight: format != Format::Jpeg && !options.opaque, most: depth };
-    let codes = codes(picture, options, shape);
+    let layout = PixelLayout { alpha, straight: format != Format::Jpeg && !options.opaque, white: depth };
+    let codes = codes(picture, options, layout);
     let (data, kind) = match (depth > 255.0, alpha) {
         (false, false) => (narrow(&codes), ExtendedColorType::Rgb8),
         (false, true) => (narrow(&codes), ExtendedColorType::Rgba8),
@@ -83,8 +83,11 @@ pub fn rgba8(film: &Film, options: &PngOptions) -> Vec<u8> {
 
 /// 8-bit RGBA pixels of a linear picture, with straight alpha.
 pub(super) fn straight8(picture: &Linear, options: &PngOptions) -> Vec<u8> {
-    let mut rgba =
-        narrow(&codes(picture, options, Shape { alpha: true, straight: !options.opaque, most: 255.0 }));
+    let mut rgba = narrow(&codes(
+        picture,
+        options,
+        PixelLayout { alpha: true, straight: !options.opaque, white: 255.0 },
+    ));
     if options.opaque {
         rgba.as_chunks_mut::<4>().0.iter_mut().for_each(|pixel| pixel[3] = 255);
     }
@@ -93,7 +96,7 @@ pub(super) fn straight8(picture: &Linear, options: &PngOptions) -> Vec<u8> {
 
 /// 8-bit RGBA pixels of a linear picture, with colours composited over black (premultiplied).
 pub fn display_rgba8(picture: &Linear, options: &PngOptions) -> Vec<u8> {
-    narrow(&codes(picture, options, Shape { alpha: true, straight: false, most: 255.0 }))
+    narrow(&codes(picture, options, PixelLayout { alpha: true, straight: false, white: 255.0 }))
 }
 
 /// Length of a PNG's signature and first chunk (IHDR), bytes.
@@ -105,7 +108,7 @@ pub fn with_png_text(mut png: Vec<u8>, keyword: &str, text: &str) -> Vec<u8> {
         |text: &str| text.chars().map(|c| if c.is_ascii() { c as u8 } else { b'?' }).collect::<Vec<_>>();
     let data = [&ascii(keyword)[..], &[0], &ascii(text)].concat();
     let typed = [b"tEXt", &data[..]].concat();
-    let (length, check) = ((data.len() as u32).to_be_bytes(), crc32(&typed).to_be_bytes());
+    let (length, check) = ((data.len() as u32).to_be_bytes(), crc32fast::hash(&typed).to_be_bytes());
     let at = PNG_HEAD.min(png.len());
     png.splice(at..at, [&length[..], &typed, &check].concat());
     png
@@ -125,35 +128,29 @@ pub fn png_text(path: &Path, keyword: &str) -> Option<String> {
     is_png.then(|| String::from_utf8_lossy(text).into_owned())
 }
 
-/// CRC-32 of PNG chunks (ISO 3309; PNG specification, annex D).
-fn crc32(bytes: &[u8]) -> u32 {
-    let step = |crc: u32, _| if crc & 1 == 1 { 0xedb8_8320 ^ (crc >> 1) } else { crc >> 1 };
-    !bytes.iter().fold(!0, |crc, byte| (0..8).fold(crc ^ u32::from(*byte), step))
-}
-
 /// Layout of integer pixel values.
-struct Shape {
+struct PixelLayout {
     /// RGBA instead of RGB.
     alpha: bool,
     /// Straight instead of premultiplied alpha.
     straight: bool,
     /// The integer for 1.0.
-    most: f32,
+    white: f32,
 }
 
 /// Converts to display-referred integers.
-fn codes(picture: &Linear, options: &PngOptions, shape: Shape) -> Vec<u16> {
-    let Shape { alpha, straight, most } = shape;
-    let places = (0..picture.height).flat_map(|y| (0..picture.width).map(move |x| (x, y)));
+fn codes(picture: &Linear, options: &PngOptions, layout: PixelLayout) -> Vec<u16> {
+    let PixelLayout { alpha, straight, white } = layout;
+    let pixels = (0..picture.height).flat_map(|y| (0..picture.width).map(move |x| (x, y)));
     let mut data = Vec::with_capacity(picture.rgba.len() * 4);
     let balance = Balance::of(options);
-    for ((x, y), &[r, g, b, a]) in places.zip(picture.rgba) {
+    for ((x, y), &[r, g, b, a]) in pixels.zip(picture.rgba) {
         let divisor = if straight && a > 0.0 && a < 1.0 { a } else { 1.0 };
-        let threshold = if options.dither && most < 256.0 { bayer(x, y) } else { 0.5 };
+        let threshold = if options.dither && white < 256.0 { bayer(x, y) } else { 0.5 };
         let shown = options.view.encode(balance.apply([r, g, b], divisor));
-        data.extend(shown.map(|v| code(v, most, threshold)));
+        data.extend(shown.map(|v| code(v, white, threshold)));
         if alpha {
-            data.push(code(a, most, 0.5));
+            data.push(code(a, white, 0.5));
         }
     }
     data
@@ -179,14 +176,6 @@ impl Balance {
             None => [r, g, b],
         }
     }
-}
-
-/// Encodes `width * height` 8-bit RGB pixels as PNG.
-///
-/// # Errors
-/// The message of the encoder.
-pub fn encode_png_rgb8(data: &[u8], width: u32, height: u32) -> Result<Vec<u8>, String> {
-    encode_rgb8(data, width, height, Format::Png)
 }
 
 /// Encodes 8-bit RGB pixels in a format other than EXR and HDR.
@@ -250,9 +239,9 @@ fn byte(value: f32) -> u8 {
     code(value, 255.0, 0.5) as u8
 }
 
-fn code(value: f32, most: f32, threshold: f32) -> u16 {
+fn code(value: f32, white: f32, threshold: f32) -> u16 {
     // `as` saturates and maps NaN to 0.
-    ((value * most + threshold).floor() as u16).min(most as u16)
+    ((value * white + threshold).floor() as u16).min(white as u16)
 }
 
 /// The 8x8 ordered-dither threshold in 0..1: interleaved, reversed bits of x ^ y and y.
@@ -294,8 +283,6 @@ mod tests {
             assert_eq!(text_of(other, "key"), None);
         }
         assert_eq!(text_of(&with_text, "ke"), None);
-        // The CRC of the IEND chunk is always this.
-        assert_eq!(crc32(b"IEND"), 0xae42_6082);
     }
 
     #[test]

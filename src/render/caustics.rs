@@ -265,7 +265,7 @@ mod tests {
     use crate::compile::{CompileOptions, View, choose_camera, compile};
     use crate::film::{FilterSampler, MatteIds};
     use crate::render::progress::{Progress, Spent, Stopwatch};
-    use crate::render::technique::plain_paths;
+    use crate::render::technique::radiance_only_options;
     use std::path::Path;
     use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -284,7 +284,7 @@ mod tests {
         );
         let trial = Trial {
             target: Target { scene: &compiled, view: &view, options: &options },
-            paths: plain_paths(&options, &filter, &mattes),
+            paths: radiance_only_options(&options, &filter, &mattes),
             progress: &Progress::new(0),
             listener: None,
             stopwatch: &Stopwatch::start(Spent::default()),

@@ -216,8 +216,8 @@ impl Rendering {
             first_sample: self.options.samples_to_render().start,
             end_sample: self.schedule.next_sample(),
             way: Some(StoredStrategy {
-                branches: self.techniques.strategy.now().branches(),
-                shared: self.techniques.strategy.now().shape().map(|shape| shape.to_string()),
+                branches: self.techniques.strategy.current().branches(),
+                shared: self.techniques.strategy.current().shape().map(|shape| shape.to_string()),
             }),
             channels: self.channels(),
             effort: RenderCost {
@@ -295,8 +295,10 @@ impl Rendering {
 /// The path strategy stored in a file.
 fn strategy(way: &StoredStrategy) -> Option<PathStrategy> {
     match &way.shared {
-        Some(shape) => shape.parse().ok().map(PathStrategy::Shared),
-        None => way.branches.is_power_of_two().then_some(PathStrategy::Alone { branches: way.branches }),
+        Some(shape) => shape.parse().ok().map(PathStrategy::Reuse),
+        None => {
+            way.branches.is_power_of_two().then_some(PathStrategy::Independent { branches: way.branches })
+        }
     }
 }
 

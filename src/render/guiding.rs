@@ -76,7 +76,6 @@ const SEED: u32 = 0x7c15_9e37;
 /// Part number of the probe.
 const OF_PROBE: u32 = u32::MAX;
 
-/// Path guiding.
 #[derive(Clone, Debug, Default)]
 pub(super) struct PathGuiding {
     guide: Option<Guide>,

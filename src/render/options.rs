@@ -398,7 +398,6 @@ pub struct RequestedOptions {
     pub settings: Settings,
     /// Name or index of a camera; by default the first.
     pub camera: Option<String>,
-    /// Quality of the BVH.
     pub tree: BvhQuality,
     /// Settings that scenes don't have; the rest are defaults.
     pub options: RenderOptions,
@@ -412,7 +411,6 @@ pub struct ResolvedOptions {
     pub options: RenderOptions,
     /// Shading models common to all materials.
     pub shading: ShadingModel,
-    /// Quality of the BVH.
     pub tree: BvhQuality,
     /// Index of the camera in the scene.
     pub camera: Option<usize>,
@@ -426,7 +424,6 @@ pub struct ResolvedOptions {
 pub struct DisplaySettings {
     /// Exposure, stops.
     pub exposure: f32,
-    /// View transform.
     pub view: ViewTransform,
     /// White balance: colour temperature that is displayed as white, kelvin.
     pub white_balance: Option<f32>,

@@ -6,7 +6,7 @@ use super::picture::Labels;
 use super::progress::{Listener, Progress, Stopwatch, divided, new_task_group, task};
 use super::schedule::{Pass, Tiles, parts, within};
 use super::technique::{
-    BlockTally, EDGE, Errors, PassTrial, RenderedSquares, Target, WORKSPACE, plain_paths,
+    BlockTally, EDGE, Errors, PassTrial, RenderedSquares, Target, WORKSPACE, radiance_only_options,
 };
 use super::techniques::Techniques;
 use crate::film::{FilmTile, FilterSampler, Layout, SharedFilm, Splat};
@@ -27,7 +27,7 @@ const PATHS_PER_SPLATTING: u32 = 1 << 19;
 
 /// A pass, shared by all threads.
 #[derive(Clone)]
-pub(super) struct PassWork<'a> {
+pub(super) struct PassContext<'a> {
     pub target: Target<'a>,
     pub labels: &'a Labels,
     pub filter: &'a FilterSampler,
@@ -45,11 +45,11 @@ pub(super) struct PassWork<'a> {
 
 /// Renders consecutive passes, the first with trials and light paths; begins no further pass once `is_due` returns true. Returns the number
 /// of passes begun, and false if stopped.
-pub(super) fn render_all(works: &[PassWork<'_>], is_due: &(dyn Fn() -> bool + Sync)) -> (usize, bool) {
-    let first = &works[0];
+pub(super) fn render_all(contexts: &[PassContext<'_>], is_due: &(dyn Fn() -> bool + Sync)) -> (usize, bool) {
+    let first = &contexts[0];
     let render = || {
         let Some(tried) = first.techniques.try_in_pass(first) else { return (1, false) };
-        render_passes(works, &tried, is_due)
+        render_passes(contexts, &tried, is_due)
     };
     // Threads without light paths left continue with tiles.
     let (are_light_paths_done, (begun, is_done)) = rayon::join(|| first.trace_light_paths(), render);
@@ -57,8 +57,8 @@ pub(super) fn render_all(works: &[PassWork<'_>], is_due: &(dyn Fn() -> bool + Sy
 }
 
 /// A pass with its tiles.
-struct Planned<'a> {
-    work: &'a PassWork<'a>,
+struct PlannedPass<'a> {
+    context: &'a PassContext<'a>,
     tracer: Tracer<'a>,
     blocks: Vec<Block>,
     /// Whether the pass is begun, once decided.
@@ -68,13 +68,13 @@ struct Planned<'a> {
 /// Renders the tiles of consecutive passes, except the squares of the first pass that trials have rendered. Begins no further pass once
 /// `is_due` returns true. Returns the number of passes begun, and whether all of their tiles were rendered; else rendering was stopped.
 fn render_passes(
-    works: &[PassWork<'_>],
+    contexts: &[PassContext<'_>],
     tried: &[Block],
     is_due: &(dyn Fn() -> bool + Sync),
 ) -> (usize, bool) {
-    let plan = |work| Planned::new(work, if work.number == 0 { tried } else { &[] });
-    let passes: Vec<Planned<'_>> = works.iter().map(plan).collect();
-    let count = |sum: &mut usize, pass: &Planned<'_>| {
+    let plan = |context| PlannedPass::new(context, if context.number == 0 { tried } else { &[] });
+    let passes: Vec<PlannedPass<'_>> = contexts.iter().map(plan).collect();
+    let count = |sum: &mut usize, pass: &PlannedPass<'_>| {
         *sum += pass.blocks.len();
         Some(*sum)
     };
@@ -87,10 +87,11 @@ fn render_passes(
             if pass == passes.len() || !begins(&passes[..=pass], is_due) {
                 return;
             }
-            let Planned { work, tracer, blocks, .. } = &passes[pass];
+            let PlannedPass { context, tracer, blocks, .. } = &passes[pass];
             let block = &blocks[tile + blocks.len() - ends[pass]];
             // No early exit: after a stop, each remaining tile costs one call of `stop`.
-            let is_rendered = task("tiles", work.pass.first_sample, || work.render_tile(tracer, block, None));
+            let is_rendered =
+                task("tiles", context.pass.first_sample, || context.render_tile(tracer, block, None));
             if !is_rendered {
                 is_done.store(false, Ordering::Relaxed);
             }
@@ -102,31 +103,31 @@ fn render_passes(
 }
 
 /// Is the last of these passes begun? Decided by the first thread that calls this.
-fn begins(passes: &[Planned<'_>], is_due: &(dyn Fn() -> bool + Sync)) -> bool {
+fn begins(passes: &[PlannedPass<'_>], is_due: &(dyn Fn() -> bool + Sync)) -> bool {
     let Some((last, before)) = passes.split_last() else { return true };
     *last.begins.get_or_init(|| begins(before, is_due) && !is_due())
 }
 
-impl<'a> Planned<'a> {
-    fn new(work: &'a PassWork<'a>, tried: &[Block]) -> Planned<'a> {
-        let mut paths = work.paths();
-        work.techniques.configure_pass(work.pass, work.target.options, &mut paths);
-        let tracer = work.tracer(paths);
-        let mut blocks = work.blocks(&tracer, tried);
+impl<'a> PlannedPass<'a> {
+    fn new(context: &'a PassContext<'a>, tried: &[Block]) -> PlannedPass<'a> {
+        let mut paths = context.paths();
+        context.techniques.configure_pass(context.pass, context.target.options, &mut paths);
+        let tracer = context.tracer(paths);
+        let mut blocks = context.blocks(&tracer, tried);
         // Column by column, so that concurrent tiles are in different bands of the film.
         blocks.sort_by_key(|block| (block.x0, block.y0));
         // The first pass is always begun, even if trials have rendered all tiles.
-        let begins = if work.number == 0 { OnceLock::from(true) } else { OnceLock::new() };
-        Planned { work, tracer, blocks, begins }
+        let begins = if context.number == 0 { OnceLock::from(true) } else { OnceLock::new() };
+        PlannedPass { context, tracer, blocks, begins }
     }
 }
 
-impl<'a> PassWork<'a> {
+impl<'a> PassContext<'a> {
     /// The tiles of the pass outside the squares `tried`.
     fn blocks(&self, tracer: &Tracer<'_>, tried: &[Block]) -> Vec<Block> {
         let blocks = without(tracer.tiles.blocks(self.target.view, self.pass), tried);
         let region = self.target.options.pixels();
-        blocks.iter().filter_map(|b| within(&region, b, tracer.shares_paths)).collect()
+        blocks.iter().filter_map(|b| within(&region, b, tracer.reuses_paths)).collect()
     }
 
     /// Traces the light paths of the pass, if any. False if stopped: splats are merged for whole groups of samples only.
@@ -205,7 +206,7 @@ impl<'a> PassWork<'a> {
             light_groups: self.labels.light_groups.len(),
             catchers: options.catchers,
             transparent_glass: options.transparent_glass,
-            ..plain_paths(options, self.filter, &self.labels.ids)
+            ..radiance_only_options(options, self.filter, &self.labels.ids)
         };
         self.techniques.configure(&mut paths);
         paths
@@ -214,8 +215,8 @@ impl<'a> PassWork<'a> {
     fn tracer(&self, paths: IntegratorOptions<'a>) -> Tracer<'a> {
         let Target { scene, view, .. } = self.target;
         let tiles = Tiles::of(self.pass, paths.reuse.as_ref());
-        let shares_paths = paths.reuse.is_some();
-        Tracer { integrator: Integrator::new(scene, view, paths), tiles, shares_paths }
+        let reuses_paths = paths.reuse.is_some();
+        Tracer { integrator: Integrator::new(scene, view, paths), tiles, reuses_paths }
     }
 
     /// Renders a tile into the film. False if stopped.
@@ -288,8 +289,8 @@ impl<'a> PassWork<'a> {
 /// Adds a sample to all channels.
 #[inline(never)]
 fn add_all(tile: &mut FilmTile, sample: &PathSample<'_>, is_of_first_half: bool) {
-    let PathSample { pixel, rgb, alpha, first_hit, parts, .. } = *sample;
-    tile.add_with_parts(pixel, rgb, alpha, first_hit, parts, is_of_first_half);
+    let PathSample { pixel, rgb, alpha, first_hit, layers, .. } = *sample;
+    tile.add_with_parts(pixel, rgb, alpha, first_hit, layers, is_of_first_half);
 }
 
 /// A rendered tile, with the numbers of its paths and rays.
@@ -305,10 +306,10 @@ struct Tracer<'a> {
     integrator: Integrator<'a>,
     tiles: Tiles,
     /// Is path reuse in use?
-    shares_paths: bool,
+    reuses_paths: bool,
 }
 
-impl PassTrial for PassWork<'_> {
+impl PassTrial for PassContext<'_> {
     fn target(&self) -> Target<'_> {
         self.target
     }
@@ -322,7 +323,7 @@ impl PassTrial for PassWork<'_> {
         squares: &[Block],
         configure: &dyn Fn(&mut IntegratorOptions<'_>),
     ) -> RenderedSquares<'_> {
-        let mut paths = IntegratorOptions { keeps_plain: true, ..self.paths() };
+        let mut paths = IntegratorOptions { records_baseline: true, ..self.paths() };
         configure(&mut paths);
         let tracer = self.tracer(paths);
         let blocks: Vec<Block> = squares.iter().flat_map(|s| tracer.tiles.divide(*s)).collect();

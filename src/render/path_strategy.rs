@@ -15,39 +15,37 @@ use crate::sampling::hash::r2_sequence;
 use std::collections::HashSet;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// A path strategy.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum PathStrategy {
     /// Independent samples, split into branches at the first surface.
-    Alone {
+    Independent {
         /// Number of branches, a power of two; 1 without splitting.
         branches: u32,
     },
     /// Path reuse in groups of pixels.
-    Shared(GroupShape),
+    Reuse(GroupShape),
 }
 
 impl PathStrategy {
     /// No splitting and no reuse.
-    pub const PLAIN: PathStrategy = PathStrategy::Alone { branches: 1 };
+    pub const PLAIN: PathStrategy = PathStrategy::Independent { branches: 1 };
 
     /// The groups of path reuse, if in use.
     pub fn shape(self) -> Option<GroupShape> {
         match self {
-            PathStrategy::Alone { .. } => None,
-            PathStrategy::Shared(shape) => Some(shape),
+            PathStrategy::Independent { .. } => None,
+            PathStrategy::Reuse(shape) => Some(shape),
         }
     }
 
     /// Number of branches per sample.
     pub fn branches(self) -> u32 {
         match self {
-            PathStrategy::Alone { branches } => branches,
-            PathStrategy::Shared(_) => 1,
+            PathStrategy::Independent { branches } => branches,
+            PathStrategy::Reuse(_) => 1,
         }
     }
 
-    /// Configures the integrator for a pass.
     pub fn configure(self, pass: Pass, options: &RenderOptions, paths: &mut IntegratorOptions<'_>) {
         paths.branches = self.branches();
         paths.reuse = self.shape().map(|shape| Tiling::new(shape, pass.first_sample));
@@ -60,25 +58,25 @@ impl PathStrategy {
 
 /// Path reuse or splitting, selected by trials in the first pass.
 #[derive(Debug)]
-pub(super) struct StrategyTrials(Mutex<Choice>);
+pub(super) struct StrategyTrials(Mutex<StrategyState>);
 
 /// The current strategy, and whether trials may still replace it.
 #[derive(Clone, Copy, Debug)]
-struct Choice {
-    now: PathStrategy,
-    may_share: bool,
+struct StrategyState {
+    current: PathStrategy,
+    may_reuse: bool,
     may_split: bool,
 }
 
 /// The reason that prevents path reuse, if any.
-fn obstacle_to_sharing(target: &Target<'_>) -> Option<&'static str> {
+fn obstacle_to_reuse(target: &Target<'_>) -> Option<&'static str> {
     let Target { scene, options, .. } = target;
     let features = &scene.features;
     first_reason(&[
         // Suffixes have radiance at other wavelengths.
         (scene.shading.spectral, "they carry wavelengths of their own"),
         // Connections would have to estimate transmittance. Other media are enclosed by surfaces, which occlude connections.
-        (scene.media.first().is_some_and(Medium::does_anything), "a medium fills the scene"),
+        (scene.media.first().is_some_and(Medium::has_effect), "a medium fills the scene"),
         (!scene.lights.volumes().is_empty(), "the scene has emissive media"),
         (options.catchers, "the scene has shadow catchers"),
         // The ray kind of a connection differs from that of the path it replaces.
@@ -94,20 +92,20 @@ impl StrategyTrials {
     /// The strategies allowed by the options.
     pub fn new(target: &Target<'_>) -> StrategyTrials {
         let options = target.options;
-        let can_share = obstacle_to_sharing(target).is_none();
+        let can_reuse = obstacle_to_reuse(target).is_none();
         let can_split = options.max_depth >= 1 && !options.catchers && options.clamp.direct == f32::INFINITY;
         if let PathReuse::Groups(shape) = options.path_reuse
-            && can_share
+            && can_reuse
         {
-            return StrategyTrials::decided(PathStrategy::Shared(shape));
+            return StrategyTrials::decided(PathStrategy::Reuse(shape));
         }
         let branches = match options.splitting {
             Splitting::Into(branches) if can_split => branches,
             _ => 1,
         };
-        StrategyTrials(Mutex::new(Choice {
-            now: PathStrategy::Alone { branches },
-            may_share: can_share
+        StrategyTrials(Mutex::new(StrategyState {
+            current: PathStrategy::Independent { branches },
+            may_reuse: can_reuse
                 && options.path_reuse == PathReuse::Auto
                 && matches!(options.splitting, Splitting::Auto | Splitting::OFF),
             may_split: can_split && options.splitting == Splitting::Auto,
@@ -115,16 +113,16 @@ impl StrategyTrials {
     }
 
     /// A fixed strategy, without trials.
-    pub fn decided(now: PathStrategy) -> StrategyTrials {
-        StrategyTrials(Mutex::new(Choice { now, may_share: false, may_split: false }))
+    pub fn decided(current: PathStrategy) -> StrategyTrials {
+        StrategyTrials(Mutex::new(StrategyState { current, may_reuse: false, may_split: false }))
     }
 
     /// The current strategy.
-    pub fn now(&self) -> PathStrategy {
-        self.choice().now
+    pub fn current(&self) -> PathStrategy {
+        self.state().current
     }
 
-    fn choice(&self) -> MutexGuard<'_, Choice> {
+    fn state(&self) -> MutexGuard<'_, StrategyState> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -140,36 +138,36 @@ impl Technique for StrategyTrials {
     }
 
     fn refusal(&self) -> &'static str {
-        "paths are not shared between pixels"
+        "paths are not reused between pixels"
     }
 
     fn obstacle(&self, target: &Target<'_>) -> Option<&'static str> {
-        obstacle_to_sharing(target)
+        obstacle_to_reuse(target)
     }
 
-    fn is_open(&self) -> bool {
-        let choice = *self.choice();
-        choice.may_share || choice.may_split
+    fn has_pending_trial(&self) -> bool {
+        let state = *self.state();
+        state.may_reuse || state.may_split
     }
 
     fn try_in_pass(&self, pass: &dyn PassTrial) -> Option<Vec<Block>> {
-        let trials = trials(*self.choice(), pass.target().view, pass.pass());
+        let trials = trials(*self.state(), pass.target().view, pass.pass());
         if trials.is_empty() {
             return Some(Vec::new());
         }
         let tried = try_all(trials, pass);
-        let now = tried.as_ref().map_or(PathStrategy::PLAIN, |(best, _)| *best);
-        *self.choice() = Choice { now, may_share: false, may_split: false };
+        let current = tried.as_ref().map_or(PathStrategy::PLAIN, |(best, _)| *best);
+        *self.state() = StrategyState { current, may_reuse: false, may_split: false };
         tried.map(|(_, squares)| squares)
     }
 
     fn configure_pass(&self, pass: Pass, options: &RenderOptions, paths: &mut IntegratorOptions<'_>) {
-        self.now().configure(pass, options, paths);
+        self.current().configure(pass, options, paths);
     }
 
     fn report(&self, statistics: &mut Statistics) {
-        statistics.path_reuse = self.now().shape();
-        statistics.branches = self.now().branches();
+        statistics.path_reuse = self.current().shape();
+        statistics.branches = self.current().branches();
     }
 }
 
@@ -240,14 +238,13 @@ enum Tried {
     MoreSplitting,
 }
 
-/// A trial and its squares.
 struct SquareTrial {
     tried: Tried,
     squares: Vec<Block>,
 }
 
 /// The trials of a pass in order; none if the pass has a single sample or the picture is too small.
-fn trials(open: Choice, view: &View, pass: Pass) -> Vec<SquareTrial> {
+fn trials(open: StrategyState, view: &View, pass: Pass) -> Vec<SquareTrial> {
     let (columns, rows) = (view.width / EDGE, view.height / EDGE);
     let shapes = SHAPES.len() as u32;
     let of_each = (columns * rows).div_ceil(SQUARES_PER_TRIAL * shapes).max(MIN_SQUARES);
@@ -265,7 +262,7 @@ fn trials(open: Choice, view: &View, pass: Pass) -> Vec<SquareTrial> {
     let (of_splitting, again) = others.split_at(more);
     let shape = |&(width, height, spacing): &(u32, u32, u32)| GroupShape::new(width, height, spacing);
     let mut trials = Vec::new();
-    if open.may_share {
+    if open.may_reuse {
         // Interleaved, so that the squares of each shape are spread evenly.
         let squares_of = |k| of_shapes.iter().skip(k).step_by(SHAPES.len()).copied().collect();
         let shared = SHAPES.iter().filter_map(shape).enumerate();
@@ -317,18 +314,16 @@ fn try_all(trials: Vec<SquareTrial>, pass: &dyn PassTrial) -> Option<(PathStrate
 /// The strategy of a trial, given the results of earlier trials; `None` to skip the trial.
 fn strategy_of(trial: &SquareTrial, results: &[(PathStrategy, Errors)]) -> Option<PathStrategy> {
     let so_far = best(results);
-    let splitting = PathStrategy::Alone { branches: BRANCHES };
+    let splitting = PathStrategy::Independent { branches: BRANCHES };
     match trial.tried {
         Tried::Shape(shape) => {
             let is_hopeful = match results {
                 [] => true,
-                [(_, smallest)] => smallest.gain_of_sharing() >= HOPEFUL,
+                [(_, smallest)] => smallest.gain_of_reuse() >= HOPEFUL,
                 // The next shape's groups have four times as many connections.
-                [.., (_, last)] => {
-                    last.gain_of_sharing() >= MIN_GAIN && last.cost_of_connections() < MAX_COST
-                }
+                [.., (_, last)] => last.gain_of_reuse() >= MIN_GAIN && last.cost_of_connections() < MAX_COST,
             };
-            is_hopeful.then_some(PathStrategy::Shared(shape))
+            is_hopeful.then_some(PathStrategy::Reuse(shape))
         }
         Tried::BestShape => Some(so_far.strategy).filter(|t| t.shape().is_some() && so_far.gain < CLEAR_GAIN),
         Tried::Splitting => Some(splitting).filter(|_| so_far.gain < CLEAR_GAIN),
@@ -358,16 +353,16 @@ impl Errors {
 
     /// Ratio of the squared error with the tried strategy to that without.
     fn error_ratio(&self) -> f64 {
-        if self.plain > 0.0 { self.tried / self.plain } else { 1.0 }
+        if self.baseline > 0.0 { self.tried / self.baseline } else { 1.0 }
     }
 
     /// Ratio of the efficiency with reuse to that without.
-    fn gain_of_sharing(&self) -> f64 {
+    fn gain_of_reuse(&self) -> f64 {
         if self.tried <= 0.0 {
             return 0.0;
         }
         let cost = 1.0 + FIXED_COST + self.cost_of_connections();
-        self.plain / self.tried / cost
+        self.baseline / self.tried / cost
     }
 
     /// Ratio of the efficiency with splitting into the best number of branches to that without.
@@ -379,7 +374,7 @@ impl Errors {
     /// number of rays is proportional to it.
     fn splitting_into(&self, branches: u32) -> Candidate {
         let (tried, number) = (f64::from(BRANCHES), f64::from(branches));
-        let suffixes = (1.0 - self.tried / self.plain.max(1e-30)) / (1.0 - 1.0 / tried);
+        let suffixes = (1.0 - self.tried / self.baseline.max(1e-30)) / (1.0 - 1.0 / tried);
         let suffixes = suffixes.clamp(0.0, 1.0);
         let suffix_rays = self.rays.in_branches as f64 / tried;
         let prefix_rays = (self.rays.all - self.rays.in_branches) as f64;
@@ -387,7 +382,7 @@ impl Errors {
         let cost = (prefix_rays + number * suffix_rays) / (prefix_rays + suffix_rays).max(1.0);
         let LightPathShares { error: other_error, time: other_time } = self.light_paths;
         let gain = (1.0 + other_error) * (1.0 + other_time) / ((error + other_error) * (cost + other_time));
-        Candidate { strategy: PathStrategy::Alone { branches }, error, gain }
+        Candidate { strategy: PathStrategy::Independent { branches }, error, gain }
     }
 }
 
@@ -423,12 +418,12 @@ fn best(results: &[(PathStrategy, Errors)]) -> Candidate {
         same.map(|(_, errors)| *errors).reduce(Errors::plus).unwrap_or_default()
     };
     let candidates = results.iter().map(|(strategy, _)| *strategy).flat_map(|strategy| match strategy {
-        PathStrategy::Shared(_) => {
-            let gain = of(strategy).gain_of_sharing();
+        PathStrategy::Reuse(_) => {
+            let gain = of(strategy).gain_of_reuse();
             let best = Candidate { strategy, error: of(strategy).error_ratio(), gain };
             if gain >= MIN_GAIN { vec![best] } else { Vec::new() }
         }
-        PathStrategy::Alone { .. } => {
+        PathStrategy::Independent { .. } => {
             let splittings = numbers_of_branches().map(|branches| of(strategy).splitting_into(branches));
             splittings.filter(|s| s.gain >= MIN_GAIN_OF_SPLITTING).collect()
         }
@@ -445,7 +440,7 @@ mod tests {
     #[test]
     fn light_paths_bound_the_gain() {
         let rays = RayCounts { all: 120, in_branches: 80, ..RayCounts::default() };
-        let alone = Errors { tried: 0.25, plain: 1.0, rays, light_paths: LightPathShares::default() };
+        let alone = Errors { tried: 0.25, baseline: 1.0, rays, light_paths: LightPathShares::default() };
         let both = Errors { light_paths: LightPathShares { error: 100.0, time: 100.0 }, ..alone };
         assert!(alone.gain_of_splitting() > MIN_GAIN_OF_SPLITTING, "{}", alone.gain_of_splitting());
         assert!((both.gain_of_splitting() - 1.0).abs() < 0.02, "{}", both.gain_of_splitting());

@@ -2,14 +2,14 @@
 
 use super::noise::{Noise, RarePaths};
 use super::options::{DisplaySettings, RenderOptions};
-use super::pass::{PassWork, render_all};
+use super::pass::{PassContext, render_all};
 use super::picture;
 use super::picture::{Labels, Picture, denoise_film, has_visible_alpha, layout, of_film};
 use super::progress::{
     CancelHandle, Event, Listener, PassOutcome, Progress, Spent, Statistics, Stopwatch, divided,
 };
 use super::schedule::{Pass, SAMPLE_BLOCK, Schedule};
-use super::technique::{Target, Trial, plain_paths};
+use super::technique::{Target, Trial, radiance_only_options};
 use super::techniques::Techniques;
 use crate::compile::{CompiledScene, View};
 use crate::error::{Result, Warning};
@@ -189,11 +189,11 @@ impl Rendering {
         self.outcome
     }
 
-    /// Renders at most `most` passes and measures the time.
-    fn next_passes(&mut self, most: usize, is_due: &(dyn Fn() -> bool + Sync)) -> PassOutcome {
+    /// Renders at most `max_passes` passes and measures the time.
+    fn next_passes(&mut self, max_passes: usize, is_due: &(dyn Fn() -> bool + Sync)) -> PassOutcome {
         if self.outcome == PassOutcome::Progressed {
             let stopwatch = Stopwatch::start(self.spent);
-            self.outcome = self.render_passes(most, is_due, &stopwatch);
+            self.outcome = self.render_passes(max_passes, is_due, &stopwatch);
             self.spent = stopwatch.stop();
         }
         self.outcome
@@ -341,10 +341,10 @@ impl Rendering {
 // Passes: trials before them, their overlap, and updates after them.
 
 impl Rendering {
-    /// Renders at most `most` passes; begins no further pass once `is_due` returns true.
+    /// Renders at most `max_passes` passes; begins no further pass once `is_due` returns true.
     pub(super) fn render_passes(
         &mut self,
-        most: usize,
+        max_passes: usize,
         is_due: &(dyn Fn() -> bool + Sync),
         stopwatch: &Stopwatch,
     ) -> PassOutcome {
@@ -354,7 +354,7 @@ impl Rendering {
         if !self.try_techniques(stopwatch) || !self.try_in_pass(stopwatch) {
             return PassOutcome::Cancelled;
         }
-        let passes = self.plan_passes(most, stopwatch);
+        let passes = self.plan_passes(max_passes, stopwatch);
         let Some(first) = passes.first() else {
             return if self.schedule.is_complete() { PassOutcome::Done } else { PassOutcome::TimedOut };
         };
@@ -381,14 +381,14 @@ impl Rendering {
     }
 
     /// The next passes: several if passes may overlap and trials are finished.
-    fn plan_passes(&mut self, most: usize, stopwatch: &Stopwatch) -> Vec<Pass> {
+    fn plan_passes(&mut self, max_passes: usize, stopwatch: &Stopwatch) -> Vec<Pass> {
         let overlap = self.options.time_limit.is_none()
             && self.noise.is_none()
             && !self.techniques.separate_passes()
             && self.schedule.next_sample() >= SAMPLE_BLOCK;
-        let most = if overlap { most } else { 1 };
+        let max_passes = if overlap { max_passes } else { 1 };
         let mut passes = Vec::new();
-        while passes.len() < most {
+        while passes.len() < max_passes {
             // Checkpoints are resumed at the end of a block.
             if !passes.is_empty() && self.finishes_passes && self.ends_within_block() {
                 break;
@@ -413,7 +413,7 @@ impl Rendering {
         let trial = Trial {
             // Not `self.target()`, since `self.techniques` is borrowed mutably.
             target: Target { scene: &self.scene, view: &self.view, options: &self.options },
-            paths: plain_paths(&self.options, &self.filter, &mattes),
+            paths: radiance_only_options(&self.options, &self.filter, &mattes),
             progress: &self.progress,
             listener: self.listener.as_deref(),
             stopwatch,
@@ -446,7 +446,7 @@ impl Rendering {
     /// For a partial render of later samples: runs the trials of the picture's first pass beforehand. False if stopped.
     fn try_in_pass(&mut self, stopwatch: &Stopwatch) -> bool {
         let first = self.options.samples_to_render().start;
-        if first == 0 || self.schedule.next_sample() > first || !self.techniques.are_open() {
+        if first == 0 || self.schedule.next_sample() > first || !self.techniques.have_pending_trials() {
             return true;
         }
         let Some(pass) = Schedule::new(0..self.options.samples, None).next(stopwatch.wall()) else {
@@ -475,7 +475,7 @@ impl Rendering {
             let is_over = || self.cancel.is_cancelled() || self.schedule.is_late(stopwatch.wall());
             !self.finishes_passes && is_over()
         };
-        let work = |(number, &pass): (usize, &Pass)| PassWork {
+        let work = |(number, &pass): (usize, &Pass)| PassContext {
             target: self.target(),
             labels: &self.labels,
             filter: &self.filter,
@@ -489,13 +489,13 @@ impl Rendering {
             stopwatch,
             stop: &stop,
         };
-        let works: Vec<PassWork<'_>> = passes.iter().enumerate().map(work).collect();
+        let contexts: Vec<PassContext<'_>> = passes.iter().enumerate().map(work).collect();
         let is_due = || is_due() || self.cancel.is_cancelled();
         let result = match scope {
-            Scope::All => render_all(&works, &is_due),
-            Scope::TrialsOnly => (1, self.techniques.try_in_pass(&works[0]).is_some()),
+            Scope::All => render_all(&contexts, &is_due),
+            Scope::TrialsOnly => (1, self.techniques.try_in_pass(&contexts[0]).is_some()),
         };
-        drop(works);
+        drop(contexts);
         let film = film.into_film();
         if scope == Scope::All {
             self.film = film;

@@ -277,8 +277,8 @@ pub(super) enum Halving {
 impl RenderOptions {
     /// In the middle if the number of samples is known; alternating if rendering may end early or be resumed.
     pub(super) fn halving(&self) -> Halving {
-        let is_open = self.time_limit.is_some() || self.noise.is_some() || self.planned > 0;
-        match is_open || self.samples > MAX_Z_ORDER_SPP {
+        let has_pending_trial = self.time_limit.is_some() || self.noise.is_some() || self.planned > 0;
+        match has_pending_trial || self.samples > MAX_Z_ORDER_SPP {
             true => Halving::Alternating,
             false => Halving::Before(self.samples / 2),
         }

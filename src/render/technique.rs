@@ -59,7 +59,7 @@ pub(super) trait Technique {
     }
 
     /// Is a trial within the first pass pending?
-    fn is_open(&self) -> bool {
+    fn has_pending_trial(&self) -> bool {
         false
     }
 
@@ -68,7 +68,6 @@ pub(super) trait Technique {
         Some(Vec::new())
     }
 
-    /// Configures the integrator for all paths.
     fn configure<'a>(&'a self, _paths: &mut IntegratorOptions<'a>) {}
 
     /// Configures the integrator for the camera paths of a pass.
@@ -133,7 +132,7 @@ impl Trial<'_> {
 }
 
 /// Integrator options for radiance only, without techniques.
-pub(super) fn plain_paths<'a>(
+pub(super) fn radiance_only_options<'a>(
     options: &RenderOptions,
     filter: &'a FilterSampler,
     mattes: &'a MatteIds,
@@ -155,7 +154,7 @@ pub(super) fn plain_paths<'a>(
         terminator: options.terminator,
         reuse: None,
         branches: 1,
-        keeps_plain: false,
+        records_baseline: false,
         caustics: None,
         single_pixel_splats: options.halves,
         guide: None,
@@ -227,7 +226,7 @@ pub(super) struct RenderedSquares<'a> {
 #[derive(Clone, Copy, Default)]
 struct PixelTally {
     tried: HalfSums,
-    plain: HalfSums,
+    baseline: HalfSums,
     count: u32,
 }
 
@@ -250,7 +249,7 @@ impl BlockTally {
         let half = pixel.count / self.half;
         pixel.count += 1;
         pixel.tried.add(half, sample.rgb);
-        pixel.plain.add(half, sample.plain);
+        pixel.baseline.add(half, sample.baseline);
     }
 
     /// Adds ray counts.
@@ -263,7 +262,7 @@ impl BlockTally {
         let mut errors = Errors { rays: self.rays, ..Errors::default() };
         for pixel in &self.pixels {
             errors.tried += pixel.tried.squared_error(self.half, &pixel.tried);
-            errors.plain += pixel.plain.squared_error(self.half, &pixel.tried);
+            errors.baseline += pixel.baseline.squared_error(self.half, &pixel.tried);
         }
         errors
     }
@@ -273,7 +272,7 @@ impl BlockTally {
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Errors {
     pub tried: f64,
-    pub plain: f64,
+    pub baseline: f64,
     pub rays: RayCounts,
     pub light_paths: LightPathShares,
 }
@@ -289,7 +288,7 @@ impl Errors {
     pub fn plus(self, other: Errors) -> Errors {
         Errors {
             tried: self.tried + other.tried,
-            plain: self.plain + other.plain,
+            baseline: self.baseline + other.baseline,
             rays: self.rays.plus(other.rays),
             light_paths: self.light_paths,
         }

@@ -15,7 +15,6 @@ use crate::integrator::{Block, CausticPlan, IntegratorOptions};
 /// row: field, type and constructor.
 macro_rules! techniques {
     ($($(#[$doc:meta])* $visibility:vis $name:ident: $technique:ty = $new:expr,)*) => {
-        /// All techniques.
         pub(super) struct Techniques {
             $($(#[$doc])* $visibility $name: $technique,)*
             are_prepared: bool,
@@ -39,11 +38,9 @@ macro_rules! techniques {
 }
 
 techniques! {
-    /// Learned light selection.
     light_selection: LearnedSelection = untried,
     /// Light tracing of caustics.
     light_tracing: LightTracing = untried,
-    /// Path guiding.
     guiding: PathGuiding = untried,
     /// Path reuse or splitting.
     pub strategy: StrategyTrials = StrategyTrials::new,
@@ -86,8 +83,8 @@ impl Techniques {
     }
 
     /// Are trials within the first pass pending?
-    pub fn are_open(&self) -> bool {
-        self.list().iter().any(|technique| technique.is_open())
+    pub fn have_pending_trials(&self) -> bool {
+        self.list().iter().any(|technique| technique.has_pending_trial())
     }
 
     /// Configures the integrator for the camera paths of a pass.

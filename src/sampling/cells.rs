@@ -79,7 +79,6 @@ impl CellDistribution {
         self.size
     }
 
-    /// The probability of a cell.
     #[inline]
     pub fn probability(&self, cell: [usize; 3]) -> f32 {
         let (group, index) = self.levels[0].position(cell);

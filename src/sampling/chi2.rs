@@ -25,7 +25,6 @@ const SPLIT: f64 = 0.381_966_011_250_105_15;
 pub struct Chi2Report {
     /// Probability of a statistic at least this large under the null hypothesis.
     pub p_value: f64,
-    /// Degrees of freedom.
     pub degrees_of_freedom: usize,
     /// The density's integral over the square.
     pub integral: f64,

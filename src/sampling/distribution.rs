@@ -16,7 +16,6 @@ struct AliasEntry {
 /// A sampled index with a remapped random number.
 #[derive(Clone, Copy, Debug)]
 pub struct DiscreteSample {
-    /// The index.
     pub index: usize,
     /// Its probability.
     pub pdf_discrete: f32,

@@ -45,7 +45,6 @@ impl SobolPoint {
         SobolPoint { seed, index_rev: (index & ((1 << bits) - 1)).reverse_bits() }
     }
 
-    /// The point of a branch.
     #[inline(always)]
     pub fn branch(self, branch: u32, branch_bits: u32) -> SobolPoint {
         SobolPoint { index_rev: (self.index_rev >> branch_bits) | branch.reverse_bits(), ..self }

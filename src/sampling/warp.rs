@@ -15,9 +15,6 @@ pub fn uniform_disk(u: [f32; 2]) -> Vec2 {
     Vec2::new(radius * cosine, radius * sine)
 }
 
-/// Density of [`uniform_disk`] per area.
-pub const UNIFORM_DISK_PDF_AREA: f32 = FRAC_1_PI;
-
 /// Samples the cosine-weighted hemisphere around z (Malley's method). z is at least 1e-6, so that the density is never 0.
 #[inline(always)]
 pub fn cosine_hemisphere(u: [f32; 2]) -> Vec3 {
@@ -98,7 +95,7 @@ mod tests {
                 Some([p.length_squared(), p.y.atan2(p.x) / std::f64::consts::TAU + 0.5])
             },
             // Squared radius and angle: uniform.
-            |_| f64::from(UNIFORM_DISK_PDF_AREA) * std::f64::consts::PI,
+            |_| 1.0,
         );
     }
 

@@ -239,7 +239,7 @@ impl CurveBasis {
     }
 
     /// May a strand have this number of points?
-    pub fn takes(self, points: usize) -> bool {
+    pub fn accepts(self, points: usize) -> bool {
         match self {
             CurveBasis::Linear | CurveBasis::CatmullRom => points >= 2,
             CurveBasis::Bezier => points >= 4 && points % 3 == 1,
@@ -248,7 +248,7 @@ impl CurveBasis {
     }
 
     /// The numbers of points that [`CurveBasis::takes`] accepts, as text.
-    pub fn asks_for(self) -> &'static str {
+    pub fn requirement(self) -> &'static str {
         match self {
             CurveBasis::Linear | CurveBasis::CatmullRom => "2 or more",
             CurveBasis::Bezier => "4, 7, 10, ...",

@@ -132,7 +132,7 @@ pub struct Material {
     /// Opacity, used unless the mode is opaque.
     pub alpha: FloatSlot,
     /// Colour factor on light through the transparent parts (1 - alpha), from 0; white for cutouts.
-    pub passing: ColorSlot,
+    pub transparent_color: ColorSlot,
     /// Normal map.
     pub normal_map: Option<NormalMap>,
     /// Node graph of the shading normal in world space, on the viewer's side; replaces a normal map.
@@ -167,7 +167,7 @@ impl Material {
             double_sided: true,
             alpha_mode: AlphaMode::Opaque,
             alpha: FloatSlot::constant(1.0),
-            passing: ColorSlot::constant([1.0; 3]),
+            transparent_color: ColorSlot::constant([1.0; 3]),
             normal_map: None,
             normal: None,
             bumped_normal: None,
@@ -205,7 +205,7 @@ impl Parameters for EmitterTraits {}
 
 parameters_of_fields! {
     Material {
-        name, model, emission, double_sided, alpha_mode, alpha, passing, normal_map, normal, bumped_normal, use_vertex_colors,
+        name, model, emission, double_sided, alpha_mode, alpha, transparent_color, normal_map, normal, bumped_normal, use_vertex_colors,
         medium, displacement, priority, emitter_traits, index, light_group, is_light,
     }
     Displacement { texture, kind }

@@ -16,14 +16,14 @@ pub struct Medium {
     pub anisotropy: f32,
     /// Emitted radiance per metre.
     pub emission: [f32; 3],
-    /// Density: factors on the extinction, and on the emission unless `glow` is set.
+    /// Density: factors on the extinction, and on the emission unless `emission_grid` is set.
     pub grid: Option<GridId>,
     /// Factors on the extinction by channel, in place of `grid`, which must have the same voxels and bound their values.
     pub extinction_grids: Option<[GridId; 3]>,
     /// Scattering coefficients by channel, likewise; at most the extinction.
     pub scattering_grids: Option<[GridId; 3]>,
     /// Grids of the emission, in place of `grid`.
-    pub glow: Option<EmissionGrid>,
+    pub emission_grid: Option<EmissionGrid>,
     /// Factors on the coefficients. The loader bakes these textures to grids; a scene to be rendered has none.
     pub textures: MediumTextures,
 }
@@ -107,7 +107,7 @@ impl Medium {
             grid: None,
             extinction_grids: None,
             scattering_grids: None,
-            glow: None,
+            emission_grid: None,
             textures: MediumTextures::default(),
         }
     }

@@ -154,7 +154,6 @@ fn edge_hash(a: u64, b: u64) -> u64 {
     mix64(a.wrapping_add(b))
 }
 
-/// Hash of a position.
 fn position_hash(position: [f32; 3]) -> u64 {
     // Maps -0.0 to 0.0.
     let [x, y, z] = position.map(|c| u64::from((c + 0.0).to_bits()));

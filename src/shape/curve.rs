@@ -46,7 +46,6 @@ impl CurveSegments {
         self.segments.is_empty()
     }
 
-    /// A segment by its index.
     #[inline]
     pub fn get(&self, index: usize) -> CurveSegment {
         let first = self.segments[index] as usize;
@@ -85,7 +84,6 @@ fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
-/// a + b t.
 #[inline(always)]
 fn along(a: [f64; 3], b: [f64; 3], t: f64) -> [f64; 3] {
     [a[0] + b[0] * t, a[1] + b[1] * t, a[2] + b[2] * t]

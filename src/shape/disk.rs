@@ -24,7 +24,6 @@ impl Disk {
         Disk { center, axis: (shape.rotation * (DVec3::Z * shape.radius)).as_vec3() }
     }
 
-    /// Unpacks a disk.
     #[inline(always)]
     pub(super) fn unpack(parameters: &[f32; 6]) -> Disk {
         let [x, y, z, a, b, c] = *parameters;
@@ -190,7 +189,6 @@ impl FacingDisk {
         FacingDisk { center, radius: shape.radius as f32 }
     }
 
-    /// Unpacks a disk.
     #[inline(always)]
     pub(super) fn unpack(parameters: &[f32; 6]) -> FacingDisk {
         let [x, y, z, radius, ..] = *parameters;

@@ -13,7 +13,6 @@ use std::f32::consts::{FRAC_1_PI, PI, SQRT_2};
 /// the viewer.
 const MIN_RADIUS: f32 = 1e-5;
 
-/// A sphere.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sphere {
     /// Centre, metres.
@@ -35,7 +34,6 @@ impl Sphere {
         Sphere { center, radius: shape.radius as f32 }
     }
 
-    /// Unpacks a sphere.
     #[inline(always)]
     pub(super) fn unpack(parameters: &[f32; 6]) -> Sphere {
         let [x, y, z, radius, ..] = *parameters;

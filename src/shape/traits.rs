@@ -132,7 +132,6 @@ pub fn pdf_solid_angle_of_area(to_point: Vec3, unit_normal: Vec3, area: f32) -> 
 /// scaling is exact, so results don't depend on the direction's length.
 #[derive(Clone, Copy, Debug)]
 pub struct PreparedRay {
-    /// Origin.
     pub origin: [f32; 3],
     /// Scaled direction.
     pub direction: [f32; 3],

@@ -10,7 +10,6 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 pub struct Line(pub [u32; 16]);
 
 impl Line {
-    /// A line of zeros.
     pub const ZERO: Line = Line([0; 16]);
 }
 

@@ -177,9 +177,7 @@ pub trait Lanes: Copy {
     fn splat(self, number: f32) -> Self::F16;
     /// `a * b + c`, rounded once.
     fn mul_add(self, a: Self::F16, b: Self::F16, c: Self::F16) -> Self::F16;
-    /// `a + b`.
     fn add(self, a: Self::F16, b: Self::F16) -> Self::F16;
-    /// `a - b`.
     fn sub(self, a: Self::F16, b: Self::F16) -> Self::F16;
     /// Stores a vector.
     fn store(self, v: Self::F16, to: &mut [f32; 16]);

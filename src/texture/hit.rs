@@ -289,7 +289,6 @@ pub struct HitData<'a> {
     pub attributes: HitAttributes<'a>,
     /// The object that was hit.
     pub object: &'a ObjectData,
-    /// The camera.
     pub camera: CameraData<'a>,
     /// Hit point in object space.
     pub object_point: Vec3,
@@ -313,7 +312,6 @@ pub struct HitData<'a> {
     pub tangent_frame: Option<Mat3>,
     /// Material index ("pass index" in Blender), set by the user.
     pub material_index: f32,
-    /// The path.
     pub path: PathData,
     /// The strand, if a curve was hit.
     pub strand: Option<StrandData>,

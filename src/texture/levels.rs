@@ -304,7 +304,6 @@ pub(super) struct Levels {
 }
 
 impl Levels {
-    /// All levels of an image, resident.
     #[cfg(test)]
     pub fn resident(image: Image, has_pyramid: bool) -> Levels {
         let next = |finer: &Image| ((finer.width, finer.height) != (1, 1)).then(|| halved(finer));

@@ -185,7 +185,6 @@ impl CompiledTextures {
         self
     }
 
-    /// Adds a spectrum.
     pub fn add_spectrum(&mut self, spectrum: Spectrum) -> TextureId {
         self.textures.push(Compiled::Spectrum(spectrum));
         TextureId(self.textures.len() as u32 - 1)
@@ -525,7 +524,6 @@ pub struct PointReader<'a> {
 }
 
 impl<'a> PointReader<'a> {
-    /// A reader of textures at a point.
     #[inline(always)]
     pub fn new(textures: &'a CompiledTextures, point: TexturePoint) -> PointReader<'a> {
         let nothing = (u64::MAX, Taps::default());

@@ -25,7 +25,6 @@ pub(super) const SIDE: u32 = 64;
 /// Width and height of a block, texels.
 const BLOCK: u32 = 8;
 
-/// Texels of a block.
 const BLOCK_TEXELS: usize = (BLOCK * BLOCK) as usize;
 
 /// Blocks along a side of a tile.

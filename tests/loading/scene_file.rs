@@ -439,12 +439,12 @@ fn what_passes_a_surface_of_shaders_has_its_colour() {
     // A sheet that scatters nothing is passed by all; beside another shader, by the mean share.
     let sheet = material_of_nodes("t", "t = { type = \"transparent_bsdf\", color = [1, 0.5, 0.25] }");
     assert_eq!((sheet.alpha, sheet.alpha_mode), (FloatSlot::constant(0.0), AlphaMode::Blend));
-    assert_eq!(sheet.passing, ColorSlot::constant([1.0, 0.5, 0.25]));
+    assert_eq!(sheet.transparent_color, ColorSlot::constant([1.0, 0.5, 0.25]));
     let nodes = "d = { type = \"diffuse_bsdf\", color = 0.5 }\nt = { type = \"transparent_bsdf\", color = [1, 0.5, 0] }\n\
                  m = { type = \"mix_shader\", factor = 0.5, a = \"t\", b = \"d\" }";
     let mixed = material_of_nodes("m", nodes);
     assert_eq!(mixed.alpha, FloatSlot::constant(0.75));
-    assert_eq!(mixed.passing, ColorSlot::constant([2.0, 1.0, 0.0]));
+    assert_eq!(mixed.transparent_color, ColorSlot::constant([2.0, 1.0, 0.0]));
 }
 
 /// What becomes of light among facets is a choice of each shader.

@@ -200,8 +200,7 @@ fn caustics_seen_by_a_lens_or_through_a_filter_are_the_same() {
     let mut scene = stage(ball(dielectric(1.5)));
     scene.cameras[0].lens =
         Some(ThinLens { defocus_angle_rad: 0.06, focus_distance: 3.5, aperture: Aperture::default() });
-    let off =
-        plain(options(32, 128, 12)).caustics(Caustics::Off).filter(Filter::BlackmanHarris);
+    let off = plain(options(32, 128, 12)).caustics(Caustics::Off).filter(Filter::BlackmanHarris);
     assert_same_means("lens", &scene, [&off, &off.caustics(Caustics::On)], 16);
     let shared =
         |options: RenderOptions| options.path_reuse(PathReuse::Groups("2x2".parse().expect("a shape")));

@@ -191,12 +191,11 @@ fn grids_shine_by_other_grids() {
     for (kelvin, scales_with_power) in [(None, false), (Some(1300.0), false), (Some(1300.0), true)] {
         let mut scene = Scene::default();
         let [smoke, fire] = [grid(density, along), grid(heat, hot)].map(|grid| scene.add_grid(grid));
-        let glow = Some(kelvin.map_or(EmissionGrid::Factors(fire), |kelvin| EmissionGrid::Temperatures {
-            grid: fire,
-            kelvin,
-            scales_with_power,
+        let emission_grid = Some(kelvin.map_or(EmissionGrid::Factors(fire), |kelvin| {
+            EmissionGrid::Temperatures { grid: fire, kelvin, scales_with_power }
         }));
-        let burning = Medium { grid: Some(smoke), glow, emission: [0.6; 3], ..medium(0.7, 0.0, 0.0) };
+        let burning =
+            Medium { grid: Some(smoke), emission_grid, emission: [0.6; 3], ..medium(0.7, 0.0, 0.0) };
         let filled = body(&mut scene, burning);
         sphere(&mut scene, [0.0; 3], 3.0, filled);
         scene.cameras.push(beam([0.1, 0.2, 6.0]));

@@ -111,11 +111,15 @@ fn grids_of_one_voxel_and_of_nothing_burn() {
         let grid = |value: f32| Grid::in_box(String::new(), [1; 3], Arc::new(vec![value]), min, max);
         let [smoke, fire] = [density, heat].map(|value| scene.add_grid(grid(value)));
         for kelvin in [None, Some(1.0), Some(1e6)] {
-            let glow = Some(kelvin.map_or(EmissionGrid::Factors(fire), |kelvin| {
+            let emission_grid = Some(kelvin.map_or(EmissionGrid::Factors(fire), |kelvin| {
                 EmissionGrid::Temperatures { grid: fire, kelvin, scales_with_power: false }
             }));
-            let medium =
-                Medium { grid: Some(smoke), glow, emission: [1.0, 0.5, 0.2], ..Medium::scattering([1.0; 3]) };
+            let medium = Medium {
+                grid: Some(smoke),
+                emission_grid,
+                emission: [1.0, 0.5, 0.2],
+                ..Medium::scattering([1.0; 3])
+            };
             let mut burning = scene.clone();
             let own = body(&mut burning, medium, 0);
             sphere(&mut burning, [0.0; 3], 1.0, own);

@@ -509,8 +509,9 @@ fn cube(scene: &mut Scene, material: MaterialId) {
 fn pictures_of_overlapping_media_have_the_same_bits_everywhere() {
     let mut scene = lumps(&[0.5, 0.5], true);
     let flame = constant(&mut scene, 0.9, [3, 3, 3]);
-    let glow = Some(EmissionGrid::Temperatures { grid: flame, kelvin: 1900.0, scales_with_power: true });
-    let fire = Medium { grid: Some(flame), glow, emission: [0.4; 3], ..medium([0.5; 3], 0.5, 0.0) };
+    let emission_grid =
+        Some(EmissionGrid::Temperatures { grid: flame, kelvin: 1900.0, scales_with_power: true });
+    let fire = Medium { grid: Some(flame), emission_grid, emission: [0.4; 3], ..medium([0.5; 3], 0.5, 0.0) };
     let colored = medium([0.2, 0.5, 1.0], 0.8, 0.2);
     for (radius, own) in [(0.7, fire), (1.1, colored)] {
         let ball = Ball { kind: Kind::Even, center: [0.3, 0.1, 0.0], radius, medium: own };

@@ -64,7 +64,7 @@ fn what_passes_by_alpha_is_coloured() {
         let sheet = Material {
             alpha_mode: AlphaMode::Blend,
             alpha: FloatSlot::constant(0.25),
-            passing: ColorSlot::constant([0.9, 0.6, 0.3]),
+            transparent_color: ColorSlot::constant([0.9, 0.6, 0.3]),
             ..Material::new("sheet", Model::Black)
         };
         let sheet = material(&mut scene, sheet);

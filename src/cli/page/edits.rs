@@ -341,12 +341,10 @@ fn end_of(lines: &[String], at: usize) -> usize {
     next.map_or(lines.len(), |n| at + 1 + n)
 }
 
-/// The value in a line `key = value`.
 fn value_of<'l>(line: &'l str, key: &str) -> Option<&'l str> {
     line.split_once('=').filter(|(own, _)| own.trim() == key).map(|(_, value)| value)
 }
 
-/// All tables as text.
 pub(crate) fn text(tables: &[Table]) -> String {
     tables.iter().map(Table::text).collect::<Vec<_>>().join("\n")
 }

@@ -422,7 +422,6 @@ impl PageDisplay {
         named.chain(self.own_view.iter().map(|view| view.name().into_owned())).collect()
     }
 
-    /// A view transform by name.
     pub fn view(&self, name: &str) -> Option<ViewTransform> {
         let own = self.own_view.as_ref().filter(|view| view.name() == name);
         own.cloned().or_else(|| ViewTransform::from_name(name))

@@ -398,7 +398,6 @@ fn indices() -> &'static [Index] {
 }
 
 impl Metal {
-    /// The metal of that name.
     pub fn named(name: &str) -> Option<Metal> {
         METALS.iter().position(|(own, _)| *own == name).map(|i| Metal(i as u8))
     }

@@ -123,7 +123,7 @@ pub fn rgb_of(spectrum: impl Fn(f64) -> f64) -> [f64; 3] {
     sum
 }
 
-/// Relative power of D65 at a wavelength, 100 at 560 nm.
+/// Relative power of D65 at a wavelength in nanometres, 100 at 560 nm.
 pub(super) fn daylight(nm: f64) -> f64 {
     let at = ((nm - f64::from(FIRST_NM)) / f64::from(STEP_NM)).clamp(0.0, (NODES - 1) as f64);
     let i = (at as usize).min(NODES - 2);
@@ -143,15 +143,15 @@ pub struct Wavelengths {
 impl Wavelengths {
     /// Samples a hero wavelength, and the others from it, by a random number in 0..1.
     #[inline]
-    pub fn draw(u: f32) -> Wavelengths {
+    pub fn sample(u: f32) -> Wavelengths {
         let observer = observer();
-        let mut drawn = Wavelengths { nm: [0.0; LANES], rgb: [[0.0; 3]; LANES] };
+        let mut sampled = Wavelengths { nm: [0.0; LANES], rgb: [[0.0; 3]; LANES] };
         for lane in 0..LANES {
             let rotated = u + lane as f32 / LANES as f32;
             let at = if rotated >= 1.0 { rotated - 1.0 } else { rotated };
-            (drawn.nm[lane], drawn.rgb[lane]) = observer.draw(at);
+            (sampled.nm[lane], sampled.rgb[lane]) = observer.sample(at);
         }
-        drawn
+        sampled
     }
 
     /// Unbiased estimate of the linear Rec. 709 colour from a path's spectral contribution per lane.
@@ -171,7 +171,7 @@ impl Wavelengths {
 impl Observer {
     /// The wavelength, nanometres, at a value of the cumulative distribution, and its linear Rec. 709 divided by the pdf and [`LANES`].
     #[inline]
-    fn draw(&self, u: f32) -> (f32, [f32; 3]) {
+    fn sample(&self, u: f32) -> (f32, [f32; 3]) {
         let above = self.cumulative.partition_point(|&c| c <= u);
         let i = above.clamp(1, NODES - 1) - 1;
         let (from, to) = (self.cumulative[i], self.cumulative[i + 1]);
@@ -222,18 +222,18 @@ impl Curve {
         Curve::new(|nm| interpolated(measured, nm))
     }
 
-    /// An emission spectrum from (wavelength in nanometres, relative power), scaled to the luminance `of_luminance`.
-    pub fn light(measured: &[(f64, f64)], of_luminance: f64) -> Curve {
-        Curve::new(|nm| interpolated(measured, nm) / daylight(nm)).of_luminance(of_luminance)
+    /// An emission spectrum from (wavelength in nanometres, relative power), scaled to the luminance `target_luminance`.
+    pub fn light(measured: &[(f64, f64)], target_luminance: f64) -> Curve {
+        Curve::new(|nm| interpolated(measured, nm) / daylight(nm)).with_luminance(target_luminance)
     }
 
-    /// The emission of a black body at a temperature in kelvins (Planck's law), scaled to the luminance `of_luminance`.
-    pub fn black_body(kelvin: f64, of_luminance: f64) -> Curve {
+    /// The emission of a black body at a temperature in kelvins (Planck's law), scaled to the luminance `target_luminance`.
+    pub fn black_body(kelvin: f64, target_luminance: f64) -> Curve {
         const C2: f64 = SECOND_RADIATION_CONSTANT;
         // Relative to 560 nm, against over- and underflow.
         let power =
             |nm: f64| (560.0 / nm).powi(5) * (C2 / (560.0 * kelvin)).exp_m1() / (C2 / (nm * kelvin)).exp_m1();
-        Curve::new(|nm| power(nm) / daylight(nm)).of_luminance(of_luminance)
+        Curve::new(|nm| power(nm) / daylight(nm)).with_luminance(target_luminance)
     }
 
     /// Samples a function of the wavelength in nanometres.
@@ -245,9 +245,9 @@ impl Curve {
         Curve { rgb, ..curve }
     }
 
-    fn of_luminance(self, wanted: f64) -> Curve {
+    fn with_luminance(self, target: f64) -> Curve {
         let own = f64::from(luminance(self.rgb));
-        let scale = if own > 0.0 { (wanted / own) as f32 } else { 0.0 };
+        let scale = if own > 0.0 { (target / own) as f32 } else { 0.0 };
         Curve { values: self.values.iter().map(|v| v * scale).collect(), rgb: self.rgb.map(|v| v * scale) }
     }
 
@@ -275,8 +275,8 @@ mod tests {
     fn mean(spectrum: impl Fn(f32) -> f32) -> [f64; 3] {
         let mut sum = [0.0; 3];
         for i in 0..COUNT {
-            let drawn = Wavelengths::draw((i as f32 + 0.5) / COUNT as f32);
-            let rgb = drawn.rgb(drawn.nm.map(&spectrum));
+            let sampled = Wavelengths::sample((i as f32 + 0.5) / COUNT as f32);
+            let rgb = sampled.rgb(sampled.nm.map(&spectrum));
             (0..3).for_each(|c| sum[c] += f64::from(rgb[c]) / f64::from(COUNT));
         }
         sum
@@ -284,9 +284,9 @@ mod tests {
 
     #[test]
     fn constant_spectrum_of_one_is_white() {
-        for (drawn, integral) in mean(|_| 1.0).into_iter().zip(rgb_of(|_| 1.0)) {
+        for (sampled, integral) in mean(|_| 1.0).into_iter().zip(rgb_of(|_| 1.0)) {
             assert!((integral - 1.0).abs() < 1e-9, "{integral}");
-            assert!((drawn - 1.0).abs() < 1e-4, "{drawn}");
+            assert!((sampled - 1.0).abs() < 1e-4, "{sampled}");
         }
     }
 
@@ -295,9 +295,9 @@ mod tests {
         let hump = |nm: f64| (-((nm - 530.0) / 60.0).powi(2)).exp();
         let slope = |nm: f64| (nm - 380.0) / 400.0;
         for spectrum in [&hump as &dyn Fn(f64) -> f64, &slope] {
-            let (drawn, exact) = (mean(|nm| spectrum(nm.into()) as f32), rgb_of(spectrum));
+            let (sampled, exact) = (mean(|nm| spectrum(nm.into()) as f32), rgb_of(spectrum));
             for c in 0..3 {
-                assert!((drawn[c] - exact[c]).abs() < 1e-4, "{drawn:?} {exact:?}");
+                assert!((sampled[c] - exact[c]).abs() < 1e-4, "{sampled:?} {exact:?}");
             }
         }
     }

@@ -187,7 +187,7 @@ fn column(levels: &[f64; NODES], brightest: usize, y: f64, x: f64) -> Vec<Sigmoi
         last = solve(levels[i], last);
         found[i] = single(last);
     }
-    // Never interpolated: `Table::of` clamps to the second level.
+    // Never interpolated: `Table::look_up` clamps to the second level.
     found[0] = found[1];
     found
 }
@@ -196,18 +196,18 @@ impl Table {
     /// The interpolated sigmoid of a colour in 0..1 that is not black, and a factor on it: below 1 only for colours darker than the
     /// second level.
     #[inline]
-    pub fn of(&self, rgb: [f32; 3]) -> (Sigmoid, f32) {
+    pub fn look_up(&self, rgb: [f32; 3]) -> (Sigmoid, f32) {
         let [r, g, b] = rgb;
         let m = if r >= g && r >= b { 0 } else { 1 + usize::from(b > g) };
-        let most = rgb[m];
+        let max = rgb[m];
         // The node below a value, and the interpolation weight of the node above.
         let split = |nodes: &[f32; NODES], value: f32| {
             let i = nodes.partition_point(|&node| node <= value).clamp(1, NODES - 1) - 1;
             (i, (value - nodes[i]) / (nodes[i + 1] - nodes[i]))
         };
-        let (x, u) = split(&self.ratios, rgb[(m + 1) % 3] / most);
-        let (y, v) = split(&self.ratios, rgb[(m + 2) % 3] / most);
-        let level = most.clamp(self.levels[1], 1.0);
+        let (x, u) = split(&self.ratios, rgb[(m + 1) % 3] / max);
+        let (y, v) = split(&self.ratios, rgb[(m + 2) % 3] / max);
+        let level = max.clamp(self.levels[1], 1.0);
         let (z, w) = split(&self.levels, level);
         let mut sum = [0.0; 3];
         for (k, of_level) in [(z, 1.0 - w), (z + 1, w)] {
@@ -220,7 +220,7 @@ impl Table {
                 }
             }
         }
-        (Sigmoid(sum), most / level)
+        (Sigmoid(sum), max / level)
     }
 }
 
@@ -243,12 +243,12 @@ pub enum Spectrum {
 }
 
 /// Emission colours are fitted with their brightest channel scaled to this value, where sigmoids are smoothest.
-const MIDDLE: f32 = 0.5;
+const EMISSION_LEVEL: f32 = 0.5;
 
-/// Divisor that scales a colour with brightest channel `most` into 0..1; 1 for reflectances.
+/// Divisor that scales a colour with brightest channel `max` into 0..1; 1 for reflectances.
 #[inline(always)]
-fn reflectance_scale(most: f32) -> f32 {
-    if most > 1.0 { most / MIDDLE } else { 1.0 }
+fn reflectance_scale(max: f32) -> f32 {
+    if max > 1.0 { max / EMISSION_LEVEL } else { 1.0 }
 }
 
 impl Spectrum {
@@ -259,7 +259,7 @@ impl Spectrum {
 
     /// The emission spectrum of a light's colour, relative to D65.
     pub fn of_light(rgb: Rgb) -> Spectrum {
-        Spectrum::of(rgb, rgb.max_element() / MIDDLE)
+        Spectrum::of(rgb, rgb.max_element() / EMISSION_LEVEL)
     }
 
     fn of(rgb: Rgb, scale: f32) -> Spectrum {
@@ -269,10 +269,10 @@ impl Spectrum {
             return Spectrum::Grey(r);
         }
         let within = (rgb / scale).to_array();
-        let (start, dark) = table().of(within);
-        let wanted = within.map(|c| f64::from(c) / f64::from(dark));
+        let (start, level) = table().look_up(within);
+        let wanted = within.map(|c| f64::from(c) / f64::from(level));
         let (fitted, _) = fit(wanted, start.0.map(f64::from));
-        Spectrum::Uplifted { rgb, scale: scale * dark, shape: Sigmoid(fitted.map(|c| c as f32)) }
+        Spectrum::Uplifted { rgb, scale: scale * level, shape: Sigmoid(fitted.map(|c| c as f32)) }
     }
 
     /// Values at a path's wavelengths.
@@ -297,8 +297,8 @@ impl Spectrum {
 
 #[inline]
 fn uplifted(rgb: Rgb, scale: f32, waves: &Wavelengths) -> Rgb {
-    let (shape, dark) = table().of((rgb / scale).to_array());
-    waves.map(|nm| shape.at(nm) * (scale * dark))
+    let (shape, level) = table().look_up((rgb / scale).to_array());
+    waves.map(|nm| shape.at(nm) * (scale * level))
 }
 
 /// The uplifted spectrum of a reflectance or transmittance at a path's wavelengths, interpolated in the table: mean error below 1e-3,
@@ -306,17 +306,17 @@ fn uplifted(rgb: Rgb, scale: f32, waves: &Wavelengths) -> Rgb {
 #[inline]
 pub fn uplift_reflectance(rgb: Rgb, waves: &Wavelengths) -> Rgb {
     let rgb = rgb.max(Rgb::ZERO);
-    let (most, least) = (rgb.max_element(), rgb.min_element());
-    if most == least { rgb } else { uplifted(rgb, reflectance_scale(most), waves) }
+    let (min, max) = (rgb.min_element(), rgb.max_element());
+    if min == max { rgb } else { uplifted(rgb, reflectance_scale(max), waves) }
 }
 
 /// The uplifted emission spectrum of a light's colour at a path's wavelengths, interpolated in the table.
 #[inline]
 pub fn uplift_emission(rgb: Rgb, waves: &Wavelengths) -> Rgb {
     let rgb = rgb.max(Rgb::ZERO);
-    let (most, least) = (rgb.max_element(), rgb.min_element());
+    let (min, max) = (rgb.min_element(), rgb.max_element());
     // Infinite emission stays infinite, so that the film counts the sample as invalid.
-    if most == least || !most.is_finite() { rgb } else { uplifted(rgb, most / MIDDLE, waves) }
+    if min == max || !max.is_finite() { rgb } else { uplifted(rgb, max / EMISSION_LEVEL, waves) }
 }
 
 #[cfg(test)]
@@ -356,7 +356,7 @@ mod tests {
     #[test]
     fn table_round_trips_colours_approximately() {
         let convert = |rgb: [f32; 3]| {
-            let (shape, scale) = table().of(rgb);
+            let (shape, scale) = table().look_up(rgb);
             rgb_of(|nm| f64::from(shape.at(nm as f32) * scale))
         };
         let (mean, most, worst) = round_trip(23, convert);
@@ -366,7 +366,7 @@ mod tests {
 
     #[test]
     fn greys_have_constant_spectra() {
-        let waves = Wavelengths::draw(0.3);
+        let waves = Wavelengths::sample(0.3);
         for value in [0.0, 1e-6, 0.18, 1.0, 40.0] {
             let grey = Rgb::splat(value);
             assert_eq!(uplift_reflectance(grey, &waves), grey);
@@ -377,7 +377,7 @@ mod tests {
 
     #[test]
     fn emission_spectra_scale_with_intensity() {
-        let waves = Wavelengths::draw(0.1);
+        let waves = Wavelengths::sample(0.1);
         let dim = uplift_emission(Rgb::new(0.02, 0.01, 0.004), &waves);
         let bright = uplift_emission(Rgb::new(20.0, 10.0, 4.0), &waves);
         let off = (bright / 1000.0 - dim).abs().max_element();

@@ -111,26 +111,26 @@ impl Network {
         let sized = |level: usize| size.map(|length| length >> level);
         let mut skips: Vec<Tensor> = Vec::new();
         for (level, layers) in self.down.iter().enumerate() {
-            let input = skips.last().map_or(Input::Picture(picture), Input::Same);
+            let input = skips.last().map_or(Input::Picture(picture), Input::SameSize);
             skips.push(Stage { size: sized(level), inputs: &[input], layers }.pooled());
         }
         let lowest = skips.pop().expect("as many as levels");
-        let stage = Stage { size: sized(LEVELS), inputs: &[Input::Same(&lowest)], layers: &self.bottom };
+        let stage = Stage { size: sized(LEVELS), inputs: &[Input::SameSize(&lowest)], layers: &self.bottom };
         let mut below = stage.output(0..size[1] >> LEVELS);
         for level in (2..LEVELS).rev() {
             let skip = skips.pop().expect("as many as levels");
-            let inputs = [Input::Doubled(&below), Input::Same(&skip)];
+            let inputs = [Input::Upsampled(&below), Input::SameSize(&skip)];
             let stage = Stage { size: sized(level), inputs: &inputs, layers: &self.up[level] };
             below = stage.output(0..size[1] >> level);
         }
         let skip = skips.pop().expect("as many as levels");
         for y0 in (0..size[1]).step_by(STRIP) {
             let y1 = (y0 + STRIP).min(size[1]);
-            let inputs = [Input::Doubled(&below), Input::Same(&skip)];
+            let inputs = [Input::Upsampled(&below), Input::SameSize(&skip)];
             let stage = Stage { size: sized(1), inputs: &inputs, layers: &self.up[1] };
             // The last three layers need a margin of three rows.
             let half = stage.output(y0.saturating_sub(4) / 2..((y1 + 4) / 2).min(size[1] / 2));
-            let inputs = [Input::Doubled(&half), Input::Picture(picture)];
+            let inputs = [Input::Upsampled(&half), Input::Picture(picture)];
             let stage = Stage { size, inputs: &inputs, layers: &self.up[0] };
             let mut strip = vec![[0.0f32; 3]; (y1 - y0) * size[0]];
             stage.run(y0..y1, &mut strip, 2 * size[0], |tile, x, out| {

@@ -10,7 +10,7 @@ use half::f16;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Columns of a tile: plus the margin of two further convolutions, a multiple of the columns processed at a time.
+/// Columns of a tile. With the margins of two convolutions they are a multiple of the columns processed at a time.
 const TILE_WIDTH: usize = 140;
 /// Maximum number of rows of a band.
 const BAND_HEIGHT: usize = 64;
@@ -44,10 +44,9 @@ impl Tensor {
 #[derive(Clone, Copy)]
 pub(super) enum Input<'a> {
     /// A tensor of the stage's resolution.
-    Same(&'a Tensor),
+    SameSize(&'a Tensor),
     /// A tensor of half the resolution, upsampled by repetition.
-    Doubled(&'a Tensor),
-    /// The picture.
+    Upsampled(&'a Tensor),
     Picture(&'a Picture<'a>),
 }
 
@@ -101,17 +100,17 @@ pub(super) struct Stage<'a> {
 }
 
 impl Stage<'_> {
-    /// Runs the stage for a range of rows. `out` has `values_of_pair` values per pair of rows; `write` copies a finished tile, with its
-    /// first column, to the values of its band.
+    /// Runs the stage for a range of rows. `out` has `values_per_row_pair` values for each two rows; `write(tile, x0, out)` copies a
+    /// finished tile, whose first column is `x0`, to the values of its band.
     pub fn run<T: Send>(
         &self,
         rows: Range<usize>,
         out: &mut [T],
-        values_of_pair: usize,
+        values_per_row_pair: usize,
         write: impl Fn(&Tile, usize, &mut [T]) + Sync,
     ) {
         let band_height = rows.len().div_ceil(MIN_BANDS).clamp(MIN_HEIGHT, BAND_HEIGHT).next_multiple_of(2);
-        let bands = out.par_chunks_mut(band_height / 2 * values_of_pair).enumerate();
+        let bands = out.par_chunks_mut(band_height / 2 * values_per_row_pair).enumerate();
         bands.for_each_init(Tiles::default, |tiles, (band, out)| {
             let y0 = rows.start + band * band_height;
             let y1 = rows.end.min(y0 + band_height);
@@ -144,7 +143,7 @@ impl Stage<'_> {
     /// Fills a tile with the inputs of a rectangle and a margin around it.
     fn gather(&self, x: &Range<usize>, y: &Range<usize>, margin: usize, to: &mut Tile) {
         let count = |input: &Input| match input {
-            Input::Same(tensor) | Input::Doubled(tensor) => blocks(tensor.channels),
+            Input::SameSize(tensor) | Input::Upsampled(tensor) => blocks(tensor.channels),
             Input::Picture(_) => 1,
         };
         let total = self.inputs.iter().map(count).sum();
@@ -165,10 +164,10 @@ impl Stage<'_> {
                     let inside = &mut line[left..right];
                     match (from, input) {
                         (None, _) => inside.fill([0.0; BLOCK]),
-                        (Some(from), Input::Same(tensor)) => {
+                        (Some(from), Input::SameSize(tensor)) => {
                             inside.copy_from_slice(&tensor.row(from, b)[first..][..right - left]);
                         }
-                        (Some(from), Input::Doubled(tensor)) => {
+                        (Some(from), Input::Upsampled(tensor)) => {
                             let row = tensor.row(from / 2, b);
                             let pixels = inside.iter_mut().enumerate();
                             pixels.for_each(|(i, to)| *to = row[(first + i) / 2]);
@@ -180,7 +179,6 @@ impl Stage<'_> {
         }
     }
 
-    /// The output for a range of rows.
     pub fn output(&self, rows: Range<usize>) -> Tensor {
         let channels = self.layers.last().map_or(0, |layer| layer.outputs);
         let (width, count) = (self.size[0], blocks(channels));

@@ -82,7 +82,7 @@ impl Integrator<'_> {
             let emitted = plan.emission.sample(lights, textures, [a, b], [c, d], u_light, u_target)?;
             let EmittedRay { ray, radiance, scale, light, is_delta } = emitted;
             let hero = self.is_spectral().then(|| point.sample_4d(&wavelength)[0]);
-            let wavelengths = hero.map(Wavelengths::draw);
+            let wavelengths = hero.map(Wavelengths::sample);
             Some(LightPath {
                 ray,
                 start: ray.direction,
@@ -93,10 +93,10 @@ impl Integrator<'_> {
                 point,
                 lens: [x, y],
                 bounces: 0,
-                has_roles: true,
+                has_only_caustic_roles: true,
                 is_straight: true,
                 light,
-                is_only_way: is_delta,
+                has_no_camera_path: is_delta,
             })
         };
         paths.filter_map(start).collect()
@@ -162,17 +162,18 @@ impl Integrator<'_> {
             return Step { connects: false, continues: false };
         }
         // The first surface must be a caster.
-        let is_caustic = path.has_roles
+        let is_caustic = path.has_only_caustic_roles
             && match role {
                 CausticRole::Caster => true,
                 CausticRole::Receiver | CausticRole::DiffuseReceiver => bounces > 0,
                 CausticRole::Neither => false,
             };
-        let is_only_way = path.is_only_way && bounces > 0;
+        let has_no_camera_path = path.has_no_camera_path && bounces > 0;
         Step {
-            connects: (is_only_way || is_caustic && role != CausticRole::Caster) && max_depth > bounces,
+            connects: (has_no_camera_path || is_caustic && role != CausticRole::Caster)
+                && max_depth > bounces,
             // The connection to the camera needs one more bounce.
-            continues: (is_only_way || is_caustic) && max_depth > bounces.saturating_add(1),
+            continues: (has_no_camera_path || is_caustic) && max_depth > bounces.saturating_add(1),
         }
     }
 }
@@ -198,7 +199,7 @@ struct CasterPoint {
     /// Direction back along the path.
     wo: Vec3,
     /// Whether no camera path finds the path: after specular scattering here, and after any scattering.
-    is_only_way: [bool; 2],
+    has_no_camera_path: [bool; 2],
 }
 
 /// A scattering vertex of a light path, with its surface and the interior on the other side.
@@ -257,8 +258,8 @@ impl Integrator<'_> {
             interior: if scattered.is_transmission { beyond } else { arriving.interior[0] },
             bounces: path.bounces + 1,
             is_straight: path.is_straight && self.goes_straight_on(path, at, &scattered),
-            has_roles: path.has_roles && role != CausticRole::Neither,
-            is_only_way: path.is_only_way && (path.bounces > 0 || scattered.is_specular),
+            has_only_caustic_roles: path.has_only_caustic_roles && role != CausticRole::Neither,
+            has_no_camera_path: path.has_no_camera_path && (path.bounces > 0 || scattered.is_specular),
             ..*path
         })
     }
@@ -292,8 +293,8 @@ impl Integrator<'_> {
             self.assume_inside(material, at.hit.t, 0, arriving, wavelengths);
         }
         let evaluated = self.read_material(at, 0.0, wo, wavelengths);
-        let is_only_way = [path.is_only_way, path.is_only_way && path.bounces > 0];
-        let mut caster = CasterPoint { evaluated, ng: at.surface.ng, wo, is_only_way };
+        let has_no_camera_path = [path.has_no_camera_path, path.has_no_camera_path && path.bounces > 0];
+        let mut caster = CasterPoint { evaluated, ng: at.surface.ng, wo, has_no_camera_path };
         let (mut beyond, mut surface) = (arriving.interior[0], at.surface);
         if is_solid {
             let boundary = match self.coincident_surfaces(&path.ray, at) {
@@ -346,7 +347,7 @@ impl Integrator<'_> {
             let is_bent = self.scene.features.bent_normals && bent_normal(*ns, *ng, direction).1;
             is_bent || is_stretched(*ns, *ng, direction, *wo)
         };
-        if !at.is_only_way[usize::from(!sample.is_specular)] && is_left_to_camera_paths() {
+        if !at.has_no_camera_path[usize::from(!sample.is_specular)] && is_left_to_camera_paths() {
             return None;
         }
         match sample.is_specular {
@@ -540,8 +541,8 @@ impl Integrator<'_> {
         let [near, _] = self.view.camera.range(-connection.direction);
         let start = if near > 0.0 { connection.lens - connection.direction * near } else { connection.lens };
         let around = match self.camera_interior {
-            CameraInterior::Same(interior) => interior,
-            CameraInterior::Differs => Interior::around(self.scene, start, STILL),
+            CameraInterior::Constant(interior) => interior,
+            CameraInterior::PerRay => Interior::around(self.scene, start, STILL),
         };
         let medium = &self.scene.media[usize::from(around.medium())];
         let transmittance = if self.scene.features.absorption {
@@ -561,7 +562,7 @@ impl Integrator<'_> {
             value,
             parts: self.parts_of(&receiver, path.light),
             wavelengths,
-            value_from_camera: if path.is_only_way { f32::INFINITY } else { value_from_camera },
+            value_from_camera: if path.has_no_camera_path { f32::INFINITY } else { value_from_camera },
             salt: hash32(seed ^ hash32(index ^ path.bounces)),
         })
     }
@@ -577,14 +578,14 @@ impl Integrator<'_> {
         let is_of_diffuse =
             self.options.caustics.is_some_and(|p| p.role(material) == CausticRole::DiffuseReceiver);
         let group = self.groups[material as usize];
-        let is_lambert = matches!(group, ShadingGroup::Plain | ShadingGroup::Lambert);
+        let is_lambert = matches!(group, ShadingGroup::FlatLambert | ShadingGroup::Lambert);
         let is_opaque = is_lambert
             || matches!(
                 group,
-                ShadingGroup::PlainMetalRough | ShadingGroup::Textured | ShadingGroup::MetalRough
+                ShadingGroup::FlatMetalRough | ShadingGroup::Textured | ShadingGroup::MetalRough
             );
         // If no camera path finds the light, all lobes scatter it here.
-        let is_diffuse = is_of_diffuse && !path.is_only_way;
+        let is_diffuse = is_of_diffuse && !path.has_no_camera_path;
         Receiver { bsdf, is_lambert, is_opaque, is_diffuse, ng, ns, mapping, wo: ng, wi: ng }
     }
 

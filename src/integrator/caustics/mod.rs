@@ -60,9 +60,9 @@ const IS_DIFFUSE: u32 = 1 << (2 * BITS);
 impl Integrator<'_> {
     /// Shifts the chain bits at the start of a bounce: the current vertex becomes the previous one.
     pub(super) fn shift_chains(&self, w: &mut Workspace) {
-        if self.optional.chains {
+        if self.optional.caustic_chains {
             let arrive = |chain: &mut u32| *chain = *chain >> BITS & (ARRIVES | ARRIVES_BY_CASTER);
-            w.arriving.chains[..w.rays.len()].iter_mut().for_each(arrive);
+            w.arriving.caustic_chains[..w.rays.len()].iter_mut().for_each(arrive);
         }
     }
 
@@ -71,7 +71,7 @@ impl Integrator<'_> {
         let Some(plan) = self.options.caustics else { return };
         for (i, hit) in w.hits.iter().enumerate() {
             let role = if hit.is_hit() { plan.role(w.materials[i]) } else { CausticRole::Neither };
-            let chain = &mut w.arriving.chains[i];
+            let chain = &mut w.arriving.caustic_chains[i];
             let before = *chain & (ARRIVES | ARRIVES_BY_CASTER);
             let continues = bounce == 0 || before != 0;
             *chain = match role {
@@ -103,9 +103,9 @@ impl Integrator<'_> {
 
     /// Ends chains at sorted vertices whose shading normals were bent on evaluation.
     pub(super) fn end_bent_chains(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
-        if bounce >= 1 && self.optional.chains && self.scene.features.bent_normals {
+        if bounce >= 1 && self.optional.caustic_chains && self.scene.features.bent_normals {
             for i in sorted.metal_rough() {
-                let chain = &mut w.wave.paths.chains[i];
+                let chain = &mut w.wave.paths.caustic_chains[i];
                 if w.wave.vertices.is_bent[i] != 0.0 && *chain & LEAVES_BY_CASTER != 0 {
                     *chain &= !(LEAVES | LEAVES_BY_CASTER);
                 }
@@ -115,13 +115,13 @@ impl Integrator<'_> {
 
     /// Ends chains where light paths exclude the sampled direction (see [`stretch`]).
     pub(super) fn end_stretched_chains(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
-        if bounce >= 1 && self.optional.chains && self.scene.features.bent_normals {
+        if bounce >= 1 && self.optional.caustic_chains && self.scene.features.bent_normals {
             for i in sorted.all() {
-                let is_by_caster = w.wave.paths.chains[i] & LEAVES_BY_CASTER != 0;
+                let is_by_caster = w.wave.paths.caustic_chains[i] & LEAVES_BY_CASTER != 0;
                 if is_by_caster
                     && is_stretched_at(&w.wave.vertices, i, get(&w.wave.vertices.next_direction, i))
                 {
-                    w.wave.paths.chains[i] &= !(LEAVES | LEAVES_BY_CASTER);
+                    w.wave.paths.caustic_chains[i] &= !(LEAVES | LEAVES_BY_CASTER);
                 }
             }
         }
@@ -138,25 +138,25 @@ impl Integrator<'_> {
     ) -> Rgb {
         let Some(plan) = self.options.caustics else { return Rgb::ONE };
         let is_caustic = bounce >= 2
-            && w.arriving.chains[i] & ARRIVES_BY_CASTER != 0
+            && w.arriving.caustic_chains[i] & ARRIVES_BY_CASTER != 0
             && light.is_some_and(|light| plan.emits_from(&self.scene.lights, light));
-        if is_caustic { Rgb::ONE - get_rgb(&w.arriving.chain_share, i) } else { Rgb::ONE }
+        if is_caustic { Rgb::ONE - get_rgb(&w.arriving.caustic_chain_share, i) } else { Rgb::ONE }
     }
 
-    /// At diffuse receivers, multiplies a path's `chain_share` by the diffuse lobes' fraction of the BSDF in the sampled direction.
+    /// At diffuse receivers, multiplies a path's `caustic_chain_share` by the diffuse lobes' fraction of the BSDF in the sampled direction.
     pub(super) fn update_chain_shares(&self, sorted: &SortedVertices, w: &mut Workspace) {
         let Workspace { wave, bsdfs, .. } = w;
         for i in sorted.all() {
             let Wave { paths, vertices: v, .. } = &mut **wave;
-            if paths.chains[i] & IS_DIFFUSE == 0 || !paths.state.pdf[i].is_alive() {
+            if paths.caustic_chains[i] & IS_DIFFUSE == 0 || !paths.state.pdf[i].is_alive() {
                 continue;
             }
             let diffuse = match paths.state.pdf[i].is_specular() {
                 true => Rgb::ZERO,
                 false => self.scattering(sorted, v, bsdfs, i, get(&v.next_direction, i)).diffuse,
             };
-            let share = get_rgb(&paths.chain_share, i) * diffuse;
-            set_rgb(&mut paths.chain_share, i, share);
+            let share = get_rgb(&paths.caustic_chain_share, i) * diffuse;
+            set_rgb(&mut paths.caustic_chain_share, i, share);
         }
     }
 
@@ -169,12 +169,12 @@ impl Integrator<'_> {
     ) {
         let Some(plan) = self.options.caustics.filter(|_| bounce >= 1) else { return };
         let Wave { paths, vertices: v, .. } = &mut *w.wave;
-        let chains = &paths.chains;
+        let chains = &paths.caustic_chains;
         for i in sorted.lit() {
             let is_caustic = chains[i] & LEAVES_BY_CASTER != 0
                 && plan.emits_from(&self.scene.lights, self.only_light.unwrap_or(v.light.index[i]));
             if is_caustic && !is_stretched_at(v, i, get(&v.light.wi, i)) {
-                let kept = Rgb::ONE - get_rgb(&paths.chain_share, i);
+                let kept = Rgb::ONE - get_rgb(&paths.caustic_chain_share, i);
                 if kept == Rgb::ZERO {
                     v.light.pdf[i] = LightPdf::NONE;
                 }
@@ -191,7 +191,7 @@ pub(super) fn excludes_light(chain: u32) -> bool {
     chain & LEAVES != 0
 }
 
-/// Does a path with this chain and `chain_share` exclude only the diffuse lobes' fraction of such light?
+/// Does a path with this chain and `caustic_chain_share` exclude only the diffuse lobes' fraction of such light?
 #[inline(always)]
 pub(super) fn excludes_diffuse_light(chain: u32, share: Rgb) -> bool {
     chain & IS_DIFFUSE != 0 || excludes_light(chain) && share != Rgb::ONE

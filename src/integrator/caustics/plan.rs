@@ -49,7 +49,6 @@ impl CausticPlan {
         light < self.light_count && !lights.light_emits_by_hit(light)
     }
 
-    /// The caustic role of a material.
     #[inline(always)]
     pub(super) fn role(&self, material: u32) -> CausticRole {
         self.roles[material as usize]
@@ -74,13 +73,13 @@ pub(super) struct LightPath {
     /// Number of scattering vertices.
     pub bounces: u32,
     /// Have all scattering vertices been casters or receivers?
-    pub has_roles: bool,
+    pub has_only_caustic_roles: bool,
     /// Has the path only passed panes without deviation? Then shadow rays through panes sample the same light.
     pub is_straight: bool,
     /// Index of the light.
     pub light: u32,
     /// The light is a delta light and the first surface perfectly specular: no camera path samples this light.
-    pub is_only_way: bool,
+    pub has_no_camera_path: bool,
     /// Random number of the hero wavelength, 0 to 1, in spectral rendering.
     pub hero: Option<f32>,
 }
@@ -89,7 +88,7 @@ impl LightPath {
     /// The path's wavelengths in spectral rendering.
     #[inline]
     pub fn wavelengths(&self) -> Option<Wavelengths> {
-        self.hero.map(Wavelengths::draw)
+        self.hero.map(Wavelengths::sample)
     }
 }
 

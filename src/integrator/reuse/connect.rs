@@ -77,7 +77,8 @@ impl Integrator<'_> {
     /// and of transparent surfaces. Bounce limits by kind and disabled caustics depend on the kind of the suffix's first ray, whose
     /// probabilities depend on the vertex class: then only prefixes of the same class share suffixes.
     fn prefix_key(&self, bounce: u32, i: usize, class: u32, paths: &Paths) -> u32 {
-        let mut key = bounce << 1 | u32::from(self.optional.chains && excludes_light(paths.chains[i]));
+        let mut key =
+            bounce << 1 | u32::from(self.optional.caustic_chains && excludes_light(paths.caustic_chains[i]));
         if self.optional.depth {
             key = key << 3 | paths.depth[i].min(7);
         }
@@ -106,7 +107,9 @@ impl Integrator<'_> {
         let Wave { paths, vertices: v, .. } = wave;
         let k = reuse.slot(paths.state.radiance_index[i]);
         let Reuse { prefixes, suffixes, .. } = reuse;
-        if self.optional.chains && excludes_diffuse_light(paths.chains[i], get_rgb(&paths.chain_share, i)) {
+        if self.optional.caustic_chains
+            && excludes_diffuse_light(paths.caustic_chains[i], get_rgb(&paths.caustic_chain_share, i))
+        {
             return;
         }
         if prefixes.class[k] == NONE {
@@ -538,7 +541,7 @@ const NO_KEY: u32 = u32::MAX;
 
 impl Integrator<'_> {
     /// Connects every prefix to all suffixes of its group.
-    pub(in super::super) fn share_paths(&self, tiling: &Tiling, w: &mut Workspace) {
+    pub(in super::super) fn reuse_paths(&self, tiling: &Tiling, w: &mut Workspace) {
         let Some(mut reuse) = w.reuse.take() else { return };
         self.finish_suffixes(&mut reuse, w);
         let has = |class| reuse.prefixes.class[..WAVE].contains(&class);
@@ -569,8 +572,8 @@ impl Integrator<'_> {
 
     /// Sums the radiance of each suffix, and adds the part that is not shared to its owner.
     fn finish_suffixes(&self, reuse: &mut Reuse, w: &mut Workspace) {
-        if self.options.keeps_plain {
-            w.radiance_buffer.keep_plain();
+        if self.options.records_baseline {
+            w.radiance_buffer.copy_to_baseline();
         }
         let Reuse { suffixes: s, samples, layers, .. } = reuse;
         for (k, &sample) in samples[..WAVE].iter().enumerate() {
@@ -581,8 +584,8 @@ impl Integrator<'_> {
             let (direct, scattered) =
                 (w.radiance_buffer.radiance(sample + DIRECT), w.radiance_buffer.radiance(sample + SCATTERED));
             let throughput = get_rgb(&s.throughput, k);
-            if self.options.keeps_plain {
-                w.radiance_buffer.add_plain(sample, throughput * (direct + scattered));
+            if self.options.records_baseline {
+                w.radiance_buffer.add_to_baseline(sample, throughput * (direct + scattered));
             }
             let (radiance, mut own) = s.divide(k, direct, scattered);
             let is_usable = radiance.is_finite() && radiance.max_element() > 0.0;

@@ -209,7 +209,6 @@ pub(super) enum Host {
 }
 
 impl Host {
-    /// The program.
     pub fn program(&self) -> &Path {
         match self {
             Host::Blender(program) | Host::Python(program) => program,

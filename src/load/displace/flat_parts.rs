@@ -9,11 +9,11 @@ pub(super) fn split(mesh: &mut Mesh, faces: &[Vec3], stays_flat: &[bool], vertex
     mesh.normals = vertex_normals.iter().map(|normal| normal.to_array()).collect();
     for (part, _) in mesh.parts.clone().iter().zip(stays_flat).filter(|&(_, is_flat)| *is_flat) {
         let first = part.first_triangle as usize;
-        for triangle in first..first + part.triangle_count as usize {
+        for (triangle, normal) in (first..).zip(&faces[first..first + part.triangle_count as usize]) {
             for corner in 0..3 {
                 let vertex = mesh.triangles[triangle][corner] as usize;
                 vertex_normals.push(vertex_normals[vertex]);
-                mesh.triangles[triangle][corner] = copy(mesh, vertex, faces[triangle].to_array());
+                mesh.triangles[triangle][corner] = copy(mesh, vertex, normal.to_array());
             }
         }
     }

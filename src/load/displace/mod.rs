@@ -308,7 +308,8 @@ mod tests {
     use crate::image::{Encoding, Image, Pixels};
     use crate::scene::nodes::{Node, NodeGraph, NodeInput, NodeKind};
     use crate::scene::{
-        Interpolation, Mapping, Material, MeshPart, Shape, Texture, TextureId, TextureTransform, Wrap,
+        Displacement, Interpolation, Mapping, Material, MeshPart, Shape, Texture, TextureId,
+        TextureTransform, Wrap,
     };
     use std::sync::Arc;
 

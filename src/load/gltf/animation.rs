@@ -16,11 +16,9 @@ const MAX_WEIGHTS: usize = 1 << 16;
 /// Animated properties of one node; `None` keeps the node's static value.
 #[derive(Default)]
 pub(super) struct NodePose {
-    /// Translation.
     pub translation: Option<DVec3>,
     /// Rotation, a unit quaternion.
     pub rotation: Option<DQuat>,
-    /// Scale.
     pub scale: Option<DVec3>,
     /// Morph target weights.
     pub weights: WeightsPose,

@@ -449,7 +449,6 @@ pub(super) enum Target {
         /// The decoded bytes.
         bytes: Vec<u8>,
     },
-    /// A file.
     File(PathBuf),
 }
 

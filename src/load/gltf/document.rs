@@ -28,7 +28,6 @@ pub(super) struct Document<'a> {
     pub allow_external: bool,
     /// Records the files read.
     pub files: &'a WatchedFiles,
-    /// Options for glTF.
     pub options: &'a GltfOptions,
     /// Maximum size of one decoded image, bytes.
     pub memory_limit: Option<u64>,

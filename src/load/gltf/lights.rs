@@ -25,7 +25,6 @@ use std::sync::Arc;
 /// JSON path of the lights of KHR_lights_punctual.
 const PUNCTUAL_LIGHTS: &str = "extensions/KHR_lights_punctual/lights";
 
-/// The camera of a node.
 pub(super) fn camera(doc: &Document, node: &Node, index: usize, report: &mut Report) -> Valid<Camera> {
     let from = format!("{}/camera", node.pointer());
     let camera: gltf::json::Camera = doc.entry("cameras", index, &from, report)?;
@@ -172,7 +171,6 @@ pub(super) fn light_group(raw: &Value, at: &str, report: &mut Report) -> Option<
     None
 }
 
-/// The light of a node.
 pub(super) fn punctual_light(doc: &Document, node: &Node, index: usize, report: &mut Report) -> Valid<Light> {
     let from = format!("{}/extensions/KHR_lights_punctual/light", node.pointer());
     let raw = doc.raw(PUNCTUAL_LIGHTS, index, &from, report)?;

@@ -50,7 +50,6 @@ impl Gloss {
 }
 
 impl Reference {
-    /// The reference of a texture info.
     pub fn new(info: &gltf::json::texture::Info, at: String) -> Reference {
         let transform = info.extensions.as_ref().and_then(|e| e.texture_transform.clone());
         Reference { texture: info.index.value(), uv_set: info.tex_coord, slot: 0, transform, at, gloss: None }
@@ -283,7 +282,6 @@ pub(super) fn read_textures(
     (images, unreadable.into_iter().map(|(index, problem)| (index, message_with_help(problem))).collect())
 }
 
-/// The message of a problem with its help.
 fn message_with_help(problem: Problem) -> String {
     match problem.help {
         Some(help) => format!("{} ({help})", problem.message),

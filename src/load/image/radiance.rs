@@ -31,7 +31,6 @@ const REC709_FROM_XYZ: [[f64; 3]; 3] = [
     [0.055_643_4, -0.204_025_9, 1.057_225_2],
 ];
 
-/// The header.
 struct Header {
     /// Product of all exposure factors, per channel.
     factors: [f32; 3],

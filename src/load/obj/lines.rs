@@ -196,7 +196,6 @@ impl Read for FilteredChunks {
     }
 }
 
-/// The result of `tobj`.
 type Parsed<T> = std::result::Result<T, tobj::LoadError>;
 
 /// Parses a filtered file by `tobj`; also returns the filter. The filter runs in its own thread.

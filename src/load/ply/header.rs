@@ -34,7 +34,6 @@ pub(super) struct Source<'a> {
     counter: &'a WorkCounter,
 }
 
-/// A header's text.
 struct HeaderText {
     /// Normalized: LF line ends, ASCII only, without blank and unknown lines.
     text: String,

@@ -147,7 +147,6 @@ impl NodeIndex {
         listed.filter(is_match).collect()
     }
 
-    /// Lights with a name.
     pub fn lights(&self, name: &str) -> Vec<usize> {
         let listed = self.lights.get(name).into_iter().flatten().copied();
         listed.filter(|i| !self.hidden[1].contains(i)).collect()

@@ -62,13 +62,13 @@ fn one<'a>(
         }
     };
     let basis = basis.or(file.basis).unwrap_or(default);
-    if let Some(invalid) = file.strands.iter().position(|n| !basis.takes(*n as usize)) {
+    if let Some(invalid) = file.strands.iter().position(|n| !basis.accepts(*n as usize)) {
         let (number, count) = (invalid + 1, file.strands[invalid]);
         let message = format!("strand {number} of {name} has {count} points");
         fields.problems.push_help(
             span,
             message,
-            format!("'{}' needs {} per strand", basis.name(), basis.asks_for()),
+            format!("'{}' needs {} per strand", basis.name(), basis.requirement()),
         );
         return None;
     }

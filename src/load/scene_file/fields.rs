@@ -168,7 +168,6 @@ impl<'a> Fields<'a> {
         self.typed(key, "a finite number", number)
     }
 
-    /// A number in a range, or a default.
     pub fn number_in(&self, key: &'static str, range: Range<f64>, default: f64) -> f64 {
         let Some(v) = self.number(key) else { return default };
         if !(range.start <= v.value && v.value <= range.end) {
@@ -186,7 +185,6 @@ impl<'a> Fields<'a> {
         v.value
     }
 
-    /// An integer from `min` to `max`.
     pub fn integer(&self, key: &'static str, min: i64, max: i64) -> Option<i64> {
         let expected = format!("a whole number from {min} to {max}");
         let read =
@@ -204,7 +202,6 @@ impl<'a> Fields<'a> {
         self.typed(key, "true or false", DeValue::as_bool).map_or(default, |v| v.value)
     }
 
-    /// A string.
     pub fn string(&self, key: &'static str) -> Option<Located<&'a str>> {
         self.typed(key, "a string", DeValue::as_str)
     }
@@ -236,7 +233,6 @@ impl<'a> Fields<'a> {
         self.typed(key, "a colour: three numbers, or one for grey, from 0 up", color)
     }
 
-    /// A table.
     pub fn table(&self, key: &'static str) -> Option<Fields<'a>> {
         let v = self.typed(key, "a table", DeValue::as_table)?;
         Some(Fields::new(format!("'{key}'"), v.value, v.span, self.problems))
@@ -259,7 +255,6 @@ impl<'a> Fields<'a> {
         }
     }
 
-    /// A list.
     pub fn list(&self, key: &'static str) -> Option<&'a [Spanned<DeValue<'a>>]> {
         self.typed(key, "a list", |v| v.as_array().map(|a| &a[..])).map(|v| v.value)
     }

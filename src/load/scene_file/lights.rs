@@ -394,7 +394,6 @@ pub(super) fn shape_kind(is_soft: bool, is_obstacle: bool) -> ShapeKind {
     }
 }
 
-/// Adds an area light.
 pub(super) fn add_area(build: &mut SceneFileBuilder, fields: &Fields, mut traits: LightTraits) {
     fields.mark_known(&["power", "radiance"]);
     let size = fields.require("size", fields.numbers::<2>("size"));

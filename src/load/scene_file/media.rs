@@ -107,7 +107,7 @@ pub(super) fn solid_medium<'a>(
             let fitted = box_from_box(own, (min.unwrap_or(own.0), max.unwrap_or(own.1)));
             let placement = GridPlacement { world_from_file: transform * fitted, is_z_up, has_margin };
             let grid = Some(build.loaded.scene.add_grid(placement.apply(grid)));
-            Medium { grid, glow: emission.of_file(build, fields, &path, placement), ..medium }
+            Medium { grid, emission_grid: emission.of_file(build, fields, &path, placement), ..medium }
         }
         Err(e) => {
             fields.problems.push(file.span, e);

@@ -69,7 +69,6 @@ fn clamp(fields: &Fields) -> Option<Clamp> {
     Some(found)
 }
 
-/// Caustics to skip.
 fn skip_caustics(fields: &Fields) -> Option<SkippedCaustics> {
     let fields = fields.table("skip_caustics")?;
     let found = SkippedCaustics {

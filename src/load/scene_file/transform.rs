@@ -60,7 +60,8 @@ fn read_step(fields: &Fields) -> Option<DAffine3> {
     let step = if fields.has("translate") {
         fields.vector("translate").map(|t| DAffine3::from_translation(t.value))
     } else if fields.has("rotate") {
-        fields.table("rotate").and_then(|r| axis_angle(&r))
+        let rotation = fields.table("rotate").and_then(|rotate| axis_and_angle(&rotate));
+        rotation.map(|(axis, angle)| DAffine3::from_axis_angle(axis, angle))
     } else if fields.has("euler") {
         fields.vector("euler").map(|e| {
             let [x, y, z] = e.value.to_array().map(f64::to_radians);
@@ -93,7 +94,8 @@ fn read_step(fields: &Fields) -> Option<DAffine3> {
     step
 }
 
-fn axis_angle(fields: &Fields) -> Option<DAffine3> {
+/// The unit axis and the angle, radians, of a rotation; no other keys are known after it.
+fn axis_and_angle(fields: &Fields) -> Option<(DVec3, f64)> {
     let axis = fields.require("axis", fields.vector("axis"));
     let angle = fields.require("angle", fields.number("angle"));
     fields.finish();
@@ -102,7 +104,7 @@ fn axis_angle(fields: &Fields) -> Option<DAffine3> {
         fields.problems.push(axis.span, "'axis' has length 0");
         return None;
     };
-    Some(DAffine3::from_axis_angle(unit, angle?.value.to_radians()))
+    Some((unit, angle?.value.to_radians()))
 }
 
 fn matrix(fields: &Fields, m: [f64; 16]) -> Option<DAffine3> {
@@ -122,7 +124,7 @@ fn matrix(fields: &Fields, m: [f64; 16]) -> Option<DAffine3> {
 /// The motion of an object.
 enum Trajectory {
     /// Constant velocity and angular velocity.
-    Constant { per_frame: DVec3, axis: DVec3, rad_per_frame: f64, center: DVec3 },
+    Constant { translation_per_frame: DVec3, axis: DVec3, rad_per_frame: f64, center: DVec3 },
     /// Keys: frame and transform.
     Keys(Vec<(f64, DAffine3)>),
 }
@@ -131,10 +133,10 @@ impl Trajectory {
     /// The motion's transform at a frame.
     fn at(&self, frame: f64) -> DAffine3 {
         match self {
-            Trajectory::Constant { per_frame, axis, rad_per_frame, center } => {
+            Trajectory::Constant { translation_per_frame, axis, rad_per_frame, center } => {
                 let rotation = DAffine3::from_axis_angle(*axis, rad_per_frame * frame);
                 let to_center = DAffine3::from_translation(-*center);
-                DAffine3::from_translation(*center + *per_frame * frame) * rotation * to_center
+                DAffine3::from_translation(*center + *translation_per_frame * frame) * rotation * to_center
             }
             Trajectory::Keys(keys) => interpolate(keys, frame),
         }
@@ -200,13 +202,13 @@ pub(super) fn read_motion(
     name: &str,
 ) -> Option<EvaluatedMotion> {
     let fields = object.table("motion")?;
-    let track = read_track(&fields);
+    let trajectory = read_trajectory(&fields);
     fields.finish();
-    let track = track?;
+    let trajectory = trajectory?;
     let now = build.frame();
-    let at_time = track.at(now);
+    let at_time = trajectory.at(now);
     let back = at_time.inverse();
-    let moved = |frames: f64| track.at(now + frames) * back;
+    let moved = |frames: f64| trajectory.at(now + frames) * back;
     let shutter = build.shutter;
     if !shutter.needs_motion() {
         warn_of_closed_shutter(build);
@@ -231,7 +233,7 @@ fn warn_of_closed_shutter(build: &mut SceneFileBuilder) {
     }
 }
 
-fn read_track(fields: &Fields) -> Option<Trajectory> {
+fn read_trajectory(fields: &Fields) -> Option<Trajectory> {
     if fields.has("keys") {
         if fields.has("translate") || fields.has("rotate") {
             fields.problems.push(fields.span(), "'keys' can't be combined with 'translate' or 'rotate'");
@@ -239,25 +241,23 @@ fn read_track(fields: &Fields) -> Option<Trajectory> {
         }
         return read_keys(fields, "keys", "motion", |key| Some(read(key))).map(Trajectory::Keys);
     }
-    let per_frame = fields.vector("translate").map(|t| t.value);
+    let translation_per_frame = fields.vector("translate").map(|t| t.value);
     let mut rotation = (DVec3::Y, 0.0, DVec3::ZERO);
     if let Some(rotate) = fields.table("rotate") {
-        let axis = rotate.require("axis", rotate.vector("axis"));
-        let angle = rotate.require("angle", rotate.number("angle"));
         let center = rotate.vector("center").map_or(DVec3::ZERO, |c| c.value);
-        rotate.finish();
-        let axis = axis?;
-        let Some(unit) = axis.value.try_normalize() else {
-            fields.problems.push(axis.span, "'axis' has length 0");
-            return None;
-        };
-        rotation = (unit, angle?.value.to_radians(), center);
+        let (axis, angle) = axis_and_angle(&rotate)?;
+        rotation = (axis, angle, center);
     } else if !fields.has("translate") {
         fields.problems.push(fields.span(), "'motion' needs 'translate', 'rotate' or 'keys'");
         return None;
     }
     let (axis, rad_per_frame, center) = rotation;
-    Some(Trajectory::Constant { per_frame: per_frame.unwrap_or(DVec3::ZERO), axis, rad_per_frame, center })
+    Some(Trajectory::Constant {
+        translation_per_frame: translation_per_frame.unwrap_or(DVec3::ZERO),
+        axis,
+        rad_per_frame,
+        center,
+    })
 }
 
 /// Reads a list of keys: tables with an ascending `frame` and a value that `read` reads. Messages call them keys of `owner`.

@@ -18,28 +18,29 @@ use crate::scene::{
 use std::collections::{HashMap, HashSet};
 
 /// Radius of the ground in model radii: its edge is a degree below the horizon.
-const REACH: f64 = 60.0;
-/// Distance of the ground below the lowest point, in model radii: avoids coplanar faces.
+const GROUND_RADIUS: f64 = 60.0;
+/// Distance of the ground below the lowest point of the model, in model radii: avoids coplanar faces.
 const GAP: f64 = 2e-4;
 /// Roughness of the ground: slightly reflective.
 const ROUGHNESS: f32 = 0.4;
 /// Factor on the ground's specular reflection.
 const SPECULAR: f32 = 0.45;
 /// Luminance of the ground's colour above which specular reflection has its full strength.
-const GLOSSY: f32 = 0.3;
+const FULL_SPECULAR_LUMINANCE: f32 = 0.3;
 /// Radius of the specular reflection, in model radii: at the grazing angles farther away it would reflect the stage's lights, and
 /// differ from the background.
-const GLOSS_REACH: f64 = 3.0;
-/// Roughness and colour of a floor.
-const FLOOR: (f32, [f32; 3]) = (0.12, [0.16, 0.16, 0.165]);
+const SPECULAR_RADIUS: f64 = 3.0;
+const FLOOR_ROUGHNESS: f32 = 0.12;
+/// Colour of a floor.
+const FLOOR_COLOR: [f32; 3] = [0.16, 0.16, 0.165];
 /// Radius where grounds with another colour than the background have faded out, in model radii; hides the horizon.
-const FADE_REACH: f64 = 30.0;
+const FADE_RADIUS: f64 = 30.0;
 /// Resolution of the fade texture, texels.
 const FADE_TEXELS: u32 = 128;
 /// Fraction of a fade's radius where it starts.
 const FADE_START: f64 = 0.2;
 /// Maximum reflectance of a ground.
-const WHITEST: f64 = 0.95;
+const MAX_REFLECTANCE: f64 = 0.95;
 
 /// The blending of a ground into the background.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -75,7 +76,7 @@ pub(super) fn add(loaded: &mut Loaded, options: &StageOptions, outline: &Outline
     let material = material(&mut loaded.scene, ground, blending, color);
     let material = loaded.scene.add_material(material);
     let center = on_grid(below, size) + loaded.offset;
-    let mut disk = Shape::disk(center, DVec3::Y, REACH * size, material);
+    let mut disk = Shape::disk(center, DVec3::Y, GROUND_RADIUS * size, material);
     disk.name = unused_name(&loaded.scene);
     if blending == Blending::Catcher {
         disk.traits = ObjectTraits { is_shadow_catcher: true, ..ObjectTraits::default() };
@@ -89,7 +90,7 @@ pub(super) fn add(loaded: &mut Loaded, options: &StageOptions, outline: &Outline
 /// match: pictures, transparency, and colours brighter than white under the stage's light.
 fn choose_blending(options: &StageOptions, ground: Ground, is_stage: bool) -> (Blending, [f32; 3]) {
     if ground == Ground::Floor {
-        return (Blending::Fading, FLOOR.1);
+        return (Blending::Fading, FLOOR_COLOR);
     }
     let target = match (&options.background, is_stage) {
         (None, false) => return (Blending::Fading, [0.5; 3]),
@@ -100,22 +101,21 @@ fn choose_blending(options: &StageOptions, ground: Ground, is_stage: bool) -> (B
     };
     let white = light::reflected(options.light, target, DVec3::Y);
     let color: [f64; 3] = std::array::from_fn(|c| f64::from(target[c]) / white[c].max(1e-3));
-    let blending = match color.iter().any(|&v| v > WHITEST) {
+    let blending = match color.iter().any(|&v| v > MAX_REFLECTANCE) {
         true => Blending::Catcher,
         false => Blending::Color,
     };
-    (blending, color.map(|v| v.clamp(0.0, WHITEST) as f32))
+    (blending, color.map(|v| v.clamp(0.0, MAX_REFLECTANCE) as f32))
 }
 
-/// The material of a ground.
 fn material(scene: &mut Scene, ground: Ground, blending: Blending, color: [f32; 3]) -> Material {
     // White reflections would hide saturated or dark colours of the ground.
-    let gloss = SPECULAR * (luminance(color) / GLOSSY).min(1.0);
+    let gloss = SPECULAR * (luminance(color) / FULL_SPECULAR_LUMINANCE).min(1.0);
     let max = color.iter().copied().fold(1e-3, f32::max);
     let tint = ColorSlot::constant(color.map(|v| v / max));
     let (roughness, specular) = match ground {
-        Ground::Floor => (FLOOR.0, FloatSlot::constant(1.0)),
-        _ => (ROUGHNESS, FloatSlot { factor: gloss, ..fade_texture(scene, GLOSS_REACH) }),
+        Ground::Floor => (FLOOR_ROUGHNESS, FloatSlot::constant(1.0)),
+        _ => (ROUGHNESS, FloatSlot { factor: gloss, ..fade_texture(scene, SPECULAR_RADIUS) }),
     };
     let parameters = PbrMaterial {
         base_color: ColorSlot::constant(color),
@@ -127,25 +127,25 @@ fn material(scene: &mut Scene, ground: Ground, blending: Blending, color: [f32; 
     };
     let mut material = Material::gltf("ground", parameters);
     if blending == Blending::Fading {
-        (material.alpha_mode, material.alpha) = (AlphaMode::Blend, fade_texture(scene, FADE_REACH));
+        (material.alpha_mode, material.alpha) = (AlphaMode::Blend, fade_texture(scene, FADE_RADIUS));
     }
     material
 }
 
-/// A texture that is 1 at the centre of the ground and fades to 0 at `reach` model radii.
-fn fade_texture(scene: &mut Scene, reach: f64) -> FloatSlot {
+/// A texture that is 1 at the centre of the ground and fades to 0 at `radius` model radii.
+fn fade_texture(scene: &mut Scene, radius: f64) -> FloatSlot {
     let coordinate = |i: u32| (f64::from(i) + 0.5) / f64::from(FADE_TEXELS) * 2.0 - 1.0;
     let mut rgb = Vec::with_capacity((FADE_TEXELS * FADE_TEXELS * 3) as usize);
     for row in 0..FADE_TEXELS {
         for column in 0..FADE_TEXELS {
-            let radius = coordinate(row).hypot(coordinate(column));
+            let distance = coordinate(row).hypot(coordinate(column));
             // The wrap mode repeats the outermost texels, which must be 0.
             let end = 1.0 - 2.0 / f64::from(FADE_TEXELS);
-            rgb.extend([(1.0 - light::smooth(FADE_START, end, radius)) as f32; 3]);
+            rgb.extend([(1.0 - light::smooth(FADE_START, end, distance)) as f32; 3]);
         }
     }
     let image = scene.add_image(Image::from_linear_rgb("fading", FADE_TEXELS, FADE_TEXELS, rgb));
-    let scale = REACH / reach;
+    let scale = GROUND_RADIUS / radius;
     let transform = TextureTransform {
         offset: Vec2::splat((0.5 - 0.5 * scale) as f32),
         scale: Vec2::splat(scale as f32),
@@ -229,8 +229,10 @@ fn undersides(scene: &Scene, instance: &Instance, offset: DVec3, height: f64) ->
     if down.is_empty() {
         return None;
     }
-    let rising = mesh.triangles.iter().filter(|t| low_count(t) == 2).flat_map(|t| edges(mesh, t)).collect();
-    let removed = unattached(mesh, &down, &rising);
+    // Where walls rise from the ground, the face is the bottom of a body.
+    let wall_edges =
+        mesh.triangles.iter().filter(|t| low_count(t) == 2).flat_map(|t| edges(mesh, t)).collect();
+    let removed = without_walls(mesh, &down, &wall_edges);
     (!removed.is_empty()).then_some(removed)
 }
 
@@ -250,8 +252,8 @@ fn edges(mesh: &Mesh, triangle: &[u32; 3]) -> [Edge; 3] {
     [[a, b], [b, c], [c, a]].map(|[a, b]| if a <= b { [a, b] } else { [b, a] })
 }
 
-/// The triangles among `down` in connected components that share no edge with `rising`.
-fn unattached(mesh: &Mesh, down: &[usize], rising: &HashSet<Edge>) -> HashSet<usize> {
+/// The triangles among `down` in connected components without any of `wall_edges`.
+fn without_walls(mesh: &Mesh, down: &[usize], wall_edges: &HashSet<Edge>) -> HashSet<usize> {
     let mut neighbours: HashMap<Edge, Vec<usize>> = HashMap::new();
     for &t in down {
         edges(mesh, &mesh.triangles[t])
@@ -259,7 +261,7 @@ fn unattached(mesh: &Mesh, down: &[usize], rising: &HashSet<Edge>) -> HashSet<us
             .for_each(|edge| neighbours.entry(edge).or_default().push(t));
     }
     let mut attached: HashSet<usize> = HashSet::new();
-    let touches = |t: &&usize| edges(mesh, &mesh.triangles[**t]).iter().any(|edge| rising.contains(edge));
+    let touches = |t: &&usize| edges(mesh, &mesh.triangles[**t]).iter().any(|edge| wall_edges.contains(edge));
     let mut stack: Vec<usize> = down.iter().filter(touches).copied().collect();
     while let Some(t) = stack.pop() {
         if attached.insert(t) {

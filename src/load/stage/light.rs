@@ -226,7 +226,6 @@ pub(super) fn classify_emission(scene: &Scene) -> EmittedLight {
     }
 }
 
-/// The triangles of a part.
 fn triangles_of<'m>(triangles: &'m [[u32; 3]], part: &MeshPart) -> &'m [[u32; 3]] {
     let first = part.first_triangle as usize;
     triangles.get(first..first.saturating_add(part.triangle_count as usize)).unwrap_or_default()

@@ -19,7 +19,6 @@ pub(super) enum Edges {
     Fixed,
 }
 
-/// Rule for a vertex.
 enum VertexRule {
     /// Interior vertex of this valence.
     Inner(f64),

@@ -65,21 +65,21 @@ impl Findings {
     /// Adds a problem unless a condition holds.
     pub fn require(
         &mut self,
-        is_met: bool,
+        is_valid: bool,
         place: impl Display,
         field: &'static str,
         found: impl Debug,
         allowed: &'static str,
     ) {
-        if !is_met {
+        if !is_valid {
             self.reject(place, field, found, allowed);
         }
     }
 
     /// Checks a colour or intensity.
     pub fn require_color(&mut self, rgb: &[f32; 3], place: impl Display, field: &'static str) {
-        let is_met = rgb.iter().all(|c| c.is_finite() && *c >= 0.0);
-        self.require(is_met, place, field, rgb, "finite numbers from 0 up");
+        let is_valid = rgb.iter().all(|c| c.is_finite() && *c >= 0.0);
+        self.require(is_valid, place, field, rgb, "finite numbers from 0 up");
     }
 
     /// Checks a length or ratio.
@@ -90,8 +90,8 @@ impl Findings {
         field: &'static str,
         found: impl Debug,
     ) {
-        let is_met = length > 0.0 && length.is_finite();
-        self.require(is_met, place, field, found, "a finite number above 0");
+        let is_valid = length > 0.0 && length.is_finite();
+        self.require(is_valid, place, field, found, "a finite number above 0");
     }
 
     /// Checks a list of numbers for NaN and infinity.

@@ -9,6 +9,11 @@ use crate::scene::{
 use rayon::prelude::*;
 use std::collections::HashSet;
 
+// Requirements in messages.
+
+const MATERIAL: &str = "one of the scene's materials";
+const FINITE: &str = "finite";
+
 // Meshes.
 
 pub(super) fn check_meshes(scene: &Scene, findings: &mut Findings) {
@@ -47,8 +52,8 @@ fn check_numbers(mesh: &Mesh, place: Entry, findings: &mut Findings) {
 fn check_attributes(mesh: &Mesh, place: Entry, findings: &mut Findings) {
     let mut names = HashSet::new();
     for attribute in &mesh.attributes {
-        let is_met = (1..=VertexAttribute::MAX_WIDTH).contains(&attribute.width);
-        findings.require(is_met, place, "width of an attribute", attribute.width, "1 to 4");
+        let is_valid = (1..=VertexAttribute::MAX_WIDTH).contains(&attribute.width);
+        findings.require(is_valid, place, "width of an attribute", attribute.width, "1 to 4");
         let expected = mesh.positions.len() as u64 * u64::from(attribute.width);
         let length = attribute.values.len();
         findings.require(
@@ -66,8 +71,8 @@ fn check_attributes(mesh: &Mesh, place: Entry, findings: &mut Findings) {
 fn check_lengths(mesh: &Mesh, place: Entry, findings: &mut Findings) {
     let vertices = mesh.positions.len();
     let mut check = |field, length: usize| {
-        let is_met = length == 0 || length == vertices;
-        findings.require(is_met, place, field, length, "the number of positions, or 0");
+        let is_valid = length == 0 || length == vertices;
+        findings.require(is_valid, place, field, length, "the number of positions, or 0");
     };
     check("length of normals", mesh.normals.len());
     check("length of tangents", mesh.tangents.len());
@@ -78,8 +83,8 @@ fn check_lengths(mesh: &Mesh, place: Entry, findings: &mut Findings) {
 fn check_splats(mesh: &Mesh, place: Entry, findings: &mut Findings) {
     let Some(splats) = &mesh.splats else { return };
     let Splats { scales, rotations, opacities, degree, coefficients, is_linear: _ } = &**splats;
-    let is_met = *degree <= Splats::MAX_DEGREE;
-    findings.require(is_met, place, "degree of splats", degree, "0 to 3");
+    let is_valid = *degree <= Splats::MAX_DEGREE;
+    findings.require(is_valid, place, "degree of splats", degree, "0 to 3");
     let vertices = mesh.positions.len();
     let per_splat = Splats::coefficients_of((*degree).min(Splats::MAX_DEGREE));
     let lengths = [
@@ -103,16 +108,16 @@ fn check_splats(mesh: &Mesh, place: Entry, findings: &mut Findings) {
     findings.require(invalid.is_none(), place, "rotations of splats", invalid, "of unit length");
     let invalid = coefficients.as_flattened().iter().find(|c| !c.is_finite());
     findings.require(invalid.is_none(), place, "coefficients of splats", invalid, FINITE);
-    let is_met = mesh.triangles.is_empty() && !mesh.parts.is_empty();
-    findings.require(is_met, place, "splats", mesh.triangles.len(), "without triangles, with one part");
+    let is_valid = mesh.triangles.is_empty() && !mesh.parts.is_empty();
+    findings.require(is_valid, place, "splats", mesh.triangles.len(), "without triangles, with one part");
 }
 
 fn check_parts(mesh: &Mesh, materials: usize, place: Entry, findings: &mut Findings) {
     const IN_ORDER: &str = "in order without gaps, and cover all triangles";
     let mut next = 0u64;
     for part in &mesh.parts {
-        let is_met = part.material.index() < materials;
-        findings.require(is_met, place, "material of a part", part.material, "one of the scene's materials");
+        let is_valid = part.material.index() < materials;
+        findings.require(is_valid, place, "material of a part", part.material, MATERIAL);
         if u64::from(part.first_triangle) != next {
             return findings.reject(place, "parts", part, IN_ORDER);
         }
@@ -129,7 +134,7 @@ pub(super) fn check_curves(scene: &Scene, findings: &mut Findings) {
         check_info(&curves.info, place, findings);
         check_curve_lists(curves, place, findings);
         match scene.materials.get(curves.material.index()) {
-            None => findings.reject(place, "material", curves.material, "one of the scene's materials"),
+            None => findings.reject(place, "material", curves.material, MATERIAL),
             Some(material) => check_curve_material(material, place, findings),
         }
     }
@@ -139,18 +144,18 @@ fn check_curve_lists(curves: &Curves, place: Entry, findings: &mut Findings) {
     let sum: u64 = curves.strands.iter().map(|n| u64::from(*n)).sum();
     let points = curves.points.len();
     findings.require(sum == points as u64, place, "strands", sum, "the number of points in total");
-    let invalid = curves.strands.iter().find(|n| !curves.basis.takes(**n as usize));
-    findings.require(invalid.is_none(), place, "strands", invalid, curves.basis.asks_for());
+    let invalid = curves.strands.iter().find(|n| !curves.basis.accepts(**n as usize));
+    findings.require(invalid.is_none(), place, "strands", invalid, curves.basis.requirement());
     findings.require(curves.radii.len() == points, place, "radii", curves.radii.len(), "one per point");
-    let is_met = [0, points].contains(&curves.colors.len());
-    findings.require(is_met, place, "colors", curves.colors.len(), "one per point, or none");
+    let is_valid = [0, points].contains(&curves.colors.len());
+    findings.require(is_valid, place, "colors", curves.colors.len(), "one per point, or none");
     findings.require_finite(curves.points.as_flattened(), place, "points");
     findings.require_finite(&curves.radii, place, "radii");
     findings.require_finite(curves.colors.as_flattened(), place, "colors");
     let negative = curves.radii.iter().find(|r| **r < 0.0);
     findings.require(negative.is_none(), place, "radii", negative, "from 0 up");
     let is_finite = curves.world_from_object.is_finite();
-    findings.require(is_finite, place, "world_from_object", curves.world_from_object, "finite");
+    findings.require(is_finite, place, "world_from_object", curves.world_from_object, FINITE);
 }
 
 /// Does the material enclose a solid or medium?
@@ -174,9 +179,6 @@ fn check_curve_material(material: &Material, place: Entry, findings: &mut Findin
 }
 
 // Instances, shapes and quads.
-
-const MATERIAL: &str = "one of the scene's materials";
-const FINITE: &str = "finite";
 
 fn check_info(info: &ObjectInfo, place: Entry, findings: &mut Findings) {
     let numbers = [&info.color[..], &[info.index], &[info.random.unwrap_or(0.0)]].concat();

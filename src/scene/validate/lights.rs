@@ -15,12 +15,12 @@ pub(super) fn check_lights(scene: &Scene, findings: &mut Findings) {
         findings.require_color(&light.intensity, place, "intensity");
         check_kind(&light.kind, place, findings);
         let is_profiled = matches!(light.kind, LightKind::Profiled { .. });
-        let is_met = match &light.profile {
+        let is_valid = match &light.profile {
             Some(profile) => is_profiled && profile.is_sound(),
             None => !is_profiled,
         };
         findings.require(
-            is_met,
+            is_valid,
             place,
             "profile",
             light.profile.is_some(),
@@ -57,8 +57,8 @@ fn check_kind(kind: &LightKind, place: Entry, findings: &mut Findings) {
         LightKind::Directional { direction } => check_direction(direction, place, findings),
         LightKind::Sun { direction, angle_rad } => {
             check_direction(direction, place, findings);
-            let is_met = (MIN_SUN_RAD..=PI).contains(&angle_rad);
-            findings.require(is_met, place, "angle_rad", angle_rad, "from 1e-5 to pi");
+            let is_valid = (MIN_SUN_RAD..=PI).contains(&angle_rad);
+            findings.require(is_valid, place, "angle_rad", angle_rad, "from 1e-5 to pi");
         }
     }
 }
@@ -84,8 +84,8 @@ fn check_position(position: DVec3, place: Entry, findings: &mut Findings) {
 }
 
 fn check_direction(direction: DVec3, place: Entry, findings: &mut Findings) {
-    let is_met = direction.try_normalize().is_some();
-    findings.require(is_met, place, "direction", direction, "a finite vector other than 0");
+    let is_valid = direction.try_normalize().is_some();
+    findings.require(is_valid, place, "direction", direction, "a finite vector other than 0");
 }
 
 // The environment.
@@ -104,8 +104,8 @@ pub(super) fn check_environment(scene: &Scene, findings: &mut Findings) {
     }
     if let Some(sun) = scene.environment_sun {
         let kind = scene.lights.get(sun as usize).map(|light| light.kind);
-        let is_met = matches!(kind, Some(LightKind::Sun { .. }));
-        findings.require(is_met, PLACE, "sun", sun, "one of the scene's lights, a sun");
+        let is_valid = matches!(kind, Some(LightKind::Sun { .. }));
+        findings.require(is_valid, PLACE, "sun", sun, "one of the scene's lights, a sun");
     }
     for (index, portal) in scene.portals.iter().enumerate() {
         let place = Entry { list: "portals", index, name: &portal.name };
@@ -132,16 +132,16 @@ fn check_radiance(scene: &Scene, environment: &Environment, place: &'static str,
             findings.require_color(zenith, place, "zenith");
         }
         Environment::Image { image, strength, rotation_rad } => {
-            let is_met = strength.is_finite() && *strength >= 0.0;
-            findings.require(is_met, place, "strength", strength, "a finite number from 0 up");
-            let is_met = rotation_rad.is_finite();
-            findings.require(is_met, place, "rotation_rad", rotation_rad, "a finite number");
+            let is_valid = strength.is_finite() && *strength >= 0.0;
+            findings.require(is_valid, place, "strength", strength, "a finite number from 0 up");
+            let is_valid = rotation_rad.is_finite();
+            findings.require(is_valid, place, "rotation_rad", rotation_rad, "a finite number");
             let Some(map) = scene.images.get(image.index()) else {
                 return findings.reject(place, "image", image, "one of the scene's images");
             };
             let texels = u64::from(map.width) * u64::from(map.height);
-            let is_met = texels <= MAX_TEXELS;
-            findings.require(is_met, place, "texels of the image", texels, "at most 2^29");
+            let is_valid = texels <= MAX_TEXELS;
+            findings.require(is_valid, place, "texels of the image", texels, "at most 2^29");
             findings.require(!map.is_encoded(), place, "pixels of the image", "encoded", DECODED);
         }
     }
@@ -179,13 +179,13 @@ pub(super) fn check_camera(camera: &Camera, index: usize, findings: &mut Finding
     let allowed = "finite, with three linearly independent axes";
     findings.require(is_camera_transform(m), place, "world_from_camera", m, allowed);
     if let Some(moving) = &camera.motion {
-        let is_met = moving.all().all(is_camera_transform);
-        findings.require(is_met, place, "motion", moving.keys.len(), allowed);
+        let is_valid = moving.all().all(is_camera_transform);
+        findings.require(is_valid, place, "motion", moving.keys.len(), allowed);
     }
     match camera.projection {
         Projection::Perspective { vfov_rad } => {
-            let is_met = vfov_rad > 0.0 && vfov_rad < PI;
-            findings.require(is_met, place, "vfov_rad", vfov_rad, "above 0 and below pi");
+            let is_valid = vfov_rad > 0.0 && vfov_rad < PI;
+            findings.require(is_valid, place, "vfov_rad", vfov_rad, "above 0 and below pi");
         }
         Projection::Orthographic { half_height } => {
             findings.require_length(half_height, place, "half_height", half_height);
@@ -203,15 +203,15 @@ pub(super) fn check_camera(camera: &Camera, index: usize, findings: &mut Finding
 fn check_frame(camera: &Camera, place: Entry, findings: &mut Findings) {
     let pixel = camera.pixel_aspect;
     let is_square = pixel == 1.0 || !matches!(camera.projection, Projection::Panorama(_));
-    let is_met = PIXEL_ASPECTS.contains(&pixel) && is_square;
-    findings.require(is_met, place, "pixel_aspect", pixel, "from 0.001 to 1000, and 1 for a panorama");
+    let is_valid = PIXEL_ASPECTS.contains(&pixel) && is_square;
+    findings.require(is_valid, place, "pixel_aspect", pixel, "from 0.001 to 1000, and 1 for a panorama");
     let [x, y] = camera.shift;
-    let is_met = x.abs() <= MAX_SHIFT && y.abs() <= MAX_SHIFT;
-    findings.require(is_met, place, "shift", camera.shift, "at most 1000 picture heights");
+    let is_valid = x.abs() <= MAX_SHIFT && y.abs() <= MAX_SHIFT;
+    findings.require(is_valid, place, "shift", camera.shift, "at most 1000 picture heights");
     if let Some([near, far]) = camera.clip {
-        let is_met = near >= 0.0 && far > near && far <= MAX_FOCUS;
+        let is_valid = near >= 0.0 && far > near && far <= MAX_FOCUS;
         findings.require(
-            is_met,
+            is_valid,
             place,
             "clip",
             [near, far],
@@ -223,17 +223,17 @@ fn check_frame(camera: &Camera, place: Entry, findings: &mut Findings) {
 fn check_lens(camera: &Camera, place: Entry, findings: &mut Findings) {
     let Some(lens) = camera.lens else { return };
     let angle = lens.defocus_angle_rad;
-    let is_met = (0.0..PI).contains(&angle);
-    findings.require(is_met, place, "defocus_angle_rad", angle, "from 0 to below pi");
+    let is_valid = (0.0..PI).contains(&angle);
+    findings.require(is_valid, place, "defocus_angle_rad", angle, "from 0 to below pi");
     let distance = lens.focus_distance;
-    let is_met = distance > 0.0 && distance <= MAX_FOCUS;
-    findings.require(is_met, place, "focus_distance", distance, "above 0 and at most 1e18");
+    let is_valid = distance > 0.0 && distance <= MAX_FOCUS;
+    findings.require(is_valid, place, "focus_distance", distance, "above 0 and at most 1e18");
     let Aperture { blades, rotation_rad, ratio } = lens.aperture;
-    let is_met = blades == 0 || (3..=MAX_BLADES).contains(&blades);
-    findings.require(is_met, place, "blades", blades, "0, or from 3 to 256");
+    let is_valid = blades == 0 || (3..=MAX_BLADES).contains(&blades);
+    findings.require(is_valid, place, "blades", blades, "0, or from 3 to 256");
     findings.require(rotation_rad.is_finite(), place, "rotation_rad", rotation_rad, "finite");
-    let is_met = (1e-3..=1e3).contains(&ratio);
-    findings.require(is_met, place, "ratio", ratio, "from 0.001 to 1000");
+    let is_valid = (1e-3..=1e3).contains(&ratio);
+    findings.require(is_valid, place, "ratio", ratio, "from 0.001 to 1000");
     if matches!(camera.projection, Projection::Panorama(_)) {
         findings.require(
             blades == 0 && ratio == 1.0,
@@ -252,8 +252,8 @@ fn check_panorama(panorama: &Panorama, place: Entry, findings: &mut Findings) {
                 ("longitude_rad", longitude_rad, PI, "increasing, from -pi to pi"),
                 ("latitude_rad", latitude_rad, FRAC_PI_2, "increasing, from -pi/2 to pi/2"),
             ] {
-                let is_met = -most <= from && to <= most && to - from >= MIN_ANGLE;
-                findings.require(is_met, place, field, [from, to], allowed);
+                let is_valid = -most <= from && to <= most && to - from >= MIN_ANGLE;
+                findings.require(is_valid, place, field, [from, to], allowed);
             }
         }
         Panorama::FisheyeEquidistant { fov_rad } => check_fov(fov_rad, place, findings),
@@ -267,8 +267,8 @@ fn check_panorama(panorama: &Panorama, place: Entry, findings: &mut Findings) {
 }
 
 fn check_fov(fov_rad: f64, place: Entry, findings: &mut Findings) {
-    let is_met = (MIN_ANGLE..=TAU).contains(&fov_rad);
-    findings.require(is_met, place, "fov_rad", fov_rad, "above 0 and at most 2 pi");
+    let is_valid = (MIN_ANGLE..=TAU).contains(&fov_rad);
+    findings.require(is_valid, place, "fov_rad", fov_rad, "above 0 and at most 2 pi");
 }
 
 /// Minimum field of view of a panorama, radians.

@@ -39,9 +39,9 @@ pub(super) fn check_materials(scene: &Scene, findings: &mut Findings) {
 /// Attenuation can't be combined with a density grid, which scales the extinction of all channels equally.
 fn check_attenuation(medium: &Medium, model: &Model, place: Entry, findings: &mut Findings) {
     let Some(pbr) = model.pbr().filter(|pbr| pbr.has_volume && medium.grid.is_some()) else { return };
-    let is_met = coefficients(pbr.attenuation_color, pbr.attenuation_distance).is_none();
+    let is_valid = coefficients(pbr.attenuation_color, pbr.attenuation_distance).is_none();
     let allowed = "infinite if the medium has a grid: set the medium's 'color' instead";
-    findings.require(is_met, place, "attenuation_distance", pbr.attenuation_distance, allowed);
+    findings.require(is_valid, place, "attenuation_distance", pbr.attenuation_distance, allowed);
 }
 
 /// Minimum half angle of beams: the peak radiance of narrower ones overflows f32.
@@ -51,20 +51,20 @@ fn check_beam(beam: Option<Beam>, profiles: usize, place: Entry, findings: &mut 
     match beam {
         None | Some(Beam::Even) => {}
         Some(Beam::Grid { half_angle_rad: half }) => {
-            let is_met = (MIN_BEAM_RAD..FRAC_PI_2).contains(&half);
-            findings.require(is_met, place, "half_angle_rad", half, "from 1e-4 to below pi / 2");
+            let is_valid = (MIN_BEAM_RAD..FRAC_PI_2).contains(&half);
+            findings.require(is_valid, place, "half_angle_rad", half, "from 1e-4 to below pi / 2");
         }
         Some(Beam::Cone { direction, inner_angle_rad: inner, outer_angle_rad: outer, .. }) => {
-            let is_met = direction.try_normalize().is_some();
-            findings.require(is_met, place, "direction", direction, "a finite vector other than 0");
+            let is_valid = direction.try_normalize().is_some();
+            findings.require(is_valid, place, "direction", direction, "a finite vector other than 0");
             let is_cone = outer > 0.0 && outer <= PI;
             findings.require(is_cone, place, "outer_angle_rad", outer, "above 0 and at most pi");
             let is_inside = (0.0..=if is_cone { outer } else { PI }).contains(&inner);
             findings.require(is_inside, place, "inner_angle_rad", inner, "from 0 to the outer angle");
         }
         Some(Beam::Profile { profile, rotation, cone }) => {
-            let is_met = profile.index() < profiles;
-            findings.require(is_met, place, "profile", profile, "one of the scene's profiles");
+            let is_valid = profile.index() < profiles;
+            findings.require(is_valid, place, "profile", profile, "one of the scene's profiles");
             check_profile_cone(rotation, cone, place, findings);
         }
     }
@@ -78,8 +78,8 @@ fn check_parameter(
     findings: &mut Findings,
 ) {
     if let Some(id) = parameter.texture() {
-        let is_met = id.index() < textures;
-        findings.require(is_met, place, field, id, "one of the scene's textures");
+        let is_valid = id.index() < textures;
+        findings.require(is_valid, place, field, id, "one of the scene's textures");
     }
     match parameter {
         Parameter::Color(ColorSlot { factor, .. }) => {
@@ -90,12 +90,12 @@ fn check_parameter(
             check_channel(texture, field, place, findings);
         }
         Parameter::Constant(&x) => {
-            let (is_met, allowed) = match field {
+            let (is_valid, allowed) = match field {
                 "attenuation_distance" => (x > 0.0, "above 0, or infinite"),
                 "rotation_rad" | "tilt_rad" | "scale" | "midlevel" => (x.is_finite(), FINITE),
                 _ => (x.is_finite() && x >= 0.0, FROM_ZERO),
             };
-            findings.require(is_met, place, field, x, allowed);
+            findings.require(is_valid, place, field, x, allowed);
         }
         Parameter::Texture(_) => {}
     }
@@ -168,12 +168,12 @@ fn check_pbr(pbr: &PbrMaterial, place: Entry, findings: &mut Findings) {
 const MAX_EXTINCTION: f32 = 1e9;
 
 fn check_medium(medium: &Medium, grids: &[Grid], place: impl Display + Copy, findings: &mut Findings) {
-    let is_met = medium.extinction.iter().all(|x| (0.0..=MAX_EXTINCTION).contains(x));
-    findings.require(is_met, place, "extinction", medium.extinction, "numbers from 0 to 1e9 per metre");
-    let is_met = medium.albedo.iter().all(|x| (0.0..=1.0).contains(x));
-    findings.require(is_met, place, "albedo", medium.albedo, "numbers from 0 to 1");
-    let is_met = medium.anisotropy.abs() < 1.0;
-    findings.require(is_met, place, "anisotropy", medium.anisotropy, "above -1 and below 1");
+    let is_valid = medium.extinction.iter().all(|x| (0.0..=MAX_EXTINCTION).contains(x));
+    findings.require(is_valid, place, "extinction", medium.extinction, "numbers from 0 to 1e9 per metre");
+    let is_valid = medium.albedo.iter().all(|x| (0.0..=1.0).contains(x));
+    findings.require(is_valid, place, "albedo", medium.albedo, "numbers from 0 to 1");
+    let is_valid = medium.anisotropy.abs() < 1.0;
+    findings.require(is_valid, place, "anisotropy", medium.anisotropy, "above -1 and below 1");
     findings.require_color(&medium.emission, place, "emission");
     findings.require(
         medium.textures.is_empty(),
@@ -184,14 +184,15 @@ fn check_medium(medium: &Medium, grids: &[Grid], place: impl Display + Copy, fin
     );
     let channel_grids =
         [("extinction_grids", medium.extinction_grids), ("scattering_grids", medium.scattering_grids)];
-    let glow = medium.glow.into_iter().flat_map(|glow| glow.grids()).map(|id| ("glow", id));
+    let emission_grids =
+        medium.emission_grid.into_iter().flat_map(|grid| grid.grids()).map(|id| ("emission_grid", id));
     let channels =
         channel_grids.iter().flat_map(|&(field, ids)| ids.into_iter().flatten().map(move |id| (field, id)));
-    for (field, id) in channels.clone().chain(glow) {
+    for (field, id) in channels.clone().chain(emission_grids) {
         findings.require(medium.grid.is_some(), place, field, id, "none without a density grid");
         findings.require(grids.get(id.index()).is_some(), place, field, id, "one of the scene's grids");
     }
-    if let Some(EmissionGrid::Temperatures { kelvin, .. }) = medium.glow {
+    if let Some(EmissionGrid::Temperatures { kelvin, .. }) = medium.emission_grid {
         findings.require((1e-6..=1e6).contains(&kelvin), place, "kelvin", kelvin, "from 1e-6 to 1e6");
     }
     let Some(id) = medium.grid else { return };
@@ -201,17 +202,17 @@ fn check_medium(medium: &Medium, grids: &[Grid], place: impl Display + Copy, fin
     for (field, id) in channels {
         let Some(channel) = grids.get(id.index()) else { continue };
         let is_same = channel.size == grid.size && channel.world_from_voxels == grid.world_from_voxels;
-        let is_met = is_same && channel.values.iter().zip(&*grid.values).all(|(s, d)| s <= d || d.is_nan());
-        findings.require(is_met, place, field, id, "at most the values of 'grid', on the same voxels");
+        let is_valid = is_same && channel.values.iter().zip(&*grid.values).all(|(s, d)| s <= d || d.is_nan());
+        findings.require(is_valid, place, field, id, "at most the values of 'grid', on the same voxels");
     }
     let [r, g, b] = medium.extinction;
     let max_extinction = r.max(g).max(b);
     let max_density = grid.values.iter().fold(0.0f32, |max, x| max.max(*x));
     let paths = f64::from(max_density) * f64::from(max_extinction) * grid.longest_diagonal();
     // NaN is reported above.
-    let is_met = paths.is_nan() || paths <= Grid::MAX_MEAN_FREE_PATHS;
+    let is_valid = paths.is_nan() || paths <= Grid::MAX_MEAN_FREE_PATHS;
     findings.require(
-        is_met,
+        is_valid,
         place,
         "grid",
         paths,
@@ -223,22 +224,22 @@ fn check_grids(grids: &[Grid], findings: &mut Findings) {
     for (index, grid) in grids.iter().enumerate() {
         let place = Entry { list: "grids", index, name: &grid.name };
         let voxels = grid.size.iter().try_fold(1usize, |product, &n| product.checked_mul(n as usize));
-        let is_met = voxels.is_some_and(|n| n > 0 && n == grid.values.len());
-        findings.require(is_met, place, "size", grid.size, "above 0, with the number of values as product");
+        let is_valid = voxels.is_some_and(|n| n > 0 && n == grid.values.len());
+        findings.require(is_valid, place, "size", grid.size, "above 0, with the number of values as product");
         findings.require_finite(&grid.values, place, "values");
-        let is_met = grid.values.iter().all(|x| x.is_nan() || *x >= 0.0);
-        findings.require(is_met, place, "values", "negative", "numbers from 0 up");
+        let is_valid = grid.values.iter().all(|x| x.is_nan() || *x >= 0.0);
+        findings.require(is_valid, place, "values", "negative", "numbers from 0 up");
         let map = grid.world_from_voxels;
         let is_invertible = map.is_finite() && map.matrix3.determinant() != 0.0;
         let voxel = DVec3::from_array([0, 1, 2].map(|k| map.matrix3.col(k).length()));
         let is_sized = !(voxel.min_element() < 1e-18 || voxel.max_element() > 1e18);
         // Rays are transformed to voxels in f32, in which the inverse of a nearly singular transform overflows.
         let has_inverse = map.matrix3.inverse().as_mat3().is_finite();
-        let is_met = is_invertible && (has_inverse || !is_sized);
-        findings.require(is_met, place, "world_from_voxels", map, "finite and invertible");
+        let is_valid = is_invertible && (has_inverse || !is_sized);
+        findings.require(is_valid, place, "world_from_voxels", map, "finite and invertible");
         // NaN and singular transforms are reported above.
-        let is_met = is_sized || !is_invertible;
-        findings.require(is_met, place, "world_from_voxels", voxel, "voxels between 1e-18 and 1e18 metres");
+        let is_valid = is_sized || !is_invertible;
+        findings.require(is_valid, place, "world_from_voxels", voxel, "voxels between 1e-18 and 1e18 metres");
     }
 }
 
@@ -249,8 +250,8 @@ pub(super) fn check_media(scene: &Scene, findings: &mut Findings) {
     check_medium(medium, &[], PLACE, findings);
     findings.require(medium.grid.is_none(), PLACE, "grid", medium.grid, "none: only solids support grids");
     findings.require(center.is_finite(), PLACE, "center", center, "finite numbers");
-    let is_met = *radius > 0.0;
-    findings.require(is_met, PLACE, "radius", radius, "above 0, or infinite");
+    let is_valid = *radius > 0.0;
+    findings.require(is_valid, PLACE, "radius", radius, "above 0, or infinite");
     let channels = medium.emission.iter().zip(&medium.extinction);
     let is_bounded = radius.is_finite() || channels.into_iter().all(|(e, x)| *e == 0.0 || *x > 0.0);
     findings.require(
@@ -296,14 +297,14 @@ fn check_image(image: &Image, place: Entry, must_be_finite: bool, findings: &mut
         Pixels::F32(list) => list.len(),
         Pixels::Encoded(encoded) => {
             let size = [image.width, image.height, image.channels];
-            let is_met = size == encoded.size;
-            findings.require(is_met, place, "width, height, channels", size, "those of the encoded image");
+            let is_valid = size == encoded.size;
+            findings.require(is_valid, place, "width, height, channels", size, "those of the encoded image");
             return;
         }
     };
     let expected = u128::from(image.width) * u128::from(image.height) * u128::from(channels);
-    let is_met = length as u128 == expected;
-    findings.require(is_met, place, "length of pixels", length, "width * height * channels");
+    let is_valid = length as u128 == expected;
+    findings.require(is_valid, place, "length of pixels", length, "width * height * channels");
     if let Pixels::F32(numbers) = &*image.pixels
         && must_be_finite
     {
@@ -336,8 +337,8 @@ pub(super) fn check_textures(scene: &Scene, findings: &mut Findings) {
                     depth = depth.max(1 + check_part(cell, field, &depths, place, findings));
                 }
                 count = lookups_of(&lookups, *even).max(lookups_of(&lookups, *odd));
-                let is_met = depth <= MAX_TEXTURE_NESTING;
-                findings.require(is_met, place, "nesting", depth, NESTING);
+                let is_valid = depth <= MAX_TEXTURE_NESTING;
+                findings.require(is_valid, place, "nesting", depth, NESTING);
             }
             Texture::Mix { a, b, factor } => {
                 for (field, part) in [("a", *a), ("b", *b), ("factor", *factor)] {
@@ -408,8 +409,8 @@ fn check_mapping(mapping: &Mapping, place: Entry, findings: &mut Findings) {
             findings.require(*set <= 1, place, "set", set, "0 or 1: materials use at most two sets");
             let numbers = [transform.offset.to_array(), transform.scale.to_array()];
             let is_finite = numbers.as_flattened().iter().all(|x| x.is_finite());
-            let is_met = is_finite && transform.rotation_rad.is_finite();
-            findings.require(is_met, place, "transform", transform, "made of finite numbers");
+            let is_valid = is_finite && transform.rotation_rad.is_finite();
+            findings.require(is_valid, place, "transform", transform, "made of finite numbers");
         }
         Mapping::World => {}
         Mapping::Triplanar { size } => findings.require_length(f64::from(*size), place, "size", size),

@@ -330,15 +330,18 @@ mod tests {
         let black_body =
             |kelvin| Some(EmissionGrid::Temperatures { grid: GridId(0), kelvin, scales_with_power: false });
         let glow = |grid| Some(EmissionGrid::Factors(GridId(grid)));
-        assert!(problems_with(Medium { glow: black_body(1500.0), ..gridded }, one_voxel(&[1.0])).is_empty());
+        assert!(
+            problems_with(Medium { emission_grid: black_body(1500.0), ..gridded }, one_voxel(&[1.0]))
+                .is_empty()
+        );
         let colored = Medium { grid: Some(GridId(1)), scattering_grids: Some([GridId(0); 3]), ..good };
         assert!(problems_with(colored, [one_voxel(&[0.5]), one_voxel(&[1.0])].concat()).is_empty());
         let textures = MediumTextures { color: Some(TextureId(0)), ..MediumTextures::default() };
         for (medium, grids, words) in [
-            (Medium { glow: glow(0), ..good }, one_voxel(&[1.0]), "none without a density grid"),
-            (Medium { glow: glow(1), ..gridded }, one_voxel(&[1.0]), "one of the scene's grids"),
-            (Medium { glow: black_body(0.0), ..gridded }, one_voxel(&[1.0]), "kelvin"),
-            (Medium { glow: black_body(f32::NAN), ..gridded }, one_voxel(&[1.0]), "kelvin"),
+            (Medium { emission_grid: glow(0), ..good }, one_voxel(&[1.0]), "none without a density grid"),
+            (Medium { emission_grid: glow(1), ..gridded }, one_voxel(&[1.0]), "one of the scene's grids"),
+            (Medium { emission_grid: black_body(0.0), ..gridded }, one_voxel(&[1.0]), "kelvin"),
+            (Medium { emission_grid: black_body(f32::NAN), ..gridded }, one_voxel(&[1.0]), "kelvin"),
             (colored, [one_voxel(&[1.5]), one_voxel(&[1.0])].concat(), "scattering_grids"),
             (Medium { textures, ..good }, Vec::new(), "textures"),
             (Medium { extinction: [1.0, -0.1, 1.0], ..good }, Vec::new(), "extinction"),

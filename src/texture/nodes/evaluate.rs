@@ -39,11 +39,17 @@ pub enum Operation {
     /// Reads data of the point.
     Load(Source),
     /// Reads data at an offset along the surface, for derivatives: index of the step, and fraction of it.
-    LoadOffset { source: Source, step: usize, fraction: f32 },
-    /// Normal of a normal map.
+    LoadOffset {
+        source: Source,
+        step: usize,
+        fraction: f32,
+    },
     NormalMap(NormalSpace),
     /// Normal of a bump map.
-    Bump { invert: bool, filter_width: f32 },
+    Bump {
+        invert: bool,
+        filter_width: f32,
+    },
     /// Transforms a vector by an affine transform given by three rows.
     Transform(TransformType),
     /// Multiplies a vector by the transposed linear part of such a transform.
@@ -57,11 +63,22 @@ pub enum Operation {
     /// Absolute cosine between two unit vectors.
     Cosine,
     /// Reads an image texture for a vector, a filter width, and an object-space normal for box projection.
-    Image { texture: TextureId, reading: ImageSampling, projection: ImageProjection, blend: f32 },
+    Image {
+        texture: TextureId,
+        reading: ImageSampling,
+        projection: ImageProjection,
+        blend: f32,
+    },
     /// Reads an environment texture in a direction.
-    Environment { texture: TextureId, reading: ImageSampling, projection: EnvironmentProjection },
+    Environment {
+        texture: TextureId,
+        reading: ImageSampling,
+        projection: EnvironmentProjection,
+    },
     /// 1 if the distance from an edge is less than half a width, in metres or in pixels.
-    IsNear { in_pixels: bool },
+    IsNear {
+        in_pixels: bool,
+    },
     /// The mean of three numbers.
     Mean,
     /// The luminance of a colour.
@@ -69,11 +86,24 @@ pub enum Operation {
     /// A function of the inputs, by node type.
     Node(NodeKind),
     /// A colour ramp.
-    Ramp { table: Table<4>, interpolation: RampInterpolation },
+    Ramp {
+        table: Table<4>,
+        interpolation: RampInterpolation,
+    },
     /// Curves of three components.
-    Curves { table: Table<3>, min: f32, max: f32, extrapolate: bool },
+    Curves {
+        table: Table<3>,
+        min: f32,
+        max: f32,
+        extrapolate: bool,
+    },
     /// A curve of a scalar.
-    Curve { table: Table<1>, min: f32, max: f32, extrapolate: bool },
+    Curve {
+        table: Table<1>,
+        min: f32,
+        max: f32,
+        extrapolate: bool,
+    },
 }
 
 /// Samples of a colour ramp, as in Cycles.
@@ -91,7 +121,6 @@ impl Operation {
         )
     }
 
-    /// The operation of a node.
     pub fn of(kind: &NodeKind) -> Operation {
         match kind {
             NodeKind::ColorRamp { stops, interpolation } => {
@@ -141,7 +170,6 @@ pub const UNUSED: u16 = u16::MAX;
 /// A step of a program after register allocation.
 #[derive(Clone, Debug)]
 pub struct CompiledStep {
-    /// The operation.
     pub operation: Operation,
     /// Input registers.
     pub inputs: Vec<u16>,
@@ -263,7 +291,6 @@ fn load<const LANES: usize>(step: &CompiledStep, points: &Points<'_>, r: &mut Re
     }
 }
 
-/// Runs a step for all points.
 pub fn run<const LANES: usize>(step: &CompiledStep, points: &Points<'_>, r: &mut Registers<LANES>) {
     match &step.operation {
         Operation::Load(_) | Operation::LoadOffset { .. } => load(step, points, r),

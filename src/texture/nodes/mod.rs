@@ -26,8 +26,10 @@ use std::collections::HashMap;
 enum Scalar {
     /// The bits of an f32.
     Constant(u32),
-    /// An output of a step.
-    Result { step: u32, output: u32 },
+    Result {
+        step: u32,
+        output: u32,
+    },
 }
 
 impl Scalar {
@@ -208,7 +210,6 @@ struct Builder<'a> {
 const MAX_BUMPS: u32 = 2;
 
 impl Builder<'_> {
-    /// The result of a graph.
     fn result(&mut self, graph: &NodeGraph) -> [Scalar; 3] {
         if !graph.problems().is_empty() {
             return [Scalar::of(0.0); 3];

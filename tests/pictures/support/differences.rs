@@ -1,6 +1,6 @@
 //! How the pictures of two ways to render one scene differ.
 
-use super::picture;
+use super::{compiled, picture, shot};
 use oscura::film::Film;
 use oscura::render::{RenderOptions, in_pool};
 use oscura::scene::Scene;
@@ -59,8 +59,9 @@ pub struct Difference {
 /// Pictures of the second way less those of the first, seed by seed: where both trace the same paths, the differences are
 /// smaller than the noise of either. Sizes are multiples of 8.
 pub fn differences(scene: &Scene, ways: [&RenderOptions; 2], seeds: u32) -> Difference {
+    let compiled = compiled(scene);
     let [off, on] = ways.map(|options| {
-        let of_seed = |seed| blocks(&picture(scene, &options.seed(seed * 7919 + 3)));
+        let of_seed = |seed| blocks(&shot(&compiled, &scene.cameras[0], &options.seed(seed * 7919 + 3)));
         (0..seeds).map(of_seed).collect::<Vec<Vec<f64>>>()
     });
     let n = f64::from(seeds);

@@ -48,10 +48,14 @@ pub fn grey_floor() -> Scene {
     floor(Material::lambert("grey", [0.8; 3]))
 }
 
+/// Compiles a scene.
+pub fn compiled(scene: &Scene) -> Arc<CompiledScene> {
+    Arc::new(compile(scene, &CompileOptions::default()).expect("the scene compiles").0)
+}
+
 /// Compiles a scene and is about to take its first pass.
 pub fn rendering(scene: &Scene, options: &RenderOptions) -> Rendering {
-    let (compiled, _) = compile(scene, &CompileOptions::default()).expect("the scene compiles");
-    Rendering::new(compiled, &scene.cameras[0], *options).expect("the film fits")
+    Rendering::new(compiled(scene), &scene.cameras[0], *options).expect("the film fits")
 }
 
 /// Compiles and renders.
@@ -79,8 +83,9 @@ pub fn mean(film: &Film) -> f64 {
 /// Mean radiance of a picture over independent seeds, with the standard error of that mean.
 pub fn measure(scene: &Scene, options: &RenderOptions) -> (f64, f64) {
     const SEEDS: u32 = 12;
-    let means: Vec<f64> =
-        (0..SEEDS).map(|seed| mean(&picture(scene, &options.seed(seed * 7919 + 1)))).collect();
+    let compiled = compiled(scene);
+    let film = |seed| shot(&compiled, &scene.cameras[0], &options.seed(seed * 7919 + 1));
+    let means: Vec<f64> = (0..SEEDS).map(|seed| mean(&film(seed))).collect();
     let n = f64::from(SEEDS);
     let mean = means.iter().sum::<f64>() / n;
     let variance = means.iter().map(|m| (m - mean) * (m - mean)).sum::<f64>() / (n - 1.0);

@@ -73,7 +73,7 @@ impl Mutate for ObjectSets {
 ids! { GridId ImageId MaterialId MeshId ProfileId TextureId }
 
 structs! {
-    Medium { extinction, albedo, anisotropy, emission, grid, extinction_grids, scattering_grids, glow, textures }
+    Medium { extinction, albedo, anisotropy, emission, grid, extinction_grids, scattering_grids, emission_grid, textures }
     MediumTextures { density, color, emission, resolution }
     Grid { name, size, values, world_from_voxels }
     Fog { medium, center, radius }
@@ -92,7 +92,7 @@ structs! {
     Quad { name, corner, edge_u, edge_v, material, traits, info }
     ObjectInfo { color, index, random }
     Material {
-        name, model, emission, double_sided, alpha_mode, alpha, passing, normal_map, normal, bumped_normal, use_vertex_colors, medium, displacement,
+        name, model, emission, double_sided, alpha_mode, alpha, transparent_color, normal_map, normal, bumped_normal, use_vertex_colors, medium, displacement,
         priority, emitter_traits, index, light_group, is_light,
     }
     Displacement { texture, kind }
@@ -103,7 +103,7 @@ structs! {
     FloatSlot { factor, texture }
     NormalMap { texture, scale }
     PbrMaterial {
-        base_color, metallic, roughness, diffuse_roughness, ior, specular, specular_color, reflects_evenly, transmission, has_volume,
+        base_color, metallic, roughness, diffuse_roughness, ior, varying_ior, shields_base, specular, specular_color, reflects_evenly, transmission, has_volume,
         tints_once, keeps_radiance, glass_reflection, energy_compensation, is_beckmann, attenuation_color, attenuation_distance, dispersion, clearcoat,
         sheen, anisotropy, iridescence, diffuse_transmission,
     }

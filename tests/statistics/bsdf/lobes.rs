@@ -82,7 +82,7 @@ pub fn resolved(p: PbrMaterial) -> Bsdf {
 /// The same with other models.
 pub fn resolved_with(p: PbrMaterial, shading: ShadingModel) -> Bsdf {
     let frame =
-        LocalFrame { tangent: Vec2::new(0.8, 0.6), bitangent: Vec2::new(-0.6, 0.8), ..LocalFrame::STRAIGHT };
+        LocalFrame { tangent: Vec2::new(0.8, 0.6), bitangent: Vec2::new(-0.6, 0.8), ..LocalFrame::DEFAULT };
     BsdfProgram::of(&Model::Pbr(Box::new(p)), shading).evaluate(&Factors, &frame)
 }
 
@@ -106,7 +106,7 @@ pub fn glass(
 ) -> Bsdf {
     let model = Model::Glass { ior, tint: ColorSlot::constant(tint), roughness: number(roughness), is_thin };
     let shading = ShadingModel { energy_compensation, ..ShadingModel::default() };
-    BsdfProgram::of(&model, shading).evaluate(&Factors, &LocalFrame::STRAIGHT)
+    BsdfProgram::of(&model, shading).evaluate(&Factors, &LocalFrame::DEFAULT)
 }
 
 /// Coloured glass that reflects so.
@@ -245,7 +245,7 @@ pub fn finite() -> Vec<(String, Bsdf)> {
 
 /// Hair around a fibre askew.
 pub fn hair(color: [f32; 3], roughness: [f32; 2], tilt_rad: f32, coat: f32) -> Bsdf {
-    let frame = LocalFrame { tangent: Vec2::new(0.8, 0.6), ..LocalFrame::STRAIGHT };
+    let frame = LocalFrame { tangent: Vec2::new(0.8, 0.6), ..LocalFrame::DEFAULT };
     let model = Model::Hair {
         color: ColorSlot::constant(color),
         roughness: number(roughness[0]),
@@ -361,7 +361,7 @@ fn glass_of_coloured_reflection_is_known_as_smooth() {
             let what = format!("{reflection:?} {roughness} {has_volume}");
             assert_eq!(program.is_smooth_glass(), roughness == 0.0, "{what}");
             assert_eq!(program.may_transmit_unscattered(), roughness == 0.0 && !has_volume, "{what}");
-            let bsdf = program.evaluate(&Factors, &LocalFrame::STRAIGHT);
+            let bsdf = program.evaluate(&Factors, &LocalFrame::DEFAULT);
             assert_eq!(bsdf.is_specular(), roughness == 0.0, "{what}");
             let reflected = bsdf.appearance().glossy.to_array();
             let factor = match reflection {

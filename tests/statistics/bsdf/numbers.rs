@@ -117,7 +117,7 @@ fn bsdf(random: &mut Random) -> Bsdf {
     let fresnel = if random.next() < 0.75 { FresnelModel::Exact } else { FresnelModel::Schlick };
     let angle = 7.0 * random.next();
     let tangent = Vec2::new(angle.cos(), angle.sin());
-    let frame = LocalFrame { tangent, bitangent: tangent.perp(), ..LocalFrame::STRAIGHT };
+    let frame = LocalFrame { tangent, bitangent: tangent.perp(), ..LocalFrame::DEFAULT };
     let shading = ShadingModel { energy_compensation, fresnel, ..ShadingModel::default() };
     let mut bsdf = BsdfProgram::of(&model(random), shading).evaluate(&Factors, &frame);
     if random.next() < 0.1 {

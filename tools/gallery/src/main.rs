@@ -23,7 +23,7 @@ use entries::{ENTRIES, Entry, HERO, PHYSICS, THREADS};
 use image::RgbImage;
 use image::codecs::jpeg::JpegEncoder;
 use oscura::error::{Error, Result};
-use oscura::output::{encode_png_rgb8, write_atomically};
+use oscura::output::{Format, encode_rgb8, write_atomically};
 use shoot::{Quality, Shot, srgb_byte};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -115,7 +115,8 @@ fn run(arguments: &Arguments) -> Result<()> {
     let sheet = sheet::contact_sheet(&tiles);
     write_jpeg(&folder.join(format!("{name}.jpg")), &sheet)?;
     let path = folder.join(format!("{name}.png"));
-    let png = encode_png_rgb8(&sheet, sheet.width(), sheet.height()).map_err(|e| Error::output(&path, e))?;
+    let png = encode_rgb8(&sheet, sheet.width(), sheet.height(), Format::Png)
+        .map_err(|e| Error::output(&path, e))?;
     write_atomically(&path, &png)?;
     if is_physics {
         return if arguments.publish { publish::publish(folder, None) } else { Ok(()) };

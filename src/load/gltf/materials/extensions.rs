@@ -18,7 +18,6 @@ use std::collections::HashMap;
 const UNIT: [f32; 2] = [0.0, 1.0];
 
 impl MaterialBuilder<'_, '_> {
-    /// Adds the layers of the material to its model.
     pub fn add_layers(&mut self, model: &mut PbrMaterial) {
         self.diffuse_roughness(model);
         model.clearcoat = self.clearcoat();

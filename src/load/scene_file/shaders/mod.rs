@@ -290,7 +290,6 @@ impl Lowering<'_, '_, '_> {
         }
     }
 
-    /// A number input.
     fn number(&self, index: usize, key: &str, default: f32) -> NodeInput {
         self.color(index, key, [default; 3])
     }
@@ -503,7 +502,7 @@ impl Lowering<'_, '_, '_> {
 
     /// The material of all closures. Closures and emission are divided by alpha, the probability that a ray doesn't pass.
     fn finish(mut self) -> Material {
-        let (transparency, passing) = self.straight_transmission();
+        let (transparency, transparent_color) = self.straight_transmission();
         let alpha = self.complement(transparency);
         let is_opaque = alpha == NodeInput::Value([1.0; 3]);
         let is_sole =
@@ -538,7 +537,7 @@ impl Lowering<'_, '_, '_> {
             // Emission is added to the rays that pass.
             material.emitter_traits = Some(EmitterTraits { is_obstacle: false, ..EmitterTraits::default() });
         } else if !is_opaque {
-            material.passing = passing;
+            material.transparent_color = transparent_color;
             (material.alpha_mode, material.alpha) = (AlphaMode::Blend, self.float_slot(alpha));
         }
         material
@@ -553,7 +552,6 @@ macro_rules! shaders {
         enum Shader { $($(#[$doc])* $shader,)* }
 
         impl Shader {
-            /// The shader of a name.
             fn from_name(name: &str) -> Option<Shader> {
                 match name {
                     $($name => Some(Shader::$shader),)*
@@ -604,9 +602,7 @@ shaders! {
     Toon "toon_bsdf" (color, size, smooth, normal);
     /// A constant lobe around the mirror direction.
     ToonHighlight "toon_highlight_bsdf" (color, size, smooth, normal);
-    /// Subsurface scattering.
     Subsurface "subsurface_scattering" (color, roughness, scale, radius, ior, anisotropy, skin_ior, body, normal);
-    /// Emission.
     Emission "emission" (color, strength);
     /// Two shaders mixed.
     Mix "mix_shader" (factor, a, b);

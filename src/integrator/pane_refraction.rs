@@ -1,14 +1,12 @@
-//! Rays through slabs (bodies between two parallel planes): sideways shifts, refracted connections and their pdfs; and the lobes of
-//! directions towards lights behind refractive bodies.
+//! Refraction by panes, bodies between two parallel planes: sideways shifts of rays, refracted connections and their pdfs.
 
 use super::interior::Interior;
 use super::mis::LightPdf;
 use crate::color::Rgb;
-use crate::math::{Frame, Hit, Ray, Vec3, poly};
-use std::f32::consts::PI;
+use crate::math::{Frame, Hit, Ray, Vec3};
 
 /// Maximum number of panes that a ray passes.
-pub(super) const MAX_SLABS: usize = 6;
+pub(super) const MAX_PANES: usize = 6;
 
 /// Maximum number of Newton steps for a refracted connection. Three are enough for panes thinner than a tenth of the distance.
 const STEPS: usize = 12;
@@ -16,9 +14,9 @@ const STEPS: usize = 12;
 /// Convergence threshold: sideways error at the target relative to the length of the connection, some rounding errors.
 const MAX_MISS: f32 = 4e-6;
 
-/// The geometry of a pane.
+/// A pane.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Slab {
+pub(super) struct Pane {
     /// Unit normal of the faces.
     pub normal: Vec3,
     /// Metres.
@@ -27,7 +25,7 @@ pub(super) struct Slab {
     pub ior: f32,
 }
 
-impl Slab {
+impl Pane {
     /// Sideways shift of a ray of direction `w`: lateral travel of the refracted ray between the faces minus that of the unrefracted.
     fn offset(&self, w: Vec3) -> Vec3 {
         let along = w.dot(self.normal);
@@ -57,23 +55,23 @@ impl Slab {
 
 /// The panes that a ray passed, in order.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Slabs {
-    list: [Slab; MAX_SLABS],
+pub(super) struct PaneList {
+    list: [Pane; MAX_PANES],
     count: usize,
 }
 
-impl Slabs {
+impl PaneList {
     /// No panes.
-    pub const NONE: Slabs =
-        Slabs { list: [Slab { normal: Vec3::Z, thickness: 0.0, ior: 1.0 }; MAX_SLABS], count: 0 };
+    pub const NONE: PaneList =
+        PaneList { list: [Pane { normal: Vec3::Z, thickness: 0.0, ior: 1.0 }; MAX_PANES], count: 0 };
 
-    fn iter(&self) -> impl Iterator<Item = &Slab> {
+    fn iter(&self) -> impl Iterator<Item = &Pane> {
         self.list[..self.count].iter()
     }
 
-    /// Is the number of panes below [`MAX_SLABS`]?
+    /// Is the number of panes below [`MAX_PANES`]?
     pub fn has_room(&self) -> bool {
-        self.count < MAX_SLABS
+        self.count < MAX_PANES
     }
 
     /// Are there no panes?
@@ -81,9 +79,9 @@ impl Slabs {
         self.count == 0
     }
 
-    /// Adds a pane; [`Slabs::has_room`] must hold.
-    pub fn push(&mut self, slab: Slab) {
-        self.list[self.count] = slab;
+    /// Adds a pane; [`PaneList::has_room`] must hold.
+    pub fn push(&mut self, pane: Pane) {
+        self.list[self.count] = pane;
         self.count += 1;
     }
 
@@ -94,14 +92,14 @@ impl Slabs {
 
     /// Sideways shift of a ray of direction `w` by all panes.
     fn offset(&self, w: Vec3) -> Vec3 {
-        self.iter().fold(Vec3::ZERO, |sum, slab| sum + slab.offset(w))
+        self.iter().fold(Vec3::ZERO, |sum, pane| sum + pane.offset(w))
     }
 
     /// Jacobian of the end point of a ray of length `s` with respect to its direction `w`, a symmetric matrix in a frame around `w`: xx,
     /// xy, yy.
     fn jacobian(&self, w: Vec3, s: f32, frame: &Frame) -> [f32; 3] {
-        self.iter().fold([s, 0.0, s], |sum, slab| {
-            let (x, y) = (slab.derivative(w, frame.s), slab.derivative(w, frame.t));
+        self.iter().fold([s, 0.0, s], |sum, pane| {
+            let (x, y) = (pane.derivative(w, frame.s), pane.derivative(w, frame.t));
             [sum[0] + x.dot(frame.s), sum[1] + x.dot(frame.t), sum[2] + y.dot(frame.t)]
         })
     }
@@ -150,7 +148,7 @@ impl Slabs {
 /// The panes that an arriving ray passed, and the continued ray behind the last one until it is traced.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RayCrossings {
-    pub slabs: Slabs,
+    pub panes: PaneList,
     /// Sum of the sideways shifts.
     pub offset: Vec3,
     pub next: Option<Ray>,
@@ -158,7 +156,7 @@ pub(super) struct RayCrossings {
 
 impl RayCrossings {
     /// No panes.
-    pub const NONE: RayCrossings = RayCrossings { slabs: Slabs::NONE, offset: Vec3::ZERO, next: None };
+    pub const NONE: RayCrossings = RayCrossings { panes: PaneList::NONE, offset: Vec3::ZERO, next: None };
 }
 
 /// Takes the continued ray of arriving path `i` behind the pane that it just passed.
@@ -169,9 +167,9 @@ pub(super) fn behind_pane(i: usize, crossings: &mut [RayCrossings]) -> Option<Ra
 /// The panes that a shadow ray passed, and its light sample before refraction.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ShadowCrossings {
-    pub slabs: Slabs,
+    pub panes: PaneList,
     /// Hit of each pane.
-    pub hits: [Hit; MAX_SLABS],
+    pub hits: [Hit; MAX_PANES],
     /// Transmittance of all panes.
     pub transmittance: Rgb,
     /// The solids around the origin of the shadow ray.
@@ -183,103 +181,15 @@ pub(super) struct ShadowCrossings {
 }
 
 impl ShadowCrossings {
-    /// Adds a pane; [`Slabs::has_room`] must hold.
-    pub fn push(&mut self, slab: Slab, hit: Hit) {
-        self.hits[self.slabs.count] = hit;
-        self.slabs.push(slab);
+    /// Adds a pane; [`PaneList::has_room`] must hold.
+    pub fn push(&mut self, pane: Pane, hit: Hit) {
+        self.hits[self.panes.count] = hit;
+        self.panes.push(pane);
     }
 
     /// Hits of the panes.
     pub fn hits(&self) -> &[Hit] {
-        &self.hits[..self.slabs.count]
-    }
-}
-
-/// Maximum number of lobes of a vertex.
-const MAX_LOBES: usize = 4;
-
-/// Minimum and maximum GGX alpha of lobes.
-const WIDTHS: [f32; 2] = [5e-4, 0.5];
-
-/// Directions around an axis with the angular distribution of GGX normals.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Lobe {
-    axis: Vec3,
-    alpha: f32,
-}
-
-impl Lobe {
-    fn pdf_solid_angle(&self, w: Vec3) -> f32 {
-        let cosine = w.dot(self.axis);
-        let squared = self.alpha * self.alpha;
-        let spread = w.cross(self.axis).length_squared() + squared * cosine * cosine;
-        if cosine > 0.0 { squared * cosine / (PI * spread * spread) } else { 0.0 }
-    }
-
-    fn sample(&self, [a, b]: [f32; 2]) -> Vec3 {
-        let tangent = self.alpha * (a / (1.0 - a).max(1e-7)).sqrt();
-        let cosine = 1.0 / (1.0 + tangent * tangent).sqrt();
-        let (sine, phi) = (tangent * cosine, 2.0 * PI * b);
-        let (s, c) = poly::sin_cos(phi);
-        Frame::from_normal(self.axis).to_world(Vec3::new(sine * c, sine * s, cosine))
-    }
-}
-
-/// The light lobes of a vertex, and the state of its path before BSDF sampling.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct LightLobes {
-    pub vertex: u32,
-    lobes: [Lobe; MAX_LOBES],
-    count: usize,
-    /// Probability of sampling a lobe instead of the BSDF.
-    pub share: f32,
-    pub throughput: Rgb,
-    pub roulette_scale: f32,
-    pub interior: Interior,
-}
-
-impl LightLobes {
-    /// Without lobes.
-    pub fn new(vertex: usize, throughput: Rgb, roulette_scale: f32, interior: Interior) -> LightLobes {
-        let lobes = [Lobe { axis: Vec3::Z, alpha: 1.0 }; MAX_LOBES];
-        LightLobes {
-            vertex: vertex as u32,
-            lobes,
-            count: 0,
-            share: 0.0,
-            throughput,
-            roulette_scale,
-            interior,
-        }
-    }
-
-    /// Number of lobes.
-    pub fn count(&self) -> usize {
-        self.count
-    }
-
-    /// Are there no lobes?
-    pub fn is_empty(&self) -> bool {
-        self.count == 0
-    }
-
-    /// Adds a lobe of GGX alpha `width`; ignored if too wide or if there are [`MAX_LOBES`] already.
-    pub fn add(&mut self, axis: Vec3, width: f32) {
-        if self.count < MAX_LOBES && width <= WIDTHS[1] {
-            self.lobes[self.count] = Lobe { axis, alpha: width.max(WIDTHS[0]) };
-            self.count += 1;
-        }
-    }
-
-    /// Samples a direction of a lobe; the random number `choice` in 0..1 selects the lobe.
-    pub fn sample(&self, choice: f32, u: [f32; 2]) -> Vec3 {
-        self.lobes[((choice * self.count as f32) as usize).min(self.count - 1)].sample(u)
-    }
-
-    /// The pdf of [`LightLobes::sample`], 1/sr.
-    pub fn pdf_solid_angle(&self, w: Vec3) -> f32 {
-        let lobes = &self.lobes[..self.count];
-        lobes.iter().map(|lobe| lobe.pdf_solid_angle(w)).sum::<f32>() / self.count as f32
+        &self.hits[..self.panes.count]
     }
 }
 
@@ -287,19 +197,19 @@ impl LightLobes {
 mod tests {
     use super::*;
 
-    fn slabs(list: &[Slab]) -> Slabs {
-        let mut slabs = Slabs::NONE;
-        slabs.list[..list.len()].copy_from_slice(list);
-        slabs.count = list.len();
-        slabs
+    fn panes(list: &[Pane]) -> PaneList {
+        let mut panes = PaneList::NONE;
+        panes.list[..list.len()].copy_from_slice(list);
+        panes.count = list.len();
+        panes
     }
 
-    const PANE: Slab = Slab { normal: Vec3::Y, thickness: 0.1, ior: 1.5 };
+    const PANE: Pane = Pane { normal: Vec3::Y, thickness: 0.1, ior: 1.5 };
 
     #[test]
     fn connections_obey_snells_law() {
         for target in [Vec3::new(0.3, 2.0, -0.1), Vec3::new(5.0, 1.0, 2.0), Vec3::new(0.0, 0.2, 0.0)] {
-            let w = slabs(&[PANE]).connect(Vec3::ZERO, target).expect("there is one");
+            let w = panes(&[PANE]).connect(Vec3::ZERO, target).expect("there is one");
             // The horizontal distance: (h - d) tan theta + d tan theta'.
             let sine = (1.0 - w.y * w.y).max(0.0).sqrt();
             let within = (PANE.ior * PANE.ior - sine * sine).sqrt();
@@ -312,8 +222,8 @@ mod tests {
 
     #[test]
     fn spread_is_the_jacobian_determinant() {
-        let tilted = Slab { normal: Vec3::new(0.6, 0.8, 0.0), thickness: 0.2, ior: 1.3 };
-        let all = slabs(&[PANE, tilted]);
+        let tilted = Pane { normal: Vec3::new(0.6, 0.8, 0.0), thickness: 0.2, ior: 1.3 };
+        let all = panes(&[PANE, tilted]);
         let (w, s) = (Vec3::new(0.3, 0.9, 0.2).normalize(), 1.5);
         let end = |w: Vec3| w * s + all.offset(w);
         let frame = Frame::from_normal(w);

@@ -1,11 +1,11 @@
-//! Builds the geometry of a plan: the world with merged meshes, and a separate space for each shared (instanced) mesh.
+//! Builds the geometry that a [`Plan`] describes: the world with merged meshes, and a separate space for each shared (instanced) mesh.
 
 use super::geometry::{Attributes, Geometries, Placement, Space, Transform};
 use super::material::CompiledMaterial;
 use super::motion;
 use super::motion::{MovingShape, moving_shapes};
-use super::objects::{Numbering, ObjectId, Owners, part_materials};
-use super::plan::{InstanceMode, Plan, Step, normal_map_set};
+use super::objects::{ObjectId, ObjectIds, Owners, part_materials};
+use super::plan::{InstanceMode, Plan, PlannedInstance, normal_map_set};
 use crate::accel;
 use crate::accel::{AccelInstance, MovingInstance};
 use crate::error::Result;
@@ -21,7 +21,7 @@ use std::sync::Arc;
 
 /// The geometry of a scene, and the instances for its BVH.
 #[derive(Debug)]
-pub(super) struct Baked {
+pub(super) struct SceneGeometry {
     pub geometries: Geometries,
     /// Instances, in the order of the placements.
     pub instances: Vec<AccelInstance>,
@@ -33,7 +33,7 @@ pub(super) struct Baked {
 
 /// Geometry of an earlier frame to be reused.
 #[derive(Debug, Default)]
-pub(super) struct EarlierSpaces {
+pub(super) struct ReusedSpaces {
     pub world: Option<Arc<Space>>,
     /// Shared meshes without deformation; all or none.
     pub shared: Vec<Arc<Space>>,
@@ -41,7 +41,7 @@ pub(super) struct EarlierSpaces {
 
 /// The attributes of a mesh that materials need.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-struct Needs {
+struct AttributeNeeds {
     normals: bool,
     uv: [bool; 2],
     tangents: bool,
@@ -53,81 +53,98 @@ struct Needs {
 ///
 /// # Errors
 /// If the points of subdivided curves exceed 32-bit indices.
-pub(super) fn bake(
+pub(super) fn build_geometry(
     scene: &Scene,
     materials: &[CompiledMaterial],
     origin: DVec3,
     plan: &Plan,
-    kept: EarlierSpaces,
-) -> Result<Baked> {
-    let numbering = Numbering::of(scene);
-    let mut shared: Vec<Option<Arc<Space>>> = kept.shared.into_iter().map(Some).collect();
+    reused: ReusedSpaces,
+) -> Result<SceneGeometry> {
+    let object_ids = ObjectIds::of(scene);
+    let mut shared: Vec<Option<Arc<Space>>> = reused.shared.into_iter().map(Some).collect();
     shared.resize(plan.meshes.len(), None);
-    let missing = missing_steps(plan, kept.world.is_some(), &shared);
+    let missing = missing_instances(plan, reused.world.is_some(), &shared);
     let tangents = tangents(scene, &missing);
-    let mesh = |step: &Step| {
-        let id = scene.instances[step.instance].mesh;
-        let with_tangents = tangents.get(&id.index()).filter(|(first, _)| *first <= step.instance);
+    let mesh = |planned: &PlannedInstance| {
+        let id = scene.instances[planned.index].mesh;
+        let with_tangents = tangents.get(&id.index()).filter(|(first, _)| *first <= planned.index);
         with_tangents.map_or(&scene.meshes[id.index()], |(_, mesh)| mesh)
     };
-    let of_shared = Needs::of_shared(materials, plan.keeps_uv);
-    let spaces = missing.par_iter().filter(|step| step.mode != InstanceMode::Merged).map(|step| {
-        let id = scene.instances[step.instance].mesh;
-        let number = |id: MaterialId| plan.numbers.number(id, &plan.mesh_traits[step.geometry]);
-        let mut space =
-            shared_space((mesh(step), plan.is_inside_out(id)), number, (of_shared, &plan.attributes));
-        if step.mode == InstanceMode::Moving {
+    let of_shared = AttributeNeeds::of_shared(materials, plan.keeps_uv);
+    let spaces = missing.par_iter().filter(|planned| planned.mode != InstanceMode::Merged).map(|planned| {
+        let id = scene.instances[planned.index].mesh;
+        let material_index =
+            |id: MaterialId| plan.object_materials.index_of(id, &plan.mesh_traits[planned.geometry]);
+        let mut space = shared_space(
+            (mesh(planned), plan.is_inside_out(id)),
+            material_index,
+            (of_shared, &plan.attributes),
+        );
+        if planned.mode == InstanceMode::Moving {
             space.set_keys(scene, id);
         }
-        (step.geometry, Arc::new(space))
+        (planned.geometry, Arc::new(space))
     });
     for (geometry, space) in spaces.collect::<Vec<_>>() {
         shared[geometry] = Some(space);
     }
-    let world = match kept.world {
+    let world = match reused.world {
         Some(world) => world,
-        None => {
-            let mut world = Space::EMPTY;
-            let is_hidden = |id: MaterialId| materials[id.index()].is_invisible();
-            for step in missing.iter().filter(|step| step.mode == InstanceMode::Merged) {
-                let instance = &scene.instances[step.instance];
-                let mesh = mesh(step);
-                let mut needs = needs_of(part_materials(mesh, instance), materials);
-                needs.uv[0] |= plan.keeps_uv;
-                world.owners.begin(world.shapes.triangles.len(), numbering.instance(step.instance));
-                let number = |id: MaterialId| plan.numbers.number(id, &instance.traits);
-                let placed = (&step.world_from_object, plan.is_inside_out(instance.mesh));
-                world.append(mesh, (instance.material, number), placed, (needs, &plan.attributes), is_hidden);
-            }
-            world.append_shapes(scene, materials, origin, &numbering, plan);
-            world.append_curves(scene, materials, origin, &numbering, &plan.numbers)?;
-            world.measure();
-            Arc::new(world)
-        }
+        None => Arc::new(build_world(scene, materials, (origin, &object_ids), plan, (&missing, mesh))?),
     };
     let shared = shared.into_iter().flatten().collect();
     let motions = plan.motions.clone();
     let geometries = Geometries { world, shared, placements: Vec::new(), motions, moves: false };
-    let baked = place(scene, plan, &numbering, geometries);
-    Ok(with_motion(baked, scene, materials, (origin, &numbering), plan))
+    let static_geometry = place(scene, plan, &object_ids, geometries);
+    Ok(add_moving_shapes(static_geometry, scene, materials, (origin, &object_ids), plan))
 }
 
-/// Steps whose geometry must be built: all merged into the world, and the first of each shared mesh.
-fn missing_steps<'a>(plan: &'a Plan, has_world: bool, shared: &[Option<Arc<Space>>]) -> Vec<&'a Step> {
+/// The world: all merged instances, static shapes and curves. `mesh`: the mesh of an instance, with tangents.
+fn build_world<'m>(
+    scene: &Scene,
+    materials: &[CompiledMaterial],
+    (origin, object_ids): (DVec3, &ObjectIds),
+    plan: &Plan,
+    (planned, mesh): (&[&PlannedInstance], impl Fn(&PlannedInstance) -> &'m Mesh),
+) -> Result<Space> {
+    let mut world = Space::EMPTY;
+    let is_hidden = |id: MaterialId| materials[id.index()].is_invisible();
+    for planned in planned.iter().filter(|planned| planned.mode == InstanceMode::Merged) {
+        let (instance, mesh) = (&scene.instances[planned.index], mesh(planned));
+        let mut needs = needs_of(part_materials(mesh, instance), materials);
+        needs.uv[0] |= plan.keeps_uv;
+        world.owners.begin(world.shapes.triangles.len(), object_ids.instance(planned.index));
+        let material_index = |id: MaterialId| plan.object_materials.index_of(id, &instance.traits);
+        let placed = (&planned.world_from_object, plan.is_inside_out(instance.mesh));
+        let (material, needs) = ((instance.material, material_index), (needs, &plan.attributes[..]));
+        world.append(mesh, material, placed, needs, is_hidden);
+    }
+    world.append_shapes(scene, materials, origin, object_ids, plan);
+    world.append_curves(scene, materials, origin, object_ids, &plan.object_materials)?;
+    world.update_bounds();
+    Ok(world)
+}
+
+/// Planned instances whose geometry must be built: all merged into the world, and the first of each shared mesh.
+fn missing_instances<'a>(
+    plan: &'a Plan,
+    has_world: bool,
+    shared: &[Option<Arc<Space>>],
+) -> Vec<&'a PlannedInstance> {
     let mut exists: Vec<bool> = shared.iter().map(Option::is_some).collect();
-    let is_missing = |step: &&Step| match step.mode {
+    let is_missing = |planned: &&PlannedInstance| match planned.mode {
         InstanceMode::Merged => !has_world,
-        _ => !std::mem::replace(&mut exists[step.geometry], true),
+        _ => !std::mem::replace(&mut exists[planned.geometry], true),
     };
-    plan.steps.iter().filter(is_missing).collect()
+    plan.instances.iter().filter(is_missing).collect()
 }
 
 /// Meshes with generated tangents, by index, for meshes without tangents under normal maps; each with the index of the first
 /// instance that uses it.
-fn tangents(scene: &Scene, steps: &[&Step]) -> BTreeMap<usize, (usize, Mesh)> {
+fn tangents(scene: &Scene, planned_instances: &[&PlannedInstance]) -> BTreeMap<usize, (usize, Mesh)> {
     let mut sets: BTreeMap<usize, Vec<(usize, usize)>> = BTreeMap::new();
-    for step in steps {
-        let instance = &scene.instances[step.instance];
+    for planned in planned_instances {
+        let instance = &scene.instances[planned.index];
         let mesh = &scene.meshes[instance.mesh.index()];
         // Tangents may split vertices, for which a deforming mesh has no keys: tangents are computed at hits instead.
         if !motion::deforms(scene, instance.mesh)
@@ -135,7 +152,7 @@ fn tangents(scene: &Scene, steps: &[&Step]) -> BTreeMap<usize, (usize, Mesh)> {
         {
             let sets_of_mesh = sets.entry(instance.mesh.index()).or_default();
             if sets_of_mesh.iter().all(|(_, other)| *other != set) {
-                sets_of_mesh.push((step.instance, set));
+                sets_of_mesh.push((planned.index, set));
             }
         }
     }
@@ -147,18 +164,18 @@ fn tangents(scene: &Scene, steps: &[&Step]) -> BTreeMap<usize, (usize, Mesh)> {
 }
 
 /// Adds the shapes that move while the shutter is open.
-fn with_motion(
-    mut baked: Baked,
+fn add_moving_shapes(
+    mut scene_geometry: SceneGeometry,
     scene: &Scene,
     materials: &[CompiledMaterial],
-    (origin, numbering): (DVec3, &Numbering),
+    (origin, object_ids): (DVec3, &ObjectIds),
     plan: &Plan,
-) -> Baked {
-    let shapes = moving_shapes(scene, materials, origin, numbering, (&plan.numbers, plan.keeps_uv));
-    shapes.into_iter().for_each(|shape| baked.add_shape(shape));
-    baked.moving = moving(&baked.geometries);
-    baked.geometries.moves = baked.geometries.placements.iter().any(|p| p.moves);
-    baked
+) -> SceneGeometry {
+    let shapes = moving_shapes(scene, materials, origin, object_ids, (&plan.object_materials, plan.keeps_uv));
+    shapes.into_iter().for_each(|shape| scene_geometry.add_shape(shape));
+    scene_geometry.moving = moving(&scene_geometry.geometries);
+    scene_geometry.geometries.moves = scene_geometry.geometries.placements.iter().any(|p| p.moves);
+    scene_geometry
 }
 
 /// The motion of placements that move while the shutter is open.
@@ -170,42 +187,42 @@ fn moving(geometries: &Geometries) -> Vec<MovingInstance> {
 }
 
 /// Adds the placements of shared meshes: static ones, then moving ones.
-fn place(scene: &Scene, plan: &Plan, numbering: &Numbering, mut geometries: Geometries) -> Baked {
+fn place(scene: &Scene, plan: &Plan, object_ids: &ObjectIds, mut geometries: Geometries) -> SceneGeometry {
     let (mut instances, mut first_moving) = (Vec::new(), 0);
     for mode in [InstanceMode::Shared, InstanceMode::Moving] {
         first_moving = instances.len();
-        for step in plan.steps.iter().filter(|s| s.mode == mode) {
-            let instance = &scene.instances[step.instance];
+        for planned in plan.instances.iter().filter(|s| s.mode == mode) {
+            let instance = &scene.instances[planned.index];
             let material = plan.material_of(instance, &scene.meshes[instance.mesh.index()]);
-            let mut placed = placement(step, material, numbering.instance(step.instance));
+            let mut placed = placement(planned, material, object_ids.instance(planned.index));
             let has_keys = |space: &Arc<Space>| !space.shapes.keys.is_empty();
-            placed.moves |= geometries.shared.get(step.geometry).is_some_and(has_keys);
+            placed.moves |= geometries.shared.get(planned.geometry).is_some_and(has_keys);
             placed.is_unsampled = plan.unsampled.contains(&instance.mesh);
             geometries.placements.push(placed);
             instances.push(AccelInstance {
                 // Geometry 0 of the BVH is the world.
-                geometry: step.geometry as u32 + 1,
-                world_from_object: step.world_from_object,
+                geometry: planned.geometry as u32 + 1,
+                world_from_object: planned.world_from_object,
             });
         }
     }
-    Baked { geometries, instances, first_moving, moving: Vec::new() }
+    SceneGeometry { geometries, instances, first_moving, moving: Vec::new() }
 }
 
-fn placement(step: &Step, material: Option<u32>, object: ObjectId) -> Placement {
+fn placement(planned: &PlannedInstance, material: Option<u32>, object: ObjectId) -> Placement {
     Placement {
-        geometry: step.geometry as u32,
-        world_from_object: Transform::of(&step.world_from_object),
+        geometry: planned.geometry as u32,
+        world_from_object: Transform::of(&planned.world_from_object),
         material,
         object,
-        moves: step.motion.is_some(),
-        motion: step.motion,
+        moves: planned.motion.is_some(),
+        motion: planned.motion,
         is_unsampled: false,
     }
 }
 
-fn needs_of(used: impl Iterator<Item = MaterialId>, materials: &[CompiledMaterial]) -> Needs {
-    let mut needs = Needs::default();
+fn needs_of(used: impl Iterator<Item = MaterialId>, materials: &[CompiledMaterial]) -> AttributeNeeds {
+    let mut needs = AttributeNeeds::default();
     for material in used.map(|id| &materials[id.index()]) {
         needs.normals |= material.uses_normals();
         needs.uv = needs.uv.map(|uv| uv | material.uses_uv);
@@ -216,11 +233,11 @@ fn needs_of(used: impl Iterator<Item = MaterialId>, materials: &[CompiledMateria
     needs
 }
 
-impl Needs {
+impl AttributeNeeds {
     /// The attributes of a shared mesh: those of all materials, as any instance may have its own material.
-    fn of_shared(materials: &[CompiledMaterial], keeps_uv: bool) -> Needs {
+    fn of_shared(materials: &[CompiledMaterial], keeps_uv: bool) -> AttributeNeeds {
         let any = |f: fn(&CompiledMaterial) -> bool| materials.iter().any(f);
-        Needs {
+        AttributeNeeds {
             normals: true,
             uv: [keeps_uv, false].map(|keeps| keeps || any(|m| m.uses_uv)),
             tangents: any(CompiledMaterial::uses_tangents),
@@ -233,19 +250,21 @@ impl Needs {
 /// The separate space of a shared mesh.
 fn shared_space(
     (mesh, is_inside_out): (&Mesh, bool),
-    number: impl Fn(MaterialId) -> u32,
-    needs: (Needs, &[String]),
+    material_index: impl Fn(MaterialId) -> u32,
+    needs: (AttributeNeeds, &[String]),
 ) -> Space {
     let mut space = Space::EMPTY;
     match &mesh.splats {
-        Some(splats) => space.set_splats(mesh, splats, number),
-        None => space.append(mesh, (None, number), (&DAffine3::IDENTITY, is_inside_out), needs, |_| false),
+        Some(splats) => space.set_splats(mesh, splats, material_index),
+        None => {
+            space.append(mesh, (None, material_index), (&DAffine3::IDENTITY, is_inside_out), needs, |_| false)
+        }
     }
-    space.measure();
+    space.update_bounds();
     space
 }
 
-impl Baked {
+impl SceneGeometry {
     /// Adds a moving shape after all other placements.
     fn add_shape(&mut self, shape: MovingShape) {
         let geometries = &mut self.geometries;
@@ -285,7 +304,7 @@ impl Space {
     };
 
     /// Computes the bounds.
-    pub(super) fn measure(&mut self) {
+    pub(super) fn update_bounds(&mut self) {
         let positions = self.shapes.positions.iter().chain(self.shapes.keys.iter().flatten());
         let positions = positions.map(|&p| Vec3::from_array(p));
         let mut bounds = Bounds3::of(positions.filter(|p| p.is_finite()));
@@ -299,8 +318,8 @@ impl Space {
     }
 
     /// Sets the splats of a mesh as the only content.
-    fn set_splats(&mut self, mesh: &Mesh, splats: &Arc<Splats>, number: impl Fn(MaterialId) -> u32) {
-        let material = mesh.parts.first().map_or(0, |part| number(part.material));
+    fn set_splats(&mut self, mesh: &Mesh, splats: &Arc<Splats>, material_index: impl Fn(MaterialId) -> u32) {
+        let material = mesh.parts.first().map_or(0, |part| material_index(part.material));
         self.attributes.materials = vec![material; mesh.positions.len()];
         self.shapes.splats = SplatCloud { centers: mesh.positions.clone(), splats: Some(splats.clone()) };
     }
@@ -309,9 +328,9 @@ impl Space {
     fn append(
         &mut self,
         mesh: &Mesh,
-        (material, number): (Option<MaterialId>, impl Fn(MaterialId) -> u32),
+        (material, material_index): (Option<MaterialId>, impl Fn(MaterialId) -> u32),
         (placed, is_inside_out): (&DAffine3, bool),
-        (needs, names): (Needs, &[String]),
+        (needs, names): (AttributeNeeds, &[String]),
         is_hidden: impl Fn(MaterialId) -> bool,
     ) {
         let (shapes, attributes) = (&mut self.shapes, &mut self.attributes);
@@ -342,7 +361,7 @@ impl Space {
             if !is_hidden(id) {
                 let triangles = mesh.triangles.iter().skip(part.first_triangle as usize);
                 shapes.triangles.extend(triangles.take(part.triangle_count as usize).map(with_winding));
-                attributes.materials.resize(shapes.triangles.len(), number(id));
+                attributes.materials.resize(shapes.triangles.len(), material_index(id));
             }
         }
         attributes.append(mesh, (placed, is_inside_out), needs, first as usize, names);
@@ -354,7 +373,7 @@ impl Space {
         scene: &Scene,
         materials: &[CompiledMaterial],
         origin: DVec3,
-        numbering: &Numbering,
+        object_ids: &ObjectIds,
         plan: &Plan,
     ) {
         let (shapes, attributes) = (&mut self.shapes, &mut self.attributes);
@@ -365,22 +384,22 @@ impl Space {
             |p: DVec3, shifts: &BTreeMap<usize, DVec3>, i: usize| shifts.get(&i).map_or(p, |by| p + *by);
         let (motion, quads) = (&scene.motion, scene.quads.iter().enumerate());
         for (i, quad) in quads.filter(|(i, quad)| is_visible(quad.material) && is_static(&motion.quads, *i)) {
-            self.owners.begin(attributes.materials.len(), numbering.quad(i));
+            self.owners.begin(attributes.materials.len(), object_ids.quad(i));
             shapes.quads.push(Quad {
                 corner: (shifted(quad.corner, &plan.shifts.quads, i) - origin).as_vec3(),
                 edge_u: quad.edge_u.as_vec3(),
                 edge_v: quad.edge_v.as_vec3(),
             });
-            attributes.materials.push(plan.numbers.number(quad.material, &quad.traits));
+            attributes.materials.push(plan.object_materials.index_of(quad.material, &quad.traits));
         }
         let needs_rotation =
             plan.keeps_uv || scene.shapes.iter().any(|s| materials[s.material.index()].uses_uv);
         let indexed = scene.shapes.iter().enumerate();
         for (i, shape) in indexed.filter(|(i, s)| is_visible(s.material) && is_static(&motion.shapes, *i)) {
-            self.owners.begin(attributes.materials.len(), numbering.shape(i));
+            self.owners.begin(attributes.materials.len(), object_ids.shape(i));
             let center = shifted(shape.center, &plan.shifts.shapes, i) - origin;
             shapes.analytic.push(Analytic::of_scene(shape, center.as_vec3()));
-            attributes.materials.push(plan.numbers.number(shape.material, &shape.traits));
+            attributes.materials.push(plan.object_materials.index_of(shape.material, &shape.traits));
             if needs_rotation {
                 attributes.object_from_world.push(Mat3::from_quat(shape.rotation.inverse().as_quat()));
             }
@@ -395,7 +414,7 @@ impl Attributes {
         &mut self,
         mesh: &Mesh,
         (placed, is_inside_out): (&DAffine3, bool),
-        needs: Needs,
+        needs: AttributeNeeds,
         before: usize,
         names: &[String],
     ) {
@@ -403,7 +422,7 @@ impl Attributes {
         let total = before + mesh.positions.len();
         let of_normals = normal_matrix(&placed.matrix3).as_mat3();
         let linear = placed.matrix3.as_mat3();
-        let normals = mesh.normals.iter().map(|&n| (of_normals * glam(n)).normalize_or_zero().to_array());
+        let normals = mesh.normals.iter().map(|&n| (of_normals * vec3(n)).normalize_or_zero().to_array());
         extend(&mut self.normals, needs.normals, [0.0; 3], before, total, normals);
         for set in 0..2 {
             let source = mesh.uv_sets.get(set).map_or(&[][..], Vec::as_slice);
@@ -413,7 +432,7 @@ impl Attributes {
         let is_flipped = is_inside_out && normals_agree_with_faces(mesh);
         let handedness = if (placed.matrix3.determinant() < 0.0) != is_flipped { -1.0 } else { 1.0 };
         let tangents = mesh.tangents.iter().map(|&[x, y, z, w]| {
-            let [x, y, z] = (linear * glam([x, y, z])).normalize_or_zero().to_array();
+            let [x, y, z] = (linear * vec3([x, y, z])).normalize_or_zero().to_array();
             [x, y, z, w * handedness]
         });
         extend(&mut self.tangents, needs.tangents, [0.0; 4], before, total, tangents);
@@ -428,13 +447,13 @@ impl Attributes {
 /// Do vertex normals agree with face normals?
 fn normals_agree_with_faces(mesh: &Mesh) -> bool {
     let agreement = |&[a, b, c]: &[u32; 3]| {
-        let [p, q, r] = [a, b, c].map(|i| glam(mesh.positions[i as usize]));
-        mesh.normals.get(a as usize).map_or(0.0, |&normal| (q - p).cross(r - p).dot(glam(normal)))
+        let [p, q, r] = [a, b, c].map(|i| vec3(mesh.positions[i as usize]));
+        mesh.normals.get(a as usize).map_or(0.0, |&normal| (q - p).cross(r - p).dot(vec3(normal)))
     };
     mesh.triangles.iter().map(agreement).sum::<f32>() > 0.0
 }
 
-fn glam(v: [f32; 3]) -> Vec3 {
+fn vec3(v: [f32; 3]) -> Vec3 {
     v.into()
 }
 
@@ -481,10 +500,10 @@ struct TangentMesh<'a> {
     tangents: Vec<[[f32; 4]; 3]>,
 }
 
-/// Arithmetic with the same result on every machine.
-struct Exact;
+/// Functions of MikkTSpace with the same result on every machine.
+struct PortableMath;
 
-impl Ops for Exact {
+impl Ops for PortableMath {
     fn sqrt(x: f32) -> f32 {
         x.sqrt()
     }
@@ -500,7 +519,7 @@ impl TangentMesh<'_> {
     }
 }
 
-impl Geometry<Exact> for TangentMesh<'_> {
+impl Geometry<PortableMath> for TangentMesh<'_> {
     fn num_faces(&self) -> usize {
         self.mesh.triangles.len()
     }
