@@ -270,13 +270,12 @@ impl CompiledMaterial {
         let uses_uv = is_textured || uses_frame || is_mapped || has_texture_outside_bsdf;
         let is_constant = !is_textured && !material.use_vertex_colors && !uses_frame;
         let example = is_constant.then(|| program.evaluate(&Factors, &LocalFrame::DEFAULT));
-        let constant = example.filter(|_| !is_spectral);
         let depends_on_hit = |id: TextureId| textures.depends_on_viewer(id) || textures.reads_hit(id);
         CompiledMaterial {
             class,
-            constant,
+            constant: example.filter(|_| !is_spectral),
             example: example.filter(|_| is_spectral),
-            albedo: constant.map_or(Rgb::ZERO, |b| b.albedo()),
+            albedo: example.filter(|_| !is_spectral).map_or(Rgb::ZERO, |b| b.albedo()),
             emission,
             light_spectrum,
             is_transparent_to_shadow_rays: program.may_transmit_unscattered() && emission.is_none(),

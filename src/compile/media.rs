@@ -30,15 +30,14 @@ pub(super) fn number(
 ) -> Vec<Medium> {
     warn_of_unbounded_fog(scene, warnings);
     warn_of_static_grids(scene, warnings);
-    let grids = scene.grids.iter().map(|grid| Arc::new(DensityGrid::new(grid, anchor)));
-    let grids: Vec<Arc<DensityGrid>> = grids.collect();
-    let mut media = vec![exterior(scene.fog.as_ref(), anchor, is_spectral)];
-    let mut left_out = 0;
+    let grid = |grid| Arc::new(DensityGrid::new(grid, anchor));
+    let grids: Vec<Arc<DensityGrid>> = scene.grids.iter().map(grid).collect();
+    let (mut media, mut left_out) = (vec![exterior(scene.fog.as_ref(), anchor, is_spectral)], 0);
     let uses = OnceCell::new();
     for (id, material) in materials.iter_mut().enumerate() {
         let Some(mut medium) = material.medium.clone() else { continue };
-        let watertightness =
-            uses.get_or_init(|| MaterialUses::of(scene)).watertightness(MaterialId(id as u32));
+        let uses = uses.get_or_init(|| MaterialUses::of(scene));
+        let watertightness = uses.watertightness(MaterialId(id as u32));
         let is_kept = match watertightness {
             Watertightness::None => false,
             Watertightness::Open if medium.scattering.is_some() => {
@@ -75,9 +74,9 @@ pub(super) fn number(
         }
     }
     if left_out > 0 {
-        let max = u16::MAX;
         warnings.push(Warning::general(format!(
-            "{left_out} materials of solids exceed the maximum of {max} media: their interiors have no effect"
+            "{left_out} materials of solids exceed the maximum of {} media: their interiors have no effect",
+            u16::MAX
         )));
     }
     media

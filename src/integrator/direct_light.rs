@@ -1,4 +1,7 @@
-//! Direct lighting: MIS weights of light samples against BSDF sampling, and shadow rays.
+//! Direct lighting: light samples at the vertices, MIS weights against BSDF sampling, and shadow rays.
+//!
+//! Each vertex selects a light, unless a vectorised loop samples the scene's only light; then lights are sampled by kind
+//! ([`super::light_samples`]).
 //!
 //! The shadow AOV ([`Aov::Shadow`]) holds the occluded fraction of the light samples' luminance. MIS weights are divided out, since
 //! BSDF sampling complements unoccluded light only, so that weighted sums would not be comparable. The occlusion of constant and
@@ -7,22 +10,130 @@
 use super::Integrator;
 use super::guiding::Guided;
 use super::lifted_rays::{exchange_normals, lift_shadow_rays, restore_normals};
+use super::light_samples::{
+    BATCH, EnvironmentSampler, InOrder, RectangleSampler, SampleLight, sample_uniform,
+};
 use super::light_visibility::{LightProbe, LightVisibility};
+use super::mis::LightPdf;
 use super::radiance_buffer::RadianceOrigin;
-use super::sampling::Block;
+use super::sampling::{Block, Purpose};
 use super::shading_geometry::{Horizon, Relief, Sharp, SharpRelief, Soft, Terminator};
 use super::shading_groups::{
     Closure, GeneralClass, LambertClass, MediumClass, MetalRoughClass, SortedVertices, VertexClass,
 };
-use super::wave::{LightLanes, WAVE, Wave, get, get_rgb, set, set_rgb};
-use super::workspace::Workspace;
+use super::visibility::class;
+use super::wave::{LightLanes, Vertices, WAVE, Wave, get, get_rgb, set, set_rgb};
+use super::workspace::{SampleTimes, Workspace};
 use crate::color::Rgb;
 use crate::film::Aov;
-use crate::light::{EnvironmentLight, Receiver};
+use crate::light::{EnvironmentLight, LightSample, Lights, Receiver, UniformRectangle};
 use crate::math::{Ray, Vec3, offset_along};
+use crate::sampling::sampler::{Dimensions, SobolPoint};
 use crate::scene::RayKinds;
 use crate::simd::{Kernel, dispatch};
 use std::ops::Range;
+
+impl Integrator<'_> {
+    /// Samples a light, and a point on it, for each lit vertex.
+    pub(super) fn sample_lights(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
+        let dimensions = &self.dimensions(bounce, Purpose::Light);
+        let (wave, count) = (&mut *w.wave, sorted.lit().end);
+        if let Some(sampler) = RectangleSampler::of(&self.scene.lights) {
+            return dispatch(SampleLight { wave, count, dimensions, sampler });
+        }
+        if let Some(sampler) = EnvironmentSampler::of(&self.scene.lights) {
+            return dispatch(SampleLight { wave, count, dimensions, sampler });
+        }
+        let (lights, opaque) = (&self.scene.lights, sorted.metal_rough().end);
+        let linked = self.scene.features.links;
+        let visibility = self.options.light_visibility;
+        dispatch(SelectLights { wave, count, opaque, lights, visibility, dimensions, linked });
+        if lights.are_rectangles() {
+            return sample_uniform::<UniformRectangle, _>(InOrder(count), lights, wave);
+        }
+        let others = w.vertices_by_light.sample(count, lights, wave);
+        self.sample_other_lights(others, wave, &w.times);
+    }
+
+    /// Samples the selected lights of some vertices one by one.
+    fn sample_other_lights(&self, list: &[u32], wave: &mut Wave, times: &SampleTimes) {
+        let lights = &self.scene.lights;
+        let Wave { vertices: v, paths, scratch: [u0, u1, ..] } = wave;
+        for i in list.iter().map(|&i| i as usize) {
+            let (index, pdf_discrete) = (v.light.index[i], v.light.pdf_discrete[i]);
+            let sample = match pdf_discrete > 0.0 {
+                true if lights.are_moving() => {
+                    let (p, time) = (get(&v.p, i), times.of(paths.state.radiance_index[i]));
+                    lights.sample_at(&self.scene.textures, index, p, [u0[i], u1[i]], time)
+                }
+                true => lights.sample(&self.scene.textures, index, get(&v.p, i), [u0[i], u1[i]]),
+                false => LightSample::NONE,
+            };
+            store(v, i, &sample, pdf_discrete);
+        }
+    }
+}
+
+/// Stores a light sample.
+fn store(v: &mut Vertices, i: usize, sample: &LightSample, pdf_discrete: f32) {
+    let light = &mut v.light;
+    set(&mut light.wi, i, sample.wi);
+    set(&mut light.target, i, sample.target);
+    set_rgb(&mut light.radiance, i, sample.radiance);
+    light.is_infinite[i] = f32::from(u8::from(sample.is_infinite));
+    let pdf = sample.pdf_solid_angle * pdf_discrete;
+    light.pdf[i] = if sample.is_delta { LightPdf::delta(pdf) } else { LightPdf::new(pdf) };
+}
+
+/// Selects a light for each vertex. Writes two random numbers for the point on the light to the first two scratch arrays.
+struct SelectLights<'a> {
+    wave: &'a mut Wave,
+    count: usize,
+    /// Number of vertices with opaque BSDFs, which come first: only there does light selection use the normal.
+    opaque: usize,
+    lights: &'a Lights,
+    visibility: Option<&'a LightVisibility>,
+    dimensions: &'a Dimensions,
+    /// Is light linking in use?
+    linked: bool,
+}
+
+impl Kernel for SelectLights<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Wave { paths, vertices: v, scratch: [u0, u1, choice0, choice1, ..] } = self.wave;
+        let count = self.count.min(WAVE);
+        for i in 0..count {
+            let point = SobolPoint::from_parts(paths.state.seed[i], paths.state.shuffled[i]);
+            [u0[i], u1[i], choice0[i], choice1[i]] = point.sample_4d(self.dimensions);
+        }
+        for first in (0..count).step_by(BATCH) {
+            // Loops, because `array::from_fn` is not always inlined.
+            let mut receivers = [Receiver::new(Vec3::ZERO, Vec3::ZERO); BATCH];
+            let mut numbers = [[0.0; 2]; BATCH];
+            for lane in 0..BATCH {
+                let i = first + lane;
+                let normal = if i < self.opaque { get(&v.ns, i) } else { Vec3::ZERO };
+                receivers[lane] = LightVisibility::receiver(self.visibility, get(&v.p, i), normal);
+                numbers[lane] = [choice0[i], choice1[i]];
+            }
+            let lanes = BATCH.min(count - first);
+            let chosen = match self.linked {
+                false => self.lights.select_many(&receivers, &numbers, lanes),
+                true => {
+                    let class = |lane| class(first + lane, paths, true);
+                    self.lights.select_by_class(class, &receivers, &numbers, lanes)
+                }
+            };
+            for (i, lane) in (first..first + lanes).zip(0..) {
+                set(&mut paths.receiver_normal, i, receivers[lane].normal);
+                (v.light.index[i], v.light.pdf_discrete[i]) = (chosen[lane].index, chosen[lane].pdf_discrete);
+            }
+        }
+    }
+}
 
 impl Integrator<'_> {
     /// A receiver of light, with the learned weights of groups of lights.

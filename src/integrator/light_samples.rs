@@ -1,21 +1,12 @@
-//! Light sampling: selects a light for each vertex, and a point on it.
-//!
-//! In scenes with a single light that has a [`VectorSampler`], a vectorised loop samples all vertices. Else each vertex selects a light
-//! first; then the vertices are grouped by the kind of their lights, and vectorised loops sample the kinds that have one
-//! ([`UniformKind`], and the environment's image).
+//! Vectorised sampling of points on lights, for scenes with a single light that has a [`VectorSampler`], and for the vertices of a wave by
+//! the kind of their selected lights ([`UniformKind`], and the environment's image).
 
-use super::Integrator;
-use super::light_visibility::LightVisibility;
 use super::mis::LightPdf;
-use super::sampling::Purpose;
-use super::shading_groups::SortedVertices;
-use super::visibility::class;
 use super::wave::{Lanes, Vertices, WAVE, Wave, get, set, set_rgb};
-use super::workspace::{SampleTimes, Workspace};
 use crate::color::Rgb;
 use crate::light::{
-    ImageMap, LightDirection, LightSample, Lights, Receiver, UNIFORM_NUMBERS, UniformDisk, UniformKind,
-    UniformLight, UniformRectangle, UniformTriangle, solid_angle_density,
+    ImageMap, LightDirection, Lights, UNIFORM_NUMBERS, UniformDisk, UniformKind, UniformLight,
+    UniformRectangle, UniformTriangle, solid_angle_density,
 };
 use crate::math::Vec3;
 use crate::sampling::sampler::{Dimensions, SobolPoint};
@@ -23,7 +14,7 @@ use crate::simd::{Kernel, Table, dispatch};
 use std::marker::PhantomData;
 
 /// Vertices per batch of light samples; results beyond the last vertex are ignored.
-const BATCH: usize = 16;
+pub(super) const BATCH: usize = 16;
 /// Prefetch distance for rectangle lights, vertices.
 const PREFETCH_DISTANCE: usize = 2 * BATCH;
 
@@ -166,110 +157,8 @@ impl VerticesByLight {
     }
 }
 
-impl Integrator<'_> {
-    /// Samples a light, and a point on it, for each lit vertex.
-    pub(super) fn sample_lights(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
-        let dimensions = &self.dimensions(bounce, Purpose::Light);
-        let (wave, count) = (&mut *w.wave, sorted.lit().end);
-        if let Some(sampler) = RectangleSampler::of(&self.scene.lights) {
-            return dispatch(SampleLight { wave, count, dimensions, sampler });
-        }
-        if let Some(sampler) = EnvironmentSampler::of(&self.scene.lights) {
-            return dispatch(SampleLight { wave, count, dimensions, sampler });
-        }
-        let (lights, opaque) = (&self.scene.lights, sorted.metal_rough().end);
-        let linked = self.scene.features.links;
-        let visibility = self.options.light_visibility;
-        dispatch(SelectLights { wave, count, opaque, lights, visibility, dimensions, linked });
-        if lights.are_rectangles() {
-            return sample_uniform::<UniformRectangle, _>(InOrder(count), lights, wave);
-        }
-        let others = w.vertices_by_light.sample(count, lights, wave);
-        self.sample_other_lights(others, wave, &w.times);
-    }
-
-    /// Samples the selected lights of some vertices one by one.
-    fn sample_other_lights(&self, list: &[u32], wave: &mut Wave, times: &SampleTimes) {
-        let lights = &self.scene.lights;
-        let Wave { vertices: v, paths, scratch: [u0, u1, ..] } = wave;
-        for i in list.iter().map(|&i| i as usize) {
-            let (index, pdf_discrete) = (v.light.index[i], v.light.pdf_discrete[i]);
-            let sample = match pdf_discrete > 0.0 {
-                true if lights.are_moving() => {
-                    let (p, time) = (get(&v.p, i), times.of(paths.state.radiance_index[i]));
-                    lights.sample_at(&self.scene.textures, index, p, [u0[i], u1[i]], time)
-                }
-                true => lights.sample(&self.scene.textures, index, get(&v.p, i), [u0[i], u1[i]]),
-                false => LightSample::NONE,
-            };
-            store(v, i, &sample, pdf_discrete);
-        }
-    }
-}
-
-/// Stores a light sample.
-fn store(v: &mut Vertices, i: usize, sample: &LightSample, pdf_discrete: f32) {
-    let light = &mut v.light;
-    set(&mut light.wi, i, sample.wi);
-    set(&mut light.target, i, sample.target);
-    set_rgb(&mut light.radiance, i, sample.radiance);
-    light.is_infinite[i] = f32::from(u8::from(sample.is_infinite));
-    let pdf = sample.pdf_solid_angle * pdf_discrete;
-    light.pdf[i] = if sample.is_delta { LightPdf::delta(pdf) } else { LightPdf::new(pdf) };
-}
-
-/// Selects a light for each vertex. Writes two random numbers for the point on the light to the first two scratch arrays.
-struct SelectLights<'a> {
-    wave: &'a mut Wave,
-    count: usize,
-    /// Number of vertices with opaque BSDFs, which come first: only there does light selection use the normal.
-    opaque: usize,
-    lights: &'a Lights,
-    visibility: Option<&'a LightVisibility>,
-    dimensions: &'a Dimensions,
-    /// Is light linking in use?
-    linked: bool,
-}
-
-impl Kernel for SelectLights<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self) {
-        let Wave { paths, vertices: v, scratch: [u0, u1, choice0, choice1, ..] } = self.wave;
-        let count = self.count.min(WAVE);
-        for i in 0..count {
-            let point = SobolPoint::from_parts(paths.state.seed[i], paths.state.shuffled[i]);
-            [u0[i], u1[i], choice0[i], choice1[i]] = point.sample_4d(self.dimensions);
-        }
-        for first in (0..count).step_by(BATCH) {
-            // Loops, because `array::from_fn` is not always inlined.
-            let mut receivers = [Receiver::new(Vec3::ZERO, Vec3::ZERO); BATCH];
-            let mut numbers = [[0.0; 2]; BATCH];
-            for lane in 0..BATCH {
-                let i = first + lane;
-                let normal = if i < self.opaque { get(&v.ns, i) } else { Vec3::ZERO };
-                receivers[lane] = LightVisibility::receiver(self.visibility, get(&v.p, i), normal);
-                numbers[lane] = [choice0[i], choice1[i]];
-            }
-            let lanes = BATCH.min(count - first);
-            let chosen = match self.linked {
-                false => self.lights.select_many(&receivers, &numbers, lanes),
-                true => {
-                    let class = |lane| class(first + lane, paths, true);
-                    self.lights.select_by_class(class, &receivers, &numbers, lanes)
-                }
-            };
-            for (i, lane) in (first..first + lanes).zip(0..) {
-                set(&mut paths.receiver_normal, i, receivers[lane].normal);
-                (v.light.index[i], v.light.pdf_discrete[i]) = (chosen[lane].index, chosen[lane].pdf_discrete);
-            }
-        }
-    }
-}
-
 /// Which vertices a loop over light samples visits.
-trait Visited: Copy {
+pub(super) trait Visited: Copy {
     /// Number of vertices, rounded up to whole batches.
     fn count(self) -> usize;
 
@@ -279,7 +168,7 @@ trait Visited: Copy {
 
 /// The first vertices of the wave.
 #[derive(Clone, Copy)]
-struct InOrder(usize);
+pub(super) struct InOrder(pub usize);
 
 impl Visited for InOrder {
     #[inline(always)]
@@ -311,7 +200,7 @@ impl Visited for Listed<'_> {
 }
 
 /// Samples points of the selected lights of vertices, all of which are lights `L`.
-fn sample_uniform<L: UniformLight, V: Visited>(visited: V, lights: &Lights, wave: &mut Wave) {
+pub(super) fn sample_uniform<L: UniformLight, V: Visited>(visited: V, lights: &Lights, wave: &mut Wave) {
     if visited.count() > 0 {
         let numbers = Table::new(lights.uniform().numbers());
         dispatch(SampleUniform::<L, V> { wave, visited, numbers, light: PhantomData });

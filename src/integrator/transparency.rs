@@ -236,10 +236,8 @@ impl Integrator<'_> {
                 let (response, transmittance) =
                     self.shadow_response(crossing, (bounce, pass, i), paths, counts.get_mut(k));
                 if let HitResponse::Passes = response {
-                    let color =
-                        self.transparent_color(crossing, LIGHT_SAMPLE_KINDS, waves).unwrap_or(Rgb::ONE);
-                    let contribution = get_rgb(&light.contribution, i);
-                    set_rgb(&mut light.contribution, i, contribution * color * transmittance);
+                    let color = self.transparent_color(crossing, LIGHT_SAMPLE_KINDS, waves);
+                    attenuate(light, i, color.unwrap_or(Rgb::ONE) * transmittance);
                 }
                 let passed = shadow_crossings.get_mut(k);
                 let passes = || self.shadow_ray_passes_glass(i, crossing, (passed, &mut next), light, waves);
@@ -466,6 +464,12 @@ impl Integrator<'_> {
         let hit_data = self.hit_data(&hit_point, &at, wo);
         Some(read(&alpha, &self.slots(&at, &surface, wo, 0.0, hit_data.as_ref()), vertex_alpha))
     }
+}
+
+/// Multiplies the contribution of a light sample.
+fn attenuate(light: &mut LightLanes, i: usize, factor: Rgb) {
+    let contribution = get_rgb(&light.contribution, i);
+    set_rgb(&mut light.contribution, i, contribution * factor);
 }
 
 /// Response of a ray to a hit.

@@ -1,7 +1,7 @@
 //! Emissive surfaces: rectangles, parallelograms, triangles and analytic shapes, with the angular distribution of radiance ([`Beam`]).
 
 use super::punctual::{Aim, SpotCone, relative_mean};
-use super::uniform::{direction_to_point, is_in_plane};
+use super::traits::{direction_to_point, is_in_plane};
 use super::{LightBounds, LightSample, LightSource};
 use crate::color::Rgb;
 use crate::math::{Bounds3, Frame, Mat3, Ray, Vec2, Vec3, gamma};

@@ -25,10 +25,9 @@ pub use light_tree::{Descent, LIGHT_GROUPS, LightTree, LightWeights, Receiver};
 pub use lights::{LightMotions, Lights, MovingLight, SelectedLight, SelectedSun};
 pub use punctual::Sun;
 use punctual::{Directional, Point, Profiled, Spot};
-pub use traits::{LightBounds, LightOrigin, LightSample, LightSource, PunctualSource};
+pub use traits::{LightBounds, LightDirection, LightOrigin, LightSample, LightSource, PunctualSource};
 pub use uniform::{
-    LightDirection, UNIFORM_NUMBERS, UniformDisk, UniformKind, UniformLight, UniformLights, UniformRectangle,
-    UniformTriangle,
+    UNIFORM_NUMBERS, UniformDisk, UniformKind, UniformLight, UniformLights, UniformRectangle, UniformTriangle,
 };
 pub use volume::VolumeLight;
 

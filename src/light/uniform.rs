@@ -1,45 +1,10 @@
 //! Emissive surfaces of constant radiance, with the data for vectorised sampling: rectangles, triangles and facing disks.
 
 use super::area::{AreaLight, AreaShape, Beam, Edges, Radiance};
+use super::traits::{LightDirection, direction_to_point, is_in_plane};
 use crate::color::Rgb;
-use crate::math::{Vec3, offset_ray_origin};
+use crate::math::Vec3;
 use crate::shape::{Analytic, FacingDisk, Shape, SphericalRectangle, SphericalTriangle};
-
-/// Is a point in a plane, within the rounding error of the plane's points?
-#[inline(always)]
-pub(super) fn is_in_plane(p: Vec3, on_plane: Vec3, normal: Vec3, point_error: Vec3) -> bool {
-    let distance = (p - on_plane).dot(normal).abs();
-    distance <= 4.0 * point_error.dot(normal.abs())
-}
-
-/// The direction from `p` to a sampled point of an emissive surface (normal, rounding error of points, two-sided).
-#[inline(always)]
-pub(super) fn direction_to_point(
-    p: Vec3,
-    point: Vec3,
-    pdf_solid_angle: f32,
-    (normal, point_error, two_sided): (Vec3, Vec3, bool),
-) -> LightDirection {
-    let to_light = point - p;
-    let distance = to_light.length();
-    let is_lit = two_sided | (to_light.dot(normal) < 0.0);
-    LightDirection {
-        wi: to_light / if distance > 0.0 { distance } else { 1.0 },
-        target: offset_ray_origin(point, point_error, normal, -to_light),
-        pdf_solid_angle: if is_lit & (distance > 0.0) { pdf_solid_angle } else { 0.0 },
-    }
-}
-
-/// A direction towards a light.
-#[derive(Clone, Copy, Debug)]
-pub struct LightDirection {
-    /// Unit length.
-    pub wi: Vec3,
-    /// End of a shadow ray; unused for lights at infinity.
-    pub target: Vec3,
-    /// Pdf per solid angle; 0 if no light arrives.
-    pub pdf_solid_angle: f32,
-}
 
 /// Length of a packed [`UniformLight`].
 pub const UNIFORM_NUMBERS: usize = 19;
