@@ -240,9 +240,6 @@ fn lights(
     if scene.fog.as_ref().is_some_and(media::is_opaque_to_far_light) {
         lights.exclude_infinite_lights();
     }
-    if media.iter().enumerate().any(|(index, medium)| medium.samples_distances_to_lights(index)) {
-        lights.prepare_beams(textures);
-    }
     Ok((lights, tables))
 }
 

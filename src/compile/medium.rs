@@ -149,12 +149,10 @@ impl Medium {
             || self.scattering.as_ref().is_some_and(scatters)
     }
 
-    /// Are distances in the medium of this index sampled towards lights, too? Not on grids, and not within solids, whose surfaces occlude
-    /// lights. Index 0 is the medium around the scene.
-    #[inline]
-    pub fn samples_distances_to_lights(&self, index: usize) -> bool {
-        let scatters = |s: &Scattering| s.grid().is_none() && s.scattering_coefficient.max_element() > 0.0;
-        (index == 0 || self.is_boundary) && self.scattering.as_ref().is_some_and(scatters)
+    /// Does the density vary by a grid?
+    #[inline(always)]
+    pub fn is_on_grid(&self) -> bool {
+        self.scattering.as_ref().is_some_and(|s| s.grid().is_some())
     }
 
     /// Does the index of refraction differ between channels?

@@ -1,8 +1,8 @@
 //! Segments of paths through participating media: sampling of the distance to the next scattering event, and weights.
 //!
 //! Distances are sampled from a mixture: for each channel an exponential with its extinction, selected in proportion to throughput;
-//! and, with a light selected for it, with probability 1/2 equiangular sampling towards the centre of that light, within its cone (Kulla,
-//! Fajardo 2012, "Importance Sampling Techniques for Path Tracing in Participating Media", section 3.1). The weight is the value over the pdf of the
+//! and, with a light selected for it, with probability 1/2 equiangular sampling towards a point of that light (Kulla, Fajardo 2012,
+//! "Importance Sampling Techniques for Path Tracing in Participating Media", section 3.1). The weight is the value over the pdf of the
 //! whole mixture (one-sample balance heuristic, Veach 1997): at most the reciprocal of the channel's selection probability, twice that
 //! with equiangular sampling. The light for equiangular sampling is selected independently of light samples. Steps of random walks are
 //! sampled together with their directions, from a mixture with guiding to the surface ([`WalkGuide`]).
@@ -17,7 +17,6 @@ use crate::bsdf::phase::{direction_around, henyey_greenstein, sample_henyey_gree
 use crate::color::Rgb;
 use crate::color::spectral::Wavelengths;
 use crate::compile::{GridMedium, GridRay, Scattering};
-use crate::light::LightBeam;
 use crate::math::{Ray, Vec3, poly};
 use crate::sampling::hash::{hash32, unit};
 use crate::simd::map_each;
@@ -109,7 +108,7 @@ impl MediumSegment {
         (origin, direction): (Vec3, Vec3),
         from: f32,
         throughput: Rgb,
-        light: Option<LightBeam>,
+        light_position: Option<Vec3>,
         u: [f32; 2],
     ) -> MediumSegment {
         let extent = medium.extent(origin, direction, from);
@@ -126,11 +125,8 @@ impl MediumSegment {
             return segment;
         }
         segment.probabilities = selection_probabilities(medium, throughput);
-        segment.equiangular = light.and_then(|light| {
-            let [first, last] = light.interval(origin, direction)?;
-            let lit = [extent[0].max(first), extent[1].min(last)];
-            EquiangularSampling::new(origin, direction, lit, light.center)
-        });
+        segment.equiangular = light_position
+            .and_then(|light_position| EquiangularSampling::new(origin, direction, extent, light_position));
         let (guided, mut choice) = match segment.equiangular {
             Some(_) => (
                 u[1] < EQUIANGULAR_PROBABILITY,
@@ -512,9 +508,7 @@ pub(super) struct EquiangularSampling {
     closest: f32,
     /// Distance of the light from that point, metres.
     distance: f32,
-    /// Start and end of the sampled part of the ray, metres.
-    extent: [f32; 2],
-    /// Angles at the light from the closest point to these, radians.
+    /// Angles at the light from the closest point to the start and the end of the segment, radians.
     angles: [f32; 2],
 }
 
@@ -537,7 +531,7 @@ impl EquiangularSampling {
         };
         let angles = map_each(extent, angle);
         let is_usable = distance > 0.0 && distance.is_finite() && angles[1] > angles[0];
-        is_usable.then_some(EquiangularSampling { closest, distance, extent, angles })
+        is_usable.then_some(EquiangularSampling { closest, distance, angles })
     }
 
     /// Samples a distance, metres.
@@ -545,17 +539,13 @@ impl EquiangularSampling {
     pub(super) fn sample(&self, u: f32) -> f32 {
         let [first, last] = self.angles;
         let (sine, cosine) = poly::sin_cos(first + (last - first) * u);
-        let t = if cosine > 0.0 { self.closest + self.distance * sine / cosine } else { f32::INFINITY };
-        t.clamp(self.extent[0], self.extent[1])
+        if cosine > 0.0 { self.closest + self.distance * sine / cosine } else { f32::INFINITY }
     }
 
     /// Pdf of a distance, 1/m.
     #[inline]
     pub(super) fn density(&self, t: f32) -> f32 {
         let [first, last] = self.angles;
-        if t < self.extent[0] || t > self.extent[1] {
-            return 0.0;
-        }
         let along = t - self.closest;
         self.distance / ((last - first) * (self.distance * self.distance + along * along))
     }
@@ -564,7 +554,7 @@ impl EquiangularSampling {
     #[inline]
     pub(super) fn beyond(&self, t: f32) -> f32 {
         let [first, last] = self.angles;
-        if t >= self.extent[1] {
+        if t == f32::INFINITY {
             return 0.0;
         }
         ((last - poly::atan2(t - self.closest, self.distance)) / (last - first)).clamp(0.0, 1.0)

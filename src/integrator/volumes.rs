@@ -23,7 +23,7 @@ use super::workspace::Workspace;
 use crate::color::Rgb;
 use crate::color::spectral::Wavelengths;
 use crate::compile::Scattering;
-use crate::light::{LightBeam, LightSource};
+use crate::light::LightSource;
 use crate::math::{Hit, Ray, Vec3};
 use crate::sampling::hash::{hash32, unit};
 use crate::sampling::sampler::SobolPoint;
@@ -52,7 +52,7 @@ impl Integrator<'_> {
             let path = &arriving.state;
             let point = SobolPoint::from_parts(path.seed[i], path.shuffled[i]);
             let [distance, kind, select0, select1] = point.sample_4d(dimensions);
-            let light = self.equiangular_light(interior, ray.origin, [select0, select1]);
+            let light_position = self.equiangular_light(medium, ray.origin, [select0, select1]);
             let throughput = get_rgb(&path.throughput, i);
             let wavelengths = times.wavelengths(path.radiance_index[i]);
             let inside = (interior, wavelengths);
@@ -60,7 +60,7 @@ impl Integrator<'_> {
                 inside,
                 (ray, 0.0),
                 throughput,
-                light,
+                light_position,
                 [distance, kind],
                 overlapping_segments,
             );
@@ -76,32 +76,15 @@ impl Integrator<'_> {
             && !self.scene.accel.closest_one_in_time(ray, time).is_hit()
     }
 
-    /// Selects a light for equiangular sampling along a ray from `origin`: half of the time as for a point there, else by intensity alone,
-    /// since beams may cross a ray whose origin they don't reach.
-    fn equiangular_light(
-        &self,
-        interior: Interior,
-        origin: Vec3,
-        [u, choice]: [f32; 2],
-    ) -> Option<LightBeam> {
-        let beams = self.scene.lights.beams()?;
-        let is_used = |medium| self.samples_distances_to_lights(medium);
-        let is_overlapped =
-            || self.scene.features.overlaps && interior.overlapping(&self.scene.media).any(is_used);
-        if !is_used(interior.medium()) && !is_overlapped() {
+    /// Selects a light for equiangular sampling; returns its position. `None` within solids, whose surfaces occlude lights, and on grids.
+    fn equiangular_light(&self, medium: u16, origin: Vec3, u: [f32; 2]) -> Option<Vec3> {
+        let (lights, of_index) = (&self.scene.lights, &self.scene.media[usize::from(medium)]);
+        let is_open = medium == 0 || of_index.is_boundary;
+        if !is_open || of_index.is_on_grid() || lights.is_empty() {
             return None;
         }
-        if choice < 0.5 {
-            return beams.select(u);
-        }
-        let receiver = self.light_receiver(origin, Vec3::ZERO);
-        let selected = self.scene.lights.select(0, &receiver, [u, 2.0 * choice - 1.0]);
-        if selected.pdf_discrete > 0.0 { beams.of_light(selected.index) } else { None }
-    }
-
-    fn samples_distances_to_lights(&self, medium: u16) -> bool {
-        let index = usize::from(medium);
-        self.scene.media[index].samples_distances_to_lights(index)
+        let selected = lights.select(0, &self.light_receiver(origin, Vec3::ZERO), u);
+        if selected.pdf_discrete > 0.0 { lights.center(selected.index) } else { None }
     }
 
     /// Ends all segments at a hit, a scattering event, or infinity. Weights the paths and adds the emission of media.
@@ -322,12 +305,13 @@ impl Integrator<'_> {
             let [distance, kind, select0, select1] = self.boundary_numbers(bounce, pass, is_first, (path, i));
             let wavelengths = w.times.wavelengths(w.arriving.state.radiance_index[i]);
             let start = (&w.rays[i], hit.t);
-            let light = self.equiangular_light(beyond, w.rays[i].at(hit.t), [select0, select1]);
+            let light_position =
+                self.equiangular_light(beyond.medium(), w.rays[i].at(hit.t), [select0, select1]);
             let segment = self.sample_segment(
                 (beyond, wavelengths),
                 start,
                 throughput,
-                light,
+                light_position,
                 [distance, kind],
                 &mut w.overlapping_segments,
             );
@@ -454,18 +438,18 @@ impl Integrator<'_> {
         (interior, wavelengths): (Interior, Option<&Wavelengths>),
         start: Start<'_>,
         throughput: Rgb,
-        light: Option<LightBeam>,
+        light_position: Option<Vec3>,
         u: [f32; 2],
         list: &mut Vec<MediumSegment>,
     ) -> MediumSegment {
         let mut segment =
-            self.sample_segment_in((interior.medium(), wavelengths), start, throughput, light, u);
+            self.sample_segment_in((interior.medium(), wavelengths), start, throughput, light_position, u);
         if self.scene.features.overlaps {
             self.sample_overlapping_segments(
                 &mut segment,
                 (interior, wavelengths),
                 start,
-                (throughput, light),
+                throughput,
                 u,
                 list,
             );
@@ -479,14 +463,20 @@ impl Integrator<'_> {
         (medium, wavelengths): (u16, Option<&Wavelengths>),
         (ray, from): Start<'_>,
         throughput: Rgb,
-        light: Option<LightBeam>,
+        light_position: Option<Vec3>,
         u: [f32; 2],
     ) -> MediumSegment {
-        let light = light.filter(|_| self.samples_distances_to_lights(medium));
         match &self.scene.media[usize::from(medium)].scattering {
             Some(s) => {
                 let scattering = (medium, &*s.at_wavelengths(wavelengths), wavelengths);
-                MediumSegment::draw(scattering, (ray.origin, ray.direction), from, throughput, light, u)
+                MediumSegment::draw(
+                    scattering,
+                    (ray.origin, ray.direction),
+                    from,
+                    throughput,
+                    light_position,
+                    u,
+                )
             }
             None => MediumSegment::straight(medium, [from, f32::INFINITY]),
         }
@@ -499,19 +489,14 @@ impl Integrator<'_> {
         soonest: &mut MediumSegment,
         (interior, wavelengths): (Interior, Option<&Wavelengths>),
         start: Start<'_>,
-        (throughput, light): (Rgb, Option<LightBeam>),
+        throughput: Rgb,
         u: [f32; 2],
         list: &mut Vec<MediumSegment>,
     ) {
         let first = list.len();
         for medium in interior.overlapping(&self.scene.media) {
-            let other = self.sample_segment_in(
-                (medium, wavelengths),
-                start,
-                throughput,
-                light,
-                numbers_of(medium, u),
-            );
+            let other =
+                self.sample_segment_in((medium, wavelengths), start, throughput, None, numbers_of(medium, u));
             let later =
                 if other.scatter_t < soonest.scatter_t { std::mem::replace(soonest, other) } else { other };
             list.push(later);

@@ -1,9 +1,8 @@
 //! The lights of a scene, light selection, and lights with motion.
 
 use super::{
-    AreaLight, Descent, EnvironmentLight, LIGHT_GROUPS, LightBeams, LightBounds, LightSample, LightSource,
-    LightTree, PunctualLight, PunctualSource, Receiver, Sun, UniformLight, UniformLights, UniformRectangle,
-    VolumeLight,
+    AreaLight, Descent, EnvironmentLight, LIGHT_GROUPS, LightBounds, LightSample, LightSource, LightTree,
+    PunctualLight, PunctualSource, Receiver, Sun, UniformLight, UniformLights, UniformRectangle, VolumeLight,
 };
 use crate::math::{Vec3, gamma, offset_ray_origin, segment};
 use crate::sampling::AliasTable;
@@ -28,8 +27,6 @@ pub struct Lights {
     /// For vectorised sampling; empty if lights move.
     uniform: UniformLights,
     motions: LightMotions,
-    /// For media in which distances are sampled towards lights.
-    beams: Option<LightBeams>,
     /// Does the emission of any area light depend on the hit?
     emits_by_hit: bool,
 }
@@ -78,7 +75,6 @@ impl Lights {
             suns,
             uniform,
             motions,
-            beams: None,
             emits_by_hit,
         };
         lights.sampler = lights.sampler_of(textures, |_| true);
@@ -93,7 +89,6 @@ impl Lights {
             + size_of_val(&self.punctual[..])
             + self.volumes.iter().map(VolumeLight::bytes).sum::<usize>()
             + self.uniform.bytes()
-            + self.beams.as_ref().map_or(0, LightBeams::bytes)
             + samplers.map(|sampler| sampler.tree.bytes()).sum::<usize>()
             + self.environment.as_ref().map_or(0, EnvironmentLight::bytes)
     }
@@ -125,17 +120,6 @@ impl Lights {
 
     /// A sampler of the lights for which `has` holds.
     fn sampler_of(&self, textures: &CompiledTextures, has: impl Fn(u32) -> bool) -> LightSampler {
-        let (bounds, far, near) = self.bounds_of(textures, has);
-        LightSampler::new(&bounds, near, &far, self.count_sampled() == 1)
-    }
-
-    /// Of the lights for which `has` holds: the bounds of those at a position by index, dark for others; those at infinity, with their
-    /// irradiances; and the number of the former.
-    fn bounds_of(
-        &self,
-        textures: &CompiledTextures,
-        has: impl Fn(u32) -> bool,
-    ) -> (Vec<LightBounds>, Vec<(u32, f32)>, usize) {
         let (mut bounds, mut far, mut near) = (Vec::new(), Vec::new(), 0);
         for (i, light) in self.area.iter().enumerate() {
             let moving = self.motions.area.get(&i);
@@ -166,7 +150,7 @@ impl Lights {
         let index = self.first_volume() + self.volumes.len() as u32;
         let sampled = self.environment.iter().filter(|e| e.is_sampled() && has(index));
         far.extend(sampled.map(|e| (index, e.mean_luminance() * PI)));
-        (bounds, far, near)
+        LightSampler::new(&bounds, near, &far, self.count_sampled() == 1)
     }
 
     /// The group of a light, for [`LightWeights`](super::LightWeights) of receivers of class 0.
@@ -197,17 +181,6 @@ impl Lights {
             Some(SelectedSun { sun, index, pdf_discrete, is_seen: false })
         };
         self.punctual.iter().enumerate().filter_map(sun).collect()
-    }
-
-    /// Prepares [`Lights::beams`].
-    pub fn prepare_beams(&mut self, textures: &CompiledTextures) {
-        self.beams = LightBeams::new(&self.bounds_of(textures, |_| true).0);
-    }
-
-    /// The beams of the lights, if prepared and if there is a light at a position.
-    #[inline(always)]
-    pub fn beams(&self) -> Option<&LightBeams> {
-        self.beams.as_ref()
     }
 
     /// For closed scenes: lights at infinity are selected only where no other light arrives.

@@ -2,7 +2,6 @@
 //! implement [`LightSource`].
 
 mod area;
-mod beams;
 mod environment;
 mod light_paths;
 mod light_tree;
@@ -18,7 +17,6 @@ use crate::math::{DVec3, Vec3};
 use crate::scene::{self, LightKind};
 use crate::texture::CompiledTextures;
 pub use area::{AreaLight, AreaShape, Beam, Edges, Radiance};
-pub use beams::{LightBeam, LightBeams};
 pub use environment::{EnvironmentLight, EnvironmentSample, ImageMap, TexelPosition, solid_angle_density};
 pub use light_paths::{EmittedRay, LightPathSampler, LightPosition, SmallLight, TargetSphere, TargetSpheres};
 pub use light_tree::{Descent, LIGHT_GROUPS, LightTree, LightWeights, Receiver};
