@@ -479,9 +479,9 @@ impl CompiledMaterial {
         self.surface_visibility.map_or(LightLinks::ALL, |v| v.links)
     }
 
-    /// Is its alpha 0 everywhere?
+    /// Is its alpha 0 everywhere, without a medium behind it?
     pub fn is_invisible(&self) -> bool {
-        self.alpha.is_some_and(|alpha| alpha.is_never_present())
+        !self.bounds_medium && self.alpha.is_some_and(|alpha| alpha.is_never_present())
     }
 
     /// May rays pass its surface without scattering?

@@ -340,9 +340,10 @@ fn the_variance_has_that_of_caustics() {
     assert!(reported >= 0.7 * real && reported < 10.0 * real, "{reported} {real}");
 }
 
-/// For denoisers, which mistake correlated noise for detail, the noise of pixels is independent; the means are the same.
+/// Connections that several pixels share make their noise alike, which denoisers mistake for detail; for these each has one pixel, with
+/// the same means. (Light paths are spread evenly, so that the noise of neighbours is rather opposite.)
 #[test]
-fn the_noise_of_caustics_is_independent_between_pixels_for_denoisers() {
+fn the_noise_of_caustics_is_not_shared_by_pixels_for_denoisers() {
     let mut scene = Scene::default();
     let clear = material(&mut scene, dielectric(1.5));
     sphere(&mut scene, [0.0, 1.0, 0.0], 0.3, clear);
@@ -359,7 +360,7 @@ fn the_noise_of_caustics_is_independent_between_pixels_for_denoisers() {
     };
     let [shared, own] = [correlation(&plain), correlation(&for_denoisers)];
     println!("correlation of neighbours: {shared:.3}, for denoisers {own:.3}");
-    assert!(own.abs() < 0.1 && shared > 0.3, "{own} {shared}");
+    assert!(own < 0.03 && shared > own + 0.1, "{own} {shared}");
     assert_same_means("one pixel a connection", &scene, [&plain, &for_denoisers], 16);
 }
 

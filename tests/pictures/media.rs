@@ -6,8 +6,8 @@ use crate::support::{
 };
 use oscura::math::DVec3;
 use oscura::scene::{
-    Camera, ColorSlot, Environment, Fog, FresnelModel, Grid, Light, LightKind, Material, MaterialId, Medium,
-    Model, Projection, Scene,
+    BounceLimits, Camera, ColorSlot, Environment, Fog, FresnelModel, Grid, Light, LightKind, Material,
+    MaterialId, Medium, Model, Projection, Scene,
 };
 use std::f64::consts::PI;
 
@@ -294,9 +294,9 @@ fn plates_of_skin_let_through_what_they_do_in_cycles() {
 }
 
 /// A white furnace seen through a ball of radius 1 of glass that refracts nothing, with a medium of density 0.5 inside.
-fn through_filled_glass(alpha: f32, color: f32, render: &str) -> f64 {
+fn through_filled_glass(alpha: f32, color: f32, bounces: BounceLimits) -> f64 {
     let text = format!(
-        "[render]\n{render}\n[camera]\nlook_from = [0, 0, 5]\nlook_at = [0, 0, 0]\nvfov = 0.1\n\
+        "[camera]\nlook_from = [0, 0, 5]\nlook_at = [0, 0, 0]\nvfov = 0.1\n\
          [environment]\nbackground = 1\n[materials.m]\ntype = \"nodes\"\nsurface = \"p\"\nvolume = true\n\
          medium = {{ density = 0.5, color = {color} }}\n[materials.m.nodes.p]\ntype = \"principled_bsdf\"\n\
          base_color = 1\nroughness = 0\nior = 1\ntransmission_weight = 1\nalpha = {alpha}\n[[objects]]\n\
@@ -306,16 +306,16 @@ fn through_filled_glass(alpha: f32, color: f32, render: &str) -> f64 {
     let path = folder.path().join("scene.toml");
     std::fs::write(&path, text).expect("written");
     let scene = oscura::load::load(&path, &Default::default()).unwrap_or_else(|e| panic!("{e}")).scene;
-    crate::support::mean(&picture(&scene, &options(16, 256, 64)))
+    crate::support::mean(&picture(&scene, &options(16, 256, 64).bounces(bounces)))
 }
 
 /// Rays that pass a surface by its alpha enter and leave its medium, like those that it refracts.
 #[test]
 fn media_are_entered_where_surfaces_are_transparent() {
     for alpha in [0.0, 0.4, 1.0] {
-        let absorbed = through_filled_glass(alpha, 0.0, "");
+        let absorbed = through_filled_glass(alpha, 0.0, BounceLimits::NONE);
         assert!((absorbed - (-1.0f64).exp()).abs() < 4e-3, "alpha {alpha}: {absorbed}");
-        let scattered = through_filled_glass(alpha, 1.0, "");
+        let scattered = through_filled_glass(alpha, 1.0, BounceLimits::NONE);
         assert!((scattered - 1.0).abs() < 1e-2, "alpha {alpha}: {scattered}");
     }
 }
@@ -323,7 +323,7 @@ fn media_are_entered_where_surfaces_are_transparent() {
 /// Light that is scattered within glass ends at its surface if it may be scattered once: what passes unscattered is left.
 #[test]
 fn scattering_within_glass_is_limited_like_that_of_other_media() {
-    let limited = through_filled_glass(1.0, 1.0, "bounces = { volume = 1 }");
+    let limited = through_filled_glass(1.0, 1.0, BounceLimits { volume: 1, ..BounceLimits::NONE });
     assert!((limited - (-1.0f64).exp()).abs() < 4e-3, "{limited}");
 }
 
