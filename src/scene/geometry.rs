@@ -247,7 +247,7 @@ impl CurveBasis {
         }
     }
 
-    /// The numbers of points that [`CurveBasis::takes`] accepts, as text.
+    /// The numbers of points for which [`CurveBasis::accepts`] holds, as text.
     pub fn requirement(self) -> &'static str {
         match self {
             CurveBasis::Linear | CurveBasis::CatmullRom => "2 or more",
