@@ -366,7 +366,6 @@ impl<S: Facets> MetalRough<S> {
             metallic: self.metallic,
             surface,
             energy_compensation: self.energy_compensation,
-            shields_base: self.shields_base,
         }
     }
 }
@@ -679,7 +678,6 @@ mod tests {
             metallic: 0.0,
             surface: Isotropic { alpha: 0.3 },
             energy_compensation: EnergyCompensation::On,
-            shields_base: true,
         };
         let layered = Layered {
             opaque: m.with_surface(Microsurface::isotropic(0.3)),

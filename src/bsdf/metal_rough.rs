@@ -35,9 +35,6 @@ pub struct MetalRough<S = Isotropic> {
     pub surface: S,
     /// Energy compensation of single scattering.
     pub energy_compensation: EnergyCompensation,
-    /// The compensated layer blocks from the base the fraction that it would reflect if its facets lost nothing, as in Cycles: at grazing
-    /// incidence more than it reflects.
-    pub shields_base: bool,
 }
 
 /// The closure of a [`MetalRough`] for one view direction.
@@ -74,7 +71,6 @@ impl MetalRough {
         metallic: 0.0,
         surface: Isotropic { alpha: 1.0 },
         energy_compensation: EnergyCompensation::Off,
-        shields_base: false,
     };
 }
 
@@ -111,18 +107,15 @@ impl<S: Facets> MetalRough<S> {
         let compensation = |f0| Rgb::select(is_compensated, table.compensation(f0), Rgb::ONE);
         let (layer_compensation, metal_compensation) =
             (compensation(self.layer_f0), compensation(self.metal_f0));
-        let reflectance = layer_table.reflectance(self.layer_f0, self.layer_f90);
+        let layer =
+            (layer_table.reflectance(self.layer_f0, self.layer_f90) * layer_compensation).max_element();
         // Without compensation, energy lost between facets must not go to the base. (With Schlick's weight it does, so that
         // existing pictures stay the same.)
         let withholds_lost_energy = matches!(
             (self.energy_compensation, self.layer_fresnel),
             (EnergyCompensation::Off, LayerFresnel::Exact(_))
         );
-        let blocked = if withholds_lost_energy || self.shields_base {
-            reflectance.max_element() / full
-        } else {
-            (reflectance * layer_compensation).max_element()
-        };
+        let blocked = if withholds_lost_energy { layer / full } else { layer };
         let layer_transmittance = if blocked < 1.0 { 1.0 - blocked } else { 0.0 };
         let layer_factor = layer_compensation * (1.0 - self.metallic);
         let metal_factor = metal_compensation * self.metallic;
@@ -301,7 +294,6 @@ pub struct MetalRoughProgram {
     ior_f0: f32,
     layer_fresnel: LayerFresnel,
     pub(super) energy_compensation: EnergyCompensation,
-    shields_base: bool,
 }
 
 impl MetalRoughProgram {
@@ -330,7 +322,6 @@ impl MetalRoughProgram {
                 LayerFresnel::new(shading.fresnel, pbr.ior)
             },
             energy_compensation: shading.energy_compensation,
-            shields_base: pbr.shields_base && shading.energy_compensation == EnergyCompensation::On,
         }
     }
 
@@ -345,7 +336,6 @@ impl MetalRoughProgram {
             ior_f0: 0.0,
             layer_fresnel: LayerFresnel::Schlick,
             energy_compensation: EnergyCompensation::Off,
-            shields_base: false,
         }
     }
 
@@ -380,7 +370,6 @@ impl MaterialProgram for MetalRoughProgram {
             metallic,
             surface: Isotropic { alpha },
             energy_compensation: self.energy_compensation,
-            shields_base: self.shields_base,
         }
     }
 }

@@ -400,7 +400,6 @@ mod tests {
                     metallic: random.next(),
                     surface: Isotropic { alpha: if i % 7 == 0 { 0.0 } else { 0.05 + 0.95 * alpha } },
                     energy_compensation: compensations[i / 3 % 2],
-                    shields_base: i % 6 == 0,
                 };
                 store_material(&mut wave.vertices.metal_rough, i, &material);
                 bsdfs.push(Bsdf::MetalRough(material));

@@ -506,15 +506,8 @@ pub(super) fn store_material(m: &mut MetalRoughMaterials, k: usize, material: &M
         LayerFresnel::Schlick => 0.0,
         LayerFresnel::Exact(curve) => curve.amplitude,
     };
-    m.compensates[k] = match material.energy_compensation {
-        EnergyCompensation::Off => 0.0,
-        EnergyCompensation::On if material.shields_base => SHIELDS,
-        EnergyCompensation::On => 1.0,
-    };
+    m.compensates[k] = f32::from(u8::from(material.energy_compensation == EnergyCompensation::On));
 }
-
-/// [`MetalRoughMaterials::compensates`] of materials that also shield the base.
-const SHIELDS: f32 = 2.0;
 
 /// Loads the material of a vertex.
 #[inline(always)]
@@ -534,7 +527,6 @@ pub(super) fn load_material(m: &MetalRoughMaterials, k: usize, fresnel: FresnelM
             true => EnergyCompensation::On,
             false => EnergyCompensation::Off,
         },
-        shields_base: m.compensates[k] == SHIELDS,
     }
 }
 

@@ -548,8 +548,6 @@ pub struct PbrMaterial {
     pub keeps_radiance: bool,
     /// Colour of the reflection of the transmissive interface.
     pub glass_reflection: GlassReflection,
-    /// The base receives what the reflection would leave if its facets lost no energy, as in Cycles.
-    pub shields_base: bool,
     /// Energy compensation; `None` for the render setting.
     pub energy_compensation: Option<EnergyCompensation>,
     /// Transmission has the Beckmann distribution without energy compensation, instead of GGX.
@@ -686,7 +684,6 @@ impl Default for PbrMaterial {
             tints_once: false,
             keeps_radiance: false,
             glass_reflection: GlassReflection::White,
-            shields_base: false,
             energy_compensation: None,
             is_beckmann: false,
             attenuation_color: [1.0; 3],
@@ -705,7 +702,7 @@ parameters_of_fields! {
     MixComponent { weight, material }
     PbrMaterial {
         base_color, metallic, roughness, diffuse_roughness, ior, varying_ior, specular, specular_color, reflects_evenly, transmission,
-        has_volume, tints_once, keeps_radiance, glass_reflection, shields_base, energy_compensation, is_beckmann, attenuation_color, attenuation_distance, dispersion, clearcoat,
+        has_volume, tints_once, keeps_radiance, glass_reflection, energy_compensation, is_beckmann, attenuation_color, attenuation_distance, dispersion, clearcoat,
         sheen, anisotropy, iridescence, diffuse_transmission,
     }
     Clearcoat { factor, roughness, normal_map }

@@ -103,7 +103,7 @@ structs! {
     FloatSlot { factor, texture }
     NormalMap { texture, scale }
     PbrMaterial {
-        base_color, metallic, roughness, diffuse_roughness, ior, varying_ior, shields_base, specular, specular_color, reflects_evenly, transmission, has_volume,
+        base_color, metallic, roughness, diffuse_roughness, ior, varying_ior, specular, specular_color, reflects_evenly, transmission, has_volume,
         tints_once, keeps_radiance, glass_reflection, energy_compensation, is_beckmann, attenuation_color, attenuation_distance, dispersion, clearcoat,
         sheen, anisotropy, iridescence, diffuse_transmission,
     }

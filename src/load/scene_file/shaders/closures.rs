@@ -333,7 +333,6 @@ impl Lowering<'_, '_, '_> {
         let mut pbr = self.interface();
         let base = self.color(index, "base_color", [0.8; 3]);
         pbr.tints_once = true;
-        pbr.shields_base = true;
         pbr.energy_compensation = self.energy_compensation(index);
         let number = |l: &mut Self, key, default| {
             let input = l.number(index, key, default);
