@@ -106,19 +106,25 @@ impl FilterSampler {
         }
     }
 
+    /// The pixels along an axis whose filter covers a film point, with their filter values.
+    #[inline]
+    pub fn covered_pixels(&self, at: f32) -> impl Iterator<Item = (f32, f32)> + use<'_> {
+        let (first, last) = ((at - 0.5 - self.radius).ceil(), (at - 0.5 + self.radius).floor());
+        let count = (last - first + 1.0).max(0.0) as u32;
+        (0..count).map(move |k| {
+            let pixel = first + k as f32;
+            (pixel, self.value(at - (pixel + 0.5)))
+        })
+    }
+
     /// Chooses one of the pixels along an axis whose filter covers a film point, with probabilities proportional to their filter
     /// values, by a number `u` in 0..1. Returns the pixel and the sum of these values, its weight: so its expected share is the
     /// filter's value.
     #[inline]
     pub fn choose_pixel(&self, at: f32, u: f32) -> (f32, f32) {
-        let pixels = |first: f32| {
-            (0..4).map(move |k| first + k as f32).map(|pixel| (pixel, self.value(at - (pixel + 0.5))))
-        };
-        let first = (at - 0.5 - self.radius).ceil();
-        let sum = pixels(first).map(|(_, value)| value).sum::<f32>();
-        let mut left = u * sum;
-        let mut chosen = first;
-        for (pixel, value) in pixels(first).filter(|(_, value)| *value > 0.0) {
+        let sum = self.covered_pixels(at).map(|(_, value)| value).sum::<f32>();
+        let (mut left, mut chosen) = (u * sum, 0.0);
+        for (pixel, value) in self.covered_pixels(at).filter(|(_, value)| *value > 0.0) {
             chosen = pixel;
             left -= value;
             if left < 0.0 {
@@ -204,8 +210,11 @@ mod tests {
     #[test]
     fn chosen_pixels_share_a_point_by_their_filter_values() {
         for filter in FILTERS {
-            let sampler = FilterSampler::new(filter, 0.0);
-            for at in [7.03f32, 7.25, 7.5, 7.71, 7.999] {
+            for (radius, at) in [0.0f32, 0.6, 4.5]
+                .into_iter()
+                .flat_map(|r| [7.03f32, 7.25, 7.5, 7.71, 7.999].map(|at| (r, at)))
+            {
+                let sampler = FilterSampler::new(filter, radius);
                 let n = 1 << 16;
                 let mut shares = [0.0f64; 16];
                 for i in 0..n {

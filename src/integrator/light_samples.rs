@@ -6,7 +6,7 @@ use super::wave::{Lanes, Vertices, WAVE, Wave, get, set, set_rgb};
 use crate::color::Rgb;
 use crate::light::{
     ImageMap, LightDirection, Lights, UNIFORM_NUMBERS, UniformDisk, UniformKind, UniformLight,
-    UniformRectangle, UniformTriangle, solid_angle_density,
+    UniformRectangle, UniformShape, UniformTriangle, solid_angle_density,
 };
 use crate::math::Vec3;
 use crate::sampling::sampler::{Dimensions, SobolPoint};
@@ -37,7 +37,7 @@ pub(super) trait VectorSampler {
 
 /// A rectangle of constant radiance, sampled by solid angle.
 pub(super) struct RectangleSampler {
-    rectangle: UniformRectangle,
+    rectangle: UniformLight<UniformRectangle>,
 }
 
 impl RectangleSampler {
@@ -55,7 +55,7 @@ impl VectorSampler for RectangleSampler {
 
     #[inline(always)]
     fn radiance(&self, _uv: [f32; 2]) -> Rgb {
-        self.rectangle.radiance()
+        self.rectangle.radiance
     }
 
     #[inline(always)]
@@ -199,22 +199,22 @@ impl Visited for Listed<'_> {
     }
 }
 
-/// Samples points of the selected lights of vertices, all of which are lights `L`.
-pub(super) fn sample_uniform<L: UniformLight, V: Visited>(visited: V, lights: &Lights, wave: &mut Wave) {
+/// Samples points of the selected lights of vertices, all of which have the shape `S`.
+pub(super) fn sample_uniform<S: UniformShape, V: Visited>(visited: V, lights: &Lights, wave: &mut Wave) {
     if visited.count() > 0 {
         let numbers = Table::new(lights.uniform().numbers());
-        dispatch(SampleUniform::<L, V> { wave, visited, numbers, light: PhantomData });
+        dispatch(SampleUniform::<S, V> { wave, visited, numbers, shape: PhantomData });
     }
 }
 
-struct SampleUniform<'a, L, V> {
+struct SampleUniform<'a, S, V> {
     wave: &'a mut Wave,
     visited: V,
     numbers: Table<'a, [f32; UNIFORM_NUMBERS]>,
-    light: PhantomData<L>,
+    shape: PhantomData<S>,
 }
 
-impl<L: UniformLight, V: Visited> Kernel for SampleUniform<'_, L, V> {
+impl<S: UniformShape, V: Visited> Kernel for SampleUniform<'_, S, V> {
     type Output = ();
 
     #[inline(always)]
@@ -246,10 +246,10 @@ impl<L: UniformLight, V: Visited> Kernel for SampleUniform<'_, L, V> {
                 for k in 0..UNIFORM_NUMBERS {
                     of_lane[k] = numbers[k][lane];
                 }
-                let light = L::unpack(of_lane);
+                let light = UniformLight::<S>::unpack(of_lane);
                 let [x, y, z, a, b] = &inputs;
                 let direction = light.direction(Vec3::new(x[lane], y[lane], z[lane]), [a[lane], b[lane]]);
-                let (wi, target, radiance) = (direction.wi, direction.target, light.radiance());
+                let (wi, target, radiance) = (direction.wi, direction.target, light.radiance);
                 let results = [
                     wi.x,
                     wi.y,

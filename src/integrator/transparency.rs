@@ -106,7 +106,8 @@ impl Integrator<'_> {
             }
             let path = &arriving.state;
             let time = times.of(path.radiance_index[i]);
-            let is_present = |opacity| alpha_number(pass, (path, i), bounce, &dimensions) < opacity;
+            let is_present =
+                |_: &CompiledMaterial, opacity| alpha_number(pass, (path, i), bounce, &dimensions) < opacity;
             let kind = self.kind(bounce, i, arriving);
             match self.response(&rays[i], &hits[i], time, kind, is_present) {
                 HitResponse::Stops => {
@@ -263,11 +264,10 @@ impl Integrator<'_> {
         count: Option<&mut u32>,
     ) -> (HitResponse, f32) {
         let mut transmittance = 1.0;
-        let is_present = |opacity: f32| {
+        let is_present = |material: &CompiledMaterial, opacity: f32| {
             let clear = 1.0 - opacity;
             // Opaque by chance: instead of a tiny transmittance, so that rays don't pass many surfaces in vain, and where only some kinds
             // of rays see the surface.
-            let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
             let is_chance = clear <= 0.0 || material.surface_visibility.is_some();
             transmittance = if is_chance { 1.0 } else { clear.max(MIN_TRANSMITTANCE) };
             let probability = clear / transmittance;
@@ -387,7 +387,7 @@ impl Integrator<'_> {
         hit: &Hit,
         time: f32,
         kind: RayKinds,
-        is_present: impl FnMut(f32) -> bool,
+        is_present: impl FnMut(&CompiledMaterial, f32) -> bool,
     ) -> HitResponse {
         if !hit.is_hit() {
             return HitResponse::Stops;
@@ -413,9 +413,9 @@ impl Integrator<'_> {
         ray: &Ray,
         hit: &Hit,
         (time, kind): (f32, RayKinds),
-        mut is_present: impl FnMut(f32) -> bool,
+        mut is_present: impl FnMut(&CompiledMaterial, f32) -> bool,
     ) -> bool {
-        material.alpha.is_none() || is_present(self.opacity(ray, hit, time, material, kind))
+        material.alpha.is_none() || is_present(material, self.opacity(ray, hit, time, material, kind))
     }
 
     /// The alpha of a surface at a hit of a ray of these kinds.

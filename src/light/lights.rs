@@ -270,11 +270,9 @@ impl Lights {
     }
 
     /// The scene's only light, if it is a static rectangle of constant radiance.
-    pub fn single_rectangle(&self) -> Option<UniformRectangle> {
+    pub fn single_rectangle(&self) -> Option<UniformLight<UniformRectangle>> {
         match self.uniform.numbers() {
-            [numbers] if self.are_rectangles() && !self.emits_by_hit => {
-                Some(UniformRectangle::unpack(*numbers))
-            }
+            [numbers] if self.are_rectangles() && !self.emits_by_hit => Some(UniformLight::unpack(*numbers)),
             _ => None,
         }
     }

@@ -1,10 +1,11 @@
 //! Emissive surfaces of constant radiance, with the data for vectorised sampling: rectangles, triangles and facing disks.
 
-use super::area::{AreaLight, AreaShape, Beam, Edges, Radiance};
+use super::area::{AreaLight, AreaShape, Beam, Radiance};
 use super::traits::{LightDirection, direction_to_point, is_in_plane};
 use crate::color::Rgb;
 use crate::math::Vec3;
-use crate::shape::{Analytic, FacingDisk, Shape, SphericalRectangle, SphericalTriangle};
+use crate::shape::{Analytic, FacingDisk, LightPoint, Shape, SphericalRectangle, SphericalTriangle};
+use std::marker::PhantomData;
 
 /// Length of a packed [`UniformLight`].
 pub const UNIFORM_NUMBERS: usize = 19;
@@ -15,21 +16,6 @@ pub enum UniformKind {
     Rectangle,
     Triangle,
     FacingDisk,
-}
-
-/// A static emissive surface of constant radiance in all directions. Its functions are free of branches, so that loops vectorise.
-pub trait UniformLight: Copy {
-    /// The shape.
-    const KIND: UniformKind;
-
-    /// Emitted radiance.
-    fn radiance(&self) -> Rgb;
-
-    /// Samples a direction from `p`, uniformly by solid angle, by two random numbers in 0..1.
-    fn direction(&self, p: Vec3, u: [f32; 2]) -> LightDirection;
-
-    /// The light of packed numbers.
-    fn unpack(numbers: [f32; UNIFORM_NUMBERS]) -> Self;
 }
 
 /// The lights of a scene that are [`UniformLight`]s.
@@ -46,23 +32,17 @@ pub struct UniformLights {
 impl UniformLights {
     /// The static lights of a list; empty if there is none.
     pub fn new(lights: &[AreaLight]) -> UniformLights {
-        let packed = || lights.iter().map(pack);
-        match packed().any(|light| light.is_some()) {
-            true => UniformLights {
-                kinds: packed().map(|light| light.map(|(kind, _)| kind)).collect(),
-                numbers: packed()
-                    .map(|light| light.map_or([0.0; UNIFORM_NUMBERS], |(_, numbers)| numbers))
-                    .collect(),
-                are_rectangles: packed()
-                    .all(|light| light.is_some_and(|(kind, _)| kind == UniformKind::Rectangle)),
-            },
-            false => UniformLights::default(),
+        let packed: Vec<_> = lights.iter().map(pack).collect();
+        if packed.iter().all(Option::is_none) {
+            return UniformLights::default();
         }
-    }
-
-    /// Is there none?
-    pub fn is_empty(&self) -> bool {
-        self.numbers.is_empty()
+        let kind = |light: &Option<_>| light.map(|(kind, _)| kind);
+        let numbers = |light: &Option<_>| light.map_or([0.0; UNIFORM_NUMBERS], |(_, numbers)| numbers);
+        UniformLights {
+            kinds: packed.iter().map(kind).collect(),
+            numbers: packed.iter().map(numbers).collect(),
+            are_rectangles: packed.iter().all(|light| kind(light) == Some(UniformKind::Rectangle)),
+        }
     }
 
     /// The kind of a light.
@@ -112,113 +92,99 @@ fn pack(light: &AreaLight) -> Option<(UniformKind, [f32; UNIFORM_NUMBERS])> {
     Some((kind, numbers))
 }
 
-/// The unpacked numbers of a [`UniformLight`].
+/// A shape of uniform lights, given by three vectors ([`pack`]).
+pub trait UniformShape {
+    /// Does no light arrive at points in the plane of the shape?
+    const HAS_PLANE: bool;
+
+    /// Samples a point as seen from `p`, uniformly by solid angle, by two random numbers in 0..1. Free of branches, so that loops vectorise.
+    fn sample(vectors: [Vec3; 3], p: Vec3, u: [f32; 2]) -> LightPoint;
+
+    /// Unit normal towards the front at a point as seen from `p`; `normal` is that of flat lights.
+    #[inline(always)]
+    fn normal(_vectors: [Vec3; 3], normal: Vec3, _p: Vec3) -> Vec3 {
+        normal
+    }
+}
+
+/// A corner and two edges.
 #[derive(Clone, Copy, Debug)]
-struct Numbers {
+pub struct UniformRectangle;
+
+impl UniformShape for UniformRectangle {
+    const HAS_PLANE: bool = true;
+
+    #[inline(always)]
+    fn sample([corner, edge_u, edge_v]: [Vec3; 3], p: Vec3, u: [f32; 2]) -> LightPoint {
+        SphericalRectangle::new(corner, edge_u, edge_v, p).sample(u)
+    }
+}
+
+/// A corner and two edges.
+#[derive(Clone, Copy, Debug)]
+pub struct UniformTriangle;
+
+impl UniformShape for UniformTriangle {
+    const HAS_PLANE: bool = true;
+
+    #[inline(always)]
+    fn sample([corner, edge_u, edge_v]: [Vec3; 3], p: Vec3, u: [f32; 2]) -> LightPoint {
+        SphericalTriangle::new(corner, corner + edge_u, corner + edge_v, p).sample(u)
+    }
+}
+
+/// The centre of a facing disk, and its radius in each coordinate.
+#[derive(Clone, Copy, Debug)]
+pub struct UniformDisk;
+
+impl UniformShape for UniformDisk {
+    const HAS_PLANE: bool = false;
+
+    #[inline(always)]
+    fn sample([center, radius, _]: [Vec3; 3], p: Vec3, u: [f32; 2]) -> LightPoint {
+        FacingDisk { center, radius: radius.x }.sample(p, u)
+    }
+
+    #[inline(always)]
+    fn normal([center, radius, _]: [Vec3; 3], _normal: Vec3, p: Vec3) -> Vec3 {
+        FacingDisk { center, radius: radius.x }.normal_at(center, p)
+    }
+}
+
+/// A static emissive surface of constant radiance in all directions.
+#[derive(Clone, Copy, Debug)]
+pub struct UniformLight<S> {
+    /// Emitted radiance.
+    pub radiance: Rgb,
     vectors: [Vec3; 3],
     normal: Vec3,
     point_error: Vec3,
-    radiance: Rgb,
     two_sided: bool,
+    shape: PhantomData<S>,
 }
 
-impl Numbers {
+impl<S: UniformShape> UniformLight<S> {
+    /// The light of packed numbers.
     #[inline(always)]
-    fn unpack(numbers: [f32; UNIFORM_NUMBERS]) -> Numbers {
+    pub fn unpack(numbers: [f32; UNIFORM_NUMBERS]) -> UniformLight<S> {
         let [ax, ay, az, bx, by, bz, cx, cy, cz, nx, ny, nz, ex, ey, ez, r, g, b, two_sided] = numbers;
-        Numbers {
+        UniformLight {
+            radiance: Rgb::new(r, g, b),
             vectors: [Vec3::new(ax, ay, az), Vec3::new(bx, by, bz), Vec3::new(cx, cy, cz)],
             normal: Vec3::new(nx, ny, nz),
             point_error: Vec3::new(ex, ey, ez),
-            radiance: Rgb::new(r, g, b),
             two_sided: two_sided != 0.0,
+            shape: PhantomData,
         }
     }
 
+    /// Samples a direction from `p`, uniformly by solid angle, by two random numbers in 0..1.
     #[inline(always)]
-    fn edges(&self) -> Edges {
-        let [corner, edge_u, edge_v] = self.vectors;
-        Edges { corner, edge_u, edge_v }
-    }
-}
-
-/// A rectangle of constant radiance.
-#[derive(Clone, Copy, Debug)]
-pub struct UniformRectangle(Numbers);
-
-impl UniformLight for UniformRectangle {
-    const KIND: UniformKind = UniformKind::Rectangle;
-
-    #[inline(always)]
-    fn radiance(&self) -> Rgb {
-        self.0.radiance
-    }
-
-    #[inline(always)]
-    fn direction(&self, p: Vec3, u: [f32; 2]) -> LightDirection {
-        let (Edges { corner, edge_u, edge_v }, light) = (self.0.edges(), &self.0);
-        let s = SphericalRectangle::new(corner, edge_u, edge_v, p).sample(u);
-        let is_in_plane = is_in_plane(p, corner, light.normal, light.point_error);
+    pub fn direction(&self, p: Vec3, u: [f32; 2]) -> LightDirection {
+        let s = S::sample(self.vectors, p, u);
+        let normal = S::normal(self.vectors, self.normal, p);
+        let is_in_plane = S::HAS_PLANE && is_in_plane(p, self.vectors[0], normal, self.point_error);
         let pdf_solid_angle = if is_in_plane { 0.0 } else { s.pdf_solid_angle };
-        direction_to_point(p, s.point, pdf_solid_angle, (light.normal, light.point_error, light.two_sided))
-    }
-
-    #[inline(always)]
-    fn unpack(numbers: [f32; UNIFORM_NUMBERS]) -> UniformRectangle {
-        UniformRectangle(Numbers::unpack(numbers))
-    }
-}
-
-/// A triangle of constant radiance.
-#[derive(Clone, Copy, Debug)]
-pub struct UniformTriangle(Numbers);
-
-impl UniformLight for UniformTriangle {
-    const KIND: UniformKind = UniformKind::Triangle;
-
-    #[inline(always)]
-    fn radiance(&self) -> Rgb {
-        self.0.radiance
-    }
-
-    #[inline(always)]
-    fn direction(&self, p: Vec3, u: [f32; 2]) -> LightDirection {
-        let (Edges { corner, edge_u, edge_v }, light) = (self.0.edges(), &self.0);
-        let s = SphericalTriangle::new(corner, corner + edge_u, corner + edge_v, p).sample(u);
-        let is_in_plane = is_in_plane(p, corner, light.normal, light.point_error);
-        let pdf_solid_angle = if is_in_plane { 0.0 } else { s.pdf_solid_angle };
-        direction_to_point(p, s.point, pdf_solid_angle, (light.normal, light.point_error, light.two_sided))
-    }
-
-    #[inline(always)]
-    fn unpack(numbers: [f32; UNIFORM_NUMBERS]) -> UniformTriangle {
-        UniformTriangle(Numbers::unpack(numbers))
-    }
-}
-
-/// A facing disk of constant radiance.
-#[derive(Clone, Copy, Debug)]
-pub struct UniformDisk(Numbers);
-
-impl UniformLight for UniformDisk {
-    const KIND: UniformKind = UniformKind::FacingDisk;
-
-    #[inline(always)]
-    fn radiance(&self) -> Rgb {
-        self.0.radiance
-    }
-
-    #[inline(always)]
-    fn direction(&self, p: Vec3, u: [f32; 2]) -> LightDirection {
-        let ([center, radius, _], light) = (self.0.vectors, &self.0);
-        let disk = FacingDisk { center, radius: radius.x };
-        let s = disk.sample(p, u);
-        let normal = disk.normal_at(s.point, p);
-        direction_to_point(p, s.point, s.pdf_solid_angle, (normal, light.point_error, light.two_sided))
-    }
-
-    #[inline(always)]
-    fn unpack(numbers: [f32; UNIFORM_NUMBERS]) -> UniformDisk {
-        UniformDisk(Numbers::unpack(numbers))
+        direction_to_point(p, s.point, pdf_solid_angle, (normal, self.point_error, self.two_sided))
     }
 }

@@ -176,14 +176,19 @@ fn assign_normals(mesh: &mut Mesh, corners: &[[f32; 3]]) {
         }
         (normals[at], is_used[at], *vertex) = (normal, true, at as u32);
     }
-    append_copies(&mut mesh.positions, &origins[count..]);
-    mesh.uv_sets.iter_mut().for_each(|set| append_copies(set, &origins[count..]));
-    append_copies(&mut mesh.tangents, &origins[count..]);
-    append_copies(&mut mesh.colors, &origins[count..]);
-    for attribute in &mut mesh.attributes {
-        origins[count..].iter().for_each(|&origin| attribute.push_copy(origin as usize));
-    }
+    append_vertices(mesh, &origins[count..]);
     mesh.normals = normals;
+}
+
+/// Appends copies of the vertices `origins`, without normals.
+pub(super) fn append_vertices(mesh: &mut Mesh, origins: &[u32]) {
+    append_copies(&mut mesh.positions, origins);
+    mesh.uv_sets.iter_mut().for_each(|set| append_copies(set, origins));
+    append_copies(&mut mesh.tangents, origins);
+    append_copies(&mut mesh.colors, origins);
+    for attribute in &mut mesh.attributes {
+        origins.iter().for_each(|&origin| attribute.push_copy(origin as usize));
+    }
 }
 
 /// Appends copies of the entries `origins`, unless the list is empty.

@@ -320,14 +320,20 @@ fn layers_have_their_share_of_caustics() {
     }
 }
 
-/// The variance knows of light from the lamp: here it is all the noise that there is.
-#[test]
-fn the_variance_has_that_of_caustics() {
+/// A floor from above, in the light of a point lamp through a ball of glass.
+fn caustic_of_a_ball() -> Scene {
     let mut scene = Scene::default();
     let clear = material(&mut scene, dielectric(1.5));
     sphere(&mut scene, [0.0, 1.0, 0.0], 0.3, clear);
     floor_from_above(&mut scene, DVec3::new(0.0, 0.4, 0.0), 0.3);
     lamp(&mut scene, LightKind::Point { position: DVec3::new(0.0, 2.0, 0.0) }, 5.0);
+    scene
+}
+
+/// The variance knows of light from the lamp: here it is all the noise that there is.
+#[test]
+fn the_variance_has_that_of_caustics() {
+    let scene = caustic_of_a_ball();
     let options = options(32, 64, 4).caustics(Caustics::On).aovs(AovSet::from(Aov::Variance));
     let films = [1, 2].map(|seed| picture(&scene, &options.seed(seed)));
     let reported = films[0].aov(Aov::Variance).expect("it is kept").remove(0).into_floats();
@@ -344,11 +350,7 @@ fn the_variance_has_that_of_caustics() {
 /// the same means. (Light paths are spread evenly, so that the noise of neighbours is rather opposite.)
 #[test]
 fn the_noise_of_caustics_is_not_shared_by_pixels_for_denoisers() {
-    let mut scene = Scene::default();
-    let clear = material(&mut scene, dielectric(1.5));
-    sphere(&mut scene, [0.0, 1.0, 0.0], 0.3, clear);
-    floor_from_above(&mut scene, DVec3::new(0.0, 0.4, 0.0), 0.3);
-    lamp(&mut scene, LightKind::Point { position: DVec3::new(0.0, 2.0, 0.0) }, 5.0);
+    let scene = caustic_of_a_ball();
     let plain = options(64, 16, 4).filter(Filter::BlackmanHarris).caustics(Caustics::On);
     let for_denoisers = plain.halves(true);
     let correlation = |options: &RenderOptions| {

@@ -692,16 +692,11 @@ impl Integrator<'_> {
             }
             return;
         }
-        let range = |at: f32, size: u32| {
-            let (first, last) = ((at - 0.5 - filter.radius()).ceil(), (at - 0.5 + filter.radius()).floor());
-            (first.max(0.0) as u32)..((last + 1.0).clamp(0.0, size as f32) as u32)
-        };
-        for y in range(film_y, height) {
-            let of_row = filter.value(film_y - (y as f32 + 0.5));
-            for x in range(film_x, width) {
-                let weight = of_row * filter.value(film_x - (x as f32 + 0.5));
-                if weight > 0.0 {
-                    splat(x, y, weight);
+        let is_within = |pixel: f32, size: u32| pixel >= 0.0 && pixel < size as f32;
+        for (y, of_row) in filter.covered_pixels(film_y).filter(|(y, _)| is_within(*y, height)) {
+            for (x, of_column) in filter.covered_pixels(film_x).filter(|(x, _)| is_within(*x, width)) {
+                if of_row * of_column > 0.0 {
+                    splat(x as u32, y as u32, of_row * of_column);
                 }
             }
         }
