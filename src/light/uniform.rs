@@ -92,7 +92,7 @@ fn pack(light: &AreaLight) -> Option<(UniformKind, [f32; UNIFORM_NUMBERS])> {
     Some((kind, numbers))
 }
 
-/// A shape of uniform lights, given by three vectors ([`pack`]).
+/// A shape of uniform lights, given by three vectors.
 pub trait UniformShape {
     /// Does no light arrive at points in the plane of the shape?
     const HAS_PLANE: bool;
