@@ -402,7 +402,7 @@ fn degrees(text: &str) -> Result<f64, String> {
 /// Options of long renders: stopping conditions, checkpoints, partial renders, memory.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct LongArgs {
-    /// Noise threshold: stop when the estimated relative error of the image is below P percent.
+    /// Noise threshold: stop when the estimated relative error of the image, denoised if it is denoised, is below P percent.
     ///
     /// At the latest after --max-spp samples per pixel [default then: 65536].
     #[arg(long, value_name = "P", value_parser = percent, allow_negative_numbers = true)]

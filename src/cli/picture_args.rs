@@ -381,17 +381,17 @@ impl FrameWindow {
 pub(crate) enum Quality {
     /// 8 samples per pixel, denoised: for judging composition and light.
     Draft,
-    /// Noise below 12 % before denoising.
+    /// An error below 6 %, denoised.
     Normal,
-    /// Noise below 3 % before denoising.
+    /// An error below 2 %, denoised.
     High,
-    /// Noise below 1 %, not denoised: the error is that of the samples alone.
+    /// Noise below 1 %, not denoised.
     Final,
 }
 
 /// The settings of a quality.
 pub(crate) struct Preset {
-    /// Noise threshold, percent; `None` takes all samples.
+    /// Noise threshold, percent, of the denoised picture if it is denoised; `None` takes all samples.
     pub noise: Option<f32>,
     /// Maximum number of samples per pixel.
     pub samples: u32,
@@ -402,15 +402,15 @@ impl Quality {
     pub fn preset(self) -> Preset {
         match self {
             Quality::Draft => Preset { noise: None, samples: 8, denoise: true },
-            Quality::Normal => Preset { noise: Some(12.0), samples: 256, denoise: true },
-            Quality::High => Preset { noise: Some(3.0), samples: 2048, denoise: true },
+            Quality::Normal => Preset { noise: Some(6.0), samples: 256, denoise: true },
+            Quality::High => Preset { noise: Some(2.0), samples: 2048, denoise: true },
             Quality::Final => Preset { noise: Some(1.0), samples: 65_536, denoise: false },
         }
     }
 
-    /// Does the noise threshold bound the error of the picture? Only without denoising.
-    pub fn bounds_error(self) -> bool {
-        !self.preset().denoise
+    /// Warns if the threshold isn't reached?
+    pub fn warns_of_noise(self) -> bool {
+        self == Quality::Final
     }
 }
 

@@ -512,12 +512,13 @@ fn rare_warning(RarePaths { share, pixel: [x, y], .. }: RarePaths) -> Warning {
 
 /// Warns if the noise threshold was not reached.
 fn noise_warning(args: &RenderArgs, statistics: &Statistics) -> Option<Warning> {
-    let is_promised = args.quality.is_none_or(Quality::bounds_error);
+    let is_promised = args.quality.is_none_or(Quality::warns_of_noise);
     let threshold = args.long.noise.filter(|_| is_promised && !statistics.interrupted)?;
     let message = match statistics.error {
         Some(error) if error <= f64::from(threshold) / 100.0 => return None,
         Some(error) => {
-            format!("the noise is {:.2} %, above the threshold of {threshold} %", error * 100.0)
+            let what = if args.picture.denoise { "error of the denoised picture" } else { "noise" };
+            format!("the {what} is {:.2} %, above the threshold of {threshold} %", error * 100.0)
         }
         None => {
             "there are too few samples to estimate the noise: at least 16 per pixel are needed".to_string()

@@ -227,11 +227,11 @@ impl Run {
         } else if s.timed_out {
             say!("stopped  by --time-limit: the picture is not reproducible");
         }
-        let noise = s.error.map(|error| format!(", noise {:.1} %", error * 100.0)).unwrap_or_default();
+        let (denoised, of) = if self.denoise_s.is_some() { (", denoised", "error") } else { ("", "noise") };
+        let error = s.error.map(|error| format!(", {of} {:.1} %", error * 100.0)).unwrap_or_default();
         let (outputs, time) = (self.outputs.join(", "), readable_time(self.total_s));
-        let denoised = if self.denoise_s.is_some() { ", denoised" } else { "" };
         let summary =
-            format!("{}x{}, {}{noise}{denoised}, {time}", self.size.0, self.size.1, self.samples_text());
+            format!("{}x{}, {}{denoised}{error}, {time}", self.size.0, self.size.1, self.samples_text());
         match (frame, self.outputs.is_empty()) {
             (Some(frame), true) => say!("{frame}: {summary}"),
             (Some(frame), false) => say!("{frame}: {outputs}, {summary}"),

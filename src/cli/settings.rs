@@ -192,7 +192,8 @@ pub(super) fn prepare(
         let is_averaged = args.frame.as_ref().is_some_and(|frame| frame.is_averaged);
         let temporal_guides = if is_averaged { sequence_guides() } else { AovSet::NONE };
         let needed = denoising_guides().union(temporal_guides);
-        resolved.options = resolved.options.aovs(output_aovs.union(needed)).halves(!is_averaged);
+        resolved.options =
+            resolved.options.aovs(output_aovs.union(needed)).halves(!is_averaged).denoises(true);
     }
     warnings.extend(environment.map_or(Vec::new(), |e| e.apply(args, &mut loaded.scene)));
     check_glass(args, &loaded.scene)?;

@@ -130,8 +130,13 @@ impl<'a> NoisyLayers<'a> {
 
     /// Denoises all layers.
     pub fn denoised(&self) -> Denoised {
+        self.denoised_with(None)
+    }
+
+    /// Denoises the parts, and the picture unless its denoised colour is known.
+    pub(crate) fn denoised_with(&self, color: Option<[Vec<f32>; 3]>) -> Denoised {
         let [width, height] = self.size;
-        denoise(&Noisy {
+        let noisy = Noisy {
             width,
             height,
             color: slices(&self.color),
@@ -142,7 +147,8 @@ impl<'a> NoisyLayers<'a> {
                 .each_ref()
                 .map(|set| set.iter().map(|(_, planes)| slices(planes)).collect())
                 .into(),
-        })
+        };
+        denoise_with(&noisy, color)
     }
 
     /// Layer names of the parts.
@@ -186,6 +192,11 @@ pub const NAME: &str = concat!("oscura ", env!("CARGO_PKG_VERSION"));
 /// # Panics
 /// If there are no pixels, or planes differ in size.
 pub fn denoise(noisy: &Noisy) -> Denoised {
+    denoise_with(noisy, None)
+}
+
+/// [`denoise`] for a picture whose denoised colour may be known.
+fn denoise_with(noisy: &Noisy, known: Option<[Vec<f32>; 3]>) -> Denoised {
     let (width, height) = (noisy.width, noisy.height);
     let network = Network::new(noisy.guides.albedo.is_some());
     let zeros = noisy.guides.normal.is_none().then(|| vec![0.0; width * height]);
@@ -204,7 +215,8 @@ pub fn denoise(noisy: &Noisy) -> Denoised {
         let proposed = network.run(width, height, color, &factors, guides);
         residual::restored(width, height, color, deviations(), proposed)
     };
-    let result = run(color, &|| deviations(noisy, color).map(Cow::into_owned));
+    let of_picture = || run(color, &|| deviations(noisy, color).map(Cow::into_owned));
+    let result = known.unwrap_or_else(of_picture);
     let parts = noisy.parts.iter().map(|set| {
         let of = |part: &Color| {
             let part = part.map(finite);

@@ -72,6 +72,17 @@ const SHARE_OF_WIDE: f32 = 0.25;
 const ALL_LOST: f32 = 3.0 * 0.3;
 /// Maximum power of the noise in wide squares, a limit for fireflies: times [`SHARE_OF_WIDE`] it is the power of black pixels.
 const LARGEST_WIDE: f32 = 3.0 / SHARE_OF_WIDE;
+/// Radius of the squares beside a pixel that may be free of noise, pixels of the scale, at the finest level; [`QUIET_STEP`] less at each
+/// coarser one, down to [`LEAST_QUIET`].
+const QUIET: usize = 8;
+const QUIET_STEP: usize = 2;
+const LEAST_QUIET: usize = 2;
+/// Factor on the power of the residual relative to that kept from coarser scales, above the inverse of which a pixel isn't taken for one
+/// without noise.
+const DISAGREEMENT: f32 = 2.0;
+/// Number of noisy pixels expected in such a square if the noise were even, below which a square without noise is no evidence: few
+/// bright samples make up the noise. Full evidence from twice this number.
+const EVIDENCE: f32 = 2.0;
 /// Relative values are divided by the prediction plus this fraction of the picture's mean.
 const MIN: f32 = 0.02;
 
@@ -223,7 +234,10 @@ impl Scale {
         let own_signal = each(self.width * self.height, |i| {
             (0..3).map(|c| (self.residual[c][i] - kept[c][i]) * (self.residual[c][i] - kept[c][i])).sum()
         });
-        let (signal, noise, wide) = self.powers(&self.without_specks(&own_signal));
+        let clean_signal = self.without_specks(&own_signal);
+        let Powers { signal, noise, wide } =
+            self.beside_noise(&clean_signal, &kept, self.powers(&clean_signal));
+        drop(clean_signal);
         let side = |length: usize| length.min(2 * RADIUS + 1) as f32;
         let caution = CAUTION + CAUTION_OF_ONE / (side(self.width) * side(self.height));
         let bias = if self.level < LARGE_SCALE { MIN_BIAS } else { MIN_BIAS_OF_LARGE };
@@ -276,9 +290,8 @@ impl Scale {
         })
     }
 
-    /// Local powers of the residual and of the noise, and the power of the noise in wide squares, from the power of the residual of each
-    /// pixel.
-    fn powers(&self, signal: &[f32]) -> (Vec<f32>, Vec<f32>, Vec<f32>) {
+    /// Local powers, from the power of the residual of each pixel.
+    fn powers(&self, signal: &[f32]) -> Powers {
         let mean = |plane: &[f32], radius: usize| smoothed(self.width, self.height, plane, radius);
         let deviations = each(signal.len(), |i| self.noise_at(i));
         let noise = mean(&mean(&deviations, TENT), TENT);
@@ -303,7 +316,60 @@ impl Scale {
             let least = SHARE_OF_WIDE * wide * much * (lost / ALL_LOST).clamp(0.0, 1.0);
             *near = near.max(least) * (LEAST_SHARE_OF_HALVES + (1.0 - LEAST_SHARE_OF_HALVES) * much);
         });
-        (near(mean(&mean(signal, TENT), TENT), signal), noise, wide)
+        let signal = near(mean(&mean(signal, TENT), TENT), signal);
+        Powers { signal, noise, wide }
+    }
+
+    /// The local powers beside noisy objects: around a pixel of a smooth surface, they include pixels of a noisy one, whose light, kept at
+    /// coarse scales, would remain as a halo. Where the residual is small beside what is kept of coarser scales (the pixel has its light),
+    /// the powers are those of the least noisy square of eight that touch the pixel, unless the noise is that of few bright samples.
+    fn beside_noise(&self, signal: &[f32], kept: &[Vec<f32>; 3], around: Powers) -> Powers {
+        let radius = QUIET.saturating_sub(QUIET_STEP * self.level as usize).max(LEAST_QUIET);
+        let mean = |plane: &[f32], radius: usize| smoothed(self.width, self.height, plane, radius);
+        let deviations = each(signal.len(), |i| self.noise_at(i));
+        let own = mean(&deviations, NARROW);
+        let evidence = self.evenness(&deviations, (2 * radius + 1) * (2 * radius + 1));
+        let (noise, signal) = (mean(&deviations, radius), mean(signal, radius));
+        drop(deviations);
+        let power = |planes: &[Vec<f32>; 3]| {
+            let means = planes.each_ref().map(|plane| mean(plane, NARROW));
+            each(noise.len(), |i| power_at(&means, i))
+        };
+        let (residual, kept) = (power(&self.residual), power(kept));
+        let moved =
+            |at: usize, by: isize, size: usize| at.saturating_add_signed(by * radius as isize).min(size - 1);
+        let quietest = |i: usize| {
+            let (x, y) = (i % self.width, i / self.width);
+            let of =
+                |(dx, dy): (isize, isize)| moved(y, dy, self.height) * self.width + moved(x, dx, self.width);
+            AROUND.into_iter().map(of).min_by(|a, b| noise[*a].total_cmp(&noise[*b])).unwrap_or(i)
+        };
+        let of = |i: usize| {
+            let [near_signal, near_noise, wide] =
+                [&around.signal, &around.noise, &around.wide].map(|plane| plane[i]);
+            let place = quietest(i);
+            let quiet = noise[place].max(own[i]);
+            let agreement = (1.0 - DISAGREEMENT * residual[i] / kept[i].max(1e-30)).max(0.0);
+            let t = agreement * agreement * (evidence[i] / EVIDENCE - 1.0).clamp(0.0, 1.0);
+            if t == 0.0 || quiet >= near_noise {
+                return [near_signal, near_noise, wide];
+            }
+            // Weighted harmonic means.
+            [(near_signal, signal[place]), (near_noise, quiet), (wide, quiet.min(wide))]
+                .map(|(near, quiet)| near * quiet / ((1.0 - t) * quiet + t * near).max(1e-30))
+        };
+        let powers: Vec<[f32; 3]> =
+            (0..noise.len()).into_par_iter().with_min_len(MIN_PER_THREAD).map(of).collect();
+        let [signal, noise, wide] = [0, 1, 2].map(|k| each(powers.len(), |i| powers[i][k]));
+        Powers { signal, noise, wide }
+    }
+
+    /// Expected number of noisy pixels among `pixels` of the wide square around each pixel: the squared mean of the noise over the mean of
+    /// its square is the fraction of noisy pixels.
+    fn evenness(&self, noise: &[f32], pixels: usize) -> Vec<f32> {
+        let mean = |plane: &[f32]| smoothed(self.width, self.height, plane, WIDE);
+        let (means, squares) = (mean(noise), mean(&each(noise.len(), |i| noise[i] * noise[i])));
+        each(noise.len(), |i| pixels as f32 * means[i] * means[i] / squares[i].max(1e-30))
     }
 
     /// Bilinear upsampling of a plane of this level to the resolution of the finer one.
@@ -326,6 +392,16 @@ impl Scale {
         out
     }
 }
+
+/// Local powers of a level, by pixel, summed over the channels: of the residual, of the noise, and of the noise in wide squares.
+struct Powers {
+    signal: Vec<f32>,
+    noise: Vec<f32>,
+    wide: Vec<f32>,
+}
+
+/// Directions of the eight neighbours of a pixel.
+const AROUND: [(isize, isize); 8] = [(-1, -1), (0, -1), (1, -1), (-1, 0), (1, 0), (-1, 1), (0, 1), (1, 1)];
 
 /// Rounds of back-projection: see [`Scale::refined`].
 const BACK_PROJECTIONS: usize = 2;

@@ -1,10 +1,12 @@
 //! Checkpoints and partial renders: the identity of a picture, writing the film's sums, and resuming.
 
+use super::noise::Noise;
 use super::options::ResolvedOptions;
 use super::path_strategy::{PathStrategy, StrategyTrials};
 use super::progress::Spent;
 use super::rendering::Rendering;
 use super::schedule::SAMPLE_BLOCK;
+use super::validation::Validation;
 use crate::compile::{Fingerprint, of_curves, of_mesh};
 use crate::error::{Error, Result};
 use crate::image::{Image, Pixels};
@@ -229,7 +231,9 @@ impl Rendering {
             finish,
             further_bytes: 0,
         };
-        let resume_state = self.noise.as_ref().map(|noise| noise.to_bytes()).unwrap_or_default();
+        let next = self.validation.as_ref().map_or(0u32, Validation::next);
+        let of_noise = |noise: &Noise| [&next.to_le_bytes(), noise.to_bytes().as_slice()].concat();
+        let resume_state = self.noise.as_ref().map(of_noise).unwrap_or_default();
         write_part(path, header, &self.film, backdrop, &resume_state)
     }
 
@@ -285,8 +289,12 @@ impl Rendering {
         self.spent = Spent { wall: duration(wall_s), cpu: duration(cpu_s) };
         self.schedule.resume_at(header.end_sample, self.spent.wall);
         self.progress.resume_at(paths, rays);
+        let (next, of_noise) = resume_state.split_first_chunk::<4>().unwrap_or((&[0; 4], &[]));
+        if let Some(validation) = &mut self.validation {
+            validation.resume(u32::from_le_bytes(*next));
+        }
         if let Some(noise) = &mut self.noise {
-            noise.restore(&resume_state, self.film.width() as usize * self.film.height() as usize);
+            noise.restore(of_noise, self.film.width() as usize * self.film.height() as usize);
         }
         Ok(())
     }

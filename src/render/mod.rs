@@ -23,6 +23,7 @@ mod rendering;
 mod schedule;
 mod technique;
 mod techniques;
+mod validation;
 
 pub use crate::integrator::reuse::GroupShape;
 pub use checkpoint::identity;

@@ -194,6 +194,8 @@ macro_rules! render_settings {
                 /// As a fraction: the root of the mean over pixels and channels of `(x - r)^2 / (r^2 + 0.01)`, with the picture
                 /// `x` and the converged picture `r`.
                 noise: Option<f32> = None, free, internal [into];
+            "The finished picture will be denoised: the noise threshold bounds the error of the denoised picture", "" =>
+                denoises: bool = false, free, internal;
             "Time limit of rendering, seconds; the image so far is written", "" =>
                 /// The number of samples then depends on the machine.
                 time_limit: Option<Duration> = None, free, user [into];

@@ -173,7 +173,12 @@ pub fn denoising_guides() -> AovSet {
 /// [`Rendering::denoise`](super::Rendering::denoise) for a film; without halves of samples, the noise is estimated from the variance.
 /// Returns the names of the denoiser and the guides.
 pub fn denoise_film(film: &mut Film, keep: AovSet) -> String {
-    let guides = denoise_channels(film);
+    denoise_film_with(film, keep, None)
+}
+
+/// [`denoise_film`] for a picture whose denoised colour may be known.
+pub(super) fn denoise_film_with(film: &mut Film, keep: AovSet, color: Option<[Vec<f32>; 3]>) -> String {
+    let guides = denoise_channels(film, color);
     let is_extra = |aov: &Aov| denoising_guides().contains(*aov) && !keep.contains(*aov);
     film.remove_aovs(Aov::ALL.iter().copied().filter(is_extra));
     format!("{NAME}; guides {guides}")
@@ -186,18 +191,29 @@ fn floats(planes: Option<Vec<Values>>) -> Option<[Vec<f32>; 3]> {
 }
 
 /// Denoises the picture, its light groups and light passes; returns the names of the guides.
-fn denoise_channels(film: &mut Film) -> &'static str {
-    let Some(layers) = noisy_layers(film, film.deviations()) else { return Guides::default().names() };
-    put(film, &layers.denoised());
+fn denoise_channels(film: &mut Film, color: Option<[Vec<f32>; 3]>) -> &'static str {
+    let names = part_names(film);
+    let Some(layers) = noisy_layers(film, film.deviations(), names) else { return Guides::default().names() };
+    put(film, &layers.denoised_with(color));
     layers.guides().names()
 }
 
-/// The channels of a film that denoising reads.
-fn noisy_layers(film: &Film, deviations: Option<[Vec<f32>; 3]>) -> Option<NoisyLayers<'static>> {
+/// The denoised colour of a film.
+pub(super) fn denoised_color(film: &Film) -> [Vec<f32>; 3] {
+    let layers = noisy_layers(film, film.deviations(), Vec::new());
+    layers.map_or_else(Default::default, |layers| layers.denoised().color)
+}
+
+/// The channels of a film that denoising reads, with these parts.
+fn noisy_layers(
+    film: &Film,
+    deviations: Option<[Vec<f32>; 3]>,
+    parts: Vec<String>,
+) -> Option<NoisyLayers<'static>> {
     let size = [film.width() as usize, film.height() as usize];
     let owned = |planes: [Vec<f32>; 3]| planes.map(Cow::Owned);
     let layer = |names: [&str; 3]| floats(film.components(&names)).map(owned);
-    NoisyLayers::read(size, deviations.map(owned), part_names(film), layer)
+    NoisyLayers::read(size, deviations.map(owned), parts, layer)
 }
 
 /// Names of the light groups and light passes.
@@ -233,7 +249,7 @@ impl Picture {
         let vectors: Option<[Vec<f32>; 4]> = self.film.aov(Aov::Motion).and_then(|planes| {
             planes.into_iter().map(Values::into_floats).collect::<Vec<_>>().try_into().ok()
         });
-        let layers = noisy_layers(&self.film, None).zip(vectors);
+        let layers = noisy_layers(&self.film, None, part_names(&self.film)).zip(vectors);
         let (layers, vectors) = layers.ok_or_else(|| Error::usage("the picture has no motion vectors"))?;
         Ok(layers.frame(vectors))
     }

@@ -234,7 +234,7 @@ fn with_denoising(options: RenderOptions) -> RenderOptions {
         chosen => chosen,
     };
     let aovs = options.aovs.union(denoising_guides());
-    options.aovs(aovs).halves(true).path_reuse(path_reuse)
+    options.aovs(aovs).halves(true).path_reuse(path_reuse).denoises(true)
 }
 
 /// Stack size of threads, bytes: the usual size for main threads.

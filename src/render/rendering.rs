@@ -4,16 +4,21 @@ use super::noise::{Noise, RarePaths};
 use super::options::{DisplaySettings, RenderOptions};
 use super::pass::{PassContext, render_all};
 use super::picture;
-use super::picture::{Labels, Picture, denoise_film, has_visible_alpha, layout, of_film};
+use super::picture::{
+    Labels, Picture, denoise_film_with, denoised_color, has_visible_alpha, layout, of_film,
+};
 use super::progress::{
     CancelHandle, Event, Listener, PassOutcome, Progress, Spent, Statistics, Stopwatch, divided,
 };
 use super::schedule::{Pass, SAMPLE_BLOCK, Schedule};
 use super::technique::{Target, Trial, radiance_only_options};
 use super::techniques::Techniques;
+use super::validation::Validation;
 use crate::compile::{CompiledScene, View};
+use crate::denoise::slices;
 use crate::error::{Result, Warning};
 use crate::film::{AovSet, Film, FilterSampler, MatteIds};
+use crate::integrator::IntegratorOptions;
 use crate::math::DVec3;
 use crate::output::{Metadata, OutputOptions, PngOptions};
 use crate::scene::{Backdrop, Camera};
@@ -67,6 +72,10 @@ pub struct Rendering {
     pub(super) finishes_passes: bool,
     /// Estimate of the error, with a noise threshold.
     pub(super) noise: Option<Noise>,
+    /// Measured error of the denoised picture, with a noise threshold.
+    pub(super) validation: Option<Validation>,
+    /// Colour of the denoised picture of the current samples, if it was needed.
+    denoised_color: Option<[Vec<f32>; 3]>,
 }
 
 /// Maximum number of passes that overlap.
@@ -126,6 +135,8 @@ impl Rendering {
             denoised: None,
             finishes_passes: false,
             noise: options.noise.map(|_| Noise::default()),
+            validation: (options.noise.is_some() && options.denoises).then(|| Validation::new(&options)),
+            denoised_color: None,
             options,
         })
     }
@@ -277,7 +288,7 @@ impl Rendering {
             invalid_samples: self.film.invalid_samples(),
             interrupted: self.outcome == PassOutcome::Cancelled,
             timed_out: self.outcome == PassOutcome::TimedOut,
-            error: self.noise.as_ref().and_then(Noise::error),
+            error: self.error(),
             ..Statistics::default()
         };
         self.techniques.report(&mut statistics);
@@ -334,7 +345,7 @@ impl Rendering {
     /// halves ([`Renderer::halves`](super::Renderer::halves)) should be recorded. Alpha is unchanged. Removes guide AOVs that are not in
     /// `keep`.
     pub fn denoise(&mut self, keep: AovSet) {
-        self.denoised = Some(denoise_film(&mut self.film, keep));
+        self.denoised = Some(denoise_film_with(&mut self.film, keep, self.denoised_color.take()));
     }
 }
 
@@ -359,6 +370,7 @@ impl Rendering {
             return if self.schedule.is_complete() { PassOutcome::Done } else { PassOutcome::TimedOut };
         };
         let start = Instant::now();
+        self.denoised_color = None;
         let (begun, is_finished) = self.trace(&passes, Scope::All, is_due, stopwatch);
         if let Some(next) = passes.get(begun) {
             self.schedule.go_back_to(next.first_sample);
@@ -366,9 +378,8 @@ impl Rendering {
         if begun == 1 {
             self.schedule.finished(*first, start.elapsed());
         }
-        if is_finished && let Some(noise) = &mut self.noise {
-            divided("noise", || noise.observe(&self.film, self.schedule.next_sample()));
-            self.forecast();
+        if is_finished && !self.observe_error(stopwatch) {
+            return PassOutcome::Cancelled;
         }
         let is_cancelled = self.cancel.is_cancelled();
         match is_finished {
@@ -423,12 +434,76 @@ impl Rendering {
         self.techniques.prepare(&trial).is_ok()
     }
 
+    /// Updates the estimate of the error, with a noise threshold, and the expected number of samples. False if stopped.
+    fn observe_error(&mut self, stopwatch: &Stopwatch) -> bool {
+        let Some(noise) = &mut self.noise else { return true };
+        divided("noise", || noise.observe(&self.film, self.schedule.next_sample()));
+        let is_done = self.validate(stopwatch);
+        self.forecast();
+        is_done
+    }
+
+    /// Measures the error of the denoised picture, if that is due. False if stopped.
+    fn validate(&mut self, stopwatch: &Stopwatch) -> bool {
+        let samples = self.schedule.next_sample();
+        let (wanted, is_last) = (self.options.noise.unwrap_or_default(), self.schedule.is_complete());
+        let is_due = |validation: &Validation| validation.is_due(samples, is_last);
+        let Some(mut validation) = self.validation.take_if(|validation| is_due(validation)) else {
+            return true;
+        };
+        let is_done = self.render_validation(&mut validation, samples, stopwatch);
+        if is_done {
+            let color = divided("denoise", || denoised_color(&self.film));
+            let wanted = f64::from(wanted) * f64::from(wanted);
+            validation.measure(slices(&color), self.options.pixels(), samples, wanted);
+            self.denoised_color = Some(color);
+        }
+        self.validation = Some(validation);
+        is_done
+    }
+
+    /// Renders both further pictures of the validation until a number of samples per pixel. False if stopped.
+    fn render_validation(&self, validation: &mut Validation, samples: u32, stopwatch: &Stopwatch) -> bool {
+        let mattes = MatteIds::default();
+        let last = Pass { first_sample: samples.saturating_sub(1), samples: 1 };
+        let render = |(number, options): (usize, &RenderOptions)| {
+            let mut paths = IntegratorOptions {
+                catchers: options.catchers,
+                transparent_glass: options.transparent_glass,
+                ..radiance_only_options(options, &self.filter, &mattes)
+            };
+            self.techniques.configure(&mut paths);
+            self.techniques.configure_pass(last, options, &mut paths);
+            let trial = Trial {
+                target: Target { scene: &self.scene, view: &self.view, options },
+                paths: IntegratorOptions { reuse: None, ..paths },
+                progress: &self.progress,
+                listener: self.listener.as_deref(),
+                stopwatch,
+                stop: &|| self.cancel.is_cancelled(),
+            };
+            validation.render(number, samples, &trial).is_ok()
+        };
+        Validation::options(&self.options).iter().enumerate().all(render)
+    }
+
+    /// The estimated relative error, with a noise threshold: that of the denoised picture if it will be denoised.
+    fn error(&self) -> Option<f64> {
+        match &self.validation {
+            Some(validation) => validation.error(),
+            None => self.noise.as_ref().and_then(Noise::error),
+        }
+    }
+
     /// Predicts the number of samples for the noise threshold.
     fn forecast(&self) {
         let Some((noise, wanted)) = self.noise.as_ref().zip(self.options.noise) else { return };
         let (least, range) = (self.options.min_samples, self.options.samples_to_render());
-        if let Some((error, samples)) = noise.error().zip(noise.samples_for(f64::from(wanted), least, range))
-        {
+        let samples = match &self.validation {
+            Some(validation) => Some(validation.next().min(range.end).saturating_sub(range.start)),
+            None => noise.samples_for(f64::from(wanted), least, range),
+        };
+        if let Some((error, samples)) = self.error().zip(samples) {
             let pixels = u64::from(self.film.width()) * u64::from(self.film.height());
             self.progress.expect(pixels * u64::from(samples), error);
         }
@@ -439,8 +514,7 @@ impl Rendering {
         if self.schedule.next_sample() < self.options.min_samples {
             return false;
         }
-        let error = self.noise.as_ref().and_then(Noise::error);
-        error.zip(self.options.noise).is_some_and(|(error, wanted)| error <= f64::from(wanted))
+        self.error().zip(self.options.noise).is_some_and(|(error, wanted)| error <= f64::from(wanted))
     }
 
     /// For a partial render of later samples: runs the trials of the picture's first pass beforehand. False if stopped.

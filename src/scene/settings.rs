@@ -195,7 +195,7 @@ scene_settings! {
     exposure: f32, "Exposure of PNG and other display-referred output, stops";
     view: ViewTransform, "View transform of display-referred output";
     white_balance: f32, "White balance of display-referred output: colour temperature that looks white, kelvin";
-    noise: f32, "Noise threshold: estimated relative error of the image to stop at, percent; `samples` is the maximum then";
+    noise: f32, "Noise threshold: estimated relative error of the image to stop at, of the denoised image if it is denoised, percent; `samples` is the maximum then";
     denoise: bool, "Denoise the finished image";
     crop: [u32; 4], "Pixels to render: first column and row, and the column and row after the last";
     aovs: Vec<String>, "AOVs (render passes) to write as further EXR channels, by name";

@@ -90,3 +90,45 @@ fn regions_keep_their_brightness() {
     }
     assert!(off.is_empty(), "{off:?}");
 }
+
+/// Mean squared relative error of a picture by two references of other seeds.
+fn relative_error(picture: &Planes, references: &[Planes; 2]) -> f64 {
+    let values = (0..3).flat_map(|c| (0..picture[c].len()).map(move |i| (c, i)));
+    let of = |(c, i): (usize, usize)| {
+        let [value, a, b] = [picture, &references[0], &references[1]].map(|planes| f64::from(planes[c][i]));
+        let mean = 0.5 * (a + b);
+        (value - a) * (value - b) / (mean * mean + 0.01)
+    };
+    values.map(of).sum::<f64>() / (3 * picture[0].len()) as f64
+}
+
+/// A noise threshold bounds the error of the denoised picture. The bound has a margin of 1.5 standard errors, and the references have
+/// noise of their own.
+#[test]
+fn denoised_pictures_stop_below_the_threshold() {
+    for name in [
+        "thesis/cornell-box.toml",
+        "fur.toml",
+        "thesis/defocus-out.toml",
+        "many-lights.toml",
+        "plastics.toml",
+    ] {
+        let scene = load(name);
+        let references = [77, 78].map(|seed| {
+            let mut reference = rendering(&scene, settings(192, seed));
+            reference.run();
+            color(reference.film())
+        });
+        for threshold in [0.08, 0.04] {
+            let mut rendering = rendering(&scene, settings(512, 5).noise(threshold).denoises(true));
+            rendering.run();
+            let bound = rendering.statistics().error.expect("a measurement");
+            let samples = rendering.statistics().samples_per_pixel;
+            rendering.denoise(AovSet::NONE);
+            let error = relative_error(&color(rendering.film()), &references).max(0.0).sqrt();
+            println!("{name} {threshold}: {samples} samples, bound {bound:.4}, error {error:.4}");
+            assert!(samples == 512.0 || bound <= f64::from(threshold), "{name}");
+            assert!(error < 1.1 * bound, "{name}: {error}, bound {bound}");
+        }
+    }
+}

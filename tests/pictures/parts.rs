@@ -4,7 +4,9 @@ use crate::support::{material, options, quad};
 use oscura::compile::{CompileOptions, compile};
 use oscura::film::{Aov, AovSet, Film, Reduction};
 use oscura::output::part::{Identity, OutputSettings, PartFile, Region, check_parts, read_header, read_part};
-use oscura::render::{CancelHandle, PassOutcome, RenderOptions, Rendering, in_pool};
+use oscura::render::{
+    CancelHandle, Caustics, PassOutcome, RenderOptions, Rendering, denoising_guides, in_pool,
+};
 use oscura::scene::{Camera, Environment, Material, Scene};
 use oscura::simd::{Level, limit_level};
 use std::path::{Path, PathBuf};
@@ -126,32 +128,42 @@ fn open_box() -> Scene {
     scene
 }
 
-/// Stops a rendering after some passes and goes on from the file, again and again.
 #[test]
 fn going_on_gives_the_picture_of_a_single_run() {
+    let options = options(192, 36, 5).aovs(all_aovs()).halves(true).noise(1e-9);
+    goes_on(&load("cornell-quads.toml"), &options);
+}
+
+/// The error of the denoised picture is measured at the same samples, with light paths too.
+#[test]
+fn going_on_until_the_error_is_small_gives_the_picture_of_a_single_run() {
+    let options = options(192, 64, 100).aovs(denoising_guides()).halves(true).noise(0.02).denoises(true);
+    goes_on(&load("cornell-spheres.toml"), &options.caustics(Caustics::On));
+}
+
+/// Stops a rendering after some passes and goes on from the file, again and again.
+fn goes_on(scene: &Scene, options: &RenderOptions) {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("a.part");
-    let scene = load("cornell-quads.toml");
-    let options = options(192, 36, 5).aovs(all_aovs()).halves(true).noise(1e-9);
-    let mut whole = rendering(&scene, &options);
+    let mut whole = rendering(scene, options);
     whole.run();
     assert!(whole.statistics().error.is_some());
     for passes in [1, 3] {
         let begin = |options: &RenderOptions| {
-            let mut rendering = rendering(&scene, options);
+            let mut rendering = rendering(scene, options);
             if file.exists() {
                 let part = read_part(&file).expect("a file");
                 rendering.resume(&file, part, &Identity::new()).expect("it goes on");
             }
             rendering
         };
-        let mut rendering = begin(&options);
+        let mut rendering = begin(options);
         while rendering.is_between_blocks() && rendering.next_pass() == PassOutcome::Progressed {
             if rendering.statistics().samples / (192 * 192) >= 8 * passes {
                 rendering
                     .write_part(&file, &Identity::new(), &OutputSettings::default(), None)
                     .expect("a file");
-                rendering = begin(&options);
+                rendering = begin(options);
             }
             if rendering.ends_within_block() {
                 rendering

@@ -38,6 +38,12 @@ impl CausticPlan {
         CausticPlan { paths: paths.max(1), ..self }
     }
 
+    /// This plan with other random numbers.
+    #[must_use]
+    pub fn with_seed(self, seed: u32) -> CausticPlan {
+        CausticPlan { seed, ..self }
+    }
+
     /// Number of light paths per sample of the whole picture.
     pub fn paths(&self) -> u32 {
         self.paths
