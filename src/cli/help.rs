@@ -144,7 +144,7 @@ const GENERAL: [(&[&str], &str); 5] = [
     (
         &["signals", "ctrl-c", "interrupt", "sigterm", "stop", "kill"],
         "Ctrl-C (SIGINT), SIGTERM and SIGHUP stop rendering; the picture with the samples so far is written, and the exit \
-         code is 130. If some pixels have no sample yet, no picture is written, and an existing file is kept. Signals \
+         code is 130. While some pixels have no sample yet, an existing file is kept; in a new one they are black. Signals \
          within a second of the first are ignored; a later one ends the program at once. --checkpoint FILE with \
          --resume continues later, with the same result, bit for bit.",
     ),

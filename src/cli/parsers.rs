@@ -17,7 +17,8 @@ use std::str::FromStr;
 
 /// Parses a number for which `is_valid` holds; `expected` describes valid numbers in the error message.
 pub(super) fn number(text: &str, is_valid: impl Fn(f64) -> bool, expected: &str) -> Result<f64, String> {
-    text.parse().ok().filter(|&v| is_valid(v)).ok_or_else(|| format!("must be {expected}"))
+    let point = if text.contains(',') { ", with a decimal point" } else { "" };
+    text.parse().ok().filter(|&v| is_valid(v)).ok_or_else(|| format!("must be {expected}{point}"))
 }
 
 /// Parses an integer from `min` to `max`.
@@ -198,14 +199,14 @@ impl Frames {
         self.step == 1 && self.last > self.first
     }
 
-    /// The file of a frame: `####` or `%04d` in the name is replaced by the number with at least four digits; without a
+    /// The file of a frame: `####`, `%04d` or `$F4` in the name is replaced by the number with at least four digits; without a
     /// pattern, `.####` is inserted before the extension.
     pub(crate) fn file(path: &Path, number: u32) -> PathBuf {
         let (head, width, tail) = Frames::parts_of_name(path);
         path.with_file_name(format!("{head}{number:0width$}{tail}"))
     }
 
-    /// Whether a file name has a pattern such as `####` or `%04d`.
+    /// Whether a file name has a pattern such as `####`.
     pub(crate) fn is_pattern(path: &Path) -> bool {
         with_hashes(&path.file_name().unwrap_or_default().to_string_lossy()).contains('#')
     }
@@ -255,14 +256,16 @@ impl Frames {
     }
 }
 
-/// Replaces the first `%d`, `%4d` or `%04d` of a name by `#` for each digit.
+/// Replaces the first `%d`, `%4d`, `%04d`, `$F` or `$F4` of a name by `#` for each digit.
 fn with_hashes(name: &str) -> Cow<'_, str> {
-    for (at, _) in name.match_indices('%') {
-        let rest = &name[at + 1..];
-        let digits = rest.find(|c: char| !c.is_ascii_digit()).unwrap_or(rest.len());
-        let width = if digits == 0 { Some(1) } else { rest[..digits].parse().ok() };
-        if let (Some(tail), Some(width @ 1..=MAX_DIGITS)) = (rest[digits..].strip_prefix('d'), width) {
-            return Cow::Owned(format!("{}{}{tail}", &name[..at], "#".repeat(width)));
+    for (begin, end) in [("%", "d"), ("$F", "")] {
+        for (at, _) in name.match_indices(begin) {
+            let rest = &name[at + begin.len()..];
+            let digits = rest.find(|c: char| !c.is_ascii_digit()).unwrap_or(rest.len());
+            let width = if digits == 0 { Some(1) } else { rest[..digits].parse().ok() };
+            if let (Some(tail), Some(width @ 1..=MAX_DIGITS)) = (rest[digits..].strip_prefix(end), width) {
+                return Cow::Owned(format!("{}{}{tail}", &name[..at], "#".repeat(width)));
+            }
         }
     }
     Cow::Borrowed(name)
@@ -396,6 +399,7 @@ mod frames_tests {
         assert_eq!(file("a/out_##.exr", 7), "a/out_07.exr");
         assert_eq!(file("out.##.exr", 123), "out.123.exr");
         assert_eq!(file("a%d/out.%04d.exr", 7), "a%d/out.0007.exr");
+        assert_eq!(file("out_$F4.exr", 7), "out_0007.exr");
         assert_eq!(file("out_%d.exr", 7), "out_7.exr");
         assert_eq!(file("100%-%3d.exr", 7), "100%-007.exr");
         assert_eq!(file("50%.exr", 7), "50%.0007.exr");

@@ -23,6 +23,8 @@ const PART: &str = "part";
 pub(crate) struct Targets {
     pictures: Vec<(PathBuf, Format)>,
     parts: Vec<PathBuf>,
+    /// The first file that existed before.
+    existing: Option<PathBuf>,
 }
 
 impl Targets {
@@ -31,7 +33,8 @@ impl Targets {
     /// # Errors
     /// A usage error for unknown formats and for duplicate files; an output error for files that can't be written.
     pub fn check(paths: &[PathBuf]) -> Result<Targets> {
-        let mut targets = Targets { pictures: Vec::new(), parts: Vec::new() };
+        let existing = paths.iter().find(|path| path.exists()).cloned();
+        let mut targets = Targets { pictures: Vec::new(), parts: Vec::new(), existing };
         for (index, path) in paths.iter().enumerate() {
             if let Some(earlier) = paths[..index].iter().find(|earlier| is_same_target(earlier, path)) {
                 let message = format!("-o {} is given twice", path.display());
@@ -80,6 +83,11 @@ impl Targets {
     /// True if any output is not a partial render.
     pub fn has_pictures(&self) -> bool {
         !self.pictures.is_empty()
+    }
+
+    /// The first file that existed before the run.
+    pub fn existing(&self) -> Option<&Path> {
+        self.existing.as_deref()
     }
 
     /// The partial renders.

@@ -361,7 +361,7 @@ fn render_picture(
     preview.iter_mut().for_each(|preview| preview.begin(&rendering, &png, &camera, build.triangles, printed));
     let (mut rendering, checkpoint) =
         render_passes(&args, cancel, rendering, &mut checkpoint, &encode, printed, preview.as_mut())?;
-    if let Some(ended) = end_without_picture(&args, &rendering, &resolved.options) {
+    if let Some(ended) = end_without_picture(&args, &targets, &rendering) {
         return checkpoint.and(ended).map(ControlFlow::Break);
     }
     warnings.extend(error_warnings(&args, &rendering, printed));
@@ -447,22 +447,17 @@ fn prepare_files(
 /// Outcome of a run whose picture is not written; `None` if it is written.
 fn end_without_picture(
     args: &RenderArgs,
+    targets: &Targets,
     rendering: &Rendering,
-    options: &RenderOptions,
 ) -> Option<Result<Outcome>> {
     if is_unfinished_frame(args, rendering) {
         return Some(Ok(Outcome::Interrupted));
     }
-    is_incomplete(rendering, options).then(|| Err(nothing_written()))
-}
-
-/// True if a signal arrived before each pixel within the region had a sample.
-fn is_incomplete(rendering: &Rendering, options: &RenderOptions) -> bool {
-    let film = rendering.film();
-    let all = u64::from(film.width()) * u64::from(film.height());
-    let in_region =
-        options.region.map_or(all, |region| u64::from(region.width()) * u64::from(region.height()));
-    rendering.statistics().interrupted && film.unsampled_pixels() > all.saturating_sub(in_region)
+    // After a signal, a picture with unsampled pixels is better than none, but not than an earlier one.
+    let (statistics, film) = (rendering.statistics(), rendering.film());
+    let is_nothing = statistics.interrupted
+        && (statistics.samples == 0 || targets.existing().is_some() && film.unsampled_pixels() > 0);
+    is_nothing.then(|| Err(nothing_written(targets.existing())))
 }
 
 /// True for an interrupted frame of an animation, which is not written: `--resume` would treat it as finished.
@@ -595,11 +590,18 @@ fn render_passes<'a>(
 
 /// Error if a signal arrived before rendering. Existing pictures are not overwritten.
 fn check_interrupted(cancel: &CancelHandle) -> Result<()> {
-    if cancel.is_cancelled() { Err(nothing_written()) } else { Ok(()) }
+    if cancel.is_cancelled() { Err(nothing_written(None)) } else { Ok(()) }
 }
 
-fn nothing_written() -> Error {
-    let message = "stopped by a signal before each pixel had a sample; no picture was written";
+/// The error after a signal; `existing` is a picture that was kept.
+fn nothing_written(existing: Option<&Path>) -> Error {
+    let message = match existing {
+        Some(path) => format!(
+            "stopped by a signal before each pixel had a sample; {} is kept as it was",
+            path.display()
+        ),
+        None => "stopped by a signal before the first sample; no picture was written".to_string(),
+    };
     Error { kind: ErrorKind::Interrupted, ..Error::usage(message) }
 }
 

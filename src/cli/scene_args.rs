@@ -307,6 +307,10 @@ pub(crate) fn check_scene_path(path: &Path) -> Result<()> {
         let error = Error::input(path, "scenes are not read from standard input");
         return Err(error.with_help("give a file name; images are found relative to the file"));
     }
+    if path.to_str().is_some_and(|text| text.contains("://")) {
+        let error = Error::input(path, "is an address on the network, which is not read");
+        return Err(error.with_help("download the file, and give its name"));
+    }
     if path.is_dir() {
         return Err(Error::input(path, "is a folder").with_help(scenes_in(path)));
     }

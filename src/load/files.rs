@@ -304,6 +304,8 @@ const SIGNATURES: &[(&[u8], &str, &str)] = &[
     (b"Kaydara FBX Binary", "an FBX model", "give it the extension .fbx"),
     (b"BLENDER", "a Blender file", "give it the extension .blend"),
     (b"glTF", "a glTF model", "give it the extension .glb"),
+    (b"ply\n", "a PLY model", "give it the extension .ply"),
+    (b"ply\r", "a PLY model", "give it the extension .ply"),
 ];
 
 /// Brands of AVIF and HEIC in the HEIF container (ISO/IEC 23008-12).
@@ -398,10 +400,11 @@ mod tests {
             (b"\0\0\0\x18ftypheic\0\0", "HEIC"),
             (b"PK\x03\x04...", "ZIP"),
             (b"DDS |", "DDS"),
+            (b"ply\r\nformat", "PLY"),
         ] {
             assert!(content_of(bytes).expect(what).what.contains(what), "{what}");
         }
-        for bytes in [&b"\x89PNG"[..], b"solid a", b"ply\n", b"\0\0\0\x20ftypmp42"] {
+        for bytes in [&b"\x89PNG"[..], b"solid a", b"plywood", b"\0\0\0\x20ftypmp42"] {
             assert_eq!(content_of(bytes), None);
         }
     }

@@ -129,9 +129,11 @@ fn is_archive(path: &Path) -> Result<bool> {
     if zip::is_archive(&start) {
         return Ok(!formats::is_package(path));
     }
-    let is_binary_gltf =
-        matches!(format, Format::Model(model) if model.is_gltf) && start.starts_with(b"glTF");
-    match files::content_of(&start).filter(|_| !is_binary_gltf && !start.starts_with(files::GZIP)) {
+    let is_own = match format {
+        Format::Model(model) if model.is_gltf => start.starts_with(b"glTF"),
+        _ => formats::extension(path) == "ply" && start.starts_with(b"ply"),
+    };
+    match files::content_of(&start).filter(|_| !is_own && !start.starts_with(files::GZIP)) {
         Some(files::Content { what, remedy }) => {
             Err(Error::input(path, format!("is {what}")).with_help(remedy))
         }
@@ -176,8 +178,11 @@ fn load_file(
             Format::Blender => blender::load(path, &options, i == 0)?,
             Format::Other => {
                 let extension = formats::extension(path);
-                return Err(Error::input(path, format!("files of type '.{extension}' can't be rendered"))
-                    .with_help(conversion_hint(&extension)));
+                let message = match extension.as_str() {
+                    "" => "has no extension, which determines the format of a scene".to_string(),
+                    _ => format!("files of type '.{extension}' can't be rendered"),
+                };
+                return Err(Error::input(path, message).with_help(conversion_hint(&extension)));
             }
         };
         complete(path, &options, sidecar.as_ref(), &mut loaded)?;

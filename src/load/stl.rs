@@ -114,6 +114,11 @@ fn is_ascii(bytes: &[u8]) -> bool {
     has_word && !fits && !bytes.contains(&0)
 }
 
+/// Whether bytes are printable, with white space; binary headers have zero bytes or a count that isn't printable.
+fn is_text(bytes: &[u8]) -> bool {
+    bytes.iter().all(|byte| *byte >= b' ' && *byte != 0x7f || byte.is_ascii_whitespace())
+}
+
 /// The number of triangles in a binary header.
 fn count(bytes: &[u8]) -> Option<u64> {
     let word = bytes.get(80..HEADER)?;
@@ -131,6 +136,10 @@ fn binary(path: &Path, bytes: &[u8]) -> Result<Facets> {
     if expected > available && available == 0 {
         let message = format!("declares {declared} triangles, but ends after its header");
         return Err(Error::input(path, ("cut-short", message)).with_help("export or download the file again"));
+    }
+    if expected > available && is_text(&bytes[..HEADER]) {
+        let message = "is not an STL file: it is text that doesn't start with 'solid'";
+        return Err(Error::input(path, message).with_help("check its extension"));
     }
     if expected > available {
         let message = format!(
@@ -297,6 +306,8 @@ mod tests {
         assert_eq!(refusal(&whole[..90]).problems[0].code, "cut-short");
         assert_eq!(refusal(b"abc").problems[0].code, "cut-short");
         assert_eq!(refusal(b"solid a\nendsolid a\n").problems[0].code, "no-surface");
+        let other = refusal("v 0.25 0.5 1\n".repeat(30).as_bytes()).to_string();
+        assert!(other.contains("text that doesn't start with 'solid'"), "{other}");
         let commas = refusal(b"solid a\nfacet\nouter loop\nvertex 1,5 0,0 2,0\n").to_string();
         assert!(commas.contains("line 4") && commas.contains("LC_NUMERIC"), "{commas}");
     }

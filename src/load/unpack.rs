@@ -16,6 +16,9 @@ pub(super) struct Unpacked {
     pub model: PathBuf,
 }
 
+/// Maximum number of names in a message.
+const MAX_NAMES: usize = 3;
+
 impl Unpacked {
     /// Unpacks an archive and picks its model: by the rank of its format (glTF first), then by the depth of its path.
     ///
@@ -49,7 +52,13 @@ impl Unpacked {
         }
         models.sort();
         let Some((.., model)) = models.first() else {
-            let help = format!("it should hold one of {}", formats::models_in_words());
+            let names = archive.entries().iter().map(|entry| &entry.name).filter(|name| !name.ends_with('/'));
+            let names: Vec<String> = names.take(MAX_NAMES).map(|name| format!("'{name}'")).collect();
+            let models = formats::models_in_words();
+            let help = match names.is_empty() {
+                true => "it is empty".to_string(),
+                false => format!("it should hold one of {models}, and holds {}", names.join(", ")),
+            };
             return Err(fail("is an archive without a model".into())
                 .with_help(help)
                 .with_code("zip-without-model"));

@@ -161,7 +161,10 @@ struct Opened {
 }
 
 fn open(path: &Path) -> Result<Opened> {
-    let unreadable = |e: io::Error| Error::input(path, format!("can't be read: {e}"));
+    let unreadable = |e: io::Error| match e.kind() {
+        io::ErrorKind::NotFound => Error::input(path, "there is no such file"),
+        _ => Error::input(path, format!("can't be read: {e}")),
+    };
     let file = File::open(path).map_err(unreadable)?;
     let size = file.metadata().map_err(unreadable)?.len();
     let mut reader = Checked::new(BufReader::new(file));

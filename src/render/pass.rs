@@ -49,7 +49,12 @@ pub(super) fn render_all(contexts: &[PassContext<'_>], is_due: &(dyn Fn() -> boo
     let first = &contexts[0];
     let render = || {
         let Some(tried) = first.techniques.try_in_pass(first) else { return (1, false) };
-        render_passes(contexts, &tried, is_due)
+        if let Some(parts) = first.in_two() {
+            let parts = parts.each_ref().map(|part| PlannedPass::new(part, &tried));
+            return (1, render_passes(&parts, &|| false).1);
+        }
+        let plan = |context| PlannedPass::new(context, if context.number == 0 { &tried } else { &[] });
+        render_passes(&contexts.iter().map(plan).collect::<Vec<_>>(), is_due)
     };
     // Threads without light paths left continue with tiles.
     let (are_light_paths_done, (begun, is_done)) = rayon::join(|| first.trace_light_paths(), render);
@@ -65,15 +70,9 @@ struct PlannedPass<'a> {
     begins: OnceLock<bool>,
 }
 
-/// Renders the tiles of consecutive passes, except the squares of the first pass that trials have rendered. Begins no further pass once
-/// `is_due` returns true. Returns the number of passes begun, and whether all of their tiles were rendered; else rendering was stopped.
-fn render_passes(
-    contexts: &[PassContext<'_>],
-    tried: &[Block],
-    is_due: &(dyn Fn() -> bool + Sync),
-) -> (usize, bool) {
-    let plan = |context| PlannedPass::new(context, if context.number == 0 { tried } else { &[] });
-    let passes: Vec<PlannedPass<'_>> = contexts.iter().map(plan).collect();
+/// Renders the tiles of consecutive passes. Begins no further pass once `is_due` returns true. Returns the number of passes begun, and
+/// whether all of their tiles were rendered; else rendering was stopped.
+fn render_passes(passes: &[PlannedPass<'_>], is_due: &(dyn Fn() -> bool + Sync)) -> (usize, bool) {
     let count = |sum: &mut usize, pass: &PlannedPass<'_>| {
         *sum += pass.blocks.len();
         Some(*sum)
@@ -122,7 +121,28 @@ impl<'a> PlannedPass<'a> {
     }
 }
 
+/// Samples per pixel of the first part of a picture's first pass: the fewest whose tiles fill squares of trials.
+const FIRST_SAMPLES: u32 = 2;
+
 impl<'a> PassContext<'a> {
+    /// A picture's first pass in two parts, so that soon every pixel has a sample and a rendering that is stopped leaves a picture. `None`
+    /// for other passes, short ones, and with path reuse, whose groups have the samples of a whole pass.
+    fn in_two(&self) -> Option<[PassContext<'a>; 2]> {
+        let Pass { first_sample, samples } = self.pass;
+        if first_sample > 0
+            || samples < 2 * FIRST_SAMPLES
+            || self.techniques.strategy.current().shape().is_some()
+        {
+            return None;
+        }
+        let part = |number, first_sample, samples| PassContext {
+            pass: Pass { first_sample, samples },
+            number,
+            ..self.clone()
+        };
+        Some([part(0, 0, FIRST_SAMPLES), part(1, FIRST_SAMPLES, samples - FIRST_SAMPLES)])
+    }
+
     /// The tiles of the pass outside the squares `tried`.
     fn blocks(&self, tracer: &Tracer<'_>, tried: &[Block]) -> Vec<Block> {
         let blocks = without(tracer.tiles.blocks(self.target.view, self.pass), tried);

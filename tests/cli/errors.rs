@@ -64,6 +64,7 @@ fn what_is_no_scene_is_answered_with_the_way_to_one() {
         (&["-"], 3, &["standard input"]),
         // No complaint about the picture of a scene that isn't there.
         (&["c.glb"], 3, &["c.glb", "no such file"]),
+        (&["https://example.com/a.glb"], 3, &["download the file"]),
         (&["room"], 2, &["neither a command nor a file", "scenes of that name: room.glb"]),
         (&["rendr"], 2, &["neither a command nor a file", "'render'"]),
         (&["room.glb", "--watch"], 2, &["'--watch' is an option of 'oscura view'"]),

@@ -3,7 +3,7 @@
 use crate::program::*;
 use std::fs;
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 /// Starts the program.
@@ -76,14 +76,29 @@ fn a_signal_before_the_first_sample_leaves_the_picture_that_was_there() {
     assert_eq!(names(folder.path()), ["a.exr", "endless.toml"]);
 }
 
-/// Some tiles have their samples, others none: that is no picture.
+/// Some tiles have their samples, others none: less than an earlier picture, and more than none.
 #[test]
-fn a_signal_before_all_pixels_have_a_sample_leaves_the_picture_that_was_there() {
+fn a_signal_before_all_pixels_have_a_sample_writes_new_files_only() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("a.png"), "precious").unwrap();
+    let output = stopped_in_its_first_pass(folder.path());
+    assert!(!stderr(&output).contains("wrote"), "{}", stderr(&output));
+    assert!(stderr(&output).contains("a.png is kept as it was"), "{}", stderr(&output));
+    assert_eq!(fs::read_to_string(folder.path().join("a.png")).unwrap(), "precious");
+
+    fs::remove_file(folder.path().join("a.png")).unwrap();
+    let output = stopped_in_its_first_pass(folder.path());
+    assert!(stderr(&output).contains("pixels have no sample and are black"), "{}", stderr(&output));
+    let picture = image::open(folder.path().join("a.png")).expect("a picture").into_rgba8();
+    let opaque = picture.pixels().filter(|pixel| pixel[3] > 0).count();
+    assert!(opaque > 0 && opaque < 4000 * 4000, "{opaque} pixels");
+}
+
+/// Renders a large picture and stops it after a second and a half of processor time.
+fn stopped_in_its_first_pass(folder: &Path) -> Output {
     let scene = cornell();
     let fixed = ["render", &scene, "-o", "a.png", "--size", "4000x4000", "--spp", "64", "--threads", "1"];
-    let child = start(folder.path(), &fixed, &[]);
+    let child = start(folder, &fixed, &[]);
     let begin = Instant::now();
     while cpu_ticks(child.id()) < 150 {
         assert!(begin.elapsed() < Duration::from_secs(60), "it does nothing");
@@ -92,8 +107,7 @@ fn a_signal_before_all_pixels_have_a_sample_leaves_the_picture_that_was_there() 
     send(&child, "-INT");
     let output = child.wait_with_output().expect("it ends");
     assert_eq!(output.status.code(), Some(130), "{}", stderr(&output));
-    assert!(!stderr(&output).contains("wrote"), "{}", stderr(&output));
-    assert_eq!(fs::read_to_string(folder.path().join("a.png")).unwrap(), "precious");
+    output
 }
 
 #[test]

@@ -76,7 +76,10 @@ fn tables_that_are_none_are_reported_with_their_lines() {
     let output = oscura(folder, &["render", "scenes/sheet.toml", "-o", "a.png"]);
     assert!(stderr(&output).contains("one of: srgb, filmic, agx"), "{}", stderr(&output));
 
-    for (view, expected) in [("gone.csp", "gone.csp"), ("agxx", "a similar value exists: 'agx'")] {
+    std::fs::write(folder.join("look.cube"), "LUT_3D_SIZE 2\n").unwrap();
+    for (view, expected) in
+        [("gone.csp", "gone.csp"), ("look.cube", "ociobakelut"), ("agxx", "a similar value exists: 'agx'")]
+    {
         says(&run(folder, &["convert", "a.exr", "-o", "a.png", "--view", view], 2), expected);
     }
 }

@@ -101,6 +101,10 @@ fn archives_that_are_none_or_hostile_are_refused() {
     let refusal = |bytes: &[u8]| code_of(&read("a.zip", bytes).expect_err("it is refused"));
     assert_eq!(refusal(&whole[..whole.len() - 30]), "zip-damaged");
     assert_eq!(refusal(&zip(&[("a.txt", b"?")])), "zip-without-model");
+    let other = read("a.zip", &zip(&[("b/a.mb", b"?")])).expect_err("it is refused").to_string();
+    assert!(other.contains("holds 'b/a.mb'"), "{other}");
+    let renamed = read("a.obj", b"ply\nformat ascii 1.0\n").expect_err("it is refused").to_string();
+    assert!(renamed.contains("is a PLY model"), "{renamed}");
     assert_eq!(refusal(&zip(&[("../a.obj", OBJ)])), "path-outside");
     assert_eq!(refusal(b"no archive"), "zip-missing");
     let mut claims = whole.clone();

@@ -266,6 +266,16 @@ fn keys_by_the_names_of_other_programs_are_answered_with_ours() {
     }
 }
 
+/// Shapes are keys: written as a type, they are one problem.
+#[test]
+fn an_object_without_a_shape_is_one_problem() {
+    let text = "camera = { look_from = [0, 0, 5], look_at = [0, 0, 0] }\nenvironment = { background = 1 }\n\
+                materials.default = { type = \"lambert\" }\n[[objects]]\ntype = \"sphere\"\ncenter = [0, 0, 0]\nradius = 1\n";
+    let error = load_text(text).expect_err("no shape");
+    assert_eq!(error.problems.len(), 1, "{error}");
+    assert!(error.to_string().contains("sphere = { center"), "{error}");
+}
+
 #[test]
 fn a_mistake_makes_no_other_key_unknown() {
     let text = "camera = { look_form = [0, 0, 5], look_at = [0, 0, 0], f_stop = 2, focus_at = [0, 0, 0], blades = 5 }\n\

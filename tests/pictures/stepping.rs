@@ -4,7 +4,7 @@ use crate::support::{camera, material, options, picture, quad, rendering};
 use oscura::compile::{CompileOptions, compile};
 use oscura::film::{Aov, AovSet, Film};
 use oscura::math::DVec3;
-use oscura::render::{CancelHandle, Event, PassOutcome, Rendering};
+use oscura::render::{CancelHandle, Event, PassOutcome, PathReuse, Rendering};
 use oscura::scene::{Material, Scene};
 use std::path::Path;
 use std::sync::Arc;
@@ -136,6 +136,26 @@ fn a_handle_stops_between_passes_and_within_one() {
     assert_eq!(counts, 4);
     let sampled: u64 = (0..256 * 256).map(|i| u64::from(film.samples(i % 256, i / 256))).sum();
     assert_eq!(sampled, statistics.samples);
+}
+
+/// A large picture whose first pass is stopped after three of its eight samples.
+#[test]
+fn within_the_first_pass_all_pixels_soon_have_a_sample() {
+    const EDGE: u32 = 1000;
+    let (handle, scene) = (CancelHandle::new(), cornell());
+    let switch = handle.clone();
+    let options = options(EDGE, 64, 100).path_reuse(PathReuse::Off);
+    let mut stopped = rendering(&scene, &options).with_cancel_handle(handle).on_event(move |event| {
+        let Event::Progress { samples_done, .. } = event else { return };
+        if samples_done >= 3 * u64::from(EDGE * EDGE) {
+            switch.cancel();
+        }
+    });
+    let outcome = oscura::render::in_pool(Some(1), || stopped.next_pass()).expect("the thread starts");
+    assert_eq!(outcome, PassOutcome::Cancelled);
+    let counts: Vec<u32> = (0..EDGE * EDGE).map(|i| stopped.film().samples(i % EDGE, i / EDGE)).collect();
+    assert!(counts.iter().all(|count| *count == 2 || *count == 8), "samples of a part");
+    assert!(counts.contains(&2), "it was stopped before its end");
 }
 
 #[test]

@@ -50,12 +50,9 @@ impl ViewTransform {
         ViewTransform::NAMED.into_iter().find(|named| named.1 == name).map(|named| named.0)
     }
 
-    /// Is this the name of a LUT file (`.csp` or `.view`) rather than of a built-in view?
+    /// Is this the name of a LUT file, which has an extension, rather than of a built-in view?
     pub fn is_file(name: &str) -> bool {
-        let is_lut = |extension: &std::ffi::OsStr| {
-            ["csp", "view"].iter().any(|known| extension.eq_ignore_ascii_case(known))
-        };
-        Path::new(name).extension().is_some_and(is_lut)
+        Path::new(name).extension().is_some()
     }
 
     /// Decodes a LUT file: cinespace (`.csp`), or `.view` of the Blender exporter.

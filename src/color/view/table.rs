@@ -82,7 +82,9 @@ impl ViewTable {
         let mut words = Words::new(text);
         let (head, kind) = (words.next().unwrap_or_default(), words.next().unwrap_or_default());
         if head != "CSPLUTV100" || !matches!(kind, "1D" | "3D") {
-            return Err("is not a cinespace table: expected CSPLUTV100, then 1D or 3D".to_string());
+            return Err("is not a cinespace table (.csp): expected CSPLUTV100, then 1D or 3D; 'ociobakelut' of OpenColorIO \
+                        writes one"
+                .to_string());
         }
         words.skip_metadata();
         let curves = [curve(&mut words)?, curve(&mut words)?, curve(&mut words)?];

@@ -137,11 +137,8 @@ pub(in crate::load) fn warn_of_losses(path: &Path, loaded: &mut Loaded) {
     let Some(lost) = &loaded.blender else { return };
     let about = |(code, message): (&'static str, String)| Warning::new(path, "", (code, message));
     loaded.notes.push(about(("blender-exporter-limits", format!(
-        "Blender's glTF files never hold the world, area lights, portals, sizes of lights, angles of suns, nodes of lights, \
-         links of lights and lights without shadows; depth of field, shift, panoramas, motion blur, the picture's size, \
-         transparency of the film, exposure and view; volumes, subsurface scattering, displacement, bumps and other nodes \
-         beside Principled BSDF; visibility by kinds of rays, holdouts and shadow catchers, instances of particles and \
-         geometry nodes. The file of Blender itself keeps them ('oscura render scene.blend'); {} makes up for some",
+        "written by Blender, whose glTF files lack its world, area lights, depth of field, volumes and most shader nodes; \
+         'oscura render scene.blend' keeps them, and {} adds some",
         Choice::NewSidecar
     ))));
     loaded.warnings.extend(warnings(lost).into_iter().map(about));

@@ -14,6 +14,7 @@
 //! | `d` or 1 - `Tr` below 1, `map_d` | alpha; the map's alpha channel if it has one |
 //! | `disp` with `-bm` | displacement from 0 (black) to `-bm` (white); ignored with a warning without `-bm` |
 //! | `norm`, `bump` | normal map; a `bump` with grey heights is converted |
+//! | `map_Ka` | the colour, with a warning, without `map_Kd`; else ignored, with a warning if it is another image |
 //! | other maps | ignored, with a warning |
 
 use super::mtl::{Map, Mtl};
@@ -119,6 +120,11 @@ impl Conversion<'_, '_> {
         self.source.map("map_Kd").is_none() && self.source.map("map_Ka").is_some()
     }
 
+    /// Does `map_Kd` have the file of this map?
+    fn is_color_map(&self, map: &Map) -> bool {
+        self.source.map("map_Kd").is_some_and(|color| color.file == map.file)
+    }
+
     fn clearcoat(&self) -> Option<Clearcoat> {
         let factor = self.source.number("Pc").map(unit).filter(|c| *c > 0.0)?;
         let roughness = self.source.number("Pcr").map_or(0.0, unit);
@@ -207,6 +213,8 @@ impl Conversion<'_, '_> {
         }
         if self.is_ambient_alone() {
             self.warn_of_map("map_Ka", "is taken as the colour, as there is no 'map_Kd'");
+        } else if self.source.map("map_Ka").is_some_and(|ambient| !self.is_color_map(&ambient)) {
+            self.warn_of_map("map_Ka", "is ignored: it colours ambient light, which path tracing replaces");
         }
         if self.source.map("norm").is_some() {
             self.warn_of_map("bump", "is ignored beside 'norm'");

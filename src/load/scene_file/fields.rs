@@ -338,7 +338,7 @@ pub(super) fn named<'a>(
 }
 
 /// Names of keys in other programs and formats, and ours.
-const SYNONYMS: [(&[&str], &[&str]); 9] = [
+const SYNONYMS: [(&[&str], &[&str]); 11] = [
     (&["position", "eye", "origin", "location"], &["look_from", "center", "transform"]),
     (&["target", "lookat", "interest"], &["look_at"]),
     (&["fov", "yfov", "field_of_view"], &["vfov"]),
@@ -348,6 +348,8 @@ const SYNONYMS: [(&[&str], &[&str]); 9] = [
     (&["albedo", "diffuse", "base_color", "kd"], &["color", "base_color"]),
     (&["intensity", "energy", "strength", "emission"], &["power", "radiance", "intensity"]),
     (&["vertices", "file", "model"], &["mesh", "points"]),
+    (&["color", "colour"], &["background"]),
+    (&["hdri", "map"], &["image"]),
 ];
 
 /// The key among `known` that other programs call `name`.

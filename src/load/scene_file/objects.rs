@@ -130,7 +130,10 @@ pub(super) fn read<'a>(
         let points = instances::read(build, &fields, &object.name);
         read_object(build, &fields, &object, materials, textures, assets);
         apply_traits(build, &fields, before);
-        fields.finish();
+        // Without a shape, that is the only problem.
+        if shapes().any(|shape| fields.has(shape)) {
+            fields.finish();
+        }
         if let Some(points) = points {
             instances::copy(build, fields.span(), before, &points, assets);
         }
@@ -173,7 +176,8 @@ fn read_object<'a>(
     let [shape] = given[..] else {
         let message =
             format!("{} needs exactly one of {}", object.name, shapes().collect::<Vec<_>>().join(", "));
-        fields.problems.push(fields.span(), message);
+        let help = "such as mesh = \"chair.ply\" or sphere = { center = [0, 1, 0], radius = 1 }";
+        fields.problems.push_help(fields.span(), message, help);
         return;
     };
     if shape == "mesh" {

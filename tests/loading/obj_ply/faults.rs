@@ -116,6 +116,10 @@ fn textures_are_found_however_the_library_spells_them() {
     let (material, messages) = with_library("newmtl a\nmap_Ka my map.png\n");
     let Model::Lambert { albedo } = material.model else { panic!("not diffuse") };
     assert!(albedo.texture.is_some() && messages.contains("'map_Ka'"), "{messages}");
+    // Beside a colour it is left out: silently if it is the same image, as most exporters write it.
+    let both = |ambient: &str| with_library(&format!("newmtl a\nmap_Kd my map.png\nmap_Ka {ambient}\n")).1;
+    assert_eq!(both("-s 2 2 my map.png"), "");
+    assert!(both("occlusion.png").contains("'map_Ka' is ignored"), "{}", both("occlusion.png"));
 }
 
 /// What MeshLab calls transparency is opacity, and what would hide the whole model isn't meant.
