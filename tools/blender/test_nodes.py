@@ -330,6 +330,12 @@ class NodesTest(SceneTest):
         self.assertEqual(warnings(), ["images whose files are missing are magenta, as in Blender: 'picture.png'"])
 
     def test_missing_images_with_clip(self):
+        """A file that is missing, and a node without an image."""
+        empty, empty_tree, empty_shader, empty_node = shader_tree("empty", "TexImage")
+        empty_node.extension = "CLIP"
+        for output, name in (("Color", "Base Color"), ("Alpha", "Alpha")):
+            empty_tree.links.new(empty_node.outputs[output], empty_shader.inputs[name])
+        self.add_plane(empty, "Empty")
         material, tree, shader, node = shader_tree("lost", "TexImage")
         picture = bpy.data.images.new("picture", 8, 8)
         picture.filepath_raw, picture.file_format = str(self.folder / "picture.png"), "PNG"
@@ -338,11 +344,13 @@ class NodesTest(SceneTest):
         tree.links.new(node.outputs["Color"], shader.inputs["Base Color"])
         (self.folder / "picture.png").unlink()
         self.add_plane(material, "Lost")
-        table = self.export()["materials"]["lost"]
-        image = next(node for node in table["nodes"].values() if node["type"] == "image_texture")
-        self.assertEqual(image["extension"], "clip")
-        found = bpy.data.images.load(str(self.folder / image["file"]))
-        self.assertEqual((tuple(found.size), list(found.pixels)), ((1, 1), [1.0, 0.0, 1.0, 1.0]))
+        tables = self.export()["materials"]
+        for name in ("lost", "empty"):
+            image = next(node for node in tables[name]["nodes"].values() if node["type"] == "image_texture")
+            self.assertEqual(image["extension"], "clip")
+            found = bpy.data.images.load(str(self.folder / image["file"]))
+            self.assertEqual((tuple(found.size), list(found.pixels)), ((1, 1), [1.0, 0.0, 1.0, 1.0]))
+        self.assertTrue(tables["empty"]["nodes"]["principled_bsdf"]["alpha"].endswith(".alpha"))
 
     def test_constant_folding(self):
         material, tree, shader, half = shader_tree("wax", "Math")
