@@ -372,22 +372,39 @@ class NodesTest(SceneTest):
         tree.links.new(group.outputs[0], shader.inputs["Roughness"])
         tree.links.new(bevel.outputs[0], shader.inputs["Normal"])
         self.add_plane(material)
-        wall = self.add_plane(shader_tree("wall")[0], "Wall")
-        wall.rotation_euler = (0, np.pi / 2, 0)
+        lid = self.add_plane(shader_tree("lid")[0], "Lid")
+        lid.location, lid.scale = (0, 0, 0.1), (3, 3, 3)
         settings = self.export("--bake", "32")
         answer = json.loads((self.folder / "answer.json").read_text())
         self.assertEqual(sorted(about for about, message in answer["notes"] if "is baked" in message), ["dirty", "dirty"])
         table = settings["materials"]["dirty"]
         surface, nodes = table["nodes"][table["surface"]], table["nodes"]
-        shade = nodes[surface["roughness"].split(".")[0]]
-        self.assertEqual((shade["type"], nodes[shade["vector"].split(".")[0]]["name"]), ("image_texture", "oscura bake"))
-        pixels = self.pixels(str(self.folder / shade["file"]))[4:-4, 4:-4, 0]
-        self.assertTrue(0.4 < pixels.min() < 0.75 < 0.9 < pixels.max() <= 1.0, (pixels.min(), pixels.max()))
+        of = lambda value: nodes[value.split(".")[0]]
+        # Both sides of the plane, which is open; the front is below a lid.
+        shades = of(surface["roughness"])
+        self.assertEqual((shades["operation"], shades["b"]), ("multiply_add", "surface_geometry.backfacing"))
+        front, behind = of(shades["c"]), of(of(shades["a"])["a"])
+        for shade, (low, high) in ((front, (0.0, 0.3)), (behind, (0.9, 1.0))):
+            self.assertEqual((shade["type"], of(shade["vector"])["name"]), ("image_texture", "oscura bake"))
+            pixels = self.pixels(str(self.folder / shade["file"]))[4:-4, 4:-4, 0]
+            self.assertTrue(low <= pixels.mean() <= high, pixels.mean())
         turned = nodes[surface["normal"].split(".")[0]]
         self.assertEqual((turned["type"], turned["convert_from"]), ("vector_transform", "object"))
         decoded = nodes[turned["vector"].split(".")[0]]
         normals = self.pixels(str(self.folder / nodes[decoded["a"].split(".")[0]]["file"]))[16, 16, :3] * decoded["b"][0] + decoded["c"][0]
         np.testing.assert_allclose(normals, [0, 0, 1], atol=2e-2)
+
+    def test_occlusion_behind_faces(self):
+        """It is baked where faces are seen from behind: in meshes that are open or transmit light."""
+        for name, weight in (("solid", 0.0), ("glass", 1.0)):
+            material, tree, shader, occlusion = shader_tree(name, "AmbientOcclusion")
+            tree.links.new(occlusion.outputs["Color"], shader.inputs["Base Color"])
+            shader.inputs["Transmission Weight"].default_value = weight
+            bpy.ops.mesh.primitive_cube_add()
+            bpy.context.object.data.materials.append(material)
+        tables = self.export("--bake", "32")["materials"]
+        counts = [sum(node["type"] == "image_texture" for node in tables[name]["nodes"].values()) for name in ("solid", "glass")]
+        self.assertEqual(counts, [1, 2])
 
 
 if __name__ == "__main__":
