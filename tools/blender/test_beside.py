@@ -543,7 +543,7 @@ class BesideTest(SceneTest):
         bounces = {"diffuse": 5, "glossy": 5, "volume": 1, "transparent": 9, "subsurface": 256}
         usual = {"depth": 13, "bounces": bounces, "clamp": {"indirect": 10.0}, "filter_glossy": 1.0}
         self.assertEqual(found(), usual)
-        self.scene.render.engine = "BLENDER_EEVEE"
+        self.scene.render.engine = "BLENDER_WORKBENCH"
         self.assertEqual(found(), usual)
         self.scene.render.engine = "CYCLES"
         # Cycles clamps before the film's exposure.

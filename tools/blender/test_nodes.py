@@ -330,6 +330,12 @@ class NodesTest(SceneTest):
         self.assertEqual(warnings(), ["images whose files are missing are magenta, as in Blender: 'picture.png'"])
 
     def test_missing_images_with_clip(self):
+        """A file that is missing, and a node without an image."""
+        empty, empty_tree, empty_shader, empty_node = shader_tree("empty", "TexImage")
+        empty_node.extension = "CLIP"
+        for output, name in (("Color", "Base Color"), ("Alpha", "Alpha")):
+            empty_tree.links.new(empty_node.outputs[output], empty_shader.inputs[name])
+        self.add_plane(empty, "Empty")
         material, tree, shader, node = shader_tree("lost", "TexImage")
         picture = bpy.data.images.new("picture", 8, 8)
         picture.filepath_raw, picture.file_format = str(self.folder / "picture.png"), "PNG"
@@ -338,11 +344,13 @@ class NodesTest(SceneTest):
         tree.links.new(node.outputs["Color"], shader.inputs["Base Color"])
         (self.folder / "picture.png").unlink()
         self.add_plane(material, "Lost")
-        table = self.export()["materials"]["lost"]
-        image = next(node for node in table["nodes"].values() if node["type"] == "image_texture")
-        self.assertEqual(image["extension"], "clip")
-        found = bpy.data.images.load(str(self.folder / image["file"]))
-        self.assertEqual((tuple(found.size), list(found.pixels)), ((1, 1), [1.0, 0.0, 1.0, 1.0]))
+        tables = self.export()["materials"]
+        for name in ("lost", "empty"):
+            image = next(node for node in tables[name]["nodes"].values() if node["type"] == "image_texture")
+            self.assertEqual(image["extension"], "clip")
+            found = bpy.data.images.load(str(self.folder / image["file"]))
+            self.assertEqual((tuple(found.size), list(found.pixels)), ((1, 1), [1.0, 0.0, 1.0, 1.0]))
+        self.assertTrue(tables["empty"]["nodes"]["principled_bsdf"]["alpha"].endswith(".alpha"))
 
     def test_constant_folding(self):
         material, tree, shader, half = shader_tree("wax", "Math")
@@ -364,22 +372,39 @@ class NodesTest(SceneTest):
         tree.links.new(group.outputs[0], shader.inputs["Roughness"])
         tree.links.new(bevel.outputs[0], shader.inputs["Normal"])
         self.add_plane(material)
-        wall = self.add_plane(shader_tree("wall")[0], "Wall")
-        wall.rotation_euler = (0, np.pi / 2, 0)
+        lid = self.add_plane(shader_tree("lid")[0], "Lid")
+        lid.location, lid.scale = (0, 0, 0.1), (3, 3, 3)
         settings = self.export("--bake", "32")
         answer = json.loads((self.folder / "answer.json").read_text())
         self.assertEqual(sorted(about for about, message in answer["notes"] if "is baked" in message), ["dirty", "dirty"])
         table = settings["materials"]["dirty"]
         surface, nodes = table["nodes"][table["surface"]], table["nodes"]
-        shade = nodes[surface["roughness"].split(".")[0]]
-        self.assertEqual((shade["type"], nodes[shade["vector"].split(".")[0]]["name"]), ("image_texture", "oscura bake"))
-        pixels = self.pixels(str(self.folder / shade["file"]))[4:-4, 4:-4, 0]
-        self.assertTrue(0.4 < pixels.min() < 0.75 < 0.9 < pixels.max() <= 1.0, (pixels.min(), pixels.max()))
+        of = lambda value: nodes[value.split(".")[0]]
+        # Both sides of the plane, which is open; the front is below a lid.
+        shades = of(surface["roughness"])
+        self.assertEqual((shades["operation"], shades["b"]), ("multiply_add", "surface_geometry.backfacing"))
+        front, behind = of(shades["c"]), of(of(shades["a"])["a"])
+        for shade, (low, high) in ((front, (0.0, 0.3)), (behind, (0.9, 1.0))):
+            self.assertEqual((shade["type"], of(shade["vector"])["name"]), ("image_texture", "oscura bake"))
+            pixels = self.pixels(str(self.folder / shade["file"]))[4:-4, 4:-4, 0]
+            self.assertTrue(low <= pixels.mean() <= high, pixels.mean())
         turned = nodes[surface["normal"].split(".")[0]]
         self.assertEqual((turned["type"], turned["convert_from"]), ("vector_transform", "object"))
         decoded = nodes[turned["vector"].split(".")[0]]
         normals = self.pixels(str(self.folder / nodes[decoded["a"].split(".")[0]]["file"]))[16, 16, :3] * decoded["b"][0] + decoded["c"][0]
         np.testing.assert_allclose(normals, [0, 0, 1], atol=2e-2)
+
+    def test_occlusion_behind_faces(self):
+        """It is baked where faces are seen from behind: in meshes that are open or transmit light."""
+        for name, weight in (("solid", 0.0), ("glass", 1.0)):
+            material, tree, shader, occlusion = shader_tree(name, "AmbientOcclusion")
+            tree.links.new(occlusion.outputs["Color"], shader.inputs["Base Color"])
+            shader.inputs["Transmission Weight"].default_value = weight
+            bpy.ops.mesh.primitive_cube_add()
+            bpy.context.object.data.materials.append(material)
+        tables = self.export("--bake", "32")["materials"]
+        counts = [sum(node["type"] == "image_texture" for node in tables[name]["nodes"].values()) for name in ("solid", "glass")]
+        self.assertEqual(counts, [1, 2])
 
 
 if __name__ == "__main__":

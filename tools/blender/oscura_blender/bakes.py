@@ -6,8 +6,9 @@ import os
 import bpy
 import numpy as np
 
-from . import cache, cycles, fingerprint, node_trees
+from . import cache, cycles, fingerprint, mesh_topology, node_trees
 from .node_links import converted, output_node
+from .object_info import AMBIENT_OCCLUSION
 
 UV_MAP = "oscura bake"
 
@@ -15,8 +16,11 @@ UV_MAP = "oscura bake"
 RESOLUTION, RESOLUTION_OF_RAYS, RESOLUTION_OF_MEANS = 1024, 512, 128
 
 # Nodes that trace rays to surfaces around, and the samples for them, each of as many rays as the node says.
-RAY_NODES = ("ShaderNodeAmbientOcclusion", "ShaderNodeBevel", "ShaderNodeRaycast")
+RAY_NODES = (AMBIENT_OCCLUSION, "ShaderNodeBevel", "ShaderNodeRaycast")
 SAMPLES = 8
+
+# Shaders that light passes, so that closed meshes are seen from within.
+TRANSMITTING = tuple(f"ShaderNodeBsdf{kind}" for kind in ("Glass", "Refraction", "Translucent", "Transparent"))
 
 # Meshes with more faces are not baked: unwrapping them takes minutes.
 MAX_FACES = 400_000
@@ -37,6 +41,9 @@ class BakeRequests:
 
     def image(self, source, reason):
         self.reasons.append(reason)
+
+    def image_behind(self, source):
+        return None
 
     def mean(self, source, reason, default):
         self.reasons.append(reason)
@@ -69,10 +76,25 @@ class Baker:
             self.warn(f"{reason} is left out: the mesh {self.entry.object.data.name} has too many faces to bake it")
             return None
         self.export.report.note(self.material.name, f"{reason} is baked, since it can't be evaluated")
-        pixels = self._pixels(source, self.resolution)
+        return self._file(self._pixels(source, self.resolution)), source.output.type == "VECTOR"
+
+    def image_behind(self, source):
+        """The file with ambient occlusion as it is on the other side of faces, if that may be seen; else None."""
+        is_seen = self._is_seen_from_behind() if source.node.bl_idname == AMBIENT_OCCLUSION else False
+        return self._file(self._pixels(source, self.resolution, is_behind=True)) if is_seen else None
+
+    def _is_seen_from_behind(self):
+        tree, mesh = self.material.node_tree, self.entry.object.data
+        if node_trees.has_linked(tree, TRANSMITTING) or not np.isin(mesh_topology.faces_of_edges(mesh), (0, 2)).all():
+            return True
+        shaders = [node for _, node in node_trees.find_nodes(tree, ("ShaderNodeBsdfPrincipled",)) if node_trees.is_linked(node)]
+        passing = [(node.inputs[name], opaque) for node in shaders for name, opaque in (("Transmission Weight", 0.0), ("Alpha", 1.0))]
+        return any(socket.is_linked or socket.default_value != opaque for socket, opaque in passing)
+
+    def _file(self, pixels):
         file = self.export.new_file("baked", ".exr")
         cycles.save(pixels, os.path.join(self.export.folder, file))
-        return file, source.output.type == "VECTOR"
+        return file
 
     def mean(self, source, reason, default):
         """The mean of an output, a number or three as the default."""
@@ -95,12 +117,15 @@ class Baker:
         colors = pixels[pixels[:, 3] > 0][:, :3]
         return (colors - 0.5) * VECTOR_RANGE if source.output.type == "VECTOR" else colors
 
-    def _pixels(self, source, resolution):
-        """The baked image of an output; alpha is 0 outside faces."""
+    def _pixels(self, source, resolution, is_behind=False):
+        """The baked image of an output, or of the other side's ambient occlusion; alpha is 0 outside faces."""
         unwrap(self.entry.object)
         copy = node_trees.copy_material(self.material)
         try:
             tree = copy.node_tree
+            if is_behind:
+                node = _trees(tree, source)[-1].nodes[source.node.name]
+                node.inside = not node.inside
             color = _top_level_output(tree, source)
             if source.output.type == "VECTOR":
                 color = _encoded(tree, color, source.node.bl_idname == "ShaderNodeBevel")
@@ -171,11 +196,17 @@ def unwrap(obj):
         layers[rendered].active_render = True
 
 
-def _top_level_output(tree, source):
-    """An output in a copy of a tree; one within groups is passed through new outputs of the groups."""
+def _trees(tree, source):
+    """A copy of a material's tree, and those of the groups around an output."""
     trees = [tree]
     for group in source.groups:
         trees.append(trees[-1].nodes[group.name].node_tree)
+    return trees
+
+
+def _top_level_output(tree, source):
+    """An output in a copy of a tree; one within groups is passed through new outputs of the groups."""
+    trees = _trees(tree, source)
     output = next(s for s in trees[-1].nodes[source.node.name].outputs if s.identifier == source.output.identifier)
     socket_type = {"RGBA": "NodeSocketColor", "VECTOR": "NodeSocketVector"}.get(output.type, "NodeSocketFloat")
     for inner, outer, group in reversed(list(zip(trees[1:], trees, source.groups))):

@@ -108,8 +108,9 @@ def is_number(value, number):
 
 
 def _is_uniform(node):
-    """Is an image texture the same everywhere since it has no image? With the extension Clip a missing file is visible in its square only."""
-    return node.image is None or (image_files.is_missing(node.image) and getattr(node, "extension", "") != "CLIP")
+    """Is an image texture the same everywhere since it has no image? With the extension Clip a missing one is visible in its square only."""
+    is_missing = node.image is None or image_files.is_missing(node.image)
+    return is_missing and getattr(node, "extension", "") != "CLIP"
 
 
 def _without_image(output):

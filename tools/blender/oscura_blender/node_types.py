@@ -154,11 +154,15 @@ def _normal(_graph, node):
 
 def is_tiled(node):
     """Does an image texture have an image of tiles (UDIM), in a known color space?"""
-    return node.bl_idname == "ShaderNodeTexImage" and node.image.source == "TILED" and node.image.colorspace_settings.name in COLOR_SPACES
+    if node.bl_idname != "ShaderNodeTexImage" or node.image is None:
+        return False
+    return node.image.source == "TILED" and node.image.colorspace_settings.name in COLOR_SPACES
 
 
 def _image(graph, node):
     image, file = node.image, None
+    if image is None:
+        return image_settings(node, graph.images.missing())
     if image.source == "SEQUENCE":
         file = graph.images.frame(image, node.image_user)
     elif image.source in ("FILE", "GENERATED"):
@@ -169,18 +173,18 @@ def _image(graph, node):
 
 
 def image_settings(node, file):
-    """The settings of an image or environment texture with a file."""
+    """The settings of an image or environment texture with a file; without an image, that of a missing one."""
     image = node.image
     if file is None:
         raise Unsupported(f"the image '{image.name}'")
-    color_space = image.colorspace_settings.name
+    color_space = "sRGB" if image is None else image.colorspace_settings.name
     if color_space not in COLOR_SPACES:
         raise Unsupported(f"the color space {color_space}")
     settings = {"file": file, "color_space": COLOR_SPACES[color_space]}
     keys = ("interpolation", "extension", "projection")
     settings.update({key: getattr(node, key).lower() for key in keys if hasattr(node, key)})
     if node.bl_idname == "ShaderNodeTexImage":
-        settings["alpha_mode"] = image.alpha_mode.lower()
+        settings["alpha_mode"] = "straight" if image is None else image.alpha_mode.lower()
     if node.projection == "BOX":
         settings["blend"] = node.projection_blend
     return settings

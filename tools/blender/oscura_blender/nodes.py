@@ -153,10 +153,10 @@ class Graph:
         if baked is None:
             return zero(source.output) or 0.0
         file, has_vectors = baked
-        self.attributes.add(bakes.UV_MAP)
-        uv = f"{self.new({'type': 'uv_map', 'name': bakes.UV_MAP})}.uv"
-        image = {"type": "image_texture", "file": file, "color_space": "non-color", "extension": "extend", "alpha_mode": "none"}
-        color = f"{self.new({**image, 'vector': uv})}.color"
+        color, behind = self._baked(file), self.baker.image_behind(source)
+        if behind is not None:
+            difference = self._vector_math("subtract", a=self._baked(behind), b=color)
+            return self._vector_math("multiply_add", a=difference, b=self.surface("backfacing"), c=color)
         if not has_vectors:
             return color
         span = bakes.VECTOR_RANGE
@@ -165,6 +165,13 @@ class Graph:
             return vector
         to_world = {"type": "vector_transform", "vector_type": "normal", "convert_from": "object", "convert_to": "world", "vector": vector}
         return f"{self.new(to_world)}.vector"
+
+    def _baked(self, file):
+        """The color of a baked image."""
+        self.attributes.add(bakes.UV_MAP)
+        uv = f"{self.new({'type': 'uv_map', 'name': bakes.UV_MAP})}.uv"
+        image = {"type": "image_texture", "file": file, "color_space": "non-color", "extension": "extend", "alpha_mode": "none"}
+        return f"{self.new({**image, 'vector': uv})}.color"
 
     def _tiled(self, source):
         """The sum of the tiles of an image (UDIM), each of which is 0 outside its square."""

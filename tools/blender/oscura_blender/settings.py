@@ -183,6 +183,9 @@ def _limits(cycles, report):
     clamp = {which: limit * cycles.film_exposure for which, limit in clamps.items() if limit > 0 and cycles.film_exposure > 0}
     skipped = {kind: True for kind in ("reflective", "refractive") if not getattr(cycles, f"caustics_{kind}")}
     report.note("", "bounces, clamping, Filter Glossy and caustics are limited as in Cycles; --unbiased lifts the limits")
+    if "direct" in clamp:
+        most = f"direct light is clamped to {cycles.sample_clamp_direct:g} a sample"
+        report.note("", f"{most}: this takes more light in Cycles, whose samples vary more, so that pictures are brighter here")
     limits = {"depth": cycles.max_bounces + 1, "bounces": bounces, "clamp": clamp or None}
     return {**limits, "filter_glossy": cycles.blur_glossy or None, "skip_caustics": skipped or None}
 
