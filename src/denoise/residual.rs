@@ -323,7 +323,7 @@ impl Scale {
     /// The local powers beside noisy objects: around a pixel of a smooth surface, they include pixels of a noisy one, whose light, kept at
     /// coarse scales, would remain as a halo. Where the residual is small beside what is kept of coarser scales (the pixel has its light),
     /// the powers are those of the least noisy square of eight that touch the pixel, unless the noise is that of few bright samples.
-    fn beside_noise(&self, signal: &[f32], kept: &[Vec<f32>; 3], around: Powers) -> Powers {
+    fn beside_noise(&self, signal: &[f32], kept: &[Vec<f32>; 3], mut around: Powers) -> Powers {
         let radius = QUIET.saturating_sub(QUIET_STEP * self.level as usize).max(LEAST_QUIET);
         let mean = |plane: &[f32], radius: usize| smoothed(self.width, self.height, plane, radius);
         let deviations = each(signal.len(), |i| self.noise_at(i));
@@ -344,24 +344,24 @@ impl Scale {
                 |(dx, dy): (isize, isize)| moved(y, dy, self.height) * self.width + moved(x, dx, self.width);
             AROUND.into_iter().map(of).min_by(|a, b| noise[*a].total_cmp(&noise[*b])).unwrap_or(i)
         };
-        let of = |i: usize| {
-            let [near_signal, near_noise, wide] =
-                [&around.signal, &around.noise, &around.wide].map(|plane| plane[i]);
+        let blend = |i: usize, powers: [&mut f32; 3]| {
             let place = quietest(i);
             let quiet = noise[place].max(own[i]);
             let agreement = (1.0 - DISAGREEMENT * residual[i] / kept[i].max(1e-30)).max(0.0);
             let t = agreement * agreement * (evidence[i] / EVIDENCE - 1.0).clamp(0.0, 1.0);
-            if t == 0.0 || quiet >= near_noise {
-                return [near_signal, near_noise, wide];
+            if t == 0.0 || quiet >= *powers[1] {
+                return;
             }
-            // Weighted harmonic means.
-            [(near_signal, signal[place]), (near_noise, quiet), (wide, quiet.min(wide))]
-                .map(|(near, quiet)| near * quiet / ((1.0 - t) * quiet + t * near).max(1e-30))
+            let beside = [signal[place], quiet, quiet.min(*powers[2])];
+            for (near, beside) in powers.into_iter().zip(beside) {
+                // Weighted harmonic mean.
+                *near = *near * beside / ((1.0 - t) * beside + t * *near).max(1e-30);
+            }
         };
-        let powers: Vec<[f32; 3]> =
-            (0..noise.len()).into_par_iter().with_min_len(MIN_PER_THREAD).map(of).collect();
-        let [signal, noise, wide] = [0, 1, 2].map(|k| each(powers.len(), |i| powers[i][k]));
-        Powers { signal, noise, wide }
+        let near = around.signal.par_iter_mut().zip(&mut around.noise).zip(&mut around.wide);
+        let pixels = near.enumerate().with_min_len(MIN_PER_THREAD);
+        pixels.for_each(|(i, ((signal, noise), wide))| blend(i, [signal, noise, wide]));
+        around
     }
 
     /// Expected number of noisy pixels among `pixels` of the wide square around each pixel: the squared mean of the noise over the mean of
