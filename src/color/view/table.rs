@@ -376,10 +376,7 @@ mod tests {
         let messages = |from: &str, to: &str| {
             ViewTable::parse(&text().replacen(from, to, 1), Path::new("")).unwrap_err()
         };
-        assert_eq!(
-            messages("CSPLUTV100", "LUT_3D_SIZE"),
-            "is not a cinespace table: expected CSPLUTV100, then 1D or 3D"
-        );
+        assert!(messages("CSPLUTV100", "LUT_3D_SIZE").contains("expected CSPLUTV100"));
         assert_eq!(messages("0 1 4", "0 4 1"), "line 9: knots of a curve must ascend");
         assert_eq!(messages("0 1 4", "0 x 4"), "line 9: 'x' where a number should be");
         assert_eq!(messages("0.5 1\n", "0.5 inf\n"), "line 10: a number isn't finite");

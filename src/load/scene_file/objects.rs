@@ -130,8 +130,8 @@ pub(super) fn read<'a>(
         let points = instances::read(build, &fields, &object.name);
         read_object(build, &fields, &object, materials, textures, assets);
         apply_traits(build, &fields, before);
-        // Without a shape, that is the only problem.
-        if shapes().any(|shape| fields.has(shape)) {
+        // A shape given as a type is one problem, although its keys are unknown, too.
+        if shapes().any(|shape| fields.has(shape)) || !fields.has("type") {
             fields.finish();
         }
         if let Some(points) = points {
