@@ -119,10 +119,17 @@ impl Layered {
         if !is_inside && self.sheen.color != Rgb::ZERO {
             let albedo = self.sheen.albedo(above.z);
             sheen = self.sheen.color * (remaining * albedo);
-            remaining *= 1.0 - self.sheen.color.max_element() * albedo;
+            // The weight of sheen may be above 1.
+            remaining *= (1.0 - self.sheen.color.max_element() * albedo).max(0.0);
         }
         let opaque_weight = remaining * (1.0 - self.glass_share);
-        let transmitted = self.transmission_albedo * (opaque_closure.layer_transmittance * opaque_weight);
+        // As in Cycles, light leaves the body of subsurface scattering without reflection.
+        let leaves_body = is_inside && self.body.is_some();
+        let (opaque_weight, crossing_weight) = match leaves_body {
+            true => (0.0, opaque_weight),
+            false => (opaque_weight, opaque_closure.layer_transmittance * opaque_weight),
+        };
+        let transmitted = self.transmission_albedo * crossing_weight;
         let rough_weight = opaque_closure.layer_transmittance * opaque_weight;
         // If the surface also refracts, radiance inside is scaled by the squared index.
         let refracts = self.glass_share > 0.0 && self.glass.walls == Walls::Solid;

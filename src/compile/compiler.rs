@@ -350,10 +350,11 @@ fn features(
         mapped_normals,
         footprints: textures.use_ray_footprints(),
         media: media.len() > 1 || is_foggy,
-        priorities: media.iter().skip(1).any(|m| m.priority != media[1].priority),
+        priorities: media.iter().skip(1).any(|m| m.rank() != media[1].rank()),
         scattering: boundaries || media.iter().any(|m| m.scattering.is_some()),
         boundaries,
-        overlaps: boundaries && media.iter().filter(|m| m.is_additive).count() > 1,
+        overlaps: media.iter().any(|m| m.is_additive)
+            && media.iter().filter(|m| m.is_additive || m.is_permeable).count() > 1,
         coincident_surfaces: coincident_surfaces::exist(scene, materials, (geometries, accel, anchor)),
         subsurface: media.iter().filter_map(|m| m.scattering.as_ref()).any(|s| !s.counts_as_bounces),
         environment_visible_to: scene.environment_visible_to,

@@ -26,6 +26,8 @@ pub struct Medium {
     /// Do coefficients add to those of other such media at a point? Solids with a surface, and clear index-matched media, replace
     /// the media that they overlap.
     pub is_additive: bool,
+    /// A solid with a surface that leaves the additive media which it overlaps, of the same priority, as they are within it.
+    pub is_permeable: bool,
     /// Nested dielectrics: where solids overlap, the highest priority applies.
     pub priority: i32,
     /// Wavelength-dependent coefficients, in spectral rendering.
@@ -48,6 +50,7 @@ impl Medium {
         scattering: None,
         is_boundary: false,
         is_additive: false,
+        is_permeable: false,
         priority: 0,
         spectra: None,
     };
@@ -84,7 +87,12 @@ impl Medium {
             Transmission::Pbr(pbr) => {
                 let has_inside = class.refracts() && pbr.has_volume && is_transmissive_interface(pbr);
                 let iors = dispersion(pbr).unwrap_or([pbr.ior; 3]);
-                has_inside.then(|| Medium { absorption: absorption(pbr), ..clear(relative_to_air(iors)) })
+                let clear = clear(relative_to_air(iors));
+                has_inside.then(|| Medium {
+                    absorption: absorption(pbr),
+                    is_permeable: pbr.keeps_radiance,
+                    ..clear
+                })
             }
         }
     }
@@ -140,6 +148,12 @@ impl Medium {
             }
             _ => self.transmittance(distance),
         }
+    }
+
+    /// The order of solids around a point: the first one refracts, and permeable ones come before additive media of the same priority.
+    #[inline]
+    pub fn rank(&self) -> (i32, bool) {
+        (self.priority, self.is_permeable)
     }
 
     /// Does the medium absorb, scatter or emit?

@@ -189,7 +189,8 @@ impl Integrator<'_> {
             let tint = if is_edge { bsdf.transmission_tint() } else { Rgb::ONE };
             return InterfaceHit { bsdf: index_matched_interface(tint), is_inverted: false, beyond };
         }
-        let is_alone = outer == Interior::AIR && medium == own;
+        let is_outside = outer == Interior::AIR || self.scene.media[usize::from(outer.medium())].is_boundary;
+        let is_alone = is_outside && medium == own;
         let (bsdf, is_inverted) =
             self.interface(bsdf, ([medium, outer.medium()], is_alone), (bounce, i), paths, wavelengths);
         InterfaceHit { bsdf, is_inverted, beyond }

@@ -35,23 +35,23 @@ impl Interior {
         self.0[0] as u16
     }
 
-    /// The additive media that overlap [`Interior::medium`], each once: the next entries of the list, until the first that is not
-    /// additive or has a lower priority; after the last entry, the medium around the scene.
+    /// The additive media that overlap [`Interior::medium`], each once: the next entries of the list but permeable solids, until the
+    /// first that is neither or has a lower priority; after the last entry, the medium around the scene.
     pub fn overlapping(self, media: &[Medium]) -> impl Iterator<Item = u16> {
         let number = move |k: u32| (self.bits() >> (k * BITS)) as u16;
         let top = &media[usize::from(self.medium())];
-        let is_additive = move |medium: u16| {
-            let medium = &media[usize::from(medium)];
-            medium.is_additive && medium.priority >= top.priority
+        let adds_up = move |medium: &Medium| medium.is_additive && medium.priority >= top.priority;
+        let is_passed = move |medium: u16| {
+            adds_up(&media[usize::from(medium)]) || media[usize::from(medium)].is_permeable
         };
         let count = (0..Interior::MAX).take_while(|&k| number(k) != 0).count() as u32;
-        let deepest = if top.is_additive && count > 0 { count } else { 0 };
+        let deepest = if (top.is_additive || top.is_permeable) && count > 0 { count } else { 0 };
         let is_first = move |k: u32| (0..k).all(|other| number(other) != number(k));
         // The medium around the scene follows the last entry.
         let entry = move |k: u32| if k < count { number(k) } else { 0 };
         (1..=deepest)
-            .map_while(move |k| is_additive(entry(k)).then_some(k))
-            .filter(move |&k| k == count || is_first(k))
+            .map_while(move |k| is_passed(entry(k)).then_some(k))
+            .filter(move |&k| adds_up(&media[usize::from(entry(k))]) && (k == count || is_first(k)))
             .map(entry)
     }
 
@@ -61,13 +61,13 @@ impl Interior {
         Interior::of(self.bits() << BITS | u128::from(medium))
     }
 
-    /// After entering a solid of a medium; solids of higher priority stay before it in the list.
+    /// After entering a solid of a medium; solids of higher rank stay before it in the list.
     #[inline]
     pub fn enter_by_priority(self, medium: u16, media: &[Medium]) -> Interior {
-        let own = media[usize::from(medium)].priority;
+        let own = media[usize::from(medium)].rank();
         let is_below = |&shift: &u32| {
             let other = (self.bits() >> shift) as u16;
-            other == 0 || media[usize::from(other)].priority <= own
+            other == 0 || media[usize::from(other)].rank() <= own
         };
         let Some(shift) = (0..u128::BITS).step_by(BITS as usize).find(is_below) else { return self };
         let inner = self.bits() & ((1 << shift) - 1);
@@ -236,7 +236,7 @@ mod tests {
         assert_eq!(left, Interior::AIR);
     }
 
-    /// Media 0 to 3 add up, 3 has a higher priority, and 4 and 5 displace others.
+    /// Media 0 to 3 add up, 3 has a higher priority, and 4 and 5 displace others; then 2, 3 and 5 are permeable, 5 of a higher priority.
     #[test]
     fn overlapping_media_add_up_by_priority() {
         let of = |is_additive, priority| Medium { is_additive, priority, ..Medium::AIR };
@@ -259,6 +259,20 @@ mod tests {
         ] {
             assert_eq!(overlapping(list), expected, "{list:?}");
         }
+        let permeable = Medium { is_permeable: true, ..Medium::AIR };
+        let denser = Medium { priority: 1, ..permeable.clone() };
+        let media = [of(true, 0), of(true, 0), permeable.clone(), permeable, of(false, 0), denser];
+        let around = |list: &[u16]| {
+            let inside = list.iter().fold(Interior::AIR, |inside, &m| inside.enter_by_priority(m, &media));
+            (inside.medium(), inside.overlapping(&media).collect::<Vec<_>>())
+        };
+        for list in [&[1, 2][..], &[2, 1]] {
+            assert_eq!(around(list), (2, vec![1, 0]), "{list:?}: the solid with a surface refracts");
+        }
+        assert_eq!(around(&[2, 1, 3]), (3, vec![1, 0]));
+        assert_eq!(around(&[2]), (2, vec![0]));
+        assert_eq!(around(&[4, 2, 1]), (2, vec![1]), "until a solid that replaces others");
+        assert_eq!(around(&[1, 5]), (5, vec![]), "a higher priority replaces others");
         let airless = [Medium::AIR, of(true, 0), of(true, 0)];
         let inside = Interior::AIR.enter(1).enter(2);
         assert_eq!(inside.overlapping(&airless).collect::<Vec<_>>(), [1]);

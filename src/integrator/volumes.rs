@@ -362,7 +362,7 @@ impl Integrator<'_> {
             // A body may have different materials where the ray enters and exits.
             true if self.scene.media[usize::from(here.medium())].is_boundary => here.leave(here.medium()),
             true => here,
-            false if is_at_last && here.medium() == own => here,
+            false if is_at_last && here.contains(own) => here,
             false => self.enter(here, own),
         })
     }

@@ -5,7 +5,7 @@ use crate::support::{assert_radiance, block, camera, gltf_glass, material, measu
 use oscura::math::DVec3;
 use oscura::render::Caustics;
 use oscura::scene::{
-    Environment, Light, LightKind, Material, MaterialId, Model, PbrMaterial, Projection, Scene,
+    Environment, Light, LightKind, Material, MaterialId, Medium, Model, PbrMaterial, Projection, Scene,
 };
 use std::f64::consts::PI;
 
@@ -45,6 +45,49 @@ fn the_overlap_belongs_to_the_higher_priority() {
             assert_radiance(&what, &scene, &options(16, 256, 16), truth, 2e-3);
         }
     }
+}
+
+/// Beer's law through a slab of glass and one of a medium without a surface, 2 m each, of which 1 m is in both. Glass that keeps radiance
+/// leaves the medium there, unless its priority is higher.
+#[test]
+fn media_continue_within_glass_that_keeps_radiance() {
+    let (glass_left, medium_left) = (0.5f64, 0.25f64);
+    for (keeps_radiance, priority, share) in [(true, 0, 1.0), (true, 1, 0.0), (false, 1, 0.0)] {
+        for (eye, [in_glass, alone, shared]) in
+            [(8.0, [2.0, 1.0, 1.0]), (-8.0, [2.0, 1.0, 1.0]), (1.5, [1.5, 0.0, 0.5])]
+        {
+            let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
+            let solid = glass(&mut scene, 1.0, glass_left as f32, priority);
+            if let Model::Pbr(pbr) = &mut scene.materials[solid.0 as usize].model {
+                pbr.keeps_radiance = keeps_radiance;
+            }
+            let fog = Medium { albedo: [0.0; 3], ..Medium::scattering([-medium_left.ln() as f32; 3]) };
+            let fog = Material { medium: Some(fog), ..Material::new("fog", Model::Boundary {}) };
+            let fog = material(&mut scene, fog);
+            slab(&mut scene, [1.0, 3.0], 50.0, solid);
+            slab(&mut scene, [0.0, 2.0], 50.0, fog);
+            let target = if eye == 8.0 { DVec3::ZERO } else { DVec3::Y * 9.0 };
+            scene.cameras.push(camera(DVec3::new(0.0, eye, 0.0), target, DVec3::X, 1e-3));
+            let truth = glass_left.powf(in_glass) * medium_left.powf(alone + share * shared);
+            let what = format!("{keeps_radiance}, priority {priority}, from {eye}");
+            assert_radiance(&what, &scene, &options(16, 256, 16), truth, 2e-3);
+        }
+    }
+}
+
+/// Glass that refracts, half of it in a medium that scatters all light, in uniform light: neither side of it loses or gains any.
+#[test]
+fn glass_partly_in_a_white_medium_vanishes_in_a_furnace() {
+    let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
+    let pbr = PbrMaterial { has_volume: true, keeps_radiance: true, ior: 1.5, ..gltf_glass(0.0) };
+    let solid = material(&mut scene, Material::new("glass", Model::Pbr(Box::new(pbr))));
+    let fog = Medium { albedo: [1.0; 3], ..Medium::scattering([0.5; 3]) };
+    let fog =
+        material(&mut scene, Material { medium: Some(fog), ..Material::new("fog", Model::Boundary {}) });
+    block(&mut scene, [-1.0, 0.0, -1.0], [1.0, 2.0, 1.0], solid);
+    block(&mut scene, [-2.0, -1.0, -2.0], [2.0, 1.0, 2.0], fog);
+    scene.cameras.push(camera(DVec3::new(3.0, 4.0, 5.0), DVec3::Y, DVec3::Y, 0.4));
+    assert_radiance("furnace", &scene, &options(16, 256, 2000), 1.0, 2e-3);
 }
 
 /// The camera stands where both are.

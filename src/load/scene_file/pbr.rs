@@ -11,7 +11,7 @@
 //! | `transmission` | 0 | fraction of specular transmission, 0 to 1, or a texture |
 //! | `opacity` | 1 | coverage (alpha), 0 to 1, or a texture |
 //! | `volume` | false | the surface bounds a solid; otherwise it is a thin sheet |
-//! | `keeps_radiance` | false | refraction doesn't scale radiance, as in Blender's Cycles; physically it is divided by the squared relative index. Without `volume` the surface then is an open sheet that refracts like the surface of a solid, by the side of its normal |
+//! | `keeps_radiance` | false | refraction doesn't scale radiance, as in Blender's Cycles; physically it is divided by the squared relative index. Media without a surface continue within the solid, unless its `priority` is higher. Without `volume` the surface then is an open sheet that refracts like the surface of a solid, by the side of its normal |
 //! | `glass_reflection` | "white" | colour of reflections of transmissive surfaces: `"white"`, `"tinted"` (as light transmitted once, as in Blender's Glass node) or `"none"` (no reflection, and full transmission, as in Blender's Refraction node) |
 //! | `attenuation_color`, `attenuation_distance` | 1, none | colour of white light after this distance in the solid, metres |
 //! | `medium` | none | the medium inside a transmissive solid, see `media` |
