@@ -7,7 +7,7 @@ use oscura::load::{LoadOptions, Loaded, load};
 use oscura::math::{DAffine3, DVec3};
 use oscura::scene::nodes::{NodeInput, NodeKind};
 use oscura::scene::{
-    AlphaMode, ColorSlot, EnergyCompensation, FloatSlot, Material, Model, Projection, Texture,
+    AlphaMode, ColorSlot, EnergyCompensation, FloatSlot, Material, Medium, Model, Projection, Texture,
 };
 use std::path::{Path, PathBuf};
 
@@ -442,6 +442,23 @@ fn shaders_become_the_simplest_material() {
     let nodes = "e = { type = \"emission\" }\nt = { type = \"transparent_bsdf\" }\na = { type = \"add_shader\", a = \"e\", b = \"t\" }";
     let glow = material_of_nodes("a", nodes);
     assert!(glow.emission.is_some() && glow.emitter_traits.is_some_and(|traits| !traits.is_obstacle));
+}
+
+/// Light enters the medium of a mix through the shaders that refract; subsurface scattering has a body of its own.
+#[test]
+fn refracting_shaders_of_a_mix_bound_its_medium() {
+    let nodes = "g = { type = \"glass_bsdf\" }\nd = { type = \"diffuse_bsdf\" }\n\
+                 s = { type = \"subsurface_scattering\" }\n\
+                 a = { type = \"add_shader\", a = \"g\", b = \"d\" }\n\
+                 b = { type = \"add_shader\", a = \"a\", b = \"s\" }";
+    let filled = with_nodes("b", nodes)
+        .replace("surface = \"b\"", "surface = \"b\"\nvolume = true\nmedium = { density = 5 }");
+    let scene = load_text(&filled).unwrap_or_else(|e| panic!("{e}")).scene;
+    let mix = scene.materials.iter().find(|m| m.name == "m").expect("the material");
+    let own = mix.medium.expect("the medium");
+    let media: Vec<Option<Medium>> = mix.model.components().iter().map(|c| c.material.medium).collect();
+    assert_eq!(media[..2], [Some(own), None]);
+    assert!(media[2].is_some_and(|body| body != own), "{media:?}");
 }
 
 #[test]

@@ -38,7 +38,7 @@ use crate::scene::nodes::{
 };
 use crate::scene::{
     AlphaMode, ColorSlot, Displacement, DisplacementKind, Emission, EmitterTraits, FloatSlot, Material,
-    MixComponent, Model, Texture, TextureId,
+    Medium, MixComponent, Model, Texture, TextureId,
 };
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -120,8 +120,23 @@ pub(super) fn read<'a>(
         return None;
     }
     let displacement = displacement.and_then(|vector| lowering.displacement(vector));
-    let material = lowering.finish();
-    Some(Material { displacement, medium: medium.or(material.medium), ..material })
+    let mut material = lowering.finish();
+    if let Some(medium) = medium {
+        fill(&mut material, medium);
+    }
+    Some(Material { displacement, ..material })
+}
+
+/// Gives a material a medium, also the refracting components of a mix, through which light enters.
+fn fill(material: &mut Material, medium: Medium) {
+    if let Model::Mix { components } = &mut material.model {
+        for part in components.iter_mut().map(|component| &mut component.material) {
+            let refracts =
+                part.model.pbr().is_some_and(|pbr| pbr.has_volume && pbr.transmission.factor > 0.0);
+            part.medium = part.medium.or(refracts.then_some(medium));
+        }
+    }
+    material.medium = Some(medium);
 }
 
 /// Does the material have a displacement by vectors?
