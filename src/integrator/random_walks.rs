@@ -4,6 +4,9 @@
 //! follows each path through all scattering events of a walk: it samples direction and distance, guided to the surface by a
 //! [`WalkGuide`], and intersects the ray. The last segment, which hits a surface, is left to the following stages. Emission hit by a walk
 //! has MIS weight 1.
+//!
+//! Subsurface scattering stands for the reflection of an object's surface: its walks intersect that object only, as in Cycles, whatever
+//! else is in the body or intersects it.
 
 use super::Integrator;
 use super::medium_segment::MediumSegment;
@@ -13,13 +16,17 @@ use super::walk_guide::WalkGuide;
 use super::wave::{get, get_rgb, set, set_rgb};
 use super::workspace::Workspace;
 use crate::color::Rgb;
-use crate::math::{Hit, Ray, Vec3};
+use crate::compile::ObjectId;
+use crate::math::{Hit, NO_HIT, OriginPrimitive, Ray, Vec3};
 use crate::sampling::hash::SplitMix64;
 use crate::scene::RayKinds;
 
 /// Maximum number of scattering events of a walk: even without absorption and at a thickness of a hundred mean free paths, nearly all
 /// paths exit within some ten thousand steps.
 pub(super) const MAX_STEPS: u32 = 1 << 16;
+
+/// Maximum number of surfaces of other objects that a segment of a walk passes.
+const MAX_PASSED: usize = 256;
 
 /// Throughput below which Russian roulette begins: steps are cheap compared with the bounces after a walk.
 const FAINT: f32 = 0.1;
@@ -29,8 +36,13 @@ impl Integrator<'_> {
     pub(super) fn follow_random_walks(&self, bounce: u32, w: &mut Workspace) {
         let mut walking = std::mem::take(&mut w.pending);
         walking.clear();
-        walking
-            .extend((0..w.rays.len() as u32).filter(|&i| bounce > 0 && self.scatters_within(i as usize, w)));
+        walking.extend((0..w.rays.len() as u32).filter(|&i| bounce > 0 && self.is_in_body(i as usize, w)));
+        w.walk_objects.resize(w.rays.len(), None);
+        for i in walking.iter().map(|&i| i as usize) {
+            w.walk_objects[i] = self.object_of_body(i, w);
+            w.hits[i] = self.hit_of_body(i, w.hits[i], w);
+        }
+        walking.retain(|&i| self.scatters_within(i as usize, w));
         for &i in &walking {
             self.begin_random_walk(i as usize, w);
         }
@@ -49,14 +61,38 @@ impl Integrator<'_> {
         w.pending = walking;
     }
 
+    /// Is path `i` within a body that random walks scatter in?
+    #[inline(always)]
+    fn is_in_body(&self, i: usize, w: &Workspace) -> bool {
+        let segment = &w.medium_segments[i];
+        self.random_walks.guide(segment.medium).is_some() && segment.is_alone()
+    }
+
     /// Is the next event of path `i` a scattering event of a random walk?
     #[inline(always)]
     fn scatters_within(&self, i: usize, w: &Workspace) -> bool {
-        let segment = &w.medium_segments[i];
-        !w.hits[i].is_hit()
-            && segment.scatter_t.is_finite()
-            && self.random_walks.guide(segment.medium).is_some()
-            && segment.is_alone()
+        !w.hits[i].is_hit() && w.medium_segments[i].scatter_t.is_finite() && self.is_in_body(i, w)
+    }
+
+    /// The object that path `i` just entered, if its medium is subsurface scattering.
+    fn object_of_body(&self, i: usize, w: &Workspace) -> Option<ObjectId> {
+        let medium = self.scene.media[usize::from(w.medium_segments[i].medium)].scattering.as_ref()?;
+        let OriginPrimitive { prim, instance } = w.rays[i].origin_primitive;
+        let is_known = medium.is_subsurface && prim != NO_HIT;
+        is_known.then(|| self.scene.object_at(&Hit { prim, instance, ..Hit::MISS }))
+    }
+
+    /// The first hit from `hit` on of the surface of the body that path `i` is in.
+    fn hit_of_body(&self, i: usize, mut hit: Hit, w: &Workspace) -> Hit {
+        let Some(object) = w.walk_objects[i] else { return hit };
+        let time = w.times.of(w.arriving.state.radiance_index[i]);
+        for _ in 0..MAX_PASSED {
+            if !hit.is_hit() || self.scene.object_at(&hit) == object {
+                return hit;
+            }
+            hit = self.scene.accel.closest_after(&w.rays[i], &hit, time);
+        }
+        Hit::MISS
     }
 
     /// Resets path state that depends on the vertex before the walk, and sets the axis of guiding.
@@ -133,6 +169,9 @@ impl Integrator<'_> {
         w.ray_counts.all += walking.len() as u64;
         for (&i, hit) in walking.iter().zip(&*pending_hits) {
             hits[i as usize] = *hit;
+        }
+        for i in walking.iter().map(|&i| i as usize) {
+            w.hits[i] = self.hit_of_body(i, w.hits[i], w);
         }
     }
 }

@@ -16,6 +16,7 @@ use crate::accel::Accel;
 use crate::bsdf::Bsdf;
 use crate::color::Rgb;
 use crate::color::spectral::Wavelengths;
+use crate::compile::ObjectId;
 use crate::math::{Hit, Ray};
 use crate::scene::RayKinds;
 
@@ -67,6 +68,8 @@ pub struct Workspace {
     pub(super) pending: Vec<u32>,
     pub(super) pending_rays: Vec<Ray>,
     pub(super) pending_hits: Vec<Hit>,
+    /// Objects of the bodies that random walks are in, by path; `None` for bodies that may contain others.
+    pub(super) walk_objects: Vec<Option<ObjectId>>,
     /// Panes passed by arriving rays; empty in scenes without panes.
     pub(super) crossings: Vec<RayCrossings>,
     /// Panes passed by shadow rays.
@@ -128,6 +131,7 @@ impl Workspace {
             pending: Vec::new(),
             pending_rays: Vec::new(),
             pending_hits: Vec::new(),
+            walk_objects: Vec::new(),
             crossings: Vec::new(),
             shadow_crossings: Vec::new(),
             light_lobes: Vec::new(),
