@@ -245,6 +245,25 @@ fn subsurface_has_its_color() {
     }
 }
 
+/// Walks of subsurface scattering intersect their object only, as in Cycles: a black ball within is not found.
+#[test]
+fn other_objects_within_a_body_are_not_found_by_its_walks() {
+    let mean = |is_filled: bool| {
+        let mut scene = lit_all_around();
+        let wax = translucent(&mut scene, Medium::subsurface([0.8; 3], [0.3; 3], 0.0));
+        sphere(&mut scene, [0.0; 3], 1.0, wax);
+        let black = material(&mut scene, Material::lambert("black", [0.0; 3]));
+        if is_filled {
+            sphere(&mut scene, [0.0; 3], 0.8, black);
+        }
+        scene.cameras.push(beam([0.0, 0.0, 5.0]));
+        crate::support::mean(&picture(&scene, &options(32, 64, 8)))
+    };
+    let (empty, filled) = (mean(false), mean(true));
+    println!("{empty}, {filled}");
+    assert!(empty > 0.5 && (filled / empty - 1.0).abs() < 1e-3, "{empty}, {filled}");
+}
+
 /// In a white furnace a white body that scatters evenly, or to one side, can't be seen, whatever its mean free path: walks of some steps, of
 /// hundreds, and guided ones.
 #[test]
