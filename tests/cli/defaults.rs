@@ -61,7 +61,8 @@ fn quality_in_one_word() {
     let (_, more, _) = rendered("a.obj", &["--quality", "high", "--max-spp", "512"]);
     assert!(samples < more && more <= 512, "{samples} {more}");
     assert_eq!(rendered("a.obj", &["--quality", "final", "--max-spp", "16"]), (is("final"), 16, false));
-    assert_eq!(rendered("a.obj", &["--no-denoise"]), (is("normal"), samples, false));
+    let (quality, noisy, is_denoised) = rendered("a.obj", &["--no-denoise"]);
+    assert!(quality == is("normal") && (samples..=256).contains(&noisy) && !is_denoised, "{samples} {noisy}");
     // What the user or the scene says of samples holds.
     assert_eq!(rendered("a.obj", &["--spp", "4"]), (None, 4, false));
     assert_eq!(rendered("a.obj", &["--time-limit", "1000"]), (None, 128, false));

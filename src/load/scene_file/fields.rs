@@ -128,6 +128,11 @@ impl<'a> Fields<'a> {
         self.raw(key).is_some()
     }
 
+    /// Whether the key exists; doesn't mark it as known.
+    pub fn is_given(&self, key: &str) -> bool {
+        self.table.contains_key(key)
+    }
+
     /// Marks keys as known without reading them.
     pub fn mark_known(&self, keys: &[&'static str]) {
         self.known.borrow_mut().extend(keys);

@@ -131,7 +131,7 @@ pub(super) fn read<'a>(
         read_object(build, &fields, &object, materials, textures, assets);
         apply_traits(build, &fields, before);
         // A shape given as a type is one problem, although its keys are unknown, too.
-        if shapes().any(|shape| fields.has(shape)) || !fields.has("type") {
+        if shapes().any(|shape| fields.has(shape)) || !fields.is_given("type") {
             fields.finish();
         }
         if let Some(points) = points {
