@@ -95,16 +95,23 @@ impl Layered {
         self.body.map_or_else(|| LambertTransmission.eval(wo, wi), |body| body.eval(wo, wi))
     }
 
-    #[inline]
-    fn closure(&self, wo: Vec3) -> LayeredClosure {
-        let above = ggx::to_upper_side(wo);
+    /// The opaque and the refracting base with the reflectance of the thin film, for a cosine of the direction.
+    #[inline(always)]
+    fn coated_by_film(&self, cos: f32) -> (MetalRough<Microsurface>, RoughDielectric) {
         let (mut opaque, mut glass) = (self.opaque, self.glass);
         if self.film.factor > 0.0 {
-            opaque.layer_f0 = self.film.f0(opaque.layer_f0, opaque.layer_f90, opaque.layer_fresnel, above.z);
-            opaque.metal_f0 = self.film.f0(opaque.metal_f0, 1.0, LayerFresnel::Schlick, above.z);
+            opaque.layer_f0 = self.film.f0(opaque.layer_f0, opaque.layer_f90, opaque.layer_fresnel, cos);
+            opaque.metal_f0 = self.film.f0(opaque.metal_f0, 1.0, LayerFresnel::Schlick, cos);
             let (color, f0, f90) = (glass.reflectance.color(), opaque.layer_f0, opaque.layer_f90);
             glass.reflectance = GlassReflectance::Remapped { color, f0, f90 };
         }
+        (opaque, glass)
+    }
+
+    #[inline]
+    fn closure(&self, wo: Vec3) -> LayeredClosure {
+        let above = ggx::to_upper_side(wo);
+        let (mut opaque, glass) = self.coated_by_film(above.z);
         let rough = self.take_rough(&mut opaque);
         let opaque_closure = opaque.closure(above);
         // Layers lie on the outside of solids.

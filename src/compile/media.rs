@@ -58,7 +58,6 @@ pub(super) fn number(
                 material.medium_index = index;
                 medium.priority = scene.materials[id].priority;
                 medium.is_additive = medium.is_boundary && medium.has_effect();
-                // Walks through scattering solids know no other media.
                 medium.is_permeable &= medium.scattering.is_none();
                 if let Some(scattering) = &mut medium.scattering {
                     if let Some(filling) = &scene.materials[id].medium {

@@ -26,7 +26,8 @@ pub struct Medium {
     /// Do coefficients add to those of other such media at a point? Solids with a surface, and clear index-matched media, replace
     /// the media that they overlap.
     pub is_additive: bool,
-    /// A solid with a surface that leaves the additive media which it overlaps, of the same priority, as they are within it.
+    /// A solid with a surface that leaves the additive media which it overlaps, of the same priority, as they are within it. Not
+    /// scattering solids, whose walks know no other media.
     pub is_permeable: bool,
     /// Nested dielectrics: where solids overlap, the highest priority applies.
     pub priority: i32,

@@ -120,15 +120,12 @@ pub(super) fn read<'a>(
         return None;
     }
     let displacement = displacement.and_then(|vector| lowering.displacement(vector));
-    let mut material = lowering.finish();
-    if let Some(medium) = medium {
-        fill(&mut material, medium);
-    }
-    Some(Material { displacement, ..material })
+    Some(Material { displacement, ..filled(lowering.finish(), medium) })
 }
 
-/// Gives a material a medium, also the refracting components of a mix, through which light enters.
-fn fill(material: &mut Material, medium: Medium) {
+/// A material with a medium, if given; so are the refracting components of a mix, through which light enters.
+fn filled(mut material: Material, medium: Option<Medium>) -> Material {
+    let Some(medium) = medium else { return material };
     if let Model::Mix { components } = &mut material.model {
         for part in components.iter_mut().map(|component| &mut component.material) {
             let refracts =
@@ -137,6 +134,7 @@ fn fill(material: &mut Material, medium: Medium) {
         }
     }
     material.medium = Some(medium);
+    material
 }
 
 /// Does the material have a displacement by vectors?
