@@ -74,13 +74,17 @@ pub(super) fn number(
             left_out += number_components(material, scene.materials[id].priority, &mut media);
         }
     }
+    warn_of_excess(left_out, warnings);
+    media
+}
+
+fn warn_of_excess(left_out: usize, warnings: &mut Vec<Warning>) {
     if left_out > 0 {
         warnings.push(Warning::general(format!(
             "{left_out} materials of solids exceed the maximum of {} media: their interiors have no effect",
             u16::MAX
         )));
     }
-    media
 }
 
 /// Marks media whose solids are enclosed by surfaces that no shadow ray passes.
