@@ -142,7 +142,7 @@ impl Validation {
     ) -> Result<(), Stopped> {
         let paths = IntegratorOptions { caustics: Some(plan), ..trial.paths.clone() };
         let integrator = Integrator::new(trial.target.scene, trial.target.view, paths);
-        let group = new_task_group();
+        let (group, pixels) = (new_task_group(), self.pixels());
         let traced = samples.clone().step_by(SAMPLE_BLOCK as usize);
         let starts = || (0..plan.paths()).step_by(WAVE);
         let waves: Vec<(u32, u32)> = traced.flat_map(|s| starts().map(move |start| (s, start))).collect();
@@ -151,11 +151,11 @@ impl Validation {
                 let mut splats = Vec::new();
                 let paths = start..plan.paths().min(start.saturating_add(WAVE as u32));
                 integrator.trace_light_paths(sample, paths, workspace, &mut splats);
+                splats.retain(|splat| pixels.contains_key(&(splat.x, splat.y)));
                 Some((f64::from(SAMPLE_BLOCK.min(samples.end - sample)), splats))
             })
         };
         let traced: Vec<(f64, Vec<Splat>)> = waves.par_iter().map(trace).collect::<Result<_, Stopped>>()?;
-        let pixels = self.pixels();
         for (weight, splats) in &traced {
             for splat in splats {
                 if let Some(&(square, pixel)) = pixels.get(&(splat.x, splat.y)) {
