@@ -12,7 +12,7 @@ use obvhs::ploc::{PlocBuilder, SortPrecision};
 use rayon::prelude::*;
 
 /// A binary tree in depth-first order: the left child follows its parent, the right one follows the left subtree.
-pub struct Binary {
+pub struct BinaryTree {
     /// Bounds of each node.
     pub bounds: Vec<Bounds3>,
     /// Number of nodes in the subtree of each node; 1 for leaves.
@@ -21,7 +21,7 @@ pub struct Binary {
     pub primitive: Vec<u32>,
 }
 
-impl Binary {
+impl BinaryTree {
     /// The children of an inner node.
     #[inline(always)]
     pub fn children(&self, node: usize) -> (usize, usize) {
@@ -74,7 +74,7 @@ pub fn build(
     space: &NormalizedSpace,
     effort: Effort,
     workspace: &mut Workspace,
-) -> Binary {
+) -> BinaryTree {
     let Workspace { boxes, ploc, bvh, optimizer } = workspace;
     space.boxes(primitives, boxes);
     let ids = (0..primitives.len() as u32).collect();
@@ -100,9 +100,9 @@ fn expected_visits(bvh: &Bvh2) -> f64 {
 }
 
 /// Converts to depth-first order with the exact boxes of the primitives.
-fn depth_first(bvh: &Bvh2, primitives: &[Primitive]) -> Binary {
+fn depth_first(bvh: &Bvh2, primitives: &[Primitive]) -> BinaryTree {
     let count = bvh.nodes.len();
-    let mut binary = Binary {
+    let mut binary = BinaryTree {
         bounds: vec![Bounds3::EMPTY; count],
         size: vec![1; count],
         primitive: vec![u32::MAX; count],
@@ -183,13 +183,13 @@ const COLLAPSED: f32 = 1.0 / 131_072.0;
 /// boxes are equal. Collapsed boxes grow by more, so that rounding can't make them equal again.
 fn growth(index: u32, size: Vec3) -> Vec3 {
     let random = murmur32(index);
-    let part = |shift: u32| ((random >> shift) & 1023) as f32 / 1024.0;
+    let fraction = |shift: u32| ((random >> shift) & 1023) as f32 / 1024.0;
     let most = if size.max_element() < COLLAPSED {
         Vec3::splat(8.0 * COLLAPSED)
     } else {
         (size + Vec3::splat(1.0 / 4096.0)) / 4096.0
     };
-    most * Vec3::new(part(0), part(10), part(20))
+    most * Vec3::new(fraction(0), fraction(10), fraction(20))
 }
 
 /// The core of the scene: a box around the centroids of most primitives.
@@ -269,9 +269,9 @@ fn logarithmic(d: f64) -> f64 {
 
 /// A tree of minimum depth: splits primitives at the median of their centroids along the longest axis. Fallback for scenes whose
 /// tree is too deep for the traversal stacks, such as thousands of nested shapes.
-pub fn median_split(primitives: &[Primitive]) -> Binary {
+pub fn median_split(primitives: &[Primitive]) -> BinaryTree {
     let count = 2 * primitives.len() - 1;
-    let mut binary = Binary {
+    let mut binary = BinaryTree {
         bounds: Vec::with_capacity(count),
         size: Vec::with_capacity(count),
         primitive: Vec::with_capacity(count),
@@ -282,7 +282,7 @@ pub fn median_split(primitives: &[Primitive]) -> Binary {
 }
 
 /// Appends the tree over a non-empty list of primitives.
-fn split_at_median(binary: &mut Binary, primitives: &[Primitive], ids: &mut [u32]) {
+fn split_at_median(binary: &mut BinaryTree, primitives: &[Primitive], ids: &mut [u32]) {
     let bounds = |id: u32| primitives[id as usize].bounds;
     let center = |id: u32| 0.5 * bounds(id).min + 0.5 * bounds(id).max;
     let node = binary.size.len();

@@ -1,7 +1,7 @@
 //! Building an [`Accel`]: a tree for each instanced geometry, then the world's tree over the world's geometry and the static
 //! instances, then, if instances move, a top tree over the moving instances and the world's tree.
 
-use super::binary_tree::{self, Binary, Effort, NormalizedSpace, Workspace, median_split};
+use super::binary_tree::{self, BinaryTree, Effort, NormalizedSpace, Workspace, median_split};
 use super::chunked_build::{self, Threads, TreePart, append, empty_buffer};
 use super::input::{
     AccelInput, AccelInstance, BuildOptions, Estimate, Geometry, Primitive, PrimitiveKind, Reuse, TooLarge,
@@ -196,7 +196,7 @@ impl<'a> Builder<'a> {
         let size = |g: &usize| geometries[*g].primitives();
         let total: usize = wanted.iter().map(size).sum();
         // The limit keeps the load balanced; it doesn't change the trees.
-        let min_chunked = largest_whole(self.input.quality);
+        let min_chunked = max_unchunked_size(self.input.quality);
         let largest = (total / (4 * rayon::current_num_threads()))
             .clamp(min_chunked, MAX_CONCURRENT_SIZE.max(min_chunked));
         for run in wanted.chunk_by(|a, b| size(a).max(size(b)) <= largest) {
@@ -354,7 +354,7 @@ fn world_bounds(bounds: &Bounds3, world_from_object: &DAffine3) -> Bounds3 {
 
 /// Maximum number of primitives of a tree that is built in one piece rather than in chunks. (Lower for fast trees, whose chunked
 /// build is faster even with one thread.)
-pub const fn largest_whole(quality: TreeQuality) -> usize {
+pub const fn max_unchunked_size(quality: TreeQuality) -> usize {
     match quality {
         TreeQuality::Fast => 1 << 14,
         TreeQuality::Full => 1 << 18,
@@ -408,7 +408,7 @@ impl TreeBuilder<'_> {
         let start = lines.len();
         let space = NormalizedSpace::of(&primitives);
         let shapes = ShapeSource { geometry, records };
-        let mut written = if primitives.len() > largest_whole(self.options.quality) {
+        let mut written = if primitives.len() > max_unchunked_size(self.options.quality) {
             chunked_build::build(&mut primitives, &space, shapes, (self.options, threads), lines)?
         } else {
             let own = &mut Workspace::default();
@@ -430,7 +430,7 @@ impl TreeBuilder<'_> {
 
 /// Collapses a binary tree and appends the wide one.
 fn write_collapsed(
-    binary: &Binary,
+    binary: &BinaryTree,
     primitives: &[Primitive],
     shapes: ShapeSource,
     lines: &mut Vec<Line>,

@@ -3,12 +3,12 @@
 //! [`build`] splits the primitives into chunks by the binned surface area heuristic (Wald 2007, "On fast Construction of SAH-based
 //! Bounding Volume Hierarchies"), builds a tree over each chunk and joins these by a small top tree. Each thread works on one
 //! chunk at a time, which fits its caches. Peak memory per primitive: 32 bytes for the boxes, 66 to 78 for the tree, and with two
-//! threads 15 of temporary memory at 2 million triangles, 1.5 at 20 million. Measurements and attempts that did not pay: README of
+//! threads 15 of temporary memory at 2 million triangles, 1.5 at 20 million. Measurements and rejected alternatives: README of
 //! `tools/rays`.
 //!
 //! [`append`] builds trees in buffers of their own by several threads and appends these to one buffer in an order that doesn't
 //! depend on the number of threads. A lock is held only while ranges of lines are assigned; relocation of references and copying
-//! happen outside of it, so that the page faults of the buffer are spread over the threads as well.
+//! happen outside the lock, so that the page faults of the buffer are spread over the threads as well.
 
 use super::binary_tree::{self, Effort, NormalizedSpace, Workspace};
 use super::input::{BuildOptions, Estimate, Geometry, Primitive, PrimitiveKind, TreeQuality};
@@ -426,7 +426,7 @@ pub fn append<T: Send>(
     let (parts, overflow) = append_claims(lines, |claims| {
         let mut waiting = Vec::new();
         waiting.resize_with(count, || None);
-        let output = Output { claims, next: start, parts: Vec::with_capacity(count), waiting };
+        let output = LineAllocator { claims, next: start, parts: Vec::with_capacity(count), waiting };
         let queue = Queue {
             count,
             next: AtomicUsize::new(0),
@@ -448,7 +448,7 @@ struct Queue<'a, T> {
     count: usize,
     next: AtomicUsize,
     failed: AtomicBool,
-    output: Mutex<Output<'a, T>>,
+    output: Mutex<LineAllocator<'a, T>>,
 }
 
 impl<T: Send> Queue<'_, T> {
@@ -527,7 +527,7 @@ impl Relocation {
 }
 
 /// Assigns ranges of lines in the order of the trees.
-struct Output<'a, T> {
+struct LineAllocator<'a, T> {
     claims: Claims<'a>,
     next: usize,
     parts: Vec<(u32, T)>,
@@ -535,7 +535,7 @@ struct Output<'a, T> {
     waiting: Vec<Option<TreePart<T>>>,
 }
 
-impl<'a, T> Output<'a, T> {
+impl<'a, T> LineAllocator<'a, T> {
     /// Stores a finished tree; returns all trees to which a range of lines can be assigned now, with the memory of that range.
     fn put(&mut self, index: usize, part: TreePart<T>) -> Vec<(Relocation, Option<Claim<'a>>)> {
         self.waiting[index] = Some(part);

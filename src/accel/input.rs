@@ -150,13 +150,13 @@ const LINE: u64 = size_of::<Line>() as u64;
 
 /// Estimated bytes per primitive where neighbours on a surface or strand share packets of `lines` cache lines with `per` lanes:
 /// packets are two thirds full, and a node of eight children takes four lines.
-const fn in_packets(lines: u64, per: u64) -> u64 {
+const fn bytes_in_shared_packets(lines: u64, per: u64) -> u64 {
     lines * LINE * 3 / (2 * per) + LINE / 4
 }
 
 /// Estimated bytes of a scattered primitive, which has a packet of `lines` cache lines to itself. Nodes then have few children:
 /// measured 1.4 lines of nodes per instance for 5,000 scattered instances.
-const fn in_own_packet(lines: u64) -> u64 {
+const fn bytes_in_own_packet(lines: u64) -> u64 {
     lines * LINE + 3 * LINE / 2
 }
 
@@ -191,37 +191,37 @@ impl Estimate {
         let lines = TRIANGLE_LINES as u64;
         let lines = if keys == 0 { lines } else { ANALYTIC_LINES as u64 + keys as u64 * lines };
         self.triangles += count as u64;
-        self.add(count, in_packets(lines, LANES as u64));
+        self.add(count, bytes_in_shared_packets(lines, LANES as u64));
     }
 
     /// Adds quads; each is stored as two triangles of a packet.
     pub fn add_quads(&mut self, count: usize) {
         self.shapes += count as u64;
-        self.add(count, in_own_packet(TRIANGLE_LINES as u64));
+        self.add(count, bytes_in_own_packet(TRIANGLE_LINES as u64));
     }
 
     /// Adds analytic shapes.
     pub fn add_analytic(&mut self, count: usize) {
         self.shapes += count as u64;
-        self.add(count, in_own_packet(ANALYTIC_LINES as u64));
+        self.add(count, bytes_in_own_packet(ANALYTIC_LINES as u64));
     }
 
     /// Adds curve segments: neighbours on a strand share packets, while scattered strands have nodes with few children (measured: 145
     /// bytes per segment for 400 strands of 19 segments).
     pub fn add_curves(&mut self, count: usize) {
         self.curves += count as u64;
-        self.add(count, in_packets(ANALYTIC_LINES as u64, CURVE_LANES as u64) + LINE / 2);
+        self.add(count, bytes_in_shared_packets(ANALYTIC_LINES as u64, CURVE_LANES as u64) + LINE / 2);
     }
 
     /// Adds Gaussian splats.
     pub fn add_splats(&mut self, count: usize) {
         self.splats += count as u64;
-        self.add(count, in_packets(SPLAT_LINES as u64, LANES as u64) + LINE / 2);
+        self.add(count, bytes_in_shared_packets(SPLAT_LINES as u64, LANES as u64) + LINE / 2);
     }
 
     pub fn add_instances(&mut self, count: usize) {
         self.instances += count as u64;
-        self.add(count, in_own_packet(INSTANCE_LINES as u64));
+        self.add(count, bytes_in_own_packet(INSTANCE_LINES as u64));
     }
 
     fn add(&mut self, count: usize, bytes: u64) {
@@ -348,7 +348,7 @@ fn triangle_bounds(geometry: &Geometry, index: usize) -> Result<Bounds3, Primiti
     if !geometry.keys.is_empty() {
         return moving_bounds(geometry, index);
     }
-    match triangle::is_collapsed(vertices) {
+    match triangle::is_degenerate(vertices) {
         true => Err(PrimitiveKind::Degenerate),
         false => Ok(triangle::bounds(vertices)),
     }
@@ -362,7 +362,7 @@ fn moving_bounds(geometry: &Geometry, index: usize) -> Result<Bounds3, Primitive
         if !vertices.into_iter().all(is_valid_position) {
             return Err(PrimitiveKind::NotFinite);
         }
-        is_degenerate &= triangle::is_collapsed(vertices);
+        is_degenerate &= triangle::is_degenerate(vertices);
         bounds = bounds.union(triangle::bounds(vertices));
     }
     if is_degenerate { Err(PrimitiveKind::Degenerate) } else { Ok(widened(bounds)) }
@@ -378,7 +378,7 @@ fn quad_bounds(quad: &Quad) -> Result<Bounds3, PrimitiveKind> {
     if !quad.corners().into_iter().all(is_valid_position) {
         return Err(PrimitiveKind::NotFinite);
     }
-    if quad.is_collapsed() { Err(PrimitiveKind::Degenerate) } else { Ok(quad.bounds()) }
+    if quad.is_degenerate() { Err(PrimitiveKind::Degenerate) } else { Ok(quad.bounds()) }
 }
 
 fn analytic_bounds(shape: &Analytic) -> Result<Bounds3, PrimitiveKind> {

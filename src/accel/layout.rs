@@ -296,6 +296,7 @@ impl SplatPacket {
     }
 }
 
+/// A packet of a leaf, by type.
 pub enum LeafPacket<'a> {
     /// Triangles and halves of quads.
     Triangles(&'a TrianglePacket),

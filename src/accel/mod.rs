@@ -2,7 +2,7 @@
 //! Gaussian splats and instances, and batched queries on it.
 //!
 //! Construction: obvhs builds a binary BVH (`binary_tree.rs`), which is collapsed to an 8-wide BVH of minimum expected cost and
-//! written to cache lines (`wide_tree.rs`, `layout.rs`). More primitives than `largest_whole` are split into chunks, whose trees
+//! written to cache lines (`wide_tree.rs`, `layout.rs`). More primitives than `max_unchunked_size` are split into chunks, whose trees
 //! are built in parallel and joined by a top tree (`chunked_build.rs`); `build.rs` does this for each
 //! geometry and for the world.
 //!
@@ -57,6 +57,7 @@ pub struct Accel {
     reach: f32,
     /// Number of traversal stack entries required.
     stack_size: usize,
+    /// Expected contents of each tree, for [`Accel::validate`].
     expected: Vec<TreeSummary>,
     stats: BuildStats,
     /// Trees by geometry, for [`Accel::rebuild`].

@@ -241,7 +241,7 @@ impl<'a> QueryState<'a> {
         if self.top == 0 || self.rays == 0 || self.gave_up {
             return None;
         }
-        self.spend();
+        self.spend_budget();
         self.top -= 1;
         Some(self.stack[self.top % STACK])
     }
@@ -280,7 +280,7 @@ impl<'a> QueryState<'a> {
     }
 
     #[inline(always)]
-    fn spend(&mut self) {
+    fn spend_budget(&mut self) {
         self.gave_up |= self.budget == 0;
         self.budget = self.budget.saturating_sub(1);
     }
@@ -317,7 +317,7 @@ impl<'a> QueryState<'a> {
         }
     }
 
-    /// Marks the segments of a run that are occluded by a triangle; uncertain cases by the exact test.
+    /// Marks the segments of a run that are occluded by a triangle; segments within the margins get the exact test.
     #[inline(always)]
     fn resolve(&mut self, packet: &TrianglePacket, lane: usize, run: usize, masks: RayMasks, requested: u32) {
         let certain = u64::from(masks.certain & requested) << (run * LANES_PER_RUN);
@@ -552,8 +552,8 @@ impl PlaneSides {
             // Rounding error of the exact test, relevant if the triangle is much larger than the rays are long.
             let far = |k: usize| (f64::from(target[k]) - at(k, 0)).abs();
             let exact = (far(0) + far(1) + far(2) + moved) * (1.0 / (1u64 << 49) as f64);
-            let is_off = height.abs() > moved * f64::from(1.25 * ROUNDING) + exact;
-            let is_well_off = height.abs() > moved * f64::from(4.0 * ROUNDING) + exact;
+            let is_off_plane = height.abs() > moved * f64::from(1.25 * ROUNDING) + exact;
+            let is_certainly_off_plane = height.abs() > moved * f64::from(4.0 * ROUNDING) + exact;
             let sign = if height > 0.0 { 1.0 } else { -1.0 };
             let (side, mut least) = (height.abs() as f32, height.abs() as f32);
             for k in 0..3 {
@@ -564,10 +564,10 @@ impl PlaneSides {
             }
             let margin = 8.0 * ROUNDING * (moved + height.abs()) as f32 + exact as f32;
             sides.side[lane] = side;
-            sides.margin[lane] = if is_off { margin } else { f32::INFINITY };
-            sides.certain_margin[lane] = if is_well_off { -margin } else { f32::NEG_INFINITY };
+            sides.margin[lane] = if is_off_plane { margin } else { f32::INFINITY };
+            sides.certain_margin[lane] = if is_certainly_off_plane { -margin } else { f32::NEG_INFINITY };
             // NaN in unused lanes and for triangles of zero area, which no ray hits.
-            sides.missed_by_all[lane] = (is_off & (least > margin)) | height.is_nan();
+            sides.missed_by_all[lane] = (is_off_plane & (least > margin)) | height.is_nan();
         }
         sides
     }

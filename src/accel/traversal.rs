@@ -19,7 +19,7 @@ use crate::sampling::hash::{mix64, unit};
 use crate::shape::{Analytic, LARGEST_SQUARED, PreparedRay, Shape, octahedral, triangle};
 use crate::simd::{BoxRay, Entry, Line, WIDEN, Wide, WideKernel, prefetch_lines};
 
-/// Rays in flight: two bits of a `u64` each. Measured on large scenes: 16 are a fifth slower, 64 not faster.
+/// SlotSet in flight: two bits of a `u64` each. Measured on large scenes: 16 are a fifth slower, 64 not faster.
 pub const IN_FLIGHT: usize = 32;
 
 /// Receives results.
@@ -74,7 +74,7 @@ impl Output for NextHit<'_> {
     }
 }
 
-/// Memory that a thread keeps between calls.
+/// Buffers that a thread keeps between calls.
 pub struct Workspace {
     /// Slots for trees that need at most `ShallowSlot::STACK` stack entries.
     pub shallow: Vec<ShallowSlot>,
@@ -83,7 +83,7 @@ pub struct Workspace {
 }
 
 impl Workspace {
-    /// Without memory yet.
+    /// Allocates nothing yet.
     pub const fn new() -> Workspace {
         Workspace { shallow: Vec::new(), deep: Vec::new() }
     }
@@ -123,8 +123,8 @@ impl<O: Output, C: RayTimes, const N: usize> WideKernel for RayStream<'_, O, C, 
             slots,
             next_ray: 0,
             active: 0,
-            waiting: 0,
-            exact: 0,
+            next_kinds: 0,
+            pending: 0,
             candidates: [Candidates { packet: 0, lanes: 0 }; IN_FLIGHT],
         };
         for id in 0..IN_FLIGHT.min(rays.len()) {
@@ -133,37 +133,37 @@ impl<O: Output, C: RayTimes, const N: usize> WideKernel for RayStream<'_, O, C, 
         while in_flight.active != 0 {
             // All ray sets of a round are fixed before its first step: a loop bound that depends on the previous pass would be known
             // late and mispredicted.
-            let exact = std::mem::take(&mut in_flight.exact);
-            let (leaf, special) = (in_flight.waiting >> 1, in_flight.waiting);
-            let free = in_flight.active & !exact;
-            in_flight.waiting &= 3 * exact;
-            in_flight.waiting |= in_flight.pass::<W, O, false>(w, free & !leaf);
-            in_flight.waiting |= in_flight.pass::<W, O, true>(w, free & leaf & !special);
-            let mut ids = exact;
+            let pending = std::mem::take(&mut in_flight.pending);
+            let (leaf, special) = (in_flight.next_kinds >> 1, in_flight.next_kinds);
+            let free = in_flight.active & !pending;
+            in_flight.next_kinds &= 3 * pending;
+            in_flight.next_kinds |= in_flight.pass::<W, O, false>(w, free & !leaf);
+            in_flight.next_kinds |= in_flight.pass::<W, O, true>(w, free & leaf & !special);
+            let mut ids = pending;
             while ids != 0 {
-                in_flight.exact_step::<W, O>(w, take_lowest(&mut ids));
+                in_flight.exact_step::<W, O>(w, take_first(&mut ids));
             }
             let mut ids = free & special;
             while ids != 0 {
-                in_flight.special_step(w, take_lowest(&mut ids), &mut output);
+                in_flight.special_step(w, take_first(&mut ids), &mut output);
             }
         }
     }
 }
 
-/// A set of slots: bit `2 id` of each.
-type Rays = u64;
+/// A set of slots: bit `2 id` for slot `id`.
+type SlotSet = u64;
 
 /// The first slot of a set; unspecified if the set is empty.
 #[inline(always)]
-fn lowest(rays: Rays) -> usize {
+fn first_slot(rays: SlotSet) -> usize {
     (rays.trailing_zeros() / 2) as usize & (IN_FLIGHT - 1)
 }
 
 /// Removes and returns the first slot of a set.
 #[inline(always)]
-fn take_lowest(rays: &mut Rays) -> usize {
-    let id = lowest(*rays);
+fn take_first(rays: &mut SlotSet) -> usize {
+    let id = first_slot(*rays);
     *rays &= rays.wrapping_sub(1);
     id
 }
@@ -183,12 +183,12 @@ struct RaysInFlight<'a, C, const N: usize> {
     slots: &'a mut [Slot<N>; IN_FLIGHT],
     next_ray: usize,
     /// Slots with a ray.
-    active: Rays,
+    active: SlotSet,
     /// Kind of the next step of each slot: bits 30 and 31 of the reference to visit, in bits `2 id` and `2 id + 1`.
-    waiting: u64,
-    /// Rays whose line intersects a triangle of their last packet, pending the exact test.
-    exact: Rays,
-    /// Lanes to test, for the rays in `exact`.
+    next_kinds: u64,
+    /// SlotSet whose line intersects a triangle of their last packet: the exact test is pending.
+    pending: SlotSet,
+    /// Lanes to test, for the rays in `pending`.
     candidates: [Candidates; IN_FLIGHT],
 }
 
@@ -225,7 +225,7 @@ impl<C: RayTimes, const N: usize> RaysInFlight<'_, C, N> {
     #[inline(always)]
     fn route(&mut self, id: usize, reference: u32) {
         self.slots[id].current = reference;
-        self.waiting |= self.prefetch(reference) << (2 * id);
+        self.next_kinds |= self.prefetch(reference) << (2 * id);
     }
 
     /// Prefetches the lines of a reference. Returns the kind of step it needs.
@@ -239,15 +239,15 @@ impl<C: RayTimes, const N: usize> RaysInFlight<'_, C, N> {
     #[inline(always)]
     fn pop<O: Output>(&mut self, id: usize) {
         let reference = self.slots[id].pop(0, O::ANY);
-        self.waiting |= self.prefetch(reference) << (2 * id);
+        self.next_kinds |= self.prefetch(reference) << (2 * id);
     }
 
     /// A step of each ray of a set, at nodes or, if `LEAVES`, at triangle packets. Returns the kinds of their next steps for
-    /// [`Self::waiting`]. (Accumulated in a register, since a field would be stored after each step. The next reference is read one
+    /// [`Self::next_kinds`]. (Accumulated in a register, since a field would be stored after each step. The next reference is read one
     /// step ahead, so that each step starts with the load of its node.)
     #[inline(always)]
-    fn pass<W: Wide, O: Output, const LEAVES: bool>(&mut self, w: W, mut rays: Rays) -> u64 {
-        let mut waiting = 0;
+    fn pass<W: Wide, O: Output, const LEAVES: bool>(&mut self, w: W, mut rays: SlotSet) -> u64 {
+        let mut next_kinds = 0;
         let mut next = self.first(rays);
         while rays != 0 {
             let (id, current) = next;
@@ -258,15 +258,15 @@ impl<C: RayTimes, const N: usize> RaysInFlight<'_, C, N> {
             } else {
                 self.node_step::<W, O>(w, id, current)
             };
-            waiting |= next_kind << (2 * id);
+            next_kinds |= next_kind << (2 * id);
         }
-        waiting
+        next_kinds
     }
 
     /// The first slot of a set and its current reference; any slot if the set is empty.
     #[inline(always)]
-    fn first(&self, rays: Rays) -> (usize, u32) {
-        let id = lowest(rays);
+    fn first(&self, rays: SlotSet) -> (usize, u32) {
+        let id = first_slot(rays);
         (id, self.slots[id].current)
     }
 
@@ -297,7 +297,7 @@ impl<C: RayTimes, const N: usize> RaysInFlight<'_, C, N> {
         let origin = w.equal(packet.ids(), slot.origin_primitive);
         let lanes = triangle::candidates(w, &packet.rows, &slot.ray, &slot.boxes) & !origin;
         self.candidates[id] = Candidates { packet: current, lanes };
-        self.exact |= u64::from(lanes != 0) << (2 * id);
+        self.pending |= u64::from(lanes != 0) << (2 * id);
         slot.push_next(packet.next());
         let reference = slot.pop(0, O::ANY);
         self.prefetch(reference)
@@ -321,7 +321,7 @@ impl<C: RayTimes, const N: usize> RaysInFlight<'_, C, N> {
         let previous = previous_primitive::<O>(self.rays, slot.index);
         if slot.triangles(w, packet, lanes, O::ANY, previous) {
             slot.undo_pop();
-            self.waiting &= !(3 << (2 * id));
+            self.next_kinds &= !(3 << (2 * id));
             self.pop_unless_done::<O>(id);
         }
     }
@@ -336,6 +336,7 @@ impl<C: RayTimes, const N: usize> RaysInFlight<'_, C, N> {
         self.pop::<O>(id);
     }
 
+    /// A step at anything but a node or triangles: the end of the ray, other primitives, entering or leaving an instance.
     #[inline(always)]
     fn special_step<W: Wide, O: Output>(&mut self, w: W, id: usize, output: &mut O) {
         let current = self.slots[id].current;

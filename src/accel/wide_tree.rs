@@ -3,7 +3,7 @@
 //! section 3.2), with leaf costs by packet. [`TreeWriter`] writes the tree to cache lines in depth-first order: one pass assigns
 //! lines to nodes, then several threads write nodes, each followed by the packets of its leaves.
 
-use super::binary_tree::Binary;
+use super::binary_tree::BinaryTree;
 use super::input::{Geometry, Primitive, PrimitiveKind, triangle_vertices};
 use super::layout::{
     ANALYTIC_LINES, AnalyticPacket, BufferFull, CURVE_LANES, CurvePacket, DONE, INSTANCE_LINES,
@@ -67,7 +67,7 @@ const PARALLEL: u32 = 8192;
 
 impl Collapse {
     /// Runs the dynamic programming over the whole tree.
-    pub fn new(binary: &Binary, primitives: &[Primitive], finished: &[Subtree]) -> Collapse {
+    pub fn new(binary: &BinaryTree, primitives: &[Primitive], finished: &[Subtree]) -> Collapse {
         let mut costs = vec![CollapseCosts::default(); binary.size.len()];
         let (tops, subtrees) = split_top(binary, PARALLEL);
         let mut parts = Vec::with_capacity(subtrees.len());
@@ -107,7 +107,7 @@ impl Collapse {
     }
 
     /// The binary nodes that become the children of a wide node, and their number.
-    pub fn children(&self, binary: &Binary, node: usize) -> ([usize; WIDTH], usize) {
+    pub fn children(&self, binary: &BinaryTree, node: usize) -> ([usize; WIDTH], usize) {
         let mut children = [0; WIDTH];
         let mut count = 0;
         let mut stack = [(0usize, 0usize); WIDTH + 1];
@@ -139,7 +139,7 @@ impl Collapse {
 }
 
 /// Splits a tree into the nodes near the root and the subtrees of at most `limit` nodes below them, both in depth-first order.
-fn split_top(binary: &Binary, limit: u32) -> (Vec<usize>, Vec<usize>) {
+fn split_top(binary: &BinaryTree, limit: u32) -> (Vec<usize>, Vec<usize>) {
     let (mut tops, mut subtrees) = (Vec::new(), Vec::new());
     let mut stack = vec![0];
     while let Some(node) = stack.pop() {
@@ -157,7 +157,7 @@ fn split_top(binary: &Binary, limit: u32) -> (Vec<usize>, Vec<usize>) {
 
 /// The minimum costs of a node from those of its children.
 fn choose<'a>(
-    binary: &Binary,
+    binary: &BinaryTree,
     primitives: &[Primitive],
     subtrees: &[Subtree],
     node: usize,
@@ -251,7 +251,7 @@ pub struct ShapeSource<'a> {
 /// Writes a wide tree.
 pub struct TreeWriter<'a> {
     /// The binary tree.
-    pub binary: &'a Binary,
+    pub binary: &'a BinaryTree,
     /// The nodes that become wide nodes and leaves.
     pub collapse: &'a Collapse,
     /// Primitives of the binary tree's leaves.

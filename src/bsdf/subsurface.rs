@@ -75,7 +75,7 @@ impl SubsurfaceBoundary {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sampling::chi2::{Chi2, Square};
+    use crate::sampling::chi2::{Chi2, SphericalDomain};
     use std::f32::consts::PI;
 
     #[test]
@@ -89,7 +89,7 @@ mod tests {
             let body = SubsurfaceBoundary::new(entry, Microsurface::isotropic(alpha));
             for wo in [Vec3::new(0.6, 0.0, 0.8), Vec3::new(0.0, 0.995, 0.1).normalize()] {
                 Chi2::new(&format!("{entry:?} {alpha} {wo}"), 12).samples(200_000).assert_directions(
-                    &Square::sphere(),
+                    &SphericalDomain::sphere(),
                     |u| Some(body.sample(wo, u).wi),
                     |wi| body.eval(wo, wi).pdf_solid_angle,
                 );

@@ -216,188 +216,7 @@ impl Camera {
         }
         (p - self.origin).dot(self.forward)
     }
-}
 
-/// The matrix, for column vectors, from world space to the normalized device coordinates of OpenEXR's attribute `worldToNDC`
-/// (after RenderMan): x from 0 at the left edge of a picture of `width` x `height` pixels to 1 at the right, y from 0 at the top
-/// to 1 at the bottom; z is the reciprocal depth (perspective) or the depth (orthographic). `None` for panoramas, which are not
-/// projective maps.
-pub fn ndc_from_world(camera: &scene::Camera, width: u32, height: u32) -> Option<DMat4> {
-    let world_from_camera = camera.world_from_camera;
-    let m = world_from_camera.matrix3;
-    let (right, up, back) = (m.x_axis.normalize(), m.y_axis.normalize(), m.z_axis.normalize());
-    let eye = world_from_camera.translation;
-    // Matrix row for a point's coordinate along an axis, relative to the camera.
-    let along = |axis: DVec3| axis.extend(-axis.dot(eye));
-    let (x, y, depth, one) = (along(right), along(up), -along(back), DVec4::W);
-    let (half_height, weight) = match camera.projection {
-        Projection::Perspective { vfov_rad } => ((0.5 * vfov_rad).tan(), depth),
-        Projection::Orthographic { half_height } => (half_height, one),
-        Projection::Panorama(_) => return None,
-    };
-    let half_width = half_height * camera.pixel_aspect * f64::from(width) / f64::from(height);
-    let [shift_x, shift_y] = camera.shift.map(|shift| shift * 2.0 * half_height);
-    let ndc_x = (x + weight * (half_width - shift_x)) / (2.0 * half_width);
-    let ndc_y = (weight * (half_height + shift_y) - y) / (2.0 * half_height);
-    let z = if weight == one { depth } else { one };
-    Some(DMat4::from_cols(ndc_x, ndc_y, z, weight).transpose())
-}
-
-/// Camera keyframes at equal time steps; position, axes and film corners are interpolated linearly.
-#[derive(Clone, Debug)]
-pub struct MovingCamera(Arc<[Camera]>);
-
-impl MovingCamera {
-    /// From the camera at each keyframe, two or more.
-    pub fn new(keys: impl Iterator<Item = Camera>) -> MovingCamera {
-        MovingCamera(keys.collect())
-    }
-
-    /// The camera at a time in 0..1.
-    #[inline]
-    pub fn at(&self, time: f32) -> Camera {
-        let (key, t) = segment(self.0.len(), time);
-        let (from, to) = (&self.0[key], &self.0[(key + 1).min(self.0.len() - 1)]);
-        let mix = |a: Vec3, b: Vec3| a + (b - a) * t;
-        Camera {
-            origin: mix(from.origin, to.origin),
-            corner: mix(from.corner, to.corner),
-            step_x: mix(from.step_x, to.step_x),
-            step_y: mix(from.step_y, to.step_y),
-            forward: mix(from.forward, to.forward),
-            right: mix(from.right, to.right),
-            up: mix(from.up, to.up),
-            ..*from
-        }
-    }
-}
-
-/// A compiled aperture: a disk or a regular polygon, stretched by `width`.
-#[derive(Clone, Copy, Debug)]
-struct Aperture {
-    /// Radius of the disk, or circumradius of the polygon, metres; 0 for a pinhole.
-    pub radius: f32,
-    /// Number of corners of the polygon; 0 for a disk.
-    blades: f32,
-    /// Cosine and sine of half the angle between two corners.
-    half_sector: (f32, f32),
-    /// Counter-clockwise angle from the camera's right axis to the middle of the first side, turns.
-    rotation_turns: f32,
-    /// Width over height.
-    width: f32,
-}
-
-impl Aperture {
-    pub fn new(lens: Option<scene::ThinLens>) -> Aperture {
-        let radius = lens.map_or(0.0, |l| (l.defocus_angle_rad * 0.5).tan() * l.focus_distance) as f32;
-        let aperture = lens.map_or(scene::Aperture::default(), |l| l.aperture);
-        let half = PI / f64::from(aperture.blades.max(1));
-        Aperture {
-            radius,
-            blades: aperture.blades as f32,
-            half_sector: (half.cos() as f32, half.sin() as f32),
-            rotation_turns: (aperture.rotation_rad / TAU).rem_euclid(1.0) as f32,
-            width: (1.0 / aperture.ratio) as f32,
-        }
-    }
-
-    /// Samples a point of the aperture uniformly by area from `u` in 0..1 squared: offsets to the right and up, metres.
-    ///
-    /// The disk is sampled in polar coordinates. A polygon is a triangle fan: `u[0]` selects a triangle, and its remainder with
-    /// `u[1]` a point in the triangle (Turk 1990, "Generating random points in triangles").
-    #[inline(always)]
-    pub fn point(&self, u: [f32; 2]) -> (f32, f32) {
-        if self.blades == 0.0 {
-            let radius = self.radius * u[0].sqrt();
-            let (sin, cos) = poly::sin_cos_turns(u[1]);
-            return (radius * cos * self.width, radius * sin);
-        }
-        let scaled = u[0] * self.blades;
-        let sector = scaled.floor().min(self.blades - 1.0);
-        // Distance from the center over the apothem, and position along the side from corner to corner.
-        let outwards = (scaled - sector).sqrt();
-        let along = outwards * (2.0 * u[1] - 1.0);
-        let (x, y) = (outwards * self.half_sector.0, along * self.half_sector.1);
-        let (sin, cos) = poly::sin_cos_turns(sector / self.blades + self.rotation_turns);
-        let (x, y) = (x * cos - y * sin, x * sin + y * cos);
-        (self.radius * x * self.width, self.radius * y)
-    }
-}
-
-#[cfg(test)]
-mod ndc_tests {
-    use super::*;
-
-    #[test]
-    fn ndc_matches_film_points() {
-        let (width, height) = (40, 30);
-        let mut camera = scene::Camera::look_at([1.0, 2.0, 5.0], [0.2, 0.1, -0.3], 35.0);
-        camera.shift = [0.1, -0.2];
-        camera.pixel_aspect = 1.4;
-        let parallel = Projection::Orthographic { half_height: 1.5 };
-        for camera in [camera.clone(), scene::Camera { projection: parallel, ..camera }] {
-            let shown = Camera::new(&camera, width, height, DVec3::ZERO);
-            let matrix = ndc_from_world(&camera, width, height).expect("no panorama");
-            for p in [DVec3::ZERO, DVec3::new(0.7, -0.4, 1.0), DVec3::new(-1.0, 0.8, -3.0)] {
-                let [x, y] = shown.film_point(p.as_vec3());
-                let ndc = matrix.project_point3(p);
-                let expected = [f64::from(x) / 40.0, f64::from(y) / 30.0];
-                assert!((ndc.x - expected[0]).abs() < 1e-6 && (ndc.y - expected[1]).abs() < 1e-6, "{ndc}");
-            }
-        }
-    }
-}
-
-#[cfg(test)]
-mod aperture_tests {
-    use super::*;
-    use crate::sampling::hash::r2_sequence;
-
-    fn points(aperture: scene::Aperture) -> Vec<(f32, f32)> {
-        let lens = scene::ThinLens { defocus_angle_rad: PI / 2.0, focus_distance: 1.0, aperture };
-        let aperture = Aperture::new(Some(lens));
-        assert!((aperture.radius - 1.0).abs() < 1e-6);
-        let unit = |bits: u32| (bits >> 8) as f32 / (1 << 24) as f32;
-        (0..40_000).map(|i| aperture.point(r2_sequence(i).map(unit))).collect()
-    }
-
-    #[test]
-    fn polygon_samples_are_uniform_by_area() {
-        for blades in [3, 5, 6, 9] {
-            let rotation_rad = 0.3;
-            let all = points(scene::Aperture { blades, rotation_rad, ratio: 1.0 });
-            let half = PI / f64::from(blades);
-            let mut squares = 0.0;
-            for &(x, y) in &all {
-                let (x, y) = (f64::from(x), f64::from(y));
-                // Inside the half-plane of every side.
-                for k in 0..blades {
-                    let angle = rotation_rad + 2.0 * half * f64::from(k);
-                    assert!(x * angle.cos() + y * angle.sin() <= half.cos() + 1e-5, "{blades}: {x} {y}");
-                }
-                squares += x * x + y * y;
-            }
-            let mean = |f: fn(&(f32, f32)) -> f32| {
-                all.iter().map(|p| f64::from(f(p))).sum::<f64>() / all.len() as f64
-            };
-            assert!(mean(|p| p.0).abs() < 2e-3 && mean(|p| p.1).abs() < 2e-3);
-            // Polar moment of area of a regular polygon of circumradius 1, over its area.
-            let expected = (2.0 + (2.0 * half).cos()) / 6.0;
-            assert!((squares / all.len() as f64 - expected).abs() < 2e-3, "{blades}");
-        }
-    }
-
-    #[test]
-    fn anamorphic_ratio_narrows_the_aperture() {
-        for blades in [0, 6] {
-            let all = points(scene::Aperture { blades, rotation_rad: 0.0, ratio: 2.0 });
-            let most = |f: fn(&(f32, f32)) -> f32| all.iter().map(f).fold(0.0f32, f32::max);
-            assert!(most(|p| p.0.abs()) < 0.5 + 1e-5 && most(|p| p.1.abs()) > 0.85, "{blades}");
-        }
-    }
-}
-
-impl Camera {
     /// Connects a point of the scene to the lens point sampled by `lens` in 0..1 squared, as in [`Camera::ray`]; `None` behind the
     /// camera and outside its clip range.
     ///
@@ -519,6 +338,112 @@ pub struct FilmConnection {
     /// Film area, square pixels, per square metre of a surface at the point that faces the ray. Camera importance is this times
     /// the pixel filter.
     pub pixels_per_area: f32,
+}
+
+/// The matrix, for column vectors, from world space to the normalized device coordinates of OpenEXR's attribute `worldToNDC`
+/// (after RenderMan): x from 0 at the left edge of a picture of `width` x `height` pixels to 1 at the right, y from 0 at the top
+/// to 1 at the bottom; z is the reciprocal depth (perspective) or the depth (orthographic). `None` for panoramas, which are not
+/// projective maps.
+pub fn ndc_from_world(camera: &scene::Camera, width: u32, height: u32) -> Option<DMat4> {
+    let world_from_camera = camera.world_from_camera;
+    let m = world_from_camera.matrix3;
+    let (right, up, back) = (m.x_axis.normalize(), m.y_axis.normalize(), m.z_axis.normalize());
+    let eye = world_from_camera.translation;
+    // Matrix row for a point's coordinate along an axis, relative to the camera.
+    let along = |axis: DVec3| axis.extend(-axis.dot(eye));
+    let (x, y, depth, one) = (along(right), along(up), -along(back), DVec4::W);
+    let (half_height, weight) = match camera.projection {
+        Projection::Perspective { vfov_rad } => ((0.5 * vfov_rad).tan(), depth),
+        Projection::Orthographic { half_height } => (half_height, one),
+        Projection::Panorama(_) => return None,
+    };
+    let half_width = half_height * camera.pixel_aspect * f64::from(width) / f64::from(height);
+    let [shift_x, shift_y] = camera.shift.map(|shift| shift * 2.0 * half_height);
+    let ndc_x = (x + weight * (half_width - shift_x)) / (2.0 * half_width);
+    let ndc_y = (weight * (half_height + shift_y) - y) / (2.0 * half_height);
+    let z = if weight == one { depth } else { one };
+    Some(DMat4::from_cols(ndc_x, ndc_y, z, weight).transpose())
+}
+
+/// Camera keyframes at equal time steps; position, axes and film corners are interpolated linearly.
+#[derive(Clone, Debug)]
+pub struct MovingCamera(Arc<[Camera]>);
+
+impl MovingCamera {
+    /// From the camera at each keyframe, two or more.
+    pub fn new(keys: impl Iterator<Item = Camera>) -> MovingCamera {
+        MovingCamera(keys.collect())
+    }
+
+    /// The camera at a time in 0..1.
+    #[inline]
+    pub fn at(&self, time: f32) -> Camera {
+        let (key, t) = segment(self.0.len(), time);
+        let (from, to) = (&self.0[key], &self.0[(key + 1).min(self.0.len() - 1)]);
+        let mix = |a: Vec3, b: Vec3| a + (b - a) * t;
+        Camera {
+            origin: mix(from.origin, to.origin),
+            corner: mix(from.corner, to.corner),
+            step_x: mix(from.step_x, to.step_x),
+            step_y: mix(from.step_y, to.step_y),
+            forward: mix(from.forward, to.forward),
+            right: mix(from.right, to.right),
+            up: mix(from.up, to.up),
+            ..*from
+        }
+    }
+}
+
+/// A compiled aperture: a disk or a regular polygon, stretched by `width`.
+#[derive(Clone, Copy, Debug)]
+struct Aperture {
+    /// Radius of the disk, or circumradius of the polygon, metres; 0 for a pinhole.
+    pub radius: f32,
+    /// Number of corners of the polygon; 0 for a disk.
+    blades: f32,
+    /// Cosine and sine of half the angle between two corners.
+    half_sector: (f32, f32),
+    /// Counter-clockwise angle from the camera's right axis to the middle of the first side, turns.
+    rotation_turns: f32,
+    /// Width over height.
+    width: f32,
+}
+
+impl Aperture {
+    pub fn new(lens: Option<scene::ThinLens>) -> Aperture {
+        let radius = lens.map_or(0.0, |l| (l.defocus_angle_rad * 0.5).tan() * l.focus_distance) as f32;
+        let aperture = lens.map_or(scene::Aperture::default(), |l| l.aperture);
+        let half = PI / f64::from(aperture.blades.max(1));
+        Aperture {
+            radius,
+            blades: aperture.blades as f32,
+            half_sector: (half.cos() as f32, half.sin() as f32),
+            rotation_turns: (aperture.rotation_rad / TAU).rem_euclid(1.0) as f32,
+            width: (1.0 / aperture.ratio) as f32,
+        }
+    }
+
+    /// Samples a point of the aperture uniformly by area from `u` in 0..1 squared: offsets to the right and up, metres.
+    ///
+    /// The disk is sampled in polar coordinates. A polygon is a triangle fan: `u[0]` selects a triangle, and its remainder with
+    /// `u[1]` a point in the triangle (Turk 1990, "Generating random points in triangles").
+    #[inline(always)]
+    pub fn point(&self, u: [f32; 2]) -> (f32, f32) {
+        if self.blades == 0.0 {
+            let radius = self.radius * u[0].sqrt();
+            let (sin, cos) = poly::sin_cos_turns(u[1]);
+            return (radius * cos * self.width, radius * sin);
+        }
+        let scaled = u[0] * self.blades;
+        let sector = scaled.floor().min(self.blades - 1.0);
+        // Distance from the center over the apothem, and position along the side from corner to corner.
+        let outwards = (scaled - sector).sqrt();
+        let along = outwards * (2.0 * u[1] - 1.0);
+        let (x, y) = (outwards * self.half_sector.0, along * self.half_sector.1);
+        let (sin, cos) = poly::sin_cos_turns(sector / self.blades + self.rotation_turns);
+        let (x, y) = (x * cos - y * sin, x * sin + y * cos);
+        (self.radius * x * self.width, self.radius * y)
+    }
 }
 
 #[cfg(test)]
@@ -647,6 +572,68 @@ mod tests {
                 let expected = (ax * by - ay * bx).abs();
                 assert!((area / expected - 1.0).abs() < 5e-3, "{k} {i}: {area} {expected}");
             }
+        }
+    }
+
+    #[test]
+    fn ndc_matches_film_points() {
+        let (width, height) = (40, 30);
+        let mut camera = scene::Camera::look_at([1.0, 2.0, 5.0], [0.2, 0.1, -0.3], 35.0);
+        camera.shift = [0.1, -0.2];
+        camera.pixel_aspect = 1.4;
+        let parallel = Projection::Orthographic { half_height: 1.5 };
+        for camera in [camera.clone(), scene::Camera { projection: parallel, ..camera }] {
+            let shown = Camera::new(&camera, width, height, DVec3::ZERO);
+            let matrix = ndc_from_world(&camera, width, height).expect("no panorama");
+            for p in [DVec3::ZERO, DVec3::new(0.7, -0.4, 1.0), DVec3::new(-1.0, 0.8, -3.0)] {
+                let [x, y] = shown.film_point(p.as_vec3());
+                let ndc = matrix.project_point3(p);
+                let expected = [f64::from(x) / 40.0, f64::from(y) / 30.0];
+                assert!((ndc.x - expected[0]).abs() < 1e-6 && (ndc.y - expected[1]).abs() < 1e-6, "{ndc}");
+            }
+        }
+    }
+
+    fn points(aperture: scene::Aperture) -> Vec<(f32, f32)> {
+        let lens = scene::ThinLens { defocus_angle_rad: PI / 2.0, focus_distance: 1.0, aperture };
+        let aperture = Aperture::new(Some(lens));
+        assert!((aperture.radius - 1.0).abs() < 1e-6);
+        let unit = |bits: u32| (bits >> 8) as f32 / (1 << 24) as f32;
+        (0..40_000).map(|i| aperture.point(r2_sequence(i).map(unit))).collect()
+    }
+
+    #[test]
+    fn polygon_samples_are_uniform_by_area() {
+        for blades in [3, 5, 6, 9] {
+            let rotation_rad = 0.3;
+            let all = points(scene::Aperture { blades, rotation_rad, ratio: 1.0 });
+            let half = PI / f64::from(blades);
+            let mut squares = 0.0;
+            for &(x, y) in &all {
+                let (x, y) = (f64::from(x), f64::from(y));
+                // Inside the half-plane of every side.
+                for k in 0..blades {
+                    let angle = rotation_rad + 2.0 * half * f64::from(k);
+                    assert!(x * angle.cos() + y * angle.sin() <= half.cos() + 1e-5, "{blades}: {x} {y}");
+                }
+                squares += x * x + y * y;
+            }
+            let mean = |f: fn(&(f32, f32)) -> f32| {
+                all.iter().map(|p| f64::from(f(p))).sum::<f64>() / all.len() as f64
+            };
+            assert!(mean(|p| p.0).abs() < 2e-3 && mean(|p| p.1).abs() < 2e-3);
+            // Polar moment of area of a regular polygon of circumradius 1, over its area.
+            let expected = (2.0 + (2.0 * half).cos()) / 6.0;
+            assert!((squares / all.len() as f64 - expected).abs() < 2e-3, "{blades}");
+        }
+    }
+
+    #[test]
+    fn anamorphic_ratio_narrows_the_aperture() {
+        for blades in [0, 6] {
+            let all = points(scene::Aperture { blades, rotation_rad: 0.0, ratio: 2.0 });
+            let most = |f: fn(&(f32, f32)) -> f32| all.iter().map(f).fold(0.0f32, f32::max);
+            assert!(most(|p| p.0.abs()) < 0.5 + 1e-5 && most(|p| p.1.abs()) > 0.85, "{blades}");
         }
     }
 }

@@ -12,7 +12,7 @@ use super::limits;
 use super::material::CompiledMaterial;
 use super::objects::{ObjectIds, ObjectMaterials};
 use crate::error::Result;
-use crate::math::{DVec3, Vec3, frame_of};
+use crate::math::{DVec3, Vec3, frame_from_tangent};
 use crate::sampling::hash::mix64;
 use crate::scene::{CurveBasis, Curves, Scene};
 use crate::shape::{CurveSegment, CurveSegments, Surface};
@@ -316,7 +316,7 @@ impl CurveAttributes {
             }
             _ => [1.0; 4],
         };
-        let tangent_frame = frame_of(segment.tangent(u), surface.ns, 1.0);
+        let tangent_frame = frame_from_tangent(segment.tangent(u), surface.ns, 1.0);
         let length = (segment.ends[1] - segment.ends[0]).length().max(f32::MIN_POSITIVE);
         let per_metre = (along[1] - along[0]) / length;
         SurfaceCoordinates { uv: [uv, uv], color, tangent_frame, uv_per_metre: [per_metre; 2] }

@@ -3,7 +3,7 @@
 use super::objects::{ObjectId, Owners};
 use crate::accel;
 use crate::math::{
-    Bounds3, DAffine3, Hit, Mat3, OriginPrimitive, Ray, TransformKeys, Vec2, Vec3, frame_of, gamma,
+    Bounds3, DAffine3, Hit, Mat3, OriginPrimitive, Ray, TransformKeys, Vec2, Vec3, frame_from_tangent, gamma,
     normal_matrix, segment, transform_at, uv_frame,
 };
 use crate::shape::triangle::interpolate;
@@ -418,7 +418,7 @@ impl Geometries {
             Primitive::Quad(q) => {
                 let uv = Vec2::new(hit.u, hit.v);
                 // v points down in the image.
-                let tangent_frame = frame_of(q.edge_u, surface.ns, -1.0);
+                let tangent_frame = frame_from_tangent(q.edge_u, surface.ns, -1.0);
                 let uv_per_metre = [q.edge_u.cross(q.edge_v).length().sqrt().recip(); 2];
                 SurfaceCoordinates { uv: [uv, uv], color: [1.0; 4], tangent_frame, uv_per_metre }
             }
@@ -426,7 +426,8 @@ impl Geometries {
                 let object_from_world = attributes.object_from_world(index);
                 let uv = shape.texture_coordinates(surface.p, surface.ng, &object_from_world);
                 let parametrization = shape.parametrize(surface.ng, &object_from_world);
-                let tangent_frame = frame_of(parametrization.tangent, surface.ns, parametrization.handedness);
+                let tangent_frame =
+                    frame_from_tangent(parametrization.tangent, surface.ns, parametrization.handedness);
                 SurfaceCoordinates {
                     uv: [uv, uv],
                     color: [1.0; 4],
@@ -526,7 +527,7 @@ impl Attributes {
             .and_then(|c| {
                 let tangent = interpolate(map_each(c, |[x, y, z, _]| [x, y, z]), hit.u, hit.v);
                 // v points down: glTF's bitangent is w (n x t).
-                frame_of(
+                frame_from_tangent(
                     *linear * tangent,
                     surface.ns,
                     1.0f32.copysign(c[0][3]) * linear.determinant().signum(),
@@ -671,7 +672,7 @@ impl AtTime<'_> {
                 let [u, v] = [linear * q.edge_u, linear * q.edge_v];
                 let uv = Vec2::new(hit.u, hit.v);
                 let uv_per_metre = [u.cross(v).length().sqrt().recip(); 2];
-                let tangent_frame = frame_of(u, surface.ns, -1.0);
+                let tangent_frame = frame_from_tangent(u, surface.ns, -1.0);
                 SurfaceCoordinates { uv: [uv, uv], color: [1.0; 4], tangent_frame, uv_per_metre }
             }
             Primitive::Analytic(index, shape) => {
@@ -679,8 +680,11 @@ impl AtTime<'_> {
                 let (p, normal) = (self.to_object(surface.p), (linear.transpose() * surface.ng).normalize());
                 let uv = shape.texture_coordinates(p, normal, &object_from_world);
                 let parametrization = shape.parametrize(normal, &object_from_world);
-                let tangent_frame =
-                    frame_of(linear * parametrization.tangent, surface.ns, parametrization.handedness);
+                let tangent_frame = frame_from_tangent(
+                    linear * parametrization.tangent,
+                    surface.ns,
+                    parametrization.handedness,
+                );
                 let scale = linear.determinant().abs().cbrt();
                 let uv_per_metre = [parametrization.uv_per_metre / scale; 2];
                 SurfaceCoordinates { uv: [uv, uv], color: [1.0; 4], tangent_frame, uv_per_metre }

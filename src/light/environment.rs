@@ -5,7 +5,7 @@ use super::traits::{LightBounds, LightSample, LightSource};
 use crate::color::{Rgb, luminance};
 use crate::image::Image;
 use crate::math::{DVec3, Vec3, Vec4, poly};
-use crate::sampling::{BilinearMap, MapSample, MapSamples, warp};
+use crate::sampling::{BilinearDistribution, DistributionSample, DistributionSamples, warp};
 use crate::scene::{self, Environment};
 use crate::simd::{Table, prefer_huge_pages};
 use crate::texture::CompiledTextures;
@@ -56,7 +56,7 @@ pub struct ImageMap {
     /// texel of each row and by a copy of the last row, so that all texels have right and lower neighbours.
     texels: Vec<Vec4>,
     mean_luminance: f32,
-    map: BilinearMap,
+    map: BilinearDistribution,
     /// Sine and cosine of the rotation.
     sine: f32,
     cosine: f32,
@@ -279,7 +279,7 @@ impl ImageMap {
             let sine = ((y as f64 + 0.5) / height as f64 * std::f64::consts::PI).sin() as f32;
             row.iter_mut().for_each(|l| *l *= sine);
         }
-        let map = BilinearMap::new(width, height, &light);
+        let map = BilinearDistribution::new(width, height, &light);
         Some(ImageMap {
             width,
             height,
@@ -315,13 +315,13 @@ impl ImageMap {
 
     /// Samples map coordinates by luminance.
     #[inline(always)]
-    pub fn sample_uv(&self, u: [f32; 2]) -> MapSample {
+    pub fn sample_uv(&self, u: [f32; 2]) -> DistributionSample {
         self.map.sample(u)
     }
 
     /// [`ImageMap::sample_uv`] for many pairs of random numbers, as a structure of arrays.
     #[inline(always)]
-    pub fn sample_many_uv<const N: usize>(&self, u: [[f32; N]; 2]) -> MapSamples<N> {
+    pub fn sample_many_uv<const N: usize>(&self, u: [[f32; N]; 2]) -> DistributionSamples<N> {
         self.map.sample_many(u)
     }
 
@@ -360,7 +360,7 @@ impl ImageMap {
         let (a, b, c, d) = (texels.at(first), texels.at(first + 1), texels.at(below), texels.at(below + 1));
         let (top, bottom) = (a + (b - a) * s, c + (d - c) * s);
         let rgb = (top + (bottom - top) * t).truncate();
-        // The same order of operations as in `BilinearMap::pdf_area`, for equal bits.
+        // The same order of operations as in `BilinearDistribution::pdf_area`, for equal bits.
         let (left, right) = (a + (c - a) * t, b + (d - b) * t);
         (Rgb::from_array(rgb.to_array()), (left + (right - left) * s).w)
     }
@@ -377,7 +377,7 @@ impl ImageMap {
 }
 
 /// Texels with their sampling pdf, in the layout of [`ImageMap::texels`].
-fn with_density(texels: &[[f32; 3]], map: &BilinearMap) -> Vec<Vec4> {
+fn with_density(texels: &[[f32; 3]], map: &BilinearDistribution) -> Vec<Vec4> {
     let [width, height] = map.size();
     let mut all = Vec::with_capacity((width + 1) * (height + 1));
     prefer_huge_pages(&mut all);
@@ -404,7 +404,7 @@ fn mean_luminance(width: usize, texels: &[[f32; 3]]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sampling::chi2::{Chi2, Random, Square};
+    use crate::sampling::chi2::{Chi2, Random, SphericalDomain};
     use crate::scene::ImageId;
 
     /// A dim sky over darker ground, with a very bright sun of one texel.
@@ -468,7 +468,7 @@ mod tests {
         let gradient = Environment::Gradient { nadir: [1.0; 3], zenith: [0.5, 0.7, 1.0] };
         let light = EnvironmentLight::new(&gradient, &[], true).unwrap();
         Chi2::new("gradient", 1).assert_directions(
-            &Square::sphere(),
+            &SphericalDomain::sphere(),
             |u| Some(light.sample([u[0], u[1]]).direction),
             |d| light.pdf_solid_angle(d),
         );

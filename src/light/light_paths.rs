@@ -455,7 +455,7 @@ fn spot_of(environment: &EnvironmentLight) -> Option<SmallLight> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sampling::chi2::{Chi2, Square};
+    use crate::sampling::chi2::{Chi2, SphericalDomain};
 
     fn targets() -> TargetSpheres {
         let sphere = |x: f32, y: f32, radius| TargetSphere { center: Vec3::new(x, y, 3.0), radius };
@@ -505,7 +505,7 @@ mod tests {
     fn directions_to_one_sphere_are_uniform() {
         let targets = TargetSpheres::new([TargetSphere { center: Vec3::new(0.0, 2.0, 0.0), radius: 1.0 }]);
         Chi2::new("targets", 1).assert_directions(
-            &Square::sphere(),
+            &SphericalDomain::sphere(),
             |u| targets.sample_direction(Vec3::ZERO, 0.0, [u[0], u[1], 0.5]).map(|chosen| chosen.at),
             |w| if w.y > 0.75f32.sqrt() { 1.0 / targets.solid_angle(Vec3::ZERO) } else { 0.0 },
         );

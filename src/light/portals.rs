@@ -322,7 +322,7 @@ mod tests {
     use super::*;
     use crate::image::Image;
     use crate::light::{EnvironmentLight, LightSource};
-    use crate::sampling::chi2::{Chi2, Random, Square};
+    use crate::sampling::chi2::{Chi2, Random, SphericalDomain};
     use crate::scene::{Environment, ImageId};
     use crate::texture::CompiledTextures;
 
@@ -369,7 +369,7 @@ mod tests {
         for (is_image, p) in [(false, [1.7, 0.9, 1.4]), (true, [0.0, 0.3, 0.2]), (true, [-0.5, 2.6, -0.3])] {
             let (light, p) = (room(is_image), Vec3::from_array(p));
             Chi2::new(&format!("portals {is_image} {p}"), 1).assert_directions(
-                &Square::sphere(),
+                &SphericalDomain::sphere(),
                 |u| Some(LightSource::sample(&light, &textures, p, [u[0], u[1]]).wi),
                 |d| LightSource::pdf_solid_angle(&light, p, d),
             );

@@ -5,12 +5,9 @@
 //! between them. A rotation by an angle a between two keys shrinks an object by a fraction of up to 1 - cos(a / 2).
 
 pub use glam::{DAffine3, DMat3, DMat4, DQuat, DVec2, DVec3, DVec4, Mat3, Quat, Vec2, Vec3, Vec4};
-pub use ray::{
-    Hit, MACHINE_EPSILON, NO_HIT, OriginPrimitive, Ray, gamma, next_down, next_up, offset_along,
-    offset_ray_origin,
-};
+pub use ray::{Hit, MACHINE_EPSILON, NO_HIT, OriginPrimitive, Ray, gamma, offset_along, offset_ray_origin};
 use std::sync::Arc;
-pub use tangent_frame::{frame_of, normal_matrix, uv_frame};
+pub use tangent_frame::{frame_from_tangent, normal_matrix, uv_frame};
 
 pub mod poly;
 mod ray;
@@ -23,7 +20,7 @@ pub fn select(condition: bool, yes: Vec3, no: Vec3) -> Vec3 {
     Vec3::new(pick(yes.x, no.x), pick(yes.y, no.y), pick(yes.z, no.z))
 }
 
-/// Are all numbers finite? Tests for the exponent of NaN and infinities without branches, so that the loop vectorises.
+/// Are all numbers finite? Compares exponents without branches, so that the loop vectorises.
 pub fn all_finite(numbers: &[f32]) -> bool {
     const EXPONENT: u32 = f32::INFINITY.to_bits();
     let is_bad = |x: &f32| u32::from(x.to_bits() & EXPONENT == EXPONENT);
@@ -135,20 +132,6 @@ impl Bounds3 {
     }
 }
 
-#[cfg(test)]
-mod frame_tests {
-    use super::*;
-
-    #[test]
-    fn basis_is_orthonormal_and_right_handed() {
-        for n in [Vec3::X, -Vec3::X, Vec3::Y, -Vec3::Z, Vec3::Z, Vec3::new(0.6, -0.48, -0.64)] {
-            let (s, t) = orthonormal_basis(n);
-            assert!((s.cross(t) - n).length() < 1e-6, "{n}");
-            assert!(s.dot(t).abs() < 1e-6 && (s.length() - 1.0).abs() < 1e-6);
-        }
-    }
-}
-
 /// Transform keyframes at equal time steps.
 pub type TransformKeys = Arc<[DAffine3]>;
 
@@ -164,23 +147,23 @@ pub fn segment(keys: usize, time: f32) -> (usize, f32) {
 /// The interpolated transform at a time in 0..1; the identity without keys.
 #[inline]
 pub fn transform_at(keys: &[DAffine3], time: f32) -> DAffine3 {
-    let (key, share) = segment(keys.len(), time);
+    let (key, weight) = segment(keys.len(), time);
     let Some(from) = keys.get(key) else { return DAffine3::IDENTITY };
     let Some(to) = keys.get(key + 1) else { return *from };
-    mix(from, to, f64::from(share))
+    mix(from, to, f64::from(weight))
 }
 
 /// Linear interpolation of two transforms; exact if they are equal.
 #[inline]
-pub fn mix(from: &DAffine3, to: &DAffine3, share: f64) -> DAffine3 {
+pub fn mix(from: &DAffine3, to: &DAffine3, weight: f64) -> DAffine3 {
     let (a, b) = (&from.matrix3, &to.matrix3);
     DAffine3 {
         matrix3: DMat3::from_cols(
-            a.x_axis + (b.x_axis - a.x_axis) * share,
-            a.y_axis + (b.y_axis - a.y_axis) * share,
-            a.z_axis + (b.z_axis - a.z_axis) * share,
+            a.x_axis + (b.x_axis - a.x_axis) * weight,
+            a.y_axis + (b.y_axis - a.y_axis) * weight,
+            a.z_axis + (b.z_axis - a.z_axis) * weight,
         ),
-        translation: from.translation + (to.translation - from.translation) * share,
+        translation: from.translation + (to.translation - from.translation) * weight,
     }
 }
 
@@ -193,7 +176,16 @@ pub fn angle_between(from: &DAffine3, to: &DAffine3) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::{DVec3, *};
+    use super::*;
+
+    #[test]
+    fn basis_is_orthonormal_and_right_handed() {
+        for n in [Vec3::X, -Vec3::X, Vec3::Y, -Vec3::Z, Vec3::Z, Vec3::new(0.6, -0.48, -0.64)] {
+            let (s, t) = orthonormal_basis(n);
+            assert!((s.cross(t) - n).length() < 1e-6, "{n}");
+            assert!(s.dot(t).abs() < 1e-6 && (s.length() - 1.0).abs() < 1e-6);
+        }
+    }
 
     #[test]
     fn nan_and_infinity_are_found_at_any_position() {

@@ -105,18 +105,6 @@ pub const fn gamma(n: u32) -> f32 {
     (n as f32 * MACHINE_EPSILON) / (1.0 - n as f32 * MACHINE_EPSILON)
 }
 
-/// The next larger f32; for zero of either sign the smallest positive number.
-#[inline(always)]
-pub fn next_up(x: f32) -> f32 {
-    x.next_up()
-}
-
-/// The next smaller f32.
-#[inline(always)]
-pub fn next_down(x: f32) -> f32 {
-    x.next_down()
-}
-
 /// Offsets a point along the geometric normal `n`, to the side of `w`, just outside the error box `p +- p_error` (Pharr et al. 2023,
 /// section 6.8.6).
 #[inline(always)]

@@ -3,7 +3,7 @@
 use super::{DMat3, Mat3, Vec2, Vec3};
 
 /// A tangent frame with x along `tangent` (orthogonalised to `n`) and y = `handedness` (n x x).
-pub fn frame_of(tangent: Vec3, n: Vec3, handedness: f32) -> Option<Mat3> {
+pub fn frame_from_tangent(tangent: Vec3, n: Vec3, handedness: f32) -> Option<Mat3> {
     let t = (tangent - n * n.dot(tangent)).try_normalize()?;
     Some(Mat3::from_cols(t, n.cross(t) * handedness.signum(), n))
 }
@@ -15,7 +15,7 @@ pub fn uv_frame(corners: [Vec3; 3], uv: [Vec2; 3], n: Vec3) -> Option<Mat3> {
     let determinant = d1.x * d2.y - d1.y * d2.x;
     let tangent = (e1 * d2.y - e2 * d1.y) * determinant.signum();
     let up = (e1 * d2.x - e2 * d1.x) * determinant.signum();
-    frame_of(tangent, n, if n.cross(tangent).dot(up) < 0.0 { -1.0 } else { 1.0 })
+    frame_from_tangent(tangent, n, if n.cross(tangent).dot(up) < 0.0 { -1.0 } else { 1.0 })
 }
 
 /// The inverse transpose, scaled so that its longest column has length 1.

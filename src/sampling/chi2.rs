@@ -1,8 +1,8 @@
 //! The chi-square goodness-of-fit test of samplers against their densities.
 //!
 //! Samples are binned in cells of the unit square; the expected counts are the density's integrals over the cells, by
-//! adaptive quadrature. Cells are pooled until each pool expects [`MIN_EXPECTED`] samples. Samples outside (absorbed, or
-//! beyond the square's image) have a cell of their own, so that the density's integral is tested as well. The
+//! adaptive quadrature. Cells are pooled until each pool expects [`MIN_EXPECTED`] samples. Absorbed samples and samples
+//! outside of the square have a cell of their own, so that the density's integral is tested as well. The
 //! significance is corrected for the number of tests in a group (Sidak). Seeds are fixed.
 
 use crate::math::{DVec3, Vec3};
@@ -32,23 +32,23 @@ pub struct Chi2Report {
 
 /// An area-preserving map (up to a constant) between directions and the unit square.
 #[derive(Clone, Copy, Debug)]
-pub struct Square {
+pub struct SphericalDomain {
     axes: [DVec3; 3],
     one_minus_cos_max: f64,
 }
 
-impl Square {
+impl SphericalDomain {
     /// All directions, by azimuth about z and z (the Lambert cylindrical projection).
-    pub fn sphere() -> Square {
-        Square::cap(Vec3::Z, 2.0)
+    pub fn sphere() -> SphericalDomain {
+        SphericalDomain::cap(Vec3::Z, 2.0)
     }
 
     /// The spherical cap around an axis up to an angle, given as 1 - cos.
-    pub fn cap(axis: Vec3, one_minus_cos_max: f64) -> Square {
+    pub fn cap(axis: Vec3, one_minus_cos_max: f64) -> SphericalDomain {
         let z = axis.as_dvec3().normalize();
         let x = z.any_orthonormal_vector();
         let x = if z == DVec3::Z { DVec3::X } else { x };
-        Square { axes: [x, z.cross(x), z], one_minus_cos_max }
+        SphericalDomain { axes: [x, z.cross(x), z], one_minus_cos_max }
     }
 
     /// Solid angle of the square's image.
@@ -152,7 +152,7 @@ impl Chi2 {
     /// As [`Chi2::run`], over directions in the square's image with a density per solid angle.
     pub fn run_directions(
         &self,
-        square: &Square,
+        square: &SphericalDomain,
         mut sample: impl FnMut([f32; 3]) -> Option<Vec3>,
         pdf_solid_angle: impl Fn(Vec3) -> f32,
     ) -> Result<Chi2Report, String> {
@@ -174,7 +174,7 @@ impl Chi2 {
     /// Panics with the failure of [`Chi2::run_directions`].
     pub fn assert_directions(
         &self,
-        square: &Square,
+        square: &SphericalDomain,
         sample: impl FnMut([f32; 3]) -> Option<Vec3>,
         pdf_solid_angle: impl Fn(Vec3) -> f32,
     ) -> Chi2Report {

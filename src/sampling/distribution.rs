@@ -111,7 +111,7 @@ const BLOCK: u32 = 4;
 
 /// Positions with their densities.
 #[derive(Clone, Copy, Debug)]
-pub struct MapSamples<const N: usize> {
+pub struct DistributionSamples<const N: usize> {
     /// In 0..1, along u.
     pub u: [f32; N],
     /// In 0..1, along v.
@@ -122,7 +122,7 @@ pub struct MapSamples<const N: usize> {
 
 /// A position with its density.
 #[derive(Clone, Copy, Debug)]
-pub struct MapSample {
+pub struct DistributionSample {
     /// Position in 0..1 along both axes.
     pub uv: [f32; 2],
     /// Density per area of the unit square.
@@ -136,7 +136,7 @@ pub struct MapSample {
 /// along u is piecewise linear between column centres. Both CDFs are inverted exactly and monotonically, which preserves
 /// stratification.
 #[derive(Clone, Debug)]
-pub struct BilinearMap {
+pub struct BilinearDistribution {
     width: u32,
     height: u32,
     /// Values normalised to a mean of 1, row by row, each row with its first value repeated at the end.
@@ -153,12 +153,12 @@ pub struct BilinearMap {
     first_row_step: u32,
 }
 
-impl BilinearMap {
+impl BilinearDistribution {
     /// From one weight per texel, row by row; negative and non-finite ones count as 0. The density is uniform if all are 0.
     ///
     /// # Panics
     /// If `weights` doesn't have `width * height` elements, or none.
-    pub fn new(width: usize, height: usize, weights: &[f32]) -> BilinearMap {
+    pub fn new(width: usize, height: usize, weights: &[f32]) -> BilinearDistribution {
         assert!(width > 0 && height > 0 && weights.len() == width * height, "a weight for every texel");
         assert!((width + 1) * height < u32::MAX as usize, "an image of at most 2^32 texels");
         let clean = |w: f32| if w.is_finite() && w > 0.0 { f64::from(w) } else { 0.0 };
@@ -187,7 +187,16 @@ impl BilinearMap {
         let first_step = (blocks.next_power_of_two() / 2) as u32;
         let first_row_step = ((height + 1).next_power_of_two() / 2) as u32;
         let (width, height) = (width as u32, height as u32);
-        BilinearMap { width, height, values, coarse, rows, row_cumulative, first_step, first_row_step }
+        BilinearDistribution {
+            width,
+            height,
+            values,
+            coarse,
+            rows,
+            row_cumulative,
+            first_step,
+            first_row_step,
+        }
     }
 
     /// Columns and rows.
@@ -220,15 +229,15 @@ impl BilinearMap {
 
     /// Samples a position.
     #[inline(always)]
-    pub fn sample(&self, u: [f32; 2]) -> MapSample {
+    pub fn sample(&self, u: [f32; 2]) -> DistributionSample {
         let many = self.sample_many([[u[0]], [u[1]]]);
-        MapSample { uv: [many.u[0], many.v[0]], pdf_area: many.pdf_area[0] }
+        DistributionSample { uv: [many.u[0], many.v[0]], pdf_area: many.pdf_area[0] }
     }
 
     /// Samples `N` positions from `N` pairs of random numbers, in structure-of-arrays layout: branch-free, so that loops
     /// vectorise.
     #[inline(always)]
-    pub fn sample_many<const N: usize>(&self, u: [[f32; N]; 2]) -> MapSamples<N> {
+    pub fn sample_many<const N: usize>(&self, u: [[f32; N]; 2]) -> DistributionSamples<N> {
         let y = self.sample_rows(u[1]);
         let mut rows = [RowPair::default(); N];
         for i in 0..N {
@@ -242,7 +251,7 @@ impl BilinearMap {
             x[i] = wrapped / self.width as f32;
             v[i] = (y[i] + 0.5) / self.height as f32;
         }
-        MapSamples { u: x, v, pdf_area }
+        DistributionSamples { u: x, v, pdf_area }
     }
 
     /// The rows of the interpolation at a position relative to the first row's centre.
@@ -420,7 +429,7 @@ mod bilinear_tests {
         (0..width * height).map(|_| random.next().powi(3)).collect()
     }
 
-    fn check(name: &str, map: &BilinearMap, cells: [usize; 2]) {
+    fn check(name: &str, map: &BilinearDistribution, cells: [usize; 2]) {
         let test = Chi2::new(name, 6).cells(cells[0], cells[1]);
         test.assert(
             |u| Some(map.sample([u[0], u[1]]).uv.map(f64::from)),
@@ -437,21 +446,21 @@ mod bilinear_tests {
 
     #[test]
     fn maps_pass_chi_square() {
-        check("noise", &BilinearMap::new(40, 20, &noise(40, 20)), [40, 20]);
-        check("odd sizes", &BilinearMap::new(17, 5, &noise(17, 5)), [34, 20]);
+        check("noise", &BilinearDistribution::new(40, 20, &noise(40, 20)), [40, 20]);
+        check("odd sizes", &BilinearDistribution::new(17, 5, &noise(17, 5)), [34, 20]);
         let mut sun = vec![1e-3; 64 * 32];
         sun[9 * 64] = 1e3;
-        check("sun at the seam", &BilinearMap::new(64, 32, &sun), [64, 32]);
-        check("one texel", &BilinearMap::new(1, 1, &[3.0]), [8, 8]);
-        check("one row", &BilinearMap::new(9, 1, &noise(9, 1)), [18, 4]);
+        check("sun at the seam", &BilinearDistribution::new(64, 32, &sun), [64, 32]);
+        check("one texel", &BilinearDistribution::new(1, 1, &[3.0]), [8, 8]);
+        check("one row", &BilinearDistribution::new(9, 1, &noise(9, 1)), [18, 4]);
         let mut top = vec![0.0; 12];
         top[1] = 1.0;
-        check("only the top row", &BilinearMap::new(4, 3, &top), [16, 24]);
+        check("only the top row", &BilinearDistribution::new(4, 3, &top), [16, 24]);
     }
 
     #[test]
     fn invalid_weights_give_the_uniform_density() {
-        let map = BilinearMap::new(3, 2, &[0.0, f32::NAN, -1.0, 0.0, 0.0, 0.0]);
+        let map = BilinearDistribution::new(3, 2, &[0.0, f32::NAN, -1.0, 0.0, 0.0, 0.0]);
         assert_eq!(map.pdf_area([0.3, 0.9]), 1.0);
         assert!(map.bytes() < 200);
     }

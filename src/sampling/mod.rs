@@ -14,7 +14,7 @@ pub mod warp;
 
 pub use cells::CellDistribution;
 pub use distribution::AliasTable;
-pub use distribution::{BilinearMap, MapSample, MapSamples};
+pub use distribution::{BilinearDistribution, DistributionSample, DistributionSamples};
 pub use sampler::{AdaptiveSamples, MAX_Z_ORDER_SPP, ZSobolOrder};
 
 /// The power heuristic (Veach 1997, section 9.2) with exponent 2 for one sample of each of two strategies: the MIS weight of

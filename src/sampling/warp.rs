@@ -85,7 +85,7 @@ pub fn uniform_cone_pdf_solid_angle(one_minus_cos_max: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sampling::chi2::{Chi2, Square};
+    use crate::sampling::chi2::{Chi2, SphericalDomain};
 
     #[test]
     fn disk_passes_chi_square() {
@@ -101,7 +101,7 @@ mod tests {
 
     #[test]
     fn sphere_and_hemisphere_pass_chi_square() {
-        let sphere = Square::sphere();
+        let sphere = SphericalDomain::sphere();
         Chi2::new("sphere", 2).assert_directions(
             &sphere,
             |u| Some(uniform_sphere([u[0], u[1]])),
@@ -120,7 +120,7 @@ mod tests {
         for omc in sizes {
             let name = format!("cone {omc}");
             // The cap of the cone itself: the density of a wider one would be discontinuous within cells.
-            let cap = Square::cap(Vec3::Z, f64::from(omc));
+            let cap = SphericalDomain::cap(Vec3::Z, f64::from(omc));
             Chi2::new(&name, sizes.len()).assert_directions(
                 &cap,
                 |u| Some(uniform_cone([u[0], u[1]], omc)),

@@ -386,7 +386,7 @@ mod tests {
 mod facing_disk_tests {
     use super::*;
     use crate::accel::{Accel, Geometry};
-    use crate::sampling::chi2::{Chi2, Random, Square};
+    use crate::sampling::chi2::{Chi2, Random, SphericalDomain};
     use crate::shape::Analytic;
 
     fn disk() -> FacingDisk {
@@ -440,7 +440,7 @@ mod facing_disk_tests {
             let axis = (disk.center - origin).normalize();
             let edge = 1.0 - disk.one_minus_cos(origin.distance(disk.center));
             Chi2::new("facing disk", references.len()).assert_directions(
-                &Square::sphere(),
+                &SphericalDomain::sphere(),
                 |u| Some((disk.sample(origin, [u[0], u[1]]).point - origin).normalize()),
                 |w| if w.dot(axis) > edge { pdf } else { 0.0 },
             );

@@ -3,7 +3,7 @@
 
 use super::traits::{LightPoint, pdf_solid_angle_of_area};
 use super::triangle::{
-    Directions, MIN_TRIANGLE_SOLID_ANGLE, clamp01, is_collapsed, pdf_of_either, plane_coordinates,
+    Directions, MIN_TRIANGLE_SOLID_ANGLE, clamp01, is_degenerate, pdf_of_either, plane_coordinates,
 };
 use crate::math::{Bounds3, Vec3, poly};
 use crate::simd::map_each;
@@ -33,9 +33,9 @@ impl Quad {
     }
 
     /// Whether both triangles are collapsed.
-    pub fn is_collapsed(&self) -> bool {
+    pub fn is_degenerate(&self) -> bool {
         let [a, b, c, d] = self.corners();
-        is_collapsed([a, b, c]) && is_collapsed([a, c, d])
+        is_degenerate([a, b, c]) && is_degenerate([a, c, d])
     }
 }
 

@@ -92,7 +92,7 @@ pub fn bounds(vertices: [Vec3; 3]) -> Bounds3 {
 }
 
 /// Whether two vertices coincide. Other triangles of zero area are kept: they close T-junctions, where otherwise a ray could leak.
-pub fn is_collapsed([a, b, c]: [Vec3; 3]) -> bool {
+pub fn is_degenerate([a, b, c]: [Vec3; 3]) -> bool {
     a == b || b == c || c == a
 }
 

@@ -7,11 +7,11 @@ use core::arch::aarch64::*;
 #[cfg(target_arch = "x86_64")]
 use core::arch::x86_64::*;
 
-/// The lanes of triangles, by their vertices in sheared space, whose edge functions don't have opposite signs.
+/// The lanes whose triangle, given by its vertices in sheared space, has no edge functions of opposite signs.
 /// (Minimum and maximum propagate NaN here, unlike on x86, so that lanes match the scalar reference.)
 #[cfg(target_arch = "aarch64")]
 #[inline(always)]
-pub(super) fn meets(
+pub(super) fn edge_signs_agree(
     a: (float32x4_t, float32x4_t),
     b: (float32x4_t, float32x4_t),
     c: (float32x4_t, float32x4_t),
@@ -126,7 +126,7 @@ impl BoxRay {
     /// For a direction whose largest component lies in [1, 2), and boxes within `reach` of the coordinates' origin.
     #[inline(always)]
     pub fn set(&mut self, origin: [f32; 3], direction: [f32; 3], reach: f32) {
-        let far_away = (origin[0].abs() + origin[1].abs()) + (origin[2].abs() + reach);
+        let max_distance = (origin[0].abs() + origin[1].abs()) + (origin[2].abs() + reach);
         // Four lanes, the last one padding, so that the loop vectorises.
         let (o, d) =
             ([origin[0], origin[1], origin[2], 0.0], [direction[0], direction[1], direction[2], 1.0]);
@@ -137,8 +137,8 @@ impl BoxRay {
             inverse[k] = 1.0 / (if tiny { SMALLEST } else { length }).copysign(d[k]);
             let offset: f32 = -(o[k] * inverse[k]);
             // Two roundings of the offset are a relative error of 2^-23. A replaced component displaces the ray by less than
-            // SMALLEST times the parameter, which is at most `far_away`.
-            let replaced = if tiny { 2.0 * far_away } else { 0.0 };
+            // SMALLEST times the parameter, which is at most `max_distance`.
+            let replaced = if tiny { 2.0 * max_distance } else { 0.0 };
             let error = offset.abs() * (1.0 / 4_194_304.0) + replaced;
             near[k] = offset - error;
             far[k] = offset + error;

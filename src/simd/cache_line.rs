@@ -26,14 +26,14 @@ pub fn reserve_on_huge_pages<T>(list: &mut Vec<T>, additional: usize) {
 
 /// The spare capacity of a list, handed out in parts by [`append_claims`].
 pub struct Claims<'a> {
-    room: &'a mut [MaybeUninit<Line>],
+    spare: &'a mut [MaybeUninit<Line>],
     claimed: &'a AtomicUsize,
     filled: &'a AtomicUsize,
 }
 
 /// A claimed part of that capacity.
 pub struct Claim<'a> {
-    room: &'a mut [MaybeUninit<Line>],
+    spare: &'a mut [MaybeUninit<Line>],
     filled: &'a AtomicUsize,
 }
 
@@ -42,8 +42,8 @@ pub struct Claim<'a> {
 pub fn append_claims<R>(lines: &mut Vec<Line>, work: impl FnOnce(Claims) -> R) -> R {
     let before = lines.len();
     let (claimed, filled) = (AtomicUsize::new(0), AtomicUsize::new(0));
-    let room = lines.spare_capacity_mut();
-    let result = work(Claims { room, claimed: &claimed, filled: &filled });
+    let spare = lines.spare_capacity_mut();
+    let result = work(Claims { spare, claimed: &claimed, filled: &filled });
     let (claimed, filled) = (claimed.into_inner(), filled.into_inner());
     if filled == claimed {
         // SAFETY: claims are consecutive parts of the spare capacity, `claimed` lines in total. `fill` consumes a claim and
@@ -56,11 +56,11 @@ pub fn append_claims<R>(lines: &mut Vec<Line>, work: impl FnOnce(Claims) -> R) -
 impl<'a> Claims<'a> {
     /// Claims the next lines; `None` if they exceed the capacity, and for all further claims.
     pub fn claim(&mut self, count: usize) -> Option<Claim<'a>> {
-        let room = std::mem::take(&mut self.room);
-        let (own, rest) = room.split_at_mut_checked(count)?;
-        self.room = rest;
+        let spare = std::mem::take(&mut self.spare);
+        let (own, rest) = spare.split_at_mut_checked(count)?;
+        self.spare = rest;
         self.claimed.fetch_add(count, Ordering::Relaxed);
-        Some(Claim { room: own, filled: self.filled })
+        Some(Claim { spare: own, filled: self.filled })
     }
 }
 
@@ -70,8 +70,8 @@ impl Claim<'_> {
     /// # Panics
     /// If their number differs from the claim's.
     pub fn fill(self, lines: &[Line]) {
-        assert_eq!(self.room.len(), lines.len());
-        for (to, from) in self.room.iter_mut().zip(lines) {
+        assert_eq!(self.spare.len(), lines.len());
+        for (to, from) in self.spare.iter_mut().zip(lines) {
             to.write(*from);
         }
         self.filled.fetch_add(lines.len(), Ordering::Relaxed);

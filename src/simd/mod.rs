@@ -533,12 +533,12 @@ mod tests {
         let filled = |skips: bool| {
             let mut lines = vec![line(0)];
             lines.reserve_exact(10);
-            let room = lines.capacity();
+            let capacity = lines.capacity();
             append_claims(&mut lines, |mut claims| {
-                let first = claims.claim(2).expect("room");
-                let second = claims.claim(room - 4).expect("room");
+                let first = claims.claim(2).expect("capacity");
+                let second = claims.claim(capacity - 4).expect("capacity");
                 assert!(claims.claim(2).is_none() && claims.claim(1).is_none());
-                second.fill(&vec![line(2); room - 4]);
+                second.fill(&vec![line(2); capacity - 4]);
                 if !skips {
                     first.fill(&[line(1); 2]);
                 }

@@ -118,10 +118,10 @@ fn sort8(keys: Pair<uint32x4_t>) -> Pair<uint32x4_t> {
 /// Stores the entries of the lanes in the low three bits of four keys.
 ///
 /// # Safety
-/// There must be room for four of them.
+/// `to` must have space for four entries.
 #[inline(always)]
 unsafe fn store(keys: uint32x4_t, children: Pair<uint32x4_t>, distances: Pair<uint32x4_t>, to: *mut Entry) {
-    // SAFETY: the caller has room.
+    // SAFETY: the caller provides the space.
     unsafe {
         let lanes = vandq_u32(keys, vdupq_n_u32(7));
         let indices = vmlaq_u32(vdupq_n_u32(0x0302_0100), lanes, vdupq_n_u32(0x0404_0404));
@@ -302,7 +302,7 @@ impl Wide for Neon {
                 let y = vsubq_f32(vsubq_f32(vld1q_f32(ys.add(4 * k)), oy), vmulq_n_f32(z, sy));
                 (x, y)
             };
-            mask_of(boxes::meets(vertex(0), vertex(1), vertex(2)))
+            mask_of(boxes::edge_signs_agree(vertex(0), vertex(1), vertex(2)))
         }
     }
 

@@ -2,7 +2,7 @@
 
 use oscura::bsdf::phase::{henyey_greenstein, sample_henyey_greenstein};
 use oscura::math::Vec3;
-use oscura::sampling::chi2::{Chi2, Square};
+use oscura::sampling::chi2::{Chi2, SphericalDomain};
 
 #[test]
 fn scattered_directions_follow_the_density() {
@@ -10,7 +10,7 @@ fn scattered_directions_follow_the_density() {
     let wo = Vec3::new(0.3, -0.5, 0.8).normalize();
     for g in cases {
         Chi2::new(&format!("Henyey-Greenstein {g}"), cases.len()).samples(200_000).assert_directions(
-            &Square::sphere(),
+            &SphericalDomain::sphere(),
             |u| Some(sample_henyey_greenstein(g, wo, [u[0], u[1]])),
             |wi| henyey_greenstein(g, -wo.dot(wi)),
         );

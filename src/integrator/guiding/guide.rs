@@ -390,7 +390,7 @@ impl TrainedCells {
 mod tests {
     use super::*;
     use crate::math::{Frame, Vec3};
-    use crate::sampling::chi2::{Chi2, Random, Square};
+    use crate::sampling::chi2::{Chi2, Random, SphericalDomain};
     use crate::sampling::warp;
 
     /// Random weights; every fifth bin is nearly 0.
@@ -419,7 +419,7 @@ mod tests {
         let frame = Frame::from_normal(Vec3::new(0.48, -0.6, 0.64));
         let of = |w: Vec3| densities[bin(warp::invert_cosine_hemisphere(frame.to_local(w))) as usize];
         Chi2::new("guided directions", 1).assert_directions(
-            &Square::sphere(),
+            &SphericalDomain::sphere(),
             |u| Some(frame.to_world(warp::cosine_hemisphere(histogram.sample([u[0], u[1]]).0))),
             |w| warp::cosine_hemisphere_pdf_solid_angle(frame.to_local(w).z) * of(w),
         );

@@ -2,7 +2,7 @@
 
 use super::lobes::{Cases, conductor, direction, finite, glass, length};
 use oscura::math::Vec3;
-use oscura::sampling::chi2::{Chi2, Random, Square};
+use oscura::sampling::chi2::{Chi2, Random, SphericalDomain};
 use oscura::scene::EnergyCompensation;
 
 /// Normal to grazing, above and below.
@@ -32,7 +32,7 @@ fn samples_follow_the_density_in(cases: &Cases) {
             .samples(100_000)
             .min_splits(splits)
             .assert_directions(
-                &Square::sphere(),
+                &SphericalDomain::sphere(),
                 |u| {
                     let s = bsdf.sample(wo, u);
                     (s.pdf_solid_angle > 0.0 && !s.is_specular).then_some(s.wi)
@@ -50,7 +50,7 @@ fn sharp_lobes_follow_the_density() {
         let bsdf = conductor(0.003, EnergyCompensation::Off);
         let mirror = Vec3::new(-wo.x, -wo.y, wo.z);
         Chi2::new("sharp conductor", 2).assert_directions(
-            &Square::cap(mirror, 5e-4),
+            &SphericalDomain::cap(mirror, 5e-4),
             |u| Some(bsdf.sample(wo, u).wi),
             |wi| bsdf.eval(wo, wi).pdf_solid_angle,
         );
@@ -66,7 +66,7 @@ fn nearly_invisible_glass_follows_the_density() {
         // Facets that no longer face up end the lobe near its centre: not where the cells meet.
         let centre = -wo - Vec3::Z * 1e-3f32.copysign(cosine);
         Chi2::new(&format!("glass 1.001 from {cosine}"), COSINES.len()).assert_directions(
-            &Square::cap(centre, 8e-6),
+            &SphericalDomain::cap(centre, 8e-6),
             |u| {
                 let s = bsdf.sample(wo, u);
                 (s.pdf_solid_angle > 0.0).then_some(s.wi)
