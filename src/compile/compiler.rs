@@ -342,7 +342,7 @@ fn features(
     let boundaries = materials.iter().any(|m| m.bounds_medium);
     let mapped_normals = materials.iter().any(|m| m.normal_map.is_some() || m.normal.is_some());
     Features {
-        alpha: materials.iter().any(CompiledMaterial::may_be_absent),
+        alpha: materials.iter().any(CompiledMaterial::may_pass_through),
         transparency: materials.iter().any(CompiledMaterial::is_transparent),
         panes: materials.iter().any(|m| m.pane_thickness > 0.0),
         normals: geometries.has_normals(),
@@ -354,7 +354,7 @@ fn features(
         scattering: boundaries || media.iter().any(|m| m.scattering.is_some()),
         boundaries,
         overlaps: media.iter().any(|m| m.is_additive)
-            && media.iter().filter(|m| m.is_additive || m.is_permeable).count() > 1,
+            && media.iter().filter(|m| m.is_additive || m.keeps_overlapping_media).count() > 1,
         coincident_surfaces: coincident_surfaces::exist(scene, materials, (geometries, accel, anchor)),
         subsurface: media.iter().filter_map(|m| m.scattering.as_ref()).any(|s| !s.counts_as_bounces),
         environment_visible_to: scene.environment_visible_to,

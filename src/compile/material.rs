@@ -485,7 +485,7 @@ impl CompiledMaterial {
     }
 
     /// May rays pass its surface without scattering?
-    pub fn may_be_absent(&self) -> bool {
+    pub fn may_pass_through(&self) -> bool {
         self.alpha.is_some()
             || self.surface_visibility.is_some()
             || self.is_single_sided

@@ -58,7 +58,7 @@ pub(super) fn number(
                 material.medium_index = index;
                 medium.priority = scene.materials[id].priority;
                 medium.is_additive = medium.is_boundary && medium.has_effect();
-                medium.is_permeable &= medium.scattering.is_none();
+                medium.keeps_overlapping_media &= medium.scattering.is_none();
                 if let Some(scattering) = &mut medium.scattering {
                     if let Some(filling) = &scene.materials[id].medium {
                         scattering.density = density(filling, scene, &grids);
@@ -97,17 +97,17 @@ pub(super) fn mark_enclosed(scene: &Scene, materials: &[CompiledMaterial], media
         let parts = material.components.iter().map(|part| &materials[part.index as usize]);
         parts.chain([material]).for_each(|m| is_open[usize::from(m.medium_index)] = true);
     };
-    materials.iter().filter(|m| m.may_be_absent()).for_each(&mut open);
+    materials.iter().filter(|m| m.may_pass_through()).for_each(&mut open);
     // A mesh may have different materials where rays enter and leave.
     for instance in &scene.instances {
         let parts = || {
             part_materials(&scene.meshes[instance.mesh.index()], instance).map(|id| &materials[id.index()])
         };
-        if parts().any(CompiledMaterial::may_be_absent) {
+        if parts().any(CompiledMaterial::may_pass_through) {
             parts().for_each(&mut open);
         }
     }
-    if scene.quads.iter().any(|quad| materials[quad.material.index()].may_be_absent()) {
+    if scene.quads.iter().any(|quad| materials[quad.material.index()].may_pass_through()) {
         scene.quads.iter().for_each(|quad| open(&materials[quad.material.index()]));
     }
     for (medium, is_open) in media.iter_mut().zip(is_open) {

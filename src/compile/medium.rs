@@ -28,7 +28,7 @@ pub struct Medium {
     pub is_additive: bool,
     /// A solid with a surface that leaves the additive media which it overlaps, of the same priority, as they are within it. Not
     /// scattering solids, whose walks know no other media.
-    pub is_permeable: bool,
+    pub keeps_overlapping_media: bool,
     /// Nested dielectrics: where solids overlap, the highest priority applies.
     pub priority: i32,
     /// Wavelength-dependent coefficients, in spectral rendering.
@@ -51,7 +51,7 @@ impl Medium {
         scattering: None,
         is_boundary: false,
         is_additive: false,
-        is_permeable: false,
+        keeps_overlapping_media: false,
         priority: 0,
         spectra: None,
     };
@@ -91,7 +91,7 @@ impl Medium {
                 let clear = clear(relative_to_air(iors));
                 has_inside.then(|| Medium {
                     absorption: absorption(pbr),
-                    is_permeable: pbr.keeps_radiance,
+                    keeps_overlapping_media: pbr.keeps_radiance,
                     ..clear
                 })
             }
@@ -154,7 +154,7 @@ impl Medium {
     /// The order of solids around a point: the first one refracts, and permeable ones come before additive media of the same priority.
     #[inline]
     pub fn rank(&self) -> (i32, bool) {
-        (self.priority, self.is_permeable)
+        (self.priority, self.keeps_overlapping_media)
     }
 
     /// Does the medium absorb, scatter or emit?

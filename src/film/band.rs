@@ -3,7 +3,7 @@
 use super::channel::{
     Accumulator, AccumulatorData, Channel, Counts, Layout, Reduction, Source, Values, reciprocal,
 };
-use super::exact_sum::{HalfSum, add_exact, on_grid};
+use super::exact_sum::{RgbSum, add_exact, round_to_grid};
 use super::splats::{Splat, Splats};
 use super::tile::{FilmTile, Rect, TileSums};
 
@@ -119,30 +119,30 @@ pub(super) struct Sums {
     /// Number of samples with a first hit of each pixel; empty if no channel needs it.
     pub(super) hits: Vec<u32>,
     /// Accumulators of the channels other than colour.
-    pub(super) further: Vec<Accumulator>,
+    pub(super) extra: Vec<Accumulator>,
     /// Sums over the first half of the samples; empty if the film has no half buffers.
-    pub(super) first_half: Vec<HalfSum>,
+    pub(super) first_half: Vec<RgbSum>,
 }
 
 impl Sums {
     /// Empty sums; `None` if memory runs out.
     pub fn try_new(pixels: usize, layout: &Layout) -> Option<Sums> {
         let counts = |pixels| bytemuck::try_zeroed_vec(pixels).ok();
-        let further = layout.further().iter().map(|channel| Accumulator::try_new(channel, pixels, true));
+        let extra = layout.extra().iter().map(|channel| Accumulator::try_new(channel, pixels, true));
         let halves = if layout.has_halves { pixels } else { 0 };
         Some(Sums {
             rgba: bytemuck::try_zeroed_vec(pixels).ok()?,
             rgb_low: bytemuck::try_zeroed_vec(pixels).ok()?,
             count: counts(pixels)?,
             hits: counts(if layout.has_first_hits { pixels } else { 0 })?,
-            further: further.collect::<Option<_>>()?,
+            extra: extra.collect::<Option<_>>()?,
             first_half: bytemuck::try_zeroed_vec(halves).ok()?,
         })
     }
 
     /// Mean colours of both half buffers of a pixel, zero without samples, and the number of samples in each.
     pub fn halves(&self, pixel: usize) -> ([[f32; 3]; 2], [u32; 2]) {
-        let HalfSum { rgb, count, .. } = self.first_half[pixel];
+        let RgbSum { rgb, count, .. } = self.first_half[pixel];
         let all = &self.rgba[pixel];
         let counts = [count, self.count[pixel].saturating_sub(count)];
         let [first, second] = counts.map(reciprocal);
@@ -157,8 +157,8 @@ impl Sums {
     pub fn add_tile_row(&mut self, at: usize, tile: &TileSums, from: usize, length: usize, layout: &Layout) {
         let (here, there) = (at..at + length, from..from + length);
         let mut others = tile.others.iter();
-        let channels = layout.further().iter().zip(&layout.offsets);
-        for ((channel, &offset), into) in channels.zip(&mut self.further) {
+        let channels = layout.extra().iter().zip(&layout.offsets);
+        for ((channel, &offset), into) in channels.zip(&mut self.extra) {
             let (before, added, sums, stride) = match channel.source {
                 Source::Color => (&self.count, &tile.count, &[][..], 0),
                 Source::PartOfColor => (&self.count, &tile.count, &tile.parts[..], 3 * layout.parts),
@@ -175,7 +175,7 @@ impl Sums {
         }
         let colors = self.rgba[here.clone()].iter_mut().zip(&mut self.rgb_low[here.clone()]);
         for ((sum, low), value) in colors.zip(&tile.rgba[there.clone()]) {
-            (0..3).for_each(|c| add_exact(&mut sum[c], &mut low[c], on_grid(value[c])));
+            (0..3).for_each(|c| add_exact(&mut sum[c], &mut low[c], round_to_grid(value[c])));
             // Alphas of samples are multiples of a coarse step, so that their sums are exact.
             sum[3] += value[3];
         }
@@ -192,7 +192,7 @@ impl Sums {
     /// Adds one row of other sums.
     pub fn add_row(&mut self, at: usize, other: &Sums, from: usize, length: usize, layout: &Layout) {
         let (here, there) = (at..at + length, from..from + length);
-        for ((channel, into), more) in layout.further().iter().zip(&mut self.further).zip(&other.further) {
+        for ((channel, into), more) in layout.extra().iter().zip(&mut self.extra).zip(&other.extra) {
             let (before, added) = match channel.source {
                 Source::Color | Source::PartOfColor => (&self.count, &other.count),
                 Source::FirstHit => (&self.hits, &other.hits),
@@ -227,14 +227,14 @@ impl Sums {
         self.rgb_low.fill([0.0; 3]);
     }
 
-    /// Sets the means of a channel other than colour, by its index in [`Layout::further`].
-    pub fn set_means(&mut self, further: usize, values: [&[f32]; 3]) {
-        self.further[further].set_means(values, &self.count);
+    /// Sets the means of a channel other than colour, by its index in [`Layout::extra`].
+    pub fn set_means(&mut self, extra: usize, values: [&[f32]; 3]) {
+        self.extra[extra].set_means(values, &self.count);
     }
 
-    /// Removes a channel other than colour, by its index in [`Layout::further`].
-    pub fn remove(&mut self, further: usize) {
-        self.further.remove(further);
+    /// Removes a channel other than colour, by its index in [`Layout::extra`].
+    pub fn remove(&mut self, extra: usize) {
+        self.extra.remove(extra);
     }
 
     /// Removes the counts of first hits.
@@ -251,12 +251,12 @@ impl Sums {
 
     /// The planes of a channel other than colour.
     pub fn planes(&self, index: usize, channel: &Channel) -> Vec<Values> {
-        let further = index - 1;
+        let extra = index - 1;
         let with_value = match channel.source {
             Source::Color | Source::PartOfColor => &self.count,
             Source::FirstHit => &self.hits,
         };
-        self.further[further].planes(channel, Counts { samples: &self.count, with_value })
+        self.extra[extra].planes(channel, Counts { samples: &self.count, with_value })
     }
 }
 

@@ -1,7 +1,7 @@
 //! Channels of a film and their reductions from samples to pixels. `aov.rs` has the table of AOVs.
 
 use super::cryptomatte::Coverage;
-use super::exact_sum::{HalfSum, SumList};
+use super::exact_sum::{RgbSum, SumList};
 use std::borrow::Cow;
 use std::ops::Range;
 
@@ -301,7 +301,9 @@ impl Accumulator {
         match (&self.data, channel.reduction) {
             (AccumulatorData::Coverage(lists), _) => coverage_planes(lists, channel.names.len(), samples),
             (AccumulatorData::Sums(sums), Reduction::Share) => {
-                vec![Values::Float(sums.high.chunks_exact(2).map(|pair| share(pair[0], pair[1])).collect())]
+                vec![Values::Float(
+                    sums.high.chunks_exact(2).map(|pair| fraction(pair[0], pair[1])).collect(),
+                )]
             }
             (AccumulatorData::Sums(sums), Reduction::MeanOfHits { empty }) => {
                 means(&sums.high, self.width, with_value, empty)
@@ -378,7 +380,7 @@ fn means(sums: &[f64], width: usize, counts: &[u32], empty: f32) -> Vec<Values> 
 }
 
 /// Ratio of the first of two sums to both together; 0 if both are 0.
-fn share(first: f64, second: f64) -> f32 {
+fn fraction(first: f64, second: f64) -> f32 {
     let both = first + second;
     if both > 0.0 { (first / both).clamp(0.0, 1.0) as f32 } else { 0.0 }
 }
@@ -430,8 +432,8 @@ pub struct Layout {
 const EXPONENT: u32 = 0x7f80_0000;
 
 impl Layout {
-    /// A layout with colour and further channels.
-    pub fn new(further: impl IntoIterator<Item = Channel>) -> Layout {
+    /// A layout with colour and extra channels.
+    pub fn new(extra: impl IntoIterator<Item = Channel>) -> Layout {
         let mut layout = Layout {
             channels: vec![Channel::color()],
             has_first_hits: false,
@@ -440,7 +442,7 @@ impl Layout {
             parts: 0,
             exponents: Vec::new(),
         };
-        for channel in further {
+        for channel in extra {
             layout.offsets.push(match channel.source {
                 Source::Color => 0,
                 Source::PartOfColor => 3 * layout.parts,
@@ -474,11 +476,11 @@ impl Layout {
     }
 
     /// The channels other than colour.
-    pub(super) fn further(&self) -> &[Channel] {
+    pub(super) fn extra(&self) -> &[Channel] {
         &self.channels[1..]
     }
 
-    /// Whether there are further channels or half buffers.
+    /// Whether there are extra channels or half buffers.
     pub fn has_more_than_color(&self) -> bool {
         self.channels.len() > 1 || self.has_halves
     }
@@ -490,18 +492,18 @@ impl Layout {
 
     /// Maximum memory of splats per pixel, bytes.
     pub fn splat_bytes_per_pixel(&self) -> u64 {
-        let further = self.further().iter().filter(|channel| {
+        let extra = self.extra().iter().filter(|channel| {
             channel.source == Source::PartOfColor || channel.reduction == Reduction::VarianceOfMean
         });
-        let lists = further.count() * 3 * (size_of::<f64>() + size_of::<f32>());
-        (size_of::<HalfSum>() * (1 + usize::from(self.has_halves)) + lists) as u64
+        let lists = extra.count() * 3 * (size_of::<f64>() + size_of::<f32>());
+        (size_of::<RgbSum>() * (1 + usize::from(self.has_halves)) + lists) as u64
     }
 
     /// Memory per pixel without splats, bytes.
     pub fn bytes_per_pixel(&self) -> u64 {
         let counts = size_of::<u32>() * (1 + usize::from(self.has_first_hits));
-        let further: usize = self.further().iter().map(Accumulator::bytes_per_pixel).sum();
-        let halves = if self.has_halves { size_of::<HalfSum>() } else { 0 };
-        (size_of::<[f64; 4]>() + size_of::<[f32; 3]>() + counts + further + halves) as u64
+        let extra: usize = self.extra().iter().map(Accumulator::bytes_per_pixel).sum();
+        let halves = if self.has_halves { size_of::<RgbSum>() } else { 0 };
+        (size_of::<[f64; 4]>() + size_of::<[f32; 3]>() + counts + extra + halves) as u64
     }
 }

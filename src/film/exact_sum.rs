@@ -22,7 +22,7 @@ const LARGEST: f64 = (1u64 << (76 - GRID_BITS)) as f64;
 
 /// Rounds a number to the grid.
 #[inline(always)]
-pub(super) fn on_grid(value: f64) -> f64 {
+pub(super) fn round_to_grid(value: f64) -> f64 {
     if value.abs() < ROUNDED { (value + ROUNDER) - ROUNDER } else { value }
 }
 
@@ -109,20 +109,21 @@ impl Kernel for AddAll<'_> {
     #[inline(always)]
     fn run(self) {
         let sums = self.high.iter_mut().zip(self.low).zip(self.values);
-        sums.for_each(|((high, low), value)| add_exact(high, low, on_grid(*value)));
+        sums.for_each(|((high, low), value)| add_exact(high, low, round_to_grid(*value)));
     }
 }
 
-/// Sums of red, green and blue over the first half of a pixel's samples, and their number.
+/// Sums of red, green and blue over some samples of a pixel, and the number of these samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub(super) struct HalfSum {
+pub(super) struct RgbSum {
     pub rgb: [f64; 3],
+    /// Rounding errors of `rgb`.
     pub low: [f32; 3],
     pub count: u32,
 }
 
-impl HalfSum {
+impl RgbSum {
     /// Adds a sample, in a tile.
     pub fn add(&mut self, rgb: [f32; 3]) {
         self.rgb.iter_mut().zip(rgb).for_each(|(sum, v)| *sum += f64::from(v));
@@ -132,14 +133,14 @@ impl HalfSum {
     /// Adds a value to the exact sum without changing the count.
     pub fn add_exactly(&mut self, rgb: [f32; 3]) {
         for ((sum, low), value) in self.rgb.iter_mut().zip(&mut self.low).zip(rgb) {
-            add_exact(sum, low, on_grid(f64::from(value)));
+            add_exact(sum, low, round_to_grid(f64::from(value)));
         }
     }
 
     /// Adds the plain sum of a tile, or an exact sum.
-    pub fn merge(&mut self, other: &HalfSum, is_of_tile: bool) {
+    pub fn merge(&mut self, other: &RgbSum, is_of_tile: bool) {
         for c in 0..3 {
-            let value = if is_of_tile { on_grid(other.rgb[c]) } else { other.rgb[c] };
+            let value = if is_of_tile { round_to_grid(other.rgb[c]) } else { other.rgb[c] };
             add_exact(&mut self.rgb[c], &mut self.low[c], value);
             if !is_of_tile {
                 add_exact(&mut self.rgb[c], &mut self.low[c], f64::from(other.low[c]));
@@ -201,8 +202,8 @@ mod tests {
     fn grid_is_finer_than_single_precision_of_samples() {
         for value in [1e-6f32, 3.7e-4, 0.1, 5.0, 127.9, 128.1, 1e9] {
             let value = f64::from(value);
-            assert_eq!(on_grid(value), value, "{value}");
+            assert_eq!(round_to_grid(value), value, "{value}");
         }
-        assert!((on_grid(1e-9) / 1e-9 - 1.0).abs() < 1e-4);
+        assert!((round_to_grid(1e-9) / 1e-9 - 1.0).abs() < 1e-4);
     }
 }

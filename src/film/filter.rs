@@ -118,8 +118,8 @@ impl FilterSampler {
     }
 
     /// Chooses one of the pixels along an axis whose filter covers a film point, with probabilities proportional to their filter
-    /// values, by a number `u` in 0..1. Returns the pixel and the sum of these values, its weight: so its expected share is the
-    /// filter's value.
+    /// values, by a number `u` in 0..1. Returns the pixel and its weight, the sum of these values, so that the expected weight of a
+    /// pixel is its filter value.
     #[inline]
     pub fn choose_pixel(&self, at: f32, u: f32) -> (f32, f32) {
         let sum = self.covered_pixels(at).map(|(_, value)| value).sum::<f32>();

@@ -2,7 +2,7 @@
 //!
 //! Every sample belongs to one pixel (filters are importance-sampled, see [`FilterSampler`]), so a pixel is a sum and a count. Tiles have
 //! plain f64 sums, precise enough for any number of samples. The film has exact sums (`exact_sum.rs`), so that tiles and films may be
-//! added in any order, in bands of rows (`band.rs`), to which several threads add concurrently.
+//! added in any order. It consists of bands of rows (`band.rs`), to which several threads add concurrently.
 
 mod aov;
 mod band;

@@ -1,11 +1,11 @@
 //! The film: sums of all channels for every pixel, in bands of rows.
 //!
 //! # Shadow catchers
-//! Of shadow catchers only the effects of other objects are visible: shadows and reflections.
+//! Shadow catchers are invisible; only the effects of other objects on them are visible: shadows and reflections.
 //!
-//! Over the samples whose camera rays hit a catcher first, the film stores, as means over all samples of the pixel, the radiance W
-//! with the whole scene, the radiance O with only catchers and lights, and the fraction c of these samples. Their colour
-//! becomes, channel by channel,
+//! The film stores, for samples whose camera rays hit a catcher first, the radiance W with the whole scene, the radiance O with only
+//! catchers and lights, both as means over all samples of the pixel, and the fraction c of these samples. Their colour becomes, channel by
+//! channel,
 //!
 //! ```text
 //! rgb = W - (1 - a) O,    alpha = a c,    with a = 1 - min(1, minimum of W / O over the channels).
@@ -64,12 +64,12 @@ impl Film {
         Film::try_new(width, height, aovs.channels()).expect("there is memory for the film")
     }
 
-    /// An empty film of `width` by `height` pixels with colour and further channels.
+    /// An empty film of `width` by `height` pixels with colour and extra channels.
     ///
     /// # Errors
     /// If memory runs out: a usage error with the required memory.
-    pub fn try_new(width: u32, height: u32, further: impl IntoIterator<Item = Channel>) -> Result<Film> {
-        Film::of_layout(width, height, Layout::new(further))
+    pub fn try_new(width: u32, height: u32, extra: impl IntoIterator<Item = Channel>) -> Result<Film> {
+        Film::of_layout(width, height, Layout::new(extra))
     }
 
     /// An empty film with the channels of a layout.

@@ -22,8 +22,8 @@ impl Film {
         write(writer, bands.iter().map(|band| &band.sums.count[..]))?;
         write(writer, bands.iter().map(|band| &band.sums.hits[..]))?;
         write(writer, bands.iter().map(|band| &band.sums.first_half[..]))?;
-        for channel in 0..self.layout.further().len() {
-            let parts: Vec<&Accumulator> = bands.iter().map(|band| &band.sums.further[channel]).collect();
+        for channel in 0..self.layout.extra().len() {
+            let parts: Vec<&Accumulator> = bands.iter().map(|band| &band.sums.extra[channel]).collect();
             write_channel(writer, &parts)?;
         }
         let splats: Vec<&Splats> = bands.iter().filter_map(|band| band.splats.as_ref()).collect();
@@ -45,8 +45,8 @@ impl Film {
         read(reader, bands.iter_mut().map(|band| &mut band.sums.count[..]))?;
         read(reader, bands.iter_mut().map(|band| &mut band.sums.hits[..]))?;
         read(reader, bands.iter_mut().map(|band| &mut band.sums.first_half[..]))?;
-        for channel in 0..self.layout.further().len() {
-            let parts = bands.iter_mut().map(|band| &mut band.sums.further[channel]).collect();
+        for channel in 0..self.layout.extra().len() {
+            let parts = bands.iter_mut().map(|band| &mut band.sums.extra[channel]).collect();
             read_channel(reader, parts)?;
         }
         let mut has_splats = [0u8];

@@ -1,7 +1,7 @@
 //! Splats: contributions of light paths to arbitrary pixels (light tracing). Their mean is added to the mean of camera samples.
 
 use super::channel::{Layout, Reduction, reciprocal};
-use super::exact_sum::{HalfSum, SumList, add_exact, on_grid};
+use super::exact_sum::{RgbSum, SumList, add_exact, round_to_grid};
 
 /// Contribution of a light path to a pixel.
 #[derive(Clone, Debug, PartialEq)]
@@ -34,9 +34,9 @@ impl SplatPart {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Splats {
     /// Sums over all samples.
-    pub all: Vec<HalfSum>,
+    pub all: Vec<RgbSum>,
     /// Sums over the first half of the samples; empty if the film has no half buffers.
-    pub first_half: Vec<HalfSum>,
+    pub first_half: Vec<RgbSum>,
     /// RGB sums of each layer.
     pub layers: Vec<SumList>,
     /// RGB sums of squares, if the film has a variance channel.
@@ -46,8 +46,8 @@ pub(super) struct Splats {
 impl Splats {
     /// Empty sums. Panics if memory runs out.
     pub fn new(pixels: usize, layout: &Layout) -> Splats {
-        let zeros = |count| vec![HalfSum::default(); count];
-        let has_variance = layout.further().iter().any(|c| c.reduction == Reduction::VarianceOfMean);
+        let zeros = |count| vec![RgbSum::default(); count];
+        let has_variance = layout.extra().iter().any(|c| c.reduction == Reduction::VarianceOfMean);
         Splats {
             all: zeros(pixels),
             first_half: zeros(if layout.has_halves() { pixels } else { 0 }),
@@ -108,14 +108,14 @@ impl Splats {
 
     /// Clears the sums of colour, after the colour was replaced.
     pub fn clear_color(&mut self) {
-        let zero = |sum: &mut HalfSum| *sum = HalfSum { count: sum.count, ..HalfSum::default() };
+        let zero = |sum: &mut RgbSum| *sum = RgbSum { count: sum.count, ..RgbSum::default() };
         self.all.iter_mut().for_each(zero);
         self.first_half.iter_mut().for_each(zero);
     }
 
     /// Mean RGB of a pixel.
     pub fn mean(&self, pixel: usize) -> [f64; 3] {
-        let HalfSum { rgb, count, .. } = self.all[pixel];
+        let RgbSum { rgb, count, .. } = self.all[pixel];
         rgb.map(|sum| sum * reciprocal(count))
     }
 
@@ -150,7 +150,7 @@ impl Splats {
 fn add(list: &mut SumList, pixel: usize, values: [f64; 3]) {
     let at = 3 * pixel..3 * pixel + 3;
     let sums = list.high[at.clone()].iter_mut().zip(&mut list.low[at]);
-    sums.zip(values).for_each(|((sum, low), value)| add_exact(sum, low, on_grid(value)));
+    sums.zip(values).for_each(|((sum, low), value)| add_exact(sum, low, round_to_grid(value)));
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! Tiles: parts of a film, each filled by one thread.
 
 use super::channel::{Accumulator, Layout, Source};
-use super::exact_sum::HalfSum;
+use super::exact_sum::RgbSum;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -31,12 +31,12 @@ pub(super) struct TileSums {
     /// Number of samples with a first hit of each pixel; empty if no channel needs it.
     pub hits: Vec<u32>,
     /// Sums over the first half of the samples; empty if the film has no half buffers.
-    pub first_half: Vec<HalfSum>,
+    pub first_half: Vec<RgbSum>,
     /// Sums of first-hit values of all channels, pixel by pixel; those of channels that are not summed are unused.
     pub first_hits: Vec<f64>,
     /// Sums of parts of the radiance (light groups, light passes), RGB each, pixel by pixel.
     pub parts: Vec<f64>,
-    /// Accumulators of channels other than colour that are not plain sums, with their indices in [`Layout::further`].
+    /// Accumulators of channels other than colour that are not plain sums, with their indices in [`Layout::extra`].
     pub others: Vec<(usize, Accumulator)>,
 }
 
@@ -51,8 +51,8 @@ impl TileSums {
             }
             is_allocated
         }
-        let further = layout.further().iter().enumerate().filter(|(_, channel)| !channel.is_summed());
-        let others = further.map(|(k, c)| Some((k, Accumulator::try_new(c, pixels, false)?)));
+        let extra = layout.extra().iter().enumerate().filter(|(_, channel)| !channel.is_summed());
+        let others = extra.map(|(k, c)| Some((k, Accumulator::try_new(c, pixels, false)?)));
         let Some(others) = others.collect() else { return false };
         self.others = others;
         zeros(&mut self.rgba, pixels)
@@ -64,7 +64,7 @@ impl TileSums {
     }
 
     /// Adds a sample to the channels other than colour, after its colour.
-    fn add_further(
+    fn add_extra(
         &mut self,
         pixel: usize,
         rgb: [f32; 3],
@@ -75,7 +75,7 @@ impl TileSums {
         let is_first = self.count[pixel] == 1;
         for (index, accumulator) in &mut self.others {
             let offset = layout.offsets[*index];
-            let channel = &layout.further()[*index];
+            let channel = &layout.extra()[*index];
             match channel.source {
                 Source::Color => accumulator.add(pixel, &rgb, is_first),
                 Source::PartOfColor => {
@@ -133,7 +133,7 @@ impl FilmTile {
     }
 
     /// Adds a sample, premultiplied linear colour and alpha, to a pixel by its index in the tile. Non-finite samples are discarded and
-    /// counted; then `false`. For further channels see [`add_with_first_hit`](FilmTile::add_with_first_hit).
+    /// counted; then `false`. For extra channels see [`add_with_first_hit`](FilmTile::add_with_first_hit).
     #[inline(always)]
     pub fn add(&mut self, pixel: u32, rgb: [f32; 3], alpha: f32) -> bool {
         let [r, g, b] = rgb;
@@ -175,7 +175,7 @@ impl FilmTile {
             self.sums.first_half[pixel as usize].add(rgb);
         }
         let first_hit = first_hit.filter(|values| self.layout.is_finite(values));
-        self.sums.add_further(pixel as usize, rgb, first_hit, parts, &self.layout);
+        self.sums.add_extra(pixel as usize, rgb, first_hit, parts, &self.layout);
     }
 }
 

@@ -20,7 +20,7 @@ const IS_PARENT: u64 = 1 << 62;
 const PARENT_BITS: u32 = 2;
 
 /// Approximate number of cells that a surface crosses in a parent cell.
-pub const CELLS_OF_PARENT: f32 = (1 << (2 * PARENT_BITS)) as f32;
+pub const CELLS_PER_PARENT: f32 = (1 << (2 * PARENT_BITS)) as f32;
 
 /// A uniform grid of cubes, subdivided by the direction of normals. Coordinates wrap after 65,536 cells.
 #[derive(Clone, Copy, Debug)]

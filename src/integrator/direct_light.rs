@@ -11,17 +11,17 @@ use super::Integrator;
 use super::guiding::Guided;
 use super::lifted_rays::{exchange_normals, lift_shadow_rays, restore_normals};
 use super::light_samples::{
-    BATCH, EnvironmentSampler, InOrder, RectangleSampler, SampleLight, sample_uniform,
+    BATCH, EnvironmentSampler, FirstVertices, RectangleSampler, SampleLight, sample_uniform,
 };
-use super::light_visibility::{LightProbe, LightVisibility};
+use super::light_visibility::{LightSampleRecord, LightVisibility};
 use super::mis::LightPdf;
 use super::radiance_buffer::RadianceOrigin;
 use super::sampling::{Block, Purpose};
-use super::shading_geometry::{Horizon, Relief, Sharp, SharpRelief, Soft, Terminator};
+use super::shading_geometry::{Sharp, SharpBumps, Soft, SoftBumps, Terminator, TerminatorCorrection};
 use super::shading_groups::{
     Closure, GeneralClass, LambertClass, MediumClass, MetalRoughClass, SortedVertices, VertexClass,
 };
-use super::visibility::class;
+use super::visibility::receiver_class;
 use super::wave::{LightLanes, Vertices, WAVE, Wave, get, get_rgb, set, set_rgb};
 use super::workspace::{SampleTimes, Workspace};
 use crate::color::Rgb;
@@ -49,7 +49,7 @@ impl Integrator<'_> {
         let visibility = self.options.light_visibility;
         dispatch(SelectLights { wave, count, opaque, lights, visibility, dimensions, linked });
         if lights.are_rectangles() {
-            return sample_uniform::<UniformRectangle, _>(InOrder(count), lights, wave);
+            return sample_uniform::<UniformRectangle, _>(FirstVertices(count), lights, wave);
         }
         let others = w.vertices_by_light.sample(count, lights, wave);
         self.sample_other_lights(others, wave, &w.times);
@@ -106,7 +106,7 @@ impl Kernel for SelectLights<'_> {
         let Wave { paths, vertices: v, scratch: [u0, u1, choice0, choice1, ..] } = self.wave;
         let count = self.count.min(WAVE);
         for i in 0..count {
-            let point = SobolPoint::from_parts(paths.state.seed[i], paths.state.shuffled[i]);
+            let point = SobolPoint::from_parts(paths.state.seed[i], paths.state.index_rev[i]);
             [u0[i], u1[i], choice0[i], choice1[i]] = point.sample_4d(self.dimensions);
         }
         for first in (0..count).step_by(BATCH) {
@@ -123,7 +123,7 @@ impl Kernel for SelectLights<'_> {
             let chosen = match self.linked {
                 false => self.lights.select_many(&receivers, &numbers, lanes),
                 true => {
-                    let class = |lane| class(first + lane, paths, true);
+                    let class = |lane| receiver_class(first + lane, paths, true);
                     self.lights.select_by_class(class, &receivers, &numbers, lanes)
                 }
             };
@@ -142,27 +142,27 @@ impl Integrator<'_> {
         LightVisibility::receiver(self.options.light_visibility, p, normal)
     }
 
-    /// The light samples of a block of camera paths; `None` if `stop` holds.
-    pub fn probe_lights(
+    /// Traces a block of camera paths and returns their light samples; `None` if `stop` interrupted it.
+    pub fn trace_light_samples(
         &self,
         block: &Block,
         w: &mut Workspace,
         stop: &dyn Fn() -> bool,
-    ) -> Option<Vec<LightProbe>> {
-        w.light_probes.clear();
+    ) -> Option<Vec<LightSampleRecord>> {
+        w.light_sample_records.clear();
         let is_done = self.trace(block, w, stop, |_| {});
-        let probes = std::mem::take(&mut w.light_probes);
+        let probes = std::mem::take(&mut w.light_sample_records);
         is_done.then_some(probes)
     }
 
     /// Records which light samples are occluded.
-    fn record_light_probes(&self, sorted: &SortedVertices, w: &mut Workspace) {
-        let Workspace { wave, shadow_vertices, occluded, light_probes, .. } = w;
+    fn record_light_samples(&self, sorted: &SortedVertices, w: &mut Workspace) {
+        let Workspace { wave, shadow_vertices, occluded, light_sample_records, .. } = w;
         let mut rays = shadow_vertices.iter().zip(&*occluded).peekable();
         for i in sorted.lit() {
             let is_visible =
                 rays.next_if(|&(&vertex, _)| vertex as usize == i).is_some_and(|(_, occluded)| !occluded);
-            light_probes.push(LightProbe {
+            light_sample_records.push(LightSampleRecord {
                 p: get(&wave.vertices.p, i).to_array(),
                 n: get(&wave.paths.receiver_normal, i).to_array(),
                 group: self.scene.lights.group_of(wave.vertices.light.index[i]),
@@ -177,7 +177,7 @@ impl Integrator<'_> {
     pub(super) fn add_direct_light(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
         let count = self.light_samples(bounce);
         for number in 0..count {
-            Self::number_light_samples(&mut w.wave.paths.state, sorted, number, count);
+            Self::set_light_sample_points(&mut w.wave.paths.state, sorted, number, count);
             self.sample_lights(bounce, sorted, w);
             if self.scene.lights.emits_by_hit() {
                 self.evaluate_emission_at_hits(sorted, w);
@@ -191,7 +191,7 @@ impl Integrator<'_> {
             self.exclude_caustic_light_samples(bounce, sorted, w);
             self.direct_light(bounce, sorted, w);
         }
-        Self::end_light_samples(&mut w.wave.paths.state, sorted, count);
+        Self::restore_sobol_points(&mut w.wave.paths.state, sorted, count);
     }
 
     /// Weights one light sample per vertex, traces the shadow rays, and adds the unoccluded contributions.
@@ -200,15 +200,15 @@ impl Integrator<'_> {
         if self.lifts_shadow_rays() {
             exchange_normals(sorted, &mut w.wave.vertices);
         }
-        self.weigh_light_samples(sorted, w);
-        let (branches, share) =
+        self.guide_light_samples(sorted, w);
+        let (branches, inverse_light_samples) =
             (self.bsdf_samples_per_light_sample(bounce), 1.0 / self.light_samples(bounce) as f32);
-        let counts = DirectParams { branches, share };
+        let params = DirectParams { branches, inverse_light_samples };
         match self.terminator() {
-            Terminator::Sharp => direct(Sharp, counts, guided, sorted, w),
-            Terminator::Soft => direct(Soft, counts, guided, sorted, w),
-            Terminator::Relief => direct(Relief, counts, guided, sorted, w),
-            Terminator::SharpRelief => direct(SharpRelief, counts, guided, sorted, w),
+            Terminator::Sharp => direct(Sharp, params, guided, sorted, w),
+            Terminator::Soft => direct(Soft, params, guided, sorted, w),
+            Terminator::SoftBumps => direct(SoftBumps, params, guided, sorted, w),
+            Terminator::SharpBumps => direct(SharpBumps, params, guided, sorted, w),
         }
         if self.lifts_shadow_rays() {
             lift_shadow_rays(sorted, &mut w.wave.vertices);
@@ -255,8 +255,8 @@ impl Integrator<'_> {
         if self.scene.features.boundaries {
             self.end_shadow_segments(w);
         }
-        if self.options.records_light_probes {
-            self.record_light_probes(sorted, w);
+        if self.options.records_light_samples {
+            self.record_light_samples(sorted, w);
         }
         if shows_shadow {
             self.record_shadows(bounce, sorted, w);
@@ -308,49 +308,49 @@ impl Integrator<'_> {
 }
 
 /// Computes the weighted contributions of the light samples in all shading groups.
-fn direct<T: Horizon>(
-    horizon: T,
-    counts: DirectParams,
+fn direct<T: TerminatorCorrection>(
+    correction: T,
+    params: DirectParams,
     guided: bool,
     sorted: &SortedVertices,
     w: &mut Workspace,
 ) {
     let Workspace { wave, bsdfs, .. } = w;
     if guided {
-        dispatch(Direct { horizon, wave, class: Guided(LambertClass), range: sorted.lambert(), counts });
+        dispatch(Direct { correction, wave, class: Guided(LambertClass), range: sorted.lambert(), params });
         let class = Guided(MetalRoughClass);
-        dispatch(Direct { horizon, wave, class, range: sorted.metal_rough(), counts });
+        dispatch(Direct { correction, wave, class, range: sorted.metal_rough(), params });
     } else {
-        dispatch(Direct { horizon, wave, class: LambertClass, range: sorted.lambert(), counts });
-        dispatch(Direct { horizon, wave, class: MetalRoughClass, range: sorted.metal_rough(), counts });
+        dispatch(Direct { correction, wave, class: LambertClass, range: sorted.lambert(), params });
+        dispatch(Direct { correction, wave, class: MetalRoughClass, range: sorted.metal_rough(), params });
     }
     if !sorted.medium().is_empty() {
-        dispatch(Direct { horizon, wave, class: MediumClass, range: sorted.medium(), counts });
+        dispatch(Direct { correction, wave, class: MediumClass, range: sorted.medium(), params });
     }
     let range = sorted.rough();
     // Not vectorised, so a higher CPU level has no benefit.
-    Direct { horizon, wave, class: GeneralClass { bsdfs, first: range.start }, range, counts }.run();
+    Direct { correction, wave, class: GeneralClass { bsdfs, first: range.start }, range, params }.run();
 }
 
 /// Computes the weighted contributions of the light samples in a shading group.
 pub(super) struct Direct<'a, C, T> {
-    pub horizon: T,
+    pub correction: T,
     pub wave: &'a mut Wave,
     pub class: C,
     pub range: Range<usize>,
-    pub counts: DirectParams,
+    pub params: DirectParams,
 }
 
-/// Numbers of BSDF and light samples.
+/// Numbers of BSDF and light samples per vertex.
 #[derive(Clone, Copy)]
 pub(super) struct DirectParams {
     /// Number of BSDF samples per light sample, for MIS.
     pub branches: f32,
-    /// Reciprocal of the number of light samples per vertex.
-    pub share: f32,
+    /// 1 / number of light samples.
+    pub inverse_light_samples: f32,
 }
 
-impl<C: VertexClass, T: Horizon> Kernel for Direct<'_, C, T> {
+impl<C: VertexClass, T: TerminatorCorrection> Kernel for Direct<'_, C, T> {
     type Output = ();
 
     #[inline(always)]
@@ -367,14 +367,15 @@ impl<C: VertexClass, T: Horizon> Kernel for Direct<'_, C, T> {
             let eval = closure.eval(wi);
             let cosine = wi.dot(ng);
             let side = if !C::Closure::OPAQUE && cosine < 0.0 { -1.0 } else { 1.0 };
-            let pdf = eval.pdf_solid_angle * self.counts.branches * self.class.light_density(v, i);
-            let mut weight = light_pdf.mis_weight_over_pdf(pdf) * self.counts.share;
+            let pdf = eval.pdf_solid_angle * self.params.branches * self.class.light_pdf_factor(v, i);
+            let mut weight = light_pdf.mis_weight_over_pdf(pdf) * self.params.inverse_light_samples;
             let mut eval = eval;
             if T::SOFTENS && !C::Closure::IN_MEDIUM && !closure.crosses(wi) {
-                weight *= self.horizon.light_factor(v, i, [ns * side, ng * side], side, wi);
-                let relief;
-                (eval, relief) = closure.on_relief(self.horizon, (v, i), (ns * side, side), (wi, eval));
-                weight *= relief;
+                weight *= self.correction.light_factor(v, i, [ns * side, ng * side], side, wi);
+                let bump_factor;
+                (eval, bump_factor) =
+                    closure.apply_bump_terminator(self.correction, (v, i), (ns * side, side), (wi, eval));
+                weight *= bump_factor;
             }
             let is_lit = !light_pdf.is_none() & (!C::Closure::OPAQUE | (cosine > 0.0));
             let weight = if is_lit { weight } else { 0.0 };
@@ -406,9 +407,9 @@ impl Integrator<'_> {
             let i = i as usize;
             let (mut all, mut arrived) = (unoccluded, get_rgb(&wave.vertices.light.contribution, i));
             if self.optional.visibility {
-                let share = |passed| self.visible_fraction((bounce, i), passed, sorted, wave, bsdfs);
+                let fraction = |passed| self.visible_fraction((bounce, i), passed, sorted, wave, bsdfs);
                 let passed = passed_kinds.get(k).copied().unwrap_or(RayKinds::NONE);
-                (all, arrived) = (all * share(RayKinds::NONE), arrived * share(passed));
+                (all, arrived) = (all * fraction(RayKinds::NONE), arrived * fraction(passed));
             }
             let weight = self.light_sample_mis_weight(bounce, sorted, wave, bsdfs, i).max(f32::MIN_POSITIVE);
             let arrived = if occluded[k] { 0.0 } else { arrived.luminance() / weight };

@@ -12,7 +12,7 @@ use super::radiance_buffer::{PathClass, RadianceOrigin, class_of_path};
 use super::sampling::Purpose;
 use super::shading_geometry::HitPoint;
 use super::shading_groups::SortedVertices;
-use super::visibility::class;
+use super::visibility::receiver_class;
 use super::wave::{LENGTH, Paths, Scratch, WAVE, Wave, get, get_rgb, set_rgb};
 use super::workspace::Workspace;
 use crate::bsdf::{Bsdf, Slots};
@@ -56,7 +56,7 @@ impl Integrator<'_> {
             let area = moving.as_ref().unwrap_or(&self.scene.lights.area()[index as usize]);
             let p = self.start_of_ray(i, w);
             let receiver = self.light_receiver(p, get(&w.arriving.receiver_normal, i));
-            let class = class(i, &w.arriving, self.scene.features.links);
+            let class = receiver_class(i, &w.arriving, self.scene.features.links);
             let pdf_discrete = self.scene.lights.pdf_discrete(class, &receiver, index);
             let through_panes = self.pane_density_ratio(i, (p, surface.p), area.normal_at(surface.p, p), w);
             weight =
@@ -90,7 +90,7 @@ impl Integrator<'_> {
                     continue;
                 }
                 let receiver = self.light_receiver(w.rays[i].origin, get(&w.arriving.receiver_normal, i));
-                let class = class(i, &w.arriving, self.scene.features.links);
+                let class = receiver_class(i, &w.arriving, self.scene.features.links);
                 let far = self.scene.lights.far_pdf_discrete(class, &receiver);
                 let pdf_discrete = pdf_discrete[class as usize] * far;
                 let pdf = sun.pdf_inside() * pdf_discrete;
@@ -168,7 +168,7 @@ impl Integrator<'_> {
         if lights.use_tree() {
             let (rays, escaped, arriving) = (&w.rays, &w.escaped, &w.arriving);
             let visibility = self.options.light_visibility;
-            dispatch(FarShares { lights, visibility, rays, escaped, arriving, linked, scratch });
+            dispatch(FarProbabilities { lights, visibility, rays, escaped, arriving, linked, scratch });
         } else {
             scratch[0][..w.escaped.len()].fill(1.0);
         }
@@ -183,7 +183,7 @@ impl Integrator<'_> {
         for (k, &i) in w.escaped.iter().enumerate() {
             let i = i as usize;
             let weight = path.pdf[i].mis_weight(|| {
-                let of_class = || lights.environment_pdf_discrete(class(i, &w.arriving, linked));
+                let of_class = || lights.environment_pdf_discrete(receiver_class(i, &w.arriving, linked));
                 let pdf_discrete = if linked { of_class() } else { pdf_discrete };
                 pdf[k] * pdf_discrete * far[k]
             });
@@ -204,7 +204,7 @@ impl Integrator<'_> {
 }
 
 /// Computes the light tree's probability of selecting lights at infinity, at the origins of escaped rays: first scratch array.
-struct FarShares<'a> {
+struct FarProbabilities<'a> {
     lights: &'a Lights,
     visibility: Option<&'a LightVisibility>,
     rays: &'a [Ray],
@@ -215,17 +215,18 @@ struct FarShares<'a> {
     scratch: &'a mut Scratch,
 }
 
-impl Kernel for FarShares<'_> {
+impl Kernel for FarProbabilities<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run(self) {
-        let FarShares { lights, visibility, rays, escaped, arriving, linked, scratch: [far, ..] } = self;
+        let FarProbabilities { lights, visibility, rays, escaped, arriving, linked, scratch: [far, ..] } =
+            self;
         for (far, &i) in far.iter_mut().zip(escaped) {
             let i = i as usize;
             let normal = get(&arriving.receiver_normal, i);
             let receiver = LightVisibility::receiver(visibility, rays[i].origin, normal);
-            *far = lights.far_pdf_discrete(class(i, arriving, linked), &receiver);
+            *far = lights.far_pdf_discrete(receiver_class(i, arriving, linked), &receiver);
         }
     }
 }
@@ -320,7 +321,7 @@ impl Integrator<'_> {
         let dimensions = self.dimensions(0, Purpose::Wavelength);
         let path = &arriving.state;
         let draw = |i: usize| {
-            let [u, ..] = SobolPoint::from_parts(path.seed[i], path.shuffled[i]).sample_4d(&dimensions);
+            let [u, ..] = SobolPoint::from_parts(path.seed[i], path.index_rev[i]).sample_4d(&dimensions);
             Wavelengths::sample(u)
         };
         times.start_wavelengths((0..pixels.len()).map(draw), self.options.branches);

@@ -133,20 +133,20 @@ impl Integrator<'_> {
         }
         if self.optional.caustic_chains {
             paths.caustic_chains[..count].fill(0);
-            paths.caustic_chain_share.iter_mut().for_each(|channel| channel[..count].fill(1.0));
+            paths.caustic_chain_fraction.iter_mut().for_each(|channel| channel[..count].fill(1.0));
         }
-        if self.optional.reference {
-            paths.reference[..count].fill(0.0);
+        if self.optional.roulette_reference {
+            paths.roulette_reference[..count].fill(0.0);
         }
     }
 
-    /// Sets each path's seed and (shuffled) sample index, and the corner of its pixel in the first two scratch arrays.
+    /// Sets each path's seed and sample index, and the corner of its pixel in the first two scratch arrays.
     fn start_camera_samples(&self, samples: &mut CameraSamples<'_>, w: &mut Workspace) {
         let (path, [film_x, film_y, ..]) = (&mut w.arriving.state, &mut w.wave.scratch);
         w.pixels.clear();
         for (i, sample) in samples.take(self.samples_per_wave()).enumerate() {
             w.pixels.push(sample.pixel);
-            (path.seed[i], path.shuffled[i]) = (sample.seed, sample.index);
+            (path.seed[i], path.index_rev[i]) = (sample.seed, sample.index);
             path.radiance_index[i] = i as u32;
             (film_x[i], film_y[i]) = (sample.x as f32, sample.y as f32);
         }
@@ -245,7 +245,7 @@ fn draw<const LENS: bool>(
 ) {
     let [_, _, filter_u, filter_v, lens_u, lens_v, ..] = scratch;
     for i in 0..count {
-        let point = SobolPoint::of_branches(path.seed[i], path.shuffled[i], branch_bits);
+        let point = SobolPoint::of_branches(path.seed[i], path.index_rev[i], branch_bits);
         let [a, b, c, d] = point.sample_4d(dimensions);
         (filter_u[i], filter_v[i]) = (a, b);
         if LENS {
@@ -254,7 +254,7 @@ fn draw<const LENS: bool>(
         set_rgb(&mut path.throughput, i, Rgb::ONE);
         path.pdf[i] = DirectionPdf::SPECULAR;
         path.roulette_scale[i] = 1.0;
-        (path.seed[i], path.shuffled[i]) = point.to_parts();
+        (path.seed[i], path.index_rev[i]) = point.to_parts();
     }
 }
 
@@ -312,7 +312,7 @@ impl Integrator<'_> {
         let dimensions = self.dimensions(0, Purpose::Time);
         let path = &arriving.state;
         let draw =
-            |i: usize| SobolPoint::from_parts(path.seed[i], path.shuffled[i]).sample_4d(&dimensions)[0];
+            |i: usize| SobolPoint::from_parts(path.seed[i], path.index_rev[i]).sample_4d(&dimensions)[0];
         times.start((0..pixels.len()).map(draw), self.options.branches);
         let Some(moving) = &self.view.moving else { return };
         let [x, y, _, _, lens_u, lens_v, ..] = &wave.scratch;

@@ -32,7 +32,7 @@ pub(super) struct InterfaceHit {
     /// The outer medium is denser: `bsdf` is to be evaluated with flipped normals.
     pub is_inverted: bool,
     /// Solids on the far side.
-    pub beyond: Interior,
+    pub far_interior: Interior,
 }
 
 /// The BSDF of an index-matched interface: tint only.
@@ -96,7 +96,7 @@ impl Integrator<'_> {
         if i >= sorted.rough().start {
             let ng = get(&v.ng, i);
             if ng.dot(get(&v.wo, i)) * ng.dot(get(&v.light.wi, i)) < 0.0 {
-                return v.beyond[i];
+                return v.far_interior[i];
             }
         }
         paths.interior[i]
@@ -118,7 +118,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// Transmittance of one medium; `apart` decorrelates the estimates of overlapping media. Infinite spans in media that only absorb
+    /// Transmittance of one medium; `salt` decorrelates the estimates of overlapping media. Infinite spans in media that only absorb
     /// (open solids) have transmittance 1.
     #[inline]
     pub(super) fn transmittance_in(
@@ -127,12 +127,12 @@ impl Integrator<'_> {
         ray: (Vec3, Vec3),
         span: [f32; 2],
         wavelengths: Option<&Wavelengths>,
-        apart: u32,
+        salt: u32,
     ) -> Rgb {
         let medium = &self.scene.media[usize::from(medium)];
         match &medium.scattering {
             Some(scattering) => {
-                scattering.at_wavelengths(wavelengths).transmittance_between(ray, span, (apart, wavelengths))
+                scattering.at_wavelengths(wavelengths).transmittance_between(ray, span, (salt, wavelengths))
             }
             None if medium.absorption.is_some() && span[1].is_finite() => {
                 medium.transmittance_at((span[1] - span[0]) * ray.1.length(), wavelengths)
@@ -168,7 +168,7 @@ impl Integrator<'_> {
     }
 
     /// The interface at a hit of a solid with this material.
-    pub(super) fn boundary(
+    pub(super) fn interface_hit(
         &self,
         bsdf: Bsdf,
         material: &CompiledMaterial,
@@ -180,20 +180,20 @@ impl Integrator<'_> {
         let (here, own) = (paths.interior[i], material.medium_index);
         // A body may have different materials where the path enters and exits: then the solid entered last is exited.
         let medium = if is_back && !here.contains(own) { here.medium() } else { own };
-        let beyond = if is_back { here.leave(medium) } else { self.enter(here, medium) };
-        let (inner, outer) = if is_back { (here, beyond) } else { (beyond, here) };
+        let far_interior = if is_back { here.leave(medium) } else { self.enter(here, medium) };
+        let (inner, outer) = if is_back { (here, far_interior) } else { (far_interior, here) };
         let is_displaced = inner.medium() != medium;
         // Within another solid of the same medium there is no interface. Within a displacing solid the interface is index-matched.
         if is_displaced || outer.medium() == medium {
             let is_edge = is_displaced && !outer.contains(medium);
             let tint = if is_edge { bsdf.transmission_tint() } else { Rgb::ONE };
-            return InterfaceHit { bsdf: index_matched_interface(tint), is_inverted: false, beyond };
+            return InterfaceHit { bsdf: index_matched_interface(tint), is_inverted: false, far_interior };
         }
         let is_outside = outer == Interior::AIR || self.scene.media[usize::from(outer.medium())].is_boundary;
         let is_alone = is_outside && medium == own;
         let (bsdf, is_inverted) =
             self.interface(bsdf, ([medium, outer.medium()], is_alone), (bounce, i), paths, wavelengths);
-        InterfaceHit { bsdf, is_inverted, beyond }
+        InterfaceHit { bsdf, is_inverted, far_interior }
     }
 
     /// The BSDF of an interface between two media, the inner one first, and whether it is for flipped normals. `is_alone`: the BSDF's
@@ -344,16 +344,17 @@ impl Integrator<'_> {
             self.assume_inside(exited.at.material, first.at.hit.t, i, paths, wavelengths);
         }
         let here = paths.interior[i];
-        let mut beyond = here;
+        let mut far_interior = here;
         for own in
             all().filter(|candidate| candidate.at.is_back).map(|candidate| candidate.at.material.medium_index)
         {
-            beyond = beyond.leave(if beyond.contains(own) { own } else { beyond.medium() });
+            far_interior =
+                far_interior.leave(if far_interior.contains(own) { own } else { far_interior.medium() });
         }
         for entered in all().filter(|candidate| !candidate.at.is_back) {
-            beyond = self.enter(beyond, entered.at.material.medium_index);
+            far_interior = self.enter(far_interior, entered.at.material.medium_index);
         }
-        let (near, far) = (here.medium(), beyond.medium());
+        let (near, far) = (here.medium(), far_interior.medium());
         let is_interface = |candidate: &CoincidentHit<'_>| {
             near != far && candidate.at.material.medium_index == if candidate.at.is_back { near } else { far }
         };
@@ -362,7 +363,7 @@ impl Integrator<'_> {
             .reduce(|a, b| if self.rank(b.at.material) > self.rank(a.at.material) { b } else { a });
         // Tints of solids that begin or end here, except the refracting one.
         let refracting = best.map(|candidate| candidate.at.material.medium_index);
-        let is_edge = |medium: u16| here.contains(medium) != beyond.contains(medium);
+        let is_edge = |medium: u16| here.contains(medium) != far_interior.contains(medium);
         let tint = all()
             .filter(|candidate| Some(candidate.at.material.medium_index) != refracting)
             .filter(|candidate| is_edge(candidate.at.material.medium_index))
@@ -375,14 +376,14 @@ impl Integrator<'_> {
         let Some(best) = best else {
             return (
                 candidate,
-                InterfaceHit { bsdf: index_matched_interface(tint), is_inverted: false, beyond },
+                InterfaceHit { bsdf: index_matched_interface(tint), is_inverted: false, far_interior },
             );
         };
         let sides = if best.at.is_back { [near, far] } else { [far, near] };
         let (bsdf, is_inverted) =
             self.interface(best.evaluated.bsdf, (sides, false), (bounce, i), paths, wavelengths);
         let bsdf = if tint == Rgb::ONE { bsdf } else { bsdf.tinted(tint) };
-        (candidate, InterfaceHit { bsdf, is_inverted, beyond })
+        (candidate, InterfaceHit { bsdf, is_inverted, far_interior })
     }
 
     /// Rank of a solid among coincident ones; the highest refracts: priority, index of refraction, then medium index.

@@ -42,10 +42,10 @@ impl Interior {
         let top = &media[usize::from(self.medium())];
         let adds_up = move |medium: &Medium| medium.is_additive && medium.priority >= top.priority;
         let is_passed = move |medium: u16| {
-            adds_up(&media[usize::from(medium)]) || media[usize::from(medium)].is_permeable
+            adds_up(&media[usize::from(medium)]) || media[usize::from(medium)].keeps_overlapping_media
         };
         let count = (0..Interior::MAX).take_while(|&k| number(k) != 0).count() as u32;
-        let deepest = if (top.is_additive || top.is_permeable) && count > 0 { count } else { 0 };
+        let deepest = if (top.is_additive || top.keeps_overlapping_media) && count > 0 { count } else { 0 };
         let is_first = move |k: u32| (0..k).all(|other| number(other) != number(k));
         // The medium around the scene follows the last entry.
         let entry = move |k: u32| if k < count { number(k) } else { 0 };
@@ -259,7 +259,7 @@ mod tests {
         ] {
             assert_eq!(overlapping(list), expected, "{list:?}");
         }
-        let permeable = Medium { is_permeable: true, ..Medium::AIR };
+        let permeable = Medium { keeps_overlapping_media: true, ..Medium::AIR };
         let denser = Medium { priority: 1, ..permeable.clone() };
         let media = [of(true, 0), of(true, 0), permeable.clone(), permeable, of(false, 0), denser];
         let around = |list: &[u16]| {

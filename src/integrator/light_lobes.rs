@@ -42,7 +42,7 @@ pub(super) struct LightLobes {
     lobes: [LightLobe; MAX_LOBES],
     count: usize,
     /// Probability of sampling a lobe instead of the BSDF.
-    pub share: f32,
+    pub probability: f32,
     pub throughput: Rgb,
     pub roulette_scale: f32,
     pub interior: Interior,
@@ -56,7 +56,7 @@ impl LightLobes {
             vertex: vertex as u32,
             lobes,
             count: 0,
-            share: 0.0,
+            probability: 0.0,
             throughput,
             roulette_scale,
             interior,

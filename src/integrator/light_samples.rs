@@ -143,9 +143,9 @@ impl VerticesByLight {
     /// arrays. Returns the other vertices.
     pub fn sample(&mut self, count: usize, lights: &Lights, wave: &mut Wave) -> &[u32] {
         self.group(count, lights, &wave.vertices);
-        sample_uniform::<UniformRectangle, _>(Listed(&self.rectangles), lights, wave);
-        sample_uniform::<UniformTriangle, _>(Listed(&self.triangles), lights, wave);
-        sample_uniform::<UniformDisk, _>(Listed(&self.disks), lights, wave);
+        sample_uniform::<UniformRectangle, _>(VertexIndices(&self.rectangles), lights, wave);
+        sample_uniform::<UniformTriangle, _>(VertexIndices(&self.triangles), lights, wave);
+        sample_uniform::<UniformDisk, _>(VertexIndices(&self.disks), lights, wave);
         if let Some(map) = lights.sampled_image() {
             dispatch(SampleImage { wave, list: &self.image, sampler: EnvironmentSampler { map } });
         }
@@ -157,8 +157,8 @@ impl VerticesByLight {
     }
 }
 
-/// Which vertices a loop over light samples visits.
-pub(super) trait Visited: Copy {
+/// The vertices of a loop over light samples.
+pub(super) trait VertexSubset: Copy {
     /// Number of vertices, rounded up to whole batches.
     fn count(self) -> usize;
 
@@ -168,9 +168,9 @@ pub(super) trait Visited: Copy {
 
 /// The first vertices of the wave.
 #[derive(Clone, Copy)]
-pub(super) struct InOrder(pub usize);
+pub(super) struct FirstVertices(pub usize);
 
-impl Visited for InOrder {
+impl VertexSubset for FirstVertices {
     #[inline(always)]
     fn count(self) -> usize {
         self.0.min(WAVE).next_multiple_of(BATCH)
@@ -182,11 +182,11 @@ impl Visited for InOrder {
     }
 }
 
-/// Listed vertices, in whole batches.
+/// Vertices by index, in whole batches.
 #[derive(Clone, Copy)]
-struct Listed<'a>(&'a [u32]);
+struct VertexIndices<'a>(&'a [u32]);
 
-impl Visited for Listed<'_> {
+impl VertexSubset for VertexIndices<'_> {
     #[inline(always)]
     fn count(self) -> usize {
         self.0.len()
@@ -200,36 +200,36 @@ impl Visited for Listed<'_> {
 }
 
 /// Samples points of the selected lights of vertices, all of which have the shape `S`.
-pub(super) fn sample_uniform<S: UniformShape, V: Visited>(visited: V, lights: &Lights, wave: &mut Wave) {
-    if visited.count() > 0 {
+pub(super) fn sample_uniform<S: UniformShape, V: VertexSubset>(subset: V, lights: &Lights, wave: &mut Wave) {
+    if subset.count() > 0 {
         let numbers = Table::new(lights.uniform().numbers());
-        dispatch(SampleUniform::<S, V> { wave, visited, numbers, shape: PhantomData });
+        dispatch(SampleUniform::<S, V> { wave, subset, numbers, shape: PhantomData });
     }
 }
 
 struct SampleUniform<'a, S, V> {
     wave: &'a mut Wave,
-    visited: V,
+    subset: V,
     numbers: Table<'a, [f32; UNIFORM_NUMBERS]>,
     shape: PhantomData<S>,
 }
 
-impl<S: UniformShape, V: Visited> Kernel for SampleUniform<'_, S, V> {
+impl<S: UniformShape, V: VertexSubset> Kernel for SampleUniform<'_, S, V> {
     type Output = ();
 
     #[inline(always)]
     #[allow(clippy::needless_range_loop)]
     fn run(self) {
-        let SampleUniform { wave, visited, numbers: all, .. } = self;
+        let SampleUniform { wave, subset, numbers: all, .. } = self;
         let Wave { vertices: v, scratch: [u0, u1, ..], .. } = wave;
-        for first in (0..visited.count()).step_by(BATCH) {
+        for first in (0..subset.count()).step_by(BATCH) {
             let (mut numbers, mut inputs) = ([[0.0; BATCH]; UNIFORM_NUMBERS], [[0.0; BATCH]; 5]);
             for lane in 0..BATCH {
                 // With many lights, most are not in cache.
-                all.prefetch(v.light.index[visited.vertex(first + lane + PREFETCH_DISTANCE)]);
+                all.prefetch(v.light.index[subset.vertex(first + lane + PREFETCH_DISTANCE)]);
             }
             for lane in 0..BATCH {
-                let i = visited.vertex(first + lane);
+                let i = subset.vertex(first + lane);
                 let light = all.at(v.light.index[i]);
                 for k in 0..UNIFORM_NUMBERS {
                     numbers[k][lane] = light[k];
@@ -267,7 +267,7 @@ impl<S: UniformShape, V: Visited> Kernel for SampleUniform<'_, S, V> {
                 }
             }
             for lane in 0..BATCH {
-                let (i, of) = (visited.vertex(first + lane), |k: usize| outputs[k][lane]);
+                let (i, of) = (subset.vertex(first + lane), |k: usize| outputs[k][lane]);
                 let light = &mut v.light;
                 set(&mut light.wi, i, Vec3::new(of(0), of(1), of(2)));
                 set(&mut light.target, i, Vec3::new(of(3), of(4), of(5)));
@@ -329,7 +329,7 @@ impl<S: VectorSampler> Kernel for SampleLight<'_, S> {
         let Wave { paths, vertices, scratch: [u, v, pdf, ..] } = self.wave;
         let (light, count, sampler) = (&mut vertices.light, self.count.min(WAVE), self.sampler);
         for i in 0..count {
-            let point = SobolPoint::from_parts(paths.state.seed[i], paths.state.shuffled[i]);
+            let point = SobolPoint::from_parts(paths.state.seed[i], paths.state.index_rev[i]);
             [u[i], v[i], ..] = point.sample_4d(self.dimensions);
         }
         sampler.choose(u, v, pdf, count);

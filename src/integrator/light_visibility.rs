@@ -10,7 +10,7 @@ use crate::light::{LIGHT_GROUPS, LightWeights, Receiver};
 use crate::math::Vec3;
 
 /// Target for the number of light samples of a cell.
-const SAMPLES_OF_CELL: f64 = 128.0;
+const SAMPLES_PER_CELL: f64 = 128.0;
 
 /// Number of light samples with which a cell counts as much as its parent.
 const PRIOR: f32 = 0.25;
@@ -18,9 +18,9 @@ const PRIOR: f32 = 0.25;
 /// Lower bound on the fraction of unoccluded samples.
 const MIN_FRACTION: f32 = 4e-4;
 
-/// A light sample; samples without a contribution count as occluded.
+/// A light sample and whether its shadow ray was unoccluded; samples without a contribution count as occluded.
 #[derive(Clone, Copy, Debug)]
-pub struct LightProbe {
+pub struct LightSampleRecord {
     pub p: [f32; 3],
     /// Normal of the receiver, zero if light from both sides contributes.
     pub n: [f32; 3],
@@ -44,9 +44,9 @@ struct Counts([[f32; 2]; LIGHT_GROUPS]);
 impl Counts {
     const NONE: Counts = Counts([[0.0; 2]; LIGHT_GROUPS]);
 
-    fn add(&mut self, probe: &LightProbe) {
-        let [visible, all] = &mut self.0[usize::from(probe.group)];
-        *visible += f32::from(u8::from(probe.is_visible));
+    fn add(&mut self, record: &LightSampleRecord) {
+        let [visible, all] = &mut self.0[usize::from(record.group)];
+        *visible += f32::from(u8::from(record.is_visible));
         *all += 1.0;
     }
 
@@ -78,18 +78,19 @@ impl Counts {
 
 impl LightVisibility {
     /// Learns from light samples. Also returns the expected ratio of the variance of light selection with and without the weights.
-    pub fn learn(probes: &[LightProbe]) -> Option<(LightVisibility, f32)> {
-        let places: Vec<[Vec3; 2]> = probes.iter().map(|probe| [probe.p.into(), probe.n.into()]).collect();
-        let grid = Grid::suited_to(&places, places.len() as f64, SAMPLES_OF_CELL)?;
+    pub fn learn(records: &[LightSampleRecord]) -> Option<(LightVisibility, f32)> {
+        let places: Vec<[Vec3; 2]> =
+            records.iter().map(|record| [record.p.into(), record.n.into()]).collect();
+        let grid = Grid::suited_to(&places, places.len() as f64, SAMPLES_PER_CELL)?;
         let counted = |key: &dyn Fn(u64) -> u64| {
             let (mut indices, mut cells) = (KeyIndices::default(), Vec::<(u64, Counts)>::new());
-            for probe in probes {
-                let key = key(grid.key(Vec3::from_array(probe.p), Vec3::from_array(probe.n)));
+            for record in records {
+                let key = key(grid.key(Vec3::from_array(record.p), Vec3::from_array(record.n)));
                 let index = indices.insert(key) as usize;
                 if index == cells.len() {
                     cells.push((key, Counts::NONE));
                 }
-                cells[index].1.add(probe);
+                cells[index].1.add(record);
             }
             (indices, cells)
         };

@@ -33,7 +33,7 @@ pub(super) struct MediumSegment {
     /// Mixture weights of the channels' exponentials; all 0 if no distance is sampled.
     probabilities: [f32; 3],
     equiangular: Option<EquiangularSampling>,
-    /// Mixture part that guides random walks to the surface.
+    /// Guided part of the mixture, for steps of random walks.
     guided: Option<GuidedPart>,
     /// Distance of the scattering event along the ray, metres; infinite without one.
     pub scatter_t: f32,
@@ -85,7 +85,7 @@ const MIN_ALBEDO: f32 = 0.1;
 
 impl MediumSegment {
     /// A segment without a scattering event.
-    pub fn straight(medium: u16, extent: [f32; 2]) -> MediumSegment {
+    pub fn unscattered(medium: u16, extent: [f32; 2]) -> MediumSegment {
         MediumSegment {
             medium,
             overlapping: [0; 2],
@@ -103,7 +103,7 @@ impl MediumSegment {
     /// Samples a segment in a medium from distance `from` on; the ray's direction has unit length. `u[0]` selects the distance, `u[1]`
     /// the strategy of the mixture.
     #[inline]
-    pub fn draw(
+    pub fn sample(
         (index, medium, waves): (u16, &Scattering, Option<&Wavelengths>),
         (origin, direction): (Vec3, Vec3),
         from: f32,
@@ -112,7 +112,7 @@ impl MediumSegment {
         u: [f32; 2],
     ) -> MediumSegment {
         let extent = medium.extent(origin, direction, from);
-        let mut segment = MediumSegment::straight(index, extent);
+        let mut segment = MediumSegment::unscattered(index, extent);
         if let Some(grid) = medium.grid() {
             let salt = hash32(u[0].to_bits() ^ hash32(u[1].to_bits()));
             let tracked = DeltaTracking { first: u[0], salt, weight: Rgb::ZERO };
@@ -127,7 +127,7 @@ impl MediumSegment {
         segment.probabilities = selection_probabilities(medium, throughput);
         segment.equiangular = light_position
             .and_then(|light_position| EquiangularSampling::new(origin, direction, extent, light_position));
-        let (guided, mut choice) = match segment.equiangular {
+        let (is_equiangular, mut choice) = match segment.equiangular {
             Some(_) => (
                 u[1] < EQUIANGULAR_PROBABILITY,
                 if u[1] < EQUIANGULAR_PROBABILITY {
@@ -138,7 +138,7 @@ impl MediumSegment {
             ),
             None => (false, u[1]),
         };
-        let scatter_t = match segment.equiangular.filter(|_| guided) {
+        let scatter_t = match segment.equiangular.filter(|_| is_equiangular) {
             Some(equiangular) => equiangular.sample(u[0]),
             None => {
                 let mut channel = 0;
@@ -159,8 +159,8 @@ impl MediumSegment {
         self.overlapping[0] == self.overlapping[1]
     }
 
-    /// Was it made without random numbers?
-    pub fn is_straight(&self) -> bool {
+    /// Was the segment made without random numbers?
+    pub fn is_deterministic(&self) -> bool {
         !self.samples_distance() && self.tracked.is_none() && self.is_alone()
     }
 
@@ -192,10 +192,13 @@ impl MediumSegment {
     fn ungridded_passing_weight(&self, medium: &Scattering, to: f32) -> Rgb {
         let transmittance = self.transmittance(medium, to);
         if let Some(guided) = &self.guided {
-            return over(transmittance, self.of_channels(transmittance) + guided.beyond(to));
+            return over(transmittance, self.of_channels(transmittance) + guided.probability_beyond(to));
         }
         match self.samples_distance() {
-            true => over(transmittance, self.mixed(transmittance, |equiangular| equiangular.beyond(to))),
+            true => over(
+                transmittance,
+                self.mixed(transmittance, |equiangular| equiangular.probability_beyond(to)),
+            ),
             false => transmittance,
         }
     }
@@ -372,7 +375,7 @@ impl GuidedPart {
 
     /// The probability of larger distances.
     #[inline(always)]
-    fn beyond(&self, t: f32) -> f32 {
+    fn probability_beyond(&self, t: f32) -> f32 {
         (0..3).map(|c| self.weights[c] * exp_neg(self.rates[c] * t)).sum()
     }
 }
@@ -381,33 +384,33 @@ impl MediumSegment {
     /// Samples the direction and the distance of a step of a random walk in a homogeneous medium. `axis` points to the surface. Random
     /// numbers: strategy, channel and distance; two for the direction.
     #[inline]
-    pub fn draw_step(
+    pub fn sample_step(
         (index, medium): (u16, &Scattering),
         (wo, axis): (Vec3, Vec3),
         guide: &WalkGuide,
         throughput: Rgb,
         ([strategy, choice, distance], direction): ([f32; 3], [f32; 2]),
     ) -> (Vec3, MediumSegment) {
-        let mut segment = MediumSegment::straight(index, [0.0, f32::INFINITY]);
+        let mut segment = MediumSegment::unscattered(index, [0.0, f32::INFINITY]);
         let probabilities = selection_probabilities(medium, throughput);
         let channel = usize::from(choice >= probabilities[0])
             + usize::from(choice >= probabilities[0] + probabilities[1]);
-        let is_guided = strategy < guide.share;
+        let is_guided = strategy < guide.probability;
         let wi = if is_guided {
             direction_around(axis, guide.sample(channel, direction[0]), direction[1])
         } else {
             sample_henyey_greenstein(medium.anisotropy, wo, direction)
         };
         let extinction = medium.extinction.to_array();
-        if guide.share > 0.0 {
+        if guide.probability > 0.0 {
             let cosine = wi.dot(axis).clamp(-1.0, 1.0);
             let phase = henyey_greenstein(medium.anisotropy, -wo.dot(wi));
-            let of = |c: usize| guide.share * probabilities[c] * guide.density(c, cosine) / phase;
+            let of = |c: usize| guide.probability * probabilities[c] * guide.density(c, cosine) / phase;
             segment.guided = Some(GuidedPart {
                 weights: [of(0), of(1), of(2)],
                 rates: [0, 1, 2].map(|c| extinction[c] * (1.0 - cosine / guide.lengths[c])),
             });
-            segment.probabilities = map_each(probabilities, |s| s * (1.0 - guide.share));
+            segment.probabilities = map_each(probabilities, |s| s * (1.0 - guide.probability));
         } else {
             segment.probabilities = probabilities;
         }
@@ -552,7 +555,7 @@ impl EquiangularSampling {
 
     /// The probability of larger distances.
     #[inline]
-    pub(super) fn beyond(&self, t: f32) -> f32 {
+    pub(super) fn probability_beyond(&self, t: f32) -> f32 {
         let [first, last] = self.angles;
         if t == f32::INFINITY {
             return 0.0;

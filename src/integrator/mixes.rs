@@ -97,7 +97,7 @@ impl Integrator<'_> {
             (weight, weight.luminance() * component.reflectance)
         }));
         let total: f32 = w.components.iter().map(|(_, importance)| importance).sum();
-        let [u, ..] = SobolPoint::from_parts(path.seed[i], path.shuffled[i]).sample_4d(dimensions);
+        let [u, ..] = SobolPoint::from_parts(path.seed[i], path.index_rev[i]).sample_4d(dimensions);
         let mut rest = u * total;
         // If no component reflects light, the first is selected, with weight 0.
         let (mut selected, mut factor) = (&components[0], Rgb::ZERO);
@@ -168,7 +168,7 @@ impl Integrator<'_> {
         let p = probability(fraction);
         let path = &mut w.arriving.state;
         let dimensions = self.dimensions(bounce, Purpose::Mix);
-        let [_, u, ..] = SobolPoint::from_parts(path.seed[i], path.shuffled[i]).sample_4d(&dimensions);
+        let [_, u, ..] = SobolPoint::from_parts(path.seed[i], path.index_rev[i]).sample_4d(&dimensions);
         let is_diffuse_base = u < p;
         let throughput = get_rgb(&path.throughput, i);
         set_rgb(&mut path.throughput, i, throughput * (1.0 / if is_diffuse_base { p } else { 1.0 - p }));

@@ -45,10 +45,10 @@ mod walk_guide;
 mod wave;
 mod workspace;
 
-pub use caustics::{CausticPlan, CausticTally};
+pub use caustics::{CausticPlan, CausticStats};
 pub use cells::Grid;
 pub use guiding::{BlockSamples, CellSamples, Guide, TrainedCells, TrainingSample};
-pub use light_visibility::{LightProbe, LightVisibility};
+pub use light_visibility::{LightSampleRecord, LightVisibility};
 pub use sampling::{Block, SamplePlan};
 
 pub use wave::WAVE;
@@ -111,8 +111,8 @@ pub struct IntegratorOptions<'a> {
     pub guide: Option<&'a Guide>,
     /// Learned weights of light selection, if any.
     pub light_visibility: Option<&'a LightVisibility>,
-    /// Record which light samples are occluded.
-    pub records_light_probes: bool,
+    /// Record whether light samples are occluded, to learn light selection.
+    pub records_light_samples: bool,
     /// Record training samples for a guide, which may be blank. Excludes path reuse and splitting.
     pub records_training: bool,
 }
@@ -141,12 +141,12 @@ pub struct Integrator<'a> {
     options: IntegratorOptions<'a>,
     /// Shading group of each material.
     groups: Vec<ShadingGroup>,
-    /// By material: may rays pass hits unscattered (alpha, visibility, one-sided)?
-    may_be_absent: Vec<bool>,
+    /// By material: may rays pass through unscattered (alpha, visibility, one-sided)?
+    may_pass_through: Vec<bool>,
     /// By material: excluded when shadow catchers are rendered without shadow casters?
     excluded: Vec<bool>,
-    /// By material: `may_be_absent` or `excluded`.
-    absent_or_excluded: Vec<bool>,
+    /// By material: `may_pass_through` or `excluded`.
+    pass_through_or_excluded: Vec<bool>,
     /// Requested AOVs of first hits.
     first_hits: AovSet,
     /// Light passes and light groups recorded.
@@ -173,16 +173,16 @@ impl<'a> Integrator<'a> {
         let dimensions = (0..sets).map(Dimensions::new).collect();
         let layers = Layers::new(options.aovs, options.light_groups, options.catchers);
         let excluded = scene.materials.iter().map(|m| m.is_shadow_catcher_object()).collect();
-        let absent_or_excluded =
-            scene.materials.iter().map(|m| m.may_be_absent() || m.is_shadow_catcher_object()).collect();
-        let may_be_absent = scene.materials.iter().map(|m| m.may_be_absent()).collect();
+        let pass_through_or_excluded =
+            scene.materials.iter().map(|m| m.may_pass_through() || m.is_shadow_catcher_object()).collect();
+        let may_pass_through = scene.materials.iter().map(|m| m.may_pass_through()).collect();
         Integrator {
             scene,
             view,
             groups,
-            may_be_absent,
+            may_pass_through,
             excluded,
-            absent_or_excluded,
+            pass_through_or_excluded,
             first_hits: options.aovs.of(Source::FirstHit),
             layers,
             camera_interior: CameraInterior::of(scene, view),
@@ -211,12 +211,12 @@ impl<'a> Integrator<'a> {
 
     /// The shadow terminator correction in use.
     fn terminator(&self) -> Terminator {
-        let has_relief = self.scene.features.mapped_normals;
+        let has_bumps = self.scene.features.mapped_normals;
         match self.options.terminator {
             _ if !self.scene.features.bent_normals => Terminator::Sharp,
-            ShadowTerminator::Soft if has_relief => Terminator::Relief,
+            ShadowTerminator::Soft if has_bumps => Terminator::SoftBumps,
             ShadowTerminator::Soft => Terminator::Soft,
-            ShadowTerminator::Lifted if has_relief => Terminator::SharpRelief,
+            ShadowTerminator::Lifted if has_bumps => Terminator::SharpBumps,
             ShadowTerminator::Lifted | ShadowTerminator::Off => Terminator::Sharp,
         }
     }
@@ -296,7 +296,7 @@ mod tests {
             ][i % 4];
             set_rgb(&mut paths.state.throughput, i, color(random));
             paths.state.roulette_scale[i] = 1.0;
-            (paths.state.seed[i], paths.state.shuffled[i]) =
+            (paths.state.seed[i], paths.state.index_rev[i]) =
                 SobolPoint::new(i as u32 * 747_796_405, i as u32).to_parts();
         }
         wave
@@ -311,7 +311,7 @@ mod tests {
         (to.light.radiance, to.light.pdf) = (from.light.radiance, from.light.pdf);
         let (from, to) = (&wave.paths.state, &mut other.paths.state);
         (to.throughput, to.roulette_scale) = (from.throughput, from.roulette_scale);
-        (to.seed, to.shuffled) = (from.seed, from.shuffled);
+        (to.seed, to.index_rev) = (from.seed, from.index_rev);
         other
     }
 
@@ -324,9 +324,9 @@ mod tests {
     fn compare(mut wave: Box<Wave>, class: impl VertexClass + Copy, bsdfs: &[Bsdf]) {
         let mut general_wave = copy(&wave);
         let general = || GeneralClass { bsdfs, first: 0 };
-        let counts = DirectParams { branches: 1.0, share: 1.0 };
-        dispatch(Direct { horizon: Soft, wave: &mut wave, class, range: 0..COUNT, counts });
-        Direct { horizon: Soft, wave: &mut general_wave, class: general(), range: 0..COUNT, counts }.run();
+        let params = DirectParams { branches: 1.0, inverse_light_samples: 1.0 };
+        dispatch(Direct { correction: Soft, wave: &mut wave, class, range: 0..COUNT, params });
+        Direct { correction: Soft, wave: &mut general_wave, class: general(), range: 0..COUNT, params }.run();
         let mut lit = 0;
         for i in 0..COUNT {
             let of = |w: &Wave| get_rgb(&w.vertices.light.contribution, i);
@@ -343,8 +343,9 @@ mod tests {
         assert!(lit > COUNT / 8, "{lit} lit");
 
         let params = ScatterParams { dimensions: &Dimensions::new(2), roulette: true, branches: 1.0 };
-        dispatch(Scatter { horizon: Soft, wave: &mut wave, class, range: 0..COUNT, params });
-        Scatter { horizon: Soft, wave: &mut general_wave, class: general(), range: 0..COUNT, params }.run();
+        dispatch(Scatter { correction: Soft, wave: &mut wave, class, range: 0..COUNT, params });
+        Scatter { correction: Soft, wave: &mut general_wave, class: general(), range: 0..COUNT, params }
+            .run();
         let (mut scattered, mut borderline) = (0, 0);
         for i in 0..COUNT {
             let pdf = |w: &Wave| w.paths.state.pdf[i];
@@ -417,7 +418,7 @@ mod tests {
         dispatch(SampleLight { wave: &mut wave, count: COUNT, dimensions, sampler });
         let lit = compare_light(&wave, |i| {
             let path = &wave.paths.state;
-            let [a, b, ..] = SobolPoint::from_parts(path.seed[i], path.shuffled[i]).sample_4d(dimensions);
+            let [a, b, ..] = SobolPoint::from_parts(path.seed[i], path.index_rev[i]).sample_4d(dimensions);
             sample(get(&wave.vertices.p, i), [a, b])
         });
         assert!(lit > COUNT / 4, "{lit} lit");

@@ -23,7 +23,7 @@ use super::sampling::RandomChoice;
 use super::shading_geometry::HitPoint;
 use super::shading_groups::{
     Closure, GeneralClass, LambertClass, MediumClass, MetalRoughClass, SortedVertices, VertexClass,
-    eval_at_horizon, with_vertex_class,
+    eval_with_terminator, with_vertex_class,
 };
 use super::wave::{LightLanes, PathState, Wave, get, get_rgb, set, set_rgb};
 use super::workspace::Workspace;
@@ -347,8 +347,8 @@ impl Integrator<'_> {
     ) -> Rgb {
         let Wave { paths, vertices: v, .. } = wave;
         let closure = class.closure(v, i);
-        let (eval, kept) = eval_at_horizon(&closure, self.terminator(), (v, i), wi);
-        let density = eval.pdf_solid_angle * branches * class.light_density(v, i);
+        let (eval, kept) = eval_with_terminator(&closure, self.terminator(), (v, i), wi);
+        let density = eval.pdf_solid_angle * branches * class.light_pdf_factor(v, i);
         let weight = pdf.mis_weight_over_pdf(density) * kept;
         if C::Closure::OPAQUE && wi.dot(get(&v.ng, i)) <= 0.0 {
             return Rgb::ZERO;

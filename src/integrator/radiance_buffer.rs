@@ -44,7 +44,7 @@ pub struct Layers {
     pass_layers: [Option<u8>; 2 + 2 * 3],
 }
 
-/// Light passes in the order of [`Layers::shares`].
+/// Light passes in the order of [`Layers::pass_fractions`].
 const PASSES: [Aov; 8] = [
     Aov::Emission,
     Aov::Environment,
@@ -100,7 +100,7 @@ impl Layers {
     }
 
     /// The layers of a path class's light passes, with the fraction for each.
-    pub fn shares(&self, class: PathClass) -> [(Option<usize>, Rgb); 2] {
+    pub fn pass_fractions(&self, class: PathClass) -> [(Option<usize>, Rgb); 2] {
         let layer = |pass: usize| self.pass_layers[pass].map(usize::from);
         let (first, diffuse) = match class {
             PathClass::Emission => return [(layer(0), Rgb::ONE), (None, Rgb::ZERO)],
@@ -195,14 +195,14 @@ impl RadianceBuffer {
         }
     }
 
-    /// Extends the buffer to `count` entries with light passes, for branches of samples: see [`RadianceBuffer::join`].
+    /// Extends the buffer to `count` entries with light passes, for branches of samples: see [`RadianceBuffer::merge`].
     pub fn extend_with_passes(&mut self, count: usize) {
         self.with_passes = count;
         self.extend(count);
     }
 
     /// Adds the radiance, alpha and layers of another entry to a sample.
-    pub fn join(&mut self, sample: u32, other: u32) {
+    pub fn merge(&mut self, sample: u32, other: u32) {
         self.add(sample, self.radiance(other));
         // Branches behind clear glass reduce alpha.
         self.samples[sample as usize][3] += self.samples[other as usize][3];
@@ -259,7 +259,7 @@ impl RadianceBuffer {
         let value = self.clamped(index, bounces, value);
         self.add(index, value);
         if self.has_layers() {
-            self.divide(index, value, origin);
+            self.add_to_layers(index, value, origin);
         }
     }
 
@@ -280,7 +280,7 @@ impl RadianceBuffer {
     /// Adds radiance to the layers of an entry. Not inlined, since most pictures have none.
     #[cold]
     #[inline(never)]
-    fn divide(&mut self, index: u32, value: Rgb, origin: impl FnOnce() -> RadianceOrigin) {
+    fn add_to_layers(&mut self, index: u32, value: Rgb, origin: impl FnOnce() -> RadianceOrigin) {
         let RadianceOrigin { class, group } = origin();
         self.add_to_passes(index, value, class);
         self.add_to_group(index, value, group);
@@ -299,7 +299,7 @@ impl RadianceBuffer {
     /// Adds radiance to the light passes of an entry, if it has any; for others, path reuse selects the passes later.
     pub fn add_to_passes(&mut self, index: u32, value: Rgb, class: PathClass) {
         if (index as usize) < self.with_passes && self.layers.has_passes() {
-            for (layer, share) in self.layers.shares(class) {
+            for (layer, share) in self.layers.pass_fractions(class) {
                 self.add_to_layer(index, layer, value * share);
             }
         }
@@ -334,8 +334,8 @@ impl RadianceBuffer {
     }
 
     /// Reduces the alpha of a sample by a transmittance, rounded to [`ALPHA_GRID`] so that sums are exact and independent of the order.
-    pub fn make_transparent(&mut self, sample: u32, share: f32) {
-        self.samples[sample as usize][3] -= (share * ALPHA_GRID).round() / ALPHA_GRID;
+    pub fn make_transparent(&mut self, sample: u32, transmittance: f32) {
+        self.samples[sample as usize][3] -= (transmittance * ALPHA_GRID).round() / ALPHA_GRID;
     }
 
     /// Records the radiance of a sample on a shadow catcher with and without shadow casters.

@@ -28,8 +28,8 @@ pub(super) const MAX_STEPS: u32 = 1 << 16;
 /// Maximum number of surfaces of other objects that a segment of a walk passes.
 const MAX_PASSED: usize = 256;
 
-/// Throughput below which Russian roulette begins: steps are cheap compared with the bounces after a walk.
-const FAINT: f32 = 0.1;
+/// Throughput below which Russian roulette applies: steps are cheap compared with the bounces after a walk.
+const ROULETTE_THROUGHPUT: f32 = 0.1;
 
 impl Integrator<'_> {
     /// Follows the random walks of all paths up to the segments that hit surfaces.
@@ -113,8 +113,8 @@ impl Integrator<'_> {
         if optional.caustic_chains {
             paths.caustic_chains[i] = 0;
         }
-        if optional.mirrored {
-            paths.mirrored[i] = 0;
+        if optional.only_mirrors {
+            paths.only_mirrors[i] = 0;
         }
     }
 
@@ -133,7 +133,8 @@ impl Integrator<'_> {
         let mut random = SplitMix64::new(u64::from(key) << u32::BITS | u64::from(step));
         let throughput = get_rgb(&path.throughput, i) * segment.weight_of_scattering(medium);
         let [roulette, distance] = random.next_pair();
-        let (survives, scale) = survival(throughput, path.roulette_scale[i] / FAINT, roulette, true);
+        let (survives, scale) =
+            survival(throughput, path.roulette_scale[i] / ROULETTE_THROUGHPUT, roulette, true);
         if !survives {
             end_walk(i, w);
             return false;
@@ -144,7 +145,7 @@ impl Integrator<'_> {
         let own = wavelengths.map(|_| WalkGuide::of(medium));
         let Some(guide) = own.as_ref().or(self.random_walks.guide(segment.medium)) else { return false };
         let axis = get(&w.arriving.entry_normal, i);
-        let (wi, next) = MediumSegment::draw_step(
+        let (wi, next) = MediumSegment::sample_step(
             (segment.medium, medium),
             (-ray.direction, axis),
             guide,
@@ -179,5 +180,5 @@ impl Integrator<'_> {
 /// Ends path `i` within a solid.
 fn end_walk(i: usize, w: &mut Workspace) {
     set_rgb(&mut w.arriving.state.throughput, i, Rgb::ZERO);
-    w.medium_segments[i] = MediumSegment::straight(w.medium_segments[i].medium, [0.0, f32::INFINITY]);
+    w.medium_segments[i] = MediumSegment::unscattered(w.medium_segments[i].medium, [0.0, f32::INFINITY]);
 }

@@ -20,7 +20,7 @@ use super::mis::DirectionPdf;
 use super::sampling::{FIRST_ROULETTE, Purpose, RandomChoice, survival};
 use super::shading_groups::{
     Closure, GeneralClass, LambertClass, MediumClass, MetalRoughClass, SortedVertices, VertexClass,
-    eval_at_horizon, with_vertex_class,
+    eval_with_terminator, with_vertex_class,
 };
 use super::wave::{Vertices, Wave, get, get_rgb, set, set_rgb};
 use super::workspace::Workspace;
@@ -33,7 +33,7 @@ use crate::sampling::sampler::SobolPoint;
 use std::f32::consts::PI;
 
 /// Maximum probability of sampling a lobe instead of the BSDF.
-const MAX_SHARE: f32 = 0.5;
+const MAX_LOBE_PROBABILITY: f32 = 0.5;
 
 /// GGX alpha assumed for surfaces roughened by the glossy filter after diffuse scattering.
 const FILTERED_ALPHA: f32 = 0.4;
@@ -101,6 +101,7 @@ impl Integrator<'_> {
         !self.scene.refracted_lights.is_empty() && !self.options.records_training && !self.scene.is_moving()
     }
 
+    /// Finds the lobes of the vertices towards refracted lights, and the probabilities of sampling them.
     pub(super) fn find_light_lobes(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
         let mut lobes = std::mem::take(&mut w.light_lobes);
         self.start_light_lobes(sorted, &mut lobes, w);
@@ -126,7 +127,7 @@ impl Integrator<'_> {
             }
         }
         for (found, irradiance) in lobes.iter_mut().zip(irradiances) {
-            found.share = self.share_of_lobes(irradiance);
+            found.probability = self.lobe_probability(irradiance);
         }
         lobes.retain(|found| !found.is_empty());
         w.light_lobes = lobes;
@@ -157,12 +158,12 @@ impl Integrator<'_> {
         }
     }
 
-    /// The probability of sampling a lobe, given the irradiance of the refracted lights: by the root of the irradiances of these lights and
-    /// of the environment, which the BSDF samples alone may find.
-    fn share_of_lobes(&self, irradiance: f32) -> f32 {
+    /// The probability of sampling a lobe: the ratio of the square roots of irradiance by the refracted lights, and by these and the
+    /// environment, which BSDF samples find.
+    fn lobe_probability(&self, irradiance: f32) -> f32 {
         let around = self.scene.lights.environment().map_or(0.0, |e| PI * e.mean_luminance());
         let (lobes, around) = (irradiance.sqrt(), around.sqrt());
-        MAX_SHARE * lobes / (lobes + around)
+        MAX_LOBE_PROBABILITY * lobes / (lobes + around)
     }
 
     /// Adds the lobes of a body with two rough faces, where a ray towards a light hits it first.
@@ -184,8 +185,8 @@ impl Integrator<'_> {
                 continue;
             };
             let spread = (face.ior - 1.0).abs() * face.alpha * std::f32::consts::SQRT_2;
-            if let Some((share, size)) = angular_scale(light, receivers.p(search.vertex), face.distance) {
-                lobes[search.lobes].add(search.axis, (spread * share).hypot(size));
+            if let Some((scale, size)) = angular_scale(light, receivers.p(search.vertex), face.distance) {
+                lobes[search.lobes].add(search.axis, (spread * scale).hypot(size));
             }
         }
     }
@@ -291,14 +292,14 @@ impl Integrator<'_> {
             let lobes = w.light_lobes[k];
             let i = lobes.vertex as usize;
             let choice = RandomChoice::LightLobe.uniform(&w.wave.paths.state, i, bounce);
-            if choice >= lobes.share {
+            if choice >= lobes.probability {
                 self.weigh_scattered(i, &lobes, sorted, w);
                 continue;
             }
             let state = &w.wave.paths.state;
-            let point = SobolPoint::from_parts(state.seed[i], state.shuffled[i]);
+            let point = SobolPoint::from_parts(state.seed[i], state.index_rev[i]);
             let [a, b, _, roulette] = point.sample_4d(&dimensions);
-            let wi = lobes.sample(choice / lobes.share, [a, b]);
+            let wi = lobes.sample(choice / lobes.probability, [a, b]);
             let value = self.value_towards(i, wi, sorted, w);
             let (paths, v) = (&mut w.wave.paths, &mut w.wave.vertices);
             if self.optional.interior {
@@ -308,7 +309,8 @@ impl Integrator<'_> {
                 paths.state.pdf[i] = DirectionPdf::after_roulette(0.0, false);
                 continue;
             };
-            let pdf = (1.0 - lobes.share) * value.pdf_solid_angle + lobes.share * lobes.pdf_solid_angle(wi);
+            let pdf = (1.0 - lobes.probability) * value.pdf_solid_angle
+                + lobes.probability * lobes.pdf_solid_angle(wi);
             let throughput = lobes.throughput * value.f_cos * (1.0 / pdf);
             // Russian roulette as for a BSDF sample: higher pdfs must not lower the survival probability.
             let scale = lobes.roulette_scale * (pdf / value.pdf_solid_angle);
@@ -334,11 +336,11 @@ impl Integrator<'_> {
             true => None,
             false => self.value_towards(i, wi, sorted, w).map(|value| value.pdf_solid_angle),
         };
-        let share =
-            of_lobes.map_or(0.0, |pdf| lobes.share * lobes.pdf_solid_angle(wi) / pdf.max(f32::MIN_POSITIVE));
+        let ratio = of_lobes
+            .map_or(0.0, |pdf| lobes.probability * lobes.pdf_solid_angle(wi) / pdf.max(f32::MIN_POSITIVE));
         let throughput = &mut w.wave.paths.state.throughput;
         let value = get_rgb(throughput, i);
-        set_rgb(throughput, i, value * (1.0 / (1.0 - lobes.share + share)));
+        set_rgb(throughput, i, value * (1.0 / (1.0 - lobes.probability + ratio)));
     }
 
     /// BSDF value and pdf of vertex `i` for light from `wi`; `None` if `wi` crosses or is below the surface.
@@ -350,7 +352,7 @@ impl Integrator<'_> {
             self.guide_light_sample(i, sorted, &mut w.wave);
             set(&mut w.wave.vertices.light.wi, i, before);
             let v = &mut w.wave.vertices;
-            v.guided.density[i] = v.guided.light_density[i];
+            v.guided.pdf_factor[i] = v.guided.light_pdf_factor[i];
         }
         let Workspace { wave, bsdfs, .. } = &*w;
         with_vertex_class!(sorted, i, is_guided, bsdfs, |class| self.value_in(&class, i, wi, wave))
@@ -363,8 +365,8 @@ impl Integrator<'_> {
         if C::Closure::OPAQUE && cosine <= 0.0 || !C::Closure::IN_MEDIUM && closure.crosses(wi) {
             return None;
         }
-        let (eval, kept) = eval_at_horizon(&closure, self.terminator(), (v, i), wi);
-        let pdf_solid_angle = eval.pdf_solid_angle * class.light_density(v, i);
+        let (eval, kept) = eval_with_terminator(&closure, self.terminator(), (v, i), wi);
+        let pdf_solid_angle = eval.pdf_solid_angle * class.light_pdf_factor(v, i);
         Some(Value { f_cos: eval.f_cos * kept, pdf_solid_angle })
     }
 }
@@ -378,13 +380,13 @@ fn add_lobes_of_face(
 ) {
     let (p, axis) = (receivers.p(search.vertex), search.axis);
     let Some(face) = search.face.filter(|_| receivers.is_lit(search.vertex, axis)) else { return };
-    let Some((share, size)) = angular_scale(light, p, face.distance) else { return };
+    let Some((scale, size)) = angular_scale(light, p, face.distance) else { return };
     let ratio = ratio(body, side.normal.dot(direction(light, p)) > 0.0);
     let bend = (1.0 - ratio).abs();
-    let narrow = (bend * face.alpha * share).hypot(size * ratio.min(1.0));
+    let narrow = (bend * face.alpha * scale).hypot(size * ratio.min(1.0));
     if face.alpha > 0.0 || size > 0.0 {
         lobes.add(axis, narrow);
-        let wide = bend * side.spread * share;
+        let wide = bend * side.spread * scale;
         if wide > narrow {
             lobes.add(refract(direction(light, face.p), side.normal, ratio).unwrap_or(axis), wide);
         }

@@ -225,12 +225,12 @@ pub(super) enum RandomChoice {
 impl RandomChoice {
     #[inline(always)]
     pub fn hash(self, path: &PathState, i: usize, bounce: u32) -> u32 {
-        let (seed, shuffled) = (path.seed[i], path.shuffled[i]);
-        let common = hash32(seed ^ hash32(shuffled) ^ (bounce << 16));
+        let (seed, index_rev) = (path.seed[i], path.index_rev[i]);
+        let common = hash32(seed ^ hash32(index_rev) ^ (bounce << 16));
         match self {
             RandomChoice::Alpha { surface } => common.wrapping_add(surface),
             RandomChoice::ShadowAlpha { surface } => {
-                hash32(seed ^ hash32(!shuffled) ^ (bounce << 16)).wrapping_add(surface)
+                hash32(seed ^ hash32(!index_rev) ^ (bounce << 16)).wrapping_add(surface)
             }
             RandomChoice::ThinGlass { surface } => common.wrapping_add(surface) ^ 0x5bd1_e995,
             RandomChoice::MediumBoundary { surface } => common.wrapping_add(surface) ^ 0x1f83_d9ab,
@@ -240,7 +240,7 @@ impl RandomChoice {
             RandomChoice::RayKind => common ^ 0x27d4_eb2f,
             RandomChoice::LightLobe => common ^ 0x165667b1,
             RandomChoice::DispersionChannel => {
-                hash32(seed ^ hash32(shuffled).rotate_left(7) ^ (bounce << 20))
+                hash32(seed ^ hash32(index_rev).rotate_left(7) ^ (bounce << 20))
             }
         }
     }

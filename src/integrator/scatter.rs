@@ -2,10 +2,10 @@
 
 use super::mis::DirectionPdf;
 use super::sampling::{FIRST_ROULETTE, Purpose, ScatterParams, survival};
-use super::shading_geometry::{Horizon, Relief, Sharp, SharpRelief, Soft, Terminator};
+use super::shading_geometry::{Sharp, SharpBumps, Soft, SoftBumps, Terminator, TerminatorCorrection};
 use super::shading_groups::{
     Closure, GeneralClass, LambertClass, MediumClass, MetalRoughClass, SortedVertices, VertexClass,
-    sample_on_relief,
+    sample_with_bump_terminator,
 };
 use super::wave::{PathState, PerPath, Vertices, WAVE, Wave, get, get_rgb, repeat, set, set_rgb};
 use super::workspace::Workspace;
@@ -26,8 +26,8 @@ impl Integrator<'_> {
         match self.terminator() {
             Terminator::Sharp => self.scatter_all(Sharp, bounce, params, sorted, w),
             Terminator::Soft => self.scatter_all(Soft, bounce, params, sorted, w),
-            Terminator::Relief => self.scatter_all(Relief, bounce, params, sorted, w),
-            Terminator::SharpRelief => self.scatter_all(SharpRelief, bounce, params, sorted, w),
+            Terminator::SoftBumps => self.scatter_all(SoftBumps, bounce, params, sorted, w),
+            Terminator::SharpBumps => self.scatter_all(SharpBumps, bounce, params, sorted, w),
         }
         if self.optional.receiver_normal {
             // Specular vertices are not light-sampled.
@@ -38,9 +38,9 @@ impl Integrator<'_> {
     }
 
     /// Scatters at the vertices of all shading groups.
-    fn scatter_all<T: Horizon>(
+    fn scatter_all<T: TerminatorCorrection>(
         &self,
-        horizon: T,
+        correction: T,
         bounce: u32,
         params: ScatterParams<'_>,
         sorted: &SortedVertices,
@@ -49,9 +49,9 @@ impl Integrator<'_> {
         let Workspace { wave, bsdfs, .. } = w;
         if let Some(guide) = self.options.guide {
             let uses_adjoint_roulette = self.uses_adjoint_roulette(bounce);
-            guiding::scatter(horizon, params, uses_adjoint_roulette, guide, sorted.lambert(), wave);
+            guiding::scatter(correction, params, uses_adjoint_roulette, guide, sorted.lambert(), wave);
             guiding::scatter_metal_rough(
-                horizon,
+                correction,
                 params,
                 uses_adjoint_roulette,
                 guide,
@@ -59,15 +59,21 @@ impl Integrator<'_> {
                 wave,
             );
         } else {
-            dispatch(Scatter { horizon, wave, class: LambertClass, range: sorted.lambert(), params });
-            dispatch(Scatter { horizon, wave, class: MetalRoughClass, range: sorted.metal_rough(), params });
+            dispatch(Scatter { correction, wave, class: LambertClass, range: sorted.lambert(), params });
+            dispatch(Scatter {
+                correction,
+                wave,
+                class: MetalRoughClass,
+                range: sorted.metal_rough(),
+                params,
+            });
         }
         if !sorted.medium().is_empty() {
-            dispatch(Scatter { horizon, wave, class: MediumClass, range: sorted.medium(), params });
+            dispatch(Scatter { correction, wave, class: MediumClass, range: sorted.medium(), params });
         }
         let range = sorted.general();
         // Not vectorised, so a higher CPU level has no benefit.
-        Scatter { horizon, wave, class: GeneralClass { bsdfs, first: range.start }, range, params }.run();
+        Scatter { correction, wave, class: GeneralClass { bsdfs, first: range.start }, range, params }.run();
     }
 
     /// Copies the surviving paths to the arriving paths of the next bounce, and generates their rays.
@@ -109,14 +115,14 @@ fn widen(spread: &mut f32, pdf_solid_angle: f32) {
 
 /// Scatters at the vertices of a shading group.
 pub(super) struct Scatter<'a, C, T> {
-    pub horizon: T,
+    pub correction: T,
     pub wave: &'a mut Wave,
     pub class: C,
     pub range: Range<usize>,
     pub params: ScatterParams<'a>,
 }
 
-impl<C: VertexClass, T: Horizon> Kernel for Scatter<'_, C, T> {
+impl<C: VertexClass, T: TerminatorCorrection> Kernel for Scatter<'_, C, T> {
     type Output = ();
 
     #[inline(always)]
@@ -124,7 +130,7 @@ impl<C: VertexClass, T: Horizon> Kernel for Scatter<'_, C, T> {
         let Wave { paths, vertices: v, .. } = self.wave;
         let path = &mut paths.state;
         for i in self.range.start..self.range.end.min(WAVE) {
-            let point = SobolPoint::from_parts(path.seed[i], path.shuffled[i]);
+            let point = SobolPoint::from_parts(path.seed[i], path.index_rev[i]);
             let [a, b, lobe, roulette] = point.sample_4d(self.params.dimensions);
             let closure = self.class.closure(v, i);
             let s = closure.sample([a, b, lobe]);
@@ -134,20 +140,21 @@ impl<C: VertexClass, T: Horizon> Kernel for Scatter<'_, C, T> {
             let mut throughput = get_rgb(&path.throughput, i) * s.weight;
             if T::SOFTENS {
                 let is_unshadowed = s.is_specular | s.is_transmission | C::Closure::IN_MEDIUM;
-                if T::HAS_RELIEF {
-                    let dimmed = sample_on_relief(&closure, self.horizon, (v, i), (ns * side, side), &s);
+                if T::HAS_BUMPS {
+                    let dimmed =
+                        sample_with_bump_terminator(&closure, self.correction, (v, i), (ns * side, side), &s);
                     throughput = get_rgb(&path.throughput, i) * if is_unshadowed { s.weight } else { dimmed };
                 }
                 throughput *= if is_unshadowed {
                     1.0
                 } else {
-                    self.horizon.light_factor(v, i, [ns * side, ng * side], side, wi)
+                    self.correction.light_factor(v, i, [ns * side, ng * side], side, wi)
                 };
             }
             if !C::Closure::OPAQUE {
                 path.roulette_scale[i] *= s.eta * s.eta;
                 if s.is_transmission {
-                    paths.interior[i] = v.beyond[i];
+                    paths.interior[i] = v.far_interior[i];
                 }
             }
             let (survives, scale) =
@@ -208,12 +215,12 @@ impl Integrator<'_> {
         let (count, general) = (sorted.all().end, sorted.general());
         let Wave { paths, vertices, .. } = &mut *w.wave;
         paths.repeat(count, branches, self.optional);
-        divide(&mut paths.state, count, self.options.branches);
+        divide_throughput(&mut paths.state, count, self.options.branches);
         if self.optional.interior {
-            vertices.beyond.repeat(count, branches);
+            vertices.far_interior.repeat(count, branches);
         }
-        let has_relief = self.scene.features.mapped_normals;
-        repeat_vertices(vertices, sorted, branches, [self.options.guide.is_some(), has_relief]);
+        let has_bumps = self.scene.features.mapped_normals;
+        repeat_vertices(vertices, sorted, branches, [self.options.guide.is_some(), has_bumps]);
         if self.options.records_baseline {
             index_branches(&mut paths.state, count, self.options.branches);
             w.radiance_buffer.extend_with_passes(WAVE + WAVE);
@@ -235,13 +242,13 @@ impl Integrator<'_> {
             let first = first_branch_index(sample, branches);
             w.radiance_buffer.add_to_baseline(sample, w.radiance_buffer.radiance(first) * branches as f32);
             for part in first..first + branches {
-                w.radiance_buffer.join(sample, part);
+                w.radiance_buffer.merge(sample, part);
             }
         }
     }
 
     /// Sets the Sobol points of the vertices to those of light sample `number` of `count`.
-    pub(super) fn number_light_samples(
+    pub(super) fn set_light_sample_points(
         path: &mut PathState,
         sorted: &SortedVertices,
         number: u32,
@@ -252,20 +259,21 @@ impl Integrator<'_> {
         }
         let bits = count.trailing_zeros();
         for i in sorted.all() {
-            let point = SobolPoint::from_parts(path.seed[i], path.shuffled[i]);
+            let point = SobolPoint::from_parts(path.seed[i], path.index_rev[i]);
             let point = if number == 0 { point } else { point.parent(bits) };
-            (path.seed[i], path.shuffled[i]) = point.branch(number, bits).to_parts();
+            (path.seed[i], path.index_rev[i]) = point.branch(number, bits).to_parts();
         }
     }
 
     /// Restores the Sobol points of the vertices after the last light sample.
-    pub(super) fn end_light_samples(path: &mut PathState, sorted: &SortedVertices, count: u32) {
+    pub(super) fn restore_sobol_points(path: &mut PathState, sorted: &SortedVertices, count: u32) {
         if count == 1 {
             return;
         }
         for i in sorted.all() {
-            let point = SobolPoint::from_parts(path.seed[i], path.shuffled[i]).parent(count.trailing_zeros());
-            (path.seed[i], path.shuffled[i]) = point.to_parts();
+            let point =
+                SobolPoint::from_parts(path.seed[i], path.index_rev[i]).parent(count.trailing_zeros());
+            (path.seed[i], path.index_rev[i]) = point.to_parts();
         }
     }
 }
@@ -291,15 +299,15 @@ fn index_branches(path: &mut PathState, count: usize, branches: u32) {
 }
 
 /// Divides throughput by the number of branches and sets the branches' Sobol points.
-fn divide(path: &mut PathState, count: usize, branches: u32) {
-    let (bits, share) = (branches.trailing_zeros(), 1.0 / branches as f32);
+fn divide_throughput(path: &mut PathState, count: usize, branches: u32) {
+    let (bits, weight) = (branches.trailing_zeros(), 1.0 / branches as f32);
     for i in 0..count * branches as usize {
         for channel in &mut path.throughput {
-            channel[i] *= share;
+            channel[i] *= weight;
         }
         path.roulette_scale[i] *= branches as f32;
-        let point = SobolPoint::from_parts(path.seed[i], path.shuffled[i]).branch(i as u32 % branches, bits);
-        (path.seed[i], path.shuffled[i]) = point.to_parts();
+        let point = SobolPoint::from_parts(path.seed[i], path.index_rev[i]).branch(i as u32 % branches, bits);
+        (path.seed[i], path.index_rev[i]) = point.to_parts();
     }
 }
 
@@ -308,15 +316,15 @@ fn repeat_vertices(
     v: &mut Vertices,
     sorted: &SortedVertices,
     times: usize,
-    [is_guided, has_relief]: [bool; 2],
+    [is_guided, has_bumps]: [bool; 2],
 ) {
     let count = sorted.all().end;
     v.p.repeat(count, times);
     v.ng.repeat(count, times);
     v.ns.repeat(count, times);
-    if has_relief {
-        v.relief.repeat(count, times);
-        v.smooth.repeat(count, times);
+    if has_bumps {
+        v.bump_mode.repeat(count, times);
+        v.smooth_normal.repeat(count, times);
     }
     v.offset.repeat(count, times);
     v.wo.repeat(count, times);

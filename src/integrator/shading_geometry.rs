@@ -84,52 +84,52 @@ pub(super) struct EvaluatedMaterial {
 #[derive(Clone, Copy)]
 pub(super) struct Mapping {
     /// Normal of the smooth surface: without normal and bump maps, but with the bump normal of a displacement.
-    pub smooth: Vec3,
+    pub smooth_normal: Vec3,
     /// Does the shading normal differ from the mesh's by a normal or bump map?
     pub is_mapped: bool,
     /// Is a displacement rendered as bumps?
     pub has_bumps: bool,
 }
 
-// Values of `Vertices::relief`: bump terminator (shadowing near the horizon) of a vertex. The relief is the microgeometry that a normal
-// or bump map stands for.
+// Values of `Vertices::bump_mode`: the bump terminator (shadowing near the horizon by the microgeometry that a normal or bump map
+// represents) of a vertex.
 
 /// The normal is not mapped.
 pub(super) const UNMAPPED: f32 = 0.0;
 
 /// No bump terminator: no diffuse base, or the normal is that of a displacement's bumps.
-pub(super) const UNSHADOWED: f32 = 1.0;
+pub(super) const NO_BUMP_SHADOWING: f32 = 1.0;
 
 /// Bump terminator for the diffuse base.
-pub(super) const RELIEF: f32 = 2.0;
+pub(super) const BUMP_SHADOWING: f32 = 2.0;
 
-/// [`RELIEF`] on the bumps of a displacement.
-pub(super) const RELIEF_ON_BUMPS: f32 = 3.0;
+/// [`BUMP_SHADOWING`] on the bumps of a displacement.
+pub(super) const BUMP_SHADOWING_ON_DISPLACEMENT: f32 = 3.0;
 
-/// Squared GGX alpha of the relief, over the squared tangent of the angle between mapped and smooth normal.
-const RELIEF_ALPHA: f32 = 0.125;
+/// Squared GGX alpha of the microgeometry, over the squared tangent of the angle between mapped and smooth normal.
+const BUMP_ALPHA: f32 = 0.125;
 
 impl Mapping {
     /// A surface without normal and bump maps.
     pub const fn none(ns: Vec3) -> Mapping {
-        Mapping { smooth: ns, is_mapped: false, has_bumps: false }
+        Mapping { smooth_normal: ns, is_mapped: false, has_bumps: false }
     }
 
     /// Flips the normal if `side` is -1.
     pub fn on_side(self, side: f32) -> Mapping {
-        Mapping { smooth: self.smooth * side, ..self }
+        Mapping { smooth_normal: self.smooth_normal * side, ..self }
     }
 }
 
 impl EvaluatedMaterial {
-    /// The value of `Vertices::relief`.
-    pub fn relief(&self) -> f32 {
-        let Mapping { smooth, is_mapped, has_bumps } = self.mapping;
+    /// The value of `Vertices::bump_mode`.
+    pub fn bump_mode(&self) -> f32 {
+        let Mapping { smooth_normal, is_mapped, has_bumps } = self.mapping;
         match is_mapped {
             false => UNMAPPED,
-            true if !self.bsdf.has_base() || has_bumps && smooth == self.ns => UNSHADOWED,
-            true if has_bumps => RELIEF_ON_BUMPS,
-            true => RELIEF,
+            true if !self.bsdf.has_base() || has_bumps && smooth_normal == self.ns => NO_BUMP_SHADOWING,
+            true if has_bumps => BUMP_SHADOWING_ON_DISPLACEMENT,
+            true => BUMP_SHADOWING,
         }
     }
 }
@@ -245,15 +245,15 @@ fn terminator(ns: Vec3, ng: Vec3, wi: Vec3) -> f32 {
 /// Bump terminator for a mapped normal `ns`, as in Cycles: shadowing by the microfacet distribution that most likely has such a normal
 /// (Conty Estevez, Lecocq, Stein 2019, "A Microfacet-Based Shadowing Function to Solve the Bump Terminator Problem", equations 12.3 and
 /// 12.5). Not normalized for uniform light: mapped normals are tilted by tens of degrees, where normalization would brighten small lights
-/// visibly (12 % at 55 degrees). The relief is on the smooth surface with normal `smooth`: no light comes from below.
+/// visibly (12 % at 55 degrees). No light comes from below the smooth surface with normal `smooth`.
 #[inline(always)]
-fn mapped_terminator([ns, smooth, wi]: [Vec3; 3]) -> f32 {
+fn bump_terminator([ns, smooth, wi]: [Vec3; 3]) -> f32 {
     let squared_tangent = |cosine: f32| {
         let squared = cosine * cosine;
         (1.0 - squared) / if squared > 1e-12 { squared } else { 1e-12 }
     };
     let cosine = wi.dot(smooth);
-    let squared_alpha = RELIEF_ALPHA * squared_tangent(smooth.dot(ns));
+    let squared_alpha = BUMP_ALPHA * squared_tangent(smooth.dot(ns));
     let squared_alpha = if squared_alpha < 1.0 { squared_alpha } else { 1.0 };
     let masked = squared_alpha * squared_tangent(cosine);
     let masked = if masked > 0.0 { masked } else { 0.0 };
@@ -263,35 +263,35 @@ fn mapped_terminator([ns, smooth, wi]: [Vec3; 3]) -> f32 {
 /// [`terminator`] of a vertex: by `ns` if the normal is not mapped, else by `smooth`; none for bumps of a displacement, as in Cycles 5.0.
 /// Normals and `wi` are on the same side of the surface.
 #[inline(always)]
-pub(super) fn terminator_at(relief: f32, [ns, smooth, ng]: [Vec3; 3], wi: Vec3) -> f32 {
-    let is_softened = (relief == UNMAPPED) | (relief == RELIEF);
-    let soft = terminator(select(relief == RELIEF, smooth, ns), ng, wi);
+pub(super) fn terminator_at(bump_mode: f32, [ns, smooth, ng]: [Vec3; 3], wi: Vec3) -> f32 {
+    let is_softened = (bump_mode == UNMAPPED) | (bump_mode == BUMP_SHADOWING);
+    let soft = terminator(select(bump_mode == BUMP_SHADOWING, smooth, ns), ng, wi);
     if is_softened { soft } else { 1.0 }
 }
 
-/// [`mapped_terminator`] of a vertex, a factor on the diffuse base; 1 if the normal is not mapped.
+/// [`bump_terminator`] of a vertex, a factor on the diffuse base; 1 if the normal is not mapped.
 ///
 /// Glossy lobes are not shadowed. Cycles cuts off light samples below the smooth normal, but not BSDF samples that hit the sky: spheres of
 /// roughness 0.4 under uniform light differ by 0.4 % from Cycles without the cut-off, and by 3 % with it.
 #[inline(always)]
-pub(super) fn relief_at(relief: f32, [ns, smooth]: [Vec3; 2], wi: Vec3) -> f32 {
-    let mapped = mapped_terminator([ns, smooth, wi]);
-    if relief >= RELIEF { mapped } else { 1.0 }
+pub(super) fn bump_terminator_at(bump_mode: f32, [ns, smooth]: [Vec3; 2], wi: Vec3) -> f32 {
+    let mapped = bump_terminator([ns, smooth, wi]);
+    if bump_mode >= BUMP_SHADOWING { mapped } else { 1.0 }
 }
 
-/// Multiplies the diffuse part of a BSDF value by the bump terminator `relief`.
+/// Multiplies the diffuse part of a BSDF value by `factor` of the bump terminator.
 #[inline(always)]
-pub(super) fn under_relief(value: Rgb, diffuse: Rgb, relief: f32) -> Rgb {
-    value - diffuse.min(value) * (1.0 - relief)
+pub(super) fn shadow_diffuse(value: Rgb, diffuse: Rgb, factor: f32) -> Rgb {
+    value - diffuse.min(value) * (1.0 - factor)
 }
 
-/// Shadow terminator correction, a compile-time [`Terminator`].
-pub(super) trait Horizon: Copy + Sync {
+/// A [`Terminator`] correction at compile time.
+pub(super) trait TerminatorCorrection: Copy + Sync {
     /// Can any factor differ from 1?
     const SOFTENS: bool = true;
 
-    /// Can [`Horizon::relief`] differ from 1?
-    const HAS_RELIEF: bool = false;
+    /// Can [`TerminatorCorrection::bump_factor`] differ from 1?
+    const HAS_BUMPS: bool = false;
 
     /// Factor on light from `wi` at vertex `i`. `normals` are shading and geometric normal on the side of `wi`; `side` is -1 if the
     /// vertex's are on the other side.
@@ -299,18 +299,18 @@ pub(super) trait Horizon: Copy + Sync {
 
     /// Further factor on the diffuse part (bump terminator), with `ns` and `side` as above.
     #[inline(always)]
-    fn relief(self, _: &Vertices, _: usize, _: Vec3, _: f32, _: Vec3) -> f32 {
+    fn bump_factor(self, _: &Vertices, _: usize, _: Vec3, _: f32, _: Vec3) -> f32 {
         1.0
     }
 }
 
-/// The [`Horizon`] that a scene needs.
+/// Corrections of the shadow terminator: hard or softened, without or with the bump terminator. By type: [`TerminatorCorrection`].
 #[derive(Clone, Copy)]
 pub(super) enum Terminator {
     Sharp,
     Soft,
-    Relief,
-    SharpRelief,
+    SoftBumps,
+    SharpBumps,
 }
 
 impl Terminator {
@@ -319,15 +319,18 @@ impl Terminator {
     pub fn apply(
         self,
         (value, diffuse): (Rgb, Rgb),
-        relief: f32,
+        bump_mode: f32,
         (ns, normals): (Vec3, [Vec3; 3]),
         wi: Vec3,
     ) -> (Rgb, f32) {
-        let on_relief = || under_relief(value, diffuse, relief_at(relief, [ns, normals[1]], wi));
+        let apply_bump_terminator =
+            || shadow_diffuse(value, diffuse, bump_terminator_at(bump_mode, [ns, normals[1]], wi));
         match self {
             Terminator::Sharp => (value, 1.0),
-            Terminator::SharpRelief => (on_relief(), 1.0),
-            Terminator::Soft | Terminator::Relief => (on_relief(), terminator_at(relief, normals, wi)),
+            Terminator::SharpBumps => (apply_bump_terminator(), 1.0),
+            Terminator::Soft | Terminator::SoftBumps => {
+                (apply_bump_terminator(), terminator_at(bump_mode, normals, wi))
+            }
         }
     }
 }
@@ -342,14 +345,14 @@ pub(super) struct Soft;
 
 /// [`Soft`] with the bump terminator.
 #[derive(Clone, Copy)]
-pub(super) struct Relief;
+pub(super) struct SoftBumps;
 
 /// [`Sharp`] with the bump terminator.
 #[derive(Clone, Copy)]
-pub(super) struct SharpRelief;
+pub(super) struct SharpBumps;
 
-impl Horizon for SharpRelief {
-    const HAS_RELIEF: bool = true;
+impl TerminatorCorrection for SharpBumps {
+    const HAS_BUMPS: bool = true;
 
     #[inline(always)]
     fn light_factor(self, _: &Vertices, _: usize, _: [Vec3; 2], _: f32, _: Vec3) -> f32 {
@@ -357,12 +360,12 @@ impl Horizon for SharpRelief {
     }
 
     #[inline(always)]
-    fn relief(self, v: &Vertices, i: usize, ns: Vec3, side: f32, wi: Vec3) -> f32 {
-        Relief.relief(v, i, ns, side, wi)
+    fn bump_factor(self, v: &Vertices, i: usize, ns: Vec3, side: f32, wi: Vec3) -> f32 {
+        SoftBumps.bump_factor(v, i, ns, side, wi)
     }
 }
 
-impl Horizon for Sharp {
+impl TerminatorCorrection for Sharp {
     const SOFTENS: bool = false;
 
     #[inline(always)]
@@ -371,24 +374,24 @@ impl Horizon for Sharp {
     }
 }
 
-impl Horizon for Soft {
+impl TerminatorCorrection for Soft {
     #[inline(always)]
     fn light_factor(self, _: &Vertices, _: usize, [ns, ng]: [Vec3; 2], _: f32, wi: Vec3) -> f32 {
         terminator(ns, ng, wi)
     }
 }
 
-impl Horizon for Relief {
-    const HAS_RELIEF: bool = true;
+impl TerminatorCorrection for SoftBumps {
+    const HAS_BUMPS: bool = true;
 
     #[inline(always)]
     fn light_factor(self, v: &Vertices, i: usize, [ns, ng]: [Vec3; 2], side: f32, wi: Vec3) -> f32 {
-        terminator_at(v.relief[i], [ns, get(&v.smooth, i) * side, ng], wi)
+        terminator_at(v.bump_mode[i], [ns, get(&v.smooth_normal, i) * side, ng], wi)
     }
 
     #[inline(always)]
-    fn relief(self, v: &Vertices, i: usize, ns: Vec3, side: f32, wi: Vec3) -> f32 {
-        relief_at(v.relief[i], [ns, get(&v.smooth, i) * side], wi)
+    fn bump_factor(self, v: &Vertices, i: usize, ns: Vec3, side: f32, wi: Vec3) -> f32 {
+        bump_terminator_at(v.bump_mode[i], [ns, get(&v.smooth_normal, i) * side], wi)
     }
 }
 
@@ -487,13 +490,13 @@ mod tests {
         {
             let (sine, cosine) = degrees.to_radians().sin_cos();
             let wi = Vec3::new(sine * 0.6, sine * 0.8, cosine);
-            let found =
-                terminator_at(RELIEF, [ns, Vec3::Z, Vec3::Z], wi) * relief_at(RELIEF, [ns, Vec3::Z], wi);
+            let found = terminator_at(BUMP_SHADOWING, [ns, Vec3::Z, Vec3::Z], wi)
+                * bump_terminator_at(BUMP_SHADOWING, [ns, Vec3::Z], wi);
             assert!((found - kept).abs() < 5e-4, "{degrees}: {found}, {kept} in Cycles");
         }
         let wi = Vec3::new(0.8, 0.0, 0.6);
-        assert_eq!(terminator_at(RELIEF, [Vec3::Z; 3], wi), 1.0);
-        assert_eq!(relief_at(RELIEF, [Vec3::Z; 2], wi), 1.0);
+        assert_eq!(terminator_at(BUMP_SHADOWING, [Vec3::Z; 3], wi), 1.0);
+        assert_eq!(bump_terminator_at(BUMP_SHADOWING, [Vec3::Z; 2], wi), 1.0);
     }
 
     #[test]

@@ -1,8 +1,8 @@
 //! Shading groups: vertices shaded by the same loop, their sort order, and the closures of each group.
 
 use super::shading_geometry::{
-    Horizon, Relief, SharpRelief, Soft, Terminator, UNMAPPED, UNSHADOWED, bent_normal, local_viewer,
-    under_relief,
+    NO_BUMP_SHADOWING, SharpBumps, Soft, SoftBumps, Terminator, TerminatorCorrection, UNMAPPED, bent_normal,
+    local_viewer, shadow_diffuse,
 };
 use super::wave::{
     MetalRoughClosures, MetalRoughMaterials, PerPath, Vertices, WAVE, Wave, get, get_rgb, set, set_rgb,
@@ -292,21 +292,23 @@ pub trait Closure {
 
     /// Applies the bump terminator of vertex `i`: returns value and pdf, and a factor on the value.
     #[inline(always)]
-    fn on_relief<T: Horizon>(
+    fn apply_bump_terminator<T: TerminatorCorrection>(
         &self,
-        horizon: T,
+        correction: T,
         (v, i): (&Vertices, usize),
         (ns, side): (Vec3, f32),
         (wi, eval): (Vec3, BsdfEval),
     ) -> (BsdfEval, f32) {
-        if !T::HAS_RELIEF || Self::IN_MEDIUM {
+        if !T::HAS_BUMPS || Self::IN_MEDIUM {
             return (eval, 1.0);
         }
-        let relief = horizon.relief(v, i, self.base_normal(ns), side, wi);
+        let bump_factor = correction.bump_factor(v, i, self.base_normal(ns), side, wi);
         match Self::IS_DIFFUSE {
-            true => (eval, relief),
-            false if Self::BRANCHES && relief == 1.0 => (eval, 1.0),
-            false => (BsdfEval { f_cos: under_relief(eval.f_cos, self.diffuse(wi), relief), ..eval }, 1.0),
+            true => (eval, bump_factor),
+            false if Self::BRANCHES && bump_factor == 1.0 => (eval, 1.0),
+            false => {
+                (BsdfEval { f_cos: shadow_diffuse(eval.f_cos, self.diffuse(wi), bump_factor), ..eval }, 1.0)
+            }
         }
     }
 
@@ -325,7 +327,7 @@ pub trait Closure {
 }
 
 /// Value of a closure at vertex `i` for light from `wi`, and the factor of the shadow terminator: for loops over few vertices.
-pub(super) fn eval_at_horizon<C: Closure>(
+pub(super) fn eval_with_terminator<C: Closure>(
     closure: &C,
     terminator: Terminator,
     (v, i): (&Vertices, usize),
@@ -341,29 +343,32 @@ pub(super) fn eval_at_horizon<C: Closure>(
     match terminator {
         Terminator::Sharp => (eval, 1.0),
         Terminator::Soft => (eval, Soft.light_factor(v, i, normals, side, wi)),
-        Terminator::Relief => {
-            let (eval, relief) = closure.on_relief(Relief, (v, i), (ns * side, side), (wi, eval));
-            (eval, Relief.light_factor(v, i, normals, side, wi) * relief)
+        Terminator::SoftBumps => {
+            let (eval, bump_factor) =
+                closure.apply_bump_terminator(SoftBumps, (v, i), (ns * side, side), (wi, eval));
+            (eval, SoftBumps.light_factor(v, i, normals, side, wi) * bump_factor)
         }
-        Terminator::SharpRelief => closure.on_relief(SharpRelief, (v, i), (ns * side, side), (wi, eval)),
+        Terminator::SharpBumps => {
+            closure.apply_bump_terminator(SharpBumps, (v, i), (ns * side, side), (wi, eval))
+        }
     }
 }
 
 /// The weight of a BSDF sample under the bump terminator.
 #[inline(always)]
-pub(super) fn sample_on_relief<C: Closure, T: Horizon>(
+pub(super) fn sample_with_bump_terminator<C: Closure, T: TerminatorCorrection>(
     closure: &C,
-    horizon: T,
+    correction: T,
     at: (&Vertices, usize),
     (ns, side): (Vec3, f32),
     sample: &BsdfSample,
 ) -> Rgb {
     let pdf_solid_angle = sample.pdf_solid_angle;
     let eval = BsdfEval { f_cos: sample.weight * pdf_solid_angle, pdf_solid_angle };
-    let (dimmed, relief) = closure.on_relief(horizon, at, (ns, side), (sample.wi, eval));
+    let (dimmed, bump_factor) = closure.apply_bump_terminator(correction, at, (ns, side), (sample.wi, eval));
     let inverse = 1.0 / if pdf_solid_angle > 0.0 { pdf_solid_angle } else { 1.0 };
-    // For purely diffuse closures the factor is `relief`.
-    (if C::IS_DIFFUSE { sample.weight } else { dimmed.f_cos * inverse }) * relief
+    // For purely diffuse closures the factor is `bump_factor`.
+    (if C::IS_DIFFUSE { sample.weight } else { dimmed.f_cos * inverse }) * bump_factor
 }
 
 /// A class of vertices with the same type of closure.
@@ -375,7 +380,7 @@ pub trait VertexClass {
 
     /// Factor of guiding on the pdf of the light sample's direction at vertex `i`.
     #[inline(always)]
-    fn light_density(&self, _v: &Vertices, _i: usize) -> f32 {
+    fn light_pdf_factor(&self, _v: &Vertices, _i: usize) -> f32 {
         1.0
     }
 }
@@ -592,7 +597,7 @@ impl<const EXACT: bool> Kernel for PrepareClosures<'_, EXACT> {
             let (ns, wo) = (get(&v.ns, i), get(&v.wo, i));
             let (bent, is_bent) = bent_normal(ns, get(&v.ng, i), wo);
             v.is_bent[i] = if is_bent { 1.0 } else { 0.0 };
-            set(&mut v.base_normal, i, select(v.relief[i] != UNMAPPED, ns, bent));
+            set(&mut v.base_normal, i, select(v.bump_mode[i] != UNMAPPED, ns, bent));
             let ns = bent;
             set(&mut v.ns, i, ns);
             [x[i], y[i], z[i]] = to_upper_side(Frame::from_normal(ns).to_local(wo)).to_array();
@@ -616,8 +621,8 @@ impl<const EXACT: bool> Kernel for PrepareClosures<'_, EXACT> {
             };
             let closure = material.closure_by(albedo, layer_grazing, wo);
             store_closure(&mut v.metal_rough_closures, i, &closure);
-            let is_shadowed = (v.relief[i] == UNMAPPED) | (closure.probability_diffuse > 0.0);
-            v.relief[i] = if is_shadowed { v.relief[i] } else { UNSHADOWED };
+            let is_shadowed = (v.bump_mode[i] == UNMAPPED) | (closure.probability_diffuse > 0.0);
+            v.bump_mode[i] = if is_shadowed { v.bump_mode[i] } else { NO_BUMP_SHADOWING };
         }
     }
 }
@@ -693,13 +698,13 @@ impl MetalRoughVertex {
 
     /// Diffuse fraction of the BSDF value for light from `wi`.
     #[inline(always)]
-    pub fn diffuse_share(&self, wi: Vec3) -> Rgb {
-        self.share_of(self.lobes.diffuse * FRAC_1_PI, wi).min(Rgb::ONE)
+    pub fn diffuse_fraction(&self, wi: Vec3) -> Rgb {
+        self.diffuse_fraction_of(self.lobes.diffuse * FRAC_1_PI, wi).min(Rgb::ONE)
     }
 
     /// Fraction of the BSDF value for light from `wi` that a diffuse lobe with BSDF `f` has.
     #[inline(always)]
-    pub fn share_of(&self, f: Rgb, wi: Vec3) -> Rgb {
+    pub fn diffuse_fraction_of(&self, f: Rgb, wi: Vec3) -> Rgb {
         let (all, cosine) = (self.value(wi).f_cos, self.base.dot(wi));
         let part = f * if cosine > 0.0 { cosine } else { 0.0 };
         let ratio = |part: f32, all: f32| {

@@ -32,7 +32,7 @@ pub(super) enum Data {
     /// Origins and directions of the scattered rays.
     Scattered,
     /// Prefixes and suffixes for path reuse.
-    Shared,
+    Subpaths,
     /// Vertices recorded to train a guide.
     Training,
     /// Radiance, alpha and AOVs of the samples.
@@ -192,7 +192,7 @@ fn always(_: &Integrator<'_>) -> bool {
 }
 
 use Data::{
-    Cells, Groups, Hits, Lobes, Paths, Rays, Results, Scattered, Segments, Shared, Training, Vertices,
+    Cells, Groups, Hits, Lobes, Paths, Rays, Results, Scattered, Segments, Subpaths, Training, Vertices,
 };
 
 /// Stages from the rays of a wave to its vertices.
@@ -230,19 +230,19 @@ pub(super) const ARRIVE: &[Stage] = &[
         run: |i, _, w| i.shift_chains(w),
     },
     Stage {
-        name: "absent surfaces",
+        name: "pass-through surfaces",
         condition: |i| i.scene.features.alpha,
         bounces: Bounces::All,
         reads: &[Rays, Hits, Paths],
         writes: &[Rays, Hits, Paths, Results],
         run: |i, b, w| {
             i.start_crossings(w);
-            i.skip_absent_surfaces(b.number, w);
+            i.pass_through_surfaces(b.number, w);
             i.end_crossings(w);
         },
     },
     Stage {
-        name: "shadows of even skies",
+        name: "sky shadows",
         condition: |i| i.records_sky_shadows(),
         bounces: Bounces::All,
         reads: &[Rays, Hits, Paths],
@@ -255,7 +255,7 @@ pub(super) const ARRIVE: &[Stage] = &[
         bounces: Bounces::First,
         reads: &[Hits, Paths],
         writes: &[Hits, Paths],
-        run: |i, _, w| i.find_camera_exceptions(w),
+        run: |i, _, w| i.find_holdouts_and_catchers(w),
     },
     Stage {
         name: "medium scattering",
@@ -381,7 +381,7 @@ pub(super) const LEAVE: &[Stage] = &[
         condition: |i| i.options.reuse.is_some(),
         bounces: Bounces::All,
         reads: &[Vertices, Paths],
-        writes: &[Shared, Paths],
+        writes: &[Subpaths, Paths],
         run: |i, b, w| i.cut_paths(b.number, &b.vertices, w),
     },
     Stage {
@@ -417,7 +417,7 @@ pub(super) const LEAVE: &[Stage] = &[
         run: |i, b, w| i.scatter(b.number, &b.vertices, w),
     },
     Stage {
-        name: "refracted lights: choice",
+        name: "refracted lights: sampling",
         condition: |i| i.samples_refracted_lights(),
         bounces: Bounces::All,
         reads: &[Vertices, Lobes, Scattered, Paths],
@@ -425,7 +425,7 @@ pub(super) const LEAVE: &[Stage] = &[
         run: |i, b, w| i.scatter_to_refracted_lights(b.number, &b.vertices, w),
     },
     Stage {
-        name: "densities",
+        name: "glossy filter: pdfs",
         condition: |i| i.optional.min_pdf,
         bounces: Bounces::All,
         reads: &[Vertices, Paths],
@@ -446,15 +446,15 @@ pub(super) const LEAVE: &[Stage] = &[
         bounces: Bounces::All,
         reads: &[Vertices, Scattered],
         writes: &[Paths],
-        run: |i, b, w| i.update_chain_shares(&b.vertices, w),
+        run: |i, b, w| i.update_chain_fractions(&b.vertices, w),
     },
     Stage {
-        name: "caustics: stretched light",
+        name: "caustics: large corrections",
         condition: |i| i.options.caustics.is_some(),
         bounces: Bounces::All,
         reads: &[Vertices, Scattered],
         writes: &[Paths],
-        run: |i, b, w| i.end_stretched_chains(b.number, &b.vertices, w),
+        run: |i, b, w| i.end_chains_of_large_correction(b.number, &b.vertices, w),
     },
     Stage {
         name: "guiding: training",
@@ -492,8 +492,8 @@ pub(super) const LEAVE: &[Stage] = &[
         name: "path reuse: lobes",
         condition: |i| i.options.reuse.is_some(),
         bounces: Bounces::All,
-        reads: &[Vertices, Scattered, Shared, Paths],
-        writes: &[Shared, Paths],
+        reads: &[Vertices, Scattered, Subpaths, Paths],
+        writes: &[Subpaths, Paths],
         run: |i, b, w| i.divide_lobes(b.number, &b.vertices, w),
     },
     Stage {

@@ -6,7 +6,7 @@ use super::interfaces::CoincidentHit;
 use super::interior::Interior;
 use super::scatter::sample_of_branch;
 use super::shading_geometry::{
-    EvaluatedMaterial, HitPoint, Mapping, PathOrigin, RELIEF, UNMAPPED, scattering_normal,
+    BUMP_SHADOWING, EvaluatedMaterial, HitPoint, Mapping, PathOrigin, UNMAPPED, scattering_normal,
 };
 use super::shading_groups::{
     ShadingGroup, ShadingGroupCounts, SortedVertices, load_material, prepare, store_material,
@@ -31,7 +31,7 @@ struct Vertex {
     surface: Surface,
     bsdf: Bsdf,
     /// Solids on the far side.
-    beyond: Interior,
+    far_interior: Interior,
     mapping: Mapping,
     /// The ray hit the back side.
     is_back: bool,
@@ -101,7 +101,7 @@ impl Integrator<'_> {
                         ShadingGroup::MetalRough
                     }
                     group @ (ShadingGroup::FlatLambert | ShadingGroup::FlatMetalRough) => {
-                        let has_aovs = needs_details || follows && w.arriving.mirrored[i] != 0;
+                        let has_aovs = needs_details || follows && w.arriving.only_mirrors[i] != 0;
                         let is_flat = !has_aovs && self.scene.geometries.is_flat(hit);
                         if is_flat { group } else { group.of_any_shape() }
                     }
@@ -263,15 +263,17 @@ impl Integrator<'_> {
         }
         let pane = self.reflect_at_pane(material.pane_thickness, i, w);
         let EvaluatedMaterial { bsdf, ns, mapping } = evaluated;
-        let (surface, beyond) = (Surface { ns, ..at.surface }, w.arriving.interior[i]);
-        let mut vertex = Vertex { surface, bsdf: pane.unwrap_or(bsdf), beyond, mapping, is_back, wo };
+        let (surface, far_interior) = (Surface { ns, ..at.surface }, w.arriving.interior[i]);
+        let mut vertex = Vertex { surface, bsdf: pane.unwrap_or(bsdf), far_interior, mapping, is_back, wo };
         if material.emission.is_some() {
             self.emit(bounce, i, &at, w);
         }
         if is_solid && pane.is_none() {
             let wavelengths = w.times.wavelengths(w.arriving.state.radiance_index[i]);
             let boundary = match self.coincident_surfaces(&w.rays[i], &at) {
-                None => self.boundary(bsdf, material, is_back, (bounce, i), &mut w.arriving, wavelengths),
+                None => {
+                    self.interface_hit(bsdf, material, is_back, (bounce, i), &mut w.arriving, wavelengths)
+                }
                 Some(coincident) => {
                     let first = CoincidentHit { at, evaluated, width: w.arriving.footprints.width[i] };
                     let (refracting, boundary) = self.coincident_interface(
@@ -287,7 +289,7 @@ impl Integrator<'_> {
                     boundary
                 }
             };
-            (vertex.bsdf, vertex.beyond) = (boundary.bsdf, boundary.beyond);
+            (vertex.bsdf, vertex.far_interior) = (boundary.bsdf, boundary.far_interior);
             if boundary.is_inverted {
                 vertex.surface.ng = -vertex.surface.ng;
                 vertex.surface.ns = -vertex.surface.ns;
@@ -305,22 +307,22 @@ impl Integrator<'_> {
 
     /// Are denoising guides recorded behind mirrors at this bounce?
     fn follows_mirrors(&self, bounce: u32) -> bool {
-        self.optional.mirrored && bounce > 0
+        self.optional.only_mirrors && bounce > 0
     }
 
     /// Are AOVs recorded at the vertex of arriving path `i`?
     fn has_aovs(&self, bounce: u32, i: usize, w: &Workspace) -> bool {
         match bounce {
             0 => self.first_hits.any(),
-            _ => self.optional.mirrored && w.arriving.mirrored[i] != 0,
+            _ => self.optional.only_mirrors && w.arriving.only_mirrors[i] != 0,
         }
     }
 
     /// Records the AOVs of the vertex of ray `i`, a camera ray or a ray reflected by mirrors only.
     fn record_vertex(&self, bounce: u32, i: usize, at: &HitPoint<'_>, vertex: &Vertex, w: &mut Workspace) {
         let is_mirror = vertex.bsdf.is_mirror();
-        if self.optional.mirrored {
-            w.arriving.mirrored[i] = u32::from(is_mirror);
+        if self.optional.only_mirrors {
+            w.arriving.only_mirrors[i] = u32::from(is_mirror);
         }
         if bounce > 0 && is_mirror {
             return;
@@ -449,7 +451,7 @@ impl Integrator<'_> {
         let bsdf = if points_inwards { bsdf.without_base() } else { bsdf };
         let bumps = material.bumped_normal(&slots, surface, ns);
         let mapping = Mapping {
-            smooth: bumps.unwrap_or(surface.ns),
+            smooth_normal: bumps.unwrap_or(surface.ns),
             is_mapped: ns != surface.ns,
             has_bumps: bumps.is_some(),
         };
@@ -472,30 +474,30 @@ impl Integrator<'_> {
 
 /// Stores a vertex of an opaque shading group, with normals on the viewer's side.
 fn store_opaque(v: &mut Vertices, k: usize, vertex: Vertex) {
-    let relief = vertex.material().relief();
+    let bump_mode = vertex.material().bump_mode();
     let Vertex { mut surface, mapping, is_back, wo, .. } = vertex;
     let side = if is_back { -1.0 } else { 1.0 };
     surface.ng *= side;
     surface.ns *= side;
     store(v, k, &surface);
-    store_relief(v, k, relief, mapping.smooth * side);
+    store_bump_mode(v, k, bump_mode, mapping.smooth_normal * side);
     set(&mut v.wo, k, wo);
 }
 
 /// Stores a vertex with a general BSDF.
 fn store_general(v: &mut Vertices, k: usize, vertex: &Vertex, evaluated: &EvaluatedMaterial) {
     store(v, k, &Surface { ns: evaluated.ns, ..vertex.surface });
-    store_relief(v, k, evaluated.relief(), evaluated.mapping.smooth);
+    store_bump_mode(v, k, evaluated.bump_mode(), evaluated.mapping.smooth_normal);
     set(&mut v.wo, k, vertex.wo);
-    v.beyond[k] = vertex.beyond;
+    v.far_interior[k] = vertex.far_interior;
 }
 
 /// Stores the data of the bump terminator.
 #[inline(always)]
-fn store_relief(v: &mut Vertices, k: usize, relief: f32, smooth: Vec3) {
-    v.relief[k] = relief;
-    if relief != UNMAPPED {
-        set(&mut v.smooth, k, smooth);
+fn store_bump_mode(v: &mut Vertices, k: usize, bump_mode: f32, smooth: Vec3) {
+    v.bump_mode[k] = bump_mode;
+    if bump_mode != UNMAPPED {
+        set(&mut v.smooth_normal, k, smooth);
     }
 }
 
@@ -588,7 +590,7 @@ impl Kernel for OrientNormals<'_> {
             let side = if ng.dot(get(&v.wo, i)) < 0.0 { -1.0 } else { 1.0 };
             set(&mut v.ng, i, ng * side);
             set(&mut v.ns, i, ns * side);
-            v.relief[i] = UNMAPPED;
+            v.bump_mode[i] = UNMAPPED;
         }
     }
 }
@@ -621,7 +623,7 @@ impl Integrator<'_> {
         dispatch(BendNormals { vertices: &mut w.wave.vertices, range: range.clone() });
         if bounce == 0 && self.first_hits.any() || self.follows_mirrors(bounce) {
             for k in range {
-                if bounce == 0 || w.wave.paths.mirrored[k] != 0 {
+                if bounce == 0 || w.wave.paths.only_mirrors[k] != 0 {
                     self.record_textured(bounce, k, w);
                 }
             }
@@ -645,8 +647,8 @@ impl Integrator<'_> {
         let weight = self.aov_weight(bounce, [i, k], paths, w);
         let hit = FirstHit { hit: w.hits[i], time: 0.0, surface, wo: get(&v.wo, k), bsdf: &bsdf, weight };
         self.record(bounce, paths.radiance_index[k], &hit, &mut w.first_hits);
-        if self.optional.mirrored {
-            w.wave.paths.mirrored[k] = 0;
+        if self.optional.only_mirrors {
+            w.wave.paths.only_mirrors[k] = 0;
         }
     }
 
@@ -762,8 +764,8 @@ impl Kernel for BendNormals<'_> {
             let side = if ng.dot(get(&v.wo, i)) < 0.0 { -1.0 } else { 1.0 };
             set(&mut v.ng, i, ng * side);
             set(&mut v.ns, i, n * side);
-            set(&mut v.smooth, i, ns * side);
-            v.relief[i] = if is_mapped { RELIEF } else { UNMAPPED };
+            set(&mut v.smooth_normal, i, ns * side);
+            v.bump_mode[i] = if is_mapped { BUMP_SHADOWING } else { UNMAPPED };
         }
     }
 }

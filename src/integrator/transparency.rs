@@ -39,13 +39,13 @@ fn alpha_number(surface: u32, (path, i): (&PathState, usize), bounce: u32, dimen
     if surface > 1 {
         return RandomChoice::Alpha { surface }.uniform(path, i, bounce);
     }
-    let [_, _, first, second] = SobolPoint::from_parts(path.seed[i], path.shuffled[i]).sample_4d(dimensions);
+    let [_, _, first, second] = SobolPoint::from_parts(path.seed[i], path.index_rev[i]).sample_4d(dimensions);
     if surface == 0 { first } else { second }
 }
 
 impl Integrator<'_> {
     /// Replaces hits of surfaces that rays pass by the next hit where the ray stops, and finds the materials of all hits.
-    pub(super) fn skip_absent_surfaces(&self, bounce: u32, w: &mut Workspace) {
+    pub(super) fn pass_through_surfaces(&self, bounce: u32, w: &mut Workspace) {
         self.find_materials(w);
         for pass in 0..MAX_PASSED_SURFACES {
             self.find_passing(bounce, pass, w);
@@ -134,8 +134,8 @@ impl Integrator<'_> {
                     }
                     true
                 }
-                HitResponse::PassUnseen(others) => {
-                    self.record_unseen(i, others, arriving);
+                HitResponse::PassesInvisible(visible_to) => {
+                    self.record_invisible(i, visible_to, arriving);
                     true
                 }
             }
@@ -151,14 +151,14 @@ impl Integrator<'_> {
 
     /// Finds the materials of all hits; hits that rays may pass become pending.
     fn find_materials(&self, w: &mut Workspace) {
-        let possibly_absent = self.possibly_absent(w.excludes_casters);
+        let pass_through_materials = self.pass_through_materials(w.excludes_casters);
         w.pending.clear();
         w.materials.clear();
         for (i, hit) in w.hits.iter().enumerate() {
             let mut material = 0;
             if hit.is_hit() {
                 material = self.scene.geometries.material(hit);
-                if possibly_absent[material as usize] {
+                if pass_through_materials[material as usize] {
                     w.pending.push(i as u32);
                 }
             }
@@ -305,23 +305,23 @@ impl Integrator<'_> {
         }
         times.any(&self.scene.accel, shadow_rays, shadow_vertices.iter().map(sample), pending_hits);
         ray_counts.all += shadow_rays.len() as u64;
-        let possibly_absent = self.possibly_absent(*excludes_casters);
+        let pass_through_materials = self.pass_through_materials(*excludes_casters);
         // The common cases: no hit, or an opaque surface.
         pending.clear();
         for (k, (hit, occluded)) in pending_hits.iter().zip(&mut **occluded).enumerate() {
             let vertex = shadow_vertices[k];
             let is_front = || self.is_surely_front(&shadow_rays[k], hit, times.of(sample(&vertex)));
-            let may_be_absent = || {
-                possibly_absent[self.scene.geometries.material(hit) as usize]
+            let may_pass_through = || {
+                pass_through_materials[self.scene.geometries.material(hit) as usize]
                     && (*excludes_casters || !is_front())
             };
             // A ray shifted by a pane may miss occluders behind it.
-            let may_be_absent_at = hit.is_hit()
+            let may_pass_through_at = hit.is_hit()
                 && (self.scene.features.panes
-                    || may_be_absent()
+                    || may_pass_through()
                     || self.is_not_a_blocker(vertex, hit, &wave.vertices.light));
-            *occluded = hit.is_hit() && !may_be_absent_at;
-            if may_be_absent_at {
+            *occluded = hit.is_hit() && !may_pass_through_at;
+            if may_pass_through_at {
                 pending.push(k as u32);
             }
         }
@@ -393,15 +393,15 @@ impl Integrator<'_> {
             return HitResponse::Stops;
         }
         let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
-        let is_absent =
+        let passes_through =
             material.is_boundary || material.is_single_sided && self.scene.geometries.is_back(ray, hit, time);
-        let is_present = !is_absent && self.is_present(material, ray, hit, (time, kind), is_present);
+        let is_present = !passes_through && self.is_present(material, ray, hit, (time, kind), is_present);
         match material.surface_visibility {
             _ if !is_present => HitResponse::Passes,
             None => HitResponse::Stops,
             Some(visibility) if !visibility.is_obstacle => HitResponse::Passes,
             Some(visibility) if visibility.visible_to.contains(kind) => HitResponse::Stops,
-            Some(visibility) => HitResponse::PassUnseen(visibility.visible_to),
+            Some(visibility) => HitResponse::PassesInvisible(visibility.visible_to),
         }
     }
 
@@ -478,20 +478,20 @@ enum HitResponse {
     Stops,
     /// The ray passes the surface.
     Passes,
-    /// The ray passes, but the surface is visible to rays of these kinds.
-    PassUnseen(RayKinds),
+    /// The ray passes the surface, which is visible to other kinds of rays: these.
+    PassesInvisible(RayKinds),
 }
 
 impl HitResponse {
-    /// Does the surface occlude a light sample? Surfaces invisible to light samples don't; the kinds that they are visible to are added to
-    /// `passed`.
+    /// Does the surface occlude a light sample? For surfaces invisible to light samples, which don't, adds the kinds of rays to which they
+    /// are visible to `passed`.
     fn blocks(self, passes_thin_glass: impl FnOnce() -> bool, passed: Option<&mut RayKinds>) -> bool {
         match self {
             HitResponse::Stops => !passes_thin_glass(),
             HitResponse::Passes => false,
-            HitResponse::PassUnseen(others) => {
+            HitResponse::PassesInvisible(visible_to) => {
                 if let Some(passed) = passed {
-                    *passed = passed.with(others);
+                    *passed = passed.with(visible_to);
                 }
                 false
             }
@@ -512,7 +512,7 @@ impl Integrator<'_> {
         if !path.pdf[i].competes() {
             return false;
         }
-        let passing = self.straight((ray, hit, time), wavelengths);
+        let passing = self.straight_transmittance((ray, hit, time), wavelengths);
         let probability = passing.max_element().min(1.0);
         // Zero at surfaces other than thin glass.
         let passes =
@@ -528,7 +528,7 @@ impl Integrator<'_> {
     pub(super) fn scatter_at_thin_glass(&self, bsdf: Bsdf, i: usize, w: &mut Workspace) -> Bsdf {
         let sample = w.arriving.state.radiance_index[i];
         let crossing = (&w.rays[i], &w.hits[i], w.times.of(sample));
-        let stops = 1.0 - self.straight(crossing, w.times.wavelengths(sample)).max_element();
+        let stops = 1.0 - self.straight_transmittance(crossing, w.times.wavelengths(sample)).max_element();
         let throughput = &mut w.arriving.state.throughput;
         let value = get_rgb(throughput, i);
         set_rgb(throughput, i, if stops > 0.0 { value / stops } else { Rgb::ZERO });
@@ -543,7 +543,8 @@ impl Integrator<'_> {
         light: &mut LightLanes,
         wavelengths: Option<&Wavelengths>,
     ) -> bool {
-        let contribution = get_rgb(&light.contribution, i) * self.straight(crossing, wavelengths);
+        let contribution =
+            get_rgb(&light.contribution, i) * self.straight_transmittance(crossing, wavelengths);
         let passes = contribution.max_element() > 0.0;
         if passes {
             set_rgb(&mut light.contribution, i, contribution);
@@ -565,7 +566,11 @@ impl Integrator<'_> {
     }
 
     /// Straight transmittance of thin glass at a hit; 0 at other surfaces.
-    fn straight(&self, (ray, hit, time): (&Ray, &Hit, f32), wavelengths: Option<&Wavelengths>) -> Rgb {
+    fn straight_transmittance(
+        &self,
+        (ray, hit, time): (&Ray, &Hit, f32),
+        wavelengths: Option<&Wavelengths>,
+    ) -> Rgb {
         if !hit.is_hit() {
             return Rgb::ZERO;
         }
@@ -602,7 +607,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// 1 / ior^2 of the medium around the camera: undoes the scaling of radiance by ior^2 there, which is no transmittance.
+    /// 1 / ior^2 of the medium around the camera, to undo the scaling of radiance by ior^2, which is not part of transmittance.
     fn outside_radiance_scale(&self) -> Rgb {
         let CameraInterior::Constant(interior) = self.camera_interior else { return Rgb::ONE };
         let iors = self.scene.media[usize::from(interior.medium())].iors.unwrap_or([1.0; 3]);
@@ -654,8 +659,8 @@ impl Integrator<'_> {
 
     /// By material: may rays pass surfaces in the current pass?
     #[inline(always)]
-    pub(super) fn possibly_absent(&self, excludes_casters: bool) -> &[bool] {
-        if excludes_casters { &self.absent_or_excluded } else { &self.may_be_absent }
+    pub(super) fn pass_through_materials(&self, excludes_casters: bool) -> &[bool] {
+        if excludes_casters { &self.pass_through_or_excluded } else { &self.may_pass_through }
     }
 
     /// Saves the camera paths of a wave, for the pass without shadow casters.

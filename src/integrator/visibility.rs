@@ -36,8 +36,8 @@ use std::ops::Range;
 pub(super) const LIGHT_SAMPLE_KINDS: RayKinds =
     RayKinds::SHADOW.with(RayKinds::GLOSSY).with(RayKinds::TRANSMISSION);
 
-/// The ray kind whose visible objects occlude light samples, for lobes that scatter rays of kind `kind`.
-fn deciding_kind(kind: RayKinds) -> RayKinds {
+/// Light samples scattered by lobes of ray kind `kind` are occluded by objects visible to the returned kind.
+fn occluder_kind(kind: RayKinds) -> RayKinds {
     if kind == RayKinds::DIFFUSE || kind == RayKinds::VOLUME { RayKinds::SHADOW } else { kind }
 }
 
@@ -61,9 +61,9 @@ impl Integrator<'_> {
         }
     }
 
-    /// Records that an arriving path passed an object visible only to the ray kinds `others`.
-    pub(super) fn record_unseen(&self, i: usize, others: RayKinds, arriving: &mut Paths) {
-        if self.optional.visibility && others.contains(deciding_kind(arriving.visibility[i].kind())) {
+    /// Records that an arriving path passed an object visible to the ray kinds `visible_to` only.
+    pub(super) fn record_invisible(&self, i: usize, visible_to: RayKinds, arriving: &mut Paths) {
+        if self.optional.visibility && visible_to.contains(occluder_kind(arriving.visibility[i].kind())) {
             arriving.visibility[i] = arriving.visibility[i].shadowed();
         }
     }
@@ -86,7 +86,7 @@ impl Integrator<'_> {
     /// Samples the kinds of the next rays of paths.
     pub(super) fn choose_ray_kinds(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
         let Workspace { wave, bsdfs, .. } = w;
-        dispatch(DiffuseShares { wave, range: sorted.metal_rough() });
+        dispatch(DiffuseFractions { wave, range: sorted.metal_rough() });
         for i in sorted.all() {
             if sorted.medium().contains(&i) {
                 let visibility = &mut wave.paths.visibility[i];
@@ -126,15 +126,16 @@ impl Integrator<'_> {
         if passed == RayKinds::NONE && kinds == RayKinds::ALL && links.blockers.is_all() {
             return Rgb::ONE;
         }
-        let alone = match passed {
+        // Undoes the MIS weight, where scattered rays can't reach the light.
+        let without_mis = match passed {
             RayKinds::NONE if links.blockers.is_all() => 1.0,
             _ => 1.0 / self.light_sample_mis_weight(bounce, sorted, wave, bsdfs, i).max(f32::MIN_POSITIVE),
         };
-        let of = |kind: RayKinds, share: Rgb| {
-            let is_alone = passed.contains(kind) || !links.blockers.is_all();
-            let weight = if is_alone { alone } else { 1.0 };
-            let arrives = kinds.contains(kind) && !passed.contains(deciding_kind(kind));
-            if arrives { share * weight } else { Rgb::ZERO }
+        let of = |kind: RayKinds, fraction: Rgb| {
+            let is_light_sampled_only = passed.contains(kind) || !links.blockers.is_all();
+            let weight = if is_light_sampled_only { without_mis } else { 1.0 };
+            let arrives = kinds.contains(kind) && !passed.contains(occluder_kind(kind));
+            if arrives { fraction * weight } else { Rgb::ZERO }
         };
         if sorted.medium().contains(&i) {
             return of(RayKinds::VOLUME, Rgb::ONE);
@@ -161,9 +162,9 @@ impl Integrator<'_> {
             return 1.0;
         }
         let pdf = if sorted.lambert().contains(&i) {
-            LambertClass.closure(v, i).eval(wi).pdf_solid_angle * self.light_density(v, i)
+            LambertClass.closure(v, i).eval(wi).pdf_solid_angle * self.light_pdf_factor(v, i)
         } else if sorted.metal_rough().contains(&i) {
-            MetalRoughClass.closure(v, i).eval(wi).pdf_solid_angle * self.light_density(v, i)
+            MetalRoughClass.closure(v, i).eval(wi).pdf_solid_angle * self.light_pdf_factor(v, i)
         } else if sorted.medium().contains(&i) {
             MediumClass.closure(v, i).eval(wi).pdf_solid_angle
         } else {
@@ -186,7 +187,7 @@ impl Integrator<'_> {
     }
 
     /// Finds camera rays that hit holdouts or shadow catchers; holdouts end paths.
-    pub(super) fn find_camera_exceptions(&self, w: &mut Workspace) {
+    pub(super) fn find_holdouts_and_catchers(&self, w: &mut Workspace) {
         w.holdout_samples.clear();
         if self.scene.features.holdouts {
             self.cut_out_holdouts(w);
@@ -254,7 +255,7 @@ fn select_diffuse(
 
 /// The receiver class of the last vertex of path `i`.
 #[inline(always)]
-pub(super) fn class(i: usize, paths: &Paths, are_linked: bool) -> u32 {
+pub(super) fn receiver_class(i: usize, paths: &Paths, are_linked: bool) -> u32 {
     if are_linked { paths.visibility[i].receiver_class() } else { 0 }
 }
 
@@ -266,7 +267,7 @@ impl Integrator<'_> {
         *visibility = visibility.with_receiver_class(class);
     }
 
-    /// By these links, is emission hit by arriving path `i` added at the path's last vertex?
+    /// Do these links let emission hit by arriving path `i` light the path's last vertex?
     pub(super) fn is_linked_emission(
         &self,
         bounce: u32,
@@ -278,7 +279,7 @@ impl Integrator<'_> {
             return true;
         }
         let is_left_to_samples = !links.blockers.is_all() && arriving.state.pdf[i].competes();
-        !is_left_to_samples && self.scene.links.reach(links, class(i, arriving, true))
+        !is_left_to_samples && self.scene.links.reach(links, receiver_class(i, arriving, true))
     }
 
     /// The light links of a material's emission. Blockers apply to light-sampled emission only.
@@ -294,11 +295,11 @@ impl Integrator<'_> {
     pub(super) fn is_linked_to_light(&self, i: usize, w: &Workspace) -> bool {
         let index = self.only_light.unwrap_or(w.wave.vertices.light.index[i]);
         let is_excluded = w.excludes_casters && self.scene.is_caught_light(index);
-        let class = class(i, &w.wave.paths, self.scene.features.links);
+        let class = receiver_class(i, &w.wave.paths, self.scene.features.links);
         !is_excluded && self.scene.links.reach(self.scene.links.of_light(index), class)
     }
 
-    /// By light linking, is the object hit by the shadow ray of a vertex not a blocker of the sampled light?
+    /// Does light linking exclude the object hit by a vertex's shadow ray from the blockers of the sampled light?
     #[inline(always)]
     pub(super) fn is_not_a_blocker(&self, vertex: u32, hit: &Hit, light: &LightLanes) -> bool {
         self.scene.features.links && {
@@ -321,20 +322,20 @@ fn clamped_ratio(part: Rgb, whole: Rgb) -> Rgb {
 }
 
 /// Computes the diffuse fraction of opaque glTF materials for the sampled direction: first three scratch arrays.
-struct DiffuseShares<'a> {
+struct DiffuseFractions<'a> {
     wave: &'a mut Wave,
     range: Range<usize>,
 }
 
-impl Kernel for DiffuseShares<'_> {
+impl Kernel for DiffuseFractions<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run(self) {
         let Wave { vertices: v, scratch: [r, g, b, ..], .. } = self.wave;
         for i in self.range.start..self.range.end.min(WAVE) {
-            let share = MetalRoughClass.closure(v, i).diffuse_share(get(&v.next_direction, i));
-            [r[i], g[i], b[i]] = share.to_array();
+            let fraction = MetalRoughClass.closure(v, i).diffuse_fraction(get(&v.next_direction, i));
+            [r[i], g[i], b[i]] = fraction.to_array();
         }
     }
 }
@@ -368,7 +369,7 @@ impl Integrator<'_> {
             return FirstBounce::DIFFUSE;
         }
         if sorted.metal_rough().contains(&i) {
-            let diffuse = MetalRoughClass.closure(v, i).diffuse_share(wi);
+            let diffuse = MetalRoughClass.closure(v, i).diffuse_fraction(wi);
             return FirstBounce { diffuse, is_transmission: false };
         }
         let bsdf = &bsdfs[i - sorted.general().start];
@@ -394,14 +395,14 @@ impl Integrator<'_> {
     /// Records the first bounces of paths.
     pub(super) fn record_first_bounces(&self, sorted: &SortedVertices, w: &mut Workspace) {
         let Workspace { wave, bsdfs, .. } = w;
-        dispatch(DiffuseShares { wave, range: sorted.metal_rough() });
+        dispatch(DiffuseFractions { wave, range: sorted.metal_rough() });
         for i in sorted.all() {
             let first = self.next_scattering(sorted, wave, bsdfs, i);
             wave.paths.first_bounces.set(i, first);
         }
     }
 
-    /// [`Integrator::scattering`] for the sampled direction, after [`DiffuseShares`]; specular lobes included, which are not diffuse.
+    /// [`Integrator::scattering`] for the sampled direction, after [`DiffuseFractions`]; specular lobes included, which are not diffuse.
     fn next_scattering(&self, sorted: &SortedVertices, wave: &Wave, bsdfs: &[Bsdf], i: usize) -> FirstBounce {
         let Wave { paths, vertices: v, scratch: [r, g, b, ..] } = wave;
         let first = match sorted.metal_rough().contains(&i) {

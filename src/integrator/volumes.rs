@@ -17,7 +17,7 @@ use super::medium_segment::{BoundaryCrossing, MediumSegment, ShadowSegment};
 use super::radiance_buffer::{PathClass, RadianceOrigin, class_of_path};
 use super::sampling::{Purpose, RandomChoice};
 use super::shading_groups::SortedVertices;
-use super::visibility::class;
+use super::visibility::receiver_class;
 use super::wave::{LightLanes, PathState, Wave, get, get_rgb, set, set_rgb};
 use super::workspace::Workspace;
 use crate::color::Rgb;
@@ -46,11 +46,11 @@ impl Integrator<'_> {
             let medium = interior.medium();
             let scatters = self.scene.media[usize::from(medium)].scattering.is_some();
             if !scatters && !self.has_overlapping_media(interior) {
-                medium_segments.push(MediumSegment::straight(medium, [0.0, f32::INFINITY]));
+                medium_segments.push(MediumSegment::unscattered(medium, [0.0, f32::INFINITY]));
                 continue;
             }
             let path = &arriving.state;
-            let point = SobolPoint::from_parts(path.seed[i], path.shuffled[i]);
+            let point = SobolPoint::from_parts(path.seed[i], path.index_rev[i]);
             let [distance, kind, select0, select1] = point.sample_4d(dimensions);
             let light_position = self.equiangular_light(medium, ray.origin, [select0, select1]);
             let throughput = get_rgb(&path.throughput, i);
@@ -198,7 +198,7 @@ impl Integrator<'_> {
         let (index, volume) = self.scene.lights.volume_of_medium(medium).filter(|_| pdf.competes())?;
         let p = self.start_of_ray(i, w);
         let receiver = self.light_receiver(p, get(&w.arriving.receiver_normal, i));
-        let class = class(i, &w.arriving, self.scene.features.links);
+        let class = receiver_class(i, &w.arriving, self.scene.features.links);
         let pdf_discrete = self.scene.lights.pdf_discrete(class, &receiver, index);
         let is_shadowed = self.is_shadowed(i, &w.arriving);
         Some(move |t: f32| {
@@ -272,8 +272,8 @@ impl Integrator<'_> {
         v.offset[k] = 0.0;
         let medium = &self.scene.media[usize::from(segment.medium)];
         v.anisotropy[k] = medium.scattering.as_ref().map_or(0.0, |s| s.anisotropy);
-        if self.optional.mirrored {
-            w.arriving.mirrored[i] = 0;
+        if self.optional.only_mirrors {
+            w.arriving.only_mirrors[i] = 0;
         }
     }
 
@@ -289,26 +289,28 @@ impl Integrator<'_> {
             }
             let (here, last) = (w.arriving.interior[i], w.medium_segments[i].crossed.map_or(0.0, |c| c.at));
             let crossing = (&hit, time);
-            let Some(mut beyond) = self.beyond_boundary(&w.rays[i], crossing, here, last) else { continue };
+            let Some(mut far_interior) = self.interior_past_boundary(&w.rays[i], crossing, here, last) else {
+                continue;
+            };
             let far = if is_clipped { self.clip_length(w, i) } else { f32::INFINITY };
             if is_clipped
                 && !self.scene.accel.closest_after(&Ray { t_max: far, ..w.rays[i] }, &hit, time).is_hit()
             {
-                beyond = Interior::AIR;
+                far_interior = Interior::AIR;
             }
             let throughput = get_rgb(&w.arriving.state.throughput, i);
             let throughput = throughput * self.passed(bounce, i, hit.t, w);
             let path = &mut w.arriving.state;
             set_rgb(&mut path.throughput, i, throughput);
-            w.arriving.interior[i] = beyond;
-            let is_first = pass == 0 && w.medium_segments[i].is_straight();
+            w.arriving.interior[i] = far_interior;
+            let is_first = pass == 0 && w.medium_segments[i].is_deterministic();
             let [distance, kind, select0, select1] = self.boundary_numbers(bounce, pass, is_first, (path, i));
             let wavelengths = w.times.wavelengths(w.arriving.state.radiance_index[i]);
             let start = (&w.rays[i], hit.t);
             let light_position =
-                self.equiangular_light(beyond.medium(), w.rays[i].at(hit.t), [select0, select1]);
+                self.equiangular_light(far_interior.medium(), w.rays[i].at(hit.t), [select0, select1]);
             let segment = self.sample_segment(
-                (beyond, wavelengths),
+                (far_interior, wavelengths),
                 start,
                 throughput,
                 light_position,
@@ -332,7 +334,7 @@ impl Integrator<'_> {
     ) -> [f32; 4] {
         if is_first {
             let dimensions = self.dimensions(bounce, Purpose::Medium);
-            return SobolPoint::from_parts(path.seed[i], path.shuffled[i]).sample_4d(&dimensions);
+            return SobolPoint::from_parts(path.seed[i], path.index_rev[i]).sample_4d(&dimensions);
         }
         let mut salt = RandomChoice::MediumBoundary { surface: pass }.hash(path, i, bounce);
         std::array::from_fn(|_| {
@@ -342,7 +344,7 @@ impl Integrator<'_> {
     }
 
     /// The solids behind a hit of a boundary without a surface; `last` is the distance of the previous boundary. `None` at other hits.
-    fn beyond_boundary(
+    fn interior_past_boundary(
         &self,
         ray: &Ray,
         (hit, time): (&Hit, f32),
@@ -389,13 +391,13 @@ impl Integrator<'_> {
         wavelengths: Option<&Wavelengths>,
     ) {
         let Some(span) = span else { return };
-        if let Some(beyond) = self.beyond_boundary(ray, (hit, time), span.interior, span.from) {
+        if let Some(far_interior) = self.interior_past_boundary(ray, (hit, time), span.interior, span.from) {
             let range = [span.from, hit.t];
             let transmittance =
                 self.transmittance_between(span.interior, (ray.origin, ray.direction), range, wavelengths);
             let contribution = get_rgb(&light.contribution, i);
             set_rgb(&mut light.contribution, i, contribution * transmittance);
-            *span = ShadowSegment { interior: beyond, from: hit.t };
+            *span = ShadowSegment { interior: far_interior, from: hit.t };
         }
     }
 
@@ -469,7 +471,7 @@ impl Integrator<'_> {
         match &self.scene.media[usize::from(medium)].scattering {
             Some(s) => {
                 let scattering = (medium, &*s.at_wavelengths(wavelengths), wavelengths);
-                MediumSegment::draw(
+                MediumSegment::sample(
                     scattering,
                     (ray.origin, ray.direction),
                     from,
@@ -478,7 +480,7 @@ impl Integrator<'_> {
                     u,
                 )
             }
-            None => MediumSegment::straight(medium, [from, f32::INFINITY]),
+            None => MediumSegment::unscattered(medium, [from, f32::INFINITY]),
         }
     }
 

@@ -44,8 +44,8 @@ per_path! {
         pub roulette_scale: Lanes,
         /// Sobol point: seed of the sequence.
         pub seed: Words,
-        /// Sobol point: shuffled index.
-        pub shuffled: Words,
+        /// Sobol point: bit-reversed index.
+        pub index_rev: Words,
         /// Entry of the [`super::radiance_buffer::RadianceBuffer`] to which radiance is added.
         pub radiance_index: Words,
     }
@@ -297,13 +297,13 @@ path_state! {
     /// Whether light tracing samples the path so far: see [`super::caustics`].
     caustic_chains: Words, if |c| c.caustics;
     /// Fraction of such a path's contribution that light tracing samples: product over its diffuse receivers.
-    caustic_chain_share: RgbLanes, if |c| c.caustics;
-    /// Reference luminance of adjoint-driven Russian roulette; 0 before the first guided vertex.
-    reference: Lanes, if |c| c.guiding;
-    /// 1 if the path has only passed clear glass since the camera, else 0.
+    caustic_chain_fraction: RgbLanes, if |c| c.caustics;
+    /// Reference of adjoint-driven Russian roulette, luminance; 0 before the first guided vertex.
+    roulette_reference: Lanes, if |c| c.guiding;
+    /// 1 if the path has only passed clear glass so far, else 0.
     only_clear_glass: Words, if |c| c.transparent_glass;
-    /// 1 if the path has only hit smooth mirrors since the camera, else 0; unset before the first vertex.
-    mirrored: Words, if |c| c.denoising_guides && c.features.mirrors;
+    /// 1 if the path has only hit smooth mirrors so far, else 0; unset before the first vertex.
+    only_mirrors: Words, if |c| c.denoising_guides && c.features.mirrors;
 }
 
 /// Corners of the hit triangles and quads, input of a vectorised loop.
@@ -413,10 +413,10 @@ pub struct GuidedLanes {
     pub key_high: Words,
     /// Index of the cell.
     pub cell: Words,
-    /// Factor of guiding on the pdf of the scattered direction.
-    pub density: Lanes,
-    /// Factor of guiding on the BSDF-sampling pdf of the light sample's direction.
-    pub light_density: Lanes,
+    /// Guided over unguided pdf of the scattered direction.
+    pub pdf_factor: Lanes,
+    /// Guided over unguided BSDF-sampling pdf of the light sample's direction.
+    pub light_pdf_factor: Lanes,
     /// Bin of the scattered direction, for training.
     pub bin: Words,
     /// Luminance of throughput times albedo, before scattering.
@@ -448,10 +448,10 @@ pub struct Vertices {
     pub ng: Lanes3,
     /// Shading normal, on the side of `ng`.
     pub ns: Lanes3,
-    /// Bump terminator: [`super::shading_geometry::RELIEF`] or another of these constants.
-    pub relief: Lanes,
-    /// Normal without normal and bump maps, on the side of `ns`; valid if `relief` isn't 0.
-    pub smooth: Lanes3,
+    /// Bump terminator: [`super::shading_geometry::BUMP_SHADOWING`] or another of these constants.
+    pub bump_mode: Lanes,
+    /// Normal without normal and bump maps, on the side of `ns`; valid if `bump_mode` isn't 0.
+    pub smooth_normal: Lanes3,
     /// Offset of ray origins along the normal, metres.
     pub offset: Lanes,
     /// Offsets of shadow rays to the smooth surface, if in use.
@@ -462,8 +462,8 @@ pub struct Vertices {
     pub is_bent: Lanes,
     /// Direction to the viewer.
     pub wo: Lanes3,
-    /// Solids on the side of the surface away from the viewer; at vertices with general BSDFs.
-    pub beyond: [Interior; LENGTH],
+    /// Solids around transmitted rays; at vertices with general BSDFs.
+    pub far_interior: [Interior; LENGTH],
     /// Albedo of Lambertian vertices.
     pub albedo: RgbLanes,
     pub metal_rough: MetalRoughMaterials,

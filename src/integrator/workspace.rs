@@ -4,7 +4,7 @@ use super::first_hit::FirstHits;
 use super::guiding::guide::{TrainingSample, VertexRecord};
 use super::light_lobes::LightLobes;
 use super::light_samples::VerticesByLight;
-use super::light_visibility::LightProbe;
+use super::light_visibility::LightSampleRecord;
 use super::medium_segment::{MediumSegment, ShadowSegment};
 use super::pane_refraction::{RayCrossings, ShadowCrossings};
 use super::radiance_buffer::RadianceBuffer;
@@ -89,7 +89,7 @@ pub struct Workspace {
     /// Recorded vertices of the wave, to train a guide.
     pub(super) vertex_records: Vec<VertexRecord>,
     /// Recorded light samples.
-    pub(super) light_probes: Vec<LightProbe>,
+    pub(super) light_sample_records: Vec<LightSampleRecord>,
     /// The vertices by the kind of their selected light.
     pub(super) vertices_by_light: VerticesByLight,
     /// Finished training samples.
@@ -141,7 +141,7 @@ impl Workspace {
             reuse: None,
             rays_before_split: None,
             vertex_records: Vec::new(),
-            light_probes: Vec::new(),
+            light_sample_records: Vec::new(),
             vertices_by_light: VerticesByLight::default(),
             training_samples: Vec::new(),
             contribution_squares: 0.0,
@@ -173,7 +173,7 @@ impl Workspace {
     }
 
     /// Finds the nearest hits of any number of `rays` at time 0.
-    pub(super) fn intersect_still(&mut self, accel: &Accel) {
+    pub(super) fn intersect_static(&mut self, accel: &Accel) {
         self.begin_hits();
         accel.closest(&self.rays, &mut self.hits);
     }

@@ -2,9 +2,9 @@
 
 use super::options::{Caustics, RenderOptions};
 use super::progress::{Statistics, new_task_group};
-use super::technique::{LightPathShares, Request, Stopped, Target, Technique, Trial, first_reason};
+use super::technique::{LightPathCost, Request, Stopped, Target, Technique, Trial, first_reason};
 use crate::integrator::{
-    Block, CausticPlan, CausticTally, Integrator, IntegratorOptions, PathSample, SamplePlan,
+    Block, CausticPlan, CausticStats, Integrator, IntegratorOptions, PathSample, SamplePlan,
 };
 use crate::sampling::ZSobolOrder;
 use crate::sampling::hash::r2_sequence;
@@ -35,7 +35,7 @@ const EXCLUDED: f64 = 0.01;
 const MIN_EXCLUDED: usize = 12;
 
 /// Candidates for the number of light paths per pixel and sample.
-const SHARES: [f64; 6] = [0.0625, 0.125, 0.25, 0.5, 1.0, 2.0];
+const PATHS_PER_PIXEL: [f64; 6] = [0.0625, 0.125, 0.25, 0.5, 1.0, 2.0];
 
 /// Minimum ratio of the efficiency with light tracing to that without.
 const MIN_GAIN: f64 = 1.3;
@@ -52,13 +52,13 @@ const RAY_COST: f64 = 3.0;
 pub(super) struct LightTracing {
     /// `None` if the technique is not used.
     plan: Option<CausticPlan>,
-    shares: LightPathShares,
+    cost: LightPathCost,
 }
 
 impl LightTracing {
     /// Squared error and time of light paths, relative to camera paths.
-    pub fn light_path_shares(&self) -> LightPathShares {
-        self.shares
+    pub fn light_path_cost(&self) -> LightPathCost {
+        self.cost
     }
 
     /// The plan, if the technique is used.
@@ -76,11 +76,11 @@ impl Technique for LightTracing {
         }
     }
 
-    fn refusal(&self) -> &'static str {
+    fn unused_warning(&self) -> &'static str {
         "caustics are not traced from the lights"
     }
 
-    fn obstacle(&self, target: &Target<'_>) -> Option<&'static str> {
+    fn prevented_by(&self, target: &Target<'_>) -> Option<&'static str> {
         let Target { scene, view, options } = target;
         let features = &scene.features;
         let is_moving = scene.is_moving() || view.moving.is_some();
@@ -103,8 +103,8 @@ impl Technique for LightTracing {
     }
 
     fn try_before_first_pass(&mut self, trial: &Trial<'_>) -> Result<(), Stopped> {
-        if let Some((plan, shares)) = LightTrial(trial).plan()? {
-            (self.plan, self.shares) = (Some(plan), shares);
+        if let Some((plan, cost)) = LightTrial(trial).plan()? {
+            (self.plan, self.cost) = (Some(plan), cost);
         }
         Ok(())
     }
@@ -146,37 +146,38 @@ impl LightTrial<'_> {
         (f64::from(most) * (self.pixels() / ALL_PIXELS).clamp(MIN_TRIED, 1.0)) as u32
     }
 
-    fn plan(&self) -> Result<Option<(CausticPlan, LightPathShares)>, Stopped> {
+    fn plan(&self) -> Result<Option<(CausticPlan, LightPathCost)>, Stopped> {
         // One light path per pixel.
         let plan = CausticPlan::new(self.0.target.scene, self.0.target.options.seed, self.pixels() as u32);
         let Some(plan) = plan else { return Ok(None) };
         let tried = self.trial_size(TRIED_PATHS);
-        let tally = self.try_paths(&plan, tried)?;
-        if tally.sum <= 0.0 {
+        let stats = self.try_paths(&plan, tried)?;
+        if stats.sum <= 0.0 {
             return Ok(None);
         }
         let camera = self.measure_camera_paths(&plan)?;
-        let one = scaled(tally, self.pixels() / f64::from(tried));
-        let (share, gain) = best_share(&one, &camera);
+        let one = scaled(stats, self.pixels() / f64::from(tried));
+        let (paths_per_pixel, gain) = best_path_count(&one, &camera);
         let is_wanted = self.0.target.options.caustics == Caustics::On || gain >= MIN_GAIN;
-        let paths = (share * self.pixels()).round().max(1.0);
-        Ok(is_wanted.then(|| (plan.with_paths(paths as u32), shares(&one, &camera, share))))
+        let paths = (paths_per_pixel * self.pixels()).round().max(1.0);
+        Ok(is_wanted
+            .then(|| (plan.with_paths(paths as u32), light_path_cost(&one, &camera, paths_per_pixel))))
     }
 
     /// Traces `tried` light paths.
-    fn try_paths(&self, plan: &CausticPlan, tried: u32) -> Result<CausticTally, Stopped> {
+    fn try_paths(&self, plan: &CausticPlan, tried: u32) -> Result<CausticStats, Stopped> {
         let integrator = self.integrator(plan);
         let group = new_task_group();
         let starts: Vec<u32> = (0..tried).step_by(PATHS_PER_TASK as usize).collect();
-        let tallies = starts.into_par_iter().map(|start| {
+        let stats = starts.into_par_iter().map(|start| {
             let paths = start..tried.min(start + PATHS_PER_TASK);
             self.0.run(("caustics", group), self.0.stop, |w| {
                 Some(integrator.trace_light_paths(TRIAL_SAMPLE, paths, w, &mut Vec::new()))
             })
         });
-        let tallies = tallies.collect::<Result<Vec<CausticTally>, Stopped>>()?;
+        let stats = stats.collect::<Result<Vec<CausticStats>, Stopped>>()?;
         // Summed in order, independently of threads.
-        Ok(tallies.into_iter().fold(CausticTally::default(), CausticTally::plus))
+        Ok(stats.into_iter().fold(CausticStats::default(), CausticStats::plus))
     }
 
     fn integrator<'a>(&'a self, plan: &'a CausticPlan) -> Integrator<'a> {
@@ -226,36 +227,36 @@ impl LightTrial<'_> {
     }
 }
 
-fn scaled(tally: CausticTally, factor: f64) -> CausticTally {
-    CausticTally {
-        sum: tally.sum * factor,
-        squares: tally.squares * factor,
-        squares_from_camera: tally.squares_from_camera * factor,
-        rays: (tally.rays as f64 * factor) as u64,
+fn scaled(stats: CausticStats, factor: f64) -> CausticStats {
+    CausticStats {
+        sum: stats.sum * factor,
+        squares: stats.squares * factor,
+        squares_from_camera: stats.squares_from_camera * factor,
+        rays: (stats.rays as f64 * factor) as u64,
     }
 }
 
 /// The best number of light paths per pixel and sample, and the ratio of the efficiency with light tracing to that without. `one` is the
 /// measurement for one light path per pixel.
-fn best_share(one: &CausticTally, camera: &CameraPaths) -> (f64, f64) {
-    let candidate = |share: f64| {
-        let error = camera.squares + one.squares / share;
-        let cost = 1.0 + shares(one, camera, share).time;
+fn best_path_count(one: &CausticStats, camera: &CameraPaths) -> (f64, f64) {
+    let candidate = |paths_per_pixel: f64| {
+        let error = camera.squares + one.squares / paths_per_pixel;
+        let cost = 1.0 + light_path_cost(one, camera, paths_per_pixel).time;
         let gain = (camera.squares + one.squares_from_camera) / (error * cost).max(1e-300);
-        (share, gain, error * cost)
+        (paths_per_pixel, gain, error * cost)
     };
-    let candidates = SHARES.map(candidate);
-    let (share, gain, _) =
+    let candidates = PATHS_PER_PIXEL.map(candidate);
+    let (paths_per_pixel, gain, _) =
         candidates.into_iter().fold(candidates[0], |best, next| if next.2 < best.2 { next } else { best });
     let is_visible = one.sum >= MIN_LIGHT * (camera.light + one.sum);
-    (share, if is_visible { gain } else { 0.0 })
+    (paths_per_pixel, if is_visible { gain } else { 0.0 })
 }
 
-/// Squared error and time of `share` light paths per pixel and sample, relative to camera paths.
-fn shares(one: &CausticTally, camera: &CameraPaths, share: f64) -> LightPathShares {
-    LightPathShares {
-        error: one.squares / share / camera.squares.max(1e-300),
-        time: share * RAY_COST * one.rays as f64 / camera.rays.max(1.0),
+/// Squared error and time of `paths_per_pixel` light paths per pixel and sample, relative to camera paths.
+fn light_path_cost(one: &CausticStats, camera: &CameraPaths, paths_per_pixel: f64) -> LightPathCost {
+    LightPathCost {
+        error: one.squares / paths_per_pixel / camera.squares.max(1e-300),
+        time: paths_per_pixel * RAY_COST * one.rays as f64 / camera.rays.max(1.0),
     }
 }
 

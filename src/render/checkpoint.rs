@@ -1,12 +1,11 @@
 //! Checkpoints and partial renders: the identity of a picture, writing the film's sums, and resuming.
 
-use super::noise::Noise;
+use super::error_estimate::ErrorEstimate;
 use super::options::ResolvedOptions;
 use super::path_strategy::{PathStrategy, StrategyTrials};
 use super::progress::Spent;
 use super::rendering::Rendering;
 use super::schedule::SAMPLE_BLOCK;
-use super::validation::Validation;
 use crate::compile::{Fingerprint, of_curves, of_mesh};
 use crate::error::{Error, Result};
 use crate::image::{Image, Pixels};
@@ -161,7 +160,7 @@ impl Rendering {
     /// Finishes passes even when cancelled or past the time limit, so that the film can be resumed from.
     #[must_use]
     pub fn with_whole_passes(mut self) -> Rendering {
-        self.schedule = self.schedule.with_whole_passes();
+        self.schedule = self.schedule.with_full_passes();
         self.finishes_passes = true;
         self
     }
@@ -231,9 +230,7 @@ impl Rendering {
             finish,
             further_bytes: 0,
         };
-        let next = self.validation.as_ref().map_or(0u32, Validation::next);
-        let of_noise = |noise: &Noise| [&next.to_le_bytes(), noise.to_bytes().as_slice()].concat();
-        let resume_state = self.noise.as_ref().map(of_noise).unwrap_or_default();
+        let resume_state = self.error_estimate.as_ref().map(ErrorEstimate::to_bytes).unwrap_or_default();
         write_part(path, header, &self.film, backdrop, &resume_state)
     }
 
@@ -289,12 +286,8 @@ impl Rendering {
         self.spent = Spent { wall: duration(wall_s), cpu: duration(cpu_s) };
         self.schedule.resume_at(header.end_sample, self.spent.wall);
         self.progress.resume_at(paths, rays);
-        let (next, of_noise) = resume_state.split_first_chunk::<4>().unwrap_or((&[0; 4], &[]));
-        if let Some(validation) = &mut self.validation {
-            validation.resume(u32::from_le_bytes(*next));
-        }
-        if let Some(noise) = &mut self.noise {
-            noise.restore(of_noise, self.film.width() as usize * self.film.height() as usize);
+        if let Some(estimate) = &mut self.error_estimate {
+            estimate.restore(&resume_state, self.film.width() as usize * self.film.height() as usize);
         }
         Ok(())
     }

@@ -1,11 +1,11 @@
 //! Path guiding: training before the first pass, by samples of the whole picture that are discarded. So a guide depends only on the scene,
 //! the view and the options, and all parts of a picture use the same guide.
 //!
-//! Automatic guiding is decided by the noise of incident radiance at diffuse vertices: some probe paths measure it first, and the first
+//! Automatic guiding is decided by the noise of incident radiance at diffuse vertices: some trial paths measure it first, and the first
 //! training passes must lower it. (Guides can't lower noise by direct light or mirrors.)
 
 use super::options::{Guiding, RenderOptions};
-use super::progress::{Statistics, divided, new_task_group};
+use super::progress::{Statistics, new_task_group, parallel_task};
 use super::technique::{
     Request, Stopped, Target, Technique, Trial, first_reason, planned_samples, spread_paths,
 };
@@ -19,17 +19,17 @@ use crate::sampling::hash::hash32;
 use rayon::prelude::*;
 
 /// Fraction of the planned samples spent on training.
-const SHARE: f64 = 0.2;
+const TRAINING_FRACTION: f64 = 0.2;
 
 /// Sizes of the training passes, in parts; each pass is guided by the results of the earlier ones.
 const PASSES: [u64; 5] = [1, 1, 2, 4, 8];
 /// Sum of [`PASSES`].
 const PARTS: u64 = 16;
 
-/// The probe before training takes one part divided by this number.
-const PROBE: u64 = 4;
-/// Minimum number of paths of the probe.
-const MIN_PROBE: u64 = 1 << 10;
+/// Ratio of the number of paths of a part to that of the trial before training.
+const TRIAL_DIVISOR: u64 = 4;
+/// Minimum number of paths of the trial.
+const MIN_TRIAL_PATHS: u64 = 1 << 10;
 
 /// Minimum noise of incident radiance (see [`IncidentNoise`]) for automatic training.
 ///
@@ -57,10 +57,10 @@ const MIN_PART: u64 = 1 << 9;
 const MAX_PART: u64 = 1 << 18;
 
 /// Target for the final number of training samples per cell.
-const SAMPLES_OF_CELL: f64 = 2000.0;
+const SAMPLES_PER_CELL: f64 = 2000.0;
 
-/// Fraction of a time limit after which training ends.
-const SHARE_OF_TIME: f64 = 0.1;
+/// Maximum fraction of a time limit for training.
+const MAX_TIME_FRACTION: f64 = 0.1;
 
 /// Blocks of a step, spread over the picture. The first step determines the cell size.
 const BLOCKS: usize = 16;
@@ -73,8 +73,8 @@ const CELL_SAMPLE_BYTES: usize = 24;
 /// Decorrelates training from pictures with the same seed.
 const SEED: u32 = 0x7c15_9e37;
 
-/// Part number of the probe.
-const OF_PROBE: u32 = u32::MAX;
+/// Part number of the trial.
+const TRIAL_PART: u32 = u32::MAX;
 
 #[derive(Clone, Debug, Default)]
 pub(super) struct PathGuiding {
@@ -91,22 +91,22 @@ impl Technique for PathGuiding {
         }
     }
 
-    fn refusal(&self) -> &'static str {
+    fn unused_warning(&self) -> &'static str {
         "paths are not guided"
     }
 
-    fn obstacle(&self, target: &Target<'_>) -> Option<&'static str> {
+    fn prevented_by(&self, target: &Target<'_>) -> Option<&'static str> {
         let Target { scene, options, .. } = target;
         let is_diffuse = |class: BsdfClass| matches!(class, BsdfClass::Lambert | BsdfClass::MetalRough);
         first_reason(&[
             (scene.shading.spectral, "paths carry wavelengths"),
             (!scene.materials.iter().any(|m| is_diffuse(m.class)), "no surface of the scene is diffuse"),
             (options.max_depth < 2, "there is no indirect light with so few bounces"),
-            (part(options) < least_part(options), "there are too few samples for training"),
+            (part(options) < min_part(options), "there are too few samples for training"),
         ])
     }
 
-    fn failure(&self, options: &RenderOptions) -> Option<&'static str> {
+    fn trial_failure(&self, options: &RenderOptions) -> Option<&'static str> {
         let reason = match options.time_limit {
             None => "no path found a diffuse surface",
             Some(_) => "no path found a diffuse surface in the time for training",
@@ -131,7 +131,7 @@ impl Technique for PathGuiding {
 
 /// Upper bound of the memory of training, bytes.
 pub fn guiding_bytes(options: &RenderOptions) -> u64 {
-    if options.guiding == Guiding::Off || part(options) < least_part(options) {
+    if options.guiding == Guiding::Off || part(options) < min_part(options) {
         return 0;
     }
     let pixels = u64::from(options.width) * u64::from(options.height);
@@ -155,13 +155,13 @@ fn part(options: &RenderOptions) -> u64 {
     if options.guiding == Guiding::Auto && pixels > MAX_PIXELS {
         return 0;
     }
-    let paths = SHARE * f64::from(planned) * pixels;
+    let paths = TRAINING_FRACTION * f64::from(planned) * pixels;
     ((paths / PARTS as f64) as u64).min(MAX_PART)
 }
 
 /// Minimum number of paths of a part.
-fn least_part(options: &RenderOptions) -> u64 {
-    if options.guiding == Guiding::Auto { PROBE * MIN_PROBE } else { MIN_PART }
+fn min_part(options: &RenderOptions) -> u64 {
+    if options.guiding == Guiding::Auto { TRIAL_DIVISOR * MIN_TRIAL_PATHS } else { MIN_PART }
 }
 
 /// Trains a guide.
@@ -171,17 +171,17 @@ impl Training<'_> {
     /// Trains a guide; `None` if no path hits a diffuse surface, or if guiding isn't worthwhile.
     fn train(&self) -> Result<Option<Guide>, Stopped> {
         let mut state =
-            TrainingState { is_proven: self.0.target.options.guiding == Guiding::On, ..Default::default() };
+            TrainingState { is_accepted: self.0.target.options.guiding == Guiding::On, ..Default::default() };
         let ends = self
             .0
             .target
             .options
             .time_limit
-            .map(|limit| self.0.stopwatch.wall() + limit.mul_f64(SHARE_OF_TIME));
+            .map(|limit| self.0.stopwatch.wall() + limit.mul_f64(MAX_TIME_FRACTION));
         let is_late = || ends.is_some_and(|end| self.0.stopwatch.wall() > end);
         let trained = self.train_passes(&mut state, &|| is_late() || (self.0.stop)());
         // Training that is ended by the time limit keeps its results.
-        if trained.is_err() && (self.0.stop)() { Err(Stopped) } else { Ok(state.proven_guide()) }
+        if trained.is_err() && (self.0.stop)() { Err(Stopped) } else { Ok(state.accepted_guide()) }
     }
 
     fn train_passes(
@@ -189,7 +189,7 @@ impl Training<'_> {
         state: &mut TrainingState,
         stop: &(dyn Fn() -> bool + Sync),
     ) -> Result<(), Stopped> {
-        if !state.is_proven && !self.is_noisy(stop)? {
+        if !state.is_accepted && !self.is_noisy(stop)? {
             return Ok(());
         }
         let (mut number, mut noise_of_first) = (0, None);
@@ -208,16 +208,22 @@ impl Training<'_> {
                 if !continues {
                     return Ok(());
                 }
-                state.is_proven = number >= MIN_PARTS;
+                state.is_accepted = number >= MIN_PARTS;
             }
         }
         Ok(())
     }
 
-    /// The probe: is incident radiance at diffuse vertices so noisy that guiding may be worthwhile?
+    /// The trial: is incident radiance at diffuse vertices so noisy that guiding may be worthwhile?
     fn is_noisy(&self, stop: &(dyn Fn() -> bool + Sync)) -> Result<bool, Stopped> {
         let mut state = TrainingState::default();
-        self.train_part(&Guide::blank(), OF_PROBE, part(self.0.target.options) / PROBE, &mut state, stop)?;
+        self.train_part(
+            &Guide::blank(),
+            TRIAL_PART,
+            part(self.0.target.options) / TRIAL_DIVISOR,
+            &mut state,
+            stop,
+        )?;
         Ok(state.noise.per_sample() >= MIN_NOISE)
     }
 
@@ -281,31 +287,31 @@ struct TrainingState {
     samples: u64,
     /// Noise of incident radiance in the current pass.
     noise: IncidentNoise,
-    /// Is guiding worthwhile, or requested?
-    is_proven: bool,
+    /// Is the guide used: worthwhile or requested?
+    is_accepted: bool,
 }
 
 impl TrainingState {
-    /// Updates the cells with the blocks, in order, of one of `of` steps. The first step determines the cell size.
-    fn learn(&mut self, found: Vec<BlockSamples>, of: u64) {
-        divided("learning", || self.learn_from(&found, of));
+    /// Updates the cells with the blocks of one of `steps` steps, in order. The first step determines the cell size.
+    fn learn(&mut self, found: Vec<BlockSamples>, steps: u64) {
+        parallel_task("learning", || self.learn_from(&found, steps));
     }
 
-    fn learn_from(&mut self, found: &[BlockSamples], of: u64) {
-        self.luminance += found.iter().map(|l| l.luminance).sum::<f64>();
-        self.samples += found.iter().map(|l| l.samples).sum::<u64>();
+    fn learn_from(&mut self, found: &[BlockSamples], steps: u64) {
+        self.luminance += found.iter().map(|block| block.luminance).sum::<f64>();
+        self.samples += found.iter().map(|block| block.samples).sum::<u64>();
         let mean = self.luminance / self.samples.max(1) as f64;
-        found.iter().for_each(|l| self.noise.add(l, mean));
+        found.iter().for_each(|block| self.noise.add(block, mean));
         if self.cells.is_none() {
-            let samples = found.iter().flat_map(|l| &l.training_samples);
+            let samples = found.iter().flat_map(|block| &block.training_samples);
             let all: Vec<[Vec3; 2]> = samples.map(|s| [s.p.into(), s.n.into()]).collect();
-            let total = all.len() as f64 * of as f64;
-            self.cells = Grid::suited_to(&all, total, SAMPLES_OF_CELL).map(TrainedCells::new);
+            let total = all.len() as f64 * steps as f64;
+            self.cells = Grid::suited_to(&all, total, SAMPLES_PER_CELL).map(TrainedCells::new);
         }
         let Some(cells) = &mut self.cells else { return };
         let grid = cells.grid;
         let cell_samples: Vec<CellSamples> =
-            found.par_iter().map(|l| grid.cell_samples(&l.training_samples)).collect();
+            found.par_iter().map(|block| grid.cell_samples(&block.training_samples)).collect();
         let shards = cells.shards.par_iter_mut().enumerate();
         shards.for_each(|(k, shard)| {
             cell_samples.iter().for_each(|cell_samples| shard.learn(&cell_samples[k]))
@@ -313,8 +319,8 @@ impl TrainingState {
     }
 
     /// The guide, if it is accepted.
-    fn proven_guide(&self) -> Option<Guide> {
-        self.guide().filter(|_| self.is_proven)
+    fn accepted_guide(&self) -> Option<Guide> {
+        self.guide().filter(|_| self.is_accepted)
     }
 
     /// The guide; `None` if no path has hit a diffuse surface.

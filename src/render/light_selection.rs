@@ -6,11 +6,11 @@ use super::progress::{Statistics, new_task_group};
 use super::technique::{
     Request, Stopped, Target, Technique, Trial, first_reason, planned_samples, spread_paths,
 };
-use crate::integrator::{Integrator, IntegratorOptions, LightProbe, LightVisibility, SamplePlan};
+use crate::integrator::{Integrator, IntegratorOptions, LightSampleRecord, LightVisibility, SamplePlan};
 use rayon::prelude::*;
 
-/// Fraction of the planned samples that is spent.
-const SHARE: f64 = 1.0 / 256.0;
+/// Number of paths, as a fraction of the planned samples.
+const PATH_FRACTION: f64 = 1.0 / 256.0;
 /// Minimum and maximum number of paths.
 const PATHS: [u64; 2] = [1 << 11, 1 << 16];
 
@@ -36,26 +36,26 @@ impl Technique for LearnedSelection {
         }
     }
 
-    fn refusal(&self) -> &'static str {
+    fn unused_warning(&self) -> &'static str {
         "light selection is not learned"
     }
 
-    fn obstacle(&self, target: &Target<'_>) -> Option<&'static str> {
+    fn prevented_by(&self, target: &Target<'_>) -> Option<&'static str> {
         let Target { scene, options, .. } = target;
         first_reason(&[
             (scene.features.links, "lights of the scene are linked to some objects only"),
             (scene.lights.count_groups() < 2, "there is nothing to select"),
             (options.max_depth == 0, "without bounces there is no light on surfaces"),
-            (planned(options) < least(options), "there are too few samples"),
+            (planned(options) < min_planned(options), "there are too few samples"),
         ])
     }
 
-    fn failure(&self, _options: &RenderOptions) -> Option<&'static str> {
+    fn trial_failure(&self, _options: &RenderOptions) -> Option<&'static str> {
         (self.is_learned && self.visibility.is_none()).then_some("no path found a lit surface")
     }
 
     fn try_before_first_pass(&mut self, trial: &Trial<'_>) -> Result<(), Stopped> {
-        let learned = LightVisibility::learn(&probes(trial)?);
+        let learned = LightVisibility::learn(&trace_light_samples(trial)?);
         let is_requested = trial.target.options.light_selection == LightSelection::Learned;
         let pays = |ratio: f32| is_requested || ratio <= MAX_RATIO;
         self.visibility = learned.filter(|&(_, ratio)| pays(ratio)).map(|(visibility, _)| visibility);
@@ -78,24 +78,26 @@ fn planned(options: &RenderOptions) -> u64 {
 }
 
 /// Minimum number of planned samples: automatic learning takes at most a 128th of them.
-fn least(options: &RenderOptions) -> u64 {
+fn min_planned(options: &RenderOptions) -> u64 {
     PATHS[0] * if options.light_selection == LightSelection::Auto { 128 } else { 2 }
 }
 
-/// The light samples of some paths, in an order that doesn't depend on threads.
-fn probes(trial: &Trial<'_>) -> Result<Vec<LightProbe>, Stopped> {
-    let paths = ((SHARE * planned(trial.target.options) as f64) as u64).clamp(PATHS[0], PATHS[1]);
+/// Light samples of some camera paths, in an order that doesn't depend on threads.
+fn trace_light_samples(trial: &Trial<'_>) -> Result<Vec<LightSampleRecord>, Stopped> {
+    let paths = ((PATH_FRACTION * planned(trial.target.options) as f64) as u64).clamp(PATHS[0], PATHS[1]);
     let (samples, blocks) = spread_paths(trial.target.options, SEED, paths);
     let options = IntegratorOptions {
         plan: SamplePlan::Uneven(&samples),
-        records_light_probes: true,
+        records_light_samples: true,
         ..trial.paths.clone()
     };
     let integrator = Integrator::new(trial.target.scene, trial.target.view, options);
     let group = new_task_group();
     let of_block = |block| {
-        trial.run(("light selection", group), trial.stop, |w| integrator.probe_lights(block, w, &trial.stop))
+        trial.run(("light selection", group), trial.stop, |w| {
+            integrator.trace_light_samples(block, w, &trial.stop)
+        })
     };
-    let found: Result<Vec<Vec<LightProbe>>, Stopped> = blocks.par_iter().map(of_block).collect();
+    let found: Result<Vec<Vec<LightSampleRecord>>, Stopped> = blocks.par_iter().map(of_block).collect();
     Ok(found?.concat())
 }

@@ -10,6 +10,7 @@
 
 mod caustics;
 mod checkpoint;
+mod error_estimate;
 mod guiding;
 mod light_selection;
 mod noise;

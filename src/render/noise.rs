@@ -45,7 +45,7 @@ const RATIOS: std::ops::RangeInclusive<f64> = 0.125..=0.5;
 /// changes estimates by a few percent.
 const TAIL: f64 = 0.01;
 
-/// Number of pixels summed in order by one thread.
+/// Number of pixels that one thread sums in order.
 const RUN: usize = 1 << 12;
 const MIN_PER_THREAD: usize = RUN;
 
@@ -326,12 +326,12 @@ const BRIGHT_TAIL: f64 = 0.002;
 const MIN_BRIGHT: usize = 16;
 
 /// Tail index below which paths are rare. The variance is infinite below 2; lower, since the estimate is uncertain.
-const HEAVY: f64 = 1.6;
+const MAX_TAIL_INDEX: f64 = 1.6;
 
 /// Minimum fraction of the picture's light in a heavy tail, or in a single pixel, that is reported.
 const MIN_SHARE: f64 = 0.01;
 
-/// Edge of the square regions of which the one with the largest excess is reported, pixels.
+/// Edge of the square regions, pixels; the one with the largest excess is reported.
 const PART: usize = 32;
 
 /// Rare paths: light of single bright paths.
@@ -362,7 +362,7 @@ pub(super) fn find_rare_paths(means: &[[f32; 3]], robust: &[[f32; 3]], width: us
     let tail_index = if least > 0.0 { count as f64 / logarithms } else { 0.0 };
     let share = larger.iter().sum::<f64>() / light;
     let largest = larger.iter().copied().fold(0.0, f64::max) / light;
-    (tail_index < HEAVY && share >= MIN_SHARE || largest >= MIN_SHARE).then(|| {
+    (tail_index < MAX_TAIL_INDEX && share >= MIN_SHARE || largest >= MIN_SHARE).then(|| {
         let at = brightest(&all, width);
         RarePaths { share, pixel: [(at % width) as u32, (at / width) as u32], tail_index }
     })

@@ -3,10 +3,10 @@
 //! Passes overlap unless the film must be complete between them: a thread without a tile left in a pass continues with the next pass.
 
 use super::picture::Labels;
-use super::progress::{Listener, Progress, Stopwatch, divided, new_task_group, task};
+use super::progress::{Listener, Progress, Stopwatch, new_task_group, parallel_task, task};
 use super::schedule::{Pass, Tiles, parts, within};
 use super::technique::{
-    BlockTally, EDGE, Errors, PassTrial, RenderedSquares, Target, WORKSPACE, radiance_only_options,
+    BlockSums, EDGE, Errors, PassTrial, RenderedSquares, Target, WORKSPACE, radiance_only_options,
 };
 use super::techniques::Techniques;
 use crate::film::{FilmTile, FilterSampler, Layout, SharedFilm, Splat};
@@ -49,14 +49,14 @@ pub(super) fn render_all(contexts: &[PassContext<'_>], is_due: &(dyn Fn() -> boo
     let first = &contexts[0];
     let render = || {
         let Some(tried) = first.techniques.try_in_pass(first) else { return (1, false) };
-        if let Some(parts) = first.in_two() {
+        if let Some(parts) = first.split_first_pass() {
             let parts = parts.each_ref().map(|part| PlannedPass::new(part, &tried));
             return (1, render_passes(&parts, &|| false).1);
         }
         let plan = |context| PlannedPass::new(context, if context.number == 0 { &tried } else { &[] });
         render_passes(&contexts.iter().map(plan).collect::<Vec<_>>(), is_due)
     };
-    // Threads without light paths left continue with tiles.
+    // Threads that have no light paths left continue with tiles.
     let (are_light_paths_done, (begun, is_done)) = rayon::join(|| first.trace_light_paths(), render);
     (begun, are_light_paths_done && is_done)
 }
@@ -127,7 +127,7 @@ const FIRST_SAMPLES: u32 = 2;
 impl<'a> PassContext<'a> {
     /// A picture's first pass in two parts, so that soon every pixel has a sample and a rendering that is stopped leaves a picture. `None`
     /// for other passes, short ones, and with path reuse, whose groups have the samples of a whole pass.
-    fn in_two(&self) -> Option<[PassContext<'a>; 2]> {
+    fn split_first_pass(&self) -> Option<[PassContext<'a>; 2]> {
         let Pass { first_sample, samples } = self.pass;
         if first_sample > 0
             || samples < 2 * FIRST_SAMPLES
@@ -195,8 +195,8 @@ impl<'a> PassContext<'a> {
             let trace = |w: &RefCell<Workspace>| {
                 tracer.integrator.trace_light_paths(sample, paths, &mut w.borrow_mut(), &mut splats)
             };
-            let tally = WORKSPACE.with(trace);
-            self.progress.add(0, tally.rays, self.stopwatch.wall(), self.listener);
+            let stats = WORKSPACE.with(trace);
+            self.progress.add(0, stats.rays, self.stopwatch.wall(), self.listener);
             SharedFilm::sort(&mut splats);
             Some(splats)
         })
@@ -205,7 +205,7 @@ impl<'a> PassContext<'a> {
     /// Adds splats to the film: the first sample, and the splats of consecutive samples by wave, `waves` per sample.
     fn add_splats(&self, traced: Option<(u32, Vec<Vec<Splat>>)>, waves: usize) {
         let Some((first, splats)) = traced else { return };
-        divided("splats", || {
+        parallel_task("splats", || {
             for (sample, of_sample) in (first..).zip(splats.chunks(waves.max(1))) {
                 self.film.add_splats(of_sample, self.is_of_first_half(sample));
             }
@@ -240,8 +240,8 @@ impl<'a> PassContext<'a> {
     }
 
     /// Renders a tile into the film. False if stopped.
-    fn render_tile(&self, tracer: &Tracer<'_>, block: &Block, tally: Option<&mut BlockTally>) -> bool {
-        self.trace_tile(tracer, block, tally).map(|tile| self.merge(tile)).is_some()
+    fn render_tile(&self, tracer: &Tracer<'_>, block: &Block, sums: Option<&mut BlockSums>) -> bool {
+        self.trace_tile(tracer, block, sums).map(|tile| self.merge(tile)).is_some()
     }
 
     /// Merges a tile into the film.
@@ -264,7 +264,7 @@ impl<'a> PassContext<'a> {
         &self,
         tracer: &Tracer<'_>,
         block: &Block,
-        mut tally: Option<&mut BlockTally>,
+        mut sums: Option<&mut BlockSums>,
     ) -> Option<RenderedTile> {
         if (self.stop)() {
             return None;
@@ -291,15 +291,15 @@ impl<'a> PassContext<'a> {
                         tile.add(sample.pixel, sample.rgb, sample.alpha);
                     }
                     paths += 1;
-                    if let Some(tally) = &mut tally {
-                        tally.add(sample);
+                    if let Some(sums) = &mut sums {
+                        sums.add(sample);
                     }
                 };
                 tracer.integrator.trace(&part, workspace, &self.stop, sink)
             });
             let rays = workspace.ray_counts.since(before);
-            if let Some(tally) = tally {
-                tally.count(rays);
+            if let Some(sums) = sums {
+                sums.count(rays);
             }
             is_done.then_some(RenderedTile { tile, block: *block, paths, rays: rays.all })
         })
@@ -349,17 +349,17 @@ impl PassTrial for PassContext<'_> {
         let blocks: Vec<Block> = squares.iter().flat_map(|s| tracer.tiles.divide(*s)).collect();
         let group = new_task_group();
         let try_block = |block: &Block| {
-            let mut tally = BlockTally::new(block);
-            let tile = task("trials", group, || self.trace_tile(&tracer, block, Some(&mut tally)))?;
+            let mut sums = BlockSums::new(block);
+            let tile = task("trials", group, || self.trace_tile(&tracer, block, Some(&mut sums)))?;
             self.progress.add(0, tile.rays, self.stopwatch.wall(), self.listener);
-            Some((tally, RenderedTile { rays: 0, ..tile }))
+            Some((sums, RenderedTile { rays: 0, ..tile }))
         };
-        let blocks: Vec<Option<(BlockTally, RenderedTile)>> = blocks.par_iter().map(try_block).collect();
+        let blocks: Vec<Option<(BlockSums, RenderedTile)>> = blocks.par_iter().map(try_block).collect();
         // Summed in order, independently of threads.
-        let sum = |sum: Errors, block: &Option<(BlockTally, RenderedTile)>| {
+        let sum = |sum: Errors, block: &Option<(BlockSums, RenderedTile)>| {
             Some(sum.plus(block.as_ref()?.0.errors()))
         };
-        let start = Errors { light_paths: self.techniques.light_path_shares(), ..Errors::default() };
+        let start = Errors { light_paths: self.techniques.light_path_cost(), ..Errors::default() };
         let errors = blocks.iter().try_fold(start, sum);
         let tiles: Vec<RenderedTile> = blocks.into_iter().flatten().map(|(_, tile)| tile).collect();
         let add_to_film = move || tiles.into_par_iter().for_each(|tile| self.merge(tile));

@@ -5,7 +5,7 @@ use super::options::{PathReuse, RenderOptions, Splitting};
 use super::progress::Statistics;
 use super::schedule::Pass;
 use super::technique::{
-    EDGE, Errors, LightPathShares, PassTrial, RenderedSquares, Request, Target, Technique, first_reason,
+    EDGE, Errors, LightPathCost, PassTrial, RenderedSquares, Request, Target, Technique, first_reason,
 };
 use crate::compile::{Medium, View};
 use crate::integrator::reuse::{GroupShape, INTERVAL, Tiling};
@@ -69,7 +69,7 @@ struct StrategyState {
 }
 
 /// The reason that prevents path reuse, if any.
-fn obstacle_to_reuse(target: &Target<'_>) -> Option<&'static str> {
+fn reuse_prevented_by(target: &Target<'_>) -> Option<&'static str> {
     let Target { scene, options, .. } = target;
     let features = &scene.features;
     first_reason(&[
@@ -92,7 +92,7 @@ impl StrategyTrials {
     /// The strategies allowed by the options.
     pub fn new(target: &Target<'_>) -> StrategyTrials {
         let options = target.options;
-        let can_reuse = obstacle_to_reuse(target).is_none();
+        let can_reuse = reuse_prevented_by(target).is_none();
         let can_split = options.max_depth >= 1 && !options.catchers && options.clamp.direct == f32::INFINITY;
         if let PathReuse::Groups(shape) = options.path_reuse
             && can_reuse
@@ -137,12 +137,12 @@ impl Technique for StrategyTrials {
         }
     }
 
-    fn refusal(&self) -> &'static str {
+    fn unused_warning(&self) -> &'static str {
         "paths are not reused between pixels"
     }
 
-    fn obstacle(&self, target: &Target<'_>) -> Option<&'static str> {
-        obstacle_to_reuse(target)
+    fn prevented_by(&self, target: &Target<'_>) -> Option<&'static str> {
+        reuse_prevented_by(target)
     }
 
     fn has_pending_trial(&self) -> bool {
@@ -197,16 +197,16 @@ const MIN_GAIN_OF_SPLITTING: f64 = 1.4;
 /// samples.)
 const REPLACED_ERROR: f64 = 1.5;
 
-/// Ratio of the number of squares that try splitting, or repeat the best shape if its gain is unclear, to the number that try a shape,
-/// since the gain varies over the picture. (A polished helmet under a sky gains nothing by splitting; a trial on 4 of its 256 squares
+/// Ratio of the number of squares that try splitting, or repeat the best shape if its gain is unclear, to the number that try a shape:
+/// the gain varies over the picture. (For a polished helmet under a sky, which gains nothing by splitting, a trial on 4 of 256 squares
 /// showed a gain in one of seven runs, a trial on 12 in one of forty.)
 const MORE_SQUARES: u32 = 3;
 
 /// Minimum gain of splitting on the first squares, for trying it on the other squares.
-const PROMISING: f64 = 1.15;
+const MIN_GAIN_FOR_MORE_SPLITTING: f64 = 1.15;
 
 /// Minimum gain of the smallest groups, for trying larger ones.
-const HOPEFUL: f64 = 0.8;
+const MIN_GAIN_FOR_LARGER_GROUPS: f64 = 0.8;
 
 /// Gain of reuse above which splitting is not tried, since it seldom gains as much.
 const CLEAR_GAIN: f64 = 3.0;
@@ -317,19 +317,21 @@ fn strategy_of(trial: &SquareTrial, results: &[(PathStrategy, Errors)]) -> Optio
     let splitting = PathStrategy::Independent { branches: BRANCHES };
     match trial.tried {
         Tried::Shape(shape) => {
-            let is_hopeful = match results {
+            let is_worthwhile = match results {
                 [] => true,
-                [(_, smallest)] => smallest.gain_of_reuse() >= HOPEFUL,
+                [(_, smallest)] => smallest.gain_of_reuse() >= MIN_GAIN_FOR_LARGER_GROUPS,
                 // The next shape's groups have four times as many connections.
                 [.., (_, last)] => last.gain_of_reuse() >= MIN_GAIN && last.cost_of_connections() < MAX_COST,
             };
-            is_hopeful.then_some(PathStrategy::Reuse(shape))
+            is_worthwhile.then_some(PathStrategy::Reuse(shape))
         }
         Tried::BestShape => Some(so_far.strategy).filter(|t| t.shape().is_some() && so_far.gain < CLEAR_GAIN),
         Tried::Splitting => Some(splitting).filter(|_| so_far.gain < CLEAR_GAIN),
         Tried::MoreSplitting => {
             let tried = results.last().filter(|(strategy, _)| *strategy == splitting);
-            tried.filter(|(_, errors)| errors.gain_of_splitting() >= PROMISING).map(|_| splitting)
+            tried
+                .filter(|(_, errors)| errors.gain_of_splitting() >= MIN_GAIN_FOR_MORE_SPLITTING)
+                .map(|_| splitting)
         }
     }
 }
@@ -380,7 +382,7 @@ impl Errors {
         let prefix_rays = (self.rays.all - self.rays.in_branches) as f64;
         let error = 1.0 - suffixes + suffixes / number;
         let cost = (prefix_rays + number * suffix_rays) / (prefix_rays + suffix_rays).max(1.0);
-        let LightPathShares { error: other_error, time: other_time } = self.light_paths;
+        let LightPathCost { error: other_error, time: other_time } = self.light_paths;
         let gain = (1.0 + other_error) * (1.0 + other_time) / ((error + other_error) * (cost + other_time));
         Candidate { strategy: PathStrategy::Independent { branches }, error, gain }
     }
@@ -440,8 +442,8 @@ mod tests {
     #[test]
     fn light_paths_bound_the_gain() {
         let rays = RayCounts { all: 120, in_branches: 80, ..RayCounts::default() };
-        let alone = Errors { tried: 0.25, baseline: 1.0, rays, light_paths: LightPathShares::default() };
-        let both = Errors { light_paths: LightPathShares { error: 100.0, time: 100.0 }, ..alone };
+        let alone = Errors { tried: 0.25, baseline: 1.0, rays, light_paths: LightPathCost::default() };
+        let both = Errors { light_paths: LightPathCost { error: 100.0, time: 100.0 }, ..alone };
         assert!(alone.gain_of_splitting() > MIN_GAIN_OF_SPLITTING, "{}", alone.gain_of_splitting());
         assert!((both.gain_of_splitting() - 1.0).abs() < 0.02, "{}", both.gain_of_splitting());
     }

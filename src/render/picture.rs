@@ -85,8 +85,8 @@ pub(super) fn save(film: &Film, path: &Path, options: &OutputOptions) -> Result<
 pub(super) fn layout(options: &RenderOptions, labels: &Labels) -> Layout {
     let groups = labels.light_groups.iter().map(|name| Channel::light_group(name));
     let caught = options.catchers.then(Channel::of_catchers).into_iter().flatten();
-    let further = options.aovs.channels_with(options.matte_levels).chain(groups).chain(caught);
-    Layout::new(further).with_halves(options.halves)
+    let extra = options.aovs.channels_with(options.matte_levels).chain(groups).chain(caught);
+    Layout::new(extra).with_halves(options.halves)
 }
 
 /// Upper bound of the memory of light paths' splats in a film, bytes.
@@ -104,8 +104,8 @@ pub fn splat_bytes(options: &RenderOptions, labels: &Labels) -> u64 {
 pub fn film_bytes(options: &RenderOptions, labels: &Labels) -> u64 {
     let region = options.pixels();
     let of_noise = if options.noise.is_some() { noise::BYTES_PER_PIXEL } else { 0 };
-    let a_pixel = layout(options, labels).bytes_per_pixel() + of_noise;
-    u64::from(region.width()) * u64::from(region.height()) * a_pixel
+    let per_pixel = layout(options, labels).bytes_per_pixel() + of_noise;
+    u64::from(region.width()) * u64::from(region.height()) * per_pixel
 }
 
 // Names of the scene in files: light groups, and objects and materials of Cryptomattes.
@@ -194,7 +194,7 @@ fn floats(planes: Option<Vec<Values>>) -> Option<[Vec<f32>; 3]> {
 fn denoise_channels(film: &mut Film, color: Option<[Vec<f32>; 3]>) -> &'static str {
     let names = part_names(film);
     let Some(layers) = noisy_layers(film, film.deviations(), names) else { return Guides::default().names() };
-    put(film, &layers.denoised_with(color));
+    set_denoised_layers(film, &layers.denoised_with(color));
     layers.guides().names()
 }
 
@@ -223,7 +223,7 @@ fn part_names(film: &Film) -> Vec<String> {
 }
 
 /// Replaces the picture, its light groups and light passes by the denoised ones.
-fn put(film: &mut Film, result: &Denoised) {
+fn set_denoised_layers(film: &mut Film, result: &Denoised) {
     let names = ordered(part_names(film));
     for (name, planes) in result.named(names.iter().flatten().map(String::as_str)) {
         match name {
@@ -257,7 +257,7 @@ impl Picture {
     /// Replaces the picture by the temporally denoised one, an average over the frames of these numbers. Removes guide AOVs that are not in
     /// `keep`.
     pub fn set_denoised(&mut self, result: &Denoised, frames: &RangeInclusive<u32>, keep: AovSet) {
-        put(&mut self.film, result);
+        set_denoised_layers(&mut self.film, result);
         let needed = denoising_guides().union(sequence_guides());
         let is_extra = |aov: &Aov| needed.contains(*aov) && !keep.contains(*aov);
         self.film.remove_aovs(Aov::ALL.iter().copied().filter(is_extra));
@@ -271,11 +271,11 @@ impl Picture {
 
 /// Warnings about the samples of a finished film.
 pub fn film_warnings(film: &Film) -> Vec<Warning> {
-    of_film(film, true)
+    sample_warnings(film, true)
 }
 
 /// [`film_warnings`]; unsampled pixels are reported only once rendering has stopped.
-pub(super) fn of_film(film: &Film, has_stopped: bool) -> Vec<Warning> {
+pub(super) fn sample_warnings(film: &Film, has_stopped: bool) -> Vec<Warning> {
     let invalid = film.invalid_samples();
     let unsampled = if has_stopped { film.unsampled_pixels() } else { 0 };
     let all = u64::from(film.width()) * u64::from(film.height());

@@ -225,7 +225,7 @@ pub struct TaskSpan {
     pub took: Duration,
 }
 
-static IS_ON: AtomicBool = AtomicBool::new(false);
+static IS_RECORDING: AtomicBool = AtomicBool::new(false);
 static GROUPS: AtomicU32 = AtomicU32::new(0);
 static SPANS: Mutex<Option<(Instant, Vec<TaskSpan>)>> = Mutex::new(None);
 
@@ -233,13 +233,13 @@ static SPANS: Mutex<Option<(Instant, Vec<TaskSpan>)>> = Mutex::new(None);
 #[doc(hidden)]
 pub fn record_tasks() {
     *spans() = Some((Instant::now(), Vec::new()));
-    IS_ON.store(true, Ordering::Relaxed);
+    IS_RECORDING.store(true, Ordering::Relaxed);
 }
 
 /// Ends the recording; returns its duration and the tasks in order.
 #[doc(hidden)]
 pub fn recorded_tasks() -> (Duration, Vec<TaskSpan>) {
-    IS_ON.store(false, Ordering::Relaxed);
+    IS_RECORDING.store(false, Ordering::Relaxed);
     spans().take().map(|(start, spans)| (start.elapsed(), spans)).unwrap_or_default()
 }
 
@@ -250,12 +250,12 @@ pub(super) fn new_task_group() -> u32 {
 
 /// Runs a task of a group.
 pub(super) fn task<T>(stage: &'static str, group: u32, work: impl FnOnce() -> T) -> T {
-    if IS_ON.load(Ordering::Relaxed) { measured(stage, Some(group), work) } else { work() }
+    if IS_RECORDING.load(Ordering::Relaxed) { measured(stage, Some(group), work) } else { work() }
 }
 
 /// Runs work that is divided evenly between threads.
-pub(super) fn divided<T>(stage: &'static str, work: impl FnOnce() -> T) -> T {
-    if IS_ON.load(Ordering::Relaxed) { measured(stage, None, work) } else { work() }
+pub(super) fn parallel_task<T>(stage: &'static str, work: impl FnOnce() -> T) -> T {
+    if IS_RECORDING.load(Ordering::Relaxed) { measured(stage, None, work) } else { work() }
 }
 
 fn measured<T>(stage: &'static str, group: Option<u32>, work: impl FnOnce() -> T) -> T {

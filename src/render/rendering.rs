@@ -1,14 +1,15 @@
 //! Rendering pass by pass, or several passes at a time.
 
-use super::noise::{Noise, RarePaths};
+use super::error_estimate::ErrorEstimate;
+use super::noise::RarePaths;
 use super::options::{DisplaySettings, RenderOptions};
 use super::pass::{PassContext, render_all};
 use super::picture;
 use super::picture::{
-    Labels, Picture, denoise_film_with, denoised_color, has_visible_alpha, layout, of_film,
+    Labels, Picture, denoise_film_with, denoised_color, has_visible_alpha, layout, sample_warnings,
 };
 use super::progress::{
-    CancelHandle, Event, Listener, PassOutcome, Progress, Spent, Statistics, Stopwatch, divided,
+    CancelHandle, Event, Listener, PassOutcome, Progress, Spent, Statistics, Stopwatch, parallel_task,
 };
 use super::schedule::{Pass, SAMPLE_BLOCK, Schedule};
 use super::technique::{Target, Trial, radiance_only_options};
@@ -59,7 +60,7 @@ pub struct Rendering {
     pub(super) cancel: CancelHandle,
     pub(super) listener: Option<Box<Listener>>,
     /// Warnings of loading and compiling.
-    earlier: Vec<Warning>,
+    scene_warnings: Vec<Warning>,
     pub(super) display: DisplaySettings,
     /// Background picture or colour, composited behind the film.
     backdrop: Option<Backdrop>,
@@ -70,10 +71,8 @@ pub struct Rendering {
     pub(super) techniques: Techniques,
     /// Are passes finished even when cancelled or past the time limit?
     pub(super) finishes_passes: bool,
-    /// Estimate of the error, with a noise threshold.
-    pub(super) noise: Option<Noise>,
-    /// Measured error of the denoised picture, with a noise threshold.
-    pub(super) validation: Option<Validation>,
+    /// With a noise threshold.
+    pub(super) error_estimate: Option<ErrorEstimate>,
     /// Colour of the denoised picture of the current samples, if it was needed.
     denoised_color: Option<[Vec<f32>; 3]>,
 }
@@ -128,14 +127,13 @@ impl Rendering {
             outcome: PassOutcome::Progressed,
             cancel: CancelHandle::new(),
             listener: None,
-            earlier: Vec::new(),
+            scene_warnings: Vec::new(),
             display: DisplaySettings::default(),
             backdrop: None,
             world_offset: DVec3::ZERO,
             denoised: None,
             finishes_passes: false,
-            noise: options.noise.map(|_| Noise::default()),
-            validation: (options.noise.is_some() && options.denoises).then(|| Validation::new(&options)),
+            error_estimate: ErrorEstimate::new(&options),
             denoised_color: None,
             options,
         })
@@ -144,12 +142,12 @@ impl Rendering {
     /// Sets warnings, display settings, cancel handle and listener of a [`Renderer`](super::Renderer).
     pub(super) fn with(
         self,
-        earlier: Vec<Warning>,
+        scene_warnings: Vec<Warning>,
         display: DisplaySettings,
         cancel: CancelHandle,
         listener: Option<Box<Listener>>,
     ) -> Rendering {
-        Rendering { earlier, display, cancel, listener, ..self }
+        Rendering { scene_warnings, display, cancel, listener, ..self }
     }
 
     /// Sets the backdrop behind transparent pixels, and the offset of the scene's origin in the world, metres, for file headers.
@@ -253,11 +251,11 @@ impl Rendering {
 
     /// Parts of the scene that were ignored, approximated or repaired so far.
     pub fn warnings(&self) -> Vec<Warning> {
-        // Between passes, no pixel is unsampled.
+        // Only a stopped pass leaves pixels without samples.
         let has_stopped = self.outcome != PassOutcome::Progressed;
-        let mut warnings = self.earlier.clone();
+        let mut warnings = self.scene_warnings.clone();
         warnings.extend(self.techniques.warnings(&self.target()));
-        warnings.extend(of_film(&self.film, has_stopped));
+        warnings.extend(sample_warnings(&self.film, has_stopped));
         warnings.extend(self.scene.textures.on_demand().warnings);
         warnings
     }
@@ -288,16 +286,17 @@ impl Rendering {
             invalid_samples: self.film.invalid_samples(),
             interrupted: self.outcome == PassOutcome::Cancelled,
             timed_out: self.outcome == PassOutcome::TimedOut,
-            error: self.error(),
+            error: self.error_estimate.as_ref().and_then(ErrorEstimate::error),
             ..Statistics::default()
         };
         self.techniques.report(&mut statistics);
         statistics
     }
 
-    /// Rare paths, with a noise threshold: bright paths of which the error estimate may miss more.
+    /// Rare bright paths, with a noise threshold: the error estimate misses those that no sample has found.
     pub fn rare_paths(&self) -> Option<RarePaths> {
-        self.noise.as_ref()?.rare_paths(&self.film.means(), self.film.width() as usize)
+        let noise = &self.error_estimate.as_ref()?.noise;
+        noise.rare_paths(&self.film.means(), self.film.width() as usize)
     }
 
     /// The options of [`Rendering::save`] for the picture so far.
@@ -394,7 +393,7 @@ impl Rendering {
     /// The next passes: several if passes may overlap and trials are finished.
     fn plan_passes(&mut self, max_passes: usize, stopwatch: &Stopwatch) -> Vec<Pass> {
         let overlap = self.options.time_limit.is_none()
-            && self.noise.is_none()
+            && self.error_estimate.is_none()
             && !self.techniques.separate_passes()
             && self.schedule.next_sample() >= SAMPLE_BLOCK;
         let max_passes = if overlap { max_passes } else { 1 };
@@ -434,35 +433,33 @@ impl Rendering {
         self.techniques.prepare(&trial).is_ok()
     }
 
-    /// Updates the estimate of the error, with a noise threshold, and the expected number of samples. False if stopped.
+    /// Updates the error estimate and the expected number of samples. False if stopped.
     fn observe_error(&mut self, stopwatch: &Stopwatch) -> bool {
-        let Some(noise) = &mut self.noise else { return true };
-        divided("noise", || noise.observe(&self.film, self.schedule.next_sample()));
-        let is_done = self.validate(stopwatch);
-        self.forecast();
+        let Some(mut estimate) = self.error_estimate.take() else { return true };
+        parallel_task("noise", || estimate.noise.observe(&self.film, self.schedule.next_sample()));
+        let is_done = estimate.validation.as_mut().is_none_or(|v| self.validate(v, stopwatch));
+        self.expect_samples(&estimate);
+        self.error_estimate = Some(estimate);
         is_done
     }
 
     /// Measures the error of the denoised picture, if that is due. False if stopped.
-    fn validate(&mut self, stopwatch: &Stopwatch) -> bool {
+    fn validate(&mut self, validation: &mut Validation, stopwatch: &Stopwatch) -> bool {
         let samples = self.schedule.next_sample();
-        let (wanted, is_last) = (self.options.noise.unwrap_or_default(), self.schedule.is_complete());
-        let is_due = |validation: &Validation| validation.is_due(samples, is_last);
-        let Some(mut validation) = self.validation.take_if(|validation| is_due(validation)) else {
+        if !validation.is_due(samples, self.schedule.is_complete()) {
             return true;
-        };
-        let is_done = self.render_validation(&mut validation, samples, stopwatch);
+        }
+        let is_done = self.render_validation(validation, samples, stopwatch);
         if is_done {
-            let color = divided("denoise", || denoised_color(&self.film));
-            let wanted = f64::from(wanted) * f64::from(wanted);
-            validation.measure(slices(&color), self.options.pixels(), samples, wanted);
+            let color = parallel_task("denoise", || denoised_color(&self.film));
+            let wanted = f64::from(self.options.noise.unwrap_or_default());
+            validation.measure(slices(&color), self.options.pixels(), samples, wanted * wanted);
             self.denoised_color = Some(color);
         }
-        self.validation = Some(validation);
         is_done
     }
 
-    /// Renders both further pictures of the validation until a number of samples per pixel. False if stopped.
+    /// Renders both reference pictures of the validation until a number of samples per pixel. False if stopped.
     fn render_validation(&self, validation: &mut Validation, samples: u32, stopwatch: &Stopwatch) -> bool {
         let mattes = MatteIds::default();
         let last = Pass { first_sample: samples.saturating_sub(1), samples: 1 };
@@ -487,23 +484,11 @@ impl Rendering {
         Validation::options(&self.options).iter().enumerate().all(render)
     }
 
-    /// The estimated relative error, with a noise threshold: that of the denoised picture if it will be denoised.
-    fn error(&self) -> Option<f64> {
-        match &self.validation {
-            Some(validation) => validation.error(),
-            None => self.noise.as_ref().and_then(Noise::error),
-        }
-    }
-
-    /// Predicts the number of samples for the noise threshold.
-    fn forecast(&self) {
-        let Some((noise, wanted)) = self.noise.as_ref().zip(self.options.noise) else { return };
+    /// Reports the predicted number of samples for the noise threshold to the progress.
+    fn expect_samples(&self, estimate: &ErrorEstimate) {
+        let wanted = f64::from(self.options.noise.unwrap_or_default());
         let (least, range) = (self.options.min_samples, self.options.samples_to_render());
-        let samples = match &self.validation {
-            Some(validation) => Some(validation.next().min(range.end).saturating_sub(range.start)),
-            None => noise.samples_for(f64::from(wanted), least, range),
-        };
-        if let Some((error, samples)) = self.error().zip(samples) {
+        if let Some((error, samples)) = estimate.error().zip(estimate.samples_for(wanted, least, range)) {
             let pixels = u64::from(self.film.width()) * u64::from(self.film.height());
             self.progress.expect(pixels * u64::from(samples), error);
         }
@@ -514,7 +499,8 @@ impl Rendering {
         if self.schedule.next_sample() < self.options.min_samples {
             return false;
         }
-        self.error().zip(self.options.noise).is_some_and(|(error, wanted)| error <= f64::from(wanted))
+        let error = self.error_estimate.as_ref().and_then(ErrorEstimate::error);
+        error.zip(self.options.noise).is_some_and(|(error, wanted)| error <= f64::from(wanted))
     }
 
     /// For a partial render of later samples: runs the trials of the picture's first pass beforehand. False if stopped.

@@ -11,13 +11,13 @@ use std::ops::Range;
 use std::time::Duration;
 
 /// Samples per pixel of a full pass.
-const MAX: u32 = INTERVAL;
+const FULL: u32 = INTERVAL;
 /// Maximum fraction of the remaining time for a pass, so that a wrong prediction costs little.
-const SHARE: f64 = 0.1;
+const MAX_TIME_FRACTION: f64 = 0.1;
 
-/// Plans passes. With a time limit, the first pass has one sample per pixel and measures the time of a sample; later passes have at most as
-/// many samples as all before and take at most a tenth of the remaining time (but at least one sample); none begins that is predicted to
-/// end too late.
+/// Plans passes. With a time limit, the first pass has one sample per pixel and measures the time of a sample. Later passes have at most as
+/// many samples as all earlier ones and take at most a tenth of the remaining time (but have at least one sample); a pass that is
+/// predicted to end too late does not begin.
 pub(super) struct Schedule {
     /// Time limit.
     limit: Option<Duration>,
@@ -26,7 +26,7 @@ pub(super) struct Schedule {
     /// First sample that is not planned yet.
     next: u32,
     /// Are all passes full, regardless of time?
-    whole_passes: bool,
+    full_passes: bool,
     /// Seconds per sample of every pixel in the last pass.
     sample_s: Option<f64>,
 }
@@ -44,10 +44,10 @@ impl Pass {
         let (width, height) = match self.samples {
             1 => (64, 32),
             2 | 3 => (32, 32),
-            4..MAX => (32, 16),
+            4..FULL => (32, 16),
             _ => (16, 16),
         };
-        debug_assert!(width * height * self.samples.min(MAX) <= 2 * WAVE as u32);
+        debug_assert!(width * height * self.samples.min(FULL) <= 2 * WAVE as u32);
         (width, height)
     }
 
@@ -71,12 +71,12 @@ impl Pass {
 impl Schedule {
     /// A schedule for a range of samples of every pixel.
     pub fn new(samples: Range<u32>, limit: Option<Duration>) -> Schedule {
-        Schedule { limit, end: samples.end, next: samples.start, whole_passes: false, sample_s: None }
+        Schedule { limit, end: samples.end, next: samples.start, full_passes: false, sample_s: None }
     }
 
     /// Makes all passes full, regardless of time; none begins after the time limit.
-    pub fn with_whole_passes(self) -> Schedule {
-        Schedule { whole_passes: true, ..self }
+    pub fn with_full_passes(self) -> Schedule {
+        Schedule { full_passes: true, ..self }
     }
 
     /// Resumes at a sample, reached after the time `spent`, which the time limit doesn't include.
@@ -98,12 +98,12 @@ impl Schedule {
     /// The next pass, at time `elapsed`; `None` if all samples are planned or the time left is too short.
     pub fn next(&mut self, elapsed: Duration) -> Option<Pass> {
         let left = self.end - self.next;
-        if self.whole_passes && self.is_late(elapsed) {
+        if self.full_passes && self.is_late(elapsed) {
             return None;
         }
         let samples = match (self.limit, self.sample_s) {
-            (None, _) => MAX,
-            _ if self.whole_passes => MAX,
+            (None, _) => FULL,
+            _ if self.full_passes => FULL,
             (Some(_), None) => 1,
             (Some(limit), Some(sample_s)) => {
                 let left_s = limit.saturating_sub(elapsed).as_secs_f64();
@@ -111,11 +111,11 @@ impl Schedule {
                     return None;
                 }
                 // `as` saturates. At first the number of samples doubles, so that the preview improves steadily.
-                ((SHARE * left_s / sample_s) as u32).min(self.next).clamp(1, MAX)
+                ((MAX_TIME_FRACTION * left_s / sample_s) as u32).min(self.next).clamp(1, FULL)
             }
         };
         // Passes don't cross multiples of a full pass, where the groups of path reuse change.
-        let samples = samples.min(left).min(MAX - self.next % MAX);
+        let samples = samples.min(left).min(FULL - self.next % FULL);
         let pass = Pass { first_sample: self.next, samples };
         self.next += pass.samples;
         (pass.samples > 0).then_some(pass)
@@ -142,6 +142,11 @@ impl Schedule {
 /// Samples per block, the unit of sample ranges.
 pub const SAMPLE_BLOCK: u32 = INTERVAL;
 
+/// The number of samples rounded up to whole blocks.
+pub(super) fn whole_blocks(samples: u32) -> u32 {
+    samples.checked_next_multiple_of(SAMPLE_BLOCK).unwrap_or(u32::MAX)
+}
+
 impl RenderOptions {
     /// The rendered region.
     pub(super) fn pixels(&self) -> Region {
@@ -152,8 +157,7 @@ impl RenderOptions {
     /// consecutive.
     pub(super) fn samples_to_render(&self) -> Range<u32> {
         let (from, until) = self.sample_range.unwrap_or((0, self.samples));
-        let whole = |sample: u32| sample.checked_next_multiple_of(SAMPLE_BLOCK).unwrap_or(u32::MAX);
-        whole(from).min(self.samples)..whole(until).min(self.samples)
+        whole_blocks(from).min(self.samples)..whole_blocks(until).min(self.samples)
     }
 
     /// Is this a partial render?
@@ -277,8 +281,8 @@ pub(super) enum Halving {
 impl RenderOptions {
     /// In the middle if the number of samples is known; alternating if rendering may end early or be resumed.
     pub(super) fn halving(&self) -> Halving {
-        let has_pending_trial = self.time_limit.is_some() || self.noise.is_some() || self.planned > 0;
-        match has_pending_trial || self.samples > MAX_Z_ORDER_SPP {
+        let may_end_early = self.time_limit.is_some() || self.noise.is_some() || self.planned > 0;
+        match may_end_early || self.samples > MAX_Z_ORDER_SPP {
             true => Halving::Alternating,
             false => Halving::Before(self.samples / 2),
         }

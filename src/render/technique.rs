@@ -37,19 +37,20 @@ pub(super) struct Target<'a> {
     pub options: &'a RenderOptions,
 }
 
-/// A technique. Decisions depend only on the scene, the view and the options, so that all parts of a picture use the same techniques.
+/// A technique. Decisions depend only on the scene, the view and the options, so that all parts of a distributed render use the same
+/// techniques.
 pub(super) trait Technique {
     /// The user's setting.
     fn request(&self, options: &RenderOptions) -> Request;
 
-    /// The reason that prevents the technique, for a warning.
-    fn obstacle(&self, target: &Target<'_>) -> Option<&'static str>;
+    /// Why the technique can't be used with this scene and these options, for a warning.
+    fn prevented_by(&self, target: &Target<'_>) -> Option<&'static str>;
 
     /// The beginning of the warning, such as "paths are not guided".
-    fn refusal(&self) -> &'static str;
+    fn unused_warning(&self) -> &'static str;
 
-    /// The reason why the trial of a requested technique failed, for a warning.
-    fn failure(&self, _options: &RenderOptions) -> Option<&'static str> {
+    /// Why the trial of a requested technique failed, for a warning.
+    fn trial_failure(&self, _options: &RenderOptions) -> Option<&'static str> {
         None
     }
 
@@ -73,7 +74,7 @@ pub(super) trait Technique {
     /// Configures the integrator for the camera paths of a pass.
     fn configure_pass(&self, _pass: Pass, _options: &RenderOptions, _paths: &mut IntegratorOptions<'_>) {}
 
-    /// Must the film be complete between passes?
+    /// Must a pass end before the next one begins?
     fn separates_passes(&self) -> bool {
         false
     }
@@ -87,11 +88,11 @@ pub(super) fn warning(technique: &dyn Technique, target: &Target<'_>) -> Option<
     if technique.request(target.options) != Request::On {
         return None;
     }
-    let reason = technique.obstacle(target).or_else(|| technique.failure(target.options))?;
-    Some(Warning::general(("technique-unused", format!("{}: {reason}", technique.refusal()))))
+    let reason = technique.prevented_by(target).or_else(|| technique.trial_failure(target.options))?;
+    Some(Warning::general(("technique-unused", format!("{}: {reason}", technique.unused_warning()))))
 }
 
-/// The first reason that holds.
+/// The first reason whose condition holds.
 pub(super) fn first_reason(reasons: &[(bool, &'static str)]) -> Option<&'static str> {
     reasons.iter().find(|(holds, _)| *holds).map(|(_, reason)| *reason)
 }
@@ -159,7 +160,7 @@ pub(super) fn radiance_only_options<'a>(
         single_pixel_splats: options.halves,
         guide: None,
         light_visibility: None,
-        records_light_probes: false,
+        records_light_samples: false,
         records_training: false,
     }
 }
@@ -224,24 +225,24 @@ pub(super) struct RenderedSquares<'a> {
 
 /// Sums of the samples of a pixel, with the tried strategy and without.
 #[derive(Clone, Copy, Default)]
-struct PixelTally {
+struct PixelSums {
     tried: HalfSums,
     baseline: HalfSums,
     count: u32,
 }
 
 /// Sums of the samples of a block, and its rays.
-pub(super) struct BlockTally {
-    pixels: Vec<PixelTally>,
+pub(super) struct BlockSums {
+    pixels: Vec<PixelSums>,
     /// Half the number of samples per pixel.
     half: u32,
     rays: RayCounts,
 }
 
-impl BlockTally {
-    pub fn new(block: &Block) -> BlockTally {
-        let pixels = vec![PixelTally::default(); (block.width * block.height) as usize];
-        BlockTally { pixels, half: block.samples / 2, rays: RayCounts::default() }
+impl BlockSums {
+    pub fn new(block: &Block) -> BlockSums {
+        let pixels = vec![PixelSums::default(); (block.width * block.height) as usize];
+        BlockSums { pixels, half: block.samples / 2, rays: RayCounts::default() }
     }
 
     pub fn add(&mut self, sample: &PathSample<'_>) {
@@ -274,12 +275,12 @@ pub(super) struct Errors {
     pub tried: f64,
     pub baseline: f64,
     pub rays: RayCounts,
-    pub light_paths: LightPathShares,
+    pub light_paths: LightPathCost,
 }
 
-/// Squared error and time of light paths, relative to plain camera paths; not affected by splitting.
+/// Squared error and time of light paths, relative to plain camera paths. Splitting doesn't change them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct LightPathShares {
+pub(super) struct LightPathCost {
     pub error: f64,
     pub time: f64,
 }

@@ -7,7 +7,7 @@ use super::options::RenderOptions;
 use super::path_strategy::StrategyTrials;
 use super::progress::Statistics;
 use super::schedule::Pass;
-use super::technique::{LightPathShares, PassTrial, Request, Stopped, Target, Technique, Trial, warning};
+use super::technique::{LightPathCost, PassTrial, Request, Stopped, Target, Technique, Trial, warning};
 use crate::error::Warning;
 use crate::integrator::{Block, CausticPlan, IntegratorOptions};
 
@@ -63,7 +63,7 @@ impl Techniques {
             earlier.iter().for_each(|technique| technique.configure(&mut paths));
             let technique = &mut *rest[0];
             let is_wanted = technique.request(trial.target.options) != Request::Off;
-            if is_wanted && technique.obstacle(&trial.target).is_none() {
+            if is_wanted && technique.prevented_by(&trial.target).is_none() {
                 technique.try_before_first_pass(&Trial { paths, ..*trial })?;
             }
         }
@@ -103,8 +103,8 @@ impl Techniques {
     }
 
     /// Squared error and time of light paths, relative to camera paths.
-    pub fn light_path_shares(&self) -> LightPathShares {
-        self.light_tracing.light_path_shares()
+    pub fn light_path_cost(&self) -> LightPathCost {
+        self.light_tracing.light_path_cost()
     }
 
     /// Warnings about techniques that were requested and are not used.

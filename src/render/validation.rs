@@ -1,20 +1,20 @@
-//! Error of the denoised picture, measured by further samples.
+//! Error of the denoised picture, measured against independent reference pictures.
 //!
-//! For some squares of pixels, two more pictures `X` and `Y` are rendered, with seeds of their own and as many samples as the picture
+//! For some squares of pixels, two reference pictures `X` and `Y` are rendered, with other seeds and as many samples as the picture
 //! has. Their noise is independent of each other and of the denoised picture `D`, so that
 //!
 //! `E[(D - X) (D - Y)] = E[(D - T)^2]`
 //!
-//! with the converged picture `T`, whatever the denoiser does: bias, lost detail and remaining noise are all included. The standard error
-//! of the mean over squares follows from their spread; [`MARGIN`] times it is added for a bound. Light that no sample has found is
-//! missing in all three pictures: see `noise.rs` for rare paths.
+//! with the converged picture `T`, for any denoiser: bias, lost detail and remaining noise are all included. The bound is the mean over
+//! the squares plus [`MARGIN`] times its standard error, which follows from the variance between squares. Light that no sample has found
+//! is missing in all three pictures: see `noise.rs` for rare paths.
 //!
 //! A few bright samples in `X` or `Y` would dominate the mean of the products. Values of both are clamped to [`BRIGHTEST`] times the
-//! brightness around the pixel. If the clamped light is in `D`, as brightness is conserved, this enlarges the measured error.
+//! brightness around the pixel. If the denoiser kept the clamped light in `D`, this enlarges the measured error.
 
 use super::options::RenderOptions;
 use super::progress::new_task_group;
-use super::schedule::SAMPLE_BLOCK;
+use super::schedule::{SAMPLE_BLOCK, whole_blocks};
 use super::technique::{Stopped, Trial};
 use crate::film::Splat;
 use crate::integrator::{Block, CausticPlan, Integrator, IntegratorOptions, WAVE};
@@ -32,7 +32,7 @@ const MIN_SQUARES: usize = 64;
 const MAX_SHARE: f64 = 0.25;
 /// Number of standard errors that the bound adds to the mean.
 const MARGIN: f64 = 1.5;
-/// Maximum value of a further sample mean, relative to the brightness around the pixel plus [`DARK`].
+/// Maximum pixel value of a reference picture, relative to the brightness around the pixel plus [`DARK`].
 const BRIGHTEST: f64 = 10.0;
 const DARK: f64 = 0.02;
 /// Added to squared values, so that the relative error of black is finite.
@@ -42,10 +42,10 @@ const MIN_SAMPLES: u32 = 16;
 /// Range of the number of samples of the next measurement, relative to the last one. The squared error falls at least as slowly as one
 /// over the number of samples, so it is extrapolated by that.
 const NEXT: [f64; 2] = [1.25, 4.0];
-/// Decorrelates the squares and the further pictures from the picture.
+/// Decorrelates the squares and the reference pictures from the picture.
 const SEED: u32 = 0x7f4a_7c15;
 
-/// A square of pixels, and the sums of samples of its two further pictures.
+/// A square of pixels, and the sums of its samples in both reference pictures.
 struct Square {
     block: Block,
     sums: [Vec<[f64; 3]>; 2],
@@ -68,7 +68,7 @@ impl Square {
 /// Measurements of the denoised picture's error.
 pub(super) struct Validation {
     squares: Vec<Square>,
-    /// Number of samples per pixel of the further pictures.
+    /// Number of samples per pixel of the reference pictures.
     samples: u32,
     /// Number of samples per pixel at which the next measurement is due.
     next: u32,
@@ -102,12 +102,12 @@ impl Validation {
         samples >= MIN_SAMPLES && (is_last || samples >= self.next && samples.is_multiple_of(SAMPLE_BLOCK))
     }
 
-    /// Options of the two further pictures: their seeds differ.
+    /// Options of the reference pictures: their seeds differ.
     pub fn options(options: &RenderOptions) -> [RenderOptions; 2] {
         [1, 2].map(|number: u32| options.seed(hash32(options.seed ^ SEED.wrapping_mul(number))))
     }
 
-    /// Renders the samples of a further picture (0 or 1) before `until`.
+    /// Renders the samples of a reference picture (0 or 1) before `until`.
     pub fn render(&mut self, number: usize, until: u32, trial: &Trial<'_>) -> Result<(), Stopped> {
         let from = self.samples;
         if let Some(plan) = trial.paths.caustics {
@@ -132,7 +132,7 @@ impl Validation {
         self.squares.par_iter_mut().map(trace).collect()
     }
 
-    /// Traces the light paths of one sample of each block, which represent all of it.
+    /// Traces light paths for one sample of each block and weights them by the block's number of samples.
     fn add_light_paths(
         &mut self,
         number: usize,
@@ -176,8 +176,8 @@ impl Validation {
         self.squares.iter().enumerate().flat_map(of_square).collect()
     }
 
-    /// Compares the denoised picture of a region with both further pictures, which have `samples` samples per pixel. The next measurement
-    /// is planned for the squared error `wanted`.
+    /// Compares the denoised picture of a region with both reference pictures, which have `samples` samples per pixel. Plans the next
+    /// measurement for when the squared error may have fallen to `wanted`.
     pub fn measure(&mut self, denoised: [&[f32]; 3], region: Region, samples: u32, wanted: f64) {
         self.samples = samples;
         let picture = Picture { planes: denoised, region };
@@ -190,8 +190,7 @@ impl Validation {
         self.bound = Some(bound);
         let factor = (bound / wanted).clamp(NEXT[0], NEXT[1]);
         // `as` saturates.
-        self.next = ((f64::from(samples) * factor) as u32).saturating_add(SAMPLE_BLOCK - 1) / SAMPLE_BLOCK
-            * SAMPLE_BLOCK;
+        self.next = whole_blocks((f64::from(samples) * factor) as u32);
     }
 }
 
@@ -202,7 +201,7 @@ struct Picture<'a> {
 }
 
 impl Picture<'_> {
-    /// A value, and the mean of those around it.
+    /// The value of a pixel, and the mean of its neighbours.
     fn value_and_surroundings(&self, c: usize, x: u32, y: u32) -> (f64, f64) {
         let (x, y) = (x - self.region.x0, y - self.region.y0);
         let (width, height) = (self.region.width(), self.region.height());
@@ -228,7 +227,7 @@ impl Square {
                 let (value, around) = picture.value_and_surroundings(c, x, y);
                 let largest = BRIGHTEST * (value.max(around) + DARK);
                 let [a, b] = [a[c], b[c]].map(|sum| (sum / f64::from(samples)).min(largest));
-                // Where noise is left, the picture is too bright.
+                // Remaining fireflies are brighter than their neighbours.
                 let scale = value.min(around);
                 sum += (value - a) * (value - b) / (scale * scale + FLOOR) / 3.0;
             }
@@ -237,7 +236,7 @@ impl Square {
     }
 }
 
-/// The squares: one at a random place in each of equal parts of the list of all.
+/// The squares: one at random from each of equal parts of the list of all squares (stratified).
 fn blocks(options: &RenderOptions) -> Vec<Block> {
     let Region { x0, y0, x1, y1 } = options.pixels();
     let columns = (x1 - x0).div_ceil(EDGE);
@@ -265,7 +264,7 @@ mod tests {
     const WIDTH: u32 = 256;
     const HEIGHT: u32 = 128;
 
-    /// The bound for a picture of 1 whose values are off by up to `error`, by further pictures with this noise.
+    /// The bound for a picture of 1 whose values are off by up to `error`, by reference pictures with this noise.
     fn measured(error: f64, noise: f64, seed: u32) -> Validation {
         let options = RenderOptions::default().size(WIDTH, HEIGHT).seed(seed);
         let (mut validation, mut random) = (Validation::new(&options), SplitMix64::new(seed.into()));

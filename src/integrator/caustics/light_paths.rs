@@ -1,7 +1,7 @@
 //! Light tracing: emission of light paths, scattering at casters and receivers, connections to the camera, and splatting.
 
-use super::plan::{CausticTally, LightPath};
-use super::{MAX_PASSES, STILL, is_stretched};
+use super::plan::{CausticStats, LightPath};
+use super::{MAX_PASSES, STATIC_TIME, has_large_correction};
 use crate::bsdf::{Bsdf, BsdfClass, BsdfEval, BsdfSample};
 use crate::color::Rgb;
 use crate::color::spectral::Wavelengths;
@@ -45,7 +45,7 @@ impl Integrator<'_> {
         paths: Range<u32>,
         w: &mut Workspace,
         splats: &mut Vec<Splat>,
-    ) -> CausticTally {
+    ) -> CausticStats {
         let before = w.ray_counts.all;
         let mut paths = self.start_light_paths(sample, paths);
         let mut connections = Vec::new();
@@ -56,7 +56,7 @@ impl Integrator<'_> {
             }
             w.rays.clear();
             w.rays.extend(paths.iter().map(|path| path.ray));
-            w.intersect_still(&self.scene.accel);
+            w.intersect_static(&self.scene.accel);
             let hits = std::mem::take(&mut w.hits);
             let mut next = Vec::new();
             for (path, hit) in paths.iter().zip(&hits).filter(|(_, hit)| hit.is_hit()) {
@@ -65,8 +65,8 @@ impl Integrator<'_> {
             w.hits = hits;
             paths = next;
         }
-        let tally = self.splat(&connections, w, splats);
-        CausticTally { rays: w.ray_counts.all - before, ..tally }
+        let stats = self.splat(&connections, w, splats);
+        CausticStats { rays: w.ray_counts.all - before, ..stats }
     }
 
     fn start_light_paths(&self, sample: u32, paths: Range<u32>) -> Vec<LightPath> {
@@ -129,7 +129,7 @@ impl Integrator<'_> {
         if is_black || !(connects || continues) {
             return;
         }
-        let at = self.ray_hit_point(&path.ray, *hit, material, STILL);
+        let at = self.ray_hit_point(&path.ray, *hit, material, STATIC_TIME);
         let medium = &self.scene.media[usize::from(path.interior.medium())];
         let transmittance = if self.scene.features.absorption {
             medium.transmittance_at(hit.t, path.wavelengths().as_ref())
@@ -206,7 +206,7 @@ struct CasterPoint {
 struct CasterHit {
     caster: CasterPoint,
     surface: Surface,
-    beyond: Interior,
+    far_interior: Interior,
 }
 
 /// A sampled direction in which a light path continues.
@@ -230,7 +230,7 @@ impl Integrator<'_> {
         material_index: u32,
         w: &mut Workspace,
     ) -> Option<LightPath> {
-        let CasterHit { caster, surface, beyond } = self.caster_at(path, at, w);
+        let CasterHit { caster, surface, far_interior } = self.caster_at(path, at, w);
         let (material, arriving) = (at.material, &mut *w.arriving);
         let radiance = get_rgb(&arriving.state.throughput, 0);
         let [a, b, lobe, roulette] = path.point.sample_4d(&Dimensions::new(2 + path.bounces));
@@ -255,7 +255,7 @@ impl Integrator<'_> {
             ray: Ray { origin_primitive: (&at.hit).into(), ..Ray::new(origin, scattered.direction) },
             radiance: radiance * scattered.weight,
             scale: path.scale * scattered.scale / survival,
-            interior: if scattered.is_transmission { beyond } else { arriving.interior[0] },
+            interior: if scattered.is_transmission { far_interior } else { arriving.interior[0] },
             bounces: path.bounces + 1,
             is_straight: path.is_straight && self.goes_straight_on(path, at, &scattered),
             has_only_caustic_roles: path.has_only_caustic_roles && role != CausticRole::Neither,
@@ -273,9 +273,11 @@ impl Integrator<'_> {
             // Reflection within the pane.
             (true, false) => true,
             (true, true) => scattered.direction.dot(path.start) > STRAIGHT,
-            (false, true) => {
-                self.enters_pane((&path.ray, &at.hit, STILL), path.interior, path.wavelengths().as_ref())
-            }
+            (false, true) => self.enters_pane(
+                (&path.ray, &at.hit, STATIC_TIME),
+                path.interior,
+                path.wavelengths().as_ref(),
+            ),
             (false, false) => false,
         }
     }
@@ -287,7 +289,7 @@ impl Integrator<'_> {
         let (wo, material, arriving) = (-path.ray.direction, at.material, &mut *w.arriving);
         arriving.interior[0] = path.interior;
         set_rgb(&mut arriving.state.throughput, 0, path.radiance);
-        (arriving.state.seed[0], arriving.state.shuffled[0]) = path.point.to_parts();
+        (arriving.state.seed[0], arriving.state.index_rev[0]) = path.point.to_parts();
         let is_solid = material.medium_index != 0;
         if is_solid && at.is_back {
             self.assume_inside(material, at.hit.t, 0, arriving, wavelengths);
@@ -295,10 +297,10 @@ impl Integrator<'_> {
         let evaluated = self.read_material(at, 0.0, wo, wavelengths);
         let has_no_camera_path = [path.has_no_camera_path, path.has_no_camera_path && path.bounces > 0];
         let mut caster = CasterPoint { evaluated, ng: at.surface.ng, wo, has_no_camera_path };
-        let (mut beyond, mut surface) = (arriving.interior[0], at.surface);
+        let (mut far_interior, mut surface) = (arriving.interior[0], at.surface);
         if is_solid {
             let boundary = match self.coincident_surfaces(&path.ray, at) {
-                None => self.boundary(
+                None => self.interface_hit(
                     evaluated.bsdf,
                     material,
                     at.is_back,
@@ -321,13 +323,13 @@ impl Integrator<'_> {
                     boundary
                 }
             };
-            (caster.evaluated.bsdf, beyond) = (boundary.bsdf, boundary.beyond);
+            (caster.evaluated.bsdf, far_interior) = (boundary.bsdf, boundary.far_interior);
             if boundary.is_inverted {
                 (caster.ng, caster.evaluated.ns) = (-caster.ng, -caster.evaluated.ns);
                 caster.evaluated.mapping = caster.evaluated.mapping.on_side(-1.0);
             }
         }
-        CasterHit { caster, surface, beyond }
+        CasterHit { caster, surface, far_interior }
     }
 
     fn scatter_at_caster(&self, at: &CasterPoint, u: [f32; 3]) -> Option<ScatteredLight> {
@@ -345,7 +347,7 @@ impl Integrator<'_> {
         }
         let is_left_to_camera_paths = || {
             let is_bent = self.scene.features.bent_normals && bent_normal(*ns, *ng, direction).1;
-            is_bent || is_stretched(*ns, *ng, direction, *wo)
+            is_bent || has_large_correction(*ns, *ng, direction, *wo)
         };
         if !at.has_no_camera_path[usize::from(!sample.is_specular)] && is_left_to_camera_paths() {
             return None;
@@ -386,10 +388,10 @@ impl Integrator<'_> {
         let (viewer, light) = (frame.to_local(direction), frame.to_local(*wo));
         let f_cos = bsdf.eval(viewer, light).f_cos;
         let side = if direction.dot(*ng) < 0.0 { -1.0 } else { 1.0 };
-        let normals = [ns * side, evaluated.mapping.smooth * side, *ng * side];
+        let normals = [ns * side, evaluated.mapping.smooth_normal * side, *ng * side];
         let diffuse = bsdf.diffuse_part(viewer, light);
         let (f_cos, kept) =
-            self.terminator().apply((f_cos, diffuse), evaluated.relief(), (normals[0], normals), *wo);
+            self.terminator().apply((f_cos, diffuse), evaluated.bump_mode(), (normals[0], normals), *wo);
         Some(ScatteredLight {
             direction,
             weight: f_cos * (kept / sample.pdf_solid_angle),
@@ -542,7 +544,7 @@ impl Integrator<'_> {
         let start = if near > 0.0 { connection.lens - connection.direction * near } else { connection.lens };
         let around = match self.camera_interior {
             CameraInterior::Constant(interior) => interior,
-            CameraInterior::PerRay => Interior::around(self.scene, start, STILL),
+            CameraInterior::PerRay => Interior::around(self.scene, start, STATIC_TIME),
         };
         let medium = &self.scene.media[usize::from(around.medium())];
         let transmittance = if self.scene.features.absorption {
@@ -623,9 +625,9 @@ impl Integrator<'_> {
         };
         let side = if cosine < 0.0 { -1.0 } else { 1.0 };
         let terminator = if crosses { Terminator::Sharp } else { self.terminator() };
-        let normals = [n * side, mapping.smooth * side, *ng * side];
+        let normals = [n * side, mapping.smooth_normal * side, *ng * side];
         let (f_cos, kept) =
-            terminator.apply((eval.f_cos, diffuse), evaluated.relief(), (*ns * side, normals), *wi);
+            terminator.apply((eval.f_cos, diffuse), evaluated.bump_mode(), (*ns * side, normals), *wi);
         let f_cos = f_cos * kept;
         (eval.pdf_solid_angle > 0.0).then_some(BsdfEval { f_cos, ..eval })
     }
@@ -640,7 +642,7 @@ impl Integrator<'_> {
             true => FirstBounce::DIFFUSE,
             false => FirstBounce::of(bsdf, [scattering_normal(*ns, *ng, *wo), *ng], *wo, *wi),
         };
-        let [a, b] = self.layers.shares(PathClass::Indirect(first));
+        let [a, b] = self.layers.pass_fractions(PathClass::Indirect(first));
         let group = self.layers.of_group(usize::from(self.scene.light_groups.of_light(light)));
         Some([a, b, (group, Rgb::ONE)])
     }
@@ -651,22 +653,22 @@ impl Integrator<'_> {
         connections: &[CameraConnection],
         w: &mut Workspace,
         splats: &mut Vec<Splat>,
-    ) -> CausticTally {
+    ) -> CausticStats {
         let segments: Vec<Ray> = connections.iter().map(|c| c.segment).collect();
         let salts: Vec<u32> = connections.iter().map(|c| c.salt).collect();
         let blocked = self.blocked(&segments, &salts, true, w);
-        let mut tally = CausticTally::default();
+        let mut stats = CausticStats::default();
         for (connection, _) in connections.iter().zip(&blocked).filter(|(_, blocked)| !**blocked) {
             let [x, y] = connection.film;
             let is_inside = x >= 0.0 && y >= 0.0 && x < self.view.width as f32 && y < self.view.height as f32;
             if is_inside {
-                tally.add(connection.value.luminance(), connection.value_from_camera);
+                stats.add(connection.value.luminance(), connection.value_from_camera);
             }
             for film in self.view.camera.equivalent_film_points(connection.film) {
                 self.splat_one(connection, film, splats);
             }
         }
-        tally
+        stats
     }
 
     /// Splats a connection to the pixels whose filter covers a film point, or to one of them: pixels that share a light path have

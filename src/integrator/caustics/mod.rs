@@ -27,7 +27,7 @@
 mod light_paths;
 mod plan;
 
-pub use plan::{CausticPlan, CausticTally};
+pub use plan::{CausticPlan, CausticStats};
 
 use super::Integrator;
 use super::mis::LightPdf;
@@ -42,26 +42,26 @@ use crate::sampling::hash::{hash32, unit};
 use crate::scene::RayKinds;
 use crate::shape::Surface;
 
-// Camera paths exclude paths that light tracing samples. Bits of a camera path's chain: the two lowest cover the vertices before the
-// current one, the next two include the current vertex.
+// Camera paths exclude paths that light tracing samples. Bits of a camera path's chain: the two lowest are for the vertices before the
+// current one, the next two for all vertices including the current one.
 
-/// Vertices before the current one: the first was a receiver, all others receivers or casters.
-const ARRIVES: u32 = 1;
-/// [`ARRIVES`], and the last of these vertices was a caster.
-const ARRIVES_BY_CASTER: u32 = 2;
+/// The vertices before the current one match `D (D|S)*`: the first was a receiver, all others receivers or casters.
+const MATCHED: u32 = 1;
+/// [`MATCHED`], and the last of these vertices was a caster.
+const ENDED_IN_CASTER: u32 = 2;
 /// Number of these bits.
 const BITS: u32 = 2;
-/// [`ARRIVES`] and [`ARRIVES_BY_CASTER`] of the vertices up to and including the current one.
-const LEAVES: u32 = ARRIVES << BITS;
-const LEAVES_BY_CASTER: u32 = ARRIVES_BY_CASTER << BITS;
+/// [`MATCHED`] and [`ENDED_IN_CASTER`] of the vertices up to and including the current one.
+const MATCHES: u32 = MATCHED << BITS;
+const ENDS_IN_CASTER: u32 = ENDED_IN_CASTER << BITS;
 /// The current vertex is a receiver with its diffuse lobes only ([`CausticRole::DiffuseReceiver`]).
-const IS_DIFFUSE: u32 = 1 << (2 * BITS);
+const IS_DIFFUSE_RECEIVER: u32 = 1 << (2 * BITS);
 
 impl Integrator<'_> {
     /// Shifts the chain bits at the start of a bounce: the current vertex becomes the previous one.
     pub(super) fn shift_chains(&self, w: &mut Workspace) {
         if self.optional.caustic_chains {
-            let arrive = |chain: &mut u32| *chain = *chain >> BITS & (ARRIVES | ARRIVES_BY_CASTER);
+            let arrive = |chain: &mut u32| *chain = *chain >> BITS & (MATCHED | ENDED_IN_CASTER);
             w.arriving.caustic_chains[..w.rays.len()].iter_mut().for_each(arrive);
         }
     }
@@ -72,12 +72,12 @@ impl Integrator<'_> {
         for (i, hit) in w.hits.iter().enumerate() {
             let role = if hit.is_hit() { plan.role(w.materials[i]) } else { CausticRole::Neither };
             let chain = &mut w.arriving.caustic_chains[i];
-            let before = *chain & (ARRIVES | ARRIVES_BY_CASTER);
+            let before = *chain & (MATCHED | ENDED_IN_CASTER);
             let continues = bounce == 0 || before != 0;
             *chain = match role {
-                CausticRole::Receiver if continues => before | LEAVES,
-                CausticRole::DiffuseReceiver if continues => before | LEAVES | IS_DIFFUSE,
-                CausticRole::Caster if before != 0 => before | LEAVES | LEAVES_BY_CASTER,
+                CausticRole::Receiver if continues => before | MATCHES,
+                CausticRole::DiffuseReceiver if continues => before | MATCHES | IS_DIFFUSE_RECEIVER,
+                CausticRole::Caster if before != 0 => before | MATCHES | ENDS_IN_CASTER,
                 _ => before,
             };
         }
@@ -94,10 +94,10 @@ impl Integrator<'_> {
     ) {
         if bounce >= 1
             && self.scene.features.bent_normals
-            && chains[i] & LEAVES_BY_CASTER != 0
+            && chains[i] & ENDS_IN_CASTER != 0
             && bent_normal(surface.ns, surface.ng, wo).1
         {
-            chains[i] &= !(LEAVES | LEAVES_BY_CASTER);
+            chains[i] &= !(MATCHES | ENDS_IN_CASTER);
         }
     }
 
@@ -106,22 +106,27 @@ impl Integrator<'_> {
         if bounce >= 1 && self.optional.caustic_chains && self.scene.features.bent_normals {
             for i in sorted.metal_rough() {
                 let chain = &mut w.wave.paths.caustic_chains[i];
-                if w.wave.vertices.is_bent[i] != 0.0 && *chain & LEAVES_BY_CASTER != 0 {
-                    *chain &= !(LEAVES | LEAVES_BY_CASTER);
+                if w.wave.vertices.is_bent[i] != 0.0 && *chain & ENDS_IN_CASTER != 0 {
+                    *chain &= !(MATCHES | ENDS_IN_CASTER);
                 }
             }
         }
     }
 
-    /// Ends chains where light paths exclude the sampled direction (see [`stretch`]).
-    pub(super) fn end_stretched_chains(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
+    /// Ends chains where light paths exclude the sampled direction (see [`shading_normal_correction`]).
+    pub(super) fn end_chains_of_large_correction(
+        &self,
+        bounce: u32,
+        sorted: &SortedVertices,
+        w: &mut Workspace,
+    ) {
         if bounce >= 1 && self.optional.caustic_chains && self.scene.features.bent_normals {
             for i in sorted.all() {
-                let is_by_caster = w.wave.paths.caustic_chains[i] & LEAVES_BY_CASTER != 0;
+                let is_by_caster = w.wave.paths.caustic_chains[i] & ENDS_IN_CASTER != 0;
                 if is_by_caster
-                    && is_stretched_at(&w.wave.vertices, i, get(&w.wave.vertices.next_direction, i))
+                    && has_large_correction_at(&w.wave.vertices, i, get(&w.wave.vertices.next_direction, i))
                 {
-                    w.wave.paths.caustic_chains[i] &= !(LEAVES | LEAVES_BY_CASTER);
+                    w.wave.paths.caustic_chains[i] &= !(MATCHES | ENDS_IN_CASTER);
                 }
             }
         }
@@ -138,25 +143,25 @@ impl Integrator<'_> {
     ) -> Rgb {
         let Some(plan) = self.options.caustics else { return Rgb::ONE };
         let is_caustic = bounce >= 2
-            && w.arriving.caustic_chains[i] & ARRIVES_BY_CASTER != 0
+            && w.arriving.caustic_chains[i] & ENDED_IN_CASTER != 0
             && light.is_some_and(|light| plan.emits_from(&self.scene.lights, light));
-        if is_caustic { Rgb::ONE - get_rgb(&w.arriving.caustic_chain_share, i) } else { Rgb::ONE }
+        if is_caustic { Rgb::ONE - get_rgb(&w.arriving.caustic_chain_fraction, i) } else { Rgb::ONE }
     }
 
-    /// At diffuse receivers, multiplies a path's `caustic_chain_share` by the diffuse lobes' fraction of the BSDF in the sampled direction.
-    pub(super) fn update_chain_shares(&self, sorted: &SortedVertices, w: &mut Workspace) {
+    /// At diffuse receivers, multiplies a path's `caustic_chain_fraction` by the diffuse lobes' fraction of the BSDF in the sampled direction.
+    pub(super) fn update_chain_fractions(&self, sorted: &SortedVertices, w: &mut Workspace) {
         let Workspace { wave, bsdfs, .. } = w;
         for i in sorted.all() {
             let Wave { paths, vertices: v, .. } = &mut **wave;
-            if paths.caustic_chains[i] & IS_DIFFUSE == 0 || !paths.state.pdf[i].is_alive() {
+            if paths.caustic_chains[i] & IS_DIFFUSE_RECEIVER == 0 || !paths.state.pdf[i].is_alive() {
                 continue;
             }
             let diffuse = match paths.state.pdf[i].is_specular() {
                 true => Rgb::ZERO,
                 false => self.scattering(sorted, v, bsdfs, i, get(&v.next_direction, i)).diffuse,
             };
-            let share = get_rgb(&paths.caustic_chain_share, i) * diffuse;
-            set_rgb(&mut paths.caustic_chain_share, i, share);
+            let share = get_rgb(&paths.caustic_chain_fraction, i) * diffuse;
+            set_rgb(&mut paths.caustic_chain_fraction, i, share);
         }
     }
 
@@ -171,10 +176,10 @@ impl Integrator<'_> {
         let Wave { paths, vertices: v, .. } = &mut *w.wave;
         let chains = &paths.caustic_chains;
         for i in sorted.lit() {
-            let is_caustic = chains[i] & LEAVES_BY_CASTER != 0
+            let is_caustic = chains[i] & ENDS_IN_CASTER != 0
                 && plan.emits_from(&self.scene.lights, self.only_light.unwrap_or(v.light.index[i]));
-            if is_caustic && !is_stretched_at(v, i, get(&v.light.wi, i)) {
-                let kept = Rgb::ONE - get_rgb(&paths.caustic_chain_share, i);
+            if is_caustic && !has_large_correction_at(v, i, get(&v.light.wi, i)) {
+                let kept = Rgb::ONE - get_rgb(&paths.caustic_chain_fraction, i);
                 if kept == Rgb::ZERO {
                     v.light.pdf[i] = LightPdf::NONE;
                 }
@@ -188,32 +193,32 @@ impl Integrator<'_> {
 /// Does a path with this chain exclude light that its next vertex scatters?
 #[inline(always)]
 pub(super) fn excludes_light(chain: u32) -> bool {
-    chain & LEAVES != 0
+    chain & MATCHES != 0
 }
 
-/// Does a path with this chain and `caustic_chain_share` exclude only the diffuse lobes' fraction of such light?
+/// Does a path with this chain and `caustic_chain_fraction` exclude only the diffuse lobes' fraction of such light?
 #[inline(always)]
 pub(super) fn excludes_diffuse_light(chain: u32, share: Rgb) -> bool {
-    chain & IS_DIFFUSE != 0 || excludes_light(chain) && share != Rgb::ONE
+    chain & IS_DIFFUSE_RECEIVER != 0 || excludes_light(chain) && share != Rgb::ONE
 }
 
-/// Maximum [`stretch`] of light paths; camera paths sample the rest.
-const MAX_STRETCH: f32 = 3.0;
+/// Maximum [`shading_normal_correction`] of light paths; above, camera paths sample the light.
+const MAX_CORRECTION: f32 = 3.0;
 
-/// Factor on the flux of a light path, relative to the radiance of a camera path, on scattering from `wi` to `wo` with shading normal
-/// `ns` (Veach 1997, section 5.3); 1 if the normals are equal. Few light paths hit a surface at grazing angles, and each has a large
-/// factor unless the angle to `ns` is grazing too: the variance is unbounded.
-fn stretch(ns: Vec3, ng: Vec3, wo: Vec3, wi: Vec3) -> f32 {
+/// Correction of a light path's flux for a shading normal `ns` on scattering from `wi` to `wo` (Veach 1997, section 5.3); 1 if the normals
+/// are equal. Few light paths hit a surface at grazing angles, and each has a large factor unless the angle to `ns` is grazing too: the
+/// variance is unbounded.
+fn shading_normal_correction(ns: Vec3, ng: Vec3, wo: Vec3, wi: Vec3) -> f32 {
     ((wi.dot(ns) * wo.dot(ng)) / (wo.dot(ns) * wi.dot(ng))).abs()
 }
 
-/// Is scattering from `wi` to `wo` left to camera paths?
-fn is_stretched(ns: Vec3, ng: Vec3, wo: Vec3, wi: Vec3) -> bool {
-    ns != ng && stretch(ns, ng, wo, wi) > MAX_STRETCH
+/// Is the correction so large that scattering from `wi` to `wo` is left to camera paths?
+fn has_large_correction(ns: Vec3, ng: Vec3, wo: Vec3, wi: Vec3) -> bool {
+    ns != ng && shading_normal_correction(ns, ng, wo, wi) > MAX_CORRECTION
 }
 
-fn is_stretched_at(v: &Vertices, i: usize, wi: Vec3) -> bool {
-    is_stretched(get(&v.ns, i), get(&v.ng, i), get(&v.wo, i), wi)
+fn has_large_correction_at(v: &Vertices, i: usize, wi: Vec3) -> bool {
+    has_large_correction(get(&v.ns, i), get(&v.ng, i), get(&v.wo, i), wi)
 }
 
 // Any-hit of light paths, the reverse of camera paths: a camera path that passes a one-sided surface from behind corresponds to a
@@ -228,26 +233,26 @@ pub(super) struct Passage {
     pub hits: bool,
 }
 
-/// Time of all hits: light tracing is used without motion only.
-pub(super) const STILL: f32 = 0.0;
+/// Time of all hits: scenes with motion have no light tracing.
+pub(super) const STATIC_TIME: f32 = 0.0;
 
 impl Integrator<'_> {
-    /// Whether a light path passes a hit. `salt` seeds the opacity test; `is_seen` is true on the segment to the camera.
-    pub(super) fn passage(&self, ray: &Ray, hit: &Hit, salt: u32, is_seen: bool) -> Passage {
+    /// Whether a light path passes a hit. `salt` seeds the opacity test; `is_to_camera` is true on the segment to the camera.
+    pub(super) fn passage(&self, ray: &Ray, hit: &Hit, salt: u32, is_to_camera: bool) -> Passage {
         let index = self.scene.geometries.material(hit) as usize;
-        if !self.may_be_absent[index] {
+        if !self.may_pass_through[index] {
             return Passage { passes: false, hits: true };
         }
         let material = &self.scene.materials[index];
-        let is_seen_as_such = |visibility: SurfaceVisibility| {
-            visibility.is_obstacle && (!is_seen || visibility.visible_to.contains(RayKinds::CAMERA))
+        let is_visible = |visibility: SurfaceVisibility| {
+            visibility.is_obstacle && (!is_to_camera || visibility.visible_to.contains(RayKinds::CAMERA))
         };
-        let is_present = material.surface_visibility.is_none_or(is_seen_as_such)
-            && unit(hash32(salt)) < self.opacity(ray, hit, STILL, material, RayKinds::NONE);
+        let is_present = material.surface_visibility.is_none_or(is_visible)
+            && unit(hash32(salt)) < self.opacity(ray, hit, STATIC_TIME, material, RayKinds::NONE);
         if !material.is_single_sided {
             return Passage { passes: !is_present, hits: is_present };
         }
-        let is_front = !self.scene.geometries.is_back(ray, hit, STILL);
+        let is_front = !self.scene.geometries.is_back(ray, hit, STATIC_TIME);
         Passage { passes: is_front || !is_present, hits: is_front && is_present }
     }
 
@@ -255,18 +260,18 @@ impl Integrator<'_> {
     /// be hit.
     pub(super) fn past(&self, ray: &Ray, hit: &Hit) -> Ray {
         let is_farther = hit.t > ray.t_min.next_up();
-        if is_farther && self.scene.geometries.is_back_of_flat(ray, hit, STILL) == Some(false) {
+        if is_farther && self.scene.geometries.is_back_of_flat(ray, hit, STATIC_TIME) == Some(false) {
             return Ray { t_min: hit.t.next_down(), origin_primitive: hit.into(), ..*ray };
         }
         Ray { t_min: hit.t, ..*ray }
     }
 
-    /// Which segments are occluded. `salts` seed the opacity tests; `are_seen` is true for segments to the camera.
+    /// Which segments are occluded. `salts` seed the opacity tests; `are_to_camera` is true for segments to the camera.
     pub(super) fn blocked(
         &self,
         segments: &[Ray],
         salts: &[u32],
-        are_seen: bool,
+        are_to_camera: bool,
         w: &mut Workspace,
     ) -> Vec<bool> {
         let mut blocked = vec![false; segments.len()];
@@ -285,7 +290,7 @@ impl Integrator<'_> {
             let mut next = Vec::new();
             for ((k, ray), hit) in pending.iter().zip(&hits).filter(|(_, hit)| hit.is_hit()) {
                 let salt = hash32(salts[*k].wrapping_add(pass));
-                match self.passage(ray, hit, salt, are_seen).passes {
+                match self.passage(ray, hit, salt, are_to_camera).passes {
                     true => next.push((*k, self.past(ray, hit))),
                     false => blocked[*k] = true,
                 }

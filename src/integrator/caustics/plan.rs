@@ -100,7 +100,7 @@ impl LightPath {
 
 /// Statistics of light paths' contributions, to estimate their efficiency.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct CausticTally {
+pub struct CausticStats {
     /// Sum of the luminances of contributions, for a filter weight of 1.
     pub sum: f64,
     /// Sum of squared luminances.
@@ -111,7 +111,7 @@ pub struct CausticTally {
     pub rays: u64,
 }
 
-impl CausticTally {
+impl CausticStats {
     pub(super) fn add(&mut self, value: f32, value_from_camera: f32) {
         let value = f64::from(value);
         self.sum += value;
@@ -119,9 +119,9 @@ impl CausticTally {
         self.squares_from_camera += value * f64::from(value_from_camera);
     }
 
-    /// The sum of two tallies.
-    pub fn plus(self, other: CausticTally) -> CausticTally {
-        CausticTally {
+    /// The sum of two sets of statistics.
+    pub fn plus(self, other: CausticStats) -> CausticStats {
+        CausticStats {
             sum: self.sum + other.sum,
             squares: self.squares + other.squares,
             squares_from_camera: self.squares_from_camera + other.squares_from_camera,

@@ -1,6 +1,6 @@
 //! The path guide: directional histograms and mean radiance by cell of position and normal, and the training data for them.
 
-use crate::integrator::cells::{CELLS_OF_PARENT, Grid, KeyIndices, key_of, parent};
+use crate::integrator::cells::{CELLS_PER_PARENT, Grid, KeyIndices, key_of, parent};
 use crate::sampling::hash::mix64;
 use crate::simd::Table;
 
@@ -20,7 +20,7 @@ pub const UNKNOWN: u32 = 0;
 pub const NO_MEAN: f32 = -1.0;
 
 /// Lower bound of the reference of Russian roulette, as a fraction of the picture's mean luminance.
-const MIN_SHARE: f64 = 0.2;
+const MIN_FRACTION: f64 = 0.2;
 
 /// A path guide: by cell of position and normal, a pdf of directions relative to the cosine lobe's, and the mean incident radiance.
 #[derive(Clone, Debug)]
@@ -32,7 +32,7 @@ pub struct Guide {
     /// Densities of all bins of all cells, [`BINS`] per cell.
     pub(super) densities: Vec<f32>,
     /// Minimum reference luminance of Russian roulette.
-    pub(super) floor: f32,
+    pub(super) min_reference: f32,
 }
 
 impl Guide {
@@ -43,7 +43,7 @@ impl Guide {
             indices: KeyIndices::default(),
             histograms: Vec::new(),
             densities: Vec::new(),
-            floor: 0.0,
+            min_reference: 0.0,
         };
         guide.push(Histogram::new(&[1.0; BINS], NO_MEAN));
         guide
@@ -51,7 +51,8 @@ impl Guide {
 
     /// A guide from training data; `luminance` is the mean of the picture.
     pub fn new(trained: &TrainedCells, luminance: f64) -> Guide {
-        let mut guide = Guide { grid: trained.grid, floor: (MIN_SHARE * luminance) as f32, ..Guide::blank() };
+        let mut guide =
+            Guide { grid: trained.grid, min_reference: (MIN_FRACTION * luminance) as f32, ..Guide::blank() };
         let (mut indices, mut parents) = (KeyIndices::default(), Vec::<CellSums>::new());
         for cell in trained.cells() {
             let key = parent(cell.key);
@@ -63,7 +64,7 @@ impl Guide {
         }
         let uniform = CellEstimate { weights: [1.0; BINS], mean: 0.0 };
         let of_parents: Vec<CellEstimate> =
-            parents.iter().map(|cell| CellEstimate::new(cell, &uniform, 1.0 / CELLS_OF_PARENT)).collect();
+            parents.iter().map(|cell| CellEstimate::new(cell, &uniform, 1.0 / CELLS_PER_PARENT)).collect();
         for (cell, estimate) in parents.iter().zip(&of_parents) {
             guide.add(cell.key, estimate);
         }

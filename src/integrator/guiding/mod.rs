@@ -45,7 +45,7 @@ impl Integrator<'_> {
     }
 
     /// Computes, for MIS, the factor of guiding on the BSDF-sampling pdf of the light samples' directions.
-    pub(super) fn weigh_light_samples(&self, sorted: &SortedVertices, w: &mut Workspace) {
+    pub(super) fn guide_light_samples(&self, sorted: &SortedVertices, w: &mut Workspace) {
         if let Some(guide) = self.options.guide {
             let densities = guide.densities();
             let vertices = &mut w.wave.vertices;
@@ -54,7 +54,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// [`Self::weigh_light_samples`] for vertex `i` only.
+    /// [`Self::guide_light_samples`] for vertex `i` only.
     pub(super) fn guide_light_sample(&self, i: usize, sorted: &SortedVertices, wave: &mut Wave) {
         let Some(guide) = self.options.guide else { return };
         let (densities, vertices) = (guide.densities(), &mut wave.vertices);
@@ -67,13 +67,13 @@ impl Integrator<'_> {
     }
 
     /// Factor of guiding on the BSDF-sampling pdf of the light sample of vertex `i`.
-    pub(super) fn light_density(&self, v: &Vertices, i: usize) -> f32 {
-        if self.options.guide.is_some() { v.guided.light_density[i] } else { 1.0 }
+    pub(super) fn light_pdf_factor(&self, v: &Vertices, i: usize) -> f32 {
+        if self.options.guide.is_some() { v.guided.light_pdf_factor[i] } else { 1.0 }
     }
 
     /// The pdf of the sampled direction of vertex `i` without guiding; `pdf` is the guided one.
     pub(super) fn unguided(&self, pdf: f32, wave: &Wave, i: usize) -> f32 {
-        if self.options.guide.is_some() { pdf / wave.vertices.guided.density[i] } else { pdf }
+        if self.options.guide.is_some() { pdf / wave.vertices.guided.pdf_factor[i] } else { pdf }
     }
 }
 
@@ -98,7 +98,7 @@ impl Kernel for LambertFactors<'_> {
         let v = self.vertices;
         for i in self.range.start..self.range.end.min(WAVE) {
             let index = bin_index(v.guided.cell[i], get(&v.ns, i), get(&v.light.wi, i));
-            v.guided.light_density[i] = self.densities.at(index);
+            v.guided.light_pdf_factor[i] = self.densities.at(index);
         }
     }
 }
@@ -119,7 +119,7 @@ impl Kernel for MetalRoughFactors<'_> {
         for i in self.range.start..self.range.end.min(WAVE) {
             let (closure, wi) = (MetalRoughClass.closure(v, i), get(&v.light.wi, i));
             let index = bin_index(v.guided.cell[i], get(&v.base_normal, i), wi);
-            v.guided.light_density[i] = closure.guided(wi, self.densities.at(index));
+            v.guided.light_pdf_factor[i] = closure.guided(wi, self.densities.at(index));
         }
     }
 }
@@ -146,7 +146,7 @@ impl Kernel for FindKeys<'_> {
         for i in self.range.start..self.range.end.min(WAVE) {
             let n = get(&v.ns, i);
             let frame = Frame::from_normal(n);
-            let hash = hash32(hash32(paths.state.seed[i] ^ salt) ^ paths.state.shuffled[i]);
+            let hash = hash32(hash32(paths.state.seed[i] ^ salt) ^ paths.state.index_rev[i]);
             let (s, t) = ((hash & 0xffff) as i32 as f32, (hash >> 16) as i32 as f32);
             let (s, t) = (s * (1.0 / 65_536.0) - 0.5, t * (1.0 / 65_536.0) - 0.5);
             let p = get(&v.p, i) * self.grid.scale + frame.s * s + frame.t * t;
@@ -170,7 +170,7 @@ pub struct BlockSamples {
 }
 
 /// Minimum fraction of a sample's luminance that is distinguishable from rounding errors.
-const MIN_SHARE: f32 = 1e-6;
+const MIN_FRACTION: f32 = 1e-6;
 
 impl Integrator<'_> {
     /// Traces the training paths of a block; `None` if `stop` interrupted it.
@@ -242,7 +242,7 @@ impl Integrator<'_> {
                 _ => w.radiance_buffer.radiance(sample).luminance(),
             };
             let value = (after - before) / throughput_luminance;
-            let counts = !ends && value.is_finite() && after - before > MIN_SHARE * after;
+            let counts = !ends && value.is_finite() && after - before > MIN_FRACTION * after;
             if counts {
                 w.contribution_squares += f64::from(after - before).powi(2);
             }

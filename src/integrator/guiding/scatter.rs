@@ -5,8 +5,8 @@ use super::bin_index;
 use super::guide::{Guide, NO_MEAN};
 use crate::integrator::Integrator;
 use crate::integrator::sampling::{FIRST_ROULETTE, ScatterParams, survival};
-use crate::integrator::shading_geometry::Horizon;
-use crate::integrator::shading_groups::{Closure, MetalRoughClass, VertexClass, sample_on_relief};
+use crate::integrator::shading_geometry::TerminatorCorrection;
+use crate::integrator::shading_groups::{Closure, MetalRoughClass, VertexClass, sample_with_bump_terminator};
 use crate::integrator::wave::{Vertices, WAVE, Wave, get, get_rgb, set, set_rgb};
 use crate::math::{Frame, offset_along};
 use crate::sampling::sampler::SobolPoint;
@@ -37,8 +37,8 @@ impl<C: VertexClass> VertexClass for Guided<C> {
     }
 
     #[inline(always)]
-    fn light_density(&self, v: &Vertices, i: usize) -> f32 {
-        v.guided.light_density[i]
+    fn light_pdf_factor(&self, v: &Vertices, i: usize) -> f32 {
+        v.guided.light_pdf_factor[i]
     }
 }
 
@@ -51,8 +51,8 @@ impl Integrator<'_> {
 }
 
 /// Scatters at Lambertian vertices.
-pub(in super::super) fn scatter<T: Horizon>(
-    horizon: T,
+pub(in super::super) fn scatter<T: TerminatorCorrection>(
+    correction: T,
     params: ScatterParams<'_>,
     uses_adjoint_roulette: bool,
     guide: &Guide,
@@ -60,13 +60,13 @@ pub(in super::super) fn scatter<T: Horizon>(
     wave: &mut Wave,
 ) {
     dispatch(SampleLambert { params, guide, range: range.clone(), wave });
-    let roulette = AdjointRoulette { floor: guide.floor, uses_adjoint_roulette };
-    dispatch(ScatterLambert { horizon, params, roulette, range, wave });
+    let roulette = AdjointRoulette { min_reference: guide.min_reference, uses_adjoint_roulette };
+    dispatch(ScatterLambert { correction, params, roulette, range, wave });
 }
 
 /// Scatters at vertices of opaque glTF materials; the diffuse lobe is guided.
-pub(in super::super) fn scatter_metal_rough<T: Horizon>(
-    horizon: T,
+pub(in super::super) fn scatter_metal_rough<T: TerminatorCorrection>(
+    correction: T,
     params: ScatterParams<'_>,
     uses_adjoint_roulette: bool,
     guide: &Guide,
@@ -76,23 +76,23 @@ pub(in super::super) fn scatter_metal_rough<T: Horizon>(
     if range.is_empty() {
         return;
     }
-    let roulette = AdjointRoulette { floor: guide.floor, uses_adjoint_roulette };
+    let roulette = AdjointRoulette { min_reference: guide.min_reference, uses_adjoint_roulette };
     dispatch(SampleMetalRough { params, guide, range: range.clone(), wave });
-    dispatch(ScatterMetalRough { horizon, params, roulette, densities: guide.densities(), range, wave });
+    dispatch(ScatterMetalRough { correction, params, roulette, densities: guide.densities(), range, wave });
 }
 
 /// Adjoint-driven Russian roulette.
 #[derive(Clone, Copy)]
 struct AdjointRoulette {
     /// Minimum of the reference luminance.
-    floor: f32,
+    min_reference: f32,
     /// May paths end? Else only the reference is stored.
     uses_adjoint_roulette: bool,
 }
 
 impl AdjointRoulette {
     /// Whether a path of this expected contribution survives, and the factor on throughput if so. Without a known mean of the cell or a
-    /// reference, the result is `plain`. `reference` is the expected contribution at the path's first guided vertex, 0 before.
+    /// reference, the result is `plain`. `reference` is the expected contribution at the path's first guided vertex, 0 before it.
     #[inline(always)]
     fn survival(
         self,
@@ -104,7 +104,7 @@ impl AdjointRoulette {
     ) -> (bool, f32) {
         let is_known = mean >= 0.0;
         let is_first = *reference == 0.0;
-        let target = if is_first & is_known { expected + self.floor } else { *reference };
+        let target = if is_first & is_known { expected + self.min_reference } else { *reference };
         *reference = target;
         let has_target = is_known & (target > 0.0);
         let ratio = expected / if has_target { target * CERTAIN_SURVIVAL } else { 1.0 };
@@ -133,12 +133,12 @@ impl Kernel for SampleLambert<'_> {
         let Wave { paths, vertices: v, scratch: [us, vs, chances, means, ..] } = self.wave;
         let range = self.range.start..self.range.end.min(WAVE);
         for i in range.clone() {
-            let point = SobolPoint::from_parts(paths.state.seed[i], paths.state.shuffled[i]);
+            let point = SobolPoint::from_parts(paths.state.seed[i], paths.state.index_rev[i]);
             [us[i], vs[i], _, chances[i]] = point.sample_4d(self.params.dimensions);
         }
         for i in range {
             let histogram = &self.guide.histograms[v.guided.cell[i] as usize];
-            ([us[i], vs[i]], v.guided.density[i]) = histogram.sample([us[i], vs[i]]);
+            ([us[i], vs[i]], v.guided.pdf_factor[i]) = histogram.sample([us[i], vs[i]]);
             means[i] = histogram.mean;
         }
     }
@@ -146,14 +146,14 @@ impl Kernel for SampleLambert<'_> {
 
 /// Scatters into the directions of the sampled points of the unit square, with Russian roulette.
 struct ScatterLambert<'a, T> {
-    horizon: T,
+    correction: T,
     params: ScatterParams<'a>,
     roulette: AdjointRoulette,
     range: Range<usize>,
     wave: &'a mut Wave,
 }
 
-impl<T: Horizon> Kernel for ScatterLambert<'_, T> {
+impl<T: TerminatorCorrection> Kernel for ScatterLambert<'_, T> {
     type Output = ();
 
     #[inline(always)]
@@ -167,20 +167,25 @@ impl<T: Horizon> Kernel for ScatterLambert<'_, T> {
             let before = get_rgb(&path.throughput, i) * get_rgb(&v.albedo, i);
             let throughput_luminance = before.luminance();
             v.guided.throughput_luminance[i] = throughput_luminance;
-            let density = v.guided.density[i];
-            let kept =
-                self.horizon.light_factor(v, i, [ns, ng], 1.0, wi) * self.horizon.relief(v, i, ns, 1.0, wi);
-            let throughput = before * (1.0 / density) * kept;
+            let pdf_factor = v.guided.pdf_factor[i];
+            let kept = self.correction.light_factor(v, i, [ns, ng], 1.0, wi)
+                * self.correction.bump_factor(v, i, ns, 1.0, wi);
+            let throughput = before * (1.0 / pdf_factor) * kept;
             let roulette_scale = path.roulette_scale[i];
             let plain = survival(throughput, roulette_scale, chances[i], self.params.roulette);
             let expected = throughput_luminance * roulette_scale * means[i];
-            let (survives, scale) =
-                self.roulette.survival(expected, means[i], &mut paths.reference[i], chances[i], plain);
+            let (survives, scale) = self.roulette.survival(
+                expected,
+                means[i],
+                &mut paths.roulette_reference[i],
+                chances[i],
+                plain,
+            );
             set_rgb(&mut path.throughput, i, throughput * scale);
             set(&mut v.next_origin, i, offset_along(get(&v.p, i), ng, v.offset[i]));
             set(&mut v.next_direction, i, wi);
             let continues = survives & (throughput_luminance > 0.0) & (wi.dot(ng) > 0.0);
-            let pdf = local.z * FRAC_1_PI * density * self.params.branches;
+            let pdf = local.z * FRAC_1_PI * pdf_factor * self.params.branches;
             path.pdf[i] = DirectionPdf::after_roulette(pdf, continues);
         }
     }
@@ -203,7 +208,7 @@ impl Kernel for SampleMetalRough<'_> {
         let Wave { paths, vertices: v, scratch: [us, vs, chances, means, lobes, ..] } = self.wave;
         let range = self.range.start..self.range.end.min(WAVE);
         for i in range.clone() {
-            let point = SobolPoint::from_parts(paths.state.seed[i], paths.state.shuffled[i]);
+            let point = SobolPoint::from_parts(paths.state.seed[i], paths.state.index_rev[i]);
             [us[i], vs[i], lobes[i], chances[i]] = point.sample_4d(self.params.dimensions);
         }
         for i in range {
@@ -219,7 +224,7 @@ impl Kernel for SampleMetalRough<'_> {
 
 /// Scatters into the directions of the sampled points and lobes, with Russian roulette.
 struct ScatterMetalRough<'a, T> {
-    horizon: T,
+    correction: T,
     params: ScatterParams<'a>,
     roulette: AdjointRoulette,
     densities: Table<'a, f32>,
@@ -227,7 +232,7 @@ struct ScatterMetalRough<'a, T> {
     wave: &'a mut Wave,
 }
 
-impl<T: Horizon> Kernel for ScatterMetalRough<'_, T> {
+impl<T: TerminatorCorrection> Kernel for ScatterMetalRough<'_, T> {
     type Output = ();
 
     #[inline(always)]
@@ -242,14 +247,15 @@ impl<T: Horizon> Kernel for ScatterMetalRough<'_, T> {
             let density = self.densities.at(bin_index(v.guided.cell[i], base, s.wi));
             let factor = closure.guided(s.wi, density);
             let factor = if s.is_specular { 1.0 } else { factor };
-            v.guided.density[i] = factor;
+            v.guided.pdf_factor[i] = factor;
             let before = get_rgb(&path.throughput, i);
             // Ratio of f_cos to the cosine lobe's pdf: relates the contribution to the mean of the cell.
             let over_cosine = s.pdf_solid_angle * PI / s.wi.dot(base);
             v.guided.throughput_luminance[i] = (before * s.weight).luminance() * over_cosine;
-            let kept = if s.is_specular { 1.0 } else { self.horizon.light_factor(v, i, [ns, ng], 1.0, s.wi) };
-            let weight = match T::HAS_RELIEF && !s.is_specular {
-                true => sample_on_relief(&closure, self.horizon, (v, i), (ns, 1.0), &s),
+            let kept =
+                if s.is_specular { 1.0 } else { self.correction.light_factor(v, i, [ns, ng], 1.0, s.wi) };
+            let weight = match T::HAS_BUMPS && !s.is_specular {
+                true => sample_with_bump_terminator(&closure, self.correction, (v, i), (ns, 1.0), &s),
                 false => s.weight,
             };
             let throughput = before * weight * (1.0 / factor) * kept;
@@ -259,9 +265,9 @@ impl<T: Horizon> Kernel for ScatterMetalRough<'_, T> {
             let is_diffuse = closure.is_diffuse(lobes[i]);
             let mean = if is_diffuse { means[i] } else { NO_MEAN };
             let expected = (before * closure.diffuse_weight()).luminance() * roulette_scale * mean;
-            let mut reference = paths.reference[i];
+            let mut reference = paths.roulette_reference[i];
             let (survives, scale) = self.roulette.survival(expected, mean, &mut reference, chances[i], plain);
-            paths.reference[i] = if is_diffuse { reference } else { paths.reference[i] };
+            paths.roulette_reference[i] = if is_diffuse { reference } else { paths.roulette_reference[i] };
             set_rgb(&mut path.throughput, i, throughput * scale);
             set(&mut v.next_origin, i, offset_along(get(&v.p, i), ng, v.offset[i]));
             set(&mut v.next_direction, i, s.wi);

@@ -1,5 +1,5 @@
 use super::{
-    DIRECT, Diffuse, GroupLanes, GroupShape, LAMBERT, METAL_ROUGH, MIN_REST, NONE, Pairs,
+    DIRECT, Diffuse, GroupLanes, GroupShape, LAMBERT, METAL_ROUGH, MIN_LAYER_TRANSMITTANCE, NONE, Pairs,
     PointVisibilityStats, Prefixes, Reuse, SCATTERED, SharedLayers, Suffixes, Tiling, layer_transmittance,
 };
 use crate::accel::{PointVisibility, PointVisibilityQuery, SetBits};
@@ -9,7 +9,7 @@ use crate::integrator::interior::Interior;
 use crate::integrator::radiance_buffer::{PathClass, RadianceBuffer};
 use crate::integrator::sampling::FIRST_ROULETTE;
 use crate::integrator::shading_geometry::{
-    Horizon, Relief, Sharp, SharpRelief, Soft, Terminator, UNMAPPED, bent_normal,
+    Sharp, SharpBumps, Soft, SoftBumps, Terminator, TerminatorCorrection, UNMAPPED, bent_normal,
 };
 use crate::integrator::shading_groups::{
     Closure, LambertClass, MetalRoughClass, SortedVertices, VertexClass, copy_metal_rough,
@@ -108,7 +108,7 @@ impl Integrator<'_> {
         let k = reuse.slot(paths.state.radiance_index[i]);
         let Reuse { prefixes, suffixes, .. } = reuse;
         if self.optional.caustic_chains
-            && excludes_diffuse_light(paths.caustic_chains[i], get_rgb(&paths.caustic_chain_share, i))
+            && excludes_diffuse_light(paths.caustic_chains[i], get_rgb(&paths.caustic_chain_fraction, i))
         {
             return;
         }
@@ -134,7 +134,7 @@ impl Integrator<'_> {
                 throughput = throughput.zip(begin, |t, weight| if weight > 0.0 { t / weight } else { 0.0 });
             }
             suffixes.keep(k, class, v, i, throughput, path.pdf[i].value());
-            suffixes.rest[k] = rest;
+            suffixes.layer_transmittance[k] = rest;
             if self.optional.first_bounces {
                 paths.first_bounces.copy_to(i, &mut suffixes.first_bounces, k);
             }
@@ -164,11 +164,11 @@ impl Integrator<'_> {
             *sample += SCATTERED - DIRECT;
             let closure = MetalRoughClass.closure(v, i);
             let material = get_rgb(&v.metal_rough.diffuse, i);
-            let share = |wi| closure.share_of(material * FRAC_1_PI, wi);
-            set_rgb(&mut reuse.suffixes.direct_share, k, share(get(&v.light.wi, i)));
+            let share = |wi| closure.diffuse_fraction_of(material * FRAC_1_PI, wi);
+            set_rgb(&mut reuse.suffixes.direct_fraction, k, share(get(&v.light.wi, i)));
             let is_mirrored = paths.state.pdf[i].is_specular();
             let scattered = if is_mirrored { Rgb::ZERO } else { share(get(&v.next_direction, i)) };
-            set_rgb(&mut reuse.suffixes.scattered_share, k, scattered);
+            set_rgb(&mut reuse.suffixes.scattered_fraction, k, scattered);
         }
     }
 }
@@ -184,7 +184,7 @@ impl Integrator<'_> {
             return None;
         }
         let rest = layer_transmittance(&v.metal_rough, i, get(&v.ns, i), get(&v.wo, i), self.scene.shading);
-        (rest >= MIN_REST).then_some(rest)
+        (rest >= MIN_LAYER_TRANSMITTANCE).then_some(rest)
     }
 }
 
@@ -206,9 +206,9 @@ impl Prefixes {
         to.origin_primitives[k] = from.origin_primitives[i];
         set(&mut to.ng, k, ng);
         from.ns.copy_to(i, &mut to.ns, k);
-        to.relief[k] = from.relief[i];
-        if from.relief[i] != UNMAPPED {
-            from.smooth.copy_to(i, &mut to.smooth, k);
+        to.bump_mode[k] = from.bump_mode[i];
+        if from.bump_mode[i] != UNMAPPED {
+            from.smooth_normal.copy_to(i, &mut to.smooth_normal, k);
         }
         match class {
             LAMBERT => from.albedo.copy_to(i, &mut to.albedo, k),
@@ -235,7 +235,7 @@ impl Suffixes {
         from.wo.copy_to(i, &mut self.wo, k);
         set(&mut self.target, k, offset_along(p, ng, from.offset[i]));
         set_rgb(&mut self.throughput, k, throughput);
-        self.pdf[k] = pdf;
+        self.pdf_solid_angle[k] = pdf;
         self.class[k] = class;
         if class == METAL_ROUGH {
             from.metal_rough.copy_to(i, &mut self.material, k);
@@ -251,7 +251,7 @@ const _: () = assert!(WAVE.is_multiple_of(RUN) && WAVE.is_multiple_of(GroupShape
 
 /// Computes pdf and value of the connections of a class's prefixes in runs of slots.
 pub struct Connect<'a, C, T> {
-    pub horizon: T,
+    pub correction: T,
     pub class: C,
     /// The class in [`Prefixes::class`].
     pub class_id: u32,
@@ -260,12 +260,12 @@ pub struct Connect<'a, C, T> {
     pub pairs: &'a mut Pairs,
 }
 
-impl<C: VertexClass, T: Horizon> Kernel for Connect<'_, C, T> {
+impl<C: VertexClass, T: TerminatorCorrection> Kernel for Connect<'_, C, T> {
     type Output = ();
 
     #[inline(always)]
     fn run(self) {
-        let Connect { horizon, class, class_id, runs, prefixes, pairs } = self;
+        let Connect { correction, class, class_id, runs, prefixes, pairs } = self;
         let v = &prefixes.vertices;
         for &run in runs {
             // The bound lets the compiler drop bounds checks.
@@ -279,9 +279,10 @@ impl<C: VertexClass, T: Horizon> Kernel for Connect<'_, C, T> {
                 let eval = closure.eval(wi);
                 let cosine = -wi.dot(get(&pairs.ng, i));
                 let geometry = cosine / squared;
-                let kept = horizon.light_factor(v, i, [ns, ng], 1.0, wi);
-                let (eval, relief) = closure.on_relief(horizon, (v, i), (ns, 1.0), (wi, eval));
-                let value = get_rgb(&prefixes.throughput, i) * eval.f_cos * (kept * relief);
+                let kept = correction.light_factor(v, i, [ns, ng], 1.0, wi);
+                let (eval, bump_factor) =
+                    closure.apply_bump_terminator(correction, (v, i), (ns, 1.0), (wi, eval));
+                let value = get_rgb(&prefixes.throughput, i) * eval.f_cos * (kept * bump_factor);
                 let faces = (cosine > 0.0) & (wi.dot(ng) > 0.0) & (eval.pdf_solid_angle > 0.0);
                 // Paths without throughput end, so a connection with value 0 has pdf 0.
                 let [r, g, b] = value.to_array();
@@ -290,7 +291,7 @@ impl<C: VertexClass, T: Horizon> Kernel for Connect<'_, C, T> {
                 let connects = faces & has_value & has_equal_key;
                 let is_own_class = prefixes.class[i] == class_id;
                 let density = if connects { eval.pdf_solid_angle * geometry } else { 0.0 };
-                pairs.density[i] = if is_own_class { density } else { pairs.density[i] };
+                pairs.pdf_area[i] = if is_own_class { density } else { pairs.pdf_area[i] };
                 let value = value * geometry;
                 let other = get_rgb(&pairs.value, i);
                 let chosen = Rgb::select(is_own_class, value, other);
@@ -328,7 +329,7 @@ impl Kernel for GuidePairs<'_> {
                 let density = densities.at(guiding::bin_index(cell, normal, wi));
                 let factor = MetalRoughClass.closure(v, i).guided(wi, density);
                 let factor = if is_metal_rough { factor } else { 1.0 };
-                pairs.density[i] *= if is_lambert { density } else { factor };
+                pairs.pdf_area[i] *= if is_lambert { density } else { factor };
             }
         }
     }
@@ -387,7 +388,7 @@ impl Kernel for Receive<'_> {
             let owner = usize::from(owner).min(WAVE - 1);
             let slots = group_of(owner, group);
             let mut sums = [0.0; 4];
-            let (fours, rest) = pairs.density[slots.clone()].as_chunks::<4>();
+            let (fours, rest) = pairs.pdf_area[slots.clone()].as_chunks::<4>();
             for four in fours {
                 for k in 0..4 {
                     sums[k] += four[k];
@@ -396,13 +397,13 @@ impl Kernel for Receive<'_> {
             for (sum, density) in sums.iter_mut().zip(rest) {
                 *sum += density;
             }
-            let own = s.own_density(owner, prefixes);
+            let own = s.own_pdf_area(owner, prefixes);
             let sum = own + ((sums[0] + sums[1]) + (sums[2] + sums[3]));
             let radiance = get_rgb(self.radiance, owner);
             // The pdf overflows for points very close to each other.
             let is_finite = own > 0.0 && sum < f32::INFINITY;
             let share = if is_finite { own / sum } else { 1.0 };
-            let value = get_rgb(self.throughput, owner) * radiance * (s.rest[owner] * share);
+            let value = get_rgb(self.throughput, owner) * radiance * (s.layer_transmittance[owner] * share);
             let total = get_rgb(received, owner) + value;
             set_rgb(received, owner, total);
             if is_finite {
@@ -410,9 +411,9 @@ impl Kernel for Receive<'_> {
                 let scaled = (radiance * (1.0 / sum)).to_array();
                 for c in 0..3 {
                     for i in slots.clone() {
-                        let rest = if is_layered { pairs.rest[i] } else { 1.0 };
+                        let rest = if is_layered { pairs.layer_transmittance[i] } else { 1.0 };
                         let value = self.value[c][i] * (scaled[c] * rest);
-                        received[c][i] += if pairs.density[i] > 0.0 { value } else { 0.0 };
+                        received[c][i] += if pairs.pdf_area[i] > 0.0 { value } else { 0.0 };
                     }
                 }
             }
@@ -423,10 +424,10 @@ impl Kernel for Receive<'_> {
 impl Suffixes {
     /// Area pdf, 1/m^2, with which the owner sampled its suffix's start.
     #[inline(always)]
-    fn own_density(&self, k: usize, prefixes: &Prefixes) -> f32 {
+    fn own_pdf_area(&self, k: usize, prefixes: &Prefixes) -> f32 {
         let offset = get(&self.p, k) - get(&prefixes.vertices.next_origin, k);
         let cosine = get(&self.wo, k).dot(get(&self.ng, k));
-        self.pdf[k] * cosine / offset.dot(offset)
+        self.pdf_solid_angle[k] * cosine / offset.dot(offset)
     }
 }
 
@@ -503,12 +504,12 @@ impl SharedLayers {
 fn fill_diffuse(owners: &[u16], group: usize, prefixes: &Prefixes, pairs: &Pairs, value: &mut RgbLanes) {
     let v = &prefixes.vertices;
     for &owner in owners {
-        for i in group_of(usize::from(owner), group).filter(|&i| pairs.density[i] > 0.0) {
+        for i in group_of(usize::from(owner), group).filter(|&i| pairs.pdf_area[i] > 0.0) {
             let is_first = prefixes.bounce[i] == 0 && prefixes.class[i] == METAL_ROUGH;
             let share = match is_first {
                 true => {
                     let wi = (get(&pairs.y, i) - get(&v.next_origin, i)).normalize();
-                    MetalRoughClass.closure(v, i).diffuse_share(wi)
+                    MetalRoughClass.closure(v, i).diffuse_fraction(wi)
                 }
                 false => prefixes.first_bounces.get(i).diffuse,
             };
@@ -556,8 +557,8 @@ impl Integrator<'_> {
             match self.terminator() {
                 Terminator::Sharp => connect(Sharp, classes, &round.runs, &mut reuse),
                 Terminator::Soft => connect(Soft, classes, &round.runs, &mut reuse),
-                Terminator::Relief => connect(Relief, classes, &round.runs, &mut reuse),
-                Terminator::SharpRelief => connect(SharpRelief, classes, &round.runs, &mut reuse),
+                Terminator::SoftBumps => connect(SoftBumps, classes, &round.runs, &mut reuse),
+                Terminator::SharpBumps => connect(SharpBumps, classes, &round.runs, &mut reuse),
             }
             self.guide_pairs(&round, &mut reuse);
             self.test_visibility(&round, &mut reuse, w);
@@ -617,7 +618,7 @@ impl Integrator<'_> {
     fn test_visibility(&self, round: &Round, reuse: &mut Reuse, w: &mut Workspace) {
         let tests_owner = self.scene.features.alpha;
         for &owner in &round.owners {
-            reuse.pairs.density[usize::from(owner)] = if tests_owner { 1.0 } else { 0.0 };
+            reuse.pairs.pdf_area[usize::from(owner)] = if tests_owner { 1.0 } else { 0.0 };
         }
         self.test_layers(round, reuse);
         w.shadow_rays.clear();
@@ -625,8 +626,8 @@ impl Integrator<'_> {
         for &owner in &round.owners {
             let owner = usize::from(owner);
             let slots = group_of(owner, round.group);
-            let mut tested = positive(&reuse.pairs.density[slots.clone()]);
-            if round.group >= MIN_GROUP && reuse.visibility_stats.justify_reuse() {
+            let mut tested = positive(&reuse.pairs.pdf_area[slots.clone()]);
+            if round.group >= MIN_GROUP && reuse.visibility_stats.are_worthwhile() {
                 tested = self.test_point_visibility(owner, round.group, tested, reuse, w);
             }
             let Reuse { prefixes, suffixes, .. } = &*reuse;
@@ -646,15 +647,15 @@ impl Integrator<'_> {
         w.ray_counts.single += w.shadow_rays.len() as u64;
         for (&i, &occluded) in w.shadow_vertices.iter().zip(&w.occluded) {
             if occluded {
-                reuse.pairs.density[i as usize] = 0.0;
+                reuse.pairs.pdf_area[i as usize] = 0.0;
             }
         }
         if tests_owner {
             for &owner in &round.owners {
                 let owner = usize::from(owner);
-                let is_owner_blocked = reuse.pairs.density[owner] == 0.0;
+                let is_owner_blocked = reuse.pairs.pdf_area[owner] == 0.0;
                 let none = if is_owner_blocked { group_of(owner, round.group) } else { owner..owner + 1 };
-                reuse.pairs.density[none].fill(0.0);
+                reuse.pairs.pdf_area[none].fill(0.0);
             }
         }
     }
@@ -685,7 +686,7 @@ impl Integrator<'_> {
         let PointVisibility { occluded_rays, unknown } = accel.point_visibility(&query, |_| false);
         visibility_stats.count(2 * unknown.count_ones() > tested.count_ones());
         for k in SetBits(occluded_rays) {
-            pairs.density[slots.start + k] = 0.0;
+            pairs.pdf_area[slots.start + k] = 0.0;
         }
         let known = u64::from((tested & !unknown).count_ones());
         w.ray_counts.all += known;
@@ -693,7 +694,7 @@ impl Integrator<'_> {
         unknown
     }
 
-    /// Computes layer transmittances at the suffixes towards the prefixes; connections below [`MIN_REST`] count as occluded.
+    /// Computes layer transmittances at the suffixes towards the prefixes; connections below [`MIN_LAYER_TRANSMITTANCE`] count as occluded.
     fn test_layers(&self, round: &Round, reuse: &mut Reuse) {
         let Reuse { prefixes, suffixes, pairs, .. } = reuse;
         for &owner in &round.owners {
@@ -703,15 +704,16 @@ impl Integrator<'_> {
             }
             let (p, ns, ng) = (get(&suffixes.p, owner), get(&suffixes.ns, owner), get(&suffixes.ng, owner));
             for i in group_of(owner, round.group) {
-                if pairs.density[i] <= 0.0 {
+                if pairs.pdf_area[i] <= 0.0 {
                     continue;
                 }
                 let wo = (get(&prefixes.vertices.next_origin, i) - p).normalize();
-                pairs.rest[i] = layer_transmittance(&suffixes.material, owner, ns, wo, self.scene.shading);
+                pairs.layer_transmittance[i] =
+                    layer_transmittance(&suffixes.material, owner, ns, wo, self.scene.shading);
                 let (_, is_bent) = bent_normal(ns, ng, wo);
                 // The same conditions as in `shared_part`.
-                if is_bent || pairs.rest[i] < MIN_REST {
-                    pairs.density[i] = 0.0;
+                if is_bent || pairs.layer_transmittance[i] < MIN_LAYER_TRANSMITTANCE {
+                    pairs.pdf_area[i] = 0.0;
                 }
             }
         }
@@ -763,18 +765,23 @@ impl Round {
 }
 
 /// Computes the connections of a round, with a loop per class of prefixes.
-fn connect<T: Horizon>(horizon: T, [lambert, metal_rough]: [bool; 2], runs: &[u16], reuse: &mut Reuse) {
+fn connect<T: TerminatorCorrection>(
+    correction: T,
+    [lambert, metal_rough]: [bool; 2],
+    runs: &[u16],
+    reuse: &mut Reuse,
+) {
     let Reuse { prefixes, pairs, .. } = reuse;
     for &run in runs {
         let slots = usize::from(run) * RUN..(usize::from(run) + 1) * RUN;
-        pairs.density[slots].fill(0.0);
+        pairs.pdf_area[slots].fill(0.0);
     }
     if lambert {
         let (class, class_id) = (LambertClass, LAMBERT);
-        dispatch(Connect { horizon, class, class_id, runs, prefixes, pairs });
+        dispatch(Connect { correction, class, class_id, runs, prefixes, pairs });
     }
     if metal_rough {
         let (class, class_id) = (MetalRoughClass, METAL_ROUGH);
-        dispatch(Connect { horizon, class, class_id, runs, prefixes, pairs });
+        dispatch(Connect { correction, class, class_id, runs, prefixes, pairs });
     }
 }

@@ -241,14 +241,14 @@ pub struct Suffixes {
     /// Throughput of the owner's path up to the vertex.
     pub throughput: RgbLanes,
     /// Pdf of the owner's direction at the end of the prefix, 1/sr.
-    pub pdf: Lanes,
+    pub pdf_solid_angle: Lanes,
     /// Parameters of glTF materials.
     pub material: MetalRoughMaterials,
     /// Transmittance of the layer above the diffuse base towards the owner's prefix.
-    pub rest: Lanes,
+    pub layer_transmittance: Lanes,
     /// glTF materials: the diffuse base's fraction, below the layer, of the radiance by the light sample and by the scattered ray.
-    pub direct_share: RgbLanes,
-    pub scattered_share: RgbLanes,
+    pub direct_fraction: RgbLanes,
+    pub scattered_fraction: RgbLanes,
     /// Radiance towards all prefixes; of glTF materials, below the layer.
     pub radiance: RgbLanes,
     /// First bounce of the path. Used with light passes only.
@@ -264,9 +264,9 @@ impl Suffixes {
         if self.class[k] != METAL_ROUGH {
             return (radiance, Rgb::ZERO);
         }
-        let shares = [get_rgb(&self.direct_share, k), get_rgb(&self.scattered_share, k)];
+        let shares = [get_rgb(&self.direct_fraction, k), get_rgb(&self.scattered_fraction, k)];
         let diffuse = [direct * shares[0], scattered * shares[1]];
-        (diffuse[0] + diffuse[1], radiance - (diffuse[0] + diffuse[1]) * self.rest[k])
+        (diffuse[0] + diffuse[1], radiance - (diffuse[0] + diffuse[1]) * self.layer_transmittance[k])
     }
 }
 
@@ -280,9 +280,9 @@ pub struct Pairs {
     /// Required key of prefixes (see [`Prefixes::keys`]).
     pub keys: Words,
     /// Area pdf, 1/m^2, with which the prefix samples the suffix's start; 0 without a connection.
-    pub density: Lanes,
+    pub pdf_area: Lanes,
     /// Transmittance of the suffix's layer towards the prefix.
-    pub rest: Lanes,
+    pub layer_transmittance: Lanes,
     /// Prefix throughput times BSDF, cosine and geometry term; not divided by a pdf.
     pub value: RgbLanes,
 }
@@ -321,7 +321,7 @@ impl PointVisibilityStats {
     }
 
     /// Have at least half of the tests succeeded, or too few been made?
-    pub fn justify_reuse(self) -> bool {
+    pub fn are_worthwhile(self) -> bool {
         self.tests < Self::MIN_TESTS || 2 * self.failures <= self.tests
     }
 }
@@ -365,7 +365,7 @@ pub const SCATTERED: u32 = 2 * WAVE as u32;
 
 /// Minimum layer transmittance for reuse: at lower ones the diffuse base is rarely sampled, and its radiance would be scaled up for other
 /// prefixes.
-pub const MIN_REST: f32 = 0.1;
+pub const MIN_LAYER_TRANSMITTANCE: f32 = 0.1;
 
 /// Transmittance of the layer of the material in slot `k` for direction `wo`.
 pub fn layer_transmittance(
