@@ -187,19 +187,19 @@ impl Links {
     #[inline]
     pub fn is_unblocked(&self, index: u32) -> bool {
         let blockers = self.of_light(index).blockers;
-        !blockers.is_all() && !self.classes.iter().any(|&class| blockers.holds(class))
+        !blockers.is_all() && !self.classes.iter().any(|&class| blockers.includes(class))
     }
 
     /// Does a light with these links illuminate receivers of a class?
     #[inline]
     pub fn reach(&self, links: LightLinks, class: u32) -> bool {
-        links.receivers.is_all() || links.receivers.holds(self.classes[class as usize])
+        links.receivers.is_all() || links.receivers.includes(self.classes[class as usize])
     }
 
     /// Do objects with a material cast shadows for a light with these links?
     #[inline]
     pub fn block(&self, links: LightLinks, material: u32) -> bool {
-        links.blockers.is_all() || links.blockers.holds(self.classes[self.class_of(material) as usize])
+        links.blockers.is_all() || links.blockers.includes(self.classes[self.class_of(material) as usize])
     }
 }
 

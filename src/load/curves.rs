@@ -33,7 +33,7 @@ pub(super) struct CurveFile {
     pub radii: Vec<f32>,
     /// Per point; empty if absent.
     pub colors: Vec<[f32; 3]>,
-    /// Name of contents that were ignored, for a warning.
+    /// Name of ignored data, for a warning.
     pub ignored: Option<&'static str>,
 }
 
@@ -66,30 +66,30 @@ fn parse_text(text: &str) -> Result<CurveFile, String> {
     let first = lines.next().map_or("", |(_, line)| line);
     match first.strip_prefix("curves").map(str::trim) {
         Some("1") => {}
-        Some(other) => return Err(format!("line 1: is of version '{other}', but 1 is read")),
+        Some(other) => return Err(format!("line 1: has version '{other}', but only version 1 is supported")),
         None => return Err("line 1: must be 'curves 1'".into()),
     }
-    let (mut file, mut width, mut in_strand) = (CurveFile::default(), None, 0u32);
+    let (mut file, mut width, mut strand_length) = (CurveFile::default(), None, 0u32);
     for (number, line) in lines {
         if line.is_empty() {
-            file.end_strand(&mut in_strand);
+            file.end_strand(&mut strand_length);
         } else if let Some(name) = line.strip_prefix("basis ") {
             let basis = CurveBasis::of_name(name.trim());
             file.basis =
                 Some(basis.ok_or_else(|| format!("line {number}: there is no basis '{}'", name.trim()))?);
         } else {
             let values =
-                numbers(line).map_err(|word| format!("line {number}: '{word}' is no finite number"))?;
+                numbers(line).map_err(|word| format!("line {number}: '{word}' is not a finite number"))?;
             if !matches!(values.len(), 3 | 4 | 7) || *width.get_or_insert(values.len()) != values.len() {
                 let expected =
                     width.filter(|w| matches!(w, 3 | 4 | 7)).map_or("3, 4 or 7".into(), |w| w.to_string());
                 return Err(format!("line {number}: has {} numbers, but must have {expected}", values.len()));
             }
-            file.point(&values);
-            in_strand += 1;
+            file.push_point(&values);
+            strand_length += 1;
         }
     }
-    file.end_strand(&mut in_strand);
+    file.end_strand(&mut strand_length);
     Ok(file)
 }
 
@@ -137,7 +137,7 @@ impl CurveFile {
         dropped
     }
 
-    fn point(&mut self, values: &[f32]) {
+    fn push_point(&mut self, values: &[f32]) {
         self.points.push([values[0], values[1], values[2]]);
         self.radii.extend(values.get(3));
         if let Some(&[r, g, b]) = values.get(4..7) {
@@ -152,16 +152,16 @@ fn retain<T>(values: &mut Vec<T>, is_kept: &[bool]) {
     values.retain(|_| kept.next() == Some(&true));
 }
 
-/// The unread data of a little-endian file.
-struct Words<'a>(&'a [u8]);
+/// A cursor over little-endian data.
+struct Cursor<'a>(&'a [u8]);
 
-impl<'a> Words<'a> {
+impl<'a> Cursor<'a> {
     /// Takes the next `count` values of `size` bytes; `what` is their name in error messages.
     fn take(&mut self, count: usize, size: usize, what: &str) -> Result<&'a [u8], String> {
         let wanted = count.checked_mul(size).filter(|&bytes| bytes <= self.0.len());
         let Some(bytes) = wanted else {
             return Err(format!(
-                "ends within its {what}: {count} are declared, and {} bytes are left",
+                "ends within its {what}: {count} are declared, but only {} bytes are left",
                 self.0.len()
             ));
         };
@@ -181,7 +181,7 @@ impl<'a> Words<'a> {
     }
 
     fn triples(&mut self, count: usize, what: &str) -> Result<Vec<[f32; 3]>, String> {
-        let numbers = count.checked_mul(3).ok_or_else(|| format!("says that it has {count} {what}"))?;
+        let numbers = count.checked_mul(3).ok_or_else(|| format!("declares {count} {what}"))?;
         Ok(self.floats(numbers, what)?.chunks_exact(3).map(|c| [c[0], c[1], c[2]]).collect())
     }
 }
@@ -197,38 +197,39 @@ fn parse_hair(bytes: &[u8]) -> Result<CurveFile, String> {
     if !has(2) {
         return Err("has no points".into());
     }
-    let mut words = Words(data);
+    let mut cursor = Cursor(data);
     let strands: Vec<u32> = match has(1) {
         true => {
-            let segments = words.take(strands, 2, "numbers of segments")?.chunks_exact(2);
+            let segments = cursor.take(strands, 2, "numbers of segments")?.chunks_exact(2);
             segments.map(|b| u32::from(u16::from_le_bytes([b[0], b[1]])) + 1).collect()
         }
         false => {
             let each = word(16).checked_add(1).filter(|&each| each as usize * strands == points && each > 1);
-            let wrong = || format!("says {strands} strands of {} segments, but {points} points", word(16));
+            let wrong =
+                || format!("declares {strands} strands of {} segments, but {points} points", word(16));
             vec![each.ok_or_else(wrong)?; strands]
         }
     };
     let sum: u64 = strands.iter().map(|n| u64::from(*n)).sum();
     if sum != points as u64 {
-        return Err(format!("has strands of {sum} points together, but {points} points"));
+        return Err(format!("has strands with {sum} points in total, but declares {points} points"));
     }
-    let points_list = words.triples(points, "points")?;
+    let points_list = cursor.triples(points, "points")?;
     let mut radii = match has(4) {
-        true => words.floats(points, "thicknesses")?,
+        true => cursor.floats(points, "thicknesses")?,
         false => vec![float(20); if float(20) > 0.0 { points } else { 0 }],
     };
     radii.iter_mut().for_each(|thickness| *thickness *= 0.5);
     let is_transparent = match has(8) {
-        true => words.floats(points, "transparencies")?.iter().any(|t| *t != 0.0),
+        true => cursor.floats(points, "transparencies")?.iter().any(|t| *t != 0.0),
         false => float(24) != 0.0,
     };
     let colors = match has(16) {
-        true => words.triples(points, "colours")?,
+        true => cursor.triples(points, "colours")?,
         false => Vec::new(),
     };
-    if !words.0.is_empty() {
-        return Err(format!("has {} bytes more than its header says", words.0.len()));
+    if !cursor.0.is_empty() {
+        return Err(format!("has {} bytes more than its header declares", cursor.0.len()));
     }
     let ignored = is_transparent.then_some("transparency");
     Ok(CurveFile { basis: None, strands, points: points_list, radii, colors, ignored })
@@ -301,8 +302,8 @@ mod tests {
             (b"curves 2\n".to_vec(), "version '2'"),
             (b"curves 1\n0 0 0\n1 1\n".to_vec(), "line 3: has 2 numbers, but must have 3"),
             (b"curves 1\n0 0\n".to_vec(), "line 2: has 2 numbers, but must have 3, 4 or 7"),
-            (b"curves 1\n0 0 nan\n".to_vec(), "line 2: 'nan' is no finite number"),
-            (b"curves 1\n0 x 0\n".to_vec(), "line 2: 'x' is no finite number"),
+            (b"curves 1\n0 0 nan\n".to_vec(), "line 2: 'nan' is not a finite number"),
+            (b"curves 1\n0 x 0\n".to_vec(), "line 2: 'x' is not a finite number"),
             (b"curves 1\nbasis wavy\n".to_vec(), "no basis 'wavy'"),
             (b"curves 1\n\xff".to_vec(), "not UTF-8"),
             (cut(20), "has 20 bytes"),
@@ -311,12 +312,12 @@ mod tests {
             (cut(HEADER + 70), "within its thicknesses"),
             (cut(whole().len() - 1), "within its colours"),
             ([&whole()[..], &[0]].concat(), "1 bytes more"),
-            (with(4, 1), "strands of 3 points together"),
+            (with(4, 1), "strands with 3 points in total"),
             (with(7, 0xff), "within its numbers of segments"),
             (with(11, 0xff), "points"),
             (with(12, 29), "has no points"),
             (nan, "points that are NaN"),
-            (hair(2, u32::MAX, u32::MAX), "says 4294967295 strands"),
+            (hair(2, u32::MAX, u32::MAX), "declares 4294967295 strands"),
             (hair(2, 0, 0), ""),
         ] {
             match parse(&bytes) {

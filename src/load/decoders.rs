@@ -33,8 +33,8 @@ impl Decoder {
     }
 
     /// Error message for a build without the decoder.
-    pub fn lack(self) -> String {
-        format!("this build of oscura reads no {}", self.properties().2)
+    pub fn missing_message(self) -> String {
+        format!("this build of oscura doesn't support {}", self.properties().2)
     }
 
     /// Help text: how to build with the decoder.
@@ -46,11 +46,11 @@ impl Decoder {
 // Panics of third-party decoders on damaged data become errors and aren't printed.
 
 thread_local! {
-    /// Nesting depth of [`catch`] on this thread.
+    /// Nesting depth of [`catch_panic`] on this thread.
     static DEPTH: Cell<u32> = const { Cell::new(0) };
 }
 
-/// Guard that increments [`DEPTH`] during a call of [`catch`].
+/// Guard that increments [`DEPTH`] during a call of [`catch_panic`].
 struct DepthGuard;
 
 impl DepthGuard {
@@ -59,7 +59,7 @@ impl DepthGuard {
         HOOK.call_once(|| {
             let earlier = take_hook();
             set_hook(Box::new(move |info| {
-                // A thread without thread-local storage is ending, so it isn't in `catch`.
+                // A thread without thread-local storage is ending, so it isn't in `catch_panic`.
                 if DEPTH.try_with(Cell::get).unwrap_or(0) == 0 {
                     earlier(info);
                 }
@@ -77,10 +77,10 @@ impl Drop for DepthGuard {
 }
 
 /// Runs a decoder and turns a panic into an error message. The first call wraps the process's panic hook so that panics
-/// within `catch` aren't printed; other panics are reported as before.
+/// within `catch_panic` aren't printed; other panics are reported as before.
 ///
-/// A panic must not leave state that outlives `work` inconsistent.
-pub(super) fn catch<T>(work: impl FnOnce() -> T) -> Result<T, String> {
+/// A panic must not leave inconsistent state that outlives `work`.
+pub(super) fn catch_panic<T>(work: impl FnOnce() -> T) -> Result<T, String> {
     let guard = DepthGuard::new();
     let outcome = catch_unwind(AssertUnwindSafe(work));
     drop(guard);
@@ -90,7 +90,7 @@ pub(super) fn catch<T>(work: impl FnOnce() -> T) -> Result<T, String> {
 fn panic_message(payload: &(dyn Any + Send)) -> String {
     let text = payload.downcast_ref::<&str>().copied();
     let text = text.or_else(|| payload.downcast_ref::<String>().map(String::as_str));
-    format!("its decoder gave up: {}", text.unwrap_or("it gave no reason"))
+    format!("its decoder failed: {}", text.unwrap_or("no message"))
 }
 
 #[cfg(test)]
@@ -106,15 +106,15 @@ mod tests {
     fn only_panics_inside_are_silent() {
         if std::env::var_os(INNER).is_some() {
             let table: Vec<i32> = Vec::new();
-            assert_eq!(catch(|| 7), Ok(7));
-            let inside = catch(|| table[std::hint::black_box(3)]).unwrap_err();
+            assert_eq!(catch_panic(|| 7), Ok(7));
+            let inside = catch_panic(|| table[std::hint::black_box(3)]).unwrap_err();
             assert!(inside.contains("index is 3"), "{inside}");
-            assert!(catch(|| catch(|| panic!("innermost")).is_err()).unwrap());
+            assert!(catch_panic(|| catch_panic(|| panic!("innermost")).is_err()).unwrap());
             assert_eq!(
-                catch(|| panic!("in the middle")),
-                Err::<(), _>("its decoder gave up: in the middle".to_string())
+                catch_panic(|| panic!("in the middle")),
+                Err::<(), _>("its decoder failed: in the middle".to_string())
             );
-            let other = std::thread::spawn(|| panic!("beside"));
+            let other = std::thread::spawn(|| panic!("other thread"));
             assert!(other.join().is_err() && catch_unwind(|| panic!("after")).is_err());
             return;
         }
@@ -124,7 +124,7 @@ mod tests {
         let output = output.expect("it runs");
         let printed = String::from_utf8_lossy(&output.stderr);
         assert!(output.status.success(), "{printed}");
-        assert!(printed.contains("beside") && printed.contains("after"), "{printed}");
+        assert!(printed.contains("other thread") && printed.contains("after"), "{printed}");
         for hidden in ["in the middle", "innermost", "index is 3"] {
             assert!(!printed.contains(hidden), "{printed}");
         }

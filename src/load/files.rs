@@ -200,13 +200,13 @@ pub(super) fn find(file: &Path, name: &str, options: &LoadOptions) -> Result<Pat
     match &found {
         Ok(path) => options.files.note(path),
         // Watch for the file: it may be created later.
-        Err(_) => options.files.note(beside(file, &name.replace('\\', "/"))),
+        Err(_) => options.files.note(relative_to(file, &name.replace('\\', "/"))),
     }
     found
 }
 
-/// The path of a name relative to the file that holds it.
-pub(super) fn beside(file: &Path, name: &str) -> PathBuf {
+/// A path relative to the folder of `file`.
+pub(super) fn relative_to(file: &Path, name: &str) -> PathBuf {
     file.parent().unwrap_or(Path::new("")).join(name)
 }
 
@@ -224,7 +224,7 @@ pub(super) fn find_any(file: &Path, names: &[String], allow_external: bool) -> R
         if wanted.is_empty() || wanted.contains('\0') {
             continue;
         }
-        let path = beside(file, wanted);
+        let path = relative_to(file, wanted);
         if !allow_external && leads_outside(relative) {
             is_outside |= path.is_file();
             continue;

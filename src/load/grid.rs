@@ -52,24 +52,24 @@ fn parse(bytes: &[u8], name: &str) -> Result<Grid, String> {
         return Err("is not a .vol file: it does not begin with 'VOL'".into());
     }
     if header[3] != 3 {
-        return Err(format!("is of version {}, but only version 3 is read", header[3]));
+        return Err(format!("has version {}, but only version 3 is supported", header[3]));
     }
     let word = |i: usize| {
         let at = 4 + 4 * i;
         u32::from_le_bytes([header[at], header[at + 1], header[at + 2], header[at + 3]])
     };
     if word(0) != 1 {
-        return Err(format!("has the encoding {}, but only 1 (32-bit floats) is read", word(0)));
+        return Err(format!("has the encoding {}, but only 1 (32-bit floats) is supported", word(0)));
     }
     if word(4) != 1 {
-        return Err(format!("has {} channels, but one is read: a density", word(4)));
+        return Err(format!("has {} channels, but only one (a density) is supported", word(4)));
     }
     let size = [word(1), word(2), word(3)];
     let voxels = size.iter().try_fold(1u64, |product, &n| product.checked_mul(u64::from(n)));
     let byte_count = voxels.and_then(|n| n.checked_mul(4)).filter(|&n| n == data.len() as u64 && n > 0);
     if byte_count.is_none() {
         let [x, y, z] = size;
-        return Err(format!("says {x} x {y} x {z} voxels, but holds {} bytes for them", data.len()));
+        return Err(format!("declares {x} x {y} x {z} voxels, but has {} bytes of values", data.len()));
     }
     let corner =
         |first: usize| DVec3::from_array([0, 1, 2].map(|i| f64::from(f32::from_bits(word(first + i)))));
@@ -107,13 +107,13 @@ mod tests {
         for (bytes, words) in [
             (Vec::new(), "has 0 bytes"),
             (good[..20].to_vec(), "has 20 bytes"),
-            (good[..50].to_vec(), "holds 2 bytes"),
-            ([&good[..], &[0]].concat(), "holds 9 bytes"),
+            (good[..50].to_vec(), "has 2 bytes of values"),
+            ([&good[..], &[0]].concat(), "has 9 bytes of values"),
             (with(0, b'X'), "does not begin"),
             (with(3, 2), "version 2"),
             (with(4, 3), "encoding 3"),
             (with(20, 3), "3 channels"),
-            (with(8, 0), "says 0 x 1 x 1"),
+            (with(8, 0), "declares 0 x 1 x 1"),
             (with(11, 0xff), "voxels"),
             (file([u32::MAX; 3], &[1.0]), "voxels"),
         ] {

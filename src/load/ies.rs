@@ -6,14 +6,14 @@
 
 use crate::scene::LightProfile;
 
-/// Maximum number of values in a file; real files have up to some ten thousand.
+/// Maximum number of values in a file; real files have up to about ten thousand.
 const MAX_NUMBERS: usize = 1 << 22;
 
 /// Luminous efficacy of monochromatic light of 540 THz, lm/W (SI definition of the candela).
 pub(super) const LUMENS_PER_WATT: f64 = 683.0;
 
-/// The profile normalised to a maximum of 1, and the former maximum.
-pub(super) fn relative(profile: LightProfile) -> (LightProfile, f64) {
+/// The profile normalised to a maximum of 1, and its original maximum.
+pub(super) fn normalized(profile: LightProfile) -> (LightProfile, f64) {
     let peak = profile.peak();
     let values = profile.values.iter().map(|value| value / peak).collect();
     (LightProfile { values, ..profile }, f64::from(peak))
@@ -32,7 +32,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<LightProfile, String> {
         key.trim().eq_ignore_ascii_case("TILT").then(|| value.trim())
     });
     let Some(tilt) = tilt else {
-        return Err("is no IES file: it has no line that begins with 'TILT='".into());
+        return Err("is not an IES file: no line begins with 'TILT='".into());
     };
     let mut numbers = Numbers { list: numbers(lines)?, at: 0 };
     if tilt.eq_ignore_ascii_case("INCLUDE") {
@@ -40,18 +40,18 @@ pub(super) fn parse(bytes: &[u8]) -> Result<LightProfile, String> {
         let pairs = numbers.count("tilts")?;
         numbers.take(pairs.saturating_mul(2), "tilts")?;
     }
-    let head = numbers.take(3, "its head")?.to_vec();
-    let multiplier = head[2];
+    let header = numbers.take(3, "its header")?.to_vec();
+    let multiplier = header[2];
     let (rows, columns) = (numbers.count("vertical angles")?, numbers.count("horizontal angles")?);
-    let head = numbers.take(8, "its head")?.to_vec();
-    if head[0] != 1.0 {
-        let message = "has photometry of type {}, but only type C (1), of ordinary luminaires, is read";
-        return Err(message.replace("{}", &head[0].to_string()));
+    let header = numbers.take(8, "its header")?.to_vec();
+    if header[0] != 1.0 {
+        let message = "has photometry of type {}, but only type C (1) is supported";
+        return Err(message.replace("{}", &header[0].to_string()));
     }
-    let factor = multiplier * head[5] * head[6];
+    let factor = multiplier * header[5] * header[6];
     let vertical_deg = angles(numbers.take(rows, "vertical angles")?, "vertical")?;
     let mut horizontal_deg = angles(numbers.take(columns, "horizontal angles")?, "horizontal")?;
-    let candela = numbers.take(rows.saturating_mul(columns), "candelas")?;
+    let candela = numbers.take(rows.saturating_mul(columns), "candela values")?;
     let mut values: Vec<f32> = candela.iter().map(|c| (c * factor) as f32).collect();
     let [first, last] = [horizontal_deg[0], horizontal_deg[columns - 1]];
     // Some files omit the horizontal angle 360, which equals 0.
@@ -65,9 +65,9 @@ pub(super) fn parse(bytes: &[u8]) -> Result<LightProfile, String> {
         return Err(format!("has horizontal angles from {first} to {last}, which {message}"));
     }
     let profile = LightProfile { vertical_deg, horizontal_deg, values };
-    match profile.is_sound() && profile.peak() > 0.0 {
+    match profile.is_valid() && profile.peak() > 0.0 {
         true => Ok(profile),
-        false => Err("has candelas that are negative, beyond the range of numbers, or all 0".into()),
+        false => Err("has candela values that are negative, too large, or all 0".into()),
     }
 }
 
@@ -79,7 +79,7 @@ fn numbers<'t>(lines: impl Iterator<Item = (usize, &'t str)>) -> Result<Vec<f64>
         for word in words.filter(|word| !word.is_empty()) {
             let Some(number) = word.parse::<f64>().ok().filter(|n| n.is_finite()) else {
                 let shown: String = word.chars().take(20).collect();
-                return Err(format!("has '{shown}' in line {} where a number should stand", index + 1));
+                return Err(format!("has '{shown}' instead of a number in line {}", index + 1));
             };
             list.push(number);
             if list.len() > MAX_NUMBERS {
@@ -111,7 +111,7 @@ impl Numbers {
         let number = self.take(1, what)?[0];
         match number.fract() == 0.0 && (1.0..=MAX_NUMBERS as f64).contains(&number) {
             true => Ok(number as usize),
-            false => Err(format!("says that it has {number} {what}")),
+            false => Err(format!("declares {number} {what}")),
         }
     }
 }
@@ -160,7 +160,7 @@ mod tests {
         let body = |from: &str, to: &str| format!("TILT=NONE\n{}", BODY.replacen(from, to, 1));
         let cases = [
             (String::new(), "TILT="),
-            ("TILT=NONE".into(), "0 of 3 numbers for its head"),
+            ("TILT=NONE".into(), "0 of 3 numbers for its header"),
             (format!("TILT=NONE\n{}", &BODY[..BODY.len() - 8]), "ends too early"),
             (body("50", "fifty"), "'fifty' in line 6"),
             (body("50", "1e999"), "'1e999'"),

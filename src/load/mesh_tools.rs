@@ -25,7 +25,7 @@ pub(super) struct Repairs {
 impl Repairs {
     /// Repairs a mesh: non-finite vertices are moved to the origin and their triangles removed. Non-finite texture coordinates
     /// and colours become 0. Zero and non-finite normals are replaced by face normals; if all are, normals are removed.
-    pub fn make(&mut self, mesh: &mut Mesh) {
+    pub fn repair(&mut self, mesh: &mut Mesh) {
         let before = mesh.triangles.len();
         if !all_finite(mesh.positions.as_flattened()) {
             let bad: Vec<bool> = mesh.positions.iter().map(|p| !all_finite(p)).collect();
@@ -73,7 +73,7 @@ pub(super) fn zero_non_finite(mesh: &mut Mesh) -> usize {
     count
 }
 
-/// Integer colours up to this value aren't 8-bit levels, as all would be nearly black.
+/// Integer colours up to this value aren't taken as 8-bit levels: all would be nearly black.
 const MAX_NON_BYTE: f32 = 15.0;
 
 /// Limits vertex colours to 0..1, so that surfaces conserve energy: integers with large values are 8-bit levels 0 to 255
@@ -102,13 +102,13 @@ pub(super) fn bound_colors<const N: usize>(
         }
         return Some((
             "vertex-colors-bytes",
-            format!("vertex colours are integers up to {largest}: they are taken as levels of 0 to 255"),
+            format!("vertex colours are integers up to {largest}: they are taken as 8-bit levels (0 to 255)"),
         ));
     }
     colors.as_flattened_mut().iter_mut().for_each(|v| *v = v.clamp(0.0, 1.0));
     Some((
         "vertex-colors-clamped",
-        format!("{count} of {total} vertex colours are beyond 0 to 1 and clamped"),
+        format!("{count} of {total} vertex colours are outside 0 to 1 and were clamped"),
     ))
 }
 
@@ -164,24 +164,24 @@ pub(super) fn color_triangles(mesh: &mut Mesh, colors: &[[f32; 4]]) {
     mesh.colors = vertex_colors.into_iter().map(|color| color.unwrap_or([1.0; 4])).collect();
 }
 
-/// Gives placements without an inverse (a scale of 0 along one axis) copies of their meshes that are flat themselves.
-/// Placements that leave a line or a point are left out with a warning.
-pub(super) fn flatten_placements(path: &Path, loaded: &mut Loaded) {
+/// Replaces the meshes of instances with a singular transform (a scale of 0 along one axis) by flattened copies. Instances that
+/// collapse to a line or a point are dropped with a warning.
+pub(super) fn flatten_singular_instances(path: &Path, loaded: &mut Loaded) {
     let Loaded { scene, warnings, .. } = loaded;
     let Scene { meshes, instances, .. } = scene;
     instances.retain_mut(|instance| {
-        let placed = &mut instance.world_from_object;
-        if placed.matrix3.determinant() != 0.0 || matches!(instance.motion, Motion::Keyed(_)) {
+        let transform = &mut instance.world_from_object;
+        if transform.matrix3.determinant() != 0.0 || matches!(instance.motion, Motion::Keyed(_)) {
             return true;
         }
-        let flat = flattened(&meshes[instance.mesh.index()], &placed.matrix3);
+        let flat = flattened(&meshes[instance.mesh.index()], &transform.matrix3);
         if flat.triangles.is_empty() {
-            let message = "shrinks its mesh to a line or a point (a scale of 0); it is left out";
+            let message = "collapses its mesh to a line or a point (a scale of 0): the instance is dropped";
             warnings.push(Warning::new(path, &instance.name, ("mesh-degenerate", message)));
             return false;
         }
         instance.mesh = MeshId(meshes.len() as u32);
-        *placed = DAffine3::from_translation(placed.translation);
+        *transform = DAffine3::from_translation(transform.translation);
         meshes.push(flat);
         true
     });
@@ -294,10 +294,10 @@ pub(super) fn placed_shape(m: &DAffine3, shape: Shape) -> Option<Shape> {
     })
 }
 
-// Coordinates far from the origin, as of maps, exceed the precision of f32. Such meshes are stored relative to a local
-// origin, which is subtracted and added to the instance's transform in f64.
+// Coordinates far from the origin (maps, surveys) exceed the precision of f32. Such meshes are stored relative to a local
+// origin, which is added to the instance's transform in f64.
 
-/// Maximum distance of a model from the origin in multiples of its size, for a resolution of 2^-18 of its size in f32.
+/// Maximum distance of a model from the origin, in multiples of its size: f32 then resolves at least 2^-18 of the size.
 const MAX_DISTANCE: f64 = 32.0;
 
 /// The local origin for meshes with these positions: whole metres along axes with distant coordinates, 0 along others.
@@ -345,7 +345,7 @@ const MAX_TESTS: u64 = 1 << 27;
 /// Splits a polygon into triangles of indices into `corners`, keeping its orientation.
 ///
 /// Ear clipping (Meisters 1975, "Polygons Have Ears") in the plane of the polygon's area vector (Newell's method). Only
-/// reflex corners can lie in an ear, so the cost is usually O(n r) for r of these, and always bounded. If rounding or
+/// reflex corners can lie in an ear, so the cost is usually O(n r) for r reflex corners; it is always bounded. If rounding or
 /// self-intersection leaves no ear, or the bound is reached, the rest becomes a fan. Empty for fewer than three corners.
 ///
 /// Tried: the crate `earcut` 0.4 takes seconds for 16,000 corners of random self-intersecting polygons, more than quadratic

@@ -77,7 +77,7 @@ pub fn load_times(
     load_each(path.as_ref(), options, times.into_iter().map(|time_s| Moment::Time(Some(time_s))), each)
 }
 
-/// What to load of an animation.
+/// The time or frame of an animation to load.
 #[derive(Clone, Copy)]
 enum Moment {
     /// The pose at a time, seconds; `None` is the rest pose.
@@ -100,7 +100,7 @@ fn load_each(
     let unpacked = unpack::Unpacked::new(path)?;
     let inner = LoadOptions { files: WatchedFiles::default(), ..options.clone() };
     let report_archive = |file: &mut Option<PathBuf>| {
-        if unpacked.holds(file.as_ref()) {
+        if unpacked.contains(file.as_ref()) {
             *file = Some(path.to_path_buf());
         }
     };
@@ -213,7 +213,7 @@ pub fn load_frames(
     load_each(path.as_ref(), options, numbers.map(moment), each)
 }
 
-/// Is a file of Blender's, or of a format that Blender imports (USD, FBX, Alembic, Collada), by its extension?
+/// Is it a Blender file, or a file in a format that Blender imports (USD, FBX, Alembic, Collada), by its extension?
 pub fn is_blender_file(path: impl AsRef<Path>) -> bool {
     matches!(formats::of(path.as_ref()), Format::Blender)
 }
@@ -265,7 +265,7 @@ fn add_smooth_normals(path: &Path, options: &LoadOptions, is_mesh_file: bool, lo
     if count == 0 {
         let why = match is_mesh_file {
             true => "all meshes have normals",
-            false => "it is for OBJ and PLY files; scene files have the key 'smooth' of objects",
+            false => "it applies to OBJ and PLY files; objects in scene files have the key 'smooth'",
         };
         let message = format!("{} has no effect: {why}", Choice::Smooth);
         loaded.warnings.push(Warning::new(path, "", ("unused-option", message)));
@@ -282,7 +282,7 @@ fn subdivide_all(path: &Path, options: &LoadOptions, is_mesh_file: bool, loaded:
         let why = match is_mesh_file {
             true => "there are no meshes",
             false => {
-                "it is for OBJ and PLY files; objects of scene files, and beside models, have the key 'subdivide'"
+                "it applies to OBJ and PLY files; objects in scene files and sidecars have the key 'subdivide'"
             }
         };
         let message = ("unused-option", format!("{} has no effect: {why}", Choice::Subdivide));
@@ -339,7 +339,7 @@ fn complete(
     }
     // Subdivision is done; meshes of the next time sample differ.
     loaded.polygons = subdivide::Polygons::default();
-    mesh_tools::flatten_placements(path, loaded);
+    mesh_tools::flatten_singular_instances(path, loaded);
     displace::apply(loaded)?;
     procedural_media::apply(loaded)?;
     loaded.is_model = model.is_some() || formats::is_imported_by_blender(path);
@@ -354,8 +354,8 @@ fn warn_of_unused_options(path: &Path, options: &LoadOptions, is_mesh_file: bool
     if is_mesh_file && options.gltf.time_s.is_some() {
         warn("files of this type have no animations: all frames are the same picture");
     }
-    let of_assets = gltf::GltfOptions { time_s: None, ..options.gltf.clone() };
-    if is_mesh_file && of_assets != gltf::GltfOptions::default() {
+    let other_options = gltf::GltfOptions { time_s: None, ..options.gltf.clone() };
+    if is_mesh_file && other_options != gltf::GltfOptions::default() {
         warn(
             "options for glTF assets (scene, node, variant, lights, glass) have no effect on files of this type",
         );

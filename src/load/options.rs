@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::SystemTime;
 
-/// Options of loading.
+/// Options for loading.
 #[derive(Clone, Debug, Default)]
 pub struct LoadOptions {
     /// Allow a glTF asset to refer to files outside its own folder.
@@ -39,8 +39,8 @@ pub struct LoadOptions {
     pub keeps_polygons: bool,
     /// Shutter interval and motion keys.
     pub shutter: ShutterOptions,
-    /// Names of the model's empty nodes where lights will be placed: motion keys cover their trajectories. The loader
-    /// adds those of the sidecar.
+    /// Names of the model's empty nodes at which lights will be placed; their motion determines the number of motion keys too. The
+    /// loader adds those of the sidecar.
     pub lit_nodes: BTreeSet<String>,
     /// Stage (camera, lights, ground) for models without a camera or light.
     pub stage: StageOptions,
@@ -80,7 +80,7 @@ pub struct Loaded {
     /// The origin of the model's meshes in world space, metres: coordinates beyond the precision of
     /// f32 are stored relative to it, and instances are translated by it.
     pub offset: DVec3,
-    /// The scene is the model of another program, whose emissive parts need not be meant as lights.
+    /// The scene is a model from another program, whose emissive surfaces may not be intended as lights.
     pub is_model: bool,
     /// The lights are those of a stage that the loader added.
     pub is_stage_lit: bool,
@@ -113,7 +113,7 @@ pub struct BlenderExport {
     pub lost: Vec<String>,
     /// Opaque materials whose base colour has an image with alpha.
     pub unused_alpha: Vec<String>,
-    /// Objects with a material of `lost` that enclose a camera or a light, such as the domain of a fog, with its name.
+    /// Objects with a material in `lost` that enclose a camera or a light, such as the domain of a fog; with the name of the camera or light.
     pub enclosing: Vec<(String, String)>,
 }
 

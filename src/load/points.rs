@@ -99,17 +99,17 @@ fn clamped(x: f32) -> f32 {
 // Radius from the spacing of the points.
 
 /// Maximum number of points at which the spacing is measured.
-const PROBES: usize = 2000;
+const MAX_SAMPLES: usize = 2000;
 /// The spacing is the distance of the k-th nearest neighbour: points of a square grid have four at the same distance.
-const NEIGHBOUR: usize = 4;
-/// Radius over spacing: half a square's diagonal, so that spheres on a grid leave no gaps.
-const RADIUS: f64 = 0.71;
+const NEAREST: usize = 4;
+/// Ratio of radius to spacing: half a square's diagonal, so that spheres on a grid leave no gaps.
+const RADIUS_OVER_SPACING: f64 = 0.71;
 /// Expected number of points per cell of the search grid, for points on a surface.
-const IN_CELL: f64 = 4.0;
-/// Maximum radius relative to the diagonal of the cloud's bounds, for clouds of few points.
-const MAX: f64 = 0.02;
-/// Radius of clouds without a spacing, relative to the diagonal of their bounds; in metres for bounds of size 0.
-const MIN: f64 = 1e-3;
+const POINTS_PER_CELL: f64 = 4.0;
+/// Maximum radius relative to the diagonal of the cloud's bounding box, for clouds of few points.
+const MAX_RADIUS: f64 = 0.02;
+/// Radius of clouds whose spacing is 0, relative to the diagonal of their bounding box; in metres for a box of size 0.
+const MIN_RADIUS: f64 = 1e-3;
 
 /// Sphere radius from the median distance of the fourth nearest neighbour; above 0.
 fn radius(positions: &[[f32; 3]]) -> f64 {
@@ -119,14 +119,14 @@ fn radius(positions: &[[f32; 3]]) -> f64 {
     let max = points.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
     let size = if points.is_empty() { 0.0 } else { (max - min).length() };
     if size <= 0.0 {
-        return MIN;
+        return MIN_RADIUS;
     }
-    let grid = Grid::new(&points, min, size * (IN_CELL / points.len() as f64).sqrt().min(1.0));
-    let step = points.len().div_ceil(PROBES);
+    let grid = Grid::new(&points, min, size * (POINTS_PER_CELL / points.len() as f64).sqrt().min(1.0));
+    let step = points.len().div_ceil(MAX_SAMPLES);
     let mut distances: Vec<f64> = points.iter().step_by(step).filter_map(|&p| grid.neighbour(p)).collect();
     distances.sort_by(f64::total_cmp);
     let median = distances.get(distances.len() / 2).copied().unwrap_or(0.0);
-    if median > 0.0 { (RADIUS * median).min(MAX * size) } else { MIN * size }
+    if median > 0.0 { (RADIUS_OVER_SPACING * median).min(MAX_RADIUS * size) } else { MIN_RADIUS * size }
 }
 
 /// Uniform grid of points for neighbour search.
@@ -163,7 +163,7 @@ impl Grid<'_> {
             near.extend(found.map(|&i| self.points[i as usize].distance(p)).filter(|&d| d > 0.0));
         }
         near.sort_by(f64::total_cmp);
-        near.get(NEIGHBOUR - 1).or(near.last()).copied()
+        near.get(NEAREST - 1).or(near.last()).copied()
     }
 }
 

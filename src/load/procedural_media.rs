@@ -15,7 +15,7 @@ use rayon::prelude::*;
 use std::sync::Arc;
 
 /// Default maximum number of voxels of a grid.
-const VOXELS: f64 = (1u64 << 21) as f64;
+const DEFAULT_MAX_VOXELS: f64 = (1u64 << 21) as f64;
 /// Default maximum number of voxels along the longest edge of a grid.
 const MAX_RESOLUTION: u32 = 512;
 
@@ -25,7 +25,7 @@ const MAX_VOXELS: f64 = (1u64 << 26) as f64;
 /// Replaces the textures of all media by grids.
 ///
 /// # Errors
-/// A damaged image of such a texture.
+/// If an image of such a texture is damaged.
 pub(super) fn apply(loaded: &mut Loaded) -> Result<(), Error> {
     for id in (0..loaded.scene.materials.len() as u32).map(MaterialId) {
         let Some(medium) = loaded.scene.materials[id.index()].medium else { continue };
@@ -38,7 +38,7 @@ pub(super) fn apply(loaded: &mut Loaded) -> Result<(), Error> {
     Ok(())
 }
 
-/// Removes the textures of media in components of mixes, with a warning: these media become homogeneous.
+/// Removes the media's textures in components of mixes, with a warning: these media become homogeneous.
 fn remove_from_mixes(material: &mut Material, warnings: &mut Vec<Warning>) {
     let Model::Mix { components } = &mut material.model else { return };
     for part in components.iter_mut().map(|component| &mut component.material) {
@@ -66,7 +66,7 @@ fn evaluate(loaded: &mut Loaded, id: MaterialId, medium: Medium) -> Result<(), E
     loaded.warnings.extend(report.warnings);
     let max_voxels = MAX_VOXELS / solids.len() as f64;
     let (resolution, max_voxels) = match textures.resolution {
-        0 => (MAX_RESOLUTION, VOXELS.min(max_voxels)),
+        0 => (MAX_RESOLUTION, DEFAULT_MAX_VOXELS.min(max_voxels)),
         resolution => (resolution, max_voxels),
     };
     let camera_from_world = loaded
@@ -78,14 +78,14 @@ fn evaluate(loaded: &mut Loaded, id: MaterialId, medium: Medium) -> Result<(), E
     for (number, solid) in solids.iter().enumerate() {
         let voxels = Voxels::of(solid, resolution, max_voxels);
         let at = |texture| voxels.values(solid, (&compiled, texture), &camera_from_world);
-        let values = Values {
+        let baked = BakedTextures {
             density: textures.density.map(at),
             color: textures.color.map(at),
             emission: textures.emission.map(at),
         };
         let own = &loaded.scene.materials[id.index()];
         let (name, own) = (own.name.clone(), own.clone());
-        let (baked, was_clamped) = values.medium(&mut loaded.scene, medium, &voxels, &name);
+        let (baked, was_clamped) = baked.medium(&mut loaded.scene, medium, &voxels, &name);
         is_clamped |= was_clamped;
         let baked = Material { medium: Some(baked), ..own };
         if number == 0 {
@@ -97,8 +97,7 @@ fn evaluate(loaded: &mut Loaded, id: MaterialId, medium: Medium) -> Result<(), E
     }
     if is_clamped {
         let name = &loaded.scene.materials[id.index()].name;
-        let message =
-            format!("material '{name}': the density of its medium is clamped, as it is too high in places");
+        let message = format!("material '{name}': the density of its medium is clamped where it is too high");
         loaded.warnings.push(Warning::general(("medium-too-dense", message)));
     }
     Ok(())
@@ -118,7 +117,7 @@ struct Solid {
 enum SolidObject {
     Instance(usize),
     Shape(usize),
-    /// Objects with one shared grid, as none can have its own material.
+    /// Several objects with one shared grid, since they can't have materials of their own.
     Several,
 }
 
@@ -146,14 +145,14 @@ impl Solid {
                 let (low, high) = (low.as_dvec3(), high.as_dvec3());
                 solids.push(Solid { object: SolidObject::Instance(index), data, world_from_box, low, high });
             } else if let Some(extent) = extents[index].0 {
-                join(&mut others, data, extent);
+                add_to_shared(&mut others, data, extent);
             }
         }
         for quad in scene.quads.iter().filter(|quad| quad.material == id) {
             let corners = quad.corners();
             let extent =
                 corners.iter().fold((corners[0], corners[0]), |(low, high), &c| (low.min(c), high.max(c)));
-            join(&mut others, ObjectData::of_quad(quad, DVec3::ZERO), extent);
+            add_to_shared(&mut others, ObjectData::of_quad(quad, DVec3::ZERO), extent);
         }
         for (index, shape) in scene.shapes.iter().enumerate().filter(|(_, shape)| shape.material == id) {
             let (low, high) = (shape.center - shape.half_extent(), shape.center + shape.half_extent());
@@ -181,7 +180,7 @@ impl Solid {
 }
 
 /// Adds an object to the solid with a shared grid, which is axis-aligned in world space.
-fn join(others: &mut Option<Solid>, data: ObjectData, (low, high): (DVec3, DVec3)) {
+fn add_to_shared(others: &mut Option<Solid>, data: ObjectData, (low, high): (DVec3, DVec3)) {
     let (world_from_object, object_from_world) = (DAffine3::IDENTITY, DAffine3::IDENTITY);
     let data = ObjectData { world_from_object, object_from_world, location: Vec3::ZERO, ..data };
     let (object, world_from_box) = (SolidObject::Several, DAffine3::IDENTITY);
@@ -285,13 +284,13 @@ fn color(
 }
 
 /// Baked textures of a medium, linear RGB per voxel; `None` for coefficients without a texture.
-struct Values {
+struct BakedTextures {
     density: Option<Vec<[f32; 3]>>,
     color: Option<Vec<[f32; 3]>>,
     emission: Option<Vec<[f32; 3]>>,
 }
 
-impl Values {
+impl BakedTextures {
     /// The medium with grids instead of textures, and whether densities were clamped.
     fn medium(self, scene: &mut Scene, medium: Medium, voxels: &Voxels, name: &str) -> (Medium, bool) {
         let mut baked = Medium { textures: MediumTextures::default(), ..medium };

@@ -150,7 +150,7 @@ pub(super) fn material() -> Material {
     }
 }
 
-/// The scene of a file with splats only; `up`: the up axis customary for its format, with the reason for messages.
+/// The scene of a file with splats only. `up`: the up axis customary for its format, with the reason for messages.
 pub(super) fn finish(path: &Path, list: SplatList, up: (Up, &'static str)) -> Result<Loaded> {
     let mut loaded = Loaded::default();
     let (messages, faint) = list.messages();
@@ -207,7 +207,7 @@ pub(in crate::load) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded
     let bytes = files::read_model(path)?;
     let (list, warning) = read(&bytes).map_err(|problem| Error::input_problems(path, vec![problem]))?;
     drop(bytes);
-    let mut loaded = finish(path, list, (Up::Y, "the custom of SPZ files"))?;
+    let mut loaded = finish(path, list, (Up::Y, "convention of SPZ files"))?;
     loaded.warnings.extend(warning.map(|what| Warning::new(path, "", what)));
     Ok(loaded)
 }
@@ -270,30 +270,35 @@ impl Header {
         Ok(Header { version, count: word(8) as usize, degree, fraction_bits })
     }
 
-    /// Coefficients per channel after the first.
-    fn in_file(&self) -> usize {
+    /// Number of coefficients per channel after the first.
+    fn higher_coefficients(&self) -> usize {
         Splats::coefficients_of(self.degree) - 1
     }
 
     /// Size of a splat's rotation, bytes.
-    fn in_rotation(&self) -> usize {
+    fn rotation_size(&self) -> usize {
         if self.version >= 3 { 4 } else { 3 }
     }
 
     /// Sizes of the lists, bytes: positions, alphas, colours, scales, rotations, harmonics.
     fn sizes(&self) -> [usize; 6] {
-        [9, 1, 3, 3, self.in_rotation(), 3 * self.in_file()].map(|n: usize| n.saturating_mul(self.count))
+        [9, 1, 3, 3, self.rotation_size(), 3 * self.higher_coefficients()]
+            .map(|n: usize| n.saturating_mul(self.count))
     }
 }
 
 /// The splats of a file, and a warning about unread data.
 pub(in crate::load) fn read(bytes: &[u8]) -> std::result::Result<(SplatList, Option<String>), Problem> {
     let header = Header::of(bytes)?;
-    let streams = if header.version >= 4 { packed(&header, bytes)? } else { plain(&header, bytes)? };
+    let streams = if header.version >= 4 {
+        zstd_streams(&header, bytes)?
+    } else {
+        uncompressed_streams(&header, bytes)?
+    };
     let degree = header.degree.min(Splats::MAX_DEGREE);
     let mut list = SplatList::new(header.count, degree, DVec3::ZERO)?;
     let unit = f64::from(1u32 << header.fraction_bits).recip();
-    let (in_rotation, in_file) = (header.in_rotation(), header.in_file());
+    let (rotation_size, higher_coefficients) = (header.rotation_size(), header.higher_coefficients());
     let mut coefficients: Vec<[f32; 3]> = Vec::new();
     for i in 0..header.count {
         let three = |list: &[u8]| -> [f32; 3] { std::array::from_fn(|k| f32::from(list[3 * i + k])) };
@@ -305,15 +310,15 @@ pub(in crate::load) fn read(bytes: &[u8]) -> std::result::Result<(SplatList, Opt
         };
         coefficients.clear();
         coefficients.push(three(&streams.colors).map(|c| (c / 255.0 - 0.5) / COLOR_SCALE));
-        let own = &streams.harmonics[3 * in_file * i..3 * in_file * (i + 1)];
+        let own = &streams.harmonics[3 * higher_coefficients * i..3 * higher_coefficients * (i + 1)];
         let byte = |b: u8| (f32::from(b) - 128.0) / 128.0;
         let rest = own.chunks_exact(3).take(Splats::coefficients_of(degree) - 1);
         coefficients.extend(rest.map(|c| [byte(c[0]), byte(c[1]), byte(c[2])]));
-        let rotation = &streams.rotations[in_rotation * i..in_rotation * (i + 1)];
+        let rotation = &streams.rotations[rotation_size * i..rotation_size * (i + 1)];
         list.push(&FileSplat {
             center: DVec3::new(coordinate(0), coordinate(1), coordinate(2)),
             scales: three(&streams.scales).map(|s| exp(s / 16.0 - 10.0)),
-            rotation: if in_rotation == 4 { smallest_three(rotation) } else { first_three(rotation) },
+            rotation: if rotation_size == 4 { smallest_three(rotation) } else { first_three(rotation) },
             opacity: f32::from(streams.alphas[i]) / 255.0,
             coefficients: &coefficients,
         });
@@ -328,7 +333,7 @@ fn truncated(header: &Header) -> Problem {
 }
 
 /// Uncompressed lists after the header.
-fn plain<'a>(header: &Header, bytes: &'a [u8]) -> std::result::Result<Streams<'a>, Problem> {
+fn uncompressed_streams<'a>(header: &Header, bytes: &'a [u8]) -> std::result::Result<Streams<'a>, Problem> {
     let mut rest = &bytes[OLD_HEADER..];
     let next = |size: usize| {
         let (list, after) = rest.split_at_checked(size).ok_or_else(|| truncated(header))?;
@@ -339,12 +344,13 @@ fn plain<'a>(header: &Header, bytes: &'a [u8]) -> std::result::Result<Streams<'a
 }
 
 /// Lists in one Zstandard stream each; empty ones have none.
-fn packed<'a>(header: &Header, bytes: &'a [u8]) -> std::result::Result<Streams<'a>, Problem> {
+fn zstd_streams<'a>(header: &Header, bytes: &'a [u8]) -> std::result::Result<Streams<'a>, Problem> {
     let sizes = header.sizes();
-    let (stream_count, word) = (sizes.iter().filter(|size| **size > 0).count(), |at: usize| {
+    let stream_count = sizes.iter().filter(|size| **size > 0).count();
+    let word = |at: usize| {
         let bytes: [u8; 8] = bytes.get(at..at.checked_add(8)?)?.try_into().ok()?;
         usize::try_from(u64::from_le_bytes(bytes)).ok()
-    });
+    };
     if bytes.len() < HEADER || usize::from(bytes[15]) != stream_count {
         return Err(truncated(header));
     }

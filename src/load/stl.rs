@@ -3,7 +3,7 @@
 //! Layout: 3D Systems 1988, "StereoLithography Interface Specification". Binary files have 80 bytes of header, the number of
 //! triangles (u32, little-endian), and 50 bytes per triangle: normal and corners as f32, and a 16-bit attribute, which some
 //! programs use for colours of five bits per channel. Normals are face normals and are not read. Coincident corners are merged
-//! to one vertex. Files have neither units nor materials; z is up by the custom of printing and CAD.
+//! to one vertex. Files have neither units nor materials; z is up by convention of 3D printing and CAD.
 
 use super::mesh_tools::{NAMELESS, Repairs, bound_colors, color_triangles, triangulate};
 use super::words::{decimal_commas, is_nan_word};
@@ -40,8 +40,8 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let bytes = files::read_model(path)?;
     options.counter.begin(bytes.len() as u64);
     let facets = match is_ascii(&bytes) {
-        true => ascii(&bytes).map_err(|problem| Error::input_problems(path, vec![problem]))?,
-        false => binary(path, &bytes)?,
+        true => parse_ascii(&bytes).map_err(|problem| Error::input_problems(path, vec![problem]))?,
+        false => parse_binary(path, &bytes)?,
     };
     options.counter.add(bytes.len() as u64);
     drop(bytes);
@@ -58,7 +58,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     loaded.warnings.extend(warnings);
     add_mesh(path, &facets, origin, &mut loaded)?;
     mesh_tools::place_at_origin(path, origin, &mut loaded);
-    loaded.up_hint = UpHint { writer: Some((Up::Z, "the custom of STL files")), is_mostly_y: false };
+    loaded.up_hint = UpHint { writer: Some((Up::Z, "convention of STL files")), is_mostly_y: false };
     loaded.scene.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     Ok(loaded)
 }
@@ -74,7 +74,7 @@ fn add_mesh(path: &Path, facets: &Facets, origin: DVec3, loaded: &mut Loaded) ->
         material = Material { use_vertex_colors: true, ..Material::lambert("face colours", [1.0; 3]) };
     }
     let mut repairs = Repairs::default();
-    repairs.make(&mut mesh);
+    repairs.repair(&mut mesh);
     loaded.warnings.extend(repairs.warnings(path));
     let too_many = |_| Error::input(path, "has more than 4,294,967,295 triangles or vertices");
     u32::try_from(mesh.positions.len()).map_err(too_many)?;
@@ -125,7 +125,7 @@ fn count(bytes: &[u8]) -> Option<u64> {
     Some(u64::from(u32::from_le_bytes(word.try_into().ok()?)))
 }
 
-fn binary(path: &Path, bytes: &[u8]) -> Result<Facets> {
+fn parse_binary(path: &Path, bytes: &[u8]) -> Result<Facets> {
     let Some(declared) = count(bytes) else {
         let message = format!("is not an STL file: it ends after {} bytes, inside its header", bytes.len());
         return Err(Error::input(path, ("cut-short", message)));
@@ -155,13 +155,13 @@ fn binary(path: &Path, bytes: &[u8]) -> Result<Facets> {
         let numbers = row[12..48].as_chunks::<4>().0;
         facets.corners.extend(numbers.as_chunks::<3>().0.iter().map(|c| c.each_ref().map(|b| float(&b[..]))));
     }
-    facets.colors = colors(&bytes[..80], rows);
+    facets.colors = face_colors(&bytes[..80], rows);
     Ok(facets)
 }
 
 /// Face colours of binary files. Magics has a default colour in the header (`COLOR=`), for faces with bit 15 set, and red in the
 /// lowest bits; other programs set bit 15 for faces with a colour, and have blue in the lowest bits.
-fn colors(header: &[u8], rows: &[[u8; FACET]]) -> Vec<[f32; 4]> {
+fn face_colors(header: &[u8], rows: &[[u8; FACET]]) -> Vec<[f32; 4]> {
     let attribute = |row: &[u8; FACET]| u16::from_le_bytes([row[48], row[49]]);
     let table = srgb_table();
     let level = |value: u16| table[usize::from((value & 31) * 255 / 31)];
@@ -175,7 +175,7 @@ fn colors(header: &[u8], rows: &[[u8; FACET]]) -> Vec<[f32; 4]> {
         }
         let color = |row: &[u8; FACET]| match (has_color(row), attribute(row)) {
             (true, bits) => [level(bits >> 10), level(bits >> 5), level(bits), 1.0],
-            (false, _) => [linear_grey(), linear_grey(), linear_grey(), 1.0],
+            (false, _) => [UNCOLORED, UNCOLORED, UNCOLORED, 1.0],
         };
         return rows.iter().map(color).collect();
     };
@@ -187,13 +187,11 @@ fn colors(header: &[u8], rows: &[[u8; FACET]]) -> Vec<[f32; 4]> {
     rows.iter().map(color).collect()
 }
 
-/// The colour of faces without one, in files with face colours.
-fn linear_grey() -> f32 {
-    0.8
-}
+/// Linear grey of faces without a colour, in files with face colours.
+const UNCOLORED: f32 = 0.8;
 
 /// Reads text: `vertex x y z` up to `endloop` for each face; normals and names are ignored.
-fn ascii(bytes: &[u8]) -> std::result::Result<Facets, Problem> {
+fn parse_ascii(bytes: &[u8]) -> std::result::Result<Facets, Problem> {
     let (mut facets, mut polygon) = (Facets::default(), Vec::<[f64; 3]>::new());
     let mut degenerate = 0usize;
     for (number, line) in bytes.split(|&b| b == b'\n' || b == b'\r').enumerate() {

@@ -67,7 +67,7 @@ impl Unpacked {
     }
 
     /// Whether a file belongs to the archive.
-    pub fn holds(&self, file: Option<&PathBuf>) -> bool {
+    pub fn contains(&self, file: Option<&PathBuf>) -> bool {
         file.is_some_and(|file| file.starts_with(self.folder.path()))
     }
 

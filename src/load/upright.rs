@@ -47,7 +47,7 @@ pub(super) fn apply_guessed_up(path: &Path, options: &LoadOptions, loaded: &mut 
     if options.up != Up::Auto || !is_bare || scene.environment != Environment::Black {
         return;
     }
-    let (up, why) = up(loaded);
+    let (up, why) = guess_up(loaded);
     if up != Up::Y {
         let message = ("up-guessed", format!("{} points up, by {why} ({} decides)", up.name(), Choice::Up));
         loaded.notes.push(Warning::new(path, "", message));
@@ -70,14 +70,16 @@ const MAX_TRIANGLES: usize = 200_000;
 const BASE: f64 = 0.03;
 /// Cells along each axis of the grid for the symmetry test.
 const CELLS: usize = 16;
-/// Minimum lead of z's score over y's: in other formats, and in mostly y-up formats.
-const LEAD: [f64; 2] = [0.45, 0.1];
+/// Minimum lead of one axis's score over the other's as evidence.
+const MIN_LEAD: f64 = 0.1;
+/// Minimum lead of z's score over y's in mostly y-up formats.
+const MIN_LEAD_OF_Z: f64 = 0.45;
 /// Minimum number of triangles of a terrain.
 const TERRAIN: usize = 100;
 
-/// The up axis and the reason for messages; empty without evidence. The model's position is no evidence, so that translated
-/// copies have the same up axis.
-fn up(loaded: &Loaded) -> (Up, &'static str) {
+/// The up axis, and the reason for messages, empty without evidence. The model's position is not used, so that translated
+/// copies get the same up axis.
+fn guess_up(loaded: &Loaded) -> (Up, &'static str) {
     let UpHint { writer, is_mostly_y } = loaded.up_hint;
     if let Some((up, why)) = writer {
         return (up, why);
@@ -95,9 +97,9 @@ fn up(loaded: &Loaded) -> (Up, &'static str) {
         return (up, "its shape, as of terrain");
     }
     let lead = surface.up_score(2) - surface.up_score(1);
-    match lead > LEAD[usize::from(!is_mostly_y)] {
+    match lead > if is_mostly_y { MIN_LEAD_OF_Z } else { MIN_LEAD } {
         true => (Up::Z, "its shape: base and symmetry"),
-        false if lead < -LEAD[1] => (Up::Y, "its shape: base and symmetry"),
+        false if lead < -MIN_LEAD => (Up::Y, "its shape: base and symmetry"),
         false => (Up::Y, "convention, as its shape gives no evidence"),
     }
 }

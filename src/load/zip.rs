@@ -145,7 +145,7 @@ fn entries(bytes: &[u8]) -> Option<Vec<Entry>> {
             size: number(header, 24, 4)?,
             at: number(header, 42, 4)?,
         };
-        entry.widen(header.get(46 + name..46 + name + extra)?);
+        entry.read_zip64_field(header.get(46 + name..46 + name + extra)?);
         entries.push(entry);
         at += 46 + name + extra + comment;
     }
@@ -154,7 +154,7 @@ fn entries(bytes: &[u8]) -> Option<Vec<Entry>> {
 
 impl Entry {
     /// Replaces saturated 32-bit numbers by the 64-bit numbers of the ZIP64 extra field.
-    fn widen(&mut self, mut extra: &[u8]) {
+    fn read_zip64_field(&mut self, mut extra: &[u8]) {
         const FULL: u64 = 0xffff_ffff;
         while let (Some(kind), Some(length)) = (number(extra, 0, 2), number(extra, 2, 2)) {
             let Some(data) = extra.get(4..4 + length as usize) else { return };

@@ -4,7 +4,7 @@ use super::{Instance, Mesh, Quad, Scene, Splats};
 use crate::math::DVec3;
 use rayon::prelude::*;
 
-/// Maximum number of vertices of all instances. Beyond, meshes with the most vertices are replaced by their bounding boxes.
+/// Maximum number of vertices of all instances. Above it, the meshes with the most vertices are replaced by their bounding boxes.
 const MAX_VERTICES: usize = 20_000_000;
 
 /// A bounding box in world space, metres: minimum and maximum; `None` if empty.
@@ -27,21 +27,21 @@ impl Extent {
 
 /// Points whose convex hull contains a mesh.
 enum HullPoints<'m> {
-    /// The vertices of a mesh with a true flag.
-    Used(&'m Mesh, Vec<bool>),
+    /// The vertices of a mesh whose flag is set.
+    Vertices(&'m Mesh, Vec<bool>),
     /// The corners of its bounding box.
-    Around(Vec<DVec3>),
+    BoxCorners(Vec<DVec3>),
 }
 
 impl HullPoints<'_> {
     /// Calls `each` with each point.
     fn visit(&self, mut each: impl FnMut(DVec3)) {
         match self {
-            HullPoints::Used(mesh, used) => {
+            HullPoints::Vertices(mesh, used) => {
                 let points = mesh.positions.iter().zip(used).filter(|(_, used)| **used);
                 points.for_each(|(p, _)| each(DVec3::from(p.map(f64::from))));
             }
-            HullPoints::Around(points) => points.iter().for_each(|&p| each(p)),
+            HullPoints::BoxCorners(points) => points.iter().for_each(|&p| each(p)),
         }
     }
 
@@ -65,20 +65,20 @@ pub struct MeshHulls<'s> {
 impl<'s> MeshHulls<'s> {
     /// The hulls of a scene's meshes.
     pub fn of(scene: &'s Scene) -> MeshHulls<'s> {
-        let mut placements = vec![0usize; scene.meshes.len()];
+        let mut instance_counts = vec![0usize; scene.meshes.len()];
         for instance in &scene.instances {
-            if let Some(times) = placements.get_mut(instance.mesh.index()) {
-                *times += 1;
+            if let Some(count) = instance_counts.get_mut(instance.mesh.index()) {
+                *count += 1;
             }
         }
-        let is_boxed = boxed_meshes(scene, &placements);
+        let is_boxed = boxed_meshes(scene, &instance_counts);
         let points = |(mesh, &is_boxed): (_, &bool)| {
-            let used = HullPoints::Used(mesh, used_vertices(mesh));
+            let used = HullPoints::Vertices(mesh, used_vertices(mesh));
             if !is_boxed {
                 return used;
             }
             let corners = |(low, high)| box_corners(low, high);
-            HullPoints::Around(used.extent(|p| p).0.map_or(Vec::new(), corners))
+            HullPoints::BoxCorners(used.extent(|p| p).0.map_or(Vec::new(), corners))
         };
         MeshHulls { scene, points: scene.meshes.par_iter().zip(&is_boxed).map(points).collect() }
     }
@@ -111,8 +111,8 @@ pub fn instance_extents(scene: &Scene) -> Vec<Extent> {
 }
 
 /// Selects meshes to be replaced by their bounding boxes, so that at most [`MAX_VERTICES`] vertices of instances are left.
-fn boxed_meshes(scene: &Scene, placements: &[usize]) -> Vec<bool> {
-    let placed = |i: usize| scene.meshes[i].positions.len().saturating_mul(placements[i]);
+fn boxed_meshes(scene: &Scene, instance_counts: &[usize]) -> Vec<bool> {
+    let placed = |i: usize| scene.meshes[i].positions.len().saturating_mul(instance_counts[i]);
     let mut remaining = (0..scene.meshes.len()).map(placed).fold(0, usize::saturating_add);
     let mut largest: Vec<usize> =
         (0..scene.meshes.len()).filter(|&i| scene.meshes[i].positions.len() > 8).collect();
@@ -123,7 +123,7 @@ fn boxed_meshes(scene: &Scene, placements: &[usize]) -> Vec<bool> {
             break;
         }
         is_boxed[i] = true;
-        remaining = remaining.saturating_sub(placed(i)).saturating_add(placements[i].saturating_mul(8));
+        remaining = remaining.saturating_sub(placed(i)).saturating_add(instance_counts[i].saturating_mul(8));
     }
     is_boxed
 }

@@ -62,7 +62,7 @@ pub struct Camera {
     pub world_from_camera: DAffine3,
     /// Projection.
     pub projection: Projection,
-    /// Width over height of the file, used if the picture's size isn't given in full.
+    /// Aspect ratio (width over height) stored in the file; used if the picture's size isn't given in full.
     pub aspect_ratio: Option<f64>,
     /// Width over height of a pixel, 0.001 to 1000. The vertical field of view is kept; must be 1 for panoramas.
     pub pixel_aspect: f64,
@@ -70,7 +70,7 @@ pub struct Camera {
     pub lens: Option<ThinLens>,
     /// Lens shift to the right and up, in picture heights; vertical lines stay parallel.
     pub shift: [f64; 2],
-    /// Clip distances of camera rays, metres: from the camera plane, for panoramas from the camera. `None` for no clipping.
+    /// Near and far clip distances of camera rays, metres: from the camera plane, or for panoramas from the camera; `None` for no clipping.
     /// Clipped surfaces still cast shadows and are visible in mirrors.
     pub clip: Option<[f64; 2]>,
     /// Transforms at other times, if the camera moves.

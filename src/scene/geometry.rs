@@ -198,8 +198,8 @@ kinds! {
     Disk "disk" "disks" closed: false half_extent: disk_half_extent;
     /// A disk that always faces the origin of the ray: a light with a soft falloff. Not textured.
     FacingDisk "facing disk" "facing disks" closed: false half_extent: |_| DVec3::ONE;
-    /// A sphere that each ray intersects at most once: from outside at its near side, from inside at its far side. A light that
-    /// rays pass.
+    /// A sphere that each ray intersects at most once: from outside on its near side, from inside on its far side. For lights that
+    /// rays pass through.
     Shell "shell" "shells" closed: false half_extent: |_| DVec3::ONE;
 }
 
@@ -407,7 +407,7 @@ impl<T> Keyframes<T> {
         self.keys.iter().chain(self.neighbours.iter().flatten())
     }
 
-    /// Maps the value at each time.
+    /// Applies a function to the value at each time.
     pub fn map<U>(&self, of: impl Fn(&T) -> U) -> Keyframes<U> {
         Keyframes {
             keys: self.keys.iter().map(&of).collect(),

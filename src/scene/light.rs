@@ -215,7 +215,7 @@ impl LightProfile {
     }
 
     /// Do the fields satisfy their documented constraints?
-    pub fn is_sound(&self) -> bool {
+    pub fn is_valid(&self) -> bool {
         let increases = |list: &[f32], max: f32| {
             list.windows(2).all(|w| w[0] < w[1])
                 && list.first().is_some_and(|first| *first >= 0.0)
@@ -259,8 +259,8 @@ pub fn group_or_default(name: &str) -> &str {
 
 /// Is a name valid for a light group? It becomes part of channel names.
 pub fn is_group_name(name: &str) -> bool {
-    let is_right = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
-    (1..=64).contains(&name.len()) && name.chars().all(is_right)
+    let is_allowed = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
+    (1..=64).contains(&name.len()) && name.chars().all(is_allowed)
 }
 
 /// The environment, infinitely far away.
@@ -323,7 +323,7 @@ mod tests {
             horizontal_deg: horizontal_deg.into(),
             values: values.into(),
         };
-        assert!(profile.is_sound());
+        assert!(profile.is_valid());
         profile
     }
 
@@ -355,7 +355,7 @@ mod tests {
             let rows: Vec<f32> = values.iter().flat_map(|v| [*v, 2.0 * *v]).collect();
             let own = profile(&[0.0, 180.0], horizontal, &rows);
             let mirrored = own.clone().mirrored();
-            assert!(mirrored.is_sound());
+            assert!(mirrored.is_valid());
             for degrees in [0.0, 30.0, 90.0, 100.0, 181.0, 300.0] {
                 let (found, expected) = (mirrored.at(45.0, degrees), own.at(45.0, 360.0 - degrees));
                 assert!((found - expected).abs() < 1e-5, "{horizontal:?} {degrees}: {found} {expected}");

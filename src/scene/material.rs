@@ -20,7 +20,7 @@ pub struct Emission {
     pub two_sided: bool,
 }
 
-/// Alpha mode, as of glTF.
+/// Alpha mode (glTF).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum AlphaMode {
     /// Alpha is ignored.
@@ -35,12 +35,12 @@ pub enum AlphaMode {
     Blend,
 }
 
-/// Special properties of an emissive surface: ray visibility, whether it blocks rays (lights of Blender don't), and beam shape.
+/// Special properties of an emissive surface: ray visibility, whether it blocks rays (Blender's lights don't), and beam shape.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EmitterTraits {
     /// Ray kinds that the surface is visible to; others pass through it and receive no light from it.
     pub visible_to: RayKinds,
-    /// Blocks rays. Otherwise they add its emission and continue behind it.
+    /// Blocks rays. Otherwise rays that hit it add its emission and continue.
     pub is_obstacle: bool,
     /// Angular distribution of its emission.
     pub beam: Beam,
@@ -153,7 +153,7 @@ pub struct Material {
     pub index: u32,
     /// Light group of the emission; empty for the default group.
     pub light_group: String,
-    /// Made for an area light of the file and named after it, instead of a material of the file.
+    /// Generated for an area light of the file and named after it; not a material of the file.
     pub is_light: bool,
 }
 
@@ -455,9 +455,9 @@ models! {
 /// A material of a mix.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MixComponent {
-    /// Weight of the BSDF, from 0; mixes with weights of a sum up to 1 conserve energy.
+    /// Weight of the BSDF, from 0; mixes whose weights sum to at most 1 conserve energy.
     pub weight: ColorSlot,
-    /// Material of the BSDF, normals and medium. Must not be a mix; emission, alpha and displacement are those of the mix.
+    /// Material with the BSDF, normals and medium. Must not be a mix; emission, alpha and displacement are those of the mix.
     pub material: Material,
 }
 
@@ -470,7 +470,7 @@ pub enum Transmission<'a> {
     Thin,
     /// Into a solid of this index of refraction without absorption.
     Clear(f32),
-    /// As of the glTF material.
+    /// That of a glTF material.
     Pbr(&'a PbrMaterial),
 }
 
@@ -528,7 +528,7 @@ pub struct PbrMaterial {
     /// Index of refraction relative to the outside (KHR_materials_ior), by default 1.5; below 1 for bubbles, and 0 for total
     /// reflection.
     pub ior: f32,
-    /// The index of pure glass where it varies over the surface, in place of `ior`, which then is that of the solid among others.
+    /// Textured index of refraction of the interface, for pure glass. `ior` is then used for nested dielectrics only.
     pub varying_ior: Option<FloatSlot>,
     /// Strength of the dielectric reflection (KHR_materials_specular).
     pub specular: FloatSlot,
@@ -577,9 +577,9 @@ named_enum! {
         /// White (physical).
         #[default]
         White = "white",
-        /// The transmission colour of a single interface, as of Cycles' Glass BSDF.
+        /// The transmission colour of a single interface, like Cycles' Glass BSDF.
         Tinted = "tinted",
-        /// Black: refraction only, without Fresnel losses, as of Cycles' Refraction BSDF.
+        /// Black: refraction only, without Fresnel losses, like Cycles' Refraction BSDF.
         None = "none",
     }
 }

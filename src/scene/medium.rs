@@ -112,7 +112,7 @@ impl Medium {
         }
     }
 
-    /// A medium of mean free paths `radius` (metres) of which a half space with an index-matched surface has the diffuse
+    /// The medium with mean free paths `radius` (metres) whose half space, with an index-matched surface, has the diffuse
     /// reflectance `color`.
     ///
     /// The single-scattering albedo is from van de Hulst's fit for diffuse illumination, as inverted by Kulla and Conty (2017,
@@ -131,9 +131,7 @@ impl Medium {
         let s = 4.09712 + 4.20863 * c - (9.59217 + 41.6808 * c + 17.7126 * c * c).sqrt();
         ((1.0 - s * s) / (1.0 - g * s * s)).clamp(0.0, 1.0) as f32
     }
-}
 
-impl Medium {
     /// Diffuse reflectance of a half space of the medium: the inverse of [`Medium::subsurface`].
     pub fn color(&self) -> [f32; 3] {
         let g = f64::from(self.anisotropy);
@@ -224,11 +222,6 @@ mod tests {
             assert!((r - color).abs() < 1e-4 && r == b, "{color} {anisotropy}: {r}");
         }
     }
-}
-
-#[cfg(test)]
-mod grid_tests {
-    use super::*;
 
     #[test]
     fn grid_bounds() {

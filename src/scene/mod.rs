@@ -92,8 +92,8 @@ pub struct Scene {
     pub fog: Option<Fog>,
     /// Ray kinds that the environment is visible to. Without camera rays, the background is transparent.
     pub environment_visible_to: RayKinds,
-    /// No light sampling of the environment: it contributes only through scattered rays that leave the scene, so that visibility to
-    /// their ray kinds, not to shadow rays, determines its shadows.
+    /// The environment is not sampled as a light: it contributes only through scattered rays that leave the scene. Visibility to
+    /// their ray kinds, not to shadow rays, then determines its shadows.
     pub environment_bsdf_only: bool,
     /// Backdrop of transparent pixels.
     pub backdrop: Option<Backdrop>,

@@ -154,7 +154,7 @@ pub enum Link {
 impl Link {
     /// Is an object with these sets linked?
     #[inline(always)]
-    pub const fn holds(self, object: ObjectSets) -> bool {
+    pub const fn includes(self, object: ObjectSets) -> bool {
         match self {
             Link::All => true,
             Link::Only(set) => object.contains(set),
@@ -199,20 +199,17 @@ mod tests {
             assert_eq!(RayKinds::ALL.and(kind), kind, "{name}");
         }
     }
-}
-
-#[cfg(test)]
-mod links_tests {
-    use super::*;
 
     #[test]
     fn links_contain_members_or_all_others() {
         let (a, b) = (ObjectSet::new(3).expect("below 64"), ObjectSet::new(63).expect("below 64"));
         let object = ObjectSets::NONE.with(b);
         assert!(object.contains(b) && !object.contains(a));
-        assert!(Link::All.holds(object) && Link::Only(b).holds(object) && Link::AllBut(a).holds(object));
-        assert!(!Link::Only(a).holds(object) && !Link::AllBut(b).holds(object));
-        assert!(Link::AllBut(b).holds(ObjectSets::NONE) && !Link::Only(b).holds(ObjectSets::NONE));
+        assert!(
+            Link::All.includes(object) && Link::Only(b).includes(object) && Link::AllBut(a).includes(object)
+        );
+        assert!(!Link::Only(a).includes(object) && !Link::AllBut(b).includes(object));
+        assert!(Link::AllBut(b).includes(ObjectSets::NONE) && !Link::Only(b).includes(ObjectSets::NONE));
         assert_eq!(ObjectSet::new(ObjectSet::COUNT), None);
     }
 }

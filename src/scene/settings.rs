@@ -47,8 +47,8 @@ named_enum! {
         /// Light fades out smoothly towards the triangle's horizon.
         #[default]
         Soft = "soft",
-        /// Shadow rays start at the interpolated curved surface, also lit from below the triangle's horizon; like a Geometry Offset of
-        /// 0.1 in Cycles.
+        /// Shadow rays start on the interpolated curved surface, which is also lit from below the triangle's horizon; like a Geometry
+        /// Offset of 0.1 in Cycles.
         Lifted = "lifted",
         /// No remedy.
         Off = "off",

@@ -48,8 +48,8 @@ fn colours_of_obj_vertices_that_are_incomplete() {
 #[test]
 fn statements_of_mtl_files_that_don_t_count() {
     for (statements, expected) in [
-        ("Kd 1.5 0 0\nPr 2", vec!["material 'a': 'Kd', 'Pr' beyond 0 to 1 is clamped"]),
-        ("Ks 1 1 1\nNi 0", vec!["material 'a': 'Ni' 0 is no index of refraction from 1 to 10, ignored"]),
+        ("Kd 1.5 0 0\nPr 2", vec!["material 'a': 'Kd', 'Pr' outside 0 to 1: clamped"]),
+        ("Ks 1 1 1\nNi 0", vec!["material 'a': 'Ni' 0 is not an index of refraction from 1 to 10: ignored"]),
         ("Kd 1 0 0\nNi 1.5\nd 1\nKs 0 0 0", vec![]),
         (
             "illum 4\nNi 1.5\nmap_Kd a.png",

@@ -54,11 +54,11 @@ area = { center = [0, 3, 0], direction = [0, -1, 0], size = [1, 1], power = 1 }
     let [ball, cube] = members(&loaded);
     let quad = |name: &str| loaded.scene.quads.iter().find(|q| q.name == name).expect("a quad").traits.links;
     let LightLinks { receivers, blockers } = loaded.scene.lights[0].links;
-    assert!(receivers.holds(ball) && !receivers.holds(cube), "{receivers:?}");
-    assert!(!blockers.holds(ball) && blockers.holds(cube), "{blockers:?}");
+    assert!(receivers.includes(ball) && !receivers.includes(cube), "{receivers:?}");
+    assert!(!blockers.includes(ball) && blockers.includes(cube), "{blockers:?}");
     let board = quad("board");
-    assert!(board.receivers.holds(ball) && !board.receivers.holds(cube) && board.blockers == Link::All);
-    assert!(board.receivers.holds(ObjectSets::NONE) && !receivers.holds(ObjectSets::NONE));
+    assert!(board.receivers.includes(ball) && !board.receivers.includes(cube) && board.blockers == Link::All);
+    assert!(board.receivers.includes(ObjectSets::NONE) && !receivers.includes(ObjectSets::NONE));
     // The same names are the same set.
     assert_eq!(quad("lamp"), LightLinks { receivers: Link::All, blockers: receivers });
     assert_eq!(members(&scene("").unwrap_or_else(|e| panic!("{e}"))), [ObjectSets::NONE; 2]);

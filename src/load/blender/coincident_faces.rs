@@ -1,6 +1,6 @@
-//! Coincident faces: equal triangles, as of an object and its copy, and triangles of one plane that overlap and face the same way. Cycles
-//! shadows each by the other, so that they are dark in its pictures; here they are lit, which a note explains. Faces of touching bodies,
-//! which face each other, are hidden and don't count.
+//! Coincident faces: equal triangles (an object and its copy), and coplanar overlapping triangles that face the same way. In Cycles they
+//! shadow each other and look dark; here they are lit, and a note says so. Faces of touching bodies face each other, are hidden, and
+//! don't count.
 
 use crate::error::Warning;
 use crate::load::Loaded;
@@ -10,7 +10,7 @@ use crate::scene::{Instance, Mesh, Motion};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Maximum number of triangles of scenes that are searched, for which time and memory are small beside those of loading.
+/// Maximum number of triangles of a scene to search, so that time and memory are small compared with those of loading.
 const MAX_TRIANGLES: usize = 4_000_000;
 
 /// Triangles coincide if their centroids are in the same cell of a grid of this spacing, relative to the size of the scene.
@@ -22,10 +22,10 @@ const MIN_AREA: f64 = 1e-3;
 /// Spacing of the components of unit normals of one plane.
 const NORMAL_CELL: f64 = 1e-4;
 
-/// Scale of triangles about their centroids in overlap tests, so that neighbours don't overlap.
+/// Scale of triangles about their centroids in overlap tests, so that adjacent triangles don't overlap.
 const SHRINK: f64 = 0.99;
 
-/// Maximum number of overlap tests: more overlaps are not found.
+/// Maximum number of overlap tests; further overlaps are not found.
 const MAX_TESTS: usize = 20_000_000;
 
 /// Triangles that cover more cells of the search grid than this are compared with all others of their plane.
@@ -51,7 +51,7 @@ pub(super) fn add_note(path: &Path, loaded: &mut Loaded) {
     let name = |i: u32| format!("'{}'", instances[i as usize].name);
     let objects = if a == b { name(a) } else { format!("{} and {}", name(a), name(b)) };
     let message = format!(
-        "{count} triangles coincide with others or overlap them in one plane, mainly of {objects}: Cycles shows them dark, here they are lit"
+        "{count} triangles coincide with or overlap coplanar ones, mainly in {objects}: they are dark in Cycles, but lit here"
     );
     loaded.notes.push(Warning::new(path, "", ("faces-coincident", message)));
 }
@@ -78,10 +78,10 @@ impl Face {
     }
 }
 
-/// The triangles of still instances, numbered from instance to instance. They are transformed anew at each access: as many as are
-/// searched would take more memory than the scene.
+/// The triangles of static instances, numbered consecutively. Transformed on each access: storing them would take more memory than the
+/// scene.
 struct Faces<'a> {
-    /// Number of the first triangle, number of the instance, and its parts.
+    /// Number of the first triangle, instance index, instance and mesh.
     instances: Vec<(u32, u32, &'a Instance, &'a Mesh)>,
     count: u32,
 }
@@ -117,7 +117,7 @@ impl<'a> Faces<'a> {
     }
 }
 
-/// Coincident triangles of still instances by pairs of instances, twice the same one for faces of one mesh.
+/// Coincident triangles of static instances by pair of instances; both are the same for triangles of one instance.
 fn coincident_pairs(instances: &[Instance], meshes: &[Mesh]) -> BTreeMap<[u32; 2], Coincidence> {
     let Some(faces) = Faces::of(instances, meshes) else { return BTreeMap::new() };
     let (mut min, mut max, mut total) = (DVec3::INFINITY, DVec3::NEG_INFINITY, 0.0);
@@ -138,7 +138,7 @@ fn coincident_pairs(instances: &[Instance], meshes: &[Mesh]) -> BTreeMap<[u32; 2
     }
     let mut pairs =
         Pairs { total, is_found: vec![false; faces.count as usize], by_instances: BTreeMap::new() };
-    for same in alike(&mut places) {
+    for same in equal_hashes(&mut places) {
         let [first, last] = [same[0].1, same[same.len() - 1].1].map(|number| faces.get(number).instance);
         for &(_, number) in same {
             let face = faces.get(number);
@@ -146,20 +146,20 @@ fn coincident_pairs(instances: &[Instance], meshes: &[Mesh]) -> BTreeMap<[u32; 2
         }
     }
     let mut tests = MAX_TESTS;
-    for same in alike(&mut planes) {
+    for same in equal_hashes(&mut planes) {
         let group: Vec<(u32, Face)> = same.iter().map(|&(_, number)| (number, faces.get(number))).collect();
         add_overlaps(&group, &mut pairs, &mut tests);
     }
     pairs.by_instances
 }
 
-/// Hash of a cell of coordinates; cells of different coordinates hardly ever have the same one.
+/// Hash of the grid cell with these coordinates; collisions are negligible.
 fn hash_of<const N: usize>(coordinates: [f64; N]) -> u64 {
     coordinates.into_iter().fold(1, |hash, x| mix64(hash ^ x.round() as i64 as u64))
 }
 
 /// The groups of at least two triangles with the same hash, in ascending order of their numbers.
-fn alike(keys: &mut [(u64, u32)]) -> impl Iterator<Item = &[(u64, u32)]> {
+fn equal_hashes(keys: &mut [(u64, u32)]) -> impl Iterator<Item = &[(u64, u32)]> {
     keys.sort_unstable();
     keys.chunk_by(|a, b| a.0 == b.0).filter(|same| same.len() > 1)
 }
@@ -174,7 +174,7 @@ struct Pairs {
 }
 
 impl Pairs {
-    /// Counts a triangle, once, that coincides with one of another instance or of its own.
+    /// Counts a triangle that coincides with one of the instance `other`; once per triangle.
     fn add(&mut self, number: u32, face: &Face, other: u32) {
         if !std::mem::replace(&mut self.is_found[number as usize], true) {
             let key = [face.instance.min(other), face.instance.max(other)];
@@ -185,7 +185,7 @@ impl Pairs {
     }
 }
 
-/// Adds the triangles of one plane that overlap; at most `tests` pairs are compared.
+/// Adds the triangles of a plane that overlap; at most `tests` pairs are compared.
 fn add_overlaps(faces: &[(u32, Face)], pairs: &mut Pairs, tests: &mut usize) {
     let normal = faces[0].1.normal().abs();
     if normal.max_element() <= 0.0 {

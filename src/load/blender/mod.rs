@@ -27,7 +27,7 @@ pub struct Exported {
     pub scene: PathBuf,
     /// Warnings about losses of the export.
     pub warnings: Vec<Warning>,
-    /// Notes of the export.
+    /// Notes about the export.
     pub notes: Vec<Warning>,
     parent: Arc<TempDir>,
 }
@@ -74,7 +74,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions, is_first_frame: bool) -> 
     let mut loaded =
         scene_file::load(&exported.scene, &inner).map_err(|error| match is_temporary(&error.file) {
             true => Error { file: Some(path.to_path_buf()), ..error }
-                .with_help("this is about what Blender exported; 'oscura export' keeps it"),
+                .with_help("the error is in the exported scene; 'oscura export' writes it to a folder"),
             false => error,
         })?;
     unpack::keep_for(&exported.parent, &mut loaded);

@@ -12,58 +12,22 @@ use std::{env, fs};
 /// File name of the exported scene file, without extension.
 pub(super) const NAME: &str = "scene";
 
+macro_rules! package {
+    ($($name:literal)*) => {
+        &[$(($name, include_str!(concat!("../../../tools/blender/oscura_blender/", $name)))),*]
+    };
+}
+
 /// The exporter's Python package: file names and contents.
-const PACKAGE: &[(&str, &str)] = &[
-    ("__init__.py", include_str!("../../../tools/blender/oscura_blender/__init__.py")),
-    ("bakes.py", include_str!("../../../tools/blender/oscura_blender/bakes.py")),
-    ("cache.py", include_str!("../../../tools/blender/oscura_blender/cache.py")),
-    ("camera.py", include_str!("../../../tools/blender/oscura_blender/camera.py")),
-    ("closures.py", include_str!("../../../tools/blender/oscura_blender/closures.py")),
-    ("cycles.py", include_str!("../../../tools/blender/oscura_blender/cycles.py")),
-    ("displacement.py", include_str!("../../../tools/blender/oscura_blender/displacement.py")),
-    ("export.py", include_str!("../../../tools/blender/oscura_blender/export.py")),
-    ("final_render.py", include_str!("../../../tools/blender/oscura_blender/final_render.py")),
-    ("fingerprint.py", include_str!("../../../tools/blender/oscura_blender/fingerprint.py")),
-    (
-        "generated_coordinates.py",
-        include_str!("../../../tools/blender/oscura_blender/generated_coordinates.py"),
-    ),
-    ("grids.py", include_str!("../../../tools/blender/oscura_blender/grids.py")),
-    ("hair.py", include_str!("../../../tools/blender/oscura_blender/hair.py")),
-    ("hair_colors.py", include_str!("../../../tools/blender/oscura_blender/hair_colors.py")),
-    ("ies_profiles.py", include_str!("../../../tools/blender/oscura_blender/ies_profiles.py")),
-    ("image_files.py", include_str!("../../../tools/blender/oscura_blender/image_files.py")),
-    ("importers.py", include_str!("../../../tools/blender/oscura_blender/importers.py")),
-    ("light_linking.py", include_str!("../../../tools/blender/oscura_blender/light_linking.py")),
-    ("light_nodes.py", include_str!("../../../tools/blender/oscura_blender/light_nodes.py")),
-    ("lights.py", include_str!("../../../tools/blender/oscura_blender/lights.py")),
-    ("materials.py", include_str!("../../../tools/blender/oscura_blender/materials.py")),
-    ("media.py", include_str!("../../../tools/blender/oscura_blender/media.py")),
-    ("mesh_files.py", include_str!("../../../tools/blender/oscura_blender/mesh_files.py")),
-    ("mesh_normals.py", include_str!("../../../tools/blender/oscura_blender/mesh_normals.py")),
-    ("mesh_objects.py", include_str!("../../../tools/blender/oscura_blender/mesh_objects.py")),
-    ("mesh_topology.py", include_str!("../../../tools/blender/oscura_blender/mesh_topology.py")),
-    ("meshes.py", include_str!("../../../tools/blender/oscura_blender/meshes.py")),
-    ("motion.py", include_str!("../../../tools/blender/oscura_blender/motion.py")),
-    ("multiscatter.py", include_str!("../../../tools/blender/oscura_blender/multiscatter.py")),
-    ("node_links.py", include_str!("../../../tools/blender/oscura_blender/node_links.py")),
-    ("node_trees.py", include_str!("../../../tools/blender/oscura_blender/node_trees.py")),
-    ("node_types.py", include_str!("../../../tools/blender/oscura_blender/node_types.py")),
-    ("nodes.py", include_str!("../../../tools/blender/oscura_blender/nodes.py")),
-    ("object_info.py", include_str!("../../../tools/blender/oscura_blender/object_info.py")),
-    ("objects.py", include_str!("../../../tools/blender/oscura_blender/objects.py")),
-    ("point_clouds.py", include_str!("../../../tools/blender/oscura_blender/point_clouds.py")),
-    ("report.py", include_str!("../../../tools/blender/oscura_blender/report.py")),
-    ("scene_file.py", include_str!("../../../tools/blender/oscura_blender/scene_file.py")),
-    ("settings.py", include_str!("../../../tools/blender/oscura_blender/settings.py")),
-    ("sky.py", include_str!("../../../tools/blender/oscura_blender/sky.py")),
-    ("state.py", include_str!("../../../tools/blender/oscura_blender/state.py")),
-    ("subdivision.py", include_str!("../../../tools/blender/oscura_blender/subdivision.py")),
-    ("tangents.py", include_str!("../../../tools/blender/oscura_blender/tangents.py")),
-    ("view_table.py", include_str!("../../../tools/blender/oscura_blender/view_table.py")),
-    ("volumes.py", include_str!("../../../tools/blender/oscura_blender/volumes.py")),
-    ("world.py", include_str!("../../../tools/blender/oscura_blender/world.py")),
-    ("world_nodes.py", include_str!("../../../tools/blender/oscura_blender/world_nodes.py")),
+const PACKAGE: &[(&str, &str)] = package![
+    "__init__.py" "bakes.py" "cache.py" "camera.py" "closures.py" "cycles.py" "displacement.py"
+    "export.py" "final_render.py" "fingerprint.py" "generated_coordinates.py" "grids.py" "hair.py"
+    "hair_colors.py" "ies_profiles.py" "image_files.py" "importers.py" "light_linking.py"
+    "light_nodes.py" "lights.py" "materials.py" "media.py" "mesh_files.py" "mesh_normals.py"
+    "mesh_objects.py" "mesh_topology.py" "meshes.py" "motion.py" "multiscatter.py" "node_links.py"
+    "node_trees.py" "node_types.py" "nodes.py" "object_info.py" "objects.py" "point_clouds.py"
+    "report.py" "scene_file.py" "settings.py" "sky.py" "state.py" "subdivision.py" "tangents.py"
+    "view_table.py" "volumes.py" "world.py" "world_nodes.py"
 ];
 
 /// The script that runs the exporter.
@@ -88,10 +52,10 @@ pub(super) fn run(
 ) -> Result<Report> {
     let unwritable = |e: std::io::Error| Error::output(work, format!("can't be written: {e}"));
     let script = unpack(work, formats::is_imported_by_blender(file)).map_err(unwritable)?;
-    let (log, answer) = (work.join("log.txt"), work.join("report.json"));
+    let (log, report_path) = (work.join("log.txt"), work.join("report.json"));
     let output = File::create(&log).and_then(|f| Ok((f.try_clone()?, f))).map_err(unwritable)?;
     let mut command = command(host, &script);
-    command.arg("--").arg(file).arg(folder).arg(NAME).arg(&answer);
+    command.arg("--").arg(file).arg(folder).arg(NAME).arg(&report_path);
     for (option, value) in arguments(options) {
         command.arg(option).arg(value);
     }
@@ -101,7 +65,7 @@ pub(super) fn run(
     command.stdin(Stdio::null()).stdout(output.0).stderr(output.1).current_dir(work);
     let program = host.program().display();
     let status = command.status().map_err(|e| Error::input(file, format!("{program} can't be run: {e}")))?;
-    let report = fs::read(&answer).ok().and_then(|bytes| Report::parse(&bytes));
+    let report = fs::read(&report_path).ok().and_then(|bytes| Report::parse(&bytes));
     match report {
         Some(mut report) if status.success() && report.error.is_none() => {
             let imported = fs::read(work.join(IMPORTED)).ok().and_then(|bytes| Report::parse(&bytes));
@@ -175,9 +139,9 @@ fn failure(host: &Host, file: &Path, status: ExitStatus, log: &Path) -> Error {
         format!("can't be exported: {} ended with {status}, {message}", host.program().display()),
     );
     match host {
-        Host::Python(_) if text.contains("No module named 'bpy'") => {
-            error.with_help("this Python has no Blender: 'pip install bpy', or name Blender's program")
-        }
+        Host::Python(_) if text.contains("No module named 'bpy'") => error.with_help(
+            "this Python lacks the module 'bpy': run 'pip install bpy', or specify Blender's program",
+        ),
         _ => error.with_help("does Blender itself open the file?"),
     }
 }
@@ -193,8 +157,8 @@ const OLDEST: [u32; 2] = [4, 2];
 /// The help text of errors about a missing Blender.
 fn remedy() -> String {
     format!(
-        "install Blender 4.2 or newer (blender.org), or its Python module by 'pip install bpy'; if it is installed already, \
-         name it: {}, or the environment variable OSCURA_BLENDER",
+        "install Blender 4.2 or newer (blender.org), or its Python module by 'pip install bpy'; if it is installed, specify \
+         its path by {} or the environment variable OSCURA_BLENDER",
         Choice::Blender
     )
 }
@@ -257,7 +221,7 @@ fn identify(program: &Path) -> std::result::Result<Host, String> {
     let Some(version) = version else { return Err("is neither Blender nor Python".to_string()) };
     match numbers(version) {
         Some(found) if found >= OLDEST => Ok(Host::Blender(program.to_path_buf())),
-        _ => Err(format!("is Blender {version}, and too old")),
+        _ => Err(format!("is Blender {version}, which is too old")),
     }
 }
 
@@ -361,11 +325,6 @@ mod tests {
         names.sort();
         assert_eq!(names, PACKAGE.iter().map(|(name, _)| name.to_string()).collect::<Vec<_>>());
     }
-}
-
-#[cfg(test)]
-mod host_tests {
-    use super::*;
 
     #[test]
     fn versions_are_parsed() {

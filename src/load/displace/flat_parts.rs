@@ -1,11 +1,11 @@
-//! Parts of flat meshes that stay flat where other parts get the normals of their vertices.
+//! Flat-shaded meshes in which some parts get vertex normals and the others stay flat.
 
 use crate::load::smooth::append_vertices;
 use crate::math::Vec3;
 use crate::scene::Mesh;
 
-/// Gives a flat mesh normals: those of vertices, and in some parts those of faces, with own vertices for each corner, so that all keys
-/// of a deforming mesh have the same vertices.
+/// Sets vertex normals of a flat-shaded mesh. Parts that stay flat get face normals, and a vertex for each corner: always, so that all
+/// keys of a deforming mesh have the same vertices.
 pub(super) fn split(mesh: &mut Mesh, faces: &[Vec3], stays_flat: &[bool], vertex_normals: &mut Vec<Vec3>) {
     mesh.normals = vertex_normals.iter().map(|normal| normal.to_array()).collect();
     let mut origins = Vec::new();

@@ -1,5 +1,5 @@
-//! Displacement at load time: the vertices of meshes move along their normals by height maps, for which the meshes are subdivided,
-//! or by the vectors of node graphs. Also converts height maps to normal maps.
+//! Displacement at load time: vertices move along their normals by a height map, after subdivision of the mesh, or by the vectors of a
+//! node graph. Also converts height maps to normal maps.
 
 mod flat_parts;
 mod normal_maps;
@@ -22,7 +22,7 @@ use tessellate::MAX_TRIANGLES;
 /// Displaces all meshes whose materials have a displacement, then removes it from the materials.
 ///
 /// # Errors
-/// A damaged image of a displacement.
+/// If the image of a displacement is damaged.
 pub(super) fn apply(loaded: &mut Loaded) -> Result<(), Error> {
     if loaded.scene.materials.iter().all(|m| m.displacement.is_none()) {
         return Ok(());
@@ -40,7 +40,7 @@ pub(super) fn apply(loaded: &mut Loaded) -> Result<(), Error> {
 fn warn_of_shapes(scene: &Scene, displacers: &Displacers, warnings: &mut Vec<Warning>) {
     let shape = scene.shapes.iter().find(|shape| displacers.of_material(shape.material).is_some());
     if let Some(shape) = shape {
-        warn(warnings, &shape.name, "only meshes, boxes and quads are displaced, no spheres or disks");
+        warn(warnings, &shape.name, "spheres and disks can't be displaced: only meshes, boxes and quads can");
     }
 }
 
@@ -49,7 +49,11 @@ fn quads_to_meshes(scene: &mut Scene, displacers: &Displacers, warnings: &mut Ve
     let displaced = |quad: &Quad| displacers.of_material(quad.material).is_some();
     let Some(first) = scene.quads.iter().find(|quad| displaced(quad)) else { return };
     if !scene.motion.quads.is_empty() {
-        return warn(warnings, &first.name, "is not displaced where quads move: make a mesh of it");
+        return warn(
+            warnings,
+            &first.name,
+            "is not displaced, because quads of the scene move: use a mesh instead",
+        );
     }
     let (wanted, rest) = std::mem::take(&mut scene.quads).into_iter().partition(displaced);
     scene.quads = rest;
@@ -66,27 +70,27 @@ fn quads_to_meshes(scene: &mut Scene, displacers: &Displacers, warnings: &mut Ve
     }
 }
 
-/// Replaces the meshes of instances with displaced materials; instances of one mesh share that displaced for the first.
+/// Replaces the meshes of instances with displaced materials. Instances of one mesh share the result for the first of them.
 fn displace_instances(scene: &mut Scene, displacers: &Displacers, warnings: &mut Vec<Warning>) {
-    let mut made: HashMap<(MeshId, Option<MaterialId>), Option<MeshId>> = HashMap::new();
+    let mut displaced_meshes: HashMap<(MeshId, Option<MaterialId>), Option<MeshId>> = HashMap::new();
     let mut triangles = 0;
     for index in 0..scene.instances.len() {
         let Instance { mesh, material, .. } = scene.instances[index];
-        let Some(own) = scene.meshes.get(mesh.index()) else { continue };
+        let Some(base) = scene.meshes.get(mesh.index()) else { continue };
         let parts: Parts =
-            own.parts.iter().map(|part| displacers.of_material(material.unwrap_or(part.material))).collect();
+            base.parts.iter().map(|part| displacers.of_material(material.unwrap_or(part.material))).collect();
         if parts.iter().all(Option::is_none) {
             continue;
         }
         let key = (mesh, material.filter(|&id| displacers.of_material(id).is_some()));
-        let displaced = match made.get(&key) {
+        let displaced = match displaced_meshes.get(&key) {
             Some(known) => *known,
             None => {
                 let budget = MAX_TRIANGLES - triangles;
                 let id = displace_mesh(scene, index, (&parts, displacers), budget, warnings);
                 triangles += id.map_or(0, |id| scene.meshes[id.index()].triangles.len());
                 triangles = triangles.min(MAX_TRIANGLES);
-                made.insert(key, id);
+                displaced_meshes.insert(key, id);
                 id
             }
         };
@@ -105,13 +109,13 @@ fn displace_mesh(
     warnings: &mut Vec<Warning>,
 ) -> Option<MeshId> {
     let instance = &scene.instances[index];
-    let own = &scene.meshes[instance.mesh.index()];
+    let base = &scene.meshes[instance.mesh.index()];
     let keys = scene.motion.meshes.get(&instance.mesh.index());
     let is_subdivided = parts.iter().flatten().any(|displacer| displacer.edge().is_some());
     let deforms = keys.is_some() || instance.motion == Motion::Deforms;
     let reason = if is_subdivided && deforms {
         Some("its mesh deforms")
-    } else if parts.iter().flatten().any(|displacer| displacer.lacks_coordinates(own)) {
+    } else if parts.iter().flatten().any(|displacer| displacer.lacks_coordinates(base)) {
         Some("it has no texture coordinates")
     } else if instance.world_from_object.matrix3.determinant() == 0.0 {
         Some("its scale is 0")
@@ -119,11 +123,11 @@ fn displace_mesh(
         None
     };
     if let Some(reason) = reason {
-        warn(warnings, &own.name, format!("is not displaced: {reason}"));
+        warn(warnings, &base.name, format!("is not displaced: {reason}"));
         return None;
     }
-    let object = ObjectData::of_instance(instance, ObjectData::bounds_of_mesh(own), DVec3::ZERO);
-    let fine = tessellate::tessellated(with_generated(own, displacers, &object), parts, budget, warnings);
+    let object = ObjectData::of_instance(instance, ObjectData::bounds_of_mesh(base), DVec3::ZERO);
+    let fine = tessellate::tessellated(with_generated(base, displacers, &object), parts, budget, warnings);
     let displaced = |mesh: Mesh| displace_vertices(mesh, parts, displacers, &object);
     let keys: Option<Keyframes<Vertices>> = keys.map(|keys| {
         keys.map(|Vertices { positions, normals }| {
@@ -140,15 +144,15 @@ fn displace_mesh(
 }
 
 /// The mesh with the generated coordinates of its undisplaced vertices, if node graphs read them.
-fn with_generated(own: &Mesh, displacers: &Displacers, object: &ObjectData) -> Mesh {
+fn with_generated(base: &Mesh, displacers: &Displacers, object: &ObjectData) -> Mesh {
     /// The attribute's name in node graphs.
     const GENERATED: &str = "generated";
-    let mut mesh = own.clone();
-    let is_known = own.attributes.iter().any(|attribute| attribute.name == GENERATED);
+    let mut mesh = base.clone();
+    let is_known = base.attributes.iter().any(|attribute| attribute.name == GENERATED);
     if !is_known && displacers.reads_attribute(GENERATED) {
         let [factor, offset] = object.generated;
         let coordinates = |p: &[f32; 3]| (Vec3::from_array(*p) * factor + offset).to_array();
-        let values = own.positions.iter().flat_map(coordinates).collect();
+        let values = base.positions.iter().flat_map(coordinates).collect();
         mesh.attributes.push(VertexAttribute { values, ..VertexAttribute::new(GENERATED, 3) });
     }
     mesh
@@ -172,7 +176,7 @@ fn displace_vertices(mut mesh: Mesh, parts: &Parts, displacers: &Displacers, obj
     let mut directions = directions(&mesh);
     let shading: Vec<Option<Shading>> = parts.iter().map(|part| part.map(shading_of)).collect();
     if mesh.normals.is_empty() && shading.contains(&Some(Shading::Kept)) {
-        let stays_flat = |shading: &Option<Shading>| matches!(shading, None | Some(Shading::AsBefore));
+        let stays_flat = |shading: &Option<Shading>| matches!(shading, None | Some(Shading::LikeMesh));
         let stays_flat: Vec<bool> = shading.iter().map(stays_flat).collect();
         let faces: Vec<Vec3> = face_normals(&mesh).collect();
         flat_parts::split(&mut mesh, &faces, &stays_flat, &mut directions);
@@ -240,22 +244,23 @@ fn face_normals(mesh: &Mesh) -> impl Iterator<Item = Vec3> + '_ {
     })
 }
 
-/// Which normals a displaced part gets.
+/// Normals of a displaced part.
 #[derive(Clone, Copy, PartialEq)]
 enum Shading {
     /// Those before displacement.
     Kept,
     /// Means of adjacent face normals, as in Cycles.
     Smooth,
-    /// Those of its faces, unless other parts have vertex normals.
-    AsBefore,
+    /// Flat if the mesh is flat-shaded; otherwise means of adjacent face normals.
+    LikeMesh,
 }
 
-/// Sets the normals of displaced vertices, from their positions `before` displacement. Meshes without normals, displaced by height maps, become smooth.
+/// Sets the normals of displaced vertices; `before` are the positions before displacement. Flat-shaded meshes become smooth by height
+/// maps.
 fn set_normals(mesh: &mut Mesh, parts: &Parts, directions: &[Vec3], before: &[[f32; 3]]) {
     let shading = vertex_shading(mesh, parts);
     let is_flat = mesh.normals.is_empty();
-    if is_flat && shading.iter().flatten().all(|shading| *shading == Shading::AsBefore) {
+    if is_flat && shading.iter().flatten().all(|shading| *shading == Shading::LikeMesh) {
         return;
     }
     // Vertices with the same position and normal share a normal after displacement.
@@ -285,7 +290,7 @@ fn shading_of(displacer: &Displacer) -> Shading {
     match displacer.displacement.kind {
         DisplacementKind::Heights { .. } => Shading::Smooth,
         DisplacementKind::Vectors { keeps_normals: true } => Shading::Kept,
-        DisplacementKind::Vectors { keeps_normals: false } => Shading::AsBefore,
+        DisplacementKind::Vectors { keeps_normals: false } => Shading::LikeMesh,
     }
 }
 
@@ -459,7 +464,7 @@ mod tests {
     }
 
     #[test]
-    fn no_edge_is_longer_than_wanted_and_no_crack_opens() {
+    fn edges_are_within_the_maximum_length_and_the_mesh_stays_watertight() {
         let mut scene = Scene::default();
         let rock = displaced_by(&mut scene, 32, 0.11, |x, y| ((x * 7 + y * 5) % 11) as f32 / 11.0);
         // A cube with hard edges: separate vertices per face.
@@ -530,7 +535,7 @@ mod tests {
         let loaded = applied(scene);
         let warnings: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
         let all = warnings.join("\n");
-        assert!(all.contains("no texture coordinates") && all.contains("no spheres"), "{all}");
+        assert!(all.contains("no texture coordinates") && all.contains("spheres and disks"), "{all}");
         assert_eq!(loaded.scene.instances[0].mesh, id);
     }
 

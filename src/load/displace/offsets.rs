@@ -16,13 +16,13 @@ pub struct Displacer {
     pub displacement: Displacement,
     /// The texture as a node graph.
     graph: Option<JointGraphs>,
-    /// UV set that an image of heights needs.
+    /// UV set of the height map.
     uv_set: Option<u32>,
     /// Index of the material, an output of the `object_info` node.
     index: f32,
 }
 
-/// Adds a warning about something of this name.
+/// Adds a warning about the object or material `name`.
 pub fn warn(warnings: &mut Vec<Warning>, name: &str, message: impl Into<String>) {
     warnings.push(Warning::general(format!("'{name}': {}", message.into())));
 }
@@ -74,7 +74,7 @@ impl Displacers {
     /// Compiles the displacements of a scene's materials. Those with a damaged image are left out with a warning.
     ///
     /// # Errors
-    /// A damaged image without which the scene can't be rendered.
+    /// If an image without which the scene can't be rendered is damaged.
     pub fn of(scene: &Scene, warnings: &mut Vec<Warning>) -> Result<Displacers, Error> {
         let displaced = |material: u32| scene.materials[material as usize].displacement;
         let all = (0..scene.materials.len() as u32).filter_map(|i| Some((MaterialId(i), displaced(i)?)));
@@ -120,7 +120,7 @@ impl Displacers {
         self.textures.attributes().iter().any(|attribute| attribute == name)
     }
 
-    /// The offset of each vertex of displaced parts in object space. `normals` are the unit directions of heights.
+    /// The offset of each vertex of displaced parts in object space. `normals`: the unit displacement direction of each vertex for height maps.
     pub fn offsets(
         &self,
         mesh: &Mesh,

@@ -12,38 +12,38 @@ pub const MAX_TRIANGLES: usize = 16_000_000;
 /// Default edge length, as a fraction of the diagonal of the mesh's bounding box.
 const DEFAULT_EDGE: f32 = 1.0 / 256.0;
 
-/// The mesh with its parts subdivided to the edges of their height maps.
-pub fn tessellated(own: Mesh, parts: &Parts, budget: usize, warnings: &mut Vec<Warning>) -> Mesh {
-    let edge = |edge: f32| if edge > 0.0 { edge } else { DEFAULT_EDGE * diagonal(&own) };
+/// The mesh with its parts subdivided to the maximum edge lengths of their height maps.
+pub fn tessellated(base: Mesh, parts: &Parts, budget: usize, warnings: &mut Vec<Warning>) -> Mesh {
+    let edge = |edge: f32| if edge > 0.0 { edge } else { DEFAULT_EDGE * diagonal(&base) };
     let edges: Vec<Option<f32>> = parts.iter().map(|part| Some(edge(part.as_ref()?.edge()?))).collect();
     if edges.iter().all(Option::is_none) {
-        return own;
+        return base;
     }
-    let edges = limit_edges(&own, edges, budget, warnings);
-    let (fine, longest) = subdivided(&own, &edges, budget);
+    let edges = limit_edges(&base, edges, budget, warnings);
+    let (fine, longest) = subdivided(&base, &edges, budget);
     if let Some(longest) = longest {
         let message = format!(
-            "is subdivided to edges of {longest:.3}, not finer: all displaced meshes together may have {MAX_TRIANGLES} triangles"
+            "is subdivided only to edges of {longest:.3}: all displaced meshes together may have {MAX_TRIANGLES} triangles"
         );
-        warn(warnings, &own.name, message);
+        warn(warnings, &base.name, message);
     }
     fine
 }
 
 /// Replaces edge lengths that need far more triangles than the budget by the default length.
 fn limit_edges(
-    own: &Mesh,
+    base: &Mesh,
     mut edges: Vec<Option<f32>>,
     budget: usize,
     warnings: &mut Vec<Warning>,
 ) -> Vec<Option<f32>> {
-    /// Multiple of the budget above which edges count as too short.
+    /// Multiple of the budget from which on the default edge length is used.
     const MAX_EXCESS: f64 = 16.0;
-    let min_count = min_triangles(own, &edges);
+    let min_count = min_triangles(base, &edges);
     if min_count <= MAX_EXCESS * budget as f64 {
         return edges;
     }
-    let default = DEFAULT_EDGE * diagonal(own);
+    let default = DEFAULT_EDGE * diagonal(base);
     // Bisection makes up to four times the minimum number of triangles.
     let shortest = (min_count * 4.0 / budget.max(1) as f64).sqrt();
     let requested = edges.iter().flatten().copied().fold(f32::INFINITY, f32::min);
@@ -52,7 +52,7 @@ fn limit_edges(
          meshes together may have {MAX_TRIANGLES}; edge = {:.1e} is possible",
         f64::from(requested) * shortest
     );
-    warn(warnings, &own.name, message);
+    warn(warnings, &base.name, message);
     edges.iter_mut().flatten().for_each(|edge| *edge = edge.max(default));
     edges
 }

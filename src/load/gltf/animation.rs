@@ -124,9 +124,9 @@ impl Pose {
     }
 }
 
-/// Target of a channel.
+/// The animated property of a channel.
 #[derive(Clone, Copy)]
-pub(super) enum Posed {
+pub(super) enum PoseTarget {
     /// Property of a node (by index).
     Node(usize, Property),
     /// Morph target weights of a mesh (by index): all, or the one at an index.
@@ -150,15 +150,15 @@ pub(super) fn pose(doc: &Document, time_s: f64, report: &mut Report) -> Pose {
         doc,
         samplers: Samplers::new(doc, time_s),
         pose: Pose::default(),
-        targetless: 0,
-        doubled: 0,
+        without_node: 0,
+        duplicates: 0,
     };
     let count = doc.count("animations");
     for index in 0..count {
         let Ok(animation) = doc.raw("animations", index, "/animations", report) else { continue };
         let at = format!("{}/channels", pointer("animations", index));
         let Some(channels) = animation.get("channels").and_then(Value::as_array) else {
-            report.problem(at, "is missing, or no list");
+            report.problem(at, "is missing or not a list");
             continue;
         };
         for (c, channel) in channels.iter().enumerate() {
@@ -166,14 +166,14 @@ pub(super) fn pose(doc: &Document, time_s: f64, report: &mut Report) -> Pose {
             let _: Valid<()> = reader.channel(animation, channel, &format!("{at}/{c}"), report);
         }
     }
-    if reader.targetless > 0 {
-        let message = format!("{} channels have no target node and are ignored", reader.targetless);
+    if reader.without_node > 0 {
+        let message = format!("{} channels have no target node and are ignored", reader.without_node);
         report.warn("/animations", ("channels-without-node", message));
     }
-    if reader.doubled > 0 {
+    if reader.duplicates > 0 {
         let message = format!(
-            "{} channels drive properties of earlier animations and are ignored: the first in the file counts",
-            reader.doubled
+            "{} channels animate properties of earlier channels and are ignored: the first in the file is used",
+            reader.duplicates
         );
         report.warn("/animations", ("channels-without-node", message));
     }
@@ -187,8 +187,8 @@ struct Reader<'d, 'a> {
     doc: &'d Document<'a>,
     samplers: Samplers<'d, 'a>,
     pose: Pose,
-    targetless: usize,
-    doubled: usize,
+    without_node: usize,
+    duplicates: usize,
 }
 
 impl Reader<'_, '_> {
@@ -197,20 +197,22 @@ impl Reader<'_, '_> {
             return Err(report.problem(format!("{at}/target"), "is missing"));
         };
         let path = target.get("path").and_then(Value::as_str).unwrap_or_default();
-        let posed = if path == "pointer" {
+        let target_property = if path == "pointer" {
             // Other pointers are applied to the JSON document beforehand.
-            let Some(posed) = of_pose(target) else { return Ok(()) };
-            match posed {
-                Posed::Node(node, _) => self.doc.raw("nodes", node, &format!("{at}/target/node"), report)?,
-                Posed::MeshWeights(mesh, _) => {
+            let Some(target_property) = pose_target(target) else { return Ok(()) };
+            match target_property {
+                PoseTarget::Node(node, _) => {
+                    self.doc.raw("nodes", node, &format!("{at}/target/node"), report)?
+                }
+                PoseTarget::MeshWeights(mesh, _) => {
                     self.doc.raw("meshes", mesh, &format!("{at}/target"), report)?
                 }
             };
-            posed
+            target_property
         } else {
             let Some(node) = index_of(target, "node", &format!("{at}/target"), report)? else {
                 // Channels of extensions have no target node.
-                self.targetless += 1;
+                self.without_node += 1;
                 return Ok(());
             };
             self.doc.raw("nodes", node, &format!("{at}/target/node"), report)?;
@@ -218,38 +220,40 @@ impl Reader<'_, '_> {
                 let message = format!("'{path}' is not known; the channel is ignored");
                 report.warn(format!("{at}/target/path"), message)
             })?;
-            Posed::Node(node, property)
+            PoseTarget::Node(node, property)
         };
         let (nodes, meshes) = (&mut self.pose.nodes, &mut self.pose.meshes);
-        let is_doubled = match posed {
-            Posed::Node(node, property) => nodes.get(&node).is_some_and(|pose| pose.has(property)),
-            Posed::MeshWeights(mesh, single) => meshes.get(&mesh).is_some_and(|pose| pose.has(single)),
+        let is_duplicate = match target_property {
+            PoseTarget::Node(node, property) => nodes.get(&node).is_some_and(|pose| pose.has(property)),
+            PoseTarget::MeshWeights(mesh, single) => meshes.get(&mesh).is_some_and(|pose| pose.has(single)),
         };
-        if is_doubled {
-            self.doubled += 1;
+        if is_duplicate {
+            self.duplicates += 1;
             return Ok(());
         }
-        let value = self.samplers.value(animation, channel, posed.element(), at, report)?;
-        match posed {
-            Posed::Node(node, property) => {
+        let value = self.samplers.value(animation, channel, target_property.element(), at, report)?;
+        match target_property {
+            PoseTarget::Node(node, property) => {
                 nodes.entry(node).or_default().set(property, &value, at, report)?
             }
-            Posed::MeshWeights(mesh, single) => meshes.entry(mesh).or_default().set(single, &value),
+            PoseTarget::MeshWeights(mesh, single) => meshes.entry(mesh).or_default().set(single, &value),
         }
         Ok(())
     }
 }
 
-impl Posed {
+impl PoseTarget {
     /// Type of the keyframe values.
     fn element(self) -> Element {
         match self {
-            Posed::Node(_, Property::Translation | Property::Scale) => Element::Numbers(3),
-            Posed::Node(_, Property::Rotation) => Element::Rotation,
-            Posed::Node(_, Property::Weights(single)) | Posed::MeshWeights(_, single) => match single {
-                Some(_) => Element::Numbers(1),
-                None => Element::Weights,
-            },
+            PoseTarget::Node(_, Property::Translation | Property::Scale) => Element::Numbers(3),
+            PoseTarget::Node(_, Property::Rotation) => Element::Rotation,
+            PoseTarget::Node(_, Property::Weights(single)) | PoseTarget::MeshWeights(_, single) => {
+                match single {
+                    Some(_) => Element::Numbers(1),
+                    None => Element::Weights,
+                }
+            }
         }
     }
 }
@@ -266,7 +270,7 @@ fn property(path: &str) -> Option<Property> {
 }
 
 /// The pose property that a KHR_animation_pointer of a channel's target refers to; `None` for other properties.
-pub(super) fn of_pose(target: &Value) -> Option<Posed> {
+pub(super) fn pose_target(target: &Value) -> Option<PoseTarget> {
     let pointer = target.pointer("/extensions/KHR_animation_pointer/pointer")?.as_str()?;
     let steps: Vec<&str> = pointer.split('/').collect();
     let ["", list, index, property_of @ ..] = &steps[..] else { return None };
@@ -277,9 +281,9 @@ pub(super) fn of_pose(target: &Value) -> Option<Posed> {
         _ => return None,
     };
     match (*list, property_of[0]) {
-        ("nodes", "weights") => Some(Posed::Node(index, Property::Weights(single))),
-        ("nodes", path) => Some(Posed::Node(index, property(path)?)),
-        ("meshes", "weights") => Some(Posed::MeshWeights(index, single)),
+        ("nodes", "weights") => Some(PoseTarget::Node(index, Property::Weights(single))),
+        ("nodes", path) => Some(PoseTarget::Node(index, property(path)?)),
+        ("meshes", "weights") => Some(PoseTarget::MeshWeights(index, single)),
         _ => None,
     }
 }

@@ -44,15 +44,15 @@ pub(super) fn blender_losses(
 }
 
 /// Substrings of names of lights.
-const PARTS_OF_NAMES: [&str; 3] = ["light", "lamp", "softbox"];
+const LIGHT_SUBSTRINGS: [&str; 3] = ["light", "lamp", "softbox"];
 /// Whole words in names of lights.
-const NAMES: [&str; 6] = ["area", "sun", "spot", "key", "fill", "rim"];
+const LIGHT_WORDS: [&str; 6] = ["area", "sun", "spot", "key", "fill", "rim"];
 
 /// Does a name suggest a light?
 fn is_light_name(name: &str) -> bool {
     let lower = name.to_lowercase();
     let mut words = lower.split(|c: char| !c.is_alphabetic());
-    PARTS_OF_NAMES.iter().any(|part| lower.contains(part)) || words.any(|word| NAMES.contains(&word))
+    LIGHT_SUBSTRINGS.iter().any(|part| lower.contains(part)) || words.any(|word| LIGHT_WORDS.contains(&word))
 }
 
 /// Empty nodes named like lights, with their world transforms; without joints of skins and nodes with children.
@@ -72,7 +72,7 @@ fn lights(doc: &Document, hierarchy: &Hierarchy, report: &mut Report) -> Vec<(St
         .collect()
 }
 
-/// Has a texture's image texels with alpha below 1?
+/// Has the image of a texture any alpha below 1?
 fn has_alpha(scene: &Scene, texture: TextureId) -> bool {
     let Some(Texture::Image { image, .. }) = scene.textures.get(texture.index()) else { return false };
     let Some(image) = scene.images.get(image.index()) else { return false };
@@ -155,14 +155,13 @@ fn warnings(lost: &BlenderExport) -> Vec<(&'static str, String)> {
     }
     if let Some(names) = list("material", white) {
         notes.push(("lost-color", format!(
-            "{names}: pure white without a texture; Blender writes that, too, where nodes that it can't export give the \
-             colour"
+            "{names}: pure white without a texture; Blender also writes this for colours from nodes that it can't export"
         )));
     }
     if let Some(names) = list("material", rough_metal) {
         notes.push(("lost-roughness", format!(
-            "{names}: metal of roughness 1 without a texture; Blender writes that, too, where nodes that it can't export \
-             give the roughness or the metalness"
+            "{names}: metal of roughness 1 without a texture; Blender also writes this for roughness or metalness from \
+             nodes that it can't export"
         )));
     }
     if let Some(names) = list("material", unused_alpha) {

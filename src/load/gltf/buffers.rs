@@ -36,10 +36,12 @@ impl<'a> Document<'a> {
         if let Some((place, packed)) = meshopt::packed(&self.json, &at) {
             let unpack = || report.lasting(|report| self.unpack(packed, &place, report));
             // `entry` has checked the index.
-            let bytes = self.views[index].get_or_init(unpack).as_ref().map_err(|noted| *noted)?;
+            let bytes = self.views[index].get_or_init(unpack).as_ref().map_err(|reported| *reported)?;
             if view.byte_length.0 != bytes.len() as u64 {
-                let (says, holds) = (view.byte_length.0, bytes.len());
-                return Err(report.problem(place, format!("holds {holds} bytes for a bufferView of {says}")));
+                let (declared, held) = (view.byte_length.0, bytes.len());
+                return Err(
+                    report.problem(place, format!("holds {held} bytes for a bufferView of {declared}"))
+                );
             }
             return Ok(BufferView { bytes, stride });
         }
@@ -58,7 +60,7 @@ impl<'a> Document<'a> {
                 at,
                 (
                     "range-beyond-buffer",
-                    format!("reaches from byte {offset} over {length} bytes, but its buffer has {size}"),
+                    format!("spans {length} bytes from byte {offset}, but its buffer has {size}"),
                 ),
             ));
         };
@@ -88,7 +90,7 @@ impl<'a> Document<'a> {
             return Err(report.problem(from, message));
         };
         let read = cell.get_or_init(|| report.lasting(|report| self.read_buffer(index, from, report)));
-        read.as_deref().map_err(|noted| *noted)
+        read.as_deref().map_err(|reported| *reported)
     }
 
     fn read_buffer(&self, index: usize, from: &str, report: &mut Report) -> Valid<Cow<'a, [u8]>> {
@@ -105,18 +107,18 @@ impl<'a> Document<'a> {
                 ));
             }
         };
-        let (promised, held) = (buffer.byte_length.0, bytes.len());
-        if promised > held as u64 {
+        let (declared, held) = (buffer.byte_length.0, bytes.len());
+        if declared > held as u64 {
             return Err(report.problem(
                 format!("{at}/byteLength"),
-                format!("promises {promised} bytes, but there are {held}"),
+                format!("declares {declared} bytes, but there are {held}"),
             ));
         }
         // Bytes beyond byteLength are padding of a GLB chunk.
         Ok(match bytes {
-            Cow::Borrowed(b) => Cow::Borrowed(&b[..promised as usize]),
+            Cow::Borrowed(b) => Cow::Borrowed(&b[..declared as usize]),
             Cow::Owned(mut b) => {
-                b.truncate(promised as usize);
+                b.truncate(declared as usize);
                 Cow::Owned(b)
             }
         })
@@ -147,14 +149,15 @@ impl<'a> Document<'a> {
             Ok(Target::Embedded { .. }) => {}
             Ok(Target::File(path)) => {
                 self.files.note(path);
-                let is_plain = path.components().eq(files::beside(self.path, &plain(uri)).components());
+                let is_plain =
+                    path.components().eq(files::relative_to(self.path, &decoded_path(uri)).components());
                 if !is_plain {
                     let message = format!("'{}' is taken to mean {}", shortened(uri), path.display());
                     report.note(at, ("uri-guessed", message));
                 }
             }
             // Watch for the file: it may be created later.
-            Err(_) => self.files.note(files::beside(self.path, &plain(uri))),
+            Err(_) => self.files.note(files::relative_to(self.path, &decoded_path(uri))),
         }
         target
     }
@@ -171,7 +174,7 @@ pub(super) struct FetchedFile<'a> {
 
 // Accessors: typed arrays in buffers. [`Accessor::open`] checks everything, reading can't fail.
 
-/// Maximum elements of an accessor without a buffer view (zeros or sparse), in addition to one per byte read.
+/// Maximum number of elements of an accessor without a buffer view (zeros or sparse), in addition to one per byte read.
 const FREE_ZEROS: u64 = 1 << 16;
 
 /// A checked accessor.
@@ -211,14 +214,14 @@ impl<'d> Accessor<'d> {
         let json: gltf::json::Accessor = doc.entry("accessors", index, from, report)?;
         let at = pointer("accessors", index);
         let Checked::Valid(accessor::GenericComponentType(component)) = json.component_type else {
-            return Err(report.problem(format!("{at}/componentType"), "is no component type of glTF 2.0"));
+            return Err(report.problem(format!("{at}/componentType"), "is not a component type of glTF 2.0"));
         };
         let Checked::Valid(kind) = json.type_ else {
-            return Err(report.problem(format!("{at}/type"), "is no type of glTF 2.0"));
+            return Err(report.problem(format!("{at}/type"), "is not a type of glTF 2.0"));
         };
         let mut accessor = Accessor {
             count: usize::try_from(json.count.0)
-                .map_err(|_| report.problem(format!("{at}/count"), "is beyond what memory can hold"))?,
+                .map_err(|_| report.problem(format!("{at}/count"), "exceeds the address space"))?,
             kind,
             component,
             normalized: json.normalized,
@@ -250,16 +253,15 @@ impl<'d> Accessor<'d> {
     /// The elements decoded from a compressed primitive, whose count and component type take precedence.
     fn open_unpacked(&mut self, unpacked: &'d DecodedAccessor, report: &mut Report) -> Valid<Elements<'d>> {
         if unpacked.count != self.count {
-            let (says, holds) = (self.count, unpacked.count);
+            let (declared, held) = (self.count, unpacked.count);
             let message =
-                format!("has {says} elements, but the compressed primitive {holds}; the latter is used");
+                format!("has {declared} elements, but the compressed primitive {held}; the latter is used");
             report.warn(self.pointer.clone(), message);
         }
         (self.count, self.component) = (unpacked.count, unpacked.component);
         let stride = self.element_size();
         if unpacked.count.checked_mul(stride) != Some(unpacked.bytes.len()) {
-            let message =
-                format!("holds {}, which is not what the compressed primitive holds", self.contents());
+            let message = format!("holds {}, unlike the compressed primitive", self.contents());
             return Err(report.problem(self.pointer.clone(), message));
         }
         Ok(Elements { bytes: &unpacked.bytes, stride })
@@ -274,11 +276,11 @@ impl<'d> Accessor<'d> {
         let at = format!("{}/sparse", self.pointer);
         let count = usize::try_from(sparse.count.0).ok().filter(|&n| n <= self.count);
         let Some(count) = count else {
-            let message = format!("{} elements replace some of {}", sparse.count.0, self.count);
+            let message = format!("replaces {} of {} elements", sparse.count.0, self.count);
             return Err(report.problem(format!("{at}/count"), message));
         };
         let Checked::Valid(accessor::IndexComponentType(component)) = sparse.indices.component_type else {
-            return Err(report.problem(format!("{at}/indices/componentType"), "is no type of indices"));
+            return Err(report.problem(format!("{at}/indices/componentType"), "is not an index type"));
         };
         let places = ElementLayout {
             view: sparse.indices.buffer_view.value(),
@@ -461,21 +463,21 @@ pub(super) fn resolve_uri(uri: &str, asset: &Path, allow_external: bool) -> Resu
     if let Some(rest) = strip_scheme(uri, "data:") {
         return embedded(rest);
     }
-    let missing = match files::find_any(asset, &interpretations(uri), allow_external) {
+    let missing = match files::find_any(asset, &path_candidates(uri), allow_external) {
         Ok(path) => return Ok(Target::File(path)),
         Err(message) => message,
     };
     // Windows drive letters look like schemes of one letter.
     if let Some(scheme) = scheme(uri).filter(|scheme| scheme.len() > 1) {
         return Err(format!(
-            "'{}' has the scheme '{scheme}:', but only files beside the asset and data: URIs are read; \
-             download the file and put it beside the asset",
+            "'{}' has the scheme '{scheme}:', but only files in the asset's folder and data: URIs are supported; \
+             download the file to that folder",
             shortened(uri)
         ));
     }
-    let path = plain(uri);
+    let path = decoded_path(uri);
     if path.is_empty() || path.contains('\0') {
-        return Err(format!("'{}' names no file", shortened(uri)));
+        return Err(format!("'{}' is not a file name", shortened(uri)));
     }
     if !allow_external && files::leads_outside(Path::new(&path)) {
         return Err(format!(
@@ -486,21 +488,21 @@ pub(super) fn resolve_uri(uri: &str, asset: &Path, allow_external: bool) -> Resu
     }
     let is_text = percent_decoded(uri.as_bytes()).is_none_or(|bytes| String::from_utf8(bytes).is_ok());
     Err(match is_text {
-        true => format!("the file {} is missing", files::beside(asset, &path).display()),
+        true => format!("the file {} is missing", files::relative_to(asset, &path).display()),
         false => format!("'{}' is not UTF-8 after percent decoding, and {missing}", shortened(uri)),
     })
 }
 
 /// The percent-decoded path of a URI; text that is no valid URI is returned unchanged.
-fn plain(uri: &str) -> String {
+fn decoded_path(uri: &str) -> String {
     percent_decoded(uri.as_bytes()).and_then(|b| String::from_utf8(b).ok()).unwrap_or_else(|| uri.to_string())
 }
 
-/// Interpretations of a URI, the likeliest first: percent-decoded, as a plain path, and both without query and fragment
+/// Paths that a URI may mean, the likeliest first: percent-decoded, as a plain path, and both without query and fragment
 /// (`a.png?v=1`, `a.png#x`).
-fn interpretations(uri: &str) -> Vec<String> {
+fn path_candidates(uri: &str) -> Vec<String> {
     let path = uri.split(['?', '#']).next().unwrap_or_default();
-    let mut interpretations = vec![plain(uri), uri.to_string(), plain(path), path.to_string()];
+    let mut interpretations = vec![decoded_path(uri), uri.to_string(), decoded_path(path), path.to_string()];
     interpretations.dedup();
     interpretations
 }
@@ -548,8 +550,8 @@ fn embedded(rest: &str) -> Result<Target, String> {
 /// Decodes percent sequences (`%41`); `None` for incomplete ones, which the crate would keep.
 fn percent_decoded(text: &[u8]) -> Option<Vec<u8>> {
     let has_digits = |rest: &[u8]| rest.get(..2).is_some_and(|d| d.iter().all(u8::is_ascii_hexdigit));
-    let is_sound = text.split(|&b| b == b'%').skip(1).all(has_digits);
-    is_sound.then(|| percent_decode(text).collect())
+    let is_valid = text.split(|&b| b == b'%').skip(1).all(has_digits);
+    is_valid.then(|| percent_decode(text).collect())
 }
 
 /// Decodes base64 with or without padding, in the standard or the URL-safe alphabet (RFC 4648, sections 4 and 5).
@@ -632,7 +634,7 @@ mod tests {
             ("file:///b", "scheme 'file:'"),
             ("%ff", "not UTF-8"),
             ("%zz", "is missing"),
-            ("", "names no file"),
+            ("", "is not a file name"),
         ] {
             assert!(found(uri).expect_err(uri).contains(why), "{uri}");
         }

@@ -24,7 +24,7 @@ pub(super) struct Document<'a> {
     pub json: Value,
     /// The binary chunk of a GLB.
     pub binary: Option<Cow<'a, [u8]>>,
-    /// May URIs lead out of the asset's folder?
+    /// May URIs refer to files outside the asset's folder?
     pub allow_external: bool,
     /// Records the files read.
     pub files: &'a WatchedFiles,
@@ -345,7 +345,7 @@ type Chunks<'a> = (Cow<'a, [u8]>, Option<Cow<'a, [u8]>>);
 /// Splits a GLB into its chunks (glTF 2.0, section 4.4). Further chunks are skipped, as the specification requires; so is
 /// a second chunk of unknown type, which the crate rejects.
 fn chunks<'a>(path: &Path, bytes: &'a [u8]) -> Result<Chunks<'a>> {
-    let fail = |message: String| Error::input(path, format!("is a broken GLB: {message}"));
+    let fail = |message: String| Error::input(path, format!("is a damaged GLB: {message}"));
     // The crate doesn't check this length: it underflows below the header's size and reads beyond the end of the file.
     let length = bytes.get(8..HEADER).and_then(|b| b.try_into().ok()).map(u32::from_le_bytes);
     let Some(length) = length.map(|length| length as usize) else {
@@ -354,11 +354,11 @@ fn chunks<'a>(path: &Path, bytes: &'a [u8]) -> Result<Chunks<'a>> {
     if length > bytes.len() {
         let held = bytes.len();
         return Err(fail(format!(
-            "its header promises {length} bytes, but there are {held}: it was cut off"
+            "its header declares {length} bytes, but there are {held}: it is truncated"
         )));
     }
     if length < HEADER {
-        return Err(fail(format!("its header promises {length} bytes, fewer than its own")));
+        return Err(fail(format!("its header declares {length} bytes, fewer than the header itself")));
     }
     let file = &bytes[..length];
     let error = match Glb::from_slice(file) {
@@ -368,7 +368,7 @@ fn chunks<'a>(path: &Path, bytes: &'a [u8]) -> Result<Chunks<'a>> {
     };
     Err(match error {
         binary::Error::Version(version) => Error::input(path, format!("is a GLB of version {version}"))
-            .with_help("only glTF 2.0 is read; convert the file"),
+            .with_help("only glTF 2.0 is supported; convert the file"),
         binary::Error::UnknownChunkType(_) if file.get(16..20) == Some(b"JSON") => {
             let end = file[12..16].try_into().map_or(0, u32::from_le_bytes) as usize;
             return Ok((file[20..20 + end].into(), None));
@@ -377,7 +377,7 @@ fn chunks<'a>(path: &Path, bytes: &'a [u8]) -> Result<Chunks<'a>> {
             fail(format!("its first chunk has the type '{}', not JSON", kind.escape_ascii()))
         }
         binary::Error::ChunkLength { ty, length, length_read } => {
-            fail(format!("its {ty:?} chunk promises {length} bytes, but {length_read} are left"))
+            fail(format!("its {ty:?} chunk declares {length} bytes, but {length_read} are left"))
         }
         binary::Error::ChunkType(ty) => fail(format!("a {ty:?} chunk is out of place")),
         binary::Error::Io(_) => fail(format!("it ends after {length} bytes, inside the header of a chunk")),
@@ -388,7 +388,7 @@ fn chunks<'a>(path: &Path, bytes: &'a [u8]) -> Result<Chunks<'a>> {
 // Versions and extensions.
 
 /// Supported extensions; some need an optional decoder.
-const READ: &[&str] = &[
+const SUPPORTED: &[&str] = &[
     "EXT_lights_area",
     "EXT_lights_ies",
     "EXT_lights_image_based",
@@ -429,10 +429,10 @@ const READ: &[&str] = &[
 ];
 
 /// Unsupported extensions that may be required: the picture doesn't depend on them. With the effect of ignoring them.
-const HARMLESS: &[(&str, &str)] = &[("KHR_xmp_json_ld", "metadata are not read")];
+const HARMLESS: &[(&str, &str)] = &[("KHR_xmp_json_ld", "metadata is ignored")];
 
 /// Extensions for interaction, ignored without a warning.
-const OF_INTERACTION: &[&str] = &["KHR_interactivity", "KHR_node_hoverability", "KHR_node_selectability"];
+const INTERACTIVITY: &[&str] = &["KHR_interactivity", "KHR_node_hoverability", "KHR_node_selectability"];
 
 impl Document<'_> {
     /// Does the file declare the use of an extension?
@@ -453,8 +453,8 @@ impl Document<'_> {
 }
 
 /// Does this build support an extension?
-pub(super) fn is_read(name: &str) -> bool {
-    READ.contains(&name) && missing_decoder(name).is_none()
+pub(super) fn is_supported(name: &str) -> bool {
+    SUPPORTED.contains(&name) && missing_decoder(name).is_none()
 }
 
 /// The decoder that an extension needs and this build lacks.
@@ -475,11 +475,11 @@ pub(super) fn check(doc: &Document, report: &mut Report) {
     match (major("version"), asset.get("minVersion").and_then(Value::as_str)) {
         (Some(true), None | Some("2.0")) => {}
         (None, _) => {
-            report.problem("/asset/version", "is missing: this is no glTF 2.0 file");
+            report.problem("/asset/version", "is missing: this is not a glTF 2.0 file");
         }
         _ => {
             let problem = Problem::new("/asset/version", "is not 2.0");
-            report.add(problem.with_help("only glTF 2.0 is read; convert the file"));
+            report.add(problem.with_help("only glTF 2.0 is supported; convert the file"));
         }
     }
     let Some(required) = doc.json.get("extensionsRequired") else { return };
@@ -493,18 +493,18 @@ pub(super) fn check(doc: &Document, report: &mut Report) {
             None => {
                 report.problem(at, "is not a name");
             }
-            Some(name) if is_read(name) || HARMLESS.iter().any(|(h, _)| *h == name) => {}
-            Some(name) if OF_INTERACTION.contains(&name) => {}
+            Some(name) if is_supported(name) || HARMLESS.iter().any(|(h, _)| *h == name) => {}
+            Some(name) if INTERACTIVITY.contains(&name) => {}
             Some(name) => {
                 let (reason, remedy) = match missing_decoder(name) {
-                    Some(decoder) => (format!(": {}", decoder.lack()), decoder.remedy()),
+                    Some(decoder) => (format!(": {}", decoder.missing_message()), decoder.remedy()),
                     None => (", which is not supported".into(), "export it without this extension".into()),
                 };
-                let message = format!("the file demands {name}{reason}");
+                let message = format!("the file requires {name}{reason}");
                 if doc.options.force {
-                    report.warn(at, format!("{message}; {} goes on", Choice::Force));
+                    report.warn(at, format!("{message}; ignored by {}", Choice::Force));
                 } else {
-                    let help = format!("{remedy}, or go on without it by {}", Choice::Force);
+                    let help = format!("{remedy}, or ignore it by {}", Choice::Force);
                     report.add(Problem::new(at, message).with_help(help));
                 }
             }
@@ -519,28 +519,30 @@ pub(super) fn check_shape(object: &Value, at: &str, report: &mut Report) {
         report.problem(format!("{at}/extensions"), "is not an object");
         return;
     };
-    for (name, _) in all.iter().filter(|(name, e)| READ.contains(&name.as_str()) && !e.is_object()) {
+    for (name, _) in all.iter().filter(|(name, e)| SUPPORTED.contains(&name.as_str()) && !e.is_object()) {
         report.problem(format!("{at}/extensions/{name}"), "is not an object");
     }
 }
 
 /// Warns of each unsupported extension, with the number of uses.
-pub(super) fn warn_unread(doc: &Document, report: &mut Report) {
+pub(super) fn warn_of_unsupported(doc: &Document, report: &mut Report) {
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
     count(&doc.json, &mut counts);
     for (name, places) in counts.into_iter().filter(|(name, _)| needs_warning(name)) {
         let harmless = HARMLESS.iter().find(|(h, _)| *h == name).map(|(_, effect)| effect.to_string());
-        let lack =
-            || missing_decoder(name).map(|decoder| format!("{}; {}", decoder.lack(), decoder.remedy()));
+        let lack = || {
+            missing_decoder(name)
+                .map(|decoder| format!("{}; {}", decoder.missing_message(), decoder.remedy()))
+        };
         let effect = harmless.or_else(lack).map_or(String::new(), |effect| format!(": {effect}"));
         let times = if places == 1 { "one place".to_string() } else { format!("{places} places") };
-        report.warn("", format!("{name} is not read, in {times}{effect}"));
+        report.warn("", format!("{name} is not supported, in {times}{effect}"));
     }
 }
 
 /// Does ignoring an extension need a warning?
 fn needs_warning(name: &str) -> bool {
-    !is_read(name) && !OF_INTERACTION.contains(&name)
+    !is_supported(name) && !INTERACTIVITY.contains(&name)
 }
 
 /// Counts the extensions in objects; the parser bounds the depth.

@@ -65,10 +65,11 @@ impl Compressed<'_, '_> {
         }
         // A required extension was already reported as a problem.
         if self.doc.options.force || self.doc.extension_required(DRACO) {
-            let message = format!("{}: left out", Decoder::Draco.lack());
+            let message = format!("{}: left out", Decoder::Draco.missing_message());
             return Err(report.warn(self.at, message));
         }
-        Err(report.add(Problem::new(self.at, Decoder::Draco.lack()).with_help(Decoder::Draco.remedy())))
+        Err(report
+            .add(Problem::new(self.at, Decoder::Draco.missing_message()).with_help(Decoder::Draco.remedy())))
     }
 }
 
@@ -174,7 +175,7 @@ fn decode(bytes: &[u8]) -> Result<Mesh, String> {
         let mut mesh = Mesh::new();
         MeshDecoder::new().decode(&mut buffer, &mut mesh).map(|()| mesh).map_err(|e| e.to_string())
     };
-    let mesh = decoders::catch(decode)??;
+    let mesh = decoders::catch_panic(decode)??;
     if mesh.num_points() as u64 > max_count {
         return Err(format!("it claims {} vertices in {} bytes", mesh.num_points(), bytes.len()));
     }

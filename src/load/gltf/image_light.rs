@@ -52,9 +52,9 @@ fn read(doc: &Document, reference: &Value, from: &str, report: &mut Report) -> V
             report.problem(format!("{at}/intensity"), format!("{intensity} is not a number from 0 up"))
         );
     }
-    let turn = numbers_of(raw, "rotation", &at, report)?.unwrap_or([0.0, 0.0, 0.0, 1.0]);
-    let turn = DQuat::from_array(turn);
-    if !(turn.length() > 1e-6 && turn.is_finite()) {
+    let rotation = numbers_of(raw, "rotation", &at, report)?.unwrap_or([0.0, 0.0, 0.0, 1.0]);
+    let rotation = DQuat::from_array(rotation);
+    if !(rotation.length() > 1e-6 && rotation.is_finite()) {
         return Err(report.problem(format!("{at}/rotation"), "is not a quaternion of length 1"));
     }
     let faces = faces(doc, raw, &at, report)?;
@@ -63,8 +63,9 @@ fn read(doc: &Document, reference: &Value, from: &str, report: &mut Report) -> V
         let message = format!("is not {size}, the size of the images, which is used");
         report.warn(format!("{at}/specularImageSize"), message);
     }
-    let name = raw.get("name").and_then(Value::as_str).unwrap_or("surroundings");
-    Ok(Cube { faces: &faces, turn: turn.normalize(), intensity: intensity as f32 }.equirectangular(name))
+    let name = raw.get("name").and_then(Value::as_str).unwrap_or("environment");
+    Ok(Cube { faces: &faces, rotation: rotation.normalize(), intensity: intensity as f32 }
+        .equirectangular(name))
 }
 
 /// Indices of the images of a scene's environment.
@@ -87,7 +88,7 @@ fn base_level(raw: &Value) -> Option<Vec<usize>> {
 fn faces(doc: &Document, raw: &Value, at: &str, report: &mut Report) -> Valid<Vec<Image>> {
     let at = format!("{at}/specularImages");
     let Some(list) = base_level(raw).filter(|list| list.len() == 6) else {
-        return Err(report.problem(format!("{at}/0"), "is no list of six images, the faces of a cube map"));
+        return Err(report.problem(format!("{at}/0"), "is not a list of six images, the faces of a cube map"));
     };
     let need = |&index: &usize| ImageNeed { index, encoding: Encoding::Srgb, gloss: None };
     let needs: Vec<ImageNeed> = list.iter().map(need).collect();
@@ -106,7 +107,7 @@ fn faces(doc: &Document, raw: &Value, at: &str, report: &mut Report) -> Valid<Ve
 struct Cube<'i> {
     faces: &'i [Image],
     /// Rotation from the space of the cube map to world space.
-    turn: DQuat,
+    rotation: DQuat,
     intensity: f32,
 }
 
@@ -134,7 +135,7 @@ impl Cube<'_> {
             let (azimuth, polar) = ((u - 0.5) * TAU, v * PI);
             let (sin, cos) = polar.sin_cos();
             let direction = DVec3::new(sin * azimuth.cos(), cos, sin * azimuth.sin());
-            let found = self.radiance(self.turn.inverse() * direction);
+            let found = self.radiance(self.rotation.inverse() * direction);
             sum = std::array::from_fn(|c| sum[c] + found[c]);
         }
         sum.map(|s| s * self.intensity / (SAMPLES * SAMPLES) as f32)
@@ -142,7 +143,7 @@ impl Cube<'_> {
 
     /// Radiance from a direction in the space of the cube map, with bilinear filtering.
     fn radiance(&self, d: DVec3) -> [f32; 3] {
-        let (face, right, down) = on_cube(d);
+        let (face, right, down) = cube_face(d);
         let image = &self.faces[face];
         let last = f64::from(image.width - 1);
         let texel_at = |s: f64| ((s + 1.0) / 2.0 * f64::from(image.width) - 0.5).clamp(0.0, last);
@@ -161,7 +162,7 @@ impl Cube<'_> {
 }
 
 /// The face that a direction hits, and the position on it from -1 to 1, right and down as seen from inside.
-fn on_cube(d: DVec3) -> (usize, f64, f64) {
+fn cube_face(d: DVec3) -> (usize, f64, f64) {
     let size = d.abs();
     let (axis, largest) = if size.x >= size.y && size.x >= size.z {
         (0, size.x)
@@ -220,15 +221,15 @@ mod tests {
             Image::from_linear_rgb("", size, size, texels.collect())
         };
         let faces: Vec<Image> = (0..6).map(face).collect();
-        let turn = DQuat::from_rotation_y(1.0) * DQuat::from_rotation_x(0.4);
-        let cube = Cube { faces: &faces, turn, intensity: 2.0 };
+        let rotation = DQuat::from_rotation_y(1.0) * DQuat::from_rotation_x(0.4);
+        let cube = Cube { faces: &faces, rotation, intensity: 2.0 };
         let picture = cube.equirectangular("");
         assert_eq!((picture.width, picture.height), (256, 128));
         for (x, y) in (0..picture.width).flat_map(|x| (0..picture.height).map(move |y| (x, y))) {
             let (azimuth, polar) =
                 ((f64::from(x) + 0.5) / 256.0 * TAU - PI, (f64::from(y) + 0.5) / 128.0 * PI);
             let d = DVec3::new(polar.sin() * azimuth.cos(), polar.cos(), polar.sin() * azimuth.sin());
-            let expected = (turn.inverse() * d + DVec3::ONE) * 2.0;
+            let expected = (rotation.inverse() * d + DVec3::ONE) * 2.0;
             let [r, g, b, _] = picture.rgba(x, y);
             let off = (DVec3::new(r.into(), g.into(), b.into()) - expected).abs().max_element();
             assert!(off < 0.05, "{x} {y}: {off}");

@@ -31,7 +31,7 @@ pub(super) fn camera(doc: &Document, node: &Node, index: usize, report: &mut Rep
     let raw = doc.raw("cameras", index, &from, report)?;
     let at = pointer("cameras", index);
     let Some(world_from_camera) = without_scale(&node.world_from_node) else {
-        return Err(report.warn(node.pointer(), "flattens its camera, which is left out"));
+        return Err(report.warn(node.pointer(), "has a singular transform: its camera is left out"));
     };
     let (projection, aspect_ratio) = match camera.type_ {
         Checked::Valid(Type::Perspective) => perspective(raw, &at, report)?,
@@ -141,7 +141,7 @@ pub(super) fn note_units(doc: &Document, lights: usize, report: &mut Report) {
         ),
         LightUnits::Auto => {
             let origin = if doc.is_from_blender() {
-                ", Blender's default for exporting watts, and spot lights fade as in Blender"
+                ", Blender's default for exporting watts, and spot lights have Blender's falloff"
             } else {
                 ""
             };
@@ -152,7 +152,7 @@ pub(super) fn note_units(doc: &Document, lights: usize, report: &mut Report) {
             };
             format!("{intensities} divided by {units} lm/W{origin} ({})", Choice::LightUnits)
         }
-        // Chosen by the user: no note.
+        // The user's choice needs no note.
         LightUnits::Spec | LightUnits::Compat | LightUnits::Raw => return,
     };
     report.note(format!("/{PUNCTUAL_LIGHTS}"), message);
@@ -164,9 +164,8 @@ pub(super) fn light_group(raw: &Value, at: &str, report: &mut Report) -> Option<
     if is_group_name(name) {
         return Some(name.to_string());
     }
-    let message = format!(
-        "'{name}' can't be the name of a group of lights (1 to 64 letters, digits, _ and -); ignored"
-    );
+    let message =
+        format!("'{name}' is not a valid light group name (1 to 64 letters, digits, _ and -); ignored");
     report.warn(format!("{at}/extras/{GROUP_KEY}"), message);
     None
 }
@@ -182,13 +181,12 @@ pub(super) fn punctual_light(doc: &Document, node: &Node, index: usize, report: 
     let divisor = if is_directional { directional } else { local };
     let intensity = color.map(|c| (c * strength / divisor) as f32);
     if intensity.iter().any(|i| !(i.is_finite() && *i >= 0.0)) {
-        return Err(report
-            .problem(at, "has a colour or an intensity that is negative or beyond the range of numbers"));
+        return Err(report.problem(at, "has a colour or an intensity that is negative or too large"));
     }
     if raw.get("range").is_some() {
         report.warn(
             at.clone(),
-            "has a range, which is not physical and ignored: light fades by distance alone",
+            "has a range, which is not physical and is ignored: light falls off with the squared distance",
         );
     }
     let position = node.world_from_node.translation;
@@ -211,7 +209,7 @@ pub(super) fn punctual_light(doc: &Document, node: &Node, index: usize, report: 
         }
     };
     let Some(kind) = kind else {
-        return Err(report.warn(node.pointer(), "flattens its light, which is left out"));
+        return Err(report.warn(node.pointer(), "has a singular transform: its light is left out"));
     };
     let node_raw = doc.json.pointer(&node.pointer()).unwrap_or(&Value::Null);
     let of_node = light_group(node_raw, &node.pointer(), report);
@@ -287,7 +285,7 @@ fn visible_to(extras: &Value, at: &str, report: &mut Report) -> RayKinds {
         Some(kinds) => kinds.into_iter().fold(RayKinds::NONE, RayKinds::with),
         None => {
             let names = RayKinds::NAMED.map(|(name, _)| name).join(", ");
-            report.warn(format!("{at}/visible_to"), format!("holds more than {names}; ignored"));
+            report.warn(format!("{at}/visible_to"), format!("must contain only {names}; ignored"));
             RayKinds::ALL
         }
     }
@@ -329,7 +327,7 @@ enum AreaShape {
     Rectangle,
     Disk,
     /// A moving disk: light sampling supports moving disks as meshes only.
-    DiskOfTriangles,
+    TriangulatedDisk,
 }
 
 /// The area light of a node, if any.
@@ -338,7 +336,7 @@ pub(super) fn area_light(doc: &Document, node: &Node, moves: bool, report: &mut 
     // `Err`: already reported.
     let mut light = read_area_light(doc, (node, raw), report).ok()?;
     if moves && light.shape == AreaShape::Disk {
-        light.shape = AreaShape::DiskOfTriangles;
+        light.shape = AreaShape::TriangulatedDisk;
     }
     Some(light)
 }
@@ -363,11 +361,10 @@ fn read_area_light(doc: &Document, (node, raw): (&Node, &Value), report: &mut Re
     let luminance = number_of(light, "intensity", &at, report)?.unwrap_or(1000.0);
     let radiance = color.map(|c| (c * luminance / lumens_per_watt(doc)) as f32);
     if radiance.iter().any(|r| !(r.is_finite() && *r >= 0.0)) {
-        return Err(report
-            .problem(at, "has a colour or an intensity that is negative or beyond the range of numbers"));
+        return Err(report.problem(at, "has a colour or an intensity that is negative or too large"));
     }
     let Some(world_from_unit) = world_from_unit(&node.world_from_node, [height * aspect, height]) else {
-        return Err(report.warn(node.pointer(), "flattens its light, which is left out"));
+        return Err(report.warn(node.pointer(), "has a singular transform: its light is left out"));
     };
     let node_raw = doc.json.pointer(&node.pointer()).unwrap_or(&Value::Null);
     let of_node = light_group(node_raw, &node.pointer(), report);
@@ -385,7 +382,7 @@ fn positive(object: &Value, key: &str, at: &str, report: &mut Report) -> Valid<f
     if (1e-15..=1e15).contains(&size) {
         return Ok(size);
     }
-    Err(report.problem(format!("{at}/{key}"), format!("{size} is no size above 0 (1e-15 to 1e15)")))
+    Err(report.problem(format!("{at}/{key}"), format!("{size} is not a size from 1e-15 to 1e15")))
 }
 
 /// The transform of a light: the rotation of a node (axes orthonormalised in the order z, y) and its largest scale factor
@@ -422,8 +419,8 @@ impl AreaLight {
                 let disk = Shape::disk(center, -world_from_unit.matrix3.z_axis, y.length() / 2.0, material);
                 scene.shapes.push(Shape { name, ..disk });
             }
-            AreaShape::DiskOfTriangles => {
-                let mesh = disk_of_triangles(scene, &name, material);
+            AreaShape::TriangulatedDisk => {
+                let mesh = triangulated_disk(scene, &name, material);
                 let half = DMat3::from_cols(y / 2.0, x / 2.0, -world_from_unit.matrix3.z_axis);
                 let placed = Instance::new(mesh, DAffine3::from_mat3_translation(half, center));
                 scene.instances.push(Instance { name, ..placed });
@@ -432,7 +429,7 @@ impl AreaLight {
     }
 }
 
-fn disk_of_triangles(scene: &mut Scene, name: &str, material: MaterialId) -> MeshId {
+fn triangulated_disk(scene: &mut Scene, name: &str, material: MaterialId) -> MeshId {
     let mut mesh = Mesh { name: format!("{name} (disk)"), ..mesh_of(ShapeKind::Disk) };
     let triangle_count = mesh.triangles.len() as u32;
     mesh.parts.push(MeshPart { first_triangle: 0, triangle_count, material });
@@ -450,7 +447,7 @@ pub(super) fn world_from_quad(quad: &Quad) -> DAffine3 {
 const IES_LIGHT: &str = "extensions/EXT_lights_ies";
 const IES_LIGHTS: &str = "extensions/EXT_lights_ies/lights";
 
-/// IES profiles by index: relative intensities (maximum 1), and the maximum in candela.
+/// IES profiles by index: normalised to a maximum of 1, and the maximum in candela.
 pub(super) type Profiles = HashMap<usize, Valid<(Arc<LightProfile>, f64)>>;
 
 /// The light with an IES profile of a node, if any.
@@ -484,11 +481,10 @@ fn read_ies_light(
     let color = numbers_of(raw, "color", &at, report)?.unwrap_or([1.0; 3]);
     let intensity = color.map(|c| (c.clamp(0.0, 1.0) * factor * candela / LUMENS_PER_WATT) as f32);
     if intensity.iter().any(|i| !(i.is_finite() && *i >= 0.0)) {
-        return Err(report
-            .problem(at, "has a multiplier or a colour that is negative or beyond the range of numbers"));
+        return Err(report.problem(at, "has a multiplier or a colour that is negative or too large"));
     }
     let Some(rotation) = rotation(&node.world_from_node.matrix3) else {
-        return Err(report.warn(node.pointer(), "flattens its light, which is left out"));
+        return Err(report.warn(node.pointer(), "has a singular transform: its light is left out"));
     };
     let kind = LightKind::Profiled { position: node.world_from_node.translation, rotation, cone: None };
     let node_raw = doc.json.pointer(&node.pointer()).unwrap_or(&Value::Null);
@@ -520,7 +516,7 @@ fn profile(doc: &Document, index: usize, from: &str, report: &mut Report) -> Val
     };
     match ies::parse(&bytes) {
         Ok(profile) => {
-            let (profile, candela) = ies::relative(profile);
+            let (profile, candela) = ies::normalized(profile);
             Ok((Arc::new(profile), candela))
         }
         Err(message) => Err(report.problem(at, message)),

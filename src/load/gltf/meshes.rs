@@ -76,7 +76,7 @@ impl MeshReader<'_, '_> {
     fn add_primitive(&mut self, primitive: &Primitive, at: &str, groups: &mut Vec<Group>) {
         match primitive.mode {
             Checked::Invalid => {
-                self.report.problem(format!("{at}/mode"), "is no mode of glTF 2.0 (0 to 6)");
+                self.report.problem(format!("{at}/mode"), "is not a mode of glTF 2.0 (0 to 6)");
             }
             // Points and lines are read by `points_lines`.
             Checked::Valid(Mode::Points | Mode::Lines | Mode::LineLoop | Mode::LineStrip) => {}
@@ -154,7 +154,7 @@ fn group_of<'g>(attributes: &Attributes, groups: &'g mut Vec<Group>) -> &'g mut 
 fn add_part(mesh: &mut Mesh, first: usize, material: MaterialId, at: &str, report: &mut Report) -> Valid<()> {
     let (Ok(first_triangle), Ok(end)) = (u32::try_from(first), u32::try_from(mesh.triangles.len())) else {
         mesh.triangles.truncate(first);
-        return Err(report.problem(at, "takes its mesh beyond 4,294,967,295 triangles"));
+        return Err(report.problem(at, "exceeds 4,294,967,295 triangles in its mesh"));
     };
     mesh.parts.push(MeshPart { first_triangle, triangle_count: end - first_triangle, material });
     Ok(())
@@ -201,7 +201,10 @@ pub(super) fn append_triangles(
         _ => count == 0 || count >= 3,
     };
     if !is_complete {
-        report.warn(at, format!("{count} corners make no whole number of triangles; the rest is ignored"));
+        report.warn(
+            at,
+            format!("{count} indices are not a whole number of triangles; the remainder is ignored"),
+        );
     }
     let first = triangles.len();
     if mode == Mode::Triangles {
@@ -253,8 +256,8 @@ fn drop_beyond(
     let (count, kept) = (triangles.len() - first, triangles[first..].iter().filter(|t| is_valid(t)).count());
     if is_restart || kept == 0 {
         triangles.truncate(first);
-        let help = "where that index begins another strip or fan, the file must say so in \
-                    extensionsUsed and extensionsRequired: KHR_mesh_primitive_restart";
+        let help = "if it is a primitive restart index, the file must list KHR_mesh_primitive_restart in \
+                    extensionsUsed and extensionsRequired";
         return Err(report.add(if is_restart { wrong.with_help(help) } else { wrong }));
     }
     let mut number = 0;
@@ -365,7 +368,7 @@ const VARIANTS: &str = "/extensions/KHR_materials_variants/variants";
 pub(super) fn check_variant(doc: &Document, report: &mut Report) {
     let Some(wanted) = &doc.options.variant else { return };
     if let Err(help) = GltfOptions::find(&variant_names(doc), wanted) {
-        let message = format!("there is no variant '{wanted}' of the materials");
+        let message = format!("there is no material variant '{wanted}'");
         report.add(Problem::new("/extensions", message).with_help(help));
     }
 }
@@ -388,7 +391,7 @@ fn variant_material(doc: &Document, primitive: &Primitive, at: &str, report: &mu
     let extension = doc.json.pointer(&format!("{at}/extensions/KHR_materials_variants/mappings"));
     let mappings = extension.and_then(Value::as_array).map_or(&[][..], Vec::as_slice);
     if mappings.is_empty() && extension.is_some() {
-        report.warn(at, "has variants, but no list of them; its own material is used");
+        report.warn(at, "has invalid variant mappings; its own material is used");
     }
     let is_chosen = |mapping: &&Value| {
         let variants = mapping.get("variants").and_then(Value::as_array);

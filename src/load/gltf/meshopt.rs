@@ -181,7 +181,7 @@ impl<'s> Stream<'s> {
     pub fn finish(self) -> Result<(), String> {
         match self.bytes.len() {
             0 => Ok(()),
-            left => Err(format!("{left} bytes are left over")),
+            left => Err(format!("{left} bytes are left")),
         }
     }
 }
@@ -209,7 +209,7 @@ fn decode(bytes: &[u8], count: usize, stride: usize) -> Result<Vec<u8>, String> 
     let version = match stream.byte()? {
         0xa0 => 0,
         0xa1 => 1,
-        other => return Err(format!("{other:#04x} begins no stream of attributes")),
+        other => return Err(format!("{other:#04x} is not the header of a stream of attributes")),
     };
     let (used, least) = if version == 0 { (stride, 32) } else { (stride + stride / 4, 24) };
     let tail = stream.tail(used.max(least))?;
@@ -244,7 +244,7 @@ fn channel(mode: u8) -> Result<Channel, String> {
         (0, 0) => Ok(Channel::Bytes),
         (1, 0) => Ok(Channel::Words),
         (2, turn) => Ok(Channel::Xor(u32::from(turn))),
-        _ => Err(format!("{mode:#04x} is no mode of a channel")),
+        _ => Err(format!("{mode:#04x} is not a channel mode")),
     }
 }
 
@@ -367,9 +367,9 @@ fn triangles(bytes: &[u8], count: usize) -> Result<Vec<u32>, String> {
     let mut stream = Stream { bytes };
     match stream.byte()? {
         0xe1 => {}
-        other => return Err(format!("{other:#04x} begins no stream of triangles")),
+        other => return Err(format!("{other:#04x} is not the header of a stream of triangles")),
     }
-    let table: &[u8; 16] = stream.tail(16)?.try_into().map_err(|_| "its table is cut off")?;
+    let table: &[u8; 16] = stream.tail(16)?.try_into().map_err(|_| "its table is truncated")?;
     let codes = stream.take(count / 3)?;
     let mut decoder = Decoder { data: stream, edges: Fifo::new(), vertices: Fifo::new(), next: 0, last: 0 };
     let mut out = Vec::with_capacity(count);
@@ -464,7 +464,7 @@ fn indices(bytes: &[u8], count: usize) -> Result<Vec<u32>, String> {
     let mut stream = Stream { bytes };
     match stream.byte()? {
         0xd1 => {}
-        other => return Err(format!("{other:#04x} begins no stream of indices")),
+        other => return Err(format!("{other:#04x} is not the header of a stream of indices")),
     }
     stream.tail(4)?;
     if count > stream.bytes.len() {
@@ -581,12 +581,12 @@ fn store(element: &mut [u8; 8], words: [u16; 4]) {
 }
 
 #[cfg(test)]
-mod attributes_tests {
+mod tests {
     use super::*;
 
-    /// The example of the specification for mode 0.
+    /// The example in the specification for mode 0.
     #[test]
-    fn the_example_of_the_specification() {
+    fn specification_example_is_decoded() {
         let bytes = [0x17, 0x5f, 0xf0, 0xbc, 0x77, 0xa9, 0x21, 0x00, 0x34, 0xb5];
         let (mut stream, mut out) = (Stream { bytes: &bytes }, [0u8; 16]);
         read_group(&mut stream, 4, &mut out).expect("it is whole");
@@ -603,11 +603,6 @@ mod attributes_tests {
         assert_eq!(restore(Channel::Words, [0xff, 0, 0, 0], [2, 0, 1, 0]), [0, 1, 0xff, 0xff]);
         assert_eq!(restore(Channel::Xor(4), [0x0f, 0, 0, 0], [0, 0, 0, 0x10]), [0x0e, 0, 0, 0]);
     }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
 
     fn layout(mode: Mode, filter: Filter, count: usize, stride: usize) -> Layout {
         Layout { buffer: 0, offset: 0, length: 0, count, stride, mode, filter }
@@ -664,7 +659,7 @@ mod tests {
 
     /// A group of version 1 with 1-bit numbers and escapes.
     #[test]
-    fn groups_of_1_2_and_4_bits() {
+    fn groups_of_single_bits_are_decoded() {
         // Control: byte 0 mode 0, bytes 1 to 3 without data. Header: one group of 1 bit. Elements 0 and 9 escape.
         let mut stream = vec![0xa1, 0b10_10_10_00, 0b01, 0b0000_0001, 0b0000_0010, 4, 2];
         stream.extend([0; 24]);
@@ -699,7 +694,7 @@ mod tests {
     }
 
     #[test]
-    fn indices_by_two_baselines() {
+    fn indices_are_decoded() {
         // 5 from the first, 100 from the second, 6 from the first, 99 from the second.
         let zigzag = |delta: i32| ((delta << 1) ^ (delta >> 31)) as u32;
         let code = |delta: i32, baseline: u32| zigzag(delta) << 1 | baseline;

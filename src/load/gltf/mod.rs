@@ -76,8 +76,7 @@ pub(super) fn load_times(
     let mut doc = Document::new(path, parts, bytes.len(), options);
     let (mut report, mut shared) = (Report::new(path), SharedAssets::default());
     if repaired > 0 {
-        let message =
-            format!("its JSON holds {repaired} non-finite numbers (NaN and the like); they became 0");
+        let message = format!("its JSON holds {repaired} non-finite numbers (NaN, Infinity), which became 0");
         report.lasting(|report| report.warn("", ("json-not-a-number", message)));
     }
     shared.materials.geometry_only = options.geometry_only;
@@ -91,14 +90,14 @@ pub(super) fn load_times(
             at(&doc, options, time_s, times.as_ref(), shared, &mut report)
         };
         let mut at_time = read(&mut shared)?;
-        if shared.forget_lost_textures() {
+        if shared.forget_unreadable_images() {
             at_time = read(&mut shared)?;
         }
-        let (mut loaded, still) = at_time;
+        let (mut loaded, static_meshes) = at_time;
         if each(&mut loaded)?.is_break() {
             break;
         }
-        shared.take_back(&mut loaded.scene, still);
+        shared.take_back(&mut loaded.scene, static_meshes);
     }
     Ok(())
 }
@@ -127,13 +126,13 @@ fn at(
     let left_out = left_out(doc, &builder, hierarchy.scene, &pose);
     let has_area_lights = builder.has_area_lights();
     let points_and_lines = std::mem::take(&mut builder.points_and_lines);
-    let (mut scene, still) = builder.finish(report);
+    let (mut scene, static_meshes) = builder.finish(report);
     image_light::light(doc, hierarchy.scene, (&mut scene, shared), report);
     times.into_iter().for_each(|times| times.apply(&mut scene, report));
     read_scene_extras(doc, hierarchy.scene, &mut scene, report);
     let blender =
         blender_export::blender_losses(doc, &hierarchy, &scene, &shared.materials.export_losses, report);
-    document::warn_unread(doc, report);
+    document::warn_of_unsupported(doc, report);
     let problems = report.take_problems();
     if !problems.is_empty() {
         return Err(Error::input_problems(doc.path, problems));
@@ -146,7 +145,7 @@ fn at(
     let messages = Loaded { warnings, notes, left_out, ..Loaded::default() };
     let mut loaded = Loaded { scene, empties, blender, has_area_lights, default_materials, ..messages };
     points_and_lines.add(doc, options, &mut loaded)?;
-    Ok((loaded, still))
+    Ok((loaded, static_meshes))
 }
 
 /// Image settings in the scene's `extras`.
@@ -158,7 +157,7 @@ fn read_scene_extras(doc: &Document, index: Option<usize>, scene: &mut Scene, re
         let number = value.as_u64().filter(|n| *n >= min).and_then(|n| u32::try_from(n).ok());
         if number.is_none() {
             let at = format!("{}/extras/{key}", pointer("scenes", index.unwrap_or_default()));
-            report.warn(at, format!("{value} is no usable number and ignored"));
+            report.warn(at, format!("{value} is not a valid number; ignored"));
         }
         number
     };

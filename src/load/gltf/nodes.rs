@@ -113,7 +113,7 @@ pub(super) fn walk(doc: &Document, pose: &Pose, parents: &NodeParents, report: &
     let mut hidden = 0usize;
     while let Some(step) = stack.pop() {
         if reached.get(step.node).copied() == Some(true) {
-            let message = ("node-cycle", "is reached twice: nodes form a cycle, or one is the child of two");
+            let message = ("node-cycle", "is reached twice: nodes form a cycle, or it has two parents");
             report.problem(pointer("nodes", step.node), message);
             continue;
         }
@@ -129,7 +129,7 @@ pub(super) fn walk(doc: &Document, pose: &Pose, parents: &NodeParents, report: &
         let Ok(local) = local(raw, pose.node(step.node), &at, report) else { continue };
         let world_from_node = parent * local;
         if !world_from_node.is_finite() {
-            report.problem(at, "has a transform beyond the range of numbers");
+            report.problem(at, "has a transform that is not finite");
             continue;
         }
         let parent_moves = step.parent.is_some_and(|p| hierarchy.nodes[p].moves);
@@ -149,7 +149,7 @@ pub(super) fn walk(doc: &Document, pose: &Pose, parents: &NodeParents, report: &
             camera,
             light: light(raw, &at, report).unwrap_or(None),
             skin,
-            instances: placements(doc, raw, &at, report).unwrap_or(None),
+            instances: instance_transforms(doc, raw, &at, report).unwrap_or(None),
         });
     }
     if hidden > 0 {
@@ -268,7 +268,7 @@ pub(super) fn local(node: &Value, pose: Option<&NodePose>, at: &str, report: &mu
         )
     };
     if !transform.is_finite() {
-        return Err(report.problem(at, "has a transform beyond the range of numbers"));
+        return Err(report.problem(at, "has a transform that is not finite"));
     }
     Ok(transform)
 }
@@ -276,7 +276,7 @@ pub(super) fn local(node: &Value, pose: Option<&NodePose>, at: &str, report: &mu
 fn matrix(node: &Value, at: &str, report: &mut Report) -> Valid<DAffine3> {
     let m: [f64; 16] = required(numbers_of(node, "matrix", at, report), "matrix", at, report)?;
     if [m[3], m[7], m[11], m[15]] != [0.0, 0.0, 0.0, 1.0] {
-        report.warn(format!("{at}/matrix"), "is a projection; its last row is taken as 0 0 0 1");
+        report.warn(format!("{at}/matrix"), "is a projective matrix; its last row is taken as 0 0 0 1");
     }
     Ok(affine(&m))
 }
@@ -296,7 +296,8 @@ fn rotation(node: &Value, at: &str, report: &mut Report) -> Valid<DQuat> {
     let rotation = DQuat::from_array(rotation);
     let length = rotation.length();
     if !(length > 1e-6 && length.is_finite()) {
-        report.warn(format!("{at}/rotation"), ("rotation-invalid", "is no unit quaternion; it is left out"));
+        report
+            .warn(format!("{at}/rotation"), ("rotation-invalid", "is not a unit quaternion; it is left out"));
         return Ok(DQuat::IDENTITY);
     }
     if (length - 1.0).abs() > 1e-3 {
@@ -353,9 +354,7 @@ impl<'d, 'a> NodeParents<'d, 'a> {
             next = self.parent(node);
         }
         if !world.is_finite() {
-            return Err(
-                report.problem(pointer("nodes", index), "has a transform beyond the range of numbers")
-            );
+            return Err(report.problem(pointer("nodes", index), "has a transform that is not finite"));
         }
         Ok(world)
     }
@@ -367,7 +366,7 @@ impl<'d, 'a> NodeParents<'d, 'a> {
 const BYTES_PER_INSTANCE: u64 = 256;
 
 /// Transforms of the instances of a node, relative to it; `None` without the extension.
-pub(super) fn placements(
+pub(super) fn instance_transforms(
     doc: &Document,
     node: &Value,
     at: &str,
@@ -376,7 +375,7 @@ pub(super) fn placements(
     let Some(extension) = node.pointer("/extensions/EXT_mesh_gpu_instancing") else { return Ok(None) };
     let at = format!("{at}/extensions/EXT_mesh_gpu_instancing/attributes");
     let Some(attributes) = extension.get("attributes").filter(|a| a.is_object()) else {
-        return Err(report.problem(at, "is missing, or no object"));
+        return Err(report.problem(at, "is missing or not an object"));
     };
     let mut count = None;
     let mut open = |name: &str, kind: Type, report: &mut Report| -> Valid<Option<Accessor<'_>>> {
@@ -409,20 +408,20 @@ pub(super) fn placements(
     let translations = read(translations.as_ref(), count, [0.0; 3]);
     let rotations = read(rotations.as_ref(), count, [0.0, 0.0, 0.0, 1.0]);
     let scales = read(scales.as_ref(), count, [1.0; 3]);
-    let mut unusable = 0usize;
+    let mut invalid = 0usize;
     let mut list = Vec::with_capacity(count);
     for ((t, r), s) in translations.into_iter().zip(rotations).zip(scales) {
         let rotation = DQuat::from_array(r.map(f64::from)).normalize();
         let [translation, scale] = [t, s].map(|v| DVec3::from_array(v.map(f64::from)));
-        let placement = DAffine3::from_scale_rotation_translation(scale, rotation, translation);
-        if placement.is_finite() {
-            list.push(placement);
+        let transform = DAffine3::from_scale_rotation_translation(scale, rotation, translation);
+        if transform.is_finite() {
+            list.push(transform);
         } else {
-            unusable += 1;
+            invalid += 1;
         }
     }
-    if unusable > 0 {
-        report.warn(at, format!("{unusable} instances are not finite, and left out"));
+    if invalid > 0 {
+        report.warn(at, format!("{invalid} instances with transforms that are not finite are left out"));
     }
     Ok(Some(list))
 }

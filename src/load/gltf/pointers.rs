@@ -1,7 +1,7 @@
 //! KHR_animation_pointer: channels whose targets are JSON pointers. Node transforms and morph target weights are part of
 //! the pose; all other values are written into the document before a time sample is read, and restored afterwards.
 
-use super::animation::{Element, Samplers, of_pose};
+use super::animation::{Element, Samplers, pose_target};
 use super::document::Document;
 use super::report::{Report, Valid};
 use super::scene_builder::SharedAssets;
@@ -42,7 +42,7 @@ const PROPERTIES: &[(&str, usize)] = &[
 const ROTATION: &str = "/extensions/EXT_lights_image_based/lights/*/rotation";
 
 /// Animatable properties of the extensions of materials.
-const OF_MATERIALS: &[(&str, &[(&str, usize)])] = &[
+const MATERIAL_EXTENSIONS: &[(&str, &[(&str, usize)])] = &[
     ("KHR_materials_anisotropy", &[("anisotropyStrength", 1), ("anisotropyRotation", 1)]),
     (
         "KHR_materials_clearcoat",
@@ -84,7 +84,7 @@ const OF_MATERIALS: &[(&str, &[(&str, usize)])] = &[
 ];
 
 /// Animatable properties of texture transforms.
-const OF_TEXTURES: &[(&str, usize)] = &[("offset", 2), ("rotation", 1), ("scale", 2)];
+const TEXTURE_TRANSFORM: &[(&str, usize)] = &[("offset", 2), ("rotation", 1), ("scale", 2)];
 
 /// Pointers without effect on pictures: clip planes, which aren't supported, and interaction.
 const WITHOUT_EFFECT: &[&str] = &[
@@ -97,7 +97,7 @@ const WITHOUT_EFFECT: &[&str] = &[
 ];
 
 /// JSON objects that may be missing in the file: defaults are inserted.
-const IMPLIED: &[&str] = &[
+const OPTIONAL_OBJECTS: &[&str] = &[
     "KHR_materials_emissive_strength",
     "KHR_node_visibility",
     "KHR_texture_transform",
@@ -127,10 +127,10 @@ type Change = (String, Value);
 pub(super) struct PointerAnimation {
     /// The original values of changed list entries.
     originals: Vec<Change>,
-    /// The changes with which the cached materials were built.
-    of_materials: Vec<Change>,
-    /// The changes with which the cached environment was built.
-    of_environment: Vec<Change>,
+    /// The changes in the cached materials.
+    material_changes: Vec<Change>,
+    /// The changes in the cached environment.
+    environment_changes: Vec<Change>,
 }
 
 impl PointerAnimation {
@@ -161,14 +161,15 @@ impl PointerAnimation {
         let changes_below = |list: &str| -> Vec<Change> {
             changes.iter().filter(|(pointer, _)| pointer.starts_with(list)).cloned().collect()
         };
-        let (of_materials, of_environment) = (changes_below("/materials/"), changes_below(IMAGE_LIGHTS));
-        if of_environment != self.of_environment {
+        let (material_changes, environment_changes) =
+            (changes_below("/materials/"), changes_below(IMAGE_LIGHTS));
+        if environment_changes != self.environment_changes {
             shared.environment_image = None;
-            self.of_environment = of_environment;
+            self.environment_changes = environment_changes;
         }
-        if of_materials != self.of_materials {
+        if material_changes != self.material_changes {
             shared.forget_materials();
-            self.of_materials = of_materials;
+            self.material_changes = material_changes;
         }
     }
 }
@@ -182,13 +183,13 @@ fn changes(doc: &Document, time_s: f64, report: &mut Report) -> Vec<Change> {
         let channels = animation.get("channels").and_then(Value::as_array);
         for (c, channel) in channels.into_iter().flatten().enumerate() {
             let is_pointer = channel.pointer("/target/path").and_then(Value::as_str) == Some("pointer");
-            if !is_pointer || of_pose(&channel["target"]).is_some() {
+            if !is_pointer || pose_target(&channel["target"]).is_some() {
                 continue;
             }
             let at = format!("/animations/{a}/channels/{c}");
             let Ok(Some((pointer, element))) = target(doc, channel, &at, report) else { continue };
             if changes.iter().any(|(known, _)| known == pointer) {
-                report.warn(at, format!("drives {pointer}, as an earlier channel does; the first is used"));
+                report.warn(at, format!("animates {pointer}, like an earlier channel; the first is used"));
                 continue;
             }
             if let Ok(mut numbers) = samplers.value(animation, channel, element, &at, report) {
@@ -226,7 +227,7 @@ fn target<'v>(
     let place = format!("{at}/target/extensions/{NAME}/pointer");
     let pointer = channel.pointer(&format!("/target/extensions/{NAME}/pointer"));
     let Some(pointer) = pointer.and_then(Value::as_str) else {
-        return Err(report.problem(place, "is missing, or no JSON pointer"));
+        return Err(report.problem(place, "is missing or not a JSON pointer"));
     };
     if WITHOUT_EFFECT.iter().any(|pattern| matches_pattern(pattern, pointer)) {
         return Ok(None);
@@ -261,10 +262,10 @@ fn of_material(pointer: &str) -> Option<usize> {
     index.parse::<usize>().ok()?;
     let count = |list: &[(&str, usize)], key: &str| list.iter().find(|(k, _)| *k == key).map(|(_, n)| *n);
     if let Some((texture, key)) = inside.split_once("/extensions/KHR_texture_transform/") {
-        return count(OF_TEXTURES, key).filter(|_| texture.ends_with("Texture"));
+        return count(TEXTURE_TRANSFORM, key).filter(|_| texture.ends_with("Texture"));
     }
     let (extension, key) = inside.strip_prefix("extensions/")?.split_once('/')?;
-    let (_, properties) = OF_MATERIALS.iter().find(|(name, _)| *name == extension)?;
+    let (_, properties) = MATERIAL_EXTENSIONS.iter().find(|(name, _)| *name == extension)?;
     count(properties, key)
 }
 
@@ -283,7 +284,7 @@ fn exists(json: &Value, pointer: &str) -> bool {
     for step in steps {
         at = match at {
             Some(Value::Object(object)) if object.contains_key(step) => object.get(step),
-            Some(Value::Object(_)) | None if IMPLIED.contains(&step) => None,
+            Some(Value::Object(_)) | None if OPTIONAL_OBJECTS.contains(&step) => None,
             Some(Value::Array(list)) => match step.parse::<usize>().ok().and_then(|i| list.get(i)) {
                 Some(entry) => Some(entry),
                 None => return false,

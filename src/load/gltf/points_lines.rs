@@ -4,8 +4,8 @@
 //! Gaussian splats: `KHR_gaussian_splatting`, and its SPZ compression (`KHR_gaussian_splatting_compression_spz_2`, or the
 //! older draft `KHR_spz_gaussian_splats_compression` of the primitive itself).
 //!
-//! SPZ data are not rotated: the draft of the extension defines another orientation than SPZ files, but CesiumJS, for
-//! which it was made, doesn't rotate them.
+//! SPZ data is not rotated: the draft of the extension defines a different orientation from SPZ files, but CesiumJS, for which
+//! it was designed, doesn't rotate it either.
 
 use super::buffers::Accessor;
 use super::document::{Document, pointer};
@@ -116,8 +116,10 @@ impl PointsAndLines {
             .collect();
         if !lines.is_empty() {
             let count: usize = lines.iter().map(|curves| curves.strands.len()).sum();
-            let message =
-                format!("{count} lines are shown as rods of radius {radius:.3e} ({})", Choice::PointRadius);
+            let message = format!(
+                "{count} lines are shown as cylinders of radius {radius:.3e} ({})",
+                Choice::PointRadius
+            );
             loaded.notes.push(Warning::new(doc.path, "/meshes", message));
         }
         for curves in &lines {
@@ -211,12 +213,12 @@ fn primitive_of(
         materials.get(doc, primitive.material.map(|m| m.value()), &format!("{at}/material"), report)?;
     let accessor =
         |semantic: Semantic| primitive.attributes.get(&Checked::Valid(semantic)).map(|index| index.value());
-    let mut opener = AttributeReader::new(doc, at, "/attributes", None, report);
+    let mut reader = AttributeReader::new(doc, at, "/attributes", None, report);
     let positions =
-        opener.open(accessor(Semantic::Positions), "POSITION", &[Type::Vec3], AttributeFormat::Signed);
+        reader.open(accessor(Semantic::Positions), "POSITION", &[Type::Vec3], AttributeFormat::Signed);
     let kinds = [Type::Vec3, Type::Vec4];
-    let colors = opener.open(accessor(Semantic::Colors(0)), "COLOR_0", &kinds, AttributeFormat::Unsigned);
-    let count = opener.finish(0, BYTES_PER_POINT)?;
+    let colors = reader.open(accessor(Semantic::Colors(0)), "COLOR_0", &kinds, AttributeFormat::Unsigned);
+    let count = reader.finish(0, BYTES_PER_POINT)?;
     let Some(accessor) = positions else { return Err(report.problem(at, "has no positions")) };
     let mut positions = vec![[0.0; 3]; count];
     accessor.read_floats(&mut positions);
@@ -354,7 +356,7 @@ fn warn_of_kinds(extension: &Value, at: &str, report: &mut Report) {
         if let Some(other) = extension.get(key).and_then(Value::as_str).filter(|v| !values.contains(v)) {
             report.warn(
                 at,
-                ("splats-kernel", format!("has the {key} '{other}', which is taken as '{}'", values[0])),
+                ("splats-kernel", format!("has the unsupported {key} '{other}', taken as '{}'", values[0])),
             );
         }
     }
@@ -384,20 +386,21 @@ fn uncompressed(doc: &Document, raw: &Value, at: &str, report: &mut Report) -> V
     let needed = needed.into_iter().chain([("SH_DEGREE_0_COEF_0", coefficient((0, 0)))]);
     let missing: Vec<&str> = needed.filter(|(_, index)| index.is_none()).map(|(name, _)| name).collect();
     if index("POSITION").is_none() || !missing.is_empty() {
-        return Err(report
-            .warn(at, ("splats-incomplete", format!("lacks attributes of splats: {}", missing.join(", ")))));
+        return Err(
+            report.warn(at, ("splats-incomplete", format!("lacks splat attributes: {}", missing.join(", "))))
+        );
     }
     let degree =
         (1..=Splats::MAX_DEGREE).take_while(|&l| of_degree(l).all(|c| coefficient(c).is_some())).count();
-    let mut opener = AttributeReader::new(doc, at, "/attributes", None, report);
-    let mut open = |index, name: &str, kind: Type| opener.open(index, name, &[kind], AttributeFormat::Any);
+    let mut reader = AttributeReader::new(doc, at, "/attributes", None, report);
+    let mut open = |index, name: &str, kind: Type| reader.open(index, name, &[kind], AttributeFormat::Any);
     let positions = open(index("POSITION"), "POSITION", Type::Vec3);
     let rotations = open(attribute("ROTATION"), "ROTATION", Type::Vec4);
     let scales = open(attribute("SCALE"), "SCALE", Type::Vec3);
     let opacities = open(attribute("OPACITY"), "OPACITY", Type::Scalar);
     let all = (0..=degree as u8).flat_map(of_degree);
     let harmonics: Vec<_> = all.map(|c| open(coefficient(c), "SH_DEGREE", Type::Vec3)).collect();
-    let count = opener.finish(0, BYTES_PER_SPLAT)?;
+    let count = reader.finish(0, BYTES_PER_SPLAT)?;
     let mut lists =
         (vec![[0.0; 3]; count], vec![[0.0; 4]; count], vec![[0.0; 3]; count], vec![[0.0; 1]; count]);
     positions.iter().for_each(|accessor| accessor.read_floats(&mut lists.0));

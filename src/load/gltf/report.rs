@@ -4,9 +4,10 @@ use crate::error::{Message, Problem, Warning};
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
-/// Maximum number of listed problems, and of warnings with the same text.
+/// Maximum number of listed problems.
 const MAX_PROBLEMS: usize = 32;
-const MAX_ALIKE: usize = 8;
+/// Maximum number of listed warnings with the same text.
+const MAX_REPEATED: usize = 8;
 
 /// Severity of a message.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
@@ -64,7 +65,7 @@ impl Report {
             self.entries.iter().map(|e| (e.warning.place.clone(), e.warning.message.clone())).collect();
     }
 
-    /// Runs `work` for an object that is read once: its entries are kept for all later time samples.
+    /// Runs `work` for an object that is read once: its entries are kept for later time samples.
     pub fn lasting<T>(&mut self, work: impl FnOnce(&mut Report) -> T) -> T {
         let before = std::mem::replace(&mut self.is_lasting, true);
         let result = work(self);
@@ -149,7 +150,7 @@ impl Report {
         problems
     }
 
-    /// All warnings; of many with the same text the rest is only counted.
+    /// All warnings. Beyond a maximum, warnings with the same text are only counted.
     pub fn warnings(&self) -> Vec<Warning> {
         self.list(Severity::Warning)
     }
@@ -160,17 +161,17 @@ impl Report {
     }
 
     fn list(&self, kind: Severity) -> Vec<Warning> {
-        let (mut list, mut alike) = (Vec::new(), HashMap::<&str, usize>::new());
+        let (mut list, mut counts) = (Vec::new(), HashMap::<&str, usize>::new());
         for entry in self.entries.iter().filter(|e| e.kind == kind) {
-            let count = alike.entry(&entry.warning.message).or_default();
+            let count = counts.entry(&entry.warning.message).or_default();
             *count += 1;
-            if *count <= MAX_ALIKE {
+            if *count <= MAX_REPEATED {
                 list.push(entry.warning.clone());
             }
         }
-        let mut many: Vec<(&str, usize)> = alike.into_iter().filter(|(_, n)| *n > MAX_ALIKE).collect();
+        let mut many: Vec<(&str, usize)> = counts.into_iter().filter(|(_, n)| *n > MAX_REPEATED).collect();
         many.sort();
-        let rest = |(message, n)| format!("{} more places: {message}", n - MAX_ALIKE);
+        let rest = |(message, n)| format!("{} more places: {message}", n - MAX_REPEATED);
         list.extend(many.into_iter().map(|m| Warning::new(&self.file, "", rest(m))));
         list
     }

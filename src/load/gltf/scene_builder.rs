@@ -119,7 +119,7 @@ impl<'b, 'a> SceneBuilder<'b, 'a> {
         };
         let weights = self.weights(node, mesh, report);
         let meshes = self.meshes(node, mesh, &weights, skin.as_ref(), report);
-        let placements = match (&skin, &node.instances) {
+        let transforms = match (&skin, &node.instances) {
             (Some(skin), instances) => {
                 if instances.is_some() {
                     report.warn(node.pointer(), "has a skin and instances; a skinned mesh gets one instance");
@@ -130,7 +130,7 @@ impl<'b, 'a> SceneBuilder<'b, 'a> {
             (None, Some(instances)) => instances.iter().map(|i| node.world_from_node * *i).collect(),
         };
         let name = hierarchy.path(self.doc, entry);
-        let is_flat = placements.iter().any(|place| place.matrix3.determinant() == 0.0);
+        let is_flat = transforms.iter().any(|place| place.matrix3.determinant() == 0.0);
         let motion = match self.motion(node, mesh) {
             Motion::Moves if is_flat => Motion::Deforms,
             motion => motion,
@@ -138,11 +138,11 @@ impl<'b, 'a> SceneBuilder<'b, 'a> {
         let raw = self.doc.json.pointer(&node.pointer());
         let traits = raw.map(|raw| lights::object_traits(raw, &node.pointer(), report)).unwrap_or_default();
         let group = raw.and_then(|raw| lights::light_group(raw, &node.pointer(), report));
-        for place in &placements {
+        for place in &transforms {
             let read = (self.doc, &mut self.shared.materials);
             self.points_and_lines.place(read, mesh, *place, &name, report);
         }
-        for (i, &world_from_object) in placements.iter().enumerate() {
+        for (i, &world_from_object) in transforms.iter().enumerate() {
             for &mesh in &meshes {
                 let name = if node.instances.is_some() { format!("{name}/{i}") } else { name.clone() };
                 let (light_group, placed) = (group.clone(), Instance::new(mesh, world_from_object));
@@ -231,7 +231,7 @@ impl<'b, 'a> SceneBuilder<'b, 'a> {
         let count_given = animated.unwrap_or(weights.len());
         if count_given > targets || animated.is_some_and(|count| count < targets) {
             let message = format!(
-                "has {count_given} weights for the {targets} morph targets of its mesh; missing ones are 0, surplus ones are left out"
+                "has {count_given} weights for the {targets} morph targets of its mesh; missing ones are 0, excess ones are ignored"
             );
             report.warn(node.pointer(), ("morph-weight-count", message));
         }
@@ -272,14 +272,14 @@ impl<'b, 'a> SceneBuilder<'b, 'a> {
         let further = &needs[shared.images.len()..];
         let (further, unreadable) = report.lasting(|report| textures::read_textures(doc, further, report));
         shared.images.extend(further);
-        shared.lose_textures(unreadable);
+        shared.add_unreadable_images(unreadable);
         scene.images = shared.images.clone();
         shared.materials.resolve_glass(&mut scene, doc.options.glass, report);
         scene.materials = shared.materials.list.clone();
         scene.textures = shared.materials.textures.list.clone();
         area_lights.into_iter().for_each(|light| light.add_to(&mut scene));
-        let still = meshes_by_key.into_iter().filter(|(key, _)| key.is_static());
-        (scene, still.map(|(key, meshes)| StaticMesh { mesh: key.mesh, meshes }).collect())
+        let static_meshes = meshes_by_key.into_iter().filter(|(key, _)| key.is_static());
+        (scene, static_meshes.map(|(key, meshes)| StaticMesh { mesh: key.mesh, meshes }).collect())
     }
 }
 
@@ -297,7 +297,7 @@ pub(super) struct SharedAssets {
     /// The equirectangular image of EXT_lights_image_based, once read.
     pub environment_image: Option<Valid<Image>>,
     /// Materials refer to images that could not be decoded.
-    loses_textures: bool,
+    has_unreadable_images: bool,
 }
 
 /// Scene meshes of a mesh of the file without skin or morph targets.
@@ -310,18 +310,18 @@ pub(super) struct StaticMesh {
 
 impl SharedAssets {
     /// Registers images that can't be decoded: index and message.
-    pub fn lose_textures(&mut self, unreadable: Vec<(usize, String)>) {
-        self.loses_textures |= !unreadable.is_empty();
+    pub fn add_unreadable_images(&mut self, unreadable: Vec<(usize, String)>) {
+        self.has_unreadable_images |= !unreadable.is_empty();
         self.materials.textures.unreadable.extend(unreadable);
     }
 
     /// Drops the materials if any refers to images that can't be decoded; true if the scene must be read again.
-    pub fn forget_lost_textures(&mut self) -> bool {
-        let loses = std::mem::take(&mut self.loses_textures);
-        if loses {
+    pub fn forget_unreadable_images(&mut self) -> bool {
+        let has_unreadable = std::mem::take(&mut self.has_unreadable_images);
+        if has_unreadable {
             self.forget_materials();
         }
-        loses
+        has_unreadable
     }
 
     /// Drops the materials and the meshes, which refer to them by index. Decoded images are kept.
@@ -331,8 +331,8 @@ impl SharedAssets {
     }
 
     /// Moves static meshes from a finished scene back into the cache.
-    pub fn take_back(&mut self, scene: &mut Scene, still: Vec<StaticMesh>) {
-        for StaticMesh { mesh, meshes } in still {
+    pub fn take_back(&mut self, scene: &mut Scene, static_meshes: Vec<StaticMesh>) {
+        for StaticMesh { mesh, meshes } in static_meshes {
             let taken = meshes.iter().map(|id| scene.meshes.get_mut(id.index()).map(std::mem::take));
             if let Some(taken) = taken.collect() {
                 self.static_meshes.insert(mesh, taken);

@@ -14,7 +14,7 @@ use crate::math::{DAffine3, DMat3, DVec3};
 use crate::scene::{Camera, Instance, Keyframes, Light, LightKind, Mesh, Motion, Scene, Vertices};
 use std::collections::{BTreeSet, HashMap};
 
-/// The scene at one time.
+/// The scene at one time of the shutter interval.
 struct ShutterSample {
     /// World transforms and mesh indices of instances, by name and number of earlier instances of that name.
     instances: HashMap<(String, usize), (DAffine3, usize)>,
@@ -68,7 +68,7 @@ impl ShutterSamples {
         doc.begin_time();
         if !is_enough {
             let message = format!(
-                "a rotation is too large, or a motion too uneven, for {keys} keys while the shutter is open"
+                "{keys} motion keys are too few for the fastest rotation or motion while the shutter is open"
             );
             report.warn("/animations", message);
         }
@@ -87,7 +87,7 @@ impl ShutterSamples {
     /// Adds the motion to the scene, which is at the time of the rendered frame.
     pub fn apply(&self, scene: &mut Scene, report: &mut Report) {
         let (mut absent, mut incompatible) = (0, 0);
-        let names = numbered(&scene.instances);
+        let names = unique_names(&scene.instances);
         for (i, name) in names.iter().enumerate() {
             let Some(placed) = self.all(|m| m.instances.get(name).copied()) else {
                 absent += 1;
@@ -195,7 +195,7 @@ fn vertices_differ(moving: &Keyframes<Vertices>, now: &Mesh) -> bool {
 }
 
 /// Names of instances, with an index that makes them unique.
-fn numbered(instances: &[Instance]) -> Vec<(String, usize)> {
+fn unique_names(instances: &[Instance]) -> Vec<(String, usize)> {
     let mut counts: HashMap<&str, usize> = HashMap::new();
     let mut names = Vec::with_capacity(instances.len());
     for instance in instances {
@@ -241,10 +241,10 @@ fn sample_at(doc: &Document, time_s: f64, shared: &mut SharedAssets, report: &mu
     let hierarchy = nodes::walk(doc, &pose, &node_parents, report);
     let mut builder = SceneBuilder::new(doc, &pose, &node_parents, shared).for_shutter(true);
     builder.add(&hierarchy, report);
-    let (mut scene, still) = builder.finish(report);
-    shared.take_back(&mut scene, still);
+    let (mut scene, static_meshes) = builder.finish(report);
+    shared.take_back(&mut scene, static_meshes);
     let transforms = scene.instances.iter().map(|i| (i.world_from_object, i.mesh.index()));
-    let instances = numbered(&scene.instances).into_iter().zip(transforms).collect();
+    let instances = unique_names(&scene.instances).into_iter().zip(transforms).collect();
     // Static meshes were moved back to the cache.
     let deformed = scene.meshes.into_iter().enumerate().filter(|(_, mesh)| !mesh.positions.is_empty());
     let vertices = deformed.map(|(i, m)| (i, Vertices { positions: m.positions, normals: m.normals }));

@@ -1,7 +1,7 @@
 //! Textures of materials: samplers, KHR_texture_transform, and decoding of their images.
 
 use super::buffers::FetchedFile;
-use super::document::{Document, is_read, name_of, pointer};
+use super::document::{Document, is_supported, name_of, pointer};
 use super::report::{Report, Valid};
 use crate::error::{Error, Problem, Warning};
 use crate::image::{Damage, Encoding, Image, Pixels};
@@ -79,8 +79,8 @@ pub(super) struct Textures {
     pub list: Vec<Texture>,
     /// The images that they need, by [`ImageId`].
     pub images: Vec<ImageNeed>,
-    /// Indices in `images`.
-    numbers: HashMap<ImageNeed, usize>,
+    /// Index in `images` of each need.
+    positions: HashMap<ImageNeed, usize>,
     /// Messages about images that can't be read, by index in the file.
     pub unreadable: BTreeMap<usize, String>,
     known: HashMap<TextureKey, Valid<TextureId>>,
@@ -141,10 +141,8 @@ impl Textures {
         let json: gltf::json::Texture = doc.entry("textures", reference.texture, &from, report)?;
         let raw = doc.raw("textures", reference.texture, &from, report)?;
         let Some(index) = source(raw) else {
-            return Err(report.warn(
-                at,
-                (TEXTURE_MISSING, "has no image that can be read; the material's constants are used alone"),
-            ));
+            return Err(report
+                .warn(at, (TEXTURE_MISSING, "has no readable image; only the material's factors are used")));
         };
         let image = doc.raw("images", index, &format!("{at}/source"), report)?;
         if let Some(why) = self.unreadable.get(&index) {
@@ -176,7 +174,7 @@ impl Textures {
             && transform.scale.is_finite()
             && transform.rotation_rad.is_finite())
         {
-            return Err(report.problem(reference.at.clone(), "has a transform beyond the range of numbers"));
+            return Err(report.problem(reference.at.clone(), "has a transform that is not finite"));
         }
         let mapping = Mapping::Uv { set: reference.slot, transform };
         let image = self.image(ImageNeed { index, encoding, gloss: reference.gloss });
@@ -186,7 +184,7 @@ impl Textures {
     }
 
     fn image(&mut self, need: ImageNeed) -> ImageId {
-        let index = *self.numbers.entry(need).or_insert_with(|| {
+        let index = *self.positions.entry(need).or_insert_with(|| {
             self.images.push(need);
             self.images.len() - 1
         });
@@ -199,12 +197,13 @@ const TEXTURE_MISSING: &str = "texture-missing";
 
 /// The warning about a material without its texture.
 pub(super) fn without_texture(why: &str) -> String {
-    format!("{why}; the material's constants are used alone")
+    format!("{why}; only the material's factors are used")
 }
 
 /// Index of the image of a texture: of KHR_texture_basisu or EXT_texture_webp, else the core source.
 fn source(texture: &Value) -> Option<usize> {
-    let source_of = |name| texture.pointer(&format!("/extensions/{name}/source")).filter(|_| is_read(name));
+    let source_of =
+        |name| texture.pointer(&format!("/extensions/{name}/source")).filter(|_| is_supported(name));
     let special = source_of("KHR_texture_basisu").or_else(|| source_of("EXT_texture_webp"));
     let index = special.or_else(|| texture.get("source"))?.as_u64()?;
     usize::try_from(index).ok()
@@ -242,7 +241,7 @@ fn transform(reference: &Reference) -> TextureTransform {
 // Images: fetched sequentially, once each; small ones are decoded in parallel, large ones stay encoded.
 
 /// An image before decoding.
-struct Source<'d> {
+struct EncodedImage<'d> {
     /// The first need of this image; others may differ in encoding and gloss.
     need: ImageNeed,
     name: String,
@@ -293,22 +292,22 @@ fn message_with_help(problem: Problem) -> String {
 const BATCH_BYTES: usize = 256 << 20;
 
 /// Reads images in the order of `needs`; also returns the problems of unreadable images by index in the file. Large
-/// images stay encoded if `is_lazy`.
+/// images stay encoded if `is_deferred`.
 fn read_images(
     doc: &Document,
     needs: &[ImageNeed],
-    is_lazy: bool,
+    is_deferred: bool,
     report: &mut Report,
 ) -> (Vec<Option<Image>>, Vec<(usize, Problem)>) {
     // Positions in `decoded` by index in the file. Conversion to roughness needs decoded pixels.
-    let mut numbers: HashMap<usize, usize> = HashMap::new();
+    let mut positions: HashMap<usize, usize> = HashMap::new();
     let is_gloss: HashSet<usize> = needs.iter().filter(|n| n.gloss.is_some()).map(|n| n.index).collect();
     let (mut decoded, mut unreadable, mut pending, mut bytes) = (Vec::new(), Vec::new(), Vec::new(), 0);
     let path = doc.path;
-    let mut decode = |sources: &mut Vec<Source>, report: &mut Report| {
-        let read = |source: &Source| {
-            let is_lazy = is_lazy && !is_gloss.contains(&source.need.index);
-            decode_source(path, source, is_lazy)
+    let mut decode = |sources: &mut Vec<EncodedImage>, report: &mut Report| {
+        let read = |source: &EncodedImage| {
+            let is_deferred = is_deferred && !is_gloss.contains(&source.need.index);
+            decode_source(path, source, is_deferred)
         };
         let images: Vec<Decoded> = sources.par_iter().map(read).collect();
         for (source, Decoded { image, warnings, notes }) in sources.drain(..).zip(images) {
@@ -319,14 +318,14 @@ fn read_images(
     };
     let mut lost = Vec::new();
     for &need in needs {
-        if numbers.contains_key(&need.index) {
+        if positions.contains_key(&need.index) {
             continue;
         }
         match report.optional(|report| fetch(doc, need, report)) {
             Ok(source) => {
                 bytes += source.fetched.bytes.len();
                 pending.push(source);
-                numbers.insert(need.index, numbers.len());
+                positions.insert(need.index, positions.len());
             }
             Err(problem) => lost.push((need.index, problem)),
         }
@@ -338,7 +337,7 @@ fn read_images(
     decode(&mut pending, report);
     unreadable.append(&mut lost);
     let image = |need: &ImageNeed| {
-        let image = decoded.get(*numbers.get(&need.index)?)?.as_ref()?;
+        let image = decoded.get(*positions.get(&need.index)?)?.as_ref()?;
         let encoding = if image.is_float() { Encoding::Linear } else { need.encoding };
         let image = Image { encoding, ..image.clone() };
         Some(match need.gloss {
@@ -365,7 +364,7 @@ fn roughness(image: &Image, factor: f32) -> Image {
     }
 }
 
-fn fetch<'d>(doc: &'d Document, need: ImageNeed, report: &mut Report) -> Valid<Source<'d>> {
+fn fetch<'d>(doc: &'d Document, need: ImageNeed, report: &mut Report) -> Valid<EncodedImage<'d>> {
     let at = pointer("images", need.index);
     let json: gltf::json::Image = doc.entry("images", need.index, &at, report)?;
     let name = name_of(doc.raw("images", need.index, &at, report)?, "image", need.index);
@@ -383,7 +382,7 @@ fn fetch<'d>(doc: &'d Document, need: ImageNeed, report: &mut Report) -> Valid<S
     };
     fetched.mime = json.mime_type.map(|m| m.0).or(fetched.mime);
     let on_damage = on_damage(doc, name.clone(), at);
-    Ok(Source { need, name, fetched, memory_limit: doc.memory_limit, on_damage })
+    Ok(EncodedImage { need, name, fetched, memory_limit: doc.memory_limit, on_damage })
 }
 
 /// A decoded image and its messages.
@@ -394,7 +393,7 @@ struct Decoded {
     notes: Vec<Warning>,
 }
 
-fn decode_source(asset: &Path, source: &Source, is_lazy: bool) -> Decoded {
+fn decode_source(asset: &Path, source: &EncodedImage, is_deferred: bool) -> Decoded {
     let FetchedFile { bytes, mime, file } = &source.fetched;
     let purpose = if source.need.encoding == Encoding::Srgb { Use::Color } else { Use::Data };
     let at = pointer("images", source.need.index);
@@ -406,7 +405,7 @@ fn decode_source(asset: &Path, source: &Source, is_lazy: bool) -> Decoded {
     let (own_file, mime) = (file.as_deref(), mime.as_deref());
     let image_file =
         ImageFile { bytes: Cow::Borrowed(bytes), own_file, place, mime, memory_limit: source.memory_limit };
-    let image = match is_lazy {
+    let image = match is_deferred {
         true => for_texture(&image_file, purpose, &mut warnings, source.on_damage.clone()),
         false => decode(&image_file, purpose, &mut warnings),
     };

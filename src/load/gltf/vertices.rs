@@ -91,18 +91,18 @@ pub(super) fn add_vertices(
     report: &mut Report,
 ) -> Valid<(u32, usize)> {
     let base = mesh.positions.len();
-    let mut opener = AttributeReader::new(doc, at, "/attributes", None, report);
+    let mut reader = AttributeReader::new(doc, at, "/attributes", None, report);
     let positions =
-        opener.open(Some(attributes.positions), "POSITION", &[Type::Vec3], AttributeFormat::Signed);
-    let normals = opener.open(attributes.normals, "NORMAL", &[Type::Vec3], AttributeFormat::Signed);
-    let tangents = opener.open(attributes.tangents, "TANGENT", &[Type::Vec4], AttributeFormat::Signed);
+        reader.open(Some(attributes.positions), "POSITION", &[Type::Vec3], AttributeFormat::Signed);
+    let normals = reader.open(attributes.normals, "NORMAL", &[Type::Vec3], AttributeFormat::Signed);
+    let tangents = reader.open(attributes.tangents, "TANGENT", &[Type::Vec4], AttributeFormat::Signed);
     let colors =
-        opener.open(attributes.colors, "COLOR_0", &[Type::Vec3, Type::Vec4], AttributeFormat::Unsigned);
+        reader.open(attributes.colors, "COLOR_0", &[Type::Vec3, Type::Vec4], AttributeFormat::Unsigned);
     let uv_slots = attributes.uv_slots.map(|slot| {
         let (set, index) = slot?;
-        opener.open(Some(index), &format!("TEXCOORD_{set}"), &[Type::Vec2], AttributeFormat::Coordinate)
+        reader.open(Some(index), &format!("TEXCOORD_{set}"), &[Type::Vec2], AttributeFormat::Coordinate)
     });
-    let count = opener.finish(base, 12 + 12 + 16 + 16 + 8 * uv_slots.len() as u64)?;
+    let count = reader.finish(base, 12 + 12 + 16 + 16 + 8 * uv_slots.len() as u64)?;
     // Unit vectors of quantised integers are rounded, so they are normalised without a warning.
     let rounded = |a: &Option<Accessor>| a.as_ref().is_some_and(|a| a.component != ComponentType::F32);
     let is_rounded = rounded(&normals) || rounded(&tangents);
@@ -160,12 +160,12 @@ fn add_skin(
     let count = mesh.positions.len() - base;
     let mut influences = Vec::new();
     for (set, &(joints, weights)) in attributes.influences.iter().enumerate() {
-        let mut opener = AttributeReader::new(doc, at, "/attributes", Some(count), report);
+        let mut reader = AttributeReader::new(doc, at, "/attributes", Some(count), report);
         let joints =
-            opener.open(Some(joints), &format!("JOINTS_{set}"), &[Type::Vec4], AttributeFormat::Joints);
+            reader.open(Some(joints), &format!("JOINTS_{set}"), &[Type::Vec4], AttributeFormat::Joints);
         let weights =
-            opener.open(Some(weights), &format!("WEIGHTS_{set}"), &[Type::Vec4], AttributeFormat::Unsigned);
-        opener.finish(0, 32)?;
+            reader.open(Some(weights), &format!("WEIGHTS_{set}"), &[Type::Vec4], AttributeFormat::Unsigned);
+        reader.finish(0, 32)?;
         let mut influence = JointWeights { joints: vec![[0.0; 4]; count], weights: vec![[0.0; 4]; count] };
         let (Some(joints), Some(weights)) = (joints, weights) else { continue };
         joints.read_floats(&mut influence.joints);
@@ -184,8 +184,7 @@ fn add_skin(
     }
     let unnormalized = apply_skin(skin, &influences, mesh, base);
     if unnormalized > 0 && !influences.is_empty() {
-        let message =
-            format!("{unnormalized} vertices have weights of joints that do not add up to 1; normalised");
+        let message = format!("{unnormalized} vertices have joint weights that do not sum to 1; normalised");
         report.warn(at, message);
     }
     Ok(())
@@ -271,7 +270,7 @@ impl<'d, 'a, 'r> AttributeReader<'d, 'a, 'r> {
         let from = format!("{}{}/{name}", self.at, self.inside);
         let opened = Accessor::open(self.doc, index?, &from, self.report);
         let usable = opened.and_then(|accessor| self.check(accessor, types, kind));
-        usable.map_err(|noted: Reported| self.validity = Err(noted)).ok()
+        usable.map_err(|reported: Reported| self.validity = Err(reported)).ok()
     }
 
     fn check(
@@ -314,7 +313,8 @@ fn check_type(
     let is_unsigned = matches!(accessor.component, ComponentType::U8 | ComponentType::U16);
     if matches!(kind, AttributeFormat::Unsigned) && is_unsigned && !accessor.normalized {
         accessor.normalized = true;
-        report.warn(&*accessor.pointer, "holds integers that are not normalised; they are taken as such");
+        report
+            .warn(&*accessor.pointer, "holds integers that are not normalised; they are taken as normalised");
     }
     let small = matches!(
         accessor.component,
@@ -382,12 +382,12 @@ pub(super) fn apply_morph_targets(
 ) -> Valid<()> {
     let count = mesh.positions.len() - base;
     let at = format!("{at}/targets/{}", target.number);
-    let mut opener = AttributeReader::new(doc, &at, "", Some(count), report);
+    let mut reader = AttributeReader::new(doc, &at, "", Some(count), report);
     let vector = &[Type::Vec3];
-    let positions = opener.open(target.positions, "POSITION", vector, AttributeFormat::Signed);
-    let normals = opener.open(target.normals, "NORMAL", vector, AttributeFormat::Signed);
-    let tangents = opener.open(target.tangents, "TANGENT", vector, AttributeFormat::Signed);
-    opener.finish(0, 3 * 12)?;
+    let positions = reader.open(target.positions, "POSITION", vector, AttributeFormat::Signed);
+    let normals = reader.open(target.normals, "NORMAL", vector, AttributeFormat::Signed);
+    let tangents = reader.open(target.tangents, "TANGENT", vector, AttributeFormat::Signed);
+    reader.finish(0, 3 * 12)?;
     let weight = f32::from_bits(target.weight);
     let mut offsets = vec![[0.0; 3]; count];
     if let Some(accessor) = positions {
@@ -502,11 +502,11 @@ fn inverse_binds(
     }
     let mut matrices = vec![[0.0f32; 16]; accessor.count];
     accessor.read_floats(&mut matrices);
-    let binds: Vec<DAffine3> = matrices.iter().map(|m| affine(&m.map(f64::from))).collect();
-    if binds.iter().any(|m| !m.is_finite()) {
+    let bind_matrices: Vec<DAffine3> = matrices.iter().map(|m| affine(&m.map(f64::from))).collect();
+    if bind_matrices.iter().any(|m| !m.is_finite()) {
         return Err(report.problem(accessor.pointer.clone(), "holds numbers that are not finite"));
     }
-    Ok(binds)
+    Ok(bind_matrices)
 }
 
 /// Skins the vertices of a mesh from `base` on; returns the number of vertices with weights that don't sum to 1.
@@ -539,12 +539,12 @@ pub(super) fn apply_skin(
         } else {
             pose.rest
         };
-        move_vertex(&transform, mesh, i);
+        transform_vertex(&transform, mesh, i);
     }
     unnormalized
 }
 
-fn move_vertex(transform: &DAffine3, mesh: &mut Mesh, i: usize) {
+fn transform_vertex(transform: &DAffine3, mesh: &mut Mesh, i: usize) {
     let vector = |v: &[f32]| DVec3::new(v[0].into(), v[1].into(), v[2].into());
     mesh.positions[i] = transform.transform_point3(vector(&mesh.positions[i])).as_vec3().to_array();
     let m = transform.matrix3;

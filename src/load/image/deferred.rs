@@ -42,13 +42,14 @@ pub(crate) fn for_texture(
     let source = of.source();
     let mut new_warnings = Vec::new();
     // Errors are ignored here: decoding finds and reports them.
-    let layout =
-        source::guarded(&source, || layout(&source, of.mime, purpose, &mut new_warnings)).ok().flatten();
+    let layout = source::catching_panics(&source, || layout(&source, of.mime, purpose, &mut new_warnings))
+        .ok()
+        .flatten();
     let Some(layout) = layout else {
         return decode(of, purpose, warnings);
     };
     warnings.append(&mut new_warnings);
-    let origin = match of.own_file.map(|path| (path, Stamp::of(path))) {
+    let origin = match of.own_file.map(|path| (path, stamp_of(path))) {
         Some((path, Some(stamp))) => Origin::File(path.to_path_buf(), stamp),
         _ => Origin::Memory(of.bytes.as_ref().into()),
     };
@@ -69,10 +70,10 @@ pub(crate) fn read_for_texture(
     warnings: &mut Vec<Warning>,
     on_damage: OnDamage,
 ) -> Result<Image> {
-    if let Some(open) = Open::new(path) {
+    if let Some(open) = OpenedFile::new(path) {
         let source = open.source((path, ""), memory_limit);
         // Errors are ignored here: reading the whole file finds and reports them.
-        let layout = || source::guarded(&source, || layout(&source, None, purpose, &mut Vec::new()));
+        let layout = || source::catching_panics(&source, || layout(&source, None, purpose, &mut Vec::new()));
         let is_float =
             matches!(source::signature(source.bytes), Some(ImageFormat::OpenExr | ImageFormat::Hdr));
         if let Some(Ok(Some(layout))) = is_float.then(layout)
@@ -85,11 +86,11 @@ pub(crate) fn read_for_texture(
         }
     }
     let bytes = source::read_bytes(path, memory_limit)?;
-    let of_metadata = metadata_warnings(&bytes, path, "", purpose);
+    let metadata_messages = metadata_warnings(&bytes, path, "", purpose);
     let file =
         ImageFile { bytes: bytes.into(), own_file: Some(path), place: (path, ""), mime: None, memory_limit };
     let image = for_texture(&file, purpose, warnings, on_damage)?;
-    warnings.extend(of_metadata);
+    warnings.extend(metadata_messages);
     Ok(image)
 }
 
@@ -155,25 +156,25 @@ fn common_layout(
 fn size_and_type(source: &Source, bytes: &[u8], format: ImageFormat) -> Result<((u32, u32), ColorType)> {
     let broken = |e: image::ImageError| source.error(format!("can't be read as an image: {e}"));
     let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
-    reader.limits(source::for_decoder(source));
+    reader.limits(source::decoder_limits(source));
     let decoder = reader.into_decoder().map_err(broken)?;
     Ok((decoder.dimensions(), decoder.color_type()))
 }
 
 /// An open file whose first bytes were read.
-struct Open {
+struct OpenedFile {
     file: File,
     stamp: FileStamp,
     beginning: Vec<u8>,
 }
 
-impl Open {
-    fn new(path: &Path) -> Option<Open> {
+impl OpenedFile {
+    fn new(path: &Path) -> Option<OpenedFile> {
         let file = files::open(path).ok()?;
         let metadata = file.metadata().ok().filter(|data| data.len() <= files::MAX_DATA)?;
         let mut beginning = Vec::new();
         (&file).take(HEAD_BYTES as u64).read_to_end(&mut beginning).ok()?;
-        Some(Open { stamp: (metadata.len(), metadata.modified().ok()), file, beginning })
+        Some(OpenedFile { stamp: (metadata.len(), metadata.modified().ok()), file, beginning })
     }
 
     fn source<'a>(&'a self, place: (&'a Path, &'a str), memory_limit: Option<u64>) -> Source<'a> {
@@ -194,7 +195,7 @@ fn decode_rows(
         repair.apply(&mut rows);
         take(&rows);
     };
-    source::guarded(source, || match source::signature(source.bytes) {
+    source::catching_panics(source, || match source::signature(source.bytes) {
         Some(ImageFormat::Hdr) => radiance::rows(source, warnings, &mut repaired),
         _ => {
             let kind = (purpose != Use::Data, purpose.has_alpha());
@@ -208,13 +209,9 @@ fn decode_rows(
 /// Length (bytes) and modification time of a file, to detect changes.
 type FileStamp = (u64, Option<SystemTime>);
 
-struct Stamp;
-
-impl Stamp {
-    fn of(path: &Path) -> Option<FileStamp> {
-        let metadata = std::fs::metadata(path).ok()?;
-        Some((metadata.len(), metadata.modified().ok()))
-    }
+fn stamp_of(path: &Path) -> Option<FileStamp> {
+    let metadata = std::fs::metadata(path).ok()?;
+    Some((metadata.len(), metadata.modified().ok()))
 }
 
 /// Source of the encoded bytes.
@@ -253,7 +250,7 @@ impl Deferred {
             Origin::Memory(bytes) => Ok(Cow::Borrowed(bytes)),
             Origin::File(path, stamp) | Origin::Parts(path, stamp) => {
                 let bytes = source::read_bytes(path, None)?;
-                match Stamp::of(path) == Some(*stamp) {
+                match stamp_of(path) == Some(*stamp) {
                     true => Ok(Cow::Owned(bytes)),
                     false => Err(self.changed()),
                 }
@@ -272,7 +269,7 @@ impl Deferred {
     /// Calls `work` with the source; an error if the file has changed since its header was read.
     fn with_source<T>(&self, work: impl FnOnce(&Source) -> Result<T>) -> Result<T> {
         match &self.origin {
-            Origin::Parts(path, stamp) => match Open::new(path).filter(|open| open.stamp == *stamp) {
+            Origin::Parts(path, stamp) => match OpenedFile::new(path).filter(|open| open.stamp == *stamp) {
                 Some(open) => work(&open.source(self.place(), None)),
                 None => Err(self.changed()),
             },

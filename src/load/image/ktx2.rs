@@ -77,8 +77,8 @@ pub(super) fn decode(source: &Source, purpose: Use, warnings: &mut Vec<Warning>)
 
 /// The header, with validated sizes; warns of further layers and faces.
 fn checked_header(source: &Source, warnings: &mut Vec<Warning>) -> Result<Header> {
-    let header =
-        Header::read(source.bytes).ok_or_else(|| source.error("is a KTX2 file cut off in its header"))?;
+    let header = Header::read(source.bytes)
+        .ok_or_else(|| source.error("is a KTX2 file that ends within its header"))?;
     if header.depth > 0 {
         return Err(source.error("is a KTX2 file with a volume, not an image"));
     }
@@ -88,7 +88,7 @@ fn checked_header(source: &Source, warnings: &mut Vec<Warning>) -> Result<Header
     let channels = plain_channels(header.format).map_or(4, u64::from);
     source::check_memory(source, width, height, width * height * channels)?;
     if header.level[2] > 16 * width * height + 4096 {
-        return Err(source.error(format!("claims {} bytes for {width} x {height} pixels", header.level[2])));
+        return Err(source.error(format!("declares {} bytes for {width} x {height} pixels", header.level[2])));
     }
     // 0 layers: not an array texture.
     if header.layers > 1 || header.faces > 1 {
@@ -134,13 +134,13 @@ fn plain(source: &Source, header: &Header, channels: u32) -> Result<Pixels> {
     let size = u64::from(header.width) * u64::from(header.height.max(1)) * u64::from(channels);
     let range = usize::try_from(offset).ok().zip(usize::try_from(length).ok());
     let held = range.and_then(|(start, length)| source.bytes.get(start..start.checked_add(length)?));
-    let missing = || source.error(format!("promises {size} bytes of pixels that are not there"));
+    let missing = || source.error(format!("declares {size} bytes of pixels that are missing"));
     let (held, size) = (held.ok_or_else(missing)?, usize::try_from(size).map_err(|_| missing())?);
     let mut pixels = match header.supercompression {
         0 => held.to_vec(),
         ZSTANDARD => unzstd(source, held, size)?,
         ZLIB => miniz_oxide::inflate::decompress_to_vec_zlib_with_limit(held, size)
-            .map_err(|e| source.error(format!("holds ZLIB data that can't be inflated: {e}")))?,
+            .map_err(|e| source.error(format!("holds ZLIB data that can't be decompressed: {e}")))?,
         other => {
             return Err(source.error(format!(
                 "is a KTX2 file of uncompressed pixels with the unknown supercompression {other}"
@@ -163,7 +163,7 @@ const ZLIB: u32 = 3;
 #[cfg(feature = "ktx2")]
 fn unzstd(source: &Source, held: &[u8], size: usize) -> Result<Vec<u8>> {
     use std::io::Read;
-    let broken = |e: String| source.error(format!("holds Zstandard data that can't be inflated: {e}"));
+    let broken = |e: String| source.error(format!("holds Zstandard data that can't be decompressed: {e}"));
     let decoder = ruzstd::StreamingDecoder::new(held).map_err(|e| broken(e.to_string()))?;
     let mut pixels = Vec::new();
     decoder.take(size as u64).read_to_end(&mut pixels).map_err(|e| broken(e.to_string()))?;
@@ -203,7 +203,7 @@ mod decoder {
         let expected = pixels * if is_hdr { 8 } else { 4 };
         if bytes.len() as u64 != expected {
             let found = bytes.len();
-            return Err(source.error(format!("holds {found} bytes of pixels in place of {expected}")));
+            return Err(source.error(format!("holds {found} bytes of pixels instead of {expected}")));
         }
         let pixels = if is_hdr {
             let halves = bytes.as_chunks::<8>().0.iter().flat_map(|pixel| {

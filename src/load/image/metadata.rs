@@ -52,10 +52,10 @@ pub(super) fn messages(source: &Source, format: ImageFormat, purpose: Use) -> Ve
         messages.extend(found.profile_message(purpose));
     }
     if found.frames > 1 {
-        messages.push(format!("is an animation of {} frames, of which only the first is used", found.frames));
+        messages.push(format!("is an animation of {} frames: only the first is used", found.frames));
     }
     if found.pages > 1 {
-        messages.push(format!("holds {} images, of which only the first is used", found.pages));
+        messages.push(format!("holds {} images: only the first is used", found.pages));
     }
     messages
 }
@@ -322,7 +322,7 @@ pub(super) mod test_profiles {
     }
 
     #[test]
-    fn colours_of_display_p3() {
+    fn display_p3_is_converted_to_rec_709() {
         let profile = Profile::read(&display_p3()).expect("primaries and curves");
         let linear = |rgb: [u8; 3]| {
             let picture = DynamicImage::ImageRgb8(RgbImage::from_pixel(1, 1, image::Rgb(rgb)));
@@ -508,7 +508,7 @@ mod tests {
 
     #[test]
     fn frames_and_pages_are_counted() {
-        let frames = "is an animation of 3 frames, of which only the first is used";
+        let frames = "is an animation of 3 frames: only the first is used";
         let animated = png(&[(b"acTL", &[0, 0, 0, 3, 0, 0, 0, 0])]);
         assert_eq!(messages_of(&animated, ImageFormat::Png, Use::Color), [frames]);
         let animated =
@@ -518,7 +518,7 @@ mod tests {
         let pages = tiff(&[&[(256, 2)], &[(254, 1)], &[(254, 0)]]);
         assert_eq!(
             messages_of(&pages, ImageFormat::Tiff, Use::Data),
-            ["holds 2 images, of which only the first is used"]
+            ["holds 2 images: only the first is used"]
         );
         assert!(messages_of(&tiff(&[&[(256, 2)]]), ImageFormat::Tiff, Use::Data).is_empty());
     }

@@ -21,7 +21,7 @@ use crate::load::decoders::Decoder;
 use crate::load::files;
 use crate::load::files::Content;
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
-use source::{Repair, Source, guarded, read_bytes, signature};
+use source::{Repair, Source, catching_panics, read_bytes, signature};
 use std::io::Cursor;
 use std::path::Path;
 use std::sync::Arc;
@@ -41,7 +41,7 @@ pub fn load_picture(path: &Path, memory_limit: Option<u64>, warnings: &mut Vec<W
 /// Reads an image file for a use.
 ///
 /// # Errors
-/// An input error if the file is missing, of an unknown format, damaged, or claims more pixels than its length or
+/// An input error if the file is missing, of an unknown format, damaged, or declares more pixels than its length or
 /// `memory_limit` (bytes) permits.
 pub(crate) fn read(
     path: &Path,
@@ -79,7 +79,7 @@ fn decode_source(
     purpose: Use,
     warnings: &mut Vec<Warning>,
 ) -> Result<Image> {
-    let mut image = guarded(source, || {
+    let mut image = catching_panics(source, || {
         if ktx2::is_ktx2(source.bytes) {
             return ktx2::decode(source, purpose, warnings);
         }
@@ -109,7 +109,7 @@ fn decode_source(
 /// Reads an environment image: NaN, infinite and negative values become 0, with a warning.
 ///
 /// # Errors
-/// An input error if the file is missing, damaged, or claims more pixels than its length permits.
+/// An input error if the file is missing, damaged, or declares more pixels than its length permits.
 pub fn load_environment(path: &Path, warnings: &mut Vec<Warning>) -> Result<Image> {
     load_environment_within(path, None, warnings)
 }
@@ -130,11 +130,11 @@ pub fn load_environment_within(
 /// other primaries are converted to linear Rec. 709. Of a layered EXR the first layer with R, G and B is read.
 ///
 /// # Errors
-/// An input error if the file is missing, damaged, has no colour, or claims more pixels than its length permits.
+/// An input error if the file is missing, damaged, has no colour, or declares more pixels than its length permits.
 pub fn load_linear_rgb(path: &Path) -> Result<Image> {
     let bytes = read_bytes(path, None)?;
     let source = Source::new(&bytes, (path, ""), None);
-    let image = guarded(&source, || match signature(&bytes) {
+    let image = catching_panics(&source, || match signature(&bytes) {
         Some(ImageFormat::OpenExr) => openexr::decode(&source, true, false, &mut Vec::new()),
         Some(ImageFormat::Hdr) => decode_common(&source, ImageFormat::Hdr, Use::Environment, &mut Vec::new()),
         _ => Err(source
@@ -158,8 +158,9 @@ fn format_of(source: &Source, mime: Option<&str>, warnings: &mut Vec<Warning>) -
     let format = match signature(source.bytes) {
         Some(found) => {
             if declared.is_some_and(|d| d != found) {
-                let (says, is) = (mime.unwrap_or_default(), found.to_mime_type());
-                warnings.push(source.warning(format!("is declared as {says}, but its content is {is}")));
+                let (declared, found) = (mime.unwrap_or_default(), found.to_mime_type());
+                warnings
+                    .push(source.warning(format!("is declared as {declared}, but its content is {found}")));
             }
             Some(found)
         }
@@ -205,7 +206,7 @@ fn decode_common(
     }
     let broken = |e: image::ImageError| radiance::broken(source, &e);
     let mut reader = ImageReader::with_format(Cursor::new(source.bytes), format);
-    reader.limits(source::for_decoder(source));
+    reader.limits(source::decoder_limits(source));
     let decoder = reader.into_decoder().map_err(broken)?;
     let (width, height) = decoder.dimensions();
     source::check(source, width.into(), height.into())?;

@@ -1,7 +1,7 @@
 //! EXR: the first layer with colour as an image, and complete files with all parts and channels.
 
 use super::exr_rows::Part;
-use super::source::{self, Layout, Source, guarded, read_bytes, signature};
+use super::source::{self, Layout, Source, catching_panics, read_bytes, signature};
 use crate::color::{Primaries, converted};
 use crate::error::{Error, Result, Warning};
 use crate::image::{Encoding, Image, Pixels};
@@ -39,8 +39,8 @@ pub(super) fn decode(
     picture.warn(warnings);
     let size = picture.header().layer_size;
     let mut numbers = Vec::with_capacity(size.area() * picture.channels().len());
-    let reading = Reading { is_color, in_parallel: true, chunk_bytes: IMAGE_CHUNK };
-    picture.each(0..size.1, &reading, &mut |rows| numbers.extend(rows))?;
+    let options = DecodeOptions { is_color, in_parallel: true, chunk_bytes: IMAGE_CHUNK };
+    picture.each(0..size.1, &options, &mut |rows| numbers.extend(rows))?;
     Ok(picture.image([size.0 as u32, size.1 as u32], numbers))
 }
 
@@ -64,8 +64,8 @@ pub(super) fn displayed(
     let picture = Picture::open(source, alpha)?;
     let size = picture.display().size;
     let mut numbers = Vec::new();
-    let reading = Reading { is_color, in_parallel: true, chunk_bytes: IMAGE_CHUNK };
-    picture.each_displayed(&reading, warnings, &mut |rows| match numbers.is_empty() {
+    let options = DecodeOptions { is_color, in_parallel: true, chunk_bytes: IMAGE_CHUNK };
+    picture.each_displayed(&options, warnings, &mut |rows| match numbers.is_empty() {
         // Small images arrive in a single chunk.
         true if rows.len() == size[0] as usize * size[1] as usize * picture.channels().len() => {
             numbers = rows
@@ -87,12 +87,12 @@ pub(super) fn displayed_rows(
     warnings: &mut Vec<Warning>,
     take: &mut dyn FnMut(Vec<f32>),
 ) -> Result<()> {
-    let reading = Reading { is_color, in_parallel, chunk_bytes: ROW_CHUNK };
-    Picture::open(source, alpha)?.each_displayed(&reading, warnings, take)
+    let options = DecodeOptions { is_color, in_parallel, chunk_bytes: ROW_CHUNK };
+    Picture::open(source, alpha)?.each_displayed(&options, warnings, take)
 }
 
 /// Parameters of decoding.
-struct Reading {
+struct DecodeOptions {
     /// Convert colours to linear Rec. 709.
     is_color: bool,
     /// Use all threads.
@@ -109,7 +109,7 @@ struct Picture<'a> {
     end: u64,
     /// Index of the layer.
     index: usize,
-    colour: Colour,
+    color_channels: ColorChannels,
     alpha: bool,
 }
 
@@ -121,8 +121,9 @@ impl<'a> Picture<'a> {
         check_sizes(source, &meta)?;
         MetaData::validate(&meta.headers, false).map_err(|e| broken(source, &e))?;
         let of_header = |header: &Header| names(header.channels.list.iter().map(|channel| &channel.name));
-        let (index, colour) = Colour::of_file(source, meta.headers.iter().map(of_header))?;
-        Ok(Picture { source, meta, end: head.position(), index, colour, alpha })
+        let (index, color_channels) =
+            ColorChannels::find_in_layers(source, meta.headers.iter().map(of_header))?;
+        Ok(Picture { source, meta, end: head.position(), index, color_channels, alpha })
     }
 
     fn header(&self) -> &Header {
@@ -131,8 +132,8 @@ impl<'a> Picture<'a> {
 
     /// Indices of the selected channels.
     fn channels(&self) -> Vec<usize> {
-        let alpha = self.colour.alpha.filter(|_| self.alpha);
-        self.colour.color.iter().copied().chain(alpha).collect()
+        let alpha = self.color_channels.alpha.filter(|_| self.alpha);
+        self.color_channels.color.iter().copied().chain(alpha).collect()
     }
 
     fn display(&self) -> Window {
@@ -142,7 +143,7 @@ impl<'a> Picture<'a> {
     }
 
     fn warn(&self, warnings: &mut Vec<Warning>) {
-        let message = self.colour.left_out(&self.meta.headers, self.index);
+        let message = self.color_channels.left_out(&self.meta.headers, self.index);
         warnings.extend(message.map(|message| self.source.warning(message)));
     }
 
@@ -153,21 +154,26 @@ impl<'a> Picture<'a> {
     }
 
     /// Calls `take` with chunks of rows of the data window.
-    fn each(&self, lines: Range<usize>, reading: &Reading, take: &mut dyn FnMut(Vec<f32>)) -> Result<()> {
+    fn each(
+        &self,
+        lines: Range<usize>,
+        options: &DecodeOptions,
+        take: &mut dyn FnMut(Vec<f32>),
+    ) -> Result<()> {
         let channels = self.channels();
         let (count, width) = (channels.len(), self.header().layer_size.0);
         let space = self.header().shared_attributes.chromaticities;
-        let space = space.filter(|_| reading.is_color && self.colour.color.len() == 3);
+        let space = space.filter(|_| options.is_color && self.color_channels.color.len() == 3);
         let matrix = space.and_then(|c| primaries(&c).to_rec709());
         let finish = |line: &mut [f32]| finish_line(line, count, matrix.as_ref());
         let fail = |e: exr::error::Error| broken(self.source, &e);
         let mut part = Part::open(self.source, (&self.meta, self.end), self.index, channels).map_err(fail)?;
         let height = part.block_height();
-        let step = (reading.chunk_bytes / part.row_bytes().max(1)).max(1);
+        let step = (options.chunk_bytes / part.row_bytes().max(1)).max(1);
         let last = lines.end.div_ceil(height).min(part.len());
         for first in (lines.start / height..last).step_by(step) {
             let rows = first..(first + step).min(last);
-            let mut numbers = part.rows(rows.clone(), reading.in_parallel, finish).map_err(fail)?;
+            let mut numbers = part.rows(rows.clone(), options.in_parallel, finish).map_err(fail)?;
             // Blocks may overlap the first and the last row of the range.
             let at = rows.start * height;
             numbers.truncate((lines.end - at).saturating_mul(width * count));
@@ -180,7 +186,7 @@ impl<'a> Picture<'a> {
     /// Calls `take` with chunks of rows of the display window.
     fn each_displayed(
         &self,
-        reading: &Reading,
+        options: &DecodeOptions,
         warnings: &mut Vec<Warning>,
         take: &mut dyn FnMut(Vec<f32>),
     ) -> Result<()> {
@@ -188,14 +194,14 @@ impl<'a> Picture<'a> {
         let (Window { position, size }, header) = (self.display(), self.header());
         let (held, corner) = (header.layer_size, header.own_attributes.layer_position);
         if position == [corner.0, corner.1] && size.map(|n| n as usize) == [held.0, held.1] {
-            return self.each(0..held.1, reading, take);
+            return self.each(0..held.1, options, take);
         }
         let channels = self.channels().len();
         let [width, height] = size.map(u64::from);
         source::check(self.source, width, height)?;
         source::check_memory(self.source, width, height, width * height * channels as u64 * 4)?;
         let message = format!(
-            "has pixels for {} x {} at {}, {} of its display window of {} x {} at {}, {}: it was fitted to that",
+            "has a data window of {} x {} at {}, {} and a display window of {} x {} at {}, {}: it was fitted to the display window",
             held.0, held.1, corner.0, corner.1, size[0], size[1], position[0], position[1]
         );
         warnings.push(self.source.warning(message));
@@ -203,14 +209,14 @@ impl<'a> Picture<'a> {
         let shift =
             [i64::from(corner.0) - i64::from(position[0]), i64::from(corner.1) - i64::from(position[1])];
         let Span { from, to, count } = Span::of(shift[1], held.1, height);
-        let step = (reading.chunk_bytes / (width * channels * 4)).max(1);
+        let step = (options.chunk_bytes / (width * channels * 4)).max(1);
         let blank = |lines: usize| {
             let starts = (0..lines).step_by(step);
             starts.map(move |first| vec![0.0; step.min(lines - first) * width * channels])
         };
         blank(if count > 0 { to } else { height }).for_each(&mut *take);
         if count > 0 {
-            self.each(from..from + count, reading, &mut |rows| {
+            self.each(from..from + count, options, &mut |rows| {
                 let lines = rows.len() / (held.0 * channels);
                 take(fitted(&rows, [held.0, lines, channels], [shift[0], 0], [width, lines]));
             })?;
@@ -312,7 +318,7 @@ pub(super) fn primaries(of: &Chromaticities) -> Primaries {
 }
 
 /// Indices of a layer's colour channels.
-struct Colour {
+struct ColorChannels {
     /// R, G and B, or Y.
     color: Vec<usize>,
     alpha: Option<usize>,
@@ -320,15 +326,18 @@ struct Colour {
     prefix: String,
 }
 
-impl Colour {
+impl ColorChannels {
     /// The index of the first layer with colour channels, and these; `layers` are the channel names of each layer.
-    fn of_file(source: &Source, layers: impl Iterator<Item = Vec<String>>) -> Result<(usize, Colour)> {
-        let found = layers.enumerate().find_map(|(i, names)| Some((i, Colour::find(&names)?)));
+    fn find_in_layers(
+        source: &Source,
+        layers: impl Iterator<Item = Vec<String>>,
+    ) -> Result<(usize, ColorChannels)> {
+        let found = layers.enumerate().find_map(|(i, names)| Some((i, ColorChannels::find(&names)?)));
         found.ok_or_else(|| source.error("has no layer with channels R, G and B or Y"))
     }
 
     /// Channels without prefix, else the first group with a prefix; colour before grey.
-    fn find(names: &[String]) -> Option<Colour> {
+    fn find(names: &[String]) -> Option<ColorChannels> {
         let prefixed = names.iter().filter_map(|name| Some(name[..=name.rfind('.')?].to_string()));
         let prefixes: Vec<String> = std::iter::once(String::new()).chain(prefixed).collect();
         let channel = |prefix: &str, letter: &str| {
@@ -339,7 +348,7 @@ impl Colour {
                 let color = letters.iter().map(|letter| channel(prefix, letter)).collect::<Option<_>>()?;
                 // Grey is read without alpha.
                 let alpha = channel(prefix, "A").filter(|_| letters.len() == 3);
-                Some(Colour { color, alpha, prefix: prefix.clone() })
+                Some(ColorChannels { color, alpha, prefix: prefix.clone() })
             })
         })
     }
@@ -384,14 +393,14 @@ pub(super) fn check_sizes(source: &Source, meta: &MetaData) -> Result<()> {
         // Each chunk has an offset of 8 bytes in the table and a header of at least 8.
         if (header.chunk_count as u64).saturating_mul(16) > source.length {
             return Err(source.error(format!(
-                "promises {} blocks of pixels, but the file has only {} bytes: it is cut short",
+                "declares {} blocks of pixels, but the file has only {} bytes: it is truncated",
                 header.chunk_count, source.length
             )));
         }
     }
     // With many channels: at most one sample per bit of the file.
     let bytes = source.length;
-    if samples > source::pixels(bytes).saturating_mul(4).max(bytes.saturating_mul(8)) {
+    if samples > source::max_pixels(bytes).saturating_mul(4).max(bytes.saturating_mul(8)) {
         return Err(source.error(format!("claims {samples} numbers in {bytes} bytes, which is too many")));
     }
     Ok(())
@@ -554,7 +563,7 @@ impl Layered {
     pub fn set_values(&mut self, part: usize, name: &str, values: &[f32]) {
         let Some(index) = self.index_of(part, name) else { return };
         let channel = &mut self.file.layer_data[part].channel_data.list[index];
-        assert_eq!(channel.sample_data.len(), values.len(), "another number of pixels");
+        assert_eq!(channel.sample_data.len(), values.len(), "the number of pixels must not change");
         let half = |v: &f32| f16::from_f32(v.clamp(f16::MIN.to_f32(), f16::MAX.to_f32()));
         match &mut channel.sample_data {
             FlatSamples::F16(old) => *old = values.iter().map(half).collect(),
@@ -621,7 +630,7 @@ fn attribute_text(value: &AttributeValue) -> String {
 /// Reads a complete EXR file, at its largest resolution.
 ///
 /// # Errors
-/// An input error if the file is missing, no EXR, damaged, or claims more pixels than its length permits.
+/// An input error if the file is missing, damaged, not an EXR file, or declares more pixels than its length permits.
 pub fn load_layered(path: &Path) -> Result<Layered> {
     let bytes = read_bytes(path, None)?;
     let source = Source::new(&bytes, (path, ""), None);
@@ -630,7 +639,7 @@ pub fn load_layered(path: &Path) -> Result<Layered> {
         return Err(source.error("is not an .exr file").with_help(help));
     }
     let broken = |e: exr::error::Error| source.error(format!("can't be read as an EXR image: {e}"));
-    guarded(&source, || {
+    catching_panics(&source, || {
         let meta = MetaData::read_from_buffered(Cursor::new(bytes.as_slice()), false).map_err(broken)?;
         check_kind(&source, &meta)?;
         check_sizes(&source, &meta)?;

@@ -19,7 +19,7 @@ pub(super) struct Radiance {
 }
 
 /// Size of a decoded pixel, bytes: three floats.
-const BYTES_A_PIXEL: u64 = 12;
+const BYTES_PER_PIXEL: u64 = 12;
 
 /// Maximum size of a header, bytes.
 const MAX_HEADER: usize = 1 << 20;
@@ -47,7 +47,7 @@ const CHUNK_BYTES: usize = 1 << 23;
 /// The layout of the image that [`decode`] returns, from the header.
 pub(super) fn layout(source: &Source) -> Result<Layout> {
     let header = Header::checked(source)?;
-    let rows = header.is_usual().then_some(1);
+    let rows = header.is_top_down().then_some(1);
     Ok(Layout { size: header.size(), channels: 3, bits: 32, rows })
 }
 
@@ -64,7 +64,7 @@ pub(super) fn decode(source: &Source, warnings: &mut Vec<Warning>) -> Result<Rad
     Ok(header.in_order(rgb))
 }
 
-/// Decodes a file in the usual pixel order and calls `take` with chunks of rows, from the top.
+/// Decodes a file with the pixel order `-Y h +X w` and calls `take` with chunks of rows, from the top.
 ///
 /// # Errors
 /// An input error for a damaged file.
@@ -83,7 +83,7 @@ pub(super) fn rows(
 pub(super) fn broken(source: &Source, error: &ImageError) -> crate::error::Error {
     match error {
         ImageError::IoError(e) if e.kind() == ErrorKind::UnexpectedEof => source
-            .error("is cut short: it ends before its last pixel")
+            .error("is truncated: it ends before its last pixel")
             .with_help("download or export the file again"),
         other => source.error(format!("can't be read as an image: {other}")),
     }
@@ -95,7 +95,7 @@ impl Header {
         let header = Header::read(source)?;
         let [width, height] = header.size().map(u64::from);
         source::check(source, width, height)?;
-        source::check_memory(source, width, height, width * height * BYTES_A_PIXEL)?;
+        source::check_memory(source, width, height, width * height * BYTES_PER_PIXEL)?;
         Ok(header)
     }
 
@@ -109,7 +109,7 @@ impl Header {
     fn each(&self, source: &Source, take: &mut dyn FnMut(Vec<f32>)) -> Result<()> {
         let [rows, columns] = self.axes.map(|axis| axis.2);
         let mut file = source.reader(self.length as u64);
-        let step = (CHUNK_BYTES as u64 / (u64::from(columns) * BYTES_A_PIXEL)).max(1);
+        let step = (CHUNK_BYTES as u64 / (u64::from(columns) * BYTES_PER_PIXEL)).max(1);
         for first in (0..rows).step_by(step as usize) {
             let some = u64::from(rows - first).min(step);
             // The crate's decoder ignores most of the header, so it gets a minimal one. It reads no bytes beyond its rows.
@@ -140,8 +140,8 @@ impl Header {
         }
     }
 
-    /// Is the pixel order `-Y h +X w`: from left to right, from the top? The file's y axis points up.
-    fn is_usual(&self) -> bool {
+    /// Is the pixel order `-Y h +X w`: top to bottom, left to right? The file's y axis points up.
+    fn is_top_down(&self) -> bool {
         let [(first_is_x, first_grows, _), (_, second_grows, _)] = self.axes;
         !first_is_x && !first_grows && second_grows
     }
@@ -186,11 +186,11 @@ impl Header {
         }
     }
 
-    /// The pixels reordered from left to right, from the top.
+    /// The pixels reordered from top to bottom, left to right.
     fn in_order(&self, rgb: Vec<f32>) -> Radiance {
         let [(first_is_x, first_grows, rows), (_, second_grows, columns)] = self.axes;
         let [width, height] = self.size();
-        if self.is_usual() {
+        if self.is_top_down() {
             return Radiance { width, height, rgb };
         }
         let mut out = vec![0.0; rgb.len()];
@@ -307,6 +307,6 @@ mod tests {
         assert!((r - 3.24).abs() < 0.01 && (g + 0.969).abs() < 0.01 && (b - 0.0556).abs() < 0.001);
         assert!(warnings.is_empty());
         let cut = decoded("#?RADIANCE\n\n-Y 3 +X 3\n").0.err().expect("it is cut").to_string();
-        assert!(cut.contains("cut short"), "{cut}");
+        assert!(cut.contains("truncated"), "{cut}");
     }
 }

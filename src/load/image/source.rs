@@ -18,7 +18,7 @@ pub(crate) enum Use {
     Data,
     /// Environment: integers are sRGB-encoded, floats radiance; no texel may be negative.
     Environment,
-    /// A picture for display: encoding as of colour.
+    /// A picture for display; encoded like colour.
     Picture,
 }
 
@@ -112,7 +112,7 @@ impl<'a> Source<'a> {
 
     /// The error for an image whose decoder is not part of this build.
     pub fn missing_decoder_error(&self, decoder: Decoder) -> Error {
-        let message = format!("can't be read: {}", decoder.lack());
+        let message = format!("can't be read: {}", decoder.missing_message());
         self.error(message).with_help(format!("{}, or convert the image to PNG", decoder.remedy()))
     }
 
@@ -145,9 +145,9 @@ impl Read for FileReader<'_> {
 // Reading bytes and identifying formats.
 
 /// Runs a decoder; a panic becomes an error.
-pub(super) fn guarded<T>(source: &Source, decode: impl FnOnce() -> Result<T>) -> Result<T> {
+pub(super) fn catching_panics<T>(source: &Source, decode: impl FnOnce() -> Result<T>) -> Result<T> {
     let broken = |message| source.error(format!("can't be read as an image: {message}"));
-    decoders::catch(decode).map_err(broken)?
+    decoders::catch_panic(decode).map_err(broken)?
 }
 
 /// A file's bytes, up to a maximum.
@@ -156,28 +156,28 @@ pub(super) fn read_bytes(path: &Path, memory_limit: Option<u64>) -> Result<Vec<u
         .map_err(|message| Error::input(path, message))
 }
 
-/// The image format by the first bytes.
+/// The image format recognised by the first bytes.
 pub(super) fn signature(bytes: &[u8]) -> Option<ImageFormat> {
     if bytes.starts_with(b"#?") { Some(ImageFormat::Hdr) } else { image::guess_format(bytes).ok() }
 }
 
 // Limits of image sizes by the size of the file.
 
-/// Pixels that any file may claim: some codecs store constant images of any size in a few bytes.
+/// Number of pixels that any file may declare: some codecs store constant images of any size in a few bytes.
 const ALWAYS_ALLOWED: u64 = 1 << 24;
-/// Maximum number of pixels per byte: deflate packs at most 1032 bytes into one, and a byte holds 8 bilevel pixels.
-const PER_BYTE: u64 = 1032 * 8;
+/// Maximum number of pixels per byte of the file: deflate compresses at most 1032:1, and a byte holds 8 bilevel pixels.
+const PIXELS_PER_BYTE: u64 = 1032 * 8;
 /// Maximum number of pixels of any image: 32,768 x 16,384.
 const MAX_PIXELS: u64 = 1 << 29;
 
 /// Maximum number of pixels for a file of a length, bytes.
-pub(super) fn pixels(file_length: u64) -> u64 {
-    file_length.saturating_mul(PER_BYTE).clamp(ALWAYS_ALLOWED, MAX_PIXELS)
+pub(super) fn max_pixels(file_length: u64) -> u64 {
+    file_length.saturating_mul(PIXELS_PER_BYTE).clamp(ALWAYS_ALLOWED, MAX_PIXELS)
 }
 
 /// Fails for images without pixels, and for sizes that are implausible for the file's length.
 pub(super) fn check(source: &Source, width: u64, height: u64) -> Result<()> {
-    let max_pixels = pixels(source.length);
+    let max_pixels = max_pixels(source.length);
     match width.checked_mul(height) {
         Some(0) => Err(source.error("has no pixels")),
         Some(n) if n <= max_pixels && width.max(height) <= u64::from(u32::MAX) => Ok(()),
@@ -203,9 +203,9 @@ pub(super) fn check_memory(source: &Source, width: u64, height: u64, bytes: u64)
 }
 
 /// Limit of a decoder's allocations: 16 bytes per pixel.
-pub(super) fn for_decoder(source: &Source) -> Limits {
+pub(super) fn decoder_limits(source: &Source) -> Limits {
     let mut limits = Limits::no_limits();
-    limits.max_alloc = Some(pixels(source.length) * 16);
+    limits.max_alloc = Some(max_pixels(source.length) * 16);
     limits
 }
 

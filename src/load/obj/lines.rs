@@ -61,7 +61,7 @@ pub(super) trait LineFilter {
     }
 }
 
-/// Feeds the lines of a file to a filter.
+/// Passes the lines of a file through a filter.
 struct FilteredLines<R, C> {
     file: R,
     filter: C,
@@ -91,7 +91,7 @@ impl<R: Read + Seek, C: LineFilter> FilteredLines<R, C> {
             };
             let (end, mut start, mut from) = (rest + count, 0, rest);
             while let Some(length) = memchr(b'\n', &buffer[from..end]) {
-                self.with_end(&buffer[start..from + length]);
+                self.split_line(&buffer[start..from + length]);
                 start = from + length + 1;
                 from = start;
                 if self.out.len() >= CHUNK {
@@ -107,7 +107,7 @@ impl<R: Read + Seek, C: LineFilter> FilteredLines<R, C> {
                 continue;
             }
             if rest > 0 {
-                self.with_end(&buffer[..rest]);
+                self.split_line(&buffer[..rest]);
             }
             self.end_joined();
             if !self.filter.needs_next_pass() {
@@ -120,7 +120,7 @@ impl<R: Read + Seek, C: LineFilter> FilteredLines<R, C> {
     }
 
     /// Handles a line up to `\n`, which may be several lines separated by `\r`.
-    fn with_end(&mut self, raw: &[u8]) {
+    fn split_line(&mut self, raw: &[u8]) {
         let text = raw.strip_suffix(b"\r").unwrap_or(raw);
         let is_first = self.number == 0;
         let text = text.strip_prefix(b"\xef\xbb\xbf").filter(|_| is_first).unwrap_or(text);
@@ -159,7 +159,7 @@ impl<R: Read + Seek, C: LineFilter> FilteredLines<R, C> {
     }
 }
 
-/// Feeds all lines of a file to a filter and returns the filter; its output is discarded.
+/// Passes all lines of a file to a filter and returns it; its output is discarded.
 pub(super) fn each_line<C: LineFilter>(file: impl Read + Seek, filter: C) -> Result<C> {
     let mut filtered = FilteredLines::new(file, filter);
     filtered.run(|_| {})?;
@@ -202,7 +202,7 @@ type Parsed<T> = std::result::Result<T, tobj::LoadError>;
 ///
 /// # Errors
 /// The error message about an unreadable file.
-pub(super) fn by_tobj<C: LineFilter + Send, T>(
+pub(super) fn parse_by_tobj<C: LineFilter + Send, T>(
     file: impl Read + Seek + Send,
     filter: C,
     parse: impl FnOnce(&mut FilteredChunks) -> Parsed<T>,
@@ -217,7 +217,8 @@ pub(super) fn by_tobj<C: LineFilter + Send, T>(
                 let _ = sender.send(chunk);
             })
         });
-        let parsed = decoders::catch(|| parse(&mut FilteredChunks { chunks, chunk: Vec::new(), at: 0 }));
+        let parsed =
+            decoders::catch_panic(|| parse(&mut FilteredChunks { chunks, chunk: Vec::new(), at: 0 }));
         (parsed, read.join().unwrap_or_else(|panic| resume_unwind(panic)))
     });
     read.map_err(|e| format!("can't be read: {e}"))?;

@@ -2,7 +2,7 @@
 //!
 //! | MTL | Becomes |
 //! |---|---|
-//! | `Kd`, `map_Kd` | base colour (linear), the image sRGB-decoded; a black `Kd` with a map counts as white |
+//! | `Kd`, `map_Kd` | base colour (linear), the image sRGB-decoded; a black `Kd` with a map is taken as white |
 //! | `Ke`, `map_Ke` | emission, from both sides |
 //! | `Pr`, `Pm`, `map_Pr`, `map_Pm` | roughness, metalness of the glTF model; a map replaces the number |
 //! | `Ps`, `Pc`, `Pcr`, `aniso`, `anisor` | sheen (roughness 0.3), clearcoat and its roughness, anisotropy and its rotation |
@@ -40,7 +40,7 @@ const IORS: std::ops::RangeInclusive<f32> = 1.0..=10.0;
 /// Roughness of the sheen of `Ps`, which MTL does not define.
 const SHEEN_ROUGHNESS: f32 = 0.3;
 
-/// Converts a material of the library `library` and reads its images.
+/// Converts a material of the file `library` and reads its images.
 pub(super) fn convert(source: &Mtl, library: &Path, maps: &mut Maps, loaded: &mut Loaded) -> Material {
     let mut convert = Conversion { source, library, maps, loaded };
     convert.warn_of_maps();
@@ -82,15 +82,15 @@ impl Conversion<'_, '_> {
         let illum = number("illum").map(|n| n as i32);
         let ior = number("Ni").filter(|n| IORS.contains(n));
         if let (Some(4 | 6 | 7 | 9), Some(ior)) = (illum, ior.filter(|n| *n > 1.0)) {
-            let tint = ColorSlot::constant(source.color("Tf").map_or([1.0; 3], colour));
+            let tint = ColorSlot::constant(source.color("Tf").map_or([1.0; 3], clamped));
             return Model::Dielectric { ior, tint, fresnel: FresnelModel::Exact };
         }
         let is_given = |key| number(key).is_some() || source.map(&format!("map_{key}")).is_some();
         let is_pbr = ["Pr", "Pm", "Ps", "Pc"].into_iter().any(is_given);
-        let ks = source.color("Ks").map_or([0.0; 3], colour);
+        let ks = source.color("Ks").map_or([0.0; 3], clamped);
         let is_glossy = illum.is_none_or(|i| i > 1) && (ks != [0.0; 3] || source.map("map_Ks").is_some());
         let roughness = number("Pr").or(number("Ns").map(roughness_of_exponent)).map_or(1.0, unit);
-        let base_map = if self.is_ambient_alone() { "map_Ka" } else { "map_Kd" };
+        let base_map = if self.has_only_ambient_map() { "map_Ka" } else { "map_Kd" };
         let base_color = self.color(base_map, source.color("Kd").unwrap_or([0.8; 3]), true);
         if !is_pbr && !is_glossy {
             return Model::Lambert { albedo: base_color };
@@ -116,7 +116,7 @@ impl Conversion<'_, '_> {
     }
 
     /// Is there a `map_Ka` without a `map_Kd`?
-    fn is_ambient_alone(&self) -> bool {
+    fn has_only_ambient_map(&self) -> bool {
         self.source.map("map_Kd").is_none() && self.source.map("map_Ka").is_some()
     }
 
@@ -170,7 +170,7 @@ impl Conversion<'_, '_> {
 
     /// A colour with its map; if `black_is_white`, a black factor with a map becomes white.
     fn color(&mut self, key: &str, factor: [f32; 3], black_is_white: bool) -> ColorSlot {
-        let mut slot = ColorSlot { factor: colour(factor), texture: self.color_map(key) };
+        let mut slot = ColorSlot { factor: clamped(factor), texture: self.color_map(key) };
         if black_is_white && slot.texture.is_some() && slot.factor == [0.0; 3] {
             slot.factor = [1.0; 3];
         }
@@ -209,15 +209,15 @@ impl Conversion<'_, '_> {
             self.warn_of_map("disp", message);
         }
         for key in ["map_Ns", "map_Tr", "decal", "refl", "map_RMA"] {
-            self.warn_of_map(key, "is not supported, ignored");
+            self.warn_of_map(key, "is not supported: ignored");
         }
-        if self.is_ambient_alone() {
+        if self.has_only_ambient_map() {
             self.warn_of_map("map_Ka", "is taken as the colour, as there is no 'map_Kd'");
         } else if self.source.map("map_Ka").is_some_and(|ambient| !self.is_color_map(&ambient)) {
-            self.warn_of_map("map_Ka", "is ignored: it colours ambient light, which path tracing replaces");
+            self.warn_of_map("map_Ka", "is ignored: it is for ambient light, which path tracing replaces");
         }
         if self.source.map("norm").is_some() {
-            self.warn_of_map("bump", "is ignored beside 'norm'");
+            self.warn_of_map("bump", "is ignored, as there is a 'norm'");
         }
     }
 
@@ -239,10 +239,10 @@ impl Conversion<'_, '_> {
         let numbers = numbers.filter(|k| source.number(k).is_some_and(|n| !is_in_unit_range(&n)));
         let clamped: Vec<String> = colors.chain(numbers).map(|key| format!("'{key}'")).collect();
         if !clamped.is_empty() {
-            self.warn("", format!("{} beyond 0 to 1 is clamped", clamped.join(", ")));
+            self.warn("", format!("{} outside 0 to 1: clamped", clamped.join(", ")));
         }
         if let Some(ior) = source.number("Ni").filter(|n| !IORS.contains(n)) {
-            self.warn("", format!("'Ni' {ior} is no index of refraction from 1 to 10, ignored"));
+            self.warn("", format!("'Ni' {ior} is not an index of refraction from 1 to 10: ignored"));
         }
     }
 
@@ -267,7 +267,7 @@ fn unit(x: f32) -> f32 {
     if x.is_nan() { 0.0 } else { x.clamp(0.0, 1.0) }
 }
 
-fn colour(rgb: [f32; 3]) -> [f32; 3] {
+fn clamped(rgb: [f32; 3]) -> [f32; 3] {
     rgb.map(unit)
 }
 
@@ -285,7 +285,7 @@ impl<'a> Maps<'a> {
         Maps { options, images: HashMap::new(), bumps: HashMap::new() }
     }
 
-    /// The texture of a statement in the library `library`; `None`, with a warning, for missing or damaged files.
+    /// The texture of a statement in the file `library`; `None`, with a warning, for missing or damaged files.
     pub fn texture(
         &mut self,
         map: &Map,
@@ -375,10 +375,10 @@ impl<'a> Maps<'a> {
         let cached = self.images.get(&(path.clone(), purpose)).copied();
         let id = cached.unwrap_or_else(|| {
             let (library, place) = (library.to_path_buf(), format!("line {}", map.line));
-            let without = move |e: Error| {
+            let warning = move |e: Error| {
                 Warning::new(&library, place.as_str(), ("texture-left-out", format!("texture left out: {e}")))
             };
-            let later = without.clone();
+            let later = warning.clone();
             let on_damage = Arc::new(move |e| Damage::LeftOut(later(e)));
             match image::read_for_texture(
                 &path,
@@ -389,7 +389,7 @@ impl<'a> Maps<'a> {
             ) {
                 Ok(image) => Some(loaded.scene.add_image(image)),
                 Err(e) => {
-                    loaded.warnings.push(without(e));
+                    loaded.warnings.push(warning(e));
                     None
                 }
             }

@@ -24,7 +24,7 @@ use crate::color::linear_from_srgb;
 use crate::error::{Error, Result, Warning};
 use crate::math::{DAffine3, DVec3};
 use crate::scene::{Instance, Material, MaterialId, Mesh, MeshId, MeshPart};
-use lines::{CountedReader, LineFilter, Words, by_tobj, each_line};
+use lines::{CountedReader, LineFilter, Words, each_line, parse_by_tobj};
 use materials::Maps;
 use mtl::Mtl;
 use statements::{MaterialName, Piece, Statements};
@@ -121,7 +121,7 @@ fn up_hint(path: &Path) -> UpHint {
     UpHint { writer: is_blender_file.then_some((Up::Y, "Blender, which wrote it")), is_mostly_y: true }
 }
 
-/// The models of `tobj`, and the filter with the statements that `tobj` drops.
+/// The models of `tobj`, and the filter with the statements that `tobj` doesn't return.
 ///
 /// # Errors
 /// An input error with all problems of the file.
@@ -149,7 +149,7 @@ fn read_in(
     let tobj_options = tobj::LoadOptions { single_index: true, ..tobj::LoadOptions::default() };
     let filter = Statements::new(has_two_passes, options.keeps_polygons);
     let no_library = |_: &Path| Err(tobj::LoadError::OpenFileFailed);
-    let (models, statements) = by_tobj(CountedReader::new(file, &options.counter), filter, |reader| {
+    let (models, statements) = parse_by_tobj(CountedReader::new(file, &options.counter), filter, |reader| {
         tobj::load_obj_buf(reader, &tobj_options, no_library).map(|(models, _)| models)
     })
     .map_err(|message| Error::input(path, message))?;
@@ -176,7 +176,7 @@ fn add_object(object: Object, palette: &mut Palette, loaded: &mut Loaded, repair
         mesh.triangles[from as usize..to as usize].iter().filter(|t| t.iter().all(finite)).count() as u32
     };
     let counts: Vec<u32> = runs.iter().zip(&ends).map(|(r, &end)| kept(r.first_triangle, end)).collect();
-    repairs.make(&mut mesh);
+    repairs.repair(&mut mesh);
     if mesh.triangles.is_empty() {
         return;
     }
@@ -188,7 +188,7 @@ fn add_object(object: Object, palette: &mut Palette, loaded: &mut Loaded, repair
     }
     if let Some((mut cage, names)) = cage {
         cage.materials = names.into_iter().map(|name| palette.id(name, has_colors, loaded)).collect();
-        loaded.polygons.keep(MeshId(loaded.scene.meshes.len() as u32), cage);
+        loaded.polygons.insert(MeshId(loaded.scene.meshes.len() as u32), cage);
     }
     let scene = &mut loaded.scene;
     if mesh.name.is_empty() {
@@ -262,7 +262,7 @@ fn unused_materials(path: &Path, libraries: &[(PathBuf, Mtl)]) -> Option<Warning
 }
 
 /// The library with the model's file name, for files with `usemtl` but without `mtllib`.
-fn library_beside(
+fn library_by_name(
     path: &Path,
     statements: &Statements,
     warnings: &mut Vec<Warning>,
@@ -273,10 +273,10 @@ fn library_beside(
         return None;
     }
     let (used_at, (effect, remedy)) = match statements.materials.first() {
-        Some((_, line)) => (Some(*line), ("is used, which has the model's name", "'mtllib' selects others")),
+        Some((_, line)) => (Some(*line), ("is used, as it has the model's name", "'mtllib' selects others")),
         None => (None, ("is unused", "'mtllib' and 'usemtl' would select it")),
     };
-    let message = format!("names no material library: '{name}' {effect} ({remedy})");
+    let message = format!("has no 'mtllib': '{name}' {effect} ({remedy})");
     let code = if used_at.is_some() { "library-guessed" } else { "library-unused" };
     warnings.push(Warning::new(path, "", (code, message)));
     used_at.map(|line| (name, line))
@@ -290,8 +290,8 @@ fn read_libraries(
     warnings: &mut Vec<Warning>,
 ) -> Vec<(PathBuf, Mtl)> {
     let (mut all, mut seen) = (Vec::new(), Vec::new());
-    let beside = library_beside(path, statements, warnings);
-    for (statement, line) in statements.libraries.iter().chain(&beside) {
+    let guessed = library_by_name(path, statements, warnings);
+    for (statement, line) in statements.libraries.iter().chain(&guessed) {
         let place = format!("line {line}");
         if statement.is_empty() {
             warnings.push(Warning::new(path, &place, "'mtllib' without a file name is ignored"));
@@ -349,7 +349,7 @@ struct Object {
 
 /// The objects of a file, relative to `origin`, from the models of `tobj`, one per piece.
 fn objects(models: Vec<tobj::Model>, statements: &Statements, origin: DVec3) -> Vec<Object> {
-    let mut builder = Builder {
+    let mut builder = ObjectBuilder {
         statements,
         origin,
         corners: &statements.corners,
@@ -392,7 +392,7 @@ fn shared_points(objects: &[Object]) -> Option<String> {
     None
 }
 
-struct Builder<'s> {
+struct ObjectBuilder<'s> {
     statements: &'s Statements,
     /// Local origin, subtracted from positions.
     origin: DVec3,
@@ -408,7 +408,7 @@ struct Builder<'s> {
 }
 
 /// A model of `tobj` with data of its statements.
-struct Part<'s> {
+struct PieceModel<'s> {
     piece: &'s Piece,
     model: tobj::Mesh,
     triangles: Vec<[u32; 3]>,
@@ -416,7 +416,7 @@ struct Part<'s> {
     numbers: Vec<u32>,
 }
 
-impl Builder<'_> {
+impl ObjectBuilder<'_> {
     fn object(&mut self, pieces: &[Piece], models: Vec<tobj::Mesh>) -> Object {
         let mut mesh = Mesh { name: self.statements.objects[pieces[0].object].clone(), ..Mesh::default() };
         mesh.positions.reserve_exact(models.iter().map(|m| m.positions.len() / 3).sum());
@@ -433,7 +433,7 @@ impl Builder<'_> {
             self.subtract_origin(&mut model, &numbers);
             let triangles = self.triangles(&model, &mut object);
             is_colored |= numbers.iter().any(|&n| (n as usize) < self.statements.colors.len());
-            let part = Part { piece, model, triangles, numbers };
+            let part = PieceModel { piece, model, triangles, numbers };
             self.add_to_group(&part);
             object.add_polygons(&part, &self.statements.colors);
             object.add(&part, is_flat, &self.statements.colors);
@@ -512,7 +512,7 @@ impl Builder<'_> {
 
     /// Adds the normals of a smoothing group's triangles to their corners, weighted by the angle (Thuermer and Wuethrich 1998,
     /// "Computing Vertex Normals from Polygonal Facets"), which makes them independent of the triangulation.
-    fn add_to_group(&mut self, part: &Part) {
+    fn add_to_group(&mut self, part: &PieceModel) {
         let Some(group) = part.piece.group else { return };
         for triangle in &part.triangles {
             let p = part.corners(triangle);
@@ -528,7 +528,7 @@ impl Builder<'_> {
     }
 }
 
-impl Part<'_> {
+impl PieceModel<'_> {
     fn corners(&self, triangle: &[u32; 3]) -> [DVec3; 3] {
         let positions = self.model.positions.as_chunks::<3>().0;
         triangle.map(|i| DVec3::from(positions[i as usize].map(f64::from)))
@@ -537,9 +537,9 @@ impl Part<'_> {
 
 impl Object {
     /// Appends the polygons of a part to the cage.
-    fn add_polygons(&mut self, part: &Part, colors: &[[f32; 3]]) {
+    fn add_polygons(&mut self, part: &PieceModel, colors: &[[f32; 3]]) {
         let Some((cage, _)) = &mut self.cage else { return };
-        let Part { model, numbers, .. } = part;
+        let PieceModel { model, numbers, .. } = part;
         let base = cage.mesh.positions.len() as u32;
         cage.mesh.positions.extend_from_slice(model.positions.as_chunks::<3>().0);
         cage.points.extend_from_slice(numbers);
@@ -558,8 +558,8 @@ impl Object {
     }
 
     /// Appends a part. In a mesh with smooth faces, flat faces get separate vertices.
-    fn add(&mut self, part: &Part, is_flat: bool, colors: &[[f32; 3]]) {
-        let Part { piece, model, triangles, numbers } = part;
+    fn add(&mut self, part: &PieceModel, is_flat: bool, colors: &[[f32; 3]]) {
+        let PieceModel { piece, model, triangles, numbers } = part;
         let (base, mesh) = (self.mesh.positions.len() as u32, &mut self.mesh);
         let vertices: Vec<u32> = if piece.is_flat() && !is_flat {
             let corners = triangles.iter().map(|t| part.corners(t));

@@ -5,7 +5,7 @@
 //! reports no line numbers. Therefore it gets validated statements in its own spelling, with the line number before the file
 //! name of a texture.
 
-use super::lines::{LineFilter, Words, by_tobj, decoded, float};
+use super::lines::{LineFilter, Words, decoded, float, parse_by_tobj};
 use crate::error::Warning;
 use crate::load::files;
 use crate::load::words::is_utf_16;
@@ -101,7 +101,7 @@ pub(super) fn read(path: &Path, warnings: &mut Vec<Warning>) -> Result<Vec<Mtl>,
     if is_utf_16(&start) {
         return Err("is UTF-16 text; save it as UTF-8".into());
     }
-    let (parsed, library) = by_tobj(file, Library::default(), tobj::load_mtl_buf)?;
+    let (parsed, library) = parse_by_tobj(file, Library::default(), tobj::load_mtl_buf)?;
     let (materials, _) = parsed.map_err(|e| format!("can't be parsed: {e}"))?;
     let ignored = library.ignored.into_iter();
     warnings.extend(ignored.map(|(line, message)| Warning::new(path, format!("line {line}"), message)));
@@ -221,7 +221,7 @@ fn normalize(
         }
         // Without effect in a path tracer: ambient light, antialiasing, sharpness (of `refl`).
         (None, "ka" | "sharpness" | "map_aat") => Ok(Default::default()),
-        (None, _) => Err(format!("'{keyword}' is not supported, ignored")),
+        (None, _) => Err(format!("'{keyword}' is not supported: ignored")),
     }
 }
 

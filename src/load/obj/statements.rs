@@ -325,7 +325,7 @@ impl Statements {
         let group = if has_normals { None } else { self.group };
         let new = Piece { object, has_uvs, has_normals, group, faces: 1 };
         match self.pieces.last_mut() {
-            Some(last) if last.faces < MAX_PIECE && last.is_like(&new) => last.faces += 1,
+            Some(last) if last.faces < MAX_PIECE && last.may_continue(&new) => last.faces += 1,
             _ => {
                 self.pieces.push(new);
                 out.extend(b"o\n");
@@ -422,7 +422,7 @@ impl Statements {
         let mut problems: Vec<Problem> =
             listed.map(|(line, message)| Problem::new(format!("line {line}"), message)).collect();
         if self.problem_count > MAX_LISTED {
-            let message = format!("{} more statements are broken", self.problem_count - MAX_LISTED);
+            let message = format!("{} more statements are invalid", self.problem_count - MAX_LISTED);
             problems.push(Problem::new("", message));
         }
         if self.pieces.is_empty() && self.points.is_empty() && !self.is_cloud() && problems.is_empty() {
@@ -559,7 +559,7 @@ impl Piece {
     }
 
     /// Can it be merged with another piece?
-    pub fn is_like(&self, other: &Piece) -> bool {
+    pub fn may_continue(&self, other: &Piece) -> bool {
         let key = |p: &Piece| (p.object, p.has_uvs, p.has_normals, p.group);
         key(self) == key(other)
     }
@@ -608,11 +608,6 @@ mod tests {
             assert!(once(&format!("{start}{rest}")).0.needs_two_passes, "{rest}");
         }
     }
-}
-
-#[cfg(test)]
-mod numbers_tests {
-    use super::*;
 
     #[test]
     fn plain_numbers_are_recognized() {

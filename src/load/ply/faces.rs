@@ -15,7 +15,7 @@ pub(super) enum FaceLayout {
 }
 
 /// Maximum number of problems of one kind in an error.
-const LISTED: usize = 10;
+const MAX_LISTED: usize = 10;
 
 /// Adds faces to a mesh and collects problems of faces that refer to missing vertices.
 #[derive(Default)]
@@ -117,7 +117,7 @@ impl Faces {
         let mismatched = self.wedges.as_ref().map_or(0, |wedges| wedges.mismatched_count);
         if mismatched > 0 {
             list.push(format!(
-                "texture coordinates of {mismatched} faces, which are not two numbers a corner"
+                "texture coordinates of {mismatched} faces, whose length is not two numbers per corner"
             ));
         }
         list
@@ -125,8 +125,8 @@ impl Faces {
 
     /// Takes the problems; the last one counts those beyond the maximum.
     pub fn problems(&mut self) -> Vec<Problem> {
-        if self.invalid_count > LISTED {
-            let message = format!("{} more faces refer to missing vertices", self.invalid_count - LISTED);
+        if self.invalid_count > MAX_LISTED {
+            let message = format!("{} more faces refer to missing vertices", self.invalid_count - MAX_LISTED);
             self.problems.push(Problem::new("", message));
         }
         std::mem::take(&mut self.problems)
@@ -135,7 +135,7 @@ impl Faces {
     #[cold]
     fn add_problem(&mut self, kind: FaceLayout, i: usize, vertex: i64, count: i64) {
         self.invalid_count += 1;
-        if self.invalid_count <= LISTED {
+        if self.invalid_count <= MAX_LISTED {
             let name = if kind == FaceLayout::Polygon { "face" } else { "tristrips" };
             let message = format!("refers to vertex {vertex}, but there are {count}");
             self.problems.push(Problem::new(format!("{name} {i}"), message));

@@ -3,7 +3,7 @@
 //! `ply-rs` panics on numbers beyond 64 bits, trusts counts and reports wrong lines, so the header is checked here before
 //! parsing, its counts are compared with the file's size, and lines are counted here.
 
-use super::rows::{self, Face, Lines, Record, Slot, Vertex, cut, split_line};
+use super::rows::{self, Face, Lines, Record, Slot, Vertex, split_line, truncated};
 use crate::error::Problem;
 use crate::load::Up;
 use crate::load::words::is_utf_16;
@@ -78,7 +78,7 @@ impl NamedAttribute {
 /// First words of header lines.
 const KEYWORDS: [&str; 7] = ["ply", "format", "comment", "obj_info", "element", "property", "end_header"];
 
-/// Attributes of which the vertex element has all properties.
+/// Attributes whose properties are all present in the vertex element.
 pub(super) struct VertexLayout {
     pub position: bool,
     pub normal: bool,
@@ -86,7 +86,7 @@ pub(super) struct VertexLayout {
     pub color: bool,
     /// Faces have colours and vertices have none.
     pub face_color: bool,
-    /// Attributes of which some properties are missing; they are skipped.
+    /// Attributes with missing properties; they are skipped.
     pub incomplete: Vec<&'static str>,
 }
 
@@ -102,7 +102,7 @@ impl VertexLayout {
 }
 
 /// Parts of a file that are not read, for warnings.
-pub(super) struct Unread {
+pub(super) struct UnreadData {
     /// Data with an effect on the picture: warnings.
     pub visible: Vec<String>,
     /// Data without an effect on the picture: notes.
@@ -222,7 +222,7 @@ impl<'a> Source<'a> {
 
     /// The up axis customary for the program named in a comment.
     fn writer_up(&self) -> Option<(Up, &'static str)> {
-        let is_by = |name: &str| {
+        let mentions = |name: &str| {
             self.header
                 .comments
                 .iter()
@@ -230,7 +230,7 @@ impl<'a> Source<'a> {
         };
         let writers =
             [("blender", "Blender, which wrote it"), ("cloudcompare", "CloudCompare, which wrote it")];
-        writers.iter().find(|(name, _)| is_by(name)).map(|&(_, why)| (Up::Z, why))
+        writers.iter().find(|(name, _)| mentions(name)).map(|&(_, why)| (Up::Z, why))
     }
 
     /// Whether positions may be more precise than f32; text may have any number of digits.
@@ -241,14 +241,14 @@ impl<'a> Source<'a> {
             || vertex.is_some_and(|v| v.properties.get("x").is_some_and(|p| is_double(&p.data_type)))
     }
 
-    /// Unread properties with their elements, and unknown header lines.
-    pub fn unread(&self, layout: &VertexLayout) -> Unread {
+    /// UnreadData properties with their elements, and unknown header lines.
+    pub fn unsupported(&self, layout: &VertexLayout) -> UnreadData {
         let incomplete = layout.incomplete.iter();
-        let visible = incomplete.map(|what| format!("{what} of which a property is missing")).collect();
+        let visible = incomplete.map(|what| format!("{what} with a missing property")).collect();
         let texture_files = self.texture_files();
         let (writer_up, has_exact_positions) = (self.writer_up(), self.has_exact_positions());
-        let mut unread =
-            Unread { visible, irrelevant: Vec::new(), texture_files, writer_up, has_exact_positions };
+        let mut unsupported =
+            UnreadData { visible, irrelevant: Vec::new(), texture_files, writer_up, has_exact_positions };
         let has_wedges = self.has_wedges();
         let is_named = |index: u8| self.attributes.iter().any(|attribute| attribute.index == index);
         let known = |element: &str, name: &str, data: &PropertyType| match (element, data) {
@@ -272,11 +272,11 @@ impl<'a> Source<'a> {
             for (name, _) in properties.filter(|(name, p)| !known(element, name, &p.data_type)) {
                 let what = format!("property '{name}' of '{element}'");
                 let is_shown = name.contains("texcoord") || element == "face" && Vertex::slot(name).is_some();
-                if is_shown { unread.visible.push(what) } else { unread.irrelevant.push(what) }
+                if is_shown { unsupported.visible.push(what) } else { unsupported.irrelevant.push(what) }
             }
         }
-        unread.visible.extend(self.unknown_lines.iter().cloned());
-        unread
+        unsupported.visible.extend(self.unknown_lines.iter().cloned());
+        unsupported
     }
 
     /// Reads the rows of an element and calls `each` with row number and record. Elements must be read in file order.
@@ -300,7 +300,7 @@ impl<'a> Source<'a> {
             Encoding::BinaryBigEndian => true,
             Encoding::BinaryLittleEndian => false,
         };
-        rows::read_binary(&mut self.rest, definition, big, each).map_err(|i| cut(definition, i))
+        rows::read_binary(&mut self.rest, definition, big, each).map_err(|i| truncated(definition, i))
     }
 
     fn check_counts(&self) -> Result<()> {
@@ -317,7 +317,7 @@ impl<'a> Source<'a> {
         let held = self.rest.len() as u128 + 1;
         if needed > held {
             let message = format!(
-                "the header declares at least {needed} bytes of data, but the file holds {}: it is cut short or its counts are wrong",
+                "the header declares at least {needed} bytes of data, but the file holds {}: it is truncated or its counts are wrong",
                 self.rest.len()
             );
             return Err(Problem::new("", message).with_help("export or download the file again"));

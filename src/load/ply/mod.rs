@@ -35,7 +35,7 @@ use crate::scene::{
     Texture, VertexAttribute, Wrap,
 };
 use faces::{FaceLayout, Faces, Run, Wedges};
-use header::{Source, Unread};
+use header::{Source, UnreadData};
 use rows::{Face, SkippedElement, Vertex};
 use std::path::Path;
 use std::sync::Arc;
@@ -61,20 +61,20 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
         wedges.split(&mut mesh);
     }
     let by_texture = |wedges: &Wedges| wedges.runs(&mesh.triangles, left_out.texture_files.len());
-    let (runs, pictures) = match &faces.materials {
+    let (runs, textures) = match &faces.materials {
         Some(materials) => {
             let runs = faces::runs(&mesh.triangles, materials.iter().copied());
             (Some(Runs { runs, are_materials: true }), texture_numbers(None, &left_out.texture_files))
         }
         None => {
             let runs = faces.wedges.as_ref().map(by_texture);
-            let pictures = texture_numbers(runs.as_deref(), &left_out.texture_files);
-            (runs.map(|runs| Runs { runs, are_materials: false }), pictures)
+            let textures = texture_numbers(runs.as_deref(), &left_out.texture_files);
+            (runs.map(|runs| Runs { runs, are_materials: false }), textures)
         }
     };
     let mut loaded = finish(path, mesh, runs, origin, options)?;
     loaded.up_hint = UpHint { writer: left_out.writer_up, ..UpHint::default() };
-    add_textures(path, &left_out.texture_files, &pictures, options, &mut loaded);
+    add_textures(path, &left_out.texture_files, &textures, options, &mut loaded);
     let warning = |what| Warning::new(path, "", format!("{what}: left out"));
     loaded.warnings.extend(left_out.visible.into_iter().map(warning));
     loaded
@@ -85,7 +85,12 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
 }
 
 /// Reads the mesh relative to `origin` (metres), and lists unread data; `path` is for messages.
-fn parse(path: &Path, bytes: &[u8], origin: DVec3, options: &LoadOptions) -> Result<(Mesh, Faces, Unread)> {
+fn parse(
+    path: &Path,
+    bytes: &[u8],
+    origin: DVec3,
+    options: &LoadOptions,
+) -> Result<(Mesh, Faces, UnreadData)> {
     let fail = |problem: Problem| Error::input_problems(path, vec![problem]);
     let mut source = Source::open(bytes, &options.counter).map_err(fail)?;
     let defined = source.vertex_layout();
@@ -93,7 +98,7 @@ fn parse(path: &Path, bytes: &[u8], origin: DVec3, options: &LoadOptions) -> Res
     let mut mesh = Mesh { name: "mesh".to_string(), ..Mesh::default() };
     let (mut uv, mut faces) = (Vec::new(), Faces::new(source.has_wedges(), source.has_materials()));
     faces = faces.with_colors(defined.face_color);
-    let mut left_out = source.unread(&defined);
+    let mut left_out = source.unsupported(&defined);
     let mut attributes = Attributes::of(&source, options, &mut left_out);
     for (name, definition) in source.elements() {
         match name.as_str() {
@@ -187,7 +192,7 @@ struct Attributes {
 }
 
 impl Attributes {
-    fn of(source: &Source, options: &LoadOptions, left_out: &mut Unread) -> Attributes {
+    fn of(source: &Source, options: &LoadOptions, left_out: &mut UnreadData) -> Attributes {
         let mut attributes = Attributes { numbers: Vec::new(), lists: Vec::new() };
         for named in source.attributes() {
             if options.attributes.as_ref().is_some_and(|names| !names.contains(&named.name)) {
@@ -246,7 +251,7 @@ fn finish(
     }
     let counts = runs.map(|runs| sort_by_run(&mut mesh, runs));
     let mut repairs = Repairs::default();
-    repairs.make(&mut mesh);
+    repairs.repair(&mut mesh);
     loaded.warnings.extend(repairs.warnings(path));
     let too_many = || Error::input(path, "has more than 4,294,967,295 triangles or vertices");
     u32::try_from(mesh.positions.len()).map_err(|_| too_many())?;

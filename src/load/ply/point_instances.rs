@@ -40,7 +40,7 @@ pub(in crate::load) struct PointInstances {
     /// In file order.
     pub list: Vec<PointInstance>,
     /// Number of skipped instances with a singular transform, such as scale 0.
-    pub flat: usize,
+    pub degenerate: usize,
 }
 
 /// One vertex: values by index of `NAMES`.
@@ -167,7 +167,7 @@ impl Layout {
 pub(in crate::load) fn read(bytes: &[u8], counter: &WorkCounter) -> Result<PointInstances, Problem> {
     let mut source = Source::open(bytes, counter)?;
     let layout = Layout::of(&source)?;
-    let mut instances = PointInstances { list: Vec::with_capacity(source.count("vertex")), flat: 0 };
+    let mut instances = PointInstances { list: Vec::with_capacity(source.count("vertex")), degenerate: 0 };
     let mut first_invalid = None;
     for (name, definition) in source.elements() {
         let is_vertex = name == "vertex";
@@ -179,7 +179,7 @@ pub(in crate::load) fn read(bytes: &[u8], counter: &WorkCounter) -> Result<Point
             if !instance.world_from_object.is_finite() {
                 first_invalid.get_or_insert(number);
             } else if is_degenerate(&instance.world_from_object.matrix3) {
-                instances.flat += 1;
+                instances.degenerate += 1;
             } else {
                 instances.list.push(instance);
             }
@@ -214,7 +214,7 @@ mod tests {
             ["float x", "float y", "float z", "float qx", "float qy", "float qz", "float qw", "float scale"];
         // A rotation by 90 degrees about y maps z to x.
         let instances = parse(&names, "1 2 3 0 2 0 2 0.5\n0 0 0 0 0 0 1 0").unwrap();
-        assert_eq!((instances.list.len(), instances.flat), (1, 1));
+        assert_eq!((instances.list.len(), instances.degenerate), (1, 1));
         let at = instances.list[0].world_from_object.transform_point3(DVec3::Z);
         assert!((at - DVec3::new(1.5, 2.0, 3.0)).length() < 1e-12, "{at}");
         let normals =

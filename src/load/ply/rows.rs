@@ -280,7 +280,7 @@ pub(super) fn read_ascii<E: Record>(
         .collect();
     let mut record = E::new();
     for row in 0..definition.count {
-        let line = lines.next().ok_or_else(|| cut(definition, row))?;
+        let line = lines.next().ok_or_else(|| truncated(definition, row))?;
         read_row(line, &targets, &mut record).ok_or_else(|| {
             let shown: String = String::from_utf8_lossy(line).chars().take(60).collect();
             let commas = decimal_commas(line);
@@ -507,7 +507,7 @@ pub(super) fn split_line(bytes: &[u8]) -> (&[u8], usize) {
 }
 
 /// The error for a file that ends inside row `i` of an element.
-pub(super) fn cut(definition: &ElementDef, i: usize) -> Problem {
+pub(super) fn truncated(definition: &ElementDef, i: usize) -> Problem {
     let message = format!("the file ends inside '{}' {i} of {}", definition.name, definition.count);
     Problem::new("", message).with_help("export or download the file again")
 }

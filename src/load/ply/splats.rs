@@ -116,7 +116,7 @@ impl Row {
 #[derive(Clone, Copy)]
 struct Harmonics {
     /// Coefficients per channel in the file, without the first (`f_dc`).
-    in_file: usize,
+    count_in_file: usize,
     /// The degree that is loaded.
     degree: u8,
 }
@@ -125,27 +125,27 @@ impl Harmonics {
     /// The harmonics among the properties of an element.
     fn of(source: &Source, element: &str) -> Harmonics {
         let has = |number: &usize| source.has(element, &format!("f_rest_{number}"));
-        let in_file = (0..MAX_REST).take_while(has).count() / 3;
-        let fits = |degree: &u8| Splats::coefficients_of(*degree) - 1 <= in_file;
+        let count_in_file = (0..MAX_REST).take_while(has).count() / 3;
+        let fits = |degree: &u8| Splats::coefficients_of(*degree) - 1 <= count_in_file;
         let degree = (0..=Splats::MAX_DEGREE).rev().find(fits).unwrap_or(0);
-        Harmonics { in_file, degree }
+        Harmonics { count_in_file, degree }
     }
 
     /// Description of the coefficients left out, for a warning.
     fn left_out(self) -> Option<String> {
         let read = Splats::coefficients_of(self.degree) - 1;
-        (self.in_file > read).then(|| {
+        (self.count_in_file > read).then(|| {
             format!(
                 "{} of {} coefficients of spherical harmonics per channel",
-                self.in_file - read,
-                self.in_file
+                self.count_in_file - read,
+                self.count_in_file
             )
         })
     }
 
     /// Appends the RGB coefficients of a splat after the first; `value` reads a coefficient by its `f_rest` number.
     fn read(self, value: impl Fn(usize) -> f32, to: &mut Vec<[f32; 3]>) {
-        let coefficient = |k: usize| [0, 1, 2].map(|channel: usize| value(channel * self.in_file + k));
+        let coefficient = |k: usize| [0, 1, 2].map(|channel: usize| value(channel * self.count_in_file + k));
         to.extend((0..Splats::coefficients_of(self.degree) - 1).map(coefficient));
     }
 }
@@ -160,7 +160,7 @@ pub(super) fn load(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<L
     let is_packed = open().map_err(fail)?.has("vertex", "packed_position");
     let read = |origin: DVec3| {
         let source = open()?;
-        if is_packed { packed(source, origin) } else { plain(source, origin) }
+        if is_packed { read_compressed(source, origin) } else { read_uncompressed(source, origin) }
     };
     let (mut list, left_out) = read(DVec3::ZERO).map_err(fail)?;
     let origin = mesh_tools::distant_origin(list.centers().iter());
@@ -168,13 +168,16 @@ pub(super) fn load(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<L
         list = read(origin).map_err(fail)?.0;
     }
     // Splats are reconstructed in the space of photographs' cameras, which have y down.
-    let mut loaded = finish(path, list, (Up::NegY, "the custom of Gaussian splats"))?;
+    let mut loaded = finish(path, list, (Up::NegY, "convention of Gaussian splat files"))?;
     loaded.warnings.extend(left_out.map(|what| Warning::new(path, "", format!("{what}: left out"))));
     Ok(loaded)
 }
 
 /// Reads uncompressed splats.
-fn plain(mut source: Source, origin: DVec3) -> std::result::Result<(SplatList, Option<String>), Problem> {
+fn read_uncompressed(
+    mut source: Source,
+    origin: DVec3,
+) -> std::result::Result<(SplatList, Option<String>), Problem> {
     let is_flat = !source.has("vertex", "scale_2");
     let needed = NAMES[..PACKED].iter().filter(|name| !(is_flat && **name == "scale_2"));
     let missing: Vec<&str> = needed.filter(|name| !source.has("vertex", name)).copied().collect();
@@ -217,7 +220,10 @@ struct Bounds {
 }
 
 /// Reads compressed splats.
-fn packed(mut source: Source, origin: DVec3) -> std::result::Result<(SplatList, Option<String>), Problem> {
+fn read_compressed(
+    mut source: Source,
+    origin: DVec3,
+) -> std::result::Result<(SplatList, Option<String>), Problem> {
     let needed = NAMES[PACKED..CHUNK].iter().map(|name| ("vertex", *name));
     let needed = needed.chain(NAMES[CHUNK..CHUNK_COLORS].iter().map(|name| ("chunk", *name)));
     let missing: Vec<&str> = needed.filter(|(of, name)| !source.has(of, name)).map(|n| n.1).collect();
@@ -231,7 +237,7 @@ fn packed(mut source: Source, origin: DVec3) -> std::result::Result<(SplatList, 
     let (has_colors, count) = (source.has("chunk", "max_b"), source.count("vertex"));
     let harmonics = Harmonics::of(&source, "sh");
     let (mut chunks, mut words, mut rest): (Vec<Bounds>, Vec<[u32; 4]>, Vec<u8>) = Default::default();
-    let in_row = 3 * harmonics.in_file;
+    let numbers_per_row = 3 * harmonics.count_in_file;
     for (name, definition) in source.elements() {
         source.read(&definition, |_, row: &Row| match name.as_str() {
             "chunk" => {
@@ -241,11 +247,13 @@ fn packed(mut source: Source, origin: DVec3) -> std::result::Result<(SplatList, 
             }
             // `as` saturates.
             "vertex" => words.push(std::array::from_fn(|k| row.values[PACKED + k] as u32)),
-            "sh" => rest.extend((0..in_row).map(|k| row.values[REST + k] as u8)),
+            "sh" => rest.extend((0..numbers_per_row).map(|k| row.values[REST + k] as u8)),
             _ => {}
         })?;
     }
-    if chunks.len() < words.len().div_ceil(CHUNK_SIZE) || rest.len() < in_row.saturating_mul(words.len()) {
+    if chunks.len() < words.len().div_ceil(CHUNK_SIZE)
+        || rest.len() < numbers_per_row.saturating_mul(words.len())
+    {
         let message =
             ("splats-incomplete", format!("has too few rows of 'chunk' or 'sh' for its {count} splats"));
         return Err(Problem::new("header", message).with_help("export or download the file again"));
@@ -261,7 +269,7 @@ fn packed(mut source: Source, origin: DVec3) -> std::result::Result<(SplatList, 
         let color = lerp(bounds.color, [r, g, b]).map(|c| (c - 0.5) / Splats::FIRST_HARMONIC);
         coefficients.clear();
         coefficients.push(color);
-        let own = &rest[i * in_row..(i + 1) * in_row];
+        let own = &rest[i * numbers_per_row..(i + 1) * numbers_per_row];
         harmonics.read(|k| f32::from(own[k]) * (8.0 / 255.0) - 4.0, &mut coefficients);
         let rotation = unpack_smallest_three(rotation);
         list.push(&FileSplat { center, scales, rotation, opacity, coefficients: &coefficients });

@@ -319,7 +319,7 @@ fn absorb(build: &mut SceneFileBuilder, path: &Path, mut loaded: Loaded) -> Asse
         });
         scene.materials.push(material);
     }
-    build.loaded.polygons.absorb(loaded.polygons, offset.mesh, offset.material);
+    build.loaded.polygons.append(loaded.polygons, offset.mesh, offset.material);
     let scene = &mut build.loaded.scene;
     for mut mesh in meshes {
         mesh.parts.iter_mut().for_each(|p| p.material.0 += offset.material);

@@ -32,9 +32,10 @@ pub(super) fn read(build: &mut SceneFileBuilder, fields: &Fields, name: &str) ->
             .map_err(|p| format!("{}: {}", p.place, p.message))
     });
     match read {
-        Ok(PointInstances { list, flat }) => {
-            if flat > 0 {
-                let message = format!("{flat} instances of '{name}' without an area were left out");
+        Ok(PointInstances { list, degenerate }) => {
+            if degenerate > 0 {
+                let message =
+                    format!("{degenerate} instances of '{name}' with a singular transform were left out");
                 build.loaded.warnings.push(Warning::new(&path, "", message));
             }
             Some(list)

@@ -553,7 +553,7 @@ fn read_profile(build: &SceneFileBuilder, fields: &Fields) -> Option<(Arc<LightP
     }
     let is_clockwise = fields.flag("clockwise", false);
     let profile = if is_clockwise { profile.map(LightProfile::mirrored) } else { profile };
-    let (profile, peak) = ies::relative(profile?);
+    let (profile, peak) = ies::normalized(profile?);
     let intensity = match photometric {
         (None, None) => strength.unwrap_or(1.0) * peak / ies::LUMENS_PER_WATT,
         (Some(power), None) => power / (4.0 * PI * f64::from(profile.mean(STEPS)).max(1e-9)),

@@ -59,7 +59,7 @@ impl PhysicalSky {
     /// Sets the environment image and the sun light of a scene.
     ///
     /// # Errors
-    /// A value that is out of its range.
+    /// If a value is out of range.
     pub fn add_to(&self, scene: &mut Scene) -> Result<()> {
         self.check()?;
         let dome = Dome::new(self);

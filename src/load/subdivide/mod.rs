@@ -6,7 +6,7 @@ mod refine;
 pub(super) use refine::Cage;
 
 use crate::scene::{MaterialId, Mesh, MeshId, MeshPart, Scene, VertexAttribute};
-use refine::{Edges, Fans, Layer, NONE};
+use refine::{Boundary, HalfEdges, Layer, NONE};
 use std::collections::{BTreeMap, HashMap};
 
 /// Maximum number of triangles of all subdivided meshes of a scene together.
@@ -32,14 +32,14 @@ pub(super) const DEFORMS: &str = "meshes that deform are not subdivided";
 pub struct Polygons {
     cages: BTreeMap<MeshId, Cage>,
     /// Subdivided meshes by base mesh and options.
-    made: HashMap<(MeshId, Subdivision), MeshId>,
+    subdivided: HashMap<(MeshId, Subdivision), MeshId>,
     /// Number of triangles of all subdivided meshes.
     triangles: u64,
 }
 
 impl Polygons {
     /// Stores the polygons of a mesh.
-    pub(super) fn keep(&mut self, id: MeshId, cage: Cage) {
+    pub(super) fn insert(&mut self, id: MeshId, cage: Cage) {
         self.cages.insert(id, cage);
     }
 
@@ -53,18 +53,18 @@ impl Polygons {
         id: MeshId,
         subdivision: Subdivision,
     ) -> Result<MeshId, String> {
-        if let Some(known) = self.made.get(&(id, subdivision)) {
+        if let Some(known) = self.subdivided.get(&(id, subdivision)) {
             return Ok(*known);
         }
         let fine = match self.subdivided(scene, id, subdivision)? {
             Some(mesh) => scene.add_mesh(mesh),
             None => id,
         };
-        self.made.insert((id, subdivision), fine);
+        self.subdivided.insert((id, subdivision), fine);
         Ok(fine)
     }
 
-    /// A subdivided mesh, of the stored polygons or else of the triangles. `None` for 0 levels.
+    /// The subdivision of the stored polygons, else of the triangles, of a mesh; `None` for 0 levels.
     ///
     /// # Errors
     /// As for [`Polygons::add_to`].
@@ -94,7 +94,7 @@ impl Polygons {
     }
 
     /// Adds the polygons of a file; `meshes` and `materials` are added to its ids.
-    pub(super) fn absorb(&mut self, other: Polygons, meshes: u32, materials: u32) {
+    pub(super) fn append(&mut self, other: Polygons, meshes: u32, materials: u32) {
         for (id, mut cage) in other.cages {
             cage.materials.iter_mut().for_each(|material: &mut MaterialId| material.0 += materials);
             self.cages.insert(MeshId(id.0 + meshes), cage);
@@ -120,35 +120,36 @@ fn subdivided(cage: &Cage, subdivision: Subdivision, budget: u64) -> Result<Mesh
         ));
     }
     let cage = cage.sorted();
-    let edges = if subdivision.has_round_corners { Edges::RoundCorners } else { Edges::SharpCorners };
+    let edges = if subdivision.has_round_corners { Boundary::RoundCorners } else { Boundary::SharpCorners };
     let mut arities = cage.arities.clone();
     let (mut points, mut uvs) = (cage.point_layer(), cage.uv_layers());
-    // Colours, if any, precede attributes.
-    let mut fours: Vec<Layer<4>> = cage.color_layer().into_iter().chain(cage.attribute_layers()).collect();
+    // Colours, if any, then attributes.
+    let mut vec4_layers: Vec<Layer<4>> =
+        cage.color_layer().into_iter().chain(cage.attribute_layers()).collect();
     for _ in 0..subdivision.levels {
         points = points.refined(&arities, edges);
-        uvs.iter_mut().for_each(|layer| *layer = layer.refined(&arities, Edges::Fixed));
-        fours.iter_mut().for_each(|layer| *layer = layer.refined(&arities, Edges::Fixed));
+        uvs.iter_mut().for_each(|layer| *layer = layer.refined(&arities, Boundary::Fixed));
+        vec4_layers.iter_mut().for_each(|layer| *layer = layer.refined(&arities, Boundary::Fixed));
         arities = vec![4; points.corners.len() / 4];
     }
-    let fans = Fans::new(&arities, &points.corners, points.values.len());
-    let limits = points.limits(&fans, edges);
-    let normals = refine::normals(&points, &limits, &fans);
+    let half_edges = HalfEdges::new(&arities, &points.corners, points.values.len());
+    let limits = points.limits(&half_edges, edges);
+    let normals = refine::normals(&points, &limits, &half_edges);
     points.values = limits;
     uvs.iter_mut().for_each(|layer| to_limit(layer, &arities));
-    fours.iter_mut().for_each(|layer| to_limit(layer, &arities));
-    let mut mesh = assembled(&points, &normals, &uvs, &fours, &cage.mesh);
+    vec4_layers.iter_mut().for_each(|layer| to_limit(layer, &arities));
+    let mut mesh = assembled(&points, &normals, &uvs, &vec4_layers, &cage.mesh);
     mesh.name.clone_from(&cage.mesh.name);
     mesh.parts = parts(&cage, subdivision.levels);
     Ok(mesh)
 }
 
 fn to_limit<const N: usize>(layer: &mut Layer<N>, arities: &[u32]) {
-    let fans = Fans::new(arities, &layer.corners, layer.values.len());
-    layer.values = layer.limits(&fans, Edges::Fixed);
+    let half_edges = HalfEdges::new(arities, &layer.corners, layer.values.len());
+    layer.values = layer.limits(&half_edges, Boundary::Fixed);
 }
 
-/// Mesh parts for the runs of the cage's materials.
+/// Mesh parts: runs of faces of the cage with one material.
 fn parts(cage: &Cage, levels: u32) -> Vec<MeshPart> {
     let (mut parts, mut first_triangle) = (Vec::new(), 0);
     let mut arities = cage.arities.iter();
@@ -166,17 +167,17 @@ fn assembled(
     points: &Layer<3>,
     normals: &Layer<3>,
     uvs: &[Layer<2>],
-    fours: &[Layer<4>],
+    vec4_layers: &[Layer<4>],
     cage: &Mesh,
 ) -> Mesh {
     let attributes = cage.attributes.iter().map(|a| VertexAttribute::new(a.name.clone(), a.width)).collect();
     let mut mesh = Mesh { uv_sets: vec![Vec::new(); uvs.len()], attributes, ..Mesh::default() };
-    let (colors, attribute_layers) = fours.split_at(fours.len() - cage.attributes.len());
+    let (colors, attribute_layers) = vec4_layers.split_at(vec4_layers.len() - cage.attributes.len());
     let is_same = |a: u32, b: u32| {
         let (a, b) = (a as usize, b as usize);
         normals.corners[a] == normals.corners[b]
             && uvs.iter().all(|layer| layer.corners[a] == layer.corners[b])
-            && fours.iter().all(|layer| layer.corners[a] == layer.corners[b])
+            && vec4_layers.iter().all(|layer| layer.corners[a] == layer.corners[b])
     };
     // Linked lists of the vertices of each point, and one corner of each vertex.
     let (mut heads, mut chain, mut corner_of) = (vec![NONE; points.values.len()], Vec::new(), Vec::new());

@@ -10,7 +10,7 @@ use std::hash::Hash;
 
 /// Boundary rule.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Edges {
+pub(super) enum Boundary {
     /// Cubic B-splines; vertices of only one face stay fixed.
     SharpCorners,
     /// Cubic B-splines, also at vertices of only one face.
@@ -21,21 +21,21 @@ pub(super) enum Edges {
 
 enum VertexRule {
     /// Interior vertex of this valence.
-    Inner(f64),
+    Interior(f64),
     /// On a boundary curve between two neighbours.
     Curve([u32; 2]),
     Fixed,
 }
 
-fn vertex_rule(fans: &Fans, value: usize, edges: Edges) -> VertexRule {
-    if fans.is_inner(value) {
-        return VertexRule::Inner(f64::from(fans.faces[value]));
+fn vertex_rule(half_edges: &HalfEdges, value: usize, boundary: Boundary) -> VertexRule {
+    if half_edges.is_interior(value) {
+        return VertexRule::Interior(f64::from(half_edges.valence[value]));
     }
-    let sharp = fans.sharp[value];
-    let is_fixed = match edges {
-        Edges::SharpCorners => fans.faces[value] == 1,
-        Edges::RoundCorners => false,
-        Edges::Fixed => true,
+    let sharp = half_edges.sharp[value];
+    let is_fixed = match boundary {
+        Boundary::SharpCorners => half_edges.valence[value] == 1,
+        Boundary::RoundCorners => false,
+        Boundary::Fixed => true,
     };
     if sharp.count == 2 && !is_fixed { VertexRule::Curve(sharp.ends) } else { VertexRule::Fixed }
 }
@@ -55,22 +55,22 @@ impl<const N: usize> Layer<N> {
     }
 
     /// The layer after one level: each corner becomes a quad of vertex point, edge point, face point and previous edge point.
-    pub fn refined(&self, arities: &[u32], edges: Edges) -> Layer<N> {
-        let fans = Fans::new(arities, &self.corners, self.values.len());
+    pub fn refined(&self, arities: &[u32], boundary: Boundary) -> Layer<N> {
+        let half_edges = HalfEdges::new(arities, &self.corners, self.values.len());
         let (face_points, count) = (self.face_values(arities), self.values.len());
-        let (first_edge, first_face) = (count, count + fans.edge_count);
+        let (first_edge, first_face) = (count, count + half_edges.edge_count);
         let mut corner_faces = Vec::with_capacity(self.corners.len());
         for (face, &arity) in arities.iter().enumerate() {
             corner_faces.extend(std::iter::repeat_n(face as u32, arity as usize));
         }
-        let (middles, edge_values) = self.edge_values(&fans, &face_points, &corner_faces);
-        let mut values = self.vertex_values(&fans, edges, &face_points, &corner_faces, &middles);
+        let (middles, edge_values) = self.edge_values(&half_edges, &face_points, &corner_faces);
+        let mut values = self.vertex_values(&half_edges, boundary, &face_points, &corner_faces, &middles);
         values.extend(edge_values);
         values.extend(face_points);
         let mut corners = Vec::with_capacity(4 * self.corners.len());
         for (c, (&vertex, &face)) in self.corners.iter().zip(&corner_faces).enumerate() {
-            let edge = |corner: usize| first_edge as u32 + fans.edges[corner];
-            corners.extend([vertex, edge(c), first_face as u32 + face, edge(fans.before[c] as usize)]);
+            let edge = |corner: usize| first_edge as u32 + half_edges.edges[corner];
+            corners.extend([vertex, edge(c), first_face as u32 + face, edge(half_edges.prev[c] as usize)]);
         }
         Layer { values, corners }
     }
@@ -89,18 +89,18 @@ impl<const N: usize> Layer<N> {
     /// Midpoints of edges, and edge points.
     fn edge_values(
         &self,
-        fans: &Fans,
+        half_edges: &HalfEdges,
         face_points: &[[f64; N]],
         corner_faces: &[u32],
     ) -> (Vec<[f64; N]>, Vec<[f64; N]>) {
-        let mut middles = vec![[0.0; N]; fans.edge_count];
+        let mut middles = vec![[0.0; N]; half_edges.edge_count];
         let mut values = middles.clone();
         for c in 0..self.corners.len() {
-            let edge = fans.edges[c] as usize;
-            let middle = scaled(sum(self.at(c as u32), self.at(fans.next[c])), 0.5);
+            let edge = half_edges.edges[c] as usize;
+            let middle = scaled(sum(self.at(c as u32), self.at(half_edges.next[c])), 0.5);
             let face_point = |c: usize| face_points[corner_faces[c] as usize];
             middles[edge] = middle;
-            values[edge] = match fans.twins[c] {
+            values[edge] = match half_edges.twins[c] {
                 NONE => middle,
                 // The order of summation is the same from both sides.
                 opposite => {
@@ -114,19 +114,19 @@ impl<const N: usize> Layer<N> {
 
     fn vertex_values(
         &self,
-        fans: &Fans,
-        edges: Edges,
+        half_edges: &HalfEdges,
+        boundary: Boundary,
         face_points: &[[f64; N]],
         corner_faces: &[u32],
         middles: &[[f64; N]],
     ) -> Vec<[f64; N]> {
         let moved = |value: usize| {
             let own = self.values[value];
-            match vertex_rule(fans, value, edges) {
-                VertexRule::Inner(n) => {
+            match vertex_rule(half_edges, value, boundary) {
+                VertexRule::Interior(n) => {
                     let mut around = [0.0; N];
-                    for c in fans.around(fans.first[value]) {
-                        let middle = middles[fans.edges[c as usize] as usize];
+                    for c in half_edges.around(half_edges.first[value]) {
+                        let middle = middles[half_edges.edges[c as usize] as usize];
                         around = sum(
                             around,
                             sum(face_points[corner_faces[c as usize] as usize], scaled(middle, 2.0)),
@@ -146,15 +146,15 @@ impl<const N: usize> Layer<N> {
 
     /// Limit points of a layer of quads (Halstead, Kass, DeRose 1993, "Efficient, Fair Interpolation using Catmull-Clark
     /// Surfaces", section 3).
-    pub fn limits(&self, fans: &Fans, edges: Edges) -> Vec<[f64; N]> {
+    pub fn limits(&self, half_edges: &HalfEdges, boundary: Boundary) -> Vec<[f64; N]> {
         let limit = |value: usize| {
             let own = self.values[value];
-            match vertex_rule(fans, value, edges) {
-                VertexRule::Inner(n) => {
+            match vertex_rule(half_edges, value, boundary) {
+                VertexRule::Interior(n) => {
                     let mut around = [0.0; N];
-                    for c in fans.around(fans.first[value]) {
-                        let next = fans.next[c as usize];
-                        let across = self.at(fans.next[next as usize]);
+                    for c in half_edges.around(half_edges.first[value]) {
+                        let next = half_edges.next[c as usize];
+                        let across = self.at(half_edges.next[next as usize]);
                         around = sum(around, sum(scaled(self.at(next), 4.0), across));
                     }
                     scaled(sum(scaled(own, n * n), around), 1.0 / (n * (n + 5.0)))
@@ -172,7 +172,7 @@ impl<const N: usize> Layer<N> {
 
 /// Unit normals of the limit surface: at interior vertices from the tangents of Halstead, Kass, DeRose 1993 (appendix A), at
 /// boundary vertices area-weighted means of the adjacent facets' normals.
-pub(super) fn normals(points: &Layer<3>, limits: &[[f64; 3]], fans: &Fans) -> Layer<3> {
+pub(super) fn normals(points: &Layer<3>, limits: &[[f64; 3]], half_edges: &HalfEdges) -> Layer<3> {
     let mut normals = Layer { values: Vec::new(), corners: vec![NONE; points.corners.len()] };
     for corner in 0..points.corners.len() as u32 {
         if normals.corners[corner as usize] != NONE {
@@ -180,13 +180,13 @@ pub(super) fn normals(points: &Layer<3>, limits: &[[f64; 3]], fans: &Fans) -> La
         }
         let number = normals.values.len() as u32;
         let value = points.corners[corner as usize] as usize;
-        let start = rightmost_corner(fans, corner);
-        let facet_mean = || facet_normal(points, limits, fans, start);
-        let normal = match fans.is_inner(value) {
-            true => limit_normal(points, fans, start).unwrap_or_else(facet_mean),
+        let start = rightmost_corner(half_edges, corner);
+        let facet_mean = || facet_normal(points, limits, half_edges, start);
+        let normal = match half_edges.is_interior(value) {
+            true => limit_normal(points, half_edges, start).unwrap_or_else(facet_mean),
             false => facet_mean(),
         };
-        for c in fans.around(start) {
+        for c in half_edges.around(start) {
             normals.corners[c as usize] = number;
         }
         normals.values.push(normal.to_array());
@@ -194,11 +194,11 @@ pub(super) fn normals(points: &Layer<3>, limits: &[[f64; 3]], fans: &Fans) -> La
     normals
 }
 
-/// The rightmost corner of a fan: iteration to the left from it visits the whole fan.
-fn rightmost_corner(fans: &Fans, corner: u32) -> u32 {
+/// The rightmost corner of the fan of faces around a vertex: iteration to the left from it visits the whole fan.
+fn rightmost_corner(half_edges: &HalfEdges, corner: u32) -> u32 {
     let mut start = corner;
     loop {
-        match fans.right(start) {
+        match half_edges.right(start) {
             NONE => return start,
             // The fan is closed.
             right if right == corner => return corner,
@@ -208,12 +208,12 @@ fn rightmost_corner(fans: &Fans, corner: u32) -> u32 {
 }
 
 /// Normal from the limit tangents; `None` if they are parallel.
-fn limit_normal(points: &Layer<3>, fans: &Fans, start: u32) -> Option<DVec3> {
-    let ring: Vec<(DVec3, DVec3)> = fans
+fn limit_normal(points: &Layer<3>, half_edges: &HalfEdges, start: u32) -> Option<DVec3> {
+    let ring: Vec<(DVec3, DVec3)> = half_edges
         .around(start)
         .map(|c| {
-            let next = fans.next[c as usize];
-            (DVec3::from(points.at(next)), DVec3::from(points.at(fans.next[next as usize])))
+            let next = half_edges.next[c as usize];
+            (DVec3::from(points.at(next)), DVec3::from(points.at(half_edges.next[next as usize])))
         })
         .collect();
     let step = TAU / ring.len() as f64;
@@ -228,13 +228,13 @@ fn limit_normal(points: &Layer<3>, fans: &Fans, start: u32) -> Option<DVec3> {
     u.cross(v).try_normalize()
 }
 
-fn facet_normal(points: &Layer<3>, limits: &[[f64; 3]], fans: &Fans, start: u32) -> DVec3 {
+fn facet_normal(points: &Layer<3>, limits: &[[f64; 3]], half_edges: &HalfEdges, start: u32) -> DVec3 {
     let limit = |c: u32| DVec3::from(limits[points.corners[c as usize] as usize]);
     let facet = |c: u32| {
         let at = limit(c);
-        (limit(fans.next[c as usize]) - at).cross(limit(fans.before[c as usize]) - at)
+        (limit(half_edges.next[c as usize]) - at).cross(limit(half_edges.prev[c as usize]) - at)
     };
-    fans.around(start).map(facet).sum::<DVec3>().normalize_or(DVec3::Y)
+    half_edges.around(start).map(facet).sum::<DVec3>().normalize_or(DVec3::Y)
 }
 
 /// Values of one attribute with the connectivity of the faces; texture coordinates may have seams where points have none.
@@ -389,7 +389,7 @@ impl Cage {
 pub(super) const NONE: u32 = u32::MAX;
 
 /// The connectivity of one layer, as half-edges: the edge of a corner leads to the next corner of its face.
-pub(super) struct Fans {
+pub(super) struct HalfEdges {
     /// Edge index of each corner.
     pub edges: Vec<u32>,
     /// The opposite half-edge of each corner; `NONE` at sharp edges: those of one face, of more than two, or of two with
@@ -398,11 +398,11 @@ pub(super) struct Fans {
     /// The next corner of the face.
     pub next: Vec<u32>,
     /// The previous corner of the face.
-    pub before: Vec<u32>,
+    pub prev: Vec<u32>,
     /// One corner of each value; `NONE` for unused values.
     pub first: Vec<u32>,
     /// Number of corners of each value.
-    pub faces: Vec<u32>,
+    pub valence: Vec<u32>,
     /// Sharp edges at each value.
     pub sharp: Vec<Sharp>,
     pub edge_count: usize,
@@ -415,10 +415,10 @@ pub(super) struct Sharp {
     pub ends: [u32; 2],
 }
 
-impl Fans {
+impl HalfEdges {
     /// The connectivity of faces with these numbers of corners; `corners` are indices of `count` values.
-    pub fn new(arities: &[u32], corners: &[u32], count: usize) -> Fans {
-        let (next, before) = rings(arities);
+    pub fn new(arities: &[u32], corners: &[u32], count: usize) -> HalfEdges {
+        let (next, prev) = rings(arities);
         let mut uses: Vec<(u32, u32, u32)> = (0..corners.len() as u32)
             .into_par_iter()
             .map(|c| {
@@ -427,42 +427,42 @@ impl Fans {
             })
             .collect();
         uses.par_sort_unstable();
-        let mut fans = Fans {
+        let mut half_edges = HalfEdges {
             edges: vec![0; corners.len()],
             twins: vec![NONE; corners.len()],
             first: vec![NONE; count],
-            faces: vec![0; count],
+            valence: vec![0; count],
             sharp: vec![Sharp::default(); count],
             edge_count: 0,
             next,
-            before,
+            prev,
         };
         for edge in uses.chunk_by(|x, y| (x.0, x.1) == (y.0, y.1)) {
             for use_ in edge {
-                fans.edges[use_.2 as usize] = fans.edge_count as u32;
+                half_edges.edges[use_.2 as usize] = half_edges.edge_count as u32;
             }
-            fans.edge_count += 1;
+            half_edges.edge_count += 1;
             match edge {
                 [(a, b, x), (_, _, y)] if corners[*x as usize] != corners[*y as usize] && a != b => {
-                    (fans.twins[*x as usize], fans.twins[*y as usize]) = (*y, *x);
+                    (half_edges.twins[*x as usize], half_edges.twins[*y as usize]) = (*y, *x);
                 }
                 _ => {
                     let (a, b) = (edge[0].0, edge[0].1);
-                    fans.sharp[a as usize].add(b);
-                    fans.sharp[b as usize].add(a);
+                    half_edges.sharp[a as usize].add(b);
+                    half_edges.sharp[b as usize].add(a);
                 }
             }
         }
         for (c, &value) in corners.iter().enumerate() {
-            fans.first[value as usize] = c as u32;
-            fans.faces[value as usize] += 1;
+            half_edges.first[value as usize] = c as u32;
+            half_edges.valence[value as usize] += 1;
         }
-        fans
+        half_edges
     }
 
     /// The corner at the same value in the left neighbour face; `NONE` at a sharp edge.
     pub fn left(&self, corner: u32) -> u32 {
-        self.twins[self.before[corner as usize] as usize]
+        self.twins[self.prev[corner as usize] as usize]
     }
 
     /// The corner at the same value in the right neighbour face; `NONE` at a sharp edge.
@@ -479,10 +479,10 @@ impl Fans {
     }
 
     /// Whether the faces at a value form one closed fan.
-    pub fn is_inner(&self, value: usize) -> bool {
+    pub fn is_interior(&self, value: usize) -> bool {
         self.sharp[value].count == 0
             && self.first[value] != NONE
-            && self.around(self.first[value]).count() == self.faces[value] as usize
+            && self.around(self.first[value]).count() == self.valence[value] as usize
     }
 }
 
@@ -497,11 +497,11 @@ impl Sharp {
 
 /// The next and the previous corner of each corner.
 fn rings(arities: &[u32]) -> (Vec<u32>, Vec<u32>) {
-    let (mut next, mut before, mut first) = (Vec::new(), Vec::new(), 0);
+    let (mut next, mut prev, mut first) = (Vec::new(), Vec::new(), 0);
     for &arity in arities {
         next.extend((1..arity).map(|k| first + k).chain([first]));
-        before.extend([first + arity - 1].into_iter().chain((0..arity - 1).map(|k| first + k)));
+        prev.extend([first + arity - 1].into_iter().chain((0..arity - 1).map(|k| first + k)));
         first += arity;
     }
-    (next, before)
+    (next, prev)
 }

@@ -30,7 +30,7 @@ const START_TYPE: &str = "/3dmodel";
 const MAX_DEPTH: usize = 64;
 /// Maximum number of placed objects.
 const MAX_INSTANCES: usize = 1 << 20;
-/// Linear grey of triangles without a colour in a mesh where others have one.
+/// Linear grey of triangles without a colour in a mesh where duplicates have one.
 const GREY: [f32; 4] = [0.8, 0.8, 0.8, 1.0];
 
 /// Reads a 3MF file.
@@ -47,21 +47,21 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     for item in &root.items {
         reader.place(&start, item, DAffine3::from_scale(DVec3::splat(root.metres)), 0)?;
     }
-    let Reader { mut loaded, repairs, unread, supports, invalid_triangles, .. } = reader;
+    let Reader { mut loaded, repairs, unsupported, supports, invalid_triangles, .. } = reader;
     loaded.warnings.extend(repairs.warnings(path));
     let mut warn = |message: String| loaded.warnings.push(Warning::new(path, "", message));
     if invalid_triangles > 0 {
         warn(format!("{invalid_triangles} triangles with a missing vertex: left out"));
     }
-    unread.iter().for_each(|what| warn(format!("{what} are not supported")));
+    unsupported.iter().for_each(|what| warn(format!("{what} are not supported")));
     if supports > 0 {
         loaded.left_out.push(format!("{supports} support structures for printing"));
     }
     if loaded.scene.instances.is_empty() {
-        let what = if unread.is_empty() {
+        let what = if unsupported.is_empty() {
             String::new()
         } else {
-            format!(": {} are not supported", unread.join(", "))
+            format!(": {} are not supported", unsupported.join(", "))
         };
         let help = "the file's build has no object with triangles";
         return Err(
@@ -93,7 +93,7 @@ struct Reader<'a> {
     /// Materials by part and appearance.
     materials: HashMap<(String, Appearance), MaterialId>,
     repairs: Repairs,
-    unread: Vec<String>,
+    unsupported: Vec<String>,
     supports: usize,
     invalid_triangles: usize,
 }
@@ -109,7 +109,7 @@ impl<'a> Reader<'a> {
             meshes: HashMap::new(),
             materials: HashMap::new(),
             repairs: Repairs::default(),
-            unread: Vec::new(),
+            unsupported: Vec::new(),
             supports: 0,
             invalid_triangles: 0,
         }
@@ -135,9 +135,9 @@ impl<'a> Reader<'a> {
         let text = std::str::from_utf8(&bytes).map_err(|_| self.fail(part, "is not UTF-8"))?;
         let model = model::parse(text.trim_start_matches('\u{feff}'));
         let model = model.map_err(|p| self.fail(&place_in(part, &p.place), p.message))?;
-        for what in &model.unread {
-            if !self.unread.iter().any(|known| known == what) {
-                self.unread.push((*what).to_string());
+        for what in &model.unsupported {
+            if !self.unsupported.iter().any(|known| known == what) {
+                self.unsupported.push((*what).to_string());
             }
         }
         if model.transparent > 0 {
@@ -212,7 +212,7 @@ impl<'a> Reader<'a> {
     /// Repairs a mesh and updates its parts.
     fn finish(&mut self, mesh: &mut Mesh) {
         let is_whole = mesh.positions.as_flattened().iter().all(|x| x.is_finite());
-        // Repairs will remove triangles with vertices that aren't finite.
+        // The repair below removes triangles with vertices that aren't finite.
         if !is_whole {
             let usable =
                 |t: &[u32; 3]| t.iter().all(|&i| mesh.positions[i as usize].iter().all(|x| x.is_finite()));
@@ -228,7 +228,7 @@ impl<'a> Reader<'a> {
             }
             mesh.parts.retain(|part| part.triangle_count > 0);
         }
-        self.repairs.make(mesh);
+        self.repairs.repair(mesh);
     }
 
     fn material(&mut self, part: &str, model: &Model, appearance: Appearance) -> MaterialId {
@@ -253,7 +253,7 @@ impl<'a> Reader<'a> {
         id
     }
 
-    /// A textured material; grey, with a warning, if the image can't be read.
+    /// A textured material, or a grey one, with a warning, if the image can't be read.
     fn textured(&mut self, part: &str, model: &Model, id: u32) -> Material {
         let plain = Material::lambert("texture", [0.8; 3]);
         if self.options.geometry_only {
@@ -311,7 +311,7 @@ fn joined_messages(error: Error) -> String {
 }
 
 /// A mesh with triangles sorted by appearance, and the number of triangles of each appearance.
-struct Built {
+struct BuiltMesh {
     mesh: Mesh,
     parts: Vec<(Appearance, u32)>,
 }
@@ -324,7 +324,7 @@ struct Corner {
 }
 
 /// Builds the mesh of an object; vertices with several colours or texture coordinates are duplicated.
-fn build_mesh(model: &Model, object: &Object) -> Built {
+fn build_mesh(model: &Model, object: &Object) -> BuiltMesh {
     let appearances: Vec<(Appearance, [Corner; 3])> =
         object.triangles.iter().map(|t| appearance_of(model, object, t)).collect();
     let has_colors = appearances.iter().any(|(appearance, _)| *appearance == Appearance::Colors);
@@ -342,10 +342,10 @@ fn build_mesh(model: &Model, object: &Object) -> Built {
     if !has_colors && !has_uv {
         mesh.triangles = object.triangles.iter().map(|t| t.corners).collect();
         let count = mesh.triangles.len() as u32;
-        return Built { mesh, parts: vec![(Appearance::Plain, count)] };
+        return BuiltMesh { mesh, parts: vec![(Appearance::Plain, count)] };
     }
     let mut corners: Vec<Option<Corner>> = vec![None; mesh.positions.len()];
-    let mut others: HashMap<(u32, [u32; 6]), u32> = HashMap::new();
+    let mut duplicates: HashMap<(u32, [u32; 6]), u32> = HashMap::new();
     let mut parts = Vec::new();
     for (appearance, list) in sorted {
         parts.push((appearance, list.len() as u32));
@@ -356,7 +356,7 @@ fn build_mesh(model: &Model, object: &Object) -> Built {
                 if *corners[old].get_or_insert(corner) == corner {
                     return of[k];
                 }
-                *others.entry((of[k], corner.bits())).or_insert_with(|| {
+                *duplicates.entry((of[k], corner.bits())).or_insert_with(|| {
                     corners.push(Some(corner));
                     mesh.positions.push(mesh.positions[old]);
                     (mesh.positions.len() - 1) as u32
@@ -372,7 +372,7 @@ fn build_mesh(model: &Model, object: &Object) -> Built {
     if has_uv {
         mesh.uv_sets = vec![corners.iter().map(|of| corner(of).uv).collect()];
     }
-    Built { mesh, parts }
+    BuiltMesh { mesh, parts }
 }
 
 impl Corner {

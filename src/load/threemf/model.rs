@@ -22,7 +22,7 @@ pub(super) struct Model {
     /// Build items.
     pub items: Vec<Reference>,
     /// Names of unsupported elements.
-    pub unread: BTreeSet<&'static str>,
+    pub unsupported: BTreeSet<&'static str>,
     /// Number of colours that aren't opaque.
     pub transparent: usize,
 }
@@ -91,8 +91,8 @@ pub(super) struct TextureFile {
     pub is_nearest: bool,
 }
 
-/// Unsupported elements with an effect on the picture, and their descriptions.
-const UNREAD: [(&str, &str); 6] = [
+/// Unsupported elements that affect the picture, and their descriptions.
+const UNSUPPORTED: [(&str, &str); 6] = [
     ("beam", "beams of lattices"),
     ("compositematerials", "composite materials"),
     ("multiproperties", "layered properties"),
@@ -179,8 +179,8 @@ impl Parser {
                 self.model.textures.insert(id(element)?, file);
             }
             other => {
-                let unread = UNREAD.iter().find(|(name, _)| *name == other);
-                self.model.unread.extend(unread.map(|(_, words)| *words));
+                let unsupported = UNSUPPORTED.iter().find(|(name, _)| *name == other);
+                self.model.unsupported.extend(unsupported.map(|(_, words)| *words));
             }
         }
         Ok(())
@@ -278,9 +278,13 @@ fn reference(element: &BytesStart) -> Result<Reference, String> {
 fn affine(text: &str) -> Result<DAffine3, String> {
     let numbers: Vec<f64> = text.split_whitespace().map(number).collect::<Result<_, _>>()?;
     let rows = numbers.as_chunks::<3>().0;
-    let &[x, y, z, moved] = rows else { return Err(format!("'{text}' is not a transform of 12 numbers")) };
-    let transform =
-        DAffine3 { matrix3: DMat3::from_cols(x.into(), y.into(), z.into()), translation: DVec3::from(moved) };
+    let &[x, y, z, translation] = rows else {
+        return Err(format!("'{text}' is not a transform of 12 numbers"));
+    };
+    let transform = DAffine3 {
+        matrix3: DMat3::from_cols(x.into(), y.into(), z.into()),
+        translation: DVec3::from(translation),
+    };
     if transform.is_finite() { Ok(transform) } else { Err(format!("'{text}' is not a finite transform")) }
 }
 

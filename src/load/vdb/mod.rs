@@ -41,52 +41,54 @@ pub(super) fn parse(
     grid_name: Option<&str>,
     (is_z_up, has_margin): (bool, bool),
 ) -> Result<Grid, String> {
-    let mut from = Bytes::new(bytes);
-    let entries = entries(&mut from)?;
+    let mut reader = Bytes::new(bytes);
+    let entries = entries(&mut reader)?;
     let entry = chosen(&entries, grid_name)?;
-    let (map, cubes) = grid(&mut from, entry)?;
+    let (map, cubes) = grid(&mut reader, entry)?;
     let world_from_file = if is_z_up { Z_UP } else { DAffine3::IDENTITY };
     dense(&(world_from_file * map), &cubes, format!("{file} ({})", entry.name), has_margin)
 }
 
 /// The grids of the file.
-fn entries(from: &mut Bytes) -> Result<Vec<Entry>, String> {
-    if from.i64().unwrap_or(0) != MAGIC {
+fn entries(reader: &mut Bytes) -> Result<Vec<Entry>, String> {
+    if reader.i64().unwrap_or(0) != MAGIC {
         return Err("is not an OpenVDB file: it does not begin with its magic number".into());
     }
-    let version = from.u32()?;
+    let version = reader.u32()?;
     if !VERSIONS.contains(&version) {
         let (first, last) = (VERSIONS.start(), VERSIONS.end());
-        return Err(format!("is of version {version}, but only {first} to {last} are supported"));
+        return Err(format!("has version {version}, but only {first} to {last} are supported"));
     }
-    from.take(8)?;
-    if from.u8()? == 0 {
-        return Err("has no grid offsets (it was streamed): save it as a file with OpenVDB".into());
+    reader.take(8)?;
+    if reader.u8()? == 0 {
+        return Err(
+            "has no grid offsets (it was streamed): save it with OpenVDB as a file with offsets".into()
+        );
     }
-    from.take(UUID)?;
-    metadata(from)?;
-    let count = from.u32()?;
+    reader.take(UUID)?;
+    metadata(reader)?;
+    let count = reader.u32()?;
     let mut entries = Vec::new();
     for _ in 0..count {
-        let name = from.text()?;
-        let (kind, instance_of) = (from.text()?, from.text()?);
-        let (at, _, end) = (from.i64()?, from.i64()?, from.i64()?);
+        let name = reader.text()?;
+        let (kind, instance_of) = (reader.text()?, reader.text()?);
+        let (at, _, end) = (reader.i64()?, reader.i64()?, reader.i64()?);
         // Grids with the same name have a suffix with a number after a separator.
         let name = name.split('\u{1e}').next().unwrap_or_default().to_string();
         entries.push(Entry { name, kind, instance_of, at });
         // Entries must be in order, or a small file could refer to billions of them.
-        from.skip_to(end)?;
+        reader.skip_to(end)?;
     }
     Ok(entries)
 }
 
 /// Reads a metadata map; returns names and values of strings.
-fn metadata(from: &mut Bytes) -> Result<Vec<(String, String)>, String> {
-    let count = from.u32()?;
+fn metadata(reader: &mut Bytes) -> Result<Vec<(String, String)>, String> {
+    let count = reader.u32()?;
     let mut texts = Vec::new();
     for _ in 0..count {
-        let (name, kind, length) = (from.text()?, from.text()?, from.u32()?);
-        let value = from.take(length as usize)?;
+        let (name, kind, length) = (reader.text()?, reader.text()?, reader.u32()?);
+        let value = reader.take(length as usize)?;
         if kind == "string" {
             texts.push((name, String::from_utf8_lossy(value).into_owned()));
         }
@@ -111,7 +113,7 @@ fn chosen<'a>(entries: &'a [Entry], grid_name: Option<&str>) -> Result<&'a Entry
 }
 
 /// Reads the tree of a grid at the position of its entry.
-fn grid(from: &mut Bytes, entry: &Entry) -> Result<(DAffine3, Vec<Cube>), String> {
+fn grid(reader: &mut Bytes, entry: &Entry) -> Result<(DAffine3, Vec<Cube>), String> {
     let number = match entry.kind.as_str() {
         "Tree_float_5_4_3" => Number::Float,
         "Tree_float_5_4_3_HalfFloat" => Number::Half,
@@ -124,15 +126,15 @@ fn grid(from: &mut Bytes, entry: &Entry) -> Result<(DAffine3, Vec<Cube>), String
         let message = format!("has the grid '{}' as an instance of '{}'", entry.name, entry.instance_of);
         return Err(message + ", which is not supported: use that one");
     }
-    from.seek(entry.at)?;
-    let compression = from.u32()?;
-    let metadata = metadata(from)?;
+    reader.seek(entry.at)?;
+    let compression = reader.u32()?;
+    let metadata = metadata(reader)?;
     if metadata.iter().any(|(key, value)| key == "class" && value == "level set") {
         return Err(format!("has a level set in '{}', which holds distances, not densities", entry.name));
     }
-    let map = read_map(from)?;
+    let map = read_map(reader)?;
     let mut values = Values { number, compression, background: 0.0 };
-    Ok((map, read_tree(from, &mut values)?))
+    Ok((map, read_tree(reader, &mut values)?))
 }
 
 /// The bounding box of the cubes with a margin: minimum corner and size in voxels; one voxel if there are no cubes.
@@ -193,22 +195,22 @@ fn dense(map: &DAffine3, cubes: &[Cube], name: String, has_margin: bool) -> Resu
 }
 
 /// Reads the map of a grid: the transform from index space, with voxel centres at integers, to the file's world space.
-fn read_map(from: &mut Bytes) -> Result<DAffine3, String> {
-    let kind = from.text()?;
+fn read_map(reader: &mut Bytes) -> Result<DAffine3, String> {
+    let kind = reader.text()?;
     let scaled = |scale, origin| DAffine3::from_mat3_translation(DMat3::from_diagonal(scale), origin);
     let map = match kind.as_str() {
         "UniformScaleMap" | "ScaleMap" => {
-            let scale = from.vector()?;
-            skip_vectors(from, 4)?;
+            let scale = reader.vector()?;
+            skip_vectors(reader, 4)?;
             scaled(scale, DVec3::ZERO)
         }
         "UniformScaleTranslateMap" | "ScaleTranslateMap" => {
-            let (origin, scale) = (from.vector()?, from.vector()?);
-            skip_vectors(from, 4)?;
+            let (origin, scale) = (reader.vector()?, reader.vector()?);
+            skip_vectors(reader, 4)?;
             scaled(scale, origin)
         }
-        "TranslationMap" => DAffine3::from_translation(from.vector()?),
-        "AffineMap" | "UnitaryMap" => affine(from)?,
+        "TranslationMap" => DAffine3::from_translation(reader.vector()?),
+        "AffineMap" | "UnitaryMap" => affine(reader)?,
         _ => return Err(format!("has a transform of the unsupported type '{kind}'")),
     };
     let volume = map.matrix3.determinant();
@@ -218,16 +220,16 @@ fn read_map(from: &mut Bytes) -> Result<DAffine3, String> {
     }
 }
 
-/// Skips vectors, as the rest of a scale map is redundant.
-fn skip_vectors(from: &mut Bytes, count: usize) -> Result<(), String> {
-    (0..count).try_for_each(|_| from.vector().map(|_| ()))
+/// Skips vectors: the remaining ones of a scale map are redundant.
+fn skip_vectors(reader: &mut Bytes, count: usize) -> Result<(), String> {
+    (0..count).try_for_each(|_| reader.vector().map(|_| ()))
 }
 
 /// Reads a row-major matrix for row vectors: rows are the images of the axes and of the origin.
-fn affine(from: &mut Bytes) -> Result<DAffine3, String> {
+fn affine(reader: &mut Bytes) -> Result<DAffine3, String> {
     let mut rows = [[0.0; 4]; 4];
     for value in rows.as_flattened_mut() {
-        *value = from.f64()?;
+        *value = reader.f64()?;
     }
     let [x, y, z, origin] = rows.map(|[x, y, z, _]| DVec3::new(x, y, z));
     Ok(DAffine3::from_mat3_translation(DMat3::from_cols(x, y, z), origin))
@@ -262,35 +264,35 @@ enum Voxels {
 }
 
 /// Reads the active tiles and leaves of a tree.
-fn read_tree(from: &mut Bytes, values: &mut Values) -> Result<Vec<Cube>, String> {
-    if from.i32()? != 1 {
+fn read_tree(reader: &mut Bytes, values: &mut Values) -> Result<Vec<Cube>, String> {
+    if reader.i32()? != 1 {
         return Err("has a tree of several buffers, which is not supported".into());
     }
-    values.background = values.single(from)?;
-    let (tiles, children) = (from.u32()?, from.u32()?);
+    values.background = values.single(reader)?;
+    let (tiles, children) = (reader.u32()?, reader.u32()?);
     let mut cubes = Vec::new();
-    let mut taken = HashSet::new();
+    let mut origins = HashSet::new();
     for _ in 0..tiles {
-        let (origin, value) = (from.coordinates()?, values.single(from)? as f32);
-        check_origin(origin, &mut taken)?;
-        if from.u8()? != 0 {
+        let (origin, value) = (reader.coordinates()?, values.single(reader)? as f32);
+        check_origin(origin, &mut origins)?;
+        if reader.u8()? != 0 {
             cubes.push(Cube { origin, edge: 1 << UPPER.0, voxels: Voxels::Same(value) });
         }
     }
     let mut leaves = Vec::new();
     for _ in 0..children {
-        let origin = from.coordinates()?;
-        check_origin(origin, &mut taken)?;
-        for upper in node(from, values, (origin, UPPER), &mut cubes)? {
-            for leaf in node(from, values, (upper, LOWER), &mut cubes)? {
-                Mask::read(from, LEAF_VOXELS)?;
+        let origin = reader.coordinates()?;
+        check_origin(origin, &mut origins)?;
+        for upper in node(reader, values, (origin, UPPER), &mut cubes)? {
+            for leaf in node(reader, values, (upper, LOWER), &mut cubes)? {
+                Mask::read(reader, LEAF_VOXELS)?;
                 leaves.push(leaf);
             }
         }
     }
     for origin in leaves {
-        let active = Mask::read(from, LEAF_VOXELS)?;
-        let mut each = values.read(from, &active)?;
+        let active = Mask::read(reader, LEAF_VOXELS)?;
+        let mut each = values.read(reader, &active)?;
         for (index, value) in each.iter_mut().enumerate() {
             // Inactive voxels are empty, regardless of their stored value.
             if !active.is_on(index) {
@@ -303,9 +305,9 @@ fn read_tree(from: &mut Bytes, values: &mut Values) -> Result<Vec<Cube>, String>
 }
 
 /// Children of the root must be aligned and distinct, so that no voxel occurs twice.
-fn check_origin(origin: [i32; 3], taken: &mut HashSet<[i32; 3]>) -> Result<(), String> {
+fn check_origin(origin: [i32; 3], origins: &mut HashSet<[i32; 3]>) -> Result<(), String> {
     let is_aligned = origin.iter().all(|c| c.trailing_zeros() >= UPPER.0);
-    match is_aligned && taken.insert(origin) {
+    match is_aligned && origins.insert(origin) {
         true => Ok(()),
         false => Err(format!("has a tree whose nodes overlap, at the voxel {origin:?}")),
     }
@@ -313,15 +315,15 @@ fn check_origin(origin: [i32; 3], taken: &mut HashSet<[i32; 3]>) -> Result<(), S
 
 /// Reads a node, adds its active tiles to `cubes`, and returns the origins of its children, which follow in depth-first order.
 fn node(
-    from: &mut Bytes,
+    reader: &mut Bytes,
     values: &Values,
     (origin, (bits, own)): ([i32; 3], (u32, u32)),
     cubes: &mut Vec<Cube>,
 ) -> Result<Vec<[i32; 3]>, String> {
     let count = 1 << (3 * own);
-    let children = Mask::read(from, count)?;
-    let active = Mask::read(from, count)?;
-    let tiles = values.read(from, &active)?;
+    let children = Mask::read(reader, count)?;
+    let active = Mask::read(reader, count)?;
+    let tiles = values.read(reader, &active)?;
     let below = bits - own;
     let child_origin = |index: usize| {
         let index = index as i32;

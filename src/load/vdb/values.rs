@@ -47,16 +47,16 @@ mod inactive {
 
 impl Values {
     /// One number; f16 grids store it as f32.
-    pub fn single(&self, from: &mut Bytes) -> Result<f64, String> {
+    pub fn single(&self, reader: &mut Bytes) -> Result<f64, String> {
         match self.number {
-            Number::Double => from.f64(),
-            Number::Half | Number::Float => Ok(f64::from(f32::from_bits(from.u32()?))),
+            Number::Double => reader.f64(),
+            Number::Half | Number::Float => Ok(f64::from(f32::from_bits(reader.u32()?))),
         }
     }
 
     /// The values of a node, as many as its mask has bits.
-    pub fn read(&self, from: &mut Bytes, active: &Mask) -> Result<Vec<f32>, String> {
-        let kind = from.u8()?;
+    pub fn read(&self, reader: &mut Bytes, active: &Mask) -> Result<Vec<f32>, String> {
+        let kind = reader.u8()?;
         if kind > inactive::ALL {
             return Err(format!("has values of the unknown encoding {kind}"));
         }
@@ -65,16 +65,16 @@ impl Values {
             inactive_values[0] = -self.background;
         }
         if [inactive::ONE, inactive::MASKED_ONE, inactive::MASKED_TWO].contains(&kind) {
-            inactive_values[0] = self.single(from)?;
+            inactive_values[0] = self.single(reader)?;
         }
         if kind == inactive::MASKED_TWO {
-            inactive_values[1] = self.single(from)?;
+            inactive_values[1] = self.single(reader)?;
         }
         let is_masked = [inactive::MASKED_SIGNS, inactive::MASKED_ONE, inactive::MASKED_TWO].contains(&kind);
-        let selection = if is_masked { Some(Mask::read(from, active.len())?) } else { None };
-        let leaves_out = self.compression & ACTIVE_MASK != 0 && kind != inactive::ALL;
-        let stored = self.numbers(from, if leaves_out { active.count_on() } else { active.len() })?;
-        if !leaves_out {
+        let selection = if is_masked { Some(Mask::read(reader, active.len())?) } else { None };
+        let is_active_only = self.compression & ACTIVE_MASK != 0 && kind != inactive::ALL;
+        let stored = self.numbers(reader, if is_active_only { active.count_on() } else { active.len() })?;
+        if !is_active_only {
             return Ok(stored);
         }
         let mut stored = stored.into_iter();
@@ -89,7 +89,7 @@ impl Values {
     }
 
     /// Decompresses `count` numbers.
-    fn numbers(&self, from: &mut Bytes, count: usize) -> Result<Vec<f32>, String> {
+    fn numbers(&self, reader: &mut Bytes, count: usize) -> Result<Vec<f32>, String> {
         let width = match self.number {
             Number::Half => 2,
             Number::Float => 4,
@@ -98,7 +98,7 @@ impl Values {
         if count == 0 && self.number == Number::Half {
             return Ok(Vec::new());
         }
-        let bytes = self.unpacked(from, count * width)?;
+        let bytes = self.decompressed(reader, count * width)?;
         let numbers = bytes.chunks_exact(width);
         Ok(match self.number {
             Number::Half => numbers.map(|b| f16::from_le_bytes([b[0], b[1]]).to_f32()).collect(),
@@ -109,20 +109,20 @@ impl Values {
         })
     }
 
-    fn unpacked(&self, from: &mut Bytes, size: usize) -> Result<Vec<u8>, String> {
+    fn decompressed(&self, reader: &mut Bytes, size: usize) -> Result<Vec<u8>, String> {
         if self.compression & (BLOSC | ZIP) == 0 {
-            return Ok(from.take(size)?.to_vec());
+            return Ok(reader.take(size)?.to_vec());
         }
         // Incompressible data is stored raw, after its negated length.
-        let length = from.i64()?;
+        let length = reader.i64()?;
         if length <= 0 {
-            let stored = from.take(usize::try_from(-(length as i128)).unwrap_or(usize::MAX))?;
+            let stored = reader.take(usize::try_from(-(length as i128)).unwrap_or(usize::MAX))?;
             return match stored.len() == size {
                 true => Ok(stored.to_vec()),
                 false => Err(format!("holds {} bytes instead of {size}", stored.len())),
             };
         }
-        let packed = from.take(usize::try_from(length).unwrap_or(usize::MAX))?;
+        let packed = reader.take(usize::try_from(length).unwrap_or(usize::MAX))?;
         if self.compression & BLOSC != 0 {
             return unpack(packed, size);
         }
@@ -217,8 +217,8 @@ pub(super) struct Mask<'a>(&'a [u8]);
 
 impl<'a> Mask<'a> {
     /// A mask of `bits` bits, a multiple of eight.
-    pub fn read(from: &mut Bytes<'a>, bits: usize) -> Result<Mask<'a>, String> {
-        Ok(Mask(from.take(bits / 8)?))
+    pub fn read(reader: &mut Bytes<'a>, bits: usize) -> Result<Mask<'a>, String> {
+        Ok(Mask(reader.take(bits / 8)?))
     }
 
     pub fn is_on(&self, index: usize) -> bool {
@@ -268,9 +268,7 @@ pub(super) fn unpack(packed: &[u8], size: usize) -> Result<Vec<u8>, String> {
     if codec != 1 || flags & BITS_SHUFFLED != 0 {
         let name = ["BloscLZ", "LZ4", "Snappy", "zlib", "Zstandard"].get(usize::from(codec));
         let name = name.copied().unwrap_or("an unknown codec");
-        return Err(format!(
-            "is compressed by {name} within Blosc, of which only LZ4 with byte shuffle is supported"
-        ));
+        return Err(format!("is compressed by {name} within Blosc: only LZ4 with byte shuffle is supported"));
     }
     let mut unpacked = Vec::with_capacity(length);
     for (number, start) in (0..length).step_by(block).enumerate() {

@@ -16,7 +16,7 @@ pub(super) fn check_lights(scene: &Scene, findings: &mut Findings) {
         check_kind(&light.kind, place, findings);
         let is_profiled = matches!(light.kind, LightKind::Profiled { .. });
         let is_valid = match &light.profile {
-            Some(profile) => is_profiled && profile.is_sound(),
+            Some(profile) => is_profiled && profile.is_valid(),
             None => !is_profiled,
         };
         findings.require(
@@ -33,7 +33,7 @@ pub(super) fn check_lights(scene: &Scene, findings: &mut Findings) {
     }
     for (index, profile) in scene.profiles.iter().enumerate() {
         let place = Entry { list: "profiles", index, name: "" };
-        findings.require(profile.is_sound(), place, "values", profile.values.len(), "a valid profile");
+        findings.require(profile.is_valid(), place, "values", profile.values.len(), "a valid profile");
     }
 }
 

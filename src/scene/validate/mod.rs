@@ -1,8 +1,8 @@
 //! Validation of a scene before compilation: references and value ranges, so that later stages need no checks. Loaders run it
 //! last and `compile` first, so that scenes built in code get the same errors as files.
 //!
-//! Not reported is what later stages repair: fractions outside 0..1 (clamped), normals of any length (normalised), degenerate or
-//! farther than 1e18 m primitives and singular instance transforms (dropped with a warning).
+//! Not reported, since later stages repair them: fractions outside 0..1 (clamped), normals of any length (normalised), and
+//! primitives that are degenerate, farther than 1e18 m or under a singular transform (dropped with a warning).
 
 mod findings;
 mod geometry;
@@ -71,7 +71,7 @@ fn check_settings(settings: &Settings, findings: &mut Findings) {
     }
     if let Some(strength) = settings.filter_glossy {
         let is_valid = strength.is_finite() && strength >= 0.0;
-        findings.require(is_valid, PLACE, "filter_glossy", strength, "a finite number of at least 0");
+        findings.require(is_valid, PLACE, "filter_glossy", strength, "a finite number from 0 up");
     }
     if let Some(radius) = settings.filter_radius {
         let is_valid = (0.005..=16.0).contains(&radius);

@@ -35,17 +35,19 @@ fn draco_meshes_need_their_decoder() {
     };
     for list in ["extensionsRequired", "extensionsUsed"] {
         let message = refusal(&compressed(list, false));
-        for word in ["a.gltf", DRACO, "this build of oscura reads no Draco meshes", "`--features draco`"] {
+        for word in
+            ["a.gltf", DRACO, "this build of oscura doesn't support Draco meshes", "`--features draco`"]
+        {
             assert!(message.contains(word), "'{word}' is not in: {message}");
         }
-        assert_eq!(message.matches("reads no Draco").count(), 1, "{message}");
+        assert_eq!(message.matches("doesn't support Draco").count(), 1, "{message}");
     }
     let optional = load(&compressed("extensionsUsed", true), false);
     assert_eq!(optional.scene.meshes[0].triangles.len(), 1);
-    warns(&optional, &[DRACO, "is not read", "`--features draco`"]);
+    warns(&optional, &[DRACO, "is not supported", "`--features draco`"]);
     let forced = load(&compressed("extensionsRequired", false), true);
     assert!(forced.scene.meshes.is_empty());
-    warns(&forced, &["the file demands", DRACO, "`GltfOptions::force` goes on"]);
+    warns(&forced, &["the file requires", DRACO, "ignored by `GltfOptions::force`"]);
     warns(&forced, &["/meshes/0/primitives/0", "left out"]);
 }
 
@@ -70,7 +72,7 @@ fn textures_need(extension: &str, feature: &str) {
     assert!([extension, "a.gltf", &remedy].iter().all(|word| message.contains(word)), "{message}");
     let optional = load(&textured(extension, "extensionsUsed", true), false);
     assert_eq!(optional.scene.images.len(), 1);
-    warns(&optional, &[extension, "is not read", &remedy]);
+    warns(&optional, &[extension, "is not supported", &remedy]);
     let alone = load(&textured(extension, "extensionsRequired", false), true);
     assert!(alone.scene.images.is_empty());
     warns(&alone, &["/textures/0", "has no image that can be read"]);

@@ -37,9 +37,9 @@ fn ply_ascii_strips_and_errors() {
     let faces = "element face 1\nproperty list uchar int vertex_indices\nend_header\n";
     fails(format!("{head}{faces}{points}3 0 1 9\n"), "refers to vertex 9");
     fails(format!("{head}{faces}{points}3 0 1\n"), "line 15");
-    fails(format!("{head}{faces}0 0 0\n"), "cut short");
+    fails(format!("{head}{faces}0 0 0\n"), "truncated");
     fails(head.replace("vertex 4", "vertex 18446744073709551616"), "too large");
-    fails(format!("{}{faces}{points}", head.replace("vertex 4", "vertex 4000000000000")), "cut short");
+    fails(format!("{}{faces}{points}", head.replace("vertex 4", "vertex 4000000000000")), "truncated");
     fails("plx".to_string(), "not a PLY file");
 }
 

@@ -130,8 +130,8 @@ impl MaterialBuilder<'_, '_> {
 // Draft extensions for volume scattering: `KHR_materials_volume_scatter` in solids, and its successor
 // `KHR_materials_scatter` in solids and thin sheets.
 
-const NEW: &str = "KHR_materials_scatter";
-const OLD: &str = "KHR_materials_volume_scatter";
+const SCATTER: &str = "KHR_materials_scatter";
+const VOLUME_SCATTER: &str = "KHR_materials_volume_scatter";
 /// Maximum of |g|, the mean cosine of the phase function.
 const MAX_ANISOTROPY: f32 = 0.999;
 
@@ -171,20 +171,20 @@ impl MaterialBuilder<'_, '_> {
     }
 
     fn scatter(&mut self, is_solid: bool) -> Option<Scatter> {
-        let (extension, place) = self.extension(NEW)?;
+        let (extension, place) = self.extension(SCATTER)?;
         let from = (extension, place.as_str());
         let at = format!("{}{place}", self.at);
-        self.draft(NEW, &at);
+        self.draft(SCATTER, &at);
         let strength = self.number(from, "scatterStrengthFactor", 0.0, [0.0, 1.0]);
         let color = self.numbers(from, "multiscatterColorFactor", [1.0; 3]);
         let anisotropy = self.number(from, "scatterAnisotropy", 0.0, [-1.0, 1.0]);
         if extension.get("scatterStrengthTexture").is_some() {
-            let message = "scatterStrengthTexture is not read: only its factor is used";
+            let message = "scatterStrengthTexture is not supported: only its factor is used";
             self.report.warn(&*at, message);
         }
         let texture = match extension.get("multiscatterColorTexture") {
             Some(_) if is_solid => {
-                let message = "multiscatterColorTexture is not read: solids are homogeneous";
+                let message = "multiscatterColorTexture is not supported: solids are homogeneous";
                 self.report.warn(&*at, message);
                 None
             }
@@ -196,14 +196,14 @@ impl MaterialBuilder<'_, '_> {
 
     /// `KHR_materials_volume_scatter`: its drafts have three names for the colour.
     fn volume_scatter(&mut self, model: &mut PbrMaterial) -> Option<Medium> {
-        let (extension, place) = self.extension(OLD)?;
+        let (extension, place) = self.extension(VOLUME_SCATTER)?;
         let from = (extension, place.as_str());
         let names = ["multiscatterColorFactor", "multiscatterColor", "scatterAlbedo"];
         let name = names.into_iter().find(|name| extension.get(name).is_some()).unwrap_or(names[0]);
         let color = self.numbers(from, name, [0.0; 3]);
         let anisotropy = self.number(from, "scatterAnisotropy", 0.0, [-MAX_ANISOTROPY, MAX_ANISOTROPY]);
         let at = format!("{}{place}", self.at);
-        self.draft(OLD, &at);
+        self.draft(VOLUME_SCATTER, &at);
         self.solid(model, color.map(|c| c.min(1.0)), anisotropy, &at)
     }
 
@@ -231,9 +231,8 @@ impl MaterialBuilder<'_, '_> {
         Some(Medium { extinction, ..Medium::subsurface(color, [1.0; 3], anisotropy) })
     }
 
-    /// A thin sheet: of the transmitted light a fraction 1 - `strength` continues unscattered and `strength` is scattered
-    /// diffusely, of that (1 + g) / 2 to the other side. [`PbrMaterial`] has a single colour for diffuse reflection: that of
-    /// the base and of backscattering are mixed.
+    /// A thin sheet: a fraction 1 - `strength` of the transmitted light is not scattered, the rest is scattered diffusely, (1 + g) / 2
+    /// of it forwards. [`PbrMaterial`] has a single colour for diffuse reflection: those of the base and of backscattering are mixed.
     fn sheet(&mut self, model: &mut PbrMaterial, scatter: &Scatter) {
         let (transmission, unscattered) =
             (model.transmission.factor, model.transmission.factor * (1.0 - scatter.strength));
@@ -256,7 +255,7 @@ impl MaterialBuilder<'_, '_> {
                 _ => model.base_color,
             };
             if unscattered > 0.0 || !is_uniform || !(is_constant || of_base == 0.0) {
-                let message = "has another colour than the base, and is textured or not fully scattering: the colours are mixed";
+                let message = "has a different colour from the base, and is textured or only partly scattering: the colours are mixed";
                 self.report.warn(&*scatter.at, message);
             }
         }
@@ -268,9 +267,9 @@ impl MaterialBuilder<'_, '_> {
             color: scatter.color,
             subsurface: None,
         });
-        // The sheet is thin, whatever the option for glass.
-        (model.has_volume, model.tints_once, self.needs.body) = (false, false, false);
-        self.needs.glass &= unscattered > 0.0;
+        // The sheet is thin regardless of the option for glass.
+        (model.has_volume, model.tints_once, self.needs.solid_if_closed) = (false, false, false);
+        self.needs.is_glass &= unscattered > 0.0;
     }
 }
 
@@ -332,17 +331,17 @@ const FLAT_COSINE: f64 = 0.999;
 impl Materials {
     /// Makes glass solid if its meshes are closed, with a note; makes panes single sheets if the user wants that.
     pub fn resolve_glass(&mut self, scene: &mut Scene, glass: Glass, report: &mut Report) {
-        if !self.needs.iter().any(|needs| needs.body || needs.glass) {
+        if !self.needs.iter().any(|needs| needs.solid_if_closed || needs.is_glass) {
             return;
         }
         let Scene { meshes, instances, .. } = scene;
         let users = Users::of(meshes, instances);
         for index in 0..self.needs.len() {
             let id = MaterialId(index as u32);
-            if std::mem::take(&mut self.needs[index].body) {
+            if std::mem::take(&mut self.needs[index].solid_if_closed) {
                 self.resolve_solid(id, (meshes, &users), report);
             }
-            if glass == Glass::Panes && self.needs[index].glass {
+            if glass == Glass::Panes && self.needs[index].is_glass {
                 self.resolve_panes(id, (meshes, &users), instances, report);
             }
         }
@@ -357,13 +356,13 @@ impl Materials {
         let interpretation = match is_solid {
             true => format!("solid ({})", Choice::Glass),
             false => format!(
-                "a thin sheet, since its meshes enclose nothing ('solid' of {} bends light there, as Cycles does, and as \
-                 the surface of water would)",
+                "a thin sheet, since its meshes enclose no volume ('solid' of {} refracts light there, like Cycles and like \
+                 a water surface)",
                 Choice::Glass
             ),
         };
         let message = format!(
-            "material '{}' is transparent without a volume, as Blender exports glass; taken as {interpretation}",
+            "material '{}' is transmissive without a volume, as Blender exports glass; taken as {interpretation}",
             material.name
         );
         report.lasting(|report| report.note("", ("glass-panes", message)));
@@ -397,8 +396,8 @@ impl Materials {
             material.double_sided = true;
             self.panes.push(id);
             let message = format!(
-                "the panes of material '{}', {:.3} m thick, are single sheets: shadow rays pass them, and they neither refract \
-                light nor show edges ({})",
+                "the panes of material '{}', {:.3} m thick, become single sheets without refraction and edges: shadow rays \
+                pass them ({})",
                 material.name,
                 thickness,
                 Choice::Glass
@@ -501,7 +500,7 @@ impl Pane {
         (self.axis.dot(other.axis).abs() >= FLAT_COSINE).then_some(Pane { thickness, ..self })
     }
 
-    /// Removes all triangles but those of one face.
+    /// Keeps only the triangles of one face.
     fn keep_one_face(&self, mesh: &mut Mesh) {
         let mut front = Vec::new();
         let mut parts = mesh.parts.clone();

@@ -106,7 +106,7 @@ fn priority(raw: &Value, at: &str, report: &mut Report) -> i32 {
     let Some(value) = raw.get("extras").and_then(|extras| extras.get("priority")) else { return 0 };
     let integer = value.as_f64().filter(|v| v.fract() == 0.0 && v.abs() <= 1000.0);
     if integer.is_none() {
-        report.warn(format!("{at}/extras/priority"), "is no whole number from -1000 to 1000; ignored");
+        report.warn(format!("{at}/extras/priority"), "is not a whole number from -1000 to 1000; ignored");
     }
     integer.unwrap_or(0.0) as i32
 }
@@ -138,9 +138,9 @@ fn build(
     let at = pointer("materials", index);
     let mut builder = MaterialBuilder { doc, raw, at, textures, report, needs: MaterialNeeds::default() };
     let extensions = json.extensions.clone().unwrap_or_default();
-    let old = builder.specular_glossiness();
-    let base = match &old {
-        Some(old) => old.diffuse,
+    let specular_glossiness = builder.specular_glossiness();
+    let base = match &specular_glossiness {
+        Some(specular_glossiness) => specular_glossiness.diffuse,
         None => builder.base_color(&json),
     };
     let mut material = Material {
@@ -159,8 +159,8 @@ fn build(
         material.emission = Some(Emission { radiance: base.color, two_sided: json.double_sided });
     } else {
         material.emission = builder.emission(&json, &extensions);
-        let mut model = match &old {
-            Some(old) => old.model(),
+        let mut model = match &specular_glossiness {
+            Some(specular_glossiness) => specular_glossiness.model(),
             None => builder.model(&json, base.color, &extensions),
         };
         builder.add_layers(&mut model);
@@ -216,7 +216,7 @@ impl<'b> MaterialBuilder<'b, '_> {
         let (mut slots, set) = (self.needs.uv_slots, reference.effective_uv_set());
         let Some(slot) = slots.take(set) else {
             let message =
-                format!("uses the texture coordinates {set}, the third set of its material; left out");
+                format!("uses the texture coordinates {set}, a third set for its material; left out");
             return Err(self.report.warn(reference.at.clone(), message));
         };
         let reference = Reference { slot, ..reference };
@@ -365,7 +365,7 @@ impl MaterialBuilder<'_, '_> {
         let radiance = self.color(factor, json.emissive_texture.as_ref(), "/emissiveTexture");
         if json.emissive_texture.is_some() && radiance.texture.is_none() {
             let place = format!("{}/emissiveTexture", self.at);
-            self.report.warn(place, "is lost: the material emits no light");
+            self.report.warn(place, "can't be read: the material emits no light");
             return None;
         }
         Some(Emission { radiance, two_sided: json.double_sided })
@@ -434,8 +434,8 @@ impl MaterialBuilder<'_, '_> {
             && extensions.is_none_or(|all| all.keys().all(is_emission))
     }
 
-    /// The stand-in for a material without surface parameters, which Blender writes for shader nodes that glTF can't express.
-    /// By the specification it would be a white metal.
+    /// The material in place of one without surface parameters, which Blender writes for shader nodes that glTF can't express. By
+    /// the specification it would be a white metal.
     fn lost_nodes(&mut self, base_color: ColorSlot) -> PbrMaterial {
         let message = "has no pbrMetallicRoughness: Blender could not export its nodes (only Principled BSDF is supported); \
         taken as white and diffuse";
@@ -450,11 +450,11 @@ impl MaterialBuilder<'_, '_> {
 
     /// Decides whether a transparent material is solid or a thin wall.
     fn glass(&mut self, model: &mut PbrMaterial) {
-        self.needs.glass = true;
+        self.needs.is_glass = true;
         match self.doc.options.glass {
             Glass::Solid => make_solid(model),
             Glass::Auto | Glass::Panes if !model.has_volume && self.doc.is_from_blender() => {
-                self.needs.body = true;
+                self.needs.solid_if_closed = true;
                 make_solid(model);
             }
             Glass::Thin | Glass::Auto | Glass::Panes => {}
@@ -512,10 +512,10 @@ pub(in crate::load::gltf) struct MaterialNeeds {
     /// UV sets of its textures.
     pub uv_slots: UvSlots,
     pub tangents: bool,
-    /// Closedness: the material is glass that is solid in closed meshes, and thin otherwise.
-    pub body: bool,
-    /// Test for panes: the material is glass.
-    pub glass: bool,
+    /// The material is glass that is solid in closed meshes and thin in others.
+    pub solid_if_closed: bool,
+    /// The material is glass, and its meshes may be panes.
+    pub is_glass: bool,
 }
 
 /// Losses of one material by Blender's exporter.
