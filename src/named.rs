@@ -15,6 +15,11 @@ macro_rules! named_enum {
             /// All variants, by name.
             pub const NAMED: [(&'static str, $enum); $enum::ALL.len()] = [$(($name, $enum::$variant)),+];
 
+            /// The variant with a name.
+            pub fn from_name(name: &str) -> Option<$enum> {
+                $enum::NAMED.into_iter().find(|(other, _)| *other == name).map(|(_, variant)| variant)
+            }
+
             /// The name for users.
             pub const fn name(self) -> &'static str {
                 match self {

@@ -306,8 +306,7 @@ impl RefractedLights {
         for instance in scene.instances.iter().filter(|_| !lights.is_empty()) {
             let mesh = &scene.meshes[instance.mesh.index()];
             for (part, material) in mesh.parts.iter().zip(objects::part_materials(mesh, instance)) {
-                let first = part.first_triangle as usize;
-                let triangles = mesh.triangles.get(first..first + part.triangle_count as usize);
+                let triangles = mesh.triangles.get(part.triangles());
                 let place = Place { mesh, instance, anchor };
                 bodies.extend(triangles.and_then(|list| place.body(list, &materials[material.index()])));
             }

@@ -214,8 +214,7 @@ impl Viewpoint {
             return Footprint::ZERO;
         }
         let world: &DAffine3 = &instance.world_from_object;
-        let first = part.first_triangle as usize;
-        let triangles = &mesh.triangles[first..first + part.triangle_count as usize];
+        let triangles = &mesh.triangles[part.triangles()];
         let mut footprint = Footprint { is_used: true, ..Footprint::UNUSED };
         for triangle in triangles {
             let corners = mesh.corners_f64(*triangle).map(|p| world.transform_point3(p));

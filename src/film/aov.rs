@@ -189,7 +189,7 @@ impl FromStr for AovSpace {
     /// # Errors
     /// A usage error.
     fn from_str(text: &str) -> Result<AovSpace> {
-        let found = AovSpace::ALL.into_iter().find(|space| space.name() == text);
+        let found = AovSpace::from_name(text);
         found.ok_or_else(|| Error::usage(format!("'{text}' is neither world nor camera")))
     }
 }

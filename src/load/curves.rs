@@ -74,7 +74,7 @@ fn parse_text(text: &str) -> Result<CurveFile, String> {
         if line.is_empty() {
             file.end_strand(&mut strand_length);
         } else if let Some(name) = line.strip_prefix("basis ") {
-            let basis = CurveBasis::of_name(name.trim());
+            let basis = CurveBasis::from_name(name.trim());
             file.basis =
                 Some(basis.ok_or_else(|| format!("line {number}: there is no basis '{}'", name.trim()))?);
         } else {

@@ -27,7 +27,7 @@ impl Decoder {
         }
     }
 
-    /// Is the decoder in this build?
+    /// Whether the decoder is in this build.
     pub fn is_built_in(self) -> bool {
         self.properties().0
     }

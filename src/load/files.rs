@@ -243,7 +243,7 @@ pub(super) fn find_any(file: &Path, names: &[String], allow_external: bool) -> R
     })
 }
 
-/// Does a relative path lead outside its base folder?
+/// Whether a relative path leads outside its base folder.
 pub(super) fn leads_outside(path: &Path) -> bool {
     let mut depth = 0i64;
     path.components().any(|part| {

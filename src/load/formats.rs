@@ -10,9 +10,9 @@ pub(super) struct ModelFormat {
     extensions: &'static [&'static str],
     /// Reads a file.
     pub load: fn(&Path, &LoadOptions) -> Result<Loaded>,
-    /// Is it glTF (which has animations and its own options)?
+    /// Whether it is glTF, which has animations and its own options.
     pub is_gltf: bool,
-    /// Does the format leave the up axis undefined?
+    /// Whether the format leaves the up axis undefined.
     pub has_ambiguous_up: bool,
 }
 
@@ -84,17 +84,17 @@ pub(super) fn extension(path: &Path) -> String {
     }
 }
 
-/// Is a file of a format that Blender imports, by its extension?
+/// Whether Blender imports files of this extension.
 pub(super) fn is_imported_by_blender(path: &Path) -> bool {
     IMPORTED_BY_BLENDER.contains(&extension(path).as_str())
 }
 
-/// Is a file a ZIP archive, by its extension?
+/// Whether a file is a ZIP archive, by its extension.
 pub(super) fn is_named_as_archive(path: &Path) -> bool {
     extension(path) == ARCHIVE
 }
 
-/// Is a file an archive of a single model (3MF), by its extension?
+/// Whether a file is an archive of a single model (3MF), by its extension.
 pub(super) fn is_package(path: &Path) -> bool {
     extension(path) == THREE_MF
 }

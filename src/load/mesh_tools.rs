@@ -26,19 +26,14 @@ impl Repairs {
     /// Repairs a mesh: non-finite vertices are moved to the origin and their triangles removed. Non-finite texture coordinates
     /// and colours become 0. Zero and non-finite normals are replaced by face normals; if all are, normals are removed.
     pub fn repair(&mut self, mesh: &mut Mesh) {
-        let before = mesh.triangles.len();
         if !all_finite(mesh.positions.as_flattened()) {
-            let bad: Vec<bool> = mesh.positions.iter().map(|p| !all_finite(p)).collect();
-            mesh.triangles.retain(|t| !t.iter().any(|&i| bad.get(i as usize).copied().unwrap_or(false)));
-            for (p, _) in mesh.positions.iter_mut().zip(&bad).filter(|(_, b)| **b) {
-                *p = [0.0; 3];
-            }
+            self.triangles += remove_non_finite_triangles(mesh);
+            mesh.parts.retain(|part| part.triangle_count > 0);
         }
         if !all_finite(mesh.normals.as_flattened()) {
             self.normals += mesh.normals.iter().filter(|n| !all_finite(&n[..])).count();
         }
         normalize_normals(mesh);
-        self.triangles += before - mesh.triangles.len();
         self.attributes += zero_non_finite(mesh);
     }
 
@@ -58,6 +53,32 @@ impl Repairs {
         .filter(|(n, ..)| *n > 0);
         counted.map(|(_, code, message)| Warning::new(path, "", (code, message)))
     }
+}
+
+/// Removes triangles with non-finite vertices, which are moved to the origin; returns their number.
+pub(super) fn remove_non_finite_triangles(mesh: &mut Mesh) -> usize {
+    let is_bad: Vec<bool> = mesh.positions.iter().map(|p| !all_finite(p)).collect();
+    let before = mesh.triangles.len();
+    retain_triangles(mesh, |mesh, t| {
+        !mesh.triangles[t].iter().any(|&i| is_bad.get(i as usize) == Some(&true))
+    });
+    for (p, _) in mesh.positions.iter_mut().zip(&is_bad).filter(|(_, is_bad)| **is_bad) {
+        *p = [0.0; 3];
+    }
+    before - mesh.triangles.len()
+}
+
+/// Removes triangles, unless `keep` is true for a triangle's index, and updates the parts, which may become empty.
+pub(super) fn retain_triangles(mesh: &mut Mesh, keep: impl Fn(&Mesh, usize) -> bool) {
+    let is_kept: Vec<bool> = (0..mesh.triangles.len()).map(|t| keep(mesh, t)).collect();
+    let mut first_triangle = 0;
+    for part in &mut mesh.parts {
+        part.triangle_count = is_kept[part.triangles()].iter().filter(|is_kept| **is_kept).count() as u32;
+        part.first_triangle = first_triangle;
+        first_triangle += part.triangle_count;
+    }
+    let mut is_kept = is_kept.into_iter();
+    mesh.triangles.retain(|_| is_kept.next() == Some(true));
 }
 
 /// Sets non-finite texture coordinates, colours and attributes to 0; returns their number.
@@ -192,20 +213,13 @@ fn flattened(mesh: &Mesh, transform: &DMat3) -> Mesh {
     let moved = |p: &[f32; 3]| *transform * DVec3::from(p.map(f64::from));
     let positions: Vec<[f32; 3]> = mesh.positions.iter().map(|p| moved(p).as_vec3().to_array()).collect();
     let (normals, tangents) = (Vec::new(), Vec::new());
-    let mut flat = Mesh { positions, normals, tangents, triangles: Vec::new(), ..mesh.clone() };
-    let corners = |t: &[u32; 3]| t.map(|i| DVec3::from(flat.positions[i as usize].map(f64::from)));
+    let mut flat = Mesh { positions, normals, tangents, ..mesh.clone() };
     let size = flat.positions.as_flattened().iter().fold(0f32, |size, x| size.max(x.abs()));
-    let min_squared = f64::from(size * f32::EPSILON).powi(2);
-    let has_area = |t: &&[u32; 3]| {
-        let [a, b, c] = corners(t);
-        (b - a).cross(c - a).length() > min_squared
-    };
-    for part in &mut flat.parts {
-        let first = flat.triangles.len() as u32;
-        let old = part.first_triangle as usize..(part.first_triangle + part.triangle_count) as usize;
-        flat.triangles.extend(mesh.triangles[old].iter().filter(has_area));
-        (part.first_triangle, part.triangle_count) = (first, flat.triangles.len() as u32 - first);
-    }
+    let min_area = f64::from(size * f32::EPSILON).powi(2);
+    retain_triangles(&mut flat, |flat, t| {
+        let [a, b, c] = flat.corners_f64(flat.triangles[t]);
+        (b - a).cross(c - a).length() > min_area
+    });
     flat.parts.retain(|part| part.triangle_count > 0);
     flat
 }
@@ -403,7 +417,7 @@ impl Ring {
         cross(a, b, c) > 0.0
     }
 
-    /// Is the corner convex, with no other corner inside its triangle?
+    /// Whether the corner is convex, with no other corner inside its triangle.
     fn is_ear(&self, i: usize) -> bool {
         if !self.is_convex(i) {
             return false;

@@ -116,7 +116,7 @@ fn load_each(
     })
 }
 
-/// Is a file an archive with a model, by its content? Known contents that aren't models are errors.
+/// Whether a file is an archive with a model, by its content. Known contents that aren't models are errors.
 fn is_archive(path: &Path) -> Result<bool> {
     let format = formats::of(path);
     let has_archive_name = formats::is_named_as_archive(path);
@@ -213,23 +213,23 @@ pub fn load_frames(
     load_each(path.as_ref(), options, numbers.map(moment), each)
 }
 
-/// Is it a Blender file, or a file in a format that Blender imports (USD, FBX, Alembic, Collada), by its extension?
+/// Whether it is a Blender file, or a file that Blender imports (USD, FBX, Alembic, Collada), by its extension.
 pub fn is_blender_file(path: impl AsRef<Path>) -> bool {
     matches!(formats::of(path.as_ref()), Format::Blender)
 }
 
-/// Is a file a scene, by its extension?
+/// Whether a file is a scene, by its extension.
 pub fn is_named_as_scene(path: impl AsRef<Path>) -> bool {
     !matches!(formats::of(path.as_ref()), Format::Other) || formats::is_named_as_archive(path.as_ref())
 }
 
-/// Is a file a scene, by its extension, and for `.toml` files, which may also be settings of other programs, by its tables?
+/// Whether a file is a scene, by its extension, and for `.toml` files, which may also be settings of other programs, by its tables.
 pub fn is_scene(path: impl AsRef<Path>) -> bool {
     let path = path.as_ref();
     is_named_as_scene(path) && (!matches!(formats::of(path), Format::SceneFile) || scene_file::is_scene(path))
 }
 
-/// Does a scene file enable denoising (`denoise` of `[render]`)? Reads only the scene file itself.
+/// Whether a scene file enables denoising (`denoise` of `[render]`). Reads only the scene file itself.
 pub fn requests_denoising(path: impl AsRef<Path>) -> bool {
     let path = path.as_ref();
     matches!(formats::of(path), Format::SceneFile) && scene_file::requests_denoising(path)
@@ -300,7 +300,7 @@ fn subdivide_all(path: &Path, options: &LoadOptions, is_mesh_file: bool, loaded:
     Ok(())
 }
 
-/// Does the format of a file leave the up axis undefined?
+/// Whether the format of a file leaves the up axis undefined.
 pub fn has_ambiguous_up(path: impl AsRef<Path>) -> bool {
     matches!(formats::of(path.as_ref()), Format::Model(model) if model.has_ambiguous_up)
 }

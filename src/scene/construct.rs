@@ -251,7 +251,7 @@ impl Scene {
         self.named_traits().map(|(_, traits)| traits)
     }
 
-    /// Are there shadow catchers?
+    /// Whether there are shadow catchers.
     pub fn has_catchers(&self) -> bool {
         self.object_traits().any(|traits| traits.is_shadow_catcher)
     }

@@ -4,6 +4,7 @@ use super::{MaterialId, MeshId, ObjectInfo, ObjectTraits};
 use crate::math::{DAffine3, DQuat, DVec3};
 pub use half::f16;
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// An indexed triangle mesh, or Gaussian splats at its vertices. Front faces are counter-clockwise.
@@ -40,6 +41,14 @@ pub struct MeshPart {
     pub triangle_count: u32,
     /// Material.
     pub material: MaterialId,
+}
+
+impl MeshPart {
+    /// The indices of its triangles.
+    pub fn triangles(&self) -> Range<usize> {
+        let first = self.first_triangle as usize;
+        first..first + self.triangle_count as usize
+    }
 }
 
 /// An instance of a mesh.
@@ -181,7 +190,7 @@ macro_rules! kinds {
                 }
             }
 
-            /// Does it enclose a volume?
+            /// Whether it encloses a volume.
             pub fn is_closed(self) -> bool {
                 match self {
                     $(ShapeTag::$kind => $closed,)*
@@ -233,12 +242,7 @@ named_enum! {
 }
 
 impl CurveBasis {
-    /// The basis with a name.
-    pub fn of_name(name: &str) -> Option<CurveBasis> {
-        CurveBasis::ALL.into_iter().find(|basis| basis.name() == name)
-    }
-
-    /// May a strand have this number of points?
+    /// Whether a strand may have this number of points.
     pub fn accepts(self, points: usize) -> bool {
         match self {
             CurveBasis::Linear | CurveBasis::CatmullRom => points >= 2,
@@ -356,7 +360,7 @@ pub struct Splats {
     /// Coefficients of the real spherical harmonics, splat by splat ([`Splats::coefficients_of`] the degree), in the order of l,
     /// then m = -l to l. Their relative error is at most 2^-11, less than 1/10 of an 8-bit step for a channel near 1.
     pub coefficients: Vec<[f16; 3]>,
-    /// Is the sum of the spherical harmonics plus 0.5 linear? Otherwise it is sRGB-encoded, as photographs are.
+    /// Whether the sum of the spherical harmonics plus 0.5 is linear. Otherwise it is sRGB-encoded, as photographs are.
     pub is_linear: bool,
 }
 
@@ -381,7 +385,7 @@ impl Splats {
         self.opacities.len()
     }
 
-    /// Are there no splats?
+    /// Whether there are no splats.
     pub fn is_empty(&self) -> bool {
         self.opacities.is_empty()
     }
@@ -397,7 +401,7 @@ pub struct Keyframes<T> {
 }
 
 impl<T> Keyframes<T> {
-    /// Is there motion blur?
+    /// Whether there is motion blur.
     pub fn blurs(&self) -> bool {
         self.keys.len() > 1
     }
@@ -438,4 +442,12 @@ pub struct SceneMotion {
     /// World-space transforms of shapes relative to [`Scene::shapes`](super::Scene::shapes), by index. (Emissive spheres stay
     /// spheres: only their centre and volume change.)
     pub shapes: BTreeMap<usize, Keyframes<DAffine3>>,
+}
+
+impl SceneMotion {
+    /// Adds the keys of an instance.
+    pub(crate) fn add_instance(&mut self, keys: Keyframes<DAffine3>) -> Motion {
+        self.instances.push(keys);
+        Motion::Keyed(self.instances.len() as u32 - 1)
+    }
 }

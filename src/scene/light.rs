@@ -214,7 +214,7 @@ impl LightProfile {
         (sum / (2.0 * f64::from(steps) * f64::from(steps))) as f32
     }
 
-    /// Do the fields satisfy their documented constraints?
+    /// Whether the fields satisfy their documented constraints.
     pub fn is_valid(&self) -> bool {
         let increases = |list: &[f32], max: f32| {
             list.windows(2).all(|w| w[0] < w[1])
@@ -257,7 +257,7 @@ pub fn group_or_default(name: &str) -> &str {
     if name.is_empty() { DEFAULT_GROUP } else { name }
 }
 
-/// Is a name valid for a light group? It becomes part of channel names.
+/// Whether a name is valid for a light group. It becomes part of channel names.
 pub fn is_group_name(name: &str) -> bool {
     let is_allowed = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
     (1..=64).contains(&name.len()) && name.chars().all(is_allowed)

@@ -42,7 +42,7 @@ pub struct MediumTextures {
 }
 
 impl MediumTextures {
-    /// Are there no textures?
+    /// Whether there are no textures.
     pub fn is_empty(&self) -> bool {
         self.density.is_none() && self.color.is_none() && self.emission.is_none()
     }

@@ -33,13 +33,18 @@ impl RayKinds {
         ("shadow", RayKinds::SHADOW),
     ];
 
-    /// Is another set a subset of this one?
+    /// The kind with a name in files.
+    pub fn from_name(name: &str) -> Option<RayKinds> {
+        RayKinds::NAMED.into_iter().find(|(other, _)| *other == name).map(|(_, kind)| kind)
+    }
+
+    /// Whether another set is a subset of this one.
     #[inline(always)]
     pub const fn contains(self, other: RayKinds) -> bool {
         self.0 & other.0 == other.0
     }
 
-    /// Does it contain either shadow rays or all scattered rays, but not both?
+    /// Whether it contains either shadow rays or all scattered rays, but not both.
     pub fn has_own_shadows(self) -> bool {
         let scattered =
             RayKinds::DIFFUSE.with(RayKinds::GLOSSY).with(RayKinds::TRANSMISSION).with(RayKinds::VOLUME);
@@ -132,7 +137,7 @@ impl ObjectSets {
         ObjectSets(self.0 | 1 << set.0)
     }
 
-    /// Is a set included?
+    /// Whether a set is included.
     #[inline(always)]
     pub const fn contains(self, set: ObjectSet) -> bool {
         self.0 >> set.0 & 1 != 0
@@ -152,7 +157,7 @@ pub enum Link {
 }
 
 impl Link {
-    /// Is an object with these sets linked?
+    /// Whether an object with these sets is linked.
     #[inline(always)]
     pub const fn includes(self, object: ObjectSets) -> bool {
         match self {
@@ -162,7 +167,7 @@ impl Link {
         }
     }
 
-    /// Are all objects linked?
+    /// Whether all objects are linked.
     #[inline(always)]
     pub const fn is_all(self) -> bool {
         matches!(self, Link::All)

@@ -134,7 +134,7 @@ named_limits! {
 }
 
 impl BounceLimits {
-    /// Is some kind other than transparent and subsurface limited?
+    /// Whether some kind other than transparent and subsurface is limited.
     pub fn limit_scattering(&self) -> bool {
         BounceLimits { transparent: u32::MAX, subsurface: u32::MAX, ..*self } != BounceLimits::NONE
     }

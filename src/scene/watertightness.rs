@@ -93,7 +93,7 @@ impl MaterialUses<'_> {
 /// Maximum area of the openings of a solid over its surface area.
 const LARGEST_OPENING: f64 = 0.05;
 
-/// Does a mesh enclose a volume up to small holes (like a bottle, unlike a single-sheet window or bowl)? The area of the
+/// Whether a mesh encloses a volume up to small holes (like a bottle, unlike a single-sheet window or bowl). The area of the
 /// openings is estimated by the sum of the triangles' vector areas, which is zero for closed meshes.
 pub(crate) fn encloses(mesh: &Mesh) -> bool {
     let mut edges = EdgeHash::default();
@@ -111,7 +111,7 @@ pub(crate) fn encloses(mesh: &Mesh) -> bool {
     open.length() <= LARGEST_OPENING * area
 }
 
-/// Does each edge of a mesh belong to several faces, of any winding order?
+/// Whether each edge of a mesh belongs to several faces, of any winding order.
 pub(crate) fn has_no_border(mesh: &Mesh) -> bool {
     let directed_edges = mesh.triangles.iter().flat_map(|triangle| {
         let [a, b, c] = mesh.corners(*triangle).map(position_hash);

@@ -479,7 +479,7 @@ fn what_has_no_texture_of_its_own_is_white_there_and_elsewhere_it_is_an_error() 
     let own = model.specular_color.texture.expect("a texture");
     assert_eq!(scene.textures[own.index()], Texture::Solid([1.0; 3]));
     for (toml, part) in [
-        ("[materials.cloth]\ntype = \"lambert\"\ncolor = \"mine\"\n", "there is no model's texture"),
+        ("[materials.cloth]\ntype = \"lambert\"\ncolor = \"mine\"\n", "has no model texture to refer to"),
         (
             "[materials.cloth]\nspecular_color = \"lies\"\n[textures.lies]\ntype = \"image\"\nfile = \"a.png\"\nmapping = \"own\"\n",
             "can't be read",

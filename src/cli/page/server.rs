@@ -423,7 +423,7 @@ fn set(settings: Settings, shared: &Shared) -> std::result::Result<(), String> {
     let view = settings.view.as_deref().map(|name| display.view(name).ok_or("there is no such view"));
     let view = view.transpose()?;
     check_numbers(&settings)?;
-    let up_of = |name: &str| Up::ALL.into_iter().find(|up| up.name() == name).ok_or("there is no such axis");
+    let up_of = |name: &str| Up::from_name(name).ok_or("there is no such axis");
     let up = settings.up.as_deref().map(up_of).transpose()?;
     let stage = settings.stage.as_deref().map(|name| StageArg::of(name).ok_or("there is no such stage"));
     let stage = stage.transpose()?;

@@ -241,7 +241,7 @@ fn shrunk(corners: [DVec2; 3]) -> [DVec2; 3] {
     corners.map(|corner| middle + (corner - middle) * SHRINK)
 }
 
-/// Do two triangles overlap? By the separating axis theorem.
+/// Whether two triangles overlap, by the separating axis theorem.
 fn overlap(a: &[DVec2; 3], b: &[DVec2; 3]) -> bool {
     let separates = |axis: DVec2| {
         let range = |t: &[DVec2; 3]| {

@@ -10,8 +10,8 @@ pub(super) fn split(mesh: &mut Mesh, faces: &[Vec3], stays_flat: &[bool], vertex
     mesh.normals = vertex_normals.iter().map(|normal| normal.to_array()).collect();
     let mut origins = Vec::new();
     for (part, _) in mesh.parts.iter().zip(stays_flat).filter(|&(_, is_flat)| *is_flat) {
-        let range = part.first_triangle as usize..(part.first_triangle + part.triangle_count) as usize;
-        for (triangle, &normal) in mesh.triangles[range.clone()].iter_mut().zip(&faces[range]) {
+        let triangles = mesh.triangles[part.triangles()].iter_mut();
+        for (triangle, &normal) in triangles.zip(&faces[part.triangles()]) {
             for vertex in triangle {
                 origins.push(*vertex);
                 vertex_normals.push(vertex_normals[*vertex as usize]);

@@ -299,8 +299,7 @@ fn vertex_shading(mesh: &Mesh, parts: &Parts) -> Vec<Option<Shading>> {
     let mut shading = vec![None; mesh.positions.len()];
     for (part, displacer) in mesh.parts.iter().zip(parts) {
         let Some(of_part) = displacer.map(shading_of) else { continue };
-        let first = part.first_triangle as usize;
-        for vertex in mesh.triangles[first..first + part.triangle_count as usize].as_flattened() {
+        for vertex in mesh.triangles[part.triangles()].as_flattened() {
             shading[*vertex as usize].get_or_insert(of_part);
         }
     }

@@ -8,7 +8,7 @@ use std::sync::Arc;
 /// formats don't define the unit.
 pub const BUMP_HEIGHT: f32 = 0.01;
 
-/// Is an image a normal map rather than a height map? At least 90 % of up to 4096 sampled texels must be coloured and
+/// Whether an image is a normal map rather than a height map: at least 90 % of up to 4096 sampled texels must be coloured and
 /// decode to unit vectors with z > 0.
 pub fn holds_normals(image: &Image) -> bool {
     let (w, h) = (image.width, image.height);

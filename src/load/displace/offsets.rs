@@ -63,7 +63,7 @@ impl Displacer {
         }
     }
 
-    /// Does a mesh lack the UV set of the height map?
+    /// Whether a mesh lacks the UV set of the height map.
     pub fn lacks_coordinates(&self, mesh: &Mesh) -> bool {
         let has = |set: u32| mesh.uv_sets.get(set as usize).is_some_and(|uv| !uv.is_empty());
         self.uv_set.is_some_and(|set| !has(set))
@@ -115,7 +115,7 @@ impl Displacers {
         self.by_material.get(&id)
     }
 
-    /// Do node graphs of the scene read an attribute?
+    /// Whether node graphs of the scene read an attribute.
     pub fn reads_attribute(&self, name: &str) -> bool {
         self.textures.attributes().iter().any(|attribute| attribute == name)
     }

@@ -75,8 +75,7 @@ pub fn subdivided(mesh: &Mesh, edges: &[Option<f32>], most: usize) -> (Mesh, Opt
     let mut fine = Mesh { tangents: Vec::new(), triangles: Vec::new(), parts: Vec::new(), ..mesh.clone() };
     let mut longest = None;
     for (part, edge) in mesh.parts.iter().zip(edges) {
-        let first = part.first_triangle as usize;
-        let mut triangles = mesh.triangles[first..first + part.triangle_count as usize].to_vec();
+        let mut triangles = mesh.triangles[part.triangles()].to_vec();
         while let Some(edge) = *edge {
             let cuts: usize =
                 triangles.iter().map(|t| sides(t).filter(|&side| is_cut(&fine, side, edge)).count()).sum();
@@ -107,8 +106,7 @@ fn min_triangles(mesh: &Mesh, edges: &[Option<f32>]) -> f64 {
         0.5 * (b - a).cross(c - a).length()
     };
     let of_part = |(part, edge): (&MeshPart, &Option<f32>)| {
-        let first = part.first_triangle as usize;
-        let triangles = &mesh.triangles[first..first + part.triangle_count as usize];
+        let triangles = &mesh.triangles[part.triangles()];
         let edge = f64::from((*edge)?);
         let largest = 3f64.sqrt() / 4.0 * edge * edge;
         Some(triangles.iter().map(|t| (area(t) / largest).max(1.0)).sum::<f64>())
@@ -127,7 +125,7 @@ fn length(mesh: &Mesh, a: u32, b: u32) -> f32 {
     (a - b).abs().length()
 }
 
-/// Is an edge longer than `edge`, and its midpoint distinct from its ends? Far from the origin the spacing of f32 may
+/// Whether an edge is longer than `edge`, and its midpoint distinct from its ends. Far from the origin the spacing of f32 may
 /// exceed the edge length, and the midpoint rounds to an end.
 fn is_cut(mesh: &Mesh, [a, b]: [u32; 2], edge: f32) -> bool {
     let full_length = length(mesh, a, b);

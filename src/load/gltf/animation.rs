@@ -25,7 +25,7 @@ pub(super) struct NodePose {
 }
 
 impl NodePose {
-    /// Is the node's transform animated?
+    /// Whether the node's transform is animated.
     pub fn moves(&self) -> bool {
         self.translation.is_some() || self.rotation.is_some() || self.scale.is_some()
     }
@@ -60,7 +60,7 @@ pub(super) struct WeightsPose {
 }
 
 impl WeightsPose {
-    /// Is any weight animated?
+    /// Whether any weight is animated.
     pub fn moves(&self) -> bool {
         self.all.is_some() || !self.single.is_empty()
     }
@@ -80,7 +80,7 @@ impl WeightsPose {
         weights
     }
 
-    /// Is any weight animated, or the single one?
+    /// Whether any weight is animated, or the single one.
     fn has(&self, single: Option<usize>) -> bool {
         match single {
             Some(index) => self.all.is_some() || self.single.contains_key(&index),

@@ -48,7 +48,7 @@ const LIGHT_SUBSTRINGS: [&str; 3] = ["light", "lamp", "softbox"];
 /// Whole words in names of lights.
 const LIGHT_WORDS: [&str; 6] = ["area", "sun", "spot", "key", "fill", "rim"];
 
-/// Does a name suggest a light?
+/// Whether a name suggests a light.
 fn is_light_name(name: &str) -> bool {
     let lower = name.to_lowercase();
     let mut words = lower.split(|c: char| !c.is_alphabetic());
@@ -72,7 +72,7 @@ fn lights(doc: &Document, hierarchy: &Hierarchy, report: &mut Report) -> Vec<(St
         .collect()
 }
 
-/// Has the image of a texture any alpha below 1?
+/// Whether the image of a texture has any alpha below 1.
 fn has_alpha(scene: &Scene, texture: TextureId) -> bool {
     let Some(Texture::Image { image, .. }) = scene.textures.get(texture.index()) else { return false };
     let Some(image) = scene.images.get(image.index()) else { return false };

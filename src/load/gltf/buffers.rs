@@ -187,7 +187,7 @@ pub(super) struct Accessor<'d> {
     pub kind: Type,
     /// Type of the stored components.
     pub component: ComponentType,
-    /// Are integers normalized to 0..1 or -1..1?
+    /// Whether integers are normalized to 0..1 or -1..1.
     pub normalized: bool,
     /// Elements in a buffer; `None` for zeros.
     dense: Option<Elements<'d>>,

@@ -24,7 +24,7 @@ pub(super) struct Document<'a> {
     pub json: Value,
     /// The binary chunk of a GLB.
     pub binary: Option<Cow<'a, [u8]>>,
-    /// May URIs refer to files outside the asset's folder?
+    /// Whether URIs may refer to files outside the asset's folder.
     pub allow_external: bool,
     /// Records the files read.
     pub files: &'a WatchedFiles,
@@ -109,7 +109,7 @@ impl<'a> Document<'a> {
         self.decoded.set(0);
     }
 
-    /// Is the file written by Blender's exporter?
+    /// Whether Blender's exporter wrote the file.
     pub fn is_from_blender(&self) -> bool {
         let generator = self.json.pointer("/asset/generator").and_then(Value::as_str);
         generator.is_some_and(|g| g.contains("Blender I/O"))
@@ -435,12 +435,12 @@ const HARMLESS: &[(&str, &str)] = &[("KHR_xmp_json_ld", "metadata is ignored")];
 const INTERACTIVITY: &[&str] = &["KHR_interactivity", "KHR_node_hoverability", "KHR_node_selectability"];
 
 impl Document<'_> {
-    /// Does the file declare the use of an extension?
+    /// Whether the file declares the use of an extension.
     pub fn extension_used(&self, name: &str) -> bool {
         self.lists("extensionsUsed", name)
     }
 
-    /// Does the file require an extension?
+    /// Whether the file requires an extension.
     #[cfg(not(feature = "draco"))]
     pub fn extension_required(&self, name: &str) -> bool {
         self.lists("extensionsRequired", name)
@@ -452,7 +452,7 @@ impl Document<'_> {
     }
 }
 
-/// Does this build support an extension?
+/// Whether this build supports an extension.
 pub(super) fn is_supported(name: &str) -> bool {
     SUPPORTED.contains(&name) && missing_decoder(name).is_none()
 }
@@ -540,7 +540,7 @@ pub(super) fn warn_of_unsupported(doc: &Document, report: &mut Report) {
     }
 }
 
-/// Does ignoring an extension need a warning?
+/// Whether ignoring an extension needs a warning.
 fn needs_warning(name: &str) -> bool {
     !is_supported(name) && !INTERACTIVITY.contains(&name)
 }

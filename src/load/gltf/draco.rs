@@ -40,7 +40,7 @@ pub(super) fn unpack(doc: &Document, primitive: &Primitive, at: &str, report: &m
 }
 
 impl Compressed<'_, '_> {
-    /// Has the primitive an uncompressed fallback for all attributes?
+    /// Whether the primitive has an uncompressed fallback for all attributes.
     fn has_fallback(&self) -> bool {
         self.primitive
             .attributes
@@ -49,7 +49,7 @@ impl Compressed<'_, '_> {
             .all(|i| self.is_uncompressed(i.value()))
     }
 
-    /// Has an accessor uncompressed data? True for missing accessors.
+    /// Whether an accessor has uncompressed data; true for missing accessors.
     fn is_uncompressed(&self, index: usize) -> bool {
         let accessor = self.doc.json.pointer(&pointer("accessors", index));
         accessor.is_none_or(|a| a.get("bufferView").is_some() || a.get("sparse").is_some())

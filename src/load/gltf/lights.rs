@@ -279,8 +279,8 @@ fn visible_to(extras: &Value, at: &str, report: &mut Report) -> RayKinds {
         Value::Array(list) => list.iter().map(Value::as_str).collect(),
         _ => None,
     };
-    let kind = |name: &&str| RayKinds::NAMED.iter().find(|(other, _)| other == name).map(|(_, kind)| *kind);
-    let kinds: Option<Vec<RayKinds>> = names.and_then(|names| names.iter().map(kind).collect());
+    let kinds: Option<Vec<RayKinds>> =
+        names.and_then(|names| names.into_iter().map(RayKinds::from_name).collect());
     match kinds {
         Some(kinds) => kinds.into_iter().fold(RayKinds::NONE, RayKinds::with),
         None => {

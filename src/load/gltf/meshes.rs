@@ -8,7 +8,9 @@ use super::points_lines;
 use super::report::{Report, Valid};
 use super::vertices::{Attributes, Deformation, add_vertices, attributes};
 use crate::error::Problem;
-use crate::load::mesh_tools::{bound_colors, normalize_normals, zero_non_finite};
+use crate::load::mesh_tools::{
+    bound_colors, normalize_normals, remove_non_finite_triangles, zero_non_finite,
+};
 use crate::load::options::GltfOptions;
 use crate::math::all_finite;
 use crate::scene::{MaterialId, Mesh, MeshPart};
@@ -181,7 +183,7 @@ pub(super) struct PrimitiveIndices<'c, 'd> {
     pub indices: Option<&'c Accessor<'d>>,
     /// Number of vertices.
     pub vertices: usize,
-    /// Is the largest index of the type a restart index (KHR_mesh_primitive_restart)?
+    /// Whether the largest index of the type is a restart index (KHR_mesh_primitive_restart).
     pub may_restart: bool,
 }
 
@@ -316,7 +318,7 @@ const UNIT_TOLERANCE: f32 = 1e-4;
 /// Drops triangles with non-finite positions, and repairs normals, tangents, colours and texture coordinates.
 fn repair(mesh: &mut Mesh, at: &str, report: &mut Report) {
     if !all_finite(mesh.positions.as_flattened()) {
-        let dropped = drop_triangles(mesh);
+        let dropped = remove_non_finite_triangles(mesh);
         report.warn(at, format!("{dropped} triangles with corners that are not finite numbers were dropped"));
     }
     // Branchless, for vectorisation; false for NaN.
@@ -339,25 +341,6 @@ fn repair(mesh: &mut Mesh, at: &str, report: &mut Report) {
     for tangent in &mut mesh.tangents {
         tangent[3] = 1f32.copysign(tangent[3]);
     }
-}
-
-/// Removes triangles with non-finite vertices, which are moved to the origin; returns their number.
-fn drop_triangles(mesh: &mut Mesh) -> usize {
-    let usable: Vec<bool> = mesh.positions.iter().map(|p| all_finite(p)).collect();
-    let before = mesh.triangles.len();
-    let mut kept = Vec::with_capacity(before);
-    for part in &mut mesh.parts {
-        let first = part.first_triangle as usize;
-        let old = &mesh.triangles[first..first + part.triangle_count as usize];
-        part.first_triangle = kept.len() as u32;
-        kept.extend(old.iter().filter(|t| t.iter().all(|&i| usable[i as usize])));
-        part.triangle_count = kept.len() as u32 - part.first_triangle;
-    }
-    mesh.triangles = kept;
-    for (p, _) in mesh.positions.iter_mut().zip(&usable).filter(|(_, usable)| !**usable) {
-        *p = [0.0; 3];
-    }
-    before - mesh.triangles.len()
 }
 
 // KHR_materials_variants: the material of a primitive in the selected variant.

@@ -87,7 +87,7 @@ impl Layout {
         Ok(layout)
     }
 
-    /// Are stride and count valid for the mode and the filter?
+    /// Whether stride and count are valid for the mode and the filter.
     fn is_valid(&self) -> bool {
         let stride = self.stride;
         let by_mode = match self.mode {

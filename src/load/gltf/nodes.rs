@@ -20,7 +20,7 @@ pub(super) struct Node {
     /// Index of the parent in [`Hierarchy::nodes`].
     parent: Option<usize>,
     pub world_from_node: DAffine3,
-    /// Is the node or one of its ancestors animated?
+    /// Whether the node or one of its ancestors is animated.
     pub moves: bool,
     pub mesh: Option<usize>,
     pub camera: Option<usize>,
@@ -33,7 +33,7 @@ pub(super) struct Node {
 }
 
 impl Node {
-    /// Does the node have a mesh, a camera or a light?
+    /// Whether the node has a mesh, a camera or a light.
     pub fn has_content(&self, doc: &Document) -> bool {
         let has_own = self.mesh.is_some() || self.camera.is_some() || self.light.is_some();
         has_own || self.profiled_light(doc).is_some() || self.area_light(doc).is_some()
@@ -158,7 +158,7 @@ pub(super) fn walk(doc: &Document, pose: &Pose, parents: &NodeParents, report: &
     hierarchy
 }
 
-/// Does KHR_node_visibility hide the node with its descendants?
+/// Whether KHR_node_visibility hides the node with its descendants.
 fn is_hidden(node: &Value, at: &str, report: &mut Report) -> bool {
     let key = "/extensions/KHR_node_visibility/visible";
     let visible = node.pointer(key);

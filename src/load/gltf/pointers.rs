@@ -269,14 +269,14 @@ fn of_material(pointer: &str) -> Option<usize> {
     count(properties, key)
 }
 
-/// Does a pointer match a pattern?
+/// Whether a pointer matches a pattern.
 fn matches_pattern(pattern: &str, pointer: &str) -> bool {
     let step_matches = |(p, s): (&str, &str)| p == s || p == "*" && s.parse::<usize>().is_ok();
     pattern.split('/').count() == pointer.split('/').count()
         && pattern.split('/').zip(pointer.split('/')).all(step_matches)
 }
 
-/// Does the parent object of a pointer exist, or have a default?
+/// Whether the parent object of a pointer exists or has a default.
 fn exists(json: &Value, pointer: &str) -> bool {
     let mut steps: Vec<&str> = pointer.split('/').skip(1).collect();
     steps.pop();

@@ -288,7 +288,7 @@ const SPZ_OF_PRIMITIVES: &str = "KHR_spz_gaussian_splats_compression";
 /// Approximate size of a splat in the scene, bytes.
 const BYTES_PER_SPLAT: u64 = 160;
 
-/// Is a primitive a set of Gaussian splats?
+/// Whether a primitive is a set of Gaussian splats.
 pub(super) fn are_splats(doc: &Document, mesh: usize, primitive: usize, report: &mut Report) -> bool {
     raw(doc, mesh, primitive, report).is_some_and(|raw| extension(raw).is_some())
 }

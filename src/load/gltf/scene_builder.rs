@@ -29,7 +29,7 @@ struct MeshKey {
 }
 
 impl MeshKey {
-    /// Is the mesh free of deformation?
+    /// Whether the mesh is free of deformation.
     fn is_static(&self) -> bool {
         self.weights.is_empty() && self.skin.is_none() && self.morphing_node.is_none()
     }
@@ -199,7 +199,7 @@ impl<'b, 'a> SceneBuilder<'b, 'a> {
         }
     }
 
-    /// Are the morph target weights of a node animated?
+    /// Whether the morph target weights of a node are animated.
     fn has_moving_weights(&self, node: &Node, mesh: usize) -> bool {
         self.pose.node_weights(node.index).or(self.pose.mesh_weights(mesh)).is_some()
     }
@@ -245,7 +245,7 @@ impl<'b, 'a> SceneBuilder<'b, 'a> {
         weights
     }
 
-    /// Are there area lights?
+    /// Whether there are area lights.
     pub fn has_area_lights(&self) -> bool {
         !self.area_lights.is_empty()
     }

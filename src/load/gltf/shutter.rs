@@ -127,7 +127,7 @@ impl ShutterSamples {
         self.set_quads(scene);
     }
 
-    /// Is an instance's mesh deformed at some time?
+    /// Whether an instance's mesh is deformed at some time.
     fn is_deformed(&self, placed: &Keyframes<(DAffine3, usize)>) -> bool {
         let mut keys = self.keys.iter().zip(&placed.keys);
         keys.any(|(sample, placed)| sample.meshes.contains_key(&placed.1))
@@ -184,12 +184,12 @@ impl ShutterSamples {
     }
 }
 
-/// Does any key differ from the value at the time of the rendered frame?
+/// Whether any key differs from the value at the time of the rendered frame.
 fn differs<T: PartialEq>(moving: &Keyframes<T>, now: &T) -> bool {
     moving.all().any(|then| then != now)
 }
 
-/// Do the vertices at any time differ from those at the time of the rendered frame?
+/// Whether the vertices at any time differ from those at the time of the rendered frame.
 fn vertices_differ(moving: &Keyframes<Vertices>, now: &Mesh) -> bool {
     moving.all().any(|then| then.positions != now.positions || then.normals != now.normals)
 }

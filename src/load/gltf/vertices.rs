@@ -242,7 +242,7 @@ pub(super) struct AttributeReader<'d, 'a, 'r> {
     quantized: bool,
     /// Number of vertices, known after the first attribute.
     count: Option<usize>,
-    /// Are all attributes so far valid?
+    /// Whether all attributes so far are valid.
     validity: Valid<()>,
 }
 
@@ -302,7 +302,7 @@ impl<'d, 'a, 'r> AttributeReader<'d, 'a, 'r> {
     }
 }
 
-/// Has an accessor the type that its attribute needs (glTF 2.0, section 3.7.2.1, and KHR_mesh_quantization)?
+/// Whether an accessor has the type that its attribute needs (glTF 2.0, section 3.7.2.1, and KHR_mesh_quantization).
 fn check_type(
     accessor: &mut Accessor,
     types: &[Type],

@@ -16,7 +16,7 @@ const IDENTIFIER: [u8; 12] = *b"\xabKTX 20\xbb\r\n\x1a\n";
 /// Size of the header before the level index, bytes.
 const HEADER: usize = 80;
 
-/// Is it a KTX2 file?
+/// Whether it is a KTX2 file.
 pub(super) fn is_ktx2(bytes: &[u8]) -> bool {
     bytes.starts_with(&IDENTIFIER)
 }

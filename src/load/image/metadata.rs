@@ -83,7 +83,7 @@ impl Metadata<'_> {
     }
 }
 
-/// Is a profile sRGB, by its name?
+/// Whether a profile is sRGB, by its name.
 fn is_srgb(profile: &[u8]) -> bool {
     description(profile).is_some_and(|name| name.to_ascii_lowercase().contains("srgb"))
 }

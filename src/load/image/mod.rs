@@ -144,7 +144,7 @@ pub fn load_linear_rgb(path: &Path) -> Result<Image> {
     if image.channels == 3 { Ok(image) } else { Err(source.error("has no layer with channels R, G and B")) }
 }
 
-/// Has an image the aspect ratio of an unfolded cube map: a cross, a row or a column?
+/// Whether an image has the aspect ratio of an unfolded cube map: a cross, a row or a column.
 fn is_cube(width: u32, height: u32) -> bool {
     let is = |w: u64, h: u64| u64::from(width) * h == u64::from(height) * w;
     is(4, 3) || is(3, 4) || is(6, 1) || is(1, 6) || is(3, 2)
@@ -245,7 +245,7 @@ fn decode_common(
     Ok(Image { name: source.name(), width, height, channels, encoding, pixels: Arc::new(pixels) })
 }
 
-/// Does an end-of-image marker follow the last scan? The decoder silently fills missing parts with grey. In scan data 0xff
+/// Whether an end-of-image marker follows the last scan. The decoder silently fills missing parts with grey. In scan data 0xff
 /// is always followed by 0, so markers are unambiguous.
 fn jpeg_is_complete(bytes: &[u8]) -> bool {
     let end = bytes.windows(2).rposition(|w| w == [0xff, 0xd9]);

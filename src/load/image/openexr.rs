@@ -429,7 +429,7 @@ impl Layered {
         self.file.layer_data.len()
     }
 
-    /// Are there no parts?
+    /// Whether there are no parts.
     pub fn is_empty(&self) -> bool {
         self.file.layer_data.is_empty()
     }

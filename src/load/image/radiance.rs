@@ -140,7 +140,7 @@ impl Header {
         }
     }
 
-    /// Is the pixel order `-Y h +X w`: top to bottom, left to right? The file's y axis points up.
+    /// Whether the pixel order is `-Y h +X w`: top to bottom, left to right. The file's y axis points up.
     fn is_top_down(&self) -> bool {
         let [(first_is_x, first_grows, _), (_, second_grows, _)] = self.axes;
         !first_is_x && !first_grows && second_grows

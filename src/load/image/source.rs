@@ -23,12 +23,12 @@ pub(crate) enum Use {
 }
 
 impl Use {
-    /// Is it a photograph rather than a texture, so that its orientation and colour profile are applied?
+    /// Whether it is a photograph rather than a texture, so that its orientation and colour profile are applied.
     pub fn is_photograph(self) -> bool {
         matches!(self, Use::Environment | Use::Picture)
     }
 
-    /// Is the alpha of an EXR used?
+    /// Whether the alpha of an EXR is used.
     pub fn has_alpha(self) -> bool {
         matches!(self, Use::Color | Use::Picture)
     }

@@ -50,7 +50,7 @@ pub(super) trait LineFilter {
     /// Appends the filtered line to `out`. `number`, from 1, is that of the first of joined lines.
     fn line(&mut self, number: usize, text: &[u8], out: &mut Vec<u8>);
 
-    /// Should reading stop?
+    /// Whether reading should stop.
     fn is_finished(&self) -> bool {
         false
     }

@@ -115,12 +115,12 @@ impl Conversion<'_, '_> {
         }))
     }
 
-    /// Is there a `map_Ka` without a `map_Kd`?
+    /// Whether there is a `map_Ka` without a `map_Kd`.
     fn has_only_ambient_map(&self) -> bool {
         self.source.map("map_Kd").is_none() && self.source.map("map_Ka").is_some()
     }
 
-    /// Does `map_Kd` have the file of this map?
+    /// Whether `map_Kd` has the file of this map.
     fn is_color_map(&self, map: &Map) -> bool {
         self.source.map("map_Kd").is_some_and(|color| color.file == map.file)
     }

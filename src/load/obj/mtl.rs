@@ -131,7 +131,7 @@ fn take_as_opacity(all: &mut [Mtl], is_by_meshlab: bool) -> Option<String> {
     (count > 0).then(|| format!("'Tr' of {count} materials is taken as their opacity, {why}"))
 }
 
-/// Is a line a comment that mentions MeshLab or its library?
+/// Whether a line is a comment that mentions MeshLab or its library.
 fn names_meshlab(text: &[u8]) -> bool {
     let text = text.trim_ascii_start();
     text.starts_with(b"#") && {

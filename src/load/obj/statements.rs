@@ -121,7 +121,7 @@ impl Statements {
         Statements { passes, keeps_polygons, ..Statements::default() }
     }
 
-    /// Are the position indices of a piece's corners recorded?
+    /// Whether the position indices of a piece's corners are recorded.
     pub fn records_corners(&self, group: Option<u32>) -> bool {
         group.is_some() || !self.colors.is_empty() || !self.precise.is_empty() || self.keeps_polygons
     }
@@ -436,7 +436,7 @@ impl Statements {
         problems
     }
 
-    /// Does the file have only vertices?
+    /// Whether the file has only vertices.
     fn is_cloud(&self) -> bool {
         let has_only_vertices = self.ignored.keys().all(|what| what.starts_with("colours"));
         self.pieces.is_empty() && self.points.is_empty() && self.totals[0] > 0 && has_only_vertices
@@ -462,7 +462,7 @@ impl Statements {
 /// Indices (from 1) of a corner's position, texture coordinates and normal; 0 if absent.
 pub(super) type Corner = [u32; 3];
 
-/// Is a word a number? Plain decimals are recognised without conversion.
+/// Whether a word is a number. Plain decimals are recognised without conversion.
 pub(super) fn is_number(word: &[u8]) -> bool {
     let digits = word.strip_prefix(b"-").unwrap_or(word);
     let dots = digits.iter().filter(|&&b| b == b'.').count();
@@ -470,7 +470,7 @@ pub(super) fn is_number(word: &[u8]) -> bool {
     is_decimal && dots < 2 && dots < digits.len() || float(word).is_some()
 }
 
-/// Has a number three digits before its decimal point, or an exponent?
+/// Whether a number has three digits before its decimal point, or an exponent.
 pub(super) fn is_large(number: &[u8]) -> bool {
     let digits = number.iter().take_while(|b| **b != b'.').filter(|b| b.is_ascii_digit()).count();
     digits > 2 || number.last().is_some_and(|b| !b.is_ascii_digit() && *b != b'.') || has_exponent(number)
@@ -484,7 +484,7 @@ fn has_exponent(number: &[u8]) -> bool {
 #[derive(Clone, Copy)]
 pub(super) struct PlainNumbers {
     pub count: usize,
-    /// Has any number three digits before its decimal point?
+    /// Whether any number has three digits before its decimal point.
     pub has_large: bool,
 }
 
@@ -553,12 +553,12 @@ pub(super) struct Piece {
 }
 
 impl Piece {
-    /// Are the faces shaded flat?
+    /// Whether the faces are shaded flat.
     pub fn is_flat(&self) -> bool {
         !self.has_normals && self.group.is_none()
     }
 
-    /// Can it be merged with another piece?
+    /// Whether it can be merged with another piece.
     pub fn may_continue(&self, other: &Piece) -> bool {
         let key = |p: &Piece| (p.object, p.has_uvs, p.has_normals, p.group);
         key(self) == key(other)

@@ -98,13 +98,13 @@ impl Assets {
                 build.loaded.left_out.push(format!("materials of '{name}': every object replaces them"));
             }
             let loaded = self.read(build, &path, name, &span, geometry_only);
-            let asset = loaded.map(|l| absorb(build, &path, l));
+            let asset = loaded.map(|l| add_to_scene(build, &path, l));
             self.files.insert(key.clone(), asset);
         }
         self.files.get(&key)?.as_ref()
     }
 
-    /// Records the material list of the next instance.
+    /// Records the material list of the next instance; `file_materials` are those of its file.
     ///
     /// # Errors
     /// A message, if faces have a `material_index` beyond the list.
@@ -112,34 +112,34 @@ impl Assets {
         &mut self,
         scene: &Scene,
         mesh: MeshId,
-        own: &Range<u32>,
+        file_materials: &Range<u32>,
         list: &[MaterialId],
     ) -> std::result::Result<(), String> {
-        let number = |part: &MeshPart| part.material.0 - own.start;
-        let max = scene.meshes[mesh.index()].parts.iter().map(number).max().unwrap_or(0);
+        let material_index = |part: &MeshPart| part.material.0 - file_materials.start;
+        let max = scene.meshes[mesh.index()].parts.iter().map(material_index).max().unwrap_or(0);
         if max as usize >= list.len() {
             let count = list.len();
             return Err(format!("'materials' has {count} names, but faces have the 'material_index' {max}"));
         }
         let (instance, list) = (scene.instances.len(), list.to_vec());
-        self.listed.push(ListedMaterials { instance, mesh, first: own.start, list });
+        self.listed.push(ListedMaterials { instance, mesh, first: file_materials.start, list });
         Ok(())
     }
 
     /// Repeats the lists of the `count` instances from `first` on for `copies` copies of them, which follow in order.
     pub fn copy_listed_materials(&mut self, first: usize, count: usize, copies: usize) {
-        let own: Vec<ListedMaterials> =
+        let originals: Vec<ListedMaterials> =
             self.listed.iter().filter(|listed| listed.instance >= first).cloned().collect();
-        self.listed.truncate(self.listed.len() - own.len());
+        self.listed.truncate(self.listed.len() - originals.len());
         for copy in 0..copies {
-            let entries = own.iter().cloned();
+            let entries = originals.iter().cloned();
             self.listed.extend(
                 entries.map(|listed| ListedMaterials { instance: listed.instance + copy * count, ..listed }),
             );
         }
     }
 
-    /// Gives instances with listed materials meshes with these. Call after reading all objects.
+    /// Assigns each instance with a material list a mesh with these materials. Call after reading all objects.
     pub fn apply_listed_materials(&mut self, scene: &mut Scene) {
         let listed = std::mem::take(&mut self.listed);
         if listed.is_empty() {
@@ -147,16 +147,16 @@ impl Assets {
         }
         let with_list: HashSet<usize> = listed.iter().map(|entry| entry.instance).collect();
         let others = scene.instances.iter().enumerate().filter(|(i, _)| !with_list.contains(i));
-        // Meshes that other instances or earlier lists use are cloned; the rest is changed in place.
+        // Meshes that other instances or earlier lists use are cloned, others are changed in place.
         let mut in_use: HashSet<MeshId> = others.map(|(_, instance)| instance.mesh).collect();
-        let mut originals: HashMap<MeshId, Vec<MeshPart>> = HashMap::new();
-        let mut made: HashMap<(MeshId, Vec<MaterialId>), MeshId> = HashMap::new();
+        let mut original_parts: HashMap<MeshId, Vec<MeshPart>> = HashMap::new();
+        let mut with_list_ids: HashMap<(MeshId, Vec<MaterialId>), MeshId> = HashMap::new();
         for ListedMaterials { instance, mesh, first, list } in listed {
-            let own = || scene.meshes[mesh.index()].parts.clone();
-            let original = originals.entry(mesh).or_insert_with(own);
-            let renamed =
+            let original =
+                original_parts.entry(mesh).or_insert_with(|| scene.meshes[mesh.index()].parts.clone());
+            let with_material =
                 |part: &MeshPart| MeshPart { material: list[(part.material.0 - first) as usize], ..*part };
-            let parts: Vec<MeshPart> = original.iter().map(renamed).collect();
+            let parts: Vec<MeshPart> = original.iter().map(with_material).collect();
             let with_parts = || match in_use.insert(mesh) {
                 true => {
                     scene.meshes[mesh.index()].parts = parts;
@@ -166,11 +166,12 @@ impl Assets {
                     let copy = Mesh { parts, ..scene.meshes[mesh.index()].clone() };
                     let id = scene.add_mesh(copy);
                     let motion = scene.motion.meshes.get(&mesh.index()).cloned();
-                    scene.motion.meshes.extend(motion.map(|moving| (id.index(), moving)));
+                    scene.motion.meshes.extend(motion.map(|keys| (id.index(), keys)));
                     id
                 }
             };
-            scene.instances[instance].mesh = *made.entry((mesh, list.clone())).or_insert_with(with_parts);
+            scene.instances[instance].mesh =
+                *with_list_ids.entry((mesh, list.clone())).or_insert_with(with_parts);
         }
     }
 
@@ -197,9 +198,9 @@ impl Assets {
         let path = build.readable_path(name, span.clone())?;
         let mut loaded = self.read(build, &path, name, &span, true)?;
         build.loaded.warnings.append(&mut loaded.warnings);
-        let is_one = loaded.scene.instances.len() == 1 && loaded.offset == DVec3::ZERO;
-        let Some(mesh) = loaded.scene.meshes.pop().filter(|_| is_one) else {
-            let message = format!("'{name}': a key of 'mesh_keys' must hold one mesh, near its origin");
+        let has_one_mesh = loaded.scene.instances.len() == 1 && loaded.offset == DVec3::ZERO;
+        let Some(mesh) = loaded.scene.meshes.pop().filter(|_| has_one_mesh) else {
+            let message = format!("'{name}': a file of 'mesh_keys' must contain one mesh, near its origin");
             build.problems.push(span, message);
             return None;
         };
@@ -256,8 +257,7 @@ fn smoothed(scene: &mut Scene, id: MeshId, crease_rad: f64) -> MeshId {
     }
     let mut mesh = mesh.clone();
     smooth::smooth(&mut mesh, crease_rad);
-    scene.meshes.push(mesh);
-    MeshId(scene.meshes.len() as u32 - 1)
+    scene.add_mesh(mesh)
 }
 
 /// The canonical path, so that different spellings of a path share one entry.
@@ -277,8 +277,8 @@ fn read(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     }
 }
 
-/// Moves a file's meshes, materials, textures and images into the scene; lights are dropped with a note.
-fn absorb(build: &mut SceneFileBuilder, path: &Path, mut loaded: Loaded) -> Asset {
+/// Adds a file's meshes, materials, textures and images to the scene; lights are dropped with a note.
+fn add_to_scene(build: &mut SceneFileBuilder, path: &Path, mut loaded: Loaded) -> Asset {
     build.loaded.warnings.append(&mut loaded.warnings);
     build.loaded.notes.append(&mut loaded.notes);
     build.loaded.left_out.append(&mut loaded.left_out);
@@ -326,7 +326,7 @@ fn absorb(build: &mut SceneFileBuilder, path: &Path, mut loaded: Loaded) -> Asse
         scene.meshes.push(mesh);
     }
     scene.motion.instances.extend(motion.instances);
-    let deformed = motion.meshes.into_iter().map(|(i, moving)| (i + offset.mesh as usize, moving));
+    let deformed = motion.meshes.into_iter().map(|(i, keys)| (i + offset.mesh as usize, keys));
     scene.motion.meshes.extend(deformed);
     let materials = offset.material..scene.materials.len() as u32;
     let instances = instances.into_iter().map(|i| Instance {

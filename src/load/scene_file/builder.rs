@@ -1,7 +1,7 @@
 //! The scene under construction while a scene file is read.
 
 use super::fields::{Fields, Problems};
-use crate::error::Choice;
+use crate::error::{Choice, Message, Warning};
 use crate::load::{LoadOptions, Loaded, ShutterOptions, files};
 use crate::scene::{ObjectSet, Scene};
 use std::collections::{HashMap, HashSet};
@@ -61,6 +61,11 @@ impl<'a> SceneFileBuilder<'a> {
         Some(self.resolve_path(name))
     }
 
+    /// Adds a warning about the file.
+    pub fn warn(&mut self, message: impl Into<Message>) {
+        self.loaded.warnings.push(Warning::new(self.file, "", message));
+    }
+
     /// The time of the picture, in frames.
     pub fn frame(&self) -> f64 {
         self.options.gltf.time_s.map_or(0.0, |time_s| time_s * self.shutter.fps)
@@ -70,13 +75,13 @@ impl<'a> SceneFileBuilder<'a> {
 /// Whether `name`, one or more node names joined by slashes, occurs in a node's path. With a leading slash the path must start
 /// with it.
 pub(super) fn is_on_path(name: &str, path: &str) -> bool {
-    let begins = |at: usize, name: &str| {
+    let starts_at = |at: usize, name: &str| {
         let rest = path[at..].strip_prefix(name);
         rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('/'))
     };
     match name.strip_prefix('/') {
-        Some(name) => begins(0, name),
-        None => begins(0, name) || path.match_indices('/').any(|(slash, _)| begins(slash + 1, name)),
+        Some(name) => starts_at(0, name),
+        None => starts_at(0, name) || path.match_indices('/').any(|(slash, _)| starts_at(slash + 1, name)),
     }
 }
 
@@ -113,7 +118,7 @@ impl<'n> NamesOnPaths<'n> {
     }
 }
 
-/// Instances and lights of a model by the names of their nodes. Hidden ones are skipped.
+/// Instances and lights of a model by the names of their nodes, without hidden ones.
 #[derive(Default)]
 pub(super) struct NodeIndex {
     /// Instance indices by each name of their paths.
@@ -147,6 +152,7 @@ impl NodeIndex {
         listed.filter(is_match).collect()
     }
 
+    /// Lights with a `name`.
     pub fn lights(&self, name: &str) -> Vec<usize> {
         let listed = self.lights.get(name).into_iter().flatten().copied();
         listed.filter(|i| !self.hidden[1].contains(i)).collect()

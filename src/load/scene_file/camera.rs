@@ -23,8 +23,8 @@
 //! | `shutter_position` | `"centre"`: centred on the frame; `"start"`: opens at the frame; `"end"`: closes at the frame | `"centre"` |
 //! | `motion` | animation of the camera, see `motion` | none |
 //!
-//! or `camera = { from = "file.glb", name = "..." }`; without a name the file's first camera. The lens keys,
-//! `shift`, `clip`, `pixel_aspect` and `motion` may follow; `focus_distance` or `focus_at` is then required with `defocus_angle` and `f_stop`.
+//! or `camera = { from = "file.glb", name = "..." }`: a camera of a mesh file, without `name` its first. It may also have the lens keys,
+//! `shift`, `clip`, `pixel_aspect` and `motion`; `defocus_angle` and `f_stop` then need `focus_distance` or `focus_at`.
 //!
 //! Projections:
 //!
@@ -42,7 +42,7 @@
 
 use super::assets::Assets;
 use super::builder::SceneFileBuilder;
-use super::fields::{Fields, nearest, number};
+use super::fields::{Fields, number, suggestion};
 use super::transform;
 use crate::load::{LONGEST_SHUTTER, ShutterOptions, ShutterPosition};
 use crate::math::{DAffine3, DVec3};
@@ -51,7 +51,7 @@ use std::ops::Range;
 
 /// Reads the camera of a scene file.
 pub(super) fn read(build: &mut SceneFileBuilder, fields: &Fields, assets: &mut Assets) {
-    let camera = moved(build, fields, assets);
+    let camera = read_with_motion(build, fields, assets);
     finish(build, fields);
     build.loaded.scene.cameras.extend(camera);
 }
@@ -59,7 +59,7 @@ pub(super) fn read(build: &mut SceneFileBuilder, fields: &Fields, assets: &mut A
 /// Reads a `[camera]` of a sidecar: a new camera, or changes to the model's cameras.
 pub(super) fn adjust(build: &mut SceneFileBuilder, fields: &Fields, assets: &mut Assets) {
     if ["look_from", "transform", "from"].into_iter().any(|key| fields.has(key)) {
-        let camera = moved(build, fields, assets);
+        let camera = read_with_motion(build, fields, assets);
         finish(build, fields);
         build.loaded.scene.cameras.splice(0..0, camera);
         return;
@@ -85,10 +85,8 @@ pub(super) fn adjust(build: &mut SceneFileBuilder, fields: &Fields, assets: &mut
         match name {
             Some(name) => {
                 let message = format!("the model has no camera '{}'", name.value);
-                let help = match nearest(name.value, cameras.iter().map(|c| c.name.as_str())) {
-                    Some(near) => format!("did you mean '{near}'?"),
-                    None => format!("it has {} cameras", cameras.len()),
-                };
+                let names = cameras.iter().map(|c| c.name.as_str());
+                let help = suggestion(name.value, names, format!("it has {} cameras", cameras.len()));
                 fields.problems.push_help(name.span, message, help);
             }
             None => fields.problems.push_help(
@@ -114,29 +112,29 @@ fn finish(build: &mut SceneFileBuilder, fields: &Fields) {
 }
 
 /// The camera with its motion.
-fn moved(build: &mut SceneFileBuilder, fields: &Fields, assets: &mut Assets) -> Option<Camera> {
-    let camera = chosen(build, fields, assets);
+fn read_with_motion(build: &mut SceneFileBuilder, fields: &Fields, assets: &mut Assets) -> Option<Camera> {
+    let camera = read_camera(build, fields, assets);
     let may_scale = fields.has("transform");
-    let moved = match may_scale {
+    let motion = match may_scale {
         true => transform::read_motion(build, fields, "the camera"),
         false => transform::rigid_motion(build, fields, "the camera"),
     };
-    let (Some(moved), Some(mut camera)) = (&moved, camera.clone()) else { return camera };
+    let (Some(motion), Some(mut camera)) = (&motion, camera.clone()) else { return camera };
     if camera.motion.is_some() {
         let message = "this camera is animated in its file: leave 'motion' out";
         fields.problems.push(fields.span(), message);
     }
-    let (now, motion) = transform::with_motion(camera.world_from_camera, Some(moved));
+    let (now, keyframes) = transform::with_motion(camera.world_from_camera, Some(motion));
     camera.world_from_camera = if may_scale { without_scale(&now).unwrap_or(now) } else { now };
-    camera.motion = motion.map(|keys| match may_scale {
+    camera.motion = keyframes.map(|keys| match may_scale {
         true => keys.map(|key| without_scale(key).unwrap_or(now)),
         false => keys,
     });
     Some(camera)
 }
 
-/// The camera of the file `from`, or one at `look_from`.
-fn chosen(build: &mut SceneFileBuilder, fields: &Fields, assets: &mut Assets) -> Option<Camera> {
+/// The camera of the file `from`, or one placed by the other keys.
+fn read_camera(build: &mut SceneFileBuilder, fields: &Fields, assets: &mut Assets) -> Option<Camera> {
     let mut camera = match fields.string("from") {
         Some(file) => {
             let name = fields.string("name");
@@ -147,10 +145,9 @@ fn chosen(build: &mut SceneFileBuilder, fields: &Fields, assets: &mut Assets) ->
                     let cameras = cameras.unwrap_or_default();
                     let found = cameras.iter().find(|c| c.name == name.value).cloned();
                     if found.is_none() {
-                        let help = match nearest(name.value, cameras.iter().map(|c| c.name.as_str())) {
-                            Some(near) => format!("did you mean '{near}'?"),
-                            None => format!("the file has {} cameras", cameras.len()),
-                        };
+                        let names = cameras.iter().map(|c| c.name.as_str());
+                        let default = format!("the file has {} cameras", cameras.len());
+                        let help = suggestion(name.value, names, default);
                         let message = format!("'{}' has no camera '{}'", file.value, name.value);
                         fields.problems.push_help(name.span, message, help);
                     }
@@ -165,7 +162,7 @@ fn chosen(build: &mut SceneFileBuilder, fields: &Fields, assets: &mut Assets) ->
                 }
             }
         }
-        None => return placed(fields),
+        None => return placed_camera(fields),
     }?;
     Frame::read(fields).apply_to(&mut camera);
     change_projection(&mut camera, read_projection(fields));
@@ -255,8 +252,8 @@ fn lens(fields: &Fields, world_from_camera: &DAffine3, focus: Option<f64>) -> Op
     if angle.is_none() && f_stop.is_none() && (distance.is_some() || point.is_some()) {
         return fail("a plane of focus needs a lens size: add 'defocus_angle' or 'f_stop'");
     }
-    let shaped = ["blades", "blade_rotation", "aperture_ratio"].into_iter().find(|key| fields.has(key));
-    if let (None, None, Some(key)) = (angle, f_stop, shaped) {
+    let aperture_key = ["blades", "blade_rotation", "aperture_ratio"].into_iter().find(|key| fields.has(key));
+    if let (None, None, Some(key)) = (angle, f_stop, aperture_key) {
         return fail(&format!("'{key}' needs a lens size: add 'defocus_angle' or 'f_stop'"));
     }
     if angle.is_none() && f_stop.is_none() || angle == Some(0.0) {
@@ -282,7 +279,7 @@ fn aperture(fields: &Fields) -> Aperture {
 }
 
 /// The keys of [`lens`] and [`aperture`].
-const KEYS_OF_LENS: [&str; 8] = [
+const LENS_KEYS: [&str; 8] = [
     "focus_distance",
     "focus_at",
     "defocus_angle",
@@ -293,9 +290,11 @@ const KEYS_OF_LENS: [&str; 8] = [
     "aperture_ratio",
 ];
 
-fn placed(fields: &Fields) -> Option<Camera> {
-    fields.mark_known(&KEYS_OF_LENS);
-    let placement = if fields.has("transform") { by_transform(fields) } else { by_target(fields) };
+/// A camera placed by `transform`, or by `look_from` and `look_at`.
+fn placed_camera(fields: &Fields) -> Option<Camera> {
+    fields.mark_known(&LENS_KEYS);
+    let placement =
+        if fields.has("transform") { placement_by_transform(fields) } else { placement_by_target(fields) };
     let name = fields.string("name").map_or("camera", |name| name.value).to_string();
     let projection = match fields.has("type") {
         true => read_projection(fields),
@@ -312,7 +311,7 @@ fn placed(fields: &Fields) -> Option<Camera> {
 }
 
 /// The placement of a camera by `transform`, without a default focus distance.
-fn by_transform(fields: &Fields) -> Option<(DAffine3, Option<f64>)> {
+fn placement_by_transform(fields: &Fields) -> Option<(DAffine3, Option<f64>)> {
     if let Some(key) = ["look_from", "look_at", "view_up"].into_iter().find(|key| fields.has(key)) {
         let message = format!("'transform' and '{key}' exclude each other: leave one out");
         fields.problems.push(fields.span(), message);
@@ -321,7 +320,7 @@ fn by_transform(fields: &Fields) -> Option<(DAffine3, Option<f64>)> {
 }
 
 /// The placement of a camera by `look_from`, `look_at` and `view_up`, and its default focus distance, metres.
-fn by_target(fields: &Fields) -> Option<(DAffine3, Option<f64>)> {
+fn placement_by_target(fields: &Fields) -> Option<(DAffine3, Option<f64>)> {
     let eye = fields.require("look_from", fields.vector("look_from"));
     let target = fields.require("look_at", fields.vector("look_at"));
     let up = fields.vector("view_up").map(|v| v.value);
@@ -347,7 +346,7 @@ enum PanoramaType {
 }
 
 #[derive(Clone, Copy, PartialEq)]
-enum Type {
+enum ProjectionType {
     Perspective,
     Orthographic,
     Panorama,
@@ -356,21 +355,21 @@ enum Type {
 /// The projection of a table with `type`. Without `type` no key is read.
 fn read_projection(fields: &Fields) -> Option<Projection> {
     let types = [
-        ("perspective", Type::Perspective),
-        ("orthographic", Type::Orthographic),
-        ("panorama", Type::Panorama),
+        ("perspective", ProjectionType::Perspective),
+        ("orthographic", ProjectionType::Orthographic),
+        ("panorama", ProjectionType::Panorama),
     ];
     match fields.choice("type", &types)? {
-        Type::Perspective => Some(perspective(fields)),
-        Type::Orthographic => {
+        ProjectionType::Perspective => Some(perspective(fields)),
+        ProjectionType::Orthographic => {
             fields.require("view_height", fields.number("view_height"))?;
             Some(Projection::Orthographic {
                 half_height: 0.5 * fields.number_in("view_height", 1e-6..1e12, 1.0),
             })
         }
-        Type::Panorama => {
+        ProjectionType::Panorama => {
             let panorama = panorama(fields)?;
-            is_round(fields).then_some(Projection::Panorama(panorama))
+            has_round_aperture(fields).then_some(Projection::Panorama(panorama))
         }
     }
 }
@@ -395,8 +394,8 @@ pub(super) fn projection_aspect_ratio(projection: &Projection) -> Option<f64> {
     }
 }
 
-/// Reports aperture keys, which panoramas don't support.
-fn is_round(fields: &Fields) -> bool {
+/// Reports the keys of non-round apertures, which panoramas don't support.
+fn has_round_aperture(fields: &Fields) -> bool {
     let Some(key) = ["blades", "blade_rotation", "aperture_ratio"].into_iter().find(|key| fields.has(key))
     else {
         return true;
@@ -418,8 +417,8 @@ fn panorama(fields: &Fields) -> Option<Panorama> {
     };
     Some(match kind {
         PanoramaType::Equirectangular => Panorama::Equirectangular {
-            longitude_rad: limits(fields, "longitude", 180.0)?,
-            latitude_rad: limits(fields, "latitude", 90.0)?,
+            longitude_rad: angle_range(fields, "longitude", 180.0)?,
+            latitude_rad: angle_range(fields, "latitude", 90.0)?,
         },
         PanoramaType::Equidistant => Panorama::FisheyeEquidistant { fov_rad: fov(fields) },
         PanoramaType::Equisolid => {
@@ -441,24 +440,24 @@ fn panorama(fields: &Fields) -> Option<Panorama> {
 }
 
 fn fov(fields: &Fields) -> f64 {
-    fields.number_in("fov", FOVS, 180.0).to_radians()
+    fields.number_in("fov", FOV_DEGREES, 180.0).to_radians()
 }
 
 /// Range of a fisheye's angle of view, degrees.
-const FOVS: Range<f64> = 1e-3..360.0;
+const FOV_DEGREES: Range<f64> = 1e-3..360.0;
 
 /// Minimum extent of an equirectangular panorama, degrees.
-const MIN: f64 = 1e-3;
+const MIN_EXTENT_DEGREES: f64 = 1e-3;
 
 /// Two ascending angles within -`max` to `max` degrees, in radians; the whole range without the key.
-fn limits(fields: &Fields, key: &'static str, max: f64) -> Option<[f64; 2]> {
-    let Some(limits) = fields.numbers::<2>(key) else {
+fn angle_range(fields: &Fields, key: &'static str, max: f64) -> Option<[f64; 2]> {
+    let Some(angles) = fields.numbers::<2>(key) else {
         return (!fields.has(key)).then_some([-max, max].map(f64::to_radians));
     };
-    let [from, to] = limits.value;
-    if !(-max <= from && to <= max && to - from >= MIN) {
+    let [from, to] = angles.value;
+    if !(-max <= from && to <= max && to - from >= MIN_EXTENT_DEGREES) {
         let message = format!("'{key}' must be two ascending angles from -{max} to {max} degrees");
-        fields.problems.push(limits.span, message);
+        fields.problems.push(angles.span, message);
         return None;
     }
     Some([from, to].map(f64::to_radians))
@@ -474,10 +473,9 @@ pub(super) fn shutter_options(options: ShutterOptions, root: &Fields) -> Shutter
     tables.fold(options, |options, table| {
         let frames = table.get("shutter").and_then(|v| number(v.get_ref()));
         let position = table.get("shutter_position").and_then(|v| v.get_ref().as_str());
-        let named =
-            position.and_then(|name| ShutterPosition::ALL.into_iter().find(|known| known.name() == name));
+        let position = position.and_then(ShutterPosition::from_name);
         let frames = frames.filter(|f| (0.0..=LONGEST_SHUTTER).contains(f));
-        options.or(frames, named)
+        options.or(frames, position)
     })
 }
 

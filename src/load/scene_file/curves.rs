@@ -19,7 +19,6 @@ use super::fields::{Fields, number, numbers};
 use super::materials::Materials;
 use super::textures::Textures;
 use super::{traits, transform};
-use crate::error::Warning;
 use crate::load::curves::{self, CurveFile};
 use crate::scene::{CurveBasis, Curves};
 use std::ops::Range;
@@ -33,21 +32,23 @@ pub(super) fn read<'a>(
 ) {
     for (i, fields) in root.tables("curves").iter().enumerate() {
         let name = fields.string("name").map_or(format!("curves {}", i + 1), |n| n.value.to_string());
-        let curves = one(build, fields, name, materials, textures);
+        let curves = read_table(build, fields, name, materials, textures);
         fields.finish();
         build.loaded.scene.curves.extend(curves);
     }
 }
 
-fn one<'a>(
+/// Reads one table; `None` after a problem.
+fn read_table<'a>(
     build: &mut SceneFileBuilder,
     fields: &Fields<'a>,
     name: String,
     materials: &mut Materials<'a>,
     textures: &mut Textures<'a>,
 ) -> Option<Curves> {
-    let named = fields.string("material").map_or(("default", fields.span()), |m| (m.value, m.span));
-    let material = materials.get(build, textures, named.0, named.1);
+    let (material_name, material_span) =
+        fields.string("material").map_or(("default", fields.span()), |m| (m.value, m.span));
+    let material = materials.get(build, textures, material_name, material_span);
     let traits = traits::traits(fields).unwrap_or_default();
     let info = traits::info(fields).unwrap_or_default();
     let world_from_object = transform::read(fields);
@@ -74,21 +75,23 @@ fn one<'a>(
     }
     let mut file = file;
     match radius {
-        Some(ends) => file.radii = tapered(&file.strands, ends),
+        Some(ends) => file.radii = tapered_radii(&file.strands, ends),
         None if file.radii.len() == file.points.len() => {}
         None => {
             fields.problems.push_help(span, format!("{name} have no radii"), "write 'radius', in metres");
             return None;
         }
     }
-    let far = file.remove_distant_strands(world_from_object);
-    let message = match (far, file.strands.is_empty()) {
+    let distant = file.remove_distant_strands(world_from_object);
+    let message = match (distant, file.strands.is_empty()) {
         (0, true) => Some(format!("{name} hold no strands")),
         (0, false) => None,
         (1, _) => Some(format!("a strand of {name} reaches beyond 1e18 m and is left out")),
-        (far, _) => Some(format!("{far} strands of {name} reach beyond 1e18 m and are left out")),
+        _ => Some(format!("{distant} strands of {name} reach beyond 1e18 m and are left out")),
     };
-    build.loaded.warnings.extend(message.map(|message| Warning::new(build.file, "", message)));
+    if let Some(message) = message {
+        build.warn(message);
+    }
     let CurveFile { strands, points, radii, colors, .. } = file;
     let material = material?;
     if !colors.is_empty() {
@@ -111,14 +114,14 @@ fn radius(fields: &Fields) -> Option<[f64; 2]> {
 }
 
 /// Radii per point, linear over the point numbers of each strand.
-fn tapered(strands: &[u32], [root, tip]: [f64; 2]) -> Vec<f32> {
-    let one = |count: u32| {
+fn tapered_radii(strands: &[u32], [root, tip]: [f64; 2]) -> Vec<f32> {
+    let of_strand = |count: u32| {
         (0..count).map(move |i| {
             let t = f64::from(i) / f64::from((count - 1).max(1));
             (root + (tip - root) * t) as f32
         })
     };
-    strands.iter().flat_map(|&count| one(count)).collect()
+    strands.iter().flat_map(|&count| of_strand(count)).collect()
 }
 
 /// The strands listed by the key `strands`.
@@ -150,8 +153,7 @@ fn from_file(
     match curves::read(&path) {
         Ok(file) => {
             if let Some(what) = file.ignored {
-                let message = format!("{name}: the {what} of '{}' is left out", given.value);
-                build.loaded.warnings.push(Warning::new(build.file, "", message));
+                build.warn(format!("{name}: the {what} of '{}' is left out", given.value));
             }
             let is_text = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("curves"));
             let basis = if is_text { CurveBasis::default() } else { CurveBasis::Linear };

@@ -1,4 +1,4 @@
-//! `[environment]`: the light from infinity, for rays that hit nothing; black without this table. Exactly one of
+//! `[environment]`: the radiance of rays that hit nothing; black without this table. It has exactly one of
 //!
 //! - `background = [r, g, b]`: constant radiance, W/sr/m2,
 //! - `sky = { nadir = [r, g, b], zenith = [r, g, b] }`: a vertical gradient (default: white below, `[.5, .7, 1]` above),
@@ -47,7 +47,9 @@ use super::fields::Fields;
 use super::media;
 use super::textures::{Textures, read_pixels};
 use super::traits::{group, visible_to};
-use super::transform::{MovingPlacement, Placement, at_node, by_transform, placed};
+use super::transform::{
+    MovingPlacement, Placement, placement_at_node, placement_by_target, placement_by_transform,
+};
 use crate::error::{Result, Warning};
 use crate::image::Image;
 use crate::load::image::Use;
@@ -61,8 +63,8 @@ use std::ops::RangeInclusive;
 
 pub(super) fn read<'a>(build: &mut SceneFileBuilder, fields: &Fields<'a>, textures: &mut Textures<'a>) {
     let sky = fields.table("sky");
-    let given = ["background", "sky", "image", "texture"].map(|key| fields.has(key));
-    let light = constant_or_image(build, fields, textures);
+    let sources = ["background", "sky", "image", "texture"].map(|key| fields.has(key));
+    let environment = constant_or_image(build, fields, textures);
     if let Some(seen) = fields.table("seen") {
         build.loaded.scene.camera_environment = read_camera_background(build, &seen, textures);
     }
@@ -72,7 +74,7 @@ pub(super) fn read<'a>(build: &mut SceneFileBuilder, fields: &Fields<'a>, textur
     build.loaded.scene.fog = media::fog(fields);
     let sun = fields.table("sun");
     fields.finish();
-    let count = given.iter().filter(|g| **g).count();
+    let count = sources.iter().filter(|is_given| **is_given).count();
     if count == 0 && fields.has("fog") {
         return;
     }
@@ -84,14 +86,14 @@ pub(super) fn read<'a>(build: &mut SceneFileBuilder, fields: &Fields<'a>, textur
     if let Some(sun) = sun {
         add_sun(build, &sun, fields.has("sky"));
     }
-    if let Some(light) = light {
-        build.loaded.scene.environment = light;
+    if let Some(environment) = environment {
+        build.loaded.scene.environment = environment;
     } else if let Some(sky) = sky {
-        let is_physical = PHYSICAL.into_iter().any(|key| sky.has(key));
+        let is_physical = PHYSICAL_SKY_KEYS.into_iter().any(|key| sky.has(key));
         let nadir = sky.color("nadir").map_or([1.0; 3], |c| c.value);
         let zenith = sky.color("zenith").map_or([0.5, 0.7, 1.0], |c| c.value);
         if is_physical {
-            add_physical(build, &sky);
+            add_physical_sky(build, &sky);
         } else {
             build.loaded.scene.environment = Environment::Gradient { nadir, zenith };
         }
@@ -111,11 +113,11 @@ fn constant_or_image<'a>(
     let rotation_rad = fields.number("rotation").map_or(0.0, |r| r.value.to_radians());
     let strength = fields.number_in("strength", 0.0..f64::from(f32::MAX), 1.0) as f32;
     let width = fields.has("resolution").then(|| {
-        let (min, max) = WIDTHS.into_inner();
+        let (min, max) = WIDTH_RANGE.into_inner();
         fields.number_in("resolution", f64::from(min)..f64::from(max), f64::from(min)) as u32
     });
-    let is_picture = fields.has("image") || fields.has("texture");
-    if !is_picture && (fields.has("rotation") || fields.has("strength")) {
+    let has_image = fields.has("image") || fields.has("texture");
+    if !has_image && (fields.has("rotation") || fields.has("strength")) {
         fields.problems.push(fields.span(), "'rotation' and 'strength' need an environment image or texture");
     }
     if width.is_some() && !fields.has("texture") {
@@ -127,8 +129,8 @@ fn constant_or_image<'a>(
     if let Some(name) = texture {
         let id = textures.get(build, name.value, name.span.clone())?;
         let Loaded { scene, warnings, .. } = &mut build.loaded;
-        let made = environment(scene, id, width, strength, rotation_rad, warnings);
-        return made.map_err(|error| fields.problems.push(name.span, error.to_string())).ok();
+        let baked = bake(scene, id, width, strength, rotation_rad, warnings);
+        return baked.map_err(|error| fields.problems.push(name.span, error.to_string())).ok();
     }
     let file = image?;
     let image = read_pixels(build, file.value, file.span, Use::Environment)?;
@@ -140,17 +142,17 @@ fn read_camera_background<'a>(
     fields: &Fields<'a>,
     textures: &mut Textures<'a>,
 ) -> Option<Environment> {
-    let seen = constant_or_image(build, fields, textures);
+    let background = constant_or_image(build, fields, textures);
     fields.finish();
     if ["background", "image", "texture"].iter().filter(|key| fields.has(key)).count() != 1 {
         fields
             .problems
             .push(fields.span(), "'seen' needs exactly one of 'background', 'image' and 'texture'");
     }
-    seen
+    background
 }
 
-const PHYSICAL: [&str; 7] =
+const PHYSICAL_SKY_KEYS: [&str; 7] =
     ["sun_elevation", "sun_azimuth", "turbidity", "ground_albedo", "sun", "sun_size", "strength"];
 
 /// Adds the sun of the key `sun`.
@@ -170,10 +172,10 @@ fn add_sun(build: &mut SceneFileBuilder, fields: &Fields, has_sky: bool) {
     sky::add_sun(&mut build.loaded.scene, unit_direction, angle.to_radians(), irradiance.value);
 }
 
-/// A clear sky, as an image and a light.
-fn add_physical(build: &mut SceneFileBuilder, sky: &Fields) {
+/// Adds a clear sky: an image and a light.
+fn add_physical_sky(build: &mut SceneFileBuilder, sky: &Fields) {
     if sky.has("nadir") || sky.has("zenith") {
-        let message = "'nadir' and 'zenith' define a gradient, 'sun_elevation' and the like a clear sky: use one of both";
+        let message = "'nadir' and 'zenith' belong to a gradient, 'sun_elevation' and others to a clear sky: use one kind";
         sky.problems.push(sky.span(), message);
     }
     let elevation = sky.number_in("sun_elevation", 0.0..90.0, 45.0);
@@ -200,8 +202,8 @@ pub(super) fn read_portals(build: &mut SceneFileBuilder, root: &Fields) {
     for (i, fields) in root.tables("portals").iter().enumerate() {
         let name = fields.string("name").map_or(format!("portal {}", i + 1), |n| n.value.to_string());
         let portal = match fields.has("corner") {
-            true => by_corner(fields),
-            false => by_center(build, fields),
+            true => portal_by_corner(fields),
+            false => portal_by_center(build, fields),
         };
         fields.finish();
         if let Some([corner, edge_u, edge_v]) = portal {
@@ -210,7 +212,7 @@ pub(super) fn read_portals(build: &mut SceneFileBuilder, root: &Fields) {
     }
 }
 
-fn by_corner(fields: &Fields) -> Option<[DVec3; 3]> {
+fn portal_by_corner(fields: &Fields) -> Option<[DVec3; 3]> {
     let [corner, u, v] = ["corner", "u", "v"].map(|key| fields.require(key, fields.vector(key)));
     let (corner, u, v) = (corner?, u?, v?);
     let (across, along) = (u.value.try_normalize(), v.value.try_normalize());
@@ -225,12 +227,12 @@ fn by_corner(fields: &Fields) -> Option<[DVec3; 3]> {
     }
 }
 
-fn by_center(build: &mut SceneFileBuilder, fields: &Fields) -> Option<[DVec3; 3]> {
+fn portal_by_center(build: &mut SceneFileBuilder, fields: &Fields) -> Option<[DVec3; 3]> {
     let size = fields.require("size", fields.numbers::<2>("size"));
     let placement = match () {
-        () if fields.has("node") => at_node(build, fields),
-        () if fields.has("transform") => by_transform(build, fields, None),
-        () => placed(fields),
+        () if fields.has("node") => placement_at_node(build, fields),
+        () if fields.has("transform") => placement_by_transform(build, fields, None),
+        () => placement_by_target(fields),
     };
     let MovingPlacement { now: Placement { center, direction, right, scale }, .. } = placement?;
     let size = size?;
@@ -244,7 +246,7 @@ fn by_center(build: &mut SceneFileBuilder, fields: &Fields) -> Option<[DVec3; 3]
 }
 
 /// Range of `resolution`, texels.
-pub const WIDTHS: RangeInclusive<u32> = 16..=16384;
+pub const WIDTH_RANGE: RangeInclusive<u32> = 16..=16384;
 
 /// Default width for textures without images; the minimum for textures with images.
 const DEFAULT_WIDTH: u32 = 2048;
@@ -256,7 +258,7 @@ const MAX_DEFAULT_WIDTH: u32 = 8192;
 ///
 /// # Errors
 /// An image of the texture is damaged.
-pub fn environment(
+pub fn bake(
     scene: &mut Scene,
     texture: TextureId,
     width: Option<u32>,
@@ -265,21 +267,22 @@ pub fn environment(
     warnings: &mut Vec<Warning>,
 ) -> Result<Environment> {
     let (textures, report) = CompiledTextures::of_some(&scene.textures, &scene.images, &[texture])?;
-    let used = Texture::image_ids(&scene.textures, texture);
+    let image_ids = Texture::image_ids(&scene.textures, texture);
     warnings.extend(report.warnings);
     if let Some([r, g, b, _]) = textures.constant(texture) {
         return Ok(Environment::Constant([r, g, b].map(|c| c * strength)));
     }
-    let widest = used.iter().filter_map(|id| scene.images.get(id.index())).map(|image| image.width).max();
+    let widest =
+        image_ids.iter().filter_map(|id| scene.images.get(id.index())).map(|image| image.width).max();
     let default = widest.unwrap_or(0).clamp(DEFAULT_WIDTH, MAX_DEFAULT_WIDTH);
     let width = width.unwrap_or(default);
     // Textures with images have no detail below their texels, and need no antialiasing.
-    let image = scene.add_image(baked(&textures, texture, width, widest.is_none()));
+    let image = scene.add_image(bake_image(&textures, texture, width, widest.is_none()));
     Ok(Environment::Image { image, strength, rotation_rad })
 }
 
 /// Bakes the texture at the centres of texels; if `is_antialiased`, with four samples per texel at edges.
-fn baked(textures: &CompiledTextures, texture: TextureId, width: u32, is_antialiased: bool) -> Image {
+fn bake_image(textures: &CompiledTextures, texture: TextureId, width: u32, is_antialiased: bool) -> Image {
     let height = (width / 2).max(1);
     let size = [width, height];
     let value = |x: f64, y: f64| {
@@ -290,10 +293,10 @@ fn baked(textures: &CompiledTextures, texture: TextureId, width: u32, is_antiali
         let [r, g, b, _] = PointReader::new(textures, point).eval(texture);
         [r, g, b]
     };
-    let centres = rows(size, |x, y| value(f64::from(x) + 0.5, f64::from(y) + 0.5));
+    let centres = evaluate_texels(size, |x, y| value(f64::from(x) + 0.5, f64::from(y) + 0.5));
     let values = match is_antialiased {
         false => centres,
-        true => rows(size, |x, y| match has_edge(&centres, size, [x, y]) {
+        true => evaluate_texels(size, |x, y| match has_edge(&centres, size, [x, y]) {
             false => centres[(y * width + x) as usize],
             true => mean(
                 [(0.25, 0.25), (0.75, 0.25), (0.25, 0.75), (0.75, 0.75)]
@@ -305,7 +308,7 @@ fn baked(textures: &CompiledTextures, texture: TextureId, width: u32, is_antiali
 }
 
 /// Values of all texels, row by row from the top.
-fn rows([width, height]: [u32; 2], value: impl Fn(u32, u32) -> [f32; 3] + Sync) -> Vec<[f32; 3]> {
+fn evaluate_texels([width, height]: [u32; 2], value: impl Fn(u32, u32) -> [f32; 3] + Sync) -> Vec<[f32; 3]> {
     let mut values = vec![[0.0; 3]; width as usize * height as usize];
     values.par_chunks_exact_mut(width as usize).zip(0..height).for_each(|(row, y)| {
         (0..).zip(row).for_each(|(x, texel)| *texel = value(x, y));
@@ -315,7 +318,7 @@ fn rows([width, height]: [u32; 2], value: impl Fn(u32, u32) -> [f32; 3] + Sync) 
 
 /// Whether a texel differs from a neighbour by more than a fraction of the brighter of the two.
 fn has_edge(values: &[[f32; 3]], [width, height]: [u32; 2], [x, y]: [u32; 2]) -> bool {
-    /// Maximum relative difference without antialiasing.
+    /// Maximum relative difference of neighbours without antialiasing.
     const MAX_DIFFERENCE: f32 = 0.1;
     let at = |x: u32, y: u32| values[(y * width + x) as usize];
     let own = at(x, y);
@@ -355,8 +358,8 @@ mod tests {
         let [even, odd] = [[1.0, 0.5, 0.25], [0.0, 0.0, 2.0]].map(|c| scene.add_texture(Texture::Solid(c)));
         let checker =
             scene.add_texture(Texture::Checker { even, odd, cell_size: 2.0, mapping: Mapping::World });
-        let made = environment(&mut scene, checker, Some(64), 3.0, 0.5, &mut Vec::new()).unwrap();
-        let Environment::Image { image, strength, rotation_rad } = made else { panic!("{made:?}") };
+        let baked = bake(&mut scene, checker, Some(64), 3.0, 0.5, &mut Vec::new()).unwrap();
+        let Environment::Image { image, strength, rotation_rad } = baked else { panic!("{baked:?}") };
         assert_eq!((strength, rotation_rad), (3.0, 0.5));
         let image = &scene.images[image.index()];
         assert_eq!((image.width, image.height), (64, 32));
@@ -372,8 +375,8 @@ mod tests {
     fn constant_textures_become_constant_environments() {
         let mut scene = Scene::default();
         let grey = scene.add_texture(Texture::Solid([0.5; 3]));
-        let made = environment(&mut scene, grey, None, 2.0, 0.0, &mut Vec::new()).unwrap();
-        assert_eq!(made, Environment::Constant([1.0; 3]));
+        let baked = bake(&mut scene, grey, None, 2.0, 0.0, &mut Vec::new()).unwrap();
+        assert_eq!(baked, Environment::Constant([1.0; 3]));
         assert!(scene.images.is_empty());
     }
 
@@ -398,8 +401,8 @@ mod tests {
         let nodes = vec![Node { kind, inputs, image: Some(read), reads_alpha: false }];
         let graph = NodeGraph { nodes, result: NodeInput::Link { node: 0, output: 0 }, is_z_up: true };
         let graph = scene.add_texture(Texture::Nodes(Arc::new(graph)));
-        let made = environment(&mut scene, graph, Some(64), 1.0, 0.0, &mut Vec::new()).unwrap();
-        let Environment::Image { image, .. } = made else { panic!("{made:?}") };
+        let baked = bake(&mut scene, graph, Some(64), 1.0, 0.0, &mut Vec::new()).unwrap();
+        let Environment::Image { image, .. } = baked else { panic!("{baked:?}") };
         for (i, expected) in rgb.as_chunks::<3>().0.iter().enumerate() {
             let found = scene.images[image.index()].rgba(i as u32 % 64, i as u32 / 64);
             let distance = (0..3).map(|c| (found[c] - expected[c]).abs()).fold(0.0, f32::max);

@@ -103,7 +103,7 @@ pub(super) struct Located<T> {
 }
 
 impl<'a> Fields<'a> {
-    /// Access to a table that starts at `span`.
+    /// Access to a table at `span`.
     pub fn new(
         description: impl Into<String>,
         table: &'a DeTable<'a>,
@@ -111,6 +111,20 @@ impl<'a> Fields<'a> {
         problems: &'a Problems<'a>,
     ) -> Fields<'a> {
         Fields { description: description.into(), table, span, known: RefCell::new(Vec::new()), problems }
+    }
+
+    /// Access to the table of a value; reports values of other types.
+    pub fn of_value(
+        description: impl Into<String>,
+        value: &'a Spanned<DeValue<'a>>,
+        problems: &'a Problems<'a>,
+    ) -> Option<Fields<'a>> {
+        let description = description.into();
+        let Some(table) = value.get_ref().as_table() else {
+            problems.push(value.span(), format!("{description} must be a table"));
+            return None;
+        };
+        Some(Fields::new(description, table, value.span(), problems))
     }
 
     /// Name of the table in messages.
@@ -333,16 +347,13 @@ pub(super) fn named<'a>(
     let found = all.and_then(|fields| fields.entry(name));
     if found.is_none() {
         let names = all.into_iter().flat_map(|fields| fields.entries()).map(|(n, _)| n);
-        let help = match nearest(name, names) {
-            Some(near) => format!("did you mean '{near}'?"),
-            None => format!("add a table [{kind}s.{name}]"),
-        };
+        let help = suggestion(name, names, format!("add a table [{kind}s.{name}]"));
         problems.push_help(span, format!("there is no {kind} '{name}'"), help);
     }
     found
 }
 
-/// Names of keys in other programs and formats, and ours.
+/// Names of keys in other programs and formats, and in scene files.
 const SYNONYMS: [(&[&str], &[&str]); 11] = [
     (&["position", "eye", "origin", "location"], &["look_from", "center", "transform"]),
     (&["target", "lookat", "interest"], &["look_at"]),
@@ -359,8 +370,13 @@ const SYNONYMS: [(&[&str], &[&str]); 11] = [
 
 /// The key among `known` that other programs call `name`.
 fn known_synonym<'n>(name: &str, known: &[&'n str]) -> Option<&'n str> {
-    let ours = SYNONYMS.iter().filter(|(theirs, _)| theirs.contains(&name)).flat_map(|(_, ours)| *ours);
-    ours.filter_map(|own| known.iter().find(|key| *key == own)).next().copied()
+    let keys = SYNONYMS.iter().filter(|(foreign, _)| foreign.contains(&name)).flat_map(|(_, keys)| *keys);
+    keys.filter_map(|key| known.iter().find(|other| *other == key)).next().copied()
+}
+
+/// Help for an unknown `name`: the nearest of `names`, else `default`.
+pub(super) fn suggestion<'n>(name: &str, names: impl Iterator<Item = &'n str>, default: String) -> String {
+    nearest(name, names).map_or(default, |near| format!("did you mean '{near}'?"))
 }
 
 /// The name nearest to `name` by edit distance, if near enough for a misspelling.

@@ -5,7 +5,7 @@
 use super::assets::Assets;
 use super::builder::SceneFileBuilder;
 use super::fields::Fields;
-use super::transform::{read_keys, segment};
+use super::transform::{key_segment, read_keys};
 use crate::error::Warning;
 use crate::load::mesh_tools::placed_shape;
 use crate::load::{files, ply};
@@ -61,19 +61,19 @@ pub(super) fn copy(
         let message = "quads have no 'instances': use a triangle, a box or a mesh";
         return build.problems.push(span, message);
     }
-    let own = scene.instances.split_off(instances);
-    assets.copy_listed_materials(instances, own.len(), points.len());
-    scene.instances.reserve(own.len() * points.len());
+    let originals = scene.instances.split_off(instances);
+    assets.copy_listed_materials(instances, originals.len(), points.len());
+    scene.instances.reserve(originals.len() * points.len());
     for (number, point) in points.iter().enumerate() {
-        for instance in &own {
-            let copied = copied(scene, instance, number, point);
-            scene.instances.push(copied);
+        for instance in &originals {
+            let copy = copy_instance(scene, instance, number, point);
+            scene.instances.push(copy);
         }
     }
-    let own = scene.shapes.split_off(shapes);
-    scene.shapes.reserve(own.len() * points.len());
+    let originals = scene.shapes.split_off(shapes);
+    scene.shapes.reserve(originals.len() * points.len());
     for (number, point) in points.iter().enumerate() {
-        for shape in &own {
+        for shape in &originals {
             let Some(copy) = placed_shape(&point.world_from_object, shape.clone()) else {
                 let message =
                     format!("instance {number} has a non-uniform scale, but spheres and disks stay round");
@@ -83,34 +83,33 @@ pub(super) fn copy(
                     "scale instances of spheres and disks uniformly",
                 );
             };
-            let info = info(&copy.info, number, point);
+            let info = copy_info(&copy.info, number, point);
             scene.shapes.push(crate::scene::Shape { info, ..copy });
         }
     }
 }
 
 /// A copy of an instance, transformed by a point instance.
-fn copied(scene: &mut Scene, instance: &Instance, number: usize, point: &PointInstance) -> Instance {
-    let moved = |key: &DAffine3| point.world_from_object * *key;
+fn copy_instance(scene: &mut Scene, instance: &Instance, number: usize, point: &PointInstance) -> Instance {
+    let transformed = |key: &DAffine3| point.world_from_object * *key;
     let motion = match instance.motion {
         Motion::Keyed(key) => {
-            let moving = scene.motion.instances[key as usize].map(moved);
-            scene.motion.instances.push(moving);
-            Motion::Keyed(scene.motion.instances.len() as u32 - 1)
+            let keys = scene.motion.instances[key as usize].map(transformed);
+            scene.motion.add_instance(keys)
         }
         motion => motion,
     };
-    let world_from_object = moved(&instance.world_from_object);
-    Instance { world_from_object, motion, info: info(&instance.info, number, point), ..instance.clone() }
+    let world_from_object = transformed(&instance.world_from_object);
+    Instance { world_from_object, motion, info: copy_info(&instance.info, number, point), ..instance.clone() }
 }
 
 /// `object_info` outputs of a copy: those of the file, else those of the object; random numbers default to a hash of the
 /// instance's number.
-fn info(own: &ObjectInfo, number: usize, point: &PointInstance) -> ObjectInfo {
+fn copy_info(object: &ObjectInfo, number: usize, point: &PointInstance) -> ObjectInfo {
     ObjectInfo {
-        color: point.color.unwrap_or(own.color),
-        index: point.index.unwrap_or(own.index),
-        random: point.random.or(own.random).or_else(|| Some(unit(hash32(number as u32)))),
+        color: point.color.unwrap_or(object.color),
+        index: point.index.unwrap_or(object.index),
+        random: point.random.or(object.random).or_else(|| Some(unit(hash32(number as u32)))),
     }
 }
 
@@ -158,18 +157,15 @@ impl MeshKeys {
         }
         let is_known = assets.has_mesh_keys(id, &self.label)?;
         let (now, shutter) = (build.frame(), build.shutter);
-        let still = Keyframes {
-            keys: vec![world_from_object; 2],
-            neighbours: shutter.vectors.then_some([world_from_object; 2]),
-        };
         if !is_known {
             let (keys, _) = shutter.keys_for(&mut |frames| self.key_weights(now + frames));
-            let keys: Vec<Vertices> = shutter.key_frames(keys).map(|f| self.at(now + f)).collect();
-            let neighbours = shutter.vectors.then(|| [self.at(now - 1.0), self.at(now + 1.0)]);
-            let shape = self.at(now);
+            let keys: Vec<Vertices> = shutter.key_frames(keys).map(|f| self.vertices_at(now + f)).collect();
+            let neighbours =
+                shutter.vectors.then(|| [self.vertices_at(now - 1.0), self.vertices_at(now + 1.0)]);
+            let vertices = self.vertices_at(now);
             let scene = &mut build.loaded.scene;
             let mesh = &mut scene.meshes[id.index()];
-            (mesh.positions, mesh.normals) = (shape.positions, shape.normals);
+            (mesh.positions, mesh.normals) = (vertices.positions, vertices.normals);
             if shutter.needs_motion() {
                 scene.motion.meshes.insert(id.index(), Keyframes { keys, neighbours });
             }
@@ -177,27 +173,30 @@ impl MeshKeys {
         if !shutter.needs_motion() || matches!(motion, Motion::Keyed(_)) {
             return Ok(motion);
         }
-        let instances = &mut build.loaded.scene.motion.instances;
-        instances.push(still);
-        Ok(Motion::Keyed(instances.len() as u32 - 1))
+        let keys = Keyframes {
+            keys: vec![world_from_object; 2],
+            neighbours: shutter.vectors.then_some([world_from_object; 2]),
+        };
+        Ok(build.loaded.scene.motion.add_instance(keys))
     }
 
-    /// The interpolation weight of each key at a frame, as a shear, so that the tolerance of transforms applies to it.
+    /// The interpolation weight of each key at a frame, encoded as a shear, for [`ShutterOptions::keys_for`], which compares
+    /// transforms.
     fn key_weights(&self, frame: f64) -> Vec<DAffine3> {
-        let (before, weight) = segment(&self.keys, frame);
+        let (before, weight) = key_segment(&self.keys, frame);
         let weight = weight.unwrap_or(0.0);
-        let of = |key: usize| match key {
+        let weight_of = |key: usize| match key {
             key if key == before => 1.0 - weight,
             key if key == before + 1 => weight,
             _ => 0.0,
         };
         let shear = |weight: f64| DMat3::from_cols(DVec3::new(1.0, weight, 0.0), DVec3::Y, DVec3::Z);
-        (0..self.keys.len()).map(|key| DAffine3::from_mat3(shear(of(key)))).collect()
+        (0..self.keys.len()).map(|key| DAffine3::from_mat3(shear(weight_of(key)))).collect()
     }
 
     /// The interpolated vertices at a frame.
-    fn at(&self, frame: f64) -> Vertices {
-        let (before, weight) = segment(&self.keys, frame);
+    fn vertices_at(&self, frame: f64) -> Vertices {
+        let (before, weight) = key_segment(&self.keys, frame);
         let from = &self.keys[before].1;
         let Some(weight) = weight.filter(|weight| *weight > 0.0) else { return from.clone() };
         let to = &self.keys[before + 1].1;

@@ -37,10 +37,12 @@
 //! add their radiance once, and spheres also emit inwards. All other lights have no surface, but suns with an angle are visible in mirrors.
 
 use super::builder::SceneFileBuilder;
-use super::fields::{Fields, nearest};
+use super::fields::{Fields, suggestion};
 use super::textures::read_image;
-use super::traits::{LightTraits, group, positive, strength, visible_to};
-use super::transform::{MovingPlacement, Placement, at_node, direction, placed};
+use super::traits::{LightTraits, group, non_negative, strength, visible_to};
+use super::transform::{
+    EvaluatedMotion, MovingPlacement, Placement, direction, placement_at_node, placement_by_target,
+};
 use super::{fields, traits, transform};
 use crate::error::Warning;
 use crate::load::image::Use;
@@ -48,8 +50,8 @@ use crate::load::{files, ies};
 use crate::math::{DAffine3, DMat3, DQuat, DVec3, Vec2};
 use crate::scene::{
     Beam, EmitterTraits, Instance, Interpolation, Keyframes, Light, LightKind, LightProfile, Mapping,
-    Material, MaterialId, Mesh, MeshId, MeshPart, Motion, ObjectTraits, Quad, RayKinds, Scene, Shape,
-    ShapeKind, SpotFade, Texture, TextureId, TextureTransform, Wrap,
+    Material, MaterialId, Mesh, MeshPart, ObjectTraits, Quad, RayKinds, Scene, Shape, ShapeKind, SpotFade,
+    Texture, TextureId, TextureTransform, Wrap,
 };
 use crate::shape::mesh_of;
 use std::f64::consts::{FRAC_PI_4, PI};
@@ -61,14 +63,10 @@ const SHAPES: [&str; 4] = ["area", "point", "spot", "sun"];
 pub(super) fn read(build: &mut SceneFileBuilder, root: &Fields) {
     let Some(list) = root.list("lights") else { return };
     for (i, value) in list.iter().enumerate() {
-        let Some(table) = value.get_ref().as_table() else {
-            root.problems.push(value.span(), "a light must be a table");
-            continue;
-        };
         let number = format!("light {}", i + 1);
-        let fields = Fields::new(&number, table, value.span(), root.problems);
-        if fields.has("name") && !SHAPES.iter().any(|shape| table.contains_key(*shape)) {
-            change(build, &fields);
+        let Some(fields) = Fields::of_value(&number, value, root.problems) else { continue };
+        if fields.has("name") && !SHAPES.iter().any(|shape| fields.is_given(shape)) {
+            change_lights(build, &fields);
             continue;
         }
         let name = fields.string("name").map_or(number, |n| n.value.to_string());
@@ -80,19 +78,19 @@ pub(super) fn read(build: &mut SceneFileBuilder, root: &Fields) {
             beam: Beam::Even,
         };
         let links = traits::read_links(build, &fields).unwrap_or_default();
-        let (placed, moved) = match fields.has("transform") {
+        let (placement, motion) = match fields.has("transform") {
             true => {
-                let moved = transform::read_motion(build, &fields, &name);
-                (Some(transform::by_transform(build, &fields, moved.as_ref())), None)
+                let motion = transform::read_motion(build, &fields, &name);
+                (Some(transform::placement_by_transform(build, &fields, motion.as_ref())), None)
             }
             false => (None, transform::rigid_motion(build, &fields, &name)),
         };
-        let given: Vec<&'static str> = SHAPES.into_iter().filter(|s| fields.has(s)).collect();
-        match given[..] {
+        let shapes: Vec<&'static str> = SHAPES.into_iter().filter(|s| fields.has(s)).collect();
+        match shapes[..] {
             [shape] => {
                 if let Some(shape_fields) = fields.table(shape) {
                     check_node(&fields, &shape_fields);
-                    let traits = LightTraits { name, color, emitter, group, links, placed, moved };
+                    let traits = LightTraits { name, color, emitter, group, links, placement, motion };
                     add(build, shape, &shape_fields, traits);
                     shape_fields.finish();
                 }
@@ -119,10 +117,10 @@ fn check_node(fields: &Fields, shape: &Fields) {
 }
 
 /// Changes existing lights of a name.
-fn change(build: &mut SceneFileBuilder, fields: &Fields) {
+fn change_lights(build: &mut SceneFileBuilder, fields: &Fields) {
     let color = fields.color("color").map(|c| c.value);
     let strengths =
-        ["radiance", "intensity", "irradiance"].map(|key| positive(fields, key).map(|v| v as f32));
+        ["radiance", "intensity", "irradiance"].map(|key| non_negative(fields, key).map(|v| v as f32));
     fields.mark_known(&SHAPES);
     if let Some(name) = fields.string("name")
         && !change_all(&mut build.loaded.scene, name.value, strengths, color)
@@ -131,10 +129,8 @@ fn change(build: &mut SceneFileBuilder, fields: &Fields) {
         let surfaces = scene.materials.iter().filter(|material| material.is_light).map(|m| m.name.as_str());
         let names = scene.lights.iter().map(|light| light.name.as_str()).chain(surfaces);
         let message = format!("there is no light '{}' to change", name.value);
-        let help = match nearest(name.value, names) {
-            Some(near) => format!("did you mean '{near}'?"),
-            None => format!("a new light needs one of {}", SHAPES.join(", ")),
-        };
+        let default = format!("a new light needs one of {}", SHAPES.join(", "));
+        let help = suggestion(name.value, names, default);
         fields.problems.push_help(name.span, message, help);
     }
     fields.finish();
@@ -150,22 +146,22 @@ fn change_all(
     let mut has_any = false;
     for light in scene.lights.iter_mut().filter(|light| light.name == name) {
         let strength = if light.kind.position().is_some() { intensity } else { irradiance };
-        light.intensity = changed(light.intensity, strength, color);
+        light.intensity = changed_intensity(light.intensity, strength, color);
         has_any = true;
     }
     for material in scene.materials.iter_mut().filter(|m| m.is_light && m.name == name) {
         if let Some(emission) = &mut material.emission {
-            emission.radiance.factor = changed(emission.radiance.factor, radiance, color);
+            emission.radiance.factor = changed_intensity(emission.radiance.factor, radiance, color);
             has_any = true;
         }
     }
     has_any
 }
 
-/// Replaces the largest component of a light's colour, its hue, or both.
-fn changed(own: [f32; 3], strength: Option<f32>, color: Option<[f32; 3]>) -> [f32; 3] {
-    let largest = own.into_iter().fold(0.0, f32::max);
-    let hue = color.unwrap_or(if largest > 0.0 { own.map(|v| v / largest) } else { [1.0; 3] });
+/// Replaces the largest component of a light's intensity, its hue, or both.
+fn changed_intensity(intensity: [f32; 3], strength: Option<f32>, color: Option<[f32; 3]>) -> [f32; 3] {
+    let largest = intensity.into_iter().fold(0.0, f32::max);
+    let hue = color.unwrap_or(if largest > 0.0 { intensity.map(|v| v / largest) } else { [1.0; 3] });
     hue.map(|v| v * strength.unwrap_or(largest))
 }
 
@@ -173,22 +169,22 @@ fn add(build: &mut SceneFileBuilder, shape: &str, fields: &Fields, traits: Light
     match shape {
         "area" => add_area(build, fields, traits),
         "sun" => add_sun(build, fields, traits),
-        _ => add_local(build, shape == "spot", fields, traits),
+        _ => add_point_or_spot(build, shape == "spot", fields, traits),
     }
 }
 
 /// The placement of a light by `node` or `transform`; `None` without these keys, `Some(None)` after a problem.
-fn given_place(
+fn read_placement(
     build: &mut SceneFileBuilder,
     fields: &Fields,
     traits: &mut LightTraits,
 ) -> Option<Option<MovingPlacement>> {
-    if fields.has("node") { Some(at_node(build, fields)) } else { traits.placed.take() }
+    if fields.has("node") { Some(placement_at_node(build, fields)) } else { traits.placement.take() }
 }
 
 /// Adds a point or a spot.
-fn add_local(build: &mut SceneFileBuilder, is_spot: bool, fields: &Fields, mut traits: LightTraits) {
-    let node = given_place(build, fields, &mut traits);
+fn add_point_or_spot(build: &mut SceneFileBuilder, is_spot: bool, fields: &Fields, mut traits: LightTraits) {
+    let node = read_placement(build, fields, &mut traits);
     let position = match &node {
         Some(node) => node.as_ref().map(|n| n.now.center),
         None => fields.require("position", fields.vector("position")).map(|p| p.value),
@@ -217,7 +213,7 @@ fn add_local(build: &mut SceneFileBuilder, is_spot: bool, fields: &Fields, mut t
             motion: node.flatten().and_then(|n| n.motion),
         }
     });
-    let placement = placement.map(|placement| placement.moved(traits.moved.as_ref()));
+    let placement = placement.map(|placement| placement.with_motion(traits.motion.as_ref()));
     let intensity = strength(fields, "intensity", 1.0 / (4.0 * PI));
     let (Some(MovingPlacement { now, motion }), Some(intensity)) = (placement, intensity) else { return };
     let (position, direction) = (now.center, now.direction);
@@ -233,7 +229,7 @@ fn add_local(build: &mut SceneFileBuilder, is_spot: bool, fields: &Fields, mut t
     if radius > 0.0 {
         // A sphere has the intensity of its projected disk: radiance times pi r^2.
         let radiance = intensity / (PI * radius * radius);
-        let motion = motion.map(|moving| shape_motion(build, &traits.name, position, &beam, &moving));
+        let motion = motion.map(|keys| shape_motion(build, &traits.name, position, &beam, &keys));
         return add_surface(
             build,
             (
@@ -245,7 +241,7 @@ fn add_local(build: &mut SceneFileBuilder, is_spot: bool, fields: &Fields, mut t
             (radiance, None),
         );
     }
-    let motion = motion.map(|moving| moving.map(|then| at(kind, then)));
+    let motion = motion.map(|keys| keys.map(|placement| placed_at(kind, placement)));
     push(build, traits, (kind, motion), intensity, None);
 }
 
@@ -264,25 +260,24 @@ fn add_profiled(
     }
     let Some(center) = position else { return };
     let angles = cone.flatten().map(|(_, inner, outer, _)| [inner, outer]);
-    let local = local(fields, angles);
+    let at_origin = profiled_at_origin(fields, angles);
     let rotation = match node {
-        Some(node) => Some(rotation(&node.now)),
-        None => aimed(fields, center, axis),
+        Some(node) => Some(placement_rotation(&node.now)),
+        None => rotation_to_axis(fields, center, axis),
     };
     let radius = fields.number_in("radius", 0.0..1e9, 0.0);
     let is_soft = fields.flag("soft_falloff", false);
     let (Some(rotation), Some((profile, intensity))) = (rotation, profile) else { return };
-    let mut kind = rotated(local, center, rotation);
+    let mut kind = rotated(at_origin, center, rotation);
     let motion = node.and_then(|node| node.motion.as_ref());
-    let mut motion = motion.map(|moving| moving.map(|then| at(local, then)));
-    if let Some(moved) = &traits.moved {
-        kind = transformed(kind, &moved.at_time);
-        motion =
-            moved.relative_keys.as_ref().map(|relative_keys| relative_keys.map(|by| transformed(kind, by)));
+    let mut motion = motion.map(|keys| keys.map(|placement| placed_at(at_origin, placement)));
+    if let Some(EvaluatedMotion { at_time, relative_keys }) = &traits.motion {
+        kind = transformed(kind, at_time);
+        motion = relative_keys.as_ref().map(|keys| keys.map(|key| transformed(kind, key)));
     }
     match kind {
         LightKind::Profiled { position, rotation, cone } if radius > 0.0 => {
-            let motion = motion.map(|moving| profiled_shape_motion(build, &traits.name, &kind, &moving));
+            let motion = motion.map(|keys| profiled_shape_motion(build, &traits.name, &kind, &keys));
             let beam = Beam::Profile { profile: build.loaded.scene.add_profile(profile), rotation, cone };
             let radiance = intensity / (PI * radius * radius);
             let kind = shape_kind(is_soft, traits.emitter.is_obstacle);
@@ -294,17 +289,17 @@ fn add_profiled(
 }
 
 fn add_sun(build: &mut SceneFileBuilder, fields: &Fields, mut traits: LightTraits) {
-    let node = given_place(build, fields, &mut traits);
+    let node = read_placement(build, fields, &mut traits);
     let direction: Option<DVec3> = match &node {
         Some(node) => node.as_ref().map(|n| n.now.direction),
         None => direction(fields, None),
     };
     let angle_rad = fields.number_in("angle", 0.0..180.0, 0.0).to_radians();
-    let irradiance = fields.require("irradiance", positive(fields, "irradiance"));
+    let irradiance = fields.require("irradiance", non_negative(fields, "irradiance"));
     let motion = node.flatten().and_then(|node| node.motion);
     let placement =
         direction.map(|axis| MovingPlacement { now: Placement::along_axis(DVec3::ZERO, axis), motion });
-    let placement = placement.map(|placement| placement.moved(traits.moved.as_ref()));
+    let placement = placement.map(|placement| placement.with_motion(traits.motion.as_ref()));
     if let (Some(MovingPlacement { now, motion }), Some(irradiance)) = (placement, irradiance) {
         let direction = now.direction;
         // Smaller suns are delta lights.
@@ -312,19 +307,19 @@ fn add_sun(build: &mut SceneFileBuilder, fields: &Fields, mut traits: LightTrait
             true => LightKind::Sun { direction, angle_rad },
             false => LightKind::Directional { direction },
         };
-        let motion = motion.map(|moving| moving.map(|then| at(kind, then)));
+        let motion = motion.map(|keys| keys.map(|placement| placed_at(kind, placement)));
         push(build, traits, (kind, motion), irradiance, None);
     }
 }
 
 /// A light at another placement.
-fn at(mut kind: LightKind, placement: &Placement) -> LightKind {
+fn placed_at(mut kind: LightKind, placement: &Placement) -> LightKind {
     match &mut kind {
         LightKind::Point { position } => *position = placement.center,
         LightKind::Spot { position, direction, .. } => {
             (*position, *direction) = (placement.center, placement.direction);
         }
-        LightKind::Profiled { .. } => return rotated(kind, placement.center, rotation(placement)),
+        LightKind::Profiled { .. } => return rotated(kind, placement.center, placement_rotation(placement)),
         LightKind::Directional { direction } | LightKind::Sun { direction, .. } => {
             *direction = placement.direction;
         }
@@ -333,10 +328,10 @@ fn at(mut kind: LightKind, placement: &Placement) -> LightKind {
 }
 
 /// A profiled light after a rigid motion.
-fn transformed(mut kind: LightKind, by: &DAffine3) -> LightKind {
+fn transformed(mut kind: LightKind, motion: &DAffine3) -> LightKind {
     if let LightKind::Profiled { position, rotation, .. } = &mut kind {
-        *position = by.transform_point3(*position);
-        *rotation = (DQuat::from_mat3(&by.matrix3) * *rotation).normalize();
+        *position = motion.transform_point3(*position);
+        *rotation = (DQuat::from_mat3(&motion.matrix3) * *rotation).normalize();
     }
     kind
 }
@@ -372,10 +367,10 @@ fn push(
 }
 
 /// Maximum spread of a beam, degrees; wider spreads, and the default, are diffuse emission.
-const WIDEST_BEAM: f64 = 179.9;
+const MAX_BEAM_DEGREES: f64 = 179.9;
 
 /// The surface of a light.
-pub(super) enum Surface {
+enum Surface {
     /// Emits along edge_u x edge_v.
     Rectangle { corner: DVec3, edge_u: DVec3, edge_v: DVec3 },
     /// Ellipse with semi-axes axis_u and axis_v that emits along axis_u x axis_v.
@@ -384,9 +379,9 @@ pub(super) enum Surface {
     Shape { position: DVec3, radius: f64, kind: ShapeKind },
 }
 
-/// The shape of a light with a radius: a disk that faces the receiver if it has a soft falloff, else a sphere, or a shell
-/// that rays pass and that also emits inwards.
-pub(super) fn shape_kind(is_soft: bool, is_obstacle: bool) -> ShapeKind {
+/// The shape of a light with a radius: with a soft falloff a disk that faces the receiver, else a sphere, or, if rays pass
+/// through it, a shell, which also emits inwards.
+fn shape_kind(is_soft: bool, is_obstacle: bool) -> ShapeKind {
     match is_obstacle {
         _ if is_soft => ShapeKind::FacingDisk,
         true => ShapeKind::Sphere,
@@ -394,17 +389,17 @@ pub(super) fn shape_kind(is_soft: bool, is_obstacle: bool) -> ShapeKind {
     }
 }
 
-pub(super) fn add_area(build: &mut SceneFileBuilder, fields: &Fields, mut traits: LightTraits) {
+fn add_area(build: &mut SceneFileBuilder, fields: &Fields, mut traits: LightTraits) {
     fields.mark_known(&["power", "radiance"]);
     let size = fields.require("size", fields.numbers::<2>("size"));
     let is_ellipse = fields.choice("shape", &[("rectangle", false), ("ellipse", true)]).unwrap_or(false);
     let spread = fields.number_in("spread", 0.1..180.0, 180.0);
-    let placement = given_place(build, fields, &mut traits).unwrap_or_else(|| placed(fields));
+    let placement = read_placement(build, fields, &mut traits).unwrap_or_else(|| placement_by_target(fields));
     let Some(size) = size else { return };
     if size.value.iter().any(|s| *s <= 0.0) {
         return fields.problems.push(size.span, "'size' of an area light must be above 0");
     }
-    let placement = placement.map(|placed| placed.moved(traits.moved.as_ref()));
+    let placement = placement.map(|placement| placement.with_motion(traits.motion.as_ref()));
     let Some(MovingPlacement { now, motion }) = placement else { return };
     let Placement { center, direction, right, scale } = now;
     let [width, height] = [size.value[0] * scale[0], size.value[1] * scale[1]];
@@ -415,18 +410,18 @@ pub(super) fn add_area(build: &mut SceneFileBuilder, fields: &Fields, mut traits
         true => Surface::Ellipse { center, axis_u: edge_u / 2.0, axis_v: edge_v / 2.0 },
         false => Surface::Rectangle { corner: center - (edge_u + edge_v) / 2.0, edge_u, edge_v },
     };
-    let beam = match spread < WIDEST_BEAM {
+    let beam = match spread < MAX_BEAM_DEGREES {
         true => Beam::Grid { half_angle_rad: spread.to_radians() / 2.0 },
         false => Beam::Even,
     };
-    let picture = fields.string("image").and_then(|image| picture(build, image, is_ellipse));
+    let texture = fields.string("image").and_then(|image| image_texture(build, image, is_ellipse));
     let unit_from_world = now.world_from_unit().inverse();
-    let motion = motion.map(|moving| moving.map(|then| then.world_from_unit() * unit_from_world));
-    add_surface(build, (surface, motion), traits, beam, (radiance, picture));
+    let motion = motion.map(|keys| keys.map(|placement| placement.world_from_unit() * unit_from_world));
+    add_surface(build, (surface, motion), traits, beam, (radiance, texture));
 }
 
 /// The image of an area light as a texture, upright as seen from its front: v of rectangles runs upwards and is flipped.
-fn picture(
+fn image_texture(
     build: &mut SceneFileBuilder,
     image: fields::Located<&str>,
     is_ellipse: bool,
@@ -447,31 +442,30 @@ fn picture(
 
 /// The motion of a light with a radius, relative to the frame's time. Rotating spot cones aren't supported and cause a
 /// warning.
-pub(super) fn shape_motion(
+fn shape_motion(
     build: &mut SceneFileBuilder,
     name: &str,
     position: DVec3,
     beam: &Beam,
-    moving: &Keyframes<Placement>,
+    keys: &Keyframes<Placement>,
 ) -> Keyframes<DAffine3> {
     if let Beam::Cone { direction, .. } = beam
-        && moving.all().any(|then| then.direction.distance(*direction) > 1e-6)
+        && keys.all().any(|placement| placement.direction.distance(*direction) > 1e-6)
     {
         let message =
             "the cone of a spot with a radius doesn't rotate during the shutter interval: use radius = 0";
         build.loaded.warnings.push(Warning::new(build.file, name, message));
     }
-    moving.map(|then| DAffine3::from_translation(then.center - position))
+    keys.map(|placement| DAffine3::from_translation(placement.center - position))
 }
 
-/// Adds a light with a surface: `motion` is relative to the frame's time, `radiance` in W/sr/m2 is multiplied by the texture
-/// `picture`.
+/// Adds a light with a surface: `motion` is relative to the frame's time, `radiance` in W/sr/m2 is multiplied by `texture`.
 fn add_surface(
     build: &mut SceneFileBuilder,
     (surface, motion): (Surface, Option<Keyframes<DAffine3>>),
     traits: LightTraits,
     beam: Beam,
-    (radiance, picture): (f64, Option<TextureId>),
+    (radiance, texture): (f64, Option<TextureId>),
 ) {
     let LightTraits { name, color, emitter: emitter_traits, group, links, .. } = traits;
     let traits = ObjectTraits { links, ..ObjectTraits::default() };
@@ -483,7 +477,7 @@ fn add_surface(
     let emits_inwards = is_shape(ShapeKind::Shell);
     let mut emitter = Material::emitter(&name, color.map(|c| c * radiance as f32), emits_inwards);
     if let Some(emission) = &mut emitter.emission {
-        emission.radiance.texture = picture;
+        emission.radiance.texture = texture;
     }
     emitter.emitter_traits = Some(EmitterTraits { is_obstacle, beam, ..emitter_traits })
         .filter(|emitter_traits| *emitter_traits != EmitterTraits::default());
@@ -491,11 +485,11 @@ fn add_surface(
     scene.materials.push(emitter);
     match surface {
         Surface::Rectangle { corner, edge_u, edge_v } => {
-            scene.motion.quads.extend(motion.map(|moving| (scene.quads.len(), moving)));
+            scene.motion.quads.extend(motion.map(|keys| (scene.quads.len(), keys)));
             scene.quads.push(Quad { name, traits, ..Quad::new(corner, edge_u, edge_v, material) });
         }
         Surface::Shape { position, radius, kind } => {
-            scene.motion.shapes.extend(motion.map(|moving| (scene.shapes.len(), moving)));
+            scene.motion.shapes.extend(motion.map(|keys| (scene.shapes.len(), keys)));
             scene.shapes.push(Shape { name, kind, traits, ..Shape::sphere(position, radius, material) });
         }
         Surface::Ellipse { center, axis_u, axis_v } => {
@@ -506,21 +500,19 @@ fn add_surface(
                 let disk = Shape::disk(center, normal, u, material);
                 let axes = DMat3::from_cols(axis_u / u, normal.cross(axis_u / u), normal);
                 let rotation =
-                    if picture.is_some() { DQuat::from_mat3(&axes).normalize() } else { disk.rotation };
+                    if texture.is_some() { DQuat::from_mat3(&axes).normalize() } else { disk.rotation };
                 scene.shapes.push(Shape { name, rotation, traits, ..disk });
                 return;
             }
             let mut mesh = Mesh { name: format!("{name} (ellipse)"), ..mesh_of(ShapeKind::Disk) };
             let triangle_count = mesh.triangles.len() as u32;
             mesh.parts.push(MeshPart { first_triangle: 0, triangle_count, material });
-            scene.meshes.push(mesh);
-            let mesh = MeshId(scene.meshes.len() as u32 - 1);
+            let mesh = scene.add_mesh(mesh);
             let axes = DMat3::from_cols(axis_u, axis_v, axis_u.cross(axis_v).normalize_or_zero());
             let world_from_object = DAffine3::from_mat3_translation(axes, center);
             let mut instance = Instance { name, traits, ..Instance::new(mesh, world_from_object) };
-            if let Some(moving) = motion {
-                instance.motion = Motion::Keyed(scene.motion.instances.len() as u32);
-                scene.motion.instances.push(moving.map(|key| *key * world_from_object));
+            if let Some(keys) = motion {
+                instance.motion = scene.motion.add_instance(keys.map(|key| *key * world_from_object));
             }
             scene.instances.push(instance);
         }
@@ -528,7 +520,7 @@ fn add_surface(
 }
 
 /// Number of cos(theta) steps for the mean of a profile.
-const STEPS: u32 = 256;
+const COSINE_STEPS: u32 = 256;
 
 /// The profile of a light normalized to a maximum of 1, and its maximum intensity, W/sr; `None` after a reported problem.
 fn read_profile(build: &SceneFileBuilder, fields: &Fields) -> Option<(Arc<LightProfile>, f64)> {
@@ -544,8 +536,8 @@ fn read_profile(build: &SceneFileBuilder, fields: &Fields) -> Option<(Arc<LightP
         }
     };
     // Read before any return, so that the keys are known.
-    let photometric = (positive(fields, "power"), positive(fields, "intensity"));
-    let strength = positive(fields, "strength");
+    let photometric = (non_negative(fields, "power"), non_negative(fields, "intensity"));
+    let strength = non_negative(fields, "strength");
     if strength.is_some() && photometric != (None, None) {
         let message =
             "'strength' scales the intensity of the 'ies' file, which 'power' and 'intensity' replace";
@@ -556,7 +548,7 @@ fn read_profile(build: &SceneFileBuilder, fields: &Fields) -> Option<(Arc<LightP
     let (profile, peak) = ies::normalized(profile?);
     let intensity = match photometric {
         (None, None) => strength.unwrap_or(1.0) * peak / ies::LUMENS_PER_WATT,
-        (Some(power), None) => power / (4.0 * PI * f64::from(profile.mean(STEPS)).max(1e-9)),
+        (Some(power), None) => power / (4.0 * PI * f64::from(profile.mean(COSINE_STEPS)).max(1e-9)),
         (None, Some(intensity)) => intensity,
         (Some(_), Some(_)) => {
             let message = "'power' and 'intensity' exclude each other: leave one out, or with 'ies' both";
@@ -567,35 +559,35 @@ fn read_profile(build: &SceneFileBuilder, fields: &Fields) -> Option<(Arc<LightP
     Some((Arc::new(profile), intensity))
 }
 
-/// A profiled light in local space, with axis -z; `cone`: inner and outer half angle of a spot, radians.
-pub(super) fn local(fields: &Fields, cone: Option<[f64; 2]>) -> LightKind {
+/// A profiled light at the origin, with axis -z; `cone`: inner and outer half angle of a spot, radians.
+fn profiled_at_origin(fields: &Fields, cone: Option<[f64; 2]>) -> LightKind {
     let turn_rad = fields.number_in("turn", -360.0..360.0, 0.0).to_radians();
     LightKind::Profiled { position: DVec3::ZERO, rotation: DQuat::from_rotation_z(turn_rad), cone }
 }
 
 /// The motion of a profiled light with a radius, relative to the frame's time. Rotating profiles aren't supported and cause
 /// a warning.
-pub(super) fn profiled_shape_motion(
+fn profiled_shape_motion(
     build: &mut SceneFileBuilder,
     name: &str,
     now: &LightKind,
-    moving: &Keyframes<LightKind>,
+    keys: &Keyframes<LightKind>,
 ) -> Keyframes<DAffine3> {
     let pose = |kind: &LightKind| match *kind {
         LightKind::Profiled { position, rotation, .. } => (position, rotation),
         _ => (DVec3::ZERO, DQuat::IDENTITY),
     };
     let (from, rotation) = pose(now);
-    if moving.all().any(|then| pose(then).1.dot(rotation).abs() < 1.0 - 1e-9) {
+    if keys.all().any(|key| pose(key).1.dot(rotation).abs() < 1.0 - 1e-9) {
         let message =
             "the profile of a light with a radius doesn't rotate during the shutter interval: use radius = 0";
         build.loaded.warnings.push(Warning::new(build.file, name, message));
     }
-    moving.map(|then| DAffine3::from_translation(pose(then).0 - from))
+    keys.map(|key| DAffine3::from_translation(pose(key).0 - from))
 }
 
 /// The rotation from -z to a light's axis; by default the keys `target` or `direction`, else down.
-pub(super) fn aimed(fields: &Fields, position: DVec3, axis: Option<DVec3>) -> Option<DQuat> {
+fn rotation_to_axis(fields: &Fields, position: DVec3, axis: Option<DVec3>) -> Option<DQuat> {
     let is_aimed = fields.has("target") || fields.has("direction");
     let axis = match axis {
         None if is_aimed => direction(fields, Some(position))?,
@@ -605,7 +597,7 @@ pub(super) fn aimed(fields: &Fields, position: DVec3, axis: Option<DVec3>) -> Op
 }
 
 /// The rotation from -z and x to a placement's direction and right.
-pub(super) fn rotation(placement: &Placement) -> DQuat {
+fn placement_rotation(placement: &Placement) -> DQuat {
     let back = -placement.direction;
     DQuat::from_mat3(&DMat3::from_cols(placement.right, back.cross(placement.right), back)).normalize()
 }

@@ -7,7 +7,7 @@
 //! | `"phong"` | `diffuse` (0.5), `specular` (0.5), `exponent` from 0 (30) |
 //! | `"beckmann"` | `color` (0.8), `roughness` 0 to 1 (0.2): Beckmann microfacets without Fresnel, as in older files of Blender |
 //! | `"velvet"` | `color` (0.8), `deviation` 0.01 to 1 (0.5): Ashikhmin velvet, as in older files of Blender; prefer `sheen_color` of `"pbr"` |
-//! | `"toon"`, `"toon-highlight"` | `color` (0.8), `size` (0.5), `smooth` (0): a constant lobe within `size` right angles of the normal, or of the mirror direction, that fades out over another `smooth` right angles |
+//! | `"toon"`, `"toon-highlight"` | `color` (0.8), `size` (0.5), `smooth` (0): a constant lobe of half angle `size` times 90 degrees around the normal, or around the mirror direction, that fades out over another `smooth` times 90 degrees |
 //! | `"metal"` | `color` (0.8) or the `name` of a metal, `fuzz` or `roughness`, both 0 to 1 (0) |
 //! | `"dielectric"` | `ior` (1.5; 1 is air, for bubbles in glass; below 1: index of the inside relative to the outside), `fresnel` = `exact` or `schlick`, `tint` (1), `roughness` 0 to 1 (0), `thin` (false), interior `medium` (see `media`) |
 //! | `"medium"` | a medium without a surface: `density`, `color`, `anisotropy`, `emission`, `nodes`, `resolution`, `grid`, `grid_name`, `emission_grid`, `temperature_grid`, `temperature`, `temperature_law`, `up`, `min`, `max`, `transform`, see `media` |
@@ -19,7 +19,7 @@
 //!
 //! Emissive types, `"emissive"`, `"pbr"`, `"mix"` and `"nodes"`, may have a `light_group`, rendered separately by `--light-groups`.
 //!
-//! Types with an inside, `"dielectric"`, `"medium"`, `"pbr"` and `"nodes"`, may have a `priority`, a whole number (0), for nested dielectrics: where solids overlap,
+//! Types that can bound a solid, `"dielectric"`, `"medium"`, `"pbr"` and `"nodes"`, may have a `priority`, a whole number (0), for nested dielectrics: where solids overlap,
 //! the one with the highest priority counts, so that a glass of priority 1 keeps its inner surface where the liquid overlaps its wall. Among
 //! equal priorities the solid entered last counts, so that ice in water and air in glass need none.
 //!
@@ -90,12 +90,13 @@ use std::ops::Range;
 /// The named materials; each is read on first use.
 pub(super) struct Materials<'a> {
     fields: Option<Fields<'a>>,
-    done: HashMap<String, Option<MaterialId>>,
+    /// Materials read so far; `None` after a problem.
+    ids: HashMap<String, Option<MaterialId>>,
 }
 
 impl<'a> Materials<'a> {
     pub fn new(fields: Option<Fields<'a>>) -> Materials<'a> {
-        Materials { fields, done: HashMap::new() }
+        Materials { fields, ids: HashMap::new() }
     }
 
     /// Whether the file has a material of a name.
@@ -111,35 +112,25 @@ impl<'a> Materials<'a> {
         name: &str,
         span: Range<usize>,
     ) -> Option<MaterialId> {
-        if let Some(done) = self.done.get(name) {
-            return *done;
+        if let Some(id) = self.ids.get(name) {
+            return *id;
         }
         // Sidecars may refer to the model's materials.
         if build.is_sidecar && !self.contains(name) {
-            let own = build.loaded.scene.materials.iter().position(|m| m.name == name);
-            if let Some(index) = own {
+            if let Some(index) = build.loaded.scene.materials.iter().position(|m| m.name == name) {
                 return Some(MaterialId(index as u32));
             }
-            let own_tables = self.fields.iter().flat_map(|f| f.entries()).map(|(n, _)| n);
-            if nearest(name, own_tables).is_none() && push_unknown(build, name, span.clone()) {
+            let tables = self.fields.iter().flat_map(|f| f.entries()).map(|(n, _)| n);
+            if nearest(name, tables).is_none() && report_misspelling(build, name, span.clone()) {
                 return None;
             }
         }
         let value = named(self.fields.as_ref(), "material", name, span, build.problems)?;
-        let id = match (value.get_ref().as_table(), &self.fields) {
-            (Some(table), Some(all)) => {
-                let fields = Fields::new(format!("material '{name}'"), table, value.span(), all.problems);
-                read(build, textures, &fields, all, name).map(|material| {
-                    build.loaded.scene.materials.push(material);
-                    MaterialId(build.loaded.scene.materials.len() as u32 - 1)
-                })
-            }
-            _ => {
-                build.problems.push(value.span(), format!("material '{name}' must be a table"));
-                None
-            }
-        };
-        self.done.insert(name.to_string(), id);
+        let all = self.fields.as_ref()?;
+        let material = Fields::of_value(format!("material '{name}'"), value, all.problems)
+            .and_then(|fields| read(build, textures, &fields, all, name));
+        let id = material.map(|material| build.loaded.scene.add_material(material));
+        self.ids.insert(name.to_string(), id);
         id
     }
 
@@ -148,10 +139,11 @@ impl<'a> Materials<'a> {
     pub fn override_model(&mut self, build: &mut SceneFileBuilder, textures: &mut Textures<'a>) {
         let Some(all) = &self.fields else { return };
         for (name, value) in all.entries() {
-            let own = 0..build.loaded.scene.materials.len();
-            let own: Vec<usize> = own.filter(|&i| build.loaded.scene.materials[i].name == name).collect();
-            let (Some(&first), Some(table)) = (own.first(), value.get_ref().as_table()) else { continue };
-            for &index in &own {
+            let scene = &build.loaded.scene;
+            let indices: Vec<usize> =
+                (0..scene.materials.len()).filter(|&i| scene.materials[i].name == name).collect();
+            let (Some(&first), Some(table)) = (indices.first(), value.get_ref().as_table()) else { continue };
+            for &index in &indices {
                 let fields = Fields::new(format!("material '{name}'"), table, value.span(), all.problems);
                 let changed = match fields.has("type") {
                     true => read(build, textures, &fields, all, name),
@@ -161,7 +153,7 @@ impl<'a> Materials<'a> {
                     build.loaded.scene.materials[index] = changed;
                 }
             }
-            self.done.insert(name.to_string(), Some(MaterialId(first as u32)));
+            self.ids.insert(name.to_string(), Some(MaterialId(first as u32)));
         }
     }
 
@@ -169,31 +161,27 @@ impl<'a> Materials<'a> {
     pub fn check_unused(&self, build: &mut SceneFileBuilder, textures: &mut Textures<'a>) {
         textures.only_check();
         let Some(all) = &self.fields else { return };
-        for (name, value) in all.entries().filter(|(n, _)| !self.done.contains_key(*n)) {
+        for (name, value) in all.entries().filter(|(n, _)| !self.ids.contains_key(*n)) {
             if build.components.contains(name) {
                 continue;
             }
-            match value.get_ref().as_table() {
-                Some(table) => {
-                    let fields = Fields::new(format!("material '{name}'"), table, value.span(), all.problems);
-                    // A table without a type changes a material of the model.
-                    let is_change = build.is_sidecar && !fields.has("type");
-                    if is_change && push_unknown(build, name, value.span()) {
-                        continue;
-                    }
-                    read(build, textures, &fields, all, name);
+            if let Some(fields) = Fields::of_value(format!("material '{name}'"), value, all.problems) {
+                // A table without a type changes a material of the model.
+                let adjusts_model = build.is_sidecar && !fields.has("type");
+                if adjusts_model && report_misspelling(build, name, value.span()) {
+                    continue;
                 }
-                None => build.problems.push(value.span(), format!("material '{name}' must be a table")),
+                read(build, textures, &fields, all, name);
             }
             match build.is_sidecar {
-                true => warn_of_unknown(build, name),
+                true => warn_of_unused_table(build, name),
                 false => build.loaded.left_out.push(format!("material '{name}': nothing refers to it")),
             }
         }
     }
 }
 
-/// Material types; `Plain` ones are read parameter by parameter.
+/// Material types; the parameters of `Plain` types are read generically, each by its own key.
 #[derive(Clone, Copy)]
 enum MaterialType {
     Metal,
@@ -207,7 +195,8 @@ enum MaterialType {
     Plain(fn() -> Model),
 }
 
-fn kinds() -> Vec<(&'static str, MaterialType)> {
+/// All types by name.
+fn material_types() -> Vec<(&'static str, MaterialType)> {
     let plain = Model::PLAIN.iter().map(|&(key, default)| (key, MaterialType::Plain(default)));
     let others = [
         ("metal", MaterialType::Metal),
@@ -222,11 +211,15 @@ fn kinds() -> Vec<(&'static str, MaterialType)> {
     plain.chain(others).collect()
 }
 
-/// Maximum of constant parameters.
+/// Maximum value of constant parameters.
 const MAX_CONSTANT: f64 = 1e6;
 
 /// Reads the parameters of a model, each by its own key.
-fn plain(fields: &Fields, mut model: Model, mut slot: impl FnMut(&'static str, f32) -> ColorSlot) -> Model {
+fn read_plain(
+    fields: &Fields,
+    mut model: Model,
+    mut slot: impl FnMut(&'static str, f32) -> ColorSlot,
+) -> Model {
     model.visit_mut("", &mut |key, parameter| match parameter {
         ParameterMut::Color(color) => *color = slot(key, color.factor[0]),
         ParameterMut::Number(number) => {
@@ -249,7 +242,7 @@ fn read<'a>(
     name: &str,
 ) -> Option<Material> {
     fields.require("type", fields.string("type"));
-    let kind = fields.choice("type", &kinds())?;
+    let kind = fields.choice("type", &material_types())?;
     let mut slot =
         |key, default: f32| textures.slot(build, fields, key).unwrap_or(ColorSlot::constant([default; 3]));
     let light_group = match kind {
@@ -259,11 +252,11 @@ fn read<'a>(
         _ => String::new(),
     };
     let mut material = match kind {
-        MaterialType::Plain(default) => Material::new(name, plain(fields, default(), slot)),
+        MaterialType::Plain(default) => Material::new(name, read_plain(fields, default(), slot)),
         MaterialType::Metal => metal(fields, name, slot("color", 0.8)),
         MaterialType::Dielectric => {
             let model = dielectric(fields, slot("tint", 1.0));
-            Material { medium: media::table(build, textures, fields, "medium"), ..Material::new(name, model) }
+            Material { medium: media::read(build, textures, fields, "medium"), ..Material::new(name, model) }
         }
         MaterialType::Medium => Material {
             medium: Some(media::solid_medium(build, textures, fields)),
@@ -278,30 +271,30 @@ fn read<'a>(
         }
         MaterialType::Hair => Material::new(name, read_hair(fields, slot)),
         MaterialType::Pbr => {
-            let medium = media::table(build, textures, fields, "medium");
-            pbr::material(name, medium, &mut Slots { build, textures, fields, is_of_model: false })
+            let medium = media::read(build, textures, fields, "medium");
+            pbr::material(name, medium, &mut Slots { build, textures, fields, adjusts_model: false })
         }
-        MaterialType::Mix => finished(fields, mix(build, textures, fields, all, name))?,
-        MaterialType::Nodes => finished(fields, shaders::read(build, textures, fields, name))?,
+        MaterialType::Mix => mark_keys_after_problem(fields, mix(build, textures, fields, all, name))?,
+        MaterialType::Nodes => mark_keys_after_problem(fields, shaders::read(build, textures, fields, name))?,
     };
     material.light_group = light_group;
     material.index = fields.unsigned("index", 0, u32::MAX).unwrap_or(0);
     if !shaders::has_displacement(fields) {
-        material.displacement = read_displacement(build, fields, textures.is_check());
+        material.displacement = read_displacement(build, fields, textures.checks_only());
     }
-    material.normal_map = read_normal_map(build, fields, textures.is_check());
+    material.normal_map = read_normal_map(build, fields, textures.checks_only());
     // Shader graphs may have set their own normal.
     material.normal = material.normal.or(read_normal(build, fields, textures));
     if let MaterialType::Dielectric | MaterialType::Medium | MaterialType::Pbr | MaterialType::Nodes = kind {
         material.priority = media::priority(fields).unwrap_or(0);
     }
     fields.finish();
-    warn_of_brightness(build, &material);
+    warn_of_colors_above_one(build, &material);
     Some(material)
 }
 
-/// Passes the material on. After a problem, marks the remaining keys as known.
-fn finished(fields: &Fields, material: Option<Material>) -> Option<Material> {
+/// Returns the material; after a problem, marks the remaining keys as known.
+fn mark_keys_after_problem(fields: &Fields, material: Option<Material>) -> Option<Material> {
     if material.is_none() {
         fields.mark_known(&["displacement", "normal", "bump", "priority"]);
         fields.finish();
@@ -321,43 +314,41 @@ fn mix<'a>(
     let mut components = Vec::new();
     for component in fields.tables("components") {
         let weight = textures.slot(build, &component, "weight").unwrap_or(ColorSlot::constant([1.0; 3]));
-        let named_as = component.require("material", component.string("material"))?;
+        let component_name = component.require("material", component.string("material"))?;
         component.finish();
-        let value = named(Some(all), "material", named_as.value, named_as.span.clone(), build.problems)?;
-        let Some(table) = value.get_ref().as_table() else {
-            build.problems.push(value.span(), format!("material '{}' must be a table", named_as.value));
-            return None;
-        };
-        let what = format!("material '{}'", named_as.value);
-        let fields = Fields::new(what, table, value.span(), all.problems);
+        let value =
+            named(Some(all), "material", component_name.value, component_name.span.clone(), build.problems)?;
+        let fields = Fields::of_value(format!("material '{}'", component_name.value), value, all.problems)?;
         if fields.string("type").is_some_and(|kind| kind.value == "mix") {
-            build.problems.push(named_as.span, ("nested-mix", "a component of a mix can't be a mix itself"));
+            build
+                .problems
+                .push(component_name.span, ("nested-mix", "a component of a mix can't be a mix itself"));
             return None;
         }
-        let material = read(build, textures, &fields, all, named_as.value)?;
-        build.components.insert(named_as.value.to_string());
+        let material = read(build, textures, &fields, all, component_name.value)?;
+        build.components.insert(component_name.value.to_string());
         components.push(MixComponent { weight, material });
     }
     Some(Material::new(name, Model::Mix { components }))
 }
 
-/// Warns of colours above 1, probably meant as 0 to 255: they add energy.
-fn warn_of_brightness(build: &mut SceneFileBuilder, material: &Material) {
-    let mut too_bright = None;
+/// Warns of colours above 1, which add energy; they are probably meant as 0 to 255.
+fn warn_of_colors_above_one(build: &mut SceneFileBuilder, material: &Material) {
+    let mut above_one = None;
     material.parameters(&mut |name, parameter| {
         if let Parameter::Color(slot) = parameter
             && matches!(name, "color" | "base_color" | "albedo" | "diffuse" | "tint")
             && slot.factor.iter().any(|&c| c > 1.0)
         {
-            too_bright.get_or_insert(slot.factor);
+            above_one.get_or_insert(slot.factor);
         }
     });
-    if let Some([r, g, b]) = too_bright {
+    if let Some([r, g, b]) = above_one {
         let message = format!(
             "material '{}' reflects more light than it receives, as its colour is [{r}, {g}, {b}]: colours are linear, from 0 to 1",
             material.name
         );
-        build.loaded.warnings.push(Warning::new(build.file, "", ("color-above-one", message)));
+        build.warn(("color-above-one", message));
     }
 }
 
@@ -464,7 +455,7 @@ pub(super) fn measured_metal(fields: &Fields) -> Option<MeasuredMetal> {
 }
 
 fn read_hair(fields: &Fields, mut slot: impl FnMut(&'static str, f32) -> ColorSlot) -> Model {
-    let fraction = |key, otherwise| fields.number_in(key, 0.0..1.0, otherwise) as f32;
+    let fraction = |key, default| fields.number_in(key, 0.0..1.0, default) as f32;
     let radial = fraction("radial_roughness", 0.3);
     let color_keys = ["color", "melanin", "absorption"];
     if color_keys.into_iter().filter(|key| fields.has(key)).count() > 1 {
@@ -501,27 +492,32 @@ fn absorption_of_melanin(melanin: f32, redness: f32) -> [f32; 3] {
     [of(0.506, 0.343), of(0.841, 0.733), of(1.653, 1.924)]
 }
 
-/// The displacement of a material; adds its texture to the scene. A check opens no image.
-fn read_displacement(build: &mut SceneFileBuilder, fields: &Fields, is_check: bool) -> Option<Displacement> {
+/// The displacement of a material; adds its texture to the scene. `checks_only`: open no image.
+fn read_displacement(
+    build: &mut SceneFileBuilder,
+    fields: &Fields,
+    checks_only: bool,
+) -> Option<Displacement> {
     let table = fields.table("displacement")?;
     let image = table.require("image", table.string("image"));
     let scale = table.require("scale", table.number("scale"));
     let midlevel = table.number("midlevel").map_or(0.5, |m| m.value as f32);
     let edge = table.number_in("edge", 1e-9..f64::from(f32::MAX), 0.0) as f32;
-    let placed = uv_mapping(&table, &WRAPS);
+    let mapping = uv_mapping(&table, &WRAPS);
     table.finish();
     let (image, scale) = (image?, scale?);
-    if is_check {
+    if checks_only {
         return None;
     }
     let image = read_pixels(build, image.value, image.span, Use::Data)?;
-    let texture = (placed.texture(build, image), 0);
+    let texture = (mapping.texture(build, image), 0);
     let kind = DisplacementKind::Heights { scale: scale.value as f32, midlevel, edge };
     Some(Displacement { texture, kind })
 }
 
 /// Wrap modes of images.
-const WRAPS: [(&str, Wrap); 3] = [("repeat", Wrap::Repeat), ("mirror", Wrap::Mirror), ("clamp", Wrap::Clamp)];
+pub(super) const WRAPS: [(&str, Wrap); 3] =
+    [("repeat", Wrap::Repeat), ("mirror", Wrap::Mirror), ("clamp", Wrap::Clamp)];
 
 /// Wrap mode and repetitions of an image.
 struct UvMapping {
@@ -559,18 +555,18 @@ fn read_normal<'a>(
     let value = fields.raw("normal")?;
     let id = textures.get(build, value.get_ref().as_str()?, value.span())?;
     let texture = build.loaded.scene.textures.get(id.index());
-    if !textures.is_check() && !matches!(texture, Some(Texture::Nodes(_))) {
+    if !textures.checks_only() && !matches!(texture, Some(Texture::Nodes(_))) {
         let help = "'normal' is the name of a texture of type \"nodes\", or { image = \"normals.png\" }";
         fields.problems.push_help(value.span(), "this texture has no normals", help);
     }
     Some(id)
 }
 
-/// The normal map of a material, from the image of `normal` or `bump`. A check opens no image.
+/// The normal map of a material, from the image of `normal` or `bump`. `checks_only`: open no image.
 pub(super) fn read_normal_map(
     build: &mut SceneFileBuilder,
     fields: &Fields,
-    is_check: bool,
+    checks_only: bool,
 ) -> Option<NormalMap> {
     if fields.has("normal") && fields.has("bump") {
         fields.problems.push(fields.span(), "'normal' and 'bump' exclude each other: leave one out");
@@ -583,15 +579,15 @@ pub(super) fn read_normal_map(
     let image = table.require("image", table.string("image"));
     let scale = table.number_in("scale", -1000.0..1000.0, 1.0) as f32;
     // The normals of mirrored heights would need mirrored slopes, which the normal map can't represent.
-    let placed = uv_mapping(&table, if is_height { &[WRAPS[0], WRAPS[2]] } else { &WRAPS });
+    let mapping = uv_mapping(&table, if is_height { &[WRAPS[0], WRAPS[2]] } else { &WRAPS });
     table.finish();
     let (name, span) = image.map(|image| (image.value, image.span))?;
-    if is_check {
+    if checks_only {
         return None;
     }
     if !is_height {
         let image = read_image(build, name, span, Use::Data)?;
-        return Some(NormalMap { texture: placed.texture(build, image), scale });
+        return Some(NormalMap { texture: mapping.texture(build, image), scale });
     }
     let mut image = read_pixels(build, name, span, Use::Data)?;
     let heights = &build.loaded.scene.images[image.index()];
@@ -601,7 +597,7 @@ pub(super) fn read_normal_map(
     }
     let normals = normals_of_heights(heights, scale * BUMP_HEIGHT);
     image = build.loaded.scene.add_image(normals);
-    Some(NormalMap { texture: placed.texture(build, image), scale: 1.0 })
+    Some(NormalMap { texture: mapping.texture(build, image), scale: 1.0 })
 }
 
 /// A material of the model with changed parameters; `None` if it is unlit, which is reported.
@@ -617,8 +613,8 @@ pub(super) fn adjust_material<'a>(
         fields.problems.push_help(fields.span(), message, "give it a 'type'");
         return None;
     };
-    let medium = media::table(build, textures, fields, "medium");
-    let slots = &mut Slots { build, textures, fields, is_of_model: true };
+    let medium = media::read(build, textures, fields, "medium");
+    let slots = &mut Slots { build, textures, fields, adjusts_model: true };
     pbr::adjust((&mut material, &mut model), medium, slots);
     let modes = [
         ("opaque", AlphaMode::Opaque),
@@ -647,7 +643,7 @@ pub(super) fn adjust_material<'a>(
 }
 
 /// Reports an unknown material if the name is a misspelling of one of the model's; returns whether it did.
-pub(super) fn push_unknown(build: &SceneFileBuilder, name: &str, span: Range<usize>) -> bool {
+fn report_misspelling(build: &SceneFileBuilder, name: &str, span: Range<usize>) -> bool {
     let near = nearest(name, build.loaded.scene.materials.iter().map(|m| m.name.as_str()));
     if let Some(near) = near {
         let message = format!("there is no material '{name}'");
@@ -657,11 +653,11 @@ pub(super) fn push_unknown(build: &SceneFileBuilder, name: &str, span: Range<usi
 }
 
 /// Warns of a material table that matches no material of the model and is used by no object.
-pub(super) fn warn_of_unknown(build: &mut SceneFileBuilder, name: &str) {
+fn warn_of_unused_table(build: &mut SceneFileBuilder, name: &str) {
     let names = build.loaded.scene.materials.iter().map(|m| m.name.as_str());
     let help = nearest(name, names).map_or_else(String::new, |near| format!(" (did you mean '{near}'?)"));
     let message = format!("the model has no material '{name}' and no object uses it{help}");
-    build.loaded.warnings.push(Warning::new(build.file, "", message));
+    build.warn(message);
 }
 
 #[cfg(test)]

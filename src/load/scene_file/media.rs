@@ -21,7 +21,7 @@
 //!
 //! OpenVDB files hold one or more grids of floats (f32, f64 or f16; uncompressed, zlib or Blosc with LZ4, as written by OpenVDB, Blender and
 //! Houdini), with bounding boxes of up to 2^29 voxels and any affine transform. Values fall to 0 over one voxel beyond the outermost ones,
-//! unless `min` or `max` set the end of the box. Level sets, vector grids and NanoVDB files are not supported.
+//! unless `min` or `max` set the box. Level sets, vector grids and NanoVDB files are not supported.
 //! The solid with the medium, such as a box, must enclose the grid. Grids are in world space: they don't follow the motion of a solid.
 //!
 //! Textures are evaluated at load time, in world or object space: noise makes clouds, a gradient
@@ -37,7 +37,7 @@
 //! x, y and z, 1 (channel); six f32: the minimum and the maximum corner of the box; then the values as f32, x fastest, z
 //! slowest. Values are at voxel centres, with linear interpolation.
 //!
-//! Fog may be limited to a ball of `radius` metres around `center` ([0, 0, 0]). Without a `radius` it is unbounded, and blocks all light
+//! Fog may be limited to a sphere of `radius` metres around `center` ([0, 0, 0]). Without a `radius` it is unbounded, and blocks all light
 //! from infinity: sky and sun.
 //!
 //! | Subsurface | Default | Meaning |
@@ -78,7 +78,7 @@ pub(super) fn solid_medium<'a>(
     fields: &Fields<'a>,
 ) -> Medium {
     let coefficient_textures = medium_textures(build, textures, fields);
-    let medium = Medium { textures: coefficient_textures, ..medium(fields) };
+    let medium = Medium { textures: coefficient_textures, ..constant_medium(fields) };
     if !coefficient_textures.is_empty() && fields.has("grid") {
         let message = "'grid' and textures exclude each other: leave one out";
         fields.problems.push(fields.span(), ("grid-and-texture", message));
@@ -90,7 +90,7 @@ pub(super) fn solid_medium<'a>(
     let transform = transform::read(fields);
     let Some(file) = fields.string("grid") else {
         let is_fitted = corners.iter().any(Option::is_some) || fields.has("transform");
-        if is_fitted || name.is_some() || is_z_up && !fields.has("nodes") || emission.is_given() {
+        if is_fitted || name.is_some() || is_z_up && !fields.has("nodes") || emission.has_grid() {
             let message = "'min', 'max', 'transform', 'grid_name', 'up', 'emission_grid' and 'temperature_grid' need a \
                            'grid'";
             fields.problems.push(fields.span(), message);
@@ -103,11 +103,11 @@ pub(super) fn solid_medium<'a>(
     build.options.files.note(&path);
     match grid::read(&path, grid::GridChoice { name, is_z_up, has_margin }) {
         Ok(grid) => {
-            let own = grid.bounds();
-            let fitted = box_from_box(own, (min.unwrap_or(own.0), max.unwrap_or(own.1)));
+            let bounds = grid.bounds();
+            let fitted = box_from_box(bounds, (min.unwrap_or(bounds.0), max.unwrap_or(bounds.1)));
             let placement = GridPlacement { world_from_file: transform * fitted, is_z_up, has_margin };
             let grid = Some(build.loaded.scene.add_grid(placement.apply(grid)));
-            Medium { grid, emission_grid: emission.of_file(build, fields, &path, placement), ..medium }
+            Medium { grid, emission_grid: emission.read_grid(build, fields, &path, placement), ..medium }
         }
         Err(e) => {
             fields.problems.push(file.span, e);
@@ -170,7 +170,7 @@ impl<'a> EmissionKeys<'a> {
             let message = "'temperature' and 'temperature_law' need a 'temperature_grid'";
             fields.problems.push(fields.span(), message);
         }
-        if keys.is_given() && !fields.has("emission") {
+        if keys.has_grid() && !fields.has("emission") {
             let message =
                 "'emission_grid' and 'temperature_grid' need 'emission', the emitted radiance per metre";
             fields.problems.push_help(fields.span(), message, "add 'emission', such as 10");
@@ -178,12 +178,12 @@ impl<'a> EmissionKeys<'a> {
         keys
     }
 
-    fn is_given(&self) -> bool {
+    fn has_grid(&self) -> bool {
         self.factors.is_some() || self.temperature.is_some()
     }
 
     /// Reads the emission grid, placed as the density grid of the file `path`.
-    fn of_file(
+    fn read_grid(
         self,
         build: &mut SceneFileBuilder,
         fields: &Fields,
@@ -230,15 +230,15 @@ fn medium_textures<'a>(
         graph.is_z_up = is_z_up;
         Some((named, graph))
     });
-    let mut of = |key: &'static str| {
+    let mut texture = |key: &'static str| {
         let (value, name) = texture_name(fields, key)?;
         let node = name.split_once('.').map_or(name, |(node, _)| node);
-        match nodes.as_ref().filter(|(named, _)| named.iter().any(|(own, _)| *own == node)) {
-            Some((named, graph)) => textures.output(build, fields, (named, graph), value),
+        match nodes.as_ref().filter(|(named, _)| named.iter().any(|(name, _)| *name == node)) {
+            Some((named, graph)) => textures.output_texture(build, fields, (named, graph), value),
             None => textures.get(build, name, value.span()),
         }
     };
-    let (density, color, emission) = (of("density"), of("color"), of("emission"));
+    let (density, color, emission) = (texture("density"), texture("color"), texture("emission"));
     let found = MediumTextures { density, color, emission, resolution: 0 };
     let resolution = fields.integer("resolution", 1, 1024);
     if found.is_empty() && (resolution.is_some() || nodes.is_some()) && !fields.has("grid") {
@@ -260,7 +260,7 @@ fn constant(fields: &Fields, key: &'static str) -> Option<Located<[f32; 3]>> {
 }
 
 /// Reads the constant coefficients; those with textures are 1.
-fn medium(fields: &Fields) -> Medium {
+fn constant_medium(fields: &Fields) -> Medium {
     let emission = if texture_name(fields, "emission").is_some() { [1.0; 3] } else { [0.0; 3] };
     let extinction = constant(fields, "density").map_or([1.0; 3], |d| {
         if d.value.iter().any(|x| *x > MAX_DENSITY) {
@@ -276,8 +276,8 @@ fn medium(fields: &Fields) -> Medium {
     }
 }
 
-fn albedo(fields: &Fields, key: &'static str, otherwise: f32) -> [f32; 3] {
-    let Some(color) = constant(fields, key) else { return [otherwise; 3] };
+fn albedo(fields: &Fields, key: &'static str, default: f32) -> [f32; 3] {
+    let Some(color) = constant(fields, key) else { return [default; 3] };
     if color.value.iter().any(|c| *c > 1.0) {
         fields.problems.push(
             color.span,
@@ -288,18 +288,18 @@ fn albedo(fields: &Fields, key: &'static str, otherwise: f32) -> [f32; 3] {
 }
 
 fn anisotropy(fields: &Fields) -> f32 {
-    let Some(given) = fields.number("anisotropy") else { return 0.0 };
-    let g = given.value as f32;
+    let Some(anisotropy) = fields.number("anisotropy") else { return 0.0 };
+    let g = anisotropy.value as f32;
     if g.abs() >= 1.0 {
-        let message = format!("'anisotropy' is {}, but must be above -1 and below 1", given.value);
-        fields.problems.push(given.span, message);
+        let message = format!("'anisotropy' is {}, but must be above -1 and below 1", anisotropy.value);
+        fields.problems.push(anisotropy.span, message);
         return 0.0;
     }
     g
 }
 
 /// Reads the medium of the table `key`.
-pub(super) fn table<'a>(
+pub(super) fn read<'a>(
     build: &mut SceneFileBuilder,
     textures: &mut Textures<'a>,
     fields: &Fields<'a>,
@@ -325,7 +325,7 @@ fn homogeneous(fields: &Fields) -> Medium {
             fields.problems.push(value.span(), ("fog-with-texture", message));
         }
     }
-    medium(fields)
+    constant_medium(fields)
 }
 
 /// `fog` of the environment.

@@ -14,7 +14,7 @@
 //! camera vectors are in Blender's axes, (x, -z, y).
 
 use super::builder::SceneFileBuilder;
-use super::fields::{Fields, nearest, number, numbers};
+use super::fields::{Fields, number, numbers, suggestion};
 use super::textures::{Textures, read_image};
 use crate::error::Warning;
 use crate::load::image::Use;
@@ -38,7 +38,7 @@ pub(super) struct Links<'g, 'a> {
     pub nodes: &'g [(&'a str, NodeKind)],
     pub textures: &'g mut Textures<'a>,
     /// Name of the texture with the graph, for messages about cycles.
-    pub own: &'g str,
+    pub texture_name: &'g str,
 }
 
 /// Names of the vertex attributes that nodes of a file may read, including those for baked node outputs.
@@ -88,12 +88,13 @@ impl<'a> Textures<'a> {
         &mut self,
         build: &mut SceneFileBuilder,
         fields: &Fields<'a>,
-        own: &str,
+        texture_name: &str,
     ) -> Option<Texture> {
         let result = fields.require("result", fields.raw("result"));
         let table = fields.require("nodes", fields.table("nodes"))?;
-        let (named, mut graph) = self.value_nodes(build, &table.entries().collect::<Vec<_>>(), own)?;
-        let mut links = Links { nodes: &named, textures: self, own };
+        let (named, mut graph) =
+            self.value_nodes(build, &table.entries().collect::<Vec<_>>(), texture_name)?;
+        let mut links = Links { nodes: &named, textures: self, texture_name };
         graph.result = links.input(build, result?)?;
         graph.is_z_up = fields.choice("up", &[("y", false), ("z", true)]).unwrap_or(false);
         let problems = graph.problems();
@@ -104,25 +105,23 @@ impl<'a> Textures<'a> {
     }
 
     /// Adds the texture of one output of a graph; `None` after a problem.
-    pub(super) fn output(
+    pub(super) fn output_texture(
         &mut self,
         build: &mut SceneFileBuilder,
         fields: &Fields<'a>,
         (named, graph): (&[(&'a str, NodeKind)], &NodeGraph),
         value: Value<'a>,
     ) -> Option<TextureId> {
-        let result = Links { nodes: named, textures: self, own: "" }.input(build, value)?;
+        let result = Links { nodes: named, textures: self, texture_name: "" }.input(build, value)?;
         let graph = NodeGraph { result, ..graph.clone() };
         if let Some(problem) = graph.problems().first() {
             build.problems.push(fields.span(), format!("{}: {problem}", fields.description()));
             return None;
         }
-        if self.is_check() {
+        if self.checks_only() {
             return Some(TextureId(0));
         }
-        let textures = &mut build.loaded.scene.textures;
-        textures.push(Texture::Nodes(Arc::new(graph)));
-        Some(TextureId(textures.len() as u32 - 1))
+        Some(build.loaded.scene.add_texture(Texture::Nodes(Arc::new(graph))))
     }
 
     /// Reads nodes as a graph without a result; `None` after a problem.
@@ -130,17 +129,17 @@ impl<'a> Textures<'a> {
         &mut self,
         build: &mut SceneFileBuilder,
         tables: &[(&'a str, Value<'a>)],
-        own: &str,
+        texture_name: &str,
     ) -> Option<NamedNodes<'a>> {
         let mut named = Vec::new();
         for (name, value) in tables {
-            named.push((*name, kind(build, name, value)?));
+            named.push((*name, read_kind(build, name, value)?));
         }
         let kinds = named.clone();
-        let mut links = Links { nodes: &kinds, textures: self, own };
+        let mut links = Links { nodes: &kinds, textures: self, texture_name };
         let mut nodes = Vec::new();
         for ((name, value), (_, kind)) in tables.iter().zip(&mut named) {
-            let inputs = node(build, &mut links, name, value, kind);
+            let inputs = read_inputs(build, &mut links, name, value, kind);
             nodes.push(Node { kind: kind.clone(), inputs: inputs?, image: None, reads_alpha: false });
         }
         let mut graph = NodeGraph { nodes, result: NodeInput::Default, is_z_up: false };
@@ -149,9 +148,7 @@ impl<'a> Textures<'a> {
         }
         Some((named, graph))
     }
-}
 
-impl<'a> Textures<'a> {
     /// Reads the image of an image node; `None` after a problem.
     fn node_image(
         &mut self,
@@ -186,7 +183,7 @@ impl<'a> Textures<'a> {
             _ if is_filtered => Interpolation::Trilinear,
             _ => Interpolation::Bilinear,
         };
-        if self.is_check() {
+        if self.checks_only() {
             graph.nodes[index].image = Some(TextureId(0));
             return Some(());
         }
@@ -206,7 +203,7 @@ impl<'a> Textures<'a> {
 }
 
 /// The kind of a node, from its `type`; `None` after a problem.
-fn kind(build: &mut SceneFileBuilder, name: &str, value: Value) -> Option<NodeKind> {
+fn read_kind(build: &mut SceneFileBuilder, name: &str, value: Value) -> Option<NodeKind> {
     let Some(table) = value.get_ref().as_table() else {
         build.problems.push(value.span(), format!("node '{name}' must be a table"));
         return None;
@@ -217,17 +214,15 @@ fn kind(build: &mut SceneFileBuilder, name: &str, value: Value) -> Option<NodeKi
     };
     let kind = NodeKind::from_name(text);
     if kind.is_none() {
-        let help = match nearest(text, NodeKind::NAMES.iter().copied()) {
-            Some(near) => format!("did you mean '{near}'?"),
-            None => format!("node types: {}", NodeKind::NAMES.join(", ")),
-        };
+        let default = format!("node types: {}", NodeKind::NAMES.join(", "));
+        let help = suggestion(text, NodeKind::NAMES.iter().copied(), default);
         build.problems.push_help(span, format!("there is no node type '{text}'"), help);
     }
     kind
 }
 
 /// Reads the inputs of a node, and its settings into `kind`; `None` after a problem.
-fn node<'a>(
+fn read_inputs<'a>(
     build: &mut SceneFileBuilder,
     links: &mut Links<'_, 'a>,
     name: &str,
@@ -245,7 +240,7 @@ fn node<'a>(
                 None => is_valid = false,
             }
         } else if key != "type" {
-            let set = setting(value.get_ref())
+            let set = setting_value(value.get_ref())
                 .ok_or_else(|| format!("'{key}' has a value of a type that no setting has"))
                 .and_then(|setting| kind.set(key, &setting));
             if let Err(problem) = set {
@@ -262,7 +257,7 @@ fn node<'a>(
     is_valid.then_some(inputs)
 }
 
-fn setting(value: &DeValue) -> Option<SettingValue> {
+fn setting_value(value: &DeValue) -> Option<SettingValue> {
     match value {
         DeValue::Boolean(value) => Some(SettingValue::Bool(*value)),
         DeValue::String(text) => Some(SettingValue::Text(text.to_string())),
@@ -302,16 +297,14 @@ impl<'a> Links<'_, 'a> {
                 Some(name) => (name, true),
                 None => (texture, false),
             };
-            let texture = self.textures.other(build, name, self.own, value.span())?;
+            let texture = self.textures.input_by_name(build, name, self.texture_name, value.span())?;
             return Some(NodeInput::Texture { texture, alpha });
         }
         let (node, output) = text.split_once('.').unwrap_or((text, ""));
         let Some(index) = self.nodes.iter().position(|(name, _)| *name == node) else {
             let names = self.nodes.iter().map(|(name, _)| *name);
-            let help = match nearest(node, names.clone()) {
-                Some(near) => format!("did you mean '{near}'?"),
-                None => format!("nodes of this texture: {}", names.collect::<Vec<_>>().join(", ")),
-            };
+            let default = format!("nodes of this texture: {}", names.clone().collect::<Vec<_>>().join(", "));
+            let help = suggestion(node, names, default);
             build.problems.push_help(value.span(), format!("there is no node '{node}'"), help);
             return None;
         };

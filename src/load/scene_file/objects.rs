@@ -33,7 +33,7 @@
 //! `light_link` and `shadow_link` of an emissive object select the objects that it lights, and those that cast shadows in its light
 //! (`oscura help lights`).
 //!
-//! Shapes without a material have `[materials.default]`. Quads remain quads under any transform.
+//! Shapes without a material use `[materials.default]`. Quads remain quads under any transform.
 //!
 //! Shapes with a centre and a radius:
 //!
@@ -62,14 +62,13 @@
 
 use super::assets::Assets;
 use super::builder::SceneFileBuilder;
-use super::fields::{Fields, nearest, number, numbers};
+use super::fields::{Fields, number, numbers, suggestion};
 use super::instances;
 use super::instances::MeshKeys;
 use super::materials::Materials;
 use super::textures::Textures;
 use super::traits::{self, TraitOverrides, group};
-use super::transform;
-use crate::error::Warning;
+use super::transform::{self, EvaluatedMotion};
 use crate::load::mesh_tools::{
     Faces, NAMELESS, box_faces, placed_shape, pyramid_faces, triangle_faces, uniform_scale,
 };
@@ -83,9 +82,9 @@ use crate::shape::mesh_of;
 use std::ops::Range;
 use toml::de::DeValue;
 
-/// The keys of shapes.
-fn shapes() -> impl Iterator<Item = &'static str> {
-    ["mesh"].into_iter().chain(shape_keys()).chain(["quad", "box", "pyramid", "triangle"])
+/// The keys of all shapes.
+fn shape_keys() -> impl Iterator<Item = &'static str> {
+    ["mesh"].into_iter().chain(round_shape_keys()).chain(["quad", "box", "pyramid", "triangle"])
 }
 
 /// Reads all objects.
@@ -97,8 +96,9 @@ pub(super) fn read<'a>(
     assets: &mut Assets,
 ) {
     if build.is_sidecar && root.raw("objects").is_some_and(|v| v.get_ref().is_table()) {
-        let changed = root.table("objects");
-        changed.into_iter().for_each(|all| override_objects(build, &all, materials, textures));
+        if let Some(all) = root.table("objects") {
+            override_objects(build, &all, materials, textures);
+        }
         return build.nodes.remove_hidden(&mut build.loaded.scene);
     }
     let Some(list) = root.list("objects") else { return };
@@ -113,11 +113,9 @@ pub(super) fn read<'a>(
         }
     }
     for (i, value) in list.iter().enumerate() {
-        let Some(table) = value.get_ref().as_table() else {
-            root.problems.push(value.span(), "an object must be a table");
+        let Some(fields) = Fields::of_value(format!("object {}", i + 1), value, root.problems) else {
             continue;
         };
-        let fields = Fields::new(format!("object {}", i + 1), table, value.span(), root.problems);
         if build.is_sidecar
             && let Some(node) = fields.string("node")
         {
@@ -131,7 +129,7 @@ pub(super) fn read<'a>(
         read_object(build, &fields, &object, materials, textures, assets);
         apply_traits(build, &fields, before);
         // A shape given as a type is one problem, although its keys are unknown, too.
-        if shapes().any(|shape| fields.has(shape)) || !fields.is_given("type") {
+        if shape_keys().any(|shape| fields.has(shape)) || !fields.is_given("type") {
             fields.finish();
         }
         if let Some(points) = points {
@@ -150,16 +148,16 @@ fn counts(build: &SceneFileBuilder) -> [usize; 3] {
 
 /// Applies visibility, links and `object_info` to the instances, quads and shapes that an object added to the scene.
 fn apply_traits(build: &mut SceneFileBuilder, fields: &Fields, [instances, quads, shapes]: [usize; 3]) {
-    let given = TraitOverrides::read(build, fields);
+    let overrides = TraitOverrides::read(build, fields);
     let scene = &mut build.loaded.scene;
     if let Some(info) = traits::info(fields) {
         scene.instances[instances..].iter_mut().for_each(|instance| instance.info = info);
         scene.quads[quads..].iter_mut().for_each(|quad| quad.info = info);
         scene.shapes[shapes..].iter_mut().for_each(|shape| shape.info = info);
     }
-    scene.instances[instances..].iter_mut().for_each(|instance| given.apply(&mut instance.traits));
-    scene.quads[quads..].iter_mut().for_each(|quad| given.apply(&mut quad.traits));
-    scene.shapes[shapes..].iter_mut().for_each(|shape| given.apply(&mut shape.traits));
+    scene.instances[instances..].iter_mut().for_each(|instance| overrides.apply(&mut instance.traits));
+    scene.quads[quads..].iter_mut().for_each(|quad| overrides.apply(&mut quad.traits));
+    scene.shapes[shapes..].iter_mut().for_each(|shape| overrides.apply(&mut shape.traits));
 }
 
 fn read_object<'a>(
@@ -170,12 +168,12 @@ fn read_object<'a>(
     textures: &mut Textures<'a>,
     assets: &mut Assets,
 ) {
-    let given: Vec<&'static str> = shapes().filter(|s| fields.has(s)).collect();
-    let named = fields.string("material");
-    let material = named.clone().and_then(|m| materials.get(build, textures, m.value, m.span));
-    let [shape] = given[..] else {
+    let keys: Vec<&'static str> = shape_keys().filter(|s| fields.has(s)).collect();
+    let material_name = fields.string("material");
+    let material = material_name.clone().and_then(|m| materials.get(build, textures, m.value, m.span));
+    let [shape] = keys[..] else {
         let message =
-            format!("{} needs exactly one of {}", object.name, shapes().collect::<Vec<_>>().join(", "));
+            format!("{} needs exactly one of {}", object.name, shape_keys().collect::<Vec<_>>().join(", "));
         let help = "such as mesh = \"chair.ply\" or sphere = { center = [0, 1, 0], radius = 1 }";
         fields.problems.push_help(fields.span(), message, help);
         return;
@@ -197,7 +195,7 @@ fn read_object<'a>(
         }
         return;
     }
-    let material = match named {
+    let material = match material_name {
         Some(_) => material,
         None if materials.contains("default") => materials.get(build, textures, "default", fields.span()),
         None => {
@@ -219,7 +217,7 @@ fn read_object<'a>(
                 add_faces(build, object, &faces, &vec![id; faces.faces.len()]);
             }
         }
-        _ => read_shape(build, fields, object, shape, id),
+        _ => read_round_shape(build, fields, object, shape, id),
     }
 }
 
@@ -249,10 +247,10 @@ fn add_mesh(
             fields.problems.push(file.span.clone(), format!("'{}': {message}", file.value));
         }
         let world_from_object = object.world_from_object * i.world_from_object;
-        let mut motion = object.moved(&mut scene.motion, i);
+        let mut motion = object.instance_motion(&mut scene.motion, i);
         if let Some(keys) = &keys {
             match keys.apply(build, assets, (i.mesh, motion, world_from_object)) {
-                Ok(given) => motion = given,
+                Ok(with_keys) => motion = with_keys,
                 Err(message) => fields.problems.push(file.span.clone(), message),
             }
         }
@@ -376,7 +374,7 @@ fn add_faces(build: &mut SceneFileBuilder, object: &Object, faces: &Faces, ids: 
         mesh.parts.push(MeshPart { first_triangle, triangle_count, material });
         first_triangle += triangle_count;
     }
-    add_placed(build, object, mesh, object.world_from_object * DAffine3::from_translation(origin));
+    add_mesh_instance(build, object, mesh, object.world_from_object * DAffine3::from_translation(origin));
 }
 
 fn add_quad(build: &mut SceneFileBuilder, object_fields: &Fields, object: &Object, material: MaterialId) {
@@ -387,7 +385,7 @@ fn add_quad(build: &mut SceneFileBuilder, object_fields: &Fields, object: &Objec
     fields.finish();
     let (Some(corner), Some(u), Some(v)) = (corner, u, v) else { return };
     if u.value.cross(v.value).length() == 0.0 {
-        return fields.problems.push(fields.span(), "'u' and 'v' of a quad span no area");
+        return fields.problems.push(fields.span(), "'u' and 'v' of a quad are parallel or 0");
     }
     let m = object.world_from_object;
     let (mut corner, mut edge_u) = (m.transform_point3(corner.value), m.transform_vector3(u.value));
@@ -398,12 +396,12 @@ fn add_quad(build: &mut SceneFileBuilder, object_fields: &Fields, object: &Objec
         edge_u = -edge_u;
     }
     let scene = &mut build.loaded.scene;
-    scene.motion.quads.extend(object.motion.clone().map(|moving| (scene.quads.len(), moving)));
+    scene.motion.quads.extend(object.motion.clone().map(|keys| (scene.quads.len(), keys)));
     scene.quads.push(Quad { name: object.name.clone(), ..Quad::new(corner, edge_u, edge_v, material) });
 }
 
 /// A table of `[[objects]]`.
-pub(super) struct Object {
+struct Object {
     pub name: String,
     pub world_from_object: DAffine3,
     /// Motion relative to `world_from_object`.
@@ -416,88 +414,73 @@ impl Object {
         let world_from_object = transform::read(fields);
         match transform::read_motion(build, fields, &name) {
             None => Object { name, world_from_object, motion: None },
-            Some(moved) => {
-                let world_from_object = moved.at_time * world_from_object;
-                Object { name, world_from_object, motion: moved.relative_keys }
+            Some(EvaluatedMotion { at_time, relative_keys }) => {
+                let world_from_object = at_time * world_from_object;
+                Object { name, world_from_object, motion: relative_keys }
             }
         }
     }
 
     /// The motion of an instance of a mesh file under the object's transform and motion.
-    pub fn moved(&self, motion: &mut SceneMotion, instance: &Instance) -> Motion {
-        let own = match instance.motion {
+    fn instance_motion(&self, motion: &mut SceneMotion, instance: &Instance) -> Motion {
+        let file_keys = match instance.motion {
             Motion::Keyed(number) => motion.instances.get(number as usize).cloned(),
             _ => None,
         };
-        let moving = match (&self.motion, own) {
+        motion.add_instance(match (&self.motion, file_keys) {
             (None, None) => return instance.motion,
-            (Some(moving), None) => {
-                moving.map(|key| *key * self.world_from_object * instance.world_from_object)
-            }
-            (None, Some(own)) => own.map(|key| self.world_from_object * *key),
-            (Some(moving), Some(own)) => combined_motion(moving, &own, &self.world_from_object),
-        };
-        motion.instances.push(moving);
-        Motion::Keyed(motion.instances.len() as u32 - 1)
+            (Some(keys), None) => keys.map(|key| *key * self.world_from_object * instance.world_from_object),
+            (None, Some(keys)) => keys.map(|key| self.world_from_object * *key),
+            (Some(keys), Some(file_keys)) => combined_motion(keys, &file_keys, &self.world_from_object),
+        })
     }
 }
 
 /// The motion of an animated instance of a file under a moving object, with as many keys as the longer list.
 fn combined_motion(
-    moving: &Keyframes<DAffine3>,
-    own: &Keyframes<DAffine3>,
-    transform: &DAffine3,
+    object: &Keyframes<DAffine3>,
+    instance: &Keyframes<DAffine3>,
+    world_from_object: &DAffine3,
 ) -> Keyframes<DAffine3> {
-    let count = moving.keys.len().max(own.keys.len());
+    let count = object.keys.len().max(instance.keys.len());
     let at = |i: usize| {
         let time = i as f32 / count.saturating_sub(1).max(1) as f32;
-        transform_at(&moving.keys, time) * *transform * transform_at(&own.keys, time)
+        transform_at(&object.keys, time) * *world_from_object * transform_at(&instance.keys, time)
     };
-    let neighbours = moving.neighbours.zip(own.neighbours);
-    let neighbours = neighbours.map(|(m, o)| [m[0] * *transform * o[0], m[1] * *transform * o[1]]);
+    let neighbours = object.neighbours.zip(instance.neighbours);
+    let neighbours = neighbours.map(|(o, i)| [0, 1].map(|k| o[k] * *world_from_object * i[k]));
     Keyframes { keys: (0..count).map(at).collect(), neighbours }
 }
 
 /// Adds a mesh with an instance.
-pub(super) fn add_placed(
-    build: &mut SceneFileBuilder,
-    object: &Object,
-    mesh: Mesh,
-    world_from_object: DAffine3,
-) {
+fn add_mesh_instance(build: &mut SceneFileBuilder, object: &Object, mesh: Mesh, world_from_object: DAffine3) {
     let scene = &mut build.loaded.scene;
-    scene.meshes.push(mesh);
-    let mesh = MeshId(scene.meshes.len() as u32 - 1);
-    let mut motion = Motion::Still;
-    if let Some(moving) = &object.motion {
-        motion = Motion::Keyed(scene.motion.instances.len() as u32);
-        scene.motion.instances.push(moving.map(|key| *key * world_from_object));
-    }
+    let mesh = scene.add_mesh(mesh);
+    let motion = match &object.motion {
+        Some(keys) => scene.motion.add_instance(keys.map(|key| *key * world_from_object)),
+        None => Motion::Still,
+    };
     let name = object.name.clone();
     scene.instances.push(Instance { name, motion, ..Instance::new(mesh, world_from_object) });
 }
 
 /// Reads `[objects.NAME]`: changes of the model's objects.
-pub(super) fn override_objects<'a>(
+fn override_objects<'a>(
     build: &mut SceneFileBuilder,
     all: &Fields<'a>,
     materials: &mut Materials<'a>,
     textures: &mut Textures<'a>,
 ) {
     for (name, value) in all.entries() {
-        match value.get_ref().as_table() {
-            Some(table) => {
-                let fields = Fields::new(format!("object '{name}'"), table, value.span(), all.problems);
-                override_object(build, &fields, (name, value.span()), materials, textures);
-            }
-            None => all.problems.push(value.span(), format!("object '{name}' must be a table")),
+        if let Some(fields) = Fields::of_value(format!("object '{name}'"), value, all.problems) {
+            override_object(build, &fields, (name, value.span()), materials, textures);
         }
     }
 }
 
 /// Changes a node of the model and its descendants: `hidden`, `material`, `light_group`, links, subdivision, and visibility
 /// (see [`super::traits`]).
-pub(super) fn override_object<'a>(
+fn override_object<'a>(
     build: &mut SceneFileBuilder,
     fields: &Fields<'a>,
     (name, span): (&str, Range<usize>),
@@ -505,9 +488,9 @@ pub(super) fn override_object<'a>(
     textures: &mut Textures<'a>,
 ) {
     let is_hidden = fields.flag("hidden", false);
-    let named = fields.string("material");
-    let material = named.and_then(|named| materials.get(build, textures, named.value, named.span));
-    let given = TraitOverrides::read(build, fields);
+    let material =
+        fields.string("material").and_then(|name| materials.get(build, textures, name.value, name.span));
+    let overrides = TraitOverrides::read(build, fields);
     let light_group = fields.has("light_group").then(|| group(fields, "light_group"));
     let subdivision = read_subdivision(fields);
     fields.finish();
@@ -516,10 +499,8 @@ pub(super) fn override_object<'a>(
     let (instances, lights) = (build.nodes.instances(name, scene), build.nodes.lights(name));
     if instances.is_empty() && lights.is_empty() {
         let nodes = scene.instances.iter().flat_map(|i| i.name.split('/'));
-        let help = match nearest(name, nodes.chain(scene.lights.iter().map(|l| l.name.as_str()))) {
-            Some(near) => format!("did you mean '{near}'?"),
-            None => format!("it has {} placed meshes", scene.instances.len()),
-        };
+        let names = nodes.chain(scene.lights.iter().map(|l| l.name.as_str()));
+        let help = suggestion(name, names, format!("it has {} mesh instances", scene.instances.len()));
         return fields.problems.push_help(span, format!("the model has no object '{name}'"), help);
     }
     if is_hidden {
@@ -528,13 +509,13 @@ pub(super) fn override_object<'a>(
     for i in lights {
         let light = &mut scene.lights[i];
         light.group = light_group.clone().unwrap_or(std::mem::take(&mut light.group));
-        light.visible_to = given.own.map_or(light.visible_to, |own| own.visible_to);
-        light.links = given.links.unwrap_or(light.links);
+        light.visible_to = overrides.traits.map_or(light.visible_to, |traits| traits.visible_to);
+        light.links = overrides.links.unwrap_or(light.links);
     }
     for &i in &instances {
         let mut instance = scene.instances[i].clone();
         instance.light_group = light_group.clone().or(instance.light_group.take());
-        given.apply(&mut instance.traits);
+        overrides.apply(&mut instance.traits);
         set_material(scene, &mut instance, material);
         scene.instances[i] = instance;
     }
@@ -552,25 +533,25 @@ pub(super) fn override_object<'a>(
 type ReadShape = fn(&Fields) -> Option<(ShapeKind, DQuat)>;
 
 /// Shapes with centre and radius, by key.
-const KINDS: &[(&str, ReadShape)] = &[
+const ROUND_SHAPES: &[(&str, ReadShape)] = &[
     ("sphere", |_| Some((ShapeKind::Sphere, DQuat::IDENTITY))),
     ("disk", |fields| Some((ShapeKind::Disk, facing_normal(fields)?))),
 ];
 
 /// Keys of the shapes with centre and radius.
-pub(super) fn shape_keys() -> impl Iterator<Item = &'static str> {
-    KINDS.iter().map(|(key, _)| *key)
+fn round_shape_keys() -> impl Iterator<Item = &'static str> {
+    ROUND_SHAPES.iter().map(|(key, _)| *key)
 }
 
 /// Reads and adds a shape with centre and radius.
-fn read_shape(
+fn read_round_shape(
     build: &mut SceneFileBuilder,
     object_fields: &Fields,
     object: &Object,
     key: &'static str,
     material: MaterialId,
 ) {
-    let Some((_, read_shape_kind)) = KINDS.iter().find(|(known, _)| *known == key) else { return };
+    let Some((_, read_shape_kind)) = ROUND_SHAPES.iter().find(|(known, _)| *known == key) else { return };
     let Some(fields) = object_fields.table(key) else { return };
     let (center, radius) = center_and_radius(&fields, key);
     let kind = read_shape_kind(&fields);
@@ -616,7 +597,7 @@ fn facing(normal: DVec3) -> DQuat {
 fn is_stretched_light(build: &SceneFileBuilder, object: &Object, shape: &Shape) -> bool {
     let material = build.loaded.scene.materials.get(shape.material.index());
     let is_emissive = material.is_some_and(|material| material.emission.is_some());
-    let stretches = |moving: &Keyframes<DAffine3>| moving.all().any(|key| uniform_scale(key).is_none());
+    let stretches = |motion: &Keyframes<DAffine3>| motion.all().any(|key| uniform_scale(key).is_none());
     is_emissive && shape.kind == ShapeKind::Sphere && object.motion.as_ref().is_some_and(stretches)
 }
 
@@ -626,7 +607,7 @@ fn add_shape(build: &mut SceneFileBuilder, object: &Object, shape: Shape) {
     let reason = if is_stretched { "motion deforms the emissive" } else { "transform deforms the" };
     if let Some(placed) = placed_shape(&object.world_from_object, shape.clone()).filter(|_| !is_stretched) {
         let scene = &mut build.loaded.scene;
-        scene.motion.shapes.extend(object.motion.clone().map(|moving| (scene.shapes.len(), moving)));
+        scene.motion.shapes.extend(object.motion.clone().map(|keys| (scene.shapes.len(), keys)));
         return scene.shapes.push(placed);
     }
     let mut mesh = Mesh { name: shape.name.clone(), ..mesh_of(shape.kind) };
@@ -635,10 +616,10 @@ fn add_shape(build: &mut SceneFileBuilder, object: &Object, shape: Shape) {
     let message =
         format!("{}: its {reason} {kind}, which becomes a mesh of {triangle_count} triangles", shape.name);
     let code = if is_stretched { "light-stretched" } else { "shape-bent" };
-    build.loaded.warnings.push(Warning::new(build.file, "", (code, message)));
+    build.warn((code, message));
     let scale = DVec3::splat(shape.radius);
     let unit = DAffine3::from_scale_rotation_translation(scale, shape.rotation, shape.center);
-    add_placed(build, object, mesh, object.world_from_object * unit);
+    add_mesh_instance(build, object, mesh, object.world_from_object * unit);
 }
 
 /// Whether any object has the key `subdivide`.
@@ -653,18 +634,18 @@ pub(super) fn uses_subdivision(root: &Fields) -> bool {
 
 /// The key `subdivide` of an object.
 fn read_subdivision(fields: &Fields) -> Option<Subdivision> {
-    let given = fields.raw("subdivide")?;
-    if number(given.get_ref()).is_some() {
+    let value = fields.raw("subdivide")?;
+    if number(value.get_ref()).is_some() {
         let levels = fields.unsigned("subdivide", 0, MAX_LEVELS)?;
         return Some(Subdivision { levels, has_round_corners: false });
     }
-    let Some(table) = given.get_ref().as_table() else {
+    let Some(table) = value.get_ref().as_table() else {
         let message =
             format!("'subdivide' of {} must be a number of levels or a table", fields.description());
-        fields.problems.push_help(given.span(), message, "write subdivide = 2");
+        fields.problems.push_help(value.span(), message, "write subdivide = 2");
         return None;
     };
-    let table = Fields::new("'subdivide'", table, given.span(), fields.problems);
+    let table = Fields::new("'subdivide'", table, value.span(), fields.problems);
     let levels = table.require("levels", table.unsigned("levels", 0, MAX_LEVELS));
     table.choice("scheme", &[("catmull-clark", ())]);
     let corners = table.choice("corners", &[("sharp", false), ("round", true)]);
@@ -673,17 +654,17 @@ fn read_subdivision(fields: &Fields) -> Option<Subdivision> {
 }
 
 /// The subdivided mesh; `None` after reporting that it can't be subdivided.
-pub(super) fn subdivided_mesh(
+fn subdivided_mesh(
     build: &mut SceneFileBuilder,
     fields: &Fields,
     id: MeshId,
     motion: Motion,
     subdivision: Subdivision,
 ) -> Option<MeshId> {
-    let fine = match motion {
+    let subdivided = match motion {
         Motion::Deforms => Err(DEFORMS.to_string()),
         _ => build.loaded.polygons.add_to(&mut build.loaded.scene, id, subdivision),
     };
     let span = fields.raw("subdivide").map_or(fields.span(), |value| value.span());
-    fine.map_err(|message| fields.problems.push(span, message)).ok()
+    subdivided.map_err(|message| fields.problems.push(span, message)).ok()
 }

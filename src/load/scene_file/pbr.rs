@@ -11,7 +11,7 @@
 //! | `transmission` | 0 | fraction of specular transmission, 0 to 1, or a texture |
 //! | `opacity` | 1 | coverage (alpha), 0 to 1, or a texture |
 //! | `volume` | false | the surface bounds a solid; otherwise it is a thin sheet |
-//! | `keeps_radiance` | false | refraction doesn't scale radiance, as in Blender's Cycles; physically it is divided by the squared relative index. Media without a surface continue within the solid, unless its `priority` is higher. Without `volume` the surface then is an open sheet that refracts like the surface of a solid, by the side of its normal |
+//! | `keeps_radiance` | false | refraction doesn't scale radiance, as in Blender's Cycles; physically it is divided by the squared relative index. Media without a surface continue within the solid, unless its `priority` is higher. Without `volume` the surface is an open sheet that refracts like the boundary of a solid, with the inside behind its normal |
 //! | `glass_reflection` | "white" | colour of reflections of transmissive surfaces: `"white"`, `"tinted"` (as light transmitted once, as in Blender's Glass node) or `"none"` (no reflection, and full transmission, as in Blender's Refraction node) |
 //! | `attenuation_color`, `attenuation_distance` | 1, none | colour of white light after this distance in the solid, metres |
 //! | `medium` | none | the medium inside a transmissive solid, see `media` |
@@ -41,36 +41,36 @@ pub(super) struct Slots<'s, 'a, 'b> {
     pub build: &'s mut SceneFileBuilder<'b>,
     pub textures: &'s mut Textures<'a>,
     pub fields: &'s Fields<'a>,
-    /// The defaults are a model's parameters, which textures may refer to.
-    pub is_of_model: bool,
+    /// The defaults are the parameters of a model's material, which textures may refer to.
+    pub adjusts_model: bool,
 }
 
 impl Slots<'_, '_, '_> {
-    fn color(&mut self, key: &'static str, otherwise: ColorSlot) -> ColorSlot {
-        match self.is_of_model {
-            true => self.textures.color_in_place(self.build, self.fields, key, otherwise),
-            false => self.textures.slot(self.build, self.fields, key).unwrap_or(otherwise),
+    fn color(&mut self, key: &'static str, default: ColorSlot) -> ColorSlot {
+        match self.adjusts_model {
+            true => self.textures.adjust_color(self.build, self.fields, key, default),
+            false => self.textures.slot(self.build, self.fields, key).unwrap_or(default),
         }
     }
 
     /// A number from 0 to 1, or the red channel of a texture.
-    fn number(&mut self, key: &'static str, otherwise: FloatSlot) -> FloatSlot {
-        self.number_with_own(key, otherwise, otherwise)
+    fn number(&mut self, key: &'static str, default: FloatSlot) -> FloatSlot {
+        self.number_or(key, default, default)
     }
 
-    /// As `number` with the default `otherwise`; textures may refer to the model's parameter `own`.
-    fn number_with_own(&mut self, key: &'static str, otherwise: FloatSlot, own: FloatSlot) -> FloatSlot {
+    /// As `number`; textures may refer to `model_value`, the model's parameter.
+    fn number_or(&mut self, key: &'static str, default: FloatSlot, model_value: FloatSlot) -> FloatSlot {
         if self.fields.raw(key).is_none_or(|value| value.get_ref().as_str().is_none()) {
-            return fraction(self.fields, key, otherwise);
+            return fraction(self.fields, key, default);
         }
-        let found = match self.is_of_model {
-            true => self.textures.number_in_place(self.build, self.fields, key, own),
+        let found = match self.adjusts_model {
+            true => self.textures.adjust_number(self.build, self.fields, key, model_value),
             false => {
                 let texture = self.textures.slot(self.build, self.fields, key).and_then(|slot| slot.texture);
                 texture.map(|id| FloatSlot::texture(id, 0))
             }
         };
-        found.unwrap_or(otherwise)
+        found.unwrap_or(default)
     }
 }
 
@@ -104,29 +104,29 @@ pub(super) fn adjust(
         model.glass_reflection = reflection;
     }
     if fields.has("opacity") {
-        material.alpha = slots.number_with_own("opacity", FloatSlot::constant(1.0), alpha);
+        material.alpha = slots.number_or("opacity", FloatSlot::constant(1.0), alpha);
         material.alpha_mode = AlphaMode::Blend;
     }
-    volume(slots, model);
-    layers(model, slots);
-    filling(fields, material, model, medium);
+    read_volume(slots, model);
+    read_layers(model, slots);
+    set_medium(fields, material, model, medium);
     material.double_sided = fields.flag("two_sided", material.double_sided);
     let two_sided = material.double_sided;
     if let Some(emission) = &mut material.emission {
         emission.two_sided = two_sided;
     }
     if fields.has("emission") {
-        let own = material.emission.as_ref().map_or(ColorSlot::constant([0.0; 3]), |e| e.radiance);
-        let radiance = slots.color("emission", own);
+        let default = material.emission.as_ref().map_or(ColorSlot::constant([0.0; 3]), |e| e.radiance);
+        let radiance = slots.color("emission", default);
         material.emission = Some(Emission { radiance, two_sided });
     }
 }
 
 /// A number from 0 to 1.
-fn fraction(fields: &Fields, key: &'static str, otherwise: FloatSlot) -> FloatSlot {
+fn fraction(fields: &Fields, key: &'static str, default: FloatSlot) -> FloatSlot {
     match fields.has(key) {
-        true => FloatSlot::constant(fields.number_in(key, 0.0..1.0, otherwise.factor.into()) as f32),
-        false => otherwise,
+        true => FloatSlot::constant(fields.number_in(key, 0.0..1.0, default.factor.into()) as f32),
+        false => default,
     }
 }
 
@@ -141,7 +141,7 @@ pub(super) fn alpha_of(material: &Material, model: &PbrMaterial) -> FloatSlot {
     }
 }
 
-fn volume(slots: &Slots, model: &mut PbrMaterial) {
+fn read_volume(slots: &Slots, model: &mut PbrMaterial) {
     let fields = slots.fields;
     model.has_volume = fields.flag("volume", model.has_volume);
     read_keeps_radiance(slots, model);
@@ -156,8 +156,8 @@ fn volume(slots: &Slots, model: &mut PbrMaterial) {
         model.attenuation_distance = distance as f32;
     }
     model.dispersion = fields.number_in("dispersion", 0.0..100.0, model.dispersion.into()) as f32;
-    let inside = ["attenuation_color", "attenuation_distance", "dispersion"];
-    if !model.has_volume && inside.iter().any(|key| fields.has(key)) {
+    let volume_keys = ["attenuation_color", "attenuation_distance", "dispersion"];
+    if !model.has_volume && volume_keys.iter().any(|key| fields.has(key)) {
         let message = "attenuation and dispersion need a solid: add 'volume = true'";
         fields.problems.push(fields.span(), message);
     }
@@ -169,7 +169,7 @@ fn read_keeps_radiance(slots: &Slots, model: &mut PbrMaterial) {
     let fields = slots.fields;
     let refracts = fields.flag("keeps_radiance", model.keeps_radiance);
     let wants_thin =
-        slots.is_of_model && matches!(slots.build.options.gltf.glass, Glass::Panes | Glass::Thin);
+        slots.adjusts_model && matches!(slots.build.options.gltf.glass, Glass::Panes | Glass::Thin);
     model.keeps_radiance = refracts && (model.has_volume || !wants_thin);
     if refracts && !model.keeps_radiance && fields.has("volume") {
         // Blender's glass tints by the square root of its colour at each interface.
@@ -179,8 +179,8 @@ fn read_keeps_radiance(slots: &Slots, model: &mut PbrMaterial) {
     model.tints_once &= model.has_volume || model.keeps_radiance;
 }
 
-/// Reads the medium inside the solid.
-fn filling(fields: &Fields, material: &mut Material, model: &mut PbrMaterial, medium: Option<Medium>) {
+/// Sets the medium inside the solid: `medium`, or that of `subsurface`.
+fn set_medium(fields: &Fields, material: &mut Material, model: &mut PbrMaterial, medium: Option<Medium>) {
     if let Some(medium) = medium {
         if !model.has_volume {
             let message = "a 'medium' needs a solid: add 'volume = true'";
@@ -220,7 +220,7 @@ fn check_layers(fields: &Fields) {
     }
 }
 
-fn layers(model: &mut PbrMaterial, slots: &mut Slots) {
+fn read_layers(model: &mut PbrMaterial, slots: &mut Slots) {
     let fields = slots.fields;
     const NONE: FloatSlot = FloatSlot::constant(0.0);
     let coat = model.clearcoat.unwrap_or(Clearcoat { factor: NONE, roughness: NONE, normal_map: None });
@@ -241,17 +241,17 @@ fn layers(model: &mut PbrMaterial, slots: &mut Slots) {
         ..anisotropy
     };
     model.anisotropy = (anisotropy.strength > 0.0).then_some(anisotropy);
-    film(fields, model);
+    read_thin_film(fields, model);
     let white = ColorSlot::constant([1.0; 3]);
     let none = DiffuseTransmission { factor: NONE, color: white, subsurface: None };
-    let own = model.diffuse_transmission.unwrap_or(none);
-    let factor = fraction(fields, "diffuse_transmission", own.factor);
-    let color = slots.color("diffuse_transmission_color", own.color);
-    let transmission = DiffuseTransmission { factor, color, ..own };
+    let transmission = model.diffuse_transmission.unwrap_or(none);
+    let factor = fraction(fields, "diffuse_transmission", transmission.factor);
+    let color = slots.color("diffuse_transmission_color", transmission.color);
+    let transmission = DiffuseTransmission { factor, color, ..transmission };
     model.diffuse_transmission = (transmission.factor.factor > 0.0).then_some(transmission);
 }
 
-fn film(fields: &Fields, model: &mut PbrMaterial) {
+fn read_thin_film(fields: &Fields, model: &mut PbrMaterial) {
     let film = model.iridescence.unwrap_or(Iridescence {
         factor: FloatSlot::constant(0.0),
         ior: 1.3,

@@ -5,7 +5,7 @@
 //! | `width`, `height` | image size in pixels | 1 to 65,536 |
 //! | `samples` | samples per pixel | at least 1 |
 //! | `depth` | maximum number of bounces of a path; 0 renders directly visible emission only | |
-//! | `bounces` | maximum number of bounces by type: `{ diffuse = 5, glossy = 5, transmission = 13, volume = 1, transparent = 9, subsurface = 256 }`, each optional; `transparent` counts surfaces passed by alpha, `subsurface` consecutive scattering events beneath a surface; longer paths are lost, which darkens the picture | at least 1 |
+//! | `bounces` | maximum number of bounces by type: `{ diffuse = 5, glossy = 5, transmission = 13, volume = 1, transparent = 9, subsurface = 256 }`, each optional; `transparent` counts surfaces passed by alpha, `subsurface` consecutive scattering events beneath a surface; longer paths are terminated, which darkens the picture | at least 1 |
 //! | `clamp` | maximum contribution of a single path, mean of the channels: `{ direct = 50, indirect = 10 }`, each optional; direct is after at most one bounce. Removes fireflies, and darkens the picture | above 0 |
 //! | `filter_glossy` | glossy filter, as Cycles' Filter Glossy: increases roughness after a rough bounce, which blurs caustics; 0 is off, 1 is Cycles' default | 0 to 1000 |
 //! | `skip_caustics` | caustics to skip, as without Cycles' Reflective or Refractive Caustics: `{ reflective = true, refractive = true }`: after a diffuse bounce surfaces have no glossy reflection, or no transmission | |

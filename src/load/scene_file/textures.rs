@@ -28,14 +28,13 @@
 
 use super::builder::SceneFileBuilder;
 use super::fields::{Fields, color, named, number, numbers};
+use super::materials::WRAPS;
 use crate::color::spectral::Curve;
 use crate::error::Error;
 use crate::image::{Damage, Encoding, Image, Pixels};
 use crate::load::image;
 use crate::load::image::Use;
-use crate::scene::{
-    ColorSlot, FloatSlot, ImageId, Interpolation, Mapping, NoiseKind, Texture, TextureId, Wrap,
-};
+use crate::scene::{ColorSlot, FloatSlot, ImageId, Interpolation, Mapping, NoiseKind, Texture, TextureId};
 use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 use std::sync::Arc;
@@ -56,7 +55,7 @@ enum TextureType {
     Noise(NoiseKind),
 }
 
-const KINDS: [(&str, TextureType); 12] = [
+const TEXTURE_TYPES: [(&str, TextureType); 12] = [
     ("solid", TextureType::Solid),
     ("image", TextureType::Image),
     ("checker", TextureType::Checker),
@@ -75,29 +74,35 @@ const KINDS: [(&str, TextureType); 12] = [
 pub(super) struct Textures<'a> {
     fields: Option<Fields<'a>>,
     /// `None` while a texture is being read, and after a problem.
-    done: HashMap<String, Option<TextureId>>,
-    /// Names of textures that use `"own"` and are read again for each use.
+    ids: HashMap<String, Option<TextureId>>,
+    /// Names of textures that use `"own"`, which are read again for each use.
     used_with_own: HashSet<String>,
     /// Check keys only: open no files and add nothing to the scene.
-    checking: bool,
+    checks_only: bool,
     /// The current texture `"own"`; `None` outside of a model's materials.
-    own: Option<Own>,
+    model_texture: Option<ModelTexture>,
 }
 
 /// The model's texture that is being replaced.
-struct Own {
+struct ModelTexture {
     texture: Option<TextureId>,
     is_used: bool,
 }
 
 impl<'a> Textures<'a> {
     pub fn new(fields: Option<Fields<'a>>) -> Textures<'a> {
-        Textures { fields, done: HashMap::new(), used_with_own: HashSet::new(), checking: false, own: None }
+        Textures {
+            fields,
+            ids: HashMap::new(),
+            used_with_own: HashSet::new(),
+            checks_only: false,
+            model_texture: None,
+        }
     }
 
     /// Whether only keys are checked.
-    pub fn is_check(&self) -> bool {
-        self.checking
+    pub fn checks_only(&self) -> bool {
+        self.checks_only
     }
 
     /// A colour parameter: a constant, or the name of a texture.
@@ -114,69 +119,69 @@ impl<'a> Textures<'a> {
         }
     }
 
-    /// A colour parameter that replaces `own` of a model's material.
-    pub fn color_in_place(
+    /// A colour parameter that replaces `model_value` of a model's material.
+    pub fn adjust_color(
         &mut self,
         build: &mut SceneFileBuilder,
         fields: &Fields<'a>,
         key: &'static str,
-        own: ColorSlot,
+        model_value: ColorSlot,
     ) -> ColorSlot {
-        let (found, is_own) = self.in_place(build, fields, key, own.texture);
-        let found = found.unwrap_or(own);
-        if is_own { ColorSlot { texture: found.texture, ..own } } else { found }
+        let (found, uses_model) = self.adjust(build, fields, key, model_value.texture);
+        let found = found.unwrap_or(model_value);
+        if uses_model { ColorSlot { texture: found.texture, ..model_value } } else { found }
     }
 
-    /// A texture that replaces the number `own` of a model's material; `None` without one.
-    pub fn number_in_place(
+    /// A texture that replaces the number `model_value` of a model's material; `None` without one.
+    pub fn adjust_number(
         &mut self,
         build: &mut SceneFileBuilder,
         fields: &Fields<'a>,
         key: &'static str,
-        own: FloatSlot,
+        model_value: FloatSlot,
     ) -> Option<FloatSlot> {
         fields.raw(key)?.get_ref().as_str()?;
-        let (found, is_own) = self.in_place(build, fields, key, own.texture.map(|(id, _)| id));
+        let (found, uses_model) = self.adjust(build, fields, key, model_value.texture.map(|(id, _)| id));
         let texture = found?.texture?;
-        let channel = own.texture.map_or(0, |(_, channel)| channel);
-        Some(match is_own {
-            true => FloatSlot { texture: Some((texture, channel)), ..own },
+        let channel = model_value.texture.map_or(0, |(_, channel)| channel);
+        Some(match uses_model {
+            true => FloatSlot { texture: Some((texture, channel)), ..model_value },
             false => FloatSlot::texture(texture, 0),
         })
     }
 
     /// Reads a parameter with `texture` as `"own"`; returns whether `"own"` was used.
-    fn in_place(
+    fn adjust(
         &mut self,
         build: &mut SceneFileBuilder,
         fields: &Fields<'a>,
         key: &'static str,
         texture: Option<TextureId>,
     ) -> (Option<ColorSlot>, bool) {
-        self.own = Some(Own { texture, is_used: false });
+        self.model_texture = Some(ModelTexture { texture, is_used: false });
         let found = self.slot(build, fields, key);
-        (found, self.own.take().is_some_and(|own| own.is_used))
+        (found, self.model_texture.take().is_some_and(|texture| texture.is_used))
     }
 
     /// The texture of a name, read on first use.
     pub fn get(&mut self, build: &mut SceneFileBuilder, name: &str, span: Range<usize>) -> Option<TextureId> {
-        if let Some(done) = self.done.get(name) {
-            return *done;
+        if let Some(id) = self.ids.get(name) {
+            return *id;
         }
         let value = named(self.fields.as_ref(), "texture", name, span, build.problems)?;
-        if self.checking {
+        if self.checks_only {
             // `check_unused` checks its keys.
             return Some(TextureId(0));
         }
-        self.done.insert(name.to_string(), None);
-        let was_used = self.own.as_mut().is_some_and(|own| std::mem::take(&mut own.is_used));
+        self.ids.insert(name.to_string(), None);
+        let was_used = self.model_texture.as_mut().is_some_and(|own| std::mem::take(&mut own.is_used));
         let texture = self.read(build, name, value);
-        let id = texture.map(|t| push(build, t));
-        self.done.insert(name.to_string(), id);
-        if let Some(own) = &mut self.own {
+        let id = texture.map(|texture| build.loaded.scene.add_texture(texture));
+        self.ids.insert(name.to_string(), id);
+        if let Some(own) = &mut self.model_texture {
             if own.is_used {
                 // "own" is another texture at each use.
-                self.done.remove(name);
+                self.ids.remove(name);
                 self.used_with_own.insert(name.to_string());
             }
             own.is_used |= was_used;
@@ -190,14 +195,10 @@ impl<'a> Textures<'a> {
         name: &str,
         value: &'a Spanned<DeValue<'a>>,
     ) -> Option<Texture> {
-        let Some(table) = value.get_ref().as_table() else {
-            build.problems.push(value.span(), format!("texture '{name}' must be a table"));
-            return None;
-        };
         let problems = self.fields.as_ref()?.problems;
-        let fields = Fields::new(format!("texture '{name}'"), table, value.span(), problems);
+        let fields = Fields::of_value(format!("texture '{name}'"), value, problems)?;
         fields.require("type", fields.string("type"));
-        let texture = match fields.choice("type", &KINDS)? {
+        let texture = match fields.choice("type", &TEXTURE_TYPES)? {
             TextureType::Solid => {
                 fields.require("color", fields.color("color")).map(|c| Texture::Solid(c.value))
             }
@@ -216,8 +217,8 @@ impl<'a> Textures<'a> {
     }
 
     fn checker(&mut self, build: &mut SceneFileBuilder, fields: &Fields<'a>, name: &str) -> Option<Texture> {
-        let even = self.part(build, fields, "even", name);
-        let odd = self.part(build, fields, "odd", name);
+        let even = self.input(build, fields, "even", name);
+        let odd = self.input(build, fields, "odd", name);
         let cell_size = fields.number_in("size", 1e-9..1e9, 1.0) as f32;
         let mappings = [("world", Mapping::World), ("uv", Mapping::default())];
         let mapping = fields.choice("mapping", &mappings).unwrap_or(Mapping::World);
@@ -225,17 +226,17 @@ impl<'a> Textures<'a> {
     }
 
     fn mix(&mut self, build: &mut SceneFileBuilder, fields: &Fields<'a>, name: &str) -> Option<Texture> {
-        let [a, b, factor] = ["a", "b", "factor"].map(|key| self.part(build, fields, key, name));
+        let [a, b, factor] = ["a", "b", "factor"].map(|key| self.input(build, fields, key, name));
         Some(Texture::Mix { a: a?, b: b?, factor: factor? })
     }
 
     /// The model's own texture, marked as used.
     fn own(&mut self, build: &mut SceneFileBuilder, fields: &Fields<'a>) -> Option<Texture> {
-        if self.checking {
+        if self.checks_only {
             return Some(Texture::Solid([1.0; 3]));
         }
-        let Some(own) = &mut self.own else {
-            let message = "there is no model's texture for \"own\" here";
+        let Some(own) = &mut self.model_texture else {
+            let message = "\"own\" has no model texture to refer to here";
             let help = "\"own\" works in the sidecar of a model, in [materials.NAME] without a 'type', for a material of the model";
             fields.problems.push_help(fields.span(), message, help);
             return None;
@@ -246,7 +247,7 @@ impl<'a> Textures<'a> {
     }
 
     fn image(&mut self, build: &mut SceneFileBuilder, fields: &Fields<'a>) -> Option<Texture> {
-        let (texture, mapping_key) = image_texture(build, fields, self.checking)?;
+        let (texture, mapping_key) = image_texture(build, fields, self.checks_only)?;
         if mapping_key != MappingKey::Own {
             return Some(texture);
         }
@@ -262,7 +263,7 @@ impl<'a> Textures<'a> {
             Texture::Image { wrap_u, wrap_v, interpolation, mapping, .. } => {
                 Some(Texture::Image { image: *image, wrap_u, wrap_v, interpolation, mapping })
             }
-            _ if self.checking => Some(texture),
+            _ if self.checks_only => Some(texture),
             _ => {
                 let message = "the model's material has no image texture here to take the mapping from";
                 fields.problems.push_help(fields.span(), message, "leave 'mapping' out");
@@ -271,61 +272,56 @@ impl<'a> Textures<'a> {
         }
     }
 
-    fn part(
+    /// An input of the texture `name`: a colour or the name of another texture.
+    fn input(
         &mut self,
         build: &mut SceneFileBuilder,
         fields: &Fields<'a>,
         key: &'static str,
-        own: &str,
+        name: &str,
     ) -> Option<TextureId> {
         let value = fields.require(key, fields.raw(key))?;
         match value.get_ref().as_str() {
-            Some(other) => self.other(build, other, own, value.span()),
+            Some(input) => self.input_by_name(build, input, name, value.span()),
             None => match color(value.get_ref()) {
-                Some(_) if self.checking => Some(TextureId(0)),
-                Some(c) => Some(push(build, Texture::Solid(c))),
+                Some(_) if self.checks_only => Some(TextureId(0)),
+                Some(c) => Some(build.loaded.scene.add_texture(Texture::Solid(c))),
                 None => fields.color(key).and(None),
             },
         }
     }
 
-    /// An input texture of the texture `own`.
-    pub fn other(
+    /// The texture `input`, used by the texture `name`.
+    pub fn input_by_name(
         &mut self,
         build: &mut SceneFileBuilder,
+        input: &str,
         name: &str,
-        own: &str,
         span: Range<usize>,
     ) -> Option<TextureId> {
-        if self.done.get(name) == Some(&None) {
-            let message = format!("texture '{own}' contains itself, or '{name}' has a problem");
+        if self.ids.get(input) == Some(&None) {
+            let message = format!("texture '{name}' contains itself, or '{input}' has a problem");
             build.problems.push(span, ("texture-cycle", message));
             return None;
         }
-        self.get(build, name, span)
+        self.get(build, input, span)
     }
 
     /// From here on, only keys are checked.
     pub fn only_check(&mut self) {
-        self.checking = true;
+        self.checks_only = true;
     }
 
     /// Checks the keys of unused textures without opening their images, and reports the textures as unused.
     pub fn check_unused(&mut self, build: &mut SceneFileBuilder) {
-        self.checking = true;
+        self.checks_only = true;
         let mut unused: Vec<_> = self.fields.iter().flat_map(|f| f.entries()).collect();
-        unused.retain(|(name, _)| !self.done.contains_key(*name) && !self.used_with_own.contains(*name));
+        unused.retain(|(name, _)| !self.ids.contains_key(*name) && !self.used_with_own.contains(*name));
         for (name, value) in unused {
             self.read(build, name, value);
             build.loaded.left_out.push(format!("texture '{name}': nothing refers to it"));
         }
     }
-}
-
-fn push(build: &mut SceneFileBuilder, texture: Texture) -> TextureId {
-    let textures = &mut build.loaded.scene.textures;
-    textures.push(texture);
-    TextureId(textures.len() as u32 - 1)
 }
 
 /// Values of `mapping`.
@@ -342,10 +338,9 @@ const MAPPINGS: [(&str, MappingKey); 3] =
 fn image_texture(
     build: &mut SceneFileBuilder,
     fields: &Fields,
-    checking: bool,
+    checks_only: bool,
 ) -> Option<(Texture, MappingKey)> {
-    let wraps = [("repeat", Wrap::Repeat), ("mirror", Wrap::Mirror), ("clamp", Wrap::Clamp)];
-    let wrap = fields.choice("wrap", &wraps).unwrap_or_default();
+    let wrap = fields.choice("wrap", &WRAPS).unwrap_or_default();
     let interpolations = [
         ("trilinear", Interpolation::Trilinear),
         ("bilinear", Interpolation::Bilinear),
@@ -355,7 +350,7 @@ fn image_texture(
     let file = fields.require("file", fields.string("file"))?;
     let encodings = [("srgb", Use::Color), ("linear", Use::Data)];
     let purpose = fields.choice("encoding", &encodings).unwrap_or(Use::Color);
-    let image = match checking {
+    let image = match checks_only {
         true => ImageId(0),
         false => read_image(build, file.value, file.span, purpose)?,
     };
@@ -463,11 +458,11 @@ pub(super) fn read_pixels(
 const RANGE_NM: Range<f64> = 1.0..1e6;
 
 /// Maximum luminance and value.
-const MAX: f64 = 1e9;
+const MAX_VALUE: f64 = 1e9;
 
 fn read_spectrum(fields: &Fields) -> Option<Curve> {
     let is_light = fields.flag("light", false);
-    let luminance = fields.has("luminance").then(|| fields.number_in("luminance", 0.0..MAX, 1.0));
+    let luminance = fields.has("luminance").then(|| fields.number_in("luminance", 0.0..MAX_VALUE, 1.0));
     let kelvin = fields.has("black_body").then(|| fields.number_in("black_body", 100.0..100_000.0, 5000.0));
     if let Some(kelvin) = kelvin {
         if fields.has("values") {
@@ -514,8 +509,8 @@ fn values(fields: &Fields) -> Option<Vec<(f64, f64)>> {
         fields.problems.push(fields.span(), "wavelengths must be ascending, in nanometres, and at least 1");
         return None;
     }
-    if pairs.iter().any(|(_, value)| !(0.0..=MAX).contains(value)) {
-        fields.problems.push(fields.span(), format!("values of spectra must be from 0 to {MAX}"));
+    if pairs.iter().any(|(_, value)| !(0.0..=MAX_VALUE).contains(value)) {
+        fields.problems.push(fields.span(), format!("values of spectra must be from 0 to {MAX_VALUE}"));
         return None;
     }
     Some(pairs)

@@ -19,7 +19,7 @@
 //! (`shadow_link = { include = [] }`). Lights with a `shadow_link` light rough surfaces by light sampling only.
 
 use super::builder::{Names, NamesOnPaths, SceneFileBuilder};
-use super::fields::{Fields, nearest, numbers};
+use super::fields::{Fields, numbers, suggestion};
 use super::transform::{EvaluatedMotion, MovingPlacement};
 use crate::scene::{
     EmitterTraits, LightLinks, Link, ObjectInfo, ObjectSet, ObjectSets, ObjectTraits, RayKinds, Scene,
@@ -27,13 +27,12 @@ use crate::scene::{
 };
 use std::collections::{HashMap, HashSet};
 
-/// The ray types of `visible_to` and `visible_to_camera`; `own` if the table has neither.
-pub(super) fn visible_to(fields: &Fields, own: RayKinds) -> RayKinds {
+/// The ray types of `visible_to` and `visible_to_camera`; `default` if the table has neither.
+pub(super) fn visible_to(fields: &Fields, default: RayKinds) -> RayKinds {
     let listed = fields.list("visible_to").map(|list| {
         list.iter().fold(RayKinds::NONE, |sum, value| {
-            let named = |name: &str| RayKinds::NAMED.iter().find(|(other, _)| *other == name);
-            match value.get_ref().as_str().and_then(named) {
-                Some((_, kind)) => sum.with(*kind),
+            match value.get_ref().as_str().and_then(RayKinds::from_name) {
+                Some(kind) => sum.with(kind),
                 None => {
                     let help = format!("one of: {}", RayKinds::NAMED.map(|(name, _)| name).join(", "));
                     fields.problems.push_help(value.span(), "'visible_to' must be a list of ray types", help);
@@ -42,15 +41,15 @@ pub(super) fn visible_to(fields: &Fields, own: RayKinds) -> RayKinds {
             }
         })
     });
-    let kinds = listed.unwrap_or(own);
-    let by_camera = fields.flag("visible_to_camera", kinds.contains(RayKinds::CAMERA));
-    kinds.set(RayKinds::CAMERA, by_camera)
+    let kinds = listed.unwrap_or(default);
+    let is_visible = fields.flag("visible_to_camera", kinds.contains(RayKinds::CAMERA));
+    kinds.set(RayKinds::CAMERA, is_visible)
 }
 
 /// Visibility and light links of a table.
 pub(super) struct TraitOverrides {
     /// Ray visibility, holdout and shadow catcher.
-    pub own: Option<ObjectTraits>,
+    pub traits: Option<ObjectTraits>,
     /// Links of the light that it emits.
     pub links: Option<LightLinks>,
 }
@@ -58,13 +57,13 @@ pub(super) struct TraitOverrides {
 impl TraitOverrides {
     /// Reads the keys of a table.
     pub fn read(build: &mut SceneFileBuilder, fields: &Fields) -> TraitOverrides {
-        TraitOverrides { own: traits(fields), links: read_links(build, fields) }
+        TraitOverrides { traits: traits(fields), links: read_links(build, fields) }
     }
 
     /// Overrides the traits for which the table has keys.
     pub fn apply(&self, traits: &mut ObjectTraits) {
-        if let Some(own) = self.own {
-            *traits = ObjectTraits { links: traits.links, ..own };
+        if let Some(overrides) = self.traits {
+            *traits = ObjectTraits { links: traits.links, ..overrides };
         }
         traits.links = self.links.unwrap_or(traits.links);
     }
@@ -145,12 +144,11 @@ pub(super) fn resolve_links(build: &mut SceneFileBuilder) {
     }
     let all = || sets.iter().flat_map(|set| set.include.iter().chain(&set.exclude));
     let known = NamesOnPaths::of(all().map(|(name, _)| name.as_str()));
-    let found: HashSet<&str> = names_of(&build.loaded.scene).flat_map(|path| known.on_path(path)).collect();
+    let found: HashSet<&str> =
+        object_and_light_names(&build.loaded.scene).flat_map(|path| known.on_path(path)).collect();
     for (name, span) in all().filter(|(name, _)| !found.contains(name.as_str())) {
-        let help = match nearest(name, names_of(&build.loaded.scene).flat_map(|path| path.split('/'))) {
-            Some(near) => format!("did you mean '{near}'?"),
-            None => "links name objects of the model or of the file".into(),
-        };
+        let names = object_and_light_names(&build.loaded.scene).flat_map(|path| path.split('/'));
+        let help = suggestion(name, names, "links name objects of the model or of the file".into());
         let message = ("unknown-object", format!("there is no object '{name}' to link to"));
         build.problems.push_help(span.clone(), message, help);
     }
@@ -173,7 +171,7 @@ pub(super) fn resolve_links(build: &mut SceneFileBuilder) {
 }
 
 /// The names of all objects and lights: lights with a surface are receivers, too.
-fn names_of(scene: &Scene) -> impl Iterator<Item = &str> {
+fn object_and_light_names(scene: &Scene) -> impl Iterator<Item = &str> {
     scene.object_names().chain(scene.lights.iter().map(|light| light.name.as_str()))
 }
 
@@ -185,9 +183,9 @@ pub(super) struct LightTraits {
     pub group: String,
     pub links: LightLinks,
     /// The placement by `transform`: `None` without the key, `Some(None)` if it is singular.
-    pub placed: Option<Option<MovingPlacement>>,
+    pub placement: Option<Option<MovingPlacement>>,
     /// The motion of a light without `transform`.
-    pub moved: Option<EvaluatedMotion>,
+    pub motion: Option<EvaluatedMotion>,
 }
 
 /// The name of a light group; empty without the key.
@@ -200,11 +198,11 @@ pub(super) fn group(fields: &Fields, key: &'static str) -> String {
     name.value.to_string()
 }
 
-/// The photometric quantity: `power` times `per_watt`, or the key `quantity`.
+/// The strength of a light: `power` times `per_watt`, or the key `quantity`.
 pub(super) fn strength(fields: &Fields, quantity: &'static str, per_watt: f64) -> Option<f64> {
-    match (positive(fields, "power"), positive(fields, quantity)) {
+    match (non_negative(fields, "power"), non_negative(fields, quantity)) {
         (Some(power), None) => Some(power * per_watt),
-        (None, Some(own)) => Some(own),
+        (None, Some(value)) => Some(value),
         _ => {
             let message = format!("the light needs either 'power' or '{quantity}'");
             fields.problems.push(fields.span(), message);
@@ -214,6 +212,6 @@ pub(super) fn strength(fields: &Fields, quantity: &'static str, per_watt: f64) -
 }
 
 /// A non-negative number.
-pub(super) fn positive(fields: &Fields, key: &'static str) -> Option<f64> {
+pub(super) fn non_negative(fields: &Fields, key: &'static str) -> Option<f64> {
     fields.has(key).then(|| fields.number_in(key, 0.0..f64::from(f32::MAX), 0.0))
 }

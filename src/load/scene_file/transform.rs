@@ -21,7 +21,7 @@
 //! | `keys` | instead of both: a list of `{ frame, transform }` in ascending order; at such a frame the steps of `transform` are applied after those of the object. In between, translation and scale are interpolated linearly and rotation spherically; before the first and after the last key they are constant |
 
 use super::builder::SceneFileBuilder;
-use super::fields::{Fields, nearest, number};
+use super::fields::{Fields, number, suggestion};
 use crate::error::Warning;
 use crate::math::{DAffine3, DMat3, DQuat, DVec3, mix};
 use crate::scene::Keyframes;
@@ -121,7 +121,7 @@ fn matrix(fields: &Fields, m: [f64; 16]) -> Option<DAffine3> {
     Some(DAffine3::from_mat3_translation(linear, column(3)))
 }
 
-/// The motion of an object.
+/// The motion of an object as a function of time.
 enum Trajectory {
     /// Constant velocity and angular velocity.
     Constant { translation_per_frame: DVec3, axis: DVec3, rad_per_frame: f64, center: DVec3 },
@@ -145,7 +145,7 @@ impl Trajectory {
 
 /// Interpolates keys by scale, rotation and translation; by the matrix if one of them shears.
 fn interpolate(keys: &[(f64, DAffine3)], frame: f64) -> DAffine3 {
-    let (before, t) = segment(keys, frame);
+    let (before, t) = key_segment(keys, frame);
     let Some(t) = t else { return keys.get(before).map_or(DAffine3::IDENTITY, |key| key.1) };
     let ((_, from), (_, to)) = (keys[before], keys[before + 1]);
     if shears(&from) || shears(&to) {
@@ -181,14 +181,14 @@ pub(super) fn rigid_motion(
     fields: &Fields,
     name: &str,
 ) -> Option<EvaluatedMotion> {
-    let moved = read_motion(build, fields, name)?;
+    let motion = read_motion(build, fields, name)?;
     let is_rigid = |m: &DAffine3| {
         let m = m.matrix3;
         (m * m.transpose()).abs_diff_eq(DMat3::IDENTITY, 1e-6) && m.determinant() > 0.0
     };
-    let others = moved.relative_keys.iter().flat_map(Keyframes::all);
-    if std::iter::once(&moved.at_time).chain(others).all(is_rigid) {
-        return Some(moved);
+    let others = motion.relative_keys.iter().flat_map(Keyframes::all);
+    if std::iter::once(&motion.at_time).chain(others).all(is_rigid) {
+        return Some(motion);
     }
     let message = "'motion' of cameras and lights must not scale or mirror";
     fields.problems.push(fields.span(), message);
@@ -207,20 +207,20 @@ pub(super) fn read_motion(
     let trajectory = trajectory?;
     let now = build.frame();
     let at_time = trajectory.at(now);
-    let back = at_time.inverse();
-    let moved = |frames: f64| trajectory.at(now + frames) * back;
+    let inverse = at_time.inverse();
+    let relative = |frames: f64| trajectory.at(now + frames) * inverse;
     let shutter = build.shutter;
     if !shutter.needs_motion() {
         warn_of_closed_shutter(build);
         return Some(EvaluatedMotion { at_time, relative_keys: None });
     }
-    let (keys, is_enough) = shutter.keys_for(&mut |frames| vec![moved(frames)]);
+    let (keys, is_enough) = shutter.keys_for(&mut |frames| vec![relative(frames)]);
     if !is_enough {
         let message = format!("'{name}' rotates too far during the shutter interval for {keys} motion keys");
         build.loaded.warnings.push(Warning::new(build.file, "", message));
     }
-    let keys = shutter.key_frames(keys).map(&moved).collect();
-    let neighbours = shutter.vectors.then(|| [moved(-1.0), moved(1.0)]);
+    let keys = shutter.key_frames(keys).map(&relative).collect();
+    let neighbours = shutter.vectors.then(|| [relative(-1.0), relative(1.0)]);
     Some(EvaluatedMotion { at_time, relative_keys: Some(Keyframes { keys, neighbours }) })
 }
 
@@ -271,11 +271,7 @@ pub(super) fn read_keys<'a, T>(
     let mut keys: Vec<(f64, T)> = Vec::new();
     let description = format!("a key of '{owner}'");
     for value in fields.list(list)? {
-        let Some(table) = value.get_ref().as_table() else {
-            fields.problems.push(value.span(), format!("{description} must be a table"));
-            return None;
-        };
-        let key = Fields::new(&description, table, value.span(), fields.problems);
+        let key = Fields::of_value(&description, value, fields.problems)?;
         let frame = key.require("frame", key.number("frame"));
         let keyed = read(&key);
         key.finish();
@@ -297,7 +293,7 @@ pub(super) fn read_keys<'a, T>(
 
 /// The index of the last key up to a frame (or of the first key), and the interpolation weight of the next key; `None`
 /// outside of the keys.
-pub(super) fn segment<T>(keys: &[(f64, T)], frame: f64) -> (usize, Option<f64>) {
+pub(super) fn key_segment<T>(keys: &[(f64, T)], frame: f64) -> (usize, Option<f64>) {
     let after = keys.partition_point(|(at, _)| *at <= frame);
     let before = after.saturating_sub(1);
     let is_between = after > 0 && after < keys.len();
@@ -337,13 +333,11 @@ impl MovingPlacement {
     }
 
     /// Applies the key `motion` of the light.
-    pub fn moved(self, moved: Option<&EvaluatedMotion>) -> MovingPlacement {
-        let Some(EvaluatedMotion { at_time, relative_keys }) = moved else { return self };
-        let now = self.now.moved(at_time);
-        MovingPlacement {
-            now,
-            motion: relative_keys.as_ref().map(|relative_keys| relative_keys.map(|by| now.moved(by))),
-        }
+    pub fn with_motion(self, motion: Option<&EvaluatedMotion>) -> MovingPlacement {
+        let Some(EvaluatedMotion { at_time, relative_keys }) = motion else { return self };
+        let now = self.now.transformed(at_time);
+        let motion = relative_keys.as_ref().map(|keys| keys.map(|key| now.transformed(key)));
+        MovingPlacement { now, motion }
     }
 }
 
@@ -363,11 +357,11 @@ impl Placement {
         Placement { center, direction, right: direction.any_orthonormal_vector(), scale: [1.0; 2] }
     }
 
-    /// The placement under a rigid motion.
-    pub fn moved(&self, by: &DAffine3) -> Placement {
-        let rotated = |v: DVec3| by.transform_vector3(v).normalize_or(v);
+    /// The placement after a rigid motion.
+    fn transformed(&self, motion: &DAffine3) -> Placement {
+        let rotated = |v: DVec3| motion.transform_vector3(v).normalize_or(v);
         let (direction, right) = (rotated(self.direction), rotated(self.right));
-        Placement { center: by.transform_point3(self.center), direction, right, scale: self.scale }
+        Placement { center: motion.transform_point3(self.center), direction, right, scale: self.scale }
     }
 
     /// Transform from the unit square centred at the origin in the xy plane, emitting along z.
@@ -379,7 +373,7 @@ impl Placement {
 }
 
 /// The placement of an area light by `center`, `up` and `target` or `direction`.
-pub(super) fn placed(fields: &Fields) -> Option<MovingPlacement> {
+pub(super) fn placement_by_target(fields: &Fields) -> Option<MovingPlacement> {
     let center = fields.require("center", fields.vector("center"));
     let up = fields.vector("up").map_or(DVec3::Y, |u| u.value);
     let center = center?.value;
@@ -392,60 +386,59 @@ pub(super) fn placed(fields: &Fields) -> Option<MovingPlacement> {
 }
 
 /// The placement of a light at an empty node of the model; it emits along the node's -z, as glTF's lights do.
-pub(super) fn at_node(build: &mut SceneFileBuilder, fields: &Fields) -> Option<MovingPlacement> {
+pub(super) fn placement_at_node(build: &mut SceneFileBuilder, fields: &Fields) -> Option<MovingPlacement> {
     let name = fields.string("node")?;
     let empties = &build.loaded.empties;
     let Some(empty) = empties.iter().find(|empty| empty.name == name.value) else {
         let message = ("unknown-node", format!("the model has no empty node '{}'", name.value));
-        let help = match nearest(name.value, empties.iter().map(|empty| empty.name.as_str())) {
-            Some(near) => format!("did you mean '{near}'?"),
-            None => format!("it has {} empty nodes", empties.len()),
-        };
+        let names = empties.iter().map(|empty| empty.name.as_str());
+        let help = suggestion(name.value, names, format!("it has {} empty nodes", empties.len()));
         fields.problems.push_help(name.span, message, help);
         return None;
     };
-    let Some(placed) = MovingPlacement::from_transforms(&empty.world_from_node, empty.motion.as_ref()) else {
+    let placement = MovingPlacement::from_transforms(&empty.world_from_node, empty.motion.as_ref());
+    let Some(placement) = placement else {
         fields.problems.push(name.span, format!("the node '{}' has a scale of 0", name.value));
         return None;
     };
-    if placed.motion.is_none() && empty.motion.is_some() {
+    if placement.motion.is_none() && empty.motion.is_some() {
         let place = format!("node '{}'", name.value);
         build.loaded.warnings.push(Warning::new(build.file, place, SINGULAR_MOTION));
     }
-    Some(placed)
+    Some(placement)
 }
 
 /// The warning about a light whose transform is singular at another time of the shutter interval.
 const SINGULAR_MOTION: &str = "the light has a scale of 0 during the shutter interval: its motion is ignored";
 
-/// The placement of a light or portal by the key `transform`, with the motion `moved`: it emits along -z, with its height along
+/// The placement of a light or portal by the key `transform`, with a motion: it emits along -z, with its height along
 /// y. `None` without the key, or if the transform is singular.
-pub(super) fn by_transform(
+pub(super) fn placement_by_transform(
     build: &mut SceneFileBuilder,
     fields: &Fields,
-    moved: Option<&EvaluatedMotion>,
+    motion: Option<&EvaluatedMotion>,
 ) -> Option<MovingPlacement> {
     let span = fields.raw("transform")?.span();
-    let (world_from_light, keys) = with_motion(read(fields), moved);
-    let placed = MovingPlacement::from_transforms(&world_from_light, keys.as_ref());
-    match &placed {
+    let (world_from_light, keys) = with_motion(read(fields), motion);
+    let placement = MovingPlacement::from_transforms(&world_from_light, keys.as_ref());
+    match &placement {
         None => fields.problems.push(span, "the light has a scale of 0 at this frame"),
-        Some(placed) if placed.motion.is_none() && keys.is_some() => {
+        Some(placement) if placement.motion.is_none() && keys.is_some() => {
             build.loaded.warnings.push(Warning::new(build.file, fields.description(), SINGULAR_MOTION));
         }
         Some(_) => {}
     }
-    placed
+    placement
 }
 
 /// A transform followed by a motion: at the frame's time, and its keys over the shutter interval.
 pub(super) fn with_motion(
     transform: DAffine3,
-    moved: Option<&EvaluatedMotion>,
+    motion: Option<&EvaluatedMotion>,
 ) -> (DAffine3, Option<Keyframes<DAffine3>>) {
-    let Some(EvaluatedMotion { at_time, relative_keys }) = moved else { return (transform, None) };
+    let Some(EvaluatedMotion { at_time, relative_keys }) = motion else { return (transform, None) };
     let now = *at_time * transform;
-    (now, relative_keys.as_ref().map(|keys| keys.map(|by| *by * now)))
+    (now, relative_keys.as_ref().map(|keys| keys.map(|key| *key * now)))
 }
 
 /// The names of all nodes with lights of a file.

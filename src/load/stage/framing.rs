@@ -108,7 +108,7 @@ fn centered(points: &[DVec3], axis: usize, z: f64) -> f64 {
 const CELLS: usize = 32;
 
 /// Maximum coordinate of models that can be framed, metres: squares of larger ones overflow.
-const FARTHEST: f64 = 1e150;
+const MAX_COORDINATE: f64 = 1e150;
 
 /// The farthest points of a scene in all directions; their hull approximates the scene's.
 pub(super) struct Outline {
@@ -128,7 +128,7 @@ impl Outline {
         let hulls = MeshHulls::of(scene);
         let extents = hulls.instance_extents();
         let bounds = scene_extent(scene, &extents).0;
-        let fits = |p: DVec3| p.is_finite() && p.abs().max_element() < FARTHEST;
+        let fits = |p: DVec3| p.is_finite() && p.abs().max_element() < MAX_COORDINATE;
         let Some((min, max)) = bounds.filter(|&(min, max)| fits(min) && fits(max)) else {
             let (min, max) = (DVec3::splat(-1.0), DVec3::splat(1.0));
             return Outline { points: corners(min, max).to_vec(), min, max, outliers: None };
@@ -197,8 +197,8 @@ struct Farthest {
     center: DVec3,
     /// Scale from the bounding box to a cube, so that its sides have equally many cells.
     scale: DVec3,
-    /// All points, while there are fewer than cells.
-    few: Vec<DVec3>,
+    /// All points, while they are no more than the cells.
+    all: Vec<DVec3>,
     /// Squared distance and position of the farthest point.
     cells: Vec<Option<(f64, DVec3)>>,
 }
@@ -206,12 +206,12 @@ struct Farthest {
 impl Farthest {
     fn new(center: DVec3, half: DVec3) -> Farthest {
         let scale = half.max(DVec3::splat(1e-6 * half.max_element().max(1e-300))).recip();
-        Farthest { center, scale, few: Vec::new(), cells: vec![None; 6 * CELLS * CELLS] }
+        Farthest { center, scale, all: Vec::new(), cells: vec![None; 6 * CELLS * CELLS] }
     }
 
     fn add(&mut self, p: DVec3) {
-        if self.few.len() <= self.cells.len() && p.is_finite() {
-            self.few.push(p);
+        if self.all.len() <= self.cells.len() && p.is_finite() {
+            self.all.push(p);
         }
         let d = (p - self.center) * self.scale;
         let a = d.abs();
@@ -233,8 +233,8 @@ impl Farthest {
     }
 
     fn points(self) -> Vec<DVec3> {
-        match self.few.len() <= self.cells.len() {
-            true => self.few,
+        match self.all.len() <= self.cells.len() {
+            true => self.all,
             false => self.cells.into_iter().flatten().map(|(_, p)| p).collect(),
         }
     }
@@ -246,7 +246,7 @@ pub(super) fn on_grid(p: DVec3, size: f64) -> DVec3 {
     if step > 0.0 && step.is_finite() { (p / step).round() * step } else { p }
 }
 
-// Outliers: objects so distant that framing them would shrink the rest to a dot.
+// Outliers: objects so distant that the rest would be tiny in a picture of all.
 
 /// Objects at least this many times as far from the centre as all nearer ones are outliers.
 const GAP: f64 = 20.0;
@@ -255,10 +255,10 @@ const GAP: f64 = 20.0;
 const MIN_NEARER: f64 = 0.9;
 /// Maximum number of triangles examined; larger meshes are subsampled.
 const MAX_TRIANGLES: usize = 1 << 19;
-/// Maximum number of items in the median.
-const MEDIAN: usize = 50_000;
+/// Maximum number of items for the median; more are subsampled.
+const MAX_MEDIAN_ITEMS: usize = 50_000;
 /// Maximum number of names in a message.
-const LISTED: usize = 3;
+const MAX_LISTED: usize = 3;
 
 /// The bounds of a part of the scene.
 #[derive(Clone, Copy)]
@@ -335,8 +335,8 @@ impl Bin {
 
 /// Maximum number of splats examined.
 const MAX_SPLATS: usize = 100_000;
-/// The radius of the limit: the distance quantile of the splats, and the factor on it.
-const NEAR_SPLATS: (f64, f64) = (0.9, 1.5);
+/// Radius of the limit of splats: a quantile of their distances, and a factor on it.
+const SPLAT_LIMIT: (f64, f64) = (0.9, 1.5);
 
 /// The limit of a scan, which often has distant splats (the surroundings of the subject) without a gap.
 fn limit_of_splats(scene: &Scene) -> Option<Limit> {
@@ -357,7 +357,7 @@ fn limit_of_splats(scene: &Scene) -> Option<Limit> {
     let center = DVec3::new(median(0)?, median(1)?, median(2)?);
     let mut distances: Vec<f64> = centers.iter().map(|p| p.distance(center)).collect();
     distances.sort_unstable_by(f64::total_cmp);
-    let (quantile, factor) = NEAR_SPLATS;
+    let (quantile, factor) = SPLAT_LIMIT;
     let radius = factor * distances[(quantile * (distances.len() - 1) as f64) as usize];
     let outliers = distances.len() - distances.partition_point(|d| *d <= radius);
     let farthest = *distances.last()?;
@@ -428,7 +428,7 @@ impl<'s> Items<'s> {
 
     /// The weighted median of the centres, per axis, and the weight of all items.
     fn median(&self) -> Option<(DVec3, f64)> {
-        let step = self.count.div_ceil(MEDIAN).max(1);
+        let step = self.count.div_ceil(MAX_MEDIAN_ITEMS).max(1);
         let (mut picked, mut at, mut all) = (Vec::new(), 0, 0.0);
         self.visit(|item| {
             if at % step == 0 {
@@ -497,8 +497,8 @@ fn outliers(scene: &Scene, extents: &[Extent], center: DVec3, radius: f64, near:
     for curves in &scene.curves {
         curves_box(curves).into_iter().for_each(|bounds| add(&curves.name, box_of(bounds)));
     }
-    let more = names.len().saturating_sub(LISTED);
-    names.truncate(LISTED);
+    let more = names.len().saturating_sub(MAX_LISTED);
+    names.truncate(MAX_LISTED);
     let more = if more > 0 { format!(" and {more} more") } else { String::new() };
     // Three significant digits.
     let unit = 10f64.powf(near.log10().floor() - 2.0);

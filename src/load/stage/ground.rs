@@ -10,6 +10,7 @@ use crate::color::luminance;
 use crate::error::{Choice, Warning};
 use crate::image::Image;
 use crate::load::Loaded;
+use crate::load::mesh_tools::retain_triangles;
 use crate::math::{DVec3, Vec2};
 use crate::scene::{
     AlphaMode, Backdrop, ColorSlot, FloatSlot, Instance, Interpolation, Mapping, Material, Mesh, MeshId,
@@ -30,6 +31,7 @@ const FULL_SPECULAR_LUMINANCE: f32 = 0.3;
 /// Radius of the specular reflection, in model radii: at the grazing angles farther away it would reflect the stage's lights, and
 /// differ from the background.
 const SPECULAR_RADIUS: f64 = 3.0;
+/// Roughness of a floor.
 const FLOOR_ROUGHNESS: f32 = 0.12;
 /// Colour of a floor.
 const FLOOR_COLOR: [f32; 3] = [0.16, 0.16, 0.165];
@@ -141,7 +143,7 @@ fn fade_texture(scene: &mut Scene, radius: f64) -> FloatSlot {
             let distance = coordinate(row).hypot(coordinate(column));
             // The wrap mode repeats the outermost texels, which must be 0.
             let end = 1.0 - 2.0 / f64::from(FADE_TEXELS);
-            rgb.extend([(1.0 - light::smooth(FADE_START, end, distance)) as f32; 3]);
+            rgb.extend([(1.0 - light::smoothstep(FADE_START, end, distance)) as f32; 3]);
         }
     }
     let image = scene.add_image(Image::from_linear_rgb("fading", FADE_TEXELS, FADE_TEXELS, rgb));
@@ -189,7 +191,7 @@ pub(super) fn remove_undersides(loaded: &mut Loaded, height: f64) {
             continue;
         };
         count += removed.len();
-        let rest = without(&scene.meshes[instance.mesh.index()], &removed);
+        let rest = without_triangles(&scene.meshes[instance.mesh.index()], &removed);
         if rest.triangles.is_empty() {
             emptied.insert(index);
             continue;
@@ -219,12 +221,12 @@ fn undersides(scene: &Scene, instance: &Instance, offset: DVec3, height: f64) ->
     for part in &mesh.parts {
         let material = &scene.materials[instance.material.unwrap_or(part.material).index()];
         let is_sheet = !material.double_sided && is_opaque(&material.model);
-        let first = part.first_triangle as usize;
-        let all = first..first + part.triangle_count as usize;
-        down.extend(all.filter(|&t| is_sheet && low_count(&mesh.triangles[t]) == 3).filter(|&t| {
-            let [a, b, c] = mesh.triangles[t].map(world);
-            (b - a).cross(c - a).y * side < 0.0
-        }));
+        down.extend(part.triangles().filter(|&t| is_sheet && low_count(&mesh.triangles[t]) == 3).filter(
+            |&t| {
+                let [a, b, c] = mesh.triangles[t].map(world);
+                (b - a).cross(c - a).y * side < 0.0
+            },
+        ));
     }
     if down.is_empty() {
         return None;
@@ -275,15 +277,9 @@ fn without_walls(mesh: &Mesh, down: &[usize], wall_edges: &HashSet<Edge>) -> Has
 }
 
 /// A mesh without the `removed` triangles.
-fn without(mesh: &Mesh, removed: &HashSet<usize>) -> Mesh {
-    let mut rest = Mesh { triangles: Vec::new(), ..mesh.clone() };
-    for part in &mut rest.parts {
-        let first = part.first_triangle as usize;
-        let all = first..first + part.triangle_count as usize;
-        part.first_triangle = rest.triangles.len() as u32;
-        rest.triangles.extend(all.filter(|t| !removed.contains(t)).map(|t| mesh.triangles[t]));
-        part.triangle_count = rest.triangles.len() as u32 - part.first_triangle;
-    }
+fn without_triangles(mesh: &Mesh, removed: &HashSet<usize>) -> Mesh {
+    let mut rest = mesh.clone();
+    retain_triangles(&mut rest, |_, t| !removed.contains(&t));
     rest.parts.retain(|part| part.triangle_count > 0);
     rest
 }

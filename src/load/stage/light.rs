@@ -5,8 +5,7 @@ use crate::color::luminance;
 use crate::image::Image;
 use crate::math::DVec3;
 use crate::scene::{
-    ColorSlot, Environment, MaterialId, MeshPart, Scene, ShapeKind, Texture, TextureId, instance_extents,
-    scene_extent,
+    ColorSlot, Environment, MaterialId, Scene, ShapeKind, Texture, TextureId, instance_extents, scene_extent,
 };
 use std::f64::consts::PI;
 
@@ -70,23 +69,23 @@ fn picture(options: &StageOptions) -> Image {
 fn radiance(light: StageLight, horizon: [f32; 3], direction: DVec3) -> Rgb {
     let horizon = horizon.map(f64::from);
     let elevation = elevation_degrees(direction);
-    let room = |zenith: Rgb, low: f64, high: f64| {
-        let up = smooth(low, high, elevation);
+    let gradient = |zenith: Rgb, low: f64, high: f64| {
+        let up = smoothstep(low, high, elevation);
         std::array::from_fn(|c| mix(horizon[c], zenith[c], up))
     };
-    let add = |room: Rgb, tint: Rgb, light: f64| std::array::from_fn(|c| room[c] + tint[c] * light);
+    let add = |base: Rgb, tint: Rgb, light: f64| std::array::from_fn(|c| base[c] + tint[c] * light);
     match light {
         StageLight::Studio => {
             let boxes = STUDIO.iter().map(|b| b.radiance * b.coverage(direction)).sum();
-            add(room([0.08; 3], 3.0, 18.0), [1.0; 3], boxes)
+            add(gradient([0.08; 3], 3.0, 18.0), [1.0; 3], boxes)
         }
         StageLight::Sky => {
             let sun = disk(direction, -50.0, 46.0, 11.0);
-            add(room([0.07, 0.13, 0.27], 0.0, 40.0), [1.0, 0.93, 0.82], 48.0 * sun)
+            add(gradient([0.07, 0.13, 0.27], 0.0, 40.0), [1.0, 0.93, 0.82], 48.0 * sun)
         }
         StageLight::Sunset => {
             let (sun, glow) = (disk(direction, -62.0, 22.0, 11.0), disk(direction, -62.0, 14.0, 50.0));
-            add(room([0.06, 0.08, 0.17], 0.0, 36.0), [1.0, 0.6, 0.3], 38.0 * sun + 0.5 * glow)
+            add(gradient([0.06, 0.08, 0.17], 0.0, 36.0), [1.0, 0.6, 0.3], 38.0 * sun + 0.5 * glow)
         }
         _ => [0.0; 3],
     }
@@ -104,7 +103,7 @@ impl SoftBox {
         let right = DVec3::new(cos, 0.0, -sin);
         let up = axis.cross(right);
         let along = |side: DVec3, half: f64| (direction.dot(side) / forward).atan().abs().to_degrees() / half;
-        let edge = |v: f64| 1.0 - smooth(0.7, 1.0, v);
+        let edge = |v: f64| 1.0 - smoothstep(0.7, 1.0, v);
         edge(along(right, self.half[0])) * edge(along(up, self.half[1]))
     }
 }
@@ -112,7 +111,7 @@ impl SoftBox {
 /// Coverage of a disk with a soft edge, 0 to 1; angles in degrees.
 fn disk(direction: DVec3, azimuth: f64, elevation: f64, radius: f64) -> f64 {
     let angle = direction.dot(direction_of(azimuth, elevation)).clamp(-1.0, 1.0).acos().to_degrees();
-    1.0 - smooth(0.5 * radius, radius, angle)
+    1.0 - smoothstep(0.5 * radius, radius, angle)
 }
 
 fn direction_of(azimuth: f64, elevation: f64) -> DVec3 {
@@ -130,7 +129,7 @@ fn mix(a: f64, b: f64, t: f64) -> f64 {
 }
 
 /// Smoothstep from 0 at `low` to 1 at `high`.
-pub(super) fn smooth(low: f64, high: f64, x: f64) -> f64 {
+pub(super) fn smoothstep(low: f64, high: f64, x: f64) -> f64 {
     let t = ((x - low) / (high - low)).clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)
 }
@@ -163,7 +162,7 @@ pub(super) fn reflected(light: StageLight, horizon: [f32; 3], normal: DVec3) -> 
 const MIN_WALL_RADIANCE: f64 = 0.02;
 
 /// Maximum number of texels along each side of an image for its mean.
-const TEXELS: u32 = 256;
+const MAX_TEXELS: u32 = 256;
 
 /// Classification of a scene's emissive surfaces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -211,7 +210,7 @@ pub(super) fn classify_emission(scene: &Scene) -> EmittedLight {
         let area =
             |&[a, b, c]: &[u32; 3]| 0.5 * (corner(b) - corner(a)).cross(corner(c) - corner(a)).length();
         for part in &mesh.parts {
-            let triangles = triangles_of(&mesh.triangles, part);
+            let triangles = mesh.triangles.get(part.triangles()).unwrap_or_default();
             add(instance.material.unwrap_or(part.material), &|| triangles.iter().map(area).sum());
         }
     }
@@ -224,11 +223,6 @@ pub(super) fn classify_emission(scene: &Scene) -> EmittedLight {
         _ if strongest <= 1.0 => EmittedLight::Glow,
         _ => EmittedLight::Dim,
     }
-}
-
-fn triangles_of<'m>(triangles: &'m [[u32; 3]], part: &MeshPart) -> &'m [[u32; 3]] {
-    let first = part.first_triangle as usize;
-    triangles.get(first..first.saturating_add(part.triangle_count as usize)).unwrap_or_default()
 }
 
 /// Surface area of a scene's bounding box, m2, above 0.
@@ -257,7 +251,7 @@ fn mean_of_texture(scene: &Scene, id: TextureId) -> [f32; 3] {
 }
 
 fn mean_of_image(image: &Image) -> [f32; 3] {
-    let (columns, rows) = (image.width.min(TEXELS), image.height.min(TEXELS));
+    let (columns, rows) = (image.width.min(MAX_TEXELS), image.height.min(MAX_TEXELS));
     let center = |i: u32, count: u32, size: u32| {
         ((2 * u64::from(i) + 1) * u64::from(size) / (2 * u64::from(count))) as u32
     };

@@ -30,8 +30,8 @@ pub fn complete(loaded: &mut Loaded, options: &StageOptions, overrides_environme
         return dry_run(loaded, options, overrides_environment);
     }
     let scene = &loaded.scene;
-    let has_bodies = !(scene.instances.is_empty() && scene.shapes.is_empty() && scene.quads.is_empty());
-    if !has_bodies && scene.curves.is_empty() {
+    let has_surfaces = !(scene.instances.is_empty() && scene.shapes.is_empty() && scene.quads.is_empty());
+    if !has_surfaces && scene.curves.is_empty() {
         let message = "there is nothing to see: no triangles, quads or other shapes";
         loaded.warnings.push(Warning::general(message));
     }
@@ -41,7 +41,7 @@ pub fn complete(loaded: &mut Loaded, options: &StageOptions, overrides_environme
     let is_chosen = options.is_light_chosen && options.light.is_stage();
     let is_lit = overrides_environment || has_lights && !is_chosen;
     if is_bare {
-        set_up(loaded, options, is_lit);
+        add_stage(loaded, options, is_lit);
     } else {
         let emitted_light = light::classify_emission(&loaded.scene);
         let is_dark = !is_lit && (is_chosen || lacks_light(loaded, emitted_light));
@@ -50,7 +50,7 @@ pub fn complete(loaded: &mut Loaded, options: &StageOptions, overrides_environme
         }
         warn_of_unused(loaded, options, overrides_environment);
     }
-    background(loaded, options);
+    set_background(loaded, options);
 }
 
 /// Adds only cameras, but reports all additions.
@@ -91,10 +91,10 @@ fn lacks_light(loaded: &mut Loaded, emitted_light: EmittedLight) -> bool {
 }
 
 /// Adds the whole stage around a model without a camera.
-fn set_up(loaded: &mut Loaded, options: &StageOptions, is_lit: bool) {
+fn add_stage(loaded: &mut Loaded, options: &StageOptions, is_lit: bool) {
     let outline = Outline::of(&loaded.scene, loaded.offset);
     if let Some(outliers) = &outline.outliers {
-        let message = format!("{outliers}, would shrink the rest to a dot: the camera frames the rest");
+        let message = format!("the camera doesn't frame distant parts: {outliers}");
         loaded.warnings.push(Warning::general(message));
     }
     let framed = framing::frame(&outline, options, &loaded.scene.settings);
@@ -206,7 +206,7 @@ fn warn_of_unused(loaded: &mut Loaded, options: &StageOptions, overrides_environ
 }
 
 /// Sets the background of the options.
-fn background(loaded: &mut Loaded, options: &StageOptions) {
+fn set_background(loaded: &mut Loaded, options: &StageOptions) {
     match &options.background {
         None => {}
         Some(Background::Transparent) => ground::hide_environment(&mut loaded.scene),
@@ -224,9 +224,9 @@ fn background(loaded: &mut Loaded, options: &StageOptions) {
 // The material of models without one.
 
 /// Linear albedo of clay: dark enough for visible shading, slightly warm.
-const COLOR: [f32; 3] = [0.60, 0.57, 0.53];
+const CLAY_COLOR: [f32; 3] = [0.60, 0.57, 0.53];
 /// Roughness of clay: slightly glossy.
-const ROUGHNESS: f32 = 0.5;
+const CLAY_ROUGHNESS: f32 = 0.5;
 
 /// Assigns a clay material to faces without one; vertex colours and textures replace its colour.
 fn apply_clay(loaded: &mut Loaded) {
@@ -235,14 +235,14 @@ fn apply_clay(loaded: &mut Loaded) {
         let base_color = match &material.model {
             Model::Lambert { albedo } if albedo.texture.is_some() || material.use_vertex_colors => *albedo,
             Model::Pbr(_) if material.use_vertex_colors => ColorSlot::constant([1.0; 3]),
-            Model::Lambert { .. } | Model::Pbr(_) => ColorSlot::constant(COLOR),
+            Model::Lambert { .. } | Model::Pbr(_) => ColorSlot::constant(CLAY_COLOR),
             // An override of the sidecar.
             _ => continue,
         };
         let clay = PbrMaterial {
             base_color,
             metallic: FloatSlot::constant(0.0),
-            roughness: FloatSlot::constant(ROUGHNESS),
+            roughness: FloatSlot::constant(CLAY_ROUGHNESS),
             ..PbrMaterial::default()
         };
         *material = Material { model: Model::Pbr(Box::new(clay)), ..material.clone() };
@@ -465,8 +465,8 @@ mod tests {
     #[test]
     fn a_chosen_light_is_added_to_scenes_with_a_camera() {
         let chosen = StageOptions { is_light_chosen: true, ..StageOptions::studio() };
-        let lit = |mut loaded: Loaded, brings: bool| {
-            complete(&mut loaded, &chosen, brings);
+        let lit = |mut loaded: Loaded, overrides_environment: bool| {
+            complete(&mut loaded, &chosen, overrides_environment);
             let codes = loaded.notes.iter().chain(&loaded.warnings).map(|w| w.code).collect::<Vec<_>>();
             (matches!(loaded.scene.environment, Environment::Image { .. }), codes.join(" "))
         };

@@ -199,7 +199,7 @@ impl<'a> Reader<'a> {
                     mesh.parts.push(MeshPart { first_triangle, triangle_count, material });
                     first_triangle += triangle_count;
                 }
-                self.finish(&mut mesh);
+                self.repairs.repair(&mut mesh);
                 let scene = &mut self.loaded.scene;
                 scene.meshes.push(mesh);
                 Some(MeshId(scene.meshes.len() as u32 - 1))
@@ -207,28 +207,6 @@ impl<'a> Reader<'a> {
         };
         self.meshes.insert((part.to_string(), id), mesh);
         Ok(mesh)
-    }
-
-    /// Repairs a mesh and updates its parts.
-    fn finish(&mut self, mesh: &mut Mesh) {
-        let is_whole = mesh.positions.as_flattened().iter().all(|x| x.is_finite());
-        // The repair below removes triangles with vertices that aren't finite.
-        if !is_whole {
-            let usable =
-                |t: &[u32; 3]| t.iter().all(|&i| mesh.positions[i as usize].iter().all(|x| x.is_finite()));
-            for part in &mut mesh.parts {
-                let range =
-                    part.first_triangle as usize..(part.first_triangle + part.triangle_count) as usize;
-                part.triangle_count = mesh.triangles[range].iter().filter(|t| usable(t)).count() as u32;
-            }
-            let mut first = 0;
-            for part in &mut mesh.parts {
-                part.first_triangle = first;
-                first += part.triangle_count;
-            }
-            mesh.parts.retain(|part| part.triangle_count > 0);
-        }
-        self.repairs.repair(mesh);
     }
 
     fn material(&mut self, part: &str, model: &Model, appearance: Appearance) -> MaterialId {

@@ -70,7 +70,7 @@ const STANDARD_ATTRIBUTES: [(&str, &str, &str); 4] = [
 ];
 
 impl NodeGraph {
-    /// Is the result a vector?
+    /// Whether the result is a vector.
     pub fn is_vector(&self) -> bool {
         let NodeInput::Link { node, output } = self.result else { return false };
         let outputs = self.nodes.get(node).map(|node| node.kind.outputs());
@@ -126,7 +126,7 @@ impl NodeGraph {
         self.order_of(&self.result)
     }
 
-    /// Does it use the tangent frame of the first UV set?
+    /// Whether it uses the tangent frame of the first UV set.
     pub fn reads_tangents(&self) -> bool {
         self.nodes.iter().any(|node| match &node.kind {
             NodeKind::NormalMap { space, uv_map } => *space == NormalSpace::Tangent && uv_map.is_empty(),

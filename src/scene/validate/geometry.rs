@@ -158,7 +158,7 @@ fn check_curve_lists(curves: &Curves, place: Entry, findings: &mut Findings) {
     findings.require(is_finite, place, "world_from_object", curves.world_from_object, FINITE);
 }
 
-/// Does the material enclose a solid or medium?
+/// Whether the material encloses a solid or medium.
 fn is_solid(material: &Material) -> bool {
     let of_model = match material.model.transmission() {
         Transmission::Clear(_) => true,

@@ -163,7 +163,7 @@ pub(super) fn check_groups(scene: &Scene, findings: &mut Findings) {
 
 // Cameras.
 
-/// Is it a valid camera transform?
+/// Whether it is a valid camera transform.
 fn is_camera_transform(m: &DAffine3) -> bool {
     let axes = [m.matrix3.x_axis, m.matrix3.y_axis, m.matrix3.z_axis].map(|axis| axis.try_normalize());
     match axes {

@@ -6,6 +6,7 @@
 use super::{Base, MaterialBuilder, Materials};
 use crate::error::Choice;
 use crate::load::gltf::report::Report;
+use crate::load::mesh_tools::retain_triangles;
 use crate::load::options::Glass;
 use crate::math::{DMat3, DVec3};
 use crate::scene::{
@@ -502,20 +503,10 @@ impl Pane {
 
     /// Keeps only the triangles of one face.
     fn keep_one_face(&self, mesh: &mut Mesh) {
-        let mut front = Vec::new();
-        let mut parts = mesh.parts.clone();
-        for part in &mut parts {
-            let first = part.first_triangle as usize;
-            let of_part = &mesh.triangles[first..first + part.triangle_count as usize];
-            part.first_triangle = front.len() as u32;
-            let is_front = |t: &&[u32; 3]| {
-                let v = vector_area(mesh, **t);
-                v.dot(self.axis) >= FLAT_COSINE * v.length()
-            };
-            front.extend(of_part.iter().filter(is_front).copied());
-            part.triangle_count = front.len() as u32 - part.first_triangle;
-        }
-        (mesh.triangles, mesh.parts) = (front, parts);
+        retain_triangles(mesh, |mesh, t| {
+            let area = vector_area(mesh, mesh.triangles[t]);
+            area.dot(self.axis) >= FLAT_COSINE * area.length()
+        });
     }
 }
 

@@ -426,7 +426,7 @@ impl MaterialBuilder<'_, '_> {
         model
     }
 
-    /// Does the material lack all surface parameters?
+    /// Whether the material lacks all surface parameters.
     pub fn has_no_surface(&self) -> bool {
         let extensions = self.raw.get("extensions").and_then(Value::as_object);
         let is_emission = |name: &String| name == "KHR_materials_emissive_strength";

@@ -3,8 +3,7 @@
 //! The radius of Blender's Random Walk (Skin) is converted by the diffuse reflectance of a half space in the dipole model of Jensen,
 //! Marschner, Levoy, Hanrahan 2001, "A Practical Model for Subsurface Light Transport".
 
-use super::Lowering;
-use super::Shader;
+use super::{ClosureList, Shader};
 use crate::math::poly;
 use crate::scene::nodes::{MathOperation, NodeInput, NodeKind};
 use crate::scene::{
@@ -16,15 +15,15 @@ use std::f32::consts::PI;
 const NONE: FloatSlot = FloatSlot::constant(0.0);
 const WHITE: [f32; 3] = [1.0; 3];
 
-/// Opaque bases of a lower index of refraction are total reflectors: they reflect at least 96 % of uniform illumination. An index of
-/// 0 is valid in Cycles.
-const TOTAL_REFLECTION: f32 = 0.2;
+/// Opaque surfaces with a lower index of refraction are total reflectors: they would reflect at least 96 % of uniform
+/// illumination. An index of 0 is valid in Cycles.
+const MAX_TOTAL_REFLECTION_IOR: f32 = 0.2;
 
-/// Index of refraction of glass by default.
+/// Default index of refraction of glass.
 const DEFAULT_IOR: f32 = 1.5;
 
 /// Subsurface scattering with a smaller weight becomes diffuse reflection.
-const MIN_SUBSURFACE: f32 = 0.5;
+const MIN_SUBSURFACE_WEIGHT: f32 = 0.5;
 
 /// Mean path length of light through a coat, relative to its thickness.
 const COAT_PATH: f32 = 1.1;
@@ -50,7 +49,7 @@ fn scaled_ior(ior: f32, factor: f32) -> f32 {
     (1.0 + root) / (1.0 - root)
 }
 
-impl Lowering<'_, '_, '_> {
+impl ClosureList<'_, '_, '_> {
     /// Adds the closures of a shader other than mix and add.
     pub(super) fn add_closure(&mut self, index: usize, weight: NodeInput) {
         let model = match self.shaders[index].shader {
@@ -246,18 +245,18 @@ impl Lowering<'_, '_, '_> {
 
     fn subsurface(&mut self, index: usize, weight: NodeInput) {
         let color = self.color(index, "color", [0.8; 3]);
-        let (color, paint) = self.albedo_and_paint(index, color, "body");
+        let (albedo, tint) = self.albedo_and_tint(index, color, "body");
         let scale = self.constant(index, "scale", 0.05);
         let radius = self.constant_color(index, "radius", [1.0, 0.2, 0.1]);
         let anisotropy = self.constant(index, "anisotropy", 0.0);
         let skin_ior = self.constant(index, "skin_ior", 0.0);
-        let paths = mean_free_paths(radius.map(|r| r * scale), color, skin_ior);
+        let paths = mean_free_paths(radius.map(|r| r * scale), albedo, skin_ior);
         let entry = Self::subsurface_entry(skin_ior, self.constant(index, "ior", 1.4));
         let mut material = Material::new(self.material, Model::Black);
         let mut pbr = without_lobes();
         let roughness = self.number(index, "roughness", 1.0);
         pbr.roughness = self.float_slot(roughness);
-        set_subsurface(&mut material, pbr, entry, (color, paint), paths, anisotropy);
+        set_subsurface(&mut material, pbr, entry, (albedo, tint), paths, anisotropy);
         self.add_component(index, weight, material);
     }
 
@@ -272,9 +271,9 @@ impl Lowering<'_, '_, '_> {
         }
     }
 
-    /// Splits a subsurface colour into the constant albedo of the body and the tint of a coat of paint. Light crosses the paint
-    /// on entry and exit: the tint is the square root of colour over albedo. The key `key` is the body's albedo.
-    fn albedo_and_paint(&mut self, index: usize, color: NodeInput, key: &str) -> ([f32; 3], ColorSlot) {
+    /// Splits a subsurface colour into a constant albedo of the body, the input `key`, and a tint of its surface. The tint
+    /// applies on entry and exit, and is the square root of colour over albedo.
+    fn albedo_and_tint(&mut self, index: usize, color: NodeInput, key: &str) -> ([f32; 3], ColorSlot) {
         if let NodeInput::Value(color) = color {
             return (color, ColorSlot::constant(WHITE));
         }
@@ -289,8 +288,8 @@ impl Lowering<'_, '_, '_> {
             let channel = self.clamped(NodeInput::Link { node, output });
             self.push(NodeKind::Math { operation: MathOperation::Sqrt, use_clamp: false }, &[channel])
         });
-        let paint = self.push(NodeKind::CombineXyz {}, &roots);
-        (body, self.color_slot(paint))
+        let tint = self.push(NodeKind::CombineXyz {}, &roots);
+        (body, self.color_slot(tint))
     }
 
     fn principled(&mut self, index: usize, weight: NodeInput) {
@@ -305,7 +304,7 @@ impl Lowering<'_, '_, '_> {
         let mut material = Material::new(self.material, Model::Black);
         let subsurface = self.constant(index, "subsurface_weight", 0.0);
         let is_opaque = pbr.metallic == NONE && pbr.transmission == NONE;
-        if subsurface >= MIN_SUBSURFACE && is_opaque {
+        if subsurface >= MIN_SUBSURFACE_WEIGHT && is_opaque {
             let radius = self.constant_color(index, "subsurface_radius", [1.0, 0.2, 0.1]);
             let scale = self.constant(index, "subsurface_scale", 0.05);
             let anisotropy = self.constant(index, "subsurface_anisotropy", 0.0);
@@ -315,12 +314,12 @@ impl Lowering<'_, '_, '_> {
                     None => NodeInput::Value(pbr.base_color.factor),
                     Some(_) => self.color(index, "base_color", [0.8; 3]),
                 };
-                let painted = self.albedo_and_paint(index, color, "subsurface_body");
+                let (albedo, tint) = self.albedo_and_tint(index, color, "subsurface_body");
                 pbr.base_color = ColorSlot::constant([0.0; 3]);
-                let paths = mean_free_paths(radius.map(|r| r * scale), painted.0, skin_ior);
+                let paths = mean_free_paths(radius.map(|r| r * scale), albedo, skin_ior);
                 let ior = self.constant(index, "ior", 1.5);
                 let entry = Self::subsurface_entry(skin_ior, self.constant(index, "subsurface_ior", ior));
-                set_subsurface(&mut material, pbr, entry, painted, paths, anisotropy);
+                set_subsurface(&mut material, pbr, entry, (albedo, tint), paths, anisotropy);
                 return self.add_component(index, weight, material);
             }
         }
@@ -334,9 +333,9 @@ impl Lowering<'_, '_, '_> {
         let base = self.color(index, "base_color", [0.8; 3]);
         pbr.tints_once = true;
         pbr.energy_compensation = self.energy_compensation(index);
-        let number = |l: &mut Self, key, default| {
-            let input = l.number(index, key, default);
-            l.float_slot(input)
+        let number = |closures: &mut Self, key, default| {
+            let input = closures.number(index, key, default);
+            closures.float_slot(input)
         };
         pbr.metallic = number(self, "metallic", 0.0);
         pbr.diffuse_roughness = number(self, "diffuse_roughness", 0.0);
@@ -360,13 +359,13 @@ impl Lowering<'_, '_, '_> {
     /// The index of refraction of the Principled shader, and the factor on its reflection.
     fn dielectric(&mut self, index: usize, level: FloatSlot, is_opaque: bool) -> (f32, FloatSlot) {
         let given = self.constant(index, "ior", 1.5);
-        if is_opaque && (TOTAL_REFLECTION..1.0).contains(&given) && level.factor > 0.0 {
+        if is_opaque && (MAX_TOTAL_REFLECTION_IOR..1.0).contains(&given) && level.factor > 0.0 {
             self.warn("an opaque surface with an index of refraction below 1 has no reflection".to_string());
         }
         let ior = given.max(if is_opaque { 1.0 } else { PbrMaterial::MIN_GLASS_IOR });
         match level.texture {
             // In glTF, an index of 0 is total reflection.
-            None if is_opaque && given < TOTAL_REFLECTION && level.factor >= 0.5 => {
+            None if is_opaque && given < MAX_TOTAL_REFLECTION_IOR && level.factor >= 0.5 => {
                 (0.0, FloatSlot::constant(1.0))
             }
             None if is_opaque && level.factor <= 0.0 => (ior, NONE),
@@ -425,30 +424,32 @@ impl Lowering<'_, '_, '_> {
 
 /// Reduced mean free paths, metres, from the radii of a shader: of Random Walk, or with `skin_ior` above 0 of Random Walk
 /// (Skin).
-fn mean_free_paths(radius: [f32; 3], color: [f32; 3], skin_ior: f32) -> [f32; 3] {
+fn mean_free_paths(radius: [f32; 3], albedo: [f32; 3], skin_ior: f32) -> [f32; 3] {
     if skin_ior <= 0.0 {
         return radius.map(|r| r / (4.0 * PI));
     }
-    [0, 1, 2].map(|c| radius[c] * path_per_length(color[c], skin_ior.clamp(MIN_BODY_IOR, MAX_BODY_IOR)))
+    [0, 1, 2].map(|c| {
+        radius[c] * free_path_per_diffusion_length(albedo[c], skin_ior.clamp(MIN_BODY_IOR, MAX_BODY_IOR))
+    })
 }
 
-/// Adds subsurface scattering to a material: albedo of the body, tint of its paint, reduced mean free paths in metres.
+/// Adds subsurface scattering to a material; `paths`: reduced mean free paths of the body, metres.
 fn set_subsurface(
     material: &mut Material,
     mut pbr: PbrMaterial,
     entry: SubsurfaceEntry,
-    (color, paint): ([f32; 3], ColorSlot),
+    (albedo, tint): ([f32; 3], ColorSlot),
     paths: [f32; 3],
     anisotropy: f32,
 ) {
     let anisotropy = anisotropy.clamp(0.0, MAX_BODY_ANISOTROPY);
     let paths = paths.map(|path| (path * (1.0 - anisotropy)).max(1e-6));
-    let mut medium = Medium::subsurface(color.map(|c| c.clamp(0.0, 1.0)), paths, anisotropy);
+    let mut medium = Medium::subsurface(albedo.map(|c| c.clamp(0.0, 1.0)), paths, anisotropy);
     // Albedos below the minimum are represented by a surface tint, which applies on entry and exit; it also attenuates
     // unscattered light.
-    let tint = medium.albedo.map(|albedo| (albedo / MIN_ALBEDO).min(1.0).sqrt());
+    let factor = medium.albedo.map(|albedo| (albedo / MIN_ALBEDO).min(1.0).sqrt());
     medium.albedo = medium.albedo.map(|albedo| albedo.max(MIN_ALBEDO));
-    let color = ColorSlot { factor: [0, 1, 2].map(|c| paint.factor[c] * tint[c]), ..paint };
+    let color = ColorSlot { factor: [0, 1, 2].map(|c| tint.factor[c] * factor[c]), ..tint };
     pbr.has_volume = true;
     pbr.diffuse_transmission =
         Some(DiffuseTransmission { factor: FloatSlot::constant(1.0), color, subsurface: Some(entry) });
@@ -467,14 +468,14 @@ const MAX_BODY_ANISOTROPY: f32 = 0.9;
 const MIN_ALBEDO: f32 = 0.2;
 
 /// Steps of the bisection, as many as in Cycles: the error of 2^-12 changes the mean free paths of bright bodies by up to a tenth.
-const STEPS: i32 = 11;
+const BISECTION_STEPS: i32 = 11;
 
 /// Bodies of at least this colour count as white, with this complement of the reduced albedo.
 const NEARLY_WHITE: (f32, f64) = (0.995, 1e-6);
 
 /// Reduced mean free path relative to the diffusion length 1 / sqrt(3 sigma_a sigma_t'), for a body of a colour and index of
 /// refraction.
-pub(super) fn path_per_length(color: f32, ior: f32) -> f32 {
+fn free_path_per_diffusion_length(color: f32, ior: f32) -> f32 {
     let absorption = if color >= NEARLY_WHITE.0 {
         NEARLY_WHITE.1
     } else {
@@ -493,7 +494,7 @@ fn extrapolation(ior: f32) -> f64 {
 /// One minus the reduced albedo of a half space with a diffuse reflectance of `color`.
 fn absorption_of_color(color: f64, extrapolation: f64) -> f64 {
     let (mut low, mut high) = (0.0, 1.0);
-    for _ in 0..STEPS {
+    for _ in 0..BISECTION_STEPS {
         let middle = 0.5 * (low + high);
         if reflectance(middle, extrapolation) > color { low = middle } else { high = middle }
     }
@@ -514,8 +515,8 @@ mod tests {
     fn inversion_recovers_the_color() {
         for ior in [1.01, 1.4, 2.0] {
             for color in [0.05, 0.3, 0.8, 0.99] {
-                let absorption = f64::from(path_per_length(color, ior)).powi(2) / 3.0;
-                let error = 0.5f64.powi(STEPS + 1);
+                let absorption = f64::from(free_path_per_diffusion_length(color, ior)).powi(2) / 3.0;
+                let error = 0.5f64.powi(BISECTION_STEPS + 1);
                 let [least, most] = [absorption + error, (absorption - error).max(0.0)]
                     .map(|absorption| reflectance(absorption, extrapolation(ior)) as f32);
                 assert!((least..=most).contains(&color), "{ior} {color}: {least} {most}");
@@ -525,8 +526,8 @@ mod tests {
 
     /// Mean free paths fall with the colour; the maximum, for black, is sqrt(3) diffusion lengths.
     #[test]
-    fn paths_shorten_with_the_color() {
-        let paths = [0.0, 0.1, 0.5, 0.9, 0.999].map(|color| path_per_length(color, 1.4));
+    fn mean_free_paths_fall_with_the_color() {
+        let paths = [0.0, 0.1, 0.5, 0.9, 0.999].map(|color| free_path_per_diffusion_length(color, 1.4));
         assert!(paths.is_sorted_by(|a, b| a > b), "{paths:?}");
         assert!((paths[0] - 3.0f32.sqrt()).abs() < 1e-3, "{paths:?}");
     }

@@ -28,11 +28,10 @@
 //! A colour instead of a shader is an emission, as in Cycles.
 
 use super::builder::SceneFileBuilder;
-use super::fields::{Fields, nearest};
+use super::fields::{Fields, suggestion};
 use super::media;
 use super::nodes::{Links, Value};
 use super::textures::Textures;
-use crate::error::Warning;
 use crate::scene::nodes::{
     ClampType, MathOperation, Node, NodeGraph, NodeInput, NodeKind, SocketType, VectorOperation,
 };
@@ -73,17 +72,17 @@ pub(super) fn read<'a>(
     let surface = fields.require("surface", fields.string("surface"));
     let table = fields.require("nodes", fields.table("nodes"))?;
     let is_solid = fields.flag("volume", false);
-    let medium = media::table(build, textures, fields, "medium");
+    let medium = media::read(build, textures, fields, "medium");
     let is_shader = |value: Value| Shader::of(value).is_some();
     let values: Vec<(&str, Value)> = table.entries().filter(|(_, value)| !is_shader(value)).collect();
-    let shading: Vec<(&str, Value)> = table.entries().filter(|(_, value)| is_shader(value)).collect();
+    let shader_tables: Vec<(&str, Value)> = table.entries().filter(|(_, value)| is_shader(value)).collect();
     let (kinds, mut graph) = textures.value_nodes(build, &values, "")?;
     graph.is_z_up = fields.choice("up", &[("y", false), ("z", true)]).unwrap_or(false);
-    let names: Vec<&str> = shading.iter().map(|(name, _)| *name).collect();
-    let mut links = Links { nodes: &kinds, textures, own: "" };
+    let names: Vec<&str> = shader_tables.iter().map(|(name, _)| *name).collect();
+    let mut links = Links { nodes: &kinds, textures, texture_name: "" };
     let read = |(name, value): &(&'a str, Value<'a>)| shader_node(build, &mut links, &names, name, value);
-    let shaders: Vec<ShaderNode<'a>> = shading.iter().filter_map(read).collect();
-    if shaders.len() < shading.len() {
+    let shaders: Vec<ShaderNode<'a>> = shader_tables.iter().filter_map(read).collect();
+    if shaders.len() < shader_tables.len() {
         return None;
     }
     let bumps = fields.raw("bumps").map_or(Some(NodeInput::Value([0.0; 3])), |v| links.input(build, v))?;
@@ -91,18 +90,18 @@ pub(super) fn read<'a>(
         has_displacement(fields).then(|| read_displacement(build, &mut links, fields)).flatten();
     let surface = surface?;
     let Some(first) = position(&names, surface.value) else {
-        unknown(build, &names, surface.value, surface.span);
+        report_unknown(build, &names, surface.value, surface.span);
         return None;
     };
     if let Some(problem) = graph.problems().first() {
         build.problems.push(fields.span(), format!("{}: {problem}", fields.description()));
         return None;
     }
-    let mut lowering = Lowering {
+    let mut closures = ClosureList {
         build,
         material: name,
         is_solid,
-        checking: textures.is_check(),
+        checks_only: textures.checks_only(),
         graph,
         bumps,
         shaders: &shaders,
@@ -112,32 +111,32 @@ pub(super) fn read<'a>(
         transparency: NodeInput::Value([0.0; 3]),
         is_tinted: false,
         only_mixes: true,
-        path: Vec::new(),
+        stack: Vec::new(),
     };
-    if let Err(problem) = lowering.add(first, NodeInput::Value([1.0; 3])) {
+    if let Err(problem) = closures.add(first, NodeInput::Value([1.0; 3])) {
         let span = fields.span();
         build.problems.push(span, ("shader-graph-invalid", format!("{}: {problem}", fields.description())));
         return None;
     }
-    let displacement = displacement.and_then(|vector| lowering.displacement(vector));
-    Some(Material { displacement, ..filled(lowering.finish(), medium) })
+    let displacement = displacement.and_then(|vector| closures.displacement(vector));
+    Some(Material { displacement, ..with_medium(closures.finish(), medium) })
 }
 
-/// A material with a medium, if given; so are the refracting components of a mix, through which light enters.
-fn filled(mut material: Material, medium: Option<Medium>) -> Material {
+/// Sets the medium, if any, of a material and of the refracting components of a mix, through which light enters.
+fn with_medium(mut material: Material, medium: Option<Medium>) -> Material {
     let Some(medium) = medium else { return material };
     if let Model::Mix { components } = &mut material.model {
-        for part in components.iter_mut().map(|component| &mut component.material) {
+        for component in components.iter_mut().map(|component| &mut component.material) {
             let refracts =
-                part.model.pbr().is_some_and(|pbr| pbr.has_volume && pbr.transmission.factor > 0.0);
-            part.medium = part.medium.or(refracts.then_some(medium));
+                component.model.pbr().is_some_and(|pbr| pbr.has_volume && pbr.transmission.factor > 0.0);
+            component.medium = component.medium.or(refracts.then_some(medium));
         }
     }
     material.medium = Some(medium);
     material
 }
 
-/// Does the material have a displacement by vectors?
+/// Whether the material has a displacement by vectors.
 pub(super) fn has_displacement(fields: &Fields) -> bool {
     let table = fields.raw("displacement").and_then(|value| value.get_ref().as_table());
     table.is_some_and(|table| table.contains_key("vector"))
@@ -162,11 +161,9 @@ fn position(names: &[&str], text: &str) -> Option<usize> {
     names.iter().position(|name| *name == node)
 }
 
-fn unknown(build: &mut SceneFileBuilder, names: &[&str], text: &str, span: std::ops::Range<usize>) {
-    let help = match nearest(text, names.iter().copied()) {
-        Some(near) => format!("did you mean '{near}'?"),
-        None => format!("shaders of this material: {}", names.join(", ")),
-    };
+fn report_unknown(build: &mut SceneFileBuilder, names: &[&str], text: &str, span: std::ops::Range<usize>) {
+    let default = format!("shaders of this material: {}", names.join(", "));
+    let help = suggestion(text, names.iter().copied(), default);
     build.problems.push_help(span, ("unknown-shader", format!("there is no shader '{text}'")), help);
 }
 
@@ -205,13 +202,13 @@ fn shader_node<'a>(
     is_valid.then_some(ShaderNode { name, shader, inputs })
 }
 
-/// Lowers the shader graph to a list of weighted materials, emission and transparency. Weights are node graphs.
-struct Lowering<'l, 'b, 'a> {
+/// The closures of a shader graph: materials with weights, emission and transparency. Weights are node graphs.
+struct ClosureList<'l, 'b, 'a> {
     build: &'l mut SceneFileBuilder<'b>,
     material: &'l str,
     is_solid: bool,
-    /// Add nothing to the scene.
-    checking: bool,
+    /// Only check the graph, and add nothing to the scene.
+    checks_only: bool,
     /// The value nodes, and nodes added for weights.
     graph: NodeGraph,
     /// The bump-mapped normal of the surface.
@@ -229,26 +226,26 @@ struct Lowering<'l, 'b, 'a> {
     /// There is no add shader: weights and transparency sum to 1.
     only_mixes: bool,
     /// Shaders from the output to the current one, to detect cycles.
-    path: Vec<usize>,
+    stack: Vec<usize>,
 }
 
-impl Lowering<'_, '_, '_> {
+impl ClosureList<'_, '_, '_> {
     /// Adds the closures and the emission of a shader.
     fn add(&mut self, index: usize, weight: NodeInput) -> Result<(), String> {
         let node = &self.shaders[index];
-        if self.path.contains(&index) {
+        if self.stack.contains(&index) {
             return Err(format!("the shaders around '{}' form a cycle", node.name));
         }
         if self.components.len() > MAX_CLOSURES {
             return Err(format!("its shaders make more than {MAX_CLOSURES} closures"));
         }
-        self.path.push(index);
+        self.stack.push(index);
         match node.shader {
             Shader::Mix => {
                 let factor = self.clamped(self.number(index, "factor", 0.5));
                 let rest = self.complement(factor);
-                for (key, part) in [("a", rest), ("b", factor)] {
-                    let weight = self.product(weight, part);
+                for (key, fraction) in [("a", rest), ("b", factor)] {
+                    let weight = self.product(weight, fraction);
                     self.add_input(index, key, weight)?;
                 }
             }
@@ -259,7 +256,7 @@ impl Lowering<'_, '_, '_> {
             }
             _ => self.add_closure(index, weight),
         }
-        self.path.pop();
+        self.stack.pop();
         Ok(())
     }
 
@@ -327,8 +324,7 @@ impl Lowering<'_, '_, '_> {
     }
 
     fn warn(&mut self, message: String) {
-        let message = format!("material '{}': {message}", self.material);
-        self.build.loaded.warnings.push(Warning::new(self.build.file, "", message));
+        self.build.warn(format!("material '{}': {message}", self.material));
     }
 
     // Arithmetic of weights, with constant folding.
@@ -406,7 +402,7 @@ impl Lowering<'_, '_, '_> {
 
     /// The texture of an input; `None` for constants and alpha.
     fn texture(&mut self, input: NodeInput) -> Option<TextureId> {
-        if self.checking {
+        if self.checks_only {
             return Some(TextureId(0));
         }
         match input {
@@ -465,7 +461,7 @@ impl Lowering<'_, '_, '_> {
         NodeGraph { nodes: nodes.collect(), result: renumbered(result), is_z_up: whole.is_z_up }
     }
 
-    /// Does anything in the material read the second output of a node, which is the alpha of images?
+    /// Whether anything in the material reads the second output of a node, the alpha of images.
     fn reads_alpha(&self, node: usize) -> bool {
         let alpha = NodeInput::Link { node, output: 1 };
         let mut inputs = self.graph.nodes.iter().flat_map(|node| &node.inputs);
