@@ -102,7 +102,7 @@ pub struct SequenceFrame {
     pub number: u32,
     /// Name in messages.
     pub label: String,
-    /// Temporally denoised with its neighbours.
+    /// Denoised temporally, with its neighbours.
     pub is_averaged: bool,
     /// Rendered only as a neighbour for temporal denoising, and not written.
     pub is_neighbour: bool,
@@ -113,10 +113,10 @@ pub(crate) struct RenderArgs {
     /// Scenes to render: .gltf, .glb, .vrm, .obj, .ply, .spz, .stl, .3mf, .zip, .toml or .blend.
     #[arg(required = true, value_name = "SCENE")]
     pub scenes: Vec<PathBuf>,
-    /// The current one of `scenes`.
+    /// The current scene of `scenes`.
     #[arg(skip)]
     pub scene: PathBuf,
-    /// Without -o: the mark of pictures written by this command (see `pictures`).
+    /// Without -o: text chunk that identifies pictures written by this command (see `pictures`).
     #[arg(skip)]
     pub mark: Option<String>,
     /// The current frame of a sequence.
@@ -162,7 +162,7 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "CAMERA")]
     pub camera: Option<String>,
     #[command(flatten)]
-    pub place: CameraArgs,
+    pub camera_args: CameraArgs,
     /// Environment map (HDRI): an equirectangular .exr, .hdr or 8-bit image; 'none' for none.
     #[arg(long, value_name = "FILE", value_parser = OsStringValueParser::new().map(environment))]
     pub env: Option<PathBuf>,
@@ -185,11 +185,11 @@ pub(crate) struct RenderArgs {
     pub asset: AssetArgs,
     #[command(flatten)]
     pub blender: BlenderArgs,
-    /// Quality of the image: when to stop, and whether to denoise [default: normal, unless another option or the scene says when to
+    /// Quality preset: when to stop, and whether to denoise [default: normal, unless another option or the scene sets when to
     /// stop].
     #[arg(long, value_name = "Q", value_enum, conflicts_with_all = ["spp", "noise", "plan", "sample_range"])]
     pub quality: Option<Quality>,
-    /// Samples per pixel [default: by the quality; 128 with a time limit and for parts of images].
+    /// Samples per pixel [default: set by the quality; 128 with a time limit and for parts of images].
     #[arg(long, alias = "samples", value_name = "N", value_parser = integer::<u32>(1, u32::MAX), allow_negative_numbers = true)]
     pub spp: Option<u32>,
     #[arg(long, help = setting_help("max_depth"), value_name = "N", allow_negative_numbers = true)]
@@ -402,9 +402,9 @@ fn degrees(text: &str) -> Result<f64, String> {
 /// Options of long renders: stopping conditions, checkpoints, partial renders, memory.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct LongArgs {
-    /// Noise threshold: stop when the estimated relative error of the image, denoised if it is denoised, is below P percent.
+    /// Noise threshold: stop when the estimated relative error of the image (after denoising, if enabled) is below P percent.
     ///
-    /// At the latest after --max-spp samples per pixel [default then: 65536].
+    /// Stops after --max-spp samples per pixel at the latest [default: 65536].
     #[arg(long, value_name = "P", value_parser = percent, allow_negative_numbers = true)]
     pub noise: Option<f32>,
     /// Minimum samples per pixel with --noise.
@@ -424,9 +424,9 @@ pub(crate) struct LongArgs {
     /// Seconds between checkpoints.
     #[arg(long, value_name = "S", value_parser = seconds, default_value = "60", requires = "checkpoint")]
     pub checkpoint_interval: Duration,
-    /// Resume from the checkpoint, if it exists; of animations: skip frames whose files exist.
+    /// Resume from the checkpoint, if it exists; for animations, skip frames whose files exist.
     ///
-    /// With the same or a higher number of samples. An interrupted frame of an animation is not written.
+    /// The number of samples may be increased. An interrupted frame of an animation is not written.
     #[arg(long)]
     pub resume: bool,
     #[arg(long, help = setting_help("planned"), value_name = "N", value_parser = integer::<u32>(1, u32::MAX), allow_negative_numbers = true)]

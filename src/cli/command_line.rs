@@ -5,9 +5,9 @@ use super::args::{
 };
 use super::merge::MergeArgs;
 use super::option_groups::group;
-use super::other_names::known_as;
+use super::other_names::tip_for;
 use super::picture_args::{ConvertArgs, DenoiseArgs, InfoArgs};
-use super::process::remember_words;
+use super::process::store_command_line;
 use super::scene_args::scenes_named;
 use super::thumbnail::{ThumbArgs, ThumbnailerArgs};
 use super::view;
@@ -53,13 +53,13 @@ impl Arguments {
     pub fn read(words: impl Iterator<Item = OsString>) -> Result<Arguments, clap::Error> {
         let command = Arguments::command();
         let words = with_command(words.collect(), &command);
-        // Only the used subcommand is finished: all of them take a millisecond.
+        // Finishing all subcommands takes a millisecond: only the used one is.
         let name = words.get(1).and_then(|word| word.to_str()).and_then(|word| command.find_subcommand(word));
         let mut command = match name.map(|command| command.get_name().to_string()) {
             Some(name) => command.mut_subcommand(name, finish),
             None => command,
         };
-        remember_words(&words);
+        store_command_line(&words);
         let matches =
             command.try_get_matches_from_mut(words).map_err(|error| with_tips(error, &mut command))?;
         if let Some(("view", matches)) = matches.subcommand() {
@@ -68,7 +68,7 @@ impl Arguments {
         let mut arguments = Arguments::from_arg_matches(&matches)?;
         match &mut arguments.command {
             Command::Render(args) => args.resolve_size(),
-            Command::View(args) => args.picture.resolve_size(),
+            Command::View(args) => args.render.resolve_size(),
             _ => {}
         }
         Ok(arguments)
@@ -88,12 +88,12 @@ fn finish(command: clap::Command) -> clap::Command {
 
 /// Inserts the command `render` if the first argument is a file or an option of `render`.
 fn with_command(mut words: Vec<OsString>, command: &clap::Command) -> Vec<OsString> {
-    const OWN: [&str; 4] = ["-h", "--help", "-V", "--version"];
+    const TOP_LEVEL: [&str; 4] = ["-h", "--help", "-V", "--version"];
     let Some(first) = words.get(1) else { return words };
     let text = first.to_string_lossy();
     let is_command = command.get_subcommands().any(|c| c.get_name() == text);
     let is_file = text.contains(['.', '/', '\\']) || Path::new(first).exists();
-    let is_option = text.starts_with('-') && !OWN.contains(&&*text);
+    let is_option = text.starts_with('-') && !TOP_LEVEL.contains(&&*text);
     if !is_command && (is_file || is_option) {
         words.insert(1, "render".into());
     }
@@ -167,7 +167,7 @@ fn with_command_tip(error: clap::Error, command: &mut clap::Command) -> clap::Er
     command.error(ErrorKind::InvalidSubcommand, format!("'{word}' is neither a command nor a file{tip}"))
 }
 
-/// Tip for an unknown option: the name here of an option of other programs, an option of the program itself, or commands with
+/// Tip for an unknown option: the equivalent of another renderer's option, `--version` or `--help`, or the commands that have
 /// the option. Replaces clap's tip about file names that start with a dash.
 fn with_option_tip(mut error: clap::Error, command: &clap::Command) -> clap::Error {
     let Some(option) = context(&error, ContextKind::InvalidArg) else { return error };
@@ -180,7 +180,7 @@ fn with_option_tip(mut error: clap::Error, command: &clap::Command) -> clap::Err
         error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![StyledStr::from(text)]));
         error
     };
-    if let Some(known) = known_as(name) {
+    if let Some(known) = tip_for(name) {
         return tip(error, known.to_string());
     }
     if ["version", "help"].iter().any(|own| levenshtein(name, own) <= own.len() / 3) {

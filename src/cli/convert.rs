@@ -209,16 +209,16 @@ fn no_layer(file: &Layered, args: &ConvertArgs, path: &Path) -> Error {
 // Contact sheet: thumbnails of all layers of an EXR with their names.
 
 /// Maximum width of a thumbnail, pixels.
-const WIDEST: usize = 240;
+const MAX_WIDTH: usize = 240;
 /// Distance between thumbnails, pixels.
 const GAP: usize = 8;
 /// Height of a label with its gap, pixels.
-const LINE: usize = 14;
-const PAPER: [u8; 3] = [24, 24, 26];
-const INK: [u8; 3] = [214, 214, 208];
+const LABEL_HEIGHT: usize = 14;
+const BACKGROUND: [u8; 3] = [24, 24, 26];
+const LABEL_COLOR: [u8; 3] = [214, 214, 208];
 
-/// Minimum depth of the background, metres.
-const FAR: f32 = 1e9;
+/// Depths from here on are background, metres.
+const MIN_BACKGROUND_DEPTH: f32 = 1e9;
 
 /// An RGB image of 8 bits per channel.
 pub(super) struct Sheet {
@@ -303,7 +303,7 @@ impl Layer {
             self.channels.iter().find(|name| name.rsplit('.').next() == Some(letter)).cloned()
         };
         let found: Vec<String> = letters.iter().filter_map(find).collect();
-        // Alpha may be missing; if another channel is missing, only the first is shown.
+        // Alpha is optional; if another channel is missing, only the first is shown.
         if found.len() + usize::from(kind == Kind::Color) < letters.len() {
             return self.channels.truncate(1);
         }
@@ -365,7 +365,7 @@ fn downsampled(values: &[f32], full: [usize; 2], (width, height): (usize, usize)
         start..((i + 1) * full / small).max(start + 1)
     };
     let has_mean = !matches!(kind, Kind::Id | Kind::Position | Kind::Uv);
-    let is_valid = |v: &f32| v.is_finite() && !(kind == Kind::Depth && *v >= FAR);
+    let is_valid = |v: &f32| v.is_finite() && !(kind == Kind::Depth && *v >= MIN_BACKGROUND_DEPTH);
     let one = |x: usize, y: usize| {
         let (columns, rows) = (cover(x, width, full[0]), cover(y, height, full[1]));
         if !has_mean {
@@ -374,7 +374,7 @@ fn downsampled(values: &[f32], full: [usize; 2], (width, height): (usize, usize)
         let covered = rows.flat_map(|row| columns.clone().map(move |column| values[row * full[0] + column]));
         let (sum, count) =
             covered.filter(is_valid).fold((0.0f64, 0u32), |(sum, n), v| (sum + f64::from(v), n + 1));
-        let empty = if kind == Kind::Depth { FAR } else { 0.0 };
+        let empty = if kind == Kind::Depth { MIN_BACKGROUND_DEPTH } else { 0.0 };
         if count == 0 { empty } else { (sum / f64::from(count)) as f32 }
     };
     (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| one(x, y)).collect()
@@ -382,7 +382,10 @@ fn downsampled(values: &[f32], full: [usize; 2], (width, height): (usize, usize)
 
 /// Minimum and maximum of the valid values; both 0 if there are none.
 fn range(values: &[f32], kind: Kind) -> (f32, f32) {
-    let valid = values.iter().copied().filter(|v| v.is_finite() && !(kind == Kind::Depth && *v >= FAR));
+    let valid = values
+        .iter()
+        .copied()
+        .filter(|v| v.is_finite() && !(kind == Kind::Depth && *v >= MIN_BACKGROUND_DEPTH));
     let (min, max) = valid.fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
     if min <= max { (min, max) } else { (0.0, 0.0) }
 }
@@ -400,7 +403,7 @@ fn shown(kind: Kind, planes: &[Vec<f32>], ranges: &[(f32, f32)], i: usize) -> [f
     match kind {
         Kind::Color | Kind::Scalar => [normalized(at(0), (0.0, max)); 3],
         Kind::Variance => [0, 1, 2].map(|c| normalized(at(c).max(0.0).sqrt(), (0.0, max.sqrt()))),
-        Kind::Depth if at(0) >= FAR => [0.0; 3],
+        Kind::Depth if at(0) >= MIN_BACKGROUND_DEPTH => [0.0; 3],
         Kind::Depth => [1.0 - 0.85 * normalized(at(0), ranges[0]); 3],
         Kind::Vector if (0..3).all(|c| at(c) == 0.0) => [0.0; 3],
         Kind::Vector => [0, 1, 2].map(|c| normalized(at(c), (-1.0, 1.0))),
@@ -429,29 +432,29 @@ pub(super) fn sheet(file: &Layered, options: &PngOptions) -> Sheet {
     let layers = layers(file);
     let size = |layer: &Layer| {
         let [width, height] = file.size(layer.part);
-        let small = width.clamp(1, WIDEST);
+        let small = width.clamp(1, MAX_WIDTH);
         (small, (height * small / width.max(1)).max(1))
     };
     let (tile, tall) = layers.iter().map(size).fold((1, 1), |(w, h), (w2, h2)| (w.max(w2), h.max(h2)));
     let columns = (1..layers.len())
-        .find(|c| c * (tile + GAP) * 3 >= layers.len().div_ceil(*c) * (tall + LINE + GAP) * 4);
+        .find(|c| c * (tile + GAP) * 3 >= layers.len().div_ceil(*c) * (tall + LABEL_HEIGHT + GAP) * 4);
     let columns = columns.unwrap_or(layers.len()).max(1);
     let rows = layers.len().div_ceil(columns).max(1);
-    let (width, height) = (columns * (tile + GAP) + GAP, rows * (tall + LINE + GAP) + GAP);
-    let mut sheet = Sheet { width, height, data: PAPER.repeat(width * height) };
+    let (width, height) = (columns * (tile + GAP) + GAP, rows * (tall + LABEL_HEIGHT + GAP) + GAP);
+    let mut sheet = Sheet { width, height, data: BACKGROUND.repeat(width * height) };
     for (i, layer) in layers.iter().enumerate() {
-        let (left, top) = (GAP + i % columns * (tile + GAP), GAP + i / columns * (tall + LINE + GAP));
+        let (left, top) = (GAP + i % columns * (tile + GAP), GAP + i / columns * (tall + LABEL_HEIGHT + GAP));
         let (w, h) = size(layer);
         let picture = layer.picture(file, (w, h), options);
         for (y, row) in picture.chunks_exact(3 * w).enumerate() {
             let at = 3 * ((top + y) * width + left);
             sheet.data[at..at + 3 * w].copy_from_slice(row);
         }
-        let letters = tile / WIDTH;
+        let letters = tile / GLYPH_WIDTH;
         let label: String = layer.label().chars().take(letters).collect();
         glyph_points(&label, |x, y| {
             let at = 3 * ((top + tall + 4 + y) * width + left + x);
-            sheet.data[at..at + 3].copy_from_slice(&INK);
+            sheet.data[at..at + 3].copy_from_slice(&LABEL_COLOR);
         });
     }
     sheet
@@ -467,7 +470,7 @@ pub(super) fn to_rec709(file: &Layered, rgb: &mut [Vec<f32>; 3]) {
 }
 
 /// Width of a glyph, pixels.
-pub(super) const WIDTH: usize = 8;
+pub(super) const GLYPH_WIDTH: usize = 8;
 
 /// Calls `point` with x and y of all set pixels of a line of text in an 8 x 8 font, relative to the upper left corner. Other
 /// characters than ASCII become question marks.
@@ -475,7 +478,7 @@ pub(super) fn glyph_points(text: &str, mut point: impl FnMut(usize, usize)) {
     for (i, c) in text.chars().enumerate() {
         let glyph = BASIC_LEGACY.get(c as usize).unwrap_or(&BASIC_LEGACY[usize::from(b'?')]);
         for (y, bits) in glyph.iter().enumerate() {
-            (0..WIDTH).filter(|x| bits >> x & 1 == 1).for_each(|x| point(WIDTH * i + x, y));
+            (0..GLYPH_WIDTH).filter(|x| bits >> x & 1 == 1).for_each(|x| point(GLYPH_WIDTH * i + x, y));
         }
     }
 }

@@ -15,7 +15,7 @@ use std::time::Instant;
 
 const RGB: [&str; 3] = ["R", "G", "B"];
 
-/// Prefixes of RGB layers without radiance.
+/// Prefixes of RGB layers that are not radiance.
 const DATA: [&str; 6] = ["albedo.", "denoising_albedo.", "variance.", "DiffCol.", "GlossCol.", "TransCol."];
 
 pub(crate) fn run(args: &DenoiseArgs) -> Result<Outcome> {

@@ -2,7 +2,7 @@
 
 use super::parsers::{integer, stops};
 use super::picture_args::{DenoiserArgs, ExrFormatArgs, views};
-use super::pictures::{EncodeOptions, FinishedPicture, Pictures, Targets};
+use super::pictures::{EncodeOptions, Pictures, Targets, UnencodedPicture};
 use super::process::Outcome;
 use super::report::counted;
 use super::settings::check_memory_before_merging;
@@ -60,7 +60,7 @@ fn merge(args: &MergeArgs) -> Result<Outcome> {
         refuse_missing(&parts[0].0, &missing)?;
     }
     check_memory_before_merging(&parts)?;
-    let (mut film, backdrop) = sum(&parts)?;
+    let (mut film, backdrop) = merged_film(&parts)?;
     args.exr.check(film.names().any(|name| name.starts_with("Crypto")))?;
     let warnings = film_warnings(&film);
     let denoised = denoise(args, &parts[0], &mut film)?;
@@ -75,7 +75,7 @@ fn merge(args: &MergeArgs) -> Result<Outcome> {
         );
     }
     let samples = film.mean_samples();
-    let finished = FinishedPicture {
+    let finished = UnencodedPicture {
         film: Cow::Borrowed(&film),
         warnings,
         metadata: Metadata { denoised, ..metadata(&parts, samples, missing.is_empty()) },
@@ -146,7 +146,7 @@ fn denoise(
 }
 
 /// The merged film of all parts, and its backdrop.
-fn sum(parts: &[(PathBuf, PartHeader)]) -> Result<(Film, Option<oscura::scene::Backdrop>)> {
+fn merged_film(parts: &[(PathBuf, PartHeader)]) -> Result<(Film, Option<oscura::scene::Backdrop>)> {
     let (file, first) = &parts[0];
     let layout =
         first.channels.layout().ok_or_else(|| Error::input(file, "has channels that are unknown"))?;

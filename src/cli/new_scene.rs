@@ -81,7 +81,7 @@ fn text(model: &Path, loaded: &Loaded) -> String {
     parts.push(LIGHT.to_string());
     parts.extend(area_lights(&lost));
     parts.extend(materials(&lost));
-    parts.extend(own_materials(&loaded.scene, &lost));
+    parts.extend(other_materials(&loaded.scene, &lost));
     parts.extend(objects(&lost));
     parts.join("\n")
 }
@@ -123,13 +123,13 @@ const LIGHT: &str = "\
 ";
 
 /// Name of the stage's camera for models without a camera.
-const FRAMING: &str = "default";
+const STAGE_CAMERA: &str = "default";
 
 /// Maximum number of materials with a proposal.
 const MAX_MATERIALS: usize = 12;
 
 /// Proposals for the model's other materials.
-fn own_materials(scene: &Scene, lost: &BlenderExport) -> Vec<String> {
+fn other_materials(scene: &Scene, lost: &BlenderExport) -> Vec<String> {
     let is_proposed = |name: &String| {
         [&lost.white, &lost.lost, &lost.unused_alpha].iter().any(|names| names.contains(name))
     };
@@ -162,17 +162,17 @@ fn cameras(scene: &Scene) -> Vec<String> {
             quoted(name)
         )
     };
-    let own = scene.cameras.iter().filter(|c| c.name != FRAMING).take(MAX_CAMERAS);
+    let own = scene.cameras.iter().filter(|c| c.name != STAGE_CAMERA).take(MAX_CAMERAS);
     let proposals: Vec<String> = own.map(|camera| proposal(&camera.name)).collect();
-    let framing = scene.cameras.iter().find(|camera| camera.name == FRAMING);
+    let framing = scene.cameras.iter().find(|camera| camera.name == STAGE_CAMERA);
     match framing.filter(|_| proposals.is_empty()) {
-        Some(camera) => vec![framed(camera)],
+        Some(camera) => vec![stage_camera(camera)],
         None => proposals,
     }
 }
 
-/// A proposal of the stage's camera, for a model without a camera.
-fn framed(camera: &Camera) -> String {
+/// The stage's camera, as a proposal for a model without a camera.
+fn stage_camera(camera: &Camera) -> String {
     let eye = camera.world_from_camera.translation;
     let to = eye - camera.world_from_camera.matrix3.z_axis;
     let list = |v: DVec3| format!("[{:.4}, {:.4}, {:.4}]", v.x, v.y, v.z);

@@ -1,6 +1,6 @@
 //! Names of options in other renderers, for tips about unknown options.
 
-/// Option names of other programs, without dashes, and tips about the equivalent here.
+/// Option names of other renderers, without dashes, and tips that name our equivalent.
 const NAMES: [(&[&str], &str); 27] = [
     (&["s", "n", "sample", "samples-per-pixel", "num-samples"], "--spp N sets the samples per pixel"),
     (&["t", "j", "thread", "num-threads", "nthreads", "cpus"], "--threads N sets the number of threads"),
@@ -76,8 +76,8 @@ const NAMES: [(&[&str], &str); 27] = [
     ),
 ];
 
-/// The tip for an option name of another program, without dashes.
-pub(super) fn known_as(name: &str) -> Option<&'static str> {
+/// The tip for an option name of another renderer, without dashes.
+pub(super) fn tip_for(name: &str) -> Option<&'static str> {
     let name = name.replace('_', "-");
     NAMES.iter().find(|(names, _)| names.contains(&&*name)).map(|(_, tip)| *tip)
 }
@@ -88,7 +88,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn tips_name_options_that_exist_and_foreign_names_are_no_options() {
+    fn tips_name_existing_options_for_names_that_are_not_options() {
         let command = Arguments::full_command();
         let render = command.find_subcommand("render").expect("a command");
         let has = |word: &str| {

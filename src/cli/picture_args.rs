@@ -92,7 +92,7 @@ pub(crate) struct DenoiseArgs {
     /// With #### instead of the number, all frames of a sequence, each averaged with its neighbours by motion vectors
     /// (--aov motion).
     pub picture: PathBuf,
-    /// Output file (.exr), of sequences with ####: all channels of the input, its colour and light passes denoised.
+    /// Output file (.exr; with #### for sequences): all channels of the input, with colour and light passes denoised.
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
     /// Frames of the sequence to denoise, such as 7, 1-10 or 1-10x2 [default: all]. Up to two frames before and after are also
@@ -124,9 +124,9 @@ pub(crate) struct InfoArgs {
 
 #[derive(Args, Debug)]
 pub(crate) struct ConvertArgs {
-    /// Image (.exr); with #### instead of the number all frames of a sequence.
+    /// Image (.exr); with #### instead of the number, all frames of a sequence.
     pub picture: PathBuf,
-    /// Output file: .png, .jpg, .tif, .webp or .hdr; of sequences with ####, or one .gif, .apng, .mp4 or .webm.
+    /// Output file: .png, .jpg, .tif, .webp or .hdr; for sequences with ####, or one .gif, .apng, .mp4 or .webm.
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
     /// Frame rate of .gif, .apng, .mp4 and .webm, frames per second.
@@ -134,8 +134,8 @@ pub(crate) struct ConvertArgs {
     pub fps: f64,
     /// Layer, part or channel to convert instead of the combined image: N, DiffDir, Z, ...
     ///
-    /// Depths, directions, positions, ids and mattes are scaled to their ranges or coloured, as by --sheet, but in .hdr,
-    /// with --deep and in sequences to one animation: there they are the values.
+    /// Depths, directions, positions, ids and mattes are scaled to their ranges or shown in false colours, as by --sheet.
+    /// In .hdr files, with --deep and in animation files they keep their values.
     #[arg(long, value_name = "LAYER")]
     pub layer: Option<String>,
     /// Contact sheet: thumbnails of all layers with their names; data channels are scaled to their ranges.
@@ -408,7 +408,7 @@ impl Quality {
         }
     }
 
-    /// Warns if the threshold isn't reached?
+    /// Whether to warn if the threshold isn't reached.
     pub fn warns_of_noise(self) -> bool {
         self == Quality::Final
     }

@@ -179,19 +179,19 @@ impl EncodeOptions {
 }
 
 /// A finished or unfinished picture before encoding.
-pub(crate) struct FinishedPicture<'a> {
+pub(crate) struct UnencodedPicture<'a> {
     pub film: Cow<'a, Film>,
     pub warnings: Vec<Warning>,
     pub metadata: Metadata,
 }
 
-impl<'a> From<&'a Picture> for FinishedPicture<'a> {
-    fn from(picture: &'a Picture) -> FinishedPicture<'a> {
+impl<'a> From<&'a Picture> for UnencodedPicture<'a> {
+    fn from(picture: &'a Picture) -> UnencodedPicture<'a> {
         let mut metadata = picture.output_options().metadata.clone();
         if picture.statistics().interrupted {
             metadata.stopped_by = Some("signal".to_string());
         }
-        FinishedPicture {
+        UnencodedPicture {
             film: Cow::Borrowed(picture.film()),
             warnings: picture.warnings().to_vec(),
             metadata,
@@ -199,12 +199,12 @@ impl<'a> From<&'a Picture> for FinishedPicture<'a> {
     }
 }
 
-impl<'a> From<&'a Rendering> for FinishedPicture<'a> {
+impl<'a> From<&'a Rendering> for UnencodedPicture<'a> {
     /// The current state of an unfinished rendering.
-    fn from(rendering: &'a Rendering) -> FinishedPicture<'a> {
+    fn from(rendering: &'a Rendering) -> UnencodedPicture<'a> {
         let metadata = rendering.output_options().metadata;
         let stopped_by = Some("not finished".to_string());
-        FinishedPicture {
+        UnencodedPicture {
             film: rendering.shown(),
             warnings: rendering.warnings(),
             metadata: Metadata { stopped_by, ..metadata },
@@ -225,11 +225,11 @@ impl<'a> Pictures<'a> {
     pub fn encode(
         encoding: &EncodeOptions,
         targets: &'a Targets,
-        finished: FinishedPicture,
+        finished: UnencodedPicture,
         png: &PngOptions,
         earlier_warnings: &[Warning],
     ) -> Pictures<'a> {
-        let FinishedPicture { film, mut warnings, mut metadata } = finished;
+        let UnencodedPicture { film, mut warnings, mut metadata } = finished;
         metadata.owner.clone_from(&encoding.owner);
         metadata.warnings = earlier_warnings.iter().chain(&warnings).map(Warning::to_string).collect();
         if let Some(window) = encoding.exr.window {

@@ -66,11 +66,11 @@ impl Preview {
 }
 
 /// Timeout of connecting and sending.
-const PATIENCE: Duration = Duration::from_secs(5);
+const TIMEOUT: Duration = Duration::from_secs(5);
 /// Minimum time between two pictures.
-const PAUSE: Duration = Duration::from_millis(500);
-/// Minimum time between two pictures, relative to the time of sending one.
-const SENDING_FACTOR: u32 = 10;
+const MIN_INTERVAL: Duration = Duration::from_millis(500);
+/// Minimum time between two pictures, as a multiple of the time of sending one.
+const MIN_INTERVAL_FACTOR: u32 = 10;
 
 /// A connection to tev, a viewer of high dynamic range pictures, which shows the picture with all passes.
 pub(super) struct Tev {
@@ -89,14 +89,14 @@ impl Tev {
     /// tev can't be reached.
     pub fn open(address: &str, scene: &Path) -> Result<Tev> {
         let failed = |error: std::io::Error| {
-            Error::usage(format!("--preview: no tev answers at {address}: {error}")).with_help(
+            Error::usage(format!("--preview: can't connect to tev at {address}: {error}")).with_help(
                 "start tev first; its default address is 127.0.0.1:14158, others are set by its --host and by =tev:HOST:PORT",
             )
         };
         let mut failure = std::io::Error::other("no such address");
         for socket in address.to_socket_addrs().map_err(failed)? {
-            let stream = TcpStream::connect_timeout(&socket, PATIENCE)
-                .and_then(|stream| stream.set_write_timeout(Some(PATIENCE)).map(|()| stream));
+            let stream = TcpStream::connect_timeout(&socket, TIMEOUT)
+                .and_then(|stream| stream.set_write_timeout(Some(TIMEOUT)).map(|()| stream));
             match stream {
                 Ok(stream) => {
                     let client = Some(TevClient::wrap(stream));
@@ -159,7 +159,7 @@ impl Tev {
             data: &data,
         });
         self.check(Some(sent), printed);
-        self.next = Instant::now() + PAUSE.max(start.elapsed() * SENDING_FACTOR);
+        self.next = Instant::now() + MIN_INTERVAL.max(start.elapsed() * MIN_INTERVAL_FACTOR);
     }
 
     /// Warns if sending failed; rendering continues without the preview.

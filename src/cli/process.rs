@@ -13,23 +13,23 @@ use std::time::{Duration, Instant};
 
 /// Signals within this time of the first are ignored: `timeout` and job schedulers signal both the process and its process
 /// group.
-const SAME_REQUEST: Duration = Duration::from_secs(1);
+const REPEAT_WINDOW: Duration = Duration::from_secs(1);
 
-/// State of the signal handler; `None` until it is installed.
-static WATCHED: Mutex<Option<Watched>> = Mutex::new(None);
+/// `None` until the signal handler is installed.
+static SIGNAL_STATE: Mutex<Option<SignalState>> = Mutex::new(None);
 
-struct Watched {
+struct SignalState {
     cancel: CancelHandle,
     /// Time of the first signal.
     first: Option<Instant>,
 }
 
-impl Watched {
+impl SignalState {
     /// Cancels at the first signal. Returns true for another one, a second or more later.
     fn signal(&mut self, now: Instant) -> bool {
         self.cancel.cancel();
         let first = *self.first.get_or_insert(now);
-        now.duration_since(first) >= SAME_REQUEST
+        now.duration_since(first) >= REPEAT_WINDOW
     }
 }
 
@@ -40,32 +40,32 @@ impl Watched {
 /// The system refuses the handler.
 pub(crate) fn cancel_by_signals() -> Result<CancelHandle> {
     let cancel = CancelHandle::new();
-    let mut watched = WATCHED.lock().unwrap_or_else(PoisonError::into_inner);
-    if watched.is_none() {
+    let mut state = SIGNAL_STATE.lock().unwrap_or_else(PoisonError::into_inner);
+    if state.is_none() {
         ctrlc::set_handler(|| {
             let now = Instant::now();
-            let mut watched = WATCHED.lock().unwrap_or_else(PoisonError::into_inner);
-            if watched.as_mut().is_some_and(|watched| watched.signal(now)) {
+            let mut state = SIGNAL_STATE.lock().unwrap_or_else(PoisonError::into_inner);
+            if state.as_mut().is_some_and(|state| state.signal(now)) {
                 std::process::exit(130);
             }
         })
         .map_err(|e| Error::usage(format!("can't watch for signals: {e}")))?;
     }
-    *watched = Some(Watched { cancel: cancel.clone(), first: None });
+    *state = Some(SignalState { cancel: cancel.clone(), first: None });
     Ok(cancel)
 }
 
 /// The last command line; a process may run the program several times (Python).
-static WORDS: Mutex<Vec<OsString>> = Mutex::new(Vec::new());
+static COMMAND_LINE: Mutex<Vec<OsString>> = Mutex::new(Vec::new());
 
 /// The arguments of the last command line, without the program's name.
-pub(crate) fn words() -> impl Iterator<Item = OsString> {
-    WORDS.lock().unwrap_or_else(PoisonError::into_inner).clone().into_iter().skip(1)
+pub(crate) fn arguments() -> impl Iterator<Item = OsString> {
+    COMMAND_LINE.lock().unwrap_or_else(PoisonError::into_inner).clone().into_iter().skip(1)
 }
 
-/// Stores a command line for [`words`].
-pub(crate) fn remember_words(words: &[OsString]) {
-    WORDS.lock().unwrap_or_else(PoisonError::into_inner).clone_from(&words.to_vec());
+/// Stores the command line for [`arguments`].
+pub(crate) fn store_command_line(words: &[OsString]) {
+    COMMAND_LINE.lock().unwrap_or_else(PoisonError::into_inner).clone_from(&words.to_vec());
 }
 
 /// Peak resident memory of the process, bytes; only on Linux.
@@ -196,11 +196,11 @@ mod tests {
 
     #[test]
     fn further_signals_within_a_second_are_ignored() {
-        let mut watched = Watched { cancel: CancelHandle::new(), first: None };
+        let mut state = SignalState { cancel: CancelHandle::new(), first: None };
         let start = Instant::now();
         let after = |ms| start + Duration::from_millis(ms);
-        assert!(!watched.signal(start) && watched.cancel.is_cancelled());
-        assert!(!watched.signal(after(1)) && !watched.signal(after(999)));
-        assert!(watched.signal(after(1000)));
+        assert!(!state.signal(start) && state.cancel.is_cancelled());
+        assert!(!state.signal(after(1)) && !state.signal(after(999)));
+        assert!(state.signal(after(1000)));
     }
 }

@@ -5,18 +5,18 @@ use super::checkpoint::CheckpointWriter;
 use super::parsers::Frames;
 use super::picture_args::Quality;
 use super::pictures::{
-    self, AnimationFiles, Denoising, FinishedPicture, Pictures, Targets, check_stdout, stills,
+    self, AnimationFiles, Denoising, Pictures, Targets, UnencodedPicture, check_stdout, stills,
 };
 use super::preview::Preview;
 use super::process::{Outcome, cancel_by_signals, exit_code};
 use super::progress::{Progress, ProgressTarget, StageProgress, StopCriteria};
+use super::rendered_picture::{RenderedPicture, RunState, refuse_warnings};
 use super::report::{PrintedMessages, Run, name_options_in_error};
 use super::scene_args::check_scene_path;
 use super::settings::{
     EnvironmentOverride, PictureUse, Prepared, averages_frames, check_memory_before_loading, completed,
-    idle_option_notes, memory_limit, prepare, requested, unused_option_warnings, watch_memory,
+    ineffective_option_notes, memory_limit, prepare, requested, unused_option_warnings, watch_memory,
 };
-use super::shot::{RunState, Shot, refuse_warnings};
 use super::{checkpoint, json, report, show};
 use oscura::compile::Compiler;
 use oscura::denoise::temporal::with_neighbours;
@@ -156,14 +156,14 @@ const STEM_PLACEHOLDERS: [&str; 2] = ["{stem}", "{name}"];
 
 /// Renders all scenes one after another. Failures are listed at the end; the highest exit code is returned.
 pub(crate) fn run(args: &RenderArgs) -> Result<Outcome> {
-    let shots: Vec<RenderArgs> = args.scenes.iter().map(|scene| args_for_scene(args, scene)).collect();
-    check(&shots)?;
+    let jobs: Vec<RenderArgs> = args.scenes.iter().map(|scene| args_for_scene(args, scene)).collect();
+    check(&jobs)?;
     check_stdout(args)?;
     show::check(args)?;
     let cancel = cancel_by_signals()?;
-    match &shots[..] {
+    match &jobs[..] {
         [only] => run_scene(only, &cancel),
-        _ => run_scenes(args, &shots, &cancel),
+        _ => run_scenes(args, &jobs, &cancel),
     }
 }
 
@@ -193,31 +193,31 @@ fn args_for_scene(args: &RenderArgs, scene: &Path) -> RenderArgs {
 }
 
 /// Checks that all output files can be written and that no two scenes write the same file.
-fn check(shots: &[RenderArgs]) -> Result<()> {
-    for shot in shots {
-        // Missing scenes, and files that are none, are reported later.
-        if let Some(mark) = shot.mark.as_ref().filter(|_| check_scene_path(&shot.scene).is_ok()) {
+fn check(jobs: &[RenderArgs]) -> Result<()> {
+    for job in jobs {
+        // Missing files and files that aren't scenes are reported later.
+        if let Some(mark) = job.mark.as_ref().filter(|_| check_scene_path(&job.scene).is_ok()) {
             let check = |target: &PathBuf| pictures::check(target, mark, OUTPUT_HELP);
-            shot.output.iter().try_for_each(check)?;
+            job.output.iter().try_for_each(check)?;
         }
-        if shot.output.is_empty() && shot.show.is_none() {
+        if job.output.is_empty() && job.show.is_none() {
             return Err(Error::usage("frames need an output")
                 .with_help("such as -o turn.gif, -o turn.mp4, or -o turn.####.png for numbered files"));
         }
     }
-    for shot in shots.iter().filter(|shot| shot.frames.is_none() && shot.orbit.is_none()) {
-        Targets::check(&shot.output)?;
+    for job in jobs.iter().filter(|job| job.frames.is_none() && job.orbit.is_none()) {
+        Targets::check(&job.output)?;
     }
-    for (index, shot) in shots.iter().enumerate() {
-        for earlier in &shots[..index] {
+    for (index, job) in jobs.iter().enumerate() {
+        for earlier in &jobs[..index] {
             let files = |args: &RenderArgs| -> Vec<PathBuf> {
                 args.output.iter().chain(&args.long.checkpoint).cloned().collect()
             };
             let earlier_files = files(earlier);
-            let duplicate = (files(shot).into_iter())
+            let duplicate = (files(job).into_iter())
                 .find(|own| earlier_files.iter().any(|file| is_same_target(own, file)));
             if let Some(file) = duplicate {
-                let (a, b) = (earlier.scene.display(), shot.scene.display());
+                let (a, b) = (earlier.scene.display(), job.scene.display());
                 let message = format!("{a} and {b} would both write {}", file.display());
                 return Err(
                     Error::usage(message).with_help("use {stem} in file names, such as -o '{stem}.exr'")
@@ -228,15 +228,15 @@ fn check(shots: &[RenderArgs]) -> Result<()> {
     Ok(())
 }
 
-fn run_scenes(args: &RenderArgs, shots: &[RenderArgs], cancel: &CancelHandle) -> Result<Outcome> {
+fn run_scenes(args: &RenderArgs, jobs: &[RenderArgs], cancel: &CancelHandle) -> Result<Outcome> {
     let mut failures: Vec<(&Path, u8)> = Vec::new();
-    for shot in shots {
+    for job in jobs {
         if !args.quiet {
-            say!("scene    {}", shot.scene.display());
+            say!("scene    {}", job.scene.display());
         }
-        match run_scene(shot, cancel) {
+        match run_scene(job, cancel) {
             Ok(Outcome::Interrupted) => return Ok(Outcome::Interrupted),
-            Ok(Outcome::Failed(code)) => failures.push((&shot.scene, code)),
+            Ok(Outcome::Failed(code)) => failures.push((&job.scene, code)),
             Ok(_) => {}
             Err(error) => {
                 let error = name_options_in_error(error);
@@ -245,7 +245,7 @@ fn run_scenes(args: &RenderArgs, shots: &[RenderArgs], cancel: &CancelHandle) ->
                 if args.json {
                     json::print(&json::of_error(&error, code));
                 }
-                failures.push((&shot.scene, code));
+                failures.push((&job.scene, code));
             }
         }
         if cancel.is_cancelled() {
@@ -253,7 +253,7 @@ fn run_scenes(args: &RenderArgs, shots: &[RenderArgs], cancel: &CancelHandle) ->
         }
     }
     let Some(worst) = failures.iter().map(|(_, code)| *code).max() else { return Ok(Outcome::Done) };
-    say!("{} of {} scenes failed:", failures.len(), shots.len());
+    say!("{} of {} scenes failed:", failures.len(), jobs.len());
     failures.iter().for_each(|(scene, code)| say!("  {} (exit code {code})", scene.display()));
     Ok(Outcome::Failed(worst))
 }
@@ -268,7 +268,7 @@ pub(super) fn load_scene(args: &RenderArgs, cancel: &CancelHandle, options: &Loa
     let watchdog = watch_memory(args);
     let loaded = load(&args.scene, options);
     drop((progress, watchdog));
-    // A signal also ends Blender, whose failure is then not reported.
+    // A signal also ends Blender: don't report that as a failure of Blender.
     check_interrupted(cancel)?;
     loaded
 }
@@ -319,19 +319,19 @@ pub(super) fn run_one(
     start: Instant,
     state: &mut RunState,
 ) -> Result<Outcome> {
-    let mut shot = match render_picture(args, cancel, targets, environment, loaded, start, state)? {
-        ControlFlow::Continue(shot) => shot,
+    let mut rendered = match render_picture(args, cancel, targets, environment, loaded, start, state)? {
+        ControlFlow::Continue(rendered) => rendered,
         ControlFlow::Break(outcome) => return Ok(outcome),
     };
-    let Some(frame) = shot.args.frame.clone().filter(|_| shot.is_averaged) else {
-        return shot.write(&mut state.printed, state.animations.as_mut());
+    let Some(frame) = rendered.args.frame.clone().filter(|_| rendered.is_averaged) else {
+        return rendered.write(&mut state.printed, state.animations.as_mut());
     };
     let denoising_start = Instant::now();
-    let denoised = shot.picture.frame()?;
+    let denoised = rendered.picture.frame()?;
     let seconds = denoising_start.elapsed().as_secs_f64();
-    shot.run.denoise_s = Some(seconds);
-    shot.run.total_s += seconds;
-    let finished = state.sequence.push(frame.number, denoised, (!frame.is_neighbour).then_some(shot));
+    rendered.run.denoise_s = Some(seconds);
+    rendered.run.total_s += seconds;
+    let finished = state.sequence.push(frame.number, denoised, (!frame.is_neighbour).then_some(rendered));
     finished.into_iter().try_for_each(|frame| state.write(frame))?;
     Ok(Outcome::Done)
 }
@@ -345,15 +345,15 @@ fn render_picture(
     loaded: &mut Loaded,
     start: Instant,
     RunState { printed, compiler, animations, preview, .. }: &mut RunState,
-) -> Result<ControlFlow<Outcome, Shot>> {
+) -> Result<ControlFlow<Outcome, RenderedPicture>> {
     let (given, args) = (args, completed(args, &loaded.scene.settings));
     let prepared = prepare_files((given, &args), &targets, environment, loaded, start, compiler)?;
     let Prepared { camera, resolved, encoding, png, build, mut notes, mut warnings, left_out, .. } = prepared;
     let messages: Vec<Warning> = warnings.iter().chain(&build.notes).cloned().collect();
     check_size(&targets, animations.as_ref(), &resolved.options)?;
-    begin(&args, cancel, printed, (&notes, &warnings, &left_out))?;
+    report_loading(&args, cancel, printed, (&notes, &warnings, &left_out))?;
     let denoising = Denoising::of(&args, &targets, prepared.output_aovs);
-    let encode = |picture: FinishedPicture| Pictures::encode(&encoding, &targets, picture, &png, &messages);
+    let encode = |picture: UnencodedPicture| Pictures::encode(&encoding, &targets, picture, &png, &messages);
     let mut checkpoint =
         CheckpointWriter::new(&args, &targets, loaded, &resolved, &png, &messages, denoising.output_aovs())?;
     let rendering = Rendering::labelled(prepared.scene, prepared.labels, &camera, resolved.options)?;
@@ -384,7 +384,7 @@ fn render_picture(
         warnings,
         left_out,
     };
-    Ok(ControlFlow::Continue(Shot {
+    Ok(ControlFlow::Continue(RenderedPicture {
         args,
         targets,
         encoding,
@@ -402,7 +402,7 @@ fn render_picture(
 ///
 /// # Errors
 /// With `--strict`, if there are warnings; if a signal arrived.
-fn begin(
+fn report_loading(
     args: &RenderArgs,
     cancel: &CancelHandle,
     printed: &mut PrintedMessages,
@@ -440,7 +440,7 @@ fn prepare_files(
         *options = options.seed(options.seed.wrapping_add(frame.number));
     }
     prepared.warnings.extend(unused_option_warnings(given, &loaded.scene, &prepared));
-    prepared.notes.extend(idle_option_notes(given, &loaded.scene));
+    prepared.notes.extend(ineffective_option_notes(given, &loaded.scene));
     Ok(prepared)
 }
 
@@ -453,11 +453,11 @@ fn end_without_picture(
     if is_unfinished_frame(args, rendering) {
         return Some(Ok(Outcome::Interrupted));
     }
-    // After a signal, a picture with unsampled pixels is better than none, but not than an earlier one.
+    // After a signal, a picture with unsampled pixels is written, unless it would replace an earlier picture.
     let (statistics, film) = (rendering.statistics(), rendering.film());
-    let is_nothing = statistics.interrupted
+    let is_unwritten = statistics.interrupted
         && (statistics.samples == 0 || targets.existing().is_some() && film.unsampled_pixels() > 0);
-    is_nothing.then(|| Err(nothing_written(targets.existing())))
+    is_unwritten.then(|| Err(nothing_written(targets.existing())))
 }
 
 /// True for an interrupted frame of an animation, which is not written: `--resume` would treat it as finished.
@@ -545,7 +545,7 @@ fn render_passes<'a>(
     cancel: &CancelHandle,
     rendering: Rendering,
     checkpoint: &mut CheckpointWriter,
-    encode: &dyn Fn(FinishedPicture) -> Pictures<'a>,
+    encode: &dyn Fn(UnencodedPicture) -> Pictures<'a>,
     printed: &mut PrintedMessages,
     mut preview: Option<&mut Preview>,
 ) -> Result<(Rendering, Result<()>)> {
@@ -575,7 +575,7 @@ fn render_passes<'a>(
         preview.iter_mut().for_each(|preview| preview.show(&rendering, false, printed));
         if args.long.save_every.is_some_and(|interval| saved.elapsed() >= interval) {
             // Errors such as a full disk don't end rendering.
-            if let Err(error) = encode(FinishedPicture::from(&rendering)).write() {
+            if let Err(error) = encode(UnencodedPicture::from(&rendering)).write() {
                 let message = format!("the intermediate picture was not written: {error}");
                 printed.warnings(&[Warning::general(message)]);
             }

@@ -252,7 +252,7 @@ impl Run {
             if c.splats > 0 { format!("{}, ", counted(c.splats, "Gaussian splat")) } else { String::new() },
             counted(c.lights, "light"),
             mib(c.bytes),
-            if c.tree == TreeQuality::Fast { ", fast tree" } else { "" }
+            if c.tree == TreeQuality::Fast { ", fast BVH" } else { "" }
         );
         if let Some(line) = texture_line(c, s) {
             say!("{line}");
@@ -492,7 +492,7 @@ fn option_name(choice: Choice) -> &'static str {
     }
 }
 
-fn replace(text: &mut String) {
+fn replace_choices(text: &mut String) {
     for choice in Choice::ALL {
         let term = choice.to_string();
         if text.contains(&term) {
@@ -504,9 +504,9 @@ fn replace(text: &mut String) {
 /// Replaces option placeholders in an error.
 pub(crate) fn name_options_in_error(mut error: Error) -> Error {
     for problem in &mut error.problems {
-        replace(&mut problem.message);
+        replace_choices(&mut problem.message);
         if let Some(help) = &mut problem.help {
-            replace(help);
+            replace_choices(help);
         }
     }
     error
@@ -514,7 +514,7 @@ pub(crate) fn name_options_in_error(mut error: Error) -> Error {
 
 /// Replaces option placeholders in warnings or notes.
 pub(crate) fn name_options_in_warnings(warnings: &mut [Warning]) {
-    warnings.iter_mut().for_each(|warning| replace(&mut warning.message));
+    warnings.iter_mut().for_each(|warning| replace_choices(&mut warning.message));
 }
 
 /// Replaces option placeholders in the notes and warnings of loading.
@@ -570,7 +570,7 @@ pub(super) fn darkness_note(film: &Film, exposure: f32, scene: &Scene, file: &Pa
         sum += value.max(0.0);
         bright += u64::from(value > 0.18);
         covered += f64::from(alpha);
-        // For most pictures few pixels suffice.
+        // Most pictures are decided after few pixels.
         if bright as f64 > MIN_BRIGHT_FRACTION * count as f64 {
             return None;
         }

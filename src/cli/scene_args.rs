@@ -199,7 +199,7 @@ impl StageArgs {
         self.subdivide.map(|levels| Subdivision { levels, has_round_corners: false })
     }
 
-    /// False if a background colour or image is chosen, which a filmic view would change.
+    /// False if a background colour or image is set: a filmic view would change it.
     pub fn allows_filmic_view(&self) -> bool {
         self.stage != Some(StageArg::White)
             && matches!(self.background, None | Some(BackgroundArg::Transparent))
@@ -308,8 +308,8 @@ pub(crate) fn check_scene_path(path: &Path) -> Result<()> {
         return Err(error.with_help("give a file name; images are found relative to the file"));
     }
     if path.to_str().is_some_and(|text| text.contains("://")) {
-        let error = Error::input(path, "is an address on the network, which is not read");
-        return Err(error.with_help("download the file, and give its name"));
+        let error = Error::input(path, "is a URL, which can't be read");
+        return Err(error.with_help("download the file and give its path"));
     }
     if path.is_dir() {
         return Err(Error::input(path, "is a folder").with_help(scenes_in(path)));

@@ -79,7 +79,7 @@ pub(crate) fn requested(args: &RenderArgs) -> RequestedOptions {
     }
 }
 
-/// Disables automatic techniques where trials are known to overestimate their gain.
+/// Disables automatic techniques where they are known to increase the error.
 fn without_harmful_techniques(
     options: RenderOptions,
     args: &RenderArgs,
@@ -91,7 +91,7 @@ fn without_harmful_techniques(
         options = options.splitting(Splitting::OFF);
     }
     if args.picture.denoise && args.path_reuse == PathReuse::Auto {
-        // Denoisers mistake correlated noise of pixels for detail, which leaves blotches.
+        // Denoisers mistake noise that is correlated between pixels for detail, which leaves blotches.
         options = options.path_reuse(PathReuse::Off);
     }
     options
@@ -199,7 +199,7 @@ pub(super) fn prepare(
     check_glass(args, &loaded.scene)?;
     let load_s = start.elapsed().as_secs_f64();
 
-    args.place.apply(loaded, resolved.camera.unwrap_or(0), args.stage.fov, scene_center)?;
+    args.camera_args.apply(loaded, resolved.camera.unwrap_or(0), args.stage.fov, scene_center)?;
     let frame = (resolved.options.width, resolved.options.height);
     args.exr.format.check(resolved.options.aovs.mattes().next().is_some())?;
     let framed = args.exr.window(frame, cropped(args), loaded.scene.backdrop.as_ref())?;
@@ -567,12 +567,12 @@ pub(super) fn unused_option_warnings(args: &RenderArgs, scene: &Scene, prepared:
     unused.map(|(option, _, _, why)| Warning::general(format!("{option} has no effect: {why}"))).collect()
 }
 
-/// Notes about valid options that do nothing for this scene.
-pub(super) fn idle_option_notes(args: &RenderArgs, scene: &Scene) -> Vec<Warning> {
+/// Notes about valid options that have no effect on this scene.
+pub(super) fn ineffective_option_notes(args: &RenderArgs, scene: &Scene) -> Vec<Warning> {
     let has_groups = scene.light_groups().len() > 1;
-    let is_idle = args.light_groups && OutputKinds::of(args).exr && !has_groups;
+    let is_ineffective = args.light_groups && OutputKinds::of(args).exr && !has_groups;
     let message = "--light-groups: the scene has no light groups; all light is in RGBA_default";
-    let groups = is_idle.then(|| Warning::general(message));
+    let groups = is_ineffective.then(|| Warning::general(message));
     let range = args.long.sample_range.and_then(|range| sample_range_note(range, args.spp));
     groups.into_iter().chain(range).collect()
 }

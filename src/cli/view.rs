@@ -39,9 +39,9 @@ const WATCH_INTERVAL: Duration = Duration::from_millis(500);
 /// Serves the page until a signal ends it.
 pub(crate) fn run(args: &ViewArgs) -> Result<Outcome> {
     let mut args = args.clone();
-    args.picture.scene = args.picture.scenes.first().cloned().unwrap_or_default();
+    args.render.scene = args.render.scenes.first().cloned().unwrap_or_default();
     let cancel = cancel_by_signals()?;
-    let threads = args.picture.threads.map(usize::from);
+    let threads = args.render.threads.map(usize::from);
     in_pool(threads, || serve(&args, &cancel))?
 }
 
@@ -50,14 +50,14 @@ fn serve(args: &ViewArgs, cancel: &CancelHandle) -> Result<Outcome> {
     let server = bind(args.port)?;
     let files = WatchedFiles::default();
     let model = Model::load(args, &files, cancel)?;
-    let (facts, poses) = (model.facts(args), model.poses(args));
-    if !args.picture.quiet {
-        facts.notes.iter().for_each(|note| say!("note: {note}"));
+    let (scene_info, poses) = (model.scene_info(args), model.poses(args));
+    if !args.render.quiet {
+        scene_info.notes.iter().for_each(|note| say!("note: {note}"));
     }
-    let request = model.request(args, &facts, &poses)?;
-    let display = PageDisplay { denoise: !args.picture.picture.no_denoise, ..model.display() };
-    let shared = Shared::new(request, display, facts, poses);
-    let page = Page::open(server, shared, &args.picture, !args.no_open);
+    let request = model.request(args, &scene_info, &poses)?;
+    let display = PageDisplay { denoise: !args.render.picture.no_denoise, ..model.display() };
+    let shared = Shared::new(request, display, scene_info, poses);
+    let page = Page::open(server, shared, &args.render, !args.no_open);
     // Rendering stays on this thread, which belongs to the pool.
     std::thread::scope(|scope| {
         scope.spawn(|| watch(args.watch.then_some(&files), cancel, &page.shared));
@@ -86,7 +86,7 @@ fn watch(files: Option<&WatchedFiles>, cancel: &CancelHandle, shared: &Shared) {
 
 // Arguments of `oscura view`: those of `render` except for output files, sequences and reports.
 
-/// Arguments of `render` without meaning here.
+/// Arguments of `render` that `view` doesn't support.
 const UNUSED: [&str; 38] = [
     "output",
     "verbose",
@@ -131,7 +131,7 @@ const UNUSED: [&str; 38] = [
 #[derive(Args, Clone, Debug)]
 pub(crate) struct ViewArgs {
     #[command(flatten)]
-    pub picture: RenderArgs,
+    pub render: RenderArgs,
     /// Port of the local web server [default: a free one].
     #[arg(long, value_name = "N", value_parser = integer::<u16>(0, 65535), default_value = "0", hide_default_value = true)]
     pub port: u16,
@@ -193,14 +193,14 @@ struct Model {
     triangles: u64,
     notes: Vec<String>,
     /// Rotation of the environment as loaded, degrees.
-    own_rotation: Option<f64>,
+    original_rotation: Option<f64>,
     rotation: Option<f64>,
     /// Strength of the environment as loaded; `None` if it can't be scaled.
-    own_strength: Option<f64>,
+    original_strength: Option<f64>,
     strength: Option<f64>,
     /// Materials and lights as loaded; `edits` are applied to them.
-    own_materials: Arc<[Material]>,
-    own_lights: Vec<Light>,
+    original_materials: Arc<[Material]>,
+    original_lights: Vec<Light>,
     light_infos: Arc<[LightInfo]>,
     edits: Edits,
 }
@@ -212,7 +212,7 @@ impl Model {
     /// Those of `oscura render`.
     pub fn load(args: &ViewArgs, files: &WatchedFiles, cancel: &CancelHandle) -> Result<Model> {
         let new_files = WatchedFiles::default();
-        let model = Model::read(&args.picture, &new_files, cancel);
+        let model = Model::read(&args.render, &new_files, cancel);
         files.replace_by(&new_files, model.is_err());
         model
     }
@@ -240,10 +240,10 @@ impl Model {
             &mut compiler,
         )?;
         let Prepared { scene, resolved, png, notes, warnings, build, .. } = prepared;
-        let own_rotation = rotation(&loaded.scene.environment);
-        let own_strength = strength(&loaded.scene.environment, args.env_strength);
-        let own_materials = loaded.scene.materials.clone().into();
-        let own_lights = loaded.scene.lights.clone();
+        let original_rotation = rotation(&loaded.scene.environment);
+        let original_strength = strength(&loaded.scene.environment, args.env_strength);
+        let original_materials = loaded.scene.materials.clone().into();
+        let original_lights = loaded.scene.lights.clone();
         let light_infos = LightInfo::all(&loaded.scene).into_iter().take(MAX_LIGHTS).collect();
         Ok(Model {
             loaded,
@@ -255,29 +255,29 @@ impl Model {
             compiler,
             triangles: build.triangles,
             notes: notes.iter().chain(&warnings).map(Warning::to_string).collect(),
-            own_rotation,
-            rotation: own_rotation,
-            own_strength,
-            strength: own_strength,
-            own_materials,
-            own_lights,
+            original_rotation,
+            rotation: original_rotation,
+            original_strength,
+            strength: original_strength,
+            original_materials,
+            original_lights,
             light_infos,
             edits: Edits::default(),
         })
     }
 
     /// The initial request.
-    pub fn request(&self, args: &ViewArgs, facts: &SceneInfo, poses: &[Pose]) -> Result<ViewRequest> {
+    pub fn request(&self, args: &ViewArgs, scene_info: &SceneInfo, poses: &[Pose]) -> Result<ViewRequest> {
         let fits = |&&(w, h): &&(u32, u32)| u64::from(w) * u64::from(h) <= MAX_INITIAL_PIXELS;
-        let is_chosen = args.picture.width.or(args.picture.height).is_some();
+        let is_chosen = args.render.width.or(args.render.height).is_some();
         let full = (self.resolved.options.width, self.resolved.options.height);
-        let size = facts.sizes.iter().rev().find(fits).filter(|_| !is_chosen).copied().unwrap_or(full);
+        let size = scene_info.sizes.iter().rev().find(fits).filter(|_| !is_chosen).copied().unwrap_or(full);
         let camera = self.resolved.camera.unwrap_or(0);
         let pose =
-            poses.get(camera).cloned().ok_or_else(|| Error::input(&args.picture.scene, "has no camera"))?;
-        let rotation = self.own_rotation.and(args.picture.env_rotation);
-        let strength = args.picture.env_strength.map(f64::from).filter(|_| self.own_strength.is_some());
-        let stage = &args.picture.stage;
+            poses.get(camera).cloned().ok_or_else(|| Error::input(&args.render.scene, "has no camera"))?;
+        let rotation = self.original_rotation.and(args.render.env_rotation);
+        let strength = args.render.env_strength.map(f64::from).filter(|_| self.original_strength.is_some());
+        let stage = &args.render.stage;
         let (up, stage) = (Some(stage.up).filter(|up| *up != Up::Auto), stage.stage);
         let (edits, loads) = (Edits::default(), self.loads);
         Ok(ViewRequest { pose, camera, size, rotation, strength, edits, aov: None, up, stage, loads })
@@ -288,35 +288,35 @@ impl Model {
     }
 
     /// Information about the scene for pages.
-    pub fn facts(&self, args: &ViewArgs) -> SceneInfo {
+    pub fn scene_info(&self, args: &ViewArgs) -> SceneInfo {
         let (w, h) = (self.resolved.options.width, self.resolved.options.height);
         let scaled = |(numerator, denominator): (u64, u64)| {
             [w, h].map(|v| (u64::from(v) * numerator / denominator).max(1) as u32).into()
         };
-        let has_stage = self.loaded.turntable.is_some() && args.picture.env.is_none();
-        let name = args.picture.scene.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let has_stage = self.loaded.turntable.is_some() && args.render.env.is_none();
+        let name = args.render.scene.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let camera = |(i, camera): (usize, &Camera)| match camera.name.as_str() {
             "" => format!("Camera {i}"),
             name => name.to_string(),
         };
-        let scene = &args.picture.scene;
+        let scene = &args.render.scene;
         let is_model = !scene.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"));
-        let sidecar = (is_model && !args.picture.no_sidecar).then(|| sidecar_path(scene));
+        let sidecar = (is_model && !args.render.no_sidecar).then(|| sidecar_path(scene));
         SceneInfo {
             name,
             cameras: self.loaded.scene.cameras.iter().enumerate().map(camera).collect(),
             triangles: self.triangles,
             sizes: [(1, 4), (1, 2), (3, 4), (1, 1)].map(scaled).to_vec(),
-            rotation: self.own_rotation,
-            strength: self.own_strength,
+            rotation: self.original_rotation,
+            strength: self.original_strength,
             sidecar: sidecar.as_ref().and_then(|path| Some(path.file_name()?.to_string_lossy().into_owned())),
             sidecar_path: sidecar,
-            materials: self.own_materials.clone(),
+            materials: self.original_materials.clone(),
             lights: self.light_infos.clone(),
             samples: self.samples,
             passes: self.passes(),
-            up: has_ambiguous_up(&args.picture.scene).then(|| args.picture.stage.up.name()),
-            stage: has_stage.then(|| args.picture.stage.stage.unwrap_or(StageArg::Studio).name()),
+            up: has_ambiguous_up(&args.render.scene).then(|| args.render.stage.up.name()),
+            stage: has_stage.then(|| args.render.stage.stage.unwrap_or(StageArg::Studio).name()),
             ups: Up::ALL.map(Up::name).to_vec(),
             stages: StageArg::value_variants().iter().map(|stage| stage.name()).collect(),
             objects: objects(&self.loaded.scene),
@@ -347,7 +347,7 @@ impl Model {
             let distance = if distance > 0.0 { distance } else { 0.5 * low.distance(high).max(1e-3) };
             let pose = Pose::new(camera.clone(), distance);
             match number == chosen {
-                true => pose.with_arguments(&args.picture.place, args.picture.stage.fov),
+                true => pose.with_arguments(&args.render.camera_args, args.render.stage.fov),
                 false => pose,
             }
         };
@@ -377,8 +377,8 @@ impl Model {
     /// Those of compiling; the scene is then unchanged.
     pub fn update(&mut self, request: &ViewRequest) -> Result<()> {
         let camera = request.pose.camera();
-        let rotation = request.rotation.or(self.own_rotation);
-        let strength = request.strength.or(self.own_strength);
+        let rotation = request.rotation.or(self.original_rotation);
+        let strength = request.strength.or(self.original_strength);
         let view = View::new(&self.compiled, camera, request.size.0, request.size.1);
         let is_same = rotation == self.rotation && strength == self.strength && request.edits == self.edits;
         if is_same && !view.needs_new_anchor(&self.compiled) {
@@ -406,8 +406,8 @@ impl Model {
             set_environment_strength(&mut self.loaded.scene, old, new);
         }
         if *edits != self.edits {
-            self.loaded.scene.materials = edits.applied(&self.own_materials);
-            edits.change_lights(&mut self.loaded.scene, &self.own_lights);
+            self.loaded.scene.materials = edits.applied(&self.original_materials);
+            edits.change_lights(&mut self.loaded.scene, &self.original_lights);
         }
         (self.rotation, self.strength, self.edits) = (rotation, strength, edits.clone());
     }
@@ -485,20 +485,20 @@ fn render_requests(
 /// The arguments with the choices of a request.
 fn with_choices(args: &ViewArgs, request: &ViewRequest) -> ViewArgs {
     let mut args = args.clone();
-    args.picture.stage.up = request.up.unwrap_or(args.picture.stage.up);
-    args.picture.stage.stage = request.stage.or(args.picture.stage.stage);
+    args.render.stage.up = request.up.unwrap_or(args.render.stage.up);
+    args.render.stage.stage = request.stage.or(args.render.stage.stage);
     args
 }
 
 /// Shows the information of a reloaded scene and adjusts requests to it.
 fn show_reloaded(args: &ViewArgs, model: &Model, request: &mut ViewRequest, shared: &Shared) -> Result<()> {
-    let (facts, poses) = (model.facts(args), model.poses(args));
-    let own = model.request(args, &facts, &poses)?;
+    let (scene_info, poses) = (model.scene_info(args), model.poses(args));
+    let own = model.request(args, &scene_info, &poses)?;
     shared.show(|state| {
-        let before = std::mem::replace(&mut state.facts, facts).sizes;
+        let before = std::mem::replace(&mut state.scene_info, scene_info).sizes;
         state.poses = poses;
         for request in [&mut *request, &mut state.request] {
-            request.fit(&own, &before, &state.facts, &state.poses);
+            request.fit(&own, &before, &state.scene_info, &state.poses);
         }
     });
     Ok(())
@@ -557,7 +557,7 @@ fn render_at(
         // Training would delay the first picture.
         .guiding(Guiding::Off)
         .light_selection(LightSelection::Estimated)
-        // Unreachable threshold: the noise is only estimated.
+        // An unreachable threshold, so that the noise is estimated.
         .noise(Some(f32::MIN_POSITIVE));
     let labels = Labels::of(&model.loaded.scene, &options);
     let camera = render_request.request.pose.for_rendering();
@@ -578,7 +578,7 @@ fn render_at(
         }
         let is_done = outcome != PassOutcome::Progressed;
         let frame = Frame { scale, ..Frame::of(&rendering, is_done && is_last, render_request.number) };
-        // It would replace a newer frame.
+        // A newer request must not be answered by this frame.
         if render_request.cancel.is_cancelled() {
             return Ok(false);
         }

@@ -298,7 +298,7 @@ fn materials_are_changed_undone_and_saved_beside_the_model() {
     );
     let (state, red) = view.finished();
     assert_eq!((&state["undo"], &state["toml"]), (&0.into(), &"".into()), "{state}");
-    assert_eq!(state["facts"]["sidecar"], "model.oscura.toml");
+    assert_eq!(state["scene_info"]["sidecar"], "model.oscura.toml");
     let (status, body) = view.ask("GET", "/material?x=0.5&y=0.5", "", &[]);
     let found: Value = serde_json::from_slice(&body).expect("a material");
     assert_eq!(
@@ -351,7 +351,7 @@ fn materials_are_changed_undone_and_saved_beside_the_model() {
 fn scene_files_show_the_lines_and_the_environment_gets_stronger() {
     let view = View::new(&[]);
     let (state, before) = view.finished();
-    assert!(state["facts"]["sidecar"].is_null() && state["strength"] == 1.0, "{state}");
+    assert!(state["scene_info"]["sidecar"].is_null() && state["strength"] == 1.0, "{state}");
     view.post("/set", r#"{"material": ["ball", {"emission": 0.25}], "strength": 0.5}"#);
     let (state, after) = view.wait(|state| state["undo"] == 1 && state["finished"] == true);
     assert_eq!(state["toml"], "[materials.ball]\ntype = \"emissive\"\nradiance = [0.25, 0.0, 0.0]\n");
@@ -601,7 +601,7 @@ fn a_running_render_is_looked_on_at() {
         View::start(&["render", "scene.toml", "-o", "a.exr", "--spp", "100000000", "--preview=address"]);
     let (state, pixels) = view.wait(|state| state["samples"].as_f64().is_some_and(|n| n >= 8.0));
     assert_eq!(pixel(&pixels, 32, 24), [255, 0, 0, 255]);
-    assert_eq!(state["facts"]["is_live"], false);
+    assert_eq!(state["scene_info"]["is_live"], false);
     for (path, body) in [("/move", r#"{"orbit": [1, 0]}"#), ("/reload", ""), ("/camera", "0")] {
         assert_eq!(view.ask("POST", path, body, &[]).0, 403, "{path}");
     }

@@ -14,13 +14,14 @@ const MAX_CONNECTIONS: usize = 64;
 /// Maximum size of the request line with all headers, and of the body, bytes.
 const MAX_BYTES: usize = 1 << 16;
 /// Timeout of receiving a request.
-const READING: Duration = Duration::from_secs(5);
+const RECEIVE_TIMEOUT: Duration = Duration::from_secs(5);
 /// Timeout of sending a response.
-const WRITING: Duration = Duration::from_secs(30);
+const SEND_TIMEOUT: Duration = Duration::from_secs(30);
 /// Maximum bytes and time for reading the rest of a refused request: closing the socket earlier would discard the response.
-const LINGERING: (usize, Duration) = (1 << 20, Duration::from_millis(500));
+const MAX_DISCARDED_BYTES: usize = 1 << 20;
+const DISCARD_TIME: Duration = Duration::from_millis(500);
 /// Time between two attempts after a connection could not be accepted.
-const PAUSE: Duration = Duration::from_millis(50);
+const RETRY_INTERVAL: Duration = Duration::from_millis(50);
 
 /// A complete request.
 pub(super) struct Request {
@@ -70,7 +71,7 @@ pub(super) fn serve(listener: &TcpListener, is_stopped: &AtomicBool, answer: &Ar
             return;
         }
         let Ok(stream) = stream else {
-            std::thread::sleep(PAUSE);
+            std::thread::sleep(RETRY_INTERVAL);
             continue;
         };
         let Some(slot) = Slot::reserve(&open, number, &stream) else { continue };
@@ -142,7 +143,7 @@ impl Drop for Slot {
 
 fn handle_connection(mut stream: TcpStream, slot: &Slot, answer: &Handler) -> io::Result<()> {
     stream.set_nodelay(true)?;
-    match receive(&mut stream, Instant::now() + READING) {
+    match receive(&mut stream, Instant::now() + RECEIVE_TIMEOUT) {
         Ok(_) if !slot.request_arrived() => Ok(()),
         Ok(request) => send(&mut stream, &answer(&request), request.method == "HEAD"),
         Err(ReceiveError::Gone) => Ok(()),
@@ -150,8 +151,8 @@ fn handle_connection(mut stream: TcpStream, slot: &Slot, answer: &Handler) -> io
             let headers = vec![("Content-Type", "text/plain; charset=utf-8".to_string())];
             send(&mut stream, &Response { status, headers, body: reason.into() }, false)?;
             stream.shutdown(Shutdown::Write)?;
-            let (mut bytes, until) = (Vec::new(), Instant::now() + LINGERING.1);
-            while bytes.len() < LINGERING.0 && receive_some(&mut stream, &mut bytes, until).is_ok() {}
+            let (mut bytes, until) = (Vec::new(), Instant::now() + DISCARD_TIME);
+            while bytes.len() < MAX_DISCARDED_BYTES && receive_some(&mut stream, &mut bytes, until).is_ok() {}
             Ok(())
         }
     }
@@ -247,7 +248,7 @@ fn send(stream: &mut TcpStream, response: &Response, is_head_only: bool) -> io::
     }
     headers.iter().for_each(|(name, value)| head += &format!("{name}: {value}\r\n"));
     head += "\r\n";
-    let until = Instant::now() + WRITING;
+    let until = Instant::now() + SEND_TIMEOUT;
     write(stream, head.as_bytes(), until)?;
     if is_head_only { Ok(()) } else { write(stream, body, until) }
 }

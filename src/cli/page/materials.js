@@ -63,7 +63,7 @@ export function materials({ heldLive, post, copy, chooseLamp }) {
   const undo = () => (status?.undo ? post("undo") : null);
   $("undo").addEventListener("click", undo);
   $("save").addEventListener("click", async () => {
-    if (await post("save")) $("announcement").textContent = `Written: ${status.facts.sidecar}`;
+    if (await post("save")) $("announcement").textContent = `Written: ${status.scene_info.sidecar}`;
   });
   $("copy-toml").addEventListener("click", () => copy($("copy-toml"), $("toml")));
 
@@ -101,10 +101,10 @@ export function materials({ heldLive, post, copy, chooseLamp }) {
       status = news;
       $("changes").hidden = !news.undo && !news.toml;
       $("undo").disabled = !news.undo;
-      $("save").hidden = news.facts.sidecar === null;
+      $("save").hidden = news.scene_info.sidecar === null;
       $("save").disabled = !news.toml;
       $("save").textContent = "Save";
-      $("save").title = `Write the changes to the sidecar ${news.facts.sidecar}`;
+      $("save").title = `Write the changes to the sidecar ${news.scene_info.sidecar}`;
       $("toml-row").hidden = !news.toml;
       if (document.activeElement !== $("toml")) $("toml").value = news.toml;
       show();

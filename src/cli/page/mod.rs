@@ -23,9 +23,9 @@ pub(super) use state::{
 use std::time::{Duration, Instant};
 
 /// Minimum time between two pictures.
-const PAUSE: Duration = Duration::from_millis(250);
-/// Time for pages to fetch the last picture.
-const FAREWELL: Duration = Duration::from_millis(300);
+const FRAME_INTERVAL: Duration = Duration::from_millis(250);
+/// Time for pages to fetch the last picture before the program ends.
+const LAST_FETCH: Duration = Duration::from_millis(300);
 
 /// The read-only page of `oscura render --preview`.
 pub(crate) struct PagePreview {
@@ -42,13 +42,13 @@ impl PagePreview {
         let server = bind(0)?;
         let pose = Pose::new(Camera::look_at([0.0, 0.0, 1.0], [0.0; 3], 30.0), 1.0);
         let request = ViewRequest::new(pose, (1, 1));
-        let facts = SceneInfo {
+        let scene_info = SceneInfo {
             name: args.scene.file_name().unwrap_or_default().to_string_lossy().into_owned(),
             command: std::iter::once("oscura".to_string()).chain(state::arguments()).collect(),
             ..SceneInfo::default()
         };
         let display = PageDisplay::new(PngOptions::default());
-        let shared = Shared::new(request, display, facts, Vec::new());
+        let shared = Shared::new(request, display, scene_info, Vec::new());
         Ok(PagePreview { page: Page::open(server, shared, args, opens), shown: None })
     }
 
@@ -63,23 +63,23 @@ impl PagePreview {
             state.request.size = size;
             let PageDisplay { aov, denoise, split, .. } = state.display;
             state.display = PageDisplay { aov, denoise, split, ..PageDisplay::new(png.clone()) };
-            state.facts.sizes = vec![size];
-            state.facts.cameras = vec![camera.name.clone()];
-            state.facts.triangles = triangles;
+            state.scene_info.sizes = vec![size];
+            state.scene_info.cameras = vec![camera.name.clone()];
+            state.scene_info.triangles = triangles;
             let passes = Aov::ALL.iter().filter(has);
-            state.facts.passes = passes.map(|aov| (aov.info().option, aov.info().about)).collect();
-            state.facts.samples = rendering.samples();
+            state.scene_info.passes = passes.map(|aov| (aov.info().option, aov.info().about)).collect();
+            state.scene_info.samples = rendering.samples();
         });
     }
 
     /// When to show the picture next.
     pub fn next_show(&self) -> Instant {
-        self.shown.map_or_else(Instant::now, |shown| shown + PAUSE)
+        self.shown.map_or_else(Instant::now, |shown| shown + FRAME_INTERVAL)
     }
 
     /// Shows the picture so far, unless the last one is too recent.
     pub fn show(&mut self, rendering: &Rendering, is_finished: bool) {
-        if !is_finished && self.shown.is_some_and(|shown| shown.elapsed() < PAUSE) {
+        if !is_finished && self.shown.is_some_and(|shown| shown.elapsed() < FRAME_INTERVAL) {
             return;
         }
         let request_number = self.page.shared.lock().request_number;
@@ -92,7 +92,7 @@ impl PagePreview {
 impl Drop for PagePreview {
     fn drop(&mut self) {
         if self.shown.is_some() {
-            std::thread::sleep(FAREWELL);
+            std::thread::sleep(LAST_FETCH);
         }
     }
 }

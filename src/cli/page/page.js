@@ -106,15 +106,15 @@ const percent = (fraction) => (fraction < 1 ? (100 * fraction).toPrecision(2) : 
 
 /** Updates everything except the picture. */
 function showStatus() {
-  const facts = status.facts;
-  document.title = `${facts.name} - oscura`;
-  $("name").textContent = facts.name;
-  $("facts").textContent = `${facts.triangles.toLocaleString("en")} triangles`;
+  const scene_info = status.scene_info;
+  document.title = `${scene_info.name} - oscura`;
+  $("name").textContent = scene_info.name;
+  $("scene_info").textContent = `${scene_info.triangles.toLocaleString("en")} triangles`;
   const samples = status.samples.toLocaleString("en", { maximumFractionDigits: 0 });
-  const progress = status.preview ? "preview" : `${samples} of ${facts.samples} samples`;
+  const progress = status.preview ? "preview" : `${samples} of ${scene_info.samples} samples`;
   const error = status.error && !status.preview ? `, noise ${percent(status.error)} %` : "";
   $("state").textContent = `${progress}, ${status.seconds.toFixed(1)} s${error}${status.finished ? ", done" : ""}`;
-  $("progress").value = status.preview ? 0 : status.samples / facts.samples;
+  $("progress").value = status.preview ? 0 : status.samples / scene_info.samples;
   showError(status.error_message);
   slide("exposure", status.exposure, `${status.exposure.toFixed(1)} stops`);
   slide("defocus", status.defocus, status.defocus ? `${status.defocus.toFixed(2)}°` : "off");
@@ -125,30 +125,30 @@ function showStatus() {
   slide("split", status.split, `${Math.round(100 * status.split)} %`);
   $("split-line").hidden = !status.denoised || status.split === 0 || status.pass !== "";
   $("split-line").style.left = `${100 * status.split}%`;
-  document.body.classList.toggle("looking-on", !facts.is_live);
-  $("rotation-row").hidden = facts.rotation === null;
-  $("strength-row").hidden = facts.strength === null;
+  document.body.classList.toggle("looking-on", !scene_info.is_live);
+  $("rotation-row").hidden = scene_info.rotation === null;
+  $("strength-row").hidden = scene_info.strength === null;
   slide("strength", Math.log2(status.strength ?? 1), (status.strength ?? 1).toPrecision(3));
   lamp.update(status.lights);
   material.update(status);
   slide("rotation", status.rotation ?? 0, `${Math.round(status.rotation ?? 0)}°`);
   fill($("view"), status.views.map((name) => [name, name]), status.view);
-  fill($("pass"), [["", "colour"], ...facts.passes.map(([name, about]) => [name, name.replaceAll("_", " "), about])], status.pass);
-  fill($("size"), facts.sizes.map(([w, h]) => [`${w},${h}`, `${w} x ${h}`]), status.size.join(","));
+  fill($("pass"), [["", "colour"], ...scene_info.passes.map(([name, about]) => [name, name.replaceAll("_", " "), about])], status.pass);
+  fill($("size"), scene_info.sizes.map(([w, h]) => [`${w},${h}`, `${w} x ${h}`]), status.size.join(","));
   const named = (names) => names.map((name) => [name, name]);
   $("stage-row").hidden = status.stage === null;
   $("up-row").hidden = status.up === null;
-  $("light").hidden = status.stage === null && status.up === null && facts.rotation === null && facts.strength === null
+  $("light").hidden = status.stage === null && status.up === null && scene_info.rotation === null && scene_info.strength === null
     && status.lights.length === 0;
-  fill($("stage-light"), named(facts.stages), status.stage);
-  fill($("up"), named(facts.ups), status.up);
-  fill($("camera"), facts.cameras.map((name, i) => [String(i), name]), String(status.camera));
+  fill($("stage-light"), named(scene_info.stages), status.stage);
+  fill($("up"), named(scene_info.ups), status.up);
+  fill($("camera"), scene_info.cameras.map((name, i) => [String(i), name]), String(status.camera));
   if (document.activeElement !== $("command")) $("command").value = status.command;
-  $("note-count").textContent = `(${facts.notes.length})`;
-  const notes = JSON.stringify(facts.notes);
+  $("note-count").textContent = `(${scene_info.notes.length})`;
+  const notes = JSON.stringify(scene_info.notes);
   if ($("notes").dataset.shown !== notes) {
     $("notes").dataset.shown = notes;
-    $("notes").replaceChildren(...facts.notes.map((note) => Object.assign(document.createElement("li"), { textContent: note })));
+    $("notes").replaceChildren(...scene_info.notes.map((note) => Object.assign(document.createElement("li"), { textContent: note })));
   }
 }
 
@@ -260,17 +260,17 @@ window.addEventListener("keydown", (event) => {
 });
 
 listen(canvas, {
-  move: async (step) => status?.facts.is_live && post("move", step),
+  move: async (step) => status?.scene_info.is_live && post("move", step),
   probe,
   isAiming: () => $("focus").getAttribute("aria-pressed") === "true",
   focus: async (x, y) => {
     aim(false);
-    if (!status?.facts.is_live) return;
+    if (!status?.scene_info.is_live) return;
     if (await post("focus", [x, y]) && status.defocus === 0) set({ defocus: 1 });
   },
   tap: async (x, y) => {
     await probe(x, y);
-    if (status?.facts.is_live) await material.choose(x, y);
+    if (status?.scene_info.is_live) await material.choose(x, y);
   },
   leave: () => outline.clear(),
 });

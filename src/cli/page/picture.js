@@ -101,7 +101,7 @@ export function thumbnails(group, picture, choose) {
   };
   return (status) => {
     for (const [pass, button] of buttons) {
-      button.hidden = pass !== "" && !status.facts.passes.some(([name]) => name === pass);
+      button.hidden = pass !== "" && !status.scene_info.passes.some(([name]) => name === pass);
       button.setAttribute("aria-pressed", status.pass === pass);
     }
     // Refreshed for each view, and when it is finished.

@@ -5,8 +5,8 @@ use oscura::math::{DAffine3, DVec3};
 use oscura::scene::{Aperture, Camera, Projection, ThinLens};
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// Minimum angle between the view direction and the vertical, radians; the up vector is undefined there.
-const POLE: f64 = 0.002;
+/// Minimum angle between the view direction and the vertical, radians: at the poles the up vector is undefined.
+const MIN_POLE_ANGLE: f64 = 0.002;
 
 /// A camera that can be moved.
 #[derive(Clone, Debug)]
@@ -83,7 +83,7 @@ impl Pose {
         let distance = offset.length().max(1e-9);
         // Spherical coordinates of the direction from the target to the camera.
         let azimuth = offset.x.atan2(offset.z) + step.orbit[0] % (2.0 * PI);
-        let highest = FRAC_PI_2 - POLE;
+        let highest = FRAC_PI_2 - MIN_POLE_ANGLE;
         let elevation =
             ((offset.y / distance).clamp(-1.0, 1.0).asin() + step.orbit[1]).clamp(-highest, highest);
         let back =

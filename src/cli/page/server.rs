@@ -155,13 +155,13 @@ fn response(answer: Answer) -> Response {
 }
 
 /// Timeout of the long polling of `/frame`.
-const PATIENCE: Duration = Duration::from_secs(20);
+const POLL_TIMEOUT: Duration = Duration::from_secs(20);
 
 /// Message for changes on a read-only page.
 const READ_ONLY: &str =
     "the settings of a render with --preview can't be changed; 'oscura view' is interactive";
 
-const PAGE: [(&str, &str, &str); 7] = [
+const PAGE_FILES: [(&str, &str, &str); 7] = [
     ("/", "text/html; charset=utf-8", include_str!("index.html")),
     ("/page.css", "text/css; charset=utf-8", include_str!("page.css")),
     ("/page.js", "text/javascript; charset=utf-8", include_str!("page.js")),
@@ -206,7 +206,7 @@ pub(super) fn get(url: &str, shared: &Shared) -> Answer {
         let value = query.split('&').find_map(|pair| pair.strip_prefix(key)?.strip_prefix('='));
         value.and_then(|value| value.parse::<f64>().ok())
     };
-    if let Some((_, kind, text)) = PAGE.iter().find(|(own, ..)| *own == path) {
+    if let Some((_, kind, text)) = PAGE_FILES.iter().find(|(own, ..)| *own == path) {
         return Answer { kind, ..Answer::text(200, text) };
     }
     match path {
@@ -223,7 +223,7 @@ pub(super) fn get(url: &str, shared: &Shared) -> Answer {
             let position = number("x").zip(number("y"));
             let (frame, names) = {
                 let state = shared.lock();
-                (state.frame.clone(), state.facts.objects.clone())
+                (state.frame.clone(), state.scene_info.objects.clone())
             };
             match position.zip(frame).and_then(|(position, frame)| Outline::at(&frame, position, &names)) {
                 Some(found) => Answer::json(&json!(found)),
@@ -247,7 +247,7 @@ pub(super) fn get(url: &str, shared: &Shared) -> Answer {
 fn material_at((x, y): (f64, f64), shared: &Shared) -> Option<MaterialInfo> {
     let (frame, materials) = {
         let state = shared.lock();
-        (state.frame.clone()?, state.facts.materials.clone())
+        (state.frame.clone()?, state.scene_info.materials.clone())
     };
     let (column, row) = frame.pixel(x, y)?;
     let Values::Uint(ids) = frame.film.aov(Aov::MaterialId)?.into_iter().next()? else { return None };
@@ -258,7 +258,7 @@ fn material_at((x, y): (f64, f64), shared: &Shared) -> Option<MaterialInfo> {
 /// The state and the pixels: length of the JSON (u32, little-endian), JSON, RGBA. Pixels are omitted if the page has them
 /// already, as encoding takes longer than a first picture.
 fn frame(version: u64, shared: &Shared) -> Answer {
-    let state = shared.wait_for_news(version, PATIENCE);
+    let state = shared.wait_for_news(version, POLL_TIMEOUT);
     let (Some(frame), true) = (state.frame.clone(), state.version > version) else {
         return Answer { status: 204, ..Answer::bytes(Vec::new()) };
     };
@@ -284,7 +284,7 @@ fn text_and_pixels(mut text: Value, pixels: &Pixels) -> Answer {
 }
 
 /// Maximum width of thumbnails, pixels.
-const THUMBNAIL: u32 = 160;
+const MAX_THUMBNAIL_WIDTH: u32 = 160;
 
 /// A thumbnail of a pass, encoded as in [`frame`]; "" is colour.
 fn thumbnail(pass: &str, shared: &Shared) -> Answer {
@@ -296,7 +296,8 @@ fn thumbnail(pass: &str, shared: &Shared) -> Answer {
     let has_pass = |frame: &Frame| display.aov.is_none_or(|aov| frame.film.aov(aov).is_some());
     match frame.filter(|frame| has_pass(frame) && (pass.is_empty() || display.aov.is_some())) {
         Some(frame) => {
-            let small = downscaled(&of_frame(&frame, denoised.as_ref(), &display), (THUMBNAIL, u32::MAX));
+            let small =
+                downscaled(&of_frame(&frame, denoised.as_ref(), &display), (MAX_THUMBNAIL_WIDTH, u32::MAX));
             text_and_pixels(json!({ "pass": pass }), &small)
         }
         None => Answer::text(404, "there is no picture of this pass yet"),
@@ -342,7 +343,7 @@ struct Settings {
     material: Option<(String, MaterialEdit)>,
     /// Name of lights, and their new values.
     light: Option<(String, LightEdit)>,
-    /// Undo this change together with the one before, as for a slider that is still held.
+    /// Merge this change with the previous one for undo, as while a slider is dragged.
     is_same: bool,
     size: Option<(u32, u32)>,
     defocus: Option<f64>,
@@ -356,7 +357,7 @@ struct Settings {
 
 /// Handles a POST request.
 pub(super) fn post(url: &str, body: &str, shared: &Shared) -> Answer {
-    if !shared.lock().facts.is_live && url != "/set" {
+    if !shared.lock().scene_info.is_live && url != "/set" {
         return Answer::text(403, READ_ONLY);
     }
     let done = match url {
@@ -431,10 +432,10 @@ fn set(settings: Settings, shared: &Shared) -> std::result::Result<(), String> {
     let is_lens = settings.size.is_some() || settings.defocus.is_some();
     let is_edit = settings.strength.is_some() || settings.material.is_some() || settings.light.is_some();
     let needs_render = settings.rotation.is_some() || is_lens || loads || is_edit;
-    if needs_render && !shared.lock().facts.is_live {
+    if needs_render && !shared.lock().scene_info.is_live {
         return Err(READ_ONLY.to_string());
     }
-    let sizes = shared.lock().facts.sizes.clone();
+    let sizes = shared.lock().scene_info.sizes.clone();
     if settings.size.is_some_and(|size| !sizes.contains(&size)) {
         return Err("there is no such size".to_string());
     }
@@ -454,7 +455,7 @@ fn set(settings: Settings, shared: &Shared) -> std::result::Result<(), String> {
     }
     let is_recorded =
         |state: &State| aov.is_none_or(|a| RECORDED.contains(a) || state.request.aov == Some(a));
-    let is_live = shared.lock().facts.is_live;
+    let is_live = shared.lock().scene_info.is_live;
     if needs_render || (is_live && settings.pass.is_some() && !is_recorded(&shared.lock())) {
         shared.request(|state| {
             let is_new = !settings.is_same || state.before.is_empty();
@@ -494,10 +495,10 @@ fn undo(shared: &Shared) -> std::result::Result<(), String> {
 fn save(shared: &Shared) -> std::result::Result<(), String> {
     let (path, tables) = {
         let state = shared.lock();
-        let path = state.facts.sidecar_path.clone();
+        let path = state.scene_info.sidecar_path.clone();
         (
             path.ok_or("a scene file has no sidecar: copy the lines into the scene file")?,
-            state.request.edits.tables(&state.facts.materials, &state.facts.lights),
+            state.request.edits.tables(&state.scene_info.materials, &state.scene_info.lights),
         )
     };
     let before = text_of(&path).map_err(|error| error.to_string())?.unwrap_or_default();
@@ -525,7 +526,7 @@ fn check_numbers(settings: &Settings) -> std::result::Result<(), String> {
 }
 
 /// Length of a key, bytes.
-const LENGTH: usize = 16;
+const KEY_BYTES: usize = 16;
 
 /// The secret key in the page's path, which keeps out other users of the machine. Browsers are started with a one-time key, as
 /// other users can see the arguments of processes.
@@ -584,7 +585,7 @@ impl PageKey {
 
 /// A random key in hexadecimal digits.
 fn random_key() -> Result<String> {
-    let mut bytes = [0; LENGTH];
+    let mut bytes = [0; KEY_BYTES];
     getrandom::fill(&mut bytes)
         .map_err(|e| Error::usage(format!("the system has no random numbers for a page's key: {e}")))?;
     Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
@@ -598,7 +599,7 @@ mod key_tests {
     fn paths_without_the_key_are_forbidden() {
         let page_key = PageKey::new().expect("random numbers");
         let page = page_key.page();
-        assert_eq!(page.len(), 2 * LENGTH + 2);
+        assert_eq!(page.len(), 2 * KEY_BYTES + 2);
         assert_eq!(page_key.route(&page), Route::Path("/"));
         assert_eq!(page_key.route(&format!("{page}frame?after=1")), Route::Path("/frame?after=1"));
         assert_eq!(page_key.route(page.trim_end_matches('/')), Route::Redirect(page.clone()));
@@ -649,7 +650,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_requests_of_the_own_page_are_answered() {
+    fn requests_of_other_sites_are_refused() {
         let own = Some("127.0.0.1:8080");
         assert_eq!(refusal_by_headers(own, None, None, 8080), None);
         let page = Some("http://localhost:8080");

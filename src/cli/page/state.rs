@@ -56,10 +56,16 @@ impl ViewRequest {
     }
 
     /// Adjusts the request to a reloaded scene: `own` is its initial request, `sizes_before` the available sizes before.
-    pub fn fit(&mut self, own: &ViewRequest, sizes_before: &[(u32, u32)], facts: &SceneInfo, poses: &[Pose]) {
-        if !facts.sizes.contains(&self.size) {
+    pub fn fit(
+        &mut self,
+        own: &ViewRequest,
+        sizes_before: &[(u32, u32)],
+        scene_info: &SceneInfo,
+        poses: &[Pose],
+    ) {
+        if !scene_info.sizes.contains(&self.size) {
             let index = sizes_before.iter().position(|size| *size == self.size);
-            self.size = index.and_then(|at| facts.sizes.get(at)).copied().unwrap_or(own.size);
+            self.size = index.and_then(|at| scene_info.sizes.get(at)).copied().unwrap_or(own.size);
         }
         match poses.get(self.camera) {
             None => (self.camera, self.pose) = (own.camera, own.pose.clone()),
@@ -67,8 +73,8 @@ impl ViewRequest {
             Some(fresh) if !self.pose.is_changed() => self.pose = fresh.clone(),
             Some(_) => {}
         }
-        self.rotation = facts.rotation.and(self.rotation.or(own.rotation));
-        self.strength = facts.strength.and(self.strength.or(own.strength));
+        self.rotation = scene_info.rotation.and(self.rotation.or(own.rotation));
+        self.strength = scene_info.strength.and(self.strength.or(own.strength));
     }
 }
 
@@ -123,7 +129,7 @@ pub(crate) struct State {
     /// Number of the current request.
     pub request_number: u64,
     pub display: PageDisplay,
-    pub facts: SceneInfo,
+    pub scene_info: SceneInfo,
     /// The scene's cameras.
     pub poses: Vec<Pose>,
     /// Undo stack: edits and strength of the environment before each unsaved change.
@@ -158,12 +164,17 @@ pub(crate) struct Shared {
 }
 
 impl Shared {
-    pub fn new(request: ViewRequest, display: PageDisplay, facts: SceneInfo, poses: Vec<Pose>) -> Shared {
+    pub fn new(
+        request: ViewRequest,
+        display: PageDisplay,
+        scene_info: SceneInfo,
+        poses: Vec<Pose>,
+    ) -> Shared {
         let state = State {
             request,
             request_number: 1,
             display,
-            facts,
+            scene_info,
             poses,
             before: Vec::new(),
             frame: None,
@@ -262,16 +273,16 @@ pub(super) fn state_json(state: &State, frame: &Frame) -> Value {
         "denoised": state.denoised_frame().map(|denoised| denoised.samples),
         "split": state.display.split,
         "error_message": state.error_message,
-        "up": state.request.up.map(Up::name).or(state.facts.up),
-        "stage": state.request.stage.map(StageArg::name).or(state.facts.stage.clone()),
-        "facts": state.facts,
+        "up": state.request.up.map(Up::name).or(state.scene_info.up),
+        "stage": state.request.stage.map(StageArg::name).or(state.scene_info.stage.clone()),
+        "scene_info": state.scene_info,
         "size": state.request.size,
         "camera": state.request.camera,
-        "rotation": state.request.rotation.or(state.facts.rotation),
-        "strength": state.request.strength.or(state.facts.strength),
+        "rotation": state.request.rotation.or(state.scene_info.rotation),
+        "strength": state.request.strength.or(state.scene_info.strength),
         "edited": edited(state),
-        "lights": state.request.edits.light_infos(&state.facts.lights),
-        "toml": text(&state.request.edits.tables(&state.facts.materials, &state.facts.lights)),
+        "lights": state.request.edits.light_infos(&state.scene_info.lights),
+        "toml": text(&state.request.edits.tables(&state.scene_info.materials, &state.scene_info.lights)),
         "undo": state.before.len(),
         "defocus": state.request.pose.defocus(),
         "exposure": png.exposure,
@@ -284,7 +295,7 @@ pub(super) fn state_json(state: &State, frame: &Frame) -> Value {
 
 /// The edited materials.
 fn edited(state: &State) -> Value {
-    let all = state.request.edits.applied(&state.facts.materials);
+    let all = state.request.edits.applied(&state.scene_info.materials);
     let names = all.iter().filter(|material| state.request.edits.has(&material.name));
     let infos = names.map(|material| (material.name.clone(), json!(MaterialInfo::of(material))));
     Value::Object(infos.collect::<Map<_, _>>())
@@ -302,8 +313,8 @@ impl State {
 
 /// The command that renders the displayed picture.
 fn command(state: &State) -> String {
-    let mut words = state.facts.command.clone();
-    if !state.facts.is_live {
+    let mut words = state.scene_info.command.clone();
+    if !state.scene_info.is_live {
         return words.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" ");
     }
     let mut add = |option: &str, value: String| words.extend([option.to_string(), value]);
@@ -324,7 +335,7 @@ fn command(state: &State) -> String {
     }
     // The scene file may have other values.
     add("--exposure", state.display.png.exposure.to_string());
-    add("--spp", state.facts.samples.to_string());
+    add("--spp", state.scene_info.samples.to_string());
     add("--view", state.display.png.view.name().to_string());
     // An axis such as -y could be parsed as an option.
     words.extend(state.request.up.map(|up| format!("--up={}", up.name())));
@@ -342,7 +353,7 @@ pub(crate) fn own_command() -> Vec<String> {
 
 /// The arguments of this process.
 pub(super) fn arguments() -> impl Iterator<Item = String> {
-    process::words().map(|word| word.to_string_lossy().into_owned())
+    process::arguments().map(|word| word.to_string_lossy().into_owned())
 }
 
 /// The arguments that `render` also has and the page doesn't set.
@@ -526,17 +537,17 @@ mod tests {
         let pose = |x: f64| Pose::new(Camera::look_at([x, 0.0, 5.0], [x, 0.0, 0.0], 30.0), 5.0);
         let eye = |request: &ViewRequest| request.pose.camera().world_from_camera.translation.x;
         let own = ViewRequest::new(pose(0.0), (40, 30));
-        let facts =
+        let scene_info =
             |width: u32| SceneInfo { sizes: vec![(width / 2, 30), (width, 60)], ..SceneInfo::default() };
-        let before = facts(100).sizes;
+        let before = scene_info(100).sizes;
         let mut request =
             ViewRequest { pose: pose(1.0), camera: 1, size: (100, 60), rotation: Some(3.0), ..own.clone() };
-        request.fit(&own, &before, &facts(80), &[pose(7.0), pose(8.0)]);
+        request.fit(&own, &before, &scene_info(80), &[pose(7.0), pose(8.0)]);
         assert_eq!((request.size, request.camera, eye(&request), request.rotation), ((80, 60), 1, 8.0, None));
-        request.fit(&own, &before, &facts(80), &[pose(0.0)]);
+        request.fit(&own, &before, &scene_info(80), &[pose(0.0)]);
         assert_eq!((request.size, request.camera, eye(&request)), ((80, 60), 0, 0.0));
         request.pose.set_defocus(1.0);
-        request.fit(&own, &[], &facts(20), &[pose(9.0)]);
+        request.fit(&own, &[], &scene_info(20), &[pose(9.0)]);
         assert_eq!((request.size, eye(&request)), (own.size, 0.0), "changes of the camera are kept");
     }
 }

@@ -1,7 +1,7 @@
-//! Writing of rendered pictures: at once, or after their neighbouring frames.
+//! Writing of rendered pictures: at once, or after temporal denoising with their neighbouring frames.
 
 use super::args::RenderArgs;
-use super::pictures::{AnimationFiles, EncodeOptions, FinishedPicture, Pictures, Targets};
+use super::pictures::{AnimationFiles, EncodeOptions, Pictures, Targets, UnencodedPicture};
 use super::preview::Preview;
 use super::process::{Outcome, peak_memory};
 use super::report::{PrintedMessages, Run};
@@ -22,7 +22,7 @@ pub(super) struct RunState {
     pub animations: Option<AnimationFiles>,
     pub preview: Option<Preview>,
     /// Frames to denoise together with their neighbours.
-    pub sequence: Sequence<Shot>,
+    pub sequence: Sequence<RenderedPicture>,
 }
 
 impl RunState {
@@ -49,10 +49,10 @@ impl RunState {
     }
 
     /// Writes a frame averaged with its neighbours.
-    pub fn write(&mut self, frame: Averaged<Shot>) -> Result<()> {
-        let Averaged { item: mut shot, picture, frames, .. } = frame;
-        shot.picture.set_denoised(&picture, &frames, shot.output_aovs);
-        shot.write(&mut self.printed, self.animations.as_mut()).map(drop)
+    pub fn write(&mut self, frame: Averaged<RenderedPicture>) -> Result<()> {
+        let Averaged { item: mut rendered, picture, frames, .. } = frame;
+        rendered.picture.set_denoised(&picture, &frames, rendered.output_aovs);
+        rendered.write(&mut self.printed, self.animations.as_mut()).map(drop)
     }
 
     /// Reports files that are not written because the run ended early.
@@ -66,7 +66,7 @@ impl RunState {
 }
 
 /// A rendered picture to write, with its report.
-pub(super) struct Shot {
+pub(super) struct RenderedPicture {
     pub args: RenderArgs,
     pub targets: Targets,
     pub encoding: EncodeOptions,
@@ -82,17 +82,18 @@ pub(super) struct Shot {
     pub run: Run,
 }
 
-impl Shot {
+impl RenderedPicture {
     /// Writes the files, adds the picture to animation files, and reports it.
     pub fn write(
         self,
         printed: &mut PrintedMessages,
         animations: Option<&mut AnimationFiles>,
     ) -> Result<Outcome> {
-        let Shot { args, targets, encoding, png, picture, checkpoint, messages, mut run, .. } = self;
+        let RenderedPicture { args, targets, encoding, png, picture, checkpoint, messages, mut run, .. } =
+            self;
         let start = Instant::now();
         let pictures =
-            Pictures::encode(&encoding, &targets, FinishedPicture::from(&picture), &png, &messages);
+            Pictures::encode(&encoding, &targets, UnencodedPicture::from(&picture), &png, &messages);
         print_pictures(&args, printed, &pictures, picture.statistics().interrupted)?;
         run.warnings.extend(pictures.warnings.iter().cloned());
         pictures.write()?;
@@ -140,5 +141,5 @@ pub(super) fn refuse_warnings(args: &RenderArgs, warnings: &[Warning], kind: Err
     }
     let problems = warnings.iter().map(|w| Problem::new("", w.to_string())).collect();
     let error = Error { kind, file: Some(args.scene.clone()), problems, source_text: None };
-    Err(error.with_help("--strict makes warnings errors"))
+    Err(error.with_help("--strict treats warnings as errors"))
 }
