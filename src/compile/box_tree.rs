@@ -4,7 +4,7 @@
 use crate::math::DVec3;
 
 /// Maximum number of items per leaf.
-const LEAF: usize = 8;
+const MAX_LEAF_ITEMS: usize = 8;
 
 /// An axis-aligned box, world space.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -52,7 +52,7 @@ pub(super) trait Boxed {
     }
 }
 
-/// A box with the index of its object.
+/// A box with the number of its object.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct NumberedBox {
     pub bounds: Bounds,
@@ -133,7 +133,7 @@ fn build<T: Boxed>(items: &mut [T], start: usize, nodes: &mut Vec<Node>) {
     let at = nodes.len();
     let range = [start as u32, (start + items.len()) as u32];
     nodes.push(Node { bounds, second: 0, range });
-    if items.len() <= LEAF {
+    if items.len() <= MAX_LEAF_ITEMS {
         return;
     }
     let size = bounds.high - bounds.low;

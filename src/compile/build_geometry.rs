@@ -146,7 +146,7 @@ fn tangents(scene: &Scene, planned_instances: &[&PlannedInstance]) -> BTreeMap<u
     for planned in planned_instances {
         let instance = &scene.instances[planned.index];
         let mesh = &scene.meshes[instance.mesh.index()];
-        // Tangents may split vertices, for which a deforming mesh has no keys: tangents are computed at hits instead.
+        // Tangents may split vertices, but a deforming mesh has no keys for the copies: tangents are computed at hits instead.
         if !motion::deforms(scene, instance.mesh)
             && let Some(set) = normal_map_set(part_materials(mesh, instance), scene)
         {
@@ -156,11 +156,11 @@ fn tangents(scene: &Scene, planned_instances: &[&PlannedInstance]) -> BTreeMap<u
             }
         }
     }
-    let made = sets.into_par_iter().filter_map(|(mesh, sets)| {
+    let generated = sets.into_par_iter().filter_map(|(mesh, sets)| {
         let with = |(first, set)| Some((first, with_tangents(&scene.meshes[mesh], set)?));
         Some((mesh, sets.into_iter().find_map(with)?))
     });
-    made.collect()
+    generated.collect()
 }
 
 /// Adds the shapes that move while the shutter is open.
@@ -542,7 +542,7 @@ impl Geometry<PortableMath> for TangentMesh<'_> {
         [u, -v]
     }
 
-    /// Without a tangent of its own or of a neighbour, where texture coordinates have no area, a corner has MikkTSpace's default: x, left-handed.
+    /// Corners without a tangent, where texture coordinates have no area, get MikkTSpace's default: x, left-handed.
     fn set_tangent(&mut self, space: Option<TangentSpace>, face: usize, corner: usize) {
         self.tangents[face][corner] = space.unwrap_or_default().tangent_encoded();
     }

@@ -25,7 +25,7 @@ pub enum CausticRole {
     Receiver,
     /// Receives caustics with its diffuse lobes only: others are smooth or have textured roughness.
     DiffuseReceiver,
-    /// Neither, or varying over the surface.
+    /// Neither caster nor receiver, or varying over the surface.
     Neither,
 }
 
@@ -48,11 +48,11 @@ impl CompiledMaterial {
             }
             MetalRough | SchlickMetal | Beckmann | Conductor if self.is_rough() => CausticRole::Receiver,
             MetalRough => CausticRole::DiffuseReceiver,
-            Layered if self.medium_index == 0 && !self.has_glass_layer() => match self.alike() {
+            Layered if self.medium_index == 0 && !self.has_glass_layer() => match self.uniform_bsdf() {
                 Some(bsdf) if bsdf.is_specular() => CausticRole::Caster,
                 _ => CausticRole::DiffuseReceiver,
             },
-            _ => match self.alike() {
+            _ => match self.uniform_bsdf() {
                 Some(bsdf) if bsdf.is_specular() && self.is_specular_in_media(bsdf) => CausticRole::Caster,
                 _ => CausticRole::Neither,
             },
@@ -65,7 +65,7 @@ impl CompiledMaterial {
     }
 
     fn is_polished(&self) -> bool {
-        let appearance = self.alike().map(|bsdf| bsdf.appearance());
+        let appearance = self.uniform_bsdf().map(|bsdf| bsdf.appearance());
         appearance.is_some_and(|a| a.diffuse.max_element() <= 0.0 && a.roughness <= MAX_CASTER_ROUGHNESS)
     }
 
@@ -114,7 +114,7 @@ impl CompiledScene {
         let mut boxes: BTreeMap<u32, Bounds3> = BTreeMap::new();
         for (i, run) in casters.runs.iter().enumerate() {
             let bounds = boxes.entry(run.object).or_insert(Bounds3::EMPTY);
-            casters.visit(i, |ball| *bounds = with_ball(*bounds, ball));
+            casters.visit(i, |sphere| *bounds = with_sphere(*bounds, sphere));
         }
         let mut groups: Vec<(Bounds3, Vec<u32>)> =
             boxes.into_iter().map(|(object, b)| (b, vec![object])).collect();
@@ -125,20 +125,20 @@ impl CompiledScene {
             objects.iter().map(|&object| (object, group)).collect()
         };
         let group_of: BTreeMap<u32, usize> = groups.iter().enumerate().flat_map(group_of).collect();
-        let mut balls: Vec<TargetSphere> =
+        let mut spheres: Vec<TargetSphere> =
             groups.iter().map(|(bounds, _)| TargetSphere { center: bounds.center(), radius: 0.0 }).collect();
         for (i, run) in casters.runs.iter().enumerate() {
-            let Some(around) = group_of.get(&run.object).map(|&group| &mut balls[group]) else { continue };
-            casters.visit(i, |ball| {
-                let far = (ball.center - around.center).length() + ball.radius;
+            let Some(around) = group_of.get(&run.object).map(|&group| &mut spheres[group]) else { continue };
+            casters.visit(i, |sphere| {
+                let far = (sphere.center - around.center).length() + sphere.radius;
                 around.radius = around.radius.max(far * (1.0 + 1e-5));
             });
         }
-        TargetSpheres::new(balls)
+        TargetSpheres::new(spheres)
     }
 
     /// Radius of the scene's bounding sphere about the anchor, metres.
-    pub fn reach(&self) -> f32 {
+    pub fn bounding_radius(&self) -> f32 {
         let of_box = |bounds: &Bounds3| bounds.corners().map(|p| p.length()).into_iter().fold(0.0, f32::max);
         let world =
             Some(&self.geometries.world.bounds).filter(|bounds| !bounds.is_empty()).map_or(0.0, of_box);
@@ -160,22 +160,22 @@ struct Casters<'s> {
     /// Vertices of triangles, without duplicates in a run.
     vertices: Vec<u32>,
     /// Spheres that bound all other primitives.
-    balls: Vec<TargetSphere>,
+    spheres: Vec<TargetSphere>,
     runs: Vec<CasterRun>,
 }
 
-/// Start of the casters of one object; they end where the next run begins.
+/// Start of the primitives of one caster; they end where the next run begins.
 struct CasterRun {
     object: u32,
     first_vertex: usize,
-    first_ball: usize,
+    first_sphere: usize,
 }
 
 impl<'s> Casters<'s> {
     fn of(scene: &'s CompiledScene, roles: &[CausticRole]) -> Casters<'s> {
         let world = &scene.geometries.world;
         let positions = &world.shapes.positions;
-        let mut casters = Casters { positions, vertices: Vec::new(), balls: Vec::new(), runs: Vec::new() };
+        let mut casters = Casters { positions, vertices: Vec::new(), spheres: Vec::new(), runs: Vec::new() };
         casters.add_world(world, roles);
         casters.add_placements(scene, roles);
         casters
@@ -193,7 +193,7 @@ impl<'s> Casters<'s> {
                 self.begin_run(world.owners.of(prim as u32).0);
             }
             match world.shapes.triangles.get(prim) {
-                None => visit_primitive(world, prim, |ball| self.balls.push(ball)),
+                None => visit_primitive(world, prim, |sphere| self.spheres.push(sphere)),
                 Some(triangle) => {
                     visited.resize(world.shapes.positions.len(), 0);
                     let run = self.runs.len() as u32;
@@ -216,27 +216,27 @@ impl<'s> Casters<'s> {
                 .map_or_else(|| materials.iter().any(|m| casts(roles, *m)), |m| casts(roles, m));
             if is_caster && !space.bounds.is_empty() {
                 self.begin_run(placement.object.0);
-                self.balls.extend(placed_corners(placement, &space.bounds).map(point));
+                self.spheres.extend(placed_corners(placement, &space.bounds).map(point));
             }
         }
     }
 
     fn begin_run(&mut self, object: u32) {
-        let (first_vertex, first_ball) = (self.vertices.len(), self.balls.len());
-        self.runs.push(CasterRun { object, first_vertex, first_ball });
+        let (first_vertex, first_sphere) = (self.vertices.len(), self.spheres.len());
+        self.runs.push(CasterRun { object, first_vertex, first_sphere });
     }
 
     /// Visits the vertices and spheres of a run.
     fn visit(&self, index: usize, mut visit: impl FnMut(TargetSphere)) {
         let first = &self.runs[index];
-        let (vertices, balls) = self.runs.get(index + 1).map_or_else(
-            || (self.vertices.len(), self.balls.len()),
-            |next| (next.first_vertex, next.first_ball),
+        let (vertices, spheres) = self.runs.get(index + 1).map_or_else(
+            || (self.vertices.len(), self.spheres.len()),
+            |next| (next.first_vertex, next.first_sphere),
         );
         for &vertex in &self.vertices[first.first_vertex..vertices] {
             visit(point(Vec3::from_array(self.positions[vertex as usize])));
         }
-        self.balls[first.first_ball..balls].iter().for_each(|ball| visit(*ball));
+        self.spheres[first.first_sphere..spheres].iter().for_each(|sphere| visit(*sphere));
     }
 }
 
@@ -252,12 +252,12 @@ fn casts(roles: &[CausticRole], material: u32) -> bool {
 }
 
 /// The bounds extended by a sphere, which often has the radius 0.
-fn with_ball(bounds: Bounds3, ball: TargetSphere) -> Bounds3 {
-    if ball.radius == 0.0 {
-        return bounds.with(ball.center);
+fn with_sphere(bounds: Bounds3, sphere: TargetSphere) -> Bounds3 {
+    if sphere.radius == 0.0 {
+        return bounds.with(sphere.center);
     }
-    let r = Vec3::splat(ball.radius);
-    bounds.with(ball.center - r).with(ball.center + r)
+    let r = Vec3::splat(sphere.radius);
+    bounds.with(sphere.center - r).with(sphere.center + r)
 }
 
 /// A sphere of radius 0.

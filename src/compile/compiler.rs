@@ -188,9 +188,9 @@ fn compile_after(
         light_spectra: tables.spectra,
         light_kinds: tables.ray_kinds,
         links: tables.links,
-        caught_lights: tables.caught,
-        scene_materials: scene.materials.len() as u32,
-        copy_sources: plan.object_materials.sources(),
+        caster_lights: tables.caster_lights,
+        scene_material_count: scene.materials.len() as u32,
+        scene_materials_of_copies: plan.object_materials.sources(),
         features,
         emitters,
         vectors: MotionVectors::of(scene, anchor),
@@ -206,7 +206,7 @@ const MAX_DISTANCE: f32 = 4e9;
 /// Reports the memory, and warns of far surfaces.
 fn report_compiled(compiled: &CompiledScene, report: &mut CompileReport) {
     report.memory = compiled.memory();
-    let reach = compiled.reach();
+    let reach = compiled.bounding_radius();
     if reach > MAX_DISTANCE {
         report.warnings.push(Warning::general(format!(
             "surfaces are up to {reach:.1e} m away: triangles and quads longer than {MAX_DISTANCE:.0e} m are black; scale the scene down"
@@ -243,14 +243,14 @@ fn lights(
     Ok((lights, tables))
 }
 
-/// Warns of metals given by three indices of refraction, which spectral rendering interpolates.
+/// Warns of metals with indices of refraction for three wavelengths only, which spectral rendering interpolates.
 fn warn_of_interpolated_metals(scene: &Scene, shading: ShadingModel, warnings: &mut Vec<Warning>) {
     for material in scene.materials.iter().filter(|_| shading.spectral) {
         if let Model::Conductor { metal: None, .. } = material.model {
             let name = &material.name;
             warnings.push(Warning::general(format!(
-                "the index of refraction of metal '{name}' is known for three wavelengths only and interpolated; name \
-                a measured metal"
+                "the index of refraction of metal '{name}' is interpolated from three wavelengths; use a measured metal by \
+                name"
             )));
         }
     }
@@ -322,7 +322,7 @@ fn materials(
         false => CompiledMaterial::new(m, textures, shading),
     };
     let mut materials: Vec<CompiledMaterial> = replaced.map(compiled).collect();
-    let mut media = media::number(scene, anchor, &mut materials, shading.spectral, warnings);
+    let mut media = media::collect(scene, anchor, &mut materials, shading.spectral, warnings);
     media::warn_of_overlaps(scene, &materials, warnings);
     panes::mark(scene, &mut materials);
     let mut object_materials = ObjectMaterials::of(scene);
@@ -368,7 +368,7 @@ fn features(
         links: false,
         graphs: materials.iter().any(|m| m.graphs.is_some()),
         mixes: materials.iter().any(|m| !m.components.is_empty()),
-        mirrors: materials.iter().any(|m| m.alike().is_some_and(|b| b.is_mirror())),
+        mirrors: materials.iter().any(|m| m.uniform_bsdf().is_some_and(|b| b.is_mirror())),
         holdouts: materials.iter().any(|m| m.surface_visibility.is_some_and(|p| p.is_holdout)),
         absorption: media.iter().any(|m| m.absorption.is_some()),
     }
@@ -396,7 +396,7 @@ fn report_accel(stats: &BuildStats, report: &mut CompileReport, count_degenerate
     // Only a note: meshes such as the poles of spheres have degenerate triangles, which are invisible.
     let without_area = if dropped.degenerate > 0 { count_degenerate().min(dropped.degenerate) } else { 0 };
     report_dropped(&mut report.notes, without_area, "primitive", "without area");
-    let lost = "too small for single precision at its distance from the camera or the centre of its mesh";
-    report_dropped(&mut report.warnings, dropped.degenerate - without_area, "primitive", lost);
-    report_dropped(&mut report.warnings, dropped.instances, "placement", "with singular transforms");
+    let too_small = "too small for single precision at its distance from the camera or the centre of its mesh";
+    report_dropped(&mut report.warnings, dropped.degenerate - without_area, "primitive", too_small);
+    report_dropped(&mut report.warnings, dropped.instances, "instance", "with singular transforms");
 }

@@ -21,19 +21,19 @@ use rayon::prelude::*;
 
 /// Maximum distance of a segment from its curve, as a fraction of the maximum radius.
 const MAX_ERROR: f64 = 0.05;
-/// Displacement of points to the outside of bends, as a fraction of the distance between chord and curve.
-const OUTWARDS: f64 = 2.0 / 3.0;
+/// Displacement of points to the outside of bends, as a fraction of the distance of the chord from the curve.
+const OUTWARD_SHIFT: f64 = 2.0 / 3.0;
 /// Maximum square root of the area of a segment's bounding box (without the radius), relative to the radius.
-const MAX_BOX: f64 = 12.0;
-/// Number of segments above which they are lengthened.
-const MANY_SEGMENTS: usize = 4_000_000;
+const MAX_BOX_SIZE: f64 = 12.0;
+/// Number of segments above which segments are lengthened.
+const MAX_FINE_SEGMENTS: usize = 4_000_000;
 /// Maximum factor on the length of segments. Their number decreases by this factor, and the maximum error increases with its
 /// square, to 0.8 of the radius. (100,000 hairs of 8 spans on a sphere, 0.0015 radii thick.)
 const MAX_COARSENESS: f64 = 4.0;
 /// Maximum number of segments of one Bezier span.
-const MAX_SEGMENTS: usize = 64;
+const MAX_SPAN_SEGMENTS: usize = 64;
 /// Number of strands of a parallel task.
-const CHUNK: usize = 256;
+const STRANDS_PER_TASK: usize = 256;
 
 /// A control point of a strand.
 #[derive(Clone, Copy)]
@@ -51,9 +51,9 @@ impl ControlPoint {
     }
 }
 
-/// Segments of some strands.
+/// Segments of some strands, and the attributes of their points.
 #[derive(Default)]
-struct CutStrands {
+struct StrandSegments {
     segments: CurveSegments,
     along: Vec<f32>,
     colors: Vec<[f32; 3]>,
@@ -106,11 +106,11 @@ fn segment_count(span: &[ControlPoint; 4], coarseness: f64) -> usize {
     };
     // The second derivative of a cubic is 6 times an interpolation of these differences.
     let bend = bend(span[0], span[1], span[2]).max(bend(span[1], span[2], span[3]));
-    let of_error = (6.0 / 8.0 * OUTWARDS * bend / (MAX_ERROR * radius)).sqrt();
+    let of_error = (6.0 / 8.0 * OUTWARD_SHIFT * bend / (MAX_ERROR * radius)).sqrt();
     let extent = (span[3].p - span[0].p).abs();
     let of_box =
-        (extent.x * extent.y + extent.y * extent.z + extent.z * extent.x).sqrt() / (MAX_BOX * radius);
-    let max = MAX_SEGMENTS as f64;
+        (extent.x * extent.y + extent.y * extent.z + extent.z * extent.x).sqrt() / (MAX_BOX_SIZE * radius);
+    let max = MAX_SPAN_SEGMENTS as f64;
     // `max` turns the NaN of strands without radius into one segment.
     (of_error.max(of_box) / coarseness).min(max).ceil().max(1.0) as usize
 }
@@ -120,16 +120,16 @@ fn bezier(span: &[ControlPoint; 4], t: f64) -> ControlPoint {
     ControlPoint::mix(*span, [s * s * s, 3.0 * s * s * t, 3.0 * s * t * t, t * t * t])
 }
 
-/// A point of a strand, displaced to the outside of the bend by [`OUTWARDS`] times the distance of the chords from the strand
+/// A point of a strand, displaced to the outside of the bend by [`OUTWARD_SHIFT`] times the distance of the chords from the strand
 /// (1/8 of the second difference).
 fn displaced_outwards(cuts: &[(ControlPoint, f64)], i: usize) -> DVec3 {
     let here = cuts[i].0.p;
     let neighbours = i.checked_sub(1).and_then(|before| cuts.get(before)).zip(cuts.get(i + 1));
     neighbours
-        .map_or(here, |((before, _), (after, _))| here - (before.p - 2.0 * here + after.p) * (OUTWARDS / 8.0))
+        .map_or(here, |((before, _), (after, _))| here - (before.p - 2.0 * here + after.p) * (OUTWARD_SHIFT / 8.0))
 }
 
-impl CutStrands {
+impl StrandSegments {
     /// Appends a strand.
     fn strand(&mut self, basis: CurveBasis, nodes: &[ControlPoint], has_colors: bool, coarseness: f64) {
         let spans = spans(basis, nodes);
@@ -161,7 +161,7 @@ impl CutStrands {
         self.segments.segments.extend(visible.map(|i| (first + i) as u32));
     }
 
-    fn append(&mut self, other: CutStrands) {
+    fn append(&mut self, other: StrandSegments) {
         let first = self.segments.points.len() as u32;
         self.segments.points.extend(other.segments.points);
         self.segments.tangents.extend(other.segments.tangents);
@@ -196,7 +196,7 @@ fn strands(curves: &Curves, origin: DVec3) -> impl IndexedParallelIterator<Item 
     ranges.collect::<Vec<_>>().into_par_iter().map(move |range| range.map(node).collect())
 }
 
-/// Factor on the length of segments, so that their number is at most [`MANY_SEGMENTS`] if possible.
+/// Factor on the length of segments, so that their number is at most [`MAX_FINE_SEGMENTS`] if possible.
 fn coarseness<'a>(curves: impl Iterator<Item = &'a Curves> + Clone) -> f64 {
     let count = |coarseness: f64| -> usize {
         let of_strand = |basis: CurveBasis, nodes: &[ControlPoint]| -> usize {
@@ -207,7 +207,7 @@ fn coarseness<'a>(curves: impl Iterator<Item = &'a Curves> + Clone) -> f64 {
         curves.clone().map(segment_count_of).sum()
     };
     let mut coarseness = 1.0;
-    while coarseness < MAX_COARSENESS && count(coarseness) > MANY_SEGMENTS {
+    while coarseness < MAX_COARSENESS && count(coarseness) > MAX_FINE_SEGMENTS {
         coarseness *= 2.0;
     }
     coarseness
@@ -217,17 +217,17 @@ fn coarseness<'a>(curves: impl Iterator<Item = &'a Curves> + Clone) -> f64 {
 ///
 /// # Errors
 /// If their points exceed 32-bit indices.
-fn cut(curves: &Curves, origin: DVec3, has_colors: bool, coarseness: f64) -> Result<CutStrands> {
+fn cut(curves: &Curves, origin: DVec3, has_colors: bool, coarseness: f64) -> Result<StrandSegments> {
     let one = |strands: Vec<Vec<ControlPoint>>| {
-        let mut cut = CutStrands::default();
+        let mut cut = StrandSegments::default();
         for nodes in &strands {
             cut.strand(curves.basis, nodes, has_colors, coarseness);
         }
         cut
     };
-    let parts: Vec<CutStrands> = strands(curves, origin).chunks(CHUNK).map(one).collect();
+    let parts: Vec<StrandSegments> = strands(curves, origin).chunks(STRANDS_PER_TASK).map(one).collect();
     limits::check_curve_points(parts.iter().map(|part| part.segments.points.len()).sum())?;
-    Ok(parts.into_iter().fold(CutStrands::default(), |mut all, part| {
+    Ok(parts.into_iter().fold(StrandSegments::default(), |mut all, part| {
         all.append(part);
         all
     }))
@@ -252,7 +252,7 @@ impl Space {
                 !curves.colors.is_empty() && materials[curves.material.index()].uses_vertex_colors
             });
         let coarseness = coarseness(scene.curves.iter().filter(is_visible));
-        let mut all = CutStrands::default();
+        let mut all = StrandSegments::default();
         for (i, curves) in scene.curves.iter().enumerate().filter(|(_, curves)| is_visible(curves)) {
             let materials = &mut self.attributes.materials;
             self.owners.begin(materials.len(), object_ids.curves(i));

@@ -123,7 +123,7 @@ impl DensityGrid {
     }
 
     /// Samples a collision by delta tracking within a range of ray parameters; infinity if there is none. `first` is the first
-    /// random number in 0..1, `salt` seeds the others. A real collision counts if `ends` returns true for its ray parameter and
+    /// random number in 0..1, `seed` that of the others. A real collision counts if `ends` returns true for its ray parameter and
     /// a random number in 0..1.
     #[inline]
     pub fn collision(
@@ -131,11 +131,11 @@ impl DensityGrid {
         ray: &GridRay,
         range: [f32; 2],
         first: f32,
-        salt: u32,
+        seed: u32,
         mut ends: impl FnMut(f32, f32) -> bool,
     ) -> f32 {
         let mut found = f32::INFINITY;
-        let mut numbers = RandomSequence(salt);
+        let mut numbers = RandomSequence(seed);
         self.tentative_collisions(ray, range, first, &mut numbers, |t, share, numbers| {
             let number = numbers.next();
             let collides = number < share && ends(t, number / share);
@@ -149,11 +149,11 @@ impl DensityGrid {
 
     /// An unbiased estimate of the transmittance between two points of a ray, by ratio tracking.
     #[inline]
-    pub fn transmittance(&self, ray: &GridRay, from: f32, to: f32, salt: u32) -> f32 {
+    pub fn transmittance(&self, ray: &GridRay, from: f32, to: f32, seed: u32) -> f32 {
         self.ratio_tracking(
             ray,
             [from, to],
-            salt,
+            seed,
             1.0,
             |transmittance, _, share| transmittance * (1.0 - share),
             |transmittance| transmittance,
@@ -166,12 +166,12 @@ impl DensityGrid {
         &self,
         ray: &GridRay,
         [from, to]: [f32; 2],
-        salt: u32,
+        seed: u32,
         relative: impl Fn(f32) -> Rgb,
     ) -> Rgb {
         let collide =
             |transmittance: Rgb, t: f32, share: f32| transmittance * (Rgb::ONE - relative(t) * share);
-        self.ratio_tracking(ray, [from, to], salt, Rgb::ONE, collide, |transmittance| {
+        self.ratio_tracking(ray, [from, to], seed, Rgb::ONE, collide, |transmittance| {
             transmittance.max_element()
         })
     }
@@ -183,7 +183,7 @@ impl DensityGrid {
         &self,
         ray: &GridRay,
         range: [f32; 2],
-        salt: u32,
+        seed: u32,
         one: T,
         collide: impl Fn(T, f32, f32) -> T,
         largest: impl Fn(T) -> f32,
@@ -191,7 +191,7 @@ impl DensityGrid {
         /// Transmittance below which Russian roulette applies, with a survival probability of 1/4.
         const ROULETTE: f32 = 0.1;
         let mut transmittance = one;
-        let mut numbers = RandomSequence(salt);
+        let mut numbers = RandomSequence(seed);
         let first = numbers.next();
         self.tentative_collisions(ray, range, first, &mut numbers, |t, share, numbers| {
             transmittance = collide(transmittance, t, share);
@@ -204,9 +204,9 @@ impl DensityGrid {
     }
 
     /// An estimate of the optical depth between two ray parameters, by stratified sampling (ray marching) with random numbers
-    /// seeded by `salt`. (With extinction 1 the integral of the density over metres.)
-    pub fn integral(&self, ray: &GridRay, from: f32, to: f32, salt: u32) -> f32 {
-        self.integral_of(ray, [from, to], salt, 0.0, |density, _| density)
+    /// seeded by `seed`. (With extinction 1 the integral of the density over metres.)
+    pub fn integral(&self, ray: &GridRay, from: f32, to: f32, seed: u32) -> f32 {
+        self.integral_of(ray, [from, to], seed, 0.0, |density, _| density)
     }
 
     /// As [`DensityGrid::integral`], of a function of the density and the ray parameter; `zero` is its value for density 0.
@@ -215,18 +215,17 @@ impl DensityGrid {
         &self,
         ray: &GridRay,
         [from, to]: [f32; 2],
-        salt: u32,
+        seed: u32,
         zero: T,
         of: impl Fn(f32, f32) -> T,
     ) -> T {
         /// Length of a step, voxels.
         const STRIDE: f32 = 4.0;
-        /// Maximum number of steps.
-        const MAX: f32 = 32.0;
+        const MAX_STEPS: f32 = 32.0;
         let Some([begin, end]) = self.entry(ray, from, to) else { return zero };
         let (start, length) = (ray.origin + ray.direction * begin, end - begin);
-        let steps = (ray.direction.length() * length / STRIDE).ceil().clamp(1.0, MAX);
-        let mut numbers = RandomSequence(salt);
+        let steps = (ray.direction.length() * length / STRIDE).ceil().clamp(1.0, MAX_STEPS);
+        let mut numbers = RandomSequence(seed);
         let mut sum = zero;
         for step in 0..steps as u32 {
             let t = (step as f32 + numbers.next()) / steps * length;
@@ -402,7 +401,7 @@ enum EmissionKind {
     /// Factors per channel: the grids of the second and third channel, with the voxels of the first.
     Channels([Arc<DensityGrid>; 2]),
     /// Blackbody temperatures.
-    Heat(BlackBodyEmission),
+    BlackBody(BlackBodyEmission),
 }
 
 /// Blackbody emission of a temperature grid.
@@ -440,9 +439,9 @@ impl CompiledEmissionGrid {
                 CompiledEmissionGrid { grid: ready(r), kind: EmissionKind::Channels([ready(g), ready(b)]) }
             }
             Temperatures { grid, kelvin, scales_with_power } => {
-                let hottest = grids[grid.index()].values.iter().fold(0.0f32, |max, x| max.max(*x));
-                let heat = BlackBodyEmission::new(kelvin, hottest, scales_with_power);
-                CompiledEmissionGrid { grid: ready(grid), kind: EmissionKind::Heat(heat) }
+                let max_value = grids[grid.index()].values.iter().fold(0.0f32, |max, x| max.max(*x));
+                let black_body = BlackBodyEmission::new(kelvin, max_value, scales_with_power);
+                CompiledEmissionGrid { grid: ready(grid), kind: EmissionKind::BlackBody(black_body) }
             }
         }
     }
@@ -492,13 +491,13 @@ impl CompiledEmissionGrid {
 
     /// An estimate of the integral of the emission factor between two ray parameters, over metres; see
     /// [`DensityGrid::integral`]. `ray` is origin and direction.
-    pub fn integral(&self, ray: (Vec3, Vec3), span: [f32; 2], salt: u32, waves: Option<&Wavelengths>) -> Rgb {
+    pub fn integral(&self, ray: (Vec3, Vec3), span: [f32; 2], seed: u32, waves: Option<&Wavelengths>) -> Rgb {
         match &self.kind {
             EmissionKind::Factors => {
                 let grid_ray = self.grid.ray(ray.0, ray.1, 1.0);
-                Rgb::splat(self.grid.integral(&grid_ray, span[0], span[1], salt))
+                Rgb::splat(self.grid.integral(&grid_ray, span[0], span[1], seed))
             }
-            _ => self.integral_times(ray, span, salt, waves, |_| Rgb::ONE),
+            _ => self.integral_times(ray, span, seed, waves, |_| Rgb::ONE),
         }
     }
 
@@ -507,13 +506,13 @@ impl CompiledEmissionGrid {
         &self,
         (origin, direction): (Vec3, Vec3),
         span: [f32; 2],
-        salt: u32,
+        seed: u32,
         waves: Option<&Wavelengths>,
         factor: impl Fn(f32) -> Rgb,
     ) -> Rgb {
         let ray: GridRay = self.grid.ray(origin, direction, 1.0);
         let at = |value: f32, t: f32| factor(t) * self.factor(value, ray.at(t), waves);
-        self.grid.integral_of(&ray, span, salt, Rgb::ZERO, at)
+        self.grid.integral_of(&ray, span, seed, Rgb::ZERO, at)
     }
 
     /// The emission factor for a grid value; `p` in voxel coordinates.
@@ -525,7 +524,7 @@ impl CompiledEmissionGrid {
                 let emission = Rgb::new(value, green.density(p), blue.density(p));
                 waves.map_or(emission, |waves| Spectrum::of_light(emission).at(waves))
             }
-            EmissionKind::Heat(heat) => heat.at(value, waves),
+            EmissionKind::BlackBody(black_body) => black_body.at(value, waves),
         }
     }
 }
@@ -543,19 +542,19 @@ fn blur(values: &mut [f32], (count, stride): (usize, usize), share: f32) {
 }
 
 impl BlackBodyEmission {
-    /// Tabulates emission for grid values up to `hottest`; the value 1 means `kelvin`.
-    fn new(kelvin: f32, hottest: f32, scales_with_power: bool) -> BlackBodyEmission {
+    /// Tabulates emission for grid values up to `max_value`; the value 1 means `kelvin`.
+    fn new(kelvin: f32, max_value: f32, scales_with_power: bool) -> BlackBodyEmission {
         let bodies = BlackBodies::relative_to(scene::EmissionGrid::REFERENCE_KELVIN);
         let last = (COLORS - 1) as f32;
-        let heat = |i: usize| kelvin * hottest * (i as f32 / last);
+        let kelvin_of = |i: usize| kelvin * max_value * (i as f32 / last);
         let steps = 0..if scales_with_power { COLORS } else { 0 };
-        let powers: Vec<f32> = steps.map(|i| bodies.power_over_luminance(heat(i))).collect();
+        let powers: Vec<f32> = steps.map(|i| bodies.power_over_luminance(kelvin_of(i))).collect();
         let color = |i: usize| match powers.get(i) {
-            Some(power) => Rgb::from_array(bodies.rgb(heat(i).max(BlackBodies::COOLEST))) * *power,
-            None => Rgb::from_array(bodies.rgb(heat(i))),
+            Some(power) => Rgb::from_array(bodies.rgb(kelvin_of(i).max(BlackBodies::MIN_KELVIN))) * *power,
+            None => Rgb::from_array(bodies.rgb(kelvin_of(i))),
         };
         let colors = (0..COLORS).map(color).collect();
-        let per_value = if hottest > 0.0 { last / hottest } else { 0.0 };
+        let per_value = if max_value > 0.0 { last / max_value } else { 0.0 };
         BlackBodyEmission { kelvin, colors, powers, per_value, bodies }
     }
 
@@ -572,7 +571,7 @@ impl BlackBodyEmission {
             None => waves.map(|nm| self.bodies.at(nm, kelvin)),
             Some(powers) => {
                 let power = powers[0] + (powers[1] - powers[0]) * share;
-                waves.map(|nm| self.bodies.at(nm, kelvin.max(BlackBodies::COOLEST))) * power
+                waves.map(|nm| self.bodies.at(nm, kelvin.max(BlackBodies::MIN_KELVIN))) * power
             }
         }
     }
@@ -595,7 +594,7 @@ fn occupation(x: f32) -> f32 {
 
 impl BlackBodies {
     /// Temperature, kelvins, below which the colour is constant; the luminance there is negligible.
-    pub const COOLEST: f32 = 800.0;
+    pub const MIN_KELVIN: f32 = 800.0;
 
     /// Scales emission to a luminance of 1 at a temperature in kelvins.
     pub fn relative_to(kelvin: f32) -> BlackBodies {
@@ -611,10 +610,10 @@ impl BlackBodies {
         self.reference.at(nm) * (occupation(C2 / (nm * kelvin)) / occupation(C2 / (nm * self.kelvin)))
     }
 
-    /// Factor on [`BlackBodies::at`] (for at least `COOLEST`) for a luminance proportional to the fourth power of the
+    /// Factor on [`BlackBodies::at`] (for at least `MIN_KELVIN`) for a luminance proportional to the fourth power of the
     /// temperature, 1 at the reference.
     pub fn power_over_luminance(&self, kelvin: f32) -> f32 {
-        let clamped = kelvin.max(BlackBodies::COOLEST);
+        let clamped = kelvin.max(BlackBodies::MIN_KELVIN);
         let luminance = luminance(rgb_of(|nm| f64::from(self.at(nm as f32, clamped))).map(|v| v as f32));
         (kelvin / self.kelvin).powi(4) / luminance
     }
@@ -675,10 +674,10 @@ mod tests {
                 let n = 40_000;
                 let (mut transmittance, mut passed) = (0.0, 0.0);
                 for i in 0..n {
-                    let salt = hash32(i);
-                    transmittance += f64::from(grid.transmittance(&ray, 0.0, to, salt));
+                    let seed = hash32(i);
+                    transmittance += f64::from(grid.transmittance(&ray, 0.0, to, seed));
                     let first = unit(hash32(i ^ 0x5bd1_e995));
-                    let t = grid.collision(&ray, [0.0, to], first, salt, |_, _| true);
+                    let t = grid.collision(&ray, [0.0, to], first, seed, |_, _| true);
                     passed += f64::from(u8::from(t == f32::INFINITY));
                     assert!(t == f32::INFINITY || (0.0..=to).contains(&t));
                 }

@@ -245,7 +245,7 @@ impl Geometries {
         Some(Corners { positions: map_each(positions, |p| p.to_array()), normals: [[0.0; 3]; 3] })
     }
 
-    /// Is the hit on a triangle of the world, and has the world no second UV set?
+    /// Is the hit on a triangle of the world, without a second UV set?
     #[inline(always)]
     pub fn is_single_uv_triangle(&self, hit: &Hit) -> bool {
         hit.instance == 0
@@ -356,7 +356,7 @@ impl Geometries {
             Primitive::Analytic(_, shape) => shape.surface(ray.at(hit.t), ray.origin),
             Primitive::Curve(_, segment) => segment.surface(ray.origin, ray.direction),
             Primitive::Splat(index) => {
-                shapes.splats.surface(index, self.in_object(ray, hit), splat_direction(hit))
+                shapes.splats.surface(index, self.object_point(ray, hit), splat_direction(hit))
             }
         };
         surface.material = material;
@@ -463,7 +463,7 @@ impl SurfaceCoordinates {
 
 impl Geometries {
     /// The hit point in the object space of a static placement.
-    fn in_object(&self, ray: &Ray, hit: &Hit) -> Vec3 {
+    fn object_point(&self, ray: &Ray, hit: &Hit) -> Vec3 {
         let p = ray.at(hit.t);
         let Some(i) = hit.instance.checked_sub(1) else { return p };
         let Transform { linear, translation, .. } = self.placements[i as usize].world_from_object;
@@ -574,7 +574,7 @@ impl Placement {
 // Motion blur: surfaces of moving and deforming placements at the time of a path.
 
 /// A moving placement at the time of a path.
-pub(super) struct AtTime<'a> {
+pub(super) struct PlacementAtTime<'a> {
     space: &'a Space,
     placement: Placement,
     world_from_object: DAffine3,
@@ -584,18 +584,18 @@ pub(super) struct AtTime<'a> {
 impl Geometries {
     /// The placement of a hit at a path's time, if it moves or deforms.
     #[inline(always)]
-    pub(super) fn at_time(&self, hit: &Hit, time: f32) -> Option<AtTime<'_>> {
+    pub(super) fn at_time(&self, hit: &Hit, time: f32) -> Option<PlacementAtTime<'_>> {
         if self.moves { self.find_at_time(hit, time) } else { None }
     }
 
     #[cold]
     #[inline(never)]
-    fn find_at_time(&self, hit: &Hit, time: f32) -> Option<AtTime<'_>> {
+    fn find_at_time(&self, hit: &Hit, time: f32) -> Option<PlacementAtTime<'_>> {
         let placement = self.placements.get((hit.instance as usize).wrapping_sub(1)).filter(|p| p.moves)?;
         let space = &*self.shared[placement.geometry as usize];
         let world_from_object = self.world_from_object(placement, time);
         let placement = Placement { world_from_object: Transform::of(&world_from_object), ..*placement };
-        Some(AtTime { space, placement, world_from_object, time })
+        Some(PlacementAtTime { space, placement, world_from_object, time })
     }
 
     /// The transform of a placement at a time in 0..1 of the shutter interval.
@@ -607,7 +607,7 @@ impl Geometries {
     }
 }
 
-impl AtTime<'_> {
+impl PlacementAtTime<'_> {
     /// The corners of a triangle.
     fn corners(&self, t: [u32; 3]) -> [[f32; 3]; 3] {
         corners_at(&self.space.shapes, t, self.time)

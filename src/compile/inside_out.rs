@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use std::f64::consts::TAU;
 use std::sync::OnceLock;
 
-/// By mesh: must its orientation be flipped? Empty if no mesh must.
+/// Whether each mesh must be flipped; empty if none must.
 pub(super) fn find(scene: &Scene, materials: &[CompiledMaterial], warnings: &mut Vec<Warning>) -> Vec<bool> {
     let is_solid = |id: MaterialId| materials[id.index()].medium_index != 0;
     if !materials.iter().any(|m| m.medium_index != 0) {

@@ -23,8 +23,8 @@ pub(super) struct LightTables {
     pub spectra: Vec<Option<Arc<Spectrum>>>,
     /// Empty if every light is visible to all kinds of rays.
     pub ray_kinds: Vec<RayKinds>,
-    /// By area light: is its object excluded from the reference picture of the shadow catchers? Empty without catchers.
-    pub caught: Vec<bool>,
+    /// By area light: does its object cast shadows on catchers? Empty without catchers.
+    pub caster_lights: Vec<bool>,
 }
 
 impl LightTables {
@@ -40,7 +40,7 @@ impl LightTables {
             links: Links::of(scene, lights, surfaces),
             spectra: spectra((scene, shading), lights, surfaces),
             ray_kinds: ray_kinds(scene, lights, surfaces),
-            caught: caught(emitters, geometries, materials),
+            caster_lights: caster_lights(emitters, geometries, materials),
         }
     }
 }
@@ -183,7 +183,7 @@ impl Links {
         self.of_lights.get(index as usize).copied().unwrap_or_default()
     }
 
-    /// Does no object cast a shadow in a light's illumination?
+    /// Do all objects let the rays of a light pass, so that it casts no shadows?
     #[inline]
     pub fn is_unblocked(&self, index: u32) -> bool {
         let blockers = self.of_light(index).blockers;
@@ -248,16 +248,16 @@ fn ray_kinds(
     if kinds.iter().all(|&kinds| has_all_sampled_kinds(kinds)) { Vec::new() } else { kinds }
 }
 
-/// By area light: is its object excluded from the reference picture of the shadow catchers? Empty without catchers.
-fn caught(emitters: &Emitters, geometries: &Geometries, materials: &[CompiledMaterial]) -> Vec<bool> {
+/// By area light: does its object cast shadows on catchers? Empty without catchers.
+fn caster_lights(emitters: &Emitters, geometries: &Geometries, materials: &[CompiledMaterial]) -> Vec<bool> {
     if !materials.iter().any(|m| m.surface_visibility.is_some_and(|p| p.is_catcher)) {
         return Vec::new();
     }
-    let mut caught = vec![false; emitters.lights.len()];
+    let mut caster_lights = vec![false; emitters.lights.len()];
     for (light, _, material) in emitters.owners(geometries) {
-        caught[light] = materials[material as usize].is_shadow_catcher_object();
+        caster_lights[light] = materials[material as usize].casts_on_catchers();
     }
-    caught
+    caster_lights
 }
 
 /// Does a set of ray kinds contain every kind that light sampling concerns?

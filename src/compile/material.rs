@@ -22,7 +22,7 @@ pub struct CompiledMaterial {
     /// The BSDF, if constant over the surface.
     pub constant: Option<Bsdf>,
     /// In spectral rendering: the BSDF with RGB colours, if constant over the surface.
-    pub example: Option<Bsdf>,
+    pub constant_rgb: Option<Bsdf>,
     /// The albedo of `constant`; black without.
     pub albedo: Rgb,
     /// Emission, if any.
@@ -76,7 +76,7 @@ pub struct CompiledMaterial {
     pub graphs: Option<JointGraphs>,
     /// Components of a mix; empty for other materials.
     pub components: Vec<CompiledComponent>,
-    /// A component of a mix: light paths, which don't select one, end there.
+    /// A component of a mix. Light paths end at mixes, as they don't select a component.
     pub is_component: bool,
     pub(super) program: BsdfProgram,
 }
@@ -269,13 +269,13 @@ impl CompiledMaterial {
             emission.is_some_and(|e| e.radiance.texture.is_some()) || alpha.is_some_and(|a| a.is_textured());
         let uses_uv = is_textured || uses_frame || is_mapped || has_texture_outside_bsdf;
         let is_constant = !is_textured && !material.use_vertex_colors && !uses_frame;
-        let example = is_constant.then(|| program.evaluate(&Factors, &LocalFrame::DEFAULT));
+        let constant_rgb = is_constant.then(|| program.evaluate(&Factors, &LocalFrame::DEFAULT));
         let depends_on_hit = |id: TextureId| textures.depends_on_viewer(id) || textures.reads_hit(id);
         CompiledMaterial {
             class,
-            constant: example.filter(|_| !is_spectral),
-            example: example.filter(|_| is_spectral),
-            albedo: example.filter(|_| !is_spectral).map_or(Rgb::ZERO, |b| b.albedo()),
+            constant: constant_rgb.filter(|_| !is_spectral),
+            constant_rgb: constant_rgb.filter(|_| is_spectral),
+            albedo: constant_rgb.filter(|_| !is_spectral).map_or(Rgb::ZERO, |b| b.albedo()),
             emission,
             light_spectrum,
             is_transparent_to_shadow_rays: program.may_transmit_unscattered() && emission.is_none(),
@@ -364,12 +364,12 @@ impl CompiledMaterial {
         let program = BsdfProgram::blend(weights, [&a.program, &b.program]).filter(|_| are_compatible);
         let Some(program) = program else { return self };
         let is_constant =
-            [a, b].iter().all(|m| m.alike().is_some()) && weights.iter().all(|w| w.texture.is_none());
-        let is_spectral = a.example.is_some() || b.example.is_some();
-        let example = is_constant.then(|| program.evaluate(&Factors, &LocalFrame::DEFAULT));
-        let constant = example.filter(|_| !is_spectral);
+            [a, b].iter().all(|m| m.uniform_bsdf().is_some()) && weights.iter().all(|w| w.texture.is_none());
+        let is_spectral = a.constant_rgb.is_some() || b.constant_rgb.is_some();
+        let constant_rgb = is_constant.then(|| program.evaluate(&Factors, &LocalFrame::DEFAULT));
+        let constant = constant_rgb.filter(|_| !is_spectral);
         let albedo = constant.map_or(Rgb::ZERO, |bsdf| bsdf.albedo());
-        let (class, example) = (program.class(), example.filter(|_| is_spectral));
+        let (class, constant_rgb) = (program.class(), constant_rgb.filter(|_| is_spectral));
         let (normal_map, normal, bumped_normal) = normals(a);
         let components = Vec::new();
         let graphs = [&self.graphs, &a.graphs, &b.graphs].into_iter().flatten();
@@ -379,7 +379,7 @@ impl CompiledMaterial {
             graphs,
             program,
             constant,
-            example,
+            constant_rgb,
             albedo,
             normal_map,
             normal,
@@ -440,8 +440,8 @@ impl CompiledMaterial {
     }
 
     /// The BSDF, if constant over the surface apart from spectral colours.
-    pub fn alike(&self) -> Option<Bsdf> {
-        self.constant.or(self.example)
+    pub fn uniform_bsdf(&self) -> Option<Bsdf> {
+        self.constant.or(self.constant_rgb)
     }
 
     /// A copy of the material for objects with traits.
@@ -458,8 +458,9 @@ impl CompiledMaterial {
         }
     }
 
-    /// Is its object excluded from the reference picture of shadow catchers? Not for pure emitters, which don't scatter light.
-    pub fn is_shadow_catcher_object(&self) -> bool {
+    /// Does its object cast shadows on catchers? Then it is excluded from their reference picture. Not for pure emitters, which
+    /// don't scatter light.
+    pub fn casts_on_catchers(&self) -> bool {
         let is_pure_emitter = !self.uses_normals() && self.emission.is_some();
         !is_pure_emitter && !self.surface_visibility.is_some_and(|v| v.is_catcher)
     }
@@ -501,7 +502,7 @@ impl CompiledMaterial {
     }
 
     /// Do rays enter a medium inside its solids where they pass the surface by its alpha?
-    pub(super) fn can_be_passed_into(&self, medium: &Medium) -> bool {
+    pub(super) fn alpha_leads_into(&self, medium: &Medium) -> bool {
         let is_subsurface = medium.scattering.as_ref().is_some_and(|s| s.is_subsurface);
         let is_passed_by_alpha_only = !self.is_single_sided && self.surface_visibility.is_none();
         self.is_transparent() && is_passed_by_alpha_only && medium.has_effect() && !is_subsurface
@@ -570,7 +571,7 @@ impl CompiledMaterial {
 
     /// The value of the normal map at a point, in tangent space, not normalised; zero without a map.
     #[inline]
-    pub fn mapped(&self, slots: &PointReader<'_>) -> Vec3 {
+    pub fn mapped_tangent_normal(&self, slots: &PointReader<'_>) -> Vec3 {
         self.normal_map.map_or(Vec3::ZERO, |map| tangent_space_normal(map, slots))
     }
 

@@ -17,11 +17,11 @@ use std::cell::OnceCell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-/// Collects the media of a scene's materials after the exterior medium, and sets their indices in the materials.
+/// Collects the exterior medium and the media of a scene's materials, and sets their indices in the materials.
 ///
-/// Unused materials get none, nor do clear media of open surfaces: a window modelled as a single sheet would fill the room
-/// behind it with glass.
-pub(super) fn number(
+/// Unused materials have no medium; neither have open surfaces of clear glass: a window modelled as a single sheet would fill
+/// the room behind it with glass.
+pub(super) fn collect(
     scene: &Scene,
     anchor: DVec3,
     materials: &mut [CompiledMaterial],
@@ -65,13 +65,13 @@ pub(super) fn number(
                     }
                     scattering.counts_as_bounces = material.is_boundary;
                 }
-                material.bounds_medium = material.is_boundary || material.can_be_passed_into(&medium);
+                material.bounds_medium = material.is_boundary || material.alpha_leads_into(&medium);
                 media.push(medium);
             }
             Err(_) => left_out += 1,
         }
         if watertightness == Watertightness::Closed {
-            left_out += number_components(material, scene.materials[id].priority, &mut media);
+            left_out += add_component_media(material, scene.materials[id].priority, &mut media);
         }
     }
     warn_of_excess(left_out, warnings);
@@ -87,7 +87,7 @@ fn warn_of_excess(left_out: usize, warnings: &mut Vec<Warning>) {
     }
 }
 
-/// Marks media whose solids are enclosed by surfaces that no shadow ray passes.
+/// Marks media that are enclosed by surfaces which no shadow ray passes.
 pub(super) fn mark_enclosed(scene: &Scene, materials: &[CompiledMaterial], media: &mut [Medium]) {
     if !media.iter().filter_map(|m| m.scattering.as_ref()).any(|s| !s.counts_as_bounces) {
         return;
@@ -119,7 +119,7 @@ pub(super) fn mark_enclosed(scene: &Scene, materials: &[CompiledMaterial], media
 
 /// Adds the media of a mix's components that differ from its own, such as subsurface scattering in clear glass. Returns the
 /// number of media beyond the maximum.
-fn number_components(mix: &mut CompiledMaterial, priority: i32, media: &mut Vec<Medium>) -> usize {
+fn add_component_media(mix: &mut CompiledMaterial, priority: i32, media: &mut Vec<Medium>) -> usize {
     let mut left_out = 0;
     for (component, mut medium) in mix.components_with_other_media() {
         match u16::try_from(media.len()) {
@@ -173,7 +173,7 @@ fn warn_of_unbounded_fog(scene: &Scene, warnings: &mut Vec<Warning>) {
         || scene.lights.iter().any(|light| light.kind.position().is_none());
     if scene.fog.as_ref().is_some_and(is_unbounded) && has_far_light {
         warnings.push(Warning::general(
-            "the fog is unbounded, so that no light of the environment or a sun passes: give it a radius",
+            "the fog is unbounded, so no light of the environment or of suns passes: set its radius",
         ));
     }
 }

@@ -26,8 +26,8 @@ pub struct Medium {
     /// Do coefficients add to those of other such media at a point? Solids with a surface, and clear index-matched media, replace
     /// the media that they overlap.
     pub is_additive: bool,
-    /// A solid with a surface that leaves the additive media which it overlaps, of the same priority, as they are within it. Not
-    /// scattering solids, whose walks know no other media.
+    /// A solid with a surface within which overlapping additive media of the same priority continue. Not for scattering solids,
+    /// as their random walks ignore other media.
     pub keeps_overlapping_media: bool,
     /// Nested dielectrics: where solids overlap, the highest priority applies.
     pub priority: i32,
@@ -151,7 +151,8 @@ impl Medium {
         }
     }
 
-    /// The order of solids around a point: the first one refracts, and permeable ones come before additive media of the same priority.
+    /// Rank among the solids around a point: the highest one refracts; solids that keep overlapping media rank above additive media of the same
+    /// priority.
     #[inline]
     pub fn rank(&self) -> (i32, bool) {
         (self.priority, self.keeps_overlapping_media)
@@ -433,13 +434,13 @@ impl Scattering {
     }
 
     /// Transmittance between two ray parameters; with a grid an unbiased estimate, with random numbers hashed from the ray and
-    /// `salt`, which must differ between overlapping media.
+    /// `seed`, which must differ between overlapping media.
     #[inline]
     pub fn transmittance_between(
         &self,
         (origin, direction): (Vec3, Vec3),
         [from, to]: [f32; 2],
-        (salt, waves): (u32, Option<&Wavelengths>),
+        (seed, waves): (u32, Option<&Wavelengths>),
     ) -> Rgb {
         match &self.density {
             Density::Homogeneous | Density::Ball(_) => {
@@ -449,15 +450,15 @@ impl Scattering {
             }
             Density::Grid(own @ GridMedium { density: grid, .. }) => {
                 let bits = [origin.x, origin.y, origin.z, direction.x, direction.y, direction.z, from];
-                let salt = bits.into_iter().fold(salt, |salt, x| hash32(salt ^ x.to_bits()));
+                let seed = bits.into_iter().fold(seed, |seed, x| hash32(seed ^ x.to_bits()));
                 let max_extinction = self.extinction.max_element();
                 let ray = grid.ray(origin, direction, max_extinction);
                 match self.is_grey() {
-                    true => Rgb::ONE * grid.transmittance(&ray, from, to, salt),
+                    true => Rgb::ONE * grid.transmittance(&ray, from, to, seed),
                     false => {
                         let share = self.extinction / max_extinction;
                         let relative = |t: f32| share * own.relative_extinction(ray.at(t), waves);
-                        grid.transmittance_by_channel(&ray, [from, to], salt, relative)
+                        grid.transmittance_by_channel(&ray, [from, to], seed, relative)
                     }
                 }
             }

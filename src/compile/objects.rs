@@ -143,7 +143,6 @@ impl ObjectMaterials {
         }
     }
 
-    /// Are there no copies?
     pub fn has_no_copies(&self) -> bool {
         self.copies.is_empty()
     }

@@ -250,11 +250,11 @@ const MIN_SHARE: f64 = 0.08;
 /// Maximum root mean square of the angles between the normals of a side and their mean, radians.
 const MAX_SPREAD: f64 = 0.25;
 
-/// Number of triangles tested to reject round bodies.
-const PROBES: usize = 64;
+/// Maximum number of triangles tested to reject round bodies.
+const MAX_PROBES: usize = 64;
 
 /// Margin of bounding boxes, relative to their diagonal.
-const REFRACTOR_MARGIN: f32 = 0.01;
+const BOUNDS_MARGIN: f32 = 0.01;
 
 /// Small bright lights and the bodies that refract their light.
 #[derive(Clone, Debug, Default)]
@@ -307,8 +307,8 @@ impl RefractedLights {
             let mesh = &scene.meshes[instance.mesh.index()];
             for (part, material) in mesh.parts.iter().zip(objects::part_materials(mesh, instance)) {
                 let triangles = mesh.triangles.get(part.triangles());
-                let place = Place { mesh, instance, anchor };
-                bodies.extend(triangles.and_then(|list| place.body(list, &materials[material.index()])));
+                let place = PlacedMesh { mesh, instance, anchor };
+                bodies.extend(triangles.and_then(|list| place.refractor(list, &materials[material.index()])));
             }
         }
         for quad in &scene.quads {
@@ -316,9 +316,9 @@ impl RefractedLights {
             let corners = [DVec3::ZERO, quad.edge_u, quad.edge_v, quad.edge_u + quad.edge_v];
             let bounds = Bounds3::of(corners.map(|edge| (corner + edge).as_vec3()));
             let face = RefractorFace::new(quad.edge_u.cross(quad.edge_v));
-            bodies.extend(body(bounds, sides_of(&[face]), &materials[quad.material.index()]));
+            bodies.extend(refractor(bounds, sides_of(&[face]), &materials[quad.material.index()]));
         }
-        // With too many bodies the tests of rays don't pay.
+        // With too many bodies the test rays don't pay.
         match bodies.is_empty() || bodies.len() > MAX_BODIES {
             true => RefractedLights::default(),
             false => {
@@ -343,14 +343,14 @@ impl CompiledMaterial {
             && self.alpha.is_none()
             && self.emission.is_none()
             && self.components.is_empty();
-        self.alike().filter(|_| is_plain).and_then(|bsdf| bsdf.solid_ior_and_alpha())
+        self.uniform_bsdf().filter(|_| is_plain).and_then(|bsdf| bsdf.solid_ior_and_alpha())
     }
 }
 
 /// A refractor, if material and shape are suitable.
-fn body(bounds: Bounds3, sides: Vec<Side>, material: &CompiledMaterial) -> Option<Refractor> {
+fn refractor(bounds: Bounds3, sides: Vec<Side>, material: &CompiledMaterial) -> Option<Refractor> {
     let (ior, alpha) = material.refractor_interface()?;
-    let margin = Vec3::splat(REFRACTOR_MARGIN * bounds.extent().length());
+    let margin = Vec3::splat(BOUNDS_MARGIN * bounds.extent().length());
     let bounds = Bounds3 { min: bounds.min - margin, max: bounds.max + margin };
     let (medium, is_rough) = (material.medium_index, alpha > 0.0);
     // Smooth bodies need flat or wavy sides.
@@ -358,17 +358,17 @@ fn body(bounds: Bounds3, sides: Vec<Side>, material: &CompiledMaterial) -> Optio
 }
 
 /// An instance of a mesh, relative to the anchor.
-struct Place<'a> {
+struct PlacedMesh<'a> {
     mesh: &'a Mesh,
     instance: &'a Instance,
     anchor: DVec3,
 }
 
-impl Place<'_> {
-    fn body(&self, triangles: &[[u32; 3]], material: &CompiledMaterial) -> Option<Refractor> {
+impl PlacedMesh<'_> {
+    fn refractor(&self, triangles: &[[u32; 3]], material: &CompiledMaterial) -> Option<Refractor> {
         let (_, alpha) = material.refractor_interface()?;
         // Most smooth bodies are round: reject them by a few triangles.
-        let step = triangles.len().div_ceil(PROBES).max(1);
+        let step = triangles.len().div_ceil(MAX_PROBES).max(1);
         let few: Vec<RefractorFace> =
             triangles.iter().step_by(step).map(|triangle| self.face(triangle)).collect();
         if alpha <= 0.0 && sides_of(&few).is_empty() {
@@ -378,7 +378,7 @@ impl Place<'_> {
         let corners = triangles.iter().flat_map(|triangle| self.mesh.corners_f64(*triangle));
         let bounds = Bounds3::of(corners.map(|p| (place.transform_point3(p) - self.anchor).as_vec3()));
         let faces: Vec<RefractorFace> = triangles.iter().map(|triangle| self.face(triangle)).collect();
-        body(bounds, sides_of(&faces), material)
+        refractor(bounds, sides_of(&faces), material)
     }
 
     fn face(&self, triangle: &[u32; 3]) -> RefractorFace {

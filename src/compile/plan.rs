@@ -16,13 +16,13 @@ use std::sync::Arc;
 /// Meshes with fewer triangles are merged: a copy costs less than the traversal of an instance.
 const MIN_SHARED_TRIANGLES: usize = 1024;
 
-/// Maximum total number of triangles of such copies, about 600 MB with their BVH. Beyond, smaller meshes are shared: 60,000
-/// placements of meshes with 128 triangles take 132 MB instead of 1,027, and 5.7 s instead of 10.1 at 16 samples, of which
-/// tracing takes 4.4 s instead of 3.6.
+/// Maximum total number of triangles of such copies, about 600 MB with their BVH; above it, smaller meshes are shared. (60,000
+/// instances of meshes with 128 triangles take 132 MB instead of 1,027, and 5.7 s instead of 10.1 at 16 samples, although
+/// tracing takes 4.4 s instead of 3.6.)
 const MAX_COPIED_TRIANGLES: usize = 1 << 22;
 
 /// Meshes with fewer triangles are never shared: copies take less memory than placements.
-const MIN_TRIANGLES_OF_INSTANCES: usize = 8;
+const MIN_INSTANCED_TRIANGLES: usize = 8;
 
 /// Maximum condition number of the linear transform of a placement; other instances are merged. Rays transformed to object
 /// space in single precision lose that much precision.
@@ -149,7 +149,7 @@ pub(super) fn plan(
         plan.instances.push(PlannedInstance { index, mode, world_from_object, geometry: 0, motion });
     }
     if invisible > 0 {
-        left_out.push(format!("{invisible} placements whose materials are fully transparent"));
+        left_out.push(format!("{invisible} instances whose materials are fully transparent"));
     }
     plan.number_meshes(scene);
     plan.report(scene, &uses, left_out);
@@ -208,7 +208,7 @@ impl Plan {
             let (n, copies) = (mesh.triangles.len(), placed - 1);
             let name = &mesh.name;
             left_out
-                .push(format!("{copies} copies of mesh '{name}' ({n} triangles): its instances share one"));
+                .push(format!("{copies} copies of mesh '{name}' ({n} triangles): its instances share a single copy"));
         }
     }
 
@@ -301,9 +301,9 @@ fn with_shapes(mut sum: Fingerprint, scene: &Scene) -> Fingerprint {
 /// Is a transform invertible? Warns of singular and nearly singular ones.
 fn is_usable(instance: &Instance, linear: &DMat3, warnings: &mut Vec<Warning>) -> bool {
     let message = if !is_invertible(linear) {
-        "a singular or non-finite transform makes it invisible; it was left out"
+        "its transform is singular or not finite; it was dropped"
     } else if orthogonality(linear) < NEARLY_SINGULAR {
-        "a nearly singular transform makes its position and normals imprecise"
+        "its transform is nearly singular; its positions and normals are imprecise"
     } else {
         return true;
     };
@@ -338,7 +338,7 @@ fn min_shared_triangles(scene: &Scene, uses: &[usize]) -> usize {
     let mut min = MIN_SHARED_TRIANGLES;
     let too_many =
         |min| copied.range(..min).fold(0usize, |sum, (_, n)| sum.saturating_add(*n)) > MAX_COPIED_TRIANGLES;
-    while min > MIN_TRIANGLES_OF_INSTANCES && too_many(min) {
+    while min > MIN_INSTANCED_TRIANGLES && too_many(min) {
         min /= 2;
     }
     min
@@ -443,10 +443,10 @@ pub enum Tree {
 }
 
 /// Scenes with fewer triangles get full builds, which take less than a third of a second.
-const MIN_TRIANGLES: u64 = 1 << 17;
+const MIN_FAST_BUILD_TRIANGLES: u64 = 1 << 17;
 
 /// Camera rays per triangle above which a full build pays. (Measured: see the README of `tools/rays`.)
-const RAYS_A_TRIANGLE: u64 = 4;
+const CAMERA_RAYS_PER_TRIANGLE: u64 = 4;
 
 impl Tree {
     /// The quality for a number of triangles.
@@ -454,7 +454,7 @@ impl Tree {
         match self {
             Tree::Fast => TreeQuality::Fast,
             Tree::For { camera_rays }
-                if triangles >= MIN_TRIANGLES && camera_rays < triangles.saturating_mul(RAYS_A_TRIANGLE) =>
+                if triangles >= MIN_FAST_BUILD_TRIANGLES && camera_rays < triangles.saturating_mul(CAMERA_RAYS_PER_TRIANGLE) =>
             {
                 TreeQuality::Fast
             }
@@ -488,6 +488,6 @@ mod tests {
         assert_eq!(min_triangles([4000, 1000, 1, 0]), 512, "4.2 million");
         assert_eq!(min_triangles([0, 21_000, 1, 0]), 128);
         assert_eq!(min_triangles([1, 1, 1_000_000, 1]), 8);
-        assert_eq!(min_triangles([1, 1, 1, 2_000_000]), MIN_TRIANGLES_OF_INSTANCES, "left as copies");
+        assert_eq!(min_triangles([1, 1, 1, 2_000_000]), MIN_INSTANCED_TRIANGLES, "left as copies");
     }
 }

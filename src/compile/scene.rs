@@ -122,12 +122,12 @@ pub struct CompiledScene {
     pub(super) light_kinds: Vec<RayKinds>,
     /// Light linking.
     pub links: Links,
-    /// By area light: is it excluded from the reference picture of shadow catchers? Empty without catchers.
-    pub(super) caught_lights: Vec<bool>,
+    /// By area light: does its object cast shadows on catchers? Empty without catchers.
+    pub(super) caster_lights: Vec<bool>,
     /// Number of materials of the scene, which come first.
-    pub(super) scene_materials: u32,
-    /// The scene's materials of all others.
-    pub(super) copy_sources: Vec<MaterialId>,
+    pub(super) scene_material_count: u32,
+    /// The scene's material of each compiled material after those: copies and components.
+    pub(super) scene_materials_of_copies: Vec<MaterialId>,
     /// Features, to skip stages of the integrator.
     pub features: Features,
     /// Data of objects for node graphs, by id; empty if no node graph reads them.
@@ -233,15 +233,15 @@ impl CompiledScene {
         self.light_spectra.get(index as usize).and_then(Option::as_deref)
     }
 
-    /// Is light `index` excluded from the reference picture of shadow catchers?
-    pub fn is_caught_light(&self, index: u32) -> bool {
-        self.caught_lights.get(index as usize).is_some_and(|&is_caught| is_caught)
+    /// Does the object of light `index` cast shadows on catchers? Then it is excluded from their reference picture.
+    pub fn is_caster_light(&self, index: u32) -> bool {
+        self.caster_lights.get(index as usize).is_some_and(|&is_caught| is_caught)
     }
 
     /// The scene's material of a compiled material, which may be a copy or component.
-    pub fn described_material(&self, material: u32) -> u32 {
-        let copy = material.checked_sub(self.scene_materials);
-        copy.map_or(material, |copy| self.copy_sources[copy as usize].0)
+    pub fn scene_material(&self, material: u32) -> u32 {
+        let copy = material.checked_sub(self.scene_material_count);
+        copy.map_or(material, |copy| self.scene_materials_of_copies[copy as usize].0)
     }
 
     /// The object of the scene at a hit.

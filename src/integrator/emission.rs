@@ -71,7 +71,7 @@ impl Integrator<'_> {
                 group: match light {
                     Some(index) => self.scene.light_groups.of_light(index),
                     None => {
-                        let material = self.scene.described_material(surface.material);
+                        let material = self.scene.scene_material(surface.material);
                         self.scene.light_groups.of_surface(self.scene.object_at(hit), material)
                     }
                 },

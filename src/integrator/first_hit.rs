@@ -58,7 +58,7 @@ impl FirstHit<'_> {
     fn common(&self, aovs: AovSet, scene: &CompiledScene) -> Common {
         let shows = |some: &[Aov]| some.iter().any(|&aov| aovs.contains(aov));
         Common {
-            material: scene.described_material(self.surface.material),
+            material: scene.scene_material(self.surface.material),
             object: if shows(&OF_OBJECTS) { scene.object_at(&self.hit).0 } else { 0 },
             side: if self.surface.ng.dot(self.wo) < 0.0 { -1.0 } else { 1.0 },
             appearance: if shows(&OF_APPEARANCE) { self.bsdf.appearance() } else { Appearance::BLACK },

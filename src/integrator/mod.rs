@@ -172,9 +172,9 @@ impl<'a> Integrator<'a> {
         let groups = groups_of(scene, options.filter_glossy > 0.0);
         let dimensions = (0..sets).map(Dimensions::new).collect();
         let layers = Layers::new(options.aovs, options.light_groups, options.catchers);
-        let excluded = scene.materials.iter().map(|m| m.is_shadow_catcher_object()).collect();
+        let excluded = scene.materials.iter().map(|m| m.casts_on_catchers()).collect();
         let pass_through_or_excluded =
-            scene.materials.iter().map(|m| m.may_pass_through() || m.is_shadow_catcher_object()).collect();
+            scene.materials.iter().map(|m| m.may_pass_through() || m.casts_on_catchers()).collect();
         let may_pass_through = scene.materials.iter().map(|m| m.may_pass_through()).collect();
         Integrator {
             scene,

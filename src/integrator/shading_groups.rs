@@ -232,7 +232,7 @@ fn group_of(material: &CompiledMaterial, by_wavelength: bool) -> ShadingGroup {
         _ => {
             // A smooth surface in air need not be smooth within another solid.
             let stays_smooth = |b: Bsdf| material.medium_index == 0 || b.with_ior(2.0).is_specular();
-            let is_specular = material.alike().is_some_and(|b| b.is_specular() && stays_smooth(b));
+            let is_specular = material.uniform_bsdf().is_some_and(|b| b.is_specular() && stays_smooth(b));
             match material.class {
                 _ if is_specular => ShadingGroup::Specular,
                 BsdfClass::MetalRough if by_wavelength && material.constant.is_none() => {

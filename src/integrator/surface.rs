@@ -669,7 +669,7 @@ impl Integrator<'_> {
             uv_per_metre: [v.textured.uv_per_metre[k], 0.0],
         };
         let reader = PointReader::new(&self.scene.textures, point);
-        set(&mut v.textured.mapped, k, material.mapped(&reader));
+        set(&mut v.textured.mapped, k, material.mapped_tangent_normal(&reader));
         let read = match material.bsdf(&reader, &LocalFrame::DEFAULT, Rgb::ONE) {
             Bsdf::MetalRough(m) => m,
             _ => MetalRough::BLACK,

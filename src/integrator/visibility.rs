@@ -294,7 +294,7 @@ impl Integrator<'_> {
     /// Is the sampled light of vertex `i` linked to the vertex, and not excluded as a shadow caster?
     pub(super) fn is_linked_to_light(&self, i: usize, w: &Workspace) -> bool {
         let index = self.only_light.unwrap_or(w.wave.vertices.light.index[i]);
-        let is_excluded = w.excludes_casters && self.scene.is_caught_light(index);
+        let is_excluded = w.excludes_casters && self.scene.is_caster_light(index);
         let class = receiver_class(i, &w.wave.paths, self.scene.features.links);
         !is_excluded && self.scene.links.reach(self.scene.links.of_light(index), class)
     }

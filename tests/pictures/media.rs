@@ -209,7 +209,7 @@ fn grids_shine_by_other_grids() {
                 None => [heat; 3],
                 Some(kelvin) if scales_with_power => {
                     let kelvin = (heat * f64::from(kelvin)) as f32;
-                    let color = bodies.rgb(kelvin.max(BlackBodies::COOLEST));
+                    let color = bodies.rgb(kelvin.max(BlackBodies::MIN_KELVIN));
                     color.map(|c| f64::from(c * bodies.power_over_luminance(kelvin)))
                 }
                 Some(kelvin) => bodies.rgb((heat * f64::from(kelvin)) as f32).map(f64::from),
