@@ -6,14 +6,14 @@ use super::ggx::{DirectionalAlbedo, MIN_ALPHA, MIN_ROUGHNESS};
 use crate::math::Vec3;
 
 /// Largest ratio of the square roots of the two alphas in the table.
-pub const LARGEST_ROOT_RATIO: f32 = 4.0;
+pub const MAX_ROOT_RATIO: f32 = 4.0;
 
 /// Nodes along the table's axes: square root r of the smaller alpha ([`small_axis`]); root of the larger alpha, as a position between
 /// r and min(4 r, 1); root of the alpha along the azimuth, as a position between these two roots; and [`cosine_axis`].
 const NODES: [usize; 4] = [16, 13, 11, 28];
 
 /// Largest value of the table, stored as 65535.
-const LARGEST: f32 = 6.5;
+const MAX_VALUE: f32 = 6.5;
 
 /// Added to numerator and denominator of the table's ratios, so that tiny values don't matter.
 const FLOOR: f32 = 0.01;
@@ -27,7 +27,7 @@ static ANISOTROPIC: Table = table_file!(u16, "anisotropic.bin");
 /// Root of the largest alpha in the table for the root of the smaller alpha.
 #[inline(always)]
 fn largest(small: f32) -> f32 {
-    (small * LARGEST_ROOT_RATIO).min(1.0)
+    (small * MAX_ROOT_RATIO).min(1.0)
 }
 
 /// Table coordinate of the smaller alpha's root: piecewise linear, with a node at the kink of [`largest`].
@@ -41,7 +41,7 @@ fn small_axis(small: f32) -> f32 {
 }
 
 /// Root of the smaller alpha at which [`largest`] becomes 1.
-const KINK: f32 = 1.0 / LARGEST_ROOT_RATIO;
+const KINK: f32 = 1.0 / MAX_ROOT_RATIO;
 
 /// Table coordinate of [`KINK`], which is a node.
 const AT_KINK: f32 = 0.4;
@@ -152,7 +152,7 @@ fn interpolate(coordinates: [f32; 4]) -> [f32; 2] {
             *sum += weight * f32::from(value);
         }
     }
-    sums.map(|sum| sum * (LARGEST / 65535.0))
+    sums.map(|sum| sum * (MAX_VALUE / 65535.0))
 }
 
 #[cfg(test)]
@@ -214,8 +214,8 @@ mod tests {
         if std::env::var_os("OSCURA_WRITE_TABLES").is_some() {
             let nodes: Vec<f64> = indices().flat_map(node).collect();
             let largest = nodes.iter().copied().fold(0.0, f64::max);
-            assert!(largest <= f64::from(LARGEST), "{largest}");
-            let unit = 65535.0 / f64::from(LARGEST);
+            assert!(largest <= f64::from(MAX_VALUE), "{largest}");
+            let unit = 65535.0 / f64::from(MAX_VALUE);
             let bytes: Vec<u8> =
                 nodes.iter().flat_map(|v| ((v * unit).round() as u16).to_le_bytes()).collect();
             std::fs::write(concat!(env!("CARGO_MANIFEST_DIR"), "/src/bsdf/anisotropic.bin"), bytes).unwrap();
@@ -225,7 +225,7 @@ mod tests {
             let exact = node(index);
             let [a, b, c, d] = index;
             for k in 0..2 {
-                let found = f64::from(ANISOTROPIC[a][b][c][d][k]) / 65535.0 * f64::from(LARGEST);
+                let found = f64::from(ANISOTROPIC[a][b][c][d][k]) / 65535.0 * f64::from(MAX_VALUE);
                 assert!((found - exact[k]).abs() < 1e-4, "{index:?}: {found} {exact:?}");
             }
         }

@@ -41,7 +41,7 @@ impl Blend {
     }
 
     /// Applies a change to both BSDFs.
-    pub fn change(&mut self, change: impl FnMut(&mut MetalRough)) {
+    pub fn modify_parts(&mut self, change: impl FnMut(&mut MetalRough)) {
         self.parts.iter_mut().for_each(change);
     }
 

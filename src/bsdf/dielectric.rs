@@ -128,10 +128,9 @@ impl Lobe for ThinDielectric {
             wi: -wo,
             weight: self.tint,
             pdf_solid_angle: 1.0 - reflectance,
-            eta: 1.0,
-            flux: 1.0,
             is_specular: true,
             is_transmission: true,
+            ..BsdfSample::ABSORBED
         }
     }
 

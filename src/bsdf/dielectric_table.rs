@@ -22,8 +22,8 @@ static MEAN_COSINE: Table = table_file!(u16, "mean_cosine.bin");
 #[inline(always)]
 fn index_axis(curve: DielectricCurve) -> f32 {
     // At q = 1 / sqrt(3).
-    const LARGEST: f32 = 1.896_201_7;
-    (2.0 * curve.amplitude.sqrt() / (1.0 - curve.amplitude)).sqrt() * (1.0 / LARGEST)
+    const MAX_VALUE: f32 = 1.896_201_7;
+    (2.0 * curve.amplitude.sqrt() / (1.0 - curve.amplitude)).sqrt() * (1.0 / MAX_VALUE)
 }
 
 /// Stretches the range of small cosines, at which facets of this roughness are shadowed, for a finer resolution there. Keeps 0 and 1.
@@ -68,7 +68,7 @@ pub fn mean_cosine(cos_o: f32, alpha: f32, curve: DielectricCurve) -> f32 {
 mod tests {
     use super::*;
     use crate::bsdf::DirectionalAlbedo;
-    use crate::bsdf::fresnel::LARGEST_AMPLITUDE;
+    use crate::bsdf::fresnel::MAX_AMPLITUDE;
     use crate::bsdf::reference::{direction, fresnel, reflections};
     use crate::sampling::chi2::Random;
 
@@ -118,7 +118,7 @@ mod tests {
 
     /// Inverse of [`index_axis`].
     fn ior_at(coordinate: f64) -> f64 {
-        let q = f64::from(LARGEST_AMPLITUDE);
+        let q = f64::from(MAX_AMPLITUDE);
         let largest = ((1.0 + q) / (1.0 - q)).powi(2) - 1.0;
         (1.0 + largest * coordinate.powi(4)).sqrt()
     }

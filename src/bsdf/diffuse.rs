@@ -22,10 +22,7 @@ impl Lobe for Lambert {
             wi: Vec3::new(up.x, up.y, up.z.copysign(wo.z)),
             weight: self.albedo,
             pdf_solid_angle: up.z * FRAC_1_PI,
-            eta: 1.0,
-            flux: 1.0,
-            is_specular: false,
-            is_transmission: false,
+            ..BsdfSample::ABSORBED
         }
     }
 
@@ -199,10 +196,8 @@ impl LambertTransmission {
             wi: Vec3::new(up.x, up.y, up.z.copysign(-wo.z)),
             weight: Rgb::ONE,
             pdf_solid_angle: up.z * FRAC_1_PI,
-            eta: 1.0,
-            flux: 1.0,
-            is_specular: false,
             is_transmission: true,
+            ..BsdfSample::ABSORBED
         }
     }
 

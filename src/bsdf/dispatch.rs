@@ -169,7 +169,7 @@ macro_rules! bsdfs {
 
             /// See [`Transmissive::SIDES_MAY_SWAP`].
             #[inline]
-            pub fn turns_over(&self) -> bool {
+            pub fn sides_may_swap(&self) -> bool {
                 match self {
                     Bsdf::Black => false,
                     $(Bsdf::$opaque(_) => false,)*

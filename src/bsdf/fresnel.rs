@@ -129,14 +129,14 @@ pub struct DielectricCurve {
 }
 
 /// Reflected amplitude at normal incidence for an index of 2 + sqrt(3): 1 / sqrt(3).
-pub(super) const LARGEST_AMPLITUDE: f32 = 0.577_350_26;
+pub(super) const MAX_AMPLITUDE: f32 = 0.577_350_26;
 
 impl DielectricCurve {
     /// The curve of a relative index of refraction; 0 stands for infinity as in KHR_materials_ior, values between 0 and 1 for their
     /// inverse.
     #[inline(always)]
     pub fn of_ior(ior: f32) -> DielectricCurve {
-        DielectricCurve { amplitude: ((ior - 1.0) / (ior + 1.0)).abs().min(LARGEST_AMPLITUDE) }
+        DielectricCurve { amplitude: ((ior - 1.0) / (ior + 1.0)).abs().min(MAX_AMPLITUDE) }
     }
 
     /// The Fresnel reflectance of unpolarised light. `cosine` in 0..1.

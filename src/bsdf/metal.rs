@@ -217,10 +217,7 @@ impl Lobe for Conductor {
             wi: outward,
             weight: value.f_cos / value.pdf_solid_angle,
             pdf_solid_angle: value.pdf_solid_angle,
-            eta: 1.0,
-            flux: 1.0,
-            is_specular: false,
-            is_transmission: false,
+            ..BsdfSample::ABSORBED
         }
     }
 
@@ -349,10 +346,7 @@ impl<F: Facets, R: Fn(f32) -> Rgb> FacetReflection<F, R> {
             wi: Vec3::new(wi.x, wi.y, wi.z.copysign(wo.z)),
             weight: if lost { Rgb::ZERO } else { weight },
             pdf_solid_angle: if lost { 0.0 } else { r.pdf_solid_angle },
-            eta: 1.0,
-            flux: 1.0,
-            is_specular: false,
-            is_transmission: false,
+            ..BsdfSample::ABSORBED
         }
     }
 

@@ -1,7 +1,7 @@
 //! The trait over microfacet distributions, and its implementations: isotropic and anisotropic GGX (Heitz 2014, "Understanding the
 //! Masking-Shadowing Function in Microfacet-Based BRDFs", section 5.4), and Beckmann.
 
-use super::anisotropic_table::{LARGEST_ROOT_RATIO, anisotropic_albedo, anisotropic_dielectric_grazing};
+use super::anisotropic_table::{MAX_ROOT_RATIO, anisotropic_albedo, anisotropic_dielectric_grazing};
 use super::dielectric_table::mean_cosine;
 use super::fresnel::DielectricCurve;
 use super::ggx::{self, DirectionalAlbedo, MIN_ALPHA, MIN_COS, Reflection};
@@ -108,7 +108,7 @@ impl Facets for BeckmannFacets {
 }
 
 /// Smallest ratio of the two alphas.
-const MIN_RATIO: f32 = 1.0 / (LARGEST_ROOT_RATIO * LARGEST_ROOT_RATIO);
+const MIN_RATIO: f32 = 1.0 / (MAX_ROOT_RATIO * MAX_ROOT_RATIO);
 
 /// Anisotropic GGX facets.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -121,8 +121,8 @@ pub struct Microsurface {
 
 impl Microsurface {
     /// Raises both alphas to a minimum.
-    pub(super) fn roughen(&mut self, least: f32) {
-        self.alpha = self.alpha.map(|alpha| alpha.max(least));
+    pub(super) fn roughen(&mut self, min_alpha: f32) {
+        self.alpha = self.alpha.map(|alpha| alpha.max(min_alpha));
     }
 
     /// Facets with alphas along an axis (a unit vector in the tangent plane) and across it. The smaller alpha is raised to at least a

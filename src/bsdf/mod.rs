@@ -187,7 +187,7 @@ impl Bsdf {
             base if base.is_diffuse_base() => Bsdf::Black,
             Bsdf::MetalRough(material) => Bsdf::MetalRough(MetalRough { diffuse: Rgb::ZERO, ..material }),
             Bsdf::Blend(mut blend) => {
-                blend.change(|part| part.diffuse = Rgb::ZERO);
+                blend.modify_parts(|part| part.diffuse = Rgb::ZERO);
                 Bsdf::Blend(blend)
             }
             Bsdf::Layered(mut layered) => {
@@ -209,7 +209,7 @@ impl Bsdf {
             Bsdf::Phong(phong) if reflective => phong.specular = Rgb::ZERO,
             Bsdf::Toon(toon) if reflective && toon.is_glossy => *self = Bsdf::Black,
             Bsdf::MetalRough(material) if reflective => material.remove_reflection(),
-            Bsdf::Blend(blend) if reflective => blend.change(MetalRough::remove_reflection),
+            Bsdf::Blend(blend) if reflective => blend.modify_parts(MetalRough::remove_reflection),
             Bsdf::Dielectric(_) | Bsdf::ThinDielectric(_) | Bsdf::RoughDielectric(_)
                 if reflective && refractive =>
             {
@@ -222,24 +222,26 @@ impl Bsdf {
     }
 
     /// Whether light crosses the surface into or out of a body with subsurface scattering.
-    pub fn has_body(&self) -> bool {
+    pub fn has_subsurface(&self) -> bool {
         matches!(self, Bsdf::Layered(layered) if layered.body.is_some())
     }
 
     /// Raises the alpha of all facets to a minimum, including exact mirrors and smooth solid glass.
-    pub fn roughen(&mut self, least: f32) {
-        if least < ggx::MIN_ALPHA {
+    pub fn roughen(&mut self, min_alpha: f32) {
+        if min_alpha < ggx::MIN_ALPHA {
             return;
         }
         match self {
-            Bsdf::SchlickMetal(metal) => metal.alpha = metal.alpha.max(least),
-            Bsdf::Beckmann(facets) => facets.alpha = facets.alpha.max(least),
-            Bsdf::Conductor(metal) => metal.surface.roughen(least),
-            Bsdf::MetalRough(material) => material.surface.alpha = material.surface.alpha.max(least),
-            Bsdf::Blend(blend) => blend.change(|part| part.surface.alpha = part.surface.alpha.max(least)),
-            Bsdf::RoughDielectric(glass) => glass.roughen(least),
+            Bsdf::SchlickMetal(metal) => metal.alpha = metal.alpha.max(min_alpha),
+            Bsdf::Beckmann(facets) => facets.alpha = facets.alpha.max(min_alpha),
+            Bsdf::Conductor(metal) => metal.surface.roughen(min_alpha),
+            Bsdf::MetalRough(material) => material.surface.alpha = material.surface.alpha.max(min_alpha),
+            Bsdf::Blend(blend) => {
+                blend.modify_parts(|part| part.surface.alpha = part.surface.alpha.max(min_alpha))
+            }
+            Bsdf::RoughDielectric(glass) => glass.roughen(min_alpha),
             Bsdf::Dielectric(glass) if glass.ior != 1.0 => {
-                let rough = single_scattering_glass(glass.ior, Walls::Solid, glass.refraction, least);
+                let rough = single_scattering_glass(glass.ior, Walls::Solid, glass.refraction, min_alpha);
                 *self = Bsdf::RoughDielectric(RoughDielectric {
                     tint: glass.tint,
                     is_beckmann: glass.is_beckmann,
@@ -247,9 +249,9 @@ impl Bsdf {
                 });
             }
             Bsdf::Layered(layered) => {
-                layered.opaque.surface.roughen(least);
-                layered.glass.roughen(least);
-                layered.coat.alpha = layered.coat.alpha.max(least);
+                layered.opaque.surface.roughen(min_alpha);
+                layered.glass.roughen(min_alpha);
+                layered.coat.alpha = layered.coat.alpha.max(min_alpha);
             }
             _ => {}
         }

@@ -119,9 +119,9 @@ pub(super) struct Facet {
 
 impl RoughDielectric {
     /// Raises the alphas of solid glass to a minimum. (Not of thin glass, which transmits without refraction.)
-    pub(super) fn roughen(&mut self, least: f32) {
-        if self.walls == Walls::Solid && self.surface.alpha.iter().any(|alpha| *alpha < least) {
-            self.surface.roughen(least);
+    pub(super) fn roughen(&mut self, min_alpha: f32) {
+        if self.walls == Walls::Solid && self.surface.alpha.iter().any(|alpha| *alpha < min_alpha) {
+            self.surface.roughen(min_alpha);
             // The energy loss of the additional roughness is not compensated, as in Cycles.
             self.energy_compensation = EnergyCompensation::Off;
         }

@@ -83,15 +83,7 @@ impl Sheen {
         let up = Vec3::new(x * c - y * s, x * s + y * c, w.z).normalize();
         let wi = Vec3::new(up.x, up.y, up.z.copysign(wo.z));
         let pdf_solid_angle = self.eval(wo, wi).pdf_solid_angle;
-        BsdfSample {
-            wi,
-            weight: Rgb::ONE,
-            pdf_solid_angle,
-            eta: 1.0,
-            flux: 1.0,
-            is_specular: false,
-            is_transmission: false,
-        }
+        BsdfSample { wi, weight: Rgb::ONE, pdf_solid_angle, ..BsdfSample::ABSORBED }
     }
 
     /// Value and pdf of the lobe normalised to albedo 1; see [`super::Bsdf::eval`].

@@ -396,7 +396,8 @@ fn report_accel(stats: &BuildStats, report: &mut CompileReport, count_degenerate
     // Only a note: meshes such as the poles of spheres have degenerate triangles, which are invisible.
     let without_area = if dropped.degenerate > 0 { count_degenerate().min(dropped.degenerate) } else { 0 };
     report_dropped(&mut report.notes, without_area, "primitive", "without area");
-    let too_small = "too small for single precision at its distance from the camera or the centre of its mesh";
+    let too_small =
+        "too small for single precision at its distance from the camera or the centre of its mesh";
     report_dropped(&mut report.warnings, dropped.degenerate - without_area, "primitive", too_small);
     report_dropped(&mut report.warnings, dropped.instances, "instance", "with singular transforms");
 }

@@ -125,8 +125,9 @@ fn bezier(span: &[ControlPoint; 4], t: f64) -> ControlPoint {
 fn displaced_outwards(cuts: &[(ControlPoint, f64)], i: usize) -> DVec3 {
     let here = cuts[i].0.p;
     let neighbours = i.checked_sub(1).and_then(|before| cuts.get(before)).zip(cuts.get(i + 1));
-    neighbours
-        .map_or(here, |((before, _), (after, _))| here - (before.p - 2.0 * here + after.p) * (OUTWARD_SHIFT / 8.0))
+    neighbours.map_or(here, |((before, _), (after, _))| {
+        here - (before.p - 2.0 * here + after.p) * (OUTWARD_SHIFT / 8.0)
+    })
 }
 
 impl StrandSegments {

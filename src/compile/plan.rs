@@ -207,8 +207,9 @@ impl Plan {
         for (mesh, placed) in scene.meshes.iter().zip(placements).filter(|(_, placed)| *placed > 1) {
             let (n, copies) = (mesh.triangles.len(), placed - 1);
             let name = &mesh.name;
-            left_out
-                .push(format!("{copies} copies of mesh '{name}' ({n} triangles): its instances share a single copy"));
+            left_out.push(format!(
+                "{copies} copies of mesh '{name}' ({n} triangles): its instances share a single copy"
+            ));
         }
     }
 
@@ -454,7 +455,8 @@ impl Tree {
         match self {
             Tree::Fast => TreeQuality::Fast,
             Tree::For { camera_rays }
-                if triangles >= MIN_FAST_BUILD_TRIANGLES && camera_rays < triangles.saturating_mul(CAMERA_RAYS_PER_TRIANGLE) =>
+                if triangles >= MIN_FAST_BUILD_TRIANGLES
+                    && camera_rays < triangles.saturating_mul(CAMERA_RAYS_PER_TRIANGLE) =>
             {
                 TreeQuality::Fast
             }

@@ -223,7 +223,7 @@ impl Integrator<'_> {
         if ior >= 1.0 {
             return (bsdf.with_ior(ior), false);
         }
-        if bsdf.turns_over() {
+        if bsdf.sides_may_swap() {
             return (bsdf.with_ior(1.0 / ior), true);
         }
         // This BSDF supports no index below 1.

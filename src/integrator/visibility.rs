@@ -345,7 +345,7 @@ impl FirstBounce {
     pub fn of(bsdf: &Bsdf, [ns, ng]: [Vec3; 2], wo: Vec3, wi: Vec3) -> FirstBounce {
         let frame = Frame::from_normal(ns);
         // Subsurface scattering is diffuse reflection on the whole.
-        let is_transmission = wi.dot(ng) * wo.dot(ng) < 0.0 && !bsdf.has_body();
+        let is_transmission = wi.dot(ng) * wo.dot(ng) < 0.0 && !bsdf.has_subsurface();
         let (wo, wi) = (local_viewer(&frame, wo, ng), frame.to_local(wi));
         FirstBounce {
             diffuse: clamped_ratio(bsdf.diffuse_part(wo, wi), bsdf.eval(wo, wi).f_cos),

@@ -28,7 +28,8 @@ impl CausticPlan {
         let roles = scene.roles();
         let targets = scene.targets(&roles);
         let light_count = (scene.lights.area().len() + scene.lights.punctual().len()) as u32;
-        let emission = LightPathSampler::new(&scene.lights, &scene.textures, targets, scene.bounding_radius())?;
+        let emission =
+            LightPathSampler::new(&scene.lights, &scene.textures, targets, scene.bounding_radius())?;
         Some(CausticPlan { roles, light_count, emission, seed, paths: paths.max(1) })
     }
 
