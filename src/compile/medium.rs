@@ -151,8 +151,8 @@ impl Medium {
         }
     }
 
-    /// Rank among the solids around a point: the highest one refracts; solids that keep overlapping media rank above additive media of the same
-    /// priority.
+    /// Rank among the solids around a point: the highest one refracts. At equal priority, solids that keep overlapping media rank
+    /// above additive media.
     #[inline]
     pub fn rank(&self) -> (i32, bool) {
         (self.priority, self.keeps_overlapping_media)
