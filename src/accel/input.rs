@@ -350,7 +350,7 @@ fn triangle_bounds(geometry: &Geometry, index: usize) -> Result<Bounds3, Primiti
     }
     match triangle::is_degenerate(vertices) {
         true => Err(PrimitiveKind::Degenerate),
-        false => Ok(triangle::bounds(vertices)),
+        false => Ok(Bounds3::of(vertices)),
     }
 }
 
@@ -363,7 +363,7 @@ fn moving_bounds(geometry: &Geometry, index: usize) -> Result<Bounds3, Primitive
             return Err(PrimitiveKind::NotFinite);
         }
         is_degenerate &= triangle::is_degenerate(vertices);
-        bounds = bounds.union(triangle::bounds(vertices));
+        bounds = bounds.union(Bounds3::of(vertices));
     }
     if is_degenerate { Err(PrimitiveKind::Degenerate) } else { Ok(widened(bounds)) }
 }

@@ -16,7 +16,7 @@ use super::layout::{
 use super::motion::{RayTimes, triangles_at};
 use crate::math::{Hit, NO_HIT, OriginPrimitive, Ray};
 use crate::sampling::hash::{mix64, unit};
-use crate::shape::{Analytic, LARGEST_SQUARED, PreparedRay, Shape, octahedral, triangle};
+use crate::shape::{Analytic, MAX_SQUARED_RADIUS, PreparedRay, Shape, octahedral, triangle};
 use crate::simd::{BoxRay, Entry, Line, WIDEN, Wide, WideKernel, prefetch_lines};
 
 /// SlotSet in flight: two bits of a `u64` each. Measured on large scenes: 16 are a fifth slower, 64 not faster.
@@ -642,7 +642,8 @@ impl<const N: usize> Slot<N> {
         let (t, squared) = lanes.peaks(&self.ray);
         for lane in 0..4 {
             // NaN compares false.
-            let is_near = squared[lane] < LARGEST_SQUARED && t[lane] > self.t_min && t[lane] <= self.best.t;
+            let is_near =
+                squared[lane] < MAX_SQUARED_RADIUS && t[lane] > self.t_min && t[lane] <= self.best.t;
             if is_near && packet.id[lane] != self.origin_primitive {
                 let opacity = lanes.opacity_at(lane, squared[lane]);
                 self.accept(t[lane], opacity, packet.id[lane], (world, time));

@@ -67,8 +67,8 @@ fn merge(args: &MergeArgs) -> Result<Outcome> {
     let first = &parts[0].1;
     film.resolve_catchers(first.channels.catcher_output());
     backdrop.iter().for_each(|backdrop| film.composite_over(backdrop));
-    let finish = &first.finish;
-    let mut earlier: Vec<Warning> = finish.warnings.iter().map(Warning::general).collect();
+    let output = &first.output;
+    let mut earlier: Vec<Warning> = output.warnings.iter().map(Warning::general).collect();
     if !missing.is_empty() {
         earlier.push(
             Warning::general(format!("parts are missing: {}", missing.join("; "))).with_code("part-missing"),
@@ -80,8 +80,8 @@ fn merge(args: &MergeArgs) -> Result<Outcome> {
         warnings,
         metadata: Metadata { denoised, ..metadata(&parts, samples, missing.is_empty()) },
     };
-    let how = encoding(args, finish);
-    let pictures = Pictures::encode(&how, &targets, finished, &png(args, finish, &targets)?, &earlier);
+    let how = encoding(args, output);
+    let pictures = Pictures::encode(&how, &targets, finished, &png(args, output, &targets)?, &earlier);
     earlier.extend(pictures.warnings.iter().cloned());
     pictures.write()?;
     let sum = |of: fn(&PartHeader) -> f64| parts.iter().map(|(_, header)| of(header)).sum();
@@ -90,9 +90,9 @@ fn merge(args: &MergeArgs) -> Result<Outcome> {
         width: first.width,
         height: first.height,
         samples_per_pixel: samples,
-        render_s: sum(|header| header.effort.wall_s),
-        render_cpu_s: sum(|header| header.effort.cpu_s),
-        rays: parts.iter().fold(0, |sum, (_, header)| sum.saturating_add(header.effort.rays)),
+        render_s: sum(|header| header.cost.wall_s),
+        render_cpu_s: sum(|header| header.cost.cpu_s),
+        rays: parts.iter().fold(0, |sum, (_, header)| sum.saturating_add(header.cost.rays)),
         merge_s: start.elapsed().as_secs_f64(),
         peak_memory_bytes: process::peak_memory(),
         missing,
@@ -132,7 +132,7 @@ fn denoise(
     (file, first): &(PathBuf, PartHeader),
     film: &mut Film,
 ) -> Result<Option<String>> {
-    let kept = first.finish.denoise.as_ref();
+    let kept = first.output.denoise.as_ref();
     if args.no_denoise || !args.denoise && kept.is_none() {
         return Ok(None);
     }
@@ -175,14 +175,14 @@ fn metadata(parts: &[(PathBuf, PartHeader)], samples: f64, is_complete: bool) ->
         world_offset,
         mattes,
         ..
-    } = &first.finish;
+    } = &first.output;
     let aovs = first.channels.aovs().unwrap_or_default();
     let mattes = aovs.mattes().zip(mattes).map(|((_, kind), names)| Matte::new(kind, names.clone()));
     Metadata {
         samples,
         seed: *seed,
         owner: None,
-        render_s: Some(parts.iter().map(|(_, header)| header.effort.wall_s).sum()),
+        render_s: Some(parts.iter().map(|(_, header)| header.cost.wall_s).sum()),
         captured: Some(SystemTime::now()),
         world_to_camera: Some(DMat4::from_cols_array(&world_to_camera.map(f64::from_bits))),
         world_to_ndc: world_to_ndc.map(|m| DMat4::from_cols_array(&m.map(f64::from_bits))),
@@ -197,11 +197,11 @@ fn metadata(parts: &[(PathBuf, PartHeader)], samples: f64, is_complete: bool) ->
 }
 
 /// Encoding options of the arguments, else of the parts.
-fn encoding(args: &MergeArgs, finish: &OutputSettings) -> EncodeOptions {
+fn encoding(args: &MergeArgs, output: &OutputSettings) -> EncodeOptions {
     EncodeOptions {
-        owner: args.owner.clone().or_else(|| finish.owner.clone()),
-        reproducible: args.reproducible || finish.reproducible,
-        float: args.float || finish.float,
+        owner: args.owner.clone().or_else(|| output.owner.clone()),
+        reproducible: args.reproducible || output.reproducible,
+        float: args.float || output.float,
         exr: args.exr.options(None),
         mark: None,
     }
@@ -211,23 +211,23 @@ fn encoding(args: &MergeArgs, finish: &OutputSettings) -> EncodeOptions {
 ///
 /// # Errors
 /// A lookup table of the view transform that can't be read.
-fn png(args: &MergeArgs, finish: &OutputSettings, targets: &Targets) -> Result<PngOptions> {
+fn png(args: &MergeArgs, output: &OutputSettings, targets: &Targets) -> Result<PngOptions> {
     let view = match &args.view {
         Some(view) => view.clone(),
-        None if ViewTransform::is_file(&finish.view) && targets.has_display_referred() => {
-            let path = Path::new(&finish.view);
+        None if ViewTransform::is_file(&output.view) && targets.has_display_referred() => {
+            let path = Path::new(&output.view);
             let help = "the parts use it as view transform; --view sets another";
             read_view(path).map_err(|e| Error::input(path, e).with_help(help))?
         }
-        None => ViewTransform::from_name(&finish.view).unwrap_or_default(),
+        None => ViewTransform::from_name(&output.view).unwrap_or_default(),
     };
     Ok(PngOptions {
         view,
-        white_balance: finish.white_balance.map(f32::from_bits),
-        deep: finish.deep,
-        exposure: args.exposure.unwrap_or(f32::from_bits(finish.exposure)),
-        dither: finish.dither,
-        opaque: finish.opaque,
+        white_balance: output.white_balance.map(f32::from_bits),
+        deep: output.deep,
+        exposure: args.exposure.unwrap_or(f32::from_bits(output.exposure)),
+        dither: output.dither,
+        opaque: output.opaque,
     })
 }
 

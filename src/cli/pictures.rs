@@ -59,7 +59,7 @@ impl Targets {
     /// # Errors
     /// A usage error for the first format that can't.
     pub fn check_size(&self, width: u32, height: u32) -> Result<()> {
-        self.pictures.iter().try_for_each(|(path, format)| match format.largest_edge() {
+        self.pictures.iter().try_for_each(|(path, format)| match format.max_edge() {
             Some(largest) if width.max(height) > largest => {
                 let message = format!("{}: {width} x {height} is too large", path.display());
                 let help =

@@ -10,7 +10,7 @@ use super::process::{Limits, Watchdog};
 use super::progress::{ProgressTarget, StageProgress};
 use super::report::name_options_in_loaded;
 use oscura::compile::{CompileReport, CompiledScene, Compiler, MemoryPart, texture_memory_for};
-use oscura::denoise::temporal::REACH;
+use oscura::denoise::temporal::RADIUS;
 use oscura::error::{Error, Result, Warning};
 use oscura::film::{Aov, AovSet, AovSpace, Source};
 use oscura::image::Image;
@@ -454,9 +454,9 @@ fn temporal_denoising_bytes(args: &RenderArgs, resolved: &ResolvedOptions, label
         return 0;
     }
     let components = (options.aovs.of(Source::PartOfColor).iter().count() + labels.light_groups.len()) as u64;
-    let frames = 1 + 2 * REACH as u64;
+    let frames = 1 + 2 * RADIUS as u64;
     let pixels = u64::from(options.width) * u64::from(options.height);
-    REACH as u64 * film_bytes(options, labels) + frames * pixels * 4 * (16 + 3 * components)
+    RADIUS as u64 * film_bytes(options, labels) + frames * pixels * 4 * (16 + 3 * components)
 }
 
 /// A size as text, in GiB or MiB.

@@ -396,9 +396,9 @@ pub fn white_balance(kelvin: f64) -> [[f32; 3]; 3] {
 /// 2002) below 3500 K, blended in between.
 fn chromaticity(kelvin: f64) -> [f64; 2] {
     let t = kelvin.clamp(1667.0, 25_000.0);
-    let share = ((t - 3500.0) / 1000.0).clamp(0.0, 1.0);
+    let weight = ((t - 3500.0) / 1000.0).clamp(0.0, 1.0);
     let (day, body) = (daylight(t.max(4000.0)), black_body(t));
-    [0, 1].map(|k| body[k] + share * (day[k] - body[k]))
+    [0, 1].map(|k| body[k] + weight * (day[k] - body[k]))
 }
 
 fn daylight(t: f64) -> [f64; 2] {

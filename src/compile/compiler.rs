@@ -236,7 +236,7 @@ fn lights(
         let is_linked = |class: usize, light| links.reach(links.of_light(light), class as u32);
         lights.link(links.classes(), textures, is_linked);
     }
-    scene.environment_sun.into_iter().for_each(|sun| lights.show_sun(sun));
+    scene.environment_sun.into_iter().for_each(|sun| lights.show_sun_to_camera(sun));
     if scene.fog.as_ref().is_some_and(media::is_opaque_to_far_light) {
         lights.exclude_infinite_lights();
     }
@@ -265,10 +265,10 @@ fn textures(
 ) -> Result<CompiledTextures> {
     let needs = texture_needs::of(scene, options);
     let textures = match reused {
-        Some(textures) if textures.suit(&needs) => textures.moved(anchor.as_vec3()),
+        Some(textures) if textures.suffice_for(&needs) => textures.with_world_offset(anchor.as_vec3()),
         earlier => {
             let (list, images) = (&scene.textures, &scene.images);
-            let compiled = CompiledTextures::after(earlier, list, images, anchor.as_vec3(), needs);
+            let compiled = CompiledTextures::new_reusing(earlier, list, images, anchor.as_vec3(), needs);
             let (textures, mut messages) = compiled?;
             report.warnings.append(&mut messages.warnings);
             report.left_out.extend(messages.left_out());
@@ -296,8 +296,8 @@ fn environment(
     match &mut environment {
         Some(environment) => {
             environment.set_portals(&scene.portals, anchor);
-            let decides_shadows = scene.object_traits().any(|traits| traits.visible_to.has_own_shadows());
-            environment.set_sampled(!scene.environment_bsdf_only, decides_shadows);
+            let needs_shadow_rays = scene.object_traits().any(|traits| traits.visible_to.has_own_shadows());
+            environment.set_sampled(!scene.environment_bsdf_only, needs_shadow_rays);
         }
         None if scene.portals.is_empty() => {}
         None => {

@@ -237,7 +237,7 @@ fn medium_of(material: &Material, model: &Model, class: BsdfClass, shading: Shad
 
 /// A normal map, unless it has no effect or its texture is missing.
 fn effective_map(map: Option<NormalMap>, textures: &CompiledTextures) -> Option<NormalMap> {
-    map.filter(|map| map.scale != 0.0 && !textures.is_lost(map.texture))
+    map.filter(|map| map.scale != 0.0 && !textures.is_damaged(map.texture))
 }
 
 impl CompiledMaterial {

@@ -213,7 +213,7 @@ fn denoise_with(noisy: &Noisy, known: Option<[Vec<f32>; 3]>) -> Denoised {
     // Deviations are recomputed for each use, to save memory while the network runs.
     let run = |color: Color, deviations: &dyn Fn() -> [Vec<f32>; 3]| {
         let proposed = network.run(width, height, color, &factors, guides);
-        residual::restored(width, height, color, deviations(), proposed)
+        residual::corrected(width, height, color, deviations(), proposed)
     };
     let of_picture = || run(color, &|| deviations(noisy, color).map(Cow::into_owned));
     let result = known.unwrap_or_else(of_picture);
@@ -280,7 +280,7 @@ const RADIUS: usize = 2;
 /// Rank of the neighbour that a pixel is compared with: the third brightest.
 const RANK: usize = 3;
 /// Maximum ratio of a pixel's luminance to that of the neighbour of this rank, or of the pixel in the darker half buffer.
-const LIMIT: f32 = 10.0;
+const MAX_RATIO: f32 = 10.0;
 
 /// Factors in 0..1 that clamp fireflies. Light that is present in both half buffers, by the deviations, is kept.
 pub(super) fn firefly_factors(
@@ -304,7 +304,7 @@ pub(super) fn firefly_factors(
             }
         }
         let darker = deviations.map_or(0.0, |d| own - at(d, y * width + x).abs());
-        let limit = LIMIT * largest[RANK - 1].max(darker);
+        let limit = MAX_RATIO * largest[RANK - 1].max(darker);
         if own > limit { limit / own } else { 1.0 }
     };
     let mut factors = vec![1.0; width * height];

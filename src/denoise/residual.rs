@@ -21,73 +21,73 @@
 use rayon::prelude::*;
 use std::ops::Deref;
 
-/// Factor of `(v / r^2)^2` in the kept fraction: 0 is kept if `r^2` is below `v` times the root of this.
-const CAUTION: f32 = 3.0;
-/// Added to [`CAUTION`] for powers of a single pixel, divided by the number of pixels for means of several.
-const CAUTION_OF_ONE: f32 = 5.0;
-/// Added to [`CAUTION`] times the relative power of the noise, up to 1, since then few bright samples dominate.
-const CAUTION_OF_NOISE: f32 = 12.0;
-/// Added to [`CAUTION`] times the excess over 1 of the relative power of the noise in wide squares. Such light comes from few samples,
-/// and pixels with one in each half buffer by chance have no apparent noise, so a few of them would pass for a detail. Their noise is
-/// replaced by that of the wide square.
-const CAUTION_OF_RARE: f32 = 8.0;
-/// A speck, a pixel with a rare bright sample in both half buffers by chance, is assumed where the power of a pixel's residual exceeds
-/// [`STANDS_OUT`] times that of its noise and of its neighbours' residuals beyond their noise, and in the wide square at least
-/// [`FEWEST_RARE`] pixels with noise of a similar power, the speck's over [`RARE_FACTOR`], have most of the noise: a fraction of
-/// [`SHARE_OF_RARE`], or of [`SHARE_OF_FEW`] if at most a fraction of [`MOST_RARE`] of the pixels has it. A bright sample in one half
-/// buffer has a quarter of the power of one in both. In Gaussian noise 12 % of the pixels have 49 % of it, and 40 % of them 87 %.
-const STANDS_OUT: f32 = 4.0;
-const FEWEST_RARE: usize = 3;
-const RARE_FACTOR: f32 = 16.0;
-const SHARE_OF_RARE: f32 = 0.85;
-const MOST_RARE: f32 = 0.12;
-const SHARE_OF_FEW: f32 = 0.5;
+/// Factor of `(v / r^2)^2` in the kept fraction, which is 0 if `r^2` is below `v` times the square root of this.
+const SHRINKAGE: f32 = 3.0;
+/// Added to [`SHRINKAGE`] for powers of a single pixel; for means over several pixels, divided by their number.
+const SHRINKAGE_OF_PIXEL: f32 = 5.0;
+/// Added to [`SHRINKAGE`] times the relative power of the noise, up to 1, since strong noise comes from few bright samples.
+const SHRINKAGE_BY_NOISE: f32 = 12.0;
+/// Added to [`SHRINKAGE`] times the excess over 1 of the relative power of the noise in wide squares. Such noise is sparse: it comes from
+/// few bright samples, and pixels with one in each half buffer by chance have no apparent noise, so that some would count as details.
+/// Their noise is replaced by that of the wide square.
+const SHRINKAGE_BY_SPARSITY: f32 = 8.0;
+/// A speck is a pixel with a rare bright sample in both half buffers by chance. It is assumed where the power of a pixel's residual is
+/// more than [`MIN_SPECK_RATIO`] times that of its noise and of its neighbours' residuals beyond their noise, and most of the noise of
+/// the wide square is in at least [`MIN_SPARSE_PIXELS`] pixels with noise of a similar power (the speck's over [`SPARSE_POWER_RATIO`]):
+/// a fraction of [`MIN_SPARSE_FRACTION`], or of [`MIN_FRACTION_OF_FEW`] if these are at most a fraction of [`MAX_FEW_PIXELS`] of the
+/// pixels. A bright sample in one half buffer has a quarter of the power of one in both. In Gaussian noise 12 % of the pixels have 49 %
+/// of it, and 40 % of them 87 %.
+const MIN_SPECK_RATIO: f32 = 4.0;
+const MIN_SPARSE_PIXELS: usize = 3;
+const SPARSE_POWER_RATIO: f32 = 16.0;
+const MIN_SPARSE_FRACTION: f32 = 0.85;
+const MAX_FEW_PIXELS: f32 = 0.12;
+const MIN_FRACTION_OF_FEW: f32 = 0.5;
 /// Assumed power of the prediction's relative bias, summed over the channels: 0.7 % in each.
 const MIN_BIAS: f32 = 3.0 * 0.007 * 0.007;
-/// Level of large regions (32 x 32 pixels of the picture), whose means are kept within their noise, and [`MIN_BIAS`] from it on: 5 % in
-/// each channel, by which predictions darken large regions lit by few bright samples. The noise of such means is small.
-const LARGE_SCALE: u32 = 5;
-const MIN_BIAS_OF_LARGE: f32 = 3.0 * 0.05 * 0.05;
-/// Assumed bias of the prediction relative to the contrast around a pixel, at the finest [`SCALES`] levels, and maximum power of the
-/// contrast, summed over the channels.
-const SHARE_OF_CONTRAST: f32 = 0.15;
-const SCALES: u32 = 2;
-const LARGEST_CONTRAST: f32 = 0.3;
-/// Radius of the box blur of powers, pixels of the scale, applied twice for a tent filter; where noise is little, a single blur with the
-/// narrow radius.
-const TENT: usize = 2;
-const NARROW: usize = 1;
-/// Radius of the box in which lost light is averaged, pixels of the scale.
-const RADIUS: usize = 3;
-/// Relative power of the noise, summed over the channels, below which noise counts as little, and the factor on the half buffers'
-/// estimate as the noise goes to 0.
-const LITTLE: f32 = 0.004;
-const LEAST_SHARE_OF_HALVES: f32 = 1.0 / 7.0;
-/// Radius of wide squares, pixels of the scale, and the fraction of their noise assumed for each of their pixels: pixels whose samples
-/// are all 0 by chance have no apparent noise.
-const WIDE: usize = 12;
-const SHARE_OF_WIDE: f32 = 0.25;
+/// Level of large regions, 32 x 32 pixels of the picture. From it on, the means of regions are kept within their noise, and the assumed
+/// bias is 5 % in each channel instead of [`MIN_BIAS`]: predictions darken large regions lit by few bright samples.
+const REGION_LEVEL: u32 = 5;
+const MIN_BIAS_OF_REGIONS: f32 = 3.0 * 0.05 * 0.05;
+/// Assumed bias of the prediction relative to the contrast around a pixel, at the finest [`CONTRAST_LEVELS`] levels, and maximum power
+/// of the contrast, summed over the channels.
+const BIAS_PER_CONTRAST: f32 = 0.15;
+const CONTRAST_LEVELS: u32 = 2;
+const MAX_CONTRAST: f32 = 0.3;
+/// Radius of the box blur of powers, pixels of the level, applied twice for a tent filter; for low noise, a single blur with the narrow
+/// radius.
+const TENT_RADIUS: usize = 2;
+const NARROW_RADIUS: usize = 1;
+/// Radius of the box in which lost light is averaged, pixels of the level.
+const LOSS_RADIUS: usize = 3;
+/// Relative power of the noise, summed over the channels, below which noise counts as low, and the factor on the half buffers' estimate
+/// as the noise goes to 0.
+const LOW_NOISE: f32 = 0.004;
+const MIN_NOISE_FACTOR: f32 = 1.0 / 7.0;
+/// Radius of wide squares, pixels of the level, and the fraction of their noise assumed at least for each of their pixels: pixels whose
+/// samples are all 0 by chance have no apparent noise.
+const WIDE_RADIUS: usize = 12;
+const MIN_FRACTION_OF_WIDE: f32 = 0.25;
 /// Lost light (prediction minus noisy picture), relative to the prediction and summed over the channels, from which on
-/// [`SHARE_OF_WIDE`] is applied in full; proportionally less for smaller losses, since pixels without a loss have been sampled.
-const ALL_LOST: f32 = 3.0 * 0.3;
-/// Maximum power of the noise in wide squares, a limit for fireflies: times [`SHARE_OF_WIDE`] it is the power of black pixels.
-const LARGEST_WIDE: f32 = 3.0 / SHARE_OF_WIDE;
-/// Radius of the squares beside a pixel that may be free of noise, pixels of the scale, at the finest level; [`QUIET_STEP`] less at each
-/// coarser one, down to [`LEAST_QUIET`].
-const QUIET: usize = 8;
+/// [`MIN_FRACTION_OF_WIDE`] applies in full; proportionally less for smaller losses, since pixels without a loss have been sampled.
+const FULL_LOSS: f32 = 3.0 * 0.3;
+/// Maximum power of the noise in wide squares, a limit for fireflies: times [`MIN_FRACTION_OF_WIDE`] it is the power of black pixels.
+const MAX_WIDE_NOISE: f32 = 3.0 / MIN_FRACTION_OF_WIDE;
+/// Radius of the squares next to a pixel that may be free of noise, pixels of the level, at the finest level; [`QUIET_STEP`] less at each
+/// coarser one, down to [`MIN_QUIET_RADIUS`].
+const QUIET_RADIUS: usize = 8;
 const QUIET_STEP: usize = 2;
-const LEAST_QUIET: usize = 2;
-/// Factor on the power of the residual relative to that kept from coarser scales, above the inverse of which a pixel isn't taken for one
-/// without noise.
+const MIN_QUIET_RADIUS: usize = 2;
+/// A pixel counts as noisy if the power of its residual times this exceeds the power kept from coarser levels.
 const DISAGREEMENT: f32 = 2.0;
-/// Number of noisy pixels expected in such a square if the noise were even, below which a square without noise is no evidence: few
-/// bright samples make up the noise. Full evidence from twice this number.
-const EVIDENCE: f32 = 2.0;
+/// A square without noise is no evidence of a smooth surface if, with evenly distributed noise, fewer noisy pixels than this were
+/// expected in it: then few bright samples make up the noise. Full evidence from twice this number.
+const MIN_NOISY_PIXELS: f32 = 2.0;
 /// Relative values are divided by the prediction plus this fraction of the picture's mean.
-const MIN: f32 = 0.02;
+const MIN_PREDICTION: f32 = 0.02;
 
 /// The prediction plus the significant part of the residual.
-pub(super) fn restored(
+pub(super) fn corrected(
     width: usize,
     height: usize,
     noisy: Color,
@@ -95,7 +95,7 @@ pub(super) fn restored(
     predicted: [Vec<f32>; 3],
 ) -> [Vec<f32>; 3] {
     let mean = |plane: &&[f32]| plane.iter().map(|v| f64::from(*v)).sum::<f64>() / plane.len() as f64;
-    let least = (MIN as f64 * noisy.iter().map(mean).sum::<f64>() / 3.0) as f32;
+    let least = (MIN_PREDICTION as f64 * noisy.iter().map(mean).sum::<f64>() / 3.0) as f32;
     let least = least.max(1e-20);
     let residual = [0, 1, 2].map(|c| {
         let pixels = noisy[c].par_iter().zip(&predicted[c]).with_min_len(MIN_PER_THREAD);
@@ -132,14 +132,14 @@ fn contrast(width: usize, height: usize, predicted: &[Vec<f32>; 3], least: f32) 
     let mut sum = vec![0.0f32; width * height];
     for plane in predicted {
         let values = each(width * height, |i| plane[i] + least);
-        let mean = smoothed(width, height, &values, NARROW);
+        let mean = smoothed(width, height, &values, NARROW_RADIUS);
         let squares = each(width * height, |i| values[i] * values[i]);
         drop(values);
-        let power = smoothed(width, height, &squares, NARROW);
+        let power = smoothed(width, height, &squares, NARROW_RADIUS);
         let pixels = sum.par_iter_mut().zip(mean.par_iter().zip(&power)).with_min_len(MIN_PER_THREAD);
         pixels.for_each(|(sum, (mean, power))| *sum += (1.0 - mean * mean / power).max(0.0));
     }
-    sum.iter_mut().for_each(|v| *v = v.min(LARGEST_CONTRAST));
+    sum.iter_mut().for_each(|v| *v = v.min(MAX_CONTRAST));
     sum
 }
 
@@ -157,7 +157,7 @@ struct Scale {
     least: f32,
     /// Power of the deviations, summed over the channels, if they were independent between pixels.
     independent: Vec<f32>,
-    /// Mean contrast; empty from level [`SCALES`] on.
+    /// Mean contrast; empty from level [`CONTRAST_LEVELS`] on.
     contrast: Vec<f32>,
 }
 
@@ -196,7 +196,7 @@ impl Scale {
         let of = |i: usize| self.weight_at(0, i) + self.weight_at(1, i) + self.weight_at(2, i);
         let (all, squared) = (self.sums(&of), self.sums(&|i| of(i) * of(i) * self.independent[i]));
         let independent = squared.iter().zip(&all).map(|(v, weight)| v / (weight * weight)).collect();
-        let contrast = match self.level + 1 < SCALES {
+        let contrast = match self.level + 1 < CONTRAST_LEVELS {
             true => self.sums(&|i| of(i) * self.contrast[i]).iter().zip(&all).map(|(v, w)| v / w).collect(),
             false => Vec::new(),
         };
@@ -234,15 +234,16 @@ impl Scale {
         let own_signal = each(self.width * self.height, |i| {
             (0..3).map(|c| (self.residual[c][i] - kept[c][i]) * (self.residual[c][i] - kept[c][i])).sum()
         });
-        let clean_signal = self.without_specks(&own_signal);
-        let Powers { signal, noise, wide } =
-            self.beside_noise(&clean_signal, &kept, self.powers(&clean_signal));
-        drop(clean_signal);
-        let side = |length: usize| length.min(2 * RADIUS + 1) as f32;
-        let caution = CAUTION + CAUTION_OF_ONE / (side(self.width) * side(self.height));
-        let bias = if self.level < LARGE_SCALE { MIN_BIAS } else { MIN_BIAS_OF_LARGE };
+        let own_noise = each(own_signal.len(), |i| self.noise_at(i));
+        let clean_signal = self.without_specks(&own_signal, &own_noise);
+        let powers = self.powers(&clean_signal, &own_noise);
+        let Powers { signal, noise, wide } = self.without_halos(&clean_signal, &own_noise, &kept, powers);
+        drop((clean_signal, own_noise));
+        let side = |length: usize| length.min(2 * LOSS_RADIUS + 1) as f32;
+        let shrinkage = SHRINKAGE + SHRINKAGE_OF_PIXEL / (side(self.width) * side(self.height));
+        let bias = if self.level < REGION_LEVEL { MIN_BIAS } else { MIN_BIAS_OF_REGIONS };
         // Brightness is conserved: what is left of the residual of a large region is at most its noise.
-        let bound = |i: usize| match self.level < LARGE_SCALE {
+        let bound = |i: usize| match self.level < REGION_LEVEL {
             true => 0.0,
             false => 1.0 - (self.noise_at(i) / own_signal[i].max(1e-30)).sqrt(),
         };
@@ -250,11 +251,11 @@ impl Scale {
             let rare = (wide[i] - 1.0).max(0.0);
             let (signal, noise) = (signal[i], noise[i].max(rare));
             let ratio = noise / signal.max(1e-30);
-            let of_contrast = self.contrast.get(i).map_or(0.0, |v| SHARE_OF_CONTRAST * SHARE_OF_CONTRAST * v);
+            let of_contrast = self.contrast.get(i).map_or(0.0, |v| BIAS_PER_CONTRAST * BIAS_PER_CONTRAST * v);
             let bias = bias + of_contrast;
             let least = bias / (bias + noise);
-            let caution = caution + CAUTION_OF_NOISE * noise.min(1.0) + CAUTION_OF_RARE * rare;
-            (1.0 - caution * ratio * ratio).max(least).max(bound(i))
+            let shrinkage = shrinkage + SHRINKAGE_BY_NOISE * noise.min(1.0) + SHRINKAGE_BY_SPARSITY * rare;
+            (1.0 - shrinkage * ratio * ratio).max(least).max(bound(i))
         });
         drop((own_signal, signal, noise, wide));
         for (kept, residual) in kept.iter_mut().zip(&self.residual) {
@@ -265,7 +266,7 @@ impl Scale {
     }
 
     /// The power of the residual of each pixel; of specks that of their apparent noise.
-    fn without_specks(&self, signal: &[f32]) -> Vec<f32> {
+    fn without_specks(&self, signal: &[f32], noise: &[f32]) -> Vec<f32> {
         let square = |i: usize, radius: usize| {
             let (x, y) = (i % self.width, i / self.width);
             let (from, until) = (x.saturating_sub(radius), (x + radius + 1).min(self.width));
@@ -274,65 +275,71 @@ impl Scale {
         };
         each(signal.len(), |i| {
             let own = signal[i];
-            let significant = |j: usize| signal[j] - 2.0 * self.noise_at(j);
+            let significant = |j: usize| signal[j] - 2.0 * noise[j];
             let neighbours = square(i, 1).filter(|j| *j != i).map(significant);
-            let near = neighbours.fold(self.noise_at(i), f32::max);
-            if own <= STANDS_OUT * near {
+            let near = neighbours.fold(noise[i], f32::max);
+            if own <= MIN_SPECK_RATIO * near {
                 return own;
             }
-            let wide: Vec<f32> = square(i, WIDE).map(|j| self.noise_at(j)).collect();
-            let rare: Vec<f32> = wide.iter().copied().filter(|noise| noise * RARE_FACTOR >= own).collect();
-            let are_few = rare.len() as f32 <= MOST_RARE * wide.len() as f32;
+            let wide: Vec<f32> = square(i, WIDE_RADIUS).map(|j| noise[j]).collect();
+            let rare: Vec<f32> =
+                wide.iter().copied().filter(|noise| noise * SPARSE_POWER_RATIO >= own).collect();
+            let are_few = rare.len() as f32 <= MAX_FEW_PIXELS * wide.len() as f32;
             let share = rare.iter().sum::<f32>() / wide.iter().sum::<f32>().max(1e-30);
-            let is_speck =
-                rare.len() >= FEWEST_RARE && share >= if are_few { SHARE_OF_FEW } else { SHARE_OF_RARE };
-            if is_speck { self.noise_at(i) } else { own }
+            let is_speck = rare.len() >= MIN_SPARSE_PIXELS
+                && share >= if are_few { MIN_FRACTION_OF_FEW } else { MIN_SPARSE_FRACTION };
+            if is_speck { noise[i] } else { own }
         })
     }
 
-    /// Local powers, from the power of the residual of each pixel.
-    fn powers(&self, signal: &[f32]) -> Powers {
+    /// Local powers, from the powers of the residual and the noise of each pixel.
+    fn powers(&self, signal: &[f32], own_noise: &[f32]) -> Powers {
         let mean = |plane: &[f32], radius: usize| smoothed(self.width, self.height, plane, radius);
-        let deviations = each(signal.len(), |i| self.noise_at(i));
-        let noise = mean(&mean(&deviations, TENT), TENT);
-        let wide = mean(&each(noise.len(), |i| noise[i].min(LARGEST_WIDE)), WIDE);
+        let noise = mean(&mean(own_noise, TENT_RADIUS), TENT_RADIUS);
+        let wide = mean(&each(noise.len(), |i| noise[i].min(MAX_WIDE_NOISE)), WIDE_RADIUS);
         // From 0 for little to 1 for much noise.
-        let much = |wide: f32| wide / (wide + LITTLE);
+        let much = |wide: f32| wide / (wide + LOW_NOISE);
         let near = |mut near: Vec<f32>, plane: &[f32]| {
             if self.level == 0 {
-                let narrow = mean(plane, NARROW);
+                let narrow = mean(plane, NARROW_RADIUS);
                 let pixels = near.par_iter_mut().zip(&narrow).zip(&wide).with_min_len(MIN_PER_THREAD);
                 pixels.for_each(|((near, narrow), wide)| *near = narrow + much(*wide) * (*near - narrow));
             }
             near
         };
-        let mut noise = near(noise, &deviations);
-        drop(deviations);
-        let lost =
-            mean(&each(signal.len(), |i| -self.residual.iter().map(|plane| plane[i]).sum::<f32>()), RADIUS);
+        let mut noise = near(noise, own_noise);
+        let lost = mean(
+            &each(signal.len(), |i| -self.residual.iter().map(|plane| plane[i]).sum::<f32>()),
+            LOSS_RADIUS,
+        );
         let pixels = noise.par_iter_mut().zip(&wide).zip(&lost).with_min_len(MIN_PER_THREAD);
         pixels.for_each(|((near, wide), lost)| {
             let much = much(*wide);
-            let least = SHARE_OF_WIDE * wide * much * (lost / ALL_LOST).clamp(0.0, 1.0);
-            *near = near.max(least) * (LEAST_SHARE_OF_HALVES + (1.0 - LEAST_SHARE_OF_HALVES) * much);
+            let least = MIN_FRACTION_OF_WIDE * wide * much * (lost / FULL_LOSS).clamp(0.0, 1.0);
+            *near = near.max(least) * (MIN_NOISE_FACTOR + (1.0 - MIN_NOISE_FACTOR) * much);
         });
-        let signal = near(mean(&mean(signal, TENT), TENT), signal);
+        let signal = near(mean(&mean(signal, TENT_RADIUS), TENT_RADIUS), signal);
         Powers { signal, noise, wide }
     }
 
-    /// The local powers beside noisy objects: around a pixel of a smooth surface, they include pixels of a noisy one, whose light, kept at
-    /// coarse scales, would remain as a halo. Where the residual is small beside what is kept of coarser scales (the pixel has its light),
-    /// the powers are those of the least noisy square of eight that touch the pixel, unless the noise is that of few bright samples.
-    fn beside_noise(&self, signal: &[f32], kept: &[Vec<f32>; 3], mut around: Powers) -> Powers {
-        let radius = QUIET.saturating_sub(QUIET_STEP * self.level as usize).max(LEAST_QUIET);
+    /// Avoids halos around noisy objects: the local powers of a pixel of a smooth surface include pixels of a noisy one nearby, whose
+    /// light, kept at coarse scales, would remain as a halo. Where the residual is small compared with what is kept of coarser scales
+    /// (the pixel has its light), the powers are replaced by those of the least noisy of eight squares that touch the pixel, unless
+    /// the noise is that of few bright samples.
+    fn without_halos(
+        &self,
+        signal: &[f32],
+        own_noise: &[f32],
+        kept: &[Vec<f32>; 3],
+        mut around: Powers,
+    ) -> Powers {
+        let radius = QUIET_RADIUS.saturating_sub(QUIET_STEP * self.level as usize).max(MIN_QUIET_RADIUS);
         let mean = |plane: &[f32], radius: usize| smoothed(self.width, self.height, plane, radius);
-        let deviations = each(signal.len(), |i| self.noise_at(i));
-        let own = mean(&deviations, NARROW);
-        let evidence = self.evenness(&deviations, (2 * radius + 1) * (2 * radius + 1));
-        let (noise, signal) = (mean(&deviations, radius), mean(signal, radius));
-        drop(deviations);
+        let own = mean(own_noise, NARROW_RADIUS);
+        let evidence = self.expected_noisy_pixels(own_noise, (2 * radius + 1) * (2 * radius + 1));
+        let (noise, signal) = (mean(own_noise, radius), mean(signal, radius));
         let power = |planes: &[Vec<f32>; 3]| {
-            let means = planes.each_ref().map(|plane| mean(plane, NARROW));
+            let means = planes.each_ref().map(|plane| mean(plane, NARROW_RADIUS));
             each(noise.len(), |i| power_at(&means, i))
         };
         let (residual, kept) = (power(&self.residual), power(kept));
@@ -342,20 +349,20 @@ impl Scale {
             let (x, y) = (i % self.width, i / self.width);
             let of =
                 |(dx, dy): (isize, isize)| moved(y, dy, self.height) * self.width + moved(x, dx, self.width);
-            AROUND.into_iter().map(of).min_by(|a, b| noise[*a].total_cmp(&noise[*b])).unwrap_or(i)
+            NEIGHBOURS.into_iter().map(of).min_by(|a, b| noise[*a].total_cmp(&noise[*b])).unwrap_or(i)
         };
         let blend = |i: usize, powers: [&mut f32; 3]| {
             let place = quietest(i);
             let quiet = noise[place].max(own[i]);
             let agreement = (1.0 - DISAGREEMENT * residual[i] / kept[i].max(1e-30)).max(0.0);
-            let t = agreement * agreement * (evidence[i] / EVIDENCE - 1.0).clamp(0.0, 1.0);
+            let t = agreement * agreement * (evidence[i] / MIN_NOISY_PIXELS - 1.0).clamp(0.0, 1.0);
             if t == 0.0 || quiet >= *powers[1] {
                 return;
             }
-            let beside = [signal[place], quiet, quiet.min(*powers[2])];
-            for (near, beside) in powers.into_iter().zip(beside) {
+            let quiet = [signal[place], quiet, quiet.min(*powers[2])];
+            for (near, quiet) in powers.into_iter().zip(quiet) {
                 // Weighted harmonic mean.
-                *near = *near * beside / ((1.0 - t) * beside + t * *near).max(1e-30);
+                *near = *near * quiet / ((1.0 - t) * quiet + t * *near).max(1e-30);
             }
         };
         let near = around.signal.par_iter_mut().zip(&mut around.noise).zip(&mut around.wide);
@@ -366,8 +373,8 @@ impl Scale {
 
     /// Expected number of noisy pixels among `pixels` of the wide square around each pixel: the squared mean of the noise over the mean of
     /// its square is the fraction of noisy pixels.
-    fn evenness(&self, noise: &[f32], pixels: usize) -> Vec<f32> {
-        let mean = |plane: &[f32]| smoothed(self.width, self.height, plane, WIDE);
+    fn expected_noisy_pixels(&self, noise: &[f32], pixels: usize) -> Vec<f32> {
+        let mean = |plane: &[f32]| smoothed(self.width, self.height, plane, WIDE_RADIUS);
         let (means, squares) = (mean(noise), mean(&each(noise.len(), |i| noise[i] * noise[i])));
         each(noise.len(), |i| pixels as f32 * means[i] * means[i] / squares[i].max(1e-30))
     }
@@ -401,7 +408,8 @@ struct Powers {
 }
 
 /// Directions of the eight neighbours of a pixel.
-const AROUND: [(isize, isize); 8] = [(-1, -1), (0, -1), (1, -1), (-1, 0), (1, 0), (-1, 1), (0, 1), (1, 1)];
+const NEIGHBOURS: [(isize, isize); 8] =
+    [(-1, -1), (0, -1), (1, -1), (-1, 0), (1, 0), (-1, 1), (0, 1), (1, 1)];
 
 /// Rounds of back-projection: see [`Scale::refined`].
 const BACK_PROJECTIONS: usize = 2;
@@ -464,10 +472,10 @@ mod tests {
         [1.0, -1.0].map(|sign| a.iter().zip(&b).map(|(a, b)| 0.5 * (a + sign * b)).collect())
     }
 
-    /// A channel of [`restored`], for equal channels.
-    fn restored_gray(size: usize, noisy: &[f32], deviation: &[f32], predicted: &[f32]) -> Vec<f32> {
+    /// A channel of [`corrected`], for equal channels.
+    fn corrected_gray(size: usize, noisy: &[f32], deviation: &[f32], predicted: &[f32]) -> Vec<f32> {
         let three = |plane: &[f32]| [0; 3].map(|_| plane.to_vec());
-        let [result, ..] = restored(size, size, [noisy; 3], three(deviation), three(predicted));
+        let [result, ..] = corrected(size, size, [noisy; 3], three(deviation), three(predicted));
         result
     }
 
@@ -477,7 +485,7 @@ mod tests {
         const SIZE: usize = 192;
         for seed in 0..3 {
             let [noisy, deviation] = rare_samples(SIZE, 0.065, seed);
-            let result = restored_gray(SIZE, &noisy, &deviation, &vec![1.0; SIZE * SIZE]);
+            let result = corrected_gray(SIZE, &noisy, &deviation, &vec![1.0; SIZE * SIZE]);
             let (least, largest) = result.iter().fold((f32::MAX, 0.0f32), |(l, h), v| (l.min(*v), h.max(*v)));
             assert!(least > 0.7 && largest < 1.4, "{seed}: {least} to {largest}");
             let mean = |plane: &[f32]| plane.iter().sum::<f32>() / (SIZE * SIZE) as f32;
@@ -503,7 +511,7 @@ mod tests {
     /// In pictures of little noise, rare bright samples leave no specks either, and single pixels that differ from the prediction are
     /// kept where there are none.
     #[test]
-    fn specks_are_told_from_details() {
+    fn specks_are_removed_and_details_kept() {
         const SIZE: usize = 192;
         let flat = vec![1.0; SIZE * SIZE];
         let is_detail = |i: usize| i % SIZE % 16 == 7 && i / SIZE % 16 == 9;
@@ -511,12 +519,12 @@ mod tests {
         for seed in 0..6 {
             let [noisy, deviation] = noise_with_rare_samples(&flat, 0.05, 0.01, seed);
             let specks = noisy.iter().zip(&deviation).filter(|(v, d)| **v > 3.0 && d.abs() < 0.3).count();
-            let result = restored_gray(SIZE, &noisy, &deviation, &flat);
+            let result = corrected_gray(SIZE, &noisy, &deviation, &flat);
             let (least, largest) = result.iter().fold((f32::MAX, 0.0f32), |(l, h), v| (l.min(*v), h.max(*v)));
             println!("{specks} specks: {least} to {largest}");
             assert!(least > 0.8 && largest < 1.3, "{seed}: {specks} specks, {least} to {largest}");
             let [noisy, deviation] = noise_with_rare_samples(&detailed, 0.1, 0.0, seed);
-            let result = restored_gray(SIZE, &noisy, &deviation, &flat);
+            let result = corrected_gray(SIZE, &noisy, &deviation, &flat);
             let kept: Vec<f32> = (0..SIZE * SIZE).filter(|i| is_detail(*i)).map(|i| result[i]).collect();
             let mean = kept.iter().sum::<f32>() / kept.len() as f32;
             println!("details: {mean}");
@@ -533,7 +541,7 @@ mod tests {
         let [noisy, deviation] = rare_samples(SIZE, 0.02, 7);
         let spot = |i: usize| (i % SIZE / 5 + 3 * (i / SIZE / 7)).is_multiple_of(7);
         let predicted: Vec<f32> = (0..SIZE * SIZE).map(|i| if spot(i) { 2.0 } else { 0.02 }).collect();
-        let result = restored_gray(SIZE, &noisy, &deviation, &predicted);
+        let result = corrected_gray(SIZE, &noisy, &deviation, &predicted);
         for block in 0..(SIZE / BLOCK) * (SIZE / BLOCK) {
             let (x0, y0) = (block % (SIZE / BLOCK) * BLOCK, block / (SIZE / BLOCK) * BLOCK);
             let places = || (y0..y0 + BLOCK).flat_map(|y| (x0..x0 + BLOCK).map(move |x| y * SIZE + x));

@@ -16,7 +16,7 @@ use std::collections::{BTreeSet, VecDeque};
 use std::ops::RangeInclusive;
 
 /// Number of frames before and after that are averaged.
-pub const REACH: usize = 2;
+pub const RADIUS: usize = 2;
 
 /// Maximum distance between a pixel and its position after motion to the neighbour and back, pixels.
 const MAX_RETURN_DISTANCE: f32 = 0.75;
@@ -25,9 +25,9 @@ const MIN_COSINE: f32 = 0.8;
 /// Radii of the squares over which differences are averaged, pixels.
 const RADII: [usize; 2] = [5, 1];
 /// Ratio of the power of a difference to that of its noise above which a neighbour's weight is reduced.
-const CAUTION: f32 = 2.0;
+const MAX_NOISE_RATIO: f32 = 2.0;
 /// Assumed variance of the differences of denoised pixels relative to that of noisy pixels.
-const SHARE_OF_NOISE: f32 = 1.0 / 9.0;
+const DENOISED_VARIANCE: f32 = 1.0 / 9.0;
 /// Relative differences per channel that don't count as a change: for squares, and for pixels of the denoised picture.
 const MIN_CHANGE: f32 = 0.01;
 const MIN_CHANGE_OF_PIXELS: f32 = 0.01;
@@ -114,7 +114,7 @@ impl Frame {
     }
 
     /// Bilinear interpolation at a position.
-    fn linear<const K: usize>(&self, position: [f32; 2], value: impl Fn(usize) -> [f32; K]) -> [f32; K] {
+    fn bilinear<const K: usize>(&self, position: [f32; 2], value: impl Fn(usize) -> [f32; K]) -> [f32; K] {
         let mut sums = [0.0; K];
         self.sum_around(
             position,
@@ -127,7 +127,7 @@ impl Frame {
     }
 
     /// Catmull-Rom interpolation of a plane at a position, clamped to the range of the four nearest pixels.
-    fn sharp(&self, position: [f32; 2], plane: &[f32]) -> f32 {
+    fn catmull_rom(&self, position: [f32; 2], plane: &[f32]) -> f32 {
         let weights = |t: f32| {
             let (t2, t3) = (t * t, t * t * t);
             [
@@ -135,16 +135,16 @@ impl Frame {
                 [0.5 * t + 2.0 * t2 - 1.5 * t3, -0.5 * t2 + 0.5 * t3],
             ]
         };
-        let (mut sum, mut least, mut most) = (0.0, f32::INFINITY, f32::NEG_INFINITY);
+        let (mut sum, mut min, mut max) = (0.0, f32::INFINITY, f32::NEG_INFINITY);
         self.sum_around(position, weights, |pixel, weight| sum += weight * plane[pixel]);
         self.sum_around(
             position,
             |t| [[1.0 - t, t]],
             |pixel, _| {
-                (least, most) = (least.min(plane[pixel]), most.max(plane[pixel]));
+                (min, max) = (min.min(plane[pixel]), max.max(plane[pixel]));
             },
         );
-        sum.clamp(least, most)
+        sum.clamp(min, max)
     }
 }
 
@@ -164,7 +164,7 @@ struct Neighbour<'f> {
 pub fn averaged_frame(frames: &[Frame], at: usize) -> Denoised {
     let frame = &frames[at];
     let has_same_size = |other: &Frame| (other.width, other.height) == (frame.width, frame.height);
-    let near = at.saturating_sub(REACH)..frames.len().min(at + REACH + 1);
+    let near = at.saturating_sub(RADIUS)..frames.len().min(at + RADIUS + 1);
     let others =
         near.filter(|&other| other != at && frames[at.min(other)..=at.max(other)].iter().all(has_same_size));
     let neighbours: Vec<Neighbour> = others
@@ -181,7 +181,7 @@ pub fn averaged_frame(frames: &[Frame], at: usize) -> Denoised {
                 for Neighbour { frame, positions, weights } in
                     neighbours.iter().filter(|n| n.weights[i] > 0.0)
                 {
-                    sum += weights[i] * frame.sharp(positions[i], of(&frame.denoised)[c]);
+                    sum += weights[i] * frame.catmull_rom(positions[i], of(&frame.denoised)[c]);
                     all += weights[i];
                 }
                 sum / all
@@ -211,9 +211,9 @@ pub fn averaged_frame(frames: &[Frame], at: usize) -> Denoised {
 /// Numbers of the consecutive frames that a frame is averaged with, itself included; `all` are the sorted numbers of existing frames.
 fn neighbourhood(all: &[u32], number: u32) -> RangeInclusive<u32> {
     let is_there = |number: &u32| all.binary_search(number).is_ok();
-    let reach = REACH as u32;
-    let before = (number.saturating_sub(reach)..number).rev().take_while(is_there).last();
-    let after = (number + 1..=number.saturating_add(reach)).take_while(is_there).last();
+    let radius = RADIUS as u32;
+    let before = (number.saturating_sub(radius)..number).rev().take_while(is_there).last();
+    let after = (number + 1..=number.saturating_add(radius)).take_while(is_there).last();
     before.unwrap_or(number)..=after.unwrap_or(number)
 }
 
@@ -263,12 +263,12 @@ impl<T> Sequence<T> {
         }
         self.frames.push(frame);
         self.waiting.extend(item.map(|item| (number, item)));
-        let reach = REACH as u32;
-        while self.waiting.front().is_some_and(|(number, _)| number + reach < self.end()) {
+        let radius = RADIUS as u32;
+        while self.waiting.front().is_some_and(|(number, _)| number + radius < self.end()) {
             done.extend(self.waiting.pop_front().map(|(number, item)| self.averaged(number, item)));
         }
         let next = self.waiting.front().map_or(self.end(), |(number, _)| *number);
-        let passed = next.saturating_sub(reach).saturating_sub(self.first);
+        let passed = next.saturating_sub(radius).saturating_sub(self.first);
         self.frames.drain(..passed as usize);
         self.first += passed;
         done
@@ -292,8 +292,8 @@ impl<T> Sequence<T> {
     }
 
     fn averaged(&self, number: u32, item: T) -> Averaged<T> {
-        let (reach, last) = (REACH as u32, self.end() - 1);
-        let frames = self.first.max(number.saturating_sub(reach))..=last.min(number + reach);
+        let (radius, last) = (RADIUS as u32, self.end() - 1);
+        let frames = self.first.max(number.saturating_sub(radius))..=last.min(number + radius);
         let picture = averaged_frame(&self.frames, (number - self.first) as usize);
         Averaged { number, item, picture, frames }
     }
@@ -323,7 +323,7 @@ fn reproject(frames: &[Frame], at: usize, other: usize) -> (Vec<[f32; 2]>, Vec<b
         if target.pixel_at(position).is_none() {
             return false;
         }
-        let [dx, dy, x, y, z] = target.linear(position, |pixel| {
+        let [dx, dy, x, y, z] = target.bilinear(position, |pixel| {
             let (to, [x, y], [nx, ny, nz]) = (back[pixel], target.center_of(pixel), normal(target, pixel));
             [to[0] - x, to[1] - y, nx, ny, nz]
         });
@@ -357,20 +357,22 @@ impl Compared {
             (0..is_visible.len()).into_par_iter().with_min_len(1024).map(of).collect()
         };
         let finite = |v: f32| if v.is_finite() { v } else { 0.0 };
-        let spread = |frame: &Frame, i: usize| {
+        let variance_of = |frame: &Frame, i: usize| {
             let known = frame.variance.as_ref().map(|variance| variance[c][i]).filter(|v| v.is_finite());
             // Without an estimate the standard deviation is assumed to equal the value.
             known.unwrap_or_else(|| finite(frame.noisy[c][i] * frame.noisy[c][i]))
         };
-        let linear = |position: [f32; 2], value: &dyn Fn(usize) -> f32| {
-            other.linear(position, |pixel| [value(pixel)])[0]
+        let bilinear = |position: [f32; 2], value: &dyn Fn(usize) -> f32| {
+            other.bilinear(position, |pixel| [value(pixel)])[0]
         };
         Compared {
             own: plane(&|i| finite(frame.noisy[c][i])),
-            there: plane(&|i| linear(positions[i], &|pixel| finite(other.noisy[c][pixel]))),
-            variance: plane(&|i| spread(frame, i) + linear(positions[i], &|pixel| spread(other, pixel))),
+            there: plane(&|i| bilinear(positions[i], &|pixel| finite(other.noisy[c][pixel]))),
+            variance: plane(&|i| {
+                variance_of(frame, i) + bilinear(positions[i], &|pixel| variance_of(other, pixel))
+            }),
             shift: plane(&|i| {
-                other.sharp(positions[i], &other.denoised.color[c]) - frame.denoised.color[c][i]
+                other.catmull_rom(positions[i], &other.denoised.color[c]) - frame.denoised.color[c][i]
             }),
         }
     }
@@ -384,7 +386,7 @@ fn weights(frame: &Frame, other: &Frame, positions: &[[f32; 2]], is_visible: &[b
     let mask = weights.clone();
     let mut lower = |power: &[f32], noise: &[f32]| {
         for (weight, (power, noise)) in weights.iter_mut().zip(power.iter().zip(noise)) {
-            let ratio = CAUTION * noise / power.max(1e-30);
+            let ratio = MAX_NOISE_RATIO * noise / power.max(1e-30);
             *weight *= (ratio * ratio).min(1.0);
         }
     };
@@ -419,7 +421,7 @@ fn weights(frame: &Frame, other: &Frame, positions: &[[f32; 2]], is_visible: &[b
     let power = sum(&|channel, _, i| channel.shift[i] * channel.shift[i]);
     let noise = sum(&|channel, denoised, i| {
         let scale = MIN_CHANGE_OF_PIXELS * denoised * mask[i];
-        SHARE_OF_NOISE * channel.variance[i] + scale * scale
+        DENOISED_VARIANCE * channel.variance[i] + scale * scale
     });
     lower(&power, &noise);
     weights

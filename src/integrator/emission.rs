@@ -43,7 +43,7 @@ impl Integrator<'_> {
         }
         let wo = -w.rays[i].direction;
         let radiance = self.emitted(at, wo, w.times.wavelengths(w.arriving.state.radiance_index[i]));
-        let radiance = emission.beam.of(radiance, surface.ng, wo, &self.scene.textures);
+        let radiance = emission.beam.radiance(radiance, surface.ng, wo, &self.scene.textures);
         let path = &w.arriving.state;
         let mut weight = 1.0;
         if path.pdf[i].competes()
@@ -81,7 +81,7 @@ impl Integrator<'_> {
 
     /// Adds the radiance of suns to escaped paths whose direction is inside the sun's disk.
     fn add_suns(&self, bounce: u32, w: &mut Workspace) {
-        let suns = self.scene.lights.suns().iter().filter(|s| bounce > 0 || s.is_seen);
+        let suns = self.scene.lights.suns().iter().filter(|s| bounce > 0 || s.is_visible_to_camera);
         for SelectedSun { sun, index, pdf_discrete, .. } in suns {
             let index = *index;
             let path = &w.arriving.state;
@@ -279,7 +279,7 @@ fn locate(map: &ImageMap, scratch: &mut Scratch, count: usize) {
     let [x, y, z, s, t, _, _, _, first] = scratch;
     for k in 0..count {
         let at = map.locate(map.uv(Vec3::new(x[k], y[k], z[k])));
-        [s[k], t[k]] = at.shares;
+        [s[k], t[k]] = at.weights;
         first[k] = f32::from_bits(at.first);
     }
 }
@@ -290,7 +290,7 @@ fn read(map: &ImageMap, scratch: &mut Scratch, count: usize) {
     let [x, y, z, s, t, r, g, b, pdf] = scratch;
     for k in 0..count {
         map.prefetch(pdf[k + PREFETCH_DISTANCE].to_bits());
-        let at = TexelPosition { first: pdf[k].to_bits(), shares: [s[k], t[k]] };
+        let at = TexelPosition { first: pdf[k].to_bits(), weights: [s[k], t[k]] };
         let (radiance, density) = map.read(&at);
         [r[k], g[k], b[k]] = radiance.to_array();
         pdf[k] = density;

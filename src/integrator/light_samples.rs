@@ -5,7 +5,7 @@ use super::mis::LightPdf;
 use super::wave::{Lanes, Vertices, WAVE, Wave, get, set, set_rgb};
 use crate::color::Rgb;
 use crate::light::{
-    ImageMap, LightDirection, Lights, UNIFORM_NUMBERS, UniformDisk, UniformKind, UniformLight,
+    ImageMap, LightDirection, Lights, PACKED_LENGTH, UniformDisk, UniformKind, UniformLight,
     UniformRectangle, UniformShape, UniformTriangle, solid_angle_density,
 };
 use crate::math::Vec3;
@@ -202,7 +202,7 @@ impl VertexSubset for VertexIndices<'_> {
 /// Samples points of the selected lights of vertices, all of which have the shape `S`.
 pub(super) fn sample_uniform<S: UniformShape, V: VertexSubset>(subset: V, lights: &Lights, wave: &mut Wave) {
     if subset.count() > 0 {
-        let numbers = Table::new(lights.uniform().numbers());
+        let numbers = Table::new(lights.uniform().packed());
         dispatch(SampleUniform::<S, V> { wave, subset, numbers, shape: PhantomData });
     }
 }
@@ -210,7 +210,7 @@ pub(super) fn sample_uniform<S: UniformShape, V: VertexSubset>(subset: V, lights
 struct SampleUniform<'a, S, V> {
     wave: &'a mut Wave,
     subset: V,
-    numbers: Table<'a, [f32; UNIFORM_NUMBERS]>,
+    numbers: Table<'a, [f32; PACKED_LENGTH]>,
     shape: PhantomData<S>,
 }
 
@@ -223,7 +223,7 @@ impl<S: UniformShape, V: VertexSubset> Kernel for SampleUniform<'_, S, V> {
         let SampleUniform { wave, subset, numbers: all, .. } = self;
         let Wave { vertices: v, scratch: [u0, u1, ..], .. } = wave;
         for first in (0..subset.count()).step_by(BATCH) {
-            let (mut numbers, mut inputs) = ([[0.0; BATCH]; UNIFORM_NUMBERS], [[0.0; BATCH]; 5]);
+            let (mut numbers, mut inputs) = ([[0.0; BATCH]; PACKED_LENGTH], [[0.0; BATCH]; 5]);
             for lane in 0..BATCH {
                 // With many lights, most are not in cache.
                 all.prefetch(v.light.index[subset.vertex(first + lane + PREFETCH_DISTANCE)]);
@@ -231,7 +231,7 @@ impl<S: UniformShape, V: VertexSubset> Kernel for SampleUniform<'_, S, V> {
             for lane in 0..BATCH {
                 let i = subset.vertex(first + lane);
                 let light = all.at(v.light.index[i]);
-                for k in 0..UNIFORM_NUMBERS {
+                for k in 0..PACKED_LENGTH {
                     numbers[k][lane] = light[k];
                 }
                 let p = get(&v.p, i);
@@ -242,8 +242,8 @@ impl<S: UniformShape, V: VertexSubset> Kernel for SampleUniform<'_, S, V> {
             }
             let mut outputs = [[0.0; BATCH]; 10];
             for lane in 0..BATCH {
-                let mut of_lane = [0.0; UNIFORM_NUMBERS];
-                for k in 0..UNIFORM_NUMBERS {
+                let mut of_lane = [0.0; PACKED_LENGTH];
+                for k in 0..PACKED_LENGTH {
                     of_lane[k] = numbers[k][lane];
                 }
                 let light = UniformLight::<S>::unpack(of_lane);

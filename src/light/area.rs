@@ -248,21 +248,21 @@ impl AreaLight {
     }
 }
 
-// A grid lets only light of a small part of the light pass to a point: only that part is sampled.
+// Through a honeycomb grid, only a small part of the light is visible from a point; only that part is sampled.
 
 impl AreaLight {
-    /// The part of a rectangle or disk whose light passes its grid to a point, as a rectangle that bounds it; the whole shape without a
+    /// Bounding rectangle of the part of a rectangle or disk that is visible from a point through its grid; the whole shape without a
     /// grid, or if the bounding rectangle isn't smaller.
     #[inline(always)]
-    fn part_seen_from(&self, reference: Vec3) -> SeenPart {
+    fn visible_part(&self, reference: Vec3) -> VisiblePart {
         match self.beam {
-            Beam::Grid { tan_half, .. } => self.part_behind_grid(tan_half, reference),
-            _ => SeenPart::Whole,
+            Beam::Grid { tan_half, .. } => self.part_visible_through_grid(tan_half, reference),
+            _ => VisiblePart::Whole,
         }
     }
 
     #[cold]
-    fn part_behind_grid(&self, tan_half: f32, reference: Vec3) -> SeenPart {
+    fn part_visible_through_grid(&self, tan_half: f32, reference: Vec3) -> VisiblePart {
         let whole = match &self.shape {
             AreaShape::Rectangle(edges) => *edges,
             AreaShape::Analytic(disk) if disk.normal().is_some() => {
@@ -273,7 +273,7 @@ impl AreaLight {
                 Edges { corner: center - 0.5 * (u + v), edge_u: u, edge_v: v }
             }
             AreaShape::Parallelogram(_) | AreaShape::Triangle(_) | AreaShape::Analytic(_) => {
-                return SeenPart::Whole;
+                return VisiblePart::Whole;
             }
         };
         let to_reference = reference - whole.corner;
@@ -287,16 +287,16 @@ impl AreaLight {
         };
         let Some(((start_u, edge_u), (start_v, edge_v))) = clipped(whole.edge_u).zip(clipped(whole.edge_v))
         else {
-            return SeenPart::Nothing;
+            return VisiblePart::Nothing;
         };
         let is_round = matches!(self.shape, AreaShape::Analytic(_));
         match is_round && edge_u.cross(edge_v).length() > 0.5 * whole.edge_u.cross(whole.edge_v).length() {
-            true => SeenPart::Whole,
-            false => SeenPart::Part(Edges { corner: whole.corner + start_u + start_v, edge_u, edge_v }),
+            true => VisiblePart::Whole,
+            false => VisiblePart::Part(Edges { corner: whole.corner + start_u + start_v, edge_u, edge_v }),
         }
     }
 
-    /// Whether a point in the plane of a light that is sampled by a bounding rectangle is on the light.
+    /// Is a point, sampled in a bounding rectangle of the light, on the light?
     #[inline(always)]
     fn contains(&self, point: Vec3) -> bool {
         match &self.shape {
@@ -309,9 +309,9 @@ impl AreaLight {
     }
 }
 
-/// The part of a light whose light reaches a point.
+/// The part of a light that is visible from a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum SeenPart {
+enum VisiblePart {
     Whole,
     /// A rectangle that bounds it.
     Part(Edges),
@@ -325,19 +325,19 @@ impl LightSource for AreaLight {
         if self.is_in_plane(reference) {
             return LightSample::NONE;
         }
-        let LightPoint { point, pdf_solid_angle } = match (self.part_seen_from(reference), &self.shape) {
-            (SeenPart::Nothing, _) => return LightSample::NONE,
-            (SeenPart::Part(part), _) => {
+        let LightPoint { point, pdf_solid_angle } = match (self.visible_part(reference), &self.shape) {
+            (VisiblePart::Nothing, _) => return LightSample::NONE,
+            (VisiblePart::Part(part), _) => {
                 let sampled = rectangle(&part, reference).sample(u);
                 if !self.contains(sampled.point) {
                     return LightSample::NONE;
                 }
                 sampled
             }
-            (SeenPart::Whole, AreaShape::Rectangle(e)) => rectangle(e, reference).sample(u),
-            (SeenPart::Whole, AreaShape::Parallelogram(e)) => parallelogram(e, reference).sample(u),
-            (SeenPart::Whole, AreaShape::Triangle(e)) => triangle(e, reference).sample(u),
-            (SeenPart::Whole, AreaShape::Analytic(shape)) => shape.sample(reference, u),
+            (VisiblePart::Whole, AreaShape::Rectangle(e)) => rectangle(e, reference).sample(u),
+            (VisiblePart::Whole, AreaShape::Parallelogram(e)) => parallelogram(e, reference).sample(u),
+            (VisiblePart::Whole, AreaShape::Triangle(e)) => triangle(e, reference).sample(u),
+            (VisiblePart::Whole, AreaShape::Analytic(shape)) => shape.sample(reference, u),
         };
         let normal = self.normal_at(point, reference);
         let to =
@@ -350,22 +350,22 @@ impl LightSource for AreaLight {
             target: to.target,
             is_infinite: false,
             is_delta: false,
-            radiance: self.beam.of(self.radiance_at(textures, point), normal, -to.wi, textures),
+            radiance: self.beam.radiance(self.radiance_at(textures, point), normal, -to.wi, textures),
             pdf_solid_angle,
         }
     }
 
     #[inline]
     fn pdf_solid_angle(&self, reference: Vec3, point: Vec3) -> f32 {
-        match (self.part_seen_from(reference), &self.shape) {
-            (SeenPart::Nothing, _) => 0.0,
-            (SeenPart::Part(part), _) => rectangle(&part, reference).pdf_solid_angle(point),
-            (SeenPart::Whole, AreaShape::Rectangle(e)) => rectangle(e, reference).pdf_solid_angle(point),
-            (SeenPart::Whole, AreaShape::Parallelogram(e)) => {
+        match (self.visible_part(reference), &self.shape) {
+            (VisiblePart::Nothing, _) => 0.0,
+            (VisiblePart::Part(part), _) => rectangle(&part, reference).pdf_solid_angle(point),
+            (VisiblePart::Whole, AreaShape::Rectangle(e)) => rectangle(e, reference).pdf_solid_angle(point),
+            (VisiblePart::Whole, AreaShape::Parallelogram(e)) => {
                 parallelogram(e, reference).pdf_solid_angle(point)
             }
-            (SeenPart::Whole, AreaShape::Triangle(e)) => triangle(e, reference).pdf_solid_angle(point),
-            (SeenPart::Whole, AreaShape::Analytic(shape)) => shape.pdf_solid_angle(reference, point),
+            (VisiblePart::Whole, AreaShape::Triangle(e)) => triangle(e, reference).pdf_solid_angle(point),
+            (VisiblePart::Whole, AreaShape::Analytic(shape)) => shape.pdf_solid_angle(reference, point),
         }
     }
 
@@ -374,7 +374,7 @@ impl LightSource for AreaLight {
         if !self.two_sided && direction.dot(normal) <= 0.0 {
             return Rgb::ZERO;
         }
-        self.beam.of(self.radiance_at(textures, to), normal, direction, textures)
+        self.beam.radiance(self.radiance_at(textures, to), normal, direction, textures)
     }
 
     /// Mean luminance times area times pi per emissive side. Textures are averaged over a grid of points.
@@ -461,7 +461,7 @@ pub enum Beam {
     /// A measured profile (IES).
     Profile {
         /// Index among the scene's profiles.
-        number: u32,
+        profile: u32,
         /// Orientation.
         aim: Aim,
         /// Mean over all directions, relative to the maximum.
@@ -484,7 +484,7 @@ impl Beam {
             }
             scene::Beam::Profile { profile, rotation, cone } => {
                 profiles.get(profile.index()).map_or(Beam::Lambertian, |of| Beam::Profile {
-                    number: profile.0,
+                    profile: profile.0,
                     aim: Aim::new(rotation, cone),
                     mean: relative_mean(of),
                 })
@@ -492,10 +492,10 @@ impl Beam {
         }
     }
 
-    /// Radiance in a unit direction from a surface with a unit normal and radiance `radiance` before the beam. Profiles are stored with
-    /// textures.
+    /// Radiance in a unit direction from a surface with a unit normal; `radiance` is that of a Lambertian emitter. Profiles are stored
+    /// with textures.
     #[inline(always)]
-    pub fn of(&self, radiance: Rgb, normal: Vec3, direction: Vec3, textures: &CompiledTextures) -> Rgb {
+    pub fn radiance(&self, radiance: Rgb, normal: Vec3, direction: Vec3, textures: &CompiledTextures) -> Rgb {
         if matches!(self, Beam::Lambertian) {
             return radiance;
         }
@@ -513,8 +513,8 @@ impl Beam {
                 ((tan_half - sine / cosine.max(1e-9)) * scale).max(0.0)
             }
             Beam::Cone(cone) => cone.attenuation(direction.dot(cone.axis)),
-            Beam::Profile { number, aim, .. } => {
-                aim.attenuation(profiles.get(*number as usize).map(|profile| &**profile), direction)
+            Beam::Profile { profile, aim, .. } => {
+                aim.attenuation(profiles.get(*profile as usize).map(|profile| &**profile), direction)
             }
         }
     }

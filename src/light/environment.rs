@@ -19,7 +19,7 @@ const MIN_SIN: f32 = 1e-6;
 pub struct EnvironmentSample {
     /// Direction to the light, unit length.
     pub direction: Vec3,
-    /// Radiance from there.
+    /// Radiance from that direction.
     pub radiance: Rgb,
     /// Pdf per solid angle; 0 (by rounding, at the edge of the pdf's support) for no contribution.
     pub pdf_solid_angle: f32,
@@ -32,8 +32,8 @@ pub struct EnvironmentLight {
     pub(super) portals: Portals,
     /// Is light sampling enabled?
     is_sampled: bool,
-    /// Are constant and gradient skies light-sampled, too?
-    decides_shadows: bool,
+    /// Are constant and gradient skies light-sampled, too, because shadow rays and scattered rays see different objects?
+    needs_shadow_rays: bool,
 }
 
 #[derive(Clone, Debug)]
@@ -68,7 +68,7 @@ pub struct TexelPosition {
     /// Index of the upper left of four texels.
     pub first: u32,
     /// Bilinear weights of the right and of the lower texels, 0 to 1.
-    pub shares: [f32; 2],
+    pub weights: [f32; 2],
 }
 
 impl EnvironmentLight {
@@ -116,7 +116,7 @@ impl EnvironmentLight {
                 kind,
                 portals: Portals::default(),
                 is_sampled: true,
-                decides_shadows: false,
+                needs_shadow_rays: false,
             }),
         }
     }
@@ -172,17 +172,17 @@ impl EnvironmentLight {
         self.portals = Portals::new(portals, |direction| self.radiance(direction), anchor, &self.portals);
     }
 
-    /// Enables or disables light sampling; without it, only BSDF sampling estimates the environment. `decides_shadows`: the visibility of
-    /// some objects differs between shadow rays and scattered rays.
-    pub fn set_sampled(&mut self, is_sampled: bool, decides_shadows: bool) {
-        (self.is_sampled, self.decides_shadows) = (is_sampled, decides_shadows);
+    /// Enables or disables light sampling; without it, only BSDF sampling estimates the environment. `needs_shadow_rays`: shadow rays
+    /// and scattered rays see different objects.
+    pub fn set_sampled(&mut self, is_sampled: bool, needs_shadow_rays: bool) {
+        (self.is_sampled, self.needs_shadow_rays) = (is_sampled, needs_shadow_rays);
     }
 
-    /// Is the environment light-sampled? Constant and gradient skies are not (unless visibility differs between shadow rays and scattered
-    /// rays): BSDF sampling has little noise, and light samples are better spent on other lights.
+    /// Is the environment light-sampled? Constant and gradient skies are not (unless shadow rays and scattered rays see different
+    /// objects): BSDF sampling has little noise, and light samples are better spent on other lights.
     #[inline(always)]
     pub fn is_sampled(&self) -> bool {
-        self.is_sampled && (self.decides_shadows || !self.is_constant_or_linear())
+        self.is_sampled && (self.needs_shadow_rays || !self.is_constant_or_linear())
     }
 
     /// Is the radiance constant or linear in y, without portals?
@@ -245,7 +245,7 @@ impl LightSource for EnvironmentLight {
     }
 }
 
-/// Solid-angle pdf of a direction for a pdf of 1 over the unit square of map coordinates: the Jacobian.
+/// Factor from a pdf over the unit square of map coordinates to a pdf per solid angle: the Jacobian at a direction.
 #[inline(always)]
 pub fn solid_angle_density(direction: Vec3) -> f32 {
     let sine = (direction.x * direction.x + direction.z * direction.z).sqrt();
@@ -283,7 +283,7 @@ impl ImageMap {
         Some(ImageMap {
             width,
             height,
-            texels: with_density(&texels, &map),
+            texels: with_pdf(&texels, &map),
             mean_luminance: mean,
             map,
             sine: rotation_rad.sin() as f32,
@@ -340,7 +340,7 @@ impl ImageMap {
         let y = v * height as f32 - 0.5;
         let y = if y > 0.0 { y } else { 0.0 };
         let (i, j) = ((x as u32).min(width - 1), (y as u32).min(height - 1));
-        TexelPosition { first: j * (width + 1) + i, shares: [x - i as f32, y - j as f32] }
+        TexelPosition { first: j * (width + 1) + i, weights: [x - i as f32, y - j as f32] }
     }
 
     /// Prefetches the texels that [`ImageMap::read`] will read.
@@ -356,7 +356,7 @@ impl ImageMap {
     #[inline(always)]
     pub fn read(&self, at: &TexelPosition) -> (Rgb, f32) {
         let texels = Table::new(&self.texels);
-        let (first, below, [s, t]) = (at.first, at.first + self.width as u32 + 1, at.shares);
+        let (first, below, [s, t]) = (at.first, at.first + self.width as u32 + 1, at.weights);
         let (a, b, c, d) = (texels.at(first), texels.at(first + 1), texels.at(below), texels.at(below + 1));
         let (top, bottom) = (a + (b - a) * s, c + (d - c) * s);
         let rgb = (top + (bottom - top) * t).truncate();
@@ -377,7 +377,7 @@ impl ImageMap {
 }
 
 /// Texels with their sampling pdf, in the layout of [`ImageMap::texels`].
-fn with_density(texels: &[[f32; 3]], map: &BilinearDistribution) -> Vec<Vec4> {
+fn with_pdf(texels: &[[f32; 3]], map: &BilinearDistribution) -> Vec<Vec4> {
     let [width, height] = map.size();
     let mut all = Vec::with_capacity((width + 1) * (height + 1));
     prefer_huge_pages(&mut all);

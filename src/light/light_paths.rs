@@ -13,14 +13,14 @@ use crate::shape::{Analytic, Shape};
 use crate::texture::CompiledTextures;
 use std::f32::consts::PI;
 
-/// Solid angle of the targets, steradians, from which on surfaces sample directions by the cosine instead of aiming.
-const WIDE: f32 = PI;
+/// If the targets subtend this solid angle or more, steradians, surfaces sample directions by the cosine instead of aiming.
+const MAX_AIMED_SOLID_ANGLE: f32 = PI;
 
 /// Minimum probability of each light relative to a uniform choice, since power estimates may be wrong.
 const MIN_SHARE: f32 = 0.02;
 
 /// Maximum distance of a light in radii of the largest target: beyond, rounding errors of directions (1e-7) make hits uneven.
-const FARTHEST: f32 = 1e6;
+const MAX_DISTANCE_RADII: f32 = 1e6;
 
 /// Samples rays emitted by all lights except the environment.
 #[derive(Clone, Debug)]
@@ -28,7 +28,7 @@ pub struct LightPathSampler {
     targets: TargetSpheres,
     table: AliasTable,
     /// Radius of a sphere around the scene's origin that contains the scene, metres.
-    reach: f32,
+    scene_radius: f32,
 }
 
 /// A ray emitted by a light.
@@ -46,46 +46,46 @@ pub struct EmittedRay {
 }
 
 impl LightPathSampler {
-    /// A sampler for a scene within `reach` metres of the origin; `None` without targets, without lights other than the environment, or
-    /// with a light too far away for directions in single precision.
+    /// A sampler for a scene within `scene_radius` metres of the origin; `None` without targets, without lights other than the
+    /// environment, or with a light too far away for directions in single precision.
     pub fn new(
         lights: &Lights,
         textures: &CompiledTextures,
         targets: TargetSpheres,
-        reach: f32,
+        scene_radius: f32,
     ) -> Option<LightPathSampler> {
         let light_count = (lights.area().len() + lights.punctual().len()) as u32;
-        let is_far = |light| lights.center(light).is_some_and(|p| targets.is_farther(p, FARTHEST));
+        let is_far = |light| lights.center(light).is_some_and(|p| targets.is_farther(p, MAX_DISTANCE_RADII));
         if targets.is_empty() || (0..light_count).any(is_far) {
             return None;
         }
         let cross_section: f32 =
             targets.spheres().iter().map(|sphere| PI * sphere.radius * sphere.radius).sum();
         let towards = |p| targets.solid_angle(p).min(4.0 * PI);
-        let of_area = |light: &AreaLight| match light.emits_by_hit() {
+        let area_weight = |light: &AreaLight| match light.emits_by_hit() {
             true => 0.0,
             false => light.power(textures) / PI * towards(light.center()),
         };
-        let of_punctual = |light: &PunctualLight| match light.origin() {
+        let punctual_weight = |light: &PunctualLight| match light.origin() {
             // Power is emitted over all directions.
             LightOrigin::Point(p) => light.power(textures) / (4.0 * PI) * towards(p),
             LightOrigin::Direction(_) | LightOrigin::Cone => light.power(textures) / PI * cross_section,
         };
-        let mut weights: Vec<f32> = lights.area().iter().map(of_area).collect();
-        weights.extend(lights.punctual().iter().map(of_punctual));
+        let mut weights: Vec<f32> = lights.area().iter().map(area_weight).collect();
+        weights.extend(lights.punctual().iter().map(punctual_weight));
         let total: f32 = weights.iter().sum();
         if total.is_nan() || total <= 0.0 {
             return None;
         }
-        let least = MIN_SHARE * total / weights.len() as f32;
+        let min_weight = MIN_SHARE * total / weights.len() as f32;
         let is_excluded = |i: usize| lights.light_emits_by_hit(i as u32);
         weights
             .iter_mut()
             .enumerate()
             .filter(|(i, _)| !is_excluded(*i))
-            .for_each(|(_, weight)| *weight += least);
-        let reach = reach.max(targets.reach());
-        Some(LightPathSampler { table: AliasTable::new(&weights), targets, reach })
+            .for_each(|(_, weight)| *weight += min_weight);
+        let scene_radius = scene_radius.max(targets.bounding_radius());
+        Some(LightPathSampler { table: AliasTable::new(&weights), targets, scene_radius })
     }
 
     /// Samples an emitted ray by random numbers in 0..1: two for the point of the light (direction to a sun), two for the direction (point
@@ -127,7 +127,7 @@ impl LightPathSampler {
         }
         let point = light.point_by_area(u_point);
         let normal = light.normal_at(point, point);
-        let (direction, pdf) = if self.targets.solid_angle(point) < WIDE {
+        let (direction, pdf) = if self.targets.solid_angle(point) < MAX_AIMED_SOLID_ANGLE {
             let chosen = self.targets.sample_direction(point, 0.0, u)?;
             (chosen.at, chosen.pdf)
         } else {
@@ -144,7 +144,7 @@ impl LightPathSampler {
         let origin = offset_ray_origin(point, light.point_error(), normal, direction);
         Some(EmittedRay {
             ray: Ray::new(origin, direction),
-            radiance: light.beam.of(light.radiance_at(textures, point), normal, direction, textures),
+            radiance: light.beam.radiance(light.radiance_at(textures, point), normal, direction, textures),
             scale: cosine.abs() * light.area() / pdf,
             light: 0,
             is_delta: false,
@@ -166,7 +166,7 @@ impl LightPathSampler {
         let point = center + Frame::from_normal(direction).to_world(on_disk.extend(0.0));
         Some(EmittedRay {
             ray: Ray::new(point, direction),
-            radiance: light.beam.of(light.radiance_at(textures, point), direction, direction, textures),
+            radiance: light.beam.radiance(light.radiance_at(textures, point), direction, direction, textures),
             scale: shape.largest_projection() / pdf,
             light: 0,
             is_delta: false,
@@ -209,7 +209,7 @@ impl LightPathSampler {
     /// A ray through a point that starts outside the scene.
     fn ray_from_infinity(&self, p: Vec3, direction: Vec3) -> Ray {
         let nearest = p - direction * p.dot(direction);
-        Ray::new(nearest - direction * (self.reach * 1.01), direction)
+        Ray::new(nearest - direction * (self.scene_radius * 1.01), direction)
     }
 }
 
@@ -350,7 +350,7 @@ impl TargetSpheres {
     }
 
     /// Radius of a sphere around the origin that contains all spheres, metres.
-    pub fn reach(&self) -> f32 {
+    pub fn bounding_radius(&self) -> f32 {
         self.spheres.iter().map(|sphere| sphere.center.length() + sphere.radius).fold(0.0, f32::max)
     }
 }
@@ -417,7 +417,7 @@ impl Lights {
             let position = LightPosition::Near(light.center());
             near.push(SmallLight { position, size: radius(light), irradiance });
         }
-        far.extend(self.environment().and_then(spot_of));
+        far.extend(self.environment().and_then(brightest_spot));
         let brightest = |mut list: Vec<SmallLight>| {
             list.retain(|light| light.irradiance > 0.0);
             list.sort_by(|a, b| b.irradiance.total_cmp(&a.irradiance));
@@ -435,7 +435,7 @@ fn radius(light: &AreaLight) -> f32 {
 }
 
 /// The brightest spot of an environment image.
-fn spot_of(environment: &EnvironmentLight) -> Option<SmallLight> {
+fn brightest_spot(environment: &EnvironmentLight) -> Option<SmallLight> {
     environment.image_map()?;
     let at = |k: usize| (k as f32 + 0.5) / GRID as f32;
     let directions: Vec<Vec3> =

@@ -55,9 +55,9 @@ impl Level {
 
 impl Descent {
     /// No light reaches the point. Not a valid index of a light.
-    const NOWHERE: u32 = u32::MAX;
+    const NO_LIGHT: u32 = u32::MAX;
     /// A descent that ended without a light.
-    pub const ENDED: Descent = Descent { at: Descent::NOWHERE, u: 0.0, pdf: 0.0, level: Level::ROOT };
+    pub const ENDED: Descent = Descent { at: Descent::NO_LIGHT, u: 0.0, pdf: 0.0, level: Level::ROOT };
 
     /// A descent at the root, with a random number in 0..1.
     #[inline(always)]
@@ -65,12 +65,12 @@ impl Descent {
         Descent { at: 0, u, pdf: 1.0, level: Level::ROOT }
     }
 
-    /// The selected light and its probability; with probability 0, a light near which the descent ended, if none of those there light the
-    /// point.
+    /// The selected light and its probability. If the descent ended at a node none of whose lights reach the point: a light below the
+    /// same child of the root, with probability 0.
     #[inline(always)]
     pub fn chosen(&self, tree: &LightTree) -> (u32, f32) {
         match self.at {
-            at if at & LEAF != 0 && at != Descent::NOWHERE => (at & !LEAF, self.pdf),
+            at if at & LEAF != 0 && at != Descent::NO_LIGHT => (at & !LEAF, self.pdf),
             _ => (tree.first_lights[self.level.child as usize], 0.0),
         }
     }
@@ -128,7 +128,7 @@ impl LightTree {
         let estimates = weighted(node.estimates(receiver), descent.level, receiver);
         let sum = sum(&estimates);
         if sum <= 0.0 || sum.is_nan() {
-            descent.at = Descent::NOWHERE;
+            descent.at = Descent::NO_LIGHT;
             return false;
         }
         let target = descent.u * f64::from(sum);
@@ -227,7 +227,7 @@ impl LightTree {
 /// Bins along an axis for binned splits.
 const BINS: usize = 12;
 /// Maximum group size for binned splits; larger groups are split at the median, which is faster and hardly worse.
-const MAX_WEIGHED: usize = 16_384;
+const MAX_BINNED: usize = 16_384;
 
 /// A light of a tree under construction.
 #[derive(Clone, Copy, Debug)]
@@ -278,7 +278,7 @@ fn split_into_groups(items: &mut [Item], halve: bool) -> Vec<Group> {
 fn split(items: &mut [Item], halve: bool) -> usize {
     let centroid = |i: &Item| i.bounds.bounds.center();
     let centers = Bounds3::of(items.iter().map(centroid));
-    let best = if halve || items.len() > MAX_WEIGHED { None } else { best_split(items, &centers) };
+    let best = if halve || items.len() > MAX_BINNED { None } else { best_split(items, &centers) };
     if let Some((axis, position)) = best {
         let mut left = 0;
         for i in 0..items.len() {
@@ -357,7 +357,7 @@ pub struct LightWeights {
 }
 
 impl LightWeights {
-    /// Weights from factors by group, and how much each group counts among those of the same child of the root.
+    /// Weights from factors by group; `counts` are the weights of groups in the mean over a child of the root.
     pub fn new(factors: &[f32; LIGHT_GROUPS], counts: &[f32; LIGHT_GROUPS]) -> LightWeights {
         let inner: [[f32; WIDTH]; WIDTH] =
             std::array::from_fn(|child| std::array::from_fn(|inner| factors[child * WIDTH + inner]));
@@ -377,7 +377,7 @@ pub struct Receiver<'a> {
     pub p: Vec3,
     /// Unit normal on the lit side; zero if light from both sides contributes.
     pub normal: Vec3,
-    /// Factors on estimates, which stand for occlusion.
+    /// Learned factors on the estimates, which account for occlusion.
     pub weights: Option<&'a LightWeights>,
 }
 
@@ -399,7 +399,7 @@ struct Node {
     weight: [f32; WIDTH],
     axis: [[f32; WIDTH]; 3],
     /// Half extents of the boxes along the axis.
-    reach: [f32; WIDTH],
+    half_extent: [f32; WIDTH],
     /// Cosines of the largest angle between the axis and a normal.
     cos_normals: [f32; WIDTH],
     /// Cosines of the largest angle between the axis and a lit direction; below -1 if all directions are lit.
@@ -437,7 +437,7 @@ impl Node {
         radius: [0.0; WIDTH],
         weight: [0.0; WIDTH],
         axis: [[0.0; WIDTH]; 3],
-        reach: [0.0; WIDTH],
+        half_extent: [0.0; WIDTH],
         cos_normals: [0.0; WIDTH],
         cos_lit: [0.0; WIDTH],
         child: [LEAF; WIDTH],
@@ -450,7 +450,7 @@ impl Node {
             self.axis[c][i] = b.axis[c];
         }
         self.radius[i] = 0.5 * extent.length();
-        self.reach[i] = 0.5 * extent.dot(b.axis.abs());
+        self.half_extent[i] = 0.5 * extent.dot(b.axis.abs());
         self.weight[i] = b.weight;
         self.cos_normals[i] = poly::sin_cos(b.normals_rad).1;
         let lit_rad = b.normals_rad + b.emission_rad;
@@ -480,7 +480,7 @@ impl Node {
             let size = radius * inverse;
             let height = x * self.axis[0][i] + y * self.axis[1][i] + z * self.axis[2][i];
             let cos_axis = height * inverse;
-            let highest = (height + self.reach[i]) * inverse;
+            let highest = (height + self.half_extent[i]) * inverse;
             let cos_receiver = -(x * n.x + y * n.y + z * n.z) * inverse;
             // cos(a - b) <= cos a + 2 sin b, and cos(a - b) > 0 only if cos a + sin b > 0. If no light faces the receiver, all cosines are
             // below half the highest, since no light is more than twice as far away as the center.

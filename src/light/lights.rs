@@ -40,7 +40,7 @@ pub struct SelectedSun {
     /// By receiver class: selection probability among the lights at infinity.
     pub pdf_discrete: Vec<f32>,
     /// Is it visible to camera rays?
-    pub is_seen: bool,
+    pub is_visible_to_camera: bool,
 }
 
 impl Lights {
@@ -178,7 +178,7 @@ impl Lights {
         let sun = |(i, light): (usize, &PunctualLight)| {
             let (sun, index) = (*light.sun()?, (self.area.len() + i) as u32);
             let pdf_discrete = self.samplers().map(|sampler| sampler.pdf_among_far(index)).collect();
-            Some(SelectedSun { sun, index, pdf_discrete, is_seen: false })
+            Some(SelectedSun { sun, index, pdf_discrete, is_visible_to_camera: false })
         };
         self.punctual.iter().enumerate().filter_map(sun).collect()
     }
@@ -190,9 +190,9 @@ impl Lights {
     }
 
     /// Makes a sun, given by its index among the punctual lights, visible to camera rays.
-    pub fn show_sun(&mut self, punctual: u32) {
+    pub fn show_sun_to_camera(&mut self, punctual: u32) {
         let index = self.area.len() as u32 + punctual;
-        self.suns.iter_mut().filter(|s| s.index == index).for_each(|s| s.is_seen = true);
+        self.suns.iter_mut().filter(|s| s.index == index).for_each(|s| s.is_visible_to_camera = true);
     }
 
     /// The environment alone.
@@ -271,8 +271,8 @@ impl Lights {
 
     /// The scene's only light, if it is a static rectangle of constant radiance.
     pub fn single_rectangle(&self) -> Option<UniformLight<UniformRectangle>> {
-        match self.uniform.numbers() {
-            [numbers] if self.are_rectangles() && !self.emits_by_hit => Some(UniformLight::unpack(*numbers)),
+        match self.uniform.packed() {
+            [packed] if self.are_rectangles() && !self.emits_by_hit => Some(UniformLight::unpack(*packed)),
             _ => None,
         }
     }
@@ -450,11 +450,11 @@ impl Lights {
     }
 }
 
-/// Minimum probability of selecting from either group, lights at a position or at infinity, if both may contribute.
-const MIN_SHARE: f32 = 0.02;
+/// Minimum probability of each group, lights at a position and lights at infinity, if both may contribute.
+const MIN_GROUP_PROBABILITY: f32 = 0.02;
 
-/// Selects a light for a receiver: first between lights at a position and lights at infinity, by the root of their estimated irradiance;
-/// then among the former by a [`LightTree`], among the latter by irradiance.
+/// Selects a light for a receiver: first between lights at a position and lights at infinity, by the square root of their estimated
+/// irradiance; then among the former by a [`LightTree`], among the latter by irradiance.
 #[derive(Clone, Debug)]
 struct LightSampler {
     /// Over the lights at a position.
@@ -523,7 +523,7 @@ impl LightSampler {
         if self.is_single {
             return SelectedGroup::Far(SelectedLight { index: 0, pdf_discrete: 1.0 });
         }
-        let probability = self.near_share(receiver);
+        let probability = self.near_probability(receiver);
         if u[1] < probability {
             // The second number adds bits below the 24 of the first.
             let rest = (u[1] / probability).min(1.0f32.next_down());
@@ -541,7 +541,7 @@ impl LightSampler {
 
     /// The probability of selecting from the lights at a position.
     #[inline(always)]
-    fn near_share(&self, receiver: &Receiver<'_>) -> f32 {
+    fn near_probability(&self, receiver: &Receiver<'_>) -> f32 {
         match (self.has_near, self.far.is_empty()) {
             (true, true) => 1.0,
             (false, _) => 0.0,
@@ -554,13 +554,18 @@ impl LightSampler {
                 if self.far_irradiance <= 0.0 {
                     return 1.0;
                 }
-                // The root is a compromise, since the estimates ignore occlusion: in proportion there would be no noise where both
-                // groups arrive, and much where the stronger one is occluded.
+                // The square root is a compromise, since the estimates ignore occlusion: selection in proportion to the estimates has no
+                // noise where both groups are visible, and much where the stronger one is occluded.
                 let weight = receiver.weights.map_or(1.0, |weights| weights.far);
                 let (near, far) = (near.sqrt(), (self.far_irradiance * weight).sqrt());
                 let probability = near / (near + far);
-                let probability = if probability > MIN_SHARE { probability } else { MIN_SHARE };
-                if probability < 1.0 - MIN_SHARE { probability } else { 1.0 - MIN_SHARE }
+                let probability =
+                    if probability > MIN_GROUP_PROBABILITY { probability } else { MIN_GROUP_PROBABILITY };
+                if probability < 1.0 - MIN_GROUP_PROBABILITY {
+                    probability
+                } else {
+                    1.0 - MIN_GROUP_PROBABILITY
+                }
             }
         }
     }
@@ -571,13 +576,13 @@ impl LightSampler {
         if self.is_single {
             return 1.0;
         }
-        self.near_share(receiver) * self.tree.pdf_discrete(receiver, index)
+        self.near_probability(receiver) * self.tree.pdf_discrete(receiver, index)
     }
 
     /// The probability of selecting from the lights at infinity.
     #[inline(always)]
     pub fn far_pdf_discrete(&self, receiver: &Receiver<'_>) -> f32 {
-        1.0 - self.near_share(receiver)
+        1.0 - self.near_probability(receiver)
     }
 
     /// The probability of selecting light `index` among the lights at infinity; 0 for other lights.
@@ -713,7 +718,7 @@ mod tests {
                 let deviation = (pdf * (1.0 - pdf) / N as f32).sqrt();
                 assert!((fraction - pdf).abs() <= 5.0 * deviation + 1e-4, "{index}: {fraction} {pdf}");
             }
-            assert!(far >= MIN_SHARE - 1e-6);
+            assert!(far >= MIN_GROUP_PROBABILITY - 1e-6);
         }
     }
 

@@ -25,7 +25,7 @@ pub use punctual::Sun;
 use punctual::{Directional, Point, Profiled, Spot};
 pub use traits::{LightBounds, LightDirection, LightOrigin, LightSample, LightSource, PunctualSource};
 pub use uniform::{
-    UNIFORM_NUMBERS, UniformDisk, UniformKind, UniformLight, UniformLights, UniformRectangle, UniformShape,
+    PACKED_LENGTH, UniformDisk, UniformKind, UniformLight, UniformLights, UniformRectangle, UniformShape,
     UniformTriangle,
 };
 pub use volume::VolumeLight;

@@ -91,7 +91,7 @@ impl Portals {
             let window = only.window(p).filter(|window| window.sum > 0.0)?;
             let (at, value) = only.table.sample(&window, [f64::from(u[0]) * window.sum, f64::from(u[1])]);
             let (direction, jacobian) = only.axes.direction(at);
-            let pdf = (value / window.sum * PER_ANGLE) as f32 / jacobian;
+            let pdf = (value / window.sum * TEXELS_PER_SQUARE_RADIAN) as f32 / jacobian;
             return Some((direction, if pdf.is_finite() { pdf } else { 0.0 }));
         }
         let total = self.total(p);
@@ -135,7 +135,7 @@ impl Portals {
 }
 
 /// Texels per square radian.
-const PER_ANGLE: f64 = (SIZE * SIZE) as f64 / (std::f64::consts::PI * std::f64::consts::PI);
+const TEXELS_PER_SQUARE_RADIAN: f64 = (SIZE * SIZE) as f64 / (std::f64::consts::PI * std::f64::consts::PI);
 
 impl Portal {
     /// The rectangle that the portal subtends; `None` behind it and in its plane.
@@ -155,14 +155,12 @@ impl Portal {
         let sum = self.table.sum(low, high);
         Some(Window { low, high, sum })
     }
-}
 
-impl Portal {
     /// Unnormalised pdf per solid angle: its integral is the window's sum; 0 outside the window.
     fn unnormalized_pdf(&self, window: &Window, direction: Vec3) -> f64 {
         let Some((at, jacobian)) = self.axes.angles(direction) else { return 0.0 };
         let is_inside = (0..2).all(|k| window.low[k] <= at[k] && at[k] <= window.high[k]);
-        if is_inside { self.table.texel(at) * PER_ANGLE / f64::from(jacobian) } else { 0.0 }
+        if is_inside { self.table.texel(at) * TEXELS_PER_SQUARE_RADIAN / f64::from(jacobian) } else { 0.0 }
     }
 }
 

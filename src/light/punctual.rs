@@ -112,7 +112,7 @@ fn sample_point(position: Vec3, intensity: Rgb, attenuation: f32, reference: Vec
 }
 
 /// Bounds of a point light that emits in all directions.
-fn bounds_all_around(position: Vec3, weight: f32) -> LightBounds {
+fn isotropic_bounds(position: Vec3, weight: f32) -> LightBounds {
     let bounds = Bounds3::of([position]);
     LightBounds { bounds, weight, axis: Vec3::Z, normals_rad: PI, emission_rad: 0.5 * PI }
 }
@@ -128,7 +128,7 @@ impl LightSource for Point {
     }
 
     fn bounds(&self, _textures: &CompiledTextures) -> Option<LightBounds> {
-        Some(bounds_all_around(self.position, self.intensity.luminance()))
+        Some(isotropic_bounds(self.position, self.intensity.luminance()))
     }
 }
 
@@ -202,7 +202,7 @@ impl LightSource for Profiled {
     }
 
     fn bounds(&self, _textures: &CompiledTextures) -> Option<LightBounds> {
-        Some(bounds_all_around(self.position, self.intensity.luminance() * self.mean))
+        Some(isotropic_bounds(self.position, self.intensity.luminance() * self.mean))
     }
 }
 
@@ -468,7 +468,7 @@ impl PunctualSource for Sun {
     }
 
     /// Suns are static: BSDF sampling evaluates them without a time.
-    fn interpolate(&self, _other: &Sun, _share: f32) -> Sun {
+    fn interpolate(&self, _other: &Sun, _t: f32) -> Sun {
         *self
     }
 }

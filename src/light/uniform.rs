@@ -8,7 +8,7 @@ use crate::shape::{Analytic, FacingDisk, LightPoint, Shape, SphericalRectangle, 
 use std::marker::PhantomData;
 
 /// Length of a packed [`UniformLight`].
-pub const UNIFORM_NUMBERS: usize = 19;
+pub const PACKED_LENGTH: usize = 19;
 
 /// The shapes of uniform lights.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,7 +24,7 @@ pub struct UniformLights {
     /// By index of the area light; `None` for other lights.
     kinds: Vec<Option<UniformKind>>,
     /// By index of the area light; zeros for other lights.
-    numbers: Vec<[f32; UNIFORM_NUMBERS]>,
+    packed: Vec<[f32; PACKED_LENGTH]>,
     /// Are all area lights rectangles?
     are_rectangles: bool,
 }
@@ -37,10 +37,10 @@ impl UniformLights {
             return UniformLights::default();
         }
         let kind = |light: &Option<_>| light.map(|(kind, _)| kind);
-        let numbers = |light: &Option<_>| light.map_or([0.0; UNIFORM_NUMBERS], |(_, numbers)| numbers);
+        let values = |light: &Option<_>| light.map_or([0.0; PACKED_LENGTH], |(_, values)| values);
         UniformLights {
             kinds: packed.iter().map(kind).collect(),
-            numbers: packed.iter().map(numbers).collect(),
+            packed: packed.iter().map(values).collect(),
             are_rectangles: packed.iter().all(|light| kind(light) == Some(UniformKind::Rectangle)),
         }
     }
@@ -51,9 +51,9 @@ impl UniformLights {
         self.kinds.get(light as usize).copied().flatten()
     }
 
-    /// Packed numbers, by index of the area light.
-    pub fn numbers(&self) -> &[[f32; UNIFORM_NUMBERS]] {
-        &self.numbers
+    /// Packed lights, by index of the area light.
+    pub fn packed(&self) -> &[[f32; PACKED_LENGTH]] {
+        &self.packed
     }
 
     /// Are all area lights rectangles, of which there is at least one?
@@ -63,12 +63,12 @@ impl UniformLights {
 
     /// Memory, bytes.
     pub fn bytes(&self) -> usize {
-        size_of_val(&self.kinds[..]) + size_of_val(&self.numbers[..])
+        size_of_val(&self.kinds[..]) + size_of_val(&self.packed[..])
     }
 }
 
-/// The kind and the packed numbers of a light, if it is a [`UniformLight`].
-fn pack(light: &AreaLight) -> Option<(UniformKind, [f32; UNIFORM_NUMBERS])> {
+/// The kind and the packed values of a light, if it is a [`UniformLight`].
+fn pack(light: &AreaLight) -> Option<(UniformKind, [f32; PACKED_LENGTH])> {
     let radiance = match light.radiance {
         Radiance::Constant(radiance) => radiance,
         Radiance::AtHit { .. } => Rgb::ONE,
@@ -87,15 +87,15 @@ fn pack(light: &AreaLight) -> Option<(UniformKind, [f32; UNIFORM_NUMBERS])> {
     };
     let (n, e, [r, g, blue]) = (light.normal, light.point_error(), radiance.to_array());
     let sides = f32::from(u8::from(light.two_sided));
-    let numbers =
+    let packed =
         [a.x, a.y, a.z, b.x, b.y, b.z, c.x, c.y, c.z, n.x, n.y, n.z, e.x, e.y, e.z, r, g, blue, sides];
-    Some((kind, numbers))
+    Some((kind, packed))
 }
 
 /// A shape of uniform lights, given by three vectors.
 pub trait UniformShape {
-    /// Does no light arrive at points in the plane of the shape?
-    const HAS_PLANE: bool;
+    /// Is the shape flat, so that no light arrives at points in its plane?
+    const IS_FLAT: bool;
 
     /// Samples a point as seen from `p`, uniformly by solid angle, by two random numbers in 0..1. Free of branches, so that loops vectorise.
     fn sample(vectors: [Vec3; 3], p: Vec3, u: [f32; 2]) -> LightPoint;
@@ -112,7 +112,7 @@ pub trait UniformShape {
 pub struct UniformRectangle;
 
 impl UniformShape for UniformRectangle {
-    const HAS_PLANE: bool = true;
+    const IS_FLAT: bool = true;
 
     #[inline(always)]
     fn sample([corner, edge_u, edge_v]: [Vec3; 3], p: Vec3, u: [f32; 2]) -> LightPoint {
@@ -125,7 +125,7 @@ impl UniformShape for UniformRectangle {
 pub struct UniformTriangle;
 
 impl UniformShape for UniformTriangle {
-    const HAS_PLANE: bool = true;
+    const IS_FLAT: bool = true;
 
     #[inline(always)]
     fn sample([corner, edge_u, edge_v]: [Vec3; 3], p: Vec3, u: [f32; 2]) -> LightPoint {
@@ -138,7 +138,7 @@ impl UniformShape for UniformTriangle {
 pub struct UniformDisk;
 
 impl UniformShape for UniformDisk {
-    const HAS_PLANE: bool = false;
+    const IS_FLAT: bool = false;
 
     #[inline(always)]
     fn sample([center, radius, _]: [Vec3; 3], p: Vec3, u: [f32; 2]) -> LightPoint {
@@ -164,10 +164,10 @@ pub struct UniformLight<S> {
 }
 
 impl<S: UniformShape> UniformLight<S> {
-    /// The light of packed numbers.
+    /// Unpacks a light.
     #[inline(always)]
-    pub fn unpack(numbers: [f32; UNIFORM_NUMBERS]) -> UniformLight<S> {
-        let [ax, ay, az, bx, by, bz, cx, cy, cz, nx, ny, nz, ex, ey, ez, r, g, b, two_sided] = numbers;
+    pub fn unpack(packed: [f32; PACKED_LENGTH]) -> UniformLight<S> {
+        let [ax, ay, az, bx, by, bz, cx, cy, cz, nx, ny, nz, ex, ey, ez, r, g, b, two_sided] = packed;
         UniformLight {
             radiance: Rgb::new(r, g, b),
             vectors: [Vec3::new(ax, ay, az), Vec3::new(bx, by, bz), Vec3::new(cx, cy, cz)],
@@ -183,7 +183,7 @@ impl<S: UniformShape> UniformLight<S> {
     pub fn direction(&self, p: Vec3, u: [f32; 2]) -> LightDirection {
         let s = S::sample(self.vectors, p, u);
         let normal = S::normal(self.vectors, self.normal, p);
-        let is_in_plane = S::HAS_PLANE && is_in_plane(p, self.vectors[0], normal, self.point_error);
+        let is_in_plane = S::IS_FLAT && is_in_plane(p, self.vectors[0], normal, self.point_error);
         let pdf_solid_angle = if is_in_plane { 0.0 } else { s.pdf_solid_angle };
         direction_to_point(p, s.point, pdf_solid_angle, (normal, self.point_error, self.two_sided))
     }

@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn dark_or_flat_media_are_no_lights() {
+    fn dark_or_flat_media_are_not_lights() {
         assert!(VolumeLight::new(1, (Vec3::ZERO, Mat3::IDENTITY), [2, 1, 1], &[0.0; 2]).is_none());
         let flat = Mat3::from_cols(Vec3::X, Vec3::Y, Vec3::ZERO);
         assert!(VolumeLight::new(1, (Vec3::ZERO, flat), [2, 1, 1], &[1.0; 2]).is_none());

@@ -62,7 +62,7 @@ fn evaluate(loaded: &mut Loaded, id: MaterialId, medium: Medium) -> Result<(), E
     }
     let used = [textures.density, textures.color, textures.emission].into_iter().flatten();
     let (compiled, report) =
-        CompiledTextures::of_some(&loaded.scene.textures, &loaded.scene.images, &used.collect::<Vec<_>>())?;
+        CompiledTextures::of_subset(&loaded.scene.textures, &loaded.scene.images, &used.collect::<Vec<_>>())?;
     loaded.warnings.extend(report.warnings);
     let max_voxels = MAX_VOXELS / solids.len() as f64;
     let (resolution, max_voxels) = match textures.resolution {

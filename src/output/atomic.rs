@@ -26,7 +26,7 @@ pub fn check_target(path: impl AsRef<Path>) -> Result<()> {
     create(path).map(drop)
 }
 
-/// Whether two paths refer to the same file. Folders are canonicalised, so `a.png` equals `./a.png`, also through symbolic links;
+/// Do two paths refer to the same file? Folders are canonicalised, so `a.png` equals `./a.png`, also through symbolic links;
 /// file names are compared literally on all systems.
 pub fn is_same_target(a: &Path, b: &Path) -> bool {
     let folder = |path| fs::canonicalize(folder_of(path)).unwrap_or_else(|_| folder_of(path).to_path_buf());
@@ -51,14 +51,14 @@ pub(super) fn write_with(path: &Path, write: &mut dyn FnMut(&mut dyn Write) -> i
     let written = write(&mut writer).and_then(|()| writer.flush());
     drop(writer);
     written.map_err(|e| failure(path, &e))?;
-    place(temporary, path)
+    persist(temporary, path)
 }
 
 /// Syncs a file of [`create`] to the disk and renames it to its target.
 ///
 /// # Errors
 /// As for [`write_atomically`].
-pub(super) fn place(temporary: NamedTempFile, path: &Path) -> Result<()> {
+pub(super) fn persist(temporary: NamedTempFile, path: &Path) -> Result<()> {
     let path = &resolve_links(path);
     let synced = temporary.as_file().sync_all();
     synced.and_then(|()| Ok(temporary.persist(path)?)).map_err(|e| failure(path, &e))?;
@@ -81,7 +81,7 @@ pub fn remove_file(path: &Path) -> Result<bool> {
 
 /// Removes temporary files of a target left by killed runs. Files of the last hour are kept, since another run may be writing them.
 pub fn remove_leftovers(path: &Path) {
-    const OLD: Duration = Duration::from_secs(3600);
+    const MIN_AGE: Duration = Duration::from_secs(3600);
     let Some((prefix, folder)) = hidden_prefix(path).zip(fs::read_dir(folder_of(path)).ok()) else { return };
     for entry in folder.flatten() {
         let name = entry.file_name();
@@ -91,7 +91,7 @@ pub fn remove_leftovers(path: &Path) {
             });
         let age =
             entry.metadata().and_then(|data| data.modified()).map(|time| time.elapsed().unwrap_or_default());
-        if is_leftover && age.is_ok_and(|age| age >= OLD) {
+        if is_leftover && age.is_ok_and(|age| age >= MIN_AGE) {
             // A failure is harmless.
             let _ = fs::remove_file(entry.path());
         }
@@ -105,12 +105,12 @@ const SUFFIX: &str = ".tmp";
 fn hidden_prefix(path: &Path) -> Option<OsString> {
     let mut hidden = OsString::from(".");
     let name = path.file_name()?;
-    if name.len() <= MAX_NAME {
+    if name.len() <= MAX_NAME_BYTES {
         hidden.push(name);
     } else {
         // The name of the temporary file must not exceed the maximum length.
         let name = name.to_string_lossy();
-        let end = (0..=MAX_NAME).rev().find(|&at| name.is_char_boundary(at)).unwrap_or(0);
+        let end = (0..=MAX_NAME_BYTES).rev().find(|&at| name.is_char_boundary(at)).unwrap_or(0);
         hidden.push(&name[..end]);
     }
     hidden.push(".");
@@ -118,14 +118,14 @@ fn hidden_prefix(path: &Path) -> Option<OsString> {
 }
 
 /// Maximum number of bytes of the target's name in the temporary file's name. (Most systems allow names of 255 bytes.)
-const MAX_NAME: usize = 200;
+const MAX_NAME_BYTES: usize = 200;
 
 /// Resolves symbolic links, so that the link is kept and its target replaced.
 fn resolve_links(path: &Path) -> PathBuf {
     /// Maximum length of a chain of links.
-    const MAX: usize = 40;
+    const MAX_LINKS: usize = 40;
     let mut path = path.to_path_buf();
-    for _ in 0..MAX {
+    for _ in 0..MAX_LINKS {
         let Ok(link) = fs::read_link(&path) else { break };
         path = folder_of(&path).join(link);
     }
@@ -166,8 +166,8 @@ pub fn check_folder(folder: &Path, replaces: bool) -> Result<()> {
     if folder.exists() && !folder.is_dir() {
         return Err(Error::output(folder, "is a file, not a folder").with_help("choose another name"));
     }
-    let holds_something = fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_some());
-    if holds_something && !replaces {
+    let is_filled = fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_some());
+    if is_filled && !replaces {
         let message = format!("{} is not empty", folder.display());
         return Err(Error::usage(message).with_help("choose another name"));
     }
@@ -197,8 +197,8 @@ pub fn move_folder(files: &Path, folder: &Path) -> Result<Vec<String>> {
     };
     let moved = names().and_then(|names| {
         // Fails if the folder isn't empty.
-        let is_gone = !folder.exists() || fs::remove_dir(folder).is_ok();
-        if is_gone {
+        let can_rename = !folder.exists() || fs::remove_dir(folder).is_ok();
+        if can_rename {
             fs::rename(files, folder)?;
         } else {
             names.iter().try_for_each(|name| fs::rename(files.join(name), folder.join(name)))?;
@@ -237,7 +237,7 @@ pub enum Format {
 
 impl Format {
     /// Maximum width and height in pixels, if the format has a limit.
-    pub fn largest_edge(self) -> Option<u32> {
+    pub fn max_edge(self) -> Option<u32> {
         match self {
             Format::WebP => Some(16_383),
             Format::Jpeg => Some(65_535),
@@ -273,12 +273,12 @@ impl Format {
                     .with_help("end the name in .exr, .png, .jpg, .tif, .webp or .hdr"));
             }
         };
-        let lacks = match format {
+        let is_missing = match format {
             Format::Tiff => !cfg!(feature = "tiff"),
             Format::WebP => !cfg!(feature = "webp"),
             _ => false,
         };
-        if lacks {
+        if is_missing {
             let message = format!("{}: this build can't write {}", path.display(), format.name());
             return Err(
                 Error::usage(message).with_help("build it with the feature 'decoders', or write .png")

@@ -74,7 +74,7 @@ pub fn encode_exr(
     let names: Vec<&str> = film.names().collect();
     warnings.extend(options.unknown(&names).map(|name| {
         Warning::general(format!(
-            "there is no channel or layer '{name}' in the picture, whose type was chosen"
+            "a pixel type is set for '{name}', but the picture has no such channel or layer"
         ))
     }));
     let mut metadata = metadata.clone();
@@ -138,11 +138,13 @@ fn parts(
     clamped: &mut u64,
 ) -> Vec<(String, Vec<AnyChannel<FlatSamples>>)> {
     let samples = |plane: Plane<'_>| {
-        let own =
+        let default =
             if float && plane.pixel_type == PixelType::Half { PixelType::Float } else { plane.pixel_type };
         match plane.values {
             Values::Uint(values) => (FlatSamples::U32(values), 0),
-            Values::Float(values) if options.type_of(plane.name, own) == PixelType::Half => to_half(values),
+            Values::Float(values) if options.type_of(plane.name, default) == PixelType::Half => {
+                to_half(values)
+            }
             Values::Float(values) => (FlatSamples::F32(values), 0),
         }
     };
@@ -224,8 +226,8 @@ fn attributes(metadata: &Metadata, part: &str, is_first: bool, options: &ExrOpti
     if let Some(seconds) = metadata.render_s {
         add("renderTime", AttributeValue::F32(seconds as f32));
     }
-    let here = metadata.mattes.iter().filter(|matte| is_first || matte.kind() == part);
-    for (name, value) in here.flat_map(|matte| matte.attributes(options.prefix())) {
+    let mattes = metadata.mattes.iter().filter(|matte| is_first || matte.kind() == part);
+    for (name, value) in mattes.flat_map(|matte| matte.attributes(options.prefix())) {
         add(&name, AttributeValue::Text(text(&value)));
     }
     if !metadata.warnings.is_empty() {
@@ -339,23 +341,23 @@ type AnyLayer = Layer<AnyChannels<FlatSamples>>;
 
 /// Zlib compression level: passes of the Cornell box are 0.5 % larger than at level 4, in less than half the time; below 2 they are
 /// 13 % larger.
-const LEVEL: Level = Level::new(2);
+const ZLIB_LEVEL: Level = Level::new(2);
 
 thread_local! {
     /// Reused, since creating a compressor takes as long as compressing some lines.
-    static ENCODER: RefCell<Compress> = RefCell::new(Compress::new(LEVEL, true));
+    static ENCODER: RefCell<Compress> = RefCell::new(Compress::new(ZLIB_LEVEL, true));
 }
 
-/// Whether [`encode_zip`] supports the image.
+/// Does [`encode_zip`] support the image?
 fn is_zip(image: &AnyImage) -> bool {
-    let suits = |layer: &AnyLayer| {
+    let is_supported = |layer: &AnyLayer| {
         let encoding = &layer.encoding;
         matches!(encoding.compression, Compression::ZIP1 | Compression::ZIP16)
             && encoding.blocks == Blocks::ScanLines
             && encoding.line_order != LineOrder::Decreasing
             && layer.channel_data.list.iter().all(|channel| channel.sampling == Vec2(1, 1))
     };
-    cfg!(target_endian = "little") && image.layer_data.iter().all(suits)
+    cfg!(target_endian = "little") && image.layer_data.iter().all(is_supported)
 }
 
 /// Encodes an image for which [`is_zip`] is true.

@@ -52,17 +52,17 @@ impl ExrLayout {
     /// A description, for lists.
     pub fn about(self) -> &'static str {
         match self {
-            ExrLayout::Single => "One part: R, G, B, A and Z without a layer's name",
+            ExrLayout::Single => "One part: R, G, B, A and Z without a layer name",
             ExrLayout::Multipart => "A part for each layer",
             ExrLayout::Layers => {
-                "One part, all in one render layer as Blender names it: ViewLayer.Combined.R"
+                "One part, with Blender's channel names in one view layer: ViewLayer.Combined.R"
             }
         }
     }
 }
 
 impl ExrCompression {
-    /// Whether 32-bit floats are lossless, as needed for Cryptomatte ids.
+    /// Are 32-bit floats lossless, as needed for Cryptomatte ids?
     pub fn preserves_ids(self) -> bool {
         !matches!(self, ExrCompression::Pxr24 | ExrCompression::Dwaa | ExrCompression::Dwab)
     }
@@ -108,7 +108,7 @@ pub struct ExrOptions {
     pub window: Option<ExrWindow>,
 }
 
-/// The render layer of [`ExrLayout::Layers`].
+/// The view layer of [`ExrLayout::Layers`].
 const VIEW_LAYER: &str = "ViewLayer";
 
 impl ExrOptions {
@@ -134,12 +134,12 @@ impl ExrOptions {
     }
 
     /// The pixel type of a channel: by its name, else by its layer, else its default.
-    pub(super) fn type_of(&self, name: &str, own: PixelType) -> PixelType {
+    pub(super) fn type_of(&self, name: &str, default: PixelType) -> PixelType {
         let layer = layer_of(name);
         let given = |wanted: &str| self.types.iter().rev().find(|(n, _)| n == wanted).map(|(_, kind)| *kind);
-        let kind = given(name).or_else(|| given(layer)).unwrap_or(own);
+        let kind = given(name).or_else(|| given(layer)).unwrap_or(default);
         // Integers are not converted.
-        if own == PixelType::Uint { own } else { kind }
+        if default == PixelType::Uint { default } else { kind }
     }
 
     /// Names in `types` that match neither a channel nor a layer.
@@ -202,7 +202,7 @@ impl WorkingSpace {
     pub fn about(self) -> &'static str {
         match self {
             WorkingSpace::Rec709 => "Linear Rec. 709, in which pictures are rendered",
-            WorkingSpace::AcesCg => "ACEScg, converted from it",
+            WorkingSpace::AcesCg => "ACEScg, converted from linear Rec. 709",
         }
     }
 
@@ -253,7 +253,7 @@ const DATA_LAYERS: [&str; 17] = [
 /// Layer of factors on colours, which are not converted between colour spaces.
 pub(super) const FACTORS: &str = "ShadowCatcher";
 
-/// Whether the channels of a part or layer (without its number) are colours.
+/// Are the channels of a part or layer (without its number) colours?
 pub fn is_color(part: &str) -> bool {
     !DATA_LAYERS.contains(&part)
 }

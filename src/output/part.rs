@@ -20,7 +20,7 @@ use std::sync::Arc;
 // Reading and writing.
 
 /// Magic number with the version of the format.
-const MAGIC: &[u8; 16] = b"oscura part 0002";
+const MAGIC: &[u8; 16] = b"oscura part 0003";
 
 /// Maximum length of the header, bytes.
 const MAX_HEADER: u64 = 64 << 20;
@@ -33,7 +33,7 @@ pub struct PartFile {
     pub film: Film,
     /// Background image.
     pub backdrop: Option<Backdrop>,
-    /// State for resuming other than the film: of the noise estimate.
+    /// State of the noise estimate, for resuming.
     pub resume_state: Vec<u8>,
 }
 
@@ -80,8 +80,8 @@ pub fn write_part(
     backdrop: Option<&Backdrop>,
     resume_state: &[u8],
 ) -> Result<()> {
-    header.further_bytes = resume_state.len() as u64;
-    header.finish.behind = match backdrop {
+    header.resume_bytes = resume_state.len() as u64;
+    header.output.background = match backdrop {
         None => StoredBackground::Nothing,
         Some(Backdrop::Color(color)) => StoredBackground::Color(color.map(f32::to_bits)),
         Some(Backdrop::Picture(image)) => StoredBackground::Picture(image.width, image.height),
@@ -120,25 +120,25 @@ pub fn read_header(path: &Path) -> Result<PartHeader> {
 /// # Errors
 /// An input error if it is not a part file or damaged, a usage error if memory runs out.
 pub fn read_part(path: &Path) -> Result<PartFile> {
-    let Opened { mut reader, header, left } = open(path)?;
+    let Opened { mut reader, header, remaining } = open(path)?;
     let region = header.region;
     let layout = header.channels.layout().ok_or_else(|| damaged(path, "its channels are unknown"))?;
     let pixels = u64::from(region.width()) * u64::from(region.height());
-    let behind = match header.finish.behind {
+    let background_bytes = match header.output.background {
         StoredBackground::Picture(width, height) => (u64::from(width) * u64::from(height)).checked_mul(16),
         _ => Some(0),
     };
     // Check sizes of the header before allocating memory.
-    let needed = pixels.checked_mul(layout.bytes_per_pixel()).and_then(|n| n.checked_add(behind?));
-    let needed = needed.and_then(|n| n.checked_add(header.further_bytes));
-    if needed.is_none_or(|needed| needed > left) {
+    let needed = pixels.checked_mul(layout.bytes_per_pixel()).and_then(|n| n.checked_add(background_bytes?));
+    let needed = needed.and_then(|n| n.checked_add(header.resume_bytes));
+    if needed.is_none_or(|needed| needed > remaining) {
         return Err(damaged(path, "it ends early"));
     }
     let mut film = Film::of_layout(region.width(), region.height(), layout)?.at(region.x0, region.y0);
     let rest = film.read_sums(&mut reader).and_then(|()| {
-        let backdrop = read_backdrop(&mut reader, &header.finish.behind)?;
+        let backdrop = read_backdrop(&mut reader, &header.output.background)?;
         let mut resume_state = Vec::new();
-        Read::by_ref(&mut reader).take(header.further_bytes).read_to_end(&mut resume_state)?;
+        Read::by_ref(&mut reader).take(header.resume_bytes).read_to_end(&mut resume_state)?;
         let checksum = reader.checksum.clone().finalize();
         let mut end = Vec::new();
         Read::by_ref(&mut reader).take(5).read_to_end(&mut end)?;
@@ -156,8 +156,8 @@ pub fn read_part(path: &Path) -> Result<PartFile> {
 struct Opened {
     reader: Checked<BufReader<File>>,
     header: PartHeader,
-    /// Remaining bytes.
-    left: u64,
+    /// Remaining bytes of the file.
+    remaining: u64,
 }
 
 fn open(path: &Path) -> Result<Opened> {
@@ -176,18 +176,19 @@ fn open(path: &Path) -> Result<Opened> {
         return Err(Error::input(path, "is not a .part file").with_help(help).with_code("not-a-part"));
     }
     if &magic != MAGIC {
-        let message = "is a part file of another version of the program";
+        let message = "is a part file of another program version";
         return Err(Error::input(path, message).with_help("render it again"));
     }
     let length = u64::from_le_bytes(length);
-    let left = size.saturating_sub(24).checked_sub(length);
-    let left = left.filter(|_| length <= MAX_HEADER).ok_or_else(|| damaged(path, "it ends early"))?;
+    let remaining = size.saturating_sub(24).checked_sub(length);
+    let remaining =
+        remaining.filter(|_| length <= MAX_HEADER).ok_or_else(|| damaged(path, "it ends early"))?;
     let mut head = Vec::new();
     Read::by_ref(&mut reader).take(length).read_to_end(&mut head).map_err(unreadable)?;
     let header: PartHeader = serde_json::from_slice(&head)
         .map_err(|e| damaged(path, &format!("its header can't be parsed: {e}")))?;
     check(&header).map_err(|what| damaged(path, what))?;
-    Ok(Opened { reader, header, left })
+    Ok(Opened { reader, header, remaining })
 }
 
 /// Checks that the numbers of a header are consistent.
@@ -196,7 +197,7 @@ fn check(header: &PartHeader) -> std::result::Result<(), &'static str> {
     let is_within =
         region.x0 <= region.x1 && region.x1 <= *width && region.y0 <= region.y1 && region.y1 <= *height;
     let has_samples = first_sample <= end_sample && end_sample <= samples;
-    let has_valid_background = match header.finish.behind {
+    let has_valid_background = match header.output.background {
         StoredBackground::Picture(width, height) => width > 0 && height > 0,
         _ => true,
     };
@@ -207,8 +208,8 @@ fn check(header: &PartHeader) -> std::result::Result<(), &'static str> {
     }
 }
 
-fn read_backdrop(reader: &mut dyn Read, behind: &StoredBackground) -> io::Result<Option<Backdrop>> {
-    Ok(match *behind {
+fn read_backdrop(reader: &mut dyn Read, background: &StoredBackground) -> io::Result<Option<Backdrop>> {
+    Ok(match *background {
         StoredBackground::Nothing => None,
         StoredBackground::Color(bits) => Some(Backdrop::Color(bits.map(f32::from_bits))),
         StoredBackground::Picture(width, height) => {
@@ -295,7 +296,7 @@ pub struct StoredStrategy {
     pub shared: Option<String>,
 }
 
-/// Cost of rendering.
+/// Time, paths and rays of rendering.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RenderCost {
     /// Wall-clock time of rendering, seconds.
@@ -317,12 +318,12 @@ pub struct Channels {
     pub matte_levels: u32,
     /// Names of the light groups.
     pub light_groups: Vec<String>,
-    /// Whether the film has half buffers.
+    /// Does the film have half buffers?
     pub halves: bool,
-    /// Whether the film has channels of shadow catchers.
+    /// Does the film have channels of shadow catchers?
     #[serde(default)]
     pub catchers: bool,
-    /// Whether the output is [`CatcherOutput::Shadows`].
+    /// Is the output [`CatcherOutput::Shadows`]?
     #[serde(default)]
     pub shadows_only: bool,
 }
@@ -409,7 +410,7 @@ pub struct OutputSettings {
     #[serde(default)]
     pub opaque: bool,
     /// Background.
-    pub behind: StoredBackground,
+    pub background: StoredBackground,
 }
 
 /// Header of a part file.
@@ -430,21 +431,21 @@ pub struct PartHeader {
     /// End of the samples in this file, exclusive.
     pub end_sample: u32,
     /// Path strategy; `None` if undecided.
-    pub way: Option<StoredStrategy>,
+    pub strategy: Option<StoredStrategy>,
     /// Channels.
     pub channels: Channels,
-    /// Cost of rendering.
-    pub effort: RenderCost,
+    /// Time, paths and rays of rendering.
+    pub cost: RenderCost,
     /// Output settings.
-    pub finish: OutputSettings,
+    pub output: OutputSettings,
     /// Size of the state for resuming, bytes.
-    pub further_bytes: u64,
+    pub resume_bytes: u64,
 }
 
 // Checking that parts are complete.
 
 /// Maximum number of items that an error lists.
-const LISTED: usize = 20;
+const MAX_LISTED: usize = 20;
 
 /// Half-open ranges of columns, rows and samples.
 type Bounds = [(u32, u32); 3];
@@ -485,7 +486,7 @@ pub fn check_parts(parts: &[(PathBuf, PartHeader)]) -> Result<Vec<String>> {
         }
         // A film without samples has no path strategy.
         let is_empty = |header: &PartHeader| header.first_sample == header.end_sample;
-        if header.way != first.way && !is_empty(header) && !is_empty(first) {
+        if header.strategy != first.strategy && !is_empty(header) && !is_empty(first) {
             different.push("the path strategy differs".to_string());
         }
         let what = format!("is of another picture than {}: {}", first_file.display(), different.join("; "));
@@ -497,8 +498,8 @@ pub fn check_parts(parts: &[(PathBuf, PartHeader)]) -> Result<Vec<String>> {
         problems = overlaps(parts);
     }
     if !problems.is_empty() {
-        let more = problems.len().saturating_sub(LISTED);
-        problems.truncate(LISTED);
+        let more = problems.len().saturating_sub(MAX_LISTED);
+        problems.truncate(MAX_LISTED);
         if more > 0 {
             problems.push(Problem::new("", format!("and {more} more")));
         }
@@ -545,8 +546,8 @@ fn missing(parts: &[(PathBuf, PartHeader)], first: &PartHeader) -> Vec<String> {
     for part in &all {
         missing = missing.iter().flat_map(|bounds| without(bounds, part)).collect();
     }
-    let more = missing.len().saturating_sub(LISTED);
-    let mut list: Vec<String> = missing.iter().take(LISTED).map(description).collect();
+    let more = missing.len().saturating_sub(MAX_LISTED);
+    let mut list: Vec<String> = missing.iter().take(MAX_LISTED).map(description).collect();
     list.extend((more > 0).then(|| format!("and {more} more")));
     list
 }
@@ -610,11 +611,11 @@ mod cover_tests {
             region: Region { x0, y0, x1, y1 },
             first_sample,
             end_sample,
-            way: None,
+            strategy: None,
             channels,
-            effort: RenderCost::default(),
-            finish: OutputSettings::default(),
-            further_bytes: 0,
+            cost: RenderCost::default(),
+            output: OutputSettings::default(),
+            resume_bytes: 0,
         };
         (name.into(), header)
     }

@@ -12,7 +12,7 @@ use std::io::Read;
 use std::path::Path;
 
 /// JPEG quality, 0..100.
-const QUALITY: u8 = 92;
+const JPEG_QUALITY: u8 = 92;
 
 /// Options of display-referred formats.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -68,8 +68,8 @@ pub fn encode_display_png(picture: &Linear, format: Format, options: &PngOptions
     let layout = PixelLayout { alpha, straight: format != Format::Jpeg && !options.opaque, white: depth };
     let codes = codes(picture, options, layout);
     let (data, kind) = match (depth > 255.0, alpha) {
-        (false, false) => (narrow(&codes), ExtendedColorType::Rgb8),
-        (false, true) => (narrow(&codes), ExtendedColorType::Rgba8),
+        (false, false) => (to_bytes(&codes), ExtendedColorType::Rgb8),
+        (false, true) => (to_bytes(&codes), ExtendedColorType::Rgba8),
         (true, false) => (bytemuck::cast_slice(&codes).to_vec(), ExtendedColorType::Rgb16),
         (true, true) => (bytemuck::cast_slice(&codes).to_vec(), ExtendedColorType::Rgba16),
     };
@@ -83,7 +83,7 @@ pub fn rgba8(film: &Film, options: &PngOptions) -> Vec<u8> {
 
 /// 8-bit RGBA pixels of a linear picture, with straight alpha.
 pub(super) fn straight8(picture: &Linear, options: &PngOptions) -> Vec<u8> {
-    let mut rgba = narrow(&codes(
+    let mut rgba = to_bytes(&codes(
         picture,
         options,
         PixelLayout { alpha: true, straight: !options.opaque, white: 255.0 },
@@ -96,7 +96,7 @@ pub(super) fn straight8(picture: &Linear, options: &PngOptions) -> Vec<u8> {
 
 /// 8-bit RGBA pixels of a linear picture, with colours composited over black (premultiplied).
 pub fn display_rgba8(picture: &Linear, options: &PngOptions) -> Vec<u8> {
-    narrow(&codes(picture, options, PixelLayout { alpha: true, straight: false, white: 255.0 }))
+    to_bytes(&codes(picture, options, PixelLayout { alpha: true, straight: false, white: 255.0 }))
 }
 
 /// Length of a PNG's signature and first chunk (IHDR), bytes.
@@ -117,9 +117,9 @@ pub fn with_png_text(mut png: Vec<u8>, keyword: &str, text: &str) -> Vec<u8> {
 /// The text inserted by [`with_png_text`] for a keyword; `None` for other files.
 pub fn png_text(path: &Path, keyword: &str) -> Option<String> {
     /// Maximum length of the text chunk, bytes.
-    const MAX: u64 = 4096;
+    const MAX_CHUNK: u64 = 4096;
     let mut start = Vec::new();
-    File::open(path).ok()?.take(PNG_HEAD as u64 + 8 + MAX).read_to_end(&mut start).ok()?;
+    File::open(path).ok()?.take(PNG_HEAD as u64 + 8 + MAX_CHUNK).read_to_end(&mut start).ok()?;
     let (head, rest) = start.split_at_checked(PNG_HEAD)?;
     let (length, rest) = rest.split_first_chunk::<4>()?;
     let data = rest.strip_prefix(b"tEXt")?.get(..u32::from_be_bytes(*length) as usize)?;
@@ -200,7 +200,7 @@ fn encode(
     let mut bytes = std::io::Cursor::new(Vec::new());
     let written = match format {
         Format::Jpeg => {
-            JpegEncoder::new_with_quality(&mut bytes, QUALITY).write_image(data, width, height, kind)
+            JpegEncoder::new_with_quality(&mut bytes, JPEG_QUALITY).write_image(data, width, height, kind)
         }
         #[cfg(feature = "tiff")]
         Format::Tiff => {
@@ -231,7 +231,7 @@ fn encode_hdr(picture: &Linear, options: &PngOptions) -> Result<Vec<u8>, String>
     Ok(bytes)
 }
 
-fn narrow(codes: &[u16]) -> Vec<u8> {
+fn to_bytes(codes: &[u16]) -> Vec<u8> {
     codes.iter().map(|&code| code as u8).collect()
 }
 
@@ -294,7 +294,7 @@ mod tests {
     fn all_formats_are_decoded_to_the_picture() {
         let rgba = [[0.2, 0.5, 0.8, 1.0]; 16 * 9];
         let picture = Linear { width: 16, height: 9, rgba: &rgba };
-        for (format, deep, most) in [
+        for (format, deep, tolerance) in [
             (Format::Png, false, 1),
             (Format::Png, true, 1),
             (Format::Jpeg, false, 3),
@@ -307,7 +307,10 @@ mod tests {
             assert_eq!(read.color().bytes_per_pixel(), if deep { 6 } else { 3 }, "{format:?}");
             let expected = [0.2, 0.5, 0.8].map(|v| byte(ViewTransform::Srgb.encode([v; 3])[0]));
             let pixel = read.to_rgb8().get_pixel(7, 4).0;
-            assert!(pixel.iter().zip(expected).all(|(a, b)| a.abs_diff(b) <= most), "{format:?} {pixel:?}");
+            assert!(
+                pixel.iter().zip(expected).all(|(a, b)| a.abs_diff(b) <= tolerance),
+                "{format:?} {pixel:?}"
+            );
         }
         let hdr =
             encode_display_png(&picture, Format::Hdr, &PngOptions { exposure: 1.0, ..PngOptions::default() });

@@ -1,6 +1,6 @@
 //! Video by the program `ffmpeg`, to which frames are piped as they are rendered; and animated GIF and PNG. Files are created atomically.
 
-use super::atomic::{create, place};
+use super::atomic::{create, persist};
 use super::png::{Linear, PngOptions, display_rgba8, straight8};
 use crate::error::{Error, Result};
 use image::codecs::gif::{GifEncoder, Repeat};
@@ -16,7 +16,7 @@ use tempfile::NamedTempFile;
 const PROGRAM: &str = "ffmpeg";
 
 /// Maximum number of lines of the encoder's output in an error.
-const SHOWN: usize = 6;
+const MAX_LINES: usize = 6;
 
 /// Filters: even sizes, and the HDTV colour matrix instead of the default one.
 const FILTER: &str = "crop=trunc(iw/2)*2:trunc(ih/2)*2,scale=out_color_matrix=bt709:out_range=tv";
@@ -63,13 +63,13 @@ impl VideoFormat {
                 ]
             }
             VideoFormat::WebM => {
-                let mut words = vec!["-c:v", "libvpx-vp9", "-crf", "24", "-b:v", "0", "-row-mt", "1"];
+                let mut options = vec!["-c:v", "libvpx-vp9", "-crf", "24", "-b:v", "0", "-row-mt", "1"];
                 if has_alpha {
                     // Alternate reference frames don't support alpha.
-                    words.extend(["-auto-alt-ref", "0"]);
+                    options.extend(["-auto-alt-ref", "0"]);
                 }
-                words.extend(["-pix_fmt", pixels, "-f", "webm"]);
-                words
+                options.extend(["-pix_fmt", pixels, "-f", "webm"]);
+                options
             }
         }
     }
@@ -122,7 +122,7 @@ impl Video {
         Err(Error::usage(message).with_help("make it 2 pixels or more a side"))
     }
 
-    /// Adds a picture with the look of PNGs; all must have the same size.
+    /// Adds a display-referred picture; all must have the same size.
     ///
     /// # Errors
     /// A usage error for an invalid size, or an output error with the encoder's message.
@@ -159,7 +159,7 @@ impl Video {
         running.frames = None;
         let is_done = running.child.wait().is_ok_and(|status| status.success());
         match running.temporary.take().filter(|_| is_done) {
-            Some(temporary) => place(temporary, &self.path),
+            Some(temporary) => persist(temporary, &self.path),
             None => Err(running.failure(&self.path)),
         }
     }
@@ -196,7 +196,7 @@ impl Running {
         let ended = status.map_or_else(|e| e.to_string(), |status| status.to_string());
         let messages = self.messages.take().and_then(|thread| thread.join().ok()).unwrap_or_default();
         let lines: Vec<&str> = messages.lines().map(str::trim_end).filter(|line| !line.is_empty()).collect();
-        let last = lines[lines.len().saturating_sub(SHOWN)..].join("\n    ");
+        let last = lines[lines.len().saturating_sub(MAX_LINES)..].join("\n    ");
         let reason = if last.is_empty() { " and printed nothing".into() } else { format!(":\n    {last}") };
         Error::output(path, format!("was not created: {PROGRAM} ended with {ended}{reason}"))
             .with_help("nothing was written; numbered pictures, .gif and .apng need no encoder")
@@ -278,7 +278,7 @@ impl Animation {
         self.frames.push(rgba);
     }
 
-    /// Adds a picture with the look of PNGs.
+    /// Adds a display-referred picture.
     pub fn add_picture(&mut self, picture: &Linear, options: &PngOptions) {
         self.add(straight8(picture, options), picture.width, picture.height);
     }

@@ -184,7 +184,7 @@ impl Rendering {
         &mut self,
         path: &Path,
         identity: &Identity,
-        finish: &OutputSettings,
+        output: &OutputSettings,
         backdrop: Option<&Backdrop>,
     ) -> Result<()> {
         if self.options.is_part() {
@@ -193,7 +193,7 @@ impl Rendering {
         }
         let statistics = self.statistics();
         let warnings = self.techniques.warnings(&self.target()).into_iter().map(|w| w.to_string());
-        let finish = OutputSettings {
+        let output = OutputSettings {
             seed: self.options.seed,
             world_to_camera: self.view.camera_from_world.to_cols_array().map(f64::to_bits),
             world_to_ndc: self.view.ndc_from_world.map(|ndc| ndc.to_cols_array().map(f64::to_bits)),
@@ -205,8 +205,8 @@ impl Rendering {
                 .iter()
                 .map(|matte| matte.names().map(str::to_string).collect())
                 .collect(),
-            warnings: finish.warnings.iter().cloned().chain(warnings).collect(),
-            ..finish.clone()
+            warnings: output.warnings.iter().cloned().chain(warnings).collect(),
+            ..output.clone()
         };
         let header = PartHeader {
             identity: identity.clone(),
@@ -216,19 +216,19 @@ impl Rendering {
             region: self.options.pixels(),
             first_sample: self.options.samples_to_render().start,
             end_sample: self.schedule.next_sample(),
-            way: Some(StoredStrategy {
+            strategy: Some(StoredStrategy {
                 branches: self.techniques.strategy.current().branches(),
                 shared: self.techniques.strategy.current().shape().map(|shape| shape.to_string()),
             }),
             channels: self.channels(),
-            effort: RenderCost {
+            cost: RenderCost {
                 wall_s: statistics.render_s,
                 cpu_s: statistics.render_cpu_s,
                 paths: statistics.samples,
                 rays: statistics.rays,
             },
-            finish,
-            further_bytes: 0,
+            output,
+            resume_bytes: 0,
         };
         let resume_state = self.error_estimate.as_ref().map(ErrorEstimate::to_bytes).unwrap_or_default();
         write_part(path, header, &self.film, backdrop, &resume_state)
@@ -276,12 +276,12 @@ impl Rendering {
             return Err(Error::input(file, message).with_help("give at least as many samples"));
         }
         let used_strategy =
-            header.way.as_ref().and_then(strategy).filter(|_| header.end_sample > samples.start);
+            header.strategy.as_ref().and_then(strategy).filter(|_| header.end_sample > samples.start);
         if let Some(strategy) = used_strategy {
             self.techniques.strategy = StrategyTrials::decided(strategy);
         }
         self.film = film;
-        let RenderCost { wall_s, cpu_s, paths, rays } = header.effort;
+        let RenderCost { wall_s, cpu_s, paths, rays } = header.cost;
         let duration = |s: f64| Duration::try_from_secs_f64(s).unwrap_or_default();
         self.spent = Spent { wall: duration(wall_s), cpu: duration(cpu_s) };
         self.schedule.resume_at(header.end_sample, self.spent.wall);
@@ -294,12 +294,13 @@ impl Rendering {
 }
 
 /// The path strategy stored in a file.
-fn strategy(way: &StoredStrategy) -> Option<PathStrategy> {
-    match &way.shared {
+fn strategy(stored: &StoredStrategy) -> Option<PathStrategy> {
+    match &stored.shared {
         Some(shape) => shape.parse().ok().map(PathStrategy::Reuse),
-        None => {
-            way.branches.is_power_of_two().then_some(PathStrategy::Independent { branches: way.branches })
-        }
+        None => stored
+            .branches
+            .is_power_of_two()
+            .then_some(PathStrategy::Independent { branches: stored.branches }),
     }
 }
 

@@ -4,7 +4,7 @@
 //! starts on a segment can't hit this segment, which is convex, and hits adjacent segments of the same curve only on the outside of
 //! the curve ([`CurveSegment::intersect`]).
 
-use super::traits::{PreparedRay, Surface};
+use super::traits::{PreparedRay, Surface, dot};
 use crate::math::{Bounds3, Vec2, Vec3, gamma, orthonormal_basis, poly};
 use crate::simd::map_each;
 use std::f32::consts::TAU;
@@ -41,7 +41,7 @@ impl CurveSegments {
         self.segments.len()
     }
 
-    /// Whether there are no segments.
+    /// Are there no segments?
     pub fn is_empty(&self) -> bool {
         self.segments.is_empty()
     }
@@ -72,11 +72,6 @@ pub struct CurveHit {
     pub u: f64,
     /// The point relative to the segment's first end, metres.
     from_end: [f64; 3],
-}
-
-#[inline(always)]
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 #[inline(always)]
@@ -115,20 +110,20 @@ impl CurveSegment {
         let near = along(from_a, d, nearest);
         let (ww, wn, wd) = (dot(axis, axis), dot(axis, near), dot(axis, d));
         let (nd, nn) = (dot(near, d), dot(near, near));
-        let narrows = ra - rb;
-        let contact = ww - narrows * narrows;
+        let taper = ra - rb;
+        let contact = ww - taper * taper;
         if contact > 0.0 {
             // quadratic t^2 + 2 half t + constant is negative inside the cone.
             let quadratic = contact * dd - wd * wd;
-            let half = contact * nd - wn * wd + wd * narrows * ra;
-            let constant = contact * nn - wn * wn + 2.0 * wn * narrows * ra - ww * ra * ra;
+            let half = contact * nd - wn * wd + wd * taper * ra;
+            let constant = contact * nn - wn * wn + 2.0 * wn * taper * ra - ww * ra * ra;
             let h = half * half - constant * quadratic;
             // A line steeper than the cone's side always intersects the cone.
             if h < 0.0 && quadratic > 0.0 {
                 return None;
             }
             let t = (-half - (if h > 0.0 { h } else { 0.0 }).sqrt()) / quadratic;
-            let at = wn - narrows * ra + t * wd;
+            let at = wn - taper * ra + t * wd;
             if at > 0.0 && at < contact {
                 return Some(CurveHit { t: t + nearest, u: at / contact, from_end: along(near, d, t) });
             }
@@ -161,7 +156,7 @@ impl CurveSegment {
         is_hit.then_some((t, hit.u as f32))
     }
 
-    /// Whether a hit is between the cross-sectional planes at the ends.
+    /// Is a hit between the cross-sectional planes at the ends?
     #[inline(always)]
     fn is_outside(&self, hit: &CurveHit) -> bool {
         let [first, second] = self.tangents.map(|t| map_each(t.to_array(), f64::from));
@@ -203,14 +198,14 @@ impl CurveSegment {
         let a = map_each(self.ends[0].to_array(), f64::from);
         let outwards = minus(hit.from_end, map_each(axis, |w| w * hit.u));
         let p = Vec3::from(map_each([0, 1, 2], |k: usize| (a[k] + hit.from_end[k]) as f32));
-        let own = Vec3::from(map_each(outwards, |x| x as f32)).normalize_or_zero();
-        let rotated = rotate(own, self.chord(), self.tangent(hit.u as f32));
+        let cone_normal = Vec3::from(map_each(outwards, |x| x as f32)).normalize_or_zero();
+        let rotated = rotate(cone_normal, self.chord(), self.tangent(hit.u as f32));
         let wo = -direction.normalize_or_zero();
-        let ns = facing(if rotated.dot(own) > 0.0 { rotated } else { own }, wo);
+        let ns = bent_to_viewer(if rotated.dot(cone_normal) > 0.0 { rotated } else { cone_normal }, wo);
         // Half an ulp of the sum, plus the rounding error in double precision between the ray's origin and the point.
         let far = (origin - p).abs().max_element() * 1e-14;
         let p_error = p.abs() * gamma(2) + Vec3::splat(self.radius(hit.u as f32) * gamma(4) + far);
-        Surface { p, p_error, ng: own, ns, material: 0 }
+        Surface { p, p_error, ng: cone_normal, ns, material: 0 }
     }
 
     /// The point of a line nearest to the segment's first end.
@@ -248,10 +243,10 @@ fn rotate(v: Vec3, from: Vec3, to: Vec3) -> Vec3 {
 }
 
 /// Bends a normal to the side of the viewer if it faces away.
-fn facing(n: Vec3, wo: Vec3) -> Vec3 {
-    const MIN: f32 = 1e-4;
+fn bent_to_viewer(n: Vec3, wo: Vec3) -> Vec3 {
+    const MIN_COSINE: f32 = 1e-4;
     let cosine = n.dot(wo);
-    if cosine >= MIN { n } else { (n + wo * (MIN - cosine)).try_normalize().unwrap_or(wo) }
+    if cosine >= MIN_COSINE { n } else { (n + wo * (MIN_COSINE - cosine)).try_normalize().unwrap_or(wo) }
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 //! King, Fajardo, Georgiev, López-Moreno, Jarabo 2017.)
 
 use super::sphere::icosphere;
-use super::traits::{LightPoint, Parametrization, PreparedRay, Shape, Surface, pdf_solid_angle_of_area};
+use super::traits::{LightPoint, Parametrization, PreparedRay, Shape, Surface, dot, pdf_solid_angle_of_area};
 use crate::math::{Bounds3, DVec3, Frame, Mat3, Ray, Vec2, Vec3, gamma, orthonormal_basis, select};
 use crate::sampling::warp;
 use crate::scene::{self, Mesh};
@@ -55,11 +55,6 @@ impl Disk {
     fn unit_normal(&self) -> Vec3 {
         self.axis.normalize_or_zero()
     }
-}
-
-#[inline(always)]
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// The vector from a ray's origin to the centre of a disk.

@@ -11,7 +11,7 @@ pub use curve::{CurveSegment, CurveSegments};
 pub use disk::{Disk, FacingDisk};
 pub use quad::{MIN_RECTANGLE_SOLID_ANGLE, Quad, SphericalParallelogram, SphericalRectangle};
 pub use sphere::{Shell, Sphere, SphereSampler};
-pub use splat::{LARGEST_SQUARED, Splat, SplatCloud, SplatLanes, from_octahedral, octahedral};
+pub use splat::{MAX_SQUARED_RADIUS, Splat, SplatCloud, SplatLanes, from_octahedral, octahedral};
 pub use traits::{LightPoint, Packed, Parametrization, PreparedRay, Shape, Surface, pdf_solid_angle_of_area};
 pub use triangle::{
     MIN_TRIANGLE_SOLID_ANGLE, SphericalTriangle, shading_normal, triangle_surface, uniform_triangle,

@@ -32,7 +32,7 @@ impl Quad {
         Bounds3::of(self.corners())
     }
 
-    /// Whether both triangles are collapsed.
+    /// Are both triangles collapsed?
     pub fn is_degenerate(&self) -> bool {
         let [a, b, c, d] = self.corners();
         is_degenerate([a, b, c]) && is_degenerate([a, c, d])
@@ -192,7 +192,7 @@ impl SphericalRectangle {
         self.solid_angle
     }
 
-    /// Whether it is sampled by area.
+    /// Is it sampled by area?
     #[inline(always)]
     fn by_area(&self) -> bool {
         self.solid_angle < MIN_RECTANGLE_SOLID_ANGLE

@@ -1,7 +1,7 @@
 //! Spheres: intersected in double precision without cancellation (Haines, Guenther, Akenine-Moeller, Ray Tracing Gems 2019, chapter 7);
 //! as lights sampled over the subtended cone (Pharr, Jakob, Humphreys 2023, section 6.2.4), from inside over all directions.
 
-use super::traits::{LightPoint, Parametrization, PreparedRay, Shape, Surface};
+use super::traits::{LightPoint, Parametrization, PreparedRay, Shape, Surface, dot};
 use crate::math::{Bounds3, DVec3, Frame, Mat3, Ray, Vec2, Vec3, gamma, poly};
 use crate::sampling::warp::{self, UNIFORM_SPHERE_PDF_SOLID_ANGLE};
 use crate::scene::{self, Mesh};
@@ -52,7 +52,6 @@ impl Sphere {
         let d = map_each(ray.direction, f64::from);
         let center = self.center.to_array();
         let f: [f64; 3] = std::array::from_fn(|k| f64::from(ray.origin[k]) - f64::from(center[k]));
-        let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
         let a = dot(d, d);
         let b = -dot(f, d);
         // l: the line's point nearest to the centre, relative to it; discriminant of eq. 7.3: r^2 - |l|^2.

@@ -65,7 +65,7 @@ impl SplatCloud {
     /// Bounding box of the part of a splat with an opacity of at least [`Splats::MIN_OPACITY`]; `None` if there is none.
     pub fn bounds_of(&self, index: usize) -> Option<Bounds3> {
         let (axes, scales) = self.axes(index)?;
-        let radius = radius(*self.splats.as_ref()?.opacities.get(index)?)?;
+        let radius = cutoff_radius(*self.splats.as_ref()?.opacities.get(index)?)?;
         // Half extents of an ellipsoid: lengths of the rows of the matrix that maps the unit sphere to it.
         let half = |k: usize| {
             let row = Vec3::new(axes.x_axis[k], axes.y_axis[k], axes.z_axis[k]) * scales;
@@ -97,13 +97,13 @@ impl SplatCloud {
         let count = Splats::coefficients_of(splats.degree);
         let own = splats.coefficients.get(index * count..(index + 1) * count).unwrap_or_default();
         let encoded = harmonics(own, direction).map(|sum| (sum + 0.5).max(0.0));
-        if splats.is_linear { encoded } else { encoded.map(decoded) }
+        if splats.is_linear { encoded } else { encoded.map(srgb_decoded) }
     }
 }
 
 /// Decodes an sRGB value (IEC 61966-2-1), which may exceed 1; relative error below 3e-6. Bit-identical on all CPUs, unlike the system
 /// library's power function.
-fn decoded(encoded: f32) -> f32 {
+fn srgb_decoded(encoded: f32) -> f32 {
     match encoded <= 0.040_45 {
         true => encoded / 12.92,
         false => poly::exp(2.4 * poly::ln((encoded + 0.055) / 1.055)),
@@ -111,7 +111,7 @@ fn decoded(encoded: f32) -> f32 {
 }
 
 /// Cut-off radius of a splat of an opacity, in standard deviations; `None` if the opacity is below [`Splats::MIN_OPACITY`].
-fn radius(opacity: f32) -> Option<f32> {
+fn cutoff_radius(opacity: f32) -> Option<f32> {
     let over = opacity / Splats::MIN_OPACITY;
     (over >= 1.0).then(|| (2.0 * poly::ln(over)).max(0.0).sqrt())
 }
@@ -154,7 +154,7 @@ fn basis(direction: Vec3) -> [f32; 16] {
 }
 
 /// Upper bound of the squared cut-off radius, in squared standard deviations: 2 ln 255 for opacity 1, plus rounding.
-pub const LARGEST_SQUARED: f32 = 11.09;
+pub const MAX_SQUARED_RADIUS: f32 = 11.09;
 
 /// The splats of a packet as a structure of arrays.
 #[derive(Clone, Copy, Debug)]
@@ -172,12 +172,12 @@ impl SplatLanes<'_> {
     #[inline(always)]
     pub fn peaks(&self, ray: &PreparedRay) -> ([f32; 4], [f32; 4]) {
         let (o, d) = (ray.origin, ray.direction);
-        let per_length = 1.0 / (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
+        let inverse_squared_length = 1.0 / (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
         let (mut t, mut squared) = ([0.0; 4], [0.0; 4]);
         for k in 0..4 {
             let from = [o[0] - self.center[0][k], o[1] - self.center[1][k], o[2] - self.center[2][k]];
             // Relative to the ray's point nearest to the centre, so that distant origins lose no precision.
-            let near = -(from[0] * d[0] + from[1] * d[1] + from[2] * d[2]) * per_length;
+            let near = -(from[0] * d[0] + from[1] * d[1] + from[2] * d[2]) * inverse_squared_length;
             let from = [from[0] + d[0] * near, from[1] + d[1] * near, from[2] + d[2] * near];
             let row = |r: usize, v: [f32; 3]| {
                 self.rows[3 * r][k] * v[0] + self.rows[3 * r + 1][k] * v[1] + self.rows[3 * r + 2][k] * v[2]
@@ -286,7 +286,7 @@ mod tests {
         let cloud = cloud(Vec3::new(0.5, 0.2, 0.1), rotation, 0.7);
         let bounds = cloud.bounds_of(0).expect("bounds");
         let splats = cloud.splats.as_ref().expect("splats");
-        let end = radius(0.7).expect("a radius");
+        let end = cutoff_radius(0.7).expect("a radius");
         let mut sampled = Bounds3::EMPTY;
         for _ in 0..200_000 {
             let on_surface = random.direction() * end * Vec3::from_array(splats.scales[0]);
@@ -296,7 +296,7 @@ mod tests {
         }
         assert!((sampled.min - bounds.min).abs().max_element() < 2e-3 && sampled.min.cmpge(bounds.min).all());
         assert!((sampled.max - bounds.max).abs().max_element() < 2e-3 && sampled.max.cmple(bounds.max).all());
-        assert!(radius(0.003).is_none());
+        assert!(cutoff_radius(0.003).is_none());
     }
 
     fn random_cloud(count: usize) -> SplatCloud {
@@ -384,9 +384,9 @@ mod tests {
         for i in 0..4000 {
             let encoded = i as f32 * 1e-3;
             let expected = crate::color::linear_from_srgb(encoded);
-            assert!((decoded(encoded) - expected).abs() <= 3e-6 * expected, "{encoded}");
+            assert!((srgb_decoded(encoded) - expected).abs() <= 3e-6 * expected, "{encoded}");
         }
-        assert!(LARGEST_SQUARED > 2.0 * (1.0 / Splats::MIN_OPACITY).ln());
+        assert!(MAX_SQUARED_RADIUS > 2.0 * (1.0 / Splats::MIN_OPACITY).ln());
     }
 
     #[test]

@@ -14,7 +14,7 @@ pub trait Shape {
         Bounds3 { min: center - Vec3::splat(radius), max: center + Vec3::splat(radius) }
     }
 
-    /// Whether rays that start on the shape can't hit it again.
+    /// Is it impossible for rays that start on the shape to hit it again?
     #[inline(always)]
     fn is_flat(&self) -> bool {
         self.normal().is_some()
@@ -56,7 +56,7 @@ pub trait Shape {
     /// Solid-angle pdf of [`Shape::sample`] for a point visible from `reference`.
     fn pdf_solid_angle(&self, reference: Vec3, point: Vec3) -> f32;
 
-    /// Whether the shape turns to face each ray's origin, like a billboard.
+    /// Does the shape turn to face each ray's origin, like a billboard?
     fn is_facing(&self) -> bool {
         false
     }
@@ -90,6 +90,12 @@ pub struct Packed {
     pub kind: u8,
     /// Parameters ([`Shape::parameters`]).
     pub parameters: [f32; 6],
+}
+
+/// Dot product in double precision.
+#[inline(always)]
+pub(super) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// A point on a surface.

@@ -1,4 +1,4 @@
-//! Triangles: bounds, the watertight test (Woop, Benthin, Wald 2013, "Watertight Ray/Triangle Intersection"), and sampling uniformly
+//! Triangles: the watertight test (Woop, Benthin, Wald 2013, "Watertight Ray/Triangle Intersection"), and sampling uniformly
 //! in solid angle (Arvo 1995, "Stratified Sampling of Spherical Triangles", with the trigonometry of Peters 2021, "BRDF Importance
 //! Sampling for Polygonal Lights", section 2).
 //!
@@ -7,7 +7,7 @@
 //! exact signs, adjacent triangles agree, and no ray leaks between them. Operations are not contracted, so all CPU levels agree.
 
 use super::traits::{LightPoint, PreparedRay, Surface, pdf_solid_angle_of_area};
-use crate::math::{Bounds3, Vec3, gamma, poly};
+use crate::math::{Vec3, gamma, poly};
 use crate::simd::{BoxRay, ShearedLine, Wide, map_each};
 
 /// Number of triangles tested at a time.
@@ -85,13 +85,7 @@ fn exact_edge(a: f32, b: f32, c: f32, d: f32) -> f32 {
     if rounded == 0.0 && exact != 0.0 { f32::MIN_POSITIVE.copysign(exact as f32) } else { rounded }
 }
 
-/// Bounding box of a triangle.
-#[inline]
-pub fn bounds(vertices: [Vec3; 3]) -> Bounds3 {
-    Bounds3::of(vertices)
-}
-
-/// Whether two vertices coincide. Other triangles of zero area are kept: they close T-junctions, where otherwise a ray could leak.
+/// Do two vertices coincide? Other triangles of zero area are kept: they close T-junctions, where otherwise a ray could leak.
 pub fn is_degenerate([a, b, c]: [Vec3; 3]) -> bool {
     a == b || b == c || c == a
 }

@@ -50,26 +50,26 @@ impl LevelsByRows<'_> {
     }
 
     /// Adds the next whole rows of the image, from the top down.
-    pub fn add(&mut self, numbers: &[f32]) {
-        self.fallback.add(numbers);
+    pub fn add(&mut self, values: &[f32]) {
+        self.fallback.add(values);
         let last = self.levels.len() - 1;
-        let mut built = self.levels[0].add(numbers, last > 0, self.threads, self.store);
+        let mut built = self.levels[0].add(values, last > 0, self.threads, self.store);
         for (i, level) in self.levels.iter_mut().enumerate().skip(1) {
-            let Some(numbers) = built else { break };
-            built = level.add(&numbers, i < last, self.threads, self.store);
+            let Some(values) = built else { break };
+            built = level.add(&values, i < last, self.threads, self.store);
         }
     }
 
     /// The levels, after all rows of the image have been added.
     pub fn finish(self) -> BuiltLevels {
         let mut built = BuiltLevels { packed: Vec::new(), resident: None, fallback: self.fallback.image };
-        built.fallback.pixels = Arc::new(Pixels::F32(self.fallback.numbers));
-        for (number, level) in self.levels.into_iter().enumerate() {
+        built.fallback.pixels = Arc::new(Pixels::F32(self.fallback.values));
+        for (index, level) in self.levels.into_iter().enumerate() {
             match level.storage {
                 Storage::Discarded => {}
-                Storage::Packed(packing) => built.packed.push((number, packing.finish())),
-                Storage::Raw(numbers) => {
-                    built.resident = Some(Image { pixels: Arc::new(Pixels::F32(numbers)), ..level.image });
+                Storage::Packed(packing) => built.packed.push((index, packing.finish())),
+                Storage::Raw(values) => {
+                    built.resident = Some(Image { pixels: Arc::new(Pixels::F32(values)), ..level.image });
                 }
             }
         }
@@ -82,7 +82,7 @@ fn row_length(image: &Image) -> usize {
     image.width as usize * image.channels as usize
 }
 
-/// A mip level of which the rows up to `arrived` are known.
+/// A mip level whose rows up to `arrived` are known.
 struct PartialLevel {
     /// Size and format of the level; its pixels are unused.
     image: Image,
@@ -105,24 +105,18 @@ enum Storage {
 
 impl PartialLevel {
     /// Adds rows; returns the rows of the next coarser level that can be computed now, if `wants_next`.
-    fn add(
-        &mut self,
-        numbers: &[f32],
-        wants_next: bool,
-        threads: Threads,
-        store: &Store,
-    ) -> Option<Vec<f32>> {
+    fn add(&mut self, values: &[f32], wants_next: bool, threads: Threads, store: &Store) -> Option<Vec<f32>> {
         match &mut self.storage {
             Storage::Discarded => {}
-            Storage::Packed(packing) => packing.add(numbers, threads, store),
-            Storage::Raw(raw) => raw.extend_from_slice(numbers),
+            Storage::Packed(packing) => packing.add(values, threads, store),
+            Storage::Raw(raw) => raw.extend_from_slice(values),
         }
         if !wants_next {
             return None;
         }
         let (length, height) = (row_length(&self.image), self.image.height);
-        self.arrived += (numbers.len() / length) as u32;
-        self.pending.extend_from_slice(numbers);
+        self.arrived += (values.len() / length) as u32;
+        self.pending.extend_from_slice(values);
         let all = (height / 2).max(1);
         let is_available = |row: &u32| covered(*row, height).end <= self.arrived;
         let end = (self.next..all).take_while(is_available).last()? + 1;
@@ -130,17 +124,17 @@ impl PartialLevel {
         let fine = Image { height: self.arrived - self.first, pixels: pending, ..self.image.clone() };
         let built = halved_rows(&fine, [self.first, height], self.next..end, threads);
         let first = if end < all { covered(end, height).start } else { self.arrived };
-        self.pending = numbers_of(fine);
+        self.pending = values_of(fine);
         self.pending.drain(..(first - self.first) as usize * length);
         (self.first, self.next) = (first, end);
-        Some(numbers_of(built))
+        Some(values_of(built))
     }
 }
 
 /// The components of a float image with a single owner; empty for others.
-fn numbers_of(image: Image) -> Vec<f32> {
+fn values_of(image: Image) -> Vec<f32> {
     match Arc::into_inner(image.pixels) {
-        Some(Pixels::F32(numbers)) => numbers,
+        Some(Pixels::F32(values)) => values,
         _ => Vec::new(),
     }
 }
@@ -150,7 +144,7 @@ struct NearestTexels {
     image: Image,
     /// Size of the source image, texels.
     source: [u32; 2],
-    numbers: Vec<f32>,
+    values: Vec<f32>,
     /// Number of source rows added so far.
     arrived: u64,
 }
@@ -159,24 +153,24 @@ impl NearestTexels {
     fn new(source: &Image) -> NearestTexels {
         let (width, height) = (source.width.min(SIDE), source.height.min(SIDE));
         let image = Image { width, height, ..source.clone() };
-        NearestTexels { image, source: [source.width, source.height], numbers: Vec::new(), arrived: 0 }
+        NearestTexels { image, source: [source.width, source.height], values: Vec::new(), arrived: 0 }
     }
 
-    fn add(&mut self, numbers: &[f32]) {
+    fn add(&mut self, values: &[f32]) {
         let n = self.image.channels as usize;
         let length = self.source[0] as usize * n;
-        let end = self.arrived + (numbers.len() / length) as u64;
+        let end = self.arrived + (values.len() / length) as u64;
         let source_index = |i: u32, to: u32, from: u32| u64::from(i) * u64::from(from) / u64::from(to);
         let [width, height] = [self.image.width, self.image.height];
-        for y in (self.numbers.len() / (width as usize * n)) as u32..height {
+        for y in (self.values.len() / (width as usize * n)) as u32..height {
             let row = source_index(y, height, self.source[1]);
             if row >= end {
                 break;
             }
-            let row = &numbers[(row - self.arrived) as usize * length..][..length];
+            let row = &values[(row - self.arrived) as usize * length..][..length];
             for x in 0..width {
                 let at = source_index(x, width, self.source[0]) as usize * n;
-                self.numbers.extend(&row[at..at + n]);
+                self.values.extend(&row[at..at + n]);
             }
         }
         self.arrived = end;
@@ -186,20 +180,20 @@ impl NearestTexels {
 #[cfg(test)]
 mod tests {
     use super::super::levels::resized;
-    use super::super::pyramid::halved;
+    use super::super::pyramid::mip_levels;
     use super::*;
     use crate::image::Encoding;
 
     fn image(width: u32, height: u32, channels: u32) -> Image {
         let value = |i: u32| (i.wrapping_mul(2_654_435_761) >> 18) as f32 / 321.0 - 7.0;
-        let numbers = (0..width * height * channels).map(value).collect();
-        let pixels = Arc::new(Pixels::F32(numbers));
+        let values = (0..width * height * channels).map(value).collect();
+        let pixels = Arc::new(Pixels::F32(values));
         Image { name: "a".into(), width, height, channels, encoding: Encoding::Linear, pixels }
     }
 
     fn bits(image: &Image) -> Vec<u32> {
-        let Pixels::F32(numbers) = &*image.pixels else { panic!("not floats") };
-        numbers.iter().map(|v| v.to_bits()).collect()
+        let Pixels::F32(values) = &*image.pixels else { panic!("not floats") };
+        values.iter().map(|v| v.to_bits()).collect()
     }
 
     #[test]
@@ -208,8 +202,7 @@ mod tests {
         for (width, height) in [(200, 130), (64, 64), (1, 77), (77, 1), (131, 257), (3, 2), (33, 129)] {
             for (channels, step) in [(1, 1), (2, 7), (3, 64), (4, 1000)] {
                 let whole = image(width, height, channels);
-                let next = |finer: &Image| ((finer.width, finer.height) != (1, 1)).then(|| halved(finer));
-                let expected: Vec<Image> = std::iter::successors(Some(whole.clone()), next).collect();
+                let expected: Vec<Image> = mip_levels(Some(whole.clone())).collect();
                 let count = expected.len();
                 for (packed, resident) in [
                     ((0..count).collect::<BTreeSet<usize>>(), None),
@@ -221,8 +214,8 @@ mod tests {
                         let packed =
                             packed.iter().copied().filter(|&level| Some(level) != resident).collect();
                         let mut levels = LevelsByRows::new(&whole, &packed, resident, threads, &store);
-                        let Pixels::F32(numbers) = &*whole.pixels else { panic!("not floats") };
-                        numbers.chunks(step * row_length(&whole)).for_each(|rows| levels.add(rows));
+                        let Pixels::F32(values) = &*whole.pixels else { panic!("not floats") };
+                        values.chunks(step * row_length(&whole)).for_each(|rows| levels.add(rows));
                         let built = levels.finish();
                         assert_eq!(built.packed.len(), packed.len());
                         for (level, found) in built.packed {
@@ -255,8 +248,8 @@ mod tests {
         let store = Store::new(1 << 30, 1 << 20);
         let packed = (0..13).collect();
         let mut levels = LevelsByRows::new(&whole, &packed, None, Threads::This, &store);
-        let Pixels::F32(numbers) = &*whole.pixels else { panic!("not floats") };
-        for rows in numbers.chunks(5 * 64) {
+        let Pixels::F32(values) = &*whole.pixels else { panic!("not floats") };
+        for rows in values.chunks(5 * 64) {
             levels.add(rows);
             let pending: usize = levels.levels.iter().map(|level| level.pending.len()).sum();
             assert!(pending <= 3 * 64 * 2, "{pending}");

@@ -31,9 +31,9 @@ pub struct AttributeValue {
 }
 
 impl AttributeValue {
-    fn of(numbers: &[f32]) -> AttributeValue {
+    fn of(components: &[f32]) -> AttributeValue {
         let mean = |[x, y, z]: [f32; 3]| (x + y + z) / 3.0;
-        match *numbers {
+        match *components {
             [x] => AttributeValue { vector: [x; 3], alpha: 1.0, factor: x },
             [x, y] => AttributeValue { vector: [x, y, 0.0], alpha: 1.0, factor: x },
             [x, y, z] => AttributeValue { vector: [x, y, z], alpha: 1.0, factor: mean([x, y, z]) },
@@ -43,14 +43,15 @@ impl AttributeValue {
         }
     }
 
-    fn numbers(self) -> [f32; CANONICAL] {
+    fn components(self) -> [f32; CANONICAL] {
         let [x, y, z] = self.vector;
         [x, y, z, self.alpha, self.factor]
     }
 }
 
 impl AttributeList {
-    /// Appends the values of a mesh, with its number of components per vertex, after `before` vertices; NaN fill the list up to `total` vertices.
+    /// Appends the values of a mesh, given with their number of components per vertex, after `before` vertices; fills the list with NaN
+    /// up to `total` vertices.
     pub fn append(&mut self, attribute: Option<(usize, &[f32])>, before: usize, total: usize) {
         match attribute {
             None if self.values.is_empty() => return,
@@ -63,7 +64,7 @@ impl AttributeList {
             Some((width, values)) if width == self.stride => self.values.extend_from_slice(values),
             Some((width, values)) => {
                 let canonical =
-                    values.chunks_exact(width).map(|components| AttributeValue::of(components).numbers());
+                    values.chunks_exact(width).map(|components| AttributeValue::of(components).components());
                 self.values.extend(canonical.flatten());
             }
             None => {}
@@ -77,7 +78,7 @@ impl AttributeList {
         }
         let all = self.values.chunks_exact(self.stride).map(|components| match components[0].is_nan() {
             true => [f32::NAN; CANONICAL],
-            false => AttributeValue::of(components).numbers(),
+            false => AttributeValue::of(components).components(),
         });
         self.values = all.flatten().collect();
         self.stride = CANONICAL;
@@ -153,14 +154,14 @@ impl GraphResults<'_> {
     }
 }
 
-/// The data of an object that shader nodes read.
+/// Data of an object that shader nodes read.
 #[derive(Clone, Copy, Debug)]
 pub struct ObjectData {
     /// Transform from object space to the compiled scene's world space.
     pub world_from_object: DAffine3,
     /// Its inverse.
     pub object_from_world: DAffine3,
-    /// Scale and offset by axis that map object space to generated coordinates, 0 to 1 in the bounding box.
+    /// Scale and offset per axis from object space to generated coordinates, which are 0..1 in the bounding box.
     pub generated: [Vec3; 2],
     /// Origin of the object in the original scene's world space, metres.
     pub location: Vec3,
@@ -176,16 +177,16 @@ impl ObjectData {
     /// An object with its transform and its bounding box in object space; the world's origin moves to `anchor`.
     fn new(
         (name, info): (&str, &ObjectInfo),
-        place: DAffine3,
+        transform: DAffine3,
         [low, high]: [Vec3; 2],
         anchor: DVec3,
     ) -> ObjectData {
-        let world_from_object = DAffine3 { translation: place.translation - anchor, ..place };
-        let is_flat = place.matrix3.determinant() == 0.0;
+        let world_from_object = DAffine3 { translation: transform.translation - anchor, ..transform };
+        let is_flat = transform.matrix3.determinant() == 0.0;
         ObjectData {
             world_from_object,
             object_from_world: if is_flat { DAffine3::IDENTITY } else { world_from_object.inverse() },
-            location: place.translation.as_vec3(),
+            location: transform.translation.as_vec3(),
             generated: ObjectData::generated(low, high),
             color: info.color,
             index: info.index,
@@ -208,8 +209,8 @@ impl ObjectData {
     /// Data of a shape; its object space is in metres, rotated with it and relative to its centre.
     pub fn of_shape(shape: &Shape, anchor: DVec3) -> ObjectData {
         let half = Vec3::splat(shape.radius as f32);
-        let place = DAffine3::from_rotation_translation(shape.rotation, shape.center);
-        ObjectData::new((&shape.name, &shape.info), place, [-half, half], anchor)
+        let transform = DAffine3::from_rotation_translation(shape.rotation, shape.center);
+        ObjectData::new((&shape.name, &shape.info), transform, [-half, half], anchor)
     }
 
     /// Data of a set of curves.
@@ -298,7 +299,7 @@ pub struct HitData<'a> {
     pub true_normal: Vec3,
     /// Direction towards the viewer, unit length, world space.
     pub incoming: Vec3,
-    /// Whether the back face was hit.
+    /// Is the hit on a back face?
     pub is_back: bool,
     /// Barycentric weights of a triangle's first and second vertex.
     pub parametric: [f32; 2],

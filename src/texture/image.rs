@@ -1,6 +1,7 @@
 //! Image lookup: wrap modes; nearest, bilinear, and trilinear between the levels of a pyramid.
 //!
-//! Lookups of image nodes as in Cycles: unfiltered or with a linear or cubic kernel, any extension mode, on the values as encoded in the file.
+//! Lookups of image nodes as in Cycles: unfiltered or with a linear or cubic kernel, with any extension mode, on the values as encoded
+//! in the file.
 
 use super::levels::{Level, Levels};
 use super::pyramid::{Texels, WithTexels};
@@ -48,8 +49,8 @@ impl ImageLookup {
         &self.finest
     }
 
-    /// Is a footprint wider than a texel, so that coarser levels are read?
-    pub(super) fn covers_texels(&self, footprint: f32) -> bool {
+    /// Is a footprint wider than a texel, so that lookups read coarser levels?
+    pub(super) fn needs_coarser_levels(&self, footprint: f32) -> bool {
         self.has_pyramid() && footprint * self.mean_size > 1.0
     }
 
@@ -239,13 +240,14 @@ impl ImageSampling {
         if self.extension == Extension::Clip && !is_near_image(uv, lookup) {
             return [0.0; 4];
         }
-        if self.interpolation != ImageInterpolation::Closest && lookup.covers_texels(footprint) {
+        if self.interpolation != ImageInterpolation::Closest && lookup.needs_coarser_levels(footprint) {
             return self.with_alpha(lookup.eval(uv, footprint));
         }
         self.point(lookup.finest(), uv)
     }
 
-    /// The value of an image of one texel. At clipped borders it is blended with transparent black, in sRGB-encoded values unless it is data.
+    /// The value of an image of one texel. At clipped borders it is blended with transparent black, in sRGB-encoded values unless it is
+    /// data.
     pub fn constant(&self, color: [f32; 4], uv: [f32; 2]) -> [f32; 4] {
         if self.extension != Extension::Clip {
             return self.with_alpha(color);
@@ -266,7 +268,8 @@ impl ImageSampling {
         [blended(r), blended(g), blended(b), alpha]
     }
 
-    /// Are colours premultiplied by alpha before interpolation? Integer files store straight alpha, float files premultiplied, whatever the mode says.
+    /// Are colours premultiplied by alpha before interpolation? Whatever the mode says, integer files store straight alpha, and float
+    /// files premultiplied alpha.
     fn premultiplies(&self) -> bool {
         !self.is_data && matches!(self.alpha_mode, AlphaMode::Straight | AlphaMode::Premul)
     }
@@ -422,15 +425,15 @@ mod tests {
     /// An image of one texel fades towards its clipped borders, as larger images do within their border texels.
     #[test]
     fn one_clipped_texel_fades_at_the_borders() {
-        let reading = |interpolation, extension| ImageSampling {
+        let sampling = |interpolation, extension| ImageSampling {
             interpolation,
             extension,
             alpha_mode: AlphaMode::Straight,
             is_data: false,
             reads_alpha: false,
         };
-        let red = |reading: ImageSampling, uv| reading.constant([1.0, 0.0, 1.0, 1.0], uv)[0];
-        let clipped = reading(ImageInterpolation::Linear, Extension::Clip);
+        let red = |sampling: ImageSampling, uv| sampling.constant([1.0, 0.0, 1.0, 1.0], uv)[0];
+        let clipped = sampling(ImageInterpolation::Linear, Extension::Clip);
         for (u, code) in [(0.5, 1.0), (0.75, 0.75), (1.0, 0.5), (1.25, 0.25), (1.5, 0.0), (-3.0, 0.0)] {
             assert!((red(clipped, [u, 0.5]) - linear_from_srgb(code)).abs() < 1e-5, "{u}");
         }
@@ -439,11 +442,11 @@ mod tests {
         let [color, _, _, alpha] = divided.constant([1.0, 0.0, 1.0, 1.0], [0.75, 0.5]);
         assert_eq!((color, alpha), (1.0, 0.75));
         assert_eq!(divided.constant([1.0; 4], [-3.0, 0.5]), [0.0; 4]);
-        let cubic = reading(ImageInterpolation::Smart, Extension::Clip);
+        let cubic = sampling(ImageInterpolation::Smart, Extension::Clip);
         assert!((red(cubic, [0.5, 0.5]) - linear_from_srgb(4.0 / 9.0)).abs() < 1e-5);
-        let closest = reading(ImageInterpolation::Closest, Extension::Clip);
+        let closest = sampling(ImageInterpolation::Closest, Extension::Clip);
         assert_eq!([0.01, 0.99, 1.01].map(|v| red(closest, [0.5, v])), [1.0, 1.0, 0.0]);
-        assert_eq!(red(reading(ImageInterpolation::Linear, Extension::Repeat), [1.25, 0.5]), 1.0);
+        assert_eq!(red(sampling(ImageInterpolation::Linear, Extension::Repeat), [1.25, 0.5]), 1.0);
     }
 
     #[test]

@@ -17,7 +17,7 @@ pub struct JointGraphs {
 }
 
 impl CompiledTextures {
-    /// Joins those of the textures that are node graphs; `None` if there are none. Graphs with another up axis than the first are left out.
+    /// Joins the node graphs among the textures; `None` if there are none. Graphs whose up axis differs from the first one's are left out.
     pub fn join_graphs(&self, textures: impl IntoIterator<Item = TextureId>) -> Option<JointGraphs> {
         let (mut joined, mut is_complete) = (Vec::new(), true);
         let mut graphs: Vec<&NodeGraph> = Vec::new();
@@ -70,7 +70,7 @@ impl JointGraphs {
         self.program.at_points(
             (&in_scene[..points.len()], hits),
             &|texture, lane| reader(lane).look_up(texture),
-            &|texture, reading, uv, footprint| textures.image_of_node(texture, reading, uv, footprint),
+            &|texture, sampling, uv, footprint| textures.image_of_node(texture, sampling, uv, footprint),
             results,
         );
     }

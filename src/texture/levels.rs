@@ -2,15 +2,17 @@
 
 use super::by_rows::{BuiltLevels, LevelsByRows};
 use super::packed::{PackedLevel, SIDE};
-use super::pyramid::{Texels, Threads, WithTexels, halved, halved_by_one_thread, sizes, with_common_texels};
-use super::store::{Store, TexturesOnDemand};
+use super::pyramid::{
+    Texels, Threads, WithTexels, halved, halved_by_one_thread, mip_levels, sizes, with_common_texels,
+};
+use super::store::{Store, TexturesOnDemand, lock};
 use crate::error::{Error, Warning};
 use crate::image::{Damage, Encoding, Image, Pixels};
 use crate::scene::{ImageId, Interpolation, Texture};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BinaryHeap, HashMap};
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock};
 
 /// A mip level; level 0 is the image itself.
 #[derive(Clone, Debug)]
@@ -214,10 +216,6 @@ pub(super) fn resized(image: &Image, width: u32, height: u32, encoding: Encoding
     Image { width, height, encoding, pixels: Arc::new(pixels), ..image.clone() }
 }
 
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
 // Choice of resident levels, and decoding before rendering.
 //
 // Levels that no lookup is expected to need are omitted. If the others exceed the memory limit, the largest are compressed. Images are
@@ -279,16 +277,14 @@ impl TextureReport {
         const MIB: f64 = 1_048_576.0;
         let mut list = Vec::new();
         if self.unneeded > 0 {
-            let message = "images of textures: not decoded, as no object uses them";
-            list.push(format!("{} {message}", self.unneeded));
+            list.push(format!("{} texture images: not decoded, as no object uses them", self.unneeded));
         }
         if self.reduced > 0 {
             let (all, kept) = (self.all_bytes as f64 / MIB, self.bytes as f64 / MIB);
-            let message = "finer than any path of the picture resolves";
             list.push(format!(
-                "the levels of {} textures that are {message}: {kept:.1} of {all:.1} MiB are kept",
+            "mip levels of {} texture images finer than the picture resolves: {kept:.1} of {all:.1} MiB are kept",
                 self.reduced
-            ));
+                ));
         }
         list
     }
@@ -306,10 +302,9 @@ pub(super) struct Levels {
 impl Levels {
     #[cfg(test)]
     pub fn resident(image: Image, has_pyramid: bool) -> Levels {
-        let next = |finer: &Image| ((finer.width, finer.height) != (1, 1)).then(|| halved(finer));
-        let coarser = std::iter::successors(next(&image).filter(|_| has_pyramid), next);
-        let coarser = coarser.map(Level::resident).collect();
-        Levels { finest: Level::resident(image), coarser }
+        let count = if has_pyramid { usize::MAX } else { 1 };
+        let mut levels = mip_levels(Some(image)).take(count).map(Level::resident);
+        Levels { finest: levels.next().expect("the image itself"), coarser: levels.collect() }
     }
 
     fn all(&self) -> impl Iterator<Item = &Level> {
@@ -429,6 +424,11 @@ struct LevelPlan<'a> {
 }
 
 impl LevelPlan<'_> {
+    /// Is the image decoded before rendering?
+    fn is_decoded(&self) -> bool {
+        self.image.is_encoded() && self.needed_from < self.sizes.len()
+    }
+
     fn bytes_of(&self, level: usize) -> u64 {
         let [width, height] = self.sizes[level].map(u64::from);
         let Image { width: w, height: h, .. } = *self.image;
@@ -518,13 +518,6 @@ fn batches(plans: Vec<LevelPlan>, max_bytes: u64) -> Vec<Vec<Vec<LevelPlan>>> {
     batches
 }
 
-impl LevelPlan<'_> {
-    /// Is the image decoded before rendering?
-    fn is_decoded(&self) -> bool {
-        self.image.is_encoded() && self.needed_from < self.sizes.len()
-    }
-}
-
 /// The levels of an image, or the damage that prevents them, given only for the first of several images with the same pixels.
 type Built = (ImageId, Result<Levels, Option<Damage>>);
 
@@ -598,10 +591,7 @@ fn build_by_rows(group: Vec<LevelPlan>, store: &Arc<Store>, warnings: &mut Vec<W
         let Some(levels) = made else { return (plan.id, Ok(build_one(&plan, None, store))) };
         let BuiltLevels { packed, resident, fallback } = levels.finish();
         let mut levels = vec![None; plan.resident_from];
-        let next = |finer: &Image| ((finer.width, finer.height) != (1, 1)).then(|| halved(finer));
-        levels.extend(
-            std::iter::successors(resident, next).take(plan.sizes.len() - plan.resident_from).map(Some),
-        );
+        levels.extend(mip_levels(resident).take(plan.sizes.len() - plan.resident_from).map(Some));
         (plan.id, Ok(assembled(&plan, levels, packed, fallback, store)))
     };
     group.into_iter().zip(made).map(finish).collect()

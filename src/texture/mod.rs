@@ -48,7 +48,7 @@ pub struct CompiledTextures {
     /// Angular profiles of lights, by [`ProfileId`](crate::scene::ProfileId).
     profiles: Vec<Arc<LightProfile>>,
     /// Textures whose images are damaged.
-    lost: HashSet<TextureId>,
+    damaged: HashSet<TextureId>,
     /// The images that they use.
     images: Images,
 }
@@ -65,29 +65,29 @@ impl CompiledTextures {
         world_offset: Vec3,
         needs: TextureNeeds,
     ) -> Result<(CompiledTextures, TextureReport), Error> {
-        CompiledTextures::after(None, textures, images, world_offset, needs)
+        CompiledTextures::new_reusing(None, textures, images, world_offset, needs)
     }
 
-    /// The same for `some` textures of a scene, whose images need mip level 0; those of others aren't decoded.
+    /// [`CompiledTextures::new`] for a `subset` of a scene's textures: decodes their images at mip level 0, and no others.
     ///
     /// # Errors
     /// As for [`CompiledTextures::new`].
-    pub fn of_some(
+    pub fn of_subset(
         textures: &[Texture],
         images: &[Image],
-        some: &[TextureId],
+        subset: &[TextureId],
     ) -> Result<(CompiledTextures, TextureReport), Error> {
         let used: BTreeSet<ImageId> =
-            some.iter().flat_map(|&texture| Texture::image_ids(textures, texture)).collect();
+            subset.iter().flat_map(|&texture| Texture::image_ids(textures, texture)).collect();
         let finest = (0..images.len()).map(|i| used.contains(&ImageId(i as u32)).then_some(0)).collect();
         CompiledTextures::new(textures, images, Vec3::ZERO, TextureNeeds { finest, limit: None })
     }
 
-    /// The same, reusing images compiled for an earlier picture of the same textures and images where they suffice.
+    /// [`CompiledTextures::new`], reusing the images of an `earlier` picture of the same textures and images where they suffice.
     ///
     /// # Errors
     /// As for [`CompiledTextures::new`].
-    pub fn after(
+    pub fn new_reusing(
         earlier: Option<CompiledTextures>,
         textures: &[Texture],
         images: &[Image],
@@ -104,14 +104,22 @@ impl CompiledTextures {
         fold_constants(&mut compiled);
         break_cycles(&mut compiled);
         assign_grids(&mut compiled);
-        let is_lost = |texture: &Texture| match texture {
+        let is_damaged = |texture: &Texture| match texture {
             Texture::Image { image, .. } => matches!(levels.get(image), Some(None)),
             _ => false,
         };
-        let lost = (0..).map(TextureId).zip(textures).filter(|(_, t)| is_lost(t)).map(|(id, _)| id).collect();
+        let damaged =
+            (0..).map(TextureId).zip(textures).filter(|(_, t)| is_damaged(t)).map(|(id, _)| id).collect();
         let profiles = Vec::new();
         Ok((
-            CompiledTextures { textures: compiled, world_offset, attributes, profiles, lost, images: made },
+            CompiledTextures {
+                textures: compiled,
+                world_offset,
+                attributes,
+                profiles,
+                damaged,
+                images: made,
+            },
             report,
         ))
     }
@@ -129,12 +137,12 @@ impl CompiledTextures {
     }
 
     /// Is the image of a texture damaged, so that materials ignore the texture?
-    pub fn is_lost(&self, id: TextureId) -> bool {
-        self.lost.contains(&id)
+    pub fn is_damaged(&self, id: TextureId) -> bool {
+        self.damaged.contains(&id)
     }
 
     /// Do the mip levels suffice for the needs of another picture?
-    pub fn suit(&self, needs: &TextureNeeds) -> bool {
+    pub fn suffice_for(&self, needs: &TextureNeeds) -> bool {
         self.images.needs.limit == needs.limit && self.images.needs.cover(needs)
     }
 
@@ -144,7 +152,7 @@ impl CompiledTextures {
     }
 
     /// The textures with another offset of world positions, metres.
-    pub fn moved(self, world_offset: Vec3) -> CompiledTextures {
+    pub fn with_world_offset(self, world_offset: Vec3) -> CompiledTextures {
         CompiledTextures { world_offset, ..self }
     }
 
@@ -208,13 +216,13 @@ impl CompiledTextures {
     fn image_of_node(
         &self,
         texture: TextureId,
-        reading: &ImageSampling,
+        sampling: &ImageSampling,
         uv: [f32; 2],
         footprint: f32,
     ) -> [f32; 4] {
         match self.textures.get(texture.index()) {
-            Some(Compiled::Image { lookup, .. }) => reading.eval(lookup, uv, footprint),
-            Some(Compiled::Constant(color)) => reading.constant(*color, uv),
+            Some(Compiled::Image { lookup, .. }) => sampling.eval(lookup, uv, footprint),
+            Some(Compiled::Constant(color)) => sampling.constant(*color, uv),
             _ => [0.0; 4],
         }
     }
@@ -387,8 +395,8 @@ fn color_by_cosine(colors: &[[f32; 3]], cosine: f32) -> [f32; 4] {
     let last = colors.len() - 1;
     let at = cosine.clamp(0.0, 1.0) * last as f32;
     let first = (at as usize).min(last - 1);
-    let (a, b, share) = (colors[first], colors[first + 1], at - first as f32);
-    let [r, g, b] = std::array::from_fn(|i| a[i] + share * (b[i] - a[i]));
+    let (a, b, t) = (colors[first], colors[first + 1], at - first as f32);
+    let [r, g, b] = std::array::from_fn(|i| a[i] + t * (b[i] - a[i]));
     [r, g, b, 1.0]
 }
 
@@ -634,7 +642,7 @@ impl<'a> PointReader<'a> {
             self.scene_point(),
             self.hit,
             &|texture| self.look_up(texture),
-            &|texture, reading, uv, footprint| self.textures.image_of_node(texture, reading, uv, footprint),
+            &|texture, sampling, uv, footprint| self.textures.image_of_node(texture, sampling, uv, footprint),
         )
     }
 

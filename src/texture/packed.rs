@@ -35,33 +35,33 @@ const OFFSETS_BYTES: usize = (BLOCKS_ACROSS * BLOCKS_ACROSS) as usize * 2;
 
 /// The type of a stored component.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Number {
+enum Component {
     U8,
     U16,
     F32,
 }
 
-impl Number {
+impl Component {
     const fn bytes(self) -> usize {
         match self {
-            Number::U8 => 1,
-            Number::U16 => 2,
-            Number::F32 => 4,
+            Component::U8 => 1,
+            Component::U16 => 2,
+            Component::F32 => 4,
         }
     }
 
     /// Size of a channel's header in a block, bytes.
     const fn header(self) -> usize {
         match self {
-            Number::U8 => 2,
-            Number::U16 => 3,
-            Number::F32 => 8,
+            Component::U8 => 2,
+            Component::U16 => 3,
+            Component::F32 => 8,
         }
     }
 
     /// Unit of the offsets of blocks, bytes.
     const fn step(self) -> usize {
-        if matches!(self, Number::F32) { 8 } else { 1 }
+        if matches!(self, Component::F32) { 8 } else { 1 }
     }
 }
 
@@ -69,36 +69,36 @@ impl Number {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Format {
     channels: u32,
-    number: Number,
+    component: Component,
     encoding: Encoding,
 }
 
 impl Format {
     /// The format of a decoded image.
     fn of(image: &Image) -> Format {
-        let number = match *image.pixels {
-            Pixels::U8(_) | Pixels::Encoded(_) => Number::U8,
-            Pixels::U16(_) => Number::U16,
-            Pixels::F32(_) => Number::F32,
+        let component = match *image.pixels {
+            Pixels::U8(_) | Pixels::Encoded(_) => Component::U8,
+            Pixels::U16(_) => Component::U16,
+            Pixels::F32(_) => Component::F32,
         };
-        Format { channels: image.channels, number, encoding: image.encoding }
+        Format { channels: image.channels, component, encoding: image.encoding }
     }
 
     /// Linear RGBA of the texel at a position in a tile; black if bytes are missing.
     #[inline]
     pub fn texel(self, tile: &[u8], x: u32, y: u32) -> [f32; 4] {
         let n = self.channels as usize;
-        match self.number {
-            Number::U8 => {
-                let codes = self.codes::<{ Number::U8.bytes() }>(tile, x, y).unwrap_or_default();
+        match self.component {
+            Component::U8 => {
+                let codes = self.codes::<{ Component::U8.bytes() }>(tile, x, y).unwrap_or_default();
                 Codes::U8(&codes.map(|code| code as u8)[..n]).rgba(self.encoding)
             }
-            Number::U16 => {
-                let codes = self.codes::<{ Number::U16.bytes() }>(tile, x, y).unwrap_or_default();
+            Component::U16 => {
+                let codes = self.codes::<{ Component::U16.bytes() }>(tile, x, y).unwrap_or_default();
                 Codes::U16(&codes.map(|code| code as u16)[..n]).rgba(self.encoding)
             }
-            Number::F32 => {
-                let codes = self.codes::<{ Number::F32.bytes() }>(tile, x, y).unwrap_or_default();
+            Component::F32 => {
+                let codes = self.codes::<{ Component::F32.bytes() }>(tile, x, y).unwrap_or_default();
                 spread(&codes.map(f32::from_bits)[..n])
             }
         }
@@ -107,11 +107,11 @@ impl Format {
     /// The components of a texel, of `BYTES` bytes each, floats as bit patterns; `None` if bytes are missing.
     #[inline]
     fn codes<const BYTES: usize>(self, tile: &[u8], x: u32, y: u32) -> Option<[u32; 4]> {
-        let (channels, header) = (self.channels as usize, self.number.header());
+        let (channels, header) = (self.channels as usize, self.component.header());
         let block = (y / BLOCK * BLOCKS_ACROSS + x / BLOCK) as usize;
         let texel = (y % BLOCK * BLOCK + x % BLOCK) as usize;
         let offset = u16::from_le_bytes(tile.get(block * 2..block * 2 + 2)?.try_into().ok()?);
-        let start = usize::from(offset) * self.number.step();
+        let start = usize::from(offset) * self.component.step();
         let mut bits = start + channels * header;
         let headers = tile.get(start..bits)?;
         let mut codes = [0; 4];
@@ -193,7 +193,7 @@ impl Packing {
     }
 }
 
-/// The row of tiles of a strip, which has as many rows as its pixels; `strip.height` is the height of the level.
+/// Compresses a row of tiles. The pixels of `strip` are only those of this row, although its height is that of the level.
 fn packed_strip(strip: &Image, threads: Threads, store: &Store) -> PackedRow {
     let rows = match &*strip.pixels {
         Pixels::F32(numbers) => numbers.len() / (strip.width * strip.channels) as usize,
@@ -295,7 +295,7 @@ fn pack_tile_of<T: Copy, const N: usize>(
     code: impl Fn(T) -> u32,
     out: &mut Vec<u8>,
 ) {
-    let number = Format::of(level).number;
+    let component = Format::of(level).component;
     let texels = data.as_chunks::<N>().0;
     let start = out.len();
     out.resize(start + OFFSETS_BYTES, 0);
@@ -304,18 +304,19 @@ fn pack_tile_of<T: Copy, const N: usize>(
     for y in (0..height).step_by(BLOCK as usize) {
         for x in (0..width).step_by(BLOCK as usize) {
             let block = (y / BLOCK * BLOCKS_ACROSS + x / BLOCK) as usize;
-            let offset = (((out.len() - start) / number.step()) as u16).to_le_bytes();
+            let offset = (((out.len() - start) / component.step()) as u16).to_le_bytes();
             out[start + block * 2..start + block * 2 + 2].copy_from_slice(&offset);
             let first = (row * SIDE + y) as usize * level.width as usize + (column * SIDE + x) as usize;
             let size = [(width - x).min(BLOCK), (height - y).min(BLOCK)].map(|n| n as usize);
             let values = block_of(&texels[first..], level.width as usize, size, &code);
-            pack_block(&values, number, out);
+            pack_block(&values, component, out);
         }
     }
     out.extend([0; 8]);
 }
 
-/// The components of a block by channel; its first texel is the first of `texels`. Texels beyond the border of a level repeat the first one.
+/// The components of a block by channel; its first texel is the first of `texels`. Texels beyond the border of a level repeat the first
+/// one.
 #[inline]
 fn block_of<T: Copy, const N: usize>(
     texels: &[[T; N]],
@@ -335,11 +336,11 @@ fn block_of<T: Copy, const N: usize>(
     values
 }
 
-fn pack_block<const N: usize>(channels: &[[u32; BLOCK_TEXELS]; N], number: Number, out: &mut Vec<u8>) {
-    let frames = channels.each_ref().map(|values| Frame::of(values, number));
+fn pack_block<const N: usize>(channels: &[[u32; BLOCK_TEXELS]; N], component: Component, out: &mut Vec<u8>) {
+    let frames = channels.each_ref().map(|values| Frame::of(values, component));
     for frame in &frames {
-        out.extend(&frame.minimum.to_le_bytes()[..number.bytes()]);
-        out.extend(&[frame.width as u8, frame.zeros as u8, 0, 0][..number.header() - number.bytes()]);
+        out.extend(&frame.minimum.to_le_bytes()[..component.bytes()]);
+        out.extend(&[frame.width as u8, frame.zeros as u8, 0, 0][..component.header() - component.bytes()]);
     }
     for (values, frame) in channels.iter().zip(&frames) {
         pack_bits(values, frame, out);
@@ -349,20 +350,20 @@ fn pack_block<const N: usize>(channels: &[[u32; BLOCK_TEXELS]; N], number: Numbe
 /// The frame of reference of a channel in a block: differences from `minimum` are stored.
 struct Frame {
     minimum: u32,
-    /// Number of lowest bits that are omitted, since they are equal in all values; 0 except for floats.
+    /// Component of lowest bits that are omitted, since they are equal in all values; 0 except for floats.
     zeros: u32,
     /// Bits of a stored difference.
     width: u32,
 }
 
 impl Frame {
-    fn of(values: &[u32; BLOCK_TEXELS], number: Number) -> Frame {
+    fn of(values: &[u32; BLOCK_TEXELS], component: Component) -> Frame {
         let (mut minimum, mut maximum, mut differing) = (u32::MAX, 0, 0);
         for &value in values {
             (minimum, maximum) = (value.min(minimum), value.max(maximum));
             differing |= value ^ values[0];
         }
-        let zeros = if number == Number::F32 { differing.trailing_zeros().min(31) } else { 0 };
+        let zeros = if component == Component::F32 { differing.trailing_zeros().min(31) } else { 0 };
         Frame { minimum, zeros, width: u32::BITS - ((maximum - minimum) >> zeros).leading_zeros() }
     }
 }
@@ -390,17 +391,17 @@ fn pack_bits(values: &[u32; BLOCK_TEXELS], &Frame { minimum, zeros, width }: &Fr
 mod tests {
     use super::*;
 
-    const NUMBERS: [Number; 3] = [Number::U8, Number::U16, Number::F32];
+    const COMPONENTS: [Component; 3] = [Component::U8, Component::U16, Component::F32];
 
     /// A level with a noisy pattern.
-    fn level(width: u32, height: u32, channels: u32, number: Number) -> Image {
+    fn level(width: u32, height: u32, channels: u32, component: Component) -> Image {
         let count = width * height * channels;
         let value = |i: u32| (i.wrapping_mul(2_654_435_761) >> 20) ^ (i / 7);
-        let pixels = match number {
-            Number::U8 => Pixels::U8((0..count).map(|i| value(i) as u8).collect()),
-            Number::U16 => Pixels::U16((0..count).map(|i| (value(i) * 31) as u16).collect()),
+        let pixels = match component {
+            Component::U8 => Pixels::U8((0..count).map(|i| value(i) as u8).collect()),
+            Component::U16 => Pixels::U16((0..count).map(|i| (value(i) * 31) as u16).collect()),
             // Of both signs, some with exponents far apart, some with few significant bits.
-            Number::F32 => Pixels::F32((0..count).map(|i| float(i, value(i))).collect()),
+            Component::F32 => Pixels::F32((0..count).map(|i| float(i, value(i))).collect()),
         };
         let pixels = Arc::new(pixels);
         Image { name: "a".into(), width, height, channels, encoding: Encoding::Srgb, pixels }
@@ -425,8 +426,8 @@ mod tests {
         // Ids are unique among the levels of all tests.
         let mut ids = 1 << 32..;
         for (width, height) in [(64, 64), (1, 1), (130, 65), (63, 200), (1, 129)] {
-            for (channels, number) in (1..=4).flat_map(|n| NUMBERS.map(|number| (n, number))) {
-                let level = level(width, height, channels, number);
+            for (channels, component) in (1..=4).flat_map(|n| COMPONENTS.map(|component| (n, component))) {
+                let level = level(width, height, channels, component);
                 for room in [0, 60_000, 1 << 40] {
                     let (store, id) = (store(room), ids.next().expect("there are more"));
                     let packed = PackedLevel::new(&level, &store);
@@ -446,7 +447,7 @@ mod tests {
             let value =
                 |i: u32| 7u16.saturating_add(if i % 3 == 1 { maximum } else { maximum & (i * 977) as u16 });
             let pixels = Arc::new(Pixels::U16((0..64).map(value).collect()));
-            let level = Image { pixels, ..level(8, 8, 1, Number::U16) };
+            let level = Image { pixels, ..level(8, 8, 1, Component::U16) };
             let store = store(1 << 20);
             let packed = PackedLevel::new(&level, &store);
             (0..64).for_each(|i| {
@@ -458,16 +459,16 @@ mod tests {
     #[test]
     fn smooth_images_are_compressed_more() {
         let codes = (0..256 * 256u32).map(|i| (i % 256 / 8 + i / 2048) as u8).collect();
-        let smooth = Image { pixels: Arc::new(Pixels::U8(codes)), ..level(256, 256, 1, Number::U8) };
+        let smooth = Image { pixels: Arc::new(Pixels::U8(codes)), ..level(256, 256, 1, Component::U8) };
         assert!(PackedLevel::new(&smooth, &store(1 << 20)).bytes() < 256 * 256 / 6);
     }
 
     #[test]
     fn texels_with_missing_bytes_are_black() {
-        for (number, tile) in
-            NUMBERS.into_iter().flat_map(|n| [&[][..], &[0; 40], &[255; 200]].map(|tile| (n, tile)))
+        for (component, tile) in
+            COMPONENTS.into_iter().flat_map(|n| [&[][..], &[0; 40], &[255; 200]].map(|tile| (n, tile)))
         {
-            let format = Format { channels: 3, number, encoding: Encoding::Srgb };
+            let format = Format { channels: 3, component, encoding: Encoding::Srgb };
             let [.., alpha] = format.texel(tile, 63, 63);
             assert_eq!(alpha, 1.0);
             assert_eq!(format.texel(&[0; 200], 5, 5), [0.0, 0.0, 0.0, 1.0]);

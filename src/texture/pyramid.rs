@@ -23,6 +23,11 @@ pub(super) fn halved_by_one_thread(image: &Image) -> Image {
     halved_by(image, Threads::This)
 }
 
+/// The levels of an image from itself to one texel; none without an image.
+pub(super) fn mip_levels(image: Option<Image>) -> impl Iterator<Item = Image> {
+    std::iter::successors(image, |finer| ((finer.width, finer.height) != (1, 1)).then(|| halved(finer)))
+}
+
 /// The threads that a task may use.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Threads {
@@ -108,7 +113,7 @@ struct Downsampling<'a> {
     image: &'a Image,
     columns: Vec<BoxTaps>,
     rows: Vec<BoxTaps>,
-    /// Whether every texel covers exactly 2 x 2 finer ones.
+    /// Does every texel cover exactly 2 x 2 finer ones?
     is_even: bool,
     threads: Threads,
 }
@@ -375,8 +380,7 @@ mod tests {
 
     /// All mip levels coarser than the image itself.
     fn coarser_levels(image: &Image) -> Vec<Image> {
-        let next = |i: &Image| ((i.width, i.height) != (1, 1)).then(|| halved(i));
-        std::iter::successors(next(image), next).collect()
+        mip_levels(Some(image.clone())).skip(1).collect()
     }
 
     fn grey(width: u32, height: u32) -> Image {

@@ -1,4 +1,4 @@
-//! Storage of compressed MIP levels: in memory up to a limit, then in a temporary file, with a cache of the tiles read from it.
+//! Storage of compressed mip levels: in memory up to a limit, then in a temporary file, with a cache of the tiles read from it.
 
 use crate::error::Warning;
 use crate::image::{Damage, Image};
@@ -123,7 +123,7 @@ impl Store {
             Err(error) => {
                 let folder = folder();
                 let message = format!(
-                    "textures take more memory than they should: the temporary file in {} can't be written: {error}",
+                    "textures exceed their memory limit: the temporary file in {} can't be written: {error}",
                     folder.display()
                 );
                 self.warn("written", || Warning::general(message));
@@ -200,7 +200,7 @@ impl Store {
     pub fn warn_of_damage(&self, image: &Image, damage: Damage) {
         self.warn(&image.name, || {
             let message =
-                "a coarse copy of the image, or black, was used instead of MIP levels that could not be decoded";
+                "a coarse copy of the image, or black, was used instead of mip levels that could not be decoded";
             let warning = match damage {
                 Damage::LeftOut(Warning { file, place, .. }) => {
                     Warning { file, place, ..Warning::general(String::new()) }
@@ -298,7 +298,7 @@ impl Shard {
     }
 }
 
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
@@ -327,7 +327,7 @@ impl ScratchFile {
     /// # Errors
     /// Writing fails, such as on a full disk; the next append then overwrites the bytes.
     pub fn append(&self, bytes: &[u8]) -> io::Result<u64> {
-        let mut length = self.length.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut length = lock(&self.length);
         let start = *length;
         let mut file = &self.file;
         file.seek(SeekFrom::Start(start))?;
@@ -348,7 +348,7 @@ impl ScratchFile {
         #[cfg(not(unix))]
         {
             use std::io::Read;
-            let _alone = self.length.lock().unwrap_or_else(PoisonError::into_inner);
+            let _alone = lock(&self.length);
             let mut file = &self.file;
             file.seek(SeekFrom::Start(start))?;
             file.read_exact(into)

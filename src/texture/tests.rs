@@ -156,12 +156,12 @@ fn one_pixel_images_are_constants() {
 struct Counted {
     image: Image,
     decodes: AtomicU64,
-    most: u64,
+    max_decodes: u64,
 }
 
 impl ImageSource for Counted {
     fn decode(&self, _: &mut Vec<Warning>) -> Result<Image, Damage> {
-        match self.decodes.fetch_add(1, Relaxed) < self.most {
+        match self.decodes.fetch_add(1, Relaxed) < self.max_decodes {
             true => Ok(self.image.clone()),
             false => Err(Damage::LeftOut(Warning::general("gone"))),
         }
@@ -183,13 +183,13 @@ fn decoded(width: u32, height: u32, channels: u32, bits: u32, seed: u32) -> Imag
     Image { name: format!("image {seed}"), width, height, channels, encoding, pixels }
 }
 
-fn encoded(image: &Image, most: u64) -> (Image, Arc<Counted>) {
+fn encoded(image: &Image, max_decodes: u64) -> (Image, Arc<Counted>) {
     let bits = match *image.pixels {
         Pixels::U8(_) => 8,
         Pixels::U16(_) => 16,
         _ => 32,
     };
-    let source = Arc::new(Counted { image: image.clone(), decodes: AtomicU64::new(0), most });
+    let source = Arc::new(Counted { image: image.clone(), decodes: AtomicU64::new(0), max_decodes });
     let size = [image.width, image.height, image.channels];
     let pixels = Arc::new(Pixels::Encoded(Encoded { size, bits, source: source.clone() }));
     (Image { pixels, ..image.clone() }, source)
@@ -337,7 +337,7 @@ fn textures_of_damaged_images_are_white_and_reported() {
     let (broken, _) = encoded(&decoded(64, 64, 3, 8, 1), 0);
     let textures = [texture(0, Interpolation::Bilinear)];
     let (compiled, report) = made(&textures, &[broken], &TextureNeeds::default());
-    assert!(compiled.is_lost(TextureId(0)) && report.warnings.len() == 1);
+    assert!(compiled.is_damaged(TextureId(0)) && report.warnings.len() == 1);
     assert_eq!(compiled.constant(TextureId(0)), Some([1.0; 4]));
 }
 
@@ -357,13 +357,13 @@ fn later_pictures_decode_only_images_that_need_finer_levels() {
     let textures: Vec<Texture> = (0..2).map(|i| texture(i, Interpolation::Trilinear)).collect();
     let needs = |finest: [u32; 2]| TextureNeeds { finest: finest.map(Some).to_vec(), limit: None };
     let (first, _) = made(&textures, &list, &needs([3, 2]));
-    assert!(first.suit(&needs([3, 3])) && !first.suit(&needs([1, 2])));
-    let (second, _) = CompiledTextures::after(Some(first), &textures, &list, Vec3::ZERO, needs([1, 4]))
+    assert!(first.suffice_for(&needs([3, 3])) && !first.suffice_for(&needs([1, 2])));
+    let (second, _) = CompiledTextures::new_reusing(Some(first), &textures, &list, Vec3::ZERO, needs([1, 4]))
         .expect("nothing is damaged");
     let decodes: Vec<u64> = images.iter().map(|(_, source)| source.decodes.load(Relaxed)).collect();
     assert_eq!(decodes, [2, 1]);
     // The second image has kept its finer levels.
-    assert!(second.suit(&needs([1, 2])));
+    assert!(second.suffice_for(&needs([1, 2])));
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 mod table;
 
-use super::{luminance, srgb_from_linear};
+use super::{Matrix, apply, luminance, srgb_from_linear};
 use std::borrow::Cow;
 use std::path::Path;
 use std::sync::Arc;
@@ -100,8 +100,8 @@ fn pbr_neutral(rgb: [f32; 3]) -> [f32; 3] {
     const START: f32 = 0.8 - F90;
     const DESATURATION: f32 = 0.15;
     let rgb = rgb.map(|v| if v > 0.0 { v.min(1e6) } else { 0.0 });
-    let least = rgb[0].min(rgb[1]).min(rgb[2]);
-    let offset = if least < 2.0 * F90 { least - least * least / (4.0 * F90) } else { F90 };
+    let darkest = rgb[0].min(rgb[1]).min(rgb[2]);
+    let offset = if darkest < 2.0 * F90 { darkest - darkest * darkest / (4.0 * F90) } else { F90 };
     let rgb = rgb.map(|v| v - offset);
     let peak = rgb[0].max(rgb[1]).max(rgb[2]);
     if peak < START {
@@ -161,10 +161,10 @@ const OUTSET: Matrix = [
 ];
 
 /// Lower end of the log2 range, and its width, stops.
-const LOWEST: f64 = -12.473_93;
+const MIN_LOG2: f64 = -12.473_93;
 const STOPS: f64 = 16.5;
 /// Width of the log2 range in which looks are applied, stops.
-const STOPS_OF_LOOKS: f64 = 25.0;
+const LOOK_STOPS: f64 = 25.0;
 const DISPLAY_POWER: f64 = 2.4;
 /// Slope of the contrast curve at its pivot, middle grey (0.18).
 const SLOPE: f64 = 2.4;
@@ -178,25 +178,23 @@ const PUNCHY_SHADOWS: [f64; 14] = [
     0.0, 0.03, 0.065, 0.085, 0.1030, 0.1102, 0.1246, 0.1490, 0.1889, 0.2421, 0.2923, 0.3356, 0.3735, 0.40625,
 ];
 
-type Matrix = [[f64; 3]; 3];
-
 /// AgX: the linear display colour in 0..1 of a scene-referred colour, with or without the look "Punchy".
 fn agx(rgb: [f32; 3], is_punchy: bool) -> [f64; 3] {
-    let wide = product(&REC2020_FROM_REC709, rgb.map(|v| f64::from(v).clamp(-1e6, 1e6)));
-    let inset = product(&INSET, wide).map(|v| v.max(1e-10));
+    let wide = apply(&REC2020_FROM_REC709, rgb.map(|v| f64::from(v).clamp(-1e6, 1e6)));
+    let inset = apply(&INSET, wide).map(|v| v.max(1e-10));
     let contrasted = inset.map(|v| {
-        let stops = v.log2() - LOWEST;
-        let stops = if is_punchy { punchy(stops / STOPS_OF_LOOKS) * STOPS_OF_LOOKS } else { stops };
+        let stops = v.log2() - MIN_LOG2;
+        let stops = if is_punchy { punchy(stops / LOOK_STOPS) * LOOK_STOPS } else { stops };
         curve((stops / STOPS).clamp(0.0, 1.0)).powf(DISPLAY_POWER)
     });
     let hue = mixed_hue(hue(inset), hue(contrasted));
-    let outset = product(&OUTSET, with_hue(contrasted, hue));
-    product(&REC709_FROM_REC2020, outset).map(|v| v.clamp(0.0, 1.0))
+    let outset = apply(&OUTSET, with_hue(contrasted, hue));
+    apply(&REC709_FROM_REC2020, outset).map(|v| v.clamp(0.0, 1.0))
 }
 
 /// The contrast curve: two hyperbolic branches that meet at middle grey with a given slope.
 fn curve(x: f64) -> f64 {
-    let pivot = (-LOWEST + 0.18f64.log2()) / STOPS;
+    let pivot = (-MIN_LOG2 + 0.18f64.log2()) / STOPS;
     let value = 0.18f64.powf(1.0 / DISPLAY_POWER);
     let (run, rise, sign) = if x >= pivot { (1.0 - pivot, 1.0 - value, 1.0) } else { (pivot, value, -1.0) };
     let bend = (SLOPE * run / rise).powf(CURVATURE) - 1.0;
@@ -216,18 +214,14 @@ fn punchy(x: f64) -> f64 {
     toned.powf(PUNCHY_POWER)
 }
 
-fn product(matrix: &Matrix, v: [f64; 3]) -> [f64; 3] {
-    matrix.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2])
-}
-
 /// Hue in turns, 0 for red.
 fn hue([r, g, b]: [f64; 3]) -> f64 {
-    let (most, least) = (r.max(g).max(b), r.min(g).min(b));
-    let range = most - least;
+    let (max, min) = (r.max(g).max(b), r.min(g).min(b));
+    let range = max - min;
     let sixths = match () {
         () if range <= 0.0 => 0.0,
-        () if most == r => (g - b) / range,
-        () if most == g => 2.0 + (b - r) / range,
+        () if max == r => (g - b) / range,
+        () if max == g => 2.0 + (b - r) / range,
         () => 4.0 + (r - g) / range,
     };
     (sixths / 6.0).rem_euclid(1.0)
@@ -239,13 +233,13 @@ fn mixed_hue(before: f64, after: f64) -> f64 {
     (before + HUE_SHIFT * turn).rem_euclid(1.0)
 }
 
-/// The colour with another hue and the same largest and least channel.
+/// The colour with another hue and the same largest and smallest channel.
 fn with_hue(color: [f64; 3], hue: f64) -> [f64; 3] {
-    let most = color.into_iter().fold(f64::MIN, f64::max);
-    let least = color.into_iter().fold(f64::MAX, f64::min);
+    let max = color.into_iter().fold(f64::MIN, f64::max);
+    let min = color.into_iter().fold(f64::MAX, f64::min);
     [5.0, 3.0, 1.0].map(|n| {
         let k = (n + hue * 6.0).rem_euclid(6.0);
-        most - (most - least) * k.min(4.0 - k).clamp(0.0, 1.0)
+        max - (max - min) * k.min(4.0 - k).clamp(0.0, 1.0)
     })
 }
 
@@ -253,9 +247,9 @@ fn with_hue(color: [f64; 3], hue: f64) -> [f64; 3] {
 mod tests {
     use super::*;
 
-    fn assert_near(found: [f32; 3], expected: [f32; 3], most: f32) {
-        let is_near = found.iter().zip(expected).all(|(a, b)| (a - b).abs() < most);
-        assert!(is_near, "{found:?} where {expected:?} belongs");
+    fn assert_near(found: [f32; 3], expected: [f32; 3], tolerance: f32) {
+        let is_near = found.iter().zip(expected).all(|(a, b)| (a - b).abs() < tolerance);
+        assert!(is_near, "{found:?}, not {expected:?}");
     }
 
     /// Display values of Blender 5.0.1 (16-bit PNG by `Image.save_render`).

@@ -34,10 +34,10 @@ struct ToneCurve {
 
 #[derive(Clone, Debug, PartialEq)]
 enum Values {
-    /// 1D LUT: each channel is looked up by itself.
-    Line(Vec<[f32; 3]>),
+    /// 1D LUT: each channel is looked up separately.
+    Lut1d(Vec<[f32; 3]>),
     /// 3D LUT: number of nodes along red, green and blue; values, red fastest.
-    Lattice([usize; 3], Vec<[f32; 3]>),
+    Lut3d([usize; 3], Vec<[f32; 3]>),
 }
 
 impl ViewTable {
@@ -64,14 +64,14 @@ impl ViewTable {
         }
         let edge = rest.count("nodes along an edge", MAX_NODES)?;
         let numbers = rest.take(6 * edge * edge * edge)?.as_chunks::<2>().0;
-        let share = |pair: [u8; 2]| f32::from(u16::from_le_bytes(pair)) / 65_535.0;
-        let nodes = numbers.as_chunks::<3>().0.iter().map(|node| node.map(share)).collect();
+        let value = |pair: [u8; 2]| f32::from(u16::from_le_bytes(pair)) / 65_535.0;
+        let nodes = numbers.as_chunks::<3>().0.iter().map(|node| node.map(value)).collect();
         if !rest.0.is_empty() {
-            return Err(format!("has {} bytes more than the table needs", rest.0.len()));
+            return Err(format!("has {} bytes after the end of the table", rest.0.len()));
         }
         let curve = ToneCurve { knots, values };
         let curves = [curve.clone(), curve.clone(), curve];
-        Ok(ViewTable { path: path.to_path_buf(), curves, values: Values::Lattice([edge; 3], nodes) })
+        Ok(ViewTable { path: path.to_path_buf(), curves, values: Values::Lut3d([edge; 3], nodes) })
     }
 
     /// Decodes a cinespace file.
@@ -89,11 +89,11 @@ impl ViewTable {
         words.skip_metadata();
         let curves = [curve(&mut words)?, curve(&mut words)?, curve(&mut words)?];
         let values = match kind {
-            "1D" => line(&mut words)?,
-            _ => lattice(&mut words)?,
+            "1D" => lut_1d(&mut words)?,
+            _ => lut_3d(&mut words)?,
         };
         match words.peek() {
-            Some(word) => Err(format!("line {}: '{word}' is more than the table needs", words.line())),
+            Some(word) => Err(format!("line {}: '{word}' follows the end of the table", words.line())),
             None => Ok(ViewTable { path: path.to_path_buf(), curves, values }),
         }
     }
@@ -107,11 +107,11 @@ impl ViewTable {
     pub fn encode(&self, rgb: [f32; 3]) -> [f32; 3] {
         let at = [0, 1, 2].map(|c| self.curves[c].at(rgb[c]).clamp(0.0, 1.0));
         let shown = match &self.values {
-            Values::Line(line) => [0, 1, 2].map(|c| {
+            Values::Lut1d(line) => [0, 1, 2].map(|c| {
                 let (low, part) = cell_of(at[c], line.len());
                 line[low][c] + part * (line[low + 1][c] - line[low][c])
             }),
-            Values::Lattice(size, nodes) => tetrahedral(*size, nodes, at),
+            Values::Lut3d(size, nodes) => tetrahedral(*size, nodes, at),
         };
         shown.map(|v| v.clamp(0.0, 1.0))
     }
@@ -162,17 +162,17 @@ fn curve(words: &mut Words) -> Result<ToneCurve, String> {
     }
 }
 
-fn line(words: &mut Words) -> Result<Values, String> {
+fn lut_1d(words: &mut Words) -> Result<Values, String> {
     let count = words.count("nodes", MAX_KNOTS)?;
-    Ok(Values::Line(colors(words, count)?))
+    Ok(Values::Lut1d(colors(words, count)?))
 }
 
-fn lattice(words: &mut Words) -> Result<Values, String> {
+fn lut_3d(words: &mut Words) -> Result<Values, String> {
     let mut size = [0; 3];
     for edge in &mut size {
         *edge = words.count("nodes along an edge", MAX_NODES)?;
     }
-    Ok(Values::Lattice(size, colors(words, size.iter().product())?))
+    Ok(Values::Lut3d(size, colors(words, size.iter().product())?))
 }
 
 fn colors(words: &mut Words, count: usize) -> Result<Vec<[f32; 3]>, String> {
@@ -184,15 +184,15 @@ struct Binary<'a>(&'a [u8]);
 
 impl<'a> Binary<'a> {
     fn take(&mut self, count: usize) -> Result<&'a [u8], String> {
-        let (taken, rest) = self.0.split_at_checked(count).ok_or("ends before the table does")?;
+        let (taken, rest) = self.0.split_at_checked(count).ok_or("ends within the table")?;
         self.0 = rest;
         Ok(taken)
     }
 
-    fn count(&mut self, what: &str, most: usize) -> Result<usize, String> {
+    fn count(&mut self, what: &str, max: usize) -> Result<usize, String> {
         let count = u32::from_le_bytes(self.take(4)?.try_into().unwrap_or_default()) as usize;
-        let is_valid = (2..=most).contains(&count);
-        is_valid.then_some(count).ok_or_else(|| format!("has {count} {what}; the limits are 2 to {most}"))
+        let is_valid = (2..=max).contains(&count);
+        is_valid.then_some(count).ok_or_else(|| format!("has {count} {what}; the limits are 2 to {max}"))
     }
 
     fn floats(&mut self, count: usize) -> Result<Vec<f32>, String> {
@@ -259,19 +259,19 @@ impl<'a> Words<'a> {
     }
 
     fn number<T: FromStr>(&mut self, what: &str) -> Result<T, String> {
-        let word = self.peek().ok_or_else(|| format!("ends where {what} should be"))?;
+        let word = self.peek().ok_or_else(|| format!("ends where {what} was expected"))?;
         let number =
-            word.parse().map_err(|_| format!("line {}: '{word}' where {what} should be", self.line()))?;
+            word.parse().map_err(|_| format!("line {}: expected {what}, not '{word}'", self.line()))?;
         self.next();
         Ok(number)
     }
 
-    fn count(&mut self, what: &str, most: usize) -> Result<usize, String> {
+    fn count(&mut self, what: &str, max: usize) -> Result<usize, String> {
         let line = self.line();
         let count = self.number(&format!("the number of {what}"))?;
-        match (2..=most).contains(&count) {
+        match (2..=max).contains(&count) {
             true => Ok(count),
-            false => Err(format!("line {line}: {count} {what}; the limits are 2 to {most}")),
+            false => Err(format!("line {line}: {count} {what}; the limits are 2 to {max}")),
         }
     }
 
@@ -363,7 +363,7 @@ mod tests {
         let more = [binary(), vec![0]].concat();
         assert_eq!(
             ViewTable::read(&more, Path::new("")).unwrap_err(),
-            "has 1 bytes more than the table needs"
+            "has 1 bytes after the end of the table"
         );
         assert_eq!(
             ViewTable::read(text().as_bytes(), Path::new("")),
@@ -378,11 +378,11 @@ mod tests {
         };
         assert!(messages("CSPLUTV100", "LUT_3D_SIZE").contains("expected CSPLUTV100"));
         assert_eq!(messages("0 1 4", "0 4 1"), "line 9: knots of a curve must ascend");
-        assert_eq!(messages("0 1 4", "0 x 4"), "line 9: 'x' where a number should be");
+        assert_eq!(messages("0 1 4", "0 x 4"), "line 9: expected a number, not 'x'");
         assert_eq!(messages("0.5 1\n", "0.5 inf\n"), "line 10: a number isn't finite");
         assert_eq!(messages("\n3 2 2", "\n3 1 2"), "line 18: 1 nodes along an edge; the limits are 2 to 129");
-        assert_eq!(messages("\n3 2 2", "\n2 2 2"), "line 27: '1' is more than the table needs");
-        assert_eq!(messages("\n3 2 2", "\n3 2 3"), "ends where a number should be");
+        assert_eq!(messages("\n3 2 2", "\n2 2 2"), "line 27: '1' follows the end of the table");
+        assert_eq!(messages("\n3 2 2", "\n3 2 3"), "ends where a number was expected");
         for cut in 0..text().len() - 2 {
             assert!(ViewTable::parse(&text()[..cut], Path::new("")).is_err(), "{cut} bytes");
         }

@@ -20,7 +20,7 @@ pub(super) fn blocks(channels: usize) -> usize {
 }
 
 /// Columns beyond a row's end, written by the last square.
-const SLACK: usize = 2;
+const ROW_PADDING: usize = 2;
 /// Row lengths in squares are padded to a multiple of this, a common multiple of the inner loops' steps.
 const STEP: usize = 12;
 /// Elements of a transformed square.
@@ -42,7 +42,7 @@ pub(super) struct Tile {
 impl Tile {
     /// Changes the size; the content is unspecified but finite.
     pub fn resize(&mut self, width: usize, height: usize, blocks: usize) {
-        (self.width, self.height, self.blocks, self.stride) = (width, height, blocks, width + SLACK);
+        (self.width, self.height, self.blocks, self.stride) = (width, height, blocks, width + ROW_PADDING);
         let length = self.stride * height * blocks;
         if self.data.len() < length {
             self.data.resize(length, [0.0; BLOCK]);

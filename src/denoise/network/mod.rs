@@ -149,9 +149,9 @@ const BIN: usize = 16;
 /// Geometric mean of the luminance after exposure.
 const KEY: f32 = 0.18;
 /// Luminance below which bins are ignored.
-const DARKEST: f32 = 1e-8;
+const MIN_LUMINANCE: f32 = 1e-8;
 /// Luminance that is encoded as 1.
-const LARGEST: f32 = 65504.0;
+const MAX_LUMINANCE: f32 = 65504.0;
 
 /// The exposure factor that scales the geometric mean of the luminance to [`KEY`] (Reinhard et al. 2002, "Photographic Tone Reproduction
 /// for Digital Images", eq. 1 and 2, on means of 16x16 pixels); 1 for a black picture.
@@ -170,7 +170,7 @@ fn exposure(width: usize, height: usize, color: [&[f32]; 3], factors: &[f32]) ->
     };
     let (mut sum, mut count) = (0.0f64, 0u32);
     for row in 0..rows {
-        for mean in (0..columns).map(|column| mean(column, row)).filter(|mean| *mean > DARKEST) {
+        for mean in (0..columns).map(|column| mean(column, row)).filter(|mean| *mean > MIN_LUMINANCE) {
             sum += f64::from(mean.log2());
             count += 1;
         }
@@ -213,9 +213,9 @@ fn decode(x: f32) -> f32 {
     }
 }
 
-/// Encodes a plane of radiance times factors and exposure, to 0..1 (up to [`LARGEST`]).
+/// Encodes a plane of radiance times factors and exposure, to 0..1 (up to [`MAX_LUMINANCE`]).
 fn encoded(plane: &[f32], factors: &[f32], exposure: f32) -> Vec<f32> {
-    let largest = encode(LARGEST);
+    let largest = encode(MAX_LUMINANCE);
     let of = |(v, factor): (&f32, &f32)| {
         let v = v * factor * exposure;
         if v > 0.0 { encode(v.min(f32::MAX)) / largest } else { 0.0 }
@@ -225,7 +225,7 @@ fn encoded(plane: &[f32], factors: &[f32], exposure: f32) -> Vec<f32> {
 
 /// Decodes to radiance.
 fn decoded(encoding: f32, exposure: f32) -> f32 {
-    decode(encoding * encode(LARGEST)) / exposure
+    decode(encoding * encode(MAX_LUMINANCE)) / exposure
 }
 
 #[cfg(test)]

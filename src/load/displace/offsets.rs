@@ -84,7 +84,7 @@ impl Displacers {
             let some: Vec<TextureId> = wanted.map(|(_, displacement)| displacement.texture.0).collect();
             let linear = are_heights.then(|| linear_images(scene, &some));
             let images = linear.as_deref().unwrap_or(&scene.images);
-            let compile = || CompiledTextures::of_some(&scene.textures, images, &some);
+            let compile = || CompiledTextures::of_subset(&scene.textures, images, &some);
             (!some.is_empty()).then(compile).transpose().map(|made| made.map(|(textures, _)| textures))
         };
         let textures = Textures { heights: compiled(true)?, vectors: compiled(false)? };
@@ -92,7 +92,7 @@ impl Displacers {
         for (id, displacement) in all {
             let texture = displacement.texture.0;
             let Some(compiled) = textures.of(&displacement) else { continue };
-            if compiled.is_lost(texture) {
+            if compiled.is_damaged(texture) {
                 warn(
                     warnings,
                     &scene.materials[id.index()].name,

@@ -266,7 +266,7 @@ pub fn bake(
     rotation_rad: f64,
     warnings: &mut Vec<Warning>,
 ) -> Result<Environment> {
-    let (textures, report) = CompiledTextures::of_some(&scene.textures, &scene.images, &[texture])?;
+    let (textures, report) = CompiledTextures::of_subset(&scene.textures, &scene.images, &[texture])?;
     let image_ids = Texture::image_ids(&scene.textures, texture);
     warnings.extend(report.warnings);
     if let Some([r, g, b, _]) = textures.constant(texture) {

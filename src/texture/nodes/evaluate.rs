@@ -65,18 +65,18 @@ pub enum Operation {
     /// Reads an image texture for a vector, a filter width, and an object-space normal for box projection.
     Image {
         texture: TextureId,
-        reading: ImageSampling,
+        sampling: ImageSampling,
         projection: ImageProjection,
         blend: f32,
     },
     /// Reads an environment texture in a direction.
     Environment {
         texture: TextureId,
-        reading: ImageSampling,
+        sampling: ImageSampling,
         projection: EnvironmentProjection,
     },
-    /// 1 if the distance from an edge is less than half a width, in metres or in pixels.
-    IsNear {
+    /// 1 within half a line width, in metres or in pixels, of an edge of the triangle.
+    Wireframe {
         in_pixels: bool,
     },
     /// The mean of three numbers.
@@ -309,17 +309,17 @@ pub fn run<const LANES: usize>(step: &CompiledStep, points: &Points<'_>, r: &mut
         Operation::Normalize => r.each(step, |v: [f32; 3]| math::normalize(v)),
         Operation::Length => r.each(step, |[x, y, z]: [f32; 3]| [(x * x + y * y + z * z).sqrt()]),
         Operation::Cosine => r.each(step, |[a, b, c, x, y, z]: [f32; 6]| [(a * x + b * y + c * z).abs()]),
-        Operation::IsNear { in_pixels } => r.each(step, |[size, squared, pixel]: [f32; 3]| {
+        Operation::Wireframe { in_pixels } => r.each(step, |[size, squared, pixel]: [f32; 3]| {
             let half = 0.5 * size * if *in_pixels { pixel } else { 1.0 };
             [if squared < half * half { 1.0 } else { 0.0 }]
         }),
-        Operation::Image { texture, reading, projection, blend } => r.each(step, |v: [f32; 7]| {
-            let at = |uv, footprint| (points.images)(*texture, reading, uv, footprint);
+        Operation::Image { texture, sampling, projection, blend } => r.each(step, |v: [f32; 7]| {
+            let at = |uv, footprint| (points.images)(*texture, sampling, uv, footprint);
             math::image(*projection, *blend, v, at)
         }),
-        Operation::Environment { texture, reading, projection } => r.each(step, |direction: [f32; 3]| {
+        Operation::Environment { texture, sampling, projection } => r.each(step, |direction: [f32; 3]| {
             let [r, g, b, _] =
-                (points.images)(*texture, reading, math::environment(*projection, direction), 0.0);
+                (points.images)(*texture, sampling, math::environment(*projection, direction), 0.0);
             [r, g, b]
         }),
         Operation::Mean => r.each(step, |[x, y, z]: [f32; 3]| [(x + y + z) * (1.0 / 3.0)]),

@@ -203,11 +203,11 @@ struct Builder<'a> {
     /// Offset at which nodes are currently built, for the derivatives of bumps: index of the step, and fraction of it.
     sample_offset: Option<(usize, f32)>,
     /// Number of bump nodes around the nodes being built.
-    bumps: u32,
+    bump_depth: u32,
 }
 
 /// Maximum nesting of bump nodes in each other's heights.
-const MAX_BUMPS: u32 = 2;
+const MAX_BUMP_DEPTH: u32 = 2;
 
 impl Builder<'_> {
     fn result(&mut self, graph: &NodeGraph) -> [Scalar; 3] {
@@ -333,12 +333,14 @@ impl Builder<'_> {
         (distance, invert, filter_width): (Scalar, bool, f32),
     ) -> [Scalar; 3] {
         let (height, normal) = (graph.nodes[index].inputs[2], inputs[3].1);
-        if self.bumps >= MAX_BUMPS || !matches!(height, NodeInput::Link { .. } | NodeInput::Texture { .. }) {
+        if self.bump_depth >= MAX_BUMP_DEPTH
+            || !matches!(height, NodeInput::Link { .. } | NodeInput::Texture { .. })
+        {
             return normal;
         }
         let mut flat = vec![inputs[0].1[0], distance];
         let outer = self.sample_offset;
-        self.bumps += 1;
+        self.bump_depth += 1;
         for sample_offset in [outer, Some((0, filter_width)), Some((1, filter_width))] {
             self.sample_offset = sample_offset;
             let mut outputs: HashMap<usize, Vec<[Scalar; 3]>> = HashMap::new();
@@ -348,7 +350,7 @@ impl Builder<'_> {
             }
             flat.push(self.input(graph, &height, SocketType::Float, &outputs)[0]);
         }
-        self.bumps -= 1;
+        self.bump_depth -= 1;
         self.sample_offset = outer;
         flat.extend(normal);
         flat.extend(self.load(Source::Steps));
@@ -383,11 +385,11 @@ impl Builder<'_> {
         vector: [Scalar; 3],
     ) -> Vec<[Scalar; 3]> {
         let node = &graph.nodes[index];
-        let Some(reading) = ImageSampling::of(graph, index) else {
+        let Some(sampling) = ImageSampling::of(graph, index) else {
             return vec![[Scalar::of(0.0); 3]; node.kind.outputs().len()];
         };
         if let NodeKind::EnvironmentTexture { projection, .. } = &node.kind {
-            let operation = Operation::Environment { texture, reading, projection: *projection };
+            let operation = Operation::Environment { texture, sampling, projection: *projection };
             return vec![xyz(&self.step(operation, vector.to_vec(), 3))];
         }
         let (projection, blend) = match &node.kind {
@@ -398,7 +400,7 @@ impl Builder<'_> {
         let mut flat = vector.to_vec();
         flat.push(match graph.texture_coordinates(&node.inputs[0]) {
             // As in Cycles, images are not filtered in the height of a bump: filtering would flatten slopes.
-            Some((name, factor)) if projection == ImageProjection::Flat && self.bumps == 0 => {
+            Some((name, factor)) if projection == ImageProjection::Flat && self.bump_depth == 0 => {
                 let footprint = self.load(Source::Footprint(self.attribute(name)));
                 let scale = NodeKind::Math { operation: MathOperation::Multiply, use_clamp: false };
                 self.step(Operation::of(&scale), vec![footprint[0], Scalar::of(factor), zero], 1)[0]
@@ -409,7 +411,7 @@ impl Builder<'_> {
             ImageProjection::Box => self.load_vector(Source::ObjectNormal),
             _ => [zero; 3],
         });
-        let own = self.step(Operation::Image { texture, reading, projection, blend }, flat, 4);
+        let own = self.step(Operation::Image { texture, sampling, projection, blend }, flat, 4);
         vec![xyz(&own), splat(own[3])]
     }
 
@@ -515,7 +517,7 @@ impl Builder<'_> {
             NodeKind::Wireframe { use_pixel_size } => {
                 let edge = self.load(Source::Edge);
                 let inputs = vec![inputs[0].1[0], edge[0], edge[1]];
-                vec![splat(self.step(Operation::IsNear { in_pixels: *use_pixel_size }, inputs, 1)[0])]
+                vec![splat(self.step(Operation::Wireframe { in_pixels: *use_pixel_size }, inputs, 1)[0])]
             }
             NodeKind::NormalMap { space, uv_map } => {
                 let number = if uv_map.is_empty() { FIRST_UV_SET } else { self.attribute(uv_map) };

@@ -615,11 +615,13 @@ pub fn gabor_2d(p: [f32; 2], frequency: f32, isotropy: f32, angle_rad: f32) -> [
         for impulse in (0..IMPULSES).map(|n| 3.0 * n as f32) {
             let rotation_rad = (hash_floats([x, y, impulse]) - 0.5) * PI * isotropy;
             let seed = impulse + 1.0;
-            let place = [p[0] - x - hash_floats([x, y, seed]), p[1] - y - hash_floats([seed, x, y])];
-            let squared = place[0] * place[0] + place[1] * place[1];
+            let offset_from_impulse =
+                [p[0] - x - hash_floats([x, y, seed]), p[1] - y - hash_floats([seed, x, y])];
+            let squared = offset_from_impulse[0] * offset_from_impulse[0]
+                + offset_from_impulse[1] * offset_from_impulse[1];
             if squared < 1.0 {
                 let (sine, cosine) = poly::sin_cos(angle_rad + rotation_rad);
-                let cycles = frequency * (place[0] * cosine + place[1] * sine);
+                let cycles = frequency * (offset_from_impulse[0] * cosine + offset_from_impulse[1] * sine);
                 add_impulse(&mut sum, squared, cycles, hash_floats([x, y, impulse + 2.0]));
             }
         }
@@ -636,16 +638,16 @@ pub fn gabor_3d(p: [f32; 3], frequency: f32, isotropy: f32, direction: [f32; 3])
         let [x, y, z] =
             [cell[0] + (k % 3 - 1) as f32, cell[1] + (k / 3 % 3 - 1) as f32, cell[2] + (k / 9 - 1) as f32];
         for impulse in (0..IMPULSES).map(|n| 3.0 * n as f32) {
-            let place = Vec3::from_array(p)
+            let offset_from_impulse = Vec3::from_array(p)
                 - Vec3::new(x, y, z)
                 - Vec3::from_array(hash_to_vector(&[x, y, z, impulse + 1.0]));
-            let squared = place.length_squared();
+            let squared = offset_from_impulse.length_squared();
             if squared < 1.0 {
                 let along = rotated_direction(direction, isotropy, [x, y, z, impulse]);
                 add_impulse(
                     &mut sum,
                     squared,
-                    frequency * place.dot(along),
+                    frequency * offset_from_impulse.dot(along),
                     hash_floats([x, y, z, impulse + 2.0]),
                 );
             }

@@ -4,6 +4,7 @@ use super::noise::{Fractal, NoisePoints};
 use crate::math::poly;
 use crate::scene::nodes::{BandsDirection, GradientType, NoiseType, RingsDirection, WaveProfile, WaveType};
 use std::f32::consts::{FRAC_PI_2, TAU};
+
 /// Moves a coordinate off the borders of cells, where rounding would decide the cell.
 fn nudged(x: f32) -> f32 {
     (x + 0.000_001) * 0.999_999

@@ -5,7 +5,7 @@ use crate::scene::TextureId;
 use crate::scene::nodes::Axis;
 use crate::texture::{AttributeValue, HitAttributes, HitData, TexturePoint};
 
-/// A datum of a point or its hit that a program reads. Attributes are given by index, and world space is that of the graph.
+/// Data of a point or its hit that a program reads. Attributes are given by index, and world space is that of the graph.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Source {
     /// The point, world space, metres.
@@ -168,7 +168,7 @@ impl Source {
                 vector(n * (2.0 * n.dot(wo)) - wo)
             }
             Source::Uv => uv(),
-            Source::Footprint(attribute) => match density(hit, attribute) {
+            Source::Footprint(attribute) => match uv_per_metre(hit, attribute) {
                 Some(density) => padded([point.width * density]),
                 None => footprint(),
             },
@@ -277,7 +277,7 @@ fn generated(hit: &HitData<'_>, attribute: u16) -> Vec3 {
 }
 
 /// Change of an attribute's texture coordinates per metre; `None` if the surface lacks it.
-fn density(hit: &HitData<'_>, attribute: u16) -> Option<f32> {
+fn uv_per_metre(hit: &HitData<'_>, attribute: u16) -> Option<f32> {
     let [a, b, c] = hit.corners?;
     let [p, q, r] =
         hit.attributes.corners(attribute)?.map(|corner| Vec2::new(corner.vector[0], corner.vector[1]));

@@ -57,26 +57,6 @@ fn split<const N: usize>(p: [f32; N]) -> ([f32; N], [f32; N]) {
     (cell, inside)
 }
 
-/// Offsets of cells up to `reach` away, the own cell included, the first dimension fastest.
-fn neighbour_offsets<const N: usize>(reach: i32) -> impl Iterator<Item = [i32; N]> {
-    let mut next = Some([-reach; N]);
-    std::iter::from_fn(move || {
-        let offset = next?;
-        let mut after = offset;
-        let mut i = 0;
-        // Counts up, with carries.
-        while i < N && after[i] == reach {
-            after[i] = -reach;
-            i += 1;
-        }
-        next = (i < N).then(|| {
-            after[i] += 1;
-            after
-        });
-        Some(offset)
-    })
-}
-
 #[inline(always)]
 fn dot<const N: usize>(a: [f32; N], b: [f32; N]) -> f32 {
     let mut sum = 0.0;
@@ -168,12 +148,13 @@ impl<const N: usize> simd::Kernel for Smooth<'_, N> {
             let t = (0.5 + 0.5 * (smooth.distance - distance) / smoothness).clamp(0.0, 1.0);
             let h = if k == 0 { 1.0 } else { t * t * (3.0 - 2.0 * t) };
             let correction = smoothness * h * (1.0 - h);
-            let share = correction / (1.0 + 3.0 * smoothness);
+            let color_correction = correction / (1.0 + 3.0 * smoothness);
             let (point, other) = self.voronoi.point(cell, std::array::from_fn(|i| WITHIN_TWO[i][k]));
             let color = cell_color(other);
             smooth.distance = mix(smooth.distance, distance, h) - correction;
-            smooth.color = std::array::from_fn(|i| mix(smooth.color[i], color[i], h) - share);
-            smooth.position = std::array::from_fn(|i| mix(smooth.position[i], point[i], h) - share);
+            smooth.color = std::array::from_fn(|i| mix(smooth.color[i], color[i], h) - color_correction);
+            smooth.position =
+                std::array::from_fn(|i| mix(smooth.position[i], point[i], h) - color_correction);
         }
         smooth.position = std::array::from_fn(|i| smooth.position[i] + cell[i]);
         smooth
@@ -353,7 +334,8 @@ impl Voronoi {
         let (cell, local) = split(p);
         let nearest_to = |from: [f32; N], cell: [f32; N], skip_own: bool| {
             let (mut minimum, mut found) = (8.0f32, ([0.0; N], [0; N]));
-            for offset in neighbour_offsets(1) {
+            for k in 0..3usize.pow(N as u32) {
+                let offset = std::array::from_fn(|i| ADJACENT[i][k]);
                 if skip_own && offset == [0; N] {
                     continue;
                 }
@@ -391,7 +373,7 @@ impl Voronoi {
     fn fractal<const N: usize>(
         &self,
         p: [f32; N],
-        reach: f32,
+        distance_factor: f32,
         octave: impl Fn([f32; N]) -> Cell<N>,
     ) -> Cell<N> {
         let (mut scale, mut amplitude, mut maximum, mut sum) = (1.0, 1.0, 0.0, Cell::<N>::ZERO);
@@ -410,7 +392,7 @@ impl Voronoi {
             }
         }
         if self.normalize {
-            sum.distance /= maximum * reach * self.max_distance::<N>();
+            sum.distance /= maximum * distance_factor * self.max_distance::<N>();
             sum.color = sum.color.map(|c| c / maximum);
         }
         sum
