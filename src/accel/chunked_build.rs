@@ -600,6 +600,7 @@ fn relocate_leaf(lines: &mut [Line], first: u32, offset: u32) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::accel::layout::{KIND_TRIANGLES, leaf_ref};
 
     #[test]
     fn parallel_partition_equals_the_sequential_one() {
@@ -628,12 +629,6 @@ mod tests {
         assert_eq!(partition_sequential(&mut sorted, is_first), partition(&mut other, is_first));
         assert!(ids(&sorted) == ids(&other));
     }
-}
-
-#[cfg(test)]
-mod append_tests {
-    use super::super::layout::{KIND_TRIANGLES, TrianglePacket, leaf_ref, line_of, view_mut};
-    use super::*;
 
     /// A tree of one leaf with two triangle packets.
     fn part(index: usize) -> TreePart<usize> {

@@ -12,7 +12,7 @@ use super::layout::{
     line_of, view,
 };
 use super::traversal::starts_near;
-use crate::math::{NO_HIT, OriginPrimitive, Ray, Vec3};
+use crate::math::{MACHINE_EPSILON, NO_HIT, OriginPrimitive, Ray, Vec3};
 use crate::shape::triangle::{LANES, weights_of};
 use crate::shape::{Analytic, PreparedRay, Shape};
 use crate::simd::{Kernel, Level, Line, best_level, dispatch_at};
@@ -208,7 +208,7 @@ impl<'a> QueryState<'a> {
         }
         QueryState {
             query,
-            hull: SegmentHull::new(target, min, max, 64.0 * ROUNDING * farthest),
+            hull: SegmentHull::new(target, min, max, 64.0 * MACHINE_EPSILON * farthest),
             offsets,
             runs,
             offset_bounds: [low, high],
@@ -429,7 +429,7 @@ fn occludes(packet: &TrianglePacket, lane: usize, ray: &Ray) -> bool {
 const SMALLEST: f32 = 1.0 / (1u64 << 60) as f32;
 
 /// Factor on the exit parameter that covers the rounding error of slab tests.
-const SLACK: f32 = 1.0 + 32.0 * ROUNDING;
+const SLACK: f32 = 1.0 + 32.0 * MACHINE_EPSILON;
 
 /// The convex hull of all segments from a point to a box, for slab tests: bounds on the parameter (0 at the point, 1 at the box) at
 /// which segments cross each plane of a node box.
@@ -491,9 +491,6 @@ impl SegmentHull {
 /// Maximum number of segments of a query.
 pub const RAYS: usize = 64;
 
-/// Maximum relative rounding error of f32.
-pub const ROUNDING: f32 = f32::EPSILON / 2.0;
-
 /// One lane of a vector in structure-of-arrays layout.
 #[inline(always)]
 pub fn lane_of(v: &[[f32; LANES]; 3], lane: usize) -> [f32; 3] {
@@ -552,8 +549,8 @@ impl PlaneSides {
             // Rounding error of the exact test, relevant if the triangle is much larger than the rays are long.
             let far = |k: usize| (f64::from(target[k]) - at(k, 0)).abs();
             let exact = (far(0) + far(1) + far(2) + moved) * (1.0 / (1u64 << 49) as f64);
-            let is_off_plane = height.abs() > moved * f64::from(1.25 * ROUNDING) + exact;
-            let is_certainly_off_plane = height.abs() > moved * f64::from(4.0 * ROUNDING) + exact;
+            let is_off_plane = height.abs() > moved * f64::from(1.25 * MACHINE_EPSILON) + exact;
+            let is_certainly_off_plane = height.abs() > moved * f64::from(4.0 * MACHINE_EPSILON) + exact;
             let sign = if height > 0.0 { 1.0 } else { -1.0 };
             let (side, mut least) = (height.abs() as f32, height.abs() as f32);
             for k in 0..3 {
@@ -562,7 +559,7 @@ impl PlaneSides {
                 least += if a < b { a } else { b };
                 sides.normal[k][lane] = normal;
             }
-            let margin = 8.0 * ROUNDING * (moved + height.abs()) as f32 + exact as f32;
+            let margin = 8.0 * MACHINE_EPSILON * (moved + height.abs()) as f32 + exact as f32;
             sides.side[lane] = side;
             sides.margin[lane] = if is_off_plane { margin } else { f32::INFINITY };
             sides.certain_margin[lane] = if is_certainly_off_plane { -margin } else { f32::NEG_INFINITY };
@@ -600,7 +597,7 @@ impl EdgePlanes {
                 greatest = if squared > greatest { squared } else { greatest };
             }
             let reach = greatest.sqrt() + length;
-            edges.margin[lane] = 32.0 * ROUNDING * length * reach * reach + f32::MIN_POSITIVE;
+            edges.margin[lane] = 32.0 * MACHINE_EPSILON * length * reach * reach + f32::MIN_POSITIVE;
         }
         edges
     }

@@ -392,11 +392,6 @@ mod tests {
         assert_eq!(Aov::CryptoAsset.channel(7).names.len(), 16);
         assert_eq!((Aov::CryptoAsset.matte(), Aov::Depth.matte()), (Some("CryptoAsset"), None));
     }
-}
-
-#[cfg(test)]
-mod aov_set_tests {
-    use super::*;
 
     #[test]
     fn sets_keep_the_order_of_the_table() {

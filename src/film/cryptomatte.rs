@@ -169,11 +169,6 @@ mod tests {
         both.merge(2, &backwards, 1);
         assert_eq!((both.ranked(0), both.ranked(2)), (vec![(5, 4), (7, 4), (3, 2)], vec![(9, 2)]));
     }
-}
-
-#[cfg(test)]
-mod matte_tests {
-    use super::*;
 
     /// Published test vectors of MurmurHash3, and keys from the specification and from files by Blender.
     #[test]

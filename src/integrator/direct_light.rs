@@ -9,7 +9,7 @@
 
 use super::Integrator;
 use super::guiding::Guided;
-use super::lifted_rays::{exchange_normals, lift_shadow_rays, restore_normals};
+use super::lifted_rays::{lift_shadow_rays, restore_normals, use_smooth_normals};
 use super::light_samples::{
     BATCH, EnvironmentSampler, FirstVertices, RectangleSampler, SampleLight, sample_uniform,
 };
@@ -28,7 +28,7 @@ use crate::color::Rgb;
 use crate::film::Aov;
 use crate::light::{EnvironmentLight, LightSample, Lights, Receiver, UniformRectangle};
 use crate::math::{Ray, Vec3, offset_along};
-use crate::sampling::sampler::{Dimensions, SobolPoint};
+use crate::sampling::sampler::Dimensions;
 use crate::scene::RayKinds;
 use crate::simd::{Kernel, dispatch};
 use std::ops::Range;
@@ -106,7 +106,7 @@ impl Kernel for SelectLights<'_> {
         let Wave { paths, vertices: v, scratch: [u0, u1, choice0, choice1, ..] } = self.wave;
         let count = self.count.min(WAVE);
         for i in 0..count {
-            let point = SobolPoint::from_parts(paths.state.seed[i], paths.state.index_rev[i]);
+            let point = paths.state.sobol_point(i);
             [u0[i], u1[i], choice0[i], choice1[i]] = point.sample_4d(self.dimensions);
         }
         for first in (0..count).step_by(BATCH) {
@@ -170,9 +170,7 @@ impl Integrator<'_> {
             });
         }
     }
-}
 
-impl Integrator<'_> {
     /// Samples lights at the vertices and adds the unoccluded contributions.
     pub(super) fn add_direct_light(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
         let count = self.light_samples(bounce);
@@ -198,7 +196,7 @@ impl Integrator<'_> {
     pub(super) fn direct_light(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
         let guided = self.options.guide.is_some();
         if self.lifts_shadow_rays() {
-            exchange_normals(sorted, &mut w.wave.vertices);
+            use_smooth_normals(sorted, &mut w.wave.vertices);
         }
         self.guide_light_samples(sorted, w);
         let (branches, inverse_light_samples) =

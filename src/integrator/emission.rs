@@ -23,7 +23,6 @@ use crate::light::{
     solid_angle_density,
 };
 use crate::math::{Hit, Ray, Vec3};
-use crate::sampling::sampler::SobolPoint;
 use crate::scene::RayKinds;
 use crate::simd::{Kernel, dispatch};
 
@@ -42,7 +41,7 @@ impl Integrator<'_> {
             return;
         }
         let wo = -w.rays[i].direction;
-        let radiance = self.emitted(at, wo, w.times.wavelengths(w.arriving.state.radiance_index[i]));
+        let radiance = self.emitted(at, wo, w.wavelengths(i));
         let radiance = emission.beam.radiance(radiance, surface.ng, wo, &self.scene.textures);
         let path = &w.arriving.state;
         let mut weight = 1.0;
@@ -321,7 +320,7 @@ impl Integrator<'_> {
         let dimensions = self.dimensions(0, Purpose::Wavelength);
         let path = &arriving.state;
         let draw = |i: usize| {
-            let [u, ..] = SobolPoint::from_parts(path.seed[i], path.index_rev[i]).sample_4d(&dimensions);
+            let [u, ..] = path.sobol_point(i).sample_4d(&dimensions);
             Wavelengths::sample(u)
         };
         times.start_wavelengths((0..pixels.len()).map(draw), self.options.branches);

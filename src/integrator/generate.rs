@@ -33,9 +33,9 @@ impl Integrator<'_> {
         if camera.is_panorama() {
             start.panoramic(camera);
         } else if camera.has_lens() {
-            dispatch(StartLensRays { camera, start });
+            dispatch(StartRays::<true> { camera, start });
         } else {
-            dispatch(StartPinholeRays { camera, start });
+            dispatch(StartRays::<false> { camera, start });
         }
         if self.is_moving() || self.scene.accel.uses_times() {
             self.start_times(w);
@@ -63,7 +63,7 @@ impl Integrator<'_> {
     fn range(&self, w: &Workspace, i: usize) -> [f32; 2] {
         let direction = get(&w.wave.vertices.next_direction, i);
         match &self.view.moving {
-            Some(moving) => moving.at(w.times.of(w.arriving.state.radiance_index[i])).range(direction),
+            Some(moving) => moving.at(w.time(i)).range(direction),
             None => self.view.camera.range(direction),
         }
     }
@@ -193,41 +193,22 @@ fn end_rays_outside_image_circle(path: &PathState, rays: &mut [Ray]) {
     }
 }
 
-/// Rays of cameras with a lens.
-struct StartLensRays<'a> {
+/// Rays of cameras other than panoramas. Pinhole cameras (`LENS` is false) need half of the random numbers.
+struct StartRays<'a, const LENS: bool> {
     camera: &'a Camera,
     start: StartPaths<'a>,
 }
 
-impl Kernel for StartLensRays<'_> {
+impl<const LENS: bool> Kernel for StartRays<'_, LENS> {
     type Output = ();
 
     #[inline(always)]
     fn run(self) {
-        let StartLensRays { camera, start } = self;
+        let StartRays { camera, start } = self;
         let count = start.count.min(WAVE);
-        draw::<true>(start.path, start.scratch, start.dimensions, start.branch_bits, count);
+        draw::<LENS>(start.path, start.scratch, start.dimensions, start.branch_bits, count);
         sample_filter(start.scratch, start.filter, count);
-        generate_rays::<true>(start.vertices, start.scratch, camera, count);
-    }
-}
-
-/// Rays of pinhole cameras, which need half of the random numbers.
-struct StartPinholeRays<'a> {
-    camera: &'a Camera,
-    start: StartPaths<'a>,
-}
-
-impl Kernel for StartPinholeRays<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self) {
-        let StartPinholeRays { camera, start } = self;
-        let count = start.count.min(WAVE);
-        draw::<false>(start.path, start.scratch, start.dimensions, start.branch_bits, count);
-        sample_filter(start.scratch, start.filter, count);
-        generate_rays::<false>(start.vertices, start.scratch, camera, count);
+        generate_rays::<LENS>(start.vertices, start.scratch, camera, count);
     }
 }
 
@@ -254,7 +235,7 @@ fn draw<const LENS: bool>(
         set_rgb(&mut path.throughput, i, Rgb::ONE);
         path.pdf[i] = DirectionPdf::SPECULAR;
         path.roulette_scale[i] = 1.0;
-        (path.seed[i], path.index_rev[i]) = point.to_parts();
+        path.set_sobol_point(i, point);
     }
 }
 
@@ -311,8 +292,7 @@ impl Integrator<'_> {
         let Workspace { times, arriving, wave, pixels, .. } = w;
         let dimensions = self.dimensions(0, Purpose::Time);
         let path = &arriving.state;
-        let draw =
-            |i: usize| SobolPoint::from_parts(path.seed[i], path.index_rev[i]).sample_4d(&dimensions)[0];
+        let draw = |i: usize| path.sobol_point(i).sample_4d(&dimensions)[0];
         times.start((0..pixels.len()).map(draw), self.options.branches);
         let Some(moving) = &self.view.moving else { return };
         let [x, y, _, _, lens_u, lens_v, ..] = &wave.scratch;

@@ -16,7 +16,7 @@ use super::interior::Interior;
 use super::sampling::RandomChoice;
 use super::shading_geometry::{EvaluatedMaterial, HitPoint};
 use super::shading_groups::SortedVertices;
-use super::wave::{PathState, Paths, Vertices, Wave, get, get_rgb, set_rgb};
+use super::wave::{PathState, Paths, Vertices, Wave, get, get_rgb, scale_rgb, set_rgb};
 use super::workspace::{SampleTimes, Workspace};
 use crate::bsdf::{Bsdf, Dielectric, Refraction};
 use crate::color::Rgb;
@@ -79,8 +79,7 @@ impl Integrator<'_> {
                 wavelengths,
             );
             if transmittance != Rgb::ONE {
-                let contribution = get_rgb(&v.light.contribution, i);
-                set_rgb(&mut v.light.contribution, i, contribution * transmittance);
+                scale_rgb(&mut v.light.contribution, i, transmittance);
             }
         }
     }
@@ -154,8 +153,7 @@ impl Integrator<'_> {
             let medium = material.medium_index;
             paths.interior[i] = Interior::AIR.enter(medium);
             let transmittance = self.scene.media[usize::from(medium)].transmittance_at(span, wavelengths);
-            let throughput = get_rgb(&paths.state.throughput, i);
-            set_rgb(&mut paths.state.throughput, i, throughput * transmittance);
+            scale_rgb(&mut paths.state.throughput, i, transmittance);
         }
     }
 

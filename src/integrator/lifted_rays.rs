@@ -39,19 +39,19 @@ fn lifts(positions: [Vec3; 3], normals: [Vec3; 3], weights: [f32; 2]) -> [Vec3; 
 }
 
 /// Fraction of the offset that applies, 0 to 1, by the cosines of the light direction to the triangle's and the smooth surface's normal.
-fn amount(to_triangle: f32, to_surface: f32) -> f32 {
-    let amount = if to_surface < CUTOFF {
+fn offset_fraction(to_triangle: f32, to_surface: f32) -> f32 {
+    let fraction = if to_surface < CUTOFF {
         2.0 - (to_triangle + to_surface) / CUTOFF
     } else {
         1.0 - to_triangle / CUTOFF
     };
-    amount.clamp(0.0, 1.0)
+    fraction.clamp(0.0, 1.0)
 }
 
 impl Integrator<'_> {
     /// Records the offset to the smooth surface for vertex `k`, hit by ray `i`.
     pub(super) fn record_lift(&self, i: usize, k: usize, w: &mut Workspace) {
-        let (hit, time) = (&w.hits[i], w.times.of(w.arriving.state.radiance_index[i]));
+        let (hit, time) = (&w.hits[i], w.time(i));
         let lanes = &mut w.wave.vertices.lifted;
         set(&mut lanes.normal, k, Vec3::ZERO);
         if w.groups[i] == ShadingGroup::Medium {
@@ -71,7 +71,7 @@ impl Integrator<'_> {
 
 /// Replaces the geometric normals of lit vertices by those of the smooth surface, on the same side, unless the viewer is on the other
 /// side of either.
-pub(super) fn exchange_normals(sorted: &SortedVertices, v: &mut Vertices) {
+pub(super) fn use_smooth_normals(sorted: &SortedVertices, v: &mut Vertices) {
     let rough = sorted.rough();
     for i in sorted.lit() {
         let n = get(&v.lifted.normal, i);
@@ -99,7 +99,7 @@ pub(super) fn restore_normals(sorted: &SortedVertices, v: &mut Vertices) {
     }
 }
 
-/// Moves the origins of shadow rays to the smooth surface; call between [`exchange_normals`] and [`restore_normals`].
+/// Moves the origins of shadow rays to the smooth surface; call between [`use_smooth_normals`] and [`restore_normals`].
 pub(super) fn lift_shadow_rays(sorted: &SortedVertices, v: &mut Vertices) {
     let Vertices { lifted, light, ng: of_surface, wo, .. } = v;
     for i in sorted.lit() {
@@ -113,7 +113,7 @@ pub(super) fn lift_shadow_rays(sorted: &SortedVertices, v: &mut Vertices) {
         let towards_light = ng * if to_surface < 0.0 { -side } else { side };
         let is_above = normal.dot(towards_light) > 0.0;
         let lift = get(if is_above { &lifted.above } else { &lifted.below }, i);
-        let lift = lift * amount(towards_light.dot(wi), to_surface);
+        let lift = lift * offset_fraction(towards_light.dot(wi), to_surface);
         let origin = get(&light.origin, i) + lift;
         set(&mut light.origin, i, origin);
         if light.is_infinite[i] <= 0.0 {
@@ -157,9 +157,9 @@ mod tests {
 
     #[test]
     fn only_grazing_light_is_offset() {
-        assert_eq!(amount(0.2, 0.3), 0.0);
-        assert_eq!(amount(-0.3, 0.2), 1.0);
-        assert!((amount(0.05, 0.2) - 0.5).abs() < 1e-6);
-        assert!((amount(0.04, 0.06) - 1.0).abs() < 1e-6);
+        assert_eq!(offset_fraction(0.2, 0.3), 0.0);
+        assert_eq!(offset_fraction(-0.3, 0.2), 1.0);
+        assert!((offset_fraction(0.05, 0.2) - 0.5).abs() < 1e-6);
+        assert!((offset_fraction(0.04, 0.06) - 1.0).abs() < 1e-6);
     }
 }

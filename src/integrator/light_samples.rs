@@ -9,7 +9,7 @@ use crate::light::{
     UniformRectangle, UniformShape, UniformTriangle, solid_angle_density,
 };
 use crate::math::Vec3;
-use crate::sampling::sampler::{Dimensions, SobolPoint};
+use crate::sampling::sampler::Dimensions;
 use crate::simd::{Kernel, Table, dispatch};
 use std::marker::PhantomData;
 
@@ -329,7 +329,7 @@ impl<S: VectorSampler> Kernel for SampleLight<'_, S> {
         let Wave { paths, vertices, scratch: [u, v, pdf, ..] } = self.wave;
         let (light, count, sampler) = (&mut vertices.light, self.count.min(WAVE), self.sampler);
         for i in 0..count {
-            let point = SobolPoint::from_parts(paths.state.seed[i], paths.state.index_rev[i]);
+            let point = paths.state.sobol_point(i);
             [u[i], v[i], ..] = point.sample_4d(self.dimensions);
         }
         sampler.choose(u, v, pdf, count);

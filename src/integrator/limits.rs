@@ -106,9 +106,7 @@ impl Integrator<'_> {
             bsdfs[i - general.start].remove_lobes(skipped);
         }
     }
-}
 
-impl Integrator<'_> {
     /// Applies the glossy filter to the BSDFs of the sorted vertices.
     pub(super) fn filter_glossy(&self, sorted: &SortedVertices, w: &mut Workspace) {
         let Workspace { wave, bsdfs, .. } = w;

@@ -11,13 +11,13 @@ use super::Integrator;
 use super::interior::Interior;
 use super::sampling::Purpose;
 use super::shading_geometry::{EvaluatedMaterial, HitPoint, local_viewer, scattering_normal};
-use super::wave::{get_rgb, set_rgb};
+use super::wave::{get_rgb, scale_rgb, set_rgb};
 use super::workspace::Workspace;
 use crate::bsdf::BsdfEval;
 use crate::color::Rgb;
 use crate::compile::color_at_wavelengths;
 use crate::math::{Frame, Vec3};
-use crate::sampling::sampler::{Dimensions, SobolPoint};
+use crate::sampling::sampler::Dimensions;
 
 impl Integrator<'_> {
     /// Replaces each mix material hit by one of its components, and adds the mix's emission.
@@ -97,7 +97,7 @@ impl Integrator<'_> {
             (weight, weight.luminance() * component.reflectance)
         }));
         let total: f32 = w.components.iter().map(|(_, importance)| importance).sum();
-        let [u, ..] = SobolPoint::from_parts(path.seed[i], path.index_rev[i]).sample_4d(dimensions);
+        let [u, ..] = path.sobol_point(i).sample_4d(dimensions);
         let mut rest = u * total;
         // If no component reflects light, the first is selected, with weight 0.
         let (mut selected, mut factor) = (&components[0], Rgb::ZERO);
@@ -168,10 +168,9 @@ impl Integrator<'_> {
         let p = probability(fraction);
         let path = &mut w.arriving.state;
         let dimensions = self.dimensions(bounce, Purpose::Mix);
-        let [_, u, ..] = SobolPoint::from_parts(path.seed[i], path.index_rev[i]).sample_4d(&dimensions);
+        let [_, u, ..] = path.sobol_point(i).sample_4d(&dimensions);
         let is_diffuse_base = u < p;
-        let throughput = get_rgb(&path.throughput, i);
-        set_rgb(&mut path.throughput, i, throughput * (1.0 / if is_diffuse_base { p } else { 1.0 - p }));
+        scale_rgb(&mut path.throughput, i, 1.0 / if is_diffuse_base { p } else { 1.0 - p });
         let (bsdf, ns) = if is_diffuse_base { (base, evaluated.ns) } else { (above, bent) };
         EvaluatedMaterial { bsdf, ns, ..evaluated }
     }

@@ -418,7 +418,7 @@ mod tests {
         dispatch(SampleLight { wave: &mut wave, count: COUNT, dimensions, sampler });
         let lit = compare_light(&wave, |i| {
             let path = &wave.paths.state;
-            let [a, b, ..] = SobolPoint::from_parts(path.seed[i], path.index_rev[i]).sample_4d(dimensions);
+            let [a, b, ..] = path.sobol_point(i).sample_4d(dimensions);
             sample(get(&wave.vertices.p, i), [a, b])
         });
         assert!(lit > COUNT / 4, "{lit} lit");

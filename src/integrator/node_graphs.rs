@@ -67,7 +67,7 @@ impl Integrator<'_> {
     pub(super) fn vertex_point(&self, bounce: u32, i: usize, w: &Workspace) -> HitPoint<'_> {
         if let Some(&EvaluatedHit { surface, is_back, .. }) = w.graphs.at(i) {
             let material = &self.scene.materials[w.materials[i] as usize];
-            let time = w.times.of(w.arriving.state.radiance_index[i]);
+            let time = w.time(i);
             let path = self.origin_of_hit(bounce, i, w);
             return HitPoint { surface, hit: w.hits[i], material, is_back, time, path };
         }

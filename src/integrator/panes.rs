@@ -10,8 +10,8 @@
 //! ray that does not pass is reflected, with the reflectance of the pane, r = R + T^2 R a^2 / (1 - R^2 a^2). Rays that don't compete
 //! (camera rays, specular directions) treat the two faces like those of any other solid.
 //!
-//! Neglected: light reflected k times within the pane exits shifted by another 2 k d tan(theta'), with the thickness d: in glass some
-//! 0.2 % of the light by some two thicknesses. For lights not at infinity, occluders between a vertex and a pane are tested along the
+//! Neglected: light reflected 2 k times within the pane exits shifted by another 2 k d tan(theta'), with the thickness d: in glass about
+//! 0.2 % of the light by about two thicknesses. For lights not at infinity, occluders between a vertex and a pane are tested along the
 //! unrefracted connection: shadow edges move by less than the thickness. Interreflection between two panes is left to scattered rays.
 
 use super::Integrator;
@@ -25,7 +25,7 @@ use super::shading_groups::{
     Closure, GeneralClass, LambertClass, MediumClass, MetalRoughClass, SortedVertices, VertexClass,
     eval_with_terminator, with_vertex_class,
 };
-use super::wave::{LightLanes, PathState, Wave, get, get_rgb, set, set_rgb};
+use super::wave::{LightLanes, PathState, Wave, get, get_rgb, scale_rgb, set, set_rgb};
 use super::workspace::Workspace;
 use crate::bsdf::{Bsdf, SchlickMetal};
 use crate::color::Rgb;
@@ -228,14 +228,11 @@ impl Integrator<'_> {
         let stops = 1.0 - crossing.transmittance.max_element().min(1.0);
         let weight = if stops > 0.0 { crossing.reflectance / stops } else { Rgb::ZERO };
         let throughput = &mut w.arriving.state.throughput;
-        let value = get_rgb(throughput, i);
-        set_rgb(throughput, i, value * weight);
+        scale_rgb(throughput, i, weight);
         let energy_compensation = EnergyCompensation::Off;
         Some(Bsdf::SchlickMetal(SchlickMetal { f0: Rgb::ONE, alpha: 0.0, energy_compensation }))
     }
-}
 
-impl Integrator<'_> {
     /// Saves the light samples of shadow rays before panes refract them.
     pub(super) fn start_shadow_crossings(&self, sorted: &SortedVertices, w: &mut Workspace) {
         let Wave { paths, vertices: v, .. } = &*w.wave;

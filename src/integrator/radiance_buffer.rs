@@ -299,8 +299,8 @@ impl RadianceBuffer {
     /// Adds radiance to the light passes of an entry, if it has any; for others, path reuse selects the passes later.
     pub fn add_to_passes(&mut self, index: u32, value: Rgb, class: PathClass) {
         if (index as usize) < self.with_passes && self.layers.has_passes() {
-            for (layer, share) in self.layers.pass_fractions(class) {
-                self.add_to_layer(index, layer, value * share);
+            for (layer, fraction) in self.layers.pass_fractions(class) {
+                self.add_to_layer(index, layer, value * fraction);
             }
         }
     }

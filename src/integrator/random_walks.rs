@@ -5,8 +5,8 @@
 //! [`WalkGuide`], and intersects the ray. The last segment, which hits a surface, is left to the following stages. Emission hit by a walk
 //! has MIS weight 1.
 //!
-//! Subsurface scattering stands for the reflection of an object's surface: its walks intersect that object only, as in Cycles, whatever
-//! else is in the body or intersects it.
+//! Random walks of subsurface scattering intersect the object where they entered only, as in Cycles; other objects inside the body are
+//! ignored.
 
 use super::Integrator;
 use super::medium_segment::MediumSegment;
@@ -85,7 +85,7 @@ impl Integrator<'_> {
     /// The first hit from `hit` on of the surface of the body that path `i` is in.
     fn hit_of_body(&self, i: usize, mut hit: Hit, w: &Workspace) -> Hit {
         let Some(object) = w.walk_objects[i] else { return hit };
-        let time = w.times.of(w.arriving.state.radiance_index[i]);
+        let time = w.time(i);
         for _ in 0..MAX_PASSED {
             if !hit.is_hit() || self.scene.object_at(&hit) == object {
                 return hit;

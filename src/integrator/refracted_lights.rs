@@ -22,14 +22,13 @@ use super::shading_groups::{
     Closure, GeneralClass, LambertClass, MediumClass, MetalRoughClass, SortedVertices, VertexClass,
     eval_with_terminator, with_vertex_class,
 };
-use super::wave::{Vertices, Wave, get, get_rgb, set, set_rgb};
+use super::wave::{Vertices, Wave, get, get_rgb, scale_rgb, set, set_rgb};
 use super::workspace::Workspace;
 use crate::bsdf::Bsdf;
 use crate::color::Rgb;
 use crate::compile::{Refractor, Side};
 use crate::light::{LightPosition, SmallLight};
 use crate::math::{Bounds3, Hit, Ray, Vec3, offset_along};
-use crate::sampling::sampler::SobolPoint;
 use std::f32::consts::PI;
 
 /// Maximum probability of sampling a lobe instead of the BSDF.
@@ -297,7 +296,7 @@ impl Integrator<'_> {
                 continue;
             }
             let state = &w.wave.paths.state;
-            let point = SobolPoint::from_parts(state.seed[i], state.index_rev[i]);
+            let point = state.sobol_point(i);
             let [a, b, _, roulette] = point.sample_4d(&dimensions);
             let wi = lobes.sample(choice / lobes.probability, [a, b]);
             let value = self.value_towards(i, wi, sorted, w);
@@ -339,8 +338,7 @@ impl Integrator<'_> {
         let ratio = of_lobes
             .map_or(0.0, |pdf| lobes.probability * lobes.pdf_solid_angle(wi) / pdf.max(f32::MIN_POSITIVE));
         let throughput = &mut w.wave.paths.state.throughput;
-        let value = get_rgb(throughput, i);
-        set_rgb(throughput, i, value * (1.0 / (1.0 - lobes.probability + ratio)));
+        scale_rgb(throughput, i, 1.0 / (1.0 - lobes.probability + ratio));
     }
 
     /// BSDF value and pdf of vertex `i` for light from `wi`; `None` if `wi` crosses or is below the surface.

@@ -12,7 +12,6 @@ use super::workspace::Workspace;
 use super::{Integrator, guiding};
 use crate::bsdf::Bsdf;
 use crate::math::{Ray, Vec3, offset_along};
-use crate::sampling::sampler::SobolPoint;
 use crate::scene::Clamp;
 use crate::simd::{Kernel, dispatch};
 use std::ops::Range;
@@ -130,7 +129,7 @@ impl<C: VertexClass, T: TerminatorCorrection> Kernel for Scatter<'_, C, T> {
         let Wave { paths, vertices: v, .. } = self.wave;
         let path = &mut paths.state;
         for i in self.range.start..self.range.end.min(WAVE) {
-            let point = SobolPoint::from_parts(path.seed[i], path.index_rev[i]);
+            let point = path.sobol_point(i);
             let [a, b, lobe, roulette] = point.sample_4d(self.params.dimensions);
             let closure = self.class.closure(v, i);
             let s = closure.sample([a, b, lobe]);
@@ -259,9 +258,9 @@ impl Integrator<'_> {
         }
         let bits = count.trailing_zeros();
         for i in sorted.all() {
-            let point = SobolPoint::from_parts(path.seed[i], path.index_rev[i]);
+            let point = path.sobol_point(i);
             let point = if number == 0 { point } else { point.parent(bits) };
-            (path.seed[i], path.index_rev[i]) = point.branch(number, bits).to_parts();
+            path.set_sobol_point(i, point.branch(number, bits));
         }
     }
 
@@ -271,9 +270,8 @@ impl Integrator<'_> {
             return;
         }
         for i in sorted.all() {
-            let point =
-                SobolPoint::from_parts(path.seed[i], path.index_rev[i]).parent(count.trailing_zeros());
-            (path.seed[i], path.index_rev[i]) = point.to_parts();
+            let point = path.sobol_point(i).parent(count.trailing_zeros());
+            path.set_sobol_point(i, point);
         }
     }
 }
@@ -291,7 +289,7 @@ pub(super) fn sample_of_branch(radiance_index: u32, branches: u32) -> u32 {
     }
 }
 
-/// Gives each branch a radiance index of its own.
+/// Gives each branch a separate radiance index.
 fn index_branches(path: &mut PathState, count: usize, branches: u32) {
     for i in 0..count * branches as usize {
         path.radiance_index[i] = first_branch_index(path.radiance_index[i], branches) + i as u32 % branches;
@@ -306,8 +304,8 @@ fn divide_throughput(path: &mut PathState, count: usize, branches: u32) {
             channel[i] *= weight;
         }
         path.roulette_scale[i] *= branches as f32;
-        let point = SobolPoint::from_parts(path.seed[i], path.index_rev[i]).branch(i as u32 % branches, bits);
-        (path.seed[i], path.index_rev[i]) = point.to_parts();
+        let point = path.sobol_point(i).branch(i as u32 % branches, bits);
+        path.set_sobol_point(i, point);
     }
 }
 

@@ -226,7 +226,7 @@ impl Integrator<'_> {
 
     /// The hit point of ray `i`.
     pub(super) fn hit_point(&self, bounce: u32, i: usize, w: &Workspace) -> HitPoint<'_> {
-        let time = w.times.of(w.arriving.state.radiance_index[i]);
+        let time = w.time(i);
         let at = self.ray_hit_point(&w.rays[i], w.hits[i], w.materials[i], time);
         HitPoint { path: self.origin_of_hit(bounce, i, w), ..at }
     }
@@ -411,7 +411,7 @@ impl Integrator<'_> {
         wo: Vec3,
         w: &Workspace,
     ) -> EvaluatedMaterial {
-        let wavelengths = w.times.wavelengths(w.arriving.state.radiance_index[i]);
+        let wavelengths = w.wavelengths(i);
         let width = w.arriving.footprints.width[i];
         match w.graphs.at(i) {
             None => self.read_material(at, width, wo, wavelengths),

@@ -16,14 +16,16 @@ use super::shading_geometry::{EvaluatedMaterial, HitPoint, PathOrigin, scatterin
 use super::shading_groups::SortedVertices;
 use super::stages::Stages;
 use super::visibility::LIGHT_SAMPLE_KINDS;
-use super::wave::{LightLanes, OptionalState, PathState, Paths, Vertices, Wave, get, get_rgb, set_rgb};
+use super::wave::{
+    LightLanes, OptionalState, PathState, Paths, Vertices, Wave, get, get_rgb, scale_rgb, set_rgb,
+};
 use super::workspace::{SampleTimes, Workspace};
 use crate::bsdf::Bsdf;
 use crate::color::Rgb;
 use crate::color::spectral::Wavelengths;
 use crate::compile::{Alpha, CompiledMaterial, color_at_wavelengths};
 use crate::math::{Frame, Hit, Ray, Vec3};
-use crate::sampling::sampler::{Dimensions, SobolPoint};
+use crate::sampling::sampler::Dimensions;
 use crate::scene::RayKinds;
 use crate::shape::Surface;
 use crate::texture::PointReader;
@@ -39,7 +41,7 @@ fn alpha_number(surface: u32, (path, i): (&PathState, usize), bounce: u32, dimen
     if surface > 1 {
         return RandomChoice::Alpha { surface }.uniform(path, i, bounce);
     }
-    let [_, _, first, second] = SobolPoint::from_parts(path.seed[i], path.index_rev[i]).sample_4d(dimensions);
+    let [_, _, first, second] = path.sobol_point(i).sample_4d(dimensions);
     if surface == 0 { first } else { second }
 }
 
@@ -129,8 +131,7 @@ impl Integrator<'_> {
                     let path = &arriving.state;
                     let waves = times.wavelengths(path.radiance_index[i]);
                     if let Some(color) = self.transparent_color((&rays[i], &hits[i], time), kind, waves) {
-                        let throughput = get_rgb(&arriving.state.throughput, i);
-                        set_rgb(&mut arriving.state.throughput, i, throughput * color);
+                        scale_rgb(&mut arriving.state.throughput, i, color);
                     }
                     true
                 }
@@ -181,7 +182,7 @@ impl Integrator<'_> {
             {
                 continue;
             }
-            let time = w.times.of(w.arriving.state.radiance_index[i]);
+            let time = w.time(i);
             let surface = self.scene.geometries.surface(&w.rays[i], &hit, time);
             let is_back = surface.ng.dot(w.rays[i].direction) > 0.0;
             let throughput = get_rgb(&w.arriving.state.throughput, i);
@@ -238,7 +239,7 @@ impl Integrator<'_> {
                     self.shadow_response(crossing, (bounce, pass, i), paths, counts.get_mut(k));
                 if let HitResponse::Passes = response {
                     let color = self.transparent_color(crossing, LIGHT_SAMPLE_KINDS, waves);
-                    attenuate(light, i, color.unwrap_or(Rgb::ONE) * transmittance);
+                    scale_rgb(&mut light.contribution, i, color.unwrap_or(Rgb::ONE) * transmittance);
                 }
                 let passed = shadow_crossings.get_mut(k);
                 let passes = || self.shadow_ray_passes_glass(i, crossing, (passed, &mut next), light, waves);
@@ -466,12 +467,6 @@ impl Integrator<'_> {
     }
 }
 
-/// Multiplies the contribution of a light sample.
-fn attenuate(light: &mut LightLanes, i: usize, factor: Rgb) {
-    let contribution = get_rgb(&light.contribution, i);
-    set_rgb(&mut light.contribution, i, contribution * factor);
-}
-
 /// Response of a ray to a hit.
 enum HitResponse {
     /// The ray stops.
@@ -585,9 +580,7 @@ impl Integrator<'_> {
         let ns = scattering_normal(ns, at.surface.ng, wo);
         bsdf.straight(Frame::from_normal(ns).to_local(wo))
     }
-}
 
-impl Integrator<'_> {
     /// Sets the alpha of samples that hit holdouts and shadow catchers, and initialises the state of clear paths.
     pub(super) fn set_alpha(&self, sorted: &SortedVertices, w: &mut Workspace) {
         if !w.holdout_samples.is_empty() {
@@ -643,9 +636,7 @@ impl Integrator<'_> {
             !is_clear
         });
     }
-}
 
-impl Integrator<'_> {
     /// Does the scene have shadow catchers, and are they rendered as such?
     pub(super) fn has_shadow_catchers(&self) -> bool {
         self.options.catchers && self.scene.features.catchers

@@ -13,7 +13,7 @@
 //!
 //! Light linking: the receiver is the last vertex of a path, for light samples and for hits of the next ray. Lights are selected among
 //! those linked to the receiver's class. If blockers of a light are named, its shadow rays pass all other objects. Scattered rays would
-//! be occluded differently, so they don't add such light, except camera and specular rays.
+//! be occluded differently, so they don't add such light; camera and specular rays do.
 
 use super::Integrator;
 use super::radiance_buffer::PathClass;
@@ -204,7 +204,7 @@ impl Integrator<'_> {
             if w.hits[i].is_hit() && material.surface_visibility.is_some_and(|p| p.is_holdout) {
                 if self.scene.features.scattering {
                     // Adds the emission of media in front of the holdout.
-                    self.passed(0, i, w.hits[i].t, w);
+                    self.pass_media(0, i, w.hits[i].t, w);
                 }
                 w.holdout_samples.push(w.arriving.state.radiance_index[i]);
                 w.hits[i] = Hit::MISS;

@@ -18,7 +18,7 @@ use super::radiance_buffer::{PathClass, RadianceOrigin, class_of_path};
 use super::sampling::{Purpose, RandomChoice};
 use super::shading_groups::SortedVertices;
 use super::visibility::receiver_class;
-use super::wave::{LightLanes, PathState, Wave, get, get_rgb, set, set_rgb};
+use super::wave::{LightLanes, PathState, Wave, get, get_rgb, scale_rgb, set, set_rgb};
 use super::workspace::Workspace;
 use crate::color::Rgb;
 use crate::color::spectral::Wavelengths;
@@ -26,7 +26,6 @@ use crate::compile::Scattering;
 use crate::light::LightSource;
 use crate::math::{Hit, Ray, Vec3};
 use crate::sampling::hash::{hash32, unit};
-use crate::sampling::sampler::SobolPoint;
 
 impl Integrator<'_> {
     /// Samples the distance to the next scattering event of each path, and ends its ray there.
@@ -50,7 +49,7 @@ impl Integrator<'_> {
                 continue;
             }
             let path = &arriving.state;
-            let point = SobolPoint::from_parts(path.seed[i], path.index_rev[i]);
+            let point = path.sobol_point(i);
             let [distance, kind, select0, select1] = point.sample_4d(dimensions);
             let light_position = self.equiangular_light(medium, ray.origin, [select0, select1]);
             let throughput = get_rgb(&path.throughput, i);
@@ -91,15 +90,17 @@ impl Integrator<'_> {
     pub(super) fn end_medium_segments(&self, bounce: u32, w: &mut Workspace) {
         for i in 0..w.rays.len() {
             let hit = w.hits[i];
-            let mut weight = self.passed(bounce, i, hit.t, w);
-            let time = w.times.of(w.arriving.state.radiance_index[i]);
+            let mut weight = self.pass_media(bounce, i, hit.t, w);
+            let time = w.time(i);
             let segment = &w.medium_segments[i];
-            if let Some(crossed) = segment.crossed.filter(|c| self.bounds_at(c, &w.rays[i], (&hit, time))) {
+            if let Some(crossed) =
+                segment.crossed.filter(|c| self.counts_as_before(c, &w.rays[i], (&hit, time)))
+            {
                 w.arriving.interior[i] = crossed.before;
             }
             if !hit.is_hit() && segment.scatter_t.is_finite() {
                 let medium = &self.scene.media[usize::from(segment.medium)];
-                let wavelengths = w.times.wavelengths(w.arriving.state.radiance_index[i]);
+                let wavelengths = w.wavelengths(i);
                 let weigh = |s: &Scattering| segment.weight_of_scattering(&s.at_wavelengths(wavelengths));
                 weight = medium.scattering.as_ref().map_or(Rgb::ZERO, weigh);
                 if !segment.is_alone() {
@@ -108,14 +109,13 @@ impl Integrator<'_> {
                 w.hits[i].t = segment.scatter_t;
                 w.medium_segments[i].scatters = true;
             }
-            let throughput = get_rgb(&w.arriving.state.throughput, i);
-            set_rgb(&mut w.arriving.state.throughput, i, throughput * weight);
+            scale_rgb(&mut w.arriving.state.throughput, i, weight);
         }
     }
 
     /// Is the hit closer to a crossed boundary than the offset of ray origins? Then rays from the hit would not cross the boundary back,
     /// and the hit counts as before it.
-    fn bounds_at(&self, crossed: &BoundaryCrossing, ray: &Ray, (hit, time): (&Hit, f32)) -> bool {
+    fn counts_as_before(&self, crossed: &BoundaryCrossing, ray: &Ray, (hit, time): (&Hit, f32)) -> bool {
         /// Maximum distance relative to the hit's, above which rounding errors are excluded.
         const NEAR: f32 = 1e-3;
         let span = hit.t - crossed.at;
@@ -127,7 +127,7 @@ impl Integrator<'_> {
     }
 
     /// The weight of path `i` for reaching a distance without scattering. Adds the emission of media up to there.
-    pub(super) fn passed(&self, bounce: u32, i: usize, to: f32, w: &mut Workspace) -> Rgb {
+    pub(super) fn pass_media(&self, bounce: u32, i: usize, to: f32, w: &mut Workspace) -> Rgb {
         if !w.medium_segments[i].is_alone() {
             return self.pass_overlapping_media(bounce, i, to, w);
         }
@@ -136,8 +136,7 @@ impl Integrator<'_> {
         if let Some(scattering) = &medium.scattering
             && scattering.emission.max_element() > 0.0
         {
-            let scattering =
-                &scattering.at_wavelengths(w.times.wavelengths(w.arriving.state.radiance_index[i]));
+            let scattering = &scattering.at_wavelengths(w.wavelengths(i));
             let salt = RandomChoice::MediumEmission.hash(&w.arriving.state, i, bounce);
             let value = self.segment_emission(segment, scattering, i, (to, salt), None, w);
             self.add_medium_emission(bounce, i, value, w);
@@ -150,7 +149,7 @@ impl Integrator<'_> {
     #[inline(always)]
     pub(super) fn weight_of_passing(&self, segment: &MediumSegment, i: usize, to: f32, w: &Workspace) -> Rgb {
         let medium = &self.scene.media[usize::from(segment.medium)];
-        let wavelengths = w.times.wavelengths(w.arriving.state.radiance_index[i]);
+        let wavelengths = w.wavelengths(i);
         match &medium.scattering {
             Some(scattering) => segment.weight_of_passing(
                 (&scattering.at_wavelengths(wavelengths), wavelengths),
@@ -223,7 +222,7 @@ impl Integrator<'_> {
     }
 
     /// Is a medium effective within these solids, as the top of the list or overlapping?
-    fn counts_in(&self, interior: Interior, medium: u16) -> bool {
+    fn is_effective_in(&self, interior: Interior, medium: u16) -> bool {
         interior.medium() == medium
             || self.scene.features.overlaps && interior.overlapping(&self.scene.media).any(|m| m == medium)
     }
@@ -245,7 +244,7 @@ impl Integrator<'_> {
         }
         match self.scene.features.absorption {
             true => {
-                let wavelengths = w.times.wavelengths(w.arriving.state.radiance_index[i]);
+                let wavelengths = w.wavelengths(i);
                 let medium = &self.scene.media[usize::from(w.arriving.interior[i].medium())];
                 medium.transmittance_at(to, wavelengths)
             }
@@ -283,7 +282,7 @@ impl Integrator<'_> {
         let is_clipped = bounce == 0 && self.view.camera.is_clipped();
         for at in 0..w.pending.len() {
             let i = w.pending[at] as usize;
-            let (hit, time) = (w.hits[i], w.times.of(w.arriving.state.radiance_index[i]));
+            let (hit, time) = (w.hits[i], w.time(i));
             if self.is_excluded(w.excludes_casters, &hit) {
                 continue;
             }
@@ -299,12 +298,13 @@ impl Integrator<'_> {
                 far_interior = Interior::AIR;
             }
             let throughput = get_rgb(&w.arriving.state.throughput, i);
-            let throughput = throughput * self.passed(bounce, i, hit.t, w);
+            let throughput = throughput * self.pass_media(bounce, i, hit.t, w);
             let path = &mut w.arriving.state;
             set_rgb(&mut path.throughput, i, throughput);
             w.arriving.interior[i] = far_interior;
             let is_first = pass == 0 && w.medium_segments[i].is_deterministic();
-            let [distance, kind, select0, select1] = self.boundary_numbers(bounce, pass, is_first, (path, i));
+            let [distance, kind, select0, select1] =
+                self.boundary_random_numbers(bounce, pass, is_first, (path, i));
             let wavelengths = w.times.wavelengths(w.arriving.state.radiance_index[i]);
             let start = (&w.rays[i], hit.t);
             let light_position =
@@ -325,7 +325,7 @@ impl Integrator<'_> {
 
     /// Random numbers for the segment of path `i` behind a boundary: for the first segment of a ray (`is_first`) those that
     /// [`Integrator::start_medium_segments`] has not used.
-    fn boundary_numbers(
+    fn boundary_random_numbers(
         &self,
         bounce: u32,
         pass: u32,
@@ -334,7 +334,7 @@ impl Integrator<'_> {
     ) -> [f32; 4] {
         if is_first {
             let dimensions = self.dimensions(bounce, Purpose::Medium);
-            return SobolPoint::from_parts(path.seed[i], path.index_rev[i]).sample_4d(&dimensions);
+            return path.sobol_point(i).sample_4d(&dimensions);
         }
         let mut salt = RandomChoice::MediumBoundary { surface: pass }.hash(path, i, bounce);
         std::array::from_fn(|_| {
@@ -395,8 +395,7 @@ impl Integrator<'_> {
             let range = [span.from, hit.t];
             let transmittance =
                 self.transmittance_between(span.interior, (ray.origin, ray.direction), range, wavelengths);
-            let contribution = get_rgb(&light.contribution, i);
-            set_rgb(&mut light.contribution, i, contribution * transmittance);
+            scale_rgb(&mut light.contribution, i, transmittance);
             *span = ShadowSegment { interior: far_interior, from: hit.t };
         }
     }
@@ -409,15 +408,14 @@ impl Integrator<'_> {
             let (ray, i) = (&shadow_rays[k], shadow_vertices[k] as usize);
             // A medium emits nothing outside its boundary.
             let volume = self.scene.lights.volume(light.index[i]);
-            if volume.is_some_and(|volume| !self.counts_in(span.interior, volume.medium())) {
+            if volume.is_some_and(|volume| !self.is_effective_in(span.interior, volume.medium())) {
                 set_rgb(&mut light.contribution, i, Rgb::ZERO);
                 continue;
             }
             let (range, wavelengths) = ([span.from, ray.t_max], times.wavelengths(path.radiance_index[i]));
             let transmittance =
                 self.transmittance_between(span.interior, (ray.origin, ray.direction), range, wavelengths);
-            let contribution = get_rgb(&light.contribution, i);
-            set_rgb(&mut light.contribution, i, contribution * transmittance);
+            scale_rgb(&mut light.contribution, i, transmittance);
         }
         shadow_segments.clear();
     }
@@ -484,11 +482,11 @@ impl Integrator<'_> {
         }
     }
 
-    /// Samples segments in overlapping media and swaps `soonest` for the one that ends first, where all others end too.
+    /// Samples segments in overlapping media and swaps `nearest` for the one that ends first, where all others end too.
     #[cold]
     fn sample_overlapping_segments(
         &self,
-        soonest: &mut MediumSegment,
+        nearest: &mut MediumSegment,
         (interior, wavelengths): (Interior, Option<&Wavelengths>),
         start: Start<'_>,
         throughput: Rgb,
@@ -497,16 +495,21 @@ impl Integrator<'_> {
     ) {
         let first = list.len();
         for medium in interior.overlapping(&self.scene.media) {
-            let other =
-                self.sample_segment_in((medium, wavelengths), start, throughput, None, numbers_of(medium, u));
-            let later =
-                if other.scatter_t < soonest.scatter_t { std::mem::replace(soonest, other) } else { other };
-            list.push(later);
+            let other = self.sample_segment_in(
+                (medium, wavelengths),
+                start,
+                throughput,
+                None,
+                random_numbers_of(medium, u),
+            );
+            let farther =
+                if other.scatter_t < nearest.scatter_t { std::mem::replace(nearest, other) } else { other };
+            list.push(farther);
         }
-        for later in &mut list[first..] {
-            later.scatter_t = soonest.scatter_t;
+        for farther in &mut list[first..] {
+            farther.scatter_t = nearest.scatter_t;
         }
-        soonest.overlapping = [first as u32, list.len() as u32];
+        nearest.overlapping = [first as u32, list.len() as u32];
     }
 
     /// The weight of passing of path `i`'s segments in overlapping media.
@@ -531,7 +534,7 @@ impl Integrator<'_> {
         medium_segments.fold(Rgb::ONE, |weight, segment| weight * self.weight_of_passing(segment, i, to, w))
     }
 
-    /// [`Integrator::passed`] in overlapping media.
+    /// [`Integrator::pass_media`] in overlapping media.
     #[cold]
     pub(super) fn pass_overlapping_media(&self, bounce: u32, i: usize, to: f32, w: &mut Workspace) -> Rgb {
         let segments =
@@ -557,7 +560,7 @@ impl Integrator<'_> {
         to: f32,
         w: &Workspace,
     ) -> Rgb {
-        let wavelengths = w.times.wavelengths(w.arriving.state.radiance_index[i]);
+        let wavelengths = w.wavelengths(i);
         let scattering = &*scattering.at_wavelengths(wavelengths);
         let (segment, salt) = (
             &segments[k],
@@ -601,7 +604,7 @@ fn overlapping<'a>(
 }
 
 /// Random numbers for a segment in an overlapping medium.
-fn numbers_of(medium: u16, [distance, kind]: [f32; 2]) -> [f32; 2] {
+fn random_numbers_of(medium: u16, [distance, kind]: [f32; 2]) -> [f32; 2] {
     let salt = hash32(u32::from(medium) ^ hash32(distance.to_bits() ^ hash32(kind.to_bits())));
     [unit(salt), unit(hash32(salt))]
 }

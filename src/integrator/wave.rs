@@ -5,8 +5,10 @@ use super::mis::{DirectionPdf, LightPdf};
 use crate::color::Rgb;
 use crate::compile::{Features, MAX_RECEIVER_CLASSES};
 use crate::math::{OriginPrimitive, Vec3};
+use crate::sampling::sampler::SobolPoint;
 use crate::scene::{BounceLimits, RayKinds};
 use bytemuck::Zeroable;
+use std::ops::Mul;
 
 /// Declares a structure of arrays over paths, and implements [`PerPath`].
 macro_rules! per_path {
@@ -48,6 +50,20 @@ per_path! {
         pub index_rev: Words,
         /// Entry of the [`super::radiance_buffer::RadianceBuffer`] to which radiance is added.
         pub radiance_index: Words,
+    }
+}
+
+impl PathState {
+    /// The Sobol point of path `i`.
+    #[inline(always)]
+    pub fn sobol_point(&self, i: usize) -> SobolPoint {
+        SobolPoint::from_parts(self.seed[i], self.index_rev[i])
+    }
+
+    /// Sets the Sobol point of path `i`.
+    #[inline(always)]
+    pub fn set_sobol_point(&mut self, i: usize, point: SobolPoint) {
+        (self.seed[i], self.index_rev[i]) = point.to_parts();
     }
 }
 
@@ -528,6 +544,15 @@ pub fn get_rgb(v: &RgbLanes, i: usize) -> Rgb {
 #[inline(always)]
 pub fn set_rgb(v: &mut RgbLanes, i: usize, value: Rgb) {
     [v[0][i], v[1][i], v[2][i]] = value.to_array();
+}
+
+/// Multiplies element `i` by a colour or a number.
+#[inline(always)]
+pub fn scale_rgb<T>(v: &mut RgbLanes, i: usize, factor: T)
+where
+    Rgb: Mul<T, Output = Rgb>,
+{
+    set_rgb(v, i, get_rgb(v, i) * factor);
 }
 
 /// Arrays with an element per path.

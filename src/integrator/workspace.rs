@@ -165,6 +165,18 @@ impl Workspace {
         self.graphs.clear(0);
     }
 
+    /// Time of arriving path `i`, 0 to 1.
+    #[inline(always)]
+    pub(super) fn time(&self, i: usize) -> f32 {
+        self.times.of(self.arriving.state.radiance_index[i])
+    }
+
+    /// Wavelengths of arriving path `i`; `None` in RGB rendering.
+    #[inline(always)]
+    pub(super) fn wavelengths(&self, i: usize) -> Option<&Wavelengths> {
+        self.times.wavelengths(self.arriving.state.radiance_index[i])
+    }
+
     /// Finds the nearest hits of `rays`.
     pub(super) fn intersect(&mut self, accel: &Accel) {
         self.begin_hits();

@@ -208,7 +208,7 @@ const MIN_GAIN_FOR_MORE_SPLITTING: f64 = 1.15;
 /// Minimum gain of the smallest groups, for trying larger ones.
 const MIN_GAIN_FOR_LARGER_GROUPS: f64 = 0.8;
 
-/// Gain of reuse above which splitting is not tried, since it seldom gains as much.
+/// Gain of reuse above which splitting is not tried, since it rarely gains as much.
 const CLEAR_GAIN: f64 = 3.0;
 
 /// Time of a connection, relative to another ray with its shading. (Processor time of the Cornell box, a room lit through a door and a
@@ -244,7 +244,7 @@ struct SquareTrial {
 }
 
 /// The trials of a pass in order; none if the pass has a single sample or the picture is too small.
-fn trials(open: StrategyState, view: &View, pass: Pass) -> Vec<SquareTrial> {
+fn trials(state: StrategyState, view: &View, pass: Pass) -> Vec<SquareTrial> {
     let (columns, rows) = (view.width / EDGE, view.height / EDGE);
     let shapes = SHAPES.len() as u32;
     let of_each = (columns * rows).div_ceil(SQUARES_PER_TRIAL * shapes).max(MIN_SQUARES);
@@ -262,14 +262,14 @@ fn trials(open: StrategyState, view: &View, pass: Pass) -> Vec<SquareTrial> {
     let (of_splitting, again) = others.split_at(more);
     let shape = |&(width, height, spacing): &(u32, u32, u32)| GroupShape::new(width, height, spacing);
     let mut trials = Vec::new();
-    if open.may_reuse {
+    if state.may_reuse {
         // Interleaved, so that the squares of each shape are spread evenly.
         let squares_of = |k| of_shapes.iter().skip(k).step_by(SHAPES.len()).copied().collect();
         let shared = SHAPES.iter().filter_map(shape).enumerate();
         trials.extend(shared.map(|(k, s)| SquareTrial { tried: Tried::Shape(s), squares: squares_of(k) }));
         trials.push(SquareTrial { tried: Tried::BestShape, squares: again.to_vec() });
     }
-    if open.may_split {
+    if state.may_split {
         let (first, others) = of_splitting.split_at(more.min(of_each as usize));
         trials.push(SquareTrial { tried: Tried::Splitting, squares: first.to_vec() });
         trials.push(SquareTrial { tried: Tried::MoreSplitting, squares: others.to_vec() });

@@ -315,6 +315,7 @@ impl Halving {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::integrator::reuse::GroupShape;
 
     /// Simulates rendering with `sample_s` seconds per sample; returns the passes' sizes and the final time.
     fn simulate(mut schedule: Schedule, sample_s: f64) -> (Vec<u32>, f64) {
@@ -353,11 +354,6 @@ mod tests {
             assert_eq!((w * h * samples) as usize, paths);
         }
     }
-}
-
-#[cfg(test)]
-mod share_tests {
-    use super::*;
 
     /// Each block is in exactly one of consecutive ranges.
     #[test]
@@ -371,13 +367,6 @@ mod share_tests {
         assert!(ranges.windows(2).all(|w| w[0].end == w[1].start && (w[0].end % 8 == 0 || w[0].end == 100)));
         assert_eq!((rendered(3, 8), rendered(96, 97), options.samples_to_render()), (8..8, 96..100, 0..100));
     }
-}
-
-#[cfg(test)]
-mod tiles_tests {
-    use super::*;
-    use crate::integrator::WAVE;
-    use crate::integrator::reuse::GroupShape;
 
     #[test]
     fn tiles_cover_every_pixel_once() {
@@ -403,11 +392,6 @@ mod tiles_tests {
             }
         }
     }
-}
-
-#[cfg(test)]
-mod halving_tests {
-    use super::*;
 
     #[test]
     fn halves_are_equal_at_multiples_of_a_block() {

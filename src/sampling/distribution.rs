@@ -393,7 +393,7 @@ fn invert_linear(a: f32, b: f32, area: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sampling::chi2::Chi2;
+    use crate::sampling::chi2::{Chi2, Random};
 
     const WEIGHTS: [f32; 7] = [0.0, 3.0, 0.1, 0.0, 5.0, 1.0, 0.0];
 
@@ -417,12 +417,6 @@ mod tests {
         assert_eq!(AliasTable::new(&weights).pdf_discrete(2), 0.25);
         assert_eq!(AliasTable::new(&[]).sample(0.5).index, 0);
     }
-}
-
-#[cfg(test)]
-mod bilinear_tests {
-    use super::*;
-    use crate::sampling::chi2::{Chi2, Random};
 
     fn noise(width: usize, height: usize) -> Vec<f32> {
         let mut random = Random::new(7);

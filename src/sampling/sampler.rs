@@ -260,6 +260,7 @@ impl AdaptiveSamples {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::collections::HashSet;
 
     #[test]
     fn matches_sobol_burley() {
@@ -317,12 +318,6 @@ mod tests {
         assert!(same < 3, "{same} coincidences");
         assert!((mean - 0.5).abs() < 1e-3, "{mean}");
     }
-}
-
-#[cfg(test)]
-mod z_order_tests {
-    use super::*;
-    use std::collections::HashSet;
 
     /// The points of all samples of a block of pixels in two dimensions.
     fn points(order: ZSobolOrder, x0: u32, y0: u32, edge: u32, samples: u32) -> Vec<[f32; 2]> {

@@ -119,7 +119,7 @@ impl Integrator<'_> {
             next.push(LightPath { ray: self.past(&path.ray, hit), ..*path });
         }
         let Some(plan) = self.options.caustics.filter(|_| passage.hits) else { return };
-        if path.bounces == 0 && !self.is_lit_along(path, hit, salt, w) {
+        if path.bounces == 0 && !self.is_unoccluded_from_emitter(path, hit, salt, w) {
             return;
         }
         let material = self.scene.geometries.material(hit);
@@ -147,7 +147,7 @@ impl Integrator<'_> {
 
     /// Does a path's first ray reach the hit unoccluded from the emitter? The ray may start in front of the emitter's surface, so the
     /// part behind its origin is tested too.
-    fn is_lit_along(&self, path: &LightPath, hit: &Hit, salt: u32, w: &mut Workspace) -> bool {
+    fn is_unoccluded_from_emitter(&self, path: &LightPath, hit: &Hit, salt: u32, w: &mut Workspace) -> bool {
         let Some(emitter) = self.scene.lights.area().get(path.light as usize) else { return true };
         let Some(offset) = emitter.emission_offset(path.ray.at(hit.t), &path.ray) else { return false };
         let start = Ray::segment(path.ray.origin, path.ray.direction * -offset);
@@ -257,7 +257,7 @@ impl Integrator<'_> {
             scale: path.scale * scattered.scale / survival,
             interior: if scattered.is_transmission { far_interior } else { arriving.interior[0] },
             bounces: path.bounces + 1,
-            is_straight: path.is_straight && self.goes_straight_on(path, at, &scattered),
+            is_straight: path.is_straight && self.stays_straight(path, at, &scattered),
             has_only_caustic_roles: path.has_only_caustic_roles && role != CausticRole::Neither,
             has_no_camera_path: path.has_no_camera_path && (path.bounces > 0 || scattered.is_specular),
             ..*path
@@ -265,7 +265,7 @@ impl Integrator<'_> {
     }
 
     /// Does a path that hit only panes so far enter a pane, reflect within it, or leave it in the path's initial direction?
-    fn goes_straight_on(&self, path: &LightPath, at: &HitPoint<'_>, scattered: &ScatteredLight) -> bool {
+    fn stays_straight(&self, path: &LightPath, at: &HitPoint<'_>, scattered: &ScatteredLight) -> bool {
         if at.material.pane_thickness <= 0.0 {
             return false;
         }
@@ -289,7 +289,7 @@ impl Integrator<'_> {
         let (wo, material, arriving) = (-path.ray.direction, at.material, &mut *w.arriving);
         arriving.interior[0] = path.interior;
         set_rgb(&mut arriving.state.throughput, 0, path.radiance);
-        (arriving.state.seed[0], arriving.state.index_rev[0]) = path.point.to_parts();
+        arriving.state.set_sobol_point(0, path.point);
         let is_solid = material.medium_index != 0;
         if is_solid && at.is_back {
             self.assume_inside(material, at.hit.t, 0, arriving, wavelengths);
@@ -678,8 +678,8 @@ impl Integrator<'_> {
         let (width, height) = (self.view.width, self.view.height);
         let mut splat = |x: u32, y: u32, weight: f32| {
             let value = connection.value * weight;
-            let of_layer = |(layer, share): (Option<usize>, Rgb)| match layer {
-                Some(layer) => SplatPart { layer: layer as u16, rgb: connection.rgb(value * share) },
+            let of_layer = |(layer, fraction): (Option<usize>, Rgb)| match layer {
+                Some(layer) => SplatPart { layer: layer as u16, rgb: connection.rgb(value * fraction) },
                 None => SplatPart::NONE,
             };
             let parts = connection.parts.map(|parts| Box::new(parts.map(of_layer)));

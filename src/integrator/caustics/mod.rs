@@ -8,8 +8,8 @@
 //! surface was a D and all others were D or S (its *chain*), and whether the last one was an S. The caustic role is a property of the
 //! material, independent of the side. The environment emits no light paths: camera paths sample it.
 //!
-//! At some receivers, only the diffuse lobes take part ([`CausticRole::DiffuseReceiver`](crate::compile::CausticRole)): the other
-//! lobes are, or may be by textures, so narrow that connections to the camera would seldom be within them. Light paths contribute the
+//! At some receivers, light paths use only the diffuse lobes ([`CausticRole::DiffuseReceiver`](crate::compile::CausticRole)): the other
+//! lobes are (or, with textures, may be) so narrow that connections to the camera are rarely within them. Light paths contribute the
 //! product of the diffuse lobes' fractions of the BSDF over such vertices, camera paths the complement to 1.
 //!
 //! No camera path samples light from a point or directional light to a perfectly specular first surface. Such light paths continue at
@@ -33,7 +33,7 @@ use super::Integrator;
 use super::mis::LightPdf;
 use super::shading_geometry::bent_normal;
 use super::shading_groups::SortedVertices;
-use super::wave::{Vertices, Wave, get, get_rgb, set_rgb};
+use super::wave::{Vertices, Wave, get, get_rgb, scale_rgb, set_rgb};
 use super::workspace::Workspace;
 use crate::color::Rgb;
 use crate::compile::{CausticRole, SurfaceVisibility};
@@ -160,8 +160,8 @@ impl Integrator<'_> {
                 true => Rgb::ZERO,
                 false => self.scattering(sorted, v, bsdfs, i, get(&v.next_direction, i)).diffuse,
             };
-            let share = get_rgb(&paths.caustic_chain_fraction, i) * diffuse;
-            set_rgb(&mut paths.caustic_chain_fraction, i, share);
+            let fraction = get_rgb(&paths.caustic_chain_fraction, i) * diffuse;
+            set_rgb(&mut paths.caustic_chain_fraction, i, fraction);
         }
     }
 
@@ -183,8 +183,7 @@ impl Integrator<'_> {
                 if kept == Rgb::ZERO {
                     v.light.pdf[i] = LightPdf::NONE;
                 }
-                let radiance = get_rgb(&v.light.radiance, i);
-                set_rgb(&mut v.light.radiance, i, radiance * kept);
+                scale_rgb(&mut v.light.radiance, i, kept);
             }
         }
     }
@@ -198,8 +197,8 @@ pub(super) fn excludes_light(chain: u32) -> bool {
 
 /// Does a path with this chain and `caustic_chain_fraction` exclude only the diffuse lobes' fraction of such light?
 #[inline(always)]
-pub(super) fn excludes_diffuse_light(chain: u32, share: Rgb) -> bool {
-    chain & IS_DIFFUSE_RECEIVER != 0 || excludes_light(chain) && share != Rgb::ONE
+pub(super) fn excludes_diffuse_light(chain: u32, fraction: Rgb) -> bool {
+    chain & IS_DIFFUSE_RECEIVER != 0 || excludes_light(chain) && fraction != Rgb::ONE
 }
 
 /// Maximum [`shading_normal_correction`] of light paths; above, camera paths sample the light.

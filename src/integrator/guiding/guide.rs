@@ -234,12 +234,12 @@ fn sample_cdf(steps: &Cdf, u: f32) -> (usize, f32, f32) {
     }
     let k = below.min(EDGE - 1);
     let start = if k > 0 { steps[k - 1] } else { 0.0 };
-    let share = steps[k] - start;
-    let within = (u - start) / share;
+    let probability = steps[k] - start;
+    let within = (u - start) / probability;
     // Also handles NaN: rounding may select intervals of probability 0.
     let within = if within < BELOW_ONE { within } else { BELOW_ONE };
     let within = if within > 0.0 { within } else { 0.0 };
-    (k, (k as f32 + within) * (1.0 / EDGE as f32), share)
+    (k, (k as f32 + within) * (1.0 / EDGE as f32), probability)
 }
 
 /// The bin of a point of the unit square.

@@ -9,7 +9,6 @@ use crate::integrator::shading_geometry::TerminatorCorrection;
 use crate::integrator::shading_groups::{Closure, MetalRoughClass, VertexClass, sample_with_bump_terminator};
 use crate::integrator::wave::{Vertices, WAVE, Wave, get, get_rgb, set, set_rgb};
 use crate::math::{Frame, offset_along};
-use crate::sampling::sampler::SobolPoint;
 use crate::sampling::warp;
 use crate::simd::{Kernel, Table, dispatch};
 use std::f32::consts::{FRAC_1_PI, PI};
@@ -133,7 +132,7 @@ impl Kernel for SampleLambert<'_> {
         let Wave { paths, vertices: v, scratch: [us, vs, chances, means, ..] } = self.wave;
         let range = self.range.start..self.range.end.min(WAVE);
         for i in range.clone() {
-            let point = SobolPoint::from_parts(paths.state.seed[i], paths.state.index_rev[i]);
+            let point = paths.state.sobol_point(i);
             [us[i], vs[i], _, chances[i]] = point.sample_4d(self.params.dimensions);
         }
         for i in range {
@@ -208,7 +207,7 @@ impl Kernel for SampleMetalRough<'_> {
         let Wave { paths, vertices: v, scratch: [us, vs, chances, means, lobes, ..] } = self.wave;
         let range = self.range.start..self.range.end.min(WAVE);
         for i in range.clone() {
-            let point = SobolPoint::from_parts(paths.state.seed[i], paths.state.index_rev[i]);
+            let point = paths.state.sobol_point(i);
             [us[i], vs[i], lobes[i], chances[i]] = point.sample_4d(self.params.dimensions);
         }
         for i in range {

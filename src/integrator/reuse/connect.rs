@@ -1,3 +1,5 @@
+//! Path reuse: recording the vertices where paths are cut, and connecting the prefixes of each group to its suffixes.
+
 use super::{
     DIRECT, Diffuse, GroupLanes, GroupShape, LAMBERT, METAL_ROUGH, MIN_LAYER_TRANSMITTANCE, NONE, Pairs,
     PointVisibilityStats, Prefixes, Reuse, SCATTERED, SharedLayers, Suffixes, Tiling, layer_transmittance,
@@ -30,7 +32,7 @@ use std::ops::Range;
 const LAST_BOUNCE: u32 = 2;
 const _: () = assert!(LAST_BOUNCE < FIRST_ROULETTE);
 
-/// Minimum GGX alpha for which connections to other suffixes pay without a diffuse part.
+/// Minimum GGX alpha of surfaces without a diffuse part for connections to other suffixes: below, these gain nothing.
 const MIN_ALPHA: f32 = 0.1;
 
 impl Integrator<'_> {
@@ -54,10 +56,8 @@ impl Integrator<'_> {
         reuse.layers.reset(self.layers);
         w.radiance_buffer.extend(3 * WAVE);
     }
-}
 
-impl Integrator<'_> {
-    /// Records the vertices where paths are cut into prefix and suffix. The suffix continues with throughput 1 and an entry of its own in
+    /// Records the vertices where paths are cut into prefix and suffix. The suffix continues with throughput 1 and a separate entry of
     /// the radiance buffer.
     pub(in super::super) fn cut_paths(&self, bounce: u32, sorted: &SortedVertices, w: &mut Workspace) {
         if bounce > LAST_BOUNCE + 1 {
@@ -72,10 +72,10 @@ impl Integrator<'_> {
         }
     }
 
-    /// The key of a prefix that ends at vertex `i`: all path state that affects its suffixes. That is the number of bounces, whether
+    /// The key of a prefix that ends at vertex `i`: all path state that affects its suffixes. This is the number of bounces, whether
     /// suffixes exclude light that light tracing samples, and, if in use, the counts of bounces without random walks, of bounces by kind
     /// and of transparent surfaces. Bounce limits by kind and disabled caustics depend on the kind of the suffix's first ray, whose
-    /// probabilities depend on the vertex class: then only prefixes of the same class share suffixes.
+    /// probabilities depend on the vertex class: with these, only prefixes of the same class share suffixes.
     fn prefix_key(&self, bounce: u32, i: usize, class: u32, paths: &Paths) -> u32 {
         let mut key =
             bounce << 1 | u32::from(self.optional.caustic_chains && excludes_light(paths.caustic_chains[i]));
@@ -164,16 +164,14 @@ impl Integrator<'_> {
             *sample += SCATTERED - DIRECT;
             let closure = MetalRoughClass.closure(v, i);
             let material = get_rgb(&v.metal_rough.diffuse, i);
-            let share = |wi| closure.diffuse_fraction_of(material * FRAC_1_PI, wi);
-            set_rgb(&mut reuse.suffixes.direct_fraction, k, share(get(&v.light.wi, i)));
+            let fraction = |wi| closure.diffuse_fraction_of(material * FRAC_1_PI, wi);
+            set_rgb(&mut reuse.suffixes.direct_fraction, k, fraction(get(&v.light.wi, i)));
             let is_mirrored = paths.state.pdf[i].is_specular();
-            let scattered = if is_mirrored { Rgb::ZERO } else { share(get(&v.next_direction, i)) };
+            let scattered = if is_mirrored { Rgb::ZERO } else { fraction(get(&v.next_direction, i)) };
             set_rgb(&mut reuse.suffixes.scattered_fraction, k, scattered);
         }
     }
-}
 
-impl Integrator<'_> {
     /// Transmittance of the layer above the diffuse base of vertex `i`, whose radiance is shared; `None` if nothing is shared.
     #[inline(always)]
     fn shared_part(&self, v: &Vertices, i: usize, class: u32) -> Option<f32> {
@@ -402,8 +400,9 @@ impl Kernel for Receive<'_> {
             let radiance = get_rgb(self.radiance, owner);
             // The pdf overflows for points very close to each other.
             let is_finite = own > 0.0 && sum < f32::INFINITY;
-            let share = if is_finite { own / sum } else { 1.0 };
-            let value = get_rgb(self.throughput, owner) * radiance * (s.layer_transmittance[owner] * share);
+            let mis_weight = if is_finite { own / sum } else { 1.0 };
+            let value =
+                get_rgb(self.throughput, owner) * radiance * (s.layer_transmittance[owner] * mis_weight);
             let total = get_rgb(received, owner) + value;
             set_rgb(received, owner, total);
             if is_finite {
@@ -506,14 +505,14 @@ fn fill_diffuse(owners: &[u16], group: usize, prefixes: &Prefixes, pairs: &Pairs
     for &owner in owners {
         for i in group_of(usize::from(owner), group).filter(|&i| pairs.pdf_area[i] > 0.0) {
             let is_first = prefixes.bounce[i] == 0 && prefixes.class[i] == METAL_ROUGH;
-            let share = match is_first {
+            let fraction = match is_first {
                 true => {
                     let wi = (get(&pairs.y, i) - get(&v.next_origin, i)).normalize();
                     MetalRoughClass.closure(v, i).diffuse_fraction(wi)
                 }
                 false => prefixes.first_bounces.get(i).diffuse,
             };
-            set_rgb(value, i, get_rgb(&pairs.value, i) * share);
+            set_rgb(value, i, get_rgb(&pairs.value, i) * fraction);
         }
     }
 }
