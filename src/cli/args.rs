@@ -7,7 +7,7 @@ use super::parsers::{
 };
 use super::picture_args::{ExrArgs, PictureArgs, Quality, views};
 use super::progress::ProgressArg;
-use super::scene_args::{AssetArgs, BlenderArgs, StageArgs};
+use super::scene_args::{AssetArgs, BlenderArgs, SourceArgs, StageArgs};
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use oscura::film::{AovSet, AovSpace};
@@ -35,12 +35,12 @@ pub(crate) enum ShellArg {
 #[derive(Args, Debug)]
 pub(crate) struct NewArgs {
     /// Scene file to write (.toml).
-    #[arg(required_unless_present = "beside", conflicts_with = "beside")]
+    #[arg(required_unless_present = "sidecar", conflicts_with = "sidecar")]
     pub scene: Option<PathBuf>,
     /// Write a sidecar MODEL.oscura.toml next to a model, pre-filled with its materials, lights and cameras: settings
     /// that the model's format cannot store.
     #[arg(long, value_name = "MODEL")]
-    pub beside: Option<PathBuf>,
+    pub sidecar: Option<PathBuf>,
     /// Overwrite an existing file.
     #[arg(long)]
     pub force: bool,
@@ -172,15 +172,8 @@ pub(crate) struct RenderArgs {
     /// Rotation of the environment map about the vertical axis, degrees.
     #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = degrees)]
     pub env_rotation: Option<f64>,
-    /// Let glTF and OBJ files refer to files outside their folder.
-    #[arg(long)]
-    pub allow_external: bool,
-    /// Radius of the spheres that the points of a point cloud are rendered as, metres.
-    #[arg(long, value_name = "R", allow_negative_numbers = true)]
-    pub point_radius: Option<f64>,
-    /// Ignore the model's sidecar file (model.oscura.toml next to model.glb).
-    #[arg(long)]
-    pub no_sidecar: bool,
+    #[command(flatten)]
+    pub source: SourceArgs,
     #[command(flatten)]
     pub asset: AssetArgs,
     #[command(flatten)]
@@ -307,15 +300,8 @@ impl RenderArgs {
 pub(crate) struct InspectArgs {
     /// Scene: .gltf, .glb, .vrm, .obj, .ply, .spz, .stl, .3mf, .zip, .toml or .blend.
     pub scene: PathBuf,
-    /// Let glTF and OBJ files refer to files outside their folder.
-    #[arg(long)]
-    pub allow_external: bool,
-    /// Radius of the spheres that the points of a point cloud are rendered as, metres.
-    #[arg(long, value_name = "R", allow_negative_numbers = true)]
-    pub point_radius: Option<f64>,
-    /// Ignore the model's sidecar file (model.oscura.toml next to model.glb).
-    #[arg(long)]
-    pub no_sidecar: bool,
+    #[command(flatten)]
+    pub source: SourceArgs,
     /// Print one JSON object on standard output.
     #[arg(long)]
     pub json: bool,

@@ -152,7 +152,7 @@ const GENERAL: [(&[&str], &str); 5] = [
         &["standard-output", "stdout", "pipe", "stdin", "standard-input"],
         "-o - writes a PNG to standard output, -o exr:- an EXR (also jpg:-, tif:-, webp:-, hdr:-). Progress, notes, warnings and \
          the report go to standard error; -q prints errors only. Scenes can't be read from standard input, since their \
-         images lie beside the file.",
+         images lie next to the file.",
     ),
     (
         &["library", "python", "numpy", "rust", "crate", "api"],

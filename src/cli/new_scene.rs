@@ -21,7 +21,7 @@ use std::path::Path;
 const STARTER: &str = include_str!("starter.toml");
 
 pub(crate) fn run(args: &NewArgs) -> Result<Outcome> {
-    let path = match (&args.beside, &args.scene) {
+    let path = match (&args.sidecar, &args.scene) {
         (Some(model), _) => return write_sidecar(model, args),
         (None, Some(path)) => path,
         (None, None) => return Err(Error::usage("the scene file to write is missing")),
@@ -46,7 +46,7 @@ pub(crate) fn run(args: &NewArgs) -> Result<Outcome> {
     Ok(Outcome::Done)
 }
 
-/// `oscura new --beside MODEL`: writes a sidecar with proposals for the model's contents.
+/// `oscura new --sidecar MODEL`: writes a sidecar with proposals for the model's contents.
 fn write_sidecar(model: &Path, args: &NewArgs) -> Result<Outcome> {
     let path = sidecar_path(model);
     if path == model || model.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")) {

@@ -93,7 +93,7 @@ pub(crate) enum Progress {
     },
 }
 
-/// Stop conditions besides the number of samples.
+/// Stop conditions other than the number of samples.
 #[derive(Clone, Copy)]
 pub(crate) struct StopCriteria {
     pub time_limit: Option<Duration>,

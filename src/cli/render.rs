@@ -292,16 +292,16 @@ pub(super) fn load_options(args: &RenderArgs) -> Result<LoadOptions> {
         stage.background = Some(Background::Transparent);
     }
     Ok(LoadOptions {
-        allow_external: args.allow_external,
+        allow_external: args.source.allow_external,
         overrides_environment: args.env.is_some(),
         gltf: args.asset.options(),
         shutter: args.shutter.options(args.fps, needs_motion_vectors(args)),
-        point_radius: args.point_radius,
+        point_radius: args.source.point_radius,
         up: args.stage.up,
         smooth_rad: args.stage.smooth.map(f64::to_radians),
         subdivision: args.stage.subdivision(),
         stage,
-        no_sidecar: args.no_sidecar,
+        no_sidecar: args.source.no_sidecar,
         blender: args.blender.options(),
         memory_limit: memory_limit(args),
         ..LoadOptions::default()

@@ -472,7 +472,7 @@ fn option_name(choice: Choice) -> &'static str {
         Choice::AllowExternal => "--allow-external",
         Choice::Aovs => "--aov",
         Choice::Background => "--background",
-        Choice::NewSidecar => "the file that 'oscura new --beside FILE' writes",
+        Choice::NewSidecar => "the file that 'oscura new --sidecar FILE' writes",
         Choice::Blender => "--blender PATH",
         Choice::Environment => "--env none",
         Choice::Float => "--float",

@@ -44,6 +44,20 @@ fn ground() -> impl TypedValueParser<Value = Ground> {
     })
 }
 
+// Arguments about reading files.
+#[derive(Args, Clone, Debug)]
+pub(crate) struct SourceArgs {
+    /// Let glTF and OBJ files refer to files outside their folder.
+    #[arg(long)]
+    pub allow_external: bool,
+    /// Radius of the spheres that the points of a point cloud are rendered as, metres.
+    #[arg(long, value_name = "R", allow_negative_numbers = true)]
+    pub point_radius: Option<f64>,
+    /// Ignore the model's sidecar file (model.oscura.toml next to model.glb).
+    #[arg(long)]
+    pub no_sidecar: bool,
+}
+
 // Arguments about glTF files.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct AssetArgs {

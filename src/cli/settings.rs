@@ -439,7 +439,7 @@ fn with_memory_help(error: Error) -> Error {
     error.with_help("make the picture smaller, render it in parts with --region, or omit --aov")
 }
 
-/// Maximum memory of denoising, besides the film, bytes: colour, guides and components, before and after denoising.
+/// Maximum memory of denoising without the film, bytes: colour, guides and components, before and after denoising.
 fn denoising_bytes(resolved: &ResolvedOptions, labels: &Labels) -> u64 {
     let options = &resolved.options;
     let planes =

@@ -301,7 +301,7 @@ impl Model {
         };
         let scene = &args.render.scene;
         let is_model = !scene.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"));
-        let sidecar = (is_model && !args.render.no_sidecar).then(|| sidecar_path(scene));
+        let sidecar = (is_model && !args.render.source.no_sidecar).then(|| sidecar_path(scene));
         SceneInfo {
             name,
             cameras: self.loaded.scene.cameras.iter().enumerate().map(camera).collect(),

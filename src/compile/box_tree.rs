@@ -127,7 +127,7 @@ impl BoxTree {
     }
 }
 
-/// Appends the subtree of items, the first of which has the index `start`.
+/// Appends the subtree of items; the first one has the index `start`.
 fn build<T: Boxed>(items: &mut [T], start: usize, nodes: &mut Vec<Node>) {
     let bounds = items.iter().fold(Bounds::EMPTY, |bounds, item| bounds.union(item.bounds()));
     let at = nodes.len();

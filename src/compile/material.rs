@@ -81,7 +81,7 @@ pub struct CompiledMaterial {
     pub(super) program: BsdfProgram,
 }
 
-/// A component of a mix, one of which is selected at each hit.
+/// A component of a mix; each hit selects one.
 #[derive(Clone, Debug)]
 pub struct CompiledComponent {
     /// Factor on the BSDF.

@@ -319,7 +319,7 @@ pub(super) fn warn_of_overlaps(scene: &Scene, materials: &[CompiledMaterial], wa
     )));
 }
 
-/// The bounding boxes of all index-matched media; empty if there are no more than [`OVERLAP_LIMIT`].
+/// The bounding boxes of all index-matched media; empty if there are at most [`OVERLAP_LIMIT`].
 fn bodies(scene: &Scene, materials: &[CompiledMaterial]) -> Vec<Bounds> {
     let is_body = |id: MaterialId| {
         materials.get(id.index()).is_some_and(|material| material.is_boundary && material.medium_index != 0)

@@ -532,7 +532,7 @@ mod tests {
         }
     }
 
-    /// The prediction invents bright spots on black, where rare samples light everything alike: the means of regions are still those of
+    /// The prediction invents bright spots on black, where rare samples light everything evenly: the means of regions are still those of
     /// the noisy picture, within its noise.
     #[test]
     fn regions_under_an_uneven_prediction_keep_their_means() {

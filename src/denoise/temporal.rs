@@ -5,7 +5,7 @@
 //! detected by motion vectors that don't lead back to the pixel, or by different normals.
 //!
 //! Changes of lighting (shadows, reflections, refractions) are detected in the noisy pictures: where the difference of two frames,
-//! averaged over a large or a small square, exceeds its noise, the neighbour's weight is reduced; likewise where the denoised pictures
+//! averaged over a large or a small square, exceeds its noise, the neighbour's weight is reduced; also where the denoised pictures
 //! differ by more than the pixels' noise, as at resampled edges. Errors of denoised frames are about independent, so flicker falls
 //! with the number of averaged frames. A frame depends only on near frames, so parts of a sequence can be denoised separately.
 

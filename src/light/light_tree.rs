@@ -350,7 +350,7 @@ pub const LIGHT_GROUPS: usize = WIDTH * WIDTH + 1;
 pub struct LightWeights {
     /// By child of the tree's root.
     near: [f32; WIDTH],
-    /// By child of each of these.
+    /// By child of the root, and child of that one.
     inner: [[f32; WIDTH]; WIDTH],
     /// Of the lights at infinity.
     pub far: f32,

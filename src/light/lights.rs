@@ -498,8 +498,8 @@ enum SelectedGroup {
 }
 
 impl LightSampler {
-    /// A sampler of lights with these bounds, `near` of which are at a position, and of lights at infinity with their irradiances;
-    /// `is_single`: there is only one light in all.
+    /// A sampler from the `bounds` of all lights, the number of lights at a position (`near`), and the indices and irradiances of
+    /// those at infinity (`far`); `is_single`: there is only one light in all.
     pub fn new(bounds: &[LightBounds], near: usize, far: &[(u32, f32)], is_single: bool) -> LightSampler {
         let irradiances: Vec<f32> = far.iter().map(|&(_, irradiance)| irradiance).collect();
         LightSampler {

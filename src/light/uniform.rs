@@ -56,7 +56,7 @@ impl UniformLights {
         &self.packed
     }
 
-    /// Are all area lights rectangles, of which there is at least one?
+    /// Are there area lights, all of them rectangles?
     pub fn are_rectangles(&self) -> bool {
         self.are_rectangles
     }
@@ -97,7 +97,7 @@ pub trait UniformShape {
     /// Is the shape flat, so that no light arrives at points in its plane?
     const IS_FLAT: bool;
 
-    /// Samples a point as seen from `p`, uniformly by solid angle, by two random numbers in 0..1. Free of branches, so that loops vectorise.
+    /// Samples a point as seen from `p`, uniformly by solid angle, by two random numbers in 0..1. Without branches, so that loops vectorise.
     fn sample(vectors: [Vec3; 3], p: Vec3, u: [f32; 2]) -> LightPoint;
 
     /// Unit normal towards the front at a point as seen from `p`; `normal` is that of flat lights.

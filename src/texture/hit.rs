@@ -326,7 +326,7 @@ impl<'a> HitData<'a> {
     /// and in the directions of Cycles, so that bumps finer than a pixel get the same slopes.
     pub fn steps(&self, point: &TexturePoint) -> [Vec3; 2] {
         let n = self.true_normal;
-        // Diagonals of Blender's axes, of which z points upwards.
+        // Diagonals of Blender's axes (z up).
         let along = Vec3::new(1.0, 1.0, -1.0).cross(n).try_normalize();
         let along = along.unwrap_or_else(|| Vec3::new(-1.0, 1.0, -1.0).cross(n).normalize_or_zero());
         let width = if point.width > 0.0 { 2.0 * point.width } else { MIN_STEP };

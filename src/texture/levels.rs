@@ -88,7 +88,7 @@ impl PagedLevel {
     }
 }
 
-/// An image some of whose levels are not resident.
+/// An image with levels that are not resident.
 #[derive(Debug)]
 pub(super) struct PagedImage {
     /// The encoded image.
@@ -105,7 +105,7 @@ pub(super) struct PagedImage {
 }
 
 impl PagedImage {
-    /// An image with `levels` mip levels, of which those from `resident_from` on are resident.
+    /// An image with `levels` mip levels; those from `resident_from` on are resident.
     pub fn new(
         image: Image,
         levels: usize,
@@ -259,7 +259,7 @@ pub struct TextureReport {
     pub unneeded: u64,
     /// Number of images whose finest levels were omitted.
     pub reduced: u64,
-    /// Number of images some of whose needed levels are compressed.
+    /// Number of images with needed levels that are compressed.
     pub paged: u64,
     /// Size of levels in memory, including images that the scene itself holds decoded, bytes.
     pub bytes: u64,

@@ -39,7 +39,7 @@ fn halved_by(image: &Image, threads: Threads) -> Image {
     halved_rows(image, [0, image.height], 0..(image.height / 2).max(1), threads)
 }
 
-/// The rows `coarse` of the next coarser level of an image of `height` rows, of which `image` has those from `first` on.
+/// The rows `coarse` of the next coarser level of an image with `height` rows; `image` holds its rows from `first` on.
 pub(super) fn halved_rows(
     image: &Image,
     [first, height]: [u32; 2],

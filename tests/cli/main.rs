@@ -1,6 +1,5 @@
 //! The program from outside: exit codes, messages, files, and every command of the README.
 
-mod beside;
 #[cfg(unix)]
 mod blender;
 mod comparing;
@@ -17,6 +16,7 @@ mod layers;
 mod layouts;
 mod limits;
 mod long;
+mod new_sidecar;
 mod options;
 mod output;
 mod program;

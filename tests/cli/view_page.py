@@ -125,14 +125,14 @@ def check_material(page, box, pictures):
 
 def check_lamp(page):
     """The lamp's slider and colour change it, and undo takes that back."""
-    shown = "document.getElementById('lamp-strength-value').textContent"
+    shown = "document.getElementById('scene-light-strength-value').textContent"
     before = page.evaluate(shown)
     assert before == "7.96 W/sr", before
-    page.locator("#lamp-strength").fill("1")
+    page.locator("#scene-light-strength").fill("1")
     wait_for(page, f"{shown} === '15.9 W/sr'", "a lamp of twice the strength")
-    page.locator("#lamp-color").fill("#ff8040")
+    page.locator("#scene-light-color").fill("#ff8040")
     wait_for(page, "document.getElementById('toml').value.includes('color = [1.0, ')", "the lamp's colour as a line")
-    page.locator("#lamp-strength").fill("-8")
+    page.locator("#scene-light-strength").fill("-8")
     wait_for(page, f"{shown} === 'off'", "a lamp that is off")
     while page.locator("#undo").is_enabled():
         page.keyboard.press("Control+z")

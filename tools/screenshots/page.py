@@ -62,7 +62,7 @@ def shoot(browser, address, screen, folder):
         page.mouse.click(box["x"] + 0.26 * box["width"], box["y"] + 0.27 * box["height"])
         wait_for(page, "!document.getElementById('material-fields').hidden")
         page.locator("#base_color").fill("#3a6fb0")
-        page.locator("#lamp-strength").fill("0.5")
+        page.locator("#scene-light-strength").fill("0.5")
         page.locator("#toml").scroll_into_view_if_needed()
         # The picture of before the changes stays for a moment.
         wait_for(page, f"Number(document.body.dataset.denoised) < {SAMPLES}")

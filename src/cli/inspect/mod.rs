@@ -26,9 +26,9 @@ mod text;
 pub(crate) fn run(args: &InspectArgs) -> Result<Outcome> {
     check_scene_path(&args.scene)?;
     let options = LoadOptions {
-        allow_external: args.allow_external,
-        point_radius: args.point_radius,
-        no_sidecar: args.no_sidecar,
+        allow_external: args.source.allow_external,
+        point_radius: args.source.point_radius,
+        no_sidecar: args.source.no_sidecar,
         blender: args.blender.options(),
         gltf: args.asset.options(),
         // Reports what 'render' would add to the scene: camera, light, ground.

@@ -16,41 +16,41 @@ function put(id, value) {
 }
 
 /** Shows and changes the scene's lights. The slider is in stops relative to the initial strength; its left end is 0. */
-export function lamps({ heldLive, fill }) {
-  const own = new Map();
-  const chosen = () => own.get($("lamp").value);
-  const dimmest = Number($("lamp-strength").min);
-  let now = [];
+export function sceneLights({ heldLive, fill }) {
+  const initial = new Map();
+  const chosen = () => initial.get($("scene-light").value);
+  const dimmest = Number($("scene-light-strength").min);
+  let current = [];
   const edit = (change) => (chosen() ? { light: [chosen().name, change] } : null);
-  heldLive($("lamp-strength"), (v) => {
+  heldLive($("scene-light-strength"), (v) => {
     const strength = v <= dimmest ? 0 : Number((2 ** v * (chosen()?.strength || 1)).toPrecision(4));
     return edit({ strength });
   });
-  heldLive($("lamp-color"), (v) => edit({ color: rgbOf(v) }));
+  heldLive($("scene-light-color"), (v) => edit({ color: rgbOf(v) }));
   const show = () => {
-    const lamp = now.find(({ name }) => name === $("lamp").value);
-    if (!lamp) return;
-    const stops = lamp.strength > 0 ? Math.log2(lamp.strength / (chosen().strength || 1)) : dimmest;
-    put("lamp-strength", Math.max(stops, dimmest));
-    put("lamp-color", hexOf(lamp.color));
-    $("lamp-strength-value").textContent = lamp.strength > 0 ? `${Number(lamp.strength.toPrecision(3))} ${lamp.unit}` : "off";
+    const light = current.find(({ name }) => name === $("scene-light").value);
+    if (!light) return;
+    const stops = light.strength > 0 ? Math.log2(light.strength / (chosen().strength || 1)) : dimmest;
+    put("scene-light-strength", Math.max(stops, dimmest));
+    put("scene-light-color", hexOf(light.color));
+    $("scene-light-strength-value").textContent = light.strength > 0 ? `${Number(light.strength.toPrecision(3))} ${light.unit}` : "off";
   };
-  $("lamp").addEventListener("input", show);
+  $("scene-light").addEventListener("input", show);
   return {
-    choose: (name) => { $("lamp").value = name; show(); },
+    choose: (name) => { $("scene-light").value = name; show(); },
     update: (lights) => {
-      now = lights;
+      current = lights;
       // The initial strength is at the middle of the slider.
-      for (const lamp of lights) if (!own.has(lamp.name)) own.set(lamp.name, lamp);
-      $("lamp-fields").hidden = lights.length === 0;
-      fill($("lamp"), lights.map(({ name }) => [name, name]), $("lamp").value || lights[0]?.name);
+      for (const light of lights) if (!initial.has(light.name)) initial.set(light.name, light);
+      $("scene-light-fields").hidden = lights.length === 0;
+      fill($("scene-light"), lights.map(({ name }) => [name, name]), $("scene-light").value || lights[0]?.name);
       show();
     },
   };
 }
 
-/** Shows and changes materials; `heldLive` sends the changes of an input, `post` a command; `chooseLamp` selects a light by name. */
-export function materials({ heldLive, post, copy, chooseLamp }) {
+/** Shows and changes materials; `heldLive` sends the changes of an input, `post` a command; `chooseLight` selects a light by name. */
+export function materials({ heldLive, post, copy, chooseLight }) {
   let own = null, status = null;
 
   /** Sends changes of a material parameter. */
@@ -94,7 +94,7 @@ export function materials({ heldLive, post, copy, chooseLamp }) {
       const answer = await fetch(`material?x=${x}&y=${y}`);
       if (!answer.ok) return;
       own = await answer.json();
-      if (own.is_light) chooseLamp(own.name);
+      if (own.is_light) chooseLight(own.name);
       show();
     },
     update: (news) => {

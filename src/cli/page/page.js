@@ -2,15 +2,15 @@
 // so that several pages are in sync.
 
 import { listen } from "./gestures.js";
-import { lamps, materials } from "./materials.js";
+import { sceneLights, materials } from "./materials.js";
 import { decode, drawHistogram, outliner, put, thumbnails } from "./picture.js";
 
 const $ = (id) => document.getElementById(id);
 const canvas = $("picture");
 const outline = outliner($("overlay"), $("outline"), $("object"));
 const showThumbnails = thumbnails($("thumbnails"), canvas, (pass) => set({ pass }));
-const lamp = lamps({ heldLive, fill });
-const material = materials({ heldLive, post: (url) => post(url), copy, chooseLamp: lamp.choose });
+const sceneLight = sceneLights({ heldLive, fill });
+const material = materials({ heldLive, post: (url) => post(url), copy, chooseLight: sceneLight.choose });
 let status = null, namesObjects = true;
 
 /** Channels that are always recorded. */
@@ -129,7 +129,7 @@ function showStatus() {
   $("rotation-row").hidden = scene_info.rotation === null;
   $("strength-row").hidden = scene_info.strength === null;
   slide("strength", Math.log2(status.strength ?? 1), (status.strength ?? 1).toPrecision(3));
-  lamp.update(status.lights);
+  sceneLight.update(status.lights);
   material.update(status);
   slide("rotation", status.rotation ?? 0, `${Math.round(status.rotation ?? 0)}°`);
   fill($("view"), status.views.map((name) => [name, name]), status.view);

@@ -110,7 +110,7 @@ pub enum Operation {
 const RAMP_SAMPLES: usize = 256;
 
 impl Operation {
-    /// Does its result depend on data of points or on textures besides its inputs?
+    /// Does its result depend on more than its inputs: data of points, or textures?
     pub fn reads_external_data(&self) -> bool {
         matches!(
             self,

@@ -1,4 +1,4 @@
-//! `oscura new --beside`: settings for a model, with what it tells filled in.
+//! `oscura new --sidecar`: settings for a model, filled in from the model.
 
 use crate::program::*;
 use std::fs;
@@ -37,10 +37,10 @@ fn settings_beside_a_model_are_filled_in_and_used() {
     let folder = folder.path();
     fs::write(folder.join("room.gltf"), ROOM).unwrap();
     let before = renders(folder, &[]);
-    for words in ["oscura new --beside", "'Area \"soft\"'", "'Wood.001'", "'Fog box'"] {
+    for words in ["oscura new --sidecar", "'Area \"soft\"'", "'Wood.001'", "'Fog box'"] {
         assert!(before.contains(words), "'{words}' is not in {before}");
     }
-    run(folder, &["new", "--beside", "room.gltf"], 0);
+    run(folder, &["new", "--sidecar", "room.gltf"], 0);
     let path = folder.join("room.oscura.toml");
     let text = fs::read_to_string(&path).unwrap();
     for line in [
@@ -71,11 +71,11 @@ fn settings_beside_a_model_are_filled_in_and_used() {
     renders(folder, &[]);
 
     fs::write(&path, "precious").unwrap();
-    run(folder, &["new", "--beside", "room.gltf"], 2);
+    run(folder, &["new", "--sidecar", "room.gltf"], 2);
     assert_eq!(fs::read_to_string(&path).unwrap(), "precious");
-    run(folder, &["new", "--beside", "room.gltf", "--force", "--quiet"], 0);
-    run(folder, &["new", "--beside", "none.glb"], 3);
-    run(folder, &["new", "--beside", "room.oscura.toml"], 2);
+    run(folder, &["new", "--sidecar", "room.gltf", "--force", "--quiet"], 0);
+    run(folder, &["new", "--sidecar", "none.glb"], 3);
+    run(folder, &["new", "--sidecar", "room.oscura.toml"], 2);
     run(folder, &["new"], 2);
 }
 
@@ -85,7 +85,7 @@ fn a_scan_gets_a_camera_a_lamp_and_its_material() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     fs::write(folder.join("scan.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\n").unwrap();
-    run(folder, &["new", "--beside", "scan.obj"], 0);
+    run(folder, &["new", "--sidecar", "scan.obj"], 0);
     let path = folder.join("scan.oscura.toml");
     let text = fs::read_to_string(&path).unwrap();
     for line in
