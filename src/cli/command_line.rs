@@ -19,7 +19,7 @@ use std::ffi::OsString;
 use std::path::Path;
 use strsim::levenshtein;
 
-const AFTER: &str = "Examples:
+const EXAMPLES: &str = "Examples:
   oscura scan.ply                renders scan.png
   oscura room.glb -o room.exr    linear radiance for compositing; --aov LIST adds passes
   oscura view room.glb           the live page, in the browser
@@ -34,7 +34,7 @@ const USAGE: &str = "oscura SCENE... [OPTIONS]   renders SCENE.png, with the opt
 
 /// An offline path tracer: glTF, OBJ, PLY, Blender and scene files in, EXR and PNG out.
 #[derive(Debug, Parser)]
-#[command(name = "oscura", version, after_help = AFTER, override_usage = USAGE, disable_help_subcommand = true)]
+#[command(name = "oscura", version, after_help = EXAMPLES, override_usage = USAGE, disable_help_subcommand = true)]
 pub(crate) struct Arguments {
     #[command(subcommand)]
     pub command: Command,

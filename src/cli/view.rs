@@ -3,7 +3,7 @@
 
 use super::args::RenderArgs;
 use super::page::{
-    Edits, Frame, LightInfo, Page, PageDisplay, Pose, RECORDED, RenderRequest, SceneInfo, Shared,
+    Edits, Frame, LightInfo, Page, PageDisplay, Pose, PAGE_AOVS, RenderRequest, SceneInfo, Shared,
     ViewRequest, bind, own_command, set_environment_strength,
 };
 use super::parsers::integer;
@@ -544,7 +544,7 @@ fn render_at(
     is_last: bool,
 ) -> Result<bool> {
     let (width, height) = render_request.request.size;
-    let aovs = render_request.request.aov.map_or(RECORDED, |aov| RECORDED.with(aov));
+    let aovs = render_request.request.aov.map_or(PAGE_AOVS, |aov| PAGE_AOVS.with(aov));
     // With a time limit, the first pass takes a single sample.
     let options = model
         .resolved

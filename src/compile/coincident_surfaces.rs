@@ -139,11 +139,11 @@ impl Solids {
     /// The triangles of solid `i` that overlap the bounds of others.
     fn candidates(&self, i: usize, scene: &Scene) -> Vec<SolidTriangle> {
         /// Maximum number of candidates to test without the tree.
-        const FEW: usize = 8;
+        const MAX_LINEAR_SEARCH: usize = 8;
         let (solid, mut few) = (&self.all[i], Vec::new());
         let has_many = self.any_near(i, &solid.bounds, |other| {
             few.push(other.bounds.expanded(solid.rounding().max(other.rounding())));
-            few.len() > FEW
+            few.len() > MAX_LINEAR_SEARCH
         });
         let typical_rounding = solid.typical_rounding(scene);
         let candidate = |corners: [DVec3; 3]| {

@@ -121,7 +121,7 @@ fn bodies_of(mesh: &Mesh, triangles: &[[u32; 3]]) -> Vec<Vec<u32>> {
                 sets += 1;
             }
         }
-        sets -= u32::from(unite(&mut parents, a, b)) + u32::from(unite(&mut parents, a, c));
+        sets -= u32::from(union(&mut parents, a, b)) + u32::from(union(&mut parents, a, c));
     }
     if sets > 1 {
         let mut first_at: HashMap<[u32; 3], u32> = HashMap::new();
@@ -132,7 +132,7 @@ fn bodies_of(mesh: &Mesh, triangles: &[[u32; 3]]) -> Vec<Vec<u32>> {
             // Adding 0 turns -0 into 0.
             let position = mesh.positions[vertex as usize].map(|c| (c + 0.0).to_bits());
             let first = *first_at.entry(position).or_insert(vertex);
-            unite(&mut parents, first, vertex);
+            union(&mut parents, first, vertex);
         }
     }
     let mut numbers = vec![usize::MAX; parents.len()];
@@ -148,8 +148,8 @@ fn bodies_of(mesh: &Mesh, triangles: &[[u32; 3]]) -> Vec<Vec<u32>> {
     bodies
 }
 
-/// Unites the sets of two vertices; false if they were one set.
-fn unite(parents: &mut [u32], a: u32, b: u32) -> bool {
+/// Merges the sets of two vertices (union-find); false if they were the same set.
+fn union(parents: &mut [u32], a: u32, b: u32) -> bool {
     let (a, b) = (root(parents, a), root(parents, b));
     parents[b as usize] = a;
     a != b

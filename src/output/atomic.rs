@@ -210,7 +210,7 @@ pub fn move_folder(files: &Path, folder: &Path) -> Result<Vec<String>> {
 
 /// An encoded picture, with warnings about losses.
 #[derive(Clone, Debug)]
-pub struct Encoded {
+pub struct EncodedPicture {
     /// The whole file.
     pub bytes: Vec<u8>,
     /// Warnings about values that the format can't represent.

@@ -1,7 +1,7 @@
 //! OpenEXR encoding: by default one part, scan lines, ZIP, with colour as R, G, B, A (premultiplied) and the film's further channels
 //! under their names and pixel types. For other layouts see [`ExrOptions`].
 
-use super::atomic::Encoded;
+use super::atomic::EncodedPicture;
 use super::exr_options::{ExrOptions, FACTORS, WorkingSpace, is_color, layer_of};
 use crate::color::{Primaries, converted};
 use crate::error::{Choice, Warning};
@@ -67,7 +67,7 @@ pub fn encode_exr(
     float: bool,
     options: &ExrOptions,
     metadata: &Metadata,
-) -> Result<Encoded, String> {
+) -> Result<EncodedPicture, String> {
     let mut clamped = 0u64;
     let parts = parts(film, float, options, &mut clamped);
     let mut warnings = if clamped == 0 { vec![] } else { vec![overflow(clamped)] };
@@ -101,7 +101,7 @@ pub fn encode_exr(
     shared.chromaticities = Some(options.space.chromaticities());
     let image = Image::from_layers(shared, layers);
     let bytes = encode_image(&image)?;
-    Ok(Encoded { bytes, warnings })
+    Ok(EncodedPicture { bytes, warnings })
 }
 
 /// Encodes a file read before, with all parts, channels and attributes.

@@ -12,7 +12,7 @@ pub use crate::color::{ViewTable, ViewTransform};
 use crate::error::{Error, Result};
 use crate::film::Film;
 pub use atomic::{
-    Encoded, Format, check_folder, check_target, is_same_target, make_folder, move_folder, remove_file,
+    EncodedPicture, Format, check_folder, check_target, is_same_target, make_folder, move_folder, remove_file,
     remove_leftovers, write_atomically,
 };
 pub use exr::{DENOISED, Matte, Metadata, encode_exr, encode_layered};
@@ -55,13 +55,13 @@ pub fn encode(
     format: Format,
     options: &OutputOptions,
     path: impl AsRef<Path>,
-) -> Result<Encoded> {
+) -> Result<EncodedPicture> {
     let encoded = match format {
         Format::Exr => encode_exr(film, options.float, &options.exr, &options.metadata),
         Format::Png => encode_png(film, &options.png),
         other => {
             let picture = Linear { width: film.width(), height: film.height(), rgba: &film.rgba() };
-            encode_display_png(&picture, other, &options.png).map(|bytes| Encoded { bytes, warnings: vec![] })
+            encode_display_png(&picture, other, &options.png).map(|bytes| EncodedPicture { bytes, warnings: vec![] })
         }
     };
     encoded.map_err(|message| Error::output(path.as_ref(), message))

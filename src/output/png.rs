@@ -1,6 +1,6 @@
 //! Display-referred formats, with straight alpha unless opaque: PNG, JPEG, TIFF and WebP; and Radiance HDR, which is linear.
 
-use super::atomic::{Encoded, Format};
+use super::atomic::{EncodedPicture, Format};
 use crate::color::{ViewTransform, white_balance};
 use crate::film::Film;
 use image::codecs::hdr::HdrEncoder;
@@ -46,9 +46,9 @@ pub struct Linear<'a> {
 ///
 /// # Errors
 /// The message of the encoder.
-pub fn encode_png(film: &Film, options: &PngOptions) -> Result<Encoded, String> {
+pub fn encode_png(film: &Film, options: &PngOptions) -> Result<EncodedPicture, String> {
     let picture = Linear { width: film.width(), height: film.height(), rgba: &film.rgba() };
-    Ok(Encoded { bytes: encode_display_png(&picture, Format::Png, options)?, warnings: vec![] })
+    Ok(EncodedPicture { bytes: encode_display_png(&picture, Format::Png, options)?, warnings: vec![] })
 }
 
 /// Encodes pixels in a display-referred format or as HDR. Without alpha in the format pixels are composited over black.

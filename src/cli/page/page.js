@@ -14,7 +14,7 @@ const material = materials({ heldLive, post: (url) => post(url), copy, chooseLig
 let status = null, namesObjects = true;
 
 /** Channels that are always recorded. */
-const RECORDED = /^([RGBAZ]$|N\.|albedo\.|denoising_|object\.|material\.)/;
+const PAGE_AOVS = /^([RGBAZ]$|N\.|albedo\.|denoising_|object\.|material\.)/;
 
 /** Sends a request to the program. */
 async function post(url, body) {
@@ -162,7 +162,7 @@ async function probe(x, y) {
   const depth = values.Z > 5e9 ? "" : `  ${number(values.Z)} m`;
   if (namesObjects) outline.show(x, y, values["object.id"], status.version);
   const prefix = { normal: "N.", albedo: "albedo." }[status.pass];
-  const shown = ([name]) => (prefix ? name.startsWith(prefix) : !RECORDED.test(name));
+  const shown = ([name]) => (prefix ? name.startsWith(prefix) : !PAGE_AOVS.test(name));
   const more = Object.entries(values).filter(shown).slice(0, 4).map(([name, v]) => `  ${name} ${number(v)}`).join("");
   $("probe").textContent = `${column}, ${row}  ${rgb}${depth}${more}`;
 }

@@ -10,7 +10,7 @@ use super::http;
 use super::http::{Handler, Request, Response};
 use super::pixels::{Outline, of_frame};
 use super::pose::Move;
-use super::state::{Denoised, Frame, RECORDED, Shared, State, state_json};
+use super::state::{Denoised, Frame, PAGE_AOVS, Shared, State, state_json};
 use crate::cli::args::RenderArgs;
 use crate::cli::pixels::{Pixels, downscaled};
 use crate::cli::scene_args::StageArg;
@@ -258,7 +258,7 @@ fn material_at((x, y): (f64, f64), shared: &Shared) -> Option<MaterialInfo> {
 /// The state and the pixels: length of the JSON (u32, little-endian), JSON, RGBA. Pixels are omitted if the page has them
 /// already, as encoding takes longer than a first picture.
 fn frame(version: u64, shared: &Shared) -> Answer {
-    let state = shared.wait_for_news(version, POLL_TIMEOUT);
+    let state = shared.wait_for_change(version, POLL_TIMEOUT);
     let (Some(frame), true) = (state.frame.clone(), state.version > version) else {
         return Answer { status: 204, ..Answer::bytes(Vec::new()) };
     };
@@ -454,7 +454,7 @@ fn set(settings: Settings, shared: &Shared) -> std::result::Result<(), String> {
         shared.show(look_changes);
     }
     let is_recorded =
-        |state: &State| aov.is_none_or(|a| RECORDED.contains(a) || state.request.aov == Some(a));
+        |state: &State| aov.is_none_or(|a| PAGE_AOVS.contains(a) || state.request.aov == Some(a));
     let is_live = shared.lock().scene_info.is_live;
     if needs_render || (is_live && settings.pass.is_some() && !is_recorded(&shared.lock())) {
         shared.request(|state| {
@@ -468,7 +468,7 @@ fn set(settings: Settings, shared: &Shared) -> std::result::Result<(), String> {
             state.request.up = up.or(state.request.up);
             state.request.stage = stage.or(state.request.stage);
             state.request.loads += u64::from(loads);
-            state.request.aov = aov.filter(|aov| !RECORDED.contains(*aov)).or(state.request.aov);
+            state.request.aov = aov.filter(|aov| !PAGE_AOVS.contains(*aov)).or(state.request.aov);
             state.request.rotation = settings.rotation.or(state.request.rotation);
             state.request.size = settings.size.unwrap_or(state.request.size);
             let defocus = settings.defocus.filter(|defocus| defocus.is_finite());

@@ -28,7 +28,7 @@ pub(crate) struct ViewRequest {
     pub strength: Option<f64>,
     /// Edited materials and lights.
     pub edits: Edits,
-    /// An AOV to record in addition to [`RECORDED`].
+    /// An AOV to record in addition to [`PAGE_AOVS`].
     pub aov: Option<Aov>,
     /// The up axis, if selected on the page.
     pub up: Option<Up>,
@@ -249,7 +249,7 @@ impl Shared {
     }
 
     /// Waits for a version after `version`, at most for `timeout`.
-    pub fn wait_for_news(&self, version: u64, timeout: Duration) -> MutexGuard<'_, State> {
+    pub fn wait_for_change(&self, version: u64, timeout: Duration) -> MutexGuard<'_, State> {
         let is_old =
             |state: &mut State| (state.version <= version || state.frame.is_none()) && !state.is_stopped;
         let waited = self.changed.wait_timeout_while(self.lock(), timeout, is_old);
@@ -440,7 +440,7 @@ impl PageDisplay {
 }
 
 /// AOVs that `oscura view` always records: the guides for denoising, and the passes with thumbnails.
-pub(crate) const RECORDED: AovSet = AovSet::NONE
+pub(crate) const PAGE_AOVS: AovSet = AovSet::NONE
     .with(Aov::Depth)
     .with(Aov::Normal)
     .with(Aov::Albedo)
