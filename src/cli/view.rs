@@ -3,7 +3,7 @@
 
 use super::args::RenderArgs;
 use super::page::{
-    Edits, Frame, LightInfo, Page, PageDisplay, Pose, PAGE_AOVS, RenderRequest, SceneInfo, Shared,
+    Edits, Frame, LightInfo, PAGE_AOVS, Page, PageDisplay, Pose, RenderRequest, SceneInfo, Shared,
     ViewRequest, bind, own_command, set_environment_strength,
 };
 use super::parsers::integer;

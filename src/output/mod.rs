@@ -12,8 +12,8 @@ pub use crate::color::{ViewTable, ViewTransform};
 use crate::error::{Error, Result};
 use crate::film::Film;
 pub use atomic::{
-    EncodedPicture, Format, check_folder, check_target, is_same_target, make_folder, move_folder, remove_file,
-    remove_leftovers, write_atomically,
+    EncodedPicture, Format, check_folder, check_target, is_same_target, make_folder, move_folder,
+    remove_file, remove_leftovers, write_atomically,
 };
 pub use exr::{DENOISED, Matte, Metadata, encode_exr, encode_layered};
 pub use exr_options::{ExrCompression, ExrLayout, ExrOptions, ExrWindow, WorkingSpace, is_color};
@@ -61,7 +61,8 @@ pub fn encode(
         Format::Png => encode_png(film, &options.png),
         other => {
             let picture = Linear { width: film.width(), height: film.height(), rgba: &film.rgba() };
-            encode_display_png(&picture, other, &options.png).map(|bytes| EncodedPicture { bytes, warnings: vec![] })
+            encode_display_png(&picture, other, &options.png)
+                .map(|bytes| EncodedPicture { bytes, warnings: vec![] })
         }
     };
     encoded.map_err(|message| Error::output(path.as_ref(), message))

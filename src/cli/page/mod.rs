@@ -18,7 +18,7 @@ use oscura::scene::Camera;
 pub(super) use pose::Pose;
 pub(super) use server::{Page, bind};
 pub(super) use state::{
-    Frame, PageDisplay, PAGE_AOVS, RenderRequest, SceneInfo, Shared, ViewRequest, own_command,
+    Frame, PAGE_AOVS, PageDisplay, RenderRequest, SceneInfo, Shared, ViewRequest, own_command,
 };
 use std::time::{Duration, Instant};
 
