@@ -37,7 +37,7 @@ pub use input::{
 pub use point_visibility::{PointVisibility, PointVisibilityQuery, SetBits};
 
 use crate::math::{Bounds3, Hit, Ray};
-use crate::scene::ShapeTag;
+use crate::scene::ShapeKind;
 use crate::simd::{Level, Line, best_level, dispatch_wide_at};
 use input::{Primitive, PrimitiveKind};
 use layout::DONE;
@@ -195,8 +195,8 @@ pub struct BuildStats {
     /// Triangles; shared geometries count once.
     pub triangles: u64,
     pub quads: u64,
-    /// Analytic shapes, in the order of [`ShapeTag::ALL`].
-    pub analytic: [u64; ShapeTag::ALL.len()],
+    /// Analytic shapes, in the order of [`ShapeKind::ALL`].
+    pub analytic: [u64; ShapeKind::ALL.len()],
     /// Curve segments.
     pub curves: u64,
     /// Gaussian splats.
@@ -229,7 +229,7 @@ impl BuildStats {
         self.quads += (flat - triangles) as u64;
         let first = geometry.triangles.len() + geometry.quads.len();
         for primitive in &primitives[flat..analytic] {
-            self.analytic[geometry.analytic[primitive.id as usize - first].tag() as usize] += 1;
+            self.analytic[geometry.analytic[primitive.id as usize - first].kind() as usize] += 1;
         }
         let curves = analytic + primitives[analytic..].partition_point(|p| p.kind == PrimitiveKind::Curve);
         self.curves += (curves - analytic) as u64;

@@ -316,7 +316,7 @@ impl MetalRoughProgram {
             specular_color: pbr.specular_color,
             // KHR_materials_ior: 0 means total reflection.
             ior_f0: if pbr.ior == 0.0 { 1.0 } else { fresnel::f0_from_eta(pbr.ior) },
-            layer_fresnel: if pbr.reflects_evenly {
+            layer_fresnel: if pbr.has_constant_reflectance {
                 LayerFresnel::CONSTANT
             } else {
                 LayerFresnel::new(shading.fresnel, pbr.ior)

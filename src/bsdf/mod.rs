@@ -358,7 +358,7 @@ impl BsdfProgram {
     fn of_pbr(pbr: &PbrMaterial, shading: ShadingModel) -> BsdfProgram {
         let energy_compensation = pbr.energy_compensation.unwrap_or(shading.energy_compensation);
         // `MetalRough` is shaded in vectorised loops with one Fresnel model for all hits.
-        let is_vectorisable = !pbr.reflects_evenly || shading.fresnel == FresnelModel::Exact;
+        let is_vectorisable = !pbr.has_constant_reflectance || shading.fresnel == FresnelModel::Exact;
         let shading = ShadingModel { energy_compensation, ..shading };
         let layered = || LayeredProgram::new(pbr, shading).into();
         let is_dielectric = is_always(&pbr.metallic, 0.0);

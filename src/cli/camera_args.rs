@@ -4,7 +4,7 @@ use super::parsers::{integer, named, number};
 use clap::Args;
 use clap::builder::TypedValueParser;
 use oscura::error::{Error, Result};
-use oscura::load::{LONGEST_SHUTTER, Loaded, ShutterOptions, ShutterPosition};
+use oscura::load::{Loaded, MAX_SHUTTER_FRAMES, ShutterOptions, ShutterPosition};
 use oscura::math::DVec3;
 use oscura::scene::{Aperture, Camera, Projection, ThinLens};
 
@@ -147,7 +147,7 @@ impl ShutterArgs {
 }
 
 fn frames(text: &str) -> std::result::Result<f64, String> {
-    number(text, |v| (0.0..=LONGEST_SHUTTER).contains(&v), "a number of frames from 0 to 1000")
+    number(text, |v| (0.0..=MAX_SHUTTER_FRAMES).contains(&v), "a number of frames from 0 to 1000")
 }
 
 fn position() -> impl TypedValueParser<Value = ShutterPosition> {

@@ -9,7 +9,7 @@ use oscura::error::{Choice, Error, Problem, Warning};
 use oscura::film::Film;
 use oscura::load::{Loaded, is_named_as_scene};
 use oscura::render::Statistics;
-use oscura::scene::{Scene, ShapeTag};
+use oscura::scene::{Scene, ShapeKind};
 use serde::{Serialize, Serializer};
 use std::collections::{HashMap, HashSet};
 use std::fmt;
@@ -430,28 +430,28 @@ impl Excerpt {
     }
 }
 
-/// Number of analytic shapes of each kind in [`ShapeTag::ALL`], printed as text or JSON.
+/// Number of analytic shapes of each kind in [`ShapeKind::ALL`], printed as text or JSON.
 #[derive(Clone, Copy)]
-pub(crate) struct ShapeCounts(pub [u64; ShapeTag::ALL.len()]);
+pub(crate) struct ShapeCounts(pub [u64; ShapeKind::ALL.len()]);
 
 impl ShapeCounts {
     pub fn of(scene: &Scene) -> ShapeCounts {
-        let mut counts = ShapeCounts([0; ShapeTag::ALL.len()]);
+        let mut counts = ShapeCounts([0; ShapeKind::ALL.len()]);
         for shape in &scene.shapes {
-            counts.0[shape.kind.tag() as usize] += 1;
+            counts.0[shape.kind as usize] += 1;
         }
         counts
     }
 
-    fn iter(self) -> impl Iterator<Item = (ShapeTag, u64)> {
-        ShapeTag::ALL.iter().copied().zip(self.0)
+    fn iter(self) -> impl Iterator<Item = (ShapeKind, u64)> {
+        ShapeKind::ALL.into_iter().zip(self.0)
     }
 
     /// Text such as `1 sphere, 2 disks, `, with a trailing comma unless empty.
     pub fn text(self) -> String {
         let nonzero = self.iter().filter(|(_, count)| *count > 0);
-        let item = |(tag, count): (ShapeTag, u64)| {
-            format!("{count} {}, ", if count == 1 { tag.name() } else { tag.plural() })
+        let item = |(kind, count): (ShapeKind, u64)| {
+            format!("{count} {}{}, ", kind.name(), if count == 1 { "" } else { "s" })
         };
         nonzero.map(item).collect()
     }
@@ -460,7 +460,7 @@ impl ShapeCounts {
 /// A map with a key for each kind.
 impl Serialize for ShapeCounts {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_map(self.iter().map(|(tag, count)| (tag.plural().replace(' ', "_"), count)))
+        serializer.collect_map(self.iter().map(|(kind, count)| (kind.name().replace(' ', "_") + "s", count)))
     }
 }
 

@@ -97,7 +97,7 @@ impl Bodies<'_> {
         let of_instances = extents.map(|extent| extent.map(|(low, high)| Bounds { low, high }));
         let of_shape = |shape: &Shape| {
             let point = Bounds { low: shape.center, high: shape.center };
-            shape.kind.tag().is_closed().then(|| point.expanded(shape.radius))
+            shape.kind.is_closed().then(|| point.expanded(shape.radius))
         };
         let all = of_instances.chain(scene.shapes.iter().map(of_shape));
         let numbered = |(number, bounds): (usize, Option<Bounds>)| {

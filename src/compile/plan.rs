@@ -290,8 +290,7 @@ fn with_shapes(mut sum: Fingerprint, scene: &Scene) -> Fingerprint {
     }
     for shape in &scene.shapes {
         let rotation = shape.rotation.to_array();
-        sum = sum.with_vector(shape.center).with(shape.radius.to_bits()).with(shape.kind.tag() as u64);
-        sum = shape.kind.numbers().into_iter().fold(sum, |sum, number| sum.with(number.to_bits()));
+        sum = sum.with_vector(shape.center).with(shape.radius.to_bits()).with(shape.kind as u64);
         sum = rotation.into_iter().fold(sum, |sum, x| sum.with(x.to_bits()));
         sum = sum.with(u64::from(shape.material.0));
     }

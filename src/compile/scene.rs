@@ -17,7 +17,7 @@ use crate::color::spectral::Spectrum;
 use crate::error::{Error, ErrorKind, Problem, Result, Warning};
 use crate::light::{EnvironmentLight, Lights};
 use crate::math::{DMat4, DVec3, Hit, gamma};
-use crate::scene::{Camera, MaterialId, RayKinds, Scene, ShapeTag};
+use crate::scene::{Camera, MaterialId, RayKinds, Scene, ShapeKind};
 use crate::texture::{CompiledTextures, ObjectData, TextureReport};
 use crate::work_counter::WorkCounter;
 use std::sync::Arc;
@@ -76,8 +76,8 @@ pub struct CompileReport {
     pub triangles: u64,
     /// Number of quads.
     pub quads: u64,
-    /// Numbers of analytic shapes, in the order of [`ShapeTag::ALL`].
-    pub analytic: [u64; ShapeTag::ALL.len()],
+    /// Numbers of analytic shapes, in the order of [`ShapeKind::ALL`].
+    pub analytic: [u64; ShapeKind::ALL.len()],
     /// Number of curve segments.
     pub curves: u64,
     /// Number of Gaussian splats.

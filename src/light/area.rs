@@ -473,14 +473,14 @@ impl Beam {
     /// Compiles a beam. Without the profile it refers to, it is Lambertian (`Scene::validate` reports that).
     pub fn new(beam: scene::Beam, profiles: &[Arc<LightProfile>]) -> Beam {
         match beam {
-            scene::Beam::Even => Beam::Lambertian,
+            scene::Beam::Lambertian => Beam::Lambertian,
             scene::Beam::Grid { half_angle_rad } => {
                 let tan_half = half_angle_rad.tan();
                 let scale = 1.0 / (tan_half - half_angle_rad);
                 Beam::Grid { tan_half: tan_half as f32, scale: scale as f32 }
             }
-            scene::Beam::Cone { direction, inner_angle_rad, outer_angle_rad, fade } => {
-                Beam::Cone(SpotCone::new(direction, inner_angle_rad, outer_angle_rad, fade))
+            scene::Beam::Cone { direction, inner_angle_rad, outer_angle_rad, falloff } => {
+                Beam::Cone(SpotCone::new(direction, inner_angle_rad, outer_angle_rad, falloff))
             }
             scene::Beam::Profile { profile, rotation, cone } => {
                 profiles.get(profile.index()).map_or(Beam::Lambertian, |of| Beam::Profile {

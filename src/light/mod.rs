@@ -86,7 +86,7 @@ macro_rules! lights {
 
 lights! {
     Point { position },
-    Spot { position, direction, inner_angle_rad, outer_angle_rad, fade },
+    Spot { position, direction, inner_angle_rad, outer_angle_rad, falloff },
     Profiled { position, rotation, cone },
     Directional { direction },
     Sun { direction, angle_rad },

@@ -5,7 +5,7 @@ use crate::color::Rgb;
 use crate::math::{Bounds3, DQuat, DVec3, Frame, Quat, Vec3, poly};
 use crate::sampling::warp::{uniform_cone, uniform_cone_pdf_solid_angle};
 use crate::scene;
-use crate::scene::{LightProfile, SpotFade};
+use crate::scene::{LightProfile, SpotFalloff};
 use crate::texture::CompiledTextures;
 use std::f32::consts::PI;
 use std::sync::Arc;
@@ -44,12 +44,12 @@ impl Spot {
         direction: DVec3,
         inner_angle_rad: f64,
         outer_angle_rad: f64,
-        fade: SpotFade,
+        falloff: SpotFalloff,
     ) -> Spot {
         Spot {
             position: local(position, world_origin),
             intensity: Rgb::from_array(light.intensity),
-            cone: SpotCone::new(direction, inner_angle_rad, outer_angle_rad, fade),
+            cone: SpotCone::new(direction, inner_angle_rad, outer_angle_rad, falloff),
         }
     }
 }
@@ -224,14 +224,14 @@ impl PunctualSource for Profiled {
     }
 }
 
-/// A cone with a soft edge: attenuation is `fade` of scale * cos + offset, clamped to 0..1.
+/// A cone with a soft edge: attenuation is `falloff` of scale * cos + offset, clamped to 0..1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpotCone {
     /// Unit direction of emission.
     pub axis: Vec3,
     scale: f32,
     offset: f32,
-    fade: SpotFade,
+    falloff: SpotFalloff,
 }
 
 impl SpotCone {
@@ -241,18 +241,23 @@ impl SpotCone {
     }
 
     /// A cone around an axis that fades out between two half angles, radians.
-    pub fn new(direction: DVec3, inner_angle_rad: f64, outer_angle_rad: f64, fade: SpotFade) -> SpotCone {
-        let range = match fade {
+    pub fn new(
+        direction: DVec3,
+        inner_angle_rad: f64,
+        outer_angle_rad: f64,
+        falloff: SpotFalloff,
+    ) -> SpotCone {
+        let range = match falloff {
             // KHR_lights_punctual, "Inner and Outer Cone Angles".
-            SpotFade::Square => inner_angle_rad.cos() - outer_angle_rad.cos(),
-            SpotFade::Smooth => (1.0 - outer_angle_rad.cos()) * (1.0 - inner_angle_rad / outer_angle_rad),
+            SpotFalloff::Square => inner_angle_rad.cos() - outer_angle_rad.cos(),
+            SpotFalloff::Smooth => (1.0 - outer_angle_rad.cos()) * (1.0 - inner_angle_rad / outer_angle_rad),
         };
         let scale = 1.0 / range.max(1e-3);
         SpotCone {
             axis: direction.normalize().as_vec3(),
             scale: scale as f32,
             offset: (-outer_angle_rad.cos() * scale) as f32,
-            fade,
+            falloff,
         }
     }
 
@@ -260,9 +265,9 @@ impl SpotCone {
     #[inline(always)]
     pub fn attenuation(&self, cosine: f32) -> f32 {
         let a = (cosine * self.scale + self.offset).clamp(0.0, 1.0);
-        match self.fade {
-            SpotFade::Square => a * a,
-            SpotFade::Smooth => a * a * (3.0 - 2.0 * a),
+        match self.falloff {
+            SpotFalloff::Square => a * a,
+            SpotFalloff::Smooth => a * a * (3.0 - 2.0 * a),
         }
     }
 
@@ -289,7 +294,7 @@ impl Aim {
     /// `cone`: inner and outer half angle, radians.
     pub fn new(rotation: DQuat, cone: Option<[f64; 2]>) -> Aim {
         let axis = rotation * DVec3::NEG_Z;
-        let cone = cone.map(|[inner, outer]| SpotCone::new(axis, inner, outer, SpotFade::Smooth));
+        let cone = cone.map(|[inner, outer]| SpotCone::new(axis, inner, outer, SpotFalloff::Smooth));
         Aim { world_from_profile: rotation.as_quat(), cone }
     }
 
@@ -480,13 +485,13 @@ mod tests {
     use crate::scene::{Light, LightKind};
 
     /// Irradiance of a spot light of intensity 1 along -z, at a distance of one metre and an angle to the axis.
-    fn spot(fade: SpotFade, angle: f64) -> f32 {
+    fn spot(falloff: SpotFalloff, angle: f64) -> f32 {
         let kind = LightKind::Spot {
             position: DVec3::ZERO,
             direction: DVec3::NEG_Z,
             inner_angle_rad: 0.3,
             outer_angle_rad: 0.6,
-            fade,
+            falloff,
         };
         let textures = CompiledTextures::resident(&[], &[], Vec3::ZERO);
         let light = PunctualLight::new(&Light::new(kind, [1.0; 3]), DVec3::ZERO);
@@ -495,16 +500,16 @@ mod tests {
 
     #[test]
     fn spot_cones_fade_between_their_angles() {
-        for fade in [SpotFade::Square, SpotFade::Smooth] {
-            assert!((spot(fade, 0.0) - 1.0).abs() < 1e-5);
-            assert!(spot(fade, 0.61) == 0.0 && spot(fade, 0.59) > 0.0);
+        for falloff in [SpotFalloff::Square, SpotFalloff::Smooth] {
+            assert!((spot(falloff, 0.0) - 1.0).abs() < 1e-5);
+            assert!(spot(falloff, 0.61) == 0.0 && spot(falloff, 0.59) > 0.0);
         }
-        assert!((spot(SpotFade::Square, 0.29) - 1.0).abs() < 1e-5);
+        assert!((spot(SpotFalloff::Square, 0.29) - 1.0).abs() < 1e-5);
         // Halfway between the cosines: a quarter (square), a half (smooth step).
         let middle = (0.5 * (0.3f64.cos() + 0.6f64.cos())).acos();
-        assert!((spot(SpotFade::Square, middle) - 0.25).abs() < 1e-5);
+        assert!((spot(SpotFalloff::Square, middle) - 0.25).abs() < 1e-5);
         let middle = (0.6f64.cos() + 0.25 * (1.0 - 0.6f64.cos())).acos();
-        assert!((spot(SpotFade::Smooth, middle) - 0.5).abs() < 1e-5);
+        assert!((spot(SpotFalloff::Smooth, middle) - 0.5).abs() < 1e-5);
     }
 
     #[test]

@@ -25,6 +25,7 @@ pub mod stage;
 mod stl;
 pub mod subdivide;
 mod threemf;
+mod triangulate;
 mod unpack;
 mod upright;
 mod vdb;
@@ -34,7 +35,7 @@ mod zip;
 pub use files::{file_names_in, text_of};
 pub use formats::extensions;
 pub use options::{
-    BlenderExport, EmptyNode, LONGEST_SHUTTER, LoadOptions, Loaded, ShutterOptions, ShutterPosition,
+    BlenderExport, EmptyNode, LoadOptions, Loaded, MAX_SHUTTER_FRAMES, ShutterOptions, ShutterPosition,
     WatchedFiles,
 };
 pub use upright::{Up, UpHint};

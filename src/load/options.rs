@@ -201,13 +201,13 @@ impl GltfOptions {
     /// # Errors
     /// A help text that lists the entries.
     pub(super) fn find(names: &[String], name_or_index: &str) -> Result<usize, String> {
-        const LISTED: usize = 20;
+        const MAX_LISTED: usize = 20;
         let by_number = || name_or_index.parse::<usize>().ok().filter(|&i| i < names.len());
         names.iter().position(|n| n == name_or_index).or_else(by_number).ok_or_else(|| {
             let mut list: Vec<String> =
-                names.iter().take(LISTED).enumerate().map(|(i, name)| format!("{i} '{name}'")).collect();
-            if names.len() > LISTED {
-                list.push(format!("and {} more", names.len() - LISTED));
+                names.iter().take(MAX_LISTED).enumerate().map(|(i, name)| format!("{i} '{name}'")).collect();
+            if names.len() > MAX_LISTED {
+                list.push(format!("and {} more", names.len() - MAX_LISTED));
             }
             if list.is_empty() { "the file has none".into() } else { format!("it has: {}", list.join(", ")) }
         })
@@ -311,64 +311,6 @@ fn stamp(path: &Path) -> Stamp {
     Some((data.modified().ok(), data.len()))
 }
 
-#[cfg(test)]
-mod saved_tests {
-    use super::*;
-    use crate::load::{LoadOptions, load};
-    use std::fs;
-
-    /// A grid of one voxel.
-    fn grid() -> Vec<u8> {
-        let mut bytes = b"VOL\x03".to_vec();
-        [1u32, 1, 1, 1, 1].iter().for_each(|n| bytes.extend(n.to_le_bytes()));
-        [0.0f32, 0.0, 0.0, 1.0, 1.0, 1.0, 0.5].iter().for_each(|v| bytes.extend(v.to_le_bytes()));
-        bytes
-    }
-
-    #[test]
-    fn exactly_the_files_of_a_scene_are_watched() {
-        let folder = tempfile::tempdir().unwrap();
-        let file = |name: &str| folder.path().join(name);
-        fs::create_dir(file("scenes")).unwrap();
-        fs::write(file("part.obj"), "mtllib part.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
-        fs::write(file("smoke.vol"), grid()).unwrap();
-        let scene = file("scenes/a.toml");
-        let text = "[materials.smoke]\ntype = \"dielectric\"\nmedium = { density = 1.0, grid = \"../smoke.vol\" }\n\
-                    [[objects]]\nmesh = \"../part.obj\"\n[[objects]]\nsphere = { center = [0, 0, 0], radius = 1 }\n\
-                    material = \"smoke\"\n";
-        fs::write(&scene, text).unwrap();
-        let options = LoadOptions::default();
-        load(&scene, &options).unwrap();
-        let files = &options.files;
-        let read = files.paths();
-        for name in ["a.toml", "../part.obj", "../part.mtl", "../smoke.vol"] {
-            assert!(read.contains(&file("scenes").join(name)), "{name}: {read:?}");
-        }
-        assert!(!files.have_changed());
-        for other in ["picture.png", "scenes/b.toml", "scenes/c.exr"] {
-            fs::write(file(other), "no part").unwrap();
-        }
-        assert!(!files.have_changed(), "files that the scene isn't made of");
-        for (name, text) in [("smoke.vol", ""), ("part.mtl", "newmtl a\n"), ("part.obj", "v 0 0 0")] {
-            fs::write(file(name), text).unwrap();
-            assert!(files.have_changed() && !files.have_changed(), "{name} was saved");
-        }
-        fs::remove_file(scene).unwrap();
-        assert!(files.have_changed());
-    }
-
-    #[test]
-    fn files_of_a_failed_load_are_added() {
-        let (own, newer) = (WatchedFiles::default(), WatchedFiles::default());
-        own.note("a");
-        newer.note("b");
-        own.replace_by(&newer, true);
-        assert_eq!(own.paths().len(), 2);
-        own.replace_by(&newer, false);
-        assert_eq!(own.paths(), [PathBuf::from("b")]);
-    }
-}
-
 /// Options of the shutter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ShutterOptions {
@@ -405,7 +347,7 @@ named_enum! {
 }
 
 /// Maximum shutter time, frames.
-pub const LONGEST_SHUTTER: f64 = 1000.0;
+pub const MAX_SHUTTER_FRAMES: f64 = 1000.0;
 
 /// Maximum number of keys chosen automatically.
 const MAX_KEYS: usize = 65;
@@ -524,6 +466,64 @@ fn is_near(interpolated: &DAffine3, sampled: &DAffine3, tolerance: f64, path_len
     let distance = tolerance * path_length + 1e-12 * sampled.translation.length();
     let is_placed = interpolated.translation.distance(sampled.translation) <= distance;
     is_placed && axes(interpolated).into_iter().zip(axes(sampled)).all(is_near)
+}
+
+#[cfg(test)]
+mod saved_tests {
+    use super::*;
+    use crate::load::{LoadOptions, load};
+    use std::fs;
+
+    /// A grid of one voxel.
+    fn grid() -> Vec<u8> {
+        let mut bytes = b"VOL\x03".to_vec();
+        [1u32, 1, 1, 1, 1].iter().for_each(|n| bytes.extend(n.to_le_bytes()));
+        [0.0f32, 0.0, 0.0, 1.0, 1.0, 1.0, 0.5].iter().for_each(|v| bytes.extend(v.to_le_bytes()));
+        bytes
+    }
+
+    #[test]
+    fn exactly_the_files_of_a_scene_are_watched() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = |name: &str| folder.path().join(name);
+        fs::create_dir(file("scenes")).unwrap();
+        fs::write(file("part.obj"), "mtllib part.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+        fs::write(file("smoke.vol"), grid()).unwrap();
+        let scene = file("scenes/a.toml");
+        let text = "[materials.smoke]\ntype = \"dielectric\"\nmedium = { density = 1.0, grid = \"../smoke.vol\" }\n\
+                    [[objects]]\nmesh = \"../part.obj\"\n[[objects]]\nsphere = { center = [0, 0, 0], radius = 1 }\n\
+                    material = \"smoke\"\n";
+        fs::write(&scene, text).unwrap();
+        let options = LoadOptions::default();
+        load(&scene, &options).unwrap();
+        let files = &options.files;
+        let read = files.paths();
+        for name in ["a.toml", "../part.obj", "../part.mtl", "../smoke.vol"] {
+            assert!(read.contains(&file("scenes").join(name)), "{name}: {read:?}");
+        }
+        assert!(!files.have_changed());
+        for other in ["picture.png", "scenes/b.toml", "scenes/c.exr"] {
+            fs::write(file(other), "no part").unwrap();
+        }
+        assert!(!files.have_changed(), "files that the scene isn't made of");
+        for (name, text) in [("smoke.vol", ""), ("part.mtl", "newmtl a\n"), ("part.obj", "v 0 0 0")] {
+            fs::write(file(name), text).unwrap();
+            assert!(files.have_changed() && !files.have_changed(), "{name} was saved");
+        }
+        fs::remove_file(scene).unwrap();
+        assert!(files.have_changed());
+    }
+
+    #[test]
+    fn files_of_a_failed_load_are_added() {
+        let (own, newer) = (WatchedFiles::default(), WatchedFiles::default());
+        own.note("a");
+        newer.note("b");
+        own.replace_by(&newer, true);
+        assert_eq!(own.paths().len(), 2);
+        own.replace_by(&newer, false);
+        assert_eq!(own.paths(), [PathBuf::from("b")]);
+    }
 }
 
 #[cfg(test)]

@@ -193,7 +193,7 @@ pub(crate) const MAGIC: &[u8] = b"NGSP";
 const OLD_HEADER: usize = 16;
 /// Size of the header from version 4 on, bytes.
 const HEADER: usize = 32;
-/// Maximum compression ratio of Zstandard streams; files that claim more are refused.
+/// Maximum compression ratio of Zstandard streams; files with larger declared sizes are refused.
 const MAX_RATIO: usize = 1024;
 /// Colours are stored as 0.5 + 0.15 times their first coefficient.
 const COLOR_SCALE: f32 = 0.15;

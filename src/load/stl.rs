@@ -5,7 +5,8 @@
 //! programs use for colours of five bits per channel. Normals are face normals and are not read. Coincident corners are merged
 //! to one vertex. Files have neither units nor materials; z is up by convention of 3D printing and CAD.
 
-use super::mesh_tools::{NAMELESS, Repairs, bound_colors, color_triangles, triangulate};
+use super::mesh_tools::{NAMELESS, Repairs, bound_colors, color_triangles};
+use super::triangulate::triangulate;
 use super::words::{decimal_commas, is_nan_word};
 use super::{LoadOptions, Loaded, Up, UpHint, files, mesh_tools};
 use crate::color::srgb_table;

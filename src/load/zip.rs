@@ -89,7 +89,7 @@ impl Entry {
         }
         if self.size > max || self.size > self.packed.saturating_mul(MAX_RATIO).saturating_add(64) {
             return Err(format!(
-                "claims {} bytes, which is too large for its {} compressed bytes",
+                "declares {} bytes, which is too large for its {} compressed bytes",
                 self.size, self.packed
             ));
         }

@@ -128,7 +128,7 @@ fn boxed_meshes(scene: &Scene, instance_counts: &[usize]) -> Vec<bool> {
     is_boxed
 }
 
-/// By vertex: is it used by a triangle, or a visible splat?
+/// Whether each vertex is used by a triangle or a visible splat.
 fn used_vertices(mesh: &Mesh) -> Vec<bool> {
     if let Some(splats) = &mesh.splats {
         return splats.opacities.iter().map(|opacity| *opacity >= Splats::MIN_OPACITY).collect();

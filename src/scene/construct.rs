@@ -2,8 +2,8 @@
 
 use super::{
     Camera, Environment, Grid, GridId, Image, ImageId, Instance, Light, LightKind, Material, MaterialId,
-    Mesh, MeshId, MeshPart, Motion, Projection, Quad, Scene, Shape, ShapeKind, SpotFade, Texture, TextureId,
-    group_or_default, looking_at,
+    Mesh, MeshId, MeshPart, Motion, Projection, Quad, Scene, Shape, ShapeKind, SpotFalloff, Texture,
+    TextureId, group_or_default, looking_at,
 };
 use super::{LightLinks, LightProfile, ObjectInfo, ObjectTraits, ProfileId, RayKinds};
 use crate::math::{DAffine3, DMat3, DQuat, DVec3};
@@ -175,8 +175,8 @@ impl Light {
         intensity: [f32; 3],
     ) -> Light {
         let direction = direction.into().normalize_or(DVec3::NEG_Z);
-        let (position, fade) = (position.into(), SpotFade::Square);
-        let kind = LightKind::Spot { position, direction, inner_angle_rad, outer_angle_rad, fade };
+        let (position, falloff) = (position.into(), SpotFalloff::Square);
+        let kind = LightKind::Spot { position, direction, inner_angle_rad, outer_angle_rad, falloff };
         Light::new(kind, intensity)
     }
 

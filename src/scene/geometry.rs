@@ -110,7 +110,7 @@ pub struct Quad {
 pub struct Shape {
     /// Name, for reports.
     pub name: String,
-    /// Kind with its dimensions.
+    /// Kind.
     pub kind: ShapeKind,
     /// Centre, metres.
     pub center: DVec3,
@@ -126,90 +126,40 @@ pub struct Shape {
     pub info: ObjectInfo,
 }
 
-/// Defines [`ShapeKind`] and [`ShapeTag`] from a table: each kind with its parameters besides the radius, singular and plural
-/// name, whether it encloses a volume, and half the size of the bounding box for radius 1 as a function of the rotation.
-macro_rules! kinds {
-    ($(
-        $(#[$about:meta])*
-        $kind:ident $({ $($(#[$about_number:meta])* $number:ident),* $(,)? })?
-        $one:literal $many:literal closed: $closed:literal half_extent: $half_extent:expr;
-    )*) => {
-        /// Kinds of analytic shapes. Axes are in the local space of the shape.
-        #[derive(Clone, Copy, Debug, PartialEq)]
-        #[non_exhaustive]
-        pub enum ShapeKind {
-            $($(#[$about])* $kind $({ $($(#[$about_number])* $number: f64),* })?,)*
-        }
-
-        /// The kind of an analytic shape, without its parameters.
-        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-        #[non_exhaustive]
-        pub enum ShapeTag {
-            $($(#[$about])* $kind,)*
-        }
-
-        impl ShapeKind {
-            /// The kind without its parameters.
-            pub fn tag(&self) -> ShapeTag {
-                match self {
-                    $(ShapeKind::$kind { .. } => ShapeTag::$kind,)*
-                }
-            }
-
-            /// Parameters besides the radius.
-            pub fn numbers(&self) -> Vec<f64> {
-                match *self {
-                    $(ShapeKind::$kind $({ $($number),* })? => vec![$($($number),*)?],)*
-                }
-            }
-
-            /// Half the size of the bounding box for radius 1.
-            #[allow(unused_variables)]
-            fn half_extent(&self, rotation: DQuat) -> DVec3 {
-                match *self {
-                    $(ShapeKind::$kind $({ $($number),* })? => ($half_extent)(rotation),)*
-                }
-            }
-        }
-
-        impl ShapeTag {
-            /// All kinds, by discriminant.
-            pub const ALL: &[ShapeTag] = &[$(ShapeTag::$kind),*];
-
-            /// Name, singular.
-            pub fn name(self) -> &'static str {
-                match self {
-                    $(ShapeTag::$kind => $one,)*
-                }
-            }
-
-            /// Name, plural.
-            pub fn plural(self) -> &'static str {
-                match self {
-                    $(ShapeTag::$kind => $many,)*
-                }
-            }
-
-            /// Whether it encloses a volume.
-            pub fn is_closed(self) -> bool {
-                match self {
-                    $(ShapeTag::$kind => $closed,)*
-                }
-            }
-        }
-    };
-}
-
-kinds! {
+/// Kinds of analytic shapes. Axes are in the local space of the shape.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum ShapeKind {
     /// A sphere, textured around the y axis.
-    Sphere "sphere" "spheres" closed: true half_extent: |_| DVec3::ONE;
+    Sphere,
     /// A flat disk whose front faces z. Its texture is the square around it, x to the right and y up.
-    Disk "disk" "disks" closed: false half_extent: disk_half_extent;
+    Disk,
     /// A disk that always faces the origin of the ray: a light with a soft falloff. Not textured.
-    FacingDisk "facing disk" "facing disks" closed: false half_extent: |_| DVec3::ONE;
+    FacingDisk,
     /// A sphere that each ray intersects at most once: from outside on its near side, from inside on its far side. For lights that
     /// rays pass through.
-    Shell "shell" "shells" closed: false half_extent: |_| DVec3::ONE;
+    Shell,
+}
+
+impl ShapeKind {
+    /// All kinds, by discriminant.
+    pub const ALL: [ShapeKind; 4] =
+        [ShapeKind::Sphere, ShapeKind::Disk, ShapeKind::FacingDisk, ShapeKind::Shell];
+
+    /// Name, singular.
+    pub fn name(self) -> &'static str {
+        match self {
+            ShapeKind::Sphere => "sphere",
+            ShapeKind::Disk => "disk",
+            ShapeKind::FacingDisk => "facing disk",
+            ShapeKind::Shell => "shell",
+        }
+    }
+
+    /// Whether it encloses a volume.
+    pub fn is_closed(self) -> bool {
+        self == ShapeKind::Sphere
+    }
 }
 
 /// Half the size of the bounding box of a flat disk of radius 1.
@@ -221,7 +171,10 @@ fn disk_half_extent(rotation: DQuat) -> DVec3 {
 impl Shape {
     /// Half the size of the bounding box, metres.
     pub fn half_extent(&self) -> DVec3 {
-        self.kind.half_extent(self.rotation) * self.radius
+        match self.kind {
+            ShapeKind::Disk => disk_half_extent(self.rotation) * self.radius,
+            _ => DVec3::splat(self.radius),
+        }
     }
 }
 

@@ -48,7 +48,7 @@ pub enum LightKind {
         /// Half angle of the whole cone, radians.
         outer_angle_rad: f64,
         /// Falloff between both.
-        fade: SpotFade,
+        falloff: SpotFalloff,
     },
     /// Point light with the distribution of [`Light::profile`].
     Profiled {
@@ -121,7 +121,7 @@ impl LightKind {
 /// Falloff of a spot light between its inner and outer cone.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
-pub enum SpotFade {
+pub enum SpotFalloff {
     /// The square of a linear ramp in the cosine, from 1 at the inner cone to 0 at the outer (KHR_lights_punctual).
     #[default]
     Square,

@@ -1,7 +1,7 @@
 //! Materials of the scene description; `compile` turns each into the cheapest equivalent BSDF. The macro `models` defines all
 //! scattering models, from which scene-file readers, reports and the visitor over parameters are generated.
 
-use super::light::SpotFade;
+use super::light::SpotFalloff;
 use super::medium::Medium;
 use super::object_traits::RayKinds;
 use super::slot::{
@@ -49,16 +49,16 @@ pub struct EmitterTraits {
 impl Default for EmitterTraits {
     /// An ordinary surface.
     fn default() -> EmitterTraits {
-        EmitterTraits { visible_to: RayKinds::ALL, is_obstacle: true, beam: Beam::Even }
+        EmitterTraits { visible_to: RayKinds::ALL, is_obstacle: true, beam: Beam::Lambertian }
     }
 }
 
 /// Angular distribution of the radiance of an emissive surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Beam {
-    /// Uniform.
+    /// Equal radiance in all directions.
     #[default]
-    Even,
+    Lambertian,
     /// A grid in front of the light, as on a soft box: the radiance decreases linearly with the tangent of the angle to the surface
     /// normal, to 0 at the half angle. Its peak is scaled such that the power is unchanged.
     Grid {
@@ -74,7 +74,7 @@ pub enum Beam {
         /// Half angle from which on it is 0, radians.
         outer_angle_rad: f64,
         /// Falloff in between.
-        fade: SpotFade,
+        falloff: SpotFalloff,
     },
     /// A measured profile; the emission's radiance is that in the direction of its maximum.
     Profile {
@@ -535,7 +535,7 @@ pub struct PbrMaterial {
     /// Colour of the dielectric reflection at normal incidence.
     pub specular_color: ColorSlot,
     /// The dielectric reflection has no Fresnel increase to white at grazing angles, like Cycles' Glossy BSDF.
-    pub reflects_evenly: bool,
+    pub has_constant_reflectance: bool,
     /// Fraction 0..1 of the diffuse lobe that is replaced by transmission (KHR_materials_transmission).
     pub transmission: FloatSlot,
     /// Solid (KHR_materials_volume with a thickness above 0) instead of thin-walled.
@@ -678,7 +678,7 @@ impl Default for PbrMaterial {
             varying_ior: None,
             specular: FloatSlot::constant(1.0),
             specular_color: ColorSlot::constant([1.0; 3]),
-            reflects_evenly: false,
+            has_constant_reflectance: false,
             transmission: FloatSlot::constant(0.0),
             has_volume: false,
             tints_once: false,
@@ -701,7 +701,7 @@ impl Default for PbrMaterial {
 parameters_of_fields! {
     MixComponent { weight, material }
     PbrMaterial {
-        base_color, metallic, roughness, diffuse_roughness, ior, varying_ior, specular, specular_color, reflects_evenly, transmission,
+        base_color, metallic, roughness, diffuse_roughness, ior, varying_ior, specular, specular_color, has_constant_reflectance, transmission,
         has_volume, tints_once, keeps_radiance, glass_reflection, energy_compensation, is_beckmann, attenuation_color, attenuation_distance, dispersion, clearcoat,
         sheen, anisotropy, iridescence, diffuse_transmission,
     }

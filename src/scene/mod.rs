@@ -32,11 +32,11 @@ pub use bounds::{Extent, MeshHulls, instance_extents, scene_extent};
 pub use camera::{Aperture, Camera, Panorama, Projection, ThinLens, looking_at, without_scale};
 pub use geometry::{
     CurveBasis, Curves, Instance, Keyframes, Mesh, MeshPart, Motion, Quad, SceneMotion, Shape, ShapeKind,
-    ShapeTag, Splats, VertexAttribute, Vertices, f16,
+    Splats, VertexAttribute, Vertices, f16,
 };
 pub use ids::{GridId, ImageId, MaterialId, MeshId, ProfileId, TextureId};
 pub use light::{
-    Backdrop, DEFAULT_GROUP, Environment, GROUP_KEY, Light, LightKind, LightProfile, Portal, SpotFade,
+    Backdrop, DEFAULT_GROUP, Environment, GROUP_KEY, Light, LightKind, LightProfile, Portal, SpotFalloff,
     group_or_default, is_group_name,
 };
 pub use material::{

@@ -189,6 +189,25 @@ impl LightLinks {
     pub const ALL: LightLinks = LightLinks { receivers: Link::All, blockers: Link::All };
 }
 
+// Object properties for node graphs.
+
+/// Outputs of the `object_info` node.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ObjectInfo {
+    /// Object colour, linear RGBA.
+    pub color: [f32; 4],
+    /// Object index.
+    pub index: f32,
+    /// Random number 0..1 of the object; `None` for a hash of the name.
+    pub random: Option<f32>,
+}
+
+impl Default for ObjectInfo {
+    fn default() -> ObjectInfo {
+        ObjectInfo { color: [1.0; 4], index: 0.0, random: None }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -216,24 +235,5 @@ mod tests {
         assert!(!Link::Only(a).includes(object) && !Link::AllBut(b).includes(object));
         assert!(Link::AllBut(b).includes(ObjectSets::NONE) && !Link::Only(b).includes(ObjectSets::NONE));
         assert_eq!(ObjectSet::new(ObjectSet::COUNT), None);
-    }
-}
-
-// Object properties for node graphs.
-
-/// Outputs of the `object_info` node.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ObjectInfo {
-    /// Object colour, linear RGBA.
-    pub color: [f32; 4],
-    /// Object index.
-    pub index: f32,
-    /// Random number 0..1 of the object; `None` for a hash of the name.
-    pub random: Option<f32>,
-}
-
-impl Default for ObjectInfo {
-    fn default() -> ObjectInfo {
-        ObjectInfo { color: [1.0; 4], index: 0.0, random: None }
     }
 }

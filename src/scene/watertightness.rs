@@ -81,7 +81,7 @@ impl MaterialUses<'_> {
             let corners = [c, c + quad.edge_u, c + quad.edge_u + quad.edge_v, c + quad.edge_v];
             edges.add_polygon(&corners.map(|p| p.as_vec3().to_array()));
         }
-        let are_closed = uses.shapes.iter().all(|&i| self.scene.shapes[i].kind.tag().is_closed());
+        let are_closed = uses.shapes.iter().all(|&i| self.scene.shapes[i].kind.is_closed());
         match count {
             0 if uses.shapes.is_empty() && !uses.has_curves => Watertightness::None,
             _ if edges.sum == 0 && are_closed && !uses.has_curves => Watertightness::Closed,

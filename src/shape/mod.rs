@@ -6,7 +6,7 @@
 
 use crate::math::{Bounds3, Mat3, Ray, Vec2, Vec3};
 use crate::scene;
-use crate::scene::{Mesh, ShapeKind, ShapeTag};
+use crate::scene::{Mesh, ShapeKind};
 pub use curve::{CurveSegment, CurveSegments};
 pub use disk::{Disk, FacingDisk};
 pub use quad::{MIN_RECTANGLE_SOLID_ANGLE, Quad, SphericalParallelogram, SphericalRectangle};
@@ -28,7 +28,7 @@ pub mod triangle;
 /// Generates [`Analytic`] and its dispatch from a table: the type of each shape, named like its kind in scenes, and the parameters of
 /// that kind. In addition to [`Shape`] the type implements `of_scene`, `unpack` and `mesh`.
 macro_rules! shapes {
-    ($($shape:ident $({ $($number:ident),* })?,)*) => {
+    ($($shape:ident,)*) => {
         /// An analytic shape.
         #[derive(Clone, Copy, Debug, PartialEq)]
         pub enum Analytic {
@@ -39,25 +39,23 @@ macro_rules! shapes {
             /// Converts a shape of a scene; `center` is in the space of its geometry, metres.
             pub fn of_scene(shape: &scene::Shape, center: Vec3) -> Analytic {
                 match shape.kind {
-                    $(ShapeKind::$shape $({ $($number),* })? => {
-                        Analytic::$shape($shape::of_scene(shape, center $($(, $number)*)?))
-                    })*
+                    $(ShapeKind::$shape => Analytic::$shape($shape::of_scene(shape, center)),)*
                 }
             }
 
             /// Unpacks a shape; `None` for an unknown kind, such as 0.
             #[inline(always)]
             pub fn unpack(packed: &Packed) -> Option<Analytic> {
-                $(if packed.kind == packed_kind(ShapeTag::$shape) {
+                $(if packed.kind == packed_kind(ShapeKind::$shape) {
                     return Some(Analytic::$shape($shape::unpack(&packed.parameters)));
                 })*
                 None
             }
 
             /// The kind of shape.
-            pub fn tag(&self) -> ShapeTag {
+            pub fn kind(&self) -> ShapeKind {
                 match self {
-                    $(Analytic::$shape(_) => ShapeTag::$shape,)*
+                    $(Analytic::$shape(_) => ShapeKind::$shape,)*
                 }
             }
         }
@@ -65,7 +63,7 @@ macro_rules! shapes {
         /// Tessellation of a shape of a kind, with radius 1, centred at the origin and not rotated; without materials.
         pub fn mesh_of(kind: ShapeKind) -> Mesh {
             match kind {
-                $(ShapeKind::$shape $({ $($number),* })? => $shape::mesh($($($number),*)?),)*
+                $(ShapeKind::$shape => $shape::mesh(),)*
             }
         }
 
@@ -88,14 +86,14 @@ shapes! {
 }
 
 /// The kind of a packed shape, above 0.
-const fn packed_kind(tag: ShapeTag) -> u8 {
-    tag as u8 + 1
+const fn packed_kind(kind: ShapeKind) -> u8 {
+    kind as u8 + 1
 }
 
 impl Analytic {
     /// The form stored in leaves of the BVH.
     pub fn pack(&self) -> Packed {
-        Packed { kind: packed_kind(self.tag()), parameters: self.parameters() }
+        Packed { kind: packed_kind(self.kind()), parameters: self.parameters() }
     }
 }
 

@@ -4,7 +4,7 @@ use crate::support::{assert_radiance, camera, disk, grey_floor, material, option
 use oscura::math::DVec3;
 use oscura::scene::{
     Beam, ColorSlot, EmitterTraits, Environment, FloatSlot, Fog, Light, LightKind, Material, Medium, Model,
-    RayKinds, Scene, SpotFade,
+    RayKinds, Scene, SpotFalloff,
 };
 use std::f64::consts::PI;
 
@@ -43,9 +43,13 @@ fn lamps_that_stop_no_light() {
         ("an obstacle that is not seen", unseen(), true, truth),
     ] {
         let mut scene = grey_floor();
-        let passed = EmitterTraits { visible_to: unseen(), is_obstacle: false, beam: Beam::Even };
+        let passed = EmitterTraits { visible_to: unseen(), is_obstacle: false, beam: Beam::Lambertian };
         let (a, b) = (emitter_traits(&mut scene, 2.0, passed), emitter_traits(&mut scene, 1.0, passed));
-        let c = emitter_traits(&mut scene, 5.0, EmitterTraits { visible_to, is_obstacle, beam: Beam::Even });
+        let c = emitter_traits(
+            &mut scene,
+            5.0,
+            EmitterTraits { visible_to, is_obstacle, beam: Beam::Lambertian },
+        );
         sphere(&mut scene, high.into(), 0.5, a);
         sphere(&mut scene, low.into(), 0.3, b);
         sphere(&mut scene, near.into(), 0.1, c);
@@ -150,8 +154,8 @@ fn cones_of_a_ball() {
     let center = DVec3::new(0.5, 2.0, 0.3);
     let shines = |towards: DVec3| {
         let direction = (towards - center).normalize();
-        let (inner_angle_rad, outer_angle_rad, fade) = (0.3, 0.6, SpotFade::Smooth);
-        let beam = Beam::Cone { direction, inner_angle_rad, outer_angle_rad, fade };
+        let (inner_angle_rad, outer_angle_rad, falloff) = (0.3, 0.6, SpotFalloff::Smooth);
+        let beam = Beam::Cone { direction, inner_angle_rad, outer_angle_rad, falloff };
         let mut scene = grey_floor();
         let emitter_traits =
             emitter_traits(&mut scene, 3.0, EmitterTraits { visible_to: unseen(), is_obstacle: false, beam });

@@ -14,7 +14,7 @@ const RADIANCE: f32 = 3.0;
 /// A lamp of a kind that rays pass, unseen by the camera.
 fn emitter_traits(scene: &mut Scene, kind: ShapeKind, center: DVec3, radius: f64) {
     let visible_to = RayKinds::ALL.without(RayKinds::CAMERA);
-    let emitter_traits = Some(EmitterTraits { visible_to, is_obstacle: false, beam: Beam::Even });
+    let emitter_traits = Some(EmitterTraits { visible_to, is_obstacle: false, beam: Beam::Lambertian });
     let shines_inwards = kind == ShapeKind::Shell;
     let shine = Material { emitter_traits, ..Material::emitter("lamp", [RADIANCE; 3], shines_inwards) };
     let shine = material(scene, shine);

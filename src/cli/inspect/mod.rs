@@ -349,7 +349,7 @@ pub fn objects<'a>(scene: &'a Scene, extents: &[Extent]) -> Vec<Object<'a>> {
         }
     });
     let shapes = scene.shapes.iter().map(|s| Object::Shape {
-        kind: s.kind.tag().name(),
+        kind: s.kind.name(),
         name: &s.name,
         center: s.center.to_array(),
         radius: s.radius,

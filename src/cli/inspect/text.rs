@@ -421,7 +421,7 @@ pub fn tree(scene: &Scene) -> Vec<String> {
     }
     for s in &scene.shapes {
         let content =
-            format!("{} of radius {}, {}", s.kind.tag().name(), s.radius, material_name(scene, s.material));
+            format!("{} of radius {}, {}", s.kind.name(), s.radius, material_name(scene, s.material));
         insert(&mut nodes, &mut known, &s.name, content);
     }
     for q in &scene.quads {

@@ -177,7 +177,7 @@ fn decode(bytes: &[u8]) -> Result<Mesh, String> {
     };
     let mesh = decoders::catch_panic(decode)??;
     if mesh.num_points() as u64 > max_count {
-        return Err(format!("it claims {} vertices in {} bytes", mesh.num_points(), bytes.len()));
+        return Err(format!("it declares {} vertices in {} bytes", mesh.num_points(), bytes.len()));
     }
     Ok(mesh)
 }

@@ -11,7 +11,7 @@ use crate::math::{DAffine3, DMat3, DQuat, DVec3};
 use crate::scene::{
     Camera, EmitterTraits, GROUP_KEY, Instance, Light, LightKind, LightLinks, LightProfile, Material,
     MaterialId, Mesh, MeshId, MeshPart, ObjectTraits, Portal, Projection, Quad, RayKinds, Scene, Shape,
-    ShapeKind, SpotFade, is_group_name, without_scale,
+    ShapeKind, SpotFalloff, is_group_name, without_scale,
 };
 use crate::shape::mesh_of;
 use gltf::json::camera::Type;
@@ -120,11 +120,11 @@ pub(super) fn lumens_per_watt(doc: &Document) -> f64 {
 }
 
 /// Falloff of spot lights at the edge of the cone: Blender's for its files, unless the user wants the specification's.
-fn fade(doc: &Document) -> SpotFade {
+fn falloff(doc: &Document) -> SpotFalloff {
     if doc.is_from_blender() && doc.options.light_units != LightUnits::Spec {
-        SpotFade::Smooth
+        SpotFalloff::Smooth
     } else {
-        SpotFade::Square
+        SpotFalloff::Square
     }
 }
 
@@ -201,7 +201,7 @@ pub(super) fn punctual_light(doc: &Document, node: &Node, index: usize, report: 
                 direction,
                 inner_angle_rad,
                 outer_angle_rad,
-                fade: fade(doc),
+                falloff: falloff(doc),
             })
         }
         _ => {

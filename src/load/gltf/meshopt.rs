@@ -219,7 +219,7 @@ fn decode(bytes: &[u8], count: usize, stride: usize) -> Result<Vec<u8>, String> 
         0 => vec![Channel::Bytes; stride / 4],
         _ => modes.iter().map(|&mode| channel(mode)).collect::<Result<_, _>>()?,
     };
-    let mut out = vec![0u8; count.checked_mul(stride).ok_or("it claims too many elements")?];
+    let mut out = vec![0u8; count.checked_mul(stride).ok_or("it declares too many elements")?];
     let max_elements = ((BLOCK_BYTES / stride) & !(GROUP - 1)).min(BLOCK_ELEMENTS);
     let mut deltas = vec![0u8; max_elements * stride];
     for block in out.chunks_mut(max_elements * stride) {

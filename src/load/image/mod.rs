@@ -654,7 +654,7 @@ mod tests {
         let mut bmp = encode(rgb(), ImageFormat::Bmp);
         bmp[18..22].copy_from_slice(&32_768u32.to_le_bytes());
         bmp[22..26].copy_from_slice(&32_767u32.to_le_bytes());
-        assert!(error(&bmp).contains("claims"), "{}", error(&bmp));
+        assert!(error(&bmp).contains("declares"), "{}", error(&bmp));
         let mut wide = exr(4, 2, |_, _| (1.0, 1.0, 1.0, 1.0));
         let window = b"dataWindow\0box2i\0";
         let at =

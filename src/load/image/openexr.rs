@@ -401,7 +401,7 @@ pub(super) fn check_sizes(source: &Source, meta: &MetaData) -> Result<()> {
     // With many channels: at most one sample per bit of the file.
     let bytes = source.length;
     if samples > source::max_pixels(bytes).saturating_mul(4).max(bytes.saturating_mul(8)) {
-        return Err(source.error(format!("claims {samples} numbers in {bytes} bytes, which is too many")));
+        return Err(source.error(format!("declares {samples} numbers in {bytes} bytes, which is too many")));
     }
     Ok(())
 }

@@ -35,7 +35,7 @@ struct Header {
     /// Product of all exposure factors, per channel.
     factors: [f32; 3],
     is_xyz: bool,
-    /// Slow and fast axis: is it x, is it increasing, and its number of pixels.
+    /// Slow and fast axis: whether it is x, whether it increases, and its number of pixels.
     axes: [(bool, bool, u32); 2],
     /// Size of the header, bytes.
     length: usize,

@@ -184,7 +184,7 @@ pub(super) fn check(source: &Source, width: u64, height: u64) -> Result<()> {
         _ => {
             let bytes = source.length;
             let claim =
-                format!("claims {width} x {height} pixels in {bytes} bytes; at most {max_pixels} pixels");
+                format!("declares {width} x {height} pixels in {bytes} bytes; at most {max_pixels} pixels");
             Err(source.error(("image-size-claim", format!("{claim} are accepted for a file of that length"))))
         }
     }

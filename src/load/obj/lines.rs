@@ -55,7 +55,7 @@ pub(super) trait LineFilter {
         false
     }
 
-    /// Called at the end of a pass: is another pass needed?
+    /// Called at the end of a pass; returns whether another pass is needed.
     fn needs_next_pass(&mut self) -> bool {
         false
     }

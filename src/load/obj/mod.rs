@@ -15,9 +15,10 @@ mod mtl;
 mod statements;
 
 use super::files::{ModelReader, find};
-use super::mesh_tools::{Repairs, triangulate};
+use super::mesh_tools::Repairs;
 use super::points::Cloud;
 use super::subdivide::Cage;
+use super::triangulate::triangulate;
 use super::words::is_utf_16;
 use super::{LoadOptions, Loaded, Up, UpHint, mesh_tools};
 use crate::color::linear_from_srgb;

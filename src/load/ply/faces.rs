@@ -2,7 +2,7 @@
 
 use super::rows::Face;
 use crate::error::Problem;
-use crate::load::mesh_tools::triangulate;
+use crate::load::triangulate::triangulate;
 use crate::scene::Mesh;
 use std::collections::HashMap;
 

@@ -241,7 +241,7 @@ impl<'a> Source<'a> {
             || vertex.is_some_and(|v| v.properties.get("x").is_some_and(|p| is_double(&p.data_type)))
     }
 
-    /// UnreadData properties with their elements, and unknown header lines.
+    /// Unread properties with their elements, and unknown header lines.
     pub fn unsupported(&self, layout: &VertexLayout) -> UnreadData {
         let incomplete = layout.incomplete.iter();
         let visible = incomplete.map(|what| format!("{what} with a missing property")).collect();

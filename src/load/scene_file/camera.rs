@@ -44,7 +44,7 @@ use super::assets::Assets;
 use super::builder::SceneFileBuilder;
 use super::fields::{Fields, number, suggestion};
 use super::transform;
-use crate::load::{LONGEST_SHUTTER, ShutterOptions, ShutterPosition};
+use crate::load::{MAX_SHUTTER_FRAMES, ShutterOptions, ShutterPosition};
 use crate::math::{DAffine3, DVec3};
 use crate::scene::{Aperture, Camera, Panorama, Projection, ThinLens, looking_at, without_scale};
 use std::ops::Range;
@@ -240,11 +240,8 @@ fn lens(fields: &Fields, world_from_camera: &DAffine3, focus: Option<f64>) -> Op
         fields.problems.push(fields.span(), message);
         None
     };
-    if point.is_some() && distance.is_some() {
-        return fail("'focus_distance' and 'focus_at' exclude each other: leave one out");
-    }
-    if angle.is_some() && f_stop.is_some() {
-        return fail("'defocus_angle' and 'f_stop' exclude each other: leave one out");
+    if !fields.exclusive(["focus_distance", "focus_at"]) || !fields.exclusive(["defocus_angle", "f_stop"]) {
+        return None;
     }
     if f_stop.is_none() && fields.has("focal_length") {
         return fail("'focal_length' needs 'f_stop'");
@@ -313,7 +310,7 @@ fn placed_camera(fields: &Fields) -> Option<Camera> {
 /// The placement of a camera by `transform`, without a default focus distance.
 fn placement_by_transform(fields: &Fields) -> Option<(DAffine3, Option<f64>)> {
     if let Some(key) = ["look_from", "look_at", "view_up"].into_iter().find(|key| fields.has(key)) {
-        let message = format!("'transform' and '{key}' exclude each other: leave one out");
+        let message = format!("'transform' and '{key}' exclude each other: keep one");
         fields.problems.push(fields.span(), message);
     }
     without_scale(&transform::read(fields)).map(|placement| (placement, None))
@@ -474,7 +471,7 @@ pub(super) fn shutter_options(options: ShutterOptions, root: &Fields) -> Shutter
         let frames = table.get("shutter").and_then(|v| number(v.get_ref()));
         let position = table.get("shutter_position").and_then(|v| v.get_ref().as_str());
         let position = position.and_then(ShutterPosition::from_name);
-        let frames = frames.filter(|f| (0.0..=LONGEST_SHUTTER).contains(f));
+        let frames = frames.filter(|f| (0.0..=MAX_SHUTTER_FRAMES).contains(f));
         options.or(frames, position)
     })
 }
@@ -488,6 +485,6 @@ fn requests_motion_vectors(root: &Fields) -> bool {
 
 /// Reports problems of the shutter keys.
 fn check_shutter(camera: &Fields) {
-    camera.number_in("shutter", 0.0..LONGEST_SHUTTER, 0.0);
+    camera.number_in("shutter", 0.0..MAX_SHUTTER_FRAMES, 0.0);
     camera.choice("shutter_position", &ShutterPosition::NAMED);
 }

@@ -287,6 +287,17 @@ impl<'a> Fields<'a> {
         value
     }
 
+    /// Reports keys that exclude each other; returns whether the table has at most one of them.
+    pub fn exclusive<const N: usize>(&self, keys: [&'static str; N]) -> bool {
+        let given: Vec<String> =
+            keys.into_iter().filter(|key| self.has(key)).map(|key| format!("'{key}'")).collect();
+        if given.len() > 1 {
+            let message = format!("{} exclude each other: keep one", given.join(" and "));
+            self.problems.push(self.span(), message);
+        }
+        given.len() <= 1
+    }
+
     /// Reports all unknown keys.
     pub fn finish(&self) {
         let known = self.known.borrow();

@@ -50,7 +50,7 @@ use crate::load::{files, ies};
 use crate::math::{DAffine3, DMat3, DQuat, DVec3, Vec2};
 use crate::scene::{
     Beam, EmitterTraits, Instance, Interpolation, Keyframes, Light, LightKind, LightProfile, Mapping,
-    Material, MaterialId, Mesh, MeshPart, ObjectTraits, Quad, RayKinds, Scene, Shape, ShapeKind, SpotFade,
+    Material, MaterialId, Mesh, MeshPart, ObjectTraits, Quad, RayKinds, Scene, Shape, ShapeKind, SpotFalloff,
     Texture, TextureId, TextureTransform, Wrap,
 };
 use crate::shape::mesh_of;
@@ -75,7 +75,7 @@ pub(super) fn read(build: &mut SceneFileBuilder, root: &Fields) {
         let emitter = EmitterTraits {
             visible_to: visible_to(&fields, RayKinds::ALL),
             is_obstacle: fields.flag("obstacle", true),
-            beam: Beam::Even,
+            beam: Beam::Lambertian,
         };
         let links = traits::read_links(build, &fields).unwrap_or_default();
         let (placement, motion) = match fields.has("transform") {
@@ -110,7 +110,7 @@ fn check_node(fields: &Fields, shape: &Fields) {
         return;
     }
     if fields.has("transform") {
-        fields.problems.push(shape.span(), "'transform' and 'node' exclude each other: leave one out");
+        fields.problems.push(shape.span(), "'transform' and 'node' exclude each other: keep one");
     } else if fields.has("motion") {
         fields.problems.push(shape.span(), "a light at a node follows its motion: leave 'motion' out");
     }
@@ -199,7 +199,7 @@ fn add_point_or_spot(build: &mut SceneFileBuilder, is_spot: bool, fields: &Field
             Some(node) => node.as_ref().map(|n| n.now.direction),
             None => position.and_then(|p| direction(fields, Some(p))),
         };
-        direction.map(|direction| (direction, inner_angle_rad, outer_angle_rad, SpotFade::Smooth))
+        direction.map(|direction| (direction, inner_angle_rad, outer_angle_rad, SpotFalloff::Smooth))
     });
     if fields.has("ies") {
         let node = node.as_ref().and_then(Option::as_ref);
@@ -218,11 +218,11 @@ fn add_point_or_spot(build: &mut SceneFileBuilder, is_spot: bool, fields: &Field
     let (Some(MovingPlacement { now, motion }), Some(intensity)) = (placement, intensity) else { return };
     let (position, direction) = (now.center, now.direction);
     let (kind, beam) = match cone {
-        None => (LightKind::Point { position }, Beam::Even),
+        None => (LightKind::Point { position }, Beam::Lambertian),
         Some(None) => return,
-        Some(Some((_, inner_angle_rad, outer_angle_rad, fade))) => (
-            LightKind::Spot { position, direction, inner_angle_rad, outer_angle_rad, fade },
-            Beam::Cone { direction, inner_angle_rad, outer_angle_rad, fade },
+        Some(Some((_, inner_angle_rad, outer_angle_rad, falloff))) => (
+            LightKind::Spot { position, direction, inner_angle_rad, outer_angle_rad, falloff },
+            Beam::Cone { direction, inner_angle_rad, outer_angle_rad, falloff },
         ),
     };
     let is_soft = fields.flag("soft_falloff", false);
@@ -251,7 +251,7 @@ fn add_profiled(
     fields: &Fields,
     traits: LightTraits,
     (position, node): (Option<DVec3>, Option<&MovingPlacement>),
-    cone: Option<Option<(DVec3, f64, f64, SpotFade)>>,
+    cone: Option<Option<(DVec3, f64, f64, SpotFalloff)>>,
 ) {
     let profile = read_profile(build, fields);
     let axis = cone.flatten().map(|(axis, ..)| axis);
@@ -412,7 +412,7 @@ fn add_area(build: &mut SceneFileBuilder, fields: &Fields, mut traits: LightTrai
     };
     let beam = match spread < MAX_BEAM_DEGREES {
         true => Beam::Grid { half_angle_rad: spread.to_radians() / 2.0 },
-        false => Beam::Even,
+        false => Beam::Lambertian,
     };
     let texture = fields.string("image").and_then(|image| image_texture(build, image, is_ellipse));
     let unit_from_world = now.world_from_unit().inverse();
@@ -551,7 +551,7 @@ fn read_profile(build: &SceneFileBuilder, fields: &Fields) -> Option<(Arc<LightP
         (Some(power), None) => power / (4.0 * PI * f64::from(profile.mean(COSINE_STEPS)).max(1e-9)),
         (None, Some(intensity)) => intensity,
         (Some(_), Some(_)) => {
-            let message = "'power' and 'intensity' exclude each other: leave one out, or with 'ies' both";
+            let message = "'power' and 'intensity' exclude each other: keep one, or with 'ies' none";
             fields.problems.push(fields.span(), message);
             return None;
         }

@@ -355,9 +355,7 @@ fn warn_of_colors_above_one(build: &mut SceneFileBuilder, material: &Material) {
 fn metal(fields: &Fields, name: &str, color: ColorSlot) -> Material {
     let measured = measured_metal(fields);
     let fuzz = fields.has("fuzz").then(|| fields.number_in("fuzz", 0.0..1.0, 0.0));
-    if fuzz.is_some() && fields.has("roughness") {
-        fields.problems.push(fields.span(), "'fuzz' and 'roughness' exclude each other: leave one out");
-    }
+    fields.exclusive(["fuzz", "roughness"]);
     let roughness = match fuzz {
         Some(f) => roughness_of_fuzz(f) as f32,
         None => fields.number_in("roughness", 0.0..1.0, 0.0) as f32,
@@ -457,11 +455,7 @@ pub(super) fn measured_metal(fields: &Fields) -> Option<MeasuredMetal> {
 fn read_hair(fields: &Fields, mut slot: impl FnMut(&'static str, f32) -> ColorSlot) -> Model {
     let fraction = |key, default| fields.number_in(key, 0.0..1.0, default) as f32;
     let radial = fraction("radial_roughness", 0.3);
-    let color_keys = ["color", "melanin", "absorption"];
-    if color_keys.into_iter().filter(|key| fields.has(key)).count() > 1 {
-        let message = "'color', 'melanin' and 'absorption' exclude each other: keep one";
-        fields.problems.push(fields.span(), message);
-    }
+    fields.exclusive(["color", "melanin", "absorption"]);
     if fields.has("melanin_redness") && !fields.has("melanin") {
         fields.problems.push(fields.span(), "'melanin_redness' needs 'melanin'");
     }
@@ -568,9 +562,7 @@ pub(super) fn read_normal_map(
     fields: &Fields,
     checks_only: bool,
 ) -> Option<NormalMap> {
-    if fields.has("normal") && fields.has("bump") {
-        fields.problems.push(fields.span(), "'normal' and 'bump' exclude each other: leave one out");
-    }
+    fields.exclusive(["normal", "bump"]);
     if fields.raw("normal").is_some_and(|value| value.get_ref().is_str()) {
         return None;
     }

@@ -80,7 +80,7 @@ pub(super) fn solid_medium<'a>(
     let coefficient_textures = medium_textures(build, textures, fields);
     let medium = Medium { textures: coefficient_textures, ..constant_medium(fields) };
     if !coefficient_textures.is_empty() && fields.has("grid") {
-        let message = "'grid' and textures exclude each other: leave one out";
+        let message = "'grid' and textures exclude each other: keep one";
         fields.problems.push(fields.span(), ("grid-and-texture", message));
     }
     let corners = [fields.vector("min"), fields.vector("max")];
@@ -162,10 +162,7 @@ impl<'a> EmissionKeys<'a> {
             scales_with_power: fields
                 .choice("temperature_law", &[("planck", false), ("stefan-boltzmann", true)]),
         };
-        if keys.factors.is_some() && keys.temperature.is_some() {
-            let message = "'emission_grid' and 'temperature_grid' exclude each other: leave one out";
-            fields.problems.push(fields.span(), message);
-        }
+        fields.exclusive(["emission_grid", "temperature_grid"]);
         if (keys.kelvin.is_some() || keys.scales_with_power.is_some()) && keys.temperature.is_none() {
             let message = "'temperature' and 'temperature_law' need a 'temperature_grid'";
             fields.problems.push(fields.span(), message);

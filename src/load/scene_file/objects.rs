@@ -309,9 +309,7 @@ fn face_materials<'a>(
     textures: &mut Textures<'a>,
 ) -> Option<Vec<MaterialId>> {
     let list = fields.list("materials")?;
-    if fields.has("material") {
-        fields.problems.push(fields.span(), "'material' and 'materials' exclude each other: leave one out");
-    }
+    fields.exclusive(["material", "materials"]);
     if list.len() != count {
         let message = format!("'materials' names {} materials, but the shape has {count} faces", list.len());
         fields.problems.push(fields.span(), message);
@@ -603,7 +601,7 @@ fn is_stretched_light(build: &SceneFileBuilder, object: &Object, shape: &Shape) 
 
 /// Adds a shape under the transform of its object; ellipsoids and ellipses become meshes, with a warning.
 fn add_shape(build: &mut SceneFileBuilder, object: &Object, shape: Shape) {
-    let (is_stretched, kind) = (is_stretched_light(build, object, &shape), shape.kind.tag().name());
+    let (is_stretched, kind) = (is_stretched_light(build, object, &shape), shape.kind.name());
     let reason = if is_stretched { "motion deforms the emissive" } else { "transform deforms the" };
     if let Some(placed) = placed_shape(&object.world_from_object, shape.clone()).filter(|_| !is_stretched) {
         let scene = &mut build.loaded.scene;

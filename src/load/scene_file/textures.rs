@@ -465,11 +465,7 @@ fn read_spectrum(fields: &Fields) -> Option<Curve> {
     let luminance = fields.has("luminance").then(|| fields.number_in("luminance", 0.0..MAX_VALUE, 1.0));
     let kelvin = fields.has("black_body").then(|| fields.number_in("black_body", 100.0..100_000.0, 5000.0));
     if let Some(kelvin) = kelvin {
-        if fields.has("values") {
-            fields
-                .problems
-                .push(fields.span(), "'black_body' and 'values' exclude each other: leave one out");
-        }
+        fields.exclusive(["black_body", "values"]);
         return Some(Curve::black_body(kelvin, luminance.unwrap_or(1.0)));
     }
     let values = values(fields)?;

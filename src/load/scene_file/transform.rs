@@ -457,7 +457,7 @@ pub(super) fn direction(fields: &Fields, position: Option<DVec3>) -> Option<DVec
     let (vector, span) = match (target, direction) {
         (Some(given), None) | (None, Some(given)) => given,
         (Some(_), Some((_, span))) => {
-            fields.problems.push(span, "'target' and 'direction' exclude each other: leave one out");
+            fields.problems.push(span, "'target' and 'direction' exclude each other: keep one");
             return None;
         }
         (None, None) => {

@@ -214,9 +214,6 @@ pub(super) fn check_objects(scene: &Scene, findings: &mut Findings) {
         findings.require(exists(shape.material), place, "material", shape.material, MATERIAL);
         findings.require(shape.center.is_finite(), place, "center", shape.center, FINITE);
         findings.require_length(shape.radius, place, "radius", shape.radius);
-        for number in shape.kind.numbers() {
-            findings.require(number.is_finite(), place, "kind", number, FINITE);
-        }
         findings.require(shape.rotation.is_normalized(), place, "rotation", shape.rotation, "of unit length");
     }
     for (index, quad) in scene.quads.iter().enumerate() {

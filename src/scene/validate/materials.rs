@@ -49,7 +49,7 @@ const MIN_BEAM_RAD: f64 = 1e-4;
 
 fn check_beam(beam: Option<Beam>, profiles: usize, place: Entry, findings: &mut Findings) {
     match beam {
-        None | Some(Beam::Even) => {}
+        None | Some(Beam::Lambertian) => {}
         Some(Beam::Grid { half_angle_rad: half }) => {
             let is_valid = (MIN_BEAM_RAD..FRAC_PI_2).contains(&half);
             findings.require(is_valid, place, "half_angle_rad", half, "from 1e-4 to below pi / 2");

@@ -279,7 +279,7 @@ mod tests {
             direction,
             inner_angle_rad,
             outer_angle_rad,
-            fade: Default::default(),
+            falloff: Default::default(),
         };
         scene.lights.push(Light { name: "lamp".into(), ..Light::new(kind, [f32::INFINITY, 0.0, 0.0]) });
         scene.shapes.push(Shape { name: "ball".into(), ..Shape::sphere(DVec3::ZERO, -1.0, MaterialId(0)) });

@@ -8,7 +8,7 @@ use oscura::scene::{
     AlphaMode, Anisotropy, Aperture, Beam, Clearcoat, ColorSlot, CurveBasis, Curves, DiffuseTransmission,
     Emission, EmitterTraits, Environment, FloatSlot, FresnelModel, ImageId, Instance, Interpolation,
     Iridescence, Light, LightKind, LightProfile, Mapping, Material, MaterialId, Mesh, MeshId, MeshPart,
-    Model, Motion, NoiseKind, NormalMap, ObjectTraits, PbrMaterial, Projection, Scene, Sheen, SpotFade,
+    Model, Motion, NoiseKind, NormalMap, ObjectTraits, PbrMaterial, Projection, Scene, Sheen, SpotFalloff,
     Texture, TextureId, TextureTransform, ThinLens, VertexAttribute, Wrap,
 };
 use std::sync::Arc;
@@ -205,15 +205,15 @@ fn shapes() -> Scene {
 /// Lamps that rays pass, with beams.
 fn add_lamps(scene: &mut Scene) {
     let direction = DVec3::new(0.3, -1.0, -0.5).normalize();
-    let (inner_angle_rad, outer_angle_rad, fade) = (0.3, 0.7, SpotFade::Smooth);
-    let cone = Beam::Cone { direction, inner_angle_rad, outer_angle_rad, fade };
+    let (inner_angle_rad, outer_angle_rad, falloff) = (0.3, 0.7, SpotFalloff::Smooth);
+    let cone = Beam::Cone { direction, inner_angle_rad, outer_angle_rad, falloff };
     let profile = scene.add_profile(Arc::new(LightProfile {
         vertical_deg: vec![0.0, 180.0],
         horizontal_deg: vec![0.0],
         values: vec![1.0, 0.2],
     }));
     let measured = Beam::Profile { profile, rotation: DQuat::IDENTITY, cone: Some([0.3, 2.0]) };
-    let beams = [Beam::Even, Beam::Grid { half_angle_rad: 0.6 }, cone, measured];
+    let beams = [Beam::Lambertian, Beam::Grid { half_angle_rad: 0.6 }, cone, measured];
     for (i, beam) in beams.into_iter().enumerate() {
         let mut bulb = Material::emitter("bulb", [3.0; 3], false);
         bulb.emitter_traits = Some(EmitterTraits {
@@ -233,12 +233,17 @@ fn add_lamps(scene: &mut Scene) {
 fn add_lights(scene: &mut Scene) {
     let position = DVec3::new(1.0, 2.0, 3.0);
     let direction = -position.normalize();
-    let spot =
-        |fade| LightKind::Spot { position, direction, inner_angle_rad: 0.3, outer_angle_rad: 0.7, fade };
+    let spot = |falloff| LightKind::Spot {
+        position,
+        direction,
+        inner_angle_rad: 0.3,
+        outer_angle_rad: 0.7,
+        falloff,
+    };
     let kinds = [
         LightKind::Point { position: DVec3::new(-2.0, 1.0, 2.0) },
-        spot(SpotFade::Square),
-        spot(SpotFade::Smooth),
+        spot(SpotFalloff::Square),
+        spot(SpotFalloff::Smooth),
         LightKind::Directional { direction: DVec3::new(0.1, -1.0, -0.2).normalize() },
         LightKind::Sun { direction: DVec3::new(-0.1, -1.0, -0.2).normalize(), angle_rad: 0.02 },
     ];

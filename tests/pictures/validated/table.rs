@@ -12,8 +12,8 @@ use oscura::scene::{
     LightLinks, LightProfile, Link, Mapping, Material, MaterialId, Medium, MediumTextures, Mesh, MeshId,
     MeshPart, MixComponent, Model, Motion, NoiseKind, NormalMap, ObjectInfo, ObjectSet, ObjectSets,
     ObjectTraits, PbrMaterial, Portal, ProfileId, Projection, Quad, RayKinds, Scene, Settings,
-    ShadowTerminator, Shape, ShapeKind, Sheen, SkippedCaustics, Splats, SpotFade, SubsurfaceEntry, Texture,
-    TextureId, TextureTransform, ThinLens, VertexAttribute, Wrap,
+    ShadowTerminator, Shape, ShapeKind, Sheen, SkippedCaustics, Splats, SpotFalloff, SubsurfaceEntry,
+    Texture, TextureId, TextureTransform, ThinLens, VertexAttribute, Wrap,
 };
 
 /// Ids mostly change to others that may exist.
@@ -103,7 +103,7 @@ structs! {
     FloatSlot { factor, texture }
     NormalMap { texture, scale }
     PbrMaterial {
-        base_color, metallic, roughness, diffuse_roughness, ior, varying_ior, specular, specular_color, reflects_evenly, transmission, has_volume,
+        base_color, metallic, roughness, diffuse_roughness, ior, varying_ior, specular, specular_color, has_constant_reflectance, transmission, has_volume,
         tints_once, keeps_radiance, glass_reflection, energy_compensation, is_beckmann, attenuation_color, attenuation_distance, dispersion, clearcoat,
         sheen, anisotropy, iridescence, diffuse_transmission,
     }
@@ -175,17 +175,17 @@ enums! {
     Pixels {} { U8 U16 F32 }
     LightKind {
         Point { position }
-        Spot { position, direction, inner_angle_rad, outer_angle_rad, fade }
+        Spot { position, direction, inner_angle_rad, outer_angle_rad, falloff }
         Profiled { position, rotation, cone }
         Directional { direction }
         Sun { direction, angle_rad }
     } {}
     Link { All {} } { Only AllBut }
-    SpotFade { Square {} Smooth {} } {}
+    SpotFalloff { Square {} Smooth {} } {}
     Beam {
-        Even {}
+        Lambertian {}
         Grid { half_angle_rad }
-        Cone { direction, inner_angle_rad, outer_angle_rad, fade }
+        Cone { direction, inner_angle_rad, outer_angle_rad, falloff }
         Profile { profile, rotation, cone }
     } {}
     Backdrop {} { Color Picture }

@@ -141,7 +141,7 @@ impl ClosureList<'_, '_, '_> {
             ior: 0.0,
             specular: if is_black(&color) { NONE } else { FloatSlot::constant(1.0) },
             specular_color: color,
-            reflects_evenly: true,
+            has_constant_reflectance: true,
             energy_compensation: self.energy_compensation(index),
             ..without_lobes()
         };
