@@ -162,7 +162,7 @@ mod tests {
             (String::new(), "TILT="),
             ("TILT=NONE".into(), "0 of 3 numbers for its header"),
             (format!("TILT=NONE\n{}", &BODY[..BODY.len() - 8]), "ends too early"),
-            (body("50", "fifty"), "'fifty' in line 6"),
+            (body("50", "fifty"), "has 'fifty' instead of a number in line 6"),
             (body("50", "1e999"), "'1e999'"),
             (body("50", "-50"), "negative"),
             (body("3 2 1 2", "3 2 2 2"), "type 2"),

@@ -126,36 +126,24 @@ pub struct Shape {
     pub info: ObjectInfo,
 }
 
-/// Kinds of analytic shapes. Axes are in the local space of the shape.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum ShapeKind {
-    /// A sphere, textured around the y axis.
-    Sphere,
-    /// A flat disk whose front faces z. Its texture is the square around it, x to the right and y up.
-    Disk,
-    /// A disk that always faces the origin of the ray: a light with a soft falloff. Not textured.
-    FacingDisk,
-    /// A sphere that each ray intersects at most once: from outside on its near side, from inside on its far side. For lights that
-    /// rays pass through.
-    Shell,
+named_enum! {
+    /// Kinds of analytic shapes. Axes are in the local space of the shape.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    #[non_exhaustive]
+    ShapeKind {
+        /// A sphere, textured around the y axis.
+        Sphere = "sphere",
+        /// A flat disk whose front faces z. Its texture is the square around it, x to the right and y up.
+        Disk = "disk",
+        /// A disk that always faces the origin of the ray: a light with a soft falloff. Not textured.
+        FacingDisk = "facing disk",
+        /// A sphere that each ray intersects at most once: from outside on its near side, from inside on its far side. For lights
+        /// that rays pass through.
+        Shell = "shell",
+    }
 }
 
 impl ShapeKind {
-    /// All kinds, by discriminant.
-    pub const ALL: [ShapeKind; 4] =
-        [ShapeKind::Sphere, ShapeKind::Disk, ShapeKind::FacingDisk, ShapeKind::Shell];
-
-    /// Name, singular.
-    pub fn name(self) -> &'static str {
-        match self {
-            ShapeKind::Sphere => "sphere",
-            ShapeKind::Disk => "disk",
-            ShapeKind::FacingDisk => "facing disk",
-            ShapeKind::Shell => "shell",
-        }
-    }
-
     /// Whether it encloses a volume.
     pub fn is_closed(self) -> bool {
         self == ShapeKind::Sphere

@@ -91,7 +91,7 @@ fn properties_of_ply_files_that_are_not_read() {
         textured.0,
         [
             "the texture 'wall.png' of a comment: left out, 'wall.png' does not exist",
-            "texture coordinates of 1 faces, which are not two numbers a corner: left out"
+            "texture coordinates of 1 faces, whose length is not two numbers per corner: left out"
         ]
     );
     let coordinates = "property float s\nproperty float t\n";
