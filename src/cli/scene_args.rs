@@ -112,7 +112,7 @@ pub(crate) struct BlenderArgs {
     /// View layer by name [default: the first that is enabled for rendering].
     #[arg(long, value_name = "LAYER")]
     pub view_layer: Option<String>,
-    /// Maximum size of baked textures, 16 to 16384 pixels [default: 1024; 512 for ambient occlusion and bevels].
+    /// Maximum size of baked textures, 16 to 16384 pixels [default: 1024].
     #[arg(long, value_name = "N", value_parser = integer::<u32>(16, 16384), allow_negative_numbers = true)]
     pub bake: Option<u32>,
     /// Cache folder of baked textures [default: see 'oscura cache'].

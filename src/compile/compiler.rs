@@ -361,6 +361,7 @@ fn features(
         camera_environment: scene.camera_environment.is_some(),
         background: *scene.camera_environment.as_ref().unwrap_or(&scene.environment) != Environment::Black,
         paths: materials.iter().any(|m| m.reads_path),
+        traced_textures: materials.iter().any(|m| m.traces_rays),
         ray_kinds: materials
             .iter()
             .any(|m| m.reads_path || !m.visible_to().contains(RayKinds::ALL.without(RayKinds::CAMERA))),

@@ -63,6 +63,7 @@ impl<'a> HitReader<'a> {
             material_index: material.index,
             path,
             strand: geometries.strand(hit),
+            rays: None,
         })
     }
 }

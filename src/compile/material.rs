@@ -67,6 +67,8 @@ pub struct CompiledMaterial {
     reads_tangents: bool,
     /// A texture depends on the incident path.
     pub reads_path: bool,
+    /// A texture traces rays into the scene.
+    pub traces_rays: bool,
     /// Texture coordinates are used.
     pub uses_uv: bool,
     /// The BSDF depends on tangents or on a second normal.
@@ -297,6 +299,7 @@ impl CompiledMaterial {
             index: material.index as f32,
             reads_tangents: material.textures().any(|id| textures.reads_tangents(id)),
             reads_path: material.textures().any(|id| textures.reads_path(id)),
+            traces_rays: material.textures().any(|id| textures.traces_rays(id)),
             uses_uv,
             uses_frame,
             coat_normal_map,
@@ -398,6 +401,7 @@ impl CompiledMaterial {
         self.reads_hit |= other.reads_hit;
         self.reads_tangents |= other.reads_tangents;
         self.reads_path |= other.reads_path;
+        self.traces_rays |= other.traces_rays;
     }
 
     /// Components of a mix with another medium than that of the mix, if either scatters; with their medium.

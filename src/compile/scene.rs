@@ -185,6 +185,8 @@ pub struct Features {
     pub links: bool,
     /// Some textures depend on the incident path.
     pub paths: bool,
+    /// Some textures trace rays.
+    pub traced_textures: bool,
     /// Some BSDFs, normals or weights of mixes are node graphs.
     pub graphs: bool,
     /// Some materials are mixes.

@@ -10,7 +10,7 @@ use super::Integrator;
 use super::light_visibility::LightVisibility;
 use super::radiance_buffer::{PathClass, RadianceOrigin, class_of_path};
 use super::sampling::Purpose;
-use super::shading_geometry::HitPoint;
+use super::shading_geometry::{HitPoint, PathOrigin};
 use super::shading_groups::SortedVertices;
 use super::visibility::receiver_class;
 use super::wave::{LENGTH, Paths, Scratch, WAVE, Wave, get, get_rgb, set_rgb};
@@ -41,7 +41,10 @@ impl Integrator<'_> {
             return;
         }
         let wo = -w.rays[i].direction;
-        let radiance = self.emitted(at, wo, w.wavelengths(i));
+        // Unfiltered as in light sampling, but for node graphs that read hits, whose bumps Cycles leaves out in light samples.
+        let is_filtered = light.is_none() || material.emission_depends_on_viewer;
+        let width = if is_filtered { w.arriving.footprints.width[i] } else { 0.0 };
+        let radiance = self.emitted(at, (wo, width), w.wavelengths(i));
         let radiance = emission.beam.radiance(radiance, surface.ng, wo, &self.scene.textures);
         let path = &w.arriving.state;
         let mut weight = 1.0;
@@ -359,8 +362,8 @@ impl Integrator<'_> {
             let ray = Ray::new(origin, get(&v.light.wi, i));
             let time = times.of(paths.state.radiance_index[i]);
             let at = self.ray_hit_point(&ray, hit, self.scene.geometries.material(&hit), time);
-            let opacity = self.opacity(&ray, &hit, time, at.material, RayKinds::SHADOW);
-            let emitted = self.emitted(&at, -ray.direction, None) * opacity;
+            let opacity = self.opacity(&ray, &hit, time, at.material, PathOrigin::of_kinds(RayKinds::SHADOW));
+            let emitted = self.emitted(&at, (-ray.direction, 0.0), None) * opacity;
             set_rgb(&mut v.light.radiance, i, radiance * emitted);
         }
     }
@@ -380,17 +383,21 @@ impl Integrator<'_> {
         }
     }
 
-    /// Radiance that a surface emits towards `wo`, at a path's wavelengths.
-    pub(super) fn emitted(&self, at: &HitPoint<'_>, wo: Vec3, wavelengths: Option<&Wavelengths>) -> Rgb {
-        let HitPoint { surface, hit, material, time, .. } = at;
+    /// Radiance that a surface emits towards `wo`, for a path's footprint, metres, and wavelengths.
+    pub(super) fn emitted(
+        &self,
+        at: &HitPoint<'_>,
+        (wo, width): (Vec3, f32),
+        wavelengths: Option<&Wavelengths>,
+    ) -> Rgb {
+        let HitPoint { surface, material, .. } = at;
         let Some(emission) = material.emission else { return Rgb::ZERO };
         let rgb = match emission.radiance.texture {
             None => Rgb::from_array(emission.radiance.factor),
             Some(_) => {
-                // Unfiltered, as in light sampling.
-                let coordinates = self.scene.geometries.coordinates(surface, hit, false, *time);
+                let coordinates = self.coordinates(at);
                 let hit_data = self.hit_data(at, &coordinates, wo);
-                self.slots(&coordinates, surface, wo, 0.0, hit_data.as_ref()).color(&emission.radiance)
+                self.slots(&coordinates, surface, wo, width, hit_data.as_ref()).color(&emission.radiance)
             }
         };
         let rgb = match material.emission_depends_on_vertex() {

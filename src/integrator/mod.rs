@@ -26,6 +26,7 @@ mod medium_segment;
 mod mis;
 mod mixes;
 mod node_graphs;
+mod node_rays;
 mod pane_refraction;
 mod panes;
 mod radiance_buffer;

@@ -25,7 +25,7 @@ use crate::scene::RayKinds;
 /// paths exit within some ten thousand steps.
 pub(super) const MAX_STEPS: u32 = 1 << 16;
 
-/// Maximum number of surfaces of other objects that a segment of a walk passes.
+/// Maximum number of surfaces of other objects that a segment of a walk or a ray of a node graph passes.
 const MAX_PASSED: usize = 256;
 
 /// Throughput below which Russian roulette applies: steps are cheap compared with the bounces after a walk.
@@ -83,14 +83,23 @@ impl Integrator<'_> {
     }
 
     /// The first hit from `hit` on of the surface of the body that path `i` is in.
-    fn hit_of_body(&self, i: usize, mut hit: Hit, w: &Workspace) -> Hit {
+    fn hit_of_body(&self, i: usize, hit: Hit, w: &Workspace) -> Hit {
         let Some(object) = w.walk_objects[i] else { return hit };
         let time = w.time(i);
+        self.first_hit_that((&w.rays[i], hit, time), |hit| self.scene.object_at(hit) == object)
+    }
+
+    /// The first hit of a ray, from `hit` on, for which a predicate holds.
+    pub(super) fn first_hit_that(
+        &self,
+        (ray, mut hit, time): (&Ray, Hit, f32),
+        holds: impl Fn(&Hit) -> bool,
+    ) -> Hit {
         for _ in 0..MAX_PASSED {
-            if !hit.is_hit() || self.scene.object_at(&hit) == object {
+            if !hit.is_hit() || holds(&hit) {
                 return hit;
             }
-            hit = self.scene.accel.closest_after(&w.rays[i], &hit, time);
+            hit = self.scene.accel.closest_after(ray, &hit, time);
         }
         Hit::MISS
     }

@@ -179,6 +179,10 @@ pub(super) enum Purpose {
     /// Selection of a mix component (1), selection of the base of a normal-mapped material (1), alpha of the first two surfaces on the
     /// path's ray (2).
     Mix,
+    /// Directions of the rays of ambient occlusion nodes (2).
+    AmbientOcclusion,
+    /// Positions of the rays of bevel nodes (2).
+    Bevel,
 }
 
 impl Purpose {
@@ -192,6 +196,8 @@ impl Purpose {
             Purpose::Time => 1 << 31,
             Purpose::Wavelength => (1 << 31) - 1,
             Purpose::Mix => (1 << 30) + bounce,
+            Purpose::AmbientOcclusion => (1 << 29) + bounce,
+            Purpose::Bevel => (1 << 28) + bounce,
         }
     }
 }

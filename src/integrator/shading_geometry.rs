@@ -5,6 +5,7 @@ use crate::bsdf::Bsdf;
 use crate::color::Rgb;
 use crate::compile::{CompiledMaterial, SurfaceCoordinates};
 use crate::math::{Frame, Hit, Vec3, select};
+use crate::sampling::sampler::SobolPoint;
 use crate::scene::RayKinds;
 use crate::shape::Surface;
 use crate::texture::GraphResults;
@@ -143,11 +144,21 @@ pub(super) struct PathOrigin {
     pub is_singular: bool,
     /// Number of bounces before.
     pub bounces: u16,
+    /// The path's random numbers for rays of node graphs; `None` if unknown.
+    pub sample: Option<SobolPoint>,
+    /// All lobes that scattered the path are sharp.
+    pub is_sharp: bool,
 }
 
 impl PathOrigin {
     /// No known properties.
-    pub const UNKNOWN: PathOrigin = PathOrigin { kinds: RayKinds::NONE, is_singular: false, bounces: 0 };
+    pub const UNKNOWN: PathOrigin =
+        PathOrigin { kinds: RayKinds::NONE, is_singular: false, bounces: 0, sample: None, is_sharp: false };
+
+    /// A ray of these kinds, without further properties.
+    pub const fn of_kinds(kinds: RayKinds) -> PathOrigin {
+        PathOrigin { kinds, ..PathOrigin::UNKNOWN }
+    }
 }
 
 /// Minimum cosine between the viewer and the shading normal.

@@ -233,7 +233,7 @@ impl Integrator<'_> {
 
     /// Properties of arriving path `i` that node graphs read; unknown if none reads them.
     pub(super) fn origin_of_hit(&self, bounce: u32, i: usize, w: &Workspace) -> PathOrigin {
-        match self.scene.features.paths {
+        match self.scene.features.paths || self.scene.features.traced_textures {
             true => self.path_origin(bounce, i, &w.arriving),
             false => PathOrigin::UNKNOWN,
         }
@@ -795,8 +795,9 @@ impl Integrator<'_> {
                 ndc_from_world: self.view.ndc_from_world.as_ref(),
             },
         };
+        let rays = if material.traces_rays { self.ray_origin(at) } else { None };
         let at = SurfaceHit { surface, hit, material, is_back: *is_back, time: *time };
-        reader.read(at, coordinates, wo, path_data(path, hit.t))
+        Some(HitData { rays, ..reader.read(at, coordinates, wo, path_data(path, hit.t))? })
     }
 }
 

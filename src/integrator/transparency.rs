@@ -110,8 +110,8 @@ impl Integrator<'_> {
             let time = times.of(path.radiance_index[i]);
             let is_present =
                 |_: &CompiledMaterial, opacity| alpha_number(pass, (path, i), bounce, &dimensions) < opacity;
-            let kind = self.kind(bounce, i, arriving);
-            match self.response(&rays[i], &hits[i], time, kind, is_present) {
+            let origin = self.path_origin(bounce, i, arriving);
+            match self.response(&rays[i], &hits[i], time, origin, is_present) {
                 HitResponse::Stops => {
                     let (at, crossing) = ((bounce, i), (&rays[i], &hits[i], time));
                     let waves = times.wavelengths(arriving.state.radiance_index[i]);
@@ -130,7 +130,7 @@ impl Integrator<'_> {
                     }
                     let path = &arriving.state;
                     let waves = times.wavelengths(path.radiance_index[i]);
-                    if let Some(color) = self.transparent_color((&rays[i], &hits[i], time), kind, waves) {
+                    if let Some(color) = self.transparent_color((&rays[i], &hits[i], time), origin, waves) {
                         scale_rgb(&mut arriving.state.throughput, i, color);
                     }
                     true
@@ -238,7 +238,7 @@ impl Integrator<'_> {
                 let (response, transmittance) =
                     self.shadow_response(crossing, (bounce, pass, i), paths, counts.get_mut(k));
                 if let HitResponse::Passes = response {
-                    let color = self.transparent_color(crossing, LIGHT_SAMPLE_KINDS, waves);
+                    let color = self.transparent_color(crossing, PathOrigin::of_kinds(LIGHT_SAMPLE_KINDS), waves);
                     scale_rgb(&mut light.contribution, i, color.unwrap_or(Rgb::ONE) * transmittance);
                 }
                 let passed = shadow_crossings.get_mut(k);
@@ -275,7 +275,7 @@ impl Integrator<'_> {
             probability < 1.0
                 && RandomChoice::ShadowAlpha { surface }.uniform(&paths.state, i, bounce) >= probability
         };
-        let response = self.response(ray, hit, time, LIGHT_SAMPLE_KINDS, is_present);
+        let response = self.response(ray, hit, time, PathOrigin::of_kinds(LIGHT_SAMPLE_KINDS), is_present);
         if let (HitResponse::Passes, Some(count)) = (&response, count)
             && self.counts_as_transparent(hit)
         {
@@ -380,14 +380,14 @@ impl Integrator<'_> {
         }
     }
 
-    /// The response of a ray of a kind to its hit; rays stop at misses. `is_present` decides by an alpha whether the surface is there.
+    /// The response of a ray to its hit; rays stop at misses. `is_present` decides by an alpha whether the surface is there.
     #[inline(always)]
     fn response(
         &self,
         ray: &Ray,
         hit: &Hit,
         time: f32,
-        kind: RayKinds,
+        path: PathOrigin,
         is_present: impl FnMut(&CompiledMaterial, f32) -> bool,
     ) -> HitResponse {
         if !hit.is_hit() {
@@ -396,12 +396,12 @@ impl Integrator<'_> {
         let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
         let passes_through =
             material.is_boundary || material.is_single_sided && self.scene.geometries.is_back(ray, hit, time);
-        let is_present = !passes_through && self.is_present(material, ray, hit, (time, kind), is_present);
+        let is_present = !passes_through && self.is_present(material, ray, hit, (time, path), is_present);
         match material.surface_visibility {
             _ if !is_present => HitResponse::Passes,
             None => HitResponse::Stops,
             Some(visibility) if !visibility.is_obstacle => HitResponse::Passes,
-            Some(visibility) if visibility.visible_to.contains(kind) => HitResponse::Stops,
+            Some(visibility) if visibility.visible_to.contains(path.kinds) => HitResponse::Stops,
             Some(visibility) => HitResponse::PassesInvisible(visibility.visible_to),
         }
     }
@@ -413,36 +413,36 @@ impl Integrator<'_> {
         material: &CompiledMaterial,
         ray: &Ray,
         hit: &Hit,
-        (time, kind): (f32, RayKinds),
+        (time, path): (f32, PathOrigin),
         mut is_present: impl FnMut(&CompiledMaterial, f32) -> bool,
     ) -> bool {
-        material.alpha.is_none() || is_present(material, self.opacity(ray, hit, time, material, kind))
+        material.alpha.is_none() || is_present(material, self.opacity(ray, hit, time, material, path))
     }
 
-    /// The alpha of a surface at a hit of a ray of these kinds.
+    /// The alpha of a surface at a hit of a ray.
     pub(super) fn opacity(
         &self,
         ray: &Ray,
         hit: &Hit,
         time: f32,
         material: &CompiledMaterial,
-        kinds: RayKinds,
+        path: PathOrigin,
     ) -> f32 {
         let read = |alpha: &Alpha, slots: &PointReader<'_>, of_vertex| alpha.opacity(slots, of_vertex);
-        self.read_alpha((ray, hit, time), material, kinds, read).unwrap_or(1.0)
+        self.read_alpha((ray, hit, time), material, path, read).unwrap_or(1.0)
     }
 
     /// Transmission colour of rays that pass a surface by its alpha; `None` for white.
     fn transparent_color(
         &self,
         (ray, hit, time): (&Ray, &Hit, f32),
-        kinds: RayKinds,
+        path: PathOrigin,
         wavelengths: Option<&Wavelengths>,
     ) -> Option<Rgb> {
         let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
         let color = material.alpha.and_then(|alpha| alpha.transparent_color)?;
         let read = |_: &Alpha, slots: &PointReader<'_>, _| color_at_wavelengths(slots, &color, wavelengths);
-        self.read_alpha((ray, hit, time), material, kinds, read)
+        self.read_alpha((ray, hit, time), material, path, read)
     }
 
     /// Evaluates `read` with the alpha of a material, a texture reader at the hit, and the vertex alpha; `None` without alpha.
@@ -450,7 +450,7 @@ impl Integrator<'_> {
         &self,
         (ray, hit, time): (&Ray, &Hit, f32),
         material: &CompiledMaterial,
-        kinds: RayKinds,
+        path: PathOrigin,
         read: impl FnOnce(&Alpha, &PointReader<'_>, f32) -> R,
     ) -> Option<R> {
         let alpha = material.alpha?;
@@ -460,7 +460,6 @@ impl Integrator<'_> {
         // Directions of shadow rays have the length of the segment.
         let wo = if alpha.depends_on_viewer { -ray.direction.normalize() } else { Vec3::ZERO };
         let is_back = surface.ng.dot(ray.direction) > 0.0;
-        let path = PathOrigin { kinds, ..PathOrigin::UNKNOWN };
         let hit_point = HitPoint { surface, hit: *hit, material, is_back, time, path };
         let hit_data = self.hit_data(&hit_point, &at, wo);
         Some(read(&alpha, &self.slots(&at, &surface, wo, 0.0, hit_data.as_ref()), vertex_alpha))

@@ -28,9 +28,13 @@ use crate::bsdf::Bsdf;
 use crate::color::Rgb;
 use crate::compile::CompiledMaterial;
 use crate::math::{Frame, Hit, Vec3};
+use crate::sampling::sampler::SobolPoint;
 use crate::scene::{LightLinks, Link, RayKinds};
 use crate::simd::{Kernel, dispatch};
 use std::ops::Range;
+
+/// Pdf of a path's direction, 1/sr, below which bevels are left out, as in Cycles, where all directions of a path count.
+const MIN_PDF_OF_BEVELS: f32 = 8.0;
 
 /// Ray kinds of light samples: shadow rays end at objects visible to all of these kinds.
 pub(super) const LIGHT_SAMPLE_KINDS: RayKinds =
@@ -54,10 +58,13 @@ impl Integrator<'_> {
 
     /// Properties of arriving path `i` for node graphs.
     pub(super) fn path_origin(&self, bounce: u32, i: usize, arriving: &Paths) -> PathOrigin {
+        let path = &arriving.state;
         PathOrigin {
             kinds: self.kind(bounce, i, arriving),
-            is_singular: bounce > 0 && !arriving.state.pdf[i].competes(),
+            is_singular: bounce > 0 && !path.pdf[i].competes(),
             bounces: bounce.min(u32::from(u16::MAX)) as u16,
+            sample: Some(SobolPoint::from_parts(path.seed[i], path.shuffled[i])),
+            is_sharp: !path.pdf[i].competes() || path.pdf[i].value() >= MIN_PDF_OF_BEVELS,
         }
     }
 

@@ -279,6 +279,7 @@ fn color(
         material_index: 0.0,
         path: PathData::default(),
         strand: None,
+        rays: None,
     };
     PointReader::new(textures, point).with_hit(Some(&hit)).eval(texture)
 }

@@ -3,6 +3,7 @@
 //!
 //! Texture coordinates: UV sets with affine maps, world space, triplanar projection, and ray footprints.
 
+use super::ray_queries::RayOrigin;
 use crate::math::{DAffine3, DMat4, DVec3, Mat3, Vec2, Vec3};
 use crate::sampling::hash::mix64;
 use crate::scene::{Curves, Instance, Mapping, Mesh, ObjectInfo, Quad, Shape, TextureId, TextureTransform};
@@ -316,6 +317,8 @@ pub struct HitData<'a> {
     pub path: PathData,
     /// The strand, if a curve was hit.
     pub strand: Option<StrandData>,
+    /// Where rays of nodes start; `None` where none are traced.
+    pub rays: Option<RayOrigin<'a>>,
 }
 
 /// Finite-difference step where the ray has no footprint, metres.

@@ -10,6 +10,7 @@ mod nodes;
 mod noise;
 mod packed;
 mod pyramid;
+mod ray_queries;
 mod store;
 
 use crate::color::Rgb;
@@ -32,6 +33,7 @@ pub use levels::{TextureNeeds, TextureReport};
 pub use nodes::LANES as GRAPH_LANES;
 use nodes::Program;
 pub use noise::{marble, perlin, turbulence};
+pub use ray_queries::{Crossing, RayOrigin, RayQueries};
 use std::cell::Cell;
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::sync::Arc;
@@ -257,6 +259,11 @@ impl CompiledTextures {
     /// Does the value depend on the incident path (ray type, length, depth)?
     pub fn reads_path(&self, id: TextureId) -> bool {
         self.has_part(id, |texture| matches!(texture, Compiled::Nodes(program, _) if program.reads_path()))
+    }
+
+    /// Does it trace rays into the scene?
+    pub fn traces_rays(&self, id: TextureId) -> bool {
+        self.has_part(id, |texture| matches!(texture, Compiled::Nodes(program, _) if program.traces_rays()))
     }
 
     /// Does a predicate hold for a texture or any texture nested in it?

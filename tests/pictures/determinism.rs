@@ -1,5 +1,6 @@
 //! The same pixels whatever the number of threads; other pixels from another seed.
 
+use crate::nodes::dusty_room;
 use crate::panes::under_a_pane;
 use crate::refracted_lights::scene_behind;
 use crate::support::sheet::{self, Variant};
@@ -54,11 +55,12 @@ fn everything() -> Scene {
 }
 
 /// Scenes that together use all loops over vertices.
-fn scenes() -> [(&'static str, Scene); 5] {
+fn scenes() -> [(&'static str, Scene); 6] {
     let named = |name| (name, scene(name));
     let behind = |what| (what, scene_behind(what, Material::lambert("grey", [0.5; 3]), false, true));
     let [cornell, materials] = [named("cornell-quads.toml"), named("materials.toml")];
-    [cornell, materials, ("everything", everything()), behind("frosted pane"), behind("waves")]
+    let dusty = ("dusty room", dusty_room());
+    [cornell, materials, ("everything", everything()), behind("frosted pane"), behind("waves"), dusty]
 }
 
 fn bits(film: &Film) -> Vec<[u32; 4]> {

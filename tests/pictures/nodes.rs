@@ -1,5 +1,6 @@
-//! What nodes of graphs give, against Cycles: each output of each node at points (`tools/compare/nodes.py` writes the truth), and on a ball
-//! and a plane with attributes in blocks of pixels (`tools/compare/nodes_surface.py`).
+//! What nodes of graphs give, against Cycles: each output of each node at points (`tools/compare/nodes.py` writes the truth), on a ball
+//! and a plane with attributes in blocks of pixels (`tools/compare/nodes_surface.py`), and rays of nodes around a cube and a ball
+//! (`tools/compare/nodes_rays.py`).
 
 use crate::support::{options, picture};
 use oscura::film::Film;
@@ -35,15 +36,19 @@ fn scene(truth: &Value, case: &Value, factor: f64) -> Scene {
         _ => format!("{key} = {value}"),
     };
     let node: Vec<String> = table.iter().map(entry).collect();
-    let output = match case["output"].as_str().expect("a name") {
-        "both" => "both.vector".to_string(),
-        output => format!("node.{output}"),
-    };
-    // The sum of an image's colour and alpha, for what the one does to the other.
-    let both = if output == "both.vector" {
-        "both = { type = \"vector_math\", a = \"node.color\", b = \"node.alpha\" }\n"
-    } else {
-        ""
+    let (output, behind) = match (case["output"].as_str().expect("a name"), &case["step"]) {
+        // The sum of an image's colour and alpha, for what the one does to the other.
+        ("both", _) => (
+            "both.vector".to_string(),
+            "both = { type = \"vector_math\", a = \"node.color\", b = \"node.alpha\" }\n".to_string(),
+        ),
+        (output, Value::Null) => (format!("node.{output}"), String::new()),
+        (output, edge) => (
+            "step.value".to_string(),
+            format!(
+                "step = {{ type = \"math\", operation = \"greater_than\", a = \"node.{output}\", b = {edge} }}\n"
+            ),
+        ),
     };
     let mut text = format!(
         "[camera]\nlook_from = [0, 0, 1]\nlook_at = [0, 0, 0]\n[textures.shown]\ntype = \"nodes\"\nup = \"z\"\n\
@@ -51,7 +56,7 @@ fn scene(truth: &Value, case: &Value, factor: f64) -> Scene {
          given = {{ type = \"vector_math\", a = \"geometry.object\" }}\n\
          noise = {{ type = \"noise_texture\", vector = \"given.vector\", scale = 1.5 }}\n\
          picture = {{ type = \"image_texture\", file = \"{picture}\", interpolation = \"cubic\", alpha_mode = \"none\", vector = \"geometry.uv\" }}\n\
-         mapped = {{ type = \"vector_math\", operation = \"multiply_add\", a = \"{output}\", b = {factor:?}, c = 0.5 }}\n{both}\
+         mapped = {{ type = \"vector_math\", operation = \"multiply_add\", a = \"{output}\", b = {factor:?}, c = 0.5 }}\n{behind}\
          [materials]\nshown = {{ type = \"emissive\", radiance = \"shown\", two_sided = true, index = 5 }}\n",
         node.join(", "),
         picture = folder().join("picture.png").display(),
@@ -99,18 +104,40 @@ fn blocks(film: &Film, size: usize, block: usize) -> Vec<f64> {
 
 #[test]
 fn outputs_on_surfaces_are_those_of_cycles() {
-    compare_with_cycles(5);
+    compare_with_cycles("surface.json", 5);
+}
+
+/// Ambient occlusion, also behind a step, which depends on the number of rays, and bevels.
+#[test]
+fn nodes_that_trace_rays_are_those_of_cycles() {
+    compare_with_cycles("rays.json", 1);
 }
 
 #[test]
 #[ignore = "all cases, which take long"]
 fn all_outputs_on_surfaces_are_those_of_cycles() {
-    compare_with_cycles(1);
+    compare_with_cycles("surface.json", 1);
+}
+
+/// A room whose surfaces all trace rays for their colours and normals.
+pub fn dusty_room() -> Scene {
+    let text = "[camera]\nlook_from = [0.5, 1.5, 3]\nlook_at = [0, 0.4, 0]\n[environment]\nbackground = [1, 1, 1]\n\
+        [materials.worn]\ntype = \"nodes\"\nsurface = \"surface\"\n[materials.worn.nodes]\n\
+        occlusion = { type = \"ambient_occlusion\", samples = 5, distance = 0.8 }\n\
+        round = { type = \"bevel\", radius = 0.2, samples = 3 }\n\
+        surface = { type = \"principled_bsdf\", base_color = \"occlusion.color\", roughness = 0.3, normal = \"round.normal\" }\n\
+        [[objects]]\nquad = { corner = [-3, 0, -3], u = [0, 0, 6], v = [6, 0, 0] }\nmaterial = \"worn\"\n\
+        [[objects]]\nbox = { min = [-0.8, 0, -0.5], max = [0.2, 1, 0.5] }\nmaterial = \"worn\"\n\
+        [[objects]]\nsphere = { center = [0.6, 0.4, 0.2], radius = 0.5 }\nmaterial = \"worn\"\n";
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("scene.toml");
+    std::fs::write(&path, text).expect("written");
+    load(&path, &LoadOptions::default()).unwrap_or_else(|e| panic!("{e}")).scene
 }
 
 /// One in so many of the cases.
-fn compare_with_cycles(step: usize) {
-    let text = std::fs::read_to_string(folder().join("surface.json")).expect("it is there");
+fn compare_with_cycles(file: &str, step: usize) {
+    let text = std::fs::read_to_string(folder().join(file)).expect("it is there");
     let truth: Value = serde_json::from_str(&text).expect("JSON");
     let (size, block) = (truth["size"].as_u64().expect("a size"), truth["block"].as_u64().expect("a size"));
     let only = std::env::var("OSCURA_NODE").unwrap_or_default();
@@ -132,7 +159,8 @@ fn compare_with_cycles(step: usize) {
         count += 1;
         println!("{label}: {worst:+.5} of {largest:.3}");
         // The standard error of a block of which half is 1 and half is 0 is 1 % with 64 samples per pixel.
-        let has_steps = ["image", "wireframe", "bump of a picture"].iter().any(|kind| label.contains(kind));
+        let has_steps =
+            ["image", "wireframe", "bump of a picture", "step of"].iter().any(|kind| label.contains(kind));
         // Cycles' tangents are those of the ball's quads, ours of its triangles, and of further texture coordinates not even smooth.
         let most = match label {
             "normal_map of the second map" => 2.5e-2,

@@ -361,50 +361,69 @@ class NodesTest(SceneTest):
         mix = table["nodes"][table["surface"]]
         self.assertEqual((mix["type"], mix["factor"]), ("mix_shader", 0.75))
 
-    def test_baked_nodes(self):
-        """Ambient Occlusion in a group, and signed normals of Bevel."""
+    def test_nodes_that_trace_rays(self):
+        """Ambient Occlusion in a group, and Bevel; nothing is baked."""
         inner = bpy.data.node_groups.new("nooks", "ShaderNodeTree")
         inner.interface.new_socket("Shade", in_out="OUTPUT", socket_type="NodeSocketFloat")
         occlusion, end = inner.nodes.new("ShaderNodeAmbientOcclusion"), inner.nodes.new("NodeGroupOutput")
+        occlusion.samples, occlusion.inside, occlusion.inputs["Distance"].default_value = 8, True, 0.0
         inner.links.new(occlusion.outputs["AO"], end.inputs[0])
         material, tree, shader, group, bevel = shader_tree("dirty", "Group", "Bevel")
         group.node_tree = inner
+        bevel.samples, bevel.inputs["Radius"].default_value = 3, 0.25
         tree.links.new(group.outputs[0], shader.inputs["Roughness"])
         tree.links.new(bevel.outputs[0], shader.inputs["Normal"])
+        bpy.context.scene.world = bpy.data.worlds.new("far")
+        bpy.context.scene.world.light_settings.distance = 3.0
         self.add_plane(material)
-        lid = self.add_plane(shader_tree("lid")[0], "Lid")
-        lid.location, lid.scale = (0, 0, 0.1), (3, 3, 3)
-        settings = self.export("--bake", "32")
+        table = self.export()["materials"]["dirty"]
         answer = json.loads((self.folder / "answer.json").read_text())
-        self.assertEqual(sorted(about for about, message in answer["notes"] if "is baked" in message), ["dirty", "dirty"])
-        table = settings["materials"]["dirty"]
-        surface, nodes = table["nodes"][table["surface"]], table["nodes"]
-        of = lambda value: nodes[value.split(".")[0]]
-        # Both sides of the plane, which is open; the front is below a lid.
-        shades = of(surface["roughness"])
-        self.assertEqual((shades["operation"], shades["b"]), ("multiply_add", "surface_geometry.backfacing"))
-        front, behind = of(shades["c"]), of(of(shades["a"])["a"])
-        for shade, (low, high) in ((front, (0.0, 0.3)), (behind, (0.9, 1.0))):
-            self.assertEqual((shade["type"], of(shade["vector"])["name"]), ("image_texture", "oscura bake"))
-            pixels = self.pixels(str(self.folder / shade["file"]))[4:-4, 4:-4, 0]
-            self.assertTrue(low <= pixels.mean() <= high, pixels.mean())
-        turned = nodes[surface["normal"].split(".")[0]]
-        self.assertEqual((turned["type"], turned["convert_from"]), ("vector_transform", "object"))
-        decoded = nodes[turned["vector"].split(".")[0]]
-        normals = self.pixels(str(self.folder / nodes[decoded["a"].split(".")[0]]["file"]))[16, 16, :3] * decoded["b"][0] + decoded["c"][0]
-        np.testing.assert_allclose(normals, [0, 0, 1], atol=2e-2)
+        self.assertEqual([message for _, message in answer["notes"] if "is baked" in message], [])
+        nodes = table["nodes"]
+        surface = nodes[table["surface"]]
+        shade, normal = (nodes[surface[key].split(".")[0]] for key in ("roughness", "normal"))
+        self.assertEqual(surface["roughness"].split(".")[1], "ao")
+        self.assertEqual({key: shade[key] for key in ("type", "samples", "inside", "only_local")}, {"type": "ambient_occlusion", "samples": 8, "inside": True, "only_local": False})
+        # A distance of 0 is that of the world.
+        self.assertEqual((shade["distance"], normal), (3.0, {"type": "bevel", "samples": 3, "radius": 0.25}))
 
-    def test_occlusion_behind_faces(self):
-        """It is baked where faces are seen from behind: in meshes that are open or transmit light."""
-        for name, weight in (("solid", 0.0), ("glass", 1.0)):
-            material, tree, shader, occlusion = shader_tree(name, "AmbientOcclusion")
-            tree.links.new(occlusion.outputs["Color"], shader.inputs["Base Color"])
-            shader.inputs["Transmission Weight"].default_value = weight
-            bpy.ops.mesh.primitive_cube_add()
-            bpy.context.object.data.materials.append(material)
-        tables = self.export("--bake", "32")["materials"]
-        counts = [sum(node["type"] == "image_texture" for node in tables[name]["nodes"].values()) for name in ("solid", "glass")]
-        self.assertEqual(counts, [1, 2])
+    def test_geometry_attributes(self):
+        """Pointiness and a random number per island, of two cubes in one mesh."""
+        material, tree, shader, geometry = shader_tree("worn", "NewGeometry")
+        tree.links.new(geometry.outputs["Pointiness"], shader.inputs["Roughness"])
+        tree.links.new(geometry.outputs["Random Per Island"], shader.inputs["Metallic"])
+        for x in (0, 5):
+            bpy.ops.mesh.primitive_cube_add(location=(x, 0, 0))
+        for cube in bpy.data.objects:
+            cube.select_set(True)
+        bpy.ops.object.join()
+        bpy.context.object.data.materials.append(material)
+        head, rows = self.vertices(self.export(), 0)
+        labels = [line.split() for line in head if line.startswith("comment oscura attribute")]
+        columns = {name: f"a{index}_0" for _, _, _, index, _, name in labels}
+        self.assertEqual(sorted(columns), ["pointiness", "random_per_island"])
+        # The edges of a corner are at an angle of acos(-1 / sqrt 3) to its normal.
+        np.testing.assert_allclose(rows[columns["pointiness"]], math.acos(-1 / math.sqrt(3)) / math.pi, atol=1e-5)
+        numbers = {round(float(x)): set(rows[columns["random_per_island"]][np.abs(rows["x"] - x) < 1.5].tolist()) for x in (0, -5)}
+        self.assertTrue(len(numbers[0]) == len(numbers[-5]) == 1 and numbers[0] != numbers[-5], numbers)
+
+    def test_baked_nodes(self):
+        """A sky texture on a surface, in a group."""
+        inner = bpy.data.node_groups.new("nooks", "ShaderNodeTree")
+        inner.interface.new_socket("Shade", in_out="OUTPUT", socket_type="NodeSocketColor")
+        sky, end = inner.nodes.new("ShaderNodeTexSky"), inner.nodes.new("NodeGroupOutput")
+        inner.links.new(sky.outputs["Color"], end.inputs[0])
+        material, tree, shader, group = shader_tree("dirty", "Group")
+        group.node_tree = inner
+        tree.links.new(group.outputs[0], shader.inputs["Emission Color"])
+        self.add_plane(material)
+        table = self.export("--bake", "32")["materials"]["dirty"]
+        answer = json.loads((self.folder / "answer.json").read_text())
+        self.assertEqual([about for about, message in answer["notes"] if "is baked" in message], ["dirty"])
+        nodes = table["nodes"]
+        baked = next(node for node in nodes.values() if node["type"] == "image_texture")
+        self.assertEqual(nodes[baked["vector"].split(".")[0]]["name"], "oscura bake")
+        self.assertGreater(self.pixels(str(self.folder / baked["file"]))[4:-4, 4:-4, :3].mean(), 0.0)
 
 
 if __name__ == "__main__":

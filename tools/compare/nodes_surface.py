@@ -311,6 +311,11 @@ def material(batch, layer):
             tree.links.new(both.outputs[0], aov.inputs["Color"])
         else:
             tree.links.new(made.outputs[blender["output"]], aov.inputs["Color"])
+        if "step" in blender:
+            step = tree.nodes.new("ShaderNodeMath")
+            step.operation, step.inputs[1].default_value = "GREATER_THAN", blender["step"]
+            tree.links.new(made.outputs[blender["output"]], step.inputs[0])
+            tree.links.new(step.outputs[0], aov.inputs["Color"])
         view = layer.aovs.add()
         view.name, view.type = aov.aov_name, "COLOR"
     return own
@@ -340,6 +345,29 @@ def pictures(batch, items):
     return result
 
 
+def write_cases(path, known, values, camera, items):
+    """Writes the truth of a test; cases without new values keep their old ones."""
+    before = json.loads(path.read_text())["cases"] if path.exists() and len(values) < len(known) else []
+    kept = {case["label"]: case for case in before}
+    for label, (blender, output, table) in known.items():
+        if label in values:
+            kept[label] = {"label": label, "output": output, "node": table, "values": values[label]}
+            if "step" in blender:
+                kept[label]["step"] = blender["step"]
+    matrix = lambda m: [x for row in Y_UP @ m for x in row]
+    angle = 2 * math.atan(camera.data.sensor_width / 2 / camera.data.lens)
+    result = {
+        "camera": {"matrix": matrix(camera.matrix_world), "vfov_deg": math.degrees(angle)},
+        "objects": {item.name: {"matrix": matrix(item.matrix_world), "color": list(item.color), "index": item.pass_index} for item in items},
+        "size": SIZE,
+        "block": BLOCK,
+        "cases": [kept[label] for label in known if label in kept],
+    }
+    lines = json.dumps(result).replace('{"label"', '\n{"label"')
+    path.write_text(lines + "\n")
+    print(len(values), "cases")
+
+
 def main():
     only = sys.argv[1] if len(sys.argv) > 1 else ""
     FOLDER.mkdir(parents=True, exist_ok=True)
@@ -356,26 +384,8 @@ def main():
     for part in ([c for c in chosen if not reads_alpha(c)], [c for c in chosen if reads_alpha(c)]):
         for first in range(0, len(part), 40):
             values.update(pictures(part[first : first + 40], (ball, plane)))
-    path = FOLDER / "surface.json"
-    before = json.loads(path.read_text())["cases"] if only and path.exists() else []
-    kept = {case["label"]: case for case in before}
-    for label, (_, output, table) in known.items():
-        if label in values:
-            kept[label] = {"label": label, "output": output, "node": table, "values": values[label]}
-    matrix = lambda m: [x for row in Y_UP @ m for x in row]
-    angle = 2 * math.atan(camera.data.sensor_width / 2 / camera.data.lens)
-    result = {
-        "camera": {"matrix": matrix(camera.matrix_world), "vfov_deg": math.degrees(angle)},
-        "objects": {
-            item.name: {"matrix": matrix(item.matrix_world), "color": list(item.color), "index": item.pass_index} for item in (ball, plane)
-        },
-        "size": SIZE,
-        "block": BLOCK,
-        "cases": [kept[label] for label in known if label in kept],
-    }
-    lines = json.dumps(result).replace('{"label"', '\n{"label"')
-    path.write_text(lines + "\n")
-    print(len(values), "cases")
+    write_cases(FOLDER / "surface.json", known, values, camera, (ball, plane))
 
 
-main()
+if __name__ == "__main__":
+    main()

@@ -31,7 +31,7 @@ pub use plan::{CausticPlan, CausticStats};
 
 use super::Integrator;
 use super::mis::LightPdf;
-use super::shading_geometry::bent_normal;
+use super::shading_geometry::{PathOrigin, bent_normal};
 use super::shading_groups::SortedVertices;
 use super::wave::{Vertices, Wave, get, get_rgb, scale_rgb, set_rgb};
 use super::workspace::Workspace;
@@ -247,7 +247,7 @@ impl Integrator<'_> {
             visibility.is_obstacle && (!is_to_camera || visibility.visible_to.contains(RayKinds::CAMERA))
         };
         let is_present = material.surface_visibility.is_none_or(is_visible)
-            && unit(hash32(salt)) < self.opacity(ray, hit, STATIC_TIME, material, RayKinds::NONE);
+            && unit(hash32(salt)) < self.opacity(ray, hit, STATIC_TIME, material, PathOrigin::UNKNOWN);
         if !material.is_single_sided {
             return Passage { passes: !is_present, hits: is_present };
         }

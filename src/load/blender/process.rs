@@ -21,7 +21,7 @@ macro_rules! package {
 /// The exporter's Python package: file names and contents.
 const PACKAGE: &[(&str, &str)] = package![
     "__init__.py" "bakes.py" "cache.py" "camera.py" "closures.py" "cycles.py" "displacement.py"
-    "export.py" "final_render.py" "fingerprint.py" "generated_coordinates.py" "grids.py" "hair.py"
+    "export.py" "final_render.py" "fingerprint.py" "generated_coordinates.py" "geometry_attributes.py" "grids.py" "hair.py"
     "hair_colors.py" "ies_profiles.py" "image_files.py" "importers.py" "light_linking.py"
     "light_nodes.py" "lights.py" "materials.py" "media.py" "mesh_files.py" "mesh_normals.py"
     "mesh_objects.py" "mesh_topology.py" "meshes.py" "motion.py" "multiscatter.py" "node_links.py"

@@ -259,6 +259,7 @@ impl MeshReader<'_> {
             material_index: displacer.index,
             path: PathData::default(),
             strand: None,
+            rays: None,
         };
         (point, hit)
     }

@@ -388,6 +388,13 @@ nodes! {
         (strength: float 1.0, distance: float 0.001, height: float 1.0, normal: normal) -> (normal: vector);
     /// A direction, and its cosine with a normal.
     Normal "normal" { direction: Direction = Direction([0.0, 0.0, 1.0]) } (normal: vector [0.0, 0.0, 1.0]) -> (normal: vector, dot: float);
+    /// The fraction of `samples` cosine-distributed rays around the normal that hit nothing within a distance, metres, and the colour times
+    /// it. Rays start into the object with `inside`; with `only_local`, only the hit object occludes.
+    AmbientOcclusion "ambient_occlusion" { samples: u32 = 16, inside: bool = false, only_local: bool = false }
+        (color: color [1.0; 3], distance: float 1.0, normal: normal) -> (color: color, ao: float);
+    /// A normal as if edges were rounded by a radius, metres: the mean of the normals around the point, found by `samples` rays. What differs
+    /// from the surface's normal is added to `normal`.
+    Bevel "bevel" { samples: u32 = 4 } (radius: float 0.05, normal: normal) -> (normal: vector);
     /// 1 along the edges of triangles; `size` is the line width in metres or pixels.
     Wireframe "wireframe" { use_pixel_size: bool = false } (size: float 0.01) -> (factor: float);
     /// Transforms a vector between world, object and camera space.

@@ -61,6 +61,9 @@ pub struct NodeGraph {
     pub is_z_up: bool,
 }
 
+/// Maximum number of rays that a node traces at a hit.
+pub const MAX_NODE_RAYS: u32 = 128;
+
 /// Node outputs that read a vertex attribute if the mesh has it: node kind, output, attribute name.
 const STANDARD_ATTRIBUTES: [(&str, &str, &str); 4] = [
     ("texture_coordinate", "generated", "generated"),
@@ -278,6 +281,10 @@ impl NodeKind {
             NodeKind::GaborTexture { dimensions } => {
                 let is_supported = matches!(dimensions, Dimensions::Two | Dimensions::Three);
                 (!is_supported).then(|| "dimensions must be 2d or 3d".to_string())
+            }
+            NodeKind::AmbientOcclusion { samples, .. } | NodeKind::Bevel { samples } => {
+                let is_valid = (1..=MAX_NODE_RAYS).contains(samples);
+                (!is_valid).then(|| format!("samples must be 1 to {MAX_NODE_RAYS}"))
             }
             NodeKind::FloatCurve { table: rows, .. } => {
                 table(&rows.0, 1).map(|problem| format!("table: {problem}"))

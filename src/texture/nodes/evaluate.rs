@@ -5,7 +5,8 @@ use super::math;
 use super::noise::{self, Fractal, NoisePoints, NoiseTexture, noise_textures};
 use super::noise::{hash_floats, hash_to_vector};
 use super::patterns::{self, BrickPattern, Wave, WaveNoise};
-use super::source::Source;
+use super::source::{Source, from_node_world, to_node_world};
+use super::traced::{AmbientOcclusion, bevel};
 use super::voronoi::Voronoi;
 use crate::color::luminance;
 use crate::scene::TextureId;
@@ -75,6 +76,12 @@ pub enum Operation {
         sampling: ImageSampling,
         projection: EnvironmentProjection,
     },
+    /// Unoccluded fraction of rays within a distance around a normal.
+    AmbientOcclusion(AmbientOcclusion),
+    /// Normal of rounded edges, for a radius and a normal.
+    Bevel {
+        samples: u32,
+    },
     /// 1 within half a line width, in metres or in pixels, of an edge of the triangle.
     Wireframe {
         in_pixels: bool,
@@ -118,7 +125,12 @@ impl Operation {
                 | Operation::LoadOffset { .. }
                 | Operation::Image { .. }
                 | Operation::Environment { .. }
-        )
+        ) || self.traces_rays()
+    }
+
+    /// Does it trace rays into the scene?
+    pub fn traces_rays(&self) -> bool {
+        matches!(self, Operation::AmbientOcclusion(_) | Operation::Bevel { .. })
     }
 
     pub fn of(kind: &NodeKind) -> Operation {
@@ -291,6 +303,23 @@ fn load<const LANES: usize>(step: &CompiledStep, points: &Points<'_>, r: &mut Re
     }
 }
 
+/// Runs a step that traces rays from each point.
+fn trace<const LANES: usize>(step: &CompiledStep, points: &Points<'_>, r: &mut Registers<LANES>) {
+    for lane in 0..points.points.len() {
+        let hit = points.hits.get(lane).copied().flatten();
+        let [size, x, y, z] = r.inputs(step, lane);
+        let normal = from_node_world([x, y, z], points.is_z_up);
+        match &step.operation {
+            Operation::AmbientOcclusion(node) => r.set(step, lane, &[node.at(hit, size, normal)]),
+            Operation::Bevel { samples } => {
+                let bevelled = bevel(hit, *samples, size, normal);
+                r.set(step, lane, &to_node_world(bevelled, points.is_z_up).to_array());
+            }
+            _ => {}
+        }
+    }
+}
+
 pub fn run<const LANES: usize>(step: &CompiledStep, points: &Points<'_>, r: &mut Registers<LANES>) {
     match &step.operation {
         Operation::Load(_) | Operation::LoadOffset { .. } => load(step, points, r),
@@ -322,6 +351,7 @@ pub fn run<const LANES: usize>(step: &CompiledStep, points: &Points<'_>, r: &mut
                 (points.images)(*texture, sampling, math::environment(*projection, direction), 0.0);
             [r, g, b]
         }),
+        Operation::AmbientOcclusion(_) | Operation::Bevel { .. } => trace(step, points, r),
         Operation::Mean => r.each(step, |[x, y, z]: [f32; 3]| [(x + y + z) * (1.0 / 3.0)]),
         Operation::Luminance => r.each(step, |c: [f32; 3]| [luminance(c)]),
         Operation::Ramp { table, interpolation: RampInterpolation::Linear } => {

@@ -7,6 +7,7 @@ mod math;
 mod noise;
 mod patterns;
 mod source;
+mod traced;
 mod voronoi;
 
 use super::image::ImageSampling;
@@ -17,9 +18,10 @@ use crate::scene::nodes::{
     TangentType, TransformType, VectorOperation,
 };
 use evaluate::{CompiledStep, Operation, Points, ReadImage, Registers, UNUSED, fold, run};
-use source::{FIRST_UV_SET, Source};
+use source::{FIRST_UV_SET, Source, from_node_world};
 use std::cell::Cell;
 use std::collections::HashMap;
+use traced::AmbientOcclusion;
 
 /// A scalar operand before register allocation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -82,12 +84,17 @@ impl Program {
 
     /// Does the result depend on the viewing direction?
     pub fn depends_on_viewer(&self) -> bool {
-        self.sources().any(Source::depends_on_viewer)
+        self.traces_rays() || self.sources().any(Source::depends_on_viewer)
     }
 
     /// Does it read data beyond [`TexturePoint`]?
     pub fn reads_hit(&self) -> bool {
-        self.sources().any(Source::reads_hit)
+        self.traces_rays() || self.sources().any(Source::reads_hit)
+    }
+
+    /// Does it trace rays into the scene?
+    pub fn traces_rays(&self) -> bool {
+        self.steps.iter().any(|step| step.operation.traces_rays())
     }
 
     /// Does it read tangents of the first UV set?
@@ -165,8 +172,8 @@ impl Program {
     }
 
     /// A result as a vector in the scene's world space (y up).
-    pub fn as_vector(&self, [x, y, z]: [f32; 3]) -> [f32; 3] {
-        if self.is_z_up { [x, z, -y] } else { [x, y, z] }
+    pub fn as_vector(&self, result: [f32; 3]) -> [f32; 3] {
+        from_node_world(result, self.is_z_up).to_array()
     }
 
     /// Evaluates the program at points.
@@ -304,7 +311,9 @@ impl Builder<'_> {
                 (NodeInput::Default, SocketDefault::Uv) => self.load_vector(Source::Uv),
                 // Other nodes use the viewing cosine instead.
                 (NodeInput::Default, SocketDefault::Normal) => match node.kind {
-                    NodeKind::Bump { .. } => self.load_vector(Source::Normal),
+                    NodeKind::Bump { .. } | NodeKind::AmbientOcclusion { .. } | NodeKind::Bevel { .. } => {
+                        self.load_vector(Source::Normal)
+                    }
                     _ => [Scalar::of(0.0); 3],
                 },
                 _ => self.input(graph, input, socket.kind, outputs),
@@ -596,6 +605,16 @@ impl Builder<'_> {
             NodeKind::Value {} | NodeKind::Rgb {} => vec![value(0)],
             NodeKind::CombineXyz {} => vec![[value(0)[0], value(1)[0], value(2)[0]]],
             NodeKind::SeparateXyz {} => value(0).map(|number| [number; 3]).to_vec(),
+            NodeKind::AmbientOcclusion { samples, inside, only_local } => {
+                let node = AmbientOcclusion { samples: *samples, inside: *inside, only_local: *only_local };
+                let flat = [&value(1)[..1], &value(2)].concat();
+                let ao = self.step(Operation::AmbientOcclusion(node), flat, 1)[0];
+                vec![value(0).map(|channel| self.math(MathOperation::Multiply, channel, ao)), splat(ao)]
+            }
+            NodeKind::Bevel { samples } => {
+                let flat = [&value(0)[..1], &value(1)].concat();
+                vec![xyz(&self.step(Operation::Bevel { samples: *samples }, flat, 3))]
+            }
             _ => {
                 let mut flat = Vec::new();
                 for (kind, value) in inputs {

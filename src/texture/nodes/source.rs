@@ -265,8 +265,13 @@ fn footprint(point: &TexturePoint) -> SourceValues {
 }
 
 /// A vector of the scene's world space in the graph's, which has z up if `is_z_up`.
-fn to_node_world(v: Vec3, is_z_up: bool) -> Vec3 {
+pub fn to_node_world(v: Vec3, is_z_up: bool) -> Vec3 {
     if is_z_up { Vec3::new(v.x, -v.z, v.y) } else { v }
+}
+
+/// The inverse of [`to_node_world`].
+pub fn from_node_world([x, y, z]: [f32; 3], is_z_up: bool) -> Vec3 {
+    if is_z_up { Vec3::new(x, z, -y) } else { Vec3::new(x, y, z) }
 }
 
 fn generated(hit: &HitData<'_>, attribute: u16) -> Vec3 {

@@ -1,26 +1,18 @@
-"""Nodes that oscura can't evaluate (Ambient Occlusion, Bevel, Script, ...) are baked by Cycles to float images, on a UV map made for it. Inputs
-that may not vary over a surface get the mean."""
+"""Nodes that oscura can't evaluate (Script, images in unknown color spaces, ...) are baked by Cycles to float images, on a UV map made for it.
+Inputs that may not vary over a surface get the mean."""
 
 import os
 
 import bpy
 import numpy as np
 
-from . import cache, cycles, fingerprint, mesh_topology, node_trees
+from . import cache, cycles, fingerprint, node_trees
 from .node_links import converted, output_node
-from .object_info import AMBIENT_OCCLUSION
 
 UV_MAP = "oscura bake"
 
-# Resolution of images; of nodes that trace rays, whose output is smooth; and of images for means.
-RESOLUTION, RESOLUTION_OF_RAYS, RESOLUTION_OF_MEANS = 1024, 512, 128
-
-# Nodes that trace rays to surfaces around, and the samples for them, each of as many rays as the node says.
-RAY_NODES = (AMBIENT_OCCLUSION, "ShaderNodeBevel", "ShaderNodeRaycast")
-SAMPLES = 8
-
-# Shaders that light passes, so that closed meshes are seen from within.
-TRANSMITTING = tuple(f"ShaderNodeBsdf{kind}" for kind in ("Glass", "Refraction", "Translucent", "Transparent"))
+# Resolution of images, and of images for means.
+RESOLUTION, RESOLUTION_OF_MEANS = 1024, 128
 
 # Meshes with more faces are not baked: unwrapping them takes minutes.
 MAX_FACES = 400_000
@@ -42,9 +34,6 @@ class BakeRequests:
     def image(self, source, reason):
         self.reasons.append(reason)
 
-    def image_behind(self, source):
-        return None
-
     def mean(self, source, reason, default):
         self.reasons.append(reason)
         return default
@@ -62,9 +51,7 @@ class Baker:
 
     def __init__(self, export, entry, material):
         self.export, self.entry, self.material = export, entry, material
-        has_rays = material.node_tree is not None and node_trees.has_linked(material.node_tree, RAY_NODES)
-        resolution = RESOLUTION_OF_RAYS if has_rays else RESOLUTION
-        self.resolution = min(resolution, export.options.bake or resolution)
+        self.resolution = min(RESOLUTION, export.options.bake or RESOLUTION)
         self.is_possible = len(entry.object.data.polygons) <= MAX_FACES
 
     def warn(self, message):
@@ -76,25 +63,9 @@ class Baker:
             self.warn(f"{reason} is left out: the mesh {self.entry.object.data.name} has too many faces to bake it")
             return None
         self.export.report.note(self.material.name, f"{reason} is baked, since it can't be evaluated")
-        return self._file(self._pixels(source, self.resolution)), source.output.type == "VECTOR"
-
-    def image_behind(self, source):
-        """The file with ambient occlusion as it is on the other side of faces, if that may be seen; else None."""
-        is_seen = self._is_seen_from_behind() if source.node.bl_idname == AMBIENT_OCCLUSION else False
-        return self._file(self._pixels(source, self.resolution, is_behind=True)) if is_seen else None
-
-    def _is_seen_from_behind(self):
-        tree, mesh = self.material.node_tree, self.entry.object.data
-        if node_trees.has_linked(tree, TRANSMITTING) or not np.isin(mesh_topology.faces_of_edges(mesh), (0, 2)).all():
-            return True
-        shaders = [node for _, node in node_trees.find_nodes(tree, ("ShaderNodeBsdfPrincipled",)) if node_trees.is_linked(node)]
-        passing = [(node.inputs[name], opaque) for node in shaders for name, opaque in (("Transmission Weight", 0.0), ("Alpha", 1.0))]
-        return any(socket.is_linked or socket.default_value != opaque for socket, opaque in passing)
-
-    def _file(self, pixels):
         file = self.export.new_file("baked", ".exr")
-        cycles.save(pixels, os.path.join(self.export.folder, file))
-        return file
+        cycles.save(self._pixels(source, self.resolution), os.path.join(self.export.folder, file))
+        return file, source.output.type == "VECTOR"
 
     def mean(self, source, reason, default):
         """The mean of an output, a number or three as the default."""
@@ -117,24 +88,20 @@ class Baker:
         colors = pixels[pixels[:, 3] > 0][:, :3]
         return (colors - 0.5) * VECTOR_RANGE if source.output.type == "VECTOR" else colors
 
-    def _pixels(self, source, resolution, is_behind=False):
-        """The baked image of an output, or of the other side's ambient occlusion; alpha is 0 outside faces."""
+    def _pixels(self, source, resolution):
+        """The baked image of an output; alpha is 0 outside faces."""
         unwrap(self.entry.object)
         copy = node_trees.copy_material(self.material)
         try:
             tree = copy.node_tree
-            if is_behind:
-                node = _trees(tree, source)[-1].nodes[source.node.name]
-                node.inside = not node.inside
             color = _top_level_output(tree, source)
             if source.output.type == "VECTOR":
-                color = _encoded(tree, color, source.node.bl_idname == "ShaderNodeBevel")
-            has_rays = any(True for _ in node_trees.find_nodes(tree, RAY_NODES))
-            return self._bake(copy, color, resolution, has_rays)
+                color = node_trees.link_operation(tree, "ShaderNodeVectorMath", "MULTIPLY_ADD", color, (1 / VECTOR_RANGE,) * 3, (0.5,) * 3)
+            return self._bake(copy, color, resolution)
         finally:
             bpy.data.materials.remove(copy)
 
-    def _bake(self, copy, color, resolution, has_rays):
+    def _bake(self, copy, color, resolution):
         """Bakes the color as the emission of a copy of the material; faces of other materials are black."""
         original = self.entry.object.data
         mesh, black = original.copy(), bpy.data.materials.new("oscura idle")
@@ -143,11 +110,9 @@ class Baker:
         for slot, material in enumerate(original.materials):
             mesh.materials[slot] = copy if material == self.material else black
         target.matrix_world = self.entry.placements[0].matrix
-        surroundings = self._surroundings() if has_rays else []
 
         def make():
-            with cycles.baking_scene(target, *surroundings) as scene:
-                scene.cycles.samples = SAMPLES if has_rays else 1
+            with cycles.baking_scene(target):
                 trees = [copy.node_tree, black.node_tree]
                 emission, _ = (cycles.add_emission(tree, output_node(tree)) for tree in trees)
                 copy.node_tree.links.new(color, emission.inputs["Color"])
@@ -155,27 +120,14 @@ class Baker:
             return np.nan_to_num(pixels, posinf=0).astype(np.float16)
 
         digest = cache.new_digest("bake", resolution, color.node.name, color.identifier)
-        for obj in (target, *surroundings):
-            digest.update(repr([tuple(row) for row in obj.matrix_world]).encode())
-            fingerprint.add_mesh(digest, obj.data)
+        digest.update(repr([tuple(row) for row in target.matrix_world]).encode())
+        fingerprint.add_mesh(digest, mesh)
         fingerprint.add_tree(digest, copy.node_tree)
         try:
             return self.export.cache.get(digest, make)
         finally:
-            for obj in surroundings:
-                bpy.data.objects.remove(obj)
             bpy.data.meshes.remove(mesh)
             bpy.data.materials.remove(black)
-
-    def _surroundings(self):
-        """Objects for all other placements of meshes."""
-        made = []
-        for entry in self.export.mesh_entries():
-            for placement in entry.placements[1:] if entry is self.entry else entry.placements:
-                obj = bpy.data.objects.new("oscura neighbour", entry.object.data)
-                obj.matrix_world = placement.matrix
-                made.append(obj)
-        return made
 
 
 def unwrap(obj):
@@ -196,17 +148,11 @@ def unwrap(obj):
         layers[rendered].active_render = True
 
 
-def _trees(tree, source):
-    """A copy of a material's tree, and those of the groups around an output."""
+def _top_level_output(tree, source):
+    """An output in a copy of a tree; one within groups is passed through new outputs of the groups."""
     trees = [tree]
     for group in source.groups:
         trees.append(trees[-1].nodes[group.name].node_tree)
-    return trees
-
-
-def _top_level_output(tree, source):
-    """An output in a copy of a tree; one within groups is passed through new outputs of the groups."""
-    trees = _trees(tree, source)
     output = next(s for s in trees[-1].nodes[source.node.name].outputs if s.identifier == source.output.identifier)
     socket_type = {"RGBA": "NodeSocketColor", "VECTOR": "NodeSocketVector"}.get(output.type, "NodeSocketFloat")
     for inner, outer, group in reversed(list(zip(trees[1:], trees, source.groups))):
@@ -216,12 +162,3 @@ def _top_level_output(tree, source):
         output = next(s for s in outer.nodes[group.name].outputs if s.identifier == made.identifier)
     return output
 
-
-def _encoded(tree, output, is_normal):
-    """A vector as a color; normals in object space."""
-    if is_normal:
-        transform = tree.nodes.new("ShaderNodeVectorTransform")
-        transform.vector_type, transform.convert_from, transform.convert_to = "NORMAL", "WORLD", "OBJECT"
-        tree.links.new(output, transform.inputs[0])
-        output = transform.outputs[0]
-    return node_trees.link_operation(tree, "ShaderNodeVectorMath", "MULTIPLY_ADD", output, (1 / VECTOR_RANGE,) * 3, (0.5,) * 3)

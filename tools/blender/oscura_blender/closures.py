@@ -70,7 +70,8 @@ class SurfaceGraph(nodes.Graph):
         self.exposure = exposure
         self.displacement = None  # the entries of a displacement of vertices
         self.bump_mapping = None  # height, scale and exponent of the object's scale, of bump mapping by displacement
-        self.bumps = None  # the reference to its normal
+        self.bumps = None  # the reference to its normal, if a shader has it
+        self._bumped_normal = None
         self.tangent_axis = None  # the axis of anisotropic reflection; empty for the UV map
 
     def shader(self, source):
@@ -208,14 +209,20 @@ class SurfaceGraph(nodes.Graph):
         """Adds bump mapping by displacement to a shader's normal."""
         if self.bump_mapping is None or entries["type"] in ("emission", "transparent_bsdf"):
             return
-        height, scale, exponent = self.bump_mapping
-        bump = {"type": "bump", "strength": 1.0, "height": height, "distance": scale, "object_scale": exponent}
-        if self.bumps is None:
-            self.bumps = f"{self.new(bump)}.normal"
+        self.bumps = self.bumped_normal()
         if "normal" not in entries:
             entries["normal"] = self.bumps
         elif not self._is_tangent_space_map(entries["normal"]):
-            entries["normal"] = f"{self.new({**bump, 'normal': entries['normal']})}.normal"
+            entries["normal"] = f"{self.new({**self._bump(), 'normal': entries['normal']})}.normal"
+
+    def bumped_normal(self):
+        if self._bumped_normal is None and self.bump_mapping is not None:
+            self._bumped_normal = f"{self.new(self._bump())}.normal"
+        return self._bumped_normal
+
+    def _bump(self):
+        height, scale, exponent = self.bump_mapping
+        return {"type": "bump", "strength": 1.0, "height": height, "distance": scale, "object_scale": exponent}
 
     def _is_tangent_space_map(self, normal):
         """Is a normal that of a tangent-space normal map, with bumps or not? In Cycles these don't have the bumps of displacement."""

@@ -14,20 +14,19 @@ from . import final_render
 
 
 @contextmanager
-def baking_scene(*objects):
-    """A temporary scene with objects, of which the first is selected and active."""
+def baking_scene(obj):
+    """A temporary scene with an object, which is selected and active."""
     scene = final_render.new_scene("oscura bake")
     scene.render.engine = "CYCLES"
     scene.cycles.device, scene.cycles.samples = "CPU", 1
     scene.cycles.use_denoising = scene.cycles.use_adaptive_sampling = False
     try:
         with final_render.active_scene(scene):
-            for obj in objects:
-                scene.collection.objects.link(obj)
+            scene.collection.objects.link(obj)
             layer = scene.view_layers[0]
             layer.update()
-            layer.objects.active = objects[0]
-            objects[0].select_set(True, view_layer=layer)
+            layer.objects.active = obj
+            obj.select_set(True, view_layer=layer)
             yield scene
     finally:
         bpy.data.scenes.remove(scene)

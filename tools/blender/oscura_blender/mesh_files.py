@@ -5,7 +5,7 @@ from itertools import chain
 
 import numpy as np
 
-from . import generated_coordinates, meshes, tangents
+from . import generated_coordinates, geometry_attributes, meshes, tangents
 from .scene_file import Y_UP
 
 # Odd factors of the hash of corners.
@@ -124,6 +124,9 @@ def _normals(mesh, is_of_vertices):
 def _attributes(mesh, names):
     """The attributes of these names that a mesh has: name, values, and whether they are those of vertices or of corners."""
     for name in sorted(names):
+        if name in geometry_attributes.COMPUTED:
+            yield name, geometry_attributes.COMPUTED[name](mesh), True
+            continue
         attribute = mesh.attributes.get(generated_coordinates.ATTRIBUTE if name == GENERATED else name)
         values = meshes.attribute_values(attribute) if attribute is not None and len(attribute.data) else None
         if values is not None:

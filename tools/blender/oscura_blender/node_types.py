@@ -1,5 +1,7 @@
 """How nodes of each type are written to scene files, but for shaders (`closures.py`)."""
 
+import bpy
+
 from . import image_files, mesh_files
 
 # Samples of curves and color ramps that are written as tables.
@@ -43,14 +45,14 @@ class NodeType:
         for key, name in self.settings.items():
             value = getattr(node, key)
             entries[name] = value.lower() if node.bl_rna.properties[key].type == "ENUM" else value
-        entries.update(self.extra(graph, node) or {} if self.extra is not None else {})
+        more = self.extra(graph, node) or {} if self.extra is not None else {}
         for socket in node.inputs:
             name = self.inputs.get(socket.identifier, self.inputs.get(socket.name))
             if socket.enabled and name is not None:
                 graph.put(entries, name, socket, groups, self.implicit)
             elif socket.enabled and socket.is_linked:
                 raise Unsupported(f"{socket.name} of {node.bl_label}")
-        return entries
+        return {**entries, **more}
 
 
 def entries(graph, node, groups):
@@ -82,6 +84,20 @@ def _mix(_graph, node):
 
 def _mix_rgb(_graph, node):
     return {"data_type": "rgba", "blend_type": node.blend_type.lower(), "clamp_result": node.use_clamp}
+
+
+def _geometry(graph, node):
+    for output, name in (("Pointiness", "pointiness"), ("Random Per Island", "random_per_island")):
+        if any(link.is_valid for link in node.outputs[output].links):
+            graph.attributes.add(name)
+
+
+def _ambient_occlusion(_graph, node):
+    """A distance of 0 is that of the world, 10 m by default."""
+    distance, world = node.inputs["Distance"], bpy.context.scene.world
+    if distance.is_linked or distance.default_value != 0.0:
+        return None
+    return {"distance": float(world.light_settings.distance) if world is not None else 10.0}
 
 
 def _color_ramp(_graph, node):
@@ -196,8 +212,9 @@ def _environment(graph, node):
 
 FACTOR = "Color, Fac, Factor"
 RAYS = ", ".join(f"Is {kind} Ray" for kind in "Camera,Shadow,Diffuse,Glossy,Singular,Reflection,Transmission,Volume Scatter".split(","))
-GEOMETRY = "Position, Normal, Tangent, True Normal, Incoming, Parametric, Backfacing"
+GEOMETRY = "Position, Normal, Tangent, True Normal, Incoming, Parametric, Backfacing, Pointiness, Random Per Island"
 VORONOI = "Vector, W, Scale, Detail, Roughness, Lacunarity, Smoothness, Exponent, Randomness"
+GABOR = "Vector, Scale, Frequency, Anisotropy, Orientation 2D, Orientation 3D"
 WAVE = "Vector, Scale, Distortion, Detail, Detail Scale, Detail Roughness, Phase Offset"
 BRICK = "Vector, Color1, Color2, Mortar, Scale, Mortar Size, Mortar Smooth, Bias, Brick Width, Row Height"
 NOISE = "Vector, W, Scale, Detail, Roughness, Lacunarity, Offset, Gain, Distortion"
@@ -231,11 +248,16 @@ NODE_TYPES = {
     "ShaderNodeTexChecker": NodeType("checker_texture", "Vector, Scale, Color1, Color2", FACTOR),
     "ShaderNodeTexBrick": NodeType("brick_texture", BRICK, FACTOR, "offset, offset_frequency, squash, squash_frequency"),
     "ShaderNodeTexWhiteNoise": NodeType("white_noise", "Vector, W", "Value, Color", "noise_dimensions=dimensions"),
+    "ShaderNodeTexGabor": NodeType("gabor_texture", GABOR, "Value, Phase, Intensity", "gabor_type=dimensions"),
+    "ShaderNodeAmbientOcclusion": NodeType(
+        "ambient_occlusion", "Color, Distance, Normal", "Color, AO", "samples, inside, only_local", _ambient_occlusion
+    ),
+    "ShaderNodeBevel": NodeType("bevel", "Radius, Normal", "Normal", "samples"),
     "ShaderNodeFresnel": NodeType("fresnel", "IOR, Normal", "Fac, Factor"),
     "ShaderNodeLayerWeight": NodeType("layer_weight", "Blend, Normal", "Fresnel, Facing"),
     "ShaderNodeBlackbody": NodeType("blackbody", "Temperature", "Color"),
     "ShaderNodeWavelength": NodeType("wavelength", "Wavelength", "Color"),
-    "ShaderNodeNewGeometry": NodeType("geometry", "", GEOMETRY),
+    "ShaderNodeNewGeometry": NodeType("geometry", "", GEOMETRY, "", _geometry),
     "ShaderNodeWireframe": NodeType("wireframe", "Size", FACTOR, "use_pixel_size"),
     "ShaderNodeLightPath": NodeType("light_path", "", f"{RAYS}, Ray Length, Ray Depth"),
     "ShaderNodeCameraData": NodeType("camera_data", "", "View Vector, View Z Depth, View Distance"),

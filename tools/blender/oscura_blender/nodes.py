@@ -8,6 +8,9 @@ from .node_types import Unsupported
 # Inputs of the Mapping node by the properties of a texture node's own mapping.
 MAPPING = {"location": "translation", "rotation": "rotation", "scale": "scale"}
 
+# Nodes whose normal by default is that of the surface.
+BUMPED = ("fresnel", "layer_weight", "ambient_occlusion")
+
 
 class Graph:
     """The nodes of a tree in a scene file. Values of inputs are numbers, lists of three, or references to outputs ("node.output")."""
@@ -72,6 +75,8 @@ class Graph:
             return converted(default(source.output), source.output.type, to)
         if node_types.is_tiled(node):
             return self._once(source, self._tiled)
+        if node.bl_idname == "ShaderNodeNewGeometry" and source.output.name == "Normal" and self.bumped_normal() is not None:
+            return self.bumped_normal()
         try:
             if (node, source.groups) not in self._written:
                 self._write(node, source.groups)
@@ -91,10 +96,16 @@ class Graph:
         """Writes an input. Without a link, a vector is a texture coordinate, and a normal that of the surface, which is the default."""
         source = follow(socket, groups)
         if source.is_default and socket.type == "VECTOR" and socket.hide_value:
-            if name != "normal" and implicit != "position":
+            if name == "normal" and entries["type"] in BUMPED and self.bumped_normal() is not None:
+                entries[name] = self.bumped_normal()
+            elif name != "normal" and implicit != "position":
                 entries[name] = self.coordinates(implicit)
             return
         entries[name] = self.value(source, socket.type)
+
+    def bumped_normal(self):
+        """The normal with bump mapping by displacement, which is that of the surface to other nodes; None without it."""
+        return None
 
     def coordinates(self, output):
         """An output of a Texture Coordinate node."""
@@ -153,18 +164,8 @@ class Graph:
         if baked is None:
             return zero(source.output) or 0.0
         file, has_vectors = baked
-        color, behind = self._baked(file), self.baker.image_behind(source)
-        if behind is not None:
-            difference = self._vector_math("subtract", a=self._baked(behind), b=color)
-            return self._vector_math("multiply_add", a=difference, b=self.surface("backfacing"), c=color)
-        if not has_vectors:
-            return color
-        span = bakes.VECTOR_RANGE
-        vector = self._vector_math("multiply_add", a=color, b=[span] * 3, c=[-span / 2] * 3)
-        if source.node.bl_idname != "ShaderNodeBevel":
-            return vector
-        to_world = {"type": "vector_transform", "vector_type": "normal", "convert_from": "object", "convert_to": "world", "vector": vector}
-        return f"{self.new(to_world)}.vector"
+        color, span = self._baked(file), bakes.VECTOR_RANGE
+        return self._vector_math("multiply_add", a=color, b=[span] * 3, c=[-span / 2] * 3) if has_vectors else color
 
     def _baked(self, file):
         """The color of a baked image."""

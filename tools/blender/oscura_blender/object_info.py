@@ -9,8 +9,6 @@ from . import node_trees
 # Nodes that may read such properties.
 NODES = ("ShaderNodeAttribute", "ShaderNodeParticleInfo", "ShaderNodeUVMap", "ShaderNodeTexCoord")
 
-AMBIENT_OCCLUSION = "ShaderNodeAmbientOcclusion"
-
 MASK = 0xFFFFFFFF
 
 # `persistent_id` of levels of instances that don't exist.
@@ -18,11 +16,9 @@ UNUSED_ID = 0x7FFFFFFF
 
 
 def is_used(material):
-    """Does a material read properties of the object, or its surroundings by Ambient Occlusion?"""
+    """Does a material read properties of the object?"""
     tree = node_trees.tree_of(material)
-    if tree is None:
-        return False
-    return any(_reads_object(node) for _, node in node_trees.find_nodes(tree, NODES)) or _has_occlusion(tree)
+    return tree is not None and any(_reads_object(node) for _, node in node_trees.find_nodes(tree, NODES))
 
 
 def _reads_object(node):
@@ -30,27 +26,20 @@ def _reads_object(node):
     return (reads or getattr(node, "attribute_type", "GEOMETRY") != "GEOMETRY") and node_trees.is_linked(node)
 
 
-def _has_occlusion(tree):
-    nodes = (node for _, node in node_trees.find_nodes(tree, (AMBIENT_OCCLUSION,)))
-    return any(not node.only_local and node_trees.is_linked(node) for node in nodes)
-
-
 def values(instance, parent, materials, layer):
-    """The values of materials' nodes on an instance: tuples of material, node, output and value. Surroundings differ with the matrix."""
+    """The values of materials' nodes on an instance: tuples of material, node, output and value."""
     found = []
     for material in materials:
         for _, node in node_trees.find_nodes(material.node_tree, NODES):
             linked = [out.identifier for out in node.outputs if out.is_linked]
             outputs = _outputs(node, instance, parent, layer) if linked else {}
             found += [(material.name, _key(node), name, outputs[name]) for name in linked if name in outputs]
-        if _has_occlusion(material.node_tree):
-            found.append((material.name, "", "place", tuple(tuple(row) for row in instance.matrix_world)))
     return tuple(found)
 
 
 def apply(mesh, found):
     """Replaces materials of a mesh by copies with values."""
-    names = {name for name, _, output, _ in found if output != "place"}
+    names = {name for name, _, _, _ in found}
     for slot, material in enumerate(mesh.materials):
         if material is None or material.name not in names:
             continue
@@ -85,10 +74,10 @@ def _random(instance, original):
     return hashed(number) / MASK
 
 
-def hashed(number):
-    """Jenkins' hash lookup3 of two words, a number (or an array of them) and 0."""
+def hashed(number, words=2):
+    """Jenkins' hash lookup3 of one or two words, a number (or an array of them) and 0."""
     rotated = lambda x, k: ((x << k) | (x >> (32 - k))) & MASK
-    a = b = c = (0xDEADBEEF + (2 << 2) + 13) & MASK
+    a = b = c = (0xDEADBEEF + (words << 2) + 13) & MASK
     a = (a + number) & MASK
     for k in (14, 11, 25, 16, 4, 14, 24):
         # The roles of c, a and b rotate.
