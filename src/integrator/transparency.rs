@@ -238,7 +238,8 @@ impl Integrator<'_> {
                 let (response, transmittance) =
                     self.shadow_response(crossing, (bounce, pass, i), paths, counts.get_mut(k));
                 if let HitResponse::Passes = response {
-                    let color = self.transparent_color(crossing, PathOrigin::of_kinds(LIGHT_SAMPLE_KINDS), waves);
+                    let color =
+                        self.transparent_color(crossing, PathOrigin::of_kinds(LIGHT_SAMPLE_KINDS), waves);
                     scale_rgb(&mut light.contribution, i, color.unwrap_or(Rgb::ONE) * transmittance);
                 }
                 let passed = shadow_crossings.get_mut(k);

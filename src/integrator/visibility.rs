@@ -28,7 +28,6 @@ use crate::bsdf::Bsdf;
 use crate::color::Rgb;
 use crate::compile::CompiledMaterial;
 use crate::math::{Frame, Hit, Vec3};
-use crate::sampling::sampler::SobolPoint;
 use crate::scene::{LightLinks, Link, RayKinds};
 use crate::simd::{Kernel, dispatch};
 use std::ops::Range;
@@ -63,7 +62,7 @@ impl Integrator<'_> {
             kinds: self.kind(bounce, i, arriving),
             is_singular: bounce > 0 && !path.pdf[i].competes(),
             bounces: bounce.min(u32::from(u16::MAX)) as u16,
-            sample: Some(SobolPoint::from_parts(path.seed[i], path.shuffled[i])),
+            sample: Some(path.sobol_point(i)),
             is_sharp: !path.pdf[i].competes() || path.pdf[i].value() >= MIN_PDF_OF_BEVELS,
         }
     }
