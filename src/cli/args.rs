@@ -78,8 +78,8 @@ pub(crate) struct ManArgs {
     pub command: Option<String>,
 }
 
-/// Parser of `--tree`.
-fn tree() -> impl TypedValueParser<Value = BvhQuality> {
+/// Parser of `--bvh`.
+fn bvh() -> impl TypedValueParser<Value = BvhQuality> {
     named(&BvhQuality::ALL, BvhQuality::name, |quality| match quality {
         BvhQuality::Fast => "Fast to build",
         BvhQuality::Full => "Fewest traversal steps per ray",
@@ -252,8 +252,8 @@ pub(crate) struct RenderArgs {
     #[arg(long, help = setting_help("splitting"), value_name = "PATHS", default_value = "auto", hide_default_value = true)]
     pub splitting: Splitting,
     /// BVH quality: fast builds sooner, full traces faster. The image does not depend on it.
-    #[arg(long, default_value = "auto", value_parser = tree())]
-    pub tree: BvhQuality,
+    #[arg(long, default_value = "auto", value_parser = bvh())]
+    pub bvh: BvhQuality,
     /// View transform of PNG and other 8- or 16-bit output: a name, or a lookup table (.csp) [default: srgb; filmic for
     /// models lit by a stage, unless --background is given].
     #[arg(long, value_name = "VIEW", value_parser = views())]

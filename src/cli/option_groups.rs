@@ -121,7 +121,7 @@ pub(super) const GROUPS: [(&str, &[&str]); 13] = [
             "microfacet",
             "fresnel",
             "terminator",
-            "tree",
+            "bvh",
             "texture_memory",
         ],
     ),

@@ -252,7 +252,7 @@ impl Run {
             if c.splats > 0 { format!("{}, ", counted(c.splats, "Gaussian splat")) } else { String::new() },
             counted(c.lights, "light"),
             mib(c.bytes),
-            if c.tree == TreeQuality::Fast { ", fast BVH" } else { "" }
+            if c.bvh == TreeQuality::Fast { ", fast BVH" } else { "" }
         );
         if let Some(line) = texture_line(c, s) {
             say!("{line}");

@@ -58,7 +58,7 @@ pub(crate) fn requested(args: &RenderArgs) -> RequestedOptions {
             ..Settings::default()
         },
         camera: args.camera.clone(),
-        tree: args.tree,
+        bvh: args.bvh,
         options: RenderOptions::default()
             .aovs(args.aov.iter().fold(AovSet::NONE, |all, aovs| all.union(*aovs)))
             .aov_space(args.aov_space)
@@ -210,7 +210,7 @@ pub(super) fn prepare(
         resolved.options = resolved.options.size(framed.size.0, framed.size.1).region(framed.region);
     }
     check_memory_before_building(args, loaded, &resolved)?;
-    compiler.set_tree(resolved.tree(usage.pictures));
+    compiler.set_bvh(resolved.bvh(usage.pictures));
     compiler.keep_uv(usage.keeps_uv || resolved.options.aovs.contains(Aov::Uv));
     let (scene, mut build) = compiled(args, compiler, &loaded.scene, &resolved, &camera)?;
     warnings.append(&mut build.warnings);

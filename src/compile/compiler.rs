@@ -9,7 +9,7 @@ use super::medium::Medium;
 use super::motion::MotionVectors;
 use super::objects::ObjectMaterials;
 use super::panes::RefractedLights;
-use super::plan::{Plan, Tree};
+use super::plan::{BvhPolicy, Plan};
 use super::reuse::{BuiltGeometry, Reusable, Sources};
 use super::scene::{CompileOptions, CompileReport, CompiledScene, ExpectedPicture, Features, View};
 use super::{
@@ -31,7 +31,7 @@ use std::time::Instant;
 pub struct Compiler {
     is_sequence: bool,
     latest: Option<Arc<CompiledScene>>,
-    tree: Tree,
+    bvh: BvhPolicy,
     keeps_uv: bool,
     texture_memory: Option<u64>,
     has_other_cameras: bool,
@@ -50,11 +50,11 @@ impl Compiler {
     }
 
     fn new(is_sequence: bool) -> Compiler {
-        let (tree, counter) = (Tree::default(), WorkCounter::default());
+        let (bvh, counter) = (BvhPolicy::default(), WorkCounter::default());
         Compiler {
             is_sequence,
             latest: None,
-            tree,
+            bvh,
             keeps_uv: false,
             texture_memory: None,
             has_other_cameras: false,
@@ -67,9 +67,9 @@ impl Compiler {
         &self.counter
     }
 
-    /// Sets the quality of the BVH. Default [`Tree::Full`].
-    pub fn set_tree(&mut self, tree: Tree) {
-        self.tree = tree;
+    /// Sets how the quality of the BVH is chosen. Default [`BvhPolicy::Full`].
+    pub fn set_bvh(&mut self, bvh: BvhPolicy) {
+        self.bvh = bvh;
     }
 
     /// Keeps texture coordinates that no material uses.
@@ -109,11 +109,11 @@ impl Compiler {
         let earlier = self.latest.take();
         let anchor = earlier.as_ref().filter(keeps_anchor).map(|s| s.anchor);
         let anchor = Some(anchor.unwrap_or(camera.world_from_camera.translation));
-        let (tree, keeps_uv, counter) = (self.tree, self.keeps_uv, self.counter.clone());
+        let (bvh, keeps_uv, counter) = (self.bvh, self.keeps_uv, self.counter.clone());
         let picture =
             (!self.has_other_cameras).then(|| ExpectedPicture { camera: camera.clone(), width, height });
         let texture_memory = self.texture_memory;
-        let options = CompileOptions { shading, anchor, tree, keeps_uv, counter, picture, texture_memory };
+        let options = CompileOptions { shading, anchor, bvh, keeps_uv, counter, picture, texture_memory };
         // Reuse is impossible while the earlier frame is still being rendered.
         let earlier = earlier.and_then(|scene| Arc::try_unwrap(scene).ok());
         let (compiled, report) = compile_after(earlier, scene, &options, self.is_sequence)?;
@@ -160,7 +160,7 @@ fn compile_after(
     let plan = Plan { keeps_uv: options.keeps_uv, inside_out, shifts, ..plan };
     check_size(scene, &plan)?;
     let BuiltGeometry { geometries, accel } =
-        reused.geometry(scene, &materials, anchor, &plan, (options.tree, &options.counter))?;
+        reused.geometry(scene, &materials, anchor, &plan, (options.bvh, &options.counter))?;
     report_accel(accel.stats(), &mut report, || plan::count_degenerate(scene, &plan));
     let objects = objects::of(scene, &materials, anchor);
     let emitters = emitters::find(&geometries, &materials, &textures, &objects);
@@ -380,7 +380,7 @@ fn default_anchor(scene: &Scene) -> DVec3 {
 }
 
 fn report_accel(stats: &BuildStats, report: &mut CompileReport, count_degenerate: impl Fn() -> u64) {
-    (report.tree, report.bytes) = (stats.quality, stats.bytes);
+    (report.bvh, report.bytes) = (stats.quality, stats.bytes);
     (report.triangles, report.quads, report.analytic) = (stats.triangles, stats.quads, stats.analytic);
     (report.curves, report.splats) = (stats.curves, stats.splats);
     let dropped = stats.dropped;

@@ -41,7 +41,7 @@ pub use medium::{Ball, Density, GridMedium, Medium, Scattering};
 pub use motion::{MotionVectors, PointMotion};
 pub use objects::ObjectId;
 pub use panes::{RefractedLights, Refractor, Side};
-pub use plan::Tree;
+pub use plan::BvhPolicy;
 pub use scene::{
     CompileOptions, CompileReport, CompiledScene, ExpectedPicture, Features, MemoryPart, View, choose_camera,
 };

@@ -425,10 +425,10 @@ fn is_flat(quad: &Quad) -> bool {
     u == DVec3::ZERO || v == DVec3::ZERO
 }
 
-/// Build quality of the BVH (see [`TreeQuality`]). Pictures don't depend on it: a full build takes longer and makes traversal
-/// faster.
+/// How the build quality of the BVH ([`TreeQuality`]) is chosen. Pictures don't depend on it: a full build takes longer and makes
+/// traversal faster.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Tree {
+pub enum BvhPolicy {
     /// The fastest build.
     Fast,
     /// The fastest traversal.
@@ -448,12 +448,12 @@ const MIN_FAST_BUILD_TRIANGLES: u64 = 1 << 17;
 /// Camera rays per triangle above which a full build pays. (Measured: see the README of `tools/rays`.)
 const CAMERA_RAYS_PER_TRIANGLE: u64 = 4;
 
-impl Tree {
+impl BvhPolicy {
     /// The quality for a number of triangles.
     pub fn quality(self, triangles: u64) -> TreeQuality {
         match self {
-            Tree::Fast => TreeQuality::Fast,
-            Tree::For { camera_rays }
+            BvhPolicy::Fast => TreeQuality::Fast,
+            BvhPolicy::For { camera_rays }
                 if triangles >= MIN_FAST_BUILD_TRIANGLES
                     && camera_rays < triangles.saturating_mul(CAMERA_RAYS_PER_TRIANGLE) =>
             {
@@ -470,13 +470,13 @@ mod tests {
 
     #[test]
     fn few_rays_for_many_triangles_get_a_fast_build() {
-        let quality = |camera_rays, triangles| Tree::For { camera_rays }.quality(triangles);
+        let quality = |camera_rays, triangles| BvhPolicy::For { camera_rays }.quality(triangles);
         assert_eq!(quality(1, 100_000), TreeQuality::Full);
         assert_eq!(quality(7_999_999, 2_000_000), TreeQuality::Fast);
         assert_eq!(quality(8_000_000, 2_000_000), TreeQuality::Full);
         assert_eq!(quality(u64::MAX, u64::MAX), TreeQuality::Full);
-        assert_eq!(Tree::Fast.quality(1), TreeQuality::Fast);
-        assert_eq!(Tree::default().quality(u64::MAX), TreeQuality::Full);
+        assert_eq!(BvhPolicy::Fast.quality(1), TreeQuality::Fast);
+        assert_eq!(BvhPolicy::default().quality(u64::MAX), TreeQuality::Full);
     }
 
     #[test]

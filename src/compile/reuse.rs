@@ -4,7 +4,7 @@ use super::build_geometry::{self, SceneGeometry};
 use super::geometry::Geometries;
 use super::limits;
 use super::material::CompiledMaterial;
-use super::plan::{GeometryKeys, Plan, Tree};
+use super::plan::{BvhPolicy, GeometryKeys, Plan};
 use crate::accel::{self, Accel, AccelInput, Reuse, TooLarge};
 use crate::error::Result;
 use crate::image::Image;
@@ -90,7 +90,7 @@ impl Reusable {
         materials: &[CompiledMaterial],
         origin: DVec3,
         plan: &Plan,
-        tree: (Tree, &WorkCounter),
+        bvh: (BvhPolicy, &WorkCounter),
     ) -> Result<BuiltGeometry> {
         let earlier = self.geometry.take();
         let (reuse, reused, accel) = match (earlier, &plan.keys) {
@@ -104,7 +104,7 @@ impl Reusable {
             _ => (Reuse::Nothing, build_geometry::ReusedSpaces::default(), None),
         };
         let scene_geometry = build_geometry::build_geometry(scene, materials, origin, plan, reused)?;
-        let accel = build(&scene_geometry, plan, tree, reuse, accel).map_err(limits::too_large)?;
+        let accel = build(&scene_geometry, plan, bvh, reuse, accel).map_err(limits::too_large)?;
         Ok(BuiltGeometry { geometries: scene_geometry.geometries, accel })
     }
 }
@@ -112,7 +112,7 @@ impl Reusable {
 fn build(
     scene_geometry: &SceneGeometry,
     plan: &Plan,
-    (tree, counter): (Tree, &WorkCounter),
+    (bvh, counter): (BvhPolicy, &WorkCounter),
     reuse: Reuse,
     earlier: Option<Accel>,
 ) -> std::result::Result<Accel, TooLarge> {
@@ -126,7 +126,7 @@ fn build(
         // Geometry 0 is the world.
         first_changing: plan.first_deforming + 1,
         moving: &scene_geometry.moving,
-        quality: tree.quality(triangles),
+        quality: bvh.quality(triangles),
         counter: Some(counter),
     };
     match earlier {

@@ -8,7 +8,7 @@ use super::medium::Medium;
 use super::motion::MotionVectors;
 use super::objects::ObjectId;
 use super::panes::RefractedLights;
-use super::plan::Tree;
+use super::plan::BvhPolicy;
 use super::reuse::{Reusable, Sources};
 use crate::accel::{Accel, Geometry, TreeQuality};
 use crate::bsdf::ShadingModel;
@@ -29,8 +29,8 @@ pub struct CompileOptions {
     /// The point in world space, metres, that becomes the compiled scene's origin, where single precision is finest; best near
     /// the camera. By default the position of the first camera; without a camera the origin.
     pub anchor: Option<DVec3>,
-    /// Quality of the BVH. Default [`Tree::Full`].
-    pub tree: Tree,
+    /// How the quality of the BVH is chosen. Default [`BvhPolicy::Full`].
+    pub bvh: BvhPolicy,
     /// Keep texture coordinates that no material uses, for an output of them.
     pub keeps_uv: bool,
     /// Receives the progress of BVH builds.
@@ -85,7 +85,7 @@ pub struct CompileReport {
     /// Number of lights, including the environment.
     pub lights: u64,
     /// Quality of the BVH.
-    pub tree: TreeQuality,
+    pub bvh: TreeQuality,
     /// Memory of the BVH, bytes.
     pub bytes: u64,
     /// Memory by part, including the BVH.

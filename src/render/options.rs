@@ -2,7 +2,7 @@
 //! choices, the scene's settings and the defaults.
 
 use crate::color::ViewTransform;
-use crate::compile::{Tree, choose_camera};
+use crate::compile::{BvhPolicy, choose_camera};
 use crate::error::{Error, Result};
 use crate::film::{Aov, AovSet, AovSpace, MATTE_LEVELS};
 use crate::integrator::reuse::GroupShape;
@@ -105,7 +105,7 @@ named_enum! {
         Auto = "auto",
         /// Fast build.
         Fast = "fast",
-        /// Best tree.
+        /// The fastest traversal.
         Full = "full",
     }
 }
@@ -400,7 +400,7 @@ pub struct RequestedOptions {
     pub settings: Settings,
     /// Name or index of a camera; by default the first.
     pub camera: Option<String>,
-    pub tree: BvhQuality,
+    pub bvh: BvhQuality,
     /// Settings that scenes don't have; the rest are defaults.
     pub options: RenderOptions,
 }
@@ -413,7 +413,7 @@ pub struct ResolvedOptions {
     pub options: RenderOptions,
     /// Shading models common to all materials.
     pub shading: ShadingModel,
-    pub tree: BvhQuality,
+    pub bvh: BvhQuality,
     /// Index of the camera in the scene.
     pub camera: Option<usize>,
     /// Settings of display-referred pictures.
@@ -447,7 +447,7 @@ impl RequestedOptions {
         Ok(ResolvedOptions {
             options,
             shading: settings.shading(),
-            tree: self.tree,
+            bvh: self.bvh,
             camera,
             display: DisplaySettings {
                 exposure: settings.exposure.unwrap_or(0.0),
@@ -512,14 +512,14 @@ const RAYS_A_SECOND: f64 = 1e6;
 
 impl ResolvedOptions {
     /// The build quality of the BVH for rendering `pictures` pictures.
-    pub fn tree(&self, pictures: u64) -> Tree {
+    pub fn bvh(&self, pictures: u64) -> BvhPolicy {
         let RenderOptions { width, height, samples, time_limit, .. } = self.options;
         let rays = u64::from(width) * u64::from(height) * u64::from(samples);
         let most = time_limit.map_or(u64::MAX, |limit| (limit.as_secs_f64() * RAYS_A_SECOND) as u64);
-        match self.tree {
-            BvhQuality::Auto => Tree::For { camera_rays: rays.min(most).saturating_mul(pictures) },
-            BvhQuality::Fast => Tree::Fast,
-            BvhQuality::Full => Tree::Full,
+        match self.bvh {
+            BvhQuality::Auto => BvhPolicy::For { camera_rays: rays.min(most).saturating_mul(pictures) },
+            BvhQuality::Fast => BvhPolicy::Fast,
+            BvhQuality::Full => BvhPolicy::Full,
         }
     }
 

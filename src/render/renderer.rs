@@ -161,8 +161,8 @@ impl Renderer {
     }
 
     /// Build quality of the BVH.
-    pub fn tree(mut self, tree: BvhQuality) -> Renderer {
-        self.requested.tree = tree;
+    pub fn bvh(mut self, bvh: BvhQuality) -> Renderer {
+        self.requested.bvh = bvh;
         self
     }
 
@@ -199,7 +199,7 @@ impl Renderer {
         let camera = resolved.camera(scene)?;
         let size = (resolved.options.width, resolved.options.height);
         let mut compiler = Compiler::single();
-        compiler.set_tree(resolved.tree(1));
+        compiler.set_bvh(resolved.bvh(1));
         compiler.keep_uv(resolved.options.aovs.contains(Aov::Uv));
         compiler.set_texture_memory(self.texture_memory);
         let (compiled, mut report) = compiler.compile(scene, resolved.shading, camera, size)?;

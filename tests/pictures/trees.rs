@@ -3,7 +3,7 @@
 use super::compile_scene::{place, square};
 use super::support::{camera, material, options, quad, shot, sphere};
 use oscura::accel::TreeQuality;
-use oscura::compile::{CompileOptions, Tree, compile};
+use oscura::compile::{BvhPolicy, CompileOptions, compile};
 use oscura::math::{DAffine3, DVec3};
 use oscura::render::{BvhQuality, RenderOptions, RequestedOptions};
 use oscura::scene::{Environment, Material, Scene};
@@ -32,14 +32,15 @@ fn fast_and_full_trees_give_the_same_pixels() {
     // The full tree is built whole, then in pieces; the fast one in pieces both times.
     for n in [120, 370] {
         let scene = hills(n);
-        let [fast, full] =
-            [(Tree::Fast, TreeQuality::Fast), (Tree::Full, TreeQuality::Full)].map(|(tree, quality)| {
-                let options_of_tree = CompileOptions { tree, ..CompileOptions::default() };
+        let [fast, full] = [(BvhPolicy::Fast, TreeQuality::Fast), (BvhPolicy::Full, TreeQuality::Full)].map(
+            |(tree, quality)| {
+                let options_of_tree = CompileOptions { bvh: tree, ..CompileOptions::default() };
                 let (compiled, report) = compile(&scene, &options_of_tree).expect("the scene compiles");
-                assert_eq!(report.tree, quality);
+                assert_eq!(report.bvh, quality);
                 let film = shot(&Arc::new(compiled), &scene.cameras[0], &options(48, 8, 20));
                 film.rgba().into_iter().map(|pixel| pixel.map(f32::to_bits)).collect::<Vec<_>>()
-            });
+            },
+        );
         assert!(fast == full, "{n}");
     }
 }
@@ -48,17 +49,17 @@ fn fast_and_full_trees_give_the_same_pixels() {
 fn the_choice_follows_from_the_command_alone() {
     let scene = hills(2);
     let tree = |requested: RequestedOptions, pictures: u64| {
-        requested.resolve(&scene).expect("settled").tree(pictures)
+        requested.resolve(&scene).expect("settled").bvh(pictures)
     };
     let camera_rays = 1280 * 720 * 128;
-    assert_eq!(tree(RequestedOptions::default(), 1), Tree::For { camera_rays });
-    assert_eq!(tree(RequestedOptions::default(), 10), Tree::For { camera_rays: 10 * camera_rays });
+    assert_eq!(tree(RequestedOptions::default(), 1), BvhPolicy::For { camera_rays });
+    assert_eq!(tree(RequestedOptions::default(), 10), BvhPolicy::For { camera_rays: 10 * camera_rays });
     let limited = RequestedOptions {
         options: RenderOptions::default().time_limit(Duration::from_secs(2)),
         ..RequestedOptions::default()
     };
-    assert_eq!(tree(limited, 1), Tree::For { camera_rays: 2_000_000 });
-    for (choice, expected) in [(BvhQuality::Fast, Tree::Fast), (BvhQuality::Full, Tree::Full)] {
-        assert_eq!(tree(RequestedOptions { tree: choice, ..RequestedOptions::default() }, 1), expected);
+    assert_eq!(tree(limited, 1), BvhPolicy::For { camera_rays: 2_000_000 });
+    for (choice, expected) in [(BvhQuality::Fast, BvhPolicy::Fast), (BvhQuality::Full, BvhPolicy::Full)] {
+        assert_eq!(tree(RequestedOptions { bvh: choice, ..RequestedOptions::default() }, 1), expected);
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::{peak, resident};
 use cpu_time::ProcessTime;
-use oscura::compile::{CompileOptions, Tree, compile};
+use oscura::compile::{BvhPolicy, CompileOptions, compile};
 use oscura::load::{LoadOptions, load};
 use std::path::Path;
 use std::time::Instant;
@@ -40,8 +40,8 @@ pub fn table(file: &Path) -> Result<(), String> {
     let begin = Begin::now()?;
     let problems = scene.validate();
     begin.end(&format!("validate once more, {} problems", problems.len()), triangles)?;
-    for (name, tree) in [("fast", Tree::Fast), ("full", Tree::Full)] {
-        let options = CompileOptions { tree, ..CompileOptions::default() };
+    for (name, tree) in [("fast", BvhPolicy::Fast), ("full", BvhPolicy::Full)] {
+        let options = CompileOptions { bvh: tree, ..CompileOptions::default() };
         let begin = Begin::now()?;
         let (compiled, report) = compile(&scene, &options).map_err(|e| e.to_string())?;
         let stats = compiled.accel.stats();
