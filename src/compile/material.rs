@@ -269,7 +269,6 @@ impl CompiledMaterial {
         let uses_frame = is_anisotropic(&model) || maps_coat;
         let has_texture_outside_bsdf =
             emission.is_some_and(|e| e.radiance.texture.is_some()) || alpha.is_some_and(|a| a.is_textured());
-        let uses_uv = is_textured || uses_frame || is_mapped || has_texture_outside_bsdf;
         let is_constant = !is_textured && !material.use_vertex_colors && !uses_frame;
         let constant_rgb = is_constant.then(|| program.evaluate(&Factors, &LocalFrame::DEFAULT));
         let depends_on_hit = |id: TextureId| textures.depends_on_viewer(id) || textures.reads_hit(id);
@@ -300,7 +299,7 @@ impl CompiledMaterial {
             reads_tangents: material.textures().any(|id| textures.reads_tangents(id)),
             reads_path: material.textures().any(|id| textures.reads_path(id)),
             traces_rays: material.textures().any(|id| textures.traces_rays(id)),
-            uses_uv,
+            uses_uv: is_textured || uses_frame || is_mapped || has_texture_outside_bsdf,
             uses_frame,
             coat_normal_map,
             graphs: None,
